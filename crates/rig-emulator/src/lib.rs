@@ -1,0 +1,15 @@
+//! An emulated NUCLEO-F446RE with the actuator's rig around it.
+//!
+//! - [`board`]: the seam between microcontroller and wiring.
+//! - [`machine`]: boots an ELF and runs it against a [`board::Board`] in emulated time.
+//! - [`cpu`]: Cortex-M4F exceptions, sleep and time around the unicorn CPU.
+//! - [`soc`]: the STM32F446's peripherals, a module each, strict about clocks, pins and channels.
+//! - [`rtt`]: decoded defmt output.
+//! - [`rig`]: drive, motor, encoder, LVDT and the mechanism itself.
+
+pub mod board;
+pub mod cpu;
+pub mod machine;
+pub mod rig;
+pub mod rtt;
+pub mod soc;
