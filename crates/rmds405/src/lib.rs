@@ -1,1 +1,29 @@
-//! Placeholder, filled next.
+//! The RoboModule RMDS-405 motor drive as a conversation: frames in and out, and the order they go in.
+//!
+//! No hardware and no clock: CAN frames are plain values, time is an argument. Facts come from `hardware.md`
+//! (sections in the doc comments), which quotes the vendor's CAN manual as V-CAN and its FAQ as V-FAQ.
+//!
+//! - [`address`]: group, number and function, which together make the CAN identifier.
+//! - [`units`]: newtypes for what the wire carries, each with its range.
+//! - [`frame`]: a frame to send, a frame received, and why a received one was ignored.
+//! - [`command`]: host to drive, encoded by the firmware and decoded by the emulated drive.
+//! - [`report`]: drive to host, the other way round.
+//! - [`start_up`]: power-up to the first data frame as a pure state machine.
+//! - [`uart`]: the same frames over RS232/RS485. Experimental: its header is an assumption.
+#![no_std]
+#![forbid(unsafe_code)]
+
+pub mod address;
+pub mod command;
+pub mod frame;
+pub mod report;
+pub mod start_up;
+pub mod uart;
+pub mod units;
+
+pub use address::{Address, Function, Group};
+pub use command::{Command, Mode, Output};
+pub use frame::{Frame, Ignored, Received};
+pub use report::{DriveError, Mixed, Report};
+pub use start_up::{Action, Event, StartError, StartUp};
+pub use units::{CurrentLimit, Milliamps, OutOfRange, Pwm, PwmLimit, QuadCounts, Rpm, SpeedLimit};

@@ -1,0 +1,136 @@
+//! Who a frame is for: `id = group << 8 | number << 4 | function` (hardware.md 2.1).
+
+use crate::units::OutOfRange;
+
+/// A group of up to 15 drives, 0 to 7.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Group(u8);
+
+impl Group {
+    /// Checks the range 0 to 7.
+    pub const fn new(group: u8) -> Result<Self, OutOfRange> {
+        if group > 7 {
+            Err(OutOfRange::Group(group))
+        } else {
+            Ok(Self(group))
+        }
+    }
+
+    /// 0 to 7.
+    pub const fn get(self) -> u8 {
+        self.0
+    }
+
+    /// Identifier of a broadcast to the whole group (number 0).
+    pub const fn broadcast_id(self, function: Function) -> u16 {
+        (self.0 as u16) << 8 | function as u16
+    }
+}
+
+/// One drive: group 0 to 7, number 1 to 15. Factory default is group 0, number 1 (V-CAN p6).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Address {
+    group: Group,
+    number: u8,
+}
+
+impl Address {
+    /// Checks both ranges.
+    pub const fn new(group: u8, number: u8) -> Result<Self, OutOfRange> {
+        match Group::new(group) {
+            Ok(group) if number >= 1 && number <= 15 => Ok(Self { group, number }),
+            Ok(_) => Err(OutOfRange::Number(number)),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// The group.
+    pub const fn group(self) -> Group {
+        self.group
+    }
+
+    /// The number within the group, 1 to 15.
+    pub const fn number(self) -> u8 {
+        self.number
+    }
+
+    /// The 11-bit identifier; no valid address exceeds 0x7FF.
+    pub const fn id(self, function: Function) -> u16 {
+        self.group.broadcast_id(function) | (self.number as u16) << 4
+    }
+
+    /// Identifiers of everything that the drive sends (functions B, C, D, F): one bank of CAN filters.
+    pub const fn report_ids(self) -> [u16; 4] {
+        [
+            self.id(Function::Motion),
+            self.id(Function::Mixed),
+            self.id(Function::Error),
+            self.id(Function::OnlineCheck),
+        ]
+    }
+}
+
+/// The low four bits of the identifier (hardware.md 2.2).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[repr(u8)]
+pub enum Function {
+    /// Restart the drive.
+    Reset = 0x0,
+    /// Leave the un-moded state.
+    ChooseMode = 0x1,
+    /// Data of mode 1.
+    OpenLoop = 0x2,
+    /// Data of mode 2.
+    Current = 0x3,
+    /// Data of mode 3.
+    Velocity = 0x4,
+    /// Data of mode 4.
+    Position = 0x5,
+    /// Data of mode 5.
+    VelocityPosition = 0x6,
+    /// Data of mode 6.
+    CurrentVelocity = 0x7,
+    /// Data of mode 7.
+    CurrentPosition = 0x8,
+    /// Data of mode 8.
+    CurrentVelocityPosition = 0x9,
+    /// Feedback periods.
+    Config = 0xA,
+    /// Drive to host: current, speed, position.
+    Motion = 0xB,
+    /// Drive to host: inputs and PWM.
+    Mixed = 0xC,
+    /// Drive to host: error code.
+    Error = 0xD,
+    /// Outputs OUT1 and OUT2.
+    Outputs = 0xE,
+    /// Both ways: is it there?
+    OnlineCheck = 0xF,
+}
+
+impl Function {
+    /// Of an identifier's low four bits; all sixteen mean something.
+    pub const fn of_id(id: u16) -> Self {
+        match id & 0xF {
+            0x0 => Self::Reset,
+            0x1 => Self::ChooseMode,
+            0x2 => Self::OpenLoop,
+            0x3 => Self::Current,
+            0x4 => Self::Velocity,
+            0x5 => Self::Position,
+            0x6 => Self::VelocityPosition,
+            0x7 => Self::CurrentVelocity,
+            0x8 => Self::CurrentPosition,
+            0x9 => Self::CurrentVelocityPosition,
+            0xA => Self::Config,
+            0xB => Self::Motion,
+            0xC => Self::Mixed,
+            0xD => Self::Error,
+            0xE => Self::Outputs,
+            _ => Self::OnlineCheck,
+        }
+    }
+}

@@ -1,0 +1,158 @@
+//! Drive to host (hardware.md 2.2 and 2.4, functions 0xB, 0xC, 0xD and 0xF).
+
+use crate::address::{Address, Function};
+use crate::frame::{Frame, Ignored, PAD, Received, accept, i16_at, i32_tail};
+use crate::units::{Milliamps, Pwm, QuadCounts, Rpm};
+
+/// What byte 0 of an error report says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum DriveError {
+    /// 0x01: stall protection (V-CAN p21). Assume that only a reset clears it (hardware.md 10).
+    Stall,
+    /// A code that no manual defines; never 0x01.
+    Unknown(u8),
+}
+
+impl DriveError {
+    /// Of byte 0.
+    pub const fn of_code(code: u8) -> Self {
+        if code == 0x01 { Self::Stall } else { Self::Unknown(code) }
+    }
+
+    /// Byte 0.
+    pub const fn code(self) -> u8 {
+        match self {
+            Self::Stall => 0x01,
+            Self::Unknown(code) => code,
+        }
+    }
+}
+
+/// Inputs and present output (V-CAN p20-21). `true` is high or lit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Mixed {
+    /// Input CTL1.
+    pub ctl1: bool,
+    /// Input CTL2.
+    pub ctl2: bool,
+    /// The rest; drives older than 2018-07-28 fill in only the first two bytes (hardware.md 4).
+    pub rest: Option<MixedRest>,
+}
+
+/// What the 2018 manual added to the mixed report.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct MixedRest {
+    /// Digital input.
+    pub dsin: bool,
+    /// Analog input, millivolt.
+    pub asin_mv: u16,
+    /// Encoder index channel; high also means floating.
+    pub chz: bool,
+    /// Present output; only indicative, and half as great at 28.8 kHz switching.
+    pub pwm: Pwm,
+}
+
+/// Everything that a drive tells its host.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Report {
+    /// Every T1 once a mode is chosen.
+    Motion {
+        /// Winding current.
+        current: Milliamps,
+        /// Over a window of 1 ms, so in steps of 60000 / (4 lines) RPM (V-FAQ p3-4): average it.
+        speed: Rpm,
+        /// Since the last reset.
+        position: QuadCounts,
+    },
+    /// Every T2 once a mode is chosen.
+    Mixed(Mixed),
+    /// Every 100 ms while it lasts.
+    Error(DriveError),
+    /// The echo to an online check. A host with loop-back on sees its own question as this too.
+    Online,
+}
+
+impl Report {
+    /// The function that carries it.
+    pub const fn function(&self) -> Function {
+        match self {
+            Self::Motion { .. } => Function::Motion,
+            Self::Mixed(_) => Function::Mixed,
+            Self::Error(_) => Function::Error,
+            Self::Online => Function::OnlineCheck,
+        }
+    }
+
+    /// What a frame from the drive at `from` says.
+    pub fn decode(from: Address, received: &Received<'_>) -> Result<Self, Ignored> {
+        let (function, data) = accept(from, received, false)?;
+        let level = |at: u8| match data[usize::from(at)] {
+            0 => Ok(false),
+            1 => Ok(true),
+            _ => Err(Ignored::Field(at)),
+        };
+        Ok(match function {
+            Function::Motion => Self::Motion {
+                current: Milliamps(i16_at(&data, 0)),
+                speed: Rpm(i16_at(&data, 2)),
+                position: QuadCounts(i32_tail(&data)),
+            },
+            Function::Mixed => Self::Mixed(Mixed {
+                ctl1: level(0)?,
+                ctl2: level(1)?,
+                rest: match (level(2), level(5), Pwm::new(i16_at(&data, 6))) {
+                    (Ok(dsin), Ok(chz), Ok(pwm)) => Some(MixedRest {
+                        dsin,
+                        asin_mv: u16::from_be_bytes([data[3], data[4]]),
+                        chz,
+                        pwm,
+                    }),
+                    _ => None,
+                },
+            }),
+            Function::Error => Self::Error(DriveError::of_code(data[0])),
+            // The echo is identical to the question, and ours is all padding.
+            Function::OnlineCheck => match data.iter().position(|&byte| byte != PAD) {
+                None => Self::Online,
+                Some(at) => return Err(Ignored::Field(at as u8)),
+            },
+            other => return Err(Ignored::WrongDirection(other)),
+        })
+    }
+
+    /// The frame that the drive at `from` sends.
+    pub fn encode(&self, from: Address) -> Frame {
+        let mut data = [PAD; 8];
+        match *self {
+            Self::Motion {
+                current,
+                speed,
+                position,
+            } => {
+                data[..2].copy_from_slice(&current.0.to_be_bytes());
+                data[2..4].copy_from_slice(&speed.0.to_be_bytes());
+                data[4..].copy_from_slice(&position.0.to_be_bytes());
+            }
+            Self::Mixed(Mixed { ctl1, ctl2, rest }) => {
+                data[0] = u8::from(ctl1);
+                data[1] = u8::from(ctl2);
+                if let Some(rest) = rest {
+                    data[2] = u8::from(rest.dsin);
+                    data[3..5].copy_from_slice(&rest.asin_mv.to_be_bytes());
+                    data[5] = u8::from(rest.chz);
+                    data[6..].copy_from_slice(&rest.pwm.get().to_be_bytes());
+                }
+            }
+            Self::Error(error) => data[0] = error.code(),
+            Self::Online => {}
+        }
+        Frame {
+            id: from.id(self.function()),
+            data,
+        }
+    }
+}
