@@ -1,0 +1,142 @@
+//! Why a parameter was refused, why a solve stopped, and what a solution should be taken with.
+
+use core::fmt;
+
+/// A parameter that cannot describe a real mechanism.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("{parameter} = {value}: {reason}")]
+pub struct ParameterError {
+    /// Key of the parameter in a scene file, for example `geometry.rod_radius_m`.
+    pub parameter: &'static str,
+    /// The value that was refused.
+    pub value: f64,
+    /// What it would have to be.
+    pub reason: &'static str,
+}
+
+/// The limit of the model that stopped a solve (model.md section 5).
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum SolveError {
+    /// The load or the twist is NaN or infinite.
+    #[error("{parameter} = {value} is not a finite number")]
+    NotFinite {
+        /// `load` or `twist`.
+        parameter: &'static str,
+        /// What was given.
+        value: f64,
+    },
+    /// A slack string has no law: the radius 1/(k1 F) grows without bound as the load vanishes (eq. 6).
+    #[error("load {load_n} N: a slack string has no law, the load must be above {minimum_n} N")]
+    Slack {
+        /// The load asked for (N).
+        load_n: f64,
+        /// The least load that is solved (N).
+        minimum_n: f64,
+    },
+    /// The strings would have to be shorter than the two helices laid side by side: X < r0 |θ|/π.
+    #[error("overtwist: {length_m} m between the rods, but {needed_m} m of string lie side by side")]
+    Overtwist {
+        /// Distance between the attachments at the formal equilibrium (m).
+        length_m: f64,
+        /// Least distance that two strings of diameter r0 allow (m).
+        needed_m: f64,
+    },
+    /// No helix angle balances strings and rods.
+    #[error("no equilibrium at load {load_n} N and twist {twist_rad} rad: the helix angle runs away")]
+    NoEquilibrium {
+        /// Load (N).
+        load_n: f64,
+        /// Twist (rad).
+        twist_rad: f64,
+    },
+    /// The section's tangent vanished: flat or falling stress–strain curve.
+    #[error("section tangent vanishes at a bending strain of {bending_strain}: stress–strain curve flat or falling")]
+    SectionSingular {
+        /// Bending strain κR where it happened.
+        bending_strain: f64,
+    },
+    /// A strain beyond which the fifth-order polynomial of eq. 12 means nothing.
+    #[error("strain {strain} at the clamp is outside the range of the stress–strain fit (|ε| ≤ {limit})")]
+    StrainRange {
+        /// Largest fibre strain.
+        strain: f64,
+        /// The limit.
+        limit: f64,
+    },
+    /// The iteration did not reach its tolerance.
+    #[error("no convergence at load {load_n} N and twist {twist_rad} rad: residual {residual}")]
+    NotConverged {
+        /// Load (N).
+        load_n: f64,
+        /// Twist (rad).
+        twist_rad: f64,
+        /// Largest scaled residual left.
+        residual: f64,
+    },
+}
+
+impl SolveError {
+    /// Short stable name of the limit, for messages that machines read.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::NotFinite { .. } => "not-finite",
+            Self::Slack { .. } => "slack",
+            Self::Overtwist { .. } => "overtwist",
+            Self::NoEquilibrium { .. } => "no-equilibrium",
+            Self::SectionSingular { .. } => "section-singular",
+            Self::StrainRange { .. } => "strain-range",
+            Self::NotConverged { .. } => "not-converged",
+        }
+    }
+}
+
+/// What to take a solution with: a set of named warnings.
+#[derive(Clone, Copy, Default, PartialEq, Eq)]
+pub struct Warnings(u8);
+
+impl Warnings {
+    /// Load below 0.5 N, where the fitted radius law has no support.
+    pub const LIGHT_LOAD: Self = Self(1);
+    /// A fibre strain above 8 %, the range of the fit of eq. 12.
+    pub const STRAIN_RANGE: Self = Self(2);
+    /// |n| l²/EI ≥ π²/4: more than one equilibrium may exist; the one connected to zero load is returned.
+    pub const NOT_UNIQUE: Self = Self(4);
+    /// |θ| < π: the strings do not touch yet; the paper says nothing there (model.md section 5).
+    pub const OPEN_STRINGS: Self = Self(8);
+
+    const NAMES: [(Self, &'static str); 4] = [
+        (Self::LIGHT_LOAD, "light-load"),
+        (Self::STRAIN_RANGE, "strain-range"),
+        (Self::NOT_UNIQUE, "not-unique"),
+        (Self::OPEN_STRINGS, "open-strings"),
+    ];
+
+    /// Adds a warning.
+    pub fn add(&mut self, warning: Self) {
+        self.0 |= warning.0;
+    }
+
+    /// Whether `warning` is among them.
+    pub fn contains(self, warning: Self) -> bool {
+        self.0 & warning.0 == warning.0
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+
+    /// Their names.
+    pub fn names(self) -> impl Iterator<Item = &'static str> {
+        Self::NAMES
+            .into_iter()
+            .filter(move |(w, _)| self.contains(*w))
+            .map(|(_, name)| name)
+    }
+}
+
+impl fmt::Debug for Warnings {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_set().entries(self.names()).finish()
+    }
+}

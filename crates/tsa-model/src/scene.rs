@@ -1,0 +1,343 @@
+//! Scene files: what one rig and one task need, in TOML.
+//!
+//! `[geometry]`, `[string]` and `[material]` are the mechanism's constants. `[rig]` holds what the paper leaves open
+//! about the rig; its defaults are assumptions (hardware.md sections 6 and 8) and every key may be left out.
+//! `[envelope]` and `[accuracy]` say what a table must cover and how well: optional for a solve, required for a table.
+
+use crate::error::ParameterError;
+use crate::material::Material;
+use crate::mechanism::{Geometry, Mechanism};
+use crate::string::StringParameters;
+use crate::twist_from_turns;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// Why a scene file was refused. Each names the key, or the line of the file.
+#[derive(Debug, thiserror::Error)]
+pub enum SceneError {
+    /// The file could not be read.
+    #[error("scene file {path}: {source}")]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// Not TOML, or a key is missing, misspelt or of the wrong type.
+    #[error("scene file: {0}")]
+    Parse(#[from] toml::de::Error),
+    /// A value that cannot describe a real rig.
+    #[error("scene file: {0}")]
+    Value(#[from] ParameterError),
+    /// A table was asked for, but the scene does not say what it must cover.
+    #[error("scene file: [{table}] is missing, which a table needs")]
+    Missing {
+        /// `envelope` or `accuracy`.
+        table: &'static str,
+    },
+}
+
+/// One rig and one task.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Scene {
+    /// Lengths of the mechanism.
+    pub geometry: Geometry,
+    /// The strings.
+    #[serde(rename = "string")]
+    pub string: StringParameters,
+    /// The rods' material.
+    pub material: Material,
+    /// The rig around the mechanism; assumed values where left out.
+    #[serde(default)]
+    pub rig: Rig,
+    /// What a table must cover.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub envelope: Option<Envelope>,
+    /// How well a table must do it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub accuracy: Option<Accuracy>,
+}
+
+/// The rig: motor, gear, drive, sensors. All defaults are assumed, not measured.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Rig {
+    /// Motor turns per output turn, numerator and denominator.
+    pub gear_ratio: [u32; 2],
+    /// Encoder lines per motor turn (ENX16 EASY: 1024); quadrature counts are four times as many.
+    pub encoder_lines: u32,
+    /// Greatest motor speed (rad/s at the motor shaft).
+    pub motor_speed_max_rad_per_s: f64,
+    /// Greatest motor acceleration (rad/s² at the motor shaft).
+    pub motor_acceleration_max_rad_per_s2: f64,
+    /// Torque constant (N m/A).
+    pub motor_torque_constant_nm_per_a: f64,
+    /// Winding resistance (Ω).
+    pub motor_resistance_ohm: f64,
+    /// Rotor inertia (kg m²).
+    pub rotor_inertia_kg_m2: f64,
+    /// Drive supply (V).
+    pub supply_voltage_v: f64,
+    /// Current limit sent to the drive with every command (A).
+    pub drive_current_limit_a: f64,
+    /// RMDS group, 0 to 7.
+    pub drive_group: u8,
+    /// RMDS number, 1 to 15.
+    pub drive_number: u8,
+    /// LVDT stroke (m).
+    pub lvdt_stroke_m: f64,
+    /// Volts at the ADC pin at the start of the stroke, after the divider.
+    pub lvdt_volts_at_zero: f64,
+    /// Volts at the ADC pin at the end of the stroke.
+    pub lvdt_volts_at_stroke: f64,
+    /// Gap between the clamps at the start of the stroke (m).
+    pub lvdt_gap_at_zero_m: f64,
+    /// ADC reference (V).
+    pub adc_reference_v: f64,
+}
+
+impl Default for Rig {
+    fn default() -> Self {
+        Self {
+            gear_ratio: [62, 1],
+            encoder_lines: 1024,
+            motor_speed_max_rad_per_s: 1047.0,
+            motor_acceleration_max_rad_per_s2: 12_000.0,
+            motor_torque_constant_nm_per_a: 0.0229,
+            motor_resistance_ohm: 10.0,
+            rotor_inertia_kg_m2: 1.2e-7,
+            supply_voltage_v: 24.0,
+            drive_current_limit_a: 0.5,
+            drive_group: 0,
+            drive_number: 1,
+            lvdt_stroke_m: 0.2,
+            lvdt_volts_at_zero: 0.0,
+            lvdt_volts_at_stroke: 3.0,
+            lvdt_gap_at_zero_m: 0.0,
+            adc_reference_v: 3.3,
+        }
+    }
+}
+
+impl Rig {
+    /// Gear ratio as a number.
+    pub fn gear(&self) -> f64 {
+        f64::from(self.gear_ratio[0]) / f64::from(self.gear_ratio[1])
+    }
+
+    fn validate(&self) -> Result<(), ParameterError> {
+        let refuse = |parameter, value, reason| {
+            Err(ParameterError {
+                parameter,
+                value,
+                reason,
+            })
+        };
+        let positive = [
+            ("rig.gear_ratio", f64::from(self.gear_ratio[0].min(self.gear_ratio[1]))),
+            ("rig.encoder_lines", f64::from(self.encoder_lines)),
+            ("rig.motor_speed_max_rad_per_s", self.motor_speed_max_rad_per_s),
+            (
+                "rig.motor_acceleration_max_rad_per_s2",
+                self.motor_acceleration_max_rad_per_s2,
+            ),
+            (
+                "rig.motor_torque_constant_nm_per_a",
+                self.motor_torque_constant_nm_per_a,
+            ),
+            ("rig.motor_resistance_ohm", self.motor_resistance_ohm),
+            ("rig.rotor_inertia_kg_m2", self.rotor_inertia_kg_m2),
+            ("rig.supply_voltage_v", self.supply_voltage_v),
+            ("rig.drive_current_limit_a", self.drive_current_limit_a),
+            ("rig.lvdt_stroke_m", self.lvdt_stroke_m),
+            ("rig.adc_reference_v", self.adc_reference_v),
+        ];
+        for (parameter, value) in positive {
+            if !(value > 0.0 && value.is_finite()) {
+                return refuse(parameter, value, "must be above 0 and finite");
+            }
+        }
+        if self.encoder_lines > 65_536 {
+            return refuse(
+                "rig.encoder_lines",
+                f64::from(self.encoder_lines),
+                "must be at most 65536",
+            );
+        }
+        // The command carries an i16 in rpm, the limit an i16 in mA (hardware.md section 1).
+        if self.motor_speed_max_rad_per_s * 60.0 / std::f64::consts::TAU > 32_767.0 {
+            let value = self.motor_speed_max_rad_per_s;
+            return refuse(
+                "rig.motor_speed_max_rad_per_s",
+                value,
+                "must be below 32767 rpm, the drive's range",
+            );
+        }
+        if self.drive_current_limit_a > 32.767 {
+            return refuse(
+                "rig.drive_current_limit_a",
+                self.drive_current_limit_a,
+                "must be at most 32.767 A",
+            );
+        }
+        if self.drive_group > 7 {
+            return refuse("rig.drive_group", f64::from(self.drive_group), "must be from 0 to 7");
+        }
+        if !(1..=15).contains(&self.drive_number) {
+            return refuse("rig.drive_number", f64::from(self.drive_number), "must be from 1 to 15");
+        }
+        for (parameter, value) in [
+            ("rig.lvdt_volts_at_zero", self.lvdt_volts_at_zero),
+            ("rig.lvdt_volts_at_stroke", self.lvdt_volts_at_stroke),
+        ] {
+            if !(value >= 0.0 && value <= self.adc_reference_v) {
+                return refuse(parameter, value, "must be from 0 to rig.adc_reference_v");
+            }
+        }
+        let span = (self.lvdt_volts_at_stroke - self.lvdt_volts_at_zero).abs();
+        if span < 0.1 * self.adc_reference_v {
+            return refuse(
+                "rig.lvdt_volts_at_stroke",
+                span,
+                "the stroke must use at least a tenth of the ADC's range",
+            );
+        }
+        if !self.lvdt_gap_at_zero_m.is_finite() {
+            return refuse("rig.lvdt_gap_at_zero_m", self.lvdt_gap_at_zero_m, "must be finite");
+        }
+        Ok(())
+    }
+}
+
+/// What a table must cover.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Envelope {
+    /// Least and greatest load (N).
+    pub load_n: [f64; 2],
+    /// Least and greatest motor turns past the half-turn pre-twist.
+    pub turns: [f64; 2],
+}
+
+/// How well a table must do it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Accuracy {
+    /// Largest error of the contraction (m).
+    pub contraction_m: f64,
+    /// Largest relative error of the transmission ratio.
+    pub tr_relative: f64,
+}
+
+impl Scene {
+    /// Parses and checks a scene.
+    ///
+    /// # Errors
+    /// [`SceneError`] naming the key.
+    pub fn from_toml_str(text: &str) -> Result<Self, SceneError> {
+        let scene: Self = toml::from_str(text)?;
+        scene.validate()?;
+        Ok(scene)
+    }
+
+    /// Reads, parses and checks a scene file.
+    ///
+    /// # Errors
+    /// [`SceneError`] naming the file or the key.
+    pub fn load(path: impl AsRef<Path>) -> Result<Self, SceneError> {
+        let path = path.as_ref();
+        let text = std::fs::read_to_string(path).map_err(|source| SceneError::Read {
+            path: path.to_path_buf(),
+            source,
+        })?;
+        Self::from_toml_str(&text)
+    }
+
+    /// Checks every value.
+    ///
+    /// # Errors
+    /// [`ParameterError`] naming the key.
+    pub fn validate(&self) -> Result<(), ParameterError> {
+        self.geometry.validate()?;
+        self.string.validate()?;
+        self.material.validate()?;
+        self.rig.validate()?;
+        let refuse = |parameter, value, reason| {
+            Err(ParameterError {
+                parameter,
+                value,
+                reason,
+            })
+        };
+        if let Some(Envelope { load_n, turns }) = self.envelope {
+            if !(load_n[0] >= crate::mechanism::LIGHT_LOAD_N && load_n[0].is_finite()) {
+                return refuse(
+                    "envelope.load_n",
+                    load_n[0],
+                    "must start at 0.5 N or above, where the radius law holds",
+                );
+            }
+            if !(load_n[1] > load_n[0] && load_n[1].is_finite()) {
+                return refuse("envelope.load_n", load_n[1], "must end above its start");
+            }
+            if !(turns[0] >= 0.0) {
+                return refuse(
+                    "envelope.turns",
+                    turns[0],
+                    "must start at 0 or above, where the strings touch",
+                );
+            }
+            if !(turns[1] > turns[0] && turns[1].is_finite()) {
+                return refuse("envelope.turns", turns[1], "must end above its start");
+            }
+        }
+        if let Some(Accuracy {
+            contraction_m,
+            tr_relative,
+        }) = self.accuracy
+        {
+            for (parameter, value) in [
+                ("accuracy.contraction_m", contraction_m),
+                ("accuracy.tr_relative", tr_relative),
+            ] {
+                if !(value > 0.0 && value.is_finite()) {
+                    return refuse(parameter, value, "must be above 0 and finite");
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The solver for this scene.
+    ///
+    /// # Errors
+    /// [`ParameterError`] naming the key.
+    pub fn mechanism(&self) -> Result<Mechanism, ParameterError> {
+        Mechanism::new(&self.geometry, &self.string, &self.material)
+    }
+
+    /// Envelope and accuracy, which a table needs.
+    ///
+    /// # Errors
+    /// [`SceneError::Missing`] naming the absent one.
+    pub fn table_demand(&self) -> Result<(Envelope, Accuracy), SceneError> {
+        let envelope = self.envelope.ok_or(SceneError::Missing { table: "envelope" })?;
+        let accuracy = self.accuracy.ok_or(SceneError::Missing { table: "accuracy" })?;
+        Ok((envelope, accuracy))
+    }
+
+    /// CRC-32 of the scene's canonical form: the same for files that differ only in comments, order or defaults.
+    pub fn hash(&self) -> u32 {
+        // Serialising plain numbers into a string cannot fail; an empty text would still be a valid hash input.
+        let text = toml::to_string(self).unwrap_or_default();
+        crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(text.as_bytes())
+    }
+}
+
+impl Envelope {
+    /// Least and greatest twist (rad).
+    pub fn twist_rad(&self) -> [f64; 2] {
+        self.turns.map(twist_from_turns)
+    }
+}
