@@ -1,0 +1,298 @@
+//! What framing promises: round trips, and no noise, cut or flipped byte ever makes a message that was not sent.
+
+use proptest::prelude::*;
+use rig_link::{
+    Accepted, Counters, Decoder, EventKind, Fault, Frame, HomingFailure, Identity, Limit, LoadChoice, MAX_FRAME,
+    Message, Parameter, Refusal, Request, ResetCause, State, TableIdentity, Telemetry, encode,
+};
+use serde::{Serialize, de::DeserializeOwned};
+
+fn one_of<T: Copy + core::fmt::Debug + 'static>(all: &'static [T]) -> impl Strategy<Value = T> {
+    proptest::sample::select(all)
+}
+
+/// Any float but NaN, which is equal to nothing.
+fn float() -> impl Strategy<Value = f32> {
+    prop::num::f32::NORMAL | prop::num::f32::ZERO | prop::num::f32::INFINITE | prop::num::f32::SUBNORMAL
+}
+
+fn request() -> impl Strategy<Value = Request> {
+    let load = prop_oneof![Just(LoadChoice::Auto), float().prop_map(LoadChoice::Known)];
+    prop_oneof![
+        any::<u32>().prop_map(|protocol_hash| Request::Hello { protocol_hash }),
+        Just(Request::Heartbeat),
+        Just(Request::Home),
+        (float(), float(), load).prop_map(|(target_m, speed_m_per_s, load)| Request::Move {
+            target_m,
+            speed_m_per_s,
+            load
+        }),
+        float().prop_map(|twist_speed_rad_per_s| Request::Jog { twist_speed_rad_per_s }),
+        Just(Request::Stop),
+        Just(Request::Hold),
+        Just(Request::Clear),
+        Just(Request::Status),
+    ]
+}
+
+fn refusal() -> impl Strategy<Value = Refusal> {
+    prop_oneof![
+        Just(Refusal::NotHomed),
+        Just(Refusal::EStop),
+        one_of(State::ALL).prop_map(|state| Refusal::Busy { state }),
+        one_of(Fault::ALL).prop_map(|fault| Refusal::InFault { fault }),
+        (one_of(Parameter::ALL), float(), float(), float()).prop_map(|(parameter, min, max, given)| {
+            Refusal::OutOfRange {
+                parameter,
+                min,
+                max,
+                given,
+            }
+        }),
+        any::<u32>().prop_map(|board| Refusal::ProtocolMismatch { board }),
+    ]
+}
+
+fn telemetry() -> impl Strategy<Value = Telemetry> {
+    let state = (
+        any::<u64>(),
+        one_of(State::ALL),
+        prop::option::of(one_of(Fault::ALL)),
+        prop::option::of(one_of(Limit::ALL)),
+    );
+    let values = prop::array::uniform6(prop::option::of(float()));
+    (state, values, float(), float(), any::<u32>(), any::<u32>()).prop_map(|(s, v, current, speed, errors, foreign)| {
+        Telemetry {
+            t_us: s.0,
+            state: s.1,
+            fault: s.2,
+            limit: s.3,
+            target_m: v[0],
+            setpoint_m: v[1],
+            position_m: v[2],
+            twist_rad: v[3],
+            load_n: v[4],
+            tr_rad_per_m: v[5],
+            drive_current_a: current,
+            drive_speed_rad_per_s: speed,
+            counters: Counters {
+                link_errors: errors,
+                foreign_frames: foreign,
+            },
+        }
+    })
+}
+
+fn event() -> impl Strategy<Value = EventKind> {
+    prop_oneof![
+        (float(), float(), float()).prop_map(|(twist_error_estimate_rad, load_n, gap_offset_m)| EventKind::Homed {
+            twist_error_estimate_rad,
+            load_n,
+            gap_offset_m
+        }),
+        one_of(HomingFailure::ALL).prop_map(EventKind::HomingRefused),
+        float().prop_map(|error_m| EventKind::MoveDone { error_m }),
+        one_of(Fault::ALL).prop_map(EventKind::FaultRaised),
+    ]
+}
+
+fn message() -> impl Strategy<Value = Message> {
+    let accepted = one_of(Accepted::ALL);
+    prop_oneof![
+        (
+            any::<u16>(),
+            prop_oneof![accepted.prop_map(Ok), refusal().prop_map(Err)]
+        )
+            .prop_map(|(to, result)| Message::Reply { to, result }),
+        telemetry().prop_map(Message::Telemetry),
+        (any::<u64>(), event()).prop_map(|(t_us, kind)| Message::Event { t_us, kind }),
+        Just(Message::Identity(longest_identity())),
+    ]
+}
+
+fn text<const N: usize>(text: &str) -> heapless::String<N> {
+    let mut s = heapless::String::new();
+    s.push_str(text).expect("the text fits");
+    s
+}
+
+fn longest_identity() -> Identity {
+    Identity {
+        version: text(&"9".repeat(24)),
+        git: text(&"f".repeat(24)),
+        protocol_hash: u32::MAX,
+        scene_hash: u32::MAX,
+        table: TableIdentity {
+            form: text(&"x".repeat(32)),
+            bytes: u16::MAX,
+            contraction_error_m: 5e-6,
+            tr_relative_error: 2e-3,
+            load_min_n: 0.5,
+            load_max_n: 18.0,
+            turns_min: 0.0,
+            turns_max: 7.5,
+            crc: u32::MAX,
+        },
+        reset_cause: ResetCause::Watchdog,
+        boot_count: u32::MAX,
+    }
+}
+
+fn wire<T: Serialize>(sequence: u16, body: &T) -> Vec<u8> {
+    let mut buffer = [0; MAX_FRAME];
+    encode(sequence, body, &mut buffer)
+        .expect("every message fits")
+        .to_vec()
+}
+
+/// All good frames in the bytes, and how many errors were counted.
+fn decode<T: DeserializeOwned>(bytes: &[u8]) -> (Vec<Frame<T>>, u32) {
+    let mut decoder = Decoder::new();
+    let frames = bytes
+        .iter()
+        .filter_map(|&b| decoder.push(b))
+        .filter_map(Result::ok)
+        .collect();
+    (frames, decoder.errors())
+}
+
+proptest! {
+    #[test]
+    fn requests_round_trip(sequence: u16, body in request()) {
+        let (frames, errors) = decode::<Request>(&wire(sequence, &body));
+        prop_assert_eq!(frames, vec![Frame { sequence, body }]);
+        prop_assert_eq!(errors, 0);
+    }
+
+    #[test]
+    fn messages_round_trip(bodies in prop::collection::vec(message(), 1..5)) {
+        let bytes: Vec<u8> = bodies.iter().zip(0..).flat_map(|(body, n)| wire(n, body)).collect();
+        let (frames, errors) = decode::<Message>(&bytes);
+        prop_assert_eq!(frames.into_iter().map(|f| f.body).collect::<Vec<_>>(), bodies);
+        prop_assert_eq!(errors, 0);
+    }
+
+    #[test]
+    fn noise_between_frames_loses_none(
+        bodies in prop::collection::vec((message(), prop::collection::vec(any::<u8>(), 0..700)), 1..4),
+    ) {
+        let mut bytes = Vec::new();
+        for (n, (body, noise)) in bodies.iter().enumerate() {
+            bytes.extend(noise);
+            bytes.extend(wire(n as u16, body));
+        }
+        let (frames, _) = decode::<Message>(&bytes);
+        prop_assert_eq!(
+            frames.into_iter().map(|f| f.body).collect::<Vec<_>>(),
+            bodies.into_iter().map(|(body, _)| body).collect::<Vec<_>>()
+        );
+    }
+
+    #[test]
+    fn noise_alone_makes_no_message(noise in prop::collection::vec(any::<u8>(), 0..2000)) {
+        prop_assert!(decode::<Message>(&noise).0.is_empty());
+        prop_assert!(decode::<Request>(&noise).0.is_empty());
+    }
+
+    #[test]
+    fn a_cut_frame_is_dropped_and_the_next_is_found(first in message(), second in message(), keep in 0.0..1.0f64) {
+        let mut bytes = wire(1, &first);
+        bytes.truncate(((bytes.len() - 1) as f64 * keep) as usize);
+        bytes.extend(wire(2, &second));
+        let (frames, _) = decode::<Message>(&bytes);
+        prop_assert_eq!(frames, vec![Frame { sequence: 2, body: second }]);
+    }
+
+    #[test]
+    fn a_changed_byte_never_makes_another_message(body in message(), place: prop::sample::Index, change in 1..=255u8) {
+        let mut bytes = wire(7, &body);
+        let place = place.index(bytes.len());
+        bytes[place] ^= change;
+        for frame in decode::<Message>(&bytes).0 {
+            prop_assert_eq!(frame, Frame { sequence: 7, body: body.clone() }); // only a delimiter was hit
+        }
+    }
+}
+
+#[test]
+fn the_longest_messages_fit() {
+    assert!(wire(u16::MAX, &Message::Identity(longest_identity())).len() <= 180);
+    let telemetry = Telemetry {
+        t_us: 1 << 40,
+        state: State::Moving,
+        fault: Some(Fault::DriveSilent),
+        limit: Some(Limit::MotorSpeed),
+        target_m: Some(1.0),
+        setpoint_m: Some(1.0),
+        position_m: Some(1.0),
+        twist_rad: Some(1.0),
+        load_n: Some(1.0),
+        tr_rad_per_m: Some(1.0),
+        drive_current_a: 1.0,
+        drive_speed_rad_per_s: 1.0,
+        counters: Counters {
+            link_errors: u32::MAX,
+            foreign_frames: u32::MAX,
+        },
+    };
+    assert!(
+        wire(u16::MAX, &Message::Telemetry(telemetry)).len() <= 80,
+        "the rate of telemetry rests on this"
+    );
+}
+
+#[test]
+fn too_small_a_buffer_is_an_error() {
+    for length in 0..wire(0, &Request::Home).len() {
+        assert!(encode(0, &Request::Home, &mut vec![0; length]).is_err(), "{length}");
+    }
+}
+
+#[test]
+fn an_endless_run_is_one_error_and_ends_at_the_delimiter() {
+    let mut bytes = vec![0x55; 10 * MAX_FRAME];
+    bytes.extend(wire(3, &Request::Stop));
+    let (frames, errors) = decode::<Request>(&bytes);
+    assert_eq!(
+        frames,
+        vec![Frame {
+            sequence: 3,
+            body: Request::Stop
+        }]
+    );
+    assert_eq!(errors, 1);
+}
+
+#[test]
+fn bytes_after_a_message_are_refused() {
+    // Well framed and with a good checksum, but longer than the message: not of this protocol.
+    let (frames, errors) = decode::<Request>(&wire(0, &(Request::Home, 0_u8)));
+    assert!(frames.is_empty());
+    assert_eq!(errors, 1);
+}
+
+#[test]
+fn names_and_numbers_are_unique_and_come_back() {
+    for (n, fault) in Fault::ALL.iter().enumerate() {
+        assert_eq!(Fault::from_name(fault.name()), Some(*fault));
+        assert_eq!(Fault::from_code(fault.code()), Some(*fault));
+        assert!(
+            Fault::ALL[..n]
+                .iter()
+                .all(|f| f.name() != fault.name() && f.code() != fault.code())
+        );
+    }
+    assert_eq!(Fault::from_code(0), None);
+    assert_eq!(State::from_name("estop"), Some(State::EStop));
+}
+
+#[test]
+fn refusals_name_parameter_and_limits() {
+    let refusal = Refusal::OutOfRange {
+        parameter: Parameter::Target,
+        min: 0.0,
+        max: 0.02,
+        given: 0.5,
+    };
+    assert_eq!(refusal.to_string(), "target is 0.5 m, allowed are 0 to 0.02 m");
+}
