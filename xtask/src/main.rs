@@ -1,2 +1,72 @@
-//! x
-fn main() {}
+//! `cargo xtask …`: every command that CI and the README run, and the choice of tools behind them.
+//!
+//! - [`firmware`]: the board's image, with whichever toolchain this machine has ([`toolchain`]), and its size ([`image`]).
+//! - [`host`]: the tools for the desktop, the demo, and the tests of everything.
+//! - [`system`]: what has to be installed beside cargo: installed if we may, else said.
+//! - [`process`]: running other programs, loudly when they fail.
+
+mod firmware;
+mod host;
+mod image;
+mod process;
+mod system;
+mod toolchain;
+
+use anyhow::{Context, Result};
+use clap::{Parser, Subcommand};
+use std::path::{Path, PathBuf};
+
+#[derive(Parser)]
+#[command(name = "cargo xtask", about = "Builds, tests and shows the rig", version)]
+struct Arguments {
+    #[command(subcommand)]
+    task: Task,
+}
+
+#[derive(Subcommand)]
+enum Task {
+    /// Build the firmware image (target/firmware/tsa-firmware.elf) and print its size
+    Firmware {
+        /// Which compiler: `auto` tries the others in this order
+        #[arg(long, value_enum, default_value_t)]
+        toolchain: toolchain::Choice,
+    },
+    /// Build the desktop tools (target/release/rigctl, target/release/rig-emulator)
+    Build,
+    /// Check formatting, lint and test everything, the firmware on the emulated board included
+    Test,
+    /// Build everything and show three loads being homed and moved by the real firmware on an emulated board
+    Demo {
+        /// Passed on to `rigctl demo`
+        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+        rest: Vec<String>,
+    },
+}
+
+/// The folders that all tasks share.
+struct Folders {
+    root: PathBuf,
+    target: PathBuf,
+}
+
+impl Folders {
+    fn find() -> Result<Self> {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().context("xtask has no parent folder")?.to_path_buf();
+        let target = match std::env::var_os("CARGO_TARGET_DIR") {
+            Some(dir) => std::env::current_dir()?.join(dir),
+            None => root.join("target"),
+        };
+        Ok(Self { root, target })
+    }
+}
+
+fn main() -> Result<()> {
+    let arguments = Arguments::parse();
+    let folders = Folders::find()?;
+    match arguments.task {
+        Task::Firmware { toolchain } => firmware::build(&folders, &toolchain::choose(toolchain)?),
+        Task::Build => host::build(&folders),
+        Task::Test => host::test(&folders),
+        Task::Demo { rest } => host::demo(&folders, &rest),
+    }
+}

@@ -1,0 +1,38 @@
+//! The desktop's tools, the demo, and the tests of everything.
+
+use crate::process::{cargo, run};
+use crate::toolchain::{Choice, choose};
+use crate::{Folders, firmware, system};
+use anyhow::Result;
+use std::process::Command;
+
+/// Everything but the firmware, which builds for the board only.
+const DESKTOP: [&str; 3] = ["--workspace", "--exclude", "tsa-firmware"];
+
+/// Builds `rigctl` and `rig-emulator`.
+pub fn build(folders: &Folders) -> Result<()> {
+    system::ensure_emulator_tools()?;
+    run(cargo(folders).args(["build", "--release", "--package", "rigctl", "--package", "rig-emulator"]))
+}
+
+/// Formatting, lints, the firmware, and all tests.
+pub fn test(folders: &Folders) -> Result<()> {
+    system::ensure_emulator_tools()?;
+    let toolchain = choose(Choice::Auto)?;
+    run(cargo(folders).args(["fmt", "--all", "--check"]))?;
+    // In release, as the tests: the emulator's C code is then built once.
+    run(cargo(folders).args(["clippy", "--release", "--all-targets"]).args(DESKTOP).args(["--", "-D", "warnings"]))?;
+    firmware::lint(folders, &toolchain)?;
+    // Tests start the image and the tools, so both must be there, and new.
+    firmware::build(folders, &toolchain)?;
+    build(folders)?;
+    run(cargo(folders).args(["test", "--release"]).args(DESKTOP))
+}
+
+/// Builds everything and runs the demo.
+pub fn demo(folders: &Folders, rest: &[String]) -> Result<()> {
+    system::ensure_emulator_tools()?;
+    firmware::build(folders, &choose(Choice::Auto)?)?;
+    build(folders)?;
+    run(Command::new(folders.target.join("release/rigctl")).current_dir(&folders.root).arg("demo").args(rest))
+}

@@ -1,0 +1,66 @@
+//! Running other programs. A failure always says which command failed.
+
+use crate::Folders;
+use anyhow::{Context, Result, bail};
+use std::ffi::OsStr;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+/// Variables that the surrounding `cargo run` leaves behind and that would lead another toolchain astray.
+const LEFT_BEHIND: [&str; 6] =
+    ["RUSTFLAGS", "CARGO_ENCODED_RUSTFLAGS", "LD_LIBRARY_PATH", "RUSTC", "RUSTUP_TOOLCHAIN", "CARGO"];
+
+/// The cargo that runs this task.
+pub fn cargo(folders: &Folders) -> Command {
+    let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    command.current_dir(&folders.root);
+    // A relative folder was meant relative to where the user stands, not to the root.
+    if std::env::var_os("CARGO_TARGET_DIR").is_some() {
+        command.env("CARGO_TARGET_DIR", &folders.target);
+    }
+    command
+}
+
+/// A program that must not inherit the toolchain of the surrounding `cargo run`.
+pub fn foreign(program: &str, root: &Path) -> Command {
+    let mut command = Command::new(program);
+    command.current_dir(root);
+    for name in LEFT_BEHIND {
+        command.env_remove(name);
+    }
+    command
+}
+
+/// The command as one would type it, with the variables that were set for it.
+pub fn shown(command: &Command) -> String {
+    let variables = command.get_envs().filter_map(|(name, value)| Some((name, value?)));
+    let variables = variables.map(|(name, value)| format!("{}={}", name.to_string_lossy(), value.to_string_lossy()));
+    let words = std::iter::once(command.get_program()).chain(command.get_args());
+    variables.chain(words.map(quoted)).collect::<Vec<_>>().join(" ")
+}
+
+fn quoted(word: &OsStr) -> String {
+    let word = word.to_string_lossy();
+    if word.contains([' ', '"', '[']) { format!("'{word}'") } else { word.into_owned() }
+}
+
+/// Runs the command with our own output streams.
+pub fn run(command: &mut Command) -> Result<()> {
+    eprintln!("> {}", shown(command));
+    let status = command.status().with_context(|| format!("could not start: {}", shown(command)))?;
+    if !status.success() {
+        bail!("failed ({status}): {}", shown(command));
+    }
+    Ok(())
+}
+
+/// What the command printed, or `None` if it is missing or failed.
+pub fn output_of(command: &mut Command) -> Option<String> {
+    let output = command.stdin(Stdio::null()).stderr(Stdio::null()).output().ok()?;
+    output.status.success().then(|| String::from_utf8_lossy(&output.stdout).trim().to_owned())
+}
+
+/// Whether a program of this name answers.
+pub fn exists(program: &str) -> bool {
+    output_of(Command::new(program).arg("--version")).is_some()
+}

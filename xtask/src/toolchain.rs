@@ -1,0 +1,150 @@
+//! Which compiler builds the firmware: an installed target, else one that rustup can fetch, else Debian's pair of
+//! compiler and standard-library source, for machines where rustup cannot reach its server.
+
+use crate::Folders;
+use crate::process::{exists, foreign, output_of, run};
+use crate::system;
+use anyhow::{Result, bail};
+use clap::ValueEnum;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// The board's target.
+pub const TARGET: &str = "thumbv7em-none-eabihf";
+
+/// The `rust-version` of this workspace: an older Debian compiler is of no use.
+const OLDEST: &str = env!("CARGO_PKG_RUST_VERSION");
+
+const DEBIAN_RUSTC: &str = "/usr/bin/rustc";
+const DEBIAN_CARGO: &str = "/usr/bin/cargo";
+const DEBIAN_PACKAGES: [&str; 4] = ["rustc-web", "cargo-web", "rust-web-src", "lld"];
+
+/// What the user asked for.
+#[derive(Clone, Copy, Default, PartialEq, ValueEnum)]
+pub enum Choice {
+    /// Whatever works first
+    #[default]
+    Auto,
+    /// The target of the toolchain that runs this task, fetched by rustup if need be
+    Rustup,
+    /// Debian's compiler, building `core` itself
+    Debian,
+}
+
+/// What the machine has.
+pub enum Toolchain {
+    /// The cargo that runs this task has the target.
+    Installed,
+    /// Debian's rustc-web, cargo-web and rust-web-src.
+    Debian,
+}
+
+impl Toolchain {
+    /// A cargo command for the firmware, up to and including the target.
+    pub fn cargo(&self, folders: &Folders, subcommand: &str) -> Command {
+        match self {
+            Self::Installed => {
+                let mut command = crate::process::cargo(folders);
+                // RUSTFLAGS from outside would replace the linker arguments of .cargo/config.toml.
+                command.env_remove("RUSTFLAGS").env_remove("CARGO_ENCODED_RUSTFLAGS");
+                command.args([subcommand, "--target", TARGET]);
+                command
+            }
+            Self::Debian => {
+                let mut command = foreign(DEBIAN_CARGO, &folders.root);
+                command.env("RUSTC", DEBIAN_RUSTC).env("RUSTC_BOOTSTRAP", "1");
+                command.env("CARGO_TARGET_THUMBV7EM_NONE_EABIHF_LINKER", "ld.lld");
+                command.env("CARGO_TARGET_DIR", self.target_folder(folders));
+                command.args([subcommand, "--target", TARGET, "-Zbuild-std=core"]);
+                command
+            }
+        }
+    }
+
+    /// Where this toolchain builds: two compilers in one folder would rebuild everything in turns.
+    pub fn target_folder(&self, folders: &Folders) -> PathBuf {
+        match self {
+            Self::Installed => folders.target.clone(),
+            Self::Debian => {
+                let mut name = folders.target.as_os_str().to_owned();
+                name.push("-debian");
+                name.into()
+            }
+        }
+    }
+
+    /// Whether it can lint.
+    pub fn has_clippy(&self) -> bool {
+        matches!(self, Self::Installed) && exists("cargo-clippy")
+    }
+}
+
+/// Finds a toolchain for the firmware and says which.
+pub fn choose(choice: Choice) -> Result<Toolchain> {
+    if choice != Choice::Debian {
+        if target_installed() {
+            eprintln!("firmware toolchain: this one, {TARGET} is installed");
+            return Ok(Toolchain::Installed);
+        }
+        if exists("rustup") {
+            let added = run(Command::new("rustup").args(["target", "add", TARGET]));
+            if added.is_ok() && target_installed() {
+                eprintln!("firmware toolchain: this one, rustup added {TARGET}");
+                return Ok(Toolchain::Installed);
+            }
+            eprintln!("rustup could not add {TARGET}");
+        }
+        if choice == Choice::Rustup {
+            bail!("this toolchain has no {TARGET} and rustup could not add it");
+        }
+    }
+    ensure_debian_pair()?;
+    let version = output_of(Command::new(DEBIAN_RUSTC).arg("-V")).unwrap_or_default();
+    eprintln!("firmware toolchain: Debian's {version}, building core from its source");
+    Ok(Toolchain::Debian)
+}
+
+fn target_installed() -> bool {
+    // Asked of the cargo that will build: rustc, through rustup's proxy if there is one.
+    output_of(Command::new("rustc").args(["--print", "sysroot"]))
+        .is_some_and(|sysroot| Path::new(&sysroot).join("lib/rustlib").join(TARGET).join("lib").is_dir())
+}
+
+fn debian_pair_is_there() -> bool {
+    let sysroot = output_of(foreign(DEBIAN_RUSTC, Path::new("/")).args(["--print", "sysroot"]));
+    let has_source =
+        sysroot.is_some_and(|s| Path::new(&s).join("lib/rustlib/src/rust/library/core/src/lib.rs").is_file());
+    let version = output_of(foreign(DEBIAN_RUSTC, Path::new("/")).arg("-V"));
+    let new_enough = version.and_then(|v| minor_version(&v)) >= minor_version(&format!("rustc {OLDEST}.0"));
+    has_source && new_enough && exists(DEBIAN_CARGO) && exists("ld.lld")
+}
+
+/// `rustc 1.96.0 (…)` -> 96
+fn minor_version(line: &str) -> Option<u32> {
+    line.strip_prefix("rustc 1.")?.split('.').next()?.parse().ok()
+}
+
+fn ensure_debian_pair() -> Result<()> {
+    if debian_pair_is_there() {
+        return Ok(());
+    }
+    let elsewhere = format!("Install the target instead: rustup target add {TARGET}");
+    system::install(&DEBIAN_PACKAGES, "build the firmware without rustup's server", &elsewhere)?;
+    if !debian_pair_is_there() {
+        bail!("{} are installed, but hold no rustc {OLDEST} or newer with its source", DEBIAN_PACKAGES.join(" "));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::minor_version;
+
+    #[test]
+    fn versions() {
+        assert_eq!(minor_version("rustc 1.96.0 (ac68faa20 2026-05-25) (built from a source tarball)"), Some(96));
+        assert_eq!(minor_version("rustc 1.89.0"), Some(89));
+        assert_eq!(minor_version("gcc 12"), None);
+        assert!(minor_version("") < minor_version("rustc 1.89.0"), "a missing compiler is too old");
+    }
+}
