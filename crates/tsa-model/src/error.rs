@@ -128,10 +128,7 @@ impl Warnings {
 
     /// Their names.
     pub fn names(self) -> impl Iterator<Item = &'static str> {
-        Self::NAMES
-            .into_iter()
-            .filter(move |(w, _)| self.contains(*w))
-            .map(|(_, name)| name)
+        Self::NAMES.into_iter().filter(move |(w, _)| self.contains(*w)).map(|(_, name)| name)
     }
 }
 

@@ -37,19 +37,12 @@ impl Rule {
             nodes[i] = 0.5 * (1.0 - x);
             weights[i] = 1.0 / ((1.0 - x * x) * slope * slope);
         }
-        Self {
-            count: n,
-            nodes,
-            weights,
-        }
+        Self { count: n, nodes, weights }
     }
 
     /// Pairs of node and weight, nodes ascending.
     pub(crate) fn iter(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
-        self.nodes[..self.count]
-            .iter()
-            .copied()
-            .zip(self.weights[..self.count].iter().copied())
+        self.nodes[..self.count].iter().copied().zip(self.weights[..self.count].iter().copied())
     }
 }
 
@@ -63,10 +56,7 @@ mod tests {
             let rule = Rule::new(n);
             for power in 0..(2 * n).min(40) {
                 let sum: f64 = rule.iter().map(|(t, w)| w * t.powi(power as i32)).sum();
-                assert!(
-                    (sum - 1.0 / (power as f64 + 1.0)).abs() < 1e-14,
-                    "{n} nodes, power {power}: {sum}"
-                );
+                assert!((sum - 1.0 / (power as f64 + 1.0)).abs() < 1e-14, "{n} nodes, power {power}: {sum}");
             }
         }
     }

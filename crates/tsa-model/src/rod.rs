@@ -50,12 +50,7 @@ impl RodShape {
     /// A rod without free length: the exact limit D0 → c.
     pub fn rigid() -> Self {
         let zero = Partial::default();
-        Self {
-            length: zero,
-            reach: zero,
-            deflection: zero,
-            evaluations: 0,
-        }
+        Self { length: zero, reach: zero, deflection: zero, evaluations: 0 }
     }
 }
 
@@ -91,10 +86,7 @@ impl Rod {
 
     /// |n| l²/EI: below π²/4 the equilibrium is unique (numerics.md 2.6).
     pub fn load_number(&self, force: TipForce) -> f64 {
-        let TipForce {
-            inward_n: px,
-            sideways_n: py,
-        } = force;
+        let TipForce { inward_n: px, sideways_n: py } = force;
         sqrt(px * px + py * py) * self.length_m * self.length_m / self.bending_stiffness_nm2()
     }
 
@@ -108,9 +100,8 @@ impl Rod {
     }
 
     /// The section at φ = φ_l (1 − t²).
-    fn demand(&self, force: TipForce, tip_angle: f64, t: f64, tip: (f64, f64)) -> Demand {
+    fn demand(&self, force: TipForce, tip_angle: f64, t: f64, tip_stretch: f64) -> Demand {
         let (px, py) = (force.inward_n / self.stiffness_n, force.sideways_n / self.stiffness_n);
-        let (e_tip, n_tip) = tip;
         let (sin, cos) = sin_cos(tip_angle * (1.0 - t * t));
         let half = 0.5 * tip_angle * t * t;
         let ((sin_half, _), (sin_mid, cos_mid)) = (sin_cos(half), sin_cos(tip_angle - half));
@@ -118,14 +109,13 @@ impl Rod {
             n: py * sin - px * cos,
             // N_l − N in product form: as a difference it would lose half its digits near the tip.
             n_tip_less_n: 2.0 * sin_half * (px * sin_mid + py * cos_mid),
-            tip_constant: e_tip * n_tip - self.section.stretch_energy(e_tip),
+            tip_stretch,
         }
     }
 
-    fn tip(&self, force: TipForce, tip_angle: f64) -> Result<(f64, f64), Singular> {
+    fn tip_stretch(&self, force: TipForce, tip_angle: f64) -> Result<f64, Singular> {
         let (sin, cos) = sin_cos(tip_angle);
-        let n = (force.sideways_n * sin - force.inward_n * cos) / self.stiffness_n;
-        Ok((self.section.stretch(n)?, n))
+        self.section.stretch((force.sideways_n * sin - force.inward_n * cos) / self.stiffness_n)
     }
 
     /// Shape of the rod that ends at `tip_angle` (rad) under `force`.
@@ -133,7 +123,7 @@ impl Rod {
     /// # Errors
     /// [`SolveError::SectionSingular`] where the section's tangent vanishes.
     pub fn shape(&self, force: TipForce, tip_angle: f64) -> Result<RodShape, SolveError> {
-        let (e_tip, n_tip) = self.tip(force, tip_angle).map_err(singular)?;
+        let e_tip = self.tip_stretch(force, tip_angle).map_err(singular)?;
         let (px, py) = (force.inward_n / self.stiffness_n, force.sideways_n / self.stiffness_n);
         let (sin_l, cos_l) = sin_cos(tip_angle);
         // Derivatives of the tip's axial force by tip angle, px, py.
@@ -143,12 +133,10 @@ impl Rod {
         for (t, weight) in self.rule.iter() {
             let angle = tip_angle * (1.0 - t * t);
             let (sin, cos) = sin_cos(angle);
-            let demand = self.demand(force, tip_angle, t, (e_tip, n_tip));
+            let demand = self.demand(force, tip_angle, t, e_tip);
             // Bending grows like t² from the tip.
-            let start = neighbour.map(|(t0, s)| Strain {
-                axial: s.axial,
-                bending_squared: s.bending_squared * (t / t0) * (t / t0),
-            });
+            let start = neighbour
+                .map(|(t0, s)| Strain { axial: s.axial, bending_squared: s.bending_squared * (t / t0) * (t / t0) });
             let solved = self.section.solve(demand, start).map_err(singular)?;
             neighbour = Some((t, solved.strain));
             shape.evaluations += solved.iterations;
@@ -187,7 +175,7 @@ impl Rod {
     /// # Errors
     /// As [`Rod::shape`].
     pub fn clamp_strain(&self, force: TipForce, tip_angle: f64) -> Result<Strain, SolveError> {
-        let tip = self.tip(force, tip_angle).map_err(singular)?;
+        let tip = self.tip_stretch(force, tip_angle).map_err(singular)?;
         let demand = self.demand(force, tip_angle, 1.0, tip);
         Ok(self.section.solve(demand, None).map_err(singular)?.strain)
     }
@@ -223,9 +211,7 @@ impl Rod {
                 }
             }
             if tries > 80 {
-                let lost = SolveError::SectionSingular {
-                    bending_strain: f64::NAN,
-                };
+                let lost = SolveError::SectionSingular { bending_strain: f64::NAN };
                 return Err(broken.map_or(lost, |(_, e)| e));
             }
         }
@@ -238,11 +224,7 @@ impl Rod {
                 low = angle
             }
             let newton = angle - error * self.length_m / shape.length.by_angle;
-            let next = if newton > low && newton < high {
-                newton
-            } else {
-                0.5 * (low + high)
-            };
+            let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
             if (next - angle).abs() <= 1e-15 * angle || error.abs() < 1e-15 {
                 break;
             }
@@ -264,7 +246,5 @@ impl Rod {
 }
 
 fn singular(s: Singular) -> SolveError {
-    SolveError::SectionSingular {
-        bending_strain: s.bending_strain,
-    }
+    SolveError::SectionSingular { bending_strain: s.bending_strain }
 }

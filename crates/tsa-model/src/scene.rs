@@ -127,25 +127,13 @@ impl Rig {
     }
 
     fn validate(&self) -> Result<(), ParameterError> {
-        let refuse = |parameter, value, reason| {
-            Err(ParameterError {
-                parameter,
-                value,
-                reason,
-            })
-        };
+        let refuse = |parameter, value, reason| Err(ParameterError { parameter, value, reason });
         let positive = [
             ("rig.gear_ratio", f64::from(self.gear_ratio[0].min(self.gear_ratio[1]))),
             ("rig.encoder_lines", f64::from(self.encoder_lines)),
             ("rig.motor_speed_max_rad_per_s", self.motor_speed_max_rad_per_s),
-            (
-                "rig.motor_acceleration_max_rad_per_s2",
-                self.motor_acceleration_max_rad_per_s2,
-            ),
-            (
-                "rig.motor_torque_constant_nm_per_a",
-                self.motor_torque_constant_nm_per_a,
-            ),
+            ("rig.motor_acceleration_max_rad_per_s2", self.motor_acceleration_max_rad_per_s2),
+            ("rig.motor_torque_constant_nm_per_a", self.motor_torque_constant_nm_per_a),
             ("rig.motor_resistance_ohm", self.motor_resistance_ohm),
             ("rig.rotor_inertia_kg_m2", self.rotor_inertia_kg_m2),
             ("rig.supply_voltage_v", self.supply_voltage_v),
@@ -159,27 +147,15 @@ impl Rig {
             }
         }
         if self.encoder_lines > 65_536 {
-            return refuse(
-                "rig.encoder_lines",
-                f64::from(self.encoder_lines),
-                "must be at most 65536",
-            );
+            return refuse("rig.encoder_lines", f64::from(self.encoder_lines), "must be at most 65536");
         }
         // The command carries an i16 in rpm, the limit an i16 in mA (hardware.md section 1).
         if self.motor_speed_max_rad_per_s * 60.0 / std::f64::consts::TAU > 32_767.0 {
             let value = self.motor_speed_max_rad_per_s;
-            return refuse(
-                "rig.motor_speed_max_rad_per_s",
-                value,
-                "must be below 32767 rpm, the drive's range",
-            );
+            return refuse("rig.motor_speed_max_rad_per_s", value, "must be below 32767 rpm, the drive's range");
         }
         if self.drive_current_limit_a > 32.767 {
-            return refuse(
-                "rig.drive_current_limit_a",
-                self.drive_current_limit_a,
-                "must be at most 32.767 A",
-            );
+            return refuse("rig.drive_current_limit_a", self.drive_current_limit_a, "must be at most 32.767 A");
         }
         if self.drive_group > 7 {
             return refuse("rig.drive_group", f64::from(self.drive_group), "must be from 0 to 7");
@@ -197,11 +173,7 @@ impl Rig {
         }
         let span = (self.lvdt_volts_at_stroke - self.lvdt_volts_at_zero).abs();
         if span < 0.1 * self.adc_reference_v {
-            return refuse(
-                "rig.lvdt_volts_at_stroke",
-                span,
-                "the stroke must use at least a tenth of the ADC's range",
-            );
+            return refuse("rig.lvdt_volts_at_stroke", span, "the stroke must use at least a tenth of the ADC's range");
         }
         if !self.lvdt_gap_at_zero_m.is_finite() {
             return refuse("rig.lvdt_gap_at_zero_m", self.lvdt_gap_at_zero_m, "must be finite");
@@ -247,10 +219,8 @@ impl Scene {
     /// [`SceneError`] naming the file or the key.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, SceneError> {
         let path = path.as_ref();
-        let text = std::fs::read_to_string(path).map_err(|source| SceneError::Read {
-            path: path.to_path_buf(),
-            source,
-        })?;
+        let text =
+            std::fs::read_to_string(path).map_err(|source| SceneError::Read { path: path.to_path_buf(), source })?;
         Self::from_toml_str(&text)
     }
 
@@ -263,13 +233,7 @@ impl Scene {
         self.string.validate()?;
         self.material.validate()?;
         self.rig.validate()?;
-        let refuse = |parameter, value, reason| {
-            Err(ParameterError {
-                parameter,
-                value,
-                reason,
-            })
-        };
+        let refuse = |parameter, value, reason| Err(ParameterError { parameter, value, reason });
         if let Some(Envelope { load_n, turns }) = self.envelope {
             if !(load_n[0] >= crate::mechanism::LIGHT_LOAD_N && load_n[0].is_finite()) {
                 return refuse(
@@ -281,26 +245,16 @@ impl Scene {
             if !(load_n[1] > load_n[0] && load_n[1].is_finite()) {
                 return refuse("envelope.load_n", load_n[1], "must end above its start");
             }
-            if !(turns[0] >= 0.0) {
-                return refuse(
-                    "envelope.turns",
-                    turns[0],
-                    "must start at 0 or above, where the strings touch",
-                );
+            if turns[0] < 0.0 || turns[0].is_nan() {
+                return refuse("envelope.turns", turns[0], "must start at 0 or above, where the strings touch");
             }
             if !(turns[1] > turns[0] && turns[1].is_finite()) {
                 return refuse("envelope.turns", turns[1], "must end above its start");
             }
         }
-        if let Some(Accuracy {
-            contraction_m,
-            tr_relative,
-        }) = self.accuracy
-        {
-            for (parameter, value) in [
-                ("accuracy.contraction_m", contraction_m),
-                ("accuracy.tr_relative", tr_relative),
-            ] {
+        if let Some(Accuracy { contraction_m, tr_relative }) = self.accuracy {
+            for (parameter, value) in [("accuracy.contraction_m", contraction_m), ("accuracy.tr_relative", tr_relative)]
+            {
                 if !(value > 0.0 && value.is_finite()) {
                     return refuse(parameter, value, "must be above 0 and finite");
                 }

@@ -52,8 +52,8 @@ pub(crate) struct Demand {
     pub n: f64,
     /// Axial force at the tip less the one here, over A·E (given apart, so that no digit cancels).
     pub n_tip_less_n: f64,
-    /// e_l n_l − w0(e_l) of the tip.
-    pub tip_constant: f64,
+    /// Stretch of the axis at the tip.
+    pub tip_stretch: f64,
 }
 
 /// A solved section with the Jacobian of its two equations.
@@ -79,13 +79,18 @@ pub(crate) struct Singular {
     pub bending_strain: f64,
 }
 
+impl Equations {
+    /// Derivatives of the axial force and of the first integral by e and y.
+    fn jacobian(&self, n: f64) -> [f64; 4] {
+        [self.n_e, self.n_y, self.q_e + n - self.stress, self.q_y]
+    }
+}
+
 impl Section {
     /// The section of a rod of this material.
     pub fn new(material: &Material) -> Self {
         let e = material.stress_coefficients_pa[0];
-        Self {
-            a: material.stress_coefficients_pa.map(|a| a / e),
-        }
+        Self { a: material.stress_coefficients_pa.map(|a| a / e) }
     }
 
     fn terms(&self, e: f64) -> Terms {
@@ -157,58 +162,60 @@ impl Section {
             }
         }
         // Rounding may keep the last bit moving; anything worse is a flat curve.
-        if (self.terms(e).stress - n).abs() <= 1e-14 * n.abs() {
-            Ok(e)
-        } else {
-            Err(Singular { bending_strain: 0.0 })
-        }
+        if (self.terms(e).stress - n).abs() <= 1e-14 * n.abs() { Ok(e) } else { Err(Singular { bending_strain: 0.0 }) }
     }
 
-    /// Strain at which the axial force is `demand.n` and the first integral has the tip's value:
-    /// q(e, y) + e n − w0(e) = (n_l − n) + e_l n_l − w0(e_l).
-    /// `start` is a neighbour's strain, or `None` to begin from the straight line.
+    /// σ(e1) − σ(e0) over e1 − e0, and w0(e1) − w0(e0) over e1 − e0, without cancellation.
+    fn divided_differences(&self, e1: f64, e0: f64) -> (f64, f64) {
+        let (mut stress, mut energy) = (0.0, 0.0);
+        // complete[i] = Σ e1^(i−k) e0^k
+        let (mut complete, mut power) = (1.0, 1.0);
+        for (i, a) in self.a.iter().enumerate() {
+            stress += a * complete;
+            power *= e0;
+            complete = complete * e1 + power;
+            energy += a * complete / (i as f64 + 2.0);
+        }
+        (stress, energy)
+    }
+
+    /// Strain at which the axial force is `demand.n` and the first integral has the tip's value (subscript l):
+    /// q(e, y) + e n − w0(e) = (n_l − n) + e_l n_l − w0(e_l). Both are written in e_l − e, so that no digit cancels
+    /// near the tip. `start` is a neighbour's strain, or `None` to begin from the straight line.
     pub(crate) fn solve(&self, demand: Demand, start: Option<Strain>) -> Result<Solved, Singular> {
-        let right = demand.n_tip_less_n + demand.tip_constant;
-        let (mut e, mut y) = match start {
-            Some(s) => (s.axial, s.bending_squared),
-            None => (demand.n, 8.0 * demand.n_tip_less_n),
+        let Demand { n, n_tip_less_n, tip_stretch } = demand;
+        let (mut less, mut y) = match start {
+            Some(s) => (tip_stretch - s.axial, s.bending_squared),
+            None => (n_tip_less_n, 8.0 * n_tip_less_n),
         };
         let mut iterations = 0;
         loop {
+            let e = tip_stretch - less;
             let eq = self.equations(e, y);
-            let jacobian = [eq.n_e, eq.n_y, eq.q_e + demand.n - eq.stress, eq.q_y];
-            let [a, b, c, d] = jacobian;
+            let [a, b, c, d] = eq.jacobian(n);
             let det = a * d - b * c;
-            let singular = Singular {
-                bending_strain: crate::math::sqrt(y.max(0.0)),
-            };
+            let singular = Singular { bending_strain: crate::math::sqrt(y.max(0.0)) };
             // `!(… > 0)` also catches NaN.
             if !(det > 0.0 && a > 0.0) {
                 return Err(singular);
             }
-            let (r1, r2) = (demand.n - eq.n, right - (eq.q + e * demand.n - self.stretch_energy(e)));
+            let (slope, mean) = self.divided_differences(tip_stretch, e);
+            let bent = eq.n - eq.stress;
+            let r1 = less * slope - bent - n_tip_less_n;
+            let r2 = n_tip_less_n * (1.0 + tip_stretch) + less * (n - mean) - eq.q;
             let (mut de, mut dy) = ((r1 * d - r2 * b) / det, (a * r2 - c * r1) / det);
             // y must stay positive: shorten a step that would leave.
             let scale = if y + dy <= 0.1 * y { 0.9 * y / -dy } else { 1.0 };
             de *= scale;
             dy *= scale;
-            e += de;
+            less -= de;
             y += dy;
             iterations += 1;
-            let small = dy.abs() <= 1e-15 * y && de.abs() <= 1e-15 * (e.abs() + 1e-3);
             // Quadratic convergence: a step of 1e-9 leaves 1e-18.
-            let last = scale == 1.0 && dy.abs() <= 1e-9 * y && de.abs() <= 1e-9 * (e.abs() + 1e-3);
-            if small || last {
-                let eq = self.equations(e, y);
-                let jacobian = [eq.n_e, eq.n_y, eq.q_e + demand.n - eq.stress, eq.q_y];
-                return Ok(Solved {
-                    strain: Strain {
-                        axial: e,
-                        bending_squared: y,
-                    },
-                    iterations,
-                    jacobian,
-                });
+            if scale == 1.0 && dy.abs() <= 1e-9 * y && de.abs() <= 1e-9 * (less.abs() + y) {
+                let strain = Strain { axial: tip_stretch - less, bending_squared: y };
+                let jacobian = self.equations(strain.axial, y).jacobian(n);
+                return Ok(Solved { strain, iterations, jacobian });
             }
             if iterations >= 60 {
                 return Err(singular);

@@ -49,24 +49,16 @@ impl StringParameters {
         ];
         for (parameter, value) in positive {
             if !(value > 0.0 && value.is_finite()) {
-                return Err(ParameterError {
-                    parameter,
-                    value,
-                    reason: "must be above 0 and finite",
-                });
+                return Err(ParameterError { parameter, value, reason: "must be above 0 and finite" });
             }
         }
         for (parameter, value) in [("string.k2", self.k2), ("string.k3", self.k3)] {
             if !(value >= 0.0 && value.is_finite()) {
-                return Err(ParameterError {
-                    parameter,
-                    value,
-                    reason: "must be at least 0 and finite",
-                });
+                return Err(ParameterError { parameter, value, reason: "must be at least 0 and finite" });
             }
         }
         match (self.radius_law, self.twist_exponent) {
-            (RadiusLaw::TwistPower, Some(p)) if p >= 0.0 && p <= 2.0 => Ok(()),
+            (RadiusLaw::TwistPower, Some(p)) if (0.0..=2.0).contains(&p) => Ok(()),
             (RadiusLaw::TwistPower, p) => Err(ParameterError {
                 parameter: "string.twist_exponent",
                 value: p.unwrap_or(f64::NAN),

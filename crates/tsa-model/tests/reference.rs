@@ -37,11 +37,7 @@ fn agrees_with_every_row_and_column() {
             // Printed to 12 digits; a contraction of exactly 0 at no turns has no relative error.
             let error = (value - reference).abs() / reference.abs().max(1e-6);
             let limit = if key == "tr_rad_per_m" { 1e-5 } else { 1e-7 };
-            assert!(
-                error < limit,
-                "{} {load} N {turns} turns: {key} {value} against {reference}",
-                row["scene"]
-            );
+            assert!(error < limit, "{} {load} N {turns} turns: {key} {value} against {reference}", row["scene"]);
             let w = worst.entry(key.to_string()).or_default();
             *w = w.max(error);
         }

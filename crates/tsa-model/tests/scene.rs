@@ -1,0 +1,67 @@
+//! Scene files: what is wrong is named.
+
+use tsa_model::{Scene, SceneError};
+
+fn default_text() -> String {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/default.toml");
+    std::fs::read_to_string(root).unwrap()
+}
+
+#[test]
+fn every_scene_in_the_folder_is_good() {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        Scene::load(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display())).mechanism().unwrap();
+    }
+}
+
+#[test]
+fn errors_name_the_key() {
+    let cases = [
+        ("rod_radius_m = 0.0005", "", "rod_radius_m"),
+        ("rod_radius_m = 0.0005", "rod_radius = 0.0005", "rod_radius"),
+        ("rod_radius_m = 0.0005", "rod_radius_m = \"thick\"", "rod_radius_m"),
+        ("rod_radius_m = 0.0005", "rod_radius_m = -0.0005", "geometry.rod_radius_m"),
+        ("rod_radius_m = 0.0005", "rod_radius_m = nan", "geometry.rod_radius_m"),
+        ("clamp_width_m = 0.006", "clamp_width_m = 0.06", "geometry.clamp_width_m"),
+        ("rod_span_m = 0.032", "rod_span_m = 0.2", "geometry.rod_span_m"),
+        ("twist_exponent = 0.4336", "", "string.twist_exponent"),
+        ("radius_law = \"twist-power\"", "radius_law = \"square\"", "radius_law"),
+        ("k1_per_n = 8.562", "k1_per_n = 0.0", "string.k1_per_n"),
+        ("stress_coefficients_pa = [2.267e10,", "stress_coefficients_pa = [-1.0,", "material.stress_coefficients_pa"),
+        ("load_n = [0.5, 18.0]", "load_n = [0.1, 18.0]", "envelope.load_n"),
+        ("load_n = [0.5, 18.0]", "load_n = [5.0, 1.0]", "envelope.load_n"),
+        ("turns = [0.0, 7.5]", "turns = [-1.0, 7.5]", "envelope.turns"),
+        ("contraction_m = 5e-6", "contraction_m = 0.0", "accuracy.contraction_m"),
+        ("gear_ratio = [62, 1]", "gear_ratio = [62, 0]", "rig.gear_ratio"),
+        ("drive_number = 1", "drive_number = 0", "rig.drive_number"),
+        ("drive_group = 0", "drive_group = 8", "rig.drive_group"),
+        ("lvdt_volts_at_stroke = 3.0", "lvdt_volts_at_stroke = 5.0", "rig.lvdt_volts_at_stroke"),
+        ("motor_speed_max_rad_per_s = 1047.0", "motor_speed_max_rad_per_s = 9999.0", "rig.motor_speed_max_rad_per_s"),
+        ("[material]", "[materials]", "materials"),
+    ];
+    for (from, to, key) in cases {
+        let text = default_text();
+        assert!(text.contains(from), "the default scene no longer has {from:?}");
+        let error = Scene::from_toml_str(&text.replace(from, to)).unwrap_err().to_string();
+        assert!(error.contains(key), "{from:?} -> {to:?}: {error}");
+    }
+}
+
+#[test]
+fn a_table_needs_envelope_and_accuracy() {
+    let text = default_text();
+    let start = text.find("# What the table must cover").unwrap();
+    let scene = Scene::from_toml_str(&text[..start]).unwrap();
+    assert!(matches!(scene.table_demand(), Err(SceneError::Missing { table: "envelope" })));
+    assert!(Scene::from_toml_str(&text).unwrap().table_demand().is_ok());
+}
+
+#[test]
+fn the_hash_sees_values_and_not_comments() {
+    let text = default_text();
+    let hash = |t: &str| Scene::from_toml_str(t).unwrap().hash();
+    assert_eq!(hash(&text), hash(&text.replace("# Assumed", "# assumed, says the author")));
+    assert_ne!(hash(&text), hash(&text.replace("k2 = 0.1914", "k2 = 0.1915")));
+}
