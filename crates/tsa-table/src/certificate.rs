@@ -1,0 +1,111 @@
+//! The proof that goes with a table: random points off any grid, and a search for the worst one.
+
+use crate::fit::{Errors, FitError, Reference, error_at, errors_over};
+use crate::lookup::Table;
+use rand::{RngExt, SeedableRng};
+
+/// Random points of a certificate.
+pub const RANDOM_POINTS: usize = 20_000;
+
+/// What was measured of a table against the full solver, in the f32 code that the board runs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Certificate {
+    /// Errors over all points, the worst one found by the search included.
+    pub errors: Errors,
+    /// Points sampled.
+    pub points: usize,
+    /// Load and twist of the worst contraction error (N, rad).
+    pub worst_contraction_at: [f64; 2],
+    /// Load and twist of the worst TR error (N, rad).
+    pub worst_tr_at: [f64; 2],
+    /// ∂G/∂θ < 0 and ∂G/∂F > 0 at every point of a dense grid: both inverses exist.
+    pub monotone: bool,
+}
+
+/// Measures a table at `points` random points and from the worst of them climbs to the worst there is.
+pub(crate) fn certify(table: &Table<'_>, reference: &Reference<'_>, points: usize) -> Result<Certificate, FitError> {
+    let [f0, f1] = reference.load_n;
+    let [t0, t1] = reference.twist_rad;
+    // Half of the points spread evenly over the load, half over its logarithm: the light end is where it is hard.
+    let state = |u: f64, v: f64, even: bool| {
+        let load = if even { f0 + (f1 - f0) * u } else { f0 * (f1 / f0).powf(u) };
+        (load.clamp(f0, f1), t0 + (t1 - t0) * v)
+    };
+    // The seed is the scene's, so that a certificate can be made again.
+    let mut random = rand_pcg::Pcg64Mcg::seed_from_u64(u64::from(table.metadata.scene_hash));
+    let mut exact = Vec::with_capacity(points);
+    for k in 0..points {
+        let (u, v): (f64, f64) = (random.random(), random.random());
+        let (load, twist) = state(u, v, k % 2 == 0);
+        exact.push(reference.exact(load, twist)?);
+    }
+    let mut errors = errors_over(table, &exact);
+    let mut worst = [[f0, t0], [f0, t0]];
+    for (which, at) in worst.iter_mut().enumerate() {
+        let pick = |p: &crate::fit::Exact| {
+            let (contraction, tr) = error_at(table, p);
+            if which == 0 { contraction } else { tr }
+        };
+        let mut order: Vec<(f64, [f64; 2])> = exact.iter().map(|p| (pick(p), [p.load_n, p.twist_rad])).collect();
+        order.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let mut best = order[0];
+        for start in order.iter().take(24) {
+            let climbed = climb(*start, [f0, f1], [t0, t1], |load, twist| Ok(pick(&reference.exact(load, twist)?)))?;
+            if climbed.0 > best.0 {
+                best = climbed;
+            }
+        }
+        *at = best.1;
+        let field = if which == 0 { &mut errors.contraction_max_m } else { &mut errors.tr_max };
+        *field = field.max(best.0);
+    }
+    Ok(Certificate {
+        errors,
+        points,
+        worst_contraction_at: worst[0],
+        worst_tr_at: worst[1],
+        monotone: is_monotone(table),
+    })
+}
+
+/// Pattern search from a point: steps that halve when no neighbour is worse.
+fn climb(
+    start: (f64, [f64; 2]),
+    loads: [f64; 2],
+    twists: [f64; 2],
+    error: impl Fn(f64, f64) -> Result<f64, FitError>,
+) -> Result<(f64, [f64; 2]), FitError> {
+    let mut best = start;
+    let (mut load_step, mut twist_step) = (0.05, 0.02 * (twists[1] - twists[0]));
+    while load_step > 1e-4 {
+        let [load, twist] = best.1;
+        let before = best.0;
+        for (a, b) in [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0), (1.0, 1.0), (-1.0, -1.0)] {
+            let l = (load * (1.0 + a * load_step)).clamp(loads[0], loads[1]);
+            let t = (twist + b * twist_step).clamp(twists[0], twists[1]);
+            let e = error(l, t)?;
+            if e > best.0 {
+                best = (e, [l, t]);
+            }
+        }
+        if best.0 <= before {
+            load_step *= 0.5;
+            twist_step *= 0.5;
+        }
+    }
+    Ok(best)
+}
+
+fn is_monotone(table: &Table<'_>) -> bool {
+    const N: u32 = 240;
+    let m = &table.metadata;
+    let at = |min: f32, max: f32, k: u32| (min + (max - min) * k as f32 / N as f32).clamp(min, max);
+    (0..=N).all(|i| {
+        let share = (i as f32 / N as f32).powi(2);
+        let load = (m.load_min_n + (m.load_max_n - m.load_min_n) * share).clamp(m.load_min_n, m.load_max_n);
+        (0..=N).all(|j| {
+            let p = table.evaluate(load, at(m.twist_min_rad, m.twist_max_rad, j));
+            p.dgap_dtwist_m_per_rad < 0.0 && p.dgap_dload_m_per_n > 0.0
+        })
+    })
+}

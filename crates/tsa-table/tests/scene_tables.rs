@@ -1,0 +1,152 @@
+//! Tables of real scenes against the full solver, through the code that the board runs.
+
+use std::sync::OnceLock;
+use tsa_model::{Scene, twist_from_turns};
+use tsa_table::fit::{Fit, FitError, fit};
+use tsa_table::{Form, InverseError, LoadMap};
+
+fn scene() -> Scene {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/default.toml");
+    Scene::load(root).unwrap()
+}
+
+fn default_fit() -> &'static Fit {
+    static FIT: OnceLock<Fit> = OnceLock::new();
+    FIT.get_or_init(|| fit(&scene()).unwrap())
+}
+
+#[test]
+fn the_default_table_meets_its_scene_in_few_bytes() {
+    let fit = default_fit();
+    for c in &fit.candidates {
+        println!(
+            "{:5} {:18} {:28} {:?} {} B, contraction {:.2e} (rms {:.1e}) m, TR {:.2e} (rms {:.1e})",
+            c.passes,
+            c.table.numbers.kind(),
+            c.table.numbers.size(),
+            c.table.metadata.load_map,
+            c.table.numbers.form().bytes(),
+            c.errors.contraction_max_m,
+            c.errors.contraction_rms_m,
+            c.errors.tr_max,
+            c.errors.tr_rms
+        );
+    }
+    println!("{:?}", fit.certificate);
+    let e = &fit.certificate.errors;
+    assert!(e.contraction_max_m <= 5e-6 && e.tr_max <= 2e-3);
+    assert!(fit.certificate.points >= 20_000 && fit.certificate.monotone);
+    let table = fit.table.table();
+    assert!(table.form.bytes() <= 512, "{} bytes", table.form.bytes());
+    assert!(table.is_intact());
+    assert!(table.metadata.contraction_error_m > 0.0 && table.metadata.tr_relative_error > 0.0);
+}
+
+#[test]
+fn a_flipped_bit_is_found() {
+    let fit = default_fit();
+    let mut broken = fit.table.clone();
+    broken.metadata.load_max_n += 1.0;
+    assert!(!broken.table().is_intact());
+    let mut broken = fit.table.clone();
+    match &mut broken.numbers {
+        tsa_table::fit::Numbers::Series { coefficients, .. } => {
+            coefficients[3] = f32::from_bits(coefficients[3].to_bits() ^ 1)
+        }
+        tsa_table::fit::Numbers::Hermite { nodes, .. } => nodes[3][0] = f32::from_bits(nodes[3][0].to_bits() ^ 1),
+        tsa_table::fit::Numbers::Bilinear { nodes, .. } => nodes[3] = f32::from_bits(nodes[3].to_bits() ^ 1),
+    }
+    assert!(!broken.table().is_intact());
+}
+
+#[test]
+fn inverses_close_to_the_certificates_error() {
+    let table = default_fit().table.table();
+    let m = table.metadata;
+    for i in 0..40 {
+        for j in 0..40 {
+            let load = m.load_min_n * (m.load_max_n / m.load_min_n).powf(i as f32 / 39.0);
+            let twist = m.twist_min_rad + (m.twist_max_rad - m.twist_min_rad) * j as f32 / 39.0;
+            let load = load.clamp(m.load_min_n, m.load_max_n);
+            let gap = table.look_up(load, twist).unwrap().gap_m;
+            let found = table.load_from_gap(twist, gap).unwrap();
+            let back = table.look_up(found.load_n, twist).unwrap().gap_m;
+            assert!((back - gap).abs() < 1e-6, "load {load} twist {twist}: {back} {gap}");
+            assert!((found.load_n - load).abs() < 1e-4 * load, "{} for {load}", found.load_n);
+            let found = table.twist_from_gap(load, gap).unwrap();
+            let back = table.look_up(load, found).unwrap().gap_m;
+            assert!((back - gap).abs() < 1e-6, "load {load} twist {twist}: {back} {gap}");
+        }
+    }
+}
+
+#[test]
+fn outside_the_envelope_is_refused_by_name() {
+    let table = default_fit().table.table();
+    let m = table.metadata;
+    assert_eq!(table.look_up(0.4, 10.0).unwrap_err().parameter, "load_n");
+    assert_eq!(table.look_up(18.1, 10.0).unwrap_err().parameter, "load_n");
+    assert_eq!(table.look_up(f32::NAN, 10.0).unwrap_err().parameter, "load_n");
+    assert_eq!(table.look_up(1.0, 3.0).unwrap_err().parameter, "twist_rad");
+    assert_eq!(table.look_up(1.0, 51.0).unwrap_err().parameter, "twist_rad");
+    assert_eq!(table.look_up(1.0, f32::INFINITY).unwrap_err().parameter, "twist_rad");
+    // On the edge, up to rounding, is inside.
+    assert!(table.look_up(0.5, twist_from_turns(7.5) as f32).is_ok());
+    assert!(table.look_up(18.0, m.twist_min_rad).is_ok());
+    let low = table.look_up(m.load_min_n, 20.0).unwrap().gap_m;
+    assert!(matches!(table.load_from_gap(20.0, low - 1e-3), Err(InverseError::Gap { .. })));
+    assert!(matches!(table.load_from_gap(20.0, f32::NAN), Err(InverseError::Gap { .. })));
+    assert!(matches!(table.load_from_gap(2.0, low), Err(InverseError::Given(e)) if e.parameter == "twist_rad"));
+    assert!(matches!(table.twist_from_gap(5.0, 0.2), Err(InverseError::Gap { .. })));
+    assert!(matches!(table.twist_from_gap(f32::NAN, low), Err(InverseError::Given(e)) if e.parameter == "load_n"));
+}
+
+#[test]
+fn tighter_accuracy_makes_a_larger_table_and_looser_a_smaller_one() {
+    let bytes = |contraction_m: f64, tr_relative: f64| {
+        let mut s = scene();
+        s.accuracy = Some(tsa_model::scene::Accuracy { contraction_m, tr_relative });
+        fit(&s).unwrap().table.numbers.form().bytes()
+    };
+    let (tight, middle, loose) = (bytes(1e-6, 5e-4), bytes(5e-6, 2e-3), bytes(1e-4, 2e-2));
+    println!("{tight} {middle} {loose} bytes");
+    assert!(tight > middle && middle > loose);
+}
+
+#[test]
+fn an_envelope_past_a_limit_names_the_limit_and_the_first_point() {
+    let mut s = scene();
+    s.envelope = Some(tsa_model::scene::Envelope { load_n: [0.5, 18.0], turns: [0.0, 10.0] });
+    let FitError::Envelope { load_n, turns, source } = fit(&s).unwrap_err() else { panic!("not refused") };
+    assert_eq!(source.kind(), "overtwist");
+    assert!(load_n < 2.0 && turns > 8.0, "{load_n} N, {turns} turns");
+    s.accuracy = Some(tsa_model::scene::Accuracy { contraction_m: 1e-12, tr_relative: 1e-3 });
+    s.envelope = Some(tsa_model::scene::Envelope { load_n: [0.5, 18.0], turns: [0.0, 7.5] });
+    assert!(matches!(fit(&s), Err(FitError::Accuracy { .. })));
+}
+
+#[test]
+fn every_form_agrees_with_its_own_gradient() {
+    for c in &default_fit().candidates {
+        let table = c.table.table();
+        if matches!(table.form, Form::Bilinear { .. }) || table.metadata.load_map == LoadMap::InverseRoot {
+            continue; // A bilinear patch has no gradient across its edges; the maps differ only by a chain rule.
+        }
+        for (load, twist) in [(0.9f32, 5.0f32), (4.0, 20.0), (13.0, 44.0)] {
+            let p = table.look_up(load, twist).unwrap();
+            let (df, dt) = (0.02 * load, 0.1);
+            let by_load = (table.look_up(load + df, twist).unwrap().gap_m
+                - table.look_up(load - df, twist).unwrap().gap_m)
+                / (2.0 * df);
+            let by_twist = (table.look_up(load, twist + dt).unwrap().gap_m
+                - table.look_up(load, twist - dt).unwrap().gap_m)
+                / (2.0 * dt);
+            assert!((p.dgap_dload_m_per_n / by_load - 1.0).abs() < 0.01, "{} {load} {twist}", c.table.numbers.kind());
+            assert!(
+                (p.dgap_dtwist_m_per_rad / by_twist - 1.0).abs() < 0.01,
+                "{} {load} {twist}",
+                c.table.numbers.kind()
+            );
+        }
+    }
+}
