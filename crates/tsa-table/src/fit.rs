@@ -269,8 +269,8 @@ pub(crate) fn errors_over(table: &Table<'_>, points: &[Exact]) -> Errors {
 /// # Errors
 /// [`FitError`]: the scene, the first point at which the envelope breaks the model, or an accuracy out of reach.
 pub fn fit(scene: &Scene) -> Result<Fit, FitError> {
-    let (Envelope { load_n, .. }, accuracy) = scene.table_demand()?;
-    let (envelope, _) = scene.table_demand()?;
+    let (envelope, accuracy) = scene.table_demand()?;
+    let Envelope { load_n, .. } = envelope;
     let mechanism = scene.mechanism()?;
     // Contraction is counted from the pre-twist, so a table always reaches down to it.
     let twist_rad = [PRETWIST_RAD, envelope.twist_rad()[1]];
@@ -434,8 +434,8 @@ fn cut(coefficients: &[Vec<f64>], threshold: f64, slope_weight: f64) -> Numbers 
     let mut in_x = vec![vec![0.0; width]; rows.len()];
     for j in 0..width {
         let column: Vec<f64> = rows.iter().map(|r| r.get(j).copied().unwrap_or(0.0)).collect();
-        for (i, p) in powers(&column).into_iter().enumerate() {
-            in_x[i][j] = p;
+        for (row, p) in in_x.iter_mut().zip(powers(&column)) {
+            row[j] = p;
         }
     }
     let (mut row_lengths, mut flat) = (Vec::new(), Vec::new());
