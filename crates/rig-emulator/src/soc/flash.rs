@@ -1,0 +1,152 @@
+//! Flash interface (RM0390 chapter 3): wait states, programming and erasing.
+//!
+//! The firmware runs from the flash it programs, so the core stalls for as long as an operation takes; peripherals go on.
+
+use super::memory::{FLASH_BASE, Memory};
+
+/// Programming a word (DS10693 table 48, x32 parallelism).
+const PROGRAM_S: f64 = 16e-6;
+/// Size in KiB and erase time of every sector (DS10693 table 48, typical at x32).
+const SECTORS: [(usize, f64); 8] =
+    [(16, 0.25), (16, 0.25), (16, 0.25), (16, 0.25), (64, 0.55), (128, 1.0), (128, 1.0), (128, 1.0)];
+
+const PG: u32 = 1 << 0;
+const SER: u32 = 1 << 1;
+const MER: u32 = 1 << 2;
+const STRT: u32 = 1 << 16;
+const EOPIE: u32 = 1 << 24;
+const LOCK: u32 = 1 << 31;
+
+const EOP: u32 = 1 << 0;
+const PGAERR: u32 = 1 << 5;
+const PGPERR: u32 = 1 << 6;
+const PGSERR: u32 = 1 << 7;
+
+/// Flash interface registers.
+#[derive(Debug)]
+pub struct Flash {
+    acr: u32,
+    sr: u32,
+    cr: u32,
+    /// The first key has been written.
+    half_open: bool,
+    /// A wrong key locks until the next reset.
+    jammed: bool,
+}
+
+impl Default for Flash {
+    fn default() -> Self {
+        Self { acr: 0, sr: 0, cr: LOCK, half_open: false, jammed: false }
+    }
+}
+
+impl Flash {
+    /// Wait states in force.
+    pub fn wait_states(&self) -> u32 {
+        self.acr & 0xF
+    }
+
+    /// Read a register.
+    pub fn read(&self, offset: u32) -> Option<u32> {
+        Some(match offset {
+            0x00 => self.acr,
+            0x04 | 0x08 => 0,
+            0x0C => self.sr,
+            0x10 => self.cr,
+            0x14 => 0x0FFF_AAED,
+            _ => return None,
+        })
+    }
+
+    /// Write a register; gives the seconds for which the core stalls.
+    pub fn write(&mut self, offset: u32, value: u32, memory: &mut Memory) -> Option<f64> {
+        match offset {
+            0x00 => self.acr = value,
+            0x04 => self.key(value),
+            0x0C => self.sr &= !value,
+            0x10 if self.cr & LOCK == 0 => {
+                self.cr = value & !STRT;
+                if value & STRT != 0 {
+                    return Some(self.start(memory));
+                }
+            }
+            0x10 => self.cr |= value & LOCK,
+            _ => return None,
+        }
+        Some(0.0)
+    }
+
+    fn key(&mut self, value: u32) {
+        match (self.half_open, value) {
+            (false, 0x4567_0123) => self.half_open = true,
+            (true, 0xCDEF_89AB) if !self.jammed => {
+                self.half_open = false;
+                self.cr &= !LOCK;
+            }
+            _ => {
+                self.half_open = false;
+                self.jammed = true;
+            }
+        }
+    }
+
+    fn start(&mut self, memory: &mut Memory) -> f64 {
+        let sector = (self.cr >> 3 & 0xF) as usize;
+        // Mass erase would erase the running program; nothing here wants it.
+        if self.cr & SER == 0 || self.cr & (PG | MER) != 0 || sector >= SECTORS.len() {
+            self.sr |= PGSERR;
+            return 0.0;
+        }
+        let first: usize = SECTORS[..sector].iter().map(|(kib, _)| kib << 10).sum();
+        let (kib, seconds) = SECTORS[sector];
+        memory
+            .flash
+            .write(FLASH_BASE + first as u32, &vec![0xFF; kib << 10])
+            .expect("the sector table covers the flash exactly");
+        self.done();
+        seconds
+    }
+
+    fn done(&mut self) {
+        // EOP is set only with its interrupt enabled (RM0390 section 3.8.4).
+        if self.cr & EOPIE != 0 {
+            self.sr |= EOP;
+        }
+    }
+
+    /// The core writes into flash; gives the seconds for which it stalls.
+    pub fn program(&mut self, address: u32, size: usize, value: u64, memory: &mut Memory) -> f64 {
+        if self.cr & LOCK != 0 || self.cr & PG == 0 || self.cr & (SER | MER) != 0 {
+            self.sr |= PGSERR;
+            return 0.0;
+        }
+        if 1 << (self.cr >> 8 & 3) != size {
+            self.sr |= PGPERR;
+            return 0.0;
+        }
+        if address as usize % size != 0 {
+            self.sr |= PGAERR;
+            return 0.0;
+        }
+        let mut old = [0; 8];
+        let old = &mut old[..size];
+        if memory.flash.read(address, old).is_none() {
+            self.sr |= PGAERR;
+            return 0.0;
+        }
+        // Programming only clears bits.
+        old.iter_mut().zip(value.to_le_bytes()).for_each(|(old, new)| *old &= new);
+        memory.flash.write(address, old).expect("it was read from there");
+        self.done();
+        PROGRAM_S
+    }
+}
+
+/// Sectors that a write or an erase may have changed need their translated code dropped; this tells sector from address.
+pub fn sector_of(address: u32) -> Option<usize> {
+    let mut end = FLASH_BASE;
+    SECTORS.iter().position(|(kib, _)| {
+        end += (kib << 10) as u32;
+        (FLASH_BASE..end).contains(&address)
+    })
+}

@@ -1,0 +1,145 @@
+//! Address map (RM0390 table 1) and which RCC bits belong to which peripheral.
+
+use super::rcc::{Gate, ahb1, apb1, apb2};
+use super::{can, tim, usart};
+use std::fmt;
+
+/// A peripheral, with its index among its kind.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unit {
+    /// Reset and clock control.
+    Rcc,
+    /// Power control.
+    Pwr,
+    /// Flash interface.
+    Flash,
+    /// GPIO port, 0 is A.
+    Gpio(usize),
+    /// External interrupts.
+    Exti,
+    /// System configuration.
+    Syscfg,
+    /// Independent watchdog.
+    Iwdg,
+    /// Index into [`tim::TIMERS`].
+    Timer(usize),
+    /// Index into [`usart::USARTS`].
+    Usart(usize),
+    /// CAN1.
+    Can,
+    /// ADC1 and the common registers.
+    Adc,
+    /// DMA controller, 0 is DMA1.
+    Dma(usize),
+    /// DBGMCU.
+    Debug,
+    /// Interrupt controller.
+    Nvic,
+    /// The rest of the core's registers.
+    Core,
+    /// Nothing modelled.
+    None,
+}
+
+impl fmt::Display for Unit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::Gpio(port) => write!(f, "GPIO{}", (b'A' + port as u8) as char),
+            Self::Timer(i) => write!(f, "TIM{}", tim::TIMERS[i].number),
+            Self::Usart(i) => write!(f, "USART{}", usart::USARTS[i].number),
+            Self::Can => f.write_str("CAN1"),
+            Self::Adc => f.write_str("ADC1"),
+            Self::Dma(i) => write!(f, "DMA{}", i + 1),
+            Self::Syscfg => f.write_str("SYSCFG"),
+            Self::Pwr => f.write_str("PWR"),
+            other => write!(f, "{other:?}"),
+        }
+    }
+}
+
+/// First register of the NVIC.
+pub const NVIC: u32 = 0xE000_E100;
+
+/// Peripherals that the RCC, and every reset of the chip, can reset.
+pub const RESETTABLE: [Unit; 26] = [
+    Unit::Gpio(0),
+    Unit::Gpio(1),
+    Unit::Gpio(2),
+    Unit::Gpio(3),
+    Unit::Gpio(4),
+    Unit::Gpio(5),
+    Unit::Gpio(6),
+    Unit::Gpio(7),
+    Unit::Timer(0),
+    Unit::Timer(1),
+    Unit::Timer(2),
+    Unit::Timer(3),
+    Unit::Timer(4),
+    Unit::Timer(5),
+    Unit::Timer(6),
+    Unit::Timer(7),
+    Unit::Usart(0),
+    Unit::Usart(1),
+    Unit::Usart(2),
+    Unit::Usart(3),
+    Unit::Can,
+    Unit::Adc,
+    Unit::Dma(0),
+    Unit::Dma(1),
+    Unit::Syscfg,
+    Unit::Pwr,
+];
+
+/// The peripheral at an address.
+pub fn unit_at(address: u32) -> Unit {
+    match address {
+        0xE000_E100..=0xE000_E4FF => return Unit::Nvic,
+        0xE000_1000..=0xE000_1FFF | 0xE000_E000..=0xE000_EFFF => return Unit::Core,
+        _ => {}
+    }
+    match address & !0x3FF {
+        0x4002_3800 => Unit::Rcc,
+        0x4000_7000 => Unit::Pwr,
+        0x4002_3C00 => Unit::Flash,
+        base @ 0x4002_0000..=0x4002_1C00 => Unit::Gpio((base - 0x4002_0000) as usize / 0x400),
+        0x4001_3C00 => Unit::Exti,
+        0x4001_3800 => Unit::Syscfg,
+        0x4000_3000 => Unit::Iwdg,
+        can::BASE => Unit::Can,
+        0x4001_2000 => Unit::Adc,
+        0x4002_6000 => Unit::Dma(0),
+        0x4002_6400 => Unit::Dma(1),
+        0xE004_2000 => Unit::Debug,
+        base => {
+            let timer = tim::TIMERS.iter().position(|kind| kind.base == base).map(Unit::Timer);
+            let usart = || usart::USARTS.iter().position(|kind| kind.base == base).map(Unit::Usart);
+            timer.or_else(usart).unwrap_or(Unit::None)
+        }
+    }
+}
+
+/// The RCC bits of a peripheral, if it has any.
+pub fn gate(unit: Unit) -> Option<Gate> {
+    Some(match unit {
+        Unit::Gpio(port) => ahb1(port as u8),
+        Unit::Dma(i) => ahb1(21 + i as u8),
+        Unit::Timer(i) => tim::TIMERS[i].gate,
+        Unit::Usart(i) => usart::USARTS[i].gate,
+        Unit::Can => can::GATE,
+        Unit::Adc => apb2(8),
+        Unit::Syscfg => apb2(14),
+        Unit::Pwr => apb1(28),
+        _ => return None,
+    })
+}
+
+/// Registers that may be written in bytes or halfwords: 16-bit peripherals, priorities, and GPIO's data registers.
+pub fn takes_narrow_writes(unit: Unit, address: u32) -> bool {
+    match unit {
+        Unit::Timer(_) | Unit::Usart(_) => address & 3 == 0,
+        Unit::Nvic => true,
+        Unit::Core => (0xE000_ED18..0xE000_ED24).contains(&address),
+        Unit::Gpio(_) => matches!(address & 0x3FF, 0x18 | 0x1A),
+        _ => false,
+    }
+}

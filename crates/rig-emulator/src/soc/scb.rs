@@ -1,0 +1,160 @@
+//! System control block, SysTick and DWT cycle counter (PM0214 chapter 4, ARMv7-M architecture manual C1.8).
+
+use super::clock::{Clock, NEVER};
+use super::nvic::{Nvic, exception};
+
+/// CPUID of the Cortex-M4 r0p1.
+const CPUID: u32 = 0x410F_C241;
+/// FPCCR with ASPEN and LSPEN, their reset value: the emulator stacks eagerly, which firmware cannot tell.
+const FPCCR: u32 = 0xC000_0000;
+
+/// What a write to the core's registers asks of the machine.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Effect {
+    /// Nothing more.
+    None,
+    /// SYSRESETREQ.
+    Reset,
+}
+
+/// Registers of the core other than the NVIC.
+#[derive(Debug, Default)]
+pub struct Scb {
+    vtor: u32,
+    scr: u32,
+    ccr: u32,
+    shcsr: u32,
+    cpacr: u32,
+    demcr: u32,
+    fault_status: [u32; 5],
+    systick: SysTick,
+    dwt_control: u32,
+    cycle_offset: u64,
+}
+
+#[derive(Debug, Default)]
+struct SysTick {
+    control: u32,
+    reload: u32,
+    /// Cycle at which the counter last held its reload value.
+    start: u64,
+    wrapped: bool,
+}
+
+impl SysTick {
+    /// Cycles between wraps: the reference clock is HCLK/8.
+    fn period(&self) -> u64 {
+        (u64::from(self.reload) + 1) * self.divider()
+    }
+
+    fn divider(&self) -> u64 {
+        if self.control & 4 == 0 { 8 } else { 1 }
+    }
+
+    fn sync(&mut self, now: u64, nvic: &mut Nvic) {
+        if self.control & 1 == 0 || self.reload == 0 {
+            return;
+        }
+        let wraps = now.saturating_sub(self.start) / self.period();
+        if wraps > 0 {
+            self.start += wraps * self.period();
+            self.wrapped = true;
+            if self.control & 2 != 0 {
+                nvic.pend_system(exception::SYSTICK);
+            }
+        }
+    }
+}
+
+impl Scb {
+    /// Address of the vector table. 0 is the alias of flash from which the chip boots.
+    pub fn vector_table(&self) -> u32 {
+        if self.vtor == 0 { super::memory::FLASH_BASE } else { self.vtor }
+    }
+
+    /// The next SysTick interrupt.
+    pub fn next_event(&self) -> u64 {
+        let tick = &self.systick;
+        if tick.control & 3 == 3 && tick.reload != 0 { tick.start + tick.period() } else { NEVER }
+    }
+
+    /// Catch up with the SysTick at `now`.
+    pub fn sync(&mut self, now: u64, nvic: &mut Nvic) {
+        self.systick.sync(now, nvic);
+    }
+
+    /// Read at `address`.
+    pub fn read(&mut self, address: u32, clock: &Clock, nvic: &mut Nvic) -> Option<u32> {
+        Some(match address {
+            0xE000_1000 => self.dwt_control | 0x4000_0000,
+            0xE000_1004 => clock.now().wrapping_sub(self.cycle_offset) as u32,
+            0xE000_E004 => 2,
+            0xE000_E010 => {
+                self.systick.sync(clock.now(), nvic);
+                self.systick.control | u32::from(std::mem::take(&mut self.systick.wrapped)) << 16
+            }
+            0xE000_E014 => self.systick.reload,
+            0xE000_E018 => {
+                self.systick.sync(clock.now(), nvic);
+                let tick = &self.systick;
+                if tick.control & 1 == 0 {
+                    0
+                } else {
+                    tick.reload - (clock.now().saturating_sub(tick.start) / tick.divider()) as u32
+                }
+            }
+            0xE000_E01C => 0x4000_0000 | 2_624,
+            0xE000_ED00 => CPUID,
+            0xE000_ED04 => nvic.icsr(),
+            0xE000_ED08 => self.vtor,
+            0xE000_ED0C => 0xFA05_0000,
+            0xE000_ED10 => self.scr,
+            0xE000_ED14 => self.ccr | 0x200,
+            0xE000_ED18..=0xE000_ED23 => nvic.system_priorities(address - 0xE000_ED18),
+            0xE000_ED24 => self.shcsr,
+            0xE000_ED28..=0xE000_ED3B => self.fault_status[(address - 0xE000_ED28) as usize / 4],
+            0xE000_ED88 => self.cpacr,
+            0xE000_ED90 => 0x800,
+            0xE000_EDF0 => 0,
+            0xE000_EDFC => self.demcr,
+            0xE000_EF34 => FPCCR,
+            _ => return None,
+        })
+    }
+
+    /// Write at `address`.
+    pub fn write(&mut self, address: u32, size: usize, value: u32, clock: &Clock, nvic: &mut Nvic) -> Option<Effect> {
+        match address {
+            0xE000_1000 => self.dwt_control = value,
+            0xE000_1004 => self.cycle_offset = clock.now().wrapping_sub(u64::from(value)),
+            0xE000_E010 => {
+                self.systick.sync(clock.now(), nvic);
+                if self.systick.control & 1 == 0 {
+                    self.systick.start = clock.now();
+                }
+                self.systick.control = value & 7;
+            }
+            0xE000_E014 => self.systick.reload = value & 0xFF_FFFF,
+            0xE000_E018 => {
+                self.systick.start = clock.now();
+                self.systick.wrapped = false;
+            }
+            0xE000_ED04 => nvic.write_icsr(value),
+            0xE000_ED08 => self.vtor = value,
+            // Writes count only with the key, and PRIGROUP is not kept.
+            0xE000_ED0C if value >> 16 == 0x5FA && value & 4 != 0 => return Some(Effect::Reset),
+            0xE000_ED0C => {}
+            0xE000_ED10 => self.scr = value,
+            0xE000_ED14 => self.ccr = value,
+            0xE000_ED18..=0xE000_ED23 => nvic.set_system_priorities(address - 0xE000_ED18, size, value),
+            0xE000_ED24 => self.shcsr = value,
+            0xE000_ED28..=0xE000_ED3B => self.fault_status[(address - 0xE000_ED28) as usize / 4] &= !value,
+            0xE000_ED88 => self.cpacr = value,
+            0xE000_EDFC => self.demcr = value,
+            0xE000_EF00 => nvic.trigger(value & 0x1FF),
+            0xE000_EF34 => {}
+            _ => return None,
+        }
+        Some(Effect::None)
+    }
+}
