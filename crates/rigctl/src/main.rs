@@ -1,2 +1,5 @@
-//! x
-fn main() {}
+//! `rigctl`: see the library.
+
+fn main() -> std::process::ExitCode {
+    rigctl::run(std::env::args_os())
+}

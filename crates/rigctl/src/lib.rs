@@ -1,0 +1,60 @@
+//! The rig's host tool: solves and looks up on the desktop, runs the firmware on the emulated board, drives the rig.
+//!
+//! - [`cli`]: the command line; [`commands`]: what each command does; [`demo`]: three loads, one table, one picture.
+//! - [`units`], [`plant`], [`script`]: text from the operator, checked and turned into SI.
+//! - [`transport`]: a serial port, or the [`emulator`] process, behind one trait that passes time and bytes.
+//! - [`session`]: requests, replies, heartbeat and telemetry over a transport; [`rig`]: home and move on top of it.
+//! - [`record`]: telemetry rows, paired with the emulated plant's truth.
+//! - [`output`]: human or JSON, never both on standard output; [`failure`]: exit codes.
+
+#![forbid(unsafe_code)]
+
+pub mod batch;
+pub mod cli;
+pub mod commands;
+pub mod demo;
+pub mod emulator;
+pub mod failure;
+pub mod output;
+pub mod plant;
+pub mod progress;
+pub mod record;
+pub mod rig;
+pub mod script;
+pub mod session;
+pub mod transport;
+pub mod units;
+
+use clap::Parser;
+use failure::Failure;
+use std::ffi::OsString;
+use std::process::ExitCode;
+
+/// Runs the tool with these arguments and says how it ended: 0, 1 for refused or failed, 2 for wrong usage.
+pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
+    let cli = match cli::Cli::try_parse_from(arguments) {
+        Ok(cli) => cli,
+        Err(error) => {
+            // Help and version go to standard output and are no failure; clap knows which is which.
+            let _ = error.print();
+            return ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(2));
+        }
+    };
+    let mut output = output::Output::stdout(cli.global.json);
+    let result = commands::run(&cli, &mut output).and_then(|()| Ok(output.flush()?));
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        // Whoever reads has seen enough (`rigctl … | head`).
+        Err(failure) if failure.is_broken_pipe() => ExitCode::SUCCESS,
+        Err(failure) => {
+            let _ = output.flush();
+            if let Some(message) = failure.message() {
+                eprintln!("error: {message}");
+            }
+            match failure {
+                Failure::Usage(_) => ExitCode::from(2),
+                Failure::Failed(_) | Failure::Reported => ExitCode::from(1),
+            }
+        }
+    }
+}

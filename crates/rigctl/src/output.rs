@@ -1,0 +1,58 @@
+//! Standard output: either lines for people or JSON objects, one a line.
+
+use serde::Serialize;
+use std::io::{self, BufWriter, Write};
+
+/// Where results go.
+pub struct Output {
+    json: bool,
+    sink: Box<dyn Write>,
+}
+
+impl Output {
+    /// On standard output.
+    pub fn stdout(json: bool) -> Self {
+        Self::new(json, Box::new(BufWriter::new(io::stdout())))
+    }
+
+    /// On any sink.
+    pub fn new(json: bool, sink: Box<dyn Write>) -> Self {
+        Self { json, sink }
+    }
+
+    /// Whether JSON was asked for.
+    pub fn json(&self) -> bool {
+        self.json
+    }
+
+    /// An object; printed with `--json` only.
+    ///
+    /// # Errors
+    /// If the sink fails.
+    pub fn object(&mut self, object: &impl Serialize) -> io::Result<()> {
+        if self.json {
+            serde_json::to_writer(&mut self.sink, object)?;
+            self.sink.write_all(b"\n")?;
+        }
+        Ok(())
+    }
+
+    /// A line for people; nothing with `--json`.
+    ///
+    /// # Errors
+    /// If the sink fails.
+    pub fn line(&mut self, line: impl AsRef<str>) -> io::Result<()> {
+        if !self.json {
+            writeln!(self.sink, "{}", line.as_ref())?;
+        }
+        Ok(())
+    }
+
+    /// Empties the buffer.
+    ///
+    /// # Errors
+    /// If the sink fails.
+    pub fn flush(&mut self) -> io::Result<()> {
+        self.sink.flush()
+    }
+}

@@ -1,0 +1,244 @@
+//! Scripts for the emulated rig: one event a line, `<seconds since boot> <event>`, `#` starts a comment.
+
+use crate::plant::Setting;
+use crate::units::{self, Quantity};
+use rig_link::{LoadChoice, Request};
+
+/// Speed of a move that names none (m/s).
+pub const DEFAULT_SPEED_M_PER_S: f64 = 2e-3;
+
+/// Faults that the emulated board and rig can have.
+const RIG_FAULTS: [&str; 15] = [
+    "can-silent",
+    "can-bus-off",
+    "drive-stall",
+    "drive-reset",
+    "encoder-stuck",
+    "encoder-jump",
+    "lvdt-open",
+    "lvdt-short",
+    "lvdt-noisy",
+    "lvdt-frozen",
+    "string-break",
+    "string-slip",
+    "estop",
+    "limit-switch",
+    "task-hang",
+];
+
+/// A fault that a script can cause.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ScriptFault {
+    /// In the emulated board or rig.
+    Rig(&'static str),
+    /// This tool stops its heartbeat.
+    HostSilent,
+    /// This tool sends random bytes between its frames.
+    LinkNoise,
+    /// The board loses its power for a moment.
+    PowerCycle,
+}
+
+/// What happens.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Action {
+    /// A command to the board.
+    Command(Request),
+    /// A change of the plant.
+    Plant(Setting),
+    /// A fault begins or ends.
+    Fault {
+        /// Which.
+        fault: ScriptFault,
+        /// Whether it begins.
+        on: bool,
+    },
+}
+
+/// One event of a script.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Event {
+    /// Line in the file, from 1.
+    pub line: usize,
+    /// When (s since boot).
+    pub t_s: f64,
+    /// What.
+    pub action: Action,
+}
+
+/// A checked script.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Script {
+    /// Events in order of time.
+    pub events: Vec<Event>,
+    /// When it ends (s since boot).
+    pub end_s: f64,
+}
+
+/// What is wrong, and where.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("line {line}: {message}")]
+pub struct ScriptError {
+    /// Line in the file, from 1.
+    pub line: usize,
+    /// What is wrong with it.
+    pub message: String,
+}
+
+impl Script {
+    /// A script in which nothing happens.
+    pub fn idle(end_s: f64) -> Self {
+        Self { events: Vec::new(), end_s }
+    }
+
+    /// Reads a script.
+    ///
+    /// # Errors
+    /// [`ScriptError`] naming the line.
+    pub fn parse(text: &str) -> Result<Self, ScriptError> {
+        let mut events: Vec<Event> = Vec::new();
+        let mut previous_s = 0.0;
+        let mut end_s = None;
+        for (line, content) in (1..).zip(text.lines()) {
+            let fail = |message: String| ScriptError { line, message };
+            let words: Vec<&str> =
+                content.split_once('#').map_or(content, |(before, _)| before).split_whitespace().collect();
+            let Some((time, event)) = words.split_first() else { continue };
+            if end_s.is_some() {
+                return Err(fail("comes after `end`".into()));
+            }
+            let t_s = units::parse("time", Quantity::Time, time).map_err(|e| fail(e.to_string()))?;
+            if t_s < previous_s {
+                return Err(fail(format!("time {t_s} s lies before {previous_s} s: events must be in order")));
+            }
+            previous_s = t_s;
+            match event {
+                [] => return Err(fail("has a time but no event".into())),
+                ["end"] => end_s = Some(t_s),
+                words => events.push(Event { line, t_s, action: action(words).map_err(fail)? }),
+            }
+        }
+        match end_s {
+            Some(end_s) => Ok(Self { events, end_s }),
+            None => {
+                Err(ScriptError { line: text.lines().count().max(1), message: "no `<seconds> end` follows".into() })
+            }
+        }
+    }
+}
+
+fn action(words: &[&str]) -> Result<Action, String> {
+    Ok(match words {
+        ["home"] => Action::Command(Request::Home),
+        ["stop"] => Action::Command(Request::Stop),
+        ["hold"] => Action::Command(Request::Hold),
+        ["clear"] => Action::Command(Request::Clear),
+        ["status"] => Action::Command(Request::Status),
+        ["jog", speed] => {
+            let speed = units::parse("jog", Quantity::AngularSpeed, speed).map_err(|e| e.to_string())?;
+            Action::Command(Request::Jog { twist_speed_rad_per_s: speed as f32 })
+        }
+        ["move", target, options @ ..] => Action::Command(move_request(target, options)?),
+        ["plant", setting] => Action::Plant(setting.parse().map_err(|e: crate::plant::PlantError| e.to_string())?),
+        ["fault", name] => Action::Fault { fault: fault(name)?, on: true },
+        ["fault", name, "off"] => match fault(name)? {
+            ScriptFault::PowerCycle => return Err("fault power-cycle ends by itself".into()),
+            fault => Action::Fault { fault, on: false },
+        },
+        words => {
+            return Err(format!(
+                "no event `{}`; events: home, move P [speed=V] [load=auto|L], jog V, stop, hold, clear, status, \
+                 plant KEY=VALUE, fault NAME [off], end",
+                words.join(" ")
+            ));
+        }
+    })
+}
+
+fn move_request(target: &str, options: &[&str]) -> Result<Request, String> {
+    let target = units::parse("move", Quantity::Length, target).map_err(|e| e.to_string())?;
+    let mut speed = DEFAULT_SPEED_M_PER_S;
+    let mut load = LoadChoice::Auto;
+    for option in options {
+        match option.split_once('=') {
+            Some(("speed", text)) => {
+                speed = units::parse("speed", Quantity::Speed, text).map_err(|e| e.to_string())?;
+            }
+            Some(("load", text)) => load = load_choice(text)?,
+            _ => return Err(format!("move has no option `{option}`; options: speed=V, load=auto|L")),
+        }
+    }
+    Ok(Request::Move { target_m: target as f32, speed_m_per_s: speed as f32, load })
+}
+
+/// `auto` or a load.
+///
+/// # Errors
+/// If it is neither, in words.
+pub fn load_choice(text: &str) -> Result<LoadChoice, String> {
+    if text == "auto" {
+        return Ok(LoadChoice::Auto);
+    }
+    let load = units::parse("load", Quantity::Load, text).map_err(|e| format!("{e}; or `auto`"))?;
+    Ok(LoadChoice::Known(load as f32))
+}
+
+fn fault(name: &str) -> Result<ScriptFault, String> {
+    match name {
+        "host-silent" => return Ok(ScriptFault::HostSilent),
+        "link-noise" => return Ok(ScriptFault::LinkNoise),
+        "power-cycle" => return Ok(ScriptFault::PowerCycle),
+        _ => {}
+    }
+    RIG_FAULTS.into_iter().find(|n| *n == name).map(ScriptFault::Rig).ok_or_else(|| {
+        format!("no fault `{name}`; faults: {}, host-silent, link-noise, power-cycle", RIG_FAULTS.join(", "))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_script() {
+        let script = Script::parse(
+            "# warm up\n0.5 home\n\n30 move 12mm speed=1mm/s load=0.5kg # up\n31 plant load=1.2kg\n\
+             32 fault drive-stall\n33 fault drive-stall off\n33 fault power-cycle\n34.5 end\n",
+        )
+        .unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(script.end_s, 34.5);
+        assert_eq!(script.events.len(), 6);
+        assert_eq!(script.events[0], Event { line: 2, t_s: 0.5, action: Action::Command(Request::Home) });
+        let Action::Command(Request::Move { target_m, speed_m_per_s, load }) = script.events[1].action else {
+            panic!("{:?}", script.events[1])
+        };
+        assert_eq!((target_m, speed_m_per_s), (0.012, 0.001));
+        assert_eq!(load, LoadChoice::Known(4.903_325));
+        assert_eq!(script.events[5].action, Action::Fault { fault: ScriptFault::PowerCycle, on: true });
+    }
+
+    #[test]
+    fn errors_name_line_and_thing() {
+        for (text, line, named) in [
+            ("", 1, "end"),
+            ("1 home\n", 1, "end"),
+            ("1 home\n0.5 stop\n2 end", 2, "order"),
+            ("1 homme\n2 end", 1, "homme"),
+            ("x home\n2 end", 1, "time"),
+            ("nan home\n2 end", 1, "time"),
+            ("-1 home\n2 end", 1, "order"),
+            ("1\n2 end", 1, "no event"),
+            ("\n1 move 5kg\n2 end", 2, "move"),
+            ("1 move 5mm speed=2\n2 move 5mm sped=1\n3 end", 2, "sped"),
+            ("1 move 5mm load=x\n2 end", 1, "auto"),
+            ("1 plant weight=5\n2 end", 1, "weight"),
+            ("1 fault fire\n2 end", 1, "fire"),
+            ("1 fault power-cycle off\n2 end", 1, "power-cycle"),
+            ("1 end\n2 home", 2, "after"),
+        ] {
+            let error = Script::parse(text).expect_err(text);
+            assert_eq!(error.line, line, "{text}: {error}");
+            assert!(error.message.contains(named), "{text}: {error}");
+        }
+    }
+}
