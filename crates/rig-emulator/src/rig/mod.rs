@@ -1,1 +1,489 @@
-//! Next.
+//! The rig around the microcontroller: a [`Board`] whose wires lead to a drive, a motor, an encoder, an LVDT and the
+//! twisted string itself.
+//!
+//! - [`settings`] and [`parameters`]: what a test may change, what the scene says.
+//! - [`transmission`] and [`surface`]: the mechanism's equilibria, exactly and fast.
+//! - [`plant`], [`motor`], [`encoder`], [`lvdt`]: the parts that move and measure.
+//! - [`drive`]: the RMDS-405 on the bus.
+//! - [`faults`]: what can be broken. [`truth`]: what really happens.
+//!
+//! Time advances in fixed steps of 0.25 ms from power-up whoever asks, so that the same questions at the same times get
+//! the same answers.
+
+pub mod drive;
+pub mod encoder;
+pub mod faults;
+pub mod lvdt;
+pub mod motor;
+pub mod parameters;
+pub mod plant;
+pub mod settings;
+pub mod surface;
+pub mod transmission;
+pub mod truth;
+
+use std::collections::VecDeque;
+
+use rand_pcg::Pcg64Mcg;
+use rand_pcg::rand_core::{Rng, SeedableRng};
+use rmds405::Received;
+use tsa_model::{Mechanism, Scene};
+
+use crate::board::{Board, CanFrame, CanOutcome, Stimulus};
+use drive::{Drive, LEAST_SUPPLY_V, Sensed};
+use encoder::Encoder;
+use faults::Fault;
+use lvdt::{Lvdt, volts_to_code};
+use motor::{Bridge, Motor};
+use parameters::RigParameters;
+use plant::{Plant, Rail};
+use settings::{PlantSettings, SettingError};
+use surface::{NoSurface, SLACK_LOAD_N, Surface};
+use truth::Truth;
+
+/// Time step, s.
+pub const STEP_S: f64 = 2.5e-4;
+/// Steps to a run of the drive's loops, 1 ms.
+const STEPS_PER_TICK: u64 = 4;
+/// Less than a CPU cycle: times that differ by it are the same.
+const SAME_TIME_S: f64 = 2e-8;
+/// Greatest load that the surface covers, unless the load or the scene asks for more, N.
+const SURFACE_LOAD_N: f64 = 40.0;
+/// Ticks between two looks at the full solver for the tension.
+const TENSION_TICKS: u64 = 10;
+/// Ticks between two bursts of link noise.
+const NOISE_TICKS: u64 = 5;
+/// USART of the host link (hardware.md 8).
+const HOST_USART: u8 = 2;
+/// Motor-power relay, PB10: low is off (hardware.md 8).
+const RELAY: (char, u8) = ('B', 10);
+/// E-stop sense, PB5: high is stop.
+const ESTOP: (char, u8) = ('B', 5);
+/// Lower and upper limit switch, PC7 and PA8: normally closed to ground, high is open.
+const LIMIT_LOW: (char, u8) = ('C', 7);
+const LIMIT_HIGH: (char, u8) = ('A', 8);
+/// Acknowledge button, PC13: active low.
+const BUTTON: (char, u8) = ('C', 13);
+/// The limit switches open this far before the ends of the rail, m. Assumed.
+const LIMIT_MARGIN_M: f64 = 2e-3;
+
+/// Why a rig could not be built.
+#[derive(Debug, thiserror::Error)]
+pub enum RigError {
+    /// The scene's mechanism.
+    #[error(transparent)]
+    Mechanism(#[from] tsa_model::ParameterError),
+    /// The scene's drive address.
+    #[error(transparent)]
+    Drive(#[from] rmds405::OutOfRange),
+    /// The mechanism does not reach where the rig has to go.
+    #[error(transparent)]
+    Surface(#[from] NoSurface),
+    /// The load would break the rods before the strings touch.
+    #[error("plant key `load`: {load_n} N is more than this mechanism can carry, at most {most_n} N")]
+    Load {
+        /// Asked for.
+        load_n: f64,
+        /// The surface's end.
+        most_n: f64,
+    },
+}
+
+/// Drive, motor, mechanism and sensors on the microcontroller's pins.
+pub struct Rig {
+    parameters: RigParameters,
+    settings: PlantSettings,
+    mechanism: Mechanism,
+    noise: Pcg64Mcg,
+    link_noise: Pcg64Mcg,
+    plant: Plant,
+    motor: Motor,
+    encoder: Encoder,
+    lvdt: Lvdt,
+    drive: Drive,
+    bridge: Bridge,
+    relay: bool,
+    estop: bool,
+    limit_fault: bool,
+    can_silent: bool,
+    can_shorted: bool,
+    noisy_link: bool,
+    steps: u64,
+    boot_angle_rad: f64,
+    boot_counts: i64,
+    boot_pretwist_gap_m: f64,
+    tension_share: f64,
+    pins: Vec<(char, u8, bool)>,
+    polled: bool,
+    bus: VecDeque<(f64, CanFrame)>,
+    pending: Vec<Stimulus>,
+    host_bytes: Vec<u8>,
+    record: bool,
+    records: Vec<Truth>,
+}
+
+impl Rig {
+    /// A rig at rest, drive without power. `seed` is that of all noise.
+    pub fn new(scene: &Scene, settings: PlantSettings, seed: u64) -> Result<Self, RigError> {
+        let parameters = RigParameters::new(&scene.rig)?;
+        let real = settings.distort(scene);
+        let mechanism = Mechanism::new(&real.geometry, &real.string, &real.material)?;
+        let surface = surface_for(&mechanism, &real, settings.load_n)?;
+        let stop = parameters.lvdt_gap_at_zero_m;
+        let stops_m = [stop, stop + parameters.lvdt_stroke_m];
+        let twist_rad = settings.twist_at_boot_rad;
+        let boot_pretwist_gap_m = surface.gap(tsa_model::PRETWIST_RAD, settings.load_n).gap_m;
+        let plant = Plant::new(surface, stops_m, twist_rad, settings.load_n);
+        let play = 0.5 * settings.gear_backlash_rad;
+        let boot_angle_rad = (twist_rad + play.copysign(twist_rad)) * parameters.gear_ratio;
+        let encoder = Encoder::new(parameters.counts_per_turn);
+        let boot_counts = encoder.counts(boot_angle_rad);
+        let mut rig = Self {
+            lvdt: Lvdt::new(&parameters, &settings, plant.gap_m),
+            motor: Motor::new(&parameters, boot_angle_rad),
+            drive: Drive::new(&parameters),
+            noise: Pcg64Mcg::seed_from_u64(seed),
+            link_noise: Pcg64Mcg::seed_from_u64(!seed),
+            bridge: Bridge::Open,
+            relay: false,
+            estop: false,
+            limit_fault: false,
+            can_silent: false,
+            can_shorted: false,
+            noisy_link: false,
+            steps: 0,
+            tension_share: 0.5,
+            pins: Vec::new(),
+            polled: false,
+            bus: VecDeque::new(),
+            pending: Vec::new(),
+            host_bytes: Vec::new(),
+            record: false,
+            records: Vec::new(),
+            parameters,
+            settings,
+            mechanism,
+            plant,
+            encoder,
+            boot_angle_rad,
+            boot_counts,
+            boot_pretwist_gap_m,
+        };
+        rig.look_at_tension();
+        rig.set_pin(BUTTON, true);
+        rig.look_at_pins();
+        Ok(rig)
+    }
+
+    /// Changes a plant key while the rig runs; keys that make another mechanism are refused by name.
+    pub fn set_plant(&mut self, key: &str, value: &str) -> Result<(), SettingError> {
+        self.settings.set_at_run_time(key, value)?;
+        self.look_at_power();
+        Ok(())
+    }
+
+    /// The plant as it is now.
+    pub fn settings(&self) -> &PlantSettings {
+        &self.settings
+    }
+
+    /// Switches a fault. Events (stall, reset, jump, break, slip) happen when switched on and cannot be taken back.
+    pub fn set_fault(&mut self, fault: Fault, on: bool) {
+        let angle_rad = self.motor.angle_rad;
+        match fault {
+            Fault::CanSilent => self.can_silent = on,
+            Fault::CanBusOff => {
+                if self.can_shorted && !on {
+                    self.pending.push(Stimulus::CanQuiet);
+                }
+                self.can_shorted = on;
+            }
+            Fault::DriveStall if on => self.drive.stall(),
+            Fault::DriveReset if on && self.drive.is_powered() => {
+                self.drive.restart(self.now_s(), self.encoder.counts(angle_rad));
+                self.bridge = Bridge::Open;
+            }
+            Fault::EncoderStuck => self.encoder.set_stuck(on, angle_rad),
+            Fault::EncoderJump if on => self.encoder.jump(),
+            Fault::LvdtOpen => self.lvdt.faults.open = on,
+            Fault::LvdtShort => self.lvdt.faults.short = on,
+            Fault::LvdtNoisy => self.lvdt.faults.noisy = on,
+            Fault::LvdtFrozen => self.lvdt.faults.frozen = on,
+            Fault::StringBreak if on => self.plant.break_string(),
+            Fault::StringSlip if on => self.plant.slip(),
+            Fault::Estop => self.estop = on,
+            Fault::LimitSwitch => self.limit_fault = on,
+            Fault::LinkNoise => self.noisy_link = on,
+            Fault::DriveStall | Fault::DriveReset | Fault::EncoderJump | Fault::StringBreak | Fault::StringSlip => {}
+        }
+        self.look_at_pins();
+    }
+
+    /// The board's supply went off and on: the relay drops, so the drive does too; string and load stay as they are.
+    pub fn power_cycle(&mut self) {
+        self.relay = false;
+        self.look_at_power();
+        self.host_bytes.clear();
+        self.bus.clear();
+        // The pins' levels have to be told anew.
+        self.pins.clear();
+        self.set_pin(BUTTON, true);
+        self.look_at_pins();
+    }
+
+    /// Time of the state, s; a multiple of [`STEP_S`].
+    pub fn now_s(&self) -> f64 {
+        self.steps as f64 * STEP_S
+    }
+
+    /// The drive, to look at.
+    pub fn drive(&self) -> &Drive {
+        &self.drive
+    }
+
+    /// The load, to look at.
+    pub fn plant(&self) -> &Plant {
+        &self.plant
+    }
+
+    /// Bytes that the firmware sent on the host link since last asked.
+    pub fn take_host_bytes(&mut self) -> Vec<u8> {
+        std::mem::take(&mut self.host_bytes)
+    }
+
+    /// Keeps a [`Truth`] every 1 ms from now on, for [`Rig::take_records`].
+    pub fn record(&mut self) {
+        self.record = true;
+    }
+
+    /// What was recorded since last asked.
+    pub fn take_records(&mut self) -> Vec<Truth> {
+        std::mem::take(&mut self.records)
+    }
+
+    /// What really happens now.
+    pub fn truth(&self) -> Truth {
+        let pull = self.plant.pull();
+        Truth {
+            t_s: self.now_s(),
+            position_m: self.boot_pretwist_gap_m - self.plant.gap_m,
+            gap_m: self.plant.gap_m,
+            pretwist_gap_m: self.plant.surface().gap(tsa_model::PRETWIST_RAD, self.settings.load_n).gap_m,
+            gap_speed_m_per_s: self.plant.speed_m_per_s,
+            twist_rad: self.twist_rad(),
+            load_n: self.settings.load_n,
+            pull_n: pull.force_n,
+            tension_n: pull.force_n * self.tension_share,
+            string_torque_nm: self.plant.torque_nm(&self.rail()),
+            motor_angle_rad: self.motor.angle_rad - self.boot_angle_rad,
+            motor_speed_rad_per_s: self.motor.speed_rad_per_s,
+            motor_current_a: self.motor.current_a,
+            drive_mode: self.drive.mode().map_or(0, |mode| mode as u8),
+        }
+    }
+
+    /// The output shaft is light and the strings pull it towards zero twist: it leans on the gear's near face, and
+    /// within the play it stands at zero twist.
+    fn twist_rad(&self) -> f64 {
+        let geared = self.motor.angle_rad / self.parameters.gear_ratio;
+        let play = 0.5 * self.settings.gear_backlash_rad;
+        geared - geared.clamp(-play, play)
+    }
+
+    fn rail(&self) -> Rail {
+        Rail {
+            weight_n: self.settings.load_n,
+            friction_n: self.settings.friction_n,
+            damping_n_s_per_m: self.settings.damping_n_s_per_m,
+        }
+    }
+
+    fn supply_v(&self) -> f64 {
+        self.settings.supply_voltage_v.unwrap_or(self.parameters.supply_voltage_v)
+    }
+
+    fn look_at_power(&mut self) {
+        let on = self.relay && self.supply_v() >= LEAST_SUPPLY_V;
+        self.drive.set_power(on, self.now_s(), self.encoder.counts(self.motor.angle_rad));
+        if !on {
+            self.bridge = Bridge::Open;
+        }
+    }
+
+    fn look_at_pins(&mut self) {
+        let [upper, lower] = self.plant.stops_m;
+        self.set_pin(ESTOP, self.estop);
+        self.set_pin(LIMIT_LOW, self.plant.gap_m > lower - LIMIT_MARGIN_M);
+        self.set_pin(LIMIT_HIGH, self.limit_fault || self.plant.gap_m < upper + LIMIT_MARGIN_M);
+    }
+
+    fn set_pin(&mut self, (port, pin): (char, u8), high: bool) {
+        let known = self.pins.iter_mut().find(|(p, n, _)| (*p, *n) == (port, pin));
+        match known {
+            Some((_, _, level)) if *level == high => return,
+            Some((_, _, level)) => *level = high,
+            None => self.pins.push((port, pin, high)),
+        }
+        self.pending.push(Stimulus::Pin { port, pin, high });
+    }
+
+    fn look_at_tension(&mut self) {
+        let force_n = self.plant.pull().force_n;
+        if let Ok(solved) = self.mechanism.solve(force_n, self.twist_rad()) {
+            self.tension_share = solved.tension_n / force_n;
+        }
+    }
+
+    fn advance(&mut self, t_s: f64) {
+        while (self.steps + 1) as f64 * STEP_S <= t_s + SAME_TIME_S {
+            self.step();
+        }
+    }
+
+    fn step(&mut self) {
+        let rail = self.rail();
+        let bridge = if self.estop { Bridge::Resistor(self.parameters.brake_ohm) } else { self.bridge };
+        let torque_nm = self.plant.torque_nm(&rail) / self.parameters.gear_ratio;
+        self.motor.step(STEP_S, bridge, torque_nm);
+        let twist_rad = self.twist_rad();
+        self.plant.step(STEP_S, twist_rad, &rail);
+        self.lvdt.step(STEP_S, self.plant.gap_m);
+        self.steps += 1;
+        if self.steps.is_multiple_of(STEPS_PER_TICK) {
+            self.tick();
+        }
+    }
+
+    fn tick(&mut self) {
+        let ticks = self.steps / STEPS_PER_TICK;
+        if self.drive.is_powered() {
+            // The e-stop takes the motor off the bridge, so the drive measures no current.
+            let sensed = Sensed {
+                counts: self.encoder.counts(self.motor.angle_rad),
+                current_a: if self.estop { 0.0 } else { self.motor.current_a },
+                supply_v: self.supply_v(),
+                saturated: !self.estop && self.motor.saturated,
+            };
+            self.bridge = self.drive.tick(self.now_s(), sensed);
+        }
+        self.collect_reports();
+        self.look_at_pins();
+        if self.noisy_link && ticks.is_multiple_of(NOISE_TICKS) {
+            let mut bytes = vec![0; 1 + (self.link_noise.next_u32() % 8) as usize];
+            self.link_noise.fill_bytes(&mut bytes);
+            self.pending.push(Stimulus::Uart { usart: HOST_USART, bytes });
+        }
+        if ticks.is_multiple_of(TENSION_TICKS) {
+            self.look_at_tension();
+        }
+        if self.record {
+            self.records.push(self.truth());
+        }
+    }
+
+    fn collect_reports(&mut self) {
+        for (at_s, frame) in self.drive.take_sent() {
+            if !self.can_silent && !self.can_shorted {
+                let frame =
+                    CanFrame { id: u32::from(frame.id), extended: false, remote: false, dlc: 8, data: frame.data };
+                self.bus.push_back((at_s, frame));
+            }
+        }
+    }
+}
+
+/// The widest surface that the mechanism allows: rods at their strain limit end it early in some scenes.
+fn surface_for(mechanism: &Mechanism, scene: &Scene, load_n: f64) -> Result<Surface, RigError> {
+    let envelope_n = scene.envelope.map_or(0.0, |envelope| envelope.load_n[1]);
+    let mut most_n = SURFACE_LOAD_N.max(2.5 * load_n).max(2.5 * envelope_n);
+    let surface = loop {
+        match Surface::new(mechanism, most_n) {
+            Ok(surface) => break surface,
+            Err(error) if most_n < 2.0 * SLACK_LOAD_N => return Err(error.into()),
+            Err(_) => most_n *= 0.85,
+        }
+    };
+    if load_n > most_n {
+        return Err(RigError::Load { load_n, most_n });
+    }
+    Ok(surface)
+}
+
+impl Board for Rig {
+    fn adc(&mut self, t_s: f64, channel: u8) -> u16 {
+        self.advance(t_s);
+        let reference_v = self.parameters.adc_reference_v;
+        match channel {
+            0 => self.lvdt.sample(&self.settings, &mut self.noise),
+            1 => volts_to_code(self.parameters.excitation_v, reference_v),
+            17 => volts_to_code(self.parameters.vrefint_v, reference_v),
+            _ => 0,
+        }
+    }
+
+    fn uart_tx(&mut self, _t_s: f64, usart: u8, byte: u8) {
+        if usart == HOST_USART {
+            self.host_bytes.push(byte);
+        }
+    }
+
+    fn can_tx(&mut self, t_s: f64, frame: &CanFrame) -> CanOutcome {
+        self.advance(t_s);
+        if self.can_shorted {
+            return CanOutcome::BitError;
+        }
+        if self.can_silent || !self.drive.is_powered() {
+            return CanOutcome::Unacknowledged;
+        }
+        let length = usize::from(frame.dlc).min(frame.data.len());
+        let received = Received {
+            id: frame.id,
+            extended: frame.extended,
+            remote: frame.remote,
+            data: &frame.data[..length],
+        };
+        self.drive.receive(t_s, &received, self.encoder.counts(self.motor.angle_rad));
+        self.collect_reports();
+        CanOutcome::Acknowledged
+    }
+
+    fn gpio_out(&mut self, t_s: f64, port: char, levels: u16) {
+        self.advance(t_s);
+        if port == RELAY.0 {
+            self.relay = levels >> RELAY.1 & 1 == 1;
+            self.look_at_power();
+        }
+    }
+
+    fn quadrature(&mut self, t_s: f64, timer: u8) -> i64 {
+        self.advance(t_s);
+        if timer != 3 {
+            return 0;
+        }
+        let ahead_s = (t_s - self.now_s()).clamp(0.0, STEP_S);
+        let angle_rad = self.motor.angle_rad + self.motor.speed_rad_per_s * ahead_s;
+        self.encoder.counts_at_mcu(angle_rad) - self.boot_counts
+    }
+
+    fn next_event_s(&self) -> f64 {
+        if !self.polled {
+            return 0.0;
+        }
+        let tick = (self.steps / STEPS_PER_TICK + 1) * STEPS_PER_TICK;
+        let tick_s = tick as f64 * STEP_S;
+        self.bus.front().map_or(tick_s, |(at_s, _)| at_s.min(tick_s))
+    }
+
+    fn poll(&mut self, t_s: f64) -> Vec<Stimulus> {
+        self.polled = true;
+        self.advance(t_s);
+        let mut stimuli = std::mem::take(&mut self.pending);
+        while let Some((_, frame)) = self.bus.pop_front_if(|(at_s, _)| *at_s <= t_s + SAME_TIME_S) {
+            stimuli.push(Stimulus::Can(frame));
+        }
+        stimuli
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,373 @@
+//! An RMDS-405 as hardware.md describes it: strict about order and waiting, and loyal to its last command for ever.
+//!
+//! Assumed where no manual says: it boots for 500 ms after power-up and reset alike and hears nothing meanwhile; the
+//! position counts from the moment of the reset; reset clears the feedback periods; a mode or data frame in the wrong
+//! state beeps and sends nothing; stall is current at its limit without motion for 1 s, drops the torque and lasts until reset;
+//! answers take 0.2 ms; the loops' gains are those of a well-tuned drive. Not assumed: no command time-out (2.6).
+
+use std::f64::consts::TAU;
+
+use rmds405::report::MixedRest;
+use rmds405::{
+    Address, Command, DriveError, Frame, Function, Milliamps, Mixed, Mode, Output, Pwm, QuadCounts, Received, Report, Rpm,
+};
+
+use super::motor::Bridge;
+use super::parameters::RigParameters;
+
+/// Period of the internal loops, s: also the window of the speed measurement (V-FAQ p3).
+pub const TICK_S: f64 = 1e-3;
+/// Power-up or reset to ready, s (hardware.md 2.5).
+pub const BOOT_S: f64 = 0.5;
+/// Mode to ready for data, s (hardware.md 2.5).
+pub const MODE_S: f64 = 0.5;
+/// A frame to its answer, s. Assumed.
+pub const LATENCY_S: f64 = 2e-4;
+/// Between error reports, s (V-CAN p21).
+pub const ERROR_PERIOD_S: f64 = 0.1;
+/// Current (or voltage) at its limit without motion for this long is a stall, s. Assumed.
+pub const STALL_S: f64 = 1.0;
+/// Below this supply the drive is off, V (V-FAQ p1).
+pub const LEAST_SUPPLY_V: f64 = 10.0;
+
+/// Crossover of the velocity loop, rad/s. Assumed.
+const VELOCITY_LOOP_RAD_PER_S: f64 = 150.0;
+/// Gain of the position loop, 1/s. Assumed.
+const POSITION_LOOP_PER_S: f64 = 20.0;
+/// Ends within one count of the last tick count as standing still.
+const STANDING_COUNTS: i64 = 1;
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum State {
+    Off,
+    Booting { until_s: f64 },
+    Unmoded,
+    Moded { mode: Mode, ready_s: f64 },
+}
+
+/// What happened to frames, and how often it complained.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct DriveCounters {
+    /// Frames that were for somebody else or malformed.
+    pub ignored: u64,
+    /// Frames that came while it was not listening.
+    pub too_early: u64,
+    /// Frames that did not fit the state: the drive "reports an error" (V-CAN p7-16), which here is a beep.
+    pub error_beeps: u64,
+    /// Restarts, by power, command or brown-out.
+    pub restarts: u64,
+}
+
+/// The drive.
+#[derive(Clone, Debug)]
+pub struct Drive {
+    address: Address,
+    counts_per_turn: f64,
+    velocity_gain: f64,
+    state: State,
+    zero_counts: i64,
+    last_counts: i64,
+    moved: i64,
+    periods_ms: [u8; 2],
+    elapsed_ms: [u32; 2],
+    command: Option<Command>,
+    integral_a: f64,
+    pwm: i16,
+    outputs: [bool; 2],
+    standing_s: f64,
+    stalled: bool,
+    since_error_s: f64,
+    sent: Vec<(f64, Frame)>,
+    /// Statistics.
+    pub counters: DriveCounters,
+}
+
+/// What the drive measures in a tick.
+#[derive(Clone, Copy, Debug)]
+pub struct Sensed {
+    /// Encoder counts since anything.
+    pub counts: i64,
+    /// Winding current, A.
+    pub current_a: f64,
+    /// Supply voltage, V.
+    pub supply_v: f64,
+    /// The bridge had no more voltage to give.
+    pub saturated: bool,
+}
+
+impl Drive {
+    /// Without power.
+    pub fn new(parameters: &RigParameters) -> Self {
+        let kt = parameters.torque_constant_nm_per_a;
+        Self {
+            address: parameters.drive,
+            counts_per_turn: f64::from(parameters.counts_per_turn),
+            velocity_gain: VELOCITY_LOOP_RAD_PER_S * parameters.inertia_kg_m2 / kt,
+            state: State::Off,
+            zero_counts: 0,
+            last_counts: 0,
+            moved: 0,
+            periods_ms: [0; 2],
+            elapsed_ms: [0; 2],
+            command: None,
+            integral_a: 0.0,
+            pwm: 0,
+            outputs: [false; 2],
+            standing_s: 0.0,
+            stalled: false,
+            since_error_s: 0.0,
+            sent: Vec::new(),
+            counters: DriveCounters::default(),
+        }
+    }
+
+    /// Switches the supply. Without power everything is lost.
+    pub fn set_power(&mut self, on: bool, now_s: f64, counts: i64) {
+        match (on, self.state) {
+            (true, State::Off) => self.restart(now_s, counts),
+            (false, _) => {
+                self.forget(counts);
+                self.state = State::Off;
+            }
+            (true, _) => {}
+        }
+    }
+
+    /// Starts over, as on Reset or a brown-out.
+    pub fn restart(&mut self, now_s: f64, counts: i64) {
+        self.forget(counts);
+        self.state = State::Booting { until_s: now_s + BOOT_S };
+        self.counters.restarts += 1;
+    }
+
+    fn forget(&mut self, counts: i64) {
+        self.zero_counts = counts;
+        self.periods_ms = [0; 2];
+        self.elapsed_ms = [0; 2];
+        self.command = None;
+        self.integral_a = 0.0;
+        self.pwm = 0;
+        self.outputs = [false; 2];
+        self.standing_s = 0.0;
+        self.stalled = false;
+        self.sent.clear();
+    }
+
+    /// Whether it has power, and so acknowledges frames.
+    pub fn is_powered(&self) -> bool {
+        self.state != State::Off
+    }
+
+    /// The mode, once chosen.
+    pub fn mode(&self) -> Option<Mode> {
+        match self.state {
+            State::Moded { mode, .. } => Some(mode),
+            _ => None,
+        }
+    }
+
+    /// Whether stall protection holds the motor without torque.
+    pub fn is_stalled(&self) -> bool {
+        self.stalled
+    }
+
+    /// OUT1 and OUT2: opto-coupler lit.
+    pub fn outputs(&self) -> [bool; 2] {
+        self.outputs
+    }
+
+    /// Goes into stall protection at once.
+    pub fn stall(&mut self) {
+        if matches!(self.state, State::Moded { .. }) {
+            self.stalled = true;
+            self.since_error_s = ERROR_PERIOD_S;
+        }
+    }
+
+    /// A frame from the bus.
+    pub fn receive(&mut self, now_s: f64, received: &Received<'_>, counts: i64) {
+        let command = match Command::decode(self.address, received) {
+            Ok(command) => command,
+            Err(_) => {
+                self.counters.ignored += 1;
+                return;
+            }
+        };
+        self.wake(now_s);
+        if matches!(self.state, State::Off | State::Booting { .. }) {
+            self.counters.too_early += 1;
+            return;
+        }
+        match command {
+            Command::Reset => self.restart(now_s, counts),
+            Command::OnlineCheck => self.send(now_s + LATENCY_S, &Report::Online),
+            Command::Config { motion_ms, mixed_ms } => {
+                self.periods_ms = [motion_ms, mixed_ms];
+                self.elapsed_ms = [0; 2];
+            }
+            Command::Outputs { out1, out2 } => {
+                for (output, wanted) in self.outputs.iter_mut().zip([out1, out2]) {
+                    match wanted {
+                        Output::On => *output = true,
+                        Output::Off => *output = false,
+                        Output::Unchanged => {}
+                    }
+                }
+            }
+            Command::ChooseMode(mode) => match self.state {
+                State::Unmoded => self.state = State::Moded { mode, ready_s: now_s + MODE_S },
+                _ => self.counters.error_beeps += 1,
+            },
+            data => self.receive_data(now_s, data),
+        }
+    }
+
+    fn receive_data(&mut self, now_s: f64, data: Command) {
+        match self.state {
+            State::Moded { mode, ready_s } if mode.data_function() == data.function() => {
+                if now_s < ready_s {
+                    self.counters.too_early += 1;
+                } else {
+                    self.command = Some(data);
+                }
+            }
+            _ => self.counters.error_beeps += 1,
+        }
+    }
+
+    fn wake(&mut self, now_s: f64) {
+        if let State::Booting { until_s } = self.state
+            && now_s >= until_s
+        {
+            self.state = State::Unmoded;
+        }
+    }
+
+    /// One run of the internal loops.
+    pub fn tick(&mut self, now_s: f64, sensed: Sensed) -> Bridge {
+        self.moved = sensed.counts - self.last_counts;
+        self.last_counts = sensed.counts;
+        self.wake(now_s);
+        let State::Moded { ready_s, .. } = self.state else { return Bridge::Open };
+        let bridge = match self.command {
+            Some(command) if !self.stalled => self.control(&command, sensed),
+            // The PWM limit is 0 until the first data (V-FAQ p20); that the motor then coasts is assumed.
+            _ => Bridge::Open,
+        };
+        self.pwm = self.pwm_of(bridge, sensed);
+        if now_s >= ready_s {
+            self.report(now_s, sensed);
+        }
+        bridge
+    }
+
+    fn control(&mut self, command: &Command, sensed: Sensed) -> Bridge {
+        let supply = sensed.supply_v;
+        let volts = |pwm: i16| f64::from(pwm) / f64::from(Pwm::MAX.get()) * supply;
+        let amps = |milliamps: i16| f64::from(milliamps) * 1e-3;
+        let rad_per_s = |rpm: i16| f64::from(rpm) * TAU / 60.0;
+        let toward = |position: QuadCounts| {
+            let error = i64::from(position.0) - i64::from(self.position().0);
+            POSITION_LOOP_PER_S * error as f64 * TAU / self.counts_per_turn
+        };
+        let at_most = |speed: f64, limit: f64| speed.clamp(-limit, limit);
+        const UNBOUND: f64 = f64::INFINITY;
+        let (speed, max_amps, max_volts) = match *command {
+            Command::OpenLoop { pwm } => return Bridge::Voltage(volts(pwm.get())),
+            Command::Current { pwm_limit, current } => {
+                return Bridge::Current { amps: amps(current.0), max_volts: volts(pwm_limit.get()) };
+            }
+            Command::Velocity { pwm_limit, speed } => (rad_per_s(speed.0), UNBOUND, volts(pwm_limit.get())),
+            Command::Position { pwm_limit, position } => (toward(position), UNBOUND, volts(pwm_limit.get())),
+            Command::VelocityPosition { pwm_limit, speed_limit, position } => {
+                (at_most(toward(position), rad_per_s(speed_limit.get())), UNBOUND, volts(pwm_limit.get()))
+            }
+            Command::CurrentVelocity { current_limit, speed } => {
+                (rad_per_s(speed.0), amps(current_limit.get()), supply)
+            }
+            Command::CurrentPosition { current_limit, position } => {
+                (toward(position), amps(current_limit.get()), supply)
+            }
+            Command::CurrentVelocityPosition { current_limit, speed_limit, position } => {
+                (at_most(toward(position), rad_per_s(speed_limit.get())), amps(current_limit.get()), supply)
+            }
+            _ => return Bridge::Open,
+        };
+        let error = speed - self.moved as f64 * TAU / self.counts_per_turn / TICK_S;
+        let proportional = self.velocity_gain * error;
+        let step = self.velocity_gain * VELOCITY_LOOP_RAD_PER_S / 4.0 * TICK_S * error;
+        let wanted = proportional + self.integral_a + step;
+        let saturated = sensed.saturated || wanted.abs() > max_amps;
+        let at_limit = sensed.saturated || sensed.current_a.abs() >= 0.95 * max_amps;
+        // The integral does not grow while it can have no effect, but may always shrink.
+        if !saturated || step * self.integral_a < 0.0 {
+            self.integral_a += step;
+        }
+        self.integral_a = self.integral_a.clamp(-max_amps, max_amps);
+        let amps = wanted.clamp(-max_amps, max_amps);
+        let standing = self.moved.abs() <= STANDING_COUNTS;
+        self.standing_s = if at_limit && standing && speed != 0.0 { self.standing_s + TICK_S } else { 0.0 };
+        if self.standing_s >= STALL_S {
+            self.stall();
+            return Bridge::Open;
+        }
+        Bridge::Current { amps, max_volts }
+    }
+
+    fn report(&mut self, now_s: f64, sensed: Sensed) {
+        let position = self.position();
+        let milliamps = (sensed.current_a * 1e3).round().clamp(f64::from(i16::MIN), f64::from(i16::MAX)) as i16;
+        let rpm = (self.moved as f64 * 60_000.0 / self.counts_per_turn).round();
+        let rpm = rpm.clamp(f64::from(i16::MIN), f64::from(i16::MAX)) as i16;
+        let motion = Report::Motion { current: Milliamps(milliamps), speed: Rpm(rpm), position };
+        // Inputs float: CHZ then reads high, the others low.
+        let pwm = Pwm::new(self.pwm).unwrap_or_default();
+        let rest = MixedRest { dsin: false, asin_mv: 0, chz: true, pwm };
+        let mixed = Report::Mixed(Mixed { ctl1: false, ctl2: false, rest: Some(rest) });
+        for (slot, report) in [motion, mixed].iter().enumerate() {
+            self.elapsed_ms[slot] += 1;
+            let period = u32::from(self.periods_ms[slot]);
+            if period > 0 && self.elapsed_ms[slot] >= period {
+                self.elapsed_ms[slot] = 0;
+                self.send(now_s + LATENCY_S, report);
+            }
+        }
+        if self.stalled {
+            self.since_error_s += TICK_S;
+            if self.since_error_s >= ERROR_PERIOD_S {
+                self.since_error_s = 0.0;
+                self.send(now_s + LATENCY_S, &Report::Error(DriveError::Stall));
+            }
+        }
+    }
+
+    /// As the wire has it: wraps at 32 bits.
+    fn position(&self) -> QuadCounts {
+        QuadCounts((self.last_counts - self.zero_counts) as i32)
+    }
+
+    fn pwm_of(&self, bridge: Bridge, sensed: Sensed) -> i16 {
+        let full = f64::from(Pwm::MAX.get());
+        let fraction = match bridge {
+            Bridge::Voltage(volts) => volts / sensed.supply_v,
+            // Only indicative (V-CAN p21): the share of the voltage bound that a regulator asks for.
+            Bridge::Current { amps, .. } if sensed.saturated => 1.0_f64.copysign(amps),
+            _ => 0.0,
+        };
+        (fraction * full).clamp(-full, full) as i16
+    }
+
+    fn send(&mut self, at_s: f64, report: &Report) {
+        self.sent.push((at_s, report.encode(self.address)));
+    }
+
+    /// Frames to put on the bus, each with its time. In order of time.
+    pub fn take_sent(&mut self) -> Vec<(f64, Frame)> {
+        std::mem::take(&mut self.sent)
+    }
+
+    /// The function whose data frames it follows now.
+    pub fn data_function(&self) -> Option<Function> {
+        self.mode().map(Mode::data_function)
+    }
+}

@@ -1,0 +1,138 @@
+//! The LVDT with its conditioner and divider: gap to 12-bit code (hardware.md 6.4; everything about the sensor is assumed).
+
+use std::f64::consts::TAU;
+
+use rand_distr::{Distribution, StandardNormal};
+use rand_pcg::Pcg64Mcg;
+
+use super::parameters::RigParameters;
+use super::settings::PlantSettings;
+
+/// Noise that the `lvdt-noisy` fault adds, m rms: a loose core.
+const FAULT_NOISE_M: f64 = 2e-3;
+
+/// What can be wrong with it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LvdtFaults {
+    /// Lead open: the divider's pull-down holds 0 V.
+    pub open: bool,
+    /// Shorted to the supply: full scale.
+    pub short: bool,
+    /// Much noise.
+    pub noisy: bool,
+    /// The same code for ever.
+    pub frozen: bool,
+}
+
+/// The sensor.
+#[derive(Clone, Debug)]
+pub struct Lvdt {
+    stroke_m: f64,
+    volts: [f64; 2],
+    gap_at_zero_m: f64,
+    reference_v: f64,
+    rate_per_s: f64,
+    gain: f64,
+    filtered_m: f64,
+    last_code: u16,
+    /// Active faults.
+    pub faults: LvdtFaults,
+}
+
+impl Lvdt {
+    /// Settled at a gap.
+    pub fn new(parameters: &RigParameters, settings: &PlantSettings, gap_m: f64) -> Self {
+        Self {
+            stroke_m: parameters.lvdt_stroke_m,
+            volts: parameters.lvdt_volts,
+            gap_at_zero_m: parameters.lvdt_gap_at_zero_m,
+            reference_v: parameters.adc_reference_v,
+            rate_per_s: TAU * parameters.lvdt_bandwidth_hz,
+            gain: 1.0 + settings.lvdt_gain_error,
+            filtered_m: gap_m,
+            last_code: 0,
+            faults: LvdtFaults::default(),
+        }
+    }
+
+    /// One step of `h` seconds; exact for a gap that stays where it is.
+    pub fn step(&mut self, h: f64, gap_m: f64) {
+        self.filtered_m += (gap_m - self.filtered_m) * -(-h * self.rate_per_s).exp_m1();
+    }
+
+    /// One sample.
+    pub fn sample(&mut self, settings: &PlantSettings, noise: &mut Pcg64Mcg) -> u16 {
+        let fault_noise = if self.faults.noisy { FAULT_NOISE_M } else { 0.0 };
+        // Drawn for each sample, fault or not: a fault does not change the noise that follows it.
+        let normal: f64 = StandardNormal.sample(noise);
+        let gap_m = self.filtered_m + settings.lvdt_offset_m + normal * settings.lvdt_noise_m.hypot(fault_noise);
+        let fraction = (gap_m - self.gap_at_zero_m) / self.stroke_m * self.gain;
+        let code = volts_to_code(self.volts[0] + fraction * (self.volts[1] - self.volts[0]), self.reference_v);
+        match self.faults {
+            LvdtFaults { open: true, .. } => 0,
+            LvdtFaults { short: true, .. } => 4095,
+            LvdtFaults { frozen: true, .. } => self.last_code,
+            _ => {
+                self.last_code = code;
+                code
+            }
+        }
+    }
+}
+
+/// What a 12-bit converter makes of a voltage.
+pub fn volts_to_code(volts: f64, reference_v: f64) -> u16 {
+    (volts / reference_v * 4096.0).floor().clamp(0.0, 4095.0) as u16
+}
+
+#[cfg(test)]
+mod tests {
+    use rand_pcg::rand_core::SeedableRng;
+    use tsa_model::scene::Rig;
+
+    use super::*;
+
+    fn lvdt(settings: &PlantSettings) -> (Lvdt, Pcg64Mcg) {
+        let parameters = RigParameters::new(&Rig::default()).unwrap();
+        (Lvdt::new(&parameters, settings, 0.1), Pcg64Mcg::seed_from_u64(1))
+    }
+
+    #[test]
+    fn noise_has_the_stated_size_and_no_bias() {
+        let settings = PlantSettings { lvdt_noise_m: 500e-6, ..PlantSettings::default() };
+        let (mut lvdt, mut noise) = lvdt(&settings);
+        let metres = |code: u16| (f64::from(code) + 0.5) / 4096.0 * 3.3 / 3.0 * 0.2;
+        let samples: Vec<f64> = (0..20_000).map(|_| metres(lvdt.sample(&settings, &mut noise))).collect();
+        let mean = samples.iter().sum::<f64>() / samples.len() as f64;
+        let rms = (samples.iter().map(|s| (s - mean).powi(2)).sum::<f64>() / samples.len() as f64).sqrt();
+        assert!((mean - 0.1).abs() < 15e-6, "{mean}");
+        assert!((rms - 500e-6).abs() < 15e-6, "{rms}");
+    }
+
+    #[test]
+    fn bandwidth() {
+        let settings = PlantSettings { lvdt_noise_m: 0.0, ..PlantSettings::default() };
+        let (mut lvdt, _) = lvdt(&settings);
+        for _ in 0..4 {
+            lvdt.step(2.5e-4, 0.11);
+        }
+        let expected = 0.11 - 0.01 * (-TAU * 200.0 * 1e-3_f64).exp();
+        assert!((lvdt.filtered_m - expected).abs() < 1e-12);
+    }
+
+    #[test]
+    fn faults() {
+        let settings = PlantSettings::default();
+        let (mut lvdt, mut noise) = lvdt(&settings);
+        lvdt.sample(&settings, &mut noise);
+        lvdt.faults.frozen = true;
+        let frozen = lvdt.sample(&settings, &mut noise);
+        assert!((0..100).all(|_| lvdt.sample(&settings, &mut noise) == frozen));
+        lvdt.faults.open = true;
+        assert_eq!(lvdt.sample(&settings, &mut noise), 0);
+        lvdt.faults = LvdtFaults { short: true, ..LvdtFaults::default() };
+        assert_eq!(lvdt.sample(&settings, &mut noise), 4095);
+        assert_eq!(volts_to_code(-1.0, 3.3), 0);
+        assert_eq!(volts_to_code(9.0, 3.3), 4095);
+    }
+}

@@ -1,0 +1,152 @@
+//! A brushed DC motor with friction, and what the drive's bridge does to it.
+//!
+//! The winding's inductance is left out: its time constant, about 0.1 ms, is below the time step.
+
+use super::parameters::RigParameters;
+
+/// What the motor's leads are connected to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Bridge {
+    /// Nothing: the motor coasts.
+    Open,
+    /// A voltage, V.
+    Voltage(f64),
+    /// A current regulator, A, which has at most this voltage, V.
+    Current {
+        /// Wanted.
+        amps: f64,
+        /// Size of the greatest voltage.
+        max_volts: f64,
+    },
+    /// A brake resistor, ohm.
+    Resistor(f64),
+}
+
+/// Rotor and winding.
+#[derive(Clone, Debug)]
+pub struct Motor {
+    torque_constant: f64,
+    resistance: f64,
+    inertia: f64,
+    coulomb: f64,
+    viscous: f64,
+    /// Angle of the shaft, rad.
+    pub angle_rad: f64,
+    /// Speed of the shaft, rad/s.
+    pub speed_rad_per_s: f64,
+    /// Winding current, A; positive drives towards positive angles.
+    pub current_a: f64,
+    /// The regulator wanted more voltage than there is.
+    pub saturated: bool,
+}
+
+impl Motor {
+    /// At rest at an angle.
+    pub fn new(parameters: &RigParameters, angle_rad: f64) -> Self {
+        Self {
+            torque_constant: parameters.torque_constant_nm_per_a,
+            resistance: parameters.resistance_ohm,
+            inertia: parameters.inertia_kg_m2,
+            coulomb: parameters.coulomb_nm,
+            viscous: parameters.viscous_nm_s_per_rad,
+            angle_rad,
+            speed_rad_per_s: 0.0,
+            current_a: 0.0,
+            saturated: false,
+        }
+    }
+
+    /// One step of `h` seconds with `torque_nm` from outside at the shaft.
+    pub fn step(&mut self, h: f64, bridge: Bridge, torque_nm: f64) {
+        self.saturated = false;
+        match bridge {
+            Bridge::Open => {
+                self.current_a = 0.0;
+                self.advance(h, torque_nm, 0.0);
+            }
+            Bridge::Voltage(volts) => self.drive_voltage(h, volts, self.resistance, torque_nm),
+            Bridge::Resistor(ohm) => self.drive_voltage(h, 0.0, self.resistance + ohm, torque_nm),
+            Bridge::Current { amps, max_volts } => {
+                let volts = amps * self.resistance + self.torque_constant * self.speed_rad_per_s;
+                if volts.abs() > max_volts {
+                    self.drive_voltage(h, max_volts.copysign(volts), self.resistance, torque_nm);
+                    self.saturated = true;
+                } else {
+                    self.current_a = amps;
+                    self.advance(h, torque_nm + self.torque_constant * amps, 0.0);
+                }
+            }
+        }
+    }
+
+    /// Back-EMF is a damping, taken at the end of the step: stable for any step.
+    fn drive_voltage(&mut self, h: f64, volts: f64, ohm: f64, torque_nm: f64) {
+        let drive = self.torque_constant * volts / ohm;
+        self.advance(h, torque_nm + drive, self.torque_constant * self.torque_constant / ohm);
+        self.current_a = (volts - self.torque_constant * self.speed_rad_per_s) / ohm;
+    }
+
+    /// Backward Euler; Coulomb friction as a set-valued force, so that a shaft at rest stays until the torque exceeds it.
+    fn advance(&mut self, h: f64, torque_nm: f64, damping: f64) {
+        let push = self.inertia * self.speed_rad_per_s / h + torque_nm;
+        let free = (push.abs() - self.coulomb).max(0.0).copysign(push);
+        self.speed_rad_per_s = free / (self.inertia / h + self.viscous + damping);
+        self.angle_rad += h * self.speed_rad_per_s;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn motor() -> Motor {
+        Motor {
+            torque_constant: 0.0229,
+            resistance: 10.0,
+            inertia: 1.2e-7,
+            coulomb: 2e-5,
+            viscous: 1e-8,
+            angle_rad: 0.0,
+            speed_rad_per_s: 0.0,
+            current_a: 0.0,
+            saturated: false,
+        }
+    }
+
+    #[test]
+    fn friction_holds_and_lets_go() {
+        let mut motor = motor();
+        for _ in 0..4000 {
+            motor.step(2.5e-4, Bridge::Open, 1.9e-5);
+        }
+        assert_eq!((motor.angle_rad, motor.speed_rad_per_s), (0.0, 0.0));
+        motor.step(2.5e-4, Bridge::Open, 2.1e-5);
+        assert!(motor.speed_rad_per_s > 0.0);
+    }
+
+    #[test]
+    fn no_load_speed_and_voltage_bound() {
+        let mut motor = motor();
+        for _ in 0..4000 {
+            motor.step(2.5e-4, Bridge::Current { amps: 0.5, max_volts: 24.0 }, 0.0);
+            let volts = motor.current_a * 10.0 + 0.0229 * motor.speed_rad_per_s;
+            assert!(volts.abs() <= 24.0 + 0.0229 * 30.0, "{volts}");
+        }
+        let friction_a = (2e-5 + 1e-8 * motor.speed_rad_per_s) / 0.0229;
+        let expected = (24.0 - friction_a * 10.0) / 0.0229;
+        assert!((motor.speed_rad_per_s - expected).abs() < 1.0, "{}", motor.speed_rad_per_s);
+    }
+
+    #[test]
+    fn brake_resistor_slows_it() {
+        let mut coasting = motor();
+        coasting.speed_rad_per_s = 500.0;
+        let mut braked = coasting.clone();
+        for _ in 0..40 {
+            coasting.step(2.5e-4, Bridge::Open, 0.0);
+            braked.step(2.5e-4, Bridge::Resistor(10.0), 0.0);
+        }
+        assert!(coasting.speed_rad_per_s > 490.0);
+        assert!(braked.speed_rad_per_s < 100.0);
+    }
+}

@@ -1,0 +1,313 @@
+//! A fast and smooth stand-in for the solver: bicubic Hermite patches over exact gaps and exact slopes.
+//!
+//! One axis is ln F, since the radius law has a term in 1/F. The other is twist, in two parts that meet at θ = π, where
+//! the strings begin to touch and the gap's second derivative jumps: below it θ itself, above it the fraction of the
+//! way to the last twist that has an equilibrium, so that every patch lies where the model does.
+//!
+//! Outside the model, and so a guess that keeps a simulation sane:
+//! - past the last twist the gap runs on in a straight line for 2 rad and then stays;
+//! - above the greatest load it runs on in a straight line in F;
+//! - below the least load (0.3 N) the string goes slack: see `Surface::pull`.
+
+use std::f64::consts::PI;
+
+use super::transmission::{GapPoint, Transmission};
+
+/// Least load of the surface, N; below it the pull falls linearly to zero with the gap.
+pub const SLACK_LOAD_N: f64 = 0.3;
+/// Greatest twist looked at: eleven turns past the half-turn pre-twist.
+pub const MAX_TWIST_RAD: f64 = PI + 11.0 * 2.0 * PI;
+/// Cells along ln F.
+const LOAD_CELLS: usize = 48;
+/// Cells below θ = π.
+const OPEN_CELLS: usize = 24;
+/// Cells from θ = π to the last twist.
+const TWISTED_CELLS: usize = 144;
+/// How far past the last twist the gap runs on, rad.
+const RUN_ON_RAD: f64 = 2.0;
+
+/// Why no surface can be made.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("the mechanism has no equilibrium at {load_n} N and {twist_rad} rad, which the emulated rig has to pass")]
+pub struct NoSurface {
+    /// Load, N.
+    pub load_n: f64,
+    /// Twist, rad.
+    pub twist_rad: f64,
+}
+
+/// What the string does to the rail at a twist and a gap.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Pull {
+    /// Force on the load, N; the load that the mechanism carries.
+    pub force_n: f64,
+    /// ∂F/∂G at constant twist, N/m.
+    pub stiffness_n_per_m: f64,
+    /// ∂G/∂θ at constant load, m/rad.
+    pub by_twist_m_per_rad: f64,
+}
+
+/// Value and the three derivatives that a Hermite patch needs, by the local coordinates (see [`Surface`]).
+#[derive(Clone, Copy, Debug, Default)]
+struct Node {
+    gap: f64,
+    by_x: f64,
+    by_u: f64,
+    by_xu: f64,
+}
+
+/// One rectangular grid over x in 0..=1 and u = ln F.
+#[derive(Clone, Debug)]
+struct Grid {
+    cells: usize,
+    nodes: Vec<Node>,
+}
+
+/// The interpolant.
+#[derive(Clone, Debug)]
+pub struct Surface {
+    u_min: f64,
+    u_step: f64,
+    /// Last twist with an equilibrium and its slope by u, at each load of the grid.
+    ends: Vec<(f64, f64)>,
+    /// Twist at which the strings lie side by side and the motor meets a wall, at each load of the grid.
+    walls: Vec<f64>,
+    open: Grid,
+    twisted: Grid,
+}
+
+impl Surface {
+    /// Samples `exact` from [`SLACK_LOAD_N`] to `max_load_n`.
+    pub fn new(exact: &impl Transmission, max_load_n: f64) -> Result<Self, NoSurface> {
+        let u_min = SLACK_LOAD_N.ln();
+        let u_step = (max_load_n.ln() - u_min) / LOAD_CELLS as f64;
+        let loads: Vec<f64> = (0..=LOAD_CELLS).map(|i| (u_min + u_step * i as f64).exp()).collect();
+        let last: Vec<f64> = loads.iter().map(|&load| last_twist(exact, load)).collect::<Result<_, _>>()?;
+        let slopes = differences(&last, u_step);
+        let ends: Vec<_> = last.iter().copied().zip(slopes).collect();
+        // Where a greater load ends earlier it is the rods' strain that ends it: no wall for the motor.
+        let walls = last
+            .iter()
+            .scan(0.0_f64, |most, &end| {
+                *most = most.max(end);
+                Some(*most)
+            })
+            .collect();
+        let sample = |load: f64, twist: f64| exact.gap(twist, load).ok_or(NoSurface { load_n: load, twist_rad: twist });
+        let open = Grid::new(OPEN_CELLS, &loads, u_step, |i, x| {
+            let point = sample(loads[i], PI * x)?;
+            Ok((point.gap_m, PI * point.by_twist_m_per_rad, loads[i] * point.by_load_m_per_n))
+        })?;
+        let twisted = Grid::new(TWISTED_CELLS, &loads, u_step, |i, x| {
+            let (end, end_by_u) = ends[i];
+            let point = sample(loads[i], PI + (end - PI) * x)?;
+            let along = loads[i] * point.by_load_m_per_n + point.by_twist_m_per_rad * x * end_by_u;
+            Ok((point.gap_m, (end - PI) * point.by_twist_m_per_rad, along))
+        })?;
+        Ok(Self { u_min, u_step, ends, walls, open, twisted })
+    }
+
+    /// Greatest load of the surface, N.
+    pub fn max_load_n(&self) -> f64 {
+        (self.u_min + self.u_step * LOAD_CELLS as f64).exp()
+    }
+
+    /// Last twist with an equilibrium at a load, rad.
+    pub fn last_twist_rad(&self, load_n: f64) -> f64 {
+        self.end(self.u(load_n)).0
+    }
+
+    /// Twist at which the motor meets the wall of fully closed strings at a load, rad.
+    pub fn wall_rad(&self, load_n: f64) -> f64 {
+        let (i, t) = self.cell(self.u(load_n));
+        self.walls[i] + t * (self.walls[i + 1] - self.walls[i])
+    }
+
+    /// Gap and slopes at a twist of either sign and a load within the surface (clamped to it).
+    pub fn gap(&self, twist_rad: f64, load_n: f64) -> GapPoint {
+        let load_n = load_n.clamp(SLACK_LOAD_N, self.max_load_n());
+        let u = self.u(load_n);
+        let twist = twist_rad.abs();
+        let sign = if twist_rad < 0.0 { -1.0 } else { 1.0 };
+        let (i, t) = self.cell(u);
+        let (gap, by_twist, by_u) = if twist <= PI {
+            let (gap, by_x, by_u) = self.open.at(i, t, self.u_step, twist / PI);
+            (gap, by_x / PI, by_u)
+        } else {
+            let (end, end_by_u) = self.end(u);
+            let x = (twist - PI) / (end - PI);
+            let (gap, by_x, by_u) = self.twisted.at(i, t, self.u_step, x.min(1.0));
+            let by_twist = by_x / (end - PI);
+            let over = (twist - end).clamp(0.0, RUN_ON_RAD);
+            (gap + by_twist * over, by_twist, by_u - by_twist * x.min(1.0) * end_by_u)
+        };
+        GapPoint { gap_m: gap, by_twist_m_per_rad: sign * by_twist, by_load_m_per_n: by_u / load_n }
+    }
+
+    /// The inverse: the force at a twist and a gap. `near_n` is a guess, the force a step ago.
+    pub fn pull(&self, twist_rad: f64, gap_m: f64, near_n: f64) -> Pull {
+        let least = self.gap(twist_rad, SLACK_LOAD_N);
+        if gap_m <= least.gap_m {
+            // Slack: falls to zero over as much gap as its slope at 0.3 N asks for.
+            let stiffness = 1.0 / least.by_load_m_per_n;
+            let force_n = SLACK_LOAD_N - (least.gap_m - gap_m) * stiffness;
+            if force_n <= 0.0 {
+                return Pull { by_twist_m_per_rad: least.by_twist_m_per_rad, ..Pull::default() };
+            }
+            return Pull { force_n, stiffness_n_per_m: stiffness, by_twist_m_per_rad: least.by_twist_m_per_rad };
+        }
+        let max_load_n = self.max_load_n();
+        let most = self.gap(twist_rad, max_load_n);
+        if gap_m >= most.gap_m {
+            let stiffness = 1.0 / most.by_load_m_per_n;
+            return Pull {
+                force_n: max_load_n + (gap_m - most.gap_m) * stiffness,
+                stiffness_n_per_m: stiffness,
+                by_twist_m_per_rad: most.by_twist_m_per_rad,
+            };
+        }
+        // Newton in ln F inside a bracket that shrinks: the gap rises with the load.
+        let (mut low, mut high) = (self.u_min, max_load_n.ln());
+        let mut u = near_n.clamp(SLACK_LOAD_N, max_load_n).ln();
+        let mut point = self.gap(twist_rad, u.exp());
+        for _ in 0..60 {
+            let miss = point.gap_m - gap_m;
+            if miss.abs() < 1e-12 {
+                break;
+            }
+            if miss > 0.0 { high = u } else { low = u }
+            let newton = u - miss / (point.by_load_m_per_n * u.exp());
+            u = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
+            point = self.gap(twist_rad, u.exp());
+        }
+        Pull {
+            force_n: u.exp(),
+            stiffness_n_per_m: 1.0 / point.by_load_m_per_n,
+            by_twist_m_per_rad: point.by_twist_m_per_rad,
+        }
+    }
+
+    fn u(&self, load_n: f64) -> f64 {
+        load_n.clamp(SLACK_LOAD_N, self.max_load_n()).ln()
+    }
+
+    fn cell(&self, u: f64) -> (usize, f64) {
+        let at = ((u - self.u_min) / self.u_step).clamp(0.0, LOAD_CELLS as f64);
+        let i = (at as usize).min(LOAD_CELLS - 1);
+        (i, at - i as f64)
+    }
+
+    /// The last twist and its slope by u, as a cubic through the loads of the grid.
+    fn end(&self, u: f64) -> (f64, f64) {
+        let (i, t) = self.cell(u);
+        let [value, slope] = hermite(t);
+        let ((a, da), (b, db)) = (self.ends[i], self.ends[i + 1]);
+        let mix = |w: [f64; 4]| w[0] * a + w[1] * b + (w[2] * da + w[3] * db) * self.u_step;
+        (mix(value), mix(slope) / self.u_step)
+    }
+}
+
+impl Grid {
+    /// `sample(i, x)` is the gap and its slopes by x and u at load `i`.
+    fn new(
+        cells: usize,
+        loads: &[f64],
+        u_step: f64,
+        sample: impl Fn(usize, f64) -> Result<(f64, f64, f64), NoSurface>,
+    ) -> Result<Self, NoSurface> {
+        let rows = cells + 1;
+        let mut nodes = Vec::with_capacity(loads.len() * rows);
+        for i in 0..loads.len() {
+            for k in 0..rows {
+                let (gap, by_x, by_u) = sample(i, k as f64 / cells as f64)?;
+                nodes.push(Node { gap, by_x, by_u, by_xu: 0.0 });
+            }
+        }
+        for k in 0..rows {
+            let slopes: Vec<f64> = (0..loads.len()).map(|i| nodes[i * rows + k].by_x).collect();
+            for (i, slope) in differences(&slopes, u_step).into_iter().enumerate() {
+                nodes[i * rows + k].by_xu = slope;
+            }
+        }
+        Ok(Self { cells, nodes })
+    }
+
+    /// Gap and slopes in load cell `i` at fraction `t`, at x.
+    fn at(&self, i: usize, t: f64, u_step: f64, x: f64) -> (f64, f64, f64) {
+        let at = (x * self.cells as f64).clamp(0.0, self.cells as f64);
+        let k = (at as usize).min(self.cells - 1);
+        let x_step = 1.0 / self.cells as f64;
+        let [x_value, x_slope] = hermite(at - k as f64);
+        let [u_value, u_slope] = hermite(t);
+        let rows = self.cells + 1;
+        let corner = |du: usize, dx: usize| &self.nodes[(i + du) * rows + k + dx];
+        let (mut gap, mut by_x, mut by_u) = (0.0, 0.0, 0.0);
+        for (du, dx) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+            let node = corner(du, dx);
+            // Along x at this end of u: the value, and the slope by u.
+            let along = |w: &[f64; 4], value: f64, slope: f64| w[dx] * value + w[2 + dx] * slope * x_step;
+            let value = along(&x_value, node.gap, node.by_x);
+            let value_by_u = along(&x_value, node.by_u, node.by_xu);
+            let slope = along(&x_slope, node.gap, node.by_x);
+            let slope_by_u = along(&x_slope, node.by_u, node.by_xu);
+            gap += u_value[du] * value + u_value[2 + du] * value_by_u * u_step;
+            by_x += u_value[du] * slope + u_value[2 + du] * slope_by_u * u_step;
+            by_u += u_slope[du] * value + u_slope[2 + du] * value_by_u * u_step;
+        }
+        (gap, by_x / x_step, by_u / u_step)
+    }
+}
+
+/// Weights of the values at both ends and the slopes at both ends, and their derivatives.
+fn hermite(t: f64) -> [[f64; 4]; 2] {
+    let (s, t2) = (1.0 - t, t * t);
+    [
+        [(1.0 + 2.0 * t) * s * s, t2 * (3.0 - 2.0 * t), t * s * s, -t2 * s],
+        [-6.0 * t * s, 6.0 * t * s, s * (1.0 - 3.0 * t), t * (3.0 * t - 2.0)],
+    ]
+}
+
+/// Slopes of equally spaced values: fourth order inside, second at the ends.
+fn differences(values: &[f64], step: f64) -> Vec<f64> {
+    let n = values.len();
+    (0..n)
+        .map(|i| {
+            let v = |k: usize| values[k];
+            let difference = if i >= 2 && i + 2 < n {
+                (v(i - 2) - v(i + 2) + 8.0 * (v(i + 1) - v(i - 1))) / 12.0
+            } else if i >= 1 && i + 1 < n {
+                0.5 * (v(i + 1) - v(i - 1))
+            } else if i == 0 {
+                -1.5 * v(0) + 2.0 * v(1) - 0.5 * v(2)
+            } else {
+                1.5 * v(n - 1) - 2.0 * v(n - 2) + 0.5 * v(n - 3)
+            };
+            difference / step
+        })
+        .collect()
+}
+
+/// The last twist, at most [`MAX_TWIST_RAD`], up to which every twist has an equilibrium.
+fn last_twist(exact: &impl Transmission, load_n: f64) -> Result<f64, NoSurface> {
+    let exists = |twist: f64| exact.gap(twist, load_n).is_some();
+    let mut low = PI;
+    if !exists(low) {
+        return Err(NoSurface { load_n, twist_rad: low });
+    }
+    let mut high = low;
+    while high < MAX_TWIST_RAD {
+        high = (high + 1.0).min(MAX_TWIST_RAD);
+        if !exists(high) {
+            break;
+        }
+        low = high;
+    }
+    for _ in 0..24 {
+        let middle = 0.5 * (low + high);
+        if exists(middle) { low = middle } else { high = middle }
+    }
+    if low < PI + 1.0 {
+        return Err(NoSurface { load_n, twist_rad: PI + 1.0 });
+    }
+    Ok(low)
+}

@@ -1,0 +1,36 @@
+//! What really happens in the emulated rig, which the firmware never sees.
+
+use serde::Serialize;
+
+/// A snapshot. SI units.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Truth {
+    /// Time since power-up.
+    pub t_s: f64,
+    /// How far the load is above where it would hang at the half-turn pre-twist under the load at boot.
+    pub position_m: f64,
+    /// Gap between the clamps.
+    pub gap_m: f64,
+    /// Gap at which the present load would hang at the half-turn pre-twist.
+    pub pretwist_gap_m: f64,
+    /// Speed of the gap, positive sinks.
+    pub gap_speed_m_per_s: f64,
+    /// Twist of the strings.
+    pub twist_rad: f64,
+    /// Weight on the rail.
+    pub load_n: f64,
+    /// What the mechanism carries at this moment.
+    pub pull_n: f64,
+    /// Tension of one string.
+    pub tension_n: f64,
+    /// Torque of the strings on the output shaft.
+    pub string_torque_nm: f64,
+    /// Angle of the motor shaft since power-up.
+    pub motor_angle_rad: f64,
+    /// Speed of the motor shaft.
+    pub motor_speed_rad_per_s: f64,
+    /// Winding current.
+    pub motor_current_a: f64,
+    /// Code of the drive's mode, 0 while un-moded or off.
+    pub drive_mode: u8,
+}
