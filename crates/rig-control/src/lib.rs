@@ -1,1 +1,32 @@
-//! Placeholder, filled next.
+//! Everything that the firmware decides, as pure step functions: time, readings and requests come in as arguments,
+//! commands and events go out. The same code runs on the board and in desktop tests.
+//!
+//! - [`constants`]: the rig's numbers, generated from the scene.
+//! - [`sensors`]: readings with their time and validity; raw codes to SI.
+//! - [`planner`]: acceleration- and jerk-limited motion.
+//! - [`observer`]: the load, from twist and gap.
+//! - [`position_loop`]: set-point and measured position to twist speed, through TR.
+//! - [`homing`]: zero twist without switches, then the load.
+//! - [`supervisor`]: states, faults, requests; [`supervisor::Rig::step`] is one control tick.
+
+#![no_std]
+#![forbid(unsafe_code)]
+
+pub mod constants;
+pub mod homing;
+pub mod observer;
+pub mod planner;
+pub mod position_loop;
+pub mod sensors;
+pub mod supervisor;
+
+pub use constants::RigConstants;
+pub use sensors::{DriveReading, LvdtBlock, LvdtReading};
+pub use supervisor::{DriveCommand, Inputs, Outputs, Rig};
+
+/// Control period (s): one tick, one drive command, one telemetry message. The drive's recommended data period
+/// (hardware.md 2.5) and its feedback period.
+pub const TICK_S: f32 = 0.01;
+
+/// [`TICK_S`] in microseconds.
+pub const TICK_US: u64 = 10_000;

@@ -102,6 +102,15 @@ impl Table<'_> {
         Ok(self.evaluate(load_n, twist_rad))
     }
 
+    /// As [`Table::look_up`] with load and twist moved to the nearest edge where they are outside: for a caller that
+    /// keeps them inside itself and must not stop for the last bit. NaN counts as the lower edge.
+    #[inline]
+    pub fn point_inside(&self, load_n: f32, twist_rad: f32) -> Point {
+        let m = &self.metadata;
+        let load_n = load_n.max(m.load_min_n).min(m.load_max_n);
+        self.evaluate(load_n, twist_rad.max(m.twist_min_rad).min(m.twist_max_rad))
+    }
+
     /// As [`Table::look_up`] for a load and a twist that are known to be inside.
     #[inline]
     pub(crate) fn evaluate(&self, load_n: f32, twist_rad: f32) -> Point {

@@ -1,0 +1,42 @@
+//! The rig's numbers. The build script writes them from the scene's `[rig]`; nothing here repeats one.
+
+/// Constants of one rig.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RigConstants {
+    /// Motor turns per turn of the strings.
+    pub gear_ratio: f32,
+    /// Quadrature counts per radian of twist: 4 × lines × gear ratio / 2π.
+    pub counts_per_rad: f32,
+    /// Greatest motor speed (rad/s at the motor shaft).
+    pub motor_speed_max_rad_per_s: f32,
+    /// Greatest motor acceleration (rad/s² at the motor shaft).
+    pub motor_acceleration_max_rad_per_s2: f32,
+    /// Current limit sent with every command (mA).
+    pub current_limit_ma: i16,
+    /// Gap at ADC code 0 (m).
+    pub lvdt_gap_at_code_zero_m: f32,
+    /// Gap per ADC code (m).
+    pub lvdt_metres_per_code: f32,
+    /// RMDS group.
+    pub drive_group: u8,
+    /// RMDS number.
+    pub drive_number: u8,
+}
+
+impl RigConstants {
+    /// Greatest speed of the strings' twist (rad/s).
+    pub fn twist_speed_max(&self) -> f32 {
+        self.motor_speed_max_rad_per_s / self.gear_ratio
+    }
+
+    /// Greatest acceleration of the strings' twist (rad/s²).
+    pub fn twist_acceleration_max(&self) -> f32 {
+        self.motor_acceleration_max_rad_per_s2 / self.gear_ratio
+    }
+
+    /// Motor shaft speed in rpm for a twist speed (rad/s), rounded up so that a limit never stops the motor short.
+    pub fn motor_rpm(&self, twist_speed_rad_per_s: f32) -> i16 {
+        const RPM: f32 = 60.0 / core::f32::consts::TAU;
+        libm::ceilf(twist_speed_rad_per_s.abs() * self.gear_ratio * RPM).clamp(0.0, 32_767.0) as i16
+    }
+}

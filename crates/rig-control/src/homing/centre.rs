@@ -1,0 +1,161 @@
+//! The middle of an even curve, from two sweeps across it in opposite directions.
+
+use rig_link::messages::HomingFailure;
+
+/// Bins across the sweep.
+const BINS: usize = 48;
+/// Levels whose midpoints are averaged.
+const LEVELS: usize = 16;
+/// Least height of the curve over its lower end (m) that counts as a maximum: a flat curve has no middle.
+const LEAST_HEIGHT_M: f32 = 0.5e-3;
+/// Largest disagreement between the two directions (rad): beyond it, what was seen is not this mechanism.
+const LARGEST_SPLIT_RAD: f32 = 0.8;
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Bin {
+    shaft_sum: f32,
+    gap_sum: f32,
+    count: u16,
+}
+
+/// Two sweeps, binned by shaft angle. Angles are kept relative to the rough middle.
+#[derive(Clone, Debug)]
+pub(super) struct Centre {
+    bins: [[Bin; BINS]; 2],
+    pass: usize,
+    middle_rad: f32,
+    half_rad: f32,
+}
+
+impl Centre {
+    pub(super) fn new() -> Self {
+        Self { bins: [[Bin::default(); BINS]; 2], pass: 0, middle_rad: 0.0, half_rad: 1.0 }
+    }
+
+    /// Starts the first sweep.
+    pub(super) fn begin(&mut self, middle_rad: f32, half_rad: f32) {
+        *self = Self { middle_rad, half_rad, ..Self::new() };
+    }
+
+    pub(super) fn middle_rad(&self) -> f32 {
+        self.middle_rad
+    }
+
+    pub(super) fn pass(&self) -> usize {
+        self.pass
+    }
+
+    pub(super) fn record(&mut self, shaft_rad: f32, gap_m: f32) {
+        let relative = shaft_rad - self.middle_rad;
+        let at = (relative / self.half_rad + 1.0) * 0.5 * BINS as f32;
+        if let (true, Some(bins)) = ((0.0..BINS as f32).contains(&at), self.bins.get_mut(self.pass)) {
+            let bin = &mut bins[(at as usize).min(BINS - 1)];
+            bin.shaft_sum += relative;
+            bin.gap_sum += gap_m;
+            bin.count = bin.count.saturating_add(1);
+        }
+    }
+
+    /// Ends a sweep; true after the second.
+    pub(super) fn end_pass(&mut self) -> bool {
+        self.pass += 1;
+        self.pass >= 2
+    }
+
+    /// The middle (rad) and its estimated error: half of what the two directions disagree by, friction's doing, would
+    /// be an upper bound if it did not cancel; a tenth of it is kept, beside the scatter of the midpoints.
+    pub(super) fn solve(&self) -> Result<(f32, f32), HomingFailure> {
+        let first = self.middle_of(0)?;
+        let second = self.middle_of(1)?;
+        if (first.0 - second.0).abs() > LARGEST_SPLIT_RAD {
+            return Err(HomingFailure::PoorFit);
+        }
+        let scatter = libm::sqrtf(0.5 * (first.1 * first.1 + second.1 * second.1));
+        let error = 0.05 * (first.0 - second.0).abs() + scatter / libm::sqrtf(LEVELS as f32);
+        Ok((self.middle_rad + 0.5 * (first.0 + second.0), error))
+    }
+
+    /// Mean and scatter of the midpoints of one sweep, relative to the rough middle.
+    fn middle_of(&self, pass: usize) -> Result<(f32, f32), HomingFailure> {
+        let (mut curve, mut n) = ([(0.0f32, 0.0f32); BINS], 0);
+        for bin in self.bins[pass].iter().filter(|b| b.count > 0) {
+            curve[n] = (bin.shaft_sum / f32::from(bin.count), bin.gap_sum / f32::from(bin.count));
+            n += 1;
+        }
+        let curve = &curve[..n];
+        let (Some(left), Some(right)) = (curve.first(), curve.last()) else {
+            return Err(HomingFailure::NoPretwist);
+        };
+        let top_at = (0..n).fold(0, |best, i| if curve[i].1 > curve[best].1 { i } else { best });
+        let (top, floor) = (curve[top_at].1, left.1.max(right.1));
+        if top - floor < LEAST_HEIGHT_M {
+            return Err(HomingFailure::NoPretwist);
+        }
+        let (mut sum, mut squares, mut found) = (0.0f32, 0.0f32, 0u16);
+        for k in 0..LEVELS {
+            let level = floor + (top - floor) * (0.1 + 0.75 * k as f32 / LEVELS as f32);
+            let rise = crossing(curve[..=top_at].iter(), level);
+            let fall = crossing(curve[top_at..].iter().rev(), level);
+            if let (Some(a), Some(b)) = (rise, fall) {
+                let middle = 0.5 * (a + b);
+                sum += middle;
+                squares += middle * middle;
+                found += 1;
+            }
+        }
+        if usize::from(found) < LEVELS / 2 {
+            return Err(HomingFailure::NoPretwist);
+        }
+        let mean = sum / f32::from(found);
+        Ok((mean, libm::sqrtf((squares / f32::from(found) - mean * mean).max(0.0))))
+    }
+}
+
+/// Where a rising run of points crosses a level.
+fn crossing<'a>(mut points: impl Iterator<Item = &'a (f32, f32)>, level: f32) -> Option<f32> {
+    let mut last = *points.next()?;
+    for point in points {
+        if last.1 <= level && point.1 > level {
+            return Some(last.0 + (point.0 - last.0) * (level - last.1) / (point.1 - last.1));
+        }
+        last = *point;
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sweep(zero: f32, lag: f32, height: f32) -> Centre {
+        let mut c = Centre::new();
+        c.begin(10.0, 3.0);
+        for (pass, sign) in [(0, 1.0f32), (1, -1.0)] {
+            assert_eq!(c.pass(), pass);
+            for k in 0..=600 {
+                let shaft = 10.0 + sign * (k as f32 / 100.0 - 3.0);
+                let twist = shaft - lag * sign - zero;
+                c.record(shaft, 0.1 - height * (1.0 - libm::cosf(twist / 2.0)));
+            }
+            assert_eq!(c.end_pass(), pass == 1);
+        }
+        c
+    }
+
+    #[test]
+    fn the_middle_is_found_and_lag_cancels() {
+        for (zero, lag) in [(10.0, 0.0), (10.4, 0.0), (9.3, 0.05), (10.1, 0.2)] {
+            let (found, error) = sweep(zero, lag, 0.004).solve().unwrap();
+            assert!((found - zero).abs() < 3e-3, "{found} for {zero} with lag {lag}");
+            assert!(error < 0.05);
+        }
+    }
+
+    #[test]
+    fn what_is_flat_or_one_sided_or_split_is_refused() {
+        assert_eq!(sweep(10.0, 0.0, 1e-5).solve(), Err(HomingFailure::NoPretwist));
+        assert_eq!(sweep(14.0, 0.0, 0.004).solve(), Err(HomingFailure::NoPretwist));
+        assert_eq!(sweep(10.0, 0.6, 0.004).solve(), Err(HomingFailure::PoorFit));
+        assert_eq!(Centre::new().solve(), Err(HomingFailure::NoPretwist));
+    }
+}

@@ -1,0 +1,308 @@
+//! Homing without switches: the gap is even in the twist and greatest at zero (model.md section 5).
+//!
+//! ```text
+//! Probe ── which way does the gap grow? ──> Seek ── past its maximum ──> Centre ── two sweeps across it ──> Weigh
+//!                                                                          │ midpoints of equal gaps         │
+//!                                                                          v                                 v
+//!                                                                     zero twist              up and down 2½ turns:
+//!                                                                                             load and LVDT offset
+//!                                                                                                  │
+//!                                              Done <── reference gap <── Settle at half a turn <──┘
+//! ```
+//! Sweeping both ways cancels what depends on the direction: rail friction, filter delay, gear backlash.
+
+mod centre;
+mod weigh;
+
+use crate::planner::Ramp;
+use crate::{RigConstants, TICK_S};
+use centre::Centre;
+use core::f32::consts::{PI, TAU};
+use rig_link::messages::HomingFailure;
+use tsa_table::Table;
+use weigh::Weigh;
+
+/// Speed of the probe (rad/s).
+const PROBE_SPEED: f32 = 1.5;
+/// Change of the gap (m) that decides the probe: several times what rail friction can hold back.
+const PROBE_CHANGE_M: f32 = 0.25e-3;
+/// Longest probe (rad): from anywhere, even across the top, the gap changes by more than its noise within it.
+const PROBE_TRAVEL: f32 = 2.6;
+/// Speed towards the maximum (rad/s).
+const SEEK_SPEED: f32 = 8.0;
+/// Fall from the greatest gap (m) that shows that the maximum has been passed.
+const SEEK_FALL_M: f32 = 0.6e-3;
+/// Farthest from the power-up twist that the maximum is looked for (rad): 12 turns.
+const SEEK_TRAVEL: f32 = 12.0 * TAU;
+/// Half the width of the sweeps across the maximum (rad).
+const SWEEP_HALF: f32 = 3.0;
+/// Speed of these sweeps (rad/s): slow enough that the load follows without swinging.
+const SWEEP_SPEED: f32 = 2.5;
+/// Turns past the half-turn pre-twist that the load is weighed over.
+const WEIGH_TURNS: f32 = 2.5;
+/// Speed of weighing (rad/s).
+const WEIGH_SPEED: f32 = 6.0;
+/// Acceleration of all of it (rad/s²).
+const ACCELERATION: f32 = 25.0;
+/// Rest before a sweep (s), for the load to stop swinging.
+const REST_S: f32 = 0.3;
+/// Rest at the pre-twist before the reference is taken, and how long it is averaged over (s).
+const SETTLE_S: f32 = 0.7;
+const REFERENCE_S: f32 = 0.4;
+/// Longest homing (s), start-up of the drive not counted.
+const TIME_OUT_S: f32 = 42.0;
+
+/// Result of a homing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Homed {
+    /// Shaft angle at zero twist (rad, as the encoder counts).
+    pub zero_rad: f32,
+    /// Estimated error of that (rad).
+    pub zero_error_rad: f32,
+    /// Load (N).
+    pub load_n: f32,
+    /// Measured less modelled gap (m).
+    pub gap_offset_m: f32,
+    /// Measured gap at the half-turn pre-twist (m): position zero.
+    pub reference_gap_m: f32,
+    /// How far the shaft stays behind its set-point, in time (s): the drive's own position loop, measured.
+    pub drive_lag_s: f32,
+}
+
+/// What homing wants of the motor, or how it ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Progress {
+    /// Shaft set-point (rad) and speed (rad/s).
+    Turning(Ramp),
+    /// Done; the shaft stands at the half-turn pre-twist.
+    Done(Homed),
+    /// Given up.
+    Failed(HomingFailure),
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Phase {
+    Probe { start_rad: f32, gap_m: f32 },
+    Seek { start_rad: f32, goal_rad: f32, top_m: f32, top_rad: f32 },
+    CentreRest { ticks: u16 },
+    Centre,
+    WeighStart { ticks: u16 },
+    Weigh,
+    Settle { ticks: u16, sum_m: f32, count: u16 },
+}
+
+/// One homing.
+#[derive(Clone, Debug)]
+pub struct Homing {
+    phase: Phase,
+    ramp: Ramp,
+    /// Gap smoothed over some 40 ms, for decisions that need no precision.
+    smooth_gap_m: f32,
+    /// +1 or −1: the direction in which the gap grew.
+    direction: f32,
+    ticks: u32,
+    centre: Centre,
+    weigh: Weigh,
+    zero_rad: f32,
+    zero_error_rad: f32,
+    lag_sum_s: f32,
+    lag_count: u16,
+}
+
+impl Homing {
+    /// Starts from wherever the shaft is.
+    pub fn new(shaft_rad: f32, gap_m: f32) -> Self {
+        Self {
+            phase: Phase::Probe { start_rad: shaft_rad, gap_m },
+            ramp: Ramp::at(shaft_rad),
+            smooth_gap_m: gap_m,
+            direction: 1.0,
+            ticks: 0,
+            centre: Centre::new(),
+            weigh: Weigh::new(),
+            zero_rad: 0.0,
+            zero_error_rad: 0.0,
+            lag_sum_s: 0.0,
+            lag_count: 0,
+        }
+    }
+
+    /// One tick: shaft angle by the encoder (rad), measured gap (m).
+    pub fn step(&mut self, table: &Table<'_>, rig: &RigConstants, shaft_rad: f32, gap_m: f32) -> Progress {
+        self.ticks += 1;
+        if self.ticks as f32 * TICK_S > TIME_OUT_S {
+            return Progress::Failed(HomingFailure::TimeOut);
+        }
+        self.smooth_gap_m += 0.25 * (gap_m - self.smooth_gap_m);
+        let speed_limit = 0.9 * rig.twist_speed_max();
+        let acceleration = ACCELERATION.min(rig.twist_acceleration_max());
+        let outcome = match self.phase {
+            Phase::Probe { start_rad, gap_m } => self.probe(start_rad, gap_m, acceleration),
+            Phase::Seek { start_rad, goal_rad, top_m, top_rad } => {
+                self.seek(start_rad, goal_rad, top_m, top_rad, shaft_rad, acceleration, speed_limit)
+            }
+            Phase::CentreRest { ticks } => self.rest_before_centre(ticks, acceleration, speed_limit),
+            Phase::Centre => self.sweep_centre(shaft_rad, gap_m, acceleration),
+            Phase::WeighStart { ticks } => self.rest_before_weigh(ticks, acceleration, speed_limit),
+            Phase::Weigh => self.sweep_weigh(table, shaft_rad, gap_m, acceleration, speed_limit),
+            Phase::Settle { ticks, sum_m, count } => self.settle(table, ticks, sum_m, count, gap_m, acceleration),
+        };
+        match outcome {
+            Ok(None) => Progress::Turning(self.ramp),
+            Ok(Some(homed)) => Progress::Done(homed),
+            Err(failure) => Progress::Failed(failure),
+        }
+    }
+
+    fn probe(&mut self, start_rad: f32, gap_m: f32, acceleration: f32) -> Result<Option<Homed>, HomingFailure> {
+        let goal = start_rad + PROBE_TRAVEL;
+        self.ramp.step(goal, PROBE_SPEED, acceleration);
+        let change = self.smooth_gap_m - gap_m;
+        let ended = self.ramp == Ramp::at(goal);
+        if change.abs() > PROBE_CHANGE_M || (ended && change.abs() > 0.1 * PROBE_CHANGE_M) {
+            self.direction = libm::copysignf(1.0, change);
+            self.phase = Phase::Seek {
+                start_rad: self.ramp.position,
+                goal_rad: self.ramp.position + self.direction * SEEK_TRAVEL,
+                top_m: self.smooth_gap_m,
+                top_rad: self.ramp.position,
+            };
+        } else if ended {
+            return Err(HomingFailure::NoPretwist);
+        }
+        Ok(None)
+    }
+
+    #[allow(clippy::too_many_arguments)]
+    fn seek(
+        &mut self,
+        start_rad: f32,
+        goal_rad: f32,
+        mut top_m: f32,
+        mut top_rad: f32,
+        shaft_rad: f32,
+        acceleration: f32,
+        speed_limit: f32,
+    ) -> Result<Option<Homed>, HomingFailure> {
+        self.ramp.step(goal_rad, SEEK_SPEED.min(speed_limit), acceleration);
+        // The probe may have left the motor going the other way: only what lies ahead counts.
+        let ahead = (shaft_rad - start_rad) * self.direction > -0.05;
+        if self.smooth_gap_m > top_m || !ahead {
+            (top_m, top_rad) = (self.smooth_gap_m, shaft_rad);
+        }
+        if top_m - self.smooth_gap_m > SEEK_FALL_M {
+            self.zero_rad = top_rad;
+            self.phase = Phase::CentreRest { ticks: 0 };
+        } else if (shaft_rad - start_rad).abs() > 0.98 * SEEK_TRAVEL {
+            return Err(HomingFailure::TravelEnd);
+        } else {
+            self.phase = Phase::Seek { start_rad, goal_rad, top_m, top_rad };
+        }
+        Ok(None)
+    }
+
+    /// Runs the ramp to `goal` and counts ticks of rest there.
+    fn rest_at(&mut self, goal: f32, speed: f32, acceleration: f32, ticks: u16) -> u16 {
+        self.ramp.step(goal, speed, acceleration);
+        if self.ramp == Ramp::at(goal) { ticks + 1 } else { 0 }
+    }
+
+    fn rest_before_centre(
+        &mut self,
+        ticks: u16,
+        acceleration: f32,
+        speed_limit: f32,
+    ) -> Result<Option<Homed>, HomingFailure> {
+        // From the far side, where the seek came to rest, so that nothing is travelled twice.
+        let goal = self.zero_rad + self.direction * SWEEP_HALF;
+        let ticks = self.rest_at(goal, SEEK_SPEED.min(speed_limit), acceleration, ticks);
+        self.phase = Phase::CentreRest { ticks };
+        if f32::from(ticks) * TICK_S >= REST_S {
+            self.centre.begin(self.zero_rad, SWEEP_HALF);
+            self.phase = Phase::Centre;
+        }
+        Ok(None)
+    }
+
+    fn sweep_centre(&mut self, shaft_rad: f32, gap_m: f32, acceleration: f32) -> Result<Option<Homed>, HomingFailure> {
+        // First pass away from the seek's side, second pass back.
+        let side = if self.centre.pass() == 0 { -self.direction } else { self.direction };
+        let goal = self.centre.middle_rad() + side * SWEEP_HALF;
+        self.ramp.step(goal, SWEEP_SPEED, acceleration);
+        self.centre.record(shaft_rad, gap_m);
+        if self.ramp == Ramp::at(goal) && self.centre.end_pass() {
+            let (zero_rad, error_rad) = self.centre.solve()?;
+            self.zero_rad = zero_rad;
+            self.zero_error_rad = error_rad;
+            self.phase = Phase::WeighStart { ticks: 0 };
+        }
+        Ok(None)
+    }
+
+    fn rest_before_weigh(
+        &mut self,
+        ticks: u16,
+        acceleration: f32,
+        speed_limit: f32,
+    ) -> Result<Option<Homed>, HomingFailure> {
+        let goal = self.zero_rad + PI;
+        let ticks = self.rest_at(goal, WEIGH_SPEED.min(speed_limit), acceleration, ticks);
+        self.phase = Phase::WeighStart { ticks };
+        if f32::from(ticks) * TICK_S >= REST_S {
+            self.phase = Phase::Weigh;
+        }
+        Ok(None)
+    }
+
+    fn sweep_weigh(
+        &mut self,
+        table: &Table<'_>,
+        shaft_rad: f32,
+        gap_m: f32,
+        acceleration: f32,
+        speed_limit: f32,
+    ) -> Result<Option<Homed>, HomingFailure> {
+        let start = self.zero_rad + PI;
+        let travel = (TAU * WEIGH_TURNS).min(table.metadata.twist_max_rad - table.metadata.twist_min_rad);
+        let goal = if self.weigh.pass() == 0 { start + travel } else { start };
+        self.ramp.step(goal, WEIGH_SPEED.min(speed_limit), acceleration);
+        if self.ramp.speed.abs() > 0.9 * WEIGH_SPEED.min(speed_limit) {
+            self.lag_sum_s += (self.ramp.position - shaft_rad) / self.ramp.speed;
+            self.lag_count += 1;
+        }
+        self.weigh.record((shaft_rad - start) / travel, shaft_rad - self.zero_rad, gap_m);
+        if self.ramp == Ramp::at(goal) && self.weigh.end_pass() {
+            self.weigh.begin_fit(table);
+            self.phase = Phase::Settle { ticks: 0, sum_m: 0.0, count: 0 };
+        }
+        Ok(None)
+    }
+
+    fn settle(
+        &mut self,
+        table: &Table<'_>,
+        ticks: u16,
+        mut sum_m: f32,
+        mut count: u16,
+        gap_m: f32,
+        acceleration: f32,
+    ) -> Result<Option<Homed>, HomingFailure> {
+        let goal = self.zero_rad + PI;
+        let ticks = self.rest_at(goal, SWEEP_SPEED, acceleration, ticks);
+        let fitted = self.weigh.fit_some(table)?;
+        if f32::from(ticks) * TICK_S > SETTLE_S {
+            sum_m += gap_m;
+            count += 1;
+        }
+        self.phase = Phase::Settle { ticks, sum_m, count };
+        let averaged = f32::from(ticks) * TICK_S > SETTLE_S + REFERENCE_S;
+        Ok(fitted.filter(|_| averaged && count > 0).map(|(load_n, gap_offset_m)| Homed {
+            zero_rad: self.zero_rad,
+            zero_error_rad: self.zero_error_rad,
+            load_n,
+            gap_offset_m,
+            reference_gap_m: sum_m / f32::from(count),
+            drive_lag_s: (self.lag_sum_s / f32::from(self.lag_count.max(1))).clamp(0.0, 0.2),
+        }))
+    }
+}

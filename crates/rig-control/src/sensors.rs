@@ -1,0 +1,238 @@
+//! Readings: each with its time and its validity, never a bare number.
+
+use crate::constants::RigConstants;
+use rig_link::messages::Fault;
+
+/// A block of LVDT samples, as the ADC's DMA delivers them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LvdtBlock {
+    /// When the block was complete (µs since boot).
+    pub t_us: u64,
+    /// Mean code.
+    pub mean_code: f32,
+    /// Variance of the codes.
+    pub variance: f32,
+}
+
+impl LvdtBlock {
+    /// Mean and variance of a block of raw 12-bit codes; `None` if it is empty.
+    pub fn from_codes(t_us: u64, codes: &[u16]) -> Option<Self> {
+        let n = codes.len() as u32;
+        if n == 0 {
+            return None;
+        }
+        // In integers, exactly: the variance must be 0 for a frozen signal and for no other.
+        let (mut sum, mut squares) = (0u64, 0u64);
+        for code in codes {
+            sum += u64::from(*code);
+            squares += u64::from(*code) * u64::from(*code);
+        }
+        let spread = squares * u64::from(n) - sum * sum;
+        let n = n as f32;
+        Some(Self { t_us, mean_code: sum as f32 / n, variance: spread as f32 / (n * n) })
+    }
+
+    /// Rms noise of one sample (codes). Its use is a health limit a factor wide, so micromath's bit-trick square root
+    /// (6 % off at worst) is good enough here; nothing in the position path uses it.
+    pub fn noise_codes(&self) -> f32 {
+        micromath::F32Ext::sqrt(self.variance)
+    }
+}
+
+/// What is known of the gap.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum LvdtReading {
+    /// No block yet.
+    NotYet,
+    /// Gap between the clamps as the LVDT sees it.
+    Valid {
+        /// When (µs since boot).
+        t_us: u64,
+        /// Gap (m).
+        gap_m: f32,
+    },
+    /// The signal is not a position.
+    Invalid(Fault),
+}
+
+/// Code below which a wire is taken for broken: 1 % of the range; a pull-down takes an open lead there (hardware.md 6.4).
+const OPEN_BELOW: f32 = 41.0;
+/// Code above which the signal is taken for shorted to the supply: 99 % of the range.
+const SHORT_ABOVE: f32 = 4054.0;
+/// Rms noise (codes) above which the signal is not trusted: 0.8 mm, 15 times a healthy one.
+const NOISE_LIMIT: f32 = 15.0;
+/// Blocks without any noise after which the signal is taken for frozen: 0.3 s.
+const FROZEN_BLOCKS: u32 = 50;
+/// Age (µs) at which blocks are taken to have stopped: eight block times.
+const STALLED_US: u64 = 50_000;
+
+/// Watches the LVDT's health and converts its codes.
+#[derive(Clone, Copy, Debug)]
+pub struct Lvdt {
+    frozen_blocks: u32,
+    last_t_us: u64,
+}
+
+impl Default for Lvdt {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Lvdt {
+    /// Nothing seen yet.
+    pub const fn new() -> Self {
+        Self { frozen_blocks: 0, last_t_us: 0 }
+    }
+
+    /// The reading now, from the newest block.
+    pub fn read(&mut self, now_us: u64, block: Option<LvdtBlock>, rig: &RigConstants) -> LvdtReading {
+        let Some(block) = block else {
+            return if now_us > 20 * STALLED_US {
+                LvdtReading::Invalid(Fault::LvdtStalled)
+            } else {
+                LvdtReading::NotYet
+            };
+        };
+        if block.t_us != self.last_t_us {
+            self.last_t_us = block.t_us;
+            self.frozen_blocks = if block.variance == 0.0 { self.frozen_blocks.saturating_add(1) } else { 0 };
+        }
+        if now_us.saturating_sub(block.t_us) > STALLED_US {
+            LvdtReading::Invalid(Fault::LvdtStalled)
+        } else if block.mean_code < OPEN_BELOW {
+            LvdtReading::Invalid(Fault::LvdtOpen)
+        } else if block.mean_code > SHORT_ABOVE {
+            LvdtReading::Invalid(Fault::LvdtShort)
+        } else if block.noise_codes() > NOISE_LIMIT {
+            LvdtReading::Invalid(Fault::LvdtNoisy)
+        } else if self.frozen_blocks >= FROZEN_BLOCKS {
+            LvdtReading::Invalid(Fault::LvdtFrozen)
+        } else {
+            let gap_m = rig.lvdt_gap_at_code_zero_m + rig.lvdt_metres_per_code * block.mean_code;
+            LvdtReading::Valid { t_us: block.t_us, gap_m }
+        }
+    }
+}
+
+/// Extends the timer's 16-bit count. At 12 000 rpm half a wrap takes 40 ms (hardware.md 6.2), so call every 10 ms.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct EncoderCount {
+    last: u16,
+    total: i64,
+}
+
+impl EncoderCount {
+    /// Starts at zero wherever the timer stands.
+    pub const fn new(raw: u16) -> Self {
+        Self { last: raw, total: 0 }
+    }
+
+    /// The count since the start.
+    pub fn update(&mut self, raw: u16) -> i64 {
+        self.total += i64::from(raw.wrapping_sub(self.last) as i16);
+        self.last = raw;
+        self.total
+    }
+}
+
+/// What the drive reports.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum DriveReading {
+    /// Its start-up sequence is not over.
+    Starting,
+    /// The start-up sequence failed.
+    Failed,
+    /// Its last motion report (hardware.md 2.4).
+    Reports {
+        /// When it came (µs since boot).
+        t_us: u64,
+        /// Position in its own counts.
+        position_qc: i32,
+        /// Motor speed (rpm).
+        speed_rpm: i16,
+        /// Winding current (mA).
+        current_ma: i16,
+    },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RIG: RigConstants = RigConstants {
+        gear_ratio: 62.0,
+        counts_per_rad: 40_416.0,
+        motor_speed_max_rad_per_s: 1047.0,
+        motor_acceleration_max_rad_per_s2: 12_000.0,
+        current_limit_ma: 500,
+        lvdt_gap_at_code_zero_m: 0.0,
+        lvdt_metres_per_code: 5.372e-5,
+        drive_group: 0,
+        drive_number: 1,
+    };
+
+    fn block(t_us: u64, mean_code: f32, variance: f32) -> Option<LvdtBlock> {
+        Some(LvdtBlock { t_us, mean_code, variance })
+    }
+
+    #[test]
+    fn a_block_is_averaged_exactly() {
+        let b = LvdtBlock::from_codes(7, &[1, 2, 3, 4]).unwrap();
+        assert_eq!((b.mean_code, b.variance, b.t_us), (2.5, 1.25, 7));
+        assert_eq!(LvdtBlock::from_codes(0, &[4095; 256]).unwrap().variance, 0.0);
+        assert_eq!(LvdtBlock::from_codes(0, &[]), None);
+    }
+
+    #[test]
+    fn each_lvdt_fault_fires_and_its_near_miss_does_not() {
+        let read = |mean: f32, variance: f32| Lvdt::new().read(1000, block(1000, mean, variance), &RIG);
+        assert_eq!(read(40.0, 1.0), LvdtReading::Invalid(Fault::LvdtOpen));
+        assert!(matches!(read(42.0, 1.0), LvdtReading::Valid { .. }));
+        assert_eq!(read(4055.0, 1.0), LvdtReading::Invalid(Fault::LvdtShort));
+        assert!(matches!(read(4053.0, 1.0), LvdtReading::Valid { .. }));
+        assert_eq!(read(2000.0, 300.0), LvdtReading::Invalid(Fault::LvdtNoisy));
+        assert!(matches!(read(2000.0, 150.0), LvdtReading::Valid { .. }));
+        let LvdtReading::Valid { gap_m, .. } = read(2000.0, 1.0) else { panic!() };
+        assert!((gap_m - 2000.0 * 5.372e-5).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_frozen_signal_is_one_without_any_noise() {
+        let mut lvdt = Lvdt::new();
+        for k in 1..=60u64 {
+            let reading = lvdt.read(k * 6000, block(k * 6000, 2000.0, 0.0), &RIG);
+            assert_eq!(matches!(reading, LvdtReading::Invalid(Fault::LvdtFrozen)), k >= 50, "block {k}");
+        }
+        // One live block and it counts anew; asking twice about one block counts it once.
+        assert!(matches!(lvdt.read(400_000, block(400_000, 2000.0, 0.01), &RIG), LvdtReading::Valid { .. }));
+        for _ in 0..100 {
+            assert!(matches!(lvdt.read(406_000, block(406_000, 2000.0, 0.0), &RIG), LvdtReading::Valid { .. }));
+        }
+    }
+
+    #[test]
+    fn a_stalled_adc_is_found_by_age() {
+        let mut lvdt = Lvdt::new();
+        assert_eq!(lvdt.read(1000, None, &RIG), LvdtReading::NotYet);
+        assert_eq!(lvdt.read(2_000_000, None, &RIG), LvdtReading::Invalid(Fault::LvdtStalled));
+        assert!(matches!(lvdt.read(60_000, block(12_000, 2000.0, 1.0), &RIG), LvdtReading::Valid { .. }));
+        assert_eq!(lvdt.read(70_000, block(12_000, 2000.0, 1.0), &RIG), LvdtReading::Invalid(Fault::LvdtStalled));
+    }
+
+    #[test]
+    fn the_encoder_count_wraps_both_ways() {
+        let mut count = EncoderCount::new(65_000);
+        assert_eq!(count.update(65_500), 500);
+        assert_eq!(count.update(100), 636);
+        assert_eq!(count.update(65_400), 400);
+        assert_eq!(count.update(65_400), 400);
+        let mut total = 400;
+        let mut raw = 65_400u16;
+        for _ in 0..1000 {
+            raw = raw.wrapping_sub(8000);
+            total -= 8000;
+            assert_eq!(count.update(raw), total);
+        }
+    }
+}

@@ -1,0 +1,381 @@
+//! The rig as one state machine. [`Rig::step`] is one control tick; time comes in with the readings.
+//!
+//! ```text
+//!          drive and LVDT heard          home                 done             move
+//!   boot ───────────────────────> unhomed ───> homing ─────────────> ready ───────────> moving
+//!     ^                              ^           │ stop, failed        ^                 │   │ arrived, stop,
+//!     │                              └───────────┘                     │ home       move │   v hold
+//!     │ clear (drive restarted)                                        └─────────── holding <┘
+//!     ├────────── fault  <── anything wrong, from every state; latched
+//!     └────────── estop  <── emergency stop open, from every state; latched
+//! ```
+//! A fault holds the twist: torque-off would let the strings untwist and drop the load. Nothing clears itself, and after
+//! a fault that loses the position, an emergency stop or a reset nothing moves until told, and the rig is homed anew.
+
+mod checks;
+mod motion;
+
+use crate::homing::{Homed, Homing, Progress};
+use crate::observer::LoadObserver;
+use crate::planner::{Planner, Ramp};
+use crate::position_loop::PositionLoop;
+use crate::sensors::{DriveReading, Lvdt, LvdtBlock, LvdtReading};
+use crate::{RigConstants, TICK_US};
+use checks::Checks;
+use rig_link::messages::{
+    Accepted, Counters, EventKind, Fault, HomingFailure, Limit, Refusal, Request, Sensor, State, Telemetry,
+};
+use tsa_table::Table;
+
+/// Everything a tick sees.
+#[derive(Clone, Copy, Debug)]
+pub struct Inputs {
+    /// Time since boot (µs).
+    pub now_us: u64,
+    /// Counts of the rig's own encoder since boot.
+    pub encoder_counts: i64,
+    /// Newest LVDT block.
+    pub lvdt: Option<LvdtBlock>,
+    /// What the drive reports.
+    pub drive: DriveReading,
+    /// The drive has sent its stall frame since the last tick.
+    pub drive_stalled: bool,
+    /// The emergency-stop contact is open (or its wire broken).
+    pub estop_open: bool,
+    /// When the host was last heard (µs since boot).
+    pub host_heard_us: Option<u64>,
+    /// What the host asks.
+    pub request: Option<Request>,
+    /// What was ignored and counted.
+    pub counters: Counters,
+}
+
+/// What the drive is told.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DriveCommand {
+    /// Nothing (it is starting, or must not be powered).
+    Silence,
+    /// Run the start-up sequence again.
+    Restart,
+    /// Go to a position in the drive's own counts, at most this fast, with at most this current (mode 8). If the next
+    /// command never comes, the motor stops there: the drive has no time-out of its own (hardware.md 2.6).
+    Follow {
+        /// Position (drive counts).
+        position_qc: i32,
+        /// Speed limit (rpm of the motor).
+        speed_limit_rpm: i16,
+        /// Current limit (mA).
+        current_limit_ma: i16,
+    },
+}
+
+/// Everything a tick decides.
+#[derive(Clone, Debug)]
+pub struct Outputs {
+    /// For the drive.
+    pub drive: DriveCommand,
+    /// Answer to the request, if there was one that wants an answer.
+    pub reply: Option<Result<Accepted, Refusal>>,
+    /// What ended or went wrong.
+    pub events: heapless::Vec<EventKind, 4>,
+    /// For the host.
+    pub telemetry: Telemetry,
+}
+
+/// What is being done in [`State::Moving`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Motion {
+    /// Planned move of the load.
+    Load { speed_m_per_s: f32, stopping: bool },
+    /// Turning at a constant speed.
+    Jog { speed_rad_per_s: f32 },
+}
+
+/// The rig.
+pub struct Rig<'t> {
+    table: &'t Table<'t>,
+    constants: RigConstants,
+    state: State,
+    fault: Option<Fault>,
+    limit: Option<Limit>,
+    lvdt: Lvdt,
+    checks: Checks,
+    /// Shaft set-point (rad by the encoder) and its speed.
+    shaft: Ramp,
+    /// Own count less the drive's, taken when the drive became ready.
+    drive_offset: Option<i64>,
+    restart_drive: bool,
+    homing: Option<Homing>,
+    homed: Option<Homed>,
+    observer: LoadObserver,
+    planner: Planner,
+    position_loop: PositionLoop,
+    motion: Motion,
+    /// Ticks that the load has stood at its target.
+    at_rest_ticks: u16,
+    arrived_ticks: u16,
+    /// Newest measured position (m).
+    last_position_m: f32,
+}
+
+/// Longest silence of the host during a motion (µs).
+pub const HOST_SILENT_US: u64 = 400_000;
+/// Greatest jog speed (rad/s).
+pub const JOG_SPEED_MAX: f32 = 4.0;
+/// Greatest speed that can be asked of the load (m/s).
+pub const SPEED_MAX_M_PER_S: f32 = 0.05;
+
+impl<'t> Rig<'t> {
+    /// As after power-up: nothing known, nothing moves.
+    pub fn new(table: &'t Table<'t>, constants: RigConstants) -> Self {
+        let fault = if table.is_intact() { None } else { Some(Fault::TableCorrupt) };
+        Self {
+            table,
+            constants,
+            state: if fault.is_some() { State::Fault } else { State::Boot },
+            fault,
+            limit: None,
+            lvdt: Lvdt::new(),
+            checks: Checks::new(),
+            shaft: Ramp::at(0.0),
+            drive_offset: None,
+            restart_drive: false,
+            homing: None,
+            homed: None,
+            observer: LoadObserver::new(table.metadata.load_min_n, 0.0),
+            planner: Planner::at(0.0),
+            position_loop: PositionLoop::default(),
+            motion: Motion::Jog { speed_rad_per_s: 0.0 },
+            at_rest_ticks: 0,
+            arrived_ticks: 0,
+            last_position_m: 0.0,
+        }
+    }
+
+    /// What the rig is doing.
+    pub fn state(&self) -> State {
+        self.state
+    }
+
+    /// What stopped it.
+    pub fn fault(&self) -> Option<Fault> {
+        self.fault
+    }
+
+    /// The last homing, as long as it holds.
+    pub fn homed(&self) -> Option<&Homed> {
+        self.homed.as_ref()
+    }
+
+    /// One control tick. Call every [`TICK_US`].
+    pub fn step(&mut self, inputs: &Inputs) -> Outputs {
+        let mut events = heapless::Vec::new();
+        self.limit = None;
+        let shaft_rad = inputs.encoder_counts as f32 / self.constants.counts_per_rad;
+        let lvdt = self.lvdt.read(inputs.now_us, inputs.lvdt, &self.constants);
+        self.watch(inputs, lvdt, shaft_rad, &mut events);
+        let reply = inputs.request.and_then(|request| self.request(request, inputs, lvdt, shaft_rad));
+        let gap_m = match lvdt {
+            LvdtReading::Valid { gap_m, .. } => Some(gap_m),
+            _ => None,
+        };
+        let observed = self.homed.map(|h| (h, self.observer.step(self.table, shaft_rad - h.zero_rad, gap_m)));
+        if observed.is_some_and(|(_, o)| o.at_range_end) {
+            self.limit = Some(Limit::LoadRange);
+        }
+        match self.state {
+            State::Boot => self.leave_boot(inputs, lvdt, shaft_rad),
+            State::Homing => self.step_homing(gap_m, shaft_rad, &mut events),
+            State::Moving | State::Holding => self.step_motion(observed.as_ref(), gap_m, &mut events),
+            State::Unhomed | State::Ready | State::Fault | State::EStop => self.shaft.speed = 0.0,
+        }
+        let drive = self.drive_command(inputs);
+        let telemetry = self.telemetry(inputs, gap_m, shaft_rad, observed.map(|(_, o)| o));
+        Outputs { drive, reply, events, telemetry }
+    }
+
+    fn leave_boot(&mut self, inputs: &Inputs, lvdt: LvdtReading, shaft_rad: f32) {
+        if let (DriveReading::Reports { position_qc, .. }, LvdtReading::Valid { .. }) = (inputs.drive, lvdt) {
+            self.drive_offset = Some(inputs.encoder_counts - i64::from(position_qc));
+            self.shaft = Ramp::at(shaft_rad);
+            self.state = State::Unhomed;
+        }
+    }
+
+    fn step_homing(&mut self, gap_m: Option<f32>, shaft_rad: f32, events: &mut heapless::Vec<EventKind, 4>) {
+        let (Some(homing), Some(gap_m)) = (self.homing.as_mut(), gap_m) else { return };
+        match homing.step(self.table, &self.constants, shaft_rad, gap_m) {
+            Progress::Turning(ramp) => self.shaft = ramp,
+            Progress::Done(homed) => {
+                self.homing = None;
+                self.homed = Some(homed);
+                self.observer = LoadObserver::new(homed.load_n, homed.gap_offset_m);
+                self.planner = Planner::at(0.0);
+                self.shaft = Ramp::at(homed.zero_rad + core::f32::consts::PI);
+                self.state = State::Ready;
+                let _ = events.push(EventKind::Homed {
+                    twist_error_estimate_rad: homed.zero_error_rad,
+                    load_n: homed.load_n,
+                    gap_offset_m: homed.gap_offset_m,
+                });
+            }
+            Progress::Failed(failure) => self.end_homing(failure, shaft_rad, events),
+        }
+    }
+
+    fn end_homing(&mut self, failure: HomingFailure, shaft_rad: f32, events: &mut heapless::Vec<EventKind, 4>) {
+        self.homing = None;
+        self.shaft = Ramp::at(shaft_rad);
+        self.state = State::Unhomed;
+        let _ = events.push(EventKind::HomingRefused(failure));
+    }
+
+    /// Raises a fault: hold the twist where it is, latch.
+    fn raise(&mut self, fault: Fault, shaft_rad: f32, events: &mut heapless::Vec<EventKind, 4>) {
+        if matches!(self.state, State::Fault | State::EStop) {
+            return;
+        }
+        self.fault = Some(fault);
+        self.state = State::Fault;
+        self.homing = None;
+        self.shaft = Ramp::at(shaft_rad);
+        let _ = events.push(EventKind::FaultRaised(fault));
+    }
+
+    fn request(
+        &mut self,
+        request: Request,
+        inputs: &Inputs,
+        lvdt: LvdtReading,
+        shaft_rad: f32,
+    ) -> Option<Result<Accepted, Refusal>> {
+        Some(match request {
+            // The link answers these itself.
+            Request::Hello { .. } | Request::Heartbeat | Request::Status => return None,
+            Request::Stop | Request::Hold => {
+                self.stop(shaft_rad);
+                Ok(Accepted::Done)
+            }
+            Request::Clear => self.clear(inputs, lvdt),
+            Request::Home => self.idle().and_then(|()| self.start_homing(lvdt, shaft_rad)),
+            Request::Jog { twist_speed_rad_per_s } => self.start_jog(twist_speed_rad_per_s, shaft_rad),
+            Request::Move { target_m, speed_m_per_s, load } => self.start_move(target_m, speed_m_per_s, load),
+        })
+    }
+
+    /// Whether a new motion may begin from rest.
+    fn idle(&self) -> Result<(), Refusal> {
+        match self.state {
+            State::Unhomed | State::Ready | State::Holding => Ok(()),
+            State::Fault => Err(Refusal::InFault { fault: self.fault.unwrap_or(Fault::NotFinite) }),
+            State::EStop => Err(Refusal::EStop),
+            State::Boot => Err(Refusal::DriveNotReady),
+            state => Err(Refusal::Busy { state }),
+        }
+    }
+
+    fn start_homing(&mut self, lvdt: LvdtReading, shaft_rad: f32) -> Result<Accepted, Refusal> {
+        let LvdtReading::Valid { gap_m, .. } = lvdt else {
+            return Err(Refusal::SensorInvalid { sensor: Sensor::Lvdt });
+        };
+        self.homed = None;
+        self.homing = Some(Homing::new(shaft_rad, gap_m));
+        self.state = State::Homing;
+        Ok(Accepted::Started)
+    }
+
+    fn clear(&mut self, inputs: &Inputs, lvdt: LvdtReading) -> Result<Accepted, Refusal> {
+        match self.state {
+            State::EStop if inputs.estop_open => Err(Refusal::EStop),
+            State::EStop => {
+                self.restart();
+                Ok(Accepted::Done)
+            }
+            State::Fault => {
+                let fault = self.fault.unwrap_or(Fault::NotFinite);
+                if fault == Fault::TableCorrupt || matches!(lvdt, LvdtReading::Invalid(cause) if cause == fault) {
+                    return Err(Refusal::CauseRemains { fault });
+                }
+                self.fault = None;
+                if Checks::loses_position(fault) {
+                    self.restart();
+                } else {
+                    self.checks = Checks::new();
+                    self.state = if self.homed.is_some() { State::Ready } else { State::Unhomed };
+                }
+                Ok(Accepted::Done)
+            }
+            _ => Ok(Accepted::Done),
+        }
+    }
+
+    /// Begins again as after power-up, without moving.
+    fn restart(&mut self) {
+        self.fault = None;
+        self.homed = None;
+        self.drive_offset = None;
+        self.restart_drive = true;
+        self.checks = Checks::new();
+        self.state = State::Boot;
+    }
+
+    fn drive_command(&mut self, inputs: &Inputs) -> DriveCommand {
+        if core::mem::take(&mut self.restart_drive) {
+            return DriveCommand::Restart;
+        }
+        let (Some(offset), DriveReading::Reports { .. }) = (self.drive_offset, inputs.drive) else {
+            return DriveCommand::Silence;
+        };
+        let lag_s = self.homed.map_or(0.0, |h| h.drive_lag_s);
+        let counts = (self.shaft.position + lag_s * self.shaft.speed) * self.constants.counts_per_rad;
+        // A float to integer cast saturates; NaN would become 0, so it is caught before.
+        if !counts.is_finite() || self.state == State::EStop {
+            return DriveCommand::Silence;
+        }
+        let position = (counts as i64 - offset).clamp(i64::from(i32::MIN), i64::from(i32::MAX));
+        // Room to catch up, not more: a wrong target must not be reached at full speed.
+        let speed = (1.3 * self.shaft.speed.abs() + 1.0).min(self.constants.twist_speed_max());
+        DriveCommand::Follow {
+            position_qc: position as i32,
+            speed_limit_rpm: self.constants.motor_rpm(speed),
+            current_limit_ma: self.constants.current_limit_ma,
+        }
+    }
+
+    fn telemetry(
+        &self,
+        inputs: &Inputs,
+        gap_m: Option<f32>,
+        shaft_rad: f32,
+        observed: Option<crate::observer::Observation>,
+    ) -> Telemetry {
+        let (drive_current_a, drive_speed_rad_per_s) = match inputs.drive {
+            DriveReading::Reports { speed_rpm, current_ma, .. } => {
+                (f32::from(current_ma) * 1e-3, f32::from(speed_rpm) * (core::f32::consts::TAU / 60.0))
+            }
+            _ => (0.0, 0.0),
+        };
+        let controlled = matches!(self.state, State::Moving | State::Holding) && self.homed.is_some();
+        let planned = matches!(self.motion, Motion::Load { .. }) && controlled;
+        Telemetry {
+            t_us: inputs.now_us,
+            state: self.state,
+            fault: self.fault,
+            limit: self.limit,
+            target_m: planned.then(|| self.planner.target_m()),
+            setpoint_m: planned.then(|| self.planner.set_point_m()),
+            position_m: self.homed.zip(gap_m).map(|(h, gap)| h.reference_gap_m - gap),
+            twist_rad: self.homed.map(|h| shaft_rad - h.zero_rad),
+            load_n: observed.map(|_| self.observer.load_n()),
+            tr_rad_per_m: observed.map(|o| o.point.tr_rad_per_m()),
+            drive_current_a,
+            drive_speed_rad_per_s,
+            counters: inputs.counters,
+        }
+    }
+}
+
+/// Ticks in a time given in hundredths of a second.
+const fn ticks(hundredths: u16) -> u16 {
+    (hundredths as u64 * 10_000 / TICK_US) as u16
+}

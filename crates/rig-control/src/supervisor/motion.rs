@@ -1,0 +1,190 @@
+//! Moves, jogs and stops.
+
+use super::{EventKind, Homed, JOG_SPEED_MAX, Motion, Rig, SPEED_MAX_M_PER_S, ticks};
+use crate::TICK_S;
+use crate::observer::{LoadSource, Observation};
+use crate::planner::{Planner, Ramp};
+use crate::position_loop::PositionLoop;
+use rig_link::messages::{Accepted, Limit, LoadChoice, Parameter, Refusal, State};
+
+/// Acceleration of the load (m/s²), unless the motor allows less.
+const LOAD_ACCELERATION: f32 = 0.02;
+/// Share of the motor's limits that the planner uses; the rest is the loop's.
+const PLANNED_SHARE: f32 = 0.9;
+/// Error (m) within which a load counts as arrived.
+const ARRIVED_M: f32 = 15e-6;
+/// Time within that error after which a move is done, and longest wait for it.
+const ARRIVED_TICKS: u16 = ticks(30);
+const PATIENCE_TICKS: u16 = ticks(600);
+/// How far below the half-turn pre-twist the strings may be untwisted by the loop (rad).
+const BELOW_PRETWIST: f32 = 0.15;
+/// Acceleration of a jog (rad/s²).
+const JOG_ACCELERATION: f32 = 20.0;
+
+fn check(parameter: Parameter, given: f32, min: f32, max: f32) -> Result<f32, Refusal> {
+    if !given.is_finite() {
+        Err(Refusal::NotFinite { parameter })
+    } else if (min..=max).contains(&given) {
+        Ok(given)
+    } else {
+        Err(Refusal::OutOfRange { parameter, min, max, given })
+    }
+}
+
+impl Rig<'_> {
+    /// The position that the strings can bring this load to (m).
+    fn travel_m(&self, homed: &Homed, load_n: f32) -> f32 {
+        let m = &self.table.metadata;
+        let load_n = load_n.clamp(m.load_min_n, m.load_max_n);
+        homed.reference_gap_m - homed.gap_offset_m - self.table.point_inside(load_n, m.twist_max_rad).gap_m
+    }
+
+    pub(super) fn start_move(
+        &mut self,
+        target_m: f32,
+        speed_m_per_s: f32,
+        load: LoadChoice,
+    ) -> Result<Accepted, Refusal> {
+        let moving = self.state == State::Moving && matches!(self.motion, Motion::Load { .. });
+        if !moving {
+            self.idle()?;
+        }
+        let homed = self.homed.ok_or(Refusal::NotHomed)?;
+        let m = &self.table.metadata;
+        let source = match load {
+            LoadChoice::Auto => LoadSource::Estimate,
+            LoadChoice::Known(load_n) => LoadSource::Known(check(Parameter::Load, load_n, m.load_min_n, m.load_max_n)?),
+        };
+        let load_n = match source {
+            LoadSource::Estimate => self.observer.load_n(),
+            LoadSource::Known(load_n) => load_n,
+        };
+        let speed_m_per_s = check(Parameter::Speed, speed_m_per_s, 1e-5, SPEED_MAX_M_PER_S)?;
+        let target_m = check(Parameter::Target, target_m, 0.0, self.travel_m(&homed, load_n))?;
+        if self.state == State::Ready {
+            // The load may have settled a little beside the reference: begin where it is.
+            self.planner = Planner::at(self.last_position_m);
+            self.position_loop = PositionLoop::default();
+        }
+        self.observer.source = source;
+        self.planner.go_to(target_m);
+        self.motion = Motion::Load { speed_m_per_s, stopping: false };
+        self.state = State::Moving;
+        (self.arrived_ticks, self.at_rest_ticks) = (0, 0);
+        Ok(Accepted::Started)
+    }
+
+    pub(super) fn start_jog(&mut self, speed: f32, shaft_rad: f32) -> Result<Accepted, Refusal> {
+        let jogging = self.state == State::Moving && matches!(self.motion, Motion::Jog { .. });
+        if !jogging {
+            self.idle()?;
+            self.shaft = Ramp::at(shaft_rad);
+        }
+        let speed_rad_per_s = check(Parameter::TwistSpeed, speed, -JOG_SPEED_MAX, JOG_SPEED_MAX)?;
+        self.motion = Motion::Jog { speed_rad_per_s };
+        self.state = State::Moving;
+        Ok(Accepted::Started)
+    }
+
+    /// Ramps down whatever moves. Never refused.
+    pub(super) fn stop(&mut self, shaft_rad: f32) {
+        match (self.state, &mut self.motion) {
+            (State::Moving, Motion::Load { stopping, .. }) => {
+                if !*stopping {
+                    *stopping = true;
+                    self.planner.brake(LOAD_ACCELERATION);
+                }
+            }
+            (State::Moving, Motion::Jog { speed_rad_per_s }) => *speed_rad_per_s = 0.0,
+            (State::Homing, _) => {
+                self.homing = None;
+                self.shaft = Ramp::at(shaft_rad);
+                self.state = State::Unhomed;
+            }
+            _ => {}
+        }
+    }
+
+    pub(super) fn step_motion(
+        &mut self,
+        observed: Option<&(Homed, Observation)>,
+        gap_m: Option<f32>,
+        events: &mut heapless::Vec<EventKind, 4>,
+    ) {
+        match (self.motion, observed, gap_m) {
+            (Motion::Jog { speed_rad_per_s }, ..) => self.step_jog(speed_rad_per_s, events),
+            (Motion::Load { speed_m_per_s, stopping }, Some((homed, seen)), Some(gap_m)) => {
+                self.step_load(speed_m_per_s, stopping, homed, seen, gap_m, events);
+            }
+            // No gap this tick: keep the strings still; a lasting loss is a fault of its own.
+            _ => self.shaft.speed = 0.0,
+        }
+    }
+
+    fn step_jog(&mut self, speed_rad_per_s: f32, events: &mut heapless::Vec<EventKind, 4>) {
+        if self.state != State::Moving {
+            self.shaft.speed = 0.0;
+            return;
+        }
+        let unit = JOG_ACCELERATION * TICK_S;
+        self.shaft.speed += (speed_rad_per_s - self.shaft.speed).clamp(-unit, unit);
+        let next = self.shaft.position + self.shaft.speed * TICK_S;
+        let outside = self.homed.is_some_and(|h| {
+            // A homed rig knows how far the strings may be twisted, either way.
+            let twist = next - h.zero_rad;
+            twist.abs() > self.table.metadata.twist_max_rad && twist * self.shaft.speed > 0.0
+        });
+        if outside {
+            self.limit = Some(Limit::Travel);
+            self.shaft.speed = 0.0;
+        } else {
+            self.shaft.position = next;
+        }
+        if speed_rad_per_s == 0.0 && self.shaft.speed == 0.0 {
+            self.state = if self.homed.is_some() { State::Ready } else { State::Unhomed };
+            let _ = events.push(EventKind::Stopped);
+        }
+    }
+
+    fn step_load(
+        &mut self,
+        speed_m_per_s: f32,
+        stopping: bool,
+        homed: &Homed,
+        seen: &Observation,
+        gap_m: f32,
+        events: &mut heapless::Vec<EventKind, 4>,
+    ) {
+        let tr = seen.point.tr_rad_per_m();
+        // The motor's limits, translated to the load at this twist and load: a heavy load is not asked for a light
+        // load's speed.
+        let speed_at_motor_limit = PLANNED_SHARE * self.constants.twist_speed_max() / tr;
+        if speed_at_motor_limit < speed_m_per_s && self.state == State::Moving {
+            self.limit = Some(Limit::MotorSpeed);
+        }
+        let acceleration = LOAD_ACCELERATION.min(PLANNED_SHARE * self.constants.twist_acceleration_max() / tr);
+        let set_point = self.planner.step(speed_m_per_s.min(speed_at_motor_limit), acceleration);
+        let position_m = homed.reference_gap_m - gap_m;
+        let out = self.position_loop.step(&set_point, position_m, tr);
+        let limit = self.constants.twist_speed_max();
+        self.shaft.speed = out.twist_speed_rad_per_s.clamp(-limit, limit);
+        let next = self.shaft.position + self.shaft.speed * TICK_S;
+        let (low, high) = (self.table.metadata.twist_min_rad - BELOW_PRETWIST, self.table.metadata.twist_max_rad);
+        let twist = (next - homed.zero_rad).clamp(low, high);
+        if twist != next - homed.zero_rad {
+            self.limit = Some(Limit::Travel);
+            self.shaft.speed = 0.0;
+        }
+        self.shaft.position = homed.zero_rad + twist;
+        if self.state == State::Moving && set_point.done {
+            let near = out.error_m.abs() < ARRIVED_M;
+            self.arrived_ticks = if near { self.arrived_ticks + 1 } else { 0 };
+            self.at_rest_ticks += 1;
+            if self.arrived_ticks >= ARRIVED_TICKS || self.at_rest_ticks >= PATIENCE_TICKS {
+                self.state = State::Holding;
+                let error_m = position_m - set_point.position_m;
+                let _ = events.push(if stopping { EventKind::Stopped } else { EventKind::MoveDone { error_m } });
+            }
+        }
+    }
+}
