@@ -1,1 +1,66 @@
-fn main() {}
+//! Scene file to firmware: solves the model, fits and certifies the table, writes it and the rig's constants as Rust.
+
+use std::error::Error;
+use std::path::PathBuf;
+use std::process::Command;
+use std::{env, fs};
+use tsa_model::Scene;
+use tsa_model::scene::Rig;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let out = PathBuf::from(env::var_os("OUT_DIR").ok_or("OUT_DIR is not set")?);
+    let scene_path = env::var("TSA_SCENE").unwrap_or_else(|_| "scenes/default.toml".into());
+    println!("cargo:rerun-if-env-changed=TSA_SCENE");
+    println!("cargo:rerun-if-changed={scene_path}");
+    println!("cargo:rerun-if-changed=memory.x");
+    println!("cargo:rerun-if-changed=.git/HEAD");
+
+    let scene = Scene::load(&scene_path)?;
+    let fit = tsa_table::fit::fit(&scene)?;
+    let mut source = tsa_table::emit::rust_source(&fit);
+    source.push_str(&constants(&scene.rig));
+    fs::write(out.join("scene.rs"), source)?;
+
+    fs::write(out.join("memory.x"), include_str!("memory.x"))?;
+    println!("cargo:rustc-link-search={}", out.display());
+    println!("cargo:rustc-env=TSA_GIT={}", git().unwrap_or_else(|| "unknown".into()));
+    Ok(())
+}
+
+fn constants(rig: &Rig) -> String {
+    let counts_per_rad = 4.0 * f64::from(rig.encoder_lines) * rig.gear() / std::f64::consts::TAU;
+    let metres_per_volt = rig.lvdt_stroke_m / (rig.lvdt_volts_at_stroke - rig.lvdt_volts_at_zero);
+    // A 12-bit ADC: code 4095 is the reference voltage.
+    let metres_per_code = metres_per_volt * rig.adc_reference_v / 4095.0;
+    let gap_at_code_zero = rig.lvdt_gap_at_zero_m - rig.lvdt_volts_at_zero * metres_per_volt;
+    format!(
+        "/// The rig's numbers, from the scene's `[rig]`.\n\
+         pub const RIG: rig_control::RigConstants = rig_control::RigConstants {{\n\
+         \x20   gear_ratio: {:?}f32, counts_per_rad: {:?}f32,\n\
+         \x20   motor_speed_max_rad_per_s: {:?}f32, motor_acceleration_max_rad_per_s2: {:?}f32,\n\
+         \x20   current_limit_ma: {},\n\
+         \x20   lvdt_gap_at_code_zero_m: {:?}f32, lvdt_metres_per_code: {:?}f32,\n\
+         \x20   drive_group: {}, drive_number: {},\n\
+         }};\n",
+        rig.gear() as f32,
+        counts_per_rad as f32,
+        rig.motor_speed_max_rad_per_s as f32,
+        rig.motor_acceleration_max_rad_per_s2 as f32,
+        (rig.drive_current_limit_a * 1000.0).round() as i16,
+        gap_at_code_zero as f32,
+        metres_per_code as f32,
+        rig.drive_group,
+        rig.drive_number,
+    )
+}
+
+/// Short commit, with `-dirty` if the tree had changes; `None` outside a checkout.
+fn git() -> Option<String> {
+    let run = |args: &[&str]| {
+        let output = Command::new("git").args(args).output().ok().filter(|o| o.status.success())?;
+        Some(String::from_utf8_lossy(&output.stdout).trim().to_string())
+    };
+    let commit = run(&["rev-parse", "--short=10", "HEAD"])?;
+    let dirty = run(&["status", "--porcelain", "--untracked-files=no"]).is_some_and(|s| !s.is_empty());
+    Some(if dirty { format!("{commit}-dirty") } else { commit })
+}

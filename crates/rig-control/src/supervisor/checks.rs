@@ -56,6 +56,9 @@ impl Checks {
                 | Fault::EncoderJump
                 | Fault::EncoderDisagrees
                 | Fault::StringBreak
+                | Fault::WatchdogReset
+                | Fault::UnexpectedReset
+                | Fault::Panicked
         )
     }
 }

@@ -126,9 +126,10 @@ pub const JOG_SPEED_MAX: f32 = 4.0;
 pub const SPEED_MAX_M_PER_S: f32 = 0.05;
 
 impl<'t> Rig<'t> {
-    /// As after power-up: nothing known, nothing moves.
-    pub fn new(table: &'t Table<'t>, constants: RigConstants) -> Self {
-        let fault = if table.is_intact() { None } else { Some(Fault::TableCorrupt) };
+    /// As after power-up: nothing known, nothing moves. `reset` is the fault that the last reset amounts to, if the
+    /// board was not started by power or by hand.
+    pub fn new(table: &'t Table<'t>, constants: RigConstants, reset: Option<Fault>) -> Self {
+        let fault = if table.is_intact() { reset } else { Some(Fault::TableCorrupt) };
         Self {
             table,
             constants,

@@ -1,0 +1,73 @@
+//! What the tasks tell each other. Each value has one writer.
+
+use core::cell::Cell;
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use embassy_sync::blocking_mutex::Mutex;
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex as Raw;
+use embassy_sync::channel::Channel;
+use embassy_sync::signal::Signal;
+use rig_control::{DriveCommand, DriveReading, LvdtBlock};
+use rig_link::messages::{Message, Request, Telemetry};
+
+/// A value that is read whole and written whole.
+pub struct Latest<T: Copy>(Mutex<Raw, Cell<T>>);
+
+impl<T: Copy> Latest<T> {
+    const fn new(value: T) -> Self {
+        Self(Mutex::new(Cell::new(value)))
+    }
+
+    pub fn get(&self) -> T {
+        self.0.lock(Cell::get)
+    }
+
+    pub fn set(&self, value: T) {
+        self.0.lock(|cell| cell.set(value));
+    }
+}
+
+/// Newest block of LVDT samples.
+pub static LVDT: Latest<Option<LvdtBlock>> = Latest::new(None);
+/// Newest report of the drive.
+pub static DRIVE: Latest<DriveReading> = Latest::new(DriveReading::Starting);
+/// The drive has sent a stall frame.
+pub static DRIVE_STALLED: AtomicBool = AtomicBool::new(false);
+/// Newest command for the drive; an older one that was not sent yet is out of date.
+pub static DRIVE_COMMAND: Signal<Raw, DriveCommand> = Signal::new();
+/// When the host was last heard (µs since boot).
+pub static HOST_HEARD_US: Latest<Option<u64>> = Latest::new(None);
+/// Requests for the control task, with their sequence numbers.
+pub static REQUESTS: Channel<Raw, (u16, Request), 8> = Channel::new();
+/// Replies and events for the host.
+pub static OUTBOX: Channel<Raw, Message, 16> = Channel::new();
+/// Newest telemetry for the host.
+pub static TELEMETRY: Signal<Raw, Telemetry> = Signal::new();
+/// Damaged frames from the host.
+pub static LINK_ERRORS: AtomicU32 = AtomicU32::new(0);
+/// CAN frames that are not the drive's.
+pub static FOREIGN_FRAMES: AtomicU32 = AtomicU32::new(0);
+
+/// Tasks that the watchdog wants to see.
+#[derive(Clone, Copy)]
+#[repr(u32)]
+pub enum Task {
+    Control = 1,
+    Drive = 2,
+    Lvdt = 4,
+    Link = 8,
+}
+
+/// All of [`Task`].
+pub const ALL_TASKS: u32 = 15;
+
+static SEEN: AtomicU32 = AtomicU32::new(0);
+
+/// A task says that it lives.
+pub fn alive(task: Task) {
+    SEEN.fetch_or(task as u32, Ordering::Relaxed);
+}
+
+/// Which tasks have said so since the last call.
+pub fn take_seen() -> u32 {
+    SEEN.swap(0, Ordering::Relaxed)
+}

@@ -1,0 +1,143 @@
+//! The host link: frames in, replies, events and telemetry out.
+
+use crate::board::Start;
+use crate::scene::TABLE;
+use crate::shared::{self, Task};
+use core::sync::atomic::Ordering;
+use embassy_futures::select::{Either, select};
+use embassy_stm32::usart::{BufferedUartRx, BufferedUartTx};
+use embassy_time::{Duration, Instant, with_timeout};
+use embedded_io_async::{Read, Write};
+use heapless::String;
+use rig_link::messages::{Accepted, Identity, LoadChoice, Message, Refusal, Request, State, TableIdentity};
+use rig_link::{Decoder, MAX_FRAME, PROTOCOL_HASH, encode};
+use tsa_table::{Form, Table};
+
+/// Wait for bytes no longer than this, so that a silent host does not look like a dead task.
+const QUIET: Duration = Duration::from_millis(50);
+
+#[embassy_executor::task]
+pub async fn receive(mut rx: BufferedUartRx<'static>, start: Start) -> ! {
+    let mut decoder = Decoder::<Request>::new();
+    // Only a host with the same message table may move anything.
+    let mut greeted = false;
+    let mut bytes = [0; 64];
+    loop {
+        shared::alive(Task::Link);
+        let count = match with_timeout(QUIET, rx.read(&mut bytes)).await {
+            Ok(Ok(count)) => count,
+            Ok(Err(_)) => {
+                decoder.line_error();
+                0
+            }
+            Err(_) => 0,
+        };
+        for byte in &bytes[..count] {
+            if let Some(Ok(frame)) = decoder.push(*byte) {
+                shared::HOST_HEARD_US.set(Some(Instant::now().as_micros()));
+                take(frame.sequence, frame.body, &mut greeted, start);
+            }
+        }
+        shared::LINK_ERRORS.store(decoder.errors(), Ordering::Relaxed);
+    }
+}
+
+fn take(sequence: u16, request: Request, greeted: &mut bool, start: Start) {
+    let reply = |result| {
+        let _ = shared::OUTBOX.try_send(Message::Reply { to: sequence, result });
+    };
+    let mismatch = Err(Refusal::ProtocolMismatch { board: PROTOCOL_HASH });
+    match request {
+        Request::Heartbeat => {}
+        Request::Hello { protocol_hash } => {
+            *greeted = protocol_hash == PROTOCOL_HASH;
+            reply(if *greeted { Ok(Accepted::Done) } else { mismatch });
+            let _ = shared::OUTBOX.try_send(Message::Identity(identity(start)));
+        }
+        Request::Status => {
+            reply(Ok(Accepted::Done));
+            let _ = shared::OUTBOX.try_send(Message::Identity(identity(start)));
+        }
+        Request::Stop => queue(sequence, request),
+        Request::Move { load: LoadChoice::Auto | LoadChoice::Known(_), .. }
+        | Request::Home
+        | Request::Jog { .. }
+        | Request::Hold
+        | Request::Clear => {
+            if *greeted {
+                queue(sequence, request);
+            } else {
+                reply(mismatch);
+            }
+        }
+    }
+}
+
+fn queue(sequence: u16, request: Request) {
+    if shared::REQUESTS.try_send((sequence, request)).is_err() {
+        let result = Err(Refusal::Busy { state: State::Boot });
+        let _ = shared::OUTBOX.try_send(Message::Reply { to: sequence, result });
+    }
+}
+
+/// As much of a text as fits.
+fn text<const N: usize>(value: &str) -> String<N> {
+    let mut out = String::new();
+    for c in value.chars() {
+        if out.push(c).is_err() {
+            break;
+        }
+    }
+    out
+}
+
+fn form_name(table: &Table<'_>) -> &'static str {
+    match table.form {
+        Form::Series { .. } => "chebyshev-series",
+        Form::Hermite { .. } => "hermite-bicubic",
+        Form::Bilinear { .. } => "bilinear",
+    }
+}
+
+fn identity(start: Start) -> Identity {
+    let m = &TABLE.metadata;
+    let turns = |twist_rad: f32| (twist_rad - core::f32::consts::PI) / core::f32::consts::TAU;
+    Identity {
+        version: text(env!("CARGO_PKG_VERSION")),
+        git: text(env!("TSA_GIT")),
+        protocol_hash: PROTOCOL_HASH,
+        scene_hash: m.scene_hash,
+        table: TableIdentity {
+            form: text(form_name(&TABLE)),
+            bytes: TABLE.form.bytes() as u16,
+            contraction_error_m: m.contraction_error_m,
+            tr_relative_error: m.tr_relative_error,
+            load_min_n: m.load_min_n,
+            load_max_n: m.load_max_n,
+            turns_min: turns(m.twist_min_rad),
+            turns_max: turns(m.twist_max_rad),
+            crc: TABLE.crc,
+        },
+        reset_cause: start.cause,
+        boot_count: start.boot_count,
+    }
+}
+
+#[embassy_executor::task]
+pub async fn send(mut tx: BufferedUartTx<'static>) -> ! {
+    let mut sequence = 0u16;
+    let mut buffer = [0; MAX_FRAME];
+    loop {
+        let message = match select(shared::OUTBOX.receive(), shared::TELEMETRY.wait()).await {
+            Either::First(message) => message,
+            Either::Second(telemetry) => Message::Telemetry(telemetry),
+        };
+        sequence = sequence.wrapping_add(1);
+        match encode(sequence, &message, &mut buffer) {
+            Ok(frame) => {
+                let _ = tx.write_all(frame).await;
+            }
+            Err(_) => defmt::error!("message longer than a frame"),
+        }
+    }
+}

@@ -1,0 +1,7 @@
+//! The firmware's tasks.
+
+pub mod control;
+pub mod drive;
+pub mod link;
+pub mod lvdt;
+pub mod watchdog;
