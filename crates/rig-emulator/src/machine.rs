@@ -1,1 +1,345 @@
-//! Next.
+//! Boots an ELF on the emulated chip and runs it against a [`Board`] in emulated time.
+//!
+//! ```no_run
+//! # use rig_emulator::{board::Board, machine::{Config, Machine}};
+//! # fn run(elf: &[u8], board: impl Board + 'static) -> Result<(), Box<dyn std::error::Error>> {
+//! let mut machine = Machine::new(elf, board, Config::default())?;
+//! machine.watch_function("control_tick")?;
+//! machine.run_until(2.0)?;
+//! for line in machine.defmt_lines() {
+//!     println!("{line}");
+//! }
+//! println!("{:?}", machine.stats().tick);
+//! # Ok(())
+//! # }
+//! ```
+
+use crate::board::{Board, Stimulus};
+use crate::cpu::core::Trap;
+use crate::cpu::image::{Image, ImageError};
+use crate::cpu::{Cpu, CpuError, Factory, Outcome};
+use crate::rtt::{DefmtLine, Level, Rtt};
+use crate::soc::Soc;
+use crate::soc::fault::Fault;
+use crate::soc::memory::{FLASH_BASE, RAM_BASE, RAM_NOISE};
+use std::fmt;
+
+pub use crate::cpu::watch::TickStats;
+pub use crate::soc::ResetCause;
+
+/// RTT is looked at this often, so that a firmware that never sleeps does not overflow its buffer.
+const RTT_INTERVAL_S: f64 = 1e-3;
+
+/// How to build a machine.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Config {
+    /// Stop at anything that the real chip would not do or that is not modelled; otherwise only count it.
+    pub strict: bool,
+    /// Frequency of the LSI, the watchdog's clock: nominally 32 kHz, 17 to 47 kHz by the datasheet.
+    pub lsi_hz: f64,
+    /// Factory calibration word of VREFINT: its ADC code at 3.3 V. 1.21 V is typical.
+    pub vrefint_cal: u16,
+    /// Unique device id.
+    pub unique_id: [u8; 12],
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        Self { strict: true, lsi_hz: 32_000.0, vrefint_cal: 1501, unique_id: *b"emulated-rig" }
+    }
+}
+
+/// Where and when the firmware was.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Place {
+    /// Program counter.
+    pub pc: u32,
+    /// Symbol of the function.
+    pub function: String,
+    /// Emulated time.
+    pub t_s: f64,
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "at {:#010x} in {}, {:.6} s", self.pc, self.function, self.t_s)
+    }
+}
+
+/// Why the machine stopped.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum MachineError {
+    /// The ELF cannot be loaded.
+    #[error(transparent)]
+    Image(#[from] ImageError),
+    /// The firmware did what the real chip would not do, or what is not modelled.
+    #[error("{fault} ({place})")]
+    Fault {
+        /// What.
+        fault: Fault,
+        /// Where.
+        place: Place,
+    },
+    /// An access to an address where nothing is: a bus fault on the chip.
+    #[error("{what} at {address:#010x}, where nothing is ({place})")]
+    Memory {
+        /// Kind of access.
+        what: &'static str,
+        /// Address.
+        address: u32,
+        /// Where.
+        place: Place,
+    },
+    /// An undefined instruction, with which a panic ends as well.
+    #[error("undefined instruction or panic: {} ({place})", said.as_deref().unwrap_or("no message"))]
+    Undefined {
+        /// The last defmt line of level error, most likely the panic's message.
+        said: Option<String>,
+        /// Where.
+        place: Place,
+    },
+    /// An exception that no firmware should cause, such as a breakpoint.
+    #[error("unexpected exception {number} of the emulator ({place})")]
+    Exception {
+        /// unicorn's number.
+        number: u32,
+        /// Where.
+        place: Place,
+    },
+    /// A function to watch that the ELF does not have.
+    #[error("no function {0} in the ELF")]
+    NoFunction(String),
+    /// A flash image of the wrong size.
+    #[error("a flash image of {0} bytes")]
+    FlashSize(usize),
+    /// The emulator itself failed.
+    #[error("unicorn: {0}")]
+    Emulator(String),
+}
+
+/// What the machine has done since it was built.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stats {
+    /// Instructions executed.
+    pub instructions: u64,
+    /// Translation blocks executed.
+    pub blocks: u64,
+    /// Exceptions taken.
+    pub exceptions: u64,
+    /// Part of the time that the core was not asleep.
+    pub core_busy: f64,
+    /// Resets after the first start: when and why.
+    pub resets: Vec<(f64, ResetCause)>,
+    /// Cost of the function that was watched first.
+    pub tick: TickStats,
+    /// The most that was ever on the main stack, in bytes.
+    pub stack_high_water_bytes: u32,
+    /// What a strict machine would have stopped at, with how often.
+    pub warnings: Vec<(String, u64)>,
+}
+
+/// An emulated NUCLEO-F446RE on a board of type `B`.
+pub struct Machine<B: Board + 'static> {
+    cpu: Cpu<B>,
+    image: Image,
+    rtt: Option<Rtt>,
+    lines: Vec<DefmtLine>,
+    resets: Vec<(f64, ResetCause)>,
+    stack_high_water: u32,
+    dead: Option<MachineError>,
+}
+
+impl<B: Board + 'static> Machine<B> {
+    /// Program the ELF into an erased chip and switch it on.
+    pub fn new(elf: &[u8], board: B, config: Config) -> Result<Self, MachineError> {
+        let image = Image::parse(elf)?;
+        let mut soc = Soc::new(board, config.strict, config.lsi_hz);
+        program(&mut soc, &image);
+        let factory = Factory { unique_id: config.unique_id, vrefint_cal: config.vrefint_cal };
+        let mut cpu = Cpu::new(soc, factory).map_err(|error| MachineError::Emulator(format!("{error:?}")))?;
+        cpu.reset(ResetCause::PowerCycle);
+        let rtt = image.symbol("_SEGGER_RTT").and_then(|address| Rtt::new(elf, address));
+        Ok(Self { cpu, image, rtt, lines: Vec::new(), resets: Vec::new(), stack_high_water: 0, dead: None })
+    }
+
+    /// Emulated time since power-up, in seconds.
+    pub fn now_s(&self) -> f64 {
+        self.cpu.core().soc.clock.seconds()
+    }
+
+    /// The board.
+    pub fn board(&self) -> &B {
+        &self.cpu.core().soc.board
+    }
+
+    /// The board.
+    pub fn board_mut(&mut self) -> &mut B {
+        &mut self.cpu.core_mut().soc.board
+    }
+
+    /// The chip without its core, for looking at registers.
+    pub fn soc_mut(&mut self) -> &mut Soc<B> {
+        &mut self.cpu.core_mut().soc
+    }
+
+    /// Drive pins now, besides what the board does by itself.
+    pub fn send(&mut self, stimulus: Stimulus) {
+        self.cpu.core_mut().soc.stimulate(stimulus);
+    }
+
+    /// Run until `t_s`. Resets happen on the way; an error stays until [`Machine::power_cycle`].
+    pub fn run_until(&mut self, t_s: f64) -> Result<(), MachineError> {
+        if let Some(error) = &self.dead {
+            return Err(error.clone());
+        }
+        while self.now_s() < t_s {
+            let slice = t_s.min(self.now_s() + RTT_INTERVAL_S);
+            let outcome = self.cpu.run(slice);
+            self.poll_rtt();
+            match outcome {
+                Ok(Outcome::Limit) if slice >= t_s => break,
+                Ok(Outcome::Limit | Outcome::Asleep) => {}
+                Ok(Outcome::Reset(cause)) => self.reset(cause),
+                Err(error) => {
+                    let error = self.explain(error);
+                    self.dead = Some(error.clone());
+                    return Err(error);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn poll_rtt(&mut self) {
+        if let Some(rtt) = &mut self.rtt {
+            let soc = &mut self.cpu.core_mut().soc;
+            let t_s = soc.clock.seconds();
+            rtt.poll(&mut soc.memory, t_s);
+            self.lines.append(&mut rtt.take());
+        }
+    }
+
+    fn reset(&mut self, cause: ResetCause) {
+        self.poll_rtt();
+        if let Some(rtt) = &mut self.rtt {
+            rtt.reset();
+        }
+        self.stack_high_water = self.stack_high_water();
+        self.resets.push((self.now_s(), cause));
+        self.cpu.reset(cause);
+    }
+
+    /// Switch the supply off and on. Flash keeps its contents, RAM does not; emulated time goes on.
+    pub fn power_cycle(&mut self) {
+        self.dead = None;
+        self.reset(ResetCause::PowerCycle);
+    }
+
+    fn place(&self, pc: u32) -> Place {
+        let function = self.image.function_at(pc & !1).unwrap_or("?").to_owned();
+        Place { pc: pc & !1, function, t_s: self.now_s() }
+    }
+
+    fn explain(&mut self, error: CpuError) -> MachineError {
+        match error {
+            CpuError::Fault(pc) => {
+                let place = self.place(pc);
+                match self.cpu.core_mut().soc.faults.take() {
+                    Some(fault) => MachineError::Fault { fault, place },
+                    None => MachineError::Emulator("a fault without a cause".into()),
+                }
+            }
+            CpuError::Undefined(pc) => {
+                let said = self.lines.iter().rev().find(|line| line.level == Some(Level::Error));
+                MachineError::Undefined { said: said.map(ToString::to_string), place: self.place(pc) }
+            }
+            CpuError::Trap(Trap::Memory { what, address, pc }) => {
+                MachineError::Memory { what, address, place: self.place(pc) }
+            }
+            CpuError::Trap(Trap::Exception(number)) => {
+                MachineError::Exception { number, place: self.place(self.cpu.core().last_block()) }
+            }
+            CpuError::Unicorn(error) => {
+                MachineError::Emulator(format!("{error:?} {}", self.place(self.cpu.core().last_block())))
+            }
+        }
+    }
+
+    /// Lines that the firmware has logged since the last call.
+    pub fn defmt_lines(&mut self) -> Vec<DefmtLine> {
+        self.poll_rtt();
+        std::mem::take(&mut self.lines)
+    }
+
+    /// Count instructions of each call of a function, named by its symbol or the last segment of a Rust path.
+    pub fn watch_function(&mut self, symbol: &str) -> Result<(), MachineError> {
+        let entry = self.image.function(symbol).ok_or_else(|| MachineError::NoFunction(symbol.to_owned()))?;
+        self.cpu.core_mut().watches.add(symbol, entry);
+        self.cpu.watches_changed();
+        Ok(())
+    }
+
+    /// Cost of a watched function.
+    pub fn watched(&self, symbol: &str) -> Option<TickStats> {
+        self.cpu.core().watches.stats().find(|(name, _)| *name == symbol).map(|(_, stats)| stats)
+    }
+
+    /// Names of the watched functions, and how often each has been called.
+    pub fn call_counts(&self) -> Vec<(String, u64)> {
+        self.cpu.core().watches.call_counts().map(|(name, calls)| (name.to_owned(), calls)).collect()
+    }
+
+    /// What has happened so far.
+    pub fn stats(&self) -> Stats {
+        let core = self.cpu.core();
+        let total = core.soc.clock.now().max(1) as f64;
+        Stats {
+            instructions: core.counters.instructions,
+            blocks: core.counters.blocks,
+            exceptions: core.counters.exceptions,
+            core_busy: 1.0 - core.counters.asleep as f64 / total,
+            resets: self.resets.clone(),
+            tick: core.watches.stats().next().map(|(_, stats)| stats).unwrap_or_default(),
+            stack_high_water_bytes: self.stack_high_water(),
+            warnings: core.soc.faults.warnings().iter().map(|(what, count)| (what.clone(), *count)).collect(),
+        }
+    }
+
+    /// RAM is noise at power-up: the first byte above the statics that is none any more was once on the stack.
+    fn stack_high_water(&self) -> u32 {
+        let memory = &self.cpu.core().soc.memory;
+        let Some(top) = memory.word(self.cpu.core().soc.vector_table()) else { return 0 };
+        let bottom = self.image.statics_end().filter(|&end| end < top).unwrap_or(RAM_BASE);
+        let Some(size) = top.checked_sub(bottom) else { return 0 };
+        let mut stack = vec![0; size as usize];
+        if memory.ram.read(bottom, &mut stack).is_none() {
+            return 0;
+        }
+        let untouched = stack.iter().position(|&byte| byte != RAM_NOISE).unwrap_or(stack.len());
+        self.stack_high_water.max(size - untouched as u32)
+    }
+
+    /// All of flash, for keeping.
+    pub fn flash_image(&self) -> Vec<u8> {
+        self.cpu.core().soc.memory.flash.to_vec()
+    }
+
+    /// Put back what was kept of flash, except where this machine's own firmware lies. Reset or power-cycle afterwards
+    /// unless the machine has not run yet.
+    pub fn set_flash_image(&mut self, image: &[u8]) -> Result<(), MachineError> {
+        let soc = &mut self.cpu.core_mut().soc;
+        if image.len() != soc.memory.flash.size() {
+            return Err(MachineError::FlashSize(image.len()));
+        }
+        soc.memory.flash.write(FLASH_BASE, image);
+        program(soc, &self.image);
+        self.cpu.code_changed().map_err(|error| MachineError::Emulator(format!("{error:?}")))
+    }
+}
+
+fn program<B: Board>(soc: &mut Soc<B>, image: &Image) {
+    for (address, bytes) in &image.segments {
+        // `Image::parse` has checked that they fit.
+        soc.memory.flash.write(*address, bytes);
+    }
+}

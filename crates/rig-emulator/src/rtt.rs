@@ -1,1 +1,153 @@
-//! Next.
+//! defmt lines out of the firmware's RTT buffer, which is read straight from emulated RAM.
+//!
+//! The RTT control block is found by its symbol; frames are decoded with the table in the ELF.
+
+use crate::soc::memory::Memory;
+use defmt_decoder::{DecodeError, Encoding, Locations, Table};
+use std::fmt;
+
+/// Severity of a line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Level {
+    /// `trace!`
+    Trace,
+    /// `debug!`
+    Debug,
+    /// `info!`
+    Info,
+    /// `warn!`
+    Warn,
+    /// `error!`, and panics
+    Error,
+}
+
+impl Level {
+    fn parse(name: &str) -> Option<Self> {
+        Some(match name {
+            "trace" => Self::Trace,
+            "debug" => Self::Debug,
+            "info" => Self::Info,
+            "warn" => Self::Warn,
+            "error" => Self::Error,
+            _ => return None,
+        })
+    }
+}
+
+/// A decoded line.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DefmtLine {
+    /// When the emulator found it, at most a millisecond after it was written.
+    pub t_s: f64,
+    /// The firmware's own time stamp.
+    pub timestamp: Option<String>,
+    /// Severity; `println!` has none.
+    pub level: Option<Level>,
+    /// The text.
+    pub message: String,
+    /// `file:line`, if the ELF has debug information.
+    pub location: Option<String>,
+}
+
+impl fmt::Display for DefmtLine {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:.6} ", self.t_s)?;
+        if let Some(level) = self.level {
+            write!(f, "{level:?} ")?;
+        }
+        f.write_str(&self.message)?;
+        self.location.as_ref().map_or(Ok(()), |location| write!(f, " [{location}]"))
+    }
+}
+
+/// Offsets in the control block: up-channel 0 behind the 16-byte id and two counts.
+mod offset {
+    pub const BUFFER: u32 = 28;
+    pub const SIZE: u32 = 32;
+    pub const WRITE: u32 = 36;
+    pub const READ: u32 = 40;
+}
+
+/// Reader of one firmware's output.
+pub struct Rtt {
+    control_block: u32,
+    table: Table,
+    locations: Option<Locations>,
+    /// Bytes behind the last complete frame.
+    rest: Vec<u8>,
+    lines: Vec<DefmtLine>,
+}
+
+impl Rtt {
+    /// The reader for an ELF whose `_SEGGER_RTT` is at `control_block`; `None` without a (matching) defmt table.
+    pub fn new(elf: &[u8], control_block: u32) -> Option<Self> {
+        let table = Table::parse(elf).ok().flatten()?;
+        let locations = table.get_locations(elf).ok().filter(|locations| table.indices().all(|i| locations.contains_key(&(i as u64))));
+        Some(Self { control_block, table, locations, rest: Vec::new(), lines: Vec::new() })
+    }
+
+    /// Fetch what the firmware has written by `t_s`.
+    pub fn poll(&mut self, memory: &mut Memory, t_s: f64) {
+        let mut id = [0; 10];
+        if memory.ram.read(self.control_block, &mut id).is_none() || &id != b"SEGGER RTT" {
+            return;
+        }
+        let word = |offset| memory.ram.word(self.control_block + offset);
+        let Some([buffer, size, write, read]) = (|| {
+            Some([word(offset::BUFFER)?, word(offset::SIZE)?, word(offset::WRITE)?, word(offset::READ)?])
+        })() else {
+            return;
+        };
+        if read == write || size == 0 || read >= size || write >= size {
+            return;
+        }
+        let (first, second) = if read < write { (write - read, 0) } else { (size - read, write) };
+        let mut bytes = vec![0; (first + second) as usize];
+        let (head, tail) = bytes.split_at_mut(first as usize);
+        if memory.ram.read(buffer + read, head).and_then(|()| memory.ram.read(buffer, tail)).is_none() {
+            return;
+        }
+        memory.ram.set_word(self.control_block + offset::READ, write);
+        self.rest.extend(bytes);
+        self.decode(t_s);
+    }
+
+    fn decode(&mut self, t_s: f64) {
+        // A stream decoder borrows the table, so it cannot be kept: feed a fresh one whole frames.
+        let end = match self.table.encoding() {
+            Encoding::Rzcobs => self.rest.iter().rposition(|&byte| byte == 0).map_or(0, |last| last + 1),
+            _ => self.rest.len(),
+        };
+        let frames: Vec<u8> = self.rest.drain(..end).collect();
+        let mut decoder = self.table.new_stream_decoder();
+        decoder.received(&frames);
+        loop {
+            match decoder.decode() {
+                Ok(frame) => {
+                    let location = self.locations.as_ref().and_then(|locations| locations.get(&frame.index()));
+                    self.lines.push(DefmtLine {
+                        t_s,
+                        timestamp: frame.display_timestamp().map(|stamp| stamp.to_string()),
+                        level: frame.level().and_then(|level| Level::parse(level.as_str())),
+                        message: frame.display_message().to_string(),
+                        location: location.map(|l| format!("{}:{}", l.file.display(), l.line)),
+                    });
+                }
+                Err(DecodeError::UnexpectedEof) => break,
+                // A frame cut by a reset, or overwritten: the next zero byte starts afresh.
+                Err(DecodeError::Malformed) if self.table.encoding().can_recover() => {}
+                Err(DecodeError::Malformed) => break,
+            }
+        }
+    }
+
+    /// The microcontroller has been reset: a frame that was begun will not be finished.
+    pub fn reset(&mut self) {
+        self.rest.clear();
+    }
+
+    /// Lines since the last call.
+    pub fn take(&mut self) -> Vec<DefmtLine> {
+        std::mem::take(&mut self.lines)
+    }
+}

@@ -1,1 +1,257 @@
-//! Next.
+//! Cortex-M4F around unicorn: time, sleep, exceptions, reset.
+//!
+//! unicorn executes instructions and knows priority masks and the FPU. Everything else of a microcontroller's core is here:
+//! - [`image`]: the firmware's ELF. - [`core`]: state that the hooks share. - [`watch`]: costs of chosen functions.
+//! - `hooks`: time and peripherals from inside the CPU. - `exceptions`: frames and returns. - `blocks`: instruction counts.
+
+mod blocks;
+pub mod core;
+mod exceptions;
+mod hooks;
+pub mod image;
+pub mod watch;
+
+use self::core::{Core, Trap};
+use self::exceptions::takeable;
+use crate::board::Board;
+use crate::soc::memory::{FLASH_BASE, RAM_BASE};
+use crate::soc::{ResetCause, Soc};
+use std::collections::HashSet;
+use unicorn_engine::{Arch, ArmCpuModel, Mode, Prot, RegisterARM as R, Unicorn, uc_error};
+
+/// An address that is never executed: emulation ends for other reasons.
+const NOWHERE: u64 = 0xF000_0000;
+
+const WFI: u16 = 0xBF30;
+const WFE: u16 = 0xBF20;
+const YIELD: u16 = 0xBF10;
+
+/// System memory page with the factory's data, and where they are in it (DS10693, RM0390 chapter 34 and section 13.10).
+const SYSTEM_MEMORY: u64 = 0x1FFF_7000;
+const UNIQUE_ID: u64 = 0x1FFF_7A10;
+const FLASH_KIB: u64 = 0x1FFF_7A22;
+const VREFINT_CAL: u64 = 0x1FFF_7A2A;
+
+/// Why [`Cpu::run`] came back early.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum CpuError {
+    /// The core cannot go on.
+    Trap(Trap),
+    /// Undefined instruction at this address: on the chip a HardFault. `panic-probe` ends like this.
+    Undefined(u32),
+    /// A strict peripheral objects; the fault waits in the chip. The address is of the instruction.
+    Fault(u32),
+    /// unicorn itself failed.
+    Unicorn(uc_error),
+}
+
+impl From<uc_error> for CpuError {
+    fn from(error: uc_error) -> Self {
+        Self::Unicorn(error)
+    }
+}
+
+/// How a run ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// The limit is reached.
+    Limit,
+    /// The core has gone to sleep, or slept and is at the limit's near side: a good time to look at RAM.
+    Asleep,
+    /// The chip wants to be reset.
+    Reset(ResetCause),
+}
+
+/// Factory data in system memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Factory {
+    /// 96-bit unique device id.
+    pub unique_id: [u8; 12],
+    /// ADC code of the internal reference at 3.3 V and 30 degrees.
+    pub vrefint_cal: u16,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Sleep {
+    Awake,
+    Wfi,
+    Wfe,
+}
+
+/// The core, with the chip inside it.
+pub struct Cpu<B: Board + 'static> {
+    uc: Unicorn<'static, Core<B>>,
+    sleep: Sleep,
+    sev_hooks: HashSet<u32>,
+}
+
+impl<B: Board + 'static> Cpu<B> {
+    /// A core for `soc`, whose flash is programmed already. It starts with [`Cpu::reset`].
+    pub fn new(soc: Soc<B>, factory: Factory) -> Result<Self, uc_error> {
+        // No Mode::MCLASS: it would force a Cortex-M33.
+        let mut uc = Unicorn::new_with_data(Arch::ARM, Mode::THUMB, Core::new(soc))?;
+        uc.ctl_set_cpu_model(ArmCpuModel::CORTEX_M4 as i32)?;
+        let memory = &uc.get_data().soc.memory;
+        let (flash, ram) = (memory.flash.host(), memory.ram.host());
+        let (flash_size, ram_size) = (memory.flash.size() as u64, memory.ram.size() as u64);
+        // SAFETY: both buffers live in the data of this very unicorn instance, which is dropped after the instance is closed,
+        // and they never move: `Region` owns a heap allocation of a fixed size.
+        unsafe {
+            uc.mem_map_ptr(FLASH_BASE.into(), flash_size, Prot::READ | Prot::EXEC, flash.cast())?;
+            uc.mem_map_ptr(RAM_BASE.into(), ram_size, Prot::ALL, ram.cast())?;
+        }
+        uc.mem_map(SYSTEM_MEMORY, 0x1000, Prot::READ)?;
+        uc.mem_write(UNIQUE_ID, &factory.unique_id)?;
+        uc.mem_write(FLASH_KIB, &((flash_size >> 10) as u16).to_le_bytes())?;
+        uc.mem_write(VREFINT_CAL, &factory.vrefint_cal.to_le_bytes())?;
+        hooks::install(&mut uc)?;
+        let mut cpu = Self { uc, sleep: Sleep::Awake, sev_hooks: HashSet::new() };
+        cpu.code_changed()?;
+        Ok(cpu)
+    }
+
+    /// What the hooks share.
+    pub fn core(&self) -> &Core<B> {
+        self.uc.get_data()
+    }
+
+    /// What the hooks share.
+    pub fn core_mut(&mut self) -> &mut Core<B> {
+        self.uc.get_data_mut()
+    }
+
+    // Core registers always exist; a failure would be a broken unicorn, and 0 leads to an early stop.
+    fn get(&self, register: R) -> u32 {
+        self.uc.reg_read(register).unwrap_or(0) as u32
+    }
+
+    fn set(&mut self, register: R, value: u32) {
+        let _ = self.uc.reg_write(register, value.into());
+    }
+
+    /// Flash has changed: drop translated code and block lengths, and look for new SEVs.
+    pub fn code_changed(&mut self) -> Result<(), uc_error> {
+        hooks::hook_sev(&mut self.uc, &mut self.sev_hooks)?;
+        self.uc.get_data_mut().blocks.clear();
+        self.uc.ctl_flush_tb()
+    }
+
+    /// A function's watch has been added.
+    pub fn watches_changed(&mut self) {
+        self.uc.get_data_mut().blocks.clear();
+    }
+
+    /// Reset the chip and the core.
+    pub fn reset(&mut self, cause: ResetCause) {
+        let core = self.uc.get_data_mut();
+        core.soc.reset(cause);
+        core.watches.reset();
+        core.attention = true;
+        core.exception_return = false;
+        core.trap = None;
+        core.fault_pc = None;
+        let vectors = core.soc.vector_table();
+        let (stack, entry) = (core.soc.memory.word(vectors), core.soc.memory.word(vectors + 4));
+        for register in [R::R0, R::R1, R::R2, R::R3, R::R4, R::R5, R::R6, R::R7, R::R8, R::R9, R::R10, R::R11, R::R12] {
+            self.set(register, 0);
+        }
+        for register in [R::CONTROL, R::PRIMASK, R::FAULTMASK, R::BASEPRI, R::FPSCR] {
+            self.set(register, 0);
+        }
+        self.set(R::XPSR, 1 << 24);
+        self.set(R::LR, 0xFFFF_FFFF);
+        self.set(R::SP, stack.unwrap_or(0) & !3);
+        self.set(R::PC, entry.unwrap_or(0) | 1);
+        self.refresh_mode();
+        self.sleep = Sleep::Awake;
+    }
+
+    /// Run to the first instruction boundary that is not before `t_s`, or to something that the caller has to see to.
+    pub fn run(&mut self, t_s: f64) -> Result<Outcome, CpuError> {
+        loop {
+            let core = self.uc.get_data_mut();
+            // Asked anew each time: the firmware may change the clock on the way.
+            core.limit = core.soc.clock.cycle_at(t_s);
+            core.deadline = core.soc.sync().min(core.limit);
+            if core.soc.faults.pending() {
+                return Err(CpuError::Fault(core.fault_pc.take().unwrap_or(core.block)));
+            }
+            if let Some(trap) = core.trap.take() {
+                return Err(CpuError::Trap(trap));
+            }
+            if let Some(cause) = core.soc.reset_request {
+                return Ok(Outcome::Reset(cause));
+            }
+            if let Some(exception) = takeable(&self.uc) {
+                self.sleep = Sleep::Awake;
+                self.enter(exception)?;
+                continue;
+            }
+            let core = self.uc.get_data_mut();
+            if core.soc.clock.now() >= core.limit {
+                return Ok(Outcome::Limit);
+            }
+            if self.sleep != Sleep::Awake {
+                if self.wakes() {
+                    self.sleep = Sleep::Awake;
+                } else {
+                    let core = self.uc.get_data_mut();
+                    let limit = core.limit;
+                    core.counters.asleep += core.soc.sleep(limit);
+                    continue;
+                }
+            }
+            self.execute()?;
+            if self.sleep != Sleep::Awake {
+                return Ok(Outcome::Asleep);
+            }
+        }
+    }
+
+    /// Something ends the sleep without an exception being taken.
+    fn wakes(&mut self) -> bool {
+        let nvic = &mut self.uc.get_data_mut().soc.nvic;
+        match self.sleep {
+            Sleep::Awake => true,
+            // Pending is enough, masked or not.
+            Sleep::Wfi => nvic.best().is_some(),
+            Sleep::Wfe => std::mem::take(&mut nvic.event),
+        }
+    }
+
+    /// Let unicorn run until a hook stops it or the core goes to sleep.
+    fn execute(&mut self) -> Result<(), CpuError> {
+        let core = self.uc.get_data_mut();
+        core.stopped = false;
+        core.attention = true;
+        if std::mem::take(&mut core.soc.flash_changed) {
+            self.uc.ctl_flush_tb()?;
+            self.uc.get_data_mut().blocks.clear();
+        }
+        let from = u64::from(self.get(R::PC) | 1);
+        let result = self.uc.emu_start(from, NOWHERE, 0, 0);
+        let after = self.get(R::PC) & !1;
+        let core = self.uc.get_data_mut();
+        if core.trap.is_some() {
+            return Ok(());
+        }
+        let hint = core.soc.memory.half(after.wrapping_sub(2));
+        match result {
+            Ok(()) if std::mem::take(&mut core.exception_return) => self.leave(),
+            Ok(()) => {
+                if !core.stopped && hint == Some(WFI) {
+                    self.sleep = Sleep::Wfi;
+                }
+                Ok(())
+            }
+            // unicorn reports both hints as invalid instructions, with PC behind them.
+            Err(uc_error::INSN_INVALID) if hint == Some(WFE) => {
+                self.sleep = Sleep::Wfe;
+                Ok(())
+            }
+            Err(uc_error::INSN_INVALID) if hint == Some(YIELD) => Ok(()),
+            Err(uc_error::INSN_INVALID) => Err(CpuError::Undefined(after)),
+            Err(error) => Err(error.into()),
+        }
+    }
+}

@@ -1,0 +1,105 @@
+//! What the hooks in unicorn share with the run loop: the chip, the counters, and why the CPU was stopped.
+//!
+//! A hook is called from C and must not unwind: it notes what happened here and stops the CPU.
+
+use super::blocks::Blocks;
+use super::watch::Watches;
+use crate::board::Board;
+use crate::soc::Soc;
+
+/// Cycles that a translation block takes on top of one for each instruction. Most instructions of a Cortex-M4 take one
+/// cycle; what does not is mostly the taken branch that ends a block (1 + pipeline refill of 1 to 3 cycles) and flash wait states.
+/// Without it the emulated core is 1.3 to 1.5 times too fast on branchy code.
+pub const BLOCK_OVERHEAD_CYCLES: u64 = 2;
+
+/// Why the core cannot go on.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Trap {
+    /// An access to an address where nothing is.
+    Memory {
+        /// What was tried.
+        what: &'static str,
+        /// Where.
+        address: u32,
+        /// Instruction.
+        pc: u32,
+    },
+    /// An exception of the emulator that no firmware should cause.
+    Exception(u32),
+}
+
+/// Counters of the core.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Counters {
+    /// Instructions executed.
+    pub instructions: u64,
+    /// Translation blocks executed.
+    pub blocks: u64,
+    /// Exceptions taken.
+    pub exceptions: u64,
+    /// Cycles asleep in WFI or WFE.
+    pub asleep: u64,
+}
+
+/// State behind the hooks.
+pub struct Core<B> {
+    /// The chip.
+    pub soc: Soc<B>,
+    /// Counters.
+    pub counters: Counters,
+    /// Watched functions.
+    pub watches: Watches,
+    pub(super) blocks: Blocks,
+    /// The run ends at this cycle.
+    pub(super) limit: u64,
+    /// The next event or the limit: until then the block hook only counts.
+    pub(super) deadline: u64,
+    /// Something may have become takeable.
+    pub(super) attention: bool,
+    /// An exception return was executed.
+    pub(super) exception_return: bool,
+    /// A hook has stopped the CPU.
+    pub(super) stopped: bool,
+    pub(super) trap: Option<Trap>,
+    /// Start of the block that ran last.
+    pub(super) block: u32,
+    /// Instruction that made the access a fault was raised for.
+    pub(super) fault_pc: Option<u32>,
+}
+
+impl<B: Board> Core<B> {
+    /// State at power-up.
+    pub fn new(soc: Soc<B>) -> Self {
+        Self {
+            soc,
+            counters: Counters::default(),
+            watches: Watches::default(),
+            blocks: Blocks::new(),
+            limit: 0,
+            deadline: 0,
+            attention: true,
+            exception_return: false,
+            stopped: false,
+            trap: None,
+            block: 0,
+            fault_pc: None,
+        }
+    }
+
+    /// Start of the block that ran last: as near to PC as a hook can tell.
+    pub fn last_block(&self) -> u32 {
+        self.block
+    }
+
+    /// Count a block that is about to run. Gives its instructions, and whether a watched function starts with it.
+    pub(super) fn count(&mut self, address: u32, bytes: u32) -> (u64, bool) {
+        let watches = &self.watches;
+        let (instructions, watched) =
+            self.blocks.look_up(address, bytes, &self.soc.memory.flash, |address| watches.starts_at(address));
+        self.block = address;
+        self.counters.blocks += 1;
+        self.counters.instructions += instructions;
+        self.soc.clock.advance(instructions + BLOCK_OVERHEAD_CYCLES);
+        (instructions, watched)
+    }
+}

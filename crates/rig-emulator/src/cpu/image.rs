@@ -1,0 +1,104 @@
+//! The firmware's ELF: bytes for flash, and symbols to name what went wrong.
+
+use crate::soc::memory::{FLASH_BASE, FLASH_SIZE};
+use object::read::elf::{ElfFile32, ProgramHeader};
+use object::{Endianness, Object, ObjectSymbol, SymbolKind};
+
+/// What can be wrong with an ELF.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ImageError {
+    /// Not an ELF, or a broken one.
+    #[error("not a 32-bit ELF: {0}")]
+    Elf(String),
+    /// Nothing in it belongs in flash.
+    #[error("no segment for flash at {FLASH_BASE:#010x}")]
+    NoFlash,
+    /// A segment that does not fit.
+    #[error("a segment of {size} bytes at {address:#010x} does not fit into flash")]
+    TooLarge {
+        /// Load address.
+        address: u64,
+        /// Size.
+        size: usize,
+    },
+}
+
+/// A function.
+#[derive(Clone, Debug)]
+struct Function {
+    start: u32,
+    end: u32,
+    name: String,
+}
+
+/// What the machine needs of an ELF.
+#[derive(Clone, Debug)]
+pub struct Image {
+    /// Address and bytes of each segment in flash.
+    pub segments: Vec<(u32, Vec<u8>)>,
+    functions: Vec<Function>,
+    symbols: Vec<(String, u32)>,
+}
+
+impl Image {
+    /// Take an ELF apart.
+    pub fn parse(elf: &[u8]) -> Result<Self, ImageError> {
+        let broken = |error: object::Error| ImageError::Elf(error.to_string());
+        let file = ElfFile32::<Endianness>::parse(elf).map_err(broken)?;
+        let endian = file.endian();
+        let mut segments = Vec::new();
+        for header in file.elf_program_headers() {
+            let (address, size) = (u64::from(header.p_paddr(endian)), header.p_filesz(endian) as usize);
+            let flash = u64::from(FLASH_BASE)..u64::from(FLASH_BASE) + FLASH_SIZE as u64;
+            if header.p_type(endian) != object::elf::PT_LOAD || size == 0 || !flash.contains(&address) {
+                continue;
+            }
+            if address + size as u64 > flash.end {
+                return Err(ImageError::TooLarge { address, size });
+            }
+            let data = ProgramHeader::data(header, endian, elf).map_err(|()| ImageError::Elf("segment outside the file".into()))?;
+            segments.push((address as u32, data.to_vec()));
+        }
+        if segments.is_empty() {
+            return Err(ImageError::NoFlash);
+        }
+        let mut functions = Vec::new();
+        let mut symbols = Vec::new();
+        for symbol in file.symbols() {
+            let Ok(name) = symbol.name() else { continue };
+            let address = symbol.address() as u32;
+            symbols.push((name.to_owned(), address));
+            if symbol.kind() == SymbolKind::Text && symbol.size() > 0 {
+                let start = address & !1;
+                functions.push(Function { start, end: start + symbol.size() as u32, name: name.to_owned() });
+            }
+        }
+        functions.sort_by_key(|function| function.start);
+        Ok(Self { segments, functions, symbols })
+    }
+
+    /// Address of a symbol.
+    pub fn symbol(&self, name: &str) -> Option<u32> {
+        self.symbols.iter().find(|(n, _)| n == name).map(|(_, address)| *address)
+    }
+
+    /// Start of a function, by its whole name or by its last path segment in a mangled one.
+    pub fn function(&self, name: &str) -> Option<u32> {
+        let segment = format!("{}{name}", name.len());
+        let exact = self.functions.iter().find(|function| function.name == name);
+        let mangled = || self.functions.iter().find(|function| function.name.contains(&segment));
+        exact.or_else(mangled).map(|function| function.start)
+    }
+
+    /// Name of the function at an address.
+    pub fn function_at(&self, address: u32) -> Option<&str> {
+        let after = self.functions.partition_point(|function| function.start <= address);
+        let function = self.functions[..after].last()?;
+        (address < function.end).then_some(function.name.as_str())
+    }
+
+    /// End of everything that the linker has placed at the bottom of RAM, if the firmware is laid out like cortex-m-rt's.
+    pub fn statics_end(&self) -> Option<u32> {
+        ["__sheap", "__euninit", "__ebss", "__edata"].iter().filter_map(|name| self.symbol(name)).max()
+    }
+}
