@@ -1,1 +1,286 @@
-//! x
+//! The firmware's decisions against the emulated rig, without the emulated chip: [`Desk`] plays the microcontroller.
+//! Hundreds of times faster than the whole board, for scenarios by the dozen; what the chip adds (drivers, interrupts,
+//! timing) is tested with the ELF on the emulated board.
+
+use rig_control::sensors::EncoderCount;
+use rig_control::{DriveCommand, DriveReading, Inputs, LvdtBlock, Outputs, Rig as Control, RigConstants, TICK_S};
+use rig_emulator::board::{Board, CanFrame, Stimulus};
+use rig_emulator::rig::Rig;
+use rig_emulator::rig::settings::PlantSettings;
+use rig_emulator::rig::truth::Truth;
+use rig_link::messages::{Counters, EventKind, LoadChoice, Request, State};
+use rmds405::{Action, Address, Command, CurrentLimit, Event, Mode, QuadCounts, Received, Report, SpeedLimit, StartUp};
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+use tsa_model::Scene;
+use tsa_table::Table;
+use tsa_table::fit::OwnedTable;
+
+/// The repository.
+pub fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+/// The default scene.
+pub fn scene() -> &'static Scene {
+    static SCENE: OnceLock<Scene> = OnceLock::new();
+    SCENE.get_or_init(|| Scene::load(root().join("scenes/default.toml")).expect("the default scene is good"))
+}
+
+/// Its table, as the firmware has it.
+pub fn table() -> &'static Table<'static> {
+    static OWNED: OnceLock<OwnedTable> = OnceLock::new();
+    static TABLE: OnceLock<Table<'static>> = OnceLock::new();
+    TABLE.get_or_init(|| {
+        OWNED.get_or_init(|| tsa_table::fit::fit(scene()).expect("the default scene has a table").table).table()
+    })
+}
+
+/// The rig's constants, as the build script derives them.
+pub fn constants() -> RigConstants {
+    let rig = &scene().rig;
+    let metres_per_volt = rig.lvdt_stroke_m / (rig.lvdt_volts_at_stroke - rig.lvdt_volts_at_zero);
+    RigConstants {
+        gear_ratio: rig.gear() as f32,
+        counts_per_rad: (4.0 * f64::from(rig.encoder_lines) * rig.gear() / std::f64::consts::TAU) as f32,
+        motor_speed_max_rad_per_s: rig.motor_speed_max_rad_per_s as f32,
+        motor_acceleration_max_rad_per_s2: rig.motor_acceleration_max_rad_per_s2 as f32,
+        current_limit_ma: (rig.drive_current_limit_a * 1000.0) as i16,
+        lvdt_gap_at_code_zero_m: (rig.lvdt_gap_at_zero_m - rig.lvdt_volts_at_zero * metres_per_volt) as f32,
+        lvdt_metres_per_code: (metres_per_volt * rig.adc_reference_v / 4095.0) as f32,
+        drive_group: rig.drive_group,
+        drive_number: rig.drive_number,
+    }
+}
+
+/// Samples of one LVDT block, and the time between two of them, as on the board.
+const BLOCK: usize = 256;
+const SAMPLE_S: f64 = 492.0 / 21e6;
+
+/// The control code wired to an emulated rig.
+pub struct Desk {
+    /// The rig.
+    pub rig: Rig,
+    /// The control code.
+    pub control: Control<'static>,
+    /// What the last tick decided.
+    pub last: Option<Outputs>,
+    /// Every event so far, with its time (s).
+    pub events: Vec<(f64, EventKind)>,
+    /// True gap when homing ended (m).
+    pub home_gap_m: Option<f64>,
+    /// Whether the host sends heartbeats.
+    pub host_alive: bool,
+    time_s: f64,
+    next_sample_s: f64,
+    codes: Vec<u16>,
+    block: Option<LvdtBlock>,
+    encoder: EncoderCount,
+    drive: DriveReading,
+    stalled: bool,
+    estop: bool,
+    start_up: StartUp,
+    ready: bool,
+    heard_us: Option<u64>,
+}
+
+fn address() -> Address {
+    Address::new(scene().rig.drive_group, scene().rig.drive_number).expect("the scene was checked")
+}
+
+fn start_up() -> StartUp {
+    StartUp::new(address(), Mode::CurrentVelocityPosition, 10).expect("a period above 0")
+}
+
+impl Desk {
+    /// A rig with these plant keys, and control code that has just booted.
+    pub fn new(keys: &[(&str, &str)], seed: u64) -> Self {
+        let mut settings = PlantSettings::default();
+        for (key, value) in keys {
+            settings.set(key, value).unwrap_or_else(|e| panic!("{e}"));
+        }
+        let mut rig = Rig::new(scene(), settings, seed).unwrap_or_else(|e| panic!("{e}"));
+        rig.gpio_out(0.0, 'B', 1 << 10);
+        let encoder = EncoderCount::new(rig.quadrature(0.0, 3) as u16);
+        Self {
+            rig,
+            control: Control::new(table(), constants(), None),
+            last: None,
+            events: Vec::new(),
+            home_gap_m: None,
+            host_alive: true,
+            time_s: 0.0,
+            next_sample_s: SAMPLE_S,
+            codes: Vec::with_capacity(BLOCK),
+            block: None,
+            encoder,
+            drive: DriveReading::Starting,
+            stalled: false,
+            estop: false,
+            start_up: start_up(),
+            ready: false,
+            heard_us: None,
+        }
+    }
+
+    /// Emulated time (s).
+    pub fn time_s(&self) -> f64 {
+        self.time_s
+    }
+
+    /// What really is.
+    pub fn truth(&self) -> Truth {
+        self.rig.truth()
+    }
+
+    /// True position since homing (m).
+    pub fn true_position_m(&self) -> f64 {
+        self.home_gap_m.map_or(f64::NAN, |gap| gap - self.rig.truth().gap_m)
+    }
+
+    fn send(&mut self, frame: rmds405::Frame) {
+        let frame = CanFrame { id: u32::from(frame.id), extended: false, remote: false, dlc: 8, data: frame.data };
+        self.rig.can_tx(self.time_s, &frame);
+    }
+
+    fn start(&mut self, event: Event) {
+        if self.ready {
+            return;
+        }
+        match self.start_up.step((self.time_s * 1000.0) as u64, event) {
+            Action::Send(frame) => self.send(frame),
+            Action::Ready => self.ready = true,
+            Action::Failed(_) => self.drive = DriveReading::Failed,
+            Action::Wait => {}
+        }
+    }
+
+    /// One control tick later.
+    pub fn tick(&mut self, request: Option<Request>) -> Outputs {
+        self.time_s = ((self.time_s / f64::from(TICK_S)).round() + 1.0) * 0.01;
+        while self.next_sample_s <= self.time_s {
+            self.codes.push(self.rig.adc(self.next_sample_s, 0));
+            if self.codes.len() == BLOCK {
+                self.block = LvdtBlock::from_codes((self.next_sample_s * 1e6) as u64, &self.codes);
+                self.codes.clear();
+            }
+            self.next_sample_s += SAMPLE_S;
+        }
+        for stimulus in self.rig.poll(self.time_s) {
+            match stimulus {
+                Stimulus::Can(frame) => {
+                    let received = Received { id: frame.id, extended: false, remote: false, data: &frame.data };
+                    if let Ok(report) = Report::decode(address(), &received) {
+                        self.start(Event::Report(report));
+                        match report {
+                            Report::Motion { current, speed, position } if self.ready => {
+                                self.drive = DriveReading::Reports {
+                                    t_us: (self.time_s * 1e6) as u64,
+                                    position_qc: position.0,
+                                    speed_rpm: speed.0,
+                                    current_ma: current.0,
+                                }
+                            }
+                            Report::Error(_) => self.stalled = true,
+                            _ => {}
+                        }
+                    }
+                }
+                Stimulus::Pin { port: 'B', pin: 5, high } => self.estop = high,
+                _ => {}
+            }
+        }
+        self.start(Event::Tick);
+        let now_us = (self.time_s * 1e6).round() as u64;
+        if self.host_alive && now_us.is_multiple_of(100_000) {
+            self.heard_us = Some(now_us);
+        }
+        let raw = self.rig.quadrature(self.time_s, 3) as u16;
+        let outputs = self.control.step(&Inputs {
+            now_us,
+            encoder_counts: self.encoder.update(raw),
+            lvdt: self.block,
+            drive: self.drive,
+            drive_stalled: std::mem::take(&mut self.stalled),
+            estop_open: self.estop,
+            host_heard_us: self.heard_us,
+            request,
+            counters: Counters::default(),
+        });
+        match outputs.drive {
+            DriveCommand::Follow { position_qc, speed_limit_rpm, current_limit_ma } if self.ready => {
+                let command = Command::CurrentVelocityPosition {
+                    current_limit: CurrentLimit::new(current_limit_ma).expect("a limit from the scene"),
+                    speed_limit: SpeedLimit::new(speed_limit_rpm).expect("control sends no negative limit"),
+                    position: QuadCounts(position_qc),
+                };
+                self.send(command.encode(address()));
+            }
+            DriveCommand::Restart => {
+                self.start_up = start_up();
+                self.ready = false;
+                self.drive = DriveReading::Starting;
+            }
+            _ => {}
+        }
+        for kind in &outputs.events {
+            if matches!(kind, EventKind::Homed { .. }) {
+                self.home_gap_m = Some(self.rig.truth().gap_m);
+            }
+            self.events.push((self.time_s, *kind));
+        }
+        self.last = Some(outputs.clone());
+        outputs
+    }
+
+    /// Ticks until `done` or `limit_s` more seconds; whether it was done.
+    pub fn until(&mut self, limit_s: f64, mut done: impl FnMut(&Self) -> bool) -> bool {
+        let end = self.time_s + limit_s;
+        while self.time_s < end {
+            self.tick(None);
+            if done(self) {
+                return true;
+            }
+        }
+        false
+    }
+
+    /// For so many seconds.
+    pub fn run(&mut self, seconds: f64) {
+        self.until(seconds, |_| false);
+    }
+
+    /// Waits for the drive, homes; homing time (s) or how it failed.
+    pub fn home(&mut self) -> Result<f64, String> {
+        let idle = |d: &Self| matches!(d.control.state(), State::Unhomed | State::Ready | State::Holding);
+        if !idle(self) && !self.until(5.0, idle) {
+            return Err(format!("not ready: {:?} {:?}", self.control.state(), self.control.fault()));
+        }
+        let start = self.time_s;
+        let reply = self.tick(Some(Request::Home)).reply;
+        if !matches!(reply, Some(Ok(_))) {
+            return Err(format!("refused: {reply:?}"));
+        }
+        self.until(60.0, |d| d.control.state() != State::Homing);
+        if self.control.state() == State::Ready {
+            Ok(self.time_s - start)
+        } else {
+            Err(format!("{:?} {:?} {:?}", self.control.state(), self.control.fault(), self.events.last()))
+        }
+    }
+
+    /// Moves and waits until the load stands; time taken (s) or how it failed.
+    pub fn move_to(&mut self, target_m: f32, speed_m_per_s: f32, load: LoadChoice) -> Result<f64, String> {
+        let start = self.time_s;
+        let reply = self.tick(Some(Request::Move { target_m, speed_m_per_s, load })).reply;
+        if !matches!(reply, Some(Ok(_))) {
+            return Err(format!("refused: {reply:?}"));
+        }
+        self.until(60.0, |d| d.control.state() != State::Moving);
+        if self.control.state() == State::Holding {
+            Ok(self.time_s - start)
+        } else {
+            Err(format!("{:?} {:?} {:?}", self.control.state(), self.control.fault(), self.events.last()))
+        }
+    }
+}

@@ -105,6 +105,7 @@ pub struct Rig<'t> {
     /// Own count less the drive's, taken when the drive became ready.
     drive_offset: Option<i64>,
     restart_drive: bool,
+    awaiting_restart: bool,
     homing: Option<Homing>,
     homed: Option<Homed>,
     observer: LoadObserver,
@@ -116,10 +117,19 @@ pub struct Rig<'t> {
     arrived_ticks: u16,
     /// Newest measured position (m).
     last_position_m: f32,
+    standing_ticks: u16,
 }
+
+/// Motor speed (rpm) below which the shaft counts as standing: three quanta of the drive's speed measurement.
+const STANDING_RPM: u16 = 45;
+/// For how long.
+const STANDING_TICKS: u16 = ticks(20);
 
 /// Longest silence of the host during a motion (µs).
 pub const HOST_SILENT_US: u64 = 400_000;
+/// How far from its reported position the drive may be sent (rad, and seconds of its speed): more than it lags when well.
+const LEASH_RAD: f32 = 1.0;
+const LEASH_S: f32 = 0.3;
 /// Greatest jog speed (rad/s).
 pub const JOG_SPEED_MAX: f32 = 4.0;
 /// Greatest speed that can be asked of the load (m/s).
@@ -141,6 +151,7 @@ impl<'t> Rig<'t> {
             shaft: Ramp::at(0.0),
             drive_offset: None,
             restart_drive: false,
+            awaiting_restart: false,
             homing: None,
             homed: None,
             observer: LoadObserver::new(table.metadata.load_min_n, 0.0),
@@ -150,6 +161,7 @@ impl<'t> Rig<'t> {
             at_rest_ticks: 0,
             arrived_ticks: 0,
             last_position_m: 0.0,
+            standing_ticks: 0,
         }
     }
 
@@ -195,9 +207,26 @@ impl<'t> Rig<'t> {
         Outputs { drive, reply, events, telemetry }
     }
 
+    /// Until its first command the drive gives no torque and a loaded string untwists. So: command a hold at once, and
+    /// compare own and drive's counts only when the shaft stands, because a report is up to 10 ms old.
     fn leave_boot(&mut self, inputs: &Inputs, lvdt: LvdtReading, shaft_rad: f32) {
-        if let (DriveReading::Reports { position_qc, .. }, LvdtReading::Valid { .. }) = (inputs.drive, lvdt) {
-            self.drive_offset = Some(inputs.encoder_counts - i64::from(position_qc));
+        let DriveReading::Reports { position_qc, speed_rpm, .. } = inputs.drive else {
+            self.awaiting_restart = false;
+            return;
+        };
+        // A report from before the restart counts from another zero.
+        if self.awaiting_restart {
+            return;
+        }
+        let offset = inputs.encoder_counts - i64::from(position_qc);
+        if self.drive_offset.is_none() {
+            self.drive_offset = Some(offset);
+            self.shaft = Ramp::at(shaft_rad);
+        }
+        let standing = speed_rpm.unsigned_abs() < STANDING_RPM;
+        self.standing_ticks = if standing { self.standing_ticks + 1 } else { 0 };
+        if self.standing_ticks >= STANDING_TICKS && matches!(lvdt, LvdtReading::Valid { .. }) {
+            self.drive_offset = Some(offset);
             self.shaft = Ramp::at(shaft_rad);
             self.state = State::Unhomed;
         }
@@ -316,7 +345,9 @@ impl<'t> Rig<'t> {
         self.homed = None;
         self.drive_offset = None;
         self.restart_drive = true;
+        self.awaiting_restart = true;
         self.checks = Checks::new();
+        self.standing_ticks = 0;
         self.state = State::Boot;
     }
 
@@ -324,7 +355,7 @@ impl<'t> Rig<'t> {
         if core::mem::take(&mut self.restart_drive) {
             return DriveCommand::Restart;
         }
-        let (Some(offset), DriveReading::Reports { .. }) = (self.drive_offset, inputs.drive) else {
+        let (Some(offset), DriveReading::Reports { position_qc, .. }) = (self.drive_offset, inputs.drive) else {
             return DriveCommand::Silence;
         };
         let lag_s = self.homed.map_or(0.0, |h| h.drive_lag_s);
@@ -333,7 +364,11 @@ impl<'t> Rig<'t> {
         if !counts.is_finite() || self.state == State::EStop {
             return DriveCommand::Silence;
         }
-        let position = (counts as i64 - offset).clamp(i64::from(i32::MIN), i64::from(i32::MAX));
+        // On a leash: whatever else goes wrong, the drive is never sent far from where it says it is.
+        let leash = ((LEASH_RAD + LEASH_S * self.shaft.speed.abs()) * self.constants.counts_per_rad) as i64;
+        let here = i64::from(position_qc);
+        let position = (counts as i64 - offset).clamp(here - leash, here + leash);
+        let position = position.clamp(i64::from(i32::MIN), i64::from(i32::MAX));
         // Room to catch up, not more: a wrong target must not be reached at full speed.
         let speed = (1.3 * self.shaft.speed.abs() + 1.0).min(self.constants.twist_speed_max());
         DriveCommand::Follow {

@@ -11,8 +11,8 @@ use rig_link::messages::{Accepted, Limit, LoadChoice, Parameter, Refusal, State}
 const LOAD_ACCELERATION: f32 = 0.02;
 /// Share of the motor's limits that the planner uses; the rest is the loop's.
 const PLANNED_SHARE: f32 = 0.9;
-/// Error (m) within which a load counts as arrived.
-const ARRIVED_M: f32 = 15e-6;
+/// Error (m) within which a load counts as arrived: half an LVDT count. The loop goes on holding after that.
+const ARRIVED_M: f32 = 25e-6;
 /// Time within that error after which a move is done, and longest wait for it.
 const ARRIVED_TICKS: u16 = ticks(30);
 const PATIENCE_TICKS: u16 = ticks(600);
@@ -89,11 +89,9 @@ impl Rig<'_> {
     /// Ramps down whatever moves. Never refused.
     pub(super) fn stop(&mut self, shaft_rad: f32) {
         match (self.state, &mut self.motion) {
-            (State::Moving, Motion::Load { stopping, .. }) => {
-                if !*stopping {
-                    *stopping = true;
-                    self.planner.brake(LOAD_ACCELERATION);
-                }
+            (State::Moving, Motion::Load { stopping, .. }) if !*stopping => {
+                *stopping = true;
+                self.planner.brake(LOAD_ACCELERATION);
             }
             (State::Moving, Motion::Jog { speed_rad_per_s }) => *speed_rad_per_s = 0.0,
             (State::Homing, _) => {

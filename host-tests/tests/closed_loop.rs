@@ -1,0 +1,258 @@
+//! Homing and moving the emulated rig with the control code alone: the floors of the first issue over many plants.
+
+use host_tests::{Desk, table};
+use rig_emulator::rig::faults::Fault as RigFault;
+use rig_link::messages::{EventKind, Fault, Limit, LoadChoice, Parameter, Refusal, Request, State};
+use std::f64::consts::PI;
+
+fn homed(load: &str, twist: &str, seed: u64) -> Desk {
+    let mut d = Desk::new(&[("load", load), ("twist_at_boot", twist)], seed);
+    d.home().unwrap_or_else(|e| panic!("{load} from {twist} rad: {e}"));
+    d
+}
+
+#[test]
+fn homes_from_any_twist_under_any_load() {
+    // 9 turns at 0.1 kg is as far as the strings go (overtwist); heavier loads go further.
+    let cases = [
+        ("0.1kg", 56.0),
+        ("0.1kg", -56.0),
+        ("0.15kg", -33.0),
+        ("0.3kg", 62.8),
+        ("0.5kg", -62.8),
+        ("0.5kg", 0.0),
+        ("0.5kg", 0.7),
+        ("0.8kg", -1.3),
+        ("0.8kg", 3.14),
+        ("1.0kg", 62.8),
+        ("1.2kg", -3.0),
+        ("1.4kg", -62.8),
+        ("1.5kg", 62.8),
+        ("1.5kg", 2.0),
+        ("1.5kg", -0.01),
+    ];
+    for (seed, (load, twist)) in cases.iter().enumerate() {
+        let mut d = Desk::new(&[("load", load), ("twist_at_boot", &twist.to_string())], seed as u64);
+        let seconds = d.home().unwrap_or_else(|e| panic!("{load} from {twist} rad: {e}"));
+        let h = *d.control.homed().expect("homed");
+        let truth = d.truth();
+        // Twist is known to the count; what homing has to find is zero.
+        let zero_error = truth.twist_rad.abs() - PI;
+        println!(
+            "{load} from {twist:6.2} rad: {seconds:.1} s, zero off by {zero_error:+.4} rad (said {:.4}), load {:+.1} %",
+            h.zero_error_rad,
+            100.0 * (f64::from(h.load_n) / truth.load_n - 1.0)
+        );
+        assert!(seconds < 45.0);
+        assert!(zero_error.abs() < 0.02, "{load} from {twist} rad: {zero_error}");
+        assert!((f64::from(h.load_n) / truth.load_n - 1.0).abs() < 0.08);
+    }
+}
+
+#[test]
+fn comes_to_rest_within_50_um_and_knows_the_load_within_8_percent() {
+    let mut worst = (0.0f64, 0.0f64);
+    for (seed, load) in ["0.15kg", "0.3kg", "0.5kg", "0.8kg", "1.1kg", "1.4kg"].iter().enumerate() {
+        let mut d = homed(load, "9", seed as u64);
+        for target in [0.012f32, 0.003, 0.0145, 0.0] {
+            d.move_to(target, 0.002, LoadChoice::Auto).unwrap_or_else(|e| panic!("{load} to {target}: {e}"));
+            d.run(1.0);
+            let error = d.true_position_m() - f64::from(target);
+            let seen = f64::from(d.last.as_ref().unwrap().telemetry.load_n.unwrap());
+            let share = seen / d.truth().load_n - 1.0;
+            println!("{load} to {:4.1} mm: {:+.1} um, load {:+.1} %", target * 1e3, error * 1e6, 100.0 * share);
+            assert!(error.abs() < 50e-6, "{load} to {target}: {error}");
+            assert!(share.abs() < 0.08, "{load} at {target}: {share}");
+            worst = (worst.0.max(error.abs()), worst.1.max(share.abs()));
+        }
+    }
+    println!("worst: {:.1} um at rest, load {:.1} %", worst.0 * 1e6, worst.1 * 100.0);
+}
+
+#[test]
+fn the_same_speed_takes_more_motor_under_more_load() {
+    let turns = |load: &str| {
+        let mut d = homed(load, "5", 1);
+        let before = d.truth().twist_rad;
+        d.move_to(0.012, 0.002, LoadChoice::Auto).unwrap();
+        (d.truth().twist_rad - before) / (2.0 * PI)
+    };
+    let (light, heavy) = (turns("0.1kg"), turns("1.5kg"));
+    assert!(heavy > 1.3 * light, "{light} turns at 0.1 kg, {heavy} at 1.5 kg");
+}
+
+#[test]
+fn a_load_changed_on_the_way_is_noticed_and_carried() {
+    let mut d = homed("0.5kg", "5", 3);
+    d.tick(Some(Request::Move { target_m: 0.012, speed_m_per_s: 0.002, load: LoadChoice::Auto }));
+    d.run(3.0);
+    d.rig.set_plant("load", "0.6kg").unwrap();
+    assert!(d.until(30.0, |d| d.control.state() == State::Holding), "{:?}", d.control.fault());
+    d.run(2.0);
+    assert!((d.true_position_m() - 0.012).abs() < 50e-6);
+    let seen = f64::from(d.last.as_ref().unwrap().telemetry.load_n.unwrap());
+    assert!((seen / (0.6 * 9.80665) - 1.0).abs() < 0.08, "{seen} N");
+}
+
+#[test]
+fn requests_outside_the_limits_are_refused_by_name() {
+    let mut d = Desk::new(&[], 1);
+    let go = |target_m: f32, speed_m_per_s: f32, load: LoadChoice| Request::Move { target_m, speed_m_per_s, load };
+    assert_eq!(d.tick(Some(Request::Home)).reply, Some(Err(Refusal::DriveNotReady)));
+    assert!(d.until(5.0, |d| d.control.state() == State::Unhomed));
+    assert_eq!(d.tick(Some(go(0.01, 0.002, LoadChoice::Auto))).reply, Some(Err(Refusal::NotHomed)));
+    d.home().unwrap();
+    let out_of = |reply: Option<Result<_, Refusal>>| match reply {
+        Some(Err(Refusal::OutOfRange { parameter, .. } | Refusal::NotFinite { parameter })) => parameter,
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(out_of(d.tick(Some(go(0.05, 0.002, LoadChoice::Auto))).reply), Parameter::Target);
+    assert_eq!(out_of(d.tick(Some(go(-0.001, 0.002, LoadChoice::Auto))).reply), Parameter::Target);
+    assert_eq!(out_of(d.tick(Some(go(f32::NAN, 0.002, LoadChoice::Auto))).reply), Parameter::Target);
+    assert_eq!(out_of(d.tick(Some(go(0.01, 0.0, LoadChoice::Auto))).reply), Parameter::Speed);
+    assert_eq!(out_of(d.tick(Some(go(0.01, f32::INFINITY, LoadChoice::Auto))).reply), Parameter::Speed);
+    assert_eq!(out_of(d.tick(Some(go(0.01, 0.002, LoadChoice::Known(0.1)))).reply), Parameter::Load);
+    assert_eq!(out_of(d.tick(Some(Request::Jog { twist_speed_rad_per_s: 100.0 })).reply), Parameter::TwistSpeed);
+    assert_eq!(d.control.state(), State::Ready);
+    d.move_to(0.01, 0.002, LoadChoice::Known(4.9)).unwrap();
+    // Homing again begins from where it stands.
+    d.home().unwrap();
+}
+
+#[test]
+fn a_heavy_load_is_not_asked_for_a_light_loads_speed() {
+    let mut d = homed("1.5kg", "5", 2);
+    d.tick(Some(Request::Move { target_m: 0.012, speed_m_per_s: 0.006, load: LoadChoice::Auto }));
+    let (mut limited, mut fastest) = (false, 0.0f64);
+    while d.control.state() == State::Moving {
+        let o = d.tick(None);
+        limited |= o.telemetry.limit == Some(Limit::MotorSpeed);
+        fastest = fastest.max(d.truth().motor_speed_rad_per_s.abs());
+    }
+    assert_eq!(d.control.state(), State::Holding, "{:?}", d.control.fault());
+    assert!(limited && fastest < 1047.0, "{fastest} rad/s");
+    assert!((d.true_position_m() - 0.012).abs() < 50e-6);
+}
+
+#[test]
+fn stop_ramps_down_and_holds() {
+    let mut d = homed("0.5kg", "5", 4);
+    d.tick(Some(Request::Move { target_m: 0.012, speed_m_per_s: 0.004, load: LoadChoice::Auto }));
+    d.run(1.5);
+    let at = d.true_position_m();
+    assert!(d.tick(Some(Request::Stop)).reply.is_some_and(|r| r.is_ok()));
+    assert!(d.until(8.0, |d| d.control.state() == State::Holding));
+    assert!(d.events.iter().any(|(_, e)| *e == EventKind::Stopped));
+    let travelled = d.true_position_m() - at;
+    assert!(travelled < 0.004 * 0.8, "went on for {travelled} m");
+    let rest = d.true_position_m();
+    d.run(3.0);
+    assert!((d.true_position_m() - rest).abs() < 50e-6);
+    // Stop during homing gives up and holds the twist.
+    d.tick(Some(Request::Home));
+    d.run(1.0);
+    d.tick(Some(Request::Stop));
+    assert_eq!(d.control.state(), State::Unhomed);
+    let twist = d.truth().twist_rad;
+    d.run(2.0);
+    assert!((d.truth().twist_rad - twist).abs() < 0.5);
+}
+
+#[test]
+fn a_lost_host_ends_a_motion_in_hold_within_half_a_second() {
+    let mut d = homed("0.5kg", "5", 5);
+    d.tick(Some(Request::Move { target_m: 0.012, speed_m_per_s: 0.001, load: LoadChoice::Auto }));
+    d.run(2.0);
+    d.host_alive = false;
+    assert!(d.until(0.51, |d| d.control.fault() == Some(Fault::HostSilent)));
+    let position = d.true_position_m();
+    d.run(5.0);
+    assert!((d.true_position_m() - position).abs() < 0.1e-3, "moved on after the fault");
+    assert_eq!(d.tick(Some(Request::Home)).reply, Some(Err(Refusal::InFault { fault: Fault::HostSilent })));
+    d.host_alive = true;
+    d.run(0.2);
+    assert_eq!(d.control.state(), State::Fault, "faults do not clear themselves");
+    assert!(d.tick(Some(Request::Clear)).reply.is_some_and(|r| r.is_ok()));
+    assert_eq!(d.control.state(), State::Ready);
+    d.move_to(0.012, 0.002, LoadChoice::Auto).unwrap();
+}
+
+fn fault_of(fault: RigFault) -> (Option<Fault>, Desk) {
+    let mut d = homed("0.5kg", "5", 6);
+    d.tick(Some(Request::Move { target_m: 0.012, speed_m_per_s: 0.001, load: LoadChoice::Auto }));
+    d.run(2.0);
+    d.rig.set_fault(fault, true);
+    d.run(3.0);
+    (d.control.fault(), d)
+}
+
+#[test]
+fn faults_of_the_rig_are_found_and_latched() {
+    for (rig, expected) in [
+        (RigFault::LvdtOpen, &[Fault::LvdtOpen][..]),
+        (RigFault::LvdtShort, &[Fault::LvdtShort]),
+        (RigFault::LvdtNoisy, &[Fault::LvdtNoisy]),
+        (RigFault::LvdtFrozen, &[Fault::LvdtFrozen]),
+        (RigFault::CanSilent, &[Fault::DriveSilent]),
+        (RigFault::DriveReset, &[Fault::DriveSilent, Fault::DriveReset]),
+        (RigFault::DriveStall, &[Fault::DriveStall]),
+        (RigFault::EncoderStuck, &[Fault::EncoderDisagrees, Fault::FollowingError]),
+        (RigFault::EncoderJump, &[Fault::EncoderDisagrees, Fault::FollowingError]),
+        (RigFault::StringBreak, &[Fault::StringBreak, Fault::FollowingError, Fault::LvdtOpen, Fault::LvdtShort]),
+    ] {
+        let (found, d) = fault_of(rig);
+        assert!(found.is_some_and(|f| expected.contains(&f)), "{rig:?}: {found:?}");
+        assert_eq!(d.control.state(), State::Fault);
+    }
+}
+
+#[test]
+fn after_an_emergency_stop_nothing_moves_until_told_and_home_is_lost() {
+    let mut d = homed("0.5kg", "5", 7);
+    d.tick(Some(Request::Move { target_m: 0.012, speed_m_per_s: 0.002, load: LoadChoice::Auto }));
+    d.run(2.0);
+    d.rig.set_fault(RigFault::Estop, true);
+    d.run(0.5);
+    assert_eq!(d.control.state(), State::EStop);
+    assert_eq!(d.tick(Some(Request::Clear)).reply, Some(Err(Refusal::EStop)));
+    d.rig.set_fault(RigFault::Estop, false);
+    d.run(1.0);
+    assert_eq!(d.control.state(), State::EStop, "closing the contact is not a command");
+    assert!(d.tick(Some(Request::Clear)).reply.is_some_and(|r| r.is_ok()));
+    assert!(d.until(5.0, |d| d.control.state() == State::Unhomed), "{:?} {:?}", d.last, d.truth());
+    let go = Request::Move { target_m: 0.005, speed_m_per_s: 0.002, load: LoadChoice::Auto };
+    assert_eq!(d.tick(Some(go)).reply, Some(Err(Refusal::NotHomed)));
+    d.home().unwrap();
+    d.move_to(0.005, 0.002, LoadChoice::Auto).unwrap();
+}
+
+#[test]
+fn what_is_not_this_mechanism_is_not_homed() {
+    // A rig whose LVDT moves by a tenth of what the strings do: the maximum is too flat to be one.
+    let mut d = Desk::new(&[("lvdt_gain_error", "-0.9"), ("lvdt_noise", "4e-4"), ("twist_at_boot", "8")], 8);
+    assert!(d.home().is_err());
+    assert!(matches!(d.events.last(), Some((_, EventKind::HomingRefused(_)))), "{:?}", d.events);
+    assert_eq!(d.control.state(), State::Unhomed);
+}
+
+#[test]
+fn a_damaged_table_moves_nothing() {
+    let mut broken = *table();
+    broken.crc ^= 1;
+    let broken: &'static _ = Box::leak(Box::new(broken));
+    let mut d = Desk::new(&[], 9);
+    d.control = rig_control::Rig::new(broken, host_tests::constants(), None);
+    d.run(3.0);
+    assert_eq!(d.control.fault(), Some(Fault::TableCorrupt));
+    assert_eq!(d.tick(Some(Request::Clear)).reply, Some(Err(Refusal::CauseRemains { fault: Fault::TableCorrupt })));
+}
+
+#[test]
+fn the_same_seed_gives_the_same_run() {
+    let run = || {
+        let mut d = homed("0.7kg", "-12", 11);
+        d.move_to(0.008, 0.002, LoadChoice::Auto).unwrap();
+        (d.truth(), d.last.unwrap().telemetry)
+    };
+    assert_eq!(run(), run());
+}
