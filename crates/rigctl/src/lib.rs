@@ -1,10 +1,7 @@
 //! The rig's host tool: solves and looks up on the desktop, runs the firmware on the emulated board, drives the rig.
 //!
-//! - [`cli`]: the command line; [`commands`]: what each command does; [`demo`]: three loads, one table, one picture.
+//! - [`cli`]: the command line; [`commands`]: what each command does; [`batch`]: files of loads and turns.
 //! - [`units`], [`plant`], [`script`]: text from the operator, checked and turned into SI.
-//! - [`transport`]: a serial port, or the [`emulator`] process, behind one trait that passes time and bytes.
-//! - [`session`]: requests, replies, heartbeat and telemetry over a transport; [`rig`]: home and move on top of it.
-//! - [`record`]: telemetry rows, paired with the emulated plant's truth.
 //! - [`output`]: human or JSON, never both on standard output; [`failure`]: exit codes.
 
 #![forbid(unsafe_code)]
@@ -12,17 +9,10 @@
 pub mod batch;
 pub mod cli;
 pub mod commands;
-pub mod demo;
-pub mod emulator;
 pub mod failure;
 pub mod output;
 pub mod plant;
-pub mod progress;
-pub mod record;
-pub mod rig;
 pub mod script;
-pub mod session;
-pub mod transport;
 pub mod units;
 
 use clap::Parser;

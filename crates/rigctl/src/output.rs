@@ -1,7 +1,9 @@
 //! Standard output: either lines for people or JSON objects, one a line.
 
+use crate::failure::Failure;
 use serde::Serialize;
 use std::io::{self, BufWriter, Write};
+use std::path::Path;
 
 /// Where results go.
 pub struct Output {
@@ -55,4 +57,15 @@ impl Output {
     pub fn flush(&mut self) -> io::Result<()> {
         self.sink.flush()
     }
+}
+
+/// Writes a file into a folder, which is made if need be.
+///
+/// # Errors
+/// Naming the file.
+pub fn write_file(folder: &Path, name: &str, content: &str) -> Result<(), Failure> {
+    let path = folder.join(name);
+    std::fs::create_dir_all(folder)
+        .and_then(|()| std::fs::write(&path, content))
+        .map_err(|e| Failure::failed(format!("cannot write {}: {e}", path.display())))
 }

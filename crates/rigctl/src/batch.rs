@@ -1,0 +1,94 @@
+//! Files of loads and turns.
+
+use crate::failure::Failure;
+use serde::Serialize;
+use std::path::Path;
+
+/// A row that failed, as machines read it.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct RowError {
+    /// What went wrong.
+    pub error: ErrorBody,
+}
+
+/// What went wrong.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct ErrorBody {
+    /// Short stable name.
+    pub kind: String,
+    /// In words.
+    pub message: String,
+}
+
+impl RowError {
+    /// A failed row.
+    pub fn new(kind: &str, message: impl ToString) -> Self {
+        Self { error: ErrorBody { kind: kind.into(), message: message.to_string() } }
+    }
+}
+
+/// One load and number of turns.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Query {
+    /// Load (N).
+    pub load_n: f64,
+    /// Turns past the half-turn pre-twist.
+    pub turns: f64,
+}
+
+/// Reads the columns `load_n` and `turns`; others are passed over. A bad row stands in its place as an error.
+///
+/// # Errors
+/// If the file cannot be read or lacks a column.
+pub fn read(path: &Path) -> Result<Vec<Result<Query, RowError>>, Failure> {
+    let text = std::fs::read_to_string(path)
+        .map_err(|e| Failure::failed(format!("batch file {}: {e}", path.display())))?;
+    parse(&text).map_err(|e| Failure::failed(format!("batch file {}: {e}", path.display())))
+}
+
+fn parse(text: &str) -> Result<Vec<Result<Query, RowError>>, String> {
+    // Spreadsheets put a byte-order mark in front.
+    let mut lines = (1..).zip(text.trim_start_matches('\u{feff}').lines()).filter(|(_, l)| !l.trim().is_empty());
+    let header: Vec<&str> = lines.next().map(|(_, l)| fields(l).collect()).unwrap_or_default();
+    let column = |name: &str| {
+        header.iter().position(|h| *h == name).ok_or_else(|| format!("has no column `{name}` in its first line"))
+    };
+    let (load, turns) = (column("load_n")?, column("turns")?);
+    let row = |(line, content): (usize, &str)| {
+        let cells: Vec<&str> = fields(content).collect();
+        let number = |name: &str, index: usize| {
+            let cell = cells.get(index).copied().unwrap_or("");
+            cell.parse::<f64>()
+                .map_err(|_| RowError::new("bad-row", format!("line {line}: {name} `{cell}` is no number")))
+        };
+        Ok(Query { load_n: number("load_n", load)?, turns: number("turns", turns)? })
+    };
+    Ok(lines.map(row).collect())
+}
+
+fn fields(line: &str) -> impl Iterator<Item = &str> {
+    line.split(',').map(|f| f.trim().trim_matches('"').trim())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_by_name_and_bad_rows_in_place() {
+        let rows = parse("\u{feff}scene, turns,\"load_n\"\r\nx,1.5,4.9\n\ny,zwei,3\nz,1\nw,nan,2\n").unwrap();
+        assert_eq!(rows.len(), 4);
+        assert_eq!(rows[0], Ok(Query { load_n: 4.9, turns: 1.5 }));
+        let message = &rows[1].as_ref().unwrap_err().error.message;
+        assert!(message.contains("line 4") && message.contains("turns") && message.contains("zwei"), "{message}");
+        assert!(rows[2].as_ref().unwrap_err().error.message.contains("load_n"));
+        assert!(rows[3].is_ok(), "whether NaN is a twist is the solver's to say");
+    }
+
+    #[test]
+    fn missing_columns_are_named() {
+        assert!(parse("load,turns\n1,2\n").unwrap_err().contains("load_n"));
+        assert!(parse("load_n\n1\n").unwrap_err().contains("turns"));
+        assert!(parse("").is_err());
+    }
+}

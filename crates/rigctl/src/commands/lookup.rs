@@ -1,0 +1,95 @@
+//! `lookup`: what the firmware would answer.
+
+use super::scene;
+use crate::batch::{self, Query, RowError};
+use crate::cli::{At, Global};
+use crate::failure::Failure;
+use crate::output::Output;
+use serde::Serialize;
+use tsa_model::twist_from_turns;
+use tsa_table::Table;
+
+/// One answer. The numbers are the board's own f32.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Answer {
+    /// Load (N), as asked.
+    pub load_n: f64,
+    /// Turns past the half-turn pre-twist, as asked.
+    pub turns: f64,
+    /// Contraction since the half-turn pre-twist at this load (m).
+    pub contraction_m: f32,
+    /// Gap between the clamps (m).
+    pub gap_m: f32,
+    /// Transmission ratio (rad/m).
+    pub tr_rad_per_m: f32,
+    /// How far the load sinks for each newton more (m/N).
+    pub dgap_dload_m_per_n: f32,
+}
+
+/// Asks the table.
+///
+/// # Errors
+/// The parameter that is outside the table.
+pub fn look_up(table: &Table<'_>, query: Query) -> Result<Answer, RowError> {
+    let Query { load_n, turns } = query;
+    for (name, value) in [("load_n", load_n), ("turns", turns)] {
+        if !value.is_finite() {
+            return Err(RowError::new("not-finite", format!("{name} {value} is not a finite number")));
+        }
+    }
+    let (load, twist) = (load_n as f32, twist_from_turns(turns) as f32);
+    let answer = table.look_up(load, twist).and_then(|point| Ok((point, table.contraction_m(load, twist)?)));
+    let (point, contraction_m) = answer.map_err(|e| {
+        // The operator said turns, the table says radians: name both.
+        let asked = if e.parameter == "twist_rad" { format!("turns {turns}: ") } else { String::new() };
+        RowError::new("out-of-range", format!("{asked}{e}"))
+    })?;
+    Ok(Answer {
+        load_n,
+        turns,
+        contraction_m,
+        gap_m: point.gap_m,
+        tr_rad_per_m: point.tr_rad_per_m(),
+        dgap_dload_m_per_n: point.dgap_dload_m_per_n,
+    })
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// If the scene has no table, the batch file is bad, or the one point is outside the table.
+pub fn run(global: &Global, at: &At, output: &mut Output) -> Result<(), Failure> {
+    let queries = match (&at.batch, at.load, at.turns) {
+        (Some(path), _, _) => batch::read(path)?,
+        (None, Some(load_n), Some(turns)) => vec![Ok(Query { load_n, turns })],
+        _ => return Err(Failure::Usage("lookup needs --load and --turns, or --batch".into())),
+    };
+    let fit = tsa_table::fit::fit(&scene(global)?)?;
+    let table = fit.table.table();
+    output.line(format!(
+        "{:>10} {:>8} {:>14} {:>11} {:>11} {:>12}",
+        "load N", "turns", "contraction mm", "gap mm", "TR rad/mm", "sag mm/N"
+    ))?;
+    for query in queries {
+        match query.and_then(|query| look_up(&table, query)) {
+            Ok(a) => {
+                output.object(&a)?;
+                output.line(format!(
+                    "{:>10.4} {:>8.3} {:>14.5} {:>11.5} {:>11.5} {:>12.6}",
+                    a.load_n,
+                    a.turns,
+                    a.contraction_m * 1e3,
+                    a.gap_m * 1e3,
+                    a.tr_rad_per_m * 1e-3,
+                    a.dgap_dload_m_per_n * 1e3
+                ))?;
+            }
+            Err(error) if at.batch.is_none() => return Err(Failure::failed(error.error.message)),
+            Err(error) => {
+                output.object(&error)?;
+                output.line(serde_json::to_string(&error)?)?;
+            }
+        }
+    }
+    Ok(())
+}

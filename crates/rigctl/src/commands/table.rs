@@ -1,0 +1,211 @@
+//! `table`: fits and certifies the scene's table and says why this one.
+
+use super::scene;
+use crate::failure::Failure;
+use crate::cli::Global;
+use crate::output::Output;
+use serde::Serialize;
+use std::path::Path;
+use tsa_model::scene::Accuracy;
+use tsa_table::LoadMap;
+use tsa_table::fit::{Candidate, Errors, Fit, MAX_BYTES};
+
+/// The chosen table and how it was chosen.
+#[derive(Debug, Serialize)]
+pub struct Report {
+    form: &'static str,
+    size: String,
+    bytes: usize,
+    tier: &'static str,
+    axes: [AxisReport; 2],
+    errors: ErrorReport,
+    points: usize,
+    worst_contraction_at: PointReport,
+    worst_tr_at: PointReport,
+    monotone: bool,
+    accuracy: AccuracyReport,
+    scene_hash: String,
+    table_crc: String,
+    generator_version: u16,
+    candidates: Vec<CandidateReport>,
+    why: String,
+}
+
+#[derive(Debug, Serialize)]
+struct AxisReport {
+    parameter: &'static str,
+    map: String,
+    min: f32,
+    max: f32,
+    unit: &'static str,
+}
+
+#[derive(Debug, Serialize)]
+struct ErrorReport {
+    contraction_max_m: f64,
+    contraction_rms_m: f64,
+    tr_max_relative: f64,
+    tr_rms_relative: f64,
+}
+
+#[derive(Debug, Serialize)]
+struct PointReport {
+    load_n: f64,
+    twist_rad: f64,
+}
+
+#[derive(Debug, Serialize)]
+struct AccuracyReport {
+    contraction_m: f64,
+    tr_relative: f64,
+    bytes: usize,
+}
+
+#[derive(Debug, Serialize)]
+struct CandidateReport {
+    tier: &'static str,
+    form: &'static str,
+    size: String,
+    load_map: String,
+    bytes: usize,
+    errors: ErrorReport,
+    passes: bool,
+}
+
+impl From<Errors> for ErrorReport {
+    fn from(e: Errors) -> Self {
+        Self {
+            contraction_max_m: e.contraction_max_m,
+            contraction_rms_m: e.contraction_rms_m,
+            tr_max_relative: e.tr_max,
+            tr_rms_relative: e.tr_rms,
+        }
+    }
+}
+
+fn map_name(map: LoadMap) -> String {
+    match map {
+        LoadMap::Ratio { knee_n } => format!("F/(F + {knee_n} N)"),
+        LoadMap::Log => "ln F".into(),
+        LoadMap::InverseRoot => "F^(-1/2)".into(),
+    }
+}
+
+impl Report {
+    /// Of a fit and the accuracy that was asked for.
+    pub fn new(fit: &Fit, accuracy: Accuracy) -> Self {
+        let metadata = fit.table.metadata;
+        let passing = fit.candidates.iter().filter(|c| c.passes).count();
+        let point = |[load_n, twist_rad]: [f64; 2]| PointReport { load_n, twist_rad };
+        Self {
+            form: fit.table.numbers.kind(),
+            size: fit.table.numbers.size(),
+            bytes: fit.table.numbers.form().bytes(),
+            tier: crate::cli::TIERS[0],
+            axes: [
+                AxisReport {
+                    parameter: "load_n",
+                    map: map_name(metadata.load_map),
+                    min: metadata.load_min_n,
+                    max: metadata.load_max_n,
+                    unit: "N",
+                },
+                AxisReport {
+                    parameter: "twist_rad",
+                    map: "linear".into(),
+                    min: metadata.twist_min_rad,
+                    max: metadata.twist_max_rad,
+                    unit: "rad",
+                },
+            ],
+            errors: fit.certificate.errors.into(),
+            points: fit.certificate.points,
+            worst_contraction_at: point(fit.certificate.worst_contraction_at),
+            worst_tr_at: point(fit.certificate.worst_tr_at),
+            monotone: fit.certificate.monotone,
+            accuracy: AccuracyReport {
+                contraction_m: accuracy.contraction_m,
+                tr_relative: accuracy.tr_relative,
+                bytes: MAX_BYTES,
+            },
+            scene_hash: format!("{:08x}", metadata.scene_hash),
+            table_crc: format!("{:08x}", fit.table.crc),
+            generator_version: metadata.generator_version,
+            why: format!(
+                "smallest of the {passing} candidates (of {}) that meet the accuracy within {MAX_BYTES} bytes, and its \
+                 certificate holds; of equal size the one without a transcendental function goes first. All are \
+                 fitted to the full tier: it is solved before the firmware is built, so a cheaper one would save the \
+                 board nothing",
+                fit.candidates.len()
+            ),
+            candidates: fit.candidates.iter().map(CandidateReport::new).collect(),
+        }
+    }
+}
+
+impl CandidateReport {
+    fn new(c: &Candidate) -> Self {
+        Self {
+            tier: crate::cli::TIERS[0],
+            form: c.table.numbers.kind(),
+            size: c.table.numbers.size(),
+            load_map: map_name(c.table.metadata.load_map),
+            bytes: c.table.numbers.form().bytes(),
+            errors: c.errors.into(),
+            passes: c.passes,
+        }
+    }
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// If the scene allows no table, or the folder cannot be written.
+pub fn run(global: &Global, out: Option<&Path>, output: &mut Output) -> Result<(), Failure> {
+    let scene = scene(global)?;
+    let (_, accuracy) = scene.table_demand()?;
+    let fit = tsa_table::fit::fit(&scene)?;
+    let r = Report::new(&fit, accuracy);
+    output.object(&r)?;
+    output.line(format!("{} ({}), {} bytes, tier {}", r.form, r.size, r.bytes, r.tier))?;
+    for a in &r.axes {
+        output.line(format!("  {:<10} {} to {} {}, map {}", a.parameter, a.min, a.max, a.unit, a.map))?;
+    }
+    let e = &r.errors;
+    output.line(format!(
+        "errors against the full solver at {} random points, and the worst searched for from there:\n  \
+         contraction  max {:.3} um, rms {:.3} um (allowed {:.3} um)\n  \
+         TR           max {:.4} %, rms {:.4} % (allowed {:.4} %)",
+        r.points,
+        e.contraction_max_m * 1e6,
+        e.contraction_rms_m * 1e6,
+        r.accuracy.contraction_m * 1e6,
+        e.tr_max_relative * 1e2,
+        e.tr_rms_relative * 1e2,
+        r.accuracy.tr_relative * 1e2,
+    ))?;
+    output.line(format!("  gap falls with twist and rises with load everywhere: {}", r.monotone))?;
+    output.line(format!("why this one: {}", r.why))?;
+    output.line(format!(
+        "{:<17} {:<26} {:<16} {:>6} {:>10} {:>9}  passes",
+        "considered", "size", "load map", "bytes", "max um", "TR max %"
+    ))?;
+    for c in &r.candidates {
+        output.line(format!(
+            "{:<17} {:<26} {:<16} {:>6} {:>10.3} {:>9.4}  {}",
+            c.form,
+            c.size,
+            c.load_map,
+            c.bytes,
+            c.errors.contraction_max_m * 1e6,
+            c.errors.tr_max_relative * 1e2,
+            if c.passes { "yes" } else { "no" }
+        ))?;
+    }
+    if let Some(folder) = out {
+        crate::output::write_file(folder, "table.json", &(serde_json::to_string_pretty(&r)? + "\n"))?;
+        crate::output::write_file(folder, "table.rs", &tsa_table::emit::rust_source(&fit))?;
+        output.line(format!("written: table.json, table.rs in {}", folder.display()))?;
+    }
+    Ok(())
+}
