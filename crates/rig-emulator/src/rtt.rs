@@ -82,7 +82,10 @@ impl Rtt {
     /// The reader for an ELF whose `_SEGGER_RTT` is at `control_block`; `None` without a (matching) defmt table.
     pub fn new(elf: &[u8], control_block: u32) -> Option<Self> {
         let table = Table::parse(elf).ok().flatten()?;
-        let locations = table.get_locations(elf).ok().filter(|locations| table.indices().all(|i| locations.contains_key(&(i as u64))));
+        let locations = table
+            .get_locations(elf)
+            .ok()
+            .filter(|locations| table.indices().all(|i| locations.contains_key(&(i as u64))));
         Some(Self { control_block, table, locations, rest: Vec::new(), lines: Vec::new() })
     }
 
@@ -93,9 +96,9 @@ impl Rtt {
             return;
         }
         let word = |offset| memory.ram.word(self.control_block + offset);
-        let Some([buffer, size, write, read]) = (|| {
-            Some([word(offset::BUFFER)?, word(offset::SIZE)?, word(offset::WRITE)?, word(offset::READ)?])
-        })() else {
+        let Some([buffer, size, write, read]) =
+            (|| Some([word(offset::BUFFER)?, word(offset::SIZE)?, word(offset::WRITE)?, word(offset::READ)?]))()
+        else {
             return;
         };
         if read == write || size == 0 || read >= size || write >= size {

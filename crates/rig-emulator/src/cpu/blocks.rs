@@ -30,7 +30,10 @@ impl Blocks {
             return (u64::from(bytes / 2), false);
         };
         if u32::from(entry.bytes) != bytes {
-            *entry = Entry { bytes: bytes as u16, instructions: count(address, bytes, flash) | if watched(address) { WATCHED } else { 0 } };
+            *entry = Entry {
+                bytes: bytes as u16,
+                instructions: count(address, bytes, flash) | if watched(address) { WATCHED } else { 0 },
+            };
         }
         (u64::from(entry.instructions & !WATCHED), entry.instructions & WATCHED != 0)
     }

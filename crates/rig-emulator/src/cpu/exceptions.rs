@@ -20,8 +20,9 @@ const FPCA: u32 = 1 << 2;
 /// xPSR: the frame was padded to 8 bytes. Thumb.
 const PADDED: u32 = 1 << 9;
 const THUMB: u32 = 1 << 24;
-/// The exception number in xPSR, and its interrupted-instruction bits.
+/// The exception number in xPSR.
 const IPSR: u32 = 0x1FF;
+/// What a handler inherits of xPSR: condition, saturation and GE flags.
 const KEPT: u32 = 0xF80F_0000;
 
 const FP: [R; 8] = [R::D0, R::D1, R::D2, R::D3, R::D4, R::D5, R::D6, R::D7];
@@ -97,7 +98,7 @@ impl<B: Board + 'static> Cpu<B> {
         };
         self.set(R::LR, if fp { lr & !0x10 } else { lr });
         // IT bits go: the handler starts unconditionally.
-        self.set(R::XPSR, (xpsr & KEPT & !(0x3 << 25)) | THUMB | u32::from(exception));
+        self.set(R::XPSR, (xpsr & KEPT) | THUMB | u32::from(exception));
         let core = self.uc.get_data_mut();
         core.soc.clock.advance(if fp { ENTRY.1 } else { ENTRY.0 });
         core.soc.nvic.enter(exception);

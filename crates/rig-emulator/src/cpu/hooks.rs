@@ -43,13 +43,21 @@ pub fn install<B: Board + 'static>(uc: &mut Unicorn<'static, Core<B>>) -> Result
     // Block and code hooks are bounded to all addresses by begin > end.
     uc.add_block_hook(1, 0, |uc, address, size| on_block(uc, address as u32, size))?;
     uc.add_intr_hook(on_exception)?;
-    uc.add_mem_hook(HookType::MEM_WRITE_PROT, u64::from(FLASH_BASE), u64::from(FLASH_BASE) + FLASH_SIZE as u64 - 1, program)?;
+    uc.add_mem_hook(
+        HookType::MEM_WRITE_PROT,
+        u64::from(FLASH_BASE),
+        u64::from(FLASH_BASE) + FLASH_SIZE as u64 - 1,
+        program,
+    )?;
     uc.add_mem_hook(HookType::MEM_UNMAPPED, 1, 0, stray)?;
     Ok(())
 }
 
 /// unicorn takes SEV for a NOP: hook every halfword of flash that looks like one (a false hit in data is never executed).
-pub fn hook_sev<B: Board + 'static>(uc: &mut Unicorn<'static, Core<B>>, hooked: &mut HashSet<u32>) -> Result<(), uc_error> {
+pub fn hook_sev<B: Board + 'static>(
+    uc: &mut Unicorn<'static, Core<B>>,
+    hooked: &mut HashSet<u32>,
+) -> Result<(), uc_error> {
     let flash = &uc.get_data().soc.memory.flash;
     let found: Vec<u32> = (FLASH_BASE..FLASH_BASE + FLASH_SIZE as u32)
         .step_by(2)

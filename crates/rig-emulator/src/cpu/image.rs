@@ -56,7 +56,8 @@ impl Image {
             if address + size as u64 > flash.end {
                 return Err(ImageError::TooLarge { address, size });
             }
-            let data = ProgramHeader::data(header, endian, elf).map_err(|()| ImageError::Elf("segment outside the file".into()))?;
+            let data = ProgramHeader::data(header, endian, elf)
+                .map_err(|()| ImageError::Elf("segment outside the file".into()))?;
             segments.push((address as u32, data.to_vec()));
         }
         if segments.is_empty() {

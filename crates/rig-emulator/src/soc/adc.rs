@@ -197,7 +197,9 @@ impl Adc {
             0x00 => self.sr &= value,
             0x04 => {
                 if value & 0x03C0_FEC0 != 0 {
-                    wires.faults.feature("ADC", "watchdog, injected, discontinuous and short conversions are not modelled");
+                    wires
+                        .faults
+                        .feature("ADC", "watchdog, injected, discontinuous and short conversions are not modelled");
                 }
                 self.cr1 = value;
             }

@@ -90,14 +90,18 @@ impl Dma {
 
     fn line(&self, stream: usize, nvic: &mut Nvic) {
         let Stream { cr, flags, .. } = self.streams[stream];
-        let high = (flags & HTIF != 0 && cr & 8 != 0) || (flags & TCIF != 0 && cr & 16 != 0) || (flags & 8 != 0 && cr & 4 != 0);
+        let high = (flags & HTIF != 0 && cr & 8 != 0)
+            || (flags & TCIF != 0 && cr & 16 != 0)
+            || (flags & 8 != 0 && cr & 4 != 0);
         nvic.set_line(IRQ[usize::from(self.controller - 1)][stream], high);
     }
 
     fn serving(&self, request: Request) -> Option<usize> {
         (0..8).find(|&i| {
             let stream = &self.streams[i];
-            stream.cr & EN != 0 && stream.par == request.register() && Request::of(self.controller, i as u8, channel(stream.cr)) == Some(request)
+            stream.cr & EN != 0
+                && stream.par == request.register()
+                && Request::of(self.controller, i as u8, channel(stream.cr)) == Some(request)
         })
     }
 
@@ -113,7 +117,14 @@ impl Dma {
     }
 
     /// Move one item from a peripheral to memory.
-    pub fn transfer(&mut self, request: Request, item: u32, memory: &mut Memory, nvic: &mut Nvic, faults: &mut Faults) -> Transfer {
+    pub fn transfer(
+        &mut self,
+        request: Request,
+        item: u32,
+        memory: &mut Memory,
+        nvic: &mut Nvic,
+        faults: &mut Faults,
+    ) -> Transfer {
         let Some(index) = self.serving(request) else { return Transfer::Unserved };
         let stream = &mut self.streams[index];
         let size = 1u32 << (stream.cr >> 13 & 3);
@@ -165,8 +176,8 @@ impl Dma {
             0x00 | 0x04 => return Some(()),
             0x08 | 0x0C => {
                 let first = (offset as usize - 8) / 4 * 4;
-                for i in 0..4 {
-                    self.streams[first + i].flags &= !(value >> SHIFT[i]);
+                for (i, shift) in SHIFT.into_iter().enumerate() {
+                    self.streams[first + i].flags &= !(value >> shift);
                     self.line(first + i, nvic);
                 }
                 return Some(());

@@ -124,7 +124,7 @@ impl Flash {
             self.sr |= PGPERR;
             return 0.0;
         }
-        if address as usize % size != 0 {
+        if !(address as usize).is_multiple_of(size) {
             self.sr |= PGAERR;
             return 0.0;
         }

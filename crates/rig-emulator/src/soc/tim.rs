@@ -142,7 +142,8 @@ impl Timer {
                 self.sr |= 1;
             }
             for (channel, &match_at) in self.ccr.iter().enumerate() {
-                let (value, passed) = (u64::from(match_at), |count: u64| (count + period - u64::from(match_at)) / period);
+                let (value, passed) =
+                    (u64::from(match_at), |count: u64| (count + period - u64::from(match_at)) / period);
                 if value < period && passed(total) > passed(self.seen) {
                     self.sr |= 2 << channel;
                 }
@@ -169,7 +170,11 @@ impl Timer {
             let here = seen / period * period + value;
             (waiting & 2 << channel != 0 && value < period).then(|| if here <= seen { here + period } else { here })
         });
-        overflow.into_iter().chain(matches).min().map_or(NEVER, |count| self.start + (count - self.base) * self.tick(clock))
+        overflow
+            .into_iter()
+            .chain(matches)
+            .min()
+            .map_or(NEVER, |count| self.start + (count - self.base) * self.tick(clock))
     }
 
     /// Encoder mode: move the counter by what the board's wheel has turned.

@@ -198,7 +198,8 @@ impl Usart {
         }
         let frame = self.frame(wires.clock);
         // The line has to be quiet for a whole character before it counts as idle.
-        (self.arrival, self.idle_at) = if self.incoming.is_empty() { (NEVER, end + frame) } else { (end + frame, NEVER) };
+        (self.arrival, self.idle_at) =
+            if self.incoming.is_empty() { (NEVER, end + frame) } else { (end + frame, NEVER) };
     }
 
     /// Move a waiting byte into the shift register at `at`.
@@ -279,7 +280,9 @@ impl Usart {
             0x10 => self.cr2 = value,
             0x14 => {
                 if value & 0x07FE & !(1 << 11) != 0 {
-                    wires.faults.feature("USART", "DMA, flow control, half duplex, smartcard and IrDA are not modelled");
+                    wires
+                        .faults
+                        .feature("USART", "DMA, flow control, half duplex, smartcard and IrDA are not modelled");
                 }
                 self.cr3 = value;
             }

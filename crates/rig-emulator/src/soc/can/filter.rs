@@ -139,8 +139,6 @@ fn entries([first, second]: [u32; 2], wide: bool, list: bool) -> [Option<Entry>;
         (true, true) => [wide_entry(first, !0), wide_entry(second, !0), None, None],
         (true, false) => [wide_entry(first, second), None, None, None],
         (false, true) => [first, first >> 16, second, second >> 16].map(|id| narrow_entry(id, !0)),
-        (false, false) => {
-            [narrow_entry(first, first >> 16), narrow_entry(second, second >> 16), None, None]
-        }
+        (false, false) => [narrow_entry(first, first >> 16), narrow_entry(second, second >> 16), None, None],
     }
 }

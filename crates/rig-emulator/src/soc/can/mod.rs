@@ -159,7 +159,8 @@ impl Can {
         if from > at {
             return;
         }
-        let own = (self.joined(at) && !self.errors.bus_off()).then(|| self.mailboxes.next(self.mcr & TXFP != 0)).flatten();
+        let own =
+            (self.joined(at) && !self.errors.bus_off()).then(|| self.mailboxes.next(self.mcr & TXFP != 0)).flatten();
         let other = self.incoming.front().copied();
         let lost = matches!((&own, &other), (Some((_, own)), Some(other)) if arbitration(other) < arbitration(own));
         let bit = self.bit(wires.clock);
