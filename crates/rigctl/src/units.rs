@@ -38,10 +38,9 @@ impl Quantity {
         match self {
             Self::Length => ("length", &[("m", 1.0), ("mm", 1e-3), ("um", 1e-6), ("µm", 1e-6)]),
             Self::Speed => ("speed", &[("m/s", 1.0), ("mm/s", 1e-3)]),
-            Self::Load => (
-                "load",
-                &[("N", 1.0), ("mN", 1e-3), ("kg", STANDARD_GRAVITY), ("g", 1e-3 * STANDARD_GRAVITY)],
-            ),
+            Self::Load => {
+                ("load", &[("N", 1.0), ("mN", 1e-3), ("kg", STANDARD_GRAVITY), ("g", 1e-3 * STANDARD_GRAVITY)])
+            }
             Self::Force => ("force", &[("N", 1.0), ("mN", 1e-3)]),
             Self::Angle => ("angle", &[("rad", 1.0), ("mrad", 1e-3), ("deg", PI / 180.0)]),
             Self::AngularSpeed => ("angular speed", &[("rad/s", 1.0), ("deg/s", PI / 180.0), ("rpm", TAU / 60.0)]),

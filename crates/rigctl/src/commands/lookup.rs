@@ -66,12 +66,17 @@ pub fn run(global: &Global, at: &At, output: &mut Output) -> Result<(), Failure>
     };
     let fit = tsa_table::fit::fit(&scene(global)?)?;
     let table = fit.table.table();
+    let answers: Vec<_> = queries.into_iter().map(|query| query.and_then(|query| look_up(&table, query))).collect();
+    // A refused point prints nothing on standard output, no heading either.
+    if let (None, [Err(error)]) = (&at.batch, &answers[..]) {
+        return Err(Failure::failed(error.error.message.clone()));
+    }
     output.line(format!(
         "{:>10} {:>8} {:>14} {:>11} {:>11} {:>12}",
         "load N", "turns", "contraction mm", "gap mm", "TR rad/mm", "sag mm/N"
     ))?;
-    for query in queries {
-        match query.and_then(|query| look_up(&table, query)) {
+    for answer in answers {
+        match answer {
             Ok(a) => {
                 output.object(&a)?;
                 output.line(format!(
@@ -84,7 +89,6 @@ pub fn run(global: &Global, at: &At, output: &mut Output) -> Result<(), Failure>
                     a.dgap_dload_m_per_n * 1e3
                 ))?;
             }
-            Err(error) if at.batch.is_none() => return Err(Failure::failed(error.error.message)),
             Err(error) => {
                 output.object(&error)?;
                 output.line(serde_json::to_string(&error)?)?;

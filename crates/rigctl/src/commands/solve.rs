@@ -92,8 +92,7 @@ pub fn run(global: &Global, at: &At, _method: &str, _tier: &str, output: &mut Ou
             "load N", "turns", "helix rad", "contraction mm", "sag mm", "TR rad/mm"
         ))?;
         for row in batch::read(path)? {
-            let solved =
-                row.and_then(|query| solve(&mechanism, query).map_err(|e| RowError::new(e.kind(), e)));
+            let solved = row.and_then(|query| solve(&mechanism, query).map_err(|e| RowError::new(e.kind(), e)));
             match solved {
                 Ok(s) => {
                     output.object(&s)?;

@@ -1,8 +1,8 @@
 //! `table`: fits and certifies the scene's table and says why this one.
 
 use super::scene;
-use crate::failure::Failure;
 use crate::cli::Global;
+use crate::failure::Failure;
 use crate::output::Output;
 use serde::Serialize;
 use std::path::Path;
