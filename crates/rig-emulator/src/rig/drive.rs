@@ -9,7 +9,8 @@ use std::f64::consts::TAU;
 
 use rmds405::report::MixedRest;
 use rmds405::{
-    Address, Command, DriveError, Frame, Function, Milliamps, Mixed, Mode, Output, Pwm, QuadCounts, Received, Report, Rpm,
+    Address, Command, DriveError, Frame, Function, Milliamps, Mixed, Mode, Output, Pwm, QuadCounts, Received, Report,
+    Rpm,
 };
 
 use super::motor::Bridge;

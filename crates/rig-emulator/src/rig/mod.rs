@@ -436,12 +436,8 @@ impl Board for Rig {
             return CanOutcome::Unacknowledged;
         }
         let length = usize::from(frame.dlc).min(frame.data.len());
-        let received = Received {
-            id: frame.id,
-            extended: frame.extended,
-            remote: frame.remote,
-            data: &frame.data[..length],
-        };
+        let received =
+            Received { id: frame.id, extended: frame.extended, remote: frame.remote, data: &frame.data[..length] };
         self.drive.receive(t_s, &received, self.encoder.counts(self.motor.angle_rad));
         self.collect_reports();
         CanOutcome::Acknowledged

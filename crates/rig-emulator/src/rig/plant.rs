@@ -51,16 +51,7 @@ impl Plant {
     pub fn new(surface: Surface, stops_m: [f64; 2], twist_rad: f64, weight_n: f64) -> Self {
         let gap_m = surface.gap(twist_rad, weight_n).gap_m.clamp(stops_m[0], stops_m[1]);
         let pull = surface.pull(twist_rad, gap_m, weight_n);
-        Self {
-            surface,
-            stops_m,
-            gap_m,
-            speed_m_per_s: 0.0,
-            pull,
-            twist_rad,
-            broken: false,
-            slipped_m: 0.0,
-        }
+        Self { surface, stops_m, gap_m, speed_m_per_s: 0.0, pull, twist_rad, broken: false, slipped_m: 0.0 }
     }
 
     /// The interpolant in use.

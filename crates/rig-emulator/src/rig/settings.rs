@@ -219,7 +219,9 @@ mod tests {
         let mut settings = PlantSettings::default();
         let unknown = settings.set("weight", "1").unwrap_err().to_string();
         assert!(unknown.contains("weight") && unknown.contains("load") && unknown.contains("supply_voltage"));
-        for (key, text) in [("load", "1lb"), ("load", "x"), ("load", "nan"), ("load", "inf"), ("load", "-1"), ("load", "")] {
+        for (key, text) in
+            [("load", "1lb"), ("load", "x"), ("load", "nan"), ("load", "inf"), ("load", "-1"), ("load", "")]
+        {
             let message = settings.set(key, text).unwrap_err().to_string();
             assert!(message.contains("`load`"), "{message}");
         }

@@ -175,7 +175,11 @@ impl Surface {
             if miss.abs() < 1e-12 {
                 break;
             }
-            if miss > 0.0 { high = u } else { low = u }
+            if miss > 0.0 {
+                high = u
+            } else {
+                low = u
+            }
             let newton = u - miss / (point.by_load_m_per_n * u.exp());
             u = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
             point = self.gap(twist_rad, u.exp());
