@@ -122,6 +122,7 @@ impl<B: Board + 'static> Cpu<B> {
         }
         core.soc.clock.advance(if fp { RETURN.1 } else { RETURN.0 });
         core.attention = true;
+        core.watches.unwind(core.soc.nvic.depth());
         let control = self.get(R::CONTROL);
         let stack = self.get(if process_stack { R::PSP } else { R::SP });
         for (i, register) in CORE.into_iter().enumerate() {

@@ -3,6 +3,9 @@
 //! A call begins with the block at the function's entry and ends when the return address is reached with the stack pointer
 //! of the entry. Instructions of interrupt handlers that come in between do not count.
 
+/// The smallest value of LR that means a return from an exception.
+const EXC_RETURN: u32 = 0xFFFF_FF00;
+
 /// Cost of a function.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TickStats {
@@ -32,6 +35,14 @@ struct Watch {
     returned: u64,
     instructions: u64,
     longest: u64,
+}
+
+impl Watch {
+    fn returned(&mut self, instructions: u64) {
+        self.returned += 1;
+        self.instructions += instructions;
+        self.longest = self.longest.max(instructions);
+    }
 }
 
 /// Watched functions.
@@ -78,14 +89,23 @@ impl Watches {
                 return true;
             }
             if call.return_to == address && stack() == call.stack {
-                let watch = &mut watches[call.watch];
-                watch.returned += 1;
-                watch.instructions += call.instructions;
-                watch.longest = watch.longest.max(call.instructions);
+                watches[call.watch].returned(call.instructions);
                 return false;
             }
             call.instructions += instructions;
             true
+        });
+    }
+
+    /// The core has returned from an exception to `depth`: a watched handler has ended with it.
+    pub fn unwind(&mut self, depth: usize) {
+        let watches = &mut self.watches;
+        self.running.retain(|call| {
+            let over = call.depth > depth;
+            if over && call.return_to >= EXC_RETURN {
+                watches[call.watch].returned(call.instructions);
+            }
+            !over
         });
     }
 

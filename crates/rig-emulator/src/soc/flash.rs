@@ -141,12 +141,3 @@ impl Flash {
         PROGRAM_S
     }
 }
-
-/// Sectors that a write or an erase may have changed need their translated code dropped; this tells sector from address.
-pub fn sector_of(address: u32) -> Option<usize> {
-    let mut end = FLASH_BASE;
-    SECTORS.iter().position(|(kib, _)| {
-        end += (kib << 10) as u32;
-        (FLASH_BASE..end).contains(&address)
-    })
-}

@@ -1,8 +1,8 @@
 //! bxCAN CAN1 (RM0390 chapter 30) and the bus it is on.
 //!
 //! - [`wire`]: lengths of frames in bits, arbitration.
-//! - [`transmit`]: mailboxes. - [`receive`]: FIFOs. - [`filter`]: acceptance filters.
-//! - [`errors`]: error counters and bus-off.
+//! - `transmit`: mailboxes. - `receive`: FIFOs. - `filter`: acceptance filters.
+//! - `errors`: error counters and bus-off.
 //!
 //! Other nodes' frames and the controller's own share the bus: one frame at a time, the lower identifier first. The board
 //! decides what becomes of a frame. Silent mode, time-triggered transmission and receive errors are not modelled.

@@ -1,0 +1,120 @@
+//! RCC and PWR (RM0390 chapters 5 and 6).
+
+use crate::fixture::*;
+use rig_emulator::soc::ResetCause;
+
+const CR: u32 = RCC;
+const PLLCFGR: u32 = RCC + 4;
+const CFGR: u32 = RCC + 8;
+const CSR: u32 = RCC + 0x74;
+const FLASH_ACR: u32 = 0x4002_3C00;
+
+fn to_168_mhz(chip: &mut Chip) {
+    set(chip, CR, 0x0005_0083);
+    set(chip, PLLCFGR, 7 << 24 | 1 << 22 | 168 << 6 | 4);
+    set(chip, CR, 0x0105_0083);
+    set(chip, FLASH_ACR, 5);
+    set(chip, CFGR, 4 << 13 | 5 << 10 | 2);
+}
+
+#[test]
+fn ready_flags_follow_their_switches_both_ways() {
+    let mut chip = chip();
+    assert_eq!(get(&mut chip, CR) & 2, 2);
+    set(&mut chip, CR, 0x0005_0001);
+    assert_eq!(get(&mut chip, CR), 0x0007_0003);
+    set(&mut chip, CR, 0x0000_0001);
+    assert_eq!(get(&mut chip, CR), 3);
+    set(&mut chip, CSR, 1);
+    assert_eq!(get(&mut chip, CSR) & 3, 3);
+}
+
+#[test]
+fn the_projects_clock_tree_is_168_42_84() {
+    let mut chip = chip();
+    to_168_mhz(&mut chip);
+    assert_eq!(get(&mut chip, CFGR) >> 2 & 3, 2);
+    let tree = chip.clock.tree();
+    assert_eq!((tree.hclk_hz, tree.apb1_divider, tree.apb2_divider), (168_000_000, 4, 2));
+    assert_eq!((chip.clock.timer_divider(false), chip.clock.timer_divider(true)), (2, 1));
+}
+
+#[test]
+fn a_new_clock_does_not_move_time() {
+    let mut chip = chip();
+    pass(&mut chip, 0.01);
+    let before_s = chip.clock.seconds();
+    to_168_mhz(&mut chip);
+    close(chip.clock.seconds(), before_s, 2e-6);
+    pass(&mut chip, 0.01);
+    close(chip.clock.seconds(), before_s + 0.01, 2e-6);
+}
+
+#[test]
+fn too_few_wait_states_are_a_fault() {
+    let mut chip = chip();
+    set(&mut chip, CR, 0x0005_0083);
+    set(&mut chip, PLLCFGR, 1 << 22 | 168 << 6 | 4);
+    set(&mut chip, CR, 0x0105_0083);
+    chip.write(CFGR, 4, 2);
+    assert!(chip.faults.take().is_some_and(|fault| fault.to_string().contains("wait states")));
+}
+
+#[test]
+fn hse_needs_bypass_on_this_board() {
+    let mut chip = chip();
+    chip.write(CR, 4, 0x0001_0083);
+    assert!(chip.faults.take().is_some_and(|fault| fault.to_string().contains("bypass")));
+}
+
+#[test]
+fn power_on_and_software_resets_set_their_flags() {
+    let mut chip = chip();
+    assert_eq!(get(&mut chip, CSR) >> 24, 0x0E);
+    set(&mut chip, CSR, 1 << 24);
+    chip.reset(ResetCause::Software);
+    assert_eq!(get(&mut chip, CSR) >> 24, 0x14);
+    chip.reset(ResetCause::PowerCycle);
+    assert_eq!(get(&mut chip, CSR) >> 24, 0x0E);
+}
+
+#[test]
+fn a_peripheral_reset_bit_resets() {
+    let mut chip = chip();
+    set(&mut chip, 0x4000_0C34, 123);
+    set(&mut chip, RCC + 0x20, 1 << 3);
+    set(&mut chip, RCC + 0x20, 0);
+    assert_eq!(get(&mut chip, 0x4000_0C34), 0);
+}
+
+#[test]
+fn over_drive_becomes_ready() {
+    let mut chip = chip();
+    set(&mut chip, 0x4000_7000, 0x3_C000);
+    assert_eq!(get(&mut chip, 0x4000_7004) & 0x3_4000, 0x3_4000);
+}
+
+#[test]
+fn systick_counts_and_pends() {
+    let mut chip = chip();
+    set(&mut chip, 0xE000_E014, 15_999);
+    set(&mut chip, 0xE000_E018, 0);
+    set(&mut chip, 0xE000_E010, 7);
+    pass(&mut chip, 0.5e-3);
+    let value = get(&mut chip, 0xE000_E018);
+    assert!((7_900..8_100).contains(&value), "{value}");
+    assert_eq!(get(&mut chip, 0xE000_ED04) >> 26 & 1, 0);
+    pass(&mut chip, 0.6e-3);
+    assert_eq!(get(&mut chip, 0xE000_ED04) >> 26 & 1, 1);
+    assert_eq!(get(&mut chip, 0xE000_E010) >> 16 & 1, 1);
+    assert_eq!(get(&mut chip, 0xE000_E010) >> 16 & 1, 0, "COUNTFLAG is cleared by reading");
+}
+
+#[test]
+fn the_cycle_counter_counts_hclk() {
+    let mut chip = chip();
+    set(&mut chip, 0xE000_1004, 0);
+    pass(&mut chip, 1e-3);
+    let cycles = get(&mut chip, 0xE000_1004);
+    assert!((16_000..16_010).contains(&cycles), "{cycles}");
+}

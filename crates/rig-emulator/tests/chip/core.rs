@@ -1,0 +1,292 @@
+//! The core: time, sleep, exceptions, resets and stops, with hand-assembled programs (ARMv7-M architecture manual).
+
+use crate::fixture::{Recorder, close};
+use crate::program::*;
+use rig_emulator::cpu::core::BLOCK_OVERHEAD_CYCLES;
+use rig_emulator::machine::{Config, Machine, MachineError, ResetCause};
+use rig_emulator::soc::fault::Fault;
+
+const RESULT: u32 = 0x2000_0100;
+const ICSR: u32 = 0xE000_ED04;
+const FLASH_KEYR: u32 = 0x4002_3C04;
+const FLASH_CR: u32 = 0x4002_3C10;
+
+fn machine(program: &Program) -> Machine<Recorder> {
+    Machine::new(&program.elf(), Recorder::default(), Config::default()).expect("a machine")
+}
+
+fn ram(machine: &mut Machine<Recorder>, address: u32) -> u32 {
+    machine.soc_mut().memory.ram.word(address).expect("in RAM")
+}
+
+fn main_only(code: &[Vec<u16>]) -> Program {
+    let mut program = Program::default();
+    program.function("main", code);
+    program
+}
+
+/// SysTick every millisecond at 16 MHz, then sleep for ever.
+fn ticking() -> Program {
+    let mut program = Program::default();
+    program.function(
+        "main",
+        &[
+            poke(RESULT, 0),
+            poke(0xE000_E014, 15_999),
+            poke(0xE000_E018, 0),
+            poke(0xE000_E010, 7),
+            vec![WFI, branch(0xE000, -1)],
+        ],
+    );
+    program.handler(15, "tick", &[bump(RESULT, 1)]);
+    program
+}
+
+#[test]
+fn a_loop_takes_its_instructions_and_its_branches() {
+    let program = main_only(&[load(0, 1000), vec![subtract(0, 1), branch(0xD100, -1), WFI, branch(0xE000, -1)]]);
+    let mut machine = machine(&program);
+    machine.run_until(1e-3).expect("runs");
+    let stats = machine.stats();
+    // movw, movt; 1000 times subs and bne; the rest is asleep.
+    assert_eq!(stats.instructions, 2 + 2000 + 1);
+    let awake = stats.core_busy * 16_000.0;
+    close(awake, (2 + 2000 + 1 + 1001 * BLOCK_OVERHEAD_CYCLES) as f64, 4.0);
+}
+
+#[test]
+fn systick_wakes_from_wfi() {
+    let mut machine = machine(&ticking());
+    machine.run_until(0.0105).expect("runs");
+    assert_eq!(ram(&mut machine, RESULT), 10);
+    let stats = machine.stats();
+    assert_eq!(stats.exceptions, 10);
+    assert!(stats.core_busy < 0.01, "{}", stats.core_busy);
+    close(machine.now_s(), 0.0105, 1e-7);
+}
+
+#[test]
+fn two_runs_are_the_same_run() {
+    let run = || {
+        let mut machine = machine(&ticking());
+        machine.run_until(0.1).expect("runs");
+        machine.stats()
+    };
+    assert_eq!(run(), run());
+}
+
+#[test]
+fn an_event_set_before_wfe_is_not_slept_over() {
+    let program =
+        main_only(&[poke(RESULT, 0), vec![SEV, WFE], bump(RESULT, 1), vec![WFE], bump(RESULT, 1), vec![PARK]]);
+    let mut machine = machine(&program);
+    machine.run_until(0.01).expect("runs");
+    assert_eq!(ram(&mut machine, RESULT), 1, "the second WFE sleeps");
+}
+
+#[test]
+fn nested_handlers_leave_the_floating_point_registers_alone() {
+    let mut program = Program::default();
+    program.function(
+        "main",
+        &[
+            poke(RESULT + 8, 0),
+            load(0, 1.5f32.to_bits()),
+            S0_FROM_R0.to_vec(),
+            poke(ICSR, 1 << 28),
+            vec![NOP, NOP],
+            R0_FROM_S0.to_vec(),
+            load(1, RESULT),
+            vec![store(0, 1), PARK],
+        ],
+    );
+    // PendSV computes in s0, pends an NMI in the middle, and keeps its own s0 in RAM.
+    program.handler(
+        14,
+        "pendsv",
+        &[
+            load(0, 10.0f32.to_bits()),
+            S0_FROM_R0.to_vec(),
+            poke(ICSR, 1 << 31),
+            vec![NOP, NOP],
+            DOUBLE_S0.to_vec(),
+            R0_FROM_S0.to_vec(),
+            load(1, RESULT + 4),
+            vec![store(0, 1)],
+        ],
+    );
+    program.handler(2, "nmi", &[load(0, 99.0f32.to_bits()), S0_FROM_R0.to_vec(), bump(RESULT + 8, 1)]);
+    let mut machine = machine(&program);
+    machine.run_until(1e-3).expect("runs");
+    assert_eq!(f32::from_bits(ram(&mut machine, RESULT)), 1.5);
+    assert_eq!(f32::from_bits(ram(&mut machine, RESULT + 4)), 20.0);
+    assert_eq!(ram(&mut machine, RESULT + 8), 1);
+    assert_eq!(machine.stats().exceptions, 2);
+}
+
+#[test]
+fn a_supervisor_call_returns_behind_itself() {
+    let mut program = Program::default();
+    program.function("main", &[poke(RESULT, 0), vec![0xDF01], bump(RESULT, 1), vec![PARK]]);
+    program.handler(11, "svc", &[bump(RESULT, 16)]);
+    let mut machine = machine(&program);
+    machine.run_until(1e-3).expect("runs");
+    assert_eq!(ram(&mut machine, RESULT), 17);
+}
+
+#[test]
+fn a_reset_by_software_keeps_ram_and_a_power_cycle_does_not() {
+    // Add one to RAM at each start; the first start (no SFTRSTF in CSR) resets, the second parks.
+    let program = main_only(&[
+        bump(RESULT, 1),
+        load(0, 0x4002_3874),
+        // lsls r1, r1, #3: SFTRSTF becomes the sign.
+        vec![fetch(1, 0), 0x00C9, branch(0xD400, 10)],
+        poke(0xE000_ED0C, 0x05FA_0004),
+        vec![PARK, PARK],
+    ]);
+    let mut machine = machine(&program);
+    machine.run_until(1e-3).expect("runs");
+    assert_eq!(ram(&mut machine, RESULT), 0xA5A5_A5A5 + 2);
+    assert_eq!(machine.stats().resets.iter().map(|r| r.1).collect::<Vec<_>>(), [ResetCause::Software]);
+    machine.power_cycle();
+    assert_eq!(ram(&mut machine, RESULT), 0xA5A5_A5A5);
+    machine.run_until(2e-3).expect("runs");
+    assert_eq!(ram(&mut machine, RESULT), 0xA5A5_A5A5 + 2);
+    assert_eq!(machine.stats().resets.len(), 3);
+    assert!(machine.now_s() >= 2e-3, "time goes on");
+}
+
+#[test]
+fn the_watchdog_resets_a_program_that_hangs() {
+    let program = main_only(&[poke(0x4000_3000, 0xCCCC), vec![PARK]]);
+    let mut machine = machine(&program);
+    machine.run_until(1.1).expect("runs");
+    let resets = machine.stats().resets;
+    assert_eq!(resets.iter().map(|r| r.1).collect::<Vec<_>>(), [ResetCause::Watchdog; 2]);
+    close(resets[0].0, 0.512, 1e-4);
+}
+
+#[test]
+fn a_stray_access_stops_and_says_where() {
+    let program = main_only(&[load(0, 0x3000_0000), vec![fetch(1, 0), PARK]]);
+    let mut machine = machine(&program);
+    let error = machine.run_until(1e-3).expect_err("nothing there");
+    let MachineError::Memory { what: "read", address: 0x3000_0000, place } = &error else { panic!("{error}") };
+    assert_eq!((place.function.as_str(), place.pc), ("main", START + 8));
+    assert_eq!(machine.run_until(1e-3), Err(error), "and stays stopped");
+    machine.power_cycle();
+    assert!(machine.run_until(2e-3).is_err());
+}
+
+#[test]
+fn a_null_read_is_a_stray_access() {
+    let mut machine = machine(&main_only(&[load(0, 0), vec![fetch(1, 0), PARK]]));
+    assert!(matches!(machine.run_until(1e-3), Err(MachineError::Memory { address: 0, .. })));
+}
+
+#[test]
+fn an_undefined_instruction_stops() {
+    let mut machine = machine(&main_only(&[vec![NOP, UDF]]));
+    assert!(matches!(machine.run_until(1e-3), Err(MachineError::Undefined { .. })));
+}
+
+#[test]
+fn a_strict_fault_names_the_register_and_the_function() {
+    let program = main_only(&[vec![NOP, branch(0xE000, 1)], poke(0x4002_0000, 1), vec![PARK]]);
+    let mut machine = machine(&program);
+    let error = machine.run_until(1e-3).expect_err("GPIOA has no clock");
+    let MachineError::Fault { fault: Fault::Unclocked { address: 0x4002_0000, write: true, .. }, place } = &error
+    else {
+        panic!("{error}")
+    };
+    assert_eq!(place.function, "main");
+    assert!(error.to_string().contains("GPIOA"), "{error}");
+}
+
+#[test]
+fn a_lax_machine_goes_on_and_counts() {
+    let program = main_only(&[poke(0x4002_0000, 1), vec![PARK]]);
+    let config = Config { strict: false, ..Config::default() };
+    let mut machine = Machine::new(&program.elf(), Recorder::default(), config).expect("a machine");
+    machine.run_until(1e-3).expect("runs");
+    assert_eq!(machine.stats().warnings.len(), 1);
+}
+
+#[test]
+fn calls_are_counted_without_the_handlers_in_between() {
+    let mut program = Program::default();
+    // r4 counts down from 5; each round calls `work`, right behind this function, and a tick may come in between.
+    let set_up =
+        [poke(RESULT, 0), poke(0xE000_E014, 599), poke(0xE000_E018, 0), poke(0xE000_E010, 7), load(4, 5)].concat();
+    // bl +12: over its own two halfwords, subs, bne, PARK and a NOP.
+    let round = vec![0xF000, 0xF804, subtract(4, 1), branch(0xD100, -3), PARK, NOP];
+    program.function("main", &[set_up, round]);
+    program.function("work", &[load(0, 300), vec![subtract(0, 1), branch(0xD100, -1), BX_LR]]);
+    program.handler(15, "tick", &[bump(RESULT, 1)]);
+    let mut machine = machine(&program);
+    machine.watch_function("work").expect("there");
+    machine.watch_function("tick").expect("there");
+    machine.run_until(1e-3).expect("runs");
+    let work = machine.stats().tick;
+    assert_eq!((work.count, work.instructions_max), (5, 2 + 600 + 1));
+    assert_eq!(work.instructions_mean, 603.0);
+    assert!(machine.watched("tick").is_some_and(|tick| tick.count > 5 && tick.instructions_max == 6));
+    assert_eq!(machine.call_counts()[0], ("work".to_owned(), 5));
+    assert_eq!(machine.watch_function("play"), Err(MachineError::NoFunction("play".into())));
+}
+
+#[test]
+fn the_deepest_stack_is_seen() {
+    // push {r0-r7}, twice, and back.
+    let program = main_only(&[vec![0xB4FF, 0xB4FF, 0xBCFF, 0xBCFF, PARK]]);
+    let mut machine = machine(&program);
+    machine.run_until(1e-4).expect("runs");
+    // A register that holds the noise pattern would hide; these are zero.
+    assert_eq!(machine.stats().stack_high_water_bytes, 64);
+}
+
+#[test]
+fn flash_that_the_program_writes_survives_the_machine() {
+    let program = main_only(&[
+        poke(FLASH_KEYR, 0x4567_0123),
+        poke(FLASH_KEYR, 0xCDEF_89AB),
+        poke(FLASH_CR, 0x201),
+        poke(0x0800_C000, 0x1234_5678),
+        load(0, 0x0800_C000),
+        load(1, RESULT),
+        vec![fetch(2, 0), store(2, 1), PARK],
+    ]);
+    let mut first = machine(&program);
+    first.run_until(1e-3).expect("runs");
+    assert_eq!(ram(&mut first, RESULT), 0x1234_5678);
+    let image = first.flash_image();
+
+    let mut second =
+        machine(&main_only(&[load(0, 0x0800_C000), load(1, RESULT), vec![fetch(2, 0), store(2, 1), PARK]]));
+    second.set_flash_image(&image).expect("fits");
+    second.run_until(1e-3).expect("the second program runs, not the first");
+    assert_eq!(ram(&mut second, RESULT), 0x1234_5678);
+    assert_eq!(second.set_flash_image(&[0; 4]), Err(MachineError::FlashSize(4)));
+}
+
+#[test]
+fn factory_data_is_where_the_datasheet_says() {
+    let program = main_only(&[
+        load(0, 0x1FFF_7A28),
+        load(1, RESULT),
+        vec![fetch(2, 0), store(2, 1)],
+        load(0, 0x1FFF_7A10),
+        vec![fetch(2, 0), 0x604A, PARK],
+    ]);
+    let mut machine = machine(&program);
+    machine.run_until(1e-3).expect("runs");
+    assert_eq!(ram(&mut machine, RESULT) >> 16, 1501);
+    assert_eq!(ram(&mut machine, RESULT + 4), u32::from_le_bytes(*b"emul"));
+}
+
+#[test]
+fn rubbish_is_no_image() {
+    let result = Machine::new(b"no ELF", Recorder::default(), Config::default());
+    assert!(matches!(result, Err(MachineError::Image(_))));
+}

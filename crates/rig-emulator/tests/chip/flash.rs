@@ -1,0 +1,85 @@
+//! Flash programming and erasing (RM0390 chapter 3).
+
+use crate::fixture::*;
+
+const KEYR: u32 = 0x4002_3C04;
+const SR: u32 = 0x4002_3C0C;
+const CR: u32 = 0x4002_3C10;
+const SECTOR_3: u32 = 0x0800_C000;
+const WORDWISE: u32 = 2 << 8;
+
+fn unlocked() -> Chip {
+    let mut chip = chip();
+    set(&mut chip, KEYR, 0x4567_0123);
+    set(&mut chip, KEYR, 0xCDEF_89AB);
+    chip
+}
+
+fn word(chip: &Chip, address: u32) -> u32 {
+    chip.memory.flash.word(address).expect("in flash")
+}
+
+#[test]
+fn it_is_locked_until_both_keys_came() {
+    let mut chip = chip();
+    assert_eq!(get(&mut chip, CR) >> 31, 1);
+    set(&mut chip, CR, 1);
+    assert_eq!(get(&mut chip, CR), 1 << 31);
+    let mut chip = unlocked();
+    assert_eq!(get(&mut chip, CR), 0);
+    set(&mut chip, CR, 1 << 31);
+    assert_eq!(get(&mut chip, CR) >> 31, 1);
+}
+
+#[test]
+fn a_wrong_key_locks_until_reset() {
+    let mut chip = chip();
+    set(&mut chip, KEYR, 1);
+    set(&mut chip, KEYR, 0x4567_0123);
+    set(&mut chip, KEYR, 0xCDEF_89AB);
+    assert_eq!(get(&mut chip, CR) >> 31, 1);
+}
+
+#[test]
+fn programming_clears_bits_and_takes_time() {
+    let mut chip = unlocked();
+    set(&mut chip, CR, 1 | WORDWISE);
+    let start_s = chip.clock.seconds();
+    chip.program_flash(SECTOR_3, 4, 0xFFFF_0F0F);
+    chip.program_flash(SECTOR_3, 4, 0x00FF_FFFF);
+    assert_eq!(word(&chip, SECTOR_3), 0x00FF_0F0F);
+    close(chip.clock.seconds() - start_s, 32e-6, 1e-6);
+    assert_eq!(get(&mut chip, SR), 0);
+}
+
+#[test]
+fn programming_without_pg_or_with_another_width_fails() {
+    let mut chip = unlocked();
+    chip.program_flash(SECTOR_3, 4, 0);
+    assert_eq!(get(&mut chip, SR), 1 << 7);
+    set(&mut chip, SR, 1 << 7);
+    set(&mut chip, CR, 1);
+    chip.program_flash(SECTOR_3, 4, 0);
+    assert_eq!(get(&mut chip, SR), 1 << 6);
+    assert_eq!(word(&chip, SECTOR_3), 0xFFFF_FFFF);
+}
+
+#[test]
+fn a_sector_erases_alone_and_takes_its_time() {
+    for (sector, start, size, seconds) in
+        [(3u32, SECTOR_3, 0x4000, 0.25), (4, 0x0801_0000, 0x1_0000, 0.55), (7, 0x0806_0000, 0x2_0000, 1.0)]
+    {
+        let mut chip = unlocked();
+        set(&mut chip, CR, 1 | WORDWISE);
+        chip.program_flash(start - 4, 4, 0x1111_1111);
+        chip.program_flash(start, 4, 0x2222_2222);
+        chip.program_flash(start + size - 4, 4, 0x3333_3333);
+        set(&mut chip, CR, 2 | sector << 3);
+        let start_s = chip.clock.seconds();
+        set(&mut chip, CR, 2 | sector << 3 | 1 << 16);
+        close(chip.clock.seconds() - start_s, seconds, 1e-6);
+        assert_eq!(word(&chip, start - 4), 0x1111_1111);
+        assert_eq!(word(&chip, start), 0xFFFF_FFFF);
+        assert_eq!(word(&chip, start + size - 4), 0xFFFF_FFFF);
+    }
+}

@@ -1,0 +1,15 @@
+//! The emulated chip, tested against the reference manual (RM0390): every peripheral through its registers, the core with
+//! programs assembled by hand.
+
+mod adc_dma;
+mod can;
+mod clocks;
+mod core;
+mod fixture;
+mod flash;
+mod gpio_exti;
+mod iwdg;
+mod program;
+mod strict;
+mod tim;
+mod usart;
