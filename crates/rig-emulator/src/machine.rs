@@ -4,12 +4,12 @@
 //! # use rig_emulator::{board::Board, machine::{Config, Machine}};
 //! # fn run(elf: &[u8], board: impl Board + 'static) -> Result<(), Box<dyn std::error::Error>> {
 //! let mut machine = Machine::new(elf, board, Config::default())?;
-//! machine.watch_function("control_tick")?;
+//! machine.watch_function("control_tick");
 //! machine.run_until(2.0)?;
 //! for line in machine.defmt_lines() {
 //!     println!("{line}");
 //! }
-//! println!("{:?}", machine.stats().tick);
+//! println!("{:?}", machine.tick_stats());
 //! # Ok(())
 //! # }
 //! ```
@@ -106,9 +106,6 @@ pub enum MachineError {
         /// Where.
         place: Place,
     },
-    /// A function to watch that the ELF does not have.
-    #[error("no function {0} in the ELF")]
-    NoFunction(String),
     /// A flash image of the wrong size.
     #[error("a flash image of {0} bytes")]
     FlashSize(usize),
@@ -271,12 +268,18 @@ impl<B: Board + 'static> Machine<B> {
         std::mem::take(&mut self.lines)
     }
 
-    /// Count instructions of each call of a function, named by its symbol or the last segment of a Rust path.
-    pub fn watch_function(&mut self, symbol: &str) -> Result<(), MachineError> {
-        let entry = self.image.function(symbol).ok_or_else(|| MachineError::NoFunction(symbol.to_owned()))?;
+    /// Count instructions of each call of a function, named by its symbol or the last segment of a Rust path. `false` if
+    /// the ELF has no such function.
+    pub fn watch_function(&mut self, symbol: &str) -> bool {
+        let Some(entry) = self.image.function(symbol) else { return false };
         self.cpu.core_mut().watches.add(symbol, entry);
         self.cpu.watches_changed();
-        Ok(())
+        true
+    }
+
+    /// Cost of the function that was watched first.
+    pub fn tick_stats(&self) -> TickStats {
+        self.cpu.core().watches.stats().next().map(|(_, stats)| stats).unwrap_or_default()
     }
 
     /// Cost of a watched function.
@@ -299,7 +302,7 @@ impl<B: Board + 'static> Machine<B> {
             exceptions: core.counters.exceptions,
             core_busy: 1.0 - core.counters.asleep as f64 / total,
             resets: self.resets.clone(),
-            tick: core.watches.stats().next().map(|(_, stats)| stats).unwrap_or_default(),
+            tick: self.tick_stats(),
             stack_high_water_bytes: self.stack_high_water(),
             warnings: core.soc.faults.warnings().iter().map(|(what, count)| (what.clone(), *count)).collect(),
         }

@@ -7,9 +7,23 @@
 //! - [`clock`]: cycles and seconds. - [`memory`]: flash and RAM. - [`fault`]: what the strict board objects to.
 //! - [`rcc`], [`pwr`], [`flash`], [`gpio`], [`exti`], [`iwdg`]: infrastructure.
 //! - [`tim`], [`usart`], [`can`], [`adc`], [`dma`]: what firmware talks through.
-//! - [`nvic`], [`scb`]: the core's own peripherals.
+//! - [`nvic`], [`scb`]: the core's own peripherals. - `map`, `bus`: addresses, and accesses by the core.
+
+/// Borrow everything that peripherals share, leaving the peripherals free.
+macro_rules! wires {
+    ($soc:ident) => {
+        &mut Wires {
+            clock: &$soc.clock,
+            nvic: &mut $soc.nvic,
+            gpio: &$soc.gpio,
+            board: &mut $soc.board,
+            faults: &mut $soc.faults,
+        }
+    };
+}
 
 pub mod adc;
+mod bus;
 pub mod can;
 pub mod clock;
 pub mod dma;
@@ -28,13 +42,9 @@ pub mod tim;
 pub mod usart;
 
 use self::clock::{Clock, NEVER};
-use self::fault::{Fault, Faults};
-use self::map::{Unit, gate, unit_at};
-use self::scb::Effect;
+use self::fault::Faults;
+use self::map::Unit;
 use crate::board::{Board, Stimulus};
-
-/// Cycles that a peripheral access takes on top of its instruction: AHB-to-APB bridges make the core wait.
-const ACCESS_CYCLES: u64 = 2;
 
 /// What a peripheral can reach besides its own registers.
 pub struct Wires<'a> {
@@ -48,19 +58,6 @@ pub struct Wires<'a> {
     pub board: &'a mut dyn Board,
     /// Where to complain.
     pub faults: &'a mut Faults,
-}
-
-/// Borrow everything that peripherals share, leaving the peripherals free.
-macro_rules! wires {
-    ($soc:ident) => {
-        &mut Wires {
-            clock: &$soc.clock,
-            nvic: &mut $soc.nvic,
-            gpio: &$soc.gpio,
-            board: &mut $soc.board,
-            faults: &mut $soc.faults,
-        }
-    };
 }
 
 /// Why the microcontroller was reset.
@@ -295,160 +292,6 @@ impl<B: Board> Soc<B> {
                 self.gpio.drive(port, pin, high);
                 self.exti.edges(port, before, self.gpio.inputs(port), &mut self.nvic);
             }
-        }
-    }
-
-    // ---- bus
-
-    fn clocked(&mut self, unit: Unit, address: u32, write: bool) -> bool {
-        let on = gate(unit).is_none_or(|gate| self.rcc.enabled(gate));
-        if !on {
-            self.faults.raise(Fault::Unclocked { unit: unit.to_string(), address, write });
-        }
-        on
-    }
-
-    /// A load by the core.
-    pub fn read(&mut self, address: u32, size: usize) -> u32 {
-        self.clock.advance(ACCESS_CYCLES);
-        self.sync();
-        let unit = unit_at(address);
-        if !self.clocked(unit, address, false) {
-            return 0;
-        }
-        let Some(word) = self.read_word(unit, address & !3) else {
-            self.faults.raise(Fault::Unmodelled { address, write: false });
-            return 0;
-        };
-        let shifted = word >> (8 * (address & 3));
-        match size {
-            1 => shifted & 0xFF,
-            2 => shifted & 0xFFFF,
-            _ => shifted,
-        }
-    }
-
-    fn read_word(&mut self, unit: Unit, address: u32) -> Option<u32> {
-        let offset = address & 0x3FF;
-        match unit {
-            Unit::Rcc => self.rcc.read(offset),
-            Unit::Pwr => self.pwr.read(offset),
-            Unit::Flash => self.flash.read(offset),
-            Unit::Gpio(port) => self.gpio.read(port, offset),
-            Unit::Exti => self.exti.read(offset),
-            Unit::Syscfg => self.exti.read_syscfg(offset),
-            Unit::Iwdg => self.iwdg.read(offset),
-            Unit::Timer(i) => {
-                self.catch_up_adc(self.clock.now());
-                self.timers[i].read(offset, wires!(self))
-            }
-            Unit::Usart(i) => self.usarts[i].read(offset, wires!(self)),
-            Unit::Can => self.can.read(offset, &self.clock),
-            Unit::Adc => {
-                self.catch_up_adc(self.clock.now());
-                self.adc.read(offset, wires!(self))
-            }
-            Unit::Dma(i) => {
-                self.catch_up_adc(self.clock.now());
-                self.dma[i].read(offset)
-            }
-            Unit::Debug => self.debug.read(offset),
-            Unit::Nvic => self.nvic.read(address - map::NVIC),
-            Unit::Core => self.scb.read(address, &self.clock, &mut self.nvic),
-            Unit::None => None,
-        }
-    }
-
-    /// A store by the core.
-    pub fn write(&mut self, address: u32, size: usize, value: u32) {
-        self.clock.advance(ACCESS_CYCLES);
-        self.sync();
-        let unit = unit_at(address);
-        if !self.clocked(unit, address, true) {
-            return;
-        }
-        if size < 4 && !map::takes_narrow_writes(unit, address) {
-            self.faults.raise(Fault::Width { address, size });
-        }
-        if self.write_word(unit, address, size, value).is_none() {
-            self.faults.raise(Fault::Unmodelled { address, write: true });
-        }
-    }
-
-    fn write_word(&mut self, unit: Unit, address: u32, size: usize, value: u32) -> Option<()> {
-        let offset = address & 0x3FF;
-        match unit {
-            Unit::Rcc => self.write_rcc(offset, value),
-            Unit::Pwr => self.pwr.write(offset, value),
-            Unit::Flash => {
-                let stall_s = self.flash.write(offset, value, &mut self.memory)?;
-                self.stall(stall_s);
-                Some(())
-            }
-            Unit::Gpio(port) => {
-                // A halfword to the upper half of BSRR.
-                let value = value << (8 * (address & 3));
-                self.gpio.write(port, offset & !3, value)?;
-                self.tell_outputs(port);
-                Some(())
-            }
-            Unit::Exti => self.exti.write(offset, value, &mut self.nvic),
-            Unit::Syscfg => self.exti.write_syscfg(offset, value),
-            Unit::Iwdg => self.iwdg.write(offset, value, &self.clock),
-            Unit::Timer(i) => {
-                self.catch_up_adc(self.clock.now());
-                self.timers[i].write(offset, value, wires!(self))
-            }
-            Unit::Usart(i) => self.usarts[i].write(offset, value, wires!(self)),
-            Unit::Can => self.can.write(offset, value, wires!(self)),
-            Unit::Adc => {
-                self.catch_up_adc(self.clock.now());
-                self.adc.write(offset, value, wires!(self))
-            }
-            Unit::Dma(i) => {
-                self.catch_up_adc(self.clock.now());
-                self.dma[i].write(offset, value, &mut self.nvic, &mut self.faults)
-            }
-            Unit::Debug => self.debug.write(offset, value),
-            Unit::Nvic => self.nvic.write(address - map::NVIC, size, value),
-            Unit::Core => {
-                if self.scb.write(address, size, value, &self.clock, &mut self.nvic)? == Effect::Reset {
-                    self.reset_request = Some(ResetCause::Software);
-                }
-                Some(())
-            }
-            Unit::None => None,
-        }
-    }
-
-    fn write_rcc(&mut self, offset: u32, value: u32) -> Option<()> {
-        self.catch_up_adc(self.clock.now());
-        let (register, bits) = self.rcc.write(offset, value, self.flash.wait_states(), &mut self.faults)?;
-        for unit in map::RESETTABLE {
-            if gate(unit).is_some_and(|gate| gate.offset == register && bits >> gate.bit & 1 == 1) {
-                self.reset_unit(unit);
-            }
-        }
-        if self.rcc.tree() != self.clock.tree() {
-            for timer in &mut self.timers {
-                timer.rebase(&self.clock, self.clock.now());
-            }
-            self.clock.retune(self.rcc.tree());
-        }
-        Some(())
-    }
-
-    /// A store by the core into flash.
-    pub fn program_flash(&mut self, address: u32, size: usize, value: u64) {
-        let stall_s = self.flash.program(address, size, value, &mut self.memory);
-        self.stall(stall_s);
-    }
-
-    /// The core waits for flash: time passes, and what happens meanwhile is worked off at the next chance.
-    fn stall(&mut self, seconds: f64) {
-        if seconds > 0.0 {
-            self.flash_changed = true;
-            self.clock.advance(self.clock.span(seconds));
         }
     }
 
