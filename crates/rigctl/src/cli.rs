@@ -1,7 +1,10 @@
 //! The command line.
 
+use crate::plant::Setting;
+use crate::script;
 use crate::units::{self, Quantity};
 use clap::{Args, Parser, Subcommand};
+use rig_link::LoadChoice;
 use std::path::PathBuf;
 
 /// Host tool of a twisted-string actuator with a load-adaptive transmission.
@@ -27,6 +30,18 @@ pub struct Global {
     /// Scene file
     #[arg(long, global = true, value_name = "FILE", default_value = "scenes/default.toml")]
     pub scene: PathBuf,
+    /// Where the firmware is: `sim` (an emulated board that starts by itself) or a serial device
+    #[arg(long, global = true, default_value = "sim")]
+    pub port: String,
+    /// Something about the emulated plant that the firmware is not told, for example load=1.2kg
+    #[arg(long, global = true, value_name = "KEY=VALUE")]
+    pub plant: Vec<Setting>,
+    /// Seed of the emulated rig's noise
+    #[arg(long, global = true, default_value_t = 1)]
+    pub seed: u64,
+    /// Firmware for the emulated board [default: what `cargo xtask firmware` made]
+    #[arg(long, global = true, value_name = "ELF")]
+    pub firmware: Option<PathBuf>,
 }
 
 /// What to do.
@@ -55,6 +70,55 @@ pub enum Command {
         /// Also write table.json and table.rs into this folder
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
+    },
+    /// Boot the firmware on the emulated board, play a script, print telemetry
+    Sim {
+        /// Events, one a line: `<seconds since boot> <event>`, the last `<seconds> end`
+        #[arg(long, value_name = "FILE")]
+        script: Option<PathBuf>,
+        /// How long to run without a script (s)
+        #[arg(long, value_name = "S", default_value_t = 5.0, conflicts_with = "script")]
+        seconds: f64,
+    },
+    /// Find zero twist, weigh the load, stop at the half-turn pre-twist
+    Home,
+    /// Bring the load to a position above where it hung when homed
+    Move {
+        /// Target position
+        #[arg(long, value_name = "P", allow_hyphen_values = true, value_parser = target)]
+        to: f64,
+        /// Speed of the load
+        #[arg(long, value_name = "V", default_value = "2mm/s", allow_hyphen_values = true, value_parser = speed)]
+        speed: f64,
+        /// `auto` (the board's own estimate) or a load
+        #[arg(long, value_name = "auto|L", default_value = "auto", value_parser = load_choice)]
+        load: LoadChoice,
+        /// Print the planned trajectory and the table's answers, without a device; needs a load
+        #[arg(long)]
+        dry_run: bool,
+    },
+    /// Turn the strings at a constant speed for a while, homed or not
+    Jog {
+        /// Twist speed, positive twists up
+        #[arg(long, value_name = "W", allow_hyphen_values = true, value_parser = twist_speed)]
+        speed: f64,
+        /// How long (s)
+        #[arg(long, value_name = "S", default_value_t = 1.0)]
+        seconds: f64,
+    },
+    /// Ramp down and hold
+    Stop,
+    /// Hold the present position
+    Hold,
+    /// Clear a latched fault whose cause has gone
+    Clear,
+    /// Who the board is and what it sees
+    Status,
+    /// Three loads, each on a fresh emulated board, homed and moved alike: a table and a picture
+    Demo {
+        /// Folder for demo.svg and demo.csv
+        #[arg(long, value_name = "DIR", default_value = "out")]
+        out: PathBuf,
     },
 }
 
@@ -86,4 +150,20 @@ fn load(text: &str) -> Result<f64, units::UnitError> {
 
 fn turns(text: &str) -> Result<f64, units::UnitError> {
     units::parse("turns", Quantity::Turns, text)
+}
+
+fn target(text: &str) -> Result<f64, units::UnitError> {
+    units::parse("to", Quantity::Length, text)
+}
+
+fn speed(text: &str) -> Result<f64, units::UnitError> {
+    units::parse("speed", Quantity::Speed, text)
+}
+
+fn twist_speed(text: &str) -> Result<f64, units::UnitError> {
+    units::parse("speed", Quantity::AngularSpeed, text)
+}
+
+fn load_choice(text: &str) -> Result<LoadChoice, String> {
+    script::load_choice(text)
 }

@@ -22,6 +22,7 @@ use crate::position_loop::PositionLoop;
 use crate::sensors::{DriveReading, Lvdt, LvdtBlock, LvdtReading};
 use crate::{RigConstants, TICK_US};
 use checks::Checks;
+pub use motion::LOAD_ACCELERATION;
 use rig_link::messages::{
     Accepted, Counters, EventKind, Fault, HomingFailure, Limit, Refusal, Request, Sensor, State, Telemetry,
 };

@@ -8,7 +8,7 @@ use crate::position_loop::PositionLoop;
 use rig_link::messages::{Accepted, Limit, LoadChoice, Parameter, Refusal, State};
 
 /// Acceleration of the load (m/s²), unless the motor allows less.
-const LOAD_ACCELERATION: f32 = 0.02;
+pub const LOAD_ACCELERATION: f32 = 0.02;
 /// Share of the motor's limits that the planner uses; the rest is the loop's.
 const PLANNED_SHARE: f32 = 0.9;
 /// Error (m) within which a load counts as arrived: half an LVDT count. The loop goes on holding after that.

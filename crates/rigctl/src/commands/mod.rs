@@ -1,12 +1,19 @@
-//! What each command does: [`solve`], [`lookup`] and [`table`], on the desktop alone.
+//! What each command does: [`solve`], [`lookup`] and [`table`] on the desktop alone, [`simulate`] and [`demo`] on the
+//! emulated board, [`operate`] on it or on a real one, [`dry_run`] on paper.
 
+pub mod demo;
+pub mod dry_run;
 pub mod lookup;
+pub mod operate;
+mod picture;
+pub mod simulate;
 pub mod solve;
 pub mod table;
 
 use crate::cli::{Cli, Command, Global};
 use crate::failure::Failure;
 use crate::output::Output;
+use rig_link::Request;
 use tsa_model::Scene;
 
 /// Runs the command.
@@ -19,6 +26,16 @@ pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
         Command::Solve { at, method, tier } => solve::run(global, at, method, tier, output),
         Command::Lookup { at } => lookup::run(global, at, output),
         Command::Table { out } => table::run(global, out.as_deref(), output),
+        Command::Sim { script, seconds } => simulate::run(global, script.as_deref(), *seconds, output),
+        Command::Move { to, speed, load, dry_run: true } => dry_run::run(global, *to, *speed, *load, output),
+        Command::Move { to, speed, load, dry_run: false } => operate::travel(global, *to, *speed, *load, output),
+        Command::Home => operate::home(global, output),
+        Command::Jog { speed, seconds } => operate::jog(global, *speed, *seconds, output),
+        Command::Stop => operate::simple(global, &Request::Stop, output),
+        Command::Hold => operate::simple(global, &Request::Hold, output),
+        Command::Clear => operate::simple(global, &Request::Clear, output),
+        Command::Status => operate::status(global, output),
+        Command::Demo { out } => demo::run(global, out, output),
     }
 }
 

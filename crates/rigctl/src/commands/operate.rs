@@ -1,0 +1,378 @@
+//! The rig's commands, on the emulated board or a real one.
+
+use crate::cli::Global;
+use crate::failure::Failure;
+use crate::output::Output;
+use crate::session::port::Port;
+use crate::session::row::Row;
+use crate::session::serial::Serial;
+use crate::session::sim::{Sim, SimOptions};
+use crate::session::{Session, client};
+use indicatif::{ProgressBar, ProgressStyle};
+use rig_link::{EventKind, LoadChoice, Request, State};
+use serde::Serialize;
+use serde_json::json;
+
+/// Longest homing (s), the drive's start-up included.
+pub const HOMING_S: f64 = 60.0;
+/// Longest move past what distance and speed need (s).
+const MOVE_SLACK_S: f64 = 30.0;
+
+/// Whether the port is the emulated board.
+pub fn is_sim(global: &Global) -> bool {
+    global.port == "sim"
+}
+
+/// Options of the emulated board.
+pub fn sim_options(global: &Global) -> SimOptions {
+    SimOptions {
+        firmware: global.firmware.clone(),
+        scene: global.scene.clone(),
+        plant: global.plant.clone(),
+        seed: global.seed,
+    }
+}
+
+/// Opens the port and greets the board.
+///
+/// # Errors
+/// If it cannot be opened, nobody answers, or the board's scene is not the host's.
+pub fn connect(global: &Global) -> Result<Session, Failure> {
+    let port: Box<dyn Port> = if is_sim(global) {
+        Box::new(Sim::start(&sim_options(global))?)
+    } else {
+        Box::new(Serial::open(&global.port)?)
+    };
+    let mut session = Session::new(port);
+    let identity = session.hello()?;
+    let scene = super::scene(global)?;
+    if identity.scene_hash != scene.hash() {
+        return Err(Failure::failed(format!(
+            "the board was built for another scene ({:08x}) than {} ({:08x}): build and flash for this one, or name \
+             the board's with --scene",
+            identity.scene_hash,
+            global.scene.display(),
+            scene.hash()
+        )));
+    }
+    Ok(session)
+}
+
+/// A progress line on standard error; silent without a terminal.
+fn progress(length: u64, text: &'static str) -> ProgressBar {
+    let bar = ProgressBar::new(length);
+    // The template is a constant; were it wrong, the default style would do.
+    if let Ok(style) = ProgressStyle::with_template("{prefix} [{bar:32}] {msg}") {
+        bar.set_style(style);
+    }
+    bar.set_prefix(text);
+    bar
+}
+
+/// How a homing ended.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct HomeResult {
+    /// Homing time, start-up of the drive not counted (s).
+    pub duration_s: f64,
+    /// Load that was weighed (N).
+    pub load_n: f32,
+    /// The board's own estimate of its error of zero twist (rad).
+    pub twist_error_estimate_rad: f32,
+    /// Measured less modelled gap (m).
+    pub gap_offset_m: f32,
+}
+
+/// Homes; `each` sees every row.
+///
+/// # Errors
+/// The board's refusal or failure in words.
+pub fn home_session(session: &mut Session, mut each: impl FnMut(&Row)) -> Result<HomeResult, Failure> {
+    session.wait_ready()?;
+    let start_s = session.now_s();
+    session.request(&Request::Home)?;
+    let bar = progress(45, "homing");
+    while session.now_s() < start_s + HOMING_S {
+        session.step()?;
+        bar.set_position((session.now_s() - start_s) as u64);
+        session.take_rows().iter().for_each(&mut each);
+        for (t_s, kind) in session.take_events() {
+            match kind {
+                EventKind::Homed { twist_error_estimate_rad, load_n, gap_offset_m } => {
+                    bar.finish_and_clear();
+                    let duration_s = t_s - start_s;
+                    return Ok(HomeResult { duration_s, load_n, twist_error_estimate_rad, gap_offset_m });
+                }
+                EventKind::HomingRefused(failure) => {
+                    return Err(Failure::failed(format!("homing failed: {failure}")));
+                }
+                EventKind::FaultRaised(fault) => return Err(Failure::failed(format!("fault {fault} while homing"))),
+                EventKind::EStopOpened => return Err(Failure::failed("emergency stop while homing")),
+                _ => {}
+            }
+        }
+    }
+    Err(Failure::failed(format!("homing did not end within {HOMING_S} s")))
+}
+
+/// How a move ended.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct MoveResult {
+    /// Where it was to go (m).
+    pub target_m: f64,
+    /// Where the LVDT sees it at rest (m).
+    pub position_m: f64,
+    /// Measured position less target (m).
+    pub error_m: f64,
+    /// True position less target, emulated rigs only (m).
+    pub true_error_m: Option<f64>,
+    /// Load estimate at rest (N).
+    pub load_n: f64,
+    /// TR at the start (rad/m).
+    pub tr_start_rad_per_m: f64,
+    /// TR at the end (rad/m).
+    pub tr_end_rad_per_m: f64,
+    /// Turns of the strings' motor side, before the gear's ratio is counted: turns of the output.
+    pub turns: f64,
+    /// From the request to rest (s).
+    pub duration_s: f64,
+}
+
+/// Moves; `each` sees every row.
+///
+/// # Errors
+/// The board's refusal or failure in words.
+pub fn move_session(
+    session: &mut Session,
+    to_m: f64,
+    speed_m_per_s: f64,
+    load: LoadChoice,
+    mut each: impl FnMut(&Row),
+) -> Result<MoveResult, Failure> {
+    let before = session.telemetry().copied();
+    let known = |v: Option<f32>, what: &str| {
+        v.map(f64::from).ok_or_else(|| Failure::failed(format!("the board knows no {what}: is it homed?")))
+    };
+    let start_s = session.now_s();
+    let request = Request::Move { target_m: to_m as f32, speed_m_per_s: speed_m_per_s as f32, load };
+    session.request(&request)?;
+    let from_m = known(before.and_then(|t| t.position_m), "position")?;
+    let distance = (to_m - from_m).abs();
+    let bar = progress(1000, "moving");
+    let limit_s = distance / speed_m_per_s.abs().max(1e-6) + MOVE_SLACK_S;
+    // A heavy load may be slower than asked: the motor has its own limit. Four times is more than TR varies.
+    while session.now_s() < start_s + 4.0 * limit_s {
+        session.step()?;
+        for row in session.take_rows() {
+            if let Some(position) = row.position_m {
+                let share = (f64::from(position) - from_m).abs() / distance.max(1e-9);
+                bar.set_position((1000.0 * share.min(1.0)) as u64);
+                bar.set_message(format!("{:.3} mm", f64::from(position) * 1e3));
+            }
+            each(&row);
+        }
+        for (_, kind) in session.take_events() {
+            match kind {
+                EventKind::MoveDone { .. } => {
+                    bar.finish_and_clear();
+                    return settle(session, to_m, start_s, before, &mut each);
+                }
+                EventKind::Stopped => return Err(Failure::failed("stopped before the target")),
+                EventKind::FaultRaised(fault) => return Err(Failure::failed(format!("fault {fault} on the way"))),
+                EventKind::EStopOpened => return Err(Failure::failed("emergency stop on the way")),
+                _ => {}
+            }
+        }
+    }
+    Err(Failure::failed("the move did not end"))
+}
+
+fn settle(
+    session: &mut Session,
+    to_m: f64,
+    start_s: f64,
+    before: Option<rig_link::Telemetry>,
+    each: &mut impl FnMut(&Row),
+) -> Result<MoveResult, Failure> {
+    let duration_s = session.now_s() - start_s;
+    // The mean of 0.3 s at rest: one block of the LVDT is noisier than where the load stands.
+    let (mut sum, mut true_sum, mut count) = (0.0, 0.0, 0.0);
+    let mut last = None;
+    for _ in 0..30 {
+        session.step()?;
+        for row in session.take_rows() {
+            sum += f64::from(row.position_m.unwrap_or(f32::NAN));
+            true_sum += row.true_position_m.unwrap_or(f64::NAN);
+            count += 1.0;
+            each(&row);
+            last = Some(row);
+        }
+    }
+    let last = last.ok_or_else(|| Failure::failed("the board went silent"))?;
+    let before = before.ok_or_else(|| Failure::failed("the board went silent"))?;
+    let position_m = sum / count;
+    let number = |v: Option<f32>| v.map_or(f64::NAN, f64::from);
+    Ok(MoveResult {
+        target_m: to_m,
+        position_m,
+        error_m: position_m - to_m,
+        true_error_m: Some(true_sum / count - to_m).filter(|e| e.is_finite()),
+        load_n: number(last.load_n),
+        tr_start_rad_per_m: number(before.tr_rad_per_m),
+        tr_end_rad_per_m: number(last.tr_rad_per_m),
+        turns: (number(last.twist_rad) - number(before.twist_rad)) / std::f64::consts::TAU,
+        duration_s,
+    })
+}
+
+/// `home`.
+///
+/// # Errors
+/// As [`home_session`].
+pub fn home(global: &Global, output: &mut Output) -> Result<(), Failure> {
+    let mut session = connect(global)?;
+    let result = home_session(&mut session, |_| {})?;
+    output.object(&result)?;
+    print_home(&result, output)
+}
+
+fn print_home(result: &HomeResult, output: &mut Output) -> Result<(), Failure> {
+    output.line(format!(
+        "homed in {:.1} s: load {:.3} N, zero twist to about {:.4} rad, LVDT offset {:+.3} mm",
+        result.duration_s,
+        result.load_n,
+        result.twist_error_estimate_rad,
+        f64::from(result.gap_offset_m) * 1e3
+    ))?;
+    Ok(())
+}
+
+/// `move`.
+///
+/// # Errors
+/// As [`move_session`].
+pub fn travel(global: &Global, to: f64, speed: f64, load: LoadChoice, output: &mut Output) -> Result<(), Failure> {
+    let mut session = connect(global)?;
+    if is_sim(global) {
+        eprintln!("the emulated board starts afresh and is not homed: homing first");
+        let result = home_session(&mut session, |_| {})?;
+        print_home(&result, output)?;
+    }
+    let r = move_session(&mut session, to, speed, load, |_| {})?;
+    output.object(&r)?;
+    output.line(format!("target        {:9.4} mm", r.target_m * 1e3))?;
+    output.line(format!("measured      {:9.4} mm   error {:+.1} um", r.position_m * 1e3, r.error_m * 1e6))?;
+    if let Some(error) = r.true_error_m {
+        output.line(format!("true (emulated rig)         error {:+.1} um", error * 1e6))?;
+    }
+    output.line(format!("load estimate {:9.3} N", r.load_n))?;
+    output.line(format!(
+        "TR            {:9.3} -> {:.3} rad/mm",
+        r.tr_start_rad_per_m * 1e-3,
+        r.tr_end_rad_per_m * 1e-3
+    ))?;
+    output.line(format!("turns         {:9.3}", r.turns))?;
+    output.line(format!("time          {:9.2} s", r.duration_s))?;
+    Ok(())
+}
+
+/// `jog`.
+///
+/// # Errors
+/// The board's refusal in words.
+pub fn jog(global: &Global, speed: f64, seconds: f64, output: &mut Output) -> Result<(), Failure> {
+    if !(0.0..=600.0).contains(&seconds) {
+        return Err(Failure::Usage(format!("--seconds {seconds}: must be from 0 to 600")));
+    }
+    let mut session = connect(global)?;
+    session.wait_ready()?;
+    session.request(&Request::Jog { twist_speed_rad_per_s: speed as f32 })?;
+    session.until(seconds, |_| false)?;
+    session.request(&Request::Stop)?;
+    session.until(5.0, |s| s.telemetry().is_some_and(|t| t.state != State::Moving))?;
+    show_last(&mut session, output)
+}
+
+/// `stop`, `hold`, `clear`.
+///
+/// # Errors
+/// The board's refusal in words.
+pub fn simple(global: &Global, request: &Request, output: &mut Output) -> Result<(), Failure> {
+    let mut session = connect(global)?;
+    if is_sim(global) {
+        session.wait_ready()?;
+    }
+    session.request(request)?;
+    session.until(0.2, |_| false)?;
+    show_last(&mut session, output)
+}
+
+fn show_last(session: &mut Session, output: &mut Output) -> Result<(), Failure> {
+    session.until(10.0 * client::STEP_S, |_| false)?;
+    if let Some(row) = session.take_rows().last() {
+        output.object(row)?;
+        output.line(row.text())?;
+    }
+    Ok(())
+}
+
+/// `status`.
+///
+/// # Errors
+/// If nobody answers.
+pub fn status(global: &Global, output: &mut Output) -> Result<(), Failure> {
+    let mut session = connect(global)?;
+    if is_sim(global) {
+        session.wait_ready()?;
+    }
+    session.until(0.1, |_| false)?;
+    let Some(row) = session.take_rows().pop() else {
+        return Err(Failure::failed("no telemetry from the board"));
+    };
+    let Some(id) = session.identity().cloned() else {
+        return Err(Failure::failed("the board did not say who it is"));
+    };
+    let counters = session.telemetry().map(|t| t.counters).unwrap_or_default();
+    output.object(&json!({
+        "firmware": id.version.as_str(),
+        "git": id.git.as_str(),
+        "scene_hash": format!("{:08x}", id.scene_hash),
+        "protocol_hash": format!("{:08x}", id.protocol_hash),
+        "reset_cause": id.reset_cause.name(),
+        "boot_count": id.boot_count,
+        "table": {
+            "form": id.table.form.as_str(),
+            "bytes": id.table.bytes,
+            "contraction_error_m": id.table.contraction_error_m,
+            "tr_relative_error": id.table.tr_relative_error,
+            "load_n": [id.table.load_min_n, id.table.load_max_n],
+            "turns": [id.table.turns_min, id.table.turns_max],
+            "crc": format!("{:08x}", id.table.crc),
+        },
+        "link_errors": counters.link_errors,
+        "foreign_frames": counters.foreign_frames,
+        "telemetry": row,
+    }))?;
+    output.line(format!(
+        "firmware {} ({}), scene {:08x}, last started by {}",
+        id.version, id.git, id.scene_hash, id.reset_cause
+    ))?;
+    output.line(format!(
+        "table    {}, {} bytes: contraction within {:.2} um, TR within {:.3} % for {} to {} N, {} to {:.1} turns",
+        id.table.form,
+        id.table.bytes,
+        id.table.contraction_error_m * 1e6,
+        id.table.tr_relative_error * 100.0,
+        id.table.load_min_n,
+        id.table.load_max_n,
+        id.table.turns_min,
+        id.table.turns_max
+    ))?;
+    output.line(format!(
+        "link     {} damaged frames at the board, {} here; {} foreign frames on the bus",
+        counters.link_errors,
+        session.damaged_frames(),
+        counters.foreign_frames
+    ))?;
+    output.line(row.text())?;
+    Ok(())
+}

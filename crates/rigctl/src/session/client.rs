@@ -1,0 +1,264 @@
+//! Requests with replies, events and telemetry over a [`Port`].
+
+use super::port::{Emulated, Port, Truth};
+use super::row::Row;
+use crate::failure::Failure;
+use rig_link::{
+    Accepted, Decoder, EventKind, HEARTBEAT_PERIOD_MS, Identity, MAX_FRAME, Message, PROTOCOL_HASH, Refusal, Request,
+    State, Telemetry, encode,
+};
+use std::collections::VecDeque;
+
+/// Time that passes in one step (s).
+pub const STEP_S: f64 = 0.01;
+/// Longest wait for a reply (s).
+const REPLY_S: f64 = 1.0;
+/// Longest wait for the first word of a board (s): a drive's start-up does not hold the link back.
+const HELLO_S: f64 = 3.0;
+/// How much truth is kept to be paired with telemetry (records of 1 ms).
+const TRUTH_KEPT: usize = 500;
+
+/// A conversation with one board.
+pub struct Session {
+    port: Box<dyn Port>,
+    decoder: Decoder<Message>,
+    sequence: u16,
+    outgoing: Vec<u8>,
+    steps: u64,
+    heartbeat: bool,
+    /// State of the generator of link noise, while it is on.
+    noise: Option<u64>,
+    replies: VecDeque<(u16, Result<Accepted, Refusal>)>,
+    events: VecDeque<(f64, EventKind)>,
+    rows: VecDeque<Row>,
+    log: Vec<String>,
+    truth: VecDeque<Truth>,
+    /// Emulated time of the board's last start (s).
+    boot_s: f64,
+    last: Option<Telemetry>,
+    identity: Option<Identity>,
+    home_gap_m: Option<f64>,
+}
+
+impl Session {
+    /// Over this way.
+    pub fn new(port: Box<dyn Port>) -> Self {
+        Self {
+            port,
+            decoder: Decoder::new(),
+            sequence: 0,
+            outgoing: Vec::new(),
+            steps: 0,
+            heartbeat: true,
+            noise: None,
+            replies: VecDeque::new(),
+            events: VecDeque::new(),
+            rows: VecDeque::new(),
+            log: Vec::new(),
+            truth: VecDeque::new(),
+            boot_s: 0.0,
+            last: None,
+            identity: None,
+            home_gap_m: None,
+        }
+    }
+
+    /// Time on the port's clock (s).
+    pub fn now_s(&self) -> f64 {
+        self.port.now_s()
+    }
+
+    /// The newest telemetry.
+    pub fn telemetry(&self) -> Option<&Telemetry> {
+        self.last.as_ref()
+    }
+
+    /// Who the board said it is.
+    pub fn identity(&self) -> Option<&Identity> {
+        self.identity.as_ref()
+    }
+
+    /// Damaged frames so far.
+    pub fn damaged_frames(&self) -> u32 {
+        self.decoder.errors()
+    }
+
+    /// The emulated rig behind it, if it is one.
+    pub fn emulated(&mut self) -> Option<&mut dyn Emulated> {
+        self.port.emulated()
+    }
+
+    /// Rows since last asked.
+    pub fn take_rows(&mut self) -> Vec<Row> {
+        self.rows.drain(..).collect()
+    }
+
+    /// Events since last asked, with their times (s).
+    pub fn take_events(&mut self) -> Vec<(f64, EventKind)> {
+        self.events.drain(..).collect()
+    }
+
+    /// The firmware's own log since last asked; emulated boards only.
+    pub fn take_log(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.log)
+    }
+
+    /// Replies since last asked that nobody waited for, with their request's number.
+    pub fn take_replies(&mut self) -> Vec<(u16, Result<Accepted, Refusal>)> {
+        self.replies.drain(..).collect()
+    }
+
+    /// Sends heartbeats, or stops to.
+    pub fn set_heartbeat(&mut self, on: bool) {
+        self.heartbeat = on;
+    }
+
+    /// Mixes random bytes between the frames, or stops to.
+    pub fn set_link_noise(&mut self, seed: Option<u64>) {
+        self.noise = seed;
+    }
+
+    /// Queues a request for the next step; its number.
+    ///
+    /// # Errors
+    /// Never for the messages there are: each fits a frame.
+    pub fn post(&mut self, request: &Request) -> Result<u16, Failure> {
+        self.sequence = self.sequence.wrapping_add(1);
+        let mut buffer = [0; MAX_FRAME];
+        let frame = encode(self.sequence, request, &mut buffer).map_err(|e| Failure::failed(e.to_string()))?;
+        self.outgoing.extend_from_slice(frame);
+        Ok(self.sequence)
+    }
+
+    /// One step: everything queued goes out, everything that came is sorted.
+    ///
+    /// # Errors
+    /// If the port fails or the emulated board stopped.
+    pub fn step(&mut self) -> Result<(), Failure> {
+        let period = u64::from(HEARTBEAT_PERIOD_MS) / 10;
+        if self.heartbeat && self.steps.is_multiple_of(period) {
+            self.post(&Request::Heartbeat)?;
+        }
+        self.steps += 1;
+        let mut bytes = std::mem::take(&mut self.outgoing);
+        if let Some(state) = &mut self.noise {
+            let mut noise = noise_bytes(state);
+            noise.append(&mut bytes);
+            bytes = noise;
+        }
+        let received = self.port.pass(&bytes, STEP_S)?;
+        self.truth.extend(received.truth);
+        while self.truth.len() > TRUTH_KEPT {
+            self.truth.pop_front();
+        }
+        self.log.extend(received.log);
+        for byte in received.bytes {
+            if let Some(Ok(frame)) = self.decoder.push(byte) {
+                self.take(frame.body);
+            }
+        }
+        Ok(())
+    }
+
+    fn take(&mut self, message: Message) {
+        match message {
+            Message::Reply { to, result } => self.replies.push_back((to, result)),
+            Message::Identity(identity) => self.identity = Some(identity),
+            Message::Event { t_us, kind } => {
+                let t_s = self.boot_s + t_us as f64 * 1e-6;
+                if matches!(kind, EventKind::Homed { .. }) {
+                    self.home_gap_m = self.truth_at(t_s).map(|t| t.gap_m);
+                }
+                self.events.push_back((t_s, kind));
+            }
+            Message::Telemetry(telemetry) => {
+                if self.last.is_some_and(|last| telemetry.t_us < last.t_us) {
+                    // The board's clock went back: it was reset, and knows nothing any more.
+                    self.boot_s = (self.now_s() - telemetry.t_us as f64 * 1e-6).max(0.0);
+                    self.home_gap_m = None;
+                }
+                let t_s = self.boot_s + telemetry.t_us as f64 * 1e-6;
+                let truth = self.truth_at(t_s);
+                self.rows.push_back(Row::new(t_s, &telemetry, truth.as_ref(), self.home_gap_m));
+                self.last = Some(telemetry);
+            }
+        }
+    }
+
+    /// The record nearest to a time.
+    fn truth_at(&self, t_s: f64) -> Option<Truth> {
+        let distance = |t: &&Truth| (t.t_s - t_s).abs();
+        self.truth.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).copied()
+    }
+
+    /// Steps until `done`, at most `seconds`; whether it was done.
+    ///
+    /// # Errors
+    /// As [`Session::step`].
+    pub fn until(&mut self, seconds: f64, mut done: impl FnMut(&Self) -> bool) -> Result<bool, Failure> {
+        let end = self.now_s() + seconds;
+        while self.now_s() < end {
+            self.step()?;
+            if done(self) {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    /// Sends a request and waits for its reply.
+    ///
+    /// # Errors
+    /// The board's refusal, in words, or that no reply came.
+    pub fn request(&mut self, request: &Request) -> Result<Accepted, Failure> {
+        let number = self.post(request)?;
+        self.until(REPLY_S, |s| s.replies.iter().any(|(to, _)| *to == number))?;
+        match self.replies.iter().position(|(to, _)| *to == number).and_then(|i| self.replies.remove(i)) {
+            Some((_, Ok(accepted))) => Ok(accepted),
+            Some((_, Err(refusal))) => Err(Failure::failed(format!("refused: {refusal}"))),
+            None => Err(Failure::failed(format!("no reply from the board within {REPLY_S} s"))),
+        }
+    }
+
+    /// Greets the board and learns who it is.
+    ///
+    /// # Errors
+    /// If nobody answers, or board and tool were built from different message tables.
+    pub fn hello(&mut self) -> Result<Identity, Failure> {
+        if !self.until(HELLO_S, |s| s.last.is_some())? {
+            return Err(Failure::failed(format!("no telemetry within {HELLO_S} s: is the board on, is it this port?")));
+        }
+        self.identity = None;
+        self.request(&Request::Hello { protocol_hash: PROTOCOL_HASH })?;
+        self.until(REPLY_S, |s| s.identity.is_some())?;
+        self.identity.clone().ok_or_else(|| Failure::failed("the board did not say who it is"))
+    }
+
+    /// Waits until the drive has started and the board can take a motion.
+    ///
+    /// # Errors
+    /// If it does not come to that within 10 s, or is in fault.
+    pub fn wait_ready(&mut self) -> Result<(), Failure> {
+        let state = |s: &Self| s.last.map_or(State::Boot, |t| t.state);
+        self.until(10.0, |s| state(s) != State::Boot)?;
+        match (state(self), self.last.and_then(|t| t.fault)) {
+            (State::Boot, _) => Err(Failure::failed("the drive does not start: is it powered, is the bus wired?")),
+            (State::Fault, Some(fault)) => Err(Failure::failed(format!("the board is in fault: {fault}"))),
+            (State::EStop, _) => Err(Failure::failed("the emergency stop is pressed")),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Up to 40 random bytes, SplitMix64.
+fn noise_bytes(state: &mut u64) -> Vec<u8> {
+    let mut next = || {
+        *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = *state;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    };
+    let count = next() % 41;
+    (0..count).map(|_| next() as u8).collect()
+}

@@ -1,0 +1,83 @@
+//! One line of telemetry: what the board says, and on an emulated rig what is true at the same time.
+
+use super::port::Truth;
+use rig_link::Telemetry;
+use serde::Serialize;
+
+/// Keys and order of the host tool's contract. SI units; `None` prints as null.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Row {
+    /// Time (s): emulated time, or since the port was opened.
+    pub t_s: f64,
+    /// What the rig is doing.
+    pub state: &'static str,
+    /// What stopped it.
+    pub fault: Option<&'static str>,
+    /// What holds it back.
+    pub limit: Option<&'static str>,
+    /// Where it is going.
+    pub target_m: Option<f32>,
+    /// Where the planner wants it now.
+    pub setpoint_m: Option<f32>,
+    /// Where the LVDT sees it.
+    pub position_m: Option<f32>,
+    /// Twist of the strings.
+    pub twist_rad: Option<f32>,
+    /// Estimated load.
+    pub load_n: Option<f32>,
+    /// Transmission ratio at this twist and load.
+    pub tr_rad_per_m: Option<f32>,
+    /// Motor current as the drive reports it.
+    pub drive_current_a: f32,
+    /// Speed of the motor shaft as the drive reports it.
+    pub drive_speed_rad_per_s: f32,
+    /// The same position, of the plant's true gap.
+    pub true_position_m: Option<f64>,
+    /// True twist.
+    pub true_twist_rad: Option<f64>,
+    /// True load.
+    pub true_load_n: Option<f64>,
+    /// True tension of one string.
+    pub string_tension_n: Option<f64>,
+}
+
+impl Row {
+    /// Puts telemetry and truth side by side. `home_gap_m` is the true gap when the rig was homed.
+    pub fn new(t_s: f64, telemetry: &Telemetry, truth: Option<&Truth>, home_gap_m: Option<f64>) -> Self {
+        Self {
+            t_s,
+            state: telemetry.state.name(),
+            fault: telemetry.fault.map(|f| f.name()),
+            limit: telemetry.limit.map(|l| l.name()),
+            target_m: telemetry.target_m,
+            setpoint_m: telemetry.setpoint_m,
+            position_m: telemetry.position_m,
+            twist_rad: telemetry.twist_rad,
+            load_n: telemetry.load_n,
+            tr_rad_per_m: telemetry.tr_rad_per_m,
+            drive_current_a: telemetry.drive_current_a,
+            drive_speed_rad_per_s: telemetry.drive_speed_rad_per_s,
+            true_position_m: home_gap_m.zip(truth).map(|(home, t)| home - t.gap_m),
+            true_twist_rad: truth.map(|t| t.twist_rad),
+            true_load_n: truth.map(|t| t.load_n),
+            string_tension_n: truth.map(|t| t.string_tension_n),
+        }
+    }
+
+    /// A line for people.
+    pub fn text(&self) -> String {
+        let mm = |v: Option<f64>| v.map_or("      -".into(), |v| format!("{:7.3}", v * 1e3));
+        format!(
+            "{:8.2} s  {:8} position {} mm (true {} mm)  set-point {} mm  load {} N  TR {} rad/mm{}{}",
+            self.t_s,
+            self.state,
+            mm(self.position_m.map(f64::from)),
+            mm(self.true_position_m),
+            mm(self.setpoint_m.map(f64::from)),
+            self.load_n.map_or("     -".into(), |v| format!("{v:6.3}")),
+            self.tr_rad_per_m.map_or("    -".into(), |v| format!("{:5.2}", v * 1e-3)),
+            self.fault.map_or(String::new(), |f| format!("  FAULT {f}")),
+            self.limit.map_or(String::new(), |l| format!("  limit {l}")),
+        )
+    }
+}

@@ -1,0 +1,150 @@
+//! The emulated board: `rig-emulator` as a child process, stepped in emulated time. Nothing runs between two steps, so
+//! the same seed and the same requests give the same bytes.
+
+use super::port::{Emulated, Port, Received, Stats, Truth};
+use crate::failure::Failure;
+use crate::plant::Setting;
+use anyhow::{Context, anyhow};
+use serde::Deserialize;
+use serde_json::{Value, json};
+use std::io::{BufRead, BufReader, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+
+/// How to start an emulated board.
+#[derive(Clone, Debug)]
+pub struct SimOptions {
+    /// The firmware; `None` is the one that `cargo xtask firmware` made.
+    pub firmware: Option<PathBuf>,
+    /// Scene of the rig.
+    pub scene: PathBuf,
+    /// What the firmware is not told.
+    pub plant: Vec<Setting>,
+    /// Seed of all noise.
+    pub seed: u64,
+}
+
+/// A running emulated board.
+pub struct Sim {
+    child: Child,
+    input: ChildStdin,
+    output: BufReader<ChildStdout>,
+    now_s: f64,
+}
+
+#[derive(Deserialize)]
+struct RunAnswer {
+    t_s: f64,
+    uart: String,
+    truth: Vec<Truth>,
+    log: Vec<String>,
+}
+
+/// Beside our own executable.
+fn beside(name: &str) -> Result<PathBuf, Failure> {
+    let own = std::env::current_exe().context("where rigctl itself is")?;
+    Ok(own.parent().unwrap_or(Path::new(".")).join(name))
+}
+
+impl Sim {
+    /// Boots a fresh board.
+    ///
+    /// # Errors
+    /// If emulator or firmware are not built, or the scene is refused.
+    pub fn start(options: &SimOptions) -> Result<Self, Failure> {
+        let emulator = beside(if cfg!(windows) { "rig-emulator.exe" } else { "rig-emulator" })?;
+        let firmware = match &options.firmware {
+            Some(path) => path.clone(),
+            None => beside("../firmware/tsa-firmware.elf")?,
+        };
+        for (path, what) in [(&emulator, "cargo xtask build"), (&firmware, "cargo xtask firmware")] {
+            if !path.exists() {
+                return Err(Failure::failed(format!("{} is not there: run `{what}`", path.display())));
+            }
+        }
+        let mut command = Command::new(&emulator);
+        command.arg("--elf").arg(&firmware).arg("--scene").arg(&options.scene);
+        command.arg("--seed").arg(options.seed.to_string());
+        for setting in &options.plant {
+            // A bare number is SI on the other side too.
+            command.arg("--plant").arg(format!("{}={}", setting.key, setting.value));
+        }
+        let mut child = command
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .with_context(|| format!("starting {}", emulator.display()))?;
+        let (Some(input), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
+            return Err(Failure::failed("the emulator has no standard input and output"));
+        };
+        let mut sim = Self { child, input, output: BufReader::new(output), now_s: 0.0 };
+        // Says at once whether scene, plant and ELF were taken.
+        sim.stats()?;
+        Ok(sim)
+    }
+
+    fn ask(&mut self, request: &Value) -> Result<Value, Failure> {
+        // A child that refused its arguments has said so on standard error, which is ours.
+        let gone = || Failure::failed("the emulator has stopped");
+        writeln!(self.input, "{request}").map_err(|_| gone())?;
+        self.input.flush().map_err(|_| gone())?;
+        let mut line = String::new();
+        if self.output.read_line(&mut line)? == 0 {
+            return Err(gone());
+        }
+        let mut answer: Value = serde_json::from_str(&line).context("the emulator's answer")?;
+        if let Some(error) = answer.get("error") {
+            let text = |key: &str| error.get(key).and_then(Value::as_str).unwrap_or("?").to_string();
+            return Err(anyhow!("emulator ({}): {}", text("kind"), text("message")).into());
+        }
+        Ok(answer.take())
+    }
+}
+
+impl Port for Sim {
+    fn pass(&mut self, bytes: &[u8], seconds: f64) -> Result<Received, Failure> {
+        let uart: String = bytes.iter().map(|b| format!("{b:02x}")).collect();
+        let answer = self.ask(&json!({"op": "run", "until_s": self.now_s + seconds, "uart": uart}))?;
+        let answer: RunAnswer = serde_json::from_value(answer).context("the emulator's answer to `run`")?;
+        self.now_s = answer.t_s;
+        let digits = answer.uart.as_bytes();
+        let byte = |pair: &[u8]| std::str::from_utf8(pair).ok().and_then(|p| u8::from_str_radix(p, 16).ok());
+        let bytes = digits.chunks(2).map(byte).collect::<Option<_>>().context("hexadecimal from the emulator")?;
+        Ok(Received { bytes, truth: answer.truth, log: answer.log })
+    }
+
+    fn now_s(&self) -> f64 {
+        self.now_s
+    }
+
+    fn emulated(&mut self) -> Option<&mut dyn Emulated> {
+        Some(self)
+    }
+}
+
+impl Emulated for Sim {
+    fn plant(&mut self, setting: &Setting) -> Result<(), Failure> {
+        self.ask(&json!({"op": "plant", "key": setting.key, "value": setting.value.to_string()})).map(drop)
+    }
+
+    fn fault(&mut self, name: &str, on: bool) -> Result<(), Failure> {
+        self.ask(&json!({"op": "fault", "name": name, "on": on})).map(drop)
+    }
+
+    fn power_cycle(&mut self) -> Result<(), Failure> {
+        self.ask(&json!({"op": "power-cycle"})).map(drop)
+    }
+
+    fn stats(&mut self) -> Result<Stats, Failure> {
+        let answer = self.ask(&json!({"op": "stats"}))?;
+        Ok(serde_json::from_value(answer).context("the emulator's statistics")?)
+    }
+}
+
+impl Drop for Sim {
+    fn drop(&mut self) {
+        // Closing its input would end it as well; this does not wait for a run to finish.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
