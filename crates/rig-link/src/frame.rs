@@ -103,13 +103,7 @@ impl<T> Default for Decoder<T> {
 impl<T> Decoder<T> {
     /// An empty decoder.
     pub const fn new() -> Self {
-        Self {
-            buffer: [0; MAX_FRAME],
-            length: 0,
-            skipping: false,
-            errors: 0,
-            message: PhantomData,
-        }
+        Self { buffer: [0; MAX_FRAME], length: 0, skipping: false, errors: 0, message: PhantomData }
     }
 
     /// How many damaged frames have gone by (stops at the greatest number instead of wrapping).
@@ -158,17 +152,12 @@ impl<T: DeserializeOwned> Decoder<T> {
         let decoded = cobs::decode_in_place(coded).map_err(|_| DecodeError::NotAFrame)?;
         let content = coded.get(..decoded).ok_or(DecodeError::NotAFrame)?;
         let (checked, crc) = content.split_last_chunk::<CRC_BYTES>().ok_or(DecodeError::NotAFrame)?;
-        let (sequence, body) = checked
-            .split_first_chunk::<SEQUENCE_BYTES>()
-            .ok_or(DecodeError::NotAFrame)?;
+        let (sequence, body) = checked.split_first_chunk::<SEQUENCE_BYTES>().ok_or(DecodeError::NotAFrame)?;
         if CRC.checksum(checked) != u32::from_le_bytes(*crc) {
             return Err(DecodeError::Crc);
         }
         match postcard::take_from_bytes(body) {
-            Ok((body, [])) => Ok(Frame {
-                sequence: u16::from_le_bytes(*sequence),
-                body,
-            }),
+            Ok((body, [])) => Ok(Frame { sequence: u16::from_le_bytes(*sequence), body }),
             _ => Err(DecodeError::NotAMessage),
         }
     }

@@ -41,25 +41,15 @@ fn refusal() -> impl Strategy<Value = Refusal> {
         Just(Refusal::EStop),
         one_of(State::ALL).prop_map(|state| Refusal::Busy { state }),
         one_of(Fault::ALL).prop_map(|fault| Refusal::InFault { fault }),
-        (one_of(Parameter::ALL), float(), float(), float()).prop_map(|(parameter, min, max, given)| {
-            Refusal::OutOfRange {
-                parameter,
-                min,
-                max,
-                given,
-            }
-        }),
+        (one_of(Parameter::ALL), float(), float(), float())
+            .prop_map(|(parameter, min, max, given)| { Refusal::OutOfRange { parameter, min, max, given } }),
         any::<u32>().prop_map(|board| Refusal::ProtocolMismatch { board }),
     ]
 }
 
 fn telemetry() -> impl Strategy<Value = Telemetry> {
-    let state = (
-        any::<u64>(),
-        one_of(State::ALL),
-        prop::option::of(one_of(Fault::ALL)),
-        prop::option::of(one_of(Limit::ALL)),
-    );
+    let state =
+        (any::<u64>(), one_of(State::ALL), prop::option::of(one_of(Fault::ALL)), prop::option::of(one_of(Limit::ALL)));
     let values = prop::array::uniform6(prop::option::of(float()));
     (state, values, float(), float(), any::<u32>(), any::<u32>()).prop_map(|(s, v, current, speed, errors, foreign)| {
         Telemetry {
@@ -75,10 +65,7 @@ fn telemetry() -> impl Strategy<Value = Telemetry> {
             tr_rad_per_m: v[5],
             drive_current_a: current,
             drive_speed_rad_per_s: speed,
-            counters: Counters {
-                link_errors: errors,
-                foreign_frames: foreign,
-            },
+            counters: Counters { link_errors: errors, foreign_frames: foreign },
         }
     })
 }
@@ -99,10 +86,7 @@ fn event() -> impl Strategy<Value = EventKind> {
 fn message() -> impl Strategy<Value = Message> {
     let accepted = one_of(Accepted::ALL);
     prop_oneof![
-        (
-            any::<u16>(),
-            prop_oneof![accepted.prop_map(Ok), refusal().prop_map(Err)]
-        )
+        (any::<u16>(), prop_oneof![accepted.prop_map(Ok), refusal().prop_map(Err)])
             .prop_map(|(to, result)| Message::Reply { to, result }),
         telemetry().prop_map(Message::Telemetry),
         (any::<u64>(), event()).prop_map(|(t_us, kind)| Message::Event { t_us, kind }),
@@ -140,19 +124,13 @@ fn longest_identity() -> Identity {
 
 fn wire<T: Serialize>(sequence: u16, body: &T) -> Vec<u8> {
     let mut buffer = [0; MAX_FRAME];
-    encode(sequence, body, &mut buffer)
-        .expect("every message fits")
-        .to_vec()
+    encode(sequence, body, &mut buffer).expect("every message fits").to_vec()
 }
 
 /// All good frames in the bytes, and how many errors were counted.
 fn decode<T: DeserializeOwned>(bytes: &[u8]) -> (Vec<Frame<T>>, u32) {
     let mut decoder = Decoder::new();
-    let frames = bytes
-        .iter()
-        .filter_map(|&b| decoder.push(b))
-        .filter_map(Result::ok)
-        .collect();
+    let frames = bytes.iter().filter_map(|&b| decoder.push(b)).filter_map(Result::ok).collect();
     (frames, decoder.errors())
 }
 
@@ -230,15 +208,9 @@ fn the_longest_messages_fit() {
         tr_rad_per_m: Some(1.0),
         drive_current_a: 1.0,
         drive_speed_rad_per_s: 1.0,
-        counters: Counters {
-            link_errors: u32::MAX,
-            foreign_frames: u32::MAX,
-        },
+        counters: Counters { link_errors: u32::MAX, foreign_frames: u32::MAX },
     };
-    assert!(
-        wire(u16::MAX, &Message::Telemetry(telemetry)).len() <= 80,
-        "the rate of telemetry rests on this"
-    );
+    assert!(wire(u16::MAX, &Message::Telemetry(telemetry)).len() <= 80, "the rate of telemetry rests on this");
 }
 
 #[test]
@@ -253,13 +225,7 @@ fn an_endless_run_is_one_error_and_ends_at_the_delimiter() {
     let mut bytes = vec![0x55; 10 * MAX_FRAME];
     bytes.extend(wire(3, &Request::Stop));
     let (frames, errors) = decode::<Request>(&bytes);
-    assert_eq!(
-        frames,
-        vec![Frame {
-            sequence: 3,
-            body: Request::Stop
-        }]
-    );
+    assert_eq!(frames, vec![Frame { sequence: 3, body: Request::Stop }]);
     assert_eq!(errors, 1);
 }
 
@@ -276,11 +242,7 @@ fn names_and_numbers_are_unique_and_come_back() {
     for (n, fault) in Fault::ALL.iter().enumerate() {
         assert_eq!(Fault::from_name(fault.name()), Some(*fault));
         assert_eq!(Fault::from_code(fault.code()), Some(*fault));
-        assert!(
-            Fault::ALL[..n]
-                .iter()
-                .all(|f| f.name() != fault.name() && f.code() != fault.code())
-        );
+        assert!(Fault::ALL[..n].iter().all(|f| f.name() != fault.name() && f.code() != fault.code()));
     }
     assert_eq!(Fault::from_code(0), None);
     assert_eq!(State::from_name("estop"), Some(State::EStop));
@@ -288,11 +250,6 @@ fn names_and_numbers_are_unique_and_come_back() {
 
 #[test]
 fn refusals_name_parameter_and_limits() {
-    let refusal = Refusal::OutOfRange {
-        parameter: Parameter::Target,
-        min: 0.0,
-        max: 0.02,
-        given: 0.5,
-    };
+    let refusal = Refusal::OutOfRange { parameter: Parameter::Target, min: 0.0, max: 0.02, given: 0.5 };
     assert_eq!(refusal.to_string(), "target is 0.5 m, allowed are 0 to 0.02 m");
 }

@@ -10,11 +10,7 @@ pub struct Group(u8);
 impl Group {
     /// Checks the range 0 to 7.
     pub const fn new(group: u8) -> Result<Self, OutOfRange> {
-        if group > 7 {
-            Err(OutOfRange::Group(group))
-        } else {
-            Ok(Self(group))
-        }
+        if group > 7 { Err(OutOfRange::Group(group)) } else { Ok(Self(group)) }
     }
 
     /// 0 to 7.
@@ -63,12 +59,7 @@ impl Address {
 
     /// Identifiers of everything that the drive sends (functions B, C, D, F): one bank of CAN filters.
     pub const fn report_ids(self) -> [u16; 4] {
-        [
-            self.id(Function::Motion),
-            self.id(Function::Mixed),
-            self.id(Function::Error),
-            self.id(Function::OnlineCheck),
-        ]
+        [self.id(Function::Motion), self.id(Function::Mixed), self.id(Function::Error), self.id(Function::OnlineCheck)]
     }
 }
 

@@ -194,20 +194,14 @@ impl Command {
 
     /// The frame for one drive.
     pub fn encode(&self, to: Address) -> Frame {
-        Frame {
-            id: to.id(self.function()),
-            data: self.data(),
-        }
+        Frame { id: to.id(self.function()), data: self.data() }
     }
 
     /// The frame for a whole group.
     pub fn encode_broadcast(&self, to: Group) -> Result<Frame, NotForBroadcast> {
         match self {
             Self::Config { .. } | Self::OnlineCheck => Err(NotForBroadcast(self.function())),
-            _ => Ok(Frame {
-                id: to.broadcast_id(self.function()),
-                data: self.data(),
-            }),
+            _ => Ok(Frame { id: to.broadcast_id(self.function()), data: self.data() }),
         }
     }
 
@@ -229,23 +223,12 @@ impl Command {
             Self::Current { pwm_limit, current } => words(pwm_limit.get(), Some(current.0), None),
             Self::Velocity { pwm_limit, speed } => words(pwm_limit.get(), Some(speed.0), None),
             Self::Position { pwm_limit, position } => words(pwm_limit.get(), None, Some(position)),
-            Self::VelocityPosition {
-                pwm_limit,
-                speed_limit,
-                position,
-            } => {
+            Self::VelocityPosition { pwm_limit, speed_limit, position } => {
                 words(pwm_limit.get(), Some(speed_limit.get()), Some(position));
             }
             Self::CurrentVelocity { current_limit, speed } => words(current_limit.get(), Some(speed.0), None),
-            Self::CurrentPosition {
-                current_limit,
-                position,
-            } => words(current_limit.get(), None, Some(position)),
-            Self::CurrentVelocityPosition {
-                current_limit,
-                speed_limit,
-                position,
-            } => {
+            Self::CurrentPosition { current_limit, position } => words(current_limit.get(), None, Some(position)),
+            Self::CurrentVelocityPosition { current_limit, speed_limit, position } => {
                 words(current_limit.get(), Some(speed_limit.get()), Some(position));
             }
             Self::Config { motion_ms, mixed_ms } => [data[0], data[1]] = [motion_ms, mixed_ms],
@@ -266,47 +249,20 @@ impl Command {
         Ok(match function {
             Function::Reset => Self::Reset,
             Function::ChooseMode => Self::ChooseMode(Mode::try_from(data[0]).map_err(|_| Ignored::Field(0))?),
-            Function::OpenLoop => Self::OpenLoop {
-                pwm: Pwm::new(first).map_err(|_| Ignored::Field(0))?,
-            },
-            Function::Current => Self::Current {
-                pwm_limit: pwm_limit()?,
-                current: Milliamps(second),
-            },
-            Function::Velocity => Self::Velocity {
-                pwm_limit: pwm_limit()?,
-                speed: Rpm(second),
-            },
-            Function::Position => Self::Position {
-                pwm_limit: pwm_limit()?,
-                position,
-            },
-            Function::VelocityPosition => Self::VelocityPosition {
-                pwm_limit: pwm_limit()?,
-                speed_limit: speed_limit()?,
-                position,
-            },
-            Function::CurrentVelocity => Self::CurrentVelocity {
-                current_limit: current_limit()?,
-                speed: Rpm(second),
-            },
-            Function::CurrentPosition => Self::CurrentPosition {
-                current_limit: current_limit()?,
-                position,
-            },
-            Function::CurrentVelocityPosition => Self::CurrentVelocityPosition {
-                current_limit: current_limit()?,
-                speed_limit: speed_limit()?,
-                position,
-            },
-            Function::Config => Self::Config {
-                motion_ms: data[0],
-                mixed_ms: data[1],
-            },
-            Function::Outputs => Self::Outputs {
-                out1: Output::of_byte(data[0]),
-                out2: Output::of_byte(data[1]),
-            },
+            Function::OpenLoop => Self::OpenLoop { pwm: Pwm::new(first).map_err(|_| Ignored::Field(0))? },
+            Function::Current => Self::Current { pwm_limit: pwm_limit()?, current: Milliamps(second) },
+            Function::Velocity => Self::Velocity { pwm_limit: pwm_limit()?, speed: Rpm(second) },
+            Function::Position => Self::Position { pwm_limit: pwm_limit()?, position },
+            Function::VelocityPosition => {
+                Self::VelocityPosition { pwm_limit: pwm_limit()?, speed_limit: speed_limit()?, position }
+            }
+            Function::CurrentVelocity => Self::CurrentVelocity { current_limit: current_limit()?, speed: Rpm(second) },
+            Function::CurrentPosition => Self::CurrentPosition { current_limit: current_limit()?, position },
+            Function::CurrentVelocityPosition => {
+                Self::CurrentVelocityPosition { current_limit: current_limit()?, speed_limit: speed_limit()?, position }
+            }
+            Function::Config => Self::Config { motion_ms: data[0], mixed_ms: data[1] },
+            Function::Outputs => Self::Outputs { out1: Output::of_byte(data[0]), out2: Output::of_byte(data[1]) },
             Function::OnlineCheck => Self::OnlineCheck,
             Function::Motion | Function::Mixed | Function::Error => return Err(Ignored::WrongDirection(function)),
         })

@@ -18,12 +18,7 @@ pub struct Frame {
 impl Frame {
     /// The same frame as its receiver sees it.
     pub fn received(&self) -> Received<'_> {
-        Received {
-            id: u32::from(self.id),
-            extended: false,
-            remote: false,
-            data: &self.data,
-        }
+        Received { id: u32::from(self.id), extended: false, remote: false, data: &self.data }
     }
 }
 

@@ -105,12 +105,9 @@ impl Report {
                 ctl1: level(0)?,
                 ctl2: level(1)?,
                 rest: match (level(2), level(5), Pwm::new(i16_at(&data, 6))) {
-                    (Ok(dsin), Ok(chz), Ok(pwm)) => Some(MixedRest {
-                        dsin,
-                        asin_mv: u16::from_be_bytes([data[3], data[4]]),
-                        chz,
-                        pwm,
-                    }),
+                    (Ok(dsin), Ok(chz), Ok(pwm)) => {
+                        Some(MixedRest { dsin, asin_mv: u16::from_be_bytes([data[3], data[4]]), chz, pwm })
+                    }
                     _ => None,
                 },
             }),
@@ -128,11 +125,7 @@ impl Report {
     pub fn encode(&self, from: Address) -> Frame {
         let mut data = [PAD; 8];
         match *self {
-            Self::Motion {
-                current,
-                speed,
-                position,
-            } => {
+            Self::Motion { current, speed, position } => {
                 data[..2].copy_from_slice(&current.0.to_be_bytes());
                 data[2..4].copy_from_slice(&speed.0.to_be_bytes());
                 data[4..].copy_from_slice(&position.0.to_be_bytes());
@@ -150,9 +143,6 @@ impl Report {
             Self::Error(error) => data[0] = error.code(),
             Self::Online => {}
         }
-        Frame {
-            id: from.id(self.function()),
-            data,
-        }
+        Frame { id: from.id(self.function()), data }
     }
 }

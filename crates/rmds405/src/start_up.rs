@@ -89,12 +89,7 @@ impl StartUp {
         if feedback_period_ms == 0 {
             return Err(OutOfRange::FeedbackPeriod);
         }
-        Ok(Self {
-            address,
-            mode,
-            motion_ms: feedback_period_ms,
-            state: State::Begin,
-        })
+        Ok(Self { address, mode, motion_ms: feedback_period_ms, state: State::Begin })
     }
 
     /// One step. `now_ms` never runs backwards; the first call counts as power-up.
@@ -106,10 +101,7 @@ impl StartUp {
                 self.send(Command::Reset)
             }
             State::PowerUp { since_ms } if passed(since_ms, POWER_UP_MS) => {
-                self.state = State::Online {
-                    sent_ms: now_ms,
-                    tries: 1,
-                };
+                self.state = State::Online { sent_ms: now_ms, tries: 1 };
                 self.send(Command::OnlineCheck)
             }
             State::Online { .. } if event == Event::Report(Report::Online) => {
@@ -120,10 +112,7 @@ impl StartUp {
                 if tries >= ONLINE_TRIES {
                     return self.fail(StartError::NoEcho);
                 }
-                self.state = State::Online {
-                    sent_ms: now_ms,
-                    tries: tries + 1,
-                };
+                self.state = State::Online { sent_ms: now_ms, tries: tries + 1 };
                 self.send(Command::OnlineCheck)
             }
             State::AfterReset { since_ms } if passed(since_ms, AFTER_RESET_MS) => {
@@ -131,10 +120,7 @@ impl StartUp {
                 self.send(Command::ChooseMode(self.mode))
             }
             State::AfterMode { since_ms } if passed(since_ms, AFTER_MODE_MS) => {
-                self.state = State::Configured {
-                    sent_ms: now_ms,
-                    tries: 1,
-                };
+                self.state = State::Configured { sent_ms: now_ms, tries: 1 };
                 self.configure()
             }
             State::Configured { .. } if matches!(event, Event::Report(Report::Motion { .. })) => {
@@ -145,10 +131,7 @@ impl StartUp {
                 if tries >= CONFIG_TRIES {
                     return self.fail(StartError::NoFeedback);
                 }
-                self.state = State::Configured {
-                    sent_ms: now_ms,
-                    tries: tries + 1,
-                };
+                self.state = State::Configured { sent_ms: now_ms, tries: tries + 1 };
                 self.configure()
             }
             State::Ready => Action::Ready,
@@ -158,10 +141,7 @@ impl StartUp {
     }
 
     fn configure(&self) -> Action {
-        self.send(Command::Config {
-            motion_ms: self.motion_ms,
-            mixed_ms: 0,
-        })
+        self.send(Command::Config { motion_ms: self.motion_ms, mixed_ms: 0 })
     }
 
     fn send(&self, command: Command) -> Action {

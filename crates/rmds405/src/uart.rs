@@ -53,13 +53,7 @@ pub struct Decoder {
 impl Decoder {
     /// For the drive at `own`.
     pub const fn new(variant: Variant, own: Address) -> Self {
-        Self {
-            variant,
-            own,
-            bytes: [0; LENGTH],
-            length: 0,
-            dropped: 0,
-        }
+        Self { variant, own, bytes: [0; LENGTH], length: 0, dropped: 0 }
     }
 
     /// Takes one byte; a frame when it was the last of one. Its id has the decoder's group.

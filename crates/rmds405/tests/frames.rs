@@ -31,116 +31,56 @@ fn the_eighteen_frames() {
     let full = PwmLimit::MAX;
     command(Command::Reset, one, 0x010, [P; 8]);
     let all = Command::Reset.encode_broadcast(Group::new(0).unwrap()).unwrap();
-    assert_eq!(
-        all,
-        Frame {
-            id: 0x000,
-            data: [P; 8]
-        }
-    );
+    assert_eq!(all, Frame { id: 0x000, data: [P; 8] });
     assert_eq!(Command::decode(one, &all.received()), Ok(Command::Reset));
-    command(
-        Command::ChooseMode(Mode::OpenLoop),
-        one,
-        0x011,
-        [1, P, P, P, P, P, P, P],
-    );
-    let pwm = |value| Command::OpenLoop {
-        pwm: Pwm::new(value).unwrap(),
-    };
+    command(Command::ChooseMode(Mode::OpenLoop), one, 0x011, [1, P, P, P, P, P, P, P]);
+    let pwm = |value| Command::OpenLoop { pwm: Pwm::new(value).unwrap() };
     command(pwm(500), one, 0x012, [0x01, 0xF4, P, P, P, P, P, P]);
     command(pwm(-500), one, 0x012, [0xFE, 0x0C, P, P, P, P, P, P]);
     command(pwm(0), one, 0x012, [0, 0, P, P, P, P, P, P]);
-    command(
-        Command::Config {
-            motion_ms: 10,
-            mixed_ms: 10,
-        },
-        number(2),
-        0x02A,
-        [0x0A, 0x0A, P, P, P, P, P, P],
-    );
+    command(Command::Config { motion_ms: 10, mixed_ms: 10 }, number(2), 0x02A, [0x0A, 0x0A, P, P, P, P, P, P]);
     command(Command::OnlineCheck, one, 0x01F, [P; 8]);
     report(Report::Online, one, 0x01F, [P; 8]);
-    let speed = |rpm| Command::Velocity {
-        pwm_limit: full,
-        speed: Rpm(rpm),
-    };
+    let speed = |rpm| Command::Velocity { pwm_limit: full, speed: Rpm(rpm) };
     command(speed(1000), one, 0x014, [0x13, 0x88, 0x03, 0xE8, P, P, P, P]);
     command(speed(-1000), one, 0x014, [0x13, 0x88, 0xFC, 0x18, P, P, P, P]);
-    let position = Command::Position {
-        pwm_limit: PwmLimit::new(2500).unwrap(),
-        position: QuadCounts(-30000),
-    };
+    let position = Command::Position { pwm_limit: PwmLimit::new(2500).unwrap(), position: QuadCounts(-30000) };
     command(position, one, 0x015, [0x09, 0xC4, P, P, 0xFF, 0xFF, 0x8A, 0xD0]);
     let velocity_position = Command::VelocityPosition {
         pwm_limit: full,
         speed_limit: SpeedLimit::new(1200).unwrap(),
         position: QuadCounts(32000),
     };
-    command(
-        velocity_position,
-        one,
-        0x016,
-        [0x13, 0x88, 0x04, 0xB0, 0x00, 0x00, 0x7D, 0x00],
-    );
+    command(velocity_position, one, 0x016, [0x13, 0x88, 0x04, 0xB0, 0x00, 0x00, 0x7D, 0x00]);
     let current_limit = CurrentLimit::new(800).unwrap();
     command(
-        Command::CurrentVelocity {
-            current_limit,
-            speed: Rpm(-100),
-        },
+        Command::CurrentVelocity { current_limit, speed: Rpm(-100) },
         one,
         0x017,
         [0x03, 0x20, 0xFF, 0x9C, P, P, P, P],
     );
     let speed_limit = SpeedLimit::new(300).unwrap();
     command(
-        Command::CurrentVelocityPosition {
-            current_limit,
-            speed_limit,
-            position: QuadCounts(-30000),
-        },
+        Command::CurrentVelocityPosition { current_limit, speed_limit, position: QuadCounts(-30000) },
         one,
         0x019,
         [0x03, 0x20, 0x01, 0x2C, 0xFF, 0xFF, 0x8A, 0xD0],
     );
     report(
-        Report::Motion {
-            current: Milliamps(850),
-            speed: Rpm(-1200),
-            position: QuadCounts(-30000),
-        },
+        Report::Motion { current: Milliamps(850), speed: Rpm(-1200), position: QuadCounts(-30000) },
         number(2),
         0x02B,
         [0x03, 0x52, 0xFB, 0x50, 0xFF, 0xFF, 0x8A, 0xD0],
     );
-    let rest = Some(MixedRest {
-        dsin: false,
-        asin_mv: 5000,
-        chz: true,
-        pwm: Pwm::new(-500).unwrap(),
-    });
+    let rest = Some(MixedRest { dsin: false, asin_mv: 5000, chz: true, pwm: Pwm::new(-500).unwrap() });
     report(
-        Report::Mixed(Mixed {
-            ctl1: true,
-            ctl2: false,
-            rest,
-        }),
+        Report::Mixed(Mixed { ctl1: true, ctl2: false, rest }),
         number(10),
         0x0AC,
         [0x01, 0x00, 0x00, 0x13, 0x88, 0x01, 0xFE, 0x0C],
     );
     report(Report::Error(DriveError::Stall), one, 0x01D, [1, P, P, P, P, P, P, P]);
-    command(
-        Command::Outputs {
-            out1: Output::On,
-            out2: Output::Off,
-        },
-        one,
-        0x01E,
-        [0, 1, P, P, P, P, P, P],
-    );
+    command(Command::Outputs { out1: Output::On, out2: Output::Off }, one, 0x01E, [0, 1, P, P, P, P, P, P]);
 }
 
 #[test]
@@ -148,19 +88,13 @@ fn the_frames_without_an_example() {
     let one = number(1);
     let current_limit = CurrentLimit::new(800).unwrap();
     command(
-        Command::Current {
-            pwm_limit: PwmLimit::MAX,
-            current: Milliamps(-100),
-        },
+        Command::Current { pwm_limit: PwmLimit::MAX, current: Milliamps(-100) },
         one,
         0x013,
         [0x13, 0x88, 0xFF, 0x9C, P, P, P, P],
     );
     command(
-        Command::CurrentPosition {
-            current_limit,
-            position: QuadCounts(-30000),
-        },
+        Command::CurrentPosition { current_limit, position: QuadCounts(-30000) },
         one,
         0x018,
         [0x03, 0x20, P, P, 0xFF, 0xFF, 0x8A, 0xD0],
@@ -174,25 +108,10 @@ fn identifiers() {
     let ids = [Reset, ChooseMode, Velocity, CurrentVelocityPosition, Config, Error].map(|f| ten.id(f));
     assert_eq!(ids, [0x0A0, 0x0A1, 0x0A4, 0x0A9, 0x0AA, 0x0AD]);
     let six = Address::new(6, 2).unwrap();
-    let ids = [
-        Reset,
-        ChooseMode,
-        Velocity,
-        CurrentVelocityPosition,
-        Config,
-        Mixed,
-        Error,
-        OnlineCheck,
-    ];
-    assert_eq!(
-        ids.map(|f| six.id(f)),
-        [0x620, 0x621, 0x624, 0x629, 0x62A, 0x62C, 0x62D, 0x62F]
-    );
+    let ids = [Reset, ChooseMode, Velocity, CurrentVelocityPosition, Config, Mixed, Error, OnlineCheck];
+    assert_eq!(ids.map(|f| six.id(f)), [0x620, 0x621, 0x624, 0x629, 0x62A, 0x62C, 0x62D, 0x62F]);
     let group = Group::new(6).unwrap();
-    assert_eq!(
-        [Reset, ChooseMode, Config, OnlineCheck].map(|f| group.broadcast_id(f)),
-        [0x600, 0x601, 0x60A, 0x60F]
-    );
+    assert_eq!([Reset, ChooseMode, Config, OnlineCheck].map(|f| group.broadcast_id(f)), [0x600, 0x601, 0x60A, 0x60F]);
     assert_eq!(number(1).report_ids(), [0x01B, 0x01C, 0x01D, 0x01F]);
     assert_eq!(Address::new(7, 15).unwrap().id(OnlineCheck), 0x7FF);
     assert_eq!(Address::new(0, 1).unwrap().id(Outputs), 0x01E);
@@ -209,11 +128,7 @@ fn thirty_two_bit_positions() {
         (2_100_000_000, [0x7D, 0x2B, 0x75, 0x00]),
         (-2_100_000_000, [0x82, 0xD4, 0x8B, 0x00]),
     ] {
-        let frame = Command::Position {
-            pwm_limit: PwmLimit::MAX,
-            position: QuadCounts(counts),
-        }
-        .encode(number(1));
+        let frame = Command::Position { pwm_limit: PwmLimit::MAX, position: QuadCounts(counts) }.encode(number(1));
         assert_eq!(frame.data[4..], bytes);
     }
 }
@@ -239,48 +154,20 @@ fn foreign_and_short_frames_are_ignored_with_a_reason() {
     assert_eq!(decode(Received { extended: true, ..base }), Err(Ignored::Extended));
     assert_eq!(decode(Received { remote: true, ..base }), Err(Ignored::Remote));
     assert_eq!(decode(Received { id: 0x02F, ..base }), Err(Ignored::OtherDrive(0x02F)));
-    assert_eq!(
-        decode(Received { id: 0x1_001F, ..base }),
-        Err(Ignored::OtherDrive(0x1_001F))
-    );
-    assert_eq!(
-        decode(Received {
-            data: &good.data[..7],
-            ..base
-        }),
-        Err(Ignored::Length(7))
-    );
-    assert_eq!(
-        decode(Received { id: 0x014, ..base }),
-        Err(Ignored::WrongDirection(Function::Velocity))
-    );
-    assert_eq!(
-        decode(Received {
-            data: &[P, P, 0, P, P, P, P, P],
-            ..base
-        }),
-        Err(Ignored::Field(2))
-    );
+    assert_eq!(decode(Received { id: 0x1_001F, ..base }), Err(Ignored::OtherDrive(0x1_001F)));
+    assert_eq!(decode(Received { data: &good.data[..7], ..base }), Err(Ignored::Length(7)));
+    assert_eq!(decode(Received { id: 0x014, ..base }), Err(Ignored::WrongDirection(Function::Velocity)));
+    assert_eq!(decode(Received { data: &[P, P, 0, P, P, P, P, P], ..base }), Err(Ignored::Field(2)));
     // A broadcast is for drives, never from one.
     assert_eq!(decode(Received { id: 0x00F, ..base }), Err(Ignored::OtherDrive(0x00F)));
     let motion = Received { id: 0x01B, ..base };
-    assert_eq!(
-        Command::decode(one, &motion),
-        Err(Ignored::WrongDirection(Function::Motion))
-    );
+    assert_eq!(Command::decode(one, &motion), Err(Ignored::WrongDirection(Function::Motion)));
 }
 
 #[test]
 fn mixed_report_of_an_older_drive() {
-    let frame = Frame {
-        id: 0x01C,
-        data: [1, 0, P, P, P, P, P, P],
-    };
-    let expected = Report::Mixed(Mixed {
-        ctl1: true,
-        ctl2: false,
-        rest: None,
-    });
+    let frame = Frame { id: 0x01C, data: [1, 0, P, P, P, P, P, P] };
+    let expected = Report::Mixed(Mixed { ctl1: true, ctl2: false, rest: None });
     assert_eq!(Report::decode(number(1), &frame.received()), Ok(expected));
 }
 
@@ -293,12 +180,5 @@ fn ranges() {
     assert_eq!(SpeedLimit::new(-1), Err(OutOfRange::SpeedLimit(-1)));
     let group = Group::new(0).unwrap();
     assert!(Command::OnlineCheck.encode_broadcast(group).is_err());
-    assert!(
-        Command::Config {
-            motion_ms: 1,
-            mixed_ms: 0
-        }
-        .encode_broadcast(group)
-        .is_err()
-    );
+    assert!(Command::Config { motion_ms: 1, mixed_ms: 0 }.encode_broadcast(group).is_err());
 }

@@ -25,39 +25,20 @@ fn command() -> impl Strategy<Value = Command> {
         Just(Command::Reset),
         Just(Command::OnlineCheck),
         (1..=8u8).prop_map(|code| Command::ChooseMode(Mode::try_from(code).unwrap())),
-        (-5000..=5000i16).prop_map(|value| Command::OpenLoop {
-            pwm: Pwm::new(value).unwrap()
-        }),
-        (pwm_limit(), any::<i16>()).prop_map(|(pwm_limit, current)| Command::Current {
-            pwm_limit,
-            current: Milliamps(current)
-        }),
-        (pwm_limit(), any::<i16>()).prop_map(|(pwm_limit, speed)| Command::Velocity {
-            pwm_limit,
-            speed: Rpm(speed)
-        }),
+        (-5000..=5000i16).prop_map(|value| Command::OpenLoop { pwm: Pwm::new(value).unwrap() }),
+        (pwm_limit(), any::<i16>())
+            .prop_map(|(pwm_limit, current)| Command::Current { pwm_limit, current: Milliamps(current) }),
+        (pwm_limit(), any::<i16>()).prop_map(|(pwm_limit, speed)| Command::Velocity { pwm_limit, speed: Rpm(speed) }),
         (pwm_limit(), position()).prop_map(|(pwm_limit, position)| Command::Position { pwm_limit, position }),
         (pwm_limit(), speed_limit(), position()).prop_map(|(pwm_limit, speed_limit, position)| {
-            Command::VelocityPosition {
-                pwm_limit,
-                speed_limit,
-                position,
-            }
+            Command::VelocityPosition { pwm_limit, speed_limit, position }
         }),
-        (current_limit(), any::<i16>()).prop_map(|(current_limit, speed)| Command::CurrentVelocity {
-            current_limit,
-            speed: Rpm(speed)
-        }),
-        (current_limit(), position()).prop_map(|(current_limit, position)| Command::CurrentPosition {
-            current_limit,
-            position
-        }),
+        (current_limit(), any::<i16>())
+            .prop_map(|(current_limit, speed)| Command::CurrentVelocity { current_limit, speed: Rpm(speed) }),
+        (current_limit(), position())
+            .prop_map(|(current_limit, position)| Command::CurrentPosition { current_limit, position }),
         (current_limit(), speed_limit(), position()).prop_map(|(current_limit, speed_limit, position)| {
-            Command::CurrentVelocityPosition {
-                current_limit,
-                speed_limit,
-                position,
-            }
+            Command::CurrentVelocityPosition { current_limit, speed_limit, position }
         }),
         any::<(u8, u8)>().prop_map(|(motion_ms, mixed_ms)| Command::Config { motion_ms, mixed_ms }),
         (output(), output()).prop_map(|(out1, out2)| Command::Outputs { out1, out2 }),
@@ -65,13 +46,8 @@ fn command() -> impl Strategy<Value = Command> {
 }
 
 fn report() -> impl Strategy<Value = Report> {
-    let rest =
-        (any::<bool>(), any::<u16>(), any::<bool>(), -5000..=5000i16).prop_map(|(dsin, asin_mv, chz, pwm)| MixedRest {
-            dsin,
-            asin_mv,
-            chz,
-            pwm: Pwm::new(pwm).unwrap(),
-        });
+    let rest = (any::<bool>(), any::<u16>(), any::<bool>(), -5000..=5000i16)
+        .prop_map(|(dsin, asin_mv, chz, pwm)| MixedRest { dsin, asin_mv, chz, pwm: Pwm::new(pwm).unwrap() });
     prop_oneof![
         any::<(i16, i16, i32)>().prop_map(|(current, speed, position)| Report::Motion {
             current: Milliamps(current),

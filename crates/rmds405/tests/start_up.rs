@@ -9,11 +9,7 @@ fn start_up() -> StartUp {
     StartUp::new(Address::new(0, 1).unwrap(), Mode::CurrentVelocity, 10).unwrap()
 }
 
-const MOTION: Report = Report::Motion {
-    current: Milliamps(0),
-    speed: Rpm(0),
-    position: QuadCounts(0),
-};
+const MOTION: Report = Report::Motion { current: Milliamps(0), speed: Rpm(0), position: QuadCounts(0) };
 
 /// Steps every 1 ms; the drive answers a command by `answer`. Commands with their times, and how it ended.
 fn play(until_ms: u64, mut answer: impl FnMut(u64, Command) -> Option<Report>) -> (Vec<(u64, Command)>, Action) {
@@ -44,15 +40,9 @@ fn in_order_and_never_early() {
     });
     assert_eq!(end, Action::Ready);
     let commands: Vec<_> = sent.iter().map(|&(_, command)| command).collect();
-    let config = Command::Config {
-        motion_ms: 10,
-        mixed_ms: 0,
-    };
+    let config = Command::Config { motion_ms: 10, mixed_ms: 0 };
     let mode = Command::ChooseMode(Mode::CurrentVelocity);
-    assert_eq!(
-        commands,
-        [Command::Reset, Command::OnlineCheck, Command::Reset, mode, config]
-    );
+    assert_eq!(commands, [Command::Reset, Command::OnlineCheck, Command::Reset, mode, config]);
     let at: Vec<_> = sent.iter().map(|&(now_ms, _)| now_ms).collect();
     assert_eq!(at[0], 0);
     assert!(at[1] >= POWER_UP_MS);
@@ -80,9 +70,7 @@ fn a_silent_drive_is_a_named_error() {
 
 #[test]
 fn no_reports_is_another() {
-    let (_, end) = play(10_000, |_, command| {
-        (command == Command::OnlineCheck).then_some(Report::Online)
-    });
+    let (_, end) = play(10_000, |_, command| (command == Command::OnlineCheck).then_some(Report::Online));
     assert_eq!(end, Action::Failed(StartError::NoFeedback));
 }
 
@@ -92,10 +80,7 @@ fn other_reports_do_not_count_as_echo_and_the_end_is_final() {
     start_up.step(0, Event::Tick);
     start_up.step(500, Event::Tick);
     assert_eq!(start_up.step(501, Event::Report(MOTION)), Action::Wait);
-    assert!(matches!(
-        start_up.step(502, Event::Report(Report::Online)),
-        Action::Send(_)
-    ));
+    assert!(matches!(start_up.step(502, Event::Report(Report::Online)), Action::Send(_)));
     // Reports left over from before the reset do not make it ready.
     assert_eq!(start_up.step(503, Event::Report(MOTION)), Action::Wait);
     // A clock that jumps back does not panic.

@@ -148,6 +148,9 @@ pub fn move_session(
     load: LoadChoice,
     mut each: impl FnMut(&Row),
 ) -> Result<MoveResult, Failure> {
+    // The tick that ended a homing does not know TR yet.
+    session.until(5.0 * client::STEP_S, |_| false)?;
+    session.take_rows();
     let before = session.telemetry().copied();
     let known = |v: Option<f32>, what: &str| {
         v.map(f64::from).ok_or_else(|| Failure::failed(format!("the board knows no {what}: is it homed?")))
