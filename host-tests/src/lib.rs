@@ -2,6 +2,8 @@
 //! Hundreds of times faster than the whole board, for scenarios by the dozen; what the chip adds (drivers, interrupts,
 //! timing) is tested with the ELF on the emulated board.
 
+pub mod board;
+
 use rig_control::sensors::EncoderCount;
 use rig_control::{DriveCommand, DriveReading, Inputs, LvdtBlock, Outputs, Rig as Control, RigConstants, TICK_S};
 use rig_emulator::board::{Board, CanFrame, Stimulus};

@@ -8,7 +8,6 @@ use crate::script::{Action, Event, Script, ScriptFault};
 use crate::session::Session;
 use crate::session::client::STEP_S;
 use crate::session::sim::Sim;
-use rig_link::{PROTOCOL_HASH, Request};
 use serde_json::json;
 use std::collections::HashMap;
 use std::path::Path;
@@ -33,8 +32,8 @@ pub fn run(global: &Global, script: Option<&Path>, seconds: f64, output: &mut Ou
     };
     let started = Instant::now();
     let mut session = Session::new(Box::new(Sim::start(&sim_options(global))?));
-    // Without a greeting the board moves nothing; it goes out with the first bytes.
-    session.post(&Request::Hello { protocol_hash: PROTOCOL_HASH })?;
+    // Without a greeting the board moves nothing.
+    session.greet_at_boot();
     let mut events = script.events.iter().peekable();
     let mut asked: HashMap<u16, usize> = HashMap::new();
     let mut next_line_s = 0.0;
@@ -109,7 +108,6 @@ fn play(event: &Event, session: &mut Session, asked: &mut HashMap<u16, usize>, s
         Action::Fault { fault: ScriptFault::LinkNoise, on } => session.set_link_noise(on.then_some(seed)),
         Action::Fault { fault: ScriptFault::PowerCycle, .. } => {
             session.emulated().ok_or_else(not_emulated)?.power_cycle().map_err(at_line)?;
-            session.post(&Request::Hello { protocol_hash: PROTOCOL_HASH })?;
         }
     }
     Ok(())

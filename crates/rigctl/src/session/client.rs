@@ -26,6 +26,8 @@ pub struct Session {
     outgoing: Vec<u8>,
     steps: u64,
     heartbeat: bool,
+    /// Greets the board by itself whenever it has started.
+    greets: bool,
     /// State of the generator of link noise, while it is on.
     noise: Option<u64>,
     replies: VecDeque<(u16, Result<Accepted, Refusal>)>,
@@ -50,6 +52,7 @@ impl Session {
             outgoing: Vec::new(),
             steps: 0,
             heartbeat: true,
+            greets: false,
             noise: None,
             replies: VecDeque::new(),
             events: VecDeque::new(),
@@ -111,6 +114,11 @@ impl Session {
     /// Sends heartbeats, or stops to.
     pub fn set_heartbeat(&mut self, on: bool) {
         self.heartbeat = on;
+    }
+
+    /// Greets the board by itself whenever it has started, as a script wants it.
+    pub fn greet_at_boot(&mut self) {
+        self.greets = true;
     }
 
     /// Mixes random bytes between the frames, or stops to.
@@ -176,6 +184,11 @@ impl Session {
                     // The board's clock went back: it was reset, and knows nothing any more.
                     self.boot_s = (self.now_s() - telemetry.t_us as f64 * 1e-6).max(0.0);
                     self.home_gap_m = None;
+                }
+                let started = self.last.is_none_or(|last| telemetry.t_us < last.t_us);
+                if started && self.greets {
+                    // The longest request there is fits a frame, so this one does.
+                    let _ = self.post(&Request::Hello { protocol_hash: PROTOCOL_HASH });
                 }
                 let t_s = self.boot_s + telemetry.t_us as f64 * 1e-6;
                 let truth = self.truth_at(t_s);

@@ -1,0 +1,159 @@
+//! The firmware's ELF, unmodified, on the emulated board with the emulated rig.
+
+use crate::{root, scene};
+use rig_emulator::board::Stimulus;
+use rig_emulator::machine::{Config, Machine};
+use rig_emulator::rig::Rig;
+use rig_emulator::rig::settings::PlantSettings;
+use rig_link::messages::{EventKind, Identity, Message, Refusal, Request, State, Telemetry};
+use rig_link::{Accepted, Decoder, PROTOCOL_HASH, encode};
+use std::process::Command;
+use std::sync::OnceLock;
+
+/// The firmware that would be flashed. Built first if it is not there.
+pub fn firmware() -> &'static [u8] {
+    static ELF: OnceLock<Vec<u8>> = OnceLock::new();
+    ELF.get_or_init(|| {
+        let path = root().join("target/firmware/tsa-firmware.elf");
+        if !path.exists() {
+            let status = Command::new("cargo").args(["xtask", "firmware"]).current_dir(root()).status();
+            assert!(status.is_ok_and(|s| s.success()), "`cargo xtask firmware` failed");
+        }
+        std::fs::read(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+    })
+}
+
+/// A host on one side, the emulated board on the other.
+pub struct Bench {
+    /// The board with its rig.
+    pub machine: Machine<Rig>,
+    /// Every event so far.
+    pub events: Vec<EventKind>,
+    /// Replies that came, newest last.
+    pub replies: Vec<(u16, Result<Accepted, Refusal>)>,
+    /// Newest telemetry.
+    pub last: Option<Telemetry>,
+    /// What the board said it is.
+    pub identity: Option<Identity>,
+    /// True gap when homing ended (m).
+    pub home_gap_m: Option<f64>,
+    /// Whether heartbeats go out.
+    pub heartbeat: bool,
+    /// Bytes of every telemetry frame, to compare runs.
+    pub bytes: Vec<u8>,
+    decoder: Decoder<Message>,
+    sequence: u16,
+    steps: u64,
+}
+
+impl Bench {
+    /// Boots a fresh board. Strict: anything that the real chip would not do stops it.
+    pub fn new(keys: &[(&str, &str)], seed: u64) -> Self {
+        let mut settings = PlantSettings::default();
+        for (key, value) in keys {
+            settings.set(key, value).unwrap_or_else(|e| panic!("{e}"));
+        }
+        let rig = Rig::new(scene(), settings, seed).unwrap_or_else(|e| panic!("{e}"));
+        let mut machine = Machine::new(firmware(), rig, Config::default()).unwrap_or_else(|e| panic!("{e}"));
+        assert!(machine.watch_function("control_tick"), "the ELF has no control_tick");
+        Self {
+            machine,
+            events: Vec::new(),
+            replies: Vec::new(),
+            last: None,
+            identity: None,
+            home_gap_m: None,
+            heartbeat: true,
+            bytes: Vec::new(),
+            decoder: Decoder::new(),
+            sequence: 0,
+            steps: 0,
+        }
+    }
+
+    /// Puts raw bytes on the host link.
+    pub fn raw(&mut self, bytes: Vec<u8>) {
+        self.machine.send(Stimulus::Uart { usart: 2, bytes });
+    }
+
+    /// Sends a request; its number.
+    pub fn post(&mut self, request: &Request) -> u16 {
+        self.sequence += 1;
+        let mut buffer = [0; rig_link::MAX_FRAME];
+        let frame = encode(self.sequence, request, &mut buffer).expect("every request fits a frame").to_vec();
+        self.raw(frame);
+        self.sequence
+    }
+
+    /// 10 ms later.
+    pub fn step(&mut self) {
+        if self.heartbeat && self.steps.is_multiple_of(10) {
+            self.post(&Request::Heartbeat);
+        }
+        self.steps += 1;
+        let until = self.machine.now_s() + 0.01;
+        self.machine.run_until(until).unwrap_or_else(|e| panic!("{e}"));
+        self.machine.defmt_lines();
+        for byte in self.machine.board_mut().take_host_bytes() {
+            self.bytes.push(byte);
+            let Some(frame) = self.decoder.push(byte) else { continue };
+            match frame.unwrap_or_else(|e| panic!("damaged frame from the board: {e:?}")).body {
+                Message::Telemetry(telemetry) => self.last = Some(telemetry),
+                Message::Identity(identity) => self.identity = Some(identity),
+                Message::Reply { to, result } => self.replies.push((to, result)),
+                Message::Event { kind, .. } => {
+                    if matches!(kind, EventKind::Homed { .. }) {
+                        self.home_gap_m = Some(self.machine.board().truth().gap_m);
+                    }
+                    self.events.push(kind);
+                }
+            }
+        }
+    }
+
+    /// For so many seconds.
+    pub fn run(&mut self, seconds: f64) {
+        self.until(seconds, |_| false);
+    }
+
+    /// Until `done`, at most so many seconds; whether it was done.
+    pub fn until(&mut self, seconds: f64, mut done: impl FnMut(&Self) -> bool) -> bool {
+        for _ in 0..(seconds * 100.0) as u64 {
+            self.step();
+            if done(self) {
+                return true;
+            }
+        }
+        false
+    }
+
+    /// What the rig is doing.
+    pub fn state(&self) -> State {
+        self.last.map_or(State::Boot, |t| t.state)
+    }
+
+    /// Sends a request and waits for its reply.
+    pub fn ask(&mut self, request: &Request) -> Result<Accepted, Refusal> {
+        let number = self.post(request);
+        assert!(self.until(0.5, |b| b.replies.iter().any(|(to, _)| *to == number)), "no reply to {request:?}");
+        self.replies.iter().find(|(to, _)| *to == number).expect("just seen").1
+    }
+
+    /// Greets, waits for the drive, homes; homing time (s).
+    pub fn home(&mut self) -> f64 {
+        // Its UART is up after 2 ms; what comes before is lost, as on the real board.
+        self.run(0.05);
+        self.ask(&Request::Hello { protocol_hash: PROTOCOL_HASH }).expect("same message table");
+        assert!(self.until(5.0, |b| b.state() == State::Unhomed), "{:?}", self.last);
+        let start = self.machine.now_s();
+        self.ask(&Request::Home).expect("idle");
+        assert!(self.until(60.0, |b| b.state() != State::Homing), "homing did not end");
+        assert_eq!(self.state(), State::Ready, "{:?}", self.events);
+        self.machine.now_s() - start
+    }
+
+    /// True position since homing (m).
+    pub fn true_position_m(&self) -> f64 {
+        self.home_gap_m.map_or(f64::NAN, |gap| gap - self.machine.board().truth().gap_m)
+    }
+}

@@ -1,0 +1,149 @@
+//! The real firmware on the emulated board: the whole chain, and what comes from outside.
+
+use host_tests::board::Bench;
+use rig_emulator::board::{CanFrame, Stimulus};
+use rig_emulator::rig::faults::Fault as RigFault;
+use rig_link::PROTOCOL_HASH;
+use rig_link::messages::{Fault, LoadChoice, Refusal, Request, ResetCause, State};
+
+const MOVE: Request = Request::Move { target_m: 0.012, speed_m_per_s: 0.002, load: LoadChoice::Auto };
+
+#[test]
+fn homes_and_moves_a_load_it_was_not_told_of() {
+    for (load, twist, seed) in [("0.15kg", "-25", 1), ("1.4kg", "40", 2)] {
+        let mut b = Bench::new(&[("load", load), ("twist_at_boot", twist)], seed);
+        let homing = b.home();
+        assert!(homing < 45.0);
+        b.ask(&MOVE).unwrap();
+        assert!(b.until(20.0, |b| b.state() == State::Holding), "{:?}", b.last);
+        b.run(1.0);
+        let error = b.true_position_m() - 0.012;
+        let seen = f64::from(b.last.unwrap().load_n.unwrap()) / b.machine.board().truth().load_n - 1.0;
+        let stats = b.machine.stats();
+        println!(
+            "{load}: homed in {homing:.1} s, {:+.1} um at rest, load {:+.1} %, core busy {:.2} %, tick {:.0} instructions \
+             mean, {} at most, stack {} B",
+            error * 1e6,
+            seen * 100.0,
+            stats.core_busy * 100.0,
+            stats.tick.instructions_mean,
+            stats.tick.instructions_max,
+            stats.stack_high_water_bytes
+        );
+        assert!(error.abs() < 50e-6 && seen.abs() < 0.08);
+        assert!(stats.core_busy < 0.10);
+        // One tick every 10 ms, none lost.
+        let expected = b.machine.now_s() / 0.01;
+        assert!((stats.tick.count as f64 - expected).abs() < 3.0, "{} ticks of {expected}", stats.tick.count);
+        assert!(stats.resets.is_empty() && stats.warnings.is_empty());
+    }
+}
+
+#[test]
+fn noise_on_the_link_and_strangers_on_the_bus_are_ignored_and_counted() {
+    let mut b = Bench::new(&[], 3);
+    b.home();
+    let before = b.machine.board().truth().twist_rad;
+    let mut x = 0x2545_f491u32;
+    for k in 0..300 {
+        let noise: Vec<u8> = (0..20)
+            .map(|_| {
+                x ^= x << 13;
+                x ^= x >> 17;
+                x ^= x << 5;
+                (x >> 24) as u8
+            })
+            .collect();
+        b.raw(noise);
+        // Ours by its id but too short, somebody else's, and one with 29 bits that looks like ours.
+        for (id, extended, dlc) in [(0x01B, false, 4), (0x123, false, 8), (0x01B, true, 8)] {
+            b.machine.send(Stimulus::Can(CanFrame { id, extended, remote: false, dlc, data: [k as u8; 8] }));
+        }
+        b.step();
+        if k % 50 == 49 {
+            // A delimiter ends whatever the noise began; the next good message is not lost.
+            b.raw(vec![0]);
+            assert!(b.ask(&Request::Status).is_ok());
+        }
+    }
+    let counters = b.last.unwrap().counters;
+    assert!(counters.link_errors > 10, "{counters:?}");
+    assert!(counters.foreign_frames >= 250, "{counters:?}");
+    assert_eq!(b.state(), State::Ready);
+    assert!((b.machine.board().truth().twist_rad - before).abs() < 0.01, "something moved");
+    b.ask(&MOVE).unwrap();
+    assert!(b.until(20.0, |b| b.state() == State::Holding));
+}
+
+#[test]
+fn a_tool_of_another_build_is_refused_politely_but_may_stop() {
+    let mut b = Bench::new(&[], 4);
+    assert!(b.until(5.0, |b| b.state() == State::Unhomed));
+    let mismatch = Err(Refusal::ProtocolMismatch { board: PROTOCOL_HASH });
+    assert_eq!(b.ask(&Request::Home), mismatch);
+    assert_eq!(b.ask(&Request::Hello { protocol_hash: PROTOCOL_HASH ^ 1 }), mismatch);
+    assert_eq!(b.ask(&Request::Home), mismatch);
+    assert!(b.ask(&Request::Stop).is_ok());
+    assert!(b.ask(&Request::Hello { protocol_hash: PROTOCOL_HASH }).is_ok());
+    b.run(0.1);
+    let identity = b.identity.clone().unwrap();
+    assert_eq!(identity.scene_hash, host_tests::scene().hash());
+    assert_eq!(identity.reset_cause, ResetCause::PowerOn);
+    assert_eq!(identity.table.crc, host_tests::table().crc, "firmware and desktop have the same table");
+    assert!(b.ask(&Request::Home).is_ok());
+}
+
+#[test]
+fn a_lost_host_ends_a_motion_in_hold() {
+    let mut b = Bench::new(&[], 5);
+    b.home();
+    b.ask(&MOVE).unwrap();
+    b.run(2.0);
+    b.heartbeat = false;
+    assert!(b.until(0.6, |b| b.last.is_some_and(|t| t.fault == Some(Fault::HostSilent))));
+    let position = b.true_position_m();
+    b.run(3.0);
+    assert!((b.true_position_m() - position).abs() < 0.1e-3);
+}
+
+#[test]
+fn rig_faults_reach_the_firmware() {
+    for (fault, expected) in [
+        (RigFault::CanSilent, Fault::DriveSilent),
+        (RigFault::LvdtOpen, Fault::LvdtOpen),
+        (RigFault::DriveStall, Fault::DriveStall),
+    ] {
+        let mut b = Bench::new(&[], 6);
+        assert!(b.until(5.0, |b| b.state() == State::Unhomed));
+        b.machine.board_mut().set_fault(fault, true);
+        assert!(b.until(1.0, |b| b.state() == State::Fault), "{fault:?}");
+        assert_eq!(b.last.unwrap().fault, Some(expected));
+    }
+    let mut b = Bench::new(&[], 7);
+    assert!(b.until(5.0, |b| b.state() == State::Unhomed));
+    b.machine.board_mut().set_fault(RigFault::Estop, true);
+    assert!(b.until(0.1, |b| b.state() == State::EStop));
+}
+
+#[test]
+fn after_a_power_cycle_the_twist_is_unknown() {
+    let mut b = Bench::new(&[], 8);
+    b.home();
+    b.machine.board_mut().power_cycle();
+    b.machine.power_cycle();
+    b.run(0.05);
+    assert!(b.until(6.0, |b| b.state() == State::Unhomed), "{:?}", b.last);
+    assert_eq!(b.last.unwrap().twist_rad, None);
+    b.home();
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bytes() {
+    let run = |seed| {
+        let mut b = Bench::new(&[("twist_at_boot", "6")], seed);
+        b.home();
+        b.bytes
+    };
+    assert_eq!(run(9), run(9));
+    assert_ne!(run(9), run(10));
+}
