@@ -15,6 +15,7 @@ mod toolchain;
 use anyhow::{Context, Result};
 use clap::{Parser, Subcommand};
 use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 
 #[derive(Parser)]
 #[command(name = "cargo xtask", about = "Builds, tests and shows the rig", version)]
@@ -60,8 +61,17 @@ impl Folders {
     }
 }
 
-fn main() -> Result<()> {
-    let arguments = Arguments::parse();
+fn main() -> ExitCode {
+    match run(Arguments::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(arguments: Arguments) -> Result<()> {
     let folders = Folders::find()?;
     match arguments.task {
         Task::Firmware { toolchain } => firmware::build(&folders, &toolchain::choose(toolchain)?),

@@ -7,6 +7,7 @@ use rig_emulator::rig::Rig;
 use rig_emulator::rig::settings::PlantSettings;
 use rig_emulator::serve::serve;
 use std::path::PathBuf;
+use std::process::ExitCode;
 use tsa_model::Scene;
 
 /// Runs a firmware ELF on an emulated NUCLEO-F446RE with the actuator's rig around it.
@@ -31,8 +32,17 @@ struct Arguments {
     lenient: bool,
 }
 
-fn main() -> Result<()> {
-    let arguments = Arguments::parse();
+fn main() -> ExitCode {
+    match run(&Arguments::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(arguments: &Arguments) -> Result<()> {
     let scene = Scene::load(&arguments.scene)?;
     let elf = std::fs::read(&arguments.elf).with_context(|| format!("firmware {}", arguments.elf.display()))?;
     let mut settings = PlantSettings::default();
