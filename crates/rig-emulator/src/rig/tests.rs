@@ -1,1 +1,245 @@
+//! The rig against the vendor's rules for the drive, and against the solver for the mechanism.
 
+use super::*;
+use rmds405::{Command, CurrentLimit, Milliamps, Mode, QuadCounts, Report, Rpm, SpeedLimit};
+
+fn scene() -> Scene {
+    Scene::load(std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/default.toml"))
+        .unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// A rig whose motor-power relay is on since power-up.
+fn rig(keys: &[(&str, &str)]) -> Rig {
+    let mut settings = PlantSettings::default();
+    for (key, value) in keys {
+        settings.set(key, value).unwrap_or_else(|e| panic!("{e}"));
+    }
+    let mut rig = Rig::new(&scene(), settings, 1).unwrap_or_else(|e| panic!("{e}"));
+    rig.gpio_out(0.0, 'B', 1 << 10);
+    rig
+}
+
+fn send(rig: &mut Rig, t_s: f64, command: Command) -> CanOutcome {
+    let frame = command.encode(rig.parameters.drive);
+    rig.can_tx(t_s, &CanFrame { id: frame.id.into(), extended: false, remote: false, dlc: 8, data: frame.data })
+}
+
+/// What the drive says until `t_s`.
+fn listen(rig: &mut Rig, t_s: f64) -> Vec<Report> {
+    let own = rig.parameters.drive;
+    let reports = rig.poll(t_s).into_iter().filter_map(|stimulus| match stimulus {
+        Stimulus::Can(f) => {
+            Report::decode(own, &Received { id: f.id, extended: f.extended, remote: false, data: &f.data }).ok()
+        }
+        _ => None,
+    });
+    reports.collect()
+}
+
+fn hold(position: i32) -> Command {
+    Command::CurrentVelocityPosition {
+        current_limit: CurrentLimit::new(500).unwrap_or_else(|e| panic!("{e}")),
+        speed_limit: SpeedLimit::new(6000).unwrap_or_else(|e| panic!("{e}")),
+        position: QuadCounts(position),
+    }
+}
+
+/// Through Reset, mode and feedback, each with its 500 ms; holding from about 1.1 s.
+fn start(rig: &mut Rig) -> f64 {
+    send(rig, 0.55, Command::ChooseMode(Mode::CurrentVelocityPosition));
+    send(rig, 1.06, Command::Config { motion_ms: 10, mixed_ms: 0 });
+    let counts = rig.encoder.counts(rig.motor.angle_rad) - rig.boot_counts;
+    send(rig, 1.07, hold(counts as i32));
+    1.08
+}
+
+#[test]
+fn an_un_moded_drive_takes_no_data_and_reports_nothing() {
+    let mut r = rig(&[]);
+    send(&mut r, 0.1, Command::ChooseMode(Mode::CurrentVelocity));
+    assert_eq!(r.drive.mode(), None, "not within 500 ms of power-up");
+    send(&mut r, 0.6, Command::Config { motion_ms: 10, mixed_ms: 0 });
+    send(&mut r, 0.61, hold(1000));
+    assert!(listen(&mut r, 1.0).iter().all(|report| !matches!(report, Report::Motion { .. })));
+    send(&mut r, 1.0, Command::OnlineCheck);
+    assert_eq!(listen(&mut r, 1.01), [Report::Online]);
+    send(&mut r, 1.1, Command::ChooseMode(Mode::CurrentVelocityPosition));
+    assert_eq!(r.drive.mode(), Some(Mode::CurrentVelocityPosition));
+    let reports = listen(&mut r, 2.6);
+    // It takes its 500 ms, then reports every 10 ms.
+    assert!((95..=105).contains(&reports.len()), "{} reports in 1 s", reports.len());
+}
+
+#[test]
+fn a_frame_of_another_mode_is_an_error_and_changes_nothing() {
+    let mut r = rig(&[]);
+    let t = start(&mut r);
+    let before = r.drive.counters.error_beeps;
+    let stranger = Command::CurrentVelocity {
+        current_limit: CurrentLimit::new(500).unwrap_or_else(|e| panic!("{e}")),
+        speed: Rpm(3000),
+    };
+    send(&mut r, t, stranger);
+    send(&mut r, t + 0.01, Command::ChooseMode(Mode::Velocity));
+    assert_eq!(r.drive.counters.error_beeps, before + 2);
+    assert_eq!(r.drive.mode(), Some(Mode::CurrentVelocityPosition));
+}
+
+#[test]
+fn the_drive_runs_on_its_last_command_for_ever_and_reset_forgets_the_position() {
+    let mut r = rig(&[("twist_at_boot", "4")]);
+    let t = start(&mut r);
+    let target = r.truth().twist_rad + 10.0;
+    let counts = (10.0 * 62.0 * 4096.0 / std::f64::consts::TAU) as i64;
+    let now = r.encoder.counts(r.motor.angle_rad) - r.boot_counts;
+    send(&mut r, t, hold((now + counts) as i32));
+    r.poll(t + 20.0);
+    assert!((r.truth().twist_rad - target).abs() < 0.5, "{} for {target}", r.truth().twist_rad);
+    r.poll(t + 60.0);
+    assert!((r.truth().twist_rad - target).abs() < 0.5, "no command for a minute, and it holds");
+    let before = r.truth();
+    send(&mut r, t + 60.0, Command::Reset);
+    assert_eq!(r.drive.mode(), None);
+    r.poll(t + 62.0);
+    let after = r.truth();
+    assert!(after.twist_rad < before.twist_rad - 0.5, "torque-off lets the strings untwist");
+    assert!(after.gap_m > before.gap_m + 0.1e-3, "and the load drops");
+}
+
+#[test]
+fn the_drives_speed_comes_in_whole_counts_of_a_millisecond() {
+    let mut r = rig(&[("twist_at_boot", "4")]);
+    let t = start(&mut r);
+    let now = r.encoder.counts(r.motor.angle_rad) - r.boot_counts;
+    send(&mut r, t, hold((now + 400_000) as i32));
+    for report in listen(&mut r, t + 3.0) {
+        if let Report::Motion { speed: Rpm(rpm), .. } = report {
+            // 60 000/4096 rpm for one count, rounded to whole rpm on the wire (hardware.md 1).
+            let quanta = f64::from(rpm) * 4096.0 / 60_000.0;
+            assert!((quanta - quanta.round()).abs() < 0.06, "{rpm} rpm");
+        }
+    }
+}
+
+#[test]
+fn at_rest_the_plant_is_the_solver() {
+    for load in ["0.1kg", "0.5kg", "1.5kg"] {
+        for twist in ["0.3", "2", "3.2", "12", "-30", "48"] {
+            let r = rig(&[("load", load), ("twist_at_boot", twist), ("friction", "0")]);
+            let exact = r.mechanism.solve(r.settings.load_n, r.truth().twist_rad).unwrap_or_else(|e| panic!("{e}"));
+            let error = r.truth().gap_m - exact.gap_m;
+            assert!(error.abs() < 1e-6, "{load} at {twist} rad: {error} m");
+        }
+    }
+}
+
+#[test]
+fn a_load_that_is_let_go_swings_and_comes_to_rest() {
+    let mut r = rig(&[("load", "1kg"), ("twist_at_boot", "20"), ("friction", "0"), ("damping", "0.2")]);
+    start(&mut r);
+    r.poll(3.0);
+    let rest = r.truth().gap_m;
+    r.set_plant("load", "1.2kg").unwrap_or_else(|e| panic!("{e}"));
+    let mut swings = Vec::new();
+    let mut last_speed = 0.0;
+    for k in 1..=4000 {
+        r.poll(3.0 + 1e-3 * f64::from(k));
+        let truth = r.truth();
+        if last_speed > 0.0 && truth.gap_speed_m_per_s <= 0.0 {
+            swings.push(truth.gap_m);
+        }
+        last_speed = truth.gap_speed_m_per_s;
+    }
+    assert!(swings.len() >= 3, "{} swings", swings.len());
+    assert!(swings.windows(2).all(|pair| pair[1] < pair[0]), "a swing grew: {swings:?}");
+    let exact = r.mechanism.solve(1.2 * 9.80665, r.truth().twist_rad).unwrap_or_else(|e| panic!("{e}"));
+    r.poll(12.0);
+    assert!((r.truth().gap_m - exact.gap_m).abs() < 20e-6 && r.truth().gap_m > rest);
+}
+
+#[test]
+fn friction_holds_a_load_that_is_nearly_balanced() {
+    let mut r = rig(&[("load", "5N"), ("twist_at_boot", "20"), ("friction", "0.3")]);
+    start(&mut r);
+    r.poll(3.0);
+    let rest = r.truth().gap_m;
+    // It sank to where it hangs while the drive started, so friction already carries it: less load, not more.
+    r.set_plant("load", "4.8N").unwrap_or_else(|e| panic!("{e}"));
+    r.poll(5.0);
+    assert_eq!(r.truth().gap_m, rest, "0.2 N less does not lift it against 0.3 N");
+    r.set_plant("load", "6N").unwrap_or_else(|e| panic!("{e}"));
+    r.poll(7.0);
+    assert!(r.truth().gap_m > rest + 0.2e-3, "1 N more does");
+}
+
+#[test]
+fn a_shorted_bus_and_a_silent_drive_are_told_apart() {
+    let mut r = rig(&[]);
+    let t = start(&mut r);
+    // What was on its way when the drive fell silent still arrives.
+    listen(&mut r, t + 0.002);
+    r.set_fault(Fault::CanSilent, true);
+    assert_eq!(send(&mut r, t, Command::OnlineCheck), CanOutcome::Unacknowledged);
+    assert!(listen(&mut r, t + 0.1).is_empty());
+    r.set_fault(Fault::CanSilent, false);
+    r.set_fault(Fault::CanBusOff, true);
+    assert_eq!(send(&mut r, t + 0.1, Command::OnlineCheck), CanOutcome::BitError);
+    r.set_fault(Fault::CanBusOff, false);
+    assert_eq!(send(&mut r, t + 0.2, Command::OnlineCheck), CanOutcome::Acknowledged);
+}
+
+#[test]
+fn sensors_show_what_they_should_and_their_faults() {
+    let mut r = rig(&[("lvdt_noise", "0")]);
+    let expected = r.truth().gap_m / 0.2 * 3.0 / 3.3 * 4095.0;
+    assert!((f64::from(r.adc(0.001, 0)) - expected).abs() <= 1.0);
+    r.set_fault(Fault::LvdtOpen, true);
+    assert!(r.adc(0.002, 0) < 41);
+    r.set_fault(Fault::LvdtOpen, false);
+    r.set_fault(Fault::LvdtShort, true);
+    assert!(r.adc(0.003, 0) > 4054);
+    assert_eq!(r.quadrature(0.004, 2), 0, "no encoder on another timer");
+}
+
+#[test]
+fn the_same_seed_samples_the_same_noise() {
+    let sample = |seed| {
+        let mut r = Rig::new(&scene(), PlantSettings::default(), seed).unwrap_or_else(|e| panic!("{e}"));
+        (1..200).map(|k| r.adc(2e-5 * f64::from(k), 0)).collect::<Vec<_>>()
+    };
+    assert_eq!(sample(3), sample(3));
+    assert_ne!(sample(3), sample(4));
+}
+
+#[test]
+fn plant_keys_are_checked_by_name() {
+    let mut settings = PlantSettings::default();
+    for (key, value, named) in [
+        ("weight", "1kg", "weight"),
+        ("load", "heavy", "load"),
+        ("load", "-1kg", "load"),
+        ("friction", "nan", "friction"),
+        ("lvdt_noise", "1kg", "lvdt_noise"),
+    ] {
+        let error = settings.set(key, value).expect_err(key).to_string();
+        assert!(error.contains(named), "{key}={value}: {error}");
+    }
+    let mut r = rig(&[]);
+    let error = r.set_plant("k2_scale", "1.1").expect_err("another mechanism").to_string();
+    assert!(error.contains("k2_scale"), "{error}");
+    assert!(r.set_plant("friction", "0.1").is_ok());
+}
+
+#[test]
+fn a_pressed_emergency_stop_brakes_the_motor_and_shows_on_its_pin() {
+    let mut r = rig(&[("twist_at_boot", "20")]);
+    start(&mut r);
+    r.poll(2.0);
+    r.set_fault(Fault::Estop, true);
+    assert!(r.poll(2.001).contains(&Stimulus::Pin { port: 'B', pin: 5, high: true }));
+    let braked = r.truth().twist_rad;
+    r.poll(2.2);
+    let Some(report) = listen(&mut r, 2.3).pop() else { panic!("the drive lives on") };
+    assert!(matches!(report, Report::Motion { current: Milliamps(0), .. }), "{report:?}");
+    assert!((r.truth().twist_rad - braked).abs() < 20.0);
+}
