@@ -28,11 +28,6 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 fn constants(rig: &Rig) -> String {
-    let counts_per_rad = 4.0 * f64::from(rig.encoder_lines) * rig.gear() / std::f64::consts::TAU;
-    let metres_per_volt = rig.lvdt_stroke_m / (rig.lvdt_volts_at_stroke - rig.lvdt_volts_at_zero);
-    // A 12-bit ADC: code 4095 is the reference voltage.
-    let metres_per_code = metres_per_volt * rig.adc_reference_v / 4095.0;
-    let gap_at_code_zero = rig.lvdt_gap_at_zero_m - rig.lvdt_volts_at_zero * metres_per_volt;
     format!(
         "/// The rig's numbers, from the scene's `[rig]`.\n\
          pub const RIG: rig_control::RigConstants = rig_control::RigConstants {{\n\
@@ -43,12 +38,12 @@ fn constants(rig: &Rig) -> String {
          \x20   drive_group: {}, drive_number: {},\n\
          }};\n",
         rig.gear() as f32,
-        counts_per_rad as f32,
+        rig.counts_per_rad() as f32,
         rig.motor_speed_max_rad_per_s as f32,
         rig.motor_acceleration_max_rad_per_s2 as f32,
-        (rig.drive_current_limit_a * 1000.0).round() as i16,
-        gap_at_code_zero as f32,
-        metres_per_code as f32,
+        rig.drive_current_limit_ma(),
+        rig.lvdt_gap_at_code_zero_m() as f32,
+        rig.lvdt_metres_per_code() as f32,
         rig.drive_group,
         rig.drive_number,
     )

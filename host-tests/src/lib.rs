@@ -41,15 +41,14 @@ pub fn table() -> &'static Table<'static> {
 /// The rig's constants, as the build script derives them.
 pub fn constants() -> RigConstants {
     let rig = &scene().rig;
-    let metres_per_volt = rig.lvdt_stroke_m / (rig.lvdt_volts_at_stroke - rig.lvdt_volts_at_zero);
     RigConstants {
         gear_ratio: rig.gear() as f32,
-        counts_per_rad: (4.0 * f64::from(rig.encoder_lines) * rig.gear() / std::f64::consts::TAU) as f32,
+        counts_per_rad: rig.counts_per_rad() as f32,
         motor_speed_max_rad_per_s: rig.motor_speed_max_rad_per_s as f32,
         motor_acceleration_max_rad_per_s2: rig.motor_acceleration_max_rad_per_s2 as f32,
-        current_limit_ma: (rig.drive_current_limit_a * 1000.0) as i16,
-        lvdt_gap_at_code_zero_m: (rig.lvdt_gap_at_zero_m - rig.lvdt_volts_at_zero * metres_per_volt) as f32,
-        lvdt_metres_per_code: (metres_per_volt * rig.adc_reference_v / 4095.0) as f32,
+        current_limit_ma: rig.drive_current_limit_ma(),
+        lvdt_gap_at_code_zero_m: rig.lvdt_gap_at_code_zero_m() as f32,
+        lvdt_metres_per_code: rig.lvdt_metres_per_code() as f32,
         drive_group: rig.drive_group,
         drive_number: rig.drive_number,
     }

@@ -126,6 +126,31 @@ impl Rig {
         f64::from(self.gear_ratio[0]) / f64::from(self.gear_ratio[1])
     }
 
+    /// Quadrature counts per radian of twist: 4 for each encoder line (hardware.md section 1), times the gear.
+    pub fn counts_per_rad(&self) -> f64 {
+        4.0 * f64::from(self.encoder_lines) * self.gear() / std::f64::consts::TAU
+    }
+
+    /// Gap per code of the 12-bit ADC (m); code 4095 is the reference voltage.
+    pub fn lvdt_metres_per_code(&self) -> f64 {
+        self.lvdt_metres_per_volt() * self.adc_reference_v / 4095.0
+    }
+
+    /// Gap at ADC code 0 (m).
+    pub fn lvdt_gap_at_code_zero_m(&self) -> f64 {
+        self.lvdt_gap_at_zero_m - self.lvdt_volts_at_zero * self.lvdt_metres_per_volt()
+    }
+
+    fn lvdt_metres_per_volt(&self) -> f64 {
+        self.lvdt_stroke_m / (self.lvdt_volts_at_stroke - self.lvdt_volts_at_zero)
+    }
+
+    /// Current limit as the drive takes it (mA).
+    pub fn drive_current_limit_ma(&self) -> i16 {
+        // `validate` keeps it within an i16.
+        (self.drive_current_limit_a * 1000.0).round() as i16
+    }
+
     fn validate(&self) -> Result<(), ParameterError> {
         let refuse = |parameter, value, reason| Err(ParameterError { parameter, value, reason });
         let positive = [

@@ -15,6 +15,8 @@
 
 pub mod axis;
 #[cfg(feature = "std")]
+mod candidates;
+#[cfg(feature = "std")]
 pub mod certificate;
 #[cfg(feature = "std")]
 pub mod emit;
