@@ -133,8 +133,10 @@ pub struct Mechanism {
 struct Trial {
     shape: RodShape,
     radius: Radius,
-    /// Rod length missed over l; helix equation missed over L0.
+    /// Rod length missed over l; helix equation missed over its own size.
     residual: [f64; 2],
+    /// Size of the helix equation: string length or horizontal run, whichever is more (m).
+    scale_m: f64,
     /// Derivatives of the two (unscaled) residuals by φ_l and α.
     jacobian: [f64; 4],
     x_m: f64,
@@ -261,9 +263,11 @@ impl Mechanism {
         let d_m = 2.0 * shape.reach.value + self.geometry.clamp_width_m;
         let run = d_m * state.span_factor + state.twist_rad * radius.radius_m;
         let inward_by_alpha = 0.5 * state.load_n * sec2 * state.span_factor;
+        let scale_m = run.max(self.geometry.string_length_m);
         let rod_miss = if self.rod.length_m > 0.0 { shape.length.value / self.rod.length_m - 1.0 } else { 0.0 };
         Trial {
-            residual: [rod_miss, (tan * x_m - run) / self.geometry.string_length_m],
+            residual: [rod_miss, (tan * x_m - run) / scale_m],
+            scale_m,
             jacobian: [
                 shape.length.by_angle,
                 shape.length.by_inward * inward_by_alpha,
@@ -296,7 +300,7 @@ impl Mechanism {
         for iterations in 1..=20 {
             let trial = self.trial(state, alpha, angle).ok()?;
             let [a, b, c, d] = trial.jacobian;
-            let [r1, r2] = [trial.residual[0] * self.rod.length_m, trial.residual[1] * l0];
+            let [r1, r2] = [trial.residual[0] * self.rod.length_m, trial.residual[1] * trial.scale_m];
             let (step_angle, step_alpha) = if rigid {
                 (0.0, -r2 / d)
             } else {
@@ -367,7 +371,7 @@ impl Mechanism {
             // Slope of the helix equation along the solved rod.
             let [a, b, c, d] = trial.jacobian;
             let slope = if a > 0.0 { d - b * c / a } else { d };
-            let newton = alpha - error * self.geometry.string_length_m / slope;
+            let newton = alpha - error * trial.scale_m / slope;
             let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
             if error == 0.0 || (next - alpha).abs() <= 2.0 * f64::EPSILON * alpha {
                 break;
@@ -412,9 +416,10 @@ impl Mechanism {
             }
         }
         // A limit of the model names the failure better than a residual does, so this comes last. A rod bent until it
-        // lies along the string answers to the last bit of its tip angle: there that bit is the limit.
-        let last_bit =
-            8.0 * f64::EPSILON * angle * trial.shape.length.by_angle / self.rod.length_m.max(f64::MIN_POSITIVE);
+        // lies along the string has its tip angle within 1/κ of the force's direction: there a rounding of that angle
+        // is worth more than 1e-12 of the length, and what rounding leaves is the limit.
+        let conditioning = angle * trial.shape.length.by_angle / self.rod.length_m.max(f64::MIN_POSITIVE);
+        let last_bit = 128.0 * f64::EPSILON * conditioning;
         if residual > RESIDUAL_LIMIT.max(last_bit) || residual.is_nan() {
             return Err(SolveError::NotConverged { load_n, twist_rad, residual });
         }

@@ -122,6 +122,9 @@ fn limits_are_named_and_the_nearest_good_case_is_solved() {
     assert!(matches!(end, SolveError::StrainRange { .. }), "{end}");
 }
 
+/// Random scenes and states.
+const CASES: u32 = 100_000;
+
 #[test]
 fn every_random_scene_is_solved_or_named() {
     use proptest::prelude::*;
@@ -131,7 +134,10 @@ fn every_random_scene_is_solved_or_named() {
         (0.0002..0.004f64, 1.0..5.0f64, 0.5..20.0f64, 0.0..0.6f64, 0.0..0.4f64, 0.0..1.0f64),
         (9.0..11.5f64, 0.05..60.0f64, -90.0..90.0f64),
     );
-    let mut runner = proptest::test_runner::TestRunner::new(ProptestConfig { cases: 4000, ..Default::default() });
+    // The same cases every time: a test that fails by chance tells nothing.
+    let config = ProptestConfig { cases: CASES, failure_persistence: None, ..Default::default() };
+    let rng = proptest::test_runner::TestRng::deterministic_rng(proptest::test_runner::RngAlgorithm::ChaCha);
+    let mut runner = proptest::test_runner::TestRunner::new_with_rng(config, rng);
     runner
         .run(&strategy, |((l0, span, clamp, radius), (d, k, k1, k2, k3, p), (modulus, load, twist))| {
             let mut s = base.clone();
