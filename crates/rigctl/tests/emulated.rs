@@ -1,0 +1,156 @@
+//! The tool with the real firmware on the emulated board, as a user calls it.
+
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::sync::Once;
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+/// The tool, with the firmware made first if it is not there.
+fn rigctl(arguments: &[&str]) -> Output {
+    static FIRMWARE: Once = Once::new();
+    let own = Path::new(env!("CARGO_BIN_EXE_rigctl"));
+    let elf = own.parent().expect("a folder").join("../firmware/tsa-firmware.elf");
+    FIRMWARE.call_once(|| {
+        if !elf.exists() {
+            let status = Command::new("cargo").args(["xtask", "firmware"]).current_dir(root()).status();
+            assert!(status.is_ok_and(|s| s.success()), "`cargo xtask firmware` failed");
+        }
+    });
+    Command::new(own).args(arguments).current_dir(root()).output().expect("rigctl runs")
+}
+
+fn lines(output: &Output) -> Vec<Value> {
+    let text = String::from_utf8_lossy(&output.stdout);
+    text.lines().map(|line| serde_json::from_str(line).unwrap_or_else(|e| panic!("{line}: {e}"))).collect()
+}
+
+fn error_of(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+const KEYS: [&str; 16] = [
+    "t_s",
+    "state",
+    "fault",
+    "limit",
+    "target_m",
+    "setpoint_m",
+    "position_m",
+    "twist_rad",
+    "load_n",
+    "tr_rad_per_m",
+    "drive_current_a",
+    "drive_speed_rad_per_s",
+    "true_position_m",
+    "true_twist_rad",
+    "true_load_n",
+    "string_tension_n",
+];
+
+#[test]
+fn a_script_plays_and_the_same_seed_gives_the_same_bytes() {
+    let run = |seed: &str| rigctl(&["sim", "--script", "docs/example.script", "--json", "--seed", seed]);
+    let first = run("5");
+    assert!(first.status.success(), "{}", error_of(&first));
+    let rows = lines(&first);
+    let (summary, rows) = rows.split_last().expect("rows");
+    for key in ["instructions_per_tick_mean", "instructions_per_tick_max", "core_busy", "realtime_factor", "seed"] {
+        assert!(summary["summary"][key].is_number(), "{key} in {summary}");
+    }
+    assert!(summary["summary"]["core_busy"].as_f64().expect("a number") < 0.10);
+    let mut last_s = 0.0;
+    for row in rows {
+        let object = row.as_object().expect("an object");
+        for key in KEYS {
+            assert!(object.contains_key(key), "{key} in {row}");
+        }
+        let t_s = row["t_s"].as_f64().expect("a time");
+        assert!(t_s - last_s < 0.0115, "nothing between {last_s} and {t_s} s");
+        last_s = t_s;
+    }
+    let states: Vec<&str> = rows.iter().filter_map(|r| r["state"].as_str()).collect();
+    for state in ["boot", "unhomed", "homing", "ready", "moving", "holding", "fault"] {
+        assert!(states.contains(&state), "{state} never seen");
+    }
+    assert!(rows.iter().any(|r| r["fault"] == "lvdt-open"));
+    // At rest after the first move: 12 mm, by the plant's own gap.
+    let rest = rows.iter().find(|r| r["t_s"].as_f64().is_some_and(|t| t > 26.9)).expect("27 s");
+    let error = rest["true_position_m"].as_f64().expect("homed") - 0.012;
+    assert!(error.abs() < 50e-6, "{error} m");
+    let without_summary = |output: &Output| {
+        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        text.lines().filter(|l| !l.contains("summary")).map(String::from).collect::<Vec<_>>()
+    };
+    assert_eq!(without_summary(&first), without_summary(&run("5")));
+    assert_ne!(without_summary(&first), without_summary(&run("6")));
+}
+
+#[test]
+fn a_move_ends_with_its_error_and_what_is_out_of_reach_is_refused() {
+    let moved = rigctl(&["move", "--to", "8mm", "--speed", "3mm/s", "--plant", "load=1kg", "--json"]);
+    assert!(moved.status.success(), "{}", error_of(&moved));
+    assert!(error_of(&moved).contains("homing first"));
+    let rows = lines(&moved);
+    let result = rows.last().expect("a result");
+    assert!(result["true_error_m"].as_f64().expect("emulated").abs() < 50e-6, "{result}");
+    assert!((result["load_n"].as_f64().expect("known") / 9.80665 - 1.0).abs() < 0.08, "{result}");
+    for (arguments, named) in [
+        (&["move", "--to", "80mm"][..], "target"),
+        (&["move", "--to", "8mm", "--load", "30N"], "load"),
+        (&["move", "--to", "8mm", "--speed", "9m/s"], "speed"),
+    ] {
+        let refused = rigctl(arguments);
+        assert_eq!(refused.status.code(), Some(1));
+        assert!(error_of(&refused).contains(named), "{arguments:?}: {}", error_of(&refused));
+    }
+}
+
+#[test]
+fn wrong_usage_is_2_and_names_the_parameter() {
+    for (arguments, named) in [
+        (&["move"][..], "--to"),
+        (&["move", "--to", "8kg"], "to"),
+        (&["move", "--to", "nan"], "to"),
+        (&["move", "--to", "8mm", "--load", "soft"], "load"),
+        (&["move", "--to", "8mm", "--dry-run"], "--load"),
+        (&["home", "--plant", "weight=3"], "weight"),
+        (&["dance"], "dance"),
+    ] {
+        let wrong = rigctl(arguments);
+        assert_eq!(wrong.status.code(), Some(2), "{arguments:?}: {}", error_of(&wrong));
+        assert!(error_of(&wrong).contains(named), "{arguments:?}: {}", error_of(&wrong));
+        assert!(wrong.stdout.is_empty());
+    }
+    for (arguments, named) in [
+        (&["home", "--plant", "load=2000kg"][..], "load"),
+        (&["status", "--port", "/dev/no-such-port"], "/dev/no-such-port"),
+        (&["status", "--firmware", "no-such.elf"], "no-such.elf"),
+        (&["sim", "--script", "no-such.script"], "no-such.script"),
+        (&["solve", "--load", "1N", "--turns", "1", "--scene", "no-such.toml"], "no-such.toml"),
+    ] {
+        let failed = rigctl(arguments);
+        assert_eq!(failed.status.code(), Some(1), "{arguments:?}: {}", error_of(&failed));
+        assert!(error_of(&failed).contains(named), "{arguments:?}: {}", error_of(&failed));
+    }
+}
+
+#[test]
+fn a_board_of_another_scene_is_refused() {
+    let refused = rigctl(&["status", "--scene", "scenes/paper-printed.toml"]);
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(error_of(&refused).contains("another scene"), "{}", error_of(&refused));
+}
+
+#[test]
+fn the_dry_run_plans_what_the_board_then_does() {
+    let planned = rigctl(&["move", "--to", "8mm", "--speed", "3mm/s", "--dry-run", "--load", "1kg", "--json"]);
+    assert!(planned.status.success(), "{}", error_of(&planned));
+    let rows = lines(&planned);
+    let last = rows.last().expect("rows");
+    assert!((last["setpoint_m"].as_f64().expect("a number") - 0.008).abs() < 1e-8);
+    assert!(rows.len() > 5 && last["turns"].as_f64().expect("a number") > 3.0);
+}
