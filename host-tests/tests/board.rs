@@ -126,6 +126,37 @@ fn rig_faults_reach_the_firmware() {
 }
 
 #[test]
+fn a_hung_core_is_reset_by_the_watchdog_and_stays_in_fault() {
+    let mut b = Bench::new(&[], 12);
+    b.home();
+    b.ask(&MOVE).unwrap();
+    b.run(2.0);
+    let hung_at = b.machine.now_s();
+    let twist = b.machine.board().truth().twist_rad;
+    b.machine.hang(true);
+    b.machine.run_until(hung_at + 0.4).unwrap();
+    // The drive stops at its last target instead of running on.
+    let moved = (b.machine.board().truth().twist_rad - twist).abs();
+    assert!(moved < 1.3, "the motor went on for {moved} rad");
+    b.run(0.6);
+    let resets = b.machine.stats().resets;
+    assert_eq!(resets.len(), 1, "{resets:?}");
+    let after_s = resets[0].0 - hung_at;
+    assert!((0.2..0.6).contains(&after_s), "reset {after_s} s after the hang");
+    b.run(4.0);
+    let last = b.last.unwrap();
+    assert_eq!((last.state, last.fault), (State::Fault, Some(Fault::WatchdogReset)));
+    assert_eq!(last.twist_rad, None);
+    b.ask(&Request::Hello { protocol_hash: PROTOCOL_HASH }).unwrap();
+    b.run(0.1);
+    let identity = b.identity.clone().unwrap();
+    assert_eq!((identity.reset_cause, identity.boot_count), (ResetCause::Watchdog, 2));
+    assert_eq!(b.ask(&Request::Home), Err(Refusal::InFault { fault: Fault::WatchdogReset }));
+    b.ask(&Request::Clear).unwrap();
+    assert!(b.until(6.0, |b| b.state() == State::Unhomed));
+}
+
+#[test]
 fn after_a_power_cycle_the_twist_is_unknown() {
     let mut b = Bench::new(&[], 8);
     b.home();

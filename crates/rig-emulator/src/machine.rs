@@ -226,6 +226,12 @@ impl<B: Board + 'static> Machine<B> {
         self.cpu.reset(cause);
     }
 
+    /// The core stops executing, as in an endless loop with interrupts off, until a reset (the watchdog's, say) or until
+    /// told. Peripherals and DMA go on.
+    pub fn hang(&mut self, hung: bool) {
+        self.cpu.hang(hung);
+    }
+
     /// Switch the supply off and on. Flash keeps its contents, RAM does not; emulated time goes on.
     pub fn power_cycle(&mut self) {
         self.dead = None;

@@ -82,6 +82,8 @@ enum Sleep {
 pub struct Cpu<B: Board + 'static> {
     uc: Unicorn<'static, Core<B>>,
     sleep: Sleep,
+    /// Nothing is executed: the fault `task-hang`.
+    hung: bool,
     sev_hooks: HashSet<u32>,
 }
 
@@ -105,7 +107,7 @@ impl<B: Board + 'static> Cpu<B> {
         uc.mem_write(FLASH_KIB, &((flash_size >> 10) as u16).to_le_bytes())?;
         uc.mem_write(VREFINT_CAL, &factory.vrefint_cal.to_le_bytes())?;
         hooks::install(&mut uc)?;
-        let mut cpu = Self { uc, sleep: Sleep::Awake, sev_hooks: HashSet::new() };
+        let mut cpu = Self { uc, sleep: Sleep::Awake, hung: false, sev_hooks: HashSet::new() };
         cpu.code_changed()?;
         Ok(cpu)
     }
@@ -164,6 +166,13 @@ impl<B: Board + 'static> Cpu<B> {
         self.set(R::PC, entry.unwrap_or(0) | 1);
         self.refresh_mode();
         self.sleep = Sleep::Awake;
+        self.hung = false;
+    }
+
+    /// Stop executing while the chip's clocks and peripherals go on, as an endless loop with interrupts off would; a
+    /// reset ends it.
+    pub fn hang(&mut self, hung: bool) {
+        self.hung = hung;
     }
 
     /// Run to the first instruction boundary that is not before `t_s`, or to something that the caller has to see to.
@@ -181,6 +190,15 @@ impl<B: Board + 'static> Cpu<B> {
             }
             if let Some(cause) = core.soc.reset_request {
                 return Ok(Outcome::Reset(cause));
+            }
+            if self.hung {
+                let core = self.uc.get_data_mut();
+                if core.soc.clock.now() >= core.limit {
+                    return Ok(Outcome::Limit);
+                }
+                let limit = core.limit;
+                core.soc.sleep(limit);
+                continue;
             }
             if let Some(exception) = takeable(&self.uc) {
                 self.sleep = Sleep::Awake;

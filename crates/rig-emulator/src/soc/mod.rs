@@ -151,6 +151,9 @@ impl<B: Board> Soc<B> {
 
     /// Reset everything but flash and, unless the power goes, RAM. The board lives on and sees its wires let go.
     pub fn reset(&mut self, cause: ResetCause) {
+        // Conversions up to here were made with the pins as they were.
+        let now = self.clock.now();
+        self.catch_up_adc(now);
         for unit in map::RESETTABLE {
             self.reset_unit(unit);
         }
