@@ -23,6 +23,9 @@ const LOAD_CELLS: usize = 48;
 const OPEN_CELLS: usize = 24;
 /// Cells from θ = π to the last twist.
 const TWISTED_CELLS: usize = 144;
+/// Where the gap falls faster with twist than this, m/rad, the equilibrium is about to run away (model.md 5), and no
+/// patch and no straight line follows it: the last twist is before that.
+const STEEPEST_M_PER_RAD: f64 = 5e-3;
 /// How far past the last twist the gap runs on, rad.
 const RUN_ON_RAD: f64 = 2.0;
 
@@ -293,7 +296,8 @@ fn differences(values: &[f64], step: f64) -> Vec<f64> {
 
 /// The last twist, at most [`MAX_TWIST_RAD`], up to which every twist has an equilibrium.
 fn last_twist(exact: &impl Transmission, load_n: f64) -> Result<f64, NoSurface> {
-    let exists = |twist: f64| exact.gap(twist, load_n).is_some();
+    let exists =
+        |twist: f64| exact.gap(twist, load_n).is_some_and(|point| point.by_twist_m_per_rad >= -STEEPEST_M_PER_RAD);
     let mut low = PI;
     if !exists(low) {
         return Err(NoSurface { load_n, twist_rad: low });
