@@ -1,0 +1,79 @@
+//! The rod against numbers that others computed by other means (numerics.md section 2).
+
+use tsa_model::Material;
+use tsa_model::rod::{Rod, TipForce};
+
+const RIGHT_ANGLE: f64 = std::f64::consts::FRAC_PI_2;
+
+/// Tip of a rod so slender that it does not stretch: x/L, w/L, φ at V and H in units of EI/L².
+fn elastica(v: f64, h: f64) -> (f64, f64, f64) {
+    // (R/L)² is what stretch amounts to: 1e-14.
+    let (length, radius) = (1.0, 1e-7);
+    let material = Material { stress_coefficients_pa: [1e20, 0.0, 0.0, 0.0, 0.0] };
+    let rod = Rod::new(length, radius, &material, 48);
+    let unit = rod.bending_stiffness_nm2() / (length * length);
+    let force = TipForce { inward_n: h * unit, sideways_n: v * unit };
+    let ceiling = RIGHT_ANGLE + h.atan2(v);
+    let (angle, shape) = rod.tip_angle(force, ceiling).unwrap();
+    assert!((shape.length.value / length - 1.0).abs() < 1e-12);
+    (shape.reach.value / length, shape.deflection.value / length, angle)
+}
+
+#[test]
+fn the_exact_end_load_table() {
+    // Elliptic integrals, 30 digits: α, w/L, u/L, φ.
+    for (alpha, w, u, phi) in [
+        (0.2, 0.06636448214, 0.002646548341, 0.09963616304),
+        (0.5, 0.1621435757, 0.01591896247, 0.2445336471),
+        (1.0, 0.3017207738, 0.05643323628, 0.4613519497),
+        (2.0, 0.4934574804, 0.1606417208, 0.7817498316),
+        (5.0, 0.7137915236, 0.3876283607, 1.215368118),
+        (10.0, 0.8106090249, 0.5549955978, 1.430285539),
+        (20.0, 0.8686958983, 0.6838855676, 1.532934956),
+    ] {
+        let (x, deflection, angle) = elastica(alpha, 0.0);
+        assert!((deflection - w).abs() < 1e-10, "α = {alpha}: w/L = {deflection}");
+        assert!((1.0 - x - u).abs() < 1e-10, "α = {alpha}: u/L = {}", 1.0 - x);
+        assert!((angle - phi).abs() < 1e-9, "α = {alpha}: φ = {angle}");
+    }
+}
+
+#[test]
+fn inclined_end_loads() {
+    for (v, h, x, w) in [
+        (1.46, 1.46, 0.7455337412730, 0.5967975189399),
+        (10.0, 6.0, 0.0762649878973, 0.8595834568967),
+        (10.0, 0.0, 0.4450044022462, 0.8106090248803),
+    ] {
+        let (reach, deflection, _) = elastica(v, h);
+        assert!((reach - x).abs() < 1e-9 && (deflection - w).abs() < 1e-9, "({v}, {h}): {reach}, {deflection}");
+    }
+}
+
+#[test]
+fn the_full_polynomial_rod() {
+    // l = 13 mm, R = 0.5 mm, a1…a5 = 20 000 MPa each; two independent solvers agree on these to 6e-12 mm.
+    let material = Material { stress_coefficients_pa: [2e10; 5] };
+    let rod = Rod::new(0.013, 0.0005, &material, 32);
+    for (v, degrees, u_mm, w_mm, phi, strain) in [
+        (0.5, 20.0f64, -0.0067276311, 0.3773792753, 0.0435745005, 0.0033),
+        (0.5, 40.0, -0.0071502803, 0.3837262141, 0.0443386532, 0.0034),
+        (2.5, 20.0, -0.1765952195, 1.9427787450, 0.2258085497, 0.0172),
+        (2.5, 40.0, -0.2113850879, 2.1174080450, 0.2472180817, 0.0185),
+        (5.0, 20.0, -0.7124425624, 3.8567105296, 0.4559244202, 0.0348),
+        (5.0, 40.0, -0.9933830156, 4.5111610124, 0.5415249914, 0.0402),
+        (8.5, 20.0, -1.8589382044, 6.0618504340, 0.7420782804, 0.0577),
+        (8.5, 40.0, -2.8755355492, 7.3178352633, 0.9357892729, 0.0704),
+    ] {
+        let alpha = degrees.to_radians();
+        let force = TipForce { inward_n: v * alpha.tan(), sideways_n: v };
+        let (angle, shape) = rod.tip_angle(force, RIGHT_ANGLE + alpha).unwrap();
+        let u = 1e3 * (shape.reach.value - 0.013);
+        let w = 1e3 * shape.deflection.value;
+        assert!((u - u_mm).abs() < 1e-9 && (w - w_mm).abs() < 1e-9, "{v} N, {degrees}°: u {u} mm, w {w} mm");
+        assert!((angle - phi).abs() < 1e-9, "{v} N, {degrees}°: φ {angle}");
+        let bending = rod.clamp_strain(force, angle).unwrap().bending_squared.sqrt();
+        // Printed to four digits, some of them cut and not rounded.
+        assert!((bending - strain).abs() < 1e-4, "{v} N, {degrees}°: strain {bending}");
+    }
+}
