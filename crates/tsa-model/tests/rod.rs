@@ -73,7 +73,7 @@ fn the_full_polynomial_rod() {
         assert!((u - u_mm).abs() < 1e-9 && (w - w_mm).abs() < 1e-9, "{v} N, {degrees}°: u {u} mm, w {w} mm");
         assert!((angle - phi).abs() < 1e-9, "{v} N, {degrees}°: φ {angle}");
         let bending = rod.clamp_strain(force, angle).unwrap().bending_squared.sqrt();
-        // Printed to four digits, some of them cut and not rounded.
-        assert!((bending - strain).abs() < 1e-4, "{v} N, {degrees}°: strain {bending}");
+        // Printed to four digits, and up to one unit of the last one lower than here.
+        assert!((bending - strain).abs() < 1.5e-4, "{v} N, {degrees}°: strain {bending}");
     }
 }
