@@ -104,11 +104,15 @@ impl Warnings {
     /// |θ| < π: the strings do not touch yet; the paper says nothing there (model.md section 5).
     pub const OPEN_STRINGS: Self = Self(8);
 
-    const NAMES: [(Self, &'static str); 4] = [
+    /// X < r0 |θ|/π: two strings laid side by side would be longer. Only from [`crate::Mechanism::formal`].
+    pub const OVERTWIST: Self = Self(16);
+
+    const NAMES: [(Self, &'static str); 5] = [
         (Self::LIGHT_LOAD, "light-load"),
         (Self::STRAIN_RANGE, "strain-range"),
         (Self::NOT_UNIQUE, "not-unique"),
         (Self::OPEN_STRINGS, "open-strings"),
+        (Self::OVERTWIST, "overtwist"),
     ];
 
     /// Adds a warning.

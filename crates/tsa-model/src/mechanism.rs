@@ -209,6 +209,20 @@ impl Mechanism {
     /// # Errors
     /// The named limit of the model that stopped it, see [`SolveError`].
     pub fn solve(&self, load_n: f64, twist_rad: f64) -> Result<Equilibrium, SolveError> {
+        let found = self.formal(load_n, twist_rad)?;
+        if found.warnings.contains(Warnings::OVERTWIST) {
+            let needed_m = self.string.diameter_m * twist_rad.abs() / PI;
+            return Err(SolveError::Overtwist { length_m: found.x_m, needed_m });
+        }
+        Ok(found)
+    }
+
+    /// As [`Mechanism::solve`], but an overtwisted state is returned with a warning: the equations' root, which no
+    /// two strings of diameter r0 can reach. For comparing with numbers that were computed without that limit.
+    ///
+    /// # Errors
+    /// As [`Mechanism::solve`], without [`SolveError::Overtwist`].
+    pub fn formal(&self, load_n: f64, twist_rad: f64) -> Result<Equilibrium, SolveError> {
         if !load_n.is_finite() {
             return Err(SolveError::NotFinite { parameter: "load", value: load_n });
         }
@@ -395,12 +409,11 @@ impl Mechanism {
     ) -> Result<Equilibrium, SolveError> {
         let load_n = state.load_n;
         let residual = trial.residual[0].abs().max(trial.residual[1].abs());
-        let needed_m = self.string.diameter_m * state.twist_rad / PI;
-        if trial.x_m < needed_m {
-            return Err(SolveError::Overtwist { length_m: trial.x_m, needed_m });
-        }
         let force = Self::force(state, trial.tan);
         let mut warnings = Warnings::default();
+        if trial.x_m < self.string.diameter_m * state.twist_rad / PI {
+            warnings.add(Warnings::OVERTWIST);
+        }
         let mut bending_strain = 0.0;
         if self.rod.length_m > 0.0 {
             let clamp = self.rod.clamp_strain(force, angle)?;
