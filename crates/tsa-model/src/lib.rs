@@ -17,11 +17,13 @@
 #![forbid(unsafe_code)]
 
 pub mod error;
+mod helix;
 pub mod material;
-mod math;
 pub mod mechanism;
+pub mod parameters;
 mod quadrature;
 pub mod rod;
+pub mod scalar;
 #[cfg(feature = "std")]
 pub mod scene;
 pub mod section;
@@ -29,7 +31,8 @@ pub mod string;
 
 pub use error::{ParameterError, SolveError, Warnings};
 pub use material::Material;
-pub use mechanism::{Equilibrium, Geometry, Mechanism};
+pub use mechanism::{Equilibrium, Mechanism};
+pub use parameters::{Geometry, Parameters};
 #[cfg(feature = "std")]
 pub use scene::{Scene, SceneError};
 pub use string::{RadiusLaw, StringParameters};

@@ -1,248 +1,404 @@
 //! One free half of a rod (eqs 13–24), without shooting.
 //!
 //! A cantilever of reference length l is pulled at its tip by Px inward and Py sideways. Both are constant along the
-//! rod and x does not appear, so H = κM + (1 + e)N − W is constant (model.md section 3). Given the tip angle φ_l, each
-//! section follows pointwise from N(φ) and H, and length and tip position are integrals over φ. With φ = φ_l (1 − t²)
-//! the integrands are smooth and Gauss–Legendre in t converges spectrally.
+//! rod and x does not appear, so H = κM + (1 + e)N − W is constant (model.md section 3), and each section follows
+//! pointwise from N and H. Let ψ be the angle between the rod's tangent and the line of the force: N = P cos ψ, from
+//! ψ_0 = π/2 + atan(Px/Py) at the clamp to ψ_l at the tip, where κ vanishes. With the substitution of the elastica's
+//! elliptic integrals, sin(ψ/2) = sin(ψ_l/2) cosh h, everything is an integral over h from 0 (tip) to the
+//! *amplitude* S (clamp), where cosh S = sin(ψ_0/2)/sin(ψ_l/2). The integrands are smooth and even in h, so that
+//! Gauss–Legendre converges spectrally, S grows almost in proportion to the rod's length however slender it is,
+//! and no trigonometric function is left.
 
 use crate::error::SolveError;
-use crate::material::{FIT_RANGE, Material};
-use crate::math::{sin_cos, sqrt};
-use crate::quadrature::Rule;
+use crate::material::FIT_RANGE;
+use crate::quadrature::{LEVELS, Rule};
+use crate::scalar::Scalar;
 use crate::section::{Demand, Section, Singular, Strain};
 
-/// Force on the tip of half a rod (N): `inward` compresses (Px), `sideways` bends (Py), eq. 11.
+/// Force on the tip of half a rod (N): `inward` compresses (Px ≥ 0), `sideways` bends (Py > 0), eq. 11.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TipForce {
+pub struct TipForce<T = f64> {
     /// Px = (F/2) tan α.
-    pub inward_n: f64,
+    pub inward_n: T,
     /// Py = F/2.
-    pub sideways_n: f64,
+    pub sideways_n: T,
 }
 
-/// A value with its derivatives by tip angle, Px and Py.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Partial {
+/// A value with its derivatives by amplitude, Px and Py.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Partial<T = f64> {
     /// The value (m).
-    pub value: f64,
-    /// By the tip angle (m/rad).
-    pub by_angle: f64,
+    pub value: T,
+    /// By the amplitude (m).
+    pub by_amplitude: T,
     /// By Px (m/N).
-    pub by_inward: f64,
+    pub by_inward: T,
     /// By Py (m/N).
-    pub by_sideways: f64,
+    pub by_sideways: T,
 }
 
-/// A rod whose tip angle is given: what length it would have, and where its tip is.
+impl<T: Scalar> Partial<T> {
+    fn of(all: [T; 4]) -> Self {
+        let [value, by_amplitude, by_inward, by_sideways] = all;
+        Self { value, by_amplitude, by_inward, by_sideways }
+    }
+}
+
+/// A rod whose amplitude is given: what length it would have, and where its tip is.
 #[derive(Clone, Copy, Debug)]
-pub struct RodShape {
-    /// Reference length ∫dφ/κ (m).
-    pub length: Partial,
+pub struct RodShape<T = f64> {
+    /// Reference length ∫dψ/κ (m).
+    pub length: Partial<T>,
     /// Tip position along the clamp's direction, X(l) = l + u(l) (m).
-    pub reach: Partial,
+    pub reach: Partial<T>,
     /// Lateral tip displacement w(l) (m).
-    pub deflection: Partial,
+    pub deflection: Partial<T>,
     /// Section evaluations spent.
     pub evaluations: u32,
 }
 
-impl RodShape {
-    /// A rod without free length: the exact limit D0 → c.
-    pub fn rigid() -> Self {
-        let zero = Partial::default();
-        Self { length: zero, reach: zero, deflection: zero, evaluations: 0 }
+/// A length with its derivatives by the two components of the tip force.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Compliance<T = f64> {
+    /// The length (m).
+    pub value: T,
+    /// By Px (m/N).
+    pub by_inward: T,
+    /// By Py (m/N).
+    pub by_sideways: T,
+}
+
+impl<T: Scalar> Compliance<T> {
+    /// A length that no force changes.
+    pub fn rigid(value: f64) -> Self {
+        Self { value: T::of(value), by_inward: T::of(0.0), by_sideways: T::of(0.0) }
+    }
+}
+
+/// What a rod answers to a tip force, by whatever method or tier.
+#[derive(Clone, Copy, Debug)]
+pub struct RodResponse<T = f64> {
+    /// Tip position along the clamp's direction, l + u(l) (m).
+    pub reach: Compliance<T>,
+    /// Lateral tip displacement w(l) (m).
+    pub deflection: Compliance<T>,
+    /// Tip angle φ_l (rad).
+    pub tip_angle_rad: T,
+    /// Strain at the clamp, where bending is greatest.
+    pub clamp: Strain<T>,
+}
+
+impl<T: Scalar> RodResponse<T> {
+    /// A rod of this length (m) that does not bend.
+    pub fn rigid(length_m: f64) -> Self {
+        let zero = T::of(0.0);
+        Self {
+            reach: Compliance::rigid(length_m),
+            deflection: Compliance::rigid(0.0),
+            tip_angle_rad: zero,
+            clamp: Strain { axial: zero, bending_squared: zero },
+        }
     }
 }
 
 /// Half a rod.
 #[derive(Clone, Debug)]
-pub struct Rod {
+pub struct Rod<T = f64> {
     /// Free length on one side, (D0 − c)/2 (m).
-    pub length_m: f64,
-    radius_m: f64,
-    section: Section,
+    pub length_m: T,
+    /// Radius R (m).
+    pub radius_m: T,
+    /// The section, normalised.
+    pub section: Section<T>,
     /// A·E at zero strain (N).
-    stiffness_n: f64,
-    rule: Rule,
+    pub stiffness_n: T,
 }
 
-impl Rod {
-    /// A rod of this material, with `points` quadrature nodes (1 to 64).
-    pub fn new(length_m: f64, radius_m: f64, material: &Material, points: usize) -> Self {
-        let area = core::f64::consts::PI * radius_m * radius_m;
+/// The line of a force: its size over A·E and the half angle ψ_0/2 that it makes with the clamped end.
+struct Line<T> {
+    /// P/AE, and its derivatives by px and py (each over A·E).
+    p: T,
+    by: [T; 2],
+    /// sin and cos of ψ_0/2, with derivatives.
+    sin_half: T,
+    sin_half_by: [T; 2],
+    cos_half: T,
+}
+
+impl<T: Scalar> Line<T> {
+    fn new(px: T, py: T) -> Self {
+        let p = (px * px + py * py).sqrt();
+        let (q, r) = (px / p, py / p);
+        // sin² = (1 + q)/2; cos² = (1 − q)/2, written so that a nearly axial force keeps its digits.
+        let sin_half = ((q + 1.0) * 0.5).sqrt();
+        let cos_half = r / (sin_half * 2.0);
+        let fourth = T::of(0.25) / (sin_half * p);
+        Self { p, by: [q, r], sin_half, sin_half_by: [r * r * fourth, -(q * r * fourth)], cos_half }
+    }
+}
+
+impl<T: Scalar> Rod<T> {
+    /// A rod of this free length and radius (m) with the coefficients a1…a5 of eq. 12 (Pa).
+    pub fn new(length_m: T, radius_m: T, stress_coefficients_pa: &[T; 5]) -> Self {
         Self {
             length_m,
             radius_m,
-            section: Section::new(material),
-            stiffness_n: area * material.stress_coefficients_pa[0],
-            rule: Rule::new(points),
+            section: Section::new(stress_coefficients_pa),
+            stiffness_n: radius_m * radius_m * stress_coefficients_pa[0] * core::f64::consts::PI,
         }
     }
 
     /// Bending stiffness at zero strain, E I2 (N m²).
-    pub fn bending_stiffness_nm2(&self) -> f64 {
-        self.stiffness_n * self.radius_m * self.radius_m / 4.0
+    pub fn bending_stiffness_nm2(&self) -> T {
+        self.stiffness_n * self.radius_m * self.radius_m * 0.25
     }
 
     /// |n| l²/EI: below π²/4 the equilibrium is unique (numerics.md 2.6).
-    pub fn load_number(&self, force: TipForce) -> f64 {
+    pub fn load_number(&self, force: TipForce<T>) -> T {
         let TipForce { inward_n: px, sideways_n: py } = force;
-        sqrt(px * px + py * py) * self.length_m * self.length_m / self.bending_stiffness_nm2()
+        (px * px + py * py).sqrt() * self.length_m * self.length_m / self.bending_stiffness_nm2()
     }
 
-    /// Tip angle of the straight-line theory, Py l²/(2EI), kept below the force's direction (rad).
-    pub fn first_guess(&self, force: TipForce, ceiling: f64) -> f64 {
-        let n = force.sideways_n * self.length_m * self.length_m / self.bending_stiffness_nm2();
-        // The compressive part adds about 5/12 of its own number to first order (beam-column).
-        let h = force.inward_n * self.length_m * self.length_m / self.bending_stiffness_nm2();
-        let angle = 0.5 * n * (1.0 + 5.0 / 12.0 * h.min(1.5));
-        ceiling * (1.0 - 1.0 / (1.0 + angle / ceiling))
+    fn line(&self, force: TipForce<T>) -> Line<T> {
+        Line::new(force.inward_n / self.stiffness_n, force.sideways_n / self.stiffness_n)
     }
 
-    /// The section at φ = φ_l (1 − t²).
-    fn demand(&self, force: TipForce, tip_angle: f64, t: f64, tip_stretch: f64) -> Demand {
-        let (px, py) = (force.inward_n / self.stiffness_n, force.sideways_n / self.stiffness_n);
-        let (sin, cos) = sin_cos(tip_angle * (1.0 - t * t));
-        let half = 0.5 * tip_angle * t * t;
-        let ((sin_half, _), (sin_mid, cos_mid)) = (sin_cos(half), sin_cos(tip_angle - half));
-        Demand {
-            n: py * sin - px * cos,
-            // N_l − N in product form: as a difference it would lose half its digits near the tip.
-            n_tip_less_n: 2.0 * sin_half * (px * sin_mid + py * cos_mid),
-            tip_stretch,
+    /// Amplitude of a linear, inextensible rod, to about a percent: l √(P/EI) over the mean of 1/cos(ψ/2).
+    pub fn first_guess(&self, force: TipForce<T>) -> T {
+        let Line { p, sin_half, cos_half, .. } = self.line(force);
+        let number = self.length_m * 2.0 * p.sqrt() / self.radius_m;
+        let mut amplitude = number * cos_half;
+        for _ in 0..2 {
+            let (_, cosh) = amplitude.sinh_cosh();
+            let tip = sin_half / cosh;
+            let mid = tip * ((cosh + 1.0) * 0.5).sqrt();
+            let inverse_cos = |sin: T| T::of(1.0) / (-(sin * sin) + 1.0).sqrt();
+            let mean = (inverse_cos(tip) + inverse_cos(mid) * 4.0 + T::of(1.0) / cos_half) * (1.0 / 6.0);
+            amplitude = number / mean;
         }
+        amplitude
     }
 
-    fn tip_stretch(&self, force: TipForce, tip_angle: f64) -> Result<f64, Singular> {
-        let (sin, cos) = sin_cos(tip_angle);
-        self.section.stretch((force.sideways_n * sin - force.inward_n * cos) / self.stiffness_n)
-    }
-
-    /// Shape of the rod that ends at `tip_angle` (rad) under `force`.
-    ///
-    /// # Errors
-    /// [`SolveError::SectionSingular`] where the section's tangent vanishes.
-    pub fn shape(&self, force: TipForce, tip_angle: f64) -> Result<RodShape, SolveError> {
-        let e_tip = self.tip_stretch(force, tip_angle).map_err(singular)?;
-        let (px, py) = (force.inward_n / self.stiffness_n, force.sideways_n / self.stiffness_n);
-        let (sin_l, cos_l) = sin_cos(tip_angle);
-        // Derivatives of the tip's axial force by tip angle, px, py.
-        let n_tip_by = [px * sin_l + py * cos_l, -cos_l, sin_l];
-        let mut shape = RodShape::rigid();
-        let mut neighbour: Option<(f64, Strain)> = None;
-        for (t, weight) in self.rule.iter() {
-            let angle = tip_angle * (1.0 - t * t);
-            let (sin, cos) = sin_cos(angle);
-            let demand = self.demand(force, tip_angle, t, e_tip);
-            // Bending grows like t² from the tip.
-            let start = neighbour
-                .map(|(t0, s)| Strain { axial: s.axial, bending_squared: s.bending_squared * (t / t0) * (t / t0) });
+    /// Shape of the rod with this amplitude (above 0) under `force`, by a rule.
+    pub(crate) fn shape(&self, force: TipForce<T>, amplitude: T, rule: &Rule) -> Result<RodShape<T>, SolveError> {
+        let line = self.line(force);
+        let p = line.p;
+        let (sinh_s, cosh_s) = amplitude.sinh_cosh();
+        // m = sin(ψ_l/2) and its derivatives by amplitude, px, py.
+        let m = line.sin_half / cosh_s;
+        let m_by = [-(m * sinh_s / cosh_s), line.sin_half_by[0] / cosh_s, line.sin_half_by[1] / cosh_s];
+        let n_tip = p * (-(m * m * 2.0) + 1.0);
+        let e_tip = self.section.stretch(n_tip).map_err(singular)?;
+        let zero = T::of(0.0);
+        let p_by = [zero, line.by[0], line.by[1]];
+        let n_tip_by: [T; 3] = core::array::from_fn(|k| p_by[k] * (-(m * m * 2.0) + 1.0) - p * m * m_by[k] * 4.0);
+        // dψ/κ = element dh, element = R √(2/p) / (cos(ψ/2) √Y), Y = y/(N_l − N).
+        let scale = amplitude * self.radius_m * (T::of(2.0) / p).sqrt();
+        // Length, and tip position along and across the force, each with its derivatives.
+        let mut sums = [[zero; 4]; 3];
+        let mut evaluations = 0;
+        // (e_l − e)/(N_l − N) and Y are smooth: the next node's are extrapolated from the last two.
+        let mut last: [Option<(f64, T, T)>; 2] = [None; 2];
+        for (t, weight) in rule.iter() {
+            let (sinh, cosh) = (amplitude * t).sinh_cosh();
+            let sin = m * cosh;
+            let cos = (-(sin * sin) + 1.0).sqrt();
+            let cos_psi = -(sin * sin * 2.0) + 1.0;
+            let less = p * m * m * sinh * sinh * 2.0;
+            let demand = Demand { n: p * cos_psi, n_tip_less_n: less, tip_stretch: e_tip };
+            let start = match last {
+                [Some((l1, e1, y1)), Some((l2, e2, y2))] => {
+                    let ahead = (less.value() - l1) / (l1 - l2);
+                    ((e1 + (e1 - e2) * ahead) * less, (y1 + (y1 - y2) * ahead) * less)
+                }
+                [Some((_, e1, y1)), None] => (e1 * less, y1 * less),
+                _ => Section::linear_guess(demand),
+            };
             let solved = self.section.solve(demand, start).map_err(singular)?;
-            neighbour = Some((t, solved.strain));
-            shape.evaluations += solved.iterations;
             let (e, y) = (solved.strain.axial, solved.strain.bending_squared);
-            // dφ/κ = 2 φ_l t R/√y dt
-            let element = weight * 2.0 * tip_angle * t * self.radius_m / sqrt(y);
-            let n_by = [(1.0 - t * t) * (px * sin + py * cos), -cos, sin];
-            let mut derivatives = [(0.0, 0.0); 3];
-            for (k, derivative) in derivatives.iter_mut().enumerate() {
-                let less_by = n_tip_by[k] - n_by[k];
-                *derivative = solved.derivative(n_by[k], less_by + e_tip * n_tip_by[k] - e * n_by[k]);
+            let ratio = y / less;
+            last = [Some((less.value(), solved.less_stretch / less, ratio)), last[0]];
+            evaluations += solved.iterations;
+            let element = scale * weight / (cos * ratio.sqrt());
+            let sin_psi = sin * cos * 2.0;
+            let stretch = e + 1.0;
+            let (along, across) = (stretch * cos_psi, stretch * sin_psi);
+            sums[0][0] += element;
+            sums[1][0] += along * element;
+            sums[2][0] += across * element;
+            let (inv_y, inv_m, tan_half) = (T::of(0.5) / y, T::of(1.0) / m, sin / cos);
+            for k in 0..3 {
+                let mut sin_by = m_by[k] * cosh;
+                let mut less_by = p_by[k] * m * m * sinh * sinh * 2.0 + p * m * m_by[k] * sinh * sinh * 4.0;
+                let mut own = m_by[k] * inv_m;
+                if k == 0 {
+                    sin_by += m * sinh * t;
+                    less_by += p * m * m * sinh * cosh * (4.0 * t);
+                    own += cosh / sinh * t + T::of(1.0) / amplitude;
+                }
+                let n_by = p_by[k] * cos_psi - p * sin * sin_by * 4.0;
+                let (e_by, y_by) = solved.derivative(n_by, less_by + e_tip * n_tip_by[k] - e * n_by);
+                let cos_by = -(tan_half * sin_by);
+                let element_by = element * (own - y_by * inv_y - cos_by / cos);
+                let along_by = e_by * cos_psi - stretch * sin * sin_by * 4.0;
+                let across_by = e_by * sin_psi + stretch * (sin_by * cos + sin * cos_by) * 2.0;
+                sums[0][k + 1] += element_by;
+                sums[1][k + 1] += along_by * element + along * element_by;
+                sums[2][k + 1] += across_by * element + across * element_by;
             }
-            let element_by = |k: usize| {
-                let own = if k == 0 { 1.0 / tip_angle } else { 0.0 };
-                element * (own - 0.5 * derivatives[k].1 / y)
-            };
-            let angle_by = [1.0 - t * t, 0.0, 0.0];
-            let add = |partial: &mut Partial, factor: f64, factor_by_e: f64, factor_by_angle: f64| {
-                partial.value += factor * element;
-                let by = |k: usize| {
-                    factor * element_by(k) + element * (factor_by_e * derivatives[k].0 + factor_by_angle * angle_by[k])
-                };
-                partial.by_angle += by(0);
-                partial.by_inward += by(1) / self.stiffness_n;
-                partial.by_sideways += by(2) / self.stiffness_n;
-            };
-            add(&mut shape.length, 1.0, 0.0, 0.0);
-            add(&mut shape.reach, (1.0 + e) * cos, cos, -(1.0 + e) * sin);
-            add(&mut shape.deflection, (1.0 + e) * sin, sin, (1.0 + e) * cos);
+        }
+        let [length, along, across] = sums;
+        let [q, r] = line.by;
+        let (mut reach, mut deflection) = ([zero; 4], [zero; 4]);
+        for k in 0..4 {
+            reach[k] = across[k] * r - along[k] * q;
+            deflection[k] = along[k] * r + across[k] * q;
+        }
+        // The line of the force turns with px and py.
+        for (k, turn) in [(2, r / p), (3, -(q / p))] {
+            reach[k] -= deflection[0] * turn;
+            deflection[k] += reach[0] * turn;
+        }
+        let mut shape = RodShape {
+            length: Partial::of(length),
+            reach: Partial::of(reach),
+            deflection: Partial::of(deflection),
+            evaluations,
+        };
+        for partial in [&mut shape.length, &mut shape.reach, &mut shape.deflection] {
+            partial.by_inward = partial.by_inward / self.stiffness_n;
+            partial.by_sideways = partial.by_sideways / self.stiffness_n;
         }
         Ok(shape)
     }
 
     /// Strain at the clamp (φ = 0), where bending is greatest.
-    ///
-    /// # Errors
-    /// As [`Rod::shape`].
-    pub fn clamp_strain(&self, force: TipForce, tip_angle: f64) -> Result<Strain, SolveError> {
-        let tip = self.tip_stretch(force, tip_angle).map_err(singular)?;
-        let demand = self.demand(force, tip_angle, 1.0, tip);
-        Ok(self.section.solve(demand, None).map_err(singular)?.strain)
+    pub(crate) fn clamp_strain(&self, force: TipForce<T>, amplitude: T) -> Result<Strain<T>, SolveError> {
+        let Line { p, sin_half, by: [q, _], .. } = self.line(force);
+        let (sinh, cosh) = amplitude.sinh_cosh();
+        let m = sin_half / cosh;
+        let tip_stretch = self.section.stretch(p * (-(m * m * 2.0) + 1.0)).map_err(singular)?;
+        let demand = Demand { n: -(p * q), n_tip_less_n: p * m * m * sinh * sinh * 2.0, tip_stretch };
+        let start = Section::linear_guess(demand);
+        Ok(self.section.solve(demand, start).map_err(singular)?.strain)
     }
 
-    /// Tip angle at which the rod has its length: the smallest one, which is the one connected to zero load.
-    /// Safeguarded Newton inside a bracket that grows from zero; returns the angle and its shape.
-    ///
-    /// # Errors
-    /// [`SolveError::SectionSingular`] if the section gives out before the length is reached.
-    pub fn tip_angle(&self, force: TipForce, ceiling: f64) -> Result<(f64, RodShape), SolveError> {
-        let miss = |shape: &RodShape| shape.length.value / self.length_m - 1.0;
+    /// Tip angle φ_l = ψ_0 − ψ_l (rad), without cancellation for a rod that hardly bends.
+    pub fn tip_angle(&self, force: TipForce<T>, amplitude: T) -> T {
+        let Line { sin_half, cos_half, .. } = self.line(force);
+        let (sinh, cosh) = amplitude.sinh_cosh();
+        let m = sin_half / cosh;
+        let tanh = sinh / cosh;
+        let sin = sin_half * sin_half * tanh * tanh / (sin_half * (-(m * m) + 1.0).sqrt() + cos_half * m);
+        sin.asin() * 2.0
+    }
+
+    /// The response of the rod whose shape has the rod's length: what is left when the amplitude is eliminated.
+    pub(crate) fn response(
+        &self,
+        force: TipForce<T>,
+        amplitude: T,
+        shape: &RodShape<T>,
+    ) -> Result<RodResponse<T>, SolveError> {
+        let condense = |partial: &Partial<T>| {
+            let share = partial.by_amplitude / shape.length.by_amplitude;
+            Compliance {
+                value: partial.value,
+                by_inward: partial.by_inward - share * shape.length.by_inward,
+                by_sideways: partial.by_sideways - share * shape.length.by_sideways,
+            }
+        };
+        Ok(RodResponse {
+            reach: condense(&shape.reach),
+            deflection: condense(&shape.deflection),
+            tip_angle_rad: self.tip_angle(force, amplitude),
+            clamp: self.clamp_strain(force, amplitude)?,
+        })
+    }
+
+    /// Amplitude at which the rod has its length: the smallest one, which is the one connected to zero load.
+    /// Safeguarded Newton inside a bracket that grows from zero; returns the amplitude, its shape and the steps taken.
+    pub(crate) fn amplitude(&self, force: TipForce<T>, rule: &Rule) -> Result<(T, RodShape<T>, u32), SolveError> {
+        let miss = |shape: &RodShape<T>| (shape.length.value / self.length_m).value() - 1.0;
         let mut low = 0.0;
-        let mut high = self.first_guess(force, ceiling).clamp(1e-12, 0.9 * ceiling);
+        let mut high = self.first_guess(force).value();
         let mut shape;
         // Grow until the rod is too long; where the section gives out first, come back halfway.
         let mut broken: Option<(f64, SolveError)> = None;
-        let mut tries = 0;
+        let mut steps = 0;
         loop {
-            tries += 1;
-            match self.shape(force, high) {
+            steps += 1;
+            match self.shape(force, T::of(high), rule) {
                 Ok(s) if miss(&s) >= 0.0 => {
                     shape = s;
                     break;
                 }
-                Ok(_) => {
+                Ok(s) => {
                     low = high;
-                    let top = broken.as_ref().map_or(ceiling, |(angle, _)| *angle);
-                    high = (2.0 * high).min(0.5 * (high + top));
+                    let top = broken.as_ref().map_or(f64::INFINITY, |(amplitude, _)| *amplitude);
+                    // As far as the slope says, and a little more.
+                    let ahead = -1.1 * miss(&s) * (self.length_m / s.length.by_amplitude).value();
+                    high = (high + ahead.clamp(1e-3 * high, high)).min(0.5 * (high + top));
                 }
                 Err(e) => {
                     broken = Some((high, e));
                     high = 0.5 * (low + high);
                 }
             }
-            if tries > 80 {
+            if steps > 80 {
                 let lost = SolveError::SectionSingular { bending_strain: f64::NAN };
                 return Err(broken.map_or(lost, |(_, e)| e));
             }
         }
-        let mut angle = high;
+        let mut amplitude = T::of(high);
+        let mut left = T::EXTRA_STEPS;
         for _ in 0..100 {
-            let error = miss(&shape);
-            if error > 0.0 {
-                high = angle
+            let error = shape.length.value / self.length_m - 1.0;
+            if error.value() > 0.0 {
+                high = amplitude.value()
             } else {
-                low = angle
+                low = amplitude.value()
             }
-            let newton = angle - error * self.length_m / shape.length.by_angle;
-            let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
-            if (next - angle).abs() <= 1e-15 * angle || error.abs() < 1e-15 {
-                break;
+            let newton = amplitude - error * self.length_m / shape.length.by_amplitude;
+            let inside = newton.value() > low && newton.value() < high;
+            let settled = (newton - amplitude).value().abs() <= 1e-15 * high || error.value().abs() < 1e-15;
+            if settled {
+                if left == 0 {
+                    break;
+                }
+                left -= 1;
             }
-            angle = next;
-            shape = self.shape(force, angle)?;
+            amplitude = if inside || settled { newton } else { T::of(0.5 * (low + high)) };
+            shape = self.shape(force, amplitude, rule)?;
+            steps += 1;
         }
-        Ok((angle, shape))
+        Ok((amplitude, shape, steps))
     }
 
-    /// Largest fibre strain |e| + κR of a section.
-    pub fn fibre_strain(strain: Strain) -> f64 {
-        strain.axial.abs() + sqrt(strain.bending_squared)
+    /// The rod under a tip force, with quadrature nodes doubled until the length agrees to 1e-12; how many were
+    /// needed, and the steps taken.
+    ///
+    /// # Errors
+    /// [`SolveError::SectionSingular`] if the section gives out before the length is reached.
+    pub fn respond(&self, force: TipForce<T>) -> Result<(RodResponse<T>, usize, u32), SolveError> {
+        let mut total = 0;
+        for pair in LEVELS.windows(2) {
+            let (amplitude, _, steps) = self.amplitude(force, &pair[0])?;
+            total += steps;
+            let finer = self.shape(force, amplitude, &pair[1])?;
+            if ((finer.length.value / self.length_m).value() - 1.0).abs() < 1e-12 {
+                return Ok((self.response(force, amplitude, &finer)?, pair[1].count(), total));
+            }
+        }
+        let rule = &LEVELS[LEVELS.len() - 1];
+        let (amplitude, shape, steps) = self.amplitude(force, rule)?;
+        Ok((self.response(force, amplitude, &shape)?, rule.count(), total + steps))
     }
+}
 
-    /// Whether a section is outside the range of the fit of eq. 12.
-    pub fn outside_fit(strain: Strain) -> bool {
-        Self::fibre_strain(strain) > FIT_RANGE
-    }
+/// Whether a section is outside the range of the fit of eq. 12.
+pub fn outside_fit<T: Scalar>(strain: Strain<T>) -> bool {
+    strain.fibre() > FIT_RANGE
 }
 
 fn singular(s: Singular) -> SolveError {

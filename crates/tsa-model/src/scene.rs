@@ -6,7 +6,8 @@
 
 use crate::error::ParameterError;
 use crate::material::Material;
-use crate::mechanism::{Geometry, Mechanism};
+use crate::mechanism::Mechanism;
+use crate::parameters::Geometry;
 use crate::string::StringParameters;
 use crate::twist_from_turns;
 use serde::{Deserialize, Serialize};

@@ -5,68 +5,78 @@
 //! w2 = σ'/8, w4 = (a3 + 4 a4 e + 10 a5 e²)/32, w6 = 5 a5/384 (the paper's B0, B1, I0, I1 are misprinted; model.md 3).
 //! y rather than κ is the unknown: near the rod's tip κ vanishes like a square root, y linearly.
 
-use crate::material::Material;
+use crate::scalar::Scalar;
 
 /// A round section, normalised by its modulus at zero strain.
 #[derive(Clone, Copy, Debug)]
-pub struct Section {
+pub struct Section<T = f64> {
     /// a_i / a_1.
-    a: [f64; 5],
+    a: [T; 5],
 }
 
 /// Axial strain and squared bending strain of a section.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Strain {
+pub struct Strain<T = f64> {
     /// Stretch of the axis e.
-    pub axial: f64,
+    pub axial: T,
     /// (κR)².
-    pub bending_squared: f64,
+    pub bending_squared: T,
+}
+
+impl<T: Scalar> Strain<T> {
+    /// Largest fibre strain |e| + κR.
+    pub fn fibre(&self) -> f64 {
+        self.axial.value().abs() + Scalar::sqrt(self.bending_squared.value())
+    }
 }
 
 /// σ and its derivatives at the axis, and the bending terms of the energy.
-struct Terms {
-    stress: f64,
-    tangent: f64,
-    second: f64,
-    third: f64,
-    w4: f64,
-    w4_e: f64,
-    w4_ee: f64,
+struct Terms<T> {
+    stress: T,
+    tangent: T,
+    second: T,
+    third: T,
+    w4: T,
+    w4_e: T,
+    w4_ee: T,
+    w6: T,
 }
 
 /// The section equations at a strain: axial force n, q = κm − (w − w0), and their derivatives.
-struct Equations {
-    n: f64,
-    n_e: f64,
-    n_y: f64,
-    q: f64,
-    q_e: f64,
-    q_y: f64,
-    stress: f64,
+struct Equations<T> {
+    n: T,
+    n_e: T,
+    n_y: T,
+    q: T,
+    q_e: T,
+    q_y: T,
+    stress: T,
 }
 
 /// What the first integral asks of a section.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Demand {
+pub(crate) struct Demand<T> {
     /// Axial force over A·E.
-    pub n: f64,
+    pub n: T,
     /// Axial force at the tip less the one here, over A·E (given apart, so that no digit cancels).
-    pub n_tip_less_n: f64,
+    pub n_tip_less_n: T,
     /// Stretch of the axis at the tip.
-    pub tip_stretch: f64,
+    pub tip_stretch: T,
 }
 
 /// A solved section with the Jacobian of its two equations.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Solved {
-    pub strain: Strain,
+pub(crate) struct Solved<T> {
+    pub strain: Strain<T>,
+    /// Stretch at the tip less the one here: small near the tip, and kept apart so that no digit cancels.
+    pub less_stretch: T,
     pub iterations: u32,
-    jacobian: [f64; 4],
+    jacobian: [T; 4],
 }
 
-impl Solved {
+impl<T: Scalar> Solved<T> {
     /// Derivative of (e, y) when the right-hand sides of the two equations move by (r1, r2).
-    pub(crate) fn derivative(&self, r1: f64, r2: f64) -> (f64, f64) {
+    pub(crate) fn derivative(&self, r1: T, r2: T) -> (T, T) {
         let [a, b, c, d] = self.jacobian;
         let det = a * d - b * c;
         ((r1 * d - r2 * b) / det, (a * r2 - c * r1) / det)
@@ -79,143 +89,161 @@ pub(crate) struct Singular {
     pub bending_strain: f64,
 }
 
-impl Equations {
+impl<T: Scalar> Equations<T> {
     /// Derivatives of the axial force and of the first integral by e and y.
-    fn jacobian(&self, n: f64) -> [f64; 4] {
+    fn jacobian(&self, n: T) -> [T; 4] {
         [self.n_e, self.n_y, self.q_e + n - self.stress, self.q_y]
     }
 }
 
-impl Section {
-    /// The section of a rod of this material.
-    pub fn new(material: &Material) -> Self {
-        let e = material.stress_coefficients_pa[0];
-        Self { a: material.stress_coefficients_pa.map(|a| a / e) }
+/// A step at which Newton's next one would be rounding: it converges quadratically.
+const SETTLED: f64 = 3e-8;
+
+impl<T: Scalar> Section<T> {
+    /// The section of a rod with these coefficients a1…a5 of eq. 12 (Pa).
+    pub fn new(stress_coefficients_pa: &[T; 5]) -> Self {
+        Self { a: stress_coefficients_pa.map(|a| a / stress_coefficients_pa[0]) }
     }
 
-    fn terms(&self, e: f64) -> Terms {
+    fn terms(&self, e: T) -> Terms<T> {
         let [a1, a2, a3, a4, a5] = self.a;
+        let w4_ee = a5 * (20.0 / 32.0);
         Terms {
             stress: e * (a1 + e * (a2 + e * (a3 + e * (a4 + e * a5)))),
-            tangent: a1 + e * (2.0 * a2 + e * (3.0 * a3 + e * (4.0 * a4 + e * 5.0 * a5))),
-            second: 2.0 * a2 + e * (6.0 * a3 + e * (12.0 * a4 + e * 20.0 * a5)),
-            third: 6.0 * a3 + e * (24.0 * a4 + e * 60.0 * a5),
-            w4: (a3 + e * (4.0 * a4 + e * 10.0 * a5)) / 32.0,
-            w4_e: (4.0 * a4 + 20.0 * a5 * e) / 32.0,
-            w4_ee: 20.0 * a5 / 32.0,
+            tangent: a1 + e * (a2 * 2.0 + e * (a3 * 3.0 + e * (a4 * 4.0 + e * a5 * 5.0))),
+            second: a2 * 2.0 + e * (a3 * 6.0 + e * (a4 * 12.0 + e * a5 * 20.0)),
+            third: a3 * 6.0 + e * (a4 * 24.0 + e * a5 * 60.0),
+            w4: (a3 + e * (a4 * 4.0 + e * a5 * 10.0)) * (1.0 / 32.0),
+            w4_e: a4 * (1.0 / 8.0) + w4_ee * e,
+            w4_ee,
+            w6: a5 * (5.0 / 384.0),
         }
     }
 
     /// Energy of pure stretch over A·E.
-    pub(crate) fn stretch_energy(&self, e: f64) -> f64 {
+    pub(crate) fn stretch_energy(&self, e: T) -> T {
         let [a1, a2, a3, a4, a5] = self.a;
         e * e * (a1 / 2.0 + e * (a2 / 3.0 + e * (a3 / 4.0 + e * (a4 / 5.0 + e * a5 / 6.0))))
     }
 
-    fn equations(&self, e: f64, y: f64) -> Equations {
+    fn equations(&self, e: T, y: T) -> Equations<T> {
         let t = self.terms(e);
-        let w6 = 5.0 * self.a[4] / 384.0;
         Equations {
-            n: t.stress + y * (t.second / 8.0 + y * t.w4_e),
-            n_e: t.tangent + y * (t.third / 8.0 + y * t.w4_ee),
-            n_y: t.second / 8.0 + 2.0 * y * t.w4_e,
-            q: y * (t.tangent / 8.0 + y * (3.0 * t.w4 + y * 5.0 * w6)),
-            q_e: y * (t.second / 8.0 + 3.0 * y * t.w4_e),
-            q_y: t.tangent / 8.0 + y * (6.0 * t.w4 + y * 15.0 * w6),
+            n: t.stress + y * (t.second * 0.125 + y * t.w4_e),
+            n_e: t.tangent + y * (t.third * 0.125 + y * t.w4_ee),
+            n_y: t.second * 0.125 + y * t.w4_e * 2.0,
+            q: y * (t.tangent * 0.125 + y * (t.w4 * 3.0 + y * t.w6 * 5.0)),
+            q_e: y * (t.second * 0.125 + y * t.w4_e * 3.0),
+            q_y: t.tangent * 0.125 + y * (t.w4 * 6.0 + y * t.w6 * 15.0),
             stress: t.stress,
         }
     }
 
     /// Bending moment over A·E·R at a strain (eq. 17).
-    pub fn moment(&self, strain: Strain) -> f64 {
+    pub fn moment(&self, strain: Strain<T>) -> T {
         let t = self.terms(strain.axial);
         let y = strain.bending_squared;
-        let w6 = 5.0 * self.a[4] / 384.0;
-        crate::math::sqrt(y) * (t.tangent / 4.0 + y * (4.0 * t.w4 + y * 6.0 * w6))
+        y.sqrt() * (t.tangent * 0.25 + y * (t.w4 * 4.0 + y * t.w6 * 6.0))
     }
 
     /// Axial force over A·E at a strain (eq. 16).
-    pub fn axial_force(&self, strain: Strain) -> f64 {
+    pub fn axial_force(&self, strain: Strain<T>) -> T {
         self.equations(strain.axial, strain.bending_squared).n
     }
 
     /// Strain energy over A·E at a strain.
-    pub fn energy(&self, strain: Strain) -> f64 {
+    pub fn energy(&self, strain: Strain<T>) -> T {
         let t = self.terms(strain.axial);
         let y = strain.bending_squared;
-        let w6 = 5.0 * self.a[4] / 384.0;
-        self.stretch_energy(strain.axial) + y * (t.tangent / 8.0 + y * (t.w4 + y * w6))
+        self.stretch_energy(strain.axial) + y * (t.tangent * 0.125 + y * (t.w4 + y * t.w6))
     }
 
     /// Stretch of a section without bending under the axial force n (over A·E).
-    pub(crate) fn stretch(&self, n: f64) -> Result<f64, Singular> {
+    pub(crate) fn stretch(&self, n: T) -> Result<T, Singular> {
         let mut e = n;
+        let mut left = T::EXTRA_STEPS;
         for _ in 0..50 {
             let t = self.terms(e);
-            if t.tangent <= 0.0 {
+            // `!(… > 0)` also catches NaN.
+            if !(t.tangent.value() > 0.0) {
                 return Err(Singular { bending_strain: 0.0 });
             }
             let step = (t.stress - n) / t.tangent;
             e -= step;
-            if step.abs() <= 4.0 * f64::EPSILON * e.abs() {
-                return Ok(e);
+            if step.value().abs() <= 4.0 * f64::EPSILON * e.value().abs() {
+                if left == 0 {
+                    return Ok(e);
+                }
+                left -= 1;
             }
         }
         // Rounding may keep the last bit moving; anything worse is a flat curve.
-        if (self.terms(e).stress - n).abs() <= 1e-14 * n.abs() { Ok(e) } else { Err(Singular { bending_strain: 0.0 }) }
+        let miss = self.terms(e).stress - n;
+        if miss.value().abs() <= 1e-14 * n.value().abs() { Ok(e) } else { Err(Singular { bending_strain: 0.0 }) }
     }
 
     /// σ(e1) − σ(e0) over e1 − e0, and w0(e1) − w0(e0) over e1 − e0, without cancellation.
-    fn divided_differences(&self, e1: f64, e0: f64) -> (f64, f64) {
-        let (mut stress, mut energy) = (0.0, 0.0);
-        // complete[i] = Σ e1^(i−k) e0^k
-        let (mut complete, mut power) = (1.0, 1.0);
-        for (i, a) in self.a.iter().enumerate() {
+    fn divided_differences(&self, e1: T, e0: T) -> (T, T) {
+        let (mut stress, mut energy) = (T::of(0.0), T::of(0.0));
+        // complete = Σ e1^(i−k) e0^k
+        let (mut complete, mut power) = (T::of(1.0), T::of(1.0));
+        for (a, share) in self.a.into_iter().zip([1.0 / 2.0, 1.0 / 3.0, 1.0 / 4.0, 1.0 / 5.0, 1.0 / 6.0]) {
             stress += a * complete;
-            power *= e0;
+            power = power * e0;
             complete = complete * e1 + power;
-            energy += a * complete / (i as f64 + 2.0);
+            energy += a * complete * share;
         }
         (stress, energy)
     }
 
+    /// Stretch (less the tip's) and squared bending strain of a straight-line material, exactly.
+    pub(crate) fn linear_guess(demand: Demand<T>) -> (T, T) {
+        let less = demand.n_tip_less_n;
+        (less, less * ((demand.tip_stretch + demand.n) * 4.0 + 8.0))
+    }
+
     /// Strain at which the axial force is `demand.n` and the first integral has the tip's value (subscript l):
     /// q(e, y) + e n − w0(e) = (n_l − n) + e_l n_l − w0(e_l). Both are written in e_l − e, so that no digit cancels
-    /// near the tip. `start` is a neighbour's strain, or `None` to begin from the straight line.
-    pub(crate) fn solve(&self, demand: Demand, start: Option<Strain>) -> Result<Solved, Singular> {
+    /// near the tip. `start` is a guess of (e_l − e, y).
+    pub(crate) fn solve(&self, demand: Demand<T>, start: (T, T)) -> Result<Solved<T>, Singular> {
         let Demand { n, n_tip_less_n, tip_stretch } = demand;
-        let (mut less, mut y) = match start {
-            Some(s) => (tip_stretch - s.axial, s.bending_squared),
-            None => (n_tip_less_n, 8.0 * n_tip_less_n),
-        };
+        let (mut less, mut y) = start;
         let mut iterations = 0;
+        let mut left = T::EXTRA_STEPS;
         loop {
             let e = tip_stretch - less;
             let eq = self.equations(e, y);
             let [a, b, c, d] = eq.jacobian(n);
             let det = a * d - b * c;
-            let singular = Singular { bending_strain: crate::math::sqrt(y.max(0.0)) };
-            // `!(… > 0)` also catches NaN.
-            if !(det > 0.0 && a > 0.0) {
+            let singular = Singular { bending_strain: Scalar::sqrt(y.value().max(0.0)) };
+            if !(det.value() > 0.0 && a.value() > 0.0) {
                 return Err(singular);
             }
             let (slope, mean) = self.divided_differences(tip_stretch, e);
             let bent = eq.n - eq.stress;
             let r1 = less * slope - bent - n_tip_less_n;
-            let r2 = n_tip_less_n * (1.0 + tip_stretch) + less * (n - mean) - eq.q;
+            let r2 = n_tip_less_n * (tip_stretch + 1.0) + less * (n - mean) - eq.q;
             let (mut de, mut dy) = ((r1 * d - r2 * b) / det, (a * r2 - c * r1) / det);
             // y must stay positive: shorten a step that would leave.
-            let scale = if y + dy <= 0.1 * y { 0.9 * y / -dy } else { 1.0 };
-            de *= scale;
-            dy *= scale;
+            let leaves = y.value() + dy.value() <= 0.1 * y.value();
+            if leaves {
+                let scale = 0.9 * y.value() / -dy.value();
+                de = de * scale;
+                dy = dy * scale;
+            }
             less -= de;
             y += dy;
             iterations += 1;
-            // Quadratic convergence: a step of 1e-9 leaves 1e-18.
-            if scale == 1.0 && dy.abs() <= 1e-9 * y && de.abs() <= 1e-9 * (less.abs() + y) {
-                let strain = Strain { axial: tip_stretch - less, bending_squared: y };
-                let jacobian = self.equations(strain.axial, y).jacobian(n);
-                return Ok(Solved { strain, iterations, jacobian });
+            if !leaves
+                && dy.value().abs() <= SETTLED * y.value()
+                && de.value().abs() <= SETTLED * (less.value().abs() + y.value())
+            {
+                if left == 0 {
+                    let strain = Strain { axial: tip_stretch - less, bending_squared: y };
+                    let jacobian = self.equations(strain.axial, y).jacobian(n);
+                    return Ok(Solved { strain, less_stretch: less, iterations, jacobian });
+                }
+                left -= 1;
             }
             if iterations >= 60 {
                 return Err(singular);

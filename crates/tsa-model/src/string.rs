@@ -1,8 +1,6 @@
-//! The two strings (eqs 1–9): radius, stretch, helix.
+//! The strings' constants (eqs 5, 6) and the law by which their radius grows.
 
 use crate::error::ParameterError;
-use crate::math::{powf, sqrt};
-use core::f64::consts::PI;
 
 /// How the radius of the twisted pair grows with twist (eq. 6 and model.md section 6).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -72,40 +70,4 @@ impl StringParameters {
             }),
         }
     }
-
-    /// Radius r of the twisted pair and what H = |θ| r needs of its derivatives (eq. 6).
-    /// `twist_rad` is |θ|, `length_m` is X, `start_length_m` is X0.
-    pub fn radius(&self, load_n: f64, twist_rad: f64, length_m: f64, start_length_m: f64) -> Radius {
-        let base = 1.0 / (self.k1_per_n * load_n) + self.k2;
-        let (g, g_by_length, twist_slope) = match self.radius_law {
-            RadiusLaw::LengthRatio => {
-                let g = sqrt(start_length_m / length_m);
-                (g, -0.5 * g / length_m, 0.0)
-            }
-            RadiusLaw::TwistPower => {
-                let p = self.twist_exponent.unwrap_or(0.0);
-                (powf(twist_rad / PI, p), 0.0, p)
-            }
-        };
-        let r0 = self.diameter_m;
-        Radius {
-            radius_m: (base + self.k3 * g) * r0,
-            by_load: -r0 / (self.k1_per_n * load_n * load_n),
-            by_length: self.k3 * g_by_length * r0,
-            arc_by_twist: (base + self.k3 * g * (1.0 + twist_slope)) * r0,
-        }
-    }
-}
-
-/// Radius of the twisted pair and its derivatives.
-#[derive(Clone, Copy, Debug)]
-pub struct Radius {
-    /// r (m).
-    pub radius_m: f64,
-    /// ∂r/∂F (m/N).
-    pub by_load: f64,
-    /// ∂r/∂X.
-    pub by_length: f64,
-    /// ∂(|θ| r)/∂|θ| = r + θ ∂r/∂θ (m/rad).
-    pub arc_by_twist: f64,
 }

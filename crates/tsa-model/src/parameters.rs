@@ -1,0 +1,169 @@
+//! The mechanism's constants: as a scene gives them, and as the solver takes them.
+
+use crate::error::ParameterError;
+use crate::material::Material;
+use crate::scalar::Scalar;
+use crate::string::{RadiusLaw, StringParameters};
+
+/// Lengths of the mechanism.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "std", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "std", serde(deny_unknown_fields))]
+pub struct Geometry {
+    /// String length without load L0 (m).
+    pub string_length_m: f64,
+    /// Distance between the string attachments on an unbent rod D0 (m).
+    pub rod_span_m: f64,
+    /// Width c of the clamp at the rod's middle (m).
+    pub clamp_width_m: f64,
+    /// Rod radius R (m).
+    pub rod_radius_m: f64,
+}
+
+impl Geometry {
+    /// Checks signs and that the parts fit together.
+    pub fn validate(&self) -> Result<(), ParameterError> {
+        let positive = [
+            ("geometry.string_length_m", self.string_length_m),
+            ("geometry.rod_span_m", self.rod_span_m),
+            ("geometry.rod_radius_m", self.rod_radius_m),
+        ];
+        for (parameter, value) in positive {
+            if !(value > 0.0 && value.is_finite()) {
+                return Err(ParameterError { parameter, value, reason: "must be above 0 and finite" });
+            }
+        }
+        let (parameter, value) = ("geometry.clamp_width_m", self.clamp_width_m);
+        if !(value >= 0.0 && value <= self.rod_span_m) {
+            return Err(ParameterError { parameter, value, reason: "must be from 0 to geometry.rod_span_m" });
+        }
+        let (parameter, value) = ("geometry.rod_span_m", self.rod_span_m);
+        if value >= self.string_length_m {
+            return Err(ParameterError { parameter, value, reason: "must be below geometry.string_length_m" });
+        }
+        Ok(())
+    }
+}
+
+/// Everything that the equations hold constant, as numbers to compute with: plain, or with derivatives by some of
+/// them, so that [`crate::Mechanism::formal`] returns how every result depends on them.
+#[derive(Clone, Copy, Debug)]
+pub struct Parameters<T = f64> {
+    /// L0 (m).
+    pub string_length_m: T,
+    /// D0 (m).
+    pub rod_span_m: T,
+    /// c (m).
+    pub clamp_width_m: T,
+    /// R (m).
+    pub rod_radius_m: T,
+    /// r0 (m).
+    pub diameter_m: T,
+    /// K (N/m).
+    pub stiffness_n_per_m: T,
+    /// k1 (1/N).
+    pub k1_per_n: T,
+    /// k2.
+    pub k2: T,
+    /// k3.
+    pub k3: T,
+    /// p; of no effect with [`RadiusLaw::LengthRatio`].
+    pub twist_exponent: T,
+    /// a1…a5 (Pa).
+    pub stress_coefficients_pa: [T; 5],
+    /// Growth of the radius with twist.
+    pub radius_law: RadiusLaw,
+}
+
+impl Parameters {
+    /// Checks and gathers them.
+    ///
+    /// # Errors
+    /// [`ParameterError`] naming the scene-file key.
+    pub fn new(geometry: &Geometry, string: &StringParameters, material: &Material) -> Result<Self, ParameterError> {
+        geometry.validate()?;
+        string.validate()?;
+        material.validate()?;
+        Ok(Self {
+            string_length_m: geometry.string_length_m,
+            rod_span_m: geometry.rod_span_m,
+            clamp_width_m: geometry.clamp_width_m,
+            rod_radius_m: geometry.rod_radius_m,
+            diameter_m: string.diameter_m,
+            stiffness_n_per_m: string.stiffness_n_per_m,
+            k1_per_n: string.k1_per_n,
+            k2: string.k2,
+            k3: string.k3,
+            twist_exponent: string.twist_exponent.unwrap_or(0.0),
+            stress_coefficients_pa: material.stress_coefficients_pa,
+            radius_law: string.radius_law,
+        })
+    }
+}
+
+impl<T: Scalar> Parameters<T> {
+    /// The same constants as another kind of number, with no derivatives.
+    pub fn constant(p: &Parameters) -> Self {
+        Self {
+            string_length_m: T::of(p.string_length_m),
+            rod_span_m: T::of(p.rod_span_m),
+            clamp_width_m: T::of(p.clamp_width_m),
+            rod_radius_m: T::of(p.rod_radius_m),
+            diameter_m: T::of(p.diameter_m),
+            stiffness_n_per_m: T::of(p.stiffness_n_per_m),
+            k1_per_n: T::of(p.k1_per_n),
+            k2: T::of(p.k2),
+            k3: T::of(p.k3),
+            twist_exponent: T::of(p.twist_exponent),
+            stress_coefficients_pa: p.stress_coefficients_pa.map(T::of),
+            radius_law: p.radius_law,
+        }
+    }
+
+    /// Free length of half a rod, (D0 − c)/2 (m).
+    pub fn free_length_m(&self) -> T {
+        (self.rod_span_m - self.clamp_width_m) * 0.5
+    }
+
+    /// X0 = √(L0² − D0²), eq. 1 (m).
+    pub fn start_length_m(&self) -> T {
+        (self.string_length_m * self.string_length_m - self.rod_span_m * self.rod_span_m).sqrt()
+    }
+
+    /// Radius r of the twisted pair and what H = |θ| r needs of its derivatives (eq. 6).
+    /// `twist_rad` is |θ|, `length_m` is X, `start_length_m` is X0.
+    pub fn radius(&self, load_n: f64, twist_rad: f64, length_m: T, start_length_m: T) -> Radius<T> {
+        let by_k1 = T::of(1.0) / (self.k1_per_n * load_n);
+        let base = by_k1 + self.k2;
+        let (g, g_by_length, slope) = match self.radius_law {
+            RadiusLaw::LengthRatio => {
+                let g = (start_length_m / length_m).sqrt();
+                (g, -(g / length_m * 0.5), T::of(0.0))
+            }
+            RadiusLaw::TwistPower => {
+                let p = self.twist_exponent;
+                (T::of(twist_rad / core::f64::consts::PI).powf(p), T::of(0.0), p)
+            }
+        };
+        let r0 = self.diameter_m;
+        Radius {
+            radius_m: (base + self.k3 * g) * r0,
+            by_load: -(r0 * by_k1 / load_n),
+            by_length: self.k3 * g_by_length * r0,
+            arc_by_twist: (base + self.k3 * g * (slope + 1.0)) * r0,
+        }
+    }
+}
+
+/// Radius of the twisted pair and its derivatives.
+#[derive(Clone, Copy, Debug)]
+pub struct Radius<T = f64> {
+    /// r (m).
+    pub radius_m: T,
+    /// ∂r/∂F (m/N).
+    pub by_load: T,
+    /// ∂r/∂X.
+    pub by_length: T,
+    /// ∂(|θ| r)/∂|θ| = r + θ ∂r/∂θ (m/rad).
+    pub arc_by_twist: T,
+}
