@@ -63,6 +63,30 @@ pub enum SolveError {
         /// The limit.
         limit: f64,
     },
+    /// The section's law is too close to flat somewhere along the rod for the quadrature's most nodes.
+    #[error("{nodes} nodes do not resolve the rod at load {load_n} N: half as many miss its length by {missed} of it")]
+    Unresolved {
+        /// Load (N).
+        load_n: f64,
+        /// Nodes tried.
+        nodes: usize,
+        /// What half as many miss of the rod's length.
+        missed: f64,
+    },
+    /// The branch of equilibria that starts at the unloaded state folds back before the twist is reached.
+    #[error("the branch from the unloaded state folds back at {twist_rad} rad under {load_n} N")]
+    Fold {
+        /// Load (N).
+        load_n: f64,
+        /// Twist that is reached (rad).
+        twist_rad: f64,
+    },
+    /// A method failed where another may succeed.
+    #[error("{stage} does not converge")]
+    Diverged {
+        /// What of it failed.
+        stage: &'static str,
+    },
     /// The iteration did not reach its tolerance.
     #[error("no convergence at load {load_n} N and twist {twist_rad} rad: residual {residual}")]
     NotConverged {
@@ -85,6 +109,9 @@ impl SolveError {
             Self::NoEquilibrium { .. } => "no-equilibrium",
             Self::SectionSingular { .. } => "section-singular",
             Self::StrainRange { .. } => "strain-range",
+            Self::Unresolved { .. } => "unresolved",
+            Self::Fold { .. } => "fold",
+            Self::Diverged { .. } => "diverged",
             Self::NotConverged { .. } => "not-converged",
         }
     }
@@ -99,7 +126,8 @@ impl Warnings {
     pub const LIGHT_LOAD: Self = Self(1);
     /// A fibre strain above 8 %, the range of the fit of eq. 12.
     pub const STRAIN_RANGE: Self = Self(2);
-    /// |n| l²/EI ≥ π²/4: more than one equilibrium may exist; the one connected to zero load is returned.
+    /// |n| l²/EI ≥ π²/4 with the softest bending stiffness that occurs: more than one equilibrium may exist; the one
+    /// connected to zero load is returned.
     pub const NOT_UNIQUE: Self = Self(4);
     /// |θ| < π: the strings do not touch yet; the paper says nothing there (model.md section 5).
     pub const OPEN_STRINGS: Self = Self(8);

@@ -18,6 +18,8 @@ pub(crate) struct State {
     /// S = sin(min(|θ|, π)/2): how much of D the open strings span (model.md section 5).
     pub span_factor: f64,
     span_factor_by_twist: f64,
+    /// Part of the load that bends the rods: 1 but for continuation.
+    rod_share: f64,
 }
 
 impl State {
@@ -40,13 +42,20 @@ impl State {
             sign: if twist_rad < 0.0 { -1.0 } else { 1.0 },
             span_factor: sin,
             span_factor_by_twist: if twist < PI { 0.5 * cos } else { 0.0 },
+            rod_share: 1.0,
         })
+    }
+
+    /// The same state with the rods bent by a part of the load only.
+    pub fn sharing(&self, rod_share: f64) -> Self {
+        Self { rod_share, ..*self }
     }
 
     /// Eq. 11. Open strings (|θ| < π) pull only by S of their horizontal force along the rod: a straight string
     /// between two circles meets the rod at |θ|/2 from its normal. Without S the gap would have a cusp at zero twist.
     pub fn force<T: Scalar>(&self, tan: T) -> TipForce<T> {
-        TipForce { inward_n: tan * (0.5 * self.load_n * self.span_factor), sideways_n: T::of(0.5 * self.load_n) }
+        let half = 0.5 * self.load_n * self.rod_share;
+        TipForce { inward_n: tan * (half * self.span_factor), sideways_n: T::of(half) }
     }
 }
 
@@ -102,7 +111,7 @@ impl<T: Scalar> Mechanism<T> {
             x_m,
             x_by_alpha: -(p.string_length_m * sin),
             radius: p.radius(state.load_n, state.twist_rad, x_m, self.start_length_m),
-            inward_by_alpha: sec2 * (0.5 * state.load_n * state.span_factor),
+            inward_by_alpha: sec2 * (0.5 * state.load_n * state.rod_share * state.span_factor),
         }
     }
 
@@ -118,14 +127,16 @@ impl<T: Scalar> Mechanism<T> {
 
     /// The helix angle at which strings and rods balance, whatever answers for the rod: the first root from the
     /// untwisted string on. Newton from the rigid rod's angle inside the bracket between no twist and that; where it
-    /// leaves, or where `scan` asks for it at once, a scan in that many intervals.
+    /// leaves, or where `scan` asks for it at once, a scan in that many intervals. Done when the scaled miss is at most
+    /// `precision`, which cannot be less than the noise of the rod's answer.
     ///
     /// # Errors
-    /// [`SolveError::NoEquilibrium`], and whatever the rod answers.
+    /// [`SolveError::NoEquilibrium`], [`SolveError::NotConverged`], and whatever the rod answers.
     pub(crate) fn balance(
         &self,
         state: &State,
         scan: Option<u32>,
+        precision: f64,
         rod: &mut dyn FnMut(TipForce<T>) -> Result<RodResponse<T>, SolveError>,
     ) -> Result<Equilibrium<T>, SolveError> {
         let mut iterations = 0;
@@ -135,7 +146,7 @@ impl<T: Scalar> Mechanism<T> {
             let miss = helix.miss(self, state, response.reach.value);
             let slope = helix.slope(state, response.reach.by_inward);
             iterations += 1;
-            Ok::<_, SolveError>((response, miss, slope))
+            Ok::<_, SolveError>((response, miss, slope, helix.scaled(self, miss)))
         };
         let (mut low, mut high);
         let mut alpha;
@@ -143,17 +154,24 @@ impl<T: Scalar> Mechanism<T> {
         if let Some(intervals) = scan {
             (low, high) = (0.0, None);
             (alpha, now) = (T::of(0.0), at(T::of(0.0))?);
-            for k in 1..=intervals {
-                if now.1.value() >= 0.0 {
-                    break;
+            let mut step = ALPHA_LIMIT / f64::from(intervals);
+            while now.1.value() < 0.0 && low < ALPHA_LIMIT {
+                let next = (low + step).min(ALPHA_LIMIT);
+                match at(T::of(next)) {
+                    Ok(found) => now = found,
+                    // A rod that gives out past the root does not matter: closer.
+                    Err(e) if step < 1e-9 => return Err(e),
+                    Err(_) => {
+                        step *= 0.25;
+                        continue;
+                    }
                 }
-                let next = ALPHA_LIMIT * f64::from(k) / f64::from(intervals);
-                now = at(T::of(next))?;
+                alpha = T::of(next);
                 if now.1.value() >= 0.0 {
-                    (alpha, high) = (T::of(next), Some(next));
-                    break;
+                    high = Some(next);
+                } else {
+                    low = next;
                 }
-                low = next;
             }
         } else {
             alpha = T::of(self.rigid_helix(state));
@@ -162,7 +180,7 @@ impl<T: Scalar> Mechanism<T> {
         }
         let mut left = T::EXTRA_STEPS;
         for _ in 0..100 {
-            let (response, miss, slope) = now;
+            let (response, miss, slope, residual) = now;
             if miss.value() > 0.0 {
                 high = Some(alpha.value());
             } else {
@@ -170,7 +188,7 @@ impl<T: Scalar> Mechanism<T> {
             }
             let newton = alpha - miss / slope;
             let step = (newton - alpha).value();
-            if miss.value() == 0.0 || step.abs() <= 2.0 * f64::EPSILON * alpha.value() {
+            if residual <= precision || step.abs() <= 2.0 * f64::EPSILON * alpha.value() {
                 if left == 0 {
                     let mut found = self.finish(state, alpha, &response)?;
                     found.iterations = iterations;
@@ -191,10 +209,8 @@ impl<T: Scalar> Mechanism<T> {
             };
             now = at(alpha)?;
         }
-        let (response, ..) = now;
-        let mut found = self.finish(state, alpha, &response)?;
-        found.iterations = iterations;
-        Ok(found)
+        let (.., residual) = now;
+        Err(SolveError::NotConverged { load_n: state.load_n, twist_rad: state.twist_rad, residual })
     }
 
     /// ∂G/∂|θ| and ∂G/∂F by the implicit function theorem on eq. 25.

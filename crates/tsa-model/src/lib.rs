@@ -9,6 +9,8 @@
 //! - [`rod`]: the cantilever that half a rod is (eqs 13–24), by its first integral.
 //! - [`string`]: radius, stretch and helix of the strings (eqs 1–9).
 //! - [`mechanism`]: both together (eqs 25–29): [`Mechanism::solve`] is the way in.
+//! - [`methods`]: other ways to solve the same equations, to compare with.
+//! - [`scalar`]: f64, or numbers with their derivatives: `Mechanism<Dual<N>>` tells how results depend on constants.
 //! - [`scene`] (feature `std`): scene files.
 //!
 //! Builds without `std` (on `libm`), so that the board can run the same solver.
@@ -20,6 +22,7 @@ pub mod error;
 mod helix;
 pub mod material;
 pub mod mechanism;
+pub mod methods;
 pub mod parameters;
 mod quadrature;
 pub mod rod;
@@ -32,6 +35,7 @@ pub mod string;
 pub use error::{ParameterError, SolveError, Warnings};
 pub use material::Material;
 pub use mechanism::{Equilibrium, Mechanism};
+pub use methods::Method;
 pub use parameters::{Geometry, Parameters};
 #[cfg(feature = "std")]
 pub use scene::{Scene, SceneError};

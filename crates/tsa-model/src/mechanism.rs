@@ -85,8 +85,8 @@ pub struct Mechanism<T = f64> {
 
 #[derive(Clone, Debug)]
 enum Quadrature {
-    /// Doubled until the residual says that it is enough, from this level on.
-    Automatic(usize),
+    /// Doubled until the residual says that they are enough.
+    Automatic,
     Fixed(Rule),
 }
 
@@ -96,14 +96,19 @@ pub(crate) const ALPHA_LIMIT: f64 = FRAC_PI_2 - 1.0 / 30.0;
 /// A residual at twice the nodes below which one Newton step leaves only rounding.
 const NEARLY: f64 = 3e-8;
 
+/// What half the nodes may miss at most: the error falls with its square.
+const HARDLY: f64 = 1e-6;
+
 /// A state of the two unknowns that Newton has settled on.
-struct Found<T> {
-    alpha: T,
-    amplitude: T,
+pub(crate) struct Found<T> {
+    pub alpha: T,
+    pub amplitude: T,
     shape: RodShape<T>,
     residual: f64,
-    iterations: u32,
-    evaluations: u32,
+    /// What the last but one number of nodes missed.
+    missed: f64,
+    pub iterations: u32,
+    pub evaluations: u32,
 }
 
 impl Mechanism {
@@ -125,7 +130,12 @@ impl Mechanism {
         material: &Material,
         points: usize,
     ) -> Result<Self, ParameterError> {
-        Ok(Self { quadrature: Quadrature::Fixed(Rule::new(points)), ..Self::new(geometry, string, material)? })
+        Ok(Self::new(geometry, string, material)?.points(points))
+    }
+
+    /// The same mechanism with a stated number of nodes.
+    pub(crate) fn points(self, points: usize) -> Self {
+        Self { quadrature: Quadrature::Fixed(Rule::new(points)), ..self }
     }
 }
 
@@ -133,11 +143,7 @@ impl<T: Scalar> Mechanism<T> {
     /// The mechanism with these constants, which are taken as checked ([`Parameters::new`] does).
     pub fn of(parameters: Parameters<T>) -> Self {
         let rod = Rod::new(parameters.free_length_m(), parameters.rod_radius_m, &parameters.stress_coefficients_pa);
-        let coefficients = parameters.stress_coefficients_pa.map(Scalar::value);
-        let law = Material { stress_coefficients_pa: coefficients };
-        let mild = law.stress_pa(FIT_SAMPLE) / (FIT_SAMPLE * coefficients[0]);
-        let level = if (0.8..1.25).contains(&mild) { 0 } else { 2 };
-        Self { parameters, rod, start_length_m: parameters.start_length_m(), quadrature: Quadrature::Automatic(level) }
+        Self { parameters, rod, start_length_m: parameters.start_length_m(), quadrature: Quadrature::Automatic }
     }
 
     /// The constants.
@@ -171,16 +177,31 @@ impl<T: Scalar> Mechanism<T> {
     pub fn formal(&self, load_n: f64, twist_rad: f64) -> Result<Equilibrium<T>, SolveError> {
         let state = State::new(load_n, twist_rad)?;
         if self.is_rigid() {
-            return self.balance(&state, None, &mut |_| Ok(self.rigid_response()));
+            return self.balance(&state, None, PRECISION, &mut |_| Ok(self.rigid_response()));
         }
-        let found = match self.settle(&state, self.first_guess(&state)) {
-            Some(found) => found,
-            None => self.bracket(&state)?,
+        let direct = match self.settle(&state, self.first_guess(&state)) {
+            Some(found) => self.complete(&state, found),
+            None => self.bracket(&state).and_then(|found| self.complete(&state, found)),
         };
-        self.complete(&state, found)
+        match direct {
+            Ok(e) if !e.warnings.contains(Warnings::NOT_UNIQUE) && self.helix_is_unique(&state, &e) => Ok(e),
+            // Another equilibrium may exist: only the one that the unloaded state leads to counts.
+            Ok(_) | Err(SolveError::NotConverged { .. }) => self.continued(&state, 1),
+            Err(e) => Err(e),
+        }
     }
 
-    fn complete(&self, state: &State, found: Found<T>) -> Result<Equilibrium<T>, SolveError> {
+    /// Whether eq. 25 can have no other root below this one: its slope falls with α all the way from zero.
+    fn helix_is_unique(&self, state: &State, found: &Equilibrium<T>) -> bool {
+        let helix = self.helix(state, found.alpha_rad);
+        helix.slope(state, T::of(0.0)).value() > 0.0
+    }
+
+    pub(crate) fn complete(&self, state: &State, found: Found<T>) -> Result<Equilibrium<T>, SolveError> {
+        if found.missed > HARDLY {
+            let nodes = LEVELS[LEVELS.len() - 1].count();
+            return Err(SolveError::Unresolved { load_n: state.load_n, nodes, missed: found.missed });
+        }
         let (sin, cos) = found.alpha.sin_cos();
         let force = state.force(sin / cos);
         let response = self.rod.response(force, found.amplitude, &found.shape)?;
@@ -213,19 +234,20 @@ impl<T: Scalar> Mechanism<T> {
     }
 
     /// Rod and helix at a trial state.
-    fn first_guess(&self, state: &State) -> (T, T) {
+    pub(crate) fn first_guess(&self, state: &State) -> (T, T) {
         let alpha = T::of(self.rigid_helix(state));
         let (sin, cos) = alpha.sin_cos();
         (alpha, self.rod.first_guess(state.force(sin / cos)))
     }
 
     /// Newton in both unknowns, on rising numbers of nodes; `None` if it does not settle on the stable branch.
-    fn settle(&self, state: &State, (mut alpha, mut amplitude): (T, T)) -> Option<Found<T>> {
+    pub(crate) fn settle(&self, state: &State, (mut alpha, mut amplitude): (T, T)) -> Option<Found<T>> {
         let rules: &[Rule] = match &self.quadrature {
-            Quadrature::Automatic(level) => &LEVELS[*level..],
+            Quadrature::Automatic => &LEVELS,
             Quadrature::Fixed(rule) => core::slice::from_ref(rule),
         };
         let (mut iterations, mut evaluations) = (0, 0);
+        let mut missed = 0.0;
         for (k, rule) in rules.iter().enumerate() {
             let top = k + 1 == rules.len();
             let mut enough = top;
@@ -241,12 +263,15 @@ impl<T: Scalar> Mechanism<T> {
                 let residual = (r1 / self.rod.length_m).value().abs().max(helix.scaled(self, r2));
                 if enough && step > 0 && residual <= RESIDUAL_LIMIT {
                     if left == 0 {
-                        return Some(Found { alpha, amplitude, shape, residual, iterations, evaluations });
+                        return Some(Found { alpha, amplitude, shape, residual, missed, iterations, evaluations });
                     }
                     left -= 1;
                 }
                 // The first look through twice the nodes shows what the fewer missed.
-                enough |= k > 0 && step == 0 && residual <= NEARLY;
+                if k > 0 && step == 0 {
+                    missed = residual;
+                    enough |= missed <= NEARLY;
+                }
                 let (a, b) = (shape.length.by_amplitude, shape.length.by_inward * helix.inward_by_alpha);
                 let c = -(shape.reach.by_amplitude * (2.0 * state.span_factor));
                 let d = helix.slope(state, shape.reach.by_inward);
@@ -276,13 +301,13 @@ impl<T: Scalar> Mechanism<T> {
 
     /// The first helix angle, counted from the untwisted string, at which eq. 25 holds, with the rod solved inside its
     /// own bracket at each: the branch connected to zero.
-    fn bracket(&self, state: &State) -> Result<Found<T>, SolveError> {
+    pub(crate) fn bracket(&self, state: &State) -> Result<Found<T>, SolveError> {
         let rule = match &self.quadrature {
-            Quadrature::Automatic(_) => &LEVELS[3],
+            Quadrature::Automatic => &LEVELS[3],
             Quadrature::Fixed(rule) => rule,
         };
         let (mut evaluations, mut at) = (0, None);
-        let balanced = self.balance(state, Some(SCAN), &mut |force| {
+        let balanced = self.balance(state, Some(SCAN), PRECISION, &mut |force| {
             let (amplitude, shape, steps) = self.rod.amplitude(force, rule)?;
             evaluations += steps * shape.evaluations;
             let residual = ((shape.length.value / self.rod.length_m).value() - 1.0).abs();
@@ -302,7 +327,8 @@ impl<T: Scalar> Mechanism<T> {
             }
         }
         let residual = residual.max(balanced.residual);
-        Ok(Found { alpha, amplitude, shape, residual, iterations: balanced.iterations, evaluations })
+        let (iterations, missed) = (balanced.iterations, 0.0);
+        Ok(Found { alpha, amplitude, shape, residual, missed, iterations, evaluations })
     }
 
     /// The equilibrium at a solved state: everything but the counts.
@@ -329,7 +355,9 @@ impl<T: Scalar> Mechanism<T> {
         if outside_fit(response.clamp) {
             warnings.add(Warnings::STRAIN_RANGE);
         }
-        if self.rod.load_number(force).value() >= PI * PI / 4.0 {
+        let softest = self.rod.section.softest(response.clamp.bending_squared.value());
+        // Not `>=`: a law that falls is not unique either.
+        if !(self.rod.load_number(force).value() < softest * PI * PI / 4.0) {
             warnings.add(Warnings::NOT_UNIQUE);
         }
         if state.load_n < LIGHT_LOAD_N {
@@ -363,6 +391,8 @@ impl<T: Scalar> Mechanism<T> {
     }
 }
 
+/// Scaled miss of eq. 25 at which an iteration on the helix angle alone stops.
+pub(crate) const PRECISION: f64 = 1e-14;
 /// Intervals in which the first root is looked for.
 const SCAN: u32 = 48;
 
@@ -381,6 +411,3 @@ fn cut<T: Scalar>(x: T, step: T, most: f64) -> T {
     let size = step.value().abs();
     if size > most { x + step * (most / size) } else { x + step }
 }
-
-/// Strain at which a law is compared with its own straight line to choose the number of nodes to begin with.
-const FIT_SAMPLE: f64 = 0.05;

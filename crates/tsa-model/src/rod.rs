@@ -137,6 +137,24 @@ impl<T: Scalar> Line<T> {
     }
 }
 
+/// A point of the rod at h = S t.
+#[derive(Clone, Copy)]
+struct Place<T> {
+    sinh: T,
+    cosh: T,
+    /// sin(ψ/2)
+    sin: T,
+    cos_psi: T,
+    /// N_l − N over A·E.
+    less: T,
+}
+
+impl<T: Scalar> Place<T> {
+    fn demand(&self, p: T, tip_stretch: T) -> Demand<T> {
+        Demand { n: p * self.cos_psi, n_tip_less_n: self.less, tip_stretch }
+    }
+}
+
 impl<T: Scalar> Rod<T> {
     /// A rod of this free length and radius (m) with the coefficients a1…a5 of eq. 12 (Pa).
     pub fn new(length_m: T, radius_m: T, stress_coefficients_pa: &[T; 5]) -> Self {
@@ -198,26 +216,49 @@ impl<T: Scalar> Rod<T> {
         let mut sums = [[zero; 4]; 3];
         let mut evaluations = 0;
         // (e_l − e)/(N_l − N) and Y are smooth: the next node's are extrapolated from the last two.
-        let mut last: [Option<(f64, T, T)>; 2] = [None; 2];
-        for (t, weight) in rule.iter() {
+        let mut last: [Option<(f64, f64, T, T)>; 2] = [None; 2];
+        let at = |t: f64| {
             let (sinh, cosh) = (amplitude * t).sinh_cosh();
             let sin = m * cosh;
+            Place { sinh, cosh, sin, cos_psi: -(sin * sin * 2.0) + 1.0, less: p * m * m * sinh * sinh * 2.0 }
+        };
+        for (t, weight) in rule.iter() {
+            let here = at(t);
+            let Place { sinh, cosh, sin, cos_psi, less } = here;
             let cos = (-(sin * sin) + 1.0).sqrt();
-            let cos_psi = -(sin * sin * 2.0) + 1.0;
-            let less = p * m * m * sinh * sinh * 2.0;
-            let demand = Demand { n: p * cos_psi, n_tip_less_n: less, tip_stretch: e_tip };
+            let demand = here.demand(p, e_tip);
             let start = match last {
-                [Some((l1, e1, y1)), Some((l2, e2, y2))] => {
+                // Far ahead a straight line means nothing.
+                [Some((_, l1, e1, y1)), Some((_, l2, e2, y2))] if less.value() < 4.0 * l1 => {
                     let ahead = (less.value() - l1) / (l1 - l2);
                     ((e1 + (e1 - e2) * ahead) * less, (y1 + (y1 - y2) * ahead) * less)
                 }
-                [Some((_, e1, y1)), None] => (e1 * less, y1 * less),
+                [Some((_, _, e1, y1)), _] => (e1 * less, y1 * less),
                 _ => Section::linear_guess(demand),
             };
-            let solved = self.section.solve(demand, start).map_err(singular)?;
+            let solved = match (self.section.solve(demand, start), last[0]) {
+                (Ok(solved), _) => solved,
+                // A strongly curved law between two nodes far apart: in smaller steps from the last one.
+                (Err(_), Some((t0, _, e0, y0))) => {
+                    let mut march = |steps: u32| {
+                        let (mut ratios, mut found) = ((e0, y0), Err(Singular { bending_strain: 0.0 }));
+                        for k in 1..=steps {
+                            let near = at(t0 + (t - t0) * (f64::from(k) / f64::from(steps)));
+                            let start = (ratios.0 * near.less, ratios.1 * near.less);
+                            found = self.section.solve(near.demand(p, e_tip), start);
+                            let Ok(s) = &found else { break };
+                            evaluations += s.iterations;
+                            ratios = (s.less_stretch / near.less, s.strain.bending_squared / near.less);
+                        }
+                        found
+                    };
+                    march(16).or_else(|_| march(256)).map_err(singular)?
+                }
+                (Err(s), None) => return Err(singular(s)),
+            };
             let (e, y) = (solved.strain.axial, solved.strain.bending_squared);
             let ratio = y / less;
-            last = [Some((less.value(), solved.less_stretch / less, ratio)), last[0]];
+            last = [Some((t, less.value(), solved.less_stretch / less, ratio)), last[0]];
             evaluations += solved.iterations;
             let element = scale * weight / (cos * ratio.sqrt());
             let sin_psi = sin * cos * 2.0;

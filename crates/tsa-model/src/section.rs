@@ -44,7 +44,8 @@ struct Terms<T> {
 
 /// The section equations at a strain: axial force n, q = κm − (w − w0), and their derivatives.
 struct Equations<T> {
-    n: T,
+    /// What bending adds to the axial force: apart from the stress at the axis, beside which it may be a rounding.
+    bent: T,
     n_e: T,
     n_y: T,
     q: T,
@@ -105,6 +106,11 @@ impl<T: Scalar> Section<T> {
         Self { a: stress_coefficients_pa.map(|a| a / stress_coefficients_pa[0]) }
     }
 
+    /// The same section in another kind of number.
+    pub(crate) fn map<U>(&self, f: impl Fn(T) -> U) -> Section<U> {
+        Section { a: self.a.map(f) }
+    }
+
     fn terms(&self, e: T) -> Terms<T> {
         let [a1, a2, a3, a4, a5] = self.a;
         let w4_ee = a5 * (20.0 / 32.0);
@@ -129,7 +135,7 @@ impl<T: Scalar> Section<T> {
     fn equations(&self, e: T, y: T) -> Equations<T> {
         let t = self.terms(e);
         Equations {
-            n: t.stress + y * (t.second * 0.125 + y * t.w4_e),
+            bent: y * (t.second * 0.125 + y * t.w4_e),
             n_e: t.tangent + y * (t.third * 0.125 + y * t.w4_ee),
             n_y: t.second * 0.125 + y * t.w4_e * 2.0,
             q: y * (t.tangent * 0.125 + y * (t.w4 * 3.0 + y * t.w6 * 5.0)),
@@ -148,7 +154,8 @@ impl<T: Scalar> Section<T> {
 
     /// Axial force over A·E at a strain (eq. 16).
     pub fn axial_force(&self, strain: Strain<T>) -> T {
-        self.equations(strain.axial, strain.bending_squared).n
+        let eq = self.equations(strain.axial, strain.bending_squared);
+        eq.stress + eq.bent
     }
 
     /// Strain energy over A·E at a strain.
@@ -220,8 +227,7 @@ impl<T: Scalar> Section<T> {
                 return Err(singular);
             }
             let (slope, mean) = self.divided_differences(tip_stretch, e);
-            let bent = eq.n - eq.stress;
-            let r1 = less * slope - bent - n_tip_less_n;
+            let r1 = less * slope - eq.bent - n_tip_less_n;
             let r2 = n_tip_less_n * (tip_stretch + 1.0) + less * (n - mean) - eq.q;
             let (mut de, mut dy) = ((r1 * d - r2 * b) / det, (a * r2 - c * r1) / det);
             // y must stay positive: shorten a step that would leave.
@@ -249,5 +255,51 @@ impl<T: Scalar> Section<T> {
                 return Err(singular);
             }
         }
+    }
+
+    /// Stretch e and bending strain b = κR at an axial force (over A·E) and a bending moment (over A·E·R): what an
+    /// integration along the rod needs at each of its points. `start` is a guess of (e, b).
+    pub(crate) fn invert(&self, n: T, m: T, start: (T, T)) -> Result<(T, T, [T; 4]), Singular> {
+        let (mut e, mut b) = start;
+        let mut left = T::EXTRA_STEPS;
+        for _ in 0..60 {
+            let t = self.terms(e);
+            let y = b * b;
+            let n_now = t.stress + y * (t.second * 0.125 + y * t.w4_e);
+            let m_now = b * (t.tangent * 0.25 + y * (t.w4 * 4.0 + y * t.w6 * 6.0));
+            let n_e = t.tangent + y * (t.third * 0.125 + y * t.w4_ee);
+            let n_b = b * (t.second * 0.25 + y * t.w4_e * 4.0);
+            let m_b = t.tangent * 0.25 + y * (t.w4 * 12.0 + y * t.w6 * 30.0);
+            let det = n_e * m_b - n_b * n_b;
+            if !(det.value() > 0.0 && n_e.value() > 0.0) {
+                return Err(Singular { bending_strain: b.value().abs() });
+            }
+            let (r1, r2) = (n - n_now, m - m_now);
+            let (de, db) = ((r1 * m_b - r2 * n_b) / det, (n_e * r2 - n_b * r1) / det);
+            e += de;
+            b += db;
+            if de.value().abs() + db.value().abs() <= SETTLED * (e.value().abs() + b.value().abs()) {
+                if left == 0 {
+                    return Ok((e, b, [n_e, n_b, n_b, m_b]));
+                }
+                left -= 1;
+            }
+        }
+        Err(Singular { bending_strain: b.value().abs() })
+    }
+
+    /// Least bending stiffness over that of the unbent section, from no bending up to y = (κR)², the axis unstretched.
+    pub fn softest(&self, bending_squared: f64) -> f64 {
+        let [_, a2, a3, _, a5] = self.a.map(Scalar::value);
+        let at = |y: f64| 1.0 + y * (1.5 * a3 - a2 * a2 + y * (25.0 / 16.0) * a5);
+        let ends = at(bending_squared).min(1.0);
+        let vertex = (a2 * a2 - 1.5 * a3) / (2.0 * (25.0 / 16.0) * a5);
+        if vertex > 0.0 && vertex < bending_squared { ends.min(at(vertex)) } else { ends }
+    }
+
+    /// κM + (1 + e)N − W over A·E: constant along the rod (model.md section 3).
+    pub fn first_integral(&self, strain: Strain<T>) -> T {
+        let b = strain.bending_squared.sqrt();
+        b * self.moment(strain) + (strain.axial + 1.0) * self.axial_force(strain) - self.energy(strain)
     }
 }

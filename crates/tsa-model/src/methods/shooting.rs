@@ -1,0 +1,219 @@
+//! Shooting: guess the clamp's moment, integrate to the tip, correct by Newton–Raphson until no moment is left there.
+
+use super::ode::{Point, RodOde, plain, response, with_compliance};
+use crate::error::SolveError;
+use crate::helix::State;
+use crate::mechanism::{ALPHA_LIMIT, Equilibrium, Mechanism};
+use crate::rod::{Rod, RodResponse, TipForce};
+use crate::scalar::{Dual, Scalar};
+use crate::section::Singular;
+
+/// Corrections before shooting is given up.
+const CORRECTIONS: u32 = 60;
+/// Relaxations of the helix angle before the paper's method is given up.
+const RELAXATIONS: u32 = 500;
+
+/// An integration from the clamp: initial moment in, tip and clamp strain out.
+type Shot<'a> = &'a mut dyn FnMut(Dual<1>) -> Result<(Point<Dual<1>>, (f64, f64)), SolveError>;
+
+/// Newton–Raphson on the clamp's moment from the straight rod's, M = Py l.
+fn correct(rod: &Rod, force: TipForce, tolerance: f64, shot: Shot<'_>) -> Result<f64, SolveError> {
+    let scale = force.sideways_n * rod.length_m / (rod.stiffness_n * rod.radius_m);
+    let mut moment = scale;
+    for _ in 0..CORRECTIONS {
+        let (tip, _) = shot(Dual::parameter(moment, 0))?;
+        let step = tip[1].value / tip[1].by[0];
+        if !step.is_finite() {
+            break;
+        }
+        moment -= step;
+        // Stops on a step of rounding's size too: asking for less ends in 0/0.
+        if step.abs() <= tolerance.max(4.0 * f64::EPSILON) * moment.abs() {
+            return Ok(moment);
+        }
+    }
+    Err(SolveError::Diverged { stage: "shooting for the clamp's moment" })
+}
+
+/// Classical Runge–Kutta from the clamp to the tip.
+fn runge_kutta<T: Scalar>(
+    ode: &RodOde<T>,
+    moment: T,
+    steps: usize,
+    evaluations: &mut u32,
+) -> Result<(Point<T>, (f64, f64)), SolveError> {
+    let zero = T::of(0.0);
+    let mut y = [zero, moment, zero, zero];
+    let mut strain = (-ode.inward, moment * 4.0);
+    let mut clamp = None;
+    let h = 1.0 / steps as f64;
+    for _ in 0..steps {
+        let mut sum = [zero; 4];
+        let mut stage = y;
+        for (weight, ahead) in [(1.0, 0.5), (2.0, 0.5), (2.0, 1.0), (1.0, 0.0)] {
+            let slope = ode.slope(stage, strain).map_err(singular)?;
+            *evaluations += 1;
+            strain = slope.strain;
+            clamp.get_or_insert((strain.0.value(), strain.1.value()));
+            for k in 0..4 {
+                sum[k] += slope.by_length[k] * (weight * h / 6.0);
+                stage[k] = y[k] + slope.by_length[k] * (ahead * h);
+            }
+        }
+        for k in 0..4 {
+            y[k] += sum[k];
+        }
+    }
+    Ok((y, clamp.unwrap_or_default()))
+}
+
+fn singular(s: Singular) -> SolveError {
+    SolveError::SectionSingular { bending_strain: s.bending_strain }
+}
+
+/// The rod's answer by shooting with fixed steps.
+fn respond(
+    rod: &Rod,
+    force: TipForce,
+    steps: usize,
+    tolerance: f64,
+    evaluations: &mut u32,
+) -> Result<RodResponse, SolveError> {
+    let ode = plain(rod, force);
+    let by_moment = RodOde {
+        section: ode.section.map(Dual::of),
+        slenderness: Dual::of(ode.slenderness),
+        inward: Dual::of(ode.inward),
+        sideways: Dual::of(ode.sideways),
+    };
+    let moment =
+        correct(rod, force, tolerance, &mut |moment| runge_kutta(&by_moment, moment, steps, evaluations))?;
+    // One Newton step in numbers that carry the force's derivatives gives the solution's.
+    let slope = runge_kutta(&by_moment, Dual::parameter(moment, 0), steps, evaluations)?.0[1].by[0];
+    let ode = with_compliance(rod, force);
+    let start = Dual::of(moment);
+    let miss = runge_kutta(&ode, start, steps, evaluations)?.0[1];
+    let (tip, clamp) = runge_kutta(&ode, start - miss / slope, steps, evaluations)?;
+    Ok(response(rod, tip, clamp))
+}
+
+/// The paper's method, Fig. 5: solve the rod at a helix angle, put its span into eq. 25, relax the angle towards what
+/// that gives, until it stays.
+pub(super) fn paper(
+    m: &Mechanism,
+    state: &State,
+    steps: usize,
+    relaxation: f64,
+    tolerance: f64,
+) -> Result<Equilibrium, SolveError> {
+    let mut alpha = m.rigid_helix(state);
+    let mut evaluations = 0;
+    for iterations in 1..=RELAXATIONS {
+        let helix = m.helix(state, alpha);
+        let rod = respond(&m.rod, state.force(helix.tan), steps, tolerance, &mut evaluations)?;
+        // tan α' = H/X
+        let run = helix.tan * helix.x_m - helix.miss(m, state, rod.reach.value);
+        let step = relaxation * (Scalar::asin(run / (run * run + helix.x_m * helix.x_m).sqrt()) - alpha);
+        if step.abs() <= tolerance {
+            let mut found = m.finish(state, alpha, &rod)?;
+            (found.iterations, found.evaluations) = (iterations, evaluations);
+            return Ok(found);
+        }
+        alpha += step;
+        if !(0.0..ALPHA_LIMIT).contains(&alpha) {
+            break;
+        }
+    }
+    Err(SolveError::Diverged { stage: "relaxation of the helix angle" })
+}
+
+/// The rod's answer by shooting with DOP853.
+#[cfg(feature = "ode")]
+pub(super) fn adaptive(
+    rod: &Rod,
+    force: TipForce,
+    tolerance: f64,
+    evaluations: &mut u32,
+) -> Result<RodResponse, SolveError> {
+    let ode = plain(rod, force);
+    let by_moment = RodOde {
+        section: ode.section.map(Dual::of),
+        slenderness: Dual::of(ode.slenderness),
+        inward: Dual::of(ode.inward),
+        sideways: Dual::of(ode.sideways),
+    };
+    let moment = correct(rod, force, 0.1 * tolerance, &mut |moment| {
+        let tip = adaptive_shot::<1, 8>(&by_moment, moment, tolerance, evaluations)?;
+        Ok((tip, (0.0, 0.0)))
+    })?;
+    let ode = with_compliance(rod, force);
+    let start = Dual::of(moment);
+    let slope = adaptive_shot::<1, 8>(&by_moment, Dual::parameter(moment, 0), tolerance, evaluations)?[1].by[0];
+    let miss = adaptive_shot::<2, 12>(&ode, start, tolerance, evaluations)?[1];
+    let start = start - miss / slope;
+    let clamp = ode.slope([Dual::of(0.0), start, Dual::of(0.0), Dual::of(0.0)], (-ode.inward, start * 4.0));
+    let (e, b) = clamp.map_err(singular)?.strain;
+    let tip = adaptive_shot::<2, 12>(&ode, start, tolerance, evaluations)?;
+    Ok(response(rod, tip, (e.value, b.value)))
+}
+
+/// One integration; the derivatives are part of the state (SIZE = 4 (1 + N)), so that their error is controlled too.
+#[cfg(feature = "ode")]
+fn adaptive_shot<const N: usize, const SIZE: usize>(
+    ode: &RodOde<Dual<N>>,
+    moment: Dual<N>,
+    tolerance: f64,
+    evaluations: &mut u32,
+) -> Result<Point<Dual<N>>, SolveError> {
+    use core::cell::{Cell, RefCell};
+    use differential_equations::prelude::{ExplicitRungeKutta, IVP};
+
+    let unpack = |flat: &[f64; SIZE]| -> Point<Dual<N>> {
+        core::array::from_fn(|k| {
+            let at = k * (1 + N);
+            Dual { value: flat[at], by: core::array::from_fn(|j| flat[at + 1 + j]) }
+        })
+    };
+    let pack = |point: &Point<Dual<N>>| -> [f64; SIZE] {
+        core::array::from_fn(|k| {
+            let part = &point[k / (1 + N)];
+            if k % (1 + N) == 0 { part.value } else { part.by[k % (1 + N) - 1] }
+        })
+    };
+    let zero = Dual::of(0.0);
+    let strain = RefCell::new((-ode.inward, moment * 4.0));
+    let broken = Cell::new(None);
+    let count = Cell::new(0);
+    let rhs = |_: f64, y: &[f64; SIZE], slope: &mut [f64; SIZE]| {
+        count.set(count.get() + 1);
+        if broken.get().is_some() {
+            *slope = [0.0; SIZE];
+            return;
+        }
+        let start = *strain.borrow();
+        match ode.slope(unpack(y), start) {
+            Ok(s) => {
+                *strain.borrow_mut() = s.strain;
+                *slope = pack(&s.by_length);
+            }
+            Err(s) => {
+                // The integrator knows no failure: it coasts to its end, and the result is thrown away.
+                broken.set(Some(s));
+                *slope = [0.0; SIZE];
+            }
+        }
+    };
+    let method = ExplicitRungeKutta::dop853().rtol(tolerance).atol(1e-3 * tolerance);
+    let solution = IVP::ode_from_fn(rhs, 0.0, 1.0, pack(&[zero, moment, zero, zero])).method(method).solve();
+    *evaluations += count.get();
+    if let Some(s) = broken.get() {
+        return Err(singular(s));
+    }
+    let lost = SolveError::Diverged { stage: "adaptive integration along the rod" };
+    let solution = solution.map_err(|_| lost)?;
+    let last = solution.y.last().ok_or(lost)?;
+    if last.iter().any(|x| !x.is_finite()) {
+        return Err(lost);
+    }
+    Ok(unpack(last))
+}
