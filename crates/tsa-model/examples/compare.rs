@@ -25,7 +25,16 @@ fn main() {
                     }
                 }
             }
-            println!("{name} {:18} gap {:.1e} dθ {:.1e} dF {:.1e} ev {} it {} {:.1} us fails {fails:?}", method.name(), worst[0], worst[1], worst[2], ev / n, it / n, t.elapsed().as_secs_f64() * 1e6 / n as f64);
+            println!(
+                "{name} {:18} gap {:.1e} dθ {:.1e} dF {:.1e} ev {} it {} {:.1} us fails {fails:?}",
+                method.name(),
+                worst[0],
+                worst[1],
+                worst[2],
+                ev / n,
+                it / n,
+                t.elapsed().as_secs_f64() * 1e6 / n as f64
+            );
         }
     }
 }

@@ -2,7 +2,10 @@ use tsa_model::*;
 fn main() {
     let mut seed = 1u64;
     let want: u32 = std::env::args().nth(1).unwrap().parse().unwrap();
-    let mut rnd = || { seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407); (seed >> 11) as f64 / (1u64 << 53) as f64 };
+    let mut rnd = || {
+        seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (seed >> 11) as f64 / (1u64 << 53) as f64
+    };
     let mut r = |a: f64, b: f64| a + (b - a) * rnd();
     let base = Scene::load("scenes/default.toml").unwrap();
     for i in 0..=want {
@@ -38,8 +41,15 @@ fn main() {
             for k in -10..=10 {
                 let t = at * (1.0 + 0.02 * f64::from(k));
                 for points in [0usize, 12, 24, 48, 96] {
-                    let m = if points == 0 { s.mechanism().unwrap() } else { Mechanism::with_points(&s.geometry, &s.string, &s.material, points).unwrap() };
-                    match m.formal(load, t) { Ok(a) => print!("{:.12} {:.4} it{} | ", a.gap_m, a.bending_strain, a.iterations), Err(e) => print!("{e:.30} | ") }
+                    let m = if points == 0 {
+                        s.mechanism().unwrap()
+                    } else {
+                        Mechanism::with_points(&s.geometry, &s.string, &s.material, points).unwrap()
+                    };
+                    match m.formal(load, t) {
+                        Ok(a) => print!("{:.12} {:.4} it{} | ", a.gap_m, a.bending_strain, a.iterations),
+                        Err(e) => print!("{e:.30} | "),
+                    }
                 }
                 println!("{t}");
             }

@@ -2,7 +2,10 @@ use std::collections::BTreeMap;
 use tsa_model::*;
 fn main() {
     let mut seed = 1u64;
-    let mut rnd = || { seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407); (seed >> 11) as f64 / (1u64 << 53) as f64 };
+    let mut rnd = || {
+        seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (seed >> 11) as f64 / (1u64 << 53) as f64
+    };
     let mut r = |a: f64, b: f64| a + (b - a) * rnd();
     let base = Scene::load("scenes/default.toml").unwrap();
     let mut kinds: BTreeMap<String, u32> = BTreeMap::new();
@@ -38,17 +41,46 @@ fn main() {
         let a = m.solve(load, twist);
         let b = m.solve_by(Method::Continuation { steps: 8 }, load, twist);
         let key = match (&a, &b) {
-            (Ok(a), Ok(b)) => if (a.gap_m - b.gap_m).abs() < 1e-9 { "same".into() } else { format!("DIFFERENT k{kind}") },
+            (Ok(a), Ok(b)) => {
+                if (a.gap_m - b.gap_m).abs() < 1e-9 {
+                    "same".into()
+                } else {
+                    format!("DIFFERENT k{kind}")
+                }
+            }
             (Ok(a), Err(e)) => format!("ok/{} k{kind} nu{}", e.kind(), a.warnings.contains(Warnings::NOT_UNIQUE)),
             (Err(e), Ok(_)) => format!("{}/ok k{kind}", e.kind()),
             (Err(e), Err(f)) => format!("{}/{}", e.kind(), f.kind()),
         };
         let c = kinds.entry(key.clone()).or_insert(0);
         *c += 1;
-        if *c <= 2 && !key.starts_with("same") && (key.contains("ok") || key.contains("DIFF")|| key.contains("not-conv")) {
-            println!("{i} {key}: {load} {twist} {:?} {:?} {:?} {:?}", s.geometry, s.string, s.material.stress_coefficients_pa.map(|a| a/e), s.material.stress_coefficients_pa[0]);
-            if let Ok(a) = &a { println!("   a: alpha {} gap {} w {} phi {} strain {} it {} {:?}", a.alpha_rad, a.gap_m, a.w_m, a.tip_angle_rad, a.bending_strain, a.iterations, a.warnings) } else { println!("   {a:?}") }
-            if let Ok(a) = &b { println!("   b: alpha {} gap {} w {} phi {} strain {} it {}", a.alpha_rad, a.gap_m, a.w_m, a.tip_angle_rad, a.bending_strain, a.iterations) } else { println!("   {b:?}") }
+        if *c <= 2
+            && !key.starts_with("same")
+            && (key.contains("ok") || key.contains("DIFF") || key.contains("not-conv"))
+        {
+            println!(
+                "{i} {key}: {load} {twist} {:?} {:?} {:?} {:?}",
+                s.geometry,
+                s.string,
+                s.material.stress_coefficients_pa.map(|a| a / e),
+                s.material.stress_coefficients_pa[0]
+            );
+            if let Ok(a) = &a {
+                println!(
+                    "   a: alpha {} gap {} w {} phi {} strain {} it {} {:?}",
+                    a.alpha_rad, a.gap_m, a.w_m, a.tip_angle_rad, a.bending_strain, a.iterations, a.warnings
+                )
+            } else {
+                println!("   {a:?}")
+            }
+            if let Ok(a) = &b {
+                println!(
+                    "   b: alpha {} gap {} w {} phi {} strain {} it {}",
+                    a.alpha_rad, a.gap_m, a.w_m, a.tip_angle_rad, a.bending_strain, a.iterations
+                )
+            } else {
+                println!("   {b:?}")
+            }
         }
     }
     println!("{kinds:#?}");

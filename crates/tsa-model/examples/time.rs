@@ -25,6 +25,11 @@ fn main() {
             }
             best = best.min(t.elapsed().as_secs_f64());
         }
-        println!("{name}: {:.2} us, evals {:.1} its {:.1} residual {worst:.1e} fails {fails}", best / n as f64 * 1e6, ev as f64 / n as f64, it as f64 / n as f64);
+        println!(
+            "{name}: {:.2} us, evals {:.1} its {:.1} residual {worst:.1e} fails {fails}",
+            best / n as f64 * 1e6,
+            ev as f64 / n as f64,
+            it as f64 / n as f64
+        );
     }
 }

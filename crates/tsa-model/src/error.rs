@@ -81,6 +81,14 @@ pub enum SolveError {
         /// Twist that is reached (rad).
         twist_rad: f64,
     },
+    /// A cheap tier has no answer here.
+    #[error("tier {tier} needs {limit}")]
+    TierRange {
+        /// The tier.
+        tier: &'static str,
+        /// What it needs.
+        limit: &'static str,
+    },
     /// A method failed where another may succeed.
     #[error("{stage} does not converge")]
     Diverged {
@@ -111,6 +119,7 @@ impl SolveError {
             Self::StrainRange { .. } => "strain-range",
             Self::Unresolved { .. } => "unresolved",
             Self::Fold { .. } => "fold",
+            Self::TierRange { .. } => "tier-range",
             Self::Diverged { .. } => "diverged",
             Self::NotConverged { .. } => "not-converged",
         }

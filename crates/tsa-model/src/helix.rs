@@ -90,6 +90,11 @@ impl<T: Scalar> Helix<T> {
         miss.value().abs() / run.max(m.parameters.string_length_m.value())
     }
 
+    /// ∂G/∂α with the rod as it answers.
+    pub fn gap_by_alpha(&self, rod: &RodResponse<T>) -> T {
+        self.x_by_alpha + rod.deflection.by_inward * self.inward_by_alpha * 2.0
+    }
+
     /// Derivative of the miss by α, when the tip reaches by `reach_by_inward` further for each N of Px.
     pub fn slope(&self, state: &State, reach_by_inward: T) -> T {
         self.sec2 * self.x_m + self.tan * self.x_by_alpha
@@ -227,7 +232,7 @@ impl<T: Scalar> Mechanism<T> {
             - (reach.by_inward * inward_by_load + reach.by_sideways * 0.5) * (2.0 * s)
             - (helix.radius.by_load + helix.radius.by_length * x_by_load) * state.twist_rad;
         let slope = helix.slope(state, reach.by_inward);
-        let gap_by_alpha = helix.x_by_alpha + deflection.by_inward * helix.inward_by_alpha * 2.0;
+        let gap_by_alpha = helix.gap_by_alpha(response);
         let direct = x_by_load + (deflection.by_inward * inward_by_load + deflection.by_sideways * 0.5) * 2.0;
         (
             deflection.by_inward * inward_by_twist * 2.0 - gap_by_alpha * by_twist / slope,

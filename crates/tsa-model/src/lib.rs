@@ -10,6 +10,7 @@
 //! - [`string`]: radius, stretch and helix of the strings (eqs 1–9).
 //! - [`mechanism`]: both together (eqs 25–29): [`Mechanism::solve`] is the way in.
 //! - [`methods`]: other ways to solve the same equations, to compare with.
+//! - [`tiers`]: cheaper models of the rod that know about how wrong they are.
 //! - [`scalar`]: f64, or numbers with their derivatives: `Mechanism<Dual<N>>` tells how results depend on constants.
 //! - [`scene`] (feature `std`): scene files.
 //!
@@ -31,6 +32,7 @@ pub mod scalar;
 pub mod scene;
 pub mod section;
 pub mod string;
+pub mod tiers;
 
 pub use error::{ParameterError, SolveError, Warnings};
 pub use material::Material;
@@ -40,6 +42,7 @@ pub use parameters::{Geometry, Parameters};
 #[cfg(feature = "std")]
 pub use scene::{Scene, SceneError};
 pub use string::{RadiusLaw, StringParameters};
+pub use tiers::{Tier, TierError, Tiered};
 
 /// Twist at the half-turn pre-twist, from which motor turns are counted (rad).
 pub const PRETWIST_RAD: f64 = core::f64::consts::PI;

@@ -101,9 +101,22 @@ impl<T: Scalar> RodResponse<T> {
     }
 }
 
+/// What of the rod is modelled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RodModel {
+    /// Stretch and the whole stress–strain law.
+    Full,
+    /// No stretch of the axis; the moment–curvature law that the section has without axial force.
+    Inextensible,
+    /// No stretch and a straight-line law: Euler's elastica.
+    Elastica,
+}
+
 /// Half a rod.
 #[derive(Clone, Debug)]
 pub struct Rod<T = f64> {
+    /// What of it is modelled.
+    pub model: RodModel,
     /// Free length on one side, (D0 − c)/2 (m).
     pub length_m: T,
     /// Radius R (m).
@@ -150,8 +163,13 @@ struct Place<T> {
 }
 
 impl<T: Scalar> Place<T> {
-    fn demand(&self, p: T, tip_stretch: T) -> Demand<T> {
-        Demand { n: p * self.cos_psi, n_tip_less_n: self.less, tip_stretch }
+    fn demand(&self, model: RodModel, p: T, tip_stretch: T) -> Demand<T> {
+        if model == RodModel::Full {
+            Demand { n: p * self.cos_psi, n_tip_less_n: self.less, axial_less: self.less, tip_stretch }
+        } else {
+            let zero = T::of(0.0);
+            Demand { n: zero, n_tip_less_n: self.less, axial_less: zero, tip_stretch: zero }
+        }
     }
 }
 
@@ -159,6 +177,7 @@ impl<T: Scalar> Rod<T> {
     /// A rod of this free length and radius (m) with the coefficients a1…a5 of eq. 12 (Pa).
     pub fn new(length_m: T, radius_m: T, stress_coefficients_pa: &[T; 5]) -> Self {
         Self {
+            model: RodModel::Full,
             length_m,
             radius_m,
             section: Section::new(stress_coefficients_pa),
@@ -199,6 +218,10 @@ impl<T: Scalar> Rod<T> {
 
     /// Shape of the rod with this amplitude (above 0) under `force`, by a rule.
     pub(crate) fn shape(&self, force: TipForce<T>, amplitude: T, rule: &Rule) -> Result<RodShape<T>, SolveError> {
+        if self.model == RodModel::Elastica {
+            return Ok(self.elastica(force, amplitude, rule));
+        }
+        let full = self.model == RodModel::Full;
         let line = self.line(force);
         let p = line.p;
         let (sinh_s, cosh_s) = amplitude.sinh_cosh();
@@ -206,8 +229,8 @@ impl<T: Scalar> Rod<T> {
         let m = line.sin_half / cosh_s;
         let m_by = [-(m * sinh_s / cosh_s), line.sin_half_by[0] / cosh_s, line.sin_half_by[1] / cosh_s];
         let n_tip = p * (-(m * m * 2.0) + 1.0);
-        let e_tip = self.section.stretch(n_tip).map_err(singular)?;
         let zero = T::of(0.0);
+        let e_tip = if full { self.section.stretch(n_tip).map_err(singular)? } else { zero };
         let p_by = [zero, line.by[0], line.by[1]];
         let n_tip_by: [T; 3] = core::array::from_fn(|k| p_by[k] * (-(m * m * 2.0) + 1.0) - p * m * m_by[k] * 4.0);
         // dψ/κ = element dh, element = R √(2/p) / (cos(ψ/2) √Y), Y = y/(N_l − N).
@@ -226,7 +249,7 @@ impl<T: Scalar> Rod<T> {
             let here = at(t);
             let Place { sinh, cosh, sin, cos_psi, less } = here;
             let cos = (-(sin * sin) + 1.0).sqrt();
-            let demand = here.demand(p, e_tip);
+            let demand = here.demand(self.model, p, e_tip);
             let start = match last {
                 // Far ahead a straight line means nothing.
                 [Some((_, l1, e1, y1)), Some((_, l2, e2, y2))] if less.value() < 4.0 * l1 => {
@@ -245,7 +268,7 @@ impl<T: Scalar> Rod<T> {
                         for k in 1..=steps {
                             let near = at(t0 + (t - t0) * (f64::from(k) / f64::from(steps)));
                             let start = (ratios.0 * near.less, ratios.1 * near.less);
-                            found = self.section.solve(near.demand(p, e_tip), start);
+                            found = self.section.solve(near.demand(self.model, p, e_tip), start);
                             let Ok(s) = &found else { break };
                             evaluations += s.iterations;
                             ratios = (s.less_stretch / near.less, s.strain.bending_squared / near.less);
@@ -262,7 +285,7 @@ impl<T: Scalar> Rod<T> {
             evaluations += solved.iterations;
             let element = scale * weight / (cos * ratio.sqrt());
             let sin_psi = sin * cos * 2.0;
-            let stretch = e + 1.0;
+            let stretch = if full { e + 1.0 } else { T::of(1.0) };
             let (along, across) = (stretch * cos_psi, stretch * sin_psi);
             sums[0][0] += element;
             sums[1][0] += along * element;
@@ -277,8 +300,14 @@ impl<T: Scalar> Rod<T> {
                     less_by += p * m * m * sinh * cosh * (4.0 * t);
                     own += cosh / sinh * t + T::of(1.0) / amplitude;
                 }
-                let n_by = p_by[k] * cos_psi - p * sin * sin_by * 4.0;
-                let (e_by, y_by) = solved.derivative(n_by, less_by + e_tip * n_tip_by[k] - e * n_by);
+                let (mut e_by, y_by);
+                if full {
+                    let n_by = p_by[k] * cos_psi - p * sin * sin_by * 4.0;
+                    (e_by, y_by) = solved.derivative(n_by, less_by + e_tip * n_tip_by[k] - e * n_by);
+                } else {
+                    (e_by, y_by) = solved.derivative(zero, less_by);
+                    e_by = zero;
+                }
                 let cos_by = -(tan_half * sin_by);
                 let element_by = element * (own - y_by * inv_y - cos_by / cos);
                 let along_by = e_by * cos_psi - stretch * sin * sin_by * 4.0;
@@ -288,6 +317,48 @@ impl<T: Scalar> Rod<T> {
                 sums[2][k + 1] += across_by * element + across * element_by;
             }
         }
+        Ok(self.turned(&line, sums, evaluations))
+    }
+
+    /// Euler's elastica: y = 8 (N_l − N) and no stretch, so that nothing is left to solve at the nodes.
+    fn elastica(&self, force: TipForce<T>, amplitude: T, rule: &Rule) -> RodShape<T> {
+        let line = self.line(force);
+        let (sinh_s, cosh_s) = amplitude.sinh_cosh();
+        let m = line.sin_half / cosh_s;
+        let m_by = [-(m * sinh_s / cosh_s), line.sin_half_by[0] / cosh_s, line.sin_half_by[1] / cosh_s];
+        let zero = T::of(0.0);
+        let scale = amplitude * self.radius_m / (line.p.sqrt() * 2.0);
+        let half = T::of(-0.5) / line.p;
+        let own = [T::of(1.0) / amplitude, line.by[0] * half, line.by[1] * half];
+        let mut sums = [[zero; 4]; 3];
+        for (t, weight) in rule.iter() {
+            let (sinh, cosh) = (amplitude * t).sinh_cosh();
+            let sin = m * cosh;
+            let cos2 = -(sin * sin) + 1.0;
+            let cos = cos2.sqrt();
+            let element = scale * weight / cos;
+            let (along, across) = (cos2 * 2.0 - 1.0, sin * cos * 2.0);
+            sums[0][0] += element;
+            sums[1][0] += along * element;
+            sums[2][0] += across * element;
+            for k in 0..3 {
+                let mut sin_by = m_by[k] * cosh;
+                if k == 0 {
+                    sin_by += m * sinh * t;
+                }
+                let element_by = element * (own[k] + sin * sin_by / cos2);
+                sums[0][k + 1] += element_by;
+                sums[1][k + 1] += along * element_by - sin * sin_by * element * 4.0;
+                // d(sin ψ) = 2 cos ψ d sin(ψ/2)/cos(ψ/2)
+                sums[2][k + 1] += across * element_by + along * sin_by / cos * element * 2.0;
+            }
+        }
+        self.turned(&line, sums, rule.count() as u32)
+    }
+
+    /// The shape from length and position along and across the force, each with derivatives by amplitude and px, py.
+    fn turned(&self, line: &Line<T>, sums: [[T; 4]; 3], evaluations: u32) -> RodShape<T> {
+        let (zero, p) = (T::of(0.0), line.p);
         let [length, along, across] = sums;
         let [q, r] = line.by;
         let (mut reach, mut deflection) = ([zero; 4], [zero; 4]);
@@ -310,7 +381,7 @@ impl<T: Scalar> Rod<T> {
             partial.by_inward = partial.by_inward / self.stiffness_n;
             partial.by_sideways = partial.by_sideways / self.stiffness_n;
         }
-        Ok(shape)
+        shape
     }
 
     /// Strain at the clamp (φ = 0), where bending is greatest.
@@ -318,8 +389,12 @@ impl<T: Scalar> Rod<T> {
         let Line { p, sin_half, by: [q, _], .. } = self.line(force);
         let (sinh, cosh) = amplitude.sinh_cosh();
         let m = sin_half / cosh;
+        let place = Place { sinh, cosh, sin: sin_half, cos_psi: -q, less: p * m * m * sinh * sinh * 2.0 };
+        if self.model == RodModel::Elastica {
+            return Ok(Strain { axial: T::of(0.0), bending_squared: place.less * 8.0 });
+        }
         let tip_stretch = self.section.stretch(p * (-(m * m * 2.0) + 1.0)).map_err(singular)?;
-        let demand = Demand { n: -(p * q), n_tip_less_n: p * m * m * sinh * sinh * 2.0, tip_stretch };
+        let demand = place.demand(self.model, p, tip_stretch);
         let start = Section::linear_guess(demand);
         Ok(self.section.solve(demand, start).map_err(singular)?.strain)
     }

@@ -61,6 +61,8 @@ pub(crate) struct Demand<T> {
     pub n: T,
     /// Axial force at the tip less the one here, over A·E (given apart, so that no digit cancels).
     pub n_tip_less_n: T,
+    /// The part of it that stretches the axis: all, or nothing for an inextensible rod.
+    pub axial_less: T,
     /// Stretch of the axis at the tip.
     pub tip_stretch: T,
 }
@@ -205,15 +207,14 @@ impl<T: Scalar> Section<T> {
 
     /// Stretch (less the tip's) and squared bending strain of a straight-line material, exactly.
     pub(crate) fn linear_guess(demand: Demand<T>) -> (T, T) {
-        let less = demand.n_tip_less_n;
-        (less, less * ((demand.tip_stretch + demand.n) * 4.0 + 8.0))
+        (demand.axial_less, demand.n_tip_less_n * ((demand.tip_stretch + demand.n) * 4.0 + 8.0))
     }
 
     /// Strain at which the axial force is `demand.n` and the first integral has the tip's value (subscript l):
     /// q(e, y) + e n − w0(e) = (n_l − n) + e_l n_l − w0(e_l). Both are written in e_l − e, so that no digit cancels
     /// near the tip. `start` is a guess of (e_l − e, y).
     pub(crate) fn solve(&self, demand: Demand<T>, start: (T, T)) -> Result<Solved<T>, Singular> {
-        let Demand { n, n_tip_less_n, tip_stretch } = demand;
+        let Demand { n, n_tip_less_n, axial_less, tip_stretch } = demand;
         let (mut less, mut y) = start;
         let mut iterations = 0;
         let mut left = T::EXTRA_STEPS;
@@ -227,7 +228,7 @@ impl<T: Scalar> Section<T> {
                 return Err(singular);
             }
             let (slope, mean) = self.divided_differences(tip_stretch, e);
-            let r1 = less * slope - eq.bent - n_tip_less_n;
+            let r1 = less * slope - eq.bent - axial_less;
             let r2 = n_tip_less_n * (tip_stretch + 1.0) + less * (n - mean) - eq.q;
             let (mut de, mut dy) = ((r1 * d - r2 * b) / det, (a * r2 - c * r1) / det);
             // y must stay positive: shorten a step that would leave.

@@ -49,9 +49,7 @@ impl<T: Scalar> Curve<T> {
         let fa = ode.slope(point(a), self.strain[i]).map_err(singular)?;
         let fb = ode.slope(point(b), self.strain[i + 1]).map_err(singular)?;
         (self.strain[i], self.strain[i + 1]) = (fa.strain, fb.strain);
-        let mid = core::array::from_fn(|k| {
-            (a[k] + b[k]) * 0.5 + (fa.by_length[k] - fb.by_length[k]) * (h / 8.0)
-        });
+        let mid = core::array::from_fn(|k| (a[k] + b[k]) * 0.5 + (fa.by_length[k] - fb.by_length[k]) * (h / 8.0));
         let fm = ode.slope(point(mid), fa.strain).map_err(singular)?;
         let mean = |k: usize| (fa.by_length[k] + fm.by_length[k] * 4.0 + fb.by_length[k]) * (h / 6.0);
         let residual = [b[0] - a[0] - mean(0), b[1] - a[1] - mean(1)];

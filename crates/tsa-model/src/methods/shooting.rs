@@ -86,8 +86,7 @@ fn respond(
         inward: Dual::of(ode.inward),
         sideways: Dual::of(ode.sideways),
     };
-    let moment =
-        correct(rod, force, tolerance, &mut |moment| runge_kutta(&by_moment, moment, steps, evaluations))?;
+    let moment = correct(rod, force, tolerance, &mut |moment| runge_kutta(&by_moment, moment, steps, evaluations))?;
     // One Newton step in numbers that carry the force's derivatives gives the solution's.
     let slope = runge_kutta(&by_moment, Dual::parameter(moment, 0), steps, evaluations)?.0[1].by[0];
     let ode = with_compliance(rod, force);
