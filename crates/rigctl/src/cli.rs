@@ -3,9 +3,11 @@
 use crate::plant::Setting;
 use crate::script;
 use crate::units::{self, Quantity};
+use clap::builder::PossibleValuesParser;
 use clap::{Args, Parser, Subcommand};
 use rig_link::LoadChoice;
 use std::path::PathBuf;
+use tsa_model::{Method, Tier};
 
 /// Host tool of a twisted-string actuator with a load-adaptive transmission.
 ///
@@ -52,12 +54,9 @@ pub enum Command {
         /// Where.
         #[command(flatten)]
         at: At,
-        /// Method of solution
-        #[arg(long, default_value = METHODS[0], value_parser = METHODS)]
-        method: String,
-        /// Tier of the model
-        #[arg(long, default_value = TIERS[0], value_parser = TIERS)]
-        tier: String,
+        /// How.
+        #[command(flatten)]
+        how: How,
     },
     /// What the firmware would answer, by the same code and table
     Lookup {
@@ -122,11 +121,40 @@ pub enum Command {
     },
 }
 
-/// Methods of solution.
-pub const METHODS: [&str; 1] = ["first-integral"];
+/// Method of solution and tier of the model.
+#[derive(Debug, Clone, Args)]
+pub struct How {
+    /// Method of solution
+    #[arg(long, default_value = "first-integral", value_parser = methods())]
+    pub method: String,
+    /// Steps of the method: quadrature nodes, Runge–Kutta steps, intervals, load steps [default: about 1e-9 m]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    pub steps: Option<u32>,
+    /// Tolerance of the method's iteration, or of its integrator
+    #[arg(long, value_name = "X", value_parser = tolerance)]
+    pub tolerance: Option<f64>,
+    /// Tier of the model; `auto` takes the cheapest that meets the scene's [accuracy]
+    #[arg(long, default_value = "full", value_parser = tiers())]
+    pub tier: String,
+}
 
-/// Tiers of the model.
-pub const TIERS: [&str; 1] = ["full"];
+fn methods() -> PossibleValuesParser {
+    PossibleValuesParser::new(Method::ALL.iter().map(Method::name))
+}
+
+/// `--tier` that leaves the choice to the estimates.
+pub const AUTO: &str = "auto";
+
+fn tiers() -> PossibleValuesParser {
+    PossibleValuesParser::new(Tier::ALL.into_iter().map(Tier::name).chain([AUTO]))
+}
+
+fn tolerance(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(x) if (1e-15..=0.1).contains(&x) => Ok(x),
+        _ => Err("tolerance must be a number from 1e-15 to 0.1".into()),
+    }
+}
 
 /// One load and number of turns, or a file of them.
 #[derive(Debug, Clone, Args)]

@@ -300,14 +300,12 @@ impl<T: Scalar> Rod<T> {
                     less_by += p * m * m * sinh * cosh * (4.0 * t);
                     own += cosh / sinh * t + T::of(1.0) / amplitude;
                 }
-                let (mut e_by, y_by);
-                if full {
+                let (e_by, y_by) = if full {
                     let n_by = p_by[k] * cos_psi - p * sin * sin_by * 4.0;
-                    (e_by, y_by) = solved.derivative(n_by, less_by + e_tip * n_tip_by[k] - e * n_by);
+                    solved.derivative(n_by, less_by + e_tip * n_tip_by[k] - e * n_by)
                 } else {
-                    (e_by, y_by) = solved.derivative(zero, less_by);
-                    e_by = zero;
-                }
+                    (zero, solved.derivative(zero, less_by).1)
+                };
                 let cos_by = -(tan_half * sin_by);
                 let element_by = element * (own - y_by * inv_y - cos_by / cos);
                 let along_by = e_by * cos_psi - stretch * sin * sin_by * 4.0;

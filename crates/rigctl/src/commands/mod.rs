@@ -23,7 +23,7 @@ use tsa_model::Scene;
 pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
     let global = &cli.global;
     match &cli.command {
-        Command::Solve { at, method, tier } => solve::run(global, at, method, tier, output),
+        Command::Solve { at, how } => solve::run(global, at, how, output),
         Command::Lookup { at } => lookup::run(global, at, output),
         Command::Table { out } => table::run(global, out.as_deref(), output),
         Command::Sim { script, seconds } => simulate::run(global, script.as_deref(), *seconds, output),

@@ -1,12 +1,12 @@
-//! `solve`: equilibria by the full model.
+//! `solve`: equilibria, by any method and tier of the model.
 
 use super::scene;
 use crate::batch::{self, Query, RowError};
-use crate::cli::{At, Global};
+use crate::cli::{AUTO, At, Global, How};
 use crate::failure::Failure;
 use crate::output::Output;
 use serde::Serialize;
-use tsa_model::{Mechanism, SolveError, twist_from_turns};
+use tsa_model::{Equilibrium, Mechanism, Method, PRETWIST_RAD, Scene, SolveError, Tier, TierError, twist_from_turns};
 
 /// At zero twist the gap has its maximum: no motion of the load for a small turn.
 const TR_INFINITE: &str = "tr-infinite";
@@ -44,17 +44,96 @@ pub struct Solution {
     pub method: &'static str,
     /// Tier of the model.
     pub tier: &'static str,
+    /// The tier's own estimate of its error in contraction (m); 0 for the full tier.
+    pub tier_error_m: f64,
+    /// The same for TR, relative.
+    pub tier_error_tr: f64,
+    /// Largest scaled residual of the method's equations.
+    pub residual: f64,
+    /// Steps of the outermost iteration.
+    pub iterations: u32,
+    /// Evaluations of a section or a right-hand side.
+    pub evaluations: u32,
     /// What to take it with.
     pub warnings: Vec<&'static str>,
+}
+
+/// How to solve: by a method with the full model, or by a tier with the default method.
+#[derive(Debug, Clone, Copy)]
+pub enum Way {
+    /// The full model by a method.
+    By(Method),
+    /// A tier.
+    At(Tier),
+    /// The cheapest tier that is this accurate.
+    Within(TierError),
+}
+
+impl Way {
+    /// What the command line asks for.
+    ///
+    /// # Errors
+    /// If the options contradict each other, or the scene says nothing about accuracy.
+    pub fn new(how: &How, scene: &Scene) -> Result<Self, Failure> {
+        // The command line has checked both names.
+        let usage = |text: String| Failure::Usage(text);
+        let method = Method::named(&how.method).ok_or_else(|| usage(format!("method {} is unknown", how.method)))?;
+        let no = |option: &str| usage(format!("--{option}: the method {} has none", how.method));
+        let method = match how.steps {
+            // At most a million: the command line has checked it.
+            Some(steps) => method.with_steps(steps as usize).ok_or_else(|| no("steps"))?,
+            None => method,
+        };
+        let method = match how.tolerance {
+            Some(tolerance) => method.with_tolerance(tolerance).ok_or_else(|| no("tolerance"))?,
+            None => method,
+        };
+        if how.tier == Tier::Full.name() {
+            return Ok(Self::By(method));
+        }
+        if method != Method::ALL[0] {
+            return Err(usage("--tier: only the method first-integral, with its own steps, knows other tiers".into()));
+        }
+        if how.tier == AUTO {
+            let Some(accuracy) = scene.accuracy else {
+                return Err(Failure::failed("--tier auto: the scene has no [accuracy] to meet"));
+            };
+            return Ok(Self::Within(TierError {
+                contraction_m: accuracy.contraction_m,
+                tr_relative: accuracy.tr_relative,
+            }));
+        }
+        Ok(Self::At(Tier::named(&how.tier).ok_or_else(|| usage(format!("tier {} is unknown", how.tier)))?))
+    }
+
+    fn solve(self, mechanism: &Mechanism, query: Query) -> Result<(Equilibrium, f64, Tier, TierError), SolveError> {
+        let twist = twist_from_turns(query.turns);
+        let tiered = match self {
+            Self::By(method) => {
+                let start = mechanism.solve_by(method, query.load_n, PRETWIST_RAD)?;
+                let e = mechanism.solve_by(method, query.load_n, twist)?;
+                return Ok((e, start.gap_m, Tier::Full, TierError::default()));
+            }
+            Self::At(tier) => mechanism.solve_tier(tier, query.load_n, twist)?,
+            Self::Within(wanted) => mechanism.solve_auto(query.load_n, twist, wanted)?,
+        };
+        Ok((tiered.equilibrium, tiered.start_gap_m, tiered.tier, tiered.error))
+    }
+
+    fn method(self) -> &'static str {
+        match self {
+            Self::By(method) => method.name(),
+            Self::At(_) | Self::Within(_) => Method::ALL[0].name(),
+        }
+    }
 }
 
 /// Solves at one load and number of turns.
 ///
 /// # Errors
 /// The limit of the model that stopped it.
-pub fn solve(mechanism: &Mechanism, query: Query) -> Result<Solution, SolveError> {
-    let e = mechanism.solve(query.load_n, twist_from_turns(query.turns))?;
-    let start = mechanism.solve(query.load_n, twist_from_turns(0.0))?;
+pub fn solve(mechanism: &Mechanism, way: Way, query: Query) -> Result<Solution, SolveError> {
+    let (e, start_gap_m, tier, error) = way.solve(mechanism, query)?;
     let mut warnings: Vec<&str> = e.warnings.names().collect();
     // Turns are decimal and π is not, so "zero twist" is as near as rounding comes to it.
     let tr = Some(e.tr_rad_per_m()).filter(|tr| tr.is_finite() && e.twist_rad.abs() > 1e-12);
@@ -71,39 +150,47 @@ pub fn solve(mechanism: &Mechanism, query: Query) -> Result<Solution, SolveError
         r_m: e.r_m,
         tension_n: e.tension_n,
         bending_strain: e.bending_strain,
-        contraction_m: start.gap_m - e.gap_m,
-        load_sag_m: start.gap_m - mechanism.start_length_m(),
+        contraction_m: start_gap_m - e.gap_m,
+        load_sag_m: start_gap_m - mechanism.start_length_m(),
         tr_rad_per_m: tr,
-        method: crate::cli::METHODS[0],
-        tier: crate::cli::TIERS[0],
+        method: way.method(),
+        tier: tier.name(),
+        tier_error_m: error.contraction_m,
+        tier_error_tr: error.tr_relative,
+        residual: e.residual,
+        iterations: e.iterations,
+        evaluations: e.evaluations,
         warnings,
     })
 }
 
-/// Runs the command. Method and tier were checked by the command line; there is one of each so far.
+/// Runs the command.
 ///
 /// # Errors
 /// If the scene or the batch file is bad, or the one point cannot be solved.
-pub fn run(global: &Global, at: &At, _method: &str, _tier: &str, output: &mut Output) -> Result<(), Failure> {
-    let mechanism = scene(global)?.mechanism()?;
+pub fn run(global: &Global, at: &At, how: &How, output: &mut Output) -> Result<(), Failure> {
+    let scene = scene(global)?;
+    let way = Way::new(how, &scene)?;
+    let mechanism = scene.mechanism()?;
     if let Some(path) = &at.batch {
         output.line(format!(
-            "{:>10} {:>8} {:>12} {:>14} {:>12} {:>12}  warnings",
-            "load N", "turns", "helix rad", "contraction mm", "sag mm", "TR rad/mm"
+            "{:>10} {:>8} {:>12} {:>14} {:>12} {:>12} {:>14}  warnings",
+            "load N", "turns", "helix rad", "contraction mm", "sag mm", "TR rad/mm", "tier"
         ))?;
         for row in batch::read(path)? {
-            let solved = row.and_then(|query| solve(&mechanism, query).map_err(|e| RowError::new(e.kind(), e)));
+            let solved = row.and_then(|query| solve(&mechanism, way, query).map_err(|e| RowError::new(e.kind(), e)));
             match solved {
                 Ok(s) => {
                     output.object(&s)?;
                     output.line(format!(
-                        "{:>10.4} {:>8.3} {:>12.6} {:>14.5} {:>12.5} {:>12}  {}",
+                        "{:>10.4} {:>8.3} {:>12.6} {:>14.5} {:>12.5} {:>12} {:>14}  {}",
                         s.load_n,
                         s.turns,
                         s.alpha_rad,
                         s.contraction_m * 1e3,
                         s.load_sag_m * 1e3,
                         per_mm(s.tr_rad_per_m),
+                        s.tier,
                         s.warnings.join(", ")
                     ))?;
                 }
@@ -118,7 +205,7 @@ pub fn run(global: &Global, at: &At, _method: &str, _tier: &str, output: &mut Ou
     let (Some(load_n), Some(turns)) = (at.load, at.turns) else {
         return Err(Failure::Usage("solve needs --load and --turns, or --batch".into()));
     };
-    let s = solve(&mechanism, Query { load_n, turns })?;
+    let s = solve(&mechanism, way, Query { load_n, turns })?;
     output.object(&s)?;
     for (name, value, unit) in [
         ("load", format!("{:.4}", s.load_n), "N"),
@@ -137,7 +224,24 @@ pub fn run(global: &Global, at: &At, _method: &str, _tier: &str, output: &mut Ou
     ] {
         output.line(format!("{name:<15} {value:>12} {unit}").trim_end())?;
     }
+    output.line(why(way, &s))?;
     Ok(())
+}
+
+/// Which method and tier, and why, in a sentence.
+fn why(way: Way, s: &Solution) -> String {
+    let spent = format!("{} iterations, {} evaluations, residual {:.1e}", s.iterations, s.evaluations, s.residual);
+    let own = format!("its own estimate: {:.3} µm, TR {:.4} %", s.tier_error_m * 1e6, s.tier_error_tr * 1e2);
+    match way {
+        Way::By(_) => format!("full model by {}: {spent}", s.method),
+        Way::At(_) => format!("tier {} ({own}): {spent}", s.tier),
+        Way::Within(wanted) => format!(
+            "tier {}, the cheapest within {:.3} µm and TR {:.4} % ({own}): {spent}",
+            s.tier,
+            wanted.contraction_m * 1e6,
+            wanted.tr_relative * 1e2
+        ),
+    }
 }
 
 /// TR in rad/mm for people.

@@ -101,7 +101,7 @@ impl Report {
             form: fit.table.numbers.kind(),
             size: fit.table.numbers.size(),
             bytes: fit.table.numbers.form().bytes(),
-            tier: crate::cli::TIERS[0],
+            tier: tsa_model::Tier::Full.name(),
             axes: [
                 AxisReport {
                     parameter: "load_n",
@@ -146,7 +146,7 @@ impl Report {
 impl CandidateReport {
     fn new(c: &Candidate) -> Self {
         Self {
-            tier: crate::cli::TIERS[0],
+            tier: tsa_model::Tier::Full.name(),
             form: c.table.numbers.kind(),
             size: c.table.numbers.size(),
             load_map: map_name(c.table.metadata.load_map),
