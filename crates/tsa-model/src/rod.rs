@@ -102,7 +102,7 @@ impl<T: Scalar> RodResponse<T> {
 }
 
 /// What of the rod is modelled.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum RodModel {
     /// Stretch and the whole stress–strain law.
     Full,
@@ -110,6 +110,30 @@ pub enum RodModel {
     Inextensible,
     /// No stretch and a straight-line law: Euler's elastica.
     Elastica,
+    /// No stretch and Ludwick's law, M = ¼ AER (κR)^exponent: for comparison with published rods.
+    PowerLaw {
+        /// Above 0, at most 1.
+        exponent: f64,
+    },
+}
+
+impl RodModel {
+    /// κ grows from the tip like h^(2/(m+1)) under a power law, so that dψ/κ is not smooth in h: with h = S t^q it is
+    /// t^15 and smoother. For every other law q = 1.
+    fn grading(self) -> f64 {
+        match self {
+            Self::PowerLaw { exponent: m } => 8.0 * (m + 1.0) / m,
+            _ => 1.0,
+        }
+    }
+
+    /// The power of N_l − N in (κR)²: 2/(m + 1).
+    fn power(self) -> f64 {
+        match self {
+            Self::PowerLaw { exponent: m } => 2.0 / (m + 1.0),
+            _ => 1.0,
+        }
+    }
 }
 
 /// Half a rod.
@@ -245,7 +269,14 @@ impl<T: Scalar> Rod<T> {
             let sin = m * cosh;
             Place { sinh, cosh, sin, cos_psi: -(sin * sin * 2.0) + 1.0, less: p * m * m * sinh * sinh * 2.0 }
         };
-        for (t, weight) in rule.iter() {
+        let (grading, power) = (self.model.grading(), self.model.power());
+        for (node, share) in rule.iter() {
+            let (t, weight) = if grading == 1.0 {
+                (node, share)
+            } else {
+                let t = Scalar::powf(node, grading);
+                (t, share * grading * t / node)
+            };
             let here = at(t);
             let Place { sinh, cosh, sin, cos_psi, less } = here;
             let cos = (-(sin * sin) + 1.0).sqrt();
@@ -259,30 +290,39 @@ impl<T: Scalar> Rod<T> {
                 [Some((_, _, e1, y1)), _] => (e1 * less, y1 * less),
                 _ => Section::linear_guess(demand),
             };
-            let solved = match (self.section.solve(demand, start), last[0]) {
-                (Ok(solved), _) => solved,
-                // A strongly curved law between two nodes far apart: in smaller steps from the last one.
-                (Err(_), Some((t0, _, e0, y0))) => {
-                    let mut march = |steps: u32| {
-                        let (mut ratios, mut found) = ((e0, y0), Err(Singular { bending_strain: 0.0 }));
-                        for k in 1..=steps {
-                            let near = at(t0 + (t - t0) * (f64::from(k) / f64::from(steps)));
-                            let start = (ratios.0 * near.less, ratios.1 * near.less);
-                            found = self.section.solve(near.demand(self.model, p, e_tip), start);
-                            let Ok(s) = &found else { break };
-                            evaluations += s.iterations;
-                            ratios = (s.less_stretch / near.less, s.strain.bending_squared / near.less);
-                        }
-                        found
-                    };
-                    march(16).or_else(|_| march(256)).map_err(singular)?
-                }
-                (Err(s), None) => return Err(singular(s)),
+            let section = match (self.model, last[0]) {
+                // κM − W = m/(m+1) κM, so that (κR)² = ((N_l − N) 4 (m+1)/m)^(2/(m+1)).
+                (RodModel::PowerLaw { .. }, _) => None,
+                (_, before) => Some(
+                    self.section
+                        .solve(demand, start)
+                        .or_else(|stopped| {
+                            // A strongly curved law between two nodes far apart: in smaller steps from the last one.
+                            let Some((t0, _, e0, y0)) = before else { return Err(stopped) };
+                            let mut march = |steps: u32| {
+                                let (mut ratios, mut found) = ((e0, y0), Err(stopped));
+                                for k in 1..=steps {
+                                    let near = at(t0 + (t - t0) * (f64::from(k) / f64::from(steps)));
+                                    let start = (ratios.0 * near.less, ratios.1 * near.less);
+                                    found = self.section.solve(near.demand(self.model, p, e_tip), start);
+                                    let Ok(s) = &found else { break };
+                                    evaluations += s.iterations;
+                                    ratios = (s.less_stretch / near.less, s.strain.bending_squared / near.less);
+                                }
+                                found
+                            };
+                            march(16).or_else(|_| march(256))
+                        })
+                        .map_err(singular)?,
+                ),
             };
-            let (e, y) = (solved.strain.axial, solved.strain.bending_squared);
+            let (e, less_stretch, y) = match &section {
+                Some(s) => (s.strain.axial, s.less_stretch, s.strain.bending_squared),
+                None => (zero, zero, (less * (8.0 / (2.0 - power))).powf(T::of(power))),
+            };
             let ratio = y / less;
-            last = [Some((t, less.value(), solved.less_stretch / less, ratio)), last[0]];
-            evaluations += solved.iterations;
+            last = [Some((t, less.value(), less_stretch / less, ratio)), last[0]];
+            evaluations += section.as_ref().map_or(1, |s| s.iterations);
             let element = scale * weight / (cos * ratio.sqrt());
             let sin_psi = sin * cos * 2.0;
             let stretch = if full { e + 1.0 } else { T::of(1.0) };
@@ -300,11 +340,13 @@ impl<T: Scalar> Rod<T> {
                     less_by += p * m * m * sinh * cosh * (4.0 * t);
                     own += cosh / sinh * t + T::of(1.0) / amplitude;
                 }
-                let (e_by, y_by) = if full {
-                    let n_by = p_by[k] * cos_psi - p * sin * sin_by * 4.0;
-                    solved.derivative(n_by, less_by + e_tip * n_tip_by[k] - e * n_by)
-                } else {
-                    (zero, solved.derivative(zero, less_by).1)
+                let (e_by, y_by) = match &section {
+                    Some(s) if full => {
+                        let n_by = p_by[k] * cos_psi - p * sin * sin_by * 4.0;
+                        s.derivative(n_by, less_by + e_tip * n_tip_by[k] - e * n_by)
+                    }
+                    Some(s) => (zero, s.derivative(zero, less_by).1),
+                    None => (zero, y * power * less_by / less),
                 };
                 let cos_by = -(tan_half * sin_by);
                 let element_by = element * (own - y_by * inv_y - cos_by / cos);
@@ -388,8 +430,11 @@ impl<T: Scalar> Rod<T> {
         let (sinh, cosh) = amplitude.sinh_cosh();
         let m = sin_half / cosh;
         let place = Place { sinh, cosh, sin: sin_half, cos_psi: -q, less: p * m * m * sinh * sinh * 2.0 };
-        if self.model == RodModel::Elastica {
-            return Ok(Strain { axial: T::of(0.0), bending_squared: place.less * 8.0 });
+        let power = self.model.power();
+        if matches!(self.model, RodModel::Elastica | RodModel::PowerLaw { .. }) {
+            // A straight line is the power law of exponent 1.
+            let bending_squared = (place.less * (8.0 / (2.0 - power))).powf(T::of(power));
+            return Ok(Strain { axial: T::of(0.0), bending_squared });
         }
         let tip_stretch = self.section.stretch(p * (-(m * m * 2.0) + 1.0)).map_err(singular)?;
         let demand = place.demand(self.model, p, tip_stretch);

@@ -1,6 +1,6 @@
 //! The rod against numbers that others computed by other means (numerics.md section 2).
 
-use tsa_model::rod::{Rod, TipForce};
+use tsa_model::rod::{Rod, RodModel, TipForce};
 
 /// Tip of a rod so slender that it does not stretch: x/L, w/L, φ at V and H in units of EI/L².
 fn elastica(v: f64, h: f64) -> (f64, f64, f64) {
@@ -18,12 +18,26 @@ fn the_exact_end_load_table() {
     // Elliptic integrals, 30 digits: α, w/L, u/L, φ.
     for (alpha, w, u, phi) in [
         (0.2, 0.06636448214, 0.002646548341, 0.09963616304),
+        (0.25, 0.08274591535, 0.00411781841, 0.1242924421),
+        (0.4, 0.1309752421, 0.01035392155, 0.1971546237),
         (0.5, 0.1621435757, 0.01591896247, 0.2445336471),
+        (0.6, 0.1923502797, 0.02248766798, 0.2907377668),
+        (0.75, 0.2356152314, 0.03396631503, 0.3575261669),
+        (0.8, 0.249451542, 0.03816561324, 0.3790630076),
         (1.0, 0.3017207738, 0.05643323628, 0.4613519497),
+        (1.5, 0.4109782112, 0.1079415007, 0.6395398262),
         (2.0, 0.4934574804, 0.1606417208, 0.7817498316),
+        (3.0, 0.6032534411, 0.2544201846, 0.9860169467),
+        (4.0, 0.6699641813, 0.3289412422, 1.121239347),
         (5.0, 0.7137915236, 0.3876283607, 1.215368118),
+        (6.0, 0.7445711489, 0.4345888287, 1.283697286),
+        (7.0, 0.7673690997, 0.4729274284, 1.334959857),
+        (8.0, 0.784982375, 0.5048277321, 1.374431507),
+        (9.0, 0.7990555275, 0.5318205627, 1.405465334),
         (10.0, 0.8106090249, 0.5549955978, 1.430285539),
+        (15.0, 0.8477156743, 0.6352857804, 1.501840154),
         (20.0, 0.8686958983, 0.6838855676, 1.532934956),
+        (50.0, 0.9171554473, 0.800000396, 1.567981902),
     ] {
         let (x, deflection, angle) = elastica(alpha, 0.0);
         assert!((deflection - w).abs() < 1e-10, "α = {alpha}: w/L = {deflection}");
@@ -69,5 +83,65 @@ fn the_full_polynomial_rod() {
         let bending = response.clamp.bending_squared.sqrt();
         // Printed to four digits, and up to one unit of the last one lower than here.
         assert!((bending - strain).abs() < 1.5e-4, "{v} N, {degrees}°: strain {bending}");
+    }
+}
+
+#[test]
+fn ludwick_rods() {
+    // M = K κ^m, λ = P L^(1+m)/K: w/L, u/L, φ at λ = 0.5, 1, 2; quadrature with 200 nodes by others, 8 digits printed.
+    for (m, printed) in [
+        (
+            1.0,
+            [
+                [0.16214358, 0.01591896, 0.24453365],
+                [0.30172077, 0.05643324, 0.46135195],
+                [0.49345748, 0.16064172, 0.78174983],
+            ],
+        ),
+        (
+            0.8,
+            [
+                [0.12691424, 0.00956912, 0.18390143],
+                [0.27933426, 0.04735807, 0.40986175],
+                [0.50737826, 0.16762264, 0.77478289],
+            ],
+        ),
+        (
+            0.5,
+            [
+                [0.06211448, 0.00220731, 0.08287757],
+                [0.22921135, 0.03052229, 0.30860851],
+                [0.54952716, 0.19216274, 0.77950473],
+            ],
+        ),
+        (
+            0.463,
+            [
+                [0.05353627, 0.00163027, 0.07051554],
+                [0.22085490, 0.02814381, 0.29336518],
+                [0.55805861, 0.19760601, 0.78288543],
+            ],
+        ),
+        (
+            0.25,
+            [
+                [0.01041366, 0.00005915, 0.01249663],
+                [0.15607360, 0.01337936, 0.18808081],
+                [0.63683775, 0.25426464, 0.83014524],
+            ],
+        ),
+    ] {
+        let (length, radius) = (1.0, 0.01);
+        let mut rod = Rod::new(length, radius, &[1.0, 0.0, 0.0, 0.0, 0.0]);
+        rod.model = RodModel::PowerLaw { exponent: m };
+        let k = 0.25 * rod.stiffness_n * radius * radius.powf(m);
+        for (lambda, [w, u, phi]) in [0.5, 1.0, 2.0].into_iter().zip(printed) {
+            let force = TipForce { inward_n: 0.0, sideways_n: lambda * k };
+            let (response, ..) = rod.respond(force).unwrap();
+            let (reach, deflection, angle) = (response.reach.value, response.deflection.value, response.tip_angle_rad);
+            assert!((deflection - w).abs() < 1e-8, "m {m}, λ {lambda}: w {deflection}, printed {w}");
+            assert!((1.0 - reach - u).abs() < 1e-8, "m {m}, λ {lambda}: u {}, printed {u}", 1.0 - reach);
+            assert!((angle - phi).abs() < 1e-8, "m {m}, λ {lambda}: φ {angle}, printed {phi}");
+        }
     }
 }

@@ -216,3 +216,39 @@ fn adaptive_shot<const N: usize, const SIZE: usize>(
     }
     Ok(unpack(last))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::section::Strain;
+
+    #[test]
+    fn the_first_integral_is_conserved_along_the_rod() {
+        // The heaviest of the full polynomial rods (numerics.md 2.4): 8.5 N at 40°.
+        let rod = Rod::new(0.013, 0.0005, &[2e10; 5]);
+        let force = TipForce { inward_n: 8.5 * 40f64.to_radians().tan(), sideways_n: 8.5 };
+        let moment = {
+            let mut ode = plain(&rod, force);
+            ode.slenderness = rod.length_m / rod.radius_m;
+            let dual = RodOde {
+                section: ode.section.map(Dual::of),
+                slenderness: Dual::of(ode.slenderness),
+                inward: Dual::of(ode.inward),
+                sideways: Dual::of(ode.sideways),
+            };
+            correct(&rod, force, 1e-14, &mut |m| runge_kutta(&dual, m, 2000, &mut 0)).unwrap()
+        };
+        let mut values = Vec::new();
+        for part in 0..=10 {
+            let mut ode = plain(&rod, force);
+            ode.slenderness *= f64::from(part) / 10.0;
+            let (point, _) = runge_kutta(&ode, moment, 2000, &mut 0).unwrap();
+            let (e, b) = ode.slope(point, (0.0, 4.0 * point[1])).unwrap().strain;
+            values.push(rod.section.first_integral(Strain { axial: e, bending_squared: b * b }));
+        }
+        // The terms of the integral are of the size of κM at the clamp.
+        let size = moment * moment;
+        let drift = values.iter().map(|h| (h - values[0]).abs()).fold(0.0, f64::max) / size;
+        assert!(drift < 1e-12, "{drift}: {values:?}");
+    }
+}

@@ -1,0 +1,90 @@
+//! Each tier's estimate of its own error against the full tier, over the envelope of every scene.
+
+use tsa_model::{Scene, Tier, TierError, twist_from_turns};
+
+fn scenes() -> Vec<(String, Scene)> {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
+    let mut scenes: Vec<_> = std::fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .filter(|path| path.extension().is_some_and(|e| e == "toml"))
+        .map(|path| (path.file_stem().unwrap().to_string_lossy().into_owned(), Scene::load(&path).unwrap()))
+        .collect();
+    scenes.sort_by(|a, b| a.0.cmp(&b.0));
+    assert!(scenes.len() >= 5);
+    scenes
+}
+
+/// Loads and turns over the published range.
+fn states() -> impl Iterator<Item = (f64, f64)> {
+    (0..16).flat_map(|i| (0..16).map(move |j| (17f64.powf(f64::from(i) / 15.0), 7.5 * f64::from(j) / 15.0)))
+}
+
+#[test]
+fn every_estimate_holds() {
+    for (name, scene) in scenes() {
+        let m = scene.mechanism().unwrap();
+        for tier in Tier::ALL {
+            let (mut worst, mut worst_tr, mut loosest) = (0.0f64, 0.0f64, 0.0f64);
+            for (load, turns) in states() {
+                let twist = twist_from_turns(turns);
+                let full = m.solve_tier(Tier::Full, load, twist).unwrap();
+                let Ok(t) = m.solve_tier(tier, load, twist) else {
+                    // Only the beam-column has an end, and only near buckling.
+                    assert!(tier == Tier::BeamColumn && load > 10.0, "{name} {} {load} N {turns}", tier.name());
+                    continue;
+                };
+                let error = (t.contraction_m() - full.contraction_m()).abs();
+                let tr = (t.equilibrium.tr_rad_per_m() / full.equilibrium.tr_rad_per_m() - 1.0).abs();
+                if tier == Tier::Full {
+                    assert_eq!((error, tr, t.error), (0.0, 0.0, TierError::default()));
+                    continue;
+                }
+                // A first-order estimate of a gross error is only a warning.
+                let trusted = t.error.tr_relative < 0.05;
+                if trusted {
+                    worst = worst.max(error / t.error.contraction_m.max(1e-12));
+                    worst_tr = worst_tr.max(tr / t.error.tr_relative);
+                } else {
+                    assert!(error > 1e-5 || tr > 2e-3, "{name} {} {load} N {turns}: cries wolf", tier.name());
+                }
+                if error > 2e-5 && trusted {
+                    loosest = loosest.max(t.error.contraction_m / error);
+                }
+            }
+            println!("{name} {}: error/estimate {worst:.2}, TR {worst_tr:.2}; loosest {loosest:.1}", tier.name());
+            assert!(worst <= 1.0 && worst_tr <= 1.0, "{name} {}: {worst} {worst_tr}", tier.name());
+        }
+    }
+}
+
+#[test]
+fn auto_takes_the_cheapest_that_is_good_enough_and_is() {
+    for (name, scene) in scenes() {
+        let m = scene.mechanism().unwrap();
+        let mut last = [0usize; 6];
+        for (wanted_m, wanted_tr) in [(1e-3, 0.2), (1e-4, 0.02), (2.4e-5, 0.005), (5e-6, 0.002), (1e-7, 1e-5)] {
+            let wanted = TierError { contraction_m: wanted_m, tr_relative: wanted_tr };
+            let mut taken = [0usize; 6];
+            for (load, turns) in states() {
+                let twist = twist_from_turns(turns);
+                let full = m.solve_tier(Tier::Full, load, twist).unwrap();
+                let t = m.solve_auto(load, twist, wanted).unwrap();
+                let error = (t.contraction_m() - full.contraction_m()).abs();
+                assert!(error <= wanted_m, "{name} {} {load} N {turns}: {error} m", t.tier.name());
+                let tr = (t.equilibrium.tr_rad_per_m() / full.equilibrium.tr_rad_per_m() - 1.0).abs();
+                assert!(tr <= wanted_tr, "{name} {} {load} N {turns}: TR {tr}", t.tier.name());
+                taken[Tier::ALL.iter().position(|x| *x == t.tier).unwrap()] += 1;
+            }
+            println!("{name} {wanted_m} m, TR {wanted_tr}: {taken:?}");
+            // Asking for more never takes cheaper tiers.
+            for k in 1..=6 {
+                let cheap = |counts: &[usize; 6]| counts[..k].iter().sum::<usize>();
+                assert!(last == [0; 6] || cheap(&taken) <= cheap(&last), "{name}: {taken:?} after {last:?}");
+            }
+            last = taken;
+        }
+        // Nothing but the full model is good to a tenth of a micrometre everywhere.
+        assert!(last[5] > 100, "{name}: {last:?}");
+    }
+}
