@@ -3,6 +3,7 @@
 //! - [`cli`]: the command line; [`commands`]: what each command does; [`batch`]: files of loads and turns.
 //! - [`units`], [`plant`], [`script`]: text from the operator, checked and turned into SI.
 //! - [`session`]: a conversation with the firmware, emulated or real.
+//! - [`plot`]: pictures.
 //! - [`output`]: human or JSON, never both on standard output; [`failure`]: exit codes.
 
 #![forbid(unsafe_code)]
@@ -13,6 +14,7 @@ pub mod commands;
 pub mod failure;
 pub mod output;
 pub mod plant;
+pub mod plot;
 pub mod script;
 pub mod session;
 pub mod units;
