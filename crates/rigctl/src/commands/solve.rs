@@ -6,7 +6,7 @@ use crate::cli::{At, Global};
 use crate::failure::Failure;
 use crate::output::Output;
 use serde::Serialize;
-use tsa_model::{Mechanism, SolveError, twist_from_turns};
+use tsa_model::{Equilibrium, Mechanism, SolveError, twist_from_turns};
 
 /// At zero twist the gap has its maximum: no motion of the load for a small turn.
 const TR_INFINITE: &str = "tr-infinite";
@@ -56,8 +56,7 @@ pub fn solve(mechanism: &Mechanism, query: Query) -> Result<Solution, SolveError
     let e = mechanism.solve(query.load_n, twist_from_turns(query.turns))?;
     let start = mechanism.solve(query.load_n, twist_from_turns(0.0))?;
     let mut warnings: Vec<&str> = e.warnings.names().collect();
-    // Turns are decimal and π is not, so "zero twist" is as near as rounding comes to it.
-    let tr = Some(e.tr_rad_per_m()).filter(|tr| tr.is_finite() && e.twist_rad.abs() > 1e-12);
+    let tr = finite_tr_rad_per_m(&e);
     if tr.is_none() {
         warnings.push(TR_INFINITE);
     }
@@ -78,6 +77,12 @@ pub fn solve(mechanism: &Mechanism, query: Query) -> Result<Solution, SolveError
         tier: crate::cli::TIERS[0],
         warnings,
     })
+}
+
+/// TR (rad/m), but none at zero twist, where it is infinite.
+pub fn finite_tr_rad_per_m(e: &Equilibrium) -> Option<f64> {
+    // Turns are decimal and π is not, so "zero twist" is as near as rounding comes to it.
+    Some(e.tr_rad_per_m()).filter(|tr| tr.is_finite() && e.twist_rad.abs() > 1e-12)
 }
 
 /// Runs the command. Method and tier were checked by the command line; there is one of each so far.
