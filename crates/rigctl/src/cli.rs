@@ -1,6 +1,7 @@
 //! The command line.
 
 use crate::plant::Setting;
+use crate::range::{TurnRange, Vary};
 use crate::script;
 use crate::units::{self, Quantity};
 use clap::builder::PossibleValuesParser;
@@ -67,6 +68,31 @@ pub enum Command {
     /// Fit and certify the scene's table, and say why this one
     Table {
         /// Also write table.json and table.rs into this folder
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+    },
+    /// The numbers that the paper prints beside the same numbers computed for the scene
+    Published {
+        /// The three parameter sets of the paper's scenes side by side, instead of --scene
+        #[arg(long)]
+        all: bool,
+        /// Also write published.csv, ratios.csv and the paper's figures, redrawn, into this folder
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+    },
+    /// Vary one value of the scene and see what contraction and TR make of it
+    Study {
+        /// Which value, between which limits, and how many (5 if not said); `log` spaces them in equal ratios. KEY is
+        /// D0, R, L0, r0, K, c, k1, k2, k3, p or a key of a scene file
+        #[arg(long, value_name = "KEY=FROM..TO[:COUNT[log]]")]
+        vary: Vary,
+        /// Load on the rods (N or kg)
+        #[arg(long, value_name = "L", default_value = "7.5N", allow_hyphen_values = true, value_parser = load)]
+        load: f64,
+        /// Turns past the half-turn pre-twist
+        #[arg(long, value_name = "FROM..TO", default_value = "0..7.5", allow_hyphen_values = true)]
+        turns: TurnRange,
+        /// Also write study.csv, study-curves.csv and study.svg into this folder
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
     },

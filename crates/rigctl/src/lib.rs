@@ -1,7 +1,8 @@
 //! The rig's host tool: solves and looks up on the desktop, runs the firmware on the emulated board, drives the rig.
 //!
 //! - [`cli`]: the command line; [`commands`]: what each command does; [`batch`]: files of loads and turns.
-//! - [`units`], [`plant`], [`script`]: text from the operator, checked and turned into SI.
+//! - [`units`], [`range`], [`scene_key`], [`plant`], [`script`]: text from the operator, checked and turned into SI.
+//! - [`published`]: the paper's numbers and the same computed; [`trace`]: the way along the turns; [`plot`]: pictures.
 //! - [`session`]: a conversation with the firmware, emulated or real.
 //! - [`output`]: human or JSON, never both on standard output; [`failure`]: exit codes.
 
@@ -13,8 +14,13 @@ pub mod commands;
 pub mod failure;
 pub mod output;
 pub mod plant;
+pub mod plot;
+pub mod published;
+pub mod range;
+pub mod scene_key;
 pub mod script;
 pub mod session;
+pub mod trace;
 pub mod units;
 
 use clap::Parser;

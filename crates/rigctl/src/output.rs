@@ -69,3 +69,16 @@ pub fn write_file(folder: &Path, name: &str, content: &str) -> Result<(), Failur
         .and_then(|()| std::fs::write(&path, content))
         .map_err(|e| Failure::failed(format!("cannot write {}: {e}", path.display())))
 }
+
+/// Lines of comma-separated cells under a header, quoted where need be.
+///
+/// # Errors
+/// If a line has another number of cells than the header.
+pub fn csv_text(header: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> Result<String, Failure> {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    writer.write_record(header)?;
+    for row in rows {
+        writer.write_record(row)?;
+    }
+    Ok(String::from_utf8(writer.into_inner().map_err(|e| e.into_error())?)?)
+}

@@ -30,6 +30,12 @@ pub enum Quantity {
     Fraction,
     /// a number
     Turns,
+    /// N/m
+    Stiffness,
+    /// 1/N
+    PerForce,
+    /// a number of anything else
+    Number,
 }
 
 impl Quantity {
@@ -49,6 +55,9 @@ impl Quantity {
             Self::Damping => ("damping", &[("Ns/m", 1.0), ("N*s/m", 1.0)]),
             Self::Fraction => ("fraction", &[("%", 1e-2)]),
             Self::Turns => ("number of turns", &[]),
+            Self::Stiffness => ("stiffness", &[("N/m", 1.0), ("kN/m", 1e3), ("N/mm", 1e3)]),
+            Self::PerForce => ("value per newton", &[("1/N", 1.0), ("1/kN", 1e-3)]),
+            Self::Number => ("number", &[]),
         }
     }
 
@@ -60,6 +69,38 @@ impl Quantity {
             (_, None) => "none: a bare number".into(),
         }
     }
+}
+
+impl Quantity {
+    /// What a key of a scene file measures, as its ending says.
+    pub fn of_scene_key(key: &str) -> Self {
+        // `_n_per_m` also ends in `_m`, so it goes first.
+        let endings = [
+            ("_n_per_m", Self::Stiffness),
+            ("_per_n", Self::PerForce),
+            ("_rad_per_s", Self::AngularSpeed),
+            ("_m", Self::Length),
+            ("_v", Self::Voltage),
+        ];
+        endings.into_iter().find(|(ending, _)| key.ends_with(ending)).map_or(Self::Number, |(_, quantity)| quantity)
+    }
+
+    /// A value for people: lengths in mm, stiffnesses from 1 kN/m in kN/m, all else in SI; at most five digits.
+    pub fn show(self, value: f64) -> String {
+        let (factor, unit) = match self {
+            Self::Length => (1e-3, "mm"),
+            Self::Stiffness if value.abs() >= 1e3 => (1e3, "kN/m"),
+            _ => (1.0, self.table().1.first().map_or("", |(si, _)| si)),
+        };
+        format!("{} {unit}", digits(value / factor)).trim_end().to_owned()
+    }
+}
+
+/// At most five digits, without zeros at the end.
+fn digits(value: f64) -> String {
+    let places = (4.0 - value.abs().log10().floor()).clamp(0.0, 12.0);
+    let text = format!("{value:.*}", if value == 0.0 { 0 } else { places as usize });
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }
 
 /// Why a text is no such quantity.
@@ -140,6 +181,29 @@ mod tests {
         reads(Quantity::AngularSpeed, "60rpm", TAU);
         reads(Quantity::Fraction, "1%", 0.01);
         reads(Quantity::Turns, "7.5", 7.5);
+    }
+
+    #[test]
+    fn scene_keys_have_units() {
+        reads(Quantity::of_scene_key("string.stiffness_n_per_m"), "1.37kN/m", 1370.0);
+        reads(Quantity::of_scene_key("geometry.rod_span_m"), "32mm", 0.032);
+        reads(Quantity::of_scene_key("string.k1_per_n"), "6522 1/kN", 6.522);
+        assert!(parse("string.k2", Quantity::of_scene_key("string.k2"), "1mm").is_err());
+    }
+
+    #[test]
+    fn shown_for_people() {
+        for (quantity, value, text) in [
+            (Quantity::Length, 0.00045, "0.45 mm"),
+            (Quantity::Stiffness, 10.0, "10 N/m"),
+            (Quantity::Stiffness, 1370.0, "1.37 kN/m"),
+            (Quantity::Load, 7.5, "7.5 N"),
+            (Quantity::Number, 0.0, "0"),
+            (Quantity::Number, 123_456.7, "123457"),
+            (Quantity::Length, 0.1 + 0.2, "300 mm"),
+        ] {
+            assert_eq!(quantity.show(value), text);
+        }
     }
 
     #[test]

@@ -1,13 +1,18 @@
-//! What each command does: [`solve`], [`lookup`] and [`table`] on the desktop alone, [`simulate`] and [`demo`] on the
-//! emulated board, [`operate`] on it or on a real one, [`dry_run`] on paper.
+//! What each command does: [`solve`], [`lookup`] and [`table`] on the desktop alone, [`published`] against the paper and
+//! [`study`] beyond it, [`simulate`] and [`demo`] on the emulated board, [`operate`] on it or on a real one, [`dry_run`]
+//! on paper.
 
+mod curves;
 pub mod demo;
 pub mod dry_run;
+mod figures;
 pub mod lookup;
 pub mod operate;
 mod picture;
+pub mod published;
 pub mod simulate;
 pub mod solve;
+pub mod study;
 pub mod table;
 
 use crate::cli::{Cli, Command, Global};
@@ -26,6 +31,8 @@ pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
         Command::Solve { at, how } => solve::run(global, at, how, output),
         Command::Lookup { at } => lookup::run(global, at, output),
         Command::Table { out } => table::run(global, out.as_deref(), output),
+        Command::Published { all, out } => published::run(global, *all, out.as_deref(), output),
+        Command::Study { vary, load, turns, out } => study::run(global, vary, *load, *turns, out.as_deref(), output),
         Command::Sim { script, seconds } => simulate::run(global, script.as_deref(), *seconds, output),
         Command::Move { to, speed, load, dry_run: true } => dry_run::run(global, *to, *speed, *load, output),
         Command::Move { to, speed, load, dry_run: false } => operate::travel(global, *to, *speed, *load, output),

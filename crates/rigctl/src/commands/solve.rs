@@ -135,8 +135,7 @@ impl Way {
 pub fn solve(mechanism: &Mechanism, way: Way, query: Query) -> Result<Solution, SolveError> {
     let (e, start_gap_m, tier, error) = way.solve(mechanism, query)?;
     let mut warnings: Vec<&str> = e.warnings.names().collect();
-    // Turns are decimal and π is not, so "zero twist" is as near as rounding comes to it.
-    let tr = Some(e.tr_rad_per_m()).filter(|tr| tr.is_finite() && e.twist_rad.abs() > 1e-12);
+    let tr = finite_tr_rad_per_m(&e);
     if tr.is_none() {
         warnings.push(TR_INFINITE);
     }
@@ -162,6 +161,12 @@ pub fn solve(mechanism: &Mechanism, way: Way, query: Query) -> Result<Solution, 
         evaluations: e.evaluations,
         warnings,
     })
+}
+
+/// TR (rad/m), but none at zero twist, where it is infinite.
+pub fn finite_tr_rad_per_m(e: &Equilibrium) -> Option<f64> {
+    // Turns are decimal and π is not, so "zero twist" is as near as rounding comes to it.
+    Some(e.tr_rad_per_m()).filter(|tr| tr.is_finite() && e.twist_rad.abs() > 1e-12)
 }
 
 /// Runs the command.
