@@ -63,10 +63,10 @@ fn methods_converge_as_fast_as_their_order_says() {
         let order = (pair[0] / pair[1]).log2();
         assert!((3.7..4.5).contains(&order), "collocation: {e:?}");
     }
-    // The quadrature converges faster than any order: each node more is worth about a digit.
+    // The quadrature converges faster than any order: two nodes more are worth two digits.
     let nodes = |n| Method::FirstIntegral { points: Some(n) };
     let e = errors(&m, load, twist, &[nodes(2), nodes(4), nodes(6), nodes(8)]);
-    assert!(e[1] < 1e-2 * e[0] && e[2] < 1e-2 * e[1] && e[3] < 1e-15, "first integral: {e:?}");
+    assert!(e.windows(2).all(|pair| pair[1] < 1e-2 * pair[0]) && e[3] < 1e-11, "first integral: {e:?}");
     // The adaptive integrator delivers about what it is asked for.
     for tolerance in [1e-4, 1e-7, 1e-10] {
         let e = errors(&m, load, twist, &[Method::AdaptiveShooting { tolerance }]);
@@ -74,22 +74,47 @@ fn methods_converge_as_fast_as_their_order_says() {
     }
 }
 
+/// The default rig with longer or thinner rods.
+fn slender(rod_span_m: f64, rod_radius_m: f64) -> Mechanism {
+    let mut s = scene("default");
+    s.geometry.rod_span_m = rod_span_m;
+    s.geometry.rod_radius_m = rod_radius_m;
+    s.mechanism().unwrap()
+}
+
 #[test]
 fn the_papers_relaxation_stops_converging_where_the_solution_exists() {
-    // Long rods under a heavy load: the span answers a change of the helix angle more than one to one.
-    let mut s = scene("default");
-    s.geometry.rod_span_m = 0.06;
-    let m = s.mechanism().unwrap();
-    let (load, twist) = (10.0, 30.0);
-    let solution = m.solve(load, twist).unwrap();
-    let plain = Method::Paper { steps: 60, relaxation: 1.0, tolerance: 1e-9 };
-    let failed = m.solve_by(plain, load, twist).unwrap_err();
-    assert!(matches!(failed, SolveError::Diverged { .. } | SolveError::SectionSingular { .. }), "{failed}");
-    // Collocation and continuation find it.
-    for method in [Method::Collocation { intervals: 128, tolerance: 1e-10 }, Method::Continuation { steps: 4 }] {
-        let e = m.solve_by(method, load, twist).unwrap();
-        assert!((e.gap_m - solution.gap_m).abs() < 1e-8, "{}", method.name());
+    // Slender rods: the span answers a change of the helix angle more than one to one, and the angle swings.
+    for (span, radius, load, twist) in [(0.08, 0.0003, 2.0, 10.0), (0.08, 0.0005, 5.0, 20.0)] {
+        let m = slender(span, radius);
+        let solution = m.solve(load, twist).unwrap();
+        let paper = |relaxation| Method::Paper { steps: 60, relaxation, tolerance: 1e-9 };
+        let failed = m.solve_by(paper(1.0), load, twist).unwrap_err();
+        assert_eq!(failed, SolveError::Diverged { stage: "relaxation of the helix angle" });
+        // Half the step damps it here; continuation does not need it.
+        for method in [paper(0.5), Method::Continuation { steps: 4 }] {
+            let e = m.solve_by(method, load, twist).unwrap();
+            assert!((e.gap_m - solution.gap_m).abs() < 1e-6, "{}", method.name());
+        }
     }
+    // More slender still, and no factor helps.
+    let m = slender(0.08, 0.0005);
+    assert!(m.solve(20.0, 3.2).is_ok());
+    for relaxation in [1.0, 0.5, 0.2] {
+        assert!(m.solve_by(Method::Paper { steps: 60, relaxation, tolerance: 1e-9 }, 20.0, 3.2).is_err());
+    }
+}
+
+#[test]
+fn shooting_finds_another_branch_and_says_nothing() {
+    // Three solutions and more of the shooting equation: which one Newton meets is chance (numerics.md 2.6).
+    let m = slender(0.06, 0.0003);
+    let solution = m.solve(2.0, 50.0).unwrap();
+    let wrong = m.solve_by(Method::Paper { steps: 60, relaxation: 0.5, tolerance: 1e-9 }, 2.0, 50.0).unwrap();
+    assert!((wrong.gap_m - solution.gap_m).abs() > 1e-3, "{} {}", wrong.gap_m, solution.gap_m);
+    let followed = m.solve_by(Method::Continuation { steps: 16 }, 2.0, 50.0).unwrap();
+    assert!((followed.gap_m - solution.gap_m).abs() < 1e-12);
+    assert!(solution.tip_angle_rad < std::f64::consts::FRAC_PI_2 + solution.alpha_rad);
 }
 
 #[test]

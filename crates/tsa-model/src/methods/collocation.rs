@@ -9,6 +9,8 @@ use crate::section::Singular;
 /// Most intervals along half a rod.
 pub const MAX_INTERVALS: usize = 256;
 
+/// Greatest rotation by which Newton may move a point at once (rad).
+const LARGEST_TURN: f64 = 0.3;
 /// Newton steps before it is given up.
 const STEPS: u32 = 50;
 
@@ -90,11 +92,14 @@ impl<T: Scalar> Curve<T> {
             }
         }
         let change = -(self.at[n][1] + base[n][1]) / by_moment[n][1];
+        let steps = |i: usize, k: usize| base[i][k] + by_moment[i][k] * change;
+        let turn = (0..=n).map(|i| steps(i, 0).value().abs()).fold(0.0, f64::max);
+        // A straight guess may be far off: no rotation moves by more than this at once.
+        let share = (LARGEST_TURN / turn).min(1.0);
         let (mut far, mut size) = (0.0f64, 0.0f64);
         for i in 0..=n {
-            let (d, by) = (base[i], by_moment[i]);
             for k in 0..2 {
-                let step = d[k] + by[k] * change;
+                let step = steps(i, k) * share;
                 self.at[i][k] += step;
                 // Rotation is of order one, the moment is compared with the clamp's.
                 let unit = if k == 0 { 1.0 } else { self.at[0][1].value().abs() };

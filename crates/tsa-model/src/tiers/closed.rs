@@ -102,7 +102,7 @@ pub(super) fn pseudo_rigid(rod: &Rod, force: TipForce) -> Result<RodResponse, So
     Err(SolveError::Diverged { stage: "the pseudo-rigid body's angle" })
 }
 
-/// The answer with what a tier leaves out of the bending, to first order; and by how much that changes the deflection.
+/// The answer with what a tier leaves out of the bending, to first order; and how large that is beside the deflection.
 ///
 /// A law that is not a straight line: at the clamp the curvature is (1 + ρ) times the linear one, and along the rod on
 /// average, for a cubic term, ∫x·x³/∫x·x = 3/5 of that. Large rotations (for small-rotation theory): −0.45 φ_l², from
@@ -121,7 +121,8 @@ pub(super) fn bent_further(
     let (e, b, _) = solved.map_err(|s| SolveError::SectionSingular { bending_strain: s.bending_strain })?;
     let column = 1.0 - (4.0 / (PI * PI)) * force.inward_n * rod.length_m * rod.length_m / rod.bending_stiffness_nm2();
     let turned = if rotation { 0.45 * response.tip_angle_rad * response.tip_angle_rad } else { 0.0 };
-    let rho = ((0.6 * (b / linear - 1.0) - turned) / column.max(0.2)).max(-0.5);
+    let curved = 0.6 * (b / linear - 1.0);
+    let rho = ((curved - turned) / column.max(0.2)).max(-0.5);
     // By the force it grows like a cube: the slopes change by three times as much.
     let grown = |c: &Compliance, by: f64, origin: f64| Compliance {
         value: origin + (c.value - origin) * (1.0 + by),
@@ -134,7 +135,8 @@ pub(super) fn bent_further(
         tip_angle_rad: response.tip_angle_rad * (1.0 + rho),
         clamp: Strain { axial: e, bending_squared: b * b },
     };
-    Ok((further, rho))
+    // The two may cancel; what they leave for the second order does not.
+    Ok((further, (curved.abs() + turned) / column.max(0.2)))
 }
 
 /// How far the stretch of the axis can move the tip (m): the parts of N along and across add up.

@@ -169,7 +169,7 @@ impl Mechanism {
         let helix = self.helix(state, e.alpha_rad);
         let force = state.force(helix.tan);
         // Only differences matter, so a closed form stands for the elastica's compliances.
-        let (own, (with, rho)) = match tier {
+        let (own, (with, part)) = match tier {
             Tier::Rigid => {
                 let bent = closed::pseudo_rigid(&self.rod, force)?;
                 (self.closed(tier, force)?, closed::bent_further(&self.rod, force, &bent, false)?)
@@ -193,11 +193,11 @@ impl Mechanism {
         let before = self.gap_derivatives(state, &helix, &own).0;
         let after = self.gap_derivatives(state, &self.helix(state, e.alpha_rad + moved), &with).0;
         // A correction that is not small is no first order.
-        let doubt = 1.0 + 5.0 * rho.abs();
+        let doubt = 1.0 + 5.0 * part;
         let link = if matches!(tier, Tier::Rigid | Tier::PseudoRigid) { LINK * with.deflection.value } else { 0.0 };
         let (sin, cos) = Scalar::sin_cos(2.0 / 3.0 * with.tip_angle_rad);
         let stretch = 2.0 * (helix.tan * cos + sin) * closed::stretch_m(&self.rod, force, with.tip_angle_rad);
-        let margin_m = link + stretch;
+        let margin_m = link + stretch + 2.0 * part * part * with.deflection.value;
         Ok(Corrected {
             change_m: change_m * doubt,
             slope: (after / before - 1.0) * doubt,
