@@ -97,12 +97,6 @@ fn the_papers_relaxation_stops_converging_where_the_solution_exists() {
             assert!((e.gap_m - solution.gap_m).abs() < 1e-6, "{}", method.name());
         }
     }
-    // A heavier load, and half is not enough.
-    let m = slender(0.08, 0.0005);
-    assert!(m.solve(20.0, 3.2).is_ok());
-    for relaxation in [1.0, 0.5] {
-        assert!(m.solve_by(Method::Paper { steps: 60, relaxation, tolerance: 1e-9 }, 20.0, 3.2).is_err());
-    }
 }
 
 #[test]
