@@ -45,7 +45,9 @@ fn solve_agrees_with_the_reference_and_has_its_keys() {
         }
         assert_eq!(object["method"], "first-integral");
         assert_eq!(object["tier"], "full");
-        assert_eq!(object.as_object().unwrap().len(), columns.len() + 3);
+        assert!(object["warnings"].is_array() && object["effort"]["evaluations"].as_u64().unwrap() > 0);
+        assert_eq!(object["tier_error"]["contraction_m"], 0.0);
+        assert_eq!(object.as_object().unwrap().len(), columns.len() + 5);
     }
 }
 
@@ -102,4 +104,51 @@ fn table_says_what_and_why() {
     assert!(object["errors"]["contraction_max_m"].as_f64().unwrap() <= 5e-6);
     assert!(object["errors"]["tr_max_relative"].as_f64().unwrap() <= 2e-3);
     assert!(object["candidates"].as_array().unwrap().len() > 2);
+}
+
+#[test]
+fn methods_agree_and_tiers_say_how_wrong_they_are() {
+    let solve = |more: &[&str]| {
+        let args = [&["--json", "solve", "--load", "0.5kg", "--turns", "3"], more].concat();
+        objects(&rigctl(&args)).remove(0)
+    };
+    let contraction = |o: &Value| o["contraction_m"].as_f64().unwrap();
+    let full = contraction(&solve(&[]));
+    for method in ["first-integral", "paper", "adaptive-shooting", "collocation", "continuation"] {
+        let by = solve(&["--method", method]);
+        assert_eq!(by["method"], method);
+        assert!((contraction(&by) - full).abs() < 1e-9, "{by}");
+    }
+    // Fewer steps cost accuracy, and the tolerance is obeyed.
+    let coarse = (contraction(&solve(&["--method", "collocation", "--steps", "2"])) - full).abs();
+    assert!(coarse > 1e-8 && coarse < 1e-4, "{coarse}");
+    let loose = (contraction(&solve(&["--method", "adaptive-shooting", "--tolerance", "1e-3"])) - full).abs();
+    assert!(loose > 1e-9 && loose < 1e-3, "{loose}");
+    for tier in ["rigid", "beam-column", "pseudo-rigid", "elastica", "inextensible", "full"] {
+        let at = solve(&["--tier", tier]);
+        assert_eq!(at["tier"], tier);
+        let error = at["tier_error"]["contraction_m"].as_f64().unwrap();
+        assert!((contraction(&at) - full).abs() <= error, "{at}");
+    }
+    let auto = solve(&["--tier", "auto"]);
+    assert_ne!(auto["tier"], "full");
+    assert!((contraction(&auto) - full).abs() <= 5e-6, "{auto}");
+}
+
+#[test]
+fn contradicting_options_are_wrong_usage() {
+    for (more, named) in [
+        (&["--method", "guess"][..], "guess"),
+        (&["--tier", "cheap"], "cheap"),
+        (&["--method", "adaptive-shooting", "--steps", "5"], "--steps"),
+        (&["--method", "continuation", "--tolerance", "1e-6"], "--tolerance"),
+        (&["--method", "paper", "--tolerance", "2"], "tolerance"),
+        (&["--tier", "rigid", "--method", "paper"], "--tier"),
+        (&["--steps", "0"], "steps"),
+    ] {
+        let output = rigctl(&[&["solve", "--load", "1", "--turns", "1"], more].concat());
+        assert_eq!(output.status.code(), Some(2), "{more:?}");
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(said.contains(named), "{more:?}: {said}");
+    }
 }

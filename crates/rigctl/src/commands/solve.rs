@@ -44,18 +44,23 @@ pub struct Solution {
     pub method: &'static str,
     /// Tier of the model.
     pub tier: &'static str,
-    /// The tier's own estimate of its error in contraction (m); 0 for the full tier.
-    pub tier_error_m: f64,
-    /// The same for TR, relative.
-    pub tier_error_tr: f64,
-    /// Largest scaled residual of the method's equations.
-    pub residual: f64,
+    /// The tier's own estimate of its error; 0 for the full tier.
+    pub tier_error: TierError,
+    /// What it took.
+    pub effort: Effort,
+    /// What to take it with.
+    pub warnings: Vec<&'static str>,
+}
+
+/// What a solution took.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct Effort {
     /// Steps of the outermost iteration.
     pub iterations: u32,
     /// Evaluations of a section or a right-hand side.
     pub evaluations: u32,
-    /// What to take it with.
-    pub warnings: Vec<&'static str>,
+    /// Largest scaled residual of the method's equations.
+    pub residual: f64,
 }
 
 /// How to solve: by a method with the full model, or by a tier with the default method.
@@ -154,11 +159,8 @@ pub fn solve(mechanism: &Mechanism, way: Way, query: Query) -> Result<Solution, 
         tr_rad_per_m: tr,
         method: way.method(),
         tier: tier.name(),
-        tier_error_m: error.contraction_m,
-        tier_error_tr: error.tr_relative,
-        residual: e.residual,
-        iterations: e.iterations,
-        evaluations: e.evaluations,
+        tier_error: error,
+        effort: Effort { iterations: e.iterations, evaluations: e.evaluations, residual: e.residual },
         warnings,
     })
 }
@@ -235,8 +237,10 @@ pub fn run(global: &Global, at: &At, how: &How, output: &mut Output) -> Result<(
 
 /// Which method and tier, and why, in a sentence.
 fn why(way: Way, s: &Solution) -> String {
-    let spent = format!("{} iterations, {} evaluations, residual {:.1e}", s.iterations, s.evaluations, s.residual);
-    let own = format!("its own estimate: {:.3} µm, TR {:.4} %", s.tier_error_m * 1e6, s.tier_error_tr * 1e2);
+    let Effort { iterations, evaluations, residual } = s.effort;
+    let spent = format!("{iterations} iterations, {evaluations} evaluations, residual {residual:.1e}");
+    let TierError { contraction_m, tr_relative } = s.tier_error;
+    let own = format!("its own estimate: {:.3} µm, TR {:.4} %", contraction_m * 1e6, tr_relative * 1e2);
     match way {
         Way::By(_) => format!("full model by {}: {spent}", s.method),
         Way::At(_) => format!("tier {} ({own}): {spent}", s.tier),

@@ -40,6 +40,7 @@ pub enum Tier {
 
 /// About how wrong an answer is.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "std", derive(serde::Serialize))]
 pub struct TierError {
     /// Of the contraction (m).
     pub contraction_m: f64,
