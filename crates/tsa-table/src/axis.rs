@@ -12,6 +12,8 @@ pub enum LoadMap {
     Log,
     /// F^(−1/2).
     InverseRoot,
+    /// F itself: for a form with axes of its own.
+    Linear,
 }
 
 impl LoadMap {
@@ -28,6 +30,7 @@ impl LoadMap {
                 let root = 1.0 / libm::sqrtf(load_n);
                 (root, -0.5 * root / load_n)
             }
+            Self::Linear => (load_n, 1.0),
         }
     }
 
@@ -38,6 +41,7 @@ impl LoadMap {
             Self::Ratio { knee_n } => f64::from(knee_n) * coordinate / (1.0 - coordinate),
             Self::Log => coordinate.exp(),
             Self::InverseRoot => coordinate.powi(-2),
+            Self::Linear => coordinate,
         }
     }
 
@@ -48,6 +52,7 @@ impl LoadMap {
             Self::Ratio { knee_n } => load_n / (load_n + f64::from(knee_n)),
             Self::Log => load_n.ln(),
             Self::InverseRoot => load_n.powf(-0.5),
+            Self::Linear => load_n,
         }
     }
 }

@@ -124,7 +124,7 @@ fn chebyshev(reference: &Reference<'_>, map: LoadMap) -> Result<Vec<Vec<f64>>, F
 }
 
 /// Σ c_k T_k written in powers.
-fn powers(chebyshev: &[f64]) -> Vec<f64> {
+pub(crate) fn powers(chebyshev: &[f64]) -> Vec<f64> {
     let n = chebyshev.len();
     let (mut previous, mut current) = (vec![0.0; n], vec![0.0; n]);
     let mut sum = vec![0.0; n];

@@ -17,6 +17,9 @@ pub fn rust_source(fit: &Fit) -> String {
     let table = &fit.table;
     let m = &table.metadata;
     let e = &fit.certificate.errors;
+    let axis = |a: crate::Axis| {
+        format!("tsa_table::Axis {{ centre: {}, inverse_half: {} }}", float(a.centre), float(a.inverse_half))
+    };
     let form = match &table.numbers {
         Numbers::Series { row_lengths, coefficients } => {
             format!("Series {{ row_lengths: &{row_lengths:?}, coefficients: &[{}] }}", floats(coefficients))
@@ -28,14 +31,33 @@ pub fn rust_source(fit: &Fit) -> String {
         Numbers::Bilinear { loads, twists, nodes } => {
             format!("Bilinear {{ loads: {loads}, twists: {twists}, nodes: &[{}] }}", floats(nodes))
         }
+        Numbers::Arc { per_load_m_n, powers, panels, row_lengths, coefficients } => {
+            let panel = |p: &crate::Panel| {
+                format!(
+                    "tsa_table::Panel {{ load_max_n: {}, load_axis: {}, arc_axis: {}, rows: {:?}, terms: {:?} }}",
+                    float(p.load_max_n),
+                    axis(p.load_axis),
+                    axis(p.arc_axis),
+                    p.rows,
+                    p.terms
+                )
+            };
+            let panels: Vec<String> = panels.iter().map(panel).collect();
+            format!(
+                "Arc {{ growth: tsa_table::Growth {{ per_load_m_n: {}, powers: &[{}] }}, panels: &[{}], \
+                 row_lengths: &{row_lengths:?}, coefficients: &[{}] }}",
+                float(*per_load_m_n),
+                floats(powers),
+                panels.join(", "),
+                floats(coefficients)
+            )
+        }
     };
     let map = match m.load_map {
         LoadMap::Ratio { knee_n } => format!("Ratio {{ knee_n: {} }}", float(knee_n)),
         LoadMap::Log => "Log".into(),
         LoadMap::InverseRoot => "InverseRoot".into(),
-    };
-    let axis = |a: crate::Axis| {
-        format!("tsa_table::Axis {{ centre: {}, inverse_half: {} }}", float(a.centre), float(a.inverse_half))
+        LoadMap::Linear => "Linear".into(),
     };
     let mut source = String::new();
     // Writing to a string cannot fail.

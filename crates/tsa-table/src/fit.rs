@@ -1,10 +1,12 @@
 //! Choosing a table by measurement: every form on every load map, the smallest that meets the scene's accuracy.
 
+use crate::arc::{Growth, Panel};
 use crate::axis::{Axis, LoadMap};
 use crate::candidates::Search;
 use crate::certificate::{self, Certificate};
 use crate::form::Form;
 use crate::lookup::{Metadata, Table};
+use crate::panels;
 use tsa_model::scene::{Accuracy, Envelope};
 use tsa_model::{Mechanism, PRETWIST_RAD, ParameterError, Scene, SceneError, SolveError};
 
@@ -73,6 +75,19 @@ pub enum Numbers {
         /// G at the nodes (m).
         nodes: Vec<f32>,
     },
+    /// See [`Form::Arc`].
+    Arc {
+        /// κ (m N).
+        per_load_m_n: f32,
+        /// ρ in powers of the twist.
+        powers: Vec<f32>,
+        /// Ranges of the load.
+        panels: Vec<Panel>,
+        /// Coefficients in each row.
+        row_lengths: Vec<u8>,
+        /// All coefficients.
+        coefficients: Vec<f32>,
+    },
 }
 
 impl Numbers {
@@ -82,6 +97,10 @@ impl Numbers {
             Self::Series { row_lengths, coefficients } => Form::Series { row_lengths, coefficients },
             Self::Hermite { loads, twists, nodes } => Form::Hermite { loads: *loads, twists: *twists, nodes },
             Self::Bilinear { loads, twists, nodes } => Form::Bilinear { loads: *loads, twists: *twists, nodes },
+            Self::Arc { per_load_m_n, powers, panels, row_lengths, coefficients } => {
+                let growth = Growth { per_load_m_n: *per_load_m_n, powers };
+                Form::Arc { growth, panels, row_lengths, coefficients }
+            }
         }
     }
 
@@ -91,6 +110,7 @@ impl Numbers {
             Self::Series { .. } => "chebyshev-series",
             Self::Hermite { .. } => "hermite-bicubic",
             Self::Bilinear { .. } => "bilinear",
+            Self::Arc { .. } => "arc-series",
         }
     }
 
@@ -103,6 +123,10 @@ impl Numbers {
             }
             Self::Hermite { loads, twists, .. } => format!("{loads}x{twists} nodes"),
             Self::Bilinear { loads, twists, .. } => format!("{loads}x{twists} nodes"),
+            Self::Arc { powers, panels, coefficients, .. } => {
+                let most = panels.iter().map(|p| p.terms[1]).max().unwrap_or(0);
+                format!("{}+{} in {} panels, {most} each", powers.len(), coefficients.len(), panels.len())
+            }
         }
     }
 }
@@ -174,6 +198,9 @@ const LOAD_MAPS: [LoadMap; 5] = [
     LoadMap::Log,
     LoadMap::InverseRoot,
 ];
+
+/// Most coefficients in a panel of the mixed form that are tried: fewer make it faster, more make it smaller.
+const PANEL_TERMS: [usize; 4] = [16, 24, 32, 80];
 
 /// The solver on a scene's envelope.
 pub(crate) struct Reference<'a> {
@@ -278,6 +305,12 @@ pub fn fit(scene: &Scene) -> Result<Fit, FitError> {
     for map in LOAD_MAPS {
         let search = Search { scene, reference: &reference, map, points: &points, accuracy: &accuracy };
         candidates.extend(search.candidates()?);
+    }
+    for numbers in panels::candidates(&reference, &accuracy, &PANEL_TERMS)?.into_iter().flatten() {
+        let table = blank_table(scene, &reference, LoadMap::Linear, numbers);
+        let errors = errors_over(&table.table(), &points);
+        let passes = errors.meets(&accuracy, 0.9) && table.numbers.form().bytes() <= MAX_BYTES;
+        candidates.push(Candidate { table, errors, passes });
     }
     // Smallest first; of equal size the one without a transcendental function.
     let cost = |c: &Candidate| {

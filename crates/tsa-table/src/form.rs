@@ -1,5 +1,7 @@
 //! The forms that a table can have, each with value and gradient in its own coordinates on [−1, 1]².
 
+use crate::arc::{Growth, Panel};
+
 /// Value and derivatives at a position (x along the load axis, y along the twist axis).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Value {
@@ -41,6 +43,17 @@ pub enum Form<'a> {
         /// G at the nodes (m).
         nodes: &'a [f32],
     },
+    /// G² in load and arc on ranges of the load, see [`crate::arc`]. It has axes of its own.
+    Arc {
+        /// How the arc grows.
+        growth: Growth<'a>,
+        /// Ranges of the load, ascending.
+        panels: &'a [Panel],
+        /// Coefficients in each row of every panel.
+        row_lengths: &'a [u8],
+        /// All coefficients.
+        coefficients: &'a [f32],
+    },
 }
 
 impl Form<'_> {
@@ -50,6 +63,9 @@ impl Form<'_> {
             Self::Series { row_lengths, coefficients } => row_lengths.len() + 4 * coefficients.len(),
             Self::Hermite { nodes, .. } => 16 * nodes.len(),
             Self::Bilinear { nodes, .. } => 4 * nodes.len(),
+            Self::Arc { growth, panels, row_lengths, coefficients } => {
+                4 + 4 * growth.powers.len() + Panel::BYTES * panels.len() + row_lengths.len() + 4 * coefficients.len()
+            }
         }
     }
 
@@ -67,22 +83,20 @@ impl Form<'_> {
             Self::Bilinear { loads, twists, nodes } => {
                 *loads >= 2 && *twists >= 2 && usize::from(*loads) * usize::from(*twists) == nodes.len()
             }
-        }
-    }
-
-    /// Value and gradient at (x, y), both within [−1, 1].
-    #[inline]
-    pub fn evaluate(&self, x: f32, y: f32) -> Value {
-        match self {
-            Self::Series { row_lengths, coefficients } => series(row_lengths, coefficients, x, y),
-            Self::Hermite { loads, twists, nodes } => hermite(usize::from(*loads), usize::from(*twists), nodes, x, y),
-            Self::Bilinear { loads, twists, nodes } => bilinear(usize::from(*loads), usize::from(*twists), nodes, x, y),
+            Self::Arc { panels, row_lengths, coefficients, .. } => {
+                !panels.is_empty()
+                    && panels.iter().all(|p| {
+                        p.part(row_lengths, coefficients).is_some_and(|(rows, terms)| {
+                            Form::Series { row_lengths: rows, coefficients: terms }.is_consistent()
+                        })
+                    })
+            }
         }
     }
 }
 
 /// Horner in y along each row, Horner in x across the rows, both from the highest power down.
-fn series(row_lengths: &[u8], coefficients: &[f32], x: f32, y: f32) -> Value {
+pub(crate) fn series(row_lengths: &[u8], coefficients: &[f32], x: f32, y: f32) -> Value {
     let mut total = Value { value: 0.0, by_x: 0.0, by_y: 0.0 };
     let mut rest = coefficients;
     for length in row_lengths.iter().rev() {
@@ -119,7 +133,7 @@ fn basis(t: f32) -> ([f32; 4], [f32; 4]) {
     )
 }
 
-fn hermite(loads: usize, twists: usize, nodes: &[[f32; 4]], x: f32, y: f32) -> Value {
+pub(crate) fn hermite(loads: usize, twists: usize, nodes: &[[f32; 4]], x: f32, y: f32) -> Value {
     let ((i, s, x_scale), (j, t, y_scale)) = (cell(x, loads), cell(y, twists));
     let ((bx, dx), (by, dy)) = (basis(s), basis(t));
     let mut total = Value { value: 0.0, by_x: 0.0, by_y: 0.0 };
@@ -137,7 +151,7 @@ fn hermite(loads: usize, twists: usize, nodes: &[[f32; 4]], x: f32, y: f32) -> V
     Value { value: total.value, by_x: total.by_x * x_scale, by_y: total.by_y * y_scale }
 }
 
-fn bilinear(loads: usize, twists: usize, nodes: &[f32], x: f32, y: f32) -> Value {
+pub(crate) fn bilinear(loads: usize, twists: usize, nodes: &[f32], x: f32, y: f32) -> Value {
     let ((i, s, x_scale), (j, t, y_scale)) = (cell(x, loads), cell(y, twists));
     let node = |a: usize, b: usize| nodes.get((i + a) * twists + j + b).copied().unwrap_or(0.0);
     let (g00, g01, g10, g11) = (node(0, 0), node(0, 1), node(1, 0), node(1, 1));

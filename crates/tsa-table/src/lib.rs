@@ -5,14 +5,17 @@
 //! The same code runs on the board and on the desktop.
 //!
 //! - [`axis`]: how load and twist are mapped to the table's own coordinates.
+//! - [`arc`]: the mixed form: the strings' arc in closed form, short polynomials for the rest.
 //! - [`form`]: the forms a table can have, and their evaluation with gradient.
 //! - [`lookup`]: [`Table`], its metadata, forward lookup.
 //! - [`inverse`]: load from twist and gap, twist from load and gap, in a bounded number of steps.
+//! - [`least_squares`]: what a fit needs, on a desktop and on the board.
 //! - [`fit`], [`certificate`], [`emit`] (feature `std`): choosing, proving and writing out a table.
 
 #![cfg_attr(not(feature = "std"), no_std)]
 #![forbid(unsafe_code)]
 
+pub mod arc;
 pub mod axis;
 #[cfg(feature = "std")]
 mod candidates;
@@ -24,12 +27,16 @@ pub mod emit;
 pub mod fit;
 pub mod form;
 pub mod inverse;
+pub mod least_squares;
 pub mod lookup;
+#[cfg(feature = "std")]
+mod panels;
 
+pub use arc::{Growth, Panel};
 pub use axis::{Axis, LoadMap};
 pub use form::Form;
 pub use inverse::{InverseError, LoadFromGap};
 pub use lookup::{Metadata, OutOfRange, Point, Table};
 
 /// Version of the generator and of the format; part of every table's metadata.
-pub const GENERATOR_VERSION: u16 = 1;
+pub const GENERATOR_VERSION: u16 = 2;

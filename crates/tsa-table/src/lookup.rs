@@ -1,7 +1,8 @@
 //! A table with its metadata, and the forward lookup.
 
+use crate::arc;
 use crate::axis::{Axis, LoadMap};
-use crate::form::Form;
+use crate::form::{self, Form, Value};
 
 /// What a table says of itself. Generated with the numbers; a consumer repeats none of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -115,12 +116,31 @@ impl Table<'_> {
     #[inline]
     pub(crate) fn evaluate(&self, load_n: f32, twist_rad: f32) -> Point {
         let m = &self.metadata;
-        let (coordinate, by_load) = m.load_map.apply(load_n);
-        let v = self.form.evaluate(m.load_axis.apply(coordinate), m.twist_axis.apply(twist_rad));
-        Point {
+        let place = || {
+            let (coordinate, by_load) = m.load_map.apply(load_n);
+            (m.load_axis.apply(coordinate), m.twist_axis.apply(twist_rad), by_load)
+        };
+        let point = |v: Value, by_load: f32| Point {
             gap_m: v.value,
             dgap_dtwist_m_per_rad: v.by_y * m.twist_axis.inverse_half,
             dgap_dload_m_per_n: v.by_x * m.load_axis.inverse_half * by_load,
+        };
+        match self.form {
+            Form::Series { row_lengths, coefficients } => {
+                let (x, y, by_load) = place();
+                point(form::series(row_lengths, coefficients, x, y), by_load)
+            }
+            Form::Hermite { loads, twists, nodes } => {
+                let (x, y, by_load) = place();
+                point(form::hermite(usize::from(loads), usize::from(twists), nodes, x, y), by_load)
+            }
+            Form::Bilinear { loads, twists, nodes } => {
+                let (x, y, by_load) = place();
+                point(form::bilinear(usize::from(loads), usize::from(twists), nodes, x, y), by_load)
+            }
+            Form::Arc { growth, panels, row_lengths, coefficients } => {
+                arc::evaluate(&growth, panels, row_lengths, coefficients, load_n, twist_rad)
+            }
         }
     }
 
@@ -142,6 +162,7 @@ impl Table<'_> {
             LoadMap::Ratio { knee_n } => (0u8, knee_n),
             LoadMap::Log => (1, 0.0),
             LoadMap::InverseRoot => (2, 0.0),
+            LoadMap::Linear => (3, 0.0),
         };
         digest.update(&[kind]);
         let header = [
@@ -174,6 +195,24 @@ impl Table<'_> {
                 digest.update(&[1, loads, twists]);
                 for value in nodes.iter().flatten() {
                     digest.update(&value.to_le_bytes());
+                }
+            }
+            Form::Arc { growth, panels, row_lengths, coefficients } => {
+                digest.update(&[3, panels.len() as u8]);
+                digest.update(&growth.per_load_m_n.to_le_bytes());
+                digest.update(row_lengths);
+                for p in panels {
+                    digest.update(&p.rows);
+                    for part in p.terms {
+                        digest.update(&part.to_le_bytes());
+                    }
+                    let (load, arc) = (p.load_axis, p.arc_axis);
+                    for value in [p.load_max_n, load.centre, load.inverse_half, arc.centre, arc.inverse_half] {
+                        digest.update(&value.to_le_bytes());
+                    }
+                }
+                for c in growth.powers.iter().chain(coefficients) {
+                    digest.update(&c.to_le_bytes());
                 }
             }
             Form::Bilinear { loads, twists, nodes } => {

@@ -54,6 +54,9 @@ fn a_flipped_bit_is_found() {
             coefficients[3] = f32::from_bits(coefficients[3].to_bits() ^ 1)
         }
         tsa_table::fit::Numbers::Hermite { nodes, .. } => nodes[3][0] = f32::from_bits(nodes[3][0].to_bits() ^ 1),
+        tsa_table::fit::Numbers::Arc { coefficients, .. } => {
+            coefficients[3] = f32::from_bits(coefficients[3].to_bits() ^ 1)
+        }
         tsa_table::fit::Numbers::Bilinear { nodes, .. } => nodes[3] = f32::from_bits(nodes[3].to_bits() ^ 1),
     }
     assert!(!broken.table().is_intact());

@@ -88,6 +88,7 @@ fn map_name(map: LoadMap) -> String {
         LoadMap::Ratio { knee_n } => format!("F/(F + {knee_n} N)"),
         LoadMap::Log => "ln F".into(),
         LoadMap::InverseRoot => "F^(-1/2)".into(),
+        LoadMap::Linear => "F".into(),
     }
 }
 

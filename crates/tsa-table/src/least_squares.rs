@@ -1,0 +1,102 @@
+//! Weighted least squares by the normal equations: small, without a heap, the same on a desktop and on the board.
+
+/// Σ w² v vᵀ and Σ w² v t of a linear fit with up to N unknowns.
+#[derive(Clone)]
+pub struct Normal<const N: usize> {
+    matrix: [[f64; N]; N],
+    right: [f64; N],
+}
+
+impl<const N: usize> Default for Normal<N> {
+    fn default() -> Self {
+        Self { matrix: [[0.0; N]; N], right: [0.0; N] }
+    }
+}
+
+impl<const N: usize> Normal<N> {
+    /// Adds an equation Σ v_k c_k = target, both already weighted.
+    pub fn add(&mut self, v: &[f64; N], target: f64) {
+        for (k, a) in v.iter().enumerate() {
+            self.right[k] += a * target;
+            for (m, b) in self.matrix[k].iter_mut().zip(v).take(k + 1) {
+                *m += a * b;
+            }
+        }
+    }
+
+    /// The coefficients of the unknowns in `kept`, in that order, the others taken as zero; `None` if the equations do
+    /// not determine them.
+    pub fn solve(&self, kept: &[usize]) -> Option<[f64; N]> {
+        let n = kept.len();
+        let at = |i: usize, j: usize| {
+            let (a, b) = (*kept.get(i)?, *kept.get(j)?);
+            self.matrix.get(a.max(b))?.get(a.min(b)).copied()
+        };
+        // Cholesky of the matrix scaled to a unit diagonal.
+        let mut scale = [0.0; N];
+        for (i, s) in scale.iter_mut().enumerate().take(n) {
+            *s = 1.0 / libm::sqrt(at(i, i)?);
+        }
+        let mut l = [[0.0; N]; N];
+        for i in 0..n {
+            for j in 0..=i {
+                let mut sum = at(i, j)? * scale[i] * scale[j];
+                for k in 0..j {
+                    sum -= l[i][k] * l[j][k];
+                }
+                if i == j {
+                    if sum.is_nan() || sum <= 1e-14 {
+                        return None;
+                    }
+                    l[i][i] = libm::sqrt(sum);
+                } else {
+                    l[i][j] = sum / l[j][j];
+                }
+            }
+        }
+        let mut c = [0.0; N];
+        for i in 0..n {
+            let mut sum = self.right[*kept.get(i)?] * scale[i];
+            for k in 0..i {
+                sum -= l[i][k] * c[k];
+            }
+            c[i] = sum / l[i][i];
+        }
+        for i in (0..n).rev() {
+            for k in i + 1..n {
+                c[i] -= l[k][i] * c[k];
+            }
+            c[i] /= l[i][i];
+        }
+        for (c, s) in c.iter_mut().zip(scale) {
+            *c *= s;
+        }
+        Some(c)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn finds_a_polynomial_again_and_refuses_what_is_not_determined() {
+        let mut normal = Normal::<4>::default();
+        for k in 0..9 {
+            let x = f64::from(k) / 4.0 - 1.0;
+            let w = 1.0 + x * x;
+            normal.add(&[w, w * x, w * x * x, w * x * x * x], w * (0.5 - 2.0 * x + 3.0 * x * x));
+        }
+        let c = normal.solve(&[0, 1, 2, 3]).unwrap();
+        for (found, expected) in c.iter().zip([0.5, -2.0, 3.0, 0.0]) {
+            assert!((found - expected).abs() < 1e-12, "{c:?}");
+        }
+        // In the order asked for.
+        assert!((normal.solve(&[2, 0, 1]).unwrap()[0] - 3.0).abs() < 1e-12);
+        let mut poor = Normal::<4>::default();
+        poor.add(&[1.0, 2.0, 0.0, 0.0], 1.0);
+        assert!(poor.solve(&[0, 1]).is_none());
+        assert!(poor.solve(&[0]).is_some());
+        assert!(poor.solve(&[3]).is_none());
+    }
+}
