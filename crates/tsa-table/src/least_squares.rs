@@ -40,10 +40,8 @@ impl<const N: usize> Normal<N> {
         let mut l = [[0.0; N]; N];
         for i in 0..n {
             for j in 0..=i {
-                let mut sum = at(i, j)? * scale[i] * scale[j];
-                for k in 0..j {
-                    sum -= l[i][k] * l[j][k];
-                }
+                let known: f64 = l[i].iter().zip(&l[j]).take(j).map(|(a, b)| a * b).sum();
+                let sum = at(i, j)? * scale[i] * scale[j] - known;
                 if i == j {
                     if sum.is_nan() || sum <= 1e-14 {
                         return None;
@@ -56,17 +54,12 @@ impl<const N: usize> Normal<N> {
         }
         let mut c = [0.0; N];
         for i in 0..n {
-            let mut sum = self.right[*kept.get(i)?] * scale[i];
-            for k in 0..i {
-                sum -= l[i][k] * c[k];
-            }
-            c[i] = sum / l[i][i];
+            let known: f64 = l[i].iter().zip(&c).take(i).map(|(a, b)| a * b).sum();
+            c[i] = (self.right[*kept.get(i)?] * scale[i] - known) / l[i][i];
         }
         for i in (0..n).rev() {
-            for k in i + 1..n {
-                c[i] -= l[k][i] * c[k];
-            }
-            c[i] /= l[i][i];
+            let known: f64 = l.iter().zip(&c).take(n).skip(i + 1).map(|(row, c)| row[i] * c).sum();
+            c[i] = (c[i] - known) / l[i][i];
         }
         for (c, s) in c.iter_mut().zip(scale) {
             *c *= s;
