@@ -2,9 +2,11 @@
 //!
 //! - [`firmware`]: the board's image, with whichever toolchain this machine has ([`toolchain`]), and its size ([`image`]).
 //! - [`host`]: the tools for the desktop, the demo, and the tests of everything.
+//! - [`bench`]: what the model costs, beside an independent solver.
 //! - [`system`]: what has to be installed beside cargo: installed if we may, else said.
 //! - [`process`]: running other programs, loudly when they fail.
 
+mod bench;
 mod firmware;
 mod host;
 mod image;
@@ -36,6 +38,8 @@ enum Task {
     Build,
     /// Check formatting, lint and test everything, the firmware on the emulated board included
     Test,
+    /// Measure what an equilibrium costs: time, instructions (callgrind), and a rod by scipy (target/bench/model.json)
+    Bench,
     /// Build everything and show three loads being homed and moved by the real firmware on an emulated board
     Demo {
         /// Passed on to `rigctl demo`
@@ -77,6 +81,7 @@ fn run(arguments: Arguments) -> Result<()> {
         Task::Firmware { toolchain } => firmware::build(&folders, &toolchain::choose(toolchain)?),
         Task::Build => host::build(&folders),
         Task::Test => host::test(&folders),
+        Task::Bench => bench::bench(&folders),
         Task::Demo { rest } => host::demo(&folders, &rest),
     }
 }

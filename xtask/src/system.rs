@@ -27,6 +27,12 @@ pub fn install(packages: &[&str], purpose: &str, elsewhere: &str) -> Result<()> 
         .with_context(|| format!("could not install what is needed to {purpose}. By hand: {line}"))
 }
 
+/// Installs the packages among `wanted` that are not there, or says how to: see [`install`].
+pub fn ensure(wanted: &[(bool, &str)], purpose: &str, elsewhere: &str) -> Result<()> {
+    let missing: Vec<&str> = wanted.iter().filter(|(there, _)| !there).map(|(_, package)| *package).collect();
+    if missing.is_empty() { Ok(()) } else { install(&missing, purpose, elsewhere) }
+}
+
 /// Makes sure that the emulator's C code can be built: unicorn needs cmake, and bindgen needs libclang.
 pub fn ensure_emulator_tools() -> Result<()> {
     let wanted = [
@@ -34,12 +40,8 @@ pub fn ensure_emulator_tools() -> Result<()> {
         (exists("cc") && exists("make"), "build-essential"),
         (has_libclang(), "libclang-dev"),
     ];
-    let missing: Vec<&str> = wanted.iter().filter(|(there, _)| !there).map(|(_, package)| *package).collect();
-    if missing.is_empty() {
-        return Ok(());
-    }
-    install(
-        &missing,
+    ensure(
+        &wanted,
         "build the emulator",
         "Install cmake, a C compiler with make, and libclang with your system's package manager \
          (Fedora: cmake gcc make clang-devel; macOS: the command-line tools and cmake).",

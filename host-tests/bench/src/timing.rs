@@ -1,0 +1,89 @@
+//! Medians of many passes: a shared machine disturbs some, not most.
+
+use crate::grid::Grid;
+use anyhow::Result;
+use serde::Serialize;
+use std::hint::black_box;
+use std::time::{Duration, Instant};
+use tsa_model::rod::{Rod, TipForce};
+use tsa_model::{Equilibrium, SolveError};
+
+/// Longest that one row may take; what is slow gets fewer passes, but never fewer than three.
+const PATIENCE: Duration = Duration::from_secs(6);
+const FEWEST: usize = 3;
+
+/// What a grid costs.
+#[derive(Serialize)]
+pub struct Cost {
+    /// States in the grid.
+    pub states: usize,
+    /// How many of them had no answer.
+    pub failed: usize,
+    /// Passes over the grid.
+    pub passes: usize,
+    /// Median time of a pass (s).
+    pub seconds: f64,
+    /// The same per state (µs).
+    pub us: f64,
+    /// Largest scaled residual of the method's own equations.
+    pub max_residual: f64,
+    /// Steps of the outermost iteration, mean over the states that were solved.
+    pub mean_iterations: f64,
+    /// Evaluations of a section or a right-hand side, mean over the states that were solved.
+    pub mean_evaluations: f64,
+}
+
+/// Solves the grid `repeats` times.
+pub fn cost(grid: &Grid, repeats: usize, solve: impl Fn(f64, f64) -> Result<Equilibrium, SolveError>) -> Cost {
+    let states = grid.states();
+    let found: Vec<Equilibrium> = states.iter().filter_map(|&(load, twist)| solve(load, twist).ok()).collect();
+    let mean = |count: fn(&Equilibrium) -> u32| {
+        found.iter().map(|e| f64::from(count(e))).sum::<f64>() / found.len().max(1) as f64
+    };
+    let (seconds, passes) = median(repeats, || {
+        for &(load, twist) in &states {
+            let _ = black_box(solve(black_box(load), black_box(twist)));
+        }
+    });
+    Cost {
+        states: states.len(),
+        failed: states.len() - found.len(),
+        passes,
+        seconds,
+        us: seconds * 1e6 / states.len() as f64,
+        max_residual: found.iter().map(|e| e.residual).fold(0.0, f64::max),
+        mean_iterations: mean(|e| e.iterations),
+        mean_evaluations: mean(|e| e.evaluations),
+    }
+}
+
+/// Median time of one rod under given forces (Px, Py in N).
+pub fn us_per_rod(rod: &Rod, forces: impl Iterator<Item = (f64, f64)>) -> Result<f64> {
+    let forces: Vec<_> = forces.map(|(inward_n, sideways_n)| TipForce { inward_n, sideways_n }).collect();
+    for &force in &forces {
+        rod.respond(force)?;
+    }
+    // Many rods to a pass: a dozen alone are near the clock's resolution.
+    const ROUNDS: usize = 100;
+    let (seconds, _) = median(25, || {
+        for _ in 0..ROUNDS {
+            for &force in &forces {
+                let _ = black_box(rod.respond(black_box(force)));
+            }
+        }
+    });
+    Ok(seconds * 1e6 / (ROUNDS * forces.len()) as f64)
+}
+
+/// Median time of a pass (s), and of how many.
+fn median(repeats: usize, pass: impl Fn()) -> (f64, usize) {
+    let mut times = Vec::with_capacity(repeats);
+    let start = Instant::now();
+    while times.len() < FEWEST || (times.len() < repeats && start.elapsed() < PATIENCE) {
+        let before = Instant::now();
+        pass();
+        times.push(before.elapsed().as_secs_f64());
+    }
+    times.sort_by(f64::total_cmp);
+    (times[times.len() / 2], times.len())
+}

@@ -1,0 +1,211 @@
+//! The model's cost beside an independent solver's, in one run, so that both meet the same machine and the same load.
+//!
+//! Three measures, the less a machine shares in them the better: instructions (repeatable to the digit), the ratio to
+//! scipy, time. Python and valgrind are wanted for the first two; where one cannot be had, one line says so and its
+//! rows stay empty. Floors are shown, not enforced: a busy machine is no fault of the model. Disagreement is.
+
+use crate::process::{cargo, exists, foreign, output_of, run, shown};
+use crate::{Folders, system};
+use anyhow::{Context, Result, bail};
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// The scene that the rest is measured on, then the one that is hard on solvers.
+const SCENES: [&str; 2] = ["scenes/default.toml", "scenes/niti-plateau.toml"];
+
+/// Largest difference between the peer's tip displacements and the model's (m).
+const AGREEMENT_M: f64 = 1e-8;
+
+/// Passes of the two runs whose difference is counted: what starting up costs cancels.
+const PASSES: [u64; 2] = [1, 6];
+
+/// Runs everything, prints the table and writes `bench/model.json` under the target folder.
+pub fn bench(folders: &Folders) -> Result<()> {
+    let folder = folders.target.join("bench");
+    std::fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
+    run(cargo(folders).args(["build", "--release", "--package", "model-bench"]))?;
+    let binary = folders.target.join("release/model-bench");
+
+    let interpreter = told(python(folders, &folder));
+    let valgrind = told(system::ensure(&[(exists("valgrind"), "valgrind")], "count instructions", BY_HAND));
+
+    let states = read(Command::new(&binary).current_dir(&folders.root).args(["states", SCENES[0]]))?;
+    let states_file = folder.join("states.json");
+    write(&states_file, &states)?;
+    let peer = interpreter.map(|interpreter| scipy(folders, &interpreter, &states_file)).transpose()?;
+    let times = read(Command::new(&binary).current_dir(&folders.root).arg("time").args(SCENES))?;
+    let counted = valgrind
+        .map(|()| SCENES.iter().map(|scene| instructions(folders, &binary, scene)).collect::<Result<Vec<_>>>())
+        .transpose()?;
+
+    let us = number(&times, "/scenes/0/us")?;
+    let ratio = |solver: &str| -> Result<Option<f64>> {
+        peer.as_ref().map(|p| Ok(number(p, &format!("/{solver}/ms_per_rod"))? * 1e3 / us)).transpose()
+    };
+    let ratios = json!({ "solve_bvp": ratio("solve_bvp")?, "shooting": ratio("shooting")? });
+    let found = json!({
+        "model": times,
+        "us_per_rod": number(&states, "/us_per_rod")?,
+        "instructions_per_equilibrium": counted,
+        "peer": peer,
+        "peer_rod_per_equilibrium": ratios,
+    });
+    print_table(&found)?;
+    let file = folder.join("model.json");
+    write(&file, &found)?;
+    println!("\n{}", file.display());
+    agree(&found)
+}
+
+/// What another system's user has to do.
+const BY_HAND: &str = "Install valgrind and Python 3.11 or newer with venv by your system's package manager.";
+
+/// The value, or the one line that says why there is none.
+fn told<T>(found: Result<T>) -> Option<T> {
+    found.inspect_err(|error| eprintln!("left out: {error:#}")).ok()
+}
+
+/// A Python with scipy, in a folder of its own.
+fn python(folders: &Folders, folder: &Path) -> Result<PathBuf> {
+    let has_venv = output_of(foreign("python3", Path::new("/")).args(["-c", "import ensurepip, venv"])).is_some();
+    system::ensure(&[(has_venv, "python3-venv")], "run the benchmark's peer", BY_HAND)?;
+    let environment = folder.join("python");
+    let interpreter = environment.join("bin/python");
+    let pip = || {
+        let mut command = foreign(&interpreter.to_string_lossy(), &folders.root);
+        command.args(["-m", "pip"]);
+        command
+    };
+    // One that was broken off has no pip.
+    if output_of(pip().arg("--version")).is_none() {
+        run(foreign("python3", &folders.root).args(["-m", "venv", "--clear"]).arg(&environment))?;
+    }
+    run(pip()
+        .args(["install", "--quiet", "--disable-pip-version-check", "--requirement"])
+        .arg("host-tests/peers/requirements.txt"))
+    .context("numpy, scipy: needed for the benchmark's peer, and pip could not install them")?;
+    Ok(interpreter)
+}
+
+/// The peer's times and differences.
+fn scipy(folders: &Folders, interpreter: &Path, states: &Path) -> Result<Value> {
+    let mut command = foreign(&interpreter.to_string_lossy(), &folders.root);
+    // One thread, as the model has.
+    command.env("OMP_NUM_THREADS", "1").env("OPENBLAS_NUM_THREADS", "1");
+    read(command.arg("host-tests/peers/solve_bvp.py").arg(states))
+}
+
+/// Instructions per equilibrium, as callgrind counts them.
+fn instructions(folders: &Folders, binary: &Path, scene: &str) -> Result<f64> {
+    // Instructions, and the states that they solved.
+    let run = |passes: u64| -> Result<(u64, u64)> {
+        let mut command = foreign("valgrind", &folders.root);
+        command.args(["--tool=callgrind", "--cache-sim=no", "--callgrind-out-file=/dev/null"]).arg(binary);
+        command.args(["kernel", scene, &passes.to_string()]);
+        eprintln!("> {}", shown(&command));
+        let output = command.output().context("could not start valgrind")?;
+        let said = String::from_utf8_lossy(&output.stderr);
+        if !output.status.success() {
+            bail!("failed ({}): {}\n{said}", output.status, shown(&command));
+        }
+        let instructions = collected(&said).with_context(|| format!("no count in what valgrind said:\n{said}"))?;
+        let states = String::from_utf8_lossy(&output.stdout).trim().parse().context("model-bench told no count")?;
+        Ok((instructions, states))
+    };
+    let [(few, few_states), (many, many_states)] = [run(PASSES[0])?, run(PASSES[1])?];
+    Ok((many - few) as f64 / (many_states - few_states) as f64)
+}
+
+/// `==1== Collected : 3561649` -> 3561649
+fn collected(said: &str) -> Option<u64> {
+    said.lines().find_map(|line| line.split_once("Collected : ")?.1.trim().parse().ok())
+}
+
+/// What a command prints, as JSON.
+fn read(command: &mut Command) -> Result<Value> {
+    eprintln!("> {}", shown(command));
+    let output = command.output().with_context(|| format!("could not start: {}", shown(command)))?;
+    if !output.status.success() {
+        bail!("failed ({}): {}\n{}", output.status, shown(command), String::from_utf8_lossy(&output.stderr));
+    }
+    serde_json::from_slice(&output.stdout).with_context(|| format!("no JSON from: {}", shown(command)))
+}
+
+fn write(file: &Path, value: &Value) -> Result<()> {
+    let text = serde_json::to_string_pretty(value)? + "\n";
+    std::fs::write(file, text).with_context(|| format!("cannot write {}", file.display()))
+}
+
+/// A number in a JSON value.
+fn number(value: &Value, at: &str) -> Result<f64> {
+    value.pointer(at).and_then(Value::as_f64).with_context(|| format!("{at}: no number"))
+}
+
+/// The peer has found the same rods.
+fn agree(found: &Value) -> Result<()> {
+    if found["peer"].is_null() {
+        return Ok(());
+    }
+    for at in ["solve_bvp/max_du_m", "solve_bvp/max_dw_m", "shooting/max_du_m", "shooting/max_dw_m"] {
+        let difference = number(found, &format!("/peer/{at}"))?;
+        if difference.is_nan() || difference > AGREEMENT_M {
+            bail!("{at}: the peer is {difference:.1e} m from the model, more than {AGREEMENT_M:.0e} m");
+        }
+    }
+    Ok(())
+}
+
+/// One line of the table: `digits` after the point, and what is at least wanted.
+fn line(what: &str, value: Option<f64>, digits: usize, floor: &str) {
+    let value = value.map_or_else(|| "–".to_owned(), |v| format!("{v:.digits$}"));
+    println!("{what:<48} {value:>12}  {floor}");
+}
+
+fn print_table(found: &Value) -> Result<()> {
+    let optional = |at: &str| found.pointer(at).and_then(Value::as_f64);
+    let states = number(found, "/model/scenes/0/states")?;
+    println!("{:<48} {:>12}  floor", "one thread, medians", "");
+    line("default: µs per equilibrium", optional("/model/scenes/0/us"), 2, "at most 10");
+    line(&format!("default: s per grid of {states}"), optional("/model/scenes/0/seconds"), 4, "at most 0.2");
+    line("default: instructions per equilibrium", optional("/instructions_per_equilibrium/0"), 0, "");
+    line("niti-plateau: µs per equilibrium", optional("/model/scenes/1/us"), 2, "");
+    line("niti-plateau: instructions per equilibrium", optional("/instructions_per_equilibrium/1"), 0, "");
+    line("one rod alone: µs", optional("/us_per_rod"), 2, "");
+    line("scipy solve_bvp: ms per rod", optional("/peer/solve_bvp/ms_per_rod"), 2, "");
+    line("scipy DOP853 shooting: ms per rod", optional("/peer/shooting/ms_per_rod"), 2, "");
+    line("solve_bvp's rod in equilibria of ours", optional("/peer_rod_per_equilibrium/solve_bvp"), 0, "at least 1000");
+    line("DOP853's rod in equilibria of ours", optional("/peer_rod_per_equilibrium/shooting"), 0, "");
+    let differences = ["solve_bvp/max_du_m", "solve_bvp/max_dw_m", "shooting/max_du_m", "shooting/max_dw_m"];
+    let differences: Vec<f64> = differences.iter().filter_map(|at| optional(&format!("/peer/{at}"))).collect();
+    let worst = differences.into_iter().reduce(f64::max).map(|m| m * 1e12);
+    line("largest difference of u and w: pm", worst, 3, "at most 10000");
+
+    println!("\n{:<28} {:>10} {:>7} {:>10} {:>11} {:>13}", "", "µs", "failed", "residual", "iterations", "evaluations");
+    for kind in ["scenes", "methods", "tiers"] {
+        for row in found["model"][kind].as_array().context("model-bench printed no list")? {
+            println!(
+                "{:<28} {:>10.2} {:>7} {:>10.1e} {:>11.1} {:>13.1}",
+                format!("{}: {}", &kind[..kind.len() - 1], row["name"].as_str().unwrap_or_default()),
+                number(row, "/us")?,
+                number(row, "/failed")?,
+                number(row, "/max_residual")?,
+                number(row, "/mean_iterations")?,
+                number(row, "/mean_evaluations")?
+            );
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::collected;
+
+    #[test]
+    fn valgrinds_total() {
+        let said = "==7== Events    : Ir\n==7== Collected : 3561649\n==7== \n==7== I   refs:      3,561,649\n";
+        assert_eq!(collected(said), Some(3_561_649));
+        assert_eq!(collected("==7== Collected : \n"), None);
+    }
+}
