@@ -8,7 +8,7 @@ use clap::builder::PossibleValuesParser;
 use clap::{Args, Parser, Subcommand};
 use rig_link::LoadChoice;
 use std::path::PathBuf;
-use tsa_model::{Method, Tier};
+use tsa_model::{Method, RadiusLaw, Tier};
 
 /// Host tool of a twisted-string actuator with a load-adaptive transmission.
 ///
@@ -96,6 +96,8 @@ pub enum Command {
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
     },
+    /// Fit the scene's constants to recorded sweeps or to the paper's numbers
+    Identify(Identify),
     /// Boot the firmware on the emulated board, play a script, print telemetry
     Sim {
         /// Events, one a line: `<seconds since boot> <event>`, the last `<seconds> end`
@@ -145,6 +147,40 @@ pub enum Command {
         #[arg(long, value_name = "DIR", default_value = "out")]
         out: PathBuf,
     },
+}
+
+/// What to fit to what.
+#[derive(Debug, Clone, Args)]
+pub struct Identify {
+    /// Recorded sweeps: CSV with load_n, turns (or twist_rad), gap_m (from an unknown zero) or contraction_m, and if
+    /// known sigma_m; lines that begin with # are passed over
+    #[arg(value_name = "SWEEP.csv", conflicts_with = "published")]
+    pub sweeps: Vec<PathBuf>,
+    /// The paper's 37 numbers instead, errors taken relative
+    #[arg(long)]
+    pub published: bool,
+    /// Scene file to write
+    #[arg(long, value_name = "SCENE.toml")]
+    pub out: Option<PathBuf>,
+    /// Constants to fit, by symbol or key: k1, k2, k3, p, K, R, L0, modulus, odd-curve (a1, a3, a5), curve (a1 to a5)
+    /// [default: k1,k2,k3,p,modulus]
+    #[arg(long, value_name = "KEYS", value_delimiter = ',')]
+    pub fit: Vec<String>,
+    /// Radius law to fit with, instead of the scene's
+    #[arg(long, value_parser = radius_law, value_name = "length-ratio|twist-power")]
+    pub law: Option<RadiusLaw>,
+    /// What is only predicted: of sweeps every so many rows [default: 5], of published numbers their ids or kinds
+    /// [default: l0-70,r0-2.5,k-0.01,experiment,span]; `none` fits everything
+    #[arg(long, value_name = "WHAT", value_delimiter = ',')]
+    pub hold_out: Vec<String>,
+}
+
+fn radius_law(text: &str) -> Result<RadiusLaw, String> {
+    match text {
+        "length-ratio" => Ok(RadiusLaw::LengthRatio),
+        "twist-power" => Ok(RadiusLaw::TwistPower),
+        _ => Err("it is length-ratio or twist-power".into()),
+    }
 }
 
 /// Method of solution and tier of the model.

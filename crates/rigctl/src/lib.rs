@@ -12,6 +12,7 @@ pub mod batch;
 pub mod cli;
 pub mod commands;
 pub mod failure;
+pub mod identify;
 pub mod output;
 pub mod plant;
 pub mod plot;

@@ -6,6 +6,7 @@ mod curves;
 pub mod demo;
 pub mod dry_run;
 mod figures;
+pub mod identify;
 pub mod lookup;
 pub mod operate;
 mod picture;
@@ -29,6 +30,7 @@ pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
     let global = &cli.global;
     match &cli.command {
         Command::Solve { at, how } => solve::run(global, at, how, output),
+        Command::Identify(options) => identify::run(global, options, output),
         Command::Lookup { at } => lookup::run(global, at, output),
         Command::Table { out } => table::run(global, out.as_deref(), output),
         Command::Published { all, out } => published::run(global, *all, out.as_deref(), output),

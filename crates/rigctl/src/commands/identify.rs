@@ -1,0 +1,176 @@
+//! `identify`: the scene's constants from recorded sweeps, or from the paper's numbers.
+
+use super::scene;
+use crate::cli::{Global, Identify};
+use crate::failure::Failure;
+use crate::identify::constants::{Constant, Unknowns};
+use crate::identify::data::{self, Data};
+use crate::identify::{Errors, Fit, fit};
+use crate::output::Output;
+use serde::Serialize;
+use tsa_model::{Parameters, RadiusLaw, Scene};
+
+/// What model.md section 6 left out of its fit: the rows that the default scene predicts.
+const HELD_OUT: [&str; 5] = ["l0-70", "r0-2.5", "k-0.01", "experiment", "span"];
+/// Exponent that a fit starts from when the scene has none.
+const EXPONENT: f64 = 0.4;
+
+#[derive(Serialize)]
+struct Report {
+    #[serde(flatten)]
+    fit: Fit,
+    /// `relative` for the paper's numbers, `m` for sweeps.
+    error_unit: &'static str,
+    scene: Scene,
+    bad_rows: Vec<String>,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// If files or options are wrong, or the data cannot tell the constants.
+pub fn run(global: &Global, options: &Identify, output: &mut Output) -> Result<(), Failure> {
+    let mut scene = scene(global)?;
+    match options.law {
+        Some(RadiusLaw::LengthRatio) => {
+            (scene.string.radius_law, scene.string.twist_exponent) = (RadiusLaw::LengthRatio, None);
+        }
+        Some(RadiusLaw::TwistPower) => {
+            scene.string.radius_law = RadiusLaw::TwistPower;
+            scene.string.twist_exponent.get_or_insert(EXPONENT);
+        }
+        None => {}
+    }
+    let unknowns = constants(options, &scene)?;
+    let (data, unit) = measured(options, &scene)?;
+    let start = Parameters::new(&scene.geometry, &scene.string, &scene.material)?;
+    let (x, fit) = fit(&unknowns, &start, &data).map_err(|e| Failure::failed(e.to_string()))?;
+    let fitted = unknowns.scene(&scene, &start, &x);
+    fitted.validate()?;
+    for bad in &data.bad {
+        eprintln!("passed over: {bad}");
+    }
+    print(&fit, &unknowns, &start, &fitted, unit, output)?;
+    if let Some(path) = &options.out {
+        let text = file(&fit, &fitted, options, unit)?;
+        std::fs::write(path, text).map_err(|e| Failure::failed(format!("cannot write {}: {e}", path.display())))?;
+        output.line(format!("written: {}", path.display()))?;
+    }
+    output.object(&Report { fit, error_unit: unit, scene: fitted, bad_rows: data.bad })?;
+    Ok(())
+}
+
+fn constants(options: &Identify, scene: &Scene) -> Result<Unknowns, Failure> {
+    let names: Vec<String> = if options.fit.is_empty() {
+        let default = ["k1", "k2", "k3", "p", "modulus"];
+        let has_exponent = scene.string.radius_law == RadiusLaw::TwistPower;
+        default.iter().filter(|n| **n != "p" || has_exponent).map(|n| (*n).to_owned()).collect()
+    } else {
+        options.fit.clone()
+    };
+    let mut unknowns = Vec::new();
+    for name in names {
+        let unknown = || Failure::Usage(format!("--fit: `{name}` is none of {}", Constant::names()));
+        let constant = Constant::named(&name).ok_or_else(unknown)?;
+        if unknowns.contains(&constant) {
+            return Err(Failure::Usage(format!("--fit: `{name}` twice")));
+        }
+        unknowns.push(constant);
+    }
+    let curves = [Constant::Modulus, Constant::OddCurve, Constant::Curve];
+    if unknowns.iter().filter(|c| curves.contains(c)).count() > 1 {
+        return Err(Failure::Usage("--fit: modulus, odd-curve and curve are three ways to fit the same".into()));
+    }
+    Ok(Unknowns(unknowns))
+}
+
+fn measured(options: &Identify, scene: &Scene) -> Result<(Data, &'static str), Failure> {
+    if options.published {
+        let default = || HELD_OUT.map(str::to_owned).to_vec();
+        let held_out = if options.hold_out.is_empty() { default() } else { options.hold_out.clone() };
+        let held_out: Vec<String> = held_out.into_iter().filter(|h| h != "none").collect();
+        return Ok((data::published(scene, &held_out)?, "relative"));
+    }
+    if options.sweeps.is_empty() {
+        return Err(Failure::Usage("identify needs recorded sweeps, or --published".into()));
+    }
+    let every = match &options.hold_out[..] {
+        [] => 5,
+        [n] if n == "none" => 0,
+        [n] => n.parse().map_err(|_| Failure::Usage(format!("--hold-out: `{n}` is no number of rows")))?,
+        _ => return Err(Failure::Usage("--hold-out: of sweeps, one number: every so many rows".into())),
+    };
+    Ok((data::sweeps(scene, &options.sweeps, every)?, "m"))
+}
+
+/// An error in the unit of the data, for people.
+fn shown(error: f64, unit: &str) -> String {
+    if unit == "m" { format!("{:.2} um", error * 1e6) } else { format!("{:.2} %", error * 1e2) }
+}
+
+fn summary(name: &str, e: &Errors, unit: &str) -> String {
+    let [rms, median, worst] = [e.rms, e.median, e.worst].map(|x| shown(x, unit));
+    format!("{name:<10} {:>4} numbers: rms {rms}, median {median}, worst {worst}", e.count)
+}
+
+fn print(
+    fit: &Fit,
+    unknowns: &Unknowns,
+    start: &Parameters,
+    fitted: &Scene,
+    unit: &str,
+    output: &mut Output,
+) -> Result<(), Failure> {
+    if unit == "relative" {
+        for r in &fit.rows {
+            let mark = if r.held_out { "held out" } else { "" };
+            let error = r.error.map_or_else(|| r.refused.clone().unwrap_or_default(), |e| format!("{:+.2} %", e * 1e2));
+            output.line(format!("{:<20} {error:>10}  {mark}", r.id).trim_end())?;
+        }
+    }
+    output.line(summary("fitted", &fit.fitted, unit))?;
+    output.line(summary("held out", &fit.held_out, unit))?;
+    for r in fit.rows.iter().filter_map(|r| r.refused.as_ref().map(|why| (r, why))) {
+        output.line(format!("refused: {} ({})", r.0.id, r.1))?;
+    }
+    let s = &fitted.string;
+    output.line("constants (standard errors of positive ones are relative):")?;
+    for e in &fit.estimates {
+        let value = match Constant::named(&e.name) {
+            Some(Constant::Modulus) => start.stress_coefficients_pa[0] * e.unknown.exp(),
+            Some(_) => e.unknown.exp(),
+            None => e.unknown,
+        };
+        output.line(format!("  {:<18} {value:>14.6e}  +- {:.3} %", e.name, e.standard_error * 1e2))?;
+    }
+    let curves = [Constant::OddCurve, Constant::Curve];
+    if unknowns.0.iter().any(|c| curves.contains(c)) {
+        let a = fitted.material.stress_coefficients_pa.map(|a| format!("{a:.4e}")).join(", ");
+        output.line(format!("  a1..a5 = {a} Pa: a tangent written as sums of squares is nowhere negative"))?;
+    }
+    output.line(format!("  radius law {:?}, exponent {:?}", s.radius_law, s.twist_exponent))?;
+    output.line("correlations:")?;
+    for (e, row) in fit.estimates.iter().zip(&fit.correlations) {
+        let cells: Vec<String> = row.iter().map(|c| format!("{c:>6.2}")).collect();
+        output.line(format!("  {:<18} {}", e.name, cells.join(" ")))?;
+    }
+    Ok(())
+}
+
+/// The scene file, with a head that says where its constants come from.
+fn file(fit: &Fit, fitted: &Scene, options: &Identify, unit: &str) -> Result<String, Failure> {
+    let source = if options.published {
+        "the paper's numbers".to_owned()
+    } else {
+        let names = options.sweeps.iter().filter_map(|p| p.file_name()).map(|n| n.to_string_lossy().into_owned());
+        names.collect::<Vec<_>>().join(", ")
+    };
+    let mut text = format!("# Identified by rigctl {} from {source}.\n", env!("CARGO_PKG_VERSION"));
+    for line in [summary("fitted", &fit.fitted, unit), summary("held out", &fit.held_out, unit)] {
+        text += &format!("# {line}\n");
+    }
+    for e in &fit.estimates {
+        text += &format!("# {}: standard error {:.3} %\n", e.name, e.standard_error * 1e2);
+    }
+    Ok(text + "\n" + &toml::to_string(fitted).map_err(|e| Failure::failed(format!("scene: {e}")))?)
+}

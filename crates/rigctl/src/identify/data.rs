@@ -1,0 +1,182 @@
+//! What a fit is fitted to: recorded sweeps, or the paper's numbers.
+//!
+//! A sweep is a CSV file with the columns `load_n`, `turns` (or `twist_rad`) and `gap_m` or `contraction_m`, and if
+//! wanted `sigma_m`, one standard deviation of the row. Lines that begin with `#` are passed over. The zero of a gap
+//! sensor is not known: each file with `gap_m` gets an unknown of its own for it.
+
+use crate::failure::Failure;
+use crate::published::{self, Group, Kind};
+use std::path::Path;
+use tsa_model::{Parameters, Scene, twist_from_turns};
+
+/// What a row measures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Quantity {
+    /// Gap between the clamps, from an unknown zero (m).
+    Gap,
+    /// Contraction since the half-turn pre-twist (m).
+    Contraction,
+    /// Transmission ratio (rad/m).
+    Tr,
+    /// Distance between the rods' tips (m).
+    Span,
+}
+
+/// A measured number.
+#[derive(Debug, Clone)]
+pub struct Row {
+    /// Its name: the paper's, or file and line.
+    pub id: String,
+    /// What it measures.
+    pub quantity: Quantity,
+    /// Load (N).
+    pub load_n: f64,
+    /// Twist (rad).
+    pub twist_rad: f64,
+    /// The number (m or rad/m).
+    pub value: f64,
+    /// One standard deviation (m or rad/m); of the paper's numbers, the number itself: errors are relative.
+    pub sigma: f64,
+    /// Constants of the scene with the row's own changes.
+    pub base: Parameters,
+    /// Keys that the row sets for itself.
+    pub fixed: String,
+    /// Which unknown zero, of a gap.
+    pub zero: Option<usize>,
+    /// Not fitted, only predicted.
+    pub held_out: bool,
+}
+
+/// Rows, and what could not be read.
+#[derive(Debug, Default)]
+pub struct Data {
+    /// The rows.
+    pub rows: Vec<Row>,
+    /// Number of unknown zeros.
+    pub zeros: usize,
+    /// Bad rows, with file and line.
+    pub bad: Vec<String>,
+}
+
+/// Standard deviation of a sweep's rows that do not say their own (m): half a count of a 12-bit converter on 200 mm.
+const SIGMA_M: f64 = 25e-6;
+
+/// The paper's numbers; `held_out` are ids, or `theory`, `experiment`, `tr`, `span`, `contraction`.
+///
+/// # Errors
+/// If an id does not occur, or a change cannot be made.
+pub fn published(scene: &Scene, held_out: &[String]) -> Result<Data, Failure> {
+    let rows = published::rows()?;
+    for name in held_out {
+        let kinds = ["theory", "experiment", "tr", "span", "contraction"];
+        if !kinds.contains(&name.as_str()) && !rows.iter().any(|r| r.id == *name) {
+            return Err(Failure::Usage(format!("--hold-out: no published number is called `{name}`")));
+        }
+    }
+    let mut data = Data::default();
+    for r in rows {
+        let (quantity, group, si) = match r.quantity.group() {
+            Group::Contraction => (Quantity::Contraction, "contraction", 1e-3),
+            Group::Tr => (Quantity::Tr, "tr", 1e3),
+            Group::Span => (Quantity::Span, "span", 1e-3),
+        };
+        let kind = if r.kind == Kind::Theory { "theory" } else { "experiment" };
+        let changed = published::apply(scene, &r.changes).map_err(|e| Failure::failed(format!("{}: {e}", r.id)))?;
+        data.rows.push(Row {
+            held_out: held_out.iter().any(|h| *h == r.id || h == kind || h == group),
+            id: r.id,
+            quantity,
+            load_n: r.load_n,
+            twist_rad: twist_from_turns(r.quantity.turns()),
+            value: r.value * si,
+            sigma: r.value * si,
+            base: Parameters::new(&changed.geometry, &changed.string, &changed.material)?,
+            fixed: r.changes,
+            zero: None,
+        });
+    }
+    Ok(data)
+}
+
+/// Recorded sweeps; every `hold_out`-th row is only predicted (0: none).
+///
+/// # Errors
+/// If a file cannot be read, lacks a column, or has no good row.
+pub fn sweeps(scene: &Scene, files: &[impl AsRef<Path>], hold_out: usize) -> Result<Data, Failure> {
+    let base = Parameters::new(&scene.geometry, &scene.string, &scene.material)?;
+    let mut data = Data::default();
+    for file in files {
+        let path = file.as_ref();
+        let wrong = |what: String| Failure::failed(format!("sweep {}: {what}", path.display()));
+        let mut reader = csv::ReaderBuilder::new()
+            .comment(Some(b'#'))
+            .trim(csv::Trim::All)
+            .flexible(true)
+            .from_path(path)
+            .map_err(|e| wrong(e.to_string()))?;
+        let header = reader.headers().map_err(|e| wrong(e.to_string()))?.clone();
+        let column = |name: &str| header.iter().position(|h| h == name);
+        let load = column("load_n").ok_or_else(|| wrong("has no column `load_n`".into()))?;
+        let (turn, turns) = match (column("turns"), column("twist_rad")) {
+            (Some(k), _) => (k, true),
+            (None, Some(k)) => (k, false),
+            _ => return Err(wrong("has neither a column `turns` nor `twist_rad`".into())),
+        };
+        let (value, quantity) = match (column("gap_m"), column("contraction_m")) {
+            (Some(k), _) => (k, Quantity::Gap),
+            (None, Some(k)) => (k, Quantity::Contraction),
+            _ => return Err(wrong("has neither a column `gap_m` nor `contraction_m`".into())),
+        };
+        let sigma = column("sigma_m");
+        let before = data.rows.len();
+        let zero = (quantity == Quantity::Gap).then_some(data.zeros);
+        for record in reader.records() {
+            let line = record.as_ref().ok().and_then(|r| r.position()).map_or(0, |p| p.line());
+            let id = format!("{}:{line}", path.display());
+            let row = record.map_err(|e| e.to_string()).and_then(|record| {
+                let number = |k: usize| {
+                    let cell = record.get(k).unwrap_or("");
+                    let name = header.get(k).unwrap_or("");
+                    match cell.parse::<f64>() {
+                        Ok(x) if x.is_finite() => Ok(x),
+                        _ => Err(format!("{name} `{cell}` is no number")),
+                    }
+                };
+                let sigma = sigma.map_or(Ok(SIGMA_M), number)?;
+                if sigma <= 0.0 {
+                    return Err(format!("sigma_m {sigma} must be above 0"));
+                }
+                let load_n = number(load)?;
+                if load_n < tsa_model::mechanism::MINIMUM_LOAD_N {
+                    return Err(format!("load_n {load_n}: a slack string has no law"));
+                }
+                let twist = number(turn)?;
+                let twist_rad = if turns { twist_from_turns(twist) } else { twist };
+                Ok((load_n, twist_rad, number(value)?, sigma))
+            });
+            match row {
+                Ok((load_n, twist_rad, value, sigma)) => data.rows.push(Row {
+                    held_out: hold_out > 0 && (data.rows.len() + 1).is_multiple_of(hold_out),
+                    id,
+                    quantity,
+                    load_n,
+                    twist_rad,
+                    value,
+                    sigma,
+                    base,
+                    fixed: String::new(),
+                    zero,
+                }),
+                Err(what) => data.bad.push(format!("{id}: {what}")),
+            }
+        }
+        if data.rows.len() == before {
+            return Err(wrong(format!(
+                "has no good row{}",
+                data.bad.last().map_or(String::new(), |b| format!(" ({b})"))
+            )));
+        }
+        data.zeros += usize::from(zero.is_some());
+    }
+    Ok(data)
+}
