@@ -12,6 +12,7 @@ use serde::Serialize;
 use std::hint::black_box;
 use std::path::{Path, PathBuf};
 use timing::Cost;
+use tsa_model::rod::TipForce;
 use tsa_model::{Mechanism, Method, Scene, Tier};
 
 #[derive(Parser)]
@@ -73,13 +74,15 @@ struct Rods {
     length_m: f64,
     radius_m: f64,
     stress_coefficients_pa: [f64; 5],
+    /// Median time of the equilibrium of one of these states (µs).
+    us_per_equilibrium: f64,
     /// Median time of one of these rods alone, without the helix around it (µs).
     us_per_rod: f64,
     states: Vec<RodState>,
 }
 
 /// One rod of [`Rods`].
-#[derive(Serialize)]
+#[derive(Clone, Copy, Serialize)]
 struct RodState {
     load_n: f64,
     twist_rad: f64,
@@ -154,11 +157,17 @@ fn rods(scene: &Path) -> Result<Rods> {
         Ok(RodState { load_n, twist_rad, inward_n, sideways_n, u_m: e.u_m, w_m: e.w_m })
     });
     let states = states.collect::<Result<Vec<_>>>()?;
+    let rod = mechanism.rod();
     Ok(Rods {
         length_m: parameters.free_length_m(),
         radius_m: parameters.rod_radius_m,
         stress_coefficients_pa: parameters.stress_coefficients_pa,
-        us_per_rod: timing::us_per_rod(mechanism.rod(), states.iter().map(|s| (s.inward_n, s.sideways_n)))?,
+        us_per_equilibrium: timing::typical_us(&states, |s| {
+            let _ = black_box(mechanism.solve(s.load_n, s.twist_rad));
+        }),
+        us_per_rod: timing::typical_us(&states, |s| {
+            let _ = black_box(rod.respond(TipForce { inward_n: s.inward_n, sideways_n: s.sideways_n }));
+        }),
         states,
     })
 }

@@ -1,11 +1,9 @@
 //! Medians of many passes: a shared machine disturbs some, not most.
 
 use crate::grid::Grid;
-use anyhow::Result;
 use serde::Serialize;
 use std::hint::black_box;
 use std::time::{Duration, Instant};
-use tsa_model::rod::{Rod, TipForce};
 use tsa_model::{Equilibrium, SolveError};
 
 /// Longest that one row may take; what is slow gets fewer passes, but never fewer than three.
@@ -57,22 +55,15 @@ pub fn cost(grid: &Grid, repeats: usize, solve: impl Fn(f64, f64) -> Result<Equi
     }
 }
 
-/// Median time of one rod under given forces (Px, Py in N).
-pub fn us_per_rod(rod: &Rod, forces: impl Iterator<Item = (f64, f64)>) -> Result<f64> {
-    let forces: Vec<_> = forces.map(|(inward_n, sideways_n)| TipForce { inward_n, sideways_n }).collect();
-    for &force in &forces {
-        rod.respond(force)?;
-    }
-    // Many rods to a pass: a dozen alone are near the clock's resolution.
-    const ROUNDS: usize = 100;
-    let (seconds, _) = median(25, || {
-        for _ in 0..ROUNDS {
-            for &force in &forces {
-                let _ = black_box(rod.respond(black_box(force)));
-            }
-        }
-    });
-    Ok(seconds * 1e6 / (ROUNDS * forces.len()) as f64)
+/// Median over `states` of the time that solving one takes (µs).
+pub fn typical_us<S: Copy>(states: &[S], solve: impl Fn(S)) -> f64 {
+    // One alone is near the clock's resolution.
+    const ROUNDS: usize = 50;
+    let each = |&state: &S| {
+        let (seconds, _) = median(25, || (0..ROUNDS).for_each(|_| solve(black_box(state))));
+        seconds * 1e6 / ROUNDS as f64
+    };
+    middle(states.iter().map(each).collect())
 }
 
 /// Median time of a pass (s), and of how many.
@@ -84,6 +75,12 @@ fn median(repeats: usize, pass: impl Fn()) -> (f64, usize) {
         pass();
         times.push(before.elapsed().as_secs_f64());
     }
-    times.sort_by(f64::total_cmp);
-    (times[times.len() / 2], times.len())
+    let passes = times.len();
+    (middle(times), passes)
+}
+
+/// The middle one of an odd number of values, the upper of the two middle ones of an even number.
+fn middle(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
 }
