@@ -242,11 +242,22 @@ impl<T: Scalar> Mechanism<T> {
     }
 
     /// Newton in both unknowns, on rising numbers of nodes; `None` if it does not settle on the stable branch.
-    pub(crate) fn settle(&self, state: &State, (mut alpha, mut amplitude): (T, T)) -> Option<Found<T>> {
+    pub(crate) fn settle(&self, state: &State, start: (T, T)) -> Option<Found<T>> {
         let rules: &[Rule] = match &self.quadrature {
             Quadrature::Automatic => &LEVELS,
             Quadrature::Fixed(rule) => core::slice::from_ref(rule),
         };
+        self.settle_on(state, start, rules, RESIDUAL_LIMIT)
+    }
+
+    /// As [`Self::settle`], on these rules and to this residual.
+    pub(crate) fn settle_on(
+        &self,
+        state: &State,
+        (mut alpha, mut amplitude): (T, T),
+        rules: &[Rule],
+        limit: f64,
+    ) -> Option<Found<T>> {
         let (mut iterations, mut evaluations) = (0, 0);
         let mut missed = 0.0;
         for (k, rule) in rules.iter().enumerate() {
@@ -262,7 +273,7 @@ impl<T: Scalar> Mechanism<T> {
                 let r1 = shape.length.value - self.rod.length_m;
                 let r2 = helix.miss(self, state, shape.reach.value);
                 let residual = (r1 / self.rod.length_m).value().abs().max(helix.scaled(self, r2));
-                if enough && step > 0 && residual <= RESIDUAL_LIMIT {
+                if enough && step > 0 && residual <= limit {
                     if left == 0 {
                         return Some(Found { alpha, amplitude, shape, residual, missed, iterations, evaluations });
                     }

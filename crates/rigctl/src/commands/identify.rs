@@ -63,8 +63,9 @@ pub fn run(global: &Global, options: &Identify, output: &mut Output) -> Result<(
 fn constants(options: &Identify, scene: &Scene) -> Result<Unknowns, Failure> {
     let names: Vec<String> = if options.fit.is_empty() {
         let default = ["k1", "k2", "k3", "p", "modulus"];
-        let has_exponent = scene.string.radius_law == RadiusLaw::TwistPower;
-        default.iter().filter(|n| **n != "p" || has_exponent).map(|n| (*n).to_owned()).collect()
+        // The paper's numbers stand at two twists only: they cannot tell k2, k3 and p apart.
+        let exponent = scene.string.radius_law == RadiusLaw::TwistPower && !options.published;
+        default.iter().filter(|n| **n != "p" || exponent).map(|n| (*n).to_owned()).collect()
     } else {
         options.fit.clone()
     };

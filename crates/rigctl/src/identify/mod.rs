@@ -236,8 +236,7 @@ pub fn fit(unknowns: &Unknowns, start: &Parameters, data: &Data) -> Result<(Vec<
     let count = unknowns.count();
     let weak: Vec<&str> = (0..count).filter(|k| error(*k) > WORST_STANDARD_ERROR).map(|k| labels[k].as_str()).collect();
     if !weak.is_empty() {
-        let worst = (0..count).map(error).fold(0.0, f64::max);
-        let why = format!("standard error {:.0} % and more", 100.0 * worst.min(WORST_STANDARD_ERROR.max(worst)));
+        let why = format!("standard errors above {:.0} %", 100.0 * WORST_STANDARD_ERROR);
         return Err(IdentifyError::Undetermined { constants: weak.join(", "), why });
     }
     let x = problem.x.as_slice().to_vec();

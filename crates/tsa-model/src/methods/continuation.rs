@@ -8,10 +8,13 @@
 use crate::error::SolveError;
 use crate::helix::State;
 use crate::mechanism::{Equilibrium, Found, Mechanism};
+use crate::quadrature::LEVELS;
 use crate::scalar::Scalar;
 
 /// The smallest step, as a part of the leg.
 const LEAST_STEP: f64 = 1e-9;
+/// Residual of a state on the way.
+const ON_THE_WAY: f64 = 1e-6;
 /// Greatest change of the helix angle in one step (rad).
 const NEIGHBOUR: f64 = 0.1;
 
@@ -53,7 +56,7 @@ impl Walk {
     ) -> Result<Found<T>, SolveError> {
         let widest = (to - from) / steps.max(1) as f64;
         let fold = |x: f64| at(x).map(|s| SolveError::Fold { load_n: s.load_n, twist_rad: s.sign * s.twist_rad });
-        let Some(mut found) = self.settle(m, &at(from)?, begin) else { return Err(fold(from)?) };
+        let Some(mut found) = self.settle(m, &at(from)?, begin, false) else { return Err(fold(from)?) };
         let (mut x, mut step) = (from, widest);
         let mut before: Option<(f64, (T, T))> = None;
         while x < to {
@@ -66,7 +69,7 @@ impl Walk {
                 }
                 None => here,
             };
-            match self.settle(m, &at(next)?, guess) {
+            match self.settle(m, &at(next)?, guess, next == to) {
                 Some(f) if (f.alpha - here.0).value().abs() < NEIGHBOUR => {
                     before = Some((x, here));
                     (found, x) = (f, next);
@@ -83,11 +86,13 @@ impl Walk {
         Ok(found)
     }
 
-    fn settle<T: Scalar>(&mut self, m: &Mechanism<T>, state: &State, guess: (T, T)) -> Option<Found<T>> {
+    /// On the way a state only leads to the next: few nodes and half the digits do. The last one is settled in full.
+    fn settle<T: Scalar>(&mut self, m: &Mechanism<T>, state: &State, guess: (T, T), last: bool) -> Option<Found<T>> {
         // A secant may overshoot zero.
         let above = |x: T, least: f64| if x.value() > least { x } else { T::of(least) };
         let guess = (above(guess.0, 0.0), above(guess.1, f64::MIN_POSITIVE));
-        let found = m.settle(state, guess)?;
+        let rough = if last { None } else { m.settle_on(state, guess, &LEVELS[1..2], ON_THE_WAY) };
+        let found = rough.or_else(|| m.settle(state, guess))?;
         self.iterations += found.iterations;
         self.evaluations += found.evaluations;
         Some(found)
