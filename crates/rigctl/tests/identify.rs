@@ -1,0 +1,239 @@
+//! `rigctl identify`: known constants found again, the paper's numbers, and what is refused.
+
+use rand::{RngExt, SeedableRng};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use tsa_model::{Material, Scene, twist_from_turns};
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+fn rigctl(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_rigctl")).args(arguments).current_dir(root()).output().unwrap()
+}
+
+fn object(output: &Output) -> Value {
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+fn said(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// A folder of its own for each test.
+fn folder(name: &str) -> PathBuf {
+    let folder = std::env::temp_dir().join(format!("rigctl-identify-{name}-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    folder
+}
+
+/// A rig whose constants differ from the default scene's.
+fn truth() -> Scene {
+    let mut scene = Scene::load(root().join("scenes/default.toml")).unwrap();
+    scene.string.k1_per_n *= 1.15;
+    scene.string.k2 *= 0.9;
+    scene.string.k3 *= 1.1;
+    scene.string.twist_exponent = Some(0.46);
+    scene.material.stress_coefficients_pa = scene.material.stress_coefficients_pa.map(|a| 0.87 * a);
+    scene
+}
+
+/// A sweep of the truth: 31 stops up, from an unknown zero, with noise.
+fn sweep(scene: &Scene, load_n: f64, turns: f64, zero_m: f64, noise_m: f64) -> String {
+    let m = scene.mechanism().unwrap();
+    let mut random = rand_pcg::Pcg64Mcg::seed_from_u64(load_n.to_bits());
+    let mut text = "# a comment\nload_n,turns,gap_m\n".to_owned();
+    for k in 0..=30 {
+        let t = turns * f64::from(k) / 30.0;
+        // Twelve uniform numbers have the variance of one normal one.
+        let normal: f64 = (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0;
+        let gap = m.solve(load_n, twist_from_turns(t)).unwrap().gap_m + zero_m + noise_m * normal;
+        text += &format!("{load_n},{t},{gap:.12}\n");
+    }
+    text
+}
+
+fn sweeps(name: &str, loads: &[f64], turns: f64, noise_m: f64) -> (PathBuf, Vec<String>) {
+    let folder = folder(name);
+    let files = loads.iter().enumerate().map(|(k, load)| {
+        let path = folder.join(format!("sweep-{k}.csv"));
+        std::fs::write(&path, sweep(&truth(), *load, turns, 0.01 + 0.002 * k as f64, noise_m)).unwrap();
+        path.to_str().unwrap().to_owned()
+    });
+    let files = files.collect();
+    (folder, files)
+}
+
+const NAMES: [&str; 5] = ["k1", "k2", "k3", "p", "modulus"];
+
+fn expected() -> [f64; 5] {
+    let (t, d) = (truth(), Scene::load(root().join("scenes/default.toml")).unwrap());
+    [
+        t.string.k1_per_n.ln(),
+        t.string.k2.ln(),
+        t.string.k3.ln(),
+        t.string.twist_exponent.unwrap().ln(),
+        (t.material.stress_coefficients_pa[0] / d.material.stress_coefficients_pa[0]).ln(),
+    ]
+}
+
+fn estimate(fit: &Value, name: &str) -> (f64, f64) {
+    let found = fit["estimates"].as_array().unwrap().iter().find(|e| e["name"] == name).unwrap();
+    (found["unknown"].as_f64().unwrap(), found["standard_error"].as_f64().unwrap())
+}
+
+#[test]
+fn known_constants_are_found_again_from_sweeps_with_unknown_zeros() {
+    let (folder, files) = sweeps("exact", &[0.7, 1.0, 2.0, 5.0, 10.0, 15.0], 7.5, 0.0);
+    let scene = folder.join("found.toml");
+    let mut arguments = vec!["--json", "identify", "--out", scene.to_str().unwrap()];
+    arguments.extend(files.iter().map(String::as_str));
+    let fit = object(&rigctl(&arguments));
+    for (name, truth) in NAMES.into_iter().zip(expected()) {
+        let (found, _) = estimate(&fit, name);
+        assert!((found - truth).abs() < 1e-6, "{name}: {found} against {truth}");
+    }
+    for (k, zero) in (1..=6).zip([0.01, 0.012, 0.014, 0.016, 0.018, 0.02]) {
+        assert!((estimate(&fit, &format!("zero of sweep {k}")).0 - zero).abs() < 1e-9);
+    }
+    assert!(fit["held_out"]["count"].as_u64().unwrap() > 30);
+    assert!(fit["held_out"]["worst"].as_f64().unwrap() < 1e-9);
+    // The file that was written is a scene, and the rig's.
+    let written = Scene::load(&scene).unwrap();
+    assert!((written.string.k3 - truth().string.k3).abs() < 1e-8);
+    assert_eq!(written.envelope, truth().envelope);
+    assert!(std::fs::read_to_string(&scene).unwrap().starts_with("# Identified by rigctl"));
+    std::fs::remove_dir_all(folder).unwrap();
+}
+
+#[test]
+fn noise_moves_the_constants_by_what_the_standard_errors_say() {
+    let (folder, files) = sweeps("noise", &[0.7, 1.0, 2.0, 5.0, 10.0, 15.0], 7.5, 20e-6);
+    let mut arguments = vec!["--json", "identify"];
+    arguments.extend(files.iter().map(String::as_str));
+    let fit = object(&rigctl(&arguments));
+    for (name, truth) in NAMES.into_iter().zip(expected()) {
+        let (found, error) = estimate(&fit, name);
+        assert!(error > 1e-5 && error < 0.2, "{name}: standard error {error}");
+        assert!((found - truth).abs() < 3.0 * error, "{name}: {found} against {truth}, standard error {error}");
+    }
+    for part in ["fitted", "held_out"] {
+        let rms = fit[part]["rms"].as_f64().unwrap();
+        assert!((14e-6..28e-6).contains(&rms), "{part}: {rms}");
+    }
+    std::fs::remove_dir_all(folder).unwrap();
+}
+
+#[test]
+fn what_the_data_cannot_tell_is_refused_by_name() {
+    // One load: 1/(k1 F) + k2 is one number.
+    let (folder, files) = sweeps("one-load", &[2.0], 7.5, 0.0);
+    let output = rigctl(&["identify", "--fit", "k1,k2", &files[0]]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(said(&output).contains("k1") && said(&output).contains("k2"), "{}", said(&output));
+    // The nearest good case: one of them.
+    assert!(rigctl(&["identify", "--fit", "k2", &files[0]]).status.success());
+    // A constant that no number depends on.
+    let output = rigctl(&["identify", "--published", "--fit", "k1,p", "--law", "length-ratio"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(said(&output).contains("twist_exponent"), "{}", said(&output));
+    // The paper's numbers stand at two twists.
+    let output = rigctl(&["identify", "--published", "--fit", "k1,k2,k3,p"]);
+    assert!(!output.status.success() && said(&output).contains("k2, k3, p"), "{}", said(&output));
+    std::fs::remove_dir_all(folder).unwrap();
+}
+
+#[test]
+fn the_papers_numbers_are_fitted_at_least_as_well_as_known() {
+    // model.md section 6: 26 numbers to 3.2 % rms, worst 7.2 %; l0-70, r0-2.5, k-0.01 to −19, −14 and 0 %.
+    for scene in ["scenes/default.toml", "scenes/paper-printed.toml"] {
+        let fit = object(&rigctl(&["--json", "--scene", scene, "identify", "--published", "--law", "twist-power"]));
+        assert_eq!(fit["fitted"]["count"], 26);
+        assert_eq!(fit["held_out"]["count"], 11);
+        let rms = fit["fitted"]["rms"].as_f64().unwrap();
+        let worst = fit["fitted"]["worst"].as_f64().unwrap();
+        assert!(rms < 0.0325 && worst < 0.0725, "{scene}: {rms}, {worst}");
+        let row = |id: &str| {
+            let rows = fit["rows"].as_array().unwrap();
+            rows.iter().find(|r| r["id"] == id).unwrap()["error"].as_f64().unwrap()
+        };
+        assert!((row("l0-70") + 0.19).abs() < 0.01 && (row("r0-2.5") + 0.14).abs() < 0.01);
+        assert!(row("k-0.01").abs() < 0.01);
+    }
+}
+
+#[test]
+fn a_fitted_curve_never_falls() {
+    let truth = {
+        let mut s = Scene::load(root().join("scenes/default.toml")).unwrap();
+        s.material = Material { stress_coefficients_pa: [2.4e10, 0.0, -4e12, 0.0, 8e14] };
+        s
+    };
+    let folder = folder("curve");
+    let mut arguments = vec!["--json".to_owned(), "identify".into(), "--fit".into(), "odd-curve".into()];
+    for load in [2.0, 6.0, 10.0, 14.0, 17.0] {
+        let path = folder.join(format!("{load}.csv"));
+        std::fs::write(&path, sweep(&truth, load, 7.5, 0.003, 0.0)).unwrap();
+        arguments.push(path.to_str().unwrap().into());
+    }
+    let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let fit = object(&rigctl(&arguments));
+    let a: Vec<f64> = fit["scene"]["material"]["stress_coefficients_pa"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|a| a.as_f64().unwrap())
+        .collect();
+    for (found, true_a) in a.iter().zip(truth.material.stress_coefficients_pa) {
+        assert!((found - true_a).abs() <= 1e-3 * true_a.abs(), "{a:?}");
+    }
+    for k in 0..=100 {
+        let strain = 0.12 * f64::from(k) / 100.0;
+        let tangent = a[0] + 3.0 * a[2] * strain.powi(2) + 5.0 * a[4] * strain.powi(4);
+        assert!(tangent > 0.0, "{strain}: {tangent}");
+    }
+    std::fs::remove_dir_all(folder).unwrap();
+}
+
+#[test]
+fn bad_files_rows_and_options_are_named() {
+    let folder = folder("bad");
+    let write = |name: &str, text: &str| {
+        let path = folder.join(name);
+        std::fs::write(&path, text).unwrap();
+        path.to_str().unwrap().to_owned()
+    };
+    let columns = write("columns.csv", "load_n,turns\n1,2\n");
+    let nothing = write("nothing.csv", "load_n,turns,gap_m\nx,1,0.1\n");
+    let (_, good) = sweeps("bad", &[1.0, 5.0, 15.0], 7.5, 0.0);
+    let mixed = write("mixed.csv", &(sweep(&truth(), 2.0, 7.5, 0.0, 0.0) + "2,zwei,0.08\n0,1,0.1\n2,1\n"));
+    for (arguments, code, named) in [
+        (vec!["identify", "--fit", "k2", columns.as_str()], 1, "gap_m"),
+        (vec!["identify", "--fit", "k2", nothing.as_str()], 1, "load_n `x`"),
+        (vec!["identify", "--fit", "k2", "no-such-file.csv"], 1, "no-such-file.csv"),
+        (vec!["identify"], 2, "sweeps"),
+        (vec!["identify", "--published", "--fit", "k9"], 2, "k9"),
+        (vec!["identify", "--published", "--fit", "k1,k1"], 2, "twice"),
+        (vec!["identify", "--published", "--fit", "modulus,curve"], 2, "curve"),
+        (vec!["identify", "--published", "--hold-out", "fig-99"], 2, "fig-99"),
+        (vec!["identify", "--published", "--law", "guess"], 2, "length-ratio"),
+        (vec!["identify", "--hold-out", "often", good[0].as_str()], 2, "often"),
+    ] {
+        let output = rigctl(&arguments);
+        assert_eq!(output.status.code(), Some(code), "{arguments:?}: {}", said(&output));
+        assert!(said(&output).contains(named), "{arguments:?}: {}", said(&output));
+    }
+    // Bad rows are named and passed over; the rest is fitted.
+    let mut arguments = vec!["--json", "identify", "--fit", "k2,k3", mixed.as_str()];
+    arguments.extend(good.iter().map(String::as_str));
+    let output = rigctl(&arguments);
+    let fit = object(&output);
+    assert_eq!(fit["bad_rows"].as_array().unwrap().len(), 3);
+    for named in ["zwei", "slack", "mixed.csv:34"] {
+        assert!(said(&output).contains(named), "{named}: {}", said(&output));
+    }
+    std::fs::remove_dir_all(folder).unwrap();
+}
