@@ -20,6 +20,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut source = tsa_table::emit::rust_source(&fit);
     source.push_str(&constants(&scene.rig));
     fs::write(out.join("scene.rs"), source)?;
+    if env::var_os("CARGO_FEATURE_COST").is_some() {
+        fs::write(out.join("peers.rs"), peers(&scene, &fit)?)?;
+    }
 
     fs::write(out.join("memory.x"), include_str!("memory.x"))?;
     println!("cargo:rustc-link-search={}", out.display());
@@ -47,6 +50,30 @@ fn constants(rig: &Rig) -> String {
         rig.drive_group,
         rig.drive_number,
     )
+}
+
+/// What `src/bin/cost.rs` compares the table with: the best of every other form, and the solver's constants.
+fn peers(scene: &Scene, fit: &tsa_table::fit::Fit) -> Result<String, Box<dyn Error>> {
+    let mut source = String::new();
+    for (name, kind) in [("SERIES", "chebyshev-series"), ("HERMITE", "hermite-bicubic"), ("BILINEAR", "bilinear")] {
+        let of_kind = fit.candidates.iter().filter(|c| c.table.numbers.kind() == kind);
+        let best = of_kind.min_by(|a, b| {
+            a.passes.cmp(&b.passes).reverse().then(a.errors.contraction_max_m.total_cmp(&b.errors.contraction_max_m))
+        });
+        let best = best.ok_or("a form is missing among the candidates")?;
+        let doc = format!(
+            "{}, {} bytes, contraction within {:.2e} m, TR within {:.2e} on the selection grid.",
+            best.table.numbers.size(),
+            best.table.numbers.form().bytes(),
+            best.errors.contraction_max_m,
+            best.errors.tr_max
+        );
+        source += &tsa_table::emit::table_source(name, &doc, &best.table);
+    }
+    let mechanism = scene.mechanism()?;
+    source += &format!("pub const PARAMETERS: tsa_model::Parameters = tsa_model::{:?};\n", mechanism.parameters())
+        .replace("radius_law: ", "radius_law: tsa_model::RadiusLaw::");
+    Ok(source)
 }
 
 /// Short commit, with `-dirty` if the tree had changes; `None` outside a checkout.

@@ -11,7 +11,6 @@ use embedded_io_async::{Read, Write};
 use heapless::String;
 use rig_link::messages::{Accepted, Identity, LoadChoice, Message, Refusal, Request, State, TableIdentity};
 use rig_link::{Decoder, MAX_FRAME, PROTOCOL_HASH, encode};
-use tsa_table::{Form, Table};
 
 /// Wait for bytes no longer than this, so that a silent host does not look like a dead task.
 const QUIET: Duration = Duration::from_millis(50);
@@ -91,14 +90,6 @@ fn text<const N: usize>(value: &str) -> String<N> {
     out
 }
 
-fn form_name(table: &Table<'_>) -> &'static str {
-    match table.form {
-        Form::Series { .. } => "chebyshev-series",
-        Form::Hermite { .. } => "hermite-bicubic",
-        Form::Bilinear { .. } => "bilinear",
-    }
-}
-
 fn identity(start: Start) -> Identity {
     let m = &TABLE.metadata;
     let turns = |twist_rad: f32| (twist_rad - core::f32::consts::PI) / core::f32::consts::TAU;
@@ -108,7 +99,7 @@ fn identity(start: Start) -> Identity {
         protocol_hash: PROTOCOL_HASH,
         scene_hash: m.scene_hash,
         table: TableIdentity {
-            form: text(form_name(&TABLE)),
+            form: text(TABLE.form.name()),
             bytes: TABLE.form.bytes() as u16,
             contraction_error_m: m.contraction_error_m,
             tr_relative_error: m.tr_relative_error,

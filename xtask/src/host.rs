@@ -25,8 +25,17 @@ pub fn test(folders: &Folders) -> Result<()> {
     firmware::lint(folders, &toolchain)?;
     // Tests start the image and the tools, so both must be there, and new.
     firmware::build(folders, &toolchain)?;
+    firmware::build_cost(folders, &toolchain)?;
     build(folders)?;
     run(cargo(folders).args(["test", "--release"]).args(DESKTOP))
+}
+
+/// Builds the image that counts costs, runs it on the emulated board and prints what it counted.
+pub fn cost(folders: &Folders) -> Result<()> {
+    system::ensure_emulator_tools()?;
+    firmware::build_cost(folders, &choose(Choice::Auto)?)?;
+    let test = ["test", "--release", "--package", "host-tests", "--test", "cost", "--", "--nocapture"];
+    run(cargo(folders).args(test))
 }
 
 /// Builds everything and runs the demo.

@@ -40,6 +40,8 @@ enum Task {
     Test,
     /// Measure what an equilibrium costs: time, instructions (callgrind), and a rod by scipy (target/bench/model.json)
     Bench,
+    /// Count what each way of knowing the mechanism costs: instructions on the emulated board
+    Cost,
     /// Build everything and show three loads being homed and moved by the real firmware on an emulated board
     Demo {
         /// Passed on to `rigctl demo`
@@ -82,6 +84,7 @@ fn run(arguments: Arguments) -> Result<()> {
         Task::Build => host::build(&folders),
         Task::Test => host::test(&folders),
         Task::Bench => bench::bench(&folders),
+        Task::Cost => host::cost(&folders),
         Task::Demo { rest } => host::demo(&folders, &rest),
     }
 }

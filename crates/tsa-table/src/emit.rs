@@ -1,7 +1,7 @@
 //! A table written out as Rust source, bit for bit.
 
 use crate::axis::LoadMap;
-use crate::fit::{Fit, Numbers};
+use crate::fit::{Fit, Numbers, OwnedTable};
 use std::fmt::Write;
 
 fn float(value: f32) -> String {
@@ -14,9 +14,24 @@ fn floats<'a>(values: impl IntoIterator<Item = &'a f32>) -> String {
 
 /// Source of `pub static TABLE: tsa_table::Table<'static>` with its certificate in the doc comment.
 pub fn rust_source(fit: &Fit) -> String {
-    let table = &fit.table;
+    let (table, e) = (&fit.table, &fit.certificate.errors);
+    let doc = format!(
+        "{}, {}: contraction within {:.3e} m (rms {:.3e}), TR within {:.3e} (rms {:.3e}) of the full solver at {} \
+         random points and the worst found by search.",
+        table.numbers.kind(),
+        table.numbers.size(),
+        e.contraction_max_m,
+        e.contraction_rms_m,
+        e.tr_max,
+        e.tr_rms,
+        fit.certificate.points
+    );
+    table_source("TABLE", &doc, table)
+}
+
+/// Source of a static table of that name.
+pub fn table_source(name: &str, doc: &str, table: &OwnedTable) -> String {
     let m = &table.metadata;
-    let e = &fit.certificate.errors;
     let axis = |a: crate::Axis| {
         format!("tsa_table::Axis {{ centre: {}, inverse_half: {} }}", float(a.centre), float(a.inverse_half))
     };
@@ -63,9 +78,8 @@ pub fn rust_source(fit: &Fit) -> String {
     // Writing to a string cannot fail.
     let _ = write!(
         source,
-        "/// {kind}, {size}: contraction within {contraction:.3e} m (rms {rms:.3e}), TR within {tr:.3e} \
-         (rms {tr_rms:.3e}) of the full solver at {points} random points and the worst found by search.\n\
-         pub static TABLE: tsa_table::Table<'static> = tsa_table::Table {{\n\
+        "/// {doc}\n\
+         pub static {name}: tsa_table::Table<'static> = tsa_table::Table {{\n\
          \x20   metadata: tsa_table::Metadata {{\n\
          \x20       load_min_n: {f0}, load_max_n: {f1}, twist_min_rad: {t0}, twist_max_rad: {t1},\n\
          \x20       load_map: tsa_table::LoadMap::{map}, load_axis: {la}, twist_axis: {ta},\n\
@@ -75,13 +89,6 @@ pub fn rust_source(fit: &Fit) -> String {
          \x20   form: tsa_table::Form::{form},\n\
          \x20   crc: {crc:#010x},\n\
          }};\n",
-        kind = table.numbers.kind(),
-        size = table.numbers.size(),
-        contraction = e.contraction_max_m,
-        rms = e.contraction_rms_m,
-        tr = e.tr_max,
-        tr_rms = e.tr_rms,
-        points = fit.certificate.points,
         f0 = float(m.load_min_n),
         f1 = float(m.load_max_n),
         t0 = float(m.twist_min_rad),

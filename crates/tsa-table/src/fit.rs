@@ -106,12 +106,7 @@ impl Numbers {
 
     /// Name of the form.
     pub fn kind(&self) -> &'static str {
-        match self {
-            Self::Series { .. } => "chebyshev-series",
-            Self::Hermite { .. } => "hermite-bicubic",
-            Self::Bilinear { .. } => "bilinear",
-            Self::Arc { .. } => "arc-series",
-        }
+        self.form().name()
     }
 
     /// Its size in words.

@@ -57,6 +57,16 @@ pub enum Form<'a> {
 }
 
 impl Form<'_> {
+    /// Its name.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Series { .. } => "chebyshev-series",
+            Self::Hermite { .. } => "hermite-bicubic",
+            Self::Bilinear { .. } => "bilinear",
+            Self::Arc { .. } => "arc-series",
+        }
+    }
+
     /// Bytes of numbers.
     pub fn bytes(&self) -> usize {
         match self {
@@ -95,18 +105,33 @@ impl Form<'_> {
     }
 }
 
-/// Horner in y along each row, Horner in x across the rows, both from the highest power down.
+/// Horner in y along each row, Horner in x across the rows, both from the highest power down. Lengths that do not fit
+/// the coefficients give NaN.
+// Not inlined: the firmware is built for size, this for speed.
+#[inline(never)]
 pub(crate) fn series(row_lengths: &[u8], coefficients: &[f32], x: f32, y: f32) -> Value {
     let mut total = Value { value: 0.0, by_x: 0.0, by_y: 0.0 };
     let mut rest = coefficients;
     for length in row_lengths.iter().rev() {
-        let (head, row) = rest.split_at(rest.len().saturating_sub(usize::from(*length)));
+        let Some((head, row)) = rest.split_at_checked(rest.len().wrapping_sub(usize::from(*length))) else {
+            return Value { value: f32::NAN, by_x: f32::NAN, by_y: f32::NAN };
+        };
         rest = head;
         let (mut value, mut slope) = (0.0f32, 0.0f32);
-        for c in row.iter().rev() {
+        let mut step = |c: &f32| {
             slope = slope * y + value;
             value = value * y + c;
+        };
+        let mut fours = row.rchunks_exact(4);
+        for four in fours.by_ref() {
+            if let [a, b, c, d] = four {
+                step(d);
+                step(c);
+                step(b);
+                step(a);
+            }
         }
+        fours.remainder().iter().rev().for_each(step);
         total.by_x = total.by_x * x + total.value;
         total.value = total.value * x + value;
         total.by_y = total.by_y * x + slope;

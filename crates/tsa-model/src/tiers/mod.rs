@@ -129,31 +129,36 @@ impl Mechanism {
         self.solve_tier(Tier::Full, load_n, twist_rad)
     }
 
-    /// The tier's equilibrium, and what it would be with the left-out effects.
-    fn at_tier(&self, tier: Tier, load_n: f64, twist_rad: f64) -> Result<(Equilibrium, Corrected), SolveError> {
-        let state = State::new(load_n, twist_rad)?;
-        if tier == Tier::Full || self.is_rigid() {
-            let e = self.formal(load_n, twist_rad)?;
-            return Ok((e, Corrected::default()));
-        }
-        let model = match tier {
-            Tier::Elastica => Some(RodModel::Elastica),
-            Tier::Inextensible => Some(RodModel::Inextensible),
-            _ => None,
-        };
-        let e = match model {
-            Some(model) => self.with_model(model).formal(load_n, twist_rad)?,
-            None => {
+    /// The equilibrium by a tier, without the estimate of its error and without the limit of overtwist.
+    ///
+    /// # Errors
+    /// As [`Mechanism::formal`]; also [`SolveError::TierRange`].
+    pub fn formal_tier(&self, tier: Tier, load_n: f64, twist_rad: f64) -> Result<Equilibrium, SolveError> {
+        match tier {
+            Tier::Full => self.formal(load_n, twist_rad),
+            _ if self.is_rigid() => self.formal(load_n, twist_rad),
+            Tier::Elastica => self.with_model(RodModel::Elastica).formal(load_n, twist_rad),
+            Tier::Inextensible => self.with_model(RodModel::Inextensible).formal(load_n, twist_rad),
+            Tier::Rigid | Tier::BeamColumn | Tier::PseudoRigid => {
+                let state = State::new(load_n, twist_rad)?;
                 let mut evaluations = 0;
                 let mut e = self.balance(&state, None, PRECISION, &mut |force| {
                     evaluations += 1;
                     self.closed(tier, force)
                 })?;
                 e.evaluations = evaluations;
-                e
+                Ok(e)
             }
-        };
-        let corrected = self.corrected(tier, &state, &e)?;
+        }
+    }
+
+    /// The tier's equilibrium, and what it leaves out.
+    fn at_tier(&self, tier: Tier, load_n: f64, twist_rad: f64) -> Result<(Equilibrium, Corrected), SolveError> {
+        let e = self.formal_tier(tier, load_n, twist_rad)?;
+        if tier == Tier::Full || self.is_rigid() {
+            return Ok((e, Corrected::default()));
+        }
+        let corrected = self.corrected(tier, &State::new(load_n, twist_rad)?, &e)?;
         Ok((e, corrected))
     }
 

@@ -1,0 +1,121 @@
+//! What each way of knowing the mechanism costs on the board: every function below is called once for each state, and
+//! the emulated board counts its instructions by its symbol (`cargo xtask cost`). No pins, no tasks.
+
+#![no_std]
+#![no_main]
+
+use core::hint::black_box;
+use defmt_rtt as _;
+use panic_probe as _;
+use tsa_model::{Mechanism, Method, Tier};
+use tsa_table::Point;
+
+#[expect(dead_code, reason = "only the table is of interest here")]
+#[path = "../scene.rs"]
+mod scene;
+
+#[allow(missing_docs, reason = "generated")]
+mod peers {
+    include!(concat!(env!("OUT_DIR"), "/peers.rs"));
+}
+
+/// Loads (N) and twists (rad) of the table's range, off every grid.
+const LOADS_N: [f32; 6] = [0.61, 1.3, 2.9, 5.3, 9.7, 16.9];
+const TWISTS_RAD: [f32; 5] = [3.9, 11.3, 20.7, 33.1, 47.9];
+
+#[unsafe(no_mangle)]
+#[inline(never)]
+fn cost_lookup(load_n: f32, twist_rad: f32) -> Point {
+    scene::TABLE.point_inside(load_n, twist_rad)
+}
+
+#[unsafe(no_mangle)]
+#[inline(never)]
+fn cost_inverse_load(twist_rad: f32, gap_m: f32) -> f32 {
+    scene::TABLE.load_from_gap(twist_rad, gap_m).map_or(0.0, |found| found.load_n)
+}
+
+#[unsafe(no_mangle)]
+#[inline(never)]
+fn cost_inverse_twist(load_n: f32, gap_m: f32) -> f32 {
+    scene::TABLE.twist_from_gap(load_n, gap_m).unwrap_or(0.0)
+}
+
+#[unsafe(no_mangle)]
+#[inline(never)]
+fn cost_series(load_n: f32, twist_rad: f32) -> Point {
+    peers::SERIES.point_inside(load_n, twist_rad)
+}
+
+#[unsafe(no_mangle)]
+#[inline(never)]
+fn cost_hermite(load_n: f32, twist_rad: f32) -> Point {
+    peers::HERMITE.point_inside(load_n, twist_rad)
+}
+
+#[unsafe(no_mangle)]
+#[inline(never)]
+fn cost_bilinear(load_n: f32, twist_rad: f32) -> Point {
+    peers::BILINEAR.point_inside(load_n, twist_rad)
+}
+
+#[unsafe(no_mangle)]
+#[inline(never)]
+fn cost_full(mechanism: &Mechanism, load_n: f64, twist_rad: f64) -> f64 {
+    mechanism.formal(load_n, twist_rad).map_or(0.0, |e| e.gap_m)
+}
+
+macro_rules! tier {
+    ($name:ident, $tier:ident) => {
+        #[unsafe(no_mangle)]
+        #[inline(never)]
+        fn $name(mechanism: &Mechanism, load_n: f64, twist_rad: f64) -> f64 {
+            mechanism.formal_tier(Tier::$tier, load_n, twist_rad).map_or(0.0, |e| e.gap_m)
+        }
+    };
+}
+
+tier!(cost_rigid, Rigid);
+tier!(cost_beam_column, BeamColumn);
+tier!(cost_pseudo_rigid, PseudoRigid);
+tier!(cost_elastica, Elastica);
+tier!(cost_inextensible, Inextensible);
+
+#[unsafe(no_mangle)]
+#[inline(never)]
+fn cost_collocation(mechanism: &Mechanism, load_n: f64, twist_rad: f64) -> f64 {
+    let method = Method::Collocation { intervals: 16, tolerance: 1e-6 };
+    mechanism.solve_by(method, load_n, twist_rad).map_or(0.0, |e| e.gap_m)
+}
+
+#[cortex_m_rt::entry]
+fn main() -> ! {
+    // For the log's clock; the chip's default clocks serve.
+    let _ = embassy_stm32::init(embassy_stm32::Config::default());
+    let mechanism = Mechanism::of(peers::PARAMETERS);
+    for load in LOADS_N {
+        for twist in TWISTS_RAD {
+            let (load, twist) = (black_box(load), black_box(twist));
+            let point = cost_lookup(load, twist);
+            let found = [cost_inverse_load(twist, point.gap_m), cost_inverse_twist(load, point.gap_m)];
+            let grids = [cost_series(load, twist), cost_hermite(load, twist), cost_bilinear(load, twist)];
+            let (f, t) = (f64::from(load), f64::from(twist));
+            let full = cost_full(&mechanism, f, t);
+            let tiers = [
+                cost_rigid(&mechanism, f, t),
+                cost_beam_column(&mechanism, f, t),
+                cost_pseudo_rigid(&mechanism, f, t),
+                cost_elastica(&mechanism, f, t),
+                cost_inextensible(&mechanism, f, t),
+                cost_collocation(&mechanism, f, t),
+            ];
+            // The results leave the board, so that nothing is optimised away and the host can check them (m, N, rad).
+            defmt::println!("{} {} {} {} {}", load, twist, point.gap_m, found[0], found[1]);
+            black_box((grids, full, tiers));
+        }
+    }
+    defmt::println!("done");
+    loop {
+        cortex_m::asm::wfi();
+    }
+}
