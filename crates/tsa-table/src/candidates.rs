@@ -124,7 +124,7 @@ fn chebyshev(reference: &Reference<'_>, map: LoadMap) -> Result<Vec<Vec<f64>>, F
 }
 
 /// Σ c_k T_k written in powers.
-pub(crate) fn powers(chebyshev: &[f64]) -> Vec<f64> {
+fn powers(chebyshev: &[f64]) -> Vec<f64> {
     let n = chebyshev.len();
     let (mut previous, mut current) = (vec![0.0; n], vec![0.0; n]);
     let mut sum = vec![0.0; n];
@@ -149,6 +149,20 @@ pub(crate) fn powers(chebyshev: &[f64]) -> Vec<f64> {
     sum
 }
 
+/// Rows of Chebyshev coefficients, no row longer than the one before, to powers of both axes, flat: down each column,
+/// then along each row.
+pub(crate) fn in_powers(rows: &[Vec<f64>]) -> Vec<f32> {
+    let width = rows.iter().map(Vec::len).max().unwrap_or(0);
+    let mut in_x = vec![vec![0.0; width]; rows.len()];
+    for j in 0..width {
+        let column: Vec<f64> = rows.iter().map(|r| r.get(j).copied().unwrap_or(0.0)).collect();
+        for (row, p) in in_x.iter_mut().zip(powers(&column)) {
+            row[j] = p;
+        }
+    }
+    in_x.iter().zip(rows).flat_map(|(row, kept)| powers(&row[..kept.len()])).map(|p| p as f32).collect()
+}
+
 /// Cuts a Chebyshev array where its terms fall below `threshold`, and writes it in powers.
 /// `slope_weight` lets a term count more for what its derivative does to TR.
 fn cut(coefficients: &[Vec<f64>], threshold: f64, slope_weight: f64) -> Numbers {
@@ -170,20 +184,8 @@ fn cut(coefficients: &[Vec<f64>], threshold: f64, slope_weight: f64) -> Numbers 
             rows[i].extend_from_slice(&coefficients[i][have..need]);
         }
     }
-    // Down each column to powers of x, then along each row to powers of y.
-    let width = rows.iter().map(Vec::len).max().unwrap_or(0);
-    let mut in_x = vec![vec![0.0; width]; rows.len()];
-    for j in 0..width {
-        let column: Vec<f64> = rows.iter().map(|r| r.get(j).copied().unwrap_or(0.0)).collect();
-        for (row, p) in in_x.iter_mut().zip(powers(&column)) {
-            row[j] = p;
-        }
-    }
-    let (mut row_lengths, mut flat) = (Vec::new(), Vec::new());
-    for (row, kept) in in_x.iter().zip(&rows) {
-        row_lengths.push(kept.len() as u8);
-        flat.extend(powers(&row[..kept.len()]).into_iter().map(|p| p as f32));
-    }
+    let row_lengths = rows.iter().map(|row| row.len() as u8).collect();
+    let flat = in_powers(&rows);
     Numbers::Series { row_lengths, coefficients: flat }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::arc::{Growth, Panel};
 use crate::axis::Axis;
-use crate::candidates::powers;
+use crate::candidates::in_powers;
 use crate::fit::{Exact, FitError, Numbers, Reference};
 use crate::least_squares::Normal;
 use tsa_model::scene::Accuracy;
@@ -282,19 +282,6 @@ fn panel(
         }
     }
     None
-}
-
-/// Rows of Chebyshev coefficients to powers of both axes, flat.
-fn in_powers(rows: &[Vec<f64>]) -> Vec<f32> {
-    let width = rows.iter().map(Vec::len).max().unwrap_or(0);
-    let mut in_x = vec![vec![0.0; width]; rows.len()];
-    for j in 0..width {
-        let column: Vec<f64> = rows.iter().map(|r| r.get(j).copied().unwrap_or(0.0)).collect();
-        for (row, p) in in_x.iter_mut().zip(powers(&column)) {
-            row[j] = p;
-        }
-    }
-    in_x.iter().zip(rows).flat_map(|(row, kept)| powers(&row[..kept.len()])).map(|p| p as f32).collect()
 }
 
 /// The chain of panels from the first cut to the last with the fewest bytes.

@@ -26,6 +26,16 @@ pub(super) struct Slope<T> {
 }
 
 impl<T: Scalar> RodOde<T> {
+    /// The same equations in another kind of number.
+    pub fn map<U>(&self, f: impl Fn(T) -> U) -> RodOde<U> {
+        RodOde {
+            section: self.section.map(&f),
+            slenderness: f(self.slenderness),
+            inward: f(self.inward),
+            sideways: f(self.sideways),
+        }
+    }
+
     /// `start` is a guess of (e, κR), from a neighbour.
     pub fn slope(&self, point: Point<T>, start: (T, T)) -> Result<Slope<T>, Singular> {
         let [phi, moment, ..] = point;

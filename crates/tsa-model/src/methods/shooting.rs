@@ -79,13 +79,7 @@ fn respond(
     tolerance: f64,
     evaluations: &mut u32,
 ) -> Result<RodResponse, SolveError> {
-    let ode = plain(rod, force);
-    let by_moment = RodOde {
-        section: ode.section.map(Dual::of),
-        slenderness: Dual::of(ode.slenderness),
-        inward: Dual::of(ode.inward),
-        sideways: Dual::of(ode.sideways),
-    };
+    let by_moment = plain(rod, force).map(Dual::of);
     let moment = correct(rod, force, tolerance, &mut |moment| runge_kutta(&by_moment, moment, steps, evaluations))?;
     // One Newton step in numbers that carry the force's derivatives gives the solution's.
     let slope = runge_kutta(&by_moment, Dual::parameter(moment, 0), steps, evaluations)?.0[1].by[0];
@@ -134,13 +128,7 @@ pub(super) fn adaptive(
     tolerance: f64,
     evaluations: &mut u32,
 ) -> Result<RodResponse, SolveError> {
-    let ode = plain(rod, force);
-    let by_moment = RodOde {
-        section: ode.section.map(Dual::of),
-        slenderness: Dual::of(ode.slenderness),
-        inward: Dual::of(ode.inward),
-        sideways: Dual::of(ode.sideways),
-    };
+    let by_moment = plain(rod, force).map(Dual::of);
     let moment = correct(rod, force, 0.1 * tolerance, &mut |moment| {
         let tip = adaptive_shot::<1, 8>(&by_moment, moment, tolerance, evaluations)?;
         Ok((tip, (0.0, 0.0)))
@@ -230,12 +218,7 @@ mod tests {
         let moment = {
             let mut ode = plain(&rod, force);
             ode.slenderness = rod.length_m / rod.radius_m;
-            let dual = RodOde {
-                section: ode.section.map(Dual::of),
-                slenderness: Dual::of(ode.slenderness),
-                inward: Dual::of(ode.inward),
-                sideways: Dual::of(ode.sideways),
-            };
+            let dual = ode.map(Dual::of);
             correct(&rod, force, 1e-14, &mut |m| runge_kutta(&dual, m, 2000, &mut 0)).unwrap()
         };
         let mut values = Vec::new();
