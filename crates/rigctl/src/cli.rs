@@ -195,7 +195,7 @@ pub struct How {
     /// Tolerance of the method's iteration, or of its integrator
     #[arg(long, value_name = "X", value_parser = tolerance)]
     pub tolerance: Option<f64>,
-    /// Tier of the model; `auto` takes the cheapest that meets the scene's [accuracy]
+    /// Tier of the model; `auto` takes the cheapest that meets the scene's accuracy
     #[arg(long, default_value = "full", value_parser = tiers())]
     pub tier: String,
 }

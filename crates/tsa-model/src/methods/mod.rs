@@ -1,9 +1,9 @@
 //! Other ways to solve the same equations, each complete, so that they can be compared and fail in their own ways.
 //!
-//! - [`shooting`]: the paper's own (its Fig. 5): a guessed clamp moment, Newton–Raphson, fixed-step Runge–Kutta, and an
+//! - `shooting`: the paper's own (its Fig. 5): a guessed clamp moment, Newton–Raphson, fixed-step Runge–Kutta, and an
 //!   outer relaxation of the helix angle; and the same with an adaptive integrator of high order.
-//! - [`collocation`]: all points of the rod at once.
-//! - [`continuation`]: load and then twist raised from nothing.
+//! - `collocation`: all points of the rod at once.
+//! - `continuation`: load and then twist raised from nothing.
 //!
 //! The first integral itself is [`crate::Mechanism::solve`]. Only it promises the right branch.
 
