@@ -14,6 +14,14 @@ pub struct ParameterError {
     pub reason: &'static str,
 }
 
+/// Refuses the first value that is not above 0 and finite.
+pub(crate) fn positive(values: &[(&'static str, f64)]) -> Result<(), ParameterError> {
+    match values.iter().find(|(_, value)| !(*value > 0.0 && value.is_finite())) {
+        Some(&(parameter, value)) => Err(ParameterError { parameter, value, reason: "must be above 0 and finite" }),
+        None => Ok(()),
+    }
+}
+
 /// The limit of the model that stopped a solve (model.md section 5).
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum SolveError {

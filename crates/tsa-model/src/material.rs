@@ -42,9 +42,4 @@ impl Material {
         let [a1, a2, a3, a4, a5] = self.stress_coefficients_pa;
         strain * (a1 + strain * (a2 + strain * (a3 + strain * (a4 + strain * a5))))
     }
-
-    /// Whether the law is a straight line.
-    pub fn is_linear(&self) -> bool {
-        self.stress_coefficients_pa[1..].iter().all(|a| *a == 0.0)
-    }
 }

@@ -121,20 +121,7 @@ impl Mechanism {
         Ok(Self::of(Parameters::new(geometry, string, material)?))
     }
 
-    /// As [`Mechanism::new`] with a stated number of quadrature nodes, 1 to 96, and no check that they are enough.
-    ///
-    /// # Errors
-    /// [`ParameterError`] naming the scene-file key.
-    pub fn with_points(
-        geometry: &Geometry,
-        string: &StringParameters,
-        material: &Material,
-        points: usize,
-    ) -> Result<Self, ParameterError> {
-        Ok(Self::new(geometry, string, material)?.points(points))
-    }
-
-    /// The same mechanism with a stated number of nodes.
+    /// The same mechanism with a stated number of quadrature nodes, 1 to 96, and no check that they are enough.
     pub(crate) fn points(self, points: usize) -> Self {
         Self { quadrature: Quadrature::Fixed(Rule::new(points)), ..self }
     }

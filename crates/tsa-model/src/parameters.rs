@@ -1,6 +1,6 @@
 //! The mechanism's constants: as a scene gives them, and as the solver takes them.
 
-use crate::error::ParameterError;
+use crate::error::{ParameterError, positive};
 use crate::material::Material;
 use crate::scalar::Scalar;
 use crate::string::{RadiusLaw, StringParameters};
@@ -23,16 +23,11 @@ pub struct Geometry {
 impl Geometry {
     /// Checks signs and that the parts fit together.
     pub fn validate(&self) -> Result<(), ParameterError> {
-        let positive = [
+        positive(&[
             ("geometry.string_length_m", self.string_length_m),
             ("geometry.rod_span_m", self.rod_span_m),
             ("geometry.rod_radius_m", self.rod_radius_m),
-        ];
-        for (parameter, value) in positive {
-            if !(value > 0.0 && value.is_finite()) {
-                return Err(ParameterError { parameter, value, reason: "must be above 0 and finite" });
-            }
-        }
+        ])?;
         let (parameter, value) = ("geometry.clamp_width_m", self.clamp_width_m);
         if !(value >= 0.0 && value <= self.rod_span_m) {
             return Err(ParameterError { parameter, value, reason: "must be from 0 to geometry.rod_span_m" });

@@ -4,7 +4,7 @@
 //! about the rig; its defaults are assumptions (hardware.md sections 6 and 8) and every key may be left out.
 //! `[envelope]` and `[accuracy]` say what a table must cover and how well: optional for a solve, required for a table.
 
-use crate::error::ParameterError;
+use crate::error::{ParameterError, positive};
 use crate::material::Material;
 use crate::mechanism::Mechanism;
 use crate::parameters::Geometry;
@@ -154,7 +154,7 @@ impl Rig {
 
     fn validate(&self) -> Result<(), ParameterError> {
         let refuse = |parameter, value, reason| Err(ParameterError { parameter, value, reason });
-        let positive = [
+        positive(&[
             ("rig.gear_ratio", f64::from(self.gear_ratio[0].min(self.gear_ratio[1]))),
             ("rig.encoder_lines", f64::from(self.encoder_lines)),
             ("rig.motor_speed_max_rad_per_s", self.motor_speed_max_rad_per_s),
@@ -166,12 +166,7 @@ impl Rig {
             ("rig.drive_current_limit_a", self.drive_current_limit_a),
             ("rig.lvdt_stroke_m", self.lvdt_stroke_m),
             ("rig.adc_reference_v", self.adc_reference_v),
-        ];
-        for (parameter, value) in positive {
-            if !(value > 0.0 && value.is_finite()) {
-                return refuse(parameter, value, "must be above 0 and finite");
-            }
-        }
+        ])?;
         if self.encoder_lines > 65_536 {
             return refuse("rig.encoder_lines", f64::from(self.encoder_lines), "must be at most 65536");
         }

@@ -1,6 +1,6 @@
 //! The strings' constants (eqs 5, 6) and the law by which their radius grows.
 
-use crate::error::ParameterError;
+use crate::error::{ParameterError, positive};
 
 /// How the radius of the twisted pair grows with twist (eq. 6 and model.md section 6).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -40,16 +40,11 @@ pub struct StringParameters {
 impl StringParameters {
     /// Checks signs and finiteness.
     pub fn validate(&self) -> Result<(), ParameterError> {
-        let positive = [
+        positive(&[
             ("string.diameter_m", self.diameter_m),
             ("string.stiffness_n_per_m", self.stiffness_n_per_m),
             ("string.k1_per_n", self.k1_per_n),
-        ];
-        for (parameter, value) in positive {
-            if !(value > 0.0 && value.is_finite()) {
-                return Err(ParameterError { parameter, value, reason: "must be above 0 and finite" });
-            }
-        }
+        ])?;
         for (parameter, value) in [("string.k2", self.k2), ("string.k3", self.k3)] {
             if !(value >= 0.0 && value.is_finite()) {
                 return Err(ParameterError { parameter, value, reason: "must be at least 0 and finite" });

@@ -139,28 +139,32 @@ fn more_than_one_equilibrium() {
 
 #[test]
 fn a_plateau_too_flat_to_resolve() {
-    // A tangent of a thousandth of E at 4 % strain, and loads that reach it.
+    // The bending stiffness of the section, E I (1 + 3/2 a3 y + 25/16 a5 y²) with y = (κR)², falls to a share of itself
+    // at a bending strain of 4 %.
     let mut s = scene("niti-plateau");
     let at = |share: f64| {
-        // σ' = E (1 − 2 (ε/ε0)² (1 − share)½ + (ε/ε0)⁴) vanishes at ε0 for share 0.
-        let (e, strain) = (2.4e10, 0.04f64);
-        [e, 0.0, -2.0 / 3.0 * e * (1.0 - share) / strain.powi(2), 0.0, e / 5.0 / strain.powi(4)]
+        let (e, y) = (2.4e10, 0.04f64.powi(2));
+        let depth = 1.0 - share;
+        [e, 0.0, -2.0 * depth / (1.5 * y) * e, 0.0, depth / (25.0 / 16.0 * y * y) * e]
     };
-    let mut refused = 0;
+    let (mut solved, mut refused) = (0, Vec::new());
     for share in [0.3, 0.1, 0.01, 1e-4] {
         s.material = Material { stress_coefficients_pa: at(share) };
         let m: Mechanism = s.mechanism().unwrap();
         for load in [2.0, 5.0, 8.0, 11.0, 14.0] {
             match m.solve(load, 30.0) {
-                Ok(e) => assert!(e.residual <= 1e-12 && e.gap_m.is_finite()),
-                Err(e) => {
-                    assert!(!matches!(e, SolveError::NotConverged { .. }), "{e}");
-                    refused += 1;
+                Ok(e) => {
+                    assert!(e.residual <= 1e-12 && e.gap_m.is_finite());
+                    solved += 1;
                 }
+                Err(e) => refused.push((share, load, e.kind())),
             }
         }
     }
-    assert!(refused < 6, "{refused}");
+    println!("{solved} solved, {refused:?}");
+    assert!(solved >= 12 && !refused.is_empty(), "{refused:?}");
+    // Below the plateau everything is solved, and with a third of the stiffness left the plateau is, too.
+    assert!(refused.iter().all(|r| r.0 <= 0.1 && r.1 >= 8.0 && r.2 == "unresolved"), "{refused:?}");
     s.string.radius_law = RadiusLaw::LengthRatio;
     s.string.twist_exponent = None;
     assert!(s.mechanism().unwrap().solve(2.0, 30.0).is_ok());
