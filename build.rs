@@ -55,12 +55,7 @@ fn constants(rig: &Rig) -> String {
 /// What `src/bin/cost.rs` compares the table with: the best of every other form, and the solver's constants.
 fn peers(scene: &Scene, fit: &tsa_table::fit::Fit) -> Result<String, Box<dyn Error>> {
     let mut source = String::new();
-    for (name, kind) in [("SERIES", "chebyshev-series"), ("HERMITE", "hermite-bicubic"), ("BILINEAR", "bilinear")] {
-        let of_kind = fit.candidates.iter().filter(|c| c.table.numbers.kind() == kind);
-        let best = of_kind.min_by(|a, b| {
-            a.passes.cmp(&b.passes).reverse().then(a.errors.contraction_max_m.total_cmp(&b.errors.contraction_max_m))
-        });
-        let best = best.ok_or("a form is missing among the candidates")?;
+    for (name, best) in tsa_table::fit::peers(fit) {
         let doc = format!(
             "{}, {} bytes, contraction within {:.2e} m, TR within {:.2e} on the selection grid.",
             best.table.numbers.size(),

@@ -41,23 +41,23 @@ fn cost_inverse_twist(load_n: f32, gap_m: f32) -> f32 {
     scene::TABLE.twist_from_gap(load_n, gap_m).unwrap_or(0.0)
 }
 
-#[unsafe(no_mangle)]
-#[inline(never)]
-fn cost_series(load_n: f32, twist_rad: f32) -> Point {
-    peers::SERIES.point_inside(load_n, twist_rad)
+macro_rules! table {
+    ($name:ident, $table:ident) => {
+        #[unsafe(no_mangle)]
+        #[inline(never)]
+        fn $name(load_n: f32, twist_rad: f32) -> Point {
+            peers::$table.point_inside(load_n, twist_rad)
+        }
+    };
 }
 
-#[unsafe(no_mangle)]
-#[inline(never)]
-fn cost_hermite(load_n: f32, twist_rad: f32) -> Point {
-    peers::HERMITE.point_inside(load_n, twist_rad)
-}
-
-#[unsafe(no_mangle)]
-#[inline(never)]
-fn cost_bilinear(load_n: f32, twist_rad: f32) -> Point {
-    peers::BILINEAR.point_inside(load_n, twist_rad)
-}
+table!(cost_arc_short, ARC_SHORT);
+table!(cost_arc_long, ARC_LONG);
+table!(cost_series, SERIES);
+table!(cost_series_log, SERIES_LOG);
+table!(cost_series_ratio, SERIES_RATIO);
+table!(cost_hermite, HERMITE);
+table!(cost_bilinear, BILINEAR);
 
 #[unsafe(no_mangle)]
 #[inline(never)]
@@ -98,7 +98,15 @@ fn main() -> ! {
             let (load, twist) = (black_box(load), black_box(twist));
             let point = cost_lookup(load, twist);
             let found = [cost_inverse_load(twist, point.gap_m), cost_inverse_twist(load, point.gap_m)];
-            let grids = [cost_series(load, twist), cost_hermite(load, twist), cost_bilinear(load, twist)];
+            let tables = [
+                cost_arc_short(load, twist),
+                cost_arc_long(load, twist),
+                cost_series(load, twist),
+                cost_series_log(load, twist),
+                cost_series_ratio(load, twist),
+                cost_hermite(load, twist),
+                cost_bilinear(load, twist),
+            ];
             let (f, t) = (f64::from(load), f64::from(twist));
             let full = cost_full(&mechanism, f, t);
             let tiers = [
@@ -111,7 +119,7 @@ fn main() -> ! {
             ];
             // The results leave the board, so that nothing is optimised away and the host can check them (m, N, rad).
             defmt::println!("{} {} {} {} {}", load, twist, point.gap_m, found[0], found[1]);
-            black_box((grids, full, tiers));
+            black_box((tables, full, tiers));
         }
     }
     defmt::println!("done");

@@ -149,9 +149,9 @@ fn powers(chebyshev: &[f64]) -> Vec<f64> {
     sum
 }
 
-/// Rows of Chebyshev coefficients, no row longer than the one before, to powers of both axes, flat: down each column,
-/// then along each row.
-pub(crate) fn in_powers(rows: &[Vec<f64>]) -> Vec<f32> {
+/// Rows of Chebyshev coefficients, no row longer than the one before, to powers of both axes: down each column, then
+/// along each row. Row lengths and coefficients, the highest powers first.
+pub(crate) fn in_powers(rows: &[Vec<f64>]) -> (Vec<u8>, Vec<f32>) {
     let width = rows.iter().map(Vec::len).max().unwrap_or(0);
     let mut in_x = vec![vec![0.0; width]; rows.len()];
     for j in 0..width {
@@ -160,7 +160,10 @@ pub(crate) fn in_powers(rows: &[Vec<f64>]) -> Vec<f32> {
             row[j] = p;
         }
     }
-    in_x.iter().zip(rows).flat_map(|(row, kept)| powers(&row[..kept.len()])).map(|p| p as f32).collect()
+    let written = in_x.iter().zip(rows).rev();
+    let coefficients =
+        written.flat_map(|(row, kept)| powers(&row[..kept.len()]).into_iter().rev()).map(|p| p as f32).collect();
+    (rows.iter().rev().map(|row| row.len() as u8).collect(), coefficients)
 }
 
 /// Cuts a Chebyshev array where its terms fall below `threshold`, and writes it in powers.
@@ -184,9 +187,8 @@ fn cut(coefficients: &[Vec<f64>], threshold: f64, slope_weight: f64) -> Numbers 
             rows[i].extend_from_slice(&coefficients[i][have..need]);
         }
     }
-    let row_lengths = rows.iter().map(|row| row.len() as u8).collect();
-    let flat = in_powers(&rows);
-    Numbers::Series { row_lengths, coefficients: flat }
+    let (row_lengths, coefficients) = in_powers(&rows);
+    Numbers::Series { row_lengths, coefficients }
 }
 
 fn hermite_nodes(reference: &Reference<'_>, map: LoadMap, loads: u8, twists: u8) -> Result<Numbers, FitError> {

@@ -46,24 +46,19 @@ pub fn table_source(name: &str, doc: &str, table: &OwnedTable) -> String {
         Numbers::Bilinear { loads, twists, nodes } => {
             format!("Bilinear {{ loads: {loads}, twists: {twists}, nodes: &[{}] }}", floats(nodes))
         }
-        Numbers::Arc { per_load_m_n, powers, panels, row_lengths, coefficients } => {
-            let panel = |p: &crate::Panel| {
-                format!(
-                    "tsa_table::Panel {{ load_max_n: {}, load_axis: {}, arc_axis: {}, rows: {:?}, terms: {:?} }}",
-                    float(p.load_max_n),
-                    axis(p.load_axis),
-                    axis(p.arc_axis),
-                    p.rows,
-                    p.terms
-                )
+        Numbers::Arc { growth, shape, patches, coefficients } => {
+            let patch = |p: &crate::Patch| {
+                format!("tsa_table::Patch {{ load_max_n: {}, centre: [{}] }}", float(p.load_max_n), floats(&p.centre))
             };
-            let panels: Vec<String> = panels.iter().map(panel).collect();
+            let patches: Vec<String> = patches.iter().map(patch).collect();
             format!(
-                "Arc {{ growth: tsa_table::Growth {{ per_load_m_n: {}, powers: &[{}] }}, panels: &[{}], \
-                 row_lengths: &{row_lengths:?}, coefficients: &[{}] }}",
-                float(*per_load_m_n),
-                floats(powers),
-                panels.join(", "),
+                "Arc(tsa_table::ArcSeries {{ growth: tsa_table::Growth {{ per_load_m_n: {}, powers: [{}] }}, \
+                 shape: tsa_table::Shape::new::<{}, {}>(), patches: &[{}], coefficients: &[{}] }})",
+                float(growth.per_load_m_n),
+                floats(&growth.powers),
+                shape.rows,
+                shape.columns,
+                patches.join(", "),
                 floats(coefficients)
             )
         }

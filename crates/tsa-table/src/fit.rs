@@ -1,12 +1,13 @@
 //! Choosing a table by measurement: every form on every load map, the smallest that meets the scene's accuracy.
 
-use crate::arc::{Growth, Panel};
+use crate::arc::{ArcSeries, Growth, Patch, Shape};
 use crate::axis::{Axis, LoadMap};
 use crate::candidates::Search;
 use crate::certificate::{self, Certificate};
+use crate::effort::{LOOKUP_INSTRUCTIONS, lookup_instructions};
 use crate::form::Form;
 use crate::lookup::{Metadata, Table};
-use crate::panels;
+use crate::patches;
 use tsa_model::scene::{Accuracy, Envelope};
 use tsa_model::{Mechanism, PRETWIST_RAD, ParameterError, Scene, SceneError, SolveError};
 
@@ -77,14 +78,12 @@ pub enum Numbers {
     },
     /// See [`Form::Arc`].
     Arc {
-        /// κ (m N).
-        per_load_m_n: f32,
-        /// ρ in powers of the twist.
-        powers: Vec<f32>,
+        /// How the arc grows.
+        growth: Growth,
+        /// Powers in every range of the load.
+        shape: Shape,
         /// Ranges of the load.
-        panels: Vec<Panel>,
-        /// Coefficients in each row.
-        row_lengths: Vec<u8>,
+        patches: Vec<Patch>,
         /// All coefficients.
         coefficients: Vec<f32>,
     },
@@ -97,9 +96,8 @@ impl Numbers {
             Self::Series { row_lengths, coefficients } => Form::Series { row_lengths, coefficients },
             Self::Hermite { loads, twists, nodes } => Form::Hermite { loads: *loads, twists: *twists, nodes },
             Self::Bilinear { loads, twists, nodes } => Form::Bilinear { loads: *loads, twists: *twists, nodes },
-            Self::Arc { per_load_m_n, powers, panels, row_lengths, coefficients } => {
-                let growth = Growth { per_load_m_n: *per_load_m_n, powers };
-                Form::Arc { growth, panels, row_lengths, coefficients }
+            Self::Arc { growth, shape, patches, coefficients } => {
+                Form::Arc(ArcSeries { growth: *growth, shape: *shape, patches, coefficients })
             }
         }
     }
@@ -118,10 +116,7 @@ impl Numbers {
             }
             Self::Hermite { loads, twists, .. } => format!("{loads}x{twists} nodes"),
             Self::Bilinear { loads, twists, .. } => format!("{loads}x{twists} nodes"),
-            Self::Arc { powers, panels, coefficients, .. } => {
-                let most = panels.iter().map(|p| p.terms[1]).max().unwrap_or(0);
-                format!("{}+{} in {} panels, {most} each", powers.len(), coefficients.len(), panels.len())
-            }
+            Self::Arc { shape, patches, .. } => format!("{} ranges of {shape:?} coefficients", patches.len()),
         }
     }
 }
@@ -174,6 +169,13 @@ pub struct Candidate {
     pub passes: bool,
 }
 
+impl Candidate {
+    /// Instructions of a lookup on the board, predicted, see [`crate::effort`].
+    pub fn instructions(&self) -> u32 {
+        lookup_instructions(&self.table.table())
+    }
+}
+
 /// The chosen table, its proof, and what else was considered.
 #[derive(Clone, Debug)]
 pub struct Fit {
@@ -194,8 +196,30 @@ const LOAD_MAPS: [LoadMap; 5] = [
     LoadMap::InverseRoot,
 ];
 
-/// Most coefficients in a panel of the mixed form that are tried: fewer make it faster, more make it smaller.
-const PANEL_TERMS: [usize; 4] = [16, 24, 32, 80];
+/// The candidates that the board's costs are measured on beside the chosen table: of every other form the best, of the
+/// mixed one the extremes and every load map of the series, so that [`crate::effort`] is checked where it reaches.
+pub fn peers(fit: &Fit) -> Vec<(&'static str, &Candidate)> {
+    let best = |chosen: &dyn Fn(&Table<'_>) -> bool| {
+        let error = |c: &Candidate| c.errors.contraction_max_m;
+        let of_kind = fit.candidates.iter().filter(|c| chosen(&c.table.table()));
+        of_kind.min_by(|a, b| a.passes.cmp(&b.passes).reverse().then(error(a).total_cmp(&error(b))))
+    };
+    let shape = |rows: u8, columns: u8| {
+        best(&|t| matches!(t.form, Form::Arc(s) if [s.shape.rows, s.shape.columns] == [rows, columns]))
+    };
+    let series =
+        |map: &dyn Fn(LoadMap) -> bool| best(&|t| matches!(t.form, Form::Series { .. }) && map(t.metadata.load_map));
+    let all = [
+        ("ARC_SHORT", shape(6, 7)),
+        ("ARC_LONG", shape(3, 8)),
+        ("SERIES", series(&|m| m == LoadMap::InverseRoot)),
+        ("SERIES_LOG", series(&|m| m == LoadMap::Log)),
+        ("SERIES_RATIO", series(&|m| matches!(m, LoadMap::Ratio { .. }))),
+        ("HERMITE", best(&|t| matches!(t.form, Form::Hermite { .. }))),
+        ("BILINEAR", best(&|t| matches!(t.form, Form::Bilinear { .. }))),
+    ];
+    all.into_iter().filter_map(|(name, c)| Some((name, c?))).collect()
+}
 
 /// The solver on a scene's envelope.
 pub(crate) struct Reference<'a> {
@@ -301,18 +325,17 @@ pub fn fit(scene: &Scene) -> Result<Fit, FitError> {
         let search = Search { scene, reference: &reference, map, points: &points, accuracy: &accuracy };
         candidates.extend(search.candidates()?);
     }
-    for numbers in panels::candidates(&reference, &accuracy, &PANEL_TERMS)?.into_iter().flatten() {
+    for numbers in patches::candidates(&reference, &accuracy)? {
         let table = blank_table(scene, &reference, LoadMap::Linear, numbers);
         let errors = errors_over(&table.table(), &points);
         let passes = errors.meets(&accuracy, 0.9) && table.numbers.form().bytes() <= MAX_BYTES;
         candidates.push(Candidate { table, errors, passes });
     }
-    // Smallest first; of equal size the one without a transcendental function.
-    let cost = |c: &Candidate| {
-        let map = matches!(c.table.metadata.load_map, LoadMap::Log) as usize;
-        (!c.passes, c.table.numbers.form().bytes(), map)
-    };
-    candidates.sort_by_key(cost);
+    // Those that the board looks up fast enough, then the rest; in both the smallest first, of equal size the faster.
+    candidates.sort_by_key(|c| {
+        let (bytes, instructions) = (c.table.numbers.form().bytes(), c.instructions());
+        (!c.passes, instructions > LOOKUP_INSTRUCTIONS, bytes, instructions)
+    });
     for candidate in candidates.iter().filter(|c| c.passes) {
         let mut table = candidate.table.clone();
         let certificate = certificate::certify(&table.table(), &reference, certificate::RANDOM_POINTS)?;

@@ -1,6 +1,6 @@
 //! The forms that a table can have, each with value and gradient in its own coordinates on [−1, 1]².
 
-use crate::arc::{Growth, Panel};
+use crate::arc::{ArcSeries, Growth, Patch};
 
 /// Value and derivatives at a position (x along the load axis, y along the twist axis).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -13,11 +13,16 @@ pub struct Value {
     pub by_y: f32,
 }
 
+impl Value {
+    /// What an inconsistent form answers.
+    pub(crate) const NONE: Self = Self { value: f32::NAN, by_x: f32::NAN, by_y: f32::NAN };
+}
+
 /// A table's numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Form<'a> {
     /// Σ_i x^i Σ_j c_ij y^j: a Chebyshev series cut where its terms no longer matter, row by row, and written in powers.
-    /// Rows ascend in i, coefficients within a row in j.
+    /// Rows descend in i, coefficients within a row in j: in the order in which Horner needs them.
     Series {
         /// Coefficients in each row.
         row_lengths: &'a [u8],
@@ -44,16 +49,7 @@ pub enum Form<'a> {
         nodes: &'a [f32],
     },
     /// G² in load and arc on ranges of the load, see [`crate::arc`]. It has axes of its own.
-    Arc {
-        /// How the arc grows.
-        growth: Growth<'a>,
-        /// Ranges of the load, ascending.
-        panels: &'a [Panel],
-        /// Coefficients in each row of every panel.
-        row_lengths: &'a [u8],
-        /// All coefficients.
-        coefficients: &'a [f32],
-    },
+    Arc(ArcSeries<'a>),
 }
 
 impl Form<'_> {
@@ -63,7 +59,7 @@ impl Form<'_> {
             Self::Series { .. } => "chebyshev-series",
             Self::Hermite { .. } => "hermite-bicubic",
             Self::Bilinear { .. } => "bilinear",
-            Self::Arc { .. } => "arc-series",
+            Self::Arc(_) => "arc-series",
         }
     }
 
@@ -73,9 +69,7 @@ impl Form<'_> {
             Self::Series { row_lengths, coefficients } => row_lengths.len() + 4 * coefficients.len(),
             Self::Hermite { nodes, .. } => 16 * nodes.len(),
             Self::Bilinear { nodes, .. } => 4 * nodes.len(),
-            Self::Arc { growth, panels, row_lengths, coefficients } => {
-                4 + 4 * growth.powers.len() + Panel::BYTES * panels.len() + row_lengths.len() + 4 * coefficients.len()
-            }
+            Self::Arc(s) => Growth::BYTES + Patch::BYTES * s.patches.len() + 4 * s.coefficients.len(),
         }
     }
 
@@ -93,16 +87,52 @@ impl Form<'_> {
             Self::Bilinear { loads, twists, nodes } => {
                 *loads >= 2 && *twists >= 2 && usize::from(*loads) * usize::from(*twists) == nodes.len()
             }
-            Self::Arc { panels, row_lengths, coefficients, .. } => {
-                !panels.is_empty()
-                    && panels.iter().all(|p| {
-                        p.part(row_lengths, coefficients).is_some_and(|(rows, terms)| {
-                            Form::Series { row_lengths: rows, coefficients: terms }.is_consistent()
-                        })
-                    })
-            }
+            Self::Arc(s) => !s.patches.is_empty() && s.coefficients.len() == s.patches.len() * s.shape.terms(),
         }
     }
+}
+
+/// Value and slope along one row: Horner from the highest power, which stands first.
+#[inline(always)]
+fn along(row: &[f32], y: f32, (mut value, mut slope): (f32, f32)) -> (f32, f32) {
+    for c in row {
+        slope = slope * y + value;
+        value = value * y + c;
+    }
+    (value, slope)
+}
+
+/// Coefficients of a row that are taken in one straight piece.
+const STRAIGHT: usize = 8;
+
+/// The row of `length` coefficients at the start of `rest`, and what follows it.
+///
+/// One arm for each length, so that each is unrolled and nothing is counted or checked within a row: this is most of a
+/// lookup.
+#[inline(always)]
+fn row(length: usize, rest: &[f32], y: f32) -> Option<((f32, f32), &[f32])> {
+    let (mut sum, mut left, mut rest) = ((0.0, 0.0), length, rest);
+    while left > STRAIGHT {
+        let (head, tail) = rest.split_first_chunk::<STRAIGHT>()?;
+        sum = along(head, y, sum);
+        (rest, left) = (tail, left - STRAIGHT);
+    }
+    macro_rules! straight {
+        ($n:literal) => {{
+            let (head, tail) = rest.split_first_chunk::<$n>()?;
+            (along(head, y, sum), tail)
+        }};
+    }
+    Some(match left {
+        1 => straight!(1),
+        2 => straight!(2),
+        3 => straight!(3),
+        4 => straight!(4),
+        5 => straight!(5),
+        6 => straight!(6),
+        7 => straight!(7),
+        _ => straight!(8),
+    })
 }
 
 /// Horner in y along each row, Horner in x across the rows, both from the highest power down. Lengths that do not fit
@@ -112,26 +142,11 @@ impl Form<'_> {
 pub(crate) fn series(row_lengths: &[u8], coefficients: &[f32], x: f32, y: f32) -> Value {
     let mut total = Value { value: 0.0, by_x: 0.0, by_y: 0.0 };
     let mut rest = coefficients;
-    for length in row_lengths.iter().rev() {
-        let Some((head, row)) = rest.split_at_checked(rest.len().wrapping_sub(usize::from(*length))) else {
-            return Value { value: f32::NAN, by_x: f32::NAN, by_y: f32::NAN };
+    for length in row_lengths {
+        let Some(((value, slope), after)) = row(usize::from(*length), rest, y) else {
+            return Value::NONE;
         };
-        rest = head;
-        let (mut value, mut slope) = (0.0f32, 0.0f32);
-        let mut step = |c: &f32| {
-            slope = slope * y + value;
-            value = value * y + c;
-        };
-        let mut fours = row.rchunks_exact(4);
-        for four in fours.by_ref() {
-            if let [a, b, c, d] = four {
-                step(d);
-                step(c);
-                step(b);
-                step(a);
-            }
-        }
-        fours.remainder().iter().rev().for_each(step);
+        rest = after;
         total.by_x = total.by_x * x + total.value;
         total.value = total.value * x + value;
         total.by_y = total.by_y * x + slope;

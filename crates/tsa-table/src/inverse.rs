@@ -1,7 +1,7 @@
 //! Inverses of the table, in a bounded number of steps.
 //!
 //! The gap rises with the load and falls with the twist over the whole envelope (the certificate checks it), so both
-//! inverses are single roots: Newton inside a bracket that only shrinks.
+//! inverses are single roots: inverse interpolation inside a bracket that only shrinks.
 
 use crate::lookup::{OutOfRange, Point, Table};
 
@@ -35,7 +35,73 @@ pub struct LoadFromGap {
     pub point: Point,
 }
 
+/// Where a search has looked: the coordinate, the gap there, and the coordinate's slope by the gap.
+#[derive(Clone, Copy)]
+struct Seen {
+    at: f32,
+    gap_m: f32,
+    slope: f32,
+}
+
+/// The search for the coordinate at which the gap is `gap_m`: inverse cubic interpolation through the last two points
+/// and their slopes (Newton from the first), inside a bracket that only shrinks.
+struct Search {
+    gap_m: f32,
+    tolerance_m: f32,
+    rising: bool,
+    low: f32,
+    high: f32,
+    /// Whether an end is still that of the envelope, where the gap has not been looked at.
+    fresh: [bool; 2],
+    last: Option<Seen>,
+}
+
+impl Search {
+    /// Where to look after `seen`; nothing if that is the place, or there is nowhere left.
+    #[inline]
+    fn after(&mut self, seen: Seen) -> Option<f32> {
+        let error = seen.gap_m - self.gap_m;
+        // Written so that NaN goes on, and finds nowhere left.
+        if error.abs() <= self.tolerance_m {
+            return None;
+        }
+        if (error > 0.0) == self.rising {
+            (self.high, self.fresh[1]) = (seen.at, false);
+        } else {
+            (self.low, self.fresh[0]) = (seen.at, false);
+        }
+        let mut next = seen.at - error * seen.slope;
+        if let Some(last) = self.last {
+            let h = last.gap_m - seen.gap_m;
+            let secant = (last.at - seen.at) / h;
+            let cubic = (seen.slope + last.slope - 2.0 * secant) / h;
+            // From `seen`, along −error; h is the way back to `last`.
+            next += error * error * ((secant - seen.slope) - cubic * (error + h)) / h;
+        }
+        self.last = Some(seen);
+        // Outside: the envelope's end, once; then halving.
+        if !(next > self.low && next < self.high) {
+            next = if next <= self.low && self.fresh[0] {
+                self.low
+            } else if next >= self.high && self.fresh[1] {
+                self.high
+            } else {
+                0.5 * (self.low + self.high)
+            };
+        }
+        (next != seen.at).then_some(next)
+    }
+}
+
 impl Table<'_> {
+    fn search(&self, gap_m: f32, rising: bool, low: f32, high: f32) -> Search {
+        // Far below the certificate's error, above what f32 resolves.
+        let resolved = 4.0 * f32::EPSILON * gap_m;
+        let wanted = self.metadata.contraction_error_m * (1.0 / 32.0);
+        let tolerance_m = if wanted > resolved { wanted } else { resolved };
+        Search { gap_m, tolerance_m, rising, low, high, fresh: [true, true], last: None }
+    }
+
     /// The load at which the mechanism, twisted by `twist_rad`, has the gap `gap_m` (model.md section 4): the rods and
     /// strings as the rig's own load cell.
     ///
@@ -43,35 +109,23 @@ impl Table<'_> {
     /// [`InverseError`] naming what is outside.
     pub fn load_from_gap(&self, twist_rad: f32, gap_m: f32) -> Result<LoadFromGap, InverseError> {
         let m = &self.metadata;
-        let (mut low, mut high) = (m.load_min_n, m.load_max_n);
-        let (at_low, at_high) = (self.look_up(low, twist_rad)?, self.look_up(high, twist_rad)?);
-        let slack = 2.0 * m.contraction_error_m;
-        if !(gap_m >= at_low.gap_m - slack && gap_m <= at_high.gap_m + slack) {
-            return Err(InverseError::Gap { gap_m, min_m: at_low.gap_m, max_m: at_high.gap_m });
-        }
-        let twist_rad = twist_rad.clamp(m.twist_min_rad, m.twist_max_rad);
-        // Softening with 1/F: the root lies nearer to the light end than a straight line says.
-        let mut load_n = libm::sqrtf(low * high);
+        let twist_rad = self.twist_inside(twist_rad)?;
+        let mut search = self.search(gap_m, true, m.load_min_n, m.load_max_n);
+        // The gap bends most at the light end.
+        let mut load_n = m.load_min_n + 0.15 * (m.load_max_n - m.load_min_n);
         let mut point = self.evaluate(load_n, twist_rad);
         for _ in 0..MAX_STEPS {
-            let error = point.gap_m - gap_m;
-            if error > 0.0 {
-                high = load_n
-            } else {
-                low = load_n
-            }
-            // Newton in 1/F, in which the gap is closest to a straight line at light loads.
-            let step = error / (point.dgap_dload_m_per_n * load_n);
-            let newton = load_n / (1.0 + step);
-            let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
-            let moved = (next - load_n).abs();
+            let seen = Seen { at: load_n, gap_m: point.gap_m, slope: 1.0 / point.dgap_dload_m_per_n };
+            let Some(next) = search.after(seen) else { break };
             load_n = next;
             point = self.evaluate(load_n, twist_rad);
-            if moved <= 1e-6 * load_n {
-                break;
-            }
         }
-        Ok(LoadFromGap { load_n, point })
+        // At an end of the envelope the gap may still be outside, as NaN is everywhere.
+        if (point.gap_m - gap_m).abs() <= 2.0 * m.contraction_error_m {
+            return Ok(LoadFromGap { load_n, point });
+        }
+        let at = |load_n| self.evaluate(load_n, twist_rad).gap_m;
+        Err(InverseError::Gap { gap_m, min_m: at(m.load_min_n), max_m: at(m.load_max_n) })
     }
 
     /// The twist at which the mechanism under `load_n` has the gap `gap_m` (rad).
@@ -80,31 +134,20 @@ impl Table<'_> {
     /// [`InverseError`] naming what is outside.
     pub fn twist_from_gap(&self, load_n: f32, gap_m: f32) -> Result<f32, InverseError> {
         let m = &self.metadata;
-        let (mut low, mut high) = (m.twist_min_rad, m.twist_max_rad);
-        let (at_low, at_high) = (self.look_up(load_n, low)?, self.look_up(load_n, high)?);
-        let slack = 2.0 * m.contraction_error_m;
-        if !(gap_m <= at_low.gap_m + slack && gap_m >= at_high.gap_m - slack) {
-            return Err(InverseError::Gap { gap_m, min_m: at_high.gap_m, max_m: at_low.gap_m });
-        }
-        let load_n = load_n.clamp(m.load_min_n, m.load_max_n);
-        let share = (at_low.gap_m - gap_m) / (at_low.gap_m - at_high.gap_m);
-        let mut twist_rad = low + (high - low) * libm::sqrtf(share.clamp(0.0, 1.0));
+        let load_n = self.load_inside(load_n)?;
+        let mut search = self.search(gap_m, false, m.twist_min_rad, m.twist_max_rad);
+        let mut twist_rad = m.twist_min_rad + 0.6 * (m.twist_max_rad - m.twist_min_rad);
+        let mut point = self.evaluate(load_n, twist_rad);
         for _ in 0..MAX_STEPS {
-            let point = self.evaluate(load_n, twist_rad);
-            let error = point.gap_m - gap_m;
-            if error > 0.0 {
-                low = twist_rad
-            } else {
-                high = twist_rad
-            }
-            let newton = twist_rad - error / point.dgap_dtwist_m_per_rad;
-            let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
-            let moved = (next - twist_rad).abs();
+            let seen = Seen { at: twist_rad, gap_m: point.gap_m, slope: 1.0 / point.dgap_dtwist_m_per_rad };
+            let Some(next) = search.after(seen) else { break };
             twist_rad = next;
-            if moved <= 2e-7 * (high.abs() + 1.0) {
-                break;
-            }
+            point = self.evaluate(load_n, twist_rad);
         }
-        Ok(twist_rad)
+        if (point.gap_m - gap_m).abs() <= 2.0 * m.contraction_error_m {
+            return Ok(twist_rad);
+        }
+        let at = |twist_rad| self.evaluate(load_n, twist_rad).gap_m;
+        Err(InverseError::Gap { gap_m, min_m: at(m.twist_max_rad), max_m: at(m.twist_min_rad) })
     }
 }

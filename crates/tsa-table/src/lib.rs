@@ -9,7 +9,7 @@
 //! - [`form`]: the forms a table can have, and their evaluation with gradient.
 //! - [`lookup`]: [`Table`], its metadata, forward lookup.
 //! - [`inverse`]: load from twist and gap, twist from load and gap, in a bounded number of steps.
-//! - [`least_squares`]: what a fit needs, on a desktop and on the board.
+//! - [`least_squares`], [`patch_fit`]: what a fit needs, on a desktop and on the board.
 //! - [`fit`], [`certificate`], [`emit`] (feature `std`): choosing, proving and writing out a table.
 
 #![cfg_attr(not(feature = "std"), no_std)]
@@ -22,6 +22,8 @@ mod candidates;
 #[cfg(feature = "std")]
 pub mod certificate;
 #[cfg(feature = "std")]
+pub mod effort;
+#[cfg(feature = "std")]
 pub mod emit;
 #[cfg(feature = "std")]
 pub mod fit;
@@ -29,14 +31,15 @@ pub mod form;
 pub mod inverse;
 pub mod least_squares;
 pub mod lookup;
+pub mod patch_fit;
 #[cfg(feature = "std")]
-mod panels;
+mod patches;
 
-pub use arc::{Growth, Panel};
+pub use arc::{ArcSeries, Growth, Patch, Shape};
 pub use axis::{Axis, LoadMap};
 pub use form::Form;
 pub use inverse::{InverseError, LoadFromGap};
 pub use lookup::{Metadata, OutOfRange, Point, Table};
 
 /// Version of the generator and of the format; part of every table's metadata.
-pub const GENERATOR_VERSION: u16 = 2;
+pub const GENERATOR_VERSION: u16 = 3;

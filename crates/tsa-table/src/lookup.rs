@@ -1,6 +1,6 @@
 //! A table with its metadata, and the forward lookup.
 
-use crate::arc;
+use crate::arc::ArcSeries;
 use crate::axis::{Axis, LoadMap};
 use crate::form::{self, Form, Value};
 
@@ -78,13 +78,21 @@ pub struct OutOfRange {
 /// Relative slack at the edges of the envelope, for what rounding to f32 does to a value that is on the edge.
 const EDGE: f32 = 1e-6;
 
+/// `value`, or the end of [min, max] that it is beyond; `min` for NaN. By comparisons: `clamp` panics on a bad range,
+/// `max` and `min` are library calls on the board.
+#[inline]
+fn onto(value: f32, min: f32, max: f32) -> f32 {
+    let value = if value > min { value } else { min };
+    if value < max { value } else { max }
+}
+
 /// `value` if it is in [min, max] up to rounding, moved onto the edge if it is just outside.
 #[inline]
 fn within(parameter: &'static str, value: f32, min: f32, max: f32) -> Result<f32, OutOfRange> {
     let slack = EDGE * (max - min);
     // Written so that NaN is refused.
     if value >= min - slack && value <= max + slack {
-        Ok(value.clamp(min, max))
+        Ok(onto(value, min, max))
     } else {
         Err(OutOfRange { parameter, value, min, max })
     }
@@ -97,10 +105,19 @@ impl Table<'_> {
     /// [`OutOfRange`] naming the parameter.
     #[inline]
     pub fn look_up(&self, load_n: f32, twist_rad: f32) -> Result<Point, OutOfRange> {
-        let m = &self.metadata;
-        let load_n = within("load_n", load_n, m.load_min_n, m.load_max_n)?;
-        let twist_rad = within("twist_rad", twist_rad, m.twist_min_rad, m.twist_max_rad)?;
-        Ok(self.evaluate(load_n, twist_rad))
+        Ok(self.evaluate(self.load_inside(load_n)?, self.twist_inside(twist_rad)?))
+    }
+
+    /// The load (N) if the table covers it.
+    #[inline]
+    pub(crate) fn load_inside(&self, load_n: f32) -> Result<f32, OutOfRange> {
+        within("load_n", load_n, self.metadata.load_min_n, self.metadata.load_max_n)
+    }
+
+    /// The twist (rad) if the table covers it.
+    #[inline]
+    pub(crate) fn twist_inside(&self, twist_rad: f32) -> Result<f32, OutOfRange> {
+        within("twist_rad", twist_rad, self.metadata.twist_min_rad, self.metadata.twist_max_rad)
     }
 
     /// As [`Table::look_up`] with load and twist moved to the nearest edge where they are outside: for a caller that
@@ -108,13 +125,22 @@ impl Table<'_> {
     #[inline]
     pub fn point_inside(&self, load_n: f32, twist_rad: f32) -> Point {
         let m = &self.metadata;
-        let load_n = load_n.max(m.load_min_n).min(m.load_max_n);
-        self.evaluate(load_n, twist_rad.max(m.twist_min_rad).min(m.twist_max_rad))
+        let load_n = onto(load_n, m.load_min_n, m.load_max_n);
+        self.evaluate(load_n, onto(twist_rad, m.twist_min_rad, m.twist_max_rad))
     }
 
     /// As [`Table::look_up`] for a load and a twist that are known to be inside.
     #[inline]
     pub(crate) fn evaluate(&self, load_n: f32, twist_rad: f32) -> Point {
+        match &self.form {
+            Form::Arc(series) => series.evaluate(load_n, twist_rad),
+            _ => self.evaluate_on_axes(load_n, twist_rad),
+        }
+    }
+
+    /// The forms that have the metadata's axes. Apart, so that the other one does not pay for their registers.
+    #[inline(never)]
+    fn evaluate_on_axes(&self, load_n: f32, twist_rad: f32) -> Point {
         let m = &self.metadata;
         let place = || {
             let (coordinate, by_load) = m.load_map.apply(load_n);
@@ -138,9 +164,7 @@ impl Table<'_> {
                 let (x, y, by_load) = place();
                 point(form::bilinear(usize::from(loads), usize::from(twists), nodes, x, y), by_load)
             }
-            Form::Arc { growth, panels, row_lengths, coefficients } => {
-                arc::evaluate(&growth, panels, row_lengths, coefficients, load_n, twist_rad)
-            }
+            Form::Arc(_) => point(Value::NONE, f32::NAN),
         }
     }
 
@@ -197,17 +221,11 @@ impl Table<'_> {
                     digest.update(&value.to_le_bytes());
                 }
             }
-            Form::Arc { growth, panels, row_lengths, coefficients } => {
-                digest.update(&[3, panels.len() as u8]);
+            Form::Arc(ArcSeries { growth, shape, patches, coefficients }) => {
+                digest.update(&[3, shape.rows, shape.columns, patches.len() as u8]);
                 digest.update(&growth.per_load_m_n.to_le_bytes());
-                digest.update(row_lengths);
-                for p in panels {
-                    digest.update(&p.rows);
-                    for part in p.terms {
-                        digest.update(&part.to_le_bytes());
-                    }
-                    let (load, arc) = (p.load_axis, p.arc_axis);
-                    for value in [p.load_max_n, load.centre, load.inverse_half, arc.centre, arc.inverse_half] {
+                for p in patches {
+                    for value in p.centre.iter().chain([&p.load_max_n]) {
                         digest.update(&value.to_le_bytes());
                     }
                 }
