@@ -7,7 +7,8 @@
 use core::hint::black_box;
 use defmt_rtt as _;
 use panic_probe as _;
-use tsa_model::{Mechanism, Method, Tier};
+use tsa_model::scalar::Single;
+use tsa_model::{Mechanism, Method, Parameters, Tier};
 use tsa_table::Point;
 
 #[expect(dead_code, reason = "only the table is of interest here")]
@@ -59,6 +60,21 @@ table!(cost_series_ratio, SERIES_RATIO);
 table!(cost_hermite, HERMITE);
 table!(cost_bilinear, BILINEAR);
 
+/// `interpn`'s cubic interpolation on the smallest grid that gives the same contraction, without a gradient.
+#[unsafe(no_mangle)]
+#[inline(never)]
+fn cost_interpn(load_n: f32, twist_rad: f32) -> f32 {
+    use peers::{INTERPN, INTERPN_DIMS, INTERPN_STARTS, INTERPN_STEPS};
+    let grid = interpn::MulticubicRegular::<f32, 2>::new(INTERPN_DIMS, INTERPN_STARTS, INTERPN_STEPS, &INTERPN, false);
+    grid.and_then(|grid| grid.interp_one([1.0 / libm::sqrtf(load_n), twist_rad])).unwrap_or(0.0)
+}
+
+#[unsafe(no_mangle)]
+#[inline(never)]
+fn cost_full_single(mechanism: &Mechanism<Single>, load_n: f64, twist_rad: f64) -> f32 {
+    mechanism.formal(load_n, twist_rad).map_or(0.0, |e| e.gap_m.0)
+}
+
 #[unsafe(no_mangle)]
 #[inline(never)]
 fn cost_full(mechanism: &Mechanism, load_n: f64, twist_rad: f64) -> f64 {
@@ -93,6 +109,7 @@ fn main() -> ! {
     // For the log's clock; the chip's default clocks serve.
     let _ = embassy_stm32::init(embassy_stm32::Config::default());
     let mechanism = Mechanism::of(peers::PARAMETERS);
+    let single = Mechanism::of(Parameters::<Single>::constant(&peers::PARAMETERS));
     for load in LOADS_N {
         for twist in TWISTS_RAD {
             let (load, twist) = (black_box(load), black_box(twist));
@@ -109,6 +126,7 @@ fn main() -> ! {
             ];
             let (f, t) = (f64::from(load), f64::from(twist));
             let full = cost_full(&mechanism, f, t);
+            let others = [cost_interpn(load, twist), cost_full_single(&single, f, t)];
             let tiers = [
                 cost_rigid(&mechanism, f, t),
                 cost_beam_column(&mechanism, f, t),
@@ -118,7 +136,7 @@ fn main() -> ! {
                 cost_collocation(&mechanism, f, t),
             ];
             // The results leave the board, so that nothing is optimised away and the host can check them (m, N, rad).
-            defmt::println!("{} {} {} {} {}", load, twist, point.gap_m, found[0], found[1]);
+            defmt::println!("{} {} {} {} {} {}", load, twist, point.gap_m, found[0], found[1], others);
             black_box((tables, full, tiers));
         }
     }

@@ -21,8 +21,6 @@ pub const LIGHT_LOAD_N: f64 = 0.5;
 pub const MINIMUM_LOAD_N: f64 = 0.05;
 /// Strain past which the polynomial of eq. 12 is refused, half as far again as its fit reaches.
 pub const STRAIN_LIMIT: f64 = 0.12;
-/// Largest scaled residual of an accepted solution.
-pub const RESIDUAL_LIMIT: f64 = 1e-12;
 
 /// An equilibrium and its derivatives. SI units.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -94,12 +92,6 @@ enum Quadrature {
 /// A point beyond which no helix is looked for: tan α ≈ 30, where eq. 9's stretch alone keeps a formal root alive.
 pub(crate) const ALPHA_LIMIT: f64 = FRAC_PI_2 - 1.0 / 30.0;
 
-/// A residual at twice the nodes below which one Newton step leaves only rounding.
-const NEARLY: f64 = 3e-8;
-
-/// What half the nodes may miss at most: the error falls with its square.
-const HARDLY: f64 = 1e-6;
-
 /// A state of the two unknowns that Newton has settled on.
 pub(crate) struct Found<T> {
     pub alpha: T,
@@ -165,7 +157,7 @@ impl<T: Scalar> Mechanism<T> {
     pub fn formal(&self, load_n: f64, twist_rad: f64) -> Result<Equilibrium<T>, SolveError> {
         let state = State::new(load_n, twist_rad)?;
         if self.is_rigid() {
-            return self.balance(&state, None, PRECISION, &mut |_| Ok(self.rigid_response()));
+            return self.balance(&state, None, T::PRECISION, &mut |_| Ok(self.rigid_response()));
         }
         let direct = match self.settle(&state, self.first_guess(&state)) {
             Some(found) => self.complete(&state, found),
@@ -186,7 +178,7 @@ impl<T: Scalar> Mechanism<T> {
     }
 
     pub(crate) fn complete(&self, state: &State, found: Found<T>) -> Result<Equilibrium<T>, SolveError> {
-        if found.missed > HARDLY {
+        if found.missed > T::HARDLY {
             let nodes = LEVELS[LEVELS.len() - 1].count();
             return Err(SolveError::Unresolved { load_n: state.load_n, nodes, missed: found.missed });
         }
@@ -234,7 +226,7 @@ impl<T: Scalar> Mechanism<T> {
             Quadrature::Automatic => &LEVELS,
             Quadrature::Fixed(rule) => core::slice::from_ref(rule),
         };
-        self.settle_on(state, start, rules, RESIDUAL_LIMIT)
+        self.settle_on(state, start, rules, T::RESIDUAL)
     }
 
     /// As [`Self::settle`], on these rules and to this residual.
@@ -269,7 +261,7 @@ impl<T: Scalar> Mechanism<T> {
                 // The first look through twice the nodes shows what the fewer missed.
                 if k > 0 && step == 0 {
                     missed = residual;
-                    enough |= missed <= NEARLY;
+                    enough |= missed <= T::NEARLY;
                 }
                 let (a, b) = (shape.length.by_amplitude, shape.length.by_inward * helix.inward_by_alpha);
                 let c = -(shape.reach.by_amplitude * (2.0 * state.span_factor));
@@ -306,7 +298,7 @@ impl<T: Scalar> Mechanism<T> {
             Quadrature::Fixed(rule) => rule,
         };
         let (mut evaluations, mut at) = (0, None);
-        let balanced = self.balance(state, Some(SCAN), PRECISION, &mut |force| {
+        let balanced = self.balance(state, Some(SCAN), T::PRECISION, &mut |force| {
             let (amplitude, shape, steps) = self.rod.amplitude(force, rule)?;
             evaluations += steps * shape.evaluations;
             let residual = ((shape.length.value / self.rod.length_m).value() - 1.0).abs();
@@ -389,15 +381,13 @@ impl<T: Scalar> Mechanism<T> {
     }
 }
 
-/// Scaled miss of eq. 25 at which an iteration on the helix angle alone stops.
-pub(crate) const PRECISION: f64 = 1e-14;
 /// Intervals in which the first root is looked for.
 const SCAN: u32 = 48;
 
 /// A solution whose residual is as small as it must be.
 pub(crate) fn converged<T: Scalar>(found: Equilibrium<T>) -> Result<Equilibrium<T>, SolveError> {
     // Not `>`: NaN is no solution either.
-    if found.residual <= RESIDUAL_LIMIT {
+    if found.residual <= T::RESIDUAL {
         return Ok(found);
     }
     let Equilibrium { load_n, twist_rad, residual, .. } = found;

@@ -1,6 +1,7 @@
-//! The numbers that the solver computes with: f64, or f64 with its derivatives by some parameters ([`Dual`]).
+//! The numbers that the solver computes with: f64, f64 with its derivatives by some parameters ([`Dual`]), or f32
+//! ([`Single`]), which the board has an arithmetic unit for.
 //!
-//! Elementary functions are std's on a desktop and libm's on the board.
+//! Elementary functions are std's on a desktop and libm's on the board; in f32 libm's everywhere.
 
 use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
@@ -49,6 +50,16 @@ pub trait Scalar:
 {
     /// Newton steps after the value has settled until the derivatives have, too.
     const EXTRA_STEPS: u32;
+    /// Relative distance between neighbouring numbers.
+    const EPSILON: f64;
+    /// Scaled residual of an equilibrium that counts as solved.
+    const RESIDUAL: f64;
+    /// Scaled residual below which there is only rounding.
+    const PRECISION: f64;
+    /// A relative step, or a residual at twice the nodes, after which one more Newton step leaves only rounding.
+    const NEARLY: f64;
+    /// What half the nodes may miss at most: the error falls with its square.
+    const HARDLY: f64;
     /// A constant.
     fn of(value: f64) -> Self;
     /// The number without its derivatives.
@@ -74,6 +85,11 @@ pub trait Scalar:
 
 impl Scalar for f64 {
     const EXTRA_STEPS: u32 = 0;
+    const EPSILON: f64 = f64::EPSILON;
+    const RESIDUAL: f64 = 1e-12;
+    const PRECISION: f64 = 1e-14;
+    const NEARLY: f64 = 3e-8;
+    const HARDLY: f64 = 1e-6;
     fn of(value: f64) -> Self {
         value
     }
@@ -130,6 +146,11 @@ impl<const N: usize> Dual<N> {
 
 impl<const N: usize> Scalar for Dual<N> {
     const EXTRA_STEPS: u32 = 1;
+    const EPSILON: f64 = <f64 as Scalar>::EPSILON;
+    const RESIDUAL: f64 = f64::RESIDUAL;
+    const PRECISION: f64 = f64::PRECISION;
+    const NEARLY: f64 = f64::NEARLY;
+    const HARDLY: f64 = f64::HARDLY;
     fn of(value: f64) -> Self {
         Self { value, by: [0.0; N] }
     }
@@ -234,6 +255,80 @@ impl<const N: usize> AddAssign for Dual<N> {
 impl<const N: usize> SubAssign for Dual<N> {
     fn sub_assign(&mut self, other: Self) {
         *self = *self - other;
+    }
+}
+
+/// A number in single precision, for the board. Type of its own because [`Scalar`] mixes with f64 constants.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Single(pub f32);
+
+impl Scalar for Single {
+    const EXTRA_STEPS: u32 = 0;
+    const EPSILON: f64 = f32::EPSILON as f64;
+    const RESIDUAL: f64 = 1e-5;
+    const PRECISION: f64 = 1e-6;
+    const NEARLY: f64 = 3e-4;
+    const HARDLY: f64 = 1e-3;
+    fn of(value: f64) -> Self {
+        Self(value as f32)
+    }
+    fn value(self) -> f64 {
+        f64::from(self.0)
+    }
+    fn sqrt(self) -> Self {
+        Self(libm::sqrtf(self.0))
+    }
+    fn sin_cos(self) -> (Self, Self) {
+        let (sin, cos) = libm::sincosf(self.0);
+        (Self(sin), Self(cos))
+    }
+    fn asin(self) -> Self {
+        Self(libm::asinf(self.0))
+    }
+    fn exp_m1(self) -> Self {
+        Self(libm::expm1f(self.0))
+    }
+    fn powf(self, exponent: Self) -> Self {
+        Self(libm::powf(self.0, exponent.0))
+    }
+}
+
+impl Neg for Single {
+    type Output = Self;
+    fn neg(self) -> Self {
+        Self(-self.0)
+    }
+}
+
+macro_rules! single {
+    ($($operation:ident $name:ident $sign:tt,)*) => {$(
+        impl $operation for Single {
+            type Output = Self;
+            fn $name(self, other: Self) -> Self {
+                Self(self.0 $sign other.0)
+            }
+        }
+
+        impl $operation<f64> for Single {
+            type Output = Self;
+            fn $name(self, other: f64) -> Self {
+                Self(self.0 $sign other as f32)
+            }
+        }
+    )*};
+}
+
+single!(Add add +, Sub sub -, Mul mul *, Div div /,);
+
+impl AddAssign for Single {
+    fn add_assign(&mut self, other: Self) {
+        self.0 += other.0;
+    }
+}
+
+impl SubAssign for Single {
+    fn sub_assign(&mut self, other: Self) {
+        self.0 -= other.0;
     }
 }
 

@@ -99,9 +99,6 @@ impl<T: Scalar> Equations<T> {
     }
 }
 
-/// A step at which Newton's next one would be rounding: it converges quadratically.
-const SETTLED: f64 = 3e-8;
-
 impl<T: Scalar> Section<T> {
     /// The section of a rod with these coefficients a1…a5 of eq. 12 (Pa).
     pub fn new(stress_coefficients_pa: &[T; 5]) -> Self {
@@ -178,7 +175,7 @@ impl<T: Scalar> Section<T> {
             }
             let step = (t.stress - n) / t.tangent;
             e -= step;
-            if step.value().abs() <= 4.0 * f64::EPSILON * e.value().abs() {
+            if step.value().abs() <= 4.0 * T::EPSILON * e.value().abs() {
                 if left == 0 {
                     return Ok(e);
                 }
@@ -187,7 +184,7 @@ impl<T: Scalar> Section<T> {
         }
         // Rounding may keep the last bit moving; anything worse is a flat curve.
         let miss = self.terms(e).stress - n;
-        if miss.value().abs() <= 1e-14 * n.value().abs() { Ok(e) } else { Err(Singular { bending_strain: 0.0 }) }
+        if miss.value().abs() <= T::PRECISION * n.value().abs() { Ok(e) } else { Err(Singular { bending_strain: 0.0 }) }
     }
 
     /// σ(e1) − σ(e0) over e1 − e0, and w0(e1) − w0(e0) over e1 − e0, without cancellation.
@@ -241,8 +238,8 @@ impl<T: Scalar> Section<T> {
             y += dy;
             iterations += 1;
             if !leaves
-                && dy.value().abs() <= SETTLED * y.value()
-                && de.value().abs() <= SETTLED * (less.value().abs() + y.value())
+                && dy.value().abs() <= T::NEARLY * y.value()
+                && de.value().abs() <= T::NEARLY * (less.value().abs() + y.value())
             {
                 if left == 0 {
                     let strain = Strain { axial: tip_stretch - less, bending_squared: y };
@@ -278,7 +275,7 @@ impl<T: Scalar> Section<T> {
             let (de, db) = ((r1 * m_b - r2 * n_b) / det, (n_e * r2 - n_b * r1) / det);
             e += de;
             b += db;
-            if de.value().abs() + db.value().abs() <= SETTLED * (e.value().abs() + b.value().abs()) {
+            if de.value().abs() + db.value().abs() <= T::NEARLY * (e.value().abs() + b.value().abs()) {
                 if left == 0 {
                     return Ok((e, b, [n_e, n_b, n_b, m_b]));
                 }

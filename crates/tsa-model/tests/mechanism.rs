@@ -1,6 +1,6 @@
 //! Derivatives, symmetry and limits of the mechanism.
 
-use tsa_model::scalar::{Dual, Scalar};
+use tsa_model::scalar::{Dual, Scalar, Single};
 use tsa_model::{Geometry, Mechanism, PRETWIST_RAD, Parameters, Scene, twist_from_turns};
 
 fn scene(name: &str) -> Scene {
@@ -143,5 +143,33 @@ fn dual_numbers_give_the_derivatives_by_every_constant() {
                 }
             }
         }
+    }
+}
+
+/// What the board's arithmetic unit does by itself: where f32 ends is measured, not hoped.
+#[test]
+fn single_precision_is_good_to_a_tenth_of_a_micrometre_but_not_on_a_plateau() {
+    // A section whose tangent almost vanishes magnifies the rounding of its strains.
+    for (name, most_gap, most_tr) in
+        [("default", 1e-7, 1e-5), ("paper-printed", 1e-7, 1e-5), ("niti-plateau", 2e-6, 4e-3)]
+    {
+        let scene = scene(name);
+        let exact = scene.mechanism().unwrap();
+        let single = Mechanism::of(Parameters::<Single>::constant(exact.parameters()));
+        let (mut gap, mut tr, mut refused) = (0f64, 0f64, 0);
+        for i in 0..12 {
+            for j in 0..12 {
+                let (load, twist) = (0.6 * 30f64.powf(f64::from(i) / 11.0), 3.2 + 4.2 * f64::from(j));
+                let Ok(e) = exact.formal(load, twist) else { continue };
+                let Ok(s) = single.formal(load, twist) else {
+                    refused += 1;
+                    continue;
+                };
+                gap = gap.max((s.gap_m.value() - e.gap_m).abs());
+                tr = tr.max((s.tr_rad_per_m().value() / e.tr_rad_per_m() - 1.0).abs());
+            }
+        }
+        println!("{name}: gap within {gap:.2e} m, TR within {tr:.2e}, {refused} refused");
+        assert!(gap < most_gap && tr < most_tr && refused == 0, "{name}");
     }
 }

@@ -14,8 +14,9 @@ mod shooting;
 
 use crate::error::SolveError;
 use crate::helix::State;
-use crate::mechanism::{Equilibrium, Mechanism, PRECISION};
+use crate::mechanism::{Equilibrium, Mechanism};
 use crate::quadrature::MAX_NODES;
+use crate::scalar::Scalar;
 
 pub use collocation::MAX_INTERVALS;
 
@@ -131,7 +132,7 @@ impl Mechanism {
             Method::AdaptiveShooting { tolerance } => {
                 let mut evaluations = 0;
                 let state = State::new(load_n, twist_rad)?;
-                let mut found = self.balance(&state, None, tolerance.max(PRECISION), &mut |force| {
+                let mut found = self.balance(&state, None, tolerance.max(f64::PRECISION), &mut |force| {
                     shooting::adaptive(&self.rod, force, tolerance, &mut evaluations)
                 })?;
                 found.evaluations = evaluations;
@@ -140,7 +141,7 @@ impl Mechanism {
             Method::Collocation { intervals, tolerance } => {
                 let mut evaluations = 0;
                 let state = State::new(load_n, twist_rad)?;
-                let mut found = self.balance(&state, None, tolerance.max(PRECISION), &mut |force| {
+                let mut found = self.balance(&state, None, tolerance.max(f64::PRECISION), &mut |force| {
                     collocation::respond(&self.rod, force, intervals, tolerance, &mut evaluations)
                 })?;
                 found.evaluations = evaluations;

@@ -316,7 +316,8 @@ impl<T: Scalar> Rod<T> {
             }
             let newton = amplitude - error * self.length_m / shape.length.by_amplitude;
             let inside = newton.value() > low && newton.value() < high;
-            let settled = (newton - amplitude).value().abs() <= 1e-15 * high || error.value().abs() < 1e-15;
+            let settled =
+                (newton - amplitude).value().abs() <= 5.0 * T::EPSILON * high || error.value().abs() < 5.0 * T::EPSILON;
             if settled {
                 if left == 0 {
                     break;
@@ -341,7 +342,7 @@ impl<T: Scalar> Rod<T> {
             let (amplitude, _, steps) = self.amplitude(force, &pair[0])?;
             total += steps;
             let finer = self.shape(force, amplitude, &pair[1])?;
-            if ((finer.length.value / self.length_m).value() - 1.0).abs() < 1e-12 {
+            if ((finer.length.value / self.length_m).value() - 1.0).abs() < T::RESIDUAL {
                 return Ok((self.response(force, amplitude, &finer)?, pair[1].count(), total));
             }
         }

@@ -17,7 +17,7 @@ mod closed;
 use crate::PRETWIST_RAD;
 use crate::error::SolveError;
 use crate::helix::State;
-use crate::mechanism::{Equilibrium, Mechanism, PRECISION};
+use crate::mechanism::{Equilibrium, Mechanism};
 use crate::rod::{RodModel, RodResponse, TipForce};
 use crate::scalar::Scalar;
 
@@ -142,7 +142,7 @@ impl Mechanism {
             Tier::Rigid | Tier::BeamColumn | Tier::PseudoRigid => {
                 let state = State::new(load_n, twist_rad)?;
                 let mut evaluations = 0;
-                let mut e = self.balance(&state, None, PRECISION, &mut |force| {
+                let mut e = self.balance(&state, None, f64::PRECISION, &mut |force| {
                     evaluations += 1;
                     self.closed(tier, force)
                 })?;
