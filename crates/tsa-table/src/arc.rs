@@ -53,7 +53,7 @@ impl Patch {
 /// Most powers of the load in a patch.
 pub const MAX_ROWS: usize = 6;
 /// Most powers of the arc in a patch.
-pub const MAX_COLUMNS: usize = 8;
+pub const MAX_COLUMNS: usize = 9;
 
 /// How many powers every patch of a form has, and the code that is unrolled for that many.
 #[derive(Clone, Copy)]
@@ -82,7 +82,7 @@ impl Shape {
                 }
             };
         }
-        shapes! { 2: 2 3 4 5 6 7 8; 3: 2 3 4 5 6 7 8; 4: 2 3 4 5 6 7 8; 5: 2 3 4 5 6 7 8; 6: 2 3 4 5 6 7 8; }
+        shapes! { 2: 2 3 4 5 6 7 8 9; 3: 2 3 4 5 6 7 8 9; 4: 2 3 4 5 6 7 8 9; 5: 2 3 4 5 6 7 8 9; 6: 2 3 4 5 6 7 8 9; }
     }
 
     /// Coefficients of a patch.

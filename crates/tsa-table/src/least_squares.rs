@@ -16,7 +16,7 @@ impl<const N: usize> Default for Normal<N> {
 impl<const N: usize> Normal<N> {
     /// Adds an equation Σ v_k c_k = target, both already weighted.
     pub fn add(&mut self, v: &[f64; N], target: f64) {
-        for (k, a) in v.iter().enumerate() {
+        for (k, a) in v.iter().enumerate().filter(|(_, a)| **a != 0.0) {
             self.right[k] += a * target;
             for (m, b) in self.matrix[k].iter_mut().zip(v).take(k + 1) {
                 *m += a * b;

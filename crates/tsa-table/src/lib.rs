@@ -10,6 +10,7 @@
 //! - [`lookup`]: [`Table`], its metadata, forward lookup.
 //! - [`inverse`]: load from twist and gap, twist from load and gap, in a bounded number of steps.
 //! - [`least_squares`], [`patch_fit`]: what a fit needs, on a desktop and on the board.
+//! - [`rebuild`]: the board's own table from new constants.
 //! - [`fit`], [`certificate`], [`emit`] (feature `std`): choosing, proving and writing out a table.
 
 #![cfg_attr(not(feature = "std"), no_std)]
@@ -34,6 +35,8 @@ pub mod lookup;
 pub mod patch_fit;
 #[cfg(feature = "std")]
 mod patches;
+mod plane;
+pub mod rebuild;
 
 pub use arc::{ArcSeries, Growth, Patch, Shape};
 pub use axis::{Axis, LoadMap};

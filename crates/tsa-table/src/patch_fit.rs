@@ -87,6 +87,9 @@ impl<const N: usize> PatchFit<N> {
         let (mut value, mut slope) = ([0.0; N], [0.0; N]);
         for (k, (v, d)) in value.iter_mut().zip(&mut slope).enumerate() {
             let (i, j) = (k / self.columns, k % self.columns);
+            if i >= MAX_ROWS {
+                break;
+            }
             *v = weight * tx[i] * ty[j];
             *d = slope_weight / self.half[1] * tx[i] * dy[j];
         }

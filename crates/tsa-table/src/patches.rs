@@ -1,12 +1,11 @@
 //! Dividing the load for the mixed form: as few ranges and with as few terms as the scene needs.
 
-use crate::arc::{ArcSeries, Growth, MAX_COLUMNS, MAX_ROWS, POWERS, Patch, Shape};
+use crate::arc::{ArcSeries, Growth, MAX_COLUMNS, MAX_ROWS, Patch, Shape};
 use crate::fit::{Exact, FitError, Numbers, Reference};
-use crate::least_squares::Normal;
 use crate::patch_fit::{MAX_TERMS, PatchFit, Sample};
+use crate::plane::{arc_at, growth};
 use std::collections::BTreeMap;
 use tsa_model::scene::Accuracy;
-use tsa_model::{Parameters, RadiusLaw};
 
 /// Cuts of the load range at which a patch may end: evenly spaced in the square root of the load.
 const CUTS: usize = 36;
@@ -18,48 +17,10 @@ const TWISTS: usize = 30;
 const GAP_SHARE: f64 = 0.8;
 const TR_SHARE: f64 = 0.9;
 
-/// Arc and its derivative by twist in f64, by the rounded numbers.
-fn arc_at(growth: &Growth, load_n: f64, twist_rad: f64) -> (f64, f64) {
-    let per_twist = f64::from(growth.per_load_m_n) / load_n;
-    let (mut value, mut slope) = (0.0, 0.0);
-    for c in &growth.powers {
-        slope = slope * twist_rad + value;
-        value = value * twist_rad + f64::from(*c);
-    }
-    (twist_rad * (per_twist + value), per_twist + value + twist_rad * slope)
-}
-
 fn sample(growth: &Growth, e: &Exact) -> Sample {
     let (arc_m, arc_by_twist) = arc_at(growth, e.load_n, e.twist_rad);
     let Exact { load_n, twist_rad, gap_m, by_twist, .. } = *e;
     Sample { load_n, twist_rad, arc_m, arc_by_twist, gap_m, by_twist }
-}
-
-/// Eq. 6 with r0 (k2 + k3 g(θ)) in powers of the twist.
-pub(crate) fn growth(p: &Parameters, twist_rad: [f64; 2]) -> Option<Growth> {
-    let degree = match p.radius_law {
-        RadiusLaw::TwistPower => POWERS,
-        // X0/X changes slowly; what it changes is left to the polynomials in F and a.
-        RadiusLaw::LengthRatio => 1,
-    };
-    let radius = |twist: f64| match p.radius_law {
-        RadiusLaw::TwistPower => libm::pow(twist / core::f64::consts::PI, p.twist_exponent),
-        RadiusLaw::LengthRatio => 1.0,
-    };
-    let top = twist_rad[1];
-    let mut normal = Normal::<POWERS>::default();
-    for k in 0..=200 {
-        let twist = twist_rad[0] + (top - twist_rad[0]) * f64::from(k) / 200.0;
-        let mut v = [1.0; POWERS];
-        for i in 1..POWERS {
-            v[i] = v[i - 1] * twist / top;
-        }
-        normal.add(&v, p.diameter_m * (p.k2 + p.k3 * radius(twist)));
-    }
-    let kept: [usize; POWERS] = core::array::from_fn(|i| i);
-    let c = normal.solve(kept.get(..degree)?)?;
-    let powers = core::array::from_fn(|i| (c[POWERS - 1 - i] / libm::pow(top, (POWERS - 1 - i) as f64)) as f32);
-    Some(Growth { per_load_m_n: (p.diameter_m / p.k1_per_n) as f32, powers })
 }
 
 /// The form of each shape with the fewest ranges of the load.
