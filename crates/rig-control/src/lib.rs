@@ -3,6 +3,7 @@
 //!
 //! - [`constants`]: the rig's numbers, generated from the scene.
 //! - [`sensors`]: readings with their time and validity; raw codes to SI.
+//! - [`mechanism`]: the table, with this rig's own scale of the twist.
 //! - [`planner`]: acceleration- and jerk-limited motion.
 //! - [`observer`]: the load, from twist and gap.
 //! - [`position_loop`]: set-point and measured position to twist speed, through TR.
@@ -14,6 +15,7 @@
 
 pub mod constants;
 pub mod homing;
+pub mod mechanism;
 pub mod observer;
 pub mod planner;
 pub mod position_loop;

@@ -15,12 +15,13 @@
 mod checks;
 mod motion;
 
-use crate::homing::{Homed, Homing, Progress};
+use crate::homing::{Homed, Homing, Progress, Seen};
+use crate::mechanism::Mechanism;
 use crate::observer::LoadObserver;
 use crate::planner::{Planner, Ramp};
 use crate::position_loop::PositionLoop;
-use crate::sensors::{DriveReading, Lvdt, LvdtBlock, LvdtReading};
-use crate::{RigConstants, TICK_US};
+use crate::sensors::{DriveReading, GAP_DELAY_S, Lvdt, LvdtBlock, LvdtReading};
+use crate::{RigConstants, TICK_S, TICK_US};
 use checks::Checks;
 pub use motion::LOAD_ACCELERATION;
 use rig_link::messages::{
@@ -119,6 +120,8 @@ pub struct Rig<'t> {
     /// Newest measured position (m).
     last_position_m: f32,
     standing_ticks: u16,
+    /// Shaft angle in the tick before (rad).
+    last_shaft_rad: Option<f32>,
 }
 
 /// Motor speed (rpm) below which the shaft counts as standing: three quanta of the drive's speed measurement.
@@ -155,7 +158,7 @@ impl<'t> Rig<'t> {
             awaiting_restart: false,
             homing: None,
             homed: None,
-            observer: LoadObserver::new(table.metadata.load_min_n, 0.0),
+            observer: LoadObserver::new(table.metadata.load_min_n, 0.0, 0.0),
             planner: Planner::at(0.0),
             position_loop: PositionLoop::default(),
             motion: Motion::Jog { speed_rad_per_s: 0.0 },
@@ -163,6 +166,7 @@ impl<'t> Rig<'t> {
             arrived_ticks: 0,
             last_position_m: 0.0,
             standing_ticks: 0,
+            last_shaft_rad: None,
         }
     }
 
@@ -189,17 +193,32 @@ impl<'t> Rig<'t> {
         let lvdt = self.lvdt.read(inputs.now_us, inputs.lvdt, &self.constants);
         self.watch(inputs, lvdt, shaft_rad, &mut events);
         let reply = inputs.request.and_then(|request| self.request(request, inputs, lvdt, shaft_rad));
-        let gap_m = match lvdt {
-            LvdtReading::Valid { gap_m, .. } => Some(gap_m),
-            _ => None,
+        let (gap_m, age_s) = match lvdt {
+            LvdtReading::Valid { gap_m, t_us } => {
+                (Some(gap_m), inputs.now_us.saturating_sub(t_us) as f32 * 1e-6 + GAP_DELAY_S)
+            }
+            _ => (None, 0.0),
         };
-        let observed = self.homed.map(|h| (h, self.observer.step(self.table, shaft_rad - h.zero_rad, gap_m)));
+        // Where the shaft was when the gap was measured: the two belong together.
+        let turned = shaft_rad - self.last_shaft_rad.replace(shaft_rad).unwrap_or(shaft_rad);
+        let shaft_then_rad = shaft_rad - turned * age_s / TICK_S;
+        let observed = self.homed.map(|h| {
+            let mechanism = Mechanism { table: self.table, twist_scale: h.twist_scale };
+            (h, self.observer.step(&mechanism, shaft_then_rad - h.zero_rad, gap_m))
+        });
         if observed.is_some_and(|(_, o)| o.at_range_end) {
             self.limit = Some(Limit::LoadRange);
         }
         match self.state {
             State::Boot => self.leave_boot(inputs, lvdt, shaft_rad),
-            State::Homing => self.step_homing(gap_m, shaft_rad, &mut events),
+            State::Homing => {
+                let current_a = match inputs.drive {
+                    DriveReading::Reports { current_ma, .. } => f32::from(current_ma) * 1e-3,
+                    _ => 0.0,
+                };
+                let seen = gap_m.map(|gap_m| Seen { shaft_rad, shaft_then_rad, gap_m, current_a });
+                self.step_homing(seen, shaft_rad, &mut events);
+            }
             State::Moving | State::Holding => self.step_motion(observed.as_ref(), gap_m, &mut events),
             State::Unhomed | State::Ready | State::Fault | State::EStop => self.shaft.speed = 0.0,
         }
@@ -233,14 +252,14 @@ impl<'t> Rig<'t> {
         }
     }
 
-    fn step_homing(&mut self, gap_m: Option<f32>, shaft_rad: f32, events: &mut heapless::Vec<EventKind, 4>) {
-        let (Some(homing), Some(gap_m)) = (self.homing.as_mut(), gap_m) else { return };
-        match homing.step(self.table, &self.constants, shaft_rad, gap_m) {
+    fn step_homing(&mut self, seen: Option<Seen>, shaft_rad: f32, events: &mut heapless::Vec<EventKind, 4>) {
+        let (Some(homing), Some(seen)) = (self.homing.as_mut(), seen) else { return };
+        match homing.step(self.table, &self.constants, &seen) {
             Progress::Turning(ramp) => self.shaft = ramp,
             Progress::Done(homed) => {
                 self.homing = None;
                 self.homed = Some(homed);
-                self.observer = LoadObserver::new(homed.load_n, homed.gap_offset_m);
+                self.observer = LoadObserver::new(homed.load_n, homed.gap_offset_m, homed.friction_n);
                 self.planner = Planner::at(0.0);
                 self.shaft = Ramp::at(homed.zero_rad + core::f32::consts::PI);
                 self.state = State::Ready;

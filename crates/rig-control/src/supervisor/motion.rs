@@ -2,6 +2,7 @@
 
 use super::{EventKind, Homed, JOG_SPEED_MAX, Motion, Rig, SPEED_MAX_M_PER_S, ticks};
 use crate::TICK_S;
+use crate::mechanism::Mechanism;
 use crate::observer::{LoadSource, Observation};
 use crate::planner::{Planner, Ramp};
 use crate::position_loop::PositionLoop;
@@ -34,9 +35,9 @@ fn check(parameter: Parameter, given: f32, min: f32, max: f32) -> Result<f32, Re
 impl Rig<'_> {
     /// The position that the strings can bring this load to (m).
     fn travel_m(&self, homed: &Homed, load_n: f32) -> f32 {
-        let m = &self.table.metadata;
-        let load_n = load_n.clamp(m.load_min_n, m.load_max_n);
-        homed.reference_gap_m - homed.gap_offset_m - self.table.point_inside(load_n, m.twist_max_rad).gap_m
+        let mechanism = Mechanism { table: self.table, twist_scale: homed.twist_scale };
+        let end = mechanism.at(load_n + homed.friction_n, mechanism.twist_max_rad());
+        homed.reference_gap_m - homed.gap_offset_m - end.gap_m
     }
 
     pub(super) fn start_move(
