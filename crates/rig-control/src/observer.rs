@@ -82,6 +82,8 @@ pub struct Observation {
     pub friction_n: f32,
     /// What the strings pull with now (N), smoothed.
     pub pull_n: f32,
+    /// The gap as the table would have it for that pull (m): measured, less the offset, smoothed.
+    pub modelled_gap_m: f32,
     /// The table at this twist and the pull that is expected in the present direction.
     pub point: Point,
     /// The estimate stands at the end of the table's range.
@@ -138,6 +140,7 @@ impl LoadObserver {
             Confidence::Sure
         };
         let pull_n = expected_n + self.surprise_n;
+        let modelled_gap_m = seen.gap_m + self.surprise_n * seen.dgap_dload_m_per_n;
         let (load_n, point) = match self.source {
             LoadSource::Estimate => (self.load_n, seen),
             LoadSource::Known(given_n) => {
@@ -145,7 +148,7 @@ impl LoadObserver {
                 (load_n, mechanism.at(load_n + self.direction * self.friction_n, twist_rad))
             }
         };
-        Observation { load_n, friction_n: self.friction_n, pull_n, point, at_range_end, confidence }
+        Observation { load_n, friction_n: self.friction_n, pull_n, modelled_gap_m, point, at_range_end, confidence }
     }
 
     /// How far the load has moved beyond noise (m); sets direction.

@@ -122,6 +122,8 @@ pub struct Rig<'t> {
     standing_ticks: u16,
     /// Shaft angle in the tick before (rad).
     last_shaft_rad: Option<f32>,
+    /// Age of the newest gap (s).
+    gap_age_s: f32,
 }
 
 /// Motor speed (rpm) below which the shaft counts as standing: three quanta of the drive's speed measurement.
@@ -167,6 +169,7 @@ impl<'t> Rig<'t> {
             last_position_m: 0.0,
             standing_ticks: 0,
             last_shaft_rad: None,
+            gap_age_s: 0.0,
         }
     }
 
@@ -199,6 +202,7 @@ impl<'t> Rig<'t> {
             }
             _ => (None, 0.0),
         };
+        self.gap_age_s = age_s;
         // Where the shaft was when the gap was measured: the two belong together.
         let turned = shaft_rad - self.last_shaft_rad.replace(shaft_rad).unwrap_or(shaft_rad);
         let shaft_then_rad = shaft_rad - turned * age_s / TICK_S;

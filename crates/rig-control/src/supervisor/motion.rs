@@ -5,7 +5,7 @@ use crate::TICK_S;
 use crate::mechanism::Mechanism;
 use crate::observer::{LoadSource, Observation};
 use crate::planner::{Planner, Ramp};
-use crate::position_loop::PositionLoop;
+use crate::position_loop::{PositionLoop, TwistLimits};
 use rig_link::messages::{Accepted, Limit, LoadChoice, Parameter, Refusal, State};
 
 /// Acceleration of the load (m/s²), unless the motor allows less.
@@ -164,8 +164,11 @@ impl Rig<'_> {
         let acceleration = LOAD_ACCELERATION.min(PLANNED_SHARE * self.constants.twist_acceleration_max() / tr);
         let set_point = self.planner.step(speed_m_per_s.min(speed_at_motor_limit), acceleration);
         let position_m = homed.reference_gap_m - gap_m;
-        let out = self.position_loop.step(&set_point, position_m, tr);
         let limit = self.constants.twist_speed_max();
+        let limits = TwistLimits { speed: limit, acceleration: self.constants.twist_acceleration_max() };
+        let mechanism = Mechanism { table: self.table, twist_scale: homed.twist_scale };
+        let twist_rad = self.shaft.position - homed.zero_rad;
+        let out = self.position_loop.step(&set_point, position_m, self.gap_age_s, seen, &mechanism, twist_rad, &limits);
         self.shaft.speed = out.twist_speed_rad_per_s.clamp(-limit, limit);
         let next = self.shaft.position + self.shaft.speed * TICK_S;
         let (low, high) = (self.table.metadata.twist_min_rad - BELOW_PRETWIST, self.table.metadata.twist_max_rad);
