@@ -37,11 +37,13 @@ pub struct PositionLoop {
     crossing_end_rad: f32,
     /// Sign of the move for which it was last set.
     direction: f32,
+    /// The crossing for that move is still to be worked out: not in its first tick, which has looked up enough.
+    to_cross: bool,
 }
 
 impl Default for PositionLoop {
     fn default() -> Self {
-        Self { smoothed: [0.0; 2], crossing: Ramp::at(0.0), crossing_end_rad: 0.0, direction: 0.0 }
+        Self { smoothed: [0.0; 2], crossing: Ramp::at(0.0), crossing_end_rad: 0.0, direction: 0.0, to_cross: false }
     }
 }
 
@@ -106,6 +108,8 @@ impl PositionLoop {
         if direction != self.direction {
             self.direction = direction;
             self.crossing_end_rad = self.crossing.position;
+            self.to_cross = direction != 0.0;
+        } else if core::mem::take(&mut self.to_cross) {
             // Against the move it may only be stopped: there the pull is already past the end of the band.
             if direction * (seen.load_n + direction * seen.friction_n - seen.pull_n) > 0.0 {
                 // Twisted this far, the same gap goes with the pull at the other end.

@@ -11,11 +11,15 @@ const LEAST_HEIGHT_M: f32 = 0.5e-3;
 /// Largest disagreement between the two directions (rad): beyond it, what was seen is not this mechanism.
 const LARGEST_SPLIT_RAD: f32 = 0.8;
 
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 struct Bin {
     shaft_sum: f32,
     gap_sum: f32,
     count: u16,
+}
+
+impl Bin {
+    const EMPTY: Self = Self { shaft_sum: 0.0, gap_sum: 0.0, count: 0 };
 }
 
 /// Levels looked at in one tick.
@@ -48,12 +52,17 @@ impl Work {
     const fn new() -> Self {
         Self { curve: heapless::Vec::new(), top_at: 0, level: 0, sum: 0.0, squares: 0.0, found: 0 }
     }
+
+    fn restart(&mut self) {
+        self.curve.clear();
+        (self.top_at, self.level, self.sum, self.squares, self.found) = (0, 0, 0.0, 0.0, 0);
+    }
 }
 
 impl Centre {
-    pub(super) fn new() -> Self {
+    pub(super) const fn new() -> Self {
         Self {
-            bins: [[Bin::default(); BINS]; 2],
+            bins: [[Bin::EMPTY; BINS]; 2],
             pass: 0,
             middle_rad: 0.0,
             half_rad: 1.0,
@@ -64,7 +73,11 @@ impl Centre {
 
     /// Starts the first sweep.
     pub(super) fn begin(&mut self, middle_rad: f32, half_rad: f32) {
-        *self = Self { middle_rad, half_rad, ..Self::new() };
+        self.bins.iter_mut().for_each(|bins| bins.fill(Bin::EMPTY));
+        (self.middle_rad, self.half_rad) = (middle_rad, half_rad);
+        self.pass = 0;
+        self.work.restart();
+        self.solved = [None; 2];
     }
 
     pub(super) fn middle_rad(&self) -> f32 {
@@ -153,12 +166,13 @@ impl Centre {
         if w.level < LEVELS {
             return Ok(None);
         }
-        let w = core::mem::replace(w, Work::new());
-        if usize::from(w.found) < LEVELS / 2 {
+        let (sum, squares, found) = (w.sum, w.squares, w.found);
+        w.restart();
+        if usize::from(found) < LEVELS / 2 {
             return Err(HomingFailure::NoPretwist);
         }
-        let mean = w.sum / f32::from(w.found);
-        Ok(Some((mean, libm::sqrtf((w.squares / f32::from(w.found) - mean * mean).max(0.0)))))
+        let mean = sum / f32::from(found);
+        Ok(Some((mean, libm::sqrtf((squares / f32::from(found) - mean * mean).max(0.0)))))
     }
 }
 

@@ -128,13 +128,19 @@ pub struct Homing {
     lag_count: u16,
 }
 
+impl Default for Homing {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 impl Homing {
-    /// Starts from wherever the shaft is.
-    pub fn new(shaft_rad: f32, gap_m: f32) -> Self {
+    /// Nothing begun.
+    pub const fn new() -> Self {
         Self {
-            phase: Phase::Probe { start_rad: shaft_rad, gap_m },
-            ramp: Ramp::at(shaft_rad),
-            smooth_gap_m: gap_m,
+            phase: Phase::Probe { start_rad: 0.0, gap_m: 0.0 },
+            ramp: Ramp::at(0.0),
+            smooth_gap_m: 0.0,
             direction: 1.0,
             ticks: 0,
             centre: Centre::new(),
@@ -144,6 +150,18 @@ impl Homing {
             lag_sum_s: 0.0,
             lag_count: 0,
         }
+    }
+
+    /// Starts from wherever the shaft is. In place, and the bins are emptied when their sweep begins: a few kilobytes
+    /// made anew and moved would be the longest tick of all.
+    pub fn begin(&mut self, shaft_rad: f32, gap_m: f32) {
+        self.phase = Phase::Probe { start_rad: shaft_rad, gap_m };
+        self.ramp = Ramp::at(shaft_rad);
+        self.smooth_gap_m = gap_m;
+        self.direction = 1.0;
+        self.ticks = 0;
+        (self.zero_rad, self.zero_error_rad) = (0.0, 0.0);
+        (self.lag_sum_s, self.lag_count) = (0.0, 0);
     }
 
     /// One tick.
@@ -276,6 +294,7 @@ impl Homing {
         let ticks = self.rest_at(goal, WEIGH_SPEED[1].min(speed_limit), acceleration, ticks);
         self.phase = Phase::WeighStart { ticks };
         if f32::from(ticks) * TICK_S >= REST_S {
+            self.weigh.begin();
             self.phase = Phase::Weigh;
         }
         Ok(None)

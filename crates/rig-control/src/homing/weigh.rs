@@ -27,7 +27,7 @@ const SCALE_ERROR: f32 = 0.02;
 const CURRENT_ERROR_A: f32 = 25e-6;
 const TORQUE_ERROR: f32 = 0.03;
 
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 struct Bin {
     twist_sum: f32,
     gap_sum: f32,
@@ -47,7 +47,7 @@ struct Pair {
 }
 
 /// Sums of one Gauss–Newton step over the bins seen so far: residual r, sensitivity to load d and to scale e.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 struct Sums {
     n: f32,
     r: f32,
@@ -72,6 +72,19 @@ pub(super) struct Weighed {
     pub friction_n: f32,
 }
 
+impl Bin {
+    const EMPTY: Self = Self { twist_sum: 0.0, gap_sum: 0.0, current_sum: 0.0, count: 0 };
+}
+
+impl Sums {
+    const ZERO: Self =
+        Self { n: 0.0, r: 0.0, d: 0.0, e: 0.0, dd: 0.0, de: 0.0, ee: 0.0, dr: 0.0, er: 0.0, rr: 0.0, friction: 0.0 };
+}
+
+impl Weighed {
+    const NOTHING: Self = Self { load_n: 0.0, offset_m: 0.0, twist_scale: 1.0, friction_n: 0.0 };
+}
+
 /// The load by the work that the motor did (N), and the error of that.
 #[derive(Clone, Copy, Debug)]
 struct ByWork {
@@ -92,16 +105,23 @@ pub(super) struct Weigh {
 }
 
 impl Weigh {
-    pub(super) fn new() -> Self {
+    pub(super) const fn new() -> Self {
         Self {
-            bins: [[Bin::default(); BINS]; 2],
+            bins: [[Bin::EMPTY; BINS]; 2],
             pass: 0,
-            found: Weighed { load_n: 0.0, offset_m: 0.0, twist_scale: 1.0, friction_n: 0.0 },
+            found: Weighed::NOTHING,
             by_work: None,
             steps: 0,
             at: END_BINS,
-            sums: Sums::default(),
+            sums: Sums::ZERO,
         }
+    }
+
+    /// Empties the bins for a first sweep.
+    pub(super) fn begin(&mut self) {
+        self.bins.iter_mut().for_each(|bins| bins.fill(Bin::EMPTY));
+        self.pass = 0;
+        self.found = Weighed::NOTHING;
     }
 
     pub(super) fn pass(&self) -> usize {
@@ -133,7 +153,7 @@ impl Weigh {
         self.found.load_n = self.by_work.map_or(middle_n, |w| w.load_n).clamp(m.load_min_n, m.load_max_n);
         self.steps = 0;
         self.at = END_BINS;
-        self.sums = Sums::default();
+        self.sums = Sums::ZERO;
     }
 
     fn pair(&self, i: usize) -> Option<Pair> {
@@ -209,7 +229,7 @@ impl Weigh {
 
     fn gauss_newton(&mut self, table: &Table<'_>) -> Result<(), HomingFailure> {
         let m = &table.metadata;
-        let s = core::mem::take(&mut self.sums);
+        let s = core::mem::replace(&mut self.sums, Sums::ZERO);
         self.at = END_BINS;
         self.steps += 1;
         let last = self.steps == STEPS;

@@ -108,7 +108,7 @@ pub struct Rig<'t> {
     drive_offset: Option<i64>,
     restart_drive: bool,
     awaiting_restart: bool,
-    homing: Option<Homing>,
+    homing: Homing,
     homed: Option<Homed>,
     observer: LoadObserver,
     planner: Planner,
@@ -158,7 +158,7 @@ impl<'t> Rig<'t> {
             drive_offset: None,
             restart_drive: false,
             awaiting_restart: false,
-            homing: None,
+            homing: Homing::new(),
             homed: None,
             observer: LoadObserver::new(table.metadata.load_min_n, 0.0, 0.0),
             planner: Planner::at(0.0),
@@ -257,11 +257,10 @@ impl<'t> Rig<'t> {
     }
 
     fn step_homing(&mut self, seen: Option<Seen>, shaft_rad: f32, events: &mut heapless::Vec<EventKind, 4>) {
-        let (Some(homing), Some(seen)) = (self.homing.as_mut(), seen) else { return };
-        match homing.step(self.table, &self.constants, &seen) {
+        let Some(seen) = seen else { return };
+        match self.homing.step(self.table, &self.constants, &seen) {
             Progress::Turning(ramp) => self.shaft = ramp,
             Progress::Done(homed) => {
-                self.homing = None;
                 self.homed = Some(homed);
                 self.observer = LoadObserver::new(homed.load_n, homed.gap_offset_m, homed.friction_n);
                 self.planner = Planner::at(0.0);
@@ -278,7 +277,6 @@ impl<'t> Rig<'t> {
     }
 
     fn end_homing(&mut self, failure: HomingFailure, shaft_rad: f32, events: &mut heapless::Vec<EventKind, 4>) {
-        self.homing = None;
         self.shaft = Ramp::at(shaft_rad);
         self.state = State::Unhomed;
         let _ = events.push(EventKind::HomingRefused(failure));
@@ -291,7 +289,6 @@ impl<'t> Rig<'t> {
         }
         self.fault = Some(fault);
         self.state = State::Fault;
-        self.homing = None;
         self.shaft = Ramp::at(shaft_rad);
         let _ = events.push(EventKind::FaultRaised(fault));
     }
@@ -333,7 +330,7 @@ impl<'t> Rig<'t> {
             return Err(Refusal::SensorInvalid { sensor: Sensor::Lvdt });
         };
         self.homed = None;
-        self.homing = Some(Homing::new(shaft_rad, gap_m));
+        self.homing.begin(shaft_rad, gap_m);
         self.state = State::Homing;
         Ok(Accepted::Started)
     }

@@ -96,7 +96,6 @@ impl Rig<'_> {
             }
             (State::Moving, Motion::Jog { speed_rad_per_s }) => *speed_rad_per_s = 0.0,
             (State::Homing, _) => {
-                self.homing = None;
                 self.shaft = Ramp::at(shaft_rad);
                 self.state = State::Unhomed;
             }
