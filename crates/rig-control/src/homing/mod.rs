@@ -4,8 +4,8 @@
 //! Probe ── which way does the gap grow? ──> Seek ── past its maximum ──> Centre ── two sweeps across it ──> Weigh
 //!                                                                          │ midpoints of equal gaps         │
 //!                                                                          v                                 v
-//!                                                                     zero twist              up and down 4 turns :
-//!                                                                                             load and LVDT offset
+//!                                                                     zero twist              up and down 6 turns :
+//!                                                                                             load, friction, radius
 //!                                                                                                  │
 //!                                              Done <── reference gap <── Settle at half a turn <──┘
 //! ```
@@ -39,10 +39,10 @@ const SWEEP_HALF: f32 = 3.0;
 /// Speed of these sweeps (rad/s): slow enough that the load follows without swinging.
 const SWEEP_SPEED: f32 = 2.5;
 /// Turns past the half-turn pre-twist that the load is weighed over.
-const WEIGH_TURNS: f32 = 4.0;
+const WEIGH_TURNS: f32 = 6.0;
 /// Speeds of weighing (rad/s), at the middle of the sweep and at its ends. It varies, and alike either way, so that the
 /// grain of the drive's speed and current measurement averages out: at one speed it beats with the commands' period.
-const WEIGH_SPEED: [f32; 2] = [3.6, 6.5];
+const WEIGH_SPEED: [f32; 2] = [3.4, 6.2];
 /// Acceleration of all of it (rad/s²).
 const ACCELERATION: f32 = 25.0;
 /// Rest before a sweep (s), for the load to stop swinging.

@@ -23,8 +23,8 @@ const LARGEST_MISFIT_M: f32 = 0.2e-3;
 /// Errors that the fit weighs by: of the modelled gap in a bin (m), of the string's twist scale, of the mean current (A)
 /// and of the motor's torque constant and gear together.
 const GAP_ERROR_M: f32 = 20e-6;
-const SCALE_ERROR: f32 = 0.02;
-const CURRENT_ERROR_A: f32 = 25e-6;
+const SCALE_ERROR: f32 = 0.015;
+const CURRENT_ERROR_A: f32 = 20e-6;
 const TORQUE_ERROR: f32 = 0.03;
 
 #[derive(Clone, Copy, Debug)]
