@@ -4,7 +4,7 @@ use super::{EventKind, Homed, JOG_SPEED_MAX, Motion, Rig, SPEED_MAX_M_PER_S, tic
 use crate::TICK_S;
 use crate::mechanism::Mechanism;
 use crate::observer::{LoadSource, Observation};
-use crate::planner::{Planner, Ramp};
+use crate::planner::{Limits, Planner, Ramp};
 use crate::position_loop::{PositionLoop, TwistLimits};
 use rig_link::messages::{Accepted, Limit, LoadChoice, Parameter, Refusal, State};
 
@@ -92,7 +92,7 @@ impl Rig<'_> {
         match (self.state, &mut self.motion) {
             (State::Moving, Motion::Load { stopping, .. }) if !*stopping => {
                 *stopping = true;
-                self.planner.brake(LOAD_ACCELERATION);
+                self.planner.brake(&Limits::new(SPEED_MAX_M_PER_S, LOAD_ACCELERATION));
             }
             (State::Moving, Motion::Jog { speed_rad_per_s }) => *speed_rad_per_s = 0.0,
             (State::Homing, _) => {
@@ -161,7 +161,8 @@ impl Rig<'_> {
             self.limit = Some(Limit::MotorSpeed);
         }
         let acceleration = LOAD_ACCELERATION.min(PLANNED_SHARE * self.constants.twist_acceleration_max() / tr);
-        let set_point = self.planner.step(speed_m_per_s.min(speed_at_motor_limit), acceleration);
+        let planned = Limits::new(speed_m_per_s.min(speed_at_motor_limit), acceleration);
+        let set_point = self.planner.step(&planned);
         let position_m = homed.reference_gap_m - gap_m;
         let limit = self.constants.twist_speed_max();
         let limits = TwistLimits { speed: limit, acceleration: self.constants.twist_acceleration_max() };
