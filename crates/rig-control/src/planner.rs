@@ -115,15 +115,16 @@ impl Motion {
         let jerk = limits.jerk;
         // Once the acceleration has been taken back it goes this way, and is braked the other way.
         let coasting = self.speed + 0.5 * self.acceleration * self.acceleration.abs() / jerk;
-        let way = libm::copysignf(1.0, coasting);
+        let way = if coasting < 0.0 { -1.0 } else { 1.0 };
         let (v, a) = (way * self.speed, way * self.acceleration);
-        let free = libm::sqrtf((jerk * v + 0.5 * a * a).max(0.0));
-        let most = free.min(limits.acceleration);
+        let square = jerk * v + 0.5 * a * a;
+        let free = if square > 0.0 { libm::sqrtf(square) } else { 0.0 };
+        let most = if free > limits.acceleration { limits.acceleration } else { free };
         let (rise, fall) = ((a + most) / jerk, most / jerk);
         let mut distance = rise * (v + rise * (0.5 * a - jerk * rise / 6.0));
         let mut speed = v + rise * (a - 0.5 * jerk * rise);
         if free > most {
-            let hold = ((free * free - most * most) / (jerk * most)).max(0.0);
+            let hold = (square - most * most) / (jerk * most);
             distance += hold * (speed - 0.5 * most * hold);
             speed -= most * hold;
         }
@@ -179,16 +180,24 @@ impl Planner {
     /// One tick.
     pub fn step(&mut self, limits: &Limits) -> SetPoint {
         let now = self.now;
+        if now == Self::at(self.target).now {
+            return SetPoint { position_m: now.position, speed_m_per_s: 0.0, done: true };
+        }
         let unit = limits.jerk * TICK_S;
         // Acceleration after this tick from which the speed can still be kept: taken back at full jerk, it ends there.
+        // A speed far off needs no root to say that the acceleration's own limit comes first.
+        let (most, far) =
+            (limits.acceleration, limits.acceleration * (0.5 * limits.acceleration / limits.jerk + 0.5 * TICK_S));
         let keeps = |speed: f32| {
             let left = speed - now.speed - 0.5 * TICK_S * now.acceleration;
+            if left.abs() >= far {
+                return libm::copysignf(most, left);
+            }
             let reach = libm::sqrtf(0.25 * TICK_S * TICK_S + 2.0 * left.abs() / limits.jerk) - 0.5 * TICK_S;
             libm::copysignf(limits.jerk * reach, left)
         };
         let within = |a: f32| a.clamp(now.acceleration - unit, now.acceleration + unit);
-        let high = within(keeps(limits.speed).clamp(-limits.acceleration, limits.acceleration));
-        let low = within(keeps(-limits.speed).clamp(-limits.acceleration, limits.acceleration));
+        let (high, low) = (within(keeps(limits.speed)), within(keeps(-limits.speed)));
         self.now = now.after(self.still_stops(low.min(high), high, limits));
         // Less than half a tick's worth of jerk from it: it is there.
         let near = (self.target - self.now.position).abs() <= 0.5 * unit * TICK_S * TICK_S + f32::EPSILON;

@@ -23,6 +23,8 @@ const AT_REST_M: f32 = 6e-6;
 /// Share of the way across the friction band that is turned ahead, as a move begins and at rest: what friction is wrong
 /// by must not push the load, least of all back and forth about its target.
 const CROSSING_SHARE: [f32; 2] = [0.95, 0.8];
+/// Set-point speed (m/s) that is a move and not the last rounding of one.
+const MOVING_M_PER_S: f32 = 8e-6;
 /// Smoothed error (m) at rest that friction must be crossed for.
 const STUCK_M: f32 = 20e-6;
 /// Share of the motor's speed and acceleration for that; the rest is the move's.
@@ -100,7 +102,7 @@ impl PositionLoop {
         limits: &TwistLimits,
     ) -> f32 {
         let (wanted, share) = match (set_point.speed_m_per_s, self.smoothed[1]) {
-            (v, _) if v != 0.0 => (v, CROSSING_SHARE[0]),
+            (v, _) if v.abs() > MOVING_M_PER_S => (v, CROSSING_SHARE[0]),
             (_, e) if e.abs() > STUCK_M => (e, CROSSING_SHARE[1]),
             _ => (0.0, 0.0),
         };
