@@ -1,6 +1,7 @@
 //! Everything that the firmware decides, as pure step functions: time, readings and requests come in as arguments,
 //! commands and events go out. The same code runs on the board and in desktop tests.
 //!
+//! - [`adaptation`]: slow drift of the strings.
 //! - [`constants`]: the rig's numbers, generated from the scene.
 //! - [`sensors`]: readings with their time and validity; raw codes to SI.
 //! - [`mechanism`]: the table, with this rig's own scale of the twist.
@@ -13,6 +14,7 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+pub mod adaptation;
 pub mod constants;
 pub mod homing;
 pub mod mechanism;

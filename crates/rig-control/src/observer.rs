@@ -86,6 +86,8 @@ pub struct Observation {
     pub modelled_gap_m: f32,
     /// The table at this twist and the pull that is expected in the present direction.
     pub point: Point,
+    /// How far the load moved beyond noise in this tick (m).
+    pub moved_m: f32,
     /// The estimate stands at the end of the table's range.
     pub at_range_end: bool,
     /// Whether to believe it.
@@ -111,6 +113,11 @@ impl LoadObserver {
     /// The estimate (N).
     pub fn load_n(&self) -> f32 {
         self.load_n
+    }
+
+    /// Another scale of the twist explains `change_n` of the estimate (N).
+    pub fn rescale(&mut self, change_n: f32) {
+        self.load_n += change_n;
     }
 
     /// One tick: measured gap (m) and the twist (rad) at the time of that measurement; without a gap the estimate stays.
@@ -148,7 +155,16 @@ impl LoadObserver {
                 (load_n, mechanism.at(load_n + self.direction * self.friction_n, twist_rad))
             }
         };
-        Observation { load_n, friction_n: self.friction_n, pull_n, modelled_gap_m, point, at_range_end, confidence }
+        Observation {
+            load_n,
+            friction_n: self.friction_n,
+            pull_n,
+            modelled_gap_m,
+            point,
+            moved_m,
+            at_range_end,
+            confidence,
+        }
     }
 
     /// How far the load has moved beyond noise (m); sets direction.

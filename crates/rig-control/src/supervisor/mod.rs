@@ -15,6 +15,7 @@
 mod checks;
 mod motion;
 
+use crate::adaptation::{Adaptation, Learned};
 use crate::homing::{Homed, Homing, Progress, Seen};
 use crate::mechanism::Mechanism;
 use crate::observer::LoadObserver;
@@ -110,6 +111,7 @@ pub struct Rig<'t> {
     awaiting_restart: bool,
     homing: Homing,
     homed: Option<Homed>,
+    adaptation: Adaptation,
     observer: LoadObserver,
     planner: Planner,
     position_loop: PositionLoop,
@@ -160,6 +162,7 @@ impl<'t> Rig<'t> {
             awaiting_restart: false,
             homing: Homing::new(),
             homed: None,
+            adaptation: Adaptation::new(1.0),
             observer: LoadObserver::new(table.metadata.load_min_n, 0.0, 0.0),
             planner: Planner::at(0.0),
             position_loop: PositionLoop::default(),
@@ -186,6 +189,19 @@ impl<'t> Rig<'t> {
     /// The last homing, as long as it holds.
     pub fn homed(&self) -> Option<&Homed> {
         self.homed.as_ref()
+    }
+
+    /// What has been learned since homing, for storing; `None` while not homed.
+    pub fn learned(&self) -> Option<Learned> {
+        self.homed.map(|h| self.adaptation.learned(h.twist_scale, h.friction_n))
+    }
+
+    /// Takes up a stored scale of the twist, as far as it is within the drift that homing's allows. False while not homed,
+    /// or if it is no number.
+    pub fn recall(&mut self, learned: &Learned) -> bool {
+        let Some(homed) = self.homed.as_mut().filter(|_| learned.twist_scale.is_finite()) else { return false };
+        homed.twist_scale = self.adaptation.bounded(learned.twist_scale);
+        true
     }
 
     /// One control tick. Call every [`TICK_US`].
@@ -262,6 +278,7 @@ impl<'t> Rig<'t> {
             Progress::Turning(ramp) => self.shaft = ramp,
             Progress::Done(homed) => {
                 self.homed = Some(homed);
+                self.adaptation = Adaptation::new(homed.twist_scale);
                 self.observer = LoadObserver::new(homed.load_n, homed.gap_offset_m, homed.friction_n);
                 self.planner = Planner::at(0.0);
                 self.shaft = Ramp::at(homed.zero_rad + core::f32::consts::PI);

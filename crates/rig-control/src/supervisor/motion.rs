@@ -3,7 +3,7 @@
 use super::{EventKind, Homed, JOG_SPEED_MAX, Motion, Rig, SPEED_MAX_M_PER_S, ticks};
 use crate::TICK_S;
 use crate::mechanism::Mechanism;
-use crate::observer::{LoadSource, Observation};
+use crate::observer::{Confidence, LoadSource, Observation};
 use crate::planner::{Limits, Planner, Ramp};
 use crate::position_loop::{PositionLoop, TwistLimits};
 use rig_link::messages::{Accepted, Limit, LoadChoice, Parameter, Refusal, State};
@@ -68,6 +68,7 @@ impl Rig<'_> {
             self.position_loop = PositionLoop::default();
         }
         self.observer.source = source;
+        self.adaptation.forget_move();
         self.planner.go_to(target_m);
         self.motion = Motion::Load { speed_m_per_s, stopping: false };
         self.state = State::Moving;
@@ -178,6 +179,7 @@ impl Rig<'_> {
             self.shaft.speed = 0.0;
         }
         self.shaft.position = homed.zero_rad + twist;
+        self.learn(homed, seen, twist_rad, set_point.done);
         if self.state == State::Moving && set_point.done {
             let near = out.error_m.abs() < ARRIVED_M;
             self.arrived_ticks = if near { self.arrived_ticks + 1 } else { 0 };
@@ -186,6 +188,23 @@ impl Rig<'_> {
                 self.state = State::Holding;
                 let error_m = position_m - set_point.position_m;
                 let _ = events.push(if stopping { EventKind::Stopped } else { EventKind::MoveDone { error_m } });
+            }
+        }
+    }
+
+    /// What this tick of a move tells of the twist scale; learned when the set-point has arrived.
+    fn learn(&mut self, homed: &Homed, seen: &Observation, twist_rad: f32, done: bool) {
+        // What the load seems heavier by (N) for a scale of 1: (∂G/∂s)/(∂G/∂F).
+        let x = seen.point.dgap_dtwist_m_per_rad * twist_rad / homed.twist_scale / seen.point.dgap_dload_m_per_n;
+        if seen.confidence == Confidence::Changing || self.observer.source != LoadSource::Estimate {
+            self.adaptation.forget_move();
+        } else if !done && seen.moved_m > 0.0 {
+            self.adaptation.record(x, self.observer.load_n());
+        } else if done && self.state == State::Moving {
+            let change = self.adaptation.end_move(homed.twist_scale);
+            if let (true, Some(homed)) = (change != 0.0, self.homed.as_mut()) {
+                homed.twist_scale += change;
+                self.observer.rescale(-x * change);
             }
         }
     }
