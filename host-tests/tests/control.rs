@@ -166,6 +166,21 @@ fn homes_within_20_mrad_from_any_twist_under_any_load() {
 }
 
 #[test]
+fn the_time_to_target_is_known_beforehand() {
+    let mut d = homed(&[], "0.5kg", "0.05", 2);
+    for (target_m, speed_m_per_s) in [(0.012, 0.002), (0.0115, 0.002), (0.002, 0.001)] {
+        d.tick(Some(Request::Move { target_m, speed_m_per_s, load: LoadChoice::Auto }));
+        let start_s = d.time_s();
+        let said_s = f64::from(d.tick(None).telemetry.time_left_s.expect("nothing holds this move back"));
+        assert!(d.until(30.0, |d| d.last.as_ref().unwrap().telemetry.setpoint_m == Some(target_m)));
+        let took_s = d.time_s() - start_s;
+        println!("to {target_m} m: {said_s:.2} s said, {took_s:.2} s taken");
+        assert!((took_s - said_s).abs() < 0.03, "{took_s} s, said {said_s} s");
+        assert!(d.until(5.0, |d| d.control.state() == State::Holding));
+    }
+}
+
+#[test]
 fn nothing_swings_or_hunts_at_rest() {
     for (load, friction) in [("0.1kg", "0.1"), ("0.5kg", "0.05"), ("1.5kg", "0"), ("1.5kg", "0.1")] {
         let mut d = homed(&[], load, friction, 9);

@@ -167,6 +167,11 @@ impl Planner {
         self.now.position
     }
 
+    /// Whether it stands at its target.
+    pub fn is_at_rest(&self) -> bool {
+        self.now == Self::at(self.target).now
+    }
+
     /// Goes somewhere else from here on.
     pub fn go_to(&mut self, target_m: f32) {
         self.target = target_m;
@@ -180,7 +185,7 @@ impl Planner {
     /// One tick.
     pub fn step(&mut self, limits: &Limits) -> SetPoint {
         let now = self.now;
-        if now == Self::at(self.target).now {
+        if self.is_at_rest() {
             return SetPoint { position_m: now.position, speed_m_per_s: 0.0, done: true };
         }
         let unit = limits.jerk * TICK_S;
@@ -205,11 +210,7 @@ impl Planner {
         if near && slow {
             *self = Self::at(self.target);
         }
-        SetPoint {
-            position_m: self.now.position,
-            speed_m_per_s: self.now.speed,
-            done: self.now == Self::at(self.target).now,
-        }
+        SetPoint { position_m: self.now.position, speed_m_per_s: self.now.speed, done: self.is_at_rest() }
     }
 
     /// The greatest acceleration of `low` to `high` after which it still stops before the target. By halves: where the

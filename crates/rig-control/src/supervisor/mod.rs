@@ -18,7 +18,7 @@ mod motion;
 use crate::adaptation::{Adaptation, Learned};
 use crate::homing::{Homed, Homing, Progress, Seen};
 use crate::mechanism::Mechanism;
-use crate::observer::LoadObserver;
+use crate::observer::{Confidence, LoadObserver};
 use crate::planner::{Planner, Ramp};
 use crate::position_loop::PositionLoop;
 use crate::sensors::{DriveReading, GAP_DELAY_S, Lvdt, LvdtBlock, LvdtReading};
@@ -116,6 +116,8 @@ pub struct Rig<'t> {
     planner: Planner,
     position_loop: PositionLoop,
     motion: Motion,
+    /// Time until the set-point is at its target (s), as planned.
+    time_left_s: Option<f32>,
     /// Ticks that the load has stood at its target.
     at_rest_ticks: u16,
     arrived_ticks: u16,
@@ -167,6 +169,7 @@ impl<'t> Rig<'t> {
             planner: Planner::at(0.0),
             position_loop: PositionLoop::default(),
             motion: Motion::Jog { speed_rad_per_s: 0.0 },
+            time_left_s: None,
             at_rest_ticks: 0,
             arrived_ticks: 0,
             last_position_m: 0.0,
@@ -226,6 +229,9 @@ impl<'t> Rig<'t> {
             let mechanism = Mechanism { table: self.table, twist_scale: h.twist_scale };
             (h, self.observer.step(&mechanism, shaft_then_rad - h.zero_rad, gap_m))
         });
+        if observed.is_some_and(|(_, o)| o.confidence != Confidence::Sure) {
+            self.limit = Some(Limit::LoadUnknown);
+        }
         if observed.is_some_and(|(_, o)| o.at_range_end) {
             self.limit = Some(Limit::LoadRange);
         }
@@ -444,6 +450,8 @@ impl<'t> Rig<'t> {
             tr_rad_per_m: observed.map(|o| o.point.tr_rad_per_m()),
             drive_current_a,
             drive_speed_rad_per_s,
+            time_left_s: self.time_left_s.filter(|_| planned),
+            twist_scale: self.homed.map(|h| h.twist_scale),
             counters: inputs.counters,
         }
     }

@@ -69,6 +69,10 @@ impl Rig<'_> {
         }
         self.observer.source = source;
         self.adaptation.forget_move();
+        // From rest the way is known before it begins; what is turned round under way is not worth a second formula.
+        let way_m = target_m - self.planner.set_point_m();
+        self.time_left_s =
+            self.planner.is_at_rest().then(|| Limits::new(speed_m_per_s, LOAD_ACCELERATION).duration_s(way_m));
         self.planner.go_to(target_m);
         self.motion = Motion::Load { speed_m_per_s, stopping: false };
         self.state = State::Moving;
@@ -93,6 +97,7 @@ impl Rig<'_> {
         match (self.state, &mut self.motion) {
             (State::Moving, Motion::Load { stopping, .. }) if !*stopping => {
                 *stopping = true;
+                self.time_left_s = None;
                 self.planner.brake(&Limits::new(SPEED_MAX_M_PER_S, LOAD_ACCELERATION));
             }
             (State::Moving, Motion::Jog { speed_rad_per_s }) => *speed_rad_per_s = 0.0,
@@ -160,8 +165,14 @@ impl Rig<'_> {
         let speed_at_motor_limit = PLANNED_SHARE * self.constants.twist_speed_max() / tr;
         if speed_at_motor_limit < speed_m_per_s && self.state == State::Moving {
             self.limit = Some(Limit::MotorSpeed);
+            self.time_left_s = None;
         }
         let acceleration = LOAD_ACCELERATION.min(PLANNED_SHARE * self.constants.twist_acceleration_max() / tr);
+        if acceleration < LOAD_ACCELERATION && self.state == State::Moving {
+            self.limit = Some(Limit::MotorAcceleration);
+            self.time_left_s = None;
+        }
+        self.time_left_s = self.time_left_s.map(|left_s| (left_s - TICK_S).max(0.0));
         let planned = Limits::new(speed_m_per_s.min(speed_at_motor_limit), acceleration);
         let set_point = self.planner.step(&planned);
         let position_m = homed.reference_gap_m - gap_m;
