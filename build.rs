@@ -36,7 +36,7 @@ fn constants(rig: &Rig) -> String {
          pub const RIG: rig_control::RigConstants = rig_control::RigConstants {{\n\
          \x20   gear_ratio: {:?}f32, counts_per_rad: {:?}f32,\n\
          \x20   motor_speed_max_rad_per_s: {:?}f32, motor_acceleration_max_rad_per_s2: {:?}f32,\n\
-         \x20   current_limit_ma: {},\n\
+         \x20   motor_torque_constant_nm_per_a: {:?}f32, current_limit_ma: {},\n\
          \x20   lvdt_gap_at_code_zero_m: {:?}f32, lvdt_metres_per_code: {:?}f32,\n\
          \x20   drive_group: {}, drive_number: {},\n\
          }};\n",
@@ -44,6 +44,7 @@ fn constants(rig: &Rig) -> String {
         rig.counts_per_rad() as f32,
         rig.motor_speed_max_rad_per_s as f32,
         rig.motor_acceleration_max_rad_per_s2 as f32,
+        rig.motor_torque_constant_nm_per_a as f32,
         rig.drive_current_limit_ma(),
         rig.lvdt_gap_at_code_zero_m() as f32,
         rig.lvdt_metres_per_code() as f32,

@@ -46,6 +46,7 @@ pub fn constants() -> RigConstants {
         counts_per_rad: rig.counts_per_rad() as f32,
         motor_speed_max_rad_per_s: rig.motor_speed_max_rad_per_s as f32,
         motor_acceleration_max_rad_per_s2: rig.motor_acceleration_max_rad_per_s2 as f32,
+        motor_torque_constant_nm_per_a: rig.motor_torque_constant_nm_per_a as f32,
         current_limit_ma: rig.drive_current_limit_ma(),
         lvdt_gap_at_code_zero_m: rig.lvdt_gap_at_code_zero_m() as f32,
         lvdt_metres_per_code: rig.lvdt_metres_per_code() as f32,

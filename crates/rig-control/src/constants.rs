@@ -11,6 +11,8 @@ pub struct RigConstants {
     pub motor_speed_max_rad_per_s: f32,
     /// Greatest motor acceleration (rad/s² at the motor shaft).
     pub motor_acceleration_max_rad_per_s2: f32,
+    /// Motor torque for each ampere (N m/A).
+    pub motor_torque_constant_nm_per_a: f32,
     /// Current limit sent with every command (mA).
     pub current_limit_ma: i16,
     /// Gap at ADC code 0 (m).

@@ -1,8 +1,10 @@
 //! Everything that the firmware decides, as pure step functions: time, readings and requests come in as arguments,
 //! commands and events go out. The same code runs on the board and in desktop tests.
 //!
+//! - [`adaptation`]: slow drift of the strings.
 //! - [`constants`]: the rig's numbers, generated from the scene.
 //! - [`sensors`]: readings with their time and validity; raw codes to SI.
+//! - [`mechanism`]: the table, with this rig's own scale of the twist.
 //! - [`planner`]: acceleration- and jerk-limited motion.
 //! - [`observer`]: the load, from twist and gap.
 //! - [`position_loop`]: set-point and measured position to twist speed, through TR.
@@ -12,8 +14,10 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+pub mod adaptation;
 pub mod constants;
 pub mod homing;
+pub mod mechanism;
 pub mod observer;
 pub mod planner;
 pub mod position_loop;

@@ -1,15 +1,34 @@
 //! The load, from twist and gap (model.md section 4): rods and strings are the rig's own load cell.
 //!
-//! One Newton step of the table's inverse each tick, damped: an observer in the load whose innovation is the gap that
-//! the table did not expect. One table lookup serves the estimate and TR alike.
+//! What they weigh is their pull S, which at rest is anywhere within the rail's friction f of the load: W − f ≤ S ≤ W + f.
+//! Which end of that band it is at is known while the load moves: S = W + f on the way up, W − f on the way down. So
+//! - a pull outside the band means another load, and the estimate follows at once;
+//! - a pull inside it tells of the load only as far as the load has travelled, and at rest nothing at all.
+//!
+//! The estimate is a Newton step of the table's inverse each tick, damped. One lookup at the expected pull serves the
+//! estimate and TR alike.
 
 use crate::TICK_S;
-use tsa_table::{Point, Table};
+use crate::mechanism::Mechanism;
+use tsa_table::Point;
 
 /// How long the estimate takes to follow (s): longer than a swing of the load, shorter than a step of it matters.
 const TIME_CONSTANT_S: f32 = 0.15;
+/// Travel (m) after which it follows when the load moves slowly.
+const TRAVEL_M: f32 = 0.3e-3;
 /// Largest relative change of the estimate in one tick: keeps Newton from overshooting where the gap bends like 1/F.
 const LARGEST_STEP: f32 = 0.2;
+/// Change of the gap (m) that is motion and not noise: four times that of an LVDT block.
+const MOTION_M: f32 = 15e-6;
+/// Pull beyond the friction band that is no noise: a gap (m) and a share of the load.
+const OUTSIDE_M: f32 = 15e-6;
+const OUTSIDE_SHARE: f32 = 0.01;
+/// Smoothing of the pull (s).
+const PULL_S: f32 = 0.05;
+/// Load speed (m/s) above which inertia, damping and the readings' age count for more than the estimate's floor.
+const FAST_M_PER_S: f32 = 20e-3;
+/// Time without a contradiction (ticks) after which the estimate is believed again.
+const BELIEVE_TICKS: u16 = 40;
 
 /// Where the load comes from.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,12 +39,36 @@ pub enum LoadSource {
     Known(f32),
 }
 
+/// How far the estimate can be believed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Confidence {
+    /// Within its floors.
+    Sure,
+    /// So light that friction is a large part of it.
+    Light,
+    /// Moving too fast for a static balance.
+    Fast,
+    /// Twist and gap have just contradicted it: another load, or not settled yet.
+    Changing,
+}
+
 /// The load observer.
 #[derive(Clone, Copy, Debug)]
 pub struct LoadObserver {
     load_n: f32,
     /// Measured less modelled gap, found at homing (m).
     offset_m: f32,
+    /// Coulomb friction of the rail, found at homing (N).
+    friction_n: f32,
+    /// +1 after the load has moved up, −1 down.
+    direction: f32,
+    /// The gap with noise taken out by play (m).
+    played_gap_m: Option<f32>,
+    /// Smoothed difference of pull and expected pull (N).
+    surprise_n: f32,
+    /// Smoothed speed of the gap (m/s).
+    gap_speed_m_per_s: f32,
+    quiet_ticks: u16,
     /// Where the load for TR comes from.
     pub source: LoadSource,
 }
@@ -33,18 +76,38 @@ pub struct LoadObserver {
 /// What the observer says.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Observation {
-    /// Load for TR (N).
+    /// Load (N): given, or estimated.
     pub load_n: f32,
-    /// The table at that load and twist.
+    /// Friction between load and pull (N).
+    pub friction_n: f32,
+    /// What the strings pull with now (N), smoothed.
+    pub pull_n: f32,
+    /// The gap as the table would have it for that pull (m): measured, less the offset, smoothed.
+    pub modelled_gap_m: f32,
+    /// The table at this twist and the pull that is expected in the present direction.
     pub point: Point,
+    /// How far the load moved beyond noise in this tick (m).
+    pub moved_m: f32,
     /// The estimate stands at the end of the table's range.
     pub at_range_end: bool,
+    /// Whether to believe it.
+    pub confidence: Confidence,
 }
 
 impl LoadObserver {
-    /// Starts from a weighed load (N) and the gap offset (m) that goes with it.
-    pub const fn new(load_n: f32, offset_m: f32) -> Self {
-        Self { load_n, offset_m, source: LoadSource::Estimate }
+    /// Starts from a weighed load (N), the gap offset (m) that goes with it and the rail's friction (N), after a way down.
+    pub const fn new(load_n: f32, offset_m: f32, friction_n: f32) -> Self {
+        Self {
+            load_n,
+            offset_m,
+            friction_n,
+            direction: -1.0,
+            played_gap_m: None,
+            surprise_n: 0.0,
+            gap_speed_m_per_s: 0.0,
+            quiet_ticks: BELIEVE_TICKS,
+            source: LoadSource::Estimate,
+        }
     }
 
     /// The estimate (N).
@@ -52,30 +115,90 @@ impl LoadObserver {
         self.load_n
     }
 
-    /// One tick: twist (rad) and measured gap (m); `None` keeps the estimate.
-    /// Twists below the table's range count as its edge.
-    pub fn step(&mut self, table: &Table<'_>, twist_rad: f32, gap_m: Option<f32>) -> Observation {
-        let m = &table.metadata;
-        let twist = twist_rad.clamp(m.twist_min_rad, m.twist_max_rad);
+    /// Another scale of the twist explains `change_n` of the estimate (N).
+    pub fn rescale(&mut self, change_n: f32) {
+        self.load_n += change_n;
+    }
+
+    /// One tick: measured gap (m) and the twist (rad) at the time of that measurement; without a gap the estimate stays.
+    pub fn step(&mut self, mechanism: &Mechanism<'_>, twist_rad: f32, gap_m: Option<f32>) -> Observation {
+        let m = &mechanism.table.metadata;
+        // First, because it tells which end of the friction band the pull is expected at.
+        let moved_m = gap_m.map_or(0.0, |gap_m| self.play(gap_m));
+        let expected_n = self.load_n + self.direction * self.friction_n;
+        let seen = mechanism.at(expected_n, twist_rad);
         let mut at_range_end = false;
-        let seen = table.point_inside(self.load_n, twist);
         if let Some(gap_m) = gap_m {
-            let innovation = gap_m - self.offset_m - seen.gap_m;
-            let newton = innovation / seen.dgap_dload_m_per_n;
-            let step =
-                (newton * TICK_S / TIME_CONSTANT_S).clamp(-LARGEST_STEP * self.load_n, LARGEST_STEP * self.load_n);
-            let load_n = self.load_n + step;
-            if load_n.is_finite() {
+            let surprise_n = (gap_m - self.offset_m - seen.gap_m) / seen.dgap_dload_m_per_n;
+            if surprise_n.is_finite() {
+                self.surprise_n += TICK_S / PULL_S * (surprise_n - self.surprise_n);
+                let load_n = self.load_n + self.correction(surprise_n, moved_m, &seen);
                 self.load_n = load_n.clamp(m.load_min_n, m.load_max_n);
                 at_range_end = load_n != self.load_n;
             }
         }
-        match self.source {
-            LoadSource::Estimate => Observation { load_n: self.load_n, point: seen, at_range_end },
-            LoadSource::Known(load_n) => {
-                let load_n = load_n.clamp(m.load_min_n, m.load_max_n);
-                Observation { load_n, point: table.point_inside(load_n, twist), at_range_end }
+        let confidence = if self.quiet_ticks < BELIEVE_TICKS {
+            Confidence::Changing
+        } else if self.gap_speed_m_per_s.abs() > FAST_M_PER_S {
+            Confidence::Fast
+        } else if self.load_n < 1.2 * m.load_min_n || self.friction_n > 0.25 * self.load_n {
+            Confidence::Light
+        } else {
+            Confidence::Sure
+        };
+        let pull_n = expected_n + self.surprise_n;
+        let modelled_gap_m = seen.gap_m + self.surprise_n * seen.dgap_dload_m_per_n;
+        let (load_n, point) = match self.source {
+            LoadSource::Estimate => (self.load_n, seen),
+            LoadSource::Known(given_n) => {
+                let load_n = given_n.clamp(m.load_min_n, m.load_max_n);
+                (load_n, mechanism.at(load_n + self.direction * self.friction_n, twist_rad))
+            }
+        };
+        Observation {
+            load_n,
+            friction_n: self.friction_n,
+            pull_n,
+            modelled_gap_m,
+            point,
+            moved_m,
+            at_range_end,
+            confidence,
+        }
+    }
+
+    /// How far the load has moved beyond noise (m); sets direction.
+    fn play(&mut self, gap_m: f32) -> f32 {
+        let before = self.played_gap_m.unwrap_or(gap_m);
+        let after = before.clamp(gap_m - MOTION_M, gap_m + MOTION_M);
+        self.played_gap_m = Some(after);
+        let moved_m = after - before;
+        self.gap_speed_m_per_s += TICK_S / PULL_S * (moved_m / TICK_S - self.gap_speed_m_per_s);
+        if moved_m != 0.0 {
+            let direction = -libm::copysignf(1.0, moved_m);
+            if direction != self.direction {
+                // The same pull is now expected at the other end of the band.
+                self.surprise_n -= 2.0 * direction * self.friction_n;
+                self.direction = direction;
             }
         }
+        moved_m.abs()
+    }
+
+    /// Change of the estimate (N) for a pull that differs from the expected one by `surprise_n`.
+    fn correction(&mut self, surprise_n: f32, moved_m: f32, seen: &Point) -> f32 {
+        let outside_n = OUTSIDE_M / seen.dgap_dload_m_per_n + OUTSIDE_SHARE * self.load_n;
+        // Where the pull may be, relative to its end of the band.
+        let (far, near) = (-2.0 * self.friction_n * self.direction, 0.0f32);
+        let beyond = surprise_n - surprise_n.clamp(far.min(near), far.max(near));
+        let follow = TICK_S / TIME_CONSTANT_S;
+        let mut step = surprise_n * follow.min(moved_m / TRAVEL_M);
+        if beyond.abs() > outside_n {
+            step = if moved_m == 0.0 { beyond * follow } else { surprise_n * follow };
+            self.quiet_ticks = 0;
+        } else {
+            self.quiet_ticks = self.quiet_ticks.saturating_add(1);
+        }
+        step.clamp(-LARGEST_STEP * self.load_n, LARGEST_STEP * self.load_n)
     }
 }

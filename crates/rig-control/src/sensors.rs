@@ -66,6 +66,10 @@ const FROZEN_BLOCKS: u32 = 50;
 /// Age (µs) at which blocks are taken to have stopped: eight block times.
 const STALLED_US: u64 = 50_000;
 
+/// How much older than its block's end the mean of an LVDT block is (s): half the block (256 samples in 6 ms) and the
+/// sensor's own first-order delay at 200 Hz (hardware.md 6.4, assumed).
+pub const GAP_DELAY_S: f32 = 3.8e-3;
+
 /// Watches the LVDT's health and converts its codes.
 #[derive(Clone, Copy, Debug)]
 pub struct Lvdt {
@@ -165,6 +169,7 @@ mod tests {
         counts_per_rad: 40_416.0,
         motor_speed_max_rad_per_s: 1047.0,
         motor_acceleration_max_rad_per_s2: 12_000.0,
+        motor_torque_constant_nm_per_a: 0.0229,
         current_limit_ma: 500,
         lvdt_gap_at_code_zero_m: 0.0,
         lvdt_metres_per_code: 5.372e-5,

@@ -299,7 +299,7 @@ named_codes! {
         LoadRange = 4, "load-range";
         /// The motor is at its greatest acceleration.
         MotorAcceleration = 5, "motor-acceleration";
-        /// The load is not yet known well; the move runs slowly.
+        /// The load is not known well: light, fast, or it has just changed.
         LoadUnknown = 6, "load-unknown";
     }
 }
@@ -418,6 +418,10 @@ pub struct Telemetry {
     pub drive_current_a: f32,
     /// Speed of the motor shaft, before the gear (rad/s).
     pub drive_speed_rad_per_s: f32,
+    /// Time until the set-point is at its target (s); `None` while the motor's limits hold the move back.
+    pub time_left_s: Option<f32>,
+    /// Learned scale of the twist: 1 is what the table was made for.
+    pub twist_scale: Option<f32>,
     /// What went wrong quietly.
     pub counters: Counters,
 }

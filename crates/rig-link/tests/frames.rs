@@ -50,7 +50,7 @@ fn refusal() -> impl Strategy<Value = Refusal> {
 fn telemetry() -> impl Strategy<Value = Telemetry> {
     let state =
         (any::<u64>(), one_of(State::ALL), prop::option::of(one_of(Fault::ALL)), prop::option::of(one_of(Limit::ALL)));
-    let values = prop::array::uniform6(prop::option::of(float()));
+    let values = prop::array::uniform8(prop::option::of(float()));
     (state, values, float(), float(), any::<u32>(), any::<u32>()).prop_map(|(s, v, current, speed, errors, foreign)| {
         Telemetry {
             t_us: s.0,
@@ -65,6 +65,8 @@ fn telemetry() -> impl Strategy<Value = Telemetry> {
             tr_rad_per_m: v[5],
             drive_current_a: current,
             drive_speed_rad_per_s: speed,
+            time_left_s: v[6],
+            twist_scale: v[7],
             counters: Counters { link_errors: errors, foreign_frames: foreign },
         }
     })
@@ -208,6 +210,8 @@ fn the_longest_messages_fit() {
         tr_rad_per_m: Some(1.0),
         drive_current_a: 1.0,
         drive_speed_rad_per_s: 1.0,
+        time_left_s: Some(1.0),
+        twist_scale: Some(1.0),
         counters: Counters { link_errors: u32::MAX, foreign_frames: u32::MAX },
     };
     assert!(wire(u16::MAX, &Message::Telemetry(telemetry)).len() <= 80, "the rate of telemetry rests on this");

@@ -4,8 +4,8 @@
 //! Probe ── which way does the gap grow? ──> Seek ── past its maximum ──> Centre ── two sweeps across it ──> Weigh
 //!                                                                          │ midpoints of equal gaps         │
 //!                                                                          v                                 v
-//!                                                                     zero twist              up and down 2½ turns:
-//!                                                                                             load and LVDT offset
+//!                                                                     zero twist              up and down 6 turns :
+//!                                                                                             load, friction, radius
 //!                                                                                                  │
 //!                                              Done <── reference gap <── Settle at half a turn <──┘
 //! ```
@@ -39,9 +39,10 @@ const SWEEP_HALF: f32 = 3.0;
 /// Speed of these sweeps (rad/s): slow enough that the load follows without swinging.
 const SWEEP_SPEED: f32 = 2.5;
 /// Turns past the half-turn pre-twist that the load is weighed over.
-const WEIGH_TURNS: f32 = 2.5;
-/// Speed of weighing (rad/s).
-const WEIGH_SPEED: f32 = 6.0;
+const WEIGH_TURNS: f32 = 6.0;
+/// Speeds of weighing (rad/s), at the middle of the sweep and at its ends. It varies, and alike either way, so that the
+/// grain of the drive's speed and current measurement averages out: at one speed it beats with the commands' period.
+const WEIGH_SPEED: [f32; 2] = [3.4, 6.2];
 /// Acceleration of all of it (rad/s²).
 const ACCELERATION: f32 = 25.0;
 /// Rest before a sweep (s), for the load to stop swinging.
@@ -63,10 +64,27 @@ pub struct Homed {
     pub load_n: f32,
     /// Measured less modelled gap (m).
     pub gap_offset_m: f32,
+    /// Scale of the twist, see [`crate::mechanism`].
+    pub twist_scale: f32,
+    /// Coulomb friction of the rail (N).
+    pub friction_n: f32,
     /// Measured gap at the half-turn pre-twist (m): position zero.
     pub reference_gap_m: f32,
     /// How far the shaft stays behind its set-point, in time (s): the drive's own position loop, measured.
     pub drive_lag_s: f32,
+}
+
+/// What homing sees in a tick.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Seen {
+    /// Shaft angle by the encoder (rad).
+    pub shaft_rad: f32,
+    /// The same when the gap was measured, a little earlier (rad).
+    pub shaft_then_rad: f32,
+    /// Measured gap (m).
+    pub gap_m: f32,
+    /// Winding current that the drive reports (A).
+    pub current_a: f32,
 }
 
 /// What homing wants of the motor, or how it ended.
@@ -86,6 +104,7 @@ enum Phase {
     Seek { start_rad: f32, goal_rad: f32, top_m: f32, top_rad: f32 },
     CentreRest { ticks: u16 },
     Centre,
+    Solve,
     WeighStart { ticks: u16 },
     Weigh,
     Settle { ticks: u16, sum_m: f32, count: u16 },
@@ -109,13 +128,19 @@ pub struct Homing {
     lag_count: u16,
 }
 
+impl Default for Homing {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 impl Homing {
-    /// Starts from wherever the shaft is.
-    pub fn new(shaft_rad: f32, gap_m: f32) -> Self {
+    /// Nothing begun.
+    pub const fn new() -> Self {
         Self {
-            phase: Phase::Probe { start_rad: shaft_rad, gap_m },
-            ramp: Ramp::at(shaft_rad),
-            smooth_gap_m: gap_m,
+            phase: Phase::Probe { start_rad: 0.0, gap_m: 0.0 },
+            ramp: Ramp::at(0.0),
+            smooth_gap_m: 0.0,
             direction: 1.0,
             ticks: 0,
             centre: Centre::new(),
@@ -127,8 +152,21 @@ impl Homing {
         }
     }
 
-    /// One tick: shaft angle by the encoder (rad), measured gap (m).
-    pub fn step(&mut self, table: &Table<'_>, rig: &RigConstants, shaft_rad: f32, gap_m: f32) -> Progress {
+    /// Starts from wherever the shaft is. In place, and the bins are emptied when their sweep begins: a few kilobytes
+    /// made anew and moved would be the longest tick of all.
+    pub fn begin(&mut self, shaft_rad: f32, gap_m: f32) {
+        self.phase = Phase::Probe { start_rad: shaft_rad, gap_m };
+        self.ramp = Ramp::at(shaft_rad);
+        self.smooth_gap_m = gap_m;
+        self.direction = 1.0;
+        self.ticks = 0;
+        (self.zero_rad, self.zero_error_rad) = (0.0, 0.0);
+        (self.lag_sum_s, self.lag_count) = (0.0, 0);
+    }
+
+    /// One tick.
+    pub fn step(&mut self, table: &Table<'_>, rig: &RigConstants, seen: &Seen) -> Progress {
+        let Seen { shaft_rad, gap_m, .. } = *seen;
         self.ticks += 1;
         if self.ticks as f32 * TICK_S > TIME_OUT_S {
             return Progress::Failed(HomingFailure::TimeOut);
@@ -142,9 +180,10 @@ impl Homing {
                 self.seek(start_rad, goal_rad, top_m, top_rad, shaft_rad, acceleration, speed_limit)
             }
             Phase::CentreRest { ticks } => self.rest_before_centre(ticks, acceleration, speed_limit),
-            Phase::Centre => self.sweep_centre(shaft_rad, gap_m, acceleration),
+            Phase::Centre => self.sweep_centre(seen, acceleration),
+            Phase::Solve => self.solve_centre(),
             Phase::WeighStart { ticks } => self.rest_before_weigh(ticks, acceleration, speed_limit),
-            Phase::Weigh => self.sweep_weigh(table, shaft_rad, gap_m, acceleration, speed_limit),
+            Phase::Weigh => self.sweep_weigh(table, rig, seen, acceleration, speed_limit),
             Phase::Settle { ticks, sum_m, count } => self.settle(table, ticks, sum_m, count, gap_m, acceleration),
         };
         match outcome {
@@ -224,14 +263,20 @@ impl Homing {
         Ok(None)
     }
 
-    fn sweep_centre(&mut self, shaft_rad: f32, gap_m: f32, acceleration: f32) -> Result<Option<Homed>, HomingFailure> {
+    fn sweep_centre(&mut self, seen: &Seen, acceleration: f32) -> Result<Option<Homed>, HomingFailure> {
         // First pass away from the seek's side, second pass back.
         let side = if self.centre.pass() == 0 { -self.direction } else { self.direction };
         let goal = self.centre.middle_rad() + side * SWEEP_HALF;
         self.ramp.step(goal, SWEEP_SPEED, acceleration);
-        self.centre.record(shaft_rad, gap_m);
+        self.centre.record(seen.shaft_then_rad, seen.gap_m);
         if self.ramp == Ramp::at(goal) && self.centre.end_pass() {
-            let (zero_rad, error_rad) = self.centre.solve()?;
+            self.phase = Phase::Solve;
+        }
+        Ok(None)
+    }
+
+    fn solve_centre(&mut self) -> Result<Option<Homed>, HomingFailure> {
+        if let Some((zero_rad, error_rad)) = self.centre.solve_some()? {
             self.zero_rad = zero_rad;
             self.zero_error_rad = error_rad;
             self.phase = Phase::WeighStart { ticks: 0 };
@@ -246,9 +291,10 @@ impl Homing {
         speed_limit: f32,
     ) -> Result<Option<Homed>, HomingFailure> {
         let goal = self.zero_rad + PI;
-        let ticks = self.rest_at(goal, WEIGH_SPEED.min(speed_limit), acceleration, ticks);
+        let ticks = self.rest_at(goal, WEIGH_SPEED[1].min(speed_limit), acceleration, ticks);
         self.phase = Phase::WeighStart { ticks };
         if f32::from(ticks) * TICK_S >= REST_S {
+            self.weigh.begin();
             self.phase = Phase::Weigh;
         }
         Ok(None)
@@ -257,22 +303,25 @@ impl Homing {
     fn sweep_weigh(
         &mut self,
         table: &Table<'_>,
-        shaft_rad: f32,
-        gap_m: f32,
+        rig: &RigConstants,
+        seen: &Seen,
         acceleration: f32,
         speed_limit: f32,
     ) -> Result<Option<Homed>, HomingFailure> {
         let start = self.zero_rad + PI;
         let travel = (TAU * WEIGH_TURNS).min(table.metadata.twist_max_rad - table.metadata.twist_min_rad);
         let goal = if self.weigh.pass() == 0 { start + travel } else { start };
-        self.ramp.step(goal, WEIGH_SPEED.min(speed_limit), acceleration);
-        if self.ramp.speed.abs() > 0.9 * WEIGH_SPEED.min(speed_limit) {
-            self.lag_sum_s += (self.ramp.position - shaft_rad) / self.ramp.speed;
+        let off_middle = ((self.ramp.position - start) / travel * 2.0 - 1.0).abs();
+        let speed = WEIGH_SPEED[0] + (WEIGH_SPEED[1] - WEIGH_SPEED[0]) * off_middle;
+        self.ramp.step(goal, speed.min(speed_limit), acceleration);
+        if self.ramp.speed.abs() > 0.8 * speed.min(speed_limit) {
+            self.lag_sum_s += (self.ramp.position - seen.shaft_rad) / self.ramp.speed;
             self.lag_count += 1;
         }
-        self.weigh.record((shaft_rad - start) / travel, shaft_rad - self.zero_rad, gap_m);
+        let then = seen.shaft_then_rad;
+        self.weigh.record((then - start) / travel, then - self.zero_rad, seen.gap_m, seen.current_a);
         if self.ramp == Ramp::at(goal) && self.weigh.end_pass() {
-            self.weigh.begin_fit(table);
+            self.weigh.begin_fit(table, rig);
             self.phase = Phase::Settle { ticks: 0, sum_m: 0.0, count: 0 };
         }
         Ok(None)
@@ -296,11 +345,13 @@ impl Homing {
         }
         self.phase = Phase::Settle { ticks, sum_m, count };
         let averaged = f32::from(ticks) * TICK_S > SETTLE_S + REFERENCE_S;
-        Ok(fitted.filter(|_| averaged && count > 0).map(|(load_n, gap_offset_m)| Homed {
+        Ok(fitted.filter(|_| averaged && count > 0).map(|w| Homed {
             zero_rad: self.zero_rad,
             zero_error_rad: self.zero_error_rad,
-            load_n,
-            gap_offset_m,
+            load_n: w.load_n,
+            gap_offset_m: w.offset_m,
+            twist_scale: w.twist_scale,
+            friction_n: w.friction_n,
             reference_gap_m: sum_m / f32::from(count),
             drive_lag_s: (self.lag_sum_s / f32::from(self.lag_count.max(1))).clamp(0.0, 0.2),
         }))

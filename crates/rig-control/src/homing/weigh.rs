@@ -1,35 +1,95 @@
-//! The load and the LVDT's offset, from how the gap shrinks with twist: G(θ, F) + offset, both unknown, fitted by
-//! Gauss–Newton to a sweep up and a sweep down, a few table lookups each tick.
+//! Load, LVDT offset, string radius and rail friction, from how the gap shrinks with twist and what torque that takes.
+//!
+//! The shape of G(θ, F) alone cannot tell a heavier load from a thinner string: either makes the gap shrink less. Work
+//! can. What the motor does over a way up and a way down, its own friction cancelling, lifts the load: τ dθ = F dG, with
+//! no model in it. Gap, work and how well a scene knows its string are weighed by their errors in one Gauss–Newton fit
+//! of load, twist scale and offset, one bin each tick. Friction is half of what up and down differ by.
 
+use crate::RigConstants;
+use crate::mechanism::{Mechanism, TWIST_SCALE};
 use rig_link::messages::HomingFailure;
 use tsa_table::Table;
 
 /// Bins over the sweep.
 const BINS: usize = 32;
-/// Table lookups in one tick.
-const LOOKUPS_PER_TICK: usize = 3;
+/// Bins at each end that are left out: the motor changes speed there, and the load sticks until the strings have taken
+/// up friction the other way round.
+const END_BINS: usize = 4;
 /// Gauss–Newton steps.
-const STEPS: u8 = 8;
+const STEPS: u8 = 6;
 
 /// Rms misfit (m) beyond which what was weighed is not this mechanism.
 const LARGEST_MISFIT_M: f32 = 0.2e-3;
+/// Errors that the fit weighs by: of the modelled gap in a bin (m), of the string's twist scale, of the mean current (A)
+/// and of the motor's torque constant and gear together.
+const GAP_ERROR_M: f32 = 20e-6;
+const SCALE_ERROR: f32 = 0.015;
+const CURRENT_ERROR_A: f32 = 20e-6;
+const TORQUE_ERROR: f32 = 0.03;
 
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 struct Bin {
     twist_sum: f32,
     gap_sum: f32,
+    current_sum: f32,
     count: u16,
 }
 
-/// Sums of one Gauss–Newton step over the bins seen so far: residual r and sensitivity d = ∂G/∂F.
-#[derive(Clone, Copy, Debug, Default)]
+/// A bin's means over both directions, each counting the same so that friction cancels, and half the differences up
+/// less down.
+#[derive(Clone, Copy, Debug)]
+struct Pair {
+    twist_rad: f32,
+    gap_m: f32,
+    current_a: f32,
+    half_twist_rad: f32,
+    half_gap_m: f32,
+}
+
+/// Sums of one Gauss–Newton step over the bins seen so far: residual r, sensitivity to load d and to scale e.
+#[derive(Clone, Copy, Debug)]
 struct Sums {
     n: f32,
     r: f32,
     d: f32,
+    e: f32,
     dd: f32,
+    de: f32,
+    ee: f32,
     dr: f32,
+    er: f32,
     rr: f32,
+    /// Half differences of the gap, projected on d.
+    friction: f32,
+}
+
+/// What was weighed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Weighed {
+    pub load_n: f32,
+    pub offset_m: f32,
+    pub twist_scale: f32,
+    pub friction_n: f32,
+}
+
+impl Bin {
+    const EMPTY: Self = Self { twist_sum: 0.0, gap_sum: 0.0, current_sum: 0.0, count: 0 };
+}
+
+impl Sums {
+    const ZERO: Self =
+        Self { n: 0.0, r: 0.0, d: 0.0, e: 0.0, dd: 0.0, de: 0.0, ee: 0.0, dr: 0.0, er: 0.0, rr: 0.0, friction: 0.0 };
+}
+
+impl Weighed {
+    const NOTHING: Self = Self { load_n: 0.0, offset_m: 0.0, twist_scale: 1.0, friction_n: 0.0 };
+}
+
+/// The load by the work that the motor did (N), and the error of that.
+#[derive(Clone, Copy, Debug)]
+struct ByWork {
+    load_n: f32,
+    error_n: f32,
 }
 
 /// The weighing.
@@ -37,36 +97,44 @@ struct Sums {
 pub(super) struct Weigh {
     bins: [[Bin; BINS]; 2],
     pass: usize,
-    load_n: f32,
-    offset_m: f32,
+    found: Weighed,
+    by_work: Option<ByWork>,
     steps: u8,
     at: usize,
     sums: Sums,
 }
 
 impl Weigh {
-    pub(super) fn new() -> Self {
+    pub(super) const fn new() -> Self {
         Self {
-            bins: [[Bin::default(); BINS]; 2],
+            bins: [[Bin::EMPTY; BINS]; 2],
             pass: 0,
-            load_n: 0.0,
-            offset_m: 0.0,
+            found: Weighed::NOTHING,
+            by_work: None,
             steps: 0,
-            at: 0,
-            sums: Sums::default(),
+            at: END_BINS,
+            sums: Sums::ZERO,
         }
+    }
+
+    /// Empties the bins for a first sweep.
+    pub(super) fn begin(&mut self) {
+        self.bins.iter_mut().for_each(|bins| bins.fill(Bin::EMPTY));
+        self.pass = 0;
+        self.found = Weighed::NOTHING;
     }
 
     pub(super) fn pass(&self) -> usize {
         self.pass
     }
 
-    /// `share` of the sweep travelled, 0 to 1.
-    pub(super) fn record(&mut self, share: f32, twist_rad: f32, gap_m: f32) {
+    /// `share` of the sweep travelled, 0 to 1; the current is positive towards more twist.
+    pub(super) fn record(&mut self, share: f32, twist_rad: f32, gap_m: f32, current_a: f32) {
         if let (true, Some(bins)) = ((0.0..=1.0).contains(&share), self.bins.get_mut(self.pass)) {
             let bin = &mut bins[((share * BINS as f32) as usize).min(BINS - 1)];
             bin.twist_sum += twist_rad;
             bin.gap_sum += gap_m;
+            bin.current_sum += current_a;
             bin.count = bin.count.saturating_add(1);
         }
     }
@@ -77,74 +145,129 @@ impl Weigh {
         self.pass >= 2
     }
 
-    /// Begins at the middle of the table's range (geometrically): Gauss–Newton takes it from anywhere.
-    pub(super) fn begin_fit(&mut self, table: &Table<'_>) {
+    /// Begins at what the work says, else at the middle of the table's range (geometrically).
+    pub(super) fn begin_fit(&mut self, table: &Table<'_>, rig: &RigConstants) {
         let m = &table.metadata;
-        self.load_n = libm::sqrtf(m.load_min_n * m.load_max_n);
+        self.by_work = self.work(rig);
+        let middle_n = libm::sqrtf(m.load_min_n * m.load_max_n);
+        self.found.load_n = self.by_work.map_or(middle_n, |w| w.load_n).clamp(m.load_min_n, m.load_max_n);
         self.steps = 0;
-        self.at = 0;
-        self.sums = Sums::default();
+        self.at = END_BINS;
+        self.sums = Sums::ZERO;
     }
 
-    /// A bin's mean over both directions: twist and gap, each direction counting the same so that friction cancels.
-    fn mean(&self, i: usize) -> Option<(f32, f32)> {
+    fn pair(&self, i: usize) -> Option<Pair> {
         let [up, down] = [&self.bins[0][i], &self.bins[1][i]];
         if up.count == 0 || down.count == 0 {
             return None;
         }
-        let half = |sum: fn(&Bin) -> f32| 0.5 * (sum(up) / f32::from(up.count) + sum(down) / f32::from(down.count));
-        Some((half(|b| b.twist_sum), half(|b| b.gap_sum)))
+        let (n_up, n_down) = (f32::from(up.count), f32::from(down.count));
+        let half = |sum: fn(&Bin) -> f32, sign: f32| 0.5 * (sum(up) / n_up + sign * sum(down) / n_down);
+        Some(Pair {
+            twist_rad: half(|b| b.twist_sum, 1.0),
+            gap_m: half(|b| b.gap_sum, 1.0),
+            current_a: half(|b| b.current_sum, 1.0),
+            half_twist_rad: half(|b| b.twist_sum, -1.0),
+            half_gap_m: half(|b| b.gap_sum, -1.0),
+        })
     }
 
-    /// Works on; load (N) and offset (m) when finished.
-    pub(super) fn fit_some(&mut self, table: &Table<'_>) -> Result<Option<(f32, f32)>, HomingFailure> {
-        let m = &table.metadata;
-        if self.steps >= STEPS {
-            return Ok(Some((self.load_n, self.offset_m)));
+    /// F = I k gear Δθ/ΔG over the part of the sweep at constant speed.
+    fn work(&self, rig: &RigConstants) -> Option<ByWork> {
+        let range = END_BINS..BINS - END_BINS;
+        let (first, last) = (self.pair(range.start)?, self.pair(range.end - 1)?);
+        let (mut sum, mut count) = (0.0, 0.0);
+        for pair in range.filter_map(|i| self.pair(i)) {
+            sum += pair.current_a;
+            count += 1.0;
         }
-        for _ in 0..LOOKUPS_PER_TICK {
-            if self.at < BINS {
-                if let Some((twist, gap)) = self.mean(self.at) {
-                    let p = table.point_inside(self.load_n, twist);
-                    let (r, d) = (gap - p.gap_m, p.dgap_dload_m_per_n);
-                    let s = &mut self.sums;
-                    s.n += 1.0;
-                    s.r += r;
-                    s.d += d;
-                    s.dd += d * d;
-                    s.dr += d * r;
-                    s.rr += r * r;
-                }
-                self.at += 1;
-                continue;
+        let newton_per_ampere =
+            rig.motor_torque_constant_nm_per_a * rig.gear_ratio * (last.twist_rad - first.twist_rad)
+                / (first.gap_m - last.gap_m);
+        let load_n = sum / count * newton_per_ampere;
+        let error_n = libm::hypotf(CURRENT_ERROR_A * newton_per_ampere, TORQUE_ERROR * load_n);
+        // A gap that does not shrink is for the fit to refuse.
+        (load_n > 0.0 && error_n.is_finite() && newton_per_ampere > 0.0).then_some(ByWork { load_n, error_n })
+    }
+
+    /// Works on; what was weighed when finished.
+    pub(super) fn fit_some(&mut self, table: &Table<'_>) -> Result<Option<Weighed>, HomingFailure> {
+        if self.steps >= STEPS {
+            return Ok(Some(self.found));
+        }
+        let mechanism = Mechanism { table, twist_scale: self.found.twist_scale };
+        if self.at == BINS - END_BINS {
+            self.gauss_newton(table)?;
+        } else {
+            if let Some(pair) = self.pair(self.at) {
+                // The way up pulls friction more than the load, the way down as much less. The gap is far from straight
+                // in the load when that is light, so each is asked for by itself.
+                let Weighed { load_n, friction_n, .. } = self.found;
+                let up = mechanism.at(load_n + friction_n, pair.twist_rad + pair.half_twist_rad);
+                let down = mechanism.at(load_n - friction_n, pair.twist_rad - pair.half_twist_rad);
+                let r = pair.gap_m - 0.5 * (up.gap_m + down.gap_m);
+                let d = 0.5 * (up.dgap_dload_m_per_n + down.dgap_dload_m_per_n);
+                let by_twist = 0.5 * (up.dgap_dtwist_m_per_rad + down.dgap_dtwist_m_per_rad);
+                let e = by_twist * pair.twist_rad / mechanism.twist_scale;
+                let s = &mut self.sums;
+                s.n += 1.0;
+                s.r += r;
+                s.d += d;
+                s.e += e;
+                s.dd += d * d;
+                s.de += d * e;
+                s.ee += e * e;
+                s.dr += d * r;
+                s.er += e * r;
+                s.rr += r * r;
+                s.friction += d * (pair.half_gap_m - 0.5 * (up.gap_m - down.gap_m));
             }
-            let s = core::mem::take(&mut self.sums);
-            self.at = 0;
-            self.steps += 1;
-            if s.n < 0.5 * BINS as f32 {
-                return Err(HomingFailure::PoorFit);
-            }
-            let (mean_r, mean_d) = (s.r / s.n, s.d / s.n);
-            let (var_d, cov) = (s.dd / s.n - mean_d * mean_d, s.dr / s.n - mean_d * mean_r);
-            let step = cov / var_d.max(f32::MIN_POSITIVE);
-            if !step.is_finite() {
-                return Err(HomingFailure::PoorFit);
-            }
-            if self.steps == STEPS {
-                let misfit = libm::sqrtf((s.rr / s.n - mean_r * mean_r).max(0.0));
-                if misfit > LARGEST_MISFIT_M {
-                    return Err(HomingFailure::PoorFit);
-                }
-            }
-            let wanted = self.load_n + step.clamp(-0.6 * self.load_n, 1.5 * self.load_n);
-            if self.steps == STEPS && !(0.9 * m.load_min_n..=1.1 * m.load_max_n).contains(&wanted) {
-                return Err(HomingFailure::LoadOutOfRange);
-            }
-            let load_n = wanted.clamp(m.load_min_n, m.load_max_n);
-            self.offset_m = mean_r - mean_d * (load_n - self.load_n);
-            self.load_n = load_n;
-            return Ok(None);
+            self.at += 1;
         }
         Ok(None)
+    }
+
+    fn gauss_newton(&mut self, table: &Table<'_>) -> Result<(), HomingFailure> {
+        let m = &table.metadata;
+        let s = core::mem::replace(&mut self.sums, Sums::ZERO);
+        self.at = END_BINS;
+        self.steps += 1;
+        let last = self.steps == STEPS;
+        if s.n < 0.5 * (BINS - 2 * END_BINS) as f32 {
+            return Err(HomingFailure::PoorFit);
+        }
+        let (mean_r, mean_d, mean_e) = (s.r / s.n, s.d / s.n, s.e / s.n);
+        // The offset is free, so all is about the means.
+        let (dd, de, ee) = (s.dd - s.n * mean_d * mean_d, s.de - s.n * mean_d * mean_e, s.ee - s.n * mean_e * mean_e);
+        let (dr, er) = (s.dr - s.n * mean_d * mean_r, s.er - s.n * mean_e * mean_r);
+        if last && libm::sqrtf((s.rr / s.n - mean_r * mean_r).max(0.0)) > LARGEST_MISFIT_M {
+            return Err(HomingFailure::PoorFit);
+        }
+        let Weighed { load_n, twist_scale, .. } = self.found;
+        let trust = GAP_ERROR_M * GAP_ERROR_M;
+        let (mut work_weight, mut work_pull) = (0.0, 0.0);
+        if let Some(work) = self.by_work {
+            work_weight = trust / (work.error_n * work.error_n);
+            work_pull = work_weight * (work.load_n - load_n);
+        }
+        let scale_weight = trust / (SCALE_ERROR * SCALE_ERROR);
+        let (a, b, c) = (dd + work_weight, de, ee + scale_weight);
+        let (x, y) = (dr + work_pull, er + scale_weight * (1.0 - twist_scale));
+        let determinant = a * c - b * b;
+        let (load_step, scale_step) = ((c * x - b * y) / determinant, (a * y - b * x) / determinant);
+        if !load_step.is_finite() || !scale_step.is_finite() {
+            return Err(HomingFailure::PoorFit);
+        }
+        let wanted_n = load_n + load_step.clamp(-0.6 * load_n, 1.5 * load_n);
+        if last && !(0.9 * m.load_min_n..=1.1 * m.load_max_n).contains(&wanted_n) {
+            return Err(HomingFailure::LoadOutOfRange);
+        }
+        self.found.load_n = wanted_n.clamp(m.load_min_n, m.load_max_n);
+        self.found.twist_scale = (twist_scale + scale_step.clamp(-0.05, 0.05)).clamp(TWIST_SCALE[0], TWIST_SCALE[1]);
+        self.found.offset_m =
+            mean_r - mean_d * (self.found.load_n - load_n) - mean_e * (self.found.twist_scale - twist_scale);
+        let friction_n = self.found.friction_n + s.friction / s.dd.max(f32::MIN_POSITIVE);
+        self.found.friction_n = friction_n.clamp(0.0, 0.4 * self.found.load_n);
+        Ok(())
     }
 }

@@ -81,7 +81,6 @@ impl Rig<'_> {
         if inputs.estop_open && self.state != State::EStop {
             self.state = State::EStop;
             self.fault = None;
-            self.homing = None;
             self.homed = None;
             let _ = events.push(EventKind::EStopOpened);
         }

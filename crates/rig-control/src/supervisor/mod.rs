@@ -15,12 +15,14 @@
 mod checks;
 mod motion;
 
-use crate::homing::{Homed, Homing, Progress};
-use crate::observer::LoadObserver;
+use crate::adaptation::{Adaptation, Learned};
+use crate::homing::{Homed, Homing, Progress, Seen};
+use crate::mechanism::Mechanism;
+use crate::observer::{Confidence, LoadObserver};
 use crate::planner::{Planner, Ramp};
 use crate::position_loop::PositionLoop;
-use crate::sensors::{DriveReading, Lvdt, LvdtBlock, LvdtReading};
-use crate::{RigConstants, TICK_US};
+use crate::sensors::{DriveReading, GAP_DELAY_S, Lvdt, LvdtBlock, LvdtReading};
+use crate::{RigConstants, TICK_S, TICK_US};
 use checks::Checks;
 pub use motion::LOAD_ACCELERATION;
 use rig_link::messages::{
@@ -107,18 +109,25 @@ pub struct Rig<'t> {
     drive_offset: Option<i64>,
     restart_drive: bool,
     awaiting_restart: bool,
-    homing: Option<Homing>,
+    homing: Homing,
     homed: Option<Homed>,
+    adaptation: Adaptation,
     observer: LoadObserver,
     planner: Planner,
     position_loop: PositionLoop,
     motion: Motion,
+    /// Time until the set-point is at its target (s), as planned.
+    time_left_s: Option<f32>,
     /// Ticks that the load has stood at its target.
     at_rest_ticks: u16,
     arrived_ticks: u16,
     /// Newest measured position (m).
     last_position_m: f32,
     standing_ticks: u16,
+    /// Shaft angle in the tick before (rad).
+    last_shaft_rad: Option<f32>,
+    /// Age of the newest gap (s).
+    gap_age_s: f32,
 }
 
 /// Motor speed (rpm) below which the shaft counts as standing: three quanta of the drive's speed measurement.
@@ -153,16 +162,20 @@ impl<'t> Rig<'t> {
             drive_offset: None,
             restart_drive: false,
             awaiting_restart: false,
-            homing: None,
+            homing: Homing::new(),
             homed: None,
-            observer: LoadObserver::new(table.metadata.load_min_n, 0.0),
+            adaptation: Adaptation::new(1.0),
+            observer: LoadObserver::new(table.metadata.load_min_n, 0.0, 0.0),
             planner: Planner::at(0.0),
             position_loop: PositionLoop::default(),
             motion: Motion::Jog { speed_rad_per_s: 0.0 },
+            time_left_s: None,
             at_rest_ticks: 0,
             arrived_ticks: 0,
             last_position_m: 0.0,
             standing_ticks: 0,
+            last_shaft_rad: None,
+            gap_age_s: 0.0,
         }
     }
 
@@ -181,6 +194,19 @@ impl<'t> Rig<'t> {
         self.homed.as_ref()
     }
 
+    /// What has been learned since homing, for storing; `None` while not homed.
+    pub fn learned(&self) -> Option<Learned> {
+        self.homed.map(|h| self.adaptation.learned(h.twist_scale, h.friction_n))
+    }
+
+    /// Takes up a stored scale of the twist, as far as it is within the drift that homing's allows. False while not homed,
+    /// or if it is no number.
+    pub fn recall(&mut self, learned: &Learned) -> bool {
+        let Some(homed) = self.homed.as_mut().filter(|_| learned.twist_scale.is_finite()) else { return false };
+        homed.twist_scale = self.adaptation.bounded(learned.twist_scale);
+        true
+    }
+
     /// One control tick. Call every [`TICK_US`].
     pub fn step(&mut self, inputs: &Inputs) -> Outputs {
         let mut events = heapless::Vec::new();
@@ -189,17 +215,36 @@ impl<'t> Rig<'t> {
         let lvdt = self.lvdt.read(inputs.now_us, inputs.lvdt, &self.constants);
         self.watch(inputs, lvdt, shaft_rad, &mut events);
         let reply = inputs.request.and_then(|request| self.request(request, inputs, lvdt, shaft_rad));
-        let gap_m = match lvdt {
-            LvdtReading::Valid { gap_m, .. } => Some(gap_m),
-            _ => None,
+        let (gap_m, age_s) = match lvdt {
+            LvdtReading::Valid { gap_m, t_us } => {
+                (Some(gap_m), inputs.now_us.saturating_sub(t_us) as f32 * 1e-6 + GAP_DELAY_S)
+            }
+            _ => (None, 0.0),
         };
-        let observed = self.homed.map(|h| (h, self.observer.step(self.table, shaft_rad - h.zero_rad, gap_m)));
+        self.gap_age_s = age_s;
+        // Where the shaft was when the gap was measured: the two belong together.
+        let turned = shaft_rad - self.last_shaft_rad.replace(shaft_rad).unwrap_or(shaft_rad);
+        let shaft_then_rad = shaft_rad - turned * age_s / TICK_S;
+        let observed = self.homed.map(|h| {
+            let mechanism = Mechanism { table: self.table, twist_scale: h.twist_scale };
+            (h, self.observer.step(&mechanism, shaft_then_rad - h.zero_rad, gap_m))
+        });
+        if observed.is_some_and(|(_, o)| o.confidence != Confidence::Sure) {
+            self.limit = Some(Limit::LoadUnknown);
+        }
         if observed.is_some_and(|(_, o)| o.at_range_end) {
             self.limit = Some(Limit::LoadRange);
         }
         match self.state {
             State::Boot => self.leave_boot(inputs, lvdt, shaft_rad),
-            State::Homing => self.step_homing(gap_m, shaft_rad, &mut events),
+            State::Homing => {
+                let current_a = match inputs.drive {
+                    DriveReading::Reports { current_ma, .. } => f32::from(current_ma) * 1e-3,
+                    _ => 0.0,
+                };
+                let seen = gap_m.map(|gap_m| Seen { shaft_rad, shaft_then_rad, gap_m, current_a });
+                self.step_homing(seen, shaft_rad, &mut events);
+            }
             State::Moving | State::Holding => self.step_motion(observed.as_ref(), gap_m, &mut events),
             State::Unhomed | State::Ready | State::Fault | State::EStop => self.shaft.speed = 0.0,
         }
@@ -233,14 +278,14 @@ impl<'t> Rig<'t> {
         }
     }
 
-    fn step_homing(&mut self, gap_m: Option<f32>, shaft_rad: f32, events: &mut heapless::Vec<EventKind, 4>) {
-        let (Some(homing), Some(gap_m)) = (self.homing.as_mut(), gap_m) else { return };
-        match homing.step(self.table, &self.constants, shaft_rad, gap_m) {
+    fn step_homing(&mut self, seen: Option<Seen>, shaft_rad: f32, events: &mut heapless::Vec<EventKind, 4>) {
+        let Some(seen) = seen else { return };
+        match self.homing.step(self.table, &self.constants, &seen) {
             Progress::Turning(ramp) => self.shaft = ramp,
             Progress::Done(homed) => {
-                self.homing = None;
                 self.homed = Some(homed);
-                self.observer = LoadObserver::new(homed.load_n, homed.gap_offset_m);
+                self.adaptation = Adaptation::new(homed.twist_scale);
+                self.observer = LoadObserver::new(homed.load_n, homed.gap_offset_m, homed.friction_n);
                 self.planner = Planner::at(0.0);
                 self.shaft = Ramp::at(homed.zero_rad + core::f32::consts::PI);
                 self.state = State::Ready;
@@ -255,7 +300,6 @@ impl<'t> Rig<'t> {
     }
 
     fn end_homing(&mut self, failure: HomingFailure, shaft_rad: f32, events: &mut heapless::Vec<EventKind, 4>) {
-        self.homing = None;
         self.shaft = Ramp::at(shaft_rad);
         self.state = State::Unhomed;
         let _ = events.push(EventKind::HomingRefused(failure));
@@ -268,7 +312,6 @@ impl<'t> Rig<'t> {
         }
         self.fault = Some(fault);
         self.state = State::Fault;
-        self.homing = None;
         self.shaft = Ramp::at(shaft_rad);
         let _ = events.push(EventKind::FaultRaised(fault));
     }
@@ -310,7 +353,7 @@ impl<'t> Rig<'t> {
             return Err(Refusal::SensorInvalid { sensor: Sensor::Lvdt });
         };
         self.homed = None;
-        self.homing = Some(Homing::new(shaft_rad, gap_m));
+        self.homing.begin(shaft_rad, gap_m);
         self.state = State::Homing;
         Ok(Accepted::Started)
     }
@@ -407,6 +450,8 @@ impl<'t> Rig<'t> {
             tr_rad_per_m: observed.map(|o| o.point.tr_rad_per_m()),
             drive_current_a,
             drive_speed_rad_per_s,
+            time_left_s: self.time_left_s.filter(|_| planned),
+            twist_scale: self.homed.map(|h| h.twist_scale),
             counters: inputs.counters,
         }
     }

@@ -2,9 +2,10 @@
 
 use super::{EventKind, Homed, JOG_SPEED_MAX, Motion, Rig, SPEED_MAX_M_PER_S, ticks};
 use crate::TICK_S;
-use crate::observer::{LoadSource, Observation};
-use crate::planner::{Planner, Ramp};
-use crate::position_loop::PositionLoop;
+use crate::mechanism::Mechanism;
+use crate::observer::{Confidence, LoadSource, Observation};
+use crate::planner::{Limits, Planner, Ramp};
+use crate::position_loop::{PositionLoop, TwistLimits};
 use rig_link::messages::{Accepted, Limit, LoadChoice, Parameter, Refusal, State};
 
 /// Acceleration of the load (m/s²), unless the motor allows less.
@@ -34,9 +35,9 @@ fn check(parameter: Parameter, given: f32, min: f32, max: f32) -> Result<f32, Re
 impl Rig<'_> {
     /// The position that the strings can bring this load to (m).
     fn travel_m(&self, homed: &Homed, load_n: f32) -> f32 {
-        let m = &self.table.metadata;
-        let load_n = load_n.clamp(m.load_min_n, m.load_max_n);
-        homed.reference_gap_m - homed.gap_offset_m - self.table.point_inside(load_n, m.twist_max_rad).gap_m
+        let mechanism = Mechanism { table: self.table, twist_scale: homed.twist_scale };
+        let end = mechanism.at(load_n + homed.friction_n, mechanism.twist_max_rad());
+        homed.reference_gap_m - homed.gap_offset_m - end.gap_m
     }
 
     pub(super) fn start_move(
@@ -67,6 +68,11 @@ impl Rig<'_> {
             self.position_loop = PositionLoop::default();
         }
         self.observer.source = source;
+        self.adaptation.forget_move();
+        // From rest the way is known before it begins; what is turned round under way is not worth a second formula.
+        let way_m = target_m - self.planner.set_point_m();
+        self.time_left_s =
+            self.planner.is_at_rest().then(|| Limits::new(speed_m_per_s, LOAD_ACCELERATION).duration_s(way_m));
         self.planner.go_to(target_m);
         self.motion = Motion::Load { speed_m_per_s, stopping: false };
         self.state = State::Moving;
@@ -91,11 +97,11 @@ impl Rig<'_> {
         match (self.state, &mut self.motion) {
             (State::Moving, Motion::Load { stopping, .. }) if !*stopping => {
                 *stopping = true;
-                self.planner.brake(LOAD_ACCELERATION);
+                self.time_left_s = None;
+                self.planner.brake(&Limits::new(SPEED_MAX_M_PER_S, LOAD_ACCELERATION));
             }
             (State::Moving, Motion::Jog { speed_rad_per_s }) => *speed_rad_per_s = 0.0,
             (State::Homing, _) => {
-                self.homing = None;
                 self.shaft = Ramp::at(shaft_rad);
                 self.state = State::Unhomed;
             }
@@ -159,12 +165,22 @@ impl Rig<'_> {
         let speed_at_motor_limit = PLANNED_SHARE * self.constants.twist_speed_max() / tr;
         if speed_at_motor_limit < speed_m_per_s && self.state == State::Moving {
             self.limit = Some(Limit::MotorSpeed);
+            self.time_left_s = None;
         }
         let acceleration = LOAD_ACCELERATION.min(PLANNED_SHARE * self.constants.twist_acceleration_max() / tr);
-        let set_point = self.planner.step(speed_m_per_s.min(speed_at_motor_limit), acceleration);
+        if acceleration < LOAD_ACCELERATION && self.state == State::Moving {
+            self.limit = Some(Limit::MotorAcceleration);
+            self.time_left_s = None;
+        }
+        self.time_left_s = self.time_left_s.map(|left_s| (left_s - TICK_S).max(0.0));
+        let planned = Limits::new(speed_m_per_s.min(speed_at_motor_limit), acceleration);
+        let set_point = self.planner.step(&planned);
         let position_m = homed.reference_gap_m - gap_m;
-        let out = self.position_loop.step(&set_point, position_m, tr);
         let limit = self.constants.twist_speed_max();
+        let limits = TwistLimits { speed: limit, acceleration: self.constants.twist_acceleration_max() };
+        let mechanism = Mechanism { table: self.table, twist_scale: homed.twist_scale };
+        let twist_rad = self.shaft.position - homed.zero_rad;
+        let out = self.position_loop.step(&set_point, position_m, self.gap_age_s, seen, &mechanism, twist_rad, &limits);
         self.shaft.speed = out.twist_speed_rad_per_s.clamp(-limit, limit);
         let next = self.shaft.position + self.shaft.speed * TICK_S;
         let (low, high) = (self.table.metadata.twist_min_rad - BELOW_PRETWIST, self.table.metadata.twist_max_rad);
@@ -174,6 +190,7 @@ impl Rig<'_> {
             self.shaft.speed = 0.0;
         }
         self.shaft.position = homed.zero_rad + twist;
+        self.learn(homed, seen, twist_rad, set_point.done);
         if self.state == State::Moving && set_point.done {
             let near = out.error_m.abs() < ARRIVED_M;
             self.arrived_ticks = if near { self.arrived_ticks + 1 } else { 0 };
@@ -182,6 +199,23 @@ impl Rig<'_> {
                 self.state = State::Holding;
                 let error_m = position_m - set_point.position_m;
                 let _ = events.push(if stopping { EventKind::Stopped } else { EventKind::MoveDone { error_m } });
+            }
+        }
+    }
+
+    /// What this tick of a move tells of the twist scale; learned when the set-point has arrived.
+    fn learn(&mut self, homed: &Homed, seen: &Observation, twist_rad: f32, done: bool) {
+        // What the load seems heavier by (N) for a scale of 1: (∂G/∂s)/(∂G/∂F).
+        let x = seen.point.dgap_dtwist_m_per_rad * twist_rad / homed.twist_scale / seen.point.dgap_dload_m_per_n;
+        if seen.confidence == Confidence::Changing || self.observer.source != LoadSource::Estimate {
+            self.adaptation.forget_move();
+        } else if !done && seen.moved_m > 0.0 {
+            self.adaptation.record(x, self.observer.load_n());
+        } else if done && self.state == State::Moving {
+            let change = self.adaptation.end_move(homed.twist_scale);
+            if let (true, Some(homed)) = (change != 0.0, self.homed.as_mut()) {
+                homed.twist_scale += change;
+                self.observer.rescale(-x * change);
             }
         }
     }

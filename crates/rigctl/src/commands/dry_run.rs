@@ -4,7 +4,7 @@ use crate::cli::Global;
 use crate::failure::Failure;
 use crate::output::Output;
 use rig_control::TICK_S;
-use rig_control::planner::Planner;
+use rig_control::planner::{Limits, Planner};
 use rig_link::LoadChoice;
 use serde_json::json;
 
@@ -47,7 +47,7 @@ pub fn run(global: &Global, to: f64, speed: f64, load: LoadChoice, output: &mut 
         let tr = point.tr_rad_per_m();
         let allowed = twist_speed_max / tr;
         limited |= allowed < speed as f32;
-        let s = planner.step(allowed.min(speed as f32), ACCELERATION);
+        let s = planner.step(&Limits::new(allowed.min(speed as f32), ACCELERATION));
         if tick.is_multiple_of(EVERY) || s.done {
             let turns = (twist - table.metadata.twist_min_rad) / std::f32::consts::TAU;
             let rpm = f64::from(tr * s.speed_m_per_s) * gear * 60.0 / std::f64::consts::TAU;

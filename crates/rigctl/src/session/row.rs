@@ -31,6 +31,10 @@ pub struct Row {
     pub drive_current_a: f32,
     /// Speed of the motor shaft as the drive reports it.
     pub drive_speed_rad_per_s: f32,
+    /// Time until the set-point is at its target.
+    pub time_left_s: Option<f32>,
+    /// Learned scale of the twist.
+    pub twist_scale: Option<f32>,
     /// The same position, of the plant's true gap.
     pub true_position_m: Option<f64>,
     /// True twist.
@@ -57,6 +61,8 @@ impl Row {
             tr_rad_per_m: telemetry.tr_rad_per_m,
             drive_current_a: telemetry.drive_current_a,
             drive_speed_rad_per_s: telemetry.drive_speed_rad_per_s,
+            time_left_s: telemetry.time_left_s,
+            twist_scale: telemetry.twist_scale,
             true_position_m: home_gap_m.zip(truth).map(|(home, t)| home - t.gap_m),
             true_twist_rad: truth.map(|t| t.twist_rad),
             true_load_n: truth.map(|t| t.load_n),
