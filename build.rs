@@ -19,6 +19,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let fit = tsa_table::fit::fit(&scene)?;
     let mut source = tsa_table::emit::rust_source(&fit);
     source.push_str(&constants(&scene.rig));
+    source.push_str(&demand(&scene, &fit)?);
     fs::write(out.join("scene.rs"), source)?;
     if env::var_os("CARGO_FEATURE_COST").is_some() {
         fs::write(out.join("peers.rs"), peers(&scene, &fit)?)?;
@@ -51,6 +52,25 @@ fn constants(rig: &Rig) -> String {
         rig.drive_group,
         rig.drive_number,
     )
+}
+
+/// What a table that the board makes for itself must reach, and the shape it may take if the first one does not.
+fn demand(scene: &Scene, fit: &tsa_table::fit::Fit) -> Result<String, Box<dyn Error>> {
+    let accuracy = scene.table_demand()?.1;
+    let spare = match fit.table.table().form {
+        tsa_table::Form::Arc(s) => {
+            let columns = (s.shape.columns + 2).min(tsa_table::arc::MAX_COLUMNS as u8);
+            format!("Some(tsa_table::Shape::new::<{}, {columns}>())", s.shape.rows)
+        }
+        _ => "None".into(),
+    };
+    Ok(format!(
+        "/// The scene's accuracy: contraction (m) and TR (relative).\n\
+         pub const ACCURACY: [f32; 2] = [{:?}f32, {:?}f32];\n\
+         /// More powers, for constants that ask for them.\n\
+         pub const SPARE_SHAPE: Option<tsa_table::Shape> = {spare};\n",
+        accuracy.contraction_m as f32, accuracy.tr_relative as f32
+    ))
 }
 
 /// What `src/bin/cost.rs` compares the table with: the best of every other form, and the solver's constants.

@@ -13,6 +13,7 @@ use rig_link::messages::ResetCause;
 use static_cell::StaticCell;
 
 use crate::scene::RIG;
+use crate::store::Store;
 
 bind_interrupts!(struct Irqs {
     USART2 => usart::BufferedInterruptHandler<peripherals::USART2>;
@@ -29,6 +30,8 @@ pub const LVDT_BLOCK: usize = 256;
 /// Time without feeding after which the watchdog resets the board (µs, nominal). The LSI is 17 to 47 kHz for 32, so
 /// really 0.34 to 0.94 s; the drive stops at its last target meanwhile.
 const WATCHDOG_US: u32 = 500_000;
+/// The same in the watchdog's counts, as embassy-stm32 sets them: 32 kHz over the least prescaler that reaches.
+pub const WATCHDOG_RELOAD: u16 = 3999;
 
 /// Indicators.
 pub struct Leds {
@@ -50,6 +53,7 @@ pub struct Board {
     pub estop: Input<'static>,
     pub leds: Leds,
     pub watchdog: IndependentWatchdog<'static, peripherals::IWDG>,
+    pub store: Store,
 }
 
 /// 168 MHz from the ST-LINK's 8 MHz clock: no over-drive, exact CAN and UART rates (hardware.md section 8).
@@ -118,6 +122,7 @@ impl Board {
             estop: Input::new(p.PB5, Pull::Up),
             leds,
             watchdog: IndependentWatchdog::new(p.IWDG, WATCHDOG_US),
+            store: Store::new(p.FLASH),
         }
     }
 }

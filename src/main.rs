@@ -1,8 +1,9 @@
 //! Firmware of the load-adaptive twisted-string rig on a NUCLEO-F446RE.
 //!
-//! Only pins, clocks and tasks live here; everything that a desktop can test is in the crates. One thread-mode executor
-//! runs five tasks: [`tasks::control`] (the tick), [`tasks::drive`] (CAN), [`tasks::lvdt`] (ADC and DMA),
-//! [`tasks::link`] (host) and [`tasks::watchdog`], which feeds the dog only if all the others have been seen.
+//! Only pins, clocks and tasks live here; everything that a desktop can test is in the crates. An executor at interrupt
+//! level runs five tasks: [`tasks::control`] (the tick), [`tasks::drive`] (CAN), [`tasks::lvdt`] (ADC and DMA),
+//! [`tasks::link`] (host) and [`tasks::watchdog`], which feeds the dog only if all the others have been seen. Below them, in
+//! thread mode, [`tasks::table`] solves equilibria for a table of the board's own.
 
 #![no_std]
 #![no_main]
@@ -10,14 +11,26 @@
 mod board;
 mod scene;
 mod shared;
+mod store;
 mod tasks;
 
 use defmt_rtt as _;
-use embassy_executor::Spawner;
+use embassy_executor::{InterruptExecutor, Spawner};
+use embassy_stm32::interrupt;
+use embassy_stm32::interrupt::{InterruptExt, Priority};
 use panic_probe as _;
 
+/// Everything that must not wait for a table to be solved.
+static FOREGROUND: InterruptExecutor = InterruptExecutor::new();
+
+#[interrupt]
+unsafe fn SPDIF_RX() {
+    // SAFETY: called from this handler alone, which is enabled by `start`.
+    unsafe { FOREGROUND.on_interrupt() }
+}
+
 #[embassy_executor::main]
-async fn main(spawner: Spawner) {
+async fn main(background: Spawner) {
     let start = board::reset_cause();
     let board = board::Board::new(embassy_stm32::init(board::clocks()));
     defmt::info!(
@@ -28,6 +41,13 @@ async fn main(spawner: Spawner) {
         start.cause,
         start.boot_count
     );
+    let mut store = board.store;
+    if let Some(table) = tasks::table::kept(&mut store).await {
+        shared::TABLE.set(table);
+    }
+    // Any interrupt that nothing else uses; the peripherals' own stay above it.
+    interrupt::SPDIF_RX.set_priority(Priority::P6);
+    let spawner = FOREGROUND.start(interrupt::SPDIF_RX);
     let (link_tx, link_rx) = board.uart.split();
     // A task's arena is sized for the instances spawned here, once each: spawning cannot fail.
     spawner.spawn(defmt::unwrap!(tasks::lvdt::run(board.lvdt)));
@@ -36,4 +56,5 @@ async fn main(spawner: Spawner) {
     spawner.spawn(defmt::unwrap!(tasks::link::send(link_tx)));
     spawner.spawn(defmt::unwrap!(tasks::control::run(board.encoder, board.estop, board.leds, start)));
     spawner.spawn(defmt::unwrap!(tasks::watchdog::run(board.watchdog)));
+    background.spawn(defmt::unwrap!(tasks::table::run(store)));
 }

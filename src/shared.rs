@@ -7,7 +7,8 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex as Raw;
 use embassy_sync::channel::Channel;
 use embassy_sync::signal::Signal;
 use rig_control::{DriveCommand, DriveReading, LvdtBlock};
-use rig_link::messages::{Message, Request, Telemetry};
+use rig_link::messages::{Constants, Message, Request, Telemetry};
+use tsa_table::Table;
 
 /// A value that is read whole and written whole.
 pub struct Latest<T: Copy>(Mutex<Raw, Cell<T>>);
@@ -42,6 +43,16 @@ pub static REQUESTS: Channel<Raw, (u16, Request), 8> = Channel::new();
 pub static OUTBOX: Channel<Raw, Message, 16> = Channel::new();
 /// Newest telemetry for the host.
 pub static TELEMETRY: Signal<Raw, Telemetry> = Signal::new();
+/// The table in use.
+pub static TABLE: Latest<&'static Table<'static>> = Latest::new(&crate::scene::TABLE);
+/// A table to be made.
+pub static REBUILD: Signal<Raw, Constants> = Signal::new();
+/// A table for the control task.
+pub static NEW_TABLE: Signal<Raw, &'static Table<'static>> = Signal::new();
+/// The core is about to stall for flash; the control task answers with [`PAUSED`] when nothing moves.
+pub static PAUSE_WANTED: AtomicBool = AtomicBool::new(false);
+/// The control task decides nothing until [`PAUSE_WANTED`] is taken back; the drive holds.
+pub static PAUSED: AtomicBool = AtomicBool::new(false);
 /// Damaged frames from the host.
 pub static LINK_ERRORS: AtomicU32 = AtomicU32::new(0);
 /// CAN frames that are not the drive's.

@@ -1,7 +1,6 @@
 //! The host link: frames in, replies, events and telemetry out.
 
 use crate::board::Start;
-use crate::scene::TABLE;
 use crate::shared::{self, Task};
 use core::sync::atomic::Ordering;
 use embassy_futures::select::{Either, select};
@@ -62,7 +61,8 @@ fn take(sequence: u16, request: Request, greeted: &mut bool, start: Start) {
         | Request::Home
         | Request::Jog { .. }
         | Request::Hold
-        | Request::Clear => {
+        | Request::Clear
+        | Request::Rebuild(_) => {
             if *greeted {
                 queue(sequence, request);
             } else {
@@ -91,7 +91,8 @@ fn text<const N: usize>(value: &str) -> String<N> {
 }
 
 fn identity(start: Start) -> Identity {
-    let m = &TABLE.metadata;
+    let table = shared::TABLE.get();
+    let m = &table.metadata;
     let turns = |twist_rad: f32| (twist_rad - core::f32::consts::PI) / core::f32::consts::TAU;
     Identity {
         version: text(env!("CARGO_PKG_VERSION")),
@@ -99,15 +100,16 @@ fn identity(start: Start) -> Identity {
         protocol_hash: PROTOCOL_HASH,
         scene_hash: m.scene_hash,
         table: TableIdentity {
-            form: text(TABLE.form.name()),
-            bytes: TABLE.form.bytes() as u16,
+            form: text(table.form.name()),
+            bytes: table.form.bytes() as u16,
             contraction_error_m: m.contraction_error_m,
             tr_relative_error: m.tr_relative_error,
             load_min_n: m.load_min_n,
             load_max_n: m.load_max_n,
             turns_min: turns(m.twist_min_rad),
             turns_max: turns(m.twist_max_rad),
-            crc: TABLE.crc,
+            crc: table.crc,
+            rebuilt: !core::ptr::eq(table, &raw const crate::scene::TABLE),
         },
         reset_cause: start.cause,
         boot_count: start.boot_count,

@@ -4,4 +4,5 @@ pub mod control;
 pub mod drive;
 pub mod link;
 pub mod lvdt;
+pub mod table;
 pub mod watchdog;

@@ -50,6 +50,24 @@ pub enum Request {
     Clear,
     /// Send the identity again.
     Status,
+    /// Make a table for other constants, use it and keep it. The rig must then be homed again.
+    Rebuild(Constants),
+}
+
+/// The mechanism's constants as a calibration found them (model.md section 2; SI units).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Constants {
+    /// Hash of the scene file that holds them.
+    pub scene_hash: u32,
+    /// L0, D0, c, R (m).
+    pub geometry_m: [f64; 4],
+    /// r0 (m), K (N/m), k1 (1/N), k2, k3 of eq. 6.
+    pub string: [f64; 5],
+    /// p where the radius follows a power of the twist; nothing where it follows X0/X (eq. 6 as printed).
+    pub twist_exponent: Option<f64>,
+    /// a1 … a5 of eq. 12 (Pa).
+    pub stress_coefficients_pa: [f64; 5],
 }
 
 /// Where a move takes the load's weight from.
@@ -327,6 +345,26 @@ named_codes! {
 }
 
 named_codes! {
+    /// Why a table could not be made on the board.
+    pub enum TableRefusal {
+        /// A constant is not finite, of the wrong sign, or does not fit the others.
+        Constants = 0, "constants";
+        /// The table in use is of a form that cannot be made again.
+        Form = 1, "form";
+        /// The envelope reaches past a limit of the model.
+        Model = 2, "model-limit";
+        /// The fit is not determined.
+        Fit = 3, "fit";
+        /// It misses the scene's accuracy.
+        Accuracy = 4, "accuracy";
+        /// The gap is not monotone.
+        NotMonotone = 5, "not-monotone";
+        /// No memory is left for another one: reset the board.
+        NoRoom = 6, "no-room";
+    }
+}
+
+named_codes! {
     /// Why the board last started.
     pub enum ResetCause {
         /// Power came on.
@@ -388,6 +426,8 @@ pub struct TableIdentity {
     pub turns_max: f32,
     /// Checksum of the table.
     pub crc: u32,
+    /// Made on the board from constants, not built in.
+    pub rebuilt: bool,
 }
 
 /// What the board sees and does, every 10 ms.
@@ -466,4 +506,26 @@ pub enum EventKind {
     EStopOpened,
     /// The emergency stop closed again.
     EStopClosed,
+    /// A table made on the board is in use; home again.
+    TableRebuilt {
+        /// Largest error of the contraction found (m).
+        contraction_error_m: f32,
+        /// Largest relative error of TR found.
+        tr_relative_error: f32,
+        /// Equilibria solved.
+        states: u32,
+        /// Time from request to table (µs).
+        took_us: u64,
+        /// It is in flash and will be used after a reset.
+        kept: bool,
+    },
+    /// No table could be made; the one in use stays.
+    TableRefused {
+        /// Why.
+        reason: TableRefusal,
+        /// Load of the first state that broke it (N), or the contraction's error (m).
+        load_n_or_error_m: f32,
+        /// Twist of that state (rad), or TR's relative error.
+        twist_rad_or_error: f32,
+    },
 }

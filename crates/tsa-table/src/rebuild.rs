@@ -316,7 +316,7 @@ impl Rebuild {
             self.states += 1;
             let e = self.exact.solve(load_n, twist_rad).map_err(|e| broken(load_n, twist_rad, &e))?;
             let at = self.rebuilt.table().point_inside(load_n as f32, twist_rad as f32);
-            if state % twists == 0 {
+            if state.is_multiple_of(twists) {
                 self.start_m = [at.gap_m, e.gap_m as f32];
             }
             let contraction = (self.start_m[0] - at.gap_m) - (self.start_m[1] - e.gap_m as f32);
@@ -350,8 +350,8 @@ impl Rebuild {
         let m = &mut self.rebuilt.metadata;
         for (most, error) in [&mut m.contraction_error_m, &mut m.tr_relative_error].into_iter().zip(errors) {
             let error = error.abs();
-            // Written so that NaN stays.
-            if !(error <= *most) {
+            // NaN must stay.
+            if error > *most || error.is_nan() {
                 *most = error;
             }
         }

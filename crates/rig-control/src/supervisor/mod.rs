@@ -333,8 +333,28 @@ impl<'t> Rig<'t> {
             Request::Clear => self.clear(inputs, lvdt),
             Request::Home => self.idle().and_then(|()| self.start_homing(lvdt, shaft_rad)),
             Request::Jog { twist_speed_rad_per_s } => self.start_jog(twist_speed_rad_per_s, shaft_rad),
+            // The firmware makes it; it is used when nothing moves.
+            Request::Rebuild(_) => self.idle().map(|()| Accepted::Started),
             Request::Move { target_m, speed_m_per_s, load } => self.start_move(target_m, speed_m_per_s, load),
         })
+    }
+
+    /// Takes another table, for which the rig must be homed anew. Not while anything moves: false, ask again later.
+    pub fn use_table(&mut self, table: &'t Table<'t>) -> bool {
+        if matches!(self.state, State::Moving | State::Homing) {
+            return false;
+        }
+        self.table = table;
+        self.homed = None;
+        if matches!(self.state, State::Ready | State::Holding) {
+            self.state = State::Unhomed;
+        }
+        true
+    }
+
+    /// Whether the rig stands, and the core may stall for a while: nothing is homing or moving.
+    pub fn stands(&self) -> bool {
+        !matches!(self.state, State::Moving | State::Homing | State::Boot)
     }
 
     /// Whether a new motion may begin from rest.

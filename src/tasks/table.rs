@@ -1,0 +1,129 @@
+//! A table for other constants, made in the background: the only task of the thread-mode executor, so everything else
+//! interrupts it.
+
+use crate::scene;
+use crate::shared;
+use crate::store::{self, Store};
+use core::sync::atomic::Ordering;
+use embassy_futures::yield_now;
+use embassy_time::{Duration, Instant, Timer};
+use rig_link::messages::{Constants, EventKind, Message, TableRefusal};
+use static_cell::StaticCell;
+use tsa_model::{Geometry, Material, Parameters, RadiusLaw, StringParameters};
+use tsa_table::Table;
+use tsa_table::rebuild::{Rebuild, RebuildError, Rebuilt};
+
+/// Tables that one run of the firmware can make: the control task keeps looking into the one it was given.
+const ROOM: usize = 8;
+
+/// From flash, if a good one is there.
+pub async fn kept(store: &mut Store) -> Option<&'static Table<'static>> {
+    let rebuilt = Rebuilt::read(&scene::TABLE, scene::SPARE_SHAPE, store.fetch(store::TABLE).await?);
+    if rebuilt.is_none() {
+        defmt::warn!("the table in flash is not for this firmware, or damaged: the built-in one is used");
+    }
+    place(rebuilt?)
+}
+
+/// A place in memory for good.
+fn place(rebuilt: Rebuilt) -> Option<&'static Table<'static>> {
+    static NUMBERS: [StaticCell<Rebuilt>; ROOM] = [const { StaticCell::new() }; ROOM];
+    static TABLES: [StaticCell<Table<'static>>; ROOM] = [const { StaticCell::new() }; ROOM];
+    let mut rebuilt = Some(rebuilt);
+    for (numbers, table) in NUMBERS.iter().zip(&TABLES) {
+        if let Some(cell) = numbers.try_uninit() {
+            let numbers: &'static Rebuilt = cell.write(rebuilt.take()?);
+            return table.try_init(numbers.table()).map(|t| &*t);
+        }
+    }
+    None
+}
+
+#[embassy_executor::task]
+pub async fn run(mut store: Store) -> ! {
+    loop {
+        let constants = shared::REBUILD.wait().await;
+        let began = Instant::now();
+        let kind = match make(&constants).await {
+            Err(refused) => refused,
+            Ok((rebuilt, states)) => {
+                let took_us = began.elapsed().as_micros();
+                let kept = keep(&mut store, &rebuilt).await;
+                let m = rebuilt.metadata;
+                match place(rebuilt) {
+                    None => refused(TableRefusal::NoRoom, 0.0, 0.0),
+                    Some(table) => {
+                        shared::TABLE.set(table);
+                        shared::NEW_TABLE.signal(table);
+                        EventKind::TableRebuilt {
+                            contraction_error_m: m.contraction_error_m,
+                            tr_relative_error: m.tr_relative_error,
+                            states,
+                            took_us,
+                            kept,
+                        }
+                    }
+                }
+            }
+        };
+        defmt::info!("{}", kind);
+        shared::OUTBOX.send(Message::Event { t_us: Instant::now().as_micros(), kind }).await;
+    }
+}
+
+const fn refused(reason: TableRefusal, load_n_or_error_m: f32, twist_rad_or_error: f32) -> EventKind {
+    EventKind::TableRefused { reason, load_n_or_error_m, twist_rad_or_error }
+}
+
+fn parameters(c: &Constants) -> Option<Parameters> {
+    let [string_length_m, rod_span_m, clamp_width_m, rod_radius_m] = c.geometry_m;
+    let [diameter_m, stiffness_n_per_m, k1_per_n, k2, k3] = c.string;
+    let twist_exponent = c.twist_exponent;
+    let radius_law = if twist_exponent.is_some() { RadiusLaw::TwistPower } else { RadiusLaw::LengthRatio };
+    Parameters::new(
+        &Geometry { string_length_m, rod_span_m, clamp_width_m, rod_radius_m },
+        &StringParameters { diameter_m, stiffness_n_per_m, k1_per_n, k2, k3, twist_exponent, radius_law },
+        &Material { stress_coefficients_pa: c.stress_coefficients_pa },
+    )
+    .ok()
+}
+
+async fn make(constants: &Constants) -> Result<(Rebuilt, u32), EventKind> {
+    let Some(parameters) = parameters(constants) else { return Err(refused(TableRefusal::Constants, 0.0, 0.0)) };
+    let begun = Rebuild::new(&scene::TABLE, &parameters, constants.scene_hash, scene::ACCURACY, scene::SPARE_SHAPE);
+    let mut rebuild = begun.map_err(why)?;
+    loop {
+        if let Some(done) = rebuild.step().map_err(why)? {
+            let done = done.clone();
+            return Ok((done, rebuild.states()));
+        }
+        yield_now().await;
+    }
+}
+
+fn why(error: RebuildError) -> EventKind {
+    match error {
+        RebuildError::Form => refused(TableRefusal::Form, 0.0, 0.0),
+        RebuildError::Model { load_n, twist_rad, .. } => refused(TableRefusal::Model, load_n, twist_rad),
+        RebuildError::Fit => refused(TableRefusal::Fit, 0.0, 0.0),
+        RebuildError::Accuracy { contraction_m, tr_relative } => {
+            refused(TableRefusal::Accuracy, contraction_m, tr_relative)
+        }
+        RebuildError::NotMonotone => refused(TableRefusal::NotMonotone, 0.0, 0.0),
+    }
+}
+
+/// Into flash, when the rig stands and the control task has agreed to pause.
+async fn keep(store: &mut Store, rebuilt: &Rebuilt) -> bool {
+    let mut record = [0; store::RECORD];
+    let Some(record) = rebuilt.write(&mut record).and_then(|length| record.get(..length)) else { return false };
+    shared::PAUSE_WANTED.store(true, Ordering::Release);
+    while !shared::PAUSED.load(Ordering::Acquire) {
+        Timer::after(Duration::from_millis(10)).await;
+    }
+    let kept = store.store(store::TABLE, record).await;
+    // Until sensors and drive have been heard again.
+    Timer::after(Duration::from_millis(40)).await;
+    shared::PAUSE_WANTED.store(false, Ordering::Release);
+    kept
+}
