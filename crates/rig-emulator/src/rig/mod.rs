@@ -90,6 +90,7 @@ pub enum RigError {
 }
 
 /// Drive, motor, mechanism and sensors on the microcontroller's pins.
+#[derive(Clone)]
 pub struct Rig {
     parameters: RigParameters,
     settings: PlantSettings,
@@ -278,6 +279,7 @@ impl Rig {
             motor_angle_rad: self.motor.angle_rad - self.boot_angle_rad,
             motor_speed_rad_per_s: self.motor.speed_rad_per_s,
             motor_current_a: self.motor.current_a,
+            motor_energy_j: self.motor.energy_j,
             drive_mode: self.drive.mode().map_or(0, |mode| mode as u8),
         }
     }

@@ -31,6 +31,8 @@ pub struct Truth {
     pub motor_speed_rad_per_s: f64,
     /// Winding current.
     pub motor_current_a: f64,
+    /// Electrical energy that the motor has taken since power-up.
+    pub motor_energy_j: f64,
     /// Code of the drive's mode, 0 while un-moded or off.
     pub drive_mode: u8,
 }

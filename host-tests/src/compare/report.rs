@@ -1,0 +1,301 @@
+//! The comparison's figures as a table, a CSV and a picture.
+
+use super::baseline::Law;
+use super::score::Summary;
+use super::{Controller, Entry, Failure};
+use crate::scenario::Scenario;
+use rig_emulator::rig::settings::GRAVITY_M_PER_S2;
+use rigctl::output::csv_text;
+use rigctl::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Sample, Shape, colour, extent};
+use std::fmt::Write;
+
+/// Largest tracking errors that others publish for closed loops on a twisted string: what, load (kg), errors (mm).
+/// JCSE 2016, 5864918: a dual actuator, other moves than here.
+const PUBLISHED: [(&str, f64, [f64; 2]); 2] =
+    [("published: dual TSA, PID", 0.5, [11.6, 12.6]), ("published: dual TSA, LQR", 0.5, [4.3, 5.0])];
+
+/// What else there is, in other measures.
+const ELSEWHERE: &str = "Published beside these, on other rigs and moves: closed loop on a dual TSA under 500 g, largest \
+    error 11.6 and 12.6 mm by PID, 4.3 and 5.0 mm by LQR (JCSE 2016, 5864918); open loop by an inverse model on a TSA \
+    soft arm, 3.68 % (ASME JMR 16(4) 041007, 2024).";
+
+/// What one controller reached.
+pub struct Reached {
+    /// Which.
+    pub controller: Controller,
+    /// Every move's figures.
+    pub entries: Vec<Entry>,
+}
+
+/// One line of the table: whose, where, and what.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Line {
+    /// The controller, as a letter and in words.
+    pub name: String,
+    /// Load (kg); `None` is all of them.
+    pub load_kg: Option<f64>,
+    /// Moves with a load step on the way.
+    pub steps: bool,
+    /// Runs of the firmware that failed, whose moves are missing.
+    pub failed: usize,
+    /// The figures.
+    pub summary: Summary,
+}
+
+/// Everything that was found.
+pub struct Results {
+    lines: Vec<Line>,
+    plants: usize,
+    failures: Vec<String>,
+    tuned: String,
+}
+
+/// A controller in words.
+fn name(controller: Controller) -> &'static str {
+    match controller {
+        Controller::Firmware => "a  this controller",
+        Controller::Baseline(Law::FixedRatio(_)) => "b  fixed ratio, tuned",
+        Controller::Baseline(Law::OpenLoop) => "c  open loop by table",
+        Controller::Baseline(Law::MatchedSpeed) => "d  constant speed, matched",
+        Controller::Baseline(Law::ConstantSpeed(_)) => "d  constant 12.5 rpm (paper)",
+    }
+}
+
+impl Results {
+    /// Sums up.
+    pub fn new(scenarios: &[Scenario], plants: usize, failures: &[Failure], reached: &[Reached]) -> Self {
+        let loads: Vec<f64> = scenarios.iter().map(load_kg).collect();
+        let mut lines = Vec::new();
+        for r in reached {
+            for steps in [false, true] {
+                let mut line = |scenario: Option<usize>| {
+                    let here = |s: usize| scenario.is_none_or(|only| only == s);
+                    let entries = r.entries.iter().filter(|e| here(e.scenario) && e.changed == steps);
+                    lines.push(Line {
+                        name: name(r.controller).into(),
+                        load_kg: scenario.map(|s| loads[s]),
+                        steps,
+                        failed: failures.iter().filter(|f| here(f.scenario)).count(),
+                        summary: Summary::new(entries.map(|e| &e.score)),
+                    });
+                };
+                (0..scenarios.len()).for_each(|s| line(Some(s)));
+                line(None);
+            }
+        }
+        let tuned = reached.iter().find_map(|r| match r.controller {
+            Controller::Baseline(Law::FixedRatio(law)) => Some(format!(
+                "TR {:.2} rad/mm, gain {:.2} 1/s, corner {:.1} rad/s",
+                law.tr_rad_per_m * 1e-3,
+                law.gain_per_s,
+                law.corner_rad_per_s
+            )),
+            _ => None,
+        });
+        let failures =
+            failures.iter().map(|f| format!("{}, plant {}: {}", scenarios[f.scenario].name, f.seed, f.reason));
+        Self { lines, plants, failures: failures.collect(), tuned: tuned.unwrap_or_default() }
+    }
+
+    /// The lines.
+    pub fn lines(&self) -> &[Line] {
+        &self.lines
+    }
+
+    /// How many times larger another controller's rms error is than the firmware's, over all loads.
+    pub fn gain_over(&self, letter: &str, steps: bool) -> Option<f64> {
+        let rms = |letter: &str| {
+            let all = |l: &&Line| l.load_kg.is_none() && l.steps == steps && l.name.starts_with(letter);
+            self.lines.iter().find(all).map(|l| l.summary.rms_m)
+        };
+        Some(rms(letter)? / rms("a")?)
+    }
+
+    /// For people.
+    pub fn table(&self) -> String {
+        let mut text = String::new();
+        let mut put = |line: String| {
+            let _ = writeln!(text, "{line}");
+        };
+        put(format!(
+            "{} random plants under each load: constants and supply ±10 %, friction 0 to 0.3 N, LVDT noise 30 to 120 um, \
+             play of the gear 0 to 20 mrad; all EMULATED",
+            self.plants
+        ));
+        for steps in [false, true] {
+            put(String::new());
+            put(format!(
+                "{:<30} {:>6} {:>6} {:>7} {:>9} {:>9} {:>11} {:>8} {:>12} {:>9}",
+                if steps { "load steps on the way" } else { "no load steps" },
+                "load",
+                "moves",
+                "failed",
+                "max um",
+                "rms um",
+                "settling s",
+                "settled",
+                "overshoot um",
+                "energy J"
+            ));
+            for line in self.lines.iter().filter(|l| l.steps == steps) {
+                let s = &line.summary;
+                put(format!(
+                    "{:<30} {:>6} {:>6} {:>7} {:>9.0} {:>9.1} {:>11} {:>6.0} % {:>12.0} {:>9.3}",
+                    line.name,
+                    line.load_kg.map_or("all".into(), |kg| format!("{kg:.1}")),
+                    s.moves,
+                    line.failed,
+                    s.max_m * 1e6,
+                    s.rms_m * 1e6,
+                    if s.settling_s.is_finite() { format!("{:.2}", s.settling_s) } else { "–".into() },
+                    100.0 * s.settled,
+                    s.overshoot_m * 1e6,
+                    s.energy_j
+                ));
+            }
+        }
+        put(String::new());
+        for (what, letter) in
+            [("b", "b"), ("c", "c"), ("d, matched", "d  constant speed"), ("d, paper", "d  constant 12.5")]
+        {
+            let times = |steps| self.gain_over(letter, steps).map_or("–".into(), |g| format!("{g:.2}"));
+            put(format!(
+                "rms error of {what} over that of a: {} without load steps, {} with",
+                times(false),
+                times(true)
+            ));
+        }
+        put("(wanted: b at least 5 without load steps)".into());
+        put(format!("b after its search: {}", self.tuned));
+        for failure in &self.failures {
+            put(format!("a failed: {failure}"));
+        }
+        put(ELSEWHERE.into());
+        text
+    }
+
+    /// For machines. Lengths in um; an empty settling time means that fewer than half settled.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn csv(&self) -> anyhow::Result<String> {
+        let header = [
+            "controller",
+            "load_kg",
+            "load_steps",
+            "moves",
+            "failed_runs",
+            "max_error_um",
+            "rms_error_um",
+            "settling_s",
+            "settled_share",
+            "overshoot_um",
+            "energy_j",
+        ];
+        let ours = self.lines.iter().map(|line| {
+            let s = &line.summary;
+            let um = |m: f64| format!("{:.1}", m * 1e6);
+            let settling = if s.settling_s.is_finite() { format!("{:.2}", s.settling_s) } else { String::new() };
+            vec![
+                line.name.clone(),
+                line.load_kg.map_or("all".into(), |kg| format!("{kg:.1}")),
+                line.steps.to_string(),
+                s.moves.to_string(),
+                line.failed.to_string(),
+                um(s.max_m),
+                um(s.rms_m),
+                settling,
+                format!("{:.3}", s.settled),
+                um(s.overshoot_m),
+                format!("{:.4}", s.energy_j),
+            ]
+        });
+        let theirs = PUBLISHED.iter().flat_map(|(what, kg, errors)| {
+            errors.iter().map(move |mm| {
+                let known = [(*what).to_owned(), format!("{kg:.1}"), String::new(), String::new(), String::new()];
+                let mut cells = known.to_vec();
+                cells.push(format!("{:.1}", mm * 1e3));
+                cells.resize(header.len(), String::new());
+                cells
+            })
+        });
+        csv_text(&header, ours.chain(theirs)).map_err(|e| anyhow::anyhow!(e.message().unwrap_or_default()))
+    }
+
+    /// The picture.
+    ///
+    /// # Errors
+    /// If the drawing library fails.
+    pub fn figure(&self) -> anyhow::Result<String> {
+        let mut names: Vec<&str> = self.lines.iter().map(|l| l.name.as_str()).collect();
+        names.dedup();
+        let colours = names.len() + 1;
+        let panel = |title: &str, label: &str, log: bool, value: fn(&Summary) -> f64, published: bool| {
+            let mut items = Vec::new();
+            let mut heights = Vec::new();
+            for (k, name) in names.iter().enumerate() {
+                for steps in [false, true] {
+                    let mine = self.lines.iter().filter(|l| l.name == *name && l.steps == steps);
+                    let points: Vec<(f64, f64)> = mine
+                        .filter_map(|l| Some((l.load_kg?, value(&l.summary))))
+                        .filter(|(_, v)| v.is_finite() && (!log || *v > 0.0))
+                        .collect();
+                    heights.extend(points.iter().map(|p| p.1));
+                    let pen = if steps { Pen::dashed(colour(k, colours)) } else { Pen::solid(colour(k, colours)) };
+                    let shape = if steps { Shape::Diamond } else { Shape::Circle };
+                    items.push(Item::Line { points: points.clone(), pen });
+                    items.extend(points.into_iter().map(|at| Item::Mark { at, shape, colour: pen.colour }));
+                }
+            }
+            for (_, kg, errors) in PUBLISHED.iter().filter(|_| published) {
+                heights.extend(errors);
+                let mark =
+                    |mm: &f64| Item::Mark { at: (*kg, *mm), shape: Shape::Cross, colour: colour(names.len(), colours) };
+                items.extend(errors.iter().map(mark));
+            }
+            let x = Axis::linear("load, kg", extent(self.lines.iter().filter_map(|l| l.load_kg)));
+            let y = if log { Axis::log(label, extent(heights)) } else { Axis::linear(label, extent(heights)) };
+            Panel { title: title.into(), x, y, items }
+        };
+        let sample = |k: usize, name: &str| KeyRow::sample(Sample::Line(Pen::solid(colour(k, colours))), name);
+        let grey = colour(names.len(), colours);
+        let whose = names.iter().enumerate().map(|(k, name)| sample(k, name)).collect();
+        let how = vec![
+            KeyRow::sample(Sample::Mark(Shape::Circle, INK), "moves without load steps (whole lines)"),
+            KeyRow::sample(Sample::Mark(Shape::Diamond, INK), "load steps of 13 to 20 % on the way (dashed)"),
+            KeyRow::sample(Sample::Mark(Shape::Cross, grey), "published: dual TSA, 500 g, LQR and PID"),
+        ];
+        let figure = Figure {
+            heading: format!("Four ways to drive the same rig: {} random plants under each load (emulated)", self.plants),
+            rows: vec![
+                vec![
+                    panel("Tracking, rms", "error, mm", true, |s| s.rms_m * 1e3, false),
+                    panel("Tracking, largest", "error, mm", true, |s| s.max_m * 1e3, true),
+                ],
+                vec![
+                    panel("Settled within 50 µm of the target", "share of moves, %", false, |s| s.settled * 100.0, false),
+                    panel("Largest overshoot", "past the target, mm", true, |s| s.overshoot_m * 1e3, false),
+                ],
+                vec![
+                    panel("Settling to 50 µm, middle one", "time, s", false, |s| s.settling_s, false),
+                    panel("Electrical energy of a move", "energy, J", false, |s| s.energy_j, false),
+                ],
+            ],
+            panel_size: (640, 360),
+            blocks: vec![Block { rows: whose }, Block { rows: how }],
+            notes: vec![
+                format!("b after a search over ratio, gain and corner for the least rms error: {}.", self.tuned),
+                "Tracking counts while the set-point travels; settling from its arrival on, and only where at least \
+                 half of the moves settle before the next one. A load step moves the load by itself, under any controller, \
+                 by 1 to 4 mm."
+                    .into(),
+            ],
+        };
+        figure.svg().map_err(|e| anyhow::anyhow!(e.message().unwrap_or_default()))
+    }
+}
+
+/// The load that a scenario starts with (kg).
+fn load_kg(scenario: &Scenario) -> f64 {
+    scenario.plant.iter().find(|s| s.key == "load").map_or(f64::NAN, |s| s.value / GRAVITY_M_PER_S2)
+}
