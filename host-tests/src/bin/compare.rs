@@ -2,9 +2,11 @@
 
 use anyhow::{Context, Result, anyhow};
 use clap::Parser;
+use host_tests::compare::baseline::{Law, Loop, PAPER_SPEED};
 use host_tests::compare::plants::RandomPlant;
 use host_tests::compare::report::{Reached, Results};
-use host_tests::compare::{Comparison, Controller, baselines, untuned};
+use host_tests::compare::tune::Goal;
+use host_tests::compare::{Comparison, Controller, untuned};
 use host_tests::scenario;
 use std::path::PathBuf;
 
@@ -14,13 +16,20 @@ struct Arguments {
     /// Random plants, each under every load of the scenarios
     #[arg(long, default_value_t = 50)]
     plants: usize,
-    /// Of these plants, how many the fixed ratio is tuned on
-    #[arg(long, default_value_t = 10)]
+    /// Of these plants, how many the baselines are tuned on
+    #[arg(long, default_value_t = 5)]
     tuned_on: u64,
     /// Folder for comparison.svg and comparison.csv
     #[arg(long, value_name = "DIR", default_value = "docs")]
     out: PathBuf,
 }
+
+/// Those without anything to tune.
+const OTHERS: [(&str, Law); 3] = [
+    ("c  open loop by table", Law::OpenLoop),
+    ("d  constant speed, matched", Law::MatchedSpeed),
+    ("d' constant 12.5 rpm (paper)", Law::ConstantSpeed(PAPER_SPEED)),
+];
 
 fn main() -> Result<()> {
     let arguments = Arguments::parse();
@@ -28,15 +37,13 @@ fn main() -> Result<()> {
     let plants = RandomPlant::list(arguments.plants);
     eprintln!("{} scenarios on {} plants by the firmware's control …", scenarios.len(), plants.len());
     let comparison = Comparison::new(&scenarios, &plants).map_err(|e| anyhow!(e))?;
-    let start = untuned();
-    eprintln!("tuning the fixed ratio on {} plants, from {start:?} …", arguments.tuned_on);
-    let (tuned, rms_m) = comparison.tune(start, arguments.tuned_on).map_err(|e| anyhow!(e))?;
-    eprintln!("{tuned:?}: {:.1} um rms on them", rms_m * 1e6);
-    let mut rows = Vec::new();
-    for controller in [Controller::Firmware].into_iter().chain(baselines(tuned).map(Controller::Baseline)) {
-        rows.push(Reached { controller, entries: comparison.play(controller).map_err(|e| anyhow!(e))? });
+    let (contestants, notes) = contestants(&comparison, arguments.tuned_on)?;
+    let mut reached = Vec::new();
+    for (name, controller) in contestants {
+        eprintln!("{name} …");
+        reached.push(Reached { name: name.into(), entries: comparison.play(controller).map_err(|e| anyhow!(e))? });
     }
-    let results = Results::new(&scenarios, plants.len(), &comparison.failures, &rows);
+    let results = Results::new(&scenarios, plants.len(), &comparison.failures, &reached, notes);
     print!("{}", results.table());
     let write = |name: &str, text: String| {
         let path = arguments.out.join(name);
@@ -46,4 +53,30 @@ fn main() -> Result<()> {
     write("comparison.svg", results.figure()?)?;
     println!("\n{0}/comparison.svg   {0}/comparison.csv", arguments.out.display());
     Ok(())
+}
+
+/// Everybody by name, and how the tuned ones came to their settings.
+fn contestants(comparison: &Comparison<'_>, tuned_on: u64) -> Result<(Vec<(&'static str, Controller)>, Vec<String>)> {
+    let fixed = untuned();
+    let by_table = Loop { tr_rad_per_m: None, ..fixed };
+    let mut all = vec![("a  this controller", Controller::Firmware)];
+    let mut notes = Vec::new();
+    for (name, start, goal, wanted) in [
+        ("b  fixed ratio, most settled", fixed, Goal::Settling, "for the most settled moves, then the least rms error"),
+        ("b' fixed ratio, least error", fixed, Goal::LeastError, "for the least rms error without load steps"),
+        ("e  b by the table's ratio", by_table, Goal::Settling, "as b, with the table's ratio under the known load"),
+    ] {
+        eprintln!("{name}: tuning on {tuned_on} plants …");
+        let tuned = comparison.tune(start, goal, tuned_on).map_err(|e| anyhow!(e))?;
+        let ratio = tuned.tr_rad_per_m.map_or("by the table".into(), |tr| format!("{:.2} rad/mm", tr * 1e-3));
+        notes.push(format!(
+            "{}: searched on {tuned_on} of the plants {wanted}: TR {ratio}, gain {:.2} 1/s, corner {:.1} rad/s.",
+            &name[..2].trim(),
+            tuned.gain_per_s,
+            tuned.corner_rad_per_s
+        ));
+        all.push((name, Controller::Baseline(Law::Loop(tuned))));
+    }
+    all.extend(OTHERS.map(|(name, law)| (name, Controller::Baseline(law))));
+    Ok((all, notes))
 }

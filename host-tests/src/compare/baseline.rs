@@ -39,22 +39,22 @@ pub struct Wanted {
     pub load_n: f32,
 }
 
-/// A loop on the LVDT with a transmission ratio that never changes.
+/// A loop on the LVDT: θ̇ = TR (v* + K e), as the firmware's.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FixedRatio {
-    /// The ratio (rad/m).
-    pub tr_rad_per_m: f32,
-    /// Gain (1/s).
+pub struct Loop {
+    /// The transmission ratio (rad/m), one for all loads and twists; `None` is the table's under the true load.
+    pub tr_rad_per_m: Option<f32>,
+    /// Gain K (1/s).
     pub gain_per_s: f32,
-    /// Corner of the two smoothing poles (rad/s).
+    /// Corner of the two poles that smooth the error (rad/s).
     pub corner_rad_per_s: f32,
 }
 
 /// How the strings' twist is chosen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Law {
-    /// θ̇ = TR (v* + K e) as the firmware's, with one TR for all loads and twists.
-    FixedRatio(FixedRatio),
+    /// Feedback from the LVDT.
+    Loop(Loop),
     /// The twist at which the table has the wanted gap under the true load. The LVDT is not looked at.
     OpenLoop,
     /// Constant twist speed (rad/s) until the LVDT shows the target.
@@ -166,14 +166,16 @@ impl Baseline {
         };
     }
 
-    fn fixed_ratio(&mut self, law: FixedRatio, position_m: f32) -> f32 {
+    fn closed_loop(&mut self, law: Loop, position_m: f32) -> f32 {
         let w = self.wanted;
         let error_m = w.set_point_m - MEASUREMENT_AGE_S * w.speed_m_per_s - position_m;
         let left_alone = w.done && error_m.abs() < AT_REST_M;
         let blend = law.corner_rad_per_s * TICK_S / (1.0 + law.corner_rad_per_s * TICK_S);
         self.smoothed[0] += blend * (if left_alone { 0.0 } else { error_m } - self.smoothed[0]);
         self.smoothed[1] += blend * (self.smoothed[0] - self.smoothed[1]);
-        law.tr_rad_per_m * (w.speed_m_per_s + law.gain_per_s * self.smoothed[1])
+        let twist_rad = self.shaft.position - self.zero_rad;
+        let by_table = || self.table.point_inside(w.load_n, twist_rad).tr_rad_per_m();
+        law.tr_rad_per_m.unwrap_or_else(by_table) * (w.speed_m_per_s + law.gain_per_s * self.smoothed[1])
     }
 
     /// The twist at which the table has the load at a position (rad).
@@ -215,7 +217,7 @@ impl Baseline {
     fn follow(&mut self, position_m: f32) {
         let fastest = self.rig.twist_speed_max();
         let wanted = match self.law {
-            Law::FixedRatio(law) => self.fixed_ratio(law, position_m),
+            Law::Loop(law) => self.closed_loop(law, position_m),
             Law::OpenLoop => {
                 let twist = self.zero_rad + self.twist_at(self.wanted.set_point_m);
                 (twist - self.shaft.position) / TICK_S

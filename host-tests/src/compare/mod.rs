@@ -17,15 +17,16 @@ pub mod tune;
 
 use crate::Desk;
 use crate::scenario::Scenario;
-use baseline::{Baseline, FixedRatio, Law, PAPER_SPEED};
+use baseline::{Baseline, Law, Loop};
 use plants::RandomPlant;
 use play::Record;
 use score::Score;
 use std::num::NonZero;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use tune::Goal;
 
-/// Whom the figures are of.
+/// Who drives the rig.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Controller {
     /// (a) The firmware's.
@@ -128,41 +129,39 @@ impl<'s> Comparison<'s> {
         Ok(entries.into_iter().collect::<Result<Vec<_>, _>>()?.concat())
     }
 
-    /// The fixed ratio and gains with the least rms error over the moves without a change of the plant, on plants up to
-    /// a seed; and that error (m).
+    /// The loop that comes nearest to a goal on plants up to a seed, searched for from `start`.
     ///
     /// # Errors
     /// As [`Comparison::play`].
-    pub fn tune(&self, start: FixedRatio, up_to_seed: u64) -> Result<(FixedRatio, f64), String> {
+    pub fn tune(&self, start: Loop, goal: Goal, up_to_seed: u64) -> Result<Loop, String> {
         let cases: Vec<&Case> = self.cases.iter().filter(|case| case.seed <= up_to_seed).collect();
         let mut refused = None;
-        let best = tune::search(start, |candidates| {
-            let runs: Vec<(FixedRatio, &Case)> =
+        let (best, _) = tune::search(start, |candidates| {
+            let runs: Vec<(Loop, &Case)> =
                 candidates.iter().flat_map(|law| cases.iter().map(move |case| (*law, *case))).collect();
-            let scores = in_parallel(&runs, |(law, case)| {
-                let steady = case.records.iter().position(|r| r.changed).unwrap_or(case.records.len());
-                let scenario = &self.scenarios[case.scenario];
-                play::baseline(case.ready.clone(), Law::FixedRatio(*law), scenario, &case.records[..steady])
-                    .map(|records| records.iter().map(Score::new).collect::<Vec<_>>())
+            let played = in_parallel(&runs, |(law, case)| {
+                let counts = |r: &&Record| goal == Goal::Settling || !r.changed;
+                let along = &case.records[..case.records.iter().take_while(counts).count()];
+                let records =
+                    play::baseline(case.ready.clone(), Law::Loop(*law), &self.scenarios[case.scenario], along)?;
+                Ok(records.iter().map(|r| (r.changed, Score::new(r))).collect::<Vec<_>>())
             });
-            let mut cost = |scores: &[Result<Vec<Score>, String>]| -> f64 {
-                let mut all = Vec::new();
-                for one in scores {
-                    match one {
-                        Ok(scores) => all.extend(scores),
-                        Err(error) => refused = Some(error.clone()),
-                    }
+            let played: Vec<Vec<(bool, Score)>> = match played.into_iter().collect::<Result<_, String>>() {
+                Ok(played) => played,
+                Err(error) => {
+                    refused = Some(error);
+                    return vec![f64::INFINITY; candidates.len()];
                 }
-                score::Summary::new(&all).rms_m
             };
-            scores.chunks(cases.len().max(1)).map(&mut cost).collect()
+            played.chunks(cases.len().max(1)).map(|one| goal.cost(&one.concat())).collect()
         });
         refused.map_or(Ok(best), Err)
     }
 }
 
-/// Where the search for the fixed ratio begins: the table's mean ratio over its range, the firmware's gain and corner.
-pub fn untuned() -> FixedRatio {
+/// Where the search for a fixed ratio begins: the table's mean ratio over its range, the firmware's gain and corner as
+/// they were when this was written.
+pub fn untuned() -> Loop {
     const STEPS: u16 = 24;
     let table = crate::table();
     let m = &table.metadata;
@@ -174,12 +173,7 @@ pub fn untuned() -> FixedRatio {
         })
     });
     let mean = ratios.sum::<f32>() / f32::from(STEPS * STEPS);
-    FixedRatio { tr_rad_per_m: mean, gain_per_s: 3.0, corner_rad_per_s: 9.0 }
-}
-
-/// The baselines, (b) with its tuned ratio and gains.
-pub fn baselines(tuned: FixedRatio) -> [Law; 4] {
-    [Law::FixedRatio(tuned), Law::OpenLoop, Law::MatchedSpeed, Law::ConstantSpeed(PAPER_SPEED)]
+    Loop { tr_rad_per_m: Some(mean), gain_per_s: 3.0, corner_rad_per_s: 9.0 }
 }
 
 /// `f` of every item, on all cores, in the items' order.

@@ -1,8 +1,7 @@
 //! The comparison's figures as a table, a CSV and a picture.
 
-use super::baseline::Law;
 use super::score::Summary;
-use super::{Controller, Entry, Failure};
+use super::{Entry, Failure};
 use crate::scenario::Scenario;
 use rig_emulator::rig::settings::GRAVITY_M_PER_S2;
 use rigctl::output::csv_text;
@@ -19,10 +18,15 @@ const ELSEWHERE: &str = "Published beside these, on other rigs and moves: closed
     error 11.6 and 12.6 mm by PID, 4.3 and 5.0 mm by LQR (JCSE 2016, 5864918); open loop by an inverse model on a TSA \
     soft arm, 3.68 % (ASME JMR 16(4) 041007, 2024).";
 
+/// What the measures mean.
+const HOW: &str = "Tracking counts while the set-point travels, settling from its arrival until the next move. A load \
+    step moves the load by itself under any controller, by 1 to 4 mm. No settling time where fewer than nine moves of ten \
+    settle.";
+
 /// What one controller reached.
 pub struct Reached {
-    /// Which.
-    pub controller: Controller,
+    /// Whose, as a letter and in words.
+    pub name: String,
     /// Every move's figures.
     pub entries: Vec<Entry>,
 }
@@ -47,23 +51,18 @@ pub struct Results {
     lines: Vec<Line>,
     plants: usize,
     failures: Vec<String>,
-    tuned: String,
-}
-
-/// A controller in words.
-fn name(controller: Controller) -> &'static str {
-    match controller {
-        Controller::Firmware => "a  this controller",
-        Controller::Baseline(Law::FixedRatio(_)) => "b  fixed ratio, tuned",
-        Controller::Baseline(Law::OpenLoop) => "c  open loop by table",
-        Controller::Baseline(Law::MatchedSpeed) => "d  constant speed, matched",
-        Controller::Baseline(Law::ConstantSpeed(_)) => "d  constant 12.5 rpm (paper)",
-    }
+    notes: Vec<String>,
 }
 
 impl Results {
-    /// Sums up.
-    pub fn new(scenarios: &[Scenario], plants: usize, failures: &[Failure], reached: &[Reached]) -> Self {
+    /// Sums up; `notes` say how the baselines were set.
+    pub fn new(
+        scenarios: &[Scenario],
+        plants: usize,
+        failures: &[Failure],
+        reached: &[Reached],
+        notes: Vec<String>,
+    ) -> Self {
         let loads: Vec<f64> = scenarios.iter().map(load_kg).collect();
         let mut lines = Vec::new();
         for r in reached {
@@ -72,7 +71,7 @@ impl Results {
                     let here = |s: usize| scenario.is_none_or(|only| only == s);
                     let entries = r.entries.iter().filter(|e| here(e.scenario) && e.changed == steps);
                     lines.push(Line {
-                        name: name(r.controller).into(),
+                        name: r.name.clone(),
                         load_kg: scenario.map(|s| loads[s]),
                         steps,
                         failed: failures.iter().filter(|f| here(f.scenario)).count(),
@@ -83,18 +82,9 @@ impl Results {
                 line(None);
             }
         }
-        let tuned = reached.iter().find_map(|r| match r.controller {
-            Controller::Baseline(Law::FixedRatio(law)) => Some(format!(
-                "TR {:.2} rad/mm, gain {:.2} 1/s, corner {:.1} rad/s",
-                law.tr_rad_per_m * 1e-3,
-                law.gain_per_s,
-                law.corner_rad_per_s
-            )),
-            _ => None,
-        });
         let failures =
             failures.iter().map(|f| format!("{}, plant {}: {}", scenarios[f.scenario].name, f.seed, f.reason));
-        Self { lines, plants, failures: failures.collect(), tuned: tuned.unwrap_or_default() }
+        Self { lines, plants, failures: failures.collect(), notes }
     }
 
     /// The lines.
@@ -102,13 +92,17 @@ impl Results {
         &self.lines
     }
 
-    /// How many times larger another controller's rms error is than the firmware's, over all loads.
-    pub fn gain_over(&self, letter: &str, steps: bool) -> Option<f64> {
-        let rms = |letter: &str| {
-            let all = |l: &&Line| l.load_kg.is_none() && l.steps == steps && l.name.starts_with(letter);
-            self.lines.iter().find(all).map(|l| l.summary.rms_m)
-        };
-        Some(rms(letter)? / rms("a")?)
+    /// The figures over all loads.
+    pub fn over_all_loads(&self, name: &str, steps: bool) -> Option<&Summary> {
+        let all = |l: &&Line| l.load_kg.is_none() && l.steps == steps && l.name == name;
+        self.lines.iter().find(all).map(|l| &l.summary)
+    }
+
+    /// The controllers' names, in order.
+    fn names(&self) -> Vec<&str> {
+        let mut names: Vec<&str> = self.lines.iter().map(|l| l.name.as_str()).collect();
+        names.dedup();
+        names
     }
 
     /// For people.
@@ -125,14 +119,14 @@ impl Results {
         for steps in [false, true] {
             put(String::new());
             put(format!(
-                "{:<30} {:>6} {:>6} {:>7} {:>9} {:>9} {:>11} {:>8} {:>12} {:>9}",
+                "{:<30} {:>6} {:>6} {:>7} {:>9} {:>9} {:>13} {:>8} {:>12} {:>9}",
                 if steps { "load steps on the way" } else { "no load steps" },
                 "load",
                 "moves",
                 "failed",
                 "max um",
                 "rms um",
-                "settling s",
+                "settling 90 %",
                 "settled",
                 "overshoot um",
                 "energy J"
@@ -140,7 +134,7 @@ impl Results {
             for line in self.lines.iter().filter(|l| l.steps == steps) {
                 let s = &line.summary;
                 put(format!(
-                    "{:<30} {:>6} {:>6} {:>7} {:>9.0} {:>9.1} {:>11} {:>6.0} % {:>12.0} {:>9.3}",
+                    "{:<30} {:>6} {:>6} {:>7} {:>9.0} {:>9.1} {:>13} {:>6.0} % {:>12.0} {:>9.3}",
                     line.name,
                     line.load_kg.map_or("all".into(), |kg| format!("{kg:.1}")),
                     s.moves,
@@ -155,18 +149,20 @@ impl Results {
             }
         }
         put(String::new());
-        for (what, letter) in
-            [("b", "b"), ("c", "c"), ("d, matched", "d  constant speed"), ("d, paper", "d  constant 12.5")]
-        {
-            let times = |steps| self.gain_over(letter, steps).map_or("–".into(), |g| format!("{g:.2}"));
+        let names = self.names();
+        for name in names.iter().skip(1) {
+            let times = |steps| {
+                let [theirs, ours] = [name, &names[0]].map(|n| self.over_all_loads(n, steps).map_or(0.0, |s| s.rms_m));
+                theirs / ours
+            };
             put(format!(
-                "rms error of {what} over that of a: {} without load steps, {} with",
+                "rms error over that of a: {name:<30} {:6.2} {:6.2} with load steps",
                 times(false),
                 times(true)
             ));
         }
         put("(wanted: b at least 5 without load steps)".into());
-        put(format!("b after its search: {}", self.tuned));
+        self.notes.iter().for_each(|note| put(note.clone()));
         for failure in &self.failures {
             put(format!("a failed: {failure}"));
         }
@@ -174,7 +170,7 @@ impl Results {
         text
     }
 
-    /// For machines. Lengths in um; an empty settling time means that fewer than half settled.
+    /// For machines. Lengths in um; an empty settling time means that fewer than nine moves of ten settled.
     ///
     /// # Errors
     /// If it cannot be written.
@@ -227,9 +223,9 @@ impl Results {
     /// # Errors
     /// If the drawing library fails.
     pub fn figure(&self) -> anyhow::Result<String> {
-        let mut names: Vec<&str> = self.lines.iter().map(|l| l.name.as_str()).collect();
-        names.dedup();
-        let colours = names.len() + 1;
+        let names = self.names();
+        // Black is the seventh of the colours that are told apart.
+        let colour = |k: usize| if k < 6 { colour(k, 6) } else { INK };
         let panel = |title: &str, label: &str, log: bool, value: fn(&Summary) -> f64, published: bool| {
             let mut items = Vec::new();
             let mut heights = Vec::new();
@@ -241,7 +237,7 @@ impl Results {
                         .filter(|(_, v)| v.is_finite() && (!log || *v > 0.0))
                         .collect();
                     heights.extend(points.iter().map(|p| p.1));
-                    let pen = if steps { Pen::dashed(colour(k, colours)) } else { Pen::solid(colour(k, colours)) };
+                    let pen = if steps { Pen::dashed(colour(k)) } else { Pen::solid(colour(k)) };
                     let shape = if steps { Shape::Diamond } else { Shape::Circle };
                     items.push(Item::Line { points: points.clone(), pen });
                     items.extend(points.into_iter().map(|at| Item::Mark { at, shape, colour: pen.colour }));
@@ -249,47 +245,45 @@ impl Results {
             }
             for (_, kg, errors) in PUBLISHED.iter().filter(|_| published) {
                 heights.extend(errors);
-                let mark =
-                    |mm: &f64| Item::Mark { at: (*kg, *mm), shape: Shape::Cross, colour: colour(names.len(), colours) };
+                let mark = |mm: &f64| Item::Mark { at: (*kg, *mm), shape: Shape::Cross, colour: INK };
                 items.extend(errors.iter().map(mark));
             }
             let x = Axis::linear("load, kg", extent(self.lines.iter().filter_map(|l| l.load_kg)));
             let y = if log { Axis::log(label, extent(heights)) } else { Axis::linear(label, extent(heights)) };
             Panel { title: title.into(), x, y, items }
         };
-        let sample = |k: usize, name: &str| KeyRow::sample(Sample::Line(Pen::solid(colour(k, colours))), name);
-        let grey = colour(names.len(), colours);
+        let sample = |k: usize, name: &str| KeyRow::sample(Sample::Line(Pen::solid(colour(k))), name);
         let whose = names.iter().enumerate().map(|(k, name)| sample(k, name)).collect();
         let how = vec![
             KeyRow::sample(Sample::Mark(Shape::Circle, INK), "moves without load steps (whole lines)"),
             KeyRow::sample(Sample::Mark(Shape::Diamond, INK), "load steps of 13 to 20 % on the way (dashed)"),
-            KeyRow::sample(Sample::Mark(Shape::Cross, grey), "published: dual TSA, 500 g, LQR and PID"),
+            KeyRow::sample(Sample::Mark(Shape::Cross, INK), "published: dual TSA, 500 g, LQR and PID"),
         ];
         let figure = Figure {
-            heading: format!("Four ways to drive the same rig: {} random plants under each load (emulated)", self.plants),
+            heading: format!("Ways to drive the same rig: {} random plants under each load (emulated)", self.plants),
             rows: vec![
                 vec![
                     panel("Tracking, rms", "error, mm", true, |s| s.rms_m * 1e3, false),
                     panel("Tracking, largest", "error, mm", true, |s| s.max_m * 1e3, true),
                 ],
                 vec![
-                    panel("Settled within 50 µm of the target", "share of moves, %", false, |s| s.settled * 100.0, false),
+                    panel(
+                        "Settled within 50 µm of the target",
+                        "share of moves, %",
+                        false,
+                        |s| s.settled * 100.0,
+                        false,
+                    ),
                     panel("Largest overshoot", "past the target, mm", true, |s| s.overshoot_m * 1e3, false),
                 ],
                 vec![
-                    panel("Settling to 50 µm, middle one", "time, s", false, |s| s.settling_s, false),
+                    panel("Settling to 50 µm, nine moves of ten", "time, s", false, |s| s.settling_s, false),
                     panel("Electrical energy of a move", "energy, J", false, |s| s.energy_j, false),
                 ],
             ],
             panel_size: (640, 360),
             blocks: vec![Block { rows: whose }, Block { rows: how }],
-            notes: vec![
-                format!("b after a search over ratio, gain and corner for the least rms error: {}.", self.tuned),
-                "Tracking counts while the set-point travels; settling from its arrival on, and only where at least \
-                 half of the moves settle before the next one. A load step moves the load by itself, under any controller, \
-                 by 1 to 4 mm."
-                    .into(),
-            ],
+            notes: self.notes.iter().cloned().chain([HOW.to_owned(), ELSEWHERE.to_owned()]).collect(),
         };
         figure.svg().map_err(|e| anyhow::anyhow!(e.message().unwrap_or_default()))
     }
