@@ -16,9 +16,6 @@ struct Arguments {
     /// Random plants, each under every load of the scenarios
     #[arg(long, default_value_t = 50)]
     plants: usize,
-    /// Of these plants, how many the baselines are tuned on
-    #[arg(long, default_value_t = 5)]
-    tuned_on: u64,
     /// Folder for comparison.svg and comparison.csv
     #[arg(long, value_name = "DIR", default_value = "docs")]
     out: PathBuf,
@@ -37,9 +34,10 @@ fn main() -> Result<()> {
     let plants = RandomPlant::list(arguments.plants);
     eprintln!("{} scenarios on {} plants by the firmware's control …", scenarios.len(), plants.len());
     let comparison = Comparison::new(&scenarios, &plants).map_err(|e| anyhow!(e))?;
-    let (contestants, notes) = contestants(&comparison, arguments.tuned_on)?;
+    let contestants = contestants(&comparison, &RandomPlant::extremes(&plants))?;
+    let notes = contestants.iter().filter_map(|c| c.note.clone()).collect();
     let mut reached = Vec::new();
-    for (name, controller) in contestants {
+    for Contestant { name, controller, .. } in contestants {
         eprintln!("{name} …");
         reached.push(Reached { name: name.into(), entries: comparison.play(controller).map_err(|e| anyhow!(e))? });
     }
@@ -55,28 +53,37 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-/// Everybody by name, and how the tuned ones came to their settings.
-fn contestants(comparison: &Comparison<'_>, tuned_on: u64) -> Result<(Vec<(&'static str, Controller)>, Vec<String>)> {
+/// Whoever drives the rig.
+struct Contestant {
+    name: &'static str,
+    controller: Controller,
+    /// How a tuned one came to its settings.
+    note: Option<String>,
+}
+
+/// Everybody, the baselines tuned.
+fn contestants(comparison: &Comparison<'_>, tuned_on: &[u64]) -> Result<Vec<Contestant>> {
     let fixed = untuned();
     let by_table = Loop { tr_rad_per_m: None, ..fixed };
-    let mut all = vec![("a  this controller", Controller::Firmware)];
-    let mut notes = Vec::new();
+    let mut all = vec![Contestant { name: "a  this controller", controller: Controller::Firmware, note: None }];
     for (name, start, goal, wanted) in [
-        ("b  fixed ratio, most settled", fixed, Goal::Settling, "for the most settled moves, then the least rms error"),
-        ("b' fixed ratio, least error", fixed, Goal::LeastError, "for the least rms error without load steps"),
-        ("e  b by the table's ratio", by_table, Goal::Settling, "as b, with the table's ratio under the known load"),
+        ("b  fixed ratio, most settled", fixed, Goal::Settling, "the most settled moves, then the least rms error"),
+        ("b' fixed ratio, least error", fixed, Goal::LeastError, "the least rms error without load steps"),
+        ("e  b' by the table's ratio", by_table, Goal::LeastError, "the same, the table's ratio under the known load"),
     ] {
-        eprintln!("{name}: tuning on {tuned_on} plants …");
+        eprintln!("{name}: tuning on {} plants …", tuned_on.len());
         let tuned = comparison.tune(start, goal, tuned_on).map_err(|e| anyhow!(e))?;
         let ratio = tuned.tr_rad_per_m.map_or("by the table".into(), |tr| format!("{:.2} rad/mm", tr * 1e-3));
-        notes.push(format!(
-            "{}: searched on {tuned_on} of the plants {wanted}: TR {ratio}, gain {:.2} 1/s, corner {:.1} rad/s.",
-            &name[..2].trim(),
+        let note = format!(
+            "{}: TR {ratio}, gain {:.2} 1/s, corner {:.1} rad/s, searched for {wanted} on the {} plants that have the \
+             least or the most of something.",
+            name[..2].trim(),
             tuned.gain_per_s,
-            tuned.corner_rad_per_s
-        ));
-        all.push((name, Controller::Baseline(Law::Loop(tuned))));
+            tuned.corner_rad_per_s,
+            tuned_on.len()
+        );
+        all.push(Contestant { name, controller: Controller::Baseline(Law::Loop(tuned)), note: Some(note) });
     }
-    all.extend(OTHERS.map(|(name, law)| (name, Controller::Baseline(law))));
-    Ok((all, notes))
+    all.extend(OTHERS.map(|(name, law)| Contestant { name, controller: Controller::Baseline(law), note: None }));
+    Ok(all)
 }

@@ -24,7 +24,7 @@ use score::Score;
 use std::num::NonZero;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use tune::Goal;
+use tune::{Goal, Tally};
 
 /// Who drives the rig.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -129,31 +129,36 @@ impl<'s> Comparison<'s> {
         Ok(entries.into_iter().collect::<Result<Vec<_>, _>>()?.concat())
     }
 
-    /// The loop that comes nearest to a goal on plants up to a seed, searched for from `start`.
+    /// The loop that comes nearest to a goal on the plants with these seeds, searched for from `start`.
     ///
     /// # Errors
     /// As [`Comparison::play`].
-    pub fn tune(&self, start: Loop, goal: Goal, up_to_seed: u64) -> Result<Loop, String> {
-        let cases: Vec<&Case> = self.cases.iter().filter(|case| case.seed <= up_to_seed).collect();
+    pub fn tune(&self, start: Loop, goal: Goal, seeds: &[u64]) -> Result<Loop, String> {
+        // Heavy loads are the hardest: whoever fails is dropped there.
+        let cases: Vec<&Case> = self.cases.iter().rev().filter(|case| seeds.contains(&case.seed)).collect();
+        let steady =
+            |case: &&Case| case.records.iter().filter(|r| !r.changed).map(|r| Score::new(r).ticks).sum::<usize>();
+        let ticks = cases.iter().map(steady).sum();
         let mut refused = None;
-        let (best, _) = tune::search(start, |candidates| {
-            let runs: Vec<(Loop, &Case)> =
-                candidates.iter().flat_map(|law| cases.iter().map(move |case| (*law, *case))).collect();
-            let played = in_parallel(&runs, |(law, case)| {
-                let counts = |r: &&Record| goal == Goal::Settling || !r.changed;
-                let along = &case.records[..case.records.iter().take_while(counts).count()];
-                let records =
-                    play::baseline(case.ready.clone(), Law::Loop(*law), &self.scenarios[case.scenario], along)?;
-                Ok(records.iter().map(|r| (r.changed, Score::new(r))).collect::<Vec<_>>())
-            });
-            let played: Vec<Vec<(bool, Score)>> = match played.into_iter().collect::<Result<_, String>>() {
-                Ok(played) => played,
-                Err(error) => {
-                    refused = Some(error);
-                    return vec![f64::INFINITY; candidates.len()];
+        let best = tune::search(start, |candidates, limit| {
+            let mut tallies = vec![Tally::default(); candidates.len()];
+            for some in cases.chunks(8) {
+                let alive = (0..candidates.len()).filter(|k| goal.cost(&tallies[*k], ticks) < limit);
+                let runs: Vec<(usize, &Case)> = alive.flat_map(|k| some.iter().map(move |case| (k, *case))).collect();
+                let played = in_parallel(&runs, |(k, case)| {
+                    let counts = |r: &&Record| goal == Goal::Settling || !r.changed;
+                    let along = &case.records[..case.records.iter().take_while(counts).count()];
+                    let law = Law::Loop(candidates[*k]);
+                    play::baseline(case.ready.clone(), law, &self.scenarios[case.scenario], along)
+                });
+                for ((k, _), records) in runs.iter().zip(played) {
+                    match records {
+                        Ok(records) => records.iter().for_each(|r| tallies[*k].add(r.changed, &Score::new(r))),
+                        Err(error) => refused = Some(error),
+                    }
                 }
-            };
-            played.chunks(cases.len().max(1)).map(|one| goal.cost(&one.concat())).collect()
+            }
+            tallies.iter().map(|tally| goal.cost(tally, ticks)).collect()
         });
         refused.map_or(Ok(best), Err)
     }

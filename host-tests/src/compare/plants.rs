@@ -45,8 +45,47 @@ impl RandomPlant {
         Self { seed, keys: keys.into_iter().map(|(key, range)| Setting { key, value: between(range) }).collect() }
     }
 
+    /// One of its keys.
+    fn value(&self, key: &str) -> f64 {
+        self.keys.iter().find(|s| s.key == key).map_or(f64::NAN, |s| s.value)
+    }
+
     /// The first so many of the list that every run of the comparison uses.
     pub fn list(count: usize) -> Vec<Self> {
         (1..=count as u64).map(Self::new).collect()
+    }
+
+    /// Seeds of those that have the least or the greatest of anything that a loop feels: whoever manages these should
+    /// manage the others.
+    pub fn extremes(plants: &[Self]) -> Vec<u64> {
+        let keys = ["friction", "damping", "k2_scale", "modulus_scale", "gear_backlash", "lvdt_noise"];
+        let ends = keys.iter().flat_map(|key| {
+            let by_value = |a: &&Self, b: &&Self| a.value(key).total_cmp(&b.value(key));
+            [plants.iter().min_by(by_value), plants.iter().max_by(by_value)]
+        });
+        let mut seeds: Vec<u64> = ends.flatten().map(|plant| plant.seed).collect();
+        seeds.sort_unstable();
+        seeds.dedup();
+        seeds
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn plants_keep_to_their_ranges_and_differ() {
+        let plants = RandomPlant::list(50);
+        for plant in &plants {
+            assert!((0.9..=1.1).contains(&plant.value("k2_scale")) && (0.0..=0.3).contains(&plant.value("friction")));
+            assert!((21.6..=26.4).contains(&plant.value("supply_voltage")));
+        }
+        assert_eq!(plants[..7], RandomPlant::list(7));
+        assert_ne!(plants[0].keys, plants[1].keys);
+        let extremes = RandomPlant::extremes(&plants);
+        assert!((6..=12).contains(&extremes.len()), "{extremes:?}");
+        let most = plants.iter().map(|p| p.value("friction")).fold(0.0, f64::max);
+        assert!(plants.iter().any(|p| p.value("friction") == most && extremes.contains(&p.seed)));
     }
 }

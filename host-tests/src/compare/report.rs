@@ -161,7 +161,7 @@ impl Results {
                 times(true)
             ));
         }
-        put("(wanted: b at least 5 without load steps)".into());
+        put("(wanted: b and b' at least 5 without load steps)".into());
         self.notes.iter().for_each(|note| put(note.clone()));
         for failure in &self.failures {
             put(format!("a failed: {failure}"));
