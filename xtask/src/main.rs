@@ -44,7 +44,7 @@ enum Task {
     Cost,
     /// Play the scenarios of the comparison with this controller and others on random plants (docs/comparison.svg, .csv)
     Compare {
-        /// Passed on: --plants, --out
+        /// Passed on: --plants, --plant, --out
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
         rest: Vec<String>,
     },

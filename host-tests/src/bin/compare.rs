@@ -8,6 +8,7 @@ use host_tests::compare::report::{Reached, Results};
 use host_tests::compare::tune::Goal;
 use host_tests::compare::{Comparison, Controller, untuned};
 use host_tests::scenario;
+use rigctl::plant::Setting;
 use std::path::PathBuf;
 
 #[derive(Parser)]
@@ -16,6 +17,9 @@ struct Arguments {
     /// Random plants, each under every load of the scenarios
     #[arg(long, default_value_t = 50)]
     plants: usize,
+    /// The same for all plants instead of drawn by chance, for example friction=0N
+    #[arg(long, value_name = "KEY=VALUE")]
+    plant: Vec<Setting>,
     /// Folder for comparison.svg and comparison.csv
     #[arg(long, value_name = "DIR", default_value = "docs")]
     out: PathBuf,
@@ -31,11 +35,13 @@ const OTHERS: [(&str, Law); 3] = [
 fn main() -> Result<()> {
     let arguments = Arguments::parse();
     let scenarios = scenario::comparison()?;
-    let plants = RandomPlant::list(arguments.plants);
+    let fixed = |plant: RandomPlant| arguments.plant.iter().fold(plant, |plant, setting| plant.with(setting));
+    let plants: Vec<RandomPlant> = RandomPlant::list(arguments.plants).into_iter().map(fixed).collect();
     eprintln!("{} scenarios on {} plants by the firmware's control …", scenarios.len(), plants.len());
     let comparison = Comparison::new(&scenarios, &plants).map_err(|e| anyhow!(e))?;
     let contestants = contestants(&comparison, &RandomPlant::extremes(&plants))?;
-    let notes = contestants.iter().filter_map(|c| c.note.clone()).collect();
+    let same = arguments.plant.iter().map(|s| format!("On every plant {} = {} (SI units).", s.key, s.value));
+    let notes = same.chain(contestants.iter().filter_map(|c| c.note.clone())).collect();
     let mut reached = Vec::new();
     for Contestant { name, controller, .. } in contestants {
         eprintln!("{name} …");
@@ -69,14 +75,14 @@ fn contestants(comparison: &Comparison<'_>, tuned_on: &[u64]) -> Result<Vec<Cont
     for (name, start, goal, wanted) in [
         ("b  fixed ratio, most settled", fixed, Goal::Settling, "the most settled moves, then the least rms error"),
         ("b' fixed ratio, least error", fixed, Goal::LeastError, "the least rms error without load steps"),
-        ("e  b' by the table's ratio", by_table, Goal::LeastError, "the same, the table's ratio under the known load"),
+        ("e  b' by the table's ratio", by_table, Goal::LeastError, "the same (the table's ratio under the known load)"),
     ] {
         eprintln!("{name}: tuning on {} plants …", tuned_on.len());
         let tuned = comparison.tune(start, goal, tuned_on).map_err(|e| anyhow!(e))?;
         let ratio = tuned.tr_rad_per_m.map_or("by the table".into(), |tr| format!("{:.2} rad/mm", tr * 1e-3));
         let note = format!(
-            "{}: TR {ratio}, gain {:.2} 1/s, corner {:.1} rad/s, searched for {wanted} on the {} plants that have the \
-             least or the most of something.",
+            "{}: TR {ratio}, gain {:.2} 1/s, corner {:.1} rad/s, searched for {wanted} on the {} plants with the least or \
+             the most friction, damping, k2, modulus, backlash or noise.",
             name[..2].trim(),
             tuned.gain_per_s,
             tuned.corner_rad_per_s,

@@ -45,6 +45,14 @@ impl RandomPlant {
         Self { seed, keys: keys.into_iter().map(|(key, range)| Setting { key, value: between(range) }).collect() }
     }
 
+    /// The same plant but for this key.
+    #[must_use]
+    pub fn with(mut self, setting: &Setting) -> Self {
+        self.keys.retain(|s| s.key != setting.key);
+        self.keys.push(setting.clone());
+        self
+    }
+
     /// One of its keys.
     fn value(&self, key: &str) -> f64 {
         self.keys.iter().find(|s| s.key == key).map_or(f64::NAN, |s| s.value)
