@@ -61,7 +61,9 @@ fn this_controller_beats_what_is_usual() {
 
 #[test]
 fn without_friction_the_ratio_is_worth_five_times_the_error() {
-    let scenarios = scenario::comparison().unwrap();
+    // The lightest and the heaviest load.
+    let mut scenarios = scenario::comparison().unwrap();
+    scenarios.drain(1..3);
     let friction = "friction=0N".parse().unwrap();
     let plants: Vec<RandomPlant> = RandomPlant::list(2).into_iter().map(|plant| plant.with(&friction)).collect();
     let comparison = Comparison::new(&scenarios, &plants).unwrap();
