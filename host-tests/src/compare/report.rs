@@ -20,7 +20,7 @@ const ELSEWHERE: &str = "Published beside these, on other rigs and moves: closed
 
 /// What the measures mean.
 const HOW: &str = "Tracking counts while the set-point travels, settling from its arrival until the next move. A load \
-    step moves the load by itself under any controller, by 1 to 4 mm. No settling time where fewer than nine moves of ten \
+    step moves the load by itself under any controller, by up to 5 mm. No settling time where fewer than nine moves of ten \
     settle.";
 
 /// One row of the picture.
