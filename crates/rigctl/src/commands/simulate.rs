@@ -144,7 +144,7 @@ mod tests {
     use super::*;
     use crate::session::port::{Port, Received};
 
-    /// A port without an emulator behind it, which keeps what is sent.
+    /// A port without an emulator behind it.
     struct Wire {
         now_s: f64,
     }
