@@ -1,6 +1,6 @@
 //! `cargo xtask compare`: every controller through the scenarios of the comparison on random plants.
 
-use anyhow::{Context, Result, anyhow};
+use anyhow::{Result, anyhow, bail};
 use clap::Parser;
 use host_tests::compare::baseline::{Law, Loop, PAPER_SPEED};
 use host_tests::compare::plants::RandomPlant;
@@ -8,6 +8,7 @@ use host_tests::compare::report::{Reached, Results};
 use host_tests::compare::tune::Goal;
 use host_tests::compare::{Comparison, Controller, untuned};
 use host_tests::scenario;
+use rigctl::output::write_file;
 use rigctl::plant::Setting;
 use std::path::PathBuf;
 
@@ -15,8 +16,8 @@ use std::path::PathBuf;
 #[command(about = "The firmware's control beside the usual ways to drive a twisted string", version)]
 struct Arguments {
     /// Random plants, each under every load of the scenarios
-    #[arg(long, default_value_t = 50)]
-    plants: usize,
+    #[arg(long, default_value_t = 50, value_parser = clap::value_parser!(u16).range(1..))]
+    plants: u16,
     /// The same for all plants instead of drawn by chance, for example friction=0N
     #[arg(long, value_name = "KEY=VALUE")]
     plant: Vec<Setting>,
@@ -34,9 +35,12 @@ const OTHERS: [(&str, Law); 3] = [
 
 fn main() -> Result<()> {
     let arguments = Arguments::parse();
+    if let Some(s) = arguments.plant.iter().find(|s| ["load", "twist_at_boot"].contains(&s.key)) {
+        bail!("--plant {}: the scenarios say that", s.key);
+    }
     let scenarios = scenario::comparison()?;
     let fixed = |plant: RandomPlant| arguments.plant.iter().fold(plant, |plant, setting| plant.with(setting));
-    let plants: Vec<RandomPlant> = RandomPlant::list(arguments.plants).into_iter().map(fixed).collect();
+    let plants: Vec<RandomPlant> = RandomPlant::list(arguments.plants.into()).into_iter().map(fixed).collect();
     eprintln!("{} scenarios on {} plants by the firmware's control …", scenarios.len(), plants.len());
     let comparison = Comparison::new(&scenarios, &plants).map_err(|e| anyhow!(e))?;
     let contestants = contestants(&comparison, &RandomPlant::extremes(&plants))?;
@@ -49,12 +53,9 @@ fn main() -> Result<()> {
     }
     let results = Results::new(&scenarios, plants.len(), &comparison.failures, &reached, notes);
     print!("{}", results.table());
-    let write = |name: &str, text: String| {
-        let path = arguments.out.join(name);
-        std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))
-    };
-    write("comparison.csv", results.csv()?)?;
-    write("comparison.svg", results.figure()?)?;
+    for (name, text) in [("comparison.csv", results.csv()?), ("comparison.svg", results.figure()?)] {
+        write_file(&arguments.out, name, &text).map_err(|e| anyhow!(e.message().unwrap_or_default()))?;
+    }
     println!("\n{0}/comparison.svg   {0}/comparison.csv", arguments.out.display());
     Ok(())
 }
