@@ -3,6 +3,8 @@
 //! timing) is tested with the ELF on the emulated board.
 
 pub mod board;
+pub mod compare;
+pub mod scenario;
 
 use rig_control::sensors::EncoderCount;
 use rig_control::{DriveCommand, DriveReading, Inputs, LvdtBlock, Outputs, Rig as Control, RigConstants, TICK_S};
@@ -59,14 +61,48 @@ pub fn constants() -> RigConstants {
 const BLOCK: usize = 256;
 const SAMPLE_S: f64 = 492.0 / 21e6;
 
-/// The control code wired to an emulated rig.
-pub struct Desk {
+/// What decides about the rig, once a tick: the firmware's control code, or something to hold it against.
+pub trait Controller {
+    /// What it decided.
+    type Decision: Clone;
+
+    /// One tick.
+    fn step(&mut self, inputs: &Inputs) -> Self::Decision;
+
+    /// What the drive is told.
+    fn drive(decision: &Self::Decision) -> DriveCommand;
+
+    /// What ended or went wrong.
+    fn events(_decision: &Self::Decision) -> &[EventKind] {
+        &[]
+    }
+}
+
+impl Controller for Control<'static> {
+    type Decision = Outputs;
+
+    fn step(&mut self, inputs: &Inputs) -> Outputs {
+        Control::step(self, inputs)
+    }
+
+    fn drive(decision: &Outputs) -> DriveCommand {
+        decision.drive
+    }
+
+    fn events(decision: &Outputs) -> &[EventKind] {
+        &decision.events
+    }
+}
+
+/// A controller wired to an emulated rig.
+#[derive(Clone)]
+pub struct Desk<C: Controller = Control<'static>> {
     /// The rig.
     pub rig: Rig,
-    /// The control code.
-    pub control: Control<'static>,
+    /// The controller.
+    pub control: C,
     /// What the last tick decided.
-    pub last: Option<Outputs>,
+    pub last: Option<C::Decision>,
     /// Every event so far, with its time (s).
     pub events: Vec<(f64, EventKind)>,
     /// True gap when homing ended (m).
@@ -97,6 +133,13 @@ fn start_up() -> StartUp {
 impl Desk {
     /// A rig with these plant keys, and control code that has just booted.
     pub fn new(keys: &[(&str, &str)], seed: u64) -> Self {
+        Self::with(Control::new(table(), constants(), None), keys, seed)
+    }
+}
+
+impl<C: Controller> Desk<C> {
+    /// A rig with these plant keys under another controller.
+    pub fn with(control: C, keys: &[(&str, &str)], seed: u64) -> Self {
         let mut settings = PlantSettings::default();
         for (key, value) in keys {
             settings.set(key, value).unwrap_or_else(|e| panic!("{e}"));
@@ -106,7 +149,7 @@ impl Desk {
         let encoder = EncoderCount::new(rig.quadrature(0.0, 3) as u16);
         Self {
             rig,
-            control: Control::new(table(), constants(), None),
+            control,
             last: None,
             events: Vec::new(),
             home_gap_m: None,
@@ -158,7 +201,7 @@ impl Desk {
     }
 
     /// One control tick later.
-    pub fn tick(&mut self, request: Option<Request>) -> Outputs {
+    pub fn tick(&mut self, request: Option<Request>) -> C::Decision {
         self.time_s = ((self.time_s / f64::from(TICK_S)).round() + 1.0) * 0.01;
         while self.next_sample_s <= self.time_s {
             self.codes.push(self.rig.adc(self.next_sample_s, 0));
@@ -198,7 +241,7 @@ impl Desk {
             self.heard_us = Some(now_us);
         }
         let raw = self.rig.quadrature(self.time_s, 3) as u16;
-        let outputs = self.control.step(&Inputs {
+        let decision = self.control.step(&Inputs {
             now_us,
             encoder_counts: self.encoder.update(raw),
             lvdt: self.block,
@@ -209,7 +252,7 @@ impl Desk {
             request,
             counters: Counters::default(),
         });
-        match outputs.drive {
+        match C::drive(&decision) {
             DriveCommand::Follow { position_qc, speed_limit_rpm, current_limit_ma } if self.ready => {
                 let command = Command::CurrentVelocityPosition {
                     current_limit: CurrentLimit::new(current_limit_ma).expect("a limit from the scene"),
@@ -225,14 +268,14 @@ impl Desk {
             }
             _ => {}
         }
-        for kind in &outputs.events {
+        for kind in C::events(&decision) {
             if matches!(kind, EventKind::Homed { .. }) {
                 self.home_gap_m = Some(self.rig.truth().gap_m);
             }
             self.events.push((self.time_s, *kind));
         }
-        self.last = Some(outputs.clone());
-        outputs
+        self.last = Some(decision.clone());
+        decision
     }
 
     /// Ticks until `done` or `limit_s` more seconds; whether it was done.
@@ -251,7 +294,9 @@ impl Desk {
     pub fn run(&mut self, seconds: f64) {
         self.until(seconds, |_| false);
     }
+}
 
+impl Desk {
     /// Waits for the drive, homes; homing time (s) or how it failed.
     pub fn home(&mut self) -> Result<f64, String> {
         let idle = |d: &Self| matches!(d.control.state(), State::Unhomed | State::Ready | State::Holding);

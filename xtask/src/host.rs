@@ -38,6 +38,13 @@ pub fn cost(folders: &Folders) -> Result<()> {
     run(cargo(folders).args(test))
 }
 
+/// Runs the comparison of controllers.
+pub fn compare(folders: &Folders, rest: &[String]) -> Result<()> {
+    // The rig is emulated without the chip, but both are one package.
+    system::ensure_emulator_tools()?;
+    run(cargo(folders).args(["run", "--release", "--package", "host-tests", "--bin", "compare", "--"]).args(rest))
+}
+
 /// Builds everything and runs the demo.
 pub fn demo(folders: &Folders, rest: &[String]) -> Result<()> {
     system::ensure_emulator_tools()?;

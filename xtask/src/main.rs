@@ -42,6 +42,12 @@ enum Task {
     Bench,
     /// Count what each way of knowing the mechanism costs: instructions on the emulated board
     Cost,
+    /// Play the scenarios of the comparison with this controller and others on random plants (docs/comparison.svg, .csv)
+    Compare {
+        /// Passed on: --plants, --plant, --out
+        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+        rest: Vec<String>,
+    },
     /// Build everything and show three loads being homed and moved by the real firmware on an emulated board
     Demo {
         /// Passed on to `rigctl demo`
@@ -85,6 +91,7 @@ fn run(arguments: Arguments) -> Result<()> {
         Task::Test => host::test(&folders),
         Task::Bench => bench::bench(&folders),
         Task::Cost => host::cost(&folders),
+        Task::Compare { rest } => host::compare(&folders, &rest),
         Task::Demo { rest } => host::demo(&folders, &rest),
     }
 }

@@ -107,6 +107,13 @@ pub enum Command {
         #[arg(long, value_name = "S", default_value_t = 5.0, conflicts_with = "script")]
         seconds: f64,
     },
+    /// Play a script on whatever is at the port, and print telemetry; on a real rig changes of the plant and faults are
+    /// announced, to be made by hand
+    Play {
+        /// Events, one a line: `<seconds since the start> <event>`, the last `<seconds> end`
+        #[arg(value_name = "FILE")]
+        script: PathBuf,
+    },
     /// Find zero twist, weigh the load, stop at the half-turn pre-twist
     Home,
     /// Bring the load to a position above where it hung when homed

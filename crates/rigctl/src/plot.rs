@@ -19,6 +19,8 @@ const COLOURS: [RGBColor; 6] = [
     RGBColor(213, 94, 0),
     RGBColor(86, 180, 233),
 ];
+/// Colour of what stands for no curve of its own.
+pub const INK: RGBColor = BLACK;
 const FONT: &str = "sans-serif";
 /// Units of the drawing in a pixel of the picture: the library draws on whole units, which alone would be steps in
 /// every flat curve. All lengths below are in units.

@@ -53,7 +53,7 @@ const KEYS: [&str; 16] = [
 
 #[test]
 fn a_script_plays_and_the_same_seed_gives_the_same_bytes() {
-    let run = |seed: &str| rigctl(&["sim", "--script", "docs/example.script", "--json", "--seed", seed]);
+    let run = |seed: &str| rigctl(&["sim", "--script", "scenarios/example.script", "--json", "--seed", seed]);
     let first = run("5");
     assert!(first.status.success(), "{}", error_of(&first));
     let rows = lines(&first);

@@ -90,6 +90,7 @@ pub enum RigError {
 }
 
 /// Drive, motor, mechanism and sensors on the microcontroller's pins.
+#[derive(Clone)]
 pub struct Rig {
     parameters: RigParameters,
     settings: PlantSettings,
@@ -254,6 +255,7 @@ impl Rig {
     /// Keeps a [`Truth`] every 1 ms from now on, for [`Rig::take_records`].
     pub fn record(&mut self) {
         self.record = true;
+        self.look_at_tension();
     }
 
     /// What was recorded since last asked.
@@ -278,6 +280,7 @@ impl Rig {
             motor_angle_rad: self.motor.angle_rad - self.boot_angle_rad,
             motor_speed_rad_per_s: self.motor.speed_rad_per_s,
             motor_current_a: self.motor.current_a,
+            motor_energy_j: self.motor.energy_j,
             drive_mode: self.drive.mode().map_or(0, |mode| mode as u8),
         }
     }
@@ -373,7 +376,8 @@ impl Rig {
             self.link_noise.fill_bytes(&mut bytes);
             self.pending.push(Stimulus::Uart { usart: HOST_USART, bytes });
         }
-        if ticks.is_multiple_of(TENSION_TICKS) {
+        // A third of the cost of a rig without the chip, so only for those who keep it.
+        if self.record && ticks.is_multiple_of(TENSION_TICKS) {
             self.look_at_tension();
         }
         if self.record {

@@ -36,6 +36,9 @@ pub struct Motor {
     pub speed_rad_per_s: f64,
     /// Winding current, A; positive drives towards positive angles.
     pub current_a: f64,
+    /// Electrical energy that the leads have taken from the bridge, J. What comes back while the motor brakes is not
+    /// taken off: without a store on the rail nothing makes use of it.
+    pub energy_j: f64,
     /// The regulator wanted more voltage than there is.
     pub saturated: bool,
 }
@@ -52,6 +55,7 @@ impl Motor {
             angle_rad,
             speed_rad_per_s: 0.0,
             current_a: 0.0,
+            energy_j: 0.0,
             saturated: false,
         }
     }
@@ -76,6 +80,11 @@ impl Motor {
                     self.advance(h, torque_nm + self.torque_constant * amps, 0.0);
                 }
             }
+        }
+        // A brake resistor is across the leads, not across the bridge.
+        if matches!(bridge, Bridge::Voltage(_) | Bridge::Current { .. }) {
+            let volts = self.current_a * self.resistance + self.torque_constant * self.speed_rad_per_s;
+            self.energy_j += h * (volts * self.current_a).max(0.0);
         }
     }
 
@@ -109,6 +118,7 @@ mod tests {
             angle_rad: 0.0,
             speed_rad_per_s: 0.0,
             current_a: 0.0,
+            energy_j: 0.0,
             saturated: false,
         }
     }
@@ -135,6 +145,28 @@ mod tests {
         let friction_a = (2e-5 + 1e-8 * motor.speed_rad_per_s) / 0.0229;
         let expected = (24.0 - friction_a * 10.0) / 0.0229;
         assert!((motor.speed_rad_per_s - expected).abs() < 1.0, "{}", motor.speed_rad_per_s);
+    }
+
+    #[test]
+    fn energy_goes_into_the_winding_the_load_and_friction() {
+        let mut motor = motor();
+        let (amps, load_nm) = (0.2, -2e-3);
+        let mut spent_j = 0.0;
+        for _ in 0..2000 {
+            let angle = motor.angle_rad;
+            motor.step(2.5e-4, Bridge::Current { amps, max_volts: 24.0 }, load_nm);
+            let turned = motor.angle_rad - angle;
+            let lost_w = 10.0 * motor.current_a.powi(2) + 1e-8 * motor.speed_rad_per_s.powi(2);
+            spent_j += lost_w * 2.5e-4 + turned * (2e-5 - load_nm);
+        }
+        spent_j += 0.5 * 1.2e-7 * motor.speed_rad_per_s.powi(2);
+        assert!(spent_j > 1.0 && (motor.energy_j / spent_j - 1.0).abs() < 0.01, "{} of {spent_j} J", motor.energy_j);
+        // Driven by its load it gives back, and nothing of that counts.
+        let before = motor.energy_j;
+        motor.speed_rad_per_s = 900.0;
+        motor.step(2.5e-4, Bridge::Current { amps: -0.2, max_volts: 24.0 }, 0.0);
+        motor.step(2.5e-4, Bridge::Resistor(10.0), 0.0);
+        assert_eq!(motor.energy_j, before);
     }
 
     #[test]

@@ -158,6 +158,53 @@ fn a_load_that_is_let_go_swings_and_comes_to_rest() {
 }
 
 #[test]
+fn backlash_is_turned_through_before_the_strings_follow_on_the_other_side() {
+    let swing = |backlash: &str| {
+        let mut r = rig(&[("load", "0.1kg"), ("twist_at_boot", "2"), ("gear_backlash", backlash)]);
+        let t = start(&mut r);
+        let here = r.encoder.counts(r.motor.angle_rad) - r.boot_counts;
+        r.poll(t + 1.0);
+        let from = (r.motor.angle_rad, r.truth().twist_rad);
+        // Across zero twist, where the strings pull to the other side.
+        send(&mut r, t + 1.0, hold((here - 4 * 40_416) as i32));
+        r.poll(t + 5.0);
+        (from.0 - r.motor.angle_rad, from.1, r.truth().twist_rad)
+    };
+    let (turned, from, to) = swing("0.1");
+    assert!(from > 0.1 && to < -1.0, "{from} to {to} rad");
+    assert!((turned / 62.0 - (from - to) - 0.1).abs() < 1e-9, "the shaft turned by the play more than the strings");
+    let (turned, from, to) = swing("0");
+    assert!((turned / 62.0 - (from - to)).abs() < 1e-9);
+}
+
+#[test]
+fn the_supply_bounds_the_motors_speed() {
+    let fastest = |supply: &str| {
+        let mut r = rig(&[("twist_at_boot", "4"), ("supply_voltage", supply)]);
+        let t = start(&mut r);
+        let now = r.encoder.counts(r.motor.angle_rad) - r.boot_counts;
+        let far = Command::CurrentVelocityPosition {
+            current_limit: CurrentLimit::new(500).unwrap_or_else(|e| panic!("{e}")),
+            speed_limit: SpeedLimit::new(12_000).unwrap_or_else(|e| panic!("{e}")),
+            position: QuadCounts((now + 1_500_000) as i32),
+        };
+        send(&mut r, t, far);
+        r.poll(t + 1.0);
+        let truth = r.truth();
+        // Back-EMF and the winding's drop make up the supply.
+        let parameters = &r.parameters;
+        let volts = parameters.torque_constant_nm_per_a * truth.motor_speed_rad_per_s
+            + parameters.resistance_ohm * truth.motor_current_a;
+        (truth.motor_speed_rad_per_s, volts)
+    };
+    for (supply, volts) in [("24V", 24.0), ("18V", 18.0), ("12V", 12.0)] {
+        let (speed, seen) = fastest(supply);
+        assert!((seen - volts).abs() < 0.05, "{supply}: {seen} V at {speed} rad/s");
+        assert!(speed < volts / 0.0229, "{supply}: {speed} rad/s");
+    }
+}
+
+#[test]
 fn friction_holds_a_load_that_is_nearly_balanced() {
     let mut r = rig(&[("load", "5N"), ("twist_at_boot", "20"), ("friction", "0.3")]);
     start(&mut r);

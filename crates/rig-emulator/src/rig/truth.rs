@@ -21,7 +21,8 @@ pub struct Truth {
     pub load_n: f64,
     /// What the mechanism carries at this moment.
     pub pull_n: f64,
-    /// Tension of one string.
+    /// Tension of one string; its share of the pull is found anew every 10 ms while the rig records, else only at
+    /// power-up.
     pub tension_n: f64,
     /// Torque of the strings on the output shaft.
     pub string_torque_nm: f64,
@@ -31,6 +32,8 @@ pub struct Truth {
     pub motor_speed_rad_per_s: f64,
     /// Winding current.
     pub motor_current_a: f64,
+    /// Electrical energy that the motor has taken since power-up.
+    pub motor_energy_j: f64,
     /// Code of the drive's mode, 0 while un-moded or off.
     pub drive_mode: u8,
 }

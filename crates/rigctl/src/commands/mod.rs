@@ -1,5 +1,5 @@
 //! What each command does: [`solve`], [`lookup`] and [`table`] on the desktop alone, [`published`] against the paper and
-//! [`study`] beyond it, [`simulate`] and [`demo`] on the emulated board, [`operate`] on it or on a real one, [`dry_run`]
+//! [`study`] beyond it, [`demo`] on the emulated board, [`simulate`] and [`operate`] on it or on a real one, [`dry_run`]
 //! on paper.
 
 mod curves;
@@ -36,6 +36,7 @@ pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
         Command::Published { all, out } => published::run(global, *all, out.as_deref(), output),
         Command::Study { vary, load, turns, out } => study::run(global, vary, *load, *turns, out.as_deref(), output),
         Command::Sim { script, seconds } => simulate::run(global, script.as_deref(), *seconds, output),
+        Command::Play { script } => simulate::play(global, script, output),
         Command::Move { to, speed, load, dry_run: true } => dry_run::run(global, *to, *speed, *load, output),
         Command::Move { to, speed, load, dry_run: false } => operate::travel(global, *to, *speed, *load, output),
         Command::Home => operate::home(global, output),

@@ -1,6 +1,7 @@
-//! `sim`: the firmware's ELF on the emulated board, a script, telemetry.
+//! `sim` and `play`: a script and the telemetry of it, on the emulated board or on a real one. What only an emulator can
+//! do to a rig the operator of a real one is asked to do by hand.
 
-use super::operate::sim_options;
+use super::operate::{connect, is_sim, sim_options};
 use crate::cli::Global;
 use crate::failure::Failure;
 use crate::output::Output;
@@ -16,22 +17,38 @@ use std::time::Instant;
 /// People get a line every this many seconds; `--json` prints every telemetry message.
 const HUMAN_INTERVAL_S: f64 = 0.25;
 
-/// Runs the command.
+/// `sim`: the emulated board, whatever the port.
 ///
 /// # Errors
 /// If the script is wrong, or the emulated board stopped.
 pub fn run(global: &Global, script: Option<&Path>, seconds: f64, output: &mut Output) -> Result<(), Failure> {
     let script = match script {
-        Some(path) => {
-            let text = std::fs::read_to_string(path)
-                .map_err(|e| Failure::failed(format!("script {}: {e}", path.display())))?;
-            Script::parse(&text).map_err(|e| Failure::failed(format!("script {}: {e}", path.display())))?
-        }
+        Some(path) => read(path)?,
         None if seconds > 0.0 && seconds.is_finite() => Script::idle(seconds),
         None => return Err(Failure::Usage(format!("--seconds {seconds}: must be above 0"))),
     };
+    play_through(&mut Session::new(Box::new(Sim::start(&sim_options(global))?)), &script, global.seed, output)
+}
+
+/// `play`: whatever is at the port.
+///
+/// # Errors
+/// If the script is wrong, nobody answers, or the port fails.
+pub fn play(global: &Global, script: &Path, output: &mut Output) -> Result<(), Failure> {
+    if is_sim(global) {
+        return run(global, Some(script), 0.0, output);
+    }
+    let script = read(script)?;
+    play_through(&mut connect(global)?, &script, global.seed, output)
+}
+
+fn read(path: &Path) -> Result<Script, Failure> {
+    let text = std::fs::read_to_string(path).map_err(|e| Failure::failed(format!("script {}: {e}", path.display())))?;
+    Script::parse(&text).map_err(|e| Failure::failed(format!("script {}: {e}", path.display())))
+}
+
+fn play_through(session: &mut Session, script: &Script, seed: u64, output: &mut Output) -> Result<(), Failure> {
     let started = Instant::now();
-    let mut session = Session::new(Box::new(Sim::start(&sim_options(global))?));
     // Without a greeting the board moves nothing.
     session.greet_at_boot();
     let mut events = script.events.iter().peekable();
@@ -39,7 +56,9 @@ pub fn run(global: &Global, script: Option<&Path>, seconds: f64, output: &mut Ou
     let mut next_line_s = 0.0;
     while session.now_s() < script.end_s - 0.5 * STEP_S {
         while let Some(event) = events.next_if(|e| e.t_s <= session.now_s() + 1e-9) {
-            play(event, &mut session, &mut asked, global.seed)?;
+            if let Some(by_hand) = happen(event, session, &mut asked, seed)? {
+                eprintln!("{by_hand}");
+            }
         }
         session.step()?;
         for row in session.take_rows() {
@@ -63,52 +82,98 @@ pub fn run(global: &Global, script: Option<&Path>, seconds: f64, output: &mut Ou
     }
     let wall_s = started.elapsed().as_secs_f64();
     let emulated_s = session.now_s();
-    let Some(emulated) = session.emulated() else {
-        return Err(Failure::failed("not an emulated board"));
-    };
+    // A real board's instructions are not counted.
+    let Some(emulated) = session.emulated() else { return Ok(()) };
     let stats = emulated.stats()?;
     output.object(&json!({"summary": {
         "instructions_per_tick_mean": stats.instructions_per_tick_mean,
         "instructions_per_tick_max": stats.instructions_per_tick_max,
         "core_busy": stats.core_busy,
         "realtime_factor": emulated_s / wall_s,
-        "seed": global.seed,
+        "seed": seed,
         "stack_high_water_bytes": stats.stack_high_water_bytes,
     }}))?;
     output.line(format!(
         "{emulated_s:.2} s emulated in {wall_s:.2} s; control tick {:.0} instructions mean, {:.0} at most; core busy {:.2} %; \
-         stack {} bytes; seed {}",
+         stack {} bytes; seed {seed}",
         stats.instructions_per_tick_mean,
         stats.instructions_per_tick_max,
         stats.core_busy * 100.0,
         stats.stack_high_water_bytes,
-        global.seed
     ))?;
     Ok(())
 }
 
-fn play(event: &Event, session: &mut Session, asked: &mut HashMap<u16, usize>, seed: u64) -> Result<(), Failure> {
-    let not_emulated = || Failure::failed("not an emulated board");
+/// Lets an event happen, or says what the operator has to do for it.
+fn happen(
+    event: &Event,
+    session: &mut Session,
+    asked: &mut HashMap<u16, usize>,
+    seed: u64,
+) -> Result<Option<String>, Failure> {
     let at_line = |failure: Failure| match failure.message() {
         Some(message) => Failure::failed(format!("script line {}: {message}", event.line)),
         None => failure,
     };
+    let by_hand = |what: String| Ok(Some(format!("script line {}: now by hand: {what}", event.line)));
     match &event.action {
         Action::Command(request) => {
             let number = session.post(request)?;
             asked.insert(number, event.line);
         }
-        Action::Plant(setting) => {
-            session.emulated().ok_or_else(not_emulated)?.plant(setting).map_err(at_line)?;
-        }
-        Action::Fault { fault: ScriptFault::Rig(name), on } => {
-            session.emulated().ok_or_else(not_emulated)?.fault(name, *on).map_err(at_line)?;
-        }
+        Action::Plant(setting) => match session.emulated() {
+            Some(emulated) => emulated.plant(setting).map_err(at_line)?,
+            None => return by_hand(format!("{} = {} (SI units)", setting.key, setting.value)),
+        },
+        Action::Fault { fault: ScriptFault::Rig(name), on } => match session.emulated() {
+            Some(emulated) => emulated.fault(name, *on).map_err(at_line)?,
+            None => return by_hand(format!("fault {name} {}", if *on { "begins" } else { "ends" })),
+        },
         Action::Fault { fault: ScriptFault::HostSilent, on } => session.set_heartbeat(!on),
         Action::Fault { fault: ScriptFault::LinkNoise, on } => session.set_link_noise(on.then_some(seed)),
-        Action::Fault { fault: ScriptFault::PowerCycle, .. } => {
-            session.emulated().ok_or_else(not_emulated)?.power_cycle().map_err(at_line)?;
+        Action::Fault { fault: ScriptFault::PowerCycle, .. } => match session.emulated() {
+            Some(emulated) => emulated.power_cycle().map_err(at_line)?,
+            None => return by_hand("switch the board off and on".into()),
+        },
+    }
+    Ok(None)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::session::port::{Port, Received};
+
+    /// A port without an emulator behind it.
+    struct Wire {
+        now_s: f64,
+    }
+
+    impl Port for Wire {
+        fn pass(&mut self, _bytes: &[u8], seconds: f64) -> Result<Received, Failure> {
+            self.now_s += seconds;
+            Ok(Received::default())
+        }
+
+        fn now_s(&self) -> f64 {
+            self.now_s
         }
     }
-    Ok(())
+
+    #[test]
+    fn on_a_real_rig_the_operator_is_asked_for_what_the_tool_cannot_do() {
+        let text = "0 plant load=0.5kg\n1 home\n2 fault lvdt-open\n3 fault lvdt-open off\n4 fault host-silent\n\
+                    5 fault power-cycle\n6 end";
+        let script = Script::parse(text).unwrap_or_else(|e| panic!("{e}"));
+        let mut session = Session::new(Box::new(Wire { now_s: 0.0 }));
+        let mut asked = HashMap::new();
+        let mut told = |event| happen(event, &mut session, &mut asked, 1).unwrap_or_else(|_| panic!("{event:?}"));
+        let told: Vec<Option<String>> = script.events.iter().map(&mut told).collect();
+        for (event, said) in [(0, "load = 4.9"), (2, "lvdt-open begins"), (3, "lvdt-open ends"), (5, "off and on")] {
+            let line = told[event].as_ref().unwrap_or_else(|| panic!("event {event}"));
+            assert!(line.contains(said) && line.contains(&format!("line {}", event + 1)), "{line}");
+        }
+        assert_eq!((&told[1], &told[4]), (&None, &None), "these the tool does itself");
+        assert_eq!(asked.into_values().collect::<Vec<_>>(), [2]);
+    }
 }

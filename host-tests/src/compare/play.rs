@@ -1,0 +1,144 @@
+//! A controller through a scenario on a plant, and what was recorded of it.
+
+use super::baseline::{Baseline, Law, Wanted};
+use super::plants::RandomPlant;
+use crate::scenario::{Move, Scenario};
+use crate::{Controller, Desk};
+use rig_control::TICK_S;
+
+/// Longest way of a baseline to its reference (s).
+const START_S: f64 = 30.0;
+/// Twist at power-up (rad): of the baselines, whose zero is given, and of the firmware, which has to find it.
+const TWIST_AT_BOOT: [f32; 2] = [std::f32::consts::PI, 1.0];
+
+/// What one move was like, tick by tick.
+#[derive(Clone, Debug, Default)]
+pub struct Record {
+    /// The plant changed on the way.
+    pub changed: bool,
+    /// Where it began and where it was to end (m).
+    pub ends_m: [f64; 2],
+    /// Where the load should have been (m).
+    pub set_points_m: Vec<f32>,
+    /// Where it was (m).
+    pub positions_m: Vec<f64>,
+    /// Electrical energy that the motor took (J).
+    pub energy_j: f64,
+}
+
+/// A scenario on one plant as the firmware's control played it.
+#[derive(Clone, Debug)]
+pub struct Played {
+    /// Its moves, up to where it failed.
+    pub records: Vec<Record>,
+    /// How it failed, if it did.
+    pub failure: Option<String>,
+}
+
+fn keys(scenario: &Scenario, plant: &RandomPlant, twist_at_boot: f32) -> Vec<(&'static str, String)> {
+    let own = scenario.plant.iter().chain(&plant.keys).map(|s| (s.key, s.value.to_string()));
+    own.chain([("twist_at_boot", twist_at_boot.to_string())]).collect()
+}
+
+fn desk<C: Controller>(control: C, keys: &[(&'static str, String)], seed: u64) -> Desk<C> {
+    let keys: Vec<(&str, &str)> = keys.iter().map(|(key, value)| (*key, value.as_str())).collect();
+    Desk::with(control, &keys, seed)
+}
+
+/// Plays one move: before each tick `tick` moves the desk on and says where the load should be.
+fn record<C: Controller>(
+    desk: &mut Desk<C>,
+    m: &Move,
+    mut tick: impl FnMut(&mut Desk<C>, usize) -> Result<f32, String>,
+) -> Result<Record, String> {
+    let mut record = Record {
+        changed: !m.changes.is_empty(),
+        ends_m: [desk.true_position_m(), m.target_m.into()],
+        ..Record::default()
+    };
+    let energy_j = desk.truth().motor_energy_j;
+    for k in 0..m.ticks {
+        for (_, setting) in m.changes.iter().filter(|(at, _)| *at == k) {
+            desk.rig.set_plant(setting.key, &setting.value.to_string()).map_err(|e| e.to_string())?;
+        }
+        record.set_points_m.push(tick(desk, k)?);
+        record.positions_m.push(desk.true_position_m());
+    }
+    record.energy_j = desk.truth().motor_energy_j - energy_j;
+    Ok(record)
+}
+
+/// The firmware's control: homes, then every move, the load weighed by itself.
+pub fn firmware(scenario: &Scenario, plant: &RandomPlant) -> Played {
+    let [_, twist] = TWIST_AT_BOOT;
+    let control = rig_control::Rig::new(crate::table(), crate::constants(), None);
+    let mut desk = desk(control, &keys(scenario, plant, twist), plant.seed);
+    let mut records = Vec::new();
+    let mut play = || -> Result<(), String> {
+        desk.home().map_err(|e| format!("homing: {e}"))?;
+        for (number, m) in scenario.moves.iter().enumerate() {
+            let one = record(&mut desk, m, |desk, k| {
+                let out = desk.tick((k == 0).then_some(m.request));
+                if let Some(Err(refusal)) = out.reply {
+                    return Err(format!("refused: {refusal}"));
+                }
+                out.telemetry.setpoint_m.ok_or_else(|| match out.telemetry.fault {
+                    Some(fault) => format!("fault: {fault} after {:.2} s", k as f64 * f64::from(TICK_S)),
+                    None => format!("no set-point in state {:?}", out.telemetry.state),
+                })
+            });
+            records.push(one.map_err(|e| format!("move {}: {e}", number + 1))?);
+        }
+        Ok(())
+    };
+    let failure = play().err();
+    Played { records, failure }
+}
+
+/// A baseline that stands at its reference.
+///
+/// # Errors
+/// In words, if it does not come there.
+pub fn ready(scenario: &Scenario, plant: &RandomPlant) -> Result<Desk<Baseline>, String> {
+    let [twist, _] = TWIST_AT_BOOT;
+    let mut desk = desk(Baseline::new(Law::OpenLoop, twist), &keys(scenario, plant, twist), plant.seed);
+    desk.control.wanted.load_n = desk.truth().load_n as f32;
+    if !desk.until(START_S, |d| d.control.is_ready()) {
+        return Err(format!("a baseline does not come to its reference within {START_S} s"));
+    }
+    desk.home_gap_m = Some(desk.truth().gap_m);
+    Ok(desk)
+}
+
+/// A baseline from where [`ready`] left it, along the firmware's set-points.
+///
+/// # Errors
+/// In words, if the plant refuses a change.
+pub fn baseline(
+    mut desk: Desk<Baseline>,
+    law: Law,
+    scenario: &Scenario,
+    along: &[Record],
+) -> Result<Vec<Record>, String> {
+    desk.control.law = law;
+    let mut last_m = 0.0;
+    let moves = scenario.moves.iter().zip(along);
+    moves
+        .map(|(m, along)| {
+            record(&mut desk, m, |desk, k| {
+                let set_point_m = along.set_points_m[k];
+                desk.control.wanted = Wanted {
+                    set_point_m,
+                    speed_m_per_s: (set_point_m - last_m) / TICK_S,
+                    done: set_point_m == m.target_m,
+                    target_m: m.target_m,
+                    asked_m_per_s: m.speed_m_per_s,
+                    load_n: desk.truth().load_n as f32,
+                };
+                last_m = set_point_m;
+                desk.tick(None);
+                Ok(set_point_m)
+            })
+        })
+        .collect()
+}

@@ -1,0 +1,147 @@
+//! What a record is worth: tracking, settling, overshoot, energy.
+
+use super::play::Record;
+use rig_control::TICK_S;
+
+/// How near the target counts as settled (m).
+pub const SETTLED_M: f64 = 50e-6;
+/// How long it must have stayed there at the end of what was recorded (ticks).
+const STAYED: usize = 50;
+
+/// One move's figures.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Score {
+    /// Largest error while the set-point travels (m).
+    pub max_m: f64,
+    /// Sum of its squares (m²), and of how many ticks.
+    pub squares_m2: f64,
+    /// Ticks of travel.
+    pub ticks: usize,
+    /// From the end of the set-point's travel until the load stays within [`SETTLED_M`] of the target (s); `None` if it
+    /// does not before the next move.
+    pub settling_s: Option<f64>,
+    /// Farthest past the target in the direction of travel, until the next move (m).
+    pub overshoot_m: f64,
+    /// Electrical energy of the motor, until the next move (J).
+    pub energy_j: f64,
+}
+
+impl Score {
+    /// Of one move.
+    pub fn new(record: &Record) -> Self {
+        let [from_m, target_m] = record.ends_m;
+        let arrives = record.set_points_m.iter().rposition(|s| (f64::from(*s) - target_m).abs() > 1e-9);
+        // Where the set-point itself does not arrive nothing can settle.
+        let travel = arrives.map_or(0, |last| last + 2).min(record.set_points_m.len());
+        let errors =
+            record.set_points_m[..travel].iter().zip(&record.positions_m).map(|(s, p)| (f64::from(*s) - p).abs());
+        let (max_m, squares_m2) = errors.fold((0.0f64, 0.0), |(max, sum), e| (max.max(e), sum + e * e));
+        let off = |p: &f64| (p - target_m).abs() > SETTLED_M;
+        let settled = record.positions_m.iter().rposition(off).map_or(0, |last| last + 1);
+        let stays = settled + STAYED <= record.positions_m.len() && travel < record.positions_m.len();
+        let way = (target_m - from_m).signum();
+        Self {
+            max_m,
+            squares_m2,
+            ticks: travel,
+            settling_s: stays.then(|| settled.saturating_sub(travel) as f64 * f64::from(TICK_S)),
+            overshoot_m: record.positions_m.iter().map(|p| (p - target_m) * way).fold(0.0, f64::max),
+            energy_j: record.energy_j,
+        }
+    }
+}
+
+/// The figures of many moves together.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Summary {
+    /// How many.
+    pub moves: usize,
+    /// Largest tracking error (m).
+    pub max_m: f64,
+    /// Root mean square of the tracking error over all ticks of all moves (m).
+    pub rms_m: f64,
+    /// Settling time that nine moves of ten keep (s); infinite if fewer settled.
+    pub settling_s: f64,
+    /// Share of the moves that settled.
+    pub settled: f64,
+    /// Largest overshoot (m).
+    pub overshoot_m: f64,
+    /// Mean energy of a move (J).
+    pub energy_j: f64,
+}
+
+impl Summary {
+    /// Of these moves.
+    pub fn new<'a>(scores: impl IntoIterator<Item = &'a Score>) -> Self {
+        let scores: Vec<&Score> = scores.into_iter().collect();
+        if scores.is_empty() {
+            return Self::default();
+        }
+        let most = |value: fn(&Score) -> f64| scores.iter().map(|s| value(s)).fold(0.0, f64::max);
+        let sum = |value: fn(&Score) -> f64| scores.iter().map(|s| value(s)).sum::<f64>();
+        let mut settling: Vec<f64> = scores.iter().map(|s| s.settling_s.unwrap_or(f64::INFINITY)).collect();
+        settling.sort_by(f64::total_cmp);
+        let count = scores.len() as f64;
+        Self {
+            moves: scores.len(),
+            max_m: most(|s| s.max_m),
+            rms_m: (sum(|s| s.squares_m2) / sum(|s| s.ticks as f64).max(1.0)).sqrt(),
+            settling_s: settling[(settling.len() * 9).div_ceil(10) - 1],
+            settled: scores.iter().filter(|s| s.settling_s.is_some()).count() as f64 / count,
+            overshoot_m: most(|s| s.overshoot_m),
+            energy_j: sum(|s| s.energy_j) / count,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A set-point that travels 1 mm in 100 ticks and a load that is behind it by `behind_m`, then goes past by `past_m`
+    /// and comes back after so many ticks.
+    fn record(behind_m: f64, past_m: f64, back_after: usize) -> Record {
+        let set_points_m: Vec<f32> = (1..=400).map(|k| (k as f32 * 1e-5).min(1e-3)).collect();
+        let position = |k: usize| match k {
+            0..99 => f64::from(set_points_m[k]) - behind_m,
+            k if k < 100 + back_after => 1e-3 + past_m,
+            _ => 1e-3,
+        };
+        let positions_m = (0..400).map(position).collect();
+        Record { ends_m: [0.0, 1e-3], set_points_m, positions_m, ..Record::default() }
+    }
+
+    #[test]
+    fn figures_of_a_known_move() {
+        let score = Score::new(&record(2e-4, 8e-5, 60));
+        assert!((score.max_m - 2e-4).abs() < 1e-9);
+        assert_eq!(score.ticks, 100);
+        assert!((score.overshoot_m - 8e-5).abs() < 1e-12);
+        assert!((score.settling_s.unwrap() - 0.6).abs() < 1e-6);
+        // 99 ticks behind, one past.
+        let rms = ((99.0 * 4e-8 + 6.4e-9) / 100.0f64).sqrt();
+        assert!((Summary::new([&score]).rms_m - rms).abs() < 1e-10);
+        assert_eq!(Score::new(&record(0.0, 4e-5, 60)).settling_s, Some(0.0), "never out of the band");
+        assert_eq!(Score::new(&record(0.0, 8e-5, 290)).settling_s, None, "too late to be sure");
+    }
+
+    #[test]
+    fn a_set_point_that_does_not_arrive_does_not_settle() {
+        let mut r = record(0.0, 0.0, 0);
+        r.set_points_m = vec![5e-4; 400];
+        let score = Score::new(&r);
+        assert_eq!((score.settling_s, score.ticks), (None, 400));
+    }
+
+    #[test]
+    fn nine_of_ten_moves_have_to_settle_for_a_settling_time() {
+        let settled = |s: f64| Score { settling_s: Some(s), ticks: 1, ..Score::default() };
+        let not = Score { settling_s: None, ..settled(0.0) };
+        let mut scores: Vec<Score> = (1..=9).map(|k| settled(0.1 * f64::from(k))).collect();
+        scores.push(not);
+        assert!((Summary::new(&scores).settling_s - 0.9).abs() < 1e-12);
+        scores[0] = not;
+        let summary = Summary::new(&scores);
+        assert_eq!((summary.settling_s, summary.settled), (f64::INFINITY, 0.8));
+    }
+}

@@ -1,0 +1,130 @@
+//! The scenarios of `scenarios/`: scripts that `rigctl play` plays on an emulated board or a real rig, read here for
+//! the control code alone.
+
+use crate::root;
+use rig_control::TICK_S;
+use rig_link::messages::Request;
+use rigctl::plant::Setting;
+use rigctl::script::{Action, Script, ScriptError};
+use std::path::PathBuf;
+
+/// Why a scenario cannot be played here.
+#[derive(Debug, thiserror::Error)]
+pub enum ScenarioError {
+    /// The folder or a file in it.
+    #[error("{}: {source}", path.display())]
+    Read {
+        /// Which.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// Not a script.
+    #[error("{name}: {source}")]
+    Script {
+        /// Which.
+        name: String,
+        /// What is wrong with it.
+        source: ScriptError,
+    },
+    /// A script, but not homing and moves.
+    #[error("{name}, line {line}: {what}")]
+    NotMoves {
+        /// Which.
+        name: String,
+        /// Line in the file, from 1.
+        line: usize,
+        /// What is in the way.
+        what: &'static str,
+    },
+}
+
+/// Every script of the folder by its name without the ending, in alphabetical order.
+///
+/// # Errors
+/// [`ScenarioError`] naming the file.
+pub fn scripts() -> Result<Vec<(String, Script)>, ScenarioError> {
+    let folder = root().join("scenarios");
+    let read = |path: PathBuf| move |source| ScenarioError::Read { path, source };
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(&folder).map_err(read(folder.clone()))? {
+        let path = entry.map_err(read(folder.clone()))?.path();
+        if path.extension().is_some_and(|e| e == "script") {
+            let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+            let text = std::fs::read_to_string(&path).map_err(read(path))?;
+            let script = Script::parse(&text).map_err(|source| ScenarioError::Script { name: name.clone(), source })?;
+            found.push((name, script));
+        }
+    }
+    found.sort_by(|a, b| a.0.cmp(&b.0));
+    Ok(found)
+}
+
+/// One move of the load, and what happens to the rig until the next.
+#[derive(Clone, Debug)]
+pub struct Move {
+    /// What is asked of the controller.
+    pub request: Request,
+    /// Where to (m).
+    pub target_m: f32,
+    /// How fast (m/s).
+    pub speed_m_per_s: f32,
+    /// Ticks until the next move, or the end.
+    pub ticks: usize,
+    /// Changes of the plant, with the tick that they come before.
+    pub changes: Vec<(usize, Setting)>,
+}
+
+/// Moves of a rig that has been homed.
+#[derive(Clone, Debug)]
+pub struct Scenario {
+    /// The script's name.
+    pub name: String,
+    /// The plant at boot.
+    pub plant: Vec<Setting>,
+    /// The moves. The first follows homing at once: there is nothing to see while the script waits for it.
+    pub moves: Vec<Move>,
+}
+
+impl Scenario {
+    /// From a script that sets up the plant, homes and moves, and does nothing else.
+    ///
+    /// # Errors
+    /// [`ScenarioError::NotMoves`] naming the line.
+    pub fn new(name: &str, script: &Script) -> Result<Self, ScenarioError> {
+        let mut scenario = Self { name: name.into(), plant: Vec::new(), moves: Vec::new() };
+        let mut homes = false;
+        let mut starts_s: Vec<f64> = Vec::new();
+        let ticks = |seconds: f64| (seconds / f64::from(TICK_S)).round() as usize;
+        for event in &script.events {
+            let fail = |what| ScenarioError::NotMoves { name: name.into(), line: event.line, what };
+            match (&event.action, starts_s.last()) {
+                (Action::Plant(setting), None) if event.t_s == 0.0 => scenario.plant.push(setting.clone()),
+                (Action::Plant(setting), Some(start_s)) => {
+                    let change = (ticks(event.t_s - start_s), setting.clone());
+                    scenario.moves.last_mut().ok_or_else(|| fail("comes before any move"))?.changes.push(change);
+                }
+                (Action::Command(Request::Home), None) if !homes => homes = true,
+                (Action::Command(request @ Request::Move { target_m, speed_m_per_s, .. }), _) if homes => {
+                    let (request, target_m, speed_m_per_s) = (*request, *target_m, *speed_m_per_s);
+                    scenario.moves.push(Move { request, target_m, speed_m_per_s, ticks: 0, changes: Vec::new() });
+                    starts_s.push(event.t_s);
+                }
+                _ => return Err(fail("only the plant at 0 s, one homing, moves and the plant during them")),
+            }
+        }
+        let ends_s = starts_s.iter().skip(1).copied().chain([script.end_s]);
+        for ((m, start_s), end_s) in scenario.moves.iter_mut().zip(&starts_s).zip(ends_s) {
+            m.ticks = ticks(end_s - start_s);
+        }
+        Ok(scenario)
+    }
+}
+
+/// The scenarios of the comparison, in order of load.
+///
+/// # Errors
+/// [`ScenarioError`] naming file and line.
+pub fn comparison() -> Result<Vec<Scenario>, ScenarioError> {
+    scripts()?.iter().filter(|(name, _)| name.starts_with("compare-")).map(|(n, s)| Scenario::new(n, s)).collect()
+}

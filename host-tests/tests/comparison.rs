@@ -1,0 +1,88 @@
+//! The comparison on a few plants, so that it cannot rot: the benchmark proper is `cargo xtask compare`.
+
+use host_tests::compare::baseline::{Law, Loop, PAPER_SPEED};
+use host_tests::compare::plants::RandomPlant;
+use host_tests::compare::score::Summary;
+use host_tests::compare::{Comparison, Controller, Entry, untuned};
+use host_tests::scenario;
+
+/// What `cargo xtask compare` found for the fixed ratio: with the least error, and with the most settled moves.
+const LEAST_ERROR: Loop = Loop { tr_rad_per_m: Some(2757.0), gain_per_s: 7.68, corner_rad_per_s: 25.3 };
+const MOST_SETTLED: Loop = Loop { tr_rad_per_m: Some(2757.0), gain_per_s: 4.8, corner_rad_per_s: 23.0 };
+
+/// Of the moves without load steps, and of those with.
+fn summaries(entries: &[Entry]) -> [Summary; 2] {
+    [false, true].map(|changed| Summary::new(entries.iter().filter(|e| e.changed == changed).map(|e| &e.score)))
+}
+
+#[test]
+fn every_scenario_is_a_script_and_the_comparisons_hold_what_it_needs() {
+    let names: Vec<String> = scenario::scripts().unwrap().into_iter().map(|(name, _)| name).collect();
+    assert!(names.contains(&"example".to_owned()), "{names:?}");
+    let scenarios = scenario::comparison().unwrap();
+    assert_eq!(scenarios.len(), 4);
+    for s in &scenarios {
+        assert_eq!(s.plant.len(), 1, "{}: a load", s.name);
+        assert!(s.moves.iter().all(|m| m.ticks >= 600), "{}: time to settle", s.name);
+        assert_eq!(s.moves.iter().filter(|m| !m.changes.is_empty()).count(), 3, "{}: load steps", s.name);
+    }
+    // A script with anything else in it is refused by its line.
+    let example = scenario::scripts().unwrap().into_iter().find(|(name, _)| name == "example").unwrap().1;
+    let error = scenario::Scenario::new("example", &example).unwrap_err().to_string();
+    assert!(error.contains("example, line"), "{error}");
+}
+
+#[test]
+fn this_controller_beats_what_is_usual() {
+    let scenarios = scenario::comparison().unwrap();
+    let comparison = Comparison::new(&scenarios, &RandomPlant::list(2)).unwrap();
+    assert_eq!(comparison.failures, []);
+    let play = |controller| summaries(&comparison.play(controller).unwrap());
+    let ours = play(Controller::Firmware);
+    println!("a: {ours:#?}");
+    assert!(ours.iter().all(|s| s.settled == 1.0), "a settles everywhere, whatever the load does");
+    let against = |what: &str, law: Law| {
+        let theirs = play(Controller::Baseline(law));
+        let [steady, steps] = [0, 1].map(|k| theirs[k].rms_m / ours[k].rms_m);
+        println!("{what}: {steady:.2} and {steps:.2} times the rms error, {theirs:#?}");
+        (steady, steps, theirs)
+    };
+    // A fixed ratio whose gain is searched for tracks as well where friction rules, and pays when the load changes: it
+    // rings.
+    let (.., [_, steps]) = against("b'", Law::Loop(LEAST_ERROR));
+    assert!(steps.settled < 0.95 && steps.overshoot_m > ours[1].overshoot_m, "{steps:?}");
+    let (steady, ..) = against("c", Law::OpenLoop);
+    assert!(steady > 2.0, "{steady}");
+    for (law, at_least) in [(Law::MatchedSpeed, 3.0), (Law::ConstantSpeed(PAPER_SPEED), 15.0)] {
+        let (steady, steps, _) = against("d", law);
+        assert!(steady > at_least && steps > 1.5, "{law:?}: {steady} and {steps}");
+    }
+}
+
+#[test]
+fn without_friction_the_ratio_is_worth_five_times_the_error() {
+    // The lightest and the heaviest load.
+    let mut scenarios = scenario::comparison().unwrap();
+    scenarios.drain(1..3);
+    let friction = "friction=0N".parse().unwrap();
+    let plants: Vec<RandomPlant> = RandomPlant::list(2).into_iter().map(|plant| plant.with(&friction)).collect();
+    let comparison = Comparison::new(&scenarios, &plants).unwrap();
+    assert_eq!(comparison.failures, []);
+    let rms_m = |controller| summaries(&comparison.play(controller).unwrap())[0].rms_m;
+    let ours = rms_m(Controller::Firmware);
+    for law in [untuned(), MOST_SETTLED, LEAST_ERROR] {
+        let theirs = rms_m(Controller::Baseline(Law::Loop(law)));
+        println!("{:.1} um against {:.1} um", ours * 1e6, theirs * 1e6);
+        assert!(theirs > 5.0 * ours, "{ours} against {theirs} of {law:?}");
+    }
+}
+
+#[test]
+fn the_same_plants_give_the_same_figures() {
+    let scenarios = &scenario::comparison().unwrap()[1..2];
+    let run = || {
+        let comparison = Comparison::new(scenarios, &RandomPlant::list(1)).unwrap();
+        summaries(&comparison.play(Controller::Baseline(Law::Loop(LEAST_ERROR))).unwrap())
+    };
+    assert_eq!(run(), run());
+}
