@@ -60,7 +60,7 @@ fn demand(scene: &Scene, fit: &tsa_table::fit::Fit) -> Result<String, Box<dyn Er
     let spare = match fit.table.table().form {
         tsa_table::Form::Arc(s) => {
             let columns = (s.shape.columns + 2).min(tsa_table::arc::MAX_COLUMNS as u8);
-            format!("Some(tsa_table::Shape::new::<{}, {columns}>())", s.shape.rows)
+            format!("tsa_table::Shape::of({}, {columns})", s.shape.rows)
         }
         _ => "None".into(),
     };

@@ -14,7 +14,7 @@ use tsa_table::Table;
 use tsa_table::rebuild::{Rebuild, RebuildError, Rebuilt};
 
 /// Tables that one run of the firmware can make: the control task keeps looking into the one it was given.
-const ROOM: usize = 8;
+const ROOM: usize = 4;
 
 /// From flash, if a good one is there.
 pub async fn kept(store: &mut Store) -> Option<&'static Table<'static>> {

@@ -11,7 +11,7 @@ use crate::material::Material;
 use crate::parameters::{Geometry, Parameters};
 use crate::quadrature::{LEVELS, Rule};
 use crate::rod::{Rod, RodResponse, RodShape, TipForce, outside_fit};
-use crate::scalar::Scalar;
+use crate::scalar::{Scalar, Single};
 use crate::string::StringParameters;
 use core::f64::consts::{FRAC_PI_2, PI};
 
@@ -118,6 +118,26 @@ impl Mechanism {
         Self { quadrature: Quadrature::Fixed(Rule::new(points)), ..self }
     }
 }
+
+macro_rules! gap_and_slope {
+    ($number:ty) => {
+        impl Mechanism<$number> {
+            /// Gap (m) and ∂G/∂θ (m/rad) as [`Mechanism::solve`] finds them: not generic, so that an image has the
+            /// solver's code once, and as this crate is built.
+            ///
+            /// # Errors
+            /// As [`Mechanism::solve`].
+            #[inline(never)]
+            pub fn gap_and_slope(&self, load_n: f64, twist_rad: f64) -> Result<[f64; 2], SolveError> {
+                let e = self.solve(load_n, twist_rad)?;
+                Ok([e.gap_m.value(), e.dgap_dtwist_m_per_rad.value()])
+            }
+        }
+    };
+}
+
+gap_and_slope!(f64);
+gap_and_slope!(Single);
 
 impl<T: Scalar> Mechanism<T> {
     /// The mechanism with these constants, which are taken as checked ([`Parameters::new`] does).

@@ -66,23 +66,29 @@ pub struct Shape {
 }
 
 impl Shape {
-    /// The shape with these numbers of powers. Only the shapes that are named this way are in an image.
-    pub const fn new<const ROWS: usize, const COLUMNS: usize>() -> Self {
-        Self { rows: ROWS as u8, columns: COLUMNS as u8, evaluate: evaluate::<ROWS, COLUMNS> }
-    }
-
-    /// The shape with these numbers of powers; nothing above [`MAX_ROWS`] and [`MAX_COLUMNS`], or below 2.
-    #[cfg(feature = "std")]
-    pub fn of(rows: usize, columns: usize) -> Option<Self> {
+    /// The shape with these numbers of powers; nothing above [`MAX_ROWS`] and [`MAX_COLUMNS`], or below 2. Named in a
+    /// constant, only that shape's code is in an image.
+    pub const fn of(rows: usize, columns: usize) -> Option<Self> {
         macro_rules! shapes {
             ($($rows:literal: $($columns:literal)*;)*) => {
                 match (rows, columns) {
-                    $($(($rows, $columns) => Some(Self::new::<$rows, $columns>()),)*)*
+                    // Closures, so that the code is made here, where lookups are built for speed.
+                    $($(($rows, $columns) => Some(Self {
+                        rows: $rows,
+                        columns: $columns,
+                        evaluate: |form, load_n, twist_rad| evaluate::<$rows, $columns>(form, load_n, twist_rad),
+                    }),)*)*
                     _ => None,
                 }
             };
         }
-        shapes! { 2: 2 3 4 5 6 7 8 9; 3: 2 3 4 5 6 7 8 9; 4: 2 3 4 5 6 7 8 9; 5: 2 3 4 5 6 7 8 9; 6: 2 3 4 5 6 7 8 9; }
+        shapes! {
+            2: 2 3 4 5 6 7 8 9;
+            3: 2 3 4 5 6 7 8 9;
+            4: 2 3 4 5 6 7 8 9;
+            5: 2 3 4 5 6 7 8 9;
+            6: 2 3 4 5 6 7 8 9;
+        }
     }
 
     /// Coefficients of a patch.

@@ -53,7 +53,7 @@ pub fn table_source(name: &str, doc: &str, table: &OwnedTable) -> String {
             let patches: Vec<String> = patches.iter().map(patch).collect();
             format!(
                 "Arc(tsa_table::ArcSeries {{ growth: tsa_table::Growth {{ per_load_m_n: {}, powers: [{}] }}, \
-                 shape: tsa_table::Shape::new::<{}, {}>(), patches: &[{}], coefficients: &[{}] }})",
+                 shape: tsa_table::Shape::of({}, {}).unwrap(), patches: &[{}], coefficients: &[{}] }})",
                 float(growth.per_load_m_n),
                 floats(&growth.powers),
                 shape.rows,

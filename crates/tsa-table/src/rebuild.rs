@@ -8,15 +8,17 @@
 use crate::arc::{ArcSeries, Growth, Patch, Shape};
 use crate::form::Form;
 use crate::lookup::{Metadata, Table};
-use crate::patch_fit::{MAX_TERMS, PatchFit, Sample};
+use crate::patch_fit::{PatchFit, Sample};
 use crate::plane::{arc_at, growth};
-use tsa_model::scalar::{Scalar, Single};
+use tsa_model::scalar::Single;
 use tsa_model::{Mechanism, Parameters, SolveError};
 
 /// Most ranges of the load.
 pub const MAX_PATCHES: usize = 8;
 /// Most coefficients of a rebuilt table.
 pub const MAX_COEFFICIENTS: usize = 256;
+/// Most coefficients of a range: the normal equations are what the board's memory is spent on.
+const MAX_TERMS: usize = 45;
 /// States that are checked against the single-precision solver, and among them against the double-precision one: loads,
 /// and twists at each.
 const CHECKED: [usize; 2] = [24, 14];
@@ -245,8 +247,7 @@ impl Rebuild {
 
     fn solve(&mut self, load_n: f64, twist_rad: f64) -> Result<[f64; 2], RebuildError> {
         self.states += 1;
-        let e = self.single.solve(load_n, twist_rad).map_err(|e| broken(load_n, twist_rad, &e))?;
-        Ok([e.gap_m.value(), e.dgap_dtwist_m_per_rad.value()])
+        self.single.gap_and_slope(load_n, twist_rad).map_err(|e| broken(load_n, twist_rad, &e))
     }
 
     fn sample(&mut self, patch: usize, state: usize) -> Result<Phase, RebuildError> {
@@ -314,13 +315,14 @@ impl Rebuild {
             let share = (state % twists) as f64 / (twists - 1) as f64;
             let twist_rad = self.twist_rad[0] + (self.twist_rad[1] - self.twist_rad[0]) * share;
             self.states += 1;
-            let e = self.exact.solve(load_n, twist_rad).map_err(|e| broken(load_n, twist_rad, &e))?;
+            let [gap_m, by_twist] =
+                self.exact.gap_and_slope(load_n, twist_rad).map_err(|e| broken(load_n, twist_rad, &e))?;
             let at = self.rebuilt.table().point_inside(load_n as f32, twist_rad as f32);
             if state.is_multiple_of(twists) {
-                self.start_m = [at.gap_m, e.gap_m as f32];
+                self.start_m = [at.gap_m, gap_m as f32];
             }
-            let contraction = (self.start_m[0] - at.gap_m) - (self.start_m[1] - e.gap_m as f32);
-            let tr = e.dgap_dtwist_m_per_rad as f32 / at.dgap_dtwist_m_per_rad - 1.0;
+            let contraction = (self.start_m[0] - at.gap_m) - (self.start_m[1] - gap_m as f32);
+            let tr = by_twist as f32 / at.dgap_dtwist_m_per_rad - 1.0;
             self.note([contraction, tr]);
             return Ok(Phase::Exact { state: state + 1 });
         }

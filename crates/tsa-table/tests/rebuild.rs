@@ -25,7 +25,7 @@ fn parameters(change: impl Fn(&mut Parameters)) -> Parameters {
 
 fn rebuilt(p: &Parameters, tolerance: [f32; 2]) -> Result<(Rebuilt, u32), RebuildError> {
     let table = default_fit().1.table.table();
-    let mut rebuild = Rebuild::new(&table, p, 0x1234_5678, tolerance, Some(Shape::new::<5, 9>()))?;
+    let mut rebuild = Rebuild::new(&table, p, 0x1234_5678, tolerance, Shape::of(5, 9))?;
     loop {
         if let Some(done) = rebuild.step()? {
             let done = done.clone();
@@ -78,12 +78,12 @@ fn a_kept_table_comes_back_whole_or_not_at_all() {
     let (new, _) = rebuilt(&parameters(|p| p.k2 *= 1.05), [5e-6, 2e-3]).unwrap();
     let mut bytes = [0u8; 2048];
     let length = new.write(&mut bytes).unwrap();
-    let back = Rebuilt::read(&like, Some(Shape::new::<5, 9>()), &bytes[..length]).unwrap();
+    let back = Rebuilt::read(&like, Shape::of(5, 9), &bytes[..length]).unwrap();
     assert_eq!(back.table().crc, new.table().crc);
     assert_eq!(back.table().look_up(5.0, 20.0), new.table().look_up(5.0, 20.0));
     assert!(new.write(&mut [0; 100]).is_none());
     for cut in 0..length {
-        assert!(Rebuilt::read(&like, Some(Shape::new::<5, 9>()), &bytes[..cut]).is_none());
+        assert!(Rebuilt::read(&like, Shape::of(5, 9), &bytes[..cut]).is_none());
     }
     for bit in 0..8 * length {
         // The fourth byte is not used.
@@ -92,7 +92,7 @@ fn a_kept_table_comes_back_whole_or_not_at_all() {
         }
         let mut broken = bytes;
         broken[bit / 8] ^= 1 << (bit % 8);
-        assert!(Rebuilt::read(&like, Some(Shape::new::<5, 9>()), &broken[..length]).is_none(), "bit {bit}");
+        assert!(Rebuilt::read(&like, Shape::of(5, 9), &broken[..length]).is_none(), "bit {bit}");
     }
 }
 
