@@ -4,6 +4,7 @@
 
 pub mod board;
 pub mod compare;
+pub mod endurance;
 pub mod fuzz;
 pub mod scenario;
 
