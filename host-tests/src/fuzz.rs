@@ -9,8 +9,11 @@ use rmds405::{Address, Event, Mode, QuadCounts, Received, Report, StartUp, uart}
 use std::path::PathBuf;
 use tsa_model::Scene;
 
+/// Takes whatever comes.
+pub type Door = fn(&[u8]);
+
 /// Every door, by the name of its corpus.
-pub const DOORS: [(&str, fn(&[u8])); 7] = [
+pub const DOORS: [(&str, Door); 7] = [
     ("link", link),
     ("drive", drive),
     ("scene", scene),
