@@ -67,7 +67,13 @@ fn telemetry() -> impl Strategy<Value = Telemetry> {
             drive_speed_rad_per_s: speed,
             time_left_s: v[6],
             twist_scale: v[7],
-            counters: Counters { link_errors: errors, foreign_frames: foreign },
+            counters: Counters {
+                link_errors: errors,
+                foreign_frames: foreign,
+                late_ticks: errors,
+                unsent: foreign,
+                longest_tick_us: errors,
+            },
         }
     })
 }
@@ -118,9 +124,11 @@ fn longest_identity() -> Identity {
             turns_min: 0.0,
             turns_max: 7.5,
             crc: u32::MAX,
+            rebuilt: true,
         },
         reset_cause: ResetCause::Watchdog,
         boot_count: u32::MAX,
+        last_panic: Some(text(&"p".repeat(96))),
     }
 }
 
