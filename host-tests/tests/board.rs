@@ -4,7 +4,8 @@ use host_tests::board::Bench;
 use rig_emulator::board::{CanFrame, Stimulus};
 use rig_emulator::rig::faults::Fault as RigFault;
 use rig_link::PROTOCOL_HASH;
-use rig_link::messages::{Fault, LoadChoice, Refusal, Request, ResetCause, State};
+use rig_link::messages::{Constants, EventKind, Fault, LoadChoice, Refusal, Request, ResetCause, State, TableRefusal};
+use rigctl::commands::rebuild::constants;
 
 const MOVE: Request = Request::Move { target_m: 0.012, speed_m_per_s: 0.002, load: LoadChoice::Auto };
 
@@ -177,4 +178,85 @@ fn the_same_seed_gives_the_same_bytes() {
     };
     assert_eq!(run(9), run(9));
     assert_ne!(run(9), run(10));
+}
+
+/// The scene's constants with strings a twentieth thicker.
+fn thicker() -> Constants {
+    let mut scene = host_tests::scene().clone();
+    scene.string.k2 *= 1.05;
+    constants(&scene)
+}
+
+#[test]
+fn the_board_makes_its_own_table_in_seconds_keeps_it_and_falls_back() {
+    let mut b = Bench::new(&[], 9);
+    b.home();
+    b.ask(&Request::Move { target_m: 0.004, speed_m_per_s: 0.002, load: LoadChoice::Auto }).unwrap();
+    assert!(b.until(20.0, |b| b.state() == State::Holding), "{:?}", b.last);
+    let (built_in, gap) = (b.identity.clone().unwrap().table, b.machine.board().truth().gap_m);
+    assert!(!built_in.rebuilt);
+
+    // Made in the background, while it holds: no tick is lost until flash is written.
+    let (ticks, start) = (b.machine.stats().tick.count, b.machine.now_s());
+    b.ask(&Request::Rebuild(thicker())).unwrap();
+    assert!(b.until(15.0, |b| b.events.iter().any(|e| matches!(e, EventKind::TableRebuilt { .. }))), "{:?}", b.events);
+    let made = *b.events.last().unwrap();
+    let EventKind::TableRebuilt { contraction_error_m, tr_relative_error, states, took_us, kept } = made else {
+        panic!("{made:?}")
+    };
+    let (late, paused) = (b.machine.now_s() - start, took_us as f64 * 1e-6);
+    let stats = b.machine.stats();
+    println!(
+        "table made in {paused:.2} s ({late:.2} with flash), {states} equilibria, {:.2} um, {:.3} %, core busy {:.0} %, \
+         stack {} B",
+        contraction_error_m * 1e6,
+        tr_relative_error * 100.0,
+        stats.core_busy * 100.0,
+        stats.stack_high_water_bytes
+    );
+    assert!(kept && paused < 10.0 && contraction_error_m <= 5e-6 && tr_relative_error <= 2e-3);
+    let lost = (b.machine.now_s() - start) / 0.01 - (stats.tick.count - ticks) as f64;
+    assert!(lost < 20.0, "{lost} ticks lost");
+    // Nothing moved, and nothing does before it is homed again.
+    assert!((b.machine.board().truth().gap_m - gap).abs() < 30e-6);
+    b.run(0.1);
+    assert_eq!(b.state(), State::Unhomed);
+    assert_eq!(b.ask(&MOVE), Err(Refusal::NotHomed));
+    b.ask(&Request::Status).unwrap();
+    let table = b.identity.clone().unwrap().table;
+    assert!(table.rebuilt && table.crc != built_in.crc);
+
+    // Still there after a reset, and refused when a bit of it has flipped.
+    let image = b.machine.flash_image();
+    let boots = |image: &[u8]| {
+        let mut b = Bench::new(&[], 9);
+        b.machine.set_flash_image(image).unwrap();
+        b.machine.power_cycle();
+        b.run(0.3);
+        b.ask(&Request::Hello { protocol_hash: PROTOCOL_HASH }).unwrap();
+        assert!(b.until(0.5, |b| b.identity.is_some()));
+        b.identity.clone().unwrap().table
+    };
+    assert_eq!(boots(&image), table);
+    let words: Vec<usize> = (0x4000..0x1_0000).filter(|k| image[*k] != 0xFF).collect();
+    let mut broken = image.clone();
+    broken[words[words.len() / 2]] ^= 4;
+    assert_eq!(boots(&broken), built_in);
+
+    // What cannot be made is refused by name, and the table in use stays.
+    let mut b = Bench::new(&[], 9);
+    b.run(0.05);
+    b.ask(&Request::Hello { protocol_hash: PROTOCOL_HASH }).unwrap();
+    assert!(b.until(5.0, |b| b.state() == State::Unhomed));
+    for (constants, wanted) in [
+        (Constants { string: [f64::NAN; 5], ..thicker() }, TableRefusal::Constants),
+        (Constants { string: thicker().string.map(|v| 1.3 * v), ..thicker() }, TableRefusal::Model),
+    ] {
+        b.ask(&Request::Rebuild(constants)).unwrap();
+        assert!(b.until(15.0, |b| matches!(b.events.last(), Some(EventKind::TableRefused { .. }))));
+        let Some(EventKind::TableRefused { reason, .. }) = b.events.pop() else { panic!("{:?}", b.events) };
+        assert_eq!(reason, wanted);
+    }
+    b.ask(&Request::Status).unwrap();
+    assert_eq!(b.identity.clone().unwrap().table, built_in);
 }

@@ -70,6 +70,9 @@ pub enum Command {
         /// Also write table.json and table.rs into this folder
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
+        /// Have the board at --port make, check, use and keep a table for this scene's constants. Home again after it
+        #[arg(long, conflicts_with = "out")]
+        board: bool,
     },
     /// The numbers that the paper prints beside the same numbers computed for the scene
     Published {

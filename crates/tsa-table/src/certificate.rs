@@ -1,6 +1,7 @@
 //! The proof that goes with a table: random points off any grid, and a search for the worst one.
 
-use crate::fit::{Errors, FitError, Reference, error_at, errors_over};
+use crate::double;
+use crate::fit::{Errors, Exact, FitError, Reference, error_at, errors_over};
 use crate::lookup::Table;
 use rand::{RngExt, SeedableRng};
 
@@ -20,6 +21,60 @@ pub struct Certificate {
     pub worst_tr_at: [f64; 2],
     /// ∂G/∂θ < 0 and ∂G/∂F > 0 at every point of a dense grid: both inverses exist.
     pub monotone: bool,
+    /// Largest difference of the contraction to the integral of −1/TR over the twist, by the table alone (m): how well
+    /// the two agree.
+    pub closure_m: f64,
+    /// What of the errors is rounding; not measured for grids.
+    pub rounding: Option<Rounding>,
+}
+
+/// The part of a table's errors that f32 makes, at its worst among the random points. It is in [`Errors`] already.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Rounding {
+    /// Of the gap by the lookup's arithmetic: f32 against the same numbers in f64 (m).
+    pub arithmetic_m: f64,
+    /// Of the gap by load and twist as f32, half a unit in the last place each (m).
+    pub inputs_m: f64,
+    /// Of TR by the arithmetic (relative).
+    pub tr_arithmetic: f64,
+}
+
+/// Measures the rounding of a table at these loads and twists.
+fn rounding(table: &Table<'_>, at: &[Exact]) -> Option<Rounding> {
+    let mut worst = Rounding::default();
+    for e in at {
+        let (load, twist) = (e.load_n as f32, e.twist_rad as f32);
+        let single = table.point_inside(load, twist);
+        let [gap, slope] = double::evaluate(table, f64::from(load), f64::from(twist))?;
+        worst.arithmetic_m = worst.arithmetic_m.max((f64::from(single.gap_m) - gap).abs());
+        worst.tr_arithmetic = worst.tr_arithmetic.max((f64::from(single.dgap_dtwist_m_per_rad) / slope - 1.0).abs());
+        let half = 0.5 * f64::from(f32::EPSILON);
+        let by_load = f64::from(single.dgap_dload_m_per_n) * e.load_n * half;
+        let by_twist = f64::from(single.dgap_dtwist_m_per_rad) * e.twist_rad * half;
+        worst.inputs_m = worst.inputs_m.max(by_load.abs() + by_twist.abs());
+    }
+    Some(worst)
+}
+
+/// By Simpson's rule over the whole twist, at loads from light to heavy, each range of twists of the certificate's grid.
+fn closure(table: &Table<'_>) -> f64 {
+    const LOADS: u32 = 60;
+    const TWISTS: u32 = 400;
+    let m = &table.metadata;
+    let mut worst = 0f64;
+    for i in 0..=LOADS {
+        let load = m.load_min_n * (m.load_max_n / m.load_min_n).powf(i as f32 / LOADS as f32);
+        let twist = |k: f32| m.twist_min_rad + (m.twist_max_rad - m.twist_min_rad) * k / TWISTS as f32;
+        let at = |k: f32| table.point_inside(load, twist(k));
+        let (start, mut integral) = (f64::from(at(0.0).gap_m), 0.0);
+        for k in 0..TWISTS {
+            let k = k as f32;
+            let [a, b, c] = [k, k + 0.5, k + 1.0].map(|k| f64::from(at(k).dgap_dtwist_m_per_rad));
+            integral += (a + 4.0 * b + c) / 6.0 * f64::from(twist(k + 1.0) - twist(k));
+            worst = worst.max((start + integral - f64::from(at(k + 1.0).gap_m)).abs());
+        }
+    }
+    worst
 }
 
 /// Measures a table at `points` random points and from the worst of them climbs to the worst there is.
@@ -42,7 +97,7 @@ pub(crate) fn certify(table: &Table<'_>, reference: &Reference<'_>, points: usiz
     let mut errors = errors_over(table, &exact);
     let mut worst = [[f0, t0], [f0, t0]];
     for (which, at) in worst.iter_mut().enumerate() {
-        let pick = |p: &crate::fit::Exact| {
+        let pick = |p: &Exact| {
             let (contraction, tr) = error_at(table, p);
             if which == 0 { contraction } else { tr }
         };
@@ -65,6 +120,8 @@ pub(crate) fn certify(table: &Table<'_>, reference: &Reference<'_>, points: usiz
         worst_contraction_at: worst[0],
         worst_tr_at: worst[1],
         monotone: is_monotone(table),
+        closure_m: closure(table),
+        rounding: rounding(table, &exact),
     })
 }
 

@@ -23,6 +23,8 @@ mod candidates;
 #[cfg(feature = "std")]
 pub mod certificate;
 #[cfg(feature = "std")]
+mod double;
+#[cfg(feature = "std")]
 pub mod effort;
 #[cfg(feature = "std")]
 pub mod emit;

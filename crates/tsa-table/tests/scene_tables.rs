@@ -2,6 +2,7 @@
 
 use std::sync::OnceLock;
 use tsa_model::{Scene, twist_from_turns};
+use tsa_table::effort::lookup_instructions;
 use tsa_table::fit::{Fit, FitError, fit};
 use tsa_table::{Form, InverseError, LoadMap};
 
@@ -39,7 +40,33 @@ fn the_default_table_meets_its_scene_in_few_bytes() {
     let table = fit.table.table();
     assert!(table.form.bytes() <= 512, "{} bytes", table.form.bytes());
     assert!(table.is_intact());
+    let c = &fit.certificate;
+    let rounding = c.rounding.unwrap();
+    // The gradient is the gap's own: what they disagree by is the jumps between ranges and rounding.
+    assert!(c.closure_m > 0.0 && c.closure_m <= c.errors.contraction_max_m, "{}", c.closure_m);
+    assert!(rounding.arithmetic_m > 1e-9 && rounding.arithmetic_m < 2e-7 && rounding.tr_arithmetic < 1e-5);
+    assert!(lookup_instructions(&table) <= 250);
     assert!(table.metadata.contraction_error_m > 0.0 && table.metadata.tr_relative_error > 0.0);
+}
+
+/// A rod that hardly resists on its plateau: no global polynomial follows it, ranges of the load do.
+#[test]
+fn the_plateau_rod_gets_a_table_of_the_same_accuracy() {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/niti-plateau.toml");
+    let fit = fit(&Scene::load(root).unwrap()).unwrap();
+    let (e, table) = (&fit.certificate.errors, fit.table.table());
+    println!(
+        "{}, {} bytes, {} instructions, contraction {:.2e} m, TR {:.2e}",
+        fit.table.numbers.size(),
+        table.form.bytes(),
+        lookup_instructions(&table),
+        e.contraction_max_m,
+        e.tr_max
+    );
+    assert!(e.contraction_max_m <= 5e-6 && e.tr_max <= 2e-3 && fit.certificate.monotone);
+    assert!(table.form.bytes() <= 1280, "{} bytes", table.form.bytes());
+    let global = fit.candidates.iter().filter(|c| matches!(c.table.table().form, Form::Series { .. }));
+    assert!(global.clone().count() > 0 && global.into_iter().all(|c| !c.passes));
 }
 
 #[test]

@@ -11,6 +11,7 @@ pub mod lookup;
 pub mod operate;
 mod picture;
 pub mod published;
+pub mod rebuild;
 pub mod simulate;
 pub mod solve;
 pub mod study;
@@ -32,7 +33,8 @@ pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
         Command::Solve { at, how } => solve::run(global, at, how, output),
         Command::Identify(options) => identify::run(global, options, output),
         Command::Lookup { at } => lookup::run(global, at, output),
-        Command::Table { out } => table::run(global, out.as_deref(), output),
+        Command::Table { board: true, .. } => rebuild::run(global, output),
+        Command::Table { out, board: false } => table::run(global, out.as_deref(), output),
         Command::Published { all, out } => published::run(global, *all, out.as_deref(), output),
         Command::Study { vary, load, turns, out } => study::run(global, vary, *load, *turns, out.as_deref(), output),
         Command::Sim { script, seconds } => simulate::run(global, script.as_deref(), *seconds, output),

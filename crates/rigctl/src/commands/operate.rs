@@ -38,23 +38,32 @@ pub fn sim_options(global: &Global) -> SimOptions {
 /// # Errors
 /// If it cannot be opened, nobody answers, or the board's scene is not the host's.
 pub fn connect(global: &Global) -> Result<Session, Failure> {
+    let session = meet(global)?;
+    let scene = super::scene(global)?;
+    let board = session.identity().map_or(0, |id| id.scene_hash);
+    if board != scene.hash() {
+        return Err(Failure::failed(format!(
+            "the board's table is for another scene ({board:08x}) than {} ({:08x}): name the board's with --scene, have \
+             it make one for this (`table --board`), or build and flash",
+            global.scene.display(),
+            scene.hash()
+        )));
+    }
+    Ok(session)
+}
+
+/// Greets the board, whatever scene its table is for.
+///
+/// # Errors
+/// If there is no board, or it speaks another message table.
+pub fn meet(global: &Global) -> Result<Session, Failure> {
     let port: Box<dyn Port> = if is_sim(global) {
         Box::new(Sim::start(&sim_options(global))?)
     } else {
         Box::new(Serial::open(&global.port)?)
     };
     let mut session = Session::new(port);
-    let identity = session.hello()?;
-    let scene = super::scene(global)?;
-    if identity.scene_hash != scene.hash() {
-        return Err(Failure::failed(format!(
-            "the board was built for another scene ({:08x}) than {} ({:08x}): build and flash for this one, or name \
-             the board's with --scene",
-            identity.scene_hash,
-            global.scene.display(),
-            scene.hash()
-        )));
-    }
+    session.hello()?;
     Ok(session)
 }
 
@@ -350,6 +359,7 @@ pub fn status(global: &Global, output: &mut Output) -> Result<(), Failure> {
             "load_n": [id.table.load_min_n, id.table.load_max_n],
             "turns": [id.table.turns_min, id.table.turns_max],
             "crc": format!("{:08x}", id.table.crc),
+            "rebuilt": id.table.rebuilt,
         },
         "link_errors": counters.link_errors,
         "foreign_frames": counters.foreign_frames,
@@ -360,9 +370,10 @@ pub fn status(global: &Global, output: &mut Output) -> Result<(), Failure> {
         id.version, id.git, id.scene_hash, id.reset_cause
     ))?;
     output.line(format!(
-        "table    {}, {} bytes: contraction within {:.2} um, TR within {:.3} % for {} to {} N, {} to {:.1} turns",
+        "table    {}, {} bytes, {}: contraction within {:.2} um, TR within {:.3} % for {} to {} N, {} to {:.1} turns",
         id.table.form,
         id.table.bytes,
+        if id.table.rebuilt { "made on the board" } else { "built in" },
         id.table.contraction_error_m * 1e6,
         id.table.tr_relative_error * 100.0,
         id.table.load_min_n,

@@ -8,6 +8,7 @@ use serde::Serialize;
 use std::path::Path;
 use tsa_model::scene::Accuracy;
 use tsa_table::LoadMap;
+use tsa_table::effort::{LOOKUP_INSTRUCTIONS, lookup_instructions};
 use tsa_table::fit::{Candidate, Errors, Fit, MAX_BYTES};
 
 /// The chosen table and how it was chosen.
@@ -16,6 +17,7 @@ pub struct Report {
     form: &'static str,
     size: String,
     bytes: usize,
+    instructions: u32,
     tier: &'static str,
     axes: [AxisReport; 2],
     errors: ErrorReport,
@@ -23,6 +25,8 @@ pub struct Report {
     worst_contraction_at: PointReport,
     worst_tr_at: PointReport,
     monotone: bool,
+    closure_m: f64,
+    rounding: Option<RoundingReport>,
     accuracy: AccuracyReport,
     scene_hash: String,
     table_crc: String,
@@ -49,6 +53,13 @@ struct ErrorReport {
 }
 
 #[derive(Debug, Serialize)]
+struct RoundingReport {
+    arithmetic_m: f64,
+    inputs_m: f64,
+    tr_arithmetic_relative: f64,
+}
+
+#[derive(Debug, Serialize)]
 struct PointReport {
     load_n: f64,
     twist_rad: f64,
@@ -68,6 +79,7 @@ struct CandidateReport {
     size: String,
     load_map: String,
     bytes: usize,
+    instructions: u32,
     errors: ErrorReport,
     passes: bool,
 }
@@ -97,11 +109,13 @@ impl Report {
     pub fn new(fit: &Fit, accuracy: Accuracy) -> Self {
         let metadata = fit.table.metadata;
         let passing = fit.candidates.iter().filter(|c| c.passes).count();
+        let fast = fit.candidates.iter().filter(|c| c.passes && c.instructions() <= LOOKUP_INSTRUCTIONS).count();
         let point = |[load_n, twist_rad]: [f64; 2]| PointReport { load_n, twist_rad };
         Self {
             form: fit.table.numbers.kind(),
             size: fit.table.numbers.size(),
             bytes: fit.table.numbers.form().bytes(),
+            instructions: lookup_instructions(&fit.table.table()),
             tier: tsa_model::Tier::Full.name(),
             axes: [
                 AxisReport {
@@ -124,6 +138,12 @@ impl Report {
             worst_contraction_at: point(fit.certificate.worst_contraction_at),
             worst_tr_at: point(fit.certificate.worst_tr_at),
             monotone: fit.certificate.monotone,
+            closure_m: fit.certificate.closure_m,
+            rounding: fit.certificate.rounding.map(|r| RoundingReport {
+                arithmetic_m: r.arithmetic_m,
+                inputs_m: r.inputs_m,
+                tr_arithmetic_relative: r.tr_arithmetic,
+            }),
             accuracy: AccuracyReport {
                 contraction_m: accuracy.contraction_m,
                 tr_relative: accuracy.tr_relative,
@@ -133,10 +153,10 @@ impl Report {
             table_crc: format!("{:08x}", fit.table.crc),
             generator_version: metadata.generator_version,
             why: format!(
-                "smallest of the {passing} candidates (of {}) that meet the accuracy within {MAX_BYTES} bytes, and its \
-                 certificate holds; of equal size the one without a transcendental function goes first. All are \
-                 fitted to the full tier: it is solved before the firmware is built, so a cheaper one would save the \
-                 board nothing",
+                "smallest of the {fast} candidates that the board looks up within {LOOKUP_INSTRUCTIONS} instructions \
+                 (of {passing} that meet the accuracy within {MAX_BYTES} bytes, of {} tried), and its certificate holds; \
+                 were there none so fast, the smallest. All are fitted to the full tier: it is solved before the \
+                 firmware is built, so a cheaper one would save the board nothing",
                 fit.candidates.len()
             ),
             candidates: fit.candidates.iter().map(CandidateReport::new).collect(),
@@ -152,6 +172,7 @@ impl CandidateReport {
             size: c.table.numbers.size(),
             load_map: map_name(c.table.metadata.load_map),
             bytes: c.table.numbers.form().bytes(),
+            instructions: c.instructions(),
             errors: c.errors.into(),
             passes: c.passes,
         }
@@ -168,7 +189,10 @@ pub fn run(global: &Global, out: Option<&Path>, output: &mut Output) -> Result<(
     let fit = tsa_table::fit::fit(&scene)?;
     let r = Report::new(&fit, accuracy);
     output.object(&r)?;
-    output.line(format!("{} ({}), {} bytes, tier {}", r.form, r.size, r.bytes, r.tier))?;
+    output.line(format!(
+        "{} ({}), {} bytes, {} instructions a lookup (predicted), tier {}",
+        r.form, r.size, r.bytes, r.instructions, r.tier
+    ))?;
     for a in &r.axes {
         output.line(format!("  {:<10} {} to {} {}, map {}", a.parameter, a.min, a.max, a.unit, a.map))?;
     }
@@ -185,19 +209,29 @@ pub fn run(global: &Global, out: Option<&Path>, output: &mut Output) -> Result<(
         e.tr_rms_relative * 1e2,
         r.accuracy.tr_relative * 1e2,
     ))?;
+    if let Some(rounding) = &r.rounding {
+        output.line(format!(
+            "  of which rounding: arithmetic {:.0} nm and {:.1e} of TR, load and twist as f32 {:.0} nm",
+            rounding.arithmetic_m * 1e9,
+            rounding.tr_arithmetic_relative,
+            rounding.inputs_m * 1e9
+        ))?;
+    }
+    output.line(format!("  1/TR summed over the twist gives the contraction to {:.2} um", r.closure_m * 1e6))?;
     output.line(format!("  gap falls with twist and rises with load everywhere: {}", r.monotone))?;
     output.line(format!("why this one: {}", r.why))?;
     output.line(format!(
-        "{:<17} {:<26} {:<16} {:>6} {:>10} {:>9}  passes",
-        "considered", "size", "load map", "bytes", "max um", "TR max %"
+        "{:<17} {:<29} {:<16} {:>6} {:>12} {:>10} {:>9}  passes",
+        "considered", "size", "load map", "bytes", "instructions", "max um", "TR max %"
     ))?;
     for c in &r.candidates {
         output.line(format!(
-            "{:<17} {:<26} {:<16} {:>6} {:>10.3} {:>9.4}  {}",
+            "{:<17} {:<29} {:<16} {:>6} {:>12} {:>10.3} {:>9.4}  {}",
             c.form,
             c.size,
             c.load_map,
             c.bytes,
+            c.instructions,
             c.errors.contraction_max_m * 1e6,
             c.errors.tr_max_relative * 1e2,
             if c.passes { "yes" } else { "no" }
