@@ -79,10 +79,7 @@ impl Checks {
     pub(super) fn cleared(inputs: &Inputs, gap_m: Option<f32>, twist_rad: Option<f32>) -> Self {
         let open = |open: bool, past_m: f32| gap_m.filter(|_| open).map(|gap_m| gap_m + past_m);
         Self {
-            switch_gap_m: [
-                open(inputs.upper_limit_open, -PAST_SWITCH_M),
-                open(inputs.lower_limit_open, PAST_SWITCH_M),
-            ],
+            switch_gap_m: [open(inputs.upper_limit_open, -PAST_SWITCH_M), open(inputs.lower_limit_open, PAST_SWITCH_M)],
             twist_past_rad: twist_rad.map_or(0.0, |twist_rad| twist_rad.abs() + PAST_TWIST_RAD),
             ..Self::new()
         }

@@ -44,9 +44,9 @@ impl Rig<'_> {
     /// Whether the supply is known to be out of its limits now.
     pub(super) fn supply_is_off(&self, inputs: &Inputs) -> bool {
         let [least, most] = self.constants.supply_limits_v;
-        inputs.supply.is_some_and(|s| {
-            inputs.now_us.saturating_sub(s.t_us) < SUPPLY_OLD_US && !(least..=most).contains(&s.volts)
-        })
+        inputs
+            .supply
+            .is_some_and(|s| inputs.now_us.saturating_sub(s.t_us) < SUPPLY_OLD_US && !(least..=most).contains(&s.volts))
     }
 
     pub(super) fn drive_fault(&mut self, inputs: &Inputs) -> Option<Fault> {

@@ -327,7 +327,8 @@ impl Drive {
         let motion = Report::Motion { current: Milliamps(milliamps), speed: Rpm(rpm), position };
         // The other inputs float: CHZ then reads high, the others low.
         let pwm = Pwm::new(self.pwm).unwrap_or_default();
-        let asin_mv = self.supply_divider.map_or(0.0, |divider| (sensed.supply_v / divider).min(ASIN_V) * 1e3).round() as u16;
+        let asin_mv =
+            self.supply_divider.map_or(0.0, |divider| (sensed.supply_v / divider).min(ASIN_V) * 1e3).round() as u16;
         let rest = MixedRest { dsin: false, asin_mv, chz: true, pwm };
         let mixed = Report::Mixed(Mixed { ctl1: false, ctl2: false, rest: Some(rest) });
         for (slot, report) in [motion, mixed].iter().enumerate() {
