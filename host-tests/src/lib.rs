@@ -19,7 +19,7 @@ use rmds405::{
     Action, Address, Command, CurrentLimit, Event, Mixed, Mode, QuadCounts, Received, Report, SpeedLimit, StartUp,
 };
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 use tsa_model::Scene;
 use tsa_table::Table;
 use tsa_table::fit::OwnedTable;
@@ -100,6 +100,9 @@ impl Controller for Control<'static> {
     }
 }
 
+/// What comes between the rig and what the controller sees of it.
+pub type Tamper = Arc<dyn Fn(&mut Inputs) + Send + Sync>;
+
 /// A controller wired to an emulated rig.
 #[derive(Clone)]
 pub struct Desk<C: Controller = Control<'static>> {
@@ -116,7 +119,7 @@ pub struct Desk<C: Controller = Control<'static>> {
     /// Whether the host sends heartbeats.
     pub host_alive: bool,
     /// Changes what the controller sees, each tick.
-    pub tamper: Option<fn(&mut Inputs)>,
+    pub tamper: Option<Tamper>,
     time_s: f64,
     next_sample_s: f64,
     codes: Vec<u16>,
@@ -282,7 +285,7 @@ impl<C: Controller> Desk<C> {
             request,
             counters: Counters::default(),
         };
-        if let Some(tamper) = self.tamper {
+        if let Some(tamper) = &self.tamper {
             tamper(&mut inputs);
         }
         let decision = self.control.step(&inputs);
