@@ -535,3 +535,32 @@ fn the_emergency_stops_contact_is_told_both_ways() {
     assert_eq!(stops, [EventKind::EStopOpened, EventKind::EStopClosed, EventKind::EStopOpened]);
     assert_eq!(d.control.state(), State::EStop);
 }
+
+/// The page for the person at the bench says of every fault what the code does about it.
+#[test]
+fn every_fault_is_documented_and_the_table_is_what_the_code_does() {
+    let page = std::fs::read_to_string(host_tests::root().join("docs/faults.md")).unwrap();
+    for &fault in Fault::ALL {
+        let told = match response(fault) {
+            Response::Hold => "hold",
+            Response::HoldByDrive => "hold by drive",
+            Response::Silence => "silent",
+        };
+        let homing = if needs_homing(fault) { "yes" } else { "no" };
+        let row = format!("| `{fault}` | {} | {told} | {homing} |", fault.code());
+        assert!(page.contains(&row), "docs/faults.md lacks the row {row}");
+        let entry = page.split("\n### ").find(|e| e.starts_with(&format!("`{fault}`\n")));
+        let entry = entry.unwrap_or_else(|| panic!("docs/faults.md has no entry for {fault}"));
+        for part in ["- **Means** ", "- **The rig** ", "- **Check** ", "- **Clear** "] {
+            let text = entry.lines().find_map(|line| line.strip_prefix(part));
+            assert!(text.is_some_and(|text| text.len() > 10), "{fault}: `{part}` is missing");
+        }
+    }
+    let named = |line: &str| line.strip_prefix("### `").and_then(|rest| rest.strip_suffix('`')).map(String::from);
+    for name in page.lines().filter_map(named) {
+        assert!(Fault::from_name(&name).is_some(), "docs/faults.md explains {name}, which is no fault");
+    }
+    for &limit in Limit::ALL {
+        assert!(page.contains(&format!("| `{limit}` |")), "docs/faults.md lacks the limit {limit}");
+    }
+}
