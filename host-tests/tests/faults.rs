@@ -223,10 +223,13 @@ const CASES: [(u8, Fault, f64, Happens, Happens); 23] = [
         13,
         Fault::LoadRange,
         3.0,
-        |d| d.rig.set_plant("load", "2.3kg").unwrap(),
         |d| {
+            // In two steps: one would throw the load too far from its set-point.
             d.rig.set_plant("load", "1.6kg").unwrap();
+            d.run(2.5);
+            d.rig.set_plant("load", "2.3kg").unwrap();
         },
+        |d| d.rig.set_plant("load", "1.6kg").unwrap(),
     ),
     (
         14,
@@ -312,7 +315,7 @@ fn after_clear_nothing_moves_and_what_lost_the_position_is_homed_anew() {
         }
         let mut d = moving();
         cause(&mut d);
-        assert!(d.until(within_s, |d| d.control.fault().is_some()), "{fault}");
+        assert!(d.until(within_s, |d| d.control.fault() == Some(fault)), "{fault}: {:?}", d.control.fault());
         (d.host_alive, d.tamper) = (true, None);
         for (_, fault) in RigFault::all() {
             d.rig.set_fault(fault, false);
@@ -475,6 +478,7 @@ fn the_twist_range_clips_and_outside_it_is_a_fault_with_the_way_back_free() {
         }
     });
     assert!(d.until(0.5, |d| d.control.fault() == Some(Fault::TwistRange)), "{:?}", d.control.fault());
+    d.run(1.0);
     assert!(d.tick(Some(Request::Clear)).reply.is_some_and(|r| r.is_ok()));
     d.run(0.5);
     assert_eq!(d.control.state(), State::Ready, "{:?}", d.control.fault());

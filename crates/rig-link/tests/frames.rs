@@ -220,7 +220,13 @@ fn the_longest_messages_fit() {
         drive_speed_rad_per_s: 1.0,
         time_left_s: Some(1.0),
         twist_scale: Some(1.0),
-        counters: Counters { link_errors: u32::MAX, foreign_frames: u32::MAX },
+        counters: Counters {
+            link_errors: u32::MAX,
+            foreign_frames: u32::MAX,
+            late_ticks: u32::MAX,
+            unsent: u32::MAX,
+            longest_tick_us: 10_000,
+        },
     };
     assert!(wire(u16::MAX, &Message::Telemetry(telemetry)).len() <= 80, "the rate of telemetry rests on this");
 }

@@ -20,6 +20,8 @@ const FOLLOW_M: f32 = 2e-3;
 const FOLLOW_TICKS: u16 = ticks(50);
 /// Fall of the gap's rise in one tick (m) that no motor makes: the load has dropped.
 const DROP_M: f32 = 5e-3;
+/// Rms noise (codes) of a block in which a load falls at up to 2 m/s; one in which a wire breaks has far more.
+const FALLING_NOISE: f32 = 60.0;
 /// A tick this long (µs) after the one before is late; one this long after is a fault by itself: the encoder's 16 bits
 /// could wrap unseen at full speed, and the drive has stood at an old target.
 const LATE_US: u64 = TICK_US + TICK_US / 2;
@@ -33,7 +35,7 @@ const SWITCH_TICKS: u16 = ticks(2);
 const PAST_SWITCH_M: f32 = 0.3e-3;
 const PAST_TWIST_RAD: f32 = 0.3;
 /// How long the load estimate may want to leave the table at its heavy end and at its light end, where nothing breaks.
-const HEAVY_TICKS: u16 = ticks(50);
+const HEAVY_TICKS: u16 = ticks(30);
 const LIGHT_TICKS: u16 = ticks(200);
 
 /// Counters of what has to last before it is a fault, and what was seen last.
@@ -210,11 +212,11 @@ impl Rig<'_> {
         if let Some(block) = inputs.lvdt {
             let gap_m = self.constants.lvdt_gap_at_code_zero_m + self.constants.lvdt_metres_per_code * block.mean_code;
             let dropped = self.checks.last_gap_m.is_some_and(|last| gap_m - last > DROP_M);
-            self.checks.last_gap_m = Some(gap_m);
             let real = !matches!(lvdt, LvdtReading::Invalid(Fault::LvdtOpen | Fault::LvdtShort));
-            if dropped && started && real {
+            if dropped && started && real && block.noise_codes() < FALLING_NOISE {
                 return Some(Fault::StringBreak);
             }
+            self.checks.last_gap_m = lvdt.gap_m().or(self.checks.last_gap_m);
         }
         if let Some(fault) = self.lvdt_fault(inputs, lvdt, started) {
             return Some(fault);

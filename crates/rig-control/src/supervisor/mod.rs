@@ -107,6 +107,7 @@ enum Motion {
 }
 
 /// The rig.
+#[derive(Clone)]
 pub struct Rig<'t> {
     table: &'t Table<'t>,
     constants: RigConstants,
