@@ -66,7 +66,7 @@ fn faults_that_keep_the_position_fire_and_clear_and_near_misses_are_quiet() {
             (51.6, 0.2, "lvdt-noisy"),
             (54.6, 0.5, "lvdt-frozen"),
             (57.6, 0.3, "supply"),
-            (62.8, 2.0, "load-range"),
+            (60.8, 2.0, "load-range"),
         ],
     );
     assert_eq!(refused.matches("refused").count(), 1, "{refused}");
