@@ -252,7 +252,10 @@ const CASES: [(u8, Fault, f64, Happens, Happens); 22] = [
         0.05,
         |d| d.rig.set_fault(RigFault::LimitSwitch, true),
         |d| {
-            tamper_for(d, 0.01, |i| i.upper_limit_open = true);
+            // One tick: contacts bounce.
+            tamper(d, |i| i.upper_limit_open = true);
+            d.tick(None);
+            d.tamper = None;
         },
     ),
 ];
