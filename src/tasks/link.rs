@@ -121,6 +121,8 @@ fn identity(start: &Start) -> Identity {
 pub async fn send(mut tx: BufferedUartTx<'static>) -> ! {
     let mut sequence = 0u16;
     let mut buffer = [0; MAX_FRAME];
+    // Ends whatever a reset cut short, so that our first frame is not lost with it.
+    let _ = tx.write_all(&[0]).await;
     loop {
         let message = match select(shared::OUTBOX.receive(), shared::TELEMETRY.wait()).await {
             Either::First(message) => message,

@@ -71,8 +71,8 @@ const OPEN_BELOW: f32 = 41.0;
 const SHORT_ABOVE: f32 = 4054.0;
 /// Rms noise (codes) above which the signal is not trusted: 0.8 mm, 15 times a healthy one.
 const NOISE_LIMIT: f32 = 15.0;
-/// Blocks without any noise after which the signal is taken for frozen: 0.3 s.
-const FROZEN_BLOCKS: u32 = 50;
+/// Blocks without any noise after which the signal is taken for frozen: 0.3 s, as each tick looks at one.
+const FROZEN_BLOCKS: u32 = 30;
 /// Age (µs) at which blocks are taken to have stopped: eight block times.
 const STALLED_US: u64 = 50_000;
 
@@ -232,7 +232,7 @@ mod tests {
         let mut lvdt = Lvdt::new();
         for k in 1..=60u64 {
             let reading = lvdt.read(k * 6000, block(k * 6000, 2000.0, 0.0), &RIG);
-            assert_eq!(matches!(reading, LvdtReading::Invalid(Fault::LvdtFrozen)), k >= 50, "block {k}");
+            assert_eq!(matches!(reading, LvdtReading::Invalid(Fault::LvdtFrozen)), k >= 30, "block {k}");
         }
         // One live block and it counts anew; asking twice about one block counts it once.
         assert!(matches!(lvdt.read(400_000, block(400_000, 2000.0, 0.01), &RIG), LvdtReading::Valid { .. }));

@@ -204,7 +204,7 @@ proptest! {
 
 #[test]
 fn the_longest_messages_fit() {
-    assert!(wire(u16::MAX, &Message::Identity(longest_identity())).len() <= 180);
+    assert!(wire(u16::MAX, &Message::Identity(longest_identity())).len() <= MAX_FRAME - 8);
     let telemetry = Telemetry {
         t_us: 1 << 40,
         state: State::Moving,
@@ -228,7 +228,7 @@ fn the_longest_messages_fit() {
             longest_tick_us: 10_000,
         },
     };
-    assert!(wire(u16::MAX, &Message::Telemetry(telemetry)).len() <= 80, "the rate of telemetry rests on this");
+    assert!(wire(u16::MAX, &Message::Telemetry(telemetry)).len() <= 96, "the rate of telemetry rests on this");
 }
 
 #[test]
