@@ -39,7 +39,7 @@ fn constants(rig: &Rig) -> String {
          \x20   motor_speed_max_rad_per_s: {:?}f32, motor_acceleration_max_rad_per_s2: {:?}f32,\n\
          \x20   motor_torque_constant_nm_per_a: {:?}f32, current_limit_ma: {},\n\
          \x20   lvdt_gap_at_code_zero_m: {:?}f32, lvdt_metres_per_code: {:?}f32,\n\
-         \x20   drive_group: {}, drive_number: {},\n\
+         \x20   drive_group: {}, drive_number: {}, supply_limits_v: {:?}, supply_divider: {:?},\n\
          }};\n",
         rig.gear() as f32,
         rig.counts_per_rad() as f32,
@@ -51,6 +51,8 @@ fn constants(rig: &Rig) -> String {
         rig.lvdt_metres_per_code() as f32,
         rig.drive_group,
         rig.drive_number,
+        rig.supply_limits_v().map(|volts| volts as f32),
+        rig.supply_divider.map(|divider| divider as f32),
     )
 }
 

@@ -1,7 +1,5 @@
 //! Pins, clocks and peripherals of the NUCLEO-F446RE (hardware.md section 8; the pin table in the README repeats it).
 
-use core::mem::MaybeUninit;
-use core::sync::atomic::{AtomicU32, Ordering};
 use embassy_stm32::adc::{self, Adc, AdcChannel, RingBufferedAdc, SampleTime};
 use embassy_stm32::can::{self, Can, Fifo, StandardId};
 use embassy_stm32::gpio::{Input, Level, Output, Pull, Speed};
@@ -9,9 +7,10 @@ use embassy_stm32::timer::qei::{self, Qei};
 use embassy_stm32::usart::{self, BufferedUart};
 use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_stm32::{Config, Peripherals, bind_interrupts, dma, pac, peripherals};
-use rig_link::messages::ResetCause;
+use rig_link::messages::{Fault, ResetCause};
 use static_cell::StaticCell;
 
+use crate::keep;
 use crate::scene::RIG;
 use crate::store::Store;
 
@@ -43,14 +42,23 @@ pub struct Leds {
     pub _motor_power: Output<'static>,
 }
 
+/// Normally closed contacts to ground: high is open, or a broken wire.
+pub struct Switches {
+    /// Emergency stop.
+    pub estop: Input<'static>,
+    /// Upper end of the rail, least gap.
+    pub upper_limit: Input<'static>,
+    /// Lower end, greatest gap.
+    pub lower_limit: Input<'static>,
+}
+
 /// Everything on the board, set up.
 pub struct Board {
     pub uart: BufferedUart<'static>,
     pub can: Can<'static>,
     pub lvdt: RingBufferedAdc<'static, peripherals::ADC1>,
     pub encoder: Qei<'static, peripherals::TIM3>,
-    /// Normally closed contact to ground: high is stop, or a broken wire.
-    pub estop: Input<'static>,
+    pub switches: Switches,
     pub leds: Leds,
     pub watchdog: IndependentWatchdog<'static, peripherals::IWDG>,
     pub store: Store,
@@ -119,7 +127,11 @@ impl Board {
             can,
             lvdt,
             encoder: Qei::new(p.TIM3, p.PA6, p.PA7, qei::Config::default()),
-            estop: Input::new(p.PB5, Pull::Up),
+            switches: Switches {
+                estop: Input::new(p.PB5, Pull::Up),
+                upper_limit: Input::new(p.PA8, Pull::Up),
+                lower_limit: Input::new(p.PC7, Pull::Up),
+            },
             leds,
             watchdog: IndependentWatchdog::new(p.IWDG, WATCHDOG_US),
             store: Store::new(p.FLASH),
@@ -137,15 +149,34 @@ fn report_ids() -> [u16; 4] {
 }
 
 /// How the board came to start.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 pub struct Start {
     pub cause: ResetCause,
     /// Boots since power came on, counting this one.
     pub boot_count: u32,
+    /// What the run before ended with, if it ended by itself.
+    pub last_panic: Option<heapless::String<96>>,
+    /// That run was driving the motor.
+    pub was_driving: bool,
 }
 
-/// Reads the reset flags and clears them for the next time. Call once, before anything else.
-pub fn reset_cause() -> Start {
+impl Start {
+    /// The fault that this start amounts to: nothing moves before the operator has seen it.
+    pub fn fault(&self) -> Option<Fault> {
+        match self.cause {
+            _ if self.last_panic.is_some() => Some(Fault::Panicked),
+            ResetCause::Watchdog => Some(Fault::WatchdogReset),
+            // By power or by hand is no surprise.
+            ResetCause::PowerOn | ResetCause::Pin => None,
+            ResetCause::BrownOut | ResetCause::LowPower => Some(Fault::UnexpectedReset),
+            // A debugger's or a new image's, unless the motor was held.
+            ResetCause::Software | ResetCause::Unknown => self.was_driving.then_some(Fault::UnexpectedReset),
+        }
+    }
+}
+
+/// Reads the reset flags and clears them for the next time, and what the last run left. Call once, before anything else.
+pub fn start() -> Start {
     let flags = pac::RCC.csr().read();
     pac::RCC.csr().modify(|w| w.set_rmvf(true));
     let cause = if flags.wdgrstf() || flags.wwdgrstf() {
@@ -163,19 +194,6 @@ pub fn reset_cause() -> Start {
     } else {
         ResetCause::Unknown
     };
-    Start { cause, boot_count: count_boot(cause) }
-}
-
-/// Counts boots in RAM that a reset does not clear.
-fn count_boot(cause: ResetCause) -> u32 {
-    const MAGIC: u32 = 0x7453_4101;
-    #[unsafe(link_section = ".uninit.BOOTS")]
-    static BOOTS: MaybeUninit<[AtomicU32; 2]> = MaybeUninit::uninit();
-    // SAFETY: any bit pattern is a valid integer; the magic word tells whether this one was written by us.
-    let [magic, count] = unsafe { BOOTS.assume_init_ref() };
-    let fresh = cause == ResetCause::PowerOn || magic.load(Ordering::Relaxed) != MAGIC;
-    let boots = if fresh { 1 } else { count.load(Ordering::Relaxed).wrapping_add(1) };
-    magic.store(MAGIC, Ordering::Relaxed);
-    count.store(boots, Ordering::Relaxed);
-    boots
+    let before = keep::begin(cause == ResetCause::PowerOn);
+    Start { cause, boot_count: before.boot_count, last_panic: before.panic, was_driving: before.driving }
 }

@@ -9,6 +9,7 @@
 #![no_main]
 
 mod board;
+mod keep;
 mod scene;
 mod shared;
 mod store;
@@ -18,7 +19,6 @@ use defmt_rtt as _;
 use embassy_executor::{InterruptExecutor, Spawner};
 use embassy_stm32::interrupt;
 use embassy_stm32::interrupt::{InterruptExt, Priority};
-use panic_probe as _;
 
 /// Everything that must not wait for a table to be solved.
 static FOREGROUND: InterruptExecutor = InterruptExecutor::new();
@@ -31,7 +31,7 @@ unsafe fn SPDIF_RX() {
 
 #[embassy_executor::main]
 async fn main(background: Spawner) {
-    let start = board::reset_cause();
+    let start = board::start();
     let board = board::Board::new(embassy_stm32::init(board::clocks()));
     defmt::info!(
         "tsa-firmware {} ({}), scene {:08x}, reset by {}, boot {}",
@@ -41,6 +41,9 @@ async fn main(background: Spawner) {
         start.cause,
         start.boot_count
     );
+    if let Some(text) = &start.last_panic {
+        defmt::error!("the run before ended with: {}", text.as_str());
+    }
     let mut store = board.store;
     if let Some(table) = tasks::table::kept(&mut store).await {
         shared::TABLE.set(table);
@@ -52,9 +55,9 @@ async fn main(background: Spawner) {
     // A task's arena is sized for the instances spawned here, once each: spawning cannot fail.
     spawner.spawn(defmt::unwrap!(tasks::lvdt::run(board.lvdt)));
     spawner.spawn(defmt::unwrap!(tasks::drive::run(board.can)));
-    spawner.spawn(defmt::unwrap!(tasks::link::receive(link_rx, start)));
+    spawner.spawn(defmt::unwrap!(tasks::link::receive(link_rx, start.clone())));
     spawner.spawn(defmt::unwrap!(tasks::link::send(link_tx)));
-    spawner.spawn(defmt::unwrap!(tasks::control::run(board.encoder, board.estop, board.leds, start)));
+    spawner.spawn(defmt::unwrap!(tasks::control::run(board.encoder, board.switches, board.leds, start)));
     spawner.spawn(defmt::unwrap!(tasks::watchdog::run(board.watchdog)));
     background.spawn(defmt::unwrap!(tasks::table::run(store)));
 }

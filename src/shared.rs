@@ -6,7 +6,7 @@ use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex as Raw;
 use embassy_sync::channel::Channel;
 use embassy_sync::signal::Signal;
-use rig_control::{DriveCommand, DriveReading, LvdtBlock};
+use rig_control::{DriveCommand, DriveReading, LvdtBlock, SupplyReading};
 use rig_link::messages::{Constants, Message, Request, Telemetry};
 use tsa_table::Table;
 
@@ -33,14 +33,22 @@ pub static LVDT: Latest<Option<LvdtBlock>> = Latest::new(None);
 pub static DRIVE: Latest<DriveReading> = Latest::new(DriveReading::Starting);
 /// The drive has sent a stall frame.
 pub static DRIVE_STALLED: AtomicBool = AtomicBool::new(false);
+/// The CAN controller has left the bus.
+pub static BUS_OFF: AtomicBool = AtomicBool::new(false);
+/// Newest report of the drive's supply.
+pub static SUPPLY: Latest<Option<SupplyReading>> = Latest::new(None);
+/// What is kept in flash could not be used.
+pub static SETTINGS_CORRUPT: AtomicBool = AtomicBool::new(false);
 /// Newest command for the drive; an older one that was not sent yet is out of date.
 pub static DRIVE_COMMAND: Signal<Raw, DriveCommand> = Signal::new();
 /// When the host was last heard (µs since boot).
 pub static HOST_HEARD_US: Latest<Option<u64>> = Latest::new(None);
 /// Requests for the control task, with their sequence numbers.
 pub static REQUESTS: Channel<Raw, (u16, Request), 8> = Channel::new();
-/// Replies and events for the host.
+/// Replies and events for the host; [`post`] fills it.
 pub static OUTBOX: Channel<Raw, Message, 16> = Channel::new();
+/// Messages that could not be sent: the link was full.
+pub static UNSENT: AtomicU32 = AtomicU32::new(0);
 /// Newest telemetry for the host.
 pub static TELEMETRY: Signal<Raw, Telemetry> = Signal::new();
 /// The table in use.
@@ -57,6 +65,21 @@ pub static PAUSED: AtomicBool = AtomicBool::new(false);
 pub static LINK_ERRORS: AtomicU32 = AtomicU32::new(0);
 /// CAN frames that are not the drive's.
 pub static FOREIGN_FRAMES: AtomicU32 = AtomicU32::new(0);
+
+/// Puts a reply or an event out for the host. A full outbox means that it has not read for a while; it will ask again.
+pub fn post(message: Message) {
+    if OUTBOX.try_send(message).is_err() {
+        UNSENT.fetch_add(1, Ordering::Relaxed);
+    }
+}
+
+/// Puts the newest telemetry out for the host; what has not gone out by now never will.
+pub fn show(telemetry: Telemetry) {
+    if TELEMETRY.signaled() {
+        UNSENT.fetch_add(1, Ordering::Relaxed);
+    }
+    TELEMETRY.signal(telemetry);
+}
 
 /// Tasks that the watchdog wants to see.
 #[derive(Clone, Copy)]

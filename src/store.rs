@@ -38,6 +38,7 @@ impl Store {
             Ok(found) => found,
             Err(e) => {
                 defmt::error!("settings in flash cannot be read: {}", e);
+                crate::shared::SETTINGS_CORRUPT.store(true, core::sync::atomic::Ordering::Relaxed);
                 None
             }
         }

@@ -9,15 +9,19 @@ pub mod fuzz;
 pub mod scenario;
 
 use rig_control::sensors::EncoderCount;
-use rig_control::{DriveCommand, DriveReading, Inputs, LvdtBlock, Outputs, Rig as Control, RigConstants, TICK_S};
+use rig_control::{
+    DriveCommand, DriveReading, Inputs, LvdtBlock, Outputs, Rig as Control, RigConstants, SupplyReading, TICK_S,
+};
 use rig_emulator::board::{Board, CanFrame, Stimulus};
 use rig_emulator::rig::Rig;
 use rig_emulator::rig::settings::PlantSettings;
 use rig_emulator::rig::truth::Truth;
 use rig_link::messages::{Counters, EventKind, LoadChoice, Request, State};
-use rmds405::{Action, Address, Command, CurrentLimit, Event, Mode, QuadCounts, Received, Report, SpeedLimit, StartUp};
+use rmds405::{
+    Action, Address, Command, CurrentLimit, Event, Mixed, Mode, QuadCounts, Received, Report, SpeedLimit, StartUp,
+};
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 use tsa_model::Scene;
 use tsa_table::Table;
 use tsa_table::fit::OwnedTable;
@@ -56,6 +60,8 @@ pub fn constants() -> RigConstants {
         lvdt_metres_per_code: rig.lvdt_metres_per_code() as f32,
         drive_group: rig.drive_group,
         drive_number: rig.drive_number,
+        supply_limits_v: rig.supply_limits_v().map(|volts| volts as f32),
+        supply_divider: rig.supply_divider.map(|divider| divider as f32),
     }
 }
 
@@ -96,6 +102,9 @@ impl Controller for Control<'static> {
     }
 }
 
+/// What comes between the rig and what the controller sees of it.
+pub type Tamper = Arc<dyn Fn(&mut Inputs) + Send + Sync>;
+
 /// A controller wired to an emulated rig.
 #[derive(Clone)]
 pub struct Desk<C: Controller = Control<'static>> {
@@ -111,6 +120,8 @@ pub struct Desk<C: Controller = Control<'static>> {
     pub home_gap_m: Option<f64>,
     /// Whether the host sends heartbeats.
     pub host_alive: bool,
+    /// Changes what the controller sees, each tick.
+    pub tamper: Option<Tamper>,
     time_s: f64,
     next_sample_s: f64,
     codes: Vec<u16>,
@@ -119,6 +130,8 @@ pub struct Desk<C: Controller = Control<'static>> {
     drive: DriveReading,
     stalled: bool,
     estop: bool,
+    limits_open: [bool; 2],
+    supply: Option<SupplyReading>,
     start_up: StartUp,
     ready: bool,
     heard_us: Option<u64>,
@@ -129,7 +142,13 @@ fn address() -> Address {
 }
 
 fn start_up() -> StartUp {
-    StartUp::new(address(), Mode::CurrentVelocityPosition, 10).expect("a period above 0")
+    StartUp::new(address(), Mode::CurrentVelocityPosition, 10).expect("a period above 0").with_mixed(50)
+}
+
+/// The supply that a report of the drive's inputs tells of, as the firmware reads it.
+fn supply(mixed: &Mixed, t_us: u64, constants: &RigConstants) -> Option<SupplyReading> {
+    let divider = constants.supply_divider?;
+    mixed.rest.map(|rest| SupplyReading { t_us, volts: f32::from(rest.asin_mv) * 1e-3 * divider })
 }
 
 impl Desk {
@@ -156,6 +175,7 @@ impl<C: Controller> Desk<C> {
             events: Vec::new(),
             home_gap_m: None,
             host_alive: true,
+            tamper: None,
             time_s: 0.0,
             next_sample_s: SAMPLE_S,
             codes: Vec::with_capacity(BLOCK),
@@ -164,6 +184,8 @@ impl<C: Controller> Desk<C> {
             drive: DriveReading::Starting,
             stalled: false,
             estop: false,
+            limits_open: [false; 2],
+            supply: None,
             start_up: start_up(),
             ready: false,
             heard_us: None,
@@ -229,11 +251,17 @@ impl<C: Controller> Desk<C> {
                                 }
                             }
                             Report::Error(_) => self.stalled = true,
+                            Report::Mixed(mixed) => {
+                                let t_us = (self.time_s * 1e6) as u64;
+                                self.supply = supply(&mixed, t_us, &constants());
+                            }
                             _ => {}
                         }
                     }
                 }
                 Stimulus::Pin { port: 'B', pin: 5, high } => self.estop = high,
+                Stimulus::Pin { port: 'A', pin: 8, high } => self.limits_open[0] = high,
+                Stimulus::Pin { port: 'C', pin: 7, high } => self.limits_open[1] = high,
                 _ => {}
             }
         }
@@ -243,17 +271,26 @@ impl<C: Controller> Desk<C> {
             self.heard_us = Some(now_us);
         }
         let raw = self.rig.quadrature(self.time_s, 3) as u16;
-        let decision = self.control.step(&Inputs {
+        let mut inputs = Inputs {
             now_us,
             encoder_counts: self.encoder.update(raw),
             lvdt: self.block,
             drive: self.drive,
             drive_stalled: std::mem::take(&mut self.stalled),
+            // No controller to leave the bus: that needs the chip.
+            bus_off: false,
+            supply: self.supply,
+            upper_limit_open: self.limits_open[0],
+            lower_limit_open: self.limits_open[1],
             estop_open: self.estop,
             host_heard_us: self.heard_us,
             request,
             counters: Counters::default(),
-        });
+        };
+        if let Some(tamper) = &self.tamper {
+            tamper(&mut inputs);
+        }
+        let decision = self.control.step(&inputs);
         match C::drive(&decision) {
             DriveCommand::Follow { position_qc, speed_limit_rpm, current_limit_ma } if self.ready => {
                 let command = Command::CurrentVelocityPosition {

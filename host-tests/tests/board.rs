@@ -158,6 +158,35 @@ fn a_hung_core_is_reset_by_the_watchdog_and_stays_in_fault() {
 }
 
 #[test]
+fn a_fault_of_the_core_is_kept_over_the_reset_and_told() {
+    let mut b = Bench::new(&[], 13);
+    b.home();
+    b.ask(&MOVE).unwrap();
+    b.run(2.0);
+    let before = b.machine.board().drive().counters.restarts;
+    b.machine.crash().unwrap();
+    b.run(0.2);
+    let resets = b.machine.stats().resets;
+    assert_eq!(resets.len(), 1, "{resets:?}");
+    let last = b.last.unwrap();
+    assert_eq!((last.state, last.fault, last.twist_rad), (State::Fault, Some(Fault::Panicked), None));
+    // Stopped before anything else is said to it: until then it stood at its last target.
+    assert!(b.machine.board().drive().counters.restarts > before);
+    assert_eq!(b.machine.board().drive().mode(), None);
+    b.ask(&Request::Hello { protocol_hash: PROTOCOL_HASH }).unwrap();
+    b.run(0.1);
+    let identity = b.identity.clone().unwrap();
+    assert_eq!((identity.reset_cause, identity.boot_count), (ResetCause::Software, 2));
+    let text = identity.last_panic.unwrap();
+    println!("{text}");
+    assert!(text.starts_with("hard fault at 0x08"), "{text}");
+    b.run(3.0);
+    assert_eq!(b.ask(&Request::Home), Err(Refusal::InFault { fault: Fault::Panicked }));
+    b.ask(&Request::Clear).unwrap();
+    assert!(b.until(6.0, |b| b.state() == State::Unhomed));
+}
+
+#[test]
 fn after_a_power_cycle_the_twist_is_unknown() {
     let mut b = Bench::new(&[], 8);
     b.home();

@@ -196,8 +196,8 @@ fn faults_of_the_rig_are_found_and_latched() {
         (RigFault::CanSilent, &[Fault::DriveSilent]),
         (RigFault::DriveReset, &[Fault::DriveSilent, Fault::DriveReset]),
         (RigFault::DriveStall, &[Fault::DriveStall]),
-        (RigFault::EncoderStuck, &[Fault::EncoderDisagrees, Fault::FollowingError]),
-        (RigFault::EncoderJump, &[Fault::EncoderDisagrees, Fault::FollowingError]),
+        (RigFault::EncoderStuck, &[Fault::EncoderStuck]),
+        (RigFault::EncoderJump, &[Fault::EncoderJump]),
         (RigFault::StringBreak, &[Fault::StringBreak, Fault::FollowingError, Fault::LvdtOpen, Fault::LvdtShort]),
     ] {
         let (found, d) = fault_of(rig);

@@ -6,12 +6,15 @@ use crate::shared::{self, Task};
 use core::sync::atomic::Ordering;
 use embassy_futures::select::{Either3, select3};
 use embassy_stm32::can::{Can, CanRx, CanTx, Frame as CanFrame, Id, Mailbox};
+use embassy_stm32::pac;
 use embassy_time::{Duration, Instant, Ticker, Timer, with_timeout};
-use rig_control::{DriveCommand, DriveReading};
+use rig_control::{DriveCommand, DriveReading, SupplyReading};
 use rmds405::{Action, Command, Event, Frame, Mode, QuadCounts, Received, Report, StartUp};
 
 /// Period of the drive's motion reports (ms): its recommended data period.
 const FEEDBACK_MS: u8 = 10;
+/// Period of its reports of the supply (ms).
+const SUPPLY_MS: u8 = 50;
 /// How long the controller may wait for a quiet bus before it is tried again.
 const ENABLE_WAIT: Duration = Duration::from_millis(200);
 /// Pause after a bus error: an unacknowledged bus reports errors without end.
@@ -32,6 +35,10 @@ pub async fn run(mut can: Can<'static>) -> ! {
         match select3(ticker.next(), next_report(&mut rx), shared::DRIVE_COMMAND.wait()).await {
             Either3::First(()) => {
                 shared::alive(Task::Drive);
+                // The controller comes back by itself when the bus is quiet again; by then the rig holds.
+                if pac::CAN1.esr().read().boff() {
+                    shared::BUS_OFF.store(true, Ordering::Relaxed);
+                }
                 if !ready {
                     ready = start(&mut start_up, Event::Tick, &mut tx);
                 }
@@ -62,7 +69,7 @@ pub async fn run(mut can: Can<'static>) -> ! {
 
 fn new_start_up() -> StartUp {
     // The period is a constant other than 0, the only value refused.
-    defmt::unwrap!(StartUp::new(drive_address(), Mode::CurrentVelocityPosition, FEEDBACK_MS).ok())
+    defmt::unwrap!(StartUp::new(drive_address(), Mode::CurrentVelocityPosition, FEEDBACK_MS).ok()).with_mixed(SUPPLY_MS)
 }
 
 /// One step of the start-up sequence; true when the drive is ready.
@@ -93,7 +100,14 @@ fn take(report: Report) {
             current_ma: current.0,
         }),
         Report::Error(_) => shared::DRIVE_STALLED.store(true, Ordering::Relaxed),
-        Report::Mixed(_) | Report::Online => {}
+        Report::Mixed(mixed) => {
+            // Older drives do not report the analog input; where it is not wired it says nothing.
+            if let (Some(rest), Some(divider)) = (mixed.rest, RIG.supply_divider) {
+                let volts = f32::from(rest.asin_mv) * 1e-3 * divider;
+                shared::SUPPLY.set(Some(SupplyReading { t_us: Instant::now().as_micros(), volts }));
+            }
+        }
+        Report::Online => {}
     }
 }
 

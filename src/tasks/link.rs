@@ -33,16 +33,16 @@ pub async fn receive(mut rx: BufferedUartRx<'static>, start: Start) -> ! {
         for byte in &bytes[..count] {
             if let Some(Ok(frame)) = decoder.push(*byte) {
                 shared::HOST_HEARD_US.set(Some(Instant::now().as_micros()));
-                take(frame.sequence, frame.body, &mut greeted, start);
+                take(frame.sequence, frame.body, &mut greeted, &start);
             }
         }
         shared::LINK_ERRORS.store(decoder.errors(), Ordering::Relaxed);
     }
 }
 
-fn take(sequence: u16, request: Request, greeted: &mut bool, start: Start) {
+fn take(sequence: u16, request: Request, greeted: &mut bool, start: &Start) {
     let reply = |result| {
-        let _ = shared::OUTBOX.try_send(Message::Reply { to: sequence, result });
+        shared::post(Message::Reply { to: sequence, result });
     };
     let mismatch = Err(Refusal::ProtocolMismatch { board: PROTOCOL_HASH });
     match request {
@@ -50,11 +50,11 @@ fn take(sequence: u16, request: Request, greeted: &mut bool, start: Start) {
         Request::Hello { protocol_hash } => {
             *greeted = protocol_hash == PROTOCOL_HASH;
             reply(if *greeted { Ok(Accepted::Done) } else { mismatch });
-            let _ = shared::OUTBOX.try_send(Message::Identity(identity(start)));
+            shared::post(Message::Identity(identity(start)));
         }
         Request::Status => {
             reply(Ok(Accepted::Done));
-            let _ = shared::OUTBOX.try_send(Message::Identity(identity(start)));
+            shared::post(Message::Identity(identity(start)));
         }
         Request::Stop => queue(sequence, request),
         Request::Move { load: LoadChoice::Auto | LoadChoice::Known(_), .. }
@@ -75,7 +75,7 @@ fn take(sequence: u16, request: Request, greeted: &mut bool, start: Start) {
 fn queue(sequence: u16, request: Request) {
     if shared::REQUESTS.try_send((sequence, request)).is_err() {
         let result = Err(Refusal::Busy { state: State::Boot });
-        let _ = shared::OUTBOX.try_send(Message::Reply { to: sequence, result });
+        shared::post(Message::Reply { to: sequence, result });
     }
 }
 
@@ -90,7 +90,7 @@ fn text<const N: usize>(value: &str) -> String<N> {
     out
 }
 
-fn identity(start: Start) -> Identity {
+fn identity(start: &Start) -> Identity {
     let table = shared::TABLE.get();
     let m = &table.metadata;
     let turns = |twist_rad: f32| (twist_rad - core::f32::consts::PI) / core::f32::consts::TAU;
@@ -113,6 +113,7 @@ fn identity(start: Start) -> Identity {
         },
         reset_cause: start.cause,
         boot_count: start.boot_count,
+        last_panic: start.last_panic.clone(),
     }
 }
 
@@ -120,6 +121,8 @@ fn identity(start: Start) -> Identity {
 pub async fn send(mut tx: BufferedUartTx<'static>) -> ! {
     let mut sequence = 0u16;
     let mut buffer = [0; MAX_FRAME];
+    // Ends whatever a reset cut short, so that our first frame is not lost with it.
+    let _ = tx.write_all(&[0]).await;
     loop {
         let message = match select(shared::OUTBOX.receive(), shared::TELEMETRY.wait()).await {
             Either::First(message) => message,

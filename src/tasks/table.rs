@@ -21,6 +21,7 @@ pub async fn kept(store: &mut Store) -> Option<&'static Table<'static>> {
     let rebuilt = Rebuilt::read(&scene::TABLE, scene::SPARE_SHAPE, store.fetch(store::TABLE).await?);
     if rebuilt.is_none() {
         defmt::warn!("the table in flash is not for this firmware, or damaged: the built-in one is used");
+        shared::SETTINGS_CORRUPT.store(true, Ordering::Relaxed);
     }
     place(rebuilt?)
 }

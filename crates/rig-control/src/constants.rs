@@ -23,6 +23,10 @@ pub struct RigConstants {
     pub drive_group: u8,
     /// RMDS number.
     pub drive_number: u8,
+    /// Least and greatest supply of the drive that is no fault (V).
+    pub supply_limits_v: [f32; 2],
+    /// What the supply is divided by before the drive's analog input; `None` where it is not wired.
+    pub supply_divider: Option<f32>,
 }
 
 impl RigConstants {

@@ -25,7 +25,7 @@ pub mod sensors;
 pub mod supervisor;
 
 pub use constants::RigConstants;
-pub use sensors::{DriveReading, LvdtBlock, LvdtReading};
+pub use sensors::{DriveReading, LvdtBlock, LvdtReading, SupplyReading};
 pub use supervisor::{DriveCommand, Inputs, Outputs, Rig};
 
 /// Control period (s): one tick, one drive command, one telemetry message. The drive's recommended data period

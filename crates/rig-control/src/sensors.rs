@@ -55,14 +55,24 @@ pub enum LvdtReading {
     Invalid(Fault),
 }
 
+impl LvdtReading {
+    /// The gap (m), if it is one.
+    pub fn gap_m(self) -> Option<f32> {
+        match self {
+            Self::Valid { gap_m, .. } => Some(gap_m),
+            Self::NotYet | Self::Invalid(_) => None,
+        }
+    }
+}
+
 /// Code below which a wire is taken for broken: 1 % of the range; a pull-down takes an open lead there (hardware.md 6.4).
 const OPEN_BELOW: f32 = 41.0;
 /// Code above which the signal is taken for shorted to the supply: 99 % of the range.
 const SHORT_ABOVE: f32 = 4054.0;
 /// Rms noise (codes) above which the signal is not trusted: 0.8 mm, 15 times a healthy one.
 const NOISE_LIMIT: f32 = 15.0;
-/// Blocks without any noise after which the signal is taken for frozen: 0.3 s.
-const FROZEN_BLOCKS: u32 = 50;
+/// Blocks without any noise after which the signal is taken for frozen: 0.3 s, as each tick looks at one.
+const FROZEN_BLOCKS: u32 = 30;
 /// Age (µs) at which blocks are taken to have stopped: eight block times.
 const STALLED_US: u64 = 50_000;
 
@@ -102,7 +112,9 @@ impl Lvdt {
             self.last_t_us = block.t_us;
             self.frozen_blocks = if block.variance == 0.0 { self.frozen_blocks.saturating_add(1) } else { 0 };
         }
-        if now_us.saturating_sub(block.t_us) > STALLED_US {
+        if !(block.mean_code.is_finite() && block.variance.is_finite()) {
+            LvdtReading::Invalid(Fault::NotFinite)
+        } else if now_us.saturating_sub(block.t_us) > STALLED_US {
             LvdtReading::Invalid(Fault::LvdtStalled)
         } else if block.mean_code < OPEN_BELOW {
             LvdtReading::Invalid(Fault::LvdtOpen)
@@ -160,6 +172,15 @@ pub enum DriveReading {
     },
 }
 
+/// Supply of the drive, as its analog input sees it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SupplyReading {
+    /// When it was reported (µs since boot).
+    pub t_us: u64,
+    /// Voltage (V).
+    pub volts: f32,
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -175,6 +196,8 @@ mod tests {
         lvdt_metres_per_code: 5.372e-5,
         drive_group: 0,
         drive_number: 1,
+        supply_limits_v: [19.2, 28.8],
+        supply_divider: None,
     };
 
     fn block(t_us: u64, mean_code: f32, variance: f32) -> Option<LvdtBlock> {
@@ -197,6 +220,8 @@ mod tests {
         assert_eq!(read(4055.0, 1.0), LvdtReading::Invalid(Fault::LvdtShort));
         assert!(matches!(read(4053.0, 1.0), LvdtReading::Valid { .. }));
         assert_eq!(read(2000.0, 300.0), LvdtReading::Invalid(Fault::LvdtNoisy));
+        assert_eq!(read(f32::NAN, 1.0), LvdtReading::Invalid(Fault::NotFinite));
+        assert_eq!(read(2000.0, f32::INFINITY), LvdtReading::Invalid(Fault::NotFinite));
         assert!(matches!(read(2000.0, 150.0), LvdtReading::Valid { .. }));
         let LvdtReading::Valid { gap_m, .. } = read(2000.0, 1.0) else { panic!() };
         assert!((gap_m - 2000.0 * 5.372e-5).abs() < 1e-9);
@@ -207,7 +232,7 @@ mod tests {
         let mut lvdt = Lvdt::new();
         for k in 1..=60u64 {
             let reading = lvdt.read(k * 6000, block(k * 6000, 2000.0, 0.0), &RIG);
-            assert_eq!(matches!(reading, LvdtReading::Invalid(Fault::LvdtFrozen)), k >= 50, "block {k}");
+            assert_eq!(matches!(reading, LvdtReading::Invalid(Fault::LvdtFrozen)), k >= 30, "block {k}");
         }
         // One live block and it counts anew; asking twice about one block counts it once.
         assert!(matches!(lvdt.read(400_000, block(400_000, 2000.0, 0.01), &RIG), LvdtReading::Valid { .. }));

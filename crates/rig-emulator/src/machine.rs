@@ -232,6 +232,14 @@ impl<B: Board + 'static> Machine<B> {
         self.cpu.hang(hung);
     }
 
+    /// The core takes a HardFault where it is, as after a jump into nowhere or a bus error: the fault `crash`.
+    ///
+    /// # Errors
+    /// If the exception cannot be entered, for want of a stack or a vector.
+    pub fn crash(&mut self) -> Result<(), MachineError> {
+        self.cpu.crash().map_err(|error| self.explain(error))
+    }
+
     /// Switch the supply off and on. Flash keeps its contents, RAM does not; emulated time goes on.
     pub fn power_cycle(&mut self) {
         self.dead = None;

@@ -121,11 +121,15 @@ fn answer(machine: &mut Machine<Rig>, request: Request) -> Value {
             Ok(()) => json!({"ok": true}),
             Err(error) => failure("plant", &error.to_string()),
         },
-        // The one fault that is the chip's and not the rig's.
+        // The two faults that are the chip's and not the rig's.
         Request::Fault { name, on } if name == "task-hang" => {
             machine.hang(on);
             json!({"ok": true})
         }
+        Request::Fault { name, on: true } if name == "crash" => match machine.crash() {
+            Ok(()) => json!({"ok": true}),
+            Err(error) => failure("machine", &error.to_string()),
+        },
         Request::Fault { name, on } => match name.parse::<Fault>() {
             Ok(fault) => {
                 machine.board_mut().set_fault(fault, on);

@@ -241,7 +241,8 @@ named_codes! {
 }
 
 named_codes! {
-    /// What stopped the rig. Latched until cleared. The numbers are for good: never reuse one.
+    /// What stopped the rig. Latched until cleared; `docs/faults.md` has an entry for each. The numbers are for good: never
+    /// reuse one (24 was taken).
     pub enum Fault {
         /// No heartbeat from the host during a motion.
         HostSilent = 1, "host-silent";
@@ -289,13 +290,11 @@ named_codes! {
         SettingsCorrupt = 22, "settings-corrupt";
         /// A limit switch opened.
         LimitSwitch = 23, "limit-switch";
-        /// Homing could not finish.
-        HomingFailed = 24, "homing-failed";
-        /// The previous run ended in a panic.
+        /// The previous run ended in a panic or a fault of the core.
         Panicked = 25, "panicked";
         /// The drive refused or left its start-up sequence.
         DriveStartUp = 26, "drive-start-up";
-        /// Supply voltage outside its limits.
+        /// Supply voltage of the drive outside its limits.
         Supply = 27, "supply";
         /// Twist outside the range that the strings stand.
         TwistRange = 28, "twist-range";
@@ -402,6 +401,8 @@ pub struct Identity {
     pub reset_cause: ResetCause,
     /// Boots since power came on, counting this one.
     pub boot_count: u32,
+    /// What the run before this one ended with, if it was a panic or a fault of the core; as much as fits.
+    pub last_panic: Option<String<96>>,
 }
 
 /// The embedded transmission table and its certificate.
@@ -474,6 +475,12 @@ pub struct Counters {
     pub link_errors: u32,
     /// CAN frames that are not the drive's.
     pub foreign_frames: u32,
+    /// Control ticks that came late.
+    pub late_ticks: u32,
+    /// Messages that the board could not send in time: the link was full.
+    pub unsent: u32,
+    /// Longest control tick so far (µs).
+    pub longest_tick_us: u32,
 }
 
 /// Something that ended or went wrong.

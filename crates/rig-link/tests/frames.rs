@@ -83,7 +83,13 @@ fn telemetry() -> impl Strategy<Value = Telemetry> {
             drive_speed_rad_per_s: speed,
             time_left_s: v[6],
             twist_scale: v[7],
-            counters: Counters { link_errors: errors, foreign_frames: foreign },
+            counters: Counters {
+                link_errors: errors,
+                foreign_frames: foreign,
+                late_ticks: errors,
+                unsent: foreign,
+                longest_tick_us: errors,
+            },
         }
     })
 }
@@ -150,6 +156,7 @@ fn longest_identity() -> Identity {
         },
         reset_cause: ResetCause::Watchdog,
         boot_count: u32::MAX,
+        last_panic: Some(text(&"p".repeat(96))),
     }
 }
 
@@ -225,7 +232,7 @@ proptest! {
 
 #[test]
 fn the_longest_messages_fit() {
-    assert!(wire(u16::MAX, &Message::Identity(longest_identity())).len() <= 180);
+    assert!(wire(u16::MAX, &Message::Identity(longest_identity())).len() <= MAX_FRAME - 8);
     let telemetry = Telemetry {
         t_us: 1 << 40,
         state: State::Moving,
@@ -241,9 +248,15 @@ fn the_longest_messages_fit() {
         drive_speed_rad_per_s: 1.0,
         time_left_s: Some(1.0),
         twist_scale: Some(1.0),
-        counters: Counters { link_errors: u32::MAX, foreign_frames: u32::MAX },
+        counters: Counters {
+            link_errors: u32::MAX,
+            foreign_frames: u32::MAX,
+            late_ticks: u32::MAX,
+            unsent: u32::MAX,
+            longest_tick_us: 10_000,
+        },
     };
-    assert!(wire(u16::MAX, &Message::Telemetry(telemetry)).len() <= 80, "the rate of telemetry rests on this");
+    assert!(wire(u16::MAX, &Message::Telemetry(telemetry)).len() <= 96, "the rate of telemetry rests on this");
 }
 
 #[test]

@@ -8,7 +8,7 @@ use rig_link::{LoadChoice, Request};
 pub const DEFAULT_SPEED_M_PER_S: f64 = 2e-3;
 
 /// Faults that the emulated board and rig can have.
-const RIG_FAULTS: [&str; 15] = [
+const RIG_FAULTS: [&str; 16] = [
     "can-silent",
     "can-bus-off",
     "drive-stall",
@@ -24,6 +24,7 @@ const RIG_FAULTS: [&str; 15] = [
     "estop",
     "limit-switch",
     "task-hang",
+    "crash",
 ];
 
 /// A fault that a script can cause.

@@ -1,36 +1,9 @@
 //! The tool with the real firmware on the emulated board, as a user calls it.
 
+mod common;
+
+use common::{error_of, lines, rigctl};
 use serde_json::Value;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
-use std::sync::Once;
-
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
-}
-
-/// The tool, with the firmware made first if it is not there.
-fn rigctl(arguments: &[&str]) -> Output {
-    static FIRMWARE: Once = Once::new();
-    let own = Path::new(env!("CARGO_BIN_EXE_rigctl"));
-    let elf = own.parent().expect("a folder").join("../firmware/tsa-firmware.elf");
-    FIRMWARE.call_once(|| {
-        if !elf.exists() {
-            let status = Command::new("cargo").args(["xtask", "firmware"]).current_dir(root()).status();
-            assert!(status.is_ok_and(|s| s.success()), "`cargo xtask firmware` failed");
-        }
-    });
-    Command::new(own).args(arguments).current_dir(root()).output().expect("rigctl runs")
-}
-
-fn lines(output: &Output) -> Vec<Value> {
-    let text = String::from_utf8_lossy(&output.stdout);
-    text.lines().map(|line| serde_json::from_str(line).unwrap_or_else(|e| panic!("{line}: {e}"))).collect()
-}
-
-fn error_of(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
 
 const KEYS: [&str; 16] = [
     "t_s",

@@ -80,6 +80,7 @@ pub struct StartUp {
     address: Address,
     mode: Mode,
     motion_ms: u8,
+    mixed_ms: u8,
     state: State,
 }
 
@@ -89,7 +90,13 @@ impl StartUp {
         if feedback_period_ms == 0 {
             return Err(OutOfRange::FeedbackPeriod);
         }
-        Ok(Self { address, mode, motion_ms: feedback_period_ms, state: State::Begin })
+        Ok(Self { address, mode, motion_ms: feedback_period_ms, mixed_ms: 0, state: State::Begin })
+    }
+
+    /// The same, with inputs and output reported every `mixed_ms` as well (0: not at all).
+    #[must_use]
+    pub const fn with_mixed(self, mixed_ms: u8) -> Self {
+        Self { mixed_ms, ..self }
     }
 
     /// One step. `now_ms` never runs backwards; the first call counts as power-up.
@@ -141,7 +148,7 @@ impl StartUp {
     }
 
     fn configure(&self) -> Action {
-        self.send(Command::Config { motion_ms: self.motion_ms, mixed_ms: 0 })
+        self.send(Command::Config { motion_ms: self.motion_ms, mixed_ms: self.mixed_ms })
     }
 
     fn send(&self, command: Command) -> Action {

@@ -80,6 +80,8 @@ pub struct Rig {
     pub rotor_inertia_kg_m2: f64,
     /// Drive supply (V).
     pub supply_voltage_v: f64,
+    /// What the supply is divided by before the drive's analog input ASIN; leave it out where that is not wired.
+    pub supply_divider: Option<f64>,
     /// Current limit sent to the drive with every command (A).
     pub drive_current_limit_a: f64,
     /// RMDS group, 0 to 7.
@@ -109,6 +111,7 @@ impl Default for Rig {
             motor_resistance_ohm: 10.0,
             rotor_inertia_kg_m2: 1.2e-7,
             supply_voltage_v: 24.0,
+            supply_divider: None,
             drive_current_limit_a: 0.5,
             drive_group: 0,
             drive_number: 1,
@@ -152,8 +155,16 @@ impl Rig {
         (self.drive_current_limit_a * 1000.0).round() as i16
     }
 
+    /// Least and greatest supply that is no fault (V): a fifth either side, within what the drive takes (10 to 58 V).
+    pub fn supply_limits_v(&self) -> [f64; 2] {
+        [(0.8 * self.supply_voltage_v).max(10.0), (1.2 * self.supply_voltage_v).min(58.0)]
+    }
+
     fn validate(&self) -> Result<(), ParameterError> {
         let refuse = |parameter, value, reason| Err(ParameterError { parameter, value, reason });
+        if let Some(divider) = self.supply_divider {
+            positive(&[("rig.supply_divider", divider)])?;
+        }
         positive(&[
             ("rig.gear_ratio", f64::from(self.gear_ratio[0].min(self.gear_ratio[1]))),
             ("rig.encoder_lines", f64::from(self.encoder_lines)),

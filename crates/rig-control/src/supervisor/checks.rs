@@ -1,23 +1,16 @@
 //! What is watched in every tick, and which fault it raises. Limits are wide enough for a healthy rig's worst tick and
 //! narrow enough that a hand can still get away.
 
+use super::drive_checks::DriveChecks;
 use super::{EventKind, HOST_SILENT_US, Inputs, Motion, Rig, State, ticks};
+use crate::TICK_US;
+use crate::observer::Observation;
 use crate::sensors::{DriveReading, LvdtReading};
 use rig_link::messages::Fault;
 
-/// Age (µs) at which the drive's reports count as missing: five of its 10 ms periods (hardware.md 2.6).
-const DRIVE_SILENT_US: u64 = 55_000;
-/// Ticks that an LVDT reading may be missing while it is needed.
+/// Ticks that an LVDT reading may be missing while it is needed, and while starting.
 const LVDT_TICKS: u16 = 8;
-/// Most that own encoder and drive may differ (counts), at rest and for each count per second of speed, once the report
-/// has been brought forward by its age (hardware.md 6.3): what is left is the bus, both tasks, and the drive's coarse
-/// speed. A slipped motor turn, 4096 counts, must show.
-const DISAGREE_COUNTS: i64 = 1500;
-const DISAGREE_S: f32 = 0.012;
-const DISAGREE_TICKS: u16 = ticks(8);
-/// A drive position this near to zero after having been this far away has been reset (counts).
-const RESET_NEAR: i32 = 400;
-const RESET_FAR: i32 = 8000;
+const LVDT_BOOT_TICKS: u16 = ticks(200);
 /// How far the shaft may stay behind its set-point (rad, and seconds of its speed), and for how long.
 const LAG_RAD: f32 = 0.8;
 const LAG_S: f32 = 0.25;
@@ -27,47 +20,141 @@ const FOLLOW_M: f32 = 2e-3;
 const FOLLOW_TICKS: u16 = ticks(50);
 /// Fall of the gap's rise in one tick (m) that no motor makes: the load has dropped.
 const DROP_M: f32 = 5e-3;
+/// Rms noise (codes) of a block in which a load falls at up to 2 m/s; one in which a wire breaks has far more.
+const FALLING_NOISE: f32 = 60.0;
+/// A tick this long (µs) after the one before is late; one this long after is a fault by itself: the encoder's 16 bits
+/// could wrap unseen at full speed, and the drive has stood at an old target.
+const LATE_US: u64 = TICK_US + TICK_US / 2;
+const LATE_AT_ONCE_US: u64 = 6 * TICK_US;
+/// Late ticks leak away one in 25, and five in a second are a fault.
+const LATE_COST: u16 = ticks(25);
+const LATE_MOST: u16 = 4 * LATE_COST;
+/// Ticks that a limit switch must be open: its contacts bounce.
+const SWITCH_TICKS: u16 = ticks(2);
+/// How far the load may go on towards a switch that is open after a `clear` (m), and the strings past their range (rad).
+const PAST_SWITCH_M: f32 = 0.3e-3;
+const PAST_TWIST_RAD: f32 = 0.3;
+/// How long the load estimate may want to leave the table at its heavy end and at its light end, where nothing breaks.
+const HEAVY_TICKS: u16 = ticks(30);
+const LIGHT_TICKS: u16 = ticks(200);
 
-/// Counters of what has to last before it is a fault.
+/// Counters of what has to last before it is a fault, and what was seen last.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Checks {
+    pub(super) drive: DriveChecks,
+    /// Time between this tick and the one before (µs).
+    pub(super) apart_us: u64,
+    last_tick_us: Option<u64>,
+    late_bucket: u16,
     lvdt_ticks: u16,
-    disagree_ticks: u16,
     lag_ticks: u16,
     follow_ticks: u16,
-    last_drive_qc: Option<i32>,
+    range_ticks: u16,
     last_gap_m: Option<f32>,
+    /// How long the upper and the lower switch have been open.
+    switch_ticks: [u16; 2],
+    /// The gap past which an open switch is a fault again, while it was cleared open (m).
+    switch_gap_m: [Option<f32>; 2],
+    /// The twist past which it is out of range again, while it was cleared outside (rad).
+    twist_past_rad: f32,
 }
 
 impl Checks {
-    pub(super) const fn new() -> Self {
-        Self { lvdt_ticks: 0, disagree_ticks: 0, lag_ticks: 0, follow_ticks: 0, last_drive_qc: None, last_gap_m: None }
+    pub(super) fn new() -> Self {
+        Self {
+            drive: DriveChecks::default(),
+            apart_us: TICK_US,
+            last_tick_us: None,
+            late_bucket: 0,
+            lvdt_ticks: 0,
+            lag_ticks: 0,
+            follow_ticks: 0,
+            range_ticks: 0,
+            last_gap_m: None,
+            switch_ticks: [0; 2],
+            switch_gap_m: [None; 2],
+            twist_past_rad: 0.0,
+        }
     }
 
-    /// Faults after which the twist is not known any more, or the drive must be started anew.
-    pub(super) fn loses_position(fault: Fault) -> bool {
-        matches!(
-            fault,
-            Fault::DriveSilent
-                | Fault::DriveReset
-                | Fault::DriveStall
-                | Fault::DriveStartUp
-                | Fault::CanBusOff
-                | Fault::EncoderStuck
-                | Fault::EncoderJump
-                | Fault::EncoderDisagrees
-                | Fault::StringBreak
-                | Fault::WatchdogReset
-                | Fault::UnexpectedReset
-                | Fault::Panicked
-        )
+    /// After a `clear`. What still stands open or outside is known, and only the way back is free.
+    pub(super) fn cleared(inputs: &Inputs, gap_m: Option<f32>, twist_rad: Option<f32>) -> Self {
+        let open = |open: bool, past_m: f32| gap_m.filter(|_| open).map(|gap_m| gap_m + past_m);
+        Self {
+            switch_gap_m: [open(inputs.upper_limit_open, -PAST_SWITCH_M), open(inputs.lower_limit_open, PAST_SWITCH_M)],
+            twist_past_rad: twist_rad.map_or(0.0, |twist_rad| twist_rad.abs() + PAST_TWIST_RAD),
+            ..Self::new()
+        }
+    }
+
+    /// The next tick is not late, however long it takes to come.
+    pub(super) fn pause(&mut self) {
+        self.last_tick_us = None;
+    }
+
+    /// Where the drive last said it is (its own counts).
+    pub(super) fn drive_counts(&self) -> Option<i64> {
+        self.drive.last_drive_qc.map(i64::from)
+    }
+
+    /// Whether ticks come so late that it is a fault; counts those that are late.
+    fn late(&mut self, now_us: u64, late_ticks: &mut u32) -> bool {
+        self.apart_us = self.last_tick_us.replace(now_us).map_or(TICK_US, |last| now_us.saturating_sub(last));
+        if self.apart_us > LATE_US {
+            *late_ticks = late_ticks.saturating_add(1);
+            self.late_bucket = self.late_bucket.saturating_add(LATE_COST);
+        } else {
+            self.late_bucket = self.late_bucket.saturating_sub(1);
+        }
+        self.apart_us > LATE_AT_ONCE_US || self.late_bucket > LATE_MOST
+    }
+
+    /// Whether an end of the rail has been reached, or passed after a `clear`.
+    fn at_switch(&mut self, inputs: &Inputs, gap_m: Option<f32>) -> bool {
+        let mut hit = false;
+        let switches = [(inputs.upper_limit_open, 1.0f32), (inputs.lower_limit_open, -1.0)];
+        for (((open, away), ticks), past_m) in
+            switches.into_iter().zip(&mut self.switch_ticks).zip(&mut self.switch_gap_m)
+        {
+            let stays_open = lasts(ticks, open, SWITCH_TICKS);
+            if !open {
+                *past_m = None;
+            }
+            hit |= match (past_m.as_mut(), gap_m) {
+                (None, _) => stays_open,
+                // No gap to judge by: its loss is a fault of its own.
+                (Some(_), None) => false,
+                (Some(past_m), Some(gap_m)) => {
+                    // The bound follows on the way back.
+                    let bound = gap_m - away * PAST_SWITCH_M;
+                    if away * (bound - *past_m) > 0.0 {
+                        *past_m = bound;
+                    }
+                    away * (gap_m - *past_m) < 0.0
+                }
+            };
+        }
+        hit
+    }
+
+    /// Whether a twist (rad) is farther out than `most_rad`, or than where it was cleared.
+    fn outside(&mut self, twist_rad: f32, most_rad: f32) -> bool {
+        let out = twist_rad.abs();
+        let past_rad = (most_rad + PAST_TWIST_RAD).max(self.twist_past_rad);
+        self.twist_past_rad = self.twist_past_rad.min(out + PAST_TWIST_RAD);
+        out > past_rad
     }
 }
 
 /// Counts `bad` in a row; true when it has lasted `limit` ticks.
-fn lasts(counter: &mut u16, bad: bool, limit: u16) -> bool {
+pub(super) fn lasts(counter: &mut u16, bad: bool, limit: u16) -> bool {
     *counter = if bad { counter.saturating_add(1) } else { 0 };
     *counter >= limit
+}
+
+/// Time of a tick (s), at least the usual one.
+pub(super) fn tick_seconds(apart_us: u64) -> f32 {
+    apart_us.max(TICK_US) as f32 * 1e-6
 }
 
 impl Rig<'_> {
@@ -78,47 +165,65 @@ impl Rig<'_> {
         shaft_rad: f32,
         events: &mut heapless::Vec<EventKind, 4>,
     ) {
-        if inputs.estop_open && self.state != State::EStop {
-            self.state = State::EStop;
-            self.fault = None;
-            self.homed = None;
-            let _ = events.push(EventKind::EStopOpened);
-        }
+        self.watch_estop(inputs, events);
         if let LvdtReading::Valid { gap_m, .. } = lvdt
             && let Some(homed) = self.homed
         {
             self.last_position_m = homed.reference_gap_m - gap_m;
         }
+        let late = self.checks.late(inputs.now_us, &mut self.late_ticks);
         if matches!(self.state, State::Fault | State::EStop) {
             return;
         }
-        if let Some(fault) = self.find_fault(inputs, lvdt, shaft_rad) {
+        // First: late ticks make everything else look bad.
+        let found = if late && self.state != State::Boot {
+            Some(Fault::TickLate)
+        } else {
+            self.find_fault(inputs, lvdt, shaft_rad)
+        };
+        if let Some(fault) = found {
             self.raise(fault, shaft_rad, events);
+        }
+    }
+
+    fn watch_estop(&mut self, inputs: &Inputs, events: &mut heapless::Vec<EventKind, 4>) {
+        if inputs.estop_open && self.state != State::EStop {
+            self.state = State::EStop;
+            self.fault = None;
+            self.homed = None;
+            self.estop_closed = false;
+            let _ = events.push(EventKind::EStopOpened);
+        } else if self.state == State::EStop && self.estop_closed == inputs.estop_open {
+            self.estop_closed = !inputs.estop_open;
+            let _ = events.push(if inputs.estop_open { EventKind::EStopOpened } else { EventKind::EStopClosed });
         }
     }
 
     fn find_fault(&mut self, inputs: &Inputs, lvdt: LvdtReading, shaft_rad: f32) -> Option<Fault> {
         let moving = matches!(self.state, State::Moving | State::Homing);
         let started = self.state != State::Boot;
-        if let Some(fault) = self.drive_fault(inputs, started) {
+        if !shaft_rad.is_finite() {
+            return Some(Fault::NotFinite);
+        }
+        if let Some(fault) = self.drive_fault(inputs) {
             return Some(fault);
         }
         // Before the sensor's own checks: a falling load blurs its block, and "noisy" would hide why.
         if let Some(block) = inputs.lvdt {
             let gap_m = self.constants.lvdt_gap_at_code_zero_m + self.constants.lvdt_metres_per_code * block.mean_code;
             let dropped = self.checks.last_gap_m.is_some_and(|last| gap_m - last > DROP_M);
-            self.checks.last_gap_m = Some(gap_m);
             let real = !matches!(lvdt, LvdtReading::Invalid(Fault::LvdtOpen | Fault::LvdtShort));
-            if dropped && started && real {
+            if dropped && started && real && block.noise_codes() < FALLING_NOISE {
                 return Some(Fault::StringBreak);
             }
+            self.checks.last_gap_m = lvdt.gap_m().or(self.checks.last_gap_m);
         }
-        let lvdt_bad = !matches!(lvdt, LvdtReading::Valid { .. });
-        if lasts(&mut self.checks.lvdt_ticks, lvdt_bad && started, LVDT_TICKS) {
-            return Some(match lvdt {
-                LvdtReading::Invalid(fault) => fault,
-                _ => Fault::LvdtStalled,
-            });
+        if let Some(fault) = self.lvdt_fault(inputs, lvdt, started) {
+            return Some(fault);
+        }
+        let at_switch = self.checks.at_switch(inputs, lvdt.gap_m());
+        if at_switch && started {
+            return Some(Fault::LimitSwitch);
         }
         let host_silent = match inputs.host_heard_us {
             Some(heard_us) => inputs.now_us.saturating_sub(heard_us) > HOST_SILENT_US,
@@ -126,6 +231,12 @@ impl Rig<'_> {
         };
         if moving && host_silent {
             return Some(Fault::HostSilent);
+        }
+        if let Some(homed) = self.homed
+            && self.state != State::Homing
+            && self.checks.outside(shaft_rad - homed.zero_rad, self.table.metadata.twist_max_rad)
+        {
+            return Some(Fault::TwistRange);
         }
         let behind = (self.shaft.position - shaft_rad).abs() > LAG_RAD + LAG_S * self.shaft.speed.abs();
         if lasts(&mut self.checks.lag_ticks, behind && started, LAG_TICKS) {
@@ -140,36 +251,24 @@ impl Rig<'_> {
         None
     }
 
-    fn drive_fault(&mut self, inputs: &Inputs, started: bool) -> Option<Fault> {
-        match inputs.drive {
-            DriveReading::Failed => return Some(Fault::DriveStartUp),
-            DriveReading::Starting if started => return Some(Fault::DriveReset),
-            DriveReading::Starting => return None,
-            DriveReading::Reports { .. } => {}
-        }
-        let DriveReading::Reports { t_us, position_qc, speed_rpm, .. } = inputs.drive else { return None };
-        if inputs.drive_stalled {
-            return Some(Fault::DriveStall);
-        }
-        if started && inputs.now_us.saturating_sub(t_us) > DRIVE_SILENT_US {
-            return Some(Fault::DriveSilent);
-        }
-        let far_before = self.checks.last_drive_qc.is_some_and(|last| last.saturating_abs() > RESET_FAR);
-        self.checks.last_drive_qc = Some(position_qc);
-        if started && far_before && position_qc.saturating_abs() < RESET_NEAR {
-            return Some(Fault::DriveReset);
-        }
-        if let (true, Some(offset)) = (started, self.drive_offset) {
-            let counts_per_s = f32::from(speed_rpm) / 60.0 * core::f32::consts::TAU / self.constants.gear_ratio
-                * self.constants.counts_per_rad;
-            let age_s = inputs.now_us.saturating_sub(t_us) as f32 * 1e-6;
-            let drive_now = i64::from(position_qc) + (counts_per_s * age_s) as i64;
-            let apart = (inputs.encoder_counts - offset - drive_now).abs();
-            let allowed = DISAGREE_COUNTS + (DISAGREE_S * counts_per_s.abs()) as i64;
-            if lasts(&mut self.checks.disagree_ticks, apart > allowed, DISAGREE_TICKS) {
-                return Some(Fault::EncoderDisagrees);
-            }
-        }
-        None
+    fn lvdt_fault(&mut self, inputs: &Inputs, lvdt: LvdtReading, started: bool) -> Option<Fault> {
+        let bad = !matches!(lvdt, LvdtReading::Valid { .. });
+        // Without this a rig whose sensor is not plugged in would wait for it without a word.
+        let waits = matches!(inputs.drive, DriveReading::Reports { .. });
+        let limit = if started { LVDT_TICKS } else { LVDT_BOOT_TICKS };
+        lasts(&mut self.checks.lvdt_ticks, bad && (started || waits), limit).then_some(match lvdt {
+            LvdtReading::Invalid(fault) => fault,
+            _ => Fault::LvdtStalled,
+        })
+    }
+
+    /// The load is beyond what the table, and so the mechanism, was made for.
+    pub(super) fn load_out_of_range(&mut self, seen: Option<&Observation>) -> bool {
+        let m = &self.table.metadata;
+        // Only while the strings are turned by it: at rest weights are changed.
+        let used = matches!(self.state, State::Moving | State::Holding) && matches!(self.motion, Motion::Load { .. });
+        let heavy = self.observer.load_n() > 0.5 * (m.load_min_n + m.load_max_n);
+        let at_end = used && seen.is_some_and(|seen| seen.at_range_end);
+        lasts(&mut self.checks.range_ticks, at_end, if heavy { HEAVY_TICKS } else { LIGHT_TICKS })
     }
 }

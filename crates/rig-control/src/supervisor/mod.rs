@@ -9,11 +9,14 @@
 //!     ├────────── fault  <── anything wrong, from every state; latched
 //!     └────────── estop  <── emergency stop open, from every state; latched
 //! ```
-//! A fault holds the twist: torque-off would let the strings untwist and drop the load. Nothing clears itself, and after
-//! a fault that loses the position, an emergency stop or a reset nothing moves until told, and the rig is homed anew.
+//! A fault holds the twist ([`response`]): torque-off would let the strings untwist and drop the load. Nothing clears
+//! itself, and after a fault that loses the position, an emergency stop or a reset nothing moves until told, and the rig
+//! is homed anew. A [`Limit`] only clips: it is reported beside the state, and gone when it holds nothing back any more.
 
 mod checks;
+mod drive_checks;
 mod motion;
+pub mod response;
 
 use crate::adaptation::{Adaptation, Learned};
 use crate::homing::{Homed, Homing, Progress, Seen};
@@ -21,10 +24,11 @@ use crate::mechanism::Mechanism;
 use crate::observer::{Confidence, LoadObserver};
 use crate::planner::{Planner, Ramp};
 use crate::position_loop::PositionLoop;
-use crate::sensors::{DriveReading, GAP_DELAY_S, Lvdt, LvdtBlock, LvdtReading};
+use crate::sensors::{DriveReading, GAP_DELAY_S, Lvdt, LvdtBlock, LvdtReading, SupplyReading};
 use crate::{RigConstants, TICK_S, TICK_US};
 use checks::Checks;
 pub use motion::LOAD_ACCELERATION;
+use response::{Response, needs_homing, response};
 use rig_link::messages::{
     Accepted, Counters, EventKind, Fault, HomingFailure, Limit, Refusal, Request, Sensor, State, Telemetry,
 };
@@ -43,6 +47,14 @@ pub struct Inputs {
     pub drive: DriveReading,
     /// The drive has sent its stall frame since the last tick.
     pub drive_stalled: bool,
+    /// The CAN controller has left the bus since the last tick.
+    pub bus_off: bool,
+    /// Supply of the drive; `None` where it is not wired.
+    pub supply: Option<SupplyReading>,
+    /// The limit switch at the upper end of the rail (least gap) is open, or its wire broken.
+    pub upper_limit_open: bool,
+    /// The same at the lower end (greatest gap).
+    pub lower_limit_open: bool,
     /// The emergency-stop contact is open (or its wire broken).
     pub estop_open: bool,
     /// When the host was last heard (µs since boot).
@@ -95,6 +107,7 @@ enum Motion {
 }
 
 /// The rig.
+#[derive(Clone)]
 pub struct Rig<'t> {
     table: &'t Table<'t>,
     constants: RigConstants,
@@ -109,6 +122,12 @@ pub struct Rig<'t> {
     drive_offset: Option<i64>,
     restart_drive: bool,
     awaiting_restart: bool,
+    /// Own and drive's counts have been matched since the drive's last start.
+    matched: bool,
+    /// In [`State::EStop`]: the contact has closed again.
+    estop_closed: bool,
+    /// Ticks that came late since boot.
+    late_ticks: u32,
     homing: Homing,
     homed: Option<Homed>,
     adaptation: Adaptation,
@@ -162,6 +181,9 @@ impl<'t> Rig<'t> {
             drive_offset: None,
             restart_drive: false,
             awaiting_restart: false,
+            matched: false,
+            estop_closed: false,
+            late_ticks: 0,
             homing: Homing::new(),
             homed: None,
             adaptation: Adaptation::new(1.0),
@@ -214,7 +236,7 @@ impl<'t> Rig<'t> {
         let shaft_rad = inputs.encoder_counts as f32 / self.constants.counts_per_rad;
         let lvdt = self.lvdt.read(inputs.now_us, inputs.lvdt, &self.constants);
         self.watch(inputs, lvdt, shaft_rad, &mut events);
-        let reply = inputs.request.and_then(|request| self.request(request, inputs, lvdt, shaft_rad));
+        let reply = inputs.request.and_then(|request| self.request(request, inputs, lvdt, shaft_rad, &mut events));
         let (gap_m, age_s) = match lvdt {
             LvdtReading::Valid { gap_m, t_us } => {
                 (Some(gap_m), inputs.now_us.saturating_sub(t_us) as f32 * 1e-6 + GAP_DELAY_S)
@@ -235,6 +257,9 @@ impl<'t> Rig<'t> {
         if observed.is_some_and(|(_, o)| o.at_range_end) {
             self.limit = Some(Limit::LoadRange);
         }
+        if self.load_out_of_range(observed.as_ref().map(|(_, o)| o)) {
+            self.raise(Fault::LoadRange, shaft_rad, &mut events);
+        }
         match self.state {
             State::Boot => self.leave_boot(inputs, lvdt, shaft_rad),
             State::Homing => {
@@ -247,6 +272,9 @@ impl<'t> Rig<'t> {
             }
             State::Moving | State::Holding => self.step_motion(observed.as_ref(), gap_m, &mut events),
             State::Unhomed | State::Ready | State::Fault | State::EStop => self.shaft.speed = 0.0,
+        }
+        if !(self.shaft.position.is_finite() && self.shaft.speed.is_finite()) {
+            self.raise(Fault::NotFinite, shaft_rad, &mut events);
         }
         let drive = self.drive_command(inputs);
         let telemetry = self.telemetry(inputs, gap_m, shaft_rad, observed.map(|(_, o)| o));
@@ -269,10 +297,12 @@ impl<'t> Rig<'t> {
             self.drive_offset = Some(offset);
             self.shaft = Ramp::at(shaft_rad);
         }
-        let standing = speed_rpm.unsigned_abs() < STANDING_RPM;
-        self.standing_ticks = if standing { self.standing_ticks + 1 } else { 0 };
-        if self.standing_ticks >= STANDING_TICKS && matches!(lvdt, LvdtReading::Valid { .. }) {
+        // What a sensor says first after power-up is not believed.
+        let settled = speed_rpm.unsigned_abs() < STANDING_RPM && matches!(lvdt, LvdtReading::Valid { .. });
+        self.standing_ticks = if settled { self.standing_ticks + 1 } else { 0 };
+        if self.standing_ticks >= STANDING_TICKS {
             self.drive_offset = Some(offset);
+            self.matched = true;
             self.shaft = Ramp::at(shaft_rad);
             self.state = State::Unhomed;
         }
@@ -305,14 +335,19 @@ impl<'t> Rig<'t> {
         let _ = events.push(EventKind::HomingRefused(failure));
     }
 
-    /// Raises a fault: hold the twist where it is, latch.
+    /// Raises a fault and latches it; the strings stop where they are.
     fn raise(&mut self, fault: Fault, shaft_rad: f32, events: &mut heapless::Vec<EventKind, 4>) {
         if matches!(self.state, State::Fault | State::EStop) {
             return;
         }
         self.fault = Some(fault);
         self.state = State::Fault;
-        self.shaft = Ramp::at(shaft_rad);
+        self.shaft = Ramp::at(match (response(fault), self.checks.drive_counts(), self.drive_offset) {
+            (Response::HoldByDrive, Some(drive), Some(offset)) => {
+                (drive + offset) as f32 / self.constants.counts_per_rad
+            }
+            _ => shaft_rad,
+        });
         let _ = events.push(EventKind::FaultRaised(fault));
     }
 
@@ -322,6 +357,7 @@ impl<'t> Rig<'t> {
         inputs: &Inputs,
         lvdt: LvdtReading,
         shaft_rad: f32,
+        events: &mut heapless::Vec<EventKind, 4>,
     ) -> Option<Result<Accepted, Refusal>> {
         Some(match request {
             // The link answers these itself.
@@ -330,7 +366,7 @@ impl<'t> Rig<'t> {
                 self.stop(shaft_rad);
                 Ok(Accepted::Done)
             }
-            Request::Clear => self.clear(inputs, lvdt),
+            Request::Clear => self.clear(inputs, lvdt, shaft_rad, events),
             Request::Home => self.idle().and_then(|()| self.start_homing(lvdt, shaft_rad)),
             Request::Jog { twist_speed_rad_per_s } => self.start_jog(twist_speed_rad_per_s, shaft_rad),
             // The firmware makes it; it is used when nothing moves.
@@ -357,6 +393,11 @@ impl<'t> Rig<'t> {
         !matches!(self.state, State::Moving | State::Homing | State::Boot)
     }
 
+    /// No tick for a while, on purpose: the next one is not late.
+    pub fn pause(&mut self) {
+        self.checks.pause();
+    }
+
     /// Whether a new motion may begin from rest.
     fn idle(&self) -> Result<(), Refusal> {
         match self.state {
@@ -378,28 +419,43 @@ impl<'t> Rig<'t> {
         Ok(Accepted::Started)
     }
 
-    fn clear(&mut self, inputs: &Inputs, lvdt: LvdtReading) -> Result<Accepted, Refusal> {
+    fn clear(
+        &mut self,
+        inputs: &Inputs,
+        lvdt: LvdtReading,
+        shaft_rad: f32,
+        events: &mut heapless::Vec<EventKind, 4>,
+    ) -> Result<Accepted, Refusal> {
         match self.state {
-            State::EStop if inputs.estop_open => Err(Refusal::EStop),
-            State::EStop => {
-                self.restart();
-                Ok(Accepted::Done)
-            }
+            State::EStop if inputs.estop_open => return Err(Refusal::EStop),
+            State::EStop => self.restart(),
             State::Fault => {
                 let fault = self.fault.unwrap_or(Fault::NotFinite);
-                if fault == Fault::TableCorrupt || matches!(lvdt, LvdtReading::Invalid(cause) if cause == fault) {
+                if self.cause_remains(fault, inputs, lvdt) {
                     return Err(Refusal::CauseRemains { fault });
                 }
                 self.fault = None;
-                if Checks::loses_position(fault) {
+                if needs_homing(fault) || !self.matched {
                     self.restart();
                 } else {
-                    self.checks = Checks::new();
+                    let gap_m = lvdt.gap_m();
+                    let twist_rad = self.homed.map(|h| shaft_rad - h.zero_rad);
+                    self.checks = Checks::cleared(inputs, gap_m, twist_rad);
                     self.state = if self.homed.is_some() { State::Ready } else { State::Unhomed };
                 }
-                Ok(Accepted::Done)
+                let _ = events.push(EventKind::FaultCleared(fault));
             }
-            _ => Ok(Accepted::Done),
+            _ => {}
+        }
+        Ok(Accepted::Done)
+    }
+
+    fn cause_remains(&self, fault: Fault, inputs: &Inputs, lvdt: LvdtReading) -> bool {
+        match fault {
+            Fault::TableCorrupt => true,
+            Fault::CanBusOff => inputs.bus_off,
+            Fault::Supply => self.supply_is_off(inputs),
+            _ => lvdt == LvdtReading::Invalid(fault),
         }
     }
 
@@ -408,6 +464,7 @@ impl<'t> Rig<'t> {
         self.fault = None;
         self.homed = None;
         self.drive_offset = None;
+        self.matched = false;
         self.restart_drive = true;
         self.awaiting_restart = true;
         self.checks = Checks::new();
@@ -424,8 +481,9 @@ impl<'t> Rig<'t> {
         };
         let lag_s = self.homed.map_or(0.0, |h| h.drive_lag_s);
         let counts = (self.shaft.position + lag_s * self.shaft.speed) * self.constants.counts_per_rad;
+        let silent = self.fault.is_some_and(|fault| response(fault) == Response::Silence);
         // A float to integer cast saturates; NaN would become 0, so it is caught before.
-        if !counts.is_finite() || self.state == State::EStop {
+        if !counts.is_finite() || silent || self.state == State::EStop {
             return DriveCommand::Silence;
         }
         // On a leash: whatever else goes wrong, the drive is never sent far from where it says it is.
@@ -472,7 +530,7 @@ impl<'t> Rig<'t> {
             drive_speed_rad_per_s,
             time_left_s: self.time_left_s.filter(|_| planned),
             twist_scale: self.homed.map(|h| h.twist_scale),
-            counters: inputs.counters,
+            counters: Counters { late_ticks: self.late_ticks, ..inputs.counters },
         }
     }
 }

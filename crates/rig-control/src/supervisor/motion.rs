@@ -19,6 +19,8 @@ const ARRIVED_TICKS: u16 = ticks(30);
 const PATIENCE_TICKS: u16 = ticks(600);
 /// How far below the half-turn pre-twist the strings may be untwisted by the loop (rad).
 const BELOW_PRETWIST: f32 = 0.15;
+/// How far outside the table's range a move may begin (rad).
+const OUTSIDE_RAD: f32 = 0.2;
 /// Acceleration of a jog (rad/s²).
 const JOG_ACCELERATION: f32 = 20.0;
 
@@ -52,6 +54,9 @@ impl Rig<'_> {
         }
         let homed = self.homed.ok_or(Refusal::NotHomed)?;
         let m = &self.table.metadata;
+        // From outside only a jog leads back: a planned move would jump to the end of the range.
+        let twist_rad = self.shaft.position - homed.zero_rad;
+        check(Parameter::Twist, twist_rad, m.twist_min_rad - OUTSIDE_RAD, m.twist_max_rad + OUTSIDE_RAD)?;
         let source = match load {
             LoadChoice::Auto => LoadSource::Estimate,
             LoadChoice::Known(load_n) => LoadSource::Known(check(Parameter::Load, load_n, m.load_min_n, m.load_max_n)?),

@@ -22,6 +22,9 @@ use unicorn_engine::{Arch, ArmCpuModel, Mode, Prot, RegisterARM as R, Unicorn, u
 /// An address that is never executed: emulation ends for other reasons.
 const NOWHERE: u64 = 0xF000_0000;
 
+/// Exception number of the HardFault.
+const HARD_FAULT: u16 = 3;
+
 const WFI: u16 = 0xBF30;
 const WFE: u16 = 0xBF20;
 const YIELD: u16 = 0xBF10;
@@ -173,6 +176,12 @@ impl<B: Board + 'static> Cpu<B> {
     /// reset ends it.
     pub fn hang(&mut self, hung: bool) {
         self.hung = hung;
+    }
+
+    /// The core takes a HardFault where it is, as after a jump into nowhere or a bus error.
+    pub fn crash(&mut self) -> Result<(), CpuError> {
+        self.sleep = Sleep::Awake;
+        self.enter(HARD_FAULT)
     }
 
     /// Run to the first instruction boundary that is not before `t_s`, or to something that the caller has to see to.

@@ -28,6 +28,8 @@ pub const LATENCY_S: f64 = 2e-4;
 pub const ERROR_PERIOD_S: f64 = 0.1;
 /// Current (or voltage) at its limit without motion for this long is a stall, s. Assumed.
 pub const STALL_S: f64 = 1.0;
+/// Most that its analog input measures, V (V-CAN p20: 5 V reads 5000). Assumed to be its range.
+const ASIN_V: f64 = 5.0;
 /// Below this supply the drive is off, V (V-FAQ p1).
 pub const LEAST_SUPPLY_V: f64 = 10.0;
 
@@ -65,6 +67,7 @@ pub struct Drive {
     address: Address,
     counts_per_turn: f64,
     velocity_gain: f64,
+    supply_divider: Option<f64>,
     state: State,
     zero_counts: i64,
     last_counts: i64,
@@ -104,6 +107,7 @@ impl Drive {
             address: parameters.drive,
             counts_per_turn: f64::from(parameters.counts_per_turn),
             velocity_gain: VELOCITY_LOOP_RAD_PER_S * parameters.inertia_kg_m2 / kt,
+            supply_divider: parameters.supply_divider,
             state: State::Off,
             zero_counts: 0,
             last_counts: 0,
@@ -321,9 +325,11 @@ impl Drive {
         let rpm = (self.moved as f64 * 60_000.0 / self.counts_per_turn).round();
         let rpm = rpm.clamp(f64::from(i16::MIN), f64::from(i16::MAX)) as i16;
         let motion = Report::Motion { current: Milliamps(milliamps), speed: Rpm(rpm), position };
-        // Inputs float: CHZ then reads high, the others low.
+        // The other inputs float: CHZ then reads high, the others low.
         let pwm = Pwm::new(self.pwm).unwrap_or_default();
-        let rest = MixedRest { dsin: false, asin_mv: 0, chz: true, pwm };
+        let asin_mv =
+            self.supply_divider.map_or(0.0, |divider| (sensed.supply_v / divider).min(ASIN_V) * 1e3).round() as u16;
+        let rest = MixedRest { dsin: false, asin_mv, chz: true, pwm };
         let mixed = Report::Mixed(Mixed { ctl1: false, ctl2: false, rest: Some(rest) });
         for (slot, report) in [motion, mixed].iter().enumerate() {
             self.elapsed_ms[slot] += 1;

@@ -1,6 +1,6 @@
 //! Faults by the names that scripts use (cli.md).
 
-/// A fault of the rig. The host's (`host-silent`), the firmware's (`task-hang`) and the board's (`power-cycle`) are not here.
+/// A fault of the rig. The host's (`host-silent`), the chip's (`task-hang`, `crash`) and the board's (`power-cycle`) are not here.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
     /// The drive's bus wires are off: no acknowledge and no reports, while it goes on doing what it was told.

@@ -28,6 +28,8 @@ pub struct RigParameters {
     pub drive: Address,
     /// Drive supply, V.
     pub supply_voltage_v: f64,
+    /// What it is divided by before the drive's analog input, if that is wired.
+    pub supply_divider: Option<f64>,
     /// LVDT stroke, m.
     pub lvdt_stroke_m: f64,
     /// Volts at the ADC pin at the start and the end of the stroke.
@@ -58,6 +60,7 @@ impl RigParameters {
             brake_ohm: 10.0,
             drive: Address::new(rig.drive_group, rig.drive_number)?,
             supply_voltage_v: rig.supply_voltage_v,
+            supply_divider: rig.supply_divider,
             lvdt_stroke_m: rig.lvdt_stroke_m,
             lvdt_volts: [rig.lvdt_volts_at_zero, rig.lvdt_volts_at_stroke],
             lvdt_gap_at_zero_m: rig.lvdt_gap_at_zero_m,

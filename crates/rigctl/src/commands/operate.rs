@@ -18,6 +18,9 @@ pub const HOMING_S: f64 = 60.0;
 /// Longest move past what distance and speed need (s).
 const MOVE_SLACK_S: f64 = 30.0;
 
+/// How long `status` listens (s).
+const STATUS_S: f64 = 1.0;
+
 /// Whether the port is the emulated board.
 pub fn is_sim(global: &Global) -> bool {
     global.port == "sim"
@@ -336,8 +339,11 @@ pub fn status(global: &Global, output: &mut Output) -> Result<(), Failure> {
     if is_sim(global) {
         session.wait_ready()?;
     }
-    session.until(0.1, |_| false)?;
-    let Some(row) = session.take_rows().pop() else {
+    session.take_rows();
+    session.until(STATUS_S, |_| false)?;
+    let mut rows = session.take_rows();
+    let telemetry_hz = rows.len() as f64 / STATUS_S;
+    let Some(row) = rows.pop() else {
         return Err(Failure::failed("no telemetry from the board"));
     };
     let Some(id) = session.identity().cloned() else {
@@ -361,8 +367,14 @@ pub fn status(global: &Global, output: &mut Output) -> Result<(), Failure> {
             "crc": format!("{:08x}", id.table.crc),
             "rebuilt": id.table.rebuilt,
         },
+        "last_panic": id.last_panic.as_deref(),
         "link_errors": counters.link_errors,
         "foreign_frames": counters.foreign_frames,
+        "late_ticks": counters.late_ticks,
+        "longest_tick_s": f64::from(counters.longest_tick_us) * 1e-6,
+        "telemetry_hz": telemetry_hz,
+        "lost_frames": session.lost_frames(),
+        "unsent": counters.unsent,
         "telemetry": row,
     }))?;
     output.line(format!(
@@ -387,6 +399,15 @@ pub fn status(global: &Global, output: &mut Output) -> Result<(), Failure> {
         session.damaged_frames(),
         counters.foreign_frames
     ))?;
+    output.line(format!(
+        "         telemetry at {telemetry_hz:.0} Hz; {} frames lost on the way, {} never sent",
+        session.lost_frames(),
+        counters.unsent
+    ))?;
+    output.line(format!("tick     {} late, the longest took {} us", counters.late_ticks, counters.longest_tick_us))?;
+    if let Some(text) = &id.last_panic {
+        output.line(format!("         the run before ended with: {text}"))?;
+    }
     output.line(row.text())?;
     Ok(())
 }

@@ -38,6 +38,9 @@ pub struct Session {
     /// Emulated time of the board's last start (s).
     boot_s: f64,
     last: Option<Telemetry>,
+    /// Number of the board's newest frame, and how many between were never seen.
+    heard: Option<u16>,
+    lost_frames: u32,
     identity: Option<Identity>,
     home_gap_m: Option<f64>,
 }
@@ -61,6 +64,8 @@ impl Session {
             truth: VecDeque::new(),
             boot_s: 0.0,
             last: None,
+            heard: None,
+            lost_frames: 0,
             identity: None,
             home_gap_m: None,
         }
@@ -84,6 +89,11 @@ impl Session {
     /// Damaged frames so far.
     pub fn damaged_frames(&self) -> u32 {
         self.decoder.errors()
+    }
+
+    /// Frames of the board that never came, by the gaps in their numbers.
+    pub fn lost_frames(&self) -> u32 {
+        self.lost_frames
     }
 
     /// The emulated rig behind it, if it is one.
@@ -162,10 +172,23 @@ impl Session {
         self.log.extend(received.log);
         for byte in received.bytes {
             if let Some(Ok(frame)) = self.decoder.push(byte) {
+                self.count(frame.sequence, &frame.body);
                 self.take(frame.body);
             }
         }
         Ok(())
+    }
+
+    /// Counts what is missing between two frames. A board that has just started numbers them anew.
+    fn count(&mut self, sequence: u16, body: &Message) {
+        let restarted = matches!((body, self.last), (Message::Telemetry(t), Some(last)) if t.t_us < last.t_us);
+        if let Some(heard) = self.heard.replace(sequence)
+            && !restarted
+        {
+            // A gap of half the numbers is a frame that came before: none does, so it is another start.
+            let missing = sequence.wrapping_sub(heard).wrapping_sub(1);
+            self.lost_frames += if missing < u16::MAX / 2 { u32::from(missing) } else { 0 };
+        }
     }
 
     fn take(&mut self, message: Message) {

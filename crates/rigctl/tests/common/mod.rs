@@ -1,0 +1,35 @@
+//! The tool as a user calls it, with the firmware made first if it is not there.
+
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::sync::Once;
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+/// Runs the tool.
+pub fn rigctl(arguments: &[&str]) -> Output {
+    static FIRMWARE: Once = Once::new();
+    let own = Path::new(env!("CARGO_BIN_EXE_rigctl"));
+    let elf = own.parent().expect("a folder").join("../firmware/tsa-firmware.elf");
+    FIRMWARE.call_once(|| {
+        if !elf.exists() {
+            let status = Command::new("cargo").args(["xtask", "firmware"]).current_dir(root()).status();
+            assert!(status.is_ok_and(|s| s.success()), "`cargo xtask firmware` failed");
+        }
+    });
+    Command::new(own).args(arguments).current_dir(root()).output().expect("rigctl runs")
+}
+
+/// Its standard output, a JSON value a line.
+pub fn lines(output: &Output) -> Vec<Value> {
+    let text = String::from_utf8_lossy(&output.stdout);
+    text.lines().map(|line| serde_json::from_str(line).unwrap_or_else(|e| panic!("{line}: {e}"))).collect()
+}
+
+/// Its standard error.
+pub fn error_of(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}

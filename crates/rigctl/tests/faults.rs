@@ -1,0 +1,126 @@
+//! Every fault that a script can cause, on the real firmware on the emulated board.
+
+mod common;
+
+use common::{error_of, lines, rigctl};
+use serde_json::Value;
+
+/// Each time that fault or emergency stop began: when (s), and which.
+fn stops(rows: &[Value]) -> Vec<(f64, String)> {
+    let mut found: Vec<(f64, String)> = Vec::new();
+    let mut last = String::new();
+    for row in rows {
+        let name = match (row["fault"].as_str(), row["state"].as_str()) {
+            (Some(fault), _) => fault,
+            (None, Some("estop")) => "estop",
+            _ => "",
+        };
+        if name != last {
+            last = name.to_string();
+            if !last.is_empty() {
+                found.push((row["t_s"].as_f64().expect("a time"), last.clone()));
+            }
+        }
+    }
+    found
+}
+
+/// Plays a scenario; its telemetry and what was refused.
+fn play(name: &str) -> (Vec<Value>, String) {
+    let output = rigctl(&["sim", "--script", &format!("scenarios/{name}.script"), "--json", "--seed", "4"]);
+    assert!(output.status.success(), "{}", error_of(&output));
+    let mut rows = lines(&output);
+    rows.pop();
+    (rows, error_of(&output))
+}
+
+fn compare(found: &[(f64, String)], wanted: &[(f64, f64, &str)]) {
+    for (t_s, name) in found {
+        println!("{t_s:7.2} s {name}");
+    }
+    let names: Vec<&str> = found.iter().map(|(_, name)| name.as_str()).collect();
+    let expected: Vec<&str> = wanted.iter().map(|(.., name)| *name).collect();
+    assert_eq!(names, expected, "{found:?}");
+    for ((t_s, name), (from_s, within_s, _)) in found.iter().zip(wanted) {
+        assert!((*from_s..from_s + within_s).contains(t_s), "{name} at {t_s} s, caused at {from_s} s");
+    }
+}
+
+fn state_at(rows: &[Value], t_s: f64) -> &str {
+    let row = rows.iter().find(|r| r["t_s"].as_f64().is_some_and(|t| t >= t_s)).expect("a row");
+    row["state"].as_str().expect("a state")
+}
+
+#[test]
+fn faults_that_keep_the_position_fire_and_clear_and_near_misses_are_quiet() {
+    let (rows, refused) = play("faults-homed");
+    compare(
+        &stops(&rows),
+        &[
+            // The last heartbeat may be a whole period old when the host falls silent.
+            (36.6, 0.5, "host-silent"),
+            (39.6, 0.15, "tick-late"),
+            (42.6, 0.05, "limit-switch"),
+            (45.6, 0.15, "lvdt-open"),
+            (48.6, 0.15, "lvdt-short"),
+            (51.6, 0.2, "lvdt-noisy"),
+            (54.6, 0.5, "lvdt-frozen"),
+            (57.6, 0.3, "supply"),
+            (60.8, 2.0, "load-range"),
+        ],
+    );
+    assert_eq!(refused.matches("refused").count(), 1, "{refused}");
+    assert!(refused.contains("supply cannot be cleared"), "{refused}");
+    // Through all of it the position was never lost: the last move ends where it should.
+    let last = rows.last().expect("rows");
+    assert_eq!(last["state"], "holding");
+    let error_m = last["true_position_m"].as_f64().expect("homed") - 0.002;
+    assert!(error_m.abs() < 50e-6, "{error_m} m");
+}
+
+#[test]
+fn faults_that_lose_the_position_restart_the_drive_and_wait() {
+    let (rows, refused) = play("faults-restart");
+    compare(
+        &stops(&rows),
+        &[
+            (3.5, 0.5, "encoder-stuck"),
+            (9.5, 0.2, "encoder-jump"),
+            (15.5, 0.2, "drive-stall"),
+            (21.5, 0.2, "drive-silent"),
+            (27.5, 0.2, "drive-silent"),
+            (33.5, 0.1, "can-bus-off"),
+            (39.5, 0.05, "estop"),
+            (46.5, 0.1, "panicked"),
+            (53.5, 1.0, "watchdog-reset"),
+            (65.5, 1.0, "string-break"),
+        ],
+    );
+    for (line, reason) in [
+        ("can-bus-off cannot be cleared", 1),
+        ("emergency stop is pressed", 1),
+        ("fault panicked is latched", 1),
+        ("fault watchdog-reset is latched", 1),
+    ] {
+        assert_eq!(refused.matches(line).count(), reason, "{line}: {refused}");
+    }
+    assert_eq!(refused.matches("refused").count(), 4, "{refused}");
+    // Each `clear` leads to rest, and to nothing else.
+    for t_s in [8.9, 14.9, 20.9, 26.9, 32.9, 38.9, 45.9, 52.9, 59.9, 64.9] {
+        assert_eq!(state_at(&rows, t_s), "unhomed", "{t_s} s");
+    }
+}
+
+#[test]
+fn status_tells_of_losses_and_of_the_telemetrys_rate() {
+    let output = rigctl(&["status", "--json"]);
+    assert!(output.status.success(), "{}", error_of(&output));
+    let status = &lines(&output)[0];
+    let number = |key: &str| status[key].as_f64().unwrap_or_else(|| panic!("{key} in {status}"));
+    assert!((99.0..=101.0).contains(&number("telemetry_hz")), "{status}");
+    for key in ["lost_frames", "unsent", "late_ticks", "link_errors", "foreign_frames"] {
+        assert_eq!(number(key), 0.0, "{key} in {status}");
+    }
+    assert!(number("longest_tick_s") < 0.002, "{status}");
+    assert!(status["last_panic"].is_null(), "{status}");
+}
