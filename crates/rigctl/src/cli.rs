@@ -158,6 +158,9 @@ pub enum Command {
         #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = PossibleValuesParser::new(chart::NAMES))]
         only: Vec<String>,
     },
+    /// What `chart` runs under callgrind to count instructions
+    #[command(hide = true)]
+    ChartKernel,
     /// Three loads, each on a fresh emulated board, homed and moved alike: a table and a picture
     Demo {
         /// Folder for demo.svg and demo.csv

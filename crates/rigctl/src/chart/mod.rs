@@ -1,27 +1,31 @@
 //! Speed against accuracy, and where methods fail: what `rigctl chart` measures and draws.
 //!
 //! - [`stability`]: every method over load and twist of some [`rods`]; [`limits`]: what bounds their states;
-//!   [`stability_figure`]: both as a picture.
+//!   `stability_figure`: both as a picture.
+//! - [`work`]: what an equilibrium costs on the desktop; `work_figure` draws it.
 
 pub mod limits;
 pub mod rods;
 pub mod stability;
 mod stability_figure;
+pub mod work;
+mod work_figure;
 
 use crate::failure::Failure;
 use std::path::Path;
 use tsa_model::Scene;
 
 /// The figures, in the order in which they are made.
-pub const NAMES: [&str; 1] = ["stability"];
+pub const NAMES: [&str; 2] = ["work-precision", "stability"];
 
 /// Makes one of [`NAMES`].
 ///
 /// # Errors
 /// If something cannot be solved or drawn.
-pub fn make(name: &str, scene: &Scene, out: &Path) -> Result<Vec<Made>, Failure> {
-    let _ = (scene, out);
+pub fn make(name: &str, scene: &Scene, scene_file: &Path, out: &Path) -> Result<Vec<Made>, Failure> {
+    let _ = out;
     match name {
+        "work-precision" => Ok(vec![work_figure::make(scene, scene_file)?]),
         "stability" => Ok(vec![stability_figure::make(16, 20)?]),
         _ => Err(Failure::Usage(format!("chart: no figure is called {name}"))),
     }

@@ -29,7 +29,7 @@ pub fn run(global: &Global, out: &Path, only: &[String], output: &mut Output) ->
             continue;
         }
         let begin = Instant::now();
-        for made in chart::make(name, &scene, out)? {
+        for made in chart::make(name, &scene, &global.scene, out)? {
             report(&made, begin.elapsed().as_secs_f64(), out, output)?;
         }
         output.flush()?;

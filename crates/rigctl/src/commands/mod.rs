@@ -47,6 +47,7 @@ pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
         Command::Clear => operate::simple(global, &Request::Clear, output),
         Command::Status => operate::status(global, output),
         Command::Chart { out, only } => chart::run(global, out, only, output),
+        Command::ChartKernel => crate::chart::work::kernel(&scene(global)?),
         Command::Demo { out } => demo::run(global, out, output),
     }
 }

@@ -119,7 +119,8 @@ fn draw_mark(area: &Area<'_>, (x, y): (i32, i32), shape: Shape, colour: RGBColor
         Shape::Square => {
             let corners = [(x - 5 * PX, y - 5 * PX), (x + 5 * PX, y + 5 * PX)];
             area.draw(&Rectangle::new(corners, WHITE.filled())).map_err(words)?;
-            area.draw(&Rectangle::new(corners, style)).map_err(words)
+            let [(l, t), (r, b)] = corners;
+            area.draw(&PathElement::new([(l, t), (r, t), (r, b), (l, b), (l, t), (r, t)], style)).map_err(words)
         }
         Shape::Circle => {
             area.draw(&Circle::new((x, y), 5 * PX, WHITE.filled())).map_err(words)?;
