@@ -3,9 +3,11 @@
 //! - [`stability`]: every method over load and twist of some [`rods`]; [`limits`]: what bounds their states;
 //!   `stability_figure`: both as a picture.
 //! - [`work`]: what an equilibrium costs on the desktop; `work_figure` draws it.
+//! - [`sizes`]: bytes of a table against its error.
 
 pub mod limits;
 pub mod rods;
+pub mod sizes;
 pub mod stability;
 mod stability_figure;
 pub mod work;
@@ -16,7 +18,7 @@ use std::path::Path;
 use tsa_model::Scene;
 
 /// The figures, in the order in which they are made.
-pub const NAMES: [&str; 2] = ["work-precision", "stability"];
+pub const NAMES: [&str; 3] = ["work-precision", "table-size", "stability"];
 
 /// Makes one of [`NAMES`].
 ///
@@ -26,6 +28,7 @@ pub fn make(name: &str, scene: &Scene, scene_file: &Path, out: &Path) -> Result<
     let _ = out;
     match name {
         "work-precision" => Ok(vec![work_figure::make(scene, scene_file)?]),
+        "table-size" => Ok(vec![sizes::make(scene)?]),
         "stability" => Ok(vec![stability_figure::make(16, 20)?]),
         _ => Err(Failure::Usage(format!("chart: no figure is called {name}"))),
     }
