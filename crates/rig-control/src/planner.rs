@@ -34,6 +34,18 @@ impl Ramp {
         }
     }
 
+    /// Shortest time (s) from rest to rest over a distance, tick by tick.
+    pub fn duration_s(distance: f32, speed_limit: f32, acceleration: f32) -> f32 {
+        let distance = distance.abs();
+        let at_speed = distance - speed_limit * speed_limit / acceleration;
+        let moving_s = if at_speed >= 0.0 {
+            2.0 * speed_limit / acceleration + at_speed / speed_limit
+        } else {
+            2.0 * libm::sqrtf(distance / acceleration)
+        };
+        if distance > 0.0 { moving_s + TICK_S } else { 0.0 }
+    }
+
     /// Where it would come to rest if it braked now.
     pub fn stopping_point(&self, acceleration: f32) -> f32 {
         self.position + 0.5 * self.speed * self.speed.abs() / acceleration + 0.5 * self.speed * TICK_S
@@ -170,6 +182,21 @@ impl Planner {
     /// Whether it stands at its target.
     pub fn is_at_rest(&self) -> bool {
         self.now == Self::at(self.target).now
+    }
+
+    /// Sign of the way that a move from rest is about to take; 0 under way and at the target.
+    pub fn setting_out(&self) -> f32 {
+        let at_rest = self.now.speed == 0.0 && self.now.acceleration == 0.0;
+        if at_rest && self.target != self.now.position {
+            libm::copysignf(1.0, self.target - self.now.position)
+        } else {
+            0.0
+        }
+    }
+
+    /// One tick later, still where it is.
+    pub fn wait(&self) -> SetPoint {
+        SetPoint { position_m: self.now.position, speed_m_per_s: 0.0, done: self.is_at_rest() }
     }
 
     /// Goes somewhere else from here on.

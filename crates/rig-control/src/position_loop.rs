@@ -74,6 +74,7 @@ impl PositionLoop {
     pub fn step(
         &mut self,
         set_point: &SetPoint,
+        setting_out: f32,
         position_m: f32,
         age_s: f32,
         seen: &Observation,
@@ -87,22 +88,31 @@ impl PositionLoop {
         let blend = CORNER_RAD_PER_S * TICK_S / (1.0 + CORNER_RAD_PER_S * TICK_S);
         self.smoothed[0] += blend * (if at_rest { 0.0 } else { error_m } - self.smoothed[0]);
         self.smoothed[1] += blend * (self.smoothed[0] - self.smoothed[1]);
-        let ahead = self.cross_friction(set_point, seen, mechanism, twist_rad, limits);
+        let ahead = self.cross_friction(set_point, setting_out, seen, mechanism, twist_rad, limits);
         let speed = set_point.speed_m_per_s + BANDWIDTH_PER_S * self.smoothed[1];
         LoopOutput { twist_speed_rad_per_s: tr * speed + ahead, error_m }
+    }
+
+    /// Friction has been taken up for a move this way (±1).
+    pub fn is_across(&self, way: f32) -> bool {
+        way == self.direction && !self.to_cross && self.crossing.speed == 0.0
     }
 
     /// Twist speed (rad/s) that the crossing takes in this tick.
     fn cross_friction(
         &mut self,
         set_point: &SetPoint,
+        setting_out: f32,
         seen: &Observation,
         mechanism: &Mechanism<'_>,
         twist_rad: f32,
         limits: &TwistLimits,
     ) -> f32 {
         let (wanted, share) = match (set_point.speed_m_per_s, self.smoothed[1]) {
+            _ if setting_out != 0.0 => (setting_out, CROSSING_SHARE[0]),
             (v, _) if v.abs() > MOVING_M_PER_S => (v, CROSSING_SHARE[0]),
+            // About to begin or to end.
+            _ if !set_point.done => (self.direction, CROSSING_SHARE[0]),
             (_, e) if e.abs() > STUCK_M => (e, CROSSING_SHARE[1]),
             _ => (0.0, 0.0),
         };

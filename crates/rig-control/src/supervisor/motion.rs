@@ -172,15 +172,20 @@ impl Rig<'_> {
             self.limit = Some(Limit::MotorAcceleration);
             self.time_left_s = None;
         }
-        self.time_left_s = self.time_left_s.map(|left_s| (left_s - TICK_S).max(0.0));
         let planned = Limits::new(speed_m_per_s.min(speed_at_motor_limit), acceleration);
-        let set_point = self.planner.step(&planned);
+        // Until the strings have taken up friction the load cannot move: no set-point leaves it behind.
+        let setting_out = self.planner.setting_out();
+        let across = setting_out == 0.0 || self.position_loop.is_across(setting_out);
+        let set_point = if across { self.planner.step(&planned) } else { self.planner.wait() };
+        if across {
+            self.time_left_s = self.time_left_s.map(|left_s| (left_s - TICK_S).max(0.0));
+        }
         let position_m = homed.reference_gap_m - gap_m;
         let limit = self.constants.twist_speed_max();
         let limits = TwistLimits { speed: limit, acceleration: self.constants.twist_acceleration_max() };
         let mechanism = Mechanism { table: self.table, twist_scale: homed.twist_scale };
         let twist_rad = self.shaft.position - homed.zero_rad;
-        let out = self.position_loop.step(&set_point, position_m, self.gap_age_s, seen, &mechanism, twist_rad, &limits);
+        let out = self.position_loop.step(&set_point, setting_out, position_m, self.gap_age_s, seen, &mechanism, twist_rad, &limits);
         self.shaft.speed = out.twist_speed_rad_per_s.clamp(-limit, limit);
         let next = self.shaft.position + self.shaft.speed * TICK_S;
         let (low, high) = (self.table.metadata.twist_min_rad - BELOW_PRETWIST, self.table.metadata.twist_max_rad);
