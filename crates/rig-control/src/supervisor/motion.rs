@@ -2,10 +2,11 @@
 
 use super::{EventKind, Homed, JOG_SPEED_MAX, Motion, Rig, SPEED_MAX_M_PER_S, ticks};
 use crate::TICK_S;
+use crate::crossing::TwistLimits;
 use crate::mechanism::Mechanism;
 use crate::observer::{Confidence, LoadSource, Observation};
 use crate::planner::{Limits, Planner, Ramp};
-use crate::position_loop::{PositionLoop, TwistLimits};
+use crate::position_loop::PositionLoop;
 use rig_link::messages::{Accepted, Limit, LoadChoice, Parameter, Refusal, State};
 
 /// Acceleration of the load (m/s²), unless the motor allows less.
@@ -74,6 +75,7 @@ impl Rig<'_> {
         self.time_left_s =
             self.planner.is_at_rest().then(|| Limits::new(speed_m_per_s, LOAD_ACCELERATION).duration_s(way_m));
         self.planner.go_to(target_m);
+        self.position_loop.crossing.set_out(self.planner.setting_out());
         self.motion = Motion::Load { speed_m_per_s, stopping: false };
         self.state = State::Moving;
         (self.arrived_ticks, self.at_rest_ticks) = (0, 0);
@@ -174,10 +176,10 @@ impl Rig<'_> {
         }
         let planned = Limits::new(speed_m_per_s.min(speed_at_motor_limit), acceleration);
         // Until the strings have taken up friction the load cannot move: no set-point leaves it behind.
-        let setting_out = self.planner.setting_out();
-        let across = setting_out == 0.0 || self.position_loop.is_across(setting_out);
-        let set_point = if across { self.planner.step(&planned) } else { self.planner.wait() };
-        if across {
+        let waiting = self.position_loop.crossing.is_waiting();
+        let set_point = if waiting { self.planner.wait() } else { self.planner.step(&planned) };
+        let setting_out = waiting.then_some(speed_m_per_s);
+        if !waiting {
             self.time_left_s = self.time_left_s.map(|left_s| (left_s - TICK_S).max(0.0));
         }
         let position_m = homed.reference_gap_m - gap_m;
@@ -185,7 +187,16 @@ impl Rig<'_> {
         let limits = TwistLimits { speed: limit, acceleration: self.constants.twist_acceleration_max() };
         let mechanism = Mechanism { table: self.table, twist_scale: homed.twist_scale };
         let twist_rad = self.shaft.position - homed.zero_rad;
-        let out = self.position_loop.step(&set_point, setting_out, position_m, self.gap_age_s, seen, &mechanism, twist_rad, &limits);
+        let out = self.position_loop.step(
+            &set_point,
+            setting_out,
+            position_m,
+            self.gap_age_s,
+            seen,
+            &mechanism,
+            twist_rad,
+            &limits,
+        );
         self.shaft.speed = out.twist_speed_rad_per_s.clamp(-limit, limit);
         let next = self.shaft.position + self.shaft.speed * TICK_S;
         let (low, high) = (self.table.metadata.twist_min_rad - BELOW_PRETWIST, self.table.metadata.twist_max_rad);
