@@ -76,8 +76,8 @@ pub struct Crossing {
     watch: Watch,
     /// The load waits for the crossing.
     waiting: bool,
-    /// How long the planned part takes (s).
-    duration_s: f32,
+    /// What is left of the planned part (s).
+    left_s: f32,
 }
 
 impl Default for Crossing {
@@ -89,7 +89,7 @@ impl Default for Crossing {
             to_cross: false,
             watch: Watch::NEW,
             waiting: false,
-            duration_s: 0.0,
+            left_s: 0.0,
         }
     }
 }
@@ -107,16 +107,16 @@ impl Crossing {
         self.waiting
     }
 
-    /// How long it waits (s), as planned; `None` until that is worked out.
-    pub fn duration_s(&self) -> Option<f32> {
-        (!self.to_cross).then_some(self.duration_s)
+    /// How long it still waits (s), as planned; `None` until that is worked out.
+    pub fn left_s(&self) -> Option<f32> {
+        (!self.to_cross).then_some(self.left_s)
     }
 
     fn turn(&mut self, direction: f32) {
         self.direction = direction;
         self.end_rad = self.ramp.position;
         self.to_cross = direction != 0.0;
-        self.duration_s = 0.0;
+        self.left_s = 0.0;
     }
 
     /// Twist speed (rad/s) that the crossing takes in this tick. `setting_out` is the speed (m/s) of a move that
@@ -148,8 +148,9 @@ impl Crossing {
             self.turn(direction);
         } else if core::mem::take(&mut self.to_cross) {
             self.plan(share, seen, mechanism, twist_rad);
-            self.duration_s = Ramp::duration_s(self.end_rad - self.ramp.position, fast.position, fast.speed);
+            self.left_s = Ramp::duration_s(self.end_rad - self.ramp.position, fast.position, fast.speed);
         }
+        self.left_s = (self.left_s - TICK_S).max(0.0);
         let before_rad = self.ramp.position;
         self.ramp.step(self.end_rad, fast.position, fast.speed);
         let mut travelled = self.ramp.position - before_rad;

@@ -1,7 +1,15 @@
 //! Motion. [`Ramp`] respects speed and acceleration, for turning the strings; [`Planner`] limits the jerk too, for moving
 //! the load. Either can be told anything at any time, new limits included: each tick is planned anew from where it is.
 
-use crate::TICK_S;
+use crate::{RigConstants, TICK_S};
+use rig_link::messages::Limit;
+
+/// Acceleration of the load (m/s²), unless the motor allows less.
+pub const LOAD_ACCELERATION: f32 = 0.02;
+/// Share of the motor's limits that is planned with; the rest is the loop's.
+pub const PLANNED_SHARE: f32 = 0.9;
+/// Least share of the motor's current that is taken to be left for accelerating.
+const LEAST_SPARE: f32 = 0.1;
 
 /// Position and speed of a ramp. Unit-free: metres of load or radians of twist.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -75,21 +83,46 @@ impl Limits {
         Self { speed, acceleration, jerk: acceleration / RISE_S }
     }
 
+    /// What the motor allows of a speed (m/s) that is asked for, at a transmission ratio (rad/m) and a pull (N); and what
+    /// of it holds the load back, if anything. A heavy load is not asked for a light load's speed.
+    pub fn for_motor(asked: f32, tr_rad_per_m: f32, pull_n: f32, rig: &RigConstants) -> (Self, Option<Limit>) {
+        // Torque = pull/TR; what is left of the current is for accelerating.
+        let torque_per_a = rig.motor_torque_constant_nm_per_a * rig.gear_ratio;
+        let holding = pull_n / (tr_rad_per_m * torque_per_a * 1e-3 * f32::from(rig.current_limit_ma));
+        let spare = (1.0 - holding).clamp(LEAST_SPARE, 1.0);
+        let fastest = PLANNED_SHARE * rig.twist_speed_max() / tr_rad_per_m;
+        let hardest = PLANNED_SHARE * spare * rig.twist_acceleration_max() / tr_rad_per_m;
+        let limit = if hardest < LOAD_ACCELERATION && spare < PLANNED_SHARE {
+            Some(Limit::MotorCurrent)
+        } else if hardest < LOAD_ACCELERATION {
+            Some(Limit::MotorAcceleration)
+        } else if fastest < asked {
+            Some(Limit::MotorSpeed)
+        } else {
+            None
+        };
+        (Self::new(asked.min(fastest), LOAD_ACCELERATION.min(hardest)), limit)
+    }
+
+    /// Shortest time (s) in which a speed changes by so much (m/s). The profile is symmetric, so the mean speed on the
+    /// way is the mean of both ends.
+    fn rise_s(&self, change: f32) -> f32 {
+        let Self { acceleration, jerk, .. } = *self;
+        let v = change.abs();
+        if v * jerk < acceleration * acceleration {
+            2.0 * libm::sqrtf(v / jerk)
+        } else {
+            v / acceleration + acceleration / jerk
+        }
+    }
+
     /// Shortest time (s) from rest to rest over a distance (m).
     pub fn duration_s(&self, distance_m: f32) -> f32 {
         let Self { speed, acceleration, jerk } = *self;
         let distance = distance_m.abs();
-        // Time and distance of reaching a speed from rest; the profile is symmetric, so the mean speed is half of it.
-        let rise = |v: f32| {
-            if v * jerk < acceleration * acceleration {
-                2.0 * libm::sqrtf(v / jerk)
-            } else {
-                v / acceleration + acceleration / jerk
-            }
-        };
-        let at_speed = distance - speed * rise(speed);
+        let at_speed = distance - speed * self.rise_s(speed);
         if at_speed >= 0.0 {
-            return 2.0 * rise(speed) + at_speed / speed;
+            return 2.0 * self.rise_s(speed) + at_speed / speed;
         }
         // Greatest speed v: v · rise(v) = distance.
         let slow = libm::cbrtf(0.25 * distance * distance * jerk);
@@ -99,7 +132,34 @@ impl Limits {
             let half = 0.5 * acceleration * acceleration / jerk;
             libm::sqrtf(half * half + acceleration * distance) - half
         };
-        2.0 * rise(peak)
+        2.0 * self.rise_s(peak)
+    }
+
+    /// Distance (m) from one speed (m/s) to another and then to rest.
+    fn by_way_of(&self, from: f32, peak: f32) -> f32 {
+        0.5 * (self.rise_s(peak - from) * (peak + from) + self.rise_s(peak) * peak)
+    }
+
+    /// Time (s) over a distance (m) that at this speed limit alone would take `cruise_s`, beginning at a speed (m/s) and
+    /// with these limits, ending at rest with `last`.
+    pub fn duration_from_s(&self, from: f32, distance_m: f32, cruise_s: f32, last: &Self) -> f32 {
+        // Forwards is where the target is, or where it has to turn back to.
+        let forwards = if self.by_way_of(from, from.max(0.0)) > distance_m { -1.0 } else { 1.0 };
+        let (from, distance) = (forwards * from, forwards * distance_m);
+        let way = |to: f32| 0.5 * self.rise_s(to - from) * (to + from);
+        if way(self.speed) + 0.5 * last.speed * last.rise_s(last.speed) <= distance {
+            let begin_s = self.rise_s(self.speed - from) - way(self.speed) / self.speed;
+            return cruise_s + begin_s + 0.5 * last.rise_s(last.speed);
+        }
+        if from == 0.0 {
+            return self.duration_s(distance);
+        }
+        let (mut low, mut high) = (from.max(0.0), self.speed);
+        for _ in 0..SEARCH_STEPS {
+            let middle = 0.5 * (low + high);
+            if self.by_way_of(from, middle) > distance { high = middle } else { low = middle }
+        }
+        self.rise_s(low - from) + self.rise_s(low)
     }
 }
 
@@ -172,6 +232,11 @@ impl Planner {
     /// Where it goes (m).
     pub fn target_m(&self) -> f32 {
         self.target
+    }
+
+    /// How fast it goes (m/s).
+    pub fn speed_m_per_s(&self) -> f32 {
+        self.now.speed
     }
 
     /// Where it wants the load now (m).
@@ -336,6 +401,50 @@ mod tests {
             worst = worst.max(seconds / optimum);
         }
         std::println!("worst: {worst:.4} of the optimum");
+    }
+
+    #[test]
+    fn the_time_from_under_way_is_known() {
+        let limits = Limits::new(0.002, 0.02);
+        for target in [0.02f32, 0.006, 0.0042, 0.0040, 0.001, -0.004] {
+            let mut p = Planner::at(0.0);
+            p.go_to(0.02);
+            for _ in 0..220 {
+                p.step(&limits);
+            }
+            let way = target - p.set_point_m();
+            p.go_to(target);
+            let sign = way.signum();
+            let said = limits.duration_from_s(sign * p.speed_m_per_s(), way.abs(), way.abs() / limits.speed, &limits);
+            let took = run(&mut p, &limits).1 as f32 * TICK_S;
+            std::println!("{target} m: {said:.3} s said, {took:.3} s taken");
+            assert!((said - took).abs() < 0.05, "{target}: {said} s said, {took} s taken");
+        }
+    }
+
+    #[test]
+    fn the_motor_limits_a_move_by_ratio_and_pull() {
+        let rig = RigConstants {
+            gear_ratio: 60.0,
+            counts_per_rad: 40_000.0,
+            motor_speed_max_rad_per_s: 1000.0,
+            motor_acceleration_max_rad_per_s2: 12_000.0,
+            motor_torque_constant_nm_per_a: 0.02,
+            current_limit_ma: 500,
+            lvdt_gap_at_code_zero_m: 0.0,
+            lvdt_metres_per_code: 5e-5,
+            drive_group: 0,
+            drive_number: 1,
+        };
+        let (easy, none) = Limits::for_motor(0.002, 2000.0, 5.0, &rig);
+        assert_eq!((easy, none), (Limits::new(0.002, LOAD_ACCELERATION), None));
+        let (fast, limit) = Limits::for_motor(0.02, 2000.0, 5.0, &rig);
+        assert!(limit == Some(Limit::MotorSpeed) && (fast.speed / 0.0075 - 1.0).abs() < 1e-5, "{fast:?}");
+        let (steep, limit) = Limits::for_motor(1e-4, 20_000.0, 5.0, &rig);
+        assert!(limit == Some(Limit::MotorAcceleration) && steep.acceleration < 0.009, "{steep:?}");
+        // 0.6 N m is what half an ampere gives: 540 N at 1000 rad/m leaves a tenth.
+        let (heavy, limit) = Limits::for_motor(0.002, 1000.0, 560.0, &rig);
+        assert!(limit == Some(Limit::MotorCurrent) && (heavy.acceleration / 0.018 - 1.0).abs() < 1e-3, "{heavy:?}");
     }
 
     #[test]

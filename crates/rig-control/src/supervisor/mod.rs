@@ -16,6 +16,7 @@ mod checks;
 mod motion;
 
 use crate::adaptation::{Adaptation, Learned};
+use crate::forecast::Forecast;
 use crate::homing::{Homed, Homing, Progress, Seen};
 use crate::mechanism::Mechanism;
 use crate::observer::{Confidence, LoadObserver};
@@ -24,7 +25,6 @@ use crate::position_loop::PositionLoop;
 use crate::sensors::{DriveReading, GAP_DELAY_S, Lvdt, LvdtBlock, LvdtReading};
 use crate::{RigConstants, TICK_S, TICK_US};
 use checks::Checks;
-pub use motion::LOAD_ACCELERATION;
 use rig_link::messages::{
     Accepted, Counters, EventKind, Fault, HomingFailure, Limit, Refusal, Request, Sensor, State, Telemetry,
 };
@@ -116,8 +116,8 @@ pub struct Rig<'t> {
     planner: Planner,
     position_loop: PositionLoop,
     motion: Motion,
-    /// Time until the set-point is at its target (s), as planned.
-    time_left_s: Option<f32>,
+    /// Time until the set-point is at its target.
+    forecast: Option<Forecast>,
     /// Ticks that the load has stood at its target.
     at_rest_ticks: u16,
     arrived_ticks: u16,
@@ -169,7 +169,7 @@ impl<'t> Rig<'t> {
             planner: Planner::at(0.0),
             position_loop: PositionLoop::default(),
             motion: Motion::Jog { speed_rad_per_s: 0.0 },
-            time_left_s: None,
+            forecast: None,
             at_rest_ticks: 0,
             arrived_ticks: 0,
             last_position_m: 0.0,
@@ -442,6 +442,13 @@ impl<'t> Rig<'t> {
         }
     }
 
+    /// Until the set-point is at its target (s): crossing friction, then the move. `None` in a move's first ticks.
+    fn time_left_s(&self) -> Option<f32> {
+        let run_s = self.forecast.as_ref()?.left_s()?;
+        let crossing = &self.position_loop.crossing;
+        if crossing.is_waiting() { crossing.left_s().map(|wait_s| wait_s + run_s) } else { Some(run_s) }
+    }
+
     fn telemetry(
         &self,
         inputs: &Inputs,
@@ -470,7 +477,7 @@ impl<'t> Rig<'t> {
             tr_rad_per_m: observed.map(|o| o.point.tr_rad_per_m()),
             drive_current_a,
             drive_speed_rad_per_s,
-            time_left_s: self.time_left_s.filter(|_| planned),
+            time_left_s: self.time_left_s().filter(|_| planned),
             twist_scale: self.homed.map(|h| h.twist_scale),
             counters: inputs.counters,
         }

@@ -3,16 +3,13 @@
 use super::{EventKind, Homed, JOG_SPEED_MAX, Motion, Rig, SPEED_MAX_M_PER_S, ticks};
 use crate::TICK_S;
 use crate::crossing::TwistLimits;
+use crate::forecast::Forecast;
 use crate::mechanism::Mechanism;
 use crate::observer::{Confidence, LoadSource, Observation};
-use crate::planner::{Limits, Planner, Ramp};
+use crate::planner::{LOAD_ACCELERATION, Limits, Planner, Ramp};
 use crate::position_loop::PositionLoop;
 use rig_link::messages::{Accepted, Limit, LoadChoice, Parameter, Refusal, State};
 
-/// Acceleration of the load (m/s²), unless the motor allows less.
-pub const LOAD_ACCELERATION: f32 = 0.02;
-/// Share of the motor's limits that the planner uses; the rest is the loop's.
-const PLANNED_SHARE: f32 = 0.9;
 /// Error (m) within which a load counts as arrived: half an LVDT count. The loop goes on holding after that.
 const ARRIVED_M: f32 = 25e-6;
 /// Time within that error after which a move is done, and longest wait for it.
@@ -70,10 +67,8 @@ impl Rig<'_> {
         }
         self.observer.source = source;
         self.adaptation.forget_move();
-        // From rest the way is known before it begins; what is turned round under way is not worth a second formula.
         let way_m = target_m - self.planner.set_point_m();
-        self.time_left_s =
-            self.planner.is_at_rest().then(|| Limits::new(speed_m_per_s, LOAD_ACCELERATION).duration_s(way_m));
+        self.forecast = Some(Forecast::new(way_m, self.planner.speed_m_per_s(), speed_m_per_s));
         self.planner.go_to(target_m);
         self.position_loop.crossing.set_out(self.planner.setting_out());
         self.motion = Motion::Load { speed_m_per_s, stopping: false };
@@ -99,7 +94,7 @@ impl Rig<'_> {
         match (self.state, &mut self.motion) {
             (State::Moving, Motion::Load { stopping, .. }) if !*stopping => {
                 *stopping = true;
-                self.time_left_s = None;
+                self.forecast = None;
                 self.planner.brake(&Limits::new(SPEED_MAX_M_PER_S, LOAD_ACCELERATION));
             }
             (State::Moving, Motion::Jog { speed_rad_per_s }) => *speed_rad_per_s = 0.0,
@@ -162,31 +157,25 @@ impl Rig<'_> {
         events: &mut heapless::Vec<EventKind, 4>,
     ) {
         let tr = seen.point.tr_rad_per_m();
-        // The motor's limits, translated to the load at this twist and load: a heavy load is not asked for a light
-        // load's speed.
-        let speed_at_motor_limit = PLANNED_SHARE * self.constants.twist_speed_max() / tr;
-        if speed_at_motor_limit < speed_m_per_s && self.state == State::Moving {
-            self.limit = Some(Limit::MotorSpeed);
-            self.time_left_s = None;
+        let mechanism = Mechanism { table: self.table, twist_scale: homed.twist_scale };
+        let twist_rad = self.shaft.position - homed.zero_rad;
+        let (planned, limit) = Limits::for_motor(speed_m_per_s, tr, seen.pull_n, &self.constants);
+        if self.state == State::Moving {
+            self.limit = limit.or(self.limit);
         }
-        let acceleration = LOAD_ACCELERATION.min(PLANNED_SHARE * self.constants.twist_acceleration_max() / tr);
-        if acceleration < LOAD_ACCELERATION && self.state == State::Moving {
-            self.limit = Some(Limit::MotorAcceleration);
-            self.time_left_s = None;
-        }
-        let planned = Limits::new(speed_m_per_s.min(speed_at_motor_limit), acceleration);
         // Until the strings have taken up friction the load cannot move: no set-point leaves it behind.
         let waiting = self.position_loop.crossing.is_waiting();
         let set_point = if waiting { self.planner.wait() } else { self.planner.step(&planned) };
         let setting_out = waiting.then_some(speed_m_per_s);
-        if !waiting {
-            self.time_left_s = self.time_left_s.map(|left_s| (left_s - TICK_S).max(0.0));
+        if let Some(forecast) = &mut self.forecast {
+            forecast.work(seen.load_n, twist_rad, tr, &mechanism, &self.constants);
+            if !waiting {
+                forecast.tick();
+            }
         }
         let position_m = homed.reference_gap_m - gap_m;
         let limit = self.constants.twist_speed_max();
         let limits = TwistLimits { speed: limit, acceleration: self.constants.twist_acceleration_max() };
-        let mechanism = Mechanism { table: self.table, twist_scale: homed.twist_scale };
-        let twist_rad = self.shaft.position - homed.zero_rad;
         let out = self.position_loop.step(
             &set_point,
             setting_out,
