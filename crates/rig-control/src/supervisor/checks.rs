@@ -137,7 +137,7 @@ impl Rig<'_> {
         if lasts(&mut self.checks.follow_ticks, off, FOLLOW_TICKS) {
             return Some(Fault::FollowingError);
         }
-        None
+        self.adaptation.disagrees().then_some(Fault::ModelResidual)
     }
 
     fn drive_fault(&mut self, inputs: &Inputs, started: bool) -> Option<Fault> {

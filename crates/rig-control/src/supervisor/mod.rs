@@ -395,6 +395,11 @@ impl<'t> Rig<'t> {
                     self.restart();
                 } else {
                     self.checks = Checks::new();
+                    if fault == Fault::ModelResidual {
+                        // The twist is still counted from the same zero, but the gap no longer goes with it.
+                        self.homed = None;
+                        self.adaptation = Adaptation::new(1.0);
+                    }
                     self.state = if self.homed.is_some() { State::Ready } else { State::Unhomed };
                 }
                 Ok(Accepted::Done)
