@@ -107,6 +107,11 @@ impl Crossing {
         self.waiting
     }
 
+    /// Whether its way is still to be worked out, which takes a table lookup.
+    pub fn is_to_plan(&self) -> bool {
+        self.to_cross
+    }
+
     /// How long it still waits (s), as planned; `None` until that is worked out.
     pub fn left_s(&self) -> Option<f32> {
         (!self.to_cross).then_some(self.left_s)

@@ -69,6 +69,12 @@ impl Forecast {
             self.first = Some(Limits::for_motor(self.asked_m_per_s, tr, pull_n, rig).0);
             return;
         };
+        if self.piece == PIECES {
+            // In a tick of its own: there is a search in it.
+            let last = Limits::for_motor(self.asked_m_per_s, self.tr_rad_per_m, pull_n, rig).0;
+            self.total_s = Some(first.duration_from_s(self.from_m_per_s, self.distance_m, self.cruise_s, &last));
+            return;
+        }
         let dx_m = self.distance_m / f32::from(PIECES);
         let middle_rad = self.twist_rad + self.way * 0.5 * dx_m * self.tr_rad_per_m;
         self.tr_rad_per_m = mechanism.at(pull_n, middle_rad).tr_rad_per_m();
@@ -76,8 +82,5 @@ impl Forecast {
         let (limits, _) = Limits::for_motor(self.asked_m_per_s, self.tr_rad_per_m, pull_n, rig);
         self.cruise_s += dx_m / limits.speed;
         self.piece += 1;
-        if self.piece == PIECES {
-            self.total_s = Some(first.duration_from_s(self.from_m_per_s, self.distance_m, self.cruise_s, &limits));
-        }
     }
 }

@@ -168,7 +168,10 @@ impl Rig<'_> {
         let set_point = if waiting { self.planner.wait() } else { self.planner.step(&planned) };
         let setting_out = waiting.then_some(speed_m_per_s);
         if let Some(forecast) = &mut self.forecast {
-            forecast.work(seen.load_n, twist_rad, tr, &mechanism, &self.constants);
+            // One extra lookup in a tick is enough.
+            if !self.position_loop.crossing.is_to_plan() {
+                forecast.work(seen.load_n, twist_rad, tr, &mechanism, &self.constants);
+            }
             if !waiting {
                 forecast.tick();
             }
