@@ -40,6 +40,51 @@ fn homes_and_moves_a_load_it_was_not_told_of() {
     }
 }
 
+/// Every state, and whatever works hardest in it.
+#[test]
+fn no_tick_takes_four_thousand_instructions() {
+    let mut b = Bench::new(&[("load", "0.15kg"), ("friction", "0.2"), ("twist_at_boot", "20")], 13);
+    let mut seen = Vec::new();
+    let mut after = |b: &Bench, what: &'static str| {
+        let most = b.machine.stats().tick.instructions_max;
+        println!("{most:5} at most after {what}");
+        seen.push((what, most));
+    };
+    b.home();
+    after(&b, "homing");
+    let go = |target_m: f32, speed_m_per_s: f32| Request::Move { target_m, speed_m_per_s, load: LoadChoice::Auto };
+    b.ask(&go(0.012, 0.002)).unwrap();
+    assert!(b.until(20.0, |b| b.state() == State::Holding));
+    after(&b, "a move");
+    // Turned back in mid-move, more than once and sooner than a forecast is made, faster than the motor.
+    b.ask(&go(0.001, 0.02)).unwrap();
+    b.run(0.8);
+    for (target_m, load) in [(0.010, 1.0), (0.0098, 1.6), (0.004, 2.2), (0.012, 1.2)] {
+        b.ask(&Request::Move { target_m, speed_m_per_s: 0.02, load: LoadChoice::Known(load) }).unwrap();
+        b.run(0.33);
+    }
+    after(&b, "new targets");
+    b.ask(&go(0.006, 0.002)).unwrap();
+    b.run(1.0);
+    b.machine.board_mut().set_plant("load", "0.4kg").unwrap();
+    assert!(b.until(20.0, |b| b.state() == State::Holding));
+    after(&b, "another load");
+    b.ask(&go(0.010, 0.002)).unwrap();
+    b.run(1.5);
+    b.ask(&Request::Stop).unwrap();
+    assert!(b.until(5.0, |b| b.state() == State::Holding));
+    b.ask(&Request::Jog { twist_speed_rad_per_s: 2.0 }).unwrap();
+    b.run(1.0);
+    b.ask(&Request::Stop).unwrap();
+    b.run(1.0);
+    after(&b, "stop and jog");
+    b.machine.board_mut().set_fault(RigFault::LvdtOpen, true);
+    assert!(b.until(1.0, |b| b.state() == State::Fault));
+    b.run(0.5);
+    after(&b, "a fault");
+    assert!(seen.iter().all(|(_, most)| *most < 4000), "{seen:?}");
+}
+
 #[test]
 fn noise_on_the_link_and_strangers_on_the_bus_are_ignored_and_counted() {
     let mut b = Bench::new(&[], 3);

@@ -1,6 +1,7 @@
 //! Homing and moving the emulated rig with the control code alone: the floors of the first issue over many plants.
 
 use host_tests::{Desk, table};
+use rig_control::adaptation::Learned;
 use rig_emulator::rig::faults::Fault as RigFault;
 use rig_link::messages::{EventKind, Fault, Limit, LoadChoice, Parameter, Refusal, Request, State};
 use std::f64::consts::PI;
@@ -203,6 +204,38 @@ fn faults_of_the_rig_are_found_and_latched() {
         let (found, d) = fault_of(rig);
         assert!(found.is_some_and(|f| expected.contains(&f)), "{rig:?}: {found:?}");
         assert_eq!(d.control.state(), State::Fault);
+    }
+}
+
+#[test]
+fn a_string_that_slipped_is_no_new_load() {
+    for load in ["0.1kg", "0.5kg", "1.5kg"] {
+        let go = |d: &mut Desk, target_m: f32| d.move_to(target_m, 0.002, LoadChoice::Auto);
+        // A load that changes, and a drift within what is learned, are no faults.
+        for near_miss in ["load", "drift", "slip"] {
+            let mut d = homed(load, "5", 11);
+            go(&mut d, 0.006).unwrap();
+            match near_miss {
+                "load" => d.rig.set_plant("load", &(0.8 * d.truth().load_n).max(1.1).to_string()).unwrap(),
+                "drift" => {
+                    let learned = d.control.learned().unwrap();
+                    assert!(d.control.recall(&Learned { twist_scale: learned.twist_scale + 0.02, ..learned }));
+                }
+                _ => d.rig.set_fault(RigFault::StringSlip, true),
+            }
+            d.run(1.0);
+            let moves = [0.011, 0.003, 0.011, 0.003, 0.011].map(|target_m| go(&mut d, target_m).is_ok());
+            println!("{load}, {near_miss}: {moves:?}, {:?}", d.control.fault());
+            if near_miss != "slip" {
+                assert!(moves.iter().all(|well| *well), "{load}, {near_miss}: {:?}", d.control.fault());
+                continue;
+            }
+            assert_eq!(d.control.fault(), Some(Fault::ModelResidual), "{load}");
+            assert!(d.tick(Some(Request::Clear)).reply.is_some_and(|r| r.is_ok()));
+            assert_eq!(d.control.state(), State::Unhomed);
+            d.home().unwrap();
+            go(&mut d, 0.011).unwrap();
+        }
     }
 }
 

@@ -7,8 +7,10 @@ use host_tests::compare::{Comparison, Controller, Entry, untuned};
 use host_tests::scenario;
 
 /// What `cargo xtask compare` found for the fixed ratio: with the least error, and with the most settled moves.
-const LEAST_ERROR: Loop = Loop { tr_rad_per_m: Some(2757.0), gain_per_s: 7.68, corner_rad_per_s: 25.3 };
-const MOST_SETTLED: Loop = Loop { tr_rad_per_m: Some(2757.0), gain_per_s: 4.8, corner_rad_per_s: 23.0 };
+const LEAST_ERROR: Loop =
+    Loop { tr_rad_per_m: Some(2757.0), gain_per_s: 7.68, corner_rad_per_s: 25.3, crossing_rad: 0.0 };
+const MOST_SETTLED: Loop =
+    Loop { tr_rad_per_m: Some(2757.0), gain_per_s: 4.8, corner_rad_per_s: 23.0, crossing_rad: 0.0 };
 
 /// Of the moves without load steps, and of those with.
 fn summaries(entries: &[Entry]) -> [Summary; 2] {

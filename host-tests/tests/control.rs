@@ -167,17 +167,37 @@ fn homes_within_20_mrad_from_any_twist_under_any_load() {
 
 #[test]
 fn the_time_to_target_is_known_beforehand() {
-    let mut d = homed(&[], "0.5kg", "0.05", 2);
-    for (target_m, speed_m_per_s) in [(0.012, 0.002), (0.0115, 0.002), (0.002, 0.001)] {
-        d.tick(Some(Request::Move { target_m, speed_m_per_s, load: LoadChoice::Auto }));
-        let start_s = d.time_s();
-        let said_s = f64::from(d.tick(None).telemetry.time_left_s.expect("nothing holds this move back"));
-        assert!(d.until(30.0, |d| d.last.as_ref().unwrap().telemetry.setpoint_m == Some(target_m)));
-        let took_s = d.time_s() - start_s;
-        println!("to {target_m} m: {said_s:.2} s said, {took_s:.2} s taken");
-        assert!((took_s - said_s).abs() < 0.03, "{took_s} s, said {said_s} s");
-        assert!(d.until(5.0, |d| d.control.state() == State::Holding));
+    for (load, friction) in [("0.5kg", "0.05"), ("0.15kg", "0.2"), ("1.5kg", "0.1")] {
+        let mut d = homed(&[], load, friction, 2);
+        // Both ways, short, and faster than the motor.
+        for (target_m, speed_m_per_s) in
+            [(0.012, 0.002), (0.0115, 0.002), (0.002, 0.001), (0.016, 0.02), (0.001, 0.02), (0.004, 0.002)]
+        {
+            let (said_s, took_s) = time(&mut d, target_m, speed_m_per_s);
+            println!("{load} to {target_m} m: {said_s:.2} s said, {took_s:.2} s taken");
+            assert!((took_s - said_s).abs() < 0.1 + 0.03 * took_s, "{took_s} s, said {said_s} s");
+            assert!(d.until(5.0, |d| d.control.state() == State::Holding));
+        }
+        // Another target on the way, ahead and then behind.
+        let mut d = homed(&[], load, friction, 3);
+        for target_m in [0.009, 0.006] {
+            d.tick(Some(Request::Move { target_m, speed_m_per_s: 0.002, load: LoadChoice::Auto }));
+            d.run(1.5);
+        }
+        let (said_s, took_s) = time(&mut d, 0.001, 0.002);
+        println!("{load} turned back: {said_s:.2} s said, {took_s:.2} s taken");
+        assert!((took_s - said_s).abs() < 0.1, "{took_s} s, said {said_s} s");
     }
+}
+
+/// A move: how long it says at first that its set-point will take, and how long it takes (s).
+fn time(d: &mut Desk, target_m: f32, speed_m_per_s: f32) -> (f64, f64) {
+    d.tick(Some(Request::Move { target_m, speed_m_per_s, load: LoadChoice::Auto }));
+    d.run(0.06);
+    let start_s = d.time_s();
+    let said_s = d.last.as_ref().unwrap().telemetry.time_left_s.expect("known by now");
+    assert!(d.until(30.0, |d| d.last.as_ref().unwrap().telemetry.setpoint_m == Some(target_m)));
+    (said_s.into(), d.time_s() - start_s)
 }
 
 #[test]

@@ -4,8 +4,9 @@
 //! x = (∂G/∂s)/(∂G/∂F), which grows with twist: the slope of the estimate over x along one move is δ. A load that
 //! changes under way shows otherwise, and a move in which the observer was surprised teaches nothing.
 //!
-//! Bounded about what homing found, so that what is not drift (slip, a wrong load, a failing sensor) cannot be learned
-//! away: the checks see the same gap as ever. Nothing is stored unless asked for.
+//! Bounded about what homing found, so that what is not drift (slip, a failing sensor) cannot be learned away: moves that
+//! ask for more than the bound, one after the other, mean that gap and table have parted ([`Adaptation::disagrees`]).
+//! Nothing is stored unless asked for.
 
 use crate::mechanism::TWIST_SCALE;
 
@@ -16,6 +17,11 @@ const SHARE: f32 = 0.3;
 const LARGEST_STEP: f32 = 0.004;
 /// Least spread (rms, N) of x along a move that tells anything: 1 % of scale is then 0.015 N.
 const LEAST_SPREAD_N: f32 = 1.5;
+/// Least spread that tells whether the bound is kept: on healthy rigs a move's finding is then within 0.016, after a
+/// slip of 3 mm it is 0.04 and more.
+const LEAST_SPREAD_TO_DOUBT_N: f32 = 0.3;
+/// Moves in a row beyond the bound that are no chance, nor a load that somebody went on filling.
+const DOUBTFUL_MOVES: u8 = 2;
 /// Least readings.
 const LEAST_COUNT: f32 = 100.0;
 
@@ -38,6 +44,8 @@ pub struct Adaptation {
     homed_scale: f32,
     moves: u16,
     at_bound: bool,
+    /// Moves in a row that asked for more than the bound.
+    doubtful: u8,
     count: f32,
     mean_x: f32,
     mean_load: f32,
@@ -52,6 +60,7 @@ impl Adaptation {
             homed_scale,
             moves: 0,
             at_bound: false,
+            doubtful: 0,
             count: 0.0,
             mean_x: 0.0,
             mean_load: 0.0,
@@ -77,10 +86,16 @@ impl Adaptation {
 
     /// The move is over: change of the scale, 0 if it taught nothing.
     pub fn end_move(&mut self, twist_scale: f32) -> f32 {
-        let tells = self.count >= LEAST_COUNT && self.spread >= self.count * LEAST_SPREAD_N * LEAST_SPREAD_N;
-        let found = if tells { self.together / self.spread } else { 0.0 };
+        let found = self.together / self.spread;
+        let spread = |least_n: f32| self.count >= LEAST_COUNT && self.spread >= self.count * least_n * least_n;
+        let (tells, doubts) = (spread(LEAST_SPREAD_N), spread(LEAST_SPREAD_TO_DOUBT_N));
         self.forget_move();
-        if !tells || !found.is_finite() {
+        if !doubts || !found.is_finite() {
+            return 0.0;
+        }
+        let beyond = (twist_scale + found - self.homed_scale).abs() > LARGEST_DRIFT;
+        self.doubtful = if beyond { self.doubtful.saturating_add(1) } else { 0 };
+        if !tells {
             return 0.0;
         }
         self.moves = self.moves.saturating_add(1);
@@ -88,6 +103,11 @@ impl Adaptation {
         let scale = self.bounded(wanted);
         self.at_bound = scale != wanted;
         scale - twist_scale
+    }
+
+    /// Gap and table have parted: what the last moves found is no drift.
+    pub fn disagrees(&self) -> bool {
+        self.doubtful >= DOUBTFUL_MOVES
     }
 
     /// The nearest scale that may be learned.
@@ -133,6 +153,24 @@ mod tests {
     fn what_is_no_drift_is_not_learned_away() {
         let (scale, learned) = learn(1.1, 50, |_| 5.0);
         assert!((scale - 1.0 - LARGEST_DRIFT).abs() < 1e-6 && learned.at_bound);
+    }
+
+    /// Moves of a load whose estimate is off by x · `found`; how many until it disagrees.
+    fn moves_until_it_disagrees(found: impl Fn(u16) -> f32) -> Option<u16> {
+        let mut a = Adaptation::new(1.0);
+        (0..20).find(|k| {
+            (0..300u16).for_each(|n| a.record(0.005 * f32::from(n), 1.0 + 0.005 * f32::from(n) * found(*k)));
+            a.end_move(1.0);
+            a.disagrees()
+        })
+    }
+
+    #[test]
+    fn moves_that_ask_for_more_than_the_bound_are_doubted() {
+        assert_eq!(moves_until_it_disagrees(|_| 0.04), Some(1));
+        assert_eq!(moves_until_it_disagrees(|_| -0.3), Some(1));
+        assert_eq!(moves_until_it_disagrees(|_| 0.029), None, "a drift");
+        assert_eq!(moves_until_it_disagrees(|k| if k % 2 == 0 { 0.1 } else { 0.0 }), None, "never twice in a row");
     }
 
     #[test]

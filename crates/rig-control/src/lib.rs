@@ -8,6 +8,8 @@
 //! - [`planner`]: acceleration- and jerk-limited motion.
 //! - [`observer`]: the load, from twist and gap.
 //! - [`position_loop`]: set-point and measured position to twist speed, through TR.
+//! - [`crossing`]: taking up the rail's friction before a move.
+//! - [`forecast`]: how long a move will take.
 //! - [`homing`]: zero twist without switches, then the load.
 //! - [`supervisor`]: states, faults, requests; [`supervisor::Rig::step`] is one control tick.
 
@@ -16,6 +18,8 @@
 
 pub mod adaptation;
 pub mod constants;
+pub mod crossing;
+pub mod forecast;
 pub mod homing;
 pub mod mechanism;
 pub mod observer;

@@ -72,17 +72,23 @@ struct Contestant {
 fn contestants(comparison: &Comparison<'_>, tuned_on: &[u64]) -> Result<Vec<Contestant>> {
     let fixed = untuned();
     let by_table = Loop { tr_rad_per_m: None, ..fixed };
+    let crossing = Loop { crossing_rad: 1.0, ..fixed };
     let mut all = vec![Contestant { name: "a  this controller", controller: Controller::Firmware, note: None }];
     for (name, start, goal, wanted) in [
         ("b  fixed ratio, most settled", fixed, Goal::Settling, "the most settled moves, then the least rms error"),
         ("b' fixed ratio, least error", fixed, Goal::LeastError, "the least rms error without load steps"),
+        ("b\" fixed ratio and crossing", crossing, Goal::LeastError, "the same, with a fixed crossing of friction"),
         ("e  b' by the table's ratio", by_table, Goal::LeastError, "the same (the table's ratio under the known load)"),
     ] {
         eprintln!("{name}: tuning on {} plants …", tuned_on.len());
         let tuned = comparison.tune(start, goal, tuned_on).map_err(|e| anyhow!(e))?;
         let ratio = tuned.tr_rad_per_m.map_or("by the table".into(), |tr| format!("{:.2} rad/mm", tr * 1e-3));
+        let crossing = match tuned.crossing_rad {
+            0.0 => String::new(),
+            rad => format!(", crossing {rad:.2} rad"),
+        };
         let note = format!(
-            "{}: TR {ratio}, gain {:.2} 1/s, corner {:.1} rad/s, searched for {wanted} on the {} plants with the least or \
+            "{}: TR {ratio}, gain {:.2} 1/s, corner {:.1} rad/s{crossing}, searched for {wanted} on the {} plants with the least or \
              the most friction, damping, k2, modulus, backlash or noise.",
             name[..2].trim(),
             tuned.gain_per_s,

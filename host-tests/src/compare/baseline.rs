@@ -48,7 +48,13 @@ pub struct Loop {
     pub gain_per_s: f32,
     /// Corner of the two poles that smooth the error (rad/s).
     pub corner_rad_per_s: f32,
+    /// Twist (rad) that is turned at once where a move begins against the last one, to take up friction: one for all
+    /// loads and twists.
+    pub crossing_rad: f32,
 }
+
+/// Share of the motor's speed and acceleration that the crossing may take, as the firmware's.
+const CROSSING_SHARE: f32 = 0.7;
 
 /// How the strings' twist is chosen.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -104,6 +110,11 @@ pub struct Baseline {
     drive_offset: i64,
     reference_gap_m: f32,
     smoothed: [f32; 2],
+    /// Twist of the crossing so far and its end (rad).
+    crossing: Ramp,
+    crossing_end_rad: f32,
+    /// Sign of the last move's way; 0 before the first.
+    way: f32,
     reference_load_n: f32,
     course: Option<Course>,
 }
@@ -123,6 +134,9 @@ impl Baseline {
             drive_offset: 0,
             reference_gap_m: 0.0,
             smoothed: [0.0; 2],
+            crossing: Ramp::at(0.0),
+            crossing_end_rad: 0.0,
+            way: 0.0,
             reference_load_n: 0.0,
             course: None,
         }
@@ -175,7 +189,25 @@ impl Baseline {
         self.smoothed[1] += blend * (self.smoothed[0] - self.smoothed[1]);
         let twist_rad = self.shaft.position - self.zero_rad;
         let by_table = || self.table.point_inside(w.load_n, twist_rad).tr_rad_per_m();
-        law.tr_rad_per_m.unwrap_or_else(by_table) * (w.speed_m_per_s + law.gain_per_s * self.smoothed[1])
+        let tr = law.tr_rad_per_m.unwrap_or_else(by_table);
+        tr * (w.speed_m_per_s + law.gain_per_s * self.smoothed[1]) + self.cross(law.crossing_rad)
+    }
+
+    /// Twist speed (rad/s) of the crossing, which begins when the target changes sides: with the firmware's, before the
+    /// set-point sets out.
+    fn cross(&mut self, crossing_rad: f32) -> f32 {
+        let left_m = self.wanted.target_m - self.wanted.set_point_m;
+        if left_m != 0.0 && left_m.signum() != self.way {
+            // From rest at the reference the pull is in the middle of the band, not at its other end.
+            let share = if self.way == 0.0 { 0.5 } else { 1.0 };
+            self.way = left_m.signum();
+            self.crossing_end_rad += share * self.way * crossing_rad;
+        }
+        let before_rad = self.crossing.position;
+        let [speed, acceleration] =
+            [self.rig.twist_speed_max(), self.rig.twist_acceleration_max()].map(|most| CROSSING_SHARE * most);
+        self.crossing.step(self.crossing_end_rad, speed, acceleration);
+        (self.crossing.position - before_rad) / TICK_S
     }
 
     /// The twist at which the table has the load at a position (rad).

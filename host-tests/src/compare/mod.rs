@@ -5,6 +5,10 @@
 //! - [`baseline`]: what the firmware's control is held against. [`tune`]: the best gains for it.
 //! - [`score`]: tracking, settling, overshoot, energy. [`report`]: table, CSV and figure.
 //!
+//! What is fair: a fixed ratio gets the same feedback, set by search on the comparison's own plants, and (b") even a fixed
+//! crossing of the friction band, its size searched for too. What takes the table and the load stays with the firmware: TR
+//! by load and twist, the friction band in twist, and seeing when a load comes free.
+//!
 //! Every baseline follows the set-points that the firmware's planner made on the same plant, so that all are asked the
 //! same. A plant on which the firmware fails has none: its failure is a result, and what it had played is left out.
 
@@ -178,7 +182,7 @@ pub fn untuned() -> Loop {
         })
     });
     let mean = ratios.sum::<f32>() / f32::from(STEPS * STEPS);
-    Loop { tr_rad_per_m: Some(mean), gain_per_s: 3.0, corner_rad_per_s: 9.0 }
+    Loop { tr_rad_per_m: Some(mean), gain_per_s: 3.0, corner_rad_per_s: 9.0, crossing_rad: 0.0 }
 }
 
 /// `f` of every item, on all cores, in the items' order.

@@ -2,6 +2,7 @@
 
 use super::play::Record;
 use rig_control::TICK_S;
+use std::ops::Range;
 
 /// How near the target counts as settled (m).
 pub const SETTLED_M: f64 = 50e-6;
@@ -11,7 +12,7 @@ const STAYED: usize = 50;
 /// One move's figures.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Score {
-    /// Largest error while the set-point travels (m).
+    /// Largest error until the set-point arrives (m).
     pub max_m: f64,
     /// Sum of its squares (m²), and of how many ticks.
     pub squares_m2: f64,
@@ -33,9 +34,14 @@ impl Score {
         let arrives = record.set_points_m.iter().rposition(|s| (f64::from(*s) - target_m).abs() > 1e-9);
         // Where the set-point itself does not arrive nothing can settle.
         let travel = arrives.map_or(0, |last| last + 2).min(record.set_points_m.len());
-        let errors =
-            record.set_points_m[..travel].iter().zip(&record.positions_m).map(|(s, p)| (f64::from(*s) - p).abs());
-        let (max_m, squares_m2) = errors.fold((0.0f64, 0.0), |(max, sum), e| (max.max(e), sum + e * e));
+        // A set-point that waits for the load to come free does not make the mean smaller.
+        let waits = record.set_points_m.iter().position(|s| *s != record.set_points_m[0]).unwrap_or(0).min(travel);
+        let errors = |ticks: Range<usize>| {
+            let both = record.set_points_m[ticks.clone()].iter().zip(&record.positions_m[ticks]);
+            both.map(|(s, p)| (f64::from(*s) - p).abs())
+        };
+        let max_m = errors(0..travel).fold(0.0, f64::max);
+        let squares_m2 = errors(waits..travel).map(|e| e * e).sum();
         let off = |p: &f64| (p - target_m).abs() > SETTLED_M;
         let settled = record.positions_m.iter().rposition(off).map_or(0, |last| last + 1);
         let stays = settled + STAYED <= record.positions_m.len() && travel < record.positions_m.len();
@@ -43,7 +49,7 @@ impl Score {
         Self {
             max_m,
             squares_m2,
-            ticks: travel,
+            ticks: travel - waits,
             settling_s: stays.then(|| settled.saturating_sub(travel) as f64 * f64::from(TICK_S)),
             overshoot_m: record.positions_m.iter().map(|p| (p - target_m) * way).fold(0.0, f64::max),
             energy_j: record.energy_j,

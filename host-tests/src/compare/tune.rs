@@ -66,12 +66,13 @@ pub fn search(start: Loop, mut cost: impl FnMut(&[Loop], f64) -> Vec<f64>) -> Lo
     best.0
 }
 
-fn neighbours(at: Loop, by: f32) -> [Loop; 3] {
+fn neighbours(at: Loop, by: f32) -> [Loop; 4] {
     [
         Loop { gain_per_s: at.gain_per_s * by, ..at },
         Loop { corner_rad_per_s: at.corner_rad_per_s * by, ..at },
         // A faster corner lets the gain be higher.
         Loop { gain_per_s: at.gain_per_s * by, corner_rad_per_s: at.corner_rad_per_s * by, ..at },
+        Loop { crossing_rad: at.crossing_rad * by, ..at },
     ]
 }
 
@@ -87,7 +88,7 @@ mod tests {
             // What is above the limit need not be right.
             candidates.iter().map(of).map(|cost| if cost > limit { f64::INFINITY } else { cost }).collect()
         };
-        let start = Loop { tr_rad_per_m: None, gain_per_s: 9.0, corner_rad_per_s: 5.0 };
+        let start = Loop { tr_rad_per_m: None, gain_per_s: 9.0, corner_rad_per_s: 5.0, crossing_rad: 0.0 };
         let best = search(start, cost);
         assert!((best.gain_per_s / 1.7 - 1.0).abs() < 0.06, "{best:?}");
         assert!((best.corner_rad_per_s / 22.0 - 1.0).abs() < 0.06, "{best:?}");

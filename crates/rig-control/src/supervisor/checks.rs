@@ -248,7 +248,7 @@ impl Rig<'_> {
         if lasts(&mut self.checks.follow_ticks, off, FOLLOW_TICKS) {
             return Some(Fault::FollowingError);
         }
-        None
+        self.adaptation.disagrees().then_some(Fault::ModelResidual)
     }
 
     fn lvdt_fault(&mut self, inputs: &Inputs, lvdt: LvdtReading, started: bool) -> Option<Fault> {

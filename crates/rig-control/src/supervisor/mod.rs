@@ -19,6 +19,7 @@ mod motion;
 pub mod response;
 
 use crate::adaptation::{Adaptation, Learned};
+use crate::forecast::Forecast;
 use crate::homing::{Homed, Homing, Progress, Seen};
 use crate::mechanism::Mechanism;
 use crate::observer::{Confidence, LoadObserver};
@@ -27,7 +28,6 @@ use crate::position_loop::PositionLoop;
 use crate::sensors::{DriveReading, GAP_DELAY_S, Lvdt, LvdtBlock, LvdtReading, SupplyReading};
 use crate::{RigConstants, TICK_S, TICK_US};
 use checks::Checks;
-pub use motion::LOAD_ACCELERATION;
 use response::{Response, needs_homing, response};
 use rig_link::messages::{
     Accepted, Counters, EventKind, Fault, HomingFailure, Limit, Refusal, Request, Sensor, State, Telemetry,
@@ -135,8 +135,8 @@ pub struct Rig<'t> {
     planner: Planner,
     position_loop: PositionLoop,
     motion: Motion,
-    /// Time until the set-point is at its target (s), as planned.
-    time_left_s: Option<f32>,
+    /// Time until the set-point is at its target.
+    forecast: Option<Forecast>,
     /// Ticks that the load has stood at its target.
     at_rest_ticks: u16,
     arrived_ticks: u16,
@@ -191,7 +191,7 @@ impl<'t> Rig<'t> {
             planner: Planner::at(0.0),
             position_loop: PositionLoop::default(),
             motion: Motion::Jog { speed_rad_per_s: 0.0 },
-            time_left_s: None,
+            forecast: None,
             at_rest_ticks: 0,
             arrived_ticks: 0,
             last_position_m: 0.0,
@@ -441,6 +441,11 @@ impl<'t> Rig<'t> {
                     let gap_m = lvdt.gap_m();
                     let twist_rad = self.homed.map(|h| shaft_rad - h.zero_rad);
                     self.checks = Checks::cleared(inputs, gap_m, twist_rad);
+                    if fault == Fault::ModelResidual {
+                        // The drive need not let go: its twist is good, but the gap no longer goes with it.
+                        self.homed = None;
+                        self.adaptation = Adaptation::new(1.0);
+                    }
                     self.state = if self.homed.is_some() { State::Ready } else { State::Unhomed };
                 }
                 let _ = events.push(EventKind::FaultCleared(fault));
@@ -500,6 +505,13 @@ impl<'t> Rig<'t> {
         }
     }
 
+    /// Until the set-point is at its target (s): crossing friction, then the move. `None` in a move's first ticks.
+    fn time_left_s(&self) -> Option<f32> {
+        let run_s = self.forecast.as_ref()?.left_s()?;
+        let crossing = &self.position_loop.crossing;
+        if crossing.is_waiting() { crossing.left_s().map(|wait_s| wait_s + run_s) } else { Some(run_s) }
+    }
+
     fn telemetry(
         &self,
         inputs: &Inputs,
@@ -528,7 +540,7 @@ impl<'t> Rig<'t> {
             tr_rad_per_m: observed.map(|o| o.point.tr_rad_per_m()),
             drive_current_a,
             drive_speed_rad_per_s,
-            time_left_s: self.time_left_s.filter(|_| planned),
+            time_left_s: self.time_left_s().filter(|_| planned),
             twist_scale: self.homed.map(|h| h.twist_scale),
             counters: Counters { late_ticks: self.late_ticks, ..inputs.counters },
         }

@@ -2,16 +2,14 @@
 
 use super::{EventKind, Homed, JOG_SPEED_MAX, Motion, Rig, SPEED_MAX_M_PER_S, ticks};
 use crate::TICK_S;
+use crate::crossing::TwistLimits;
+use crate::forecast::Forecast;
 use crate::mechanism::Mechanism;
 use crate::observer::{Confidence, LoadSource, Observation};
-use crate::planner::{Limits, Planner, Ramp};
-use crate::position_loop::{PositionLoop, TwistLimits};
+use crate::planner::{LOAD_ACCELERATION, Limits, Planner, Ramp};
+use crate::position_loop::PositionLoop;
 use rig_link::messages::{Accepted, Limit, LoadChoice, Parameter, Refusal, State};
 
-/// Acceleration of the load (m/s²), unless the motor allows less.
-pub const LOAD_ACCELERATION: f32 = 0.02;
-/// Share of the motor's limits that the planner uses; the rest is the loop's.
-const PLANNED_SHARE: f32 = 0.9;
 /// Error (m) within which a load counts as arrived: half an LVDT count. The loop goes on holding after that.
 const ARRIVED_M: f32 = 25e-6;
 /// Time within that error after which a move is done, and longest wait for it.
@@ -19,6 +17,8 @@ const ARRIVED_TICKS: u16 = ticks(30);
 const PATIENCE_TICKS: u16 = ticks(600);
 /// How far below the half-turn pre-twist the strings may be untwisted by the loop (rad).
 const BELOW_PRETWIST: f32 = 0.15;
+/// How far (m) a load may hang lower at the pre-twist than its estimate says.
+const HANGS_M: f32 = 0.5e-3;
 /// How far outside the table's range a move may begin (rad).
 const OUTSIDE_RAD: f32 = 0.2;
 /// Acceleration of a jog (rad/s²).
@@ -35,11 +35,15 @@ fn check(parameter: Parameter, given: f32, min: f32, max: f32) -> Result<f32, Re
 }
 
 impl Rig<'_> {
-    /// The position that the strings can bring this load to (m).
-    fn travel_m(&self, homed: &Homed, load_n: f32) -> f32 {
+    /// The positions between which the strings can bring this load (m). A lighter one than at homing hangs higher at the
+    /// half-turn pre-twist and cannot come down to 0.
+    fn travel_m(&self, homed: &Homed, load_n: f32) -> [f32; 2] {
         let mechanism = Mechanism { table: self.table, twist_scale: homed.twist_scale };
-        let end = mechanism.at(load_n + homed.friction_n, mechanism.twist_max_rad());
-        homed.reference_gap_m - homed.gap_offset_m - end.gap_m
+        let position =
+            |pull_n, twist_rad| homed.reference_gap_m - homed.gap_offset_m - mechanism.at(pull_n, twist_rad).gap_m;
+        let start = position(load_n, self.table.metadata.twist_min_rad);
+        let end = position(load_n + homed.friction_n, mechanism.twist_max_rad());
+        [(start - HANGS_M).max(0.0), end]
     }
 
     pub(super) fn start_move(
@@ -66,7 +70,8 @@ impl Rig<'_> {
             LoadSource::Known(load_n) => load_n,
         };
         let speed_m_per_s = check(Parameter::Speed, speed_m_per_s, 1e-5, SPEED_MAX_M_PER_S)?;
-        let target_m = check(Parameter::Target, target_m, 0.0, self.travel_m(&homed, load_n))?;
+        let [least_m, most_m] = self.travel_m(&homed, load_n);
+        let target_m = check(Parameter::Target, target_m, least_m, most_m)?;
         if self.state == State::Ready {
             // The load may have settled a little beside the reference: begin where it is.
             self.planner = Planner::at(self.last_position_m);
@@ -74,11 +79,10 @@ impl Rig<'_> {
         }
         self.observer.source = source;
         self.adaptation.forget_move();
-        // From rest the way is known before it begins; what is turned round under way is not worth a second formula.
         let way_m = target_m - self.planner.set_point_m();
-        self.time_left_s =
-            self.planner.is_at_rest().then(|| Limits::new(speed_m_per_s, LOAD_ACCELERATION).duration_s(way_m));
+        self.forecast = Some(Forecast::new(way_m, self.planner.speed_m_per_s(), speed_m_per_s));
         self.planner.go_to(target_m);
+        self.position_loop.crossing.set_out(self.planner.setting_out());
         self.motion = Motion::Load { speed_m_per_s, stopping: false };
         self.state = State::Moving;
         (self.arrived_ticks, self.at_rest_ticks) = (0, 0);
@@ -102,7 +106,7 @@ impl Rig<'_> {
         match (self.state, &mut self.motion) {
             (State::Moving, Motion::Load { stopping, .. }) if !*stopping => {
                 *stopping = true;
-                self.time_left_s = None;
+                self.forecast = None;
                 self.planner.brake(&Limits::new(SPEED_MAX_M_PER_S, LOAD_ACCELERATION));
             }
             (State::Moving, Motion::Jog { speed_rad_per_s }) => *speed_rad_per_s = 0.0,
@@ -165,27 +169,38 @@ impl Rig<'_> {
         events: &mut heapless::Vec<EventKind, 4>,
     ) {
         let tr = seen.point.tr_rad_per_m();
-        // The motor's limits, translated to the load at this twist and load: a heavy load is not asked for a light
-        // load's speed.
-        let speed_at_motor_limit = PLANNED_SHARE * self.constants.twist_speed_max() / tr;
-        if speed_at_motor_limit < speed_m_per_s && self.state == State::Moving {
-            self.limit = Some(Limit::MotorSpeed);
-            self.time_left_s = None;
+        let mechanism = Mechanism { table: self.table, twist_scale: homed.twist_scale };
+        let twist_rad = self.shaft.position - homed.zero_rad;
+        let (planned, limit) = Limits::for_motor(speed_m_per_s, tr, seen.pull_n, &self.constants);
+        if self.state == State::Moving {
+            self.limit = limit.or(self.limit);
         }
-        let acceleration = LOAD_ACCELERATION.min(PLANNED_SHARE * self.constants.twist_acceleration_max() / tr);
-        if acceleration < LOAD_ACCELERATION && self.state == State::Moving {
-            self.limit = Some(Limit::MotorAcceleration);
-            self.time_left_s = None;
+        // Until the strings have taken up friction the load cannot move: no set-point leaves it behind.
+        let waiting = self.position_loop.crossing.is_waiting();
+        let set_point = if waiting { self.planner.wait() } else { self.planner.step(&planned) };
+        let setting_out = waiting.then_some(speed_m_per_s);
+        if let Some(forecast) = &mut self.forecast {
+            // One extra lookup in a tick is enough.
+            if !self.position_loop.crossing.is_to_plan() {
+                forecast.work(seen.load_n, twist_rad, tr, &mechanism, &self.constants);
+            }
+            if !waiting {
+                forecast.tick();
+            }
         }
-        self.time_left_s = self.time_left_s.map(|left_s| (left_s - TICK_S).max(0.0));
-        let planned = Limits::new(speed_m_per_s.min(speed_at_motor_limit), acceleration);
-        let set_point = self.planner.step(&planned);
         let position_m = homed.reference_gap_m - gap_m;
         let limit = self.constants.twist_speed_max();
         let limits = TwistLimits { speed: limit, acceleration: self.constants.twist_acceleration_max() };
-        let mechanism = Mechanism { table: self.table, twist_scale: homed.twist_scale };
-        let twist_rad = self.shaft.position - homed.zero_rad;
-        let out = self.position_loop.step(&set_point, position_m, self.gap_age_s, seen, &mechanism, twist_rad, &limits);
+        let out = self.position_loop.step(
+            &set_point,
+            setting_out,
+            position_m,
+            self.gap_age_s,
+            seen,
+            &mechanism,
+            twist_rad,
+            &limits,
+        );
         self.shaft.speed = out.twist_speed_rad_per_s.clamp(-limit, limit);
         let next = self.shaft.position + self.shaft.speed * TICK_S;
         let (low, high) = (self.table.metadata.twist_min_rad - BELOW_PRETWIST, self.table.metadata.twist_max_rad);

@@ -60,7 +60,6 @@ pub const fn needs_homing(fault: Fault) -> bool {
         | Fault::EncoderStuck
         | Fault::EncoderJump
         | Fault::EncoderDisagrees
-        | Fault::ModelResidual
         | Fault::StringBreak
         | Fault::NotFinite
         | Fault::TableCorrupt
@@ -75,6 +74,7 @@ pub const fn needs_homing(fault: Fault) -> bool {
         | Fault::LvdtNoisy
         | Fault::LvdtFrozen
         | Fault::LvdtStalled
+        | Fault::ModelResidual
         | Fault::FollowingError
         | Fault::LimitSwitch
         | Fault::Supply

@@ -4,12 +4,10 @@ use crate::cli::Global;
 use crate::failure::Failure;
 use crate::output::Output;
 use rig_control::TICK_S;
-use rig_control::planner::{Limits, Planner};
+use rig_control::planner::{LOAD_ACCELERATION, Limits, PLANNED_SHARE, Planner};
 use rig_link::LoadChoice;
 use serde_json::json;
 
-/// Acceleration that the firmware plans with (m/s²).
-const ACCELERATION: f32 = rig_control::supervisor::LOAD_ACCELERATION;
 /// Ticks between two printed rows.
 const EVERY: u32 = 25;
 
@@ -34,7 +32,9 @@ pub fn run(global: &Global, to: f64, speed: f64, load: LoadChoice, output: &mut 
         return Err(Failure::failed(format!("speed is {speed} m/s, allowed are 0.00001 to 0.05 m/s")));
     }
     let gear = scene.rig.gear();
-    let twist_speed_max = (0.9 * scene.rig.motor_speed_max_rad_per_s / gear) as f32;
+    let planned = |motor_limit: f64| PLANNED_SHARE * (motor_limit / gear) as f32;
+    let twist_speed_max = planned(scene.rig.motor_speed_max_rad_per_s);
+    let twist_acceleration_max = planned(scene.rig.motor_acceleration_max_rad_per_s2);
     let mut planner = Planner::at(0.0);
     planner.go_to(to as f32);
     output.line("    t s   set-point mm   speed mm/s    turns   motor rpm   TR rad/mm")?;
@@ -47,7 +47,8 @@ pub fn run(global: &Global, to: f64, speed: f64, load: LoadChoice, output: &mut 
         let tr = point.tr_rad_per_m();
         let allowed = twist_speed_max / tr;
         limited |= allowed < speed as f32;
-        let s = planner.step(&Limits::new(allowed.min(speed as f32), ACCELERATION));
+        let s =
+            planner.step(&Limits::new(allowed.min(speed as f32), LOAD_ACCELERATION.min(twist_acceleration_max / tr)));
         if tick.is_multiple_of(EVERY) || s.done {
             let turns = (twist - table.metadata.twist_min_rad) / std::f32::consts::TAU;
             let rpm = f64::from(tr * s.speed_m_per_s) * gear * 60.0 / std::f64::consts::TAU;
