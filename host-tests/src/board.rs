@@ -39,6 +39,8 @@ pub struct Bench {
     pub home_gap_m: Option<f64>,
     /// Whether heartbeats go out.
     pub heartbeat: bool,
+    /// Telemetry frames so far.
+    pub frames: u64,
     /// Bytes of every telemetry frame, to compare runs.
     pub bytes: Vec<u8>,
     decoder: Decoder<Message>,
@@ -65,6 +67,7 @@ impl Bench {
             identity: None,
             home_gap_m: None,
             heartbeat: true,
+            frames: 0,
             bytes: Vec::new(),
             decoder: Decoder::new(),
             damaged: 0,
@@ -107,7 +110,10 @@ impl Bench {
                 continue;
             };
             match frame.body {
-                Message::Telemetry(telemetry) => self.last = Some(telemetry),
+                Message::Telemetry(telemetry) => {
+                    self.last = Some(telemetry);
+                    self.frames += 1;
+                }
                 Message::Identity(identity) => self.identity = Some(identity),
                 Message::Reply { to, result } => self.replies.push((to, result)),
                 Message::Event { kind, .. } => {

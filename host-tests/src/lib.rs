@@ -4,6 +4,8 @@
 
 pub mod board;
 pub mod compare;
+pub mod endurance;
+pub mod fuzz;
 pub mod scenario;
 
 use rig_control::sensors::EncoderCount;

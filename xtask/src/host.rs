@@ -45,6 +45,13 @@ pub fn compare(folders: &Folders, rest: &[String]) -> Result<()> {
     run(cargo(folders).args(["run", "--release", "--package", "host-tests", "--bin", "compare", "--"]).args(rest))
 }
 
+/// Builds the firmware and runs it for long.
+pub fn endurance(folders: &Folders, rest: &[String]) -> Result<()> {
+    system::ensure_emulator_tools()?;
+    firmware::build(folders, &choose(Choice::Auto)?)?;
+    run(cargo(folders).args(["run", "--release", "--package", "host-tests", "--bin", "endurance", "--"]).args(rest))
+}
+
 /// Builds everything and runs the demo.
 pub fn demo(folders: &Folders, rest: &[String]) -> Result<()> {
     system::ensure_emulator_tools()?;

@@ -42,6 +42,12 @@ enum Task {
     Bench,
     /// Count what each way of knowing the mechanism costs: instructions on the emulated board
     Cost,
+    /// A thousand moves with faults, and ten million random bytes at both doors, on the emulated board (an hour)
+    Endurance {
+        /// Passed on: --moves, --bytes, --seed
+        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+        rest: Vec<String>,
+    },
     /// Play the scenarios of the comparison with this controller and others on random plants (docs/comparison.svg, .csv)
     Compare {
         /// Passed on: --plants, --plant, --out
@@ -91,6 +97,7 @@ fn run(arguments: Arguments) -> Result<()> {
         Task::Test => host::test(&folders),
         Task::Bench => bench::bench(&folders),
         Task::Cost => host::cost(&folders),
+        Task::Endurance { rest } => host::endurance(&folders, &rest),
         Task::Compare { rest } => host::compare(&folders, &rest),
         Task::Demo { rest } => host::demo(&folders, &rest),
     }

@@ -2,8 +2,8 @@
 
 use proptest::prelude::*;
 use rig_link::{
-    Accepted, Counters, Decoder, EventKind, Fault, Frame, HomingFailure, Identity, Limit, LoadChoice, MAX_FRAME,
-    Message, Parameter, Refusal, Request, ResetCause, State, TableIdentity, Telemetry, encode,
+    Accepted, Constants, Counters, Decoder, EventKind, Fault, Frame, HomingFailure, Identity, Limit, LoadChoice,
+    MAX_FRAME, Message, Parameter, Refusal, Request, ResetCause, State, TableIdentity, TableRefusal, Telemetry, encode,
 };
 use serde::{Serialize, de::DeserializeOwned};
 
@@ -32,7 +32,23 @@ fn request() -> impl Strategy<Value = Request> {
         Just(Request::Hold),
         Just(Request::Clear),
         Just(Request::Status),
+        constants().prop_map(Request::Rebuild),
     ]
+}
+
+fn constants() -> impl Strategy<Value = Constants> {
+    let float = || prop::num::f64::NORMAL;
+    let lengths = prop::array::uniform4(float());
+    let (string, material) = (prop::array::uniform5(float()), prop::array::uniform5(float()));
+    (any::<u32>(), lengths, string, prop::option::of(float()), material).prop_map(
+        |(scene_hash, geometry_m, string, twist_exponent, stress_coefficients_pa)| Constants {
+            scene_hash,
+            geometry_m,
+            string,
+            twist_exponent,
+            stress_coefficients_pa,
+        },
+    )
 }
 
 fn refusal() -> impl Strategy<Value = Refusal> {
@@ -88,6 +104,18 @@ fn event() -> impl Strategy<Value = EventKind> {
         one_of(HomingFailure::ALL).prop_map(EventKind::HomingRefused),
         float().prop_map(|error_m| EventKind::MoveDone { error_m }),
         one_of(Fault::ALL).prop_map(EventKind::FaultRaised),
+        (float(), float(), any::<u32>(), any::<u64>(), any::<bool>()).prop_map(
+            |(contraction_error_m, tr_relative_error, states, took_us, kept)| EventKind::TableRebuilt {
+                contraction_error_m,
+                tr_relative_error,
+                states,
+                took_us,
+                kept,
+            }
+        ),
+        (one_of(TableRefusal::ALL), float(), float()).prop_map(|(reason, load_n_or_error_m, twist_rad_or_error)| {
+            EventKind::TableRefused { reason, load_n_or_error_m, twist_rad_or_error }
+        }),
     ]
 }
 

@@ -1,5 +1,6 @@
 //! The command line.
 
+use crate::chart;
 use crate::plant::Setting;
 use crate::range::{TurnRange, Vary};
 use crate::script;
@@ -151,6 +152,18 @@ pub enum Command {
     Clear,
     /// Who the board is and what it sees
     Status,
+    /// Speed against accuracy of every method, tier and table form, and where methods fail: figures and their data
+    Chart {
+        /// Folder for the figures (SVG) and their data (CSV)
+        #[arg(long, value_name = "DIR", default_value = "out")]
+        out: PathBuf,
+        /// Only these figures
+        #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = PossibleValuesParser::new(chart::NAMES))]
+        only: Vec<String>,
+    },
+    /// What `chart` runs under callgrind to count instructions
+    #[command(hide = true)]
+    ChartKernel,
     /// Three loads, each on a fresh emulated board, homed and moved alike: a table and a picture
     Demo {
         /// Folder for demo.svg and demo.csv

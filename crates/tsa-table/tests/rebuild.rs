@@ -36,7 +36,8 @@ fn rebuilt(p: &Parameters, tolerance: [f32; 2]) -> Result<(Rebuilt, u32), Rebuil
 
 #[test]
 fn a_rebuilt_table_is_as_good_as_the_generators() {
-    let changes: [(&str, fn(&mut Parameters)); 4] = [
+    type Change = fn(&mut Parameters);
+    let changes: [(&str, Change); 4] = [
         ("the same", |_| {}),
         ("stiffer rods", |p| p.stress_coefficients_pa = p.stress_coefficients_pa.map(|a| 1.1 * a)),
         ("thicker strings", |p| p.k2 *= 1.1),

@@ -237,10 +237,7 @@ fn averages(average: Average, curves: &[Vec<AgainstLoad>], printed: &[&Row]) -> 
         items
     };
     let items: Vec<Vec<Item>> = curves.iter().map(panel_items).collect();
-    let heights = items.iter().flatten().flat_map(|item| match item {
-        Item::Line { points, .. } => points.iter().map(|p| p.1).collect(),
-        Item::Mark { at, .. } => vec![at.1],
-    });
+    let heights = items.iter().flatten().flat_map(Item::points).map(|p| p.1);
     let y = Axis::linear(average.label(), extent(heights.chain([0.0])));
     let x = Axis::linear("load, N", extent(measured.iter().map(|p| p.0)));
     items.into_iter().map(|items| Panel { title: String::new(), x: x.clone(), y: y.clone(), items }).collect()
@@ -262,11 +259,8 @@ fn overview(rows: &[Row], sets: &[Set]) -> Figure {
             sets.iter().enumerate().filter_map(of_set)
         })
         .collect();
-    let across = |item: &Item| match item {
-        Item::Mark { at, .. } => at.0,
-        Item::Line { .. } => 1.0,
-    };
-    let [low, high] = extent(marks.iter().map(across).chain([0.85, 1.15]));
+    let across = marks.iter().flat_map(Item::points).map(|p| p.0);
+    let [low, high] = extent(across.chain([0.85, 1.15]));
     let limits = [low / 1.06, high * 1.06];
     let steps: &[f64] = if high / low > 2.5 {
         &[-0.9, -0.75, -0.5, -0.25, 0.0, 0.5, 1.0, 2.0, 4.0, 9.0]

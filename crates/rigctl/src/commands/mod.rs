@@ -1,7 +1,8 @@
 //! What each command does: [`solve`], [`lookup`] and [`table`] on the desktop alone, [`published`] against the paper and
-//! [`study`] beyond it, [`demo`] on the emulated board, [`simulate`] and [`operate`] on it or on a real one, [`dry_run`]
+//! [`study`] beyond it, [`chart`] on methods against each other, [`demo`] on the emulated board, [`simulate`] and [`operate`] on it or on a real one, [`dry_run`]
 //! on paper.
 
+pub mod chart;
 mod curves;
 pub mod demo;
 pub mod dry_run;
@@ -47,6 +48,8 @@ pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
         Command::Hold => operate::simple(global, &Request::Hold, output),
         Command::Clear => operate::simple(global, &Request::Clear, output),
         Command::Status => operate::status(global, output),
+        Command::Chart { out, only } => chart::run(global, out, only, output),
+        Command::ChartKernel => crate::chart::work::kernel(&scene(global)?),
         Command::Demo { out } => demo::run(global, out, output),
     }
 }

@@ -9,8 +9,8 @@ use rig_link::messages::{Constants, EventKind, Request, TableRefusal};
 use serde_json::json;
 use tsa_model::Scene;
 
-/// Longest wait for the board's table (s).
-const WAIT_S: f64 = 30.0;
+/// Longest wait for the board's table (s): seconds for most constants, a minute where states must be followed from the unloaded one.
+const WAIT_S: f64 = 120.0;
 
 /// The scene's constants as they go over the link.
 pub fn constants(scene: &Scene) -> Constants {

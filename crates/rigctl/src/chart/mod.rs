@@ -1,0 +1,64 @@
+//! Speed against accuracy, and where methods fail: what `rigctl chart` measures and draws.
+//!
+//! - [`stability`]: every method over load and twist of some [`rods`]; [`limits`]: what bounds their states;
+//!   `stability_figure`: both as a picture.
+//! - [`work`]: what an equilibrium costs on the desktop; `work_figure` draws it.
+//! - [`sizes`]: bytes of a table against its error.
+
+pub mod limits;
+pub mod rods;
+pub mod sizes;
+pub mod stability;
+mod stability_figure;
+pub mod work;
+mod work_figure;
+
+use crate::failure::Failure;
+use std::path::Path;
+use tsa_model::Scene;
+
+/// The figures, in the order in which they are made.
+pub const NAMES: [&str; 3] = ["work-precision", "table-size", "stability"];
+
+/// Makes one of [`NAMES`].
+///
+/// # Errors
+/// If something cannot be solved or drawn.
+pub fn make(name: &str, scene: &Scene, scene_file: &Path, out: &Path) -> Result<Vec<Made>, Failure> {
+    let _ = out;
+    match name {
+        "work-precision" => Ok(vec![work_figure::make(scene, scene_file)?]),
+        "table-size" => Ok(vec![sizes::make(scene)?]),
+        "stability" => Ok(vec![stability_figure::make(16, 20)?]),
+        _ => Err(Failure::Usage(format!("chart: no figure is called {name}"))),
+    }
+}
+
+/// `f` of 0 to `count`, in order, on as many threads as the machine has cores.
+pub(crate) fn parallel<T: Send>(count: usize, f: impl Fn(usize) -> T + Sync) -> Vec<T> {
+    let workers = std::thread::available_parallelism().map_or(1, |n| n.get()).min(count.max(1));
+    let next = std::sync::atomic::AtomicUsize::new(0);
+    let mut done: Vec<(usize, T)> = std::thread::scope(|scope| {
+        let work = || {
+            let take = || next.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+            std::iter::repeat_with(take).take_while(|k| *k < count).map(|k| (k, f(k))).collect::<Vec<_>>()
+        };
+        let threads: Vec<_> = (0..workers).map(|_| scope.spawn(work)).collect();
+        // A panic in `f` goes on in the caller.
+        threads.into_iter().flat_map(|t| t.join().unwrap_or_else(|p| std::panic::resume_unwind(p))).collect()
+    });
+    done.sort_by_key(|(k, _)| *k);
+    done.into_iter().map(|(_, value)| value).collect()
+}
+
+/// A figure with its data.
+pub struct Made {
+    /// Its name: the files are `NAME.svg` and `NAME.csv`.
+    pub name: &'static str,
+    /// The picture.
+    pub svg: String,
+    /// What is drawn.
+    pub csv: String,
+    /// What it shows, in a few lines.
+    pub said: Vec<String>,
+}

@@ -1,0 +1,169 @@
+//! How many bytes a table needs for an accuracy, form by form.
+
+use super::{Made, parallel};
+use crate::failure::Failure;
+use crate::output::csv_text;
+use crate::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Sample, Shape, colour, extent};
+use tsa_model::Scene;
+use tsa_table::fit::{self, Candidate, Fit, FitError, MAX_BYTES};
+
+/// What the fits are asked for (m); the error of TR keeps its ratio to that of the scene.
+const ASKED_M: [f64; 7] = [200e-6, 100e-6, 50e-6, 20e-6, 10e-6, 5e-6, 2e-6];
+
+/// In the order of the key.
+const FORMS: [&str; 4] = ["arc-series", "chebyshev-series", "hermite-bicubic", "bilinear"];
+
+/// The fits of one scene, each with what was asked of it.
+struct Asked {
+    contraction_m: f64,
+    fit: Result<Fit, FitError>,
+}
+
+/// Fits the scene's table at several accuracies and draws bytes against error.
+///
+/// # Errors
+/// If the scene says nothing of a table, or the drawing fails.
+pub fn make(scene: &Scene) -> Result<Made, Failure> {
+    let (_, accuracy) = scene.table_demand()?;
+    let share = accuracy.tr_relative / accuracy.contraction_m;
+    let asked = parallel(ASKED_M.len(), |k| {
+        let mut scene = scene.clone();
+        if let Some(wanted) = &mut scene.accuracy {
+            (wanted.contraction_m, wanted.tr_relative) = (ASKED_M[k], share * ASKED_M[k]);
+        }
+        Asked { contraction_m: ASKED_M[k], fit: fit::fit(&scene) }
+    });
+    // Anything but an accuracy out of reach is the scene's fault.
+    let mut fits = Vec::new();
+    for one in asked {
+        match one.fit {
+            Err(e @ FitError::Accuracy { .. }) => fits.push(Asked { fit: Err(e), ..one }),
+            Err(e) => return Err(Failure::failed(e.to_string())),
+            Ok(_) => fits.push(one),
+        }
+    }
+    let figure = Figure {
+        heading: "Table form and size against error".into(),
+        rows: vec![vec![
+            panel(&fits, "largest error of the contraction, um", |c| c.errors.contraction_max_m * 1e6),
+            panel(&fits, "largest error of TR, %", |c| c.errors.tr_max * 1e2),
+        ]],
+        panel_size: (560, 400),
+        blocks: key(),
+        notes: notes(&fits),
+    };
+    Ok(Made { name: "table-size", svg: figure.svg()?, csv: csv(&fits)?, said: said(&fits) })
+}
+
+/// The smallest passing candidate of a form, or the best that failed.
+fn best<'a>(fit: &'a Fit, form: &str) -> Option<&'a Candidate> {
+    let of_form = || fit.candidates.iter().filter(|c| c.table.numbers.kind() == form);
+    let passing = of_form().filter(|c| c.passes).min_by_key(|c| bytes(c));
+    passing.or_else(|| of_form().min_by(|a, b| a.errors.contraction_max_m.total_cmp(&b.errors.contraction_max_m)))
+}
+
+fn bytes(c: &Candidate) -> usize {
+    c.table.numbers.form().bytes()
+}
+
+fn panel(fits: &[Asked], label: &str, error: impl Fn(&Candidate) -> f64) -> Panel {
+    let mut items = Vec::new();
+    for (k, form) in FORMS.iter().enumerate() {
+        let colour = colour(k, FORMS.len());
+        let found: Vec<&Candidate> = fits.iter().filter_map(|f| best(f.fit.as_ref().ok()?, form)).collect();
+        let at = |c: &Candidate| (error(c), bytes(c) as f64);
+        let points = found.iter().filter(|c| c.passes).map(|c| at(c)).collect();
+        items.push(Item::Line { points, pen: Pen::solid(colour) });
+        let shape = |c: &Candidate| if c.passes { Shape::Dot } else { Shape::Circle };
+        items.extend(found.iter().map(|c| Item::Mark { at: at(c), shape: shape(c), colour }));
+    }
+    for fit in fits.iter().filter_map(|f| f.fit.as_ref().ok()) {
+        let chosen = fit.candidates.iter().find(|c| c.table.numbers == fit.table.numbers);
+        let at = chosen.map(|c| (error(c), bytes(c) as f64));
+        items.extend(at.map(|at| Item::Mark { at, shape: Shape::Diamond, colour: INK }));
+    }
+    let across = extent(items.iter().flat_map(Item::points).map(|p| p.0));
+    let up = extent(items.iter().flat_map(Item::points).map(|p| p.1).chain([100.0, MAX_BYTES as f64]));
+    Panel { title: String::new(), x: Axis::log(label, across), y: Axis::log("bytes of numbers", up), items }
+}
+
+fn key() -> Vec<Block> {
+    let line = |(k, form): (usize, &&str)| KeyRow::sample(Sample::Line(Pen::solid(colour(k, FORMS.len()))), *form);
+    let mark = |shape, name: &str| KeyRow::sample(Sample::Mark(shape, INK), name);
+    vec![
+        Block { rows: FORMS.iter().enumerate().map(line).collect() },
+        Block {
+            rows: vec![
+                mark(Shape::Dot, "the smallest of its form that is accurate enough"),
+                mark(Shape::Circle, "none is: the most accurate one tried"),
+                mark(Shape::Diamond, "what the fit chooses"),
+            ],
+        },
+    ]
+}
+
+fn notes(fits: &[Asked]) -> Vec<String> {
+    let asked: Vec<String> = fits.iter().map(|f| format!("{:.0}", f.contraction_m * 1e6)).collect();
+    let mut notes = vec![format!(
+        "Asked for {} um of contraction, TR in proportion as in the scene; at most {MAX_BYTES} bytes. Of equal accuracy the fit prefers \
+         what the board looks up in 250 instructions. Errors against the \
+         full solver on the grid by which candidates are selected.",
+        asked.join(", ")
+    )];
+    for f in fits {
+        if let Err(e) = &f.fit {
+            notes.push(format!("{:.0} um: {e}", f.contraction_m * 1e6));
+        }
+    }
+    notes
+}
+
+fn csv(fits: &[Asked]) -> Result<String, Failure> {
+    let mut lines = Vec::new();
+    for f in fits {
+        let Ok(fit) = &f.fit else {
+            let cells = [format!("{:.1e}", f.contraction_m), "none".into()];
+            lines.push(cells.into_iter().chain((0..6).map(|_| String::new())).chain(["false".into()]).collect());
+            continue;
+        };
+        for c in &fit.candidates {
+            lines.push(vec![
+                format!("{:.1e}", f.contraction_m),
+                c.table.numbers.kind().into(),
+                c.table.numbers.size(),
+                format!("{:?}", c.table.metadata.load_map),
+                bytes(c).to_string(),
+                format!("{:.3e}", c.errors.contraction_max_m),
+                format!("{:.3e}", c.errors.tr_max),
+                c.instructions().to_string(),
+                c.passes.to_string(),
+            ]);
+        }
+    }
+    let header = [
+        "asked_m",
+        "form",
+        "size",
+        "load_map",
+        "bytes",
+        "contraction_error_m",
+        "tr_relative_error",
+        "predicted_instructions",
+        "passes",
+    ];
+    csv_text(&header, lines)
+}
+
+fn said(fits: &[Asked]) -> Vec<String> {
+    let line = |f: &Asked| match &f.fit {
+        Ok(fit) => format!(
+            "{:.0} um: {} in {} bytes, {:.2} um certified",
+            f.contraction_m * 1e6,
+            fit.table.numbers.kind(),
+            fit.table.numbers.form().bytes(),
+            fit.certificate.errors.contraction_max_m * 1e6
+        ),
+        Err(e) => e.to_string(),
+    };
+    fits.iter().map(line).collect()
+}

@@ -1,0 +1,28 @@
+//! `cargo xtask endurance`: a thousand moves with faults, and ten million random bytes, on the emulated board.
+
+use clap::Parser;
+use host_tests::endurance::{moves, noise};
+
+#[derive(Parser)]
+#[command(about = "Long runs on the emulated board", version)]
+struct Arguments {
+    /// Moves, every sixth with a fault on its way
+    #[arg(long, default_value_t = 1000)]
+    moves: u32,
+    /// Random bytes on the link; about half as many go in frames on the bus
+    #[arg(long, default_value_t = 7_000_000)]
+    bytes: u64,
+    /// Of the random numbers
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+}
+
+fn main() {
+    let Arguments { moves: count, bytes, seed } = Arguments::parse();
+    if bytes > 0 {
+        println!("{}", noise(bytes, seed));
+    }
+    if count > 0 {
+        println!("{}", moves(count, seed));
+    }
+}

@@ -1,0 +1,176 @@
+//! Doors to the outside, each as a function of arbitrary bytes: what `fuzz/` searches with, and what
+//! `tests/corpus.rs` plays again in every run. Each returns, or panics: that is the finding.
+
+use crate::{constants, table};
+use rig_control::{DriveCommand, DriveReading, Inputs, LvdtBlock, Rig};
+use rig_link::messages::{Counters, LoadChoice, Message, Request};
+use rig_link::{Decoder, MAX_FRAME, encode};
+use rmds405::{Address, Event, Mode, QuadCounts, Received, Report, StartUp, uart};
+use std::path::PathBuf;
+use tsa_model::Scene;
+
+/// Takes whatever comes.
+pub type Door = fn(&[u8]);
+
+/// Every door, by the name of its corpus.
+pub const DOORS: [(&str, Door); 7] = [
+    ("link", link),
+    ("drive", drive),
+    ("scene", scene),
+    ("script", script),
+    ("operator", operator),
+    ("log", log),
+    ("control", control),
+];
+
+/// Bytes on the host link, as board and as host; and a good frame in the midst of them must come through.
+pub fn link(data: &[u8]) {
+    let mut board = Decoder::<Request>::new();
+    let mut host = Decoder::<Message>::new();
+    for byte in data {
+        if let Some(Ok(frame)) = board.push(*byte) {
+            // What was understood can be said again.
+            let mut buffer = [0; MAX_FRAME];
+            assert!(encode(frame.sequence, &frame.body, &mut buffer).is_ok());
+        }
+        let _ = host.push(*byte);
+    }
+    let mut buffer = [0; MAX_FRAME];
+    let good = encode(7, &Request::Stop, &mut buffer).expect("fits").to_vec();
+    let understood = [0]
+        .iter()
+        .chain(&good)
+        .filter_map(|byte| board.push(*byte))
+        .any(|f| f.is_ok_and(|f| f.body == Request::Stop && f.sequence == 7));
+    assert!(understood, "a good frame was lost");
+}
+
+/// Frames on the bus: ids, lengths and data of any kind, through both transports and the start-up sequence.
+pub fn drive(data: &[u8]) {
+    let address = Address::new(0, 1).expect("the default scene's");
+    let mut start_up = StartUp::new(address, Mode::CurrentVelocityPosition, 10).expect("a period above 0");
+    for (k, chunk) in data.chunks(11).enumerate() {
+        let (head, body) = chunk.split_at(chunk.len().min(3));
+        let at = |i: usize| head.get(i).copied().unwrap_or(0);
+        let id = u16::from_le_bytes([at(0), at(1)]) & 0x7FF;
+        let received = Received { id: u32::from(id), extended: at(2) & 1 != 0, remote: at(2) & 2 != 0, data: body };
+        if let Ok(report) = Report::decode(address, &received) {
+            let again = report.encode(address);
+            assert_eq!(Report::decode(address, &again.received()), Ok(report), "a report changes when sent again");
+            let _ = start_up.step(k as u64, Event::Report(report));
+        }
+        let _ = start_up.step(k as u64, Event::Tick);
+    }
+    for variant in [uart::Variant::Rs232, uart::Variant::Rs485] {
+        let mut decoder = uart::Decoder::new(variant, address);
+        for byte in data {
+            if let Some(frame) = decoder.push(*byte) {
+                let _ = Report::decode(address, &frame.received());
+            }
+        }
+        decoder.idle();
+    }
+}
+
+/// A scene file: refused, or a mechanism that answers or refuses by name.
+pub fn scene(data: &[u8]) {
+    let Ok(text) = core::str::from_utf8(data) else { return };
+    let Ok(scene) = Scene::from_toml_str(text) else { return };
+    let _ = (scene.hash(), scene.table_demand());
+    if let Ok(mechanism) = scene.mechanism() {
+        for (load, twist) in [(0.5, 3.2), (5.0, 20.0), (17.0, 50.0)] {
+            if let Ok(e) = mechanism.solve(load, twist) {
+                assert!(e.gap_m.is_finite() && e.dgap_dtwist_m_per_rad.is_finite(), "{e:?}");
+            }
+        }
+    }
+}
+
+/// A script.
+pub fn script(data: &[u8]) {
+    if let Ok(text) = core::str::from_utf8(data) {
+        let _ = rigctl::script::Script::parse(text);
+    }
+}
+
+/// Values that an operator types: quantities, plant keys, load choices.
+pub fn operator(data: &[u8]) {
+    let Ok(text) = core::str::from_utf8(data) else { return };
+    let (first, rest) = text.split_once('=').unwrap_or((text, ""));
+    let _ = rig_emulator::rig::settings::PlantSettings::default().set(first, rest);
+    let _ = rigctl::script::load_choice(text);
+    for quantity in [rigctl::units::Quantity::Length, rigctl::units::Quantity::Load, rigctl::units::Quantity::Speed] {
+        if let Ok(value) = rigctl::units::parse("--to", quantity, text) {
+            assert!(value.is_finite(), "{text} became {value}");
+        }
+    }
+}
+
+/// A recorded log or a file of loads and turns.
+pub fn log(data: &[u8]) {
+    let path: PathBuf = std::env::temp_dir().join(format!("rigctl-log-{}.csv", std::process::id()));
+    if std::fs::write(&path, data).is_ok() {
+        let _ = rigctl::batch::read(&path);
+        let _ = rigctl::identify::data::sweeps(crate::scene(), &[&path], 0);
+        let _ = std::fs::remove_file(&path);
+    }
+}
+
+/// What sensors, drive and host may say in any order, to the control code: it never sends the drive far from where it
+/// says it is, and every number that it tells is finite.
+pub fn control(data: &[u8]) {
+    let mut rig = Rig::new(table(), constants(), None);
+    let (mut now_us, mut counts, mut position) = (0u64, 0i64, 0i32);
+    for chunk in data.chunks_exact(16) {
+        let word = |k: usize| i32::from_le_bytes([chunk[k], chunk[k + 1], chunk[k + 2], chunk[k + 3]]);
+        let value = f32::from_bits(word(8) as u32);
+        now_us += 10_000;
+        counts = counts.wrapping_add(i64::from(word(0) >> (chunk[12] & 31)));
+        position = position.wrapping_add(word(4) >> (chunk[13] & 31));
+        let drive = match chunk[14] & 7 {
+            0 => DriveReading::Starting,
+            1 => DriveReading::Failed,
+            _ => DriveReading::Reports {
+                t_us: now_us.saturating_sub(u64::from(chunk[15]) * 300),
+                position_qc: position,
+                speed_rpm: word(4) as i16,
+                current_ma: word(0) as i16,
+            },
+        };
+        let codes: Vec<u16> = (0..256u16).map(|k| (word(0) as u16 & 0xFFF).wrapping_add(k & 3) & 0xFFF).collect();
+        let request = match chunk[15] >> 4 {
+            1 => Some(Request::Home),
+            2 => Some(Request::Move { target_m: value, speed_m_per_s: 0.002, load: LoadChoice::Auto }),
+            3 => Some(Request::Move { target_m: 0.004, speed_m_per_s: value, load: LoadChoice::Known(value) }),
+            4 => Some(Request::Jog { twist_speed_rad_per_s: value }),
+            5 => Some(Request::Stop),
+            6 => Some(Request::Hold),
+            7 => Some(Request::Clear),
+            _ => None,
+        };
+        let outputs = rig.step(&Inputs {
+            now_us,
+            encoder_counts: counts,
+            lvdt: (chunk[14] & 8 == 0).then(|| LvdtBlock::from_codes(now_us, &codes)).flatten(),
+            drive,
+            drive_stalled: chunk[14] & 16 != 0 && chunk[12] == 0,
+            estop_open: chunk[14] & 32 != 0 && chunk[13] == 0,
+            host_heard_us: (chunk[14] & 64 == 0).then_some(now_us),
+            request,
+            counters: Counters::default(),
+        });
+        if let DriveCommand::Follow { position_qc, speed_limit_rpm, current_limit_ma } = outputs.drive {
+            // Half a turn of the strings, and what the fastest move covers while the drive answers.
+            let leash = (constants().counts_per_rad * 30.0) as i64;
+            assert!(
+                (i64::from(position_qc) - i64::from(position)).abs() <= leash,
+                "sent {position_qc} from {position}"
+            );
+            assert!(speed_limit_rpm >= 0 && current_limit_ma >= 0);
+            assert!(QuadCounts(position_qc).0 == position_qc);
+        }
+        let t = outputs.telemetry;
+        let told = [t.target_m, t.setpoint_m, t.position_m, t.twist_rad, t.load_n, t.tr_rad_per_m];
+        assert!(told.into_iter().flatten().all(f32::is_finite), "{t:?}");
+    }
+}

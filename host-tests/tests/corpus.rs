@@ -1,0 +1,59 @@
+//! Everything that fuzzing ever found worth keeping (`fuzz/corpus`), and as many changed copies as fit a bounded run.
+
+use host_tests::fuzz::DOORS;
+use host_tests::root;
+use rand::seq::IndexedRandom;
+use rand::{RngExt, SeedableRng};
+
+/// Changed copies of each door's corpus. The control code takes a hundred ticks each.
+const CHANGED: usize = 20_000;
+
+fn corpus(door: &str) -> Vec<Vec<u8>> {
+    let folder = root().join("fuzz/corpus").join(door);
+    let mut files: Vec<_> = std::fs::read_dir(&folder)
+        .unwrap_or_else(|e| panic!("{}: {e}", folder.display()))
+        .map(|entry| entry.unwrap().path())
+        .collect();
+    files.sort();
+    files.iter().map(|f| std::fs::read(f).unwrap()).collect()
+}
+
+#[test]
+fn no_door_breaks_on_what_fuzzing_kept() {
+    for (name, door) in DOORS {
+        let corpus = corpus(name);
+        assert!(!corpus.is_empty(), "no corpus for {name}");
+        corpus.iter().for_each(|data| door(data));
+        let mut random = rand_pcg::Pcg64Mcg::seed_from_u64(20);
+        for _ in 0..CHANGED {
+            let mut data = corpus.choose(&mut random).unwrap().clone();
+            for _ in 0..random.random_range(1..6) {
+                change(&mut data, &corpus, &mut random);
+            }
+            door(&data);
+        }
+        println!("{name}: {} files and {CHANGED} changed copies", corpus.len());
+    }
+}
+
+/// One change of the kind that parsers stumble over.
+fn change(data: &mut Vec<u8>, corpus: &[Vec<u8>], random: &mut rand_pcg::Pcg64Mcg) {
+    let at = random.random_range(0..=data.len());
+    match random.random_range(0..6) {
+        0 => data.truncate(at),
+        1 => data.insert(at, random.random()),
+        2 if at < data.len() => data[at] ^= 1 << random.random_range(0..8),
+        3 if at < data.len() => data[at] = *[0, 0x7F, 0x80, 0xFF, b'-', b'e', b'\n'].choose(random).unwrap(),
+        4 => {
+            let tail = data.split_off(at);
+            let other = corpus.choose(random).unwrap();
+            data.extend_from_slice(&other[random.random_range(0..=other.len())..]);
+            data.extend(tail);
+            data.truncate(4096);
+        }
+        _ if at < data.len() => {
+            data.remove(at);
+        }
+        _ => {}
+    }
+}
