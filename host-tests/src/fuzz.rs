@@ -2,7 +2,7 @@
 //! `tests/corpus.rs` plays again in every run. Each returns, or panics: that is the finding.
 
 use crate::{constants, table};
-use rig_control::{DriveCommand, DriveReading, Inputs, LvdtBlock, Rig};
+use rig_control::{DriveCommand, DriveReading, Inputs, LvdtBlock, Rig, SupplyReading};
 use rig_link::messages::{Counters, LoadChoice, Message, Request};
 use rig_link::{Decoder, MAX_FRAME, encode};
 use rmds405::{Address, Event, Mode, QuadCounts, Received, Report, StartUp, uart};
@@ -154,6 +154,10 @@ pub fn control(data: &[u8]) {
             lvdt: (chunk[14] & 8 == 0).then(|| LvdtBlock::from_codes(now_us, &codes)).flatten(),
             drive,
             drive_stalled: chunk[14] & 16 != 0 && chunk[12] == 0,
+            bus_off: chunk[14] & 128 != 0 && chunk[12] == 1,
+            supply: (chunk[14] & 128 != 0).then_some(SupplyReading { t_us: now_us, volts: value }),
+            upper_limit_open: chunk[14] & 128 != 0 && chunk[12] == 2,
+            lower_limit_open: chunk[14] & 128 != 0 && chunk[12] == 3,
             estop_open: chunk[14] & 32 != 0 && chunk[13] == 0,
             host_heard_us: (chunk[14] & 64 == 0).then_some(now_us),
             request,
