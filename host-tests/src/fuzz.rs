@@ -2,7 +2,7 @@
 //! `tests/corpus.rs` plays again in every run. Each returns, or panics: that is the finding.
 
 use crate::{constants, table};
-use rig_control::{DriveCommand, DriveReading, Inputs, LvdtBlock, Rig};
+use rig_control::{DriveCommand, DriveReading, Inputs, LvdtBlock, Rig, SupplyReading};
 use rig_link::messages::{Counters, LoadChoice, Message, Request};
 use rig_link::{Decoder, MAX_FRAME, encode};
 use rmds405::{Address, Event, Mode, QuadCounts, Received, Report, StartUp, uart};
@@ -155,9 +155,9 @@ pub fn control(data: &[u8]) {
             drive,
             drive_stalled: chunk[14] & 16 != 0 && chunk[12] == 0,
             bus_off: chunk[14] & 128 != 0 && chunk[12] == 1,
-            supply: None,
-            upper_limit_open: chunk[12] == 2 && chunk[13] == 2,
-            lower_limit_open: chunk[12] == 3 && chunk[13] == 3,
+            supply: (chunk[14] & 128 != 0).then_some(SupplyReading { t_us: now_us, volts: value }),
+            upper_limit_open: chunk[14] & 128 != 0 && chunk[12] == 2,
+            lower_limit_open: chunk[14] & 128 != 0 && chunk[12] == 3,
             estop_open: chunk[14] & 32 != 0 && chunk[13] == 0,
             host_heard_us: (chunk[14] & 64 == 0).then_some(now_us),
             request,

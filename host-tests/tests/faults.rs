@@ -54,7 +54,7 @@ fn late_now_and_then(d: &mut Desk, late_us: u64, count: u32) {
     let ticks = AtomicU32::new(0);
     tamper(d, move |i| {
         let tick = ticks.fetch_add(1, Ordering::Relaxed);
-        i.now_us += if tick % 2 == 0 && tick < 2 * count { late_us } else { 0 };
+        i.now_us += if tick.is_multiple_of(2) && tick < 2 * count { late_us } else { 0 };
     });
 }
 

@@ -3,7 +3,6 @@
 mod common;
 
 use common::{error_of, lines, rigctl};
-use serde_json::Value;
 use std::process::Output;
 
 const KEYS: [&str; 16] = [

@@ -298,3 +298,45 @@ fn noise_bytes(state: &mut u64) -> Vec<u8> {
     let count = next() % 41;
     (0..count).map(|_| next() as u8).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::session::port::Received;
+
+    /// A board that says one thing in each step, some of it lost on the way.
+    struct Lossy {
+        sequence: u16,
+        lost: &'static [u16],
+    }
+
+    impl Port for Lossy {
+        fn pass(&mut self, _bytes: &[u8], _seconds: f64) -> Result<Received, Failure> {
+            self.sequence = self.sequence.wrapping_add(1);
+            let mut buffer = [0; MAX_FRAME];
+            let event = Message::Event { t_us: 0, kind: EventKind::Stopped };
+            let frame = encode(self.sequence, &event, &mut buffer).map_err(|e| Failure::failed(e.to_string()))?;
+            let bytes = if self.lost.contains(&self.sequence) { Vec::new() } else { frame.to_vec() };
+            Ok(Received { bytes, ..Received::default() })
+        }
+
+        fn now_s(&self) -> f64 {
+            f64::from(self.sequence) * STEP_S
+        }
+    }
+
+    #[test]
+    fn lost_frames_are_counted_by_their_numbers() {
+        let lost_of = |first: u16, lost: &'static [u16]| {
+            let mut session = Session::new(Box::new(Lossy { sequence: first, lost }));
+            for _ in 0..50 {
+                session.step().unwrap_or_else(|_| panic!("the port does not fail"));
+            }
+            session.lost_frames()
+        };
+        assert_eq!(lost_of(0, &[]), 0);
+        assert_eq!(lost_of(0, &[7, 20, 21, 22]), 4);
+        // The numbers come round; the first frame ever heard has nothing before it.
+        assert_eq!(lost_of(65_520, &[65_521, 65_535, 0, 3]), 3);
+    }
+}
