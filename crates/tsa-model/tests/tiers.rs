@@ -15,9 +15,12 @@ fn scenes() -> Vec<(String, Scene)> {
     scenes
 }
 
-/// Loads and turns over the published range.
-fn states() -> impl Iterator<Item = (f64, f64)> {
-    (0..16).flat_map(|i| (0..16).map(move |j| (17f64.powf(f64::from(i) / 15.0), 7.5 * f64::from(j) / 15.0)))
+/// Loads and turns over the scene's envelope from 1 N on, or over the published range.
+fn states(scene: &Scene) -> Vec<(f64, f64)> {
+    let [f0, f1] = scene.envelope.map_or([1.0, 17.0], |e| [e.load_n[0].max(1.0), e.load_n[1].min(17.0)]);
+    let turns = scene.envelope.map_or(7.5, |e| e.turns[1]);
+    let part = |k: u32| f64::from(k) / 15.0;
+    (0..16).flat_map(|i| (0..16).map(move |j| (f0 * (f1 / f0).powf(part(i)), turns * part(j)))).collect()
 }
 
 #[test]
@@ -26,7 +29,7 @@ fn every_estimate_holds() {
         let m = scene.mechanism().unwrap();
         for tier in Tier::ALL {
             let (mut worst, mut worst_tr, mut loosest) = (0.0f64, 0.0f64, 0.0f64);
-            for (load, turns) in states() {
+            for (load, turns) in states(&scene) {
                 let twist = twist_from_turns(turns);
                 let full = m.solve_tier(Tier::Full, load, twist).unwrap();
                 let Ok(t) = m.solve_tier(tier, load, twist) else {
@@ -66,7 +69,7 @@ fn auto_takes_the_cheapest_that_is_good_enough_and_is() {
         for (wanted_m, wanted_tr) in [(1e-3, 0.2), (1e-4, 0.02), (2.4e-5, 0.005), (5e-6, 0.002), (1e-7, 1e-5)] {
             let wanted = TierError { contraction_m: wanted_m, tr_relative: wanted_tr };
             let mut taken = [0usize; 6];
-            for (load, turns) in states() {
+            for (load, turns) in states(&scene) {
                 let twist = twist_from_turns(turns);
                 let full = m.solve_tier(Tier::Full, load, twist).unwrap();
                 let t = m.solve_auto(load, twist, wanted).unwrap();
@@ -84,7 +87,7 @@ fn auto_takes_the_cheapest_that_is_good_enough_and_is() {
             }
             last = taken;
         }
-        // Nothing but the full model is good to a tenth of a micrometre everywhere.
-        assert!(last[5] > 100, "{name}: {last:?}");
+        // Nothing but the full model is good to a tenth of a micrometre everywhere, unless the rods hardly bend.
+        assert!(last[5] > if name == "finger" { 20 } else { 100 }, "{name}: {last:?}");
     }
 }

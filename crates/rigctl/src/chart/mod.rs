@@ -4,12 +4,16 @@
 //!   `stability_figure`: both as a picture.
 //! - [`work`]: what an equilibrium costs on the desktop; `work_figure` draws it.
 //! - [`sizes`]: bytes of a table against its error.
+//! - [`target`]: what everything costs on the board.
+//! - [`tiers`]: the cheapest model over load and twist, and what five scenes take.
 
 pub mod limits;
 pub mod rods;
 pub mod sizes;
 pub mod stability;
 mod stability_figure;
+pub mod target;
+pub mod tiers;
 pub mod work;
 mod work_figure;
 
@@ -18,20 +22,22 @@ use std::path::Path;
 use tsa_model::Scene;
 
 /// The figures, in the order in which they are made.
-pub const NAMES: [&str; 3] = ["work-precision", "table-size", "stability"];
+pub const NAMES: [&str; 6] = ["work-precision", "target", "table-size", "tiers", "scenes", "stability"];
 
 /// Makes one of [`NAMES`].
 ///
 /// # Errors
 /// If something cannot be solved or drawn.
-pub fn make(name: &str, scene: &Scene, scene_file: &Path, out: &Path) -> Result<Vec<Made>, Failure> {
-    let _ = out;
-    match name {
-        "work-precision" => Ok(vec![work_figure::make(scene, scene_file)?]),
-        "table-size" => Ok(vec![sizes::make(scene)?]),
-        "stability" => Ok(vec![stability_figure::make(16, 20)?]),
-        _ => Err(Failure::Usage(format!("chart: no figure is called {name}"))),
-    }
+pub fn make(name: &str, scene: &Scene, scene_file: &Path, out: &Path) -> Result<Made, Failure> {
+    Ok(match name {
+        "work-precision" => work_figure::make(scene, scene_file)?,
+        "target" => target::make(out)?,
+        "tiers" => tiers::maps(scene, scene_file)?,
+        "scenes" => tiers::scenes(scene_file)?,
+        "table-size" => sizes::make(scene)?,
+        "stability" => stability_figure::make(16, 20)?,
+        _ => return Err(Failure::Usage(format!("chart: no figure is called {name}"))),
+    })
 }
 
 /// `f` of 0 to `count`, in order, on as many threads as the machine has cores.
@@ -55,8 +61,8 @@ pub(crate) fn parallel<T: Send>(count: usize, f: impl Fn(usize) -> T + Sync) -> 
 pub struct Made {
     /// Its name: the files are `NAME.svg` and `NAME.csv`.
     pub name: &'static str,
-    /// The picture.
-    pub svg: String,
+    /// The picture; a table has none.
+    pub svg: Option<String>,
     /// What is drawn.
     pub csv: String,
     /// What it shows, in a few lines.

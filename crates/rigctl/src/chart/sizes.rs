@@ -52,7 +52,7 @@ pub fn make(scene: &Scene) -> Result<Made, Failure> {
         blocks: key(),
         notes: notes(&fits),
     };
-    Ok(Made { name: "table-size", svg: figure.svg()?, csv: csv(&fits)?, said: said(&fits) })
+    Ok(Made { name: "table-size", svg: Some(figure.svg()?), csv: csv(&fits)?, said: said(&fits) })
 }
 
 /// The smallest passing candidate of a form, or the best that failed.

@@ -144,10 +144,42 @@ impl Grid {
         }
     }
 
+    /// Rectangles over neighbouring cells of one load that `same` takes for alike, by their places in
+    /// [`Grid::states`].
+    pub fn strips(&self, same: impl Fn(usize, usize) -> bool) -> Vec<Strip> {
+        let (loads, twists) = (self.load_n.len(), self.turns.len());
+        let [(f0, f1), (t0, t1)] = [self.load_range_n, self.turn_range].map(|r| (r[0], r[1]));
+        let load = |k: usize| f0 * (f1 / f0).powf(k as f64 / loads as f64);
+        let turn = |k: usize| t0 + (t1 - t0) * k as f64 / twists as f64;
+        let mut strips = Vec::new();
+        for j in 0..loads {
+            let mut from = 0;
+            for i in 1..=twists {
+                if i == twists || !same(i * loads + j, from * loads + j) {
+                    let cell = from * loads + j;
+                    strips.push(Strip { cell, from: (turn(from), load(j)), to: (turn(i), load(j + 1)) });
+                    from = i;
+                }
+            }
+        }
+        strips
+    }
+
     /// Every state, turns slowest.
     pub fn states(&self) -> Vec<(f64, f64)> {
         self.turns.iter().flat_map(|&turns| self.load_n.iter().map(move |&load| (load, turns))).collect()
     }
+}
+
+/// Neighbouring cells that look alike, as a rectangle over turns and load (N).
+#[derive(Debug, Clone, Copy)]
+pub struct Strip {
+    /// The first of them.
+    pub cell: usize,
+    /// Fewest turns, least load.
+    pub from: (f64, f64),
+    /// Most turns, greatest load.
+    pub to: (f64, f64),
 }
 
 /// One method over one rod.

@@ -3,7 +3,7 @@
 use super::Made;
 use super::limits::Line;
 use super::rods::{RODS, RodCase};
-use super::stability::{ANOTHER_BRANCH_M, Grid, Map, SLOW, map};
+use super::stability::{ANOTHER_BRANCH_M, Grid, Map, SLOW, Strip, map};
 use crate::failure::Failure;
 use crate::output::csv_text;
 use crate::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Sample};
@@ -37,25 +37,13 @@ const OVERTWIST: Pen = Pen { colour: RGBColor(0, 90, 60), width: 3, dashed: true
 const PLATEAU_LINE: Pen = Pen { colour: RGBColor(120, 30, 110), width: 3, dashed: true };
 const STRAIN: Pen = Pen { colour: RGBColor(190, 0, 0), width: 2, dashed: false };
 
-/// Cells of one method, neighbours of equal outcome in one.
+/// Cells of one method.
 fn cells(grid: &Grid, name: impl Fn(usize) -> &'static str) -> Vec<Item> {
-    let (loads, twists) = (grid.load_n.len(), grid.turns.len());
-    let load =
-        |k: usize| grid.load_range_n[0] * (grid.load_range_n[1] / grid.load_range_n[0]).powf(k as f64 / loads as f64);
-    let turn = |k: usize| grid.turn_range[0] + (grid.turn_range[1] - grid.turn_range[0]) * k as f64 / twists as f64;
-    let mut items = Vec::new();
-    for j in 0..loads {
-        let mut from = 0;
-        for i in 1..=twists {
-            if i == twists || name(i * loads + j) != name(from * loads + j) {
-                let outcome = name(from * loads + j);
-                let colour = OUTCOMES.iter().find(|o| o.0 == outcome).map_or(INK, |o| o.1);
-                items.push(Item::Fill { from: (turn(from), load(j)), to: (turn(i), load(j + 1)), colour });
-                from = i;
-            }
-        }
-    }
-    items
+    let fill = |s: Strip| {
+        let colour = OUTCOMES.iter().find(|o| o.0 == name(s.cell)).map_or(INK, |o| o.1);
+        Item::Fill { from: s.from, to: s.to, colour }
+    };
+    grid.strips(|a, b| name(a) == name(b)).into_iter().map(fill).collect()
 }
 
 /// Judges every method on every rod and draws it.
@@ -103,7 +91,7 @@ pub fn make(loads: usize, twists: usize) -> Result<Made, Failure> {
             ANOTHER_BRANCH_M * 1e6
         )],
     };
-    Ok(Made { name: "stability", svg: figure.svg()?, csv: csv(&grid, &maps)?, said: said(&maps) })
+    Ok(Made { name: "stability", svg: Some(figure.svg()?), csv: csv(&grid, &maps)?, said: said(&maps) })
 }
 
 fn key() -> Vec<Block> {

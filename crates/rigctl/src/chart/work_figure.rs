@@ -50,7 +50,7 @@ pub fn make(scene: &Scene, scene_file: &Path) -> Result<Made, Failure> {
         blocks: key(),
         notes: notes(&found),
     };
-    Ok(Made { name: "work-precision", svg: figure.svg()?, csv: csv(&found)?, said: said(&found) })
+    Ok(Made { name: "work-precision", svg: Some(figure.svg()?), csv: csv(&found)?, said: said(&found) })
 }
 
 fn colours() -> Vec<(&'static str, RGBColor)> {

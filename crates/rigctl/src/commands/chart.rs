@@ -12,7 +12,7 @@ use std::time::Instant;
 #[derive(Debug, Serialize)]
 struct Report<'a> {
     figure: &'a str,
-    svg: String,
+    svg: Option<String>,
     csv: String,
     seconds: f64,
     said: &'a [String],
@@ -29,8 +29,13 @@ pub fn run(global: &Global, out: &Path, only: &[String], output: &mut Output) ->
             continue;
         }
         let begin = Instant::now();
-        for made in chart::make(name, &scene, &global.scene, out)? {
-            report(&made, begin.elapsed().as_secs_f64(), out, output)?;
+        match chart::make(name, &scene, &global.scene, out) {
+            Ok(made) => report(&made, begin.elapsed().as_secs_f64(), out, output)?,
+            // What only another program measures may not be there; the rest is of use without it.
+            Err(e) if only.is_empty() && name == "target" => {
+                eprintln!("left out: {}", e.message().unwrap_or_default());
+            }
+            Err(e) => return Err(e),
         }
         output.flush()?;
     }
@@ -38,12 +43,15 @@ pub fn run(global: &Global, out: &Path, only: &[String], output: &mut Output) ->
 }
 
 fn report(made: &Made, seconds: f64, out: &Path, output: &mut Output) -> Result<(), Failure> {
-    let [svg, csv] = ["svg", "csv"].map(|kind| format!("{}.{kind}", made.name));
-    write_file(out, &svg, &made.svg)?;
-    write_file(out, &csv, &made.csv)?;
-    let [svg, csv] = [svg, csv].map(|file| out.join(file).display().to_string());
-    output.object(&Report { figure: made.name, svg: svg.clone(), csv: csv.clone(), seconds, said: &made.said })?;
-    output.line(format!("{}: {svg}, {csv} ({seconds:.1} s)", made.name))?;
+    let written = |kind: &str, content: &str| {
+        let file = format!("{}.{kind}", made.name);
+        write_file(out, &file, content).map(|()| out.join(file).display().to_string())
+    };
+    let svg = made.svg.as_ref().map(|svg| written("svg", svg)).transpose()?;
+    let csv = written("csv", &made.csv)?;
+    let files = svg.iter().chain([&csv]).map(String::as_str).collect::<Vec<_>>().join(", ");
+    output.object(&Report { figure: made.name, svg, csv, seconds, said: &made.said })?;
+    output.line(format!("{}: {files} ({seconds:.1} s)", made.name))?;
     made.said.iter().try_for_each(|line| output.line(format!("  {line}")))?;
     Ok(())
 }

@@ -204,11 +204,13 @@ impl Mechanism {
         let (sin, cos) = Scalar::sin_cos(2.0 / 3.0 * with.tip_angle_rad);
         let stretch = 2.0 * (helix.tan * cos + sin) * closed::stretch_m(&self.rod, force, with.tip_angle_rad);
         let margin_m = link + stretch + 2.0 * part * part * with.deflection.value;
+        // What changes the span counts in TR in full, in the gap only by tan α: on long strings that is little.
+        let steep = helix.tan.max(e.d_m / helix.x_m);
         Ok(Corrected {
             change_m: change_m * doubt,
             slope: (after / before - 1.0) * doubt,
             margin_m,
-            margin: 8.0 * margin_m / (helix.tan * helix.x_m).max(e.d_m),
+            margin: 8.0 * margin_m / (helix.tan * helix.x_m).max(e.d_m) * (1.0 / (3.0 * steep)).max(1.0),
         })
     }
 

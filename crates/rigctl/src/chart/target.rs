@@ -1,0 +1,114 @@
+//! What each way of knowing the mechanism costs on the board: drawn from what `cargo xtask cost` has counted.
+
+use super::Made;
+use crate::failure::Failure;
+use crate::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Sample, Shape, colour};
+use plotters::style::RGBColor;
+use serde::Deserialize;
+use std::path::Path;
+
+/// A line of `cost.csv`.
+#[derive(Debug, Deserialize)]
+struct Way {
+    symbol: String,
+    name: String,
+    instructions_mean: f64,
+    instructions_max: u64,
+    bytes: Option<u64>,
+    error: f64,
+    error_of: String,
+}
+
+/// An exact root's error, and a root without any, is drawn here.
+const ROUNDING: f64 = 3e-8;
+
+/// Draws `cost.csv` of this folder, or of `out`.
+///
+/// # Errors
+/// If there is none, or it cannot be read.
+pub fn make(folder: &Path) -> Result<Made, Failure> {
+    let file = [folder, Path::new("out")].map(|f| f.join("cost.csv")).into_iter().find(|f| f.exists());
+    let file = file
+        .ok_or_else(|| Failure::failed("target: no cost.csv in the folder or in out; `cargo xtask cost` makes it"))?;
+    let csv =
+        std::fs::read_to_string(&file).map_err(|e| Failure::failed(format!("cannot read {}: {e}", file.display())))?;
+    let ways = csv::Reader::from_reader(csv.as_bytes()).deserialize().collect::<Result<Vec<Way>, _>>();
+    let ways = ways.map_err(|e| Failure::failed(format!("{}: {e}", file.display())))?;
+    let gaps: Vec<&Way> = ways.iter().filter(|w| w.error_of == "gap_m").collect();
+    let roots: Vec<&Way> = ways.iter().filter(|w| w.error_of == "root_relative").collect();
+    let figure = Figure {
+        heading: "On the board: instructions against error".into(),
+        rows: vec![vec![gap_panel(&gaps), root_panel(&roots)]],
+        panel_size: (590, 460),
+        blocks: key(&gaps),
+        notes: vec![
+            "Counted on the emulated board, one image; a dot is the mean over 30 states (the paper's method: three), the \
+             error the largest of the gap against the full solver. Not cycles: no stall or flash wait is counted."
+                .into(),
+        ],
+    };
+    let said = ways.iter().map(|w| {
+        let bytes = w.bytes.map_or(String::new(), |b| format!(", {b} bytes"));
+        let Way { name, instructions_mean, instructions_max, error, error_of, .. } = w;
+        format!(
+            "{name}: {instructions_mean:.0} instructions, at most {instructions_max}{bytes}, {error:.1e} ({error_of})"
+        )
+    });
+    let said = said.collect();
+    Ok(Made { name: "target", svg: Some(figure.svg()?), csv, said })
+}
+
+/// Tables, the solver in single precision, everything in double.
+fn kind(way: &Way) -> usize {
+    match way.symbol.as_str() {
+        _ if way.bytes.is_some() => 0,
+        "cost_full_single" => 1,
+        _ => 2,
+    }
+}
+
+fn kind_colour(kind: usize) -> RGBColor {
+    colour([0, 4, 2][kind], 6)
+}
+
+fn gap_panel(ways: &[&Way]) -> Panel {
+    let mut items = Vec::new();
+    for (k, way) in ways.iter().enumerate() {
+        let at = (way.error.max(1e-14), way.instructions_mean);
+        items.push(Item::Mark { at, shape: Shape::Dot, colour: kind_colour(kind(way)) });
+        items.push(Item::Label { at, text: format!("   {}", k + 1), colour: INK });
+    }
+    Panel {
+        title: "gap".into(),
+        x: Axis::log("largest error, m", [1e-14, 1e-1]),
+        y: Axis::log("instructions", [100.0, 1e10]),
+        items,
+    }
+}
+
+fn root_panel(ways: &[&Way]) -> Panel {
+    let mut items = Vec::new();
+    for way in ways {
+        let at = (way.error.max(ROUNDING), way.instructions_mean);
+        items.push(Item::Mark { at, shape: Shape::Diamond, colour: INK });
+        let by = way.name.trim_start_matches("square root by ").to_owned();
+        // Inside the plane on either side.
+        let at = if at.0 > 1e-4 { (at.0 * 3e-3, at.1) } else { (at.0 * 2.0, at.1) };
+        items.push(Item::Label { at, text: by, colour: INK });
+    }
+    Panel {
+        title: "square root".into(),
+        x: Axis::log("largest relative error", [1e-8, 1.0]),
+        y: Axis::log("instructions", [1.0, 1000.0]),
+        items,
+    }
+}
+
+fn key(ways: &[&Way]) -> Vec<Block> {
+    let row = |(k, way): (usize, &&Way)| {
+        let bytes = way.bytes.map_or(String::new(), |b| format!(", {b} B"));
+        KeyRow::sample(Sample::Mark(Shape::Dot, kind_colour(kind(way))), format!("{}  {}{bytes}", k + 1, way.name))
+    };
+    let rows: Vec<KeyRow> = ways.iter().enumerate().map(row).collect();
+    rows.chunks(rows.len().div_ceil(2).max(1)).map(|half| Block { rows: half.to_vec() }).collect()
+}
