@@ -57,7 +57,7 @@ fn crossing(one: ((f64, f64), f64), other: ((f64, f64), f64)) -> Option<(f64, f6
     // The same way round from both sides of an edge.
     let ((a, va), (b, vb)) = if one.0 <= other.0 { (one, other) } else { (other, one) };
     let share = va / (va - vb);
-    ((va > 0.0) != (vb > 0.0)).then(|| (a.0 + share * (b.0 - a.0), a.1 + share * (b.1 - a.1)))
+    ((va > 0.0) != (vb > 0.0)).then_some((a.0 + share * (b.0 - a.0), a.1 + share * (b.1 - a.1)))
 }
 
 #[cfg(test)]
