@@ -35,7 +35,8 @@ impl Score {
         // Where the set-point itself does not arrive nothing can settle.
         let travel = arrives.map_or(0, |last| last + 2).min(record.set_points_m.len());
         // A set-point that waits for the load to come free does not make the mean smaller.
-        let waits = record.set_points_m.iter().position(|s| *s != record.set_points_m[0]).unwrap_or(0).min(travel);
+        let waits = record.set_points_m.iter().position(|s| *s != record.set_points_m[0]).unwrap_or(0);
+        let waits = waits.saturating_sub(1).min(travel);
         let errors = |ticks: Range<usize>| {
             let both = record.set_points_m[ticks.clone()].iter().zip(&record.positions_m[ticks]);
             both.map(|(s, p)| (f64::from(*s) - p).abs())

@@ -35,15 +35,17 @@ fn check(parameter: Parameter, given: f32, min: f32, max: f32) -> Result<f32, Re
 }
 
 impl Rig<'_> {
-    /// The positions between which the strings can bring this load (m). A lighter one than at homing hangs higher at the
-    /// half-turn pre-twist and cannot come down to 0.
-    fn travel_m(&self, homed: &Homed, load_n: f32) -> [f32; 2] {
+    /// How far the strings can bring this load up, or let it down (m). A lighter one than at homing hangs higher at the
+    /// half-turn pre-twist and cannot come down to 0. One table lookup.
+    fn travel_end_m(&self, homed: &Homed, load_n: f32, up: bool) -> f32 {
         let mechanism = Mechanism { table: self.table, twist_scale: homed.twist_scale };
-        let position =
-            |pull_n, twist_rad| homed.reference_gap_m - homed.gap_offset_m - mechanism.at(pull_n, twist_rad).gap_m;
-        let start = position(load_n, self.table.metadata.twist_min_rad);
-        let end = position(load_n + homed.friction_n, mechanism.twist_max_rad());
-        [(start - HANGS_M).max(0.0), end]
+        let (pull_n, twist_rad) = if up {
+            (load_n + homed.friction_n, mechanism.twist_max_rad())
+        } else {
+            (load_n, self.table.metadata.twist_min_rad)
+        };
+        let end = homed.reference_gap_m - homed.gap_offset_m - mechanism.at(pull_n, twist_rad).gap_m;
+        if up { end } else { (end - HANGS_M).max(0.0) }
     }
 
     pub(super) fn start_move(
@@ -70,8 +72,14 @@ impl Rig<'_> {
             LoadSource::Known(load_n) => load_n,
         };
         let speed_m_per_s = check(Parameter::Speed, speed_m_per_s, 1e-5, SPEED_MAX_M_PER_S)?;
-        let [least_m, most_m] = self.travel_m(&homed, load_n);
-        let target_m = check(Parameter::Target, target_m, least_m, most_m)?;
+        // Only the end that lies ahead is looked up; both, to say what was wrong.
+        let up = target_m > self.last_position_m;
+        let ahead_m = self.travel_end_m(&homed, load_n, up);
+        let reached = if up { target_m <= ahead_m } else { target_m >= ahead_m };
+        if !reached {
+            let behind_m = self.travel_end_m(&homed, load_n, !up);
+            check(Parameter::Target, target_m, ahead_m.min(behind_m), ahead_m.max(behind_m))?;
+        }
         if self.state == State::Ready {
             // The load may have settled a little beside the reference: begin where it is.
             self.planner = Planner::at(self.last_position_m);
