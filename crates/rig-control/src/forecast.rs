@@ -5,8 +5,8 @@
 
 use crate::RigConstants;
 use crate::TICK_S;
+use crate::limits::Limits;
 use crate::mechanism::Mechanism;
-use crate::planner::Limits;
 
 /// Pieces of the way. TR is smooth: more change the time by less than a tick.
 const PIECES: u8 = 4;

@@ -4,6 +4,7 @@
 //! - [`adaptation`]: slow drift of the strings.
 //! - [`constants`]: the rig's numbers, generated from the scene.
 //! - [`sensors`]: readings with their time and validity; raw codes to SI.
+//! - [`limits`]: what the motor allows of a move.
 //! - [`mechanism`]: the table, with this rig's own scale of the twist.
 //! - [`planner`]: acceleration- and jerk-limited motion.
 //! - [`observer`]: the load, from twist and gap.
@@ -21,6 +22,7 @@ pub mod constants;
 pub mod crossing;
 pub mod forecast;
 pub mod homing;
+pub mod limits;
 pub mod mechanism;
 pub mod observer;
 pub mod planner;

@@ -4,9 +4,10 @@ use super::{EventKind, Homed, JOG_SPEED_MAX, Motion, Rig, SPEED_MAX_M_PER_S, tic
 use crate::TICK_S;
 use crate::crossing::TwistLimits;
 use crate::forecast::Forecast;
+use crate::limits::{LOAD_ACCELERATION, Limits};
 use crate::mechanism::Mechanism;
 use crate::observer::{Confidence, LoadSource, Observation};
-use crate::planner::{LOAD_ACCELERATION, Limits, Planner, Ramp};
+use crate::planner::{Planner, Ramp};
 use crate::position_loop::PositionLoop;
 use rig_link::messages::{Accepted, Limit, LoadChoice, Parameter, Refusal, State};
 

@@ -4,7 +4,8 @@ use crate::cli::Global;
 use crate::failure::Failure;
 use crate::output::Output;
 use rig_control::TICK_S;
-use rig_control::planner::{LOAD_ACCELERATION, Limits, PLANNED_SHARE, Planner};
+use rig_control::limits::{LOAD_ACCELERATION, Limits, PLANNED_SHARE};
+use rig_control::planner::Planner;
 use rig_link::LoadChoice;
 use serde_json::json;
 
