@@ -8,7 +8,7 @@ use crate::TICK_S;
 use crate::limits::Limits;
 use crate::mechanism::Mechanism;
 
-/// Pieces of the way. TR is smooth: more change the time by less than a tick.
+/// Pieces of the way. Moves that the motor holds back then take within 5 % of what was said.
 const PIECES: u8 = 4;
 
 /// One move's time.

@@ -20,8 +20,8 @@ pub const RISE_S: f32 = 0.3;
 /// Steps of the search for the peak speed of a move that is too short for its speed: to 2 % of that.
 const PEAK_STEPS: u8 = 5;
 
-/// √x, 0 for what has none. Three of Heron's steps from an estimate that is 4 % off leave the last bit or two; libm's root
-/// takes ten times the instructions, and a tick may take a dozen roots.
+/// √x, 0 for what has none. Three of Heron's steps from an estimate that is at most 6 % off leave the last bit or two; with
+/// libm's root the worst tick took 1600 instructions more.
 pub(crate) fn root(x: f32) -> f32 {
     if x.is_nan() || x <= f32::MIN_POSITIVE {
         return 0.0;
