@@ -161,6 +161,12 @@ pub enum Command {
         #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = PossibleValuesParser::new(chart::NAMES))]
         only: Vec<String>,
     },
+    /// One self-contained page: model, table certificate, charts, stability map, a recorded move
+    Report {
+        /// File to write
+        #[arg(long, value_name = "FILE.html")]
+        out: PathBuf,
+    },
     /// What `chart` runs under callgrind to count instructions
     #[command(hide = true)]
     ChartKernel,

@@ -144,6 +144,23 @@ fn one(global: &Global, load_kg: f64, twist_rad: f64, gear: f64) -> Result<Outco
     })
 }
 
+/// One move of the demo as a picture, with its figures.
+///
+/// # Errors
+/// If there is no emulated board, or the move fails.
+pub(super) fn recorded(global: &Global, load_kg: f64, twist_rad: f64) -> Result<(String, Vec<String>), Failure> {
+    let o = one(global, load_kg, twist_rad, super::scene(global)?.rig.gear())?;
+    let said = vec![
+        format!("EMULATED: the firmware's ELF on an emulated board and rig, {load_kg} kg that it was not told of"),
+        format!(
+            "load estimated {:.3} N, true {:.3} N; homed in {:.1} s",
+            o.travel.load_n, o.load_true_n, o.home.duration_s
+        ),
+        format!("error at rest {:+.1} um; core busy {:.2} %", o.true_error_at_rest_m * 1e6, 100.0 * o.core_busy),
+    ];
+    Ok((draw(&[curve(&o)])?, said))
+}
+
 fn curve(o: &Outcome) -> Curve {
     let start_s = o.rows.first().map_or(0.0, |r| r.t_s);
     let t = |r: &Row| r.t_s - start_s;

@@ -1,5 +1,5 @@
 //! What each command does: [`solve`], [`lookup`] and [`table`] on the desktop alone, [`published`] against the paper and
-//! [`study`] beyond it, [`chart`] on methods against each other, [`demo`] on the emulated board, [`simulate`] and [`operate`] on it or on a real one, [`dry_run`]
+//! [`study`] beyond it, [`chart`] on methods against each other, [`demo`] on the emulated board, [`report`] on all of it, [`simulate`] and [`operate`] on it or on a real one, [`dry_run`]
 //! on paper.
 
 pub mod chart;
@@ -13,6 +13,7 @@ pub mod operate;
 mod picture;
 pub mod published;
 pub mod rebuild;
+pub mod report;
 pub mod simulate;
 pub mod solve;
 pub mod study;
@@ -50,6 +51,7 @@ pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
         Command::Status => operate::status(global, output),
         Command::Chart { out, only } => chart::run(global, out, only, output),
         Command::ChartKernel => crate::chart::work::kernel(&scene(global)?),
+        Command::Report { out } => report::run(global, out, output),
         Command::Demo { out } => demo::run(global, out, output),
     }
 }

@@ -38,7 +38,10 @@ pub(super) fn draw(curves: &[Curve]) -> Result<String, Failure> {
     }
     let time = "time from the start of the move, s";
     Figure {
-        heading: "One firmware, three loads it was not told of: 12 mm at 2 mm/s (emulated board and rig)".into(),
+        heading: match curves.len() {
+            1 => "A load it was not told of: 12 mm at 2 mm/s (emulated board and rig)".into(),
+            _ => "One firmware, three loads it was not told of: 12 mm at 2 mm/s (emulated board and rig)".into(),
+        },
         rows: vec![
             vec![position],
             vec![panel("Motor speed", "rpm", "", |c| &c.motor_rpm)],
