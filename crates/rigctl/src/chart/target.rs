@@ -36,10 +36,18 @@ pub fn make(folder: &Path) -> Result<Made, Failure> {
     let ways = ways.map_err(|e| Failure::failed(format!("{}: {e}", file.display())))?;
     let gaps: Vec<&Way> = ways.iter().filter(|w| w.error_of == "gap_m").collect();
     let roots: Vec<&Way> = ways.iter().filter(|w| w.error_of == "root_relative").collect();
+    let of_kind = |table: bool| {
+        let numbered = gaps.iter().copied().enumerate();
+        numbered.filter(|(_, w)| (kind(w) == 0) == table).collect::<Vec<(usize, &Way)>>()
+    };
     let figure = Figure {
         heading: "On the board: instructions against error".into(),
-        rows: vec![vec![gap_panel(&gaps), root_panel(&roots)]],
-        panel_size: (590, 460),
+        rows: vec![vec![
+            gap_panel("tables", &of_kind(true), [1e-7, 1e-3], [100.0, 3000.0]),
+            gap_panel("solvers", &of_kind(false), [1e-14, 1e-1], [1e5, 3e8]),
+            root_panel(&roots),
+        ]],
+        panel_size: (400, 380),
         blocks: key(&gaps),
         notes: vec![
             "Counted on the emulated board, one image; a dot is the mean over 30 states (the paper's method: three), the \
@@ -71,17 +79,26 @@ fn kind_colour(kind: usize) -> RGBColor {
     colour([0, 4, 2][kind], 6)
 }
 
-fn gap_panel(ways: &[&Way]) -> Panel {
+/// Numbered as in the key.
+fn gap_panel(title: &str, ways: &[(usize, &Way)], errors_m: [f64; 2], instructions: [f64; 2]) -> Panel {
     let mut items = Vec::new();
-    for (k, way) in ways.iter().enumerate() {
-        let at = (way.error.max(1e-14), way.instructions_mean);
+    for (k, way) in ways {
+        let at = (way.error.clamp(errors_m[0], errors_m[1]), way.instructions_mean);
         items.push(Item::Mark { at, shape: Shape::Dot, colour: kind_colour(kind(way)) });
-        items.push(Item::Label { at, text: format!("   {}", k + 1), colour: INK });
+        // Three and two that stand close together: aside by a part of the whole axis.
+        let aside = match way.symbol.as_str() {
+            "cost_arc_long" | "cost_series_ratio" => (-0.07, 0.0),
+            "cost_arc_short" => (0.0, 0.04),
+            _ => (0.0, 0.0),
+        };
+        let moved = |value: f64, range: [f64; 2], part: f64| value * (range[1] / range[0]).powf(part);
+        let at = (moved(at.0, errors_m, aside.0), moved(at.1, instructions, aside.1));
+        items.push(Item::Label { at, text: (k + 1).to_string(), colour: INK });
     }
     Panel {
-        title: "gap".into(),
-        x: Axis::log("largest error, m", [1e-14, 1e-1]),
-        y: Axis::log("instructions", [100.0, 1e10]),
+        title: title.into(),
+        x: Axis::log("largest error of the gap, m", errors_m),
+        y: Axis::log("instructions", instructions),
         items,
     }
 }
@@ -93,7 +110,7 @@ fn root_panel(ways: &[&Way]) -> Panel {
         items.push(Item::Mark { at, shape: Shape::Diamond, colour: INK });
         let by = way.name.trim_start_matches("square root by ").to_owned();
         // Inside the plane on either side.
-        let at = if at.0 > 1e-4 { (at.0 * 3e-3, at.1) } else { (at.0 * 2.0, at.1) };
+        let at = if at.0 > 1e-4 { (at.0 * 1e-3, at.1) } else { at };
         items.push(Item::Label { at, text: by, colour: INK });
     }
     Panel {

@@ -189,7 +189,9 @@ impl Panel {
                 Item::Fill { from, to, colour } => draw_fill(&rest, local(*from), local(*to), *colour)?,
                 Item::Label { at, text, colour } => {
                     let style = (FONT, TEXT - 2 * PX).into_text_style(&rest).color(colour);
-                    let text = Text::new(text.clone(), local(*at), style.pos(Pos::new(HPos::Left, VPos::Center)));
+                    // Beside a mark at the same place.
+                    let (x, y) = local(*at);
+                    let text = Text::new(text.clone(), (x + 9 * PX, y), style.pos(Pos::new(HPos::Left, VPos::Center)));
                     rest.draw(&text).map_err(words)?;
                 }
             }

@@ -89,7 +89,7 @@ pub enum Item {
         /// Its colour.
         colour: RGBColor,
     },
-    /// A few words that begin at a point.
+    /// A few words just right of a point.
     Label {
         /// Where.
         at: (f64, f64),
