@@ -198,7 +198,7 @@ impl Results {
             ));
         }
         put("(wanted: b and b' at least 5 without load steps)".into());
-        let waits = [false, true].map(|steps| self.over_all_loads(&names[0], steps).map_or(0.0, |s| s.wait_s));
+        let waits = [false, true].map(|steps| self.over_all_loads(names[0], steps).map_or(0.0, |s| s.wait_s));
         put(format!(
             "before the set-point sets out it waits for the strings to take up friction: {:.2} s on average, {:.2} s with load steps",
             waits[0], waits[1]

@@ -5,9 +5,12 @@
 //! - [`work`]: what an equilibrium costs on the desktop; `work_figure` draws it.
 //! - [`sizes`]: bytes of a table against its error.
 //! - [`target`]: what everything costs on the board.
+//! - [`margin`]: stability of the position loop in time; `margin_figure` draws it.
 //! - [`tiers`]: the cheapest model over load and twist, and what five scenes take.
 
 pub mod limits;
+pub mod margin;
+mod margin_figure;
 pub mod rods;
 pub mod sizes;
 pub mod stability;
@@ -22,7 +25,7 @@ use std::path::Path;
 use tsa_model::Scene;
 
 /// The figures, in the order in which they are made.
-pub const NAMES: [&str; 6] = ["work-precision", "target", "table-size", "tiers", "scenes", "stability"];
+pub const NAMES: [&str; 7] = ["work-precision", "target", "table-size", "tiers", "scenes", "margin", "stability"];
 
 /// Makes one of [`NAMES`].
 ///
@@ -35,6 +38,7 @@ pub fn make(name: &str, scene: &Scene, scene_file: &Path, out: &Path) -> Result<
         "tiers" => tiers::maps(scene, scene_file)?,
         "scenes" => tiers::scenes(scene_file)?,
         "table-size" => sizes::make(scene)?,
+        "margin" => margin_figure::make(scene)?,
         "stability" => stability_figure::make(16, 20)?,
         _ => return Err(Failure::Usage(format!("chart: no figure is called {name}"))),
     })
