@@ -33,7 +33,7 @@ pub const NAMES: [&str; 7] = ["work-precision", "target", "table-size", "tiers",
 /// If something cannot be solved or drawn.
 pub fn make(name: &str, scene: &Scene, scene_file: &Path, out: &Path) -> Result<Made, Failure> {
     Ok(match name {
-        "work-precision" => work_figure::make(scene, scene_file)?,
+        "work-precision" => work_figure::make(scene, scene_file, out)?,
         "target" => target::make(out)?,
         "tiers" => tiers::maps(scene, scene_file)?,
         "scenes" => tiers::scenes(scene_file)?,

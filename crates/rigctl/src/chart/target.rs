@@ -87,7 +87,7 @@ fn gap_panel(title: &str, ways: &[(usize, &Way)], errors_m: [f64; 2], instructio
         items.push(Item::Mark { at, shape: Shape::Dot, colour: kind_colour(kind(way)) });
         // Three and two that stand close together: aside by a part of the whole axis.
         let aside = match way.symbol.as_str() {
-            "cost_arc_long" | "cost_series_ratio" => (-0.07, 0.0),
+            "cost_arc_long" | "cost_series_ratio" => (-0.11, 0.0),
             "cost_arc_short" => (0.0, 0.04),
             _ => (0.0, 0.0),
         };
@@ -110,7 +110,7 @@ fn root_panel(ways: &[&Way]) -> Panel {
         items.push(Item::Mark { at, shape: Shape::Diamond, colour: INK });
         let by = way.name.trim_start_matches("square root by ").to_owned();
         // Inside the plane on either side.
-        let at = if at.0 > 1e-4 { (at.0 * 1e-3, at.1) } else { at };
+        let at = if at.0 > 1e-4 { (at.0 * 2e-4, at.1) } else { at };
         items.push(Item::Label { at, text: by, colour: INK });
     }
     Panel {
