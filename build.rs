@@ -4,8 +4,8 @@ use std::error::Error;
 use std::path::PathBuf;
 use std::process::Command;
 use std::{env, fs};
-use tsa_model::Scene;
 use tsa_model::scene::Rig;
+use tsa_model::{Scene, Tier};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let out = PathBuf::from(env::var_os("OUT_DIR").ok_or("OUT_DIR is not set")?);
@@ -16,7 +16,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("cargo:rerun-if-changed=.git/HEAD");
 
     let scene = Scene::load(&scene_path)?;
-    let fit = tsa_table::fit::fit(&scene)?;
+    let fit = tsa_table::fit::fit_tier(&scene, tier()?)?;
     let mut source = tsa_table::emit::rust_source(&fit);
     source.push_str(&constants(&scene.rig));
     source.push_str(&demand(&scene, &fit)?);
@@ -29,6 +29,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("cargo:rustc-link-search={}", out.display());
     println!("cargo:rustc-env=TSA_GIT={}", git().unwrap_or_else(|| "unknown".into()));
     Ok(())
+}
+
+/// The model that the table is made from: the full one, unless `cargo xtask loop` wants to see what another would do.
+fn tier() -> Result<Tier, Box<dyn Error>> {
+    println!("cargo:rerun-if-env-changed=TSA_TIER");
+    let Ok(name) = env::var("TSA_TIER") else { return Ok(Tier::Full) };
+    let known = Tier::ALL.map(|t| t.name()).join(", ");
+    Ok(Tier::named(&name).ok_or_else(|| format!("TSA_TIER: {name} is none of {known}"))?)
 }
 
 fn constants(rig: &Rig) -> String {

@@ -4,7 +4,7 @@ use crate::process::run;
 use crate::toolchain::{TARGET, Toolchain};
 use crate::{Folders, image};
 use anyhow::{Context, Result};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Name of the root package and of its image.
 const PACKAGE: &str = "tsa-firmware";
@@ -17,6 +17,16 @@ pub fn build(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
     let image = built(folders, toolchain, PACKAGE, &[])?;
     println!("firmware: {}", image.display());
     image::report(&image)
+}
+
+/// Builds the image for another scene, its table made from a tier, beside the one that `rigctl` boots.
+pub fn build_variant(folders: &Folders, toolchain: &Toolchain, scene: &Path, tier: &str) -> Result<PathBuf> {
+    let arguments = ["--package", PACKAGE, "--profile", "firmware", "--bin", PACKAGE];
+    run(toolchain.cargo(folders, "build").args(arguments).env("TSA_SCENE", scene).env("TSA_TIER", tier))?;
+    let image = scene.with_extension("elf");
+    let built = toolchain.target_folder(folders).join(TARGET).join("firmware").join(PACKAGE);
+    std::fs::copy(&built, &image).with_context(|| format!("cannot copy {} to {}", built.display(), image.display()))?;
+    Ok(image)
 }
 
 /// Builds the image that counts costs (`src/bin/cost.rs`).

@@ -1,6 +1,6 @@
 //! What each way of knowing the mechanism costs on the board: drawn from what `cargo xtask cost` has counted.
 
-use super::Made;
+use super::{Made, measured};
 use crate::failure::Failure;
 use crate::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Sample, Shape, colour};
 use plotters::style::RGBColor;
@@ -27,13 +27,9 @@ const ROUNDING: f64 = 3e-8;
 /// # Errors
 /// If there is none, or it cannot be read.
 pub fn make(folder: &Path) -> Result<Made, Failure> {
-    let file = [folder, Path::new("out")].map(|f| f.join("cost.csv")).into_iter().find(|f| f.exists());
-    let file = file
-        .ok_or_else(|| Failure::failed("target: no cost.csv in the folder or in out; `cargo xtask cost` makes it"))?;
-    let csv =
-        std::fs::read_to_string(&file).map_err(|e| Failure::failed(format!("cannot read {}: {e}", file.display())))?;
+    let csv = measured(folder, "cost.csv", "cargo xtask cost")?;
     let ways = csv::Reader::from_reader(csv.as_bytes()).deserialize().collect::<Result<Vec<Way>, _>>();
-    let ways = ways.map_err(|e| Failure::failed(format!("{}: {e}", file.display())))?;
+    let ways = ways.map_err(|e| Failure::failed(format!("cost.csv: {e}")))?;
     let gaps: Vec<&Way> = ways.iter().filter(|w| w.error_of == "gap_m").collect();
     let roots: Vec<&Way> = ways.iter().filter(|w| w.error_of == "root_relative").collect();
     let of_kind = |table: bool| {

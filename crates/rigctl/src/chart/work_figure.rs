@@ -1,8 +1,8 @@
 //! Work against precision as a picture.
 
-use super::Made;
 use super::rods;
 use super::work::{self, Measured, Point, Way};
+use super::{Made, measured};
 use crate::failure::Failure;
 use crate::output::csv_text;
 use crate::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Sample, Shape, colour};
@@ -147,11 +147,9 @@ const PEERS: [(&str, &str); 2] =
     [("solve_bvp", "one rod: SciPy's solve_bvp"), ("DOP853 shooting", "one rod: SciPy's DOP853, shooting")];
 
 fn peers(folder: &Path) -> Result<Vec<Peer>, Failure> {
-    let file = [folder, Path::new("out")].map(|f| f.join("peers.csv")).into_iter().find(|f| f.exists());
-    let file = file
-        .ok_or_else(|| Failure::failed("SciPy: no peers.csv in the folder or in out; `cargo xtask bench` makes it"))?;
-    let peers = csv::Reader::from_path(&file).and_then(|mut r| r.deserialize().collect());
-    peers.map_err(|e| Failure::failed(format!("{}: {e}", file.display())))
+    let text = measured(folder, "peers.csv", "cargo xtask bench")?;
+    let peers = csv::Reader::from_reader(text.as_bytes()).deserialize().collect::<Result<_, _>>();
+    peers.map_err(|e| Failure::failed(format!("peers.csv: {e}")))
 }
 
 /// One rod under a given force, which is what others can be asked for.
