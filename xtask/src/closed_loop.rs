@@ -45,21 +45,15 @@ pub fn run(folders: &Folders) -> Result<()> {
     let toolchain = choose(Choice::Auto)?;
     let folder = folders.target.join("loop");
     std::fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
-    let default = folders.root.join("scenes/default.toml");
-    let scene = std::fs::read_to_string(&default).with_context(|| format!("{}", default.display()))?;
     let script = folder.join("loop.script");
     std::fs::write(&script, SCRIPT).with_context(|| format!("{}", script.display()))?;
     let mut csv =
         String::from("variant,load,rms_m,max_m,rest_m,load_relative_error,instructions_mean,instructions_max,fault\n");
     for (name, tier, [contraction_m, tr_relative]) in VARIANTS {
-        let file = folder.join(format!("{}.toml", name.replace([',', ' '], "-")));
-        let text = scene
-            .replace("contraction_m = 5e-6", &format!("contraction_m = {contraction_m:e}"))
-            .replace("tr_relative = 2e-3", &format!("tr_relative = {tr_relative:e}"));
-        std::fs::write(&file, text).with_context(|| format!("{}", file.display()))?;
-        let image = firmware::build_variant(folders, &toolchain, &file, tier)?;
+        let image = folder.join(format!("{}.elf", name.replace([',', ' '], "-")));
+        firmware::build_study(folders, &toolchain, &format!("{tier} {contraction_m:e} {tr_relative:e}"), &image)?;
         for load in LOADS {
-            let o = play(folders, &file, &image, &script, load)?;
+            let o = play(folders, &image, &script, load)?;
             println!(
                 "{name:<14} {load}: tracking {:6.1} um rms, {:6.0} um at most; at rest {:+6.1} um; load {:+6.1} %; {:.0} instructions a tick, \
                  {:.0} at most{}",
@@ -92,9 +86,9 @@ pub fn run(folders: &Folders) -> Result<()> {
     firmware::build(folders, &toolchain)
 }
 
-fn play(folders: &Folders, scene: &Path, image: &Path, script: &Path, load: &str) -> Result<Outcome> {
+fn play(folders: &Folders, image: &Path, script: &Path, load: &str) -> Result<Outcome> {
     let mut command = foreign(&folders.target.join("release/rigctl").to_string_lossy(), &folders.root);
-    command.arg("--json").arg("--scene").arg(scene).arg("--firmware").arg(image);
+    command.arg("--json").arg("--firmware").arg(image);
     command.args(["--plant", &format!("load={load}"), "sim", "--script"]).arg(script);
     let output = command.stderr(Stdio::inherit()).output().with_context(|| shown(&command))?;
     let text = String::from_utf8_lossy(&output.stdout);

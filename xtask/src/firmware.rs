@@ -19,14 +19,14 @@ pub fn build(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
     image::report(&image)
 }
 
-/// Builds the image for another scene, its table made from a tier, beside the one that `rigctl` boots.
-pub fn build_variant(folders: &Folders, toolchain: &Toolchain, scene: &Path, tier: &str) -> Result<PathBuf> {
+/// Builds the image with a table of another model or accuracy (`TSA_STUDY`, see build.rs), beside the one that `rigctl`
+/// boots.
+pub fn build_study(folders: &Folders, toolchain: &Toolchain, study: &str, image: &Path) -> Result<()> {
     let arguments = ["--package", PACKAGE, "--profile", "firmware", "--bin", PACKAGE];
-    run(toolchain.cargo(folders, "build").args(arguments).env("TSA_SCENE", scene).env("TSA_TIER", tier))?;
-    let image = scene.with_extension("elf");
+    run(toolchain.cargo(folders, "build").args(arguments).env("TSA_STUDY", study))?;
     let built = toolchain.target_folder(folders).join(TARGET).join("firmware").join(PACKAGE);
-    std::fs::copy(&built, &image).with_context(|| format!("cannot copy {} to {}", built.display(), image.display()))?;
-    Ok(image)
+    std::fs::copy(&built, image).with_context(|| format!("cannot copy {} to {}", built.display(), image.display()))?;
+    Ok(())
 }
 
 /// Builds the image that counts costs (`src/bin/cost.rs`).

@@ -40,48 +40,38 @@ pub fn make(folder: &Path) -> Result<Made, Failure> {
     let mut loads: Vec<&str> = runs.iter().map(|r| r.load.as_str()).collect();
     loads.sort_unstable();
     loads.dedup();
-    let panel = |label: &str, value: fn(&Run) -> f64| {
-        let place = |r: &Run| (r.instructions_mean, value(r));
-        let x = extent(runs.iter().map(|r| r.instructions_mean));
-        let y = extent(runs.iter().map(value));
-        let mut items = Vec::new();
-        for r in &runs {
+    let names = || Axis::names(variants.iter().map(|v| (*v).to_owned()));
+    let panel = |label: &str, value: fn(&Run) -> f64, first: bool| {
+        let mark = |r: &Run| {
+            let row = variants.iter().position(|v| *v == r.variant).unwrap_or_default();
             let load = loads.iter().position(|l| *l == r.load).unwrap_or_default();
-            items.push(Item::Mark { at: place(r), shape: r.shape(), colour: load_colour(load) });
-            let number = variants.iter().position(|v| *v == r.variant).map_or(0, |k| k + 1);
-            // Those that fall on one point are named by the first of them.
-            let first = runs.iter().find(|o| o.load == r.load && near(place(o), place(r), x, y));
-            if first.is_some_and(|o| o.variant == r.variant) {
-                let others = runs.iter().filter(|o| o.load == r.load && near(place(o), place(r), x, y)).count();
-                let text = if others > 1 { format!("{number} …") } else { number.to_string() };
-                items.push(Item::Label { at: place(r), text, colour: INK });
-            }
-        }
+            // One above the other, so that neither hides the other.
+            let at = (value(r), 0.12 - row as f64 - 0.24 * load as f64);
+            Item::Mark { at, shape: r.shape(), colour: load_colour(load) }
+        };
+        let [low, high] = extent(runs.iter().map(value));
         Panel {
             title: String::new(),
-            x: Axis::linear("instructions a tick, mean", [x[0], x[1] + 0.1 * (x[1] - x[0])]),
-            y: Axis::linear(label, [y[0].min(0.0), y[1]]),
-            items,
+            x: Axis::linear(label, [low.min(0.0), high]),
+            y: if first { names() } else { names().unnamed() },
+            items: runs.iter().map(mark).collect(),
         }
     };
-    let names = variants.iter().enumerate().map(|(k, v)| KeyRow::text([format!("{}  {v}", k + 1)]));
-    let names: Vec<KeyRow> = names.collect();
-    let mut blocks: Vec<Block> = names.chunks(4).map(|rows| Block { rows: rows.to_vec() }).collect();
     let samples = loads.iter().enumerate();
-    blocks.push(Block {
-        rows: samples
-            .map(|(k, load)| KeyRow::sample(Sample::Mark(Shape::Dot, load_colour(k)), *load))
-            .chain([KeyRow::sample(Sample::Mark(Shape::Circle, INK), "a fault on the way")])
-            .collect(),
-    });
+    let key = samples.map(|(k, load)| KeyRow::sample(Sample::Mark(Shape::Dot, load_colour(k)), *load));
+    let blocks = vec![
+        Block { rows: key.collect() },
+        Block { rows: vec![KeyRow::sample(Sample::Mark(Shape::Circle, INK), "a fault on the way")] },
+    ];
     let figure = Figure {
         heading: "Closed loop: tables of other models and accuracies in the firmware".into(),
         rows: vec![vec![
-            panel("tracking error, um rms", |r| r.rms_m * 1e6),
-            panel("at rest, um", |r| (r.rest_m * 1e6).abs()),
-            panel("load estimate off by, %", |r| r.load_relative_error.abs() * 1e2),
+            panel("tracking error, um rms", |r| r.rms_m * 1e6, true),
+            panel("error at rest, um", |r| (r.rest_m * 1e6).abs(), false),
+            panel("load estimate off by, %", |r| r.load_relative_error.abs() * 1e2, false),
+            panel("thousand instructions a tick", |r| r.instructions_mean * 1e-3, false),
         ]],
-        panel_size: (420, 360),
+        panel_size: (330, 340),
         blocks,
         notes: vec![
             "Emulated board and rig, 12, 2 and 9 mm at 2 mm/s after homing. A table is fitted to its model to 5 um and 0.2 % \
@@ -110,10 +100,4 @@ pub fn make(folder: &Path) -> Result<Made, Failure> {
 
 fn load_colour(k: usize) -> RGBColor {
     colour([0, 4][k % 2], 6)
-}
-
-/// Within a fiftieth of both axes.
-fn near(a: (f64, f64), b: (f64, f64), x: [f64; 2], y: [f64; 2]) -> bool {
-    let close = |a: f64, b: f64, [low, high]: [f64; 2]| (a - b).abs() <= 0.03 * (high - low);
-    close(a.0, b.0, x) && close(a.1, b.1, y)
 }
