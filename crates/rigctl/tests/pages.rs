@@ -68,6 +68,11 @@ fn every_command_of_the_pages_works() {
                     let said = String::from_utf8_lossy(&done.stderr);
                     assert!(done.status.success(), "{name}: {line}: {said}");
                 }
+                ["cargo", "run", "--release", "-p", "rigctl", "--example", example] => {
+                    let built = Path::new(env!("CARGO_BIN_EXE_rigctl")).with_file_name("examples").join(example);
+                    let done = Command::new(built).current_dir(&folder).output().unwrap();
+                    assert!(done.status.success(), "{name}: {line}: {}", String::from_utf8_lossy(&done.stderr));
+                }
                 ["cargo", "xtask", task, ..] | [_, "cargo", "xtask", task, ..] => {
                     assert!(tasks.contains(&format!("\n    {task}")), "{name}: no task {task}");
                 }

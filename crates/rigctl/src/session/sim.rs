@@ -8,7 +8,7 @@ use anyhow::{Context, anyhow};
 use serde::Deserialize;
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
 /// How to start an emulated board.
@@ -40,10 +40,11 @@ struct RunAnswer {
     log: Vec<String>,
 }
 
-/// Beside our own executable.
+/// Beside our own executable, or one folder up from it, where the examples of a lab's own have it.
 fn beside(name: &str) -> Result<PathBuf, Failure> {
     let own = std::env::current_exe().context("where rigctl itself is")?;
-    Ok(own.parent().unwrap_or(Path::new(".")).join(name))
+    let folders = own.ancestors().skip(1).take(2).map(|folder| folder.join(name));
+    Ok(folders.clone().find(|file| file.exists()).or(folders.clone().next()).unwrap_or_else(|| name.into()))
 }
 
 impl Sim {

@@ -1,0 +1,115 @@
+//! The paper's experiment (its Fig. 13) by the library behind `rigctl`: three loads, homed, twisted 7.5 turns at 12.5 rpm.
+//!
+//! `cargo run --release -p rigctl --example fig13` on three emulated boards; with a device's name as its argument on a real
+//! rig, under the one load that hangs there. Writes `fig13.svg` and `fig13.csv` where it is started.
+
+use anyhow::{Context, Result, anyhow, bail};
+use rig_link::messages::{Request, State};
+use rigctl::failure::Failure;
+use rigctl::plant::Setting;
+use rigctl::plot::{Axis, Block, Figure, Item, KeyRow, Panel, Pen, Sample, Shape, colour};
+use rigctl::session::Session;
+use rigctl::session::serial::Serial;
+use rigctl::session::sim::{Sim, SimOptions};
+use rigctl::units::STANDARD_GRAVITY;
+use std::f64::consts::{PI, TAU};
+use std::fmt::Write as _;
+use std::path::PathBuf;
+use tsa_model::{PRETWIST_RAD, Scene, twist_from_turns};
+
+const LOADS_KG: [f64; 3] = [0.1, 0.5, 1.5];
+const TURNS: f64 = 7.5;
+const SPEED_RAD_PER_S: f64 = 12.5 * TAU / 60.0;
+
+/// Turns past the pre-twist and contraction (mm) on the way up, and the load that the rig weighed (N).
+struct Sweep {
+    points: Vec<(f64, f64)>,
+    load_n: f64,
+}
+
+fn words(failure: Failure) -> anyhow::Error {
+    anyhow!(failure.message().unwrap_or_default())
+}
+
+fn sweep(session: &mut Session) -> Result<Sweep> {
+    session.hello().map_err(words)?;
+    session.wait_ready().map_err(words)?;
+    session.request(&Request::Home).map_err(words)?;
+    let state = |s: &Session| s.telemetry().map(|t| t.state);
+    session.until(60.0, |s| state(s) != Some(State::Homing)).map_err(words)?;
+    if state(session) != Some(State::Ready) {
+        bail!("homing ended in {:?}: {:?}", state(session), session.take_events().last());
+    }
+    let load = |s: &Session| s.telemetry().and_then(|t| t.load_n);
+    session.until(2.0, |s| load(s).is_some()).map_err(words)?;
+    let load_n = load(session).context("the load was not weighed")?;
+    session.take_rows();
+    session.request(&Request::Jog { twist_speed_rad_per_s: SPEED_RAD_PER_S as f32 }).map_err(words)?;
+    let end = twist_from_turns(TURNS);
+    let there = |s: &Session| s.telemetry().and_then(|t| t.twist_rad).is_some_and(|twist| f64::from(twist) >= end);
+    let arrived = session.until(1.2 * TURNS * TAU / SPEED_RAD_PER_S, there).map_err(words)?;
+    session.request(&Request::Stop).map_err(words)?;
+    if !arrived {
+        bail!("stopped before {TURNS} turns: {:?}", session.telemetry());
+    }
+    let point = |row: rigctl::session::row::Row| {
+        Some(((f64::from(row.twist_rad?) - PRETWIST_RAD) / TAU, f64::from(row.position_m?) * 1e3))
+    };
+    Ok(Sweep { points: session.take_rows().into_iter().filter_map(point).collect(), load_n: f64::from(load_n) })
+}
+
+fn main() -> Result<()> {
+    let scene_file = PathBuf::from("scenes/default.toml");
+    let scene = Scene::load(&scene_file)?;
+    let mut sweeps = Vec::new();
+    if let Some(device) = std::env::args().nth(1) {
+        let mut session = Session::new(Box::new(Serial::open(&device).map_err(words)?));
+        sweeps.push(sweep(&mut session)?);
+    } else {
+        for kg in LOADS_KG {
+            let plant = vec![Setting { key: "load", value: kg * STANDARD_GRAVITY }];
+            let options = SimOptions { firmware: None, scene: scene_file.clone(), plant, seed: 1 };
+            let mut session = Session::new(Box::new(Sim::start(&options).map_err(words)?));
+            sweeps.push(sweep(&mut session).with_context(|| format!("{kg} kg"))?);
+        }
+    }
+    let mechanism = scene.mechanism()?;
+    let (mut csv, mut items, mut key) = (String::from("load_n,turns,contraction_mm\n"), Vec::new(), Vec::new());
+    for (k, s) in sweeps.iter().enumerate() {
+        for (turns, mm) in &s.points {
+            writeln!(csv, "{:.3},{turns:.4},{mm:.4}", s.load_n)?;
+        }
+        let gap = |turns: f64| mechanism.solve(s.load_n, PI + TAU * turns).map(|e| e.gap_m);
+        let start = gap(0.0)?;
+        let model: Vec<(f64, f64)> = (0..=75)
+            .map(|k| f64::from(k) * 0.1)
+            .map(|turns| Ok((turns, (start - gap(turns)?) * 1e3)))
+            .collect::<Result<_>>()?;
+        items.push(Item::Line { points: model.clone(), pen: Pen::solid(colour(k, 3)) });
+        items.extend(s.points.iter().step_by(150).map(|at| Item::Mark {
+            at: *at,
+            shape: Shape::Circle,
+            colour: colour(k, 3),
+        }));
+        let name = format!("{:.2} N as weighed; line: model, circles: LVDT", s.load_n);
+        key.push(KeyRow::sample(Sample::Line(Pen::solid(colour(k, 3))), name));
+        let (seen, solved) = (s.points.last().map_or(0.0, |p| p.1), model.last().map_or(0.0, |p| p.1));
+        println!("{:6.2} N: {seen:.2} mm after {TURNS} turns, the model says {solved:.2} mm", s.load_n);
+    }
+    let figure = Figure {
+        heading: "The paper's experiment: contraction over motor turns at 12.5 rpm".into(),
+        rows: vec![vec![Panel {
+            title: String::new(),
+            x: Axis::linear("turns past the pre-twist", [0.0, TURNS]),
+            y: Axis::linear("contraction, mm", [0.0, 45.0]),
+            items,
+        }]],
+        panel_size: (900, 500),
+        blocks: vec![Block { rows: key }],
+        notes: vec!["On the emulated rig unless a device was named.".into()],
+    };
+    std::fs::write("fig13.svg", figure.svg().map_err(words)?)?;
+    std::fs::write("fig13.csv", csv)?;
+    println!("fig13.svg, fig13.csv");
+    Ok(())
+}
