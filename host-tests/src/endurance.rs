@@ -102,10 +102,14 @@ pub fn moves(count: u32, seed: u64) -> Endurance {
         let number = result.moves;
         let mut go = |target_m| b.ask(&Request::Move { target_m, speed_m_per_s, load: LoadChoice::Auto });
         // A load heavier than at homing hangs lower and cannot come up as far, a lighter one not down as far.
-        if let Err(Refusal::OutOfRange { min, max, .. }) = go(target_m) {
+        let first = go(target_m);
+        if let Err(Refusal::OutOfRange { min, max, .. }) = first {
             target_m = min + 0.8 * (max - min);
         }
-        go(target_m).unwrap_or_else(|e| panic!("move {number} to {target_m} m under {load} kg: {e}"));
+        if let Err(e) = go(target_m) {
+            let truth = b.machine.board().truth();
+            panic!("move {number} to {target_m} m under {load} kg: {e}, after {first:?}; {:?}; {truth:?}", b.last);
+        }
         if number % 6 == 5 && result.faults < number.div_ceil(6) + 1 {
             let fault = *FAULTS.choose(&mut random).expect("seven");
             result.faults += 1;
