@@ -7,7 +7,7 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex as Raw;
 use embassy_sync::channel::Channel;
 use embassy_sync::signal::Signal;
 use rig_control::{DriveCommand, DriveReading, LvdtBlock, SupplyReading};
-use rig_link::messages::{Constants, Message, Request, Telemetry};
+use rig_link::messages::{Constants, Kept, Message, Request, SettingValues, SettingsReport, Telemetry};
 use tsa_table::Table;
 
 /// A value that is read whole and written whole.
@@ -37,6 +37,16 @@ pub static DRIVE_STALLED: AtomicBool = AtomicBool::new(false);
 pub static BUS_OFF: AtomicBool = AtomicBool::new(false);
 /// Newest report of the drive's supply.
 pub static SUPPLY: Latest<Option<SupplyReading>> = Latest::new(None);
+/// The settings in use.
+pub static SETTINGS: Latest<SettingValues> = Latest::new(NO_SETTINGS);
+/// Settings to be kept.
+pub static KEEP: Signal<Raw, SettingValues> = Signal::new();
+/// The settings that were last read from flash or written, and what became of it.
+pub static FLASHED: Latest<(SettingValues, Kept)> = Latest::new((NO_SETTINGS, Kept::Nothing));
+/// Until flash has been read.
+const NO_SETTINGS: SettingValues = SettingValues([0.0; rig_link::messages::Setting::ALL.len()]);
+/// Gap that the LVDT shows (m).
+pub static GAP: Latest<Option<f32>> = Latest::new(None);
 /// What is kept in flash could not be used.
 pub static SETTINGS_CORRUPT: AtomicBool = AtomicBool::new(false);
 /// Newest command for the drive; an older one that was not sent yet is out of date.
@@ -71,6 +81,14 @@ pub fn post(message: Message) {
     if OUTBOX.try_send(message).is_err() {
         UNSENT.fetch_add(1, Ordering::Relaxed);
     }
+}
+
+/// The settings, for the host.
+pub fn settings_report() -> SettingsReport {
+    let values = SETTINGS.get();
+    let (flashed, kept) = FLASHED.get();
+    let kept = if flashed == values { kept } else { Kept::Others };
+    SettingsReport { values, defaults: rig_control::settings::defaults(&crate::scene::RIG), kept }
 }
 
 /// Puts the newest telemetry out for the host; what has not gone out by now never will.

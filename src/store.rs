@@ -1,27 +1,43 @@
 //! What the board keeps while it is without power: a map of small records in the three 16 KiB sectors after the vector
 //! table. `sequential-storage` makes it power-fail safe and checks every record.
 
+use crate::shared;
+use core::sync::atomic::Ordering;
 use embassy_embedded_hal::adapter::BlockingAsync;
 use embassy_stm32::Peri;
 use embassy_stm32::flash::{Bank1Region1, Blocking, Flash};
 use embassy_stm32::pac;
+use embassy_stm32::pac::iwdg::vals::{Key, Pr};
 use embassy_stm32::peripherals::FLASH;
+use embassy_sync::blocking_mutex::raw::NoopRawMutex;
+use embassy_sync::mutex::Mutex;
+use embassy_time::{Duration, Timer};
+use sequential_storage::Error;
 use sequential_storage::cache::{Cache, Uncached};
 use sequential_storage::map::{MapConfig, MapStorage};
 
 type Sectors = BlockingAsync<Bank1Region1<'static, Blocking>>;
+
+/// The store as the tasks of the thread-mode executor share it.
+pub type SharedStore = Mutex<NoopRawMutex, Store>;
 
 /// Longest record with its key.
 pub const RECORD: usize = 1536;
 
 /// Record of the table made on the board.
 pub const TABLE: u8 = 1;
+/// Record of the settings, and of what tells whether it is the newest.
+pub const SETTINGS: u8 = 2;
+pub const SETTINGS_WITNESS: u8 = 3;
 
 /// The kept records.
 pub struct Store {
     map: MapStorage<u8, Sectors, Cache<Uncached, Uncached, Uncached, u8>>,
     buffer: [u8; RECORD],
 }
+
+/// Flash is damaged past the map's own repair.
+pub struct Unreadable;
 
 impl Store {
     /// On the board's flash.
@@ -32,24 +48,45 @@ impl Store {
         Self { map: MapStorage::new(BlockingAsync::new(region), config, Cache::new_uncached()), buffer: [0; RECORD] }
     }
 
-    /// The record, if there is a whole one. Damage counts as none.
-    pub async fn fetch(&mut self, key: u8) -> Option<&[u8]> {
-        match self.map.fetch_item::<&[u8]>(&mut self.buffer, &key).await {
-            Ok(found) => found,
-            Err(e) => {
-                defmt::error!("settings in flash cannot be read: {}", e);
-                crate::shared::SETTINGS_CORRUPT.store(true, core::sync::atomic::Ordering::Relaxed);
-                None
-            }
-        }
+    /// The newest whole record, if there is one.
+    pub async fn fetch(&mut self, key: u8) -> Result<Option<&[u8]>, Unreadable> {
+        self.map.fetch_item::<&[u8]>(&mut self.buffer, &key).await.map_err(|e| {
+            defmt::error!("flash cannot be read: {}", e);
+            Unreadable
+        })
     }
 
-    /// Keeps a record; whether it is there now. Erasing a full sector stalls the core for 0.25 s (0.5 s at most): only while
-    /// nothing moves. The watchdog is given longer meanwhile.
-    pub async fn store(&mut self, key: u8, record: &[u8]) -> bool {
-        watchdog_reload(0xFFF);
-        let result = self.map.store_item(&mut self.buffer, &key, &record).await;
-        watchdog_reload(crate::board::WATCHDOG_RELOAD);
+    /// Keeps records, each whole or not at all; whether all are there now. Waits until the rig stands and the control task
+    /// has agreed to pause: erasing a full sector stalls the core for 0.25 s (0.5 s at most).
+    pub async fn keep(&mut self, records: &[(u8, &[u8])]) -> bool {
+        shared::PAUSE_WANTED.store(true, Ordering::Release);
+        while !shared::PAUSED.load(Ordering::Acquire) {
+            Timer::after(Duration::from_millis(10)).await;
+        }
+        let mut kept = true;
+        for (key, record) in records {
+            kept = kept && self.write(*key, record).await;
+        }
+        // Until sensors and drive have been heard again.
+        Timer::after(Duration::from_millis(40)).await;
+        shared::PAUSE_WANTED.store(false, Ordering::Release);
+        kept
+    }
+
+    /// Before the tasks run, or from [`Store::keep`].
+    pub async fn write(&mut self, key: u8, record: &[u8]) -> bool {
+        // All three sectors may have to be erased; 2.8 s with the fastest LSI.
+        watchdog(Pr::DIVIDE_BY32, 0xFFF);
+        let mut result = self.map.store_item(&mut self.buffer, &key, &record).await;
+        if let Err(Error::Corrupted { .. }) = result {
+            // Nothing in it can be read any more.
+            defmt::warn!("flash is damaged past repair: erased");
+            result = self.map.erase_all().await;
+            if result.is_ok() {
+                result = self.map.store_item(&mut self.buffer, &key, &record).await;
+            }
+        }
+        watchdog(Pr::DIVIDE_BY4, crate::board::WATCHDOG_RELOAD);
         if let Err(e) = &result {
             defmt::error!("cannot keep record {}: {}", key, e);
         }
@@ -57,12 +94,13 @@ impl Store {
     }
 }
 
-/// Counts of the watchdog from the next feeding on; this feeds it.
-fn watchdog_reload(counts: u16) {
+/// Prescaler and counts of the watchdog from now on; this feeds it.
+fn watchdog(prescaler: Pr, counts: u16) {
     let iwdg = pac::IWDG;
-    iwdg.kr().write(|w| w.set_key(pac::iwdg::vals::Key::ENABLE));
-    while iwdg.sr().read().rvu() {}
+    iwdg.kr().write(|w| w.set_key(Key::ENABLE));
+    while iwdg.sr().read().pvu() || iwdg.sr().read().rvu() {}
+    iwdg.pr().write(|w| w.set_pr(prescaler));
     iwdg.rlr().write(|w| w.set_rl(counts));
-    while iwdg.sr().read().rvu() {}
-    iwdg.kr().write(|w| w.set_key(pac::iwdg::vals::Key::RESET));
+    while iwdg.sr().read().pvu() || iwdg.sr().read().rvu() {}
+    iwdg.kr().write(|w| w.set_key(Key::RESET));
 }
