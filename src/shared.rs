@@ -37,14 +37,13 @@ pub static DRIVE_STALLED: AtomicBool = AtomicBool::new(false);
 pub static BUS_OFF: AtomicBool = AtomicBool::new(false);
 /// Newest report of the drive's supply.
 pub static SUPPLY: Latest<Option<SupplyReading>> = Latest::new(None);
-/// The settings in use.
-pub static SETTINGS: Latest<SettingValues> = Latest::new(NO_SETTINGS);
-/// Settings to be kept.
-pub static KEEP: Signal<Raw, SettingValues> = Signal::new();
-/// The settings that were last read from flash or written, and what became of it.
-pub static FLASHED: Latest<(SettingValues, Kept)> = Latest::new((NO_SETTINGS, Kept::Nothing));
-/// Until flash has been read.
-const NO_SETTINGS: SettingValues = SettingValues([0.0; rig_link::messages::Setting::ALL.len()]);
+/// The settings in use, and how often they were set since the start.
+pub static SETTINGS: Latest<(SettingValues, u32)> =
+    Latest::new((SettingValues([0.0; rig_link::messages::Setting::ALL.len()]), 0));
+/// Settings to be kept, with that count.
+pub static KEEP: Signal<Raw, (SettingValues, u32)> = Signal::new();
+/// What flash holds, and the count of that.
+pub static FLASHED: Latest<(Kept, u32)> = Latest::new((Kept::Nothing, 0));
 /// Gap that the LVDT shows (m).
 pub static GAP: Latest<Option<f32>> = Latest::new(None);
 /// What is kept in flash could not be used.
@@ -85,9 +84,9 @@ pub fn post(message: Message) {
 
 /// The settings, for the host.
 pub fn settings_report() -> SettingsReport {
-    let values = SETTINGS.get();
-    let (flashed, kept) = FLASHED.get();
-    let kept = if flashed == values { kept } else { Kept::Others };
+    let (values, count) = SETTINGS.get();
+    let (kept, flashed) = FLASHED.get();
+    let kept = if flashed == count { kept } else { Kept::Others };
     SettingsReport { values, defaults: rig_control::settings::defaults(&crate::scene::RIG), kept }
 }
 

@@ -28,7 +28,8 @@ pub async fn run(encoder: Qei<'static, TIM3>, switches: Switches, mut leds: Leds
     static CONTROL: StaticCell<Rig<'static>> = StaticCell::new();
     // The black box keeps the compiler from checking the table's checksum at compile time: flash is what is asked.
     let rig = CONTROL.init(Rig::new(core::hint::black_box(shared::TABLE.get()), RIG, reset));
-    rig.set_up(&shared::SETTINGS.get());
+    let (settings, mut settings_count) = shared::SETTINGS.get();
+    rig.set_up(&settings);
     let mut count = EncoderCount::new(encoder.count());
     let mut ticker = Ticker::every(Duration::from_micros(TICK_US));
     let mut ticks = 0u32;
@@ -82,8 +83,10 @@ pub async fn run(encoder: Qei<'static, TIM3>, switches: Switches, mut leds: Leds
         }
         let set = matches!(request, Some((_, Request::SetSetting { .. } | Request::SetSettings(_))));
         if set && matches!(outputs.reply, Some(Ok(_))) {
-            shared::SETTINGS.set(*rig.settings());
-            shared::KEEP.signal(*rig.settings());
+            settings_count += 1;
+            let settings = (*rig.settings(), settings_count);
+            shared::SETTINGS.set(settings);
+            shared::KEEP.signal(settings);
         }
         if let (Some((to, _)), Some(result)) = (request, outputs.reply) {
             shared::post(Message::Reply { to, result });

@@ -35,21 +35,21 @@ pub async fn kept(store: &mut Store) -> u32 {
     if loaded.witness_behind {
         store.write(store::SETTINGS_WITNESS, &settings::write_witness(loaded.generation)).await;
     }
-    shared::SETTINGS.set(loaded.values);
-    shared::FLASHED.set((loaded.values, loaded.kept));
+    shared::SETTINGS.set((loaded.values, 0));
+    shared::FLASHED.set((loaded.kept, 0));
     loaded.generation
 }
 
 #[embassy_executor::task]
 pub async fn run(store: &'static SharedStore, mut generation: u32) -> ! {
     loop {
-        let values = shared::KEEP.wait().await;
+        let (values, count) = shared::KEEP.wait().await;
         generation = generation.wrapping_add(1);
         let record = settings::write(&values, &RIG, generation);
         let witness = settings::write_witness(generation);
         let records = [(store::SETTINGS, &record[..]), (store::SETTINGS_WITNESS, &witness[..])];
         let kept = store.lock().await.keep(&records).await;
-        shared::FLASHED.set((values, if kept { Kept::These } else { Kept::Nothing }));
+        shared::FLASHED.set((if kept { Kept::These } else { Kept::Nothing }, count));
         shared::OUTBOX.send(Message::Settings(shared::settings_report())).await;
     }
 }
