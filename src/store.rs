@@ -13,10 +13,21 @@ use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::mutex::Mutex;
 use embassy_time::{Duration, Timer};
 use sequential_storage::Error;
-use sequential_storage::cache::{Cache, Uncached};
+use sequential_storage::cache::Cache;
+use sequential_storage::cache::key_pointers::ArrayKeyPointers;
+use sequential_storage::cache::page_pointers::ArrayPagePointers;
+use sequential_storage::cache::page_states::ArrayPageStates;
 use sequential_storage::map::{MapConfig, MapStorage};
 
 type Sectors = BlockingAsync<Bank1Region1<'static, Blocking>>;
+
+/// Where each record stands. Without it the age of each old record in a full sector would be found by reading all of the
+/// others: seconds.
+type Places = Cache<ArrayPageStates<SECTORS>, ArrayPagePointers<SECTORS>, ArrayKeyPointers<u8, KEYS>, u8>;
+
+const SECTORS: usize = 3;
+/// Keys that there are.
+const KEYS: usize = 3;
 
 /// The store as the tasks of the thread-mode executor share it.
 pub type SharedStore = Mutex<NoopRawMutex, Store>;
@@ -32,7 +43,7 @@ pub const SETTINGS_WITNESS: u8 = 3;
 
 /// The kept records.
 pub struct Store {
-    map: MapStorage<u8, Sectors, Cache<Uncached, Uncached, Uncached, u8>>,
+    map: MapStorage<u8, Sectors, Places>,
     buffer: [u8; RECORD],
 }
 
@@ -45,7 +56,8 @@ impl Store {
         let region = Flash::new_blocking(flash).into_blocking_regions().bank1_region1;
         // Sectors 1 to 3; memory.x leaves them free.
         let config = const { MapConfig::new(0x4000..0x1_0000) };
-        Self { map: MapStorage::new(BlockingAsync::new(region), config, Cache::new_uncached()), buffer: [0; RECORD] }
+        let places = Cache::new(ArrayPageStates::new(), ArrayPagePointers::new(), ArrayKeyPointers::new());
+        Self { map: MapStorage::new(BlockingAsync::new(region), config, places), buffer: [0; RECORD] }
     }
 
     /// The newest whole record, if there is one.
