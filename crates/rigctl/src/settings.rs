@@ -34,6 +34,11 @@ pub fn value(setting: Setting, text: &str) -> Result<f32, units::UnitError> {
     units::parse(setting.name(), quantity(setting), text).map(|value| value as f32)
 }
 
+/// For JSON: the shortest decimal of it, not what an f64 makes of an f32.
+pub fn decimal(value: f32) -> f64 {
+    value.to_string().parse().unwrap_or(f64::from(value))
+}
+
 /// The file of a backup: who the board was, then every setting in SI units.
 pub fn to_toml(report: &SettingsReport, identity: &Identity) -> String {
     let mut text = format!(

@@ -6,6 +6,7 @@ use crate::cli::{Calibrate, Global};
 use crate::failure::Failure;
 use crate::output::Output;
 use crate::session::Session;
+use crate::settings::decimal;
 use crate::units::{self, Quantity};
 use rig_link::{Request, Setting, SettingValues};
 use serde_json::json;
@@ -101,7 +102,7 @@ fn lvdt(global: &Global, gap: Option<f64>, other: Option<Point>, output: &mut Ou
     let after_m = session.gap_m()?;
     output.object(&json!({
         "gap_m": gap_m, "sensor_m": sensor_m, "error_before_m": shown_m - gap_m, "error_after_m": after_m - gap_m,
-        "lvdt_offset_m": new.get(Setting::LvdtOffset), "lvdt_gain": new.get(Setting::LvdtGain),
+        "lvdt_offset_m": decimal(new.get(Setting::LvdtOffset)), "lvdt_gain": decimal(new.get(Setting::LvdtGain)),
         "true_gap_m": truth_m, "kept": true, "unhomed": unhomed, "settings": all(&new),
     }))?;
     output.line(format!(
@@ -148,7 +149,7 @@ fn zero(global: &Global, output: &mut Output) -> Result<(), Failure> {
     let value = (old_m + before_m) as f32;
     session.set(&Request::SetSetting { setting: Setting::PositionZero, value })?;
     let after_m = position(&mut session)?;
-    output.object(&json!({"position_before_m": before_m, "position_m": after_m, "position_zero_m": value,
+    output.object(&json!({"position_before_m": before_m, "position_m": after_m, "position_zero_m": decimal(value),
         "kept": true}))?;
     output.line(format!(
         "position was {:.3} mm and is {:+.3} mm now: 0 is {:+.3} mm from where the load hangs at the half-turn pre-twist; \

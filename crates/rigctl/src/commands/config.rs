@@ -5,7 +5,7 @@ use crate::cli::{Config, Global};
 use crate::failure::Failure;
 use crate::output::Output;
 use crate::session::Session;
-use crate::settings::{self, from_toml, to_toml};
+use crate::settings::{self, decimal, from_toml, to_toml};
 use rig_link::{Fault, Kept, PROTOCOL_HASH, Request, Setting, SettingValues, SettingsReport};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -31,11 +31,11 @@ fn object(setting: Setting, report: &SettingsReport) -> Value {
     let [min, max] = setting.range(default);
     json!({
         "name": setting.name(),
-        "value": report.values.get(setting),
+        "value": decimal(report.values.get(setting)),
         "unit": setting.spec().unit,
-        "default": default,
-        "min": min,
-        "max": max,
+        "default": decimal(default),
+        "min": decimal(min),
+        "max": decimal(max),
         "kept": report.kept == Kept::These,
     })
 }
@@ -82,7 +82,7 @@ pub fn status(report: &SettingsReport, output: &mut Output) -> Result<(), Failur
 
 /// All of them as one object.
 pub fn all(values: &SettingValues) -> Value {
-    values.iter().map(|(setting, value)| (setting.name().to_string(), json!(value))).collect()
+    values.iter().map(|(setting, value)| (setting.name().to_string(), json!(decimal(value)))).collect()
 }
 
 fn set(global: &Global, setting: Setting, text: &str, output: &mut Output) -> Result<(), Failure> {
@@ -101,7 +101,8 @@ fn set(global: &Global, setting: Setting, text: &str, output: &mut Output) -> Re
             .ok_or_else(|| Failure::failed("twist-scale: nothing is learned before the rig is homed and has moved"))?,
     };
     let unhomed = session.set(&Request::SetSetting { setting, value })?;
-    output.object(&json!({"name": setting.name(), "value": value, "unit": setting.spec().unit, "before": before,
+    output.object(&json!({"name": setting.name(), "value": decimal(value), "unit": setting.spec().unit,
+        "before": decimal(before),
         "kept": true, "unhomed": unhomed}))?;
     output.line(format!("{setting}: {} -> {}, kept in flash", setting.show(before), setting.show(value)))?;
     hints(&session, unhomed, output)

@@ -73,11 +73,17 @@ fn play_through(session: &mut Session, script: &Script, seed: u64, output: &mut 
         for (t_s, kind) in session.take_events() {
             output.line(format!("{t_s:8.2} s  event {kind:?}"))?;
         }
-        if let Some(report) = session.known_settings().filter(|report| Some(**report) != told) {
-            output.line(format!("{:8.2} s  settings {}", session.now_s(), config::all(&report.values)))?;
-            output.line(format!("           {}", report.kept))?;
-            told = Some(*report);
+        // Nothing is known of them between a start of the board and its first report.
+        let known = session.known_settings().copied();
+        if let (true, Some(report)) = (known != told, known) {
+            output.line(format!(
+                "{:8.2} s  settings {} {}",
+                session.now_s(),
+                config::all(&report.values),
+                report.kept
+            ))?;
         }
+        told = known;
         for (number, result) in session.take_replies() {
             if let (Some(line), Err(refusal)) = (asked.get(&number), result) {
                 eprintln!("script line {line}: refused: {refusal}");
