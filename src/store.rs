@@ -20,6 +20,7 @@ use sequential_storage::cache::page_states::ArrayPageStates;
 use sequential_storage::map::{MapConfig, MapStorage};
 
 type Sectors = BlockingAsync<Bank1Region1<'static, Blocking>>;
+type Failed = Error<embassy_stm32::flash::Error>;
 
 /// Where each record stands. Without it the age of each old record in a full sector would be found by reading all of the
 /// others: seconds.
@@ -85,24 +86,33 @@ impl Store {
         kept
     }
 
-    /// Before the tasks run, or from [`Store::keep`].
+    /// Before the tasks run, or from [`Store::keep`]; whether it is there and can be read back.
     pub async fn write(&mut self, key: u8, record: &[u8]) -> bool {
         // All three sectors may have to be erased; 2.8 s with the fastest LSI.
         watchdog(Pr::DIVIDE_BY32, 0xFFF);
-        let mut result = self.map.store_item(&mut self.buffer, &key, &record).await;
-        if let Err(Error::Corrupted { .. }) = result {
-            // Nothing in it can be read any more.
-            defmt::warn!("flash is damaged past repair: erased");
-            result = self.map.erase_all().await;
-            if result.is_ok() {
-                result = self.map.store_item(&mut self.buffer, &key, &record).await;
-            }
+        let mut written = self.write_and_read(key, record).await;
+        // Past repair, or not what was written: power failed once while a sector was erased, which then looks empty and is
+        // not. The settings that are lost with it are written anew; a table must be made again.
+        if matches!(written, Ok(false) | Err(Error::Corrupted { .. })) {
+            defmt::warn!("flash is damaged: erased");
+            written = match self.map.erase_all().await {
+                Ok(()) => self.write_and_read(key, record).await,
+                Err(e) => Err(e),
+            };
         }
         watchdog(Pr::DIVIDE_BY4, crate::board::WATCHDOG_RELOAD);
-        if let Err(e) = &result {
-            defmt::error!("cannot keep record {}: {}", key, e);
+        match written {
+            Ok(whole) => whole,
+            Err(e) => {
+                defmt::error!("cannot keep record {}: {}", key, e);
+                false
+            }
         }
-        result.is_ok()
+    }
+
+    async fn write_and_read(&mut self, key: u8, record: &[u8]) -> Result<bool, Failed> {
+        self.map.store_item(&mut self.buffer, &key, &record).await?;
+        Ok(self.map.fetch_item::<&[u8]>(&mut self.buffer, &key).await? == Some(record))
     }
 }
 
