@@ -302,7 +302,9 @@ fn the_board_makes_its_own_table_in_seconds_keeps_it_and_falls_back() {
     b.run(0.1);
     assert_eq!(b.state(), State::Unhomed);
     assert_eq!(b.ask(&MOVE), Err(Refusal::NotHomed));
+    b.identity = None;
     b.ask(&Request::Status).unwrap();
+    assert!(b.until(0.1, |b| b.identity.is_some()));
     let table = b.identity.clone().unwrap().table;
     assert!(table.rebuilt && table.crc != built_in.crc);
 
