@@ -26,6 +26,8 @@ type Failed = Error<embassy_stm32::flash::Error>;
 /// others: seconds.
 type Places = Cache<ArrayPageStates<SECTORS>, ArrayPagePointers<SECTORS>, ArrayKeyPointers<u8, KEYS>, u8>;
 
+type Map = MapStorage<u8, Sectors, Places>;
+
 const SECTORS: usize = 3;
 /// Keys that there are.
 const KEYS: usize = 3;
@@ -44,26 +46,31 @@ pub const SETTINGS_WITNESS: u8 = 3;
 
 /// The kept records.
 pub struct Store {
-    map: MapStorage<u8, Sectors, Places>,
+    /// Nothing only while it is made anew.
+    map: Option<Map>,
     buffer: [u8; RECORD],
 }
 
 /// Flash is damaged past the map's own repair.
 pub struct Unreadable;
 
+/// On the board's sectors 1 to 3; memory.x leaves them free.
+fn map(sectors: Sectors) -> Map {
+    let places = Cache::new(ArrayPageStates::new(), ArrayPagePointers::new(), ArrayKeyPointers::new());
+    MapStorage::new(sectors, const { MapConfig::new(0x4000..0x1_0000) }, places)
+}
+
 impl Store {
     /// On the board's flash.
     pub fn new(flash: Peri<'static, FLASH>) -> Self {
         let region = Flash::new_blocking(flash).into_blocking_regions().bank1_region1;
-        // Sectors 1 to 3; memory.x leaves them free.
-        let config = const { MapConfig::new(0x4000..0x1_0000) };
-        let places = Cache::new(ArrayPageStates::new(), ArrayPagePointers::new(), ArrayKeyPointers::new());
-        Self { map: MapStorage::new(BlockingAsync::new(region), config, places), buffer: [0; RECORD] }
+        Self { map: Some(map(BlockingAsync::new(region))), buffer: [0; RECORD] }
     }
 
     /// The newest whole record, if there is one.
     pub async fn fetch(&mut self, key: u8) -> Result<Option<&[u8]>, Unreadable> {
-        self.map.fetch_item::<&[u8]>(&mut self.buffer, &key).await.map_err(|e| {
+        let map = self.map.as_mut().ok_or(Unreadable)?;
+        map.fetch_item::<&[u8]>(&mut self.buffer, &key).await.map_err(|e| {
             defmt::error!("flash cannot be read: {}", e);
             Unreadable
         })
@@ -76,27 +83,24 @@ impl Store {
         while !shared::PAUSED.load(Ordering::Acquire) {
             Timer::after(Duration::from_millis(10)).await;
         }
-        let mut kept = true;
-        for (key, record) in records {
-            kept = kept && self.write(*key, record).await;
-        }
+        let kept = self.write(records).await;
         // Until sensors and drive have been heard again.
         Timer::after(Duration::from_millis(40)).await;
         shared::PAUSE_WANTED.store(false, Ordering::Release);
         kept
     }
 
-    /// Before the tasks run, or from [`Store::keep`]; whether it is there and can be read back.
-    pub async fn write(&mut self, key: u8, record: &[u8]) -> bool {
+    /// As [`Store::keep`], before the tasks run.
+    pub async fn write(&mut self, records: &[(u8, &[u8])]) -> bool {
         // All three sectors may have to be erased; 2.8 s with the fastest LSI.
         watchdog(Pr::DIVIDE_BY32, 0xFFF);
-        let mut written = self.write_and_read(key, record).await;
+        let mut written = self.write_and_read(records).await;
         // Past repair, or not what was written: power failed once while a sector was erased, which then looks empty and is
-        // not. The settings that are lost with it are written anew; a table must be made again.
+        // not. What else is in there (a table, when these are settings) must be made again.
         if matches!(written, Ok(false) | Err(Error::Corrupted { .. })) {
             defmt::warn!("flash is damaged: erased");
-            written = match self.map.erase_all().await {
-                Ok(()) => self.write_and_read(key, record).await,
+            written = match self.erase().await {
+                Ok(()) => self.write_and_read(records).await,
                 Err(e) => Err(e),
             };
         }
@@ -104,15 +108,29 @@ impl Store {
         match written {
             Ok(whole) => whole,
             Err(e) => {
-                defmt::error!("cannot keep record {}: {}", key, e);
+                defmt::error!("flash cannot be written: {}", e);
                 false
             }
         }
     }
 
-    async fn write_and_read(&mut self, key: u8, record: &[u8]) -> Result<bool, Failed> {
-        self.map.store_item(&mut self.buffer, &key, &record).await?;
-        Ok(self.map.fetch_item::<&[u8]>(&mut self.buffer, &key).await? == Some(record))
+    async fn write_and_read(&mut self, records: &[(u8, &[u8])]) -> Result<bool, Failed> {
+        let Some(map) = self.map.as_mut() else { return Ok(false) };
+        for (key, record) in records {
+            map.store_item(&mut self.buffer, key, record).await?;
+            if map.fetch_item::<&[u8]>(&mut self.buffer, key).await? != Some(*record) {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    /// Erases all of it. The map forgets where its records stood only if it is made anew.
+    async fn erase(&mut self) -> Result<(), Failed> {
+        let Some(mut old) = self.map.take() else { return Ok(()) };
+        let erased = old.erase_all().await;
+        self.map = Some(map(old.destroy().0));
+        erased
     }
 }
 

@@ -4,8 +4,8 @@ use crate::scene::RIG;
 use crate::shared;
 use crate::store::{self, SharedStore, Store, Unreadable};
 use core::sync::atomic::Ordering;
-use rig_control::settings::{self, Loaded, RECORD_MAX};
-use rig_link::messages::{Kept, Message};
+use rig_control::settings::{self, Loaded, RECORD, RECORD_MAX};
+use rig_link::messages::{Kept, Message, SettingValues};
 
 /// A record as it stands in flash; one that is longer than any of ours counts as none.
 async fn copy<'b>(store: &mut Store, key: u8, to: &'b mut [u8]) -> Result<Option<&'b [u8]>, Unreadable> {
@@ -15,6 +15,11 @@ async fn copy<'b>(store: &mut Store, key: u8, to: &'b mut [u8]) -> Result<Option
         place.copy_from_slice(record);
         &*place
     }))
+}
+
+/// Both of a generation: the witness is written second.
+fn records(values: &SettingValues, generation: u32) -> ([u8; RECORD], [u8; 4]) {
+    (settings::write(values, &RIG, generation), settings::write_witness(generation))
 }
 
 /// From flash, to be used from the first tick on; the generation of the record.
@@ -33,7 +38,8 @@ pub async fn kept(store: &mut Store) -> u32 {
         shared::SETTINGS_CORRUPT.store(true, Ordering::Relaxed);
     }
     if loaded.witness_behind {
-        store.write(store::SETTINGS_WITNESS, &settings::write_witness(loaded.generation)).await;
+        let (record, witness) = records(&loaded.values, loaded.generation);
+        store.write(&[(store::SETTINGS, &record), (store::SETTINGS_WITNESS, &witness)]).await;
     }
     shared::SETTINGS.set((loaded.values, 0));
     shared::FLASHED.set((loaded.kept, 0));
@@ -45,10 +51,8 @@ pub async fn run(store: &'static SharedStore, mut generation: u32) -> ! {
     loop {
         let (values, count) = shared::KEEP.wait().await;
         generation = generation.wrapping_add(1);
-        let record = settings::write(&values, &RIG, generation);
-        let witness = settings::write_witness(generation);
-        let records = [(store::SETTINGS, &record[..]), (store::SETTINGS_WITNESS, &witness[..])];
-        let kept = store.lock().await.keep(&records).await;
+        let (record, witness) = records(&values, generation);
+        let kept = store.lock().await.keep(&[(store::SETTINGS, &record), (store::SETTINGS_WITNESS, &witness)]).await;
         shared::FLASHED.set((if kept { Kept::These } else { Kept::Nothing }, count));
         shared::OUTBOX.send(Message::Settings(shared::settings_report())).await;
     }
