@@ -29,7 +29,7 @@ pub const LVDT_BLOCK: usize = 256;
 /// Time without feeding after which the watchdog resets the board (µs, nominal). The LSI is 17 to 47 kHz for 32, so
 /// really 0.34 to 0.94 s; the drive stops at its last target meanwhile.
 const WATCHDOG_US: u32 = 500_000;
-/// The same in the watchdog's counts, as embassy-stm32 sets them: 32 kHz over the least prescaler that reaches.
+/// The same in the watchdog's counts, as embassy-stm32 sets them: 32 kHz over the least prescaler that reaches, 4.
 pub const WATCHDOG_RELOAD: u16 = 3999;
 
 /// Indicators.

@@ -3,7 +3,7 @@
 //! Only pins, clocks and tasks live here; everything that a desktop can test is in the crates. An executor at interrupt
 //! level runs five tasks: [`tasks::control`] (the tick), [`tasks::drive`] (CAN), [`tasks::lvdt`] (ADC and DMA),
 //! [`tasks::link`] (host) and [`tasks::watchdog`], which feeds the dog only if all the others have been seen. Below them, in
-//! thread mode, [`tasks::table`] solves equilibria for a table of the board's own.
+//! thread mode, [`tasks::table`] solves equilibria for a table of the board's own and [`tasks::settings`] keeps settings.
 
 #![no_std]
 #![no_main]
@@ -19,6 +19,7 @@ use defmt_rtt as _;
 use embassy_executor::{InterruptExecutor, Spawner};
 use embassy_stm32::interrupt;
 use embassy_stm32::interrupt::{InterruptExt, Priority};
+use static_cell::StaticCell;
 
 /// Everything that must not wait for a table to be solved.
 static FOREGROUND: InterruptExecutor = InterruptExecutor::new();
@@ -48,6 +49,9 @@ async fn main(background: Spawner) {
     if let Some(table) = tasks::table::kept(&mut store).await {
         shared::TABLE.set(table);
     }
+    let generation = tasks::settings::kept(&mut store).await;
+    static STORE: StaticCell<store::SharedStore> = StaticCell::new();
+    let store = STORE.init(store::SharedStore::new(store));
     // Any interrupt that nothing else uses; the peripherals' own stay above it.
     interrupt::SPDIF_RX.set_priority(Priority::P6);
     let spawner = FOREGROUND.start(interrupt::SPDIF_RX);
@@ -60,4 +64,5 @@ async fn main(background: Spawner) {
     spawner.spawn(defmt::unwrap!(tasks::control::run(board.encoder, board.switches, board.leds, start)));
     spawner.spawn(defmt::unwrap!(tasks::watchdog::run(board.watchdog)));
     background.spawn(defmt::unwrap!(tasks::table::run(store)));
+    background.spawn(defmt::unwrap!(tasks::settings::run(store, generation)));
 }

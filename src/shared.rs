@@ -7,7 +7,7 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex as Raw;
 use embassy_sync::channel::Channel;
 use embassy_sync::signal::Signal;
 use rig_control::{DriveCommand, DriveReading, LvdtBlock, SupplyReading};
-use rig_link::messages::{Constants, Message, Request, Telemetry};
+use rig_link::messages::{Constants, Kept, Message, Request, SettingValues, SettingsReport, Telemetry};
 use tsa_table::Table;
 
 /// A value that is read whole and written whole.
@@ -37,6 +37,15 @@ pub static DRIVE_STALLED: AtomicBool = AtomicBool::new(false);
 pub static BUS_OFF: AtomicBool = AtomicBool::new(false);
 /// Newest report of the drive's supply.
 pub static SUPPLY: Latest<Option<SupplyReading>> = Latest::new(None);
+/// The settings in use, and how often they were set since the start.
+pub static SETTINGS: Latest<(SettingValues, u32)> =
+    Latest::new((SettingValues([0.0; rig_link::messages::Setting::ALL.len()]), 0));
+/// Settings to be kept, with that count.
+pub static KEEP: Signal<Raw, (SettingValues, u32)> = Signal::new();
+/// What flash holds, and the count of that.
+pub static FLASHED: Latest<(Kept, u32)> = Latest::new((Kept::Nothing, 0));
+/// Gap that the LVDT shows (m).
+pub static GAP: Latest<Option<f32>> = Latest::new(None);
 /// What is kept in flash could not be used.
 pub static SETTINGS_CORRUPT: AtomicBool = AtomicBool::new(false);
 /// Newest command for the drive; an older one that was not sent yet is out of date.
@@ -71,6 +80,14 @@ pub fn post(message: Message) {
     if OUTBOX.try_send(message).is_err() {
         UNSENT.fetch_add(1, Ordering::Relaxed);
     }
+}
+
+/// The settings, for the host.
+pub fn settings_report() -> SettingsReport {
+    let (values, count) = SETTINGS.get();
+    let (kept, flashed) = FLASHED.get();
+    let kept = if flashed == count { kept } else { Kept::Others };
+    SettingsReport { values, defaults: rig_control::settings::defaults(&crate::scene::RIG), kept }
 }
 
 /// Puts the newest telemetry out for the host; what has not gone out by now never will.

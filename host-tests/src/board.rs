@@ -5,7 +5,7 @@ use rig_emulator::board::Stimulus;
 use rig_emulator::machine::{Config, Machine};
 use rig_emulator::rig::Rig;
 use rig_emulator::rig::settings::PlantSettings;
-use rig_link::messages::{EventKind, Identity, Message, Refusal, Request, State, Telemetry};
+use rig_link::messages::{EventKind, Identity, Kept, Message, Refusal, Request, SettingsReport, State, Telemetry};
 use rig_link::{Accepted, Decoder, PROTOCOL_HASH, encode};
 use std::process::Command;
 use std::sync::OnceLock;
@@ -35,6 +35,10 @@ pub struct Bench {
     pub last: Option<Telemetry>,
     /// What the board said it is.
     pub identity: Option<Identity>,
+    /// Newest report of the settings.
+    pub settings: Option<SettingsReport>,
+    /// Newest answer to `ReadGap`.
+    pub gap_m: Option<f32>,
     /// True gap when homing ended (m).
     pub home_gap_m: Option<f64>,
     /// Whether heartbeats go out.
@@ -65,6 +69,8 @@ impl Bench {
             replies: Vec::new(),
             last: None,
             identity: None,
+            settings: None,
+            gap_m: None,
             home_gap_m: None,
             heartbeat: true,
             frames: 0,
@@ -116,6 +122,8 @@ impl Bench {
                 }
                 Message::Identity(identity) => self.identity = Some(identity),
                 Message::Reply { to, result } => self.replies.push((to, result)),
+                Message::Settings(report) => self.settings = Some(report),
+                Message::Gap { gap_m } => self.gap_m = gap_m,
                 Message::Event { kind, .. } => {
                     if matches!(kind, EventKind::Homed { .. }) {
                         self.home_gap_m = Some(self.machine.board().truth().gap_m);
@@ -154,11 +162,50 @@ impl Bench {
         self.replies.iter().find(|(to, _)| *to == number).expect("just seen").1
     }
 
-    /// Greets, waits for the drive, homes; homing time (s).
-    pub fn home(&mut self) -> f64 {
-        // Its UART is up after 2 ms; what comes before is lost, as on the real board.
+    /// Greets after a start. Its UART is up after 2 ms; what comes before is lost, as on the real board.
+    pub fn greet(&mut self) {
         self.run(0.05);
         self.ask(&Request::Hello { protocol_hash: PROTOCOL_HASH }).expect("same message table");
+    }
+
+    /// Takes the power away for a moment.
+    pub fn power_cycle(&mut self) {
+        self.machine.board_mut().power_cycle();
+        self.machine.power_cycle();
+        (self.last, self.settings) = (None, None);
+    }
+
+    /// The settings as the board tells them.
+    pub fn settings(&mut self) -> SettingsReport {
+        self.settings = None;
+        self.ask(&Request::GetSettings).expect("never refused");
+        self.until(0.5, |b| b.settings.is_some());
+        self.settings.expect("follows the reply")
+    }
+
+    /// Sets, and waits until it is in flash.
+    pub fn set(&mut self, request: &Request) -> Result<Accepted, Refusal> {
+        let reply = self.ask(request)?;
+        let written = |b: &Self| b.settings.is_some_and(|s| matches!(s.kept, Kept::These));
+        self.settings = None;
+        assert!(self.until(2.0, written), "not kept: {:?}", self.settings);
+        Ok(reply)
+    }
+
+    /// Mean of the gap that the LVDT shows (m).
+    pub fn mean_gap_m(&mut self) -> f64 {
+        let mut sum = 0.0;
+        for _ in 0..25 {
+            self.ask(&Request::ReadGap).expect("never refused");
+            self.step();
+            sum += f64::from(self.gap_m.expect("a healthy LVDT"));
+        }
+        sum / 25.0
+    }
+
+    /// Greets, waits for the drive, homes; homing time (s).
+    pub fn home(&mut self) -> f64 {
+        self.greet();
         assert!(self.until(5.0, |b| b.state() == State::Unhomed), "{:?}", self.last);
         let start = self.machine.now_s();
         self.ask(&Request::Home).expect("idle");

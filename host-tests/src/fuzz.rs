@@ -3,7 +3,7 @@
 
 use crate::{constants, table};
 use rig_control::{DriveCommand, DriveReading, Inputs, LvdtBlock, Rig, SupplyReading};
-use rig_link::messages::{Counters, LoadChoice, Message, Request};
+use rig_link::messages::{Counters, LoadChoice, Message, Request, Setting};
 use rig_link::{Decoder, MAX_FRAME, encode};
 use rmds405::{Address, Event, Mode, QuadCounts, Received, Report, StartUp, uart};
 use std::path::PathBuf;
@@ -146,6 +146,11 @@ pub fn control(data: &[u8]) {
             5 => Some(Request::Stop),
             6 => Some(Request::Hold),
             7 => Some(Request::Clear),
+            8 => Setting::from_code(chunk[12] & 7).map(|setting| Request::SetSetting { setting, value }),
+            // Some that are good: the other way round, another gear, a lower current.
+            9 => Some(Request::SetSetting { setting: Setting::TwistSign, value: 1f32.copysign(value) }),
+            10 => Some(Request::SetSetting { setting: Setting::GearScale, value: f32::from(chunk[12] & 127) / 64.0 }),
+            11 => Some(Request::SetSetting { setting: Setting::CurrentLimit, value: f32::from(chunk[12]) / 500.0 }),
             _ => None,
         };
         let outputs = rig.step(&Inputs {
@@ -170,7 +175,7 @@ pub fn control(data: &[u8]) {
                 (i64::from(position_qc) - i64::from(position)).abs() <= leash,
                 "sent {position_qc} from {position}"
             );
-            assert!(speed_limit_rpm >= 0 && current_limit_ma >= 0);
+            assert!(speed_limit_rpm >= 0 && (50..=constants().current_limit_ma).contains(&current_limit_ma));
             assert!(QuadCounts(position_qc).0 == position_qc);
         }
         let t = outputs.telemetry;

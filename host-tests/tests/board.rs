@@ -4,7 +4,9 @@ use host_tests::board::Bench;
 use rig_emulator::board::{CanFrame, Stimulus};
 use rig_emulator::rig::faults::Fault as RigFault;
 use rig_link::PROTOCOL_HASH;
-use rig_link::messages::{Constants, EventKind, Fault, LoadChoice, Refusal, Request, ResetCause, State, TableRefusal};
+use rig_link::messages::{
+    Constants, EventKind, Fault, LoadChoice, Refusal, Request, ResetCause, Setting, State, TableRefusal,
+};
 use rigctl::commands::rebuild::constants;
 
 const MOVE: Request = Request::Move { target_m: 0.012, speed_m_per_s: 0.002, load: LoadChoice::Auto };
@@ -78,6 +80,9 @@ fn ticks_stay_short() {
     b.ask(&Request::Stop).unwrap();
     b.run(1.0);
     after(&b, "stop and jog");
+    let values = b.settings().values.with(Setting::LvdtGain, 1.01).with(Setting::GearScale, 1.01);
+    b.set(&Request::SetSettings(values)).unwrap();
+    after(&b, "settings");
     b.machine.board_mut().set_fault(RigFault::LvdtOpen, true);
     assert!(b.until(1.0, |b| b.state() == State::Fault));
     b.run(0.5);
@@ -297,7 +302,9 @@ fn the_board_makes_its_own_table_in_seconds_keeps_it_and_falls_back() {
     b.run(0.1);
     assert_eq!(b.state(), State::Unhomed);
     assert_eq!(b.ask(&MOVE), Err(Refusal::NotHomed));
+    b.identity = None;
     b.ask(&Request::Status).unwrap();
+    assert!(b.until(0.1, |b| b.identity.is_some()));
     let table = b.identity.clone().unwrap().table;
     assert!(table.rebuilt && table.crc != built_in.crc);
 

@@ -23,10 +23,13 @@ fn control_tick(rig: &mut Rig<'static>, inputs: &Inputs) -> Outputs {
 #[embassy_executor::task]
 pub async fn run(encoder: Qei<'static, TIM3>, switches: Switches, mut leds: Leds, start: Start) -> ! {
     let settings = shared::SETTINGS_CORRUPT.load(Ordering::Relaxed).then_some(Fault::SettingsCorrupt);
-    let reset = start.fault().or(settings);
+    // First: what the reset was is told otherwise too, and after a `clear` only this would be forgotten.
+    let reset = settings.or(start.fault());
     static CONTROL: StaticCell<Rig<'static>> = StaticCell::new();
     // The black box keeps the compiler from checking the table's checksum at compile time: flash is what is asked.
     let rig = CONTROL.init(Rig::new(core::hint::black_box(shared::TABLE.get()), RIG, reset));
+    let (settings, mut settings_count) = shared::SETTINGS.get();
+    rig.set_up(&settings);
     let mut count = EncoderCount::new(encoder.count());
     let mut ticker = Ticker::every(Duration::from_micros(TICK_US));
     let mut ticks = 0u32;
@@ -78,6 +81,13 @@ pub async fn run(encoder: Qei<'static, TIM3>, switches: Switches, mut leds: Leds
         if let (Some((_, Request::Rebuild(constants))), Some(Ok(_))) = (request, outputs.reply) {
             shared::REBUILD.signal(constants);
         }
+        let set = matches!(request, Some((_, Request::SetSetting { .. } | Request::SetSettings(_))));
+        if set && matches!(outputs.reply, Some(Ok(_))) {
+            settings_count += 1;
+            let settings = (*rig.settings(), settings_count);
+            shared::SETTINGS.set(settings);
+            shared::KEEP.signal(settings);
+        }
         if let (Some((to, _)), Some(result)) = (request, outputs.reply) {
             shared::post(Message::Reply { to, result });
         }
@@ -88,6 +98,7 @@ pub async fn run(encoder: Qei<'static, TIM3>, switches: Switches, mut leds: Leds
         if rig.state() != before {
             defmt::info!("{} -> {}", before, rig.state());
         }
+        shared::GAP.set(outputs.gap_m);
         shared::show(outputs.telemetry);
         leds.fault.set_level(matches!(rig.state(), State::Fault | State::EStop).into());
         ticks = ticks.wrapping_add(1);

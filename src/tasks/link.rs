@@ -56,13 +56,23 @@ fn take(sequence: u16, request: Request, greeted: &mut bool, start: &Start) {
             reply(Ok(Accepted::Done));
             shared::post(Message::Identity(identity(start)));
         }
+        Request::GetSettings => {
+            reply(Ok(Accepted::Done));
+            shared::post(Message::Settings(shared::settings_report()));
+        }
+        Request::ReadGap => {
+            reply(Ok(Accepted::Done));
+            shared::post(Message::Gap { gap_m: shared::GAP.get() });
+        }
         Request::Stop => queue(sequence, request),
         Request::Move { load: LoadChoice::Auto | LoadChoice::Known(_), .. }
         | Request::Home
         | Request::Jog { .. }
         | Request::Hold
         | Request::Clear
-        | Request::Rebuild(_) => {
+        | Request::Rebuild(_)
+        | Request::SetSetting { .. }
+        | Request::SetSettings(_) => {
             if *greeted {
                 queue(sequence, request);
             } else {

@@ -4,5 +4,6 @@ pub mod control;
 pub mod drive;
 pub mod link;
 pub mod lvdt;
+pub mod settings;
 pub mod table;
 pub mod watchdog;

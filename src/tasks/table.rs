@@ -1,12 +1,12 @@
-//! A table for other constants, made in the background: the only task of the thread-mode executor, so everything else
-//! interrupts it.
+//! A table for other constants, made in the background: in the thread-mode executor, so everything but the keeping of
+//! settings interrupts it.
 
 use crate::scene;
 use crate::shared;
-use crate::store::{self, Store};
+use crate::store::{self, SharedStore, Store, Unreadable};
 use core::sync::atomic::Ordering;
 use embassy_futures::yield_now;
-use embassy_time::{Duration, Instant, Timer};
+use embassy_time::Instant;
 use rig_link::messages::{Constants, EventKind, Message, TableRefusal};
 use static_cell::StaticCell;
 use tsa_model::{Geometry, Material, Parameters, RadiusLaw, StringParameters};
@@ -18,7 +18,10 @@ const ROOM: usize = 4;
 
 /// From flash, if a good one is there.
 pub async fn kept(store: &mut Store) -> Option<&'static Table<'static>> {
-    let rebuilt = Rebuilt::read(&scene::TABLE, scene::SPARE_SHAPE, store.fetch(store::TABLE).await?);
+    let rebuilt = match store.fetch(store::TABLE).await {
+        Ok(record) => Rebuilt::read(&scene::TABLE, scene::SPARE_SHAPE, record?),
+        Err(Unreadable) => None,
+    };
     if rebuilt.is_none() {
         defmt::warn!("the table in flash is not for this firmware, or damaged: the built-in one is used");
         shared::SETTINGS_CORRUPT.store(true, Ordering::Relaxed);
@@ -41,7 +44,7 @@ fn place(rebuilt: Rebuilt) -> Option<&'static Table<'static>> {
 }
 
 #[embassy_executor::task]
-pub async fn run(mut store: Store) -> ! {
+pub async fn run(store: &'static SharedStore) -> ! {
     loop {
         let constants = shared::REBUILD.wait().await;
         let began = Instant::now();
@@ -49,7 +52,7 @@ pub async fn run(mut store: Store) -> ! {
             Err(refused) => refused,
             Ok((rebuilt, states)) => {
                 let took_us = began.elapsed().as_micros();
-                let kept = keep(&mut store, &rebuilt).await;
+                let kept = keep(store, &rebuilt).await;
                 let m = rebuilt.metadata;
                 match place(rebuilt) {
                     None => refused(TableRefusal::NoRoom, 0.0, 0.0),
@@ -114,17 +117,9 @@ fn why(error: RebuildError) -> EventKind {
     }
 }
 
-/// Into flash, when the rig stands and the control task has agreed to pause.
-async fn keep(store: &mut Store, rebuilt: &Rebuilt) -> bool {
+/// Into flash, when the rig stands.
+async fn keep(store: &SharedStore, rebuilt: &Rebuilt) -> bool {
     let mut record = [0; store::RECORD];
     let Some(record) = rebuilt.write(&mut record).and_then(|length| record.get(..length)) else { return false };
-    shared::PAUSE_WANTED.store(true, Ordering::Release);
-    while !shared::PAUSED.load(Ordering::Acquire) {
-        Timer::after(Duration::from_millis(10)).await;
-    }
-    let kept = store.store(store::TABLE, record).await;
-    // Until sensors and drive have been heard again.
-    Timer::after(Duration::from_millis(40)).await;
-    shared::PAUSE_WANTED.store(false, Ordering::Release);
-    kept
+    store.lock().await.keep(&[(store::TABLE, record)]).await
 }

@@ -3,9 +3,10 @@
 /// Constants of one rig.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RigConstants {
-    /// Motor turns per turn of the strings.
+    /// Motor turns per turn of the strings; positive.
     pub gear_ratio: f32,
-    /// Quadrature counts per radian of twist: 4 × lines × gear ratio / 2π.
+    /// Quadrature counts per radian of twist: 4 × lines × gear ratio / 2π; negative where the strings are twisted against
+    /// the encoder's count.
     pub counts_per_rad: f32,
     /// Greatest motor speed (rad/s at the motor shaft).
     pub motor_speed_max_rad_per_s: f32,
@@ -30,6 +31,11 @@ pub struct RigConstants {
 }
 
 impl RigConstants {
+    /// +1 where the strings are twisted as the encoder counts, −1 where the other way.
+    pub fn twist_sign(&self) -> f32 {
+        1f32.copysign(self.counts_per_rad)
+    }
+
     /// Greatest speed of the strings' twist (rad/s).
     pub fn twist_speed_max(&self) -> f32 {
         self.motor_speed_max_rad_per_s / self.gear_ratio

@@ -12,6 +12,7 @@
 //! - [`crossing`]: taking up the rail's friction before a move.
 //! - [`forecast`]: how long a move will take.
 //! - [`homing`]: zero twist without switches, then the load.
+//! - [`settings`]: what the rig is told for good: applied to its constants, and as bytes in flash.
 //! - [`supervisor`]: states, faults, requests; [`supervisor::Rig::step`] is one control tick.
 
 #![no_std]
@@ -28,6 +29,7 @@ pub mod observer;
 pub mod planner;
 pub mod position_loop;
 pub mod sensors;
+pub mod settings;
 pub mod supervisor;
 
 pub use constants::RigConstants;

@@ -4,10 +4,11 @@
 //! says is one that is twisted a little more or less: G(F, s θ). One number then stands for everything that makes the
 //! radius wrong: spread of the braid, creep, temperature.
 
+use rig_link::messages::Setting;
 use tsa_table::{Point, Table};
 
 /// Bounds of the scale: a string farther off is not the one that the table was made for.
-pub const TWIST_SCALE: [f32; 2] = [0.85, 1.15];
+pub const TWIST_SCALE: [f32; 2] = Setting::TwistScale.spec().range;
 
 /// How far beyond the table's twists a tangent continues it (rad): what the scale can shift the pre-twist by.
 const TANGENT_RAD: f32 = 0.5;

@@ -2,6 +2,7 @@
 
 use anyhow::{Context, Result, anyhow};
 use clap::Parser;
+use rig_emulator::flash_file::FlashFile;
 use rig_emulator::machine::{Config, Machine};
 use rig_emulator::rig::Rig;
 use rig_emulator::rig::settings::PlantSettings;
@@ -27,6 +28,9 @@ struct Arguments {
     /// Seed of all noise.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// File that keeps the board's flash from one run to the next; made if it is not there.
+    #[arg(long, value_name = "FILE")]
+    flash: Option<PathBuf>,
     /// Only count what the real chip would not do, instead of stopping there.
     #[arg(long)]
     lenient: bool,
@@ -53,6 +57,6 @@ fn run(arguments: &Arguments) -> Result<()> {
     let rig = Rig::new(&scene, settings, arguments.seed)?;
     let config = Config { strict: !arguments.lenient, ..Config::default() };
     let mut machine = Machine::new(&elf, rig, config)?;
-    serve(&mut machine, std::io::stdin().lock(), std::io::stdout().lock())?;
-    Ok(())
+    let flash = arguments.flash.as_ref().map(|path| FlashFile::open(path, &mut machine)).transpose()?;
+    serve(&mut machine, flash, std::io::stdin().lock(), std::io::stdout().lock())
 }

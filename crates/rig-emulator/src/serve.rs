@@ -13,6 +13,7 @@
 //! exactly repeatable.
 
 use crate::board::Stimulus;
+use crate::flash_file::FlashFile;
 use crate::machine::{Machine, MachineError};
 use crate::rig::Rig;
 use crate::rig::faults::Fault;
@@ -86,8 +87,13 @@ struct TruthLine {
 /// Serves until `quit` or the end of the input.
 ///
 /// # Errors
-/// When standard output is gone.
-pub fn serve(machine: &mut Machine<Rig>, input: impl BufRead, mut output: impl Write) -> std::io::Result<()> {
+/// When standard output is gone, or the file of the flash cannot be written.
+pub fn serve(
+    machine: &mut Machine<Rig>,
+    mut flash: Option<FlashFile>,
+    input: impl BufRead,
+    mut output: impl Write,
+) -> anyhow::Result<()> {
     machine.board_mut().record();
     // Another ELF than ours may have no such function; then its statistics stay empty.
     let _ = machine.watch_function(TICK_FUNCTION);
@@ -101,6 +107,10 @@ pub fn serve(machine: &mut Machine<Rig>, input: impl BufRead, mut output: impl W
             Ok(request) => (answer(machine, request), false),
             Err(error) => (failure("request", &error), false),
         };
+        // Before the answer: whoever has it may end this process.
+        if let Some(flash) = &mut flash {
+            flash.follow(machine)?;
+        }
         writeln!(output, "{answer}")?;
         output.flush()?;
         if quit {

@@ -1,6 +1,7 @@
 //! What the host tool and the firmware say to each other.
 //!
 //! - [`messages`]: the one table of all messages and of the names that they carry.
+//! - [`settings`]: unit, default and range of every setting.
 //! - [`frame`]: how a message becomes bytes on a UART and comes back: sequence number, postcard, CRC-32, COBS.
 //! - [`names`]: the macro behind the named codes (states, faults, limits …).
 //!
@@ -13,6 +14,7 @@
 pub mod frame;
 pub mod messages;
 pub mod names;
+pub mod settings;
 
 pub use frame::{DecodeError, Decoder, EncodeError, Frame, MAX_FRAME, encode};
 pub use messages::*;

@@ -5,6 +5,8 @@
 //! | host  | [`Request`] | as the operator wishes; `Heartbeat` all the time                 |
 //! | board | `Reply`     | once for each request except `Heartbeat`, with its number        |
 //! | board | `Identity`  | after `Hello` and after `Status`, following the reply            |
+//! | board | `Settings`  | after `GetSettings`, and when settings are in flash              |
+//! | board | `Gap`       | after `ReadGap`                                                  |
 //! | board | `Telemetry` | every 10 ms, asked or not                                        |
 //! | board | `Event`     | when something ends or goes wrong                                |
 //!
@@ -52,6 +54,73 @@ pub enum Request {
     Status,
     /// Make a table for other constants, use it and keep it. The rig must then be homed again.
     Rebuild(Constants),
+    /// Send the settings.
+    GetSettings,
+    /// Change one setting, at once and for good; `Settings` follows when it is in flash. Not while anything moves.
+    SetSetting {
+        /// Which.
+        setting: Setting,
+        /// Its new value (its unit).
+        value: f32,
+    },
+    /// The same for all of them: all are taken, or none.
+    SetSettings(SettingValues),
+    /// Send the gap that the LVDT shows now.
+    ReadGap,
+}
+
+named_codes! {
+    /// What a rig is told for good. Each has its unit, default and range in [`crate::settings`]. The numbers are for good:
+    /// boards keep their settings by them.
+    pub enum Setting {
+        /// Gap where the scene's LVDT numbers say 0 (m).
+        LvdtOffset = 0, "lvdt-offset";
+        /// True change of the gap for one that the scene's LVDT numbers show.
+        LvdtGain = 1, "lvdt-gain";
+        /// Position that is called 0, from where the load hangs at the half-turn pre-twist (m).
+        PositionZero = 2, "position-zero";
+        /// Which way the strings are twisted: +1 as the encoder counts, -1 the other way.
+        TwistSign = 3, "twist-sign";
+        /// True gear ratio over the scene's.
+        GearScale = 4, "gear-scale";
+        /// Greatest speed that may be asked of the load (m/s).
+        SpeedMax = 5, "speed-max";
+        /// Current limit sent with every command to the drive (A).
+        CurrentLimit = 6, "current-limit";
+        /// Scale of the twist that homing expects of these strings.
+        TwistScale = 7, "twist-scale";
+    }
+}
+
+/// One value for each [`Setting`], in the order of [`Setting::ALL`].
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct SettingValues(pub [f32; Setting::ALL.len()]);
+
+named_codes! {
+    /// What flash holds of the settings.
+    pub enum Kept {
+        /// Nothing: these are the defaults, or were set and could not be kept.
+        Nothing = 0, "not kept";
+        /// These values.
+        These = 1, "kept";
+        /// Others: these are about to be written.
+        Others = 2, "being written";
+        /// A damaged record, or one for other constants of the rig. These are the defaults.
+        Damaged = 3, "damaged";
+    }
+}
+
+/// The settings of a board.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct SettingsReport {
+    /// In use.
+    pub values: SettingValues,
+    /// What they are when nobody sets them; that of the current limit is the scene's.
+    pub defaults: SettingValues,
+    /// What flash holds.
+    pub kept: Kept,
 }
 
 /// The mechanism's constants as a calibration found them (model.md section 2; SI units).
@@ -95,6 +164,13 @@ pub enum Message {
     Identity(Identity),
     /// What the board sees and does.
     Telemetry(Telemetry),
+    /// What it is told for good.
+    Settings(SettingsReport),
+    /// What the LVDT shows, calibrated; nothing if it gives no valid reading.
+    Gap {
+        /// Gap (m).
+        gap_m: Option<f32>,
+    },
     /// Something ended or went wrong.
     Event {
         /// Time since boot (µs).
@@ -111,6 +187,8 @@ named_codes! {
         Done = 0, "done";
         /// It has begun; an event tells how it ended.
         Started = 1, "started";
+        /// It has begun, and the position is not known any more: home again.
+        Unhomed = 2, "unhomed";
     }
 }
 
@@ -159,6 +237,24 @@ pub enum Refusal {
     NotFinite {
         /// Which.
         parameter: Parameter,
+    },
+    /// A setting is outside its limits.
+    #[error("{setting} is {}, allowed are {}", .setting.show(*.given), .setting.allowed(*.min, *.max))]
+    SettingOutOfRange {
+        /// Which.
+        setting: Setting,
+        /// Least allowed value (its unit).
+        min: f32,
+        /// Greatest allowed value (its unit).
+        max: f32,
+        /// What was asked for (its unit).
+        given: f32,
+    },
+    /// A setting is infinite or not a number.
+    #[error("{setting} is not a finite number")]
+    SettingNotFinite {
+        /// Which.
+        setting: Setting,
     },
     /// Host and board were built from different message tables.
     #[error("protocol of the board is {board:#010x}, another than the tool's: build both from the same source")]
@@ -286,7 +382,7 @@ named_codes! {
         TableCorrupt = 20, "table-corrupt";
         /// A computed value is infinite or not a number.
         NotFinite = 21, "not-finite";
-        /// Stored settings fail their checksum.
+        /// What is kept in flash is damaged, or for another rig.
         SettingsCorrupt = 22, "settings-corrupt";
         /// A limit switch opened.
         LimitSwitch = 23, "limit-switch";

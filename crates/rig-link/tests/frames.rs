@@ -2,8 +2,9 @@
 
 use proptest::prelude::*;
 use rig_link::{
-    Accepted, Constants, Counters, Decoder, EventKind, Fault, Frame, HomingFailure, Identity, Limit, LoadChoice,
-    MAX_FRAME, Message, Parameter, Refusal, Request, ResetCause, State, TableIdentity, TableRefusal, Telemetry, encode,
+    Accepted, Constants, Counters, Decoder, EventKind, Fault, Frame, HomingFailure, Identity, Kept, Limit, LoadChoice,
+    MAX_FRAME, Message, Parameter, Refusal, Request, ResetCause, Setting, SettingValues, SettingsReport, State,
+    TableIdentity, TableRefusal, Telemetry, encode,
 };
 use serde::{Serialize, de::DeserializeOwned};
 
@@ -33,7 +34,15 @@ fn request() -> impl Strategy<Value = Request> {
         Just(Request::Clear),
         Just(Request::Status),
         constants().prop_map(Request::Rebuild),
+        Just(Request::GetSettings),
+        (one_of(Setting::ALL), float()).prop_map(|(setting, value)| Request::SetSetting { setting, value }),
+        values().prop_map(Request::SetSettings),
+        Just(Request::ReadGap),
     ]
+}
+
+fn values() -> impl Strategy<Value = SettingValues> {
+    prop::array::uniform8(float()).prop_map(SettingValues)
 }
 
 fn constants() -> impl Strategy<Value = Constants> {
@@ -60,6 +69,9 @@ fn refusal() -> impl Strategy<Value = Refusal> {
         (one_of(Parameter::ALL), float(), float(), float())
             .prop_map(|(parameter, min, max, given)| { Refusal::OutOfRange { parameter, min, max, given } }),
         any::<u32>().prop_map(|board| Refusal::ProtocolMismatch { board }),
+        (one_of(Setting::ALL), float(), float(), float())
+            .prop_map(|(setting, min, max, given)| Refusal::SettingOutOfRange { setting, min, max, given }),
+        one_of(Setting::ALL).prop_map(|setting| Refusal::SettingNotFinite { setting }),
     ]
 }
 
@@ -127,6 +139,9 @@ fn message() -> impl Strategy<Value = Message> {
         telemetry().prop_map(Message::Telemetry),
         (any::<u64>(), event()).prop_map(|(t_us, kind)| Message::Event { t_us, kind }),
         Just(Message::Identity(longest_identity())),
+        (values(), values(), one_of(Kept::ALL))
+            .prop_map(|(values, defaults, kept)| { Message::Settings(SettingsReport { values, defaults, kept }) }),
+        prop::option::of(float()).prop_map(|gap_m| Message::Gap { gap_m }),
     ]
 }
 

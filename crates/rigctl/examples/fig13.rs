@@ -68,7 +68,7 @@ fn main() -> Result<()> {
     } else {
         for kg in LOADS_KG {
             let plant = vec![Setting { key: "load", value: kg * STANDARD_GRAVITY }];
-            let options = SimOptions { firmware: None, scene: scene_file.clone(), plant, seed: 1 };
+            let options = SimOptions { firmware: None, scene: scene_file.clone(), plant, seed: 1, flash: None };
             let mut session = Session::new(Box::new(Sim::start(&options).map_err(words)?));
             sweeps.push(sweep(&mut session).with_context(|| format!("{kg} kg"))?);
         }

@@ -1,9 +1,11 @@
 //! The command line.
 
 use crate::chart;
+use crate::commands::calibrate::Point;
 use crate::plant::Setting;
 use crate::range::{TurnRange, Vary};
 use crate::script;
+use crate::settings;
 use crate::units::{self, Quantity};
 use clap::builder::PossibleValuesParser;
 use clap::{Args, Parser, Subcommand};
@@ -43,6 +45,9 @@ pub struct Global {
     /// Seed of the emulated rig's noise
     #[arg(long, global = true, default_value_t = 1)]
     pub seed: u64,
+    /// File that keeps the emulated board's flash from one call to the next [default: each call has a new board]
+    #[arg(long, global = true, value_name = "FILE")]
+    pub flash: Option<PathBuf>,
     /// Firmware for the emulated board [default: what `cargo xtask firmware` made]
     #[arg(long, global = true, value_name = "ELF")]
     pub firmware: Option<PathBuf>,
@@ -152,6 +157,18 @@ pub enum Command {
     Clear,
     /// Who the board is and what it sees
     Status,
+    /// What the board is told for good: kept in its flash, changed only while nothing moves
+    Config {
+        /// What to do with it.
+        #[command(subcommand)]
+        what: Config,
+    },
+    /// Measure and keep what the board cannot know by itself
+    Calibrate {
+        /// What.
+        #[command(subcommand)]
+        what: Calibrate,
+    },
     /// Speed against accuracy of every method, tier and table form, and where methods fail: figures and their data
     Chart {
         /// Folder for the figures (SVG) and their data (CSV)
@@ -176,6 +193,58 @@ pub enum Command {
         #[arg(long, value_name = "DIR", default_value = "out")]
         out: PathBuf,
     },
+}
+
+/// What to do with the settings.
+#[derive(Debug, Clone, Subcommand)]
+pub enum Config {
+    /// Show all settings, or one, with default and range
+    Get {
+        /// Which
+        #[arg(value_name = "NAME", value_parser = settings::named)]
+        name: Option<rig_link::Setting>,
+    },
+    /// Change one setting and keep it
+    Set {
+        /// Which
+        #[arg(value_name = "NAME", value_parser = settings::named)]
+        name: rig_link::Setting,
+        /// Its value, with or without a unit; `learned` for twist-scale takes what the last moves taught
+        #[arg(value_name = "VALUE", allow_hyphen_values = true)]
+        value: String,
+    },
+    /// Write all settings to a file
+    Backup {
+        /// File to write
+        #[arg(value_name = "FILE.toml")]
+        file: PathBuf,
+    },
+    /// Set all settings as a file says: all of them, or none if anything in it is wrong
+    Restore {
+        /// File to read
+        #[arg(value_name = "FILE.toml")]
+        file: PathBuf,
+        /// Even if it was written for another scene
+        #[arg(long)]
+        force: bool,
+    },
+}
+
+/// What to calibrate.
+#[derive(Debug, Clone, Subcommand)]
+pub enum Calibrate {
+    /// The LVDT, by the gap between the clamps as callipers measure it: one gap gives the offset, a second one the gain.
+    /// Without --gap it only shows what the sensor sees
+    Lvdt {
+        /// The true gap now
+        #[arg(long, value_name = "GAP", value_parser = gap)]
+        gap: Option<f64>,
+        /// A gap that was measured before, and what the uncalibrated sensor showed there: the first call prints both
+        #[arg(long, value_name = "GAP:SENSOR", requires = "gap")]
+        point: Option<Point>,
+    },
+    /// The present position becomes 0, now and whenever the rig is homed
+    Zero,
 }
 
 /// What to fit to what.
@@ -273,6 +342,10 @@ fn turns(text: &str) -> Result<f64, units::UnitError> {
 
 fn target(text: &str) -> Result<f64, units::UnitError> {
     units::parse("to", Quantity::Length, text)
+}
+
+fn gap(text: &str) -> Result<f64, units::UnitError> {
+    units::parse("gap", Quantity::Length, text)
 }
 
 fn speed(text: &str) -> Result<f64, units::UnitError> {

@@ -3,6 +3,7 @@
 //! - [`cli`]: the command line; [`commands`]: what each command does; [`batch`]: files of loads and turns.
 //! - [`units`], [`range`], [`scene_key`], [`plant`], [`script`]: text from the operator, checked and turned into SI.
 //! - [`published`]: the paper's numbers and the same computed; [`trace`]: the way along the turns; [`plot`]: pictures.
+//! - [`settings`]: the board's settings as text and as a file.
 //! - [`session`]: a conversation with the firmware, emulated or real.
 //! - [`output`]: human or JSON, never both on standard output; [`failure`]: exit codes.
 
@@ -22,6 +23,7 @@ pub mod range;
 pub mod scene_key;
 pub mod script;
 pub mod session;
+pub mod settings;
 pub mod trace;
 pub mod units;
 

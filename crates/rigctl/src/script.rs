@@ -140,6 +140,11 @@ fn action(words: &[&str]) -> Result<Action, String> {
             Action::Command(Request::Jog { twist_speed_rad_per_s: speed as f32 })
         }
         ["move", target, options @ ..] => Action::Command(move_request(target, options)?),
+        ["config", "set", name, value] => {
+            let setting = crate::settings::named(name)?;
+            let value = crate::settings::value(setting, value).map_err(|e| e.to_string())?;
+            Action::Command(Request::SetSetting { setting, value })
+        }
         ["plant", setting] => Action::Plant(setting.parse().map_err(|e: crate::plant::PlantError| e.to_string())?),
         ["fault", name] => Action::Fault { fault: fault(name)?, on: true },
         ["fault", name, "off"] => match fault(name)? {
@@ -149,7 +154,7 @@ fn action(words: &[&str]) -> Result<Action, String> {
         words => {
             return Err(format!(
                 "no event `{}`; events: home, move P [speed=V] [load=auto|L], jog V, stop, hold, clear, status, \
-                 plant KEY=VALUE, fault NAME [off], end",
+                 config set NAME VALUE, plant KEY=VALUE, fault NAME [off], end",
                 words.join(" ")
             ));
         }
@@ -234,6 +239,9 @@ mod tests {
             ("1 move 5mm load=x\n2 end", 1, "auto"),
             ("1 plant weight=5\n2 end", 1, "weight"),
             ("1 fault fire\n2 end", 1, "fire"),
+            ("1 config set lvdt-gian 1\n2 end", 1, "lvdt-gain"),
+            ("1 config set lvdt-offset 1kg\n2 end", 1, "lvdt-offset"),
+            ("1 config get\n2 end", 1, "config set NAME VALUE"),
             ("1 fault power-cycle off\n2 end", 1, "power-cycle"),
             ("1 end\n2 home", 2, "after"),
         ] {

@@ -24,6 +24,8 @@ pub enum Quantity {
     Time,
     /// V
     Voltage,
+    /// A
+    Current,
     /// N s/m
     Damping,
     /// a number, or per cent
@@ -52,6 +54,7 @@ impl Quantity {
             Self::AngularSpeed => ("angular speed", &[("rad/s", 1.0), ("deg/s", PI / 180.0), ("rpm", TAU / 60.0)]),
             Self::Time => ("time", &[("s", 1.0), ("ms", 1e-3)]),
             Self::Voltage => ("voltage", &[("V", 1.0), ("mV", 1e-3)]),
+            Self::Current => ("current", &[("A", 1.0), ("mA", 1e-3)]),
             Self::Damping => ("damping", &[("Ns/m", 1.0), ("N*s/m", 1.0)]),
             Self::Fraction => ("fraction", &[("%", 1e-2)]),
             Self::Turns => ("number of turns", &[]),

@@ -74,7 +74,7 @@ pub struct Homed {
     pub twist_scale: f32,
     /// Coulomb friction of the rail (N).
     pub friction_n: f32,
-    /// Measured gap at the half-turn pre-twist (m): position zero.
+    /// Measured gap at position zero (m): the half-turn pre-twist, unless a setting says otherwise.
     pub reference_gap_m: f32,
     /// How far the shaft stays behind its set-point, in time (s): the drive's own position loop, measured.
     pub drive_lag_s: f32,
@@ -129,6 +129,8 @@ pub struct Homing {
     ticks: u32,
     centre: Centre,
     weigh: Weigh,
+    /// Scale of the twist that is expected.
+    twist_scale: f32,
     zero_rad: f32,
     zero_error_rad: f32,
     lag_sum_s: f32,
@@ -152,6 +154,7 @@ impl Homing {
             ticks: 0,
             centre: Centre::new(),
             weigh: Weigh::new(),
+            twist_scale: 1.0,
             zero_rad: 0.0,
             zero_error_rad: 0.0,
             lag_sum_s: 0.0,
@@ -159,9 +162,10 @@ impl Homing {
         }
     }
 
-    /// Starts from wherever the shaft is. In place, and the bins are emptied when their sweep begins: a few kilobytes
-    /// made anew and moved would be the longest tick of all.
-    pub fn begin(&mut self, shaft_rad: f32, gap_m: f32) {
+    /// Starts from wherever the shaft is, expecting a scale of the twist. In place, and the bins are emptied when their
+    /// sweep begins: a few kilobytes made anew and moved would be the longest tick of all.
+    pub fn begin(&mut self, shaft_rad: f32, gap_m: f32, twist_scale: f32) {
+        self.twist_scale = twist_scale;
         self.phase = Phase::Quiet { ticks: 0, low_m: gap_m, high_m: gap_m };
         self.ramp = Ramp::at(shaft_rad);
         self.smooth_gap_m = gap_m;
@@ -343,7 +347,7 @@ impl Homing {
         let then = seen.shaft_then_rad;
         self.weigh.record((then - start) / travel, then - self.zero_rad, seen.gap_m, seen.current_a);
         if self.ramp == Ramp::at(goal) && self.weigh.end_pass() {
-            self.weigh.begin_fit(table, rig);
+            self.weigh.begin_fit(table, rig, self.twist_scale);
             self.phase = Phase::Settle { ticks: 0, sum_m: 0.0, count: 0 };
         }
         Ok(None)

@@ -99,6 +99,8 @@ pub(super) struct Weigh {
     pass: usize,
     found: Weighed,
     by_work: Option<ByWork>,
+    /// Scale of the twist before anything was seen: the table's, or what these strings had before.
+    expected_scale: f32,
     steps: u8,
     at: usize,
     sums: Sums,
@@ -111,6 +113,7 @@ impl Weigh {
             pass: 0,
             found: Weighed::NOTHING,
             by_work: None,
+            expected_scale: 1.0,
             steps: 0,
             at: END_BINS,
             sums: Sums::ZERO,
@@ -146,7 +149,9 @@ impl Weigh {
     }
 
     /// Begins at what the work says, else at the middle of the table's range (geometrically).
-    pub(super) fn begin_fit(&mut self, table: &Table<'_>, rig: &RigConstants) {
+    pub(super) fn begin_fit(&mut self, table: &Table<'_>, rig: &RigConstants, expected_scale: f32) {
+        self.expected_scale = expected_scale;
+        self.found.twist_scale = expected_scale;
         let m = &table.metadata;
         self.by_work = self.work(rig);
         let middle_n = libm::sqrtf(m.load_min_n * m.load_max_n);
@@ -252,7 +257,7 @@ impl Weigh {
         }
         let scale_weight = trust / (SCALE_ERROR * SCALE_ERROR);
         let (a, b, c) = (dd + work_weight, de, ee + scale_weight);
-        let (x, y) = (dr + work_pull, er + scale_weight * (1.0 - twist_scale));
+        let (x, y) = (dr + work_pull, er + scale_weight * (self.expected_scale - twist_scale));
         let determinant = a * c - b * b;
         let (load_step, scale_step) = ((c * x - b * y) / determinant, (a * y - b * x) / determinant);
         if !load_step.is_finite() || !scale_step.is_finite() {

@@ -87,6 +87,15 @@ impl Checks {
         }
     }
 
+    /// Gaps and twists are about to be told in other numbers. A switch that was cleared open stays so.
+    pub(super) fn forget_places(&mut self) {
+        let [upper, lower] = self.switch_gap_m;
+        // The first gap in the new numbers is within these.
+        let switch_gap_m = [upper.map(|_| f32::NEG_INFINITY), lower.map(|_| f32::INFINITY)];
+        let Self { drive, apart_us, last_tick_us, late_bucket, switch_ticks, .. } = *self;
+        *self = Self { drive, apart_us, last_tick_us, late_bucket, switch_ticks, switch_gap_m, ..Self::new() };
+    }
+
     /// The next tick is not late, however long it takes to come.
     pub(super) fn pause(&mut self) {
         self.last_tick_us = None;

@@ -85,12 +85,12 @@ impl Rig<'_> {
         let c = self.constants;
         let own = inputs.encoder_counts;
         let moved = self.checks.drive.last_own.replace(own).map_or(0, |last| own - last);
-        let most = JUMP_FACTOR * c.twist_speed_max() * c.counts_per_rad * tick_seconds(self.checks.apart_us);
+        let most = JUMP_FACTOR * c.twist_speed_max() * c.counts_per_rad.abs() * tick_seconds(self.checks.apart_us);
         if moved.abs() > (most + JUMP_COUNTS) as i64 {
             return Some(Fault::EncoderJump);
         }
         let offset = self.drive_offset?;
-        let counts_per_s = f32::from(speed_rpm) / 60.0 * TAU / c.gear_ratio * c.counts_per_rad;
+        let counts_per_s = f32::from(speed_rpm) / 60.0 * TAU / c.gear_ratio * c.counts_per_rad.abs();
         let drive = i64::from(position_qc) + (counts_per_s * age_s) as i64;
         let apart = (own - offset - drive).abs();
         let bad = apart > DISAGREE_COUNTS + (DISAGREE_S * counts_per_s.abs()) as i64;

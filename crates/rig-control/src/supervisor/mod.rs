@@ -14,6 +14,7 @@
 //! is homed anew. A [`Limit`] only clips: it is reported beside the state, and gone when it holds nothing back any more.
 
 mod checks;
+mod configure;
 mod drive_checks;
 mod motion;
 pub mod response;
@@ -30,7 +31,8 @@ use crate::{RigConstants, TICK_S, TICK_US};
 use checks::Checks;
 use response::{Response, needs_homing, response};
 use rig_link::messages::{
-    Accepted, Counters, EventKind, Fault, HomingFailure, Limit, Refusal, Request, Sensor, State, Telemetry,
+    Accepted, Counters, EventKind, Fault, HomingFailure, Limit, Refusal, Request, Sensor, Setting, SettingValues,
+    State, Telemetry,
 };
 use tsa_table::Table;
 
@@ -95,6 +97,8 @@ pub struct Outputs {
     pub events: heapless::Vec<EventKind, 4>,
     /// For the host.
     pub telemetry: Telemetry,
+    /// Gap that the LVDT shows (m), homed or not.
+    pub gap_m: Option<f32>,
 }
 
 /// What is being done in [`State::Moving`].
@@ -110,6 +114,10 @@ enum Motion {
 #[derive(Clone)]
 pub struct Rig<'t> {
     table: &'t Table<'t>,
+    /// As the scene says.
+    scene: RigConstants,
+    settings: SettingValues,
+    /// As the settings correct them.
     constants: RigConstants,
     state: State,
     fault: Option<Fault>,
@@ -161,8 +169,8 @@ const LEASH_RAD: f32 = 1.0;
 const LEASH_S: f32 = 0.3;
 /// Greatest jog speed (rad/s).
 pub const JOG_SPEED_MAX: f32 = 4.0;
-/// Greatest speed that can be asked of the load (m/s).
-pub const SPEED_MAX_M_PER_S: f32 = 0.05;
+/// Greatest speed that can be asked of the load (m/s); a setting may lower it.
+pub const SPEED_MAX_M_PER_S: f32 = Setting::SpeedMax.spec().range[1];
 
 impl<'t> Rig<'t> {
     /// As after power-up: nothing known, nothing moves. `reset` is the fault that the last reset amounts to, if the
@@ -171,6 +179,8 @@ impl<'t> Rig<'t> {
         let fault = if table.is_intact() { reset } else { Some(Fault::TableCorrupt) };
         Self {
             table,
+            scene: constants,
+            settings: crate::settings::defaults(&constants),
             constants,
             state: if fault.is_some() { State::Fault } else { State::Boot },
             fault,
@@ -237,6 +247,8 @@ impl<'t> Rig<'t> {
         let lvdt = self.lvdt.read(inputs.now_us, inputs.lvdt, &self.constants);
         self.watch(inputs, lvdt, shaft_rad, &mut events);
         let reply = inputs.request.and_then(|request| self.request(request, inputs, lvdt, shaft_rad, &mut events));
+        // A setting may have changed what a count is.
+        let shaft_rad = inputs.encoder_counts as f32 / self.constants.counts_per_rad;
         let (gap_m, age_s) = match lvdt {
             LvdtReading::Valid { gap_m, t_us } => {
                 (Some(gap_m), inputs.now_us.saturating_sub(t_us) as f32 * 1e-6 + GAP_DELAY_S)
@@ -264,7 +276,9 @@ impl<'t> Rig<'t> {
             State::Boot => self.leave_boot(inputs, lvdt, shaft_rad),
             State::Homing => {
                 let current_a = match inputs.drive {
-                    DriveReading::Reports { current_ma, .. } => f32::from(current_ma) * 1e-3,
+                    DriveReading::Reports { current_ma, .. } => {
+                        f32::from(current_ma) * 1e-3 * self.constants.twist_sign()
+                    }
                     _ => 0.0,
                 };
                 let seen = gap_m.map(|gap_m| Seen { shaft_rad, shaft_then_rad, gap_m, current_a });
@@ -278,7 +292,7 @@ impl<'t> Rig<'t> {
         }
         let drive = self.drive_command(inputs);
         let telemetry = self.telemetry(inputs, gap_m, shaft_rad, observed.map(|(_, o)| o));
-        Outputs { drive, reply, events, telemetry }
+        Outputs { drive, reply, events, telemetry, gap_m }
     }
 
     /// Until its first command the drive gives no torque and a loaded string untwists. So: command a hold at once, and
@@ -312,11 +326,13 @@ impl<'t> Rig<'t> {
         let Some(seen) = seen else { return };
         match self.homing.step(self.table, &self.constants, &seen) {
             Progress::Turning(ramp) => self.shaft = ramp,
-            Progress::Done(homed) => {
+            Progress::Done(mut homed) => {
+                let zero_m = self.settings.get(Setting::PositionZero);
+                homed.reference_gap_m -= zero_m;
                 self.homed = Some(homed);
                 self.adaptation = Adaptation::new(homed.twist_scale);
                 self.observer = LoadObserver::new(homed.load_n, homed.gap_offset_m, homed.friction_n);
-                self.planner = Planner::at(0.0);
+                self.planner = Planner::at(-zero_m);
                 self.shaft = Ramp::at(homed.zero_rad + core::f32::consts::PI);
                 self.state = State::Ready;
                 let _ = events.push(EventKind::Homed {
@@ -361,7 +377,9 @@ impl<'t> Rig<'t> {
     ) -> Option<Result<Accepted, Refusal>> {
         Some(match request {
             // The link answers these itself.
-            Request::Hello { .. } | Request::Heartbeat | Request::Status => return None,
+            Request::Hello { .. } | Request::Heartbeat | Request::Status | Request::GetSettings | Request::ReadGap => {
+                return None;
+            }
             Request::Stop | Request::Hold => {
                 self.stop(shaft_rad);
                 Ok(Accepted::Done)
@@ -372,6 +390,9 @@ impl<'t> Rig<'t> {
             // The firmware makes it; it is used when nothing moves.
             Request::Rebuild(_) => self.idle().map(|()| Accepted::Started),
             Request::Move { target_m, speed_m_per_s, load } => self.start_move(target_m, speed_m_per_s, load),
+            // The firmware keeps them.
+            Request::SetSetting { setting, value } => self.configure(&self.settings.with(setting, value)),
+            Request::SetSettings(values) => self.configure(&values),
         })
     }
 
@@ -414,7 +435,7 @@ impl<'t> Rig<'t> {
             return Err(Refusal::SensorInvalid { sensor: Sensor::Lvdt });
         };
         self.homed = None;
-        self.homing.begin(shaft_rad, gap_m);
+        self.homing.begin(shaft_rad, gap_m, self.settings.get(Setting::TwistScale));
         self.state = State::Homing;
         Ok(Accepted::Started)
     }
@@ -492,7 +513,7 @@ impl<'t> Rig<'t> {
             return DriveCommand::Silence;
         }
         // On a leash: whatever else goes wrong, the drive is never sent far from where it says it is.
-        let leash = ((LEASH_RAD + LEASH_S * self.shaft.speed.abs()) * self.constants.counts_per_rad) as i64;
+        let leash = ((LEASH_RAD + LEASH_S * self.shaft.speed.abs()) * self.constants.counts_per_rad.abs()) as i64;
         let here = i64::from(position_qc);
         let position = (counts as i64 - offset).clamp(here - leash, here + leash);
         let position = position.clamp(i64::from(i32::MIN), i64::from(i32::MAX));

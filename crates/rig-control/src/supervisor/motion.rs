@@ -1,6 +1,6 @@
 //! Moves, jogs and stops.
 
-use super::{EventKind, Homed, JOG_SPEED_MAX, Motion, Rig, SPEED_MAX_M_PER_S, ticks};
+use super::{EventKind, Homed, JOG_SPEED_MAX, Motion, Rig, SPEED_MAX_M_PER_S, Setting, ticks};
 use crate::TICK_S;
 use crate::crossing::TwistLimits;
 use crate::forecast::Forecast;
@@ -37,7 +37,7 @@ fn check(parameter: Parameter, given: f32, min: f32, max: f32) -> Result<f32, Re
 
 impl Rig<'_> {
     /// How far the strings can bring this load up, or let it down (m). A lighter one than at homing hangs higher at the
-    /// half-turn pre-twist and cannot come down to 0. One table lookup.
+    /// half-turn pre-twist and cannot come down to it. One table lookup.
     fn travel_end_m(&self, homed: &Homed, load_n: f32, up: bool) -> f32 {
         let mechanism = Mechanism { table: self.table, twist_scale: homed.twist_scale };
         let (pull_n, twist_rad) = if up {
@@ -46,7 +46,8 @@ impl Rig<'_> {
             (load_n, self.table.metadata.twist_min_rad)
         };
         let end = homed.reference_gap_m - homed.gap_offset_m - mechanism.at(pull_n, twist_rad).gap_m;
-        if up { end } else { (end - HANGS_M).max(0.0) }
+        let pretwist_m = 0.0 - self.settings.get(Setting::PositionZero);
+        if up { end } else { (end - HANGS_M).max(pretwist_m) }
     }
 
     pub(super) fn start_move(
@@ -72,7 +73,7 @@ impl Rig<'_> {
             LoadSource::Estimate => self.observer.load_n(),
             LoadSource::Known(load_n) => load_n,
         };
-        let speed_m_per_s = check(Parameter::Speed, speed_m_per_s, 1e-5, SPEED_MAX_M_PER_S)?;
+        let speed_m_per_s = check(Parameter::Speed, speed_m_per_s, 1e-5, self.settings.get(Setting::SpeedMax))?;
         // Only the end that lies ahead is looked up; both, to say what was wrong.
         let up = target_m > self.last_position_m;
         let ahead_m = self.travel_end_m(&homed, load_n, up);

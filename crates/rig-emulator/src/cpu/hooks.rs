@@ -73,6 +73,7 @@ pub fn hook_sev<B: Board + 'static>(
 fn on_block<B: Board>(uc: &mut Unicorn<'_, Core<B>>, address: u32, size: u32) {
     let core = uc.get_data_mut();
     if core.attention || core.soc.clock.now() >= core.deadline {
+        core.soc.settle_flash();
         core.deadline = core.soc.sync().min(core.limit);
         let waiting = core.soc.nvic.best().is_some();
         // While something waits that a mask holds back, every block looks again.
@@ -138,7 +139,8 @@ fn on_exception<B: Board>(uc: &mut Unicorn<'_, Core<B>>, number: u32) {
     stop(uc);
 }
 
-/// A store into flash. unicorn discards the store itself: the region is read-only.
+/// A store into flash. unicorn carries out some of them all the same, though the region is read-only: the next block's
+/// hook puts that right.
 fn program<B: Board>(uc: &mut Unicorn<'_, Core<B>>, _: MemType, address: u64, size: usize, value: i64) -> bool {
     let core = uc.get_data_mut();
     core.soc.program_flash(address as u32, size, value as u64);

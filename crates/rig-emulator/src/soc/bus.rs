@@ -151,7 +151,21 @@ impl<B: Board> Soc<B> {
     /// A store by the core into flash.
     pub fn program_flash(&mut self, address: u32, size: usize, value: u64) {
         let stall_s = self.flash.program(address, size, value, &mut self.memory);
+        let mut bytes = [0; 8];
+        if let Some(bytes) = bytes.get_mut(..size)
+            && self.memory.flash.read(address, bytes).is_some()
+        {
+            self.programmed.push((address, bytes.to_vec()));
+        }
+        self.flash_changed = true;
         self.stall(stall_s);
+    }
+
+    /// Puts right what unicorn has stored by itself since.
+    pub fn settle_flash(&mut self) {
+        for (address, bytes) in self.programmed.drain(..) {
+            self.memory.flash.write(address, &bytes).expect("it was read from there");
+        }
     }
 
     /// The core waits for flash: time passes, and what happens meanwhile is worked off at the next chance.

@@ -99,6 +99,8 @@ pub struct Soc<B> {
     pub reset_request: Option<ResetCause>,
     /// Firmware has changed flash since this was last cleared.
     pub flash_changed: bool,
+    /// What the words hold that the core has just stored into, however that went.
+    programmed: Vec<(u32, Vec<u8>)>,
     scb: scb::Scb,
     rcc: rcc::Rcc,
     pwr: pwr::Pwr,
@@ -127,6 +129,7 @@ impl<B: Board> Soc<B> {
             faults: Faults::new(strict),
             reset_request: None,
             flash_changed: false,
+            programmed: Vec::new(),
             scb: scb::Scb::default(),
             rcc: rcc::Rcc::default(),
             pwr: pwr::Pwr::default(),

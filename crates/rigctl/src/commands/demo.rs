@@ -1,7 +1,7 @@
 //! `demo`: the main job. Three loads that the firmware is not told of, each on a fresh emulated board, homed and moved to
 //! the same position at the same speed.
 
-use super::operate::{HomeResult, MoveResult, home_session, move_session};
+use super::operate::{HomeResult, MoveResult, home_session, move_session, sim_options};
 use super::picture::{Curve, draw};
 use crate::cli::Global;
 use crate::failure::Failure;
@@ -107,8 +107,7 @@ fn one(global: &Global, load_kg: f64, twist_rad: f64, gear: f64) -> Result<Outco
     let mut plant = global.plant.clone();
     plant.push(Setting { key: "load", value: load_true_n });
     plant.push(Setting { key: "twist_at_boot", value: twist_rad });
-    let options =
-        SimOptions { firmware: global.firmware.clone(), scene: global.scene.clone(), plant, seed: global.seed };
+    let options = SimOptions { plant, ..sim_options(global) };
     let started = Instant::now();
     let mut session = Session::new(Box::new(Sim::start(&options)?));
     session.hello()?;

@@ -1,8 +1,10 @@
 //! What each command does: [`solve`], [`lookup`] and [`table`] on the desktop alone, [`published`] against the paper and
-//! [`study`] beyond it, [`chart`] on methods against each other, [`demo`] on the emulated board, [`report`] on all of it, [`simulate`] and [`operate`] on it or on a real one, [`dry_run`]
-//! on paper.
+//! [`study`] beyond it, [`chart`] on methods against each other, [`demo`] on the emulated board, [`report`] on all of it, [`simulate`], [`operate`],
+//! [`config`] and [`calibrate`] on it or on a real one, [`dry_run`] on paper.
 
+pub mod calibrate;
 pub mod chart;
+pub mod config;
 mod curves;
 pub mod demo;
 pub mod dry_run;
@@ -48,6 +50,8 @@ pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
         Command::Stop => operate::simple(global, &Request::Stop, output),
         Command::Hold => operate::simple(global, &Request::Hold, output),
         Command::Clear => operate::simple(global, &Request::Clear, output),
+        Command::Config { what } => config::run(global, what, output),
+        Command::Calibrate { what } => calibrate::run(global, what, output),
         Command::Status => operate::status(global, output),
         Command::Chart { out, only } => chart::run(global, out, only, output),
         Command::ChartKernel => crate::chart::work::kernel(&scene(global)?),

@@ -33,6 +33,7 @@ pub fn sim_options(global: &Global) -> SimOptions {
         scene: global.scene.clone(),
         plant: global.plant.clone(),
         seed: global.seed,
+        flash: global.flash.clone(),
     }
 }
 
@@ -250,7 +251,7 @@ pub fn home(global: &Global, output: &mut Output) -> Result<(), Failure> {
     print_home(&result, output)
 }
 
-fn print_home(result: &HomeResult, output: &mut Output) -> Result<(), Failure> {
+pub(super) fn print_home(result: &HomeResult, output: &mut Output) -> Result<(), Failure> {
     output.line(format!(
         "homed in {:.1} s: load {:.3} N, zero twist to about {:.4} rad, LVDT offset {:+.3} mm",
         result.duration_s,
@@ -349,6 +350,7 @@ pub fn status(global: &Global, output: &mut Output) -> Result<(), Failure> {
     let Some(id) = session.identity().cloned() else {
         return Err(Failure::failed("the board did not say who it is"));
     };
+    let settings = session.settings()?;
     let counters = session.telemetry().map(|t| t.counters).unwrap_or_default();
     output.object(&json!({
         "firmware": id.version.as_str(),
@@ -367,6 +369,8 @@ pub fn status(global: &Global, output: &mut Output) -> Result<(), Failure> {
             "crc": format!("{:08x}", id.table.crc),
             "rebuilt": id.table.rebuilt,
         },
+        "settings": super::config::all(&settings.values),
+        "settings_kept": settings.kept.name(),
         "last_panic": id.last_panic.as_deref(),
         "link_errors": counters.link_errors,
         "foreign_frames": counters.foreign_frames,
@@ -405,6 +409,7 @@ pub fn status(global: &Global, output: &mut Output) -> Result<(), Failure> {
         counters.unsent
     ))?;
     output.line(format!("tick     {} late, the longest took {} us", counters.late_ticks, counters.longest_tick_us))?;
+    super::config::status(&settings, output)?;
     if let Some(text) = &id.last_panic {
         output.line(format!("         the run before ended with: {text}"))?;
     }

@@ -1,6 +1,7 @@
 //! `sim` and `play`: a script and the telemetry of it, on the emulated board or on a real one. What only an emulator can
 //! do to a rig the operator of a real one is asked to do by hand.
 
+use super::config;
 use super::operate::{connect, is_sim, sim_options};
 use crate::cli::Global;
 use crate::failure::Failure;
@@ -54,6 +55,7 @@ fn play_through(session: &mut Session, script: &Script, seed: u64, output: &mut 
     let mut events = script.events.iter().peekable();
     let mut asked: HashMap<u16, usize> = HashMap::new();
     let mut next_line_s = 0.0;
+    let mut told = None;
     while session.now_s() < script.end_s - 0.5 * STEP_S {
         while let Some(event) = events.next_if(|e| e.t_s <= session.now_s() + 1e-9) {
             if let Some(by_hand) = happen(event, session, &mut asked, seed)? {
@@ -71,6 +73,17 @@ fn play_through(session: &mut Session, script: &Script, seed: u64, output: &mut 
         for (t_s, kind) in session.take_events() {
             output.line(format!("{t_s:8.2} s  event {kind:?}"))?;
         }
+        // Nothing is known of them between a start of the board and its first report.
+        let known = session.known_settings().copied();
+        if let (true, Some(report)) = (known != told, known) {
+            output.line(format!(
+                "{:8.2} s  settings {} {}",
+                session.now_s(),
+                config::all(&report.values),
+                report.kept
+            ))?;
+        }
+        told = known;
         for (number, result) in session.take_replies() {
             if let (Some(line), Err(refusal)) = (asked.get(&number), result) {
                 eprintln!("script line {line}: refused: {refusal}");
@@ -82,6 +95,7 @@ fn play_through(session: &mut Session, script: &Script, seed: u64, output: &mut 
     }
     let wall_s = started.elapsed().as_secs_f64();
     let emulated_s = session.now_s();
+    let settings = session.known_settings().map(|report| config::all(&report.values));
     // A real board's instructions are not counted.
     let Some(emulated) = session.emulated() else { return Ok(()) };
     let stats = emulated.stats()?;
@@ -92,6 +106,7 @@ fn play_through(session: &mut Session, script: &Script, seed: u64, output: &mut 
         "plant_tier": stats.plant_tier,
         "realtime_factor": emulated_s / wall_s,
         "seed": seed,
+        "settings": settings,
         "stack_high_water_bytes": stats.stack_high_water_bytes,
     }}))?;
     output.line(format!(

@@ -4,8 +4,8 @@ use super::port::{Emulated, Port, Truth};
 use super::row::Row;
 use crate::failure::Failure;
 use rig_link::{
-    Accepted, Decoder, EventKind, HEARTBEAT_PERIOD_MS, Identity, MAX_FRAME, Message, PROTOCOL_HASH, Refusal, Request,
-    State, Telemetry, encode,
+    Accepted, Decoder, EventKind, HEARTBEAT_PERIOD_MS, Identity, Kept, MAX_FRAME, Message, PROTOCOL_HASH, Refusal,
+    Request, Setting, SettingsReport, State, Telemetry, encode,
 };
 use std::collections::VecDeque;
 
@@ -15,6 +15,10 @@ pub const STEP_S: f64 = 0.01;
 const REPLY_S: f64 = 1.0;
 /// Longest wait for the first word of a board (s): a drive's start-up does not hold the link back.
 const HELLO_S: f64 = 3.0;
+/// Longest wait for flash (s): a sector erased on the way, or a table being made that goes first.
+const FLASH_S: f64 = 10.0;
+/// Readings of the gap that are averaged, half a second of them: noise and an LVDT count's grain come down to some µm.
+const GAP_READINGS: u32 = 25;
 /// How much truth is kept to be paired with telemetry (records of 1 ms).
 const TRUTH_KEPT: usize = 500;
 
@@ -42,6 +46,8 @@ pub struct Session {
     heard: Option<u16>,
     lost_frames: u32,
     identity: Option<Identity>,
+    settings: Option<SettingsReport>,
+    gap: Option<Option<f32>>,
     home_gap_m: Option<f64>,
 }
 
@@ -67,6 +73,8 @@ impl Session {
             heard: None,
             lost_frames: 0,
             identity: None,
+            settings: None,
+            gap: None,
             home_gap_m: None,
         }
     }
@@ -84,6 +92,16 @@ impl Session {
     /// Who the board said it is.
     pub fn identity(&self) -> Option<&Identity> {
         self.identity.as_ref()
+    }
+
+    /// The newest report of its settings.
+    pub fn known_settings(&self) -> Option<&SettingsReport> {
+        self.settings.as_ref()
+    }
+
+    /// The true gap (m); emulated rigs only.
+    pub fn true_gap_m(&self) -> Option<f64> {
+        self.truth.back().map(|t| t.gap_m)
     }
 
     /// Damaged frames so far.
@@ -195,6 +213,8 @@ impl Session {
         match message {
             Message::Reply { to, result } => self.replies.push_back((to, result)),
             Message::Identity(identity) => self.identity = Some(identity),
+            Message::Settings(report) => self.settings = Some(report),
+            Message::Gap { gap_m } => self.gap = Some(gap_m),
             Message::Event { t_us, kind } => {
                 let t_s = self.boot_s + t_us as f64 * 1e-6;
                 if matches!(kind, EventKind::Homed { .. }) {
@@ -207,15 +227,19 @@ impl Session {
                     // The board's clock went back: it was reset, and knows nothing any more.
                     self.boot_s = (self.now_s() - telemetry.t_us as f64 * 1e-6).max(0.0);
                     self.home_gap_m = None;
+                    self.settings = None;
                 }
                 let started = self.last.is_none_or(|last| telemetry.t_us < last.t_us);
                 if started && self.greets {
                     // The longest request there is fits a frame, so this one does.
                     let _ = self.post(&Request::Hello { protocol_hash: PROTOCOL_HASH });
+                    let _ = self.post(&Request::GetSettings);
                 }
                 let t_s = self.boot_s + telemetry.t_us as f64 * 1e-6;
                 let truth = self.truth_at(t_s);
-                self.rows.push_back(Row::new(t_s, &telemetry, truth.as_ref(), self.home_gap_m));
+                let zero_m = self.settings.map_or(0.0, |s| f64::from(s.values.get(Setting::PositionZero)));
+                let zero_gap_m = self.home_gap_m.map(|gap_m| gap_m - zero_m);
+                self.rows.push_back(Row::new(t_s, &telemetry, truth.as_ref(), zero_gap_m));
                 self.last = Some(telemetry);
             }
         }
@@ -267,7 +291,70 @@ impl Session {
         self.identity = None;
         self.request(&Request::Hello { protocol_hash: PROTOCOL_HASH })?;
         self.until(REPLY_S, |s| s.identity.is_some())?;
-        self.identity.clone().ok_or_else(|| Failure::failed("the board did not say who it is"))
+        let identity = self.identity.clone().ok_or_else(|| Failure::failed("the board did not say who it is"))?;
+        self.settings()?;
+        Ok(identity)
+    }
+
+    /// Asks the board for its settings.
+    ///
+    /// # Errors
+    /// If it does not answer.
+    pub fn settings(&mut self) -> Result<SettingsReport, Failure> {
+        self.settings = None;
+        self.request(&Request::GetSettings)?;
+        self.until(REPLY_S, |s| s.settings.is_some())?;
+        self.settings.ok_or_else(|| Failure::failed("the board did not tell its settings"))
+    }
+
+    /// Changes settings and waits until they are in flash: whether that lost the position.
+    ///
+    /// # Errors
+    /// The board's refusal in words, or that they are in use and not in flash.
+    pub fn set(&mut self, request: &Request) -> Result<bool, Failure> {
+        let accepted = self.request(request)?;
+        // A report that came with the reply may be older; one that is asked for now is not.
+        let end_s = self.now_s() + FLASH_S;
+        while self.now_s() < end_s {
+            match self.settings()?.kept {
+                Kept::These => return Ok(accepted == Accepted::Unhomed),
+                Kept::Nothing => break,
+                Kept::Others | Kept::Damaged => self.until(0.1, |_| false)?,
+            };
+        }
+        Err(Failure::failed("in use, but NOT kept in flash: lost with the next reset. The board's log says why"))
+    }
+
+    /// Mean of the gap that the LVDT shows (m), over half a second.
+    ///
+    /// # Errors
+    /// If it gives no valid reading.
+    pub fn gap_m(&mut self) -> Result<f64, Failure> {
+        let mut sum_m = 0.0;
+        for _ in 0..GAP_READINGS {
+            self.gap = None;
+            self.request(&Request::ReadGap)?;
+            self.until(REPLY_S, |s| s.gap.is_some())?;
+            let gap_m = self.gap.flatten().ok_or_else(|| Failure::failed("no valid reading from the LVDT"))?;
+            sum_m += f64::from(gap_m);
+            self.until(STEP_S, |_| false)?;
+        }
+        Ok(sum_m / f64::from(GAP_READINGS))
+    }
+
+    fn state(&self) -> State {
+        self.last.map_or(State::Boot, |t| t.state)
+    }
+
+    /// Waits until the board has left its start, be it into a fault: settings may be what is wrong.
+    ///
+    /// # Errors
+    /// If it does not come to that within 10 s.
+    pub fn wait_started(&mut self) -> Result<(), Failure> {
+        if !self.until(10.0, |s| s.state() != State::Boot)? {
+            return Err(Failure::failed("the drive does not start: is it powered, is the bus wired?"));
+        }
+        Ok(())
     }
 
     /// Waits until the drive has started and the board can take a motion.
@@ -275,10 +362,8 @@ impl Session {
     /// # Errors
     /// If it does not come to that within 10 s, or is in fault.
     pub fn wait_ready(&mut self) -> Result<(), Failure> {
-        let state = |s: &Self| s.last.map_or(State::Boot, |t| t.state);
-        self.until(10.0, |s| state(s) != State::Boot)?;
-        match (state(self), self.last.and_then(|t| t.fault)) {
-            (State::Boot, _) => Err(Failure::failed("the drive does not start: is it powered, is the bus wired?")),
+        self.wait_started()?;
+        match (self.state(), self.last.and_then(|t| t.fault)) {
             (State::Fault, Some(fault)) => Err(Failure::failed(format!("the board is in fault: {fault}"))),
             (State::EStop, _) => Err(Failure::failed("the emergency stop is pressed")),
             _ => Ok(()),

@@ -22,6 +22,8 @@ pub struct SimOptions {
     pub plant: Vec<Setting>,
     /// Seed of all noise.
     pub seed: u64,
+    /// File that keeps the board's flash; without it the board is a new one.
+    pub flash: Option<PathBuf>,
 }
 
 /// A running emulated board.
@@ -66,6 +68,9 @@ impl Sim {
         let mut command = Command::new(&emulator);
         command.arg("--elf").arg(&firmware).arg("--scene").arg(&options.scene);
         command.arg("--seed").arg(options.seed.to_string());
+        if let Some(flash) = &options.flash {
+            command.arg("--flash").arg(flash);
+        }
         for setting in &options.plant {
             // A bare number is SI on the other side too.
             command.arg("--plant").arg(format!("{}={}", setting.key, setting.value));

@@ -1,0 +1,242 @@
+//! What the rig is told for good ([`Setting`]): what it makes of the scene's constants, and how it stands in flash.
+//!
+//! ```text
+//! settings:  version 1 | generation u32 LE | basis u32 LE | for each: code u8, value f32 LE
+//! witness:   generation u32 LE
+//! ```
+//! The store checks every record and leaves a damaged one out, so that an older one of the same key comes to light, or
+//! none: calibration numbers that were once right. The witness, written after the settings, tells: it never is the newer
+//! one of the two unless the settings are damaged. The basis tells of other constants of the rig, which the settings do not
+//! correct. A setting that a record does not have keeps its default, and one that is not known here is passed over.
+
+use crate::RigConstants;
+use rig_link::messages::{Kept, Setting, SettingValues};
+
+/// Version of the record.
+const VERSION: u8 = 1;
+const HEAD: usize = 9;
+const ENTRY: usize = 5;
+/// Longest record that is understood (bytes): another firmware's may have more settings than ours.
+pub const RECORD_MAX: usize = HEAD + 50 * ENTRY;
+/// Bytes of our own record.
+pub const RECORD: usize = HEAD + Setting::ALL.len() * ENTRY;
+
+/// What is used where nobody has set anything.
+pub fn defaults(rig: &RigConstants) -> SettingValues {
+    let current_limit_a = 1e-3 * f32::from(rig.current_limit_ma);
+    let mut values = SettingValues([0.0; Setting::ALL.len()]);
+    for setting in Setting::ALL {
+        values = values.with(*setting, setting.spec().default.unwrap_or(current_limit_a));
+    }
+    values
+}
+
+/// The scene's constants as these settings correct them.
+pub fn apply(values: &SettingValues, rig: &RigConstants) -> RigConstants {
+    let gain = values.get(Setting::LvdtGain);
+    let gear = values.get(Setting::GearScale);
+    RigConstants {
+        gear_ratio: gear * rig.gear_ratio,
+        counts_per_rad: gear * values.get(Setting::TwistSign) * rig.counts_per_rad,
+        // A float to integer cast saturates; the value has been checked.
+        current_limit_ma: libm::roundf(1e3 * values.get(Setting::CurrentLimit)) as i16,
+        lvdt_gap_at_code_zero_m: gain * rig.lvdt_gap_at_code_zero_m + values.get(Setting::LvdtOffset),
+        lvdt_metres_per_code: gain * rig.lvdt_metres_per_code,
+        ..*rig
+    }
+}
+
+/// Of the constants that the settings correct or are bounded by (FNV-1a): kept for others they would mean another thing.
+fn basis(rig: &RigConstants) -> u32 {
+    let RigConstants { gear_ratio, counts_per_rad, lvdt_gap_at_code_zero_m, lvdt_metres_per_code, .. } = *rig;
+    [gear_ratio, counts_per_rad, lvdt_gap_at_code_zero_m, lvdt_metres_per_code, f32::from(rig.current_limit_ma)]
+        .iter()
+        .flat_map(|value| value.to_le_bytes())
+        .fold(0x811c_9dc5, |hash, byte| (hash ^ u32::from(byte)).wrapping_mul(0x0100_0193))
+}
+
+/// What flash had.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Loaded {
+    /// To be used.
+    pub values: SettingValues,
+    /// [`Kept::Nothing`], [`Kept::These`] or [`Kept::Damaged`].
+    pub kept: Kept,
+    /// Of the newest record that was written.
+    pub generation: u32,
+    /// Power failed between record and witness: write the witness again.
+    pub witness_behind: bool,
+}
+
+/// The record for these values (for a rig with these constants) and this generation.
+pub fn write(values: &SettingValues, rig: &RigConstants, generation: u32) -> [u8; RECORD] {
+    let mut record = [0; RECORD];
+    let (head, entries) = record.split_at_mut(HEAD);
+    head[0] = VERSION;
+    head[1..5].copy_from_slice(&generation.to_le_bytes());
+    head[5..].copy_from_slice(&basis(rig).to_le_bytes());
+    for ((setting, value), entry) in values.iter().zip(entries.chunks_exact_mut(ENTRY)) {
+        entry[0] = setting.code();
+        entry[1..].copy_from_slice(&value.to_le_bytes());
+    }
+    record
+}
+
+/// The witness of a generation.
+pub fn write_witness(generation: u32) -> [u8; 4] {
+    generation.to_le_bytes()
+}
+
+fn number(bytes: &[u8]) -> Option<u32> {
+    bytes.try_into().ok().map(u32::from_le_bytes)
+}
+
+/// Generation and values of a record; `None` if it is none of ours, or any value of it is not allowed.
+fn parse(record: &[u8], rig: &RigConstants) -> Option<(u32, SettingValues)> {
+    let (head, entries) = record.split_at_checked(HEAD)?;
+    if head[0] != VERSION || number(&head[5..])? != basis(rig) || !entries.len().is_multiple_of(ENTRY) {
+        return None;
+    }
+    let defaults = defaults(rig);
+    let mut values = defaults;
+    for entry in entries.chunks_exact(ENTRY) {
+        if let Some(setting) = Setting::from_code(entry[0]) {
+            values = values.with(setting, f32::from_bits(number(&entry[1..])?));
+        }
+    }
+    values.check(&defaults).ok()?;
+    Some((number(&head[1..5])?, values))
+}
+
+/// Makes of both records what is to be used on a rig with these constants. `None` is one that is not there, or damaged.
+pub fn read(record: Option<&[u8]>, witness: Option<&[u8]>, rig: &RigConstants) -> Loaded {
+    let witness = witness.and_then(number);
+    let newest = witness.unwrap_or(0);
+    match (record.map(|record| parse(record, rig)), witness) {
+        (None, None) => Loaded { values: defaults(rig), kept: Kept::Nothing, generation: 0, witness_behind: false },
+        (Some(Some((generation, values))), _) if generation >= newest => {
+            Loaded { values, kept: Kept::These, generation, witness_behind: witness != Some(generation) }
+        }
+        // An older one came to light, or none, or one that is not for this rig.
+        (record, _) => {
+            let found = record.flatten().map_or(0, |(generation, _)| generation);
+            let generation = newest.max(found);
+            Loaded { values: defaults(rig), kept: Kept::Damaged, generation, witness_behind: false }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use super::*;
+    use proptest::prelude::*;
+    use std::vec::Vec;
+
+    const RIG: RigConstants = RigConstants {
+        gear_ratio: 62.0,
+        counts_per_rad: 40_416.0,
+        motor_speed_max_rad_per_s: 1047.0,
+        motor_acceleration_max_rad_per_s2: 12_000.0,
+        motor_torque_constant_nm_per_a: 0.0229,
+        current_limit_ma: 500,
+        lvdt_gap_at_code_zero_m: 0.01,
+        lvdt_metres_per_code: 5.372e-5,
+        drive_group: 0,
+        drive_number: 1,
+        supply_limits_v: [19.2, 28.8],
+        supply_divider: None,
+    };
+
+    /// Values that are allowed.
+    fn values() -> impl Strategy<Value = SettingValues> {
+        prop::array::uniform8(0.0..=1f32).prop_map(|shares| {
+            let defaults = defaults(&RIG);
+            Setting::ALL.iter().fold(defaults, |values, setting| {
+                let ([min, max], share) = (setting.range(defaults.get(*setting)), shares[*setting as usize]);
+                let between = (min + share * (max - min)).clamp(min, max);
+                let ends = if share < 0.5 { min } else { max };
+                values.with(*setting, if setting.spec().ends_only { ends } else { between })
+            })
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_written_is_read(values in values(), generation: u32, behind: bool) {
+            let record = write(&values, &RIG, generation);
+            let witness = write_witness(generation.wrapping_sub(u32::from(behind && generation > 0)));
+            let loaded = read(Some(&record), Some(&witness), &RIG);
+            prop_assert_eq!((loaded.values, loaded.kept, loaded.generation), (values, Kept::These, generation));
+            prop_assert_eq!(loaded.witness_behind, behind && generation > 0);
+        }
+
+        #[test]
+        fn any_bytes_give_allowed_values(record in prop::option::of(prop::collection::vec(any::<u8>(), 0..300)),
+                                         witness in prop::option::of(prop::collection::vec(any::<u8>(), 0..9))) {
+            let loaded = read(record.as_deref(), witness.as_deref(), &RIG);
+            prop_assert!(loaded.values.check(&defaults(&RIG)).is_ok());
+            prop_assert_eq!(loaded.kept == Kept::Nothing, record.is_none() && witness.is_none_or(|w| w.len() != 4));
+        }
+
+        /// Should damage ever come past the store's checksum, what is used is still allowed, and applied without a nonsense.
+        #[test]
+        fn a_changed_byte_gives_allowed_values(values in values(), place: prop::sample::Index, change in 1..=255u8) {
+            let mut record = write(&values, &RIG, 7).to_vec();
+            let place = place.index(record.len());
+            record[place] ^= change;
+            let loaded = read(Some(&record), Some(&write_witness(7)), &RIG);
+            prop_assert!(loaded.values.check(&defaults(&RIG)).is_ok());
+            let applied = apply(&loaded.values, &RIG);
+            prop_assert!(applied.counts_per_rad.abs() > 1.0 && applied.lvdt_metres_per_code > 0.0);
+        }
+
+        #[test]
+        fn a_record_of_another_firmware_gives_what_both_know(values in values(), keep in 0..8usize, more in 0..30u8) {
+            let mut record: Vec<u8> = write(&values, &RIG, 3)[..HEAD + keep * ENTRY].to_vec();
+            (0..more).for_each(|k| record.extend([100 + k, 1, 2, 3, 4]));
+            prop_assert!(record.len() <= RECORD_MAX);
+            let loaded = read(Some(&record), Some(&write_witness(3)), &RIG);
+            prop_assert_eq!(loaded.kept, Kept::These);
+            for (k, (setting, value)) in loaded.values.iter().enumerate() {
+                prop_assert_eq!(value, if k < keep { values.get(setting) } else { defaults(&RIG).get(setting) });
+            }
+        }
+    }
+
+    #[test]
+    fn older_or_missing_records_and_other_rigs_are_damage() {
+        let values = defaults(&RIG).with(Setting::LvdtGain, 1.01);
+        let (old, new) = (write(&values, &RIG, 1), write_witness(2));
+        for (record, witness) in [(Some(&old[..]), Some(&new[..])), (None, Some(&new)), (Some(&old[..3]), None)] {
+            let loaded = read(record, witness, &RIG);
+            assert_eq!((loaded.kept, loaded.values), (Kept::Damaged, defaults(&RIG)));
+        }
+        assert_eq!(read(None, Some(&new), &RIG).generation, 2, "the next record must be newer than the witness");
+        let other = RigConstants { lvdt_metres_per_code: 5e-5, ..RIG };
+        assert_eq!(read(Some(&old), Some(&write_witness(1)), &other).kept, Kept::Damaged);
+        // What the settings have nothing to do with may change.
+        let same = RigConstants { supply_divider: Some(12.0), ..RIG };
+        assert_eq!(read(Some(&old), Some(&write_witness(1)), &same).values, values);
+        // The first record, cut off from its witness.
+        assert!(read(Some(&old), None, &RIG).witness_behind);
+    }
+
+    #[test]
+    fn each_acts_on_the_constant_that_it_is_about() {
+        let with = |setting: Setting, value| apply(&defaults(&RIG).with(setting, value), &RIG);
+        assert_eq!(apply(&defaults(&RIG), &RIG), RIG);
+        assert!((with(Setting::LvdtOffset, 1e-3).lvdt_gap_at_code_zero_m - 0.011).abs() < 1e-8);
+        let gain = with(Setting::LvdtGain, 1.1);
+        assert!((gain.lvdt_gap_at_code_zero_m - 0.011).abs() < 1e-8);
+        assert!((gain.lvdt_metres_per_code / RIG.lvdt_metres_per_code - 1.1).abs() < 1e-6);
+        assert_eq!(with(Setting::TwistSign, -1.0).counts_per_rad, -RIG.counts_per_rad);
+        let gear = with(Setting::GearScale, 0.5);
+        assert_eq!((gear.gear_ratio, gear.counts_per_rad), (31.0, 20_208.0));
+        assert_eq!(with(Setting::CurrentLimit, 0.3).current_limit_ma, 300);
+        // These three act elsewhere.
+        for setting in [Setting::PositionZero, Setting::SpeedMax, Setting::TwistScale] {
+            assert_eq!(with(setting, setting.spec().range[0]), RIG);
+        }
+    }
+}

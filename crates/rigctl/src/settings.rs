@@ -1,0 +1,198 @@
+//! The board's settings as text: names and values that the operator types, and the file of a backup.
+
+use crate::units::{self, Quantity};
+use rig_link::{Identity, Setting, SettingValues, SettingsReport};
+use std::fmt::Write;
+use toml::{Table, Value};
+
+/// The setting of this name.
+///
+/// # Errors
+/// Naming all there are.
+pub fn named(name: &str) -> Result<Setting, String> {
+    Setting::from_name(name).ok_or_else(|| {
+        let names: Vec<&str> = Setting::ALL.iter().map(|s| s.name()).collect();
+        format!("no setting `{name}`; settings: {}", names.join(", "))
+    })
+}
+
+/// What its value measures.
+pub fn quantity(setting: Setting) -> Quantity {
+    match setting.spec().unit {
+        "m" => Quantity::Length,
+        "m/s" => Quantity::Speed,
+        "A" => Quantity::Current,
+        _ => Quantity::Number,
+    }
+}
+
+/// A value with or without a unit, into the setting's own.
+///
+/// # Errors
+/// Naming the setting and the units.
+pub fn value(setting: Setting, text: &str) -> Result<f32, units::UnitError> {
+    units::parse(setting.name(), quantity(setting), text).map(|value| value as f32)
+}
+
+/// For JSON: the shortest decimal of it, not what an f64 makes of an f32.
+pub fn decimal(value: f32) -> f64 {
+    value.to_string().parse().unwrap_or(f64::from(value))
+}
+
+/// The file of a backup: who the board was, then every setting in SI units.
+pub fn to_toml(report: &SettingsReport, identity: &Identity) -> String {
+    let mut text = format!(
+        "# Settings of a board, written by `rigctl config backup`. SI units; text with a unit, as \"1.2mm\", is read too.\n\
+         [board]\nfirmware = \"{} ({})\"\nscene_hash = \"{:08x}\"\nprotocol_hash = \"{:08x}\"\n\n[settings]\n",
+        identity.version, identity.git, identity.scene_hash, identity.protocol_hash
+    );
+    for (setting, value) in report.values.iter() {
+        let unit = setting.spec().unit;
+        let unit = if unit.is_empty() { String::new() } else { format!("  # {unit}") };
+        // Writing into a string does not fail. {:?} always has a point or an exponent: a TOML float.
+        let _ = writeln!(text, "{} = {value:?}{unit}", setting.name());
+    }
+    text
+}
+
+/// A backup as read.
+#[derive(Debug, PartialEq)]
+pub struct Backup {
+    /// Hash of the scene that the board was built for, if the file tells.
+    pub scene_hash: Option<u32>,
+    /// The board's protocol hash, if the file tells.
+    pub protocol_hash: Option<u32>,
+    /// Every setting; those that the file does not have are the defaults.
+    pub values: SettingValues,
+    /// Which those are.
+    pub missing: Vec<Setting>,
+}
+
+fn hash(board: &Table, key: &str, wrong: &mut Vec<String>) -> Option<u32> {
+    let value = board.get(key)?;
+    let hash = value.as_str().and_then(|text| u32::from_str_radix(text, 16).ok());
+    if hash.is_none() {
+        wrong.push(format!("board.{key} is {value}, not eight hexadecimal digits in quotes"));
+    }
+    hash
+}
+
+fn number(setting: Setting, value: &Value) -> Result<f32, String> {
+    match value {
+        Value::Float(number) => Ok(*number as f32),
+        Value::Integer(number) => Ok(*number as f32),
+        Value::String(text) => self::value(setting, text).map_err(|e| e.to_string()),
+        other => Err(format!("{setting} is a {}, not a number", other.type_str())),
+    }
+}
+
+/// Reads the file of a backup for a board with these defaults.
+///
+/// # Errors
+/// Everything that is wrong with it, each named.
+pub fn from_toml(text: &str, defaults: &SettingValues) -> Result<Backup, String> {
+    let mut file: Table = text.parse().map_err(|e: toml::de::Error| e.to_string())?;
+    let mut wrong = Vec::new();
+    let mut section = |name: &str| match file.remove(name) {
+        Some(Value::Table(table)) => Ok(Some(table)),
+        Some(other) => Err(format!("`{name}` is a {}, not a table", other.type_str())),
+        None => Ok(None),
+    };
+    let board = section("board")?.unwrap_or_default();
+    let settings = section("settings")?.ok_or("no table [settings]")?;
+    wrong.extend(file.keys().map(|key| format!("no key `{key}`; keys: board, settings")));
+    let mut values = *defaults;
+    for (name, value) in &settings {
+        let checked = named(name).and_then(|setting| {
+            let given = number(setting, value)?;
+            setting.check(given, defaults.get(setting)).map_err(|refusal| refusal.to_string())?;
+            Ok((setting, given))
+        });
+        match checked {
+            Ok((setting, value)) => values = values.with(setting, value),
+            Err(message) => wrong.push(message),
+        }
+    }
+    let (scene_hash, protocol_hash) =
+        (hash(&board, "scene_hash", &mut wrong), hash(&board, "protocol_hash", &mut wrong));
+    if !wrong.is_empty() {
+        return Err(wrong.join("; "));
+    }
+    let missing = Setting::ALL.iter().copied().filter(|setting| !settings.contains_key(setting.name())).collect();
+    Ok(Backup { scene_hash, protocol_hash, values, missing })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rig_link::{Kept, ResetCause, TableIdentity};
+
+    fn defaults() -> SettingValues {
+        Setting::ALL.iter().fold(SettingValues([0.0; 8]), |values, s| values.with(*s, s.spec().default.unwrap_or(0.5)))
+    }
+
+    fn identity() -> Identity {
+        Identity {
+            version: "1.2.3".parse().expect("fits"),
+            git: "abcdef".parse().expect("fits"),
+            protocol_hash: 0xabcd,
+            scene_hash: 0x1234_5678,
+            table: TableIdentity {
+                form: Default::default(),
+                bytes: 0,
+                contraction_error_m: 0.0,
+                tr_relative_error: 0.0,
+                load_min_n: 0.0,
+                load_max_n: 0.0,
+                turns_min: 0.0,
+                turns_max: 0.0,
+                crc: 0,
+                rebuilt: false,
+            },
+            reset_cause: ResetCause::PowerOn,
+            boot_count: 1,
+            last_panic: None,
+        }
+    }
+
+    #[test]
+    fn a_backup_is_read_back_to_the_last_bit() {
+        let values = defaults()
+            .with(Setting::LvdtOffset, -0.001_234_567)
+            .with(Setting::LvdtGain, 1.0 + f32::EPSILON)
+            .with(Setting::TwistSign, -1.0)
+            .with(Setting::SpeedMax, 1e-4);
+        let report = SettingsReport { values, defaults: defaults(), kept: Kept::These };
+        let text = to_toml(&report, &identity());
+        let backup = from_toml(&text, &defaults()).unwrap_or_else(|e| panic!("{e}\n{text}"));
+        let wanted = Backup { scene_hash: Some(0x1234_5678), protocol_hash: Some(0xabcd), values, missing: Vec::new() };
+        assert_eq!(backup, wanted, "{text}");
+    }
+
+    #[test]
+    fn units_are_read_and_what_is_missing_is_default() {
+        let backup = from_toml("[settings]\nlvdt-offset = \"1.5mm\"\ntwist-sign = -1\n", &defaults());
+        let backup = backup.unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(backup.values, defaults().with(Setting::LvdtOffset, 1.5e-3).with(Setting::TwistSign, -1.0));
+        assert_eq!(backup.missing.len(), 6);
+    }
+
+    #[test]
+    fn everything_that_is_wrong_is_named() {
+        for (text, named) in [
+            ("settings = 3", &["`settings` is a integer"][..]),
+            ("[board]\nscene_hash = \"12\"", &["[settings]"]),
+            ("[settings]\nlvdt-gian = 1.0", &["lvdt-gian", "lvdt-gain"]),
+            ("[settings]\nlvdt-gain = true\nspeed-max = \"2mm\"", &["lvdt-gain is a boolean", "speed-max", "mm/s"]),
+            ("[settings]\nlvdt-gain = 3.0\ntwist-sign = 0", &["lvdt-gain is 3, allowed are 0.8", "-1 or 1"]),
+            ("[settings]\nlvdt-gain = nan", &["lvdt-gain is not a finite number"]),
+            ("[settings]\ncurrent-limit = 0.6", &["current-limit is 0.6 A", "to 0.5 A"]),
+            ("[board]\nscene_hash = 12\n[settings]\n", &["board.scene_hash"]),
+            ("[sttings]\n[settings]\n", &["sttings"]),
+            ("[settings", &["settings"]),
+        ] {
+            let error = from_toml(text, &defaults()).expect_err(text);
+            assert!(named.iter().all(|part| error.contains(part)), "{text}: {error}");
+        }
+    }
+}

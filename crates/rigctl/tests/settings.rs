@@ -1,0 +1,206 @@
+//! `config` and `calibrate` as a user calls them, on the emulated board with its flash in a file.
+
+mod common;
+
+use common::{error_of, lines, rigctl};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+
+/// A folder of its own for each test, empty.
+fn folder(name: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = std::fs::remove_dir_all(&folder);
+    std::fs::create_dir_all(&folder).expect("a folder");
+    folder
+}
+
+/// Runs with `--json` on a board whose flash is this file; the objects that it prints.
+fn on(flash: &Path, arguments: &[&str]) -> Vec<Value> {
+    let flash = flash.to_str().expect("a path");
+    let output = rigctl(&[arguments, &["--flash", flash, "--json"]].concat());
+    assert!(output.status.success(), "{arguments:?}: {}", error_of(&output));
+    lines(&output)
+}
+
+/// The same for what must fail: its exit code and what it says.
+fn fails(flash: &Path, arguments: &[&str]) -> (Option<i32>, String) {
+    let output = rigctl(&[arguments, &["--flash", flash.to_str().expect("a path")]].concat());
+    assert!(!output.status.success() && output.stdout.is_empty(), "{arguments:?}");
+    (output.status.code(), error_of(&output))
+}
+
+fn setting(flash: &Path, name: &str) -> f64 {
+    on(flash, &["config", "get", name])[0]["value"].as_f64().expect("a number")
+}
+
+#[test]
+fn settings_are_kept_from_one_call_to_the_next_and_shown_by_status() {
+    let flash = folder("kept").join("flash.bin");
+    let all = on(&flash, &["config", "get"]);
+    assert_eq!(all.len(), 8);
+    assert!(all.iter().all(|s| s["value"] == s["default"] && s["kept"] == false), "{all:?}");
+    assert!(!flash.exists(), "asking writes nothing");
+    let set = &on(&flash, &["config", "set", "speed-max", "3mm/s"])[0];
+    assert_eq!((&set["name"], &set["value"], &set["before"]), (&"speed-max".into(), &0.003.into(), &0.05.into()));
+    assert_eq!((&set["kept"], &set["unhomed"]), (&true.into(), &false.into()));
+    on(&flash, &["config", "set", "lvdt-offset", "-1.5mm"]);
+    assert_eq!((setting(&flash, "speed-max"), setting(&flash, "lvdt-offset")), (0.003, -0.0015));
+    let status = &on(&flash, &["status"])[0];
+    assert_eq!((&status["settings"]["speed-max"], &status["settings_kept"]), (&0.003.into(), &"kept".into()));
+    let text = rigctl(&["status", "--flash", flash.to_str().expect("a path")]);
+    let text = String::from_utf8_lossy(&text.stdout).into_owned();
+    assert!(text.contains("speed-max 0.003 m/s (default 0.05 m/s)") && !text.contains("lvdt-gain"), "{text}");
+    let (code, error) = fails(&flash, &["move", "--to", "5mm", "--speed", "4mm/s", "--json"]);
+    assert!(code == Some(1) && error.contains("speed is 0.004 m/s"), "{error}");
+    // Another call without the file has a new board.
+    assert_eq!(lines(&rigctl(&["config", "get", "speed-max", "--json"]))[0]["value"], 0.05);
+}
+
+#[test]
+fn wrong_names_values_and_files_are_refused_and_nothing_is_written() {
+    let folder = folder("wrong");
+    let flash = folder.join("flash.bin");
+    for (arguments, code, named) in [
+        (&["config", "set", "lvdt-gian", "1"][..], 2, &["lvdt-gian", "lvdt-gain", "twist-scale"][..]),
+        (&["config", "get", "gain"], 2, &["gain", "lvdt-gain"]),
+        (&["config", "set", "lvdt-gain"], 2, &["VALUE"]),
+        (&["config", "set", "lvdt-offset", "1kg"], 2, &["lvdt-offset", "mm"]),
+        (&["config", "set", "lvdt-offset", "nan"], 2, &["lvdt-offset", "finite"]),
+        (&["config", "set", "speed-max", "learned"], 2, &["speed-max"]),
+        (&["config", "set", "lvdt-offset", "60mm"], 1, &["lvdt-offset is 0.06 m", "-0.05 to 0.05 m"]),
+        (&["config", "set", "twist-sign", "0"], 1, &["twist-sign", "-1 or 1"]),
+        (&["config", "set", "current-limit", "0.6A"], 1, &["current-limit", "0.5 A"]),
+        (&["config", "set", "twist-scale", "learned"], 1, &["twist-scale", "homed"]),
+        (&["config", "restore", "no-such.toml"], 1, &["no-such.toml"]),
+        (&["calibrate", "lvdt", "--gap", "1kg"], 2, &["gap", "mm"]),
+        (&["calibrate", "lvdt", "--gap", "140mm", "--point", "140mm"], 2, &["GAP:SENSOR"]),
+        (&["calibrate", "lvdt", "--point", "140mm:141mm"], 2, &["--gap"]),
+        (&["calibrate", "lvdt", "--gap", "140mm", "--point", "139mm:0.1"], 1, &["--point", "apart"]),
+        (&["calibrate", "lvdt", "--gap", "1m"], 1, &["lvdt-offset"]),
+    ] {
+        let (given, error) = fails(&flash, arguments);
+        assert_eq!(given, Some(code), "{arguments:?}: {error}");
+        assert!(named.iter().all(|part| error.contains(part)), "{arguments:?}: {error}");
+    }
+    let file = folder.join("bad.toml");
+    std::fs::write(&file, "[settings]\nspeed-max = 0.003\nlvdt-gain = 3.0\ngear = 2\n").expect("a file");
+    let (code, error) = fails(&flash, &["config", "restore", file.to_str().expect("a path")]);
+    assert!(code == Some(1) && error.contains("lvdt-gain is 3, allowed are 0.8 to 1.25"), "{error}");
+    assert!(error.contains("no setting `gear`") && error.contains("bad.toml"), "{error}");
+    assert!(!flash.exists(), "none of this may have been kept");
+    std::fs::write(&flash, "short").expect("a file");
+    let (code, error) = fails(&flash, &["config", "get"]);
+    assert!(code == Some(1) && error.contains("flash.bin"), "{error}");
+}
+
+#[test]
+fn a_backup_brings_a_new_board_to_the_same_settings() {
+    let folder = folder("backup");
+    let (flash, other, file) = (folder.join("flash.bin"), folder.join("other.bin"), folder.join("board.toml"));
+    let path = file.to_str().expect("a path");
+    on(&flash, &["config", "set", "lvdt-gain", "1.0123456"]);
+    on(&flash, &["config", "set", "twist-sign", "-1"]);
+    on(&flash, &["config", "backup", path]);
+    let text = std::fs::read_to_string(&file).expect("it was written");
+    let restored = &on(&other, &["config", "restore", path])[0];
+    assert_eq!((&restored["changed"], &restored["kept"]), (&2.into(), &true.into()), "{text}");
+    assert_eq!(on(&flash, &["config", "get"]), on(&other, &["config", "get"]));
+    // Of another scene: only when told to. What a file does not have becomes the default, and is named.
+    let hash = text.lines().find(|line| line.starts_with("scene_hash")).expect("a hash");
+    let foreign = text.replace(hash, "scene_hash = \"00000001\"").replace("twist-sign = -1.0\n", "");
+    std::fs::write(&file, foreign).expect("a file");
+    let (code, error) = fails(&other, &["config", "restore", path]);
+    assert!(code == Some(1) && error.contains("00000001") && error.contains("--force"), "{error}");
+    assert_eq!(setting(&other, "twist-sign"), -1.0);
+    let flash = other.to_str().expect("a path");
+    let forced = rigctl(&["config", "restore", path, "--force", "--flash", flash]);
+    assert!(forced.status.success() && error_of(&forced).contains("twist-sign"), "{}", error_of(&forced));
+    assert_eq!((setting(&other, "twist-sign"), setting(&other, "lvdt-gain")), (1.0, 1.0123456));
+}
+
+/// Two calls with the load at two gaps, as a person would do it with callipers.
+#[test]
+fn the_lvdt_is_calibrated_point_by_point() {
+    let flash = folder("calibrate").join("flash.bin");
+    let off = ["--plant", "lvdt_offset=1mm", "--plant", "lvdt_gain_error=1%"];
+    let at = |twist: &str, arguments: &[&str]| {
+        let twist = format!("twist_at_boot={twist}");
+        on(&flash, &[&["calibrate", "lvdt"], arguments, &off, &["--plant", &twist]].concat())[0].clone()
+    };
+    let number = |object: &Value, key: &str| object[key].as_f64().unwrap_or_else(|| panic!("{key} in {object}"));
+    // To the 20 um of callipers.
+    let callipers = |look: &Value| (number(look, "true_gap_m") / 20e-6).round() * 20e-6;
+    let look = at("1", &[]);
+    let first_m = callipers(&look);
+    let before_m = number(&look, "gap_m") - number(&look, "true_gap_m");
+    let one = at("1", &["--gap", &first_m.to_string()]);
+    assert!(number(&one, "error_after_m").abs() < 10e-6 && number(&one, "lvdt_gain") == 1.0, "{one}");
+    let look = at("40", &[]);
+    let second_m = callipers(&look);
+    let between_m = number(&look, "gap_m") - number(&look, "true_gap_m");
+    let point = format!("{first_m}:{}", number(&one, "sensor_m"));
+    let two = at("40", &["--gap", &second_m.to_string(), "--point", &point]);
+    let errors = ["1", "20", "40"].map(|twist| {
+        let look = at(twist, &[]);
+        number(&look, "gap_m") - number(&look, "true_gap_m")
+    });
+    println!(
+        "off by {:+.3} mm; after one point by {:+.3} mm at another gap; after two by {:?} um (gain {}, offset {} m)",
+        before_m * 1e3,
+        between_m * 1e3,
+        errors.map(|e| (e * 1e7).round() / 10.0),
+        two["lvdt_gain"],
+        two["lvdt_offset_m"]
+    );
+    assert!(before_m > 1e-3 && between_m.abs() > 100e-6);
+    assert!(errors.iter().all(|error| error.abs() < 40e-6), "{errors:?}");
+    assert!((number(&two, "lvdt_gain") - 1.0 / 1.01).abs() < 2e-3, "{two}");
+}
+
+#[test]
+fn the_present_position_becomes_zero() {
+    let flash = folder("zero").join("flash.bin");
+    on(&flash, &["config", "set", "position-zero", "4mm"]);
+    let zero = on(&flash, &["calibrate", "zero"]);
+    let zero = zero.last().expect("a result");
+    assert!((zero["position_before_m"].as_f64().expect("homed") + 0.004).abs() < 50e-6, "{zero}");
+    assert!(zero["position_m"].as_f64().expect("homed").abs() < 20e-6, "{zero}");
+    assert!(setting(&flash, "position-zero").abs() < 50e-6);
+    // Positions and their truth are both told from there.
+    on(&flash, &["config", "set", "position-zero", "-2mm"]);
+    let moved = on(&flash, &["move", "--to", "6mm"]);
+    let moved = moved.last().expect("a result");
+    assert!(moved["true_error_m"].as_f64().expect("emulated").abs() < 50e-6, "{moved}");
+}
+
+#[test]
+fn scripts_set_and_show_settings_across_a_power_cycle() {
+    let folder = folder("script");
+    let script = folder.join("settings.script");
+    let text = "0.1 config set speed-max 4mm/s # too soon: the drive starts\n2.5 config set speed-max 3mm/s\n\
+                3 fault power-cycle\n5.8 config set lvdt-gain 1.5\n5.9 home\n6.4 config set lvdt-gain 1.01\n7 end\n";
+    std::fs::write(&script, text).expect("a file");
+    let play = |json: bool| {
+        let json: &[&str] = if json { &["--json"] } else { &[] };
+        let output = rigctl(&[&["sim", "--script", script.to_str().expect("a path")], json].concat());
+        assert!(output.status.success(), "{}", error_of(&output));
+        output
+    };
+    let people = play(false);
+    let shown = String::from_utf8_lossy(&people.stdout).into_owned();
+    let settings: Vec<&str> = shown.lines().filter(|line| line.contains(" settings ")).collect();
+    let kept: Vec<bool> = settings.iter().map(|line| line.contains("\"speed-max\":0.003")).collect();
+    assert_eq!(kept, [false, true, true], "{settings:?}");
+    for refused in [
+        "line 1: refused: the drive is not ready",
+        "line 4: refused: lvdt-gain is 1.5",
+        "line 6: refused: not \
+                     possible while homing",
+    ] {
+        assert!(error_of(&people).contains(refused), "{refused}: {}", error_of(&people));
+    }
+    let rows = lines(&play(true));
+    let summary = &rows.last().expect("a summary")["summary"];
+    assert_eq!(summary["settings"]["speed-max"], 0.003, "{summary}");
+    assert!(rows[..rows.len() - 1].iter().all(|row| row["t_s"].is_number()), "telemetry alone");
+}
