@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::process::Command;
 use std::{env, fs};
 use tsa_model::Scene;
-use tsa_model::scene::Rig;
+use tsa_model::scene::{DriveTransport, Rig};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let out = PathBuf::from(env::var_os("OUT_DIR").ok_or("OUT_DIR is not set")?);
@@ -40,7 +40,9 @@ fn constants(rig: &Rig) -> String {
          \x20   motor_torque_constant_nm_per_a: {:?}f32, current_limit_ma: {},\n\
          \x20   lvdt_gap_at_code_zero_m: {:?}f32, lvdt_metres_per_code: {:?}f32,\n\
          \x20   drive_group: {}, drive_number: {}, supply_limits_v: {:?}, supply_divider: {:?},\n\
-         }};\n",
+         }};\n\
+         /// How the board talks to the drive.\n\
+         pub const DRIVE_TRANSPORT: rmds405::Transport = rmds405::Transport::{};\n",
         rig.gear() as f32,
         rig.counts_per_rad() as f32,
         rig.motor_speed_max_rad_per_s as f32,
@@ -53,6 +55,10 @@ fn constants(rig: &Rig) -> String {
         rig.drive_number,
         rig.supply_limits_v().map(|volts| volts as f32),
         rig.supply_divider.map(|divider| divider as f32),
+        match rig.drive_transport {
+            DriveTransport::Can => "Can",
+            DriveTransport::Uart => "Uart",
+        },
     )
 }
 
