@@ -298,6 +298,7 @@ fn the_board_makes_its_own_table_in_seconds_keeps_it_and_falls_back() {
     assert_eq!(b.state(), State::Unhomed);
     assert_eq!(b.ask(&MOVE), Err(Refusal::NotHomed));
     b.ask(&Request::Status).unwrap();
+    b.run(0.1);
     let table = b.identity.clone().unwrap().table;
     assert!(table.rebuilt && table.crc != built_in.crc);
 
@@ -333,5 +334,6 @@ fn the_board_makes_its_own_table_in_seconds_keeps_it_and_falls_back() {
         assert_eq!(reason, wanted);
     }
     b.ask(&Request::Status).unwrap();
+    b.run(0.1);
     assert_eq!(b.identity.clone().unwrap().table, built_in);
 }

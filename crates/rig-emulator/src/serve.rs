@@ -131,10 +131,10 @@ fn answer(machine: &mut Machine<Rig>, request: Request) -> Value {
             Err(error) => failure("machine", &error.to_string()),
         },
         Request::Fault { name, on } => match name.parse::<Fault>() {
-            Ok(fault) => {
-                machine.board_mut().set_fault(fault, on);
-                json!({"ok": true})
-            }
+            Ok(fault) => match machine.board_mut().try_fault(fault, on) {
+                Ok(()) => json!({"ok": true}),
+                Err(error) => failure("fault", &error.to_string()),
+            },
             Err(error) => failure("fault", &error.to_string()),
         },
         Request::PowerCycle => {

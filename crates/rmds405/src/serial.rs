@@ -71,13 +71,13 @@ impl<T> Decoder<T> {
         Self { understand, bytes: [0; LENGTH], length: 0, lost: false, last_us: 0, foreign: 0 }
     }
 
-    /// A byte that came at `now_us`, which never runs backwards; what it completed, if it was the last of a frame.
+    /// A byte that came at `now_us`; what it completed, if it was the last of a frame. Times that run back count as no time.
     pub fn push(&mut self, now_us: u64, byte: u8) -> Option<T> {
         if now_us.saturating_sub(self.last_us) >= QUIET_US {
             self.drop_rest();
             self.lost = false;
         }
-        self.last_us = now_us;
+        self.last_us = self.last_us.max(now_us);
         self.bytes[self.length] = byte;
         self.length += 1;
         let in_place = self.bytes[0] == HEADER && (self.length < 2 || self.bytes[1] <= 0xF);

@@ -3,9 +3,9 @@
 /// A fault of the rig. The host's (`host-silent`), the chip's (`task-hang`, `crash`) and the board's (`power-cycle`) are not here.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
-    /// The drive's bus wires are off: no acknowledge and no reports, while it goes on doing what it was told.
+    /// The drive's bus or serial wires are off: no acknowledge and no reports, while it goes on doing what it was told.
     CanSilent,
-    /// The bus is shorted.
+    /// The bus is shorted. A rig whose drive is on the serial line has none.
     CanBusOff,
     /// The drive goes into stall protection at once. An event.
     DriveStall,
@@ -42,6 +42,13 @@ pub struct UnknownFault {
     /// What was given.
     pub name: String,
 }
+
+/// The fault is one of the CAN bus, and this rig has none.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "fault `can-bus-off` needs a CAN bus, and the scene has drive_transport = \"uart\"; a cut line is `can-silent`"
+)]
+pub struct NotHere;
 
 const NAMES: [(&str, Fault); 15] = [
     ("can-silent", Fault::CanSilent),
