@@ -121,9 +121,19 @@ fn answer(machine: &mut Machine<Rig>, request: Request) -> Value {
             Ok(()) => json!({"ok": true}),
             Err(error) => failure("plant", &error.to_string()),
         },
-        // The two faults that are the chip's and not the rig's.
+        // The faults that are the chip's and not the rig's.
         Request::Fault { name, on } if name == "task-hang" => {
             machine.hang(on);
+            json!({"ok": true})
+        }
+        Request::Fault { name, on } if name == "adc-stall" => {
+            machine.soc_mut().stall_adc(on);
+            json!({"ok": true})
+        }
+        Request::Fault { name, on } if name == "brown-out" => {
+            if on {
+                machine.brown_out();
+            }
             json!({"ok": true})
         }
         Request::Fault { name, on: true } if name == "crash" => match machine.crash() {

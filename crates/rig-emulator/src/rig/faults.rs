@@ -1,6 +1,7 @@
 //! Faults by the names that scripts use (cli.md).
 
-/// A fault of the rig. The host's (`host-silent`), the chip's (`task-hang`, `crash`) and the board's (`power-cycle`) are not here.
+/// A fault of the rig. The host's (`host-silent`), the chip's (`task-hang`, `crash`, `adc-stall`) and the board's (`power-cycle`,
+/// `brown-out`) are not here.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
     /// The drive's bus or serial wires are off: no acknowledge and no reports, while it goes on doing what it was told.
@@ -15,6 +16,8 @@ pub enum Fault {
     EncoderStuck,
     /// The microcontroller's encoder receiver gains one motor turn. An event.
     EncoderJump,
+    /// The microcontroller's encoder receiver loses every fifth count; the drive's own input does not.
+    EncoderSlip,
     /// LVDT lead open: reads 0 V.
     LvdtOpen,
     /// LVDT shorted to the supply: reads full scale.
@@ -50,13 +53,14 @@ pub struct UnknownFault {
 )]
 pub struct NotHere;
 
-const NAMES: [(&str, Fault); 15] = [
+const NAMES: [(&str, Fault); 16] = [
     ("can-silent", Fault::CanSilent),
     ("can-bus-off", Fault::CanBusOff),
     ("drive-stall", Fault::DriveStall),
     ("drive-reset", Fault::DriveReset),
     ("encoder-stuck", Fault::EncoderStuck),
     ("encoder-jump", Fault::EncoderJump),
+    ("encoder-slip", Fault::EncoderSlip),
     ("lvdt-open", Fault::LvdtOpen),
     ("lvdt-short", Fault::LvdtShort),
     ("lvdt-noisy", Fault::LvdtNoisy),

@@ -219,6 +219,7 @@ impl Rig {
                 self.bridge = Bridge::Open;
             }
             Fault::EncoderStuck => self.encoder.set_stuck(on, angle_rad),
+            Fault::EncoderSlip => self.encoder.set_slipping(on, angle_rad),
             Fault::EncoderJump if on => self.encoder.jump(),
             Fault::LvdtOpen => self.lvdt.faults.open = on,
             Fault::LvdtShort => self.lvdt.faults.short = on,
