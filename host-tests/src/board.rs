@@ -77,7 +77,8 @@ impl Bench {
         Self::with(uart_firmware(), &uart_scene(), keys, seed)
     }
 
-    fn with(elf: &[u8], scene: &Scene, keys: &[(&str, &str)], seed: u64) -> Self {
+    /// An image of one's own on the rig of a scene.
+    pub fn with(elf: &[u8], scene: &Scene, keys: &[(&str, &str)], seed: u64) -> Self {
         let mut settings = PlantSettings::default();
         for (key, value) in keys {
             settings.set(key, value).unwrap_or_else(|e| panic!("{e}"));
