@@ -42,8 +42,8 @@ pub async fn run(mut adc: RingBufferedAdc<'static, ADC1>) -> ! {
 }
 
 /// Sets up converter and DMA as they were at first; the next read starts them. embassy-stm32 0.6.0 only switches the stream
-/// off and on: the ring is then as short as what was left of it, the end of the old round counts as new samples, and the
-/// overrun is never cleared, without which the converter takes no trigger (RM0390 sections 9.3.14 and 13.8.1).
+/// off and on: the ring goes on where it stood instead of at its start, switching off counts as a round of new samples, and
+/// the overrun is never cleared, without which the converter takes no trigger (RM0390 sections 9.3.14 and 13.8.1).
 fn restart(adc: &mut RingBufferedAdc<'static, ADC1>) {
     adc.stop();
     let stream = pac::DMA2.st(STREAM);

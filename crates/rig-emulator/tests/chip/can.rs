@@ -168,6 +168,21 @@ fn with_nart_there_is_one_try() {
 }
 
 #[test]
+fn in_loop_back_it_hears_itself_and_needs_no_acknowledgement() {
+    let mut chip = node(0);
+    chip.board.outcome = CanOutcome::Unacknowledged;
+    set(&mut chip, MCR, 1);
+    set(&mut chip, BTR, 1 << 30 | 1 << 20 | 4 << 16 | 1);
+    set(&mut chip, MCR, 0);
+    pass(&mut chip, 12.0 * BIT_S);
+    transmit(&mut chip, 0, 0x123);
+    pass(&mut chip, 300.0 * BIT_S);
+    assert_eq!(get(&mut chip, TSR), TME | 3);
+    assert_eq!((get(&mut chip, RF0R) & 3, get(&mut chip, RI0R) >> 21), (1, 0x123));
+    assert_eq!(get(&mut chip, ESR), 0);
+}
+
+#[test]
 fn an_abort_takes_back_what_is_not_on_the_wire() {
     let mut chip = node(0);
     transmit(&mut chip, 0, 0x100);
