@@ -1,6 +1,7 @@
 //! Both directions survive every value and every byte string.
 
 use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
 use rmds405::report::MixedRest;
 use rmds405::serial::{BYTE_US, Decoder, HEADER, LENGTH, QUIET_US, encode};
 use rmds405::{
@@ -61,7 +62,13 @@ fn report() -> impl Strategy<Value = Report> {
     ]
 }
 
+fn config() -> ProptestConfig {
+    ProptestConfig { cases: 2000, rng_seed: RngSeed::Fixed(405), failure_persistence: None, ..Default::default() }
+}
+
 proptest! {
+    #![proptest_config(config())]
+
     #[test]
     fn commands_round_trip(address in address(), command in command()) {
         let frame = command.encode(address);
