@@ -4,8 +4,8 @@ use std::error::Error;
 use std::path::PathBuf;
 use std::process::Command;
 use std::{env, fs};
-use tsa_model::Scene;
-use tsa_model::scene::{DriveTransport, Rig};
+use tsa_model::scene::{Accuracy, DriveTransport, Rig};
+use tsa_model::{Scene, Tier};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let out = PathBuf::from(env::var_os("OUT_DIR").ok_or("OUT_DIR is not set")?);
@@ -16,7 +16,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("cargo:rerun-if-changed=.git/HEAD");
 
     let scene = Scene::load(&scene_path)?;
-    let fit = tsa_table::fit::fit(&scene)?;
+    let (tier, accuracy) = study()?.unwrap_or((Tier::Full, scene.accuracy));
+    let fit = tsa_table::fit::fit_tier(&Scene { accuracy, ..scene.clone() }, tier)?;
     let mut source = tsa_table::emit::rust_source(&fit);
     source.push_str(&constants(&scene.rig));
     source.push_str(&demand(&scene, &fit)?);
@@ -29,6 +30,19 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("cargo:rustc-link-search={}", out.display());
     println!("cargo:rustc-env=TSA_GIT={}", git().unwrap_or_else(|| "unknown".into()));
     Ok(())
+}
+
+/// What `cargo xtask loop` wants to see the effect of: "tier contraction_m tr_relative" for the table instead of the full
+/// model and the scene's accuracy.
+fn study() -> Result<Option<(Tier, Option<Accuracy>)>, Box<dyn Error>> {
+    println!("cargo:rerun-if-env-changed=TSA_STUDY");
+    let Ok(text) = env::var("TSA_STUDY") else { return Ok(None) };
+    let [name, contraction, tr] = text.split(' ').collect::<Vec<_>>()[..] else {
+        return Err(format!("TSA_STUDY: {text:?} is not a tier and two numbers").into());
+    };
+    let tier = Tier::named(name).ok_or_else(|| format!("TSA_STUDY: no tier is called {name:?}"))?;
+    let number = |text: &str| text.parse().map_err(|e| format!("TSA_STUDY: {text:?}: {e}"));
+    Ok(Some((tier, Some(Accuracy { contraction_m: number(contraction)?, tr_relative: number(tr)? }))))
 }
 
 fn constants(rig: &Rig) -> String {

@@ -28,6 +28,8 @@ from scipy.optimize import root_scalar
 TOLERANCE = 1e-9
 # Of 5 to 301 the number with which the default scene is fastest.
 FIRST_NODES = 101
+# Exponents of the tolerances of a sweep.
+SWEEP = range(-3, -13, -2)
 
 
 class Section:
@@ -81,7 +83,7 @@ class Rod:
         stiffness = math.pi * radius**2 * rods["stress_coefficients_pa"][0]
         self.px, self.py = state["inward_n"] / stiffness, state["sideways_n"] / stiffness
 
-    def by_bvp(self):
+    def by_bvp(self, tolerance=TOLERANCE):
         px, py, s = self.px, self.py, self.slenderness
 
         def at(y):
@@ -118,13 +120,13 @@ class Rod:
         mesh = numpy.linspace(0, 1, FIRST_NODES)
         straight = numpy.vstack((0 * mesh, 0 * mesh, mesh, 0 * mesh))
         found = solve_bvp(
-            slope, ends, mesh, straight, tol=TOLERANCE, fun_jac=jacobian, bc_jac=lambda a, b: (at_clamp, at_tip)
+            slope, ends, mesh, straight, tol=tolerance, fun_jac=jacobian, bc_jac=lambda a, b: (at_clamp, at_tip)
         )
         if not found.success:
             raise ArithmeticError(found.message)
         return self.tip(found.y[:, -1]), found.x.size
 
-    def by_shooting(self):
+    def by_shooting(self, tolerance=TOLERANCE):
         px, py, s = self.px, self.py, self.slenderness
         evaluations = 0
 
@@ -136,7 +138,7 @@ class Rod:
 
         def shoot(moment):
             nonlocal evaluations
-            found = solve_ivp(slope, (0, 1), (0, moment, 0, 0), "DOP853", rtol=TOLERANCE, atol=TOLERANCE * 1e-3)
+            found = solve_ivp(slope, (0, 1), (0, moment, 0, 0), "DOP853", rtol=tolerance, atol=tolerance * 1e-3)
             if not found.success:
                 raise ArithmeticError(found.message)
             evaluations += found.nfev
@@ -185,13 +187,50 @@ def measure(rods, solve, repeats):
     }
 
 
+def sweep(rods, repeats):
+    """Time and error over the tolerance. A rod without an answer counts as failed and not in the error."""
+    points = []
+    for name, solver in ("solve_bvp", Rod.by_bvp), ("DOP853 shooting", Rod.by_shooting):
+        for exponent in SWEEP:
+            tolerance = 10.0**exponent
+            times, error, failed = [], 0.0, 0
+            for state in rods["states"]:
+                rod = Rod(rods, state)
+                laps = []
+                try:
+                    for _ in range(repeats):
+                        before = time.perf_counter()
+                        (u, w), _ = solver(rod, tolerance)
+                        laps.append(time.perf_counter() - before)
+                except ArithmeticError:
+                    failed += 1
+                    continue
+                error = max(error, abs(u - state["u_m"]), abs(w - state["w_m"]))
+                times.append(statistics.median(laps))
+            points.append(
+                {
+                    "solver": name,
+                    "tolerance": tolerance,
+                    "us": statistics.median(times) * 1e6 if times else None,
+                    "error_m": error,
+                    "failed": failed,
+                }
+            )
+    return points
+
+
 def main():
     parser = argparse.ArgumentParser(description="One rod by scipy: time, and difference from the model's answer")
     parser.add_argument("states", help="what `model-bench states` printed")
     parser.add_argument("--repeats", type=int, default=9)
+    parser.add_argument("--sweep", action="store_true", help="over the tolerance, instead of at one")
     arguments = parser.parse_args()
     with open(arguments.states) as file:
         rods = json.load(file)
+    if arguments.sweep:
+        json.dump(sweep(rods, arguments.repeats), sys.stdout, indent=2)
+        print()
+        return
     found = {
         "python": platform.python_version(),
         "numpy": numpy.__version__,

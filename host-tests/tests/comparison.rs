@@ -8,9 +8,9 @@ use host_tests::scenario;
 
 /// What `cargo xtask compare` found for the fixed ratio: with the least error, and with the most settled moves.
 const LEAST_ERROR: Loop =
-    Loop { tr_rad_per_m: Some(2757.0), gain_per_s: 7.68, corner_rad_per_s: 25.3, crossing_rad: 0.0 };
+    Loop { tr_rad_per_m: Some(2757.0), gain_per_s: 7.5, corner_rad_per_s: 24.0, crossing_rad: 0.0 };
 const MOST_SETTLED: Loop =
-    Loop { tr_rad_per_m: Some(2757.0), gain_per_s: 4.8, corner_rad_per_s: 23.0, crossing_rad: 0.0 };
+    Loop { tr_rad_per_m: Some(2757.0), gain_per_s: 4.69, corner_rad_per_s: 30.0, crossing_rad: 0.0 };
 
 /// Of the moves without load steps, and of those with.
 fn summaries(entries: &[Entry]) -> [Summary; 2] {
@@ -49,9 +49,11 @@ fn this_controller_beats_what_is_usual() {
         println!("{what}: {steady:.2} and {steps:.2} times the rms error, {theirs:#?}");
         (steady, steps, theirs)
     };
-    // A fixed ratio whose gain is searched for tracks as well where friction rules, and pays when the load changes: it
-    // rings.
-    let (.., [_, steps]) = against("b'", Law::Loop(LEAST_ERROR));
+    // The fixed ratios that the searches on fifty plants found; the one with the least error rings when the load changes.
+    let (steady, ..) = against("b", Law::Loop(MOST_SETTLED));
+    assert!(steady > 5.0, "{steady}");
+    let (steady, _, [_, steps]) = against("b'", Law::Loop(LEAST_ERROR));
+    assert!(steady > 5.0, "{steady}");
     assert!(steps.settled < 0.95 && steps.overshoot_m > ours[1].overshoot_m, "{steps:?}");
     let (steady, ..) = against("c", Law::OpenLoop);
     assert!(steady > 2.0, "{steady}");

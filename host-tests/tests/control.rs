@@ -165,6 +165,24 @@ fn homes_within_20_mrad_from_any_twist_under_any_load() {
     println!("worst: {:.2} mrad, {slowest:.1} s", worst * 1e3);
 }
 
+/// What a stalled or reset drive lets fall swings for seconds; homing waits for it.
+#[test]
+fn homes_a_load_that_swings() {
+    let mut slowest = 0.0f64;
+    for k in 0..12 {
+        let keys = [("load", "0.9kg"), ("friction", "0.05"), ("twist_at_boot", "-4.5")];
+        let mut d = Desk::new(&keys, k);
+        assert!(d.until(5.0, |d| d.control.state() == State::Unhomed));
+        d.rig.set_plant("load", "1.336kg").unwrap();
+        d.run(0.03 * k as f64);
+        let seconds = d.home().unwrap_or_else(|e| panic!("{} s after the load began to swing: {e}", 0.03 * k as f64));
+        let off = d.truth().twist_rad.abs() - PI;
+        assert!(off.abs() < 0.02 && seconds < 45.0, "zero off by {off} rad, {seconds} s");
+        slowest = slowest.max(seconds);
+    }
+    println!("{slowest:.1} s");
+}
+
 #[test]
 fn the_time_to_target_is_known_beforehand() {
     for (load, friction) in [("0.5kg", "0.05"), ("0.15kg", "0.2"), ("1.5kg", "0.1")] {

@@ -38,6 +38,9 @@ pub fn bench(folders: &Folders) -> Result<()> {
         .collect::<Result<Vec<_>>>()?;
     let ratio = |round: &Value| number(round, "/ratio/solve_bvp").unwrap_or_default();
     rounds.sort_by(|a, b| ratio(a).total_cmp(&ratio(b)));
+    if let Some(interpreter) = &interpreter {
+        sweep(folders, &binary, interpreter, &folder.join("states.json"))?;
+    }
     let times = read(Command::new(&binary).current_dir(&folders.root).arg("time").args(SCENES))?;
     let counted = valgrind
         .map(|()| SCENES.iter().map(|scene| instructions(folders, &binary, scene)).collect::<Result<Vec<_>>>())
@@ -106,6 +109,28 @@ fn scipy(folders: &Folders, interpreter: &Path, states: &Path) -> Result<Value> 
     // One thread, as the model has.
     command.env("OMP_NUM_THREADS", "1").env("OPENBLAS_NUM_THREADS", "1");
     read(command.arg("host-tests/peers/solve_bvp.py").arg(states))
+}
+
+/// What `rigctl chart` draws beside the model: the peer over its tolerance, in turns with the model.
+fn sweep(folders: &Folders, binary: &Path, interpreter: &Path, states_file: &Path) -> Result<()> {
+    let states = read(Command::new(binary).current_dir(&folders.root).args(["states", SCENES[0]]))?;
+    write(states_file, &states)?;
+    let mut command = foreign(&interpreter.to_string_lossy(), &folders.root);
+    command.env("OMP_NUM_THREADS", "1").env("OPENBLAS_NUM_THREADS", "1");
+    let points = read(command.args(["host-tests/peers/solve_bvp.py", "--repeats", "3", "--sweep"]).arg(states_file))?;
+    let mut csv = String::from("solver,tolerance,error_m,us,failed\n");
+    for (name, at) in [("first-integral, rod", "/us_per_rod"), ("first-integral, equilibrium", "/us_per_equilibrium")] {
+        csv += &format!("\"{name}\",,,{:.3},0\n", number(&states, at)?);
+    }
+    for point in points.as_array().context("the peer's sweep is no list")? {
+        let us = point["us"].as_f64().map_or(String::new(), |us| format!("{us:.3}"));
+        let solver = point["solver"].as_str().unwrap_or_default();
+        csv += &format!("{solver},{},{},{us},{}\n", point["tolerance"], point["error_m"], point["failed"]);
+    }
+    let out = folders.root.join("out");
+    std::fs::create_dir_all(&out).with_context(|| format!("cannot make {}", out.display()))?;
+    let file = out.join("peers.csv");
+    std::fs::write(&file, csv).with_context(|| format!("cannot write {}", file.display()))
 }
 
 /// Instructions per equilibrium, as callgrind counts them.

@@ -43,6 +43,15 @@ pub fn build_uart(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
     image::report(&image)
 }
 
+/// Builds the image with a table of another model or accuracy (`TSA_STUDY`, see build.rs), beside the one that `rigctl`
+/// boots.
+pub fn build_study(folders: &Folders, toolchain: &Toolchain, study: &str, image: &Path) -> Result<()> {
+    run(cargo(folders, toolchain, PACKAGE).env("TSA_STUDY", study))?;
+    let built = toolchain.target_folder(folders).join(TARGET).join("firmware").join(PACKAGE);
+    std::fs::copy(&built, image).with_context(|| format!("cannot copy {} to {}", built.display(), image.display()))?;
+    Ok(())
+}
+
 /// Builds the image that counts costs (`src/bin/cost.rs`).
 pub fn build_cost(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
     let mut cargo = cargo(folders, toolchain, COST);

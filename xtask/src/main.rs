@@ -7,6 +7,7 @@
 //! - [`process`]: running other programs, loudly when they fail.
 
 mod bench;
+mod closed_loop;
 mod firmware;
 mod host;
 mod image;
@@ -45,6 +46,8 @@ enum Task {
     Bench,
     /// Count what each way of knowing the mechanism costs: instructions on the emulated board
     Cost,
+    /// Move with tables from cheaper models and of other accuracies built into the firmware (out/loop.csv)
+    Loop,
     /// A thousand moves with faults, and ten million random bytes at both doors, on the emulated board (an hour)
     Endurance {
         /// Passed on: --moves, --bytes, --seed
@@ -101,6 +104,7 @@ fn run(arguments: Arguments) -> Result<()> {
         Task::Test => host::test(&folders),
         Task::Bench => bench::bench(&folders),
         Task::Cost => host::cost(&folders),
+        Task::Loop => closed_loop::run(&folders),
         Task::Endurance { rest } => host::endurance(&folders, &rest),
         Task::Compare { rest } => host::compare(&folders, &rest),
         Task::Demo { rest } => host::demo(&folders, &rest),

@@ -16,7 +16,7 @@ use crate::planner::SetPoint;
 /// Bandwidth of the loop (1/s).
 pub const BANDWIDTH_PER_S: f32 = 3.0;
 /// Corner of the two smoothing poles (rad/s).
-const CORNER_RAD_PER_S: f32 = 9.0;
+pub const CORNER_RAD_PER_S: f32 = 9.0;
 /// Error (m) below which a load at rest is left alone: an eighth of an LVDT count, so that stiction makes no limit cycle.
 const AT_REST_M: f32 = 6e-6;
 

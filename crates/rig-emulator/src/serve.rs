@@ -193,6 +193,7 @@ fn stats(machine: &Machine<Rig>) -> Value {
         "instructions_per_tick_mean": stats.tick.instructions_mean,
         "instructions_per_tick_max": stats.tick.instructions_max,
         "ticks": stats.tick.count,
+        "plant_tier": machine.board().tier().name(),
         "core_busy": stats.core_busy,
         "instructions": stats.instructions,
         "stack_high_water_bytes": stats.stack_high_water_bytes,

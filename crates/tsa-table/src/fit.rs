@@ -9,7 +9,7 @@ use crate::form::Form;
 use crate::lookup::{Metadata, Table};
 use crate::patches;
 use tsa_model::scene::{Accuracy, Envelope};
-use tsa_model::{Mechanism, PRETWIST_RAD, ParameterError, Scene, SceneError, SolveError};
+use tsa_model::{Mechanism, PRETWIST_RAD, ParameterError, Scene, SceneError, SolveError, Tier};
 
 /// Most bytes of numbers that the firmware has room for.
 pub const MAX_BYTES: usize = 4096;
@@ -224,6 +224,7 @@ pub fn peers(fit: &Fit) -> Vec<(&'static str, &Candidate)> {
 /// The solver on a scene's envelope.
 pub(crate) struct Reference<'a> {
     pub mechanism: &'a Mechanism,
+    pub tier: Tier,
     pub load_n: [f64; 2],
     pub twist_rad: [f64; 2],
 }
@@ -240,7 +241,11 @@ pub(crate) struct Exact {
 
 impl Reference<'_> {
     pub(crate) fn solve(&self, load_n: f64, twist_rad: f64) -> Result<tsa_model::Equilibrium, FitError> {
-        self.mechanism.solve(load_n, twist_rad).map_err(|source| FitError::Envelope {
+        let solved = match self.tier {
+            Tier::Full => self.mechanism.solve(load_n, twist_rad),
+            tier => self.mechanism.formal_tier(tier, load_n, twist_rad),
+        };
+        solved.map_err(|source| FitError::Envelope {
             load_n,
             turns: (twist_rad - PRETWIST_RAD) / std::f64::consts::TAU,
             source,
@@ -287,9 +292,11 @@ pub(crate) fn error_at(table: &Table<'_>, exact: &Exact) -> (f64, f64) {
     let twist = clamp(exact.twist_rad, m.twist_min_rad, m.twist_max_rad);
     let (start, at) = (table.evaluate(load, m.twist_min_rad), table.evaluate(load, twist));
     let contraction = f64::from(start.gap_m - at.gap_m);
+    // A rough table may have no gap at all somewhere: no number is the largest error, not one to be passed over.
+    let error = |e: f64| if e.is_nan() { f64::INFINITY } else { e.abs() };
     (
-        (contraction - (exact.start_gap_m - exact.gap_m)).abs(),
-        (exact.by_twist / f64::from(at.dgap_dtwist_m_per_rad) - 1.0).abs(),
+        error(contraction - (exact.start_gap_m - exact.gap_m)),
+        error(exact.by_twist / f64::from(at.dgap_dtwist_m_per_rad) - 1.0),
     )
 }
 
@@ -313,12 +320,20 @@ pub(crate) fn errors_over(table: &Table<'_>, points: &[Exact]) -> Errors {
 /// # Errors
 /// [`FitError`]: the scene, the first point at which the envelope breaks the model, or an accuracy out of reach.
 pub fn fit(scene: &Scene) -> Result<Fit, FitError> {
+    fit_tier(scene, Tier::Full)
+}
+
+/// The same from a cheaper model, by which it is then also judged: shows what controlling by that model would be like.
+///
+/// # Errors
+/// As [`fit`].
+pub fn fit_tier(scene: &Scene, tier: Tier) -> Result<Fit, FitError> {
     let (envelope, accuracy) = scene.table_demand()?;
     let Envelope { load_n, .. } = envelope;
     let mechanism = scene.mechanism()?;
     // Contraction is counted from the pre-twist, so a table always reaches down to it.
     let twist_rad = [PRETWIST_RAD, envelope.twist_rad()[1]];
-    let reference = Reference { mechanism: &mechanism, load_n, twist_rad };
+    let reference = Reference { mechanism: &mechanism, tier, load_n, twist_rad };
     let points = reference.selection_grid()?;
     let mut candidates = Vec::new();
     for map in LOAD_MAPS {

@@ -45,8 +45,10 @@ pub struct Case {
     pub scenario: usize,
     /// Seed of the plant.
     pub seed: u64,
-    records: Vec<Record>,
-    ready: Desk<Baseline>,
+    /// What the firmware did, move by move.
+    pub records: Vec<Record>,
+    /// The baseline, homed.
+    pub ready: Desk<Baseline>,
 }
 
 /// A scenario on a plant that the firmware did not get through.

@@ -198,6 +198,11 @@ impl Results {
             ));
         }
         put("(wanted: b and b' at least 5 without load steps)".into());
+        let waits = [false, true].map(|steps| self.over_all_loads(names[0], steps).map_or(0.0, |s| s.wait_s));
+        put(format!(
+            "before the set-point sets out it waits for the strings to take up friction: {:.2} s on average, {:.2} s with load steps",
+            waits[0], waits[1]
+        ));
         self.notes.iter().for_each(|note| put(note.clone()));
         for failure in &self.failures {
             put(format!("a failed: {failure}"));
@@ -262,6 +267,7 @@ impl Results {
         let names = self.names();
         // Black is the seventh of the colours that are told apart.
         let colour = |k: usize| if k < 6 { colour(k, 6) } else { INK };
+        let pen = |k: usize| Pen { dashed: k > 6, ..Pen::solid(colour(k)) };
         let panel = |quantity: &Quantity, steps: bool| {
             let value = |l: &Line| Some((l.load_kg?, (quantity.value)(&l.summary)));
             let drawable = |(_, v): &(f64, f64)| v.is_finite() && (!quantity.log || *v > 0.0);
@@ -270,7 +276,7 @@ impl Results {
             for (k, name) in names.iter().enumerate() {
                 let line: Vec<(f64, f64)> =
                     points(&mut self.lines.iter().filter(|l| l.name == *name && l.steps == steps));
-                items.push(Item::Line { points: line.clone(), pen: Pen::solid(colour(k)) });
+                items.push(Item::Line { points: line.clone(), pen: pen(k) });
                 items.extend(line.into_iter().map(|at| Item::Mark { at, shape: Shape::Circle, colour: colour(k) }));
             }
             let published: Vec<(f64, f64)> = PUBLISHED
@@ -288,7 +294,7 @@ impl Results {
             let title = format!("{}, {} load steps", quantity.title, if steps { "with" } else { "without" });
             Panel { title, x, y, items }
         };
-        let sample = |k: usize, name: &str| KeyRow::sample(Sample::Line(Pen::solid(colour(k))), name);
+        let sample = |k: usize, name: &str| KeyRow::sample(Sample::Line(pen(k)), name);
         let whose = names.iter().enumerate().map(|(k, name)| sample(k, name)).collect();
         let published = KeyRow::sample(Sample::Mark(Shape::Cross, INK), "published: dual TSA, 500 g, LQR and PID");
         let figure = Figure {

@@ -18,6 +18,8 @@ pub struct Score {
     pub squares_m2: f64,
     /// Ticks of travel.
     pub ticks: usize,
+    /// How long the set-point waits before it sets out (s): until friction is taken up.
+    pub wait_s: f64,
     /// From the end of the set-point's travel until the load stays within [`SETTLED_M`] of the target (s); `None` if it
     /// does not before the next move.
     pub settling_s: Option<f64>,
@@ -51,6 +53,7 @@ impl Score {
             max_m,
             squares_m2,
             ticks: travel - waits,
+            wait_s: waits as f64 * f64::from(TICK_S),
             settling_s: stays.then(|| settled.saturating_sub(travel) as f64 * f64::from(TICK_S)),
             overshoot_m: record.positions_m.iter().map(|p| (p - target_m) * way).fold(0.0, f64::max),
             energy_j: record.energy_j,
@@ -75,6 +78,8 @@ pub struct Summary {
     pub overshoot_m: f64,
     /// Mean energy of a move (J).
     pub energy_j: f64,
+    /// Mean wait before a set-point sets out (s).
+    pub wait_s: f64,
 }
 
 impl Summary {
@@ -97,6 +102,7 @@ impl Summary {
             settled: scores.iter().filter(|s| s.settling_s.is_some()).count() as f64 / count,
             overshoot_m: most(|s| s.overshoot_m),
             energy_j: sum(|s| s.energy_j) / count,
+            wait_s: sum(|s| s.wait_s) / count,
         }
     }
 }

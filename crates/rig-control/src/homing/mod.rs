@@ -1,6 +1,7 @@
 //! Homing without switches: the gap is even in the twist and greatest at zero (model.md section 5).
 //!
 //! ```text
+//! Quiet ── the load has stopped swinging ──> Probe
 //! Probe ── which way does the gap grow? ──> Seek ── past its maximum ──> Centre ── two sweeps across it ──> Weigh
 //!                                                                          │ midpoints of equal gaps         │
 //!                                                                          v                                 v
@@ -22,6 +23,11 @@ use rig_link::messages::HomingFailure;
 use tsa_table::Table;
 use weigh::Weigh;
 
+/// The load is quiet when its gap (m) stays within this for so long (ticks): a period of its slowest swing.
+const QUIET_M: f32 = 0.1e-3;
+const QUIET_TICKS: u16 = 40;
+/// A load that still swings then (s) is homed all the same; what comes of it is judged at the end.
+const QUIET_PATIENCE_S: f32 = 10.0;
 /// Speed of the probe (rad/s).
 const PROBE_SPEED: f32 = 1.5;
 /// Change of the gap (m) that decides the probe: several times what rail friction can hold back.
@@ -100,6 +106,7 @@ pub enum Progress {
 
 #[derive(Clone, Copy, Debug)]
 enum Phase {
+    Quiet { ticks: u16, low_m: f32, high_m: f32 },
     Probe { start_rad: f32, gap_m: f32 },
     Seek { start_rad: f32, goal_rad: f32, top_m: f32, top_rad: f32 },
     CentreRest { ticks: u16 },
@@ -138,7 +145,7 @@ impl Homing {
     /// Nothing begun.
     pub const fn new() -> Self {
         Self {
-            phase: Phase::Probe { start_rad: 0.0, gap_m: 0.0 },
+            phase: Phase::Quiet { ticks: 0, low_m: 0.0, high_m: 0.0 },
             ramp: Ramp::at(0.0),
             smooth_gap_m: 0.0,
             direction: 1.0,
@@ -155,7 +162,7 @@ impl Homing {
     /// Starts from wherever the shaft is. In place, and the bins are emptied when their sweep begins: a few kilobytes
     /// made anew and moved would be the longest tick of all.
     pub fn begin(&mut self, shaft_rad: f32, gap_m: f32) {
-        self.phase = Phase::Probe { start_rad: shaft_rad, gap_m };
+        self.phase = Phase::Quiet { ticks: 0, low_m: gap_m, high_m: gap_m };
         self.ramp = Ramp::at(shaft_rad);
         self.smooth_gap_m = gap_m;
         self.direction = 1.0;
@@ -175,6 +182,10 @@ impl Homing {
         let speed_limit = 0.9 * rig.twist_speed_max();
         let acceleration = ACCELERATION.min(rig.twist_acceleration_max());
         let outcome = match self.phase {
+            Phase::Quiet { ticks, low_m, high_m } => {
+                self.wait_for_quiet(ticks, low_m.min(gap_m), high_m.max(gap_m), gap_m);
+                Ok(None)
+            }
             Phase::Probe { start_rad, gap_m } => self.probe(start_rad, gap_m, acceleration),
             Phase::Seek { start_rad, goal_rad, top_m, top_rad } => {
                 self.seek(start_rad, goal_rad, top_m, top_rad, shaft_rad, acceleration, speed_limit)
@@ -191,6 +202,17 @@ impl Homing {
             Ok(Some(homed)) => Progress::Done(homed),
             Err(failure) => Progress::Failed(failure),
         }
+    }
+
+    /// A load that has just dropped swings for seconds, farther than the probe can tell from its own doing.
+    fn wait_for_quiet(&mut self, ticks: u16, low_m: f32, high_m: f32, gap_m: f32) {
+        self.phase = if ticks < QUIET_TICKS {
+            Phase::Quiet { ticks: ticks + 1, low_m, high_m }
+        } else if high_m - low_m < QUIET_M || self.ticks as f32 * TICK_S > QUIET_PATIENCE_S {
+            Phase::Probe { start_rad: self.ramp.position, gap_m: self.smooth_gap_m }
+        } else {
+            Phase::Quiet { ticks: 0, low_m: gap_m, high_m: gap_m }
+        };
     }
 
     fn probe(&mut self, start_rad: f32, gap_m: f32, acceleration: f32) -> Result<Option<Homed>, HomingFailure> {

@@ -27,7 +27,7 @@ use std::collections::VecDeque;
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::{Rng, SeedableRng};
 use rmds405::{Frame, Received, Transport, serial};
-use tsa_model::{Mechanism, Scene};
+use tsa_model::{Mechanism, Scene, Tier};
 
 use crate::board::{Board, CanFrame, CanOutcome, Stimulus};
 use drive::{Drive, LEAST_SUPPLY_V, Sensed};
@@ -39,6 +39,7 @@ use parameters::RigParameters;
 use plant::{Plant, Rail};
 use settings::{PlantSettings, SettingError};
 use surface::{NoSurface, SLACK_LOAD_N, Surface};
+use transmission::{Tiered, cheapest_tier};
 use truth::Truth;
 
 /// Time step, s.
@@ -97,6 +98,7 @@ pub struct Rig {
     parameters: RigParameters,
     settings: PlantSettings,
     mechanism: Mechanism,
+    tier: Tier,
     noise: Pcg64Mcg,
     link_noise: Pcg64Mcg,
     plant: Plant,
@@ -131,7 +133,7 @@ impl Rig {
         let parameters = RigParameters::new(&scene.rig)?;
         let real = settings.distort(scene);
         let mechanism = Mechanism::new(&real.geometry, &real.string, &real.material)?;
-        let surface = surface_for(&mechanism, &real, settings.load_n)?;
+        let (surface, tier) = surface_for(&mechanism, &real, settings.load_n)?;
         let stop = parameters.lvdt_gap_at_zero_m;
         let stops_m = [stop, stop + parameters.lvdt_stroke_m];
         let twist_rad = settings.twist_at_boot_rad;
@@ -142,6 +144,7 @@ impl Rig {
         let encoder = Encoder::new(parameters.counts_per_turn);
         let boot_counts = encoder.counts(boot_angle_rad);
         let mut rig = Self {
+            tier,
             lvdt: Lvdt::new(&parameters, &settings, plant.gap_m),
             motor: Motor::new(&parameters, boot_angle_rad),
             drive: Drive::new(&parameters),
@@ -276,6 +279,11 @@ impl Rig {
     /// What was recorded since last asked.
     pub fn take_records(&mut self) -> Vec<Truth> {
         std::mem::take(&mut self.records)
+    }
+
+    /// The model that the mechanism runs on: the cheapest that the scene needs.
+    pub fn tier(&self) -> Tier {
+        self.tier
     }
 
     /// What really happens now.
@@ -419,10 +427,17 @@ fn can_frame(frame: &Frame) -> CanFrame {
     CanFrame { id: u32::from(frame.id), extended: false, remote: false, dlc: 8, data: frame.data }
 }
 
-/// The widest surface that the mechanism allows: rods at their strain limit end it early in some scenes.
-fn surface_for(mechanism: &Mechanism, scene: &Scene, load_n: f64) -> Result<Surface, RigError> {
+/// The widest surface that the mechanism allows, by the cheapest model that the scene allows: rods at their strain limit
+/// end it early in some scenes, and a cheaper model may not reach beyond the envelope.
+fn surface_for(mechanism: &Mechanism, scene: &Scene, load_n: f64) -> Result<(Surface, Tier), RigError> {
     let envelope_n = scene.envelope.map_or(0.0, |envelope| envelope.load_n[1]);
     let mut most_n = SURFACE_LOAD_N.max(2.5 * load_n).max(2.5 * envelope_n);
+    let tier = cheapest_tier(mechanism, scene);
+    if tier != Tier::Full
+        && let Ok(surface) = Surface::new(&Tiered { mechanism, tier }, most_n)
+    {
+        return Ok((surface, tier));
+    }
     let surface = loop {
         match Surface::new(mechanism, most_n) {
             Ok(surface) => break surface,
@@ -433,7 +448,7 @@ fn surface_for(mechanism: &Mechanism, scene: &Scene, load_n: f64) -> Result<Surf
     if load_n > most_n {
         return Err(RigError::Load { load_n, most_n });
     }
-    Ok(surface)
+    Ok((surface, Tier::Full))
 }
 
 impl Board for Rig {

@@ -358,3 +358,27 @@ fn a_pressed_emergency_stop_brakes_the_motor_and_shows_on_its_pin() {
     assert!(matches!(report, Report::Motion { current: Milliamps(0), .. }), "{report:?}");
     assert!((r.truth().twist_rad - braked).abs() < 20.0);
 }
+
+#[test]
+fn the_plant_runs_on_the_cheapest_model_that_its_scene_needs() {
+    for (name, tier) in [("finger", Tier::Rigid), ("default", Tier::Full)] {
+        let file = format!("{}/../../scenes/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+        let scene = Scene::load(file).unwrap_or_else(|e| panic!("{e}"));
+        let rig = Rig::new(&scene, PlantSettings::default(), 1).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(rig.tier(), tier, "{name}");
+        let (envelope, accuracy) = scene.table_demand().unwrap_or_else(|e| panic!("{e}"));
+        let exact = scene.mechanism().unwrap_or_else(|e| panic!("{e}"));
+        let gap = |load: f64, turns: f64| {
+            let twist = tsa_model::twist_from_turns(turns);
+            let solved = exact.solve(load, twist).unwrap_or_else(|e| panic!("{e}"));
+            (rig.plant.surface().gap(twist, load).gap_m, solved.gap_m)
+        };
+        for k in 0..60 {
+            let part = f64::from(k) / 59.0;
+            let load = envelope.load_n[0] + (envelope.load_n[1] - envelope.load_n[0]) * part;
+            let ((here, truth), (start, true_start)) = (gap(load, envelope.turns[1] * (1.0 - part)), gap(load, 0.0));
+            let error = (start - here) - (true_start - truth);
+            assert!(error.abs() <= accuracy.contraction_m / 5.0, "{name}: {error} m at {load} N");
+        }
+    }
+}

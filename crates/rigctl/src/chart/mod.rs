@@ -3,11 +3,16 @@
 //! - [`stability`]: every method over load and twist of some [`rods`]; [`limits`]: what bounds their states;
 //!   `stability_figure`: both as a picture.
 //! - [`work`]: what an equilibrium costs on the desktop; `work_figure` draws it.
+//! - `closed_loop`: what a cheaper model or a rougher table does to the closed loop.
 //! - [`sizes`]: bytes of a table against its error.
 //! - [`target`]: what everything costs on the board.
+//! - [`margin`]: stability of the position loop in time; `margin_figure` draws it.
 //! - [`tiers`]: the cheapest model over load and twist, and what five scenes take.
 
+mod closed_loop;
 pub mod limits;
+pub mod margin;
+mod margin_figure;
 pub mod rods;
 pub mod sizes;
 pub mod stability;
@@ -22,7 +27,19 @@ use std::path::Path;
 use tsa_model::Scene;
 
 /// The figures, in the order in which they are made.
-pub const NAMES: [&str; 6] = ["work-precision", "target", "table-size", "tiers", "scenes", "stability"];
+pub const NAMES: [&str; 8] =
+    ["work-precision", "target", "table-size", "closed-loop", "tiers", "scenes", "margin", "stability"];
+
+/// Those that draw what another command has measured, and are left out where it has not been run.
+pub const MEASURED_ELSEWHERE: [&str; 2] = ["target", "closed-loop"];
+
+/// Text of a file that another command leaves in `out`, from the folder or from there.
+pub(crate) fn measured(folder: &Path, file: &str, command: &str) -> Result<String, Failure> {
+    let found = [folder, Path::new("out")].map(|f| f.join(file)).into_iter().find(|f| f.exists());
+    let found =
+        found.ok_or_else(|| Failure::failed(format!("no {file} in the folder or in out; `{command}` makes it")))?;
+    std::fs::read_to_string(&found).map_err(|e| Failure::failed(format!("cannot read {}: {e}", found.display())))
+}
 
 /// Makes one of [`NAMES`].
 ///
@@ -30,11 +47,13 @@ pub const NAMES: [&str; 6] = ["work-precision", "target", "table-size", "tiers",
 /// If something cannot be solved or drawn.
 pub fn make(name: &str, scene: &Scene, scene_file: &Path, out: &Path) -> Result<Made, Failure> {
     Ok(match name {
-        "work-precision" => work_figure::make(scene, scene_file)?,
+        "work-precision" => work_figure::make(scene, scene_file, out)?,
         "target" => target::make(out)?,
+        "closed-loop" => closed_loop::make(out)?,
         "tiers" => tiers::maps(scene, scene_file)?,
         "scenes" => tiers::scenes(scene_file)?,
         "table-size" => sizes::make(scene)?,
+        "margin" => margin_figure::make(scene)?,
         "stability" => stability_figure::make(16, 20)?,
         _ => return Err(Failure::Usage(format!("chart: no figure is called {name}"))),
     })

@@ -1,6 +1,6 @@
 //! What each way of knowing the mechanism costs on the board: drawn from what `cargo xtask cost` has counted.
 
-use super::Made;
+use super::{Made, measured};
 use crate::failure::Failure;
 use crate::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Sample, Shape, colour};
 use plotters::style::RGBColor;
@@ -27,13 +27,9 @@ const ROUNDING: f64 = 3e-8;
 /// # Errors
 /// If there is none, or it cannot be read.
 pub fn make(folder: &Path) -> Result<Made, Failure> {
-    let file = [folder, Path::new("out")].map(|f| f.join("cost.csv")).into_iter().find(|f| f.exists());
-    let file = file
-        .ok_or_else(|| Failure::failed("target: no cost.csv in the folder or in out; `cargo xtask cost` makes it"))?;
-    let csv =
-        std::fs::read_to_string(&file).map_err(|e| Failure::failed(format!("cannot read {}: {e}", file.display())))?;
+    let csv = measured(folder, "cost.csv", "cargo xtask cost")?;
     let ways = csv::Reader::from_reader(csv.as_bytes()).deserialize().collect::<Result<Vec<Way>, _>>();
-    let ways = ways.map_err(|e| Failure::failed(format!("{}: {e}", file.display())))?;
+    let ways = ways.map_err(|e| Failure::failed(format!("cost.csv: {e}")))?;
     let gaps: Vec<&Way> = ways.iter().filter(|w| w.error_of == "gap_m").collect();
     let roots: Vec<&Way> = ways.iter().filter(|w| w.error_of == "root_relative").collect();
     let of_kind = |table: bool| {
@@ -87,7 +83,7 @@ fn gap_panel(title: &str, ways: &[(usize, &Way)], errors_m: [f64; 2], instructio
         items.push(Item::Mark { at, shape: Shape::Dot, colour: kind_colour(kind(way)) });
         // Three and two that stand close together: aside by a part of the whole axis.
         let aside = match way.symbol.as_str() {
-            "cost_arc_long" | "cost_series_ratio" => (-0.07, 0.0),
+            "cost_arc_long" | "cost_series_ratio" => (-0.11, 0.0),
             "cost_arc_short" => (0.0, 0.04),
             _ => (0.0, 0.0),
         };
@@ -110,7 +106,7 @@ fn root_panel(ways: &[&Way]) -> Panel {
         items.push(Item::Mark { at, shape: Shape::Diamond, colour: INK });
         let by = way.name.trim_start_matches("square root by ").to_owned();
         // Inside the plane on either side.
-        let at = if at.0 > 1e-4 { (at.0 * 1e-3, at.1) } else { at };
+        let at = if at.0 > 1e-4 { (at.0 * 2e-4, at.1) } else { at };
         items.push(Item::Label { at, text: by, colour: INK });
     }
     Panel {

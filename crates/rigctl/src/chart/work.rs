@@ -95,19 +95,21 @@ pub struct Measured {
     pub points: Vec<Point>,
     /// Largest difference of the reference from itself on a third fewer nodes (m).
     pub reference_m: f64,
+    /// How many of [`states`] have an equilibrium; the others are left out.
+    pub states: usize,
 }
 
-/// Rounds in which all ways take turns: what disturbs a machine for seconds then spoils one round.
-const ROUNDS: usize = 3;
 /// How long a way is repeated in a round.
 const LAP: Duration = Duration::from_millis(20);
 
-/// Measures every way over [`states`].
+/// Measures every way over [`states`]: once, and in so many further rounds in which all ways take turns, so that what
+/// disturbs a machine for seconds spoils one round.
 ///
 /// # Errors
 /// If the reference has no answer.
-pub fn measure(mechanism: &Mechanism) -> Result<Measured, Failure> {
-    let states = states();
+pub fn measure(mechanism: &Mechanism, rounds: usize) -> Result<Measured, Failure> {
+    let mut states = states();
+    states.retain(|(load, twist)| mechanism.solve(*load, *twist).is_ok());
     let reference = |nodes: usize| {
         let way = Way::Method(Method::FirstIntegral { points: Some(nodes) });
         states.iter().map(|s| Ok(way.solve(mechanism, *s)?.gap_m)).collect::<Result<Vec<f64>, SolveError>>()
@@ -116,16 +118,17 @@ pub fn measure(mechanism: &Mechanism) -> Result<Measured, Failure> {
     let (exact, coarser) = (exact?, coarser?);
     let reference_m = exact.iter().zip(&coarser).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     let mut points: Vec<Point> = ways().into_iter().map(|way| judged(way, mechanism, &states, &exact)).collect();
-    for _ in 0..ROUNDS {
+    for _ in 0..rounds {
         for point in &mut points {
             point.seconds = point.seconds.min(lap(point.way, mechanism, &states));
         }
     }
-    Ok(Measured { points, reference_m })
+    Ok(Measured { points, reference_m, states: states.len() })
 }
 
 fn judged(way: Way, mechanism: &Mechanism, states: &[(f64, f64)], exact: &[f64]) -> Point {
     let mut point = Point { way, error_m: 0.0, failed: 0, reason: None, seconds: f64::INFINITY, instructions: None };
+    let begin = Instant::now();
     for (state, exact) in states.iter().zip(exact) {
         match way.solve(mechanism, *state) {
             Ok(e) => point.error_m = point.error_m.max((e.gap_m - exact).abs()),
@@ -135,6 +138,7 @@ fn judged(way: Way, mechanism: &Mechanism, states: &[(f64, f64)], exact: &[f64])
             }
         }
     }
+    point.seconds = begin.elapsed().as_secs_f64() / states.len().max(1) as f64;
     point
 }
 

@@ -32,8 +32,8 @@ pub fn run(global: &Global, out: &Path, only: &[String], output: &mut Output) ->
         match chart::make(name, &scene, &global.scene, out) {
             Ok(made) => report(&made, begin.elapsed().as_secs_f64(), out, output)?,
             // What only another program measures may not be there; the rest is of use without it.
-            Err(e) if only.is_empty() && name == "target" => {
-                eprintln!("left out: {}", e.message().unwrap_or_default());
+            Err(e) if only.is_empty() && chart::MEASURED_ELSEWHERE.contains(&name) => {
+                eprintln!("left out: {name}: {}", e.message().unwrap_or_default());
             }
             Err(e) => return Err(e),
         }

@@ -89,17 +89,19 @@ fn play_through(session: &mut Session, script: &Script, seed: u64, output: &mut 
         "instructions_per_tick_mean": stats.instructions_per_tick_mean,
         "instructions_per_tick_max": stats.instructions_per_tick_max,
         "core_busy": stats.core_busy,
+        "plant_tier": stats.plant_tier,
         "realtime_factor": emulated_s / wall_s,
         "seed": seed,
         "stack_high_water_bytes": stats.stack_high_water_bytes,
     }}))?;
     output.line(format!(
         "{emulated_s:.2} s emulated in {wall_s:.2} s; control tick {:.0} instructions mean, {:.0} at most; core busy {:.2} %; \
-         stack {} bytes; seed {seed}",
+         stack {} bytes; seed {seed}; the plant by the {} model, the cheapest that the scene needs",
         stats.instructions_per_tick_mean,
         stats.instructions_per_tick_max,
         stats.core_busy * 100.0,
         stats.stack_high_water_bytes,
+        stats.plant_tier,
     ))?;
     Ok(())
 }

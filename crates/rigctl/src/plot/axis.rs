@@ -39,11 +39,13 @@ impl Axis {
             let ticks = powers.map(|k| (10f64.powi(k), power_of_ten(k))).collect();
             return Self { label: label.into(), low, high, log: true, ticks };
         }
+        // As decimals their names would run into each other.
+        let (small, large) = (decades >= 2.2 && low < 1e-4, decades >= 2.2 && high > 1e5);
         let steps: &[f64] = if decades < 2.2 { &[1.0, 2.0, 5.0] } else { &[1.0] };
         let ticks = (low.log10().floor() as i32..=high.log10().ceil() as i32)
             .flat_map(|k| steps.iter().map(move |s| s * 10f64.powi(k)))
             .filter(|v| (low..=high).contains(v))
-            .map(|v| (v, plain(v, 12)));
+            .map(|v| (v, if small || large { power_of_ten(v.log10().round() as i32) } else { plain(v, 12) }));
         Self { label: label.into(), low, high, log: true, ticks: ticks.collect() }
     }
 

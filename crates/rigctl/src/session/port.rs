@@ -39,6 +39,8 @@ pub struct Stats {
     pub instructions_per_tick_mean: f64,
     /// Most instructions of a control tick.
     pub instructions_per_tick_max: f64,
+    /// The model that the emulated mechanism runs on.
+    pub plant_tier: String,
     /// Share of the time that the core was not asleep.
     pub core_busy: f64,
     /// Most bytes on the stack.

@@ -1,0 +1,89 @@
+//! The linear margins of `rigctl chart --only margin` against the emulated rig with all that is not linear in it.
+
+use host_tests::compare::baseline::{Law, Loop};
+use host_tests::compare::plants::RandomPlant;
+use host_tests::compare::{Comparison, play};
+use host_tests::scenario::Scenario;
+use rigctl::chart::margin::{Controller, Hung};
+use rigctl::script::Script;
+use tsa_model::{Mechanism, twist_from_turns};
+
+/// Fixed ratio (rad/m) and corner (rad/s) of the loop that is driven to its limit.
+const RATIO: f64 = 2757.0;
+const CORNER: f64 = 24.0;
+/// Where it ends (m).
+const TARGET_M: f64 = 12e-3;
+
+/// As the table's, but for what the wire and the sensor add.
+fn nominal() -> RandomPlant {
+    let settings = [
+        "k2_scale=1",
+        "k3_scale=1",
+        "stiffness_scale=1",
+        "modulus_scale=1",
+        "friction=0N",
+        "damping=1",
+        "gear_backlash=0",
+        "lvdt_noise=30um",
+        "supply_voltage=24V",
+    ];
+    settings.iter().fold(RandomPlant::new(1), |plant, s| plant.with(&s.parse().unwrap()))
+}
+
+/// The rig where the move ends.
+fn hung(mechanism: &Mechanism, load_n: f64) -> Hung {
+    let gap = |twist: f64| mechanism.solve(load_n, twist).unwrap().gap_m;
+    let (mut low, mut high) = (twist_from_turns(0.0), twist_from_turns(7.5));
+    let wanted = gap(low) - TARGET_M;
+    for _ in 0..40 {
+        let middle = 0.5 * (low + high);
+        if gap(middle) > wanted { low = middle } else { high = middle }
+    }
+    Hung::at(mechanism, load_n, low).unwrap()
+}
+
+/// How far the load still swings, 20 s after the set-point has arrived (m).
+fn swing_m(comparison: &Comparison<'_>, scenario: &Scenario, gain_per_s: f64) -> f64 {
+    let law = Law::Loop(Loop {
+        tr_rad_per_m: Some(RATIO as f32),
+        gain_per_s: gain_per_s as f32,
+        corner_rad_per_s: CORNER as f32,
+        crossing_rad: 0.0,
+    });
+    let case = &comparison.cases[0];
+    let records = play::baseline(case.ready.clone(), law, scenario, &case.records).unwrap();
+    let last = records.last().unwrap();
+    let end = &last.positions_m[last.positions_m.len() - 200..];
+    let [low, high] = end.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], p| [l.min(*p), h.max(*p)]);
+    high - low
+}
+
+#[test]
+fn a_fixed_ratio_swings_from_the_gain_on_at_which_it_should() {
+    let mechanism = host_tests::scene().mechanism().unwrap();
+    for (load, load_n) in [("0.15kg", 0.15 * 9.80665), ("1.5kg", 1.5 * 9.80665)] {
+        let controller = Controller { gain_per_s: 1.0, corner_rad_per_s: CORNER, ..Controller::fixed(RATIO) };
+        let limit = hung(&mechanism, load_n).gain_margin(&controller);
+        let script = format!("0 plant load={load}\n2.5 home\n50 move {TARGET_M} speed=2mm/s\n80 end\n");
+        let scenario = [Scenario::new(load, &Script::parse(&script).unwrap()).unwrap()];
+        let comparison = Comparison::new(&scenario, &[nominal()]).unwrap();
+        assert_eq!(comparison.failures, []);
+        let [below, above] = [0.9, 1.1].map(|part| swing_m(&comparison, &scenario[0], part * limit));
+        println!("{load}: limit {limit:.2} 1/s; swing {:.0} um below it, {:.0} um above", below * 1e6, above * 1e6);
+        assert!(below < 60e-6, "{load}: {below} m at 0.9 of {limit} 1/s");
+        assert!(above > 150e-6, "{load}: {above} m at 1.1 of {limit} 1/s");
+    }
+}
+
+#[test]
+fn the_scheduled_loop_has_a_margin_of_two_where_a_fixed_one_is_unstable() {
+    let mechanism = host_tests::scene().mechanism().unwrap();
+    let part = |k: u32| f64::from(k) / 7.0;
+    let states = (0..8).flat_map(|i| (0..8).map(move |j| (0.5 * 36f64.powf(part(i)), 7.5 * part(j))));
+    let margins = states.map(|(load_n, turns)| {
+        let hung = Hung::at(&mechanism, load_n, twist_from_turns(turns)).unwrap();
+        [Controller::scheduled(), Controller::fixed(RATIO)].map(|c| hung.gain_margin(&c))
+    });
+    let least = margins.fold([f64::INFINITY; 2], |[a, b], [c, d]| [a.min(c), b.min(d)]);
+    assert!(least[0] > 2.0 && least[1] < 1.0, "{least:?}");
+}
