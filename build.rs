@@ -4,7 +4,7 @@ use std::error::Error;
 use std::path::PathBuf;
 use std::process::Command;
 use std::{env, fs};
-use tsa_model::scene::{Accuracy, Rig};
+use tsa_model::scene::{Accuracy, DriveTransport, Rig};
 use tsa_model::{Scene, Tier};
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -32,9 +32,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
+/// A tier and the accuracy of the table's fit to it.
+type Study = (Tier, Option<Accuracy>);
+
 /// What `cargo xtask loop` wants to see the effect of: "tier contraction_m tr_relative" for the table instead of the full
 /// model and the scene's accuracy.
-fn study() -> Result<Option<(Tier, Option<Accuracy>)>, Box<dyn Error>> {
+fn study() -> Result<Option<Study>, Box<dyn Error>> {
     println!("cargo:rerun-if-env-changed=TSA_STUDY");
     let Ok(text) = env::var("TSA_STUDY") else { return Ok(None) };
     let [name, contraction, tr] = text.split(' ').collect::<Vec<_>>()[..] else {
@@ -54,7 +57,9 @@ fn constants(rig: &Rig) -> String {
          \x20   motor_torque_constant_nm_per_a: {:?}f32, current_limit_ma: {},\n\
          \x20   lvdt_gap_at_code_zero_m: {:?}f32, lvdt_metres_per_code: {:?}f32,\n\
          \x20   drive_group: {}, drive_number: {}, supply_limits_v: {:?}, supply_divider: {:?},\n\
-         }};\n",
+         }};\n\
+         /// How the board talks to the drive.\n\
+         pub const DRIVE_TRANSPORT: rmds405::Transport = rmds405::Transport::{};\n",
         rig.gear() as f32,
         rig.counts_per_rad() as f32,
         rig.motor_speed_max_rad_per_s as f32,
@@ -67,6 +72,10 @@ fn constants(rig: &Rig) -> String {
         rig.drive_number,
         rig.supply_limits_v().map(|volts| volts as f32),
         rig.supply_divider.map(|divider| divider as f32),
+        match rig.drive_transport {
+            DriveTransport::Can => "Can",
+            DriveTransport::Uart => "Uart",
+        },
     )
 }
 

@@ -6,7 +6,7 @@ use embassy_stm32::gpio::{Input, Level, Output, Pull, Speed};
 use embassy_stm32::timer::qei::{self, Qei};
 use embassy_stm32::usart::{self, BufferedUart};
 use embassy_stm32::wdg::IndependentWatchdog;
-use embassy_stm32::{Config, Peripherals, bind_interrupts, dma, pac, peripherals};
+use embassy_stm32::{Config, Peri, Peripherals, bind_interrupts, dma, pac, peripherals};
 use rig_link::messages::{Fault, ResetCause};
 use static_cell::StaticCell;
 
@@ -15,6 +15,7 @@ use crate::scene::RIG;
 use crate::store::Store;
 
 bind_interrupts!(struct Irqs {
+    USART1 => usart::BufferedInterruptHandler<peripherals::USART1>;
     USART2 => usart::BufferedInterruptHandler<peripherals::USART2>;
     CAN1_RX0 => can::Rx0InterruptHandler<peripherals::CAN1>;
     CAN1_RX1 => can::Rx1InterruptHandler<peripherals::CAN1>;
@@ -52,10 +53,47 @@ pub struct Switches {
     pub lower_limit: Input<'static>,
 }
 
-/// Everything on the board, set up.
+/// Both ways to the drive, of which one is taken.
+pub struct DriveLines {
+    can: Peri<'static, peripherals::CAN1>,
+    can_rx: Peri<'static, peripherals::PB8>,
+    can_tx: Peri<'static, peripherals::PB9>,
+    uart: Peri<'static, peripherals::USART1>,
+    uart_rx: Peri<'static, peripherals::PA10>,
+    uart_tx: Peri<'static, peripherals::PA9>,
+}
+
+impl DriveLines {
+    /// The bus, not enabled yet.
+    pub fn can(self) -> Can<'static> {
+        let mut can = Can::new(self.can, self.can_rx, self.can_tx, Irqs);
+        // The drive's four reports and nothing else. `set_automatic_retransmit` is not called: in embassy-stm32 0.6.0 it
+        // does the opposite of its name, and the default (retransmit) is what is wanted.
+        let ids = drive_address()
+            .report_ids()
+            .map(|id| can::filter::ListEntry16::data_frames_with_id(StandardId::new(id).unwrap_or(StandardId::ZERO)));
+        can.modify_filters().enable_bank(0, Fifo::Fifo0, ids);
+        can.modify_config().set_bitrate(1_000_000).set_loopback(false).set_silent(false);
+        can
+    }
+
+    /// The serial line.
+    pub fn uart(self) -> BufferedUart<'static> {
+        // A few frames each way: one command and two reports in 10 ms.
+        static TX: StaticCell<[u8; 64]> = StaticCell::new();
+        static RX: StaticCell<[u8; 64]> = StaticCell::new();
+        let mut serial = usart::Config::default();
+        serial.baudrate = rmds405::serial::BAUD;
+        let (tx, rx) = (TX.init([0; 64]), RX.init([0; 64]));
+        // Constants of this board, as for the host link.
+        defmt::unwrap!(BufferedUart::new(self.uart, self.uart_rx, self.uart_tx, tx, rx, Irqs, serial))
+    }
+}
+
+/// Everything on the board, set up; the way to the drive is still open.
 pub struct Board {
     pub uart: BufferedUart<'static>,
-    pub can: Can<'static>,
+    pub drive: DriveLines,
     pub lvdt: RingBufferedAdc<'static, peripherals::ADC1>,
     pub encoder: Qei<'static, peripherals::TIM3>,
     pub switches: Switches,
@@ -104,14 +142,6 @@ impl Board {
             serial
         ));
 
-        let mut can = Can::new(p.CAN1, p.PB8, p.PB9, Irqs);
-        // The drive's four reports and nothing else. `set_automatic_retransmit` is not called: in embassy-stm32 0.6.0 it
-        // does the opposite of its name, and the default (retransmit) is what is wanted.
-        let ids = report_ids()
-            .map(|id| can::filter::ListEntry16::data_frames_with_id(StandardId::new(id).unwrap_or(StandardId::ZERO)));
-        can.modify_filters().enable_bank(0, Fifo::Fifo0, ids);
-        can.modify_config().set_bitrate(1_000_000).set_loopback(false).set_silent(false);
-
         static SAMPLES: StaticCell<[u16; 2 * LVDT_BLOCK]> = StaticCell::new();
         let lvdt = Adc::new(p.ADC1).into_ring_buffered(
             p.DMA2_CH0,
@@ -124,7 +154,14 @@ impl Board {
 
         Self {
             uart,
-            can,
+            drive: DriveLines {
+                can: p.CAN1,
+                can_rx: p.PB8,
+                can_tx: p.PB9,
+                uart: p.USART1,
+                uart_rx: p.PA10,
+                uart_tx: p.PA9,
+            },
             lvdt,
             encoder: Qei::new(p.TIM3, p.PA6, p.PA7, qei::Config::default()),
             switches: Switches {
@@ -142,10 +179,6 @@ impl Board {
 /// The drive's address; the scene's values were checked by the build script.
 pub fn drive_address() -> rmds405::Address {
     defmt::unwrap!(rmds405::Address::new(RIG.drive_group, RIG.drive_number).ok())
-}
-
-fn report_ids() -> [u16; 4] {
-    drive_address().report_ids()
 }
 
 /// How the board came to start.

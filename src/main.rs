@@ -1,7 +1,7 @@
 //! Firmware of the load-adaptive twisted-string rig on a NUCLEO-F446RE.
 //!
 //! Only pins, clocks and tasks live here; everything that a desktop can test is in the crates. An executor at interrupt
-//! level runs five tasks: [`tasks::control`] (the tick), [`tasks::drive`] (CAN), [`tasks::lvdt`] (ADC and DMA),
+//! level runs five tasks: [`tasks::control`] (the tick), [`tasks::drive`] (CAN or UART), [`tasks::lvdt`] (ADC and DMA),
 //! [`tasks::link`] (host) and [`tasks::watchdog`], which feeds the dog only if all the others have been seen. Below them, in
 //! thread mode, [`tasks::table`] solves equilibria for a table of the board's own and [`tasks::settings`] keeps settings.
 
@@ -19,6 +19,7 @@ use defmt_rtt as _;
 use embassy_executor::{InterruptExecutor, Spawner};
 use embassy_stm32::interrupt;
 use embassy_stm32::interrupt::{InterruptExt, Priority};
+use rmds405::Transport;
 use static_cell::StaticCell;
 
 /// Everything that must not wait for a table to be solved.
@@ -58,7 +59,11 @@ async fn main(background: Spawner) {
     let (link_tx, link_rx) = board.uart.split();
     // A task's arena is sized for the instances spawned here, once each: spawning cannot fail.
     spawner.spawn(defmt::unwrap!(tasks::lvdt::run(board.lvdt)));
-    spawner.spawn(defmt::unwrap!(tasks::drive::run(board.can)));
+    // The scene's choice is a constant: the other one does not get into the image.
+    match scene::DRIVE_TRANSPORT {
+        Transport::Can => spawner.spawn(defmt::unwrap!(tasks::drive::over_can(board.drive.can()))),
+        Transport::Uart => spawner.spawn(defmt::unwrap!(tasks::drive::over_uart(board.drive.uart()))),
+    }
     spawner.spawn(defmt::unwrap!(tasks::link::receive(link_rx, start.clone())));
     spawner.spawn(defmt::unwrap!(tasks::link::send(link_tx)));
     spawner.spawn(defmt::unwrap!(tasks::control::run(board.encoder, board.switches, board.leds, start)));

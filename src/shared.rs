@@ -72,7 +72,7 @@ pub static PAUSE_WANTED: AtomicBool = AtomicBool::new(false);
 pub static PAUSED: AtomicBool = AtomicBool::new(false);
 /// Damaged frames from the host.
 pub static LINK_ERRORS: AtomicU32 = AtomicU32::new(0);
-/// CAN frames that are not the drive's.
+/// CAN frames, or bytes on the serial line, that are not the drive's.
 pub static FOREIGN_FRAMES: AtomicU32 = AtomicU32::new(0);
 
 /// Puts a reply or an event out for the host. A full outbox means that it has not read for a while; it will ask again.

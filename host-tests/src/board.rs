@@ -9,18 +9,35 @@ use rig_link::messages::{EventKind, Identity, Kept, Message, Refusal, Request, S
 use rig_link::{Accepted, Decoder, PROTOCOL_HASH, encode};
 use std::process::Command;
 use std::sync::OnceLock;
+use tsa_model::Scene;
+use tsa_model::scene::DriveTransport;
 
 /// The firmware that would be flashed. Built first if it is not there.
 pub fn firmware() -> &'static [u8] {
     static ELF: OnceLock<Vec<u8>> = OnceLock::new();
-    ELF.get_or_init(|| {
-        let path = root().join("target/firmware/tsa-firmware.elf");
-        if !path.exists() {
-            let status = Command::new("cargo").args(["xtask", "firmware"]).current_dir(root()).status();
-            assert!(status.is_ok_and(|s| s.success()), "`cargo xtask firmware` failed");
-        }
-        std::fs::read(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
-    })
+    ELF.get_or_init(|| image("tsa-firmware.elf", &["xtask", "firmware"]))
+}
+
+/// The same for a drive on the serial line.
+pub fn uart_firmware() -> &'static [u8] {
+    static ELF: OnceLock<Vec<u8>> = OnceLock::new();
+    ELF.get_or_init(|| image("uart/tsa-firmware.elf", &["xtask", "firmware", "--uart"]))
+}
+
+fn image(name: &str, cargo: &[&str]) -> Vec<u8> {
+    let path = root().join("target/firmware").join(name);
+    if !path.exists() {
+        let status = Command::new("cargo").args(cargo).current_dir(root()).status();
+        assert!(status.is_ok_and(|s| s.success()), "`cargo {}` failed", cargo.join(" "));
+    }
+    std::fs::read(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+}
+
+/// The default scene with the drive on the serial line.
+pub fn uart_scene() -> Scene {
+    let mut scene = scene().clone();
+    scene.rig.drive_transport = DriveTransport::Uart;
+    scene
 }
 
 /// A host on one side, the emulated board on the other.
@@ -56,12 +73,22 @@ pub struct Bench {
 impl Bench {
     /// Boots a fresh board. Strict: anything that the real chip would not do stops it.
     pub fn new(keys: &[(&str, &str)], seed: u64) -> Self {
+        Self::with(firmware(), scene(), keys, seed)
+    }
+
+    /// The same with the drive on the serial line.
+    pub fn over_uart(keys: &[(&str, &str)], seed: u64) -> Self {
+        Self::with(uart_firmware(), &uart_scene(), keys, seed)
+    }
+
+    /// An image of one's own on the rig of a scene.
+    pub fn with(elf: &[u8], scene: &Scene, keys: &[(&str, &str)], seed: u64) -> Self {
         let mut settings = PlantSettings::default();
         for (key, value) in keys {
             settings.set(key, value).unwrap_or_else(|e| panic!("{e}"));
         }
-        let rig = Rig::new(scene(), settings, seed).unwrap_or_else(|e| panic!("{e}"));
-        let mut machine = Machine::new(firmware(), rig, Config::default()).unwrap_or_else(|e| panic!("{e}"));
+        let rig = Rig::new(scene, settings, seed).unwrap_or_else(|e| panic!("{e}"));
+        let mut machine = Machine::new(elf, rig, Config::default()).unwrap_or_else(|e| panic!("{e}"));
         assert!(machine.watch_function("control_tick"), "the ELF has no control_tick");
         Self {
             machine,

@@ -5,7 +5,7 @@ use crate::{constants, table};
 use rig_control::{DriveCommand, DriveReading, Inputs, LvdtBlock, Rig, SupplyReading};
 use rig_link::messages::{Counters, LoadChoice, Message, Request, Setting};
 use rig_link::{Decoder, MAX_FRAME, encode};
-use rmds405::{Address, Event, Mode, QuadCounts, Received, Report, StartUp, uart};
+use rmds405::{Address, Event, Mode, QuadCounts, Received, Report, StartUp, serial};
 use std::path::PathBuf;
 use tsa_model::Scene;
 
@@ -61,14 +61,16 @@ pub fn drive(data: &[u8]) {
         }
         let _ = start_up.step(k as u64, Event::Tick);
     }
-    for variant in [uart::Variant::Rs232, uart::Variant::Rs485] {
-        let mut decoder = uart::Decoder::new(variant, address);
-        for byte in data {
-            if let Some(frame) = decoder.push(*byte) {
-                let _ = Report::decode(address, &frame.received());
-            }
+    // Over the serial line: every byte at any distance from the one before.
+    let mut reports = serial::Decoder::reports();
+    let mut commands = serial::Decoder::commands();
+    let mut now_us = 0;
+    for byte in data {
+        now_us += if byte & 1 == 0 { serial::BYTE_US } else { 8 * u64::from(*byte) };
+        if let Some(report) = reports.push(now_us, *byte) {
+            assert_eq!(Report::of(report.function(), &report.data()), Ok(report), "a report changes when sent again");
         }
-        decoder.idle();
+        let _ = commands.push(now_us, *byte);
     }
 }
 

@@ -340,5 +340,6 @@ fn the_board_makes_its_own_table_in_seconds_keeps_it_and_falls_back() {
         assert_eq!(reason, wanted);
     }
     b.ask(&Request::Status).unwrap();
+    b.run(0.1);
     assert_eq!(b.identity.clone().unwrap().table, built_in);
 }

@@ -278,6 +278,12 @@ fn a_damaged_table_moves_nothing() {
     d.run(3.0);
     assert_eq!(d.control.fault(), Some(Fault::TableCorrupt));
     assert_eq!(d.tick(Some(Request::Clear)).reply, Some(Err(Refusal::CauseRemains { fault: Fault::TableCorrupt })));
+    // The same numbers elsewhere in memory are a good table.
+    let copy: &'static _ = Box::leak(Box::new(*table()));
+    let mut d = Desk::new(&[], 9);
+    d.control = rig_control::Rig::new(copy, host_tests::constants(), None);
+    d.run(3.0);
+    assert_eq!((d.control.state(), d.control.fault()), (State::Unhomed, None));
 }
 
 #[test]

@@ -104,7 +104,21 @@ const CASES: [(u8, Fault, f64, Happens, Happens); 22] = [
         },
     ),
     (5, Fault::CanBusOff, 0.02, |d| tamper(d, |i| i.bus_off = true), |d| rig_fault_for(d, RigFault::CanSilent, 0.03)),
-    (5, Fault::DriveStartUp, 0.02, |d| tamper(d, |i| i.drive = DriveReading::Failed), |_| {}),
+    (
+        5,
+        Fault::DriveStartUp,
+        5.0,
+        |d| {
+            *d = Desk::new(&[], 6);
+            d.rig.set_fault(RigFault::CanSilent, true);
+        },
+        |d| {
+            // It answers late.
+            *d = Desk::new(&[], 6);
+            rig_fault_for(d, RigFault::CanSilent, 2.4);
+            assert!(d.until(4.0, |d| d.control.state() == State::Unhomed), "{:?}", d.control.fault());
+        },
+    ),
     (
         6,
         Fault::DriveStall,
@@ -558,6 +572,46 @@ fn every_fault_is_documented_and_the_table_is_what_the_code_does() {
     for &limit in Limit::ALL {
         assert!(page.contains(&format!("| `{limit}` |")), "docs/faults.md lacks the limit {limit}");
     }
+}
+
+/// A function or constant of a source file, from its name to its end.
+fn item<'a>(source: &'a str, name: &str) -> Option<&'a str> {
+    let start = [format!("\nfn {name}("), format!("\nconst {name}: ")].iter().find_map(|head| source.find(head))?;
+    let end = ["\n}\n", "\n];\n"].iter().filter_map(|end| source[start..].find(end)).min()?;
+    Some(&source[start..start + end])
+}
+
+/// Whether a cell of the table of tests names something that plays or tests the fault, or says why nothing can.
+fn is_tested(cell: &str, fault: Fault, fires: bool) -> bool {
+    let read = |path: &str| std::fs::read_to_string(host_tests::root().join(path)).unwrap_or_default();
+    if let Some(reason) = cell.strip_prefix("not possible: ") {
+        return reason.len() > 10;
+    }
+    let Some(named) = cell.strip_prefix('`').and_then(|rest| rest.split('`').next()) else { return false };
+    if let Some((file, name)) = named.split_once("::") {
+        let source = read(&format!("host-tests/tests/{file}.rs"));
+        return item(&source, name).is_some_and(|body| body.contains(&format!("Fault::{fault:?}")));
+    }
+    let tests = read("crates/rigctl/tests/faults.rs");
+    let played = |body: &str| body.contains(&format!("play(\"{named}\")"));
+    // What fires stands in the list of the test that plays the script; what is near may be near in several ways.
+    tests.split("\n#[test]\n").any(|body| played(body) && (!fires || body.contains(&format!(", \"{fault}\")"))))
+}
+
+#[test]
+fn the_page_says_of_every_fault_where_it_is_tested() {
+    let page = std::fs::read_to_string(host_tests::root().join("docs/faults.md")).unwrap();
+    let (_, table) = page.split_once("## Where each is tested").unwrap();
+    for &fault in Fault::ALL {
+        let row = table.lines().find_map(|line| line.strip_prefix(&format!("| `{fault}` | ")));
+        let row = row.unwrap_or_else(|| panic!("{fault} has no row"));
+        let cells: Vec<&str> = row.trim_end_matches(" |").split(" | ").collect();
+        assert_eq!(cells.len(), 3, "{fault}: {row}");
+        for (k, cell) in cells.into_iter().enumerate() {
+            assert!(is_tested(cell, fault, k < 2), "{fault}: {cell}");
+        }
+    }
+    assert!(!is_tested("`faults-homed`", Fault::NotFinite, true) && !is_tested("", Fault::NotFinite, false));
 }
 
 /// Row 13. From a heavy load: from a light one the load falls so far behind its set-point that this is said first.

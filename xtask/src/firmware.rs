@@ -3,8 +3,9 @@
 use crate::process::run;
 use crate::toolchain::{TARGET, Toolchain};
 use crate::{Folders, image};
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 /// Name of the root package and of its image.
 const PACKAGE: &str = "tsa-firmware";
@@ -12,18 +13,40 @@ const PACKAGE: &str = "tsa-firmware";
 /// The image that only counts what each way of knowing the mechanism costs.
 const COST: &str = "tsa-cost";
 
+/// Where tools and tests look for images.
+const IMAGES: &str = "firmware";
+
 /// Builds the image, puts it where `rigctl` looks for it, and prints its size.
 pub fn build(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
-    let image = built(folders, toolchain, PACKAGE, &[])?;
+    let image = built(&mut cargo(folders, toolchain, PACKAGE), folders, toolchain, PACKAGE, IMAGES)?;
     println!("firmware: {}", image.display());
+    image::report(&image)
+}
+
+/// Builds the image of the default scene with the drive on the serial line. For tests: it has a folder of its own.
+pub fn build_uart(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
+    let images = Path::new(IMAGES).join("uart");
+    let text = std::fs::read_to_string(folders.root.join("scenes/default.toml")).context("the default scene")?;
+    let [can, uart] = ["can", "uart"].map(|transport| format!("drive_transport = \"{transport}\""));
+    ensure!(text.contains(&can), "the default scene no longer has {can}");
+    let folder = folders.target.join(&images);
+    std::fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
+    let scene = folder.join("scene.toml");
+    // Written only when it changes: its time is what cargo looks at.
+    let text = text.replace(&can, &uart);
+    if std::fs::read_to_string(&scene).ok().as_deref() != Some(&text) {
+        std::fs::write(&scene, &text).with_context(|| format!("cannot write {}", scene.display()))?;
+    }
+    let mut cargo = cargo(folders, toolchain, PACKAGE);
+    let image = built(cargo.env("TSA_SCENE", &scene), folders, toolchain, PACKAGE, images)?;
+    println!("firmware, drive on the serial line: {}", image.display());
     image::report(&image)
 }
 
 /// Builds the image with a table of another model or accuracy (`TSA_STUDY`, see build.rs), beside the one that `rigctl`
 /// boots.
 pub fn build_study(folders: &Folders, toolchain: &Toolchain, study: &str, image: &Path) -> Result<()> {
-    let arguments = ["--package", PACKAGE, "--profile", "firmware", "--bin", PACKAGE];
-    run(toolchain.cargo(folders, "build").args(arguments).env("TSA_STUDY", study))?;
+    run(cargo(folders, toolchain, PACKAGE).env("TSA_STUDY", study))?;
     let built = toolchain.target_folder(folders).join(TARGET).join("firmware").join(PACKAGE);
     std::fs::copy(&built, image).with_context(|| format!("cannot copy {} to {}", built.display(), image.display()))?;
     Ok(())
@@ -31,15 +54,28 @@ pub fn build_study(folders: &Folders, toolchain: &Toolchain, study: &str, image:
 
 /// Builds the image that counts costs (`src/bin/cost.rs`).
 pub fn build_cost(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
-    built(folders, toolchain, COST, &["--features", "cost"]).map(drop)
+    let mut cargo = cargo(folders, toolchain, COST);
+    built(cargo.args(["--features", "cost"]), folders, toolchain, COST, IMAGES).map(drop)
 }
 
-/// One of the package's images, copied to where the tools look for it.
-fn built(folders: &Folders, toolchain: &Toolchain, name: &str, more: &[&str]) -> Result<PathBuf> {
-    let arguments = ["--package", PACKAGE, "--profile", "firmware", "--bin", name];
-    run(toolchain.cargo(folders, "build").args(arguments).args(more))?;
+/// The command that builds one of the package's images.
+fn cargo(folders: &Folders, toolchain: &Toolchain, name: &str) -> Command {
+    let mut cargo = toolchain.cargo(folders, "build");
+    cargo.args(["--package", PACKAGE, "--profile", "firmware", "--bin", name]);
+    cargo
+}
+
+/// What `cargo` builds, copied into a folder of the target folder.
+fn built(
+    cargo: &mut Command,
+    folders: &Folders,
+    toolchain: &Toolchain,
+    name: &str,
+    images: impl AsRef<Path>,
+) -> Result<PathBuf> {
+    run(cargo)?;
     let built = toolchain.target_folder(folders).join(TARGET).join("firmware").join(name);
-    let folder = folders.target.join("firmware");
+    let folder = folders.target.join(images);
     let image = folder.join(format!("{name}.elf"));
     std::fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
     std::fs::copy(&built, &image).with_context(|| format!("cannot copy {} to {}", built.display(), image.display()))?;

@@ -24,6 +24,7 @@ pub fn test(folders: &Folders) -> Result<()> {
     run(cargo(folders).args(["clippy", "--release", "--all-targets"]).args(DESKTOP).args(["--", "-D", "warnings"]))?;
     firmware::lint(folders, &toolchain)?;
     // Tests start the image and the tools, so both must be there, and new.
+    firmware::build_uart(folders, &toolchain)?;
     firmware::build(folders, &toolchain)?;
     firmware::build_cost(folders, &toolchain)?;
     build(folders)?;

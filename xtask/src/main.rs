@@ -34,6 +34,9 @@ enum Task {
         /// Which compiler: `auto` tries the others in this order
         #[arg(long, value_enum, default_value_t)]
         toolchain: toolchain::Choice,
+        /// The default scene, but with the drive on the serial line (target/firmware/uart/tsa-firmware.elf)
+        #[arg(long)]
+        uart: bool,
     },
     /// Build the desktop tools (target/release/rigctl, target/release/rig-emulator)
     Build,
@@ -95,7 +98,8 @@ fn main() -> ExitCode {
 fn run(arguments: Arguments) -> Result<()> {
     let folders = Folders::find()?;
     match arguments.task {
-        Task::Firmware { toolchain } => firmware::build(&folders, &toolchain::choose(toolchain)?),
+        Task::Firmware { toolchain, uart: false } => firmware::build(&folders, &toolchain::choose(toolchain)?),
+        Task::Firmware { toolchain, uart: true } => firmware::build_uart(&folders, &toolchain::choose(toolchain)?),
         Task::Build => host::build(&folders),
         Task::Test => host::test(&folders),
         Task::Bench => bench::bench(&folders),

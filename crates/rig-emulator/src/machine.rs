@@ -232,6 +232,12 @@ impl<B: Board + 'static> Machine<B> {
         self.cpu.hang(hung);
     }
 
+    /// The microcontroller's supply dips: a brown-out reset. RAM keeps its contents.
+    pub fn brown_out(&mut self) {
+        self.dead = None;
+        self.reset(ResetCause::BrownOut);
+    }
+
     /// The core takes a HardFault where it is, as after a jump into nowhere or a bus error: the fault `crash`.
     ///
     /// # Errors

@@ -131,9 +131,19 @@ fn answer(machine: &mut Machine<Rig>, request: Request) -> Value {
             Ok(()) => json!({"ok": true}),
             Err(error) => failure("plant", &error.to_string()),
         },
-        // The two faults that are the chip's and not the rig's.
+        // The faults that are the chip's and not the rig's.
         Request::Fault { name, on } if name == "task-hang" => {
             machine.hang(on);
+            json!({"ok": true})
+        }
+        Request::Fault { name, on } if name == "adc-stall" => {
+            machine.soc_mut().stall_adc(on);
+            json!({"ok": true})
+        }
+        Request::Fault { name, on } if name == "brown-out" => {
+            if on {
+                machine.brown_out();
+            }
             json!({"ok": true})
         }
         Request::Fault { name, on: true } if name == "crash" => match machine.crash() {
@@ -141,10 +151,10 @@ fn answer(machine: &mut Machine<Rig>, request: Request) -> Value {
             Err(error) => failure("machine", &error.to_string()),
         },
         Request::Fault { name, on } => match name.parse::<Fault>() {
-            Ok(fault) => {
-                machine.board_mut().set_fault(fault, on);
-                json!({"ok": true})
-            }
+            Ok(fault) => match machine.board_mut().try_fault(fault, on) {
+                Ok(()) => json!({"ok": true}),
+                Err(error) => failure("fault", &error.to_string()),
+            },
             Err(error) => failure("fault", &error.to_string()),
         },
         Request::PowerCycle => {

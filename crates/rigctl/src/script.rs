@@ -8,13 +8,14 @@ use rig_link::{LoadChoice, Request};
 pub const DEFAULT_SPEED_M_PER_S: f64 = 2e-3;
 
 /// Faults that the emulated board and rig can have.
-const RIG_FAULTS: [&str; 16] = [
+const RIG_FAULTS: [&str; 19] = [
     "can-silent",
     "can-bus-off",
     "drive-stall",
     "drive-reset",
     "encoder-stuck",
     "encoder-jump",
+    "encoder-slip",
     "lvdt-open",
     "lvdt-short",
     "lvdt-noisy",
@@ -25,6 +26,8 @@ const RIG_FAULTS: [&str; 16] = [
     "limit-switch",
     "task-hang",
     "crash",
+    "adc-stall",
+    "brown-out",
 ];
 
 /// A fault that a script can cause.

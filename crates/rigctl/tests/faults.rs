@@ -112,6 +112,55 @@ fn faults_that_lose_the_position_restart_the_drive_and_wait() {
 }
 
 #[test]
+fn starts_without_drive_or_sensor_and_resets_wait_and_late_ones_do_not() {
+    let (rows, refused) = play("faults-start");
+    compare(
+        &stops(&rows),
+        &[
+            // Boot, then ten online checks without an echo; the same again after `clear`.
+            (3.0, 1.0, "drive-start-up"),
+            (8.5, 1.0, "drive-start-up"),
+            // The drive's start-up, then 2 s.
+            (26.0, 1.0, "lvdt-open"),
+            (42.5, 0.1, "unexpected-reset"),
+            (48.5, 0.5, "encoder-disagrees"),
+            (54.5, 0.2, "lvdt-stalled"),
+        ],
+    );
+    assert_eq!(refused.matches("refused").count(), 1, "{refused}");
+    assert!(refused.contains("fault unexpected-reset is latched"), "{refused}");
+    // Each `clear`, and each start that was only late, leads to rest.
+    for t_s in [13.9, 22.9, 34.9, 41.9, 47.9, 53.9, 56.9] {
+        assert_eq!(state_at(&rows, t_s), "unhomed", "{t_s} s");
+    }
+    assert_eq!(rows.last().expect("rows")["state"], "moving");
+}
+
+#[test]
+fn strings_and_load_fire_and_limits_are_told_apart_from_faults() {
+    let (rows, refused) = play("faults-strings");
+    compare(&stops(&rows), &[(51.0, 4.0, "following-error"), (103.0, 12.0, "model-residual")]);
+    // Outside the range that is left at the heavy load.
+    assert!(!refused.contains("latched"), "{refused}");
+    let between = |from_s: f64, to_s: f64| {
+        rows.iter().filter(move |r| r["t_s"].as_f64().is_some_and(|t| (from_s..to_s).contains(&t)))
+    };
+    for (limit, from_s, to_s) in
+        [("motor-speed", 58.0, 61.0), ("travel", 80.0, 86.0), ("load-range", 92.0, 94.0), ("load-unknown", 92.0, 98.0)]
+    {
+        let seen: Vec<_> = between(from_s, to_s).filter(|r| r["limit"] == limit).collect();
+        assert!(seen.len() >= 5, "{limit}: {} rows", seen.len());
+        assert!(seen.iter().all(|r| r["fault"].is_null()), "{limit} with a fault");
+    }
+    // They clip and go.
+    assert!(between(97.0, 98.0).all(|r| r["limit"].is_null()), "a limit that stays");
+    // The fastest that the motor may turn, from the scene.
+    let fastest = between(58.0, 61.0).filter_map(|r| r["drive_speed_rad_per_s"].as_f64()).fold(0.0, f64::max);
+    assert!((700.0..=1047.0).contains(&fastest), "{fastest} rad/s");
+    assert_eq!(state_at(&rows, 116.9), "unhomed");
+}
+
+#[test]
 fn status_tells_of_losses_and_of_the_telemetrys_rate() {
     let output = rigctl(&["status", "--json"]);
     assert!(output.status.success(), "{}", error_of(&output));

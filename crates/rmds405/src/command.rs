@@ -240,12 +240,17 @@ impl Command {
     /// What the drive at `own` makes of a frame; broadcasts to its group count. Padding is not looked at.
     pub fn decode(own: Address, received: &Received<'_>) -> Result<Self, Ignored> {
         let (function, data) = accept(own, received, true)?;
-        let first = i16_at(&data, 0);
-        let second = i16_at(&data, 2);
+        Self::of(function, &data)
+    }
+
+    /// What the drive makes of a function and its eight bytes.
+    pub fn of(function: Function, data: &[u8; 8]) -> Result<Self, Ignored> {
+        let first = i16_at(data, 0);
+        let second = i16_at(data, 2);
         let pwm_limit = || PwmLimit::new(first).map_err(|_| Ignored::Field(0));
         let current_limit = || CurrentLimit::new(first).map_err(|_| Ignored::Field(0));
         let speed_limit = || SpeedLimit::new(second).map_err(|_| Ignored::Field(2));
-        let position = QuadCounts(i32_tail(&data));
+        let position = QuadCounts(i32_tail(data));
         Ok(match function {
             Function::Reset => Self::Reset,
             Function::ChooseMode => Self::ChooseMode(Mode::try_from(data[0]).map_err(|_| Ignored::Field(0))?),

@@ -9,7 +9,7 @@
 //! - [`command`]: host to drive, encoded by the firmware and decoded by the emulated drive.
 //! - [`report`]: drive to host, the other way round.
 //! - [`start_up`]: power-up to the first data frame as a pure state machine.
-//! - [`uart`]: the same frames over RS232/RS485. Experimental: its header is an assumption.
+//! - [`serial`]: the same conversation over RS232. Experimental: its framing is an assumption.
 #![no_std]
 #![forbid(unsafe_code)]
 
@@ -17,8 +17,8 @@ pub mod address;
 pub mod command;
 pub mod frame;
 pub mod report;
+pub mod serial;
 pub mod start_up;
-pub mod uart;
 pub mod units;
 
 pub use address::{Address, Function, Group};
@@ -27,3 +27,13 @@ pub use frame::{Frame, Ignored, Received};
 pub use report::{DriveError, Mixed, Report};
 pub use start_up::{Action, Event, StartError, StartUp};
 pub use units::{CurrentLimit, Milliamps, OutOfRange, Pwm, PwmLimit, QuadCounts, Rpm, SpeedLimit};
+
+/// The ways to a drive. Exclusive: the one used first wins until power or reset (V-FAQ p24).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Transport {
+    /// CAN.
+    Can,
+    /// RS232 on a UART, experimental ([`serial`]).
+    Uart,
+}

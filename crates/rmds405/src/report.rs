@@ -90,6 +90,11 @@ impl Report {
     /// What a frame from the drive at `from` says.
     pub fn decode(from: Address, received: &Received<'_>) -> Result<Self, Ignored> {
         let (function, data) = accept(from, received, false)?;
+        Self::of(function, &data)
+    }
+
+    /// What a function and its eight bytes say.
+    pub fn of(function: Function, data: &[u8; 8]) -> Result<Self, Ignored> {
         let level = |at: u8| match data[usize::from(at)] {
             0 => Ok(false),
             1 => Ok(true),
@@ -97,14 +102,14 @@ impl Report {
         };
         Ok(match function {
             Function::Motion => Self::Motion {
-                current: Milliamps(i16_at(&data, 0)),
-                speed: Rpm(i16_at(&data, 2)),
-                position: QuadCounts(i32_tail(&data)),
+                current: Milliamps(i16_at(data, 0)),
+                speed: Rpm(i16_at(data, 2)),
+                position: QuadCounts(i32_tail(data)),
             },
             Function::Mixed => Self::Mixed(Mixed {
                 ctl1: level(0)?,
                 ctl2: level(1)?,
-                rest: match (level(2), level(5), Pwm::new(i16_at(&data, 6))) {
+                rest: match (level(2), level(5), Pwm::new(i16_at(data, 6))) {
                     (Ok(dsin), Ok(chz), Ok(pwm)) => {
                         Some(MixedRest { dsin, asin_mv: u16::from_be_bytes([data[3], data[4]]), chz, pwm })
                     }
@@ -123,6 +128,11 @@ impl Report {
 
     /// The frame that the drive at `from` sends.
     pub fn encode(&self, from: Address) -> Frame {
+        Frame { id: from.id(self.function()), data: self.data() }
+    }
+
+    /// The frame's eight bytes.
+    pub fn data(&self) -> [u8; 8] {
         let mut data = [PAD; 8];
         match *self {
             Self::Motion { current, speed, position } => {
@@ -143,6 +153,6 @@ impl Report {
             Self::Error(error) => data[0] = error.code(),
             Self::Online => {}
         }
-        Frame { id: from.id(self.function()), data }
+        data
     }
 }

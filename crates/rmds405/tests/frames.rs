@@ -182,3 +182,13 @@ fn ranges() {
     assert!(Command::OnlineCheck.encode_broadcast(group).is_err());
     assert!(Command::Config { motion_ms: 1, mixed_ms: 0 }.encode_broadcast(group).is_err());
 }
+
+/// What the serial variant assumes, byte by byte.
+#[test]
+fn serial_frames() {
+    use rmds405::serial::encode;
+    assert_eq!(encode(&Command::Reset.encode(number(3))), [0x32, 0x00, P, P, P, P, P, P, P, P]);
+    let motion = Report::Motion { current: Milliamps(850), speed: Rpm(-1200), position: QuadCounts(-30000) };
+    let expected = [0x32, 0x0B, 0x03, 0x52, 0xFB, 0x50, 0xFF, 0xFF, 0x8A, 0xD0];
+    assert_eq!(encode(&motion.encode(number(2))), expected);
+}

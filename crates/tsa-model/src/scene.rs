@@ -88,6 +88,8 @@ pub struct Rig {
     pub drive_group: u8,
     /// RMDS number, 1 to 15.
     pub drive_number: u8,
+    /// How the board talks to the drive.
+    pub drive_transport: DriveTransport,
     /// LVDT stroke (m).
     pub lvdt_stroke_m: f64,
     /// Volts at the ADC pin at the start of the stroke, after the divider.
@@ -98,6 +100,16 @@ pub struct Rig {
     pub lvdt_gap_at_zero_m: f64,
     /// ADC reference (V).
     pub adc_reference_v: f64,
+}
+
+/// How the board talks to the drive: `"can"` or `"uart"`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum DriveTransport {
+    /// CAN1 at 1 Mbit/s, which the vendor's manual describes.
+    Can,
+    /// USART1 over RS232. Experimental: the framing is assumed (hardware.md section 5).
+    Uart,
 }
 
 impl Default for Rig {
@@ -115,6 +127,7 @@ impl Default for Rig {
             drive_current_limit_a: 0.5,
             drive_group: 0,
             drive_number: 1,
+            drive_transport: DriveTransport::Can,
             lvdt_stroke_m: 0.2,
             lvdt_volts_at_zero: 0.0,
             lvdt_volts_at_stroke: 3.0,

@@ -37,6 +37,7 @@ fn errors_name_the_key() {
         ("gear_ratio = [62, 1]", "gear_ratio = [62, 0]", "rig.gear_ratio"),
         ("drive_number = 1", "drive_number = 0", "rig.drive_number"),
         ("drive_group = 0", "drive_group = 8", "rig.drive_group"),
+        ("drive_transport = \"can\"", "drive_transport = \"rs485\"", "drive_transport"),
         ("lvdt_volts_at_stroke = 3.0", "lvdt_volts_at_stroke = 5.0", "rig.lvdt_volts_at_stroke"),
         ("motor_speed_max_rad_per_s = 1047.0", "motor_speed_max_rad_per_s = 9999.0", "rig.motor_speed_max_rad_per_s"),
         ("[material]", "[materials]", "materials"),

@@ -3,14 +3,16 @@
 //! Assumed where no manual says: it boots for 500 ms after power-up and reset alike and hears nothing meanwhile; the
 //! position counts from the moment of the reset; reset clears the feedback periods; a mode or data frame in the wrong
 //! state beeps and sends nothing; stall is current at its limit without motion for 1 s, drops the torque and lasts until reset;
-//! answers take 0.2 ms; the loops' gains are those of a well-tuned drive. Not assumed: no command time-out (2.6).
+//! answers take 0.2 ms; after power-up or reset the transport of the first frame that it hears is the only one until the next
+//! (V-FAQ p24; that its CAN controller still acknowledges then is assumed); the loops' gains are those of a well-tuned drive. Not assumed: no command time-out (2.6).
 
 use std::f64::consts::TAU;
 
 use rmds405::report::MixedRest;
+use rmds405::serial::Decoder;
 use rmds405::{
     Address, Command, DriveError, Frame, Function, Milliamps, Mixed, Mode, Output, Pwm, QuadCounts, Received, Report,
-    Rpm,
+    Rpm, Transport,
 };
 
 use super::motor::Bridge;
@@ -51,7 +53,7 @@ enum State {
 /// What happened to frames, and how often it complained.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DriveCounters {
-    /// Frames that were for somebody else or malformed.
+    /// Frames that were for somebody else, malformed, or on the transport that is not in use.
     pub ignored: u64,
     /// Frames that came while it was not listening.
     pub too_early: u64,
@@ -81,6 +83,8 @@ pub struct Drive {
     standing_s: f64,
     stalled: bool,
     since_error_s: f64,
+    transport: Option<Transport>,
+    line: Decoder<Command>,
     sent: Vec<(f64, Frame)>,
     /// Statistics.
     pub counters: DriveCounters,
@@ -121,6 +125,8 @@ impl Drive {
             standing_s: 0.0,
             stalled: false,
             since_error_s: 0.0,
+            transport: None,
+            line: Decoder::commands(),
             sent: Vec::new(),
             counters: DriveCounters::default(),
         }
@@ -155,6 +161,8 @@ impl Drive {
         self.outputs = [false; 2];
         self.standing_s = 0.0;
         self.stalled = false;
+        self.transport = None;
+        self.line = Decoder::commands();
         self.sent.clear();
     }
 
@@ -191,16 +199,27 @@ impl Drive {
 
     /// A frame from the bus.
     pub fn receive(&mut self, now_s: f64, received: &Received<'_>, counts: i64) {
-        let command = match Command::decode(self.address, received) {
-            Ok(command) => command,
-            Err(_) => {
-                self.counters.ignored += 1;
-                return;
-            }
-        };
+        match Command::decode(self.address, received) {
+            Ok(command) => self.obey(now_s, Transport::Can, command, counts),
+            Err(_) => self.counters.ignored += 1,
+        }
+    }
+
+    /// A byte from the serial line.
+    pub fn receive_byte(&mut self, now_s: f64, byte: u8, counts: i64) {
+        if let Some(command) = self.line.push((now_s * 1e6) as u64, byte) {
+            self.obey(now_s, Transport::Uart, command, counts);
+        }
+    }
+
+    fn obey(&mut self, now_s: f64, transport: Transport, command: Command, counts: i64) {
         self.wake(now_s);
         if matches!(self.state, State::Off | State::Booting { .. }) {
             self.counters.too_early += 1;
+            return;
+        }
+        if *self.transport.get_or_insert(transport) != transport {
+            self.counters.ignored += 1;
             return;
         }
         match command {
@@ -368,7 +387,12 @@ impl Drive {
         self.sent.push((at_s, report.encode(self.address)));
     }
 
-    /// Frames to put on the bus, each with its time. In order of time.
+    /// How it talks, once it has heard something.
+    pub fn transport(&self) -> Option<Transport> {
+        self.transport
+    }
+
+    /// Frames to send on its transport, each with its time. In order of time.
     pub fn take_sent(&mut self) -> Vec<(f64, Frame)> {
         std::mem::take(&mut self.sent)
     }

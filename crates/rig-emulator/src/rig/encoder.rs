@@ -5,18 +5,22 @@ use std::f64::consts::TAU;
 /// What [`Encoder::jump`] adds: one turn of the default encoder.
 const JUMP_COUNTS: i64 = 4096;
 
+/// While it slips, one count in this many is lost.
+const LOST_SHARE: i64 = 5;
+
 /// The encoder, and what the microcontroller's receiver makes of it.
 #[derive(Clone, Debug)]
 pub struct Encoder {
     counts_per_rad: f64,
     stuck_at: Option<i64>,
+    slipping_from: Option<i64>,
     jumped: i64,
 }
 
 impl Encoder {
     /// With `counts_per_turn` quadrature counts for each turn of the motor.
     pub fn new(counts_per_turn: u32) -> Self {
-        Self { counts_per_rad: f64::from(counts_per_turn) / TAU, stuck_at: None, jumped: 0 }
+        Self { counts_per_rad: f64::from(counts_per_turn) / TAU, stuck_at: None, slipping_from: None, jumped: 0 }
     }
 
     /// What the drive counts at a shaft angle.
@@ -26,7 +30,19 @@ impl Encoder {
 
     /// What the microcontroller counts.
     pub fn counts_at_mcu(&self, angle_rad: f64) -> i64 {
-        self.stuck_at.unwrap_or_else(|| self.counts(angle_rad)) + self.jumped
+        let counts = self.stuck_at.unwrap_or_else(|| self.counts(angle_rad));
+        counts + self.jumped - self.slipped(counts)
+    }
+
+    fn slipped(&self, counts: i64) -> i64 {
+        self.slipping_from.map_or(0, |from| (counts - from) / LOST_SHARE)
+    }
+
+    /// The microcontroller's receiver loses every fifth count from here on; what was lost stays lost.
+    pub fn set_slipping(&mut self, slipping: bool, angle_rad: f64) {
+        let counts = self.counts(angle_rad);
+        self.jumped -= self.slipped(counts);
+        self.slipping_from = slipping.then_some(counts);
     }
 
     /// The microcontroller's receiver stops following; the drive's own input goes on.
@@ -58,5 +74,9 @@ mod tests {
         encoder.set_stuck(false, 0.0);
         encoder.jump();
         assert_eq!(encoder.counts_at_mcu(0.0), 4096);
+        encoder.set_slipping(true, 0.0);
+        assert_eq!(encoder.counts_at_mcu(TAU * 5.0 + 1e-9), 4096 + 4 * 4096);
+        encoder.set_slipping(false, TAU * 5.0 + 1e-9);
+        assert_eq!(encoder.counts_at_mcu(TAU * 6.0 + 1e-9), 4096 + 5 * 4096);
     }
 }

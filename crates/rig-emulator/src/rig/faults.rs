@@ -1,11 +1,12 @@
 //! Faults by the names that scripts use (cli.md).
 
-/// A fault of the rig. The host's (`host-silent`), the chip's (`task-hang`, `crash`) and the board's (`power-cycle`) are not here.
+/// A fault of the rig. The host's (`host-silent`), the chip's (`task-hang`, `crash`, `adc-stall`) and the board's (`power-cycle`,
+/// `brown-out`) are not here.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
-    /// The drive's bus wires are off: no acknowledge and no reports, while it goes on doing what it was told.
+    /// The drive's bus or serial wires are off: no acknowledge and no reports, while it goes on doing what it was told.
     CanSilent,
-    /// The bus is shorted.
+    /// The bus is shorted. A rig whose drive is on the serial line has none.
     CanBusOff,
     /// The drive goes into stall protection at once. An event.
     DriveStall,
@@ -15,6 +16,8 @@ pub enum Fault {
     EncoderStuck,
     /// The microcontroller's encoder receiver gains one motor turn. An event.
     EncoderJump,
+    /// The microcontroller's encoder receiver loses every fifth count; the drive's own input does not.
+    EncoderSlip,
     /// LVDT lead open: reads 0 V.
     LvdtOpen,
     /// LVDT shorted to the supply: reads full scale.
@@ -43,13 +46,21 @@ pub struct UnknownFault {
     pub name: String,
 }
 
-const NAMES: [(&str, Fault); 15] = [
+/// The fault is one of the CAN bus, and this rig has none.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "fault `can-bus-off` needs a CAN bus, and the scene has drive_transport = \"uart\"; a cut line is `can-silent`"
+)]
+pub struct NotHere;
+
+const NAMES: [(&str, Fault); 16] = [
     ("can-silent", Fault::CanSilent),
     ("can-bus-off", Fault::CanBusOff),
     ("drive-stall", Fault::DriveStall),
     ("drive-reset", Fault::DriveReset),
     ("encoder-stuck", Fault::EncoderStuck),
     ("encoder-jump", Fault::EncoderJump),
+    ("encoder-slip", Fault::EncoderSlip),
     ("lvdt-open", Fault::LvdtOpen),
     ("lvdt-short", Fault::LvdtShort),
     ("lvdt-noisy", Fault::LvdtNoisy),

@@ -4,7 +4,7 @@
 //! - [`settings`] and [`parameters`]: what a test may change, what the scene says.
 //! - [`transmission`] and [`surface`]: the mechanism's equilibria, exactly and fast.
 //! - [`plant`], [`motor`], [`encoder`], [`lvdt`]: the parts that move and measure.
-//! - [`drive`]: the RMDS-405 on the bus.
+//! - [`drive`]: the RMDS-405 on the bus, or on the serial line.
 //! - [`faults`]: what can be broken. [`truth`]: what really happens.
 //!
 //! Time advances in fixed steps of 0.25 ms from power-up whoever asks, so that the same questions at the same times get
@@ -26,13 +26,13 @@ use std::collections::VecDeque;
 
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::{Rng, SeedableRng};
-use rmds405::Received;
+use rmds405::{Frame, Received, Transport, serial};
 use tsa_model::{Mechanism, Scene, Tier};
 
 use crate::board::{Board, CanFrame, CanOutcome, Stimulus};
 use drive::{Drive, LEAST_SUPPLY_V, Sensed};
 use encoder::Encoder;
-use faults::Fault;
+use faults::{Fault, NotHere};
 use lvdt::{Lvdt, volts_to_code};
 use motor::{Bridge, Motor};
 use parameters::RigParameters;
@@ -56,6 +56,8 @@ const TENSION_TICKS: u64 = 10;
 const NOISE_TICKS: u64 = 5;
 /// USART of the host link (hardware.md 8).
 const HOST_USART: u8 = 2;
+/// USART of the drive's serial line (hardware.md 8).
+const DRIVE_USART: u8 = 1;
 /// Motor-power relay, PB10: low is off (hardware.md 8).
 const RELAY: (char, u8) = ('B', 10);
 /// E-stop sense, PB5: high is stop.
@@ -108,7 +110,7 @@ pub struct Rig {
     relay: bool,
     estop: bool,
     limit_fault: bool,
-    can_silent: bool,
+    silent: bool,
     can_shorted: bool,
     noisy_link: bool,
     steps: u64,
@@ -118,7 +120,7 @@ pub struct Rig {
     tension_share: f64,
     pins: Vec<(char, u8, bool)>,
     polled: bool,
-    bus: VecDeque<(f64, CanFrame)>,
+    from_drive: VecDeque<(f64, Stimulus)>,
     pending: Vec<Stimulus>,
     host_bytes: Vec<u8>,
     record: bool,
@@ -152,14 +154,14 @@ impl Rig {
             relay: false,
             estop: false,
             limit_fault: false,
-            can_silent: false,
+            silent: false,
             can_shorted: false,
             noisy_link: false,
             steps: 0,
             tension_share: 0.5,
             pins: Vec::new(),
             polled: false,
-            bus: VecDeque::new(),
+            from_drive: VecDeque::new(),
             pending: Vec::new(),
             host_bytes: Vec::new(),
             record: false,
@@ -191,11 +193,23 @@ impl Rig {
         &self.settings
     }
 
+    /// Switches a fault, if this rig can have it.
+    ///
+    /// # Errors
+    /// [`NotHere`] for a fault of the bus where the scene's drive is on the serial line.
+    pub fn try_fault(&mut self, fault: Fault, on: bool) -> Result<(), NotHere> {
+        if fault == Fault::CanBusOff && self.parameters.transport == Transport::Uart {
+            return Err(NotHere);
+        }
+        self.set_fault(fault, on);
+        Ok(())
+    }
+
     /// Switches a fault. Events (stall, reset, jump, break, slip) happen when switched on and cannot be taken back.
     pub fn set_fault(&mut self, fault: Fault, on: bool) {
         let angle_rad = self.motor.angle_rad;
         match fault {
-            Fault::CanSilent => self.can_silent = on,
+            Fault::CanSilent => self.silent = on,
             Fault::CanBusOff => {
                 if self.can_shorted && !on {
                     self.pending.push(Stimulus::CanQuiet);
@@ -208,6 +222,7 @@ impl Rig {
                 self.bridge = Bridge::Open;
             }
             Fault::EncoderStuck => self.encoder.set_stuck(on, angle_rad),
+            Fault::EncoderSlip => self.encoder.set_slipping(on, angle_rad),
             Fault::EncoderJump if on => self.encoder.jump(),
             Fault::LvdtOpen => self.lvdt.faults.open = on,
             Fault::LvdtShort => self.lvdt.faults.short = on,
@@ -228,7 +243,7 @@ impl Rig {
         self.relay = false;
         self.look_at_power();
         self.host_bytes.clear();
-        self.bus.clear();
+        self.from_drive.clear();
         // The pins' levels have to be told anew.
         self.pins.clear();
         self.set_pin(BUTTON, true);
@@ -395,13 +410,21 @@ impl Rig {
 
     fn collect_reports(&mut self) {
         for (at_s, frame) in self.drive.take_sent() {
-            if !self.can_silent && !self.can_shorted {
-                let frame =
-                    CanFrame { id: u32::from(frame.id), extended: false, remote: false, dlc: 8, data: frame.data };
-                self.bus.push_back((at_s, frame));
+            // It sends nothing before it has been spoken to, and so knows how.
+            let sent = match self.drive.transport() {
+                Some(Transport::Can) if !self.can_shorted => Stimulus::Can(can_frame(&frame)),
+                Some(Transport::Uart) => Stimulus::Uart { usart: DRIVE_USART, bytes: serial::encode(&frame).to_vec() },
+                _ => continue,
+            };
+            if !self.silent {
+                self.from_drive.push_back((at_s, sent));
             }
         }
     }
+}
+
+fn can_frame(frame: &Frame) -> CanFrame {
+    CanFrame { id: u32::from(frame.id), extended: false, remote: false, dlc: 8, data: frame.data }
 }
 
 /// The widest surface that the mechanism allows, by the cheapest model that the scene allows: rods at their strain limit
@@ -440,9 +463,15 @@ impl Board for Rig {
         }
     }
 
-    fn uart_tx(&mut self, _t_s: f64, usart: u8, byte: u8) {
-        if usart == HOST_USART {
-            self.host_bytes.push(byte);
+    fn uart_tx(&mut self, t_s: f64, usart: u8, byte: u8) {
+        match usart {
+            HOST_USART => self.host_bytes.push(byte),
+            DRIVE_USART if !self.silent => {
+                self.advance(t_s);
+                self.drive.receive_byte(t_s, byte, self.encoder.counts(self.motor.angle_rad));
+                self.collect_reports();
+            }
+            _ => {}
         }
     }
 
@@ -451,7 +480,7 @@ impl Board for Rig {
         if self.can_shorted {
             return CanOutcome::BitError;
         }
-        if self.can_silent || !self.drive.is_powered() {
+        if self.silent || !self.drive.is_powered() {
             return CanOutcome::Unacknowledged;
         }
         let length = usize::from(frame.dlc).min(frame.data.len());
@@ -486,15 +515,15 @@ impl Board for Rig {
         }
         let tick = (self.steps / STEPS_PER_TICK + 1) * STEPS_PER_TICK;
         let tick_s = tick as f64 * STEP_S;
-        self.bus.front().map_or(tick_s, |(at_s, _)| at_s.min(tick_s))
+        self.from_drive.front().map_or(tick_s, |(at_s, _)| at_s.min(tick_s))
     }
 
     fn poll(&mut self, t_s: f64) -> Vec<Stimulus> {
         self.polled = true;
         self.advance(t_s);
         let mut stimuli = std::mem::take(&mut self.pending);
-        while let Some((_, frame)) = self.bus.pop_front_if(|(at_s, _)| *at_s <= t_s + SAME_TIME_S) {
-            stimuli.push(Stimulus::Can(frame));
+        while let Some((_, sent)) = self.from_drive.pop_front_if(|(at_s, _)| *at_s <= t_s + SAME_TIME_S) {
+            stimuli.push(sent);
         }
         stimuli
     }

@@ -1,7 +1,7 @@
 //! Constants of the emulated rig, filled from a scene's `[rig]` table in one place.
 
-use rmds405::Address;
-use tsa_model::scene::Rig;
+use rmds405::{Address, Transport};
+use tsa_model::scene::{DriveTransport, Rig};
 
 use super::RigError;
 
@@ -26,6 +26,8 @@ pub struct RigParameters {
     pub brake_ohm: f64,
     /// Who the drive is on the bus.
     pub drive: Address,
+    /// How the firmware talks to it; the drive itself hears both.
+    pub transport: Transport,
     /// Drive supply, V.
     pub supply_voltage_v: f64,
     /// What it is divided by before the drive's analog input, if that is wired.
@@ -59,6 +61,10 @@ impl RigParameters {
             viscous_nm_s_per_rad: 1e-8,
             brake_ohm: 10.0,
             drive: Address::new(rig.drive_group, rig.drive_number)?,
+            transport: match rig.drive_transport {
+                DriveTransport::Can => Transport::Can,
+                DriveTransport::Uart => Transport::Uart,
+            },
             supply_voltage_v: rig.supply_voltage_v,
             supply_divider: rig.supply_divider,
             lvdt_stroke_m: rig.lvdt_stroke_m,

@@ -1,6 +1,7 @@
 //! The rig against the vendor's rules for the drive, and against the solver for the mechanism.
 
 use super::*;
+use rmds405::serial::{BYTE_US, Decoder};
 use rmds405::{Command, CurrentLimit, Milliamps, Mode, QuadCounts, Report, Rpm, SpeedLimit};
 
 fn scene() -> Scene {
@@ -233,6 +234,73 @@ fn a_shorted_bus_and_a_silent_drive_are_told_apart() {
     assert_eq!(send(&mut r, t + 0.1, Command::OnlineCheck), CanOutcome::BitError);
     r.set_fault(Fault::CanBusOff, false);
     assert_eq!(send(&mut r, t + 0.2, Command::OnlineCheck), CanOutcome::Acknowledged);
+}
+
+/// A command on the serial line, its last byte ending at `t_s`.
+fn send_bytes(rig: &mut Rig, t_s: f64, command: Command) {
+    let bytes = serial::encode(&command.encode(rig.parameters.drive));
+    for (k, byte) in bytes.into_iter().enumerate() {
+        rig.uart_tx(t_s - 1e-6 * (9 - k) as f64 * BYTE_US as f64, 1, byte);
+    }
+}
+
+/// What the drive says on the serial line until `t_s`; anything else it says is an error.
+fn listen_bytes(rig: &mut Rig, t_s: f64) -> Vec<Report> {
+    let mut decoder = Decoder::reports();
+    let mut found = Vec::new();
+    let mut now_us = 0;
+    for stimulus in rig.poll(t_s) {
+        match stimulus {
+            Stimulus::Uart { usart: 1, bytes } => {
+                for byte in bytes {
+                    now_us += BYTE_US;
+                    found.extend(decoder.push(now_us, byte));
+                }
+            }
+            Stimulus::Pin { .. } => {}
+            other => panic!("{other:?}"),
+        }
+    }
+    assert_eq!(decoder.foreign(), 0);
+    found
+}
+
+#[test]
+fn the_transport_that_was_used_first_wins_until_a_restart() {
+    let mut r = rig(&[]);
+    send_bytes(&mut r, 0.6, Command::OnlineCheck);
+    assert_eq!(listen_bytes(&mut r, 0.61), [Report::Online]);
+    // Acknowledged by its controller, heard by nobody.
+    assert_eq!(send(&mut r, 0.62, Command::ChooseMode(Mode::Velocity)), CanOutcome::Acknowledged);
+    assert_eq!((r.drive.mode(), r.drive.counters.ignored), (None, 1));
+    send_bytes(&mut r, 0.63, Command::ChooseMode(Mode::CurrentVelocityPosition));
+    assert_eq!(r.drive.mode(), Some(Mode::CurrentVelocityPosition));
+    send_bytes(&mut r, 1.2, Command::Config { motion_ms: 10, mixed_ms: 0 });
+    let reports = listen_bytes(&mut r, 2.2);
+    assert!((95..=105).contains(&reports.len()), "{} reports in 1 s", reports.len());
+    r.set_fault(Fault::CanSilent, true);
+    listen_bytes(&mut r, 2.21);
+    send_bytes(&mut r, 2.3, Command::Reset);
+    assert!(listen_bytes(&mut r, 2.4).is_empty());
+    assert!(r.drive.mode().is_some(), "the line is cut both ways");
+    r.set_fault(Fault::CanSilent, false);
+    send_bytes(&mut r, 2.5, Command::Reset);
+    assert_eq!(r.drive.mode(), None);
+    send(&mut r, 3.1, Command::OnlineCheck);
+    assert_eq!(listen(&mut r, 3.11), [Report::Online]);
+    send_bytes(&mut r, 3.2, Command::OnlineCheck);
+    assert!(listen(&mut r, 3.3).is_empty());
+}
+
+#[test]
+fn a_rig_without_a_bus_cannot_have_it_shorted() {
+    let mut scene = scene();
+    scene.rig.drive_transport = tsa_model::scene::DriveTransport::Uart;
+    let mut r = Rig::new(&scene, PlantSettings::default(), 1).unwrap_or_else(|e| panic!("{e}"));
+    let refused = r.try_fault(Fault::CanBusOff, true).expect_err("no bus").to_string();
+    assert!(refused.contains("can-bus-off") && refused.contains("drive_transport"), "{refused}");
+    assert_eq!(r.try_fault(Fault::CanSilent, true), Ok(()));
+    assert_eq!(rig(&[]).try_fault(Fault::CanBusOff, true), Ok(()));
 }
 
 #[test]

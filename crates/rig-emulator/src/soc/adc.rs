@@ -64,13 +64,20 @@ pub struct Adc {
     running: Option<(u64, usize)>,
     /// The sample of that conversion, once its sampling window has closed.
     held: Option<u16>,
+    /// Requests to the DMA are lost.
+    stalled: bool,
 }
 
 impl Adc {
     /// Reset through the RCC.
     pub fn reset(&mut self, wires: &mut Wires<'_>) {
-        *self = Self::default();
+        *self = Self { stalled: self.stalled, ..Self::default() };
         wires.nvic.set_line(IRQ, false);
+    }
+
+    /// Lets no request through to the DMA, or all again.
+    pub fn stall(&mut self, stalled: bool) {
+        self.stalled = stalled;
     }
 
     fn length(&self) -> usize {
@@ -106,6 +113,10 @@ impl Adc {
             let last = next >= self.length();
             self.dr = self.held.take().unwrap_or(0).into();
             self.deliver(last, dma, memory, wires);
+            if self.overrun_by_dma() {
+                self.running = None;
+                break;
+            }
             let follows = if !last { Some(next) } else { (self.cr2 & CONT != 0).then_some(0) };
             self.running = follows.map(|place| (done + self.duration(place, wires.clock), place));
         }
@@ -134,11 +145,17 @@ impl Adc {
                 self.sr |= EOC;
             }
         } else if self.sr & OVR == 0
-            && dma.transfer(Request::Adc1, self.dr, memory, wires.nvic, wires.faults) == Transfer::Unserved
+            && (self.stalled
+                || dma.transfer(Request::Adc1, self.dr, memory, wires.nvic, wires.faults) == Transfer::Unserved)
         {
-            // An item that nobody fetches: requests stop until software clears OVR (RM0390 section 13.8.1).
+            // An item that nobody fetches: requests and conversions stop until software clears OVR (RM0390 section 13.8.1).
             self.sr |= EOC | OVR;
         }
+    }
+
+    /// Conversions are aborted and triggers ignored.
+    fn overrun_by_dma(&self) -> bool {
+        self.cr2 & DMA_ON != 0 && self.sr & OVR != 0
     }
 
     fn line(&self, wires: &mut Wires<'_>) {
@@ -152,8 +169,8 @@ impl Adc {
         if self.cr2 & DMA_ON == 0 {
             return if self.cr1 >> 5 & 1 == 1 || self.cr1 >> 26 & 1 == 1 { done } else { NEVER };
         }
-        if self.sr & OVR != 0 {
-            return NEVER;
+        if self.stalled {
+            return done;
         }
         match dma.items_until_interrupt(Request::Adc1) {
             Some(u64::MAX) => NEVER,
@@ -227,7 +244,7 @@ impl Adc {
         if value & ADON == 0 {
             self.running = None;
             self.held = None;
-        } else if value & SWSTART != 0 && self.running.is_none() {
+        } else if value & SWSTART != 0 && self.running.is_none() && !self.overrun_by_dma() {
             // The first write of ADON only powers it up (RM0390 section 13.3.1).
             if was & ADON == 0 {
                 wires.faults.feature("ADC", "conversion started before the ADC was powered");

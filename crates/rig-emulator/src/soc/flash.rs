@@ -15,9 +15,11 @@ const SER: u32 = 1 << 1;
 const MER: u32 = 1 << 2;
 const STRT: u32 = 1 << 16;
 const EOPIE: u32 = 1 << 24;
+const ERRIE: u32 = 1 << 25;
 const LOCK: u32 = 1 << 31;
 
 const EOP: u32 = 1 << 0;
+const OPERR: u32 = 1 << 1;
 const PGAERR: u32 = 1 << 5;
 const PGPERR: u32 = 1 << 6;
 const PGSERR: u32 = 1 << 7;
@@ -114,6 +116,13 @@ impl Flash {
         }
     }
 
+    /// An operation that cannot be run.
+    fn refuse(&mut self, error: u32) -> f64 {
+        // OPERR is set only with the error interrupt enabled (RM0390 section 3.8.4).
+        self.sr |= error | if self.cr & ERRIE != 0 { OPERR } else { 0 };
+        0.0
+    }
+
     /// The core writes into flash; gives the seconds for which it stalls.
     pub fn program(&mut self, address: u32, size: usize, value: u64, memory: &mut Memory) -> f64 {
         if self.cr & LOCK != 0 || self.cr & PG == 0 || self.cr & (SER | MER) != 0 {
@@ -121,18 +130,15 @@ impl Flash {
             return 0.0;
         }
         if 1 << (self.cr >> 8 & 3) != size {
-            self.sr |= PGPERR;
-            return 0.0;
+            return self.refuse(PGPERR);
         }
         if !(address as usize).is_multiple_of(size) {
-            self.sr |= PGAERR;
-            return 0.0;
+            return self.refuse(PGAERR);
         }
         let mut old = [0; 8];
         let old = &mut old[..size];
         if memory.flash.read(address, old).is_none() {
-            self.sr |= PGAERR;
-            return 0.0;
+            return self.refuse(PGAERR);
         }
         // Programming only clears bits.
         old.iter_mut().zip(value.to_le_bytes()).for_each(|(old, new)| *old &= new);

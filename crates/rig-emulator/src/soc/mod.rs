@@ -69,6 +69,8 @@ pub enum ResetCause {
     Software,
     /// The independent watchdog.
     Watchdog,
+    /// A dip of the supply: the core stops, RAM keeps its contents.
+    BrownOut,
 }
 
 /// Something that will happen by itself.
@@ -175,6 +177,7 @@ impl<B: Board> Soc<B> {
             }
             ResetCause::Software => self.rcc.flag(rcc::reset_flag::SOFTWARE | rcc::reset_flag::PIN),
             ResetCause::Watchdog => self.rcc.flag(rcc::reset_flag::IWDG | rcc::reset_flag::PIN),
+            ResetCause::BrownOut => self.rcc.flag(rcc::reset_flag::BOR | rcc::reset_flag::PIN),
         }
         self.clock.retune(self.rcc.tree());
     }
@@ -270,6 +273,13 @@ impl<B: Board> Soc<B> {
     fn catch_up_adc(&mut self, at: u64) {
         let (dma, memory) = (&mut self.dma[1], &mut self.memory);
         self.adc.catch_up(at, dma, memory, wires!(self));
+    }
+
+    /// The ADC's requests to its DMA stream are lost from now on, as if none of them had been served in time.
+    pub fn stall_adc(&mut self, stalled: bool) {
+        self.sync();
+        self.catch_up_adc(self.clock.now());
+        self.adc.stall(stalled);
     }
 
     /// The board drives its side of the pins, now.

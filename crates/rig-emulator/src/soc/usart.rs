@@ -219,8 +219,8 @@ impl Usart {
         let high = (self.sr & TXE != 0 && enabled(7))
             || (self.sr & TC != 0 && enabled(6))
             || (self.sr & (RXNE | ORE) != 0 && enabled(5))
-            || (self.sr & IDLE != 0 && enabled(4))
-            || (self.sr & ORE != 0 && self.cr3 & 1 != 0);
+            // EIE counts only with DMAR, which is not modelled.
+            || (self.sr & IDLE != 0 && enabled(4));
         wires.nvic.set_line(self.kind.irq, high);
     }
 

@@ -155,6 +155,32 @@ fn without_a_stream_the_adc_overruns_and_stops_asking() {
     set(&mut chip, S0CR, cr | 1);
     pass(&mut chip, 4.0 * SLOW_S);
     assert_eq!(get(&mut chip, S0NDTR), 8, "no requests while OVR is set");
+    // The conversion in progress was aborted, and triggers are ignored (RM0390 section 13.8.1).
+    let samples = chip.board.samples.len();
+    let cr2 = get(&mut chip, CR2);
+    set(&mut chip, CR2, cr2 | SWSTART);
+    pass(&mut chip, 4.0 * SLOW_S);
+    assert_eq!((chip.board.samples.len(), get(&mut chip, S0NDTR)), (samples, 8));
+    // The stream set up, OVR cleared, a trigger: it goes on.
+    set(&mut chip, SR, !0x20);
+    pass(&mut chip, 4.0 * SLOW_S);
+    assert_eq!(get(&mut chip, S0NDTR), 8, "not by itself");
+    set(&mut chip, CR2, cr2 | SWSTART);
+    pass(&mut chip, 3.5 * SLOW_S);
+    assert_eq!(get(&mut chip, S0NDTR), 5);
+}
+
+#[test]
+fn a_stalled_adc_overruns_as_if_its_stream_were_gone() {
+    let mut chip = adc();
+    continuous(&mut chip, 8);
+    pass(&mut chip, 2.5 * SLOW_S);
+    chip.stall_adc(true);
+    pass(&mut chip, 4.0 * SLOW_S);
+    assert_eq!((get(&mut chip, SR) & 0x20, get(&mut chip, S0NDTR)), (0x20, 6));
+    chip.stall_adc(false);
+    pass(&mut chip, 4.0 * SLOW_S);
+    assert_eq!(get(&mut chip, S0NDTR), 6, "the overrun outlives its cause");
 }
 
 #[test]

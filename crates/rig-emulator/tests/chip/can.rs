@@ -168,6 +168,21 @@ fn with_nart_there_is_one_try() {
 }
 
 #[test]
+fn in_loop_back_it_hears_itself_and_needs_no_acknowledgement() {
+    let mut chip = node(0);
+    chip.board.outcome = CanOutcome::Unacknowledged;
+    set(&mut chip, MCR, 1);
+    set(&mut chip, BTR, 1 << 30 | 1 << 20 | 4 << 16 | 1);
+    set(&mut chip, MCR, 0);
+    pass(&mut chip, 12.0 * BIT_S);
+    transmit(&mut chip, 0, 0x123);
+    pass(&mut chip, 300.0 * BIT_S);
+    assert_eq!(get(&mut chip, TSR), TME | 3);
+    assert_eq!((get(&mut chip, RF0R) & 3, get(&mut chip, RI0R) >> 21), (1, 0x123));
+    assert_eq!(get(&mut chip, ESR), 0);
+}
+
+#[test]
 fn an_abort_takes_back_what_is_not_on_the_wire() {
     let mut chip = node(0);
     transmit(&mut chip, 0, 0x100);
@@ -224,9 +239,79 @@ fn without_abom_software_has_to_restart_it() {
     pass(&mut chip, 0.05);
     assert_eq!(get(&mut chip, ESR) & 4, 4);
     set(&mut chip, MCR, 1);
+    // In initialisation it does not listen, so the 128 x 11 recessive bits begin after it.
+    pass(&mut chip, 0.01);
+    assert_eq!(get(&mut chip, ESR) & 4, 4);
     set(&mut chip, MCR, 0);
-    pass(&mut chip, 2e-3);
+    pass(&mut chip, 1400.0 * BIT_S);
+    assert_eq!(get(&mut chip, ESR) & 4, 4);
+    pass(&mut chip, 30.0 * BIT_S);
     assert_eq!(get(&mut chip, ESR), 0);
+}
+
+/// Of a frame only the eleven recessive bits from its ACK delimiter to the end of the pause count.
+#[test]
+fn traffic_delays_the_recovery_from_bus_off() {
+    let mut chip = node(ABOM);
+    chip.board.outcome = CanOutcome::BitError;
+    transmit(&mut chip, 0, 0x123);
+    pass(&mut chip, 0.05);
+    set(&mut chip, TSR, 1 << 7);
+    chip.stimulate(Stimulus::CanQuiet);
+    for _ in 0..10 {
+        chip.stimulate(Stimulus::Can(frame(0x1B)));
+    }
+    let taken = 10 * (frame_bits(&frame(0x1B)) + 3);
+    pass(&mut chip, (1408 + taken - 110 - 5) as f64 * BIT_S);
+    assert_eq!(get(&mut chip, ESR) & 4, 4);
+    assert_eq!(get(&mut chip, RF0R) & 3, 0, "nothing is received meanwhile");
+    pass(&mut chip, 10.0 * BIT_S);
+    assert_eq!(get(&mut chip, ESR), 0);
+}
+
+/// Eight up for an error, one down for a frame; warning at 96, passive at 128, off at 256.
+#[test]
+fn the_transmit_error_counter_and_what_it_leads_to() {
+    let mut chip = node(NART);
+    let try_once = |chip: &mut Chip, outcome| {
+        chip.board.outcome = outcome;
+        transmit(chip, 0, 0x123);
+        pass(chip, 300.0 * BIT_S);
+        get(chip, ESR)
+    };
+    for error in 1..=31u32 {
+        let esr = try_once(&mut chip, CanOutcome::BitError);
+        let flags = u32::from(8 * error >= 96) | u32::from(8 * error > 127) << 1;
+        assert_eq!((esr >> 16 & 0xFF, esr & 7, esr >> 4 & 7), (8 * error, flags, 4), "error {error}");
+    }
+    // Down again, through both limits.
+    for sent in 1..=160u32 {
+        let esr = try_once(&mut chip, CanOutcome::Acknowledged);
+        let count = 248 - sent;
+        let flags = u32::from(count >= 96) | u32::from(count > 127) << 1;
+        assert_eq!((esr >> 16 & 0xFF, esr & 7, esr >> 4 & 7), (count, flags, 0), "frame {sent}");
+    }
+    for _ in 0..20 {
+        try_once(&mut chip, CanOutcome::BitError);
+    }
+    assert_eq!(get(&mut chip, ESR) & 4, 0, "88 + 160 are 248");
+    assert_eq!(try_once(&mut chip, CanOutcome::BitError) & 7, 7);
+}
+
+#[test]
+fn each_state_interrupts_by_its_own_enable() {
+    // EWGIE, EPVIE, BOFIE: after how many errors each comes.
+    for (enable, errors) in [(1 << 8, 12), (1 << 9, 16), (1 << 10, 32)] {
+        let mut chip = node(NART);
+        set(&mut chip, IER, enable | 1 << 15);
+        chip.board.outcome = CanOutcome::BitError;
+        for error in 1..=32 {
+            transmit(&mut chip, 0, 0x123);
+            pass(&mut chip, 300.0 * BIT_S);
+            assert_eq!(get(&mut chip, MSR) & 4 != 0, error >= errors, "enable {enable:#x}, error {error}");
+            assert_eq!(pending(&mut chip, 22), error >= errors);
+        }
+    }
 }
 
 #[test]

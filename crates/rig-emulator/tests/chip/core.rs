@@ -158,6 +158,21 @@ fn a_reset_by_software_keeps_ram_and_a_power_cycle_does_not() {
 }
 
 #[test]
+fn a_brown_out_keeps_ram_and_sets_its_flag_alone() {
+    let program = main_only(&[bump(RESULT, 1), vec![PARK]]);
+    let mut machine = machine(&program);
+    machine.run_until(1e-3).expect("runs");
+    // RMVF: what the power-up left.
+    machine.soc_mut().write(0x4002_3874, 4, 1 << 24);
+    machine.brown_out();
+    machine.run_until(2e-3).expect("runs");
+    assert_eq!(ram(&mut machine, RESULT), 0xA5A5_A5A5 + 2);
+    // BORRSTF and PINRSTF (RM0390 section 6.3.21).
+    assert_eq!(machine.soc_mut().read(0x4002_3874, 4) >> 24, 0x06);
+    assert_eq!(machine.stats().resets.last().map(|r| r.1), Some(ResetCause::BrownOut));
+}
+
+#[test]
 fn the_watchdog_resets_a_program_that_hangs() {
     let program = main_only(&[poke(0x4000_3000, 0xCCCC), vec![PARK]]);
     let mut machine = machine(&program);

@@ -1,12 +1,20 @@
 //! Flash programming and erasing (RM0390 chapter 3).
 
 use crate::fixture::*;
+use rig_emulator::soc::ResetCause;
 
 const KEYR: u32 = 0x4002_3C04;
 const SR: u32 = 0x4002_3C0C;
 const CR: u32 = 0x4002_3C10;
 const SECTOR_3: u32 = 0x0800_C000;
 const WORDWISE: u32 = 2 << 8;
+const EOPIE: u32 = 1 << 24;
+const ERRIE: u32 = 1 << 25;
+const EOP: u32 = 1;
+const OPERR: u32 = 1 << 1;
+const PGAERR: u32 = 1 << 5;
+const PGPERR: u32 = 1 << 6;
+const PGSERR: u32 = 1 << 7;
 
 fn unlocked() -> Chip {
     let mut chip = chip();
@@ -38,6 +46,31 @@ fn a_wrong_key_locks_until_reset() {
     set(&mut chip, KEYR, 0x4567_0123);
     set(&mut chip, KEYR, 0xCDEF_89AB);
     assert_eq!(get(&mut chip, CR) >> 31, 1);
+    chip.reset(ResetCause::Software);
+    set(&mut chip, KEYR, 0x4567_0123);
+    set(&mut chip, KEYR, 0xCDEF_89AB);
+    assert_eq!(get(&mut chip, CR) >> 31, 0);
+}
+
+#[test]
+fn the_keys_come_in_order_and_a_lock_needs_them_anew() {
+    let mut chip = chip();
+    set(&mut chip, KEYR, 0xCDEF_89AB);
+    set(&mut chip, KEYR, 0x4567_0123);
+    assert_eq!(get(&mut chip, CR) >> 31, 1);
+    let mut chip = unlocked();
+    set(&mut chip, CR, 1 | WORDWISE | 1 << 31);
+    // Locked, the register takes nothing, nor does the memory.
+    set(&mut chip, CR, 2 | 3 << 3);
+    set(&mut chip, CR, 2 | 3 << 3 | 1 << 16);
+    assert_eq!(get(&mut chip, CR), 1 | WORDWISE | 1 << 31);
+    chip.program_flash(SECTOR_3, 4, 0);
+    assert_eq!((get(&mut chip, SR), word(&chip, SECTOR_3)), (PGSERR, 0xFFFF_FFFF));
+    set(&mut chip, KEYR, 0x4567_0123);
+    set(&mut chip, KEYR, 0xCDEF_89AB);
+    set(&mut chip, SR, PGSERR);
+    chip.program_flash(SECTOR_3, 4, 0);
+    assert_eq!((get(&mut chip, SR), word(&chip, SECTOR_3)), (0, 0));
 }
 
 #[test]
@@ -82,4 +115,58 @@ fn a_sector_erases_alone_and_takes_its_time() {
         assert_eq!(word(&chip, start), 0xFFFF_FFFF);
         assert_eq!(word(&chip, start + size - 4), 0xFFFF_FFFF);
     }
+}
+
+#[test]
+fn an_erase_that_cannot_be_is_a_sequence_error_and_erases_nothing() {
+    // While programming is on; a sector that is not there; without SER.
+    for cr in [1 | 2 | 3 << 3, 2 | 8 << 3, 3 << 3] {
+        let mut chip = unlocked();
+        set(&mut chip, CR, 1 | WORDWISE);
+        chip.program_flash(SECTOR_3, 4, 0x1234_5678);
+        set(&mut chip, CR, cr);
+        let start_s = chip.clock.seconds();
+        set(&mut chip, CR, cr | 1 << 16);
+        assert_eq!((get(&mut chip, SR), word(&chip, SECTOR_3)), (PGSERR, 0x1234_5678), "CR {cr:#x}");
+        close(chip.clock.seconds() - start_s, 0.0, 1e-6);
+    }
+}
+
+#[test]
+fn the_end_of_an_operation_shows_only_with_its_interrupt_enabled() {
+    let mut chip = unlocked();
+    set(&mut chip, CR, 1 | WORDWISE | EOPIE);
+    chip.program_flash(SECTOR_3, 4, 0);
+    assert_eq!(get(&mut chip, SR), EOP);
+    // Flags go by writing 1.
+    set(&mut chip, SR, 0);
+    assert_eq!(get(&mut chip, SR), EOP);
+    set(&mut chip, SR, EOP);
+    assert_eq!(get(&mut chip, SR), 0);
+    set(&mut chip, CR, 2 | 3 << 3 | EOPIE);
+    set(&mut chip, CR, 2 | 3 << 3 | EOPIE | 1 << 16);
+    assert_eq!(get(&mut chip, SR), EOP);
+}
+
+#[test]
+fn errors_name_themselves_and_show_as_operation_errors_only_with_their_interrupt_enabled() {
+    let attempt = |cr: u32, address: u32, size: usize| {
+        let mut chip = unlocked();
+        set(&mut chip, CR, cr);
+        chip.program_flash(address, size, 0);
+        assert_eq!(word(&chip, SECTOR_3), 0xFFFF_FFFF);
+        get(&mut chip, SR)
+    };
+    assert_eq!(attempt(1 | WORDWISE, SECTOR_3 + 2, 4), PGAERR);
+    assert_eq!(attempt(1 | WORDWISE, SECTOR_3, 2), PGPERR);
+    assert_eq!(attempt(1 | WORDWISE | ERRIE, SECTOR_3 + 2, 4), PGAERR | OPERR);
+    assert_eq!(attempt(1 | WORDWISE | ERRIE, SECTOR_3, 1), PGPERR | OPERR);
+    // A wrong sequence is no operation at all.
+    assert_eq!(attempt(ERRIE, SECTOR_3, 4), PGSERR);
+}
+
+#[test]
+fn no_sector_is_write_protected_as_delivered() {
+    // OPTCR: nWRP of all eight sectors set, so WRPERR never comes.
+    assert_eq!(get(&mut chip(), 0x4002_3C14) >> 16 & 0xFF, 0xFF);
 }

@@ -7,6 +7,7 @@ const EXTI: u32 = 0x4001_3C00;
 const IMR: u32 = EXTI;
 const RTSR: u32 = EXTI + 8;
 const FTSR: u32 = EXTI + 0xC;
+const SWIER: u32 = EXTI + 0x10;
 const PR: u32 = EXTI + 0x14;
 const EXTICR: u32 = 0x4001_3808;
 
@@ -86,6 +87,20 @@ fn a_masked_line_is_remembered_but_does_not_interrupt() {
     assert!(!pending(&mut chip, 23));
     set(&mut chip, IMR, 1 << 7);
     assert!(pending(&mut chip, 23));
+}
+
+#[test]
+fn software_raises_a_line_once_until_its_flag_is_cleared() {
+    let mut chip = chip();
+    set(&mut chip, IMR, 1 << 3);
+    set(&mut chip, SWIER, 1 << 3);
+    assert_eq!((get(&mut chip, PR), get(&mut chip, SWIER)), (1 << 3, 1 << 3));
+    assert!(pending(&mut chip, 9));
+    // Clearing the flag clears SWIER as well, so that the next write is a new edge.
+    set(&mut chip, PR, 1 << 3);
+    assert_eq!((get(&mut chip, PR), get(&mut chip, SWIER)), (0, 0));
+    set(&mut chip, SWIER, 1 << 3);
+    assert_eq!(get(&mut chip, PR), 1 << 3);
 }
 
 #[test]

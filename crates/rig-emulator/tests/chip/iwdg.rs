@@ -62,3 +62,53 @@ fn a_reset_stops_it_and_sets_its_flag() {
     pass(&mut chip, 5.0);
     assert_eq!(chip.reset_request, None);
 }
+
+#[test]
+fn every_prescaler_divides_the_lsi() {
+    for (code, divider) in [(0, 4.0), (1, 8.0), (2, 16.0), (3, 32.0), (4, 64.0), (5, 128.0), (6, 256.0), (7, 256.0)] {
+        let mut chip = chip();
+        set(&mut chip, KR, 0xCCCC);
+        set(&mut chip, KR, 0x5555);
+        set(&mut chip, PR, code);
+        set(&mut chip, RLR, 99);
+        set(&mut chip, KR, 0xAAAA);
+        let start_s = chip.clock.seconds();
+        pass(&mut chip, 2.0);
+        assert_eq!(chip.reset_request, Some(ResetCause::Watchdog));
+        close(chip.clock.seconds() - start_s, 100.0 * divider / 32_000.0, 1e-4);
+    }
+}
+
+#[test]
+fn any_other_key_closes_the_registers_again() {
+    for key in [0xAAAA, 0xCCCC, 0x0000, 0x5554] {
+        let mut chip = watchdog();
+        assert_eq!((get(&mut chip, PR), get(&mut chip, RLR)), (0, 3999));
+        set(&mut chip, KR, key);
+        set(&mut chip, PR, 6);
+        set(&mut chip, RLR, 1);
+        assert_eq!((get(&mut chip, PR), get(&mut chip, RLR)), (0, 3999), "key {key:#x}");
+    }
+}
+
+#[test]
+fn once_started_it_is_neither_started_anew_nor_fed_by_a_wrong_key() {
+    let mut chip = watchdog();
+    set(&mut chip, KR, 0xCCCC);
+    let start_s = chip.clock.seconds();
+    pass(&mut chip, 0.3);
+    for key in [0xCCCC, 0x5555, 0xAAAB, 0] {
+        set(&mut chip, KR, key);
+    }
+    // A new reload value counts from the next feeding on.
+    set(&mut chip, KR, 0x5555);
+    set(&mut chip, RLR, 10);
+    pass(&mut chip, 1.0);
+    close(chip.clock.seconds() - start_s, 4096.0 * 4.0 / 32_000.0, 1e-4);
+}
+
+#[test]
+fn the_registers_after_a_reset() {
+    let mut chip = chip();
+    assert_eq!([KR, PR, RLR, KR + 0xC].map(|register| get(&mut chip, register)), [0, 0, 0xFFF, 0]);
+}

@@ -8,6 +8,7 @@ mod core;
 mod fixture;
 mod flash;
 mod gpio_exti;
+mod interrupts;
 mod iwdg;
 mod program;
 mod strict;

@@ -148,7 +148,8 @@ impl Can {
     }
 
     fn recover(&mut self, at: u64, clock: &Clock) {
-        if self.errors.bus_off() && self.mcr & ABOM != 0 && !self.disturbed && self.recovered_at == NEVER {
+        let listens = self.joined_at != NEVER && !self.disturbed;
+        if self.errors.bus_off() && self.mcr & ABOM != 0 && listens && self.recovered_at == NEVER {
             self.recovered_at = at + RECOVERY_BITS * self.bit(clock);
         }
     }
@@ -172,6 +173,10 @@ impl Can {
             (own, Some(frame)) => {
                 self.incoming.pop_front();
                 self.bus = Bus::Other(at + frame_bits(&frame) * bit, frame);
+                if self.recovered_at != NEVER {
+                    // Of its bits only those from the ACK delimiter to the end of the pause count, once.
+                    self.recovered_at += (frame_bits(&frame) + PAUSE - JOIN_BITS) * bit;
+                }
                 if let (Some((index, _)), true) = (own, self.mcr & NART != 0) {
                     self.mailboxes.finish(index, End::Lost);
                 }
@@ -378,7 +383,7 @@ impl Can {
                 if mode == SLEEP && before & SLEEP == 0 && self.ier >> 17 & 1 == 1 {
                     self.msr_flags |= 0x10;
                 }
-                self.joined_at = NEVER;
+                (self.joined_at, self.recovered_at) = (NEVER, NEVER);
             }
         }
         self.recover(wires.clock.now(), wires.clock);

@@ -1,51 +1,66 @@
-//! The RMDS-405 over CAN: start-up, a command every tick, its reports.
+//! The RMDS-405: start-up, a command every tick, its reports. Over [`can`], or over [`uart`] where the scene says so.
+
+mod can;
+mod uart;
 
 use crate::board::drive_address;
 use crate::scene::RIG;
 use crate::shared::{self, Task};
 use core::sync::atomic::Ordering;
 use embassy_futures::select::{Either3, select3};
-use embassy_stm32::can::{Can, CanRx, CanTx, Frame as CanFrame, Id, Mailbox};
-use embassy_stm32::pac;
-use embassy_time::{Duration, Instant, Ticker, Timer, with_timeout};
+use embassy_stm32::can::Can;
+use embassy_stm32::usart::BufferedUart;
+use embassy_time::{Duration, Instant, Ticker};
 use rig_control::{DriveCommand, DriveReading, SupplyReading};
-use rmds405::{Action, Command, Event, Frame, Mode, QuadCounts, Received, Report, StartUp};
+use rmds405::{Action, Command, Event, Frame, Mode, QuadCounts, Report, StartUp};
 
 /// Period of the drive's motion reports (ms): its recommended data period.
 const FEEDBACK_MS: u8 = 10;
 /// Period of its reports of the supply (ms).
 const SUPPLY_MS: u8 = 50;
-/// How long the controller may wait for a quiet bus before it is tried again.
-const ENABLE_WAIT: Duration = Duration::from_millis(200);
-/// Pause after a bus error: an unacknowledged bus reports errors without end.
-const ERROR_PAUSE: Duration = Duration::from_millis(5);
+
+/// A way to the drive.
+trait Transport {
+    /// Sends a frame, or drops it: never late.
+    async fn send(&mut self, frame: &Frame);
+
+    /// The drive's next report; everything else that comes is counted. May be dropped at any await without loss.
+    async fn next_report(&mut self) -> Report;
+
+    /// Whether the controller has left the bus.
+    fn bus_off(&self) -> bool;
+}
 
 #[embassy_executor::task]
-pub async fn run(mut can: Can<'static>) -> ! {
-    // With RX stuck or floating, `enable` waits for ever.
-    while with_timeout(ENABLE_WAIT, can.enable()).await.is_err() {
-        defmt::warn!("CAN: no quiet bus; transceiver powered and terminated?");
-        shared::alive(Task::Drive);
-    }
-    let (mut tx, mut rx) = can.split();
+pub async fn over_can(can: Can<'static>) -> ! {
+    run(can::CanTransport::open(can).await).await
+}
+
+#[embassy_executor::task]
+pub async fn over_uart(uart: BufferedUart<'static>) -> ! {
+    run(uart::UartTransport::new(uart)).await
+}
+
+async fn run(mut line: impl Transport) -> ! {
     let mut start_up = new_start_up();
     let mut ready = false;
     let mut ticker = Ticker::every(Duration::from_millis(10));
     loop {
-        match select3(ticker.next(), next_report(&mut rx), shared::DRIVE_COMMAND.wait()).await {
+        let news = select3(ticker.next(), line.next_report(), shared::DRIVE_COMMAND.wait()).await;
+        match news {
             Either3::First(()) => {
                 shared::alive(Task::Drive);
                 // The controller comes back by itself when the bus is quiet again; by then the rig holds.
-                if pac::CAN1.esr().read().boff() {
+                if line.bus_off() {
                     shared::BUS_OFF.store(true, Ordering::Relaxed);
                 }
                 if !ready {
-                    ready = start(&mut start_up, Event::Tick, &mut tx);
+                    ready = start(&mut start_up, Event::Tick, &mut line).await;
                 }
             }
             Either3::Second(report) => {
                 if !ready {
-                    ready = start(&mut start_up, Event::Report(report), &mut tx);
+                    ready = start(&mut start_up, Event::Report(report), &mut line).await;
                 }
                 if ready {
                     take(report);
@@ -58,7 +73,7 @@ pub async fn run(mut can: Can<'static>) -> ! {
             }
             Either3::Third(DriveCommand::Follow { position_qc, speed_limit_rpm, current_limit_ma }) if ready => {
                 match follow(position_qc, speed_limit_rpm, current_limit_ma) {
-                    Some(frame) => send(&mut tx, &frame),
+                    Some(frame) => line.send(&frame).await,
                     None => defmt::error!("drive command out of range: {} mA", current_limit_ma),
                 }
             }
@@ -73,11 +88,11 @@ fn new_start_up() -> StartUp {
 }
 
 /// One step of the start-up sequence; true when the drive is ready.
-fn start(start_up: &mut StartUp, event: Event, tx: &mut CanTx<'static>) -> bool {
+async fn start(start_up: &mut StartUp, event: Event, line: &mut impl Transport) -> bool {
     match start_up.step(Instant::now().as_millis(), event) {
         Action::Wait => false,
         Action::Send(frame) => {
-            send(tx, &frame);
+            line.send(&frame).await;
             false
         }
         Action::Ready => {
@@ -119,39 +134,4 @@ fn follow(position_qc: i32, speed_limit_rpm: i16, current_limit_ma: i16) -> Opti
         position: QuadCounts(position_qc),
     };
     Some(command.encode(drive_address()))
-}
-
-/// Sends now or not at all: a frame that nobody acknowledged must not go out seconds later (hardware.md 7.1).
-fn send(tx: &mut CanTx<'static>, frame: &Frame) {
-    if !tx.is_idle() {
-        for mailbox in [Mailbox::Mailbox0, Mailbox::Mailbox1, Mailbox::Mailbox2] {
-            tx.abort(mailbox);
-        }
-    }
-    if let Ok(frame) = CanFrame::new_standard(frame.id, &frame.data) {
-        let _ = tx.try_write(&frame);
-    }
-}
-
-/// The drive's next report; everything else on the bus is counted.
-async fn next_report(rx: &mut CanRx<'static>) -> Report {
-    loop {
-        match rx.read().await {
-            Ok(envelope) => {
-                let (id, extended) = match envelope.frame.id() {
-                    Id::Standard(id) => (u32::from(id.as_raw()), false),
-                    Id::Extended(id) => (id.as_raw(), true),
-                };
-                let received =
-                    Received { id, extended, remote: envelope.frame.header().rtr(), data: envelope.frame.data() };
-                match Report::decode(drive_address(), &received) {
-                    Ok(report) => return report,
-                    Err(_) => {
-                        shared::FOREIGN_FRAMES.fetch_add(1, Ordering::Relaxed);
-                    }
-                }
-            }
-            Err(_) => Timer::after(ERROR_PAUSE).await,
-        }
-    }
 }

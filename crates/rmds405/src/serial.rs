@@ -1,0 +1,111 @@
+//! The same conversation over RS232. **Experimental: no public text of the vendor's RS232 manual was found.**
+//!
+//! Known (hardware.md 5): RS232 levels, 115 200 baud 8N1, the command set of CAN, RS232 and CAN exclusive. Assumed, by
+//! analogy with the vendor's older RS485 frame (0x48, number and function, the same eight bytes, no checksum):
+//!
+//! - ten bytes: the header 0x32, the function, the eight data bytes of the CAN frame padded with 0x55;
+//! - no address: the line has one drive at its end;
+//! - the drive sends the reports that it sends on CAN, each in one piece.
+//!
+//! Without a checksum nothing tells a frame from noise but its place and its form. So a frame begins only where the line was
+//! quiet or where another ended, and counts only if its header, function and padding are all right; else everything up to
+//! the next quiet is dropped.
+
+use crate::address::Function;
+use crate::command::Command;
+use crate::frame::Frame;
+use crate::report::Report;
+
+/// Baud of the drive as it is delivered (hardware.md 5), 8N1.
+pub const BAUD: u32 = 115_200;
+
+/// Length of a frame on the line.
+pub const LENGTH: usize = 10;
+
+/// First byte of a frame. Assumed.
+pub const HEADER: u8 = 0x32;
+
+/// Time of one byte on the line (µs, rounded up): start bit, eight bits, stop bit.
+pub const BYTE_US: u64 = 10_000_000_u64.div_ceil(BAUD as u64);
+
+/// A line without a byte for this long was quiet (µs): well above the time of a byte, well below the reports' period.
+pub const QUIET_US: u64 = 1000;
+
+/// A frame as bytes. Of the identifier only the function goes out.
+pub fn encode(frame: &Frame) -> [u8; LENGTH] {
+    let mut bytes = [0; LENGTH];
+    bytes[0] = HEADER;
+    bytes[1] = Function::of_id(frame.id) as u8;
+    bytes[2..].copy_from_slice(&frame.data);
+    bytes
+}
+
+/// Finds what one side says in a stream of bytes.
+#[derive(Clone, Debug)]
+pub struct Decoder<T> {
+    understand: fn(Function, &[u8; 8]) -> Option<T>,
+    bytes: [u8; LENGTH],
+    length: usize,
+    /// Lost its place: waits for a quiet line.
+    lost: bool,
+    last_us: u64,
+    foreign: u32,
+}
+
+impl Decoder<Report> {
+    /// What a drive says. Its padding is looked at: bytes that the drive would not send are noise.
+    pub const fn reports() -> Self {
+        Self::new(|function, data| Report::of(function, data).ok().filter(|report| report.data() == *data))
+    }
+}
+
+impl Decoder<Command> {
+    /// What a host says, for an emulated drive.
+    pub const fn commands() -> Self {
+        Self::new(|function, data| Command::of(function, data).ok())
+    }
+}
+
+impl<T> Decoder<T> {
+    const fn new(understand: fn(Function, &[u8; 8]) -> Option<T>) -> Self {
+        Self { understand, bytes: [0; LENGTH], length: 0, lost: false, last_us: 0, foreign: 0 }
+    }
+
+    /// A byte that came at `now_us`; what it completed, if it was the last of a frame. Times that run back count as no time.
+    pub fn push(&mut self, now_us: u64, byte: u8) -> Option<T> {
+        if now_us.saturating_sub(self.last_us) >= QUIET_US {
+            self.drop_rest();
+            self.lost = false;
+        }
+        self.last_us = self.last_us.max(now_us);
+        self.bytes[self.length] = byte;
+        self.length += 1;
+        let in_place = self.bytes[0] == HEADER && (self.length < 2 || self.bytes[1] <= 0xF);
+        if self.lost || !in_place {
+            self.lost = true;
+            self.drop_rest();
+            return None;
+        }
+        if self.length < LENGTH {
+            return None;
+        }
+        let [_, function, data @ ..] = self.bytes;
+        let understood = (self.understand)(Function::of_id(u16::from(function)), &data);
+        if understood.is_none() {
+            self.lost = true;
+            self.drop_rest();
+        }
+        self.length = 0;
+        understood
+    }
+
+    /// Bytes that were no part of a frame. Those of a frame that broke off count when the next byte comes.
+    pub const fn foreign(&self) -> u32 {
+        self.foreign
+    }
+
+    fn drop_rest(&mut self) {
+        self.foreign = self.foreign.saturating_add(self.length as u32);
+        self.length = 0;
+    }
+}
