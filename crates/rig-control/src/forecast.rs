@@ -5,7 +5,7 @@
 
 use crate::RigConstants;
 use crate::TICK_S;
-use crate::limits::Limits;
+use crate::limits::{Limits, PeakSearch};
 use crate::mechanism::Mechanism;
 
 /// Pieces of the way. Moves that the motor holds back then take within 5 % of what was said.
@@ -27,6 +27,7 @@ pub struct Forecast {
     cruise_s: f32,
     /// Since the beginning (s).
     gone_s: f32,
+    search: Option<PeakSearch>,
     total_s: Option<f32>,
 }
 
@@ -45,6 +46,7 @@ impl Forecast {
             twist_rad: 0.0,
             cruise_s: 0.0,
             gone_s: 0.0,
+            search: None,
             total_s: None,
         }
     }
@@ -69,10 +71,16 @@ impl Forecast {
             self.first = Some(Limits::for_motor(self.asked_m_per_s, tr, pull_n, rig).0);
             return;
         };
+        if let Some(search) = &mut self.search {
+            self.total_s = search.step(&first);
+            return;
+        }
         if self.piece == PIECES {
-            // In a tick of its own: there is a search in it.
             let last = Limits::for_motor(self.asked_m_per_s, self.tr_rad_per_m, pull_n, rig).0;
-            self.total_s = Some(first.duration_from_s(self.from_m_per_s, self.distance_m, self.cruise_s, &last));
+            match first.duration_from_s(self.from_m_per_s, self.distance_m, self.cruise_s, &last) {
+                Ok(total_s) => self.total_s = Some(total_s),
+                Err(search) => self.search = Some(search),
+            }
             return;
         }
         let dx_m = self.distance_m / f32::from(PIECES);

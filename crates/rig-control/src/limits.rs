@@ -108,26 +108,47 @@ impl Limits {
     }
 
     /// Time (s) over a distance (m) that at this speed limit alone would take `cruise_s`, beginning at a speed (m/s) and
-    /// with these limits, ending at rest with `last`.
-    pub fn duration_from_s(&self, from: f32, distance_m: f32, cruise_s: f32, last: &Self) -> f32 {
+    /// with these limits, ending at rest with `last`; where that has to be searched for, the search.
+    pub fn duration_from_s(&self, from: f32, distance_m: f32, cruise_s: f32, last: &Self) -> Result<f32, PeakSearch> {
         // Forwards is where the target is, or where it has to turn back to.
         let forwards = if self.by_way_of(from, from.max(0.0)) > distance_m { -1.0 } else { 1.0 };
         let (from, distance) = (forwards * from, forwards * distance_m);
         let way = |to: f32| 0.5 * self.rise_s(to - from) * (to + from);
         if way(self.speed) + 0.5 * last.speed * last.rise_s(last.speed) <= distance {
             let begin_s = self.rise_s(self.speed - from) - way(self.speed) / self.speed;
-            return cruise_s + begin_s + 0.5 * last.rise_s(last.speed);
+            return Ok(cruise_s + begin_s + 0.5 * last.rise_s(last.speed));
         }
         if from == 0.0 {
-            return self.duration_s(distance);
+            return Ok(self.duration_s(distance));
         }
-        let (mut low, mut high) = (from.max(0.0), self.speed);
-        for _ in 0..PEAK_STEPS {
-            let middle = 0.5 * (low + high);
-            if self.by_way_of(from, middle) > distance { high = middle } else { low = middle }
+        Err(PeakSearch { from, distance, low: from.max(0.0), high: self.speed, left: PEAK_STEPS })
+    }
+}
+
+/// Search for the peak speed (m/s) of a move that is too short for its speed, a little each tick.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PeakSearch {
+    from: f32,
+    distance: f32,
+    low: f32,
+    high: f32,
+    left: u8,
+}
+
+impl PeakSearch {
+    /// One step; the move's time (s) when it is done.
+    pub fn step(&mut self, limits: &Limits) -> Option<f32> {
+        let middle = 0.5 * (self.low + self.high);
+        if self.left == 0 {
+            return Some(limits.rise_s(middle - self.from) + limits.rise_s(middle));
         }
-        let low = 0.5 * (low + high);
-        self.rise_s(low - from) + self.rise_s(low)
+        if limits.by_way_of(self.from, middle) > self.distance {
+            self.high = middle
+        } else {
+            self.low = middle
+        }
+        self.left -= 1;
+        None
     }
 }
 

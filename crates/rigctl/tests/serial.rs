@@ -1,0 +1,96 @@
+//! The real serial path: the tool on one end of a pseudo-terminal, the emulated board on the other, in real time.
+#![cfg(unix)]
+
+use rigctl::session::Port;
+use rigctl::session::sim::{Sim, SimOptions};
+use serde_json::Value;
+use serialport::{SerialPort, TTYPort};
+use std::io::{Read, Write};
+use std::process::{Command, Output};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// Slice of time (s) that the board runs at once.
+const SLICE_S: f64 = 0.01;
+
+/// An emulated board behind a device name, until it is dropped.
+struct Board {
+    device: String,
+    stop: Arc<AtomicBool>,
+    thread: Option<std::thread::JoinHandle<()>>,
+    // Kept open, so that the line stays up between two calls of the tool.
+    _slave: TTYPort,
+}
+
+impl Board {
+    fn new() -> Self {
+        let (mut master, mut slave) = TTYPort::pair().expect("a pseudo-terminal");
+        master.set_timeout(Duration::from_millis(1)).expect("a time-out");
+        slave.set_exclusive(false).expect("a line for two");
+        let device = slave.name().expect("a name");
+        let stop = Arc::new(AtomicBool::new(false));
+        let seen = Arc::clone(&stop);
+        let thread = std::thread::spawn(move || {
+            let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+            let scene = format!("{root}/scenes/default.toml").into();
+            let options = SimOptions { firmware: None, scene, plant: Vec::new(), seed: 1, flash: None };
+            let mut board = Sim::start(&options).unwrap_or_else(|e| panic!("{:?}", e.message()));
+            let began = Instant::now();
+            let mut buffer = [0; 512];
+            while !seen.load(Ordering::Relaxed) {
+                let count = master.read(&mut buffer).unwrap_or(0);
+                let answer = board.pass(&buffer[..count], SLICE_S).unwrap_or_else(|e| panic!("{:?}", e.message()));
+                // A line that nobody reads is full at some time: what does not fit is lost, as on a wire.
+                let _ = master.write_all(&answer.bytes);
+                let ahead_s = board.now_s() - began.elapsed().as_secs_f64();
+                std::thread::sleep(Duration::from_secs_f64(ahead_s.max(0.0)));
+            }
+        });
+        Self { device, stop, thread: Some(thread), _slave: slave }
+    }
+
+    fn rigctl(&self, arguments: &[&str]) -> Output {
+        let tool = env!("CARGO_BIN_EXE_rigctl");
+        Command::new(tool).args(["--json", "--port", &self.device]).args(arguments).output().expect("rigctl runs")
+    }
+}
+
+impl Drop for Board {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        let _ = self.thread.take().map(std::thread::JoinHandle::join);
+    }
+}
+
+fn said(output: &Output) -> String {
+    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
+}
+
+#[test]
+fn a_board_on_a_serial_line_is_greeted_homed_and_moved() {
+    let board = Board::new();
+    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/default.toml");
+    let status = board.rigctl(&["--scene", root, "status"]);
+    assert!(status.status.success(), "{}", said(&status));
+    let refused = board.rigctl(&["--scene", root, "move", "--to", "3mm"]);
+    assert_eq!(refused.status.code(), Some(1), "{}", said(&refused));
+    assert!(said(&refused).contains("not homed"), "{}", said(&refused));
+    let homed = board.rigctl(&["--scene", root, "home"]);
+    assert!(homed.status.success(), "{}", said(&homed));
+    let moved = board.rigctl(&["--scene", root, "move", "--to", "3mm", "--speed", "2mm/s"]);
+    assert!(moved.status.success(), "{}", said(&moved));
+    let text = String::from_utf8_lossy(&moved.stdout).into_owned();
+    let last: Value =
+        serde_json::from_str(text.lines().last().unwrap_or_default()).unwrap_or_else(|e| panic!("{e}: {text}"));
+    let error = last["error_m"].as_f64().unwrap_or_else(|| panic!("no error in {last}"));
+    assert!(error.abs() < 50e-6, "{last}");
+}
+
+#[test]
+fn a_device_that_is_none_is_named() {
+    let tool = Command::new(env!("CARGO_BIN_EXE_rigctl")).args(["--port", "/dev/no-such-rig", "status"]).output();
+    let output = tool.expect("rigctl runs");
+    assert_eq!(output.status.code(), Some(1));
+    assert!(said(&output).contains("/dev/no-such-rig"), "{}", said(&output));
+}
