@@ -152,6 +152,15 @@ pub enum Command {
     Clear,
     /// Who the board is and what it sees
     Status,
+    /// Record telemetry with what it takes to run the experiment again
+    Record(Record),
+    /// The paper's experiment, recorded: turn the strings of a known load up and down
+    Sweep(Sweep),
+    /// What a shell needs to complete commands and options: `rigctl completions bash > rigctl.bash`, then source it
+    Completions {
+        /// Shell
+        shell: clap_complete::Shell,
+    },
     /// Speed against accuracy of every method, tier and table form, and where methods fail: figures and their data
     Chart {
         /// Folder for the figures (SVG) and their data (CSV)
@@ -178,11 +187,52 @@ pub enum Command {
     },
 }
 
+/// What to record, and where to.
+///
+/// Writes CSV: one row for each telemetry message (100 a second, columns as `sim --json` names them, SI units), under
+/// `# key = value` lines: scene and its hash, firmware, git commit and protocol hash, the table and its certificate, port,
+/// seed, plant, host time, the script. Requests and events stand between the rows as `# at SECONDS …`.
+/// `identify` reads those of `sweep`.
+#[derive(Debug, Clone, Args)]
+pub struct Record {
+    /// File to write [default: standard output]
+    #[arg(long, value_name = "FILE.csv")]
+    pub out: Option<PathBuf>,
+    /// How long without a script (s)
+    #[arg(long, value_name = "S", default_value_t = 10.0, conflicts_with = "script")]
+    pub seconds: f64,
+    /// Play this script meanwhile, so that something happens (format as for `sim` and `play`)
+    #[arg(long, value_name = "FILE")]
+    pub script: Option<PathBuf>,
+}
+
+/// A load and how far to turn.
+///
+/// Homes, then turns the strings at a constant speed from the half-turn pre-twist up and back, and records it all as
+/// `record` does. `identify FILE… --out SCENE.toml` fits the scene's constants to such files; take at least three loads, spread
+/// over the range. The load is what you weighed: nothing of the board's estimate goes into the fit. On an emulated
+/// rig this load is hung, unless --plant load=… says another.
+#[derive(Debug, Clone, Args)]
+pub struct Sweep {
+    /// Load that hangs on the rail (N or kg), weighed
+    #[arg(long, value_name = "L", allow_hyphen_values = true, value_parser = load)]
+    pub load: f64,
+    /// Turns past the half-turn pre-twist
+    #[arg(long, value_name = "T", default_value = "7.5", allow_hyphen_values = true, value_parser = turns)]
+    pub turns: f64,
+    /// Speed of the strings
+    #[arg(long, value_name = "W", default_value = "12.5rpm", allow_hyphen_values = true, value_parser = twist_speed)]
+    pub speed: f64,
+    /// File to write
+    #[arg(long, value_name = "FILE.csv")]
+    pub out: PathBuf,
+}
+
 /// What to fit to what.
 #[derive(Debug, Clone, Args)]
 pub struct Identify {
     /// Recorded sweeps: CSV with load_n, turns (or twist_rad), gap_m (from an unknown zero) or contraction_m, and if
-    /// known sigma_m; lines that begin with # are passed over
+    /// known sigma_m, lines that begin with # passed over; or what `sweep` wrote
     #[arg(value_name = "SWEEP.csv", conflicts_with = "published")]
     pub sweeps: Vec<PathBuf>,
     /// The paper's 37 numbers instead, errors taken relative

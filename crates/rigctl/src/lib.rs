@@ -3,7 +3,7 @@
 //! - [`cli`]: the command line; [`commands`]: what each command does; [`batch`]: files of loads and turns.
 //! - [`units`], [`range`], [`scene_key`], [`plant`], [`script`]: text from the operator, checked and turned into SI.
 //! - [`published`]: the paper's numbers and the same computed; [`trace`]: the way along the turns; [`plot`]: pictures.
-//! - [`session`]: a conversation with the firmware, emulated or real.
+//! - [`session`]: a conversation with the firmware, emulated or real; [`log`]: one recorded.
 //! - [`output`]: human or JSON, never both on standard output; [`failure`]: exit codes.
 
 #![forbid(unsafe_code)]
@@ -14,6 +14,7 @@ pub mod cli;
 pub mod commands;
 pub mod failure;
 pub mod identify;
+pub mod log;
 pub mod output;
 pub mod plant;
 pub mod plot;

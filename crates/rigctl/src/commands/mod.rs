@@ -1,6 +1,6 @@
 //! What each command does: [`solve`], [`lookup`] and [`table`] on the desktop alone, [`published`] against the paper and
 //! [`study`] beyond it, [`chart`] on methods against each other, [`demo`] on the emulated board, [`report`] on all of it, [`simulate`] and [`operate`] on it or on a real one, [`dry_run`]
-//! on paper.
+//! on paper. [`record`] and [`sweep`] keep what is seen.
 
 pub mod chart;
 mod curves;
@@ -13,15 +13,18 @@ pub mod operate;
 mod picture;
 pub mod published;
 pub mod rebuild;
+pub mod record;
 pub mod report;
 pub mod simulate;
 pub mod solve;
 pub mod study;
+pub mod sweep;
 pub mod table;
 
 use crate::cli::{Cli, Command, Global};
 use crate::failure::Failure;
 use crate::output::Output;
+use clap::CommandFactory;
 use rig_link::Request;
 use tsa_model::Scene;
 
@@ -52,6 +55,15 @@ pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
         Command::Chart { out, only } => chart::run(global, out, only, output),
         Command::ChartKernel => crate::chart::work::kernel(&scene(global)?),
         Command::Report { out } => report::run(global, out, output),
+        Command::Record(options) => record::run(global, options, output),
+        Command::Sweep(options) => sweep::run(global, options, output),
+        Command::Completions { shell } => {
+            let mut script = Vec::new();
+            clap_complete::generate(*shell, &mut Cli::command(), "rigctl", &mut script);
+            let script = String::from_utf8_lossy(&script);
+            output.object(&serde_json::json!({"shell": shell.to_string(), "script": script}))?;
+            Ok(output.line(script.trim_end())?)
+        }
         Command::Demo { out } => demo::run(global, out, output),
     }
 }

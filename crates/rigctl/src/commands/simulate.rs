@@ -42,25 +42,19 @@ pub fn play(global: &Global, script: &Path, output: &mut Output) -> Result<(), F
     play_through(&mut connect(global)?, &script, global.seed, output)
 }
 
-fn read(path: &Path) -> Result<Script, Failure> {
+/// A script file.
+///
+/// # Errors
+/// Naming file and line.
+pub fn read(path: &Path) -> Result<Script, Failure> {
     let text = std::fs::read_to_string(path).map_err(|e| Failure::failed(format!("script {}: {e}", path.display())))?;
     Script::parse(&text).map_err(|e| Failure::failed(format!("script {}: {e}", path.display())))
 }
 
 fn play_through(session: &mut Session, script: &Script, seed: u64, output: &mut Output) -> Result<(), Failure> {
     let started = Instant::now();
-    // Without a greeting the board moves nothing.
-    session.greet_at_boot();
-    let mut events = script.events.iter().peekable();
-    let mut asked: HashMap<u16, usize> = HashMap::new();
     let mut next_line_s = 0.0;
-    while session.now_s() < script.end_s - 0.5 * STEP_S {
-        while let Some(event) = events.next_if(|e| e.t_s <= session.now_s() + 1e-9) {
-            if let Some(by_hand) = happen(event, session, &mut asked, seed)? {
-                eprintln!("{by_hand}");
-            }
-        }
-        session.step()?;
+    play_events(session, script, seed, |session| {
         for row in session.take_rows() {
             output.object(&row)?;
             if !output.json() && row.t_s >= next_line_s {
@@ -71,15 +65,11 @@ fn play_through(session: &mut Session, script: &Script, seed: u64, output: &mut 
         for (t_s, kind) in session.take_events() {
             output.line(format!("{t_s:8.2} s  event {kind:?}"))?;
         }
-        for (number, result) in session.take_replies() {
-            if let (Some(line), Err(refusal)) = (asked.get(&number), result) {
-                eprintln!("script line {line}: refused: {refusal}");
-            }
-        }
         for line in session.take_log() {
             output.line(format!("           log {line}"))?;
         }
-    }
+        Ok(())
+    })?;
     let wall_s = started.elapsed().as_secs_f64();
     let emulated_s = session.now_s();
     // A real board's instructions are not counted.
@@ -101,6 +91,37 @@ fn play_through(session: &mut Session, script: &Script, seed: u64, output: &mut 
         stats.core_busy * 100.0,
         stats.stack_high_water_bytes,
     ))?;
+    Ok(())
+}
+
+/// Plays a script to its end; `each` is called after every step. Refusals are said on standard error.
+///
+/// # Errors
+/// If the port fails, an event cannot happen, or `each` fails.
+pub fn play_events(
+    session: &mut Session,
+    script: &Script,
+    seed: u64,
+    mut each: impl FnMut(&mut Session) -> Result<(), Failure>,
+) -> Result<(), Failure> {
+    // Without a greeting the board moves nothing.
+    session.greet_at_boot();
+    let mut events = script.events.iter().peekable();
+    let mut asked: HashMap<u16, usize> = HashMap::new();
+    while session.now_s() < script.end_s - 0.5 * STEP_S {
+        while let Some(event) = events.next_if(|e| e.t_s <= session.now_s() + 1e-9) {
+            if let Some(by_hand) = happen(event, session, &mut asked, seed)? {
+                eprintln!("{by_hand}");
+            }
+        }
+        session.step()?;
+        for (number, result) in session.take_replies() {
+            if let (Some(line), Err(refusal)) = (asked.get(&number), result) {
+                eprintln!("script line {line}: refused: {refusal}");
+            }
+        }
+        each(session)?;
+    }
     Ok(())
 }
 

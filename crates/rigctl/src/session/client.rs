@@ -3,6 +3,7 @@
 use super::port::{Emulated, Port, Truth};
 use super::row::Row;
 use crate::failure::Failure;
+use crate::log::Entry;
 use rig_link::{
     Accepted, Decoder, EventKind, HEARTBEAT_PERIOD_MS, Identity, MAX_FRAME, Message, PROTOCOL_HASH, Refusal, Request,
     State, Telemetry, encode,
@@ -43,6 +44,8 @@ pub struct Session {
     lost_frames: u32,
     identity: Option<Identity>,
     home_gap_m: Option<f64>,
+    /// Everything that passes, in order, for who records it.
+    journal: Option<Vec<Entry>>,
 }
 
 impl Session {
@@ -68,6 +71,7 @@ impl Session {
             lost_frames: 0,
             identity: None,
             home_gap_m: None,
+            journal: None,
         }
     }
 
@@ -121,6 +125,23 @@ impl Session {
         self.replies.drain(..).collect()
     }
 
+    /// From now on keeps everything that passes, for [`Session::take_journal`].
+    pub fn keep_journal(&mut self) {
+        self.journal.get_or_insert_default();
+    }
+
+    /// What has passed since last asked; nothing if it is not kept.
+    pub fn take_journal(&mut self) -> Vec<Entry> {
+        self.journal.as_mut().map(std::mem::take).unwrap_or_default()
+    }
+
+    fn note(&mut self, entry: impl FnOnce(&Self) -> Entry) {
+        if self.journal.is_some() {
+            let entry = entry(self);
+            self.journal.get_or_insert_default().push(entry);
+        }
+    }
+
     /// Sends heartbeats, or stops to.
     pub fn set_heartbeat(&mut self, on: bool) {
         self.heartbeat = on;
@@ -145,6 +166,9 @@ impl Session {
         let mut buffer = [0; MAX_FRAME];
         let frame = encode(self.sequence, request, &mut buffer).map_err(|e| Failure::failed(e.to_string()))?;
         self.outgoing.extend_from_slice(frame);
+        if !matches!(request, Request::Heartbeat) {
+            self.note(|s| Entry::Request(s.last.map_or(0.0, |t| s.boot_s + t.t_us as f64 * 1e-6), *request));
+        }
         Ok(self.sequence)
     }
 
@@ -200,6 +224,7 @@ impl Session {
                 if matches!(kind, EventKind::Homed { .. }) {
                     self.home_gap_m = self.truth_at(t_s).map(|t| t.gap_m);
                 }
+                self.note(|_| Entry::Event(t_s, kind));
                 self.events.push_back((t_s, kind));
             }
             Message::Telemetry(telemetry) => {
@@ -215,7 +240,9 @@ impl Session {
                 }
                 let t_s = self.boot_s + telemetry.t_us as f64 * 1e-6;
                 let truth = self.truth_at(t_s);
-                self.rows.push_back(Row::new(t_s, &telemetry, truth.as_ref(), self.home_gap_m));
+                let row = Row::new(t_s, &telemetry, truth.as_ref(), self.home_gap_m);
+                self.note(|_| Entry::Row(row.clone()));
+                self.rows.push_back(row);
                 self.last = Some(telemetry);
             }
         }
