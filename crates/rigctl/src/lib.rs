@@ -3,7 +3,8 @@
 //! - [`cli`]: the command line; [`commands`]: what each command does; [`batch`]: files of loads and turns.
 //! - [`units`], [`range`], [`scene_key`], [`plant`], [`script`]: text from the operator, checked and turned into SI.
 //! - [`published`]: the paper's numbers and the same computed; [`trace`]: the way along the turns; [`plot`]: pictures.
-//! - [`session`]: a conversation with the firmware, emulated or real; [`log`]: one recorded.
+//! - [`session`]: a conversation with the firmware, emulated or real; [`log`]: one recorded, [`replay`]: through the controller again.
+//! - [`screen`]: the live view.
 //! - [`output`]: human or JSON, never both on standard output; [`failure`]: exit codes.
 
 #![forbid(unsafe_code)]
@@ -20,7 +21,9 @@ pub mod plant;
 pub mod plot;
 pub mod published;
 pub mod range;
+pub mod replay;
 pub mod scene_key;
+pub mod screen;
 pub mod script;
 pub mod session;
 pub mod trace;

@@ -38,7 +38,8 @@ fn a_record_says_what_it_takes_to_run_it_again() {
         assert!(first.header.get(key).is_some_and(|v| !v.is_empty()), "{key}");
     }
     assert_eq!(first.header.get("seed"), Some("3"));
-    assert_eq!(first.header.get("plant.load"), Some("6.864655"));
+    let load_n: f64 = first.header.get("plant.load").and_then(|l| l.parse().ok()).expect("a load");
+    assert!((load_n - 0.7 * 9.80665).abs() < 1e-9);
     assert_eq!(first.header.get("table.contraction_error_m").map(|v| v.parse::<f32>().is_ok()), Some(true));
     // A row for each tick, requests and events among them.
     assert!(first.rows.windows(2).all(|r| (r[1].t_s - r[0].t_s - 0.01).abs() < 1e-3));
@@ -95,6 +96,64 @@ fn a_record_without_a_file_goes_to_standard_output_and_its_errors_name_what_is_w
         let wrong = rigctl(arguments);
         assert_eq!(wrong.status.code(), Some(code), "{arguments:?}: {}", error_of(&wrong));
         assert!(error_of(&wrong).contains(named), "{arguments:?}: {}", error_of(&wrong));
+    }
+}
+
+#[test]
+fn a_replay_agrees_until_the_log_says_otherwise() {
+    let path = recorded("replay", &["load=0.7kg"]);
+    let replayed = |arguments: &[&str]| rigctl(&[&["replay", "--json"], arguments].concat());
+    let output = replayed(&[text(&path)]);
+    assert!(output.status.success(), "{}", error_of(&output));
+    let whole = &lines(&output)[0];
+    println!("{whole:#}");
+    let one = &whole["stretches"][0];
+    assert!(whole["same_table"] == true && one["ticks"].as_u64() > Some(1000) && one["parted"].is_null(), "{one}");
+    let largest = |what: &str| one[what]["largest"].as_f64().expect("a number");
+    assert!(largest("load_n") < 0.01 && largest("setpoint_m") < 0.1e-6, "{one}");
+    assert!(largest("twist_speed_rad_per_s") < 1.0 && one["ended_by"] == "the log's end", "{one}");
+    // Another estimate from 36 s on: by 3 %.
+    let log = std::fs::read_to_string(&path).expect("the log");
+    let header = log.lines().find(|l| l.starts_with("t_s,")).expect("the columns' names");
+    let column = header.split(',').position(|name| name == "load_n").expect("a column");
+    let changed = log.lines().map(|line| {
+        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+        if cells[0].parse::<f64>().is_ok_and(|t| t > 36.0) {
+            cells[column] = (cells[column].parse::<f64>().expect("a load") * 1.03).to_string();
+        }
+        cells.join(",") + "\n"
+    });
+    let other = file("changed.csv");
+    std::fs::write(&other, changed.collect::<String>()).expect("written");
+    let output = replayed(&[text(&other)]);
+    let one = lines(&output)[0]["stretches"][0].clone();
+    let at_s = one["parted"]["t_s"].as_f64().unwrap_or_else(|| panic!("{one}"));
+    assert!(one["parted"]["what"] == "load_n" && (at_s - 36.0).abs() < 0.02, "{one}");
+    // What is no such log is refused by name.
+    let cut = &log[..log.len() / 2];
+    for (content, named) in [
+        ("", "empty"),
+        ("load_n,turns\n1,2\n", "no log of this tool"),
+        (cut, "cut short"),
+        (&log.replace(",moving,", ",mooving,"), "mooving"),
+        (&log.replace("# at 29", "# at noon"), "noon"),
+        (&log.replace("scene_hash = ", "scene_hash = 0"), "--scene"),
+        (&log.replace("event homed", "event stopped"), "nothing that can be replayed"),
+    ] {
+        std::fs::write(&other, content).expect("written");
+        let refused = replayed(&[text(&other)]);
+        assert_eq!(refused.status.code(), Some(1), "{named}");
+        assert!(
+            error_of(&refused).contains(named) && error_of(&refused).contains("changed.csv"),
+            "{}",
+            error_of(&refused)
+        );
+        assert!(refused.stdout.is_empty());
+    }
+    std::fs::write(&other, cut).expect("written");
+    assert_eq!(replayed(&[text(&other), "--partial"]).status.success(), cut.contains("event homed"));
+    for path in [path, other] {
+        std::fs::remove_file(path).expect("was there");
     }
 }
 

@@ -1,19 +1,23 @@
 //! What each command does: [`solve`], [`lookup`] and [`table`] on the desktop alone, [`published`] against the paper and
 //! [`study`] beyond it, [`chart`] on methods against each other, [`demo`] on the emulated board, [`report`] on all of it, [`simulate`] and [`operate`] on it or on a real one, [`dry_run`]
-//! on paper. [`record`] and [`sweep`] keep what is seen.
+//! on paper. [`record`] and [`sweep`] keep what is seen, [`replay`] looks at it again; [`doctor`] judges
+//! a board and its sensors, [`monitor`] shows it live.
 
 pub mod chart;
 mod curves;
 pub mod demo;
+pub mod doctor;
 pub mod dry_run;
 mod figures;
 pub mod identify;
 pub mod lookup;
+pub mod monitor;
 pub mod operate;
 mod picture;
 pub mod published;
 pub mod rebuild;
 pub mod record;
+pub mod replay;
 pub mod report;
 pub mod simulate;
 pub mod solve;
@@ -57,6 +61,9 @@ pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
         Command::Report { out } => report::run(global, out, output),
         Command::Record(options) => record::run(global, options, output),
         Command::Sweep(options) => sweep::run(global, options, output),
+        Command::Replay(options) => replay::run(global, options, output),
+        Command::Doctor { home } => doctor::run(global, *home, output),
+        Command::Monitor { script } => monitor::run(global, script.as_deref(), output),
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(*shell, &mut Cli::command(), "rigctl", &mut script);

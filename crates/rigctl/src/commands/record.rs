@@ -11,6 +11,7 @@ use crate::session::Session;
 use serde_json::{Map, Value, json};
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
+use std::ops::ControlFlow;
 use std::path::Path;
 
 /// A log file, made before anything moves: a place that cannot be written to is known at once.
@@ -67,7 +68,8 @@ pub fn run(global: &Global, options: &Record, output: &mut Output) -> Result<(),
     session.keep_journal();
     let script = script.unwrap_or_else(|| Script::idle(session.now_s() + seconds));
     let rows_out = output.json() && options.out.is_none();
-    play_events(&mut session, &script, global.seed, |session| {
+    play_events(&mut session, &script, global.seed, |session, said| {
+        said.iter().for_each(|line| eprintln!("{line}"));
         for entry in recorder.take(session)? {
             if let (Entry::Row(row), true) = (entry, rows_out) {
                 output.object(&row)?;
@@ -77,7 +79,7 @@ pub fn run(global: &Global, options: &Record, output: &mut Output) -> Result<(),
         session.take_rows();
         session.take_events();
         session.take_log();
-        Ok(())
+        Ok(ControlFlow::Continue(()))
     })?;
     let rows = recorder.end(&session)?;
     let summary = json!({"rows": rows, "lost_frames": session.lost_frames(), "seconds": session.now_s(),

@@ -11,6 +11,7 @@ use crate::session::client::STEP_S;
 use crate::session::sim::Sim;
 use serde_json::json;
 use std::collections::HashMap;
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
@@ -54,7 +55,8 @@ pub fn read(path: &Path) -> Result<Script, Failure> {
 fn play_through(session: &mut Session, script: &Script, seed: u64, output: &mut Output) -> Result<(), Failure> {
     let started = Instant::now();
     let mut next_line_s = 0.0;
-    play_events(session, script, seed, |session| {
+    play_events(session, script, seed, |session, said| {
+        said.iter().for_each(|line| eprintln!("{line}"));
         for row in session.take_rows() {
             output.object(&row)?;
             if !output.json() && row.t_s >= next_line_s {
@@ -68,7 +70,7 @@ fn play_through(session: &mut Session, script: &Script, seed: u64, output: &mut 
         for line in session.take_log() {
             output.line(format!("           log {line}"))?;
         }
-        Ok(())
+        Ok(ControlFlow::Continue(()))
     })?;
     let wall_s = started.elapsed().as_secs_f64();
     let emulated_s = session.now_s();
@@ -94,7 +96,8 @@ fn play_through(session: &mut Session, script: &Script, seed: u64, output: &mut 
     Ok(())
 }
 
-/// Plays a script to its end; `each` is called after every step. Refusals are said on standard error.
+/// Plays a script to its end, or until `each` breaks off: called after every step, with what there is to be told of it,
+/// refusals and what has to be done by hand.
 ///
 /// # Errors
 /// If the port fails, an event cannot happen, or `each` fails.
@@ -102,25 +105,27 @@ pub fn play_events(
     session: &mut Session,
     script: &Script,
     seed: u64,
-    mut each: impl FnMut(&mut Session) -> Result<(), Failure>,
+    mut each: impl FnMut(&mut Session, Vec<String>) -> Result<ControlFlow<()>, Failure>,
 ) -> Result<(), Failure> {
     // Without a greeting the board moves nothing.
     session.greet_at_boot();
     let mut events = script.events.iter().peekable();
     let mut asked: HashMap<u16, usize> = HashMap::new();
     while session.now_s() < script.end_s - 0.5 * STEP_S {
+        let mut said = Vec::new();
         while let Some(event) = events.next_if(|e| e.t_s <= session.now_s() + 1e-9) {
-            if let Some(by_hand) = happen(event, session, &mut asked, seed)? {
-                eprintln!("{by_hand}");
-            }
+            said.extend(happen(event, session, &mut asked, seed)?);
         }
         session.step()?;
         for (number, result) in session.take_replies() {
-            if let (Some(line), Err(refusal)) = (asked.get(&number), result) {
-                eprintln!("script line {line}: refused: {refusal}");
+            if let Err(refusal) = result {
+                let who = asked.get(&number).map_or(String::new(), |line| format!("script line {line}: "));
+                said.push(format!("{who}refused: {refusal}"));
             }
         }
-        each(session)?;
+        if each(session, said)?.is_break() {
+            break;
+        }
     }
     Ok(())
 }

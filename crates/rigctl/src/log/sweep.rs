@@ -17,6 +17,10 @@ const LEAST_ROWS: u32 = 5;
 /// are not at the same place.
 const SAME_RAD: f64 = 0.05 * BIN_TURNS * TAU;
 
+/// How far the load moves (m) before a way counts: until the strings have taken up friction it stands, and its pull is
+/// anywhere between the two ways'.
+const MOVED_M: f64 = 0.1e-3;
+
 /// One equilibrium.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stop {
@@ -44,8 +48,18 @@ pub fn stops(log: &Log) -> Result<(f64, Vec<Stop>), String> {
     let load_n: f64 = load.parse().map_err(|_| format!("sweep.load_n `{load}` is no number"))?;
     let mut bins: BTreeMap<i64, [Sums; 2]> = BTreeMap::new();
     let moving = |r: &LogRow| r.twist_rad.zip(r.position_m).filter(|_| r.state == State::Moving);
+    // Where the load stood when the way began, until it has moved away from there.
+    let mut stood_m: Option<f64> = None;
     for pair in log.rows.windows(2) {
-        let (Some((before, _)), Some((twist, position))) = (moving(&pair[0]), moving(&pair[1])) else { continue };
+        let Some((twist, position)) = moving(&pair[1]) else { continue };
+        let Some((before, _)) = moving(&pair[0]) else {
+            stood_m = Some(position);
+            continue;
+        };
+        if stood_m.is_some_and(|stood_m| (position - stood_m).abs() < MOVED_M) {
+            continue;
+        }
+        stood_m = None;
         let sums = &mut bins.entry((twist / TAU / BIN_TURNS).floor() as i64).or_default()[usize::from(twist < before)];
         sums.count += 1;
         sums.twist += twist;
