@@ -27,6 +27,9 @@ struct Point {
     load_n: Option<f64>,
 }
 
+/// A line of a plot: name, colour, time before now (s) and value.
+type Series = (&'static str, Color, Vec<(f64, f64)>);
+
 /// What is shown.
 #[derive(Default)]
 pub struct Screen {
@@ -138,14 +141,7 @@ impl Screen {
         self.points.iter().filter_map(|p| Some((p.t_s - now_s, value(p)?))).collect()
     }
 
-    fn plot(
-        &self,
-        frame: &mut Frame<'_>,
-        area: Rect,
-        title: &'static str,
-        least: f64,
-        series: &[(&'static str, Color, Vec<(f64, f64)>)],
-    ) {
+    fn plot(&self, frame: &mut Frame<'_>, area: Rect, title: &'static str, least: f64, series: &[Series]) {
         let values = || series.iter().flat_map(|(.., points)| points.iter().map(|(_, v)| *v));
         let (low, high) = values().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
         let (low, high) = if low <= high { (low, high) } else { (0.0, 0.0) };

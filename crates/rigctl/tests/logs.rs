@@ -5,14 +5,14 @@ mod common;
 use common::{error_of, lines, rigctl};
 use rigctl::log::{Log, Mark};
 use serde_json::Value;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// A file of its own for each test.
 fn file(name: &str) -> PathBuf {
     std::env::temp_dir().join(format!("rigctl-logs-{}-{name}", std::process::id()))
 }
 
-fn text(path: &PathBuf) -> &str {
+fn text(path: &Path) -> &str {
     path.to_str().expect("a name in Unicode")
 }
 
@@ -174,7 +174,7 @@ fn sweeps_of_a_rig_that_is_not_the_scenes_give_its_constants() {
     }
     let found = file("found.toml");
     let mut arguments = vec!["identify", "--json", "--fit", "k2,k3,K,modulus", "--out", text(&found)];
-    arguments.extend(files.iter().map(text));
+    arguments.extend(files.iter().map(|path| text(path)));
     let output = rigctl(&arguments);
     assert!(output.status.success(), "{}", error_of(&output));
     let fit: &Value = &lines(&output)[0];

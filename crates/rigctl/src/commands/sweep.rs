@@ -1,6 +1,6 @@
 //! `sweep`: the paper's experiment. A known load, the strings turned slowly up and down, everything recorded.
 
-use super::operate::{connect, home_session, is_sim};
+use super::operate::{connect, home_session, is_sim, progress};
 use super::record::{create, header};
 use crate::cli::{Global, Sweep};
 use crate::failure::Failure;
@@ -8,7 +8,6 @@ use crate::log::{Header, Log, Recorder, sweep as reduced};
 use crate::output::Output;
 use crate::plant::Setting;
 use crate::session::Session;
-use indicatif::{ProgressBar, ProgressStyle};
 use rig_control::supervisor::JOG_SPEED_MAX;
 use rig_link::{EventKind, Request, State};
 use serde_json::json;
@@ -110,10 +109,7 @@ fn way(
     session.take_events();
     session.request(&Request::Jog { twist_speed_rad_per_s: (sign * speed) as f32 })?;
     let end_s = session.now_s() + (to - from).abs() / speed + SLACK_S;
-    let bar = ProgressBar::new(1000);
-    if let Ok(style) = ProgressStyle::with_template("sweep [{bar:32}] {msg}") {
-        bar.set_style(style);
-    }
+    let bar = progress(1000, if sign > 0.0 { "turning up" } else { "turning back" });
     let mut stopping = false;
     while session.now_s() < end_s {
         session.step()?;
