@@ -212,7 +212,8 @@ pub enum Command {
 /// Writes CSV: one row for each telemetry message (100 a second, columns as `sim --json` names them, SI units), under
 /// `# key = value` lines: scene and its hash, firmware, git commit and protocol hash, the table and its certificate, port,
 /// seed, plant, host time, the script. Requests and events stand between the rows as `# at SECONDS …`.
-/// `replay` plays such a file through the controller again, `identify` reads those of `sweep`.
+/// `replay` plays such a file through the controller again, `identify` reads those of `sweep`. A log ends with `# end rows = …`;
+/// one that was broken off with Ctrl-C lacks it, and `replay` takes it with --partial.
 #[derive(Debug, Clone, Args)]
 pub struct Record {
     /// File to write [default: standard output]
