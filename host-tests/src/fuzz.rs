@@ -110,6 +110,11 @@ pub fn operator(data: &[u8]) {
 
 /// A recorded log or a file of loads and turns.
 pub fn log(data: &[u8]) {
+    if let Ok(text) = core::str::from_utf8(data)
+        && let Ok(log) = rigctl::log::Log::parse(text)
+    {
+        let _ = rigctl::replay::replay(&log, crate::scene(), table());
+    }
     let path: PathBuf = std::env::temp_dir().join(format!("rigctl-log-{}.csv", std::process::id()));
     if std::fs::write(&path, data).is_ok() {
         let _ = rigctl::batch::read(&path);

@@ -48,21 +48,7 @@ pub fn table() -> &'static Table<'static> {
 
 /// The rig's constants, as the build script derives them.
 pub fn constants() -> RigConstants {
-    let rig = &scene().rig;
-    RigConstants {
-        gear_ratio: rig.gear() as f32,
-        counts_per_rad: rig.counts_per_rad() as f32,
-        motor_speed_max_rad_per_s: rig.motor_speed_max_rad_per_s as f32,
-        motor_acceleration_max_rad_per_s2: rig.motor_acceleration_max_rad_per_s2 as f32,
-        motor_torque_constant_nm_per_a: rig.motor_torque_constant_nm_per_a as f32,
-        current_limit_ma: rig.drive_current_limit_ma(),
-        lvdt_gap_at_code_zero_m: rig.lvdt_gap_at_code_zero_m() as f32,
-        lvdt_metres_per_code: rig.lvdt_metres_per_code() as f32,
-        drive_group: rig.drive_group,
-        drive_number: rig.drive_number,
-        supply_limits_v: rig.supply_limits_v().map(|volts| volts as f32),
-        supply_divider: rig.supply_divider.map(|divider| divider as f32),
-    }
+    rigctl::replay::constants(scene())
 }
 
 /// Samples of one LVDT block, and the time between two of them, as on the board.

@@ -4,7 +4,8 @@
 //! - [`units`], [`range`], [`scene_key`], [`plant`], [`script`]: text from the operator, checked and turned into SI.
 //! - [`published`]: the paper's numbers and the same computed; [`trace`]: the way along the turns; [`plot`]: pictures.
 //! - [`settings`]: the board's settings as text and as a file.
-//! - [`session`]: a conversation with the firmware, emulated or real.
+//! - [`session`]: a conversation with the firmware, emulated or real; [`log`]: one recorded, [`replay`]: through the controller again.
+//! - [`screen`]: the live view.
 //! - [`output`]: human or JSON, never both on standard output; [`failure`]: exit codes.
 
 #![forbid(unsafe_code)]
@@ -15,12 +16,15 @@ pub mod cli;
 pub mod commands;
 pub mod failure;
 pub mod identify;
+pub mod log;
 pub mod output;
 pub mod plant;
 pub mod plot;
 pub mod published;
 pub mod range;
+pub mod replay;
 pub mod scene_key;
+pub mod screen;
 pub mod script;
 pub mod session;
 pub mod settings;

@@ -180,6 +180,36 @@ fn move_request(target: &str, options: &[&str]) -> Result<Request, String> {
     Ok(Request::Move { target_m: target as f32, speed_m_per_s: speed as f32, load })
 }
 
+/// A request in the words of a script.
+///
+/// # Errors
+/// If it is none, in words.
+pub fn request(text: &str) -> Result<Request, String> {
+    match action(&text.split_whitespace().collect::<Vec<_>>())? {
+        Action::Command(request) => Ok(request),
+        _ => Err(format!("`{text}` is no request")),
+    }
+}
+
+/// What a script would call a request; none for those that a script does not have.
+pub fn text(request: &Request) -> Option<String> {
+    Some(match request {
+        Request::Home => "home".into(),
+        Request::Stop => "stop".into(),
+        Request::Hold => "hold".into(),
+        Request::Clear => "clear".into(),
+        Request::Jog { twist_speed_rad_per_s } => format!("jog {twist_speed_rad_per_s}"),
+        Request::Move { target_m, speed_m_per_s, load } => {
+            let load = match load {
+                LoadChoice::Auto => "auto".into(),
+                LoadChoice::Known(load_n) => load_n.to_string(),
+            };
+            format!("move {target_m} speed={speed_m_per_s} load={load}")
+        }
+        _ => return None,
+    })
+}
+
 /// `auto` or a load.
 ///
 /// # Errors
@@ -224,6 +254,15 @@ mod tests {
         assert_eq!((target_m, speed_m_per_s), (0.012, 0.001));
         assert_eq!(load, LoadChoice::Known(4.903_325));
         assert_eq!(script.events[5].action, Action::Fault { fault: ScriptFault::PowerCycle, on: true });
+    }
+
+    #[test]
+    fn requests_come_back_from_their_own_words() {
+        for words in ["home", "stop", "hold", "clear", "jog -1.309", "move 0.0123456 speed=0.0007 load=4.903325"] {
+            let one = request(words).unwrap_or_else(|e| panic!("{e}"));
+            assert_eq!(text(&one).as_deref().map(request), Some(Ok(one)), "{words}");
+        }
+        assert!(request("plant load=1").is_err() && text(&Request::Heartbeat).is_none());
     }
 
     #[test]

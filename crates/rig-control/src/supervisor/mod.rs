@@ -326,15 +326,8 @@ impl<'t> Rig<'t> {
         let Some(seen) = seen else { return };
         match self.homing.step(self.table, &self.constants, &seen) {
             Progress::Turning(ramp) => self.shaft = ramp,
-            Progress::Done(mut homed) => {
-                let zero_m = self.settings.get(Setting::PositionZero);
-                homed.reference_gap_m -= zero_m;
-                self.homed = Some(homed);
-                self.adaptation = Adaptation::new(homed.twist_scale);
-                self.observer = LoadObserver::new(homed.load_n, homed.gap_offset_m, homed.friction_n);
-                self.planner = Planner::at(-zero_m);
-                self.shaft = Ramp::at(homed.zero_rad + core::f32::consts::PI);
-                self.state = State::Ready;
+            Progress::Done(homed) => {
+                self.resume(homed);
                 let _ = events.push(EventKind::Homed {
                     twist_error_estimate_rad: homed.zero_error_rad,
                     load_n: homed.load_n,
@@ -343,6 +336,18 @@ impl<'t> Rig<'t> {
             }
             Progress::Failed(failure) => self.end_homing(failure, shaft_rad, events),
         }
+    }
+
+    /// Homed, at rest at the half-turn pre-twist: what the end of a homing does, and the start of a replay.
+    pub fn resume(&mut self, mut homed: Homed) {
+        let zero_m = self.settings.get(Setting::PositionZero);
+        homed.reference_gap_m -= zero_m;
+        self.homed = Some(homed);
+        self.adaptation = Adaptation::new(homed.twist_scale);
+        self.observer = LoadObserver::new(homed.load_n, homed.gap_offset_m, homed.friction_n);
+        self.planner = Planner::at(-zero_m);
+        self.shaft = Ramp::at(homed.zero_rad + core::f32::consts::PI);
+        self.state = State::Ready;
     }
 
     fn end_homing(&mut self, failure: HomingFailure, shaft_rad: f32, events: &mut heapless::Vec<EventKind, 4>) {

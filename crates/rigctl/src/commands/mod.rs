@@ -1,29 +1,37 @@
 //! What each command does: [`solve`], [`lookup`] and [`table`] on the desktop alone, [`published`] against the paper and
-//! [`study`] beyond it, [`chart`] on methods against each other, [`demo`] on the emulated board, [`report`] on all of it, [`simulate`], [`operate`],
-//! [`config`] and [`calibrate`] on it or on a real one, [`dry_run`] on paper.
+//! [`study`] beyond it, [`chart`] on methods against each other, [`demo`] on the emulated board, [`report`] on all of it,
+//! [`simulate`] and [`operate`] on it or on a real one, [`config`] and [`calibrate`] what it keeps, [`dry_run`] on paper.
+//! [`record`] and [`sweep`] keep what is seen, [`replay`] looks at it again; [`doctor`] judges a board and its sensors,
+//! [`monitor`] shows it live.
 
 pub mod calibrate;
 pub mod chart;
 pub mod config;
 mod curves;
 pub mod demo;
+pub mod doctor;
 pub mod dry_run;
 mod figures;
 pub mod identify;
 pub mod lookup;
+pub mod monitor;
 pub mod operate;
 mod picture;
 pub mod published;
 pub mod rebuild;
+pub mod record;
+pub mod replay;
 pub mod report;
 pub mod simulate;
 pub mod solve;
 pub mod study;
+pub mod sweep;
 pub mod table;
 
 use crate::cli::{Cli, Command, Global};
 use crate::failure::Failure;
 use crate::output::Output;
+use clap::CommandFactory;
 use rig_link::Request;
 use tsa_model::Scene;
 
@@ -56,6 +64,18 @@ pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
         Command::Chart { out, only } => chart::run(global, out, only, output),
         Command::ChartKernel => crate::chart::work::kernel(&scene(global)?),
         Command::Report { out } => report::run(global, out, output),
+        Command::Record(options) => record::run(global, options, output),
+        Command::Sweep(options) => sweep::run(global, options, output),
+        Command::Replay(options) => replay::run(global, options, output),
+        Command::Doctor { home } => doctor::run(global, *home, output),
+        Command::Monitor { script } => monitor::run(global, script.as_deref(), output),
+        Command::Completions { shell } => {
+            let mut script = Vec::new();
+            clap_complete::generate(*shell, &mut Cli::command(), "rigctl", &mut script);
+            let script = String::from_utf8_lossy(&script);
+            output.object(&serde_json::json!({"shell": shell.to_string(), "script": script}))?;
+            Ok(output.line(script.trim_end())?)
+        }
         Command::Demo { out } => demo::run(global, out, output),
     }
 }

@@ -72,7 +72,7 @@ pub fn meet(global: &Global) -> Result<Session, Failure> {
 }
 
 /// A progress line on standard error; silent without a terminal.
-fn progress(length: u64, text: &'static str) -> ProgressBar {
+pub fn progress(length: u64, text: &'static str) -> ProgressBar {
     let bar = ProgressBar::new(length);
     // The template is a constant; were it wrong, the default style would do.
     if let Ok(style) = ProgressStyle::with_template("{prefix} [{bar:32}] {msg}") {

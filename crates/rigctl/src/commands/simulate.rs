@@ -12,6 +12,7 @@ use crate::session::client::STEP_S;
 use crate::session::sim::Sim;
 use serde_json::json;
 use std::collections::HashMap;
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
@@ -43,26 +44,21 @@ pub fn play(global: &Global, script: &Path, output: &mut Output) -> Result<(), F
     play_through(&mut connect(global)?, &script, global.seed, output)
 }
 
-fn read(path: &Path) -> Result<Script, Failure> {
+/// A script file.
+///
+/// # Errors
+/// Naming file and line.
+pub fn read(path: &Path) -> Result<Script, Failure> {
     let text = std::fs::read_to_string(path).map_err(|e| Failure::failed(format!("script {}: {e}", path.display())))?;
     Script::parse(&text).map_err(|e| Failure::failed(format!("script {}: {e}", path.display())))
 }
 
 fn play_through(session: &mut Session, script: &Script, seed: u64, output: &mut Output) -> Result<(), Failure> {
     let started = Instant::now();
-    // Without a greeting the board moves nothing.
-    session.greet_at_boot();
-    let mut events = script.events.iter().peekable();
-    let mut asked: HashMap<u16, usize> = HashMap::new();
     let mut next_line_s = 0.0;
     let mut told = None;
-    while session.now_s() < script.end_s - 0.5 * STEP_S {
-        while let Some(event) = events.next_if(|e| e.t_s <= session.now_s() + 1e-9) {
-            if let Some(by_hand) = happen(event, session, &mut asked, seed)? {
-                eprintln!("{by_hand}");
-            }
-        }
-        session.step()?;
+    play_events(session, script, seed, |session, said| {
+        said.iter().for_each(|line| eprintln!("{line}"));
         for row in session.take_rows() {
             output.object(&row)?;
             if !output.json() && row.t_s >= next_line_s {
@@ -84,15 +80,11 @@ fn play_through(session: &mut Session, script: &Script, seed: u64, output: &mut 
             ))?;
         }
         told = known;
-        for (number, result) in session.take_replies() {
-            if let (Some(line), Err(refusal)) = (asked.get(&number), result) {
-                eprintln!("script line {line}: refused: {refusal}");
-            }
-        }
         for line in session.take_log() {
             output.line(format!("           log {line}"))?;
         }
-    }
+        Ok(ControlFlow::Continue(()))
+    })?;
     let wall_s = started.elapsed().as_secs_f64();
     let emulated_s = session.now_s();
     let settings = session.known_settings().map(|report| config::all(&report.values));
@@ -118,6 +110,40 @@ fn play_through(session: &mut Session, script: &Script, seed: u64, output: &mut 
         stats.stack_high_water_bytes,
         stats.plant_tier,
     ))?;
+    Ok(())
+}
+
+/// Plays a script to its end, or until `each` breaks off: called after every step, with what there is to be told of it,
+/// refusals and what has to be done by hand.
+///
+/// # Errors
+/// If the port fails, an event cannot happen, or `each` fails.
+pub fn play_events(
+    session: &mut Session,
+    script: &Script,
+    seed: u64,
+    mut each: impl FnMut(&mut Session, Vec<String>) -> Result<ControlFlow<()>, Failure>,
+) -> Result<(), Failure> {
+    // Without a greeting the board moves nothing.
+    session.greet_at_boot();
+    let mut events = script.events.iter().peekable();
+    let mut asked: HashMap<u16, usize> = HashMap::new();
+    while session.now_s() < script.end_s - 0.5 * STEP_S {
+        let mut said = Vec::new();
+        while let Some(event) = events.next_if(|e| e.t_s <= session.now_s() + 1e-9) {
+            said.extend(happen(event, session, &mut asked, seed)?);
+        }
+        session.step()?;
+        for (number, result) in session.take_replies() {
+            if let Err(refusal) = result {
+                let who = asked.get(&number).map_or(String::new(), |line| format!("script line {line}: "));
+                said.push(format!("{who}refused: {refusal}"));
+            }
+        }
+        if each(session, said)?.is_break() {
+            break;
+        }
+    }
     Ok(())
 }
 

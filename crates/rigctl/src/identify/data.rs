@@ -1,11 +1,14 @@
 //! What a fit is fitted to: recorded sweeps, or the paper's numbers.
 //!
 //! A sweep is a CSV file with the columns `load_n`, `turns` (or `twist_rad`) and `gap_m` or `contraction_m`, and if
-//! wanted `sigma_m`, one standard deviation of the row. Lines that begin with `#` are passed over. The zero of a gap
+//! wanted `sigma_m`, one standard deviation of the row. Lines that begin with `#` are passed over. A log of `rigctl sweep`
+//! is taken by its equilibria ([`crate::log::sweep`]) and the load in its head, not by the board's estimate. The zero of a gap
 //! sensor is not known: each file with `gap_m` gets an unknown of its own for it.
 
 use crate::failure::Failure;
+use crate::log::{self, Log};
 use crate::published::{self, Group, Kind};
+use std::io::Read;
 use std::path::Path;
 use tsa_model::{Parameters, Scene, twist_from_turns};
 
@@ -98,6 +101,12 @@ pub fn published(scene: &Scene, held_out: &[String]) -> Result<Data, Failure> {
     Ok(data)
 }
 
+/// Whether a file begins as a log does.
+fn is_log(path: &Path) -> bool {
+    let mut start = [0; 10];
+    std::fs::File::open(path).and_then(|mut f| f.read_exact(&mut start)).is_ok() && &start == b"# format ="
+}
+
 /// Recorded sweeps; every `hold_out`-th row is only predicted (0: none).
 ///
 /// # Errors
@@ -108,6 +117,29 @@ pub fn sweeps(scene: &Scene, files: &[impl AsRef<Path>], hold_out: usize) -> Res
     for file in files {
         let path = file.as_ref();
         let wrong = |what: String| Failure::failed(format!("sweep {}: {what}", path.display()));
+        if is_log(path) {
+            let (load_n, stops) = Log::load(path).and_then(|log| log::sweep::stops(&log)).map_err(wrong)?;
+            if !(load_n >= tsa_model::mechanism::MINIMUM_LOAD_N && load_n.is_finite()) {
+                return Err(wrong(format!("sweep.load_n {load_n}: a slack string has no law")));
+            }
+            for stop in stops {
+                data.rows.push(Row {
+                    held_out: hold_out > 0 && (data.rows.len() + 1).is_multiple_of(hold_out),
+                    id: format!("{} at {:.2} turns", path.display(), stop.twist_rad / std::f64::consts::TAU - 0.5),
+                    quantity: Quantity::Gap,
+                    load_n,
+                    twist_rad: stop.twist_rad,
+                    // Up is where the gap is smaller; the zero is unknown either way.
+                    value: -stop.position_m,
+                    sigma: SIGMA_M,
+                    base,
+                    fixed: String::new(),
+                    zero: Some(data.zeros),
+                });
+            }
+            data.zeros += 1;
+            continue;
+        }
         let mut reader = csv::ReaderBuilder::new()
             .comment(Some(b'#'))
             .trim(csv::Trim::All)

@@ -3,6 +3,7 @@
 use super::port::{Emulated, Port, Truth};
 use super::row::Row;
 use crate::failure::Failure;
+use crate::log::Entry;
 use rig_link::{
     Accepted, Decoder, EventKind, HEARTBEAT_PERIOD_MS, Identity, Kept, MAX_FRAME, Message, PROTOCOL_HASH, Refusal,
     Request, Setting, SettingsReport, State, Telemetry, encode,
@@ -49,6 +50,8 @@ pub struct Session {
     settings: Option<SettingsReport>,
     gap: Option<Option<f32>>,
     home_gap_m: Option<f64>,
+    /// Everything that passes, in order, for who records it.
+    journal: Option<Vec<Entry>>,
 }
 
 impl Session {
@@ -76,6 +79,7 @@ impl Session {
             settings: None,
             gap: None,
             home_gap_m: None,
+            journal: None,
         }
     }
 
@@ -139,6 +143,23 @@ impl Session {
         self.replies.drain(..).collect()
     }
 
+    /// From now on keeps everything that passes, for [`Session::take_journal`].
+    pub fn keep_journal(&mut self) {
+        self.journal.get_or_insert_default();
+    }
+
+    /// What has passed since last asked; nothing if it is not kept.
+    pub fn take_journal(&mut self) -> Vec<Entry> {
+        self.journal.as_mut().map(std::mem::take).unwrap_or_default()
+    }
+
+    fn note(&mut self, entry: impl FnOnce(&Self) -> Entry) {
+        if self.journal.is_some() {
+            let entry = entry(self);
+            self.journal.get_or_insert_default().push(entry);
+        }
+    }
+
     /// Sends heartbeats, or stops to.
     pub fn set_heartbeat(&mut self, on: bool) {
         self.heartbeat = on;
@@ -163,6 +184,9 @@ impl Session {
         let mut buffer = [0; MAX_FRAME];
         let frame = encode(self.sequence, request, &mut buffer).map_err(|e| Failure::failed(e.to_string()))?;
         self.outgoing.extend_from_slice(frame);
+        if !matches!(request, Request::Heartbeat) {
+            self.note(|s| Entry::Request(s.last.map_or(0.0, |t| s.boot_s + t.t_us as f64 * 1e-6), *request));
+        }
         Ok(self.sequence)
     }
 
@@ -220,6 +244,7 @@ impl Session {
                 if matches!(kind, EventKind::Homed { .. }) {
                     self.home_gap_m = self.truth_at(t_s).map(|t| t.gap_m);
                 }
+                self.note(|_| Entry::Event(t_s, kind));
                 self.events.push_back((t_s, kind));
             }
             Message::Telemetry(telemetry) => {
@@ -239,7 +264,9 @@ impl Session {
                 let truth = self.truth_at(t_s);
                 let zero_m = self.settings.map_or(0.0, |s| f64::from(s.values.get(Setting::PositionZero)));
                 let zero_gap_m = self.home_gap_m.map(|gap_m| gap_m - zero_m);
-                self.rows.push_back(Row::new(t_s, &telemetry, truth.as_ref(), zero_gap_m));
+                let row = Row::new(t_s, &telemetry, truth.as_ref(), zero_gap_m);
+                self.note(|_| Entry::Row(row.clone()));
+                self.rows.push_back(row);
                 self.last = Some(telemetry);
             }
         }

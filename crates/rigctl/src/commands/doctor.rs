@@ -1,0 +1,326 @@
+//! `doctor`: is the rig well, and if not, what to do.
+
+use super::operate::{home_session, is_sim, meet};
+use crate::cli::Global;
+use crate::failure::Failure;
+use crate::output::Output;
+use crate::session::Session;
+use rig_control::TICK_US;
+use rig_link::{Fault, Identity, PROTOCOL_HASH, Request, ResetCause, State, Telemetry};
+use serde::Serialize;
+use serde_json::json;
+use tsa_model::Scene;
+
+/// How long to listen (s).
+const LISTEN_S: f64 = 2.0;
+/// How long the drive's start may take (s).
+const START_S: f64 = 10.0;
+/// Rms noise of a position at rest (m) that is plausible: a block's is about 4 µm.
+const NOISE_M: f64 = 15e-6;
+/// How far a resting load may seem to be outside its travel (m).
+const OUTSIDE_M: f64 = 2e-3;
+/// Speed (rad/s) and time (s) of the turn that compares encoder and drive.
+const TURN: (f32, f64) = (2.0, 1.0);
+/// Share by which the two may differ over that turn: the drive's speed is coarse.
+const TURN_SHARE: f64 = 0.1;
+/// Share of a tick's period that the longest tick may take.
+const TICK_SHARE: f64 = 0.5;
+
+/// One thing looked at.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct Check {
+    name: &'static str,
+    ok: bool,
+    seen: String,
+    /// What to do; of what is well, nothing.
+    advice: Option<String>,
+}
+
+fn check(name: &'static str, ok: bool, seen: impl Into<String>, advice: impl Into<String>) -> Check {
+    Check { name, ok, seen: seen.into(), advice: (!ok).then(|| advice.into()) }
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// If the scene cannot be read, or anything is not well.
+pub fn run(global: &Global, home: bool, output: &mut Output) -> Result<(), Failure> {
+    let scene = super::scene(global)?;
+    // A scene that asks for no table is the scene's fault, not the board's.
+    scene.table_demand()?;
+    let checks = match meet(global).and_then(|mut session| examine(&mut session, &scene, home)) {
+        Ok(checks) => checks,
+        Err(failure) => vec![check(
+            "link",
+            false,
+            failure.message().unwrap_or_default(),
+            format!("is the board powered, is {} its port, is tool and firmware one build?", global.port),
+        )],
+    };
+    let well = checks.iter().all(|c| c.ok);
+    let port = if is_sim(global) { "sim (a fresh emulated board)" } else { &global.port };
+    output.object(&json!({"ok": well, "port": global.port, "checks": checks}))?;
+    output.line(format!("rigctl {} looking at {port}", env!("CARGO_PKG_VERSION")))?;
+    for c in &checks {
+        let advice = c.advice.as_ref().map_or(String::new(), |a| format!(": {a}"));
+        output.line(format!("{:<5} {:<9} {}{advice}", if c.ok { "ok" } else { "CHECK" }, c.name, c.seen))?;
+    }
+    if well { Ok(()) } else { Err(Failure::Reported) }
+}
+
+fn examine(session: &mut Session, scene: &Scene, home: bool) -> Result<Vec<Check>, Failure> {
+    let state = |s: &Session| s.telemetry().map_or(State::Boot, |t| t.state);
+    session.until(START_S, |s| state(s) != State::Boot)?;
+    let mut checks = Vec::new();
+    let mut turned = None;
+    if home {
+        match home_session(session, |_| {}) {
+            Ok(_) => turned = Some(turn(session, scene.rig.gear())?),
+            Err(failure) => checks.push(check(
+                "homing",
+                false,
+                failure.message().unwrap_or_default(),
+                "see docs/faults.md; is the load hung, does it move freely?",
+            )),
+        }
+        session.until(1.0, |_| false)?;
+    }
+    session.take_rows();
+    let mut heard: Vec<Telemetry> = Vec::new();
+    session.until(LISTEN_S, |s| {
+        heard.extend(s.telemetry().filter(|t| heard.last().is_none_or(|l: &Telemetry| l.t_us != t.t_us)));
+        false
+    })?;
+    let messages = session.take_rows().len();
+    let id = session.identity().cloned().ok_or_else(|| Failure::failed("the board did not say who it is"))?;
+    let Some(last) = heard.last().copied() else { return Err(Failure::failed("no telemetry from the board")) };
+    let mut all = board(&id, scene)?;
+    all.append(&mut checks);
+    all.push(faults(&last));
+    all.push(drive(&heard, scene));
+    all.push(lvdt(&heard, &id, scene)?);
+    all.push(encoder(turned, &last));
+    all.push(supply(&last, scene));
+    all.extend(timing(&last, session, messages));
+    Ok(all)
+}
+
+/// Who the board is.
+fn board(id: &Identity, scene: &Scene) -> Result<Vec<Check>, Failure> {
+    let tool = env!("CARGO_PKG_VERSION");
+    let (envelope, accuracy) = scene.table_demand()?;
+    let turns = envelope.turns;
+    let t = &id.table;
+    let close = |a: f64, b: f32| (a - f64::from(b)).abs() < 1e-5 * a.abs().max(1.0);
+    let accurate = f64::from(t.contraction_error_m) <= accuracy.contraction_m
+        && f64::from(t.tr_relative_error) <= accuracy.tr_relative;
+    let covers = (f64::from(t.load_min_n) <= envelope.load_n[0] || close(envelope.load_n[0], t.load_min_n))
+        && (f64::from(t.load_max_n) >= envelope.load_n[1] || close(envelope.load_n[1], t.load_max_n))
+        && (f64::from(t.turns_max) >= turns[1] || close(turns[1], t.turns_max));
+    let asked_for = matches!(id.reset_cause, ResetCause::PowerOn | ResetCause::Pin | ResetCause::Software);
+    Ok(vec![
+        check(
+            "firmware",
+            id.version == tool,
+            format!("{} (git {}), tool {tool}", id.version, id.git),
+            "build and flash the firmware that goes with this tool",
+        ),
+        check(
+            "protocol",
+            id.protocol_hash == PROTOCOL_HASH,
+            format!("{:08x}", id.protocol_hash),
+            format!("the tool speaks {PROTOCOL_HASH:08x}: build both from one tree"),
+        ),
+        check(
+            "reset",
+            asked_for,
+            format!("last started by {}, {} boots since power came on", id.reset_cause, id.boot_count),
+            match id.reset_cause {
+                ResetCause::BrownOut => "the supply dipped: look at the board's supply and its ground",
+                ResetCause::Watchdog => "the firmware hung: see the last panic, then `clear` and `home`",
+                _ => "nobody asked for it: look at supply and reset wiring",
+            },
+        ),
+        check(
+            "panic",
+            id.last_panic.is_none(),
+            id.last_panic.as_ref().map_or("none".to_owned(), |text| format!("the run before ended with: {text}")),
+            "report it with a `record` of what led to it; `clear` and `home` to go on",
+        ),
+        check(
+            "scene",
+            id.scene_hash == scene.hash(),
+            format!("board {:08x}, --scene {:08x}", id.scene_hash, scene.hash()),
+            "name the board's scene with --scene, or `table --board`, or build and flash for this one",
+        ),
+        check(
+            "table",
+            accurate && covers,
+            format!(
+                "{}, {}: contraction within {:.2} um, TR within {:.3} %, {} to {} N, {} to {} turns",
+                t.form,
+                if t.rebuilt { "made on the board" } else { "built in" },
+                f64::from(t.contraction_error_m) * 1e6,
+                f64::from(t.tr_relative_error) * 100.0,
+                t.load_min_n,
+                t.load_max_n,
+                t.turns_min,
+                t.turns_max
+            ),
+            format!(
+                "the scene asks for {:.2} um and {:.3} % over {} to {} N and {} turns: build and flash for it",
+                accuracy.contraction_m * 1e6,
+                accuracy.tr_relative * 100.0,
+                envelope.load_n[0],
+                envelope.load_n[1],
+                turns[1]
+            ),
+        ),
+    ])
+}
+
+fn faults(last: &Telemetry) -> Check {
+    let fault = last.fault.map_or("no fault".to_owned(), |f| format!("fault {f}"));
+    let advice = match (last.state, last.fault) {
+        (State::EStop, _) => "release the emergency stop, then `clear` and `home`".to_owned(),
+        (_, Some(fault)) => format!("docs/faults.md, `{fault}`: remove the cause, then `clear`"),
+        _ => "the drive does not start: see `drive`".to_owned(),
+    };
+    let well = last.fault.is_none() && !matches!(last.state, State::EStop | State::Boot);
+    check("state", well, format!("{}, {fault}", last.state), advice)
+}
+
+fn drive(heard: &[Telemetry], scene: &Scene) -> Check {
+    let last = heard.last();
+    let gone = [Fault::DriveSilent, Fault::CanBusOff, Fault::DriveStartUp, Fault::DriveReset, Fault::DriveStall];
+    let online = last.is_some_and(|t| t.state != State::Boot && !t.fault.is_some_and(|f| gone.contains(&f)));
+    let most_a = heard.iter().map(|t| f64::from(t.drive_current_a).abs()).fold(0.0, f64::max);
+    let limit_a = f64::from(scene.rig.drive_current_limit_ma()) * 1e-3;
+    let seen = format!("{}, at most {most_a:.3} A of {limit_a:.3} A", if online { "online" } else { "not online" });
+    let advice = if online {
+        "the motor is at its current limit at rest: is the load too heavy, or stuck?"
+    } else {
+        "power, CAN wiring and termination, group and number of the drive (docs/faults.md)"
+    };
+    check("drive", online && most_a < limit_a, seen, advice)
+}
+
+fn lvdt(heard: &[Telemetry], id: &Identity, scene: &Scene) -> Result<Check, Failure> {
+    let bad = [
+        Fault::LvdtOpen,
+        Fault::LvdtShort,
+        Fault::LvdtNoisy,
+        Fault::LvdtFrozen,
+        Fault::LvdtStalled,
+        Fault::ModelResidual,
+    ];
+    if let Some(fault) = heard.last().and_then(|t| t.fault).filter(|f| bad.contains(f)) {
+        return Ok(check(
+            "LVDT",
+            false,
+            format!("{fault}"),
+            "wiring, supply and mounting of the LVDT (docs/faults.md)",
+        ));
+    }
+    let at_rest = |t: &&Telemetry| matches!(t.state, State::Ready | State::Holding);
+    let positions: Vec<f64> = heard.iter().filter(at_rest).filter_map(|t| t.position_m.map(f64::from)).collect();
+    if positions.len() < 20 {
+        let seen = "no fault; range and noise are judged on a homed rig at rest (--home)";
+        return Ok(check("LVDT", true, seen, ""));
+    }
+    let count = positions.len() as f64;
+    let mean = positions.iter().sum::<f64>() / count;
+    let rms = (positions.iter().map(|p| (p - mean).powi(2)).sum::<f64>() / count).sqrt();
+    let mechanism = scene.mechanism()?;
+    // The least load is lifted farthest.
+    let [low, high] = scene.table_demand()?.0.twist_rad();
+    let load_n = f64::from(id.table.load_min_n);
+    let travel_m = mechanism.solve(load_n, low)?.gap_m - mechanism.solve(load_n, high)?.gap_m;
+    let inside = (-OUTSIDE_M..=travel_m + OUTSIDE_M).contains(&mean);
+    let seen = format!("at {:.3} mm of 0 to {:.1} mm, noise {:.1} um rms", mean * 1e3, travel_m * 1e3, rms * 1e6);
+    // Exactly none is as wrong as too much.
+    let advice = if !inside {
+        "the position is outside the travel: home anew, check the LVDT's mounting and scale"
+    } else {
+        "a healthy block has a few micrometres: screen, ground and supply of the LVDT; does the load swing?"
+    };
+    Ok(check("LVDT", inside && rms > 0.0 && rms < NOISE_M, seen, advice))
+}
+
+/// Turns up and back; the way up by the encoder and by the drive (rad of twist).
+fn turn(session: &mut Session, gear: f64) -> Result<[f64; 2], Failure> {
+    session.until(0.5, |_| false)?;
+    session.take_rows();
+    let mut way = [0.0; 2];
+    for speed in [TURN.0, -TURN.0] {
+        session.request(&Request::Jog { twist_speed_rad_per_s: speed })?;
+        session.until(TURN.1, |_| false)?;
+        session.request(&Request::Stop)?;
+        session.until(5.0, |s| s.telemetry().is_some_and(|t| t.state != State::Moving))?;
+        session.until(0.3, |_| false)?;
+        let rows = session.take_rows();
+        if speed > 0.0 {
+            let twist = |r: &crate::session::row::Row| r.twist_rad.map(f64::from);
+            let ends = rows.first().and_then(twist).zip(rows.last().and_then(twist));
+            way[0] = ends.map_or(0.0, |(from, to)| to - from);
+            way[1] =
+                rows.windows(2).map(|r| (r[1].t_s - r[0].t_s) * f64::from(r[1].drive_speed_rad_per_s) / gear).sum();
+        }
+    }
+    Ok(way)
+}
+
+fn encoder(turned: Option<[f64; 2]>, last: &Telemetry) -> Check {
+    let advice = "coupling, gear ratio and encoder lines of the scene, A and B swapped (docs/faults.md)";
+    let bad = [Fault::EncoderStuck, Fault::EncoderJump, Fault::EncoderDisagrees];
+    if let Some(fault) = last.fault.filter(|f| bad.contains(f)) {
+        return check("encoder", false, fault.name(), advice);
+    }
+    let Some([own, motor]) = turned else {
+        return check("encoder", true, "no fault; compared with the drive while it turns (--home)", "");
+    };
+    let seen = format!("turned {own:.3} rad by the encoder, {motor:.3} rad by the drive");
+    check("encoder", own > 0.5 && (motor - own).abs() < TURN_SHARE * own, seen, advice)
+}
+
+fn supply(last: &Telemetry, scene: &Scene) -> Check {
+    let [least, most] = scene.rig.supply_limits_v();
+    let seen = match (scene.rig.supply_divider, last.fault) {
+        (_, Some(Fault::Supply)) => format!("outside {least:.1} to {most:.1} V"),
+        (Some(_), _) => format!("watched, no fault: within {least:.1} to {most:.1} V"),
+        (None, _) => "not wired (the scene has no supply_divider), so not watched".to_owned(),
+    };
+    check("supply", last.fault != Some(Fault::Supply), seen, "the drive's supply and its cable, then `clear`")
+}
+
+/// Control ticks and link.
+fn timing(last: &Telemetry, session: &Session, messages: usize) -> [Check; 2] {
+    let c = last.counters;
+    let share = f64::from(c.longest_tick_us) / TICK_US as f64;
+    let rate_hz = messages as f64 / LISTEN_S;
+    let damaged = session.damaged_frames();
+    let lost = session.lost_frames();
+    [
+        check(
+            "ticks",
+            c.late_ticks == 0 && share < TICK_SHARE,
+            format!(
+                "{} late; the longest took {} us of {TICK_US} us, margin {:.0} %",
+                c.late_ticks,
+                c.longest_tick_us,
+                (1.0 - share) * 100.0
+            ),
+            "the core is held up: a debugger halting it, a build without optimisation? Then power-cycle to count anew",
+        ),
+        check(
+            "link",
+            rate_hz > 95.0 && c.link_errors == 0 && damaged == 0 && lost == 0 && c.unsent == 0,
+            format!(
+                "telemetry at {rate_hz:.0} Hz; damaged {} at the board, {damaged} here; {lost} lost, {} unsent; {} foreign \
+                 frames on the bus",
+                c.link_errors, c.unsent, c.foreign_frames
+            ),
+            "cable, ground and baud rate of the host link; another program on the port?",
+        ),
+    ]
+}

@@ -1,0 +1,132 @@
+//! `monitor`: the live view.
+
+use super::operate::{connect, is_sim};
+use super::simulate::{play_events, read};
+use crate::cli::Global;
+use crate::failure::Failure;
+use crate::log::write::event;
+use crate::output::Output;
+use crate::screen::Screen;
+use crate::script::Script;
+use crate::session::Session;
+use ratatui::DefaultTerminal;
+use ratatui::crossterm::event::{self as terminal_event, Event, KeyCode, KeyEventKind, KeyModifiers};
+use rig_link::{Request, State};
+use std::io::IsTerminal;
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// Time between two pictures (s).
+const PICTURE_S: f64 = 0.05;
+/// Longest wait for a motion to end before leaving (s).
+const LEAVE_S: f64 = 10.0;
+/// A script's end is not the view's.
+const FOR_EVER_S: f64 = 1e9;
+
+/// Gives the terminal back, whatever happens.
+struct Restored(DefaultTerminal);
+
+impl Drop for Restored {
+    fn drop(&mut self) {
+        ratatui::restore();
+    }
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// Without a terminal, if nobody answers, or the port fails.
+pub fn run(global: &Global, script: Option<&Path>, output: &Output) -> Result<(), Failure> {
+    if output.json() {
+        return Err(Failure::Usage("monitor has no --json: `record --json` prints telemetry".into()));
+    }
+    if !(std::io::stdin().is_terminal() && std::io::stdout().is_terminal()) {
+        return Err(Failure::failed("monitor needs a terminal; `record` and `status` do not"));
+    }
+    let mut script = match script {
+        Some(path) => read(path)?,
+        None => Script::idle(FOR_EVER_S),
+    };
+    script.end_s = FOR_EVER_S;
+    let mut session = connect(global)?;
+    let title = if is_sim(global) { " rig (emulated) ".to_owned() } else { format!(" rig at {} ", global.port) };
+    let mut view = View { screen: Screen::new(title), leaving: None, drawn_s: f64::MIN };
+    // This one also gives the terminal back if the tool panics.
+    let mut terminal = Restored(ratatui::try_init()?);
+    let (started, start_s, paced) = (Instant::now(), session.now_s(), is_sim(global));
+    let result = play_events(&mut session, &script, global.seed, |session, said| {
+        said.into_iter().for_each(|line| view.screen.say(line));
+        if paced {
+            // Emulated time may run ahead; it may also be slower than real time, then nothing waits.
+            let ahead_s = session.now_s() - start_s - started.elapsed().as_secs_f64();
+            std::thread::sleep(Duration::from_secs_f64(ahead_s.max(0.0)));
+        }
+        view.step(session, &mut terminal.0)
+    });
+    drop(terminal);
+    if let Some(false) = view.leaving.map(|_| still(&session)) {
+        eprintln!("left while the rig still moved: without this tool's heartbeat the board holds within 0.5 s");
+    }
+    result
+}
+
+fn still(session: &Session) -> bool {
+    !session.telemetry().is_some_and(|t| matches!(t.state, State::Moving | State::Homing))
+}
+
+struct View {
+    screen: Screen,
+    /// When the operator wanted to leave (s).
+    leaving: Option<f64>,
+    drawn_s: f64,
+}
+
+impl View {
+    fn step(&mut self, session: &mut Session, terminal: &mut DefaultTerminal) -> Result<ControlFlow<()>, Failure> {
+        for row in session.take_rows() {
+            self.screen.take(row);
+        }
+        for (t_s, kind) in session.take_events() {
+            self.screen.say(format!("{t_s:8.2} s  {}", event(&kind)));
+        }
+        session.take_log();
+        while terminal_event::poll(Duration::ZERO)? {
+            self.key(&terminal_event::read()?, session)?;
+        }
+        if session.now_s() >= self.drawn_s + PICTURE_S {
+            self.drawn_s = session.now_s();
+            terminal.draw(|frame| self.screen.draw(frame))?;
+        }
+        let leave = self.leaving.is_some_and(|since_s| still(session) || session.now_s() > since_s + LEAVE_S);
+        Ok(if leave { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
+    }
+
+    fn key(&mut self, event: &Event, session: &mut Session) -> Result<(), Failure> {
+        let Event::Key(key) = event else { return Ok(()) };
+        if key.kind != KeyEventKind::Press {
+            return Ok(());
+        }
+        let interrupt = key.code == KeyCode::Char('c') && key.modifiers.contains(KeyModifiers::CONTROL);
+        let (request, name) = match key.code {
+            _ if interrupt => return self.leave(session),
+            KeyCode::Char('q') | KeyCode::Esc => return self.leave(session),
+            KeyCode::Char(' ') => (Request::Stop, "stop"),
+            KeyCode::Char('h') => (Request::Hold, "hold"),
+            KeyCode::Char('c') => (Request::Clear, "clear"),
+            _ => return Ok(()),
+        };
+        session.post(&request)?;
+        self.screen.say(format!("{:8.2} s  you: {name}", session.now_s()));
+        Ok(())
+    }
+
+    fn leave(&mut self, session: &mut Session) -> Result<(), Failure> {
+        if self.leaving.is_none() && !still(session) {
+            session.post(&Request::Stop)?;
+            self.screen.say(format!("{:8.2} s  stopping the motion before leaving", session.now_s()));
+        }
+        self.leaving.get_or_insert(session.now_s());
+        Ok(())
+    }
+}

@@ -1,0 +1,96 @@
+//! `record`: what a board sends, kept with what it takes to run it again.
+
+use super::operate::connect;
+use super::simulate::{play_events, read};
+use crate::cli::{Global, Record};
+use crate::failure::Failure;
+use crate::log::{Entry, Header, Recorder};
+use crate::output::Output;
+use crate::script::Script;
+use crate::session::Session;
+use serde_json::{Map, Value, json};
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::ops::ControlFlow;
+use std::path::Path;
+
+/// A log file, made before anything moves: a place that cannot be written to is known at once.
+///
+/// # Errors
+/// Naming the file.
+pub fn create(path: &Path) -> Result<Box<dyn Write>, Failure> {
+    let file = File::create(path).map_err(|e| Failure::failed(format!("--out {}: {e}", path.display())))?;
+    Ok(Box::new(BufWriter::new(file)))
+}
+
+/// The head for a session that has greeted its board.
+///
+/// # Errors
+/// If the board has not said who it is, or the scene cannot be read.
+pub fn header(global: &Global, session: &Session, command: &str) -> Result<Header, Failure> {
+    let board = session.identity().ok_or_else(|| Failure::failed("the board did not say who it is"))?;
+    Ok(Header::new(global, super::scene(global)?.hash(), board, command))
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// If the script or the file is wrong, nobody answers, or the port fails.
+pub fn run(global: &Global, options: &Record, output: &mut Output) -> Result<(), Failure> {
+    let seconds = options.seconds;
+    if !(seconds > 0.0 && seconds.is_finite()) {
+        return Err(Failure::Usage(format!("--seconds {seconds}: must be above 0")));
+    }
+    let (script, lines) = match &options.script {
+        Some(path) => {
+            (Some(read(path)?), std::fs::read_to_string(path)?.lines().map(str::to_owned).collect::<Vec<_>>())
+        }
+        None => (None, Vec::new()),
+    };
+    let sink: Box<dyn Write> = match &options.out {
+        Some(path) => create(path)?,
+        None if output.json() => Box::new(io::sink()),
+        None => Box::new(BufWriter::new(io::stdout())),
+    };
+    let mut session = connect(global)?;
+    let mut head = header(global, &session, "record")?;
+    if let Some(path) = &options.script {
+        head.add("script", path.display());
+    }
+    for (number, line) in (1..).zip(&lines) {
+        head.add(&format!("script.{number}"), line);
+    }
+    if output.json() && options.out.is_none() {
+        let facts: Map<String, Value> = head.0.iter().map(|(k, v)| (k.clone(), Value::from(v.as_str()))).collect();
+        output.object(&json!({"header": facts}))?;
+    }
+    let mut recorder = Recorder::new(sink, &head)?;
+    session.keep_journal();
+    let script = script.unwrap_or_else(|| Script::idle(session.now_s() + seconds));
+    let rows_out = output.json() && options.out.is_none();
+    play_events(&mut session, &script, global.seed, |session, said| {
+        said.iter().for_each(|line| eprintln!("{line}"));
+        for entry in recorder.take(session)? {
+            if let (Entry::Row(row), true) = (entry, rows_out) {
+                output.object(&row)?;
+            }
+        }
+        // The journal has them all; here they would only pile up.
+        session.take_rows();
+        session.take_events();
+        session.take_log();
+        Ok(ControlFlow::Continue(()))
+    })?;
+    let rows = recorder.end(&session)?;
+    let summary = json!({"rows": rows, "lost_frames": session.lost_frames(), "seconds": session.now_s(),
+        "file": options.out.as_ref().map(|p| p.display().to_string())});
+    output.object(&json!({"summary": summary}))?;
+    if let Some(path) = &options.out {
+        output.line(format!(
+            "{rows} rows, {} frames lost on the way; written: {}",
+            session.lost_frames(),
+            path.display()
+        ))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,295 @@
+//! Reading a log back. Nothing in the file is believed: each refusal names the line.
+
+use super::{FORMAT, Header};
+use crate::script;
+use rig_link::{Request, State};
+use std::path::Path;
+
+/// A row, as far as the control code has to do with it. SI units.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LogRow {
+    /// Time (s).
+    pub t_s: f64,
+    /// What the rig was doing.
+    pub state: State,
+    /// Where it was going.
+    pub target_m: Option<f64>,
+    /// Where the planner wanted it.
+    pub setpoint_m: Option<f64>,
+    /// Where the LVDT saw it.
+    pub position_m: Option<f64>,
+    /// Twist of the strings.
+    pub twist_rad: Option<f64>,
+    /// Estimated load.
+    pub load_n: Option<f64>,
+    /// Transmission ratio.
+    pub tr_rad_per_m: Option<f64>,
+    /// Motor current.
+    pub drive_current_a: f64,
+    /// Speed of the motor shaft.
+    pub drive_speed_rad_per_s: f64,
+    /// Learned scale of the twist.
+    pub twist_scale: Option<f64>,
+}
+
+/// What happened between rows.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Mark {
+    /// The host asked.
+    Request(Request),
+    /// Homing ended: load (N), measured less modelled gap (m).
+    Homed {
+        /// Load (N).
+        load_n: f64,
+        /// Measured less modelled gap (m).
+        gap_offset_m: f64,
+    },
+    /// Anything else that the board said.
+    Event(String),
+}
+
+/// A mark and its place.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Marked {
+    /// Number of rows before it.
+    pub row: usize,
+    /// When (s).
+    pub t_s: f64,
+    /// What.
+    pub mark: Mark,
+}
+
+/// A log.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Log {
+    /// What was known before the first row.
+    pub header: Header,
+    /// Telemetry in order of time.
+    pub rows: Vec<LogRow>,
+    /// What happened between.
+    pub marks: Vec<Marked>,
+    /// Whether the line that ends a log is there.
+    pub complete: bool,
+}
+
+/// Why a text is no log.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum LogError {
+    /// Nothing in it.
+    #[error("is empty")]
+    Empty,
+    /// Another kind of file.
+    #[error("is no log of this tool: its first line is not `# format = {FORMAT}`")]
+    Format,
+    /// A line is not what it should be.
+    #[error("line {line}: {message}")]
+    Line {
+        /// From 1.
+        line: usize,
+        /// What is wrong.
+        message: String,
+    },
+    /// The last line is missing.
+    #[error("was cut short after {rows} rows: its last line, `# end rows = …`, is missing")]
+    Cut {
+        /// Rows that are there.
+        rows: usize,
+    },
+}
+
+/// Columns that every log has.
+const NEEDED: [&str; 4] = ["t_s", "state", "position_m", "twist_rad"];
+
+impl Log {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// In words, without the file's name.
+    pub fn load(path: &Path) -> Result<Self, String> {
+        let bytes = std::fs::read(path).map_err(|e| e.to_string())?;
+        let text = String::from_utf8(bytes)
+            .map_err(|e| format!("is no text from byte {} on", e.utf8_error().valid_up_to()))?;
+        Self::parse(&text).map_err(|e| e.to_string())
+    }
+
+    /// Reads a text. A log that was cut short is read as far as it goes; see [`Log::whole`].
+    ///
+    /// # Errors
+    /// [`LogError`], naming the line.
+    pub fn parse(text: &str) -> Result<Self, LogError> {
+        if text.trim().is_empty() {
+            return Err(LogError::Empty);
+        }
+        let mut log = Self::default();
+        let mut columns: Option<Vec<&str>> = None;
+        // What has no line end was cut in the middle.
+        let whole = text.rfind('\n').map_or("", |end| &text[..end]);
+        for (line, content) in (1..).zip(whole.lines()) {
+            let fail = |message: String| LogError::Line { line, message };
+            if log.complete && !content.trim().is_empty() {
+                return Err(fail("comes after the log's end".into()));
+            }
+            if let Some(comment) = content.strip_prefix('#') {
+                log.comment(comment.trim()).map_err(fail)?;
+                if line == 1 && log.header.get("format") != Some(FORMAT) {
+                    return Err(LogError::Format);
+                }
+                continue;
+            }
+            if line == 1 {
+                return Err(LogError::Format);
+            }
+            match &columns {
+                None => {
+                    let names: Vec<&str> = content.split(',').map(str::trim).collect();
+                    if let Some(missing) = NEEDED.iter().find(|n| !names.contains(n)) {
+                        return Err(fail(format!("there is no column `{missing}`")));
+                    }
+                    columns = Some(names);
+                }
+                Some(names) => {
+                    let row = row(names, content).map_err(fail)?;
+                    if log.rows.last().is_some_and(|last| row.t_s < last.t_s) {
+                        return Err(fail(format!("t_s {} lies before the row above", row.t_s)));
+                    }
+                    log.rows.push(row);
+                }
+            }
+        }
+        if log.header.get("format").is_none() {
+            return Err(LogError::Format);
+        }
+        Ok(log)
+    }
+
+    /// Itself, if nothing is missing at its end.
+    ///
+    /// # Errors
+    /// [`LogError::Cut`].
+    pub fn whole(self) -> Result<Self, LogError> {
+        if self.complete { Ok(self) } else { Err(LogError::Cut { rows: self.rows.len() }) }
+    }
+
+    fn comment(&mut self, text: &str) -> Result<(), String> {
+        if let Some(count) = text.strip_prefix("end rows = ") {
+            if count.parse() != Ok(self.rows.len()) {
+                return Err(format!("the log's end counts {count} rows, there are {}", self.rows.len()));
+            }
+            self.complete = true;
+        } else if let Some(mark) = text.strip_prefix("at ") {
+            let (time, what) = mark.split_once(' ').ok_or("a mark without a time and what happened")?;
+            let t_s = time
+                .parse()
+                .ok()
+                .filter(|t: &f64| t.is_finite())
+                .ok_or_else(|| format!("time `{time}` is no number"))?;
+            let mark = if let Some(request) = what.strip_prefix("request ") {
+                Mark::Request(script::request(request)?)
+            } else if let Some(event) = what.strip_prefix("event ") {
+                event_mark(event)?
+            } else {
+                return Err(format!("`{what}` is neither a request nor an event"));
+            };
+            self.marks.push(Marked { row: self.rows.len(), t_s, mark });
+        } else if let Some((key, value)) = text.split_once(" = ") {
+            self.header.add(key.trim(), value.trim());
+        }
+        Ok(())
+    }
+}
+
+fn event_mark(text: &str) -> Result<Mark, String> {
+    let Some(homed) = text.strip_prefix("homed ") else { return Ok(Mark::Event(text.to_owned())) };
+    let value = |key: &str| {
+        let found = homed.split_whitespace().find_map(|w| w.strip_prefix(key)?.strip_prefix('='));
+        let number = found.and_then(|v| v.parse::<f64>().ok()).filter(|v| v.is_finite());
+        number.ok_or_else(|| format!("event homed has no number {key}"))
+    };
+    Ok(Mark::Homed { load_n: value("load_n")?, gap_offset_m: value("gap_offset_m")? })
+}
+
+fn row(names: &[&str], content: &str) -> Result<LogRow, String> {
+    let cells: Vec<&str> = content.split(',').map(str::trim).collect();
+    if cells.len() != names.len() {
+        return Err(format!("has {} cells under {} names", cells.len(), names.len()));
+    }
+    let cell = |name: &str| names.iter().position(|n| *n == name).map_or("", |k| cells[k]);
+    let number = |name: &str| match cell(name) {
+        "" => Ok(None),
+        text => match text.parse::<f64>() {
+            Ok(x) if x.is_finite() => Ok(Some(x)),
+            _ => Err(format!("{name} `{text}` is no number")),
+        },
+    };
+    let state = cell("state");
+    Ok(LogRow {
+        t_s: number("t_s")?.ok_or("t_s is empty")?,
+        state: State::from_name(state).ok_or_else(|| format!("there is no state `{state}`"))?,
+        target_m: number("target_m")?,
+        setpoint_m: number("setpoint_m")?,
+        position_m: number("position_m")?,
+        twist_rad: number("twist_rad")?,
+        load_n: number("load_n")?,
+        tr_rad_per_m: number("tr_rad_per_m")?,
+        drive_current_a: number("drive_current_a")?.unwrap_or(0.0),
+        drive_speed_rad_per_s: number("drive_speed_rad_per_s")?.unwrap_or(0.0),
+        twist_scale: number("twist_scale")?,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const GOOD: &str = "# format = tsa-log 1\n# scene_hash = 01234567\nt_s,state,position_m,twist_rad,load_n\n\
+        # at 0.01 request move 0.008 speed=0.002 load=auto\n0.02,ready,0.001,3.2,\n\
+        # at 0.02 event homed twist_error_estimate_rad=0.001 load_n=4.9 gap_offset_m=0.0001\n\
+        0.03,moving,0.001,3.3,4.9\n# lost_frames = 0\n# end rows = 2\n";
+
+    #[test]
+    fn a_log() {
+        let log = Log::parse(GOOD).and_then(Log::whole).unwrap();
+        assert_eq!((log.rows.len(), log.marks.len()), (2, 2));
+        assert_eq!((log.header.get("scene_hash"), log.header.get("lost_frames")), (Some("01234567"), Some("0")));
+        assert_eq!(log.rows[1].load_n, Some(4.9));
+        assert_eq!(log.marks[1].row, 1);
+        assert!(matches!(log.marks[1].mark, Mark::Homed { load_n: 4.9, .. }));
+        assert!(matches!(log.marks[0].mark, Mark::Request(Request::Move { target_m: 0.008, .. })));
+    }
+
+    #[test]
+    fn a_cut_log_is_known_wherever_it_was_cut() {
+        let mut seen = [0; 3];
+        for end in 0..GOOD.len() {
+            match Log::parse(&GOOD[..end]).and_then(Log::whole) {
+                Err(LogError::Empty | LogError::Format) => seen[0] += 1,
+                Err(LogError::Cut { .. }) => seen[1] += 1,
+                other => panic!("cut at {end}: {other:?}"),
+            }
+        }
+        assert!(seen[0] > 10 && seen[1] > 100, "{seen:?}");
+    }
+
+    #[test]
+    fn damage_is_named_with_its_line() {
+        for (from, to, line, named) in [
+            ("twist_rad,load_n", "twist,load_n", 3, "twist_rad"),
+            ("0.02,ready", "0.02,reedy", 5, "reedy"),
+            ("0.02,ready", "x,ready", 5, "t_s"),
+            ("0.02,ready", "nan,ready", 5, "t_s"),
+            ("0.02,ready,", "0.02,ready,,", 5, "cells"),
+            ("0.03,moving", "0.01,moving", 7, "before"),
+            ("move 0.008", "mov 0.008", 4, "mov"),
+            ("load_n=4.9", "load_n=inf", 6, "load_n"),
+            ("at 0.02", "at noon", 6, "noon"),
+            ("end rows = 2", "end rows = 3", 9, "3 rows"),
+        ] {
+            let text = GOOD.replace(from, to);
+            let Err(LogError::Line { line: at, message }) = Log::parse(&text) else { panic!("{to}") };
+            assert!(at == line && message.contains(named), "{to}: line {at}: {message}");
+        }
+        assert_eq!(Log::parse(""), Err(LogError::Empty));
+        assert_eq!(Log::parse("load_n,turns\n1,2\n"), Err(LogError::Format));
+        assert_eq!(Log::parse(&GOOD.replace("tsa-log 1", "tsa-log 2")), Err(LogError::Format));
+    }
+}

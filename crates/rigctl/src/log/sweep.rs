@@ -1,0 +1,86 @@
+//! A recorded sweep as equilibria: what is fitted to constants.
+//!
+//! The load moves slowly, so each row is an equilibrium but for what depends on the way it goes: rail friction, and the
+//! age of the gap. The mean of the way up and the way down at the same twist is free of both.
+
+use super::{Log, LogRow};
+use rig_link::State;
+use std::collections::BTreeMap;
+use std::f64::consts::TAU;
+
+/// Rows within this much twist (turns) are taken together: across it the gap bends by less than a micrometre.
+const BIN_TURNS: f64 = 0.1;
+/// Least rows of a bin on either way: fewer are where the motor was starting or stopping.
+const LEAST_ROWS: u32 = 5;
+
+/// Most that the mean twists of both ways may differ (rad): more where one way began or ended within the bin, and the two
+/// are not at the same place.
+const SAME_RAD: f64 = 0.05 * BIN_TURNS * TAU;
+
+/// How far the load moves (m) before a way counts: until the strings have taken up friction it stands, and its pull is
+/// anywhere between the two ways'.
+const MOVED_M: f64 = 0.1e-3;
+
+/// One equilibrium.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Stop {
+    /// Twist (rad).
+    pub twist_rad: f64,
+    /// How far the load has come up since the half-turn pre-twist, from an unknown zero (m).
+    pub position_m: f64,
+    /// Half of what the way up and the way down differ by (m): friction's doing.
+    pub half_difference_m: f64,
+}
+
+#[derive(Default, Clone, Copy)]
+struct Sums {
+    count: u32,
+    twist: f64,
+    position: f64,
+}
+
+/// The load that hung (N), and the equilibria in order of twist.
+///
+/// # Errors
+/// In words, if the log is none of a sweep or lacks a way.
+pub fn stops(log: &Log) -> Result<(f64, Vec<Stop>), String> {
+    let load = log.header.get("sweep.load_n").ok_or("is a log, but not of `rigctl sweep`: nobody weighed its load")?;
+    let load_n: f64 = load.parse().map_err(|_| format!("sweep.load_n `{load}` is no number"))?;
+    let mut bins: BTreeMap<i64, [Sums; 2]> = BTreeMap::new();
+    let moving = |r: &LogRow| r.twist_rad.zip(r.position_m).filter(|_| r.state == State::Moving);
+    // Where the load stood when the way began, until it has moved away from there.
+    let mut stood_m: Option<f64> = None;
+    for pair in log.rows.windows(2) {
+        let Some((twist, position)) = moving(&pair[1]) else { continue };
+        let Some((before, _)) = moving(&pair[0]) else {
+            stood_m = Some(position);
+            continue;
+        };
+        if stood_m.is_some_and(|stood_m| (position - stood_m).abs() < MOVED_M) {
+            continue;
+        }
+        stood_m = None;
+        let sums = &mut bins.entry((twist / TAU / BIN_TURNS).floor() as i64).or_default()[usize::from(twist < before)];
+        sums.count += 1;
+        sums.twist += twist;
+        sums.position += position;
+    }
+    let mean = |s: &Sums| {
+        let count = f64::from(s.count);
+        (s.twist / count, s.position / count)
+    };
+    let both = bins.values().filter(|ways| ways.iter().all(|s| s.count >= LEAST_ROWS));
+    let stops: Vec<Stop> = both
+        .map(|[up, down]| (mean(up), mean(down)))
+        .filter(|((twist_up, _), (twist_down, _))| (twist_up - twist_down).abs() < SAME_RAD)
+        .map(|((twist_up, up), (twist_down, down))| Stop {
+            twist_rad: 0.5 * (twist_up + twist_down),
+            position_m: 0.5 * (up + down),
+            half_difference_m: 0.5 * (down - up),
+        })
+        .collect();
+    if stops.is_empty() {
+        return Err("has no twist that was passed both up and down".into());
+    }
+    Ok((load_n, stops))
+}

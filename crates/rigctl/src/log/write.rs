@@ -1,0 +1,94 @@
+//! Writing a log.
+
+use super::{Entry, Header};
+use crate::failure::Failure;
+use crate::script;
+use crate::session::Session;
+use crate::session::row::Row;
+use rig_link::EventKind;
+use std::io::Write;
+
+/// Writes a head, then whatever a session keeps.
+pub struct Recorder<W: Write> {
+    sink: W,
+    rows: u64,
+}
+
+impl<W: Write> Recorder<W> {
+    /// Writes the head.
+    ///
+    /// # Errors
+    /// If the sink fails.
+    pub fn new(mut sink: W, header: &Header) -> Result<Self, Failure> {
+        for (key, value) in &header.0 {
+            writeln!(sink, "# {key} = {value}")?;
+        }
+        Ok(Self { sink, rows: 0 })
+    }
+
+    /// Writes what the session has kept since last asked, and gives it on.
+    ///
+    /// # Errors
+    /// If the sink fails.
+    pub fn take(&mut self, session: &mut Session) -> Result<Vec<Entry>, Failure> {
+        let entries = session.take_journal();
+        for entry in &entries {
+            match entry {
+                Entry::Row(row) => self.row(row)?,
+                Entry::Request(t_s, request) => {
+                    if let Some(text) = script::text(request) {
+                        self.comment(format_args!("at {t_s} request {text}"))?;
+                    }
+                }
+                Entry::Event(t_s, kind) => self.comment(format_args!("at {t_s} event {}", event(kind)))?,
+            }
+        }
+        Ok(entries)
+    }
+
+    fn row(&mut self, row: &Row) -> Result<(), Failure> {
+        // A writer for each row, so that comments can go between them.
+        let mut line = csv::WriterBuilder::new().has_headers(self.rows == 0).from_writer(Vec::new());
+        line.serialize(row)?;
+        self.sink.write_all(&line.into_inner().map_err(|e| e.into_error())?)?;
+        self.rows += 1;
+        Ok(())
+    }
+
+    /// A line that readers of CSV pass over.
+    ///
+    /// # Errors
+    /// If the sink fails.
+    pub fn comment(&mut self, text: impl std::fmt::Display) -> Result<(), Failure> {
+        Ok(writeln!(self.sink, "# {text}")?)
+    }
+
+    /// Ends the log; how many rows it has.
+    ///
+    /// # Errors
+    /// If the sink fails.
+    pub fn end(mut self, session: &Session) -> Result<u64, Failure> {
+        self.comment(format_args!("lost_frames = {}", session.lost_frames()))?;
+        let rows = self.rows;
+        self.comment(format_args!("end rows = {rows}"))?;
+        self.sink.flush()?;
+        Ok(rows)
+    }
+}
+
+/// An event as a line of the log: its name, then `key=value`.
+pub fn event(kind: &EventKind) -> String {
+    match kind {
+        EventKind::Homed { twist_error_estimate_rad, load_n, gap_offset_m } => format!(
+            "homed twist_error_estimate_rad={twist_error_estimate_rad} load_n={load_n} gap_offset_m={gap_offset_m}"
+        ),
+        EventKind::HomingRefused(failure) => format!("homing-refused {failure}"),
+        EventKind::MoveDone { error_m } => format!("move-done error_m={error_m}"),
+        EventKind::Stopped => "stopped".into(),
+        EventKind::FaultRaised(fault) => format!("fault-raised {fault}"),
+        EventKind::FaultCleared(fault) => format!("fault-cleared {fault}"),
+        EventKind::EStopOpened => "estop-opened".into(),
+        EventKind::EStopClosed => "estop-closed".into(),
+        other => format!("{other:?}"),
+    }
+}

@@ -1,0 +1,421 @@
+//! A log through the controller again: [`rig_control::Rig::step`], tick by tick, fed with what was recorded.
+//!
+//! Telemetry does not hold everything that a tick sees. From homing to homing's end nothing can be replayed: raw shaft and
+//! gap are not in it. After that shaft and gap follow from twist and position. Three of homing's results are not in the log
+//! and are found from it: friction from the first TR, the gap at position zero as the one that makes the load estimates
+//! of the first two seconds of motion agree best, and the drive's lag as the delay at which the twist follows the commands best. Everything else that a tick
+//! sees is taken for healthy: a replay ends where the recorded rig stopped by a fault.
+
+use crate::log::{Log, LogRow, Mark};
+use rig_control::homing::Homed;
+use rig_control::mechanism::Mechanism;
+use rig_control::{DriveCommand, DriveReading, Inputs, LvdtBlock, Rig, RigConstants, TICK_S, TICK_US};
+use rig_link::{Counters, Request, State};
+use serde::Serialize;
+use std::f32::consts::PI;
+use tsa_model::Scene;
+use tsa_table::Table;
+
+/// Age of the gap at its tick (µs): blocks of 6 ms against ticks of 10 ms make it 0 to 6 ms.
+const BLOCK_AGE_US: u64 = 3000;
+/// Standing ticks in which the controller finds drive and sensor well.
+const BOOT_TICKS: u64 = 60;
+/// Ticks that may be missing in a row before a replay ends; they are filled in straight.
+const FILLED: u32 = 10;
+/// Rows in which a request shows.
+const SHOWS_ROWS: usize = 10;
+/// Rail friction (N) that is looked for, at most.
+const FRICTION_MAX_N: f32 = 2.0;
+/// How far the gap at position zero is looked for (m), and in how many steps at first.
+const REFERENCE_M: f32 = 0.3e-3;
+const REFERENCE_STEPS: i32 = 30;
+/// How long (ticks) from the first change of the load estimate on.
+const REFERENCE_TICKS: usize = 200;
+/// What no rig reports: farther off the counts would not fit their numbers.
+const TWIST_MAX_RAD: f64 = 1000.0;
+const POSITION_MAX_M: f64 = 10.0;
+/// Longest lag of the drive that is looked for (quarters of a tick).
+const LAG_QUARTERS: u32 = 40;
+/// What twist speeds are taken over (ticks): in a single one they are the drive's own ripple.
+const SPEED_TICKS: usize = 10;
+
+/// Load (share), set-point (m) and twist speed (rad/s) by which recorded and replayed have parted. The drive's own loop
+/// follows a steep command by up to 0.8 rad/s otherwise than a mere delay would.
+pub const PARTED: (f64, f64, f64) = (0.01, 10e-6, 1.0);
+
+/// The scene's `[rig]` as the firmware has it.
+pub fn constants(scene: &Scene) -> RigConstants {
+    let rig = &scene.rig;
+    RigConstants {
+        gear_ratio: rig.gear() as f32,
+        counts_per_rad: rig.counts_per_rad() as f32,
+        motor_speed_max_rad_per_s: rig.motor_speed_max_rad_per_s as f32,
+        motor_acceleration_max_rad_per_s2: rig.motor_acceleration_max_rad_per_s2 as f32,
+        motor_torque_constant_nm_per_a: rig.motor_torque_constant_nm_per_a as f32,
+        current_limit_ma: rig.drive_current_limit_ma(),
+        lvdt_gap_at_code_zero_m: rig.lvdt_gap_at_code_zero_m() as f32,
+        lvdt_metres_per_code: rig.lvdt_metres_per_code() as f32,
+        drive_group: rig.drive_group,
+        drive_number: rig.drive_number,
+        supply_limits_v: rig.supply_limits_v().map(|volts| volts as f32),
+        supply_divider: rig.supply_divider.map(|divider| divider as f32),
+    }
+}
+
+/// Largest and rms difference, replayed less recorded.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct Difference {
+    /// Largest.
+    pub largest: f64,
+    /// Root of the mean square.
+    pub rms: f64,
+}
+
+impl Difference {
+    fn of(differences: impl Iterator<Item = f64>) -> Self {
+        let (mut largest, mut sum, mut count) = (0f64, 0.0, 0.0);
+        for d in differences {
+            largest = largest.max(d.abs());
+            sum += d * d;
+            count += 1.0;
+        }
+        Self { largest, rms: if count > 0.0 { f64::sqrt(sum / count) } else { 0.0 } }
+    }
+}
+
+/// Where recorded and replayed part first.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Parting {
+    /// Time (s).
+    pub t_s: f64,
+    /// What of: `load_n`, `setpoint_m`, `twist_speed_rad_per_s`, `fault`.
+    pub what: String,
+    /// Recorded, replayed (SI units); none for a fault.
+    pub values: Option<[f64; 2]>,
+}
+
+/// One stretch, from a homing to what ended it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Stretch {
+    /// First time (s).
+    pub from_s: f64,
+    /// Last time (s).
+    pub to_s: f64,
+    /// Ticks replayed.
+    pub ticks: usize,
+    /// Of these missing in the log, and filled in.
+    pub filled: usize,
+    /// What ended it.
+    pub ended_by: String,
+    /// Rail friction, from the first TR (N).
+    pub friction_n: f64,
+    /// Gap at position zero, at which the load estimates agree best (m).
+    pub reference_gap_m: f64,
+    /// The drive's lag, at which twist and command agree best (s).
+    pub drive_lag_s: f64,
+    /// Of the load estimate (N).
+    pub load_n: Difference,
+    /// Of the set-point (m).
+    pub setpoint_m: Difference,
+    /// Of the twist speed: commanded in the replay, turned in the log (rad/s).
+    pub twist_speed_rad_per_s: Difference,
+    /// Where they part.
+    pub parted: Option<Parting>,
+}
+
+/// A tick of the log, and what is asked in it.
+#[derive(Clone, Copy)]
+struct Tick {
+    row: LogRow,
+    twist_rad: f32,
+    position_m: f32,
+    request: Option<Request>,
+}
+
+/// What the controller made of a tick.
+#[derive(Clone, Copy, Default)]
+struct Answer {
+    load_n: Option<f32>,
+    setpoint_m: Option<f32>,
+    shaft_rad: Option<f64>,
+    fault: Option<rig_link::Fault>,
+}
+
+/// Replays every stretch after a homing.
+///
+/// # Errors
+/// If there is no homing with anything after it.
+pub fn replay(log: &Log, scene: &Scene, table: &Table<'_>) -> Result<Vec<Stretch>, String> {
+    let constants = constants(scene);
+    let mut stretches = Vec::new();
+    for (k, mark) in log.marks.iter().enumerate() {
+        if let Mark::Homed { load_n, gap_offset_m } = mark.mark {
+            stretches.extend(stretch(log, k, [load_n as f32, gap_offset_m as f32], &constants, table));
+        }
+    }
+    if stretches.is_empty() {
+        return Err("has nothing that can be replayed: no homing with telemetry after it".into());
+    }
+    Ok(stretches)
+}
+
+fn stretch(
+    log: &Log,
+    mark: usize,
+    [load_n, gap_offset_m]: [f32; 2],
+    constants: &RigConstants,
+    table: &Table<'_>,
+) -> Option<Stretch> {
+    if !((0.0..1e4).contains(&load_n) && gap_offset_m.abs() < POSITION_MAX_M as f32) {
+        return None;
+    }
+    let (ticks, filled, ended_by) = ticks(log, mark);
+    let first = ticks.first()?;
+    let twist_scale = first.row.twist_scale? as f32;
+    let mechanism = Mechanism { table, twist_scale };
+    let friction_n = friction(&mechanism, first, load_n)?;
+    let hangs_m = mechanism.at(load_n - friction_n, first.twist_rad).gap_m + gap_offset_m + first.position_m;
+    let homed = |reference_gap_m: f32| Homed {
+        zero_rad: 0.0,
+        zero_error_rad: 0.0,
+        load_n,
+        gap_offset_m,
+        twist_scale,
+        friction_n,
+        reference_gap_m,
+        // So that a command is the shaft's set-point itself.
+        drive_lag_s: 0.0,
+    };
+    // From the first way alone: what differs later must not be explained away.
+    let moves = ticks.iter().position(|t| t.row.load_n != first.row.load_n).unwrap_or(0);
+    let early = &ticks[..ticks.len().min(moves + REFERENCE_TICKS)];
+    let load_rms = |gap_m: f32| loads(early, &answers(early, &homed(gap_m), constants, table)).rms;
+    let reference_gap_m = best_reference(hangs_m, load_rms);
+    let answers = answers(&ticks, &homed(reference_gap_m), constants, table);
+    let rms = |lag: f64| speeds(&ticks, &answers, lag).0.rms;
+    let lag = (0..=LAG_QUARTERS).map(|k| 0.25 * f64::from(k)).min_by(|a, b| rms(*a).total_cmp(&rms(*b)))?;
+    let (twist_speed, parted_speed) = speeds(&ticks, &answers, lag);
+    Some(Stretch {
+        from_s: first.row.t_s,
+        to_s: ticks.last()?.row.t_s,
+        ticks: ticks.len(),
+        filled,
+        ended_by,
+        friction_n: friction_n.into(),
+        reference_gap_m: reference_gap_m.into(),
+        drive_lag_s: lag * f64::from(TICK_S),
+        load_n: loads(&ticks, &answers),
+        setpoint_m: setpoints(&ticks, &answers),
+        twist_speed_rad_per_s: twist_speed,
+        parted: parting(&ticks, &answers, parted_speed),
+    })
+}
+
+/// The ticks after a homing, how many of them are filled in, and what ended them.
+fn ticks(log: &Log, mark: usize) -> (Vec<Tick>, usize, String) {
+    // The tick that ended the homing does not know TR yet.
+    let known = |r: &LogRow| r.twist_rad.is_some() && r.tr_rad_per_m.is_some();
+    let start = log.marks[mark].row;
+    let start = start + log.rows[start..].iter().take_while(|r| !known(r)).count();
+    // A request shows in the first row in which state or target change after it. A jog that is stopped shows only when it
+    // has ended: it is taken to have been as late as the one before.
+    let mut late = 1;
+    let mut asked: Vec<(usize, Request)> = Vec::new();
+    for m in &log.marks[mark..] {
+        let Mark::Request(request) = m.mark else { continue };
+        let stops = matches!(request, Request::Stop | Request::Hold);
+        let seen = |k: usize| log.rows.get(k).map(|r| (r.state, r.target_m.map(f64::to_bits)));
+        let before = m.row.checked_sub(1).and_then(seen);
+        let jogged = stops && before.is_some_and(|(state, target)| state == State::Moving && target.is_none());
+        let shows = (m.row..m.row + SHOWS_ROWS).find(|k| !jogged && seen(*k) != before);
+        late = shows.map_or(late, |k| k - m.row);
+        asked.push((m.row + late, request));
+    }
+    let mut ticks: Vec<Tick> = Vec::new();
+    let (mut filled, mut ended_by) = (0, "the log's end".to_owned());
+    for (k, row) in log.rows.iter().enumerate().skip(start) {
+        let (Some(twist_rad), Some(position_m)) = (row.twist_rad, row.position_m) else {
+            ended_by = format!("{} without twist or position", row.state);
+            break;
+        };
+        if !matches!(row.state, State::Ready | State::Moving | State::Holding) {
+            ended_by = row.state.to_string();
+            break;
+        }
+        if twist_rad.abs() > TWIST_MAX_RAD || position_m.abs() > POSITION_MAX_M {
+            ended_by = format!("twist {twist_rad} rad or position {position_m} m, which no rig has");
+            break;
+        }
+        let request = asked.iter().find(|(shows, _)| *shows == k).map(|(_, request)| *request);
+        let tick = Tick { row: *row, twist_rad: twist_rad as f32, position_m: position_m as f32, request };
+        if let Some(last) = ticks.last().copied() {
+            let missing = ((row.t_s - last.row.t_s) / f64::from(TICK_S)).round() as u32;
+            if missing > FILLED + 1 {
+                ended_by = format!("{missing} ticks that are not in the log");
+                break;
+            }
+            for n in 1..missing {
+                let part = n as f32 / missing as f32;
+                let between = |a: f32, b: f32| a + part * (b - a);
+                ticks.push(Tick {
+                    twist_rad: between(last.twist_rad, tick.twist_rad),
+                    position_m: between(last.position_m, tick.position_m),
+                    request: None,
+                    ..last
+                });
+                filled += 1;
+            }
+        }
+        ticks.push(tick);
+    }
+    (ticks, filled, ended_by)
+}
+
+/// Friction (N): at rest after homing's way down the table is asked at the load less friction, and TR tells where it was.
+fn friction(mechanism: &Mechanism<'_>, first: &Tick, load_n: f32) -> Option<f32> {
+    let tr = first.row.tr_rad_per_m? as f32;
+    let off = |f: f32| (mechanism.at(load_n - f, first.twist_rad).tr_rad_per_m() - tr).abs();
+    let step = FRICTION_MAX_N.min(0.9 * load_n) / 200.0;
+    let mut best = (0..=200u8).map(|k| step * f32::from(k)).min_by(|a, b| off(*a).total_cmp(&off(*b)))?;
+    let mut width = step;
+    for _ in 0..20 {
+        width *= 0.5;
+        for candidate in [best - width, best + width] {
+            if candidate >= 0.0 && off(candidate) < off(best) {
+                best = candidate;
+            }
+        }
+    }
+    Some(best)
+}
+
+/// The gap at position zero (m): coarse, then by halves. Where nothing tells it, where the load should hang.
+fn best_reference(hangs_m: f32, rms: impl Fn(f32) -> f64) -> f32 {
+    let (mut best, mut least) = (hangs_m, rms(hangs_m));
+    let mut take = |gap_m: f32, best: &mut f32| {
+        let found = rms(gap_m);
+        if found < least {
+            (*best, least) = (gap_m, found);
+        }
+    };
+    let mut width = REFERENCE_M / REFERENCE_STEPS as f32;
+    for k in -REFERENCE_STEPS..=REFERENCE_STEPS {
+        take(hangs_m + width * k as f32, &mut best);
+    }
+    while width > 0.02e-6 {
+        width *= 0.5;
+        for way in [-1.0, 1.0] {
+            take(best + way * width, &mut best);
+        }
+    }
+    best
+}
+
+fn answers(ticks: &[Tick], homed: &Homed, constants: &RigConstants, table: &Table<'_>) -> Vec<Answer> {
+    let mut rig = Rig::new(table, *constants, None);
+    let mut now_us = 1_000_000;
+    let mut step = |rig: &mut Rig<'_>, twist_rad: f32, position_m: f32, row: &LogRow, request: Option<Request>| {
+        now_us += TICK_US;
+        let encoder_counts = (f64::from(twist_rad) * f64::from(constants.counts_per_rad)).round() as i64;
+        let gap_m = homed.reference_gap_m - position_m;
+        let rpm = row.drive_speed_rad_per_s * 60.0 / std::f64::consts::TAU;
+        rig.step(&Inputs {
+            now_us,
+            encoder_counts,
+            lvdt: Some(LvdtBlock {
+                t_us: now_us - BLOCK_AGE_US,
+                mean_code: (gap_m - constants.lvdt_gap_at_code_zero_m) / constants.lvdt_metres_per_code,
+                // Any that is healthy.
+                variance: 1.0,
+            }),
+            drive: DriveReading::Reports {
+                t_us: now_us,
+                position_qc: encoder_counts as i32,
+                speed_rpm: rpm.round() as i16,
+                current_ma: (row.drive_current_a * 1e3).round() as i16,
+            },
+            drive_stalled: false,
+            bus_off: false,
+            supply: None,
+            upper_limit_open: false,
+            lower_limit_open: false,
+            estop_open: false,
+            host_heard_us: Some(now_us),
+            request,
+            counters: Counters::default(),
+        })
+    };
+    let Some(first) = ticks.first() else { return Vec::new() };
+    let standing = LogRow { drive_speed_rad_per_s: 0.0, ..first.row };
+    for _ in 0..BOOT_TICKS {
+        step(&mut rig, PI, first.position_m, &standing, None);
+    }
+    rig.resume(*homed);
+    let answer = |tick: &Tick| {
+        let out = step(&mut rig, tick.twist_rad, tick.position_m, &tick.row, tick.request);
+        let shaft_rad = match out.drive {
+            DriveCommand::Follow { position_qc, .. } => {
+                Some(f64::from(position_qc) / f64::from(constants.counts_per_rad))
+            }
+            _ => None,
+        };
+        Answer {
+            load_n: out.telemetry.load_n,
+            setpoint_m: out.telemetry.setpoint_m,
+            shaft_rad,
+            fault: out.telemetry.fault,
+        }
+    };
+    ticks.iter().map(answer).collect()
+}
+
+fn loads(ticks: &[Tick], answers: &[Answer]) -> Difference {
+    let pairs = ticks.iter().zip(answers);
+    Difference::of(pairs.filter_map(|(t, a)| Some(f64::from(a.load_n?) - t.row.load_n?)))
+}
+
+fn setpoints(ticks: &[Tick], answers: &[Answer]) -> Difference {
+    let pairs = ticks.iter().zip(answers);
+    Difference::of(pairs.filter_map(|(t, a)| Some(f64::from(a.setpoint_m?) - t.row.setpoint_m?)))
+}
+
+/// Twist speed, commanded `lag` ticks before against turned, each over [`SPEED_TICKS`]; and the first tick in which they
+/// have parted, with both.
+fn speeds(ticks: &[Tick], answers: &[Answer], lag: f64) -> (Difference, Option<(usize, [f64; 2])>) {
+    let told_at = |k: usize| {
+        let at = k as f64 - lag;
+        let before = answers.get(at.floor() as usize).filter(|_| at >= 0.0)?.shaft_rad?;
+        let after = answers.get(at.ceil() as usize)?.shaft_rad?;
+        Some(before + (at - at.floor()) * (after - before))
+    };
+    let per_s = |way: f64| way / (SPEED_TICKS as f64 * f64::from(TICK_S));
+    let both: Vec<(usize, [f64; 2])> = (SPEED_TICKS..ticks.len())
+        .filter_map(|k| {
+            let turned = f64::from(ticks[k].twist_rad) - f64::from(ticks[k - SPEED_TICKS].twist_rad);
+            Some((k, [per_s(turned), per_s(told_at(k)? - told_at(k - SPEED_TICKS)?)]))
+        })
+        .collect();
+    let parted = both.iter().find(|(_, [turned, told])| (told - turned).abs() > PARTED.2).copied();
+    (Difference::of(both.iter().map(|(_, [turned, told])| told - turned)), parted)
+}
+
+fn parting(ticks: &[Tick], answers: &[Answer], speed: Option<(usize, [f64; 2])>) -> Option<Parting> {
+    for (k, (tick, answer)) in ticks.iter().zip(answers).enumerate() {
+        let part = |what: &str, values| Some(Parting { t_s: tick.row.t_s, what: what.into(), values });
+        if let Some(fault) = answer.fault {
+            return part(&format!("fault {fault}"), None);
+        }
+        let load = tick.row.load_n.zip(answer.load_n.map(f64::from));
+        if let Some((recorded, replayed)) = load.filter(|(a, b)| (a - b).abs() > PARTED.0 * a.abs()) {
+            return part("load_n", Some([recorded, replayed]));
+        }
+        let setpoint = tick.row.setpoint_m.zip(answer.setpoint_m.map(f64::from));
+        if let Some((recorded, replayed)) = setpoint.filter(|(a, b)| (a - b).abs() > PARTED.1) {
+            return part("setpoint_m", Some([recorded, replayed]));
+        }
+        if let Some((_, both)) = speed.filter(|(at, _)| *at == k) {
+            return part("twist_speed_rad_per_s", Some(both));
+        }
+    }
+    None
+}

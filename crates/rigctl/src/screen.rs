@@ -1,0 +1,227 @@
+//! The live view: what is drawn of the newest telemetry and of the last half minute.
+
+use crate::session::row::Row;
+use ratatui::Frame;
+use ratatui::layout::{Constraint, Layout, Rect};
+use ratatui::style::{Color, Modifier, Style};
+use ratatui::symbols::Marker;
+use ratatui::text::{Line, Span};
+use ratatui::widgets::{Axis, Block, Chart, Dataset, GraphType, Paragraph};
+use std::collections::VecDeque;
+
+/// What the plots show (s).
+const SPAN_S: f64 = 30.0;
+/// Least time between two points of a plot (s).
+const POINT_S: f64 = 0.05;
+/// Least height of a plot: position (mm), load (N).
+const LEAST_MM: f64 = 0.2;
+const LEAST_N: f64 = 0.5;
+/// Messages that are kept.
+const MESSAGES: usize = 4;
+
+#[derive(Clone, Copy)]
+struct Point {
+    t_s: f64,
+    position_mm: Option<f64>,
+    setpoint_mm: Option<f64>,
+    load_n: Option<f64>,
+}
+
+/// A line of a plot: name, colour, time before now (s) and value.
+type Series = (&'static str, Color, Vec<(f64, f64)>);
+
+/// What is shown.
+#[derive(Default)]
+pub struct Screen {
+    title: String,
+    row: Option<Row>,
+    points: VecDeque<Point>,
+    messages: VecDeque<String>,
+}
+
+impl Screen {
+    /// An empty one.
+    pub fn new(title: String) -> Self {
+        Self { title, ..Self::default() }
+    }
+
+    /// Takes a row.
+    pub fn take(&mut self, row: Row) {
+        if self.points.back().is_some_and(|last| row.t_s < last.t_s) {
+            self.points.clear();
+        }
+        if self.points.back().is_none_or(|last| row.t_s - last.t_s >= POINT_S) {
+            let mm = |v: Option<f32>| v.map(|v| f64::from(v) * 1e3);
+            self.points.push_back(Point {
+                t_s: row.t_s,
+                position_mm: mm(row.position_m),
+                setpoint_mm: mm(row.setpoint_m),
+                load_n: row.load_n.map(f64::from),
+            });
+            while self.points.front().is_some_and(|first| row.t_s - first.t_s > SPAN_S) {
+                self.points.pop_front();
+            }
+        }
+        self.row = Some(row);
+    }
+
+    /// Says something under the plots.
+    pub fn say(&mut self, message: String) {
+        self.messages.push_back(message);
+        while self.messages.len() > MESSAGES {
+            self.messages.pop_front();
+        }
+    }
+
+    /// Draws all of it.
+    pub fn draw(&self, frame: &mut Frame<'_>) {
+        let [top, below] =
+            Layout::vertical([Constraint::Min(8), Constraint::Length(MESSAGES as u16 + 3)]).areas(frame.area());
+        let [left, right] = Layout::horizontal([Constraint::Length(34), Constraint::Min(20)]).areas(top);
+        let [position, load] = Layout::vertical([Constraint::Percentage(60), Constraint::Percentage(40)]).areas(right);
+        frame.render_widget(Paragraph::new(self.numbers()).block(Block::bordered().title(self.title.as_str())), left);
+        let position_series = [
+            ("set-point", Color::Yellow, self.series(|p| p.setpoint_mm)),
+            ("position", Color::Cyan, self.series(|p| p.position_mm)),
+        ];
+        self.plot(frame, position, "position (mm)", LEAST_MM, &position_series);
+        self.plot(frame, load, "load (N)", LEAST_N, &[("load", Color::Green, self.series(|p| p.load_n))]);
+        let mut lines: Vec<Line<'_>> = self.messages.iter().map(|m| Line::from(m.as_str())).collect();
+        lines.resize(MESSAGES, Line::default());
+        lines.push(Line::styled(
+            "space stop   h hold   c clear fault   q quit (stops a motion first)",
+            Style::new().add_modifier(Modifier::BOLD),
+        ));
+        frame.render_widget(Paragraph::new(lines).block(Block::bordered()), below);
+    }
+
+    fn numbers(&self) -> Vec<Line<'_>> {
+        let Some(row) = &self.row else { return vec![Line::from("no telemetry yet")] };
+        let number = |v: Option<f64>, digits: usize| v.map_or("-".to_owned(), |v| format!("{v:.digits$}"));
+        let mm = |v: Option<f32>| number(v.map(|v| f64::from(v) * 1e3), 3);
+        let error_um = row.setpoint_m.zip(row.position_m).map(|(s, p)| (f64::from(p) - f64::from(s)) * 1e6);
+        let turns = row.twist_rad.map(|t| f64::from(t) / std::f64::consts::TAU - 0.5);
+        let bold = Style::new().add_modifier(Modifier::BOLD);
+        let alarm = bold.fg(Color::Red);
+        let stopped = row.fault.is_some() || row.state == "estop";
+        let line =
+            |name: &'static str, value: String, unit: &'static str| Line::from(format!("{name:<13}{value:>10} {unit}"));
+        vec![
+            line("time", format!("{:.2}", row.t_s), "s"),
+            Line::from(vec![
+                Span::raw(format!("{:<13}", "state")),
+                Span::styled(format!("{:>10}", row.state), if stopped { alarm } else { bold }),
+            ]),
+            Line::from(vec![
+                Span::raw(format!("{:<13}", "fault")),
+                Span::styled(
+                    format!("{:>10}", row.fault.unwrap_or("none")),
+                    if stopped { alarm } else { Style::new() },
+                ),
+            ]),
+            line("limit", row.limit.unwrap_or("none").to_owned(), ""),
+            Line::default(),
+            line("target", mm(row.target_m), "mm"),
+            line("set-point", mm(row.setpoint_m), "mm"),
+            line("position", mm(row.position_m), "mm"),
+            line("error", number(error_um, 1), "um"),
+            line("time left", number(row.time_left_s.map(f64::from), 1), "s"),
+            Line::default(),
+            line("load", number(row.load_n.map(f64::from), 3), "N"),
+            line("TR", number(row.tr_rad_per_m.map(|t| f64::from(t) * 1e-3), 3), "rad/mm"),
+            line("twist", number(turns, 3), "turns"),
+            line("motor", number(Some(f64::from(row.drive_speed_rad_per_s) * 60.0 / std::f64::consts::TAU), 0), "rpm"),
+            line("current", number(Some(f64::from(row.drive_current_a) * 1e3), 0), "mA"),
+        ]
+    }
+
+    /// The plotted points of one value: time before now (s) and the value.
+    fn series(&self, value: impl Fn(&Point) -> Option<f64>) -> Vec<(f64, f64)> {
+        let now_s = self.points.back().map_or(0.0, |p| p.t_s);
+        self.points.iter().filter_map(|p| Some((p.t_s - now_s, value(p)?))).collect()
+    }
+
+    fn plot(&self, frame: &mut Frame<'_>, area: Rect, title: &'static str, least: f64, series: &[Series]) {
+        let values = || series.iter().flat_map(|(.., points)| points.iter().map(|(_, v)| *v));
+        let (low, high) = values().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+        let (low, high) = if low <= high { (low, high) } else { (0.0, 0.0) };
+        let room = 0.5 * (1.1 * (high - low)).max(least);
+        let (middle, places) = (0.5 * (low + high), if room < 1.0 { 3 } else { 2 });
+        let bounds = [middle - room, middle + room];
+        let datasets: Vec<Dataset<'_>> = series
+            .iter()
+            .map(|(name, colour, points)| {
+                let dataset = Dataset::default().name(*name).data(points).marker(Marker::Braille);
+                dataset.graph_type(GraphType::Line).style(Style::new().fg(*colour))
+            })
+            .collect();
+        let labels = [bounds[0], middle, bounds[1]].map(|v| format!("{v:.places$}"));
+        let chart = Chart::new(datasets)
+            .block(Block::bordered().title(title))
+            .x_axis(Axis::default().bounds([-SPAN_S, 0.0]).labels(["-30 s", "-15 s", "now"]))
+            .y_axis(Axis::default().bounds(bounds).labels(labels));
+        frame.render_widget(chart, area);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ratatui::Terminal;
+    use ratatui::backend::TestBackend;
+    use rig_link::{Counters, Fault, State, Telemetry};
+
+    fn row(t_s: f64, position_m: f32, fault: Option<Fault>) -> Row {
+        let telemetry = Telemetry {
+            t_us: (t_s * 1e6) as u64,
+            state: if fault.is_some() { State::Fault } else { State::Moving },
+            fault,
+            limit: None,
+            target_m: Some(0.012),
+            setpoint_m: Some(0.005),
+            position_m: Some(position_m),
+            twist_rad: Some(12.0),
+            load_n: Some(4.9),
+            tr_rad_per_m: Some(2500.0),
+            drive_current_a: 0.1,
+            drive_speed_rad_per_s: 104.72,
+            time_left_s: Some(3.0),
+            twist_scale: Some(1.0),
+            counters: Counters::default(),
+        };
+        Row::new(t_s, &telemetry, None, None)
+    }
+
+    fn drawn(screen: &Screen, width: u16, height: u16) -> String {
+        let mut terminal = Terminal::new(TestBackend::new(width, height)).unwrap();
+        terminal.draw(|frame| screen.draw(frame)).unwrap();
+        format!("{}", terminal.backend())
+    }
+
+    #[test]
+    fn everything_is_on_the_screen() {
+        let mut screen = Screen::new("sim".into());
+        for k in 0..400 {
+            screen.take(row(0.1 * f64::from(k), 0.0045, None));
+        }
+        screen.take(row(40.0, 0.0045, Some(Fault::LvdtOpen)));
+        screen.say("script line 3: refused".into());
+        let text = drawn(&screen, 100, 34);
+        for seen in
+            ["lvdt-open", "4.500", "12.000", "-500.0", "4.900", "2.500", "1000 rpm", "line 3", "space stop", "now"]
+        {
+            assert!(text.contains(seen), "{seen} in\n{text}");
+        }
+        // Half a minute, not more; and a board that restarts begins anew.
+        assert!(screen.points.len() <= 601 && screen.points[0].t_s >= 10.0);
+        screen.take(row(0.1, 0.0, None));
+        assert_eq!(screen.points.len(), 1);
+    }
+
+    #[test]
+    fn a_tiny_or_empty_screen_is_drawn_all_the_same() {
+        for (width, height) in [(1, 1), (10, 3), (40, 10), (200, 60)] {
+            drawn(&Screen::default(), width, height);
+        }
+    }
+}

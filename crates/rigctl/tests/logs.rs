@@ -1,0 +1,206 @@
+//! `record`, `sweep` with `identify`, `replay`: what is kept of a run, and what can be made of it afterwards.
+
+mod common;
+
+use common::{error_of, lines, rigctl};
+use rigctl::log::{Log, Mark};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+
+/// A file of its own for each test.
+fn file(name: &str) -> PathBuf {
+    std::env::temp_dir().join(format!("rigctl-logs-{}-{name}", std::process::id()))
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().expect("a name in Unicode")
+}
+
+/// Homed at 30 s, a move by then.
+const SCRIPT: &str = "2.5 home\n33 move 8mm speed=3mm/s\n38 move 3mm speed=2mm/s load=0.5kg\n43 end\n";
+
+fn recorded(name: &str, plant: &[&str]) -> PathBuf {
+    let (script, log) = (file(&format!("{name}.script")), file(&format!("{name}.csv")));
+    std::fs::write(&script, SCRIPT).expect("the script is written");
+    let mut arguments = vec!["record", "--script", text(&script), "--out", text(&log), "--seed", "3"];
+    plant.iter().for_each(|p| arguments.extend(["--plant", p]));
+    let output = rigctl(&arguments);
+    assert!(output.status.success(), "{}", error_of(&output));
+    std::fs::remove_file(script).expect("the script was there");
+    log
+}
+
+#[test]
+fn a_record_says_what_it_takes_to_run_it_again() {
+    let path = recorded("again", &["load=0.7kg", "friction=0.05N"]);
+    let first = Log::load(&path).expect("a log").whole().expect("all of it");
+    for key in ["scene", "scene_hash", "port", "seed", "firmware", "git", "protocol_hash", "table.crc", "host_time"] {
+        assert!(first.header.get(key).is_some_and(|v| !v.is_empty()), "{key}");
+    }
+    assert_eq!(first.header.get("seed"), Some("3"));
+    let load_n: f64 = first.header.get("plant.load").and_then(|l| l.parse().ok()).expect("a load");
+    assert!((load_n - 0.7 * 9.80665).abs() < 1e-9);
+    assert_eq!(first.header.get("table.contraction_error_m").map(|v| v.parse::<f32>().is_ok()), Some(true));
+    // A row for each tick, requests and events among them.
+    assert!(first.rows.windows(2).all(|r| (r[1].t_s - r[0].t_s - 0.01).abs() < 1e-3));
+    let requests = first.marks.iter().filter(|m| matches!(m.mark, Mark::Request(_))).count();
+    assert!(requests == 3 && first.marks.iter().any(|m| matches!(m.mark, Mark::Homed { .. })), "{:?}", first.marks);
+    // Run again by what its head says.
+    let head = |key: &str| first.header.get(key).expect("in the head").to_owned();
+    let lines: Vec<String> = (1..=4).map(|k| head(&format!("script.{k}"))).collect();
+    let (script, again) = (file("rerun.script"), file("rerun.csv"));
+    std::fs::write(&script, lines.join("\n")).expect("the script is written");
+    let (scene, seed) = (head("scene"), head("seed"));
+    let plant = ["load", "friction"].map(|key| format!("{key}={}", head(&format!("plant.{key}"))));
+    let output = rigctl(&[
+        "record",
+        "--out",
+        text(&again),
+        "--script",
+        text(&script),
+        "--scene",
+        &scene,
+        "--seed",
+        &seed,
+        "--plant",
+        &plant[0],
+        "--plant",
+        &plant[1],
+    ]);
+    assert!(output.status.success(), "{}", error_of(&output));
+    assert_eq!(Log::load(&again).expect("a log").rows, first.rows);
+    for path in [path, script, again] {
+        std::fs::remove_file(path).expect("was there");
+    }
+}
+
+#[test]
+fn a_record_without_a_file_goes_to_standard_output_and_its_errors_name_what_is_wrong() {
+    let output = rigctl(&["record", "--seconds", "0.2"]);
+    let log = Log::parse(&String::from_utf8_lossy(&output.stdout)).and_then(Log::whole).expect("a log");
+    assert!(log.rows.len() > 10 && log.header.get("scene_hash").is_some());
+    let rows = lines(&rigctl(&["record", "--seconds", "0.2", "--json"]));
+    assert_eq!(rows[0]["header"]["scene_hash"].as_str(), log.header.get("scene_hash"));
+    assert!(rows[1]["t_s"].is_number() && rows.last().is_some_and(|r| r["summary"]["rows"].as_u64() > Some(10)));
+    for (arguments, code, named) in [
+        (&["record", "--out", "/no/such/folder/x.csv"][..], 1, "--out"),
+        (&["record", "--seconds", "0"], 2, "--seconds"),
+        (&["record", "--seconds", "nan"], 2, "--seconds"),
+        (&["record", "--script", "no-such.script"], 1, "no-such.script"),
+        (&["record", "--script", "a", "--seconds", "1"], 2, "--seconds"),
+        (&["sweep", "--load", "0.5kg"], 2, "--out"),
+        (&["sweep", "--load", "90kg", "--out", "/tmp/rigctl-never.csv"], 1, "load"),
+        (&["sweep", "--load", "1kg", "--turns", "9", "--out", "/tmp/rigctl-never.csv"], 1, "--turns"),
+        (&["sweep", "--load", "1kg", "--speed", "9", "--out", "/tmp/rigctl-never.csv"], 1, "--speed"),
+    ] {
+        let wrong = rigctl(arguments);
+        assert_eq!(wrong.status.code(), Some(code), "{arguments:?}: {}", error_of(&wrong));
+        assert!(error_of(&wrong).contains(named), "{arguments:?}: {}", error_of(&wrong));
+    }
+}
+
+#[test]
+fn a_replay_agrees_until_the_log_says_otherwise() {
+    let path = recorded("replay", &["load=0.7kg"]);
+    let replayed = |arguments: &[&str]| rigctl(&[&["replay", "--json"], arguments].concat());
+    let output = replayed(&[text(&path)]);
+    assert!(output.status.success(), "{}", error_of(&output));
+    let whole = &lines(&output)[0];
+    println!("{whole:#}");
+    let one = &whole["stretches"][0];
+    assert!(whole["same_table"] == true && one["ticks"].as_u64() > Some(1000) && one["parted"].is_null(), "{one}");
+    let largest = |what: &str| one[what]["largest"].as_f64().expect("a number");
+    assert!(largest("load_n") < 0.01 && largest("setpoint_m") < 0.1e-6, "{one}");
+    assert!(largest("twist_speed_rad_per_s") < 1.0 && one["ended_by"] == "the log's end", "{one}");
+    // Another estimate from 36 s on: by 3 %.
+    let log = std::fs::read_to_string(&path).expect("the log");
+    let header = log.lines().find(|l| l.starts_with("t_s,")).expect("the columns' names");
+    let column = header.split(',').position(|name| name == "load_n").expect("a column");
+    let changed = log.lines().map(|line| {
+        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+        if cells[0].parse::<f64>().is_ok_and(|t| t > 36.0) {
+            cells[column] = (cells[column].parse::<f64>().expect("a load") * 1.03).to_string();
+        }
+        cells.join(",") + "\n"
+    });
+    let other = file("changed.csv");
+    std::fs::write(&other, changed.collect::<String>()).expect("written");
+    let output = replayed(&[text(&other)]);
+    let one = lines(&output)[0]["stretches"][0].clone();
+    let at_s = one["parted"]["t_s"].as_f64().unwrap_or_else(|| panic!("{one}"));
+    assert!(one["parted"]["what"] == "load_n" && (at_s - 36.0).abs() < 0.02, "{one}");
+    // What is no such log is refused by name.
+    let cut = &log[..log.len() / 2];
+    for (content, named) in [
+        ("", "empty"),
+        ("load_n,turns\n1,2\n", "no log of this tool"),
+        (cut, "cut short"),
+        (&log.replace(",moving,", ",mooving,"), "mooving"),
+        (&log.replace("# at 29", "# at noon"), "noon"),
+        (&log.replace("scene_hash = ", "scene_hash = 0"), "--scene"),
+        (&log.replace("event homed", "event stopped"), "nothing that can be replayed"),
+    ] {
+        std::fs::write(&other, content).expect("written");
+        let refused = replayed(&[text(&other)]);
+        assert_eq!(refused.status.code(), Some(1), "{named}");
+        assert!(
+            error_of(&refused).contains(named) && error_of(&refused).contains("changed.csv"),
+            "{}",
+            error_of(&refused)
+        );
+        assert!(refused.stdout.is_empty());
+    }
+    std::fs::write(&other, cut).expect("written");
+    assert_eq!(replayed(&[text(&other), "--partial"]).status.success(), cut.contains("event homed"));
+    for path in [path, other] {
+        std::fs::remove_file(path).expect("was there");
+    }
+}
+
+#[test]
+fn sweeps_of_a_rig_that_is_not_the_scenes_give_its_constants() {
+    let plant = [("k2_scale", 1.15), ("k3_scale", 0.85), ("stiffness_scale", 1.15), ("modulus_scale", 0.85)];
+    let plant_arguments = plant.map(|(key, value)| format!("{key}={value}"));
+    let loads = [2.0, 7.0, 15.0];
+    let files = loads.map(|load| file(&format!("sweep-{load}.csv")));
+    for (load, path) in loads.iter().zip(&files) {
+        let load = load.to_string();
+        let mut arguments = vec!["sweep", "--load", &load, "--out", text(path), "--json"];
+        plant_arguments.iter().for_each(|p| arguments.extend(["--plant", p]));
+        let output = rigctl(&arguments);
+        assert!(output.status.success(), "{load} N: {}", error_of(&output));
+        println!("{}", String::from_utf8_lossy(&output.stdout));
+        assert!(lines(&output)[0]["equilibria"].as_u64() > Some(70));
+    }
+    let found = file("found.toml");
+    let mut arguments = vec!["identify", "--json", "--fit", "k2,k3,K,modulus", "--out", text(&found)];
+    arguments.extend(files.iter().map(|path| text(path)));
+    let output = rigctl(&arguments);
+    assert!(output.status.success(), "{}", error_of(&output));
+    let fit: &Value = &lines(&output)[0];
+    println!("{fit:#}");
+    let default = tsa_model::Scene::load("../../scenes/default.toml").expect("the default scene");
+    let found_scene = tsa_model::Scene::load(&found).expect("a scene");
+    let mut truth = default.clone();
+    truth.string.k2 *= plant[0].1;
+    truth.string.k3 *= plant[1].1;
+    truth.string.stiffness_n_per_m *= plant[2].1;
+    truth.material.stress_coefficients_pa = truth.material.stress_coefficients_pa.map(|a| a * plant[3].1);
+    // Greatest error of the contraction over the envelope, loads between those of the sweeps included.
+    let worst = |scene: &tsa_model::Scene| {
+        let contraction = |scene: &tsa_model::Scene, load: f64, turns: f64| {
+            let m = scene.mechanism().expect("a mechanism");
+            let gap = |turns| m.solve(load, tsa_model::twist_from_turns(turns)).expect("solved").gap_m;
+            gap(0.0) - gap(turns)
+        };
+        let states =
+            [2.0, 4.0, 7.0, 11.0, 15.0].into_iter().flat_map(|l| (1..=15).map(move |k| (l, 0.5 * f64::from(k))));
+        states.map(|(l, t)| (contraction(scene, l, t) - contraction(&truth, l, t)).abs()).fold(0.0, f64::max)
+    };
+    let (before, after) = (worst(&default), worst(&found_scene));
+    println!("contraction within {:.1} um before, {:.1} um after", before * 1e6, after * 1e6);
+    assert!(before > 1e-3 && after < 30e-6, "{before} m before, {after} m after");
+    for path in files.iter().chain([&found]) {
+        std::fs::remove_file(path).expect("was there");
+    }
+}
