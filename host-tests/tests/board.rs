@@ -87,8 +87,13 @@ fn ticks_stay_short() {
     assert!(b.until(1.0, |b| b.state() == State::Fault));
     b.run(0.5);
     after(&b, "a fault");
-    // The floor of 4000 is missed in one place: a move turned round under way to a load that is given anew.
-    assert!(seen[..2].iter().all(|(_, most)| *most < 4000) && seen.iter().all(|(_, most)| *most < 4400), "{seen:?}");
+    // The floor of 4000 is missed by 45 in one tick, of a move turned round under way whose load then changes.
+    let most = |what| if what == "another load" { 4100 } else { 4000 };
+    let mut before = 0;
+    for (what, seen) in seen {
+        assert!(seen == before || seen < most(what), "{seen} after {what}");
+        before = seen;
+    }
 }
 
 #[test]
