@@ -116,7 +116,10 @@ impl Bench {
 
     /// Sends a request; its number.
     pub fn post(&mut self, request: &Request) -> u16 {
-        self.sequence += 1;
+        self.sequence = self.sequence.wrapping_add(1);
+        // Numbers come round again: an answer of the last time is none.
+        let number = self.sequence;
+        self.replies.retain(|(to, _)| *to != number);
         let mut buffer = [0; rig_link::MAX_FRAME];
         let frame = encode(self.sequence, request, &mut buffer).expect("every request fits a frame").to_vec();
         self.raw(frame);

@@ -299,6 +299,8 @@ impl Session {
     /// The board's refusal, in words, or that no reply came.
     pub fn request(&mut self, request: &Request) -> Result<Accepted, Failure> {
         let number = self.post(request)?;
+        // Numbers come round again: an answer of the last time is none.
+        self.replies.retain(|(to, _)| *to != number);
         self.until(REPLY_S, |s| s.replies.iter().any(|(to, _)| *to == number))?;
         match self.replies.iter().position(|(to, _)| *to == number).and_then(|i| self.replies.remove(i)) {
             Some((_, Ok(accepted))) => Ok(accepted),
