@@ -19,16 +19,15 @@ struct Board {
     device: String,
     stop: Arc<AtomicBool>,
     thread: Option<std::thread::JoinHandle<()>>,
-    // Kept open, so that the line stays up between two calls of the tool.
-    _slave: TTYPort,
 }
 
 impl Board {
     fn new() -> Self {
-        let (mut master, mut slave) = TTYPort::pair().expect("a pseudo-terminal");
+        let (mut master, slave) = TTYPort::pair().expect("a pseudo-terminal");
         master.set_timeout(Duration::from_millis(1)).expect("a time-out");
-        slave.set_exclusive(false).expect("a line for two");
         let device = slave.name().expect("a name");
+        // It is locked while it is open; between two calls of the tool nobody listens.
+        drop(slave);
         let stop = Arc::new(AtomicBool::new(false));
         let seen = Arc::clone(&stop);
         let thread = std::thread::spawn(move || {
@@ -47,7 +46,7 @@ impl Board {
                 std::thread::sleep(Duration::from_secs_f64(ahead_s.max(0.0)));
             }
         });
-        Self { device, stop, thread: Some(thread), _slave: slave }
+        Self { device, stop, thread: Some(thread) }
     }
 
     fn rigctl(&self, arguments: &[&str]) -> Output {
@@ -71,6 +70,8 @@ fn said(output: &Output) -> String {
 fn a_board_on_a_serial_line_is_greeted_homed_and_moved() {
     let board = Board::new();
     let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/default.toml");
+    // Until the drive has started.
+    std::thread::sleep(Duration::from_secs(4));
     let status = board.rigctl(&["--scene", root, "status"]);
     assert!(status.status.success(), "{}", said(&status));
     let refused = board.rigctl(&["--scene", root, "move", "--to", "3mm"]);
