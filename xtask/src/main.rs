@@ -2,7 +2,7 @@
 //!
 //! - [`firmware`]: the board's image, with whichever toolchain this machine has ([`toolchain`]), and its size ([`image`]).
 //! - [`host`]: the tools for the desktop, the demo, and the tests of everything.
-//! - [`bench`]: what the model costs, beside an independent solver.
+//! - [`mod@bench`]: what the model costs, beside an independent solver.
 //! - [`system`]: what has to be installed beside cargo: installed if we may, else said.
 //! - [`process`]: running other programs, loudly when they fail.
 

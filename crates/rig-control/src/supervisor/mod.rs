@@ -9,7 +9,7 @@
 //!     ├────────── fault  <── anything wrong, from every state; latched
 //!     └────────── estop  <── emergency stop open, from every state; latched
 //! ```
-//! A fault holds the twist ([`response`]): torque-off would let the strings untwist and drop the load. Nothing clears
+//! A fault holds the twist ([`mod@response`]): torque-off would let the strings untwist and drop the load. Nothing clears
 //! itself, and after a fault that loses the position, an emergency stop or a reset nothing moves until told, and the rig
 //! is homed anew. A [`Limit`] only clips: it is reported beside the state, and gone when it holds nothing back any more.
 

@@ -9,7 +9,7 @@
 //! 12.35,moving,,…
 //! # end rows = 1234                  the last line: without it the log was cut short
 //! ```
-//! Whoever reads CSV and passes over lines that begin with `#` needs to know nothing of this. [`write`] and [`read`] are
+//! Whoever reads CSV and passes over lines that begin with `#` needs to know nothing of this. [`mod@write`] and [`read`] are
 //! the two ends.
 
 pub mod read;
