@@ -39,9 +39,12 @@ pub struct Global {
     /// Where the firmware is: `sim` (an emulated board that starts by itself) or a serial device
     #[arg(long, global = true, default_value = "sim")]
     pub port: String,
-    /// Something about the emulated plant that the firmware is not told, for example load=1.2kg
-    #[arg(long, global = true, value_name = "KEY=VALUE")]
+    /// Something about the emulated plant that the firmware is not told, for example load=1.2kg,friction=0.1
+    #[arg(long, global = true, value_name = "KEY=VALUE", value_delimiter = ',')]
     pub plant: Vec<Setting>,
+    /// Scene that the emulated plant is built by, where --scene is only what is believed of it [default: --scene]
+    #[arg(long, global = true, value_name = "FILE")]
+    pub plant_scene: Option<PathBuf>,
     /// Seed of the emulated rig's noise
     #[arg(long, global = true, default_value_t = 1)]
     pub seed: u64,
@@ -139,6 +142,9 @@ pub enum Command {
         /// Print the planned trajectory and the table's answers, without a device; needs a load
         #[arg(long)]
         dry_run: bool,
+        /// With --dry-run: the settings of a board, in a file of `config backup` or a log [default: a new board's]
+        #[arg(long, value_name = "FILE", requires = "dry_run")]
+        settings: Option<PathBuf>,
     },
     /// Turn the strings at a constant speed for a while, homed or not
     Jog {
@@ -250,8 +256,8 @@ pub enum Config {
     },
     /// Set all settings as a file says: all of them, or none if anything in it is wrong
     Restore {
-        /// File to read
-        #[arg(value_name = "FILE.toml")]
+        /// File to read: of `config backup`, or a log of `record` or `sweep`, whose head holds them too
+        #[arg(value_name = "FILE")]
         file: PathBuf,
         /// Even if it was written for another scene
         #[arg(long)]
@@ -279,8 +285,8 @@ pub enum Calibrate {
 /// What to record, and where to.
 ///
 /// Writes CSV: one row for each telemetry message (100 a second, columns as `sim --json` names them, SI units), under
-/// `# key = value` lines: scene and its hash, firmware, git commit and protocol hash, the table and its certificate, port,
-/// seed, plant, host time, the script. Requests and events stand between the rows as `# at SECONDS …`.
+/// `# key = value` lines: scene and its hash, firmware, git commit and protocol hash, the table and its certificate, the
+/// board's settings with its calibration (`config restore` takes them from there), port, seed, plant, host time, the script. Requests and events stand between the rows as `# at SECONDS …`.
 /// `replay` plays such a file through the controller again, `identify` reads those of `sweep`. A log ends with `# end rows = …`;
 /// one that was broken off with Ctrl-C lacks it, and `replay` takes it with --partial.
 #[derive(Debug, Clone, Args)]
@@ -324,8 +330,8 @@ pub struct Sweep {
 /// load estimate, set-point and twist speed differ (largest and rms), and when they first part: by 1 % of the load, 10 um of
 /// the set-point, 1 rad/s of twist speed, or by a fault that only one of them raised.
 ///
-/// Replayed: load observer, planner, position loop, adaptation and their supervision, from the recorded twist, position,
-/// current and requests, after each homing until a fault, an emergency stop or the next homing.
+/// Replayed: load observer, planner, position loop, adaptation and their supervision, with the settings in the log's head,
+/// from the recorded twist, position, current and requests, after each homing until a fault, an emergency stop or the next homing.
 ///
 /// Not replayed, because telemetry does not hold it: homing itself, the age of each gap (taken as 3 ms), the noise of the
 /// LVDT, the drive's own count, supply, limit switches and the host's silence (all taken for healthy). Friction, the gap at position zero and the

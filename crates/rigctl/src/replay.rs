@@ -9,8 +9,8 @@
 use crate::log::{Log, LogRow, Mark};
 use rig_control::homing::Homed;
 use rig_control::mechanism::Mechanism;
-use rig_control::{DriveCommand, DriveReading, Inputs, LvdtBlock, Rig, RigConstants, TICK_S, TICK_US};
-use rig_link::{Counters, Request, State};
+use rig_control::{DriveCommand, DriveReading, Inputs, LvdtBlock, Rig, RigConstants, TICK_S, TICK_US, settings};
+use rig_link::{Counters, Request, Setting, SettingValues, State};
 use serde::Serialize;
 use std::f32::consts::PI;
 use tsa_model::Scene;
@@ -141,16 +141,27 @@ struct Answer {
     fault: Option<rig_link::Fault>,
 }
 
+/// Who replays: the scene's constants, the settings that the log's head tells, and the table.
+struct Board<'a> {
+    scene: RigConstants,
+    settings: SettingValues,
+    /// As the settings correct them.
+    constants: RigConstants,
+    table: &'a Table<'a>,
+}
+
 /// Replays every stretch after a homing.
 ///
 /// # Errors
-/// If there is no homing with anything after it.
+/// If there is no homing with anything after it, or a setting in the head is none.
 pub fn replay(log: &Log, scene: &Scene, table: &Table<'_>) -> Result<Vec<Stretch>, String> {
-    let constants = constants(scene);
+    let scene = constants(scene);
+    let (settings, _) = log.settings(&settings::defaults(&scene))?;
+    let board = Board { scene, settings, constants: settings::apply(&settings, &scene), table };
     let mut stretches = Vec::new();
     for (k, mark) in log.marks.iter().enumerate() {
         if let Mark::Homed { load_n, gap_offset_m } = mark.mark {
-            stretches.extend(stretch(log, k, [load_n as f32, gap_offset_m as f32], &constants, table));
+            stretches.extend(stretch(log, k, [load_n as f32, gap_offset_m as f32], &board));
         }
     }
     if stretches.is_empty() {
@@ -159,20 +170,14 @@ pub fn replay(log: &Log, scene: &Scene, table: &Table<'_>) -> Result<Vec<Stretch
     Ok(stretches)
 }
 
-fn stretch(
-    log: &Log,
-    mark: usize,
-    [load_n, gap_offset_m]: [f32; 2],
-    constants: &RigConstants,
-    table: &Table<'_>,
-) -> Option<Stretch> {
+fn stretch(log: &Log, mark: usize, [load_n, gap_offset_m]: [f32; 2], board: &Board<'_>) -> Option<Stretch> {
     if !((0.0..1e4).contains(&load_n) && gap_offset_m.abs() < POSITION_MAX_M as f32) {
         return None;
     }
     let (ticks, filled, ended_by) = ticks(log, mark);
     let first = ticks.first()?;
     let twist_scale = first.row.twist_scale? as f32;
-    let mechanism = Mechanism { table, twist_scale };
+    let mechanism = Mechanism { table: board.table, twist_scale };
     let friction_n = friction(&mechanism, first, load_n)?;
     let hangs_m = mechanism.at(load_n - friction_n, first.twist_rad).gap_m + gap_offset_m + first.position_m;
     let homed = |reference_gap_m: f32| Homed {
@@ -189,9 +194,9 @@ fn stretch(
     // From the first way alone: what differs later must not be explained away.
     let moves = ticks.iter().position(|t| t.row.load_n != first.row.load_n).unwrap_or(0);
     let early = &ticks[..ticks.len().min(moves + REFERENCE_TICKS)];
-    let load_rms = |gap_m: f32| loads(early, &answers(early, &homed(gap_m), constants, table)).rms;
+    let load_rms = |gap_m: f32| loads(early, &answers(early, &homed(gap_m), board)).rms;
     let reference_gap_m = best_reference(hangs_m, load_rms);
-    let answers = answers(&ticks, &homed(reference_gap_m), constants, table);
+    let answers = answers(&ticks, &homed(reference_gap_m), board);
     let rms = |lag: f64| speeds(&ticks, &answers, lag).0.rms;
     let lag = (0..=LAG_QUARTERS).map(|k| 0.25 * f64::from(k)).min_by(|a, b| rms(*a).total_cmp(&rms(*b)))?;
     let (twist_speed, parted_speed) = speeds(&ticks, &answers, lag);
@@ -311,8 +316,10 @@ fn best_reference(hangs_m: f32, rms: impl Fn(f32) -> f64) -> f32 {
     best
 }
 
-fn answers(ticks: &[Tick], homed: &Homed, constants: &RigConstants, table: &Table<'_>) -> Vec<Answer> {
-    let mut rig = Rig::new(table, *constants, None);
+fn answers(ticks: &[Tick], homed: &Homed, board: &Board<'_>) -> Vec<Answer> {
+    let constants = &board.constants;
+    let mut rig = Rig::new(board.table, board.scene, None);
+    rig.set_up(&board.settings);
     let mut now_us = 1_000_000;
     let mut step = |rig: &mut Rig<'_>, twist_rad: f32, position_m: f32, row: &LogRow, request: Option<Request>| {
         now_us += TICK_US;
@@ -350,7 +357,9 @@ fn answers(ticks: &[Tick], homed: &Homed, constants: &RigConstants, table: &Tabl
     for _ in 0..BOOT_TICKS {
         step(&mut rig, PI, first.position_m, &standing, None);
     }
-    rig.resume(*homed);
+    // The board's own zero is taken off again there.
+    let zero_m = board.settings.get(Setting::PositionZero);
+    rig.resume(Homed { reference_gap_m: homed.reference_gap_m + zero_m, ..*homed });
     let answer = |tick: &Tick| {
         let out = step(&mut rig, tick.twist_rad, tick.position_m, &tick.row, tick.request);
         let shaft_rad = match out.drive {

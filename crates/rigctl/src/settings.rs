@@ -1,8 +1,11 @@
 //! The board's settings as text: names and values that the operator types, and the file of a backup.
 
+use crate::failure::Failure;
+use crate::log::{FORMAT, Log};
 use crate::units::{self, Quantity};
-use rig_link::{Identity, Setting, SettingValues, SettingsReport};
+use rig_link::{Identity, PROTOCOL_HASH, Setting, SettingValues, SettingsReport};
 use std::fmt::Write;
+use std::path::Path;
 use toml::{Table, Value};
 
 /// The setting of this name.
@@ -66,6 +69,48 @@ pub struct Backup {
     pub values: SettingValues,
     /// Which those are.
     pub missing: Vec<Setting>,
+}
+
+impl Backup {
+    /// Itself, if it is for a board of this scene; says on standard error what else is worth knowing of `file`.
+    ///
+    /// # Errors
+    /// Naming both scenes, unless it is to be taken all the same (`force`).
+    pub fn of_scene(self, ours: u32, file: &Path, force: bool) -> Result<Self, Failure> {
+        let name = file.display();
+        if let (Some(theirs), false) = (self.scene_hash, force)
+            && theirs != ours
+        {
+            return Err(Failure::failed(format!(
+                "{name}: written for scene {theirs:08x}, this is {ours:08x}: with other LVDT or gear numbers these settings \
+                 are wrong. `config restore --force` takes them all the same"
+            )));
+        }
+        if self.protocol_hash.is_some_and(|theirs| theirs != PROTOCOL_HASH) {
+            eprintln!("{name} is of another firmware; settings keep their names, so this is no harm");
+        }
+        if !self.missing.is_empty() {
+            let names: Vec<&str> = self.missing.iter().map(|setting| setting.name()).collect();
+            eprintln!("not in {name}, so taken as the defaults: {}", names.join(", "));
+        }
+        Ok(self)
+    }
+}
+
+/// Reads the settings in a file for a board with these defaults: a backup, or the head of a recorded log.
+///
+/// # Errors
+/// Naming the file and everything that is wrong with it.
+pub fn load(file: &Path, defaults: &SettingValues) -> Result<Backup, Failure> {
+    let in_file = |message: String| Failure::failed(format!("{}: {message}", file.display()));
+    let text = std::fs::read_to_string(file).map_err(|e| in_file(e.to_string()))?;
+    if !text.starts_with(&format!("# format = {FORMAT}")) {
+        return from_toml(&text, defaults).map_err(in_file);
+    }
+    let log = Log::parse(&text).map_err(|e| in_file(e.to_string()))?;
+    let (values, missing) = log.settings(defaults).map_err(in_file)?;
+    let hash = |key: &str| log.header.get(key).and_then(|text| u32::from_str_radix(text, 16).ok());
+    Ok(Backup { scene_hash: hash("scene_hash"), protocol_hash: hash("protocol_hash"), values, missing })
 }
 
 fn hash(board: &Table, key: &str, wrong: &mut Vec<String>) -> Option<u32> {

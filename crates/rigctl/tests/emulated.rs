@@ -120,10 +120,17 @@ fn a_board_of_another_scene_is_refused() {
 
 #[test]
 fn the_dry_run_plans_what_the_board_then_does() {
-    let planned = rigctl(&["move", "--to", "8mm", "--speed", "3mm/s", "--dry-run", "--load", "1kg", "--json"]);
+    let travel = ["move", "--to", "8mm", "--speed", "3mm/s", "--load", "1kg", "--plant", "load=1kg", "--json"];
+    let planned = rigctl(&[&travel[..], &["--dry-run"]].concat());
     assert!(planned.status.success(), "{}", error_of(&planned));
     let rows = lines(&planned);
     let last = rows.last().expect("rows");
-    assert!((last["setpoint_m"].as_f64().expect("a number") - 0.008).abs() < 1e-8);
-    assert!(rows.len() > 5 && last["turns"].as_f64().expect("a number") > 3.0);
+    let number = |row: &serde_json::Value, key: &str| row[key].as_f64().unwrap_or_else(|| panic!("no {key} in {row}"));
+    assert!((number(last, "setpoint_m") - 0.008).abs() < 1e-8 && rows.len() > 5);
+    let moved = lines(&rigctl(&travel)).pop().expect("a result");
+    assert!((number(last, "turns") - number(&moved, "turns")).abs() < 0.02 * number(last, "turns"), "{last} {moved}");
+    // The board first turns until friction is taken up, and at the end looks whether it is at rest.
+    let longer_s = number(&moved, "duration_s") - number(last, "t_s");
+    assert!((0.0..1.0).contains(&longer_s), "{last} {moved}");
+    assert_eq!(rigctl(&["move", "--to", "1mm", "--settings", "x.toml"]).status.code(), Some(2));
 }

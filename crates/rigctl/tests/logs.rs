@@ -4,7 +4,6 @@ mod common;
 
 use common::{error_of, lines, rigctl};
 use rigctl::log::{Log, Mark};
-use serde_json::Value;
 use std::path::{Path, PathBuf};
 
 /// A file of its own for each test.
@@ -158,49 +157,51 @@ fn a_replay_agrees_until_the_log_says_otherwise() {
 }
 
 #[test]
-fn sweeps_of_a_rig_that_is_not_the_scenes_give_its_constants() {
-    let plant = [("k2_scale", 1.15), ("k3_scale", 0.85), ("stiffness_scale", 1.15), ("modulus_scale", 0.85)];
-    let plant_arguments = plant.map(|(key, value)| format!("{key}={value}"));
-    let loads = [2.0, 7.0, 15.0];
-    let files = loads.map(|load| file(&format!("sweep-{load}.csv")));
-    for (load, path) in loads.iter().zip(&files) {
-        let load = load.to_string();
-        let mut arguments = vec!["sweep", "--load", &load, "--out", text(path), "--json"];
-        plant_arguments.iter().for_each(|p| arguments.extend(["--plant", p]));
-        let output = rigctl(&arguments);
-        assert!(output.status.success(), "{load} N: {}", error_of(&output));
-        println!("{}", String::from_utf8_lossy(&output.stdout));
-        assert!(lines(&output)[0]["equilibria"].as_u64() > Some(70));
+fn a_log_holds_the_calibration_and_is_replayed_and_restored_with_it() {
+    let (flash, other, script, log) = (file("cal.bin"), file("cal-2.bin"), file("cal.script"), file("cal.csv"));
+    for (name, value) in [("position-zero", "2mm"), ("lvdt-gain", "1.004"), ("speed-max", "4mm/s")] {
+        let set = rigctl(&["config", "set", name, value, "--flash", text(&flash)]);
+        assert!(set.status.success(), "{}", error_of(&set));
     }
-    let found = file("found.toml");
-    let mut arguments = vec!["identify", "--json", "--fit", "k2,k3,K,modulus", "--out", text(&found)];
-    arguments.extend(files.iter().map(|path| text(path)));
-    let output = rigctl(&arguments);
+    // Below 0, where without its settings nothing could go.
+    std::fs::write(&script, "2.5 home\n33 move 5mm speed=3mm/s\n38 move -1mm speed=3mm/s\n42 end\n").expect("written");
+    let output = rigctl(&["record", "--script", text(&script), "--out", text(&log), "--flash", text(&flash)]);
     assert!(output.status.success(), "{}", error_of(&output));
-    let fit: &Value = &lines(&output)[0];
-    println!("{fit:#}");
-    let default = tsa_model::Scene::load("../../scenes/default.toml").expect("the default scene");
-    let found_scene = tsa_model::Scene::load(&found).expect("a scene");
-    let mut truth = default.clone();
-    truth.string.k2 *= plant[0].1;
-    truth.string.k3 *= plant[1].1;
-    truth.string.stiffness_n_per_m *= plant[2].1;
-    truth.material.stress_coefficients_pa = truth.material.stress_coefficients_pa.map(|a| a * plant[3].1);
-    // Greatest error of the contraction over the envelope, loads between those of the sweeps included.
-    let worst = |scene: &tsa_model::Scene| {
-        let contraction = |scene: &tsa_model::Scene, load: f64, turns: f64| {
-            let m = scene.mechanism().expect("a mechanism");
-            let gap = |turns| m.solve(load, tsa_model::twist_from_turns(turns)).expect("solved").gap_m;
-            gap(0.0) - gap(turns)
-        };
-        let states =
-            [2.0, 4.0, 7.0, 11.0, 15.0].into_iter().flat_map(|l| (1..=15).map(move |k| (l, 0.5 * f64::from(k))));
-        states.map(|(l, t)| (contraction(scene, l, t) - contraction(&truth, l, t)).abs()).fold(0.0, f64::max)
+    let first = std::fs::read_to_string(&log).expect("a log");
+    for line in ["# settings_kept = kept", "# settings.position-zero = 0.002", "# settings.lvdt-gain = 1.004"] {
+        assert!(first.lines().any(|l| l == line), "{line}");
+    }
+    let parted = || {
+        let output = rigctl(&["replay", "--json", text(&log)]);
+        assert!(output.status.success(), "{}", error_of(&output));
+        lines(&output)[0]["stretches"][0]["parted"].clone()
     };
-    let (before, after) = (worst(&default), worst(&found_scene));
-    println!("contraction within {:.1} um before, {:.1} um after", before * 1e6, after * 1e6);
-    assert!(before > 1e-3 && after < 30e-6, "{before} m before, {after} m after");
-    for path in files.iter().chain([&found]) {
+    assert!(parted().is_null(), "{}", parted());
+    let without: String = first.lines().filter(|l| !l.contains("position-zero")).map(|l| format!("{l}\n")).collect();
+    std::fs::write(&log, without).expect("written");
+    // At the second move, which such a board refuses.
+    assert!(parted()["t_s"].as_f64().is_some_and(|t_s| (38.0..38.5).contains(&t_s)), "{}", parted());
+    for (to, named) in [("gian = 1", "lvdt-gian"), ("gain = 3", "lvdt-gain is 3"), ("gain = x", "lvdt-gain")] {
+        std::fs::write(&log, first.replace("settings.lvdt-gain = 1.004", &format!("settings.lvdt-{to}")))
+            .expect("written");
+        let refused = rigctl(&["replay", text(&log)]);
+        assert!(refused.status.code() == Some(1) && error_of(&refused).contains(named), "{}", error_of(&refused));
+    }
+    // What a log tells of a board makes another one like it, or a plan without one.
+    std::fs::write(&log, &first).expect("written");
+    let restored = rigctl(&["config", "restore", text(&log), "--flash", text(&other), "--json"]);
+    assert!(restored.status.success(), "{}", error_of(&restored));
+    assert_eq!(lines(&restored)[0]["changed"], 3);
+    let plan = ["move", "--to", "-1mm", "--dry-run", "--load", "0.5kg", "--settings", text(&log), "--json"];
+    let planned = lines(&rigctl(&plan));
+    assert!(planned[0]["setpoint_m"].as_f64().is_some_and(|p| (p + 0.002).abs() < 1e-7), "{:?}", planned.first());
+    let last = planned.last().and_then(|row| row["setpoint_m"].as_f64());
+    assert!(last.is_some_and(|p| (p + 0.001).abs() < 1e-7), "{planned:?}");
+    for (arguments, named) in [(&plan[..6], "to is -0.001"), (&[&plan[..], &["--speed", "5mm/s"]].concat(), "0.004")] {
+        let refused = rigctl(arguments);
+        assert!(!refused.status.success() && error_of(&refused).contains(named), "{}", error_of(&refused));
+    }
+    for path in [flash, other, script, log] {
         std::fs::remove_file(path).expect("was there");
     }
 }

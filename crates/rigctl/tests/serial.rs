@@ -13,11 +13,16 @@ use std::time::{Duration, Instant};
 
 /// Slice of time (s) that the board runs at once.
 const SLICE_S: f64 = 0.01;
+/// Emulated time (s) without a byte of a tool that runs, after which the board waits: the tool beats every 0.1 s, so
+/// it is this machine that has kept it from running.
+const WAIT_S: f64 = 0.2;
 
 /// An emulated board behind a device name, until it is dropped.
 struct Board {
     device: String,
     stop: Arc<AtomicBool>,
+    /// A tool runs.
+    met: Arc<AtomicBool>,
     thread: Option<std::thread::JoinHandle<()>>,
 }
 
@@ -29,29 +34,40 @@ impl Board {
         // It is locked while it is open; between two calls of the tool nobody listens.
         drop(slave);
         let stop = Arc::new(AtomicBool::new(false));
-        let seen = Arc::clone(&stop);
+        let met = Arc::new(AtomicBool::new(false));
+        let (seen, heard) = (Arc::clone(&stop), Arc::clone(&met));
         let thread = std::thread::spawn(move || {
             let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
             let scene = format!("{root}/scenes/default.toml").into();
             let options = SimOptions { firmware: None, scene, plant: Vec::new(), seed: 1, flash: None };
             let mut board = Sim::start(&options).unwrap_or_else(|e| panic!("{:?}", e.message()));
-            let began = Instant::now();
-            let mut buffer = [0; 512];
+            let (mut buffer, mut heard_s) = ([0; 512], 0.0);
             while !seen.load(Ordering::Relaxed) {
+                let began = Instant::now();
                 let count = master.read(&mut buffer).unwrap_or(0);
+                if count > 0 || !heard.load(Ordering::Relaxed) {
+                    heard_s = board.now_s();
+                } else if board.now_s() > heard_s + WAIT_S {
+                    continue;
+                }
                 let answer = board.pass(&buffer[..count], SLICE_S).unwrap_or_else(|e| panic!("{:?}", e.message()));
                 // A line that nobody reads is full at some time: what does not fit is lost, as on a wire.
                 let _ = master.write_all(&answer.bytes);
-                let ahead_s = board.now_s() - began.elapsed().as_secs_f64();
-                std::thread::sleep(Duration::from_secs_f64(ahead_s.max(0.0)));
+                // What has been lost of real time is not caught up: to the tool the board would run too fast.
+                std::thread::sleep(Duration::from_secs_f64(SLICE_S).saturating_sub(began.elapsed()));
             }
         });
-        Self { device, stop, thread: Some(thread) }
+        Self { device, stop, met, thread: Some(thread) }
     }
 
     fn rigctl(&self, arguments: &[&str]) -> Output {
         let tool = env!("CARGO_BIN_EXE_rigctl");
-        Command::new(tool).args(["--json", "--port", &self.device]).args(arguments).output().expect("rigctl runs")
+        let mut command = Command::new(tool);
+        command.args(["--json", "--port", &self.device]).args(arguments);
+        self.met.store(true, Ordering::Relaxed);
+        let output = command.output().expect("rigctl runs");
+        self.met.store(false, Ordering::Relaxed);
+        output
     }
 }
 
@@ -94,4 +110,9 @@ fn a_device_that_is_none_is_named() {
     let output = tool.expect("rigctl runs");
     assert_eq!(output.status.code(), Some(1));
     assert!(said(&output).contains("/dev/no-such-rig"), "{}", said(&output));
+    // What only an emulated rig has is not silently passed over.
+    let mut tool = Command::new(env!("CARGO_BIN_EXE_rigctl"));
+    tool.args(["--port", "/dev/no-such-rig", "--plant", "load=1kg", "status"]);
+    let output = tool.output().expect("rigctl runs");
+    assert!(output.status.code() == Some(2) && said(&output).contains("--plant"), "{}", said(&output));
 }

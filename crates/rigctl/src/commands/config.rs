@@ -5,8 +5,8 @@ use crate::cli::{Config, Global};
 use crate::failure::Failure;
 use crate::output::Output;
 use crate::session::Session;
-use crate::settings::{self, decimal, from_toml, to_toml};
-use rig_link::{Fault, Kept, PROTOCOL_HASH, Request, Setting, SettingValues, SettingsReport};
+use crate::settings::{self, decimal, to_toml};
+use rig_link::{Fault, Kept, Request, Setting, SettingValues, SettingsReport};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -133,28 +133,13 @@ fn backup(session: &mut Session, file: &Path, output: &mut Output) -> Result<(),
 }
 
 fn restore(global: &Global, file: &Path, force: bool, output: &mut Output) -> Result<(), Failure> {
-    let in_file = |message: String| Failure::failed(format!("{}: {message}", file.display()));
-    let text = std::fs::read_to_string(file).map_err(|e| in_file(e.to_string()))?;
+    // What cannot be read is known before a board is asked.
+    std::fs::metadata(file).map_err(|e| Failure::failed(format!("{}: {e}", file.display())))?;
     let mut session = connect(global)?;
     session.wait_started()?;
     let report = session.settings()?;
-    let backup = from_toml(&text, &report.defaults).map_err(in_file)?;
-    let scene_hash = session.identity().map(|id| id.scene_hash);
-    if let (Some(theirs), Some(ours), false) = (backup.scene_hash, scene_hash, force)
-        && theirs != ours
-    {
-        return Err(in_file(format!(
-            "written for scene {theirs:08x}, the board has {ours:08x}: with other LVDT or gear numbers these settings are \
-             wrong. --force restores them"
-        )));
-    }
-    if backup.protocol_hash.is_some_and(|theirs| theirs != PROTOCOL_HASH) {
-        eprintln!("{} is of another firmware; settings keep their names, so this is no harm", file.display());
-    }
-    if !backup.missing.is_empty() {
-        let names: Vec<&str> = backup.missing.iter().map(|setting| setting.name()).collect();
-        eprintln!("not in {}, so set to the defaults: {}", file.display(), names.join(", "));
-    }
+    let scene_hash = session.identity().map_or(0, |id| id.scene_hash);
+    let backup = settings::load(file, &report.defaults)?.of_scene(scene_hash, file, force)?;
     let unhomed = session.set(&Request::SetSettings(backup.values))?;
     let changed = report.values.iter().filter(|(s, value)| *value != backup.values.get(*s)).count();
     output.object(&json!({"file": file, "settings": all(&backup.values), "changed": changed, "kept": true,

@@ -6,7 +6,7 @@ use crate::failure::Failure;
 use crate::output::Output;
 use crate::session::Session;
 use rig_control::TICK_US;
-use rig_link::{Fault, Identity, PROTOCOL_HASH, Request, ResetCause, State, Telemetry};
+use rig_link::{Fault, Identity, PROTOCOL_HASH, Request, ResetCause, Setting, State, Telemetry};
 use serde::Serialize;
 use serde_json::json;
 use tsa_model::Scene;
@@ -19,6 +19,9 @@ const START_S: f64 = 10.0;
 const NOISE_M: f64 = 15e-6;
 /// How far a resting load may seem to be outside its travel (m).
 const OUTSIDE_M: f64 = 2e-3;
+/// How far the gap of a rig that is not homed may be outside what its strings can make (m): an LVDT before it is
+/// calibrated, and a load that rests on something.
+const GAP_OUTSIDE_M: f64 = 10e-3;
 /// Speed (rad/s) and time (s) of the turn that compares encoder and drive.
 const TURN: (f32, f64) = (2.0, 1.0);
 /// Share by which the two may differ over that turn: the drive's speed is coarse.
@@ -98,7 +101,7 @@ fn examine(session: &mut Session, scene: &Scene, home: bool) -> Result<Vec<Check
     all.append(&mut checks);
     all.push(faults(&last));
     all.push(drive(&heard, scene));
-    all.push(lvdt(&heard, &id, scene)?);
+    all.push(lvdt(&heard, &id, scene, session)?);
     all.push(encoder(turned, &last));
     all.push(supply(&last, scene));
     all.extend(timing(&last, session, messages));
@@ -205,7 +208,14 @@ fn drive(heard: &[Telemetry], scene: &Scene) -> Check {
     check("drive", online && most_a < limit_a, seen, advice)
 }
 
-fn lvdt(heard: &[Telemetry], id: &Identity, scene: &Scene) -> Result<Check, Failure> {
+/// Mean and rms about it.
+fn mean_rms(values: &[f64]) -> (f64, f64) {
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    (mean, (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / count).sqrt())
+}
+
+fn lvdt(heard: &[Telemetry], id: &Identity, scene: &Scene, session: &mut Session) -> Result<Check, Failure> {
     let bad = [
         Fault::LvdtOpen,
         Fault::LvdtShort,
@@ -222,29 +232,47 @@ fn lvdt(heard: &[Telemetry], id: &Identity, scene: &Scene) -> Result<Check, Fail
             "wiring, supply and mounting of the LVDT (docs/faults.md)",
         ));
     }
-    let at_rest = |t: &&Telemetry| matches!(t.state, State::Ready | State::Holding);
-    let positions: Vec<f64> = heard.iter().filter(at_rest).filter_map(|t| t.position_m.map(f64::from)).collect();
-    if positions.len() < 20 {
-        let seen = "no fault; range and noise are judged on a homed rig at rest (--home)";
-        return Ok(check("LVDT", true, seen, ""));
-    }
-    let count = positions.len() as f64;
-    let mean = positions.iter().sum::<f64>() / count;
-    let rms = (positions.iter().map(|p| (p - mean).powi(2)).sum::<f64>() / count).sqrt();
+    // Exactly no noise is as wrong as too much.
+    let noisy = "a healthy block has a few micrometres: screen, ground and supply of the LVDT; does the load swing?";
+    let quiet = |rms: f64| rms > 0.0 && rms < NOISE_M;
     let mechanism = scene.mechanism()?;
-    // The least load is lifted farthest.
     let [low, high] = scene.table_demand()?.0.twist_rad();
-    let load_n = f64::from(id.table.load_min_n);
-    let travel_m = mechanism.solve(load_n, low)?.gap_m - mechanism.solve(load_n, high)?.gap_m;
+    let [least_n, most_n] = [id.table.load_min_n, id.table.load_max_n].map(f64::from);
+    let at_rest = |t: &&Telemetry| matches!(t.state, State::Ready | State::Holding);
+    // From where the load hangs at the pre-twist, wherever `calibrate zero` has put 0.
+    let zero_m = session.known_settings().map_or(0.0, |s| f64::from(s.values.get(Setting::PositionZero)));
+    let positions: Vec<f64> =
+        heard.iter().filter(at_rest).filter_map(|t| Some(f64::from(t.position_m?) + zero_m)).collect();
+    if positions.len() < 20 {
+        let Ok(gaps_m) = session.gaps_m() else {
+            return Ok(check("LVDT", false, "no valid reading", "wiring and supply of the LVDT (docs/faults.md)"));
+        };
+        let (mean, rms) = mean_rms(&gaps_m);
+        // Untwisted strings end their rods farther apart than the pre-twist leaves them, by less than the allowance.
+        let (least, most) = (mechanism.solve(least_n, high)?.gap_m, mechanism.solve(most_n, low)?.gap_m);
+        let inside = (least - GAP_OUTSIDE_M..=most + GAP_OUTSIDE_M).contains(&mean);
+        let seen = format!(
+            "gap {:.3} mm (strings make {:.1} to {:.1} mm), noise {:.1} um rms; its position is judged on a homed rig (--home)",
+            mean * 1e3,
+            least * 1e3,
+            most * 1e3,
+            rms * 1e6
+        );
+        let advice =
+            if inside { noisy } else { "measure the gap with callipers, then `calibrate lvdt`; is it the scene's?" };
+        return Ok(check("LVDT", inside && quiet(rms), seen, advice));
+    }
+    let (mean, rms) = mean_rms(&positions);
+    // The least load is lifted farthest.
+    let travel_m = mechanism.solve(least_n, low)?.gap_m - mechanism.solve(least_n, high)?.gap_m;
     let inside = (-OUTSIDE_M..=travel_m + OUTSIDE_M).contains(&mean);
     let seen = format!("at {:.3} mm of 0 to {:.1} mm, noise {:.1} um rms", mean * 1e3, travel_m * 1e3, rms * 1e6);
-    // Exactly none is as wrong as too much.
-    let advice = if !inside {
-        "the position is outside the travel: home anew, check the LVDT's mounting and scale"
+    let advice = if inside {
+        noisy
     } else {
-        "a healthy block has a few micrometres: screen, ground and supply of the LVDT; does the load swing?"
+        "the position is outside the travel: home anew, check the LVDT's mounting and scale"
     };
-    Ok(check("LVDT", inside && rms > 0.0 && rms < NOISE_M, seen, advice))
+    Ok(check("LVDT", inside && quiet(rms), seen, advice))
 }
 
 /// Turns up and back; the way up by the encoder and by the drive (rad of twist).

@@ -149,7 +149,10 @@ fn print(
         let a = fitted.material.stress_coefficients_pa.map(|a| format!("{a:.4e}")).join(", ");
         output.line(format!("  a1..a5 = {a} Pa: a tangent written as sums of squares is nowhere negative"))?;
     }
-    output.line(format!("  radius law {:?}, exponent {:?}", s.radius_law, s.twist_exponent))?;
+    output.line(match s.twist_exponent {
+        Some(p) => format!("  radius grows as (twist/pi)^p, p = {p:.4}"),
+        None => "  radius grows by eq. 6".to_owned(),
+    })?;
     output.line("correlations:")?;
     for (e, row) in fit.estimates.iter().zip(&fit.correlations) {
         let cells: Vec<String> = row.iter().map(|c| format!("{c:>6.2}")).collect();

@@ -51,8 +51,10 @@ pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
         Command::Study { vary, load, turns, out } => study::run(global, vary, *load, *turns, out.as_deref(), output),
         Command::Sim { script, seconds } => simulate::run(global, script.as_deref(), *seconds, output),
         Command::Play { script } => simulate::play(global, script, output),
-        Command::Move { to, speed, load, dry_run: true } => dry_run::run(global, *to, *speed, *load, output),
-        Command::Move { to, speed, load, dry_run: false } => operate::travel(global, *to, *speed, *load, output),
+        Command::Move { to, speed, load, dry_run: true, settings } => {
+            dry_run::run(global, *to, *speed, *load, settings.as_deref(), output)
+        }
+        Command::Move { to, speed, load, .. } => operate::travel(global, *to, *speed, *load, output),
         Command::Home => operate::home(global, output),
         Command::Jog { speed, seconds } => operate::jog(global, *speed, *seconds, output),
         Command::Stop => operate::simple(global, &Request::Stop, output),

@@ -30,7 +30,7 @@ pub fn is_sim(global: &Global) -> bool {
 pub fn sim_options(global: &Global) -> SimOptions {
     SimOptions {
         firmware: global.firmware.clone(),
-        scene: global.scene.clone(),
+        scene: global.plant_scene.clone().unwrap_or_else(|| global.scene.clone()),
         plant: global.plant.clone(),
         seed: global.seed,
         flash: global.flash.clone(),
@@ -64,6 +64,19 @@ pub fn meet(global: &Global) -> Result<Session, Failure> {
     let port: Box<dyn Port> = if is_sim(global) {
         Box::new(Sim::start(&sim_options(global))?)
     } else {
+        for (given, name) in [
+            (!global.plant.is_empty(), "--plant"),
+            (global.plant_scene.is_some(), "--plant-scene"),
+            (global.flash.is_some(), "--flash"),
+            (global.firmware.is_some(), "--firmware"),
+        ] {
+            if given {
+                return Err(Failure::Usage(format!(
+                    "{name} is for the emulated board, not for --port {}",
+                    global.port
+                )));
+            }
+        }
         Box::new(Serial::open(&global.port)?)
     };
     let mut session = Session::new(port);

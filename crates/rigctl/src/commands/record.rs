@@ -26,10 +26,11 @@ pub fn create(path: &Path) -> Result<Box<dyn Write>, Failure> {
 /// The head for a session that has greeted its board.
 ///
 /// # Errors
-/// If the board has not said who it is, or the scene cannot be read.
+/// If the board has not said who it is and how it is set, or the scene cannot be read.
 pub fn header(global: &Global, session: &Session, command: &str) -> Result<Header, Failure> {
     let board = session.identity().ok_or_else(|| Failure::failed("the board did not say who it is"))?;
-    Ok(Header::new(global, super::scene(global)?.hash(), board, command))
+    let settings = session.known_settings().ok_or_else(|| Failure::failed("the board did not tell its settings"))?;
+    Ok(Header::new(global, super::scene(global)?.hash(), board, settings, command))
 }
 
 /// Runs the command.

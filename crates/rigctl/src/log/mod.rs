@@ -21,11 +21,13 @@ pub use write::Recorder;
 
 use crate::cli::Global;
 use crate::session::row::Row;
-use rig_link::{EventKind, Identity, PROTOCOL_HASH, Request};
+use rig_link::{EventKind, Identity, PROTOCOL_HASH, Request, SettingsReport};
 use std::time::SystemTime;
 
 /// First value of the head: raise the number when a reader of the old one would misread the new one.
 pub const FORMAT: &str = "tsa-log 1";
+/// What stands before a setting's name in the head.
+const SETTINGS: &str = "settings.";
 
 /// What passes between host and board, in order.
 #[derive(Debug, Clone, PartialEq)]
@@ -43,18 +45,22 @@ pub enum Entry {
 pub struct Header(pub Vec<(String, String)>);
 
 impl Header {
-    /// For a board that has said who it is. `scene_hash` is the host's scene; `command` what is run.
-    pub fn new(global: &Global, scene_hash: u32, board: &Identity, command: &str) -> Self {
+    /// For a board that has said who it is and how it is calibrated. `scene_hash` is the host's scene; `command` what is
+    /// run.
+    pub fn new(global: &Global, scene_hash: u32, board: &Identity, settings: &SettingsReport, command: &str) -> Self {
         let mut header = Self::default();
         header.add("format", FORMAT);
         header.add("tool", concat!("rigctl ", env!("CARGO_PKG_VERSION")));
         header.add("command", command);
-        header.add("host_time", utc(SystemTime::now()));
+        header.add("host_time", humantime::format_rfc3339_seconds(SystemTime::now()));
         header.add("scene", global.scene.display());
         header.add("scene_hash", format!("{scene_hash:08x}"));
         header.add("port", &global.port);
         if crate::commands::operate::is_sim(global) {
             header.add("seed", global.seed);
+            if let Some(scene) = &global.plant_scene {
+                header.add("plant_scene", scene.display());
+            }
             for setting in &global.plant {
                 header.add(&format!("plant.{}", setting.key), setting.value);
             }
@@ -72,6 +78,10 @@ impl Header {
         header.add("table.tr_relative_error", table.tr_relative_error);
         header.add("table.load_n", format!("{} to {}", table.load_min_n, table.load_max_n));
         header.add("table.turns", format!("{} to {}", table.turns_min, table.turns_max));
+        header.add("settings_kept", settings.kept.name());
+        for (setting, value) in settings.values.iter() {
+            header.add(&format!("{SETTINGS}{setting}"), value);
+        }
         header
     }
 
@@ -83,39 +93,5 @@ impl Header {
     /// The value of a key.
     pub fn get(&self, key: &str) -> Option<&str> {
         self.0.iter().find(|(k, _)| k == key).map(|(_, v)| v.as_str())
-    }
-}
-
-/// Date and time as ISO 8601 writes them, in UTC. Days to dates by counting years from March, so that a leap day is a
-/// year's last.
-fn utc(time: SystemTime) -> String {
-    let seconds = time.duration_since(SystemTime::UNIX_EPOCH).map_or(0, |d| d.as_secs());
-    let (day, second) = (seconds / 86_400 + 719_468, seconds % 86_400);
-    let (era, day) = (day / 146_097, day % 146_097);
-    let year = (day - day / 1460 + day / 36_524 - day / 146_096) / 365;
-    let day = day - (365 * year + year / 4 - year / 100);
-    let month = (5 * day + 2) / 153;
-    let date = day - (153 * month + 2) / 5 + 1;
-    let (year, month) = (era * 400 + year + u64::from(month >= 10), if month < 10 { month + 3 } else { month - 9 });
-    format!("{year:04}-{month:02}-{date:02}T{:02}:{:02}:{:02}Z", second / 3600, second / 60 % 60, second % 60)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use std::time::Duration;
-
-    #[test]
-    fn days_become_dates() {
-        for (seconds, text) in [
-            (0, "1970-01-01T00:00:00Z"),
-            (951_782_399, "2000-02-28T23:59:59Z"),
-            (951_782_400, "2000-02-29T00:00:00Z"),
-            (951_868_800, "2000-03-01T00:00:00Z"),
-            (1_798_761_599, "2026-12-31T23:59:59Z"),
-            (4_107_542_400, "2100-03-01T00:00:00Z"),
-        ] {
-            assert_eq!(utc(SystemTime::UNIX_EPOCH + Duration::from_secs(seconds)), text);
-        }
     }
 }

@@ -1,8 +1,9 @@
 //! Reading a log back. Nothing in the file is believed: each refusal names the line.
 
-use super::{FORMAT, Header};
+use super::{FORMAT, Header, SETTINGS};
 use crate::script;
-use rig_link::{Request, State};
+use crate::settings;
+use rig_link::{Request, Setting, SettingValues, State};
 use std::path::Path;
 
 /// A row, as far as the control code has to do with it. SI units.
@@ -168,6 +169,23 @@ impl Log {
     /// [`LogError::Cut`].
     pub fn whole(self) -> Result<Self, LogError> {
         if self.complete { Ok(self) } else { Err(LogError::Cut { rows: self.rows.len() }) }
+    }
+
+    /// The settings that the board ran with; those that the head does not name are `defaults`, and which they are.
+    ///
+    /// # Errors
+    /// Naming what is no setting of this tool's, or has no value that it may have.
+    pub fn settings(&self, defaults: &SettingValues) -> Result<(SettingValues, Vec<Setting>), String> {
+        let (mut values, mut missing) = (*defaults, Setting::ALL.to_vec());
+        for (key, text) in &self.header.0 {
+            let Some(name) = key.strip_prefix(SETTINGS) else { continue };
+            let setting = settings::named(name)?;
+            let value = settings::value(setting, text).map_err(|e| e.to_string())?;
+            let value = setting.check(value, defaults.get(setting)).map_err(|refusal| refusal.to_string())?;
+            values = values.with(setting, value);
+            missing.retain(|other| *other != setting);
+        }
+        Ok((values, missing))
     }
 
     fn comment(&mut self, text: &str) -> Result<(), String> {

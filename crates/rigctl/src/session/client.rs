@@ -354,21 +354,29 @@ impl Session {
         Err(Failure::failed("in use, but NOT kept in flash: lost with the next reset. The board's log says why"))
     }
 
-    /// Mean of the gap that the LVDT shows (m), over half a second.
+    /// Gaps that the LVDT shows (m), over half a second, homed or not.
     ///
     /// # Errors
-    /// If it gives no valid reading.
-    pub fn gap_m(&mut self) -> Result<f64, Failure> {
-        let mut sum_m = 0.0;
+    /// If one of them is no valid reading.
+    pub fn gaps_m(&mut self) -> Result<Vec<f64>, Failure> {
+        let mut gaps_m = Vec::new();
         for _ in 0..GAP_READINGS {
             self.gap = None;
             self.request(&Request::ReadGap)?;
             self.until(REPLY_S, |s| s.gap.is_some())?;
             let gap_m = self.gap.flatten().ok_or_else(|| Failure::failed("no valid reading from the LVDT"))?;
-            sum_m += f64::from(gap_m);
+            gaps_m.push(f64::from(gap_m));
             self.until(STEP_S, |_| false)?;
         }
-        Ok(sum_m / f64::from(GAP_READINGS))
+        Ok(gaps_m)
+    }
+
+    /// Their mean (m).
+    ///
+    /// # Errors
+    /// As [`Session::gaps_m`].
+    pub fn gap_m(&mut self) -> Result<f64, Failure> {
+        Ok(self.gaps_m()?.iter().sum::<f64>() / f64::from(GAP_READINGS))
     }
 
     fn state(&self) -> State {

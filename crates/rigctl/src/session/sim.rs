@@ -16,7 +16,7 @@ use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 pub struct SimOptions {
     /// The firmware; `None` is the one that `cargo xtask firmware` made.
     pub firmware: Option<PathBuf>,
-    /// Scene of the rig.
+    /// Scene that the rig is built by.
     pub scene: PathBuf,
     /// What the firmware is not told.
     pub plant: Vec<Setting>,

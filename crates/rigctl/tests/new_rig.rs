@@ -1,0 +1,121 @@
+//! A new rig becomes a calibrated one, by the commands of `docs/calibration.md` and on one emulated board: LVDT, sweeps,
+//! constants, table, move; and what each of it was good for.
+
+mod common;
+
+use common::{error_of, lines, rigctl};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use tsa_model::{Scene, twist_from_turns};
+
+const SCENE: &str = "scenes/default.toml";
+/// How the rig differs from the scene, and its LVDT from its data sheet.
+const RIG: &str =
+    "k2_scale=1.15,k3_scale=0.85,stiffness_scale=1.15,modulus_scale=0.85,lvdt_offset=1mm,lvdt_gain_error=1%";
+
+fn truth() -> Scene {
+    let mut truth = Scene::load(Path::new("../..").join(SCENE)).expect("the default scene");
+    truth.string.k2 *= 1.15;
+    truth.string.k3 *= 0.85;
+    truth.string.stiffness_n_per_m *= 1.15;
+    truth.material.stress_coefficients_pa = truth.material.stress_coefficients_pa.map(|a| a * 0.85);
+    truth
+}
+
+/// Greatest error of the contraction (m) over the envelope, loads between those of the sweeps included.
+fn contraction_error_m(scene: &Scene) -> f64 {
+    let contraction = |scene: &Scene, load: f64, turns: f64| {
+        let m = scene.mechanism().expect("a mechanism");
+        let gap = |turns| m.solve(load, twist_from_turns(turns)).expect("solved").gap_m;
+        gap(0.0) - gap(turns)
+    };
+    let (truth, loads) = (truth(), [2.0, 4.0, 7.0, 11.0, 15.0]);
+    let states = loads.into_iter().flat_map(|l| (1..=15).map(move |k| (l, 0.5 * f64::from(k))));
+    states.map(|(l, t)| (contraction(scene, l, t) - contraction(&truth, l, t)).abs()).fold(0.0, f64::max)
+}
+
+/// The board: its flash, and the scene that the tool believes in.
+struct Board {
+    flash: PathBuf,
+    scene: String,
+}
+
+impl Board {
+    /// The last object that the command prints.
+    fn runs(&self, arguments: &[&str]) -> Value {
+        let flash = self.flash.to_str().expect("a path");
+        let board = ["--json", "--scene", &self.scene, "--plant-scene", SCENE, "--flash", flash, "--plant", RIG];
+        let output = rigctl(&[arguments, &board].concat());
+        assert!(output.status.success(), "{arguments:?}: {}", error_of(&output));
+        lines(&output).pop().unwrap_or_default()
+    }
+
+    fn number(&self, arguments: &[&str], key: &str) -> f64 {
+        let found = self.runs(arguments);
+        found[key].as_f64().unwrap_or_else(|| panic!("no {key} in {found}"))
+    }
+
+    /// Errors after a move under a load (N): of the position (m), and of the load estimate as a share.
+    fn moved(&self, load_n: f64) -> [f64; 2] {
+        let end = self.runs(&["move", "--to", "12mm", "--plant", &format!("load={load_n}N")]);
+        let number = |key: &str| end[key].as_f64().unwrap_or_else(|| panic!("no {key} in {end}"));
+        [number("true_error_m"), number("load_n") / load_n - 1.0]
+    }
+
+    /// Gap by callipers, which read to 20 um, with the strings twisted so far at power-up.
+    fn measured(&self, twist: &str) -> f64 {
+        let true_m = self.number(&["calibrate", "lvdt", "--plant", twist], "true_gap_m");
+        (true_m / 20e-6).round() * 20e-6
+    }
+}
+
+#[test]
+fn a_rig_15_percent_off_its_scene_is_calibrated_on_its_own_board() {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("new-rig");
+    let _ = std::fs::remove_dir_all(&folder);
+    std::fs::create_dir_all(&folder).expect("a folder");
+    let path = |name: &str| folder.join(name).to_str().expect("a path").to_owned();
+    let mut board = Board { flash: folder.join("flash.bin"), scene: SCENE.into() };
+    let loads = [10.0, 15.0];
+    let before = loads.map(|load_n| board.moved(load_n));
+
+    let (wide, narrow) = ("twist_at_boot=1", "twist_at_boot=40");
+    let first_m = board.measured(wide);
+    let first = ["calibrate", "lvdt", "--plant", wide, "--gap", &first_m.to_string()];
+    let point = format!("{first_m}:{}", board.number(&first, "sensor_m"));
+    let second_m = board.measured(narrow).to_string();
+    board.runs(&["calibrate", "lvdt", "--plant", narrow, "--gap", &second_m, "--point", &point]);
+
+    let sweeps = ["2", "7", "15"].map(|load_n| path(&format!("sweep-{load_n}N.csv")));
+    for (load_n, sweep) in ["2N", "7N", "15N"].iter().zip(&sweeps) {
+        assert!(board.number(&["sweep", "--load", load_n, "--out", sweep], "equilibria") > 65.0);
+    }
+    let found = path("found.toml");
+    let files = sweeps.iter().map(String::as_str);
+    let identify: Vec<&str> =
+        ["identify", "--fit", "k2,k3,K,modulus", "--out", &found].into_iter().chain(files).collect();
+    let fit = board.runs(&identify);
+    board.scene = found;
+    let [was_m, is_m] = [Path::new("../..").join(SCENE), folder.join("found.toml")]
+        .map(|scene| contraction_error_m(&Scene::load(scene).expect("a scene")));
+    let table_m = board.number(&["table", "--board"], "contraction_error_m");
+    let after = loads.map(|load_n| board.moved(load_n));
+
+    println!("{fit:#}");
+    println!(
+        "model off by {:.0} um before, {:.1} um after; table within {:.2} um",
+        was_m * 1e6,
+        is_m * 1e6,
+        table_m * 1e6
+    );
+    for (load_n, (before, after)) in loads.iter().zip(before.iter().zip(&after)) {
+        let [a, b] = [before, after].map(|[m, share]| format!("{:+.1} um, load {:+.2} %", m * 1e6, share * 100.0));
+        println!("12 mm under {load_n} N: {a} before; {b} after");
+    }
+    assert!(was_m > 1e-3 && is_m < 60e-6, "{was_m} m before, {is_m} m after");
+    assert!(table_m < 5e-6);
+    for (before, after) in before.iter().zip(&after) {
+        assert!(before[0].abs() > 60e-6 && after[0].abs() < 30e-6, "{before:?} {after:?}");
+        assert!(after[1].abs() < 0.012 && after[1].abs() < before[1].abs(), "{before:?} {after:?}");
+    }
+}
