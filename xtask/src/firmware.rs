@@ -1,6 +1,6 @@
 //! The board's image.
 
-use crate::process::run;
+use crate::process::{exists, run};
 use crate::toolchain::{TARGET, Toolchain};
 use crate::{Folders, image};
 use anyhow::{Context, Result, ensure};
@@ -21,6 +21,14 @@ pub fn build(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
     let image = built(&mut cargo(folders, toolchain, PACKAGE), folders, toolchain, PACKAGE, IMAGES)?;
     println!("firmware: {}", image.display());
     image::report(&image)
+}
+
+/// Builds the image and hands it to the runner of `.cargo/config.toml`: probe-rs, with the chip's name.
+pub fn flash(folders: &Folders, toolchain: &Toolchain, rest: &[String]) -> Result<()> {
+    build(folders, toolchain)?;
+    ensure!(exists("probe-rs"), "probe-rs is not there: cargo install probe-rs-tools --locked");
+    let mut cargo = toolchain.cargo(folders, "run");
+    run(cargo.args(["--package", PACKAGE, "--profile", "firmware", "--"]).args(rest))
 }
 
 /// Builds the image of the default scene with the drive on the serial line. For tests: it has a folder of its own.

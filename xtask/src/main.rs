@@ -38,6 +38,12 @@ enum Task {
         #[arg(long)]
         uart: bool,
     },
+    /// Build the firmware, flash it over the board's ST-LINK with probe-rs, and show its log
+    Flash {
+        /// Passed on to `probe-rs run`: --probe, --connect-under-reset
+        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+        rest: Vec<String>,
+    },
     /// Build the desktop tools (target/release/rigctl, target/release/rig-emulator)
     Build,
     /// Check formatting, lint and test everything, the firmware on the emulated board included
@@ -100,6 +106,7 @@ fn run(arguments: Arguments) -> Result<()> {
     match arguments.task {
         Task::Firmware { toolchain, uart: false } => firmware::build(&folders, &toolchain::choose(toolchain)?),
         Task::Firmware { toolchain, uart: true } => firmware::build_uart(&folders, &toolchain::choose(toolchain)?),
+        Task::Flash { rest } => firmware::flash(&folders, &toolchain::choose(toolchain::Choice::Auto)?, &rest),
         Task::Build => host::build(&folders),
         Task::Test => host::test(&folders),
         Task::Bench => bench::bench(&folders),
