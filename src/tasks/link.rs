@@ -8,7 +8,7 @@ use embassy_stm32::usart::{BufferedUartRx, BufferedUartTx};
 use embassy_time::{Duration, Instant, with_timeout};
 use embedded_io_async::{Read, Write};
 use heapless::String;
-use rig_link::messages::{Accepted, Identity, LoadChoice, Message, Refusal, Request, State, TableIdentity};
+use rig_link::messages::{Accepted, Identity, LoadChoice, Message, Refusal, Request, TableIdentity};
 use rig_link::{Decoder, MAX_FRAME, PROTOCOL_HASH, encode};
 
 /// Wait for bytes no longer than this, so that a silent host does not look like a dead task.
@@ -64,7 +64,15 @@ fn take(sequence: u16, request: Request, greeted: &mut bool, start: &Start) {
             reply(Ok(Accepted::Done));
             shared::post(Message::Gap { gap_m: shared::GAP.get() });
         }
-        Request::Stop => queue(sequence, request),
+        Request::Stop => {
+            // Goes before all that waits: not after what would move, and never refused for want of room.
+            while let Ok((to, waiting)) = shared::REQUESTS.try_receive() {
+                let done = matches!(waiting, Request::Stop);
+                let result = if done { Ok(Accepted::Done) } else { Err(Refusal::Stopped) };
+                shared::post(Message::Reply { to, result });
+            }
+            queue(sequence, request);
+        }
         Request::Move { load: LoadChoice::Auto | LoadChoice::Known(_), .. }
         | Request::Home
         | Request::Jog { .. }
@@ -84,8 +92,7 @@ fn take(sequence: u16, request: Request, greeted: &mut bool, start: &Start) {
 
 fn queue(sequence: u16, request: Request) {
     if shared::REQUESTS.try_send((sequence, request)).is_err() {
-        let result = Err(Refusal::Busy { state: State::Boot });
-        shared::post(Message::Reply { to: sequence, result });
+        shared::post(Message::Reply { to: sequence, result: Err(Refusal::TooMany) });
     }
 }
 

@@ -1,6 +1,6 @@
 //! What the host tool and the firmware say to each other.
 //!
-//! - [`messages`]: the one table of all messages and of the names that they carry.
+//! - [`messages`]: the one table of all messages, and [`codes`] of the names that they carry.
 //! - [`settings`]: unit, default and range of every setting.
 //! - [`frame`]: how a message becomes bytes on a UART and comes back: sequence number, postcard, CRC-32, COBS.
 //! - [`names`]: the macro behind the named codes (states, faults, limits …).
@@ -11,6 +11,7 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+pub mod codes;
 pub mod frame;
 pub mod messages;
 pub mod names;
@@ -33,12 +34,14 @@ pub const HEARTBEAT_PERIOD_MS: u32 = 100;
 const FRAMING_VERSION: u8 = 1;
 
 /// Hash of the source text of the message table and of the framing version: whatever changes there changes this.
-pub const PROTOCOL_HASH: u32 = source_hash(include_bytes!("messages.rs"), FRAMING_VERSION);
+pub const PROTOCOL_HASH: u32 = source_hash(
+    include_bytes!("codes.rs"),
+    source_hash(include_bytes!("messages.rs"), source_hash(&[FRAMING_VERSION], 0x811c_9dc5)),
+);
 
-/// FNV-1a, 32 bits. Carriage returns are left out: a checkout may have added them.
-const fn source_hash(source: &[u8], version: u8) -> u32 {
+/// FNV-1a, 32 bits, going on from a hash. Carriage returns are left out: a checkout may have added them.
+const fn source_hash(source: &[u8], mut hash: u32) -> u32 {
     const PRIME: u32 = 0x0100_0193;
-    let mut hash = (0x811c_9dc5 ^ version as u32).wrapping_mul(PRIME);
     let mut i = 0;
     while i < source.len() {
         if source[i] != b'\r' {

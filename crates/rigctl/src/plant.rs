@@ -19,6 +19,16 @@ pub const KEYS: [(&str, Quantity); 13] = [
     ("supply_voltage", Quantity::Voltage),
 ];
 
+/// What `--plant` takes, for its help.
+pub fn help() -> String {
+    let lines = KEYS.map(|(key, quantity)| format!("  {key}: {}", quantity.units()));
+    format!(
+        "Something about the emulated plant that the firmware is not told, for example load=1.2kg,friction=0.1. Keys and \
+         their units:\n{}",
+        lines.join("\n")
+    )
+}
+
 /// One change of the plant.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Setting {

@@ -84,7 +84,7 @@ impl Screen {
             ("set-point", Color::Yellow, self.series(|p| p.setpoint_mm)),
             ("position", Color::Cyan, self.series(|p| p.position_mm)),
         ];
-        self.plot(frame, position, "position (mm)", LEAST_MM, &position_series);
+        self.plot(frame, position, "position and set-point (mm)", LEAST_MM, &position_series);
         self.plot(frame, load, "load (N)", LEAST_N, &[("load", Color::Green, self.series(|p| p.load_n))]);
         let mut lines: Vec<Line<'_>> = self.messages.iter().map(|m| Line::from(m.as_str())).collect();
         lines.resize(MESSAGES, Line::default());

@@ -30,6 +30,14 @@ const RIG_FAULTS: [&str; 19] = [
     "brown-out",
 ];
 
+const EVENTS: &str = "home, move P [speed=V] [load=auto|L], jog V, stop, hold, clear, status, config set NAME VALUE, \
+                      plant KEY=VALUE, fault NAME [off], end";
+
+/// What a script can hold, for the help of what plays one.
+pub fn help() -> String {
+    format!("Events of a script (`#` starts a comment): {EVENTS}\nFaults: {}", fault_names())
+}
+
 /// A fault that a script can cause.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ScriptFault {
@@ -42,6 +50,13 @@ pub enum ScriptFault {
     /// The board loses its power for a moment.
     PowerCycle,
 }
+
+/// Faults of the way between host and board, and of the board's power.
+const OWN_FAULTS: [(&str, ScriptFault); 3] = [
+    ("host-silent", ScriptFault::HostSilent),
+    ("link-noise", ScriptFault::LinkNoise),
+    ("power-cycle", ScriptFault::PowerCycle),
+];
 
 /// What happens.
 #[derive(Debug, Clone, PartialEq)]
@@ -155,11 +170,7 @@ fn action(words: &[&str]) -> Result<Action, String> {
             fault => Action::Fault { fault, on: false },
         },
         words => {
-            return Err(format!(
-                "no event `{}`; events: home, move P [speed=V] [load=auto|L], jog V, stop, hold, clear, status, \
-                 config set NAME VALUE, plant KEY=VALUE, fault NAME [off], end",
-                words.join(" ")
-            ));
+            return Err(format!("no event `{}`; events: {EVENTS}", words.join(" ")));
         }
     })
 }
@@ -206,6 +217,7 @@ pub fn text(request: &Request) -> Option<String> {
             };
             format!("move {target_m} speed={speed_m_per_s} load={load}")
         }
+        Request::SetSetting { setting, value } => format!("config set {setting} {value}"),
         _ => return None,
     })
 }
@@ -223,15 +235,13 @@ pub fn load_choice(text: &str) -> Result<LoadChoice, String> {
 }
 
 fn fault(name: &str) -> Result<ScriptFault, String> {
-    match name {
-        "host-silent" => return Ok(ScriptFault::HostSilent),
-        "link-noise" => return Ok(ScriptFault::LinkNoise),
-        "power-cycle" => return Ok(ScriptFault::PowerCycle),
-        _ => {}
-    }
-    RIG_FAULTS.into_iter().find(|n| *n == name).map(ScriptFault::Rig).ok_or_else(|| {
-        format!("no fault `{name}`; faults: {}, host-silent, link-noise, power-cycle", RIG_FAULTS.join(", "))
-    })
+    let own = OWN_FAULTS.into_iter().find(|(n, _)| *n == name).map(|(_, fault)| fault);
+    let rigs = || RIG_FAULTS.into_iter().find(|n| *n == name).map(ScriptFault::Rig);
+    own.or_else(rigs).ok_or_else(|| format!("no fault `{name}`; faults: {}", fault_names()))
+}
+
+fn fault_names() -> String {
+    RIG_FAULTS.into_iter().chain(OWN_FAULTS.map(|(name, _)| name)).collect::<Vec<_>>().join(", ")
 }
 
 #[cfg(test)]

@@ -19,6 +19,13 @@ pub fn named(name: &str) -> Result<Setting, String> {
     })
 }
 
+/// What `config set` changes, for its help.
+pub fn help() -> String {
+    let line = |setting: &Setting| format!("  {setting}: {}", quantity(*setting).units());
+    let lines: Vec<String> = Setting::ALL.iter().map(line).collect();
+    format!("Which; `config get` shows each with its default and range. With their units:\n{}", lines.join("\n"))
+}
+
 /// What its value measures.
 pub fn quantity(setting: Setting) -> Quantity {
     match setting.spec().unit {

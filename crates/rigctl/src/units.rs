@@ -64,12 +64,13 @@ impl Quantity {
         }
     }
 
-    fn units(self) -> String {
+    /// The units that are read, in words.
+    pub fn units(self) -> String {
         let names: Vec<&str> = self.table().1.iter().map(|(name, _)| *name).collect();
         match (self, names.first()) {
             (Self::Fraction, _) => "a bare number, or %".into(),
             (_, Some(si)) => format!("{} (a bare number is {si})", names.join(", ")),
-            (_, None) => "none: a bare number".into(),
+            (_, None) => "a bare number".into(),
         }
     }
 }

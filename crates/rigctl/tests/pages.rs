@@ -46,45 +46,52 @@ fn pages() -> Vec<PathBuf> {
 #[test]
 fn every_command_of_the_pages_works() {
     let tasks = std::fs::read_to_string(root().join("xtask/src/main.rs")).unwrap().to_lowercase();
-    for page in pages() {
-        let name = page.file_name().unwrap().to_string_lossy().into_owned();
-        // What one command writes the next may read; nothing lands in the project.
-        let folder = std::env::temp_dir().join(format!("rigctl-pages-{}-{name}", std::process::id()));
-        std::fs::create_dir_all(&folder).unwrap();
-        for shared in ["scenes", "scenarios", "target"] {
-            #[cfg(unix)]
-            let _ = std::os::unix::fs::symlink(root().join(shared), folder.join(shared));
+    // The commands of a page in their order, the pages beside each other.
+    std::thread::scope(|scope| {
+        for page in pages() {
+            let tasks = &tasks;
+            scope.spawn(move || works(&page, tasks));
         }
-        for line in commands(&std::fs::read_to_string(&page).unwrap()) {
-            let words: Vec<&str> = line.split_whitespace().collect();
-            match words[..] {
-                ["target/release/rigctl", ref rest @ ..] => {
-                    let cli = Cli::try_parse_from(std::iter::once(&"rigctl").chain(rest));
-                    assert!(cli.is_ok(), "{name}: {line}: {}", cli.err().map_or(String::new(), |e| e.to_string()));
-                    let real = line.contains("--port /dev/");
-                    if real || rest.iter().any(|word| LONG.contains(word)) {
-                        continue;
-                    }
-                    let done =
-                        Command::new(env!("CARGO_BIN_EXE_rigctl")).args(rest).current_dir(&folder).output().unwrap();
-                    let said = String::from_utf8_lossy(&done.stderr);
-                    assert!(done.status.success(), "{name}: {line}: {said}");
-                }
-                ["cargo", "run", "--release", "-p", "rigctl", "--example", example] => {
-                    let built = Path::new(env!("CARGO_BIN_EXE_rigctl")).with_file_name("examples").join(example);
-                    let done = Command::new(built).current_dir(&folder).output().unwrap();
-                    assert!(done.status.success(), "{name}: {line}: {}", String::from_utf8_lossy(&done.stderr));
-                }
-                ["cargo", "xtask", task, ..] | [_, "cargo", "xtask", task, ..] => {
-                    assert!(tasks.contains(&format!("\n    {task}")), "{name}: no task {task}");
-                }
-                // Other programs, named where they are first used.
-                ["cargo", "install", ..] | ["probe-rs", ..] => {}
-                _ => panic!("{name}: what is {line:?}?"),
-            }
-        }
-        let _ = std::fs::remove_dir_all(&folder);
+    });
+}
+
+fn works(page: &Path, tasks: &str) {
+    let name = page.strip_prefix(root()).unwrap().display().to_string();
+    // What one command writes the next may read; nothing lands in the project.
+    let folder = std::env::temp_dir().join(format!("rigctl-pages-{}-{}", std::process::id(), name.replace('/', "-")));
+    std::fs::create_dir_all(&folder).unwrap();
+    for shared in ["scenes", "scenarios", "target"] {
+        #[cfg(unix)]
+        let _ = std::os::unix::fs::symlink(root().join(shared), folder.join(shared));
     }
+    for line in commands(&std::fs::read_to_string(page).unwrap()) {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        match words[..] {
+            ["target/release/rigctl", ref rest @ ..] => {
+                let cli = Cli::try_parse_from(std::iter::once(&"rigctl").chain(rest));
+                assert!(cli.is_ok(), "{name}: {line}: {}", cli.err().map_or(String::new(), |e| e.to_string()));
+                let real = line.contains("--port /dev/");
+                if real || rest.iter().any(|word| LONG.contains(word)) {
+                    continue;
+                }
+                let done = Command::new(env!("CARGO_BIN_EXE_rigctl")).args(rest).current_dir(&folder).output().unwrap();
+                let said = String::from_utf8_lossy(&done.stderr);
+                assert!(done.status.success(), "{name}: {line}: {said}");
+            }
+            ["cargo", "run", "--release", "-p", "rigctl", "--example", example] => {
+                let built = Path::new(env!("CARGO_BIN_EXE_rigctl")).with_file_name("examples").join(example);
+                let done = Command::new(built).current_dir(&folder).output().unwrap();
+                assert!(done.status.success(), "{name}: {line}: {}", String::from_utf8_lossy(&done.stderr));
+            }
+            ["cargo", "xtask", task, ..] | [_, "cargo", "xtask", task, ..] => {
+                assert!(tasks.contains(&format!("\n    {task}")), "{name}: no task {task}");
+            }
+            // Other programs, named where they are first used.
+            ["cargo", "install", ..] | ["probe-rs", ..] => {}
+            _ => panic!("{name}: what is {line:?}?"),
+        }
+    }
+    let _ = std::fs::remove_dir_all(&folder);
 }
 
 #[test]

@@ -47,7 +47,7 @@ impl<B: Board> Soc<B> {
             Unit::Gpio(port) => self.gpio.read(port, offset),
             Unit::Exti => self.exti.read(offset),
             Unit::Syscfg => self.exti.read_syscfg(offset),
-            Unit::Iwdg => self.iwdg.read(offset),
+            Unit::Iwdg => self.iwdg.read(offset, &self.clock, self.rcc.lsi_on()),
             Unit::Timer(i) => {
                 self.catch_up_adc(self.clock.now());
                 self.timers[i].read(offset, wires!(self))
@@ -104,7 +104,7 @@ impl<B: Board> Soc<B> {
             }
             Unit::Exti => self.exti.write(offset, value, &mut self.nvic),
             Unit::Syscfg => self.exti.write_syscfg(offset, value),
-            Unit::Iwdg => self.iwdg.write(offset, value, &self.clock),
+            Unit::Iwdg => self.iwdg.write(offset, value, &self.clock, &mut self.faults),
             Unit::Timer(i) => {
                 self.catch_up_adc(self.clock.now());
                 self.timers[i].write(offset, value, wires!(self))

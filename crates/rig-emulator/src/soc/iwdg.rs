@@ -3,6 +3,10 @@
 //! It keeps its own time in seconds, because the LSI does not care what HCLK is.
 
 use super::clock::{Clock, NEVER};
+use super::fault::Faults;
+
+/// A new prescaler or reload value takes so many periods of the LSI to get across (RM0390 section 20.4.4).
+const UPDATE_PERIODS: f64 = 5.0;
 
 /// Watchdog state.
 #[derive(Debug)]
@@ -13,12 +17,14 @@ pub struct Iwdg {
     unlocked: bool,
     /// When it bites, in seconds.
     due_s: Option<f64>,
+    /// PVU and RVU: since when the LSI has been carrying the value across, in seconds.
+    update_s: [Option<f64>; 2],
 }
 
 impl Iwdg {
     /// A stopped watchdog on an LSI of `lsi_hz`.
     pub fn new(lsi_hz: f64) -> Self {
-        Self { lsi_hz, prescaler: 0, reload: 0xFFF, unlocked: false, due_s: None }
+        Self { lsi_hz, prescaler: 0, reload: 0xFFF, unlocked: false, due_s: None, update_s: [None; 2] }
     }
 
     /// System reset.
@@ -36,10 +42,30 @@ impl Iwdg {
         self.due_s.map_or(NEVER, |due| clock.cycle_at(due))
     }
 
-    /// Read a register. Updates are instantaneous, so SR is 0.
-    pub fn read(&self, offset: u32) -> Option<u32> {
+    /// Which updates are under way. With the LSI off they stay so.
+    fn status(&mut self, clock: &Clock, lsi_on: bool) -> u32 {
+        let running = lsi_on || self.due_s.is_some();
+        for since_s in &mut self.update_s {
+            *since_s = since_s.map(|since_s| if running { since_s } else { clock.seconds() });
+            *since_s = since_s.filter(|since_s| clock.seconds() < since_s + UPDATE_PERIODS / self.lsi_hz);
+        }
+        u32::from(self.update_s[0].is_some()) | u32::from(self.update_s[1].is_some()) << 1
+    }
+
+    fn update(&mut self, which: usize, clock: &Clock, faults: &mut Faults) {
+        // Whoever wrote before and looked at SR since has had it cleared there.
+        let done_s = |since_s: f64| since_s + UPDATE_PERIODS / self.lsi_hz;
+        if self.update_s[which].is_some_and(|since_s| clock.seconds() < done_s(since_s)) {
+            faults.feature("IWDG", "PR or RLR written while the update before is under way");
+        }
+        self.update_s[which] = Some(clock.seconds());
+    }
+
+    /// Read a register.
+    pub fn read(&mut self, offset: u32, clock: &Clock, lsi_on: bool) -> Option<u32> {
         match offset {
-            0x00 | 0x0C => Some(0),
+            0x00 => Some(0),
+            0x0C => Some(self.status(clock, lsi_on)),
             0x04 => Some(self.prescaler),
             0x08 => Some(self.reload),
             _ => None,
@@ -47,7 +73,7 @@ impl Iwdg {
     }
 
     /// Write a register.
-    pub fn write(&mut self, offset: u32, value: u32, clock: &Clock) -> Option<()> {
+    pub fn write(&mut self, offset: u32, value: u32, clock: &Clock, faults: &mut Faults) -> Option<()> {
         match offset {
             0x00 => {
                 self.unlocked = value & 0xFFFF == 0x5555;
@@ -58,8 +84,14 @@ impl Iwdg {
                     _ => {}
                 }
             }
-            0x04 if self.unlocked => self.prescaler = value & 7,
-            0x08 if self.unlocked => self.reload = value & 0xFFF,
+            0x04 if self.unlocked => {
+                self.update(0, clock, faults);
+                self.prescaler = value & 7;
+            }
+            0x08 if self.unlocked => {
+                self.update(1, clock, faults);
+                self.reload = value & 0xFFF;
+            }
             // Without the key the write has no effect.
             0x04 | 0x08 => {}
             _ => return None,

@@ -93,6 +93,11 @@ impl Rcc {
         self.words[(ENR + gate.offset) as usize / 4] >> gate.bit & 1 == 1
     }
 
+    /// The LSI is switched on (the watchdog, once started, has it in any case).
+    pub fn lsi_on(&self) -> bool {
+        self.words[0x74 / 4] & 1 == 1
+    }
+
     /// Frequencies that the registers select.
     pub fn tree(&self) -> ClockTree {
         let (cfgr, pll) = (self.words[2], u64::from(self.words[1]));

@@ -108,6 +108,35 @@ fn once_started_it_is_neither_started_anew_nor_fed_by_a_wrong_key() {
 }
 
 #[test]
+fn an_update_takes_five_periods_of_an_lsi_that_runs() {
+    const SR: u32 = KR + 0xC;
+    let csr = RCC + 0x74;
+    let mut chip = watchdog();
+    // Off: for ever, which a program that waits for it would do too.
+    pass(&mut chip, 1.0);
+    assert_eq!(get(&mut chip, SR), 3);
+    set(&mut chip, csr, 1);
+    pass(&mut chip, 4.0 / 32_000.0);
+    assert_eq!(get(&mut chip, SR), 3);
+    pass(&mut chip, 2.0 / 32_000.0);
+    assert_eq!(get(&mut chip, SR), 0);
+    set(&mut chip, RLR, 100);
+    assert_eq!(get(&mut chip, SR), 2);
+    // The watchdog has the LSI on by itself.
+    let mut chip = watchdog();
+    set(&mut chip, KR, 0xCCCC);
+    pass(&mut chip, 6.0 / 32_000.0);
+    assert_eq!(get(&mut chip, SR), 0);
+}
+
+#[test]
+fn a_second_update_before_the_first_is_done_is_a_fault() {
+    let mut chip = watchdog();
+    chip.write(RLR, 4, 1);
+    assert!(chip.faults.take().is_some_and(|fault| fault.to_string().contains("under way")));
+}
+
+#[test]
 fn the_registers_after_a_reset() {
     let mut chip = chip();
     assert_eq!([KR, PR, RLR, KR + 0xC].map(|register| get(&mut chip, register)), [0, 0, 0xFFF, 0]);

@@ -1,0 +1,259 @@
+//! The codes that messages carry, each with the name that people and logs see. Part of the table of
+//! [`crate::messages`].
+
+use crate::named_codes;
+
+named_codes! {
+    /// What a rig is told for good. Each has its unit, default and range in [`crate::settings`]. The numbers are for good:
+    /// boards keep their settings by them.
+    pub enum Setting {
+        /// Gap where the scene's LVDT numbers say 0 (m).
+        LvdtOffset = 0, "lvdt-offset";
+        /// True change of the gap for one that the scene's LVDT numbers show.
+        LvdtGain = 1, "lvdt-gain";
+        /// Position that is called 0, from where the load hangs at the half-turn pre-twist (m).
+        PositionZero = 2, "position-zero";
+        /// Which way the strings are twisted: +1 as the encoder counts, -1 the other way.
+        TwistSign = 3, "twist-sign";
+        /// True gear ratio over the scene's.
+        GearScale = 4, "gear-scale";
+        /// Greatest speed that may be asked of the load (m/s).
+        SpeedMax = 5, "speed-max";
+        /// Current limit sent with every command to the drive (A).
+        CurrentLimit = 6, "current-limit";
+        /// Scale of the twist that homing expects of these strings.
+        TwistScale = 7, "twist-scale";
+    }
+}
+
+named_codes! {
+    /// What flash holds of the settings.
+    pub enum Kept {
+        /// Nothing: these are the defaults, or were set and could not be kept.
+        Nothing = 0, "not kept";
+        /// These values.
+        These = 1, "kept";
+        /// Others: these are about to be written.
+        Others = 2, "being written";
+        /// A damaged record, or one for other constants of the rig. These are the defaults.
+        Damaged = 3, "damaged";
+    }
+}
+
+named_codes! {
+    /// How a request was taken.
+    pub enum Accepted {
+        /// It took effect at once.
+        Done = 0, "done";
+        /// It has begun; an event tells how it ended.
+        Started = 1, "started";
+        /// It has begun, and the position is not known any more: home again.
+        Unhomed = 2, "unhomed";
+    }
+}
+
+named_codes! {
+    /// Parameters that a refusal can name.
+    pub enum Parameter {
+        /// Target position (m).
+        Target = 0, "target";
+        /// Speed of the load (m/s).
+        Speed = 1, "speed";
+        /// Load (N).
+        Load = 2, "load";
+        /// Twist speed (rad/s).
+        TwistSpeed = 3, "twist speed";
+        /// Twist (rad).
+        Twist = 4, "twist";
+    }
+}
+
+impl Parameter {
+    /// SI unit of the values that a refusal gives.
+    pub const fn unit(self) -> &'static str {
+        match self {
+            Self::Target => "m",
+            Self::Speed => "m/s",
+            Self::Load => "N",
+            Self::TwistSpeed => "rad/s",
+            Self::Twist => "rad",
+        }
+    }
+}
+
+named_codes! {
+    /// The rig's sensors.
+    pub enum Sensor {
+        /// Displacement transducer of the load.
+        Lvdt = 0, "LVDT";
+        /// The rig's own encoder.
+        Encoder = 1, "encoder";
+        /// What the drive reports of its motor.
+        Drive = 2, "drive";
+    }
+}
+
+named_codes! {
+    /// What the rig is doing.
+    pub enum State {
+        /// Starting; drive and sensors not yet heard.
+        Boot = 0, "boot";
+        /// Ready to home; the twist is not known.
+        Unhomed = 1, "unhomed";
+        /// Homing.
+        Homing = 2, "homing";
+        /// Homed, at rest.
+        Ready = 3, "ready";
+        /// On the way to a target or jogging.
+        Moving = 4, "moving";
+        /// Holding a position in closed loop.
+        Holding = 5, "holding";
+        /// Stopped by a latched fault.
+        Fault = 6, "fault";
+        /// Emergency stop.
+        EStop = 7, "estop";
+    }
+}
+
+named_codes! {
+    /// What stopped the rig. Latched until cleared; `docs/faults.md` has an entry for each. The numbers are for good: never
+    /// reuse one (24 was taken).
+    pub enum Fault {
+        /// No heartbeat from the host during a motion.
+        HostSilent = 1, "host-silent";
+        /// Control ticks came late or were left out.
+        TickLate = 2, "tick-late";
+        /// The last boot was the watchdog's doing.
+        WatchdogReset = 3, "watchdog-reset";
+        /// The board was reset while the strings may have been twisted.
+        UnexpectedReset = 4, "unexpected-reset";
+        /// The drive sends no feedback.
+        DriveSilent = 5, "drive-silent";
+        /// The CAN controller has left the bus.
+        CanBusOff = 6, "can-bus-off";
+        /// The drive reports a stall.
+        DriveStall = 7, "drive-stall";
+        /// The drive restarted by itself: un-moded, its position is 0 again.
+        DriveReset = 8, "drive-reset";
+        /// The motor is told to turn and the encoder does not count.
+        EncoderStuck = 9, "encoder-stuck";
+        /// The encoder counted more than the motor can turn.
+        EncoderJump = 10, "encoder-jump";
+        /// Encoder and drive tell different positions.
+        EncoderDisagrees = 11, "encoder-disagrees";
+        /// LVDT signal at the rail of a broken wire.
+        LvdtOpen = 12, "lvdt-open";
+        /// LVDT signal at the rail of a short circuit.
+        LvdtShort = 13, "lvdt-short";
+        /// LVDT noise above its limit.
+        LvdtNoisy = 14, "lvdt-noisy";
+        /// The LVDT repeats one code exactly: a live one has noise.
+        LvdtFrozen = 15, "lvdt-frozen";
+        /// No new LVDT samples arrive.
+        LvdtStalled = 16, "lvdt-stalled";
+        /// LVDT and table disagree: slip, creep or overtwist.
+        ModelResidual = 17, "model-residual";
+        /// The load dropped without motor motion.
+        StringBreak = 18, "string-break";
+        /// The position fell too far behind its set-point.
+        FollowingError = 19, "following-error";
+        /// The embedded table fails its checksum.
+        TableCorrupt = 20, "table-corrupt";
+        /// A computed value is infinite or not a number.
+        NotFinite = 21, "not-finite";
+        /// What is kept in flash is damaged, or for another rig.
+        SettingsCorrupt = 22, "settings-corrupt";
+        /// A limit switch opened.
+        LimitSwitch = 23, "limit-switch";
+        /// The previous run ended in a panic or a fault of the core.
+        Panicked = 25, "panicked";
+        /// The drive refused or left its start-up sequence.
+        DriveStartUp = 26, "drive-start-up";
+        /// Supply voltage of the drive outside its limits.
+        Supply = 27, "supply";
+        /// Twist outside the range that the strings stand.
+        TwistRange = 28, "twist-range";
+        /// The estimated load left the range of the table.
+        LoadRange = 29, "load-range";
+    }
+}
+
+named_codes! {
+    /// What holds the rig back without stopping it.
+    pub enum Limit {
+        /// The motor is at its greatest speed.
+        MotorSpeed = 1, "motor-speed";
+        /// The motor is at its greatest current.
+        MotorCurrent = 2, "motor-current";
+        /// The set-point stands at the end of the travel.
+        Travel = 3, "travel";
+        /// The load estimate stands at the end of the table's range.
+        LoadRange = 4, "load-range";
+        /// The motor is at its greatest acceleration.
+        MotorAcceleration = 5, "motor-acceleration";
+        /// The load is not known well: light, fast, or it has just changed.
+        LoadUnknown = 6, "load-unknown";
+    }
+}
+
+named_codes! {
+    /// Why homing did not come to an end.
+    pub enum HomingFailure {
+        /// It took longer than allowed.
+        TimeOut = 0, "time-out";
+        /// The gap did not change as twisted strings would make it.
+        NoPretwist = 1, "no-pretwist";
+        /// Twist and gap fit no load in the table's range.
+        LoadOutOfRange = 2, "load-out-of-range";
+        /// The sweep does not fit the model.
+        PoorFit = 3, "poor-fit";
+        /// A sensor gave no valid reading.
+        SensorInvalid = 4, "sensor-invalid";
+        /// The motor did not move as told.
+        DriveFailed = 5, "drive-failed";
+        /// Stopped by the operator.
+        Stopped = 6, "stopped";
+        /// The end of the sensor's or the string's travel came first.
+        TravelEnd = 7, "travel-end";
+    }
+}
+
+named_codes! {
+    /// Why a table could not be made on the board.
+    pub enum TableRefusal {
+        /// A constant is not finite, of the wrong sign, or does not fit the others.
+        Constants = 0, "constants";
+        /// The table in use is of a form that cannot be made again.
+        Form = 1, "form";
+        /// The envelope reaches past a limit of the model.
+        Model = 2, "model-limit";
+        /// The fit is not determined.
+        Fit = 3, "fit";
+        /// It misses the scene's accuracy.
+        Accuracy = 4, "accuracy";
+        /// The gap is not monotone.
+        NotMonotone = 5, "not-monotone";
+        /// No memory is left for another one: reset the board.
+        NoRoom = 6, "no-room";
+    }
+}
+
+named_codes! {
+    /// Why the board last started.
+    pub enum ResetCause {
+        /// Power came on.
+        PowerOn = 0, "power-on";
+        /// The supply dipped.
+        BrownOut = 1, "brown-out";
+        /// The reset pin.
+        Pin = 2, "pin";
+        /// Reset by the firmware itself or by a debugger.
+        Software = 3, "software";
+        /// A watchdog.
+        Watchdog = 4, "watchdog";
+        /// Low-power reset.
+        LowPower = 5, "low-power";
+        /// No flag was set.
+        Unknown = 6, "unknown";
+    }
+}

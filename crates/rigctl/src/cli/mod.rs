@@ -1,0 +1,279 @@
+//! The command line.
+
+mod options;
+mod values;
+
+pub use options::{AUTO, At, Calibrate, Config, How, Identify, Record, Replay, Sweep};
+
+use crate::chart;
+use crate::plant::{self, Setting};
+use crate::range::{TurnRange, Vary};
+use crate::script;
+use clap::builder::PossibleValuesParser;
+use clap::{Args, Parser, Subcommand};
+use rig_link::LoadChoice;
+use std::path::PathBuf;
+use values::{load, load_choice, speed, target, twist_speed};
+
+/// Headings of the options that every command has.
+const EVERYWHERE: &str = "Everywhere";
+const EMULATED: &str = "Emulated board (--port sim)";
+
+const FIRST_STEPS: &str = "\
+First steps, on an emulated board as they stand, or with --port /dev/ttyACM0 (COM3) on yours:
+  rigctl doctor              what is well, and what to do where it is not
+  rigctl home                find zero twist, weigh the load, stop at the half-turn pre-twist
+  rigctl move --to 8mm       bring the load up by 8 mm from where it hung then
+  rigctl monitor             watch it
+
+Without torque the strings untwist and the load falls: rest it on something before power goes on or off.
+`rigctl stop` is always taken. Exit codes: 0 done, 1 refused or failed, 2 wrong usage.";
+
+/// Host tool of a twisted-string actuator with a load-adaptive transmission.
+///
+/// Lengths, speeds and loads take units (12mm, 2mm/s, 0.5kg, 4.9N); a bare number is SI.
+#[derive(Debug, Parser)]
+#[command(name = "rigctl", version, after_help = FIRST_STEPS)]
+pub struct Cli {
+    /// Options of every command.
+    #[command(flatten)]
+    pub global: Global,
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// Options of every command.
+#[derive(Debug, Clone, Args)]
+pub struct Global {
+    /// Print JSON: one object, or one a line where there are many
+    #[arg(long, global = true, help_heading = EVERYWHERE)]
+    pub json: bool,
+    /// Scene: the constants that tool and table believe in, load range, travel, accuracy
+    #[arg(long, global = true, help_heading = EVERYWHERE, value_name = "FILE", default_value = "scenes/default.toml")]
+    pub scene: PathBuf,
+    /// Where the firmware is: `sim` (an emulated board that starts by itself) or a serial device
+    #[arg(long, global = true, help_heading = EVERYWHERE, default_value = "sim")]
+    pub port: String,
+    /// Something about the emulated plant that the firmware is not told, for example load=1.2kg,friction=0.1
+    #[arg(long, global = true, help_heading = EMULATED, value_name = "KEY=VALUE", value_delimiter = ',',
+        long_help = plant::help())]
+    pub plant: Vec<Setting>,
+    /// Scene that the emulated plant is built by, where --scene is only what is believed of it [default: --scene]
+    #[arg(long, global = true, help_heading = EMULATED, value_name = "FILE")]
+    pub plant_scene: Option<PathBuf>,
+    /// Seed of the emulated rig's noise
+    #[arg(long, global = true, help_heading = EMULATED, default_value_t = 1)]
+    pub seed: u64,
+    /// File that keeps the emulated board's flash from one call to the next [default: each call has a new board]
+    #[arg(long, global = true, help_heading = EMULATED, value_name = "FILE")]
+    pub flash: Option<PathBuf>,
+    /// Firmware for the emulated board [default: what `cargo xtask firmware` made]
+    #[arg(long, global = true, help_heading = EMULATED, value_name = "ELF")]
+    pub firmware: Option<PathBuf>,
+}
+
+/// What to do.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// One equilibrium by the full model, or one for each row of a file
+    Solve {
+        /// Where.
+        #[command(flatten)]
+        at: At,
+        /// How.
+        #[command(flatten)]
+        how: How,
+    },
+    /// What the firmware would answer, by the same code and table
+    Lookup {
+        /// Where.
+        #[command(flatten)]
+        at: At,
+    },
+    /// Fit and certify the scene's table, and say why this one
+    Table {
+        /// Also write table.json and table.rs into this folder
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+        /// Have the board at --port make, check, use and keep a table for this scene's constants. Home again after it
+        #[arg(long, conflicts_with = "out")]
+        board: bool,
+    },
+    /// The numbers that the paper prints beside the same numbers computed for the scene
+    Published {
+        /// The three parameter sets of the paper's scenes side by side, instead of --scene
+        #[arg(long)]
+        all: bool,
+        /// Also write published.csv, ratios.csv and the paper's figures, redrawn, into this folder
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+    },
+    /// Vary one value of the scene and see what contraction and TR make of it
+    Study {
+        /// Which value, between which limits, and how many (5 if not said); `log` spaces them in equal ratios. KEY is
+        /// D0, R, L0, r0, K, c, k1, k2, k3, p or a key of a scene file
+        #[arg(long, value_name = "KEY=FROM..TO[:COUNT[log]]")]
+        vary: Vary,
+        /// Load on the rods (N or kg)
+        #[arg(long, value_name = "L", default_value = "7.5N", allow_hyphen_values = true, value_parser = load)]
+        load: f64,
+        /// Turns past the half-turn pre-twist
+        #[arg(long, value_name = "FROM..TO", default_value = "0..7.5", allow_hyphen_values = true)]
+        turns: TurnRange,
+        /// Also write study.csv, study-curves.csv and study.svg into this folder
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+    },
+    /// Fit the scene's constants to recorded sweeps or to the paper's numbers
+    Identify(Identify),
+    /// Boot the firmware on the emulated board, play a script, print telemetry
+    #[command(after_long_help = script::help())]
+    Sim {
+        /// Events, one a line: `<seconds since boot> <event>`, the last `<seconds> end`
+        #[arg(long, value_name = "FILE")]
+        script: Option<PathBuf>,
+        /// How long to run without a script (s)
+        #[arg(long, value_name = "S", default_value_t = 5.0, conflicts_with = "script")]
+        seconds: f64,
+    },
+    /// Play a script on whatever is at the port, and print telemetry; on a real rig changes of the plant and faults are
+    /// announced, to be made by hand
+    #[command(after_long_help = script::help())]
+    Play {
+        /// Events, one a line: `<seconds since the start> <event>`, the last `<seconds> end`
+        #[arg(value_name = "FILE")]
+        script: PathBuf,
+    },
+    /// Find zero twist, weigh the load, stop at the half-turn pre-twist
+    ///
+    /// From any twist at power-up, in 45 s at most: looks for the greatest gap, turns across it, then six turns up and down.
+    /// That lifts the load by 10 to 23 mm (default scene): leave it room. Position 0 is where it hangs at the end.
+    Home,
+    /// Bring the load to a position above where it hung when homed
+    ///
+    /// Ends with the measured error at rest. What holds a move back (the motor's speed, acceleration or current) is shown as
+    /// `limit`; a target out of reach is refused with what is in reach. On an emulated board homes first.
+    Move {
+        /// Target position (m, mm, um)
+        #[arg(long, value_name = "P", allow_hyphen_values = true, value_parser = target)]
+        to: f64,
+        /// Speed of the load (m/s, mm/s)
+        #[arg(long, value_name = "V", default_value = "2mm/s", allow_hyphen_values = true, value_parser = speed)]
+        speed: f64,
+        /// `auto` (the board's own estimate) or a load
+        #[arg(long, value_name = "auto|L", default_value = "auto", value_parser = load_choice)]
+        load: LoadChoice,
+        /// Print the planned trajectory and the table's answers, without a device; needs a load
+        #[arg(long)]
+        dry_run: bool,
+        /// With --dry-run: the settings of a board, in a file of `config backup` or a log [default: a new board's]
+        #[arg(long, value_name = "FILE", requires = "dry_run")]
+        settings: Option<PathBuf>,
+    },
+    /// Turn the strings at a constant speed for a while, homed or not
+    Jog {
+        /// Twist speed (rad/s, deg/s, rpm of the strings), positive twists up
+        #[arg(long, value_name = "W", allow_hyphen_values = true, value_parser = twist_speed)]
+        speed: f64,
+        /// How long (s)
+        #[arg(long, value_name = "S", default_value_t = 1.0)]
+        seconds: f64,
+    },
+    /// Ramp down and hold
+    Stop,
+    /// Hold the present position
+    Hold,
+    /// Clear a latched fault whose cause has gone
+    Clear,
+    /// Who the board is and what it sees
+    Status,
+    /// What the board is told for good: kept in its flash, changed only while nothing moves
+    Config {
+        /// What to do with it.
+        #[command(subcommand)]
+        what: Config,
+    },
+    /// Measure and keep what the board cannot know by itself
+    Calibrate {
+        /// What.
+        #[command(subcommand)]
+        what: Calibrate,
+    },
+    /// Record telemetry with what it takes to run the experiment again
+    ///
+    /// Writes CSV: one row for each telemetry message (100 a second, columns as `sim --json` names them, SI units), under
+    /// `# key = value` lines: scene and its hash, firmware, git commit and protocol hash, the table and its certificate, the
+    /// board's settings with its calibration (`config restore` takes them from there), port, seed, plant, host time, the script. Requests and events stand between the rows as `# at SECONDS …`.
+    /// `replay` plays such a file through the controller again, `identify` reads those of `sweep`. A log ends with `# end rows = …`;
+    /// one that was broken off with Ctrl-C lacks it, and `replay` takes it with --partial.
+    Record(Record),
+    /// The paper's experiment, recorded: turn the strings of a known load up and down
+    ///
+    /// Homes, then turns the strings at a constant speed from the half-turn pre-twist up and back, and records it all as
+    /// `record` does. `identify FILE… --out SCENE.toml` fits the scene's constants to such files; take at least three loads, spread
+    /// over the range. The load is what you weighed: nothing of the board's estimate goes into the fit. On an emulated
+    /// rig this load is hung, unless --plant load=… says another.
+    Sweep(Sweep),
+    /// Play a recorded log through the controller's own code and see where it would have differed
+    ///
+    /// Takes what `record` or `sweep` wrote and feeds it, tick by tick, to the same code that runs on the board. Says how much
+    /// load estimate, set-point and twist speed differ (largest and rms), and when they first part: by 1 % of the load, 10 um of
+    /// the set-point, 1 rad/s of twist speed, or by a fault that only one of them raised.
+    ///
+    /// Replayed: load observer, planner, position loop, adaptation and their supervision, with the settings in the log's head,
+    /// from the recorded twist, position, current and requests, after each homing until a fault, an emergency stop or the next homing.
+    ///
+    /// Not replayed, because telemetry does not hold it: homing itself, the age of each gap (taken as 3 ms), the noise of the
+    /// LVDT, the drive's own count, supply, limit switches and the host's silence (all taken for healthy). Friction, the gap at position zero and the
+    /// drive's lag are found from the log and printed, so what they explain does not show as a difference. The recorded motion
+    /// answers to the recorded commands: after a parting the replay is no longer what a rig would have done.
+    Replay(Replay),
+    /// Is the rig well? One line for each thing looked at, `ok` or `CHECK` with what to do; exit code 1 if any needs it
+    ///
+    /// Looks at versions, reset cause, last panic, scene, the table's certificate, faults, drive, supply, control ticks, link. The motor
+    /// stays where it is; sensors can only be judged fully with --home. Reads the same board as `status`, whatever its scene.
+    Doctor {
+        /// Home, then turn the strings by a third of a turn and back: LVDT noise and range, encoder against drive
+        #[arg(long)]
+        home: bool,
+    },
+    /// A live view in the terminal: state, position against set-point, load, TR, motor, faults
+    ///
+    /// Keys: space stops, h holds, c clears a fault, q leaves (and stops a motion first). On an emulated board time
+    /// passes as on a real one.
+    Monitor {
+        /// Play this script meanwhile (format as for `sim` and `play`)
+        #[arg(long, value_name = "FILE")]
+        script: Option<PathBuf>,
+    },
+    /// What a shell needs to complete commands and options: `rigctl completions bash > rigctl.bash`, then source it
+    Completions {
+        /// Shell
+        shell: clap_complete::Shell,
+    },
+    /// Speed against accuracy of every method, tier and table form, and where methods fail: figures and their data
+    Chart {
+        /// Folder for the figures (SVG) and their data (CSV)
+        #[arg(long, value_name = "DIR", default_value = "out")]
+        out: PathBuf,
+        /// Only these figures
+        #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = PossibleValuesParser::new(chart::NAMES))]
+        only: Vec<String>,
+    },
+    /// One self-contained page: model, table certificate, charts, stability map, a recorded move
+    Report {
+        /// File to write
+        #[arg(long, value_name = "FILE.html")]
+        out: PathBuf,
+    },
+    /// What `chart` runs under callgrind to count instructions
+    #[command(hide = true)]
+    ChartKernel,
+    /// Three loads, each on a fresh emulated board, homed and moved alike: a table and a picture
+    Demo {
+        /// Folder for demo.svg and demo.csv
+        #[arg(long, value_name = "DIR", default_value = "out")]
+        out: PathBuf,
+    },
+}

@@ -1,0 +1,164 @@
+//! Options of the commands that have many.
+
+use super::values::{gap, load, methods, radius_law, tiers, tolerance, turns, twist_speed};
+use crate::commands::calibrate::Point;
+use crate::settings;
+use clap::{Args, Subcommand};
+use std::path::PathBuf;
+use tsa_model::RadiusLaw;
+
+/// What to do with the settings.
+#[derive(Debug, Clone, Subcommand)]
+pub enum Config {
+    /// Show all settings, or one, with default and range
+    Get {
+        /// Which; all if none is named
+        #[arg(value_name = "NAME", value_parser = settings::named)]
+        name: Option<rig_link::Setting>,
+    },
+    /// Change one setting and keep it
+    Set {
+        /// Which
+        #[arg(value_name = "NAME", value_parser = settings::named, long_help = settings::help())]
+        name: rig_link::Setting,
+        /// Its value, with or without a unit; `learned` for twist-scale takes what the last moves taught
+        #[arg(value_name = "VALUE", allow_hyphen_values = true)]
+        value: String,
+    },
+    /// Write all settings to a file
+    Backup {
+        /// File to write
+        #[arg(value_name = "FILE.toml")]
+        file: PathBuf,
+    },
+    /// Set all settings as a file says: all of them, or none if anything in it is wrong
+    Restore {
+        /// File to read: of `config backup`, or a log of `record` or `sweep`, whose head holds them too
+        #[arg(value_name = "FILE")]
+        file: PathBuf,
+        /// Even if it was written for another scene
+        #[arg(long)]
+        force: bool,
+    },
+}
+
+/// What to calibrate.
+#[derive(Debug, Clone, Subcommand)]
+pub enum Calibrate {
+    /// The LVDT, by the gap between the clamps as callipers measure it: one gap gives the offset, a second one the gain.
+    /// Without --gap it only shows what the sensor sees
+    Lvdt {
+        /// The true gap now
+        #[arg(long, value_name = "GAP", value_parser = gap)]
+        gap: Option<f64>,
+        /// A gap that was measured before, and what the uncalibrated sensor showed there: the first call prints both
+        #[arg(long, value_name = "GAP:SENSOR", requires = "gap")]
+        point: Option<Point>,
+    },
+    /// The present position becomes 0, now and whenever the rig is homed
+    Zero,
+}
+
+/// What to record, and where to.
+#[derive(Debug, Clone, Args)]
+pub struct Record {
+    /// File to write [default: standard output]
+    #[arg(long, value_name = "FILE.csv")]
+    pub out: Option<PathBuf>,
+    /// How long without a script (s)
+    #[arg(long, value_name = "S", default_value_t = 10.0, conflicts_with = "script")]
+    pub seconds: f64,
+    /// Play this script meanwhile, so that something happens (format as for `sim` and `play`)
+    #[arg(long, value_name = "FILE")]
+    pub script: Option<PathBuf>,
+}
+
+/// A load and how far to turn.
+#[derive(Debug, Clone, Args)]
+pub struct Sweep {
+    /// Load that hangs on the rail (N or kg), weighed
+    #[arg(long, value_name = "L", allow_hyphen_values = true, value_parser = load)]
+    pub load: f64,
+    /// Turns past the half-turn pre-twist
+    #[arg(long, value_name = "T", default_value = "7.5", allow_hyphen_values = true, value_parser = turns)]
+    pub turns: f64,
+    /// Speed of the strings
+    #[arg(long, value_name = "W", default_value = "12.5rpm", allow_hyphen_values = true, value_parser = twist_speed)]
+    pub speed: f64,
+    /// File to write
+    #[arg(long, value_name = "FILE.csv")]
+    pub out: PathBuf,
+}
+
+/// Which log.
+#[derive(Debug, Clone, Args)]
+pub struct Replay {
+    /// Log of `record` or `sweep`, recorded with --scene
+    #[arg(value_name = "FILE.csv")]
+    pub file: PathBuf,
+    /// Also if the log was cut short
+    #[arg(long)]
+    pub partial: bool,
+}
+
+/// What to fit to what.
+#[derive(Debug, Clone, Args)]
+pub struct Identify {
+    /// Recorded sweeps: CSV with load_n, turns (or twist_rad), gap_m (from an unknown zero) or contraction_m, and if
+    /// known sigma_m, lines that begin with # passed over; or what `sweep` wrote
+    #[arg(value_name = "SWEEP.csv", conflicts_with = "published")]
+    pub sweeps: Vec<PathBuf>,
+    /// The paper's 37 numbers instead, errors taken relative
+    #[arg(long)]
+    pub published: bool,
+    /// Scene file to write
+    #[arg(long, value_name = "SCENE.toml")]
+    pub out: Option<PathBuf>,
+    /// Constants to fit, by symbol or key: k1, k2, k3, p, K, R, L0, modulus, odd-curve (a1, a3, a5), curve (a1 to a5)
+    /// [default: k1,k2,k3,p,modulus; without p for --published]
+    #[arg(long, value_name = "KEYS", value_delimiter = ',')]
+    pub fit: Vec<String>,
+    /// Radius law to fit with, instead of the scene's
+    #[arg(long, value_parser = radius_law, value_name = "length-ratio|twist-power")]
+    pub law: Option<RadiusLaw>,
+    /// What is only predicted: of sweeps every so many rows [default: 5], of published numbers their ids or kinds
+    /// [default: l0-70,r0-2.5,k-0.01,experiment,span]; `none` fits everything
+    #[arg(long, value_name = "WHAT", value_delimiter = ',')]
+    pub hold_out: Vec<String>,
+}
+
+/// Method of solution and tier of the model.
+#[derive(Debug, Clone, Args)]
+pub struct How {
+    /// Method of solution
+    #[arg(long, default_value = "first-integral", value_parser = methods())]
+    pub method: String,
+    /// Steps of the method: quadrature nodes, Runge–Kutta steps, intervals, load steps [default: about 1e-9 m]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    pub steps: Option<u32>,
+    /// Tolerance of the method's iteration, or of its integrator
+    #[arg(long, value_name = "X", value_parser = tolerance)]
+    pub tolerance: Option<f64>,
+    /// Tier of the model; `auto` takes the cheapest that meets the scene's accuracy
+    #[arg(long, default_value = "full", value_parser = tiers())]
+    pub tier: String,
+}
+
+/// `--tier` that leaves the choice to the estimates.
+pub const AUTO: &str = "auto";
+
+/// One load and number of turns, or a file of them.
+#[derive(Debug, Clone, Args)]
+pub struct At {
+    /// Load on the rods (N or kg)
+    #[arg(long, value_name = "L", allow_hyphen_values = true, value_parser = load,
+        required_unless_present = "batch", conflicts_with = "batch")]
+    pub load: Option<f64>,
+    /// Turns past the half-turn pre-twist
+    #[arg(long, value_name = "T", allow_hyphen_values = true, value_parser = turns,
+        required_unless_present = "batch", conflicts_with = "batch")]
+    pub turns: Option<f64>,
+    /// A CSV file with the columns load_n and turns
+    #[arg(long, value_name = "FILE.csv")]
+    pub batch: Option<PathBuf>,
+}
