@@ -2,8 +2,8 @@
 //! `tests/corpus.rs` plays again in every run. Each returns, or panics: that is the finding.
 
 use crate::{constants, table};
-use rig_control::{DriveCommand, DriveReading, Inputs, LvdtBlock, Rig, SupplyReading};
-use rig_link::messages::{Counters, LoadChoice, Message, Request, Setting};
+use rig_control::{DriveCommand, DriveReading, Inputs, LvdtBlock, Rig, SupplyReading, settings};
+use rig_link::messages::{Counters, Kept, LoadChoice, Message, Request, Setting};
 use rig_link::{Decoder, MAX_FRAME, encode};
 use rmds405::{Address, Event, Mode, QuadCounts, Received, Report, StartUp, serial};
 use std::path::PathBuf;
@@ -13,7 +13,7 @@ use tsa_model::Scene;
 pub type Door = fn(&[u8]);
 
 /// Every door, by the name of its corpus.
-pub const DOORS: [(&str, Door); 7] = [
+pub const DOORS: [(&str, Door); 8] = [
     ("link", link),
     ("drive", drive),
     ("scene", scene),
@@ -21,6 +21,7 @@ pub const DOORS: [(&str, Door); 7] = [
     ("operator", operator),
     ("log", log),
     ("control", control),
+    ("kept", kept),
 ];
 
 /// Bytes on the host link, as board and as host; and a good frame in the midst of them must come through.
@@ -120,6 +121,23 @@ pub fn log(data: &[u8]) {
         let _ = rigctl::batch::read(&path);
         let _ = rigctl::identify::data::sweeps(crate::scene(), &[&path], 0);
         let _ = std::fs::remove_file(&path);
+    }
+}
+
+/// What flash may hold of the settings (witness, then record), and a file of a backup.
+pub fn kept(data: &[u8]) {
+    let rig = constants();
+    let defaults = settings::defaults(&rig);
+    let (witness, record) = data.split_at(data.len().min(4));
+    for (record, witness) in [(Some(record), Some(witness)), (Some(data), None), (None, Some(data))] {
+        let loaded = settings::read(record, witness, &rig);
+        assert!(loaded.values.check(&defaults).is_ok(), "{loaded:?}");
+        assert!(loaded.kept == Kept::These || loaded.values == defaults, "{loaded:?}");
+    }
+    if let Ok(text) = core::str::from_utf8(data)
+        && let Ok(backup) = rigctl::settings::from_toml(text, &defaults)
+    {
+        assert!(backup.values.check(&defaults).is_ok(), "{backup:?}");
     }
 }
 
