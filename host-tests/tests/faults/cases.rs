@@ -1,8 +1,8 @@
 //! What makes each fault fire, and what is near and must not.
 
 use host_tests::Desk;
-use rig_control::sensors::DriveReading;
 use rig_control::Inputs;
+use rig_control::sensors::DriveReading;
 use rig_emulator::rig::faults::Fault as RigFault;
 use rig_link::messages::{Fault, LoadChoice, Request, State};
 use std::sync::atomic::{AtomicU32, Ordering};

@@ -6,6 +6,7 @@
 //! - [`plant`], [`motor`], [`encoder`], [`lvdt`]: the parts that move and measure.
 //! - [`drive`]: the RMDS-405 on the bus, or on the serial line.
 //! - [`faults`]: what can be broken. [`truth`]: what really happens.
+//! - `wires`: what the chip's pins are wired to.
 //!
 //! Time advances in fixed steps of 0.25 ms from power-up whoever asks, so that the same questions at the same times get
 //! the same answers.
@@ -21,19 +22,20 @@ pub mod settings;
 pub mod surface;
 pub mod transmission;
 pub mod truth;
+mod wires;
 
 use std::collections::VecDeque;
 
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::{Rng, SeedableRng};
-use rmds405::{Frame, Received, Transport, serial};
+use rmds405::Transport;
 use tsa_model::{Mechanism, Scene, Tier};
 
-use crate::board::{Board, CanFrame, CanOutcome, Stimulus};
+use crate::board::Stimulus;
 use drive::{Drive, LEAST_SUPPLY_V, Sensed};
 use encoder::Encoder;
 use faults::{Fault, NotHere};
-use lvdt::{Lvdt, volts_to_code};
+use lvdt::Lvdt;
 use motor::{Bridge, Motor};
 use parameters::RigParameters;
 use plant::{Plant, Rail};
@@ -56,10 +58,6 @@ const TENSION_TICKS: u64 = 10;
 const NOISE_TICKS: u64 = 5;
 /// USART of the host link (hardware.md 8).
 const HOST_USART: u8 = 2;
-/// USART of the drive's serial line (hardware.md 8).
-const DRIVE_USART: u8 = 1;
-/// Motor-power relay, PB10: low is off (hardware.md 8).
-const RELAY: (char, u8) = ('B', 10);
 /// E-stop sense, PB5: high is stop.
 const ESTOP: (char, u8) = ('B', 5);
 /// Lower and upper limit switch, PC7 and PA8: normally closed to ground, high is open.
@@ -407,24 +405,6 @@ impl Rig {
             self.records.push(self.truth());
         }
     }
-
-    fn collect_reports(&mut self) {
-        for (at_s, frame) in self.drive.take_sent() {
-            // It sends nothing before it has been spoken to, and so knows how.
-            let sent = match self.drive.transport() {
-                Some(Transport::Can) if !self.can_shorted => Stimulus::Can(can_frame(&frame)),
-                Some(Transport::Uart) => Stimulus::Uart { usart: DRIVE_USART, bytes: serial::encode(&frame).to_vec() },
-                _ => continue,
-            };
-            if !self.silent {
-                self.from_drive.push_back((at_s, sent));
-            }
-        }
-    }
-}
-
-fn can_frame(frame: &Frame) -> CanFrame {
-    CanFrame { id: u32::from(frame.id), extended: false, remote: false, dlc: 8, data: frame.data }
 }
 
 /// The widest surface that the mechanism allows, by the cheapest model that the scene allows: rods at their strain limit
@@ -449,84 +429,6 @@ fn surface_for(mechanism: &Mechanism, scene: &Scene, load_n: f64) -> Result<(Sur
         return Err(RigError::Load { load_n, most_n });
     }
     Ok((surface, Tier::Full))
-}
-
-impl Board for Rig {
-    fn adc(&mut self, t_s: f64, channel: u8) -> u16 {
-        self.advance(t_s);
-        let reference_v = self.parameters.adc_reference_v;
-        match channel {
-            0 => self.lvdt.sample(&self.settings, &mut self.noise),
-            1 => volts_to_code(self.parameters.excitation_v, reference_v),
-            17 => volts_to_code(self.parameters.vrefint_v, reference_v),
-            _ => 0,
-        }
-    }
-
-    fn uart_tx(&mut self, t_s: f64, usart: u8, byte: u8) {
-        match usart {
-            HOST_USART => self.host_bytes.push(byte),
-            DRIVE_USART if !self.silent => {
-                self.advance(t_s);
-                self.drive.receive_byte(t_s, byte, self.encoder.counts(self.motor.angle_rad));
-                self.collect_reports();
-            }
-            _ => {}
-        }
-    }
-
-    fn can_tx(&mut self, t_s: f64, frame: &CanFrame) -> CanOutcome {
-        self.advance(t_s);
-        if self.can_shorted {
-            return CanOutcome::BitError;
-        }
-        if self.silent || !self.drive.is_powered() {
-            return CanOutcome::Unacknowledged;
-        }
-        let length = usize::from(frame.dlc).min(frame.data.len());
-        let received =
-            Received { id: frame.id, extended: frame.extended, remote: frame.remote, data: &frame.data[..length] };
-        self.drive.receive(t_s, &received, self.encoder.counts(self.motor.angle_rad));
-        self.collect_reports();
-        CanOutcome::Acknowledged
-    }
-
-    fn gpio_out(&mut self, t_s: f64, port: char, levels: u16) {
-        self.advance(t_s);
-        if port == RELAY.0 {
-            self.relay = levels >> RELAY.1 & 1 == 1;
-            self.look_at_power();
-        }
-    }
-
-    fn quadrature(&mut self, t_s: f64, timer: u8) -> i64 {
-        self.advance(t_s);
-        if timer != 3 {
-            return 0;
-        }
-        let ahead_s = (t_s - self.now_s()).clamp(0.0, STEP_S);
-        let angle_rad = self.motor.angle_rad + self.motor.speed_rad_per_s * ahead_s;
-        self.encoder.counts_at_mcu(angle_rad) - self.boot_counts
-    }
-
-    fn next_event_s(&self) -> f64 {
-        if !self.polled {
-            return 0.0;
-        }
-        let tick = (self.steps / STEPS_PER_TICK + 1) * STEPS_PER_TICK;
-        let tick_s = tick as f64 * STEP_S;
-        self.from_drive.front().map_or(tick_s, |(at_s, _)| at_s.min(tick_s))
-    }
-
-    fn poll(&mut self, t_s: f64) -> Vec<Stimulus> {
-        self.polled = true;
-        self.advance(t_s);
-        let mut stimuli = std::mem::take(&mut self.pending);
-        while let Some((_, sent)) = self.from_drive.pop_front_if(|(at_s, _)| *at_s <= t_s + SAME_TIME_S) {
-            stimuli.push(sent);
-        }
-        stimuli
-    }
 }
 
 #[cfg(test)]

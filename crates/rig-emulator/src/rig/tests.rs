@@ -1,8 +1,10 @@
 //! The rig against the vendor's rules for the drive, and against the solver for the mechanism.
 
 use super::*;
+use crate::board::{Board, CanFrame, CanOutcome};
 use rmds405::serial::{BYTE_US, Decoder};
 use rmds405::{Command, CurrentLimit, Milliamps, Mode, QuadCounts, Report, Rpm, SpeedLimit};
+use rmds405::{Received, serial};
 
 fn scene() -> Scene {
     Scene::load(std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/default.toml"))

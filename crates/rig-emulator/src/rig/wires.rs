@@ -1,0 +1,110 @@
+//! What the chip's pins are wired to.
+
+use super::lvdt::volts_to_code;
+use super::{HOST_USART, Rig, SAME_TIME_S, STEP_S, STEPS_PER_TICK};
+use crate::board::{Board, CanFrame, CanOutcome, Stimulus};
+use rmds405::{Frame, Received, Transport, serial};
+
+/// USART of the drive's serial line (hardware.md 8).
+const DRIVE_USART: u8 = 1;
+/// Motor-power relay, PB10: low is off (hardware.md 8).
+const RELAY: (char, u8) = ('B', 10);
+
+impl Rig {
+    /// What the drive has said goes on its line.
+    pub(super) fn collect_reports(&mut self) {
+        for (at_s, frame) in self.drive.take_sent() {
+            // It sends nothing before it has been spoken to, and so knows how.
+            let sent = match self.drive.transport() {
+                Some(Transport::Can) if !self.can_shorted => Stimulus::Can(can_frame(&frame)),
+                Some(Transport::Uart) => Stimulus::Uart { usart: DRIVE_USART, bytes: serial::encode(&frame).to_vec() },
+                _ => continue,
+            };
+            if !self.silent {
+                self.from_drive.push_back((at_s, sent));
+            }
+        }
+    }
+}
+
+fn can_frame(frame: &Frame) -> CanFrame {
+    CanFrame { id: u32::from(frame.id), extended: false, remote: false, dlc: 8, data: frame.data }
+}
+
+impl Board for Rig {
+    fn adc(&mut self, t_s: f64, channel: u8) -> u16 {
+        self.advance(t_s);
+        let reference_v = self.parameters.adc_reference_v;
+        match channel {
+            0 => self.lvdt.sample(&self.settings, &mut self.noise),
+            1 => volts_to_code(self.parameters.excitation_v, reference_v),
+            17 => volts_to_code(self.parameters.vrefint_v, reference_v),
+            _ => 0,
+        }
+    }
+
+    fn uart_tx(&mut self, t_s: f64, usart: u8, byte: u8) {
+        match usart {
+            HOST_USART => self.host_bytes.push(byte),
+            DRIVE_USART if !self.silent => {
+                self.advance(t_s);
+                self.drive.receive_byte(t_s, byte, self.encoder.counts(self.motor.angle_rad));
+                self.collect_reports();
+            }
+            _ => {}
+        }
+    }
+
+    fn can_tx(&mut self, t_s: f64, frame: &CanFrame) -> CanOutcome {
+        self.advance(t_s);
+        if self.can_shorted {
+            return CanOutcome::BitError;
+        }
+        if self.silent || !self.drive.is_powered() {
+            return CanOutcome::Unacknowledged;
+        }
+        let length = usize::from(frame.dlc).min(frame.data.len());
+        let received =
+            Received { id: frame.id, extended: frame.extended, remote: frame.remote, data: &frame.data[..length] };
+        self.drive.receive(t_s, &received, self.encoder.counts(self.motor.angle_rad));
+        self.collect_reports();
+        CanOutcome::Acknowledged
+    }
+
+    fn gpio_out(&mut self, t_s: f64, port: char, levels: u16) {
+        self.advance(t_s);
+        if port == RELAY.0 {
+            self.relay = levels >> RELAY.1 & 1 == 1;
+            self.look_at_power();
+        }
+    }
+
+    fn quadrature(&mut self, t_s: f64, timer: u8) -> i64 {
+        self.advance(t_s);
+        if timer != 3 {
+            return 0;
+        }
+        let ahead_s = (t_s - self.now_s()).clamp(0.0, STEP_S);
+        let angle_rad = self.motor.angle_rad + self.motor.speed_rad_per_s * ahead_s;
+        self.encoder.counts_at_mcu(angle_rad) - self.boot_counts
+    }
+
+    fn next_event_s(&self) -> f64 {
+        if !self.polled {
+            return 0.0;
+        }
+        let tick = (self.steps / STEPS_PER_TICK + 1) * STEPS_PER_TICK;
+        let tick_s = tick as f64 * STEP_S;
+        self.from_drive.front().map_or(tick_s, |(at_s, _)| at_s.min(tick_s))
+    }
+
+    fn poll(&mut self, t_s: f64) -> Vec<Stimulus> {
+        self.polled = true;
+        self.advance(t_s);
+        let mut stimuli = std::mem::take(&mut self.pending);
+        while let Some((_, sent)) = self.from_drive.pop_front_if(|(at_s, _)| *at_s <= t_s + SAME_TIME_S) {
+            stimuli.push(sent);
+        }
+        stimuli
+    }
+}
