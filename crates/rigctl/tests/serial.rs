@@ -1,6 +1,8 @@
 //! The real serial path: the tool on one end of a pseudo-terminal, the emulated board on the other, in real time.
 #![cfg(unix)]
 
+use rig_link::State;
+use rigctl::log::Log;
 use rigctl::session::Port;
 use rigctl::session::sim::{Sim, SimOptions};
 use serde_json::Value;
@@ -11,6 +13,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/default.toml");
 /// Slice of time (s) that the board runs at once.
 const SLICE_S: f64 = 0.01;
 /// Emulated time (s) without a byte of a tool that runs, after which the board waits: the tool beats every 0.1 s, so
@@ -37,9 +40,7 @@ impl Board {
         let met = Arc::new(AtomicBool::new(false));
         let (seen, heard) = (Arc::clone(&stop), Arc::clone(&met));
         let thread = std::thread::spawn(move || {
-            let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
-            let scene = format!("{root}/scenes/default.toml").into();
-            let options = SimOptions { firmware: None, scene, plant: Vec::new(), seed: 1, flash: None };
+            let options = SimOptions { firmware: None, scene: SCENE.into(), plant: Vec::new(), seed: 1, flash: None };
             let mut board = Sim::start(&options).unwrap_or_else(|e| panic!("{:?}", e.message()));
             let (mut buffer, mut heard_s) = ([0; 512], 0.0);
             while !seen.load(Ordering::Relaxed) {
@@ -85,23 +86,52 @@ fn said(output: &Output) -> String {
 #[test]
 fn a_board_on_a_serial_line_is_greeted_homed_and_moved() {
     let board = Board::new();
-    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/default.toml");
     // Until the drive has started.
     std::thread::sleep(Duration::from_secs(4));
-    let status = board.rigctl(&["--scene", root, "status"]);
+    let status = board.rigctl(&["--scene", SCENE, "status"]);
     assert!(status.status.success(), "{}", said(&status));
-    let refused = board.rigctl(&["--scene", root, "move", "--to", "3mm"]);
+    let refused = board.rigctl(&["--scene", SCENE, "move", "--to", "3mm"]);
     assert_eq!(refused.status.code(), Some(1), "{}", said(&refused));
     assert!(said(&refused).contains("not homed"), "{}", said(&refused));
-    let homed = board.rigctl(&["--scene", root, "home"]);
+    let homed = board.rigctl(&["--scene", SCENE, "home"]);
     assert!(homed.status.success(), "{}", said(&homed));
-    let moved = board.rigctl(&["--scene", root, "move", "--to", "3mm", "--speed", "2mm/s"]);
+    let moved = board.rigctl(&["--scene", SCENE, "move", "--to", "3mm", "--speed", "2mm/s"]);
     assert!(moved.status.success(), "{}", said(&moved));
     let text = String::from_utf8_lossy(&moved.stdout).into_owned();
     let last: Value =
         serde_json::from_str(text.lines().last().unwrap_or_default()).unwrap_or_else(|e| panic!("{e}: {text}"));
     let error = last["error_m"].as_f64().unwrap_or_else(|| panic!("no error in {last}"));
     assert!(error.abs() < 50e-6, "{last}");
+}
+
+#[test]
+fn an_interrupted_tool_stops_the_board_and_ends_its_log() {
+    let board = Board::new();
+    let log = std::env::temp_dir().join(format!("rigctl-interrupted-{}.csv", std::process::id()));
+    let script = log.with_extension("script");
+    std::fs::write(&script, "4 jog 1rad/s\n60 end\n").expect("written");
+    let mut tool = Command::new(env!("CARGO_BIN_EXE_rigctl"));
+    tool.args(["--port", &board.device, "--scene", SCENE, "record", "--out"]).arg(&log).arg("--script").arg(&script);
+    board.met.store(true, Ordering::Relaxed);
+    let child = tool.stderr(std::process::Stdio::piped()).spawn().expect("rigctl runs");
+    // The board's drive has started by then, and the strings turn.
+    std::thread::sleep(Duration::from_secs(7));
+    let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill");
+    assert!(killed.success());
+    let ended = child.wait_with_output().expect("it ends");
+    board.met.store(false, Ordering::Relaxed);
+    assert!(ended.status.code() == Some(1) && said(&ended).contains("interrupted"), "{}", said(&ended));
+    let whole = Log::load(&log).expect("a log").whole().expect("its end is there");
+    assert!(whole.header.get("broken_off").is_some_and(|why| why.contains("interrupted")));
+    assert!(whole.rows.iter().any(|row| row.state == State::Moving), "it turned");
+    let status = board.rigctl(&["--scene", SCENE, "status"]);
+    let text = String::from_utf8_lossy(&status.stdout).into_owned();
+    let status: Value = serde_json::from_str(text.trim()).unwrap_or_else(|e| panic!("{e}: {text}"));
+    let telemetry = &status["telemetry"];
+    assert!(telemetry["state"] == "unhomed" && telemetry["fault"].is_null(), "{telemetry}");
+    for path in [log, script] {
+        std::fs::remove_file(path).expect("was there");
+    }
 }
 
 #[test]

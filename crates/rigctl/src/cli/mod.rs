@@ -205,7 +205,7 @@ pub enum Command {
     /// Writes CSV: one row for each telemetry message (100 a second, columns as `sim --json` names them, SI units), under
     /// `# key = value` lines: scene and its hash, firmware, git commit and protocol hash, the table and its certificate, the
     /// board's settings with its calibration (`config restore` takes them from there), port, seed, plant, host time, the script. Requests and events stand between the rows as `# at SECONDS …`.
-    /// `replay` plays such a file through the controller again, `identify` reads those of `sweep`. A log ends with `# end rows = …`;
+    /// `replay` plays such a file through the controller again, `identify` reads those of `sweep`. A log ends with `# end rows = …`, also when Ctrl-C ended it;
     /// one that was broken off with Ctrl-C lacks it, and `replay` takes it with --partial.
     Record(Record),
     /// The paper's experiment, recorded: turn the strings of a known load up and down

@@ -7,7 +7,7 @@ use crate::session::port::Port;
 use crate::session::row::Row;
 use crate::session::serial::Serial;
 use crate::session::sim::{Sim, SimOptions};
-use crate::session::{Session, client};
+use crate::session::{Session, client, interrupt};
 use indicatif::{ProgressBar, ProgressStyle};
 use rig_link::{EventKind, LoadChoice, Request, State};
 use serde::Serialize;
@@ -61,6 +61,7 @@ pub fn connect(global: &Global) -> Result<Session, Failure> {
 /// # Errors
 /// If there is no board, or it speaks another message table.
 pub fn meet(global: &Global) -> Result<Session, Failure> {
+    interrupt::watch();
     let port: Box<dyn Port> = if is_sim(global) {
         Box::new(Sim::start(&sim_options(global))?)
     } else {

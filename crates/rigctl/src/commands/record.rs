@@ -69,7 +69,7 @@ pub fn run(global: &Global, options: &Record, output: &mut Output) -> Result<(),
     session.keep_journal();
     let script = script.unwrap_or_else(|| Script::idle(session.now_s() + seconds));
     let rows_out = output.json() && options.out.is_none();
-    play_events(&mut session, &script, global.seed, |session, said| {
+    let result = play_events(&mut session, &script, global.seed, |session, said| {
         said.iter().for_each(|line| eprintln!("{line}"));
         for entry in recorder.take(session)? {
             if let (Entry::Row(row), true) = (entry, rows_out) {
@@ -81,8 +81,8 @@ pub fn run(global: &Global, options: &Record, output: &mut Output) -> Result<(),
         session.take_events();
         session.take_log();
         Ok(ControlFlow::Continue(()))
-    })?;
-    let rows = recorder.end(&session)?;
+    });
+    let rows = recorder.end(&mut session, result)?;
     let summary = json!({"rows": rows, "lost_frames": session.lost_frames(), "seconds": session.now_s(),
         "file": options.out.as_ref().map(|p| p.display().to_string())});
     output.object(&json!({"summary": summary}))?;

@@ -7,9 +7,9 @@ use crate::cli::Global;
 use crate::failure::Failure;
 use crate::output::Output;
 use crate::script::{Action, Event, Script, ScriptFault};
-use crate::session::Session;
 use crate::session::client::STEP_S;
 use crate::session::sim::Sim;
+use crate::session::{Session, interrupt};
 use serde_json::json;
 use std::collections::HashMap;
 use std::ops::ControlFlow;
@@ -29,6 +29,7 @@ pub fn run(global: &Global, script: Option<&Path>, seconds: f64, output: &mut Ou
         None if seconds > 0.0 && seconds.is_finite() => Script::idle(seconds),
         None => return Err(Failure::Usage(format!("--seconds {seconds}: must be above 0"))),
     };
+    interrupt::watch();
     play_through(&mut Session::new(Box::new(Sim::start(&sim_options(global))?)), &script, global.seed, output)
 }
 

@@ -92,9 +92,7 @@ fn record(session: &mut Session, sink: Box<dyn Write>, head: &Header, turns: f64
         session.until(REST_S, |_| false).map(drop)
     };
     let result = go();
-    recorder.take(session)?;
-    let rows = recorder.end(session)?;
-    result.map(|()| rows)
+    recorder.end(session, result)
 }
 
 /// Turns from one twist to another (rad).

@@ -63,16 +63,20 @@ impl<W: Write> Recorder<W> {
         Ok(writeln!(self.sink, "# {text}")?)
     }
 
-    /// Ends the log; how many rows it has.
+    /// Ends the log, with what is still there and whatever has broken it off; how many rows it has.
     ///
     /// # Errors
-    /// If the sink fails.
-    pub fn end(mut self, session: &Session) -> Result<u64, Failure> {
+    /// If the sink fails, or what broke it off.
+    pub fn end(mut self, session: &mut Session, result: Result<(), Failure>) -> Result<u64, Failure> {
+        self.take(session)?;
+        if let Some(message) = result.as_ref().err().and_then(Failure::message) {
+            self.comment(format_args!("broken_off = {}", message.replace(['\r', '\n'], " ")))?;
+        }
         self.comment(format_args!("lost_frames = {}", session.lost_frames()))?;
         let rows = self.rows;
         self.comment(format_args!("end rows = {rows}"))?;
         self.sink.flush()?;
-        Ok(rows)
+        result.map(|()| rows)
     }
 }
 

@@ -1,5 +1,6 @@
 //! Requests with replies, events and telemetry over a [`Port`].
 
+use super::interrupt;
 use super::port::{Emulated, Port, Truth};
 use super::row::Row;
 use crate::failure::Failure;
@@ -20,6 +21,8 @@ const HELLO_S: f64 = 3.0;
 const FLASH_S: f64 = 10.0;
 /// Readings of the gap that are averaged, half a second of them: noise and an LVDT count's grain come down to some µm.
 const GAP_READINGS: u32 = 25;
+/// Steps in which a stop gets to the board, and its answer back.
+const LAST_STEPS: u32 = 5;
 /// How much truth is kept to be paired with telemetry (records of 1 ms).
 const TRUTH_KEPT: usize = 500;
 
@@ -193,8 +196,19 @@ impl Session {
     /// One step: everything queued goes out, everything that came is sorted.
     ///
     /// # Errors
-    /// If the port fails or the emulated board stopped.
+    /// If the port fails, the emulated board stopped, or somebody wants to end it: then the board has been told to stop.
     pub fn step(&mut self) -> Result<(), Failure> {
+        if !interrupt::wanted() {
+            return self.exchange();
+        }
+        self.post(&Request::Stop)?;
+        for _ in 0..LAST_STEPS {
+            self.exchange()?;
+        }
+        Err(Failure::failed("interrupted: the board was told to stop"))
+    }
+
+    fn exchange(&mut self) -> Result<(), Failure> {
         let period = u64::from(HEARTBEAT_PERIOD_MS) / 10;
         if self.heartbeat && self.steps.is_multiple_of(period) {
             self.post(&Request::Heartbeat)?;

@@ -75,6 +75,9 @@ impl Sim {
             // A bare number is SI on the other side too.
             command.arg("--plant").arg(format!("{}={}", setting.key, setting.value));
         }
+        // Ctrl-C is for this tool, which stops the emulated board as it would a real one.
+        #[cfg(unix)]
+        std::os::unix::process::CommandExt::process_group(&mut command, 0);
         let mut child = command
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
