@@ -3,7 +3,7 @@
 //! `cargo run --release -p rigctl --example fig13` on three emulated boards; with a device's name as its argument on a real
 //! rig, under the one load that hangs there. Writes `fig13.svg` and `fig13.csv` where it is started.
 
-use anyhow::{Context, Result, anyhow, bail};
+use anyhow::{Context, Result, bail};
 use rig_link::messages::{Request, State};
 use rigctl::failure::Failure;
 use rigctl::plant::Setting;
@@ -27,28 +27,24 @@ struct Sweep {
     load_n: f64,
 }
 
-fn words(failure: Failure) -> anyhow::Error {
-    anyhow!(failure.message().unwrap_or_default())
-}
-
 fn sweep(session: &mut Session) -> Result<Sweep> {
-    session.hello().map_err(words)?;
-    session.wait_ready().map_err(words)?;
-    session.request(&Request::Home).map_err(words)?;
+    session.hello().map_err(Failure::into_error)?;
+    session.wait_ready().map_err(Failure::into_error)?;
+    session.request(&Request::Home).map_err(Failure::into_error)?;
     let state = |s: &Session| s.telemetry().map(|t| t.state);
-    session.until(60.0, |s| state(s) != Some(State::Homing)).map_err(words)?;
+    session.until(60.0, |s| state(s) != Some(State::Homing)).map_err(Failure::into_error)?;
     if state(session) != Some(State::Ready) {
         bail!("homing ended in {:?}: {:?}", state(session), session.take_events().last());
     }
     let load = |s: &Session| s.telemetry().and_then(|t| t.load_n);
-    session.until(2.0, |s| load(s).is_some()).map_err(words)?;
+    session.until(2.0, |s| load(s).is_some()).map_err(Failure::into_error)?;
     let load_n = load(session).context("the load was not weighed")?;
     session.take_rows();
-    session.request(&Request::Jog { twist_speed_rad_per_s: SPEED_RAD_PER_S as f32 }).map_err(words)?;
+    session.request(&Request::Jog { twist_speed_rad_per_s: SPEED_RAD_PER_S as f32 }).map_err(Failure::into_error)?;
     let end = twist_from_turns(TURNS);
     let there = |s: &Session| s.telemetry().and_then(|t| t.twist_rad).is_some_and(|twist| f64::from(twist) >= end);
-    let arrived = session.until(1.2 * TURNS * TAU / SPEED_RAD_PER_S, there).map_err(words)?;
-    session.request(&Request::Stop).map_err(words)?;
+    let arrived = session.until(1.2 * TURNS * TAU / SPEED_RAD_PER_S, there).map_err(Failure::into_error)?;
+    session.request(&Request::Stop).map_err(Failure::into_error)?;
     if !arrived {
         bail!("stopped before {TURNS} turns: {:?}", session.telemetry());
     }
@@ -63,13 +59,13 @@ fn main() -> Result<()> {
     let scene = Scene::load(&scene_file)?;
     let mut sweeps = Vec::new();
     if let Some(device) = std::env::args().nth(1) {
-        let mut session = Session::new(Box::new(Serial::open(&device).map_err(words)?));
+        let mut session = Session::new(Box::new(Serial::open(&device).map_err(Failure::into_error)?));
         sweeps.push(sweep(&mut session)?);
     } else {
         for kg in LOADS_KG {
             let plant = vec![Setting { key: "load", value: kg * STANDARD_GRAVITY }];
             let options = SimOptions { firmware: None, scene: scene_file.clone(), plant, seed: 1, flash: None };
-            let mut session = Session::new(Box::new(Sim::start(&options).map_err(words)?));
+            let mut session = Session::new(Box::new(Sim::start(&options).map_err(Failure::into_error)?));
             sweeps.push(sweep(&mut session).with_context(|| format!("{kg} kg"))?);
         }
     }
@@ -108,7 +104,7 @@ fn main() -> Result<()> {
         blocks: vec![Block { rows: key }],
         notes: vec!["On the emulated rig unless a device was named.".into()],
     };
-    std::fs::write("fig13.svg", figure.svg().map_err(words)?)?;
+    std::fs::write("fig13.svg", figure.svg().map_err(Failure::into_error)?)?;
     std::fs::write("fig13.csv", csv)?;
     println!("fig13.svg, fig13.csv");
     Ok(())

@@ -17,6 +17,15 @@ impl Failure {
         Self::Failed(anyhow::Error::msg(message.into()))
     }
 
+    /// As an error of a program on the library: `.map_err(Failure::into_error)?`.
+    pub fn into_error(self) -> anyhow::Error {
+        match self {
+            Self::Usage(message) => anyhow::Error::msg(message),
+            Self::Failed(error) => error,
+            Self::Reported => anyhow::Error::msg("failed, and already said"),
+        }
+    }
+
     /// What to print, with its causes.
     pub fn message(&self) -> Option<String> {
         match self {

@@ -1,6 +1,7 @@
 //! Standard output: either lines for people or JSON objects, one a line.
 
 use crate::failure::Failure;
+use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
@@ -81,4 +82,15 @@ pub fn csv_text(header: &[&str], rows: impl IntoIterator<Item = Vec<String>>) ->
         writer.write_record(row)?;
     }
     Ok(String::from_utf8(writer.into_inner().map_err(|e| e.into_error())?)?)
+}
+
+/// A progress line on standard error; silent without a terminal.
+pub fn progress(length: u64, text: &'static str) -> ProgressBar {
+    let bar = ProgressBar::new(length);
+    // The template is a constant; were it wrong, the default style would do.
+    if let Ok(style) = ProgressStyle::with_template("{prefix} [{bar:32}] {msg}") {
+        bar.set_style(style);
+    }
+    bar.set_prefix(text);
+    bar
 }

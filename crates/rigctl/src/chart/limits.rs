@@ -35,7 +35,9 @@ impl Limits {
         let [f0, f1] = grid.load_range_n;
         let turns: Vec<f64> = (0..NODES).map(|k| t0 + (t1 - t0) * part(k)).collect();
         let loads: Vec<f64> = (0..NODES).map(|k| f0 * (f1 / f0).powf(part(k))).collect();
-        let nodes = parallel(NODES * NODES, |k| at(mechanism, loads[k % NODES], twist_from_turns(turns[k / NODES])));
+        let nodes = parallel("stability", NODES * NODES, |k| {
+            at(mechanism, loads[k % NODES], twist_from_turns(turns[k / NODES]))
+        });
         let line = |which: usize, level: f64| {
             let values: Vec<f64> = nodes.iter().map(|node| node[which]).collect();
             contour::lines(&Field { x: &turns, y: &loads, values: &values }, level)

@@ -52,7 +52,7 @@ pub fn make(scene: &Scene) -> Result<Made, Failure> {
         let at =
             |(load, turns): (f64, f64)| Some((load, turns, Hung::at(mechanism, load, twist_from_turns(turns)).ok()?));
         let states = grid.states();
-        parallel(states.len(), |k| at(states[k]))
+        parallel("margin", states.len(), |k| at(states[k]))
     };
     let nominal = hung(&mechanism);
     let (ratio, gain_per_s, corner_rad_per_s) = SEARCHED;
@@ -64,14 +64,14 @@ pub fn make(scene: &Scene) -> Result<Made, Failure> {
     ];
     let margin = |state: &Option<State>, c: &Controller| state.as_ref().map(|(.., h)| h.gain_margin(c));
     let maps: Vec<Vec<Option<f64>>> =
-        loops.iter().map(|l| parallel(nominal.len(), |k| margin(&nominal[k], &l.controller))).collect();
+        loops.iter().map(|l| parallel("margin", nominal.len(), |k| margin(&nominal[k], &l.controller))).collect();
 
     // Where the firmware's loop, which stands on the table's ratio, meets plants that are not the table's.
     let others = perturbed(scene)?;
     let mut worst: Option<(f64, State, f64)> = None;
     for other in &others {
         let states = hung(other);
-        let found = parallel(states.len(), |k| {
+        let found = parallel("margin", states.len(), |k| {
             let ((load, turns, hung), (.., table)) = (states[k]?, nominal[k]?);
             let c = Controller { tr_rad_per_m: Some(table.tr_rad_per_m), ..Controller::scheduled() };
             Some((hung.gain_margin(&c), (load, turns, hung), table.tr_rad_per_m))
@@ -94,7 +94,7 @@ pub fn make(scene: &Scene) -> Result<Made, Failure> {
     let mut rows =
         vec![loops.iter().zip(&maps).enumerate().map(|(k, (l, m))| map_panel(l.name, &grid, m, k == 0)).collect()];
     let along = |change: &(dyn Fn(&Controller, f64) -> Controller + Sync), times: &[f64]| -> Vec<Vec<(f64, f64)>> {
-        parallel(curves.len(), |k| {
+        parallel("margin", curves.len(), |k| {
             let (_, hung, c) = &curves[k];
             times.iter().map(|t| (*t, hung.gain_margin(&change(c, *t)))).collect()
         })

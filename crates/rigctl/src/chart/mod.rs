@@ -23,6 +23,7 @@ pub mod work;
 mod work_figure;
 
 use crate::failure::Failure;
+use crate::output::progress;
 use std::path::Path;
 use tsa_model::Scene;
 
@@ -59,19 +60,26 @@ pub fn make(name: &str, scene: &Scene, scene_file: &Path, out: &Path) -> Result<
     })
 }
 
-/// `f` of 0 to `count`, in order, on as many threads as the machine has cores.
-pub(crate) fn parallel<T: Send>(count: usize, f: impl Fn(usize) -> T + Sync) -> Vec<T> {
+/// `f` of 0 to `count`, in order, on as many threads as the machine has cores, with a progress line.
+pub(crate) fn parallel<T: Send>(figure: &'static str, count: usize, f: impl Fn(usize) -> T + Sync) -> Vec<T> {
     let workers = std::thread::available_parallelism().map_or(1, |n| n.get()).min(count.max(1));
     let next = std::sync::atomic::AtomicUsize::new(0);
+    let bar = progress(count as u64, figure);
     let mut done: Vec<(usize, T)> = std::thread::scope(|scope| {
         let work = || {
             let take = || next.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
-            std::iter::repeat_with(take).take_while(|k| *k < count).map(|k| (k, f(k))).collect::<Vec<_>>()
+            let one = |k| {
+                let done = (k, f(k));
+                bar.inc(1);
+                done
+            };
+            std::iter::repeat_with(take).take_while(|k| *k < count).map(one).collect::<Vec<_>>()
         };
         let threads: Vec<_> = (0..workers).map(|_| scope.spawn(work)).collect();
         // A panic in `f` goes on in the caller.
         threads.into_iter().flat_map(|t| t.join().unwrap_or_else(|p| std::panic::resume_unwind(p))).collect()
     });
+    bar.finish_and_clear();
     done.sort_by_key(|(k, _)| *k);
     done.into_iter().map(|(_, value)| value).collect()
 }

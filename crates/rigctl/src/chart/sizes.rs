@@ -26,7 +26,7 @@ struct Asked {
 pub fn make(scene: &Scene) -> Result<Made, Failure> {
     let (_, accuracy) = scene.table_demand()?;
     let share = accuracy.tr_relative / accuracy.contraction_m;
-    let asked = parallel(ASKED_M.len(), |k| {
+    let asked = parallel("table-size", ASKED_M.len(), |k| {
         let mut scene = scene.clone();
         if let Some(wanted) = &mut scene.accuracy {
             (wanted.contraction_m, wanted.tr_relative) = (ASKED_M[k], share * ASKED_M[k]);

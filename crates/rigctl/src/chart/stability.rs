@@ -215,11 +215,11 @@ pub struct Map {
 pub fn map(mechanism: &Mechanism, grid: &Grid) -> Map {
     let states = grid.states();
     let at = |k: usize| (states[k].0, twist_from_turns(states[k].1));
-    let truths = parallel(states.len(), |k| truth(mechanism, at(k).0, at(k).1));
+    let truths = parallel("stability", states.len(), |k| truth(mechanism, at(k).0, at(k).1));
     let mut methods: Vec<MethodMap> = methods()
         .into_iter()
         .map(|Named { name, method }| {
-            let answers = parallel(states.len(), |k| mechanism.solve_by(method, at(k).0, at(k).1));
+            let answers = parallel("stability", states.len(), |k| mechanism.solve_by(method, at(k).0, at(k).1));
             let outcomes = truths.iter().zip(&answers).map(|(t, a)| Outcome::judge(t, a)).collect();
             let evaluations = answers.iter().map(|a| a.as_ref().map_or(0, |e| e.evaluations)).collect();
             MethodMap { name, outcomes, evaluations }

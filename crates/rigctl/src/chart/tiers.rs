@@ -55,7 +55,7 @@ impl Map {
         let grid = Grid::new(envelope.load_n, CELLS.0, envelope.turns, CELLS.1);
         let (m, states) = (scene.mechanism()?, grid.states());
         let wanted = TierError { contraction_m: wanted_m, tr_relative: f64::INFINITY };
-        let cells = parallel(states.len(), |k| cheapest(&m, states[k].0, states[k].1, wanted));
+        let cells = parallel("tiers", states.len(), |k| cheapest(&m, states[k].0, states[k].1, wanted));
         Ok(Self { scene: name.into(), wanted_m, grid, cells })
     }
 
@@ -167,7 +167,7 @@ struct Taken {
 /// # Errors
 /// If one of them is not there, or allows no table.
 pub fn scenes(scene_file: &Path) -> Result<Made, Failure> {
-    let taken = parallel(SCENES.len(), |k| {
+    let taken = parallel("scenes", SCENES.len(), |k| {
         let (name, title) = SCENES[k];
         taken(&Scene::load(scene_file.with_file_name(format!("{name}.toml")))?, name, title)
     });

@@ -1,6 +1,7 @@
 //! Work against precision on the desktop: what an equilibrium costs by every method and tier, and how wrong it is.
 
 use crate::failure::Failure;
+use crate::output::progress;
 use anyhow::{Context, anyhow};
 use std::hint::black_box;
 use std::path::Path;
@@ -118,11 +119,14 @@ pub fn measure(mechanism: &Mechanism, rounds: usize) -> Result<Measured, Failure
     let (exact, coarser) = (exact?, coarser?);
     let reference_m = exact.iter().zip(&coarser).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     let mut points: Vec<Point> = ways().into_iter().map(|way| judged(way, mechanism, &states, &exact)).collect();
+    let bar = progress((rounds * points.len()) as u64, "work-precision");
     for _ in 0..rounds {
         for point in &mut points {
+            bar.inc(1);
             point.seconds = point.seconds.min(lap(point.way, mechanism, &states));
         }
     }
+    bar.finish_and_clear();
     Ok(Measured { points, reference_m, states: states.len() })
 }
 

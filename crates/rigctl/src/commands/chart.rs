@@ -29,7 +29,8 @@ pub fn run(global: &Global, out: &Path, only: &[String], output: &mut Output) ->
             continue;
         }
         let begin = Instant::now();
-        match chart::make(name, &scene, &global.scene, out) {
+        let made = chart::make(name, &scene, &global.scene, out);
+        match made {
             Ok(made) => report(&made, begin.elapsed().as_secs_f64(), out, output)?,
             // What only another program measures may not be there; the rest is of use without it.
             Err(e) if only.is_empty() && chart::MEASURED_ELSEWHERE.contains(&name) => {

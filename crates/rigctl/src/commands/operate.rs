@@ -2,13 +2,12 @@
 
 use crate::cli::Global;
 use crate::failure::Failure;
-use crate::output::Output;
+use crate::output::{Output, progress};
 use crate::session::port::Port;
 use crate::session::row::Row;
 use crate::session::serial::Serial;
 use crate::session::sim::{Sim, SimOptions};
 use crate::session::{Session, client, interrupt};
-use indicatif::{ProgressBar, ProgressStyle};
 use rig_link::{EventKind, LoadChoice, Request, State};
 use serde::Serialize;
 use serde_json::json;
@@ -83,17 +82,6 @@ pub fn meet(global: &Global) -> Result<Session, Failure> {
     let mut session = Session::new(port);
     session.hello()?;
     Ok(session)
-}
-
-/// A progress line on standard error; silent without a terminal.
-pub fn progress(length: u64, text: &'static str) -> ProgressBar {
-    let bar = ProgressBar::new(length);
-    // The template is a constant; were it wrong, the default style would do.
-    if let Ok(style) = ProgressStyle::with_template("{prefix} [{bar:32}] {msg}") {
-        bar.set_style(style);
-    }
-    bar.set_prefix(text);
-    bar
 }
 
 /// How a homing ended.

@@ -1,11 +1,11 @@
 //! `sweep`: the paper's experiment. A known load, the strings turned slowly up and down, everything recorded.
 
-use super::operate::{connect, home_session, is_sim, progress};
+use super::operate::{connect, home_session, is_sim};
 use super::record::{create, header};
 use crate::cli::{Global, Sweep};
 use crate::failure::Failure;
 use crate::log::{Header, Log, Recorder, sweep as reduced};
-use crate::output::Output;
+use crate::output::{Output, progress};
 use crate::plant::Setting;
 use crate::session::Session;
 use rig_control::supervisor::JOG_SPEED_MAX;
