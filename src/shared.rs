@@ -7,7 +7,7 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex as Raw;
 use embassy_sync::channel::Channel;
 use embassy_sync::signal::Signal;
 use rig_control::{DriveCommand, DriveReading, LvdtBlock, SupplyReading};
-use rig_link::messages::{Constants, Kept, Message, Request, SettingValues, SettingsReport, Telemetry};
+use rig_link::messages::{Constants, Kept, Message, Request, Sensors, SettingValues, SettingsReport, Telemetry};
 use tsa_table::Table;
 
 /// A value that is read whole and written whole.
@@ -44,8 +44,8 @@ pub static SETTINGS: Latest<(SettingValues, u32)> =
 pub static KEEP: Signal<Raw, (SettingValues, u32)> = Signal::new();
 /// What flash holds, and the count of that.
 pub static FLASHED: Latest<(Kept, u32)> = Latest::new((Kept::Nothing, 0));
-/// Gap that the LVDT shows (m).
-pub static GAP: Latest<Option<f32>> = Latest::new(None);
+/// What the sensors showed in the newest tick.
+pub static SENSORS: Latest<Option<Sensors>> = Latest::new(None);
 /// What is kept in flash could not be used.
 pub static SETTINGS_CORRUPT: AtomicBool = AtomicBool::new(false);
 /// Newest command for the drive; an older one that was not sent yet is out of date.

@@ -5,7 +5,9 @@ use rig_emulator::board::Stimulus;
 use rig_emulator::machine::{Config, Machine};
 use rig_emulator::rig::Rig;
 use rig_emulator::rig::settings::PlantSettings;
-use rig_link::messages::{EventKind, Identity, Kept, Message, Refusal, Request, SettingsReport, State, Telemetry};
+use rig_link::messages::{
+    EventKind, Identity, Kept, Message, Refusal, Request, Sensors, SettingsReport, State, Telemetry,
+};
 use rig_link::{Accepted, Decoder, PROTOCOL_HASH, encode};
 use std::process::Command;
 use std::sync::OnceLock;
@@ -54,8 +56,8 @@ pub struct Bench {
     pub identity: Option<Identity>,
     /// Newest report of the settings.
     pub settings: Option<SettingsReport>,
-    /// Newest answer to `ReadGap`.
-    pub gap_m: Option<f32>,
+    /// Newest answer to `ReadSensors`.
+    pub sensors: Option<Sensors>,
     /// True gap when homing ended (m).
     pub home_gap_m: Option<f64>,
     /// Whether heartbeats go out.
@@ -97,7 +99,7 @@ impl Bench {
             last: None,
             identity: None,
             settings: None,
-            gap_m: None,
+            sensors: None,
             home_gap_m: None,
             heartbeat: true,
             frames: 0,
@@ -153,7 +155,7 @@ impl Bench {
                 Message::Identity(identity) => self.identity = Some(identity),
                 Message::Reply { to, result } => self.replies.push((to, result)),
                 Message::Settings(report) => self.settings = Some(report),
-                Message::Gap { gap_m } => self.gap_m = gap_m,
+                Message::Sensors(sensors) => self.sensors = Some(sensors),
                 Message::Event { kind, .. } => {
                     if matches!(kind, EventKind::Homed { .. }) {
                         self.home_gap_m = Some(self.machine.board().truth().gap_m);
@@ -226,9 +228,9 @@ impl Bench {
     pub fn mean_gap_m(&mut self) -> f64 {
         let mut sum = 0.0;
         for _ in 0..25 {
-            self.ask(&Request::ReadGap).expect("never refused");
+            self.ask(&Request::ReadSensors).expect("never refused");
             self.step();
-            sum += f64::from(self.gap_m.expect("a healthy LVDT"));
+            sum += f64::from(self.sensors.and_then(|s| s.gap_m).expect("a healthy LVDT"));
         }
         sum / 25.0
     }

@@ -98,7 +98,7 @@ pub async fn run(encoder: Qei<'static, TIM3>, switches: Switches, mut leds: Leds
         if rig.state() != before {
             defmt::info!("{} -> {}", before, rig.state());
         }
-        shared::GAP.set(outputs.gap_m);
+        shared::SENSORS.set(Some(rig.sensors(&inputs, outputs.gap_m)));
         shared::show(outputs.telemetry);
         leds.fault.set_level(matches!(rig.state(), State::Fault | State::EStop).into());
         ticks = ticks.wrapping_add(1);

@@ -8,7 +8,7 @@ use embassy_stm32::usart::{BufferedUartRx, BufferedUartTx};
 use embassy_time::{Duration, Instant, with_timeout};
 use embedded_io_async::{Read, Write};
 use heapless::String;
-use rig_link::messages::{Accepted, Identity, LoadChoice, Message, Refusal, Request, TableIdentity};
+use rig_link::messages::{Accepted, Identity, LoadChoice, Message, Refusal, Request, State, TableIdentity};
 use rig_link::{Decoder, MAX_FRAME, PROTOCOL_HASH, encode};
 
 /// Wait for bytes no longer than this, so that a silent host does not look like a dead task.
@@ -60,10 +60,14 @@ fn take(sequence: u16, request: Request, greeted: &mut bool, start: &Start) {
             reply(Ok(Accepted::Done));
             shared::post(Message::Settings(shared::settings_report()));
         }
-        Request::ReadGap => {
-            reply(Ok(Accepted::Done));
-            shared::post(Message::Gap { gap_m: shared::GAP.get() });
-        }
+        Request::ReadSensors => match shared::SENSORS.get() {
+            Some(sensors) => {
+                reply(Ok(Accepted::Done));
+                shared::post(Message::Sensors(sensors));
+            }
+            // Before the first tick.
+            None => reply(Err(Refusal::Busy { state: State::Boot })),
+        },
         Request::Stop => {
             // Goes before all that waits: not after what would move, and never refused for want of room.
             while let Ok((to, waiting)) = shared::REQUESTS.try_receive() {

@@ -7,7 +7,7 @@
 //! | board | `Reply`     | once for each request except `Heartbeat`, with its number        |
 //! | board | `Identity`  | after `Hello` and after `Status`, following the reply            |
 //! | board | `Settings`  | after `GetSettings`, and when settings are in flash              |
-//! | board | `Gap`       | after `ReadGap`                                                  |
+//! | board | `Sensors`   | after `ReadSensors`                                              |
 //! | board | `Telemetry` | every 10 ms, asked or not                                        |
 //! | board | `Event`     | when something ends or goes wrong                                |
 //!
@@ -66,8 +66,8 @@ pub enum Request {
     },
     /// The same for all of them: all are taken, or none.
     SetSettings(SettingValues),
-    /// Send the gap that the LVDT shows now.
-    ReadGap,
+    /// Send what the sensors show now, homed or not.
+    ReadSensors,
 }
 
 /// One value for each [`Setting`], in the order of [`Setting::ALL`].
@@ -130,11 +130,8 @@ pub enum Message {
     Telemetry(Telemetry),
     /// What it is told for good.
     Settings(SettingsReport),
-    /// What the LVDT shows, calibrated; nothing if it gives no valid reading.
-    Gap {
-        /// Gap (m).
-        gap_m: Option<f32>,
-    },
+    /// What the sensors show.
+    Sensors(Sensors),
     /// Something ended or went wrong.
     Event {
         /// Time since boot (µs).
@@ -277,6 +274,26 @@ pub struct TableIdentity {
     pub crc: u32,
     /// Made on the board from constants, not built in.
     pub rebuilt: bool,
+}
+
+/// What the sensors show, homed or not.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Sensors {
+    /// Gap by the LVDT, calibrated (m); `None` if it gives no valid reading.
+    pub gap_m: Option<f32>,
+    /// Turned by the strings since boot, by the rig's own encoder, positive twists up (rad).
+    pub shaft_rad: f32,
+    /// The same since the drive's start, by the drive's counts (rad); `None` until it reports.
+    pub drive_rad: Option<f32>,
+    /// Supply of the drive (V); `None` where it is not wired, or not reported yet.
+    pub supply_v: Option<f32>,
+    /// The emergency stop's contact is open.
+    pub estop_open: bool,
+    /// The limit switch at the upper end is open.
+    pub upper_limit_open: bool,
+    /// The limit switch at the lower end is open.
+    pub lower_limit_open: bool,
 }
 
 /// What the board sees and does, every 10 ms.

@@ -3,8 +3,8 @@
 use proptest::prelude::*;
 use rig_link::{
     Accepted, Constants, Counters, Decoder, EventKind, Fault, Frame, HomingFailure, Identity, Kept, Limit, LoadChoice,
-    MAX_FRAME, Message, Parameter, Refusal, Request, ResetCause, Setting, SettingValues, SettingsReport, State,
-    TableIdentity, TableRefusal, Telemetry, encode,
+    MAX_FRAME, Message, Parameter, Refusal, Request, ResetCause, Sensors, Setting, SettingValues, SettingsReport,
+    State, TableIdentity, TableRefusal, Telemetry, encode,
 };
 use serde::{Serialize, de::DeserializeOwned};
 
@@ -37,7 +37,7 @@ fn request() -> impl Strategy<Value = Request> {
         Just(Request::GetSettings),
         (one_of(Setting::ALL), float()).prop_map(|(setting, value)| Request::SetSetting { setting, value }),
         values().prop_map(Request::SetSettings),
-        Just(Request::ReadGap),
+        Just(Request::ReadSensors),
     ]
 }
 
@@ -141,8 +141,18 @@ fn message() -> impl Strategy<Value = Message> {
         Just(Message::Identity(longest_identity())),
         (values(), values(), one_of(Kept::ALL))
             .prop_map(|(values, defaults, kept)| { Message::Settings(SettingsReport { values, defaults, kept }) }),
-        prop::option::of(float()).prop_map(|gap_m| Message::Gap { gap_m }),
+        sensors().prop_map(Message::Sensors),
     ]
+}
+
+fn sensors() -> impl Strategy<Value = Sensors> {
+    let maybe = || prop::option::of(float());
+    (maybe(), float(), maybe(), maybe(), any::<[bool; 3]>()).prop_map(
+        |(gap_m, shaft_rad, drive_rad, supply_v, open)| {
+            let [estop_open, upper_limit_open, lower_limit_open] = open;
+            Sensors { gap_m, shaft_rad, drive_rad, supply_v, estop_open, upper_limit_open, lower_limit_open }
+        },
+    )
 }
 
 fn text<const N: usize>(text: &str) -> heapless::String<N> {

@@ -134,3 +134,28 @@ fn the_dry_run_plans_what_the_board_then_does() {
     assert!((0.0..1.0).contains(&longer_s), "{last} {moved}");
     assert_eq!(rigctl(&["move", "--to", "1mm", "--settings", "x.toml"]).status.code(), Some(2));
 }
+
+#[test]
+fn raw_sensors_are_told_before_anything_is_homed() {
+    let arguments = ["sensors", "--seconds", "1", "--plant", "twist_at_boot=5", "--json"];
+    let readings = lines(&rigctl(&arguments));
+    assert!((4..=6).contains(&readings.len()), "{readings:?}");
+    for reading in &readings {
+        let near = |key: &str, value: f64, within: f64| {
+            let found = reading[key].as_f64().unwrap_or_else(|| panic!("no {key} in {reading}"));
+            assert!((found - value).abs() < within, "{key} is {found}, not {value}");
+        };
+        // Until the drive has started the load untwists the strings by some radians.
+        near("gap_m", 0.099, 0.004);
+        near("shaft_rad", -2.5, 2.5);
+        near("drive_rad", 0.0, 5.0);
+        near("supply_v", 24.0, 0.5);
+        assert!(["estop_open", "upper_limit_open", "lower_limit_open"].iter().all(|key| reading[key] == false));
+    }
+    // In a fault, when they are wanted most.
+    let low = lines(&rigctl(&["sensors", "--plant", "supply_voltage=15V", "--json"]));
+    assert!(low[0]["supply_v"].as_f64().is_some_and(|v| (v - 15.0).abs() < 0.5), "{low:?}");
+    let status = lines(&rigctl(&["status", "--plant", "supply_voltage=15V", "--json"]));
+    assert!(status[0]["telemetry"]["state"] == "fault" && status[0]["sensors"]["gap_m"].is_number(), "{status:?}");
+    assert_eq!(rigctl(&["sensors", "--seconds", "-1"]).status.code(), Some(2));
+}

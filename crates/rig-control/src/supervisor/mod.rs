@@ -17,6 +17,7 @@ mod checks;
 mod configure;
 mod drive_checks;
 mod motion;
+mod raw;
 pub mod response;
 
 use crate::adaptation::{Adaptation, Learned};
@@ -382,7 +383,11 @@ impl<'t> Rig<'t> {
     ) -> Option<Result<Accepted, Refusal>> {
         Some(match request {
             // The link answers these itself.
-            Request::Hello { .. } | Request::Heartbeat | Request::Status | Request::GetSettings | Request::ReadGap => {
+            Request::Hello { .. }
+            | Request::Heartbeat
+            | Request::Status
+            | Request::GetSettings
+            | Request::ReadSensors => {
                 return None;
             }
             Request::Stop | Request::Hold => {

@@ -188,6 +188,12 @@ pub enum Command {
     Clear,
     /// Who the board is and what it sees
     Status,
+    /// What the sensors show, homed or not: gap, encoder, drive, supply, contacts. For wiring a rig
+    Sensors {
+        /// One reading every 0.2 s for so long (s) [default: one reading]
+        #[arg(long, value_name = "S", default_value_t = 0.0, hide_default_value = true)]
+        seconds: f64,
+    },
     /// What the board is told for good: kept in its flash, changed only while nothing moves
     Config {
         /// What to do with it.

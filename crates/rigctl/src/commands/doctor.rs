@@ -6,7 +6,7 @@ use crate::failure::Failure;
 use crate::output::Output;
 use crate::session::Session;
 use rig_control::TICK_US;
-use rig_link::{Fault, Identity, PROTOCOL_HASH, Request, ResetCause, Setting, State, Telemetry};
+use rig_link::{Fault, Identity, PROTOCOL_HASH, Request, ResetCause, Sensors, Setting, State, Telemetry};
 use serde::Serialize;
 use serde_json::json;
 use tsa_model::Scene;
@@ -102,8 +102,9 @@ fn examine(session: &mut Session, scene: &Scene, home: bool) -> Result<Vec<Check
     all.push(faults(&last));
     all.push(drive(&heard, scene));
     all.push(lvdt(&heard, &id, scene, session)?);
-    all.push(encoder(turned, &last));
-    all.push(supply(&last, scene));
+    let sensors = session.sensors()?;
+    all.push(encoder(turned, &last, &sensors));
+    all.push(supply(&last, scene, &sensors));
     all.extend(timing(&last, session, messages));
     Ok(all)
 }
@@ -298,24 +299,26 @@ fn turn(session: &mut Session, gear: f64) -> Result<[f64; 2], Failure> {
     Ok(way)
 }
 
-fn encoder(turned: Option<[f64; 2]>, last: &Telemetry) -> Check {
+fn encoder(turned: Option<[f64; 2]>, last: &Telemetry, sensors: &Sensors) -> Check {
     let advice = "coupling, gear ratio and encoder lines of the scene, A and B swapped (docs/faults.md)";
     let bad = [Fault::EncoderStuck, Fault::EncoderJump, Fault::EncoderDisagrees];
     if let Some(fault) = last.fault.filter(|f| bad.contains(f)) {
         return check("encoder", false, fault.name(), advice);
     }
     let Some([own, motor]) = turned else {
-        return check("encoder", true, "no fault; compared with the drive while it turns (--home)", "");
+        let seen =
+            format!("at {:+.3} rad, no fault; compared with the drive while it turns (--home)", sensors.shaft_rad);
+        return check("encoder", true, seen, "");
     };
     let seen = format!("turned {own:.3} rad by the encoder, {motor:.3} rad by the drive");
     check("encoder", own > 0.5 && (motor - own).abs() < TURN_SHARE * own, seen, advice)
 }
 
-fn supply(last: &Telemetry, scene: &Scene) -> Check {
+fn supply(last: &Telemetry, scene: &Scene, sensors: &Sensors) -> Check {
     let [least, most] = scene.rig.supply_limits_v();
-    let seen = match (scene.rig.supply_divider, last.fault) {
-        (_, Some(Fault::Supply)) => format!("outside {least:.1} to {most:.1} V"),
-        (Some(_), _) => format!("watched, no fault: within {least:.1} to {most:.1} V"),
+    let seen = match (scene.rig.supply_divider, sensors.supply_v) {
+        (Some(_), Some(volts)) => format!("{volts:.1} V, allowed {least:.1} to {most:.1} V"),
+        (Some(_), None) => "not reported yet".to_owned(),
         (None, _) => "not wired (the scene has no supply_divider), so not watched".to_owned(),
     };
     check("supply", last.fault != Some(Fault::Supply), seen, "the drive's supply and its cable, then `clear`")

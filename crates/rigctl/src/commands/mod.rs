@@ -24,6 +24,7 @@ pub mod replay;
 pub mod report;
 pub mod simulate;
 pub mod solve;
+pub mod status;
 pub mod study;
 pub mod sweep;
 pub mod table;
@@ -62,7 +63,8 @@ pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
         Command::Clear => operate::simple(global, &Request::Clear, output),
         Command::Config { what } => config::run(global, what, output),
         Command::Calibrate { what } => calibrate::run(global, what, output),
-        Command::Status => operate::status(global, output),
+        Command::Status => status::run(global, output),
+        Command::Sensors { seconds } => status::sensors(global, *seconds, output),
         Command::Chart { out, only } => chart::run(global, out, only, output),
         Command::ChartKernel => crate::chart::work::kernel(&scene(global)?),
         Command::Report { out } => report::run(global, out, output),

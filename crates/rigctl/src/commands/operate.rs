@@ -10,15 +10,11 @@ use crate::session::sim::{Sim, SimOptions};
 use crate::session::{Session, client, interrupt};
 use rig_link::{EventKind, LoadChoice, Request, State};
 use serde::Serialize;
-use serde_json::json;
 
 /// Longest homing (s), the drive's start-up included.
 pub const HOMING_S: f64 = 60.0;
 /// Longest move past what distance and speed need (s).
 const MOVE_SLACK_S: f64 = 30.0;
-
-/// How long `status` listens (s).
-const STATUS_S: f64 = 1.0;
 
 /// Whether the port is the emulated board.
 pub fn is_sim(global: &Global) -> bool {
@@ -330,91 +326,5 @@ fn show_last(session: &mut Session, output: &mut Output) -> Result<(), Failure> 
         output.object(row)?;
         output.line(row.text())?;
     }
-    Ok(())
-}
-
-/// `status`.
-///
-/// # Errors
-/// If nobody answers.
-pub fn status(global: &Global, output: &mut Output) -> Result<(), Failure> {
-    let mut session = connect(global)?;
-    if is_sim(global) {
-        session.wait_ready()?;
-    }
-    session.take_rows();
-    session.until(STATUS_S, |_| false)?;
-    let mut rows = session.take_rows();
-    let telemetry_hz = rows.len() as f64 / STATUS_S;
-    let Some(row) = rows.pop() else {
-        return Err(Failure::failed("no telemetry from the board"));
-    };
-    let Some(id) = session.identity().cloned() else {
-        return Err(Failure::failed("the board did not say who it is"));
-    };
-    let settings = session.settings()?;
-    let counters = session.telemetry().map(|t| t.counters).unwrap_or_default();
-    output.object(&json!({
-        "firmware": id.version.as_str(),
-        "git": id.git.as_str(),
-        "scene_hash": format!("{:08x}", id.scene_hash),
-        "protocol_hash": format!("{:08x}", id.protocol_hash),
-        "reset_cause": id.reset_cause.name(),
-        "boot_count": id.boot_count,
-        "table": {
-            "form": id.table.form.as_str(),
-            "bytes": id.table.bytes,
-            "contraction_error_m": id.table.contraction_error_m,
-            "tr_relative_error": id.table.tr_relative_error,
-            "load_n": [id.table.load_min_n, id.table.load_max_n],
-            "turns": [id.table.turns_min, id.table.turns_max],
-            "crc": format!("{:08x}", id.table.crc),
-            "rebuilt": id.table.rebuilt,
-        },
-        "settings": super::config::all(&settings.values),
-        "settings_kept": settings.kept.name(),
-        "last_panic": id.last_panic.as_deref(),
-        "link_errors": counters.link_errors,
-        "foreign_frames": counters.foreign_frames,
-        "late_ticks": counters.late_ticks,
-        "longest_tick_s": f64::from(counters.longest_tick_us) * 1e-6,
-        "telemetry_hz": telemetry_hz,
-        "lost_frames": session.lost_frames(),
-        "unsent": counters.unsent,
-        "telemetry": row,
-    }))?;
-    output.line(format!(
-        "firmware {} ({}), scene {:08x}, last started by {}",
-        id.version, id.git, id.scene_hash, id.reset_cause
-    ))?;
-    output.line(format!(
-        "table    {}, {} bytes, {}: contraction within {:.2} um, TR within {:.3} % for {} to {} N, {} to {:.1} turns",
-        id.table.form,
-        id.table.bytes,
-        if id.table.rebuilt { "made on the board" } else { "built in" },
-        id.table.contraction_error_m * 1e6,
-        id.table.tr_relative_error * 100.0,
-        id.table.load_min_n,
-        id.table.load_max_n,
-        id.table.turns_min,
-        id.table.turns_max
-    ))?;
-    output.line(format!(
-        "link     {} damaged frames at the board, {} here; {} foreign frames on the bus",
-        counters.link_errors,
-        session.damaged_frames(),
-        counters.foreign_frames
-    ))?;
-    output.line(format!(
-        "         telemetry at {telemetry_hz:.0} Hz; {} frames lost on the way, {} never sent",
-        session.lost_frames(),
-        counters.unsent
-    ))?;
-    output.line(format!("tick     {} late, the longest took {} us", counters.late_ticks, counters.longest_tick_us))?;
-    super::config::status(&settings, output)?;
-    if let Some(text) = &id.last_panic {
-        output.line(format!("         the run before ended with: {text}"))?;
-    }
-    output.line(row.text())?;
     Ok(())
 }

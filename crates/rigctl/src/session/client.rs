@@ -7,7 +7,7 @@ use crate::failure::Failure;
 use crate::log::Entry;
 use rig_link::{
     Accepted, Decoder, EventKind, HEARTBEAT_PERIOD_MS, Identity, Kept, MAX_FRAME, Message, PROTOCOL_HASH, Refusal,
-    Request, Setting, SettingsReport, State, Telemetry, encode,
+    Request, Sensors, Setting, SettingsReport, State, Telemetry, encode,
 };
 use std::collections::VecDeque;
 
@@ -51,7 +51,7 @@ pub struct Session {
     lost_frames: u32,
     identity: Option<Identity>,
     settings: Option<SettingsReport>,
-    gap: Option<Option<f32>>,
+    sensors: Option<Sensors>,
     home_gap_m: Option<f64>,
     /// Everything that passes, in order, for who records it.
     journal: Option<Vec<Entry>>,
@@ -80,7 +80,7 @@ impl Session {
             lost_frames: 0,
             identity: None,
             settings: None,
-            gap: None,
+            sensors: None,
             home_gap_m: None,
             journal: None,
         }
@@ -252,7 +252,7 @@ impl Session {
             Message::Reply { to, result } => self.replies.push_back((to, result)),
             Message::Identity(identity) => self.identity = Some(identity),
             Message::Settings(report) => self.settings = Some(report),
-            Message::Gap { gap_m } => self.gap = Some(gap_m),
+            Message::Sensors(sensors) => self.sensors = Some(sensors),
             Message::Event { t_us, kind } => {
                 let t_s = self.boot_s + t_us as f64 * 1e-6;
                 if matches!(kind, EventKind::Homed { .. }) {
@@ -368,6 +368,17 @@ impl Session {
         Err(Failure::failed("in use, but NOT kept in flash: lost with the next reset. The board's log says why"))
     }
 
+    /// What the sensors show, homed or not.
+    ///
+    /// # Errors
+    /// If the board does not answer.
+    pub fn sensors(&mut self) -> Result<Sensors, Failure> {
+        self.sensors = None;
+        self.request(&Request::ReadSensors)?;
+        self.until(REPLY_S, |s| s.sensors.is_some())?;
+        self.sensors.ok_or_else(|| Failure::failed("the board did not tell its sensors"))
+    }
+
     /// Gaps that the LVDT shows (m), over half a second, homed or not.
     ///
     /// # Errors
@@ -375,10 +386,7 @@ impl Session {
     pub fn gaps_m(&mut self) -> Result<Vec<f64>, Failure> {
         let mut gaps_m = Vec::new();
         for _ in 0..GAP_READINGS {
-            self.gap = None;
-            self.request(&Request::ReadGap)?;
-            self.until(REPLY_S, |s| s.gap.is_some())?;
-            let gap_m = self.gap.flatten().ok_or_else(|| Failure::failed("no valid reading from the LVDT"))?;
+            let gap_m = self.sensors()?.gap_m.ok_or_else(|| Failure::failed("no valid reading from the LVDT"))?;
             gaps_m.push(f64::from(gap_m));
             self.until(STEP_S, |_| false)?;
         }

@@ -1,0 +1,160 @@
+//! `status` and `sensors`: what the board is, and what it sees, homed or not.
+
+use super::operate::{connect, is_sim, meet};
+use crate::cli::Global;
+use crate::failure::Failure;
+use crate::output::Output;
+use crate::settings::decimal;
+use rig_link::Sensors;
+use serde_json::{Value, json};
+
+/// How long `status` listens (s).
+const STATUS_S: f64 = 1.0;
+/// Time between two readings of `sensors` (s).
+const READING_S: f64 = 0.2;
+
+/// `status`: who the board is and what it sees.
+///
+/// # Errors
+/// If nobody answers.
+pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
+    let mut session = connect(global)?;
+    if is_sim(global) {
+        session.wait_started()?;
+    }
+    session.take_rows();
+    session.until(STATUS_S, |_| false)?;
+    let mut rows = session.take_rows();
+    let telemetry_hz = rows.len() as f64 / STATUS_S;
+    let Some(row) = rows.pop() else {
+        return Err(Failure::failed("no telemetry from the board"));
+    };
+    let Some(id) = session.identity().cloned() else {
+        return Err(Failure::failed("the board did not say who it is"));
+    };
+    let (settings, sensors) = (session.settings()?, session.sensors()?);
+    let counters = session.telemetry().map(|t| t.counters).unwrap_or_default();
+    output.object(&json!({
+        "firmware": id.version.as_str(),
+        "git": id.git.as_str(),
+        "scene_hash": format!("{:08x}", id.scene_hash),
+        "protocol_hash": format!("{:08x}", id.protocol_hash),
+        "reset_cause": id.reset_cause.name(),
+        "boot_count": id.boot_count,
+        "table": {
+            "form": id.table.form.as_str(),
+            "bytes": id.table.bytes,
+            "contraction_error_m": id.table.contraction_error_m,
+            "tr_relative_error": id.table.tr_relative_error,
+            "load_n": [id.table.load_min_n, id.table.load_max_n],
+            "turns": [id.table.turns_min, id.table.turns_max],
+            "crc": format!("{:08x}", id.table.crc),
+            "rebuilt": id.table.rebuilt,
+        },
+        "settings": super::config::all(&settings.values),
+        "settings_kept": settings.kept.name(),
+        "last_panic": id.last_panic.as_deref(),
+        "link_errors": counters.link_errors,
+        "foreign_frames": counters.foreign_frames,
+        "late_ticks": counters.late_ticks,
+        "longest_tick_s": f64::from(counters.longest_tick_us) * 1e-6,
+        "telemetry_hz": telemetry_hz,
+        "lost_frames": session.lost_frames(),
+        "unsent": counters.unsent,
+        "sensors": reading(&sensors),
+        "telemetry": row,
+    }))?;
+    output.line(format!(
+        "firmware {} ({}), scene {:08x}, last started by {}",
+        id.version, id.git, id.scene_hash, id.reset_cause
+    ))?;
+    output.line(format!(
+        "table    {}, {} bytes, {}: contraction within {:.2} um, TR within {:.3} % for {} to {} N, {} to {:.1} turns",
+        id.table.form,
+        id.table.bytes,
+        if id.table.rebuilt { "made on the board" } else { "built in" },
+        id.table.contraction_error_m * 1e6,
+        id.table.tr_relative_error * 100.0,
+        id.table.load_min_n,
+        id.table.load_max_n,
+        id.table.turns_min,
+        id.table.turns_max
+    ))?;
+    output.line(format!(
+        "link     {} damaged frames at the board, {} here; {} foreign frames on the bus",
+        counters.link_errors,
+        session.damaged_frames(),
+        counters.foreign_frames
+    ))?;
+    output.line(format!(
+        "         telemetry at {telemetry_hz:.0} Hz; {} frames lost on the way, {} never sent",
+        session.lost_frames(),
+        counters.unsent
+    ))?;
+    output.line(format!("tick     {} late, the longest took {} us", counters.late_ticks, counters.longest_tick_us))?;
+    output.line(format!("sensors  {}", words(&sensors)))?;
+    super::config::status(&settings, output)?;
+    if let Some(text) = &id.last_panic {
+        output.line(format!("         the run before ended with: {text}"))?;
+    }
+    output.line(row.text())?;
+    Ok(())
+}
+
+/// `sensors`: a reading, or one every 0.2 s for so long, whatever the board's scene.
+///
+/// # Errors
+/// If nobody answers.
+pub fn sensors(global: &Global, seconds: f64, output: &mut Output) -> Result<(), Failure> {
+    if !(0.0..=86_400.0).contains(&seconds) {
+        return Err(Failure::Usage(format!("--seconds {seconds}: must be from 0 to 86400")));
+    }
+    let mut session = meet(global)?;
+    if is_sim(global) {
+        session.wait_started()?;
+    }
+    let end_s = session.now_s() + seconds;
+    loop {
+        let t_s = session.now_s();
+        let sensors = session.sensors()?;
+        let mut object = reading(&sensors);
+        object["t_s"] = json!(t_s);
+        output.object(&object)?;
+        output.line(format!("{t_s:8.2} s  {}", words(&sensors)))?;
+        output.flush()?;
+        if session.now_s() + READING_S > end_s {
+            return Ok(());
+        }
+        session.until(READING_S - (session.now_s() - t_s), |_| false)?;
+    }
+}
+
+fn reading(s: &Sensors) -> Value {
+    json!({
+        "gap_m": s.gap_m.map(decimal),
+        "shaft_rad": decimal(s.shaft_rad),
+        "drive_rad": s.drive_rad.map(decimal),
+        "supply_v": s.supply_v.map(decimal),
+        "estop_open": s.estop_open,
+        "upper_limit_open": s.upper_limit_open,
+        "lower_limit_open": s.lower_limit_open,
+    })
+}
+
+fn words(s: &Sensors) -> String {
+    let number = |value: Option<f32>, factor: f32, digits: usize, unit: &str| {
+        value.map_or("not read".to_owned(), |v| format!("{:.digits$} {unit}", v * factor))
+    };
+    let contact = |open: bool| if open { "OPEN" } else { "closed" };
+    format!(
+        "gap {}, strings turned {:+.3} rad by the encoder, {} by the drive, supply {}; emergency stop {}, upper limit {}, \
+         lower limit {}",
+        number(s.gap_m, 1e3, 3, "mm"),
+        s.shaft_rad,
+        number(s.drive_rad, 1.0, 3, "rad"),
+        number(s.supply_v, 1.0, 1, "V"),
+        contact(s.estop_open),
+        contact(s.upper_limit_open),
+        contact(s.lower_limit_open),
+    )
+}
