@@ -15,7 +15,7 @@ pub fn build(folders: &Folders) -> Result<()> {
     run(cargo(folders).args(["build", "--release", "--package", "rigctl", "--package", "rig-emulator"]))
 }
 
-/// Formatting, lints, the firmware, and all tests.
+/// Formatting, lints, documentation, the firmware, and all tests.
 pub fn test(folders: &Folders) -> Result<()> {
     system::ensure_emulator_tools()?;
     let toolchain = choose(Choice::Auto)?;
@@ -23,6 +23,8 @@ pub fn test(folders: &Folders) -> Result<()> {
     // In release, as the tests: the emulator's C code is then built once.
     run(cargo(folders).args(["clippy", "--release", "--all-targets"]).args(DESKTOP).args(["--", "-D", "warnings"]))?;
     firmware::lint(folders, &toolchain)?;
+    let doc = ["doc", "--release", "--no-deps"];
+    run(cargo(folders).env("RUSTDOCFLAGS", "-D warnings").args(doc).args(DESKTOP))?;
     // Tests start the image and the tools, so both must be there, and new.
     firmware::build_uart(folders, &toolchain)?;
     firmware::build(folders, &toolchain)?;

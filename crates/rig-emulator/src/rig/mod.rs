@@ -1,5 +1,5 @@
-//! The rig around the microcontroller: a [`Board`] whose wires lead to a drive, a motor, an encoder, an LVDT and the
-//! twisted string itself.
+//! The rig around the microcontroller: a [`Board`](crate::board::Board) whose wires lead to a drive, a motor, an
+//! encoder, an LVDT and the twisted string itself.
 //!
 //! - [`settings`] and [`parameters`]: what a test may change, what the scene says.
 //! - [`transmission`] and [`surface`]: the mechanism's equilibria, exactly and fast.
