@@ -7,6 +7,33 @@
 //! - [`session`]: a conversation with the firmware, emulated or real; [`log`]: one recorded, [`replay`]: through the controller again.
 //! - [`screen`]: the live view.
 //! - [`output`]: human or JSON, never both on standard output; [`failure`]: exit codes.
+//!
+//! An experiment of a lab's own, on the emulated board or (`Serial::open("/dev/ttyACM0")`) a real one:
+//!
+//! ```no_run
+//! use rig_link::LoadChoice;
+//! use rigctl::commands::operate::{home_session, move_session};
+//! use rigctl::failure::Failure;
+//! use rigctl::session::Session;
+//! use rigctl::session::sim::{Sim, SimOptions};
+//!
+//! fn main() -> anyhow::Result<()> {
+//!     experiment().map_err(Failure::into_error)
+//! }
+//!
+//! fn experiment() -> Result<(), Failure> {
+//!     let scene = "scenes/default.toml".into();
+//!     let options = SimOptions { firmware: None, scene, plant: vec!["load=1kg".parse()?], seed: 1, flash: None };
+//!     let mut session = Session::new(Box::new(Sim::start(&options)?));
+//!     session.hello()?;
+//!     let homed = home_session(&mut session, |_| {})?;
+//!     for to_m in [0.002, 0.004, 0.008] {
+//!         let end = move_session(&mut session, to_m, 2e-3, LoadChoice::Auto, |_row| {})?;
+//!         println!("{} N at {:.3} mm: {} rad/mm", homed.load_n, end.position_m * 1e3, end.tr_end_rad_per_m * 1e-3);
+//!     }
+//!     Ok(())
+//! }
+//! ```
 
 #![forbid(unsafe_code)]
 
