@@ -31,8 +31,8 @@ use crate::{RigConstants, TICK_S, TICK_US, angle_rad, seconds, whole_counts};
 use checks::Checks;
 use response::{Response, needs_homing, response};
 use rig_link::messages::{
-    Accepted, Counters, EventKind, Fault, HomingFailure, Limit, Parameter, Refusal, Request, Sensor, Setting,
-    SettingValues, State, Telemetry,
+    Accepted, Counters, EventKind, Fault, HomingFailure, Limit, Refusal, Request, Sensor, Setting, SettingValues,
+    State, Telemetry,
 };
 use tsa_table::Table;
 
@@ -155,7 +155,7 @@ pub struct Rig<'t> {
     last_shaft_rad: Option<f32>,
     /// Age of the newest gap (s).
     gap_age_s: f32,
-    /// What the observer said in the tick before, if it was asked.
+    /// What the observer said in this tick; `None` where the tick before had to do.
     last_seen: Option<Observation>,
 }
 
@@ -263,10 +263,10 @@ impl<'t> Rig<'t> {
         // Where the shaft was when the gap was measured: the two belong together.
         let turned = shaft_rad - self.last_shaft_rad.replace(shaft_rad).unwrap_or(shaft_rad);
         let shaft_then_rad = shaft_rad - turned * age_s / TICK_S;
-        // A refusal that tells both ends of the travel has looked up twice: what the tick before saw does for this one, and
-        // for no more than one.
-        let told_ends = matches!(reply, Some(Err(Refusal::OutOfRange { parameter: Parameter::Target, .. })));
-        let seen_before = self.last_seen.take().filter(|_| told_ends);
+        // Whoever asks for a move has the ends of the travel looked up: what the tick before saw does for this one, and for
+        // no more than one.
+        let asked = matches!(inputs.request, Some(Request::Move { .. }));
+        let seen_before = self.last_seen.take().filter(|_| asked);
         let observed = self.homed.map(|h| {
             let seen = seen_before.unwrap_or_else(|| {
                 let mechanism = Mechanism { table: self.table, twist_scale: h.twist_scale };
