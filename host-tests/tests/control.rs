@@ -289,7 +289,9 @@ fn a_move_that_ends_with_the_travel_says_by_how_much() {
         let Some(Err(Refusal::OutOfRange { parameter: Parameter::Target, min, .. })) = reply else {
             panic!("{reply:?} to what the strings cannot let this load down to");
         };
-        for (above_m, reaches) in [(-0.19e-3, false), (0.4e-3, true)] {
+        // Through the place where a light load comes to rest with the strings at their end, or slips past its target there.
+        for step in 0..12u8 {
+            let above_m = -0.19e-3 + 0.05e-3 * f32::from(step);
             let began_s = d.time_s();
             let target_m = min + above_m;
             track(&mut d, target_m);
@@ -304,12 +306,9 @@ fn a_move_that_ends_with_the_travel_says_by_how_much() {
                 error_m * 1e6,
                 said_m * 1e6
             );
-            assert!((said_m - error_m).abs() < 25e-6, "{said_m} m said, {error_m} m off");
+            assert!((said_m - error_m).abs() < 40e-6, "{said_m} m said, {error_m} m off");
             if error_m.abs() > 60e-6 {
-                assert!(
-                    !reaches && limit == Some(Limit::Travel) && (0.0..0.4e-3).contains(&error_m),
-                    "{limit:?} {error_m}"
-                );
+                assert!(limit == Some(Limit::Travel) && (0.0..0.4e-3).contains(&error_m), "{limit:?} {error_m}");
                 short_moves += 1;
             }
         }

@@ -148,6 +148,8 @@ pub struct Rig<'t> {
     /// Ticks that the load has stood at its target.
     at_rest_ticks: u16,
     arrived_ticks: u16,
+    /// Ticks that it has stood there with the strings at the end of their travel.
+    end_ticks: u16,
     /// Newest measured position (m).
     last_position_m: f32,
     standing_ticks: u16,
@@ -206,6 +208,7 @@ impl<'t> Rig<'t> {
             forecast: None,
             at_rest_ticks: 0,
             arrived_ticks: 0,
+            end_ticks: 0,
             last_position_m: 0.0,
             standing_ticks: 0,
             last_shaft_rad: None,

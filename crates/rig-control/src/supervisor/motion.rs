@@ -1,5 +1,6 @@
 //! Moves, jogs and stops.
 
+use super::checks::lasts;
 use super::{EventKind, Homed, JOG_SPEED_MAX, Motion, Rig, SPEED_MAX_M_PER_S, Setting, ticks};
 use crate::TICK_S;
 use crate::crossing::TwistLimits;
@@ -103,7 +104,7 @@ impl Rig<'_> {
         self.position_loop.crossing.set_out(self.planner.setting_out());
         self.motion = Motion::Load { speed_m_per_s, stopping: false };
         self.state = State::Moving;
-        (self.arrived_ticks, self.at_rest_ticks) = (0, 0);
+        (self.arrived_ticks, self.end_ticks, self.at_rest_ticks) = (0, 0, 0);
         Ok(Accepted::Started)
     }
 
@@ -233,10 +234,10 @@ impl Rig<'_> {
         if self.state == State::Moving && set_point.done {
             // Or as far as the strings go: the event says how far off that is, and the limit stays in the telemetry.
             let near = out.error_m.abs() < ARRIVED_M;
-            self.arrived_ticks = if near || at_end { self.arrived_ticks + 1 } else { 0 };
-            let enough = if near { ARRIVED_TICKS } else { END_TICKS };
+            let arrived = lasts(&mut self.arrived_ticks, near, ARRIVED_TICKS);
+            let ended = lasts(&mut self.end_ticks, at_end, END_TICKS);
             self.at_rest_ticks += 1;
-            if self.arrived_ticks >= enough || self.at_rest_ticks >= PATIENCE_TICKS {
+            if arrived || ended || self.at_rest_ticks >= PATIENCE_TICKS {
                 self.state = State::Holding;
                 let error_m = position_m - set_point.position_m;
                 let _ = events.push(if stopping { EventKind::Stopped } else { EventKind::MoveDone { error_m } });
