@@ -292,9 +292,16 @@ fn a_move_that_ends_with_the_travel_says_by_how_much() {
         // Through the place where a light load comes to rest with the strings at their end, or slips past its target there.
         for step in 0..12u8 {
             let above_m = -0.19e-3 + 0.05e-3 * f32::from(step);
-            let began_s = d.time_s();
             let target_m = min + above_m;
-            track(&mut d, target_m);
+            // From above, so that friction has to be crossed at the end of the way down.
+            track(&mut d, target_m + 1.5e-3);
+            let began_s = d.time_s();
+            // That way has told more of the load, and where it ends.
+            if let Some(Err(refusal)) = d.tick(Some(go(target_m))).reply {
+                assert!(matches!(refusal, Refusal::OutOfRange { parameter: Parameter::Target, .. }), "{refusal}");
+                continue;
+            }
+            assert!(d.until(10.0, |d| d.control.state() == State::Holding), "{:?}", d.control.fault());
             let took_s = d.time_s() - began_s;
             let Some((_, EventKind::MoveDone { error_m: said_m })) = d.events.last() else { panic!("{:?}", d.events) };
             let said_m = f64::from(*said_m);
