@@ -1,6 +1,7 @@
 //! The floors of the controller over plants that it was not told of: seeded, with the control code alone.
 
 use host_tests::Desk;
+use rand::{RngExt, SeedableRng};
 use rig_control::adaptation::Learned;
 use rig_link::messages::{EventKind, Limit, LoadChoice, Parameter, Refusal, Request, State};
 use std::f64::consts::PI;
@@ -321,4 +322,38 @@ fn a_move_that_ends_with_the_travel_says_by_how_much() {
         }
     }
     assert!(short_moves > 1, "none met the end of the travel");
+}
+
+/// The strings at their end, the load sticks, then slips past its target: passing it is not arriving.
+#[test]
+fn a_load_that_slips_past_its_target_has_not_arrived() {
+    // Seeds of the three of 464 random moves that were once called done on the way past.
+    for seed in [26, 27, 69] {
+        let mut random = rand_pcg::Pcg64Mcg::seed_from_u64(seed);
+        let mut hanging: f64 = random.random_range(0.7..1.5);
+        let mut d = Desk::new(&[("load", &format!("{hanging}kg"))], seed);
+        d.home().unwrap();
+        d.move_to(0.004, 0.003, LoadChoice::Auto).unwrap();
+        let load: f64 = random.random_range(0.3..1.2);
+        while hanging != load {
+            hanging += (load - hanging).clamp(-0.01, 0.01);
+            d.rig.set_plant("load", &format!("{hanging}kg")).unwrap();
+            d.run(0.05);
+        }
+        d.run(1.0);
+        if d.control.state() == State::Fault {
+            d.tick(Some(Request::Clear));
+            d.run(0.5);
+        }
+        let speed_m_per_s = random.random_range(0.001..0.004);
+        let go = |target_m| Request::Move { target_m, speed_m_per_s, load: LoadChoice::Auto };
+        let Some(Err(Refusal::OutOfRange { min, .. })) = d.tick(Some(go(-0.05))).reply else { panic!("not refused") };
+        let target_m = min + random.random_range(-0.0002..0.0006f32);
+        d.move_to(target_m, speed_m_per_s, LoadChoice::Auto).unwrap();
+        let Some((_, EventKind::MoveDone { error_m: said_m })) = d.events.last().copied() else { panic!("no end") };
+        d.run(0.5);
+        let error_m = d.true_position_m() - f64::from(target_m);
+        println!("seed {seed}: {:+.0} um off, {:+.0} um said", error_m * 1e6, said_m * 1e6);
+        assert!((f64::from(said_m) - error_m).abs() < 30e-6, "{said_m} m said, {error_m} m off");
+    }
 }
