@@ -9,6 +9,7 @@ use rig_link::messages::{
     EventKind, Identity, Kept, Message, Refusal, Request, Sensors, SettingsReport, State, Telemetry,
 };
 use rig_link::{Accepted, Decoder, PROTOCOL_HASH, encode};
+use std::fmt;
 use std::process::Command;
 use std::sync::OnceLock;
 use tsa_model::Scene;
@@ -42,6 +43,26 @@ pub fn uart_scene() -> Scene {
     scene
 }
 
+/// The control tick with most instructions, and what it came in.
+#[derive(Clone, Debug, Default)]
+pub struct LongestTick {
+    /// Instructions.
+    pub instructions: u64,
+    /// Emulated time (s).
+    pub t_s: f64,
+    /// Telemetry of the tick before.
+    pub before: Option<Telemetry>,
+    /// What was asked last.
+    pub asked: Option<Request>,
+}
+
+impl fmt::Display for LongestTick {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let state = self.before.map_or(State::Boot, |t| t.state);
+        write!(f, "{} instructions at {:.2} s, {state:?}, asked {:?}", self.instructions, self.t_s, self.asked)
+    }
+}
+
 /// A host on one side, the emulated board on the other.
 pub struct Bench {
     /// The board with its rig.
@@ -64,6 +85,10 @@ pub struct Bench {
     pub heartbeat: bool,
     /// Telemetry frames so far.
     pub frames: u64,
+    /// Longest control tick so far.
+    pub longest_tick: LongestTick,
+    /// Newest request, heartbeats aside.
+    asked: Option<Request>,
     /// Bytes of every telemetry frame, to compare runs.
     pub bytes: Vec<u8>,
     decoder: Decoder<Message>,
@@ -103,6 +128,8 @@ impl Bench {
             home_gap_m: None,
             heartbeat: true,
             frames: 0,
+            longest_tick: LongestTick::default(),
+            asked: None,
             bytes: Vec::new(),
             decoder: Decoder::new(),
             damaged: 0,
@@ -119,6 +146,9 @@ impl Bench {
     /// Sends a request; its number.
     pub fn post(&mut self, request: &Request) -> u16 {
         self.sequence = self.sequence.wrapping_add(1);
+        if !matches!(request, Request::Heartbeat) {
+            self.asked = Some(*request);
+        }
         // Numbers come round again: an answer of the last time is none.
         let number = self.sequence;
         self.replies.retain(|(to, _)| *to != number);
@@ -137,6 +167,11 @@ impl Bench {
         let until = self.machine.now_s() + 0.01;
         self.machine.run_until(until).unwrap_or_else(|e| panic!("{e}"));
         self.machine.defmt_lines();
+        let instructions = self.machine.tick_stats().instructions_max;
+        if instructions > self.longest_tick.instructions {
+            let (before, asked) = (self.last, self.asked);
+            self.longest_tick = LongestTick { instructions, t_s: self.machine.now_s(), before, asked };
+        }
         for byte in self.machine.board_mut().take_host_bytes() {
             self.bytes.push(byte);
             let Some(frame) = self.decoder.push(byte) else { continue };

@@ -1,12 +1,12 @@
 //! Long runs on the emulated board: random moves under random loads with faults between them, and random bytes at both
 //! doors. What is looked for is what only time shows: drift, missed ticks, a stack that grows, a message lost.
 
-use crate::board::Bench;
+use crate::board::{Bench, LongestTick};
 use rand::seq::IndexedRandom;
 use rand::{RngExt, SeedableRng};
 use rig_emulator::board::{CanFrame, Stimulus};
 use rig_emulator::rig::faults::Fault;
-use rig_link::messages::{LoadChoice, Refusal, Request, State};
+use rig_link::messages::{EventKind, Limit, LoadChoice, Refusal, Request, State};
 use std::fmt;
 
 /// Faults that come while a load moves. All can be cleared; some lose the twist.
@@ -19,6 +19,29 @@ const FAULTS: [Fault; 7] = [
     Fault::LvdtFrozen,
     Fault::Estop,
 ];
+
+/// True error at rest (m) past which a move has not arrived: the board must say so.
+const ARRIVED_M: f64 = 60e-6;
+/// How far what the board says may be from what is (m): LVDT noise and the strings' and rods' last swing.
+const BELIEF_M: f64 = 40e-6;
+
+/// A move that came to rest away from its target.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Miss {
+    /// Its number.
+    pub number: u32,
+    /// True error at rest (m).
+    pub error_m: f64,
+    /// What the board took it for (m).
+    pub believed_m: f64,
+}
+
+impl fmt::Display for Miss {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [error_um, believed_um] = [self.error_m, self.believed_m].map(|e| e * 1e6);
+        write!(f, "{error_um:+.1} um at move {}, the board believing {believed_um:+.1} um", self.number)
+    }
+}
 
 /// What a run of moves came to. Everything on the emulated board.
 #[derive(Clone, Debug, Default)]
@@ -35,12 +58,18 @@ pub struct Endurance {
     pub seconds: f64,
     /// True error at rest of the first and the last tenth of the moves, mean (m): their difference is drift.
     pub error_first_last_m: [f64; 2],
-    /// Largest true error at rest (m).
-    pub error_max_m: f64,
+    /// Largest true error at rest of a move that arrived.
+    pub worst: Miss,
+    /// Moves that ended where the strings' travel does, all of them announced, and the farthest from its target.
+    pub short: (u32, Miss),
+    /// Moves that were away from their target half a second later and had not said so, and the farthest.
+    pub unannounced: (u32, Miss),
+    /// Largest difference of what the board believed and what was, of any move (m).
+    pub belief_max_m: f64,
     /// Control ticks that are missing.
     pub ticks_missing: f64,
-    /// Most instructions in a tick.
-    pub tick_instructions_max: u64,
+    /// The longest tick.
+    pub longest_tick: LongestTick,
     /// Deepest stack (bytes).
     pub stack_bytes: u64,
     /// Resets of the board.
@@ -55,16 +84,22 @@ impl fmt::Display for Endurance {
         write!(
             f,
             "{} moves, {} faults, {} more by the load, {} homings in {:.0} s of emulated time: error at rest {first:+.1} um in the first tenth, \
-             {last:+.1} um in the last, {:.1} um at most; {:.0} ticks missing, at most {} instructions in one; stack {} \
-             bytes; {} resets; {:.1} telemetry frames a second",
+             {last:+.1} um in the last, at most {}; {} moves ended with the strings' travel, announced, at most {}; {} away unannounced, at most {}; belief \
+             and truth at most {:.1} um apart; {:.0} ticks missing, the longest {}; stack {} bytes; {} resets; {:.1} \
+             telemetry frames a second",
             self.moves,
             self.faults,
             self.load_faults,
             self.homings,
             self.seconds,
-            self.error_max_m * 1e6,
+            self.worst,
+            self.short.0,
+            self.short.1,
+            self.unannounced.0,
+            self.unannounced.1,
+            self.belief_max_m * 1e6,
             self.ticks_missing,
-            self.tick_instructions_max,
+            self.longest_tick,
             self.stack_bytes,
             self.resets,
             self.telemetry_per_s
@@ -118,9 +153,7 @@ pub fn moves(count: u32, seed: u64) -> Endurance {
         }
         assert!(b.until(25.0, |b| b.state() == State::Holding), "move {number} under {load} kg: {:?}", b.last);
         b.run(0.5);
-        let error = b.true_position_m() - f64::from(target_m);
-        errors.push(error);
-        result.error_max_m = result.error_max_m.max(error.abs());
+        rest(&b, number, target_m, &mut result, &mut errors);
         result.telemetry_per_s = b.frames as f64 / (b.machine.now_s()).max(1.0);
         assert!(b.machine.now_s() > started);
         result.moves += 1;
@@ -131,10 +164,34 @@ pub fn moves(count: u32, seed: u64) -> Endurance {
     result.error_first_last_m = [mean(&errors[..tenth]), mean(&errors[errors.len() - tenth..])];
     result.seconds = b.machine.now_s();
     result.ticks_missing = result.seconds / 0.01 - stats.tick.count as f64;
-    result.tick_instructions_max = stats.tick.instructions_max;
+    result.longest_tick = b.longest_tick.clone();
     result.stack_bytes = stats.stack_high_water_bytes as u64;
     result.resets = stats.resets.len();
     result
+}
+
+/// What a move came to: at its target, or where the strings' travel ends and announced as such.
+fn rest(b: &Bench, number: u32, target_m: f32, result: &mut Endurance, errors: &mut Vec<f64>) {
+    let error_m = b.true_position_m() - f64::from(target_m);
+    let said = b.last.and_then(|t| t.position_m).expect("homed, with a gap");
+    let miss = Miss { number, error_m, believed_m: f64::from(said - target_m) };
+    let belief_m = (miss.believed_m - error_m).abs();
+    assert!(belief_m < BELIEF_M, "{miss}");
+    result.belief_max_m = result.belief_max_m.max(belief_m);
+    let farther = |than: &Miss| if error_m.abs() > than.error_m.abs() { miss } else { *than };
+    if error_m.abs() < ARRIVED_M {
+        result.worst = farther(&result.worst);
+        errors.push(error_m);
+        return;
+    }
+    let announced = b.events.iter().rev().find_map(|event| match event {
+        EventKind::MoveDone { error_m } => Some(f64::from(*error_m)),
+        _ => None,
+    });
+    let at_end = b.last.and_then(|t| t.limit) == Some(Limit::Travel);
+    let told = announced.is_some_and(|said_m| (said_m - error_m).abs() < BELIEF_M);
+    let list = if at_end && told { &mut result.short } else { &mut result.unannounced };
+    *list = (list.0 + 1, farther(&list.1));
 }
 
 /// A fault on the way: the rig latches it, nothing moves, it is cleared, and homed again if the twist was lost.

@@ -1,8 +1,9 @@
 //! The floors of the controller over plants that it was not told of: seeded, with the control code alone.
 
 use host_tests::Desk;
+use rand::{RngExt, SeedableRng};
 use rig_control::adaptation::Learned;
-use rig_link::messages::{EventKind, LoadChoice, Request, State};
+use rig_link::messages::{EventKind, Limit, LoadChoice, Parameter, Refusal, Request, State};
 use std::f64::consts::PI;
 
 type Keys = &'static [(&'static str, &'static str)];
@@ -211,7 +212,7 @@ fn the_time_to_target_is_known_beforehand() {
 /// A move: how long it says at first that its set-point will take, and how long it takes (s).
 fn time(d: &mut Desk, target_m: f32, speed_m_per_s: f32) -> (f64, f64) {
     d.tick(Some(Request::Move { target_m, speed_m_per_s, load: LoadChoice::Auto }));
-    d.run(0.06);
+    d.run(0.07);
     let start_s = d.time_s();
     let said_s = d.last.as_ref().unwrap().telemetry.time_left_s.expect("known by now");
     assert!(d.until(30.0, |d| d.last.as_ref().unwrap().telemetry.setpoint_m == Some(target_m)));
@@ -267,4 +268,92 @@ fn a_twist_scale_that_has_drifted_is_learned_while_working() {
     track(&mut d, 0.012);
     let jumped = d.control.learned().unwrap();
     assert!((jumped.twist_scale - after.twist_scale).abs() < 2e-3, "{jumped:?}");
+}
+
+/// A load that is changed at rest is known to a few percent, and so is how far down it can come. What is asked beyond the
+/// end of the strings' travel is refused; in the last bit before it a move may end short, and then says so.
+#[test]
+fn a_move_that_ends_with_the_travel_says_by_how_much() {
+    let mut short_moves = 0;
+    for (seed, [heavy, light]) in [[1.196, 0.411], [1.1, 0.8], [0.75, 0.5], [0.9, 0.35]].into_iter().enumerate() {
+        let mut d = homed(&[], &format!("{heavy}kg"), "0.1", seed as u64);
+        // Laid off by hand, 2 N a second.
+        let mut hanging = heavy;
+        while hanging > light {
+            hanging = f64::max(hanging - 0.01, light);
+            d.rig.set_plant("load", &format!("{hanging}kg")).unwrap();
+            d.run(0.05);
+        }
+        d.run(1.0);
+        let go = |target_m| Request::Move { target_m, speed_m_per_s: 0.003, load: LoadChoice::Auto };
+        let reply = d.tick(Some(go(0.0))).reply;
+        let Some(Err(Refusal::OutOfRange { parameter: Parameter::Target, min, .. })) = reply else {
+            panic!("{reply:?} to what the strings cannot let this load down to");
+        };
+        // Through the place where a light load comes to rest with the strings at their end, or slips past its target there.
+        for step in 0..12u8 {
+            let above_m = -0.19e-3 + 0.05e-3 * f32::from(step);
+            let target_m = min + above_m;
+            // From above, so that friction has to be crossed at the end of the way down.
+            track(&mut d, target_m + 1.5e-3);
+            let began_s = d.time_s();
+            // That way has told more of the load, and where it ends.
+            if let Some(Err(refusal)) = d.tick(Some(go(target_m))).reply {
+                assert!(matches!(refusal, Refusal::OutOfRange { parameter: Parameter::Target, .. }), "{refusal}");
+                continue;
+            }
+            assert!(d.until(10.0, |d| d.control.state() == State::Holding), "{:?}", d.control.fault());
+            let took_s = d.time_s() - began_s;
+            let Some((_, EventKind::MoveDone { error_m: said_m })) = d.events.last() else { panic!("{:?}", d.events) };
+            let said_m = f64::from(*said_m);
+            d.run(0.5);
+            let error_m = d.true_position_m() - f64::from(target_m);
+            let limit = d.last.as_ref().unwrap().telemetry.limit;
+            println!(
+                "{heavy} -> {light} kg: {:+.0} um off, {:+.0} um said, {limit:?}, {took_s:.1} s",
+                error_m * 1e6,
+                said_m * 1e6
+            );
+            assert!((said_m - error_m).abs() < 40e-6, "{said_m} m said, {error_m} m off");
+            if error_m.abs() > 60e-6 {
+                assert!(limit == Some(Limit::Travel) && (0.0..0.4e-3).contains(&error_m), "{limit:?} {error_m}");
+                short_moves += 1;
+            }
+        }
+    }
+    assert!(short_moves > 1, "none met the end of the travel");
+}
+
+/// The strings at their end, the load sticks, then slips past its target: passing it is not arriving.
+#[test]
+fn a_load_that_slips_past_its_target_has_not_arrived() {
+    // Seeds of the three of 464 random moves that were once called done on the way past.
+    for seed in [26, 27, 69] {
+        let mut random = rand_pcg::Pcg64Mcg::seed_from_u64(seed);
+        let mut hanging: f64 = random.random_range(0.7..1.5);
+        let mut d = Desk::new(&[("load", &format!("{hanging}kg"))], seed);
+        d.home().unwrap();
+        d.move_to(0.004, 0.003, LoadChoice::Auto).unwrap();
+        let load: f64 = random.random_range(0.3..1.2);
+        while hanging != load {
+            hanging += (load - hanging).clamp(-0.01, 0.01);
+            d.rig.set_plant("load", &format!("{hanging}kg")).unwrap();
+            d.run(0.05);
+        }
+        d.run(1.0);
+        if d.control.state() == State::Fault {
+            d.tick(Some(Request::Clear));
+            d.run(0.5);
+        }
+        let speed_m_per_s = random.random_range(0.001..0.004);
+        let go = |target_m| Request::Move { target_m, speed_m_per_s, load: LoadChoice::Auto };
+        let Some(Err(Refusal::OutOfRange { min, .. })) = d.tick(Some(go(-0.05))).reply else { panic!("not refused") };
+        let target_m = min + random.random_range(-0.0002..0.0006f32);
+        d.move_to(target_m, speed_m_per_s, LoadChoice::Auto).unwrap();
+        let Some((_, EventKind::MoveDone { error_m: said_m })) = d.events.last().copied() else { panic!("no end") };
+        d.run(0.5);
+        let error_m = d.true_position_m() - f64::from(target_m);
+        println!("seed {seed}: {:+.0} um off, {:+.0} um said", error_m * 1e6, said_m * 1e6);
+        assert!((f64::from(said_m) - error_m).abs() < 30e-6, "{said_m} m said, {error_m} m off");
+    }
 }

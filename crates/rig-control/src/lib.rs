@@ -42,3 +42,20 @@ pub const TICK_S: f32 = 0.01;
 
 /// [`TICK_S`] in microseconds.
 pub const TICK_US: u64 = 10_000;
+
+// The core converts between f32 and 32 bits by itself, and 64 bits by a function that is ten times as long.
+
+/// A time (s), at most an hour, from microseconds.
+fn seconds(us: u64) -> f32 {
+    u32::try_from(us).unwrap_or(u32::MAX) as f32 * 1e-6
+}
+
+/// Whole counts, saturating at 32 bits.
+fn whole_counts(counts: f32) -> i64 {
+    i64::from(counts as i32)
+}
+
+/// An angle (rad) of so many counts; it ends at 32 bits, thousands of turns.
+fn angle_rad(counts: i64, counts_per_rad: f32) -> f32 {
+    counts.clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32 as f32 / counts_per_rad
+}

@@ -33,6 +33,20 @@ pub(crate) fn root(x: f32) -> f32 {
     y
 }
 
+/// ∛x of a positive x. A third of the bits, with two thirds of the exponent's bias put back, is at most 6 % off; three of
+/// Newton's steps leave the last bit or two. libm's works in f64, which this core does in software: 1600 instructions.
+fn cube_root(x: f32) -> f32 {
+    const BIAS: u32 = 127 << 23;
+    if x.is_nan() || x <= f32::MIN_POSITIVE {
+        return 0.0;
+    }
+    let mut y = f32::from_bits(x.to_bits() / 3 + BIAS / 3 * 2);
+    for _ in 0..3 {
+        y = (2.0 * y + x / (y * y)) / 3.0;
+    }
+    y
+}
+
 /// What a move may do.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
@@ -92,7 +106,7 @@ impl Limits {
             return 2.0 * self.rise_s(speed) + at_speed / speed;
         }
         // Greatest speed v: v · rise(v) = distance.
-        let slow = libm::cbrtf(0.25 * distance * distance * jerk);
+        let slow = cube_root(0.25 * distance * distance * jerk);
         let peak = if slow * jerk < acceleration * acceleration {
             slow
         } else {
@@ -185,10 +199,12 @@ mod tests {
 
     #[test]
     fn roots_are_exact_to_the_last_bits() {
-        for k in 0..400 {
-            let x = 10f32.powf(-20.0 + 0.1 * k as f32);
+        // Not in whole octaves, so that every part of one is met.
+        for k in 0..4000 {
+            let x = 10f32.powf(-20.0 + 0.01 * k as f32);
             assert!((root(x) / x.sqrt() - 1.0).abs() < 3e-7, "{x}: {}", root(x));
+            assert!((cube_root(x) / x.cbrt() - 1.0).abs() < 3e-7, "{x}: {}", cube_root(x));
         }
-        assert!([0.0, -1.0, f32::NAN].iter().all(|x| root(*x) == 0.0));
+        assert!([0.0, -1.0, f32::NAN, 1e-40].iter().all(|x| root(*x) == 0.0 && cube_root(*x) == 0.0));
     }
 }

@@ -3,9 +3,9 @@
 
 use super::drive_checks::DriveChecks;
 use super::{EventKind, HOST_SILENT_US, Inputs, Motion, Rig, State, ticks};
-use crate::TICK_US;
 use crate::observer::Observation;
 use crate::sensors::{DriveReading, LvdtReading};
+use crate::{TICK_US, seconds};
 use rig_link::messages::Fault;
 
 /// Ticks that an LVDT reading may be missing while it is needed, and while starting.
@@ -163,7 +163,7 @@ pub(super) fn lasts(counter: &mut u16, bad: bool, limit: u16) -> bool {
 
 /// Time of a tick (s), at least the usual one.
 pub(super) fn tick_seconds(apart_us: u64) -> f32 {
-    apart_us.max(TICK_US) as f32 * 1e-6
+    seconds(apart_us.max(TICK_US))
 }
 
 impl Rig<'_> {

@@ -3,6 +3,7 @@
 use super::checks::{lasts, tick_seconds};
 use super::{Inputs, Rig, State, ticks};
 use crate::sensors::DriveReading;
+use crate::{seconds, whole_counts};
 use core::f32::consts::TAU;
 use rig_link::messages::Fault;
 
@@ -77,7 +78,7 @@ impl Rig<'_> {
         if lasts(&mut self.checks.drive.supply_ticks, off, SUPPLY_TICKS) {
             return Some(Fault::Supply);
         }
-        let age_s = inputs.now_us.saturating_sub(t_us) as f32 * 1e-6;
+        let age_s = seconds(inputs.now_us.saturating_sub(t_us));
         self.encoder_fault(inputs, position_qc, speed_rpm, age_s).filter(|_| started)
     }
 
@@ -86,14 +87,14 @@ impl Rig<'_> {
         let own = inputs.encoder_counts;
         let moved = self.checks.drive.last_own.replace(own).map_or(0, |last| own - last);
         let most = JUMP_FACTOR * c.twist_speed_max() * c.counts_per_rad.abs() * tick_seconds(self.checks.apart_us);
-        if moved.abs() > (most + JUMP_COUNTS) as i64 {
+        if moved.abs() > whole_counts(most + JUMP_COUNTS) {
             return Some(Fault::EncoderJump);
         }
         let offset = self.drive_offset?;
         let counts_per_s = f32::from(speed_rpm) / 60.0 * TAU / c.gear_ratio * c.counts_per_rad.abs();
-        let drive = i64::from(position_qc) + (counts_per_s * age_s) as i64;
+        let drive = i64::from(position_qc) + whole_counts(counts_per_s * age_s);
         let apart = (own - offset - drive).abs();
-        let bad = apart > DISAGREE_COUNTS + (DISAGREE_S * counts_per_s.abs()) as i64;
+        let bad = apart > DISAGREE_COUNTS + whole_counts(DISAGREE_S * counts_per_s.abs());
         let [own_then, drive_then] = *self.checks.drive.disagreed_at.get_or_insert([own, drive]);
         if !bad {
             self.checks.drive.disagreed_at = None;

@@ -24,11 +24,11 @@ use crate::adaptation::{Adaptation, Learned};
 use crate::forecast::Forecast;
 use crate::homing::{Homed, Homing, Progress, Seen};
 use crate::mechanism::Mechanism;
-use crate::observer::{Confidence, LoadObserver};
+use crate::observer::{Confidence, LoadObserver, Observation};
 use crate::planner::{Planner, Ramp};
 use crate::position_loop::PositionLoop;
 use crate::sensors::{DriveReading, GAP_DELAY_S, Lvdt, LvdtBlock, LvdtReading, SupplyReading};
-use crate::{RigConstants, TICK_S, TICK_US};
+use crate::{RigConstants, TICK_S, TICK_US, angle_rad, seconds, whole_counts};
 use checks::Checks;
 use response::{Response, needs_homing, response};
 use rig_link::messages::{
@@ -149,6 +149,8 @@ pub struct Rig<'t> {
     /// Ticks that the load has stood at its target.
     at_rest_ticks: u16,
     arrived_ticks: u16,
+    /// Ticks that it has stood there with the strings at the end of their travel.
+    end_ticks: u16,
     /// Newest measured position (m).
     last_position_m: f32,
     standing_ticks: u16,
@@ -156,6 +158,8 @@ pub struct Rig<'t> {
     last_shaft_rad: Option<f32>,
     /// Age of the newest gap (s).
     gap_age_s: f32,
+    /// What the observer said in this tick; `None` where the tick before had to do.
+    last_seen: Option<Observation>,
 }
 
 /// Motor speed (rpm) below which the shaft counts as standing: three quanta of the drive's speed measurement.
@@ -205,10 +209,12 @@ impl<'t> Rig<'t> {
             forecast: None,
             at_rest_ticks: 0,
             arrived_ticks: 0,
+            end_ticks: 0,
             last_position_m: 0.0,
             standing_ticks: 0,
             last_shaft_rad: None,
             gap_age_s: 0.0,
+            last_seen: None,
         }
     }
 
@@ -244,15 +250,16 @@ impl<'t> Rig<'t> {
     pub fn step(&mut self, inputs: &Inputs) -> Outputs {
         let mut events = heapless::Vec::new();
         self.limit = None;
-        let shaft_rad = inputs.encoder_counts as f32 / self.constants.counts_per_rad;
+        let shaft_rad = angle_rad(inputs.encoder_counts, self.constants.counts_per_rad);
         let lvdt = self.lvdt.read(inputs.now_us, inputs.lvdt, &self.constants);
         self.watch(inputs, lvdt, shaft_rad, &mut events);
-        let reply = inputs.request.and_then(|request| self.request(request, inputs, lvdt, shaft_rad, &mut events));
+        let reply =
+            inputs.request.as_ref().and_then(|request| self.request(request, inputs, lvdt, shaft_rad, &mut events));
         // A setting may have changed what a count is.
-        let shaft_rad = inputs.encoder_counts as f32 / self.constants.counts_per_rad;
+        let shaft_rad = angle_rad(inputs.encoder_counts, self.constants.counts_per_rad);
         let (gap_m, age_s) = match lvdt {
             LvdtReading::Valid { gap_m, t_us } => {
-                (Some(gap_m), inputs.now_us.saturating_sub(t_us) as f32 * 1e-6 + GAP_DELAY_S)
+                (Some(gap_m), seconds(inputs.now_us.saturating_sub(t_us)) + GAP_DELAY_S)
             }
             _ => (None, 0.0),
         };
@@ -260,9 +267,17 @@ impl<'t> Rig<'t> {
         // Where the shaft was when the gap was measured: the two belong together.
         let turned = shaft_rad - self.last_shaft_rad.replace(shaft_rad).unwrap_or(shaft_rad);
         let shaft_then_rad = shaft_rad - turned * age_s / TICK_S;
+        // Whoever asks for a move has the ends of the travel looked up: what the tick before saw does for this one, and for
+        // no more than one.
+        let asked = matches!(inputs.request, Some(Request::Move { .. }));
+        let seen_before = self.last_seen.take().filter(|_| asked);
         let observed = self.homed.map(|h| {
-            let mechanism = Mechanism { table: self.table, twist_scale: h.twist_scale };
-            (h, self.observer.step(&mechanism, shaft_then_rad - h.zero_rad, gap_m))
+            let seen = seen_before.unwrap_or_else(|| {
+                let mechanism = Mechanism { table: self.table, twist_scale: h.twist_scale };
+                let seen = self.observer.step(&mechanism, shaft_then_rad - h.zero_rad, gap_m);
+                *self.last_seen.insert(seen)
+            });
+            (h, seen)
         });
         if observed.is_some_and(|(_, o)| o.confidence != Confidence::Sure) {
             self.limit = Some(Limit::LoadUnknown);
@@ -346,6 +361,7 @@ impl<'t> Rig<'t> {
         self.homed = Some(homed);
         self.adaptation = Adaptation::new(homed.twist_scale);
         self.observer = LoadObserver::new(homed.load_n, homed.gap_offset_m, homed.friction_n);
+        self.last_seen = None;
         self.planner = Planner::at(-zero_m);
         self.shaft = Ramp::at(homed.zero_rad + core::f32::consts::PI);
         self.state = State::Ready;
@@ -366,7 +382,7 @@ impl<'t> Rig<'t> {
         self.state = State::Fault;
         self.shaft = Ramp::at(match (response(fault), self.checks.drive_counts(), self.drive_offset) {
             (Response::HoldByDrive, Some(drive), Some(offset)) => {
-                (drive + offset) as f32 / self.constants.counts_per_rad
+                angle_rad(drive + offset, self.constants.counts_per_rad)
             }
             _ => shaft_rad,
         });
@@ -375,13 +391,13 @@ impl<'t> Rig<'t> {
 
     fn request(
         &mut self,
-        request: Request,
+        request: &Request,
         inputs: &Inputs,
         lvdt: LvdtReading,
         shaft_rad: f32,
         events: &mut heapless::Vec<EventKind, 4>,
     ) -> Option<Result<Accepted, Refusal>> {
-        Some(match request {
+        Some(match *request {
             // The link answers these itself.
             Request::Hello { .. }
             | Request::Heartbeat
@@ -402,7 +418,7 @@ impl<'t> Rig<'t> {
             Request::Move { target_m, speed_m_per_s, load } => self.start_move(target_m, speed_m_per_s, load),
             // The firmware keeps them.
             Request::SetSetting { setting, value } => self.configure(&self.settings.with(setting, value)),
-            Request::SetSettings(values) => self.configure(&values),
+            Request::SetSettings(ref values) => self.configure(values),
         })
     }
 
@@ -523,9 +539,9 @@ impl<'t> Rig<'t> {
             return DriveCommand::Silence;
         }
         // On a leash: whatever else goes wrong, the drive is never sent far from where it says it is.
-        let leash = ((LEASH_RAD + LEASH_S * self.shaft.speed.abs()) * self.constants.counts_per_rad.abs()) as i64;
+        let leash = whole_counts((LEASH_RAD + LEASH_S * self.shaft.speed.abs()) * self.constants.counts_per_rad.abs());
         let here = i64::from(position_qc);
-        let position = (counts as i64 - offset).clamp(here - leash, here + leash);
+        let position = (whole_counts(counts) - offset).clamp(here - leash, here + leash);
         let position = position.clamp(i64::from(i32::MIN), i64::from(i32::MAX));
         // Room to catch up, not more: a wrong target must not be reached at full speed.
         let speed = (1.3 * self.shaft.speed.abs() + 1.0).min(self.constants.twist_speed_max());
@@ -548,7 +564,7 @@ impl<'t> Rig<'t> {
         inputs: &Inputs,
         gap_m: Option<f32>,
         shaft_rad: f32,
-        observed: Option<crate::observer::Observation>,
+        observed: Option<Observation>,
     ) -> Telemetry {
         let (drive_current_a, drive_speed_rad_per_s) = match inputs.drive {
             DriveReading::Reports { speed_rpm, current_ma, .. } => {
