@@ -96,8 +96,8 @@ fn ticks_stay_short() {
     }
 }
 
-/// What no scenario thinks of: requests of all kinds at any time, refused ones too, under loads that change. By a host
-/// that waits for its answers, as ours does.
+/// What no scenario thinks of: requests of all kinds at any time, refused ones too, under loads that change; now and then
+/// several at once by a host that does not wait for its answers.
 #[test]
 fn ticks_stay_short_whatever_is_asked() {
     let mut random = rand_pcg::Pcg64Mcg::seed_from_u64(5);
@@ -125,6 +125,12 @@ fn ticks_stay_short_whatever_is_asked() {
                     load,
                 },
             };
+            if random.random_bool(0.3) {
+                for _ in 0..random.random_range(1..8) {
+                    let (target_m, speed_m_per_s) = (random.random_range(0.0..0.02), random.random_range(0.0005..0.02));
+                    b.post(&Request::Move { target_m, speed_m_per_s, load });
+                }
+            }
             refused += u32::from(b.ask(&asked).is_err());
             wait_s =
                 if random.random_bool(0.3) { random.random_range(0.0..6.0) } else { random.random_range(0.0..0.6) };
