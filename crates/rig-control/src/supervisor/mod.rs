@@ -17,8 +17,9 @@ mod checks;
 mod configure;
 mod drive_checks;
 mod motion;
-mod raw;
+mod requests;
 pub mod response;
+mod told;
 
 use crate::adaptation::{Adaptation, Learned};
 use crate::forecast::Forecast;
@@ -28,12 +29,12 @@ use crate::observer::{Confidence, LoadObserver, Observation};
 use crate::planner::{Planner, Ramp};
 use crate::position_loop::PositionLoop;
 use crate::sensors::{DriveReading, GAP_DELAY_S, Lvdt, LvdtBlock, LvdtReading, SupplyReading};
-use crate::{RigConstants, TICK_S, TICK_US, angle_rad, seconds, whole_counts};
+use crate::{RigConstants, TICK_S, TICK_US, angle_rad, seconds};
 use checks::Checks;
-use response::{Response, needs_homing, response};
+use response::{Response, response};
 use rig_link::messages::{
-    Accepted, Counters, EventKind, Fault, HomingFailure, Limit, Refusal, Request, Sensor, Setting, SettingValues,
-    State, Telemetry,
+    Accepted, Counters, EventKind, Fault, HomingFailure, Limit, Refusal, Request, Setting, SettingValues, State,
+    Telemetry,
 };
 use tsa_table::Table;
 
@@ -169,9 +170,6 @@ const STANDING_TICKS: u16 = ticks(20);
 
 /// Longest silence of the host during a motion (µs).
 pub const HOST_SILENT_US: u64 = 400_000;
-/// How far from its reported position the drive may be sent (rad, and seconds of its speed): more than it lags when well.
-const LEASH_RAD: f32 = 1.0;
-const LEASH_S: f32 = 0.3;
 /// Greatest jog speed (rad/s).
 pub const JOG_SPEED_MAX: f32 = 4.0;
 /// Greatest speed that can be asked of the load (m/s); a setting may lower it.
@@ -389,39 +387,6 @@ impl<'t> Rig<'t> {
         let _ = events.push(EventKind::FaultRaised(fault));
     }
 
-    fn request(
-        &mut self,
-        request: &Request,
-        inputs: &Inputs,
-        lvdt: LvdtReading,
-        shaft_rad: f32,
-        events: &mut heapless::Vec<EventKind, 4>,
-    ) -> Option<Result<Accepted, Refusal>> {
-        Some(match *request {
-            // The link answers these itself.
-            Request::Hello { .. }
-            | Request::Heartbeat
-            | Request::Status
-            | Request::GetSettings
-            | Request::ReadSensors => {
-                return None;
-            }
-            Request::Stop | Request::Hold => {
-                self.stop(shaft_rad);
-                Ok(Accepted::Done)
-            }
-            Request::Clear => self.clear(inputs, lvdt, shaft_rad, events),
-            Request::Home => self.idle().and_then(|()| self.start_homing(lvdt, shaft_rad)),
-            Request::Jog { twist_speed_rad_per_s } => self.start_jog(twist_speed_rad_per_s, shaft_rad),
-            // The firmware makes it; it is used when nothing moves.
-            Request::Rebuild(_) => self.idle().map(|()| Accepted::Started),
-            Request::Move { target_m, speed_m_per_s, load } => self.start_move(target_m, speed_m_per_s, load),
-            // The firmware keeps them.
-            Request::SetSetting { setting, value } => self.configure(&self.settings.with(setting, value)),
-            Request::SetSettings(ref values) => self.configure(values),
-        })
-    }
-
     /// Takes another table, for which the rig must be homed anew. Not while anything moves: false, ask again later.
     pub fn use_table(&mut self, table: &'t Table<'t>) -> bool {
         if matches!(self.state, State::Moving | State::Homing) {
@@ -443,154 +408,6 @@ impl<'t> Rig<'t> {
     /// No tick for a while, on purpose: the next one is not late.
     pub fn pause(&mut self) {
         self.checks.pause();
-    }
-
-    /// Whether a new motion may begin from rest.
-    fn idle(&self) -> Result<(), Refusal> {
-        match self.state {
-            State::Unhomed | State::Ready | State::Holding => Ok(()),
-            State::Fault => Err(Refusal::InFault { fault: self.fault.unwrap_or(Fault::NotFinite) }),
-            State::EStop => Err(Refusal::EStop),
-            State::Boot => Err(Refusal::DriveNotReady),
-            state => Err(Refusal::Busy { state }),
-        }
-    }
-
-    fn start_homing(&mut self, lvdt: LvdtReading, shaft_rad: f32) -> Result<Accepted, Refusal> {
-        let LvdtReading::Valid { gap_m, .. } = lvdt else {
-            return Err(Refusal::SensorInvalid { sensor: Sensor::Lvdt });
-        };
-        self.homed = None;
-        self.homing.begin(shaft_rad, gap_m, self.settings.get(Setting::TwistScale));
-        self.state = State::Homing;
-        Ok(Accepted::Started)
-    }
-
-    fn clear(
-        &mut self,
-        inputs: &Inputs,
-        lvdt: LvdtReading,
-        shaft_rad: f32,
-        events: &mut heapless::Vec<EventKind, 4>,
-    ) -> Result<Accepted, Refusal> {
-        match self.state {
-            State::EStop if inputs.estop_open => return Err(Refusal::EStop),
-            State::EStop => self.restart(),
-            State::Fault => {
-                let fault = self.fault.unwrap_or(Fault::NotFinite);
-                if self.cause_remains(fault, inputs, lvdt) {
-                    return Err(Refusal::CauseRemains { fault });
-                }
-                self.fault = None;
-                if needs_homing(fault) || !self.matched {
-                    self.restart();
-                } else {
-                    let gap_m = lvdt.gap_m();
-                    let twist_rad = self.homed.map(|h| shaft_rad - h.zero_rad);
-                    self.checks = Checks::cleared(inputs, gap_m, twist_rad);
-                    if fault == Fault::ModelResidual {
-                        // The drive need not let go: its twist is good, but the gap no longer goes with it.
-                        self.homed = None;
-                        self.adaptation = Adaptation::new(1.0);
-                    }
-                    self.state = if self.homed.is_some() { State::Ready } else { State::Unhomed };
-                }
-                let _ = events.push(EventKind::FaultCleared(fault));
-            }
-            _ => {}
-        }
-        Ok(Accepted::Done)
-    }
-
-    fn cause_remains(&self, fault: Fault, inputs: &Inputs, lvdt: LvdtReading) -> bool {
-        match fault {
-            Fault::TableCorrupt => true,
-            Fault::CanBusOff => inputs.bus_off,
-            Fault::Supply => self.supply_is_off(inputs),
-            _ => lvdt == LvdtReading::Invalid(fault),
-        }
-    }
-
-    /// Begins again as after power-up, without moving.
-    fn restart(&mut self) {
-        self.fault = None;
-        self.homed = None;
-        self.drive_offset = None;
-        self.matched = false;
-        self.restart_drive = true;
-        self.awaiting_restart = true;
-        self.checks = Checks::new();
-        self.standing_ticks = 0;
-        self.state = State::Boot;
-    }
-
-    fn drive_command(&mut self, inputs: &Inputs) -> DriveCommand {
-        if core::mem::take(&mut self.restart_drive) {
-            return DriveCommand::Restart;
-        }
-        let (Some(offset), DriveReading::Reports { position_qc, .. }) = (self.drive_offset, inputs.drive) else {
-            return DriveCommand::Silence;
-        };
-        let lag_s = self.homed.map_or(0.0, |h| h.drive_lag_s);
-        let counts = (self.shaft.position + lag_s * self.shaft.speed) * self.constants.counts_per_rad;
-        let silent = self.fault.is_some_and(|fault| response(fault) == Response::Silence);
-        // A float to integer cast saturates; NaN would become 0, so it is caught before.
-        if !counts.is_finite() || silent || self.state == State::EStop {
-            return DriveCommand::Silence;
-        }
-        // On a leash: whatever else goes wrong, the drive is never sent far from where it says it is.
-        let leash = whole_counts((LEASH_RAD + LEASH_S * self.shaft.speed.abs()) * self.constants.counts_per_rad.abs());
-        let here = i64::from(position_qc);
-        let position = (whole_counts(counts) - offset).clamp(here - leash, here + leash);
-        let position = position.clamp(i64::from(i32::MIN), i64::from(i32::MAX));
-        // Room to catch up, not more: a wrong target must not be reached at full speed.
-        let speed = (1.3 * self.shaft.speed.abs() + 1.0).min(self.constants.twist_speed_max());
-        DriveCommand::Follow {
-            position_qc: position as i32,
-            speed_limit_rpm: self.constants.motor_rpm(speed),
-            current_limit_ma: self.constants.current_limit_ma,
-        }
-    }
-
-    /// Until the set-point is at its target (s): crossing friction, then the move. `None` in a move's first ticks.
-    fn time_left_s(&self) -> Option<f32> {
-        let run_s = self.forecast.as_ref()?.left_s()?;
-        let crossing = &self.position_loop.crossing;
-        if crossing.is_waiting() { crossing.left_s().map(|wait_s| wait_s + run_s) } else { Some(run_s) }
-    }
-
-    fn telemetry(
-        &self,
-        inputs: &Inputs,
-        gap_m: Option<f32>,
-        shaft_rad: f32,
-        observed: Option<Observation>,
-    ) -> Telemetry {
-        let (drive_current_a, drive_speed_rad_per_s) = match inputs.drive {
-            DriveReading::Reports { speed_rpm, current_ma, .. } => {
-                (f32::from(current_ma) * 1e-3, f32::from(speed_rpm) * (core::f32::consts::TAU / 60.0))
-            }
-            _ => (0.0, 0.0),
-        };
-        let controlled = matches!(self.state, State::Moving | State::Holding) && self.homed.is_some();
-        let planned = matches!(self.motion, Motion::Load { .. }) && controlled;
-        Telemetry {
-            t_us: inputs.now_us,
-            state: self.state,
-            fault: self.fault,
-            limit: self.limit,
-            target_m: planned.then(|| self.planner.target_m()),
-            setpoint_m: planned.then(|| self.planner.set_point_m()),
-            position_m: self.homed.zip(gap_m).map(|(h, gap)| h.reference_gap_m - gap),
-            twist_rad: self.homed.map(|h| shaft_rad - h.zero_rad),
-            load_n: observed.map(|_| self.observer.load_n()),
-            tr_rad_per_m: observed.map(|o| o.point.tr_rad_per_m()),
-            drive_current_a,
-            drive_speed_rad_per_s,
-            time_left_s: self.time_left_s().filter(|_| planned),
-            twist_scale: self.homed.map(|h| h.twist_scale),
-            counters: Counters { late_ticks: self.late_ticks, ..inputs.counters },
-        }
     }
 }
 
