@@ -4,7 +4,10 @@ use host_tests::compare::baseline::{Law, Loop};
 use host_tests::compare::plants::RandomPlant;
 use host_tests::compare::{Comparison, play};
 use host_tests::scenario::Scenario;
-use rigctl::chart::margin::{Controller, Hung};
+use rig_emulator::rig::drive::{POSITION_LOOP_PER_S, VELOCITY_LOOP_RAD_PER_S};
+use rig_emulator::rig::plant::STRUCTURAL_DAMPING_S;
+use rig_emulator::rig::settings::PlantSettings;
+use rigctl::chart::margin::{Controller, DAMPING, DRIVE_PER_S, Hung};
 use rigctl::script::Script;
 use tsa_model::{Mechanism, twist_from_turns};
 
@@ -13,6 +16,13 @@ const RATIO: f64 = 2757.0;
 const CORNER: f64 = 24.0;
 /// Where it ends (m).
 const TARGET_M: f64 = 12e-3;
+
+/// The tool must not link the emulator, so it has its constants a second time.
+#[test]
+fn the_linear_rig_is_the_emulated_one() {
+    assert_eq!(DRIVE_PER_S, [POSITION_LOOP_PER_S, VELOCITY_LOOP_RAD_PER_S]);
+    assert_eq!(DAMPING, [PlantSettings::default().damping_n_s_per_m, STRUCTURAL_DAMPING_S]);
+}
 
 /// As the table's, but for what the wire and the sensor add.
 fn nominal() -> RandomPlant {

@@ -36,9 +36,9 @@ const ASIN_V: f64 = 5.0;
 pub const LEAST_SUPPLY_V: f64 = 10.0;
 
 /// Crossover of the velocity loop, rad/s. Assumed.
-const VELOCITY_LOOP_RAD_PER_S: f64 = 150.0;
+pub const VELOCITY_LOOP_RAD_PER_S: f64 = 150.0;
 /// Gain of the position loop, 1/s. Assumed.
-const POSITION_LOOP_PER_S: f64 = 20.0;
+pub const POSITION_LOOP_PER_S: f64 = 20.0;
 /// Ends within one count of the last tick count as standing still.
 const STANDING_COUNTS: i64 = 1;
 

@@ -7,20 +7,19 @@
 //! The rig: `m p'' = −k (p − θ/TR) − (c + β k) p'` for the load's position p, and a drive that follows its target with
 //! the two lags assumed in hardware.md (emulated, not measured). Friction is left out: it only damps.
 
+use crate::units::STANDARD_GRAVITY;
 use nalgebra::{DMatrix, DVector};
 use rig_control::position_loop::{BANDWIDTH_PER_S, CORNER_RAD_PER_S};
 use tsa_model::{Mechanism, SolveError};
 
 /// Gain of the drive's position loop and crossover of its velocity loop (1/s), as the emulated drive has them. Assumed.
-const DRIVE_PER_S: [f64; 2] = [20.0, 150.0];
+pub const DRIVE_PER_S: [f64; 2] = [20.0, 150.0];
 /// Lead that the firmware gives the drive (s).
 const LEAD_S: f64 = 0.05;
 /// Age of the averaged LVDT block when it is used (s).
 const AGE_S: f64 = 0.006;
 /// Viscous damping of the rail (N s/m) and of string and rods (s of stiffness), as the emulated plant has them. Assumed.
-const DAMPING: [f64; 2] = [1.0, 2e-3];
-/// Standard gravity (m/s²).
-const GRAVITY: f64 = 9.80665;
+pub const DAMPING: [f64; 2] = [1.0, 2e-3];
 
 /// The loop as it is run.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -76,7 +75,7 @@ impl Hung {
         Ok(Self {
             tr_rad_per_m: e.tr_rad_per_m(),
             stiffness_n_per_m: 1.0 / e.dgap_dload_m_per_n,
-            mass_kg: load_n / GRAVITY,
+            mass_kg: load_n / STANDARD_GRAVITY,
         })
     }
 
