@@ -92,18 +92,12 @@ fn built(
 
 /// Lints the firmware; a toolchain without clippy still lets no warning through.
 pub fn lint(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
+    // In the image's own profile: the build scripts behind it are then built once.
+    let what = ["--package", PACKAGE, "--profile", "firmware", "--features", "cost"];
     if toolchain.has_clippy() {
-        return run(toolchain.cargo(folders, "clippy").args([
-            "--package",
-            PACKAGE,
-            "--features",
-            "cost",
-            "--",
-            "-D",
-            "warnings",
-        ]));
+        return run(toolchain.cargo(folders, "clippy").args(what).args(["--", "-D", "warnings"]));
     }
     // Added to the linker arguments of .cargo/config.toml, which RUSTFLAGS would replace.
     let deny = format!("target.{TARGET}.rustflags=[\"-Dwarnings\"]");
-    run(toolchain.cargo(folders, "check").args(["--package", PACKAGE, "--features", "cost", "--config", &deny]))
+    run(toolchain.cargo(folders, "check").args(what).args(["--config", &deny]))
 }
