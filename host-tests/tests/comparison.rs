@@ -2,7 +2,8 @@
 
 use host_tests::compare::baseline::{Law, Loop, PAPER_SPEED};
 use host_tests::compare::plants::RandomPlant;
-use host_tests::compare::score::Summary;
+use host_tests::compare::play;
+use host_tests::compare::score::{Score, Summary};
 use host_tests::compare::{Comparison, Controller, Entry, untuned};
 use host_tests::scenario;
 
@@ -61,6 +62,17 @@ fn this_controller_beats_what_is_usual() {
         let (steady, steps, _) = against("d", law);
         assert!(steady > at_least && steps > 1.5, "{law:?}: {steady} and {steps}");
     }
+}
+
+/// The plant of the fifty whose friction and stiff rods, both unknown, make a light load's friction band look too wide.
+#[test]
+fn a_light_load_is_crept_up_to_not_pushed() {
+    let light = &scenario::comparison().unwrap()[0];
+    let played = play::firmware(light, &RandomPlant::new(26));
+    assert_eq!((played.failure, played.records.len()), (None, light.moves.len()));
+    let steady = played.records.iter().filter(|r| !r.changed).map(|r| Score::new(r).max_m);
+    let most_m = steady.fold(0.0, f64::max);
+    assert!(most_m < 0.2e-3, "{:.0} um", most_m * 1e6);
 }
 
 #[test]

@@ -13,6 +13,8 @@ use crate::planner::{Ramp, SetPoint};
 /// Share of the way that is turned ahead, as a move begins and at rest: what friction is wrong by must not push the load,
 /// least of all back and forth about its target.
 const SHARE: [f32; 2] = [0.95, 0.8];
+/// Share of that under a light load, whose band is known to a sixth only: the rest is crept.
+const LIGHT_SHARE: f32 = 0.92;
 /// Set-point speed (m/s) that is a move and not the last rounding of one.
 const MOVING_M_PER_S: f32 = 8e-6;
 /// Smoothed error (m) at rest that friction must be crossed for.
@@ -187,7 +189,8 @@ impl Crossing {
         let band_m = 2.0 * friction_n * end.dgap_dload_m_per_n.max(seen.point.dgap_dload_m_per_n);
         let tr = end.tr_rad_per_m();
         let light = friction_n > CREEP_FRICTION * seen.load_n;
-        self.watch.creep_left_rad = if light { tr * (CREEP_M + CREEP_BAND * band_m) } else { 0.0 };
+        let (share, creep_m) = if light { (share * LIGHT_SHARE, CREEP_M + CREEP_BAND * band_m) } else { (share, 0.0) };
+        self.watch.creep_left_rad = tr * creep_m;
         // Against the move it may only be stopped: there the pull is already past the end of the band.
         if direction * (seen.load_n + direction * friction_n - seen.pull_n) > 0.0 {
             let missing_m = (end.gap_m - seen.modelled_gap_m) * direction;
