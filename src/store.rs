@@ -2,6 +2,7 @@
 //! table. `sequential-storage` makes it power-fail safe and checks every record.
 
 use crate::shared;
+use core::ops::Range;
 use core::sync::atomic::Ordering;
 use embassy_embedded_hal::adapter::BlockingAsync;
 use embassy_stm32::Peri;
@@ -28,6 +29,9 @@ type Places = Cache<ArrayPageStates<SECTORS>, ArrayPagePointers<SECTORS>, ArrayK
 
 type Map = MapStorage<u8, Sectors, Places>;
 
+/// Sectors 1 to 3, from the start of flash; memory.x leaves them free.
+const PLACE: Range<u32> = 0x4000..0x1_0000;
+const SECTOR: u32 = 0x4000;
 const SECTORS: usize = 3;
 /// Keys that there are.
 const KEYS: usize = 3;
@@ -49,22 +53,51 @@ pub struct Store {
     /// Nothing only while it is made anew.
     map: Option<Map>,
     buffer: [u8; RECORD],
+    foreign: bool,
 }
 
 /// Flash is damaged past the map's own repair.
 pub struct Unreadable;
 
-/// On the board's sectors 1 to 3; memory.x leaves them free.
 fn map(sectors: Sectors) -> Map {
     let places = Cache::new(ArrayPageStates::new(), ArrayPagePointers::new(), ArrayKeyPointers::new());
-    MapStorage::new(sectors, const { MapConfig::new(0x4000..0x1_0000) }, places)
+    MapStorage::new(sectors, const { MapConfig::new(PLACE) }, places)
+}
+
+/// Whether a sector holds what this store never wrote: another program's, or half of what was erased when power failed.
+/// The map takes such a sector for an empty one.
+fn is_foreign(region: &mut Bank1Region1<'static, Blocking>) -> bool {
+    let mut part = [0; 256];
+    PLACE.step_by(SECTOR as usize).any(|sector| {
+        for place in (sector..sector + SECTOR).step_by(part.len()) {
+            // What cannot be read is nothing of ours either.
+            if region.blocking_read(place, &mut part).is_err() {
+                return true;
+            }
+            // The map's mark, a bit or two of which may have been lost.
+            let marked = part[..4].iter().map(|byte| byte.count_ones()).sum::<u32>() <= 2;
+            if place == sector && marked {
+                return false;
+            }
+            if part.iter().any(|byte| *byte != 0xFF) {
+                return true;
+            }
+        }
+        false
+    })
 }
 
 impl Store {
     /// On the board's flash.
     pub fn new(flash: Peri<'static, FLASH>) -> Self {
-        let region = Flash::new_blocking(flash).into_blocking_regions().bank1_region1;
-        Self { map: Some(map(BlockingAsync::new(region))), buffer: [0; RECORD] }
+        let mut region = Flash::new_blocking(flash).into_blocking_regions().bank1_region1;
+        let foreign = is_foreign(&mut region);
+        Self { map: Some(map(BlockingAsync::new(region))), buffer: [0; RECORD], foreign }
+    }
+
+    /// Whether there was something else than this store where it is, when the board started.
+    pub fn was_foreign(&self) -> bool {
+        self.foreign
     }
 
     /// The newest whole record, if there is one.

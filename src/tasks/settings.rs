@@ -29,10 +29,14 @@ pub async fn kept(store: &mut Store) -> u32 {
         Ok(record) => copy(store, store::SETTINGS_WITNESS, &mut witness).await.map(|witness| (record, witness)),
         Err(unreadable) => Err(unreadable),
     };
-    let loaded = match found {
+    let mut loaded = match found {
         Ok((record, witness)) => settings::read(record, witness, &RIG),
         Err(Unreadable) => Loaded { kept: Kept::Damaged, ..settings::read(None, None, &RIG) },
     };
+    // There may have been a calibration before whatever is there now.
+    if loaded.kept == Kept::Nothing && store.was_foreign() {
+        loaded.kept = Kept::Damaged;
+    }
     if loaded.kept == Kept::Damaged {
         defmt::warn!("the settings in flash are damaged, or for another rig: defaults are used");
         shared::SETTINGS_CORRUPT.store(true, Ordering::Relaxed);

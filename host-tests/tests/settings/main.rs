@@ -215,6 +215,30 @@ fn a_flipped_bit_is_told_and_never_believed() {
     assert!(told > harmless && harmless > 0);
 }
 
+/// Another program in the place of the settings, or noise: there may have been a calibration under it.
+#[test]
+fn what_nobody_kept_there_is_told_and_not_taken_for_nothing() {
+    let empty = Bench::new(&[], 1).machine.flash_image();
+    for filled in [0x4000..0x1_0000, 0x8000..0xC000, 0xFFFF..0x1_0000] {
+        let mut image = empty.clone();
+        let mut random = 0x2545_f491_u32;
+        for byte in &mut image[filled.clone()] {
+            random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            *byte = (random >> 24) as u8;
+        }
+        let (report, fault) = boot(&image);
+        assert_eq!((report.kept, report.values), (Kept::Damaged, report.defaults), "{filled:?}");
+        assert_eq!(fault, Some(Fault::SettingsCorrupt), "{filled:?}");
+    }
+    // Not once they have been set.
+    let mut b = standing(&[], 1);
+    b.set(&set(Setting::SpeedMax, 0.003)).unwrap();
+    let mut image = b.machine.flash_image();
+    image[0xC000..0x1_0000].fill(0x5A);
+    let (report, fault) = boot(&image);
+    assert_eq!((report.kept, report.values.get(Setting::SpeedMax), fault), (Kept::These, 0.003, None));
+}
+
 #[test]
 fn after_damage_nothing_moves_until_it_is_cleared_or_set_anew() {
     let mut b = standing(&[], 5);
