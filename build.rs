@@ -21,6 +21,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut source = tsa_table::emit::rust_source(&fit);
     source.push_str(&constants(&scene.rig));
     source.push_str(&demand(&scene, &fit)?);
+    source.push_str(&hashes(&scene));
     fs::write(out.join("scene.rs"), source)?;
     if env::var_os("CARGO_FEATURE_COST").is_some() {
         fs::write(out.join("peers.rs"), peers(&scene, &fit)?)?;
@@ -76,6 +77,18 @@ fn constants(rig: &Rig) -> String {
             DriveTransport::Can => "Can",
             DriveTransport::Uart => "Uart",
         },
+    )
+}
+
+/// What the host compares its scene with.
+fn hashes(scene: &Scene) -> String {
+    format!(
+        "/// Hash of the scene's `[rig]`.\n\
+         pub const RIG_HASH: u32 = {:#010x};\n\
+         /// Hash of the scene's `[envelope]` and `[accuracy]`.\n\
+         pub const DEMAND_HASH: u32 = {:#010x};\n",
+        scene.rig_hash(),
+        scene.demand_hash()
     )
 }
 

@@ -120,6 +120,8 @@ fn identity(start: &Start) -> Identity {
         git: text(env!("TSA_GIT")),
         protocol_hash: PROTOCOL_HASH,
         scene_hash: m.scene_hash,
+        rig_hash: crate::scene::RIG_HASH,
+        demand_hash: crate::scene::DEMAND_HASH,
         table: TableIdentity {
             form: text(table.form.name()),
             bytes: table.form.bytes() as u16,

@@ -240,6 +240,10 @@ pub struct Identity {
     pub protocol_hash: u32,
     /// Hash of the scene that the table was fitted to.
     pub scene_hash: u32,
+    /// Hash of the `[rig]` that was built in: gear, encoder, motor, drive, LVDT.
+    pub rig_hash: u32,
+    /// Hash of the `[envelope]` and `[accuracy]` that were built in.
+    pub demand_hash: u32,
     /// The embedded table.
     pub table: TableIdentity,
     /// Why the board last started.

@@ -167,6 +167,8 @@ fn longest_identity() -> Identity {
         git: text(&"f".repeat(24)),
         protocol_hash: u32::MAX,
         scene_hash: u32::MAX,
+        rig_hash: u32::MAX,
+        demand_hash: u32::MAX,
         table: TableIdentity {
             form: text(&"x".repeat(32)),
             bytes: u16::MAX,

@@ -53,8 +53,8 @@ pub fn decimal(value: f32) -> f64 {
 pub fn to_toml(report: &SettingsReport, identity: &Identity) -> String {
     let mut text = format!(
         "# Settings of a board, written by `rigctl config backup`. SI units; text with a unit, as \"1.2mm\", is read too.\n\
-         [board]\nfirmware = \"{} ({})\"\nscene_hash = \"{:08x}\"\nprotocol_hash = \"{:08x}\"\n\n[settings]\n",
-        identity.version, identity.git, identity.scene_hash, identity.protocol_hash
+         [board]\nfirmware = \"{} ({})\"\nscene_hash = \"{:08x}\"\nrig_hash = \"{:08x}\"\nprotocol_hash = \"{:08x}\"\n\n[settings]\n",
+        identity.version, identity.git, identity.scene_hash, identity.rig_hash, identity.protocol_hash
     );
     for (setting, value) in report.values.iter() {
         let unit = setting.spec().unit;
@@ -68,8 +68,8 @@ pub fn to_toml(report: &SettingsReport, identity: &Identity) -> String {
 /// A backup as read.
 #[derive(Debug, PartialEq)]
 pub struct Backup {
-    /// Hash of the scene that the board was built for, if the file tells.
-    pub scene_hash: Option<u32>,
+    /// Hash of the `[rig]` that the board was built for, if the file tells.
+    pub rig_hash: Option<u32>,
     /// The board's protocol hash, if the file tells.
     pub protocol_hash: Option<u32>,
     /// Every setting; those that the file does not have are the defaults.
@@ -79,18 +79,18 @@ pub struct Backup {
 }
 
 impl Backup {
-    /// Itself, if it is for a board of this scene; says on standard error what else is worth knowing of `file`.
+    /// Itself, if it is for a board with this `[rig]`; says on standard error what else is worth knowing of `file`.
     ///
     /// # Errors
-    /// Naming both scenes, unless it is to be taken all the same (`force`).
-    pub fn of_scene(self, ours: u32, file: &Path, force: bool) -> Result<Self, Failure> {
+    /// Naming both, unless it is to be taken all the same (`force`).
+    pub fn of_rig(self, ours: u32, file: &Path, force: bool) -> Result<Self, Failure> {
         let name = file.display();
-        if let (Some(theirs), false) = (self.scene_hash, force)
+        if let (Some(theirs), false) = (self.rig_hash, force)
             && theirs != ours
         {
             return Err(Failure::failed(format!(
-                "{name}: written for scene {theirs:08x}, this is {ours:08x}: with other LVDT or gear numbers these settings \
-                 are wrong. `config restore --force` takes them all the same"
+                "{name}: written for a [rig] of hash {theirs:08x}, this is {ours:08x}: with other LVDT or gear numbers these \
+                 settings are wrong. `config restore --force` takes them all the same"
             )));
         }
         if self.protocol_hash.is_some_and(|theirs| theirs != PROTOCOL_HASH) {
@@ -117,7 +117,7 @@ pub fn load(file: &Path, defaults: &SettingValues) -> Result<Backup, Failure> {
     let log = Log::parse(&text).map_err(|e| in_file(e.to_string()))?;
     let (values, missing) = log.settings(defaults).map_err(in_file)?;
     let hash = |key: &str| log.header.get(key).and_then(|text| u32::from_str_radix(text, 16).ok());
-    Ok(Backup { scene_hash: hash("scene_hash"), protocol_hash: hash("protocol_hash"), values, missing })
+    Ok(Backup { rig_hash: hash("rig_hash"), protocol_hash: hash("protocol_hash"), values, missing })
 }
 
 fn hash(board: &Table, key: &str, wrong: &mut Vec<String>) -> Option<u32> {
@@ -165,13 +165,12 @@ pub fn from_toml(text: &str, defaults: &SettingValues) -> Result<Backup, String>
             Err(message) => wrong.push(message),
         }
     }
-    let (scene_hash, protocol_hash) =
-        (hash(&board, "scene_hash", &mut wrong), hash(&board, "protocol_hash", &mut wrong));
+    let (rig_hash, protocol_hash) = (hash(&board, "rig_hash", &mut wrong), hash(&board, "protocol_hash", &mut wrong));
     if !wrong.is_empty() {
         return Err(wrong.join("; "));
     }
     let missing = Setting::ALL.iter().copied().filter(|setting| !settings.contains_key(setting.name())).collect();
-    Ok(Backup { scene_hash, protocol_hash, values, missing })
+    Ok(Backup { rig_hash, protocol_hash, values, missing })
 }
 
 #[cfg(test)]
@@ -189,6 +188,8 @@ mod tests {
             git: "abcdef".parse().expect("fits"),
             protocol_hash: 0xabcd,
             scene_hash: 0x1234_5678,
+            rig_hash: 0x2345_6789,
+            demand_hash: 0,
             table: TableIdentity {
                 form: Default::default(),
                 bytes: 0,
@@ -217,7 +218,7 @@ mod tests {
         let report = SettingsReport { values, defaults: defaults(), kept: Kept::These };
         let text = to_toml(&report, &identity());
         let backup = from_toml(&text, &defaults()).unwrap_or_else(|e| panic!("{e}\n{text}"));
-        let wanted = Backup { scene_hash: Some(0x1234_5678), protocol_hash: Some(0xabcd), values, missing: Vec::new() };
+        let wanted = Backup { rig_hash: Some(0x2345_6789), protocol_hash: Some(0xabcd), values, missing: Vec::new() };
         assert_eq!(backup, wanted, "{text}");
     }
 
@@ -239,7 +240,7 @@ mod tests {
             ("[settings]\nlvdt-gain = 3.0\ntwist-sign = 0", &["lvdt-gain is 3, allowed are 0.8", "-1 or 1"]),
             ("[settings]\nlvdt-gain = nan", &["lvdt-gain is not a finite number"]),
             ("[settings]\ncurrent-limit = 0.6", &["current-limit is 0.6 A", "to 0.5 A"]),
-            ("[board]\nscene_hash = 12\n[settings]\n", &["board.scene_hash"]),
+            ("[board]\nrig_hash = 12\n[settings]\n", &["board.rig_hash"]),
             ("[sttings]\n[settings]\n", &["sttings"]),
             ("[settings", &["settings"]),
         ] {

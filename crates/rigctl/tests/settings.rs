@@ -105,9 +105,9 @@ fn a_backup_brings_a_new_board_to_the_same_settings() {
     let restored = &on(&other, &["config", "restore", path])[0];
     assert_eq!((&restored["changed"], &restored["kept"]), (&2.into(), &true.into()), "{text}");
     assert_eq!(on(&flash, &["config", "get"]), on(&other, &["config", "get"]));
-    // Of another scene: only when told to. What a file does not have becomes the default, and is named.
-    let hash = text.lines().find(|line| line.starts_with("scene_hash")).expect("a hash");
-    let foreign = text.replace(hash, "scene_hash = \"00000001\"").replace("twist-sign = -1.0\n", "");
+    // For another rig: only when told to. What a file does not have becomes the default, and is named.
+    let hash = text.lines().find(|line| line.starts_with("rig_hash")).expect("a hash");
+    let foreign = text.replace(hash, "rig_hash = \"00000001\"").replace("twist-sign = -1.0\n", "");
     std::fs::write(&file, foreign).expect("a file");
     let (code, error) = fails(&other, &["config", "restore", path]);
     assert!(code == Some(1) && error.contains("00000001") && error.contains("--force"), "{error}");

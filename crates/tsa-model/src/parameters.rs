@@ -20,6 +20,9 @@ pub struct Geometry {
     pub rod_radius_m: f64,
 }
 
+/// Longest string (m) that is still a rig: beyond it single precision has no micrometres.
+const LONGEST_M: f64 = 10.0;
+
 impl Geometry {
     /// Checks signs and that the parts fit together.
     pub fn validate(&self) -> Result<(), ParameterError> {
@@ -28,6 +31,10 @@ impl Geometry {
             ("geometry.rod_span_m", self.rod_span_m),
             ("geometry.rod_radius_m", self.rod_radius_m),
         ])?;
+        let (parameter, value) = ("geometry.string_length_m", self.string_length_m);
+        if value > LONGEST_M {
+            return Err(ParameterError { parameter, value, reason: "must be at most 10 m" });
+        }
         let (parameter, value) = ("geometry.clamp_width_m", self.clamp_width_m);
         if !(value >= 0.0 && value <= self.rod_span_m) {
             return Err(ParameterError { parameter, value, reason: "must be from 0 to geometry.rod_span_m" });

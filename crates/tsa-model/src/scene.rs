@@ -16,22 +16,25 @@ use std::path::{Path, PathBuf};
 /// Why a scene file was refused. Each names the key, or the line of the file.
 #[derive(Debug, thiserror::Error)]
 pub enum SceneError {
-    /// The file could not be read.
+    /// Any of the others, in a file.
     #[error("scene file {path}: {source}")]
-    Read {
+    InFile {
         /// The file.
         path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
+        /// What is wrong with it.
+        source: Box<SceneError>,
     },
+    /// The file could not be read.
+    #[error(transparent)]
+    Read(#[from] std::io::Error),
     /// Not TOML, or a key is missing, misspelt or of the wrong type.
-    #[error("scene file: {0}")]
+    #[error(transparent)]
     Parse(#[from] toml::de::Error),
     /// A value that cannot describe a real rig.
-    #[error("scene file: {0}")]
+    #[error(transparent)]
     Value(#[from] ParameterError),
     /// A table was asked for, but the scene does not say what it must cover.
-    #[error("scene file: [{table}] is missing, which a table needs")]
+    #[error("scene: [{table}] is missing, which a table needs")]
     Missing {
         /// `envelope` or `accuracy`.
         table: &'static str,
@@ -264,9 +267,8 @@ impl Scene {
     /// [`SceneError`] naming the file or the key.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, SceneError> {
         let path = path.as_ref();
-        let text =
-            std::fs::read_to_string(path).map_err(|source| SceneError::Read { path: path.to_path_buf(), source })?;
-        Self::from_toml_str(&text)
+        let read = || Self::from_toml_str(&std::fs::read_to_string(path)?);
+        read().map_err(|source| SceneError::InFile { path: path.to_path_buf(), source: Box::new(source) })
     }
 
     /// Checks every value.
@@ -328,10 +330,29 @@ impl Scene {
 
     /// CRC-32 of the scene's canonical form: the same for files that differ only in comments, order or defaults.
     pub fn hash(&self) -> u32 {
-        // Serialising plain numbers into a string cannot fail; an empty text would still be a valid hash input.
-        let text = toml::to_string(self).unwrap_or_default();
-        crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(text.as_bytes())
+        hash(self)
     }
+
+    /// The same of `[rig]` alone, which a table does not depend on and a board has built in.
+    pub fn rig_hash(&self) -> u32 {
+        hash(&self.rig)
+    }
+
+    /// The same of `[envelope]` and `[accuracy]` alone: what any table of a board has to cover.
+    pub fn demand_hash(&self) -> u32 {
+        #[derive(Serialize)]
+        struct Demand {
+            envelope: Option<Envelope>,
+            accuracy: Option<Accuracy>,
+        }
+        hash(&Demand { envelope: self.envelope, accuracy: self.accuracy })
+    }
+}
+
+fn hash(value: &impl Serialize) -> u32 {
+    // Serialising plain numbers into a string cannot fail; an empty text would still be a valid hash input.
+    let text = toml::to_string(value).unwrap_or_default();
+    crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(text.as_bytes())
 }
 
 impl Envelope {

@@ -1,6 +1,6 @@
 //! Options of the commands that have many.
 
-use super::values::{gap, load, methods, radius_law, tiers, tolerance, turns, twist_speed};
+use super::values::{gap, load, methods, radius_law, seconds, tiers, tolerance, turns, twist_speed};
 use crate::commands::calibrate::Point;
 use crate::settings;
 use clap::{Args, Subcommand};
@@ -36,7 +36,7 @@ pub enum Config {
         /// File to read: of `config backup`, or a log of `record` or `sweep`, whose head holds them too
         #[arg(value_name = "FILE")]
         file: PathBuf,
-        /// Even if it was written for another scene
+        /// Even if it was written for another [rig]
         #[arg(long)]
         force: bool,
     },
@@ -65,8 +65,9 @@ pub struct Record {
     /// File to write [default: standard output]
     #[arg(long, value_name = "FILE.csv")]
     pub out: Option<PathBuf>,
-    /// How long without a script (s)
-    #[arg(long, value_name = "S", default_value_t = 10.0, conflicts_with = "script")]
+    /// How long without a script
+    #[arg(long, value_name = "S", default_value = "10s", allow_hyphen_values = true, value_parser = seconds,
+        conflicts_with = "script")]
     pub seconds: f64,
     /// Play this script meanwhile, so that something happens (format as for `sim` and `play`)
     #[arg(long, value_name = "FILE")]
@@ -121,6 +122,9 @@ pub struct Identify {
     /// Radius law to fit with, instead of the scene's
     #[arg(long, value_parser = radius_law, value_name = "length-ratio|twist-power")]
     pub law: Option<RadiusLaw>,
+    /// Also logs of sweeps that were cut short or broken off
+    #[arg(long)]
+    pub partial: bool,
     /// What is only predicted: of sweeps every so many rows [default: 5], of published numbers their ids or kinds
     /// [default: l0-70,r0-2.5,k-0.01,experiment,span]; `none` fits everything
     #[arg(long, value_name = "WHAT", value_delimiter = ',')]

@@ -123,7 +123,7 @@ fn lvdt(global: &Global, gap: Option<f64>, other: Option<Point>, output: &mut Ou
             sensor_m
         ))?;
     }
-    hints(&session, unhomed, output)
+    hints(global, &session, unhomed, output)
 }
 
 fn position(session: &mut Session) -> Result<f64, Failure> {

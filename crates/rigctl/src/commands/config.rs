@@ -1,9 +1,9 @@
 //! `config`: the board's settings, one by one or all in a file.
 
-use super::operate::connect;
+use super::operate::{connect, is_sim, meet};
 use crate::cli::{Config, Global};
 use crate::failure::Failure;
-use crate::output::Output;
+use crate::output::{OutFile, Output};
 use crate::session::Session;
 use crate::settings::{self, decimal, to_toml};
 use rig_link::{Fault, Kept, Request, Setting, SettingValues, SettingsReport};
@@ -19,9 +19,9 @@ const LEARNED: &str = "learned";
 /// The board's refusal in words, or what is wrong with the value or the file.
 pub fn run(global: &Global, what: &Config, output: &mut Output) -> Result<(), Failure> {
     match what {
-        Config::Get { name } => get(&mut connect(global)?, *name, output),
+        Config::Get { name } => get(&mut meet(global)?, *name, output),
         Config::Set { name, value } => set(global, *name, value, output),
-        Config::Backup { file } => backup(&mut connect(global)?, file, output),
+        Config::Backup { file } => backup(&mut meet(global)?, file, output),
         Config::Restore { file, force } => restore(global, file, *force, output),
     }
 }
@@ -105,11 +105,14 @@ fn set(global: &Global, setting: Setting, text: &str, output: &mut Output) -> Re
         "before": decimal(before),
         "kept": true, "unhomed": unhomed}))?;
     output.line(format!("{setting}: {} -> {}, kept in flash", setting.show(before), setting.show(value)))?;
-    hints(&session, unhomed, output)
+    hints(global, &session, unhomed, output)
 }
 
 /// What the operator has to do next.
-pub fn hints(session: &Session, unhomed: bool, output: &mut Output) -> Result<(), Failure> {
+pub fn hints(global: &Global, session: &Session, unhomed: bool, output: &mut Output) -> Result<(), Failure> {
+    if is_sim(global) && global.flash.is_none() {
+        output.line("nothing of this lasts: without --flash FILE each call has a new emulated board")?;
+    }
     if unhomed {
         output.line("the position is not known any more: `rigctl home` before the next move")?;
     }
@@ -126,7 +129,7 @@ fn backup(session: &mut Session, file: &Path, output: &mut Output) -> Result<(),
     }
     let identity = session.identity().ok_or_else(|| Failure::failed("the board did not say who it is"))?;
     let text = to_toml(&report, identity);
-    std::fs::write(file, text).map_err(|e| Failure::failed(format!("cannot write {}: {e}", file.display())))?;
+    OutFile::new(file)?.write(&text)?;
     output.object(&json!({"file": file, "settings": all(&report.values)}))?;
     output.line(format!("{} settings written to {}", Setting::ALL.len(), file.display()))?;
     Ok(())
@@ -138,12 +141,12 @@ fn restore(global: &Global, file: &Path, force: bool, output: &mut Output) -> Re
     let mut session = connect(global)?;
     session.wait_started()?;
     let report = session.settings()?;
-    let scene_hash = session.identity().map_or(0, |id| id.scene_hash);
-    let backup = settings::load(file, &report.defaults)?.of_scene(scene_hash, file, force)?;
+    let rig_hash = session.identity().map_or(0, |id| id.rig_hash);
+    let backup = settings::load(file, &report.defaults)?.of_rig(rig_hash, file, force)?;
     let unhomed = session.set(&Request::SetSettings(backup.values))?;
     let changed = report.values.iter().filter(|(s, value)| *value != backup.values.get(*s)).count();
     output.object(&json!({"file": file, "settings": all(&backup.values), "changed": changed, "kept": true,
         "unhomed": unhomed}))?;
     output.line(format!("{} settings restored, {changed} of them changed; kept in flash", Setting::ALL.len()))?;
-    hints(&session, unhomed, output)
+    hints(global, &session, unhomed, output)
 }

@@ -158,6 +158,12 @@ fn board(id: &Identity, scene: &Scene) -> Result<Vec<Check>, Failure> {
             "name the board's scene with --scene, or `table --board`, or build and flash for this one",
         ),
         check(
+            "rig",
+            id.rig_hash == scene.rig_hash() && id.demand_hash == scene.demand_hash(),
+            format!("built with [rig] {:08x}, --scene has {:08x}", id.rig_hash, scene.rig_hash()),
+            "the scene's [rig], [envelope] or [accuracy] is not what this firmware was built with: build and flash",
+        ),
+        check(
             "table",
             accurate && covers,
             format!(
@@ -319,7 +325,7 @@ fn supply(last: &Telemetry, scene: &Scene, sensors: &Sensors) -> Check {
     let seen = match (scene.rig.supply_divider, sensors.supply_v) {
         (Some(_), Some(volts)) => format!("{volts:.1} V, allowed {least:.1} to {most:.1} V"),
         (Some(_), None) => "not reported yet".to_owned(),
-        (None, _) => "not wired (the scene has no supply_divider), so not watched".to_owned(),
+        (None, _) => "not wired by this scene (no supply_divider), so not watched".to_owned(),
     };
     check("supply", last.fault != Some(Fault::Supply), seen, "the drive's supply and its cable, then `clear`")
 }

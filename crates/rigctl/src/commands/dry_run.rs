@@ -40,7 +40,7 @@ pub fn run(
     let as_built = constants(&scene);
     let defaults = rig_settings::defaults(&as_built);
     let values = match kept {
-        Some(file) => settings::load(file, &defaults)?.of_scene(scene.hash(), file, false)?.values,
+        Some(file) => settings::load(file, &defaults)?.of_rig(scene.rig_hash(), file, false)?.values,
         None => defaults,
     };
     let rig = rig_settings::apply(&values, &as_built);

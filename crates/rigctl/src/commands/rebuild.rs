@@ -32,6 +32,18 @@ pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
     let scene = scene(global)?;
     // The board may be built for other constants: that is what this is for.
     let mut session = meet(global)?;
+    let id = session.identity().ok_or_else(|| Failure::failed("the board did not say who it is"))?;
+    for (theirs, ours, what) in
+        [(id.rig_hash, scene.rig_hash(), "[rig]"), (id.demand_hash, scene.demand_hash(), "[envelope] or [accuracy]")]
+    {
+        if theirs != ours {
+            return Err(Failure::failed(format!(
+                "{}: {what} is not what the board was built with, and only [geometry], [string] and [material] can be sent: \
+                 build and flash for this scene",
+                global.scene.display()
+            )));
+        }
+    }
     session.wait_ready()?;
     session.request(&Request::Rebuild(constants(&scene)))?;
     let end_s = session.now_s() + WAIT_S;

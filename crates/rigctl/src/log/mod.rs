@@ -67,6 +67,7 @@ impl Header {
         }
         header.add("firmware", &board.version);
         header.add("git", &board.git);
+        header.add("rig_hash", format!("{:08x}", board.rig_hash));
         header.add("protocol_hash", format!("{PROTOCOL_HASH:08x}"));
         header.add("boot_count", board.boot_count);
         header.add("reset_cause", board.reset_cause);
