@@ -2,12 +2,14 @@
 
 use crate::machine::Machine;
 use crate::rig::Rig;
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-/// The file, and what stands in it.
+/// The file, what stands in it, and the flash as it was then.
 pub struct FlashFile {
     path: PathBuf,
+    held: Option<Vec<u8>>,
     image: Vec<u8>,
 }
 
@@ -18,26 +20,41 @@ impl FlashFile {
     /// # Errors
     /// If it cannot be read or is no image of this flash; names it.
     pub fn open(path: &Path, machine: &mut Machine<Rig>) -> Result<Self> {
-        if path.exists() {
-            let image = std::fs::read(path).with_context(|| format!("flash {}", path.display()))?;
-            machine.set_flash_image(&image).with_context(|| format!("flash {}", path.display()))?;
+        let held = read(path)?;
+        if let Some(image) = &held {
+            machine.set_flash_image(image).with_context(|| format!("flash {}", path.display()))?;
         }
-        Ok(Self { path: path.into(), image: machine.flash_image() })
+        Ok(Self { path: path.into(), held, image: machine.flash_image() })
     }
 
     /// Writes the file if flash has changed: whole or not at all, whenever the process ends.
     ///
     /// # Errors
-    /// If it cannot be written; names it.
+    /// If it cannot be written, or another board has written it meanwhile; names it.
     pub fn follow(&mut self, machine: &Machine<Rig>) -> Result<()> {
         let image = machine.flash_image();
         if image != self.image {
+            if read(&self.path)? != self.held {
+                bail!(
+                    "flash {}: another emulated board has written it meanwhile; nothing is kept",
+                    self.path.display()
+                );
+            }
             let beside = self.path.with_extension("new");
             std::fs::write(&beside, &image)
                 .and_then(|()| std::fs::rename(&beside, &self.path))
                 .with_context(|| format!("flash {}", self.path.display()))?;
+            self.held = Some(image.clone());
             self.image = image;
         }
         Ok(())
+    }
+}
+
+fn read(path: &Path) -> Result<Option<Vec<u8>>> {
+    match std::fs::read(path) {
+        Ok(image) => Ok(Some(image)),
+        Err(e) if e.kind() == ErrorKind::NotFound => Ok(None),
+        Err(e) => Err(e).with_context(|| format!("flash {}", path.display())),
     }
 }

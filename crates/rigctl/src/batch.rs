@@ -51,13 +51,23 @@ fn parse(text: &str) -> Result<Vec<Result<Query, RowError>>, String> {
     let mut lines = (1..).zip(text.trim_start_matches('\u{feff}').lines()).filter(|(_, l)| !l.trim().is_empty());
     let header: Vec<&str> = lines.next().map(|(_, l)| fields(l).collect()).unwrap_or_default();
     let column = |name: &str| {
-        header.iter().position(|h| *h == name).ok_or_else(|| format!("has no column `{name}` in its first line"))
+        let mut places = header.iter().enumerate().filter(|(_, h)| **h == name).map(|(k, _)| k);
+        match (places.next(), places.next()) {
+            (Some(k), None) => Ok(k),
+            (Some(_), Some(_)) => Err(format!("has two columns `{name}` in its first line")),
+            (None, _) => Err(format!("has no column `{name}` in its first line")),
+        }
     };
     let (load, turns) = (column("load_n")?, column("turns")?);
     let row = |(line, content): (usize, &str)| {
         let cells: Vec<&str> = fields(content).collect();
+        if cells.len() != header.len() {
+            // A decimal comma, for one.
+            let counts = format!("line {line}: {} cells under {} names", cells.len(), header.len());
+            return Err(RowError::new("bad-row", counts));
+        }
         let number = |name: &str, index: usize| {
-            let cell = cells.get(index).copied().unwrap_or("");
+            let cell = cells[index];
             cell.parse::<f64>()
                 .map_err(|_| RowError::new("bad-row", format!("line {line}: {name} `{cell}` is no number")))
         };
@@ -76,12 +86,15 @@ mod tests {
 
     #[test]
     fn columns_by_name_and_bad_rows_in_place() {
-        let rows = parse("\u{feff}scene, turns,\"load_n\"\r\nx,1.5,4.9\n\ny,zwei,3\nz,1\nw,nan,2\n").unwrap();
-        assert_eq!(rows.len(), 4);
+        let rows = parse("\u{feff}scene, turns,\"load_n\"\r\nx,1.5,4.9\n\ny,zwei,3\nz,1\nw,nan,2\nv,1,4,9\n").unwrap();
+        assert_eq!(rows.len(), 5);
         assert_eq!(rows[0], Ok(Query { load_n: 4.9, turns: 1.5 }));
         let message = &rows[1].as_ref().unwrap_err().error.message;
         assert!(message.contains("line 4") && message.contains("turns") && message.contains("zwei"), "{message}");
-        assert!(rows[2].as_ref().unwrap_err().error.message.contains("load_n"));
+        for (k, named) in [(2, "2 cells"), (4, "4 cells")] {
+            let message = &rows[k].as_ref().unwrap_err().error.message;
+            assert!(message.contains(named), "{message}");
+        }
         assert!(rows[3].is_ok(), "whether NaN is a twist is the solver's to say");
     }
 
@@ -89,6 +102,7 @@ mod tests {
     fn missing_columns_are_named() {
         assert!(parse("load,turns\n1,2\n").unwrap_err().contains("load_n"));
         assert!(parse("load_n\n1\n").unwrap_err().contains("turns"));
+        assert!(parse("turns,load_n,turns\n1,2,3\n").unwrap_err().contains("two columns `turns`"));
         assert!(parse("").is_err());
     }
 }

@@ -1,5 +1,7 @@
 //! How a command fails, and with which exit code.
 
+use crate::output::ReaderGone;
+
 /// A failed command.
 #[derive(Debug)]
 pub enum Failure {
@@ -30,15 +32,26 @@ impl Failure {
     pub fn message(&self) -> Option<String> {
         match self {
             Self::Usage(message) => Some(message.clone()),
-            Self::Failed(error) => Some(format!("{error:#}")),
+            Self::Failed(error) => {
+                let mut text = String::new();
+                // Some errors tell their causes themselves.
+                for cause in error.chain().map(ToString::to_string) {
+                    match text.as_str() {
+                        "" => text = cause,
+                        told if told.contains(cause.trim()) => {}
+                        _ => text += &format!(": {cause}"),
+                    }
+                }
+                Some(text)
+            }
             Self::Reported => None,
         }
     }
 
-    /// Whether the reader of our output has gone.
-    pub fn is_broken_pipe(&self) -> bool {
+    /// Whether the reader of our standard output has gone; a serial line that has gone is another matter.
+    pub fn is_reader_gone(&self) -> bool {
         let Self::Failed(error) = self else { return false };
-        error.downcast_ref::<std::io::Error>().is_some_and(|e| e.kind() == std::io::ErrorKind::BrokenPipe)
+        error.downcast_ref::<std::io::Error>().and_then(std::io::Error::get_ref).is_some_and(|e| e.is::<ReaderGone>())
     }
 }
 

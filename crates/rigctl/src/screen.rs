@@ -18,6 +18,8 @@ const LEAST_MM: f64 = 0.2;
 const LEAST_N: f64 = 0.5;
 /// Messages that are kept.
 const MESSAGES: usize = 4;
+/// Columns and lines below which there are numbers only.
+const LEAST_AREA: [u16; 2] = [60, 20];
 
 #[derive(Clone, Copy)]
 struct Point {
@@ -75,8 +77,17 @@ impl Screen {
 
     /// Draws all of it.
     pub fn draw(&self, frame: &mut Frame<'_>) {
-        let [top, below] =
-            Layout::vertical([Constraint::Min(8), Constraint::Length(MESSAGES as u16 + 3)]).areas(frame.area());
+        let (bold, area) = (Style::new().add_modifier(Modifier::BOLD), frame.area());
+        if area.width < LEAST_AREA[0] || area.height < LEAST_AREA[1] {
+            // No room for plots: what has to be seen goes first.
+            let mut rest = self.numbers();
+            let mut lines = rest.split_off(rest.len().min(1));
+            lines.insert(lines.len().min(2), Line::styled("space stop  h hold  c clear  q quit", bold));
+            lines.append(&mut rest);
+            frame.render_widget(Paragraph::new(lines), area);
+            return;
+        }
+        let [top, below] = Layout::vertical([Constraint::Min(8), Constraint::Length(MESSAGES as u16 + 3)]).areas(area);
         let [left, right] = Layout::horizontal([Constraint::Length(34), Constraint::Min(20)]).areas(top);
         let [position, load] = Layout::vertical([Constraint::Percentage(60), Constraint::Percentage(40)]).areas(right);
         frame.render_widget(Paragraph::new(self.numbers()).block(Block::bordered().title(self.title.as_str())), left);
@@ -88,10 +99,7 @@ impl Screen {
         self.plot(frame, load, "load (N)", LEAST_N, &[("load", Color::Green, self.series(|p| p.load_n))]);
         let mut lines: Vec<Line<'_>> = self.messages.iter().map(|m| Line::from(m.as_str())).collect();
         lines.resize(MESSAGES, Line::default());
-        lines.push(Line::styled(
-            "space stop   h hold   c clear fault   q quit (stops a motion first)",
-            Style::new().add_modifier(Modifier::BOLD),
-        ));
+        lines.push(Line::styled("space stop   h hold   c clear fault   q quit (stops a motion first)", bold));
         frame.render_widget(Paragraph::new(lines).block(Block::bordered()), below);
     }
 
@@ -212,6 +220,8 @@ mod tests {
         {
             assert!(text.contains(seen), "{seen} in\n{text}");
         }
+        let small = drawn(&screen, 36, 5);
+        assert!(small.contains("lvdt-open") && small.contains("space stop"), "{small}");
         // Half a minute, not more; and a board that restarts begins anew.
         assert!(screen.points.len() <= 601 && screen.points[0].t_s >= 10.0);
         screen.take(row(0.1, 0.0, None));

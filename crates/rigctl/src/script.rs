@@ -118,7 +118,8 @@ impl Script {
         let mut events: Vec<Event> = Vec::new();
         let mut previous_s = 0.0;
         let mut end_s = None;
-        for (line, content) in (1..).zip(text.lines()) {
+        // Editors put a byte-order mark in front.
+        for (line, content) in (1..).zip(text.trim_start_matches('\u{feff}').lines()) {
             let fail = |message: String| ScriptError { line, message };
             let words: Vec<&str> =
                 content.split_once('#').map_or(content, |(before, _)| before).split_whitespace().collect();
@@ -179,7 +180,11 @@ fn move_request(target: &str, options: &[&str]) -> Result<Request, String> {
     let target = units::parse("move", Quantity::Length, target).map_err(|e| e.to_string())?;
     let mut speed = DEFAULT_SPEED_M_PER_S;
     let mut load = LoadChoice::Auto;
-    for option in options {
+    for (k, option) in options.iter().enumerate() {
+        let name = option.split_once('=').map(|(name, _)| name);
+        if options[..k].iter().any(|o| o.split_once('=').map(|(name, _)| name) == name) {
+            return Err(format!("`{option}`: {} is said twice", name.unwrap_or_default()));
+        }
         match option.split_once('=') {
             Some(("speed", text)) => {
                 speed = units::parse("speed", Quantity::Speed, text).map_err(|e| e.to_string())?;
@@ -251,7 +256,7 @@ mod tests {
     #[test]
     fn a_script() {
         let script = Script::parse(
-            "# warm up\n0.5 home\n\n30 move 12mm speed=1mm/s load=0.5kg # up\n31 plant load=1.2kg\n\
+            "\u{feff}# warm up\n0.5 home\n\n30 move 12mm speed=1mm/s load=0.5kg # up\n31 plant load=1.2kg\n\
              32 fault drive-stall\n33 fault drive-stall off\n33 fault power-cycle\n34.5 end\n",
         )
         .unwrap_or_else(|e| panic!("{e}"));
@@ -289,6 +294,7 @@ mod tests {
             ("\n1 move 5kg\n2 end", 2, "move"),
             ("1 move 5mm speed=2\n2 move 5mm sped=1\n3 end", 2, "sped"),
             ("1 move 5mm load=x\n2 end", 1, "auto"),
+            ("1 move 5mm speed=2mm/s speed=3mm/s\n2 end", 1, "speed is said twice"),
             ("1 plant weight=5\n2 end", 1, "weight"),
             ("1 fault fire\n2 end", 1, "fire"),
             ("1 config set lvdt-gian 1\n2 end", 1, "lvdt-gain"),

@@ -122,8 +122,8 @@ pub enum UnitError {
         /// Accepted units.
         units: String,
     },
-    /// Infinite or not a number.
-    #[error("{parameter}: `{text}` is not a finite number")]
+    /// Infinite, not a number, or beyond what the board's numbers hold.
+    #[error("{parameter}: `{text}` is not a finite number, or beyond single precision")]
     NotFinite {
         /// Which parameter.
         parameter: String,

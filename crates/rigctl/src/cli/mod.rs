@@ -13,7 +13,7 @@ use clap::builder::PossibleValuesParser;
 use clap::{Args, Parser, Subcommand};
 use rig_link::LoadChoice;
 use std::path::PathBuf;
-use values::{load, load_choice, speed, target, twist_speed};
+use values::{load, load_choice, seconds, speed, target, twist_speed};
 
 /// Headings of the options that every command has.
 const EVERYWHERE: &str = "Everywhere";
@@ -133,8 +133,9 @@ pub enum Command {
         /// Events, one a line: `<seconds since boot> <event>`, the last `<seconds> end`
         #[arg(long, value_name = "FILE")]
         script: Option<PathBuf>,
-        /// How long to run without a script (s)
-        #[arg(long, value_name = "S", default_value_t = 5.0, conflicts_with = "script")]
+        /// How long to run without a script
+        #[arg(long, value_name = "S", default_value = "5s", allow_hyphen_values = true, value_parser = seconds,
+            conflicts_with = "script")]
         seconds: f64,
     },
     /// Play a script on whatever is at the port, and print telemetry; on a real rig changes of the plant and faults are
@@ -176,8 +177,8 @@ pub enum Command {
         /// Twist speed (rad/s, deg/s, rpm of the strings), positive twists up
         #[arg(long, value_name = "W", allow_hyphen_values = true, value_parser = twist_speed)]
         speed: f64,
-        /// How long (s)
-        #[arg(long, value_name = "S", default_value_t = 1.0)]
+        /// How long
+        #[arg(long, value_name = "S", default_value = "1s", allow_hyphen_values = true, value_parser = seconds)]
         seconds: f64,
     },
     /// Ramp down and hold
@@ -190,8 +191,9 @@ pub enum Command {
     Status,
     /// What the sensors show, homed or not: gap, encoder, drive, supply, contacts. For wiring a rig
     Sensors {
-        /// One reading every 0.2 s for so long (s) [default: one reading]
-        #[arg(long, value_name = "S", default_value_t = 0.0, hide_default_value = true)]
+        /// One reading every 0.2 s for so long [default: one reading]
+        #[arg(long, value_name = "S", default_value = "0s", hide_default_value = true, allow_hyphen_values = true,
+            value_parser = seconds)]
         seconds: f64,
     },
     /// What the board is told for good: kept in its flash, changed only while nothing moves
@@ -211,8 +213,9 @@ pub enum Command {
     /// Writes CSV: one row for each telemetry message (100 a second, columns as `sim --json` names them, SI units), under
     /// `# key = value` lines: scene and its hash, firmware, git commit and protocol hash, the table and its certificate, the
     /// board's settings with its calibration (`config restore` takes them from there), port, seed, plant, host time, the script. Requests and events stand between the rows as `# at SECONDS …`.
-    /// `replay` plays such a file through the controller again, `identify` reads those of `sweep`. A log ends with `# end rows = …`, also when Ctrl-C ended it;
-    /// one that was broken off with Ctrl-C lacks it, and `replay` takes it with --partial.
+    /// `replay` plays such a file through the controller again, `identify` reads those of `sweep`. A log ends with `# end rows = …`, also when Ctrl-C or a
+    /// fault ended it (`# broken_off = …` says so); one that lacks it was cut, and `replay` and `identify` take it with --partial only.
+    /// What the file held before is kept beside it as FILE.csv~.
     Record(Record),
     /// The paper's experiment, recorded: turn the strings of a known load up and down
     ///
@@ -238,7 +241,7 @@ pub enum Command {
     /// Is the rig well? One line for each thing looked at, `ok` or `CHECK` with what to do; exit code 1 if any needs it
     ///
     /// Looks at versions, reset cause, last panic, scene, the table's certificate, faults, drive, supply, control ticks, link. The motor
-    /// stays where it is; sensors can only be judged fully with --home. Reads the same board as `status`, whatever its scene.
+    /// stays where it is; sensors can only be judged fully with --home. A board of another scene is told as such, not refused.
     Doctor {
         /// Home, then turn the strings by a third of a turn and back: LVDT noise and range, encoder against drive
         #[arg(long)]

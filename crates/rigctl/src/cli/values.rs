@@ -34,6 +34,10 @@ pub(super) fn load(text: &str) -> Result<f64, units::UnitError> {
     units::parse("load", Quantity::Load, text)
 }
 
+pub(super) fn seconds(text: &str) -> Result<f64, units::UnitError> {
+    units::parse("seconds", Quantity::Time, text)
+}
+
 pub(super) fn turns(text: &str) -> Result<f64, units::UnitError> {
     units::parse("turns", Quantity::Turns, text)
 }

@@ -3,7 +3,7 @@
 use crate::chart::{self, Made};
 use crate::cli::Global;
 use crate::failure::Failure;
-use crate::output::{Output, write_file};
+use crate::output::{Output, folder, write_file};
 use serde::Serialize;
 use std::path::Path;
 use std::time::Instant;
@@ -24,6 +24,7 @@ struct Report<'a> {
 /// If something cannot be solved, drawn or written.
 pub fn run(global: &Global, out: &Path, only: &[String], output: &mut Output) -> Result<(), Failure> {
     let scene = super::scene(global)?;
+    folder(out)?;
     for name in chart::NAMES {
         if !only.is_empty() && only.iter().all(|wanted| wanted != name) {
             continue;

@@ -5,7 +5,7 @@ use super::operate::{HomeResult, MoveResult, home_session, move_session, sim_opt
 use super::picture::{Curve, draw};
 use crate::cli::Global;
 use crate::failure::Failure;
-use crate::output::{Output, write_file};
+use crate::output::{Output, folder, write_file};
 use crate::plant::Setting;
 use crate::session::Session;
 use crate::session::row::Row;
@@ -51,6 +51,10 @@ struct Outcome {
 /// If anything fails, or a floor is missed.
 pub fn run(global: &Global, out: &Path, output: &mut Output) -> Result<(), Failure> {
     let scene = super::scene(global)?;
+    if let Some(own) = global.plant.iter().find(|s| ["load", "twist_at_boot"].contains(&s.key)) {
+        return Err(Failure::Usage(format!("--plant {}: the demo has its own", own.key)));
+    }
+    folder(out)?;
     let mut outcomes = Vec::new();
     for (load_kg, twist_rad) in LOADS {
         output.line(format!(

@@ -6,12 +6,15 @@ use crate::failure::Failure;
 use crate::identify::constants::{Constant, Unknowns};
 use crate::identify::data::{self, Data};
 use crate::identify::{Errors, Fit, fit};
-use crate::output::Output;
+use crate::output::{OutFile, Output};
 use serde::Serialize;
+use std::path::{Path, PathBuf};
 use tsa_model::{Parameters, RadiusLaw, Scene};
 
 /// What model.md section 6 left out of its fit: the rows that the default scene predicts.
 const HELD_OUT: [&str; 5] = ["l0-70", "r0-2.5", "k-0.01", "experiment", "span"];
+/// How much worse than the fitted rows the held out ones may be predicted without a word.
+const SURPRISING: f64 = 3.0;
 /// Exponent that a fit starts from when the scene has none.
 const EXPONENT: f64 = 0.4;
 
@@ -42,6 +45,7 @@ pub fn run(global: &Global, options: &Identify, output: &mut Output) -> Result<(
         None => {}
     }
     let unknowns = constants(options, &scene)?;
+    let out = options.out.as_deref().map(|path| place(path, &options.sweeps)).transpose()?;
     let (data, unit) = measured(options, &scene)?;
     let start = Parameters::new(&scene.geometry, &scene.string, &scene.material)?;
     let (x, fit) = fit(&unknowns, &start, &data).map_err(|e| Failure::failed(e.to_string()))?;
@@ -51,13 +55,28 @@ pub fn run(global: &Global, options: &Identify, output: &mut Output) -> Result<(
         eprintln!("passed over: {bad}");
     }
     print(&fit, &unknowns, &start, &fitted, unit, output)?;
-    if let Some(path) = &options.out {
-        let text = file(&fit, &fitted, options, unit)?;
-        std::fs::write(path, text).map_err(|e| Failure::failed(format!("cannot write {}: {e}", path.display())))?;
+    if fit.held_out.rms > SURPRISING * fit.fitted.rms && fit.held_out.count > 0 {
+        eprintln!(
+            "what was held out is predicted {:.0} times worse than what was fitted: is there a wrong row in it, or too much \
+             fitted?",
+            fit.held_out.rms / fit.fitted.rms
+        );
+    }
+    if let (Some(out), Some(path)) = (out, &options.out) {
+        out.write(&file(&fit, &fitted, options, unit)?)?;
         output.line(format!("written: {}", path.display()))?;
     }
     output.object(&Report { fit, error_unit: unit, scene: fitted, bad_rows: data.bad })?;
     Ok(())
+}
+
+/// Where the scene goes: nowhere where a measurement is.
+fn place(path: &Path, sweeps: &[PathBuf]) -> Result<OutFile, Failure> {
+    let same = |sweep: &PathBuf| path.canonicalize().is_ok_and(|p| sweep.canonicalize().is_ok_and(|s| s == p));
+    if sweeps.iter().any(same) {
+        return Err(Failure::Usage(format!("--out {} is one of the sweeps", path.display())));
+    }
+    OutFile::new(path)
 }
 
 fn constants(options: &Identify, scene: &Scene) -> Result<Unknowns, Failure> {
@@ -101,7 +120,7 @@ fn measured(options: &Identify, scene: &Scene) -> Result<(Data, &'static str), F
         [n] => n.parse().map_err(|_| Failure::Usage(format!("--hold-out: `{n}` is no number of rows")))?,
         _ => return Err(Failure::Usage("--hold-out: of sweeps, one number: every so many rows".into())),
     };
-    Ok((data::sweeps(scene, &options.sweeps, every)?, "m"))
+    Ok((data::sweeps(scene, &options.sweeps, every, options.partial)?, "m"))
 }
 
 /// An error in the unit of the data, for people.

@@ -42,6 +42,7 @@ use tsa_model::Scene;
 /// [`Failure`], with the exit code in its kind.
 pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
     let global = &cli.global;
+    rig_options(global, &cli.command)?;
     match &cli.command {
         Command::Solve { at, how } => solve::run(global, at, how, output),
         Command::Identify(options) => identify::run(global, options, output),
@@ -81,6 +82,39 @@ pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
             Ok(output.line(script.trim_end())?)
         }
         Command::Demo { out } => demo::run(global, out, output),
+    }
+}
+
+/// Refuses options of a rig where there is none, or only an emulated one: what they say would be passed over.
+fn rig_options(global: &Global, command: &Command) -> Result<(), Failure> {
+    let port = (global.port != "sim", "--port");
+    let rig = [
+        port,
+        (!global.plant.is_empty(), "--plant"),
+        (global.plant_scene.is_some(), "--plant-scene"),
+        (global.flash.is_some(), "--flash"),
+        (global.firmware.is_some(), "--firmware"),
+    ];
+    let (refused, why) = match command {
+        Command::Solve { .. }
+        | Command::Identify(_)
+        | Command::Lookup { .. }
+        | Command::Table { board: false, .. }
+        | Command::Published { .. }
+        | Command::Study { .. }
+        | Command::Move { dry_run: true, .. }
+        | Command::Chart { .. }
+        | Command::Replay(_)
+        | Command::Completions { .. } => (&rig[..], "is for commands that have to do with a rig; this one has not"),
+        Command::Sim { .. } | Command::Demo { .. } | Command::Report { .. } => (
+            &rig[..1],
+            "is for other commands: this one is always on the emulated board (`play` takes a script to a rig)",
+        ),
+        _ => (&rig[..0], ""),
+    };
+    match refused.iter().find(|(given, _)| *given) {
+        Some((_, name)) => Err(Failure::Usage(format!("{name} {why}"))),
+        None => Ok(()),
     }
 }
 

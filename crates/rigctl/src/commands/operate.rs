@@ -80,6 +80,18 @@ pub fn meet(global: &Global) -> Result<Session, Failure> {
     Ok(session)
 }
 
+/// An event that ends no motion.
+///
+/// # Errors
+/// The fault or emergency stop that did, and when in the operator's words.
+pub(super) fn not_broken_off(kind: &EventKind, when: &str) -> Result<(), Failure> {
+    match kind {
+        EventKind::FaultRaised(fault) => Err(Failure::failed(format!("fault {fault} {when}"))),
+        EventKind::EStopOpened => Err(Failure::failed(format!("emergency stop {when}"))),
+        _ => Ok(()),
+    }
+}
+
 /// How a homing ended.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct HomeResult {
@@ -116,9 +128,7 @@ pub fn home_session(session: &mut Session, mut each: impl FnMut(&Row)) -> Result
                 EventKind::HomingRefused(failure) => {
                     return Err(Failure::failed(format!("homing failed: {failure}")));
                 }
-                EventKind::FaultRaised(fault) => return Err(Failure::failed(format!("fault {fault} while homing"))),
-                EventKind::EStopOpened => return Err(Failure::failed("emergency stop while homing")),
-                _ => {}
+                kind => not_broken_off(&kind, "while homing")?,
             }
         }
     }
@@ -191,9 +201,7 @@ pub fn move_session(
                     return settle(session, to_m, start_s, before, &mut each);
                 }
                 EventKind::Stopped => return Err(Failure::failed("stopped before the target")),
-                EventKind::FaultRaised(fault) => return Err(Failure::failed(format!("fault {fault} on the way"))),
-                EventKind::EStopOpened => return Err(Failure::failed("emergency stop on the way")),
-                _ => {}
+                kind => not_broken_off(&kind, "on the way")?,
             }
         }
     }
@@ -299,21 +307,29 @@ pub fn jog(global: &Global, speed: f64, seconds: f64, output: &mut Output) -> Re
     }
     let mut session = connect(global)?;
     session.wait_ready()?;
+    session.take_events();
     session.request(&Request::Jog { twist_speed_rad_per_s: speed as f32 })?;
-    session.until(seconds, |_| false)?;
+    let end_s = session.now_s() + seconds;
+    while session.now_s() < end_s {
+        session.step()?;
+        for (_, kind) in session.take_events() {
+            not_broken_off(&kind, "while turning")?;
+        }
+    }
     session.request(&Request::Stop)?;
     session.until(5.0, |s| s.telemetry().is_some_and(|t| t.state != State::Moving))?;
+    session.take_events().iter().try_for_each(|(_, kind)| not_broken_off(kind, "while stopping"))?;
     show_last(&mut session, output)
 }
 
-/// `stop`, `hold`, `clear`.
+/// `stop`, `hold`, `clear`: of any board, whatever scene it is for, and in any fault.
 ///
 /// # Errors
 /// The board's refusal in words.
 pub fn simple(global: &Global, request: &Request, output: &mut Output) -> Result<(), Failure> {
-    let mut session = connect(global)?;
+    let mut session = meet(global)?;
     if is_sim(global) {
-        session.wait_ready()?;
+        session.wait_started()?;
     }
     session.request(request)?;
     session.until(0.2, |_| false)?;

@@ -5,23 +5,12 @@ use super::simulate::{play_events, read};
 use crate::cli::{Global, Record};
 use crate::failure::Failure;
 use crate::log::{Entry, Header, Recorder};
-use crate::output::Output;
+use crate::output::{OutFile, Output, stdout};
 use crate::script::Script;
 use crate::session::Session;
 use serde_json::{Map, Value, json};
-use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io::{self, Write};
 use std::ops::ControlFlow;
-use std::path::Path;
-
-/// A log file, made before anything moves: a place that cannot be written to is known at once.
-///
-/// # Errors
-/// Naming the file.
-pub fn create(path: &Path) -> Result<Box<dyn Write>, Failure> {
-    let file = File::create(path).map_err(|e| Failure::failed(format!("--out {}: {e}", path.display())))?;
-    Ok(Box::new(BufWriter::new(file)))
-}
 
 /// The head for a session that has greeted its board.
 ///
@@ -48,11 +37,7 @@ pub fn run(global: &Global, options: &Record, output: &mut Output) -> Result<(),
         }
         None => (None, Vec::new()),
     };
-    let sink: Box<dyn Write> = match &options.out {
-        Some(path) => create(path)?,
-        None if output.json() => Box::new(io::sink()),
-        None => Box::new(BufWriter::new(io::stdout())),
-    };
+    let out = options.out.as_deref().map(OutFile::new).transpose()?;
     let mut session = connect(global)?;
     let mut head = header(global, &session, "record")?;
     if let Some(path) = &options.script {
@@ -65,6 +50,11 @@ pub fn run(global: &Global, options: &Record, output: &mut Output) -> Result<(),
         let facts: Map<String, Value> = head.0.iter().map(|(k, v)| (k.clone(), Value::from(v.as_str()))).collect();
         output.object(&json!({"header": facts}))?;
     }
+    let sink: Box<dyn Write> = match out {
+        Some(file) => file.begin()?,
+        None if output.json() => Box::new(io::sink()),
+        None => stdout(),
+    };
     let mut recorder = Recorder::new(sink, &head)?;
     session.keep_journal();
     let script = script.unwrap_or_else(|| Script::idle(session.now_s() + seconds));

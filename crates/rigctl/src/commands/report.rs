@@ -5,7 +5,7 @@ use super::table;
 use crate::chart;
 use crate::cli::Global;
 use crate::failure::Failure;
-use crate::output::{Output, write_file};
+use crate::output::{OutFile, Output};
 use serde_json::Value;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -19,12 +19,11 @@ const MOVE: (f64, f64) = (0.5, 8.0);
 /// If the scene allows no table, or the page cannot be written. What needs another program's results and does not find
 /// them is named in the page instead.
 pub fn run(global: &Global, out: &Path, output: &mut Output) -> Result<(), Failure> {
+    let file = OutFile::new(out)?;
     let folder = match out.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
     };
-    let name = out.file_name().and_then(|n| n.to_str());
-    let name = name.ok_or_else(|| Failure::Usage(format!("out: {} names no file", out.display())))?;
     let scene = super::scene(global)?;
     let (_, accuracy) = scene.table_demand()?;
     let fit = tsa_table::fit::fit(&scene)?;
@@ -56,7 +55,7 @@ pub fn run(global: &Global, out: &Path, output: &mut Output) -> Result<(), Failu
         Ok((svg, said)) => page.figure("move", Some(&svg), &said),
         Err(e) => page.missing("move", &e, output)?,
     }
-    write_file(folder, name, &page.end())?;
+    file.write(&page.end())?;
     output.object(&serde_json::json!({ "report": out, "missing": page.left_out }))?;
     output.line(format!("written: {}", out.display()))?;
     Ok(())

@@ -30,7 +30,8 @@ pub fn run(global: &Global, script: Option<&Path>, seconds: f64, output: &mut Ou
         None => return Err(Failure::Usage(format!("--seconds {seconds}: must be above 0"))),
     };
     interrupt::watch();
-    play_through(&mut Session::new(Box::new(Sim::start(&sim_options(global))?)), &script, global.seed, output)
+    let mut session = Session::new(Box::new(Sim::start(&sim_options(global))?));
+    play_through(global, &mut session, &script, output)
 }
 
 /// `play`: whatever is at the port.
@@ -42,7 +43,7 @@ pub fn play(global: &Global, script: &Path, output: &mut Output) -> Result<(), F
         return run(global, Some(script), 0.0, output);
     }
     let script = read(script)?;
-    play_through(&mut connect(global)?, &script, global.seed, output)
+    play_through(global, &mut connect(global)?, &script, output)
 }
 
 /// A script file.
@@ -54,12 +55,20 @@ pub fn read(path: &Path) -> Result<Script, Failure> {
     Script::parse(&text).map_err(|e| Failure::failed(format!("script {}: {e}", path.display())))
 }
 
-fn play_through(session: &mut Session, script: &Script, seed: u64, output: &mut Output) -> Result<(), Failure> {
+fn play_through(global: &Global, session: &mut Session, script: &Script, output: &mut Output) -> Result<(), Failure> {
+    let (seed, believed) = (global.seed, super::scene(global)?.hash());
+    let mut other_scene = false;
     let started = Instant::now();
     let mut next_line_s = 0.0;
     let mut told = None;
     play_events(session, script, seed, |session, said| {
         said.iter().for_each(|line| eprintln!("{line}"));
+        // An emulated board may be what is tried with another scene; not without a word.
+        let board = session.identity().map_or(believed, |id| id.scene_hash);
+        if board != believed && !std::mem::replace(&mut other_scene, true) {
+            let scene = global.scene.display();
+            eprintln!("the board's table is for another scene ({board:08x}) than {scene} ({believed:08x})");
+        }
         for row in session.take_rows() {
             output.object(&row)?;
             if !output.json() && row.t_s >= next_line_s {
@@ -141,8 +150,14 @@ pub fn play_events(
                 said.push(format!("{who}refused: {refusal}"));
             }
         }
-        if each(session, said)?.is_break() {
-            break;
+        match each(session, said) {
+            Ok(ControlFlow::Continue(())) => {}
+            Ok(ControlFlow::Break(())) => break,
+            Err(failure) => {
+                // Nobody is there any more to see what moves; why is more telling than whether this, too, failed.
+                let _ = session.stop();
+                return Err(failure);
+            }
         }
     }
     Ok(())

@@ -1,6 +1,6 @@
 //! `status` and `sensors`: what the board is, and what it sees, homed or not.
 
-use super::operate::{connect, is_sim, meet};
+use super::operate::{is_sim, meet};
 use crate::cli::Global;
 use crate::failure::Failure;
 use crate::output::Output;
@@ -13,12 +13,12 @@ const STATUS_S: f64 = 1.0;
 /// Time between two readings of `sensors` (s).
 const READING_S: f64 = 0.2;
 
-/// `status`: who the board is and what it sees.
+/// `status`: who the board is and what it sees, whatever its scene.
 ///
 /// # Errors
 /// If nobody answers.
 pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
-    let mut session = connect(global)?;
+    let mut session = meet(global)?;
     if is_sim(global) {
         session.wait_started()?;
     }
@@ -33,11 +33,14 @@ pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
         return Err(Failure::failed("the board did not say who it is"));
     };
     let (settings, sensors) = (session.settings()?, session.sensors()?);
+    // Of no scene file nothing follows for the board.
+    let scene_matches = super::scene(global).ok().map(|scene| scene.hash() == id.scene_hash);
     let counters = session.telemetry().map(|t| t.counters).unwrap_or_default();
     output.object(&json!({
         "firmware": id.version.as_str(),
         "git": id.git.as_str(),
         "scene_hash": format!("{:08x}", id.scene_hash),
+        "scene_matches": scene_matches,
         "protocol_hash": format!("{:08x}", id.protocol_hash),
         "reset_cause": id.reset_cause.name(),
         "boot_count": id.boot_count,
@@ -65,8 +68,13 @@ pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
         "telemetry": row,
     }))?;
     output.line(format!(
-        "firmware {} ({}), scene {:08x}, last started by {}",
-        id.version, id.git, id.scene_hash, id.reset_cause
+        "firmware {} ({}), protocol {:08x}, scene {:08x}{}, last started by {}",
+        id.version,
+        id.git,
+        id.protocol_hash,
+        id.scene_hash,
+        if scene_matches == Some(false) { format!(" (NOT {})", global.scene.display()) } else { String::new() },
+        id.reset_cause
     ))?;
     output.line(format!(
         "table    {}, {} bytes, {}: contraction within {:.2} um, TR within {:.3} % for {} to {} N, {} to {:.1} turns",

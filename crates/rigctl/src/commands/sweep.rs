@@ -1,15 +1,15 @@
 //! `sweep`: the paper's experiment. A known load, the strings turned slowly up and down, everything recorded.
 
-use super::operate::{connect, home_session, is_sim};
-use super::record::{create, header};
+use super::operate::{connect, home_session, is_sim, not_broken_off};
+use super::record::header;
 use crate::cli::{Global, Sweep};
 use crate::failure::Failure;
 use crate::log::{Header, Log, Recorder, sweep as reduced};
-use crate::output::{Output, progress};
+use crate::output::{OutFile, Output, progress};
 use crate::plant::Setting;
 use crate::session::Session;
 use rig_control::supervisor::JOG_SPEED_MAX;
-use rig_link::{EventKind, Request, State};
+use rig_link::{Request, State};
 use serde_json::json;
 use std::f64::consts::{PI, TAU};
 use std::io::Write;
@@ -36,7 +36,7 @@ pub fn run(global: &Global, options: &Sweep, output: &mut Output) -> Result<(), 
     if is_sim(&global) && !global.plant.iter().any(|s| s.key == "load") {
         global.plant.push(Setting { key: "load", value: load_n });
     }
-    let sink = create(&options.out)?;
+    let out = OutFile::new(&options.out)?;
     let mut session = connect(&global)?;
     let table = session.identity().map(|id| id.table.clone()).ok_or_else(|| Failure::failed("the board is silent"))?;
     for (name, value, unit, [least, most]) in [
@@ -52,7 +52,7 @@ pub fn run(global: &Global, options: &Sweep, output: &mut Output) -> Result<(), 
     head.add("sweep.load_n", load_n);
     head.add("sweep.turns", turns);
     head.add("sweep.speed_rad_per_s", speed);
-    let rows = record(&mut session, sink, &head, turns, speed)?;
+    let rows = record(&mut session, out.begin()?, &head, turns, speed)?;
     let log = Log::load(&options.out).map_err(|e| Failure::failed(format!("{}: {e}", options.out.display())))?;
     let (_, stops) = reduced::stops(&log).map_err(|e| Failure::failed(format!("{}: {e}", options.out.display())))?;
     let contraction_m = stops.last().map_or(0.0, |s| s.position_m) - stops.first().map_or(0.0, |s| s.position_m);
@@ -121,11 +121,7 @@ fn way(
             stopping = true;
         }
         for (_, kind) in session.take_events() {
-            match kind {
-                EventKind::FaultRaised(fault) => return Err(Failure::failed(format!("fault {fault} in the sweep"))),
-                EventKind::EStopOpened => return Err(Failure::failed("emergency stop in the sweep")),
-                _ => {}
-            }
+            not_broken_off(&kind, "in the sweep")?;
         }
         if stopping && session.telemetry().is_some_and(|t| t.state != State::Moving) {
             bar.finish_and_clear();

@@ -107,18 +107,28 @@ fn is_log(path: &Path) -> bool {
     std::fs::File::open(path).and_then(|mut f| f.read_exact(&mut start)).is_ok() && &start == b"# format ="
 }
 
-/// Recorded sweeps; every `hold_out`-th row is only predicted (0: none).
+/// Recorded sweeps; every `hold_out`-th row is only predicted (0: none). A log that was cut or broken off is taken only if
+/// `partial`.
 ///
 /// # Errors
 /// If a file cannot be read, lacks a column, or has no good row.
-pub fn sweeps(scene: &Scene, files: &[impl AsRef<Path>], hold_out: usize) -> Result<Data, Failure> {
+pub fn sweeps(scene: &Scene, files: &[impl AsRef<Path>], hold_out: usize, partial: bool) -> Result<Data, Failure> {
     let base = Parameters::new(&scene.geometry, &scene.string, &scene.material)?;
     let mut data = Data::default();
     for file in files {
         let path = file.as_ref();
         let wrong = |what: String| Failure::failed(format!("sweep {}: {what}", path.display()));
         if is_log(path) {
-            let (load_n, stops) = Log::load(path).and_then(|log| log::sweep::stops(&log)).map_err(wrong)?;
+            let log = Log::load(path).map_err(wrong)?;
+            if !partial {
+                let whole = log.clone().whole().map_err(|e| e.to_string());
+                let ended = whole.and_then(|log| match log.header.get("broken_off") {
+                    Some(why) => Err(format!("was broken off ({why})")),
+                    None => Ok(()),
+                });
+                ended.map_err(|e| wrong(format!("{e}; --partial takes what is there")))?;
+            }
+            let (load_n, stops) = log::sweep::stops(&log).map_err(wrong)?;
             if !(load_n >= tsa_model::mechanism::MINIMUM_LOAD_N && load_n.is_finite()) {
                 return Err(wrong(format!("sweep.load_n {load_n}: a slack string has no law")));
             }

@@ -101,7 +101,7 @@ pub struct Fitted {
 pub struct Estimate {
     /// Its name.
     pub name: String,
-    /// The unknown as fitted: a logarithm, for a positive constant.
+    /// The unknown as fitted: a logarithm, for a positive constant; its value stands in the scene.
     pub unknown: f64,
     /// Its standard error: of a positive constant, relative.
     pub standard_error: f64,

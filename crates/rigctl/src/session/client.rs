@@ -201,11 +201,17 @@ impl Session {
         if !interrupt::wanted() {
             return self.exchange();
         }
-        self.post(&Request::Stop)?;
-        for _ in 0..LAST_STEPS {
-            self.exchange()?;
-        }
+        self.stop()?;
         Err(Failure::failed("interrupted: the board was told to stop"))
+    }
+
+    /// Tells the board to stop, before nobody asks it anything any more.
+    ///
+    /// # Errors
+    /// If the port fails, or the emulated board stopped.
+    pub fn stop(&mut self) -> Result<(), Failure> {
+        self.post(&Request::Stop)?;
+        (0..LAST_STEPS).try_for_each(|_| self.exchange())
     }
 
     fn exchange(&mut self) -> Result<(), Failure> {

@@ -22,8 +22,19 @@ impl Serial {
         let port = serialport::new(device, rig_link::BAUD)
             .timeout(Duration::from_millis(2))
             .open()
-            .with_context(|| format!("--port {device} (it is `sim` or a serial device)"))?;
+            .map_err(|e| Failure::failed(format!("--port {device}: {}", why(&e))))?;
         Ok(Self { port, opened: Instant::now() })
+    }
+}
+
+/// Why a device cannot be opened, for who does not know its errno.
+fn why(error: &serialport::Error) -> String {
+    match error.to_string() {
+        text if text.contains("exclusive lock") => {
+            "another program has it; if that is rigctl, Ctrl-C there stops the rig".into()
+        }
+        text if text.contains("typewriter") || text.contains("ioctl") => "is no serial device".into(),
+        text => format!("{text} (--port is `sim` or a serial device)"),
     }
 }
 
