@@ -74,12 +74,13 @@ fn is_foreign(region: &mut Bank1Region1<'static, Blocking>) -> bool {
             if region.blocking_read(place, &mut part).is_err() {
                 return true;
             }
+            let words = part.as_chunks().0;
             // The map's mark, a bit or two of which may have been lost.
-            let marked = part[..4].iter().map(|byte| byte.count_ones()).sum::<u32>() <= 2;
-            if place == sector && marked {
+            if place == sector && u32::from_ne_bytes(words[0]).count_ones() <= 2 {
                 return false;
             }
-            if part.iter().any(|byte| *byte != 0xFF) {
+            // By words: this is on the way to the first tick.
+            if words.iter().fold(u32::MAX, |all, word| all & u32::from_ne_bytes(*word)) != u32::MAX {
                 return true;
             }
         }

@@ -60,3 +60,46 @@ impl<E: Into<anyhow::Error>> From<E> for Failure {
         Self::Failed(error.into())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::output::Output;
+    use anyhow::Context;
+    use std::io::{Error, ErrorKind, Write};
+
+    struct Gone(fn() -> Error);
+
+    impl Write for Gone {
+        fn write(&mut self, _: &[u8]) -> std::io::Result<usize> {
+            Err((self.0)())
+        }
+
+        fn flush(&mut self) -> std::io::Result<()> {
+            Ok(())
+        }
+    }
+
+    /// What a command says of an output that fails like this.
+    fn failed(how: fn() -> Error) -> Failure {
+        Output::new(false, Box::new(Gone(how))).line("x").expect_err("it fails").into()
+    }
+
+    #[test]
+    fn a_line_that_is_lost_is_no_reader_that_has_seen_enough() {
+        assert!(failed(|| Error::new(ErrorKind::BrokenPipe, ReaderGone)).is_reader_gone());
+        assert!(!failed(|| ErrorKind::StorageFull.into()).is_reader_gone());
+        let line: Result<(), Error> = Err(ErrorKind::BrokenPipe.into());
+        let lost: Failure = line.context("reading from the serial port").expect_err("it fails").into();
+        assert!(!lost.is_reader_gone());
+        assert_eq!(lost.message().as_deref(), Some("reading from the serial port: broken pipe"));
+    }
+
+    #[test]
+    fn what_an_error_tells_itself_is_not_told_again() {
+        let scene = tsa_model::Scene::load("no-such.toml").expect_err("no such file");
+        let message = Failure::from(scene).message().unwrap_or_default();
+        assert_eq!(message.matches("os error 2").count(), 1, "{message}");
+        assert!(message.contains("no-such.toml"), "{message}");
+    }
+}

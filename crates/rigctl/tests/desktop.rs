@@ -151,4 +151,7 @@ fn contradicting_options_are_wrong_usage() {
         let said = String::from_utf8_lossy(&output.stderr);
         assert!(said.contains(named), "{more:?}: {said}");
     }
+    // Without effect, and said so.
+    let solved = rigctl(&["solve", "--load", "1", "--turns", "1", "--plant", "load=1kg"]);
+    assert!(solved.status.success() && String::from_utf8_lossy(&solved.stderr).contains("--plant has no effect"));
 }

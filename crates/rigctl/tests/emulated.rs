@@ -91,6 +91,9 @@ fn wrong_usage_is_2_and_names_the_parameter() {
         (&["move", "--to", "8mm", "--load", "soft"], "load"),
         (&["move", "--to", "8mm", "--dry-run"], "--load"),
         (&["home", "--plant", "weight=3"], "weight"),
+        (&["sim", "--seconds", "-1"], "--seconds"),
+        (&["sim", "--port", "/dev/ttyACM0"], "--port"),
+        (&["demo", "--plant", "load=1kg"], "--plant load"),
         (&["dance"], "dance"),
     ] {
         let wrong = rigctl(arguments);
@@ -113,9 +116,46 @@ fn wrong_usage_is_2_and_names_the_parameter() {
 
 #[test]
 fn a_board_of_another_scene_is_refused() {
-    let refused = rigctl(&["status", "--scene", "scenes/paper-printed.toml"]);
-    assert_eq!(refused.status.code(), Some(1));
-    assert!(error_of(&refused).contains("another scene"), "{}", error_of(&refused));
+    let other = ["--scene", "scenes/paper-printed.toml", "--plant-scene", "scenes/default.toml"];
+    for command in [&["status"][..], &["home"], &["config", "set", "speed-max", "3mm/s"]] {
+        let refused = rigctl(&[command, &other].concat());
+        assert_eq!(refused.status.code(), Some(1));
+        assert!(error_of(&refused).contains("another scene"), "{}", error_of(&refused));
+    }
+    // Who it is, it says all the same; and it stops whatever anybody believes of it.
+    let status = rigctl(&[&["status", "--json"][..], &other].concat());
+    assert_eq!(lines(&status)[0]["scene_matches"], false);
+    for command in ["stop", "hold", "clear"] {
+        let taken = rigctl(&[&[command][..], &other].concat());
+        assert!(taken.status.success(), "{command}: {}", error_of(&taken));
+    }
+    let told = rigctl(&[&["sim", "--seconds", "1s"][..], &other].concat());
+    assert!(told.status.success() && error_of(&told).contains("another scene"), "{}", error_of(&told));
+}
+
+#[test]
+fn a_jog_that_ends_in_a_fault_says_so_and_fails() {
+    let output = rigctl(&["jog", "--speed", "4", "--seconds", "60"]);
+    assert_eq!(output.status.code(), Some(1), "{}", String::from_utf8_lossy(&output.stdout));
+    assert!(error_of(&output).contains("fault") && error_of(&output).contains("turning"), "{}", error_of(&output));
+}
+
+#[test]
+fn the_board_makes_no_table_for_another_rig_or_envelope() {
+    let text = std::fs::read_to_string(common::root().join("scenes/default.toml")).expect("a scene");
+    for (from, to, named) in [
+        ("gear_ratio = [62, 1]", "gear_ratio = [100, 1]", "[rig]"),
+        ("contraction_m = 5e-6", "contraction_m = 6e-6", "[accuracy]"),
+    ] {
+        assert!(text.contains(from), "{from}");
+        let scene = std::env::temp_dir().join(format!("rigctl-other-{}.toml", std::process::id()));
+        std::fs::write(&scene, text.replace(from, to)).expect("written");
+        let path = scene.to_str().expect("a path");
+        let refused = rigctl(&["table", "--board", "--scene", path, "--plant-scene", "scenes/default.toml"]);
+        assert_eq!(refused.status.code(), Some(1));
+        assert!(error_of(&refused).contains(named) && error_of(&refused).contains(path), "{}", error_of(&refused));
+        std::fs::remove_file(scene).expect("was there");
+    }
 }
 
 #[test]

@@ -82,7 +82,7 @@ fn a_record_without_a_file_goes_to_standard_output_and_its_errors_name_what_is_w
     assert_eq!(rows[0]["header"]["scene_hash"].as_str(), log.header.get("scene_hash"));
     assert!(rows[1]["t_s"].is_number() && rows.last().is_some_and(|r| r["summary"]["rows"].as_u64() > Some(10)));
     for (arguments, code, named) in [
-        (&["record", "--out", "/no/such/folder/x.csv"][..], 1, "--out"),
+        (&["record", "--out", "/no/such/folder/x.csv"][..], 1, "/no/such/folder/x.csv"),
         (&["record", "--seconds", "0"], 2, "--seconds"),
         (&["record", "--seconds", "nan"], 2, "--seconds"),
         (&["record", "--script", "no-such.script"], 1, "no-such.script"),
@@ -95,6 +95,36 @@ fn a_record_without_a_file_goes_to_standard_output_and_its_errors_name_what_is_w
         let wrong = rigctl(arguments);
         assert_eq!(wrong.status.code(), Some(code), "{arguments:?}: {}", error_of(&wrong));
         assert!(error_of(&wrong).contains(named), "{arguments:?}: {}", error_of(&wrong));
+    }
+}
+
+#[test]
+fn a_file_that_is_there_is_not_lost_to_a_new_one() {
+    let kept = file("kept.csv");
+    let beside = kept.with_extension("csv~");
+    std::fs::write(&kept, "precious").expect("written");
+    for arguments in [
+        &["record", "--port", "/dev/no-such-rig"][..],
+        &["record", "--scene", "scenes/finger.toml"],
+        &["sweep", "--load", "500N"],
+        &["identify", "--published", "--fit", "k1,k2,k3,p"],
+    ] {
+        let failed = rigctl(&[arguments, &["--out", text(&kept)]].concat());
+        assert_eq!(failed.status.code(), Some(1), "{arguments:?}: {}", error_of(&failed));
+        assert_eq!(std::fs::read_to_string(&kept).expect("there"), "precious", "{arguments:?}");
+    }
+    let own = rigctl(&["identify", text(&kept), "--out", text(&kept)]);
+    assert!(own.status.code() == Some(2) && error_of(&own).contains("--out"), "{}", error_of(&own));
+    let recorded = rigctl(&["record", "--seconds", "100ms", "--out", text(&kept)]);
+    assert!(recorded.status.success() && error_of(&recorded).contains(text(&beside)), "{}", error_of(&recorded));
+    assert_eq!(std::fs::read_to_string(&beside).expect("kept"), "precious");
+    Log::load(&kept).expect("a log").whole().expect("all of it");
+    // Nothing is left where nothing was.
+    let none = file("none.csv");
+    assert_eq!(rigctl(&["sweep", "--load", "500N", "--out", text(&none)]).status.code(), Some(1));
+    assert!(!none.exists());
+    for path in [kept, beside] {
+        std::fs::remove_file(path).expect("was there");
     }
 }
 

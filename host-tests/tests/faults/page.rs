@@ -1,7 +1,7 @@
 //! `docs/faults.md` says what the code does, and where each fault is tested.
 
 use rig_control::supervisor::response::{Response, needs_homing, response};
-use rig_link::messages::{Fault, Limit};
+use rig_link::messages::{Fault, HomingFailure, Limit};
 
 /// The page for the person at the bench says of every fault what the code does about it.
 #[test]
@@ -26,6 +26,9 @@ fn every_fault_is_documented_and_the_table_is_what_the_code_does() {
     let named = |line: &str| line.strip_prefix("### `").and_then(|rest| rest.strip_suffix('`')).map(String::from);
     for name in page.lines().filter_map(named) {
         assert!(Fault::from_name(&name).is_some(), "docs/faults.md explains {name}, which is no fault");
+    }
+    for failure in HomingFailure::ALL {
+        assert!(page.contains(&format!("| `{failure}` |")), "docs/faults.md lacks the failed homing {failure}");
     }
     for &limit in Limit::ALL {
         assert!(page.contains(&format!("| `{limit}` |")), "docs/faults.md lacks the limit {limit}");

@@ -85,17 +85,21 @@ pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
     }
 }
 
-/// Refuses options of a rig where there is none, or only an emulated one: what they say would be passed over.
+/// Options of a rig where there is none have no effect, which is said; a port where only the emulated board can be is refused.
 fn rig_options(global: &Global, command: &Command) -> Result<(), Failure> {
-    let port = (global.port != "sim", "--port");
-    let rig = [
-        port,
+    let port = global.port != "sim";
+    let given = [
+        (port, "--port"),
         (!global.plant.is_empty(), "--plant"),
         (global.plant_scene.is_some(), "--plant-scene"),
         (global.flash.is_some(), "--flash"),
         (global.firmware.is_some(), "--firmware"),
     ];
-    let (refused, why) = match command {
+    match command {
+        Command::Sim { .. } | Command::Demo { .. } | Command::Report { .. } if port => Err(Failure::Usage(format!(
+            "--port {}: this command is always on the emulated board; `play` takes a script to a rig",
+            global.port
+        ))),
         Command::Solve { .. }
         | Command::Identify(_)
         | Command::Lookup { .. }
@@ -105,16 +109,13 @@ fn rig_options(global: &Global, command: &Command) -> Result<(), Failure> {
         | Command::Move { dry_run: true, .. }
         | Command::Chart { .. }
         | Command::Replay(_)
-        | Command::Completions { .. } => (&rig[..], "is for commands that have to do with a rig; this one has not"),
-        Command::Sim { .. } | Command::Demo { .. } | Command::Report { .. } => (
-            &rig[..1],
-            "is for other commands: this one is always on the emulated board (`play` takes a script to a rig)",
-        ),
-        _ => (&rig[..0], ""),
-    };
-    match refused.iter().find(|(given, _)| *given) {
-        Some((_, name)) => Err(Failure::Usage(format!("{name} {why}"))),
-        None => Ok(()),
+        | Command::Completions { .. } => {
+            for (_, name) in given.iter().filter(|(given, _)| *given) {
+                eprintln!("{name} has no effect: this command has to do with no rig");
+            }
+            Ok(())
+        }
+        _ => Ok(()),
     }
 }
 

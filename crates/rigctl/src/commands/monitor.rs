@@ -1,6 +1,6 @@
 //! `monitor`: the live view.
 
-use super::operate::{connect, is_sim};
+use super::operate::{is_sim, meet, same_scene};
 use super::simulate::{play_events, read};
 use crate::cli::Global;
 use crate::failure::Failure;
@@ -49,9 +49,12 @@ pub fn run(global: &Global, script: Option<&Path>, output: &Output) -> Result<()
         None => Script::idle(FOR_EVER_S),
     };
     script.end_s = FOR_EVER_S;
-    let mut session = connect(global)?;
+    let mut session = meet(global)?;
     let title = if is_sim(global) { " rig (emulated) ".to_owned() } else { format!(" rig at {} ", global.port) };
     let mut view = View { screen: Screen::new(title), leaving: None, drawn_s: f64::MIN };
+    if let Some(told) = same_scene(global, &session).err().and_then(|failure| failure.message()) {
+        view.screen.say(told);
+    }
     // This one also gives the terminal back if the tool panics.
     let mut terminal = Restored(ratatui::try_init()?);
     let (started, start_s, paced) = (Instant::now(), session.now_s(), is_sim(global));

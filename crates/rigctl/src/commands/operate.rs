@@ -38,17 +38,25 @@ pub fn sim_options(global: &Global) -> SimOptions {
 /// If it cannot be opened, nobody answers, or the board's scene is not the host's.
 pub fn connect(global: &Global) -> Result<Session, Failure> {
     let session = meet(global)?;
-    let scene = super::scene(global)?;
-    let board = session.identity().map_or(0, |id| id.scene_hash);
-    if board != scene.hash() {
-        return Err(Failure::failed(format!(
-            "the board's table is for another scene ({board:08x}) than {} ({:08x}): name the board's with --scene, have \
-             it make one for this (`table --board`), or build and flash",
-            global.scene.display(),
-            scene.hash()
-        )));
-    }
+    same_scene(global, &session)?;
     Ok(session)
+}
+
+/// Whether the board's table is for the operator's scene.
+///
+/// # Errors
+/// Naming both, and what to do.
+pub(super) fn same_scene(global: &Global, session: &Session) -> Result<(), Failure> {
+    let scene = super::scene(global)?.hash();
+    let board = session.identity().map_or(0, |id| id.scene_hash);
+    if board == scene {
+        return Ok(());
+    }
+    Err(Failure::failed(format!(
+        "the board's table is for another scene ({board:08x}) than {} ({scene:08x}): name the board's with --scene, have it \
+         make one for this (`table --board`), or build and flash",
+        global.scene.display(),
+    )))
 }
 
 /// Greets the board, whatever scene its table is for.

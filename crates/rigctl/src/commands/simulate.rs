@@ -2,7 +2,7 @@
 //! do to a rig the operator of a real one is asked to do by hand.
 
 use super::config;
-use super::operate::{connect, is_sim, sim_options};
+use super::operate::{connect, is_sim, same_scene, sim_options};
 use crate::cli::Global;
 use crate::failure::Failure;
 use crate::output::Output;
@@ -56,18 +56,16 @@ pub fn read(path: &Path) -> Result<Script, Failure> {
 }
 
 fn play_through(global: &Global, session: &mut Session, script: &Script, output: &mut Output) -> Result<(), Failure> {
-    let (seed, believed) = (global.seed, super::scene(global)?.hash());
-    let mut other_scene = false;
+    let (seed, mut looked) = (global.seed, false);
     let started = Instant::now();
     let mut next_line_s = 0.0;
     let mut told = None;
     play_events(session, script, seed, |session, said| {
         said.iter().for_each(|line| eprintln!("{line}"));
         // An emulated board may be what is tried with another scene; not without a word.
-        let board = session.identity().map_or(believed, |id| id.scene_hash);
-        if board != believed && !std::mem::replace(&mut other_scene, true) {
-            let scene = global.scene.display();
-            eprintln!("the board's table is for another scene ({board:08x}) than {scene} ({believed:08x})");
+        if session.identity().is_some() && !std::mem::replace(&mut looked, true) {
+            let told = same_scene(global, session).err().and_then(|failure| failure.message());
+            told.iter().for_each(|line| eprintln!("{line}"));
         }
         for row in session.take_rows() {
             output.object(&row)?;

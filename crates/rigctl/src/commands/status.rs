@@ -1,6 +1,6 @@
 //! `status` and `sensors`: what the board is, and what it sees, homed or not.
 
-use super::operate::{is_sim, meet};
+use super::operate::{is_sim, meet, same_scene};
 use crate::cli::Global;
 use crate::failure::Failure;
 use crate::output::Output;
@@ -13,10 +13,10 @@ const STATUS_S: f64 = 1.0;
 /// Time between two readings of `sensors` (s).
 const READING_S: f64 = 0.2;
 
-/// `status`: who the board is and what it sees, whatever its scene.
+/// `status`: who the board is and what it sees.
 ///
 /// # Errors
-/// If nobody answers.
+/// If nobody answers; or, with all of it told, if the board's scene is another.
 pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
     let mut session = meet(global)?;
     if is_sim(global) {
@@ -33,14 +33,13 @@ pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
         return Err(Failure::failed("the board did not say who it is"));
     };
     let (settings, sensors) = (session.settings()?, session.sensors()?);
-    // Of no scene file nothing follows for the board.
-    let scene_matches = super::scene(global).ok().map(|scene| scene.hash() == id.scene_hash);
+    let same_scene = same_scene(global, &session);
     let counters = session.telemetry().map(|t| t.counters).unwrap_or_default();
     output.object(&json!({
         "firmware": id.version.as_str(),
         "git": id.git.as_str(),
         "scene_hash": format!("{:08x}", id.scene_hash),
-        "scene_matches": scene_matches,
+        "scene_matches": same_scene.is_ok(),
         "protocol_hash": format!("{:08x}", id.protocol_hash),
         "reset_cause": id.reset_cause.name(),
         "boot_count": id.boot_count,
@@ -68,13 +67,8 @@ pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
         "telemetry": row,
     }))?;
     output.line(format!(
-        "firmware {} ({}), protocol {:08x}, scene {:08x}{}, last started by {}",
-        id.version,
-        id.git,
-        id.protocol_hash,
-        id.scene_hash,
-        if scene_matches == Some(false) { format!(" (NOT {})", global.scene.display()) } else { String::new() },
-        id.reset_cause
+        "firmware {} ({}), protocol {:08x}, scene {:08x}, last started by {}",
+        id.version, id.git, id.protocol_hash, id.scene_hash, id.reset_cause
     ))?;
     output.line(format!(
         "table    {}, {} bytes, {}: contraction within {:.2} um, TR within {:.3} % for {} to {} N, {} to {:.1} turns",
@@ -106,7 +100,7 @@ pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
         output.line(format!("         the run before ended with: {text}"))?;
     }
     output.line(row.text())?;
-    Ok(())
+    same_scene
 }
 
 /// `sensors`: a reading, or one every 0.2 s for so long, whatever the board's scene.
