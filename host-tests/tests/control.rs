@@ -3,7 +3,8 @@
 use host_tests::Desk;
 use rand::{RngExt, SeedableRng};
 use rig_control::adaptation::Learned;
-use rig_link::messages::{EventKind, Limit, LoadChoice, Parameter, Refusal, Request, State};
+use rig_control::homing::{Homing, Progress, Seen};
+use rig_link::messages::{EventKind, HomingFailure, Limit, LoadChoice, Parameter, Refusal, Request, State};
 use std::f64::consts::PI;
 
 type Keys = &'static [(&'static str, &'static str)];
@@ -204,6 +205,32 @@ fn a_jammed_load_is_not_homed() {
         let pull_n = d.truth().pull_n;
         assert!(pull_n < d.truth().load_n + 3.5, "{load} {twist}: {pull_n} N");
     }
+}
+
+/// A motor that the strings cannot drive back starts where it was left, against fully closed strings: it turns back
+/// before the drive takes that for a stall, and no farther than friction explains if the load does not move.
+#[test]
+fn the_probe_turns_back_from_closed_strings() {
+    let (table, constants) = (host_tests::table(), host_tests::constants());
+    let mut homing = Homing::new();
+    homing.begin(0.0, 0.05, 1.0);
+    let (mut shaft_rad, mut pressed) = (0.0f32, 0);
+    for _ in 0..1000 {
+        let seen = Seen { shaft_rad, shaft_then_rad: shaft_rad, gap_m: 0.05, current_a: 0.0 };
+        match homing.step(table, &constants, &seen) {
+            Progress::Turning(ramp) => {
+                shaft_rad = ramp.position.min(0.2);
+                pressed += i32::from(ramp.position > 0.2);
+            }
+            end => {
+                assert_eq!(end, Progress::Failed(HomingFailure::NoPretwist));
+                assert!(pressed < 50, "{pressed} ticks against the strings");
+                assert!((-11.0..-10.0).contains(&shaft_rad), "{shaft_rad} rad");
+                return;
+            }
+        }
+    }
+    panic!("no end");
 }
 
 /// What a stalled or reset drive lets fall swings for seconds; homing waits for it.
