@@ -14,7 +14,7 @@ fn homed(load: &str, twist: &str, seed: u64) -> Desk {
 
 #[test]
 fn homes_from_any_twist_under_any_load() {
-    // 9 turns at 0.1 kg is as far as the strings go (overtwist); heavier loads go further.
+    // To the very end: `control::homes_from_the_farthest_twist_that_the_strings_can_have`.
     let cases = [
         ("0.1kg", 56.0),
         ("0.1kg", -56.0),

@@ -3,7 +3,8 @@
 use host_tests::Desk;
 use rand::{RngExt, SeedableRng};
 use rig_control::adaptation::Learned;
-use rig_link::messages::{EventKind, Limit, LoadChoice, Parameter, Refusal, Request, State};
+use rig_control::homing::{Homing, Progress, Seen};
+use rig_link::messages::{EventKind, HomingFailure, Limit, LoadChoice, Parameter, Refusal, Request, State};
 use std::f64::consts::PI;
 
 type Keys = &'static [(&'static str, &'static str)];
@@ -164,6 +165,72 @@ fn homes_within_20_mrad_from_any_twist_under_any_load() {
         slowest = slowest.max(seconds);
     }
     println!("worst: {:.2} mrad, {slowest:.1} s", worst * 1e3);
+}
+
+/// Up to where the strings lie side by side: there the probe tightens them against their own thickness, and friction
+/// holds a light load over several radians.
+#[test]
+fn homes_from_the_farthest_twist_that_the_strings_can_have() {
+    let mut worst = (0.0f64, 0.0f64, 0.0f64);
+    for (seed, load) in ["0.5", "0.6", "0.1kg", "2", "5", "18"].iter().enumerate() {
+        let nominal = Desk::new(&[("load", load)], 1);
+        let most = (10.0 * nominal.rig.plant().surface().last_twist_rad(nominal.truth().load_n)).floor() / 10.0;
+        for twist in [most, -most, most - 2.0, 2.0 - most, 0.9 * most, -0.9 * most] {
+            for friction in ["0.02", "0.1"] {
+                let keys = [("load", *load), ("friction", friction), ("twist_at_boot", &twist.to_string())];
+                let mut d = Desk::new(&keys, seed as u64);
+                let seconds = d.home().unwrap_or_else(|e| panic!("{keys:?}: {e}"));
+                let off = d.truth().twist_rad.abs() - PI;
+                let load_off = f64::from(d.control.homed().expect("homed").load_n) - d.truth().load_n;
+                let load_off = load_off.abs() / f64::max(0.05, 0.03 * d.truth().load_n);
+                assert!(
+                    off.abs() < 0.02 && load_off < 1.0,
+                    "{keys:?}: zero off by {off} rad, load by {load_off} of its floor"
+                );
+                assert!(seconds < 42.0, "{keys:?}: {seconds} s");
+                worst = (worst.0.max(off.abs()), worst.1.max(load_off), worst.2.max(seconds));
+            }
+        }
+    }
+    println!("worst: {:.2} mrad, load {:.2} of its floor, {:.1} s", worst.0 * 1e3, worst.1, worst.2);
+}
+
+/// A rail that lets nothing move, anywhere: homing gives up, with the strings held and little more tension than before.
+#[test]
+fn a_jammed_load_is_not_homed() {
+    for (load, twist) in [("0.1kg", "61"), ("0.1kg", "-61"), ("0.5kg", "71"), ("1.5kg", "40"), ("1.5kg", "-20")] {
+        let mut d = Desk::new(&[("load", load), ("friction", "100"), ("twist_at_boot", twist)], 4);
+        let error = d.home().expect_err("it cannot move");
+        assert!(error.contains("NoPretwist"), "{load} {twist}: {error}");
+        let pull_n = d.truth().pull_n;
+        assert!(pull_n < d.truth().load_n + 3.5, "{load} {twist}: {pull_n} N");
+    }
+}
+
+/// A motor that the strings cannot drive back starts where it was left, against fully closed strings: it turns back
+/// before the drive takes that for a stall, and no farther than friction explains if the load does not move.
+#[test]
+fn the_probe_turns_back_from_closed_strings() {
+    let (table, constants) = (host_tests::table(), host_tests::constants());
+    let mut homing = Homing::new();
+    homing.begin(0.0, 0.05, 1.0);
+    let (mut shaft_rad, mut pressed) = (0.0f32, 0);
+    for _ in 0..1000 {
+        let seen = Seen { shaft_rad, shaft_then_rad: shaft_rad, gap_m: 0.05, current_a: 0.0 };
+        match homing.step(table, &constants, &seen) {
+            Progress::Turning(ramp) => {
+                shaft_rad = ramp.position.min(0.2);
+                pressed += i32::from(ramp.position > 0.2);
+            }
+            end => {
+                assert_eq!(end, Progress::Failed(HomingFailure::NoPretwist));
+                assert!(pressed < 50, "{pressed} ticks against the strings");
+                assert!((-11.0..-10.0).contains(&shaft_rad), "{shaft_rad} rad");
+                return;
+            }
+        }
+    }
+    panic!("no end");
 }
 
 /// What a stalled or reset drive lets fall swings for seconds; homing waits for it.

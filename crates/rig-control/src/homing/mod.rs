@@ -32,14 +32,25 @@ const QUIET_PATIENCE_S: f32 = 10.0;
 const PROBE_SPEED: f32 = 1.5;
 /// Change of the gap (m) that decides the probe: several times what rail friction can hold back.
 const PROBE_CHANGE_M: f32 = 0.25e-3;
-/// Longest probe (rad): from anywhere, even across the top, the gap changes by more than its noise within it.
-const PROBE_TRAVEL: f32 = 2.6;
+/// Longest probe (rad). Highly twisted under little load, rail friction holds the load that long: 0.1 N under 0.5 N for
+/// 6 rad, 0.3 N under 1 N for 6.7 rad. Against a jammed load it adds some 3 N.
+const PROBE_TRAVEL: f32 = 7.0;
+/// So far (rad) behind its set-point the shaft stands against fully closed strings: more than any drive lags at the
+/// probe's speed, and turned back from before the drive takes it for a stall and drops the load.
+const PROBE_BEHIND: f32 = 0.5;
 /// Speed towards the maximum (rad/s).
 const SEEK_SPEED: f32 = 8.0;
 /// Fall from the greatest gap (m) that shows that the maximum has been passed.
 const SEEK_FALL_M: f32 = 0.6e-3;
-/// Farthest from the power-up twist that the maximum is looked for (rad): 12 turns.
-const SEEK_TRAVEL: f32 = 12.0 * TAU;
+/// Rise from the least gap (m) before a fall counts: a light load that has just torn loose from friction goes up for a
+/// while when the motor has already turned back.
+const SEEK_RISE_M: f32 = 0.15e-3;
+/// Fall before such a rise (m) that shows that this is not the way to zero twist: more of it would close the strings.
+const SEEK_ASTRAY_M: f32 = 3e-3;
+/// Turn without such a rise (rad) that no friction explains which the probe can overcome: the load is jammed.
+const SEEK_STUCK: f32 = 1.5 * PROBE_TRAVEL;
+/// Farthest from the power-up twist that the maximum is looked for (rad): 12 turns, and what the probe went astray.
+const SEEK_TRAVEL: f32 = 12.0 * TAU + PROBE_TRAVEL;
 /// Half the width of the sweeps across the maximum (rad).
 const SWEEP_HALF: f32 = 3.0;
 /// Speed of these sweeps (rad/s): slow enough that the load follows without swinging.
@@ -108,7 +119,7 @@ pub enum Progress {
 enum Phase {
     Quiet { ticks: u16, low_m: f32, high_m: f32 },
     Probe { start_rad: f32, gap_m: f32 },
-    Seek { start_rad: f32, goal_rad: f32, top_m: f32, top_rad: f32 },
+    Seek { start_rad: f32, goal_rad: f32, low_m: Option<f32>, top_m: f32, top_rad: f32 },
     CentreRest { ticks: u16 },
     Centre,
     Solve,
@@ -190,9 +201,9 @@ impl Homing {
                 self.wait_for_quiet(ticks, low_m.min(gap_m), high_m.max(gap_m), gap_m);
                 Ok(None)
             }
-            Phase::Probe { start_rad, gap_m } => self.probe(start_rad, gap_m, acceleration),
-            Phase::Seek { start_rad, goal_rad, top_m, top_rad } => {
-                self.seek(start_rad, goal_rad, top_m, top_rad, shaft_rad, acceleration, speed_limit)
+            Phase::Probe { start_rad, gap_m } => self.probe(start_rad, gap_m, shaft_rad, acceleration),
+            Phase::Seek { start_rad, goal_rad, low_m, top_m, top_rad } => {
+                self.seek(start_rad, goal_rad, low_m, top_m, top_rad, shaft_rad, acceleration, speed_limit)
             }
             Phase::CentreRest { ticks } => self.rest_before_centre(ticks, acceleration, speed_limit),
             Phase::Centre => self.sweep_centre(seen, acceleration),
@@ -219,16 +230,28 @@ impl Homing {
         };
     }
 
-    fn probe(&mut self, start_rad: f32, gap_m: f32, acceleration: f32) -> Result<Option<Homed>, HomingFailure> {
+    fn probe(
+        &mut self,
+        start_rad: f32,
+        gap_m: f32,
+        shaft_rad: f32,
+        acceleration: f32,
+    ) -> Result<Option<Homed>, HomingFailure> {
         let goal = start_rad + PROBE_TRAVEL;
         self.ramp.step(goal, PROBE_SPEED, acceleration);
         let change = self.smooth_gap_m - gap_m;
         let ended = self.ramp == Ramp::at(goal);
-        if change.abs() > PROBE_CHANGE_M || (ended && change.abs() > 0.1 * PROBE_CHANGE_M) {
-            self.direction = libm::copysignf(1.0, change);
+        let closed = self.ramp.position - shaft_rad > PROBE_BEHIND;
+        if closed {
+            // Only more twist meets such a resistance. From where the shaft is: the motor lets go at once.
+            self.ramp = Ramp::at(shaft_rad);
+        }
+        if closed || change.abs() > PROBE_CHANGE_M || (ended && change.abs() > 0.1 * PROBE_CHANGE_M) {
+            self.direction = if closed { -1.0 } else { libm::copysignf(1.0, change) };
             self.phase = Phase::Seek {
                 start_rad: self.ramp.position,
                 goal_rad: self.ramp.position + self.direction * SEEK_TRAVEL,
+                low_m: Some(self.smooth_gap_m.min(gap_m)),
                 top_m: self.smooth_gap_m,
                 top_rad: self.ramp.position,
             };
@@ -243,6 +266,7 @@ impl Homing {
         &mut self,
         start_rad: f32,
         goal_rad: f32,
+        mut low_m: Option<f32>,
         mut top_m: f32,
         mut top_rad: f32,
         shaft_rad: f32,
@@ -255,13 +279,22 @@ impl Homing {
         if self.smooth_gap_m > top_m || !ahead {
             (top_m, top_rad) = (self.smooth_gap_m, shaft_rad);
         }
-        if top_m - self.smooth_gap_m > SEEK_FALL_M {
+        low_m = low_m.map(|low_m| low_m.min(self.smooth_gap_m));
+        if low_m.is_some_and(|low_m| self.smooth_gap_m - low_m > SEEK_RISE_M) {
+            low_m = None;
+            (top_m, top_rad) = (self.smooth_gap_m, shaft_rad);
+        }
+        let fall_m = top_m - self.smooth_gap_m;
+        let turned = (shaft_rad - start_rad).abs();
+        if low_m.is_none() && fall_m > SEEK_FALL_M {
             self.zero_rad = top_rad;
             self.phase = Phase::CentreRest { ticks: 0 };
-        } else if (shaft_rad - start_rad).abs() > 0.98 * SEEK_TRAVEL {
+        } else if low_m.is_some() && (fall_m > SEEK_ASTRAY_M || turned > SEEK_STUCK) {
+            return Err(HomingFailure::NoPretwist);
+        } else if turned > 0.98 * SEEK_TRAVEL {
             return Err(HomingFailure::TravelEnd);
         } else {
-            self.phase = Phase::Seek { start_rad, goal_rad, top_m, top_rad };
+            self.phase = Phase::Seek { start_rad, goal_rad, low_m, top_m, top_rad };
         }
         Ok(None)
     }

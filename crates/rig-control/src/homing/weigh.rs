@@ -8,7 +8,7 @@
 use crate::RigConstants;
 use crate::mechanism::{Mechanism, TWIST_SCALE};
 use rig_link::messages::HomingFailure;
-use tsa_table::Table;
+use tsa_table::{Point, Table};
 
 /// Bins over the sweep.
 const BINS: usize = 32;
@@ -209,7 +209,7 @@ impl Weigh {
                 // in the load when that is light, so each is asked for by itself.
                 let Weighed { load_n, friction_n, .. } = self.found;
                 let up = mechanism.at(load_n + friction_n, pair.twist_rad + pair.half_twist_rad);
-                let down = mechanism.at(load_n - friction_n, pair.twist_rad - pair.half_twist_rad);
+                let down = below(mechanism, load_n - friction_n, pair.twist_rad - pair.half_twist_rad);
                 let r = pair.gap_m - 0.5 * (up.gap_m + down.gap_m);
                 let d = 0.5 * (up.dgap_dload_m_per_n + down.dgap_dload_m_per_n);
                 let by_twist = 0.5 * (up.dgap_dtwist_m_per_rad + down.dgap_dtwist_m_per_rad);
@@ -275,4 +275,17 @@ impl Weigh {
         self.found.friction_n = friction_n.clamp(0.0, 0.4 * self.found.load_n);
         Ok(())
     }
+}
+
+/// As [`Mechanism::at`], continued below the table's least load in 1/F, as the strings' radius goes (model.md 2): the
+/// lightest load less friction is there.
+fn below(mechanism: Mechanism<'_>, load_n: f32, twist_rad: f32) -> Point {
+    let least_n = mechanism.table.metadata.load_min_n;
+    let mut point = mechanism.at(load_n, twist_rad);
+    if load_n < least_n {
+        let share = least_n / load_n;
+        point.gap_m += point.dgap_dload_m_per_n * least_n * (1.0 - share);
+        point.dgap_dload_m_per_n *= share * share;
+    }
+    point
 }

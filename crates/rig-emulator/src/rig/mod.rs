@@ -88,6 +88,19 @@ pub enum RigError {
         /// The surface's end.
         most_n: f64,
     },
+    /// The strings would lie closer than side by side, or the rods beyond their strain: let go from there, the rotor
+    /// would be flung through zero and as far to the other side.
+    #[error(
+        "plant key `twist_at_boot`: {twist_rad} rad is more than the strings can have under {load_n} N, at most {most_rad} rad either way"
+    )]
+    Twist {
+        /// Asked for.
+        twist_rad: f64,
+        /// Load, N.
+        load_n: f64,
+        /// The last twist with an equilibrium, rounded down.
+        most_rad: f64,
+    },
 }
 
 /// Drive, motor, mechanism and sensors on the microcontroller's pins.
@@ -135,6 +148,10 @@ impl Rig {
         let stop = parameters.lvdt_gap_at_zero_m;
         let stops_m = [stop, stop + parameters.lvdt_stroke_m];
         let twist_rad = settings.twist_at_boot_rad;
+        let most_rad = (10.0 * surface.last_twist_rad(settings.load_n)).floor() / 10.0;
+        if twist_rad.abs() > most_rad {
+            return Err(RigError::Twist { twist_rad, load_n: settings.load_n, most_rad });
+        }
         let boot_pretwist_gap_m = surface.gap(tsa_model::PRETWIST_RAD, settings.load_n).gap_m;
         let plant = Plant::new(surface, stops_m, twist_rad, settings.load_n);
         let play = 0.5 * settings.gear_backlash_rad;

@@ -348,6 +348,25 @@ fn plant_keys_are_checked_by_name() {
 }
 
 #[test]
+fn a_twist_that_the_strings_cannot_have_is_refused_with_its_limit() {
+    let new = |load_n, twist_at_boot_rad| {
+        Rig::new(&scene(), PlantSettings { load_n, twist_at_boot_rad, ..PlantSettings::default() }, 1)
+    };
+    for (load_n, sign) in [(0.05, 1.0), (0.5, -1.0), (1.0, 1.0), (18.0, -1.0), (40.0, 1.0)] {
+        let error = new(load_n, sign * 75.0).err().expect("past eleven turns").to_string();
+        assert!(error.contains("`twist_at_boot`"), "{error}");
+        let most: f64 =
+            error.split("at most ").nth(1).and_then(|end| end.split(' ').next()?.parse().ok()).expect("the limit");
+        assert!(new(load_n, sign * (most + 0.1)).is_err(), "{error}");
+        let mut r = new(load_n, sign * most).unwrap_or_else(|e| panic!("{e}"));
+        // Without power they unwind at most: nothing flings the rotor to the other side.
+        r.poll(2.0);
+        let twist = sign * r.truth().twist_rad;
+        assert!(twist > -0.1 && twist < most + 0.01, "{error}: {twist}");
+    }
+}
+
+#[test]
 fn a_pressed_emergency_stop_brakes_the_motor_and_shows_on_its_pin() {
     let mut r = rig(&[("twist_at_boot", "20")]);
     start(&mut r);
