@@ -325,7 +325,7 @@ impl Desk {
     /// Waits for the drive, homes; homing time (s) or how it failed.
     pub fn home(&mut self) -> Result<f64, String> {
         let idle = |d: &Self| matches!(d.control.state(), State::Unhomed | State::Ready | State::Holding);
-        if !idle(self) && !self.until(5.0, idle) {
+        if !idle(self) && !self.until(10.0, idle) {
             return Err(format!("not ready: {:?} {:?}", self.control.state(), self.control.fault()));
         }
         let start = self.time_s;

@@ -195,6 +195,18 @@ fn homes_from_the_farthest_twist_that_the_strings_can_have() {
     println!("worst: {:.2} mrad, load {:.2} of its floor, {:.1} s", worst.0 * 1e3, worst.1, worst.2);
 }
 
+/// Ten turns either way, which is past closed strings under 0.1 kg: left there, they fling the rotor to the other side.
+#[test]
+fn homes_from_ten_turns_under_the_lightest_load() {
+    for twist in ["62.83", "-62.83"] {
+        for (seed, friction) in [(1, "0.02"), (2, "0.02"), (3, "0.05")] {
+            let mut d = Desk::new(&[("load", "0.1kg"), ("friction", friction), ("twist_at_boot", twist)], seed);
+            d.home().unwrap_or_else(|e| panic!("{twist} {friction}: {e}"));
+            assert!((d.truth().twist_rad.abs() - PI).abs() < 0.02, "{twist} {friction}");
+        }
+    }
+}
+
 /// A rail that lets nothing move, anywhere: homing gives up, with the strings held and little more tension than before.
 #[test]
 fn a_jammed_load_is_not_homed() {
