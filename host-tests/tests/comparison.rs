@@ -9,7 +9,7 @@ use host_tests::scenario;
 
 /// What `cargo xtask compare` found for the fixed ratio: with the least error, and with the most settled moves.
 const LEAST_ERROR: Loop =
-    Loop { tr_rad_per_m: Some(2757.0), gain_per_s: 7.5, corner_rad_per_s: 24.0, crossing_rad: 0.0 };
+    Loop { tr_rad_per_m: Some(2757.0), gain_per_s: 7.5, corner_rad_per_s: 21.8, crossing_rad: 0.0 };
 const MOST_SETTLED: Loop =
     Loop { tr_rad_per_m: Some(2757.0), gain_per_s: 4.69, corner_rad_per_s: 30.0, crossing_rad: 0.0 };
 

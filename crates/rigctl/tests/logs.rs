@@ -181,6 +181,17 @@ fn a_replay_agrees_until_the_log_says_otherwise() {
     }
     std::fs::write(&other, cut).expect("written");
     assert_eq!(replayed(&[text(&other), "--partial"]).status.success(), cut.contains("event homed"));
+    // Nor is half an experiment fitted to without a word.
+    for (content, named) in [
+        (cut, "cut short"),
+        (&log.replace("# lost_frames", "# broken_off = fault drive-stall\n# lost_frames"), "drive-stall"),
+    ] {
+        std::fs::write(&other, content).expect("written");
+        let refused = rigctl(&["identify", text(&other)]);
+        assert!(refused.status.code() == Some(1) && error_of(&refused).contains(named), "{}", error_of(&refused));
+        let taken = rigctl(&["identify", "--partial", text(&other)]);
+        assert!(error_of(&taken).contains("not of `rigctl sweep`"), "{}", error_of(&taken));
+    }
     for path in [path, other] {
         std::fs::remove_file(path).expect("was there");
     }

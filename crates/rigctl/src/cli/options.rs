@@ -36,7 +36,7 @@ pub enum Config {
         /// File to read: of `config backup`, or a log of `record` or `sweep`, whose head holds them too
         #[arg(value_name = "FILE")]
         file: PathBuf,
-        /// Even if it was written for another [rig]
+        /// Even if it was written for a rig of other numbers
         #[arg(long)]
         force: bool,
     },

@@ -55,7 +55,7 @@ pub fn run(global: &Global, options: &Identify, output: &mut Output) -> Result<(
         eprintln!("passed over: {bad}");
     }
     print(&fit, &unknowns, &start, &fitted, unit, output)?;
-    if fit.held_out.rms > SURPRISING * fit.fitted.rms && fit.held_out.count > 0 {
+    if unit == "m" && fit.held_out.rms > SURPRISING * fit.fitted.rms.max(data::SIGMA_M) {
         eprintln!(
             "what was held out is predicted {:.0} times worse than what was fitted: is there a wrong row in it, or too much \
              fitted?",

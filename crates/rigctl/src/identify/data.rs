@@ -62,7 +62,7 @@ pub struct Data {
 }
 
 /// Standard deviation of a sweep's rows that do not say their own (m): half a count of a 12-bit converter on 200 mm.
-const SIGMA_M: f64 = 25e-6;
+pub const SIGMA_M: f64 = 25e-6;
 
 /// The paper's numbers; `held_out` are ids, or `theory`, `experiment`, `tr`, `span`, `contraction`.
 ///
