@@ -188,7 +188,7 @@ pub struct Start {
     /// Boots since power came on, counting this one.
     pub boot_count: u32,
     /// What the run before ended with, if it ended by itself.
-    pub last_panic: Option<heapless::String<96>>,
+    pub last_panic: Option<heapless::String<88>>,
     /// That run was driving the motor.
     pub was_driving: bool,
 }

@@ -10,7 +10,7 @@ use core::marker::PhantomData;
 use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 use serde::{Serialize, de::DeserializeOwned};
 
-/// Longest frame on the wire, both delimiters included (bytes). The longest message (`Identity`) needs about 170.
+/// Longest frame on the wire, both delimiters included (bytes). The longest message (`Identity`, full of text) needs 242.
 pub const MAX_FRAME: usize = 256;
 
 /// One frame stays under the 254 bytes after which COBS would insert a second overhead byte.

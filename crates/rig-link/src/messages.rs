@@ -251,7 +251,7 @@ pub struct Identity {
     /// Boots since power came on, counting this one.
     pub boot_count: u32,
     /// What the run before this one ended with, if it was a panic or a fault of the core; as much as fits.
-    pub last_panic: Option<String<96>>,
+    pub last_panic: Option<String<88>>,
 }
 
 /// The embedded transmission table and its certificate.

@@ -183,7 +183,7 @@ fn longest_identity() -> Identity {
         },
         reset_cause: ResetCause::Watchdog,
         boot_count: u32::MAX,
-        last_panic: Some(text(&"p".repeat(96))),
+        last_panic: Some(text(&"p".repeat(88))),
     }
 }
 
