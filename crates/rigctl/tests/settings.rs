@@ -93,6 +93,24 @@ fn wrong_names_values_and_files_are_refused_and_nothing_is_written() {
     assert!(code == Some(1) && error.contains("flash.bin"), "{error}");
 }
 
+/// A fault of the start itself is there to be cleared.
+#[test]
+fn damaged_settings_are_cleared_by_the_tool() {
+    let flash = folder("damaged").join("flash.bin");
+    on(&flash, &["config", "set", "speed-max", "3mm/s"]);
+    let mut image = std::fs::read(&flash).expect("kept");
+    image[0x4000..0x1_0000].fill(0x5A);
+    std::fs::write(&flash, image).expect("written");
+    assert_eq!(on(&flash, &["status"])[0]["telemetry"]["fault"], "settings-corrupt");
+    let cleared = on(&flash, &["clear"]);
+    assert!(cleared.last().is_some_and(|row| row["fault"].is_null()), "{cleared:?}");
+    let told = rigctl(&["config", "set", "speed-max", "3mm/s"]);
+    assert!(
+        String::from_utf8_lossy(&told.stdout).contains("nothing of this lasts"),
+        "an emulated board without --flash"
+    );
+}
+
 #[test]
 fn a_backup_brings_a_new_board_to_the_same_settings() {
     let folder = folder("backup");

@@ -200,14 +200,20 @@ fn happen(
 mod tests {
     use super::*;
     use crate::session::port::{Port, Received};
+    use rig_link::{Decoder, Request};
+    use std::cell::RefCell;
+    use std::rc::Rc;
 
     /// A port without an emulator behind it.
+    #[derive(Default)]
     struct Wire {
         now_s: f64,
+        sent: Rc<RefCell<Vec<u8>>>,
     }
 
     impl Port for Wire {
-        fn pass(&mut self, _bytes: &[u8], seconds: f64) -> Result<Received, Failure> {
+        fn pass(&mut self, bytes: &[u8], seconds: f64) -> Result<Received, Failure> {
+            self.sent.borrow_mut().extend(bytes);
             self.now_s += seconds;
             Ok(Received::default())
         }
@@ -218,11 +224,24 @@ mod tests {
     }
 
     #[test]
+    fn when_nobody_can_be_told_any_more_the_board_is_stopped() {
+        let wire = Wire::default();
+        let sent = Rc::clone(&wire.sent);
+        let mut session = Session::new(Box::new(wire));
+        let played = play_events(&mut session, &Script::idle(10.0), 1, |_, _| Err(Failure::failed("no reader")));
+        assert!(played.is_err_and(|e| e.message().as_deref() == Some("no reader")));
+        let mut decoder = Decoder::<Request>::new();
+        let requests: Vec<Request> =
+            sent.borrow().iter().filter_map(|b| decoder.push(*b)?.ok()).map(|frame| frame.body).collect();
+        assert!(requests.contains(&Request::Stop), "{requests:?}");
+    }
+
+    #[test]
     fn on_a_real_rig_the_operator_is_asked_for_what_the_tool_cannot_do() {
         let text = "0 plant load=0.5kg\n1 home\n2 fault lvdt-open\n3 fault lvdt-open off\n4 fault host-silent\n\
                     5 fault power-cycle\n6 end";
         let script = Script::parse(text).unwrap_or_else(|e| panic!("{e}"));
-        let mut session = Session::new(Box::new(Wire { now_s: 0.0 }));
+        let mut session = Session::new(Box::new(Wire::default()));
         let mut asked = HashMap::new();
         let mut told = |event| happen(event, &mut session, &mut asked, 1).unwrap_or_else(|_| panic!("{event:?}"));
         let told: Vec<Option<String>> = script.events.iter().map(&mut told).collect();
