@@ -2,14 +2,34 @@
 
 use host_tests::board::{Bench, firmware};
 use host_tests::{scene, table};
+use rig_emulator::flash_file::FlashFile;
 use rig_link::PROTOCOL_HASH;
-use rig_link::messages::{Fault, Refusal, Request, State};
+use rig_link::messages::{Fault, Refusal, Request, Setting, State};
 use tsa_table::Form;
 
 /// Greets a board that was just switched on.
 fn greet(b: &mut Bench) {
     b.run(0.05);
     b.ask(&Request::Hello { protocol_hash: PROTOCOL_HASH }).unwrap();
+}
+
+/// Two emulated boards on one file: the second to write would undo what the first has kept.
+#[test]
+fn a_file_that_another_board_has_written_is_not_written_over() {
+    let path = std::env::temp_dir().join(format!("flash-of-two-{}.bin", std::process::id()));
+    let [mut a, mut b] = [1, 2].map(|seed| Bench::new(&[], seed));
+    let [mut of_a, mut of_b] = [&mut a, &mut b].map(|bench| FlashFile::open(&path, &mut bench.machine).unwrap());
+    for (bench, value) in [(&mut a, 0.003), (&mut b, 0.004)] {
+        greet(bench);
+        assert!(bench.until(5.0, |b| b.state() == State::Unhomed));
+        bench.set(&Request::SetSetting { setting: Setting::SpeedMax, value }).unwrap();
+    }
+    of_a.follow(&a.machine).unwrap();
+    let error = of_b.follow(&b.machine).unwrap_err().to_string();
+    assert!(error.contains("another emulated board"), "{error}");
+    assert!(std::fs::read(&path).unwrap() == a.machine.flash_image());
+    of_a.follow(&a.machine).unwrap();
+    std::fs::remove_file(path).unwrap();
 }
 
 #[test]

@@ -226,6 +226,15 @@ fn bad_files_rows_and_options_are_named() {
         assert_eq!(output.status.code(), Some(code), "{arguments:?}: {}", said(&output));
         assert!(said(&output).contains(named), "{arguments:?}: {}", said(&output));
     }
+    // A wrong row among those that are only predicted: the fifth.
+    let wild: Vec<String> = sweep(&truth(), 2.0, 7.5, 0.0, 0.0).lines().map(str::to_owned).collect();
+    let row = wild[6].rsplit_once(',').unwrap().0.to_owned() + ",0.5";
+    let outlier = wild.iter().enumerate().map(|(k, line)| if k == 6 { &row } else { line }.to_owned() + "\n");
+    let outlier = write("wild.csv", &outlier.collect::<String>());
+    for (first, told) in [(&outlier, true), (&good[1], false)] {
+        let output = rigctl(&["identify", "--fit", "k2,k3", first, &good[0], &good[2]]);
+        assert_eq!((said(&output).contains("times worse"), output.status.success()), (told, true), "{}", said(&output));
+    }
     // Bad rows are named and passed over; the rest is fitted.
     let mut arguments = vec!["--json", "identify", "--fit", "k2,k3", mixed.as_str()];
     arguments.extend(good.iter().map(String::as_str));

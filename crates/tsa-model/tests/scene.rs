@@ -26,6 +26,7 @@ fn errors_name_the_key() {
         ("rod_radius_m = 0.0005", "rod_radius_m = nan", "geometry.rod_radius_m"),
         ("clamp_width_m = 0.006", "clamp_width_m = 0.06", "geometry.clamp_width_m"),
         ("rod_span_m = 0.032", "rod_span_m = 0.2", "geometry.rod_span_m"),
+        ("string_length_m = 0.097", "string_length_m = 10.1", "geometry.string_length_m"),
         ("twist_exponent = 0.4336", "", "string.twist_exponent"),
         ("radius_law = \"twist-power\"", "radius_law = \"square\"", "radius_law"),
         ("k1_per_n = 8.562", "k1_per_n = 0.0", "string.k1_per_n"),
