@@ -7,6 +7,10 @@ use std::{env, fs};
 use tsa_model::scene::{Accuracy, DriveTransport, Rig};
 use tsa_model::{Scene, Tier};
 
+#[cfg(feature = "cost")]
+#[path = "build/peers.rs"]
+mod peers;
+
 fn main() -> Result<(), Box<dyn Error>> {
     let out = PathBuf::from(env::var_os("OUT_DIR").ok_or("OUT_DIR is not set")?);
     let scene_path = env::var("TSA_SCENE").unwrap_or_else(|_| "scenes/default.toml".into());
@@ -23,9 +27,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     source.push_str(&demand(&scene, &fit)?);
     source.push_str(&hashes(&scene));
     fs::write(out.join("scene.rs"), source)?;
-    if env::var_os("CARGO_FEATURE_COST").is_some() {
-        fs::write(out.join("peers.rs"), peers(&scene, &fit)?)?;
-    }
+    #[cfg(feature = "cost")]
+    fs::write(out.join("peers.rs"), peers::source(&scene, &fit)?)?;
 
     fs::write(out.join("memory.x"), include_str!("memory.x"))?;
     println!("cargo:rustc-link-search={}", out.display());
@@ -109,88 +112,6 @@ fn demand(scene: &Scene, fit: &tsa_table::fit::Fit) -> Result<String, Box<dyn Er
          pub const SPARE_SHAPE: Option<tsa_table::Shape> = {spare};\n",
         accuracy.contraction_m as f32, accuracy.tr_relative as f32
     ))
-}
-
-/// What `src/bin/cost.rs` compares the table with: the best of every other form, and the solver's constants.
-fn peers(scene: &Scene, fit: &tsa_table::fit::Fit) -> Result<String, Box<dyn Error>> {
-    let mut source = String::new();
-    for (name, best) in tsa_table::fit::peers(fit) {
-        let doc = format!(
-            "{}, {} bytes, contraction within {:.2e} m, TR within {:.2e} on the selection grid.",
-            best.table.numbers.size(),
-            best.table.numbers.form().bytes(),
-            best.errors.contraction_max_m,
-            best.errors.tr_max
-        );
-        source += &tsa_table::emit::table_source(name, &doc, &best.table);
-    }
-    let mechanism = scene.mechanism()?;
-    source += &interpn_grid(&mechanism, &fit.table.metadata, scene.table_demand()?.1.contraction_m)?;
-    source += &format!("pub const PARAMETERS: tsa_model::Parameters = tsa_model::{:?};\n", mechanism.parameters())
-        .replace("radius_law: ", "radius_law: tsa_model::RadiusLaw::");
-    Ok(source)
-}
-
-/// The smallest grid in F^(−1/2) and twist on which `interpn`'s cubic interpolation gives the contraction as well as the
-/// scene asks; it has no gradient.
-fn interpn_grid(
-    mechanism: &tsa_model::Mechanism,
-    m: &tsa_table::Metadata,
-    contraction_m: f64,
-) -> Result<String, Box<dyn Error>> {
-    let [u0, u1] = [m.load_max_n, m.load_min_n].map(|f| 1.0 / f.sqrt());
-    let [t0, t1] = [m.twist_min_rad, m.twist_max_rad];
-    let gap = |u: f32, t: f32| {
-        let load = (1.0 / (f64::from(u) * f64::from(u))).clamp(f64::from(m.load_min_n), f64::from(m.load_max_n));
-        mechanism.solve(load, f64::from(t)).map(|e| e.gap_m)
-    };
-    let checked = |k: usize, n: usize, a: f32, b: f32| a + (b - a) * (k as f32 + 0.37) / (n as f32 + 0.74);
-    let mut exact = Vec::new();
-    for i in 0..23 {
-        let u = checked(i, 22, u0, u1);
-        let start = gap(u, t0)?;
-        for j in 0..41 {
-            let t = checked(j, 40, t0, t1);
-            exact.push((u, t, start, start - gap(u, t)?));
-        }
-    }
-    let mut sizes: Vec<[usize; 2]> = (1..=16).flat_map(|n| (1..=16).map(move |m| [4 * n, 4 * m])).collect();
-    sizes.sort_by_key(|[a, b]| a * b);
-    let mut left = f64::INFINITY;
-    for dims in sizes {
-        let steps = [(u1 - u0) / (dims[0] - 1) as f32, (t1 - t0) / (dims[1] - 1) as f32];
-        let mut values = Vec::with_capacity(dims[0] * dims[1]);
-        for i in 0..dims[0] {
-            for j in 0..dims[1] {
-                values.push(gap(u0 + steps[0] * i as f32, (t0 + steps[1] * j as f32).min(t1))? as f32);
-            }
-        }
-        let grid = interpn::MulticubicRegular::<f32, 2>::new(dims, [u0, t0], steps, &values, false)?;
-        let mut worst = 0f64;
-        for (u, t, _, contraction) in &exact {
-            let found = f64::from(grid.interp_one([*u, t0])?) - f64::from(grid.interp_one([*u, *t])?);
-            worst = worst.max((found - contraction).abs());
-        }
-        left = left.min(worst);
-        if worst <= contraction_m {
-            let list = |values: &[f32]| {
-                values.iter().map(|v| format!("f32::from_bits({})", v.to_bits())).collect::<Vec<_>>().join(", ")
-            };
-            return Ok(format!(
-                "/// Cubic grid, {} bytes, contraction within {worst:.2e} m.\n\
-                 pub static INTERPN: [f32; {}] = [{}];\n\
-                 pub const INTERPN_DIMS: [usize; 2] = {dims:?};\n\
-                 pub const INTERPN_STARTS: [f32; 2] = [{}];\n\
-                 pub const INTERPN_STEPS: [f32; 2] = [{}];\n",
-                4 * values.len(),
-                values.len(),
-                list(&values),
-                list(&[u0, t0]),
-                list(&steps)
-            ));
-        }
-    }
-    Err(format!("no grid of interpn reaches {contraction_m} m; {left:.2e} m left").into())
 }
 
 /// Short commit, with `-dirty` if the tree had changes; `None` outside a checkout.

@@ -1,9 +1,10 @@
 //! The desktop's tools, the demo, and the tests of everything.
 
 use crate::process::{cargo, run};
-use crate::toolchain::{Choice, choose};
-use crate::{Folders, firmware, system};
-use anyhow::Result;
+use crate::programs::Program;
+use crate::toolchain::{Choice, Toolchain, choose};
+use crate::{Folders, firmware, programs, system};
+use anyhow::{Result, bail};
 use std::process::Command;
 
 /// Everything but the firmware, which builds for the board only.
@@ -20,17 +21,34 @@ pub fn test(folders: &Folders) -> Result<()> {
     system::ensure_emulator_tools()?;
     let toolchain = choose(Choice::Auto)?;
     run(cargo(folders).args(["fmt", "--all", "--check"]))?;
+    // Board and desktop are built into folders of their own, and both have long stretches for one core.
+    let tests = std::thread::scope(|scope| {
+        let board = scope.spawn(|| board(folders, &toolchain));
+        let tests = desktop(folders)?;
+        board.join().unwrap_or_else(|_| bail!("building the firmware panicked"))?;
+        anyhow::Ok(tests)
+    })?;
+    // They start the images and the tools, so all of them must be there, and new.
+    programs::run(tests)?;
+    run(cargo(folders).args(["test", "--release", "--doc"]).args(DESKTOP))
+}
+
+/// Lints the firmware and builds its images.
+fn board(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
+    firmware::lint(folders, toolchain)?;
+    firmware::build_uart(folders, toolchain)?;
+    firmware::build(folders, toolchain)?;
+    firmware::build_cost(folders, toolchain)
+}
+
+/// Lints and documents the desktop's packages, builds the tools and the tests.
+fn desktop(folders: &Folders) -> Result<Vec<Program>> {
     // In release, as the tests: the emulator's C code is then built once.
     run(cargo(folders).args(["clippy", "--release", "--all-targets"]).args(DESKTOP).args(["--", "-D", "warnings"]))?;
-    firmware::lint(folders, &toolchain)?;
     let doc = ["doc", "--release", "--no-deps"];
     run(cargo(folders).env("RUSTDOCFLAGS", "-D warnings").args(doc).args(DESKTOP))?;
-    // Tests start the image and the tools, so both must be there, and new.
-    firmware::build_uart(folders, &toolchain)?;
-    firmware::build(folders, &toolchain)?;
-    firmware::build_cost(folders, &toolchain)?;
     build(folders)?;
-    run(cargo(folders).args(["test", "--release"]).args(DESKTOP))
+    programs::build(folders, &DESKTOP)
 }
 
 /// Builds the image that counts costs, runs it on the emulated board and prints what it counted.

@@ -4,6 +4,7 @@
 //! - [`host`]: the tools for the desktop, the demo, and the tests of everything.
 //! - [`mod@bench`]: what the model costs, beside an independent solver.
 //! - [`system`]: what has to be installed beside cargo: installed if we may, else said.
+//! - [`programs`]: test programs, several at a time.
 //! - [`process`]: running other programs, loudly when they fail.
 
 mod bench;
@@ -12,6 +13,7 @@ mod firmware;
 mod host;
 mod image;
 mod process;
+mod programs;
 mod system;
 mod toolchain;
 
