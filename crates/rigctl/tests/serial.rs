@@ -3,22 +3,28 @@
 
 use rig_link::State;
 use rigctl::log::Log;
-use rigctl::session::Port;
 use rigctl::session::sim::{Sim, SimOptions};
+use rigctl::session::{Port, Truth};
 use serde_json::Value;
 use serialport::{SerialPort, TTYPort};
 use std::io::{Read, Write};
 use std::process::{Command, Output};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/default.toml");
 /// Slice of time (s) that the board runs at once.
 const SLICE_S: f64 = 0.01;
+/// Most that the board catches up.
+const LATE: Duration = Duration::from_millis(50);
 /// Emulated time (s) without a byte of a tool that runs, after which the board waits: the tool beats every 0.1 s, so
 /// it is this machine that has kept it from running.
 const WAIT_S: f64 = 0.2;
+/// When the drive has started, emulated (s).
+const STARTED_S: f64 = 4.0;
+/// Longest wait for what a rig does within seconds: on a busy machine the board falls behind.
+const PATIENCE: Duration = Duration::from_secs(120);
 
 /// An emulated board behind a device name, until it is dropped.
 struct Board {
@@ -26,6 +32,8 @@ struct Board {
     stop: Arc<AtomicBool>,
     /// A tool runs.
     met: Arc<AtomicBool>,
+    /// The rig as it is now.
+    truth: Arc<Mutex<Option<Truth>>>,
     thread: Option<std::thread::JoinHandle<()>>,
 }
 
@@ -38,13 +46,13 @@ impl Board {
         drop(slave);
         let stop = Arc::new(AtomicBool::new(false));
         let met = Arc::new(AtomicBool::new(false));
-        let (seen, heard) = (Arc::clone(&stop), Arc::clone(&met));
+        let truth = Arc::new(Mutex::new(None));
+        let (seen, heard, told) = (Arc::clone(&stop), Arc::clone(&met), Arc::clone(&truth));
         let thread = std::thread::spawn(move || {
             let options = SimOptions { firmware: None, scene: SCENE.into(), plant: Vec::new(), seed: 1, flash: None };
             let mut board = Sim::start(&options).unwrap_or_else(|e| panic!("{:?}", e.message()));
-            let (mut buffer, mut heard_s) = ([0; 512], 0.0);
+            let (mut buffer, mut heard_s, mut due) = ([0; 512], 0.0, Instant::now());
             while !seen.load(Ordering::Relaxed) {
-                let began = Instant::now();
                 let count = master.read(&mut buffer).unwrap_or(0);
                 if count > 0 || !heard.load(Ordering::Relaxed) {
                     heard_s = board.now_s();
@@ -52,13 +60,35 @@ impl Board {
                     continue;
                 }
                 let answer = board.pass(&buffer[..count], SLICE_S).unwrap_or_else(|e| panic!("{:?}", e.message()));
+                if let Some(last) = answer.truth.last() {
+                    *told.lock().expect("nobody panics with it") = Some(*last);
+                }
                 // A line that nobody reads is full at some time: what does not fit is lost, as on a wire.
                 let _ = master.write_all(&answer.bytes);
-                // What has been lost of real time is not caught up: to the tool the board would run too fast.
-                std::thread::sleep(Duration::from_secs_f64(SLICE_S).saturating_sub(began.elapsed()));
+                // Little is caught up of what has been lost of real time: to the tool the board would run too fast.
+                let now = Instant::now();
+                due = (due + Duration::from_secs_f64(SLICE_S)).max(now - LATE);
+                std::thread::sleep(due.saturating_duration_since(now));
             }
         });
-        Self { device, stop, met, thread: Some(thread) }
+        Self { device, stop, met, truth, thread: Some(thread) }
+    }
+
+    /// Waits for the rig, and tells how it then is.
+    fn wait(&self, what: &str, reached: impl Fn(&Truth) -> bool) -> Truth {
+        let end = Instant::now() + PATIENCE;
+        loop {
+            let truth = *self.truth.lock().expect("the board runs");
+            match truth {
+                Some(truth) if reached(&truth) => return truth,
+                truth => assert!(Instant::now() < end, "{what} not within {PATIENCE:?}: {truth:?}"),
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+
+    fn wait_started(&self) -> Truth {
+        self.wait("the drive's start", |truth| truth.t_s > STARTED_S)
     }
 
     fn rigctl(&self, arguments: &[&str]) -> Output {
@@ -86,8 +116,7 @@ fn said(output: &Output) -> String {
 #[test]
 fn a_board_on_a_serial_line_is_greeted_homed_and_moved() {
     let board = Board::new();
-    // Until the drive has started.
-    std::thread::sleep(Duration::from_secs(4));
+    board.wait_started();
     let status = board.rigctl(&["--scene", SCENE, "status"]);
     assert!(status.status.success(), "{}", said(&status));
     let refused = board.rigctl(&["--scene", SCENE, "move", "--to", "3mm"]);
@@ -109,13 +138,13 @@ fn an_interrupted_tool_stops_the_board_and_ends_its_log() {
     let board = Board::new();
     let log = std::env::temp_dir().join(format!("rigctl-interrupted-{}.csv", std::process::id()));
     let script = log.with_extension("script");
-    std::fs::write(&script, "4 jog 1rad/s\n60 end\n").expect("written");
+    std::fs::write(&script, "0.5 jog 1rad/s\n60 end\n").expect("written");
+    let before = board.wait_started();
     let mut tool = Command::new(env!("CARGO_BIN_EXE_rigctl"));
     tool.args(["--port", &board.device, "--scene", SCENE, "record", "--out"]).arg(&log).arg("--script").arg(&script);
     board.met.store(true, Ordering::Relaxed);
     let child = tool.stderr(std::process::Stdio::piped()).spawn().expect("rigctl runs");
-    // The board's drive has started by then, and the strings turn.
-    std::thread::sleep(Duration::from_secs(7));
+    board.wait("a turn", |truth| (truth.twist_rad - before.twist_rad).abs() > 1.0);
     let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill");
     assert!(killed.success());
     let ended = child.wait_with_output().expect("it ends");
