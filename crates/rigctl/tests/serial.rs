@@ -16,8 +16,8 @@ use std::time::{Duration, Instant};
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/default.toml");
 /// Slice of time (s) that the board runs at once.
 const SLICE_S: f64 = 0.01;
-/// Most that the board catches up.
-const LATE: Duration = Duration::from_millis(50);
+/// Most of lost real time that the board catches up; for a tool that runs it waits all the same.
+const LATE: Duration = Duration::from_secs(1);
 /// Emulated time (s) without a byte of a tool that runs, after which the board waits: the tool beats every 0.1 s, so
 /// it is this machine that has kept it from running.
 const WAIT_S: f64 = 0.2;
@@ -65,7 +65,6 @@ impl Board {
                 }
                 // A line that nobody reads is full at some time: what does not fit is lost, as on a wire.
                 let _ = master.write_all(&answer.bytes);
-                // Little is caught up of what has been lost of real time: to the tool the board would run too fast.
                 let now = Instant::now();
                 due = (due + Duration::from_secs_f64(SLICE_S)).max(now - LATE);
                 std::thread::sleep(due.saturating_duration_since(now));
