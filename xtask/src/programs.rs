@@ -55,6 +55,8 @@ pub fn run(programs: Vec<Program>) -> Result<()> {
             // Locked for this one statement only.
             let next = rest.lock().unwrap_or_else(PoisonError::into_inner).next();
             let Some(program) = next else { return Ok(()) };
+            // One that hangs has no end to be named at.
+            eprintln!("     Running {}", program.name);
             let output = Command::new(&program.executable)
                 .current_dir(&program.folder)
                 .env("CARGO_MANIFEST_DIR", &program.folder)
