@@ -39,8 +39,6 @@ pub struct Leds {
     pub heartbeat: Output<'static>,
     /// Lit in fault and emergency stop.
     pub fault: Output<'static>,
-    /// Motor power; a pull-down keeps it off until the board is up.
-    pub _motor_power: Output<'static>,
 }
 
 /// Normally closed contacts to ground: high is open, or a broken wire.
@@ -98,6 +96,8 @@ pub struct Board {
     pub encoder: Qei<'static, peripherals::TIM3>,
     pub switches: Switches,
     pub leds: Leds,
+    /// Motor power: an enable, not an emergency stop. A pull-down of its own keeps it off until the drive's task raises it.
+    pub motor_power: Output<'static>,
     pub watchdog: IndependentWatchdog<'static, peripherals::IWDG>,
     pub store: Store,
 }
@@ -124,7 +124,6 @@ impl Board {
         let leds = Leds {
             heartbeat: Output::new(p.PA5, Level::Low, Speed::Low),
             fault: Output::new(p.PC0, Level::Low, Speed::Low),
-            _motor_power: Output::new(p.PB10, Level::High, Speed::Low),
         };
 
         static TX: StaticCell<[u8; 512]> = StaticCell::new();
@@ -170,6 +169,7 @@ impl Board {
                 lower_limit: Input::new(p.PC7, Pull::Up),
             },
             leds,
+            motor_power: Output::new(p.PB10, Level::Low, Speed::Low),
             watchdog: IndependentWatchdog::new(p.IWDG, WATCHDOG_US),
             store: Store::new(p.FLASH),
         }
@@ -199,10 +199,12 @@ impl Start {
         match self.cause {
             _ if self.last_panic.is_some() => Some(Fault::Panicked),
             ResetCause::Watchdog => Some(Fault::WatchdogReset),
-            // By power or by hand is no surprise.
-            ResetCause::PowerOn | ResetCause::Pin => None,
+            // By hand is no surprise.
+            ResetCause::Pin => None,
             ResetCause::BrownOut | ResetCause::LowPower => Some(Fault::UnexpectedReset),
-            // A debugger's or a new image's, unless the motor was held.
+            // RAM that outlived the loss of power tells of a dip, and the motor was driven when it came.
+            ResetCause::PowerOn => self.was_driving.then_some(Fault::UnexpectedReset),
+            // A debugger's or a new image's, unless the motor was driven.
             ResetCause::Software | ResetCause::Unknown => self.was_driving.then_some(Fault::UnexpectedReset),
         }
     }

@@ -41,14 +41,17 @@ pub struct Before {
     pub panic: Option<String<TEXT>>,
 }
 
-/// Looks at what the last run left, and begins anew. `fresh` after power-up, when RAM holds noise. Call once.
-pub fn begin(fresh: bool) -> Before {
+/// Looks at what the last run left, and begins anew. After `power_on` RAM holds noise, unless the supply only dipped: then
+/// the boots count anew, and the rest is what the last run left. Call once.
+pub fn begin(power_on: bool) -> Before {
     let kept = kept();
-    let ours = !fresh && kept.magic.load(Ordering::Relaxed) == MAGIC;
+    let ours = kept.magic.load(Ordering::Relaxed) == MAGIC;
     let length = (kept.length.load(Ordering::Relaxed) as usize).min(TEXT);
     let mut before = Before { boot_count: 1, driving: false, panic: None };
     if ours {
-        before.boot_count = kept.boots.load(Ordering::Relaxed).wrapping_add(1);
+        if !power_on {
+            before.boot_count = kept.boots.load(Ordering::Relaxed).wrapping_add(1);
+        }
         before.driving = kept.driving.load(Ordering::Relaxed) != 0;
         let bytes = kept.text.iter().take(length).map(|b| b.load(Ordering::Relaxed));
         // Other than ASCII would need more care at the cut.

@@ -9,17 +9,13 @@ pub mod fuzz;
 pub mod scenario;
 
 use rig_control::sensors::EncoderCount;
-use rig_control::{
-    DriveCommand, DriveReading, Inputs, LvdtBlock, Outputs, Rig as Control, RigConstants, SupplyReading, TICK_S,
-};
+use rig_control::{DriveCommand, Inputs, LvdtBlock, Outputs, Rig as Control, RigConstants, TICK_S};
 use rig_emulator::board::{Board, CanFrame, Stimulus};
 use rig_emulator::rig::Rig;
 use rig_emulator::rig::settings::PlantSettings;
 use rig_emulator::rig::truth::Truth;
 use rig_link::messages::{Counters, EventKind, LoadChoice, Request, State};
-use rmds405::{
-    Action, Address, Command, CurrentLimit, Event, Mixed, Mode, QuadCounts, Received, Report, SpeedLimit, StartUp,
-};
+use rmds405::{Address, Conversation, Received, Report};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 use tsa_model::Scene;
@@ -113,28 +109,14 @@ pub struct Desk<C: Controller = Control<'static>> {
     codes: Vec<u16>,
     block: Option<LvdtBlock>,
     encoder: EncoderCount,
-    drive: DriveReading,
-    stalled: bool,
+    drive: Conversation,
     estop: bool,
     limits_open: [bool; 2],
-    supply: Option<SupplyReading>,
-    start_up: StartUp,
-    ready: bool,
     heard_us: Option<u64>,
 }
 
 fn address() -> Address {
     Address::new(scene().rig.drive_group, scene().rig.drive_number).expect("the scene was checked")
-}
-
-fn start_up() -> StartUp {
-    StartUp::new(address(), Mode::CurrentVelocityPosition, 10).expect("a period above 0").with_mixed(50)
-}
-
-/// The supply that a report of the drive's inputs tells of, as the firmware reads it.
-fn supply(mixed: &Mixed, t_us: u64, constants: &RigConstants) -> Option<SupplyReading> {
-    let divider = constants.supply_divider?;
-    mixed.rest.map(|rest| SupplyReading { t_us, volts: f32::from(rest.asin_mv) * 1e-3 * divider })
 }
 
 impl Desk {
@@ -152,7 +134,6 @@ impl<C: Controller> Desk<C> {
             settings.set(key, value).unwrap_or_else(|e| panic!("{e}"));
         }
         let mut rig = Rig::new(scene(), settings, seed).unwrap_or_else(|e| panic!("{e}"));
-        rig.gpio_out(0.0, 'B', 1 << 10);
         let encoder = EncoderCount::new(rig.quadrature(0.0, 3) as u16);
         Self {
             rig,
@@ -167,13 +148,9 @@ impl<C: Controller> Desk<C> {
             codes: Vec::with_capacity(BLOCK),
             block: None,
             encoder,
-            drive: DriveReading::Starting,
-            stalled: false,
+            drive: Conversation::new(address(), constants().supply_divider),
             estop: false,
             limits_open: [false; 2],
-            supply: None,
-            start_up: start_up(),
-            ready: false,
             heard_us: None,
         }
     }
@@ -193,21 +170,15 @@ impl<C: Controller> Desk<C> {
         self.home_gap_m.map_or(f64::NAN, |gap| gap - self.rig.truth().gap_m)
     }
 
-    fn send(&mut self, frame: rmds405::Frame) {
+    fn send(&mut self, frame: Option<rmds405::Frame>) {
+        let Some(frame) = frame else { return };
         let frame = CanFrame { id: u32::from(frame.id), extended: false, remote: false, dlc: 8, data: frame.data };
         self.rig.can_tx(self.time_s, &frame);
     }
 
-    fn start(&mut self, event: Event) {
-        if self.ready {
-            return;
-        }
-        match self.start_up.step((self.time_s * 1000.0) as u64, event) {
-            Action::Send(frame) => self.send(frame),
-            Action::Ready => self.ready = true,
-            Action::Failed(_) => self.drive = DriveReading::Failed,
-            Action::Wait => {}
-        }
+    /// As the drive's task does it: motor power after the frame.
+    fn switch_motor_power(&mut self) {
+        self.rig.gpio_out(self.time_s, 'B', u16::from(self.drive.motor_power()) << 10);
     }
 
     /// One control tick later.
@@ -226,23 +197,8 @@ impl<C: Controller> Desk<C> {
                 Stimulus::Can(frame) => {
                     let received = Received { id: frame.id, extended: false, remote: false, data: &frame.data };
                     if let Ok(report) = Report::decode(address(), &received) {
-                        self.start(Event::Report(report));
-                        match report {
-                            Report::Motion { current, speed, position } if self.ready => {
-                                self.drive = DriveReading::Reports {
-                                    t_us: (self.time_s * 1e6) as u64,
-                                    position_qc: position.0,
-                                    speed_rpm: speed.0,
-                                    current_ma: current.0,
-                                }
-                            }
-                            Report::Error(_) => self.stalled = true,
-                            Report::Mixed(mixed) => {
-                                let t_us = (self.time_s * 1e6) as u64;
-                                self.supply = supply(&mixed, t_us, &constants());
-                            }
-                            _ => {}
-                        }
+                        let frame = self.drive.hear((self.time_s * 1e6) as u64, report);
+                        self.send(frame);
                     }
                 }
                 Stimulus::Pin { port: 'B', pin: 5, high } => self.estop = high,
@@ -251,8 +207,10 @@ impl<C: Controller> Desk<C> {
                 _ => {}
             }
         }
-        self.start(Event::Tick);
         let now_us = (self.time_s * 1e6).round() as u64;
+        let frame = self.drive.tick(now_us);
+        self.send(frame);
+        self.switch_motor_power();
         if self.host_alive && now_us.is_multiple_of(100_000) {
             self.heard_us = Some(now_us);
         }
@@ -261,11 +219,11 @@ impl<C: Controller> Desk<C> {
             now_us,
             encoder_counts: self.encoder.update(raw),
             lvdt: self.block,
-            drive: self.drive,
-            drive_stalled: std::mem::take(&mut self.stalled),
+            drive: self.drive.reading(),
+            drive_stalled: self.drive.take_stall(),
             // No controller to leave the bus: that needs the chip.
             bus_off: false,
-            supply: self.supply,
+            supply: self.drive.supply(),
             upper_limit_open: self.limits_open[0],
             lower_limit_open: self.limits_open[1],
             estop_open: self.estop,
@@ -277,22 +235,9 @@ impl<C: Controller> Desk<C> {
             tamper(&mut inputs);
         }
         let decision = self.control.step(&inputs);
-        match C::drive(&decision) {
-            DriveCommand::Follow { position_qc, speed_limit_rpm, current_limit_ma } if self.ready => {
-                let command = Command::CurrentVelocityPosition {
-                    current_limit: CurrentLimit::new(current_limit_ma).expect("a limit from the scene"),
-                    speed_limit: SpeedLimit::new(speed_limit_rpm).expect("control sends no negative limit"),
-                    position: QuadCounts(position_qc),
-                };
-                self.send(command.encode(address()));
-            }
-            DriveCommand::Restart => {
-                self.start_up = start_up();
-                self.ready = false;
-                self.drive = DriveReading::Starting;
-            }
-            _ => {}
-        }
+        let frame = self.drive.command(now_us, C::drive(&decision)).expect("limits from the scene");
+        self.send(frame);
+        self.switch_motor_power();
         for kind in C::events(&decision) {
             if matches!(kind, EventKind::Homed { .. }) {
                 self.home_gap_m = Some(self.rig.truth().gap_m);

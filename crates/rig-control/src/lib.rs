@@ -33,8 +33,9 @@ pub mod settings;
 pub mod supervisor;
 
 pub use constants::RigConstants;
+pub use rmds405::DriveCommand;
 pub use sensors::{DriveReading, LvdtBlock, LvdtReading, SupplyReading};
-pub use supervisor::{DriveCommand, Inputs, Outputs, Rig};
+pub use supervisor::{Inputs, Outputs, Rig};
 
 /// Control period (s): one tick, one drive command, one telemetry message. The drive's recommended data period
 /// (hardware.md 2.5) and its feedback period.

@@ -2,6 +2,7 @@
 
 use crate::constants::RigConstants;
 use rig_link::messages::Fault;
+pub use rmds405::{DriveReading, SupplyReading};
 
 /// A block of LVDT samples, as the ADC's DMA delivers them.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -150,35 +151,6 @@ impl EncoderCount {
         self.last = raw;
         self.total
     }
-}
-
-/// What the drive reports.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum DriveReading {
-    /// Its start-up sequence is not over.
-    Starting,
-    /// The start-up sequence failed.
-    Failed,
-    /// Its last motion report (hardware.md 2.4).
-    Reports {
-        /// When it came (µs since boot).
-        t_us: u64,
-        /// Position in its own counts.
-        position_qc: i32,
-        /// Motor speed (rpm).
-        speed_rpm: i16,
-        /// Winding current (mA).
-        current_ma: i16,
-    },
-}
-
-/// Supply of the drive, as its analog input sees it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SupplyReading {
-    /// When it was reported (µs since boot).
-    pub t_us: u64,
-    /// Voltage (V).
-    pub volts: f32,
 }
 
 #[cfg(test)]

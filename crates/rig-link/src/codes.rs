@@ -175,6 +175,10 @@ named_codes! {
         TwistRange = 28, "twist-range";
         /// The estimated load left the range of the table.
         LoadRange = 29, "load-range";
+        /// The shaft turns although the drive is told to hold it.
+        NotHeld = 30, "not-held";
+        /// The LVDT stepped as no load can: it, its core or its conditioner has shifted.
+        LvdtJump = 31, "lvdt-jump";
     }
 }
 

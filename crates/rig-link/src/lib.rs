@@ -1,6 +1,7 @@
 //! What the host tool and the firmware say to each other.
 //!
 //! - [`messages`]: the one table of all messages, and [`codes`] of the names that they carry.
+//! - [`faults`]: sets of faults.
 //! - [`settings`]: unit, default and range of every setting.
 //! - [`frame`]: how a message becomes bytes on a UART and comes back: sequence number, postcard, CRC-32, COBS.
 //! - [`names`]: the macro behind the named codes (states, faults, limits …).
@@ -12,6 +13,7 @@
 #![forbid(unsafe_code)]
 
 pub mod codes;
+pub mod faults;
 pub mod frame;
 pub mod messages;
 pub mod names;

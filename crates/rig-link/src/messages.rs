@@ -15,6 +15,7 @@
 //! Position is how far the load has come up from where it hung, at the half-turn pre-twist, when the rig was homed.
 
 pub use crate::codes::*;
+pub use crate::faults::Faults;
 use heapless::String;
 use serde::{Deserialize, Serialize};
 
@@ -166,6 +167,9 @@ pub enum Refusal {
         /// The fault.
         fault: Fault,
     },
+    /// `Clear` while the shaft turns: the load is falling, or something turns it.
+    #[error("the shaft turns: wait until it stands, then `clear`")]
+    ShaftTurns,
     /// The emergency stop is open.
     #[error("the emergency stop is pressed")]
     EStop,
@@ -308,8 +312,10 @@ pub struct Telemetry {
     pub t_us: u64,
     /// What the rig is doing.
     pub state: State,
-    /// The latched fault.
+    /// The gravest of the latched faults.
     pub fault: Option<Fault>,
+    /// All latched faults.
+    pub faults: Faults,
     /// What holds it back.
     pub limit: Option<Limit>,
     /// Where it is going (m).

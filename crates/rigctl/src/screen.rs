@@ -177,13 +177,14 @@ mod tests {
     use super::*;
     use ratatui::Terminal;
     use ratatui::backend::TestBackend;
-    use rig_link::{Counters, Fault, State, Telemetry};
+    use rig_link::{Counters, Fault, Faults, State, Telemetry};
 
     fn row(t_s: f64, position_m: f32, fault: Option<Fault>) -> Row {
         let telemetry = Telemetry {
             t_us: (t_s * 1e6) as u64,
             state: if fault.is_some() { State::Fault } else { State::Moving },
             fault,
+            faults: fault.map_or(Faults::NONE, |fault| Faults::NONE.with(fault)),
             limit: None,
             target_m: Some(0.012),
             setpoint_m: Some(0.005),

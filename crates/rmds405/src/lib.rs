@@ -9,12 +9,14 @@
 //! - [`command`]: host to drive, encoded by the firmware and decoded by the emulated drive.
 //! - [`report`]: drive to host, the other way round.
 //! - [`start_up`]: power-up to the first data frame as a pure state machine.
+//! - [`conversation`]: all of it together: what is said each tick, what is known of the drive, motor power.
 //! - [`serial`]: the same conversation over RS232. Experimental: its framing is an assumption.
 #![no_std]
 #![forbid(unsafe_code)]
 
 pub mod address;
 pub mod command;
+pub mod conversation;
 pub mod frame;
 pub mod report;
 pub mod serial;
@@ -23,6 +25,7 @@ pub mod units;
 
 pub use address::{Address, Function, Group};
 pub use command::{Command, Mode, Output};
+pub use conversation::{Conversation, DriveCommand, DriveReading, SupplyReading};
 pub use frame::{Frame, Ignored, Received};
 pub use report::{DriveError, Mixed, Report};
 pub use start_up::{Action, Event, StartError, StartUp};

@@ -117,6 +117,8 @@ pub struct Baseline {
     way: f32,
     reference_load_n: f32,
     course: Option<Course>,
+    /// The drive was told to start.
+    started: bool,
 }
 
 impl Baseline {
@@ -139,6 +141,7 @@ impl Baseline {
             way: 0.0,
             reference_load_n: 0.0,
             course: None,
+            started: false,
         }
     }
 
@@ -280,6 +283,9 @@ impl Controller for Baseline {
     type Decision = DriveCommand;
 
     fn step(&mut self, inputs: &Inputs) -> DriveCommand {
+        if !core::mem::replace(&mut self.started, true) {
+            return DriveCommand::Restart;
+        }
         let lvdt = self.lvdt.read(inputs.now_us, inputs.lvdt, &self.rig);
         let DriveReading::Reports { position_qc, speed_rpm, .. } = inputs.drive else { return DriveCommand::Silence };
         let LvdtReading::Valid { gap_m, .. } = lvdt else { return DriveCommand::Silence };

@@ -7,7 +7,7 @@ mod page;
 use cases::*;
 use host_tests::{Desk, constants, table};
 use rig_control::sensors::DriveReading;
-use rig_control::supervisor::response::{Response, needs_homing, response};
+use rig_control::supervisor::fault_policy::{After, Response, policy};
 use rig_control::{DriveCommand, Rig as Control};
 use rig_emulator::rig::faults::Fault as RigFault;
 use rig_link::messages::{Constants, EventKind, Fault, Limit, LoadChoice, Parameter, Refusal, Request, State};
@@ -25,8 +25,15 @@ fn each_fault_fires_and_stays_and_its_near_miss_is_quiet() {
         // The strings stop; whatever the motor's own fault is, they do not go on.
         d.run(0.5);
         let twist = d.truth().twist_rad;
-        let silent = d.last.as_ref().is_some_and(|o| o.drive == DriveCommand::Silence);
-        assert_eq!(silent, response(fault) == Response::Silence || fault == Fault::DriveStartUp, "{fault}");
+        let told = d.last.as_ref().map(|o| o.drive);
+        let wanted = match policy(fault).response {
+            Response::Hold | Response::HoldByDrive | Response::HoldIfHeard => {
+                matches!(told, Some(DriveCommand::Follow { .. }))
+            }
+            Response::LetGo => told == Some(DriveCommand::LetGo),
+            Response::Wait => told == Some(DriveCommand::Silence),
+        };
+        assert!(wanted, "{fault}: {told:?}");
         // The cause goes, the fault does not.
         d.host_alive = true;
         d.tamper = None;
@@ -34,7 +41,7 @@ fn each_fault_fires_and_stays_and_its_near_miss_is_quiet() {
             d.rig.set_fault(fault, false);
         }
         d.run(1.5);
-        if response(fault) != Response::Silence && fault != Fault::StringBreak {
+        if policy(fault).response < Response::LetGo && fault != Fault::StringBreak {
             let moved = (d.truth().twist_rad - twist).abs();
             assert!(moved < 0.1, "{fault}: the strings turn by {moved} rad in fault");
         }
@@ -70,7 +77,8 @@ fn after_clear_nothing_moves_and_what_lost_the_position_is_homed_anew() {
         let reply = d.tick(Some(Request::Clear)).reply;
         assert!(reply.is_some_and(|r| r.is_ok()), "{fault}: {reply:?}");
         assert!(d.events.iter().any(|(_, e)| *e == EventKind::FaultCleared(fault)));
-        let rest = if needs_homing(fault) { State::Unhomed } else { State::Ready };
+        let homed_anew = policy(fault).after != After::Nothing;
+        let rest = if homed_anew { State::Unhomed } else { State::Ready };
         assert!(
             d.until(6.0, |d| d.control.state() == rest),
             "{fault}: {:?} {:?}",
@@ -82,7 +90,7 @@ fn after_clear_nothing_moves_and_what_lost_the_position_is_homed_anew() {
         let go = Request::Move { target_m: 0.003, speed_m_per_s: 0.002, load: LoadChoice::Auto };
         let reply = d.tick(Some(go)).reply;
         let refused = reply == Some(Err(Refusal::NotHomed));
-        assert_eq!(refused, needs_homing(fault), "{fault}: {reply:?}");
+        assert_eq!(refused, homed_anew, "{fault}: {reply:?}");
         if !refused {
             assert!(d.until(30.0, |d| d.control.state() != State::Moving));
             assert_eq!(d.control.state(), State::Holding, "{fault}: {:?}", d.control.fault());

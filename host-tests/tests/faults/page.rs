@@ -1,6 +1,6 @@
 //! `docs/faults.md` says what the code does, and where each fault is tested.
 
-use rig_control::supervisor::response::{Response, needs_homing, response};
+use rig_control::supervisor::fault_policy::{After, Response, policy};
 use rig_link::messages::{Fault, HomingFailure, Limit};
 
 /// The page for the person at the bench says of every fault what the code does about it.
@@ -8,13 +8,19 @@ use rig_link::messages::{Fault, HomingFailure, Limit};
 fn every_fault_is_documented_and_the_table_is_what_the_code_does() {
     let page = std::fs::read_to_string(host_tests::root().join("docs/faults.md")).unwrap();
     for &fault in Fault::ALL {
-        let told = match response(fault) {
+        let told = match policy(fault).response {
             Response::Hold => "hold",
             Response::HoldByDrive => "hold by drive",
-            Response::Silence => "silent",
+            Response::HoldIfHeard => "hold, if it hears",
+            Response::LetGo => "let go",
+            Response::Wait => "nothing",
         };
-        let homing = if needs_homing(fault) { "yes" } else { "no" };
-        let row = format!("| `{fault}` | {} | {told} | {homing} |", fault.code());
+        let after = match policy(fault).after {
+            After::Nothing => "go on",
+            After::Home => "`home`",
+            After::Restart => "the drive starts anew; `home`",
+        };
+        let row = format!("| `{fault}` | {} | {told} | {after} |", fault.code());
         assert!(page.contains(&row), "docs/faults.md lacks the row {row}");
         let entry = page.split("\n### ").find(|e| e.starts_with(&format!("`{fault}`\n")));
         let entry = entry.unwrap_or_else(|| panic!("docs/faults.md has no entry for {fault}"));

@@ -9,15 +9,10 @@ use crate::shared::{self, Task};
 use core::sync::atomic::Ordering;
 use embassy_futures::select::{Either3, select3};
 use embassy_stm32::can::Can;
+use embassy_stm32::gpio::Output;
 use embassy_stm32::usart::BufferedUart;
 use embassy_time::{Duration, Instant, Ticker};
-use rig_control::{DriveCommand, DriveReading, SupplyReading};
-use rmds405::{Action, Command, Event, Frame, Mode, QuadCounts, Report, StartUp};
-
-/// Period of the drive's motion reports (ms): its recommended data period.
-const FEEDBACK_MS: u8 = 10;
-/// Period of its reports of the supply (ms).
-const SUPPLY_MS: u8 = 50;
+use rmds405::{Conversation, Frame, Report};
 
 /// A way to the drive.
 trait Transport {
@@ -32,106 +27,46 @@ trait Transport {
 }
 
 #[embassy_executor::task]
-pub async fn over_can(can: Can<'static>) -> ! {
-    run(can::CanTransport::open(can).await).await
+pub async fn over_can(can: Can<'static>, motor_power: Output<'static>) -> ! {
+    run(can::CanTransport::open(can).await, motor_power).await
 }
 
 #[embassy_executor::task]
-pub async fn over_uart(uart: BufferedUart<'static>) -> ! {
-    run(uart::UartTransport::new(uart)).await
+pub async fn over_uart(uart: BufferedUart<'static>, motor_power: Output<'static>) -> ! {
+    run(uart::UartTransport::new(uart), motor_power).await
 }
 
-async fn run(mut line: impl Transport) -> ! {
-    let mut start_up = new_start_up();
-    let mut ready = false;
+/// Everything that is said is [`Conversation`]'s; here it gets its time, its line and the motor-power pin.
+async fn run(mut line: impl Transport, mut motor_power: Output<'static>) -> ! {
+    let mut drive = Conversation::new(drive_address(), RIG.supply_divider);
     let mut ticker = Ticker::every(Duration::from_millis(10));
     loop {
         let news = select3(ticker.next(), line.next_report(), shared::DRIVE_COMMAND.wait()).await;
-        match news {
+        let now_us = Instant::now().as_micros();
+        let frame = match news {
             Either3::First(()) => {
                 shared::alive(Task::Drive);
                 // The controller comes back by itself when the bus is quiet again; by then the rig holds.
                 if line.bus_off() {
                     shared::BUS_OFF.store(true, Ordering::Relaxed);
                 }
-                if !ready {
-                    ready = start(&mut start_up, Event::Tick, &mut line).await;
-                }
+                drive.tick(now_us)
             }
-            Either3::Second(report) => {
-                if !ready {
-                    ready = start(&mut start_up, Event::Report(report), &mut line).await;
-                }
-                if ready {
-                    take(report);
-                }
-            }
-            Either3::Third(DriveCommand::Restart) => {
-                shared::DRIVE.set(DriveReading::Starting);
-                start_up = new_start_up();
-                ready = false;
-            }
-            Either3::Third(DriveCommand::Follow { position_qc, speed_limit_rpm, current_limit_ma }) if ready => {
-                match follow(position_qc, speed_limit_rpm, current_limit_ma) {
-                    Some(frame) => line.send(&frame).await,
-                    None => defmt::error!("drive command out of range: {} mA", current_limit_ma),
-                }
-            }
-            Either3::Third(_) => {}
-        }
-    }
-}
-
-fn new_start_up() -> StartUp {
-    // The period is a constant other than 0, the only value refused.
-    defmt::unwrap!(StartUp::new(drive_address(), Mode::CurrentVelocityPosition, FEEDBACK_MS).ok()).with_mixed(SUPPLY_MS)
-}
-
-/// One step of the start-up sequence; true when the drive is ready.
-async fn start(start_up: &mut StartUp, event: Event, line: &mut impl Transport) -> bool {
-    match start_up.step(Instant::now().as_millis(), event) {
-        Action::Wait => false,
-        Action::Send(frame) => {
+            Either3::Second(report) => drive.hear(now_us, report),
+            Either3::Third(command) => drive.command(now_us, command).unwrap_or_else(|_| {
+                defmt::error!("drive command out of range");
+                None
+            }),
+        };
+        if let Some(frame) = frame {
             line.send(&frame).await;
-            false
         }
-        Action::Ready => {
-            defmt::info!("drive ready");
-            true
-        }
-        Action::Failed(_) => {
-            shared::DRIVE.set(DriveReading::Failed);
-            false
+        // After the frame: the drive that gets its power here was told to forget its target before.
+        motor_power.set_level(drive.motor_power().into());
+        shared::DRIVE.set(drive.reading());
+        shared::SUPPLY.set(drive.supply());
+        if drive.take_stall() {
+            shared::DRIVE_STALLED.store(true, Ordering::Relaxed);
         }
     }
-}
-
-fn take(report: Report) {
-    match report {
-        Report::Motion { current, speed, position } => shared::DRIVE.set(DriveReading::Reports {
-            t_us: Instant::now().as_micros(),
-            position_qc: position.0,
-            speed_rpm: speed.0,
-            current_ma: current.0,
-        }),
-        Report::Error(_) => shared::DRIVE_STALLED.store(true, Ordering::Relaxed),
-        Report::Mixed(mixed) => {
-            // Older drives do not report the analog input; where it is not wired it says nothing.
-            if let (Some(rest), Some(divider)) = (mixed.rest, RIG.supply_divider) {
-                let volts = f32::from(rest.asin_mv) * 1e-3 * divider;
-                shared::SUPPLY.set(Some(SupplyReading { t_us: Instant::now().as_micros(), volts }));
-            }
-        }
-        Report::Online => {}
-    }
-}
-
-/// Mode 8: a jam is bounded by the current, a lost controller by the position (hardware.md 2.3).
-fn follow(position_qc: i32, speed_limit_rpm: i16, current_limit_ma: i16) -> Option<Frame> {
-    let command = Command::CurrentVelocityPosition {
-        current_limit: rmds405::CurrentLimit::new(current_limit_ma.min(RIG.current_limit_ma)).ok()?,
-        speed_limit: rmds405::SpeedLimit::new(speed_limit_rpm).ok()?,
-        position: QuadCounts(position_qc),
-    };
-    Some(command.encode(drive_address()))
 }

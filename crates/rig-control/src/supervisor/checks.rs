@@ -2,10 +2,12 @@
 //! narrow enough that a hand can still get away.
 
 use super::drive_checks::DriveChecks;
-use super::{EventKind, HOST_SILENT_US, Inputs, Motion, Rig, State, ticks};
+use super::fault_policy::Response;
+use super::lvdt_jump::LvdtJump;
+use super::{EventKind, Events, HOST_SILENT_US, Inputs, Motion, Rig, STANDING_RPM, State, ticks};
 use crate::observer::Observation;
 use crate::sensors::{DriveReading, LvdtReading};
-use crate::{TICK_US, seconds};
+use crate::{TICK_US, angle_rad, seconds, whole_counts};
 use rig_link::messages::Fault;
 
 /// Ticks that an LVDT reading may be missing while it is needed, and while starting.
@@ -15,6 +17,12 @@ const LVDT_BOOT_TICKS: u16 = ticks(200);
 const LAG_RAD: f32 = 0.8;
 const LAG_S: f32 = 0.25;
 const LAG_TICKS: u16 = ticks(30);
+/// How far a held shaft may be from where it is held (rad), and for how long: a shaft that was stopped from its greatest
+/// speed overshoots by half of this.
+const NOT_HELD_RAD: f32 = 0.8;
+const NOT_HELD_TICKS: u16 = ticks(10);
+/// How long the shaft must stand before anything is cleared.
+pub(super) const STILL_TICKS: u16 = ticks(20);
 /// How far the load may stay behind its set-point (m), and for how long.
 const FOLLOW_M: f32 = 2e-3;
 const FOLLOW_TICKS: u16 = ticks(50);
@@ -49,8 +57,15 @@ pub(super) struct Checks {
     lvdt_ticks: u16,
     lag_ticks: u16,
     follow_ticks: u16,
+    away_ticks: u16,
     range_ticks: u16,
+    /// How long the shaft has stood, by the own encoder and by the drive.
+    pub(super) still_ticks: u16,
+    last_own: Option<i64>,
+    /// Own counts in this tick.
+    pub(super) moved: i64,
     last_gap_m: Option<f32>,
+    lvdt_jump: LvdtJump,
     /// How long the upper and the lower switch have been open.
     switch_ticks: [u16; 2],
     /// The gap past which an open switch is a fault again, while it was cleared open (m).
@@ -69,8 +84,13 @@ impl Checks {
             lvdt_ticks: 0,
             lag_ticks: 0,
             follow_ticks: 0,
+            away_ticks: 0,
             range_ticks: 0,
+            still_ticks: 0,
+            last_own: None,
+            moved: 0,
             last_gap_m: None,
+            lvdt_jump: LvdtJump::new(),
             switch_ticks: [0; 2],
             switch_gap_m: [None; 2],
             twist_past_rad: 0.0,
@@ -167,13 +187,7 @@ pub(super) fn tick_seconds(apart_us: u64) -> f32 {
 }
 
 impl Rig<'_> {
-    pub(super) fn watch(
-        &mut self,
-        inputs: &Inputs,
-        lvdt: LvdtReading,
-        shaft_rad: f32,
-        events: &mut heapless::Vec<EventKind, 4>,
-    ) {
+    pub(super) fn watch(&mut self, inputs: &Inputs, lvdt: LvdtReading, shaft_rad: f32, events: &mut Events) {
         self.watch_estop(inputs, events);
         if let LvdtReading::Valid { gap_m, .. } = lvdt
             && let Some(homed) = self.homed
@@ -181,83 +195,112 @@ impl Rig<'_> {
             self.last_position_m = homed.reference_gap_m - gap_m;
         }
         let late = self.checks.late(inputs.now_us, &mut self.late_ticks);
-        if matches!(self.state, State::Fault | State::EStop) {
+        self.watch_shaft(inputs);
+        if self.state == State::EStop {
             return;
         }
-        // First: late ticks make everything else look bad.
-        let found = if late && self.state != State::Boot {
-            Some(Fault::TickLate)
-        } else {
-            self.find_fault(inputs, lvdt, shaft_rad)
-        };
-        if let Some(fault) = found {
-            self.raise(fault, shaft_rad, events);
+        let mut found = self.drive_faults(inputs);
+        for (fault, is_found) in [
+            (Fault::TickLate, late && self.state != State::Boot),
+            (Fault::NotFinite, !shaft_rad.is_finite()),
+            (Fault::NotHeld, self.not_held(inputs, shaft_rad)),
+            (Fault::LimitSwitch, self.checks.at_switch(inputs, lvdt.gap_m()) && self.matched),
+            (Fault::HostSilent, self.host_is_silent(inputs)),
+            (Fault::TwistRange, self.twist_is_outside(shaft_rad)),
+            (Fault::FollowingError, self.follows_badly(shaft_rad)),
+            (Fault::ModelResidual, self.state != State::Fault && self.adaptation.disagrees()),
+        ] {
+            if is_found {
+                found.insert(fault);
+            }
         }
+        self.gap_faults(inputs, lvdt).into_iter().flatten().for_each(|fault| found.insert(fault));
+        self.latch(found, shaft_rad, events);
     }
 
-    fn watch_estop(&mut self, inputs: &Inputs, events: &mut heapless::Vec<EventKind, 4>) {
+    fn watch_estop(&mut self, inputs: &Inputs, events: &mut Events) {
+        self.estop_closes = false;
         if inputs.estop_open && self.state != State::EStop {
             self.state = State::EStop;
-            self.fault = None;
             self.homed = None;
             self.estop_closed = false;
             let _ = events.push(EventKind::EStopOpened);
         } else if self.state == State::EStop && self.estop_closed == inputs.estop_open {
             self.estop_closed = !inputs.estop_open;
+            self.estop_closes = self.estop_closed;
             let _ = events.push(if inputs.estop_open { EventKind::EStopOpened } else { EventKind::EStopClosed });
         }
     }
 
-    fn find_fault(&mut self, inputs: &Inputs, lvdt: LvdtReading, shaft_rad: f32) -> Option<Fault> {
-        let moving = matches!(self.state, State::Moving | State::Homing);
-        let started = self.state != State::Boot;
-        if !shaft_rad.is_finite() {
-            return Some(Fault::NotFinite);
-        }
-        if let Some(fault) = self.drive_fault(inputs) {
-            return Some(fault);
-        }
-        // Before the sensor's own checks: a falling load blurs its block, and "noisy" would hide why.
-        if let Some(block) = inputs.lvdt {
-            let gap_m = self.constants.lvdt_gap_at_code_zero_m + self.constants.lvdt_metres_per_code * block.mean_code;
-            let dropped = self.checks.last_gap_m.is_some_and(|last| gap_m - last > DROP_M);
-            let real = !matches!(lvdt, LvdtReading::Invalid(Fault::LvdtOpen | Fault::LvdtShort));
-            if dropped && started && real && block.noise_codes() < FALLING_NOISE {
-                return Some(Fault::StringBreak);
+    /// Whether the shaft stands, by the own encoder and, where the drive reports, by the drive as well.
+    fn watch_shaft(&mut self, inputs: &Inputs) {
+        let own = inputs.encoder_counts;
+        self.checks.moved = self.checks.last_own.replace(own).map_or(0, |last| own - last);
+        let c = &self.constants;
+        let standing = f32::from(STANDING_RPM) / 60.0 * core::f32::consts::TAU / c.gear_ratio * c.counts_per_rad.abs();
+        let own_turns = self.checks.moved.abs() > whole_counts(standing * tick_seconds(self.checks.apart_us));
+        let drive_turns = matches!(inputs.drive,
+            DriveReading::Reports { speed_rpm, t_us, .. }
+                if speed_rpm.unsigned_abs() > STANDING_RPM && !super::drive_checks::is_silent(inputs.now_us, t_us));
+        let still_ticks = self.checks.still_ticks.saturating_add(1);
+        self.checks.still_ticks = if own_turns || drive_turns { 0 } else { still_ticks };
+    }
+
+    /// Held by a fault, the shaft has gone away all the same.
+    fn not_held(&mut self, inputs: &Inputs, shaft_rad: f32) -> bool {
+        let told_to_hold =
+            matches!(self.latched.response(), Some(Response::Hold | Response::HoldByDrive | Response::HoldIfHeard))
+                && self.matched;
+        let seen_rad = match (self.own_encoder_is_wrong(), inputs.drive, self.drive_offset) {
+            (false, ..) => Some(shaft_rad),
+            (true, DriveReading::Reports { position_qc, .. }, Some(offset)) => {
+                Some(angle_rad(i64::from(position_qc) + offset, self.constants.counts_per_rad))
             }
-            self.checks.last_gap_m = lvdt.gap_m().or(self.checks.last_gap_m);
-        }
-        if let Some(fault) = self.lvdt_fault(inputs, lvdt, started) {
-            return Some(fault);
-        }
-        let at_switch = self.checks.at_switch(inputs, lvdt.gap_m());
-        if at_switch && started {
-            return Some(Fault::LimitSwitch);
-        }
-        let host_silent = match inputs.host_heard_us {
-            Some(heard_us) => inputs.now_us.saturating_sub(heard_us) > HOST_SILENT_US,
-            None => true,
+            (true, ..) => None,
         };
-        if moving && host_silent {
-            return Some(Fault::HostSilent);
-        }
-        if let Some(homed) = self.homed
-            && self.state != State::Homing
-            && self.checks.outside(shaft_rad - homed.zero_rad, self.table.metadata.twist_max_rad)
-        {
-            return Some(Fault::TwistRange);
-        }
+        let away = seen_rad.is_some_and(|seen_rad| (seen_rad - self.shaft.position).abs() > NOT_HELD_RAD);
+        lasts(&mut self.checks.away_ticks, told_to_hold && away, NOT_HELD_TICKS)
+    }
+
+    fn host_is_silent(&self, inputs: &Inputs) -> bool {
+        let heard_us = inputs.host_heard_us;
+        let silent = heard_us.is_none_or(|heard_us| inputs.now_us.saturating_sub(heard_us) > HOST_SILENT_US);
+        silent && matches!(self.state, State::Moving | State::Homing)
+    }
+
+    fn twist_is_outside(&mut self, shaft_rad: f32) -> bool {
+        let Some(homed) = self.homed.filter(|_| self.state != State::Homing) else { return false };
+        self.checks.outside(shaft_rad - homed.zero_rad, self.table.metadata.twist_max_rad)
+    }
+
+    /// Shaft or load stay behind their set-points.
+    fn follows_badly(&mut self, shaft_rad: f32) -> bool {
+        let follows = self.matched && self.state != State::Fault;
         let behind = (self.shaft.position - shaft_rad).abs() > LAG_RAD + LAG_S * self.shaft.speed.abs();
-        if lasts(&mut self.checks.lag_ticks, behind && started, LAG_TICKS) {
-            return Some(Fault::FollowingError);
-        }
+        let shaft = lasts(&mut self.checks.lag_ticks, behind && follows, LAG_TICKS);
         let planned =
             matches!(self.state, State::Moving | State::Holding) && matches!(self.motion, Motion::Load { .. });
         let off = planned && (self.planner.set_point_m() - self.last_position_m).abs() > FOLLOW_M;
-        if lasts(&mut self.checks.follow_ticks, off, FOLLOW_TICKS) {
-            return Some(Fault::FollowingError);
+        lasts(&mut self.checks.follow_ticks, off, FOLLOW_TICKS) || shaft
+    }
+
+    /// What the gap tells of the strings, and of the sensor itself.
+    fn gap_faults(&mut self, inputs: &Inputs, lvdt: LvdtReading) -> [Option<Fault>; 3] {
+        let mut broken = false;
+        if let Some(block) = inputs.lvdt {
+            let gap_m = self.constants.lvdt_gap_at_code_zero_m + self.constants.lvdt_metres_per_code * block.mean_code;
+            let dropped = self.checks.last_gap_m.is_some_and(|last| gap_m - last > DROP_M);
+            // A falling load blurs its block; a broken wire blurs it far more.
+            let real = !matches!(lvdt, LvdtReading::Invalid(Fault::LvdtOpen | Fault::LvdtShort));
+            broken = dropped && self.matched && real && block.noise_codes() < FALLING_NOISE;
+            self.checks.last_gap_m = lvdt.gap_m().or(self.checks.last_gap_m);
         }
-        self.adaptation.disagrees().then_some(Fault::ModelResidual)
+        let jumped = self.checks.lvdt_jump.step(lvdt.gap_m()) && self.matched;
+        [
+            broken.then_some(Fault::StringBreak),
+            jumped.then_some(Fault::LvdtJump),
+            self.lvdt_fault(inputs, lvdt, self.matched),
+        ]
     }
 
     fn lvdt_fault(&mut self, inputs: &Inputs, lvdt: LvdtReading, started: bool) -> Option<Fault> {

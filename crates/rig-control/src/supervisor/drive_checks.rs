@@ -1,11 +1,11 @@
 //! Drive and encoder: is it there, did it restart, do both count the same.
 
 use super::checks::{lasts, tick_seconds};
-use super::{Inputs, Rig, State, ticks};
+use super::{Inputs, Rig, ticks};
 use crate::sensors::DriveReading;
 use crate::{seconds, whole_counts};
 use core::f32::consts::TAU;
-use rig_link::messages::Fault;
+use rig_link::messages::{Fault, Faults};
 
 /// Age (µs) at which the drive's reports count as missing: five of its 10 ms periods (hardware.md 2.6).
 const DRIVE_SILENT_US: u64 = 55_000;
@@ -36,9 +36,13 @@ pub(super) struct DriveChecks {
     disagree_ticks: u16,
     /// Own and drive's counts when they began to disagree.
     disagreed_at: Option<[i64; 2]>,
-    last_own: Option<i64>,
     pub(super) last_drive_qc: Option<i32>,
     supply_ticks: u16,
+}
+
+/// Whether a report of this time says nothing about now.
+pub(super) fn is_silent(now_us: u64, report_us: u64) -> bool {
+    now_us.saturating_sub(report_us) > DRIVE_SILENT_US
 }
 
 impl Rig<'_> {
@@ -50,44 +54,51 @@ impl Rig<'_> {
             .is_some_and(|s| inputs.now_us.saturating_sub(s.t_us) < SUPPLY_OLD_US && !(least..=most).contains(&s.volts))
     }
 
-    pub(super) fn drive_fault(&mut self, inputs: &Inputs) -> Option<Fault> {
-        let started = self.state != State::Boot;
-        // First, because a drive that cannot be heard looks silent, and this says why.
+    /// What the drive and the own encoder show. A drive that was told to let go is asked nothing.
+    pub(super) fn drive_faults(&mut self, inputs: &Inputs) -> Faults {
+        let started = self.matched;
+        let mut found = Faults::NONE;
         if inputs.bus_off {
-            return Some(Fault::CanBusOff);
+            found.insert(Fault::CanBusOff);
         }
-        match inputs.drive {
-            DriveReading::Failed => return Some(Fault::DriveStartUp),
-            DriveReading::Starting if started => return Some(Fault::DriveReset),
-            DriveReading::Starting => return None,
-            DriveReading::Reports { .. } => {}
-        }
-        let DriveReading::Reports { t_us, position_qc, speed_rpm, .. } = inputs.drive else { return None };
+        let DriveReading::Reports { t_us, position_qc, speed_rpm, .. } = inputs.drive else {
+            match inputs.drive {
+                DriveReading::Failed => found.insert(Fault::DriveStartUp),
+                // Nobody asked it to start again.
+                DriveReading::Starting if started => found.insert(Fault::DriveReset),
+                _ => {}
+            }
+            return found;
+        };
         if inputs.drive_stalled {
-            return Some(Fault::DriveStall);
+            found.insert(Fault::DriveStall);
         }
-        if started && inputs.now_us.saturating_sub(t_us) > DRIVE_SILENT_US {
-            return Some(Fault::DriveSilent);
+        if started && is_silent(inputs.now_us, t_us) {
+            found.insert(Fault::DriveSilent);
+            // What it said last is no longer so.
+            return found;
         }
         let far_before = self.checks.drive.last_drive_qc.is_some_and(|last| last.saturating_abs() > RESET_FAR);
         self.checks.drive.last_drive_qc = Some(position_qc);
         if started && far_before && position_qc.saturating_abs() < RESET_NEAR {
-            return Some(Fault::DriveReset);
+            found.insert(Fault::DriveReset);
+            return found;
         }
         let off = started && self.supply_is_off(inputs);
         if lasts(&mut self.checks.drive.supply_ticks, off, SUPPLY_TICKS) {
-            return Some(Fault::Supply);
+            found.insert(Fault::Supply);
         }
         let age_s = seconds(inputs.now_us.saturating_sub(t_us));
-        self.encoder_fault(inputs, position_qc, speed_rpm, age_s).filter(|_| started)
+        let encoder = self.encoder_fault(inputs, position_qc, speed_rpm, age_s);
+        encoder.filter(|_| started).into_iter().for_each(|fault| found.insert(fault));
+        found
     }
 
     fn encoder_fault(&mut self, inputs: &Inputs, position_qc: i32, speed_rpm: i16, age_s: f32) -> Option<Fault> {
         let c = self.constants;
         let own = inputs.encoder_counts;
-        let moved = self.checks.drive.last_own.replace(own).map_or(0, |last| own - last);
         let most = JUMP_FACTOR * c.twist_speed_max() * c.counts_per_rad.abs() * tick_seconds(self.checks.apart_us);
-        if moved.abs() > whole_counts(most + JUMP_COUNTS) {
+        if self.checks.moved.abs() > whole_counts(most + JUMP_COUNTS) {
             return Some(Fault::EncoderJump);
         }
         let offset = self.drive_offset?;

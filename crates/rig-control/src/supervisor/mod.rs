@@ -9,16 +9,17 @@
 //!     ├────────── fault  <── anything wrong, from every state; latched
 //!     └────────── estop  <── emergency stop open, from every state; latched
 //! ```
-//! A fault holds the twist ([`mod@response`]): torque-off would let the strings untwist and drop the load. Nothing clears
-//! itself, and after a fault that loses the position, an emergency stop or a reset nothing moves until told, and the rig
-//! is homed anew. A [`Limit`] only clips: it is reported beside the state, and gone when it holds nothing back any more.
+//! What a fault does, and which one outranks which, stands in one table ([`fault_policy`]): torque-off would let the strings
+//! untwist and drop the load. Nothing clears itself, and after a fault that loses the position, an emergency stop or a
+//! reset nothing moves until told, and the rig is homed anew. A [`Limit`] only clips: it is reported beside the state, and gone when it holds nothing back any more.
 
 mod checks;
 mod configure;
 mod drive_checks;
+pub mod fault_policy;
+mod lvdt_jump;
 mod motion;
 mod requests;
-pub mod response;
 mod told;
 
 use crate::adaptation::{Adaptation, Learned};
@@ -31,11 +32,12 @@ use crate::position_loop::PositionLoop;
 use crate::sensors::{DriveReading, GAP_DELAY_S, Lvdt, LvdtBlock, LvdtReading, SupplyReading};
 use crate::{RigConstants, TICK_S, TICK_US, angle_rad, seconds};
 use checks::Checks;
-use response::{Response, response};
+use fault_policy::{ENCODER, Latched, POLICY};
 use rig_link::messages::{
-    Accepted, Counters, EventKind, Fault, HomingFailure, Limit, Refusal, Request, Setting, SettingValues, State,
-    Telemetry,
+    Accepted, Counters, EventKind, Fault, Faults, HomingFailure, Limit, Refusal, Request, Setting, SettingValues,
+    State, Telemetry,
 };
+use rmds405::DriveCommand;
 use tsa_table::Table;
 
 /// Everything a tick sees.
@@ -69,24 +71,8 @@ pub struct Inputs {
     pub counters: Counters,
 }
 
-/// What the drive is told.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum DriveCommand {
-    /// Nothing (it is starting, or must not be powered).
-    Silence,
-    /// Run the start-up sequence again.
-    Restart,
-    /// Go to a position in the drive's own counts, at most this fast, with at most this current (mode 8). If the next
-    /// command never comes, the motor stops there: the drive has no time-out of its own (hardware.md 2.6).
-    Follow {
-        /// Position (drive counts).
-        position_qc: i32,
-        /// Speed limit (rpm of the motor).
-        speed_limit_rpm: i16,
-        /// Current limit (mA).
-        current_limit_ma: i16,
-    },
-}
+/// What ended or went wrong in a tick.
+pub type Events = heapless::Vec<EventKind, 8>;
 
 /// Everything a tick decides.
 #[derive(Clone, Debug)]
@@ -96,7 +82,7 @@ pub struct Outputs {
     /// Answer to the request, if there was one that wants an answer.
     pub reply: Option<Result<Accepted, Refusal>>,
     /// What ended or went wrong.
-    pub events: heapless::Vec<EventKind, 4>,
+    pub events: Events,
     /// For the host.
     pub telemetry: Telemetry,
     /// Gap that the LVDT shows (m), homed or not.
@@ -122,7 +108,7 @@ pub struct Rig<'t> {
     /// As the settings correct them.
     constants: RigConstants,
     state: State,
-    fault: Option<Fault>,
+    latched: Latched,
     limit: Option<Limit>,
     lvdt: Lvdt,
     checks: Checks,
@@ -134,8 +120,9 @@ pub struct Rig<'t> {
     awaiting_restart: bool,
     /// Own and drive's counts have been matched since the drive's last start.
     matched: bool,
-    /// In [`State::EStop`]: the contact has closed again.
+    /// In [`State::EStop`]: the contact has closed again, and it did so in this tick.
     estop_closed: bool,
+    estop_closes: bool,
     /// Ticks that came late since boot.
     late_ticks: u32,
     homing: Homing,
@@ -179,23 +166,29 @@ impl<'t> Rig<'t> {
     /// As after power-up: nothing known, nothing moves. `reset` is the fault that the last reset amounts to, if the
     /// board was not started by power or by hand.
     pub fn new(table: &'t Table<'t>, constants: RigConstants, reset: Option<Fault>) -> Self {
-        let fault = if table.is_intact() { reset } else { Some(Fault::TableCorrupt) };
+        let mut latched = Latched::NONE;
+        reset.into_iter().for_each(|fault| latched.insert(fault));
+        if !table.is_intact() {
+            latched.insert(Fault::TableCorrupt);
+        }
         Self {
             table,
             scene: constants,
             settings: crate::settings::defaults(&constants),
             constants,
-            state: if fault.is_some() { State::Fault } else { State::Boot },
-            fault,
+            state: if latched == Latched::NONE { State::Boot } else { State::Fault },
+            latched,
             limit: None,
             lvdt: Lvdt::new(),
             checks: Checks::new(),
             shaft: Ramp::at(0.0),
             drive_offset: None,
-            restart_drive: false,
+            // Its first frame is a Reset: the drive may still follow what the run before told it.
+            restart_drive: true,
             awaiting_restart: false,
             matched: false,
             estop_closed: false,
+            estop_closes: false,
             late_ticks: 0,
             homing: Homing::new(),
             homed: None,
@@ -221,9 +214,14 @@ impl<'t> Rig<'t> {
         self.state
     }
 
-    /// What stopped it.
+    /// The gravest of the faults that stopped it.
     pub fn fault(&self) -> Option<Fault> {
-        self.fault
+        self.latched.gravest()
+    }
+
+    /// All faults that stopped it.
+    pub fn faults(&self) -> Faults {
+        self.latched.all()
     }
 
     /// The last homing, as long as it holds.
@@ -284,7 +282,7 @@ impl<'t> Rig<'t> {
             self.limit = Some(Limit::LoadRange);
         }
         if self.load_out_of_range(observed.as_ref().map(|(_, o)| o)) {
-            self.raise(Fault::LoadRange, shaft_rad, &mut events);
+            self.latch(Faults::NONE.with(Fault::LoadRange), shaft_rad, &mut events);
         }
         match self.state {
             State::Boot => self.leave_boot(inputs, lvdt, shaft_rad),
@@ -302,7 +300,7 @@ impl<'t> Rig<'t> {
             State::Unhomed | State::Ready | State::Fault | State::EStop => self.shaft.speed = 0.0,
         }
         if !(self.shaft.position.is_finite() && self.shaft.speed.is_finite()) {
-            self.raise(Fault::NotFinite, shaft_rad, &mut events);
+            self.latch(Faults::NONE.with(Fault::NotFinite), shaft_rad, &mut events);
         }
         let drive = self.drive_command(inputs);
         let telemetry = self.telemetry(inputs, gap_m, shaft_rad, observed.map(|(_, o)| o));
@@ -336,7 +334,7 @@ impl<'t> Rig<'t> {
         }
     }
 
-    fn step_homing(&mut self, seen: Option<Seen>, shaft_rad: f32, events: &mut heapless::Vec<EventKind, 4>) {
+    fn step_homing(&mut self, seen: Option<Seen>, shaft_rad: f32, events: &mut Events) {
         let Some(seen) = seen else { return };
         match self.homing.step(self.table, &self.constants, &seen) {
             Progress::Turning(ramp) => self.shaft = ramp,
@@ -365,26 +363,34 @@ impl<'t> Rig<'t> {
         self.state = State::Ready;
     }
 
-    fn end_homing(&mut self, failure: HomingFailure, shaft_rad: f32, events: &mut heapless::Vec<EventKind, 4>) {
+    fn end_homing(&mut self, failure: HomingFailure, shaft_rad: f32, events: &mut Events) {
         self.shaft = Ramp::at(shaft_rad);
         self.state = State::Unhomed;
         let _ = events.push(EventKind::HomingRefused(failure));
     }
 
-    /// Raises a fault and latches it; the strings stop where they are.
-    fn raise(&mut self, fault: Fault, shaft_rad: f32, events: &mut heapless::Vec<EventKind, 4>) {
-        if matches!(self.state, State::Fault | State::EStop) {
+    /// Latches what is new among `found`; the strings stop where they are.
+    fn latch(&mut self, found: Faults, shaft_rad: f32, events: &mut Events) {
+        let news = self.latched.news(found);
+        if news.is_empty() || self.state == State::EStop {
             return;
         }
-        self.fault = Some(fault);
-        self.state = State::Fault;
-        self.shaft = Ramp::at(match (response(fault), self.checks.drive_counts(), self.drive_offset) {
-            (Response::HoldByDrive, Some(drive), Some(offset)) => {
-                angle_rad(drive + offset, self.constants.counts_per_rad)
-            }
-            _ => shaft_rad,
-        });
-        let _ = events.push(EventKind::FaultRaised(fault));
+        for row in POLICY.iter().filter(|row| news.contains(row.fault)) {
+            self.latched.insert(row.fault);
+            let _ = events.push(EventKind::FaultRaised(row.fault));
+        }
+        // What is held already is held where the first fault found it.
+        if self.state != State::Fault {
+            self.state = State::Fault;
+            let by_drive = self.checks.drive_counts().zip(self.drive_offset).filter(|_| self.own_encoder_is_wrong());
+            self.shaft = Ramp::at(
+                by_drive.map_or(shaft_rad, |(drive, offset)| angle_rad(drive + offset, self.constants.counts_per_rad)),
+            );
+        }
+    }
+
+    fn own_encoder_is_wrong(&self) -> bool {
+        self.latched.all().meets(Faults::of(&ENCODER))
     }
 
     /// Takes another table, for which the rig must be homed anew. Not while anything moves: false, ask again later.

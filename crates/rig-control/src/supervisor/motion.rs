@@ -1,7 +1,7 @@
 //! Moves, jogs and stops.
 
 use super::checks::lasts;
-use super::{EventKind, Homed, JOG_SPEED_MAX, Motion, Rig, SPEED_MAX_M_PER_S, Setting, ticks};
+use super::{EventKind, Events, Homed, JOG_SPEED_MAX, Motion, Rig, SPEED_MAX_M_PER_S, Setting, ticks};
 use crate::TICK_S;
 use crate::crossing::TwistLimits;
 use crate::forecast::Forecast;
@@ -141,7 +141,7 @@ impl Rig<'_> {
         &mut self,
         observed: Option<&(Homed, Observation)>,
         gap_m: Option<f32>,
-        events: &mut heapless::Vec<EventKind, 4>,
+        events: &mut Events,
     ) {
         match (self.motion, observed, gap_m) {
             (Motion::Jog { speed_rad_per_s }, ..) => self.step_jog(speed_rad_per_s, events),
@@ -153,7 +153,7 @@ impl Rig<'_> {
         }
     }
 
-    fn step_jog(&mut self, speed_rad_per_s: f32, events: &mut heapless::Vec<EventKind, 4>) {
+    fn step_jog(&mut self, speed_rad_per_s: f32, events: &mut Events) {
         if self.state != State::Moving {
             self.shaft.speed = 0.0;
             return;
@@ -185,7 +185,7 @@ impl Rig<'_> {
         homed: &Homed,
         seen: &Observation,
         gap_m: f32,
-        events: &mut heapless::Vec<EventKind, 4>,
+        events: &mut Events,
     ) {
         let tr = seen.point.tr_rad_per_m();
         let mechanism = Mechanism { table: self.table, twist_scale: homed.twist_scale };

@@ -1,8 +1,8 @@
 //! What the host asks.
 
-use super::checks::Checks;
-use super::response::needs_homing;
-use super::{Inputs, Rig, State};
+use super::checks::{Checks, STILL_TICKS};
+use super::fault_policy::{After, Latched, POLICY};
+use super::{Events, Inputs, Rig, State};
 use crate::adaptation::Adaptation;
 use crate::sensors::LvdtReading;
 use rig_link::messages::{Accepted, EventKind, Fault, Refusal, Request, Sensor, Setting};
@@ -15,7 +15,7 @@ impl Rig<'_> {
         inputs: &Inputs,
         lvdt: LvdtReading,
         shaft_rad: f32,
-        events: &mut heapless::Vec<EventKind, 4>,
+        events: &mut Events,
     ) -> Option<Result<Accepted, Refusal>> {
         Some(match *request {
             // The link answers these itself.
@@ -46,7 +46,7 @@ impl Rig<'_> {
     pub(super) fn idle(&self) -> Result<(), Refusal> {
         match self.state {
             State::Unhomed | State::Ready | State::Holding => Ok(()),
-            State::Fault => Err(Refusal::InFault { fault: self.fault.unwrap_or(Fault::NotFinite) }),
+            State::Fault => Err(Refusal::InFault { fault: self.fault().unwrap_or(Fault::NotFinite) }),
             State::EStop => Err(Refusal::EStop),
             State::Boot => Err(Refusal::DriveNotReady),
             state => Err(Refusal::Busy { state }),
@@ -68,34 +68,43 @@ impl Rig<'_> {
         inputs: &Inputs,
         lvdt: LvdtReading,
         shaft_rad: f32,
-        events: &mut heapless::Vec<EventKind, 4>,
+        events: &mut Events,
     ) -> Result<Accepted, Refusal> {
         match self.state {
             State::EStop if inputs.estop_open => return Err(Refusal::EStop),
-            State::EStop => self.restart(),
-            State::Fault => {
-                let fault = self.fault.unwrap_or(Fault::NotFinite);
-                if self.cause_remains(fault, inputs, lvdt) {
-                    return Err(Refusal::CauseRemains { fault });
-                }
-                self.fault = None;
-                if needs_homing(fault) || !self.matched {
-                    self.restart();
-                } else {
-                    let gap_m = lvdt.gap_m();
-                    let twist_rad = self.homed.map(|h| shaft_rad - h.zero_rad);
-                    self.checks = Checks::cleared(inputs, gap_m, twist_rad);
-                    if fault == Fault::ModelResidual {
-                        // The drive need not let go: its twist is good, but the gap no longer goes with it.
-                        self.homed = None;
-                        self.adaptation = Adaptation::new(1.0);
-                    }
-                    self.state = if self.homed.is_some() { State::Ready } else { State::Unhomed };
-                }
-                let _ = events.push(EventKind::FaultCleared(fault));
+            State::EStop | State::Fault => {}
+            State::Boot | State::Unhomed | State::Homing | State::Ready | State::Moving | State::Holding => {
+                return Ok(Accepted::Done);
             }
-            _ => {}
         }
+        let faults = self.latched.all();
+        for row in POLICY.iter().filter(|row| faults.contains(row.fault)) {
+            if self.cause_remains(row.fault, inputs, lvdt) {
+                return Err(Refusal::CauseRemains { fault: row.fault });
+            }
+        }
+        // A load that falls is told of by nothing better than by a fault.
+        if self.checks.still_ticks < STILL_TICKS {
+            return Err(Refusal::ShaftTurns);
+        }
+        for row in POLICY.iter().filter(|row| faults.contains(row.fault)) {
+            let _ = events.push(EventKind::FaultCleared(row.fault));
+        }
+        let lost = self.state == State::EStop || !self.matched;
+        let after = if lost { After::Restart } else { self.latched.after() };
+        self.latched = Latched::NONE;
+        if after == After::Restart {
+            self.restart();
+            return Ok(Accepted::Done);
+        }
+        if after == After::Home {
+            // The drive need not let go: its twist is good, but the gap no longer goes with it.
+            self.homed = None;
+            self.adaptation = Adaptation::new(1.0);
+        }
+        let twist_rad = self.homed.map(|h| shaft_rad - h.zero_rad);
+        self.checks = Checks::cleared(inputs, lvdt.gap_m(), twist_rad);
+        self.state = if self.homed.is_some() { State::Ready } else { State::Unhomed };
         Ok(Accepted::Done)
     }
 
@@ -109,8 +118,7 @@ impl Rig<'_> {
     }
 
     /// Begins again as after power-up, without moving.
-    pub(super) fn restart(&mut self) {
-        self.fault = None;
+    fn restart(&mut self) {
         self.homed = None;
         self.drive_offset = None;
         self.matched = false;

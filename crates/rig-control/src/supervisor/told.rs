@@ -1,11 +1,12 @@
 //! What a tick tells: the drive where to go, the host what there is to see.
 
-use super::response::{Response, response};
-use super::{DriveCommand, Inputs, Motion, Rig};
+use super::fault_policy::Response;
+use super::{Inputs, Motion, Rig};
 use crate::observer::Observation;
 use crate::sensors::DriveReading;
 use crate::{angle_rad, whole_counts};
 use rig_link::messages::{Counters, Sensors, State, Telemetry};
+use rmds405::DriveCommand;
 
 /// How far from its reported position the drive may be sent (rad, and seconds of its speed): more than it lags when well.
 const LEASH_RAD: f32 = 1.0;
@@ -13,17 +14,24 @@ const LEASH_S: f32 = 0.3;
 
 impl Rig<'_> {
     pub(super) fn drive_command(&mut self, inputs: &Inputs) -> DriveCommand {
-        if core::mem::take(&mut self.restart_drive) {
-            return DriveCommand::Restart;
+        let restart = core::mem::take(&mut self.restart_drive);
+        match (self.state, self.latched.response()) {
+            // A Reset when the contact opens, again while it is open, and once more when it closes: what the motor is
+            // connected to again must hold no old target.
+            (State::EStop, _) if self.estop_closes => return DriveCommand::LetGo,
+            (State::EStop, _) => return DriveCommand::PowerOff,
+            (_, Some(Response::LetGo)) => return DriveCommand::LetGo,
+            _ if restart => return DriveCommand::Restart,
+            (_, Some(Response::Wait)) => return DriveCommand::Silence,
+            (_, Some(Response::Hold | Response::HoldByDrive | Response::HoldIfHeard) | None) => {}
         }
         let (Some(offset), DriveReading::Reports { position_qc, .. }) = (self.drive_offset, inputs.drive) else {
             return DriveCommand::Silence;
         };
         let lag_s = self.homed.map_or(0.0, |h| h.drive_lag_s);
         let counts = (self.shaft.position + lag_s * self.shaft.speed) * self.constants.counts_per_rad;
-        let silent = self.fault.is_some_and(|fault| response(fault) == Response::Silence);
         // A float to integer cast saturates; NaN would become 0, so it is caught before.
-        if !counts.is_finite() || silent || self.state == State::EStop {
+        if !counts.is_finite() {
             return DriveCommand::Silence;
         }
         // On a leash: whatever else goes wrong, the drive is never sent far from where it says it is.
@@ -65,7 +73,8 @@ impl Rig<'_> {
         Telemetry {
             t_us: inputs.now_us,
             state: self.state,
-            fault: self.fault,
+            fault: self.latched.gravest(),
+            faults: self.latched.all(),
             limit: self.limit,
             target_m: planned.then(|| self.planner.target_m()),
             setpoint_m: planned.then(|| self.planner.set_point_m()),
@@ -89,7 +98,7 @@ impl Rig<'_> {
             shaft_rad: angle_rad(inputs.encoder_counts, counts_per_rad),
             drive_rad: match inputs.drive {
                 DriveReading::Reports { position_qc, .. } => Some(position_qc as f32 / counts_per_rad),
-                DriveReading::Starting | DriveReading::Failed => None,
+                DriveReading::Starting | DriveReading::Failed | DriveReading::Released => None,
             },
             supply_v: inputs.supply.map(|supply| supply.volts),
             estop_open: inputs.estop_open,

@@ -121,7 +121,10 @@ pub struct Rig {
     lvdt: Lvdt,
     drive: Drive,
     bridge: Bridge,
-    relay: bool,
+    relay_pin: bool,
+    /// When the relay's contact opens, s; it stays closed as long as its pin is high.
+    relay_opens_s: f64,
+    driven_rad: f64,
     estop: bool,
     limit_fault: bool,
     silent: bool,
@@ -169,7 +172,9 @@ impl Rig {
             noise: Pcg64Mcg::seed_from_u64(seed),
             link_noise: Pcg64Mcg::seed_from_u64(!seed),
             bridge: Bridge::Open,
-            relay: false,
+            relay_pin: false,
+            relay_opens_s: 0.0,
+            driven_rad: 0.0,
             estop: false,
             limit_fault: false,
             silent: false,
@@ -196,6 +201,7 @@ impl Rig {
         rig.look_at_tension();
         rig.set_pin(BUTTON, true);
         rig.look_at_pins();
+        rig.look_at_power();
         Ok(rig)
     }
 
@@ -256,10 +262,10 @@ impl Rig {
         self.look_at_pins();
     }
 
-    /// The board's supply went off and on: the relay drops, so the drive does too; string and load stay as they are.
+    /// The board's supply went off and on. The relay's coil has no current; a drive that loses its own supply later than
+    /// that, or not at all, goes on with what it was told. String and load stay as they are.
     pub fn power_cycle(&mut self) {
-        self.relay = false;
-        self.look_at_power();
+        self.set_relay(false);
         self.host_bytes.clear();
         self.from_drive.clear();
         // The pins' levels have to be told anew.
@@ -322,6 +328,7 @@ impl Rig {
             motor_speed_rad_per_s: self.motor.speed_rad_per_s,
             motor_current_a: self.motor.current_a,
             motor_energy_j: self.motor.energy_j,
+            driven_rad: self.driven_rad,
             drive_mode: self.drive.mode().map_or(0, |mode| mode as u8),
         }
     }
@@ -346,8 +353,17 @@ impl Rig {
         self.settings.supply_voltage_v.unwrap_or(self.parameters.supply_voltage_v)
     }
 
+    fn set_relay(&mut self, high: bool) {
+        if self.relay_pin && !high {
+            self.relay_opens_s = self.now_s() + self.settings.relay_release_s;
+        }
+        self.relay_pin = high;
+        self.look_at_power();
+    }
+
     fn look_at_power(&mut self) {
-        let on = self.relay && self.supply_v() >= LEAST_SUPPLY_V;
+        let closed = !self.settings.relay_fitted || self.relay_pin || self.now_s() < self.relay_opens_s;
+        let on = closed && self.supply_v() >= LEAST_SUPPLY_V;
         self.drive.set_power(on, self.now_s(), self.encoder.counts(self.motor.angle_rad));
         if !on {
             self.bridge = Bridge::Open;
@@ -388,7 +404,12 @@ impl Rig {
         let rail = self.rail();
         let bridge = if self.estop { Bridge::Resistor(self.parameters.brake_ohm) } else { self.bridge };
         let torque_nm = self.plant.torque_nm(&rail) / self.parameters.gear_ratio;
+        let before_rad = self.motor.angle_rad;
         self.motor.step(STEP_S, bridge, torque_nm);
+        let on_the_bridge = matches!(bridge, Bridge::Voltage(_) | Bridge::Current { .. });
+        if on_the_bridge && self.motor.current_a * self.motor.speed_rad_per_s > 0.0 {
+            self.driven_rad += (self.motor.angle_rad - before_rad).abs() / self.parameters.gear_ratio;
+        }
         let twist_rad = self.twist_rad();
         self.plant.step(STEP_S, twist_rad, &rail);
         self.lvdt.step(STEP_S, self.plant.gap_m);
@@ -400,6 +421,7 @@ impl Rig {
 
     fn tick(&mut self) {
         let ticks = self.steps / STEPS_PER_TICK;
+        self.look_at_power();
         if self.drive.is_powered() {
             // The e-stop takes the motor off the bridge, so the drive measures no current.
             let sensed = Sensed {

@@ -61,6 +61,10 @@ pub struct PlantSettings {
     pub gear_backlash_rad: f64,
     /// Drive supply, V; `None` is the scene's.
     pub supply_voltage_v: Option<f64>,
+    /// Whether a motor-power relay is fitted. Without one the drive has power whatever the board does.
+    pub relay_fitted: bool,
+    /// How long that relay goes on feeding the drive once its pin is low, s.
+    pub relay_release_s: f64,
 }
 
 impl Default for PlantSettings {
@@ -79,6 +83,9 @@ impl Default for PlantSettings {
             modulus_scale: 1.0,
             gear_backlash_rad: 0.0,
             supply_voltage_v: None,
+            relay_fitted: true,
+            // The release time of a small power relay with a flyback diode. Assumed.
+            relay_release_s: 0.02,
         }
     }
 }
@@ -93,6 +100,9 @@ const LENGTH: Units = &[("", 1.0), ("m", 1.0), ("mm", 1e-3), ("um", 1e-6), ("µm
 const ANGLE: Units = &[("", 1.0), ("rad", 1.0), ("mrad", 1e-3), ("deg", std::f64::consts::PI / 180.0)];
 const FRACTION: Units = &[("", 1.0), ("%", 1e-2)];
 const VOLTAGE: Units = &[("", 1.0), ("V", 1.0), ("mV", 1e-3)];
+const TIME: Units = &[("", 1.0), ("s", 1.0), ("ms", 1e-3)];
+/// 1 is yes, 0 is no.
+const FLAG: Units = &[("", 1.0)];
 
 struct Key {
     name: &'static str,
@@ -113,7 +123,7 @@ const fn key(
 }
 
 /// Ranges are wide: what makes no rig at all is refused, not what makes a bad one.
-const KEYS: [Key; 13] = [
+const KEYS: [Key; 15] = [
     key("load", LOAD, [0.01, 200.0], true, |s, v| s.load_n = v),
     key("friction", FORCE, [0.0, 100.0], true, |s, v| s.friction_n = v),
     key("damping", DAMPING, [0.0, 1e4], true, |s, v| s.damping_n_s_per_m = v),
@@ -127,6 +137,8 @@ const KEYS: [Key; 13] = [
     key("modulus_scale", FRACTION, [0.1, 100.0], false, |s, v| s.modulus_scale = v),
     key("gear_backlash", ANGLE, [0.0, 1.0], false, |s, v| s.gear_backlash_rad = v),
     key("supply_voltage", VOLTAGE, [0.0, 58.0], true, |s, v| s.supply_voltage_v = Some(v)),
+    key("relay_fitted", FLAG, [0.0, 1.0], false, |s, v| s.relay_fitted = v >= 0.5),
+    key("relay_release", TIME, [0.0, 10.0], true, |s, v| s.relay_release_s = v),
 ];
 
 fn known() -> String {

@@ -34,6 +34,9 @@ pub struct Truth {
     pub motor_current_a: f64,
     /// Electrical energy that the motor has taken since power-up.
     pub motor_energy_j: f64,
+    /// Way that the motor has turned the output shaft by its own torque since power-up, either way, rad. What the load
+    /// turns does not count, whether the drive gives no torque or brakes it.
+    pub driven_rad: f64,
     /// Code of the drive's mode, 0 while un-moded or off.
     pub drive_mode: u8,
 }

@@ -74,8 +74,7 @@ impl Board for Rig {
     fn gpio_out(&mut self, t_s: f64, port: char, levels: u16) {
         self.advance(t_s);
         if port == RELAY.0 {
-            self.relay = levels >> RELAY.1 & 1 == 1;
-            self.look_at_power();
+            self.set_relay(levels >> RELAY.1 & 1 == 1);
         }
     }
 

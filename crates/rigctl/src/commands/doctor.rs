@@ -6,7 +6,7 @@ use crate::failure::Failure;
 use crate::output::Output;
 use crate::session::Session;
 use rig_control::TICK_US;
-use rig_link::{Fault, Identity, PROTOCOL_HASH, Request, ResetCause, Sensors, Setting, State, Telemetry};
+use rig_link::{Fault, Faults, Identity, PROTOCOL_HASH, Request, ResetCause, Sensors, Setting, State, Telemetry};
 use serde::Serialize;
 use serde_json::json;
 use tsa_model::Scene;
@@ -190,7 +190,7 @@ fn board(id: &Identity, scene: &Scene) -> Result<Vec<Check>, Failure> {
 }
 
 fn faults(last: &Telemetry) -> Check {
-    let fault = last.fault.map_or("no fault".to_owned(), |f| format!("fault {f}"));
+    let fault = last.fault.map_or("no fault".to_owned(), |_| format!("fault {}", last.faults));
     let advice = match (last.state, last.fault) {
         (State::EStop, _) => "release the emergency stop, then `clear` and `home`".to_owned(),
         (_, Some(fault)) => format!("docs/faults.md, `{fault}`: remove the cause, then `clear`"),
@@ -202,8 +202,15 @@ fn faults(last: &Telemetry) -> Check {
 
 fn drive(heard: &[Telemetry], scene: &Scene) -> Check {
     let last = heard.last();
-    let gone = [Fault::DriveSilent, Fault::CanBusOff, Fault::DriveStartUp, Fault::DriveReset, Fault::DriveStall];
-    let online = last.is_some_and(|t| t.state != State::Boot && !t.fault.is_some_and(|f| gone.contains(&f)));
+    let gone = Faults::of(&[
+        Fault::DriveSilent,
+        Fault::CanBusOff,
+        Fault::DriveStartUp,
+        Fault::DriveReset,
+        Fault::DriveStall,
+        Fault::NotHeld,
+    ]);
+    let online = last.is_some_and(|t| t.state != State::Boot && !t.faults.meets(gone));
     let most_a = heard.iter().map(|t| f64::from(t.drive_current_a).abs()).fold(0.0, f64::max);
     let limit_a = f64::from(scene.rig.drive_current_limit_ma()) * 1e-3;
     let seen = format!("{}, at most {most_a:.3} A of {limit_a:.3} A", if online { "online" } else { "not online" });
@@ -223,15 +230,16 @@ fn mean_rms(values: &[f64]) -> (f64, f64) {
 }
 
 fn lvdt(heard: &[Telemetry], id: &Identity, scene: &Scene, session: &mut Session) -> Result<Check, Failure> {
-    let bad = [
+    let bad = Faults::of(&[
         Fault::LvdtOpen,
         Fault::LvdtShort,
         Fault::LvdtNoisy,
         Fault::LvdtFrozen,
         Fault::LvdtStalled,
+        Fault::LvdtJump,
         Fault::ModelResidual,
-    ];
-    if let Some(fault) = heard.last().and_then(|t| t.fault).filter(|f| bad.contains(f)) {
+    ]);
+    if let Some(fault) = heard.last().and_then(|t| t.faults.iter().find(|f| bad.contains(*f))) {
         return Ok(check(
             "LVDT",
             false,

@@ -56,6 +56,7 @@ pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
         "settings": super::config::all(&settings.values),
         "settings_kept": settings.kept.name(),
         "last_panic": id.last_panic.as_deref(),
+        "faults": session.telemetry().map_or(Vec::new(), |t| t.faults.iter().map(|f| f.name()).collect::<Vec<_>>()),
         "link_errors": counters.link_errors,
         "foreign_frames": counters.foreign_frames,
         "late_ticks": counters.late_ticks,
@@ -100,6 +101,9 @@ pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
         output.line(format!("         the run before ended with: {text}"))?;
     }
     output.line(row.text())?;
+    for fault in session.telemetry().into_iter().flat_map(|t| t.faults.iter()) {
+        output.line(format!("fault    {fault}: docs/faults.md, `{fault}`"))?;
+    }
     same_scene
 }
 

@@ -11,8 +11,10 @@ pub struct Row {
     pub t_s: f64,
     /// What the rig is doing.
     pub state: &'static str,
-    /// What stopped it.
+    /// The gravest of the faults that stopped it.
     pub fault: Option<&'static str>,
+    /// All of them, with blanks between; nothing without a fault.
+    pub faults: Option<String>,
     /// What holds it back.
     pub limit: Option<&'static str>,
     /// Where it is going.
@@ -52,6 +54,7 @@ impl Row {
             t_s,
             state: telemetry.state.name(),
             fault: telemetry.fault.map(|f| f.name()),
+            faults: telemetry.fault.map(|_| telemetry.faults.to_string()),
             limit: telemetry.limit.map(|l| l.name()),
             target_m: telemetry.target_m,
             setpoint_m: telemetry.setpoint_m,
@@ -82,7 +85,7 @@ impl Row {
             mm(self.setpoint_m.map(f64::from)),
             self.load_n.map_or("     -".into(), |v| format!("{v:6.3}")),
             self.tr_rad_per_m.map_or("    -".into(), |v| format!("{:5.2}", v * 1e-3)),
-            self.fault.map_or(String::new(), |f| format!("  FAULT {f}")),
+            self.faults.as_ref().map_or(String::new(), |f| format!("  FAULT {f}")),
             self.limit.map_or(String::new(), |l| format!("  limit {l}")),
         )
     }
