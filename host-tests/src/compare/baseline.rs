@@ -19,7 +19,7 @@ const MEASUREMENT_AGE_S: f32 = 0.006;
 const AT_REST_M: f32 = 6e-6;
 /// How far below the half-turn pre-twist a loop may untwist (rad), as the firmware's.
 const BELOW_PRETWIST: f32 = 0.15;
-/// Speed of the strings in the paper's experiment, 12.5 rpm (paper.txt, section 5.2), in rad/s.
+/// Speed of the strings in the paper's experiment, 12.5 rpm (its section 5.2), in rad/s.
 pub const PAPER_SPEED: f32 = 12.5 / 60.0 * 2.0 * PI;
 
 /// What it is told each tick: the very set-points that the firmware's planner made on the same plant.

@@ -1,4 +1,4 @@
-//! Timers TIM2 to TIM7, TIM9 and TIM12 (RM0390 chapters 17 to 20): up-counting with compare flags, and encoder mode 3.
+//! Timers TIM2 to TIM7, TIM9 and TIM12 (RM0390 chapters 17 to 19): up-counting with compare flags, and encoder mode 3.
 //!
 //! A counter is never stepped: its value follows from the time since it was last touched. In encoder mode it follows from
 //! the board's quadrature count, which is asked for when the firmware looks.

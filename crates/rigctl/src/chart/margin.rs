@@ -5,7 +5,7 @@
 //! is outside the unit circle.
 //!
 //! The rig: `m p'' = −k (p − θ/TR) − (c + β k) p'` for the load's position p, and a drive that follows its target with
-//! the two lags assumed in hardware.md (emulated, not measured). Friction is left out: it only damps.
+//! the two lags assumed in hardware.md 2.7 (emulated, not measured). Friction is left out: it only damps.
 
 use crate::units::STANDARD_GRAVITY;
 use nalgebra::{DMatrix, DVector};
