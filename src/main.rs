@@ -62,7 +62,9 @@ async fn main(background: Spawner) {
     // The scene's choice is a constant: the other one does not get into the image.
     match scene::DRIVE_TRANSPORT {
         Transport::Can => spawner.spawn(defmt::unwrap!(tasks::drive::over_can(board.drive.can(), board.motor_power))),
-        Transport::Uart => spawner.spawn(defmt::unwrap!(tasks::drive::over_uart(board.drive.uart(), board.motor_power))),
+        Transport::Uart => {
+            spawner.spawn(defmt::unwrap!(tasks::drive::over_uart(board.drive.uart(), board.motor_power)))
+        }
     }
     spawner.spawn(defmt::unwrap!(tasks::link::receive(link_rx, start.clone())));
     spawner.spawn(defmt::unwrap!(tasks::link::send(link_tx)));

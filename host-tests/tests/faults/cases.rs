@@ -5,7 +5,7 @@ use rig_control::Inputs;
 use rig_control::sensors::DriveReading;
 use rig_emulator::rig::faults::Fault as RigFault;
 use rig_link::messages::{Fault, LoadChoice, Request, State};
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, OnceLock};
 
 /// What happens to a rig that is moving.
@@ -25,8 +25,15 @@ pub fn moving() -> Desk {
     desk.clone()
 }
 
+/// From now on, besides what is tampered with already.
 pub fn tamper(d: &mut Desk, with: impl Fn(&mut Inputs) + Send + Sync + 'static) {
-    d.tamper = Some(Arc::new(with));
+    let before = d.tamper.take();
+    d.tamper = Some(Arc::new(move |inputs| {
+        if let Some(before) = &before {
+            before(inputs);
+        }
+        with(inputs);
+    }));
 }
 
 /// For so many seconds, then no more.
@@ -42,9 +49,20 @@ pub fn rig_fault_for(d: &mut Desk, fault: RigFault, seconds: f64) {
     d.rig.set_fault(fault, false);
 }
 
-/// Adds to the time from now on: the next tick comes that much late.
+/// Adds to the time from now on: the next tick comes that much late, before drive and LVDT are heard again.
 pub fn late_by(d: &mut Desk, late_us: u64) {
-    tamper(d, move |i| i.now_us += late_us);
+    let came = AtomicBool::new(false);
+    tamper(d, move |i| {
+        i.now_us += late_us;
+        if came.swap(true, Ordering::Relaxed) {
+            if let DriveReading::Reports { t_us, .. } = &mut i.drive {
+                *t_us += late_us;
+            }
+            if let Some(block) = &mut i.lvdt {
+                block.t_us += late_us;
+            }
+        }
+    });
 }
 
 /// Every other tick so late, `count` times.
@@ -74,6 +92,15 @@ pub fn lvdt_mean(i: &mut Inputs, mean_code: f32) {
 pub fn drive_current(i: &mut Inputs, milliamps: i16) {
     if let DriveReading::Reports { current_ma, .. } = &mut i.drive {
         *current_ma = milliamps;
+    }
+}
+
+/// A hand turns the shaft by 20 000 counts within 0.1 s: encoder and drive both see it.
+pub fn turn_by_hand(i: &mut Inputs, start_us: u64) {
+    let turned = (i.now_us.saturating_sub(start_us) as f64 * 0.2).min(20_000.0);
+    i.encoder_counts += turned as i64;
+    if let DriveReading::Reports { position_qc, .. } = &mut i.drive {
+        *position_qc += turned as i32;
     }
 }
 

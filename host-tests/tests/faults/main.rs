@@ -3,6 +3,7 @@
 
 mod cases;
 mod page;
+mod pairs;
 
 use cases::*;
 use host_tests::{Desk, constants, table};
@@ -220,14 +221,8 @@ fn the_twist_range_clips_and_outside_it_is_a_fault_with_the_way_back_free() {
     d.tick(Some(Request::Stop));
     d.run(0.5);
     // The shaft is turned on by a hand: encoder and drive both see it.
-    let at_s = d.time_s();
-    tamper(&mut d, move |i| {
-        let turned = ((i.now_us as f64 * 1e-6 - at_s) * 200_000.0).min(20_000.0);
-        i.encoder_counts += turned as i64;
-        if let DriveReading::Reports { position_qc, .. } = &mut i.drive {
-            *position_qc += turned as i32;
-        }
-    });
+    let start_us = (d.time_s() * 1e6) as u64;
+    tamper(&mut d, move |i| turn_by_hand(i, start_us));
     assert!(d.until(0.5, |d| d.control.fault() == Some(Fault::TwistRange)), "{:?}", d.control.fault());
     d.run(1.0);
     assert!(d.tick(Some(Request::Clear)).reply.is_some_and(|r| r.is_ok()));

@@ -1,7 +1,7 @@
 //! What the host asks.
 
 use super::checks::{Checks, STILL_TICKS};
-use super::fault_policy::{After, Latched, POLICY};
+use super::fault_policy::{After, Latched, POLICY, Response};
 use super::{Events, Inputs, Rig, State};
 use crate::adaptation::Adaptation;
 use crate::sensors::LvdtReading;
@@ -83,8 +83,9 @@ impl Rig<'_> {
                 return Err(Refusal::CauseRemains { fault: row.fault });
             }
         }
-        // A load that falls is told of by nothing better than by a fault.
-        if self.checks.still_ticks < STILL_TICKS {
+        // The gravest fault says that the load is held, and it is not: that is told first.
+        let said_held = self.latched.response().is_some_and(|response| response < Response::LetGo);
+        if said_held && self.checks.still_ticks < STILL_TICKS {
             return Err(Refusal::ShaftTurns);
         }
         for row in POLICY.iter().filter(|row| faults.contains(row.fault)) {

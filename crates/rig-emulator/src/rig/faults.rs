@@ -12,6 +12,8 @@ pub enum Fault {
     DriveStall,
     /// Brown-out: the drive restarts. An event.
     DriveReset,
+    /// A motor lead is off: the drive turns nothing and measures no current.
+    MotorOpen,
     /// The microcontroller's encoder receiver stops following; the drive's own input does not.
     EncoderStuck,
     /// The microcontroller's encoder receiver gains one motor turn. An event.
@@ -53,11 +55,12 @@ pub struct UnknownFault {
 )]
 pub struct NotHere;
 
-const NAMES: [(&str, Fault); 16] = [
+const NAMES: [(&str, Fault); 17] = [
     ("can-silent", Fault::CanSilent),
     ("can-bus-off", Fault::CanBusOff),
     ("drive-stall", Fault::DriveStall),
     ("drive-reset", Fault::DriveReset),
+    ("motor-open", Fault::MotorOpen),
     ("encoder-stuck", Fault::EncoderStuck),
     ("encoder-jump", Fault::EncoderJump),
     ("encoder-slip", Fault::EncoderSlip),

@@ -126,6 +126,7 @@ pub struct Rig {
     relay_opens_s: f64,
     driven_rad: f64,
     estop: bool,
+    motor_open: bool,
     limit_fault: bool,
     silent: bool,
     can_shorted: bool,
@@ -176,6 +177,7 @@ impl Rig {
             relay_opens_s: 0.0,
             driven_rad: 0.0,
             estop: false,
+            motor_open: false,
             limit_fault: false,
             silent: false,
             can_shorted: false,
@@ -255,6 +257,7 @@ impl Rig {
             Fault::StringBreak if on => self.plant.break_string(),
             Fault::StringSlip if on => self.plant.slip(),
             Fault::Estop => self.estop = on,
+            Fault::MotorOpen => self.motor_open = on,
             Fault::LimitSwitch => self.limit_fault = on,
             Fault::LinkNoise => self.noisy_link = on,
             Fault::DriveStall | Fault::DriveReset | Fault::EncoderJump | Fault::StringBreak | Fault::StringSlip => {}
@@ -402,7 +405,11 @@ impl Rig {
 
     fn step(&mut self) {
         let rail = self.rail();
-        let bridge = if self.estop { Bridge::Resistor(self.parameters.brake_ohm) } else { self.bridge };
+        let bridge = match (self.estop, self.motor_open) {
+            (true, _) => Bridge::Resistor(self.parameters.brake_ohm),
+            (false, true) => Bridge::Open,
+            (false, false) => self.bridge,
+        };
         let torque_nm = self.plant.torque_nm(&rail) / self.parameters.gear_ratio;
         let before_rad = self.motor.angle_rad;
         self.motor.step(STEP_S, bridge, torque_nm);
@@ -426,9 +433,9 @@ impl Rig {
             // The e-stop takes the motor off the bridge, so the drive measures no current.
             let sensed = Sensed {
                 counts: self.encoder.counts(self.motor.angle_rad),
-                current_a: if self.estop { 0.0 } else { self.motor.current_a },
+                current_a: if self.estop || self.motor_open { 0.0 } else { self.motor.current_a },
                 supply_v: self.supply_v(),
-                saturated: !self.estop && self.motor.saturated,
+                saturated: !self.estop && !self.motor_open && self.motor.saturated,
             };
             self.bridge = self.drive.tick(self.now_s(), sensed);
         }
