@@ -38,6 +38,16 @@ pub struct Learned {
     pub at_bound: bool,
 }
 
+/// What one move taught.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Finding {
+    /// Change of the scale; 0 if it taught nothing about it.
+    pub scale_change: f32,
+    /// Whether the load weighed the same all along the move, within what drift explains; `None` if the move was too short
+    /// to tell.
+    pub agrees: Option<bool>,
+}
+
 /// Regression of the load estimate over x along one move, and the scale.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Adaptation {
@@ -84,25 +94,26 @@ impl Adaptation {
         self.together += from_x * (load_n - self.mean_load);
     }
 
-    /// The move is over: change of the scale, 0 if it taught nothing.
-    pub fn end_move(&mut self, twist_scale: f32) -> f32 {
+    /// The move is over: what it taught.
+    pub fn end_move(&mut self, twist_scale: f32) -> Finding {
         let found = self.together / self.spread;
         let spread = |least_n: f32| self.count >= LEAST_COUNT && self.spread >= self.count * least_n * least_n;
         let (tells, doubts) = (spread(LEAST_SPREAD_N), spread(LEAST_SPREAD_TO_DOUBT_N));
         self.forget_move();
         if !doubts || !found.is_finite() {
-            return 0.0;
+            return Finding { scale_change: 0.0, agrees: None };
         }
         let beyond = (twist_scale + found - self.homed_scale).abs() > LARGEST_DRIFT;
         self.doubtful = if beyond { self.doubtful.saturating_add(1) } else { 0 };
+        let agrees = Some(!beyond);
         if !tells {
-            return 0.0;
+            return Finding { scale_change: 0.0, agrees };
         }
         self.moves = self.moves.saturating_add(1);
         let wanted = twist_scale + (SHARE * found).clamp(-LARGEST_STEP, LARGEST_STEP);
         let scale = self.bounded(wanted);
         self.at_bound = scale != wanted;
-        scale - twist_scale
+        Finding { scale_change: scale - twist_scale, agrees }
     }
 
     /// Gap and table have parted: what the last moves found is no drift.
@@ -135,7 +146,7 @@ mod tests {
                 let x = 0.5 + 0.02 * f32::from(k);
                 a.record(x, load(k) + x * (true_scale - scale));
             }
-            scale += a.end_move(scale);
+            scale += a.end_move(scale).scale_change;
         }
         (scale, a.learned(scale, 0.05))
     }
@@ -174,12 +185,25 @@ mod tests {
     }
 
     #[test]
+    fn a_long_enough_move_tells_whether_the_load_weighs_the_same_all_along() {
+        let finding = |found: f32| {
+            let mut a = Adaptation::new(1.0);
+            (0..300u16).for_each(|n| a.record(0.005 * f32::from(n), 1.0 + 0.005 * f32::from(n) * found));
+            a.end_move(1.0).agrees
+        };
+        assert_eq!(finding(0.0), Some(true));
+        assert_eq!(finding(0.02), Some(true), "a drift");
+        assert_eq!(finding(0.05), Some(false));
+    }
+
+    #[test]
     fn short_moves_and_nonsense_teach_nothing() {
         let mut a = Adaptation::new(1.0);
         (0..1000).for_each(|_| a.record(2.0, 5.0));
-        assert_eq!(a.end_move(1.0), 0.0);
+        let nothing = Finding { scale_change: 0.0, agrees: None };
+        assert_eq!(a.end_move(1.0), nothing);
         (0..1000u16).for_each(|k| a.record(f32::from(k), f32::NAN));
-        assert_eq!(a.end_move(1.0), 0.0);
+        assert_eq!(a.end_move(1.0), nothing);
         assert_eq!(a.learned(1.0, 0.0).moves, 0);
     }
 }

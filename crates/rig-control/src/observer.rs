@@ -27,8 +27,12 @@ const OUTSIDE_SHARE: f32 = 0.01;
 const PULL_S: f32 = 0.05;
 /// Load speed (m/s) above which inertia, damping and the readings' age count for more than the estimate's floor.
 const FAST_M_PER_S: f32 = 20e-3;
-/// Time without a contradiction (ticks) after which the estimate is believed again.
+/// Time without a contradiction (ticks) after which the estimate has settled.
 const BELIEVE_TICKS: u16 = 40;
+/// Share of the confirmed load that the estimate may leave it by: drift, warm-up and friction do no more.
+const CONFIRMED_SHARE: f32 = 0.1;
+/// How far apart (share of the load) a way up and a way down may find the load for both to be right.
+const SAME_SHARE: f32 = 0.05;
 
 /// Where the load comes from.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,6 +54,9 @@ pub enum Confidence {
     Fast,
     /// Twist and gap have just contradicted it: another load, or not settled yet.
     Changing,
+    /// It has changed since it was last confirmed, by another load, by a string that slipped, or by a sensor that shifted:
+    /// gap and twist alone cannot tell which.
+    Unconfirmed,
 }
 
 /// The load observer.
@@ -69,6 +76,10 @@ pub struct LoadObserver {
     /// Smoothed speed of the gap (m/s).
     gap_speed_m_per_s: f32,
     quiet_ticks: u16,
+    /// The load as it was last confirmed (N).
+    confirmed_n: f32,
+    /// What the last move down and the last move up found (N), as far as they could tell.
+    found_n: [Option<f32>; 2],
     /// Where the load for TR comes from.
     pub source: LoadSource,
 }
@@ -106,6 +117,8 @@ impl LoadObserver {
             surprise_n: 0.0,
             gap_speed_m_per_s: 0.0,
             quiet_ticks: BELIEVE_TICKS,
+            confirmed_n: load_n,
+            found_n: [None; 2],
             source: LoadSource::Estimate,
         }
     }
@@ -118,6 +131,26 @@ impl LoadObserver {
     /// Another scale of the twist explains `change_n` of the estimate (N).
     pub fn rescale(&mut self, change_n: f32) {
         self.load_n += change_n;
+    }
+
+    /// A move is over along which the load weighed the same (`agrees`), or did not. A way up and a way down that find the
+    /// same load confirm it: friction that has changed makes them differ, and a shifted gap is another load at each twist.
+    pub fn end_move(&mut self, agrees: bool) {
+        let way = usize::from(self.direction > 0.0);
+        self.found_n[way] = agrees.then_some(self.load_n);
+        if let [Some(down_n), Some(up_n)] = self.found_n
+            && (up_n - down_n).abs() < SAME_SHARE * self.load_n
+        {
+            self.confirmed_n = self.load_n;
+        }
+    }
+
+    /// The strings have been where the table says nothing: what was known there of the load is not confirmed any more.
+    pub fn lose(&mut self) {
+        self.quiet_ticks = 0;
+        self.played_gap_m = None;
+        self.found_n = [None; 2];
+        self.confirmed_n = 0.0;
     }
 
     /// One tick: measured gap (m) and the twist (rad) at the time of that measurement; without a gap the estimate stays.
@@ -143,6 +176,8 @@ impl LoadObserver {
             Confidence::Fast
         } else if self.load_n < 1.2 * m.load_min_n || self.friction_n > 0.25 * self.load_n {
             Confidence::Light
+        } else if (self.load_n - self.confirmed_n).abs() > CONFIRMED_SHARE * self.confirmed_n {
+            Confidence::Unconfirmed
         } else {
             Confidence::Sure
         };
@@ -196,6 +231,8 @@ impl LoadObserver {
         if beyond.abs() > outside_n {
             step = if moved_m == 0.0 { beyond * follow } else { surprise_n * follow };
             self.quiet_ticks = 0;
+            // What was found before belongs to another load, or to another gap.
+            self.found_n = [None; 2];
         } else {
             self.quiet_ticks = self.quiet_ticks.saturating_add(1);
         }

@@ -26,8 +26,11 @@ pub(super) const STILL_TICKS: u16 = ticks(20);
 /// How far the load may stay behind its set-point (m), and for how long.
 const FOLLOW_M: f32 = 2e-3;
 const FOLLOW_TICKS: u16 = ticks(50);
-/// Fall of the gap's rise in one tick (m) that no motor makes: the load has dropped.
+/// Fall of the load (m) since the last good reading, and in each of so many ticks, that no motor makes: it has dropped. A
+/// sensor that shifts steps in one or two ticks.
 const DROP_M: f32 = 5e-3;
+const DROP_IN_A_TICK_M: f32 = 1e-3;
+const DROP_TICKS: u16 = 3;
 /// Rms noise (codes) of a block in which a load falls at up to 2 m/s; one in which a wire breaks has far more.
 const FALLING_NOISE: f32 = 60.0;
 /// A tick this long (µs) after the one before is late; one this long after is a fault by itself: the encoder's 16 bits
@@ -65,6 +68,9 @@ pub(super) struct Checks {
     /// Own counts in this tick.
     pub(super) moved: i64,
     last_gap_m: Option<f32>,
+    /// The newest block's gap, however noisy.
+    last_block_m: Option<f32>,
+    drop_ticks: u16,
     lvdt_jump: LvdtJump,
     /// How long the upper and the lower switch have been open.
     switch_ticks: [u16; 2],
@@ -90,6 +96,8 @@ impl Checks {
             last_own: None,
             moved: 0,
             last_gap_m: None,
+            last_block_m: None,
+            drop_ticks: 0,
             lvdt_jump: LvdtJump::new(),
             switch_ticks: [0; 2],
             switch_gap_m: [None; 2],
@@ -289,7 +297,9 @@ impl Rig<'_> {
         let mut broken = false;
         if let Some(block) = inputs.lvdt {
             let gap_m = self.constants.lvdt_gap_at_code_zero_m + self.constants.lvdt_metres_per_code * block.mean_code;
-            let dropped = self.checks.last_gap_m.is_some_and(|last| gap_m - last > DROP_M);
+            let falls = self.checks.last_block_m.replace(gap_m).is_some_and(|last| gap_m - last > DROP_IN_A_TICK_M);
+            let dropped = lasts(&mut self.checks.drop_ticks, falls, DROP_TICKS)
+                && self.checks.last_gap_m.is_some_and(|last| gap_m - last > DROP_M);
             // A falling load blurs its block; a broken wire blurs it far more.
             let real = !matches!(lvdt, LvdtReading::Invalid(Fault::LvdtOpen | Fault::LvdtShort));
             broken = dropped && self.matched && real && block.noise_codes() < FALLING_NOISE;

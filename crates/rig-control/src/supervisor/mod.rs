@@ -267,7 +267,7 @@ impl<'t> Rig<'t> {
         // no more than one.
         let asked = matches!(inputs.request, Some(Request::Move { .. }));
         let seen_before = self.last_seen.take().filter(|_| asked);
-        let observed = self.homed.map(|h| {
+        let observed = self.homed.filter(|h| self.table_knows(shaft_then_rad - h.zero_rad)).map(|h| {
             let seen = seen_before.unwrap_or_else(|| {
                 let mechanism = Mechanism { table: self.table, twist_scale: h.twist_scale };
                 let seen = self.observer.step(&mechanism, shaft_then_rad - h.zero_rad, gap_m);
@@ -275,7 +275,10 @@ impl<'t> Rig<'t> {
             });
             (h, seen)
         });
-        if observed.is_some_and(|(_, o)| o.confidence != Confidence::Sure) {
+        if self.homed.is_some() && observed.is_none() {
+            self.observer.lose();
+        }
+        if self.homed.is_some() && observed.is_none_or(|(_, o)| o.confidence != Confidence::Sure) {
             self.limit = Some(Limit::LoadUnknown);
         }
         if observed.is_some_and(|(_, o)| o.at_range_end) {
@@ -305,6 +308,12 @@ impl<'t> Rig<'t> {
         let drive = self.drive_command(inputs);
         let telemetry = self.telemetry(inputs, gap_m, shaft_rad, observed.map(|(_, o)| o));
         Outputs { drive, reply, events, telemetry, gap_m }
+    }
+
+    /// Whether the table says anything of this twist (rad).
+    fn table_knows(&self, twist_rad: f32) -> bool {
+        let m = &self.table.metadata;
+        (m.twist_min_rad - motion::OUTSIDE_RAD..=m.twist_max_rad + motion::OUTSIDE_RAD).contains(&twist_rad)
     }
 
     /// Until its first command the drive gives no torque and a loaded string untwists. So: command a hold at once, and

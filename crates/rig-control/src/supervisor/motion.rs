@@ -23,8 +23,9 @@ const BELOW_PRETWIST: f32 = 0.15;
 /// How far (m) a load may hang lower at the pre-twist than its estimate says: 0.19 mm was the most of 128 changed loads. As
 /// many hung up to 0.17 mm higher, and moves below that end where the strings do.
 const HANGS_M: f32 = 0.2e-3;
-/// How far outside the table's range a move may begin (rad).
-const OUTSIDE_RAD: f32 = 0.2;
+/// How far outside the table's range a move may begin, and a load is still told (rad): the pre-twist is the end of the
+/// range, and homing finds it within less.
+pub(super) const OUTSIDE_RAD: f32 = 0.2;
 /// Acceleration of a jog (rad/s²).
 const JOG_ACCELERATION: f32 = 20.0;
 
@@ -254,7 +255,11 @@ impl Rig<'_> {
         } else if !done && seen.moved_m > 0.0 {
             self.adaptation.record(x, self.observer.load_n());
         } else if done && self.state == State::Moving {
-            let change = self.adaptation.end_move(homed.twist_scale);
+            let finding = self.adaptation.end_move(homed.twist_scale);
+            if let Some(agrees) = finding.agrees {
+                self.observer.end_move(agrees);
+            }
+            let change = finding.scale_change;
             if let (true, Some(homed)) = (change != 0.0, self.homed.as_mut()) {
                 homed.twist_scale += change;
                 self.observer.rescale(-x * change);
