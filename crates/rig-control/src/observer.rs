@@ -76,8 +76,10 @@ pub struct LoadObserver {
     /// Smoothed speed of the gap (m/s).
     gap_speed_m_per_s: f32,
     quiet_ticks: u16,
-    /// The load as it was last confirmed (N).
-    confirmed_n: f32,
+    /// The load as it was last confirmed (N), if it was.
+    confirmed_n: Option<f32>,
+    /// Nothing that moves show can confirm it: the sensor or the strings are far from what the table was made for.
+    distrusted: bool,
     /// What the last move down and the last move up found (N), as far as they could tell.
     found_n: [Option<f32>; 2],
     /// Where the load for TR comes from.
@@ -117,7 +119,8 @@ impl LoadObserver {
             surprise_n: 0.0,
             gap_speed_m_per_s: 0.0,
             quiet_ticks: BELIEVE_TICKS,
-            confirmed_n: load_n,
+            confirmed_n: Some(load_n),
+            distrusted: false,
             found_n: [None; 2],
             source: LoadSource::Estimate,
         }
@@ -140,9 +143,15 @@ impl LoadObserver {
         self.found_n[way] = agrees.then_some(self.load_n);
         if let [Some(down_n), Some(up_n)] = self.found_n
             && (up_n - down_n).abs() < SAME_SHARE * self.load_n
+            && !self.distrusted
         {
-            self.confirmed_n = self.load_n;
+            self.confirmed_n = Some(self.load_n);
         }
+    }
+
+    /// Homing found numbers with which twist and gap weigh wrongly by more than [`CONFIRMED_SHARE`], and moves would agree.
+    pub fn distrust(&mut self) {
+        (self.distrusted, self.confirmed_n) = (true, None);
     }
 
     /// The strings have been where the table says nothing: what was known there of the load is not confirmed any more.
@@ -150,7 +159,7 @@ impl LoadObserver {
         self.quiet_ticks = 0;
         self.played_gap_m = None;
         self.found_n = [None; 2];
-        self.confirmed_n = 0.0;
+        self.confirmed_n = None;
     }
 
     /// One tick: measured gap (m) and the twist (rad) at the time of that measurement; without a gap the estimate stays.
@@ -176,7 +185,7 @@ impl LoadObserver {
             Confidence::Fast
         } else if self.load_n < 1.2 * m.load_min_n || self.friction_n > 0.25 * self.load_n {
             Confidence::Light
-        } else if (self.load_n - self.confirmed_n).abs() > CONFIRMED_SHARE * self.confirmed_n {
+        } else if self.confirmed_n.is_none_or(|known_n| (self.load_n - known_n).abs() > CONFIRMED_SHARE * known_n) {
             Confidence::Unconfirmed
         } else {
             Confidence::Sure

@@ -219,6 +219,8 @@ named_codes! {
         Stopped = 6, "stopped";
         /// The end of the sensor's or the string's travel came first.
         TravelEnd = 7, "travel-end";
+        /// The gap shifted on the way: a string slipped, the load was changed, or the LVDT moved.
+        Shifted = 8, "shifted";
     }
 }
 

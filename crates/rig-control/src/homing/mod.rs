@@ -15,6 +15,7 @@
 mod centre;
 mod weigh;
 
+use crate::mechanism::Mechanism;
 use crate::planner::Ramp;
 use crate::{RigConstants, TICK_S};
 use centre::Centre;
@@ -67,6 +68,9 @@ const REST_S: f32 = 0.3;
 /// Rest at the pre-twist before the reference is taken, and how long it is averaged over (s).
 const SETTLE_S: f32 = 0.7;
 const REFERENCE_S: f32 = 0.4;
+/// How far (m) the load may hang from where the sweeps say, friction aside: what swings and creeps does less, a string that
+/// slips in its clamp does more.
+const SHIFTED_M: f32 = 0.6e-3;
 /// Longest homing (s), start-up of the drive not counted.
 const TIME_OUT_S: f32 = 42.0;
 
@@ -404,14 +408,23 @@ impl Homing {
         }
         self.phase = Phase::Settle { ticks, sum_m, count };
         let averaged = f32::from(ticks) * TICK_S > SETTLE_S + REFERENCE_S;
-        Ok(fitted.filter(|_| averaged && count > 0).map(|w| Homed {
+        let Some(w) = fitted.filter(|_| averaged && count > 0) else { return Ok(None) };
+        let reference_gap_m = sum_m / f32::from(count);
+        // Where the load hangs after the sweeps must be where the sweeps say that it does, after a way down.
+        let mechanism = Mechanism { table, twist_scale: w.twist_scale };
+        let there = mechanism.at(w.load_n - w.friction_n, PI);
+        let shifted_m = (reference_gap_m - w.offset_m - there.gap_m).abs();
+        if shifted_m > SHIFTED_M + 2.0 * w.friction_n * there.dgap_dload_m_per_n {
+            return Err(HomingFailure::Shifted);
+        }
+        Ok(Some(Homed {
             zero_rad: self.zero_rad,
             zero_error_rad: self.zero_error_rad,
             load_n: w.load_n,
             gap_offset_m: w.offset_m,
             twist_scale: w.twist_scale,
             friction_n: w.friction_n,
-            reference_gap_m: sum_m / f32::from(count),
+            reference_gap_m,
             drive_lag_s: (self.lag_sum_s / f32::from(self.lag_count.max(1))).clamp(0.0, 0.2),
         }))
     }
