@@ -8,7 +8,7 @@ use rig_link::{LoadChoice, Request};
 pub const DEFAULT_SPEED_M_PER_S: f64 = 2e-3;
 
 /// Faults that the emulated board and rig can have.
-const RIG_FAULTS: [&str; 19] = [
+const RIG_FAULTS: [&str; 20] = [
     "can-silent",
     "can-bus-off",
     "drive-stall",
@@ -16,6 +16,7 @@ const RIG_FAULTS: [&str; 19] = [
     "encoder-stuck",
     "encoder-jump",
     "encoder-slip",
+    "motor-open",
     "lvdt-open",
     "lvdt-short",
     "lvdt-noisy",

@@ -93,7 +93,9 @@ fn faults_that_lose_the_position_restart_the_drive_and_wait() {
             (39.5, 0.05, "estop"),
             (46.5, 0.1, "panicked"),
             (53.5, 1.0, "watchdog-reset"),
-            (65.5, 1.0, "string-break"),
+            (66.0, 2.0, "following-error"),
+            (66.0, 3.0, "not-held"),
+            (76.5, 1.0, "string-break"),
         ],
     );
     for (line, reason) in [
@@ -106,7 +108,7 @@ fn faults_that_lose_the_position_restart_the_drive_and_wait() {
     }
     assert_eq!(refused.matches("refused").count(), 4, "{refused}");
     // Each `clear` leads to rest, and to nothing else.
-    for t_s in [8.9, 14.9, 20.9, 26.9, 32.9, 38.9, 45.9, 52.9, 59.9, 64.9] {
+    for t_s in [8.9, 14.9, 20.9, 26.9, 32.9, 38.9, 45.9, 52.9, 59.9, 64.9, 75.9] {
         assert_eq!(state_at(&rows, t_s), "unhomed", "{t_s} s");
     }
 }
@@ -139,7 +141,10 @@ fn starts_without_drive_or_sensor_and_resets_wait_and_late_ones_do_not() {
 #[test]
 fn strings_and_load_fire_and_limits_are_told_apart_from_faults() {
     let (rows, refused) = play("faults-strings");
-    compare(&stops(&rows), &[(51.0, 4.0, "following-error"), (103.0, 12.0, "model-residual")]);
+    compare(
+        &stops(&rows),
+        &[(51.0, 4.0, "following-error"), (103.0, 12.0, "model-residual"), (118.0, 2.0, "lvdt-jump")],
+    );
     // Outside the range that is left at the heavy load.
     assert!(!refused.contains("latched"), "{refused}");
     let between = |from_s: f64, to_s: f64| {

@@ -56,6 +56,8 @@ pub(super) struct Checks {
     /// Time between this tick and the one before (µs).
     pub(super) apart_us: u64,
     last_tick_us: Option<u64>,
+    /// Time since the newest late tick (µs).
+    since_late_us: u64,
     late_bucket: u16,
     lvdt_ticks: u16,
     lag_ticks: u16,
@@ -86,6 +88,7 @@ impl Checks {
             drive: DriveChecks::default(),
             apart_us: TICK_US,
             last_tick_us: None,
+            since_late_us: u64::MAX,
             late_bucket: 0,
             lvdt_ticks: 0,
             lag_ticks: 0,
@@ -120,8 +123,17 @@ impl Checks {
         let [upper, lower] = self.switch_gap_m;
         // The first gap in the new numbers is within these.
         let switch_gap_m = [upper.map(|_| f32::NEG_INFINITY), lower.map(|_| f32::INFINITY)];
-        let Self { drive, apart_us, last_tick_us, late_bucket, switch_ticks, .. } = *self;
-        *self = Self { drive, apart_us, last_tick_us, late_bucket, switch_ticks, switch_gap_m, ..Self::new() };
+        let Self { drive, apart_us, last_tick_us, since_late_us, late_bucket, switch_ticks, .. } = *self;
+        *self = Self {
+            drive,
+            apart_us,
+            last_tick_us,
+            since_late_us,
+            late_bucket,
+            switch_ticks,
+            switch_gap_m,
+            ..Self::new()
+        };
     }
 
     /// The next tick is not late, however long it takes to come.
@@ -137,13 +149,20 @@ impl Checks {
     /// Whether ticks come so late that it is a fault; counts those that are late.
     fn late(&mut self, now_us: u64, late_ticks: &mut u32) -> bool {
         self.apart_us = self.last_tick_us.replace(now_us).map_or(TICK_US, |last| now_us.saturating_sub(last));
+        self.since_late_us = self.since_late_us.saturating_add(self.apart_us);
         if self.apart_us > LATE_US {
+            self.since_late_us = 0;
             *late_ticks = late_ticks.saturating_add(1);
             self.late_bucket = self.late_bucket.saturating_add(LATE_COST);
         } else {
             self.late_bucket = self.late_bucket.saturating_sub(1);
         }
         self.apart_us > LATE_AT_ONCE_US || self.late_bucket > LATE_MOST
+    }
+
+    /// Whether ticks were missing so lately that drive and sensors may not have been heard since.
+    pub(super) fn ticks_missed_lately(&self) -> bool {
+        self.since_late_us <= LATE_AT_ONCE_US
     }
 
     /// Whether an end of the rail has been reached, or passed after a `clear`.

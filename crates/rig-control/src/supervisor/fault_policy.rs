@@ -156,13 +156,17 @@ impl Latched {
         }
     }
 
-    /// Those of `found` that are new, and no consequences of what is found or latched.
-    pub fn news(self, found: Faults) -> Faults {
+    /// Those of `found` that are new, and no consequences of what is found or latched. Missing ticks make other things look
+    /// wrong only as long as `ticks_missed_lately`.
+    pub fn news(self, found: Faults, ticks_missed_lately: bool) -> Faults {
         let mut explained = Faults::NONE;
         for row in &POLICY {
-            // Missing ticks make other things look wrong in that tick alone.
-            let lasts = self.all.contains(row.fault) && !matches!(row.fault, Fault::TickLate);
-            if found.contains(row.fault) || lasts {
+            let lasts = if row.fault == Fault::TickLate {
+                ticks_missed_lately
+            } else {
+                found.contains(row.fault) || self.all.contains(row.fault)
+            };
+            if lasts {
                 explained = explained.and(row.explains.without(Faults::NONE.with(row.fault)));
             }
         }
@@ -207,19 +211,19 @@ mod tests {
     fn consequences_are_not_news_and_a_cause_is_news_beside_its_consequence() {
         let mut latched = Latched::NONE;
         let both = Faults::of(&[Fault::DriveStall, Fault::FollowingError]);
-        assert_eq!(latched.news(both), Faults::NONE.with(Fault::DriveStall));
+        assert_eq!(latched.news(both, false), Faults::NONE.with(Fault::DriveStall));
         latched.insert(Fault::FollowingError);
-        assert_eq!(latched.news(both), Faults::NONE.with(Fault::DriveStall));
+        assert_eq!(latched.news(both, false), Faults::NONE.with(Fault::DriveStall));
         latched.insert(Fault::DriveStall);
-        assert!(latched.news(both).is_empty());
-        // A late tick explains what looks wrong in it, and nothing later.
+        assert!(latched.news(both, false).is_empty());
+        // Late ticks explain what looks wrong beside them, and nothing later.
         let late = Faults::of(&[Fault::TickLate, Fault::EncoderJump]);
         let mut latched = Latched::NONE;
-        assert_eq!(latched.news(late), Faults::NONE.with(Fault::TickLate));
+        assert_eq!(latched.news(late, true), Faults::NONE.with(Fault::TickLate));
         latched.insert(Fault::TickLate);
-        assert_eq!(latched.news(Faults::NONE.with(Fault::EncoderJump)), Faults::NONE.with(Fault::EncoderJump));
+        assert_eq!(latched.news(Faults::NONE.with(Fault::EncoderJump), false), Faults::NONE.with(Fault::EncoderJump));
         // Of two encoder faults the first that was seen stays.
         latched.insert(Fault::EncoderStuck);
-        assert!(latched.news(Faults::NONE.with(Fault::EncoderDisagrees)).is_empty());
+        assert!(latched.news(Faults::NONE.with(Fault::EncoderDisagrees), false).is_empty());
     }
 }

@@ -389,7 +389,7 @@ impl<'t> Rig<'t> {
 
     /// Latches what is new among `found`; the strings stop where they are.
     fn latch(&mut self, found: Faults, shaft_rad: f32, events: &mut Events) {
-        let news = self.latched.news(found);
+        let news = self.latched.news(found, self.checks.ticks_missed_lately());
         if news.is_empty() || self.state == State::EStop {
             return;
         }
