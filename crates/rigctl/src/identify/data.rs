@@ -118,6 +118,7 @@ pub fn sweeps(scene: &Scene, files: &[impl AsRef<Path>], hold_out: usize, partia
     for file in files {
         let path = file.as_ref();
         let wrong = |what: String| Failure::failed(format!("sweep {}: {what}", path.display()));
+        tsa_model::files::check_regular(path).map_err(|e| wrong(e.to_string()))?;
         if is_log(path) {
             let log = Log::load(path).map_err(wrong)?;
             if !partial {

@@ -6,8 +6,8 @@ use super::row::Row;
 use crate::failure::Failure;
 use crate::log::Entry;
 use rig_link::{
-    Accepted, Decoder, EventKind, HEARTBEAT_PERIOD_MS, Identity, Kept, MAX_FRAME, Message, PROTOCOL_HASH, Refusal,
-    Request, Sensors, Setting, SettingsReport, State, Telemetry, encode,
+    Accepted, Decoder, EventKind, HEARTBEAT_PERIOD_MS, HomingFailure, Identity, Kept, MAX_FRAME, Message,
+    PROTOCOL_HASH, Refusal, Request, Sensors, Setting, SettingsReport, State, Telemetry, encode,
 };
 use std::collections::VecDeque;
 
@@ -45,6 +45,8 @@ pub struct Session {
     truth: VecDeque<Truth>,
     /// Emulated time of the board's last start (s).
     boot_s: f64,
+    /// The board has lost its power, and has not been heard since.
+    lost_power: bool,
     last: Option<Telemetry>,
     /// Number of the board's newest frame, and how many between were never seen.
     heard: Option<u16>,
@@ -53,6 +55,8 @@ pub struct Session {
     settings: Option<SettingsReport>,
     sensors: Option<Sensors>,
     home_gap_m: Option<f64>,
+    /// Why the last homing failed, until the next one begins.
+    homing_failure: Option<HomingFailure>,
     /// Everything that passes, in order, for who records it.
     journal: Option<Vec<Entry>>,
 }
@@ -75,6 +79,7 @@ impl Session {
             log: Vec::new(),
             truth: VecDeque::new(),
             boot_s: 0.0,
+            lost_power: false,
             last: None,
             heard: None,
             lost_frames: 0,
@@ -82,6 +87,7 @@ impl Session {
             settings: None,
             sensors: None,
             home_gap_m: None,
+            homing_failure: None,
             journal: None,
         }
     }
@@ -264,6 +270,9 @@ impl Session {
                 if matches!(kind, EventKind::Homed { .. }) {
                     self.home_gap_m = self.truth_at(t_s).map(|t| t.gap_m);
                 }
+                if let EventKind::HomingRefused(failure) = kind {
+                    self.homing_failure = Some(failure);
+                }
                 self.note(|_| Entry::Event(t_s, kind));
                 self.events.push_back((t_s, kind));
             }
@@ -273,6 +282,11 @@ impl Session {
                     self.boot_s = (self.now_s() - telemetry.t_us as f64 * 1e-6).max(0.0);
                     self.home_gap_m = None;
                     self.settings = None;
+                    self.homing_failure = None;
+                    self.lost_power = false;
+                }
+                if telemetry.state == State::Homing {
+                    self.homing_failure = None;
                 }
                 let started = self.last.is_none_or(|last| telemetry.t_us < last.t_us);
                 if started && self.greets {
@@ -284,7 +298,8 @@ impl Session {
                 let truth = self.truth_at(t_s);
                 let zero_m = self.settings.map_or(0.0, |s| f64::from(s.values.get(Setting::PositionZero)));
                 let zero_gap_m = self.home_gap_m.map(|gap_m| gap_m - zero_m);
-                let row = Row::new(t_s, &telemetry, truth.as_ref(), zero_gap_m);
+                let mut row = Row::new(t_s, &telemetry, truth.as_ref(), zero_gap_m);
+                row.homing_failure = self.homing_failure.map(|failure| failure.name());
                 self.note(|_| Entry::Row(row.clone()));
                 self.rows.push_back(row);
                 self.last = Some(telemetry);
@@ -409,6 +424,22 @@ impl Session {
 
     fn state(&self) -> State {
         self.last.map_or(State::Boot, |t| t.state)
+    }
+
+    /// Whether the board starts, so that it refuses what it will take in a moment.
+    pub fn starts(&self) -> bool {
+        self.lost_power || self.state() == State::Boot
+    }
+
+    /// Takes the emulated board's power away for a moment; whether there is one.
+    ///
+    /// # Errors
+    /// If the emulator is gone.
+    pub fn power_cycle(&mut self) -> Result<bool, Failure> {
+        let Some(emulated) = self.port.emulated() else { return Ok(false) };
+        emulated.power_cycle()?;
+        self.lost_power = true;
+        Ok(true)
     }
 
     /// Waits until the board has left its start, be it into a fault: settings may be what is wrong.
