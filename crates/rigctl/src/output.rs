@@ -5,6 +5,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::sync::mpsc::{self, Receiver, Sender, SyncSender};
 use tsa_model::files::{self, Replacement};
 
 /// The reader of standard output has gone: who says `rigctl … | head` has seen enough.
@@ -12,16 +13,65 @@ use tsa_model::files::{self, Replacement};
 #[error("nobody reads the output any more")]
 pub struct ReaderGone;
 
-/// Standard output, whose broken pipe is told from that of a serial line.
-struct Stdout(io::Stdout);
+/// Pieces of output (8 KiB each, the buffer's size) that wait for a slow reader before the tool waits for it as well: a
+/// quarter of an hour of a real board's telemetry.
+const PIECES: usize = 4096;
+
+/// Standard output, written by a thread of its own: a reader that is slow, or stops to look, must not keep the tool from
+/// its heartbeats to a real board. A broken pipe is told from that of a serial line.
+struct Stdout {
+    pieces: SyncSender<Piece>,
+    failed: Receiver<io::Error>,
+}
+
+enum Piece {
+    Bytes(Vec<u8>),
+    /// Everything before it has to be out; then this is dropped.
+    Flush(Sender<()>),
+}
+
+impl Stdout {
+    /// Writes to any sink.
+    fn new(mut sink: impl Write + Send + 'static) -> Self {
+        let (pieces, queue) = mpsc::sync_channel(PIECES);
+        let (tell, failed) = mpsc::channel();
+        std::thread::spawn(move || {
+            for piece in queue {
+                // Who waits for a flush goes on when this is dropped, and then has to find the error.
+                let (written, _done) = match piece {
+                    Piece::Bytes(bytes) => (sink.write_all(&bytes), None),
+                    Piece::Flush(done) => (sink.flush(), Some(done)),
+                };
+                if let Err(error) = written {
+                    // Whoever writes next sees that the queue has ended, and asks why.
+                    let _ = tell.send(marked(error));
+                    return;
+                }
+            }
+        });
+        Self { pieces, failed }
+    }
+
+    fn why(&self) -> io::Error {
+        self.failed.recv().unwrap_or_else(|_| io::ErrorKind::BrokenPipe.into())
+    }
+}
 
 impl Write for Stdout {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.0.write(bytes).map_err(marked)
+        self.pieces.send(Piece::Bytes(bytes.to_vec())).map_err(|_| self.why())?;
+        Ok(bytes.len())
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        self.0.flush().map_err(marked)
+        let (done, waits) = mpsc::channel();
+        self.pieces.send(Piece::Flush(done)).map_err(|_| self.why())?;
+        // Nothing is ever sent: the other end is dropped when all is out, or when the thread has failed.
+        let _ = waits.recv();
+        match self.failed.try_recv() {
+            Ok(error) => Err(error),
+            Err(_) => Ok(()),
+        }
     }
 }
 
@@ -31,7 +81,7 @@ fn marked(error: io::Error) -> io::Error {
 
 /// Standard output, buffered.
 pub fn stdout() -> Box<dyn Write> {
-    Box::new(BufWriter::new(Stdout(io::stdout())))
+    Box::new(BufWriter::new(Stdout::new(io::stdout())))
 }
 
 /// Where results go.

@@ -99,7 +99,7 @@ fn what_is_no_regular_file_is_refused_by_name_at_once() {
         &["solve", "--load", "1N", "--turns", "1", "--scene", fifo],
         &["sim", "--script", fifo],
         &["play", fifo],
-        &["record", "--seconds", "0.1", "--script", fifo],
+        &["record", "--script", fifo],
         &["record", "--seconds", "0.1", "--out", fifo],
         &["replay", fifo],
         &["identify", fifo],
@@ -250,7 +250,7 @@ fn an_emulated_board_ends_with_who_started_it_in_the_middle_of_a_run() {
     let elf = built.join("../firmware/tsa-firmware.elf");
     // Its parent is a shell, which can be killed while the run goes on.
     let mut shell = Command::new("sh");
-    shell.args(["-c", "exec 3<&0; \"$@\" <&3 >/dev/null & exec 3<&-; echo $!; wait", "sh"]);
+    shell.args(["-c", "exec 3<&0; \"$@\" <&3 & exec 3<&-; echo $!; wait", "sh"]);
     shell.arg(built.join("rig-emulator")).args(["--elf", text(&elf), "--scene", "scenes/default.toml"]);
     let mut shell = shell.current_dir(root()).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().expect("sh runs");
     let mut said = std::io::BufReader::new(shell.stdout.take().expect("piped"));
@@ -258,6 +258,9 @@ fn an_emulated_board_ends_with_who_started_it_in_the_middle_of_a_run() {
     std::io::BufRead::read_line(&mut said, &mut line).expect("its number");
     let emulator: u32 = line.trim().parse().expect("a number");
     let mut input = shell.stdin.take().expect("piped");
+    // Its answer says that it has started.
+    writeln!(input, "{{\"op\":\"stats\"}}").expect("it reads");
+    std::io::BufRead::read_line(&mut said, &mut line).expect("its answer");
     writeln!(input, "{{\"op\":\"run\",\"until_s\":3000}}").expect("it reads");
     shell.kill().expect("killed");
     shell.wait().expect("ended");

@@ -163,6 +163,44 @@ fn an_interrupted_tool_stops_the_board_and_ends_its_log() {
 }
 
 #[test]
+fn a_board_that_vanishes_in_mid_motion_is_told() {
+    let board = Board::new();
+    let before = board.wait_started();
+    let mut tool = Command::new(env!("CARGO_BIN_EXE_rigctl"));
+    tool.args(["--port", &board.device, "--scene", SCENE, "jog", "--speed", "1", "--seconds", "600"]);
+    board.met.store(true, Ordering::Relaxed);
+    let mut child = tool.stderr(std::process::Stdio::piped()).spawn().expect("rigctl runs");
+    board.wait("a turn", |truth| (truth.twist_rad - before.twist_rad).abs() > 0.5);
+    // The cable is pulled.
+    drop(board);
+    let end = Instant::now() + PATIENCE;
+    while child.try_wait().expect("a child").is_none() {
+        assert!(Instant::now() < end, "it goes on without a board: {:?}", child.kill());
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let ended = child.wait_with_output().expect("its output");
+    assert!(ended.status.code() == Some(1) && said(&ended).contains("serial port"), "{}", said(&ended));
+}
+
+#[test]
+fn a_reader_that_stops_to_read_does_not_keep_the_tool_from_its_heartbeats() {
+    let board = Board::new();
+    let before = board.wait_started();
+    let script = std::env::temp_dir().join(format!("rigctl-slow-{}.script", std::process::id()));
+    std::fs::write(&script, "600 end\n").expect("written");
+    let mut tool = Command::new(env!("CARGO_BIN_EXE_rigctl"));
+    tool.args(["--json", "--port", &board.device, "--scene", SCENE, "play"]).arg(&script);
+    board.met.store(true, Ordering::Relaxed);
+    // Nobody reads: a pipe of 64 KiB is full after some 200 rows, 2 s.
+    let mut child = tool.stdout(std::process::Stdio::piped()).spawn().expect("rigctl runs");
+    // Without heartbeats the board's time stands still.
+    board.wait("the time of 800 rows", |truth| truth.t_s > before.t_s + 8.0);
+    child.kill().expect("killed");
+    child.wait().expect("ended");
+    std::fs::remove_file(script).expect("was there");
+}
+
+#[test]
 fn a_device_that_is_none_is_named() {
     let tool = Command::new(env!("CARGO_BIN_EXE_rigctl")).args(["--port", "/dev/no-such-rig", "status"]).output();
     let output = tool.expect("rigctl runs");

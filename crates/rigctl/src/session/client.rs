@@ -1,6 +1,7 @@
 //! Requests with replies, events and telemetry over a [`Port`].
 
 use super::interrupt;
+use super::order::Order;
 use super::port::{Emulated, Port, Truth};
 use super::row::Row;
 use crate::failure::Failure;
@@ -48,9 +49,7 @@ pub struct Session {
     /// The board has lost its power, and has not been heard since.
     lost_power: bool,
     last: Option<Telemetry>,
-    /// Number of the board's newest frame, and how many between were never seen.
-    heard: Option<u16>,
-    lost_frames: u32,
+    order: Order,
     identity: Option<Identity>,
     settings: Option<SettingsReport>,
     sensors: Option<Sensors>,
@@ -81,8 +80,7 @@ impl Session {
             boot_s: 0.0,
             lost_power: false,
             last: None,
-            heard: None,
-            lost_frames: 0,
+            order: Order::default(),
             identity: None,
             settings: None,
             sensors: None,
@@ -124,7 +122,7 @@ impl Session {
 
     /// Frames of the board that never came, by the gaps in their numbers.
     pub fn lost_frames(&self) -> u32 {
-        self.lost_frames
+        self.order.lost()
     }
 
     /// The emulated rig behind it, if it is one.
@@ -240,23 +238,10 @@ impl Session {
         self.log.extend(received.log);
         for byte in received.bytes {
             if let Some(Ok(frame)) = self.decoder.push(byte) {
-                self.count(frame.sequence, &frame.body);
-                self.take(frame.body);
+                self.order.take(frame).into_iter().for_each(|message| self.take(message));
             }
         }
         Ok(())
-    }
-
-    /// Counts what is missing between two frames. A board that has just started numbers them anew.
-    fn count(&mut self, sequence: u16, body: &Message) {
-        let restarted = matches!((body, self.last), (Message::Telemetry(t), Some(last)) if t.t_us < last.t_us);
-        if let Some(heard) = self.heard.replace(sequence)
-            && !restarted
-        {
-            // A gap of half the numbers is a frame that came before: none does, so it is another start.
-            let missing = sequence.wrapping_sub(heard).wrapping_sub(1);
-            self.lost_frames += if missing < u16::MAX / 2 { u32::from(missing) } else { 0 };
-        }
     }
 
     fn take(&mut self, message: Message) {
@@ -478,46 +463,4 @@ fn noise_bytes(state: &mut u64) -> Vec<u8> {
     };
     let count = next() % 41;
     (0..count).map(|_| next() as u8).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::session::port::Received;
-
-    /// A board that says one thing in each step, some of it lost on the way.
-    struct Lossy {
-        sequence: u16,
-        lost: &'static [u16],
-    }
-
-    impl Port for Lossy {
-        fn pass(&mut self, _bytes: &[u8], _seconds: f64) -> Result<Received, Failure> {
-            self.sequence = self.sequence.wrapping_add(1);
-            let mut buffer = [0; MAX_FRAME];
-            let event = Message::Event { t_us: 0, kind: EventKind::Stopped };
-            let frame = encode(self.sequence, &event, &mut buffer).map_err(|e| Failure::failed(e.to_string()))?;
-            let bytes = if self.lost.contains(&self.sequence) { Vec::new() } else { frame.to_vec() };
-            Ok(Received { bytes, ..Received::default() })
-        }
-
-        fn now_s(&self) -> f64 {
-            f64::from(self.sequence) * STEP_S
-        }
-    }
-
-    #[test]
-    fn lost_frames_are_counted_by_their_numbers() {
-        let lost_of = |first: u16, lost: &'static [u16]| {
-            let mut session = Session::new(Box::new(Lossy { sequence: first, lost }));
-            for _ in 0..50 {
-                session.step().unwrap_or_else(|_| panic!("the port does not fail"));
-            }
-            session.lost_frames()
-        };
-        assert_eq!(lost_of(0, &[]), 0);
-        assert_eq!(lost_of(0, &[7, 20, 21, 22]), 4);
-        // The numbers come round; the first frame ever heard has nothing before it.
-        assert_eq!(lost_of(65_520, &[65_521, 65_535, 0, 3]), 3);
-    }
 }
