@@ -166,7 +166,10 @@ fn an_interrupted_tool_stops_the_board_and_ends_its_log() {
 fn a_board_that_vanishes_in_mid_motion_is_told() {
     let board = Board::new();
     let before = board.wait_started();
-    let mut tool = Command::new(env!("CARGO_BIN_EXE_rigctl"));
+    // The pseudo-terminal lives as long as anybody has its other end, and a child of this process would have it.
+    let mut tool = Command::new("bash");
+    let closed = "for fd in /proc/self/fd/*; do fd=${fd##*/}; ((fd > 2)) && eval \"exec $fd>&-\"; done; exec \"$@\"";
+    tool.args(["-c", closed, "bash", env!("CARGO_BIN_EXE_rigctl")]);
     tool.args(["--port", &board.device, "--scene", SCENE, "jog", "--speed", "1", "--seconds", "600"]);
     board.met.store(true, Ordering::Relaxed);
     let mut child = tool.stderr(std::process::Stdio::piped()).spawn().expect("rigctl runs");
