@@ -163,6 +163,28 @@ fn an_interrupted_tool_stops_the_board_and_ends_its_log() {
 }
 
 #[test]
+fn an_interrupt_while_the_board_makes_a_table_says_that_it_goes_on() {
+    let board = Board::new();
+    board.wait_started();
+    let scene = std::env::temp_dir().join(format!("rigctl-interrupted-table-{}.toml", std::process::id()));
+    let default = std::fs::read_to_string(SCENE).expect("the default scene");
+    assert!(default.contains("\nk2 = 0.1914\n"));
+    std::fs::write(&scene, default.replace("\nk2 = 0.1914\n", "\nk2 = 0.2\n")).expect("written");
+    let mut tool = Command::new(env!("CARGO_BIN_EXE_rigctl"));
+    tool.args(["--port", &board.device, "table", "--board", "--scene"]).arg(&scene);
+    board.met.store(true, Ordering::Relaxed);
+    let met = board.wait("a time", |_| true);
+    let child = tool.stderr(std::process::Stdio::piped()).spawn().expect("rigctl runs");
+    // Greeted and asked within half a second, at work for some three.
+    board.wait("work at the table", |truth| truth.t_s > met.t_s + 1.5);
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().is_ok_and(|s| s.success()));
+    let ended = child.wait_with_output().expect("it ends");
+    board.met.store(false, Ordering::Relaxed);
+    assert!(ended.status.code() == Some(1) && said(&ended).contains("goes on with its table"), "{}", said(&ended));
+    std::fs::remove_file(scene).expect("was there");
+}
+
+#[test]
 fn a_board_that_vanishes_in_mid_motion_is_told() {
     let board = Board::new();
     let before = board.wait_started();
