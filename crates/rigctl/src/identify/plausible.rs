@@ -48,13 +48,18 @@ pub fn impossible(data: &Data, string_length_m: f64) -> Option<String> {
     })
 }
 
-/// Strings cannot shorten by more than they are long.
+/// Strings cannot shorten by more than they are long. The middle half of the rows is judged: a wild row is no wrong unit.
 fn too_long(rows: &[Row], string_length_m: f64) -> Option<String> {
-    let (least, most) = rows.iter().map(rise).fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(x), b.max(x)));
-    let apart = most - least;
+    let mut rises: Vec<f64> = rows.iter().map(rise).collect();
+    rises.sort_by(f64::total_cmp);
+    let quarter = rises.len() / 4;
+    let apart = rises.get(rises.len().checked_sub(1 + quarter)?)? - rises.get(quarter)?;
     (apart > string_length_m).then(|| {
         let hint = if 1e-3 * apart <= string_length_m { ": is it in mm?" } else { "" };
-        format!("{} changes by {apart:.4} m, and the strings are {string_length_m} m long{hint}", column(&rows[0]))
+        format!(
+            "{} changes by {apart:.4} m in the middle half of the rows, and the strings are {string_length_m} m long{hint}",
+            column(&rows[0])
+        )
     })
 }
 
