@@ -124,16 +124,27 @@ impl Desk {
     pub fn new(keys: &[(&str, &str)], seed: u64) -> Self {
         Self::with(Control::new(table(), constants(), None), keys, seed)
     }
+
+    /// As [`Desk::new`], of a rig whose `[rig]` is not the default scene's, and control code built for it. Address and
+    /// supply divider of the drive must be the default scene's.
+    pub fn of(scene: &Scene, keys: &[(&str, &str)], seed: u64) -> Self {
+        let control = Control::new(table(), rigctl::replay::constants(scene), None);
+        Self::in_scene(scene, control, keys, seed)
+    }
 }
 
 impl<C: Controller> Desk<C> {
     /// A rig with these plant keys under another controller.
     pub fn with(control: C, keys: &[(&str, &str)], seed: u64) -> Self {
+        Self::in_scene(scene(), control, keys, seed)
+    }
+
+    fn in_scene(scene: &Scene, control: C, keys: &[(&str, &str)], seed: u64) -> Self {
         let mut settings = PlantSettings::default();
         for (key, value) in keys {
             settings.set(key, value).unwrap_or_else(|e| panic!("{e}"));
         }
-        let mut rig = Rig::new(scene(), settings, seed).unwrap_or_else(|e| panic!("{e}"));
+        let mut rig = Rig::new(scene, settings, seed).unwrap_or_else(|e| panic!("{e}"));
         let encoder = EncoderCount::new(rig.quadrature(0.0, 3) as u16);
         Self {
             rig,

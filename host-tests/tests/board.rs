@@ -43,8 +43,8 @@ fn homes_and_moves_a_load_it_was_not_told_of() {
     }
 }
 
-/// Instructions that no tick may take: 22 µs of its 10 ms at an instruction a cycle.
-const MOST_INSTRUCTIONS: u64 = 3900;
+/// Instructions that no tick may take: 5 % of its 10 ms at an instruction a cycle.
+const MOST_INSTRUCTIONS: u64 = 84_000;
 
 /// Every state, and whatever works hardest in it.
 #[test]
@@ -108,6 +108,8 @@ fn ticks_stay_short_whatever_is_asked() {
     while b.machine.now_s() < end_s {
         if wait_s <= 0.0 {
             if b.state() == State::Fault {
+                // While the strings still turn it is refused.
+                b.run(0.5);
                 b.ask(&Request::Clear).unwrap();
                 assert!(b.until(0.1, |b| b.state() == State::Ready), "the position was lost: {:?}", b.events);
             }

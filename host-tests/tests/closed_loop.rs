@@ -195,7 +195,7 @@ fn faults_of_the_rig_are_found_and_latched() {
         (RigFault::LvdtNoisy, &[Fault::LvdtNoisy]),
         (RigFault::LvdtFrozen, &[Fault::LvdtFrozen]),
         (RigFault::CanSilent, &[Fault::DriveSilent]),
-        (RigFault::DriveReset, &[Fault::DriveSilent, Fault::DriveReset]),
+        (RigFault::DriveReset, &[Fault::DriveSilent, Fault::NotHeld]),
         (RigFault::DriveStall, &[Fault::DriveStall]),
         (RigFault::EncoderStuck, &[Fault::EncoderStuck]),
         (RigFault::EncoderJump, &[Fault::EncoderJump]),
@@ -231,6 +231,7 @@ fn a_string_that_slipped_is_no_new_load() {
                 continue;
             }
             assert_eq!(d.control.fault(), Some(Fault::ModelResidual), "{load}");
+            d.run(0.5);
             assert!(d.tick(Some(Request::Clear)).reply.is_some_and(|r| r.is_ok()));
             assert_eq!(d.control.state(), State::Unhomed);
             d.home().unwrap();
@@ -294,4 +295,29 @@ fn the_same_seed_gives_the_same_run() {
         (d.truth(), d.last.unwrap().telemetry)
     };
     assert_eq!(run(), run());
+}
+
+/// Another `[rig]` is another build of the same code: gear and encoder only scale what it counts and commands.
+#[test]
+fn homes_and_moves_with_other_gears_and_encoders() {
+    for (gear, lines, turns_back) in
+        [([103, 1], 1024, false), ([62, 1], 512, false), ([231, 10], 500, false), ([62, 1], 4096, true)]
+    {
+        let mut scene = host_tests::scene().clone();
+        (scene.rig.gear_ratio, scene.rig.encoder_lines) = (gear, lines);
+        scene.validate().unwrap_or_else(|e| panic!("{gear:?}, {lines} lines: {e}"));
+        let of = format!("gear {gear:?}, {lines} lines");
+        let twist = if turns_back { "-20" } else { "9" };
+        let mut d = Desk::of(&scene, &[("load", "0.5kg"), ("twist_at_boot", twist)], 3);
+        let seconds = d.home().unwrap_or_else(|e| panic!("{of}: {e}"));
+        let load = f64::from(d.control.homed().expect("homed").load_n) / d.truth().load_n - 1.0;
+        let mut worst = 0.0f64;
+        for target in [0.012f32, 0.003, 0.008] {
+            d.move_to(target, 0.002, LoadChoice::Auto).unwrap_or_else(|e| panic!("{of} to {target} m: {e}"));
+            d.run(1.0);
+            worst = worst.max((d.true_position_m() - f64::from(target)).abs());
+        }
+        println!("{of}: homed in {seconds:.1} s, load {:+.1} %, {:.1} um at rest", 100.0 * load, worst * 1e6);
+        assert!(seconds < 45.0 && load.abs() < 0.08 && worst < 50e-6, "{of}");
+    }
 }

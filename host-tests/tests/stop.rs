@@ -27,3 +27,27 @@ fn a_stop_is_taken_before_what_waits_and_nothing_of_that_moves_after_it() {
     let turned_rad = b.machine.board().truth().twist_rad - twist_rad;
     assert!(b.state() == State::Unhomed && turned_rad.abs() < 0.05, "turned by {turned_rad} rad: {:?}", b.last);
 }
+
+/// Old bytes come out of a buffer on the way: what they ask is not done again. `stop` always is.
+#[test]
+fn a_request_that_comes_once_more_is_not_carried_out_again() {
+    let mut b = Bench::new(&[("load", "0.5kg")], 1);
+    b.greet();
+    assert!(b.until(5.0, |b| b.state() == State::Unhomed), "{:?}", b.last);
+    let mut buffer = [0; rig_link::MAX_FRAME];
+    let jog = Request::Jog { twist_speed_rad_per_s: 2.0 };
+    let number = b.post(&jog);
+    let old = rig_link::encode(number, &jog, &mut buffer).unwrap().to_vec();
+    b.run(0.5);
+    assert_eq!(b.state(), State::Moving);
+    b.ask(&Request::Stop).unwrap();
+    assert!(b.until(1.0, |b| b.state() == State::Unhomed));
+    b.replies.clear();
+    b.raw(old);
+    b.run(0.5);
+    assert_eq!(b.replies, [(number, Err(Refusal::Repeated))]);
+    assert_eq!(b.state(), State::Unhomed, "nothing turns");
+    b.ask(&jog).unwrap();
+    b.run(0.2);
+    assert_eq!(b.state(), State::Moving, "a new one is taken");
+}

@@ -9,6 +9,7 @@ use embassy_time::{Duration, Instant, with_timeout};
 use embedded_io_async::{Read, Write};
 use heapless::String;
 use rig_link::messages::{Accepted, Identity, LoadChoice, Message, Refusal, Request, State, TableIdentity};
+use rig_link::sequence::Newest;
 use rig_link::{Decoder, MAX_FRAME, PROTOCOL_HASH, encode};
 
 /// Wait for bytes no longer than this, so that a silent host does not look like a dead task.
@@ -19,6 +20,7 @@ pub async fn receive(mut rx: BufferedUartRx<'static>, start: Start) -> ! {
     let mut decoder = Decoder::<Request>::new();
     // Only a host with the same message table may move anything.
     let mut greeted = false;
+    let mut newest = Newest::new();
     let mut bytes = [0; 64];
     loop {
         shared::alive(Task::Link);
@@ -33,14 +35,14 @@ pub async fn receive(mut rx: BufferedUartRx<'static>, start: Start) -> ! {
         for byte in &bytes[..count] {
             if let Some(Ok(frame)) = decoder.push(*byte) {
                 shared::HOST_HEARD_US.set(Some(Instant::now().as_micros()));
-                take(frame.sequence, frame.body, &mut greeted, &start);
+                take(frame.sequence, frame.body, &mut greeted, &mut newest, &start);
             }
         }
         shared::LINK_ERRORS.store(decoder.errors(), Ordering::Relaxed);
     }
 }
 
-fn take(sequence: u16, request: Request, greeted: &mut bool, start: &Start) {
+fn take(sequence: u16, request: Request, greeted: &mut bool, newest: &mut Newest, start: &Start) {
     let reply = |result| {
         shared::post(Message::Reply { to: sequence, result });
     };
@@ -49,6 +51,7 @@ fn take(sequence: u16, request: Request, greeted: &mut bool, start: &Start) {
         Request::Heartbeat => {}
         Request::Hello { protocol_hash } => {
             *greeted = protocol_hash == PROTOCOL_HASH;
+            newest.begin(sequence);
             reply(if *greeted { Ok(Accepted::Done) } else { mismatch });
             shared::post(Message::Identity(identity(start)));
         }
@@ -85,10 +88,12 @@ fn take(sequence: u16, request: Request, greeted: &mut bool, start: &Start) {
         | Request::Rebuild(_)
         | Request::SetSetting { .. }
         | Request::SetSettings(_) => {
-            if *greeted {
+            if !*greeted {
+                reply(mismatch);
+            } else if newest.is_new(sequence) {
                 queue(sequence, request);
             } else {
-                reply(mismatch);
+                reply(Err(Refusal::Repeated));
             }
         }
     }

@@ -5,12 +5,15 @@ use crate::rig::Rig;
 use anyhow::{Context, Result, bail};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
+use tsa_model::files;
 
 /// The file, what stands in it, and the flash as it was then.
 pub struct FlashFile {
     path: PathBuf,
     held: Option<Vec<u8>>,
     image: Vec<u8>,
+    /// What the file held before this process is kept beside it.
+    kept: bool,
 }
 
 impl FlashFile {
@@ -24,10 +27,11 @@ impl FlashFile {
         if let Some(image) = &held {
             machine.set_flash_image(image).with_context(|| format!("flash {}", path.display()))?;
         }
-        Ok(Self { path: path.into(), held, image: machine.flash_image() })
+        Ok(Self { path: path.into(), held, image: machine.flash_image(), kept: false })
     }
 
-    /// Writes the file if flash has changed: whole or not at all, whenever the process ends.
+    /// Writes the file if flash has changed: whole or not at all, whenever the process ends. What it held before this
+    /// process stays beside it as `FILE~`.
     ///
     /// # Errors
     /// If it cannot be written, or another board has written it meanwhile; names it.
@@ -40,10 +44,8 @@ impl FlashFile {
                     self.path.display()
                 );
             }
-            let beside = self.path.with_extension("new");
-            std::fs::write(&beside, &image)
-                .and_then(|()| std::fs::rename(&beside, &self.path))
-                .with_context(|| format!("flash {}", self.path.display()))?;
+            files::replace(&self.path, &image, !self.kept).with_context(|| format!("flash {}", self.path.display()))?;
+            self.kept = true;
             self.held = Some(image.clone());
             self.image = image;
         }
@@ -52,7 +54,7 @@ impl FlashFile {
 }
 
 fn read(path: &Path) -> Result<Option<Vec<u8>>> {
-    match std::fs::read(path) {
+    match files::read(path) {
         Ok(image) => Ok(Some(image)),
         Err(e) if e.kind() == ErrorKind::NotFound => Ok(None),
         Err(e) => Err(e).with_context(|| format!("flash {}", path.display())),

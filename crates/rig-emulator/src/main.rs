@@ -7,9 +7,12 @@ use rig_emulator::machine::{Config, Machine};
 use rig_emulator::rig::Rig;
 use rig_emulator::rig::settings::PlantSettings;
 use rig_emulator::serve::serve;
+use std::io::{self, BufRead};
 use std::path::PathBuf;
 use std::process::ExitCode;
-use tsa_model::Scene;
+use std::sync::mpsc;
+use std::time::Duration;
+use tsa_model::{Scene, files};
 
 /// Runs a firmware ELF on an emulated NUCLEO-F446RE with the actuator's rig around it.
 /// Speaks JSON lines on standard input and output; `rigctl` is the tool for people.
@@ -47,8 +50,10 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Result<()> {
+    let requests = requests();
+    files::check_regular(&arguments.scene).with_context(|| format!("scene {}", arguments.scene.display()))?;
     let scene = Scene::load(&arguments.scene)?;
-    let elf = std::fs::read(&arguments.elf).with_context(|| format!("firmware {}", arguments.elf.display()))?;
+    let elf = files::read(&arguments.elf).with_context(|| format!("firmware {}", arguments.elf.display()))?;
     let mut settings = PlantSettings::default();
     for pair in &arguments.plant {
         let (key, value) = pair.split_once('=').ok_or_else(|| anyhow!("--plant {pair}: not KEY=VALUE"))?;
@@ -58,5 +63,35 @@ fn run(arguments: &Arguments) -> Result<()> {
     let config = Config { strict: !arguments.lenient, ..Config::default() };
     let mut machine = Machine::new(&elf, rig, config)?;
     let flash = arguments.flash.as_ref().map(|path| FlashFile::open(path, &mut machine)).transpose()?;
-    serve(&mut machine, flash, std::io::stdin().lock(), std::io::stdout().lock())
+    serve(&mut machine, flash, requests, std::io::stdout().lock())
+}
+
+/// Lines of standard input, read by a thread that also watches the process which asks: once that has gone nobody waits for
+/// an answer, and a long run is not worth its end.
+fn requests() -> impl Iterator<Item = io::Result<String>> {
+    let (sender, receiver) = mpsc::channel();
+    let asker = parent();
+    std::thread::spawn(move || {
+        for line in io::stdin().lock().lines() {
+            if sender.send(line).is_err() {
+                return;
+            }
+        }
+        drop(sender);
+        loop {
+            std::thread::sleep(Duration::from_millis(100));
+            if parent() != asker {
+                std::process::exit(1);
+            }
+        }
+    });
+    receiver.into_iter()
+}
+
+/// The parent process; another one takes its place where it has ended.
+fn parent() -> u32 {
+    #[cfg(unix)]
+    return std::os::unix::process::parent_id();
+    #[cfg(not(unix))]
+    return 0;
 }

@@ -3,7 +3,7 @@
 //! | request | answer |
 //! |---|---|
 //! | `{"op":"run","until_s":T,"uart":"<hex>"}` | emulated time, USART2's output as hex, truth every 1 ms, defmt lines |
-//! | `{"op":"plant","key":K,"value":V}` | `{"ok":true}` |
+//! | `{"op":"plant","key":K,"value":V}` | `{"ok":true}`; with `"check":true` only whether it could change while the rig runs |
 //! | `{"op":"fault","name":N,"on":B}` | `{"ok":true}` |
 //! | `{"op":"power-cycle"}` | `{"ok":true}` |
 //! | `{"op":"stats"}` | what the firmware cost |
@@ -17,10 +17,11 @@ use crate::flash_file::FlashFile;
 use crate::machine::{Machine, MachineError};
 use crate::rig::Rig;
 use crate::rig::faults::Fault;
+use crate::rig::settings::PlantSettings;
 use crate::rig::truth::Truth;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
-use std::io::{BufRead, Write};
+use std::io::{self, Write};
 
 /// USART of the host link.
 const HOST_USART: u8 = 2;
@@ -39,6 +40,7 @@ struct Line {
     uart: Option<String>,
     key: Option<String>,
     value: Option<String>,
+    check: Option<bool>,
     name: Option<String>,
     on: Option<bool>,
 }
@@ -46,7 +48,7 @@ struct Line {
 #[derive(Debug, PartialEq)]
 enum Request {
     Run { until_s: f64, uart: String },
-    Plant { key: String, value: String },
+    Plant { key: String, value: String, check: bool },
     Fault { name: String, on: bool },
     PowerCycle,
     Stats,
@@ -64,6 +66,7 @@ fn parse(text: &str) -> Result<Request, String> {
         "plant" => Request::Plant {
             key: line.key.ok_or_else(|| missing("key"))?,
             value: line.value.ok_or_else(|| missing("value"))?,
+            check: line.check.unwrap_or(false),
         },
         "fault" => Request::Fault {
             name: line.name.ok_or_else(|| missing("name"))?,
@@ -84,20 +87,20 @@ struct TruthLine {
     string_tension_n: f64,
 }
 
-/// Serves until `quit` or the end of the input.
+/// Serves requests, a line each, until `quit` or their end.
 ///
 /// # Errors
 /// When standard output is gone, or the file of the flash cannot be written.
 pub fn serve(
     machine: &mut Machine<Rig>,
     mut flash: Option<FlashFile>,
-    input: impl BufRead,
+    requests: impl Iterator<Item = io::Result<String>>,
     mut output: impl Write,
 ) -> anyhow::Result<()> {
     machine.board_mut().record();
     // Another ELF than ours may have no such function; then its statistics stay empty.
     let _ = machine.watch_function(TICK_FUNCTION);
-    for line in input.lines() {
+    for line in requests {
         let line = line?;
         if line.trim().is_empty() {
             continue;
@@ -127,7 +130,11 @@ fn failure(kind: &str, message: &str) -> Value {
 fn answer(machine: &mut Machine<Rig>, request: Request) -> Value {
     match request {
         Request::Run { until_s, uart } => run(machine, until_s, &uart),
-        Request::Plant { key, value } => match machine.board_mut().set_plant(&key, &value) {
+        Request::Plant { key, value, check: true } => match PlantSettings::default().set_at_run_time(&key, &value) {
+            Ok(()) => json!({"ok": true}),
+            Err(error) => failure("plant", &error.to_string()),
+        },
+        Request::Plant { key, value, check: false } => match machine.board_mut().set_plant(&key, &value) {
             Ok(()) => json!({"ok": true}),
             Err(error) => failure("plant", &error.to_string()),
         },

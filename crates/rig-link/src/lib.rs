@@ -4,6 +4,7 @@
 //! - [`faults`]: sets of faults.
 //! - [`settings`]: unit, default and range of every setting.
 //! - [`frame`]: how a message becomes bytes on a UART and comes back: sequence number, postcard, CRC-32, COBS.
+//! - [`sequence`]: which requests are new, and which come once more.
 //! - [`names`]: the macro behind the named codes (states, faults, limits …).
 //!
 //! Neither side trusts the other's bytes: a damaged frame is counted and dropped, and the next good one is found.
@@ -17,6 +18,7 @@ pub mod faults;
 pub mod frame;
 pub mod messages;
 pub mod names;
+pub mod sequence;
 pub mod settings;
 
 pub use frame::{DecodeError, Decoder, EncodeError, Frame, MAX_FRAME, encode};

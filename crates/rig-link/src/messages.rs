@@ -230,6 +230,9 @@ pub enum Refusal {
     /// A stop came before this was begun.
     #[error("a stop came before this was begun")]
     Stopped,
+    /// Its number is not newer than the last request's: an old message that came once more.
+    #[error("an older message than the last one came once more: it is not carried out again")]
+    Repeated,
 }
 
 /// Who the board is and what it was built for.

@@ -41,9 +41,20 @@ pub struct Query {
 /// # Errors
 /// If the file cannot be read or lacks a column.
 pub fn read(path: &Path) -> Result<Vec<Result<Query, RowError>>, Failure> {
-    let text =
-        std::fs::read_to_string(path).map_err(|e| Failure::failed(format!("batch file {}: {e}", path.display())))?;
+    let text = tsa_model::files::read_to_string(path)
+        .map_err(|e| Failure::failed(format!("batch file {}: {e}", path.display())))?;
     parse(&text).map_err(|e| Failure::failed(format!("batch file {}: {e}", path.display())))
+}
+
+/// The end of a batch: rows may fail, but not all of them.
+///
+/// # Errors
+/// If there were rows and all of them failed.
+pub fn all_failed(path: &Path, rows: usize, failed: usize) -> Result<(), Failure> {
+    if rows > 0 && failed == rows {
+        return Err(Failure::failed(format!("batch file {}: every one of its {rows} rows failed", path.display())));
+    }
+    Ok(())
 }
 
 fn parse(text: &str) -> Result<Vec<Result<Query, RowError>>, String> {

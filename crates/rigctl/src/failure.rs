@@ -1,5 +1,7 @@
 //! How a command fails, and with which exit code.
 
+use crate::batch::RowError;
+use crate::commands::operate::HomingFailed;
 use crate::output::ReaderGone;
 
 /// A failed command.
@@ -46,6 +48,14 @@ impl Failure {
             }
             Self::Reported => None,
         }
+    }
+
+    /// What programs are told of it besides the message: why a homing failed.
+    pub fn object(&self) -> Option<serde_json::Value> {
+        let Self::Failed(error) = self else { return None };
+        let HomingFailed(why) = error.downcast_ref()?;
+        let error = RowError::new("homing-failed", error).error;
+        Some(serde_json::json!({ "error": error, "homing_failure": why.name() }))
     }
 
     /// Whether the reader of our standard output has gone; a serial line that has gone is another matter.

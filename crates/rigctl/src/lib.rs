@@ -80,6 +80,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         // Whoever reads has seen enough (`rigctl … | head`).
         Err(failure) if failure.is_reader_gone() => ExitCode::SUCCESS,
         Err(failure) => {
+            let _ = failure.object().map_or(Ok(()), |object| output.object(&object));
             let _ = output.flush();
             if let Some(message) = failure.message() {
                 eprintln!("error: {message}");

@@ -3,25 +3,75 @@
 use crate::failure::Failure;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
-use std::fs::{File, OpenOptions};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::sync::mpsc::{self, Receiver, Sender, SyncSender};
+use tsa_model::files::{self, Replacement};
 
 /// The reader of standard output has gone: who says `rigctl … | head` has seen enough.
 #[derive(Debug, thiserror::Error)]
 #[error("nobody reads the output any more")]
 pub struct ReaderGone;
 
-/// Standard output, whose broken pipe is told from that of a serial line.
-struct Stdout(io::Stdout);
+/// Pieces of output (8 KiB each, the buffer's size) that wait for a slow reader before the tool waits for it as well: a
+/// quarter of an hour of a real board's telemetry.
+const PIECES: usize = 4096;
+
+/// Standard output, written by a thread of its own: a reader that is slow, or stops to look, must not keep the tool from
+/// its heartbeats to a real board. A broken pipe is told from that of a serial line.
+struct Stdout {
+    pieces: SyncSender<Piece>,
+    failed: Receiver<io::Error>,
+}
+
+enum Piece {
+    Bytes(Vec<u8>),
+    /// Everything before it has to be out; then this is dropped.
+    Flush(Sender<()>),
+}
+
+impl Stdout {
+    /// Writes to any sink.
+    fn new(mut sink: impl Write + Send + 'static) -> Self {
+        let (pieces, queue) = mpsc::sync_channel(PIECES);
+        let (tell, failed) = mpsc::channel();
+        std::thread::spawn(move || {
+            for piece in queue {
+                // Who waits for a flush goes on when this is dropped, and then has to find the error.
+                let (written, _done) = match piece {
+                    Piece::Bytes(bytes) => (sink.write_all(&bytes), None),
+                    Piece::Flush(done) => (sink.flush(), Some(done)),
+                };
+                if let Err(error) = written {
+                    // Whoever writes next sees that the queue has ended, and asks why.
+                    let _ = tell.send(marked(error));
+                    return;
+                }
+            }
+        });
+        Self { pieces, failed }
+    }
+
+    fn why(&self) -> io::Error {
+        self.failed.recv().unwrap_or_else(|_| io::ErrorKind::BrokenPipe.into())
+    }
+}
 
 impl Write for Stdout {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.0.write(bytes).map_err(marked)
+        self.pieces.send(Piece::Bytes(bytes.to_vec())).map_err(|_| self.why())?;
+        Ok(bytes.len())
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        self.0.flush().map_err(marked)
+        let (done, waits) = mpsc::channel();
+        self.pieces.send(Piece::Flush(done)).map_err(|_| self.why())?;
+        // Nothing is ever sent: the other end is dropped when all is out, or when the thread has failed.
+        let _ = waits.recv();
+        match self.failed.try_recv() {
+            Ok(error) => Err(error),
+            Err(_) => Ok(()),
+        }
     }
 }
 
@@ -31,7 +81,7 @@ fn marked(error: io::Error) -> io::Error {
 
 /// Standard output, buffered.
 pub fn stdout() -> Box<dyn Write> {
-    Box::new(BufWriter::new(Stdout(io::stdout())))
+    Box::new(BufWriter::new(Stdout::new(io::stdout())))
 }
 
 /// Where results go.
@@ -90,62 +140,68 @@ impl Output {
 
 /// A file that will be written once there is something to write. That it can be is known at once; what it holds stays
 /// until then, and beside it as `FILE~` after that: it may be a recorded experiment.
-pub struct OutFile {
-    path: PathBuf,
-    made_here: bool,
-}
+pub struct OutFile(PathBuf);
 
 impl OutFile {
-    /// Looks whether this place can be written to.
+    /// Looks whether this place can be written to. Nothing is left there by it.
     ///
     /// # Errors
     /// Naming the file.
     pub fn new(path: &Path) -> Result<Self, Failure> {
-        let made_here = !path.exists();
-        let open = OpenOptions::new().append(true).create(true).open(path);
-        open.map_err(|e| Failure::failed(format!("cannot write {}: {e}", path.display())))?;
-        Ok(Self { path: path.to_owned(), made_here })
+        Replacement::new(path).map_err(|e| unwritable(path, &e))?;
+        Ok(Self(path.to_owned()))
     }
 
-    /// Begins to write; says where it keeps what was there.
+    /// Begins to write. The file takes its place when its first bytes are on the disk, so that it can be followed while it
+    /// grows; where what was there is kept is then said.
     ///
     /// # Errors
     /// Naming the file.
-    pub fn begin(mut self) -> Result<Box<dyn Write>, Failure> {
-        self.made_here = false;
-        let path = &self.path;
-        let held = std::fs::symlink_metadata(path).is_ok_and(|m| m.is_file() && m.len() > 0);
-        let begun = (|| {
-            if held {
-                let mut kept = path.clone().into_os_string();
-                kept.push("~");
-                std::fs::rename(path, &kept)?;
-                eprintln!("what {} held is now {}", path.display(), Path::new(&kept).display());
-            }
-            File::create(path)
-        })();
-        let file = begun.map_err(|e| Failure::failed(format!("cannot write {}: {e}", path.display())))?;
-        Ok(Box::new(BufWriter::new(file)))
+    pub fn begin(self) -> Result<Box<dyn Write>, Failure> {
+        let new = Replacement::new(&self.0).map_err(|e| unwritable(&self.0, &e))?;
+        Ok(Box::new(BufWriter::new(Growing { path: self.0, new })))
     }
 
-    /// Writes all of it.
+    /// Writes all of it, or changes nothing.
     ///
     /// # Errors
     /// Naming the file.
     pub fn write(self, content: &str) -> Result<(), Failure> {
-        let path = self.path.clone();
-        let mut file = self.begin()?;
-        let written = file.write_all(content.as_bytes()).and_then(|()| file.flush());
-        written.map_err(|e| Failure::failed(format!("cannot write {}: {e}", path.display())))
+        let kept = files::replace(&self.0, content.as_bytes(), true).map_err(|e| unwritable(&self.0, &e))?;
+        say_kept(&self.0, kept);
+        Ok(())
     }
 }
 
-impl Drop for OutFile {
-    fn drop(&mut self) {
-        // Nothing came to be written.
-        if self.made_here {
-            let _ = std::fs::remove_file(&self.path);
+fn unwritable(path: &Path, error: &io::Error) -> Failure {
+    Failure::failed(format!("cannot write {}: {error}", path.display()))
+}
+
+fn say_kept(path: &Path, kept: Option<PathBuf>) {
+    if let Some(kept) = kept {
+        eprintln!("what {} held is now {}", path.display(), kept.display());
+    }
+}
+
+/// A file that grows in its place from its first bytes on.
+struct Growing {
+    path: PathBuf,
+    new: Replacement,
+}
+
+impl Write for Growing {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let named = |e: io::Error| io::Error::new(e.kind(), format!("cannot write {}: {e}", self.path.display()));
+        let count = self.new.write(bytes).map_err(named)?;
+        if !self.new.is_in_place() {
+            let kept = self.new.take_place(true).map_err(named)?;
+            say_kept(&self.path, kept);
         }
+        Ok(count)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.new.flush()
     }
 }
 
@@ -157,14 +213,14 @@ pub fn folder(folder: &Path) -> Result<(), Failure> {
     std::fs::create_dir_all(folder).map_err(|e| Failure::failed(format!("cannot write into {}: {e}", folder.display())))
 }
 
-/// Writes a file into a folder, which is made if need be.
+/// Writes a file into a folder, which is made if need be. What the file held is kept as `FILE~`.
 ///
 /// # Errors
 /// Naming the file.
 pub fn write_file(folder: &Path, name: &str, content: &str) -> Result<(), Failure> {
     let path = folder.join(name);
     self::folder(folder)?;
-    std::fs::write(&path, content).map_err(|e| Failure::failed(format!("cannot write {}: {e}", path.display())))
+    OutFile(path).write(content)
 }
 
 /// Lines of comma-separated cells under a header, quoted where need be.

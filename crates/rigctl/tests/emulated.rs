@@ -199,3 +199,83 @@ fn raw_sensors_are_told_before_anything_is_homed() {
     assert!(status[0]["telemetry"]["state"] == "fault" && status[0]["sensors"]["gap_m"].is_number(), "{status:?}");
     assert_eq!(rigctl(&["sensors", "--seconds", "-1"]).status.code(), Some(2));
 }
+
+/// Plays a script of these lines.
+fn play(name: &str, script: &str, more: &[&str]) -> Output {
+    let file = std::env::temp_dir().join(format!("rigctl-emulated-{name}-{}.script", std::process::id()));
+    std::fs::write(&file, script).expect("written");
+    let output = rigctl(&[&["play", file.to_str().expect("a path")], more].concat());
+    std::fs::remove_file(file).expect("was there");
+    output
+}
+
+#[test]
+fn a_script_with_a_refused_command_fails_and_counts_it() {
+    let output = play("refused", "2.5 move 5mm\n3 move 6mm\n3.5 stop\n4 end\n", &["--json"]);
+    let said = error_of(&output);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("script line 1: refused: ") && said.contains("script line 2: refused: "), "{said}");
+    assert_eq!(said.lines().last(), Some("error: 2 commands of the script were refused"));
+    // It was played to its end all the same.
+    assert!(lines(&output).last().is_some_and(|last| last["summary"].is_object()));
+    let output = play("taken", "2.5 stop\n3 end\n", &[]);
+    assert!(output.status.success(), "{}", error_of(&output));
+}
+
+#[test]
+fn a_home_in_a_script_waits_for_the_boards_start() {
+    for (name, script, from_s) in
+        [("early", "0 home\n6 end\n", 0.0), ("cycle", "4 fault power-cycle\n4 home\n10 end\n", 4.0)]
+    {
+        let output = play(name, script, &["--json"]);
+        assert!(output.status.success(), "{}", error_of(&output));
+        assert!(error_of(&output).contains("home waits until the board has started"), "{}", error_of(&output));
+        let rows = lines(&output);
+        let homing = rows.iter().find(|row| row["state"] == "homing").unwrap_or_else(|| panic!("{name}: no homing"));
+        assert!(homing["t_s"].as_f64().is_some_and(|t_s| t_s > from_s + 1.0), "{homing}");
+    }
+    // A stop takes it back, and one that never was sent is told.
+    let output = play("stopped", "0 home\n0.5 stop\n6 end\n", &["--json"]);
+    assert!(lines(&output).iter().all(|row| row["state"] != "homing"));
+    let output = play("never", "0 home\n1 end\n", &["--json"]);
+    assert!(output.status.code() == Some(1) && error_of(&output).contains("did not start"), "{}", error_of(&output));
+}
+
+#[test]
+fn what_a_script_cannot_do_is_found_before_anything_is_played() {
+    for (line, named) in [
+        ("plant k2_scale=1.1", "k2_scale"),
+        ("plant load=5000kg", "load"),
+        ("plant weight=5", "weight"),
+        ("fault fire", "fire"),
+        ("dance", "dance"),
+    ] {
+        let output = play("unplayable", &format!("0.1 stop\n900 {line}\n901 end\n"), &["--json"]);
+        let said = error_of(&output);
+        assert_eq!(output.status.code(), Some(1), "{line}: {said}");
+        assert!(said.contains("line 2") && said.contains(named), "{line}: {said}");
+        assert!(output.stdout.is_empty(), "{line}: something was played");
+    }
+}
+
+#[test]
+fn a_homing_that_fails_says_why_by_its_documented_name() {
+    // Far below the range of the table.
+    let plant = ["--plant", "load=0.02kg"];
+    let output = rigctl(&[&["home", "--json"][..], &plant].concat());
+    assert_eq!(output.status.code(), Some(1), "{}", error_of(&output));
+    let told = lines(&output).pop().unwrap_or_else(|| panic!("nothing: {}", error_of(&output)));
+    let why = told["homing_failure"].as_str().unwrap_or_else(|| panic!("{told}")).to_owned();
+    assert_eq!(told["error"]["kind"], "homing-failed");
+    let page = std::fs::read_to_string(common::root().join("docs/faults.md")).expect("the page");
+    assert!(page.contains(&format!("\n| `{why}` |")), "{why} is not in docs/faults.md");
+    assert!(error_of(&output).contains(&format!("homing failed: {why}")), "{}", error_of(&output));
+    let text = play("why", "2.5 home\n60 end\n", &plant);
+    let text = String::from_utf8_lossy(&text.stdout).into_owned();
+    assert!(text.contains(&format!("event homing-refused {why}")), "{text}");
+    let rows = lines(&play("why-json", "2.5 home\n60 end\n", &[&plant[..], &["--json"]].concat()));
+    let homing = rows.iter().filter(|row| row["state"] == "homing");
+    assert!(homing.clone().count() > 10 && homing.into_iter().all(|row| row["homing_failure"].is_null()));
+    let after = rows.iter().rev().find(|row| row["t_s"].is_number()).expect("rows");
+    assert_eq!(after["homing_failure"], why.as_str(), "{after}");
+}

@@ -198,6 +198,61 @@ fn a_fitted_curve_never_falls() {
     std::fs::remove_dir_all(folder).unwrap();
 }
 
+/// The numbers of a sweep's columns, changed.
+fn changed(sweep: &str, header: &str, change: impl Fn(f64, f64) -> (f64, f64)) -> String {
+    let rows = sweep.lines().skip(2).map(|line| {
+        let cells: Vec<f64> = line.split(',').map(|cell| cell.parse().unwrap()).collect();
+        let (load, value) = change(cells[0], cells[2]);
+        format!("{load},{},{value}\n", cells[1])
+    });
+    format!("{header}\n{}", rows.collect::<String>())
+}
+
+#[test]
+fn wrong_units_and_signs_are_named_with_their_file() {
+    const GRAVITY: f64 = 9.80665;
+    let folder = folder("units");
+    let loads = [1.0, 2.0, 5.0, 10.0, 15.0];
+    let files = |header: &str, change: &dyn Fn(f64, f64) -> (f64, f64)| {
+        let write = |load: &f64| {
+            let path = folder.join(format!("hung-{load}.csv"));
+            // The gap at the half-turn pre-twist is where contraction begins.
+            let zero = truth().mechanism().unwrap().solve(*load, twist_from_turns(0.0)).unwrap().gap_m;
+            std::fs::write(&path, changed(&sweep(&truth(), *load, 7.5, -zero, 0.0), header, change)).unwrap();
+            path.to_str().unwrap().to_owned()
+        };
+        loads.iter().map(write).collect::<Vec<String>>()
+    };
+    let identify = |files: &[String]| {
+        let arguments: Vec<&str> = ["identify"].into_iter().chain(files.iter().map(String::as_str)).collect();
+        rigctl(&arguments)
+    };
+    let (gap, contraction) = ("load_n,turns,gap_m", "load_n,turns,contraction_m");
+    let kg: &dyn Fn(f64, f64) -> (f64, f64) = &|l, v| (l / GRAVITY, v);
+    for (what, header, change, refused, named) in [
+        ("kg", gap, kg, None, "load_n taken as kg"),
+        ("kg", contraction, &|l, v| (l / GRAVITY, -v), None, "load_n taken as kg"),
+        ("g", gap, &|l, v| (1e3 * l / GRAVITY, v), None, "load_n taken as g"),
+        ("mm", contraction, &|l, v| (l, -1e3 * v), Some(true), "is it in mm?"),
+        ("mm", gap, &|l, v| (l, 1e3 * v), Some(true), "is it in mm?"),
+        ("sign", contraction, &|l, v| (l, v), Some(true), "is its sign wrong, or is it a gap"),
+        ("sign", gap, &|l, v| (l, -v), Some(true), "is its sign wrong, or is it a contraction"),
+        ("well", gap, &|l, v| (l, v), Some(false), ""),
+        ("well", contraction, &|l, v| (l, -v), Some(false), ""),
+    ] {
+        let files = files(header, change);
+        let output = identify(&files);
+        let said = said(&output);
+        println!("{what} {header}: {:?} {said}", output.status.code());
+        assert!(refused.is_none_or(|refused| refused != output.status.success()), "{what} {header}: {said}");
+        match named {
+            "" => assert!(!said.contains("taken as") && !said.contains("sign"), "{what} {header}: {said}"),
+            named => assert!(said.contains(named) && said.contains("hung-"), "{what} {header}: {said}"),
+        }
+    }
+    std::fs::remove_dir_all(folder).unwrap();
+}
+
 #[test]
 fn bad_files_rows_and_options_are_named() {
     let folder = folder("bad");

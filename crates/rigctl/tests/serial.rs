@@ -163,6 +163,69 @@ fn an_interrupted_tool_stops_the_board_and_ends_its_log() {
 }
 
 #[test]
+fn an_interrupt_while_the_board_makes_a_table_says_that_it_goes_on() {
+    let board = Board::new();
+    board.wait_started();
+    let scene = std::env::temp_dir().join(format!("rigctl-interrupted-table-{}.toml", std::process::id()));
+    let default = std::fs::read_to_string(SCENE).expect("the default scene");
+    assert!(default.contains("\nk2 = 0.1914\n"));
+    std::fs::write(&scene, default.replace("\nk2 = 0.1914\n", "\nk2 = 0.2\n")).expect("written");
+    let mut tool = Command::new(env!("CARGO_BIN_EXE_rigctl"));
+    tool.args(["--port", &board.device, "table", "--board", "--scene"]).arg(&scene);
+    board.met.store(true, Ordering::Relaxed);
+    let met = board.wait("a time", |_| true);
+    let child = tool.stderr(std::process::Stdio::piped()).spawn().expect("rigctl runs");
+    // Greeted and asked within half a second, at work for some three.
+    board.wait("work at the table", |truth| truth.t_s > met.t_s + 1.5);
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().is_ok_and(|s| s.success()));
+    let ended = child.wait_with_output().expect("it ends");
+    board.met.store(false, Ordering::Relaxed);
+    assert!(ended.status.code() == Some(1) && said(&ended).contains("goes on with its table"), "{}", said(&ended));
+    std::fs::remove_file(scene).expect("was there");
+}
+
+#[test]
+fn a_board_that_vanishes_in_mid_motion_is_told() {
+    let board = Board::new();
+    let before = board.wait_started();
+    // The pseudo-terminal lives as long as anybody has its other end, and a child of this process would have it.
+    let mut tool = Command::new("bash");
+    let closed = "for fd in /proc/self/fd/*; do fd=${fd##*/}; ((fd > 2)) && eval \"exec $fd>&-\"; done; exec \"$@\"";
+    tool.args(["-c", closed, "bash", env!("CARGO_BIN_EXE_rigctl")]);
+    tool.args(["--port", &board.device, "--scene", SCENE, "jog", "--speed", "1", "--seconds", "600"]);
+    board.met.store(true, Ordering::Relaxed);
+    let mut child = tool.stderr(std::process::Stdio::piped()).spawn().expect("rigctl runs");
+    board.wait("a turn", |truth| (truth.twist_rad - before.twist_rad).abs() > 0.5);
+    // The cable is pulled.
+    drop(board);
+    let end = Instant::now() + PATIENCE;
+    while child.try_wait().expect("a child").is_none() {
+        assert!(Instant::now() < end, "it goes on without a board: {:?}", child.kill());
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let ended = child.wait_with_output().expect("its output");
+    assert!(ended.status.code() == Some(1) && said(&ended).contains("serial port"), "{}", said(&ended));
+}
+
+#[test]
+fn a_reader_that_stops_to_read_does_not_keep_the_tool_from_its_heartbeats() {
+    let board = Board::new();
+    let before = board.wait_started();
+    let script = std::env::temp_dir().join(format!("rigctl-slow-{}.script", std::process::id()));
+    std::fs::write(&script, "600 end\n").expect("written");
+    let mut tool = Command::new(env!("CARGO_BIN_EXE_rigctl"));
+    tool.args(["--json", "--port", &board.device, "--scene", SCENE, "play"]).arg(&script);
+    board.met.store(true, Ordering::Relaxed);
+    // Nobody reads: a pipe of 64 KiB is full after some 200 rows, 2 s.
+    let mut child = tool.stdout(std::process::Stdio::piped()).spawn().expect("rigctl runs");
+    // Without heartbeats the board's time stands still.
+    board.wait("the time of 800 rows", |truth| truth.t_s > before.t_s + 8.0);
+    child.kill().expect("killed");
+    child.wait().expect("ended");
+    std::fs::remove_file(script).expect("was there");
+}
+
+#[test]
 fn a_device_that_is_none_is_named() {
     let tool = Command::new(env!("CARGO_BIN_EXE_rigctl")).args(["--port", "/dev/no-such-rig", "status"]).output();
     let output = tool.expect("rigctl runs");

@@ -13,6 +13,7 @@
 //! - [`tiers`]: cheaper models of the rod that know about how wrong they are.
 //! - [`scalar`]: f64, or numbers with their derivatives: `Mechanism<Dual<N>>` tells how results depend on constants.
 //! - [`scene`] (feature `std`): scene files.
+//! - [`files`] (feature `std`): reading and replacing files without losing any.
 //!
 //! Builds without `std` (on `libm`), so that the board can run the same solver.
 
@@ -20,6 +21,8 @@
 #![forbid(unsafe_code)]
 
 pub mod error;
+#[cfg(feature = "std")]
+pub mod files;
 mod helix;
 pub mod material;
 pub mod mechanism;

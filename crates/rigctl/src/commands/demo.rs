@@ -111,7 +111,7 @@ fn one(global: &Global, load_kg: f64, twist_rad: f64, gear: f64) -> Result<Outco
     let mut plant = global.plant.clone();
     plant.push(Setting { key: "load", value: load_true_n });
     plant.push(Setting { key: "twist_at_boot", value: twist_rad });
-    let options = SimOptions { plant, ..sim_options(global) };
+    let options = SimOptions { plant, ..sim_options(global)? };
     let started = Instant::now();
     let mut session = Session::new(Box::new(Sim::start(&options)?));
     session.hello()?;

@@ -5,7 +5,7 @@ use crate::cli::{Global, Identify};
 use crate::failure::Failure;
 use crate::identify::constants::{Constant, Unknowns};
 use crate::identify::data::{self, Data};
-use crate::identify::{Errors, Fit, fit};
+use crate::identify::{Errors, Fit, fit, plausible};
 use crate::output::{OutFile, Output};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -48,7 +48,14 @@ pub fn run(global: &Global, options: &Identify, output: &mut Output) -> Result<(
     let out = options.out.as_deref().map(|path| place(path, &options.sweeps)).transpose()?;
     let (data, unit) = measured(options, &scene)?;
     let start = Parameters::new(&scene.geometry, &scene.string, &scene.material)?;
-    let (x, fit) = fit(&unknowns, &start, &data).map_err(|e| Failure::failed(e.to_string()))?;
+    if let Some(why) = plausible::impossible(&data, scene.geometry.string_length_m) {
+        return Err(Failure::failed(why));
+    }
+    let (x, fit) = fit(&unknowns, &start, &data).map_err(|e| {
+        let hints: Vec<String> = std::iter::once(e.to_string()).chain(plausible::likely(&data, &scene)).collect();
+        Failure::failed(hints.join("; "))
+    })?;
+    plausible::likely(&data, &scene).iter().for_each(|hint| eprintln!("is a unit wrong? {hint}"));
     let fitted = unknowns.scene(&scene, &start, &x);
     fitted.validate()?;
     for bad in &data.bad {

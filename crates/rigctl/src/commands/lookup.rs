@@ -75,6 +75,7 @@ pub fn run(global: &Global, at: &At, output: &mut Output) -> Result<(), Failure>
         "{:>10} {:>8} {:>14} {:>11} {:>11} {:>12}",
         "load N", "turns", "contraction mm", "gap mm", "TR rad/mm", "sag mm/N"
     ))?;
+    let (count, failed) = (answers.len(), answers.iter().filter(|answer| answer.is_err()).count());
     for answer in answers {
         match answer {
             Ok(a) => {
@@ -95,5 +96,5 @@ pub fn run(global: &Global, at: &At, output: &mut Output) -> Result<(), Failure>
             }
         }
     }
-    Ok(())
+    at.batch.as_deref().map_or(Ok(()), |path| batch::all_failed(path, count, failed))
 }

@@ -34,7 +34,8 @@ use crate::failure::Failure;
 use crate::output::Output;
 use clap::CommandFactory;
 use rig_link::Request;
-use tsa_model::Scene;
+use std::path::Path;
+use tsa_model::{Scene, files};
 
 /// Runs the command.
 ///
@@ -121,5 +122,19 @@ fn rig_options(global: &Global, command: &Command) -> Result<(), Failure> {
 
 /// The scene that the operator named.
 pub(crate) fn scene(global: &Global) -> Result<Scene, Failure> {
+    scene_file(&global.scene)?;
     Ok(Scene::load(&global.scene)?)
+}
+
+/// Whether a scene file is there at all.
+fn scene_file(path: &Path) -> Result<(), Failure> {
+    files::check_regular(path).map_err(|e| {
+        // The default is in the project's folder only.
+        let hint = if path.is_relative() && e.kind() == std::io::ErrorKind::NotFound {
+            "; run rigctl in the project's folder, or name a scene with --scene FILE"
+        } else {
+            ""
+        };
+        Failure::failed(format!("scene {}: {e}{hint}", path.display()))
+    })
 }

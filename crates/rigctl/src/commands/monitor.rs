@@ -45,7 +45,7 @@ pub fn run(global: &Global, script: Option<&Path>, output: &Output) -> Result<()
         return Err(Failure::failed("monitor needs a terminal; `record` and `status` do not"));
     }
     let mut script = match script {
-        Some(path) => read(path)?,
+        Some(path) => read(path)?.0,
         None => Script::idle(FOR_EVER_S),
     };
     script.end_s = FOR_EVER_S;
@@ -71,7 +71,7 @@ pub fn run(global: &Global, script: Option<&Path>, output: &Output) -> Result<()
     if let Some(false) = view.leaving.map(|_| still(&session)) {
         eprintln!("left while the rig still moved: without this tool's heartbeat the board holds within 0.5 s");
     }
-    result
+    result.map(drop)
 }
 
 fn still(session: &Session) -> bool {

@@ -8,7 +8,7 @@ use crate::session::row::Row;
 use crate::session::serial::Serial;
 use crate::session::sim::{Sim, SimOptions};
 use crate::session::{Session, client, interrupt};
-use rig_link::{EventKind, LoadChoice, Request, State};
+use rig_link::{EventKind, HomingFailure, LoadChoice, Request, State};
 use serde::Serialize;
 
 /// Longest homing (s), the drive's start-up included.
@@ -22,14 +22,18 @@ pub fn is_sim(global: &Global) -> bool {
 }
 
 /// Options of the emulated board.
-pub fn sim_options(global: &Global) -> SimOptions {
-    SimOptions {
+///
+/// # Errors
+/// If there is no such scene file.
+pub fn sim_options(global: &Global) -> Result<SimOptions, Failure> {
+    super::scene_file(global.plant_scene.as_ref().unwrap_or(&global.scene))?;
+    Ok(SimOptions {
         firmware: global.firmware.clone(),
         scene: global.plant_scene.clone().unwrap_or_else(|| global.scene.clone()),
         plant: global.plant.clone(),
         seed: global.seed,
         flash: global.flash.clone(),
-    }
+    })
 }
 
 /// Opens the port and greets the board.
@@ -66,7 +70,7 @@ pub(super) fn same_scene(global: &Global, session: &Session) -> Result<(), Failu
 pub fn meet(global: &Global) -> Result<Session, Failure> {
     interrupt::watch();
     let port: Box<dyn Port> = if is_sim(global) {
-        Box::new(Sim::start(&sim_options(global))?)
+        Box::new(Sim::start(&sim_options(global)?)?)
     } else {
         for (given, name) in [
             (!global.plant.is_empty(), "--plant"),
@@ -99,6 +103,11 @@ pub(super) fn not_broken_off(kind: &EventKind, when: &str) -> Result<(), Failure
         _ => Ok(()),
     }
 }
+
+/// A homing that failed, by the name that `docs/faults.md` explains.
+#[derive(Clone, Copy, Debug, thiserror::Error)]
+#[error("homing failed: {0} (docs/faults.md, \"Homing that fails\")")]
+pub struct HomingFailed(pub HomingFailure);
 
 /// How a homing ended.
 #[derive(Clone, Copy, Debug, Serialize)]
@@ -134,7 +143,7 @@ pub fn home_session(session: &mut Session, mut each: impl FnMut(&Row)) -> Result
                     return Ok(HomeResult { duration_s, load_n, twist_error_estimate_rad, gap_offset_m });
                 }
                 EventKind::HomingRefused(failure) => {
-                    return Err(Failure::failed(format!("homing failed: {failure}")));
+                    return Err(HomingFailed(failure).into());
                 }
                 kind => not_broken_off(&kind, "while homing")?,
             }

@@ -1,10 +1,11 @@
 //! `table --board`: the board makes its own table for the scene's constants.
 
-use super::operate::meet;
+use super::operate::{is_sim, meet};
 use super::scene;
 use crate::cli::Global;
 use crate::failure::Failure;
 use crate::output::Output;
+use crate::session::interrupt;
 use rig_link::messages::{Constants, EventKind, Request, TableRefusal};
 use serde_json::json;
 use tsa_model::Scene;
@@ -21,6 +22,16 @@ pub fn constants(scene: &Scene) -> Constants {
         string: [s.diameter_m, s.stiffness_n_per_m, s.k1_per_n, s.k2, s.k3],
         twist_exponent: s.twist_exponent,
         stress_coefficients_pa: scene.material.stress_coefficients_pa,
+    }
+}
+
+/// A failure while the board makes its table, which nothing but its power ends on a real one.
+fn goes_on(global: &Global, failure: Failure) -> Failure {
+    match failure.message() {
+        Some(message) if interrupt::wanted() && !is_sim(global) => Failure::failed(format!(
+            "{message}; it goes on with its table, and uses and keeps it if it is good: `status` says in a minute which one it has"
+        )),
+        _ => failure,
     }
 }
 
@@ -48,7 +59,7 @@ pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
     session.request(&Request::Rebuild(constants(&scene)))?;
     let end_s = session.now_s() + WAIT_S;
     while session.now_s() < end_s {
-        session.step()?;
+        session.step().map_err(|failure| goes_on(global, failure))?;
         for (_, kind) in session.take_events() {
             match kind {
                 EventKind::TableRebuilt { contraction_error_m, tr_relative_error, states, took_us, kept } => {

@@ -31,19 +31,14 @@ pub fn run(global: &Global, options: &Record, output: &mut Output) -> Result<(),
     if !(seconds > 0.0 && seconds.is_finite()) {
         return Err(Failure::Usage(format!("--seconds {seconds}: must be above 0")));
     }
-    let (script, lines) = match &options.script {
-        Some(path) => {
-            (Some(read(path)?), std::fs::read_to_string(path)?.lines().map(str::to_owned).collect::<Vec<_>>())
-        }
-        None => (None, Vec::new()),
-    };
+    let (script, text) = options.script.as_deref().map(read).transpose()?.unzip();
     let out = options.out.as_deref().map(OutFile::new).transpose()?;
     let mut session = connect(global)?;
     let mut head = header(global, &session, "record")?;
     if let Some(path) = &options.script {
         head.add("script", path.display());
     }
-    for (number, line) in (1..).zip(&lines) {
+    for (number, line) in (1..).zip(text.iter().flat_map(|text| text.lines())) {
         head.add(&format!("script.{number}"), line);
     }
     if output.json() && options.out.is_none() {
@@ -72,7 +67,7 @@ pub fn run(global: &Global, options: &Record, output: &mut Output) -> Result<(),
         session.take_log();
         Ok(ControlFlow::Continue(()))
     });
-    let rows = recorder.end(&mut session, result)?;
+    let rows = recorder.end(&mut session, result.map(drop))?;
     let summary = json!({"rows": rows, "lost_frames": session.lost_frames(), "seconds": session.now_s(),
         "file": options.out.as_ref().map(|p| p.display().to_string())});
     output.object(&json!({"summary": summary}))?;

@@ -5,11 +5,13 @@ use super::config;
 use super::operate::{connect, is_sim, same_scene, sim_options};
 use crate::cli::Global;
 use crate::failure::Failure;
+use crate::log::write::event;
 use crate::output::Output;
 use crate::script::{Action, Event, Script, ScriptFault};
 use crate::session::client::STEP_S;
 use crate::session::sim::Sim;
 use crate::session::{Session, interrupt};
+use rig_link::Request;
 use serde_json::json;
 use std::collections::HashMap;
 use std::ops::ControlFlow;
@@ -25,12 +27,12 @@ const HUMAN_INTERVAL_S: f64 = 0.25;
 /// If the script is wrong, or the emulated board stopped.
 pub fn run(global: &Global, script: Option<&Path>, seconds: f64, output: &mut Output) -> Result<(), Failure> {
     let script = match script {
-        Some(path) => read(path)?,
+        Some(path) => read(path)?.0,
         None if seconds > 0.0 && seconds.is_finite() => Script::idle(seconds),
         None => return Err(Failure::Usage(format!("--seconds {seconds}: must be above 0"))),
     };
     interrupt::watch();
-    let mut session = Session::new(Box::new(Sim::start(&sim_options(global))?));
+    let mut session = Session::new(Box::new(Sim::start(&sim_options(global)?)?));
     play_through(global, &mut session, &script, output)
 }
 
@@ -42,17 +44,18 @@ pub fn play(global: &Global, script: &Path, output: &mut Output) -> Result<(), F
     if is_sim(global) {
         return run(global, Some(script), 0.0, output);
     }
-    let script = read(script)?;
+    let (script, _) = read(script)?;
     play_through(global, &mut connect(global)?, &script, output)
 }
 
-/// A script file.
+/// A script file, and its text.
 ///
 /// # Errors
 /// Naming file and line.
-pub fn read(path: &Path) -> Result<Script, Failure> {
-    let text = std::fs::read_to_string(path).map_err(|e| Failure::failed(format!("script {}: {e}", path.display())))?;
-    Script::parse(&text).map_err(|e| Failure::failed(format!("script {}: {e}", path.display())))
+pub fn read(path: &Path) -> Result<(Script, String), Failure> {
+    let wrong = |what: String| Failure::failed(format!("script {}: {what}", path.display()));
+    let text = tsa_model::files::read_to_string(path).map_err(|e| wrong(e.to_string()))?;
+    Ok((Script::parse(&text).map_err(|e| wrong(e.to_string()))?, text))
 }
 
 fn play_through(global: &Global, session: &mut Session, script: &Script, output: &mut Output) -> Result<(), Failure> {
@@ -60,7 +63,7 @@ fn play_through(global: &Global, session: &mut Session, script: &Script, output:
     let started = Instant::now();
     let mut next_line_s = 0.0;
     let mut told = None;
-    play_events(session, script, seed, |session, said| {
+    let refused = play_events(session, script, seed, |session, said| {
         said.iter().for_each(|line| eprintln!("{line}"));
         // An emulated board may be what is tried with another scene; not without a word.
         if session.identity().is_some() && !std::mem::replace(&mut looked, true) {
@@ -75,7 +78,7 @@ fn play_through(global: &Global, session: &mut Session, script: &Script, output:
             }
         }
         for (t_s, kind) in session.take_events() {
-            output.line(format!("{t_s:8.2} s  event {kind:?}"))?;
+            output.line(format!("{t_s:8.2} s  event {}", event(&kind)))?;
         }
         // Nothing is known of them between a start of the board and its first report.
         let known = session.known_settings().copied();
@@ -97,7 +100,7 @@ fn play_through(global: &Global, session: &mut Session, script: &Script, output:
     let emulated_s = session.now_s();
     let settings = session.known_settings().map(|report| config::all(&report.values));
     // A real board's instructions are not counted.
-    let Some(emulated) = session.emulated() else { return Ok(()) };
+    let Some(emulated) = session.emulated() else { return none_refused(refused) };
     let stats = emulated.stats()?;
     output.object(&json!({"summary": {
         "instructions_per_tick_mean": stats.instructions_per_tick_mean,
@@ -118,33 +121,64 @@ fn play_through(global: &Global, session: &mut Session, script: &Script, output:
         stats.stack_high_water_bytes,
         stats.plant_tier,
     ))?;
-    Ok(())
+    none_refused(refused)
+}
+
+/// The end of a script: it has failed if a command of it was refused.
+fn none_refused(refused: usize) -> Result<(), Failure> {
+    match refused {
+        0 => Ok(()),
+        1 => Err(Failure::failed("1 command of the script was refused")),
+        count => Err(Failure::failed(format!("{count} commands of the script were refused"))),
+    }
 }
 
 /// Plays a script to its end, or until `each` breaks off: called after every step, with what there is to be told of it,
-/// refusals and what has to be done by hand.
+/// refusals and what has to be done by hand. How many commands were refused. A `home` waits until the board has started.
 ///
 /// # Errors
-/// If the port fails, an event cannot happen, or `each` fails.
+/// If the port fails, an event cannot happen, which is looked at before the first one does, or `each` fails.
 pub fn play_events(
     session: &mut Session,
     script: &Script,
     seed: u64,
     mut each: impl FnMut(&mut Session, Vec<String>) -> Result<ControlFlow<()>, Failure>,
-) -> Result<(), Failure> {
+) -> Result<usize, Failure> {
+    if let Some(emulated) = session.emulated() {
+        for event in &script.events {
+            if let Action::Plant(setting) = &event.action {
+                emulated.check_plant(setting).map_err(|failure| at_line(event, failure))?;
+            }
+        }
+    }
     // Without a greeting the board moves nothing.
     session.greet_at_boot();
+    let mut refused = 0;
+    let mut waiting: Option<&Event> = None;
     let mut events = script.events.iter().peekable();
     let mut asked: HashMap<u16, usize> = HashMap::new();
     while session.now_s() < script.end_s - 0.5 * STEP_S {
         let mut said = Vec::new();
         while let Some(event) = events.next_if(|e| e.t_s <= session.now_s() + 1e-9) {
+            match event.action {
+                Action::Command(Request::Home) if session.starts() => {
+                    said.push(format!("script line {}: home waits until the board has started", event.line));
+                    waiting = Some(event);
+                    continue;
+                }
+                Action::Command(Request::Stop) => waiting = None,
+                _ => {}
+            }
+            said.extend(happen(event, session, &mut asked, seed)?);
+        }
+        if let Some(event) = waiting.take_if(|_| !session.starts()) {
             said.extend(happen(event, session, &mut asked, seed)?);
         }
         session.step()?;
         for (number, result) in session.take_replies() {
             if let Err(refusal) = result {
                 let who = asked.get(&number).map_or(String::new(), |line| format!("script line {line}: "));
+                refused += usize::from(!who.is_empty());
                 said.push(format!("{who}refused: {refusal}"));
             }
         }
@@ -158,7 +192,22 @@ pub fn play_events(
             }
         }
     }
-    Ok(())
+    if let Some(event) = waiting {
+        let never =
+            vec![format!("script line {}: refused: the board did not start before the script's end", event.line)];
+        refused += 1;
+        // Whether to break off makes no difference at the end.
+        let _ = each(session, never)?;
+    }
+    Ok(refused)
+}
+
+/// A failure with the line of the script that it is about.
+fn at_line(event: &Event, failure: Failure) -> Failure {
+    match failure.message() {
+        Some(message) => Failure::failed(format!("script line {}: {message}", event.line)),
+        None => failure,
+    }
 }
 
 /// Lets an event happen, or says what the operator has to do for it.
@@ -168,10 +217,7 @@ fn happen(
     asked: &mut HashMap<u16, usize>,
     seed: u64,
 ) -> Result<Option<String>, Failure> {
-    let at_line = |failure: Failure| match failure.message() {
-        Some(message) => Failure::failed(format!("script line {}: {message}", event.line)),
-        None => failure,
-    };
+    let at_line = |failure: Failure| at_line(event, failure);
     let by_hand = |what: String| Ok(Some(format!("script line {}: now by hand: {what}", event.line)));
     match &event.action {
         Action::Command(request) => {
@@ -188,10 +234,11 @@ fn happen(
         },
         Action::Fault { fault: ScriptFault::HostSilent, on } => session.set_heartbeat(!on),
         Action::Fault { fault: ScriptFault::LinkNoise, on } => session.set_link_noise(on.then_some(seed)),
-        Action::Fault { fault: ScriptFault::PowerCycle, .. } => match session.emulated() {
-            Some(emulated) => emulated.power_cycle().map_err(at_line)?,
-            None => return by_hand("switch the board off and on".into()),
-        },
+        Action::Fault { fault: ScriptFault::PowerCycle, .. } => {
+            if !session.power_cycle().map_err(at_line)? {
+                return by_hand("switch the board off and on".into());
+            }
+        }
     }
     Ok(None)
 }
@@ -200,7 +247,7 @@ fn happen(
 mod tests {
     use super::*;
     use crate::session::port::{Port, Received};
-    use rig_link::{Decoder, Request};
+    use rig_link::Decoder;
     use std::cell::RefCell;
     use std::rc::Rc;
 

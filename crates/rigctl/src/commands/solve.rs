@@ -184,7 +184,9 @@ pub fn run(global: &Global, at: &At, how: &How, output: &mut Output) -> Result<(
             "{:>10} {:>8} {:>12} {:>14} {:>12} {:>12} {:>14}  warnings",
             "load N", "turns", "helix rad", "contraction mm", "sag mm", "TR rad/mm", "tier"
         ))?;
-        for row in batch::read(path)? {
+        let rows = batch::read(path)?;
+        let (count, mut failed) = (rows.len(), 0);
+        for row in rows {
             let solved = row.and_then(|query| solve(&mechanism, way, query).map_err(|e| RowError::new(e.kind(), e)));
             match solved {
                 Ok(s) => {
@@ -202,12 +204,13 @@ pub fn run(global: &Global, at: &At, how: &How, output: &mut Output) -> Result<(
                     ))?;
                 }
                 Err(error) => {
+                    failed += 1;
                     output.object(&error)?;
                     output.line(serde_json::to_string(&error)?)?;
                 }
             }
         }
-        return Ok(());
+        return batch::all_failed(path, count, failed);
     }
     let (Some(load_n), Some(turns)) = (at.load, at.turns) else {
         return Err(Failure::Usage("solve needs --load and --turns, or --batch".into()));

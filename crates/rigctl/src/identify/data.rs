@@ -9,6 +9,7 @@ use crate::failure::Failure;
 use crate::log::{self, Log};
 use crate::published::{self, Group, Kind};
 use std::io::Read;
+use std::ops::Range;
 use std::path::Path;
 use tsa_model::{Parameters, Scene, twist_from_turns};
 
@@ -59,6 +60,8 @@ pub struct Data {
     pub zeros: usize,
     /// Bad rows, with file and line.
     pub bad: Vec<String>,
+    /// Recorded files, and which rows are of each.
+    pub files: Vec<(String, Range<usize>)>,
 }
 
 /// Standard deviation of a sweep's rows that do not say their own (m): half a count of a 12-bit converter on 200 mm.
@@ -118,6 +121,8 @@ pub fn sweeps(scene: &Scene, files: &[impl AsRef<Path>], hold_out: usize, partia
     for file in files {
         let path = file.as_ref();
         let wrong = |what: String| Failure::failed(format!("sweep {}: {what}", path.display()));
+        tsa_model::files::check_regular(path).map_err(|e| wrong(e.to_string()))?;
+        let before = data.rows.len();
         if is_log(path) {
             let log = Log::load(path).map_err(wrong)?;
             if !partial {
@@ -130,7 +135,9 @@ pub fn sweeps(scene: &Scene, files: &[impl AsRef<Path>], hold_out: usize, partia
             }
             let (load_n, stops) = log::sweep::stops(&log).map_err(wrong)?;
             if !(load_n >= tsa_model::mechanism::MINIMUM_LOAD_N && load_n.is_finite()) {
-                return Err(wrong(format!("sweep.load_n {load_n}: a slack string has no law")));
+                return Err(wrong(format!(
+                    "sweep.load_n {load_n}: a slack string has no law (the column is in newtons)"
+                )));
             }
             for stop in stops {
                 data.rows.push(Row {
@@ -148,6 +155,7 @@ pub fn sweeps(scene: &Scene, files: &[impl AsRef<Path>], hold_out: usize, partia
                 });
             }
             data.zeros += 1;
+            data.files.push((path.display().to_string(), before..data.rows.len()));
             continue;
         }
         let mut reader = csv::ReaderBuilder::new()
@@ -170,7 +178,6 @@ pub fn sweeps(scene: &Scene, files: &[impl AsRef<Path>], hold_out: usize, partia
             _ => return Err(wrong("has neither a column `gap_m` nor `contraction_m`".into())),
         };
         let sigma = column("sigma_m");
-        let before = data.rows.len();
         let zero = (quantity == Quantity::Gap).then_some(data.zeros);
         for record in reader.records() {
             let line = record.as_ref().ok().and_then(|r| r.position()).map_or(0, |p| p.line());
@@ -190,7 +197,7 @@ pub fn sweeps(scene: &Scene, files: &[impl AsRef<Path>], hold_out: usize, partia
                 }
                 let load_n = number(load)?;
                 if load_n < tsa_model::mechanism::MINIMUM_LOAD_N {
-                    return Err(format!("load_n {load_n}: a slack string has no law"));
+                    return Err(format!("load_n {load_n}: a slack string has no law (the column is in newtons)"));
                 }
                 let twist = number(turn)?;
                 let twist_rad = if turns { twist_from_turns(twist) } else { twist };
@@ -219,6 +226,7 @@ pub fn sweeps(scene: &Scene, files: &[impl AsRef<Path>], hold_out: usize, partia
             )));
         }
         data.zeros += usize::from(zero.is_some());
+        data.files.push((path.display().to_string(), before..data.rows.len()));
     }
     Ok(data)
 }

@@ -2,10 +2,12 @@
 //!
 //! - [`constants`]: what can be fitted, and how the fit sees it.
 //! - [`data`]: recorded sweeps and the paper's numbers.
+//! - [`plausible`]: numbers that no rig gives, and wrong units.
 //! - here: the least squares, what the data can tell, and the errors.
 
 pub mod constants;
 pub mod data;
+pub mod plausible;
 
 use constants::{MOST, Number, Unknowns};
 use data::{Data, Quantity, Row};

@@ -1,13 +1,14 @@
 //! Requests with replies, events and telemetry over a [`Port`].
 
 use super::interrupt;
+use super::order::Order;
 use super::port::{Emulated, Port, Truth};
 use super::row::Row;
 use crate::failure::Failure;
 use crate::log::Entry;
 use rig_link::{
-    Accepted, Decoder, EventKind, HEARTBEAT_PERIOD_MS, Identity, Kept, MAX_FRAME, Message, PROTOCOL_HASH, Refusal,
-    Request, Sensors, Setting, SettingsReport, State, Telemetry, encode,
+    Accepted, Decoder, EventKind, HEARTBEAT_PERIOD_MS, HomingFailure, Identity, Kept, MAX_FRAME, Message,
+    PROTOCOL_HASH, Refusal, Request, Sensors, Setting, SettingsReport, State, Telemetry, encode,
 };
 use std::collections::VecDeque;
 
@@ -45,14 +46,16 @@ pub struct Session {
     truth: VecDeque<Truth>,
     /// Emulated time of the board's last start (s).
     boot_s: f64,
+    /// The board has lost its power, and has not been heard since.
+    lost_power: bool,
     last: Option<Telemetry>,
-    /// Number of the board's newest frame, and how many between were never seen.
-    heard: Option<u16>,
-    lost_frames: u32,
+    order: Order,
     identity: Option<Identity>,
     settings: Option<SettingsReport>,
     sensors: Option<Sensors>,
     home_gap_m: Option<f64>,
+    /// Why the last homing failed, until the next one begins.
+    homing_failure: Option<HomingFailure>,
     /// Everything that passes, in order, for who records it.
     journal: Option<Vec<Entry>>,
 }
@@ -75,13 +78,14 @@ impl Session {
             log: Vec::new(),
             truth: VecDeque::new(),
             boot_s: 0.0,
+            lost_power: false,
             last: None,
-            heard: None,
-            lost_frames: 0,
+            order: Order::default(),
             identity: None,
             settings: None,
             sensors: None,
             home_gap_m: None,
+            homing_failure: None,
             journal: None,
         }
     }
@@ -118,7 +122,7 @@ impl Session {
 
     /// Frames of the board that never came, by the gaps in their numbers.
     pub fn lost_frames(&self) -> u32 {
-        self.lost_frames
+        self.order.lost()
     }
 
     /// The emulated rig behind it, if it is one.
@@ -234,23 +238,10 @@ impl Session {
         self.log.extend(received.log);
         for byte in received.bytes {
             if let Some(Ok(frame)) = self.decoder.push(byte) {
-                self.count(frame.sequence, &frame.body);
-                self.take(frame.body);
+                self.order.take(frame).into_iter().for_each(|message| self.take(message));
             }
         }
         Ok(())
-    }
-
-    /// Counts what is missing between two frames. A board that has just started numbers them anew.
-    fn count(&mut self, sequence: u16, body: &Message) {
-        let restarted = matches!((body, self.last), (Message::Telemetry(t), Some(last)) if t.t_us < last.t_us);
-        if let Some(heard) = self.heard.replace(sequence)
-            && !restarted
-        {
-            // A gap of half the numbers is a frame that came before: none does, so it is another start.
-            let missing = sequence.wrapping_sub(heard).wrapping_sub(1);
-            self.lost_frames += if missing < u16::MAX / 2 { u32::from(missing) } else { 0 };
-        }
     }
 
     fn take(&mut self, message: Message) {
@@ -264,6 +255,9 @@ impl Session {
                 if matches!(kind, EventKind::Homed { .. }) {
                     self.home_gap_m = self.truth_at(t_s).map(|t| t.gap_m);
                 }
+                if let EventKind::HomingRefused(failure) = kind {
+                    self.homing_failure = Some(failure);
+                }
                 self.note(|_| Entry::Event(t_s, kind));
                 self.events.push_back((t_s, kind));
             }
@@ -273,6 +267,11 @@ impl Session {
                     self.boot_s = (self.now_s() - telemetry.t_us as f64 * 1e-6).max(0.0);
                     self.home_gap_m = None;
                     self.settings = None;
+                    self.homing_failure = None;
+                    self.lost_power = false;
+                }
+                if telemetry.state == State::Homing {
+                    self.homing_failure = None;
                 }
                 let started = self.last.is_none_or(|last| telemetry.t_us < last.t_us);
                 if started && self.greets {
@@ -284,7 +283,8 @@ impl Session {
                 let truth = self.truth_at(t_s);
                 let zero_m = self.settings.map_or(0.0, |s| f64::from(s.values.get(Setting::PositionZero)));
                 let zero_gap_m = self.home_gap_m.map(|gap_m| gap_m - zero_m);
-                let row = Row::new(t_s, &telemetry, truth.as_ref(), zero_gap_m);
+                let mut row = Row::new(t_s, &telemetry, truth.as_ref(), zero_gap_m);
+                row.homing_failure = self.homing_failure.map(|failure| failure.name());
                 self.note(|_| Entry::Row(row.clone()));
                 self.rows.push_back(row);
                 self.last = Some(telemetry);
@@ -411,6 +411,22 @@ impl Session {
         self.last.map_or(State::Boot, |t| t.state)
     }
 
+    /// Whether the board starts, so that it refuses what it will take in a moment.
+    pub fn starts(&self) -> bool {
+        self.lost_power || self.state() == State::Boot
+    }
+
+    /// Takes the emulated board's power away for a moment; whether there is one.
+    ///
+    /// # Errors
+    /// If the emulator is gone.
+    pub fn power_cycle(&mut self) -> Result<bool, Failure> {
+        let Some(emulated) = self.port.emulated() else { return Ok(false) };
+        emulated.power_cycle()?;
+        self.lost_power = true;
+        Ok(true)
+    }
+
     /// Waits until the board has left its start, be it into a fault: settings may be what is wrong.
     ///
     /// # Errors
@@ -447,46 +463,4 @@ fn noise_bytes(state: &mut u64) -> Vec<u8> {
     };
     let count = next() % 41;
     (0..count).map(|_| next() as u8).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::session::port::Received;
-
-    /// A board that says one thing in each step, some of it lost on the way.
-    struct Lossy {
-        sequence: u16,
-        lost: &'static [u16],
-    }
-
-    impl Port for Lossy {
-        fn pass(&mut self, _bytes: &[u8], _seconds: f64) -> Result<Received, Failure> {
-            self.sequence = self.sequence.wrapping_add(1);
-            let mut buffer = [0; MAX_FRAME];
-            let event = Message::Event { t_us: 0, kind: EventKind::Stopped };
-            let frame = encode(self.sequence, &event, &mut buffer).map_err(|e| Failure::failed(e.to_string()))?;
-            let bytes = if self.lost.contains(&self.sequence) { Vec::new() } else { frame.to_vec() };
-            Ok(Received { bytes, ..Received::default() })
-        }
-
-        fn now_s(&self) -> f64 {
-            f64::from(self.sequence) * STEP_S
-        }
-    }
-
-    #[test]
-    fn lost_frames_are_counted_by_their_numbers() {
-        let lost_of = |first: u16, lost: &'static [u16]| {
-            let mut session = Session::new(Box::new(Lossy { sequence: first, lost }));
-            for _ in 0..50 {
-                session.step().unwrap_or_else(|_| panic!("the port does not fail"));
-            }
-            session.lost_frames()
-        };
-        assert_eq!(lost_of(0, &[]), 0);
-        assert_eq!(lost_of(0, &[7, 20, 21, 22]), 4);
-        // The numbers come round; the first frame ever heard has nothing before it.
-        assert_eq!(lost_of(65_520, &[65_521, 65_535, 0, 3]), 3);
-    }
 }

@@ -72,6 +72,12 @@ pub trait Emulated {
     /// If the key cannot change while the rig runs.
     fn plant(&mut self, setting: &Setting) -> Result<(), Failure>;
 
+    /// Whether the plant could be changed so while the rig runs. Changes nothing.
+    ///
+    /// # Errors
+    /// If the key cannot change while the rig runs, or not to this value.
+    fn check_plant(&mut self, setting: &Setting) -> Result<(), Failure>;
+
     /// Begins or ends a fault.
     ///
     /// # Errors

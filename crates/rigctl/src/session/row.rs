@@ -37,6 +37,8 @@ pub struct Row {
     pub time_left_s: Option<f32>,
     /// Learned scale of the twist.
     pub twist_scale: Option<f32>,
+    /// Why the last homing failed, until the next one begins or the board restarts.
+    pub homing_failure: Option<&'static str>,
     /// The same position, of the plant's true gap.
     pub true_position_m: Option<f64>,
     /// True twist.
@@ -66,6 +68,7 @@ impl Row {
             drive_speed_rad_per_s: telemetry.drive_speed_rad_per_s,
             time_left_s: telemetry.time_left_s,
             twist_scale: telemetry.twist_scale,
+            homing_failure: None,
             true_position_m: home_gap_m.zip(truth).map(|(home, t)| home - t.gap_m),
             true_twist_rad: truth.map(|t| t.twist_rad),
             true_load_n: truth.map(|t| t.load_n),

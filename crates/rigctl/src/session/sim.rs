@@ -1,6 +1,7 @@
 //! The emulated board: `rig-emulator` as a child process, stepped in emulated time. Nothing runs between two steps, so
 //! the same seed and the same requests give the same bytes.
 
+use super::interrupt;
 use super::port::{Emulated, Port, Received, Stats, Truth};
 use crate::failure::Failure;
 use crate::plant::Setting;
@@ -10,6 +11,7 @@ use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Write};
 use std::path::PathBuf;
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::sync::{Arc, Mutex};
 
 /// How to start an emulated board.
 #[derive(Clone, Debug)]
@@ -28,7 +30,7 @@ pub struct SimOptions {
 
 /// A running emulated board.
 pub struct Sim {
-    child: Child,
+    child: Arc<Mutex<Child>>,
     input: ChildStdin,
     output: BufReader<ChildStdout>,
     now_s: f64,
@@ -86,6 +88,8 @@ impl Sim {
         let (Some(input), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
             return Err(Failure::failed("the emulator has no standard input and output"));
         };
+        let child = Arc::new(Mutex::new(child));
+        interrupt::takes_along(&child);
         let mut sim = Self { child, input, output: BufReader::new(output), now_s: 0.0 };
         // Says at once whether scene, plant and ELF were taken.
         sim.stats()?;
@@ -132,6 +136,11 @@ impl Port for Sim {
 }
 
 impl Emulated for Sim {
+    fn check_plant(&mut self, setting: &Setting) -> Result<(), Failure> {
+        let request = json!({"op": "plant", "key": setting.key, "value": setting.value.to_string(), "check": true});
+        self.ask(&request).map(drop)
+    }
+
     fn plant(&mut self, setting: &Setting) -> Result<(), Failure> {
         self.ask(&json!({"op": "plant", "key": setting.key, "value": setting.value.to_string()})).map(drop)
     }
@@ -153,7 +162,6 @@ impl Emulated for Sim {
 impl Drop for Sim {
     fn drop(&mut self) {
         // Closing its input would end it as well; this does not wait for a run to finish.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
+        interrupt::kill(&self.child);
     }
 }

@@ -1,0 +1,146 @@
+//! What is wrong with a recorded sweep, for who has to find it: numbers that no rig can give, and units that fit better.
+
+use super::data::{Data, Quantity, Row};
+use std::f64::consts::TAU;
+use std::ops::Range;
+use tsa_model::{Mechanism, PRETWIST_RAD, Scene};
+
+/// Standard gravity (m/s²): the weight of a mass that was taken for newtons.
+const GRAVITY: f64 = 9.806_65;
+/// A length must change by this many standard deviations over a sweep before its direction is judged.
+const CLEAR: f64 = 20.0;
+/// Least twist (rad) over which a direction is judged.
+const LEAST_RAD: f64 = 0.5 * TAU;
+/// Another unit is told of if the scene's numbers come nearer by this factor with it: constants that are to be fitted
+/// are tens of per cent off, units by more.
+const NEARER: f64 = 3.0;
+
+/// Rows of a file that are looked at for its units: a long file tells no more than some of its rows.
+const LOOKED_AT: usize = 200;
+
+/// What the reader of a sweep may have taken wrongly: what to say of it, and the factors of loads and of lengths.
+const READINGS: [(&str, f64, f64); 7] = [
+    ("load_n taken as kg", GRAVITY, 1.0),
+    ("load_n taken as g", 1e-3 * GRAVITY, 1.0),
+    ("lengths taken as mm", 1.0, 1e-3),
+    ("the opposite sign of the lengths", 1.0, -1.0),
+    ("load_n taken as kg and lengths as mm", GRAVITY, 1e-3),
+    ("load_n taken as kg and the opposite sign of the lengths", GRAVITY, -1.0),
+    ("load_n taken as kg and lengths as mm of the opposite sign", GRAVITY, -1e-3),
+];
+
+/// The column that a row's length stands in.
+fn column(row: &Row) -> &'static str {
+    if row.quantity == Quantity::Gap { "gap_m" } else { "contraction_m" }
+}
+
+/// How far the strings have shortened, up to a constant for each sweep (m).
+fn rise(row: &Row) -> f64 {
+    if row.quantity == Quantity::Gap { -row.value } else { row.value }
+}
+
+/// Why no rig with strings of this length can have given these sweeps, whatever its constants; names the file.
+pub fn impossible(data: &Data, string_length_m: f64) -> Option<String> {
+    data.files.iter().find_map(|(name, rows)| {
+        let rows = data.rows.get(rows.clone())?;
+        let what = too_long(rows, string_length_m).or_else(|| wrong_way(rows))?;
+        Some(format!("sweep {name}: {what}"))
+    })
+}
+
+/// Strings cannot shorten by more than they are long. The middle half of the rows is judged: a wild row is no wrong unit.
+fn too_long(rows: &[Row], string_length_m: f64) -> Option<String> {
+    let mut rises: Vec<f64> = rows.iter().map(rise).collect();
+    rises.sort_by(f64::total_cmp);
+    let quarter = rises.len() / 4;
+    let apart = rises.get(rises.len().checked_sub(1 + quarter)?)? - rises.get(quarter)?;
+    (apart > string_length_m).then(|| {
+        let hint = if 1e-3 * apart <= string_length_m { ": is it in mm?" } else { "" };
+        format!(
+            "{} changes by {apart:.4} m in the middle half of the rows, and the strings are {string_length_m} m long{hint}",
+            column(&rows[0])
+        )
+    })
+}
+
+/// Twisting shortens the strings at every load. The loads are those that a person hung on the rail, so they are few; of more
+/// than that only the first are looked at.
+fn wrong_way(rows: &[Row]) -> Option<String> {
+    let mut by_load: Vec<Vec<&Row>> = Vec::new();
+    for row in rows {
+        match by_load.iter().position(|same| same[0].load_n == row.load_n) {
+            Some(k) => by_load[k].push(row),
+            None if by_load.len() < LOOKED_AT => by_load.push(vec![row]),
+            None => {}
+        }
+    }
+    by_load.iter().find_map(|same| {
+        let first = same.first()?;
+        let twist = |r: &Row| r.twist_rad.abs();
+        let by_twist = |a: &&&Row, b: &&&Row| twist(a).total_cmp(&twist(b));
+        let (low, high) = (same.iter().min_by(by_twist)?, same.iter().max_by(by_twist)?);
+        let mean = |f: &dyn Fn(&Row) -> f64| same.iter().map(|r| f(r)).sum::<f64>() / same.len() as f64;
+        let (mean_twist, mean_rise) = (mean(&twist), mean(&rise));
+        let together = mean(&|r| (twist(r) - mean_twist) * (rise(r) - mean_rise));
+        let span_rad = twist(high) - twist(low);
+        // Ends and slope have to agree: one wild row is no wrong sign.
+        let falls_m = rise(low) - rise(high);
+        if span_rad < LEAST_RAD || together >= 0.0 || falls_m < CLEAR * first.sigma {
+            return None;
+        }
+        let (name, does, other) = match first.quantity {
+            Quantity::Gap => ("gap_m", "grows", "a contraction (contraction_m)"),
+            _ => ("contraction_m", "falls", "a gap (gap_m)"),
+        };
+        Some(format!(
+            "{name} {does} by {:.3} mm while the strings are twisted by {:.1} turns under {} N, and twisting lifts the load: \
+             is its sign wrong, or is it {other}?",
+            falls_m * 1e3,
+            span_rad / TAU,
+            first.load_n
+        ))
+    })
+}
+
+/// Units or signs with which sweeps come much nearer to the scene than as they stand, a line for each file.
+pub fn likely(data: &Data, scene: &Scene) -> Vec<String> {
+    let Ok(mechanism) = scene.mechanism() else { return Vec::new() };
+    let far = |rows: &Range<usize>, load: f64, length: f64| {
+        misfit_m(&mechanism, data.rows.get(rows.clone()).unwrap_or_default(), load, length)
+    };
+    let hints = data.files.iter().filter_map(|(name, rows)| {
+        let as_is = far(rows, 1.0, 1.0);
+        let all = READINGS.iter().map(|(what, load, length)| (what, far(rows, *load, *length)));
+        let (what, other) = all.min_by(|a, b| a.1.total_cmp(&b.1))?;
+        (NEARER * other < as_is).then(|| {
+            format!(
+                "sweep {name}: with {what} it comes within {:.2} mm of the scene, as it stands within {:.2} mm",
+                other * 1e3,
+                as_is * 1e3
+            )
+        })
+    });
+    hints.collect()
+}
+
+/// Root mean square of what the scene misses (m), a gap's zero taken as it fits best. A state that has no equilibrium is
+/// missed by the strings' length.
+fn misfit_m(mechanism: &Mechanism, rows: &[Row], load_factor: f64, length_factor: f64) -> f64 {
+    let lost_m = mechanism.start_length_m();
+    let gap = |load_n: f64, twist: f64| mechanism.solve(load_n, twist).map(|e| e.gap_m);
+    let computed = |row: &Row| {
+        let load_n = load_factor * row.load_n;
+        let gap_m = gap(load_n, row.twist_rad).ok()?;
+        let rise_m = match row.quantity {
+            Quantity::Gap => -gap_m,
+            _ => gap(load_n, PRETWIST_RAD).ok()? - gap_m,
+        };
+        Some(rise_m - length_factor * rise(row))
+    };
+    let missed: Vec<Option<f64>> = rows.iter().step_by(rows.len() / LOOKED_AT + 1).map(computed).collect();
+    let known: Vec<f64> = missed.iter().copied().flatten().collect();
+    let free = rows.first().is_some_and(|r| r.quantity == Quantity::Gap);
+    let zero_m = if free { known.iter().sum::<f64>() / known.len().max(1) as f64 } else { 0.0 };
+    let squares: f64 = missed.iter().map(|m| m.map_or(lost_m, |m| m - zero_m).powi(2)).sum();
+    (squares / missed.len().max(1) as f64).sqrt()
+}

@@ -1,0 +1,289 @@
+//! What a careless or hostile surrounding does to files and processes: FIFOs, links, full disks, interrupts, stuck children.
+#![cfg(unix)]
+
+mod common;
+
+use common::{error_of, lines, rigctl, root};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+/// Longest wait for what takes a second or so on an idle machine.
+const PATIENCE: Duration = Duration::from_secs(30);
+
+/// An empty folder of its own for each test.
+fn folder(name: &str) -> PathBuf {
+    let folder = std::env::temp_dir().join(format!("rigctl-hostile-{name}-{}", std::process::id()));
+    let _ = std::fs::remove_dir_all(&folder);
+    std::fs::create_dir_all(&folder).expect("made");
+    folder
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().expect("a name in Unicode")
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).expect("a folder").flatten();
+    let mut names: Vec<String> = entries.map(|e| e.file_name().to_string_lossy().into_owned()).collect();
+    names.sort();
+    names
+}
+
+fn held(file: &Path) -> String {
+    String::from_utf8_lossy(&std::fs::read(file).expect("there")).into_owned()
+}
+
+/// Waits for the end of a process; one that goes on is killed, and the test fails.
+fn ended(mut child: Child, what: &str) -> Output {
+    let end = Instant::now() + PATIENCE;
+    while child.try_wait().expect("a child").is_none() {
+        if Instant::now() > end {
+            child.kill().expect("killed");
+            panic!("{what} goes on");
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    child.wait_with_output().expect("its output")
+}
+
+fn tool(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_rigctl"));
+    command.args(arguments).current_dir(root()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    command
+}
+
+fn signal(name: &str, process: u32) {
+    assert!(Command::new("kill").args([name, &process.to_string()]).status().is_ok_and(|s| s.success()), "kill {name}");
+}
+
+/// Whether a process is there and has not ended.
+fn runs(process: u32) -> bool {
+    let said = Command::new("ps").args(["-o", "stat=", "-p", &process.to_string()]).output().expect("ps");
+    let state = String::from_utf8_lossy(&said.stdout).trim().to_owned();
+    !state.is_empty() && !state.starts_with('Z')
+}
+
+fn wait_until(what: &str, mut reached: impl FnMut() -> bool) {
+    let end = Instant::now() + PATIENCE;
+    while !reached() {
+        assert!(Instant::now() < end, "{what} not within {PATIENCE:?}");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+/// The emulator that a tool has started.
+fn emulator_of(process: u32) -> u32 {
+    let mut found = None;
+    wait_until("the emulator's start", || {
+        let said = Command::new("ps").args(["-o", "pid=,comm=", "--ppid", &process.to_string()]).output().expect("ps");
+        let children = String::from_utf8_lossy(&said.stdout).into_owned();
+        let emulator = children.lines().find(|line| line.contains("rig-emulator"));
+        found = emulator.and_then(|line| line.split_whitespace().next()?.parse().ok());
+        found.is_some()
+    });
+    found.expect("waited for")
+}
+
+#[test]
+fn what_is_no_regular_file_is_refused_by_name_at_once() {
+    let folder = folder("fifo");
+    let fifo = folder.join("pipe");
+    assert!(Command::new("mkfifo").arg(&fifo).status().is_ok_and(|s| s.success()));
+    let fifo = text(&fifo);
+    for arguments in [
+        &["status", "--flash", fifo][..],
+        &["status", "--scene", fifo],
+        &["status", "--plant-scene", fifo],
+        &["status", "--firmware", fifo],
+        &["solve", "--load", "1N", "--turns", "1", "--scene", fifo],
+        &["sim", "--script", fifo],
+        &["play", fifo],
+        &["record", "--script", fifo],
+        &["record", "--seconds", "0.1", "--out", fifo],
+        &["replay", fifo],
+        &["identify", fifo],
+        &["solve", "--batch", fifo],
+        &["lookup", "--batch", fifo],
+        &["config", "restore", fifo],
+        &["move", "--to", "1mm", "--load", "1N", "--dry-run", "--settings", fifo],
+    ] {
+        let output = ended(tool(arguments).spawn().expect("rigctl runs"), &format!("{arguments:?}"));
+        let said = error_of(&output);
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}: {said}");
+        assert!(said.contains("is a FIFO, not a regular file") && said.contains(fifo), "{arguments:?}: {said}");
+    }
+    let output = rigctl(&["replay", text(&folder)]);
+    assert!(error_of(&output).contains("is a directory, not a regular file"), "{}", error_of(&output));
+    assert_eq!(names(&folder), ["pipe"]);
+    std::fs::remove_dir_all(folder).expect("was there");
+}
+
+#[test]
+fn flash_files_neither_delete_nor_share_nor_unlink_anything() {
+    let folder = folder("flash");
+    let beside = folder.join("board.new");
+    std::fs::write(&beside, "of somebody else").expect("written");
+    let (one, two, link) = (folder.join("board.any"), folder.join("board.bin"), folder.join("link"));
+    std::os::unix::fs::symlink(&two, &link).expect("linked");
+    let set = |flash: &Path, value: &str| {
+        let set = rigctl(&["config", "set", "speed-max", value, "--flash", text(flash)]);
+        assert!(set.status.success(), "{}", error_of(&set));
+    };
+    set(&one, "3mm/s");
+    set(&two, "4mm/s");
+    set(&link, "2mm/s");
+    assert_eq!(held(&beside), "of somebody else");
+    assert!(std::fs::symlink_metadata(&link).expect("there").is_symlink(), "the link was replaced");
+    for (flash, value) in [(&one, 3e-3), (&two, 2e-3), (&folder.join("board.bin~"), 4e-3)] {
+        let got = rigctl(&["config", "get", "speed-max", "--json", "--flash", text(flash)]);
+        assert_eq!(lines(&got)[0]["value"], value, "{}", flash.display());
+    }
+    assert_eq!(names(&folder), ["board.any", "board.bin", "board.bin~", "board.new", "link"]);
+    std::fs::remove_dir_all(folder).expect("was there");
+}
+
+/// Runs the tool in a process that can write no more than so many blocks of 512 bytes into a file.
+fn on_a_full_disk(blocks: u32, arguments: &[&str]) -> Output {
+    let script = format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$@\"");
+    let mut command = Command::new("sh");
+    command.args(["-c", &script, "sh", env!("CARGO_BIN_EXE_rigctl")]).args(arguments);
+    command.current_dir(root()).output().expect("sh runs")
+}
+
+#[test]
+fn a_full_disk_loses_nothing_and_leaves_nothing() {
+    let folder = folder("full");
+    let (old, new, chart, flash) =
+        (folder.join("old"), folder.join("new"), folder.join("chart"), folder.join("board.bin"));
+    let fit: &[&str] = &["identify", "--published", "--out"];
+    let record: &[&str] = &["record", "--seconds", "0.1", "--out"];
+    for command in [fit, record, &["config", "backup"]] {
+        for file in [&old, &new] {
+            std::fs::write(&old, "precious").expect("written");
+            let full = on_a_full_disk(0, &[command, &[text(file)]].concat());
+            let said = error_of(&full);
+            assert_eq!(full.status.code(), Some(1), "{command:?}: {said}");
+            assert!(said.contains(&format!("cannot write {}", file.display())), "{command:?}: {said}");
+            assert_eq!(names(&folder), ["old"], "{command:?} {}", file.display());
+            assert_eq!(held(&old), "precious", "{command:?}");
+        }
+    }
+    let full = on_a_full_disk(0, &["study", "--vary", "D0=0.015..0.02:2", "--turns", "0..1", "--out", text(&chart)]);
+    assert_eq!(full.status.code(), Some(1), "{}", error_of(&full));
+    assert!(names(&chart).is_empty(), "{:?}", names(&chart));
+    // A board's flash, new and changed.
+    let set = |blocks: Option<u32>, value: &str| {
+        let arguments = ["config", "set", "speed-max", value, "--flash", text(&flash)];
+        blocks.map_or_else(|| rigctl(&arguments), |blocks| on_a_full_disk(blocks, &arguments))
+    };
+    assert_eq!(set(Some(1), "3mm/s").status.code(), Some(1));
+    assert_eq!(names(&folder), ["chart", "old"]);
+    assert!(set(None, "3mm/s").status.success());
+    let before = std::fs::read(&flash).expect("there");
+    let full = set(Some(1), "4mm/s");
+    assert!(full.status.code() == Some(1) && error_of(&full).contains("board.bin"), "{}", error_of(&full));
+    assert!(std::fs::read(&flash).expect("there") == before, "the old flash is lost");
+    assert_eq!(names(&folder), ["board.bin", "chart", "old"]);
+    std::fs::remove_dir_all(folder).expect("was there");
+}
+
+#[test]
+fn what_a_link_points_to_is_replaced_and_kept() {
+    let folder = folder("links");
+    std::fs::create_dir(folder.join("data")).expect("made");
+    let (target, link) = (folder.join("data/target"), folder.join("link"));
+    let kept = folder.join("data/target~");
+    std::os::unix::fs::symlink("data/target", &link).expect("linked");
+    for command in
+        [&["identify", "--published", "--out"][..], &["record", "--seconds", "0.1", "--out"], &["config", "backup"]]
+    {
+        std::fs::write(&target, "precious").expect("written");
+        let written = rigctl(&[command, &[text(&link)]].concat());
+        assert!(written.status.success(), "{command:?}: {}", error_of(&written));
+        assert!(std::fs::symlink_metadata(&link).expect("there").is_symlink(), "{command:?}");
+        assert_eq!(held(&kept), "precious", "{command:?}");
+        assert!(held(&target).starts_with('#'), "{command:?}: {}", held(&target));
+        std::fs::remove_file(&kept).expect("was there");
+    }
+    let other = folder.join("study.csv");
+    std::os::unix::fs::symlink("data/target", &other).expect("linked");
+    std::fs::write(&target, "precious").expect("written");
+    let study = rigctl(&["study", "--vary", "D0=0.015..0.02:2", "--turns", "0..1", "--out", text(&folder)]);
+    assert!(study.status.success(), "{}", error_of(&study));
+    assert!(held(&kept) == "precious" && held(&other) != "precious");
+    std::fs::remove_dir_all(folder).expect("was there");
+}
+
+#[test]
+fn an_interrupt_ends_the_tool_and_its_emulated_board_whatever_they_do() {
+    let folder = folder("interrupt");
+    let script = folder.join("long.script");
+    std::fs::write(&script, "100000 end\n").expect("written");
+    let sim = ["sim", "--json", "--script", text(&script)];
+    // Strings that the board makes a table for in seconds.
+    let scene = folder.join("other.toml");
+    let default = std::fs::read_to_string(root().join("scenes/default.toml")).expect("the default scene");
+    assert!(default.contains("\nk2 = 0.1914\n"));
+    std::fs::write(&scene, default.replace("\nk2 = 0.1914\n", "\nk2 = 0.2\n")).expect("written");
+    let table = ["table", "--board", "--scene", text(&scene), "--plant-scene", "scenes/default.toml"];
+    for (arguments, name, stuck) in
+        [(&sim[..], "-INT", false), (&sim, "-TERM", true), (&table, "-INT", false), (&table, "-TERM", true)]
+    {
+        let what = format!("{arguments:?} after {name}, stuck: {stuck}");
+        // What it prints is read by nobody.
+        let child = tool(arguments).stdout(Stdio::null()).spawn().expect("rigctl runs");
+        let emulator = emulator_of(child.id());
+        if stuck {
+            signal("-STOP", emulator);
+        }
+        // Before the tool watches for them an interrupt ends it at once, which is as good.
+        signal(name, child.id());
+        let told = Instant::now();
+        let output = ended(child, &what);
+        let said = error_of(&output);
+        println!("{what}: {:?}, {:?} {said}", told.elapsed(), output.status);
+        // Killed by the signal itself, or ended for its sake; the stuck board's end may be told first.
+        let for_its_sake = said.contains("interrupted") || stuck && said.contains("emulator has stopped");
+        assert!(!output.status.success() && (output.status.code().is_none() || for_its_sake), "{what}: {said}");
+        wait_until(&format!("{what}: the emulator's end"), || !runs(emulator));
+    }
+    std::fs::remove_dir_all(folder).expect("was there");
+}
+
+#[test]
+fn an_emulated_board_ends_with_who_started_it_in_the_middle_of_a_run() {
+    use std::io::Write;
+    let built = Path::new(env!("CARGO_BIN_EXE_rigctl")).parent().expect("a folder");
+    let elf = built.join("../firmware/tsa-firmware.elf");
+    // Its parent is a shell, which can be killed while the run goes on.
+    let mut shell = Command::new("sh");
+    shell.args(["-c", "exec 3<&0; \"$@\" <&3 & exec 3<&-; echo $!; wait", "sh"]);
+    shell.arg(built.join("rig-emulator")).args(["--elf", text(&elf), "--scene", "scenes/default.toml"]);
+    let mut shell = shell.current_dir(root()).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().expect("sh runs");
+    let mut said = std::io::BufReader::new(shell.stdout.take().expect("piped"));
+    let mut line = String::new();
+    std::io::BufRead::read_line(&mut said, &mut line).expect("its number");
+    let emulator: u32 = line.trim().parse().expect("a number");
+    let mut input = shell.stdin.take().expect("piped");
+    // Its answer says that it has started.
+    writeln!(input, "{{\"op\":\"stats\"}}").expect("it reads");
+    std::io::BufRead::read_line(&mut said, &mut line).expect("its answer");
+    writeln!(input, "{{\"op\":\"run\",\"until_s\":3000}}").expect("it reads");
+    shell.kill().expect("killed");
+    shell.wait().expect("ended");
+    drop(input);
+    wait_until("the emulator's end", || !runs(emulator));
+}
+
+#[test]
+fn a_scene_that_is_not_there_is_told_with_what_to_do() {
+    let folder = folder("elsewhere");
+    for arguments in [&["solve", "--load", "1N", "--turns", "1"][..], &["status"], &["sim"]] {
+        let output = tool(arguments).current_dir(&folder).output().expect("rigctl runs");
+        let said = error_of(&output);
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}: {said}");
+        assert!(said.contains("scenes/default.toml") && said.contains("--scene FILE"), "{arguments:?}: {said}");
+    }
+    std::fs::remove_dir_all(folder).expect("was there");
+}
