@@ -22,6 +22,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let scene = Scene::load(&scene_path)?;
     let (tier, accuracy) = study()?.unwrap_or((Tier::Full, scene.accuracy));
     let fit = tsa_table::fit::fit_tier(&Scene { accuracy, ..scene.clone() }, tier)?;
+    for unusual in scene.check_rig().map_err(|error| error.in_file(&scene_path))? {
+        println!("cargo:warning=scene file {scene_path}: {unusual}");
+    }
     let mut source = tsa_table::emit::rust_source(&fit);
     source.push_str(&constants(&scene.rig));
     source.push_str(&demand(&scene, &fit)?);

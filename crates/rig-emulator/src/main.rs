@@ -48,6 +48,7 @@ fn main() -> ExitCode {
 
 fn run(arguments: &Arguments) -> Result<()> {
     let scene = Scene::load(&arguments.scene)?;
+    scene.check_rig().map_err(|error| error.in_file(&arguments.scene))?;
     let elf = std::fs::read(&arguments.elf).with_context(|| format!("firmware {}", arguments.elf.display()))?;
     let mut settings = PlantSettings::default();
     for pair in &arguments.plant {

@@ -123,3 +123,17 @@ fn rig_options(global: &Global, command: &Command) -> Result<(), Failure> {
 pub(crate) fn scene(global: &Global) -> Result<Scene, Failure> {
     Ok(Scene::load(&global.scene)?)
 }
+
+/// The same where a rig is meant: it is one that can work. What is unusual about it is said.
+pub(crate) fn rig_scene(global: &Global) -> Result<Scene, Failure> {
+    let scene = scene(global)?;
+    check_rig(global, &scene)?;
+    Ok(scene)
+}
+
+fn check_rig(global: &Global, scene: &Scene) -> Result<(), Failure> {
+    for unusual in scene.check_rig().map_err(|error| error.in_file(&global.scene))? {
+        eprintln!("warning: scene file {}: {unusual}", global.scene.display());
+    }
+    Ok(())
+}

@@ -35,8 +35,10 @@ pub fn sim_options(global: &Global) -> SimOptions {
 /// Opens the port and greets the board.
 ///
 /// # Errors
-/// If it cannot be opened, nobody answers, or the board's scene is not the host's.
+/// If the scene is of a rig that cannot work, the port cannot be opened, nobody answers, or the board's scene is not the
+/// host's.
 pub fn connect(global: &Global) -> Result<Session, Failure> {
+    super::rig_scene(global)?;
     let session = meet(global)?;
     same_scene(global, &session)?;
     Ok(session)
