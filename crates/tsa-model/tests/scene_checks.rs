@@ -140,8 +140,19 @@ const CASES: &[Case] = &[
     },
     Case {
         impossible: &[("motor_speed_max_rad_per_s", "0.001")],
-        named: &["rig.motor_speed_max_rad_per_s", "rig.gear_ratio", "2.5 rad/s"],
-        possible: &[("motor_speed_max_rad_per_s", "175.0")],
+        named: &["rig.motor_speed_max_rad_per_s", "rig.gear_ratio", "homing from 7.5 turns", "42 s"],
+        possible: &[("motor_speed_max_rad_per_s", "280.0")],
+    },
+    // On the emulated board homing from 7.5 turns ends in 40.1 s at 280 rad/s, and not in its 42 s at 260 rad/s.
+    Case {
+        impossible: &[("motor_speed_max_rad_per_s", "260.0")],
+        named: &["rig.motor_speed_max_rad_per_s", "2483 rpm", "42 s"],
+        possible: &[("motor_speed_max_rad_per_s", "300.0")],
+    },
+    Case {
+        impossible: &[("turns", "[0.0, 8.0]"), ("load_n", "[10.0, 11.0]"), ("gear_ratio", "[230, 1]")],
+        named: &["envelope.turns", "homing from 8 turns", "42 s"],
+        possible: &[("turns", "[0.0, 7.0]"), ("load_n", "[10.0, 11.0]"), ("gear_ratio", "[230, 1]")],
     },
     Case {
         impossible: &[("encoder_lines", "1")],
@@ -161,12 +172,12 @@ const CASES: &[Case] = &[
     Case {
         impossible: &[("gear_ratio", "[1, 62]")],
         named: &["rig.gear_ratio", "1:62"],
-        possible: &[("gear_ratio", "[370, 1]")],
+        possible: &[("gear_ratio", "[103, 1]")],
     },
     Case {
         impossible: &[("gear_ratio", "[690, 1]")],
-        named: &["rig.gear_ratio", "690:1", "2.5 rad/s"],
-        possible: &[("gear_ratio", "[231, 1]")],
+        named: &["rig.gear_ratio", "690:1", "42 s"],
+        possible: &[("gear_ratio", "[200, 1]")],
     },
 ];
 

@@ -102,7 +102,6 @@ const CHECKS: &[Check] = &[
     ),
     check(&["rig.encoder_lines", "rig.motor_speed_max_rad_per_s"], Look::Rig(motor::drive_measures_speed)),
     check(&["rig.encoder_lines", "rig.motor_speed_max_rad_per_s"], Look::Rig(motor::board_follows_the_count)),
-    check(&["rig.motor_speed_max_rad_per_s", "rig.gear_ratio"], Look::Rig(motor::speed_is_enough_to_home)),
     check(&["string.stiffness_n_per_m", "envelope.load_n"], Look::Envelope(mechanism::string_bears_the_load)),
     check(LVDT, Look::Envelope(lvdt::sees_the_gaps)),
     check(TORQUE, Look::Envelope(motor::motor_lifts_the_load)),
@@ -180,8 +179,8 @@ struct States {
     torque_nm: At,
     /// Greatest change of the gap with twist (m/rad).
     slope_m_per_rad: At,
-    /// Turns between the ends of the envelope.
-    turns: f64,
+    /// First and last turn of the envelope.
+    turns: [f64; 2],
     /// Greatest load (N).
     load_n: f64,
 }
@@ -212,7 +211,7 @@ impl States {
             gap_m: [At { value: f64::INFINITY, ..start }, start],
             torque_nm: start,
             slope_m_per_rad: start,
-            turns: envelope.turns[1] - envelope.turns[0],
+            turns: envelope.turns,
             load_n: most_n,
         };
         for (load_n, turns) in edges {

@@ -3,15 +3,17 @@
 use super::Verdict::{self, Fits, Impossible, Unusual};
 use super::{States, short};
 use crate::Scene;
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 /// Share of the motor's speed that is planned with (rig-control, `limits`).
 const PLANNED_SHARE: f64 = 0.9;
 /// Share of the current above which hardly any is left for friction and acceleration (rig-control, `limits`).
 const HOLDING_SHARE: f64 = 0.9;
-/// Twist speed (rad/s) of homing's sweeps, which is never less (rig-control, `homing`); at this its turns also end within
-/// its 42 s.
-const SWEEP_RAD_PER_S: f64 = 2.5;
+/// Time (s) that homing is given, turns from which it is tried at most, and turns over which it weighs (rig-control,
+/// `homing`).
+const HOMING_S: f64 = 42.0;
+const HOMED_TURNS: f64 = 12.0;
+const WEIGHED_TURNS: f64 = 6.0;
 /// Longest time (s) for the way between the ends of the envelope.
 const WAY_S: f64 = 180.0;
 
@@ -99,32 +101,48 @@ fn planned_rad_per_s(s: &Scene) -> f64 {
     PLANNED_SHARE * s.rig.motor_speed_max_rad_per_s / s.rig.gear()
 }
 
-pub(super) fn speed_is_enough_to_home(s: &Scene) -> Verdict {
-    let speed = planned_rad_per_s(s);
-    if speed >= SWEEP_RAD_PER_S {
-        return Fits;
-    }
-    Impossible(format!(
-        "{} of the motor through a gear of {}:{} turn the strings at {} rad/s with a tenth to spare, and homing needs \
-         {SWEEP_RAD_PER_S} rad/s",
-        rpm(s.rig.motor_speed_max_rad_per_s),
-        s.rig.gear_ratio[0],
-        s.rig.gear_ratio[1],
-        short(speed)
-    ))
+/// Time (s) that homing from the envelope's last turn takes, with 1 to 2 s more than the emulated rig took where the
+/// motor is slow. Its numbers are rig-control's, `homing`: two sweeps across zero twist, there and back the whole way, and
+/// the rests and the probe.
+fn homing_s(from_turns: f64, weighed_turns: f64, most_rad_per_s: f64) -> f64 {
+    const RESTS_S: f64 = 3.0;
+    const SWEEPS_S: f64 = 12.0 / 2.5;
+    const SEEK_RAD_PER_S: f64 = 8.0;
+    const LIFT_RAD_PER_S: f64 = 6.2;
+    // From 3.4 at the middle to 6.2 rad/s at the ends: this on average.
+    const WEIGH_RAD_PER_S: f64 = 4.66;
+    let seek = PI + TAU * from_turns + 6.0;
+    let there_and_back = 2.0 * TAU * weighed_turns;
+    RESTS_S
+        + SWEEPS_S
+        + seek / most_rad_per_s.min(SEEK_RAD_PER_S)
+        + (3.0 + PI) / most_rad_per_s.min(LIFT_RAD_PER_S)
+        + there_and_back / most_rad_per_s.min(WEIGH_RAD_PER_S)
 }
 
 pub(super) fn speed_covers_the_turns(s: &Scene, states: &States) -> Verdict {
-    let seconds = states.turns * TAU / planned_rad_per_s(s);
-    if seconds <= WAY_S {
-        return Fits;
+    let speed = planned_rad_per_s(s);
+    let turning = |what: String, seconds: f64, most: f64| {
+        Impossible(format!(
+            "{} of the motor through a gear of {}:{} turn the strings at {} rad/s with a tenth to spare: {what} would \
+             take {} s, and is given {most} s",
+            rpm(s.rig.motor_speed_max_rad_per_s),
+            s.rig.gear_ratio[0],
+            s.rig.gear_ratio[1],
+            short(speed),
+            short(seconds)
+        ))
+    };
+    let [first, last] = states.turns;
+    let home_s = homing_s(last.min(HOMED_TURNS), (last - first).min(WEIGHED_TURNS), speed);
+    let way_s = (last - first) * TAU / speed;
+    if home_s > HOMING_S {
+        turning(format!("homing from {} turns", short(last.min(HOMED_TURNS))), home_s, HOMING_S)
+    } else if way_s > WAY_S {
+        turning(format!("the way of {} turns", short(last - first)), way_s, WAY_S)
+    } else {
+        Fits
     }
-    Impossible(format!(
-        "{} turns at {} rad/s take {} s, and a move is given {WAY_S} s at most",
-        short(states.turns),
-        short(planned_rad_per_s(s)),
-        short(seconds)
-    ))
 }
 
 /// Current (A) that holds the heaviest state, without friction.
@@ -185,13 +203,14 @@ pub(super) fn count_is_fine_enough(s: &Scene, states: &States) -> Verdict {
 }
 
 pub(super) fn drive_counts_the_turns(s: &Scene, states: &States) -> Verdict {
-    let counts = s.rig.counts_per_rad() * TAU * states.turns;
+    let turns = states.turns[1] - states.turns[0];
+    let counts = s.rig.counts_per_rad() * TAU * turns;
     if counts < f64::from(i32::MAX) {
         return Fits;
     }
     Impossible(format!(
         "{} turns are {} counts of the encoder, and the drive counts to {}",
-        short(states.turns),
+        short(turns),
         short(counts),
         i32::MAX
     ))
