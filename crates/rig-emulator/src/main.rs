@@ -3,10 +3,12 @@
 use anyhow::{Context, Result, anyhow};
 use clap::Parser;
 use rig_emulator::flash_file::FlashFile;
+use rig_emulator::gdb::{self, Host};
 use rig_emulator::machine::{Config, Machine};
 use rig_emulator::rig::Rig;
 use rig_emulator::rig::settings::PlantSettings;
 use rig_emulator::serve::serve;
+use std::io::BufRead;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use tsa_model::Scene;
@@ -31,6 +33,12 @@ struct Arguments {
     /// File that keeps the board's flash from one run to the next; made if it is not there.
     #[arg(long, value_name = "FILE")]
     flash: Option<PathBuf>,
+    /// Address for a GDB to connect to, for example `127.0.0.1:1234`; port 0 is any that is free. Said on standard error.
+    #[arg(long, value_name = "ADDR:PORT")]
+    gdb: Option<String>,
+    /// Do not start before it has.
+    #[arg(long, requires = "gdb")]
+    gdb_wait: bool,
     /// Only count what the real chip would not do, instead of stopping there.
     #[arg(long)]
     lenient: bool,
@@ -59,5 +67,15 @@ fn run(arguments: &Arguments) -> Result<()> {
     let config = Config { strict: !arguments.lenient, ..Config::default() };
     let mut machine = Machine::new(&elf, rig, config)?;
     let flash = arguments.flash.as_ref().map(|path| FlashFile::open(path, &mut machine)).transpose()?;
-    serve(&mut machine, flash, std::io::stdin().lock(), std::io::stdout().lock())
+    let input: Box<dyn BufRead> = match &arguments.gdb {
+        None => Box::new(std::io::stdin().lock()),
+        Some(address) => {
+            let (host, gone) = Host::new(std::io::stdin());
+            let server = gdb::Server::bind(address, arguments.gdb_wait, gone)?;
+            eprintln!("gdb: listening at {}", server.address()?);
+            machine.attach(Box::new(server));
+            Box::new(std::io::BufReader::new(host))
+        }
+    };
+    serve(&mut machine, flash, input, std::io::stdout().lock())
 }

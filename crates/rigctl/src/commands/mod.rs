@@ -94,6 +94,7 @@ fn rig_options(global: &Global, command: &Command) -> Result<(), Failure> {
         (global.plant_scene.is_some(), "--plant-scene"),
         (global.flash.is_some(), "--flash"),
         (global.firmware.is_some(), "--firmware"),
+        (global.gdb.is_some(), "--gdb"),
     ];
     match command {
         Command::Sim { .. } | Command::Demo { .. } | Command::Report { .. } if port => Err(Failure::Usage(format!(

@@ -6,7 +6,7 @@ use crate::output::{Output, progress};
 use crate::session::port::Port;
 use crate::session::row::Row;
 use crate::session::serial::Serial;
-use crate::session::sim::{Sim, SimOptions};
+use crate::session::sim::{Gdb, Sim, SimOptions};
 use crate::session::{Session, client, interrupt};
 use rig_link::{EventKind, LoadChoice, Request, State};
 use serde::Serialize;
@@ -29,6 +29,7 @@ pub fn sim_options(global: &Global) -> SimOptions {
         plant: global.plant.clone(),
         seed: global.seed,
         flash: global.flash.clone(),
+        gdb: global.gdb.clone().map(|address| Gdb { address, wait: global.gdb_wait }),
     }
 }
 
@@ -75,6 +76,7 @@ pub fn meet(global: &Global) -> Result<Session, Failure> {
             (global.plant_scene.is_some(), "--plant-scene"),
             (global.flash.is_some(), "--flash"),
             (global.firmware.is_some(), "--firmware"),
+            (global.gdb.is_some(), "--gdb"),
         ] {
             if given {
                 return Err(Failure::Usage(format!(
