@@ -1,6 +1,6 @@
 //! A debugger's side of GDB's remote protocol.
 
-use std::io::{Read, Write};
+use std::io::{ErrorKind, Read, Write};
 use std::net::TcpStream;
 use std::time::Duration;
 
@@ -32,6 +32,15 @@ impl Gdb {
         let mut byte = [0];
         self.0.read_exact(&mut byte).expect("an answer");
         byte[0]
+    }
+
+    /// Waits for the other side to close the connection.
+    #[allow(dead_code, reason = "not every test waits for it")]
+    pub fn has_ended(&mut self) -> bool {
+        match self.0.read_to_end(&mut Vec::new()) {
+            Ok(_) => true,
+            Err(e) => e.kind() == ErrorKind::ConnectionReset,
+        }
     }
 
     /// The next packet, run-length encoding undone.
