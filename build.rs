@@ -2,7 +2,7 @@
 
 use std::error::Error;
 use std::path::PathBuf;
-use std::process::Command;
+use std::process::{Command, ExitCode};
 use std::{env, fs};
 use tsa_model::scene::{Accuracy, DriveTransport, Rig};
 use tsa_model::{Scene, Tier};
@@ -11,7 +11,17 @@ use tsa_model::{Scene, Tier};
 #[path = "build/peers.rs"]
 mod peers;
 
-fn main() -> Result<(), Box<dyn Error>> {
+fn main() -> ExitCode {
+    match run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run() -> Result<(), Box<dyn Error>> {
     let out = PathBuf::from(env::var_os("OUT_DIR").ok_or("OUT_DIR is not set")?);
     let scene_path = env::var("TSA_SCENE").unwrap_or_else(|_| "scenes/default.toml".into());
     println!("cargo:rerun-if-env-changed=TSA_SCENE");
@@ -22,6 +32,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let scene = Scene::load(&scene_path)?;
     let (tier, accuracy) = study()?.unwrap_or((Tier::Full, scene.accuracy));
     let fit = tsa_table::fit::fit_tier(&Scene { accuracy, ..scene.clone() }, tier)?;
+    for unusual in scene.check_rig().map_err(|error| error.in_file(&scene_path))? {
+        println!("cargo:warning=scene file {scene_path}: {unusual}");
+    }
     let mut source = tsa_table::emit::rust_source(&fit);
     source.push_str(&constants(&scene.rig));
     source.push_str(&demand(&scene, &fit)?);

@@ -7,11 +7,13 @@
 //! - [`rtt`]: decoded defmt output.
 //! - [`rig`]: drive, motor, encoder, LVDT and the mechanism itself.
 //! - [`flash_file`]: the board's flash in a file.
+//! - [`gdb`]: a GDB looks into the running firmware.
 //! - [`serve`]: all of it as a process that a host tool talks to.
 
 pub mod board;
 pub mod cpu;
 pub mod flash_file;
+pub mod gdb;
 pub mod machine;
 pub mod rig;
 pub mod rtt;

@@ -144,6 +144,26 @@ pub struct Machine<B: Board + 'static> {
     resets: Vec<(f64, ResetCause)>,
     stack_high_water: u32,
     dead: Option<MachineError>,
+    debugger: Option<Box<dyn Debugger<B>>>,
+}
+
+/// Why a [`Debugger`] is called.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pause {
+    /// Nothing has happened: somebody may want to look.
+    Slice,
+    /// The core has come to a breakpoint.
+    Breakpoint,
+    /// The core has done the one step that it was told.
+    Step,
+    /// The firmware has done what it should not have; the error comes when the debugger lets go.
+    Failed,
+}
+
+/// Who may hold the machine and look into it. Emulated time stands still while it does.
+pub trait Debugger<B: Board + 'static> {
+    /// The machine goes on when this returns.
+    fn pause(&mut self, machine: &mut Machine<B>, why: Pause);
 }
 
 impl<B: Board + 'static> Machine<B> {
@@ -156,7 +176,16 @@ impl<B: Board + 'static> Machine<B> {
         let mut cpu = Cpu::new(soc, factory).map_err(|error| MachineError::Emulator(format!("{error:?}")))?;
         cpu.reset(ResetCause::PowerCycle);
         let rtt = image.symbol("_SEGGER_RTT").and_then(|address| Rtt::new(elf, address));
-        Ok(Self { cpu, image, rtt, lines: Vec::new(), resets: Vec::new(), stack_high_water: 0, dead: None })
+        Ok(Self {
+            cpu,
+            image,
+            rtt,
+            lines: Vec::new(),
+            resets: Vec::new(),
+            stack_high_water: 0,
+            dead: None,
+            debugger: None,
+        })
     }
 
     /// Emulated time since power-up, in seconds.
@@ -191,11 +220,20 @@ impl<B: Board + 'static> Machine<B> {
         }
         while self.now_s() < t_s {
             let slice = t_s.min(self.now_s() + RTT_INTERVAL_S);
-            let outcome = self.cpu.run(slice);
+            self.pause(Pause::Slice);
+            let mut outcome = self.cpu.run(slice);
+            while outcome == Ok(Outcome::Stopped) {
+                self.pause(if self.cpu.at_breakpoint() { Pause::Breakpoint } else { Pause::Step });
+                outcome = self.cpu.run(slice);
+            }
+            if outcome.is_err() {
+                self.pause(Pause::Failed);
+            }
             self.poll_rtt();
             match outcome {
                 Ok(Outcome::Limit) if slice >= t_s => break,
-                Ok(Outcome::Limit | Outcome::Asleep) => {}
+                // A stop has been seen to.
+                Ok(Outcome::Limit | Outcome::Asleep | Outcome::Stopped) => {}
                 Ok(Outcome::Reset(cause)) => self.reset(cause),
                 Err(error) => {
                     let error = self.explain(error);
@@ -205,6 +243,29 @@ impl<B: Board + 'static> Machine<B> {
             }
         }
         Ok(())
+    }
+
+    /// Gives the machine to a debugger, now and then and at its stops.
+    pub fn attach(&mut self, debugger: Box<dyn Debugger<B>>) {
+        self.debugger = Some(debugger);
+    }
+
+    fn pause(&mut self, why: Pause) {
+        // Out of its place, since it works on the machine that it is in.
+        if let Some(mut debugger) = self.debugger.take() {
+            debugger.pause(self, why);
+            self.debugger = Some(debugger);
+        }
+    }
+
+    /// The core, for a debugger.
+    pub(crate) fn cpu_mut(&mut self) -> &mut Cpu<B> {
+        &mut self.cpu
+    }
+
+    /// The firmware's symbols, for a debugger.
+    pub(crate) fn image(&self) -> &Image {
+        &self.image
     }
 
     fn poll_rtt(&mut self) {

@@ -3,6 +3,7 @@
 use anyhow::{Context, Result, anyhow};
 use clap::Parser;
 use rig_emulator::flash_file::FlashFile;
+use rig_emulator::gdb;
 use rig_emulator::machine::{Config, Machine};
 use rig_emulator::rig::Rig;
 use rig_emulator::rig::settings::PlantSettings;
@@ -10,7 +11,8 @@ use rig_emulator::serve::serve;
 use std::io::{self, BufRead};
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::mpsc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, mpsc};
 use std::time::Duration;
 use tsa_model::{Scene, files};
 
@@ -34,6 +36,12 @@ struct Arguments {
     /// File that keeps the board's flash from one run to the next; made if it is not there.
     #[arg(long, value_name = "FILE")]
     flash: Option<PathBuf>,
+    /// Address for a GDB to connect to, for example `127.0.0.1:1234`; port 0 is any that is free. Said on standard error.
+    #[arg(long, value_name = "ADDR:PORT")]
+    gdb: Option<String>,
+    /// Do not start before it has.
+    #[arg(long, requires = "gdb")]
+    gdb_wait: bool,
     /// Only count what the real chip would not do, instead of stopping there.
     #[arg(long)]
     lenient: bool,
@@ -50,9 +58,10 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Result<()> {
-    let requests = requests();
+    let (requests, gone) = requests();
     files::check_regular(&arguments.scene).with_context(|| format!("scene {}", arguments.scene.display()))?;
     let scene = Scene::load(&arguments.scene)?;
+    scene.check_rig().map_err(|error| error.in_file(&arguments.scene))?;
     let elf = files::read(&arguments.elf).with_context(|| format!("firmware {}", arguments.elf.display()))?;
     let mut settings = PlantSettings::default();
     for pair in &arguments.plant {
@@ -63,14 +72,22 @@ fn run(arguments: &Arguments) -> Result<()> {
     let config = Config { strict: !arguments.lenient, ..Config::default() };
     let mut machine = Machine::new(&elf, rig, config)?;
     let flash = arguments.flash.as_ref().map(|path| FlashFile::open(path, &mut machine)).transpose()?;
+    if let Some(address) = &arguments.gdb {
+        let server = gdb::Server::bind(address, arguments.gdb_wait, gone)?;
+        eprintln!("gdb: listening at {}", server.address()?);
+        machine.attach(Box::new(server));
+    }
     serve(&mut machine, flash, requests, std::io::stdout().lock())
 }
 
 /// Lines of standard input, read by a thread that also watches the process which asks: once that has gone nobody waits for
-/// an answer, and a long run is not worth its end.
-fn requests() -> impl Iterator<Item = io::Result<String>> {
+/// an answer, and a long run is not worth its end. The flag is set when the input has ended, which a board that a debugger
+/// has stopped would not see otherwise.
+fn requests() -> (impl Iterator<Item = io::Result<String>>, Arc<AtomicBool>) {
     let (sender, receiver) = mpsc::channel();
     let asker = parent();
+    let gone = Arc::new(AtomicBool::new(false));
+    let ended = gone.clone();
     std::thread::spawn(move || {
         for line in io::stdin().lock().lines() {
             if sender.send(line).is_err() {
@@ -78,6 +95,7 @@ fn requests() -> impl Iterator<Item = io::Result<String>> {
             }
         }
         drop(sender);
+        ended.store(true, Ordering::Relaxed);
         loop {
             std::thread::sleep(Duration::from_millis(100));
             if parent() != asker {
@@ -85,7 +103,7 @@ fn requests() -> impl Iterator<Item = io::Result<String>> {
             }
         }
     });
-    receiver.into_iter()
+    (receiver.into_iter(), gone)
 }
 
 /// The parent process; another one takes its place where it has ended.

@@ -64,7 +64,8 @@ fn main() -> Result<()> {
     } else {
         for kg in LOADS_KG {
             let plant = vec![Setting { key: "load", value: kg * STANDARD_GRAVITY }];
-            let options = SimOptions { firmware: None, scene: scene_file.clone(), plant, seed: 1, flash: None };
+            let options =
+                SimOptions { firmware: None, scene: scene_file.clone(), plant, seed: 1, flash: None, gdb: None };
             let mut session = Session::new(Box::new(Sim::start(&options).map_err(Failure::into_error)?));
             sweeps.push(sweep(&mut session).with_context(|| format!("{kg} kg"))?);
         }

@@ -23,7 +23,7 @@
 //!
 //! fn experiment() -> Result<(), Failure> {
 //!     let scene = "scenes/default.toml".into();
-//!     let options = SimOptions { firmware: None, scene, plant: vec!["load=1kg".parse()?], seed: 1, flash: None };
+//!     let options = SimOptions { firmware: None, scene, plant: vec!["load=1kg".parse()?], seed: 1, flash: None, gdb: None };
 //!     let mut session = Session::new(Box::new(Sim::start(&options)?));
 //!     session.hello()?;
 //!     let homed = home_session(&mut session, |_| {})?;

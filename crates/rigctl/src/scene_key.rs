@@ -1,6 +1,6 @@
 //! One key of a scene, named as in the file (`geometry.rod_span_m`) or by the paper's symbol (`D0`), and changed.
 
-use tsa_model::{ParameterError, Scene};
+use tsa_model::{Scene, SceneError};
 
 /// The paper's symbols and the keys that they stand for.
 pub const SYMBOLS: [(&str, &str); 10] = [
@@ -32,7 +32,7 @@ pub enum KeyError {
     },
     /// No rig can have this value.
     #[error(transparent)]
-    Value(#[from] ParameterError),
+    Value(#[from] SceneError),
 }
 
 fn symbols() -> String {

@@ -43,7 +43,7 @@ pub use mechanism::{Equilibrium, Mechanism};
 pub use methods::Method;
 pub use parameters::{Geometry, Parameters};
 #[cfg(feature = "std")]
-pub use scene::{Scene, SceneError};
+pub use scene::{Misfit, Scene, SceneError};
 pub use string::{RadiusLaw, StringParameters};
 pub use tiers::{Tier, TierError, Tiered};
 

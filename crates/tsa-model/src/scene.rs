@@ -4,7 +4,11 @@
 //! about the rig; its defaults are assumptions (hardware.md sections 6 and 8) and every key may be left out.
 //! `[envelope]` and `[accuracy]` say what a table must cover and how well: optional for a solve, required for a table.
 
-use crate::error::{ParameterError, positive};
+mod checks;
+
+pub use checks::Misfit;
+
+use crate::error::{ParameterError, SolveError, positive};
 use crate::material::Material;
 use crate::mechanism::Mechanism;
 use crate::parameters::Geometry;
@@ -33,12 +37,36 @@ pub enum SceneError {
     /// A value that cannot describe a real rig.
     #[error(transparent)]
     Value(#[from] ParameterError),
+    /// Values that cannot go together, or would hurt hardware.
+    #[error("{}", one_a_line(.0))]
+    Impossible(Vec<Misfit>),
+    /// The envelope reaches past a limit of the model.
+    #[error("envelope.load_n, envelope.turns: {limit}, at {load_n} N and {turns} turns")]
+    Unsolvable {
+        /// Load (N).
+        load_n: f64,
+        /// Turns past the half-turn pre-twist; -0.5 is zero twist.
+        turns: f64,
+        /// The limit.
+        limit: SolveError,
+    },
     /// A table was asked for, but the scene does not say what it must cover.
     #[error("scene: [{table}] is missing, which a table needs")]
     Missing {
         /// `envelope` or `accuracy`.
         table: &'static str,
     },
+}
+
+impl SceneError {
+    /// The same, naming the file.
+    pub fn in_file(self, path: impl Into<PathBuf>) -> Self {
+        Self::InFile { path: path.into(), source: Box::new(self) }
+    }
+}
+
+fn one_a_line(misfits: &[Misfit]) -> String {
+    misfits.iter().map(Misfit::to_string).collect::<Vec<_>>().join("\n  ")
 }
 
 /// One rig and one task.
@@ -215,8 +243,8 @@ impl Rig {
             ("rig.lvdt_volts_at_zero", self.lvdt_volts_at_zero),
             ("rig.lvdt_volts_at_stroke", self.lvdt_volts_at_stroke),
         ] {
-            if !(value >= 0.0 && value <= self.adc_reference_v) {
-                return refuse(parameter, value, "must be from 0 to rig.adc_reference_v");
+            if !(value >= 0.0 && value.is_finite()) {
+                return refuse(parameter, value, "must be at least 0 and finite");
             }
         }
         let span = (self.lvdt_volts_at_stroke - self.lvdt_volts_at_zero).abs();
@@ -268,14 +296,20 @@ impl Scene {
     pub fn load(path: impl AsRef<Path>) -> Result<Self, SceneError> {
         let path = path.as_ref();
         let read = || Self::from_toml_str(&std::fs::read_to_string(path)?);
-        read().map_err(|source| SceneError::InFile { path: path.to_path_buf(), source: Box::new(source) })
+        read().map_err(|error| error.in_file(path))
     }
 
-    /// Checks every value.
+    /// Checks every value, and against each other those that a solve uses or that could hurt hardware.
     ///
     /// # Errors
-    /// [`ParameterError`] naming the key.
-    pub fn validate(&self) -> Result<(), ParameterError> {
+    /// [`SceneError`] naming the keys.
+    pub fn validate(&self) -> Result<(), SceneError> {
+        self.values()?;
+        self.check_always()
+    }
+
+    /// Checks every value by itself.
+    fn values(&self) -> Result<(), ParameterError> {
         self.geometry.validate()?;
         self.string.validate()?;
         self.material.validate()?;

@@ -3,6 +3,7 @@
 //! A hook is called from C and must not unwind: it notes what happened here and stops the CPU.
 
 use super::blocks::Blocks;
+use super::debug::Debug;
 use super::watch::Watches;
 use crate::board::Board;
 use crate::soc::Soc;
@@ -63,8 +64,12 @@ pub struct Core<B> {
     pub(super) trap: Option<Trap>,
     /// Start of the block that ran last.
     pub(super) block: u32,
+    /// End of that block.
+    pub(super) block_end: u32,
     /// Instruction that made the access a fault was raised for.
     pub(super) fault_pc: Option<u32>,
+    /// What a debugger wants.
+    pub(super) debug: Debug,
 }
 
 impl<B: Board> Core<B> {
@@ -82,7 +87,9 @@ impl<B: Board> Core<B> {
             stopped: false,
             trap: None,
             block: 0,
+            block_end: 0,
             fault_pc: None,
+            debug: Debug::default(),
         }
     }
 
@@ -97,6 +104,7 @@ impl<B: Board> Core<B> {
         let (instructions, watched) =
             self.blocks.look_up(address, bytes, &self.soc.memory.flash, |address| watches.starts_at(address));
         self.block = address;
+        self.block_end = address.wrapping_add(bytes);
         self.counters.blocks += 1;
         self.counters.instructions += instructions;
         self.soc.clock.advance(instructions + BLOCK_OVERHEAD_CYCLES);

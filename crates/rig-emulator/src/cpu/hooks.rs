@@ -18,7 +18,7 @@ const SUPERVISOR_CALL: u32 = 2;
 /// SEV.
 const SEV: u16 = 0xBF40;
 
-fn stop<B: Board>(uc: &mut Unicorn<'_, Core<B>>) {
+pub(super) fn stop<B: Board>(uc: &mut Unicorn<'_, Core<B>>) {
     uc.get_data_mut().stopped = true;
     // It can only fail on a handle that is gone.
     let _ = uc.emu_stop();
@@ -72,6 +72,9 @@ pub fn hook_sev<B: Board + 'static>(
 
 fn on_block<B: Board>(uc: &mut Unicorn<'_, Core<B>>, address: u32, size: u32) {
     let core = uc.get_data_mut();
+    if core.debug.goes_on(address, size) {
+        return;
+    }
     if core.attention || core.soc.clock.now() >= core.deadline {
         core.soc.settle_flash();
         core.deadline = core.soc.sync().min(core.limit);

@@ -93,9 +93,17 @@ impl Image {
 
     /// Name of the function at an address.
     pub fn function_at(&self, address: u32) -> Option<&str> {
+        self.around(address).map(|function| function.name.as_str())
+    }
+
+    /// Start of the function at an address.
+    pub fn start_of_function_at(&self, address: u32) -> Option<u32> {
+        self.around(address).map(|function| function.start)
+    }
+
+    fn around(&self, address: u32) -> Option<&Function> {
         let after = self.functions.partition_point(|function| function.start <= address);
-        let function = self.functions[..after].last()?;
-        (address < function.end).then_some(function.name.as_str())
+        self.functions[..after].last().filter(|function| address < function.end)
     }
 
     /// End of everything that the linker has placed at the bottom of RAM, if the firmware is laid out like cortex-m-rt's.

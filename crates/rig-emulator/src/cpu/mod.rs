@@ -2,10 +2,12 @@
 //!
 //! unicorn executes instructions and knows priority masks and the FPU. Everything else of a microcontroller's core is here:
 //! - [`image`]: the firmware's ELF. - [`core`]: state that the hooks share. - [`watch`]: costs of chosen functions.
+//! - [`debug`]: breakpoints, steps and registers for a debugger.
 //! - `hooks`: time and peripherals from inside the CPU. - `exceptions`: frames and returns. - `blocks`: instruction counts.
 
 mod blocks;
 pub mod core;
+pub mod debug;
 mod exceptions;
 mod hooks;
 pub mod image;
@@ -63,6 +65,8 @@ pub enum Outcome {
     Asleep,
     /// The chip wants to be reset.
     Reset(ResetCause),
+    /// A breakpoint is reached, or a step is done.
+    Stopped,
 }
 
 /// Factory data in system memory.
@@ -81,6 +85,15 @@ enum Sleep {
     Wfe,
 }
 
+/// Why unicorn came back.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Ended {
+    /// For the debugger.
+    Stopped,
+    /// For anything else, which the state tells.
+    Otherwise,
+}
+
 /// The core, with the chip inside it.
 pub struct Cpu<B: Board + 'static> {
     uc: Unicorn<'static, Core<B>>,
@@ -88,6 +101,7 @@ pub struct Cpu<B: Board + 'static> {
     /// Nothing is executed: the fault `task-hang`.
     hung: bool,
     sev_hooks: HashSet<u32>,
+    breakpoints: debug::Breakpoints,
 }
 
 impl<B: Board + 'static> Cpu<B> {
@@ -110,7 +124,13 @@ impl<B: Board + 'static> Cpu<B> {
         uc.mem_write(FLASH_KIB, &((flash_size >> 10) as u16).to_le_bytes())?;
         uc.mem_write(VREFINT_CAL, &factory.vrefint_cal.to_le_bytes())?;
         hooks::install(&mut uc)?;
-        let mut cpu = Self { uc, sleep: Sleep::Awake, hung: false, sev_hooks: HashSet::new() };
+        let mut cpu = Self {
+            uc,
+            sleep: Sleep::Awake,
+            hung: false,
+            sev_hooks: HashSet::new(),
+            breakpoints: debug::Breakpoints::default(),
+        };
         cpu.code_changed()?;
         Ok(cpu)
     }
@@ -155,6 +175,7 @@ impl<B: Board + 'static> Cpu<B> {
         core.exception_return = false;
         core.trap = None;
         core.fault_pc = None;
+        core.debug.forget_place();
         let vectors = core.soc.vector_table();
         let (stack, entry) = (core.soc.memory.word(vectors), core.soc.memory.word(vectors + 4));
         for register in [R::R0, R::R1, R::R2, R::R3, R::R4, R::R5, R::R6, R::R7, R::R8, R::R9, R::R10, R::R11, R::R12] {
@@ -187,6 +208,14 @@ impl<B: Board + 'static> Cpu<B> {
     /// Run to the first instruction boundary that is not before `t_s`, or to something that the caller has to see to.
     pub fn run(&mut self, t_s: f64) -> Result<Outcome, CpuError> {
         loop {
+            if self.uc.get_data().debug.in_block() {
+                // Stopped in the middle of a block: what came due since its start waits for its end, as without a stop.
+                match self.execute()? {
+                    Ended::Stopped => return Ok(Outcome::Stopped),
+                    Ended::Otherwise if self.sleep != Sleep::Awake => return Ok(Outcome::Asleep),
+                    Ended::Otherwise => {}
+                }
+            }
             let core = self.uc.get_data_mut();
             // Asked anew each time: the firmware may change the clock on the way.
             core.limit = core.soc.clock.cycle_at(t_s);
@@ -228,7 +257,9 @@ impl<B: Board + 'static> Cpu<B> {
                     continue;
                 }
             }
-            self.execute()?;
+            if self.execute()? == Ended::Stopped {
+                return Ok(Outcome::Stopped);
+            }
             if self.sleep != Sleep::Awake {
                 return Ok(Outcome::Asleep);
             }
@@ -247,10 +278,10 @@ impl<B: Board + 'static> Cpu<B> {
     }
 
     /// Let unicorn run until a hook stops it or the core goes to sleep.
-    fn execute(&mut self) -> Result<(), CpuError> {
+    fn execute(&mut self) -> Result<Ended, CpuError> {
         let core = self.uc.get_data_mut();
         core.stopped = false;
-        core.attention = true;
+        core.attention |= !core.debug.in_block();
         if std::mem::take(&mut core.soc.flash_changed) {
             self.uc.ctl_flush_tb()?;
             self.uc.get_data_mut().blocks.clear();
@@ -260,10 +291,13 @@ impl<B: Board + 'static> Cpu<B> {
         let after = self.get(R::PC) & !1;
         let core = self.uc.get_data_mut();
         if core.trap.is_some() {
-            return Ok(());
+            return Ok(Ended::Otherwise);
+        }
+        if core.debug.stopped_at(after, core.block_end) {
+            return Ok(Ended::Stopped);
         }
         let hint = core.soc.memory.half(after.wrapping_sub(2));
-        match result {
+        let ended = match result {
             Ok(()) if std::mem::take(&mut core.exception_return) => self.leave(),
             Ok(()) => {
                 if !core.stopped && hint == Some(WFI) {
@@ -279,6 +313,7 @@ impl<B: Board + 'static> Cpu<B> {
             Err(uc_error::INSN_INVALID) if hint == Some(YIELD) => Ok(()),
             Err(uc_error::INSN_INVALID) => Err(CpuError::Undefined(after)),
             Err(error) => Err(error.into()),
-        }
+        };
+        ended.map(|()| Ended::Otherwise)
     }
 }

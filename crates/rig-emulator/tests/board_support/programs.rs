@@ -59,6 +59,7 @@ pub const SYSTICK: Program = Program {
 /// b 3b
 /// handler: b .
 /// ```
+#[allow(dead_code, reason = "not every test program resets")]
 pub const RESETS: Program = Program {
     code: &[
         0x480F, 0x6801, 0xF04F, 0x32A5, 0x4291, 0xBF08, 0x2100, 0x3101, 0x6001, 0x4A0C, 0x6813, 0xF840, 0x3021, 0x2301,

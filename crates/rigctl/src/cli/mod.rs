@@ -71,6 +71,12 @@ pub struct Global {
     /// Firmware for the emulated board [default: what `cargo xtask firmware` made]
     #[arg(long, global = true, help_heading = EMULATED, value_name = "ELF")]
     pub firmware: Option<PathBuf>,
+    /// Let a GDB connect to the emulated board there, for example 127.0.0.1:1234; see docs/debugging.md
+    #[arg(long, global = true, help_heading = EMULATED, value_name = "ADDR:PORT")]
+    pub gdb: Option<String>,
+    /// Start the emulated board when it has
+    #[arg(long, global = true, help_heading = EMULATED, requires = "gdb")]
+    pub gdb_wait: bool,
 }
 
 /// What to do.

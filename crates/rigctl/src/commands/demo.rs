@@ -50,7 +50,7 @@ struct Outcome {
 /// # Errors
 /// If anything fails, or a floor is missed.
 pub fn run(global: &Global, out: &Path, output: &mut Output) -> Result<(), Failure> {
-    let scene = super::scene(global)?;
+    let scene = super::rig_scene(global)?;
     if let Some(own) = global.plant.iter().find(|s| ["load", "twist_at_boot"].contains(&s.key)) {
         return Err(Failure::Usage(format!("--plant {}: the demo has its own", own.key)));
     }

@@ -46,9 +46,9 @@ fn check(name: &'static str, ok: bool, seen: impl Into<String>, advice: impl Int
 /// Runs the command.
 ///
 /// # Errors
-/// If the scene cannot be read, or anything is not well.
+/// If the scene cannot be read or is of a rig that cannot work, or anything is not well.
 pub fn run(global: &Global, home: bool, output: &mut Output) -> Result<(), Failure> {
-    let scene = super::scene(global)?;
+    let scene = super::rig_scene(global)?;
     // A scene that asks for no table is the scene's fault, not the board's.
     scene.table_demand()?;
     let checks = match meet(global).and_then(|mut session| examine(&mut session, &scene, home)) {

@@ -95,6 +95,7 @@ fn rig_options(global: &Global, command: &Command) -> Result<(), Failure> {
         (global.plant_scene.is_some(), "--plant-scene"),
         (global.flash.is_some(), "--flash"),
         (global.firmware.is_some(), "--firmware"),
+        (global.gdb.is_some(), "--gdb"),
     ];
     match command {
         Command::Sim { .. } | Command::Demo { .. } | Command::Report { .. } if port => Err(Failure::Usage(format!(
@@ -137,4 +138,18 @@ fn scene_file(path: &Path) -> Result<(), Failure> {
         };
         Failure::failed(format!("scene {}: {e}{hint}", path.display()))
     })
+}
+
+/// The same where a rig is meant: it is one that can work. What is unusual about it is said.
+pub(crate) fn rig_scene(global: &Global) -> Result<Scene, Failure> {
+    let scene = scene(global)?;
+    check_rig(global, &scene)?;
+    Ok(scene)
+}
+
+fn check_rig(global: &Global, scene: &Scene) -> Result<(), Failure> {
+    for unusual in scene.check_rig().map_err(|error| error.in_file(&global.scene))? {
+        eprintln!("warning: scene file {}: {unusual}", global.scene.display());
+    }
+    Ok(())
 }

@@ -6,7 +6,7 @@ use crate::output::{Output, progress};
 use crate::session::port::Port;
 use crate::session::row::Row;
 use crate::session::serial::Serial;
-use crate::session::sim::{Sim, SimOptions};
+use crate::session::sim::{Gdb, Sim, SimOptions};
 use crate::session::{Session, client, interrupt};
 use rig_link::{EventKind, HomingFailure, LoadChoice, Request, State};
 use serde::Serialize;
@@ -33,14 +33,17 @@ pub fn sim_options(global: &Global) -> Result<SimOptions, Failure> {
         plant: global.plant.clone(),
         seed: global.seed,
         flash: global.flash.clone(),
+        gdb: global.gdb.clone().map(|address| Gdb { address, wait: global.gdb_wait }),
     })
 }
 
 /// Opens the port and greets the board.
 ///
 /// # Errors
-/// If it cannot be opened, nobody answers, or the board's scene is not the host's.
+/// If the scene is of a rig that cannot work, the port cannot be opened, nobody answers, or the board's scene is not the
+/// host's.
 pub fn connect(global: &Global) -> Result<Session, Failure> {
+    super::rig_scene(global)?;
     let session = meet(global)?;
     same_scene(global, &session)?;
     Ok(session)
@@ -77,6 +80,7 @@ pub fn meet(global: &Global) -> Result<Session, Failure> {
             (global.plant_scene.is_some(), "--plant-scene"),
             (global.flash.is_some(), "--flash"),
             (global.firmware.is_some(), "--firmware"),
+            (global.gdb.is_some(), "--gdb"),
         ] {
             if given {
                 return Err(Failure::Usage(format!(

@@ -1,7 +1,7 @@
 //! `table --board`: the board makes its own table for the scene's constants.
 
 use super::operate::{is_sim, meet};
-use super::scene;
+use super::rig_scene;
 use crate::cli::Global;
 use crate::failure::Failure;
 use crate::output::Output;
@@ -40,7 +40,7 @@ fn goes_on(global: &Global, failure: Failure) -> Failure {
 /// # Errors
 /// The board's refusal in words.
 pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
-    let scene = scene(global)?;
+    let scene = rig_scene(global)?;
     // The board may be built for other constants: that is what this is for.
     let mut session = meet(global)?;
     let id = session.identity().ok_or_else(|| Failure::failed("the board did not say who it is"))?;

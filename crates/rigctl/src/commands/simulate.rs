@@ -31,6 +31,7 @@ pub fn run(global: &Global, script: Option<&Path>, seconds: f64, output: &mut Ou
         None if seconds > 0.0 && seconds.is_finite() => Script::idle(seconds),
         None => return Err(Failure::Usage(format!("--seconds {seconds}: must be above 0"))),
     };
+    super::rig_scene(global)?;
     interrupt::watch();
     let mut session = Session::new(Box::new(Sim::start(&sim_options(global)?)?));
     play_through(global, &mut session, &script, output)

@@ -1,6 +1,6 @@
 //! `table`: fits and certifies the scene's table and says why this one.
 
-use super::scene;
+use super::{check_rig, scene};
 use crate::cli::Global;
 use crate::failure::Failure;
 use crate::output::Output;
@@ -186,7 +186,9 @@ impl CandidateReport {
 pub fn run(global: &Global, out: Option<&Path>, output: &mut Output) -> Result<(), Failure> {
     let scene = scene(global)?;
     let (_, accuracy) = scene.table_demand()?;
+    // The fit says where an envelope first reaches past the model, the check of the rig only that it does.
     let fit = tsa_table::fit::fit(&scene)?;
+    check_rig(global, &scene)?;
     let r = Report::new(&fit, accuracy);
     output.object(&r)?;
     output.line(format!(

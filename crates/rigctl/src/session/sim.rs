@@ -26,6 +26,17 @@ pub struct SimOptions {
     pub seed: u64,
     /// File that keeps the board's flash; without it the board is a new one.
     pub flash: Option<PathBuf>,
+    /// Who may look into the board.
+    pub gdb: Option<Gdb>,
+}
+
+/// A GDB that may connect to the board.
+#[derive(Clone, Debug)]
+pub struct Gdb {
+    /// Where, as `127.0.0.1:1234`.
+    pub address: String,
+    /// The board starts when it has.
+    pub wait: bool,
 }
 
 /// A running emulated board.
@@ -72,6 +83,12 @@ impl Sim {
         command.arg("--seed").arg(options.seed.to_string());
         if let Some(flash) = &options.flash {
             command.arg("--flash").arg(flash);
+        }
+        if let Some(gdb) = &options.gdb {
+            command.arg("--gdb").arg(&gdb.address);
+            if gdb.wait {
+                command.arg("--gdb-wait");
+            }
         }
         for setting in &options.plant {
             // A bare number is SI on the other side too.
