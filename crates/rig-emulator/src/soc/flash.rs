@@ -10,6 +10,13 @@ const PROGRAM_S: f64 = 16e-6;
 const SECTORS: [(usize, f64); 8] =
     [(16, 0.25), (16, 0.25), (16, 0.25), (16, 0.25), (64, 0.55), (128, 1.0), (128, 1.0), (128, 1.0)];
 
+/// Bytes in a line, which one access to flash reads (RM0390 section 3.4.2).
+const LINE: u32 = 16;
+
+const PRFTEN: u32 = 1 << 8;
+const ICEN: u32 = 1 << 9;
+const DCEN: u32 = 1 << 10;
+
 const PG: u32 = 1 << 0;
 const SER: u32 = 1 << 1;
 const MER: u32 = 1 << 2;
@@ -46,6 +53,25 @@ impl Flash {
     /// Wait states in force.
     pub fn wait_states(&self) -> u32 {
         self.acr & 0xF
+    }
+
+    /// Cycles that the core waits for the code of a block of `bytes` at `address`: the wait states once for each line that
+    /// it touches, with the prefetch buffer on for the first line alone, and with the instruction cache on not at all.
+    /// This assumes that the cache always hits, that prefetch always keeps up, and that no line is left from the block
+    /// before; loads of constants through the data bus cost nothing here, with or without the data cache.
+    pub fn fetch_cycles(&self, address: u32, bytes: u32) -> u64 {
+        let lines = (address % LINE + bytes).div_ceil(LINE);
+        let waited = match self.acr & (ICEN | PRFTEN) {
+            0 => lines,
+            PRFTEN => 1,
+            _ => 0,
+        };
+        u64::from(waited * self.wait_states())
+    }
+
+    /// The data cache is on: after an operation it may still hold what was there before.
+    pub fn data_cached(&self) -> bool {
+        self.acr & DCEN != 0
     }
 
     /// Read a register.
