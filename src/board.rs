@@ -67,6 +67,8 @@ impl DriveLines {
     /// The bus, not enabled yet.
     pub fn can(self) -> Can<'static> {
         let mut can = Can::new(self.can, self.can_rx, self.can_tx, Irqs);
+        // Embassy gives RX no pull: without a transceiver the bus would look busy or quiet by chance.
+        pac::GPIOB.pupdr().modify(|w| w.set_pupdr(8, pac::gpio::vals::Pupdr::PULL_UP));
         // The drive's four reports and nothing else. `set_automatic_retransmit` is not called: in embassy-stm32 0.6.0 it
         // does the opposite of its name, and the default (retransmit) is what is wanted.
         let ids = drive_address()

@@ -232,6 +232,21 @@ impl<B: Board + 'static> Machine<B> {
         self.cpu.hang(hung);
     }
 
+    /// A debugger is attached that has asked for blocking RTT and no longer reads it.
+    pub fn stall_rtt(&mut self, stalled: bool) {
+        if let Some(rtt) = &mut self.rtt {
+            rtt.stall(stalled);
+        }
+    }
+
+    /// The ST-LINK feeds its 8 MHz into OSC_IN, or no longer does; a core that runs on it stands still until a reset. The
+    /// other clocks of the chip go on here, as with [`Machine::hang`].
+    pub fn feed_hse(&mut self, fed: bool) {
+        if !self.soc_mut().feed_hse(fed) {
+            self.hang(true);
+        }
+    }
+
     /// The microcontroller's supply dips: a brown-out reset. RAM keeps its contents.
     pub fn brown_out(&mut self) {
         self.dead = None;

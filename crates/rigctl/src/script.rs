@@ -8,7 +8,7 @@ use rig_link::{LoadChoice, Request};
 pub const DEFAULT_SPEED_M_PER_S: f64 = 2e-3;
 
 /// Faults that the emulated board and rig can have.
-const RIG_FAULTS: [&str; 19] = [
+const RIG_FAULTS: [&str; 23] = [
     "can-silent",
     "can-bus-off",
     "drive-stall",
@@ -28,6 +28,10 @@ const RIG_FAULTS: [&str; 19] = [
     "crash",
     "adc-stall",
     "brown-out",
+    "can-dominant",
+    "can-open",
+    "rtt-stalled",
+    "no-hse",
 ];
 
 const EVENTS: &str = "home, move P [speed=V] [load=auto|L], jog V, stop, hold, clear, status, config set NAME VALUE, \

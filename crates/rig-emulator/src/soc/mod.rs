@@ -282,6 +282,22 @@ impl<B: Board> Soc<B> {
         self.adc.stall(stalled);
     }
 
+    /// What is wrong with the wire from the CAN transceiver, from now on.
+    pub fn set_can_line(&mut self, line: can::Line) {
+        self.sync();
+        self.can.set_line(line, self.clock.now(), wires!(self));
+    }
+
+    /// What is wrong with the wire from the CAN transceiver.
+    pub fn can_line(&self) -> can::Line {
+        self.can.line()
+    }
+
+    /// The ST-LINK feeds its clock into OSC_IN, or does not. `false` if the core was running on what has just gone.
+    pub fn feed_hse(&mut self, fed: bool) -> bool {
+        self.rcc.feed_hse(fed)
+    }
+
     /// The board drives its side of the pins, now.
     pub fn stimulate(&mut self, stimulus: Stimulus) {
         self.sync();

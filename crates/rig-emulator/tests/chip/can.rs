@@ -2,6 +2,7 @@
 
 use crate::fixture::*;
 use rig_emulator::board::{CanFrame, CanOutcome, Stimulus};
+use rig_emulator::soc::can::Line;
 use rig_emulator::soc::can::wire::frame_bits;
 
 const CAN: u32 = 0x4000_6400;
@@ -95,6 +96,60 @@ fn leaving_initialisation_takes_eleven_recessive_bits() {
     assert_eq!(get(&mut chip, MSR) & 1, 0);
     set(&mut chip, MCR, 2);
     assert_eq!(get(&mut chip, MSR) & 3, 2);
+}
+
+/// Out of initialisation on a wire with a fault, and whether the controller has joined the bus a second later.
+fn joins(line: Line, pull: u32) -> (Chip, bool) {
+    let mut chip = node(0);
+    set(&mut chip, GPIOB + 0xC, pull << 16);
+    set(&mut chip, MCR, 1);
+    chip.set_can_line(line);
+    set(&mut chip, MCR, 0);
+    pass(&mut chip, 1.0);
+    let joined = get(&mut chip, MSR) & 1 == 0;
+    (chip, joined)
+}
+
+#[test]
+fn it_joins_no_bus_that_is_dominant_and_does_when_the_bus_is_released() {
+    let (mut chip, joined) = joins(Line { dominant: true, open: false }, 1);
+    assert!(!joined);
+    // A driver that asks again and again writes the register each time.
+    set(&mut chip, MCR, 0);
+    chip.set_can_line(Line::default());
+    pass(&mut chip, 9.0 * BIT_S);
+    assert_eq!(get(&mut chip, MSR) & 1, 1);
+    pass(&mut chip, 3.0 * BIT_S);
+    assert_eq!(get(&mut chip, MSR) & 1, 0);
+    receive(&mut chip, frame(0x123));
+    assert_eq!(get(&mut chip, RF0R) & 3, 1);
+}
+
+#[test]
+fn a_pin_that_nothing_drives_follows_its_pull() {
+    let open = Line { dominant: false, open: true };
+    assert!(!joins(open, 0).1 && !joins(open, 2).1);
+    let (mut chip, joined) = joins(open, 1);
+    assert!(joined);
+    // Nobody hears it, and it hears nobody.
+    transmit(&mut chip, 0, 0x123);
+    receive(&mut chip, frame(0x123));
+    pass(&mut chip, 0.1);
+    assert_eq!((get(&mut chip, ESR) >> 2 & 1, get(&mut chip, RF0R) & 3, chip.board.frames.len()), (1, 0, 0));
+}
+
+#[test]
+fn a_bus_that_becomes_dominant_ends_in_bus_off_and_recovers_when_released() {
+    let mut chip = node(ABOM);
+    chip.set_can_line(Line { dominant: true, open: false });
+    transmit(&mut chip, 0, 0x123);
+    pass(&mut chip, 0.1);
+    assert_eq!(get(&mut chip, ESR) >> 2 & 1, 1, "bus-off");
+    pass(&mut chip, 1.0);
+    assert_eq!(get(&mut chip, ESR) >> 2 & 1, 1, "no recovery on a dominant bus");
+    chip.set_can_line(Line::default());
+    pass(&mut chip, 1e-2);
+    assert_eq!((get(&mut chip, ESR) >> 2 & 1, chip.board.frames.len()), (0, 1));
 }
 
 #[test]
