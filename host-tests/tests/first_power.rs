@@ -46,3 +46,22 @@ fn without_a_transceiver_the_board_joins_the_bus_and_hears_nobody() {
     assert_eq!(b.machine.soc_mut().read(0x4000_6404, 4) & 3, 0);
     keeps_settings(&mut b);
 }
+
+/// `probe-rs run` asks for a log that waits; a laptop that sleeps, or a tool that was killed, then reads no more.
+#[test]
+fn a_log_that_nobody_reads_stops_nothing() {
+    let mut b = Bench::new(&[], 2);
+    b.machine.stall_rtt(true);
+    b.home();
+    // A line every 40 ms: more than the buffer holds.
+    b.machine.soc_mut().stall_adc(true);
+    b.run(12.0);
+    assert!(b.machine.stats().resets.is_empty(), "{:?}", b.machine.stats().resets);
+    assert_eq!(b.last.map(|t| t.fault), Some(Some(Fault::LvdtStalled)));
+    b.machine.soc_mut().stall_adc(false);
+    b.run(0.5);
+    b.ask(&Request::Clear).unwrap();
+    // Read again, it goes on.
+    b.machine.stall_rtt(false);
+    assert!(b.until(1.0, |b| b.state() == State::Ready), "{:?}", b.last);
+}
