@@ -101,3 +101,16 @@ pub fn lint(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
     let deny = format!("target.{TARGET}.rustflags=[\"-Dwarnings\"]");
     run(toolchain.cargo(folders, "check").args(what).args(["--config", &deny]))
 }
+
+#[cfg(test)]
+mod tests {
+    /// Without these options `probe-rs run` (0.32.0) halts the board at every reset and hard fault.
+    #[test]
+    fn the_runner_lets_the_board_reset_by_itself() {
+        let runner = include_str!("../../.cargo/config.toml").lines().find(|line| line.starts_with("runner = "));
+        let runner = runner.unwrap_or_default();
+        for option in ["probe-rs run", "--no-catch-reset", "--no-catch-hardfault"] {
+            assert!(runner.contains(option), "{option}: {runner}");
+        }
+    }
+}

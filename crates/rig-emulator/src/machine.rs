@@ -39,13 +39,24 @@ pub struct Config {
     pub lsi_hz: f64,
     /// Factory calibration word of VREFINT: its ADC code at 3.3 V. 1.21 V is typical.
     pub vrefint_cal: u16,
+    /// Erasing flash takes the longest time that the chip's maker allows, not the typical one.
+    pub slow_flash: bool,
+    /// Option byte: level of the brown-out reset, 1 to 3; 0 is off, as the factory delivers the chip.
+    pub brown_out_level: u8,
     /// Unique device id.
     pub unique_id: [u8; 12],
 }
 
 impl Default for Config {
     fn default() -> Self {
-        Self { strict: true, lsi_hz: 32_000.0, vrefint_cal: 1501, unique_id: *b"emulated-rig" }
+        Self {
+            strict: true,
+            lsi_hz: 32_000.0,
+            vrefint_cal: 1501,
+            slow_flash: false,
+            brown_out_level: 0,
+            unique_id: *b"emulated-rig",
+        }
     }
 }
 
@@ -171,6 +182,8 @@ impl<B: Board + 'static> Machine<B> {
     pub fn new(elf: &[u8], board: B, config: Config) -> Result<Self, MachineError> {
         let image = Image::parse(elf)?;
         let mut soc = Soc::new(board, config.strict, config.lsi_hz);
+        soc.set_brown_out_level(config.brown_out_level);
+        soc.set_slow_flash(config.slow_flash);
         program(&mut soc, &image);
         let factory = Factory { unique_id: config.unique_id, vrefint_cal: config.vrefint_cal };
         let mut cpu = Cpu::new(soc, factory).map_err(|error| MachineError::Emulator(format!("{error:?}")))?;
@@ -293,7 +306,22 @@ impl<B: Board + 'static> Machine<B> {
         self.cpu.hang(hung);
     }
 
-    /// The microcontroller's supply dips: a brown-out reset. RAM keeps its contents.
+    /// A debugger is attached that has asked for blocking RTT and no longer reads it.
+    pub fn stall_rtt(&mut self, stalled: bool) {
+        if let Some(rtt) = &mut self.rtt {
+            rtt.stall(stalled);
+        }
+    }
+
+    /// The ST-LINK feeds its 8 MHz into OSC_IN, or no longer does; a core that runs on it stands still until a reset. The
+    /// other clocks of the chip go on here, as with [`Machine::hang`].
+    pub fn feed_hse(&mut self, fed: bool) {
+        if !self.soc_mut().feed_hse(fed) {
+            self.hang(true);
+        }
+    }
+
+    /// The microcontroller's supply dips for a moment ([`ResetCause::BrownOut`]). RAM keeps its contents.
     pub fn brown_out(&mut self) {
         self.dead = None;
         self.reset(ResetCause::BrownOut);

@@ -42,6 +42,9 @@ struct Arguments {
     /// Do not start before it has.
     #[arg(long, requires = "gdb")]
     gdb_wait: bool,
+    /// Level of the chip's brown-out reset, an option byte: 0 (off) as delivered, 3 on a board set up as the documentation says.
+    #[arg(long, value_name = "LEVEL", default_value_t = 3, value_parser = clap::value_parser!(u8).range(0..=3))]
+    brown_out_level: u8,
     /// Only count what the real chip would not do, instead of stopping there.
     #[arg(long)]
     lenient: bool,
@@ -69,7 +72,7 @@ fn run(arguments: &Arguments) -> Result<()> {
         settings.set(key, value)?;
     }
     let rig = Rig::new(&scene, settings, arguments.seed)?;
-    let config = Config { strict: !arguments.lenient, ..Config::default() };
+    let config = Config { strict: !arguments.lenient, brown_out_level: arguments.brown_out_level, ..Config::default() };
     let mut machine = Machine::new(&elf, rig, config)?;
     let flash = arguments.flash.as_ref().map(|path| FlashFile::open(path, &mut machine)).transpose()?;
     if let Some(address) = &arguments.gdb {

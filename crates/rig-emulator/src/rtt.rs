@@ -66,7 +66,11 @@ mod offset {
     pub const SIZE: u32 = 32;
     pub const WRITE: u32 = 36;
     pub const READ: u32 = 40;
+    pub const FLAGS: u32 = 44;
 }
+
+/// Mode of a channel: the firmware waits while its buffer is full.
+const BLOCK_IF_FULL: u32 = 2;
 
 /// Reader of one firmware's output.
 pub struct Rtt {
@@ -76,6 +80,7 @@ pub struct Rtt {
     /// Bytes behind the last complete frame.
     rest: Vec<u8>,
     lines: Vec<DefmtLine>,
+    stalled: bool,
 }
 
 impl Rtt {
@@ -86,13 +91,23 @@ impl Rtt {
             .get_locations(elf)
             .ok()
             .filter(|locations| table.indices().all(|i| locations.contains_key(&(i as u64))));
-        Some(Self { control_block, table, locations, rest: Vec::new(), lines: Vec::new() })
+        Some(Self { control_block, table, locations, rest: Vec::new(), lines: Vec::new(), stalled: false })
+    }
+
+    /// The reader asks the firmware to wait while the buffer is full, as `probe-rs run` does, and reads nothing any more:
+    /// the fault `rtt-stalled`, a laptop that sleeps.
+    pub fn stall(&mut self, stalled: bool) {
+        self.stalled = stalled;
     }
 
     /// Fetch what the firmware has written by `t_s`.
     pub fn poll(&mut self, memory: &mut Memory, t_s: f64) {
         let mut id = [0; 10];
         if memory.ram.read(self.control_block, &mut id).is_none() || &id != b"SEGGER RTT" {
+            return;
+        }
+        if self.stalled {
+            memory.ram.set_word(self.control_block + offset::FLAGS, BLOCK_IF_FULL);
             return;
         }
         let word = |offset| memory.ram.word(self.control_block + offset);

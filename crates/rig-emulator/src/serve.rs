@@ -147,6 +147,20 @@ fn answer(machine: &mut Machine<Rig>, request: Request) -> Value {
             machine.soc_mut().stall_adc(on);
             json!({"ok": true})
         }
+        Request::Fault { name, on } if matches!(name.as_str(), "can-dominant" | "can-open") => {
+            let mut line = machine.soc_mut().can_line();
+            *(if name == "can-open" { &mut line.open } else { &mut line.dominant }) = on;
+            machine.soc_mut().set_can_line(line);
+            json!({"ok": true})
+        }
+        Request::Fault { name, on } if name == "rtt-stalled" => {
+            machine.stall_rtt(on);
+            json!({"ok": true})
+        }
+        Request::Fault { name, on } if name == "no-hse" => {
+            machine.feed_hse(!on);
+            json!({"ok": true})
+        }
         Request::Fault { name, on } if name == "brown-out" => {
             if on {
                 machine.brown_out();

@@ -8,7 +8,7 @@ use rig_link::{LoadChoice, Request};
 pub const DEFAULT_SPEED_M_PER_S: f64 = 2e-3;
 
 /// Faults that the emulated board and rig can have.
-const RIG_FAULTS: [&str; 20] = [
+const RIG_FAULTS: [&str; 24] = [
     "can-silent",
     "can-bus-off",
     "drive-stall",
@@ -29,6 +29,10 @@ const RIG_FAULTS: [&str; 20] = [
     "crash",
     "adc-stall",
     "brown-out",
+    "can-dominant",
+    "can-open",
+    "rtt-stalled",
+    "no-hse",
 ];
 
 const EVENTS: &str = "home, move P [speed=V] [load=auto|L], jog V, stop, hold, clear, status, config set NAME VALUE, \

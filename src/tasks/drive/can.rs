@@ -4,13 +4,17 @@ use super::Transport;
 use crate::board::drive_address;
 use crate::shared::{self, Task};
 use core::sync::atomic::Ordering;
+use embassy_futures::poll_once;
 use embassy_stm32::can::{Can, CanRx, CanTx, Frame as CanFrame, Id, Mailbox};
 use embassy_stm32::pac;
-use embassy_time::{Duration, Timer, with_timeout};
+use embassy_time::{Duration, Instant, Timer};
+use rig_control::{DriveCommand, DriveReading};
 use rmds405::{Frame, Received, Report};
 
-/// How long the controller may wait for a quiet bus before it is tried again.
-const ENABLE_WAIT: Duration = Duration::from_millis(200);
+/// How often the controller is asked whether it has seen a quiet bus: 11 recessive bits, 11 µs.
+const QUIET_POLL: Duration = Duration::from_millis(5);
+/// How long a drive that is not answering gets to start, and so a bus to become quiet.
+const QUIET_WAIT: Duration = Duration::from_secs(3);
 /// Pause after a bus error: an unacknowledged bus reports errors without end.
 const ERROR_PAUSE: Duration = Duration::from_millis(5);
 
@@ -23,12 +27,32 @@ pub struct CanTransport {
 }
 
 impl CanTransport {
-    /// Waits for a quiet bus.
+    /// Waits for a quiet bus; one that does not become quiet is a drive that does not start. What was commanded meanwhile is
+    /// left for who speaks to the drive then.
     pub async fn open(mut can: Can<'static>) -> Self {
-        // With RX stuck or floating, `enable` waits for ever.
-        while with_timeout(ENABLE_WAIT, can.enable()).await.is_err() {
-            defmt::warn!("CAN: no quiet bus; transceiver powered and terminated?");
+        let mut since = Instant::now();
+        let mut commanded = None;
+        // Not `enable().await`: it yields without a pause, and at interrupt level that keeps thread mode from ever running.
+        while poll_once(can.enable()).is_pending() {
+            Timer::after(QUIET_POLL).await;
             shared::alive(Task::Drive);
+            match shared::DRIVE_COMMAND.try_take() {
+                Some(DriveCommand::Restart) => {
+                    shared::DRIVE.set(DriveReading::Starting);
+                    since = Instant::now();
+                    commanded = Some(DriveCommand::Restart);
+                }
+                Some(command @ (DriveCommand::LetGo | DriveCommand::PowerOff)) => commanded = Some(command),
+                Some(DriveCommand::Silence | DriveCommand::Follow { .. }) | None => {}
+            }
+            if since.elapsed() >= QUIET_WAIT {
+                defmt::warn!("CAN: no quiet bus; transceiver powered and terminated?");
+                shared::DRIVE.set(DriveReading::Failed);
+                since = Instant::now();
+            }
+        }
+        if let Some(command) = commanded {
+            shared::DRIVE_COMMAND.signal(command);
         }
         let (tx, rx) = can.split();
         Self { tx, rx, _whole: can }

@@ -9,8 +9,9 @@ use crate::board::Board;
 use crate::soc::Soc;
 
 /// Cycles that a translation block takes on top of one for each instruction. Most instructions of a Cortex-M4 take one
-/// cycle; what does not is mostly the taken branch that ends a block (1 + pipeline refill of 1 to 3 cycles) and flash wait states.
-/// Without it the emulated core is 1.3 to 1.5 times too fast on branchy code.
+/// cycle; what does not is mostly the taken branch that ends a block (1 + pipeline refill of 1 to 3 cycles). Without it the
+/// emulated core is 1.3 to 1.5 times too fast on branchy code. Flash wait states come on top
+/// ([`crate::soc::flash::Flash::fetch_cycles`]).
 pub const BLOCK_OVERHEAD_CYCLES: u64 = 2;
 
 /// Why the core cannot go on.
@@ -107,7 +108,8 @@ impl<B: Board> Core<B> {
         self.block_end = address.wrapping_add(bytes);
         self.counters.blocks += 1;
         self.counters.instructions += instructions;
-        self.soc.clock.advance(instructions + BLOCK_OVERHEAD_CYCLES);
+        let waits = self.soc.fetch_cycles(address, bytes);
+        self.soc.clock.advance(instructions + BLOCK_OVERHEAD_CYCLES + waits);
         (instructions, watched)
     }
 }

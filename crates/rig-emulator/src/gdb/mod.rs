@@ -6,7 +6,6 @@
 
 mod target;
 
-
 use crate::board::Board;
 use crate::machine::{Debugger, Machine, Pause};
 use anyhow::{Context, Result};

@@ -1,7 +1,7 @@
 //! Faults by the names that scripts use (cli.md).
 
 /// A fault of the rig. The host's (`host-silent`), the chip's (`task-hang`, `crash`, `adc-stall`) and the board's (`power-cycle`,
-/// `brown-out`) are not here.
+/// `brown-out`, `can-dominant`, `can-open`, `rtt-stalled`, `no-hse`) are not here.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
     /// The drive's bus or serial wires are off: no acknowledge and no reports, while it goes on doing what it was told.

@@ -47,6 +47,10 @@ pub struct PlantSettings {
     pub lvdt_offset_m: f64,
     /// LVDT gain error, a fraction.
     pub lvdt_gain_error: f64,
+    /// Hum of the mains in the LVDT's signal, m, peak.
+    pub hum_m: f64,
+    /// Integral non-linearity of the converter, codes, peak.
+    pub adc_inl: f64,
     /// Twist of the strings at power-up, rad.
     pub twist_at_boot_rad: f64,
     /// Scales k2 of the string's radius law.
@@ -76,6 +80,8 @@ impl Default for PlantSettings {
             lvdt_noise_m: 60e-6,
             lvdt_offset_m: 0.0,
             lvdt_gain_error: 0.0,
+            hum_m: 0.0,
+            adc_inl: 0.0,
             twist_at_boot_rad: 1.0,
             k2_scale: 1.0,
             k3_scale: 1.0,
@@ -99,6 +105,7 @@ const DAMPING: Units = &[("", 1.0), ("Ns/m", 1.0), ("N*s/m", 1.0)];
 const LENGTH: Units = &[("", 1.0), ("m", 1.0), ("mm", 1e-3), ("um", 1e-6), ("µm", 1e-6)];
 const ANGLE: Units = &[("", 1.0), ("rad", 1.0), ("mrad", 1e-3), ("deg", std::f64::consts::PI / 180.0)];
 const FRACTION: Units = &[("", 1.0), ("%", 1e-2)];
+const NUMBER: Units = &[("", 1.0)];
 const VOLTAGE: Units = &[("", 1.0), ("V", 1.0), ("mV", 1e-3)];
 const TIME: Units = &[("", 1.0), ("s", 1.0), ("ms", 1e-3)];
 /// 1 is yes, 0 is no.
@@ -130,6 +137,8 @@ const KEYS: [Key; 15] = [
     key("lvdt_noise", LENGTH, [0.0, 0.1], true, |s, v| s.lvdt_noise_m = v),
     key("lvdt_offset", LENGTH, [-0.2, 0.2], true, |s, v| s.lvdt_offset_m = v),
     key("lvdt_gain_error", FRACTION, [-0.9, 9.0], false, |s, v| s.lvdt_gain_error = v),
+    key("hum", LENGTH, [0.0, 0.1], true, |s, v| s.hum_m = v),
+    key("adc_inl", NUMBER, [0.0, 100.0], true, |s, v| s.adc_inl = v),
     key("twist_at_boot", ANGLE, [-75.0, 75.0], false, |s, v| s.twist_at_boot_rad = v),
     key("k2_scale", FRACTION, [0.1, 10.0], false, |s, v| s.k2_scale = v),
     key("k3_scale", FRACTION, [0.1, 10.0], false, |s, v| s.k3_scale = v),

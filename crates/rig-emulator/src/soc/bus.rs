@@ -2,6 +2,7 @@
 
 use super::fault::Fault;
 use super::map::{self, Unit, gate, unit_at};
+use super::memory::{FLASH_BASE, FLASH_SIZE};
 use super::scb::Effect;
 use super::{ResetCause, Soc, Wires};
 use crate::board::Board;
@@ -168,9 +169,19 @@ impl<B: Board> Soc<B> {
         }
     }
 
+    /// Cycles that the core waits for a block of code ([`super::flash::Flash::fetch_cycles`]).
+    pub fn fetch_cycles(&self, address: u32, bytes: u32) -> u64 {
+        let in_flash = (FLASH_BASE..FLASH_BASE + FLASH_SIZE as u32).contains(&address);
+        if in_flash { self.flash.fetch_cycles(address, bytes) } else { 0 }
+    }
+
     /// The core waits for flash: time passes, and what happens meanwhile is worked off at the next chance.
     fn stall(&mut self, seconds: f64) {
         if seconds > 0.0 {
+            if self.flash.data_cached() {
+                self.faults
+                    .feature("flash", "programmed or erased with the data cache on, which may then hold old data");
+            }
             self.flash_changed = true;
             self.clock.advance(self.clock.span(seconds));
         }

@@ -96,6 +96,11 @@ impl Gpio {
         }
     }
 
+    /// A pin has its pull-up on.
+    pub fn pulls_up(&self, (port, pin): Pin) -> bool {
+        self.ports[port as usize - 'A' as usize].pulled_up() >> pin & 1 == 1
+    }
+
     /// Require that `signal` reaches one of the pins that can carry it.
     pub fn require(&self, signal: &'static str, function: Function, pins: &[Pin], faults: &mut Faults) {
         if !pins.iter().any(|&pin| self.function(pin) == function) {

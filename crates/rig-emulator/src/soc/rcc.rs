@@ -1,12 +1,12 @@
 //! Reset and clock control (RM0390 chapter 6).
 //!
-//! Oscillators are ready as soon as they are on. The board feeds 8 MHz from the ST-LINK into OSC_IN, so HSE works in bypass
-//! only, and starting it as a crystal is a fault.
+//! Oscillators are ready as soon as they are on, and never if nothing feeds them. The board feeds 8 MHz from the ST-LINK into
+//! OSC_IN, so HSE works in bypass only, and starting it as a crystal is a fault.
 
 use super::clock::ClockTree;
 use super::fault::Faults;
 
-/// HSI frequency.
+/// HSI frequency, nominally.
 const HSI_HZ: u64 = 16_000_000;
 /// What the ST-LINK feeds into OSC_IN.
 const HSE_HZ: u64 = 8_000_000;
@@ -57,11 +57,20 @@ const ENR: u32 = 0x30;
 pub struct Rcc {
     words: [u32; 0x98 / 4],
     flags: u32,
+    /// Something feeds OSC_IN.
+    hse_fed: bool,
+    /// This chip's HSI.
+    hsi_hz: u64,
 }
 
 impl Default for Rcc {
     fn default() -> Self {
-        let mut rcc = Self { words: [0; 0x98 / 4], flags: reset_flag::POR | reset_flag::PIN | reset_flag::BOR };
+        let mut rcc = Self {
+            words: [0; 0x98 / 4],
+            flags: reset_flag::POR | reset_flag::PIN | reset_flag::BOR,
+            hse_fed: true,
+            hsi_hz: HSI_HZ,
+        };
         rcc.reset();
         rcc
     }
@@ -98,12 +107,42 @@ impl Rcc {
         self.words[0x74 / 4] & 1 == 1
     }
 
+    /// Something feeds OSC_IN, or no longer does. `false` if the system clock was made from what has just gone.
+    pub fn feed_hse(&mut self, fed: bool) -> bool {
+        self.hse_fed = fed;
+        let needed = match self.words[2] & 3 {
+            0 => false,
+            1 => true,
+            _ => self.words[1] >> 22 & 1 == 1,
+        };
+        fed || !needed
+    }
+
+    /// This chip's HSI frequency, before the clocks are set up.
+    pub fn set_hsi(&mut self, hsi_hz: u64) {
+        self.hsi_hz = hsi_hz;
+    }
+
+    /// Ready flags of CR: each follows its switch, but HSE is ready only while it is fed, and a PLL only while its source is.
+    fn ready(&self) -> u32 {
+        let cr = self.words[0];
+        let mut on = cr & 0x1501_0001;
+        if !self.hse_fed {
+            on &= !(1 << 16);
+        }
+        let source = if self.words[1] >> 22 & 1 == 1 { 1 << 16 } else { 1 };
+        if on & source == 0 {
+            on &= 0x0001_0001;
+        }
+        on << 1
+    }
+
     /// Frequencies that the registers select.
     pub fn tree(&self) -> ClockTree {
         let (cfgr, pll) = (self.words[2], u64::from(self.words[1]));
-        let source = if pll >> 22 & 1 == 1 { HSE_HZ } else { HSI_HZ };
+        let source = if pll >> 22 & 1 == 1 { HSE_HZ } else { self.hsi_hz };
         let sysclk = match cfgr & 3 {
-            0 => HSI_HZ,
+            0 => self.hsi_hz,
             1 => HSE_HZ,
             _ => source * (pll >> 6 & 0x1FF) / (pll & 0x3F).max(1) / (2 * ((pll >> 16 & 3) + 1)),
         };
@@ -118,8 +157,7 @@ impl Rcc {
     pub fn read(&self, offset: u32) -> Option<u32> {
         let word = *self.words.get(offset as usize / 4)?;
         Some(match offset {
-            // Every ready flag follows its switch: HSI, HSE, PLL, PLLI2S, PLLSAI.
-            0x00 => (word & !0x2A02_0002) | (word & 0x1501_0001) << 1,
+            0x00 => (word & !0x2A02_0002) | self.ready(),
             // SWS follows SW.
             0x08 => (word & !0xC) | (word & 3) << 2,
             0x70 => (word & !2) | (word & 1) << 1,
@@ -155,13 +193,13 @@ impl Rcc {
                 faults.feature("RCC", "PLLCFGR written while the PLL runs");
             }
             0x08 => {
-                let on = match value & 3 {
-                    0 => 1,
-                    1 => 1 << 16,
-                    _ => 1 << 24,
+                let ready = match value & 3 {
+                    0 => 1 << 1,
+                    1 => 1 << 17,
+                    _ => 1 << 25,
                 };
-                if self.words[0] & on == 0 {
-                    faults.feature("RCC", "system clock switched to a source that is off");
+                if self.ready() & ready == 0 {
+                    faults.feature("RCC", "system clock switched to a source that is not ready");
                 }
                 // DS10693 table 16 at 2.7 V and above: a wait state for every 30 MHz.
                 if (self.tree().hclk_hz - 1) / 30_000_000 > u64::from(wait_states) {

@@ -5,14 +5,14 @@ use rig_emulator::board::{CanFrame, CanOutcome, Stimulus};
 use rig_emulator::soc::can::wire::frame_bits;
 
 const CAN: u32 = 0x4000_6400;
-const MCR: u32 = CAN;
-const MSR: u32 = CAN + 4;
+pub const MCR: u32 = CAN;
+pub const MSR: u32 = CAN + 4;
 const TSR: u32 = CAN + 8;
-const RF0R: u32 = CAN + 0xC;
+pub const RF0R: u32 = CAN + 0xC;
 const RF1R: u32 = CAN + 0x10;
 const IER: u32 = CAN + 0x14;
-const ESR: u32 = CAN + 0x18;
-const BTR: u32 = CAN + 0x1C;
+pub const ESR: u32 = CAN + 0x18;
+pub const BTR: u32 = CAN + 0x1C;
 const RI0R: u32 = CAN + 0x1B0;
 const FMR: u32 = CAN + 0x200;
 const FM1R: u32 = CAN + 0x204;
@@ -23,16 +23,16 @@ const BANKS: u32 = CAN + 0x240;
 
 const TXFP: u32 = 1 << 2;
 const NART: u32 = 1 << 4;
-const ABOM: u32 = 1 << 6;
+pub const ABOM: u32 = 1 << 6;
 const TME: u32 = 7 << 26;
-const BIT_S: f64 = 1e-6;
+pub const BIT_S: f64 = 1e-6;
 
-fn frame(id: u32) -> CanFrame {
+pub fn frame(id: u32) -> CanFrame {
     CanFrame { id, extended: false, remote: false, dlc: 8, data: [1, 2, 3, 4, 5, 6, 7, 8] }
 }
 
 /// 1 Mbit/s from 16 MHz, pins on PB8 and PB9, everything accepted into FIFO 0, normal mode with `mcr`.
-fn node(mcr: u32) -> Chip {
+pub fn node(mcr: u32) -> Chip {
     let mut chip = chip();
     alternate(&mut chip, GPIOB, 8, 9);
     alternate(&mut chip, GPIOB, 9, 9);
@@ -58,7 +58,7 @@ fn filter(chip: &mut Chip, set_up: impl FnOnce(&mut Chip)) {
     set(chip, FMR, 0x2A1C_0E00);
 }
 
-fn transmit(chip: &mut Chip, mailbox: u32, id: u32) {
+pub fn transmit(chip: &mut Chip, mailbox: u32, id: u32) {
     let base = CAN + 0x180 + 16 * mailbox;
     set(chip, base + 4, 8);
     set(chip, base + 8, 0x0403_0201);
@@ -66,7 +66,7 @@ fn transmit(chip: &mut Chip, mailbox: u32, id: u32) {
     set(chip, base, id << 21 | 1);
 }
 
-fn receive(chip: &mut Chip, frame: CanFrame) {
+pub fn receive(chip: &mut Chip, frame: CanFrame) {
     chip.stimulate(Stimulus::Can(frame));
     pass(chip, 170.0 * BIT_S);
 }

@@ -68,6 +68,28 @@ fn hse_needs_bypass_on_this_board() {
 }
 
 #[test]
+fn without_a_clock_on_osc_in_neither_hse_nor_its_pll_becomes_ready() {
+    let mut chip = chip();
+    assert!(chip.feed_hse(false), "the core runs on HSI");
+    set(&mut chip, PLLCFGR, 7 << 24 | 1 << 22 | 168 << 6 | 4);
+    set(&mut chip, CR, 0x0105_0083);
+    pass(&mut chip, 1.0);
+    assert_eq!(get(&mut chip, CR), 0x0105_0083);
+    chip.write(CFGR, 4, 2);
+    assert!(chip.faults.take().is_some_and(|fault| fault.to_string().contains("not ready")));
+    // From HSI the same PLL runs.
+    set(&mut chip, CFGR, 0);
+    set(&mut chip, CR, 0x0005_0083);
+    set(&mut chip, PLLCFGR, 7 << 24 | 168 << 6 | 8);
+    set(&mut chip, CR, 0x0105_0083);
+    assert_eq!(get(&mut chip, CR), 0x0305_0083);
+    set(&mut chip, FLASH_ACR, 5);
+    set(&mut chip, CFGR, 4 << 13 | 5 << 10 | 2);
+    assert_eq!(chip.clock.tree().hclk_hz, 168_000_000);
+    assert!(chip.feed_hse(false), "nor on HSE now");
+}
+
+#[test]
 fn power_on_and_software_resets_set_their_flags() {
     let mut chip = chip();
     assert_eq!(get(&mut chip, CSR) >> 24, 0x0E);

@@ -8,6 +8,7 @@ use rig_emulator::soc::fault::Fault;
 
 const RESULT: u32 = 0x2000_0100;
 const ICSR: u32 = 0xE000_ED04;
+const FLASH_ACR: u32 = 0x4002_3C00;
 const FLASH_KEYR: u32 = 0x4002_3C04;
 const FLASH_CR: u32 = 0x4002_3C10;
 
@@ -52,6 +53,34 @@ fn a_loop_takes_its_instructions_and_its_branches() {
     assert_eq!(stats.instructions, 2 + 2000 + 1);
     let awake = stats.core_busy * 16_000.0;
     close(awake, (2 + 2000 + 1 + 1001 * BLOCK_OVERHEAD_CYCLES) as f64, 4.0);
+}
+
+#[test]
+fn flash_wait_states_cost_time_unless_the_instruction_cache_is_on() {
+    // Twenty instructions and a branch: 44 bytes, which touch at least three lines of flash.
+    let awake = |acr: u32| {
+        let body = [vec![NOP; 20], vec![subtract(0, 1), branch(0xD100, -21), WFI, branch(0xE000, -1)]].concat();
+        let program = main_only(&[poke(FLASH_ACR, acr), load(0, 1000), body]);
+        let mut machine = machine(&program);
+        machine.run_until(20e-3).expect("runs");
+        machine.stats().core_busy * 20e-3 * 16e6
+    };
+    let (cached, prefetched, bare) = (awake(0x205), awake(0x105), awake(0x5));
+    close(prefetched - cached, 5.0 * 1000.0, 50.0);
+    assert!((3.0 * 5.0 * 1000.0..4.01 * 5.0 * 1000.0).contains(&(bare - cached)), "{}", bare - cached);
+    close(awake(0x305), cached, 1.0);
+}
+
+#[test]
+fn flash_must_not_be_written_with_the_data_cache_on() {
+    let write = |acr: u32| {
+        let unlock = [poke(FLASH_KEYR, 0x4567_0123), poke(FLASH_KEYR, 0xCDEF_89AB), poke(FLASH_CR, 0x201)].concat();
+        let program = main_only(&[poke(FLASH_ACR, acr), unlock, poke(0x0800_C000, 0), vec![PARK]]);
+        machine(&program).run_until(1e-3)
+    };
+    assert_eq!(write(0x300), Ok(()));
+    let fault = write(0x700).expect_err("the cache may hold what was there before").to_string();
+    assert!(fault.contains("data cache"), "{fault}");
 }
 
 #[test]
@@ -158,18 +187,21 @@ fn a_reset_by_software_keeps_ram_and_a_power_cycle_does_not() {
 }
 
 #[test]
-fn a_brown_out_keeps_ram_and_sets_its_flag_alone() {
-    let program = main_only(&[bump(RESULT, 1), vec![PARK]]);
-    let mut machine = machine(&program);
-    machine.run_until(1e-3).expect("runs");
-    // RMVF: what the power-up left.
-    machine.soc_mut().write(0x4002_3874, 4, 1 << 24);
-    machine.brown_out();
-    machine.run_until(2e-3).expect("runs");
-    assert_eq!(ram(&mut machine, RESULT), 0xA5A5_A5A5 + 2);
-    // BORRSTF and PINRSTF (RM0390 section 6.3.21).
-    assert_eq!(machine.soc_mut().read(0x4002_3874, 4) >> 24, 0x06);
-    assert_eq!(machine.stats().resets.last().map(|r| r.1), Some(ResetCause::BrownOut));
+fn a_brown_out_keeps_ram_and_looks_like_power_on_unless_its_reset_is_switched_on() {
+    // PINRSTF and BORRSTF, and PORRSTF where the power-down reset had to catch it (RM0390 section 6.3.21).
+    for (brown_out_level, flags) in [(0, 0x0E), (3, 0x06)] {
+        let program = main_only(&[bump(RESULT, 1), vec![PARK]]);
+        let config = Config { brown_out_level, ..Config::default() };
+        let mut machine = Machine::new(&program.elf(), Recorder::default(), config).expect("a machine");
+        machine.run_until(1e-3).expect("runs");
+        // RMVF: what the power-up left.
+        machine.soc_mut().write(0x4002_3874, 4, 1 << 24);
+        machine.brown_out();
+        machine.run_until(2e-3).expect("runs");
+        assert_eq!(ram(&mut machine, RESULT), 0xA5A5_A5A5 + 2);
+        assert_eq!(machine.soc_mut().read(0x4002_3874, 4) >> 24, flags);
+        assert_eq!(machine.stats().resets.last().map(|r| r.1), Some(ResetCause::BrownOut));
+    }
 }
 
 #[test]

@@ -38,11 +38,15 @@ const AF: Function = Function::Alternate(9);
 const INRQ: u32 = 1;
 const SLEEP: u32 = 1 << 1;
 const TXFP: u32 = 1 << 2;
+const TTCM: u32 = 1 << 7;
 const RFLM: u32 = 1 << 3;
 const NART: u32 = 1 << 4;
 const ABOM: u32 = 1 << 6;
 const LBKM: u32 = 1 << 30;
 const SILM: u32 = 1 << 31;
+
+/// In place of a cycle: the controller listens for a quiet bus that has not begun.
+const LISTENING: u64 = NEVER - 1;
 
 /// Recessive bits that a node has to see before it takes part.
 const JOIN_BITS: u64 = 11;
@@ -80,14 +84,29 @@ pub struct Can {
     mailboxes: Mailboxes,
     fifos: [Fifo; 2],
     filters: Filters,
-    /// The controller takes part in the bus from this cycle on; `NEVER` in initialisation and sleep.
+    /// The controller takes part in the bus from this cycle on; `NEVER` in initialisation and sleep, or [`LISTENING`].
     joined_at: u64,
+    /// The bit timing in force cannot follow the other nodes.
+    mistuned: bool,
+    /// It began to listen in initialisation, not asleep.
+    waits_from_init: bool,
     /// End of the recovery from bus-off, once it has begun.
     recovered_at: u64,
     bus: Bus,
     incoming: VecDeque<CanFrame>,
     /// The bus is known to be disturbed: no recovery until the board says that it is quiet.
     disturbed: bool,
+    /// Faults of the wire to RX.
+    line: Line,
+}
+
+/// What is wrong with the wire from the transceiver to RX.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Line {
+    /// Held dominant: a shorted bus, or a transceiver without its supply.
+    pub dominant: bool,
+    /// Nothing is connected: the pin's own pull decides, and without one it is taken for dominant, the worse chance.
+    pub open: bool,
 }
 
 impl Default for Can {
@@ -102,10 +121,13 @@ impl Default for Can {
             fifos: Default::default(),
             filters: Filters::default(),
             joined_at: NEVER,
+            mistuned: false,
+            waits_from_init: false,
             recovered_at: NEVER,
             bus: Bus::Free(0),
             incoming: VecDeque::new(),
             disturbed: false,
+            line: Line::default(),
         }
     }
 }
@@ -116,6 +138,7 @@ impl Can {
         let old = std::mem::take(self);
         self.incoming = old.incoming;
         self.disturbed = old.disturbed;
+        self.line = old.line;
         self.bus = if let Bus::Own(..) = old.bus { Bus::Free(wires.clock.now()) } else { old.bus };
         self.lines(wires);
     }
@@ -130,6 +153,48 @@ impl Can {
         quanta * (u64::from(self.btr & 0x3FF) + 1) * clock.apb_divider(false)
     }
 
+    /// What is wrong with the wire to RX.
+    pub fn line(&self) -> Line {
+        self.line
+    }
+
+    /// The wire to RX breaks or is mended.
+    pub fn set_line(&mut self, line: Line, at: u64, wires: &mut Wires<'_>) {
+        self.line = line;
+        if !self.deaf() {
+            self.disturbed = false;
+            self.join(at, wires);
+            self.recover(at, wires.clock);
+            self.arbitrate(at, wires);
+        }
+    }
+
+    /// No frame can pass, in either direction.
+    fn deaf(&self) -> bool {
+        self.line.dominant || self.line.open || self.mistuned
+    }
+
+    /// RX is at the dominant level for ever.
+    fn dominant(&self, wires: &Wires<'_>) -> bool {
+        let pulled_up = || RX_PINS.iter().any(|&pin| wires.gpio.function(pin) == AF && wires.gpio.pulls_up(pin));
+        self.line.dominant || (self.line.open && !pulled_up())
+    }
+
+    /// Begin to wait for the bits that let the controller take part, unless they can never come or it waits already.
+    fn join(&mut self, at: u64, wires: &Wires<'_>) {
+        if self.joined_at == LISTENING && !self.dominant(wires) {
+            let wait = if self.errors.bus_off() && self.waits_from_init { RECOVERY_BITS } else { JOIN_BITS };
+            self.joined_at = at + wait * self.bit(wires.clock);
+            if let Bus::Other(end, _) = self.bus {
+                // The end of a frame that others are sending and the pause after it are eleven recessive bits.
+                self.joined_at = self.joined_at.max(end + PAUSE * self.bit(wires.clock));
+            }
+            if self.errors.bus_off() {
+                self.recovered_at = self.joined_at;
+            }
+        }
+    }
+
     fn joined(&self, at: u64) -> bool {
         self.joined_at <= at
     }
@@ -142,7 +207,7 @@ impl Can {
 
     /// The bus is free of disturbance.
     pub fn quiet(&mut self, at: u64, wires: &mut Wires<'_>) {
-        self.disturbed = false;
+        self.disturbed = self.deaf();
         self.recover(at, wires.clock);
         self.arbitrate(at, wires);
     }
@@ -167,7 +232,7 @@ impl Can {
         let bit = self.bit(wires.clock);
         match (own, other) {
             (Some((index, frame)), _) if !lost => {
-                self.check_pins(wires);
+                self.check_set_up(wires);
                 self.bus = Bus::Own(at + frame_bits(&frame) * bit, index, frame);
             }
             (own, Some(frame)) => {
@@ -185,7 +250,11 @@ impl Can {
         }
     }
 
-    fn check_pins(&self, wires: &mut Wires<'_>) {
+    /// What would go wrong on the chip with a frame that comes or goes.
+    fn check_set_up(&self, wires: &mut Wires<'_>) {
+        if self.mcr & TTCM != 0 {
+            wires.faults.feature("CAN1", "time-triggered communication (TTCM), which the errata advise against");
+        }
         if self.btr & LBKM == 0 {
             wires.gpio.require("CAN1_TX", AF, &TX_PINS, wires.faults);
             wires.gpio.require("CAN1_RX", AF, &RX_PINS, wires.faults);
@@ -201,10 +270,10 @@ impl Can {
         match self.bus {
             Bus::Own(end, index, frame) if end <= at => self.sent(end, index, &frame, wires),
             Bus::Other(end, frame) if end <= at => {
-                self.disturbed = false;
+                self.disturbed = self.deaf();
                 self.bus = Bus::Free(end + PAUSE * self.bit(wires.clock));
-                if self.joined(end) && !self.errors.bus_off() {
-                    self.check_pins(wires);
+                if self.joined(end) && !self.errors.bus_off() && !self.deaf() {
+                    self.check_set_up(wires);
                     self.errors.received();
                     self.accept(&frame, end, wires.clock);
                 }
@@ -217,7 +286,9 @@ impl Can {
 
     fn sent(&mut self, end: u64, index: usize, frame: &CanFrame, wires: &mut Wires<'_>) {
         let bit = self.bit(wires.clock);
-        let mut outcome = wires.board.can_tx(wires.clock.seconds_at(end), frame);
+        // What RX does not read back is a bit error: nobody else sees the whole frame.
+        let mut outcome =
+            if self.deaf() { CanOutcome::BitError } else { wires.board.can_tx(wires.clock.seconds_at(end), frame) };
         if self.btr & LBKM != 0 {
             // In loop-back the controller ignores the ACK slot and hears itself.
             outcome = CanOutcome::Acknowledged;
@@ -370,14 +441,12 @@ impl Can {
             0 => {
                 if self.joined_at == NEVER {
                     self.msr_flags = self.msr_flags & !(INRQ | SLEEP) | before & (INRQ | SLEEP);
-                    // `bit` needs to know that the timing is in force.
-                    self.joined_at = wires.clock.now();
-                    let wait = if self.errors.bus_off() && before & INRQ != 0 { RECOVERY_BITS } else { JOIN_BITS };
-                    self.joined_at += wait * self.bit(wires.clock);
-                    if self.errors.bus_off() {
-                        self.recovered_at = self.joined_at;
-                    }
+                    self.joined_at = LISTENING;
+                    let bit_s = self.bit(wires.clock) as f64 / wires.clock.tree().hclk_hz as f64;
+                    self.mistuned = self.btr & LBKM == 0 && !wire::follows(self.btr, bit_s);
+                    self.waits_from_init = before & INRQ != 0;
                 }
+                self.join(wires.clock.now(), wires);
             }
             mode => {
                 if mode == SLEEP && before & SLEEP == 0 && self.ier >> 17 & 1 == 1 {
