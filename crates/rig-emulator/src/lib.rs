@@ -6,12 +6,14 @@
 //! - [`soc`]: the STM32F446's peripherals, a module each, strict about clocks, pins and channels.
 //! - [`rtt`]: decoded defmt output.
 //! - [`rig`]: drive, motor, encoder, LVDT and the mechanism itself.
+//! - [`jumpers`]: a board without a rig, for the self-test.
 //! - [`flash_file`]: the board's flash in a file.
 //! - [`serve`]: all of it as a process that a host tool talks to.
 
 pub mod board;
 pub mod cpu;
 pub mod flash_file;
+pub mod jumpers;
 pub mod machine;
 pub mod rig;
 pub mod rtt;

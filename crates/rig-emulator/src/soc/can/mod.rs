@@ -5,7 +5,7 @@
 //! - `errors`: error counters and bus-off.
 //!
 //! Other nodes' frames and the controller's own share the bus: one frame at a time, the lower identifier first. The board
-//! decides what becomes of a frame. Silent mode, time-triggered transmission and receive errors are not modelled.
+//! decides what becomes of a frame. Time-triggered transmission and receive errors are not modelled.
 
 mod errors;
 mod filter;
@@ -160,8 +160,8 @@ impl Can {
         if from > at {
             return;
         }
-        let own =
-            (self.joined(at) && !self.errors.bus_off()).then(|| self.mailboxes.next(self.mcr & TXFP != 0)).flatten();
+        let may_send = self.joined(at) && !self.errors.bus_off() && !self.only_listens();
+        let own = may_send.then(|| self.mailboxes.next(self.mcr & TXFP != 0)).flatten();
         let other = self.incoming.front().copied();
         let lost = matches!((&own, &other), (Some((_, own)), Some(other)) if arbitration(other) < arbitration(own));
         let bit = self.bit(wires.clock);
@@ -185,6 +185,11 @@ impl Can {
         }
     }
 
+    /// Silent mode without loop-back: the controller receives, but cannot start a transmission (RM0390 section 30.5).
+    fn only_listens(&self) -> bool {
+        self.btr & (SILM | LBKM) == SILM
+    }
+
     fn check_pins(&self, wires: &mut Wires<'_>) {
         if self.btr & LBKM == 0 {
             wires.gpio.require("CAN1_TX", AF, &TX_PINS, wires.faults);
@@ -203,7 +208,8 @@ impl Can {
             Bus::Other(end, frame) if end <= at => {
                 self.disturbed = false;
                 self.bus = Bus::Free(end + PAUSE * self.bit(wires.clock));
-                if self.joined(end) && !self.errors.bus_off() {
+                // In loop-back the RX pin is disregarded.
+                if self.joined(end) && !self.errors.bus_off() && self.btr & LBKM == 0 {
                     self.check_pins(wires);
                     self.errors.received();
                     self.accept(&frame, end, wires.clock);
@@ -217,7 +223,11 @@ impl Can {
 
     fn sent(&mut self, end: u64, index: usize, frame: &CanFrame, wires: &mut Wires<'_>) {
         let bit = self.bit(wires.clock);
-        let mut outcome = wires.board.can_tx(wires.clock.seconds_at(end), frame);
+        let mut outcome = CanOutcome::Acknowledged;
+        // Silent, in loop-back, it keeps TX recessive: the bus sees nothing.
+        if self.btr & SILM == 0 {
+            outcome = wires.board.can_tx(wires.clock.seconds_at(end), frame);
+        }
         if self.btr & LBKM != 0 {
             // In loop-back the controller ignores the ACK slot and hears itself.
             outcome = CanOutcome::Acknowledged;
@@ -276,7 +286,10 @@ impl Can {
         let bus = match self.bus {
             Bus::Own(end, ..) | Bus::Other(end, _) => end,
             Bus::Free(from) => {
-                let own = self.joined_at != NEVER && !self.errors.bus_off() && self.mailboxes.next(false).is_some();
+                let own = self.joined_at != NEVER
+                    && !self.errors.bus_off()
+                    && !self.only_listens()
+                    && self.mailboxes.next(false).is_some();
                 let own_at = if own { from.max(self.joined_at) } else { NEVER };
                 own_at.min(if self.incoming.is_empty() { NEVER } else { from })
             }
@@ -353,9 +366,6 @@ impl Can {
         if self.mcr & INRQ == 0 {
             faults.feature("CAN1", "BTR can only be written in initialisation mode");
             return;
-        }
-        if value & SILM != 0 {
-            faults.feature("CAN1", "silent mode is not modelled");
         }
         self.btr = value;
     }
