@@ -82,8 +82,7 @@ pub struct JumperBoard {
 impl JumperBoard {
     /// With all wires but those that are broken.
     pub fn new(broken: Broken) -> Self {
-        let mut board =
-            Self { broken, levels: [false; 4], quadrature: 0, pending: Vec::new(), now_s: 0.0 };
+        let mut board = Self { broken, levels: [false; 4], quadrature: 0, pending: Vec::new(), now_s: 0.0 };
         for (place, jumper) in Jumper::ALL.into_iter().enumerate() {
             if let Some((_, high)) = broken.stuck.filter(|(stuck, _)| *stuck == jumper) {
                 board.levels[place] = high;

@@ -3,10 +3,12 @@
 use anyhow::{Context, Result, anyhow};
 use clap::Parser;
 use rig_emulator::flash_file::FlashFile;
+use rig_emulator::jumpers::{self, Broken, JumperBoard};
 use rig_emulator::machine::{Config, Machine};
 use rig_emulator::rig::Rig;
 use rig_emulator::rig::settings::PlantSettings;
 use rig_emulator::serve::serve;
+use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use tsa_model::Scene;
@@ -20,8 +22,11 @@ struct Arguments {
     #[arg(long)]
     elf: PathBuf,
     /// Scene file: the rig's true constants, unless `--plant` changes them.
-    #[arg(long)]
-    scene: PathBuf,
+    #[arg(long, required_unless_present = "bare")]
+    scene: Option<PathBuf>,
+    /// A board with jumper wires and no rig, for the self-test: print its log until it has ended.
+    #[arg(long, conflicts_with_all = ["scene", "plant", "flash"])]
+    bare: bool,
     /// Something about the plant that the firmware is not told, for example `load=1.2kg`.
     #[arg(long, value_name = "KEY=VALUE")]
     plant: Vec<String>,
@@ -47,15 +52,20 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Result<()> {
-    let scene = Scene::load(&arguments.scene)?;
     let elf = std::fs::read(&arguments.elf).with_context(|| format!("firmware {}", arguments.elf.display()))?;
+    let config = Config { strict: !arguments.lenient, ..Config::default() };
+    let Some(scene) = &arguments.scene else {
+        let mut machine = Machine::new(&elf, JumperBoard::new(Broken::default()), config)?;
+        // A reader that has gone has seen enough.
+        return Ok(jumpers::run(&mut machine, |line, _| _ = writeln!(std::io::stdout(), "{line}"))?);
+    };
+    let scene = Scene::load(scene)?;
     let mut settings = PlantSettings::default();
     for pair in &arguments.plant {
         let (key, value) = pair.split_once('=').ok_or_else(|| anyhow!("--plant {pair}: not KEY=VALUE"))?;
         settings.set(key, value)?;
     }
     let rig = Rig::new(&scene, settings, arguments.seed)?;
-    let config = Config { strict: !arguments.lenient, ..Config::default() };
     let mut machine = Machine::new(&elf, rig, config)?;
     let flash = arguments.flash.as_ref().map(|path| FlashFile::open(path, &mut machine)).transpose()?;
     serve(&mut machine, flash, std::io::stdin().lock(), std::io::stdout().lock())
