@@ -60,6 +60,8 @@ pub struct Broken {
     pub vrefint_gain: f64,
     /// Bits of what comes back on the serial line that are flipped.
     pub serial_flips: u8,
+    /// Of so many edges the encoder's timer misses one; 0 for none.
+    pub edges_lost: i64,
 }
 
 /// ADC code of VREFINT at 3.3 V, as [`crate::machine::Config`] has it in the factory's word.
@@ -152,7 +154,11 @@ impl Board for JumperBoard {
     }
 
     fn quadrature(&mut self, _t_s: f64, timer: u8) -> i64 {
-        if timer == 3 { self.quadrature } else { 0 }
+        match (timer, self.broken.edges_lost) {
+            (3, 0) => self.quadrature,
+            (3, lost) => self.quadrature - self.quadrature / lost,
+            _ => 0,
+        }
     }
 
     fn next_event_s(&self) -> f64 {

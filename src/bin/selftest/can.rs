@@ -29,7 +29,7 @@ pub async fn row(table: &mut Table, can: Peri<'_, CAN1>, rx: Peri<'_, PB8>, tx: 
     let mut can = Can::new(can, rx, tx, Irqs);
     can.modify_filters().enable_bank(0, Fifo::Fifo0, Mask32::accept_all());
     can.modify_config().set_bitrate(1_000_000).set_loopback(true).set_silent(true);
-    let what = "CAN1, loop-back";
+    let what = "CAN1 loop-back";
     let expected = format_args!("{} frames come back", FRAMES.len());
     if with_timeout(PATIENCE, can.enable()).await.is_err() {
         return table.row(what, expected, format_args!("does not leave initialisation"), Verdict::Failed);

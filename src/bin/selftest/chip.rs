@@ -9,7 +9,7 @@ use embassy_stm32::pac::rcc::vals::{Pllsrc, Sw};
 use embassy_stm32::peripherals::RCC;
 use embassy_stm32::{Peri, pac};
 
-/// The LSI by the datasheet (Hz): hardware.md section 7.5.
+/// The LSI by the datasheet (Hz): DS10693, LSI oscillator characteristics.
 const LSI_HZ: core::ops::RangeInclusive<f32> = 17_000.0..=47_000.0;
 /// What the watchdog counts from reset: 4096 times its least prescaler, 4 (RM0390 section 20.4).
 const BITE_CYCLES: f32 = 4096.0 * 4.0;

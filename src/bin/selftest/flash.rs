@@ -13,9 +13,8 @@ const KEY: u8 = 4;
 #[derive(Clone, Copy, PartialEq)]
 #[repr(u32)]
 enum Outcome {
-    Unknown = 0,
     /// Written, not read after the reset yet.
-    Written,
+    Written = 1,
     /// There is something else than a store.
     Foreign,
     Unreadable,

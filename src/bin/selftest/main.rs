@@ -54,6 +54,7 @@ async fn main(_spawner: Spawner) {
         kept::forget();
         let mut table = Table::default();
         table.failed("the image", "no panic", format_args!("{text}"));
+        table.print().await;
         return table.end().await;
     }
     if stage == Stage::Done {

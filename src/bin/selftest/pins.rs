@@ -5,7 +5,7 @@
 
 use crate::board::Irqs;
 use crate::table::{Table, Verdict};
-use embassy_stm32::adc::{Adc, SampleTime};
+use embassy_stm32::adc::{Adc, SampleTime, VrefInt};
 use embassy_stm32::gpio::{Input, Level, Output, Pin, Pull, Speed};
 use embassy_stm32::timer::qei::{self, Qei};
 use embassy_stm32::usart::{self, BufferedUart};
@@ -61,7 +61,7 @@ fn told(
 /// Conversions of which the mean is taken.
 const CONVERSIONS: u32 = 16;
 
-/// The factory's reading of VREFINT at 3.3 V (hardware.md section 7.3).
+/// The factory's reading of VREFINT at 3.3 V and 30 degrees (DS10693, internal reference voltage).
 const VREFINT_CAL: *const u16 = 0x1FFF_7A2A as *const u16;
 /// At that voltage (V).
 const VREFINT_CAL_V: f32 = 3.3;
@@ -77,21 +77,20 @@ pub async fn adc(table: &mut Table, p: &mut Peripherals) {
     let wire = wire(&mut from, &mut p.PA0);
     let mut adc = Adc::new(p.ADC1.reborrow());
     let mut reference = adc.enable_vrefint();
-    // It starts in 10 us (hardware.md section 7.3).
-    Timer::after_micros(20).await;
+    Timer::after_micros(VrefInt::start_time_us().into()).await;
     let sum: u32 = (0..CONVERSIONS).map(|_| u32::from(adc.blocking_read(&mut reference, SampleTime::CYCLES480))).sum();
     let code = sum / CONVERSIONS;
     // SAFETY: an aligned halfword of system memory, which is always readable.
     let factory = unsafe { VREFINT_CAL.read_volatile() };
     let vdda_v = VREFINT_CAL_V * f32::from(factory) * CONVERSIONS as f32 / sum.max(1) as f32;
     table.row(
-        "ADC1, VREFINT",
+        "ADC1 VREFINT",
         format_args!("VDDA {:.3} to {:.3} V", VDDA_V[0], VDDA_V[1]),
         format_args!("{vdda_v:.3} V (code {code}, the factory's {factory})"),
         Verdict::of((VDDA_V[0]..=VDDA_V[1]).contains(&vdda_v)),
     );
 
-    let what = "ADC1, A1 to A0";
+    let what = "ADC1 A1 to A0";
     let expected = format_args!("low up to {LOW_MOST}, high from {HIGH_LEAST}");
     if told(table, what, expected, &[(wire, "A1", "A0")]) {
         return;
@@ -113,7 +112,7 @@ const BACKWARDS: u16 = 29;
 pub fn encoder(table: &mut Table, p: &mut Peripherals) {
     let mut a = Output::new(p.PA5.reborrow(), Level::Low, Speed::Low);
     let mut b = Output::new(p.PB6.reborrow(), Level::Low, Speed::Low);
-    let what = "TIM3, D12 and D11";
+    let what = "TIM3 D12 and D11";
     let expected = format_args!("+{FORWARDS}, then -{BACKWARDS} counts");
     let wires = [(wire(&mut a, &mut p.PA6), "D13", "D12"), (wire(&mut b, &mut p.PA7), "D10", "D11")];
     if told(table, what, expected, &wires) {
@@ -148,7 +147,7 @@ const PATIENCE: Duration = Duration::from_millis(20);
 
 /// USART1 hearing itself.
 pub async fn serial(table: &mut Table, p: &mut Peripherals) {
-    let what = "USART1, D8 to D2";
+    let what = "USART1 D8 to D2";
     let expected = format_args!("{} bytes at {} Bd come back", BYTES.len(), rmds405::serial::BAUD);
     let mut from = Output::new(p.PA9.reborrow(), Level::High, Speed::Low);
     let wires = [(wire(&mut from, &mut p.PA10), "D8", "D2")];

@@ -282,6 +282,11 @@ impl<B: Board> Soc<B> {
         self.adc.stall(stalled);
     }
 
+    /// CAN1 breaks: it receives nothing any more, not even its own frames.
+    pub fn numb_can(&mut self) {
+        self.can.numb();
+    }
+
     /// The board drives its side of the pins, now.
     pub fn stimulate(&mut self, stimulus: Stimulus) {
         self.sync();

@@ -2,7 +2,7 @@
 //! [`study`] beyond it, [`chart`] on methods against each other, [`demo`] on the emulated board, [`report`] on all of it,
 //! [`simulate`] and [`operate`] on it or on a real one, [`config`] and [`calibrate`] what it keeps, [`dry_run`] on paper.
 //! [`record`] and [`sweep`] keep what is seen, [`replay`] looks at it again; [`doctor`] judges a board and its sensors,
-//! [`monitor`] shows it live.
+//! [`monitor`] shows it live; [`selftest`] looks at a board without a rig.
 
 pub mod calibrate;
 pub mod chart;
@@ -22,6 +22,7 @@ pub mod rebuild;
 pub mod record;
 pub mod replay;
 pub mod report;
+pub mod selftest;
 pub mod simulate;
 pub mod solve;
 pub mod status;
@@ -73,6 +74,7 @@ pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
         Command::Sweep(options) => sweep::run(global, options, output),
         Command::Replay(options) => replay::run(global, options, output),
         Command::Doctor { home } => doctor::run(global, *home, output),
+        Command::Selftest => selftest::run(global, output),
         Command::Monitor { script } => monitor::run(global, script.as_deref(), output),
         Command::Completions { shell } => {
             let mut script = Vec::new();
@@ -88,6 +90,17 @@ pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
 /// Options of a rig where there is none have no effect, which is said; a port where only the emulated board can be is refused.
 fn rig_options(global: &Global, command: &Command) -> Result<(), Failure> {
     let port = global.port != "sim";
+    if let Command::Selftest = command {
+        let given = [
+            (!global.plant.is_empty(), "--plant"),
+            (global.plant_scene.is_some(), "--plant-scene"),
+            (global.flash.is_some(), "--flash"),
+        ];
+        for (_, name) in given.iter().filter(|(given, _)| *given) {
+            eprintln!("{name} has no effect: this board has no rig, and is a new one each time");
+        }
+        return Ok(());
+    }
     let given = [
         (port, "--port"),
         (!global.plant.is_empty(), "--plant"),

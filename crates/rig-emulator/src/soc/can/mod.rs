@@ -88,6 +88,8 @@ pub struct Can {
     incoming: VecDeque<CanFrame>,
     /// The bus is known to be disturbed: no recovery until the board says that it is quiet.
     disturbed: bool,
+    /// Broken inside: nothing that it hears gets to the FIFOs.
+    numb: bool,
 }
 
 impl Default for Can {
@@ -106,6 +108,7 @@ impl Default for Can {
             bus: Bus::Free(0),
             incoming: VecDeque::new(),
             disturbed: false,
+            numb: false,
         }
     }
 }
@@ -116,6 +119,7 @@ impl Can {
         let old = std::mem::take(self);
         self.incoming = old.incoming;
         self.disturbed = old.disturbed;
+        self.numb = old.numb;
         self.bus = if let Bus::Own(..) = old.bus { Bus::Free(wires.clock.now()) } else { old.bus };
         self.lines(wires);
     }
@@ -132,6 +136,11 @@ impl Can {
 
     fn joined(&self, at: u64) -> bool {
         self.joined_at <= at
+    }
+
+    /// From now on nothing that it hears gets to the FIFOs: the controller is broken.
+    pub fn numb(&mut self) {
+        self.numb = true;
     }
 
     /// Another node wants to send a frame.
@@ -266,7 +275,7 @@ impl Can {
     }
 
     fn accept(&mut self, frame: &CanFrame, at: u64, clock: &Clock) {
-        if let Some(found) = self.filters.accept(frame) {
+        if let Some(found) = self.filters.accept(frame).filter(|_| !self.numb) {
             let time = (at / self.bit(clock)) as u16;
             self.fifos[found.fifo].push(*frame, found.index, time, self.mcr & RFLM != 0);
         }
