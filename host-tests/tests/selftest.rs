@@ -215,6 +215,21 @@ fn a_test_that_is_cut_short_begins_anew() {
 }
 
 #[test]
+fn a_reset_with_another_cause_than_the_test_s_own_is_named() {
+    // Once or twice it could have been a hand on the button.
+    let mut machine = sound();
+    let mut resets = 0;
+    let lines = log(&mut machine, |line, machine| {
+        if line.starts_with("selftest 2") && resets < 3 {
+            resets += 1;
+            machine.soc_mut().reset_request = Some(ResetCause::Watchdog);
+        }
+    });
+    assert_eq!(lines.iter().filter(|line| line.starts_with("selftest 1")).count(), 3, "{lines:#?}");
+    names(&lines, &[("software reset", "FAILED", "IWDG, PIN")]);
+}
+
+#[test]
 fn settings_that_a_user_has_kept_stay_and_the_test_can_be_run_again() {
     let set = Request::SetSetting { setting: Setting::SpeedMax, value: 0.003 };
     let mut bench = Bench::new(&[], 1);

@@ -41,8 +41,11 @@ pub async fn row(table: &mut Table, can: Peri<'_, CAN1>, rx: Peri<'_, PB8>, tx: 
         let frame = if extended { Frame::new_extended(id, data) } else { Frame::new_standard(id as u16, data) };
         // The identifiers above fit.
         let Ok(frame) = frame else { continue };
-        can.write(&frame).await;
-        if let Ok(Ok(heard)) = with_timeout(PATIENCE, can.read()).await
+        let exchange = async {
+            can.write(&frame).await;
+            can.read().await
+        };
+        if let Ok(Ok(heard)) = with_timeout(PATIENCE, exchange).await
             && heard.frame.id() == frame.id()
             && heard.frame.data() == frame.data()
         {

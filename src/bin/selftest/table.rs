@@ -49,10 +49,8 @@ pub struct Table {
 /// Text with what fits.
 fn text<const N: usize>(of: fmt::Arguments<'_>) -> String<N> {
     let mut text = String::new();
-    for part in [of] {
-        // What does not fit is cut off.
-        let _ = write!(Cut(&mut text), "{part}");
-    }
+    // What does not fit is cut off.
+    let _ = Cut(&mut text).write_fmt(of);
     text
 }
 

@@ -90,17 +90,6 @@ pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
 /// Options of a rig where there is none have no effect, which is said; a port where only the emulated board can be is refused.
 fn rig_options(global: &Global, command: &Command) -> Result<(), Failure> {
     let port = global.port != "sim";
-    if let Command::Selftest = command {
-        let given = [
-            (!global.plant.is_empty(), "--plant"),
-            (global.plant_scene.is_some(), "--plant-scene"),
-            (global.flash.is_some(), "--flash"),
-        ];
-        for (_, name) in given.iter().filter(|(given, _)| *given) {
-            eprintln!("{name} has no effect: this board has no rig, and is a new one each time");
-        }
-        return Ok(());
-    }
     let given = [
         (port, "--port"),
         (!global.plant.is_empty(), "--plant"),
@@ -123,12 +112,20 @@ fn rig_options(global: &Global, command: &Command) -> Result<(), Failure> {
         | Command::Chart { .. }
         | Command::Replay(_)
         | Command::Completions { .. } => {
-            for (_, name) in given.iter().filter(|(given, _)| *given) {
-                eprintln!("{name} has no effect: this command has to do with no rig");
-            }
+            no_effect(&given, "this command has to do with no rig");
+            Ok(())
+        }
+        Command::Selftest => {
+            no_effect(&given[1..4], "this board has no rig, and is a new one each time");
             Ok(())
         }
         _ => Ok(()),
+    }
+}
+
+fn no_effect(given: &[(bool, &str)], why: &str) {
+    for (_, name) in given.iter().filter(|(given, _)| *given) {
+        eprintln!("{name} has no effect: {why}");
     }
 }
 

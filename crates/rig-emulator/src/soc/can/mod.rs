@@ -80,6 +80,8 @@ pub struct Can {
     mailboxes: Mailboxes,
     fifos: [Fifo; 2],
     filters: Filters,
+    /// Broken inside: nothing that it hears gets to the FIFOs.
+    numb: bool,
     /// The controller takes part in the bus from this cycle on; `NEVER` in initialisation and sleep.
     joined_at: u64,
     /// End of the recovery from bus-off, once it has begun.
@@ -88,8 +90,6 @@ pub struct Can {
     incoming: VecDeque<CanFrame>,
     /// The bus is known to be disturbed: no recovery until the board says that it is quiet.
     disturbed: bool,
-    /// Broken inside: nothing that it hears gets to the FIFOs.
-    numb: bool,
 }
 
 impl Default for Can {
@@ -103,12 +103,12 @@ impl Default for Can {
             mailboxes: Mailboxes::default(),
             fifos: Default::default(),
             filters: Filters::default(),
+            numb: false,
             joined_at: NEVER,
             recovered_at: NEVER,
             bus: Bus::Free(0),
             incoming: VecDeque::new(),
             disturbed: false,
-            numb: false,
         }
     }
 }
@@ -117,9 +117,9 @@ impl Can {
     /// Reset through the RCC or MCR: an own frame on the bus is cut off, other nodes go on.
     pub fn reset(&mut self, wires: &mut Wires<'_>) {
         let old = std::mem::take(self);
+        self.numb = old.numb;
         self.incoming = old.incoming;
         self.disturbed = old.disturbed;
-        self.numb = old.numb;
         self.bus = if let Bus::Own(..) = old.bus { Bus::Free(wires.clock.now()) } else { old.bus };
         self.lines(wires);
     }
@@ -136,11 +136,6 @@ impl Can {
 
     fn joined(&self, at: u64) -> bool {
         self.joined_at <= at
-    }
-
-    /// From now on nothing that it hears gets to the FIFOs: the controller is broken.
-    pub fn numb(&mut self) {
-        self.numb = true;
     }
 
     /// Another node wants to send a frame.
@@ -272,6 +267,11 @@ impl Can {
         }
         let suspend = if self.errors.passive() { SUSPEND_BITS * bit } else { 0 };
         self.bus = Bus::Free((free_at + suspend).max(end));
+    }
+
+    /// From now on nothing that it hears gets to the FIFOs: the controller is broken.
+    pub fn numb(&mut self) {
+        self.numb = true;
     }
 
     fn accept(&mut self, frame: &CanFrame, at: u64, clock: &Clock) {
