@@ -179,7 +179,8 @@ fn a_damaged_table_is_named() {
     let lines = log(&mut machine, |_, _| {});
     // The firmware's controller refuses it.
     let [tick, gap] = [("FAILED", "fault"), ("FAILED", "um")];
-    let rows = [("control tick", tick), ("tick uncached", tick), ("equilibrium", gap), ("equilibrium uncached", gap)];
+    let rows =
+        [("tick cached", tick), ("tick uncached", tick), ("equilibrium cached", gap), ("equilibrium uncached", gap)];
     names(&lines, &rows.map(|(what, (bad, words))| (what, bad, words)));
 }
 
