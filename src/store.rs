@@ -33,7 +33,7 @@ type Map = MapStorage<u8, Sectors, Places>;
 const PLACE: Range<u32> = 0x4000..0x1_0000;
 const SECTOR: u32 = 0x4000;
 const SECTORS: usize = 3;
-/// Keys that there are: those below, and the self-test's (src/bin/selftest/flash.rs).
+/// Keys that there are: those below, and the self-test's (src/bin/selftest/record.rs).
 const KEYS: usize = 4;
 
 /// The store as the tasks of the thread-mode executor share it.

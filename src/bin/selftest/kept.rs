@@ -29,7 +29,7 @@ pub enum Word {
     WatchdogFlags,
     /// Time from the watchdog's start to its bite (µs).
     BiteUs,
-    /// [`crate::flash::Outcome`].
+    /// [`crate::record::Outcome`].
     Flash,
     /// What was written to flash.
     Value,

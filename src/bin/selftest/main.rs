@@ -11,9 +11,9 @@
 mod can;
 mod chip;
 mod cycles;
-mod flash;
 mod kept;
 mod pins;
+mod record;
 mod table;
 
 #[expect(dead_code, reason = "clocks and interrupts are the firmware's; its tasks are not here")]
@@ -63,13 +63,13 @@ async fn main(_spawner: Spawner) {
     let mut store = store::Store::new(p.FLASH);
     if stage == Stage::Begin {
         line(format_args!("selftest 1 of 3: writes a record to flash, then resets by software")).await;
-        kept::set(kept::Word::Flash, flash::write(&mut store).await);
+        kept::set(kept::Word::Flash, record::write(&mut store).await);
         kept::next(Stage::AfterSoftware);
         cortex_m::peripheral::SCB::sys_reset();
     }
     line(format_args!("selftest 2 of 3: reads it back, then waits for the watchdog's bite")).await;
     kept::set(kept::Word::SoftwareFlags, flags.0);
-    kept::set(kept::Word::Flash, flash::read(&mut store).await);
+    kept::set(kept::Word::Flash, record::read(&mut store).await);
     kept::next(Stage::AfterWatchdog);
     chip::start_watchdog();
     let began = Instant::now();
@@ -87,7 +87,7 @@ async fn third(mut p: embassy_stm32::Peripherals) {
     line(format_args!("selftest 3 of 3: everything else")).await;
     let mut table = Table::default();
     chip::resets(&mut table);
-    flash::row(&mut table);
+    record::row(&mut table);
     let hclk_hz = chip::clocks(&mut table, &p.RCC);
     can::row(&mut table, p.CAN1.reborrow(), p.PB8.reborrow(), p.PB9.reborrow()).await;
     pins::adc(&mut table, &mut p).await;
