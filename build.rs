@@ -40,6 +40,7 @@ fn run() -> Result<(), Box<dyn Error>> {
     source.push_str(&demand(&scene, &fit)?);
     source.push_str(&hashes(&scene));
     fs::write(out.join("scene.rs"), source)?;
+    fs::write(out.join("parameters.rs"), parameters(&scene)?)?;
     #[cfg(feature = "cost")]
     fs::write(out.join("peers.rs"), peers::source(&scene, &fit)?)?;
 
@@ -94,6 +95,13 @@ fn constants(rig: &Rig) -> String {
             DriveTransport::Uart => "Uart",
         },
     )
+}
+
+/// The solver's constants, for the images beside the firmware (`src/bin`).
+fn parameters(scene: &Scene) -> Result<String, Box<dyn Error>> {
+    let parameters = format!("tsa_model::{:?}", scene.mechanism()?.parameters());
+    let parameters = parameters.replace("radius_law: ", "radius_law: tsa_model::RadiusLaw::");
+    Ok(format!("/// The scene's constants.\npub const PARAMETERS: tsa_model::Parameters = {parameters};\n"))
 }
 
 /// What the host compares its scene with.

@@ -3,7 +3,7 @@
 use std::error::Error;
 use tsa_model::Scene;
 
-/// The best table of every other form, a grid of `interpn`'s, and the solver's constants.
+/// The best table of every other form, and a grid of `interpn`'s.
 pub fn source(scene: &Scene, fit: &tsa_table::fit::Fit) -> Result<String, Box<dyn Error>> {
     let mut source = String::new();
     for (name, best) in tsa_table::fit::peers(fit) {
@@ -18,8 +18,6 @@ pub fn source(scene: &Scene, fit: &tsa_table::fit::Fit) -> Result<String, Box<dy
     }
     let mechanism = scene.mechanism()?;
     source += &interpn_grid(&mechanism, &fit.table.metadata, scene.table_demand()?.1.contraction_m)?;
-    source += &format!("pub const PARAMETERS: tsa_model::Parameters = tsa_model::{:?};\n", mechanism.parameters())
-        .replace("radius_law: ", "radius_law: tsa_model::RadiusLaw::");
     Ok(source)
 }
 

@@ -18,7 +18,7 @@ use crate::keep;
 use crate::scene::RIG;
 use crate::store::Store;
 
-bind_interrupts!(struct Irqs {
+bind_interrupts!(pub struct Irqs {
     USART1 => usart::BufferedInterruptHandler<peripherals::USART1>;
     USART2 => usart::BufferedInterruptHandler<peripherals::USART2>;
     CAN1_RX0 => can::Rx0InterruptHandler<peripherals::CAN1>;

@@ -27,6 +27,12 @@ pub fn uart_firmware() -> &'static [u8] {
     ELF.get_or_init(|| image("uart/tsa-firmware.elf", &["xtask", "firmware", "--uart"]))
 }
 
+/// The image that tests a board without a rig.
+pub fn selftest() -> &'static [u8] {
+    static ELF: OnceLock<Vec<u8>> = OnceLock::new();
+    ELF.get_or_init(|| image("tsa-selftest.elf", &["xtask", "selftest", "--emulated"]))
+}
+
 fn image(name: &str, cargo: &[&str]) -> Vec<u8> {
     let path = root().join("target/firmware").join(name);
     if !path.exists() {

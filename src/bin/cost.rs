@@ -18,6 +18,7 @@ mod scene;
 #[allow(missing_docs, reason = "generated")]
 mod peers {
     include!(concat!(env!("OUT_DIR"), "/peers.rs"));
+    include!(concat!(env!("OUT_DIR"), "/parameters.rs"));
 }
 
 /// Loads (N) and twists (rad) of the table's range, off every grid.

@@ -8,10 +8,13 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Name of the root package and of its image.
-const PACKAGE: &str = "tsa-firmware";
+pub const PACKAGE: &str = "tsa-firmware";
 
 /// The image that only counts what each way of knowing the mechanism costs.
 const COST: &str = "tsa-cost";
+
+/// The image that tests a board without a rig.
+pub const SELFTEST: &str = "tsa-selftest";
 
 /// Where tools and tests look for images.
 const IMAGES: &str = "firmware";
@@ -64,6 +67,11 @@ pub fn build_study(folders: &Folders, toolchain: &Toolchain, study: &str, image:
 pub fn build_cost(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
     let mut cargo = cargo(folders, toolchain, COST);
     built(cargo.args(["--features", "cost"]), folders, toolchain, COST, IMAGES).map(drop)
+}
+
+/// Builds the image that tests a board without a rig (`src/bin/selftest`).
+pub fn build_selftest(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
+    built(&mut cargo(folders, toolchain, SELFTEST), folders, toolchain, SELFTEST, IMAGES).map(drop)
 }
 
 /// The command that builds one of the package's images.

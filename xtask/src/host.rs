@@ -38,6 +38,7 @@ fn board(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
     firmware::lint(folders, toolchain)?;
     firmware::build_uart(folders, toolchain)?;
     firmware::build(folders, toolchain)?;
+    firmware::build_selftest(folders, toolchain)?;
     firmware::build_cost(folders, toolchain)
 }
 
@@ -49,6 +50,14 @@ fn desktop(folders: &Folders) -> Result<Vec<Program>> {
     run(cargo(folders).env("RUSTDOCFLAGS", "-D warnings").args(doc).args(DESKTOP))?;
     build(folders)?;
     programs::build(folders, &DESKTOP)
+}
+
+/// Builds the self-test and runs it on the emulated board.
+pub fn selftest(folders: &Folders) -> Result<()> {
+    system::ensure_emulator_tools()?;
+    firmware::build_selftest(folders, &choose(Choice::Auto)?)?;
+    build(folders)?;
+    run(Command::new(folders.target.join("release/rigctl")).current_dir(&folders.root).arg("selftest"))
 }
 
 /// Builds the image that counts costs, runs it on the emulated board and prints what it counted.

@@ -1,6 +1,7 @@
 //! `cargo xtask …`: every command that CI and the README run, and the choice of tools behind them.
 //!
 //! - [`firmware`]: the board's image, with whichever toolchain this machine has ([`toolchain`]), and its size ([`image`]).
+//! - [`selftest`]: the image that tests a board without a rig, on a real one.
 //! - [`host`]: the tools for the desktop, the demo, and the tests of everything.
 //! - [`mod@bench`]: what the model costs, beside an independent solver.
 //! - [`system`]: what has to be installed beside cargo: installed if we may, else said.
@@ -14,6 +15,7 @@ mod host;
 mod image;
 mod process;
 mod programs;
+mod selftest;
 mod system;
 mod toolchain;
 
@@ -44,6 +46,15 @@ enum Task {
     Flash {
         /// Passed on to `probe-rs run`: --probe, --connect-under-reset
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+        rest: Vec<String>,
+    },
+    /// Test a board without a rig: build the self-test, flash it over the ST-LINK, show its table (docs/selftest.md)
+    Selftest {
+        /// On the emulated board instead
+        #[arg(long)]
+        emulated: bool,
+        /// Passed on to `probe-rs run`: --probe, --connect-under-reset
+        #[arg(trailing_var_arg = true, allow_hyphen_values = true, conflicts_with = "emulated")]
         rest: Vec<String>,
     },
     /// Build the desktop tools (target/release/rigctl, target/release/rig-emulator)
@@ -109,6 +120,8 @@ fn run(arguments: Arguments) -> Result<()> {
         Task::Firmware { toolchain, uart: false } => firmware::build(&folders, &toolchain::choose(toolchain)?),
         Task::Firmware { toolchain, uart: true } => firmware::build_uart(&folders, &toolchain::choose(toolchain)?),
         Task::Flash { rest } => firmware::flash(&folders, &toolchain::choose(toolchain::Choice::Auto)?, &rest),
+        Task::Selftest { emulated: true, .. } => host::selftest(&folders),
+        Task::Selftest { rest, .. } => selftest::run(&folders, &toolchain::choose(toolchain::Choice::Auto)?, &rest),
         Task::Build => host::build(&folders),
         Task::Test => host::test(&folders),
         Task::Bench => bench::bench(&folders),

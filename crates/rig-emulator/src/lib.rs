@@ -6,6 +6,7 @@
 //! - [`soc`]: the STM32F446's peripherals, a module each, strict about clocks, pins and channels.
 //! - [`rtt`]: decoded defmt output.
 //! - [`rig`]: drive, motor, encoder, LVDT and the mechanism itself.
+//! - [`jumpers`]: a board without a rig, for the self-test.
 //! - [`flash_file`]: the board's flash in a file.
 //! - [`gdb`]: a GDB looks into the running firmware.
 //! - [`serve`]: all of it as a process that a host tool talks to.
@@ -14,6 +15,7 @@ pub mod board;
 pub mod cpu;
 pub mod flash_file;
 pub mod gdb;
+pub mod jumpers;
 pub mod machine;
 pub mod rig;
 pub mod rtt;

@@ -4,11 +4,12 @@ use anyhow::{Context, Result, anyhow};
 use clap::Parser;
 use rig_emulator::flash_file::FlashFile;
 use rig_emulator::gdb;
+use rig_emulator::jumpers::{self, Broken, JumperBoard};
 use rig_emulator::machine::{Config, Machine};
 use rig_emulator::rig::Rig;
 use rig_emulator::rig::settings::PlantSettings;
 use rig_emulator::serve::serve;
-use std::io::{self, BufRead};
+use std::io::{self, BufRead, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -25,8 +26,11 @@ struct Arguments {
     #[arg(long)]
     elf: PathBuf,
     /// Scene file: the rig's true constants, unless `--plant` changes them.
-    #[arg(long)]
-    scene: PathBuf,
+    #[arg(long, required_unless_present = "bare")]
+    scene: Option<PathBuf>,
+    /// A board with jumper wires and no rig, for the self-test: print its log until it has ended.
+    #[arg(long, conflicts_with_all = ["scene", "plant", "flash"])]
+    bare: bool,
     /// Something about the plant that the firmware is not told, for example `load=1.2kg`.
     #[arg(long, value_name = "KEY=VALUE")]
     plant: Vec<String>,
@@ -61,18 +65,23 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Result<()> {
-    let (requests, gone) = requests();
-    files::check_regular(&arguments.scene).with_context(|| format!("scene {}", arguments.scene.display()))?;
-    let scene = Scene::load(&arguments.scene)?;
-    scene.check_rig().map_err(|error| error.in_file(&arguments.scene))?;
     let elf = files::read(&arguments.elf).with_context(|| format!("firmware {}", arguments.elf.display()))?;
+    let config = Config { strict: !arguments.lenient, brown_out_level: arguments.brown_out_level, ..Config::default() };
+    let Some(scene_file) = &arguments.scene else {
+        let mut machine = Machine::new(&elf, JumperBoard::new(Broken::default()), config)?;
+        // A reader that has gone has seen enough.
+        return Ok(jumpers::run(&mut machine, |line, _| _ = writeln!(std::io::stdout(), "{line}"))?);
+    };
+    let (requests, gone) = requests();
+    files::check_regular(scene_file).with_context(|| format!("scene {}", scene_file.display()))?;
+    let scene = Scene::load(scene_file)?;
+    scene.check_rig().map_err(|error| error.in_file(scene_file))?;
     let mut settings = PlantSettings::default();
     for pair in &arguments.plant {
         let (key, value) = pair.split_once('=').ok_or_else(|| anyhow!("--plant {pair}: not KEY=VALUE"))?;
         settings.set(key, value)?;
     }
     let rig = Rig::new(&scene, settings, arguments.seed)?;
-    let config = Config { strict: !arguments.lenient, brown_out_level: arguments.brown_out_level, ..Config::default() };
     let mut machine = Machine::new(&elf, rig, config)?;
     let flash = arguments.flash.as_ref().map(|path| FlashFile::open(path, &mut machine)).transpose()?;
     if let Some(address) = &arguments.gdb {

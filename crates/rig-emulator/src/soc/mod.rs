@@ -278,6 +278,11 @@ impl<B: Board> Soc<B> {
         self.adc.catch_up(at, dma, memory, wires!(self));
     }
 
+    /// CAN1 breaks: it receives nothing any more, not even its own frames.
+    pub fn numb_can(&mut self) {
+        self.can.numb();
+    }
+
     /// The ADC's requests to its DMA stream are lost from now on, as if none of them had been served in time.
     pub fn stall_adc(&mut self, stalled: bool) {
         self.sync();

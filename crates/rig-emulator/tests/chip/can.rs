@@ -167,6 +167,45 @@ fn with_nart_there_is_one_try() {
     assert_eq!(get(&mut chip, TSR), TME | 1 | 8);
 }
 
+/// A node in another test mode: bits of BTR.
+fn test_mode(bits: u32) -> Chip {
+    let mut chip = node(0);
+    set(&mut chip, MCR, 1);
+    let timing = get(&mut chip, BTR);
+    set(&mut chip, BTR, timing | bits);
+    set(&mut chip, MCR, 0);
+    pass(&mut chip, 12.0 * BIT_S);
+    chip
+}
+
+const LOOP_BACK: u32 = 1 << 30;
+const SILENT: u32 = 1 << 31;
+
+#[test]
+fn silent_in_loop_back_it_hears_itself_alone_and_the_bus_hears_nothing() {
+    let mut chip = test_mode(LOOP_BACK | SILENT);
+    mode(&mut chip, GPIOB, 8, 0);
+    mode(&mut chip, GPIOB, 9, 0);
+    transmit(&mut chip, 0, 0x123);
+    pass(&mut chip, 200.0 * BIT_S);
+    assert_eq!(get(&mut chip, TSR), TME | 3);
+    assert_eq!((get(&mut chip, RF0R) & 3, get(&mut chip, RI0R)), (1, 0x123 << 21));
+    receive(&mut chip, frame(0x55));
+    assert_eq!(get(&mut chip, RF0R) & 3, 1, "RX is disregarded");
+    assert!(chip.board.frames.is_empty());
+}
+
+#[test]
+fn silent_it_hears_the_bus_and_cannot_send() {
+    let mut chip = test_mode(SILENT);
+    transmit(&mut chip, 0, 0x123);
+    receive(&mut chip, frame(0x55));
+    assert_eq!((get(&mut chip, RF0R) & 3, get(&mut chip, RI0R)), (1, 0x55 << 21));
+    pass(&mut chip, 0.01);
+    assert!(chip.board.frames.is_empty());
+    assert_eq!(get(&mut chip, TSR) & TME, 6 << 26, "the frame waits");
+}
+
 #[test]
 fn in_loop_back_it_hears_itself_and_needs_no_acknowledgement() {
     let mut chip = node(0);

@@ -253,6 +253,11 @@ pub enum Command {
         #[arg(long)]
         home: bool,
     },
+    /// The checks of a board without a rig, four jumper wires aside: CAN, ADC, encoder inputs, serial line, flash, watchdog, clocks
+    ///
+    /// An image of its own, here on the emulated board; `cargo xtask selftest` flashes the same to a real one and shows the same
+    /// table (docs/selftest.md). Exit code 1 if a check is not ok.
+    Selftest,
     /// A live view in the terminal: state, position against set-point, load, TR, motor, faults
     ///
     /// Keys: space stops, h holds, c clears a fault, q leaves (and stops a motion first). On an emulated board time

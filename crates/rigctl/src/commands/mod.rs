@@ -2,7 +2,7 @@
 //! [`study`] beyond it, [`chart`] on methods against each other, [`demo`] on the emulated board, [`report`] on all of it,
 //! [`simulate`] and [`operate`] on it or on a real one, [`config`] and [`calibrate`] what it keeps, [`dry_run`] on paper.
 //! [`record`] and [`sweep`] keep what is seen, [`replay`] looks at it again; [`doctor`] judges a board and its sensors,
-//! [`monitor`] shows it live.
+//! [`monitor`] shows it live; [`selftest`] looks at a board without a rig.
 
 pub mod calibrate;
 pub mod chart;
@@ -22,6 +22,7 @@ pub mod rebuild;
 pub mod record;
 pub mod replay;
 pub mod report;
+pub mod selftest;
 pub mod simulate;
 pub mod solve;
 pub mod status;
@@ -74,6 +75,7 @@ pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
         Command::Sweep(options) => sweep::run(global, options, output),
         Command::Replay(options) => replay::run(global, options, output),
         Command::Doctor { home } => doctor::run(global, *home, output),
+        Command::Selftest => selftest::run(global, output),
         Command::Monitor { script } => monitor::run(global, script.as_deref(), output),
         Command::Completions { shell } => {
             let mut script = Vec::new();
@@ -112,12 +114,20 @@ fn rig_options(global: &Global, command: &Command) -> Result<(), Failure> {
         | Command::Chart { .. }
         | Command::Replay(_)
         | Command::Completions { .. } => {
-            for (_, name) in given.iter().filter(|(given, _)| *given) {
-                eprintln!("{name} has no effect: this command has to do with no rig");
-            }
+            no_effect(&given, "this command has to do with no rig");
+            Ok(())
+        }
+        Command::Selftest => {
+            no_effect(&given[1..4], "this board has no rig, and is a new one each time");
             Ok(())
         }
         _ => Ok(()),
+    }
+}
+
+fn no_effect(given: &[(bool, &str)], why: &str) {
+    for (_, name) in given.iter().filter(|(given, _)| *given) {
+        eprintln!("{name} has no effect: {why}");
     }
 }
 

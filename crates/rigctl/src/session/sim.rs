@@ -9,7 +9,7 @@ use anyhow::{Context, anyhow};
 use serde::Deserialize;
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::sync::{Arc, Mutex};
 
@@ -56,10 +56,28 @@ struct RunAnswer {
 }
 
 /// Beside our own executable, or one folder up from it, where the examples of a lab's own have it.
-fn beside(name: &str) -> Result<PathBuf, Failure> {
+pub(crate) fn beside(name: &str) -> Result<PathBuf, Failure> {
     let own = std::env::current_exe().context("where rigctl itself is")?;
     let folders = own.ancestors().skip(1).take(2).map(|folder| folder.join(name));
     Ok(folders.clone().find(|file| file.exists()).or(folders.clone().next()).unwrap_or_else(|| name.into()))
+}
+
+/// Says which command makes what is not there.
+pub(crate) fn there(path: &Path, made_by: &str) -> Result<(), Failure> {
+    if path.exists() {
+        return Ok(());
+    }
+    Err(Failure::failed(format!("{} is not there: run `{made_by}`", path.display())))
+}
+
+/// The emulator's executable.
+///
+/// # Errors
+/// If it is not built.
+pub(crate) fn emulator() -> Result<PathBuf, Failure> {
+    let emulator = beside(if cfg!(windows) { "rig-emulator.exe" } else { "rig-emulator" })?;
+    there(&emulator, "cargo xtask build")?;
+    Ok(emulator)
 }
 
 impl Sim {
@@ -68,16 +86,12 @@ impl Sim {
     /// # Errors
     /// If emulator or firmware are not built, or the scene is refused.
     pub fn start(options: &SimOptions) -> Result<Self, Failure> {
-        let emulator = beside(if cfg!(windows) { "rig-emulator.exe" } else { "rig-emulator" })?;
+        let emulator = emulator()?;
         let firmware = match &options.firmware {
             Some(path) => path.clone(),
             None => beside("../firmware/tsa-firmware.elf")?,
         };
-        for (path, what) in [(&emulator, "cargo xtask build"), (&firmware, "cargo xtask firmware")] {
-            if !path.exists() {
-                return Err(Failure::failed(format!("{} is not there: run `{what}`", path.display())));
-            }
-        }
+        there(&firmware, "cargo xtask firmware")?;
         let mut command = Command::new(&emulator);
         command.arg("--elf").arg(&firmware).arg("--scene").arg(&options.scene);
         command.arg("--seed").arg(options.seed.to_string());

@@ -5,7 +5,7 @@
 //! - `errors`: error counters and bus-off.
 //!
 //! Other nodes' frames and the controller's own share the bus: one frame at a time, the lower identifier first. The board
-//! decides what becomes of a frame. Silent mode, time-triggered transmission and receive errors are not modelled.
+//! decides what becomes of a frame. Time-triggered transmission and receive errors are not modelled.
 
 mod errors;
 mod filter;
@@ -84,6 +84,8 @@ pub struct Can {
     mailboxes: Mailboxes,
     fifos: [Fifo; 2],
     filters: Filters,
+    /// Broken inside: nothing that it hears gets to the FIFOs.
+    numb: bool,
     /// The controller takes part in the bus from this cycle on; `NEVER` in initialisation and sleep, or [`LISTENING`].
     joined_at: u64,
     /// The bit timing in force cannot follow the other nodes.
@@ -120,6 +122,7 @@ impl Default for Can {
             mailboxes: Mailboxes::default(),
             fifos: Default::default(),
             filters: Filters::default(),
+            numb: false,
             joined_at: NEVER,
             mistuned: false,
             waits_from_init: false,
@@ -136,6 +139,7 @@ impl Can {
     /// Reset through the RCC or MCR: an own frame on the bus is cut off, other nodes go on.
     pub fn reset(&mut self, wires: &mut Wires<'_>) {
         let old = std::mem::take(self);
+        self.numb = old.numb;
         self.incoming = old.incoming;
         self.disturbed = old.disturbed;
         self.line = old.line;
@@ -169,15 +173,15 @@ impl Can {
         }
     }
 
-    /// No frame can pass, in either direction.
+    /// No frame can pass, in either direction. In loop-back the RX pin is disregarded (RM0390 section 30.5).
     fn deaf(&self) -> bool {
-        self.line.dominant || self.line.open || self.mistuned
+        self.btr & LBKM == 0 && (self.line.dominant || self.line.open || self.mistuned)
     }
 
     /// RX is at the dominant level for ever.
     fn dominant(&self, wires: &Wires<'_>) -> bool {
         let pulled_up = || RX_PINS.iter().any(|&pin| wires.gpio.function(pin) == AF && wires.gpio.pulls_up(pin));
-        self.line.dominant || (self.line.open && !pulled_up())
+        self.btr & LBKM == 0 && (self.line.dominant || (self.line.open && !pulled_up()))
     }
 
     /// Begin to wait for the bits that let the controller take part, unless they can never come or it waits already.
@@ -225,8 +229,8 @@ impl Can {
         if from > at {
             return;
         }
-        let own =
-            (self.joined(at) && !self.errors.bus_off()).then(|| self.mailboxes.next(self.mcr & TXFP != 0)).flatten();
+        let may_send = self.joined(at) && !self.errors.bus_off() && !self.only_listens();
+        let own = may_send.then(|| self.mailboxes.next(self.mcr & TXFP != 0)).flatten();
         let other = self.incoming.front().copied();
         let lost = matches!((&own, &other), (Some((_, own)), Some(other)) if arbitration(other) < arbitration(own));
         let bit = self.bit(wires.clock);
@@ -248,6 +252,11 @@ impl Can {
             }
             _ => {}
         }
+    }
+
+    /// Silent mode without loop-back: the controller receives, but cannot start a transmission (RM0390 section 30.5).
+    fn only_listens(&self) -> bool {
+        self.btr & (SILM | LBKM) == SILM
     }
 
     /// What would go wrong on the chip with a frame that comes or goes.
@@ -272,7 +281,8 @@ impl Can {
             Bus::Other(end, frame) if end <= at => {
                 self.disturbed = self.deaf();
                 self.bus = Bus::Free(end + PAUSE * self.bit(wires.clock));
-                if self.joined(end) && !self.errors.bus_off() && !self.deaf() {
+                // In loop-back the RX pin is disregarded.
+                if self.joined(end) && !self.errors.bus_off() && !self.deaf() && self.btr & LBKM == 0 {
                     self.check_set_up(wires);
                     self.errors.received();
                     self.accept(&frame, end, wires.clock);
@@ -286,9 +296,15 @@ impl Can {
 
     fn sent(&mut self, end: u64, index: usize, frame: &CanFrame, wires: &mut Wires<'_>) {
         let bit = self.bit(wires.clock);
-        // What RX does not read back is a bit error: nobody else sees the whole frame.
-        let mut outcome =
-            if self.deaf() { CanOutcome::BitError } else { wires.board.can_tx(wires.clock.seconds_at(end), frame) };
+        // Silent, it keeps TX recessive: the bus sees nothing. What RX does not read back is a bit error: nobody else sees
+        // the whole frame.
+        let mut outcome = if self.btr & SILM != 0 {
+            CanOutcome::Acknowledged
+        } else if self.deaf() {
+            CanOutcome::BitError
+        } else {
+            wires.board.can_tx(wires.clock.seconds_at(end), frame)
+        };
         if self.btr & LBKM != 0 {
             // In loop-back the controller ignores the ACK slot and hears itself.
             outcome = CanOutcome::Acknowledged;
@@ -326,8 +342,13 @@ impl Can {
         self.bus = Bus::Free((free_at + suspend).max(end));
     }
 
+    /// From now on nothing that it hears gets to the FIFOs: the controller is broken.
+    pub fn numb(&mut self) {
+        self.numb = true;
+    }
+
     fn accept(&mut self, frame: &CanFrame, at: u64, clock: &Clock) {
-        if let Some(found) = self.filters.accept(frame) {
+        if let Some(found) = self.filters.accept(frame).filter(|_| !self.numb) {
             let time = (at / self.bit(clock)) as u16;
             self.fifos[found.fifo].push(*frame, found.index, time, self.mcr & RFLM != 0);
         }
@@ -347,7 +368,10 @@ impl Can {
         let bus = match self.bus {
             Bus::Own(end, ..) | Bus::Other(end, _) => end,
             Bus::Free(from) => {
-                let own = self.joined_at != NEVER && !self.errors.bus_off() && self.mailboxes.next(false).is_some();
+                let own = self.joined_at != NEVER
+                    && !self.errors.bus_off()
+                    && !self.only_listens()
+                    && self.mailboxes.next(false).is_some();
                 let own_at = if own { from.max(self.joined_at) } else { NEVER };
                 own_at.min(if self.incoming.is_empty() { NEVER } else { from })
             }
@@ -424,9 +448,6 @@ impl Can {
         if self.mcr & INRQ == 0 {
             faults.feature("CAN1", "BTR can only be written in initialisation mode");
             return;
-        }
-        if value & SILM != 0 {
-            faults.feature("CAN1", "silent mode is not modelled");
         }
         self.btr = value;
     }

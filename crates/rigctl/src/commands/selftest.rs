@@ -1,0 +1,79 @@
+//! `selftest`: the checks of a board without a rig, on the emulated board.
+
+use crate::cli::Global;
+use crate::failure::Failure;
+use crate::output::Output;
+use crate::session::sim;
+use anyhow::Context;
+use serde_json::json;
+use std::io::{BufRead, BufReader};
+use std::process::{Command, Stdio};
+
+/// With this the last line of the log begins, and with that if all is well (src/bin/selftest/table.rs).
+const END: &str = "selftest ended: ";
+const WELL: &str = "all ";
+
+/// Runs the self-test's image on an emulated board with jumper wires, and prints its table.
+///
+/// # Errors
+/// If a check is not ok, or emulator or image are not built; and for a real board, which `cargo xtask selftest` flashes.
+pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
+    if global.port != "sim" {
+        return Err(Failure::Usage(format!(
+            "--port {}: on a real board the self-test is an image of its own, flashed and read over the ST-LINK: run `cargo \
+             xtask selftest`",
+            global.port
+        )));
+    }
+    let emulator = sim::emulator()?;
+    let image = match &global.firmware {
+        Some(path) => path.clone(),
+        None => sim::beside("../firmware/tsa-selftest.elf")?,
+    };
+    sim::there(&image, "cargo xtask selftest --emulated")?;
+    let mut command = Command::new(&emulator);
+    command.arg("--bare").arg("--elf").arg(&image).stdin(Stdio::null()).stdout(Stdio::piped());
+    let mut child = command.spawn().with_context(|| format!("starting {}", emulator.display()))?;
+    let log = child.stdout.take().context("the emulator has no standard output")?;
+    let mut end = None;
+    for line in BufReader::new(log).lines() {
+        let line = line.context("reading the emulator's output")?;
+        output.line(&line)?;
+        if let Some([what, expected, seen, verdict]) = row(&line) {
+            output.object(&json!({"what": what, "expected": expected, "seen": seen, "verdict": verdict}))?;
+        }
+        if let Some(text) = line.strip_prefix(END) {
+            end = Some(text.to_owned());
+        }
+    }
+    child.wait().context("waiting for the emulator")?;
+    match end {
+        Some(text) if text.starts_with(WELL) => Ok(()),
+        Some(text) => Err(Failure::failed(text)),
+        // The emulator has said why on standard error, which is ours.
+        None => Err(Failure::failed("the self-test did not end")),
+    }
+}
+
+/// The cells of a row of the table; nothing for its head and for other lines.
+fn row(line: &str) -> Option<[&str; 4]> {
+    let cells: Vec<&str> = line.strip_prefix('|')?.strip_suffix('|')?.split('|').map(str::trim).collect();
+    let row = <[&str; 4]>::try_from(cells).ok()?;
+    (row[0] != "what" && !row[0].starts_with('-')).then_some(row)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::row;
+
+    #[test]
+    fn rows_are_told_from_the_rest() {
+        let line = "| LSI    | 17 to 47 kHz  | 32.0 kHz | ok            |";
+        assert_eq!(row(line), Some(["LSI", "17 to 47 kHz", "32.0 kHz", "ok"]));
+        for other in
+            ["| what | expected | seen | verdict |", "|---|---|---|---|", "selftest ended: all 16 checks ok", ""]
+        {
+            assert_eq!(row(other), None, "{other}");
+        }
+    }
+}

@@ -1,0 +1,254 @@
+//! The self-test's image on an emulated board without a rig: it passes there, and names whatever is broken on purpose.
+
+use host_tests::board::{Bench, selftest};
+use rig_emulator::jumpers::{self, Broken, Jumper, JumperBoard};
+use rig_emulator::machine::{Config, Machine, ResetCause};
+use rig_link::messages::{Request, Setting, State};
+
+/// Sectors 1 to 3 (src/store.rs).
+const STORE: std::ops::Range<usize> = 0x4000..0x1_0000;
+const CHECKS: usize = 16;
+
+fn board(broken: Broken, config: Config) -> Machine<JumperBoard> {
+    Machine::new(selftest(), JumperBoard::new(broken), config).unwrap()
+}
+
+fn sound() -> Machine<JumperBoard> {
+    board(Broken::default(), Config::default())
+}
+
+/// Runs it to its end; what it printed. `at` is given each line and the machine.
+fn log(machine: &mut Machine<JumperBoard>, mut at: impl FnMut(&str, &mut Machine<JumperBoard>)) -> Vec<String> {
+    let mut lines = Vec::new();
+    let run = jumpers::run(machine, |line, machine| {
+        lines.push(line.to_owned());
+        at(line, machine);
+    });
+    run.unwrap_or_else(|e| panic!("{e}: {lines:#?}"));
+    lines
+}
+
+/// What, expected, seen, verdict.
+fn rows(lines: &[String]) -> Vec<[String; 4]> {
+    let rows = lines.iter().filter(|line| line.starts_with("| "));
+    let cells = |line: &String| line.split('|').map(|cell| cell.trim().to_owned()).collect::<Vec<_>>();
+    let rows = rows.map(|line| <[String; 6]>::try_from(cells(line)).unwrap_or_else(|_| panic!("{line}")));
+    // The first are the headings.
+    rows.skip(1).map(|[_, what, expected, seen, verdict, _]| [what, expected, seen, verdict]).collect()
+}
+
+/// Exactly these rows are not ok; each with its verdict, and words that must be in what was seen.
+fn names(lines: &[String], wanted: &[(&str, &str, &str)]) {
+    let rows = rows(lines);
+    assert_eq!(rows.len(), CHECKS, "{lines:#?}");
+    for [what, _, seen, verdict] in &rows {
+        match wanted.iter().find(|(name, ..)| name == what) {
+            None => assert_eq!(verdict, "ok", "{what}: {lines:#?}"),
+            Some((_, bad, words)) => {
+                assert_eq!(verdict, bad, "{what}: {lines:#?}");
+                assert!(seen.contains(words), "{what}: {seen}");
+            }
+        }
+    }
+    let end = lines.last().unwrap();
+    assert!(
+        !end.contains(" ok") && wanted.iter().all(|(name, bad, _)| end.contains(name) && end.contains(bad)),
+        "{end}"
+    );
+}
+
+#[test]
+fn a_sound_board_passes_every_check() {
+    let mut machine = sound();
+    let lines = log(&mut machine, |_, _| {});
+    let rows = rows(&lines);
+    assert_eq!(rows.len(), CHECKS, "{lines:#?}");
+    assert!(rows.iter().all(|[.., verdict]| verdict == "ok"), "{lines:#?}");
+    assert_eq!(lines.last().unwrap(), &format!("selftest ended: all {CHECKS} checks ok"));
+    assert!(lines.iter().any(|line| line.contains("unique id") && line.ends_with("the emulated board")), "{lines:#?}");
+    let causes: Vec<ResetCause> = machine.stats().resets.iter().map(|(_, cause)| *cause).collect();
+    assert_eq!(causes, [ResetCause::Software, ResetCause::Watchdog]);
+    assert!(rows.iter().any(|[.., seen, _]| seen.contains("emulated: instructions, not cycles")));
+}
+
+#[test]
+fn another_chip_is_not_said_to_be_emulated() {
+    let lines = log(&mut board(Broken::default(), Config { unique_id: [7; 12], ..Config::default() }), |_, _| {});
+    assert!(lines.iter().all(|line| !line.contains("emulated")), "{lines:#?}");
+    assert!(lines.iter().any(|line| line.contains(&"07".repeat(12))), "{lines:#?}");
+}
+
+#[test]
+fn a_missing_jumper_is_named() {
+    for (jumper, what, words) in [
+        (Jumper::Adc, "ADC1 A1 to A0", "A0 does not follow A1"),
+        (Jumper::EncoderA, "TIM3 D12 and D11", "D12 does not follow D13"),
+        (Jumper::EncoderB, "TIM3 D12 and D11", "D11 does not follow D10"),
+        (Jumper::Serial, "USART1 D8 to D2", "D2 does not follow D8"),
+    ] {
+        let lines =
+            log(&mut board(Broken { missing: Some(jumper), ..Broken::default() }, Config::default()), |_, _| {});
+        names(&lines, &[(what, "not connected", words)]);
+    }
+}
+
+#[test]
+fn an_input_that_is_stuck_is_named() {
+    for (jumper, high, what, words) in [
+        (Jumper::EncoderA, false, "TIM3 D12 and D11", "D12 is stuck low"),
+        (Jumper::EncoderB, true, "TIM3 D12 and D11", "D11 is stuck high"),
+        (Jumper::Adc, true, "ADC1 A1 to A0", "A0 is stuck high"),
+        (Jumper::Serial, false, "USART1 D8 to D2", "D2 is stuck low"),
+    ] {
+        let stuck = Some((jumper, high));
+        let lines = log(&mut board(Broken { stuck, ..Broken::default() }, Config::default()), |_, _| {});
+        names(&lines, &[(what, "FAILED", words)]);
+    }
+}
+
+#[test]
+fn an_input_that_works_as_a_pin_and_not_as_what_it_is_for_is_named() {
+    let none = Broken::default();
+    for (broken, what, words) in [
+        (Broken { adc_gain: -0.05, ..none }, "ADC1 A1 to A0", "high 3890"),
+        (Broken { vrefint_gain: 0.1, ..none }, "ADC1 VREFINT", "3.0"),
+        (Broken { vrefint_gain: -0.1, ..none }, "ADC1 VREFINT", "3.6"),
+        (Broken { serial_flips: 0x10, ..none }, "USART1 D8 to D2", "0 as they were sent"),
+        (Broken { edges_lost: 5, ..none }, "TIM3 D12 and D11", "counts"),
+    ] {
+        let lines = log(&mut board(broken, Config::default()), |_, _| {});
+        names(&lines, &[(what, "FAILED", words)]);
+    }
+}
+
+#[test]
+fn an_lsi_out_of_its_range_is_named() {
+    for (lsi_hz, words) in [(60_000.0, "60.0 kHz"), (10_000.0, "10.0 kHz")] {
+        let lines = log(&mut board(Broken::default(), Config { lsi_hz, ..Config::default() }), |_, _| {});
+        names(&lines, &[("LSI", "FAILED", words)]);
+    }
+}
+
+#[test]
+fn a_watchdog_that_does_not_bite_is_named_and_the_lsi_with_it() {
+    // Nothing measures it then.
+    let lines = log(&mut board(Broken::default(), Config { lsi_hz: 1.0, ..Config::default() }), |_, _| {});
+    names(&lines, &[("watchdog", "FAILED", "3.0"), ("LSI", "FAILED", "")]);
+}
+
+#[test]
+fn a_can_controller_that_hears_nothing_is_named() {
+    let mut machine = sound();
+    machine.soc_mut().numb_can();
+    names(&log(&mut machine, |_, _| {}), &[("CAN1 loop-back", "FAILED", "0 came back")]);
+}
+
+#[test]
+fn flash_that_does_not_keep_is_named() {
+    let mut machine = sound();
+    let empty = machine.flash_image();
+    let lines = log(&mut machine, |line, machine| {
+        if line.starts_with("selftest 2") {
+            machine.set_flash_image(&empty).unwrap();
+        }
+    });
+    names(&lines, &[("flash store", "FAILED", "gone after the reset")]);
+}
+
+#[test]
+fn what_is_no_store_is_left_alone() {
+    let mut machine = sound();
+    let mut image = machine.flash_image();
+    image[STORE].fill(0x5A);
+    machine.set_flash_image(&image).unwrap();
+    names(&log(&mut machine, |_, _| {}), &[("flash store", "FAILED", "left alone")]);
+    assert!(machine.flash_image() == image);
+}
+
+#[test]
+fn a_damaged_table_is_named() {
+    // The solver finds the gap that the damaged table does not.
+    let rig_table = host_tests::table();
+    let tsa_table::Form::Arc(series) = rig_table.form else { panic!("another form") };
+    let bytes: Vec<u8> = series.coefficients.iter().flat_map(|c| c.to_le_bytes()).collect();
+    let mut elf = selftest().to_vec();
+    let at = elf.windows(bytes.len()).position(|w| w == bytes).expect("the table stands in the ELF");
+    // A power of two in the first coefficient.
+    elf[at + 3] ^= 0x01;
+    let mut machine = Machine::new(&elf, JumperBoard::new(Broken::default()), Config::default()).unwrap();
+    let lines = log(&mut machine, |_, _| {});
+    // The firmware's controller refuses it.
+    let [tick, gap] = [("FAILED", "fault"), ("FAILED", "um")];
+    let rows =
+        [("tick cached", tick), ("tick uncached", tick), ("equilibrium cached", gap), ("equilibrium uncached", gap)];
+    names(&lines, &rows.map(|(what, (bad, words))| (what, bad, words)));
+}
+
+#[test]
+fn a_panic_is_the_result() {
+    let mut machine = sound();
+    let mut crashed = false;
+    let lines = log(&mut machine, |line, machine| {
+        if line.starts_with("selftest 3") && !std::mem::replace(&mut crashed, true) {
+            machine.crash().unwrap();
+        }
+    });
+    assert!(lines.last().unwrap().ends_with("FAILED: the image"), "{lines:#?}");
+    assert!(rows(&lines)[0][2].contains("hard fault at"), "{lines:#?}");
+    // The next run is a new one.
+    machine.power_cycle();
+    assert!(log(&mut machine, |_, _| {}).last().unwrap().ends_with("checks ok"));
+}
+
+#[test]
+fn a_test_that_is_cut_short_begins_anew() {
+    let mut machine = sound();
+    let mut cuts = 0;
+    let lines = log(&mut machine, |line, machine| {
+        // In the wait for the bite, and at the end.
+        if (line.starts_with("selftest 2") && cuts == 0) || (line.starts_with("selftest 3") && cuts == 1) {
+            cuts += 1;
+            machine.power_cycle();
+        }
+    });
+    assert_eq!(lines.iter().filter(|line| line.starts_with("selftest 1")).count(), 3, "{lines:#?}");
+    assert!(lines.last().unwrap().ends_with("checks ok"), "{lines:#?}");
+}
+
+#[test]
+fn a_reset_with_another_cause_than_the_test_s_own_is_named() {
+    // Once or twice it could have been a hand on the button.
+    let mut machine = sound();
+    let mut resets = 0;
+    let lines = log(&mut machine, |line, machine| {
+        if line.starts_with("selftest 2") && resets < 3 {
+            resets += 1;
+            machine.soc_mut().reset_request = Some(ResetCause::Watchdog);
+        }
+    });
+    assert_eq!(lines.iter().filter(|line| line.starts_with("selftest 1")).count(), 3, "{lines:#?}");
+    names(&lines, &[("software reset", "FAILED", "IWDG, PIN")]);
+}
+
+#[test]
+fn settings_that_a_user_has_kept_stay_and_the_test_can_be_run_again() {
+    let set = Request::SetSetting { setting: Setting::SpeedMax, value: 0.003 };
+    let mut bench = Bench::new(&[], 1);
+    bench.greet();
+    assert!(bench.until(5.0, |b| b.state() == State::Unhomed));
+    bench.set(&set).unwrap();
+    let mut flash = bench.machine.flash_image();
+    for _ in 0..3 {
+        let mut machine = sound();
+        machine.set_flash_image(&flash).unwrap();
+        assert!(log(&mut machine, |_, _| {}).last().unwrap().ends_with("checks ok"));
+        flash = machine.flash_image();
+    }
+    let mut bench = Bench::new(&[], 1);
+    bench.machine.set_flash_image(&flash).unwrap();
+    bench.machine.power_cycle();
+    bench.greet();
+    assert!(bench.until(5.0, |b| b.state() == State::Unhomed), "{:?}", bench.last);
+    let kept = bench.settings();
+    assert!((kept.values.get(Setting::SpeedMax) - 0.003).abs() < 1e-9, "{kept:?}");
+}

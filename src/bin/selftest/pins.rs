@@ -1,0 +1,179 @@
+//! What comes in by the pins, driven by outputs of the same board through jumper wires.
+//!
+//! Each wire is first looked at as a plain input with a pull to the other level: an input that follows its pull and not the
+//! output has no wire, one that follows neither is stuck.
+
+use crate::board::Irqs;
+use crate::table::{Table, Verdict};
+use embassy_stm32::adc::{Adc, SampleTime, VrefInt};
+use embassy_stm32::gpio::{Input, Level, Output, Pin, Pull, Speed};
+use embassy_stm32::timer::qei::{self, Qei};
+use embassy_stm32::usart::{self, BufferedUart};
+use embassy_stm32::{Peri, Peripherals};
+use embassy_time::{Duration, Timer, block_for, with_timeout};
+use embedded_io_async::{Read, Write};
+
+/// An input through the chip's own pull of some 40 kohm and a wire of some 100 pF, many times over.
+const SETTLES: Duration = Duration::from_micros(50);
+
+enum Wire {
+    Good,
+    Open,
+    Stuck(&'static str),
+}
+
+fn wire<T: Pin>(from: &mut Output<'_>, to: &mut Peri<'_, T>) -> Wire {
+    let mut follows = |level: Level, pull: Pull| {
+        from.set_level(level);
+        let input = Input::new(to.reborrow(), pull);
+        block_for(SETTLES);
+        input.get_level() == level
+    };
+    match (follows(Level::Low, Pull::Up), follows(Level::High, Pull::Down)) {
+        (true, true) => Wire::Good,
+        (false, false) => Wire::Open,
+        (true, false) => Wire::Stuck("low"),
+        (false, true) => Wire::Stuck("high"),
+    }
+}
+
+/// Says what is wrong with a wire; whether there is anything.
+fn told(
+    table: &mut Table,
+    what: &'static str,
+    expected: core::fmt::Arguments<'_>,
+    wires: &[(Wire, &'static str, &'static str)],
+) -> bool {
+    for (wire, from, to) in wires {
+        match wire {
+            Wire::Good => continue,
+            Wire::Open => {
+                let seen = format_args!("{to} does not follow {from}: no jumper?");
+                table.row(what, expected, seen, Verdict::NotConnected);
+            }
+            Wire::Stuck(level) => table.row(what, expected, format_args!("{to} is stuck {level}"), Verdict::Failed),
+        }
+        return true;
+    }
+    false
+}
+
+/// Conversions of which the mean is taken.
+const CONVERSIONS: u32 = 16;
+
+/// The factory's reading of VREFINT at 3.3 V and 30 degrees (DS10693, internal reference voltage).
+const VREFINT_CAL: *const u16 = 0x1FFF_7A2A as *const u16;
+/// At that voltage (V).
+const VREFINT_CAL_V: f32 = 3.3;
+/// What VDDA may be (V): 5 % about the board's 3.3 V, more than regulator and reference are off by.
+const VDDA_V: [f32; 2] = [3.135, 3.465];
+/// Codes of an output that is low and one that is high: 1 % of the range.
+const LOW_MOST: u16 = 40;
+const HIGH_LEAST: u16 = 4055;
+
+/// VREFINT, and A0 driven by A1.
+pub async fn adc(table: &mut Table, p: &mut Peripherals) {
+    let mut from = Output::new(p.PA1.reborrow(), Level::Low, Speed::Low);
+    let wire = wire(&mut from, &mut p.PA0);
+    let mut adc = Adc::new(p.ADC1.reborrow());
+    let mut reference = adc.enable_vrefint();
+    Timer::after_micros(VrefInt::start_time_us().into()).await;
+    let sum: u32 = (0..CONVERSIONS).map(|_| u32::from(adc.blocking_read(&mut reference, SampleTime::CYCLES480))).sum();
+    let code = sum / CONVERSIONS;
+    // SAFETY: an aligned halfword of system memory, which is always readable.
+    let factory = unsafe { VREFINT_CAL.read_volatile() };
+    let vdda_v = VREFINT_CAL_V * f32::from(factory) * CONVERSIONS as f32 / sum.max(1) as f32;
+    table.row(
+        "ADC1 VREFINT",
+        format_args!("VDDA {:.3} to {:.3} V", VDDA_V[0], VDDA_V[1]),
+        format_args!("{vdda_v:.3} V (code {code}, the factory's {factory})"),
+        Verdict::of((VDDA_V[0]..=VDDA_V[1]).contains(&vdda_v)),
+    );
+
+    let what = "ADC1 A1 to A0";
+    let expected = format_args!("low up to {LOW_MOST}, high from {HIGH_LEAST}");
+    if told(table, what, expected, &[(wire, "A1", "A0")]) {
+        return;
+    }
+    let codes = [Level::Low, Level::High].map(|level| {
+        from.set_level(level);
+        block_for(SETTLES);
+        adc.blocking_read(&mut p.PA0, SampleTime::CYCLES480)
+    });
+    let good = codes[0] <= LOW_MOST && codes[1] >= HIGH_LEAST;
+    table.row(what, expected, format_args!("low {}, high {}", codes[0], codes[1]), Verdict::of(good));
+}
+
+/// Edges forwards, and then backwards.
+const FORWARDS: u16 = 42;
+const BACKWARDS: u16 = 29;
+
+/// TIM3 counting what D13 and D10 make of a Gray code.
+pub fn encoder(table: &mut Table, p: &mut Peripherals) {
+    let mut a = Output::new(p.PA5.reborrow(), Level::Low, Speed::Low);
+    let mut b = Output::new(p.PB6.reborrow(), Level::Low, Speed::Low);
+    let what = "TIM3 D12 and D11";
+    let expected = format_args!("+{FORWARDS}, then -{BACKWARDS} counts");
+    let wires = [(wire(&mut a, &mut p.PA6), "D13", "D12"), (wire(&mut b, &mut p.PA7), "D10", "D11")];
+    if told(table, what, expected, &wires) {
+        return;
+    }
+    let mut place = 0u16;
+    let mut step = |by: u16| {
+        place = place.wrapping_add(by);
+        // A leads: TIM3 counts up.
+        a.set_level(matches!(place % 4, 1 | 2).into());
+        b.set_level(matches!(place % 4, 2 | 3).into());
+        block_for(SETTLES);
+    };
+    // The wires were left high: place 0 before the counter starts.
+    step(0);
+    let counter = Qei::new(p.TIM3.reborrow(), p.PA6.reborrow(), p.PA7.reborrow(), qei::Config::default());
+    let start = counter.count();
+    (0..FORWARDS).for_each(|_| step(1));
+    let middle = counter.count();
+    (0..BACKWARDS).for_each(|_| step(u16::MAX));
+    let end = counter.count();
+    let way = |from: u16, to: u16| to.wrapping_sub(from).cast_signed();
+    let (forwards, backwards) = (way(start, middle), way(middle, end));
+    let good = forwards == FORWARDS.cast_signed() && backwards == -BACKWARDS.cast_signed();
+    table.row(what, expected, format_args!("{forwards:+}, then {backwards:+} counts"), Verdict::of(good));
+}
+
+/// Every bit both ways, and no two alike.
+const BYTES: [u8; 8] = [0x00, 0xFF, 0x55, 0xAA, 0x01, 0x80, 0x7E, 0x42];
+/// Eight bytes take 0.7 ms.
+const PATIENCE: Duration = Duration::from_millis(20);
+
+/// USART1 hearing itself.
+pub async fn serial(table: &mut Table, p: &mut Peripherals) {
+    let what = "USART1 D8 to D2";
+    let expected = format_args!("{} bytes at {} Bd come back", BYTES.len(), rmds405::serial::BAUD);
+    let mut from = Output::new(p.PA9.reborrow(), Level::High, Speed::Low);
+    let wires = [(wire(&mut from, &mut p.PA10), "D8", "D2")];
+    drop(from);
+    if told(table, what, expected, &wires) {
+        return;
+    }
+    let (mut tx, mut rx) = ([0; 16], [0; 16]);
+    let mut config = usart::Config::default();
+    config.baudrate = rmds405::serial::BAUD;
+    let (out, back) = (p.PA9.reborrow(), p.PA10.reborrow());
+    let Ok(mut uart) = BufferedUart::new(p.USART1.reborrow(), back, out, &mut tx, &mut rx, Irqs, config) else {
+        return table.row(what, expected, format_args!("the rate cannot be set"), Verdict::Failed);
+    };
+    // What the line did while it was set up.
+    let mut heard = [0; BYTES.len()];
+    let _ = with_timeout(Duration::from_millis(2), uart.read(&mut heard)).await;
+    let mut heard = [0; BYTES.len()];
+    let exchange = async {
+        uart.write_all(&BYTES).await.ok()?;
+        uart.flush().await.ok()?;
+        uart.read_exact(&mut heard).await.ok()
+    };
+    let done = with_timeout(PATIENCE, exchange).await;
+    let same = heard.iter().zip(&BYTES).filter(|(heard, sent)| heard == sent).count();
+    let good = matches!(done, Ok(Some(()))) && same == BYTES.len();
+    let why = if matches!(done, Ok(Some(()))) { "" } else { ", not in time" };
+    table.row(what, expected, format_args!("{same} as they were sent{why}"), Verdict::of(good));
+}
