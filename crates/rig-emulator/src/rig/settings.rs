@@ -130,7 +130,7 @@ const fn key(
 }
 
 /// Ranges are wide: what makes no rig at all is refused, not what makes a bad one.
-const KEYS: [Key; 15] = [
+const KEYS: [Key; 17] = [
     key("load", LOAD, [0.01, 200.0], true, |s, v| s.load_n = v),
     key("friction", FORCE, [0.0, 100.0], true, |s, v| s.friction_n = v),
     key("damping", DAMPING, [0.0, 1e4], true, |s, v| s.damping_n_s_per_m = v),
