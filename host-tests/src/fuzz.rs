@@ -79,7 +79,7 @@ pub fn drive(data: &[u8]) {
 pub fn scene(data: &[u8]) {
     let Ok(text) = core::str::from_utf8(data) else { return };
     let Ok(scene) = Scene::from_toml_str(text) else { return };
-    let _ = (scene.hash(), scene.table_demand());
+    let _ = (scene.hash(), scene.table_demand(), scene.check_rig());
     if let Ok(mechanism) = scene.mechanism() {
         for (load, twist) in [(0.5, 3.2), (5.0, 20.0), (17.0, 50.0)] {
             if let Ok(e) = mechanism.solve(load, twist) {
