@@ -3,11 +3,12 @@
 use embassy_stm32::adc::{self, Adc, AdcChannel, RingBufferedAdc, SampleTime};
 use embassy_stm32::can::{self, Can, Fifo, StandardId};
 use embassy_stm32::gpio::{Input, Level, Output, Pull, Speed};
+use embassy_stm32::pac::iwdg::vals::Key;
 use embassy_stm32::timer::qei::{self, Qei};
 use embassy_stm32::usart::{self, BufferedUart};
 use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_stm32::{Config, Peri, Peripherals, bind_interrupts, dma, pac, peripherals};
-use rig_link::messages::{Fault, ResetCause};
+use rig_link::messages::{Clock, Fault, ResetCause};
 use static_cell::StaticCell;
 
 use crate::keep;
@@ -104,16 +105,26 @@ pub struct Board {
     pub store: Store,
 }
 
-/// 168 MHz from the ST-LINK's 8 MHz clock: no over-drive, exact CAN and UART rates (hardware.md section 8).
-pub fn clocks() -> Config {
+/// 168 MHz from the ST-LINK's 8 MHz clock: exact CAN and UART rates (hardware.md section 8). From the chip's own oscillator
+/// all rates are off by up to 1 % and more when warm: good for the host link, not promised on the bus.
+///
+/// 168 MHz needs no over-drive; embassy-stm32 0.6.0 switches it on all the same, with the core still on its own oscillator
+/// as it must be (RM0390 section 5.1.4). It costs some supply current and nothing else here: no stop mode is used.
+pub fn clocks(clock: Clock) -> Config {
     use embassy_stm32::rcc::{
         AHBPrescaler, APBPrescaler, Hse, HseMode, Pll, PllMul, PllPDiv, PllPreDiv, PllSource, Sysclk,
     };
     let mut config = Config::default();
-    config.rcc.hse = Some(Hse { freq: embassy_stm32::time::Hertz(8_000_000), mode: HseMode::Bypass });
-    config.rcc.pll_src = PllSource::HSE;
-    config.rcc.pll =
-        Some(Pll { prediv: PllPreDiv::DIV4, mul: PllMul::MUL168, divp: Some(PllPDiv::DIV2), divq: None, divr: None });
+    // 2 MHz into the PLL in both cases.
+    let prediv = match clock {
+        Clock::Hse => {
+            config.rcc.hse = Some(Hse { freq: embassy_stm32::time::Hertz(8_000_000), mode: HseMode::Bypass });
+            config.rcc.pll_src = PllSource::HSE;
+            PllPreDiv::DIV4
+        }
+        Clock::Hsi => PllPreDiv::DIV8,
+    };
+    config.rcc.pll = Some(Pll { prediv, mul: PllMul::MUL168, divp: Some(PllPDiv::DIV2), divq: None, divr: None });
     config.rcc.ahb_pre = AHBPrescaler::DIV1;
     config.rcc.apb1_pre = APBPrescaler::DIV4;
     config.rcc.apb2_pre = APBPrescaler::DIV2;
@@ -204,6 +215,8 @@ pub struct Start {
     pub last_panic: Option<heapless::String<88>>,
     /// That run was driving the motor.
     pub was_driving: bool,
+    /// What the clocks are to be made from.
+    pub clock: Clock,
 }
 
 impl Start {
@@ -221,8 +234,36 @@ impl Start {
     }
 }
 
-/// Reads the reset flags and clears them for the next time, and what the last run left. Call once, before anything else.
+/// How often the ST-LINK's clock is looked for, and turns of a waiting loop between: 50 to 200 ms at 1 to 4 cycles a turn
+/// (a Cortex-M4 takes 3), well within the watchdog's time.
+const HSE_TRIES: u32 = 100;
+const HSE_PAUSE: u32 = 8_000;
+
+/// Whether the ST-LINK's clock is there; embassy-stm32 would wait for it without limit. The core is on its own 16 MHz.
+fn find_clock() -> Clock {
+    let rcc = pac::RCC;
+    rcc.cr().modify(|w| w.set_hsebyp(true));
+    rcc.cr().modify(|w| w.set_hseon(true));
+    for _ in 0..HSE_TRIES {
+        if rcc.cr().read().hserdy() {
+            return Clock::Hse;
+        }
+        cortex_m::asm::delay(HSE_PAUSE);
+    }
+    Clock::Hsi
+}
+
+/// Level of the brown-out reset in the option bytes, 0 (off) to 3. Only looked at: writing option bytes from here could
+/// lock the chip if the supply failed at the wrong moment.
+pub fn brown_out_level() -> u8 {
+    3 - pac::FLASH.optcr().read().bor_lev()
+}
+
+/// Starts the watchdog, reads the reset flags and clears them for the next time, and what the last run left, and looks for
+/// the clock. Call once, before anything else.
 pub fn start() -> Start {
+    // As a reset left it: 4096 counts of LSI / 4, 0.35 to 0.96 s.
+    pac::IWDG.kr().write(|w| w.set_key(Key::START));
     let flags = pac::RCC.csr().read();
     pac::RCC.csr().modify(|w| w.set_rmvf(true));
     let cause = if flags.wdgrstf() || flags.wwdgrstf() {
@@ -241,5 +282,8 @@ pub fn start() -> Start {
         ResetCause::Unknown
     };
     let before = keep::begin(cause == ResetCause::PowerOn);
-    Start { cause, boot_count: before.boot_count, last_panic: before.panic, was_driving: before.driving }
+    let clock = find_clock();
+    // The wait is over, one way or the other.
+    pac::IWDG.kr().write(|w| w.set_key(Key::RESET));
+    Start { cause, boot_count: before.boot_count, last_panic: before.panic, was_driving: before.driving, clock }
 }

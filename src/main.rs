@@ -34,14 +34,15 @@ unsafe fn SPDIF_RX() {
 #[embassy_executor::main]
 async fn main(background: Spawner) {
     let start = board::start();
-    let board = board::Board::new(embassy_stm32::init(board::clocks()));
+    let board = board::Board::new(embassy_stm32::init(board::clocks(start.clock)));
     defmt::info!(
-        "tsa-firmware {} ({}), scene {:08x}, reset by {}, boot {}",
+        "tsa-firmware {} ({}), scene {:08x}, reset by {}, boot {}, clock {}",
         env!("CARGO_PKG_VERSION"),
         env!("TSA_GIT"),
         scene::TABLE.metadata.scene_hash,
         start.cause,
-        start.boot_count
+        start.boot_count,
+        start.clock
     );
     if let Some(text) = &start.last_panic {
         defmt::error!("the run before ended with: {}", text.as_str());

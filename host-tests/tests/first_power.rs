@@ -2,8 +2,9 @@
 //! that no longer reads, clocks that are missing.
 
 use host_tests::board::Bench;
+use rig_emulator::machine::ResetCause;
 use rig_emulator::soc::can::Line;
-use rig_link::messages::{EventKind, Fault, Request, Setting, State};
+use rig_link::messages::{Clock, EventKind, Fault, Request, Setting, State};
 
 const DOMINANT: Line = Line { dominant: true, open: false };
 const OPEN: Line = Line { dominant: false, open: true };
@@ -64,4 +65,59 @@ fn a_log_that_nobody_reads_stops_nothing() {
     // Read again, it goes on.
     b.machine.stall_rtt(false);
     assert!(b.until(1.0, |b| b.state() == State::Ready), "{:?}", b.last);
+}
+
+#[test]
+fn the_board_says_what_it_runs_on_and_what_watches_its_supply() {
+    let mut b = Bench::new(&[], 3);
+    b.machine.soc_mut().set_brown_out_level(2);
+    b.greet();
+    assert!(b.until(0.2, |b| b.identity.is_some()));
+    let identity = b.identity.clone().unwrap();
+    assert_eq!((identity.clock, identity.brown_out_level), (Clock::Hse, 2));
+    // As delivered.
+    let mut b = Bench::new(&[], 3);
+    b.greet();
+    assert!(b.until(0.2, |b| b.identity.as_ref().is_some_and(|i| i.brown_out_level == 0)));
+}
+
+/// The ST-LINK's clock is missing: a solder bridge, or another power source than its USB socket.
+#[test]
+fn without_the_st_links_clock_the_board_runs_on_its_own_and_says_so() {
+    let mut b = Bench::new(&[], 3);
+    b.machine.feed_hse(false);
+    // It waits for the clock for a while.
+    b.run(0.3);
+    b.greet();
+    assert!(b.until(0.2, |b| b.identity.is_some()));
+    assert_eq!(b.identity.clone().unwrap().clock, Clock::Hsi);
+    assert_eq!(b.machine.soc_mut().clock.tree().hclk_hz, 168_000_000);
+    assert!(b.machine.stats().resets.is_empty(), "{:?}", b.machine.stats().resets);
+    // Lost while it runs: the watchdog restarts it on its own.
+    let mut b = Bench::new(&[], 3);
+    b.home();
+    b.machine.feed_hse(false);
+    b.run(1.5);
+    assert_eq!(b.machine.stats().resets.iter().map(|r| r.1).collect::<Vec<_>>(), [ResetCause::Watchdog]);
+    b.greet();
+    assert_eq!(b.last.and_then(|t| t.fault), Some(Fault::WatchdogReset));
+    b.identity = None;
+    b.ask(&Request::Status).unwrap();
+    assert!(b.until(0.2, |b| b.identity.as_ref().is_some_and(|i| i.clock == Clock::Hsi)));
+}
+
+/// Whatever hangs between the reset and the first task is reset like everything else.
+#[test]
+fn the_watchdog_runs_before_anything_that_can_hang() {
+    let mut b = Bench::new(&[], 3);
+    while b.machine.soc_mut().clock.tree().hclk_hz == 16_000_000 {
+        let until_s = b.machine.now_s() + 10e-6;
+        b.machine.run_until(until_s).unwrap();
+    }
+    let hung_s = b.machine.now_s();
+    println!("clock set up at {hung_s} s");
+    b.machine.hang(true);
+    b.run(1.0);
+    let resets = b.machine.stats().resets;
+    assert!(matches!(resets[..], [(t_s, ResetCause::Watchdog)] if t_s < hung_s + 0.6), "{resets:?}");
 }

@@ -135,6 +135,8 @@ fn identity(start: &Start) -> Identity {
             rebuilt: !core::ptr::eq(table, &raw const crate::scene::TABLE),
         },
         reset_cause: start.cause,
+        clock: start.clock,
+        brown_out_level: crate::board::brown_out_level(),
         boot_count: start.boot_count,
         last_panic: start.last_panic.clone(),
     }

@@ -10,7 +10,8 @@ const PERIOD: Duration = Duration::from_millis(120);
 
 #[embassy_executor::task]
 pub async fn run(mut watchdog: IndependentWatchdog<'static, IWDG>) -> ! {
-    watchdog.unleash();
+    // It has run since the first instruction ([`crate::board::start`]).
+    watchdog.pet();
     let mut ticker = Ticker::every(PERIOD);
     loop {
         ticker.next().await;

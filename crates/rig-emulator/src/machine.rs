@@ -39,13 +39,15 @@ pub struct Config {
     pub lsi_hz: f64,
     /// Factory calibration word of VREFINT: its ADC code at 3.3 V. 1.21 V is typical.
     pub vrefint_cal: u16,
+    /// Option byte: level of the brown-out reset, 1 to 3; 0 is off, as the factory delivers the chip.
+    pub brown_out_level: u8,
     /// Unique device id.
     pub unique_id: [u8; 12],
 }
 
 impl Default for Config {
     fn default() -> Self {
-        Self { strict: true, lsi_hz: 32_000.0, vrefint_cal: 1501, unique_id: *b"emulated-rig" }
+        Self { strict: true, lsi_hz: 32_000.0, vrefint_cal: 1501, brown_out_level: 0, unique_id: *b"emulated-rig" }
     }
 }
 
@@ -151,6 +153,7 @@ impl<B: Board + 'static> Machine<B> {
     pub fn new(elf: &[u8], board: B, config: Config) -> Result<Self, MachineError> {
         let image = Image::parse(elf)?;
         let mut soc = Soc::new(board, config.strict, config.lsi_hz);
+        soc.set_brown_out_level(config.brown_out_level);
         program(&mut soc, &image);
         let factory = Factory { unique_id: config.unique_id, vrefint_cal: config.vrefint_cal };
         let mut cpu = Cpu::new(soc, factory).map_err(|error| MachineError::Emulator(format!("{error:?}")))?;
@@ -247,7 +250,7 @@ impl<B: Board + 'static> Machine<B> {
         }
     }
 
-    /// The microcontroller's supply dips: a brown-out reset. RAM keeps its contents.
+    /// The microcontroller's supply dips for a moment ([`ResetCause::BrownOut`]). RAM keeps its contents.
     pub fn brown_out(&mut self) {
         self.dead = None;
         self.reset(ResetCause::BrownOut);

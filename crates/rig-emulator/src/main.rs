@@ -31,6 +31,9 @@ struct Arguments {
     /// File that keeps the board's flash from one run to the next; made if it is not there.
     #[arg(long, value_name = "FILE")]
     flash: Option<PathBuf>,
+    /// Level of the chip's brown-out reset, an option byte: 0 (off) as delivered, 3 on a board set up as the documentation says.
+    #[arg(long, value_name = "LEVEL", default_value_t = 3, value_parser = clap::value_parser!(u8).range(0..=3))]
+    brown_out_level: u8,
     /// Only count what the real chip would not do, instead of stopping there.
     #[arg(long)]
     lenient: bool,
@@ -55,7 +58,7 @@ fn run(arguments: &Arguments) -> Result<()> {
         settings.set(key, value)?;
     }
     let rig = Rig::new(&scene, settings, arguments.seed)?;
-    let config = Config { strict: !arguments.lenient, ..Config::default() };
+    let config = Config { strict: !arguments.lenient, brown_out_level: arguments.brown_out_level, ..Config::default() };
     let mut machine = Machine::new(&elf, rig, config)?;
     let flash = arguments.flash.as_ref().map(|path| FlashFile::open(path, &mut machine)).transpose()?;
     serve(&mut machine, flash, std::io::stdin().lock(), std::io::stdout().lock())

@@ -239,6 +239,16 @@ named_codes! {
 }
 
 named_codes! {
+    /// What the board's core and buses run on.
+    pub enum Clock {
+        /// 8 MHz from the ST-LINK.
+        Hse = 0, "hse";
+        /// The chip's own oscillator, 1 % at best: the other is missing.
+        Hsi = 1, "hsi";
+    }
+}
+
+named_codes! {
     /// Why the board last started.
     pub enum ResetCause {
         /// Power came on.

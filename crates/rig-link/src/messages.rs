@@ -250,6 +250,10 @@ pub struct Identity {
     pub reset_cause: ResetCause,
     /// Boots since power came on, counting this one.
     pub boot_count: u32,
+    /// What it runs on.
+    pub clock: Clock,
+    /// Level of the chip's brown-out reset, 1 (2.1 V) to 3 (2.7 V), an option byte; 0 is off, as delivered.
+    pub brown_out_level: u8,
     /// What the run before this one ended with, if it was a panic or a fault of the core; as much as fits.
     pub last_panic: Option<String<88>>,
 }

@@ -2,9 +2,9 @@
 
 use proptest::prelude::*;
 use rig_link::{
-    Accepted, Constants, Counters, Decoder, EventKind, Fault, Frame, HomingFailure, Identity, Kept, Limit, LoadChoice,
-    MAX_FRAME, Message, Parameter, Refusal, Request, ResetCause, Sensors, Setting, SettingValues, SettingsReport,
-    State, TableIdentity, TableRefusal, Telemetry, encode,
+    Accepted, Clock, Constants, Counters, Decoder, EventKind, Fault, Frame, HomingFailure, Identity, Kept, Limit,
+    LoadChoice, MAX_FRAME, Message, Parameter, Refusal, Request, ResetCause, Sensors, Setting, SettingValues,
+    SettingsReport, State, TableIdentity, TableRefusal, Telemetry, encode,
 };
 use serde::{Serialize, de::DeserializeOwned};
 
@@ -182,6 +182,8 @@ fn longest_identity() -> Identity {
             rebuilt: true,
         },
         reset_cause: ResetCause::Watchdog,
+        clock: Clock::Hsi,
+        brown_out_level: 3,
         boot_count: u32::MAX,
         last_panic: Some(text(&"p".repeat(88))),
     }

@@ -176,7 +176,7 @@ pub fn from_toml(text: &str, defaults: &SettingValues) -> Result<Backup, String>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rig_link::{Kept, ResetCause, TableIdentity};
+    use rig_link::{Clock, Kept, ResetCause, TableIdentity};
 
     fn defaults() -> SettingValues {
         Setting::ALL.iter().fold(SettingValues([0.0; 8]), |values, s| values.with(*s, s.spec().default.unwrap_or(0.5)))
@@ -203,6 +203,8 @@ mod tests {
                 rebuilt: false,
             },
             reset_cause: ResetCause::PowerOn,
+            clock: Clock::Hse,
+            brown_out_level: 3,
             boot_count: 1,
             last_panic: None,
         }

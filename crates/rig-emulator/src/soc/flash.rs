@@ -41,15 +41,32 @@ pub struct Flash {
     half_open: bool,
     /// A wrong key locks until the next reset.
     jammed: bool,
+    /// Option byte: level of the brown-out reset, 0 is off.
+    brown_out_level: u8,
 }
 
 impl Default for Flash {
     fn default() -> Self {
-        Self { acr: 0, sr: 0, cr: LOCK, half_open: false, jammed: false }
+        Self { acr: 0, sr: 0, cr: LOCK, half_open: false, jammed: false, brown_out_level: 0 }
     }
 }
 
 impl Flash {
+    /// System reset: the option bytes stay.
+    pub fn reset(&mut self) {
+        *self = Self { brown_out_level: self.brown_out_level, ..Self::default() };
+    }
+
+    /// Level of the brown-out reset, 0 (off, as delivered) to 3.
+    pub fn brown_out_level(&self) -> u8 {
+        self.brown_out_level
+    }
+
+    /// Program that option byte, as a programmer would.
+    pub fn set_brown_out_level(&mut self, level: u8) {
+        self.brown_out_level = level.min(3);
+    }
+
     /// Wait states in force.
     pub fn wait_states(&self) -> u32 {
         self.acr & 0xF
@@ -81,7 +98,8 @@ impl Flash {
             0x04 | 0x08 => 0,
             0x0C => self.sr,
             0x10 => self.cr,
-            0x14 => 0x0FFF_AAED,
+            // BOR_LEV counts down: 3 is off, 0 is level 3.
+            0x14 => 0x0FFF_AAE1 | u32::from(3 - self.brown_out_level) << 2,
             _ => return None,
         })
     }

@@ -69,7 +69,8 @@ pub enum ResetCause {
     Software,
     /// The independent watchdog.
     Watchdog,
-    /// A dip of the supply: the core stops, RAM keeps its contents.
+    /// A dip of the supply, deep enough for a reset and too short for RAM to lose its contents. Its flags are those of
+    /// power-on unless the brown-out reset is on (RM0390 section 6.3.21).
     BrownOut,
 }
 
@@ -165,7 +166,7 @@ impl<B: Board> Soc<B> {
         self.scb = scb::Scb::default();
         self.nvic = nvic::Nvic::default();
         self.pwr = pwr::Pwr::default();
-        self.flash = flash::Flash::default();
+        self.flash.reset();
         self.exti = exti::Exti::default();
         self.iwdg.reset();
         self.reset_request = None;
@@ -177,6 +178,8 @@ impl<B: Board> Soc<B> {
             }
             ResetCause::Software => self.rcc.flag(rcc::reset_flag::SOFTWARE | rcc::reset_flag::PIN),
             ResetCause::Watchdog => self.rcc.flag(rcc::reset_flag::IWDG | rcc::reset_flag::PIN),
+            // With the brown-out reset off it is the power-down reset that catches the dip, later.
+            ResetCause::BrownOut if self.flash.brown_out_level() == 0 => self.rcc.power_on(),
             ResetCause::BrownOut => self.rcc.flag(rcc::reset_flag::BOR | rcc::reset_flag::PIN),
         }
         self.clock.retune(self.rcc.tree());
@@ -280,6 +283,11 @@ impl<B: Board> Soc<B> {
         self.sync();
         self.catch_up_adc(self.clock.now());
         self.adc.stall(stalled);
+    }
+
+    /// Program the option byte of the brown-out reset: 0 (off, as delivered) to 3.
+    pub fn set_brown_out_level(&mut self, level: u8) {
+        self.flash.set_brown_out_level(level);
     }
 
     /// What is wrong with the wire from the CAN transceiver, from now on.

@@ -187,18 +187,21 @@ fn a_reset_by_software_keeps_ram_and_a_power_cycle_does_not() {
 }
 
 #[test]
-fn a_brown_out_keeps_ram_and_sets_its_flag_alone() {
-    let program = main_only(&[bump(RESULT, 1), vec![PARK]]);
-    let mut machine = machine(&program);
-    machine.run_until(1e-3).expect("runs");
-    // RMVF: what the power-up left.
-    machine.soc_mut().write(0x4002_3874, 4, 1 << 24);
-    machine.brown_out();
-    machine.run_until(2e-3).expect("runs");
-    assert_eq!(ram(&mut machine, RESULT), 0xA5A5_A5A5 + 2);
-    // BORRSTF and PINRSTF (RM0390 section 6.3.21).
-    assert_eq!(machine.soc_mut().read(0x4002_3874, 4) >> 24, 0x06);
-    assert_eq!(machine.stats().resets.last().map(|r| r.1), Some(ResetCause::BrownOut));
+fn a_brown_out_keeps_ram_and_looks_like_power_on_unless_its_reset_is_switched_on() {
+    // PINRSTF and BORRSTF, and PORRSTF where the power-down reset had to catch it (RM0390 section 6.3.21).
+    for (brown_out_level, flags) in [(0, 0x0E), (3, 0x06)] {
+        let program = main_only(&[bump(RESULT, 1), vec![PARK]]);
+        let config = Config { brown_out_level, ..Config::default() };
+        let mut machine = Machine::new(&program.elf(), Recorder::default(), config).expect("a machine");
+        machine.run_until(1e-3).expect("runs");
+        // RMVF: what the power-up left.
+        machine.soc_mut().write(0x4002_3874, 4, 1 << 24);
+        machine.brown_out();
+        machine.run_until(2e-3).expect("runs");
+        assert_eq!(ram(&mut machine, RESULT), 0xA5A5_A5A5 + 2);
+        assert_eq!(machine.soc_mut().read(0x4002_3874, 4) >> 24, flags);
+        assert_eq!(machine.stats().resets.last().map(|r| r.1), Some(ResetCause::BrownOut));
+    }
 }
 
 #[test]

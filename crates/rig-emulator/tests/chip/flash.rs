@@ -166,6 +166,17 @@ fn errors_name_themselves_and_show_as_operation_errors_only_with_their_interrupt
 }
 
 #[test]
+fn the_brown_out_reset_is_off_as_delivered_and_outlives_a_reset() {
+    let mut chip = chip();
+    assert_eq!(get(&mut chip, 0x4002_3C14), 0x0FFF_AAED);
+    for (level, code) in [(1, 2), (2, 1), (3, 0)] {
+        chip.set_brown_out_level(level);
+        chip.reset(ResetCause::PowerCycle);
+        assert_eq!(get(&mut chip, 0x4002_3C14) >> 2 & 3, code);
+    }
+}
+
+#[test]
 fn no_sector_is_write_protected_as_delivered() {
     // OPTCR: nWRP of all eight sectors set, so WRPERR never comes.
     assert_eq!(get(&mut chip(), 0x4002_3C14) >> 16 & 0xFF, 0xFF);

@@ -6,7 +6,7 @@ use crate::failure::Failure;
 use crate::output::Output;
 use crate::session::Session;
 use rig_control::TICK_US;
-use rig_link::{Fault, Identity, PROTOCOL_HASH, Request, ResetCause, Sensors, Setting, State, Telemetry};
+use rig_link::{Clock, Fault, Identity, PROTOCOL_HASH, Request, ResetCause, Sensors, Setting, State, Telemetry};
 use serde::Serialize;
 use serde_json::json;
 use tsa_model::Scene;
@@ -145,6 +145,8 @@ fn board(id: &Identity, scene: &Scene) -> Result<Vec<Check>, Failure> {
                 _ => "nobody asked for it: look at supply and reset wiring",
             },
         ),
+        clock(id.clock),
+        brown_out(id.brown_out_level),
         check(
             "panic",
             id.last_panic.is_none(),
@@ -187,6 +189,28 @@ fn board(id: &Identity, scene: &Scene) -> Result<Vec<Check>, Failure> {
             ),
         ),
     ])
+}
+
+/// What the board runs on.
+fn clock(clock: Clock) -> Check {
+    let seen = match clock {
+        Clock::Hse => "the ST-LINK's 8 MHz",
+        Clock::Hsi => "the chip's own oscillator: the ST-LINK's 8 MHz was missing at the last start",
+    };
+    let advice =
+        "solder bridges SB16 and SB50, power by the ST-LINK's USB socket; then reset. Do not rely on the CAN bit rate";
+    check("clock", clock == Clock::Hse, seen, advice)
+}
+
+/// The chip's brown-out reset, an option byte.
+fn brown_out(level: u8) -> Check {
+    let seen = match level {
+        0 => "the reset by a dip of the supply is off".to_owned(),
+        level => format!("reset by a dip of the supply at level {level} of 3"),
+    };
+    let advice =
+        "below 2.7 V the chip may do anything, and a dip passes for power-on: set level 3 (docs/first-hour.md)";
+    check("brown-out", level == 3, seen, advice)
 }
 
 fn faults(last: &Telemetry) -> Check {
@@ -360,4 +384,18 @@ fn timing(last: &Telemetry, session: &Session, messages: usize) -> [Check; 2] {
             "cable, ground and baud rate of the host link; another program on the port?",
         ),
     ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Clock, brown_out, clock};
+
+    #[test]
+    fn a_board_on_its_own_clock_or_without_brown_out_reset_is_not_well() {
+        assert!(clock(Clock::Hse).ok && brown_out(3).ok);
+        for bad in [clock(Clock::Hsi), brown_out(0), brown_out(2)] {
+            assert!(!bad.ok && bad.advice.is_some(), "{bad:?}");
+        }
+        assert!(brown_out(0).seen.contains("off"));
+    }
 }

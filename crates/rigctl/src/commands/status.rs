@@ -43,6 +43,8 @@ pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
         "protocol_hash": format!("{:08x}", id.protocol_hash),
         "reset_cause": id.reset_cause.name(),
         "boot_count": id.boot_count,
+        "clock": id.clock.name(),
+        "brown_out_level": id.brown_out_level,
         "table": {
             "form": id.table.form.as_str(),
             "bytes": id.table.bytes,
