@@ -9,6 +9,7 @@
 #![no_main]
 
 mod board;
+mod flash;
 mod keep;
 mod scene;
 mod shared;

@@ -1,12 +1,12 @@
 //! What the board keeps while it is without power: a map of small records in the three 16 KiB sectors after the vector
 //! table. `sequential-storage` makes it power-fail safe and checks every record.
 
+use crate::flash::{SECTOR, Sectors};
 use crate::shared;
 use core::ops::Range;
 use core::sync::atomic::Ordering;
-use embassy_embedded_hal::adapter::BlockingAsync;
 use embassy_stm32::Peri;
-use embassy_stm32::flash::{Bank1Region1, Blocking, Flash};
+use embassy_stm32::flash::Flash;
 use embassy_stm32::pac;
 use embassy_stm32::pac::iwdg::vals::{Key, Pr};
 use embassy_stm32::peripherals::FLASH;
@@ -20,7 +20,6 @@ use sequential_storage::cache::page_pointers::ArrayPagePointers;
 use sequential_storage::cache::page_states::ArrayPageStates;
 use sequential_storage::map::{MapConfig, MapStorage};
 
-type Sectors = BlockingAsync<Bank1Region1<'static, Blocking>>;
 type Failed = Error<embassy_stm32::flash::Error>;
 
 /// Where each record stands. Without it the age of each old record in a full sector would be found by reading all of the
@@ -31,7 +30,6 @@ type Map = MapStorage<u8, Sectors, Places>;
 
 /// Sectors 1 to 3, from the start of flash; memory.x leaves them free.
 const PLACE: Range<u32> = 0x4000..0x1_0000;
-const SECTOR: u32 = 0x4000;
 const SECTORS: usize = 3;
 /// Keys that there are.
 const KEYS: usize = 3;
@@ -66,7 +64,7 @@ fn map(sectors: Sectors) -> Map {
 
 /// Whether a sector holds what this store never wrote: another program's, or half of what was erased when power failed.
 /// The map takes such a sector for an empty one.
-fn is_foreign(region: &mut Bank1Region1<'static, Blocking>) -> bool {
+fn is_foreign(Sectors(region): &mut Sectors) -> bool {
     let mut part = [0; 256];
     PLACE.step_by(SECTOR as usize).any(|sector| {
         for place in (sector..sector + SECTOR).step_by(part.len()) {
@@ -91,9 +89,9 @@ fn is_foreign(region: &mut Bank1Region1<'static, Blocking>) -> bool {
 impl Store {
     /// On the board's flash.
     pub fn new(flash: Peri<'static, FLASH>) -> Self {
-        let mut region = Flash::new_blocking(flash).into_blocking_regions().bank1_region1;
-        let foreign = is_foreign(&mut region);
-        Self { map: Some(map(BlockingAsync::new(region))), buffer: [0; RECORD], foreign }
+        let mut sectors = Sectors(Flash::new_blocking(flash).into_blocking_regions().bank1_region1);
+        let foreign = is_foreign(&mut sectors);
+        Self { map: Some(map(sectors)), buffer: [0; RECORD], foreign }
     }
 
     /// Whether there was something else than this store where it is, when the board started.
@@ -126,7 +124,8 @@ impl Store {
 
     /// As [`Store::keep`], before the tasks run.
     pub async fn write(&mut self, records: &[(u8, &[u8])]) -> bool {
-        // All three sectors may have to be erased; 2.8 s with the fastest LSI.
+        // One sector may have to be erased and then, damaged, all three: 2 s if each takes its longest. 2.8 s with the
+        // fastest LSI.
         watchdog(Pr::DIVIDE_BY32, 0xFFF);
         let mut written = self.write_and_read(records).await;
         // Past repair, or not what was written: power failed once while a sector was erased, which then looks empty and is
@@ -171,10 +170,14 @@ impl Store {
 /// Prescaler and counts of the watchdog from now on; this feeds it.
 fn watchdog(prescaler: Pr, counts: u16) {
     let iwdg = pac::IWDG;
-    iwdg.kr().write(|w| w.set_key(Key::ENABLE));
-    while iwdg.sr().read().pvu() || iwdg.sr().read().rvu() {}
-    iwdg.pr().write(|w| w.set_pr(prescaler));
-    iwdg.rlr().write(|w| w.set_rl(counts));
-    while iwdg.sr().read().pvu() || iwdg.sr().read().rvu() {}
+    let wait = || while iwdg.sr().read().pvu() || iwdg.sr().read().rvu() {};
+    wait();
+    // In one piece: the watchdog task, which feeds it from interrupt level, would lock the registers again.
+    cortex_m::interrupt::free(|_| {
+        iwdg.kr().write(|w| w.set_key(Key::ENABLE));
+        iwdg.pr().write(|w| w.set_pr(prescaler));
+        iwdg.rlr().write(|w| w.set_rl(counts));
+    });
+    wait();
     iwdg.kr().write(|w| w.set_key(Key::RESET));
 }

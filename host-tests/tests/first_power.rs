@@ -2,9 +2,9 @@
 //! that no longer reads, clocks that are missing.
 
 use host_tests::board::Bench;
-use rig_emulator::machine::ResetCause;
+use rig_emulator::machine::{Config, ResetCause};
 use rig_emulator::soc::can::Line;
-use rig_link::messages::{Clock, EventKind, Fault, Request, Setting, State};
+use rig_link::messages::{Clock, EventKind, Fault, Kept, Request, Setting, State};
 
 const DOMINANT: Line = Line { dominant: true, open: false };
 const OPEN: Line = Line { dominant: false, open: true };
@@ -120,4 +120,27 @@ fn the_watchdog_runs_before_anything_that_can_hang() {
     b.run(1.0);
     let resets = b.machine.stats().resets;
     assert!(matches!(resets[..], [(t_s, ResetCause::Watchdog)] if t_s < hung_s + 0.6), "{resets:?}");
+}
+
+/// Another program's remains fill the store, every sector takes its longest time to erase, and the watchdog's clock runs at
+/// its fastest.
+#[test]
+fn the_watchdog_waits_for_the_slowest_flash() {
+    let mut b = Bench::on(Config { lsi_hz: 47_000.0, slow_flash: true, ..Config::default() }, &[], 4);
+    let mut flash = b.machine.flash_image();
+    // Sectors 1 to 3 (src/store.rs).
+    flash[0x4000..0x1_0000].fill(0x5A);
+    b.machine.set_flash_image(&flash).unwrap();
+    b.machine.power_cycle();
+    b.greet();
+    assert_eq!(b.last.and_then(|t| t.fault), Some(Fault::SettingsCorrupt));
+    let start_s = b.machine.now_s();
+    b.ask(&Request::SetSetting { setting: Setting::SpeedMax, value: 0.003 }).unwrap();
+    let written = |b: &Bench| b.settings.is_some_and(|s| matches!(s.kept, Kept::These));
+    assert!(b.until(5.0, written), "{:?} {:?}", b.settings, b.machine.stats().resets);
+    println!("kept after {:.2} s", b.machine.now_s() - start_s);
+    // The power cycle.
+    assert_eq!(b.machine.stats().resets.len(), 1, "{:?}", b.machine.stats().resets);
+    // Three sectors, 32 bits at a time.
+    assert!(b.machine.now_s() - start_s < 1.8);
 }

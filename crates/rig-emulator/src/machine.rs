@@ -39,6 +39,8 @@ pub struct Config {
     pub lsi_hz: f64,
     /// Factory calibration word of VREFINT: its ADC code at 3.3 V. 1.21 V is typical.
     pub vrefint_cal: u16,
+    /// Erasing flash takes the longest time that the chip's maker allows, not the typical one.
+    pub slow_flash: bool,
     /// Option byte: level of the brown-out reset, 1 to 3; 0 is off, as the factory delivers the chip.
     pub brown_out_level: u8,
     /// Unique device id.
@@ -47,7 +49,14 @@ pub struct Config {
 
 impl Default for Config {
     fn default() -> Self {
-        Self { strict: true, lsi_hz: 32_000.0, vrefint_cal: 1501, brown_out_level: 0, unique_id: *b"emulated-rig" }
+        Self {
+            strict: true,
+            lsi_hz: 32_000.0,
+            vrefint_cal: 1501,
+            slow_flash: false,
+            brown_out_level: 0,
+            unique_id: *b"emulated-rig",
+        }
     }
 }
 
@@ -154,6 +163,7 @@ impl<B: Board + 'static> Machine<B> {
         let image = Image::parse(elf)?;
         let mut soc = Soc::new(board, config.strict, config.lsi_hz);
         soc.set_brown_out_level(config.brown_out_level);
+        soc.set_slow_flash(config.slow_flash);
         program(&mut soc, &image);
         let factory = Factory { unique_id: config.unique_id, vrefint_cal: config.vrefint_cal };
         let mut cpu = Cpu::new(soc, factory).map_err(|error| MachineError::Emulator(format!("{error:?}")))?;

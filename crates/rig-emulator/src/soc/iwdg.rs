@@ -92,8 +92,8 @@ impl Iwdg {
                 self.update(1, clock, faults);
                 self.reload = value & 0xFFF;
             }
-            // Without the key the write has no effect.
-            0x04 | 0x08 => {}
+            // Without the key the write has no effect, which no program can want.
+            0x04 | 0x08 => faults.feature("IWDG", "PR or RLR written without the key"),
             _ => return None,
         }
         Some(())

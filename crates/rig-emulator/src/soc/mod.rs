@@ -290,6 +290,11 @@ impl<B: Board> Soc<B> {
         self.flash.set_brown_out_level(level);
     }
 
+    /// Erasing flash takes the longest time that the chip's maker allows, or the typical one.
+    pub fn set_slow_flash(&mut self, slow: bool) {
+        self.flash.set_slow(slow);
+    }
+
     /// What is wrong with the wire from the CAN transceiver, from now on.
     pub fn set_can_line(&mut self, line: can::Line) {
         self.sync();

@@ -99,22 +99,35 @@ fn programming_without_pg_or_with_another_width_fails() {
 
 #[test]
 fn a_sector_erases_alone_and_takes_its_time() {
-    for (sector, start, size, seconds) in
-        [(3u32, SECTOR_3, 0x4000, 0.25), (4, 0x0801_0000, 0x1_0000, 0.55), (7, 0x0806_0000, 0x2_0000, 1.0)]
-    {
+    for (sector, start, size, width, slow, seconds) in [
+        (3u32, SECTOR_3, 0x4000, WORDWISE, false, 0.25),
+        (3, SECTOR_3, 0x4000, WORDWISE, true, 0.5),
+        (3, SECTOR_3, 0x4000, 0, false, 0.4),
+        (3, SECTOR_3, 0x4000, 0, true, 0.8),
+        (4, 0x0801_0000, 0x1_0000, WORDWISE, false, 0.55),
+        (7, 0x0806_0000, 0x2_0000, WORDWISE, false, 1.0),
+    ] {
         let mut chip = unlocked();
         set(&mut chip, CR, 1 | WORDWISE);
         chip.program_flash(start - 4, 4, 0x1111_1111);
         chip.program_flash(start, 4, 0x2222_2222);
         chip.program_flash(start + size - 4, 4, 0x3333_3333);
-        set(&mut chip, CR, 2 | sector << 3);
+        chip.set_slow_flash(slow);
+        set(&mut chip, CR, 2 | sector << 3 | width);
         let start_s = chip.clock.seconds();
-        set(&mut chip, CR, 2 | sector << 3 | 1 << 16);
+        set(&mut chip, CR, 2 | sector << 3 | width | 1 << 16);
         close(chip.clock.seconds() - start_s, seconds, 1e-6);
         assert_eq!(word(&chip, start - 4), 0x1111_1111);
         assert_eq!(word(&chip, start), 0xFFFF_FFFF);
         assert_eq!(word(&chip, start + size - 4), 0xFFFF_FFFF);
     }
+}
+
+#[test]
+fn an_erase_of_64_bits_at_a_time_needs_a_voltage_that_is_not_there() {
+    let mut chip = unlocked();
+    set(&mut chip, CR, 2 | 3 << 3 | 3 << 8 | 1 << 16);
+    assert_eq!(get(&mut chip, SR), PGPERR);
 }
 
 #[test]

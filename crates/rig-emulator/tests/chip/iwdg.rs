@@ -44,7 +44,8 @@ fn it_starts_from_the_counters_reset_value() {
 fn nothing_happens_before_the_start_and_without_the_key() {
     let mut chip = watchdog();
     set(&mut chip, KR, 0xAAAA);
-    set(&mut chip, RLR, 1);
+    chip.write(RLR, 4, 1);
+    assert!(chip.faults.take().is_some_and(|fault| fault.to_string().contains("without the key")));
     assert_eq!(get(&mut chip, RLR), 3999);
     pass(&mut chip, 5.0);
     assert_eq!(chip.reset_request, None);
@@ -85,8 +86,10 @@ fn any_other_key_closes_the_registers_again() {
         let mut chip = watchdog();
         assert_eq!((get(&mut chip, PR), get(&mut chip, RLR)), (0, 3999));
         set(&mut chip, KR, key);
-        set(&mut chip, PR, 6);
-        set(&mut chip, RLR, 1);
+        for (register, value) in [(PR, 6), (RLR, 1)] {
+            chip.write(register, 4, value);
+            assert!(chip.faults.take().is_some(), "key {key:#x}");
+        }
         assert_eq!((get(&mut chip, PR), get(&mut chip, RLR)), (0, 3999), "key {key:#x}");
     }
 }
