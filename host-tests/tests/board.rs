@@ -43,15 +43,6 @@ fn homes_and_moves_a_load_it_was_not_told_of() {
     }
 }
 
-/// Registers of the chip that a wrong value of does not stop, but makes slow or deaf.
-#[test]
-fn the_chip_is_set_up_for_speed() {
-    let mut b = Bench::new(&[], 1);
-    b.run(0.1);
-    // FLASH_ACR: prefetch and instruction cache on, the data cache off.
-    assert_eq!(b.machine.soc_mut().read(0x4002_3C00, 4) >> 8 & 7, 3);
-}
-
 /// Instructions that no tick may take: 22 µs of its 10 ms at an instruction a cycle.
 const MOST_INSTRUCTIONS: u64 = 3900;
 

@@ -2,6 +2,7 @@
 //! that no longer reads, clocks that are missing.
 
 use host_tests::board::Bench;
+use rig_emulator::board::Stimulus;
 use rig_emulator::machine::{Config, ResetCause};
 use rig_emulator::soc::can::Line;
 use rig_link::messages::{Clock, EventKind, Fault, Kept, Request, Setting, State};
@@ -143,4 +144,53 @@ fn the_watchdog_waits_for_the_slowest_flash() {
     assert_eq!(b.machine.stats().resets.len(), 1, "{:?}", b.machine.stats().resets);
     // Three sectors, 32 bits at a time.
     assert!(b.machine.now_s() - start_s < 1.8);
+}
+
+/// Registers of which a wrong value stops nothing on the emulated board.
+#[test]
+fn the_chip_is_set_up_for_a_real_board() {
+    let mut b = Bench::new(&[], 1);
+    b.run(0.1);
+    let mut register = |address| b.machine.soc_mut().read(address, 4);
+    // FLASH_ACR: prefetch and instruction cache on, the data cache off.
+    assert_eq!(register(0x4002_3C00) >> 8 & 7, 3);
+    // TIM3_CCMR1: IC1F and IC2F, eight samples at a quarter of the timer's clock.
+    assert_eq!((register(0x4000_0418) >> 4 & 0xF, register(0x4000_0418) >> 12), (7, 7));
+    // DBGMCU_APB1_FZ: the watchdog stands still while a debugger holds the core.
+    assert_eq!(register(0xE004_2008) >> 12 & 1, 1);
+}
+
+/// The chip's own oscillator, warm: 1.3 % off, which the bit timing still follows.
+#[test]
+fn the_bus_works_on_the_chips_own_clock() {
+    let mut b = Bench::new(&[], 3);
+    b.machine.feed_hse(false);
+    b.machine.soc_mut().set_hsi(16_208_000);
+    b.run(0.3);
+    b.greet();
+    assert!(b.until(6.0, |b| b.state() == State::Unhomed), "{:?} {:?}", b.last, b.events);
+}
+
+/// Pulses on the wire to the stop contact, shorter than a tick, at every phase of it; and then the stop itself.
+#[test]
+fn a_pulse_on_the_stop_wire_is_no_stop_and_a_stop_is_seen_within_two_ticks() {
+    let mut b = Bench::new(&[], 5);
+    b.greet();
+    assert!(b.until(5.0, |b| b.state() == State::Unhomed));
+    let contact = |b: &mut Bench, high| b.machine.send(Stimulus::Pin { port: 'B', pin: 5, high });
+    for phase in 0..20 {
+        let begins_s = b.machine.now_s() + 0.0005 * f64::from(phase);
+        b.machine.run_until(begins_s).unwrap();
+        contact(&mut b, true);
+        b.machine.run_until(begins_s + 0.009).unwrap();
+        contact(&mut b, false);
+        b.run(0.05);
+        assert_eq!(b.state(), State::Unhomed, "a pulse {phase} half milliseconds late");
+    }
+    contact(&mut b, true);
+    // Telemetry tells of a tick 8 ms later.
+    assert!(b.until(0.03, |b| b.state() == State::EStop), "{:?}", b.last);
+    contact(&mut b, false);
+    b.run(0.05);
+    assert_eq!(b.state(), State::EStop);
 }

@@ -21,7 +21,7 @@ fn control_tick(rig: &mut Rig<'static>, inputs: &Inputs) -> Outputs {
 }
 
 #[embassy_executor::task]
-pub async fn run(encoder: Qei<'static, TIM3>, switches: Switches, mut leds: Leds, start: Start) -> ! {
+pub async fn run(encoder: Qei<'static, TIM3>, mut switches: Switches, mut leds: Leds, start: Start) -> ! {
     let settings = shared::SETTINGS_CORRUPT.load(Ordering::Relaxed).then_some(Fault::SettingsCorrupt);
     // First: what the reset was is told otherwise too, and after a `clear` only this would be forgotten.
     let reset = settings.or(start.fault());
@@ -62,9 +62,9 @@ pub async fn run(encoder: Qei<'static, TIM3>, switches: Switches, mut leds: Leds
             drive_stalled: shared::DRIVE_STALLED.swap(false, Ordering::Relaxed),
             bus_off: shared::BUS_OFF.swap(false, Ordering::Relaxed),
             supply: shared::SUPPLY.get(),
-            upper_limit_open: switches.upper_limit.is_high(),
-            lower_limit_open: switches.lower_limit.is_high(),
-            estop_open: switches.estop.is_high(),
+            upper_limit_open: switches.upper_limit.is_open(),
+            lower_limit_open: switches.lower_limit.is_open(),
+            estop_open: switches.estop.is_open(),
             host_heard_us: shared::HOST_HEARD_US.get(),
             request: request.map(|(_, request)| request),
             counters: Counters {

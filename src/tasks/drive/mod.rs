@@ -16,8 +16,9 @@ use rmds405::{Action, Command, Event, Frame, Mode, QuadCounts, Report, StartUp};
 
 /// Period of the drive's motion reports (ms): its recommended data period.
 const FEEDBACK_MS: u8 = 10;
-/// Period of its reports of the supply (ms).
-const SUPPLY_MS: u8 = 50;
+/// Period of its reports of the supply (ms); none where it is not wired: drives from before the manual
+/// of July 2018 take the number for something else (hardware.md 4).
+const SUPPLY_MS: u8 = if RIG.supply_divider.is_some() { 50 } else { 0 };
 
 /// A way to the drive.
 trait Transport {

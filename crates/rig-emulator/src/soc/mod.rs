@@ -290,6 +290,13 @@ impl<B: Board> Soc<B> {
         self.flash.set_brown_out_level(level);
     }
 
+    /// This chip's HSI frequency (Hz), nominally 16 MHz.
+    pub fn set_hsi(&mut self, hsi_hz: u64) {
+        self.sync();
+        self.rcc.set_hsi(hsi_hz);
+        self.clock.retune(self.rcc.tree());
+    }
+
     /// Erasing flash takes the longest time that the chip's maker allows, or the typical one.
     pub fn set_slow_flash(&mut self, slow: bool) {
         self.flash.set_slow(slow);

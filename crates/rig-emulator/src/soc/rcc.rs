@@ -6,7 +6,7 @@
 use super::clock::ClockTree;
 use super::fault::Faults;
 
-/// HSI frequency.
+/// HSI frequency, nominally.
 const HSI_HZ: u64 = 16_000_000;
 /// What the ST-LINK feeds into OSC_IN.
 const HSE_HZ: u64 = 8_000_000;
@@ -59,12 +59,18 @@ pub struct Rcc {
     flags: u32,
     /// Something feeds OSC_IN.
     hse_fed: bool,
+    /// This chip's HSI.
+    hsi_hz: u64,
 }
 
 impl Default for Rcc {
     fn default() -> Self {
-        let mut rcc =
-            Self { words: [0; 0x98 / 4], flags: reset_flag::POR | reset_flag::PIN | reset_flag::BOR, hse_fed: true };
+        let mut rcc = Self {
+            words: [0; 0x98 / 4],
+            flags: reset_flag::POR | reset_flag::PIN | reset_flag::BOR,
+            hse_fed: true,
+            hsi_hz: HSI_HZ,
+        };
         rcc.reset();
         rcc
     }
@@ -112,6 +118,11 @@ impl Rcc {
         fed || !needed
     }
 
+    /// This chip's HSI frequency, before the clocks are set up.
+    pub fn set_hsi(&mut self, hsi_hz: u64) {
+        self.hsi_hz = hsi_hz;
+    }
+
     /// Ready flags of CR: each follows its switch, but HSE is ready only while it is fed, and a PLL only while its source is.
     fn ready(&self) -> u32 {
         let cr = self.words[0];
@@ -129,9 +140,9 @@ impl Rcc {
     /// Frequencies that the registers select.
     pub fn tree(&self) -> ClockTree {
         let (cfgr, pll) = (self.words[2], u64::from(self.words[1]));
-        let source = if pll >> 22 & 1 == 1 { HSE_HZ } else { HSI_HZ };
+        let source = if pll >> 22 & 1 == 1 { HSE_HZ } else { self.hsi_hz };
         let sysclk = match cfgr & 3 {
-            0 => HSI_HZ,
+            0 => self.hsi_hz,
             1 => HSE_HZ,
             _ => source * (pll >> 6 & 0x1FF) / (pll & 0x3F).max(1) / (2 * ((pll >> 16 & 3) + 1)),
         };

@@ -3,6 +3,7 @@
 
 mod adc_dma;
 mod can;
+mod can_line;
 mod clocks;
 mod core;
 mod fixture;

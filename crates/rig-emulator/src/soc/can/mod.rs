@@ -38,6 +38,7 @@ const AF: Function = Function::Alternate(9);
 const INRQ: u32 = 1;
 const SLEEP: u32 = 1 << 1;
 const TXFP: u32 = 1 << 2;
+const TTCM: u32 = 1 << 7;
 const RFLM: u32 = 1 << 3;
 const NART: u32 = 1 << 4;
 const ABOM: u32 = 1 << 6;
@@ -85,6 +86,8 @@ pub struct Can {
     filters: Filters,
     /// The controller takes part in the bus from this cycle on; `NEVER` in initialisation and sleep, or [`LISTENING`].
     joined_at: u64,
+    /// The bit timing in force cannot follow the other nodes.
+    mistuned: bool,
     /// It began to listen in initialisation, not asleep.
     waits_from_init: bool,
     /// End of the recovery from bus-off, once it has begun.
@@ -118,6 +121,7 @@ impl Default for Can {
             fifos: Default::default(),
             filters: Filters::default(),
             joined_at: NEVER,
+            mistuned: false,
             waits_from_init: false,
             recovered_at: NEVER,
             bus: Bus::Free(0),
@@ -167,7 +171,7 @@ impl Can {
 
     /// No frame can pass, in either direction.
     fn deaf(&self) -> bool {
-        self.line.dominant || self.line.open
+        self.line.dominant || self.line.open || self.mistuned
     }
 
     /// RX is at the dominant level for ever.
@@ -228,7 +232,7 @@ impl Can {
         let bit = self.bit(wires.clock);
         match (own, other) {
             (Some((index, frame)), _) if !lost => {
-                self.check_pins(wires);
+                self.check_set_up(wires);
                 self.bus = Bus::Own(at + frame_bits(&frame) * bit, index, frame);
             }
             (own, Some(frame)) => {
@@ -246,7 +250,11 @@ impl Can {
         }
     }
 
-    fn check_pins(&self, wires: &mut Wires<'_>) {
+    /// What would go wrong on the chip with a frame that comes or goes.
+    fn check_set_up(&self, wires: &mut Wires<'_>) {
+        if self.mcr & TTCM != 0 {
+            wires.faults.feature("CAN1", "time-triggered communication (TTCM), which the errata advise against");
+        }
         if self.btr & LBKM == 0 {
             wires.gpio.require("CAN1_TX", AF, &TX_PINS, wires.faults);
             wires.gpio.require("CAN1_RX", AF, &RX_PINS, wires.faults);
@@ -265,7 +273,7 @@ impl Can {
                 self.disturbed = self.deaf();
                 self.bus = Bus::Free(end + PAUSE * self.bit(wires.clock));
                 if self.joined(end) && !self.errors.bus_off() && !self.deaf() {
-                    self.check_pins(wires);
+                    self.check_set_up(wires);
                     self.errors.received();
                     self.accept(&frame, end, wires.clock);
                 }
@@ -434,6 +442,8 @@ impl Can {
                 if self.joined_at == NEVER {
                     self.msr_flags = self.msr_flags & !(INRQ | SLEEP) | before & (INRQ | SLEEP);
                     self.joined_at = LISTENING;
+                    let bit_s = self.bit(wires.clock) as f64 / wires.clock.tree().hclk_hz as f64;
+                    self.mistuned = self.btr & LBKM == 0 && !wire::follows(self.btr, bit_s);
                     self.waits_from_init = before & INRQ != 0;
                 }
                 self.join(wires.clock.now(), wires);

@@ -7,6 +7,20 @@ const TAIL: u64 = 1 + 1 + 1 + 7;
 /// Pause between frames.
 pub const PAUSE: u64 = 3;
 
+/// Bit time of the other nodes (s), whose clocks are exact.
+const BIT_S: f64 = 1e-6;
+
+/// Whether a node with the bit timing `btr` and a bit of `bit_s` (s) receives what nodes at [`BIT_S`] send: the difference of
+/// both clocks is within twice what ISO 11898-1 allows each. With SJW, both phase segments and N quanta in a bit that is the
+/// lesser of SJW / 20 N and min(phase) / 2 (13 N - phase 2). The second phase segment is taken for the shorter one.
+pub fn follows(btr: u32, bit_s: f64) -> bool {
+    let field = |shift: u32, mask: u32| f64::from((btr >> shift & mask) + 1);
+    let (jump, before, after) = (field(24, 3), field(16, 0xF), field(20, 7));
+    let quanta = 1.0 + before + after;
+    let allowed = (jump.min(after) / (20.0 * quanta)).min(after.min(before) / (2.0 * (13.0 * quanta - after)));
+    (bit_s / BIT_S - 1.0).abs() <= 2.0 * allowed
+}
+
 /// Frame start to the end of the end-of-frame field, in bits.
 pub fn frame_bits(frame: &CanFrame) -> u64 {
     let mut bits = Stuffed::default();
