@@ -3,13 +3,15 @@
 use crate::units::{self, Quantity, UnitError};
 
 /// Every key and what its value measures. The emulator knows their ranges.
-pub const KEYS: [(&str, Quantity); 13] = [
+pub const KEYS: [(&str, Quantity); 15] = [
     ("load", Quantity::Load),
     ("friction", Quantity::Force),
     ("damping", Quantity::Damping),
     ("lvdt_noise", Quantity::Length),
     ("lvdt_offset", Quantity::Length),
     ("lvdt_gain_error", Quantity::Fraction),
+    ("hum", Quantity::Length),
+    ("adc_inl", Quantity::Number),
     ("twist_at_boot", Quantity::Angle),
     ("k2_scale", Quantity::Fraction),
     ("k3_scale", Quantity::Fraction),

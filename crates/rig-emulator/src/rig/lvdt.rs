@@ -11,6 +11,9 @@ use super::settings::PlantSettings;
 /// Noise that the `lvdt-noisy` fault adds, m rms: a loose core.
 const FAULT_NOISE_M: f64 = 2e-3;
 
+/// Frequency of the mains, whose hum the long leads pick up (Hz).
+const MAINS_HZ: f64 = 50.0;
+
 /// What can be wrong with it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LvdtFaults {
@@ -60,14 +63,18 @@ impl Lvdt {
         self.filtered_m += (gap_m - self.filtered_m) * -(-h * self.rate_per_s).exp_m1();
     }
 
-    /// One sample.
-    pub fn sample(&mut self, settings: &PlantSettings, noise: &mut Pcg64Mcg) -> u16 {
+    /// One sample at `t_s`: the gap with offset, noise and hum, and the converter's error, which goes once up and down over
+    /// its range (`adc_inl` codes at a quarter and at three quarters).
+    pub fn sample(&mut self, t_s: f64, settings: &PlantSettings, noise: &mut Pcg64Mcg) -> u16 {
         let fault_noise = if self.faults.noisy { FAULT_NOISE_M } else { 0.0 };
         // Drawn for each sample, fault or not: a fault does not change the noise that follows it.
         let normal: f64 = StandardNormal.sample(noise);
-        let gap_m = self.filtered_m + settings.lvdt_offset_m + normal * settings.lvdt_noise_m.hypot(fault_noise);
+        let hum_m = settings.hum_m * (TAU * MAINS_HZ * t_s).sin();
+        let gap_m =
+            self.filtered_m + settings.lvdt_offset_m + hum_m + normal * settings.lvdt_noise_m.hypot(fault_noise);
         let fraction = (gap_m - self.gap_at_zero_m) / self.stroke_m * self.gain;
-        let code = volts_to_code(self.volts[0] + fraction * (self.volts[1] - self.volts[0]), self.reference_v);
+        let share = (self.volts[0] + fraction * (self.volts[1] - self.volts[0])) / self.reference_v;
+        let code = volts_to_code(share + settings.adc_inl / CODES * (TAU * share).sin(), 1.0);
         match self.faults {
             LvdtFaults { open: true, .. } => 0,
             LvdtFaults { short: true, .. } => 4095,
@@ -80,9 +87,12 @@ impl Lvdt {
     }
 }
 
+/// Codes of a 12-bit converter.
+const CODES: f64 = 4096.0;
+
 /// What a 12-bit converter makes of a voltage.
 pub fn volts_to_code(volts: f64, reference_v: f64) -> u16 {
-    (volts / reference_v * 4096.0).floor().clamp(0.0, 4095.0) as u16
+    (volts / reference_v * CODES).floor().clamp(0.0, 4095.0) as u16
 }
 
 #[cfg(test)]
@@ -102,11 +112,37 @@ mod tests {
         let settings = PlantSettings { lvdt_noise_m: 500e-6, ..PlantSettings::default() };
         let (mut lvdt, mut noise) = lvdt(&settings);
         let metres = |code: u16| (f64::from(code) + 0.5) / 4096.0 * 3.3 / 3.0 * 0.2;
-        let samples: Vec<f64> = (0..20_000).map(|_| metres(lvdt.sample(&settings, &mut noise))).collect();
+        let samples: Vec<f64> = (0..20_000).map(|_| metres(lvdt.sample(0.0, &settings, &mut noise))).collect();
         let mean = samples.iter().sum::<f64>() / samples.len() as f64;
         let rms = (samples.iter().map(|s| (s - mean).powi(2)).sum::<f64>() / samples.len() as f64).sqrt();
         assert!((mean - 0.1).abs() < 15e-6, "{mean}");
         assert!((rms - 500e-6).abs() < 15e-6, "{rms}");
+    }
+
+    #[test]
+    fn hum_is_a_sine_of_50_hz_about_the_gap() {
+        let settings = PlantSettings { lvdt_noise_m: 0.0, hum_m: 1e-3, ..PlantSettings::default() };
+        let (mut lvdt, mut noise) = lvdt(&settings);
+        let code_m = 0.2 / 3.0 * 3.3 / 4096.0;
+        let middle = 0.1 / code_m;
+        for k in 0..40 {
+            let t_s = f64::from(k) * 1e-3;
+            let wanted = middle + 1e-3 / code_m * (TAU * 50.0 * t_s).sin();
+            let code = f64::from(lvdt.sample(t_s, &settings, &mut noise));
+            assert!((code + 0.5 - wanted).abs() <= 0.501, "{code} at {t_s}, not {wanted}");
+        }
+    }
+
+    #[test]
+    fn the_converters_error_goes_up_and_down_over_its_range() {
+        let settings = PlantSettings { lvdt_noise_m: 0.0, adc_inl: 3.0, ..PlantSettings::default() };
+        let (mut lvdt, mut noise) = lvdt(&settings);
+        for (share, codes) in [(0.0, 0.0), (0.25, 3.0), (0.5, 0.0), (0.75, -3.0), (1.0 / 12.0, 1.5)] {
+            // A hair up, so that a code's edge is passed.
+            lvdt.filtered_m = (share + 1e-5) * 3.3 / 3.0 * 0.2;
+            let code = f64::from(lvdt.sample(0.0, &settings, &mut noise));
+            assert_eq!(code, (share * 4096.0 + 0.05 + codes).floor(), "at {share}");
+        }
     }
 
     #[test]
@@ -124,14 +160,14 @@ mod tests {
     fn faults() {
         let settings = PlantSettings::default();
         let (mut lvdt, mut noise) = lvdt(&settings);
-        lvdt.sample(&settings, &mut noise);
+        lvdt.sample(0.0, &settings, &mut noise);
         lvdt.faults.frozen = true;
-        let frozen = lvdt.sample(&settings, &mut noise);
-        assert!((0..100).all(|_| lvdt.sample(&settings, &mut noise) == frozen));
+        let frozen = lvdt.sample(0.0, &settings, &mut noise);
+        assert!((0..100).all(|_| lvdt.sample(0.0, &settings, &mut noise) == frozen));
         lvdt.faults.open = true;
-        assert_eq!(lvdt.sample(&settings, &mut noise), 0);
+        assert_eq!(lvdt.sample(0.0, &settings, &mut noise), 0);
         lvdt.faults = LvdtFaults { short: true, ..LvdtFaults::default() };
-        assert_eq!(lvdt.sample(&settings, &mut noise), 4095);
+        assert_eq!(lvdt.sample(0.0, &settings, &mut noise), 4095);
         assert_eq!(volts_to_code(-1.0, 3.3), 0);
         assert_eq!(volts_to_code(9.0, 3.3), 4095);
     }

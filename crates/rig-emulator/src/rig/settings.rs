@@ -47,6 +47,10 @@ pub struct PlantSettings {
     pub lvdt_offset_m: f64,
     /// LVDT gain error, a fraction.
     pub lvdt_gain_error: f64,
+    /// Hum of the mains in the LVDT's signal, m, peak.
+    pub hum_m: f64,
+    /// Integral non-linearity of the converter, codes, peak.
+    pub adc_inl: f64,
     /// Twist of the strings at power-up, rad.
     pub twist_at_boot_rad: f64,
     /// Scales k2 of the string's radius law.
@@ -72,6 +76,8 @@ impl Default for PlantSettings {
             lvdt_noise_m: 60e-6,
             lvdt_offset_m: 0.0,
             lvdt_gain_error: 0.0,
+            hum_m: 0.0,
+            adc_inl: 0.0,
             twist_at_boot_rad: 1.0,
             k2_scale: 1.0,
             k3_scale: 1.0,
@@ -92,6 +98,7 @@ const DAMPING: Units = &[("", 1.0), ("Ns/m", 1.0), ("N*s/m", 1.0)];
 const LENGTH: Units = &[("", 1.0), ("m", 1.0), ("mm", 1e-3), ("um", 1e-6), ("µm", 1e-6)];
 const ANGLE: Units = &[("", 1.0), ("rad", 1.0), ("mrad", 1e-3), ("deg", std::f64::consts::PI / 180.0)];
 const FRACTION: Units = &[("", 1.0), ("%", 1e-2)];
+const NUMBER: Units = &[("", 1.0)];
 const VOLTAGE: Units = &[("", 1.0), ("V", 1.0), ("mV", 1e-3)];
 
 struct Key {
@@ -113,13 +120,15 @@ const fn key(
 }
 
 /// Ranges are wide: what makes no rig at all is refused, not what makes a bad one.
-const KEYS: [Key; 13] = [
+const KEYS: [Key; 15] = [
     key("load", LOAD, [0.01, 200.0], true, |s, v| s.load_n = v),
     key("friction", FORCE, [0.0, 100.0], true, |s, v| s.friction_n = v),
     key("damping", DAMPING, [0.0, 1e4], true, |s, v| s.damping_n_s_per_m = v),
     key("lvdt_noise", LENGTH, [0.0, 0.1], true, |s, v| s.lvdt_noise_m = v),
     key("lvdt_offset", LENGTH, [-0.2, 0.2], true, |s, v| s.lvdt_offset_m = v),
     key("lvdt_gain_error", FRACTION, [-0.9, 9.0], false, |s, v| s.lvdt_gain_error = v),
+    key("hum", LENGTH, [0.0, 0.1], true, |s, v| s.hum_m = v),
+    key("adc_inl", NUMBER, [0.0, 100.0], true, |s, v| s.adc_inl = v),
     key("twist_at_boot", ANGLE, [-75.0, 75.0], false, |s, v| s.twist_at_boot_rad = v),
     key("k2_scale", FRACTION, [0.1, 10.0], false, |s, v| s.k2_scale = v),
     key("k3_scale", FRACTION, [0.1, 10.0], false, |s, v| s.k3_scale = v),

@@ -36,7 +36,7 @@ impl Board for Rig {
         self.advance(t_s);
         let reference_v = self.parameters.adc_reference_v;
         match channel {
-            0 => self.lvdt.sample(&self.settings, &mut self.noise),
+            0 => self.lvdt.sample(t_s, &self.settings, &mut self.noise),
             1 => volts_to_code(self.parameters.excitation_v, reference_v),
             17 => volts_to_code(self.parameters.vrefint_v, reference_v),
             _ => 0,
