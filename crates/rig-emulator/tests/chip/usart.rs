@@ -166,6 +166,17 @@ fn rxne_and_tc_go_by_writing_zero_and_nothing_else_does() {
     assert_eq!(get(&mut chip, SR) & 0x40, 0);
 }
 
+/// What a driver that changes SR by reading and writing it back does to a byte that comes in between.
+#[test]
+fn a_byte_that_comes_between_a_look_at_sr_and_its_writing_back_is_lost() {
+    let mut chip = console();
+    let seen = get(&mut chip, SR);
+    receive(&mut chip, b"A");
+    pass(&mut chip, 1.5 * FRAME_S);
+    set(&mut chip, SR, seen & !0x40);
+    assert_eq!(get(&mut chip, SR) & 0x20, 0);
+}
+
 #[test]
 fn oversampling_by_eight_and_a_second_stop_bit() {
     for (cr1, brr, cr2, bits) in [(0x2008, 139, 0, 10.0), (0xA008, 17 << 4 | 3, 0, 10.0), (0x2008, 139, 2 << 12, 11.0)]
