@@ -297,7 +297,7 @@ const HSE_TRIES: u32 = 100;
 const HSE_PAUSE: u32 = 8_000;
 
 /// Whether the ST-LINK's clock is there; embassy-stm32 would wait for it without limit. The core is on its own 16 MHz.
-fn find_clock() -> Clock {
+pub fn find_clock() -> Clock {
     let rcc = pac::RCC;
     rcc.cr().modify(|w| w.set_hsebyp(true));
     rcc.cr().modify(|w| w.set_hseon(true));

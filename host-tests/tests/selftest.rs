@@ -3,6 +3,7 @@
 use host_tests::board::{Bench, selftest};
 use rig_emulator::jumpers::{self, Broken, Jumper, JumperBoard};
 use rig_emulator::machine::{Config, Machine, ResetCause};
+use rig_emulator::soc::can::Line;
 use rig_link::messages::{Request, Setting, State};
 
 /// Sectors 1 to 3 (src/store.rs).
@@ -213,6 +214,20 @@ fn a_test_that_is_cut_short_begins_anew() {
     });
     assert_eq!(lines.iter().filter(|line| line.starts_with("selftest 1")).count(), 3, "{lines:#?}");
     assert!(lines.last().unwrap().ends_with("checks ok"), "{lines:#?}");
+}
+
+#[test]
+fn a_clock_that_does_not_come_from_the_st_link_is_named() {
+    let mut machine = sound();
+    machine.feed_hse(false);
+    names(&log(&mut machine, |_, _| {}), &[("clock", "FAILED", "no clock from the ST-LINK")]);
+}
+
+#[test]
+fn a_bus_that_is_held_dominant_is_nothing_to_a_controller_in_loop_back() {
+    let mut machine = sound();
+    machine.soc_mut().set_can_line(Line { dominant: true, open: false });
+    assert!(log(&mut machine, |_, _| {}).last().unwrap().ends_with("checks ok"));
 }
 
 #[test]

@@ -19,6 +19,8 @@ mod table;
 #[expect(dead_code, reason = "clocks and interrupts are the firmware's; its tasks are not here")]
 #[path = "../../board.rs"]
 mod board;
+#[path = "../../flash.rs"]
+mod flash;
 #[expect(dead_code, reason = "nothing is driven")]
 #[path = "../../keep.rs"]
 mod keep;
@@ -48,7 +50,7 @@ async fn main(_spawner: Spawner) {
     let flags = chip::reset_flags();
     let panicked = keep::begin(flags.power_on()).panic;
     let stage = kept::stage(flags);
-    let p = embassy_stm32::init(board::clocks());
+    let p = embassy_stm32::init(board::clocks(board::find_clock()));
     chip::speed_up_flash(true);
     if let Some(text) = panicked {
         kept::forget();
