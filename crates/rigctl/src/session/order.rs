@@ -92,13 +92,14 @@ impl Order {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rig_link::{Counters, EventKind, State, Telemetry};
+    use rig_link::{Counters, EventKind, Faults, State, Telemetry};
 
     fn telemetry(sequence: u16, t_us: u64) -> Frame<Message> {
         let telemetry = Telemetry {
             t_us,
             state: State::Ready,
             fault: None,
+            faults: Faults::NONE,
             limit: None,
             target_m: None,
             setpoint_m: None,
