@@ -16,11 +16,12 @@ use static_cell::StaticCell;
 
 use crate::keep;
 use crate::scene::RIG;
+use crate::serial;
 use crate::store::Store;
 
 bind_interrupts!(pub struct Irqs {
-    USART1 => usart::BufferedInterruptHandler<peripherals::USART1>;
-    USART2 => usart::BufferedInterruptHandler<peripherals::USART2>;
+    USART1 => usart::BufferedInterruptHandler<peripherals::USART1>, serial::ToDrive;
+    USART2 => usart::BufferedInterruptHandler<peripherals::USART2>, serial::ToHost;
     CAN1_RX0 => can::Rx0InterruptHandler<peripherals::CAN1>;
     CAN1_RX1 => can::Rx1InterruptHandler<peripherals::CAN1>;
     CAN1_SCE => can::SceInterruptHandler<peripherals::CAN1>;
@@ -120,12 +121,12 @@ impl DriveLines {
 
     /// The serial line.
     pub fn uart(self) -> BufferedUart<'static> {
-        // A few frames each way: one command and two reports in 10 ms.
-        static TX: StaticCell<[u8; 64]> = StaticCell::new();
+        // A few frames: two reports in 10 ms. Embassy's sending half is not used ([`crate::serial`]).
+        static TX: StaticCell<[u8; 1]> = StaticCell::new();
         static RX: StaticCell<[u8; 64]> = StaticCell::new();
         let mut serial = usart::Config::default();
         serial.baudrate = rmds405::serial::BAUD;
-        let (tx, rx) = (TX.init([0; 64]), RX.init([0; 64]));
+        let (tx, rx) = (TX.init([0]), RX.init([0; 64]));
         // Constants of this board, as for the host link.
         defmt::unwrap!(BufferedUart::new(self.uart, self.uart_rx, self.uart_tx, tx, rx, Irqs, serial))
     }
@@ -205,20 +206,13 @@ impl Board {
             fault: Output::new(p.PC0, Level::Low, Speed::Low),
         };
 
-        static TX: StaticCell<[u8; 512]> = StaticCell::new();
+        static TX: StaticCell<[u8; 1]> = StaticCell::new();
         static RX: StaticCell<[u8; 256]> = StaticCell::new();
         let mut serial = usart::Config::default();
         serial.baudrate = rig_link::BAUD;
         // The pins and the rate are constants of this board: a wrong one shows at the first boot.
-        let uart = defmt::unwrap!(BufferedUart::new(
-            p.USART2,
-            p.PA3,
-            p.PA2,
-            TX.init([0; 512]),
-            RX.init([0; 256]),
-            Irqs,
-            serial
-        ));
+        let uart =
+            defmt::unwrap!(BufferedUart::new(p.USART2, p.PA3, p.PA2, TX.init([0]), RX.init([0; 256]), Irqs, serial));
 
         static SAMPLES: StaticCell<[u16; 2 * LVDT_BLOCK]> = StaticCell::new();
         let lvdt = Adc::new(p.ADC1).into_ring_buffered(

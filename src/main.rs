@@ -12,6 +12,7 @@ mod board;
 mod flash;
 mod keep;
 mod scene;
+mod serial;
 mod shared;
 mod store;
 mod tasks;
@@ -69,7 +70,7 @@ async fn main(background: Spawner) {
         }
     }
     spawner.spawn(defmt::unwrap!(tasks::link::receive(link_rx, start.clone())));
-    spawner.spawn(defmt::unwrap!(tasks::link::send(link_tx)));
+    spawner.spawn(defmt::unwrap!(tasks::link::send(serial::Transmitter::host(link_tx))));
     spawner.spawn(defmt::unwrap!(tasks::control::run(board.encoder, board.switches, board.leds, start)));
     spawner.spawn(defmt::unwrap!(tasks::watchdog::run(board.watchdog)));
     background.spawn(defmt::unwrap!(tasks::table::run(store)));

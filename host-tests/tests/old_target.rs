@@ -54,8 +54,13 @@ fn driven_in_ten_seconds(b: &mut Bench) -> f64 {
     driven_rad(b) - before_rad
 }
 
+/// A name, and how a board is brought there.
+type Reach = (&'static str, fn() -> Bench);
+/// A name, and what happens to a board.
+type Happens = (&'static str, fn(&mut Bench));
+
 /// The states in which the emergency stop is pressed, and how each is reached.
-const STATES: [(&str, fn() -> Bench); 6] = [
+const STATES: [Reach; 6] = [
     ("boot", || {
         let mut b = bench(Relay::Absent, "12");
         b.run(1.0);
@@ -143,7 +148,7 @@ fn a_board_that_restarts_under_the_emergency_stop_moves_nothing_on_release() {
 }
 
 /// How the microcontroller restarts with the drive powered all the while.
-const RESTARTS: [(&str, fn(&mut Bench)); 4] = [
+const RESTARTS: [Happens; 4] = [
     ("a hard fault", |b| b.machine.crash().unwrap()),
     ("a watchdog bite", |b| {
         b.machine.hang(true);

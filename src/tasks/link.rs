@@ -1,12 +1,13 @@
 //! The host link: frames in, replies, events and telemetry out.
 
 use crate::board::Start;
+use crate::serial::Transmitter;
 use crate::shared::{self, Task};
 use core::sync::atomic::Ordering;
 use embassy_futures::select::{Either, select};
-use embassy_stm32::usart::{BufferedUartRx, BufferedUartTx};
+use embassy_stm32::usart::BufferedUartRx;
 use embassy_time::{Duration, Instant, with_timeout};
-use embedded_io_async::{Read, Write};
+use embedded_io_async::Read;
 use heapless::String;
 use rig_link::messages::{Accepted, Identity, LoadChoice, Message, Refusal, Request, State, TableIdentity};
 use rig_link::sequence::Newest;
@@ -148,11 +149,11 @@ fn identity(start: &Start) -> Identity {
 }
 
 #[embassy_executor::task]
-pub async fn send(mut tx: BufferedUartTx<'static>) -> ! {
+pub async fn send(mut tx: Transmitter) -> ! {
     let mut sequence = 0u16;
     let mut buffer = [0; MAX_FRAME];
     // Ends whatever a reset cut short, so that our first frame is not lost with it.
-    let _ = tx.write_all(&[0]).await;
+    tx.write_all(&[0]).await;
     loop {
         let message = match select(shared::OUTBOX.receive(), shared::TELEMETRY.wait()).await {
             Either::First(message) => message,
@@ -160,9 +161,7 @@ pub async fn send(mut tx: BufferedUartTx<'static>) -> ! {
         };
         sequence = sequence.wrapping_add(1);
         match encode(sequence, &message, &mut buffer) {
-            Ok(frame) => {
-                let _ = tx.write_all(frame).await;
-            }
+            Ok(frame) => tx.write_all(frame).await,
             Err(_) => defmt::error!("message longer than a frame"),
         }
     }

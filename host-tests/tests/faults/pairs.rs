@@ -105,10 +105,10 @@ impl Watch {
             Request::Clear if taken && said_held && (turning || dead) => {
                 self.say(format!("{fault:?} is cleared while the strings turn or the drive has let go"));
             }
-            Request::Home | Request::Move { .. } | Request::Jog { .. } if fault.is_some() => {
-                if !matches!(reply, Some(Err(Refusal::InFault { .. }))) {
-                    self.say(format!("{request:?} in {fault:?}: {reply:?}"));
-                }
+            Request::Home | Request::Move { .. } | Request::Jog { .. }
+                if fault.is_some() && !matches!(reply, Some(Err(Refusal::InFault { .. }))) =>
+            {
+                self.say(format!("{request:?} in {fault:?}: {reply:?}"));
             }
             Request::Stop if !taken => self.say(format!("stop is refused: {reply:?}")),
             _ => {}

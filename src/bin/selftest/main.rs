@@ -27,6 +27,9 @@ mod keep;
 #[expect(dead_code, reason = "only table and rig are of interest here")]
 #[path = "../../scene.rs"]
 mod scene;
+#[expect(dead_code, reason = "only its interrupt handlers are bound")]
+#[path = "../../serial.rs"]
+mod serial;
 #[expect(dead_code, reason = "there are no tasks to share anything")]
 #[path = "../../shared.rs"]
 mod shared;

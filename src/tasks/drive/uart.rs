@@ -1,11 +1,12 @@
 //! The drive's serial line: USART1 through an RS232 converter. Experimental, its framing is assumed ([`rmds405::serial`]).
 
 use super::Transport;
+use crate::serial::Transmitter;
 use crate::shared;
 use core::sync::atomic::Ordering;
-use embassy_stm32::usart::{BufferedUart, BufferedUartRx, BufferedUartTx};
+use embassy_stm32::usart::{BufferedUart, BufferedUartRx};
 use embassy_time::{Duration, Instant, Timer};
-use embedded_io_async::{Read, Write};
+use embedded_io_async::Read;
 use rmds405::serial::{BYTE_US, Decoder, encode};
 use rmds405::{Frame, Report};
 
@@ -14,7 +15,7 @@ const ERROR_PAUSE: Duration = Duration::from_millis(5);
 
 /// USART1 and what it has read.
 pub struct UartTransport {
-    tx: BufferedUartTx<'static>,
+    tx: Transmitter,
     rx: BufferedUartRx<'static>,
     decoder: Decoder<Report>,
     bytes: [u8; 32],
@@ -26,14 +27,14 @@ pub struct UartTransport {
 impl UartTransport {
     pub fn new(uart: BufferedUart<'static>) -> Self {
         let (tx, rx) = uart.split();
-        Self { tx, rx, decoder: Decoder::reports(), bytes: [0; 32], waiting: 0..0, read_us: 0 }
+        Self { tx: Transmitter::drive(tx), rx, decoder: Decoder::reports(), bytes: [0; 32], waiting: 0..0, read_us: 0 }
     }
 }
 
 impl Transport for UartTransport {
     /// Goes out whether anybody hears it or not: nothing waits on this line, so nothing can go out late.
     async fn send(&mut self, frame: &Frame) {
-        let _ = self.tx.write_all(&encode(frame)).await;
+        self.tx.write_all(&encode(frame)).await;
     }
 
     async fn next_report(&mut self) -> Report {

@@ -76,6 +76,8 @@ const TC: u32 = 1 << 6;
 const TXE: u32 = 1 << 7;
 /// Flags that software clears by writing 0.
 const WRITE_ZERO: u32 = RXNE | TC | 1 << 8 | 1 << 9;
+/// CR1: the USART and its receiver are on.
+const RECEIVER_ON: u32 = 1 << 13 | 1 << 2;
 
 const UE: u32 = 1 << 13;
 const TE: u32 = 1 << 3;
@@ -256,7 +258,15 @@ impl Usart {
     /// Write a register.
     pub fn write(&mut self, offset: u32, value: u32, wires: &mut Wires<'_>) -> Option<()> {
         match offset {
-            0x00 => self.sr &= value | !WRITE_ZERO,
+            0x00 => {
+                if value & RXNE == 0 && self.cr1 & RECEIVER_ON == RECEIVER_ON {
+                    // What reads SR, changes a flag and writes it back does this (RM0390 section 25.6.1).
+                    wires
+                        .faults
+                        .feature("USART", "a write to SR that takes back RXNE loses a byte that comes meanwhile");
+                }
+                self.sr &= value | !WRITE_ZERO;
+            }
             0x04 => {
                 self.transmit = Some(value as u8);
                 self.sr &= !TXE;
