@@ -149,7 +149,7 @@ impl LoadObserver {
         }
     }
 
-    /// Homing found numbers with which twist and gap weigh wrongly by more than [`CONFIRMED_SHARE`], and moves would agree.
+    /// Homing found numbers with which twist and gap weigh wrongly by more than a tenth of the load, and moves would agree.
     pub fn distrust(&mut self) {
         (self.distrusted, self.confirmed_n) = (true, None);
     }
