@@ -64,9 +64,16 @@ const MISSED: [Fault; 8] = [
     Fault::StringBreak,
     Fault::FollowingError,
 ];
-/// What looks wrong when the drive gives no torque or cannot be heard.
-const NO_DRIVE: [Fault; 5] =
-    [Fault::DriveSilent, Fault::FollowingError, Fault::NotHeld, Fault::EncoderStuck, Fault::EncoderDisagrees];
+/// What looks wrong when the drive gives no torque or cannot be heard; a falling load blurs the LVDT's blocks.
+const NO_DRIVE: [Fault; 7] = [
+    Fault::DriveSilent,
+    Fault::FollowingError,
+    Fault::NotHeld,
+    Fault::EncoderStuck,
+    Fault::EncoderDisagrees,
+    Fault::LvdtNoisy,
+    Fault::LvdtJump,
+];
 /// What looks wrong when the LVDT is.
 const NO_LVDT: [Fault; 3] = [Fault::FollowingError, Fault::ModelResidual, Fault::LoadRange];
 
@@ -80,7 +87,7 @@ pub const POLICY: [Policy; Fault::ALL.len()] = [
     row(Fault::DriveStartUp, Response::Wait, After::Restart, &NO_DRIVE),
     row(Fault::DriveStall, Response::LetGo, After::Restart, &NO_DRIVE),
     row(Fault::DriveReset, Response::LetGo, After::Restart, &NO_DRIVE),
-    row(Fault::NotHeld, Response::LetGo, After::Restart, &[Fault::FollowingError]),
+    row(Fault::NotHeld, Response::LetGo, After::Restart, &[Fault::FollowingError, Fault::LvdtNoisy, Fault::LvdtJump]),
     row(Fault::CanBusOff, Response::HoldIfHeard, After::Restart, &[Fault::DriveSilent, Fault::FollowingError]),
     row(Fault::DriveSilent, Response::HoldIfHeard, After::Restart, &[Fault::FollowingError]),
     row(Fault::EncoderJump, Response::HoldByDrive, After::Restart, &ENCODER),
