@@ -248,3 +248,59 @@ impl LoadObserver {
         step.clamp(-LARGEST_STEP * self.load_n, LARGEST_STEP * self.load_n)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A load that has changed to `load_n` since homing weighed it with 5 N.
+    fn changed_to(load_n: f32) -> LoadObserver {
+        LoadObserver { load_n, ..LoadObserver::new(5.0, 0.0, 0.05) }
+    }
+
+    /// A move that way (+1 up, -1 down) at whose end the load is estimated so.
+    fn end_move(observer: &mut LoadObserver, direction: f32, load_n: f32, agrees: bool) {
+        (observer.direction, observer.load_n) = (direction, load_n);
+        observer.end_move(agrees);
+    }
+
+    #[test]
+    fn a_way_up_and_a_way_down_that_agree_confirm_a_load() {
+        let mut o = changed_to(7.0);
+        end_move(&mut o, 1.0, 7.1, true);
+        assert_eq!(o.confirmed_n, Some(5.0), "one way is not enough");
+        end_move(&mut o, 1.0, 7.1, true);
+        assert_eq!(o.confirmed_n, Some(5.0), "nor the same way twice");
+        end_move(&mut o, -1.0, 6.9, true);
+        assert_eq!(o.confirmed_n, Some(6.9));
+    }
+
+    #[test]
+    fn ways_that_differ_or_disagree_with_the_table_confirm_nothing() {
+        // Friction that has changed makes the ways differ.
+        let mut o = changed_to(1.3);
+        end_move(&mut o, 1.0, 1.3, true);
+        end_move(&mut o, -1.0, 0.7, true);
+        assert_eq!(o.confirmed_n, Some(5.0));
+        // A shifted gap is another load at each twist; such a way takes back what the one before it found.
+        let mut o = changed_to(7.0);
+        end_move(&mut o, 1.0, 7.0, true);
+        end_move(&mut o, -1.0, 7.0, false);
+        assert_eq!(o.confirmed_n, Some(5.0));
+    }
+
+    #[test]
+    fn a_distrusted_load_is_never_confirmed_and_a_lost_one_only_anew() {
+        let mut o = changed_to(5.0);
+        o.distrust();
+        end_move(&mut o, 1.0, 5.0, true);
+        end_move(&mut o, -1.0, 5.0, true);
+        assert_eq!(o.confirmed_n, None);
+        let mut o = changed_to(5.0);
+        o.lose();
+        assert_eq!(o.confirmed_n, None);
+        end_move(&mut o, 1.0, 5.0, true);
+        end_move(&mut o, -1.0, 5.0, true);
+        assert_eq!(o.confirmed_n, Some(5.0));
+    }
+}
