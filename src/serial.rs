@@ -16,21 +16,21 @@ static HOST: Waiting = Waiting::new();
 static DRIVE: Waiting = Waiting::new();
 
 /// Sends over one USART.
-pub struct Transmitter {
+pub struct Transmitter<'d> {
     regs: Usart,
     waiting: &'static Waiting,
     /// Never written to: its end would take the pin from the USART.
-    _embassys: BufferedUartTx<'static>,
+    _embassys: BufferedUartTx<'d>,
 }
 
-impl Transmitter {
+impl<'d> Transmitter<'d> {
     /// Over USART2, to the host.
-    pub fn host(embassys: BufferedUartTx<'static>) -> Self {
+    pub fn host(embassys: BufferedUartTx<'d>) -> Self {
         Self { regs: pac::USART2, waiting: &HOST, _embassys: embassys }
     }
 
     /// Over USART1, to the drive.
-    pub fn drive(embassys: BufferedUartTx<'static>) -> Self {
+    pub fn drive(embassys: BufferedUartTx<'d>) -> Self {
         Self { regs: pac::USART1, waiting: &DRIVE, _embassys: embassys }
     }
 

@@ -149,7 +149,7 @@ fn identity(start: &Start) -> Identity {
 }
 
 #[embassy_executor::task]
-pub async fn send(mut tx: Transmitter) -> ! {
+pub async fn send(mut tx: Transmitter<'static>) -> ! {
     let mut sequence = 0u16;
     let mut buffer = [0; MAX_FRAME];
     // Ends whatever a reset cut short, so that our first frame is not lost with it.

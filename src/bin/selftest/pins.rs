@@ -4,6 +4,7 @@
 //! output has no wire, one that follows neither is stuck.
 
 use crate::board::Irqs;
+use crate::serial::Transmitter;
 use crate::table::{Table, Verdict};
 use embassy_stm32::adc::{Adc, SampleTime, VrefInt};
 use embassy_stm32::gpio::{Input, Level, Output, Pin, Pull, Speed};
@@ -11,7 +12,7 @@ use embassy_stm32::timer::qei::{self, Qei};
 use embassy_stm32::usart::{self, BufferedUart};
 use embassy_stm32::{Peri, Peripherals};
 use embassy_time::{Duration, Timer, block_for, with_timeout};
-use embedded_io_async::{Read, Write};
+use embedded_io_async::Read;
 
 /// An input through the chip's own pull of some 40 kohm and a wire of some 100 pF, many times over.
 const SETTLES: Duration = Duration::from_micros(50);
@@ -159,16 +160,18 @@ pub async fn serial(table: &mut Table, p: &mut Peripherals) {
     let mut config = usart::Config::default();
     config.baudrate = rmds405::serial::BAUD;
     let (out, back) = (p.PA9.reborrow(), p.PA10.reborrow());
-    let Ok(mut uart) = BufferedUart::new(p.USART1.reborrow(), back, out, &mut tx, &mut rx, Irqs, config) else {
+    let Ok(uart) = BufferedUart::new(p.USART1.reborrow(), back, out, &mut tx, &mut rx, Irqs, config) else {
         return table.row(what, expected, format_args!("the rate cannot be set"), Verdict::Failed);
     };
+    // The firmware's own sending half.
+    let (tx, mut uart) = uart.split();
+    let mut tx = Transmitter::drive(tx);
     // What the line did while it was set up.
     let mut heard = [0; BYTES.len()];
     let _ = with_timeout(Duration::from_millis(2), uart.read(&mut heard)).await;
     let mut heard = [0; BYTES.len()];
     let exchange = async {
-        uart.write_all(&BYTES).await.ok()?;
-        uart.flush().await.ok()?;
+        tx.write_all(&BYTES).await;
         uart.read_exact(&mut heard).await.ok()
     };
     let done = with_timeout(PATIENCE, exchange).await;

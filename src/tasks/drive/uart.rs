@@ -15,7 +15,7 @@ const ERROR_PAUSE: Duration = Duration::from_millis(5);
 
 /// USART1 and what it has read.
 pub struct UartTransport {
-    tx: Transmitter,
+    tx: Transmitter<'static>,
     rx: BufferedUartRx<'static>,
     decoder: Decoder<Report>,
     bytes: [u8; 32],
