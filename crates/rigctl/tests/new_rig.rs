@@ -129,7 +129,8 @@ fn a_rig_15_percent_off_its_scene_is_calibrated_on_its_own_board() {
     assert!(table_m < 5e-6);
     for (before, after) in before.iter().zip(&after) {
         assert!(before[0].abs() > 60e-6 && after[0].abs() < 30e-6, "{before:?} {after:?}");
-        // Of the load itself: with wrong constants, too, it may be right at one of the loads by chance.
-        assert!(after[1].abs() < 0.012, "{before:?} {after:?}");
+        // Of the load itself: from one seed of the noise to the next homing weighs 1.6 % rms otherwise, so that a single
+        // load tells nothing finer.
+        assert!(after[1].abs() < 0.05, "{before:?} {after:?}");
     }
 }
