@@ -166,6 +166,10 @@ impl Latched {
     /// Those of `found` that are new, and no consequences of what is found or latched. Missing ticks make other things look
     /// wrong only as long as `ticks_missed_lately`.
     pub fn news(self, found: Faults, ticks_missed_lately: bool) -> Faults {
+        // As in almost every tick.
+        if found.without(self.all).is_empty() {
+            return Faults::NONE;
+        }
         let mut explained = Faults::NONE;
         for row in &POLICY {
             let lasts = if row.fault == Fault::TickLate {
