@@ -4,12 +4,12 @@
 
 use host_tests::board::Bench;
 use rig_emulator::rig::faults::Fault as RigFault;
-use rig_link::messages::{LoadChoice, Request, State};
+use rig_link::messages::{Fault, LoadChoice, Request, State};
 
 /// A load that untwists the strings when nothing holds them, so that the old target is far away when the motor is back.
 const LOAD: (&str, &str) = ("load", "1.8kg");
-/// What the drive may still turn (rad) once the strings have stopped: closed-loop holding moves single counts.
-const STILL_RAD: f64 = 0.02;
+/// What the drive may still turn (rad): a start that catches a falling load turns it back by a little, an old target by 0.35.
+const STILL_RAD: f64 = 0.05;
 
 /// How the board's relay feeds the drive.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -175,6 +175,9 @@ fn a_board_that_restarts_beside_a_drive_that_goes_on_moves_nothing() {
             assert_ne!(mode(&b), 8, "relay {relay:?}, {name}: the drive still follows its old target");
             let driven_rad = driven_in_ten_seconds(&mut b);
             println!("relay {relay:?}, {name:26}: driven by {driven_rad:.4} rad, {:?}", b.state());
+            // The brown-out reset is off, as delivered: only the RAM tells the dip from power-on.
+            let dip = name == "a brown-out of the board";
+            assert!(!dip || b.last.is_some_and(|t| t.fault == Some(Fault::UnexpectedReset)), "{:?}", b.last);
             assert!(driven_rad < STILL_RAD, "relay {relay:?}, {name}: driven by {driven_rad} rad");
         }
     }

@@ -240,6 +240,28 @@ fn the_twist_range_clips_and_outside_it_is_a_fault_with_the_way_back_free() {
     assert_eq!(d.control.state(), State::Ready, "{:?}", d.control.fault());
 }
 
+/// The most that a healthy drive does while it is told to hold: it brakes from a fast move.
+#[test]
+fn a_shaft_that_is_stopped_from_a_fast_move_is_held() {
+    for load in ["0.5kg", "1.7kg"] {
+        let mut d = Desk::new(&[("load", load), ("twist_at_boot", "5")], 6);
+        d.home().unwrap();
+        d.tick(Some(Request::Move { target_m: 0.012, speed_m_per_s: 0.02, load: LoadChoice::Auto }));
+        // Of the motor's 1047 rad/s at most.
+        assert!(d.until(5.0, |d| d.truth().motor_speed_rad_per_s > 800.0), "{load}: never that fast");
+        d.rig.set_fault(RigFault::LimitSwitch, true);
+        assert!(d.until(0.1, |d| d.control.fault() == Some(Fault::LimitSwitch)));
+        let (held_rad, mut most_rad) = (d.truth().twist_rad, 0.0f64);
+        d.until(2.0, |d| {
+            most_rad = most_rad.max((d.truth().twist_rad - held_rad).abs());
+            false
+        });
+        println!("{load}: {most_rad:.2} rad past where it was when the fault came");
+        assert!(most_rad < 0.4, "half of what is called not held: {load}, {most_rad} rad");
+        assert!(!d.control.faults().contains(Fault::NotHeld), "{load}");
+    }
+}
+
 #[test]
 fn constants_are_not_changed_in_motion() {
     let constants = Constants {

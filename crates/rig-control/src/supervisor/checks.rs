@@ -17,8 +17,8 @@ const LVDT_BOOT_TICKS: u16 = ticks(200);
 const LAG_RAD: f32 = 0.8;
 const LAG_S: f32 = 0.25;
 const LAG_TICKS: u16 = ticks(30);
-/// How far a held shaft may be from where it is held (rad), and for how long: a shaft that was stopped from its greatest
-/// speed overshoots by half of this.
+/// How far a held shaft may be from where it is held (rad), and for how long: ten times what a shaft overshoots that is
+/// stopped from a fast move of the emulated rig.
 const NOT_HELD_RAD: f32 = 0.8;
 const NOT_HELD_TICKS: u16 = ticks(10);
 /// How long the shaft must stand before anything is cleared.
