@@ -1,11 +1,12 @@
 //! Scene file to firmware: solves the model, fits and certifies the table, writes it and the rig's constants as Rust.
 
+use rig_scene::Scene;
+use rig_scene::{Accuracy, DriveTransport, Rig};
 use std::error::Error;
 use std::path::PathBuf;
 use std::process::{Command, ExitCode};
 use std::{env, fs};
-use tsa_model::scene::{Accuracy, DriveTransport, Rig};
-use tsa_model::{Scene, Tier};
+use tsa_model::Tier;
 
 #[cfg(feature = "cost")]
 #[path = "build/peers.rs"]
@@ -30,8 +31,11 @@ fn run() -> Result<(), Box<dyn Error>> {
     println!("cargo:rerun-if-changed=.git/HEAD");
 
     let scene = Scene::load(&scene_path)?;
-    let (tier, accuracy) = study()?.unwrap_or((Tier::Full, scene.accuracy));
-    let fit = tsa_table::fit::fit_tier(&Scene { accuracy, ..scene.clone() }, tier)?;
+    let study = study()?;
+    let fit = match &study {
+        Some(study) => Scene { accuracy: Some(study.accuracy), ..scene.clone() }.fit_table_of(study.tier)?,
+        None => scene.fit_table()?,
+    };
     for unusual in scene.check_rig().map_err(|error| error.in_file(&scene_path))? {
         println!("cargo:warning=scene file {scene_path}: {unusual}");
     }
@@ -46,54 +50,44 @@ fn run() -> Result<(), Box<dyn Error>> {
 
     fs::write(out.join("memory.x"), include_str!("memory.x"))?;
     println!("cargo:rustc-link-search={}", out.display());
-    println!("cargo:rustc-env=TSA_GIT={}", git().unwrap_or_else(|| "unknown".into()));
+    // The commit goes into the identity that the board reports, so that `rigctl status` and `doctor` show a study image.
+    let mark = if study.is_some() { "-study" } else { "" };
+    println!("cargo:rustc-env=TSA_GIT={}{mark}", git().unwrap_or_else(|| "unknown".into()));
     Ok(())
 }
 
-/// A tier and the accuracy of the table's fit to it.
-type Study = (Tier, Option<Accuracy>);
+/// A table of a cheaper model or another accuracy, so that its effect on the closed loop can be measured.
+struct Study {
+    tier: Tier,
+    accuracy: Accuracy,
+}
 
-/// What `cargo xtask loop` wants to see the effect of: "tier contraction_m tr_relative" for the table instead of the full
-/// model and the scene's accuracy.
+/// The table that `TSA_STUDY` asks for: "tier contraction_m tr_relative". It is refused without the feature `study`, which
+/// only `cargo xtask loop` sets: a variable left over in a shell must not put a worse table under the scene's name.
 fn study() -> Result<Option<Study>, Box<dyn Error>> {
     println!("cargo:rerun-if-env-changed=TSA_STUDY");
     let Ok(text) = env::var("TSA_STUDY") else { return Ok(None) };
+    if !cfg!(feature = "study") {
+        return Err("TSA_STUDY is set, which asks for a table of another model or accuracy than the scene's; \
+                    unset it (only `cargo xtask loop` builds such images)"
+            .into());
+    }
     let [name, contraction, tr] = text.split(' ').collect::<Vec<_>>()[..] else {
         return Err(format!("TSA_STUDY: {text:?} is not a tier and two numbers").into());
     };
     let tier = Tier::named(name).ok_or_else(|| format!("TSA_STUDY: no tier is called {name:?}"))?;
     let number = |text: &str| text.parse().map_err(|e| format!("TSA_STUDY: {text:?}: {e}"));
-    Ok(Some((tier, Some(Accuracy { contraction_m: number(contraction)?, tr_relative: number(tr)? }))))
+    Ok(Some(Study { tier, accuracy: Accuracy { contraction_m: number(contraction)?, tr_relative: number(tr)? } }))
 }
 
 fn constants(rig: &Rig) -> String {
     format!(
         "/// The rig's numbers, from the scene's `[rig]`.\n\
-         pub const RIG: rig_control::RigConstants = rig_control::RigConstants {{\n\
-         \x20   gear_ratio: {:?}f32, counts_per_rad: {:?}f32,\n\
-         \x20   motor_speed_max_rad_per_s: {:?}f32, motor_acceleration_max_rad_per_s2: {:?}f32,\n\
-         \x20   motor_torque_constant_nm_per_a: {:?}f32, current_limit_ma: {},\n\
-         \x20   lvdt_gap_at_code_zero_m: {:?}f32, lvdt_metres_per_code: {:?}f32,\n\
-         \x20   drive_group: {}, drive_number: {}, supply_limits_v: {:?}, supply_divider: {:?},\n\
-         }};\n\
+         pub const RIG: rig_control::RigConstants = rig_control::{:?};\n\
          /// How the board talks to the drive.\n\
-         pub const DRIVE_TRANSPORT: rmds405::Transport = rmds405::Transport::{};\n",
-        rig.gear() as f32,
-        rig.counts_per_rad() as f32,
-        rig.motor_speed_max_rad_per_s as f32,
-        rig.motor_acceleration_max_rad_per_s2 as f32,
-        rig.motor_torque_constant_nm_per_a as f32,
-        rig.drive_current_limit_ma(),
-        rig.lvdt_gap_at_code_zero_m() as f32,
-        rig.lvdt_metres_per_code() as f32,
-        rig.drive_group,
-        rig.drive_number,
-        rig.supply_limits_v().map(|volts| volts as f32),
-        rig.supply_divider.map(|divider| divider as f32),
-        match rig.drive_transport {
-            DriveTransport::Can => "Can",
-            DriveTransport::Uart => "Uart",
-        },
+         pub const DRIVE_TRANSPORT: rmds405::Transport = rmds405::Transport::{:?};\n",
+        rig.constants(),
+        rig.drive_transport,
     )
 }
 

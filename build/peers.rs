@@ -1,7 +1,7 @@
 //! What `src/bin/cost.rs` compares the table with.
 
+use rig_scene::Scene;
 use std::error::Error;
-use tsa_model::Scene;
 
 /// The best table of every other form, and a grid of `interpn`'s.
 pub fn source(scene: &Scene, fit: &tsa_table::fit::Fit) -> Result<String, Box<dyn Error>> {

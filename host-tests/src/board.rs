@@ -9,11 +9,11 @@ use rig_link::messages::{
     EventKind, Identity, Kept, Message, Refusal, Request, Sensors, SettingsReport, State, Telemetry,
 };
 use rig_link::{Accepted, Decoder, PROTOCOL_HASH, encode};
+use rig_scene::DriveTransport;
+use rig_scene::Scene;
 use std::fmt;
 use std::process::Command;
 use std::sync::OnceLock;
-use tsa_model::Scene;
-use tsa_model::scene::DriveTransport;
 
 /// The firmware that would be flashed. Built first if it is not there.
 pub fn firmware() -> &'static [u8] {

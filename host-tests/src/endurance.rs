@@ -107,6 +107,33 @@ impl fmt::Display for Endurance {
     }
 }
 
+impl Endurance {
+    /// The same as a JSON object; lengths in micrometres.
+    pub fn json(&self) -> String {
+        let [first, last] = self.error_first_last_m;
+        serde_json::json!({
+            "moves": self.moves,
+            "faults": self.faults,
+            "faults_by_the_load": self.load_faults,
+            "homings": self.homings,
+            "emulated_s": self.seconds,
+            "mean_error_first_tenth_um": first * 1e6,
+            "mean_error_last_tenth_um": last * 1e6,
+            "largest_error_at_rest_um": self.worst.error_m.abs() * 1e6,
+            "ended_with_the_travel": self.short.0,
+            "largest_error_there_um": self.short.1.error_m.abs() * 1e6,
+            "unannounced": self.unannounced.0,
+            "belief_and_truth_apart_um": self.belief_max_m * 1e6,
+            "ticks_missing": self.ticks_missing,
+            "longest_tick_instructions": self.longest_tick.instructions,
+            "stack_bytes": self.stack_bytes,
+            "resets": self.resets,
+            "telemetry_per_s": self.telemetry_per_s,
+        })
+        .to_string()
+    }
+}
+
 /// So many moves; every sixth meets a fault on its way, and after it the rig is cleared, homed if it must be, and goes on.
 ///
 /// # Panics
@@ -244,6 +271,20 @@ impl fmt::Display for Noise {
              answered, twist moved by {:.4} rad, no reset",
             self.seconds, self.requests, self.moved_rad
         )
+    }
+}
+
+impl Noise {
+    /// The same as a JSON object.
+    pub fn json(&self) -> String {
+        let [link, bus] = self.bytes;
+        serde_json::json!({
+            "random_bytes_on_the_link": link,
+            "random_bytes_on_the_bus": bus,
+            "good_requests_all_answered": self.requests,
+            "moved_rad": self.moved_rad,
+        })
+        .to_string()
     }
 }
 

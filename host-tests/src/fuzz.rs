@@ -5,9 +5,9 @@ use crate::{constants, table};
 use rig_control::{DriveCommand, DriveReading, Inputs, LvdtBlock, Rig, SupplyReading, settings};
 use rig_link::messages::{Counters, Kept, LoadChoice, Message, Request, Setting};
 use rig_link::{Decoder, MAX_FRAME, encode};
+use rig_scene::Scene;
 use rmds405::{Address, Event, Mode, QuadCounts, Received, Report, StartUp, serial};
 use std::path::PathBuf;
-use tsa_model::Scene;
 
 /// Takes whatever comes.
 pub type Door = fn(&[u8]);

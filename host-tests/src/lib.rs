@@ -15,10 +15,10 @@ use rig_emulator::rig::Rig;
 use rig_emulator::rig::settings::PlantSettings;
 use rig_emulator::rig::truth::Truth;
 use rig_link::messages::{Counters, EventKind, LoadChoice, Request, State};
+use rig_scene::Scene;
 use rmds405::{Address, Conversation, Received, Report};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
-use tsa_model::Scene;
 use tsa_table::Table;
 use tsa_table::fit::OwnedTable;
 
@@ -37,14 +37,13 @@ pub fn scene() -> &'static Scene {
 pub fn table() -> &'static Table<'static> {
     static OWNED: OnceLock<OwnedTable> = OnceLock::new();
     static TABLE: OnceLock<Table<'static>> = OnceLock::new();
-    TABLE.get_or_init(|| {
-        OWNED.get_or_init(|| tsa_table::fit::fit(scene()).expect("the default scene has a table").table).table()
-    })
+    TABLE
+        .get_or_init(|| OWNED.get_or_init(|| scene().fit_table().expect("the default scene has a table").table).table())
 }
 
 /// The rig's constants, as the build script derives them.
 pub fn constants() -> RigConstants {
-    rigctl::replay::constants(scene())
+    scene().rig.constants()
 }
 
 /// Samples of one LVDT block, and the time between two of them, as on the board.
@@ -128,7 +127,7 @@ impl Desk {
     /// As [`Desk::new`], of a rig whose `[rig]` is not the default scene's, and control code built for it. Address and
     /// supply divider of the drive must be the default scene's.
     pub fn of(scene: &Scene, keys: &[(&str, &str)], seed: u64) -> Self {
-        let control = Control::new(table(), rigctl::replay::constants(scene), None);
+        let control = Control::new(table(), scene.rig.constants(), None);
         Self::in_scene(scene, control, keys, seed)
     }
 }

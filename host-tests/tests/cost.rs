@@ -109,7 +109,7 @@ fn no_way_of_knowing_the_mechanism_becomes_dearer() {
         "{:<38} {:>12} {:>12} {:>12} {:>7} {:>9} numbers",
         "instructions on the emulated board", "mean", "most", "predicted", "bytes", "error"
     );
-    let fit = tsa_table::fit::fit(scene()).unwrap();
+    let fit = scene().fit_table().unwrap();
     let peers = tsa_table::fit::peers(&fit);
     let mut csv = String::from("symbol,name,instructions_mean,instructions_max,bytes,error,error_of,states\n");
     for (way, (symbol, what, answer, peer)) in WAYS.into_iter().enumerate() {
@@ -202,6 +202,6 @@ fn a_bilinear_grid_of_equal_accuracy_is_hundreds_of_times_larger() {
         }
         cells *= 2;
     };
-    let table = tsa_table::fit::fit(scene()).unwrap().table;
+    let table = scene().fit_table().unwrap().table;
     assert!(bytes as usize > 100 * table.table().form.bytes());
 }

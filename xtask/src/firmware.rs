@@ -57,7 +57,7 @@ pub fn build_uart(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
 /// Builds the image with a table of another model or accuracy (`TSA_STUDY`, see build.rs), beside the one that `rigctl`
 /// boots.
 pub fn build_study(folders: &Folders, toolchain: &Toolchain, study: &str, image: &Path) -> Result<()> {
-    run(cargo(folders, toolchain, PACKAGE).env("TSA_STUDY", study))?;
+    run(cargo(folders, toolchain, PACKAGE).args(["--features", "study"]).env("TSA_STUDY", study))?;
     let built = toolchain.target_folder(folders).join(TARGET).join("firmware").join(PACKAGE);
     std::fs::copy(&built, image).with_context(|| format!("cannot copy {} to {}", built.display(), image.display()))?;
     Ok(())

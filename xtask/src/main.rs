@@ -3,6 +3,7 @@
 //! - [`firmware`]: the board's image, with whichever toolchain this machine has ([`toolchain`]), and its size ([`image`]).
 //! - [`selftest`]: the image that tests a board without a rig, on a real one.
 //! - [`host`]: the tools for the desktop, the demo, and the tests of everything.
+//! - [`results`]: every measured number of the README and `docs/results.md`.
 //! - [`mod@bench`]: what the model costs, beside an independent solver.
 //! - [`system`]: what has to be installed beside cargo: installed if we may, else said.
 //! - [`programs`]: test programs, several at a time.
@@ -15,6 +16,7 @@ mod host;
 mod image;
 mod process;
 mod programs;
+mod results;
 mod selftest;
 mod system;
 mod toolchain;
@@ -79,6 +81,11 @@ enum Task {
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
         rest: Vec<String>,
     },
+    /// Measure every number that README.md and docs/results.md state, and write both pages (hours; one section: minutes)
+    Results {
+        /// Sections to measure again; all of them where none is named
+        sections: Vec<String>,
+    },
     /// Build everything and show three loads being homed and moved by the real firmware on an emulated board
     Demo {
         /// Passed on to `rigctl demo`
@@ -129,6 +136,7 @@ fn run(arguments: Arguments) -> Result<()> {
         Task::Loop => closed_loop::run(&folders),
         Task::Endurance { rest } => host::endurance(&folders, &rest),
         Task::Compare { rest } => host::compare(&folders, &rest),
+        Task::Results { sections } => results::run(&folders, &sections),
         Task::Demo { rest } => host::demo(&folders, &rest),
     }
 }

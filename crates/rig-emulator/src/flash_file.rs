@@ -3,9 +3,9 @@
 use crate::machine::Machine;
 use crate::rig::Rig;
 use anyhow::{Context, Result, bail};
+use rig_scene::files;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-use tsa_model::files;
 
 /// The file, what stands in it, and the flash as it was then.
 pub struct FlashFile {

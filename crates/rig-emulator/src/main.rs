@@ -9,13 +9,13 @@ use rig_emulator::machine::{Config, Machine};
 use rig_emulator::rig::Rig;
 use rig_emulator::rig::settings::PlantSettings;
 use rig_emulator::serve::serve;
+use rig_scene::{Scene, files};
 use std::io::{self, BufRead, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, mpsc};
 use std::time::Duration;
-use tsa_model::{Scene, files};
 
 /// Runs a firmware ELF on an emulated NUCLEO-F446RE with the actuator's rig around it.
 /// Speaks JSON lines on standard input and output; `rigctl` is the tool for people.

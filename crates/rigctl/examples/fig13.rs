@@ -5,6 +5,7 @@
 
 use anyhow::{Context, Result, bail};
 use rig_link::messages::{Request, State};
+use rig_scene::Scene;
 use rigctl::failure::Failure;
 use rigctl::plant::Setting;
 use rigctl::plot::{Axis, Block, Figure, Item, KeyRow, Panel, Pen, Sample, Shape, colour};
@@ -15,7 +16,7 @@ use rigctl::units::STANDARD_GRAVITY;
 use std::f64::consts::{PI, TAU};
 use std::fmt::Write as _;
 use std::path::PathBuf;
-use tsa_model::{PRETWIST_RAD, Scene, twist_from_turns};
+use tsa_model::{PRETWIST_RAD, twist_from_turns};
 
 const LOADS_KG: [f64; 3] = [0.1, 0.5, 1.5];
 const TURNS: f64 = 7.5;

@@ -107,7 +107,7 @@ mod tests {
 
     #[test]
     fn what_an_error_tells_itself_is_not_told_again() {
-        let scene = tsa_model::Scene::load("no-such.toml").expect_err("no such file");
+        let scene = rig_scene::Scene::load("no-such.toml").expect_err("no such file");
         let message = Failure::from(scene).message().unwrap_or_default();
         assert_eq!(message.matches("os error 2").count(), 1, "{message}");
         assert!(message.contains("no-such.toml"), "{message}");

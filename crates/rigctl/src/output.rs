@@ -2,11 +2,11 @@
 
 use crate::failure::Failure;
 use indicatif::{ProgressBar, ProgressStyle};
+use rig_scene::files::{self, Replacement};
 use serde::Serialize;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{self, Receiver, Sender, SyncSender};
-use tsa_model::files::{self, Replacement};
 
 /// The reader of standard output has gone: who says `rigctl … | head` has seen enough.
 #[derive(Debug, thiserror::Error)]

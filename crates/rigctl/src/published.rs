@@ -3,9 +3,10 @@
 use crate::batch::ErrorBody;
 use crate::scene_key::{self, KeyError};
 use crate::trace;
+use rig_scene::Scene;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
-use tsa_model::{Equilibrium, Mechanism, Scene, SolveError, twist_from_turns};
+use tsa_model::{Equilibrium, Mechanism, SolveError, twist_from_turns};
 
 /// Turns after which the paper compares (past the half-turn pre-twist).
 pub const TURNS: f64 = 7.5;

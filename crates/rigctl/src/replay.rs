@@ -11,9 +11,9 @@ use rig_control::homing::Homed;
 use rig_control::mechanism::Mechanism;
 use rig_control::{DriveCommand, DriveReading, Inputs, LvdtBlock, Rig, RigConstants, TICK_S, TICK_US, settings};
 use rig_link::{Counters, Request, Setting, SettingValues, State};
+use rig_scene::Scene;
 use serde::Serialize;
 use std::f32::consts::PI;
-use tsa_model::Scene;
 use tsa_table::Table;
 
 /// Age of the gap at its tick (µs): blocks of 6 ms against ticks of 10 ms make it 0 to 6 ms.
@@ -42,25 +42,6 @@ const SPEED_TICKS: usize = 10;
 /// Load (share), set-point (m) and twist speed (rad/s) by which recorded and replayed have parted. The drive's own loop
 /// follows a steep command by up to 0.8 rad/s otherwise than a mere delay would.
 pub const PARTED: (f64, f64, f64) = (0.01, 10e-6, 1.0);
-
-/// The scene's `[rig]` as the firmware has it.
-pub fn constants(scene: &Scene) -> RigConstants {
-    let rig = &scene.rig;
-    RigConstants {
-        gear_ratio: rig.gear() as f32,
-        counts_per_rad: rig.counts_per_rad() as f32,
-        motor_speed_max_rad_per_s: rig.motor_speed_max_rad_per_s as f32,
-        motor_acceleration_max_rad_per_s2: rig.motor_acceleration_max_rad_per_s2 as f32,
-        motor_torque_constant_nm_per_a: rig.motor_torque_constant_nm_per_a as f32,
-        current_limit_ma: rig.drive_current_limit_ma(),
-        lvdt_gap_at_code_zero_m: rig.lvdt_gap_at_code_zero_m() as f32,
-        lvdt_metres_per_code: rig.lvdt_metres_per_code() as f32,
-        drive_group: rig.drive_group,
-        drive_number: rig.drive_number,
-        supply_limits_v: rig.supply_limits_v().map(|volts| volts as f32),
-        supply_divider: rig.supply_divider.map(|divider| divider as f32),
-    }
-}
 
 /// Largest and rms difference, replayed less recorded.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
@@ -155,7 +136,7 @@ struct Board<'a> {
 /// # Errors
 /// If there is no homing with anything after it, or a setting in the head is none.
 pub fn replay(log: &Log, scene: &Scene, table: &Table<'_>) -> Result<Vec<Stretch>, String> {
-    let scene = constants(scene);
+    let scene = scene.rig.constants();
     let (settings, _) = log.settings(&settings::defaults(&scene))?;
     let board = Board { scene, settings, constants: settings::apply(&settings, &scene), table };
     let mut stretches = Vec::new();

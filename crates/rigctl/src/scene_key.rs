@@ -1,6 +1,6 @@
 //! One key of a scene, named as in the file (`geometry.rod_span_m`) or by the paper's symbol (`D0`), and changed.
 
-use tsa_model::{Scene, SceneError};
+use rig_scene::{Scene, SceneError};
 
 /// The paper's symbols and the keys that they stand for.
 pub const SYMBOLS: [(&str, &str); 10] = [

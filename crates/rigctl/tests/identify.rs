@@ -1,10 +1,11 @@
 //! `rigctl identify`: known constants found again, the paper's numbers, and what is refused.
 
 use rand::{RngExt, SeedableRng};
+use rig_scene::Scene;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
-use tsa_model::{Material, Scene, twist_from_turns};
+use tsa_model::{Material, twist_from_turns};
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")

@@ -4,9 +4,10 @@
 mod common;
 
 use common::{error_of, lines, rigctl};
+use rig_scene::Scene;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
-use tsa_model::{Scene, twist_from_turns};
+use tsa_model::twist_from_turns;
 
 const SCENE: &str = "scenes/default.toml";
 /// How the rig differs from the scene, and its LVDT from its data sheet.

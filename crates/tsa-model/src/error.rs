@@ -15,7 +15,10 @@ pub struct ParameterError {
 }
 
 /// Refuses the first value that is not above 0 and finite.
-pub(crate) fn positive(values: &[(&'static str, f64)]) -> Result<(), ParameterError> {
+///
+/// # Errors
+/// [`ParameterError`] naming that value's key.
+pub fn positive(values: &[(&'static str, f64)]) -> Result<(), ParameterError> {
     match values.iter().find(|(_, value)| !(*value > 0.0 && value.is_finite())) {
         Some(&(parameter, value)) => Err(ParameterError { parameter, value, reason: "must be above 0 and finite" }),
         None => Ok(()),

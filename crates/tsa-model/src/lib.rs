@@ -12,8 +12,6 @@
 //! - [`methods`]: other ways to solve the same equations, to compare with.
 //! - [`tiers`]: cheaper models of the rod that know about how wrong they are.
 //! - [`scalar`]: f64, or numbers with their derivatives: `Mechanism<Dual<N>>` tells how results depend on constants.
-//! - [`scene`] (feature `std`): scene files.
-//! - [`files`] (feature `std`): reading and replacing files without losing any.
 //!
 //! Builds without `std` (on `libm`), so that the board can run the same solver.
 
@@ -21,8 +19,6 @@
 #![forbid(unsafe_code)]
 
 pub mod error;
-#[cfg(feature = "std")]
-pub mod files;
 mod helix;
 pub mod material;
 pub mod mechanism;
@@ -31,8 +27,6 @@ pub mod parameters;
 mod quadrature;
 pub mod rod;
 pub mod scalar;
-#[cfg(feature = "std")]
-pub mod scene;
 pub mod section;
 pub mod string;
 pub mod tiers;
@@ -42,8 +36,6 @@ pub use material::Material;
 pub use mechanism::{Equilibrium, Mechanism};
 pub use methods::Method;
 pub use parameters::{Geometry, Parameters};
-#[cfg(feature = "std")]
-pub use scene::{Misfit, Scene, SceneError};
 pub use string::{RadiusLaw, StringParameters};
 pub use tiers::{Tier, TierError, Tiered};
 

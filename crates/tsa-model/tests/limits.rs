@@ -1,6 +1,7 @@
 //! Where the model stops being true (model.md section 5): each limit named, and the nearest good case solved.
 
-use tsa_model::{Material, Mechanism, PRETWIST_RAD, RadiusLaw, Scene, SolveError, Warnings, twist_from_turns};
+use rig_scene::Scene;
+use tsa_model::{Material, Mechanism, PRETWIST_RAD, RadiusLaw, SolveError, Warnings, twist_from_turns};
 
 fn scene(name: &str) -> Scene {
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");

@@ -1,7 +1,8 @@
 //! Derivatives, symmetry and limits of the mechanism.
 
+use rig_scene::Scene;
 use tsa_model::scalar::{Dual, Scalar, Single};
-use tsa_model::{Geometry, Mechanism, PRETWIST_RAD, Parameters, Scene, twist_from_turns};
+use tsa_model::{Geometry, Mechanism, PRETWIST_RAD, Parameters, twist_from_turns};
 
 fn scene(name: &str) -> Scene {
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");

@@ -1,7 +1,8 @@
 //! Methods against each other: where all agree, how fast they converge, and where each fails, pinned.
 
+use rig_scene::Scene;
 use std::collections::HashMap;
-use tsa_model::{Mechanism, Method, Scene, SolveError, twist_from_turns};
+use tsa_model::{Mechanism, Method, SolveError, twist_from_turns};
 
 fn root() -> std::path::PathBuf {
     std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")

@@ -9,7 +9,8 @@
 //!
 //! `host-tests/peers/twisted-strings.py` wrote the numbers.
 
-use tsa_model::{Geometry, Mechanism, PRETWIST_RAD, RadiusLaw, Scene, StringParameters};
+use rig_scene::Scene;
+use tsa_model::{Geometry, Mechanism, PRETWIST_RAD, RadiusLaw, StringParameters};
 
 /// The package computes in doubles; the smallest contraction has lost the last four digits to cancellation.
 const RELATIVE: f64 = 1e-9;

@@ -1,7 +1,8 @@
 //! Every row and column of the reference equilibria, each computed there by two independent methods.
 
+use rig_scene::Scene;
 use std::collections::HashMap;
-use tsa_model::{Scene, twist_from_turns};
+use tsa_model::twist_from_turns;
 
 fn root() -> std::path::PathBuf {
     std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")

@@ -2,8 +2,9 @@
 
 use proptest::prelude::*;
 use proptest::test_runner::{RngAlgorithm, TestRng, TestRunner};
+use rig_scene::Scene;
 use std::cell::Cell;
-use tsa_model::{Equilibrium, Geometry, Mechanism, Method, RadiusLaw, Scene, SolveError, StringParameters};
+use tsa_model::{Equilibrium, Geometry, Mechanism, Method, RadiusLaw, SolveError, StringParameters};
 
 /// Scenes, and states of each.
 const CASES: u32 = 100_000;

@@ -1,6 +1,7 @@
 //! Each tier's estimate of its own error against the full tier, over the envelope of every scene.
 
-use tsa_model::{Scene, Tier, TierError, twist_from_turns};
+use rig_scene::Scene;
+use tsa_model::{Tier, TierError, twist_from_turns};
 
 fn scenes() -> Vec<(String, Scene)> {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");

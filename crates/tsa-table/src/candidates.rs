@@ -1,9 +1,7 @@
 //! The smallest table of each form on a load map.
 
 use crate::axis::{Axis, LoadMap};
-use crate::fit::{Candidate, Exact, FitError, MAX_BYTES, Numbers, Reference, blank_table, errors_over};
-use tsa_model::Scene;
-use tsa_model::scene::Accuracy;
+use crate::fit::{Accuracy, Candidate, Exact, FitError, MAX_BYTES, Numbers, Reference, blank_table, errors_over};
 
 /// A candidate must stay this far inside the accuracy on the selection grid, so that the certificate's search passes.
 const MARGIN: f64 = 0.8;
@@ -18,7 +16,7 @@ const SLOPE_WEIGHTS: [f64; 3] = [0.0, 0.02, 0.1];
 
 /// The search on one load map.
 pub(crate) struct Search<'a> {
-    pub scene: &'a Scene,
+    pub scene_hash: u32,
     pub reference: &'a Reference<'a>,
     pub map: LoadMap,
     pub points: &'a [Exact],
@@ -54,7 +52,7 @@ impl Search<'_> {
         best: &mut Option<Candidate>,
     ) -> Result<(), FitError> {
         for numbers in sizes {
-            let table = blank_table(self.scene, self.reference, self.map, numbers?);
+            let table = blank_table(self.scene_hash, self.reference, self.map, numbers?);
             let errors = errors_over(&table.table(), self.points);
             let passes = errors.meets(self.accuracy, MARGIN) && table.numbers.form().bytes() <= MAX_BYTES;
             let candidate = Candidate { table, errors, passes };

@@ -8,21 +8,37 @@ use crate::effort::{LOOKUP_INSTRUCTIONS, lookup_instructions};
 use crate::form::Form;
 use crate::lookup::{Metadata, Table};
 use crate::patches;
-use tsa_model::scene::{Accuracy, Envelope};
-use tsa_model::{Mechanism, PRETWIST_RAD, ParameterError, Scene, SceneError, SolveError, Tier};
+use tsa_model::{Mechanism, PRETWIST_RAD, SolveError, Tier};
 
 /// Most bytes of numbers that the firmware has room for.
 pub const MAX_BYTES: usize = 4096;
 
+/// How well a table must reproduce the full model.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Accuracy {
+    /// Largest error of the contraction (m).
+    pub contraction_m: f64,
+    /// Largest relative error of the transmission ratio.
+    pub tr_relative: f64,
+}
+
+/// What a table must cover, and how well.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Demand {
+    /// Least and greatest load (N).
+    pub load_n: [f64; 2],
+    /// Greatest twist (rad); the least is the half-turn pre-twist, from which contraction is counted.
+    pub twist_max_rad: f64,
+    /// How well.
+    pub accuracy: Accuracy,
+    /// Hash of the scene that demands it, for the table's metadata.
+    pub scene_hash: u32,
+}
+
 /// Why no table could be made.
 #[derive(Debug, thiserror::Error)]
 pub enum FitError {
-    /// The scene is wrong, or does not say what the table must cover.
-    #[error(transparent)]
-    Scene(#[from] SceneError),
-    /// A parameter is wrong.
-    #[error(transparent)]
-    Parameter(#[from] ParameterError),
     /// The envelope reaches past a limit of the model.
     #[error("the envelope reaches past a limit of the model: at {load_n:.3} N and {turns:.3} turns: {source}")]
     Envelope {
@@ -315,33 +331,30 @@ pub(crate) fn errors_over(table: &Table<'_>, points: &[Exact]) -> Errors {
     errors
 }
 
-/// Fits, chooses and certifies the table of a scene.
+/// Fits, chooses and certifies a table of the mechanism.
 ///
 /// # Errors
-/// [`FitError`]: the scene, the first point at which the envelope breaks the model, or an accuracy out of reach.
-pub fn fit(scene: &Scene) -> Result<Fit, FitError> {
-    fit_tier(scene, Tier::Full)
+/// [`FitError`]: the first point at which the envelope breaks the model, or an accuracy out of reach.
+pub fn fit(mechanism: &Mechanism, demand: &Demand) -> Result<Fit, FitError> {
+    fit_tier(mechanism, demand, Tier::Full)
 }
 
 /// The same from a cheaper model, by which it is then also judged: shows what controlling by that model would be like.
 ///
 /// # Errors
 /// As [`fit`].
-pub fn fit_tier(scene: &Scene, tier: Tier) -> Result<Fit, FitError> {
-    let (envelope, accuracy) = scene.table_demand()?;
-    let Envelope { load_n, .. } = envelope;
-    let mechanism = scene.mechanism()?;
-    // Contraction is counted from the pre-twist, so a table always reaches down to it.
-    let twist_rad = [PRETWIST_RAD, envelope.twist_rad()[1]];
-    let reference = Reference { mechanism: &mechanism, tier, load_n, twist_rad };
+pub fn fit_tier(mechanism: &Mechanism, demand: &Demand, tier: Tier) -> Result<Fit, FitError> {
+    let Demand { load_n, accuracy, scene_hash, .. } = *demand;
+    let twist_rad = [PRETWIST_RAD, demand.twist_max_rad];
+    let reference = Reference { mechanism, tier, load_n, twist_rad };
     let points = reference.selection_grid()?;
     let mut candidates = Vec::new();
     for map in LOAD_MAPS {
-        let search = Search { scene, reference: &reference, map, points: &points, accuracy: &accuracy };
+        let search = Search { scene_hash, reference: &reference, map, points: &points, accuracy: &accuracy };
         candidates.extend(search.candidates()?);
     }
     for numbers in patches::candidates(&reference, &accuracy)? {
-        let table = blank_table(scene, &reference, LoadMap::Linear, numbers);
+        let table = blank_table(scene_hash, &reference, LoadMap::Linear, numbers);
         let errors = errors_over(&table.table(), &points);
         let passes = errors.meets(&accuracy, 0.9) && table.numbers.form().bytes() <= MAX_BYTES;
         candidates.push(Candidate { table, errors, passes });
@@ -372,7 +385,7 @@ pub fn fit_tier(scene: &Scene, tier: Tier) -> Result<Fit, FitError> {
     Err(FitError::Accuracy { contraction_m: accuracy.contraction_m, tr_relative: accuracy.tr_relative, best })
 }
 
-pub(crate) fn blank_table(scene: &Scene, reference: &Reference<'_>, map: LoadMap, numbers: Numbers) -> OwnedTable {
+pub(crate) fn blank_table(scene_hash: u32, reference: &Reference<'_>, map: LoadMap, numbers: Numbers) -> OwnedTable {
     let [f0, f1] = reference.load_n.map(|f| f as f32);
     let [t0, t1] = reference.twist_rad.map(|t| t as f32);
     let metadata = Metadata {
@@ -385,7 +398,7 @@ pub(crate) fn blank_table(scene: &Scene, reference: &Reference<'_>, map: LoadMap
         twist_axis: Axis::new(t0, t1),
         contraction_error_m: 0.0,
         tr_relative_error: 0.0,
-        scene_hash: scene.hash(),
+        scene_hash,
         generator_version: crate::GENERATOR_VERSION,
     };
     let mut table = OwnedTable { metadata, numbers, crc: 0 };

@@ -42,6 +42,8 @@ pub mod rebuild;
 
 pub use arc::{ArcSeries, Growth, Patch, Shape};
 pub use axis::{Axis, LoadMap};
+#[cfg(feature = "std")]
+pub use fit::{Accuracy, Demand};
 pub use form::Form;
 pub use inverse::{InverseError, LoadFromGap};
 pub use lookup::{Metadata, OutOfRange, Point, Table};

@@ -1,11 +1,10 @@
 //! Dividing the load for the mixed form: as few ranges and with as few terms as the scene needs.
 
 use crate::arc::{ArcSeries, Growth, MAX_COLUMNS, MAX_ROWS, Patch, Shape};
-use crate::fit::{Exact, FitError, Numbers, Reference};
+use crate::fit::{Accuracy, Exact, FitError, Numbers, Reference};
 use crate::patch_fit::{MAX_TERMS, PatchFit, Sample};
 use crate::plane::{arc_at, growth};
 use std::collections::BTreeMap;
-use tsa_model::scene::Accuracy;
 
 /// Cuts of the load range at which a patch may end: evenly spaced in the square root of the load.
 const CUTS: usize = 36;

@@ -1,9 +1,10 @@
 //! A table made anew from other constants, by the code that the board runs.
 
+use rig_scene::Scene;
 use std::sync::OnceLock;
-use tsa_model::{Mechanism, Parameters, Scene};
+use tsa_model::{Mechanism, Parameters};
 use tsa_table::Shape;
-use tsa_table::fit::{Fit, fit};
+use tsa_table::fit::Fit;
 use tsa_table::rebuild::{Rebuild, RebuildError, Rebuilt};
 
 fn default_fit() -> &'static (Scene, Fit) {
@@ -11,7 +12,7 @@ fn default_fit() -> &'static (Scene, Fit) {
     FIT.get_or_init(|| {
         let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/default.toml");
         let scene = Scene::load(root).unwrap();
-        let fit = fit(&scene).unwrap();
+        let fit = scene.fit_table().unwrap();
         (scene, fit)
     })
 }

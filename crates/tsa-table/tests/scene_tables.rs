@@ -1,9 +1,11 @@
 //! Tables of real scenes against the full solver, through the code that the board runs.
 
+use rig_scene::Scene;
+use rig_scene::TableError;
 use std::sync::OnceLock;
-use tsa_model::{Scene, twist_from_turns};
+use tsa_model::twist_from_turns;
 use tsa_table::effort::lookup_instructions;
-use tsa_table::fit::{Fit, FitError, fit};
+use tsa_table::fit::{Fit, FitError};
 use tsa_table::{Form, InverseError, LoadMap};
 
 fn scene() -> Scene {
@@ -13,7 +15,7 @@ fn scene() -> Scene {
 
 fn default_fit() -> &'static Fit {
     static FIT: OnceLock<Fit> = OnceLock::new();
-    FIT.get_or_init(|| fit(&scene()).unwrap())
+    FIT.get_or_init(|| scene().fit_table().unwrap())
 }
 
 #[test]
@@ -53,7 +55,7 @@ fn the_default_table_meets_its_scene_in_few_bytes() {
 #[test]
 fn the_plateau_rod_gets_a_table_of_the_same_accuracy() {
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/niti-plateau.toml");
-    let fit = fit(&Scene::load(root).unwrap()).unwrap();
+    let fit = Scene::load(root).unwrap().fit_table().unwrap();
     let (e, table) = (&fit.certificate.errors, fit.table.table());
     println!(
         "{}, {} bytes, {} instructions, contraction {:.2e} m, TR {:.2e}",
@@ -135,8 +137,8 @@ fn outside_the_envelope_is_refused_by_name() {
 fn tighter_accuracy_makes_a_larger_table_and_looser_a_smaller_one() {
     let bytes = |contraction_m: f64, tr_relative: f64| {
         let mut s = scene();
-        s.accuracy = Some(tsa_model::scene::Accuracy { contraction_m, tr_relative });
-        fit(&s).unwrap().table.numbers.form().bytes()
+        s.accuracy = Some(rig_scene::Accuracy { contraction_m, tr_relative });
+        s.fit_table().unwrap().table.numbers.form().bytes()
     };
     let (tight, middle, loose) = (bytes(1e-6, 5e-4), bytes(5e-6, 2e-3), bytes(1e-4, 2e-2));
     // Among the candidates of this one are some that have no gap at all in places.
@@ -148,13 +150,15 @@ fn tighter_accuracy_makes_a_larger_table_and_looser_a_smaller_one() {
 #[test]
 fn an_envelope_past_a_limit_names_the_limit_and_the_first_point() {
     let mut s = scene();
-    s.envelope = Some(tsa_model::scene::Envelope { load_n: [0.5, 18.0], turns: [0.0, 10.0] });
-    let FitError::Envelope { load_n, turns, source } = fit(&s).unwrap_err() else { panic!("not refused") };
+    s.envelope = Some(rig_scene::Envelope { load_n: [0.5, 18.0], turns: [0.0, 10.0] });
+    let TableError::Fit(FitError::Envelope { load_n, turns, source }) = s.fit_table().unwrap_err() else {
+        panic!("not refused")
+    };
     assert_eq!(source.kind(), "overtwist");
     assert!(load_n < 2.0 && turns > 8.0, "{load_n} N, {turns} turns");
-    s.accuracy = Some(tsa_model::scene::Accuracy { contraction_m: 1e-12, tr_relative: 1e-3 });
-    s.envelope = Some(tsa_model::scene::Envelope { load_n: [0.5, 18.0], turns: [0.0, 7.5] });
-    assert!(matches!(fit(&s), Err(FitError::Accuracy { .. })));
+    s.accuracy = Some(rig_scene::Accuracy { contraction_m: 1e-12, tr_relative: 1e-3 });
+    s.envelope = Some(rig_scene::Envelope { load_n: [0.5, 18.0], turns: [0.0, 7.5] });
+    assert!(matches!(s.fit_table(), Err(TableError::Fit(FitError::Accuracy { .. }))));
 }
 
 #[test]

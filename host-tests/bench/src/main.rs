@@ -8,12 +8,13 @@ mod timing;
 use anyhow::{Context, Result};
 use clap::{Parser, Subcommand};
 use grid::{Grid, PUBLISHED};
+use rig_scene::Scene;
 use serde::Serialize;
 use std::hint::black_box;
 use std::path::{Path, PathBuf};
 use timing::Cost;
 use tsa_model::rod::TipForce;
-use tsa_model::{Mechanism, Method, Scene, Tier};
+use tsa_model::{Mechanism, Method, Tier};
 
 #[derive(Parser)]
 #[command(about = "What an equilibrium of the model costs", version)]

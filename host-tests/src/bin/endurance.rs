@@ -15,14 +15,19 @@ struct Arguments {
     /// Of the random numbers
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Print one JSON object for the bytes and one for the moves
+    #[arg(long)]
+    json: bool,
 }
 
 fn main() {
-    let Arguments { moves: count, bytes, seed } = Arguments::parse();
+    let Arguments { moves: count, bytes, seed, json } = Arguments::parse();
     if bytes > 0 {
-        println!("{}", noise(bytes, seed));
+        let noise = noise(bytes, seed);
+        if json { println!("{}", noise.json()) } else { println!("{noise}") }
     }
     if count > 0 {
-        println!("{}", moves(count, seed));
+        let moves = moves(count, seed);
+        if json { println!("{}", moves.json()) } else { println!("{moves}") }
     }
 }

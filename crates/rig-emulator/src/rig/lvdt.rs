@@ -98,7 +98,7 @@ pub fn volts_to_code(volts: f64, reference_v: f64) -> u16 {
 #[cfg(test)]
 mod tests {
     use rand_pcg::rand_core::SeedableRng;
-    use tsa_model::scene::Rig;
+    use rig_scene::Rig;
 
     use super::*;
 

@@ -28,8 +28,9 @@ use std::collections::VecDeque;
 
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::{Rng, SeedableRng};
+use rig_scene::Scene;
 use rmds405::Transport;
-use tsa_model::{Mechanism, Scene, Tier};
+use tsa_model::{Mechanism, Tier};
 
 use crate::board::Stimulus;
 use drive::{Drive, LEAST_SUPPLY_V, Sensed};

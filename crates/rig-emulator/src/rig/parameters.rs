@@ -1,7 +1,7 @@
 //! Constants of the emulated rig, filled from a scene's `[rig]` table in one place.
 
+use rig_scene::{DriveTransport, Rig};
 use rmds405::{Address, Transport};
-use tsa_model::scene::{DriveTransport, Rig};
 
 use super::RigError;
 

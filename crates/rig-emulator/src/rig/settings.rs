@@ -1,6 +1,6 @@
 //! The plant keys of the host tool (cli.md): what a test may change about the rig without telling the firmware.
 
-use tsa_model::Scene;
+use rig_scene::Scene;
 
 /// Standard gravity, m/s²: turns a mass on the rail into a load.
 pub const GRAVITY_M_PER_S2: f64 = 9.80665;

@@ -297,7 +297,7 @@ fn the_transport_that_was_used_first_wins_until_a_restart() {
 #[test]
 fn a_rig_without_a_bus_cannot_have_it_shorted() {
     let mut scene = scene();
-    scene.rig.drive_transport = tsa_model::scene::DriveTransport::Uart;
+    scene.rig.drive_transport = rig_scene::DriveTransport::Uart;
     let mut r = Rig::new(&scene, PlantSettings::default(), 1).unwrap_or_else(|e| panic!("{e}"));
     let refused = r.try_fault(Fault::CanBusOff, true).expect_err("no bus").to_string();
     assert!(refused.contains("can-bus-off") && refused.contains("drive_transport"), "{refused}");

@@ -1,6 +1,7 @@
 //! Where load, twist and gap meet: the gap at which the mechanism balances a load.
 
-use tsa_model::{Equilibrium, Mechanism, Scene, Tier, TierError, twist_from_turns};
+use rig_scene::Scene;
+use tsa_model::{Equilibrium, Mechanism, Tier, TierError, twist_from_turns};
 
 /// The equilibrium gap and its slopes.
 #[derive(Clone, Copy, Debug, PartialEq)]

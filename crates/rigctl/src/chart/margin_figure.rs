@@ -7,7 +7,8 @@ use crate::failure::Failure;
 use crate::output::csv_text;
 use crate::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Sample, colour};
 use plotters::style::RGBColor;
-use tsa_model::{Scene, twist_from_turns};
+use rig_scene::Scene;
+use tsa_model::twist_from_turns;
 
 /// Loads and twists of a map.
 const CELLS: (usize, usize) = (24, 24);

@@ -24,8 +24,8 @@ mod work_figure;
 
 use crate::failure::Failure;
 use crate::output::progress;
+use rig_scene::Scene;
 use std::path::Path;
-use tsa_model::Scene;
 
 /// The figures, in the order in which they are made.
 pub const NAMES: [&str; 8] =

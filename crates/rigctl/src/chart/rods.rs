@@ -1,7 +1,8 @@
 //! The rods of the stability map. The map is about methods, not about the operator's scene: the same rods everywhere.
 
 use crate::failure::Failure;
-use tsa_model::{Mechanism, Scene};
+use rig_scene::Scene;
+use tsa_model::Mechanism;
 
 const PAPER: &str = include_str!("../../../../scenes/paper-identified.toml");
 const PLATEAU: &str = include_str!("../../../../scenes/niti-plateau.toml");

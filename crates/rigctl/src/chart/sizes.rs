@@ -4,8 +4,9 @@ use super::{Made, parallel};
 use crate::failure::Failure;
 use crate::output::csv_text;
 use crate::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Sample, Shape, colour, extent};
-use tsa_model::Scene;
-use tsa_table::fit::{self, Candidate, Fit, FitError, MAX_BYTES};
+use rig_scene::Scene;
+use rig_scene::TableError;
+use tsa_table::fit::{Candidate, Fit, FitError, MAX_BYTES};
 
 /// What the fits are asked for (m); the error of TR keeps its ratio to that of the scene.
 const ASKED_M: [f64; 7] = [200e-6, 100e-6, 50e-6, 20e-6, 10e-6, 5e-6, 2e-6];
@@ -16,7 +17,7 @@ const FORMS: [&str; 4] = ["arc-series", "chebyshev-series", "hermite-bicubic", "
 /// The fits of one scene, each with what was asked of it.
 struct Asked {
     contraction_m: f64,
-    fit: Result<Fit, FitError>,
+    fit: Result<Fit, TableError>,
 }
 
 /// Fits the scene's table at several accuracies and draws bytes against error.
@@ -31,13 +32,13 @@ pub fn make(scene: &Scene) -> Result<Made, Failure> {
         if let Some(wanted) = &mut scene.accuracy {
             (wanted.contraction_m, wanted.tr_relative) = (ASKED_M[k], share * ASKED_M[k]);
         }
-        Asked { contraction_m: ASKED_M[k], fit: fit::fit(&scene) }
+        Asked { contraction_m: ASKED_M[k], fit: scene.fit_table() }
     });
     // Anything but an accuracy out of reach is the scene's fault.
     let mut fits = Vec::new();
     for one in asked {
         match one.fit {
-            Err(e @ FitError::Accuracy { .. }) => fits.push(Asked { fit: Err(e), ..one }),
+            Err(e @ TableError::Fit(FitError::Accuracy { .. })) => fits.push(Asked { fit: Err(e), ..one }),
             Err(e) => return Err(Failure::failed(e.to_string())),
             Ok(_) => fits.push(one),
         }

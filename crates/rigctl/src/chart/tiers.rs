@@ -6,9 +6,9 @@ use crate::failure::Failure;
 use crate::output::csv_text;
 use crate::plot::{Axis, Block, Figure, Item, KeyRow, Panel, Sample};
 use plotters::style::RGBColor;
+use rig_scene::Scene;
 use std::path::Path;
-use tsa_model::{Mechanism, Scene, SolveError, Tier, TierError, twist_from_turns};
-use tsa_table::fit;
+use tsa_model::{Mechanism, SolveError, Tier, TierError, twist_from_turns};
 
 /// What is asked of the contraction (m); TR is left free.
 const WANTED_M: [f64; 3] = [5e-6, 24e-6, 100e-6];
@@ -234,7 +234,7 @@ fn taken(scene: &Scene, name: &'static str, title: &'static str) -> Result<Taken
         .map(|t| format!("{:.0} % {}", 100.0 * counts[t as usize] as f64 / states.len() as f64, t.name()))
         .collect();
     let dearest = Tier::ALL.into_iter().rev().find(|t| counts[*t as usize] > 0).unwrap_or(Tier::Full);
-    let fit = fit::fit(scene).map_err(|e| Failure::failed(format!("{name}: {e}")))?;
+    let fit = scene.fit_table().map_err(|e| Failure::failed(format!("{name}: {e}")))?;
     let table = fit.table.table();
     Ok(Taken {
         scene: name,

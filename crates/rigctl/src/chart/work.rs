@@ -3,11 +3,12 @@
 use crate::failure::Failure;
 use crate::output::progress;
 use anyhow::{Context, anyhow};
+use rig_scene::Scene;
 use std::hint::black_box;
 use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, Instant};
-use tsa_model::{Equilibrium, Mechanism, Method, Scene, SolveError, Tier, twist_from_turns};
+use tsa_model::{Equilibrium, Mechanism, Method, SolveError, Tier, twist_from_turns};
 
 /// One way of solving with its effort.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -137,7 +137,7 @@ fn backup(session: &mut Session, file: &Path, output: &mut Output) -> Result<(),
 
 fn restore(global: &Global, file: &Path, force: bool, output: &mut Output) -> Result<(), Failure> {
     // What cannot be read is known before a board is asked.
-    tsa_model::files::check_regular(file).map_err(|e| Failure::failed(format!("{}: {e}", file.display())))?;
+    rig_scene::files::check_regular(file).map_err(|e| Failure::failed(format!("{}: {e}", file.display())))?;
     let mut session = connect(global)?;
     session.wait_started()?;
     let report = session.settings()?;

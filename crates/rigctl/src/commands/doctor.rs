@@ -9,9 +9,9 @@ use rig_control::TICK_US;
 use rig_link::{
     Clock, Fault, Faults, Identity, PROTOCOL_HASH, Request, ResetCause, Sensors, Setting, State, Telemetry,
 };
+use rig_scene::Scene;
 use serde::Serialize;
 use serde_json::json;
-use tsa_model::Scene;
 
 /// How long to listen (s).
 const LISTEN_S: f64 = 2.0;

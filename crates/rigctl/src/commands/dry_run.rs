@@ -3,7 +3,6 @@
 use crate::cli::Global;
 use crate::failure::Failure;
 use crate::output::Output;
-use crate::replay::constants;
 use crate::settings;
 use rig_control::limits::Limits;
 use rig_control::mechanism::Mechanism;
@@ -35,9 +34,9 @@ pub fn run(
         return Err(Failure::Usage("--dry-run has no device to weigh the load with: give --load L".into()));
     };
     let scene = super::scene(global)?;
-    let fit = tsa_table::fit::fit(&scene)?;
+    let fit = scene.fit_table()?;
     let table = fit.table.table();
-    let as_built = constants(&scene);
+    let as_built = scene.rig.constants();
     let defaults = rig_settings::defaults(&as_built);
     let values = match kept {
         Some(file) => settings::load(file, &defaults)?.of_rig(scene.rig_hash(), file, false)?.values,

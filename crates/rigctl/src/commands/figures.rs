@@ -9,8 +9,9 @@ use crate::scene_key;
 use crate::trace::{End, Trace, trace};
 use crate::units::{self, STANDARD_GRAVITY};
 use plotters::style::RGBColor;
+use rig_scene::Scene;
 use std::f64::consts::TAU;
-use tsa_model::{Mechanism, Scene, SolveError, twist_from_turns};
+use tsa_model::{Mechanism, SolveError, twist_from_turns};
 
 /// Loads of Fig. 6 (N): the text names the first and the last.
 const LOADS: [f64; 5] = [1.0, 5.0, 9.0, 13.0, 17.0];

@@ -7,9 +7,10 @@ use crate::identify::constants::{Constant, Unknowns};
 use crate::identify::data::{self, Data};
 use crate::identify::{Errors, Fit, fit, plausible};
 use crate::output::{OutFile, Output};
+use rig_scene::Scene;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
-use tsa_model::{Parameters, RadiusLaw, Scene};
+use tsa_model::{Parameters, RadiusLaw};
 
 /// What model.md section 6 left out of its fit: the rows that the default scene predicts.
 const HELD_OUT: [&str; 5] = ["l0-70", "r0-2.5", "k-0.01", "experiment", "span"];

@@ -64,7 +64,7 @@ pub fn run(global: &Global, at: &At, output: &mut Output) -> Result<(), Failure>
         (None, Some(load_n), Some(turns)) => vec![Ok(Query { load_n, turns })],
         _ => return Err(Failure::Usage("lookup needs --load and --turns, or --batch".into())),
     };
-    let fit = tsa_table::fit::fit(&scene(global)?)?;
+    let fit = scene(global)?.fit_table()?;
     let table = fit.table.table();
     let answers: Vec<_> = queries.into_iter().map(|query| query.and_then(|query| look_up(&table, query))).collect();
     // A refused point prints nothing on standard output, no heading either.

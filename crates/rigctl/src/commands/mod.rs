@@ -35,8 +35,8 @@ use crate::failure::Failure;
 use crate::output::Output;
 use clap::CommandFactory;
 use rig_link::Request;
+use rig_scene::{Scene, files};
 use std::path::Path;
-use tsa_model::{Scene, files};
 
 /// Runs the command.
 ///

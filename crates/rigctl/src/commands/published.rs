@@ -6,9 +6,9 @@ use crate::cli::Global;
 use crate::failure::Failure;
 use crate::output::{Output, csv_text, write_file};
 use crate::published::{self, Computed, Group, Kind, Quantity, Ratio, Row, Unit};
+use rig_scene::Scene;
 use serde::Serialize;
 use std::path::Path;
-use tsa_model::Scene;
 
 /// The parameter sets of `--all`: what was fitted, the same with eq. 6 kept, and Table 1 as printed.
 const SETS: [&str; 3] = ["paper-identified", "paper-identified-eq6", "paper-printed"];

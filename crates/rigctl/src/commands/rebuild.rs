@@ -7,8 +7,8 @@ use crate::failure::Failure;
 use crate::output::Output;
 use crate::session::interrupt;
 use rig_link::messages::{Constants, EventKind, Request, TableRefusal};
+use rig_scene::Scene;
 use serde_json::json;
-use tsa_model::Scene;
 
 /// Longest wait for the board's table (s): seconds for most constants, a minute where states must be followed from the unloaded one.
 const WAIT_S: f64 = 120.0;

@@ -33,7 +33,7 @@ pub fn run(global: &Global, options: &Replay, output: &mut Output) -> Result<(),
         }
         None => return Err(wrong("its head has no scene_hash".into())),
     }
-    let fit = tsa_table::fit::fit(&scene)?;
+    let fit = scene.fit_table()?;
     let table = fit.table.table();
     let crc = format!("{:08x}", table.checksum());
     let same_table = log.header.get("table.crc") == Some(&crc);

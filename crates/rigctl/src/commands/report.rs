@@ -26,7 +26,7 @@ pub fn run(global: &Global, out: &Path, output: &mut Output) -> Result<(), Failu
     };
     let scene = super::scene(global)?;
     let (_, accuracy) = scene.table_demand()?;
-    let fit = tsa_table::fit::fit(&scene)?;
+    let fit = scene.fit_table()?;
     let certificate = serde_json::to_value(table::Report::new(&fit, accuracy))?;
 
     let mut page = Page::new(&format!("Twisted-string actuator: {}", global.scene.display()));

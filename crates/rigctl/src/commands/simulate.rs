@@ -55,7 +55,7 @@ pub fn play(global: &Global, script: &Path, output: &mut Output) -> Result<(), F
 /// Naming file and line.
 pub fn read(path: &Path) -> Result<(Script, String), Failure> {
     let wrong = |what: String| Failure::failed(format!("script {}: {what}", path.display()));
-    let text = tsa_model::files::read_to_string(path).map_err(|e| wrong(e.to_string()))?;
+    let text = rig_scene::files::read_to_string(path).map_err(|e| wrong(e.to_string()))?;
     Ok((Script::parse(&text).map_err(|e| wrong(e.to_string()))?, text))
 }
 

@@ -5,8 +5,9 @@ use crate::batch::{self, Query, RowError};
 use crate::cli::{AUTO, At, Global, How};
 use crate::failure::Failure;
 use crate::output::Output;
+use rig_scene::Scene;
 use serde::Serialize;
-use tsa_model::{Equilibrium, Mechanism, Method, PRETWIST_RAD, Scene, SolveError, Tier, TierError, twist_from_turns};
+use tsa_model::{Equilibrium, Mechanism, Method, PRETWIST_RAD, SolveError, Tier, TierError, twist_from_turns};
 
 /// At zero twist the gap has its maximum: no motion of the load for a small turn.
 const TR_INFINITE: &str = "tr-infinite";

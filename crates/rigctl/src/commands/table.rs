@@ -4,9 +4,9 @@ use super::{check_rig, scene};
 use crate::cli::Global;
 use crate::failure::Failure;
 use crate::output::Output;
+use rig_scene::Accuracy;
 use serde::Serialize;
 use std::path::Path;
-use tsa_model::scene::Accuracy;
 use tsa_table::LoadMap;
 use tsa_table::effort::{LOOKUP_INSTRUCTIONS, lookup_instructions};
 use tsa_table::fit::{Candidate, Errors, Fit, MAX_BYTES};
@@ -187,7 +187,7 @@ pub fn run(global: &Global, out: Option<&Path>, output: &mut Output) -> Result<(
     let scene = scene(global)?;
     let (_, accuracy) = scene.table_demand()?;
     // The fit says where an envelope first reaches past the model, the check of the rig only that it does.
-    let fit = tsa_table::fit::fit(&scene)?;
+    let fit = scene.fit_table()?;
     check_rig(global, &scene)?;
     let r = Report::new(&fit, accuracy);
     output.object(&r)?;

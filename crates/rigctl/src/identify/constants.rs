@@ -4,8 +4,9 @@
 //! The stress–strain curve is fitted by the coefficients of its tangent written as sums of squares: no step can make it
 //! fall, anywhere.
 
+use rig_scene::Scene;
 use tsa_model::scalar::{Dual, Scalar};
-use tsa_model::{Parameters, RadiusLaw, Scene};
+use tsa_model::{Parameters, RadiusLaw};
 
 /// Most unknowns of a fit, the zeros of gap sensors apart.
 pub const MOST: usize = 10;

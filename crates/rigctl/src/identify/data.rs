@@ -8,10 +8,11 @@
 use crate::failure::Failure;
 use crate::log::{self, Log};
 use crate::published::{self, Group, Kind};
+use rig_scene::Scene;
 use std::io::Read;
 use std::ops::Range;
 use std::path::Path;
-use tsa_model::{Parameters, Scene, twist_from_turns};
+use tsa_model::{Parameters, twist_from_turns};
 
 /// What a row measures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -121,7 +122,7 @@ pub fn sweeps(scene: &Scene, files: &[impl AsRef<Path>], hold_out: usize, partia
     for file in files {
         let path = file.as_ref();
         let wrong = |what: String| Failure::failed(format!("sweep {}: {what}", path.display()));
-        tsa_model::files::check_regular(path).map_err(|e| wrong(e.to_string()))?;
+        rig_scene::files::check_regular(path).map_err(|e| wrong(e.to_string()))?;
         let before = data.rows.len();
         if is_log(path) {
             let log = Log::load(path).map_err(wrong)?;

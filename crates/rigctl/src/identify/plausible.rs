@@ -1,9 +1,10 @@
 //! What is wrong with a recorded sweep, for who has to find it: numbers that no rig can give, and units that fit better.
 
 use super::data::{Data, Quantity, Row};
+use rig_scene::Scene;
 use std::f64::consts::TAU;
 use std::ops::Range;
-use tsa_model::{Mechanism, PRETWIST_RAD, Scene};
+use tsa_model::{Mechanism, PRETWIST_RAD};
 
 /// Standard gravity (m/s²): the weight of a mass that was taken for newtons.
 const GRAVITY: f64 = 9.806_65;

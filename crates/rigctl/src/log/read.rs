@@ -107,7 +107,7 @@ impl Log {
     /// # Errors
     /// In words, without the file's name.
     pub fn load(path: &Path) -> Result<Self, String> {
-        let bytes = tsa_model::files::read(path).map_err(|e| e.to_string())?;
+        let bytes = rig_scene::files::read(path).map_err(|e| e.to_string())?;
         let text = String::from_utf8(bytes)
             .map_err(|e| format!("is no text from byte {} on", e.utf8_error().valid_up_to()))?;
         Self::parse(&text).map_err(|e| e.to_string())

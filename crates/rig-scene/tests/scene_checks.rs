@@ -1,7 +1,7 @@
 //! Scenes whose values do not fit each other: refused with their keys and numbers, and not by a hair too early.
 
+use rig_scene::{Scene, SceneError};
 use std::path::{Path, PathBuf};
-use tsa_model::{Scene, SceneError};
 
 fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes")

@@ -10,8 +10,8 @@ mod mechanism;
 mod motor;
 mod volts;
 
-use super::{Scene, SceneError};
-use crate::error::SolveError;
+use crate::{Scene, SceneError};
+use tsa_model::SolveError;
 
 /// Values that do not fit each other.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -194,7 +194,7 @@ impl States {
         let mechanism = scene.mechanism()?;
         let solve = |load_n: f64, turns: f64| {
             // Zero twist, where the gap is greatest and which homing passes, is half a turn before the first.
-            let twist = if turns < 0.0 { 0.0 } else { crate::twist_from_turns(turns) };
+            let twist = if turns < 0.0 { 0.0 } else { tsa_model::twist_from_turns(turns) };
             let failed = |limit: SolveError| SceneError::Unsolvable { load_n, turns, limit };
             mechanism.solve(load_n, twist).map_err(failed)
         };

@@ -1,6 +1,6 @@
 //! Scene files: what is wrong is named.
 
-use tsa_model::{Scene, SceneError};
+use rig_scene::{Scene, SceneError};
 
 fn default_text() -> String {
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/default.toml");

@@ -1,0 +1,241 @@
+//! A drawing of the mechanism to scale: rods and strings under a light and a heavy load, as the model computes them.
+
+use rig_scene::Scene;
+use std::f64::consts::PI;
+use std::fmt::Write as _;
+use tsa_model::{Equilibrium, PRETWIST_RAD, SolveError, twist_from_turns};
+
+/// Standard gravity (m/s²).
+const GRAVITY: f64 = 9.80665;
+/// Scale of the drawing (px per metre).
+const SCALE: f64 = 6500.0;
+/// Steps along half a rod.
+const ROD_STEPS: usize = 200;
+/// Points of the twisted strings per turn.
+const POINTS_PER_TURN: f64 = 24.0;
+/// Margins, height of one load's row and the space for its text (px).
+const LEFT: f64 = 70.0;
+const ROW: f64 = 300.0;
+const TEXT: f64 = 54.0;
+
+/// Why there is no drawing.
+#[derive(Debug, thiserror::Error)]
+pub enum DrawingError {
+    /// The scene describes no mechanism.
+    #[error(transparent)]
+    Parameter(#[from] tsa_model::ParameterError),
+    /// The mechanism has no equilibrium at this load and twist.
+    #[error(transparent)]
+    Solve(#[from] SolveError),
+}
+
+/// A point of half a rod: along the unbent rod from the clamp, and sideways towards the strings (m).
+type Point = [f64; 2];
+
+/// Draws the mechanism of a scene under two loads (kg) after so many motor turns past the half-turn pre-twist, each
+/// above its own outline at the pre-twist. Returns SVG text.
+///
+/// # Errors
+/// [`DrawingError`]: the scene describes no mechanism, or it has no equilibrium there.
+pub fn mechanism_figure(scene: &Scene, loads_kg: [f64; 2], turns: f64) -> Result<String, DrawingError> {
+    let mechanism = scene.mechanism()?;
+    let longest = mechanism.solve(loads_kg[1] * GRAVITY, PRETWIST_RAD)?.gap_m;
+    let (width, height) = (2.0 * LEFT + 60.0 + SCALE * longest, 2.0 * ROW + 20.0);
+    let mut svg = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.0} {height:.0}\" font-family=\"sans-serif\" \
+         font-size=\"14\">\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n"
+    );
+    for (row, load_kg) in loads_kg.into_iter().enumerate() {
+        let load_n = load_kg * GRAVITY;
+        let before = mechanism.solve(load_n, PRETWIST_RAD)?;
+        let after = mechanism.solve(load_n, twist_from_turns(turns))?;
+        let top = ROW * row as f64;
+        let _ = writeln!(
+            svg,
+            "<text x=\"{LEFT}\" y=\"{:.0}\"><tspan font-weight=\"bold\">{load_kg} kg</tspan>: {turns} motor turns at the \
+             strings shorten the gap by {:.1} mm; one more millimetre takes {:.2} rad.</text>",
+            top + 28.0,
+            1e3 * (before.gap_m - after.gap_m),
+            1e-3 * after.tr_rad_per_m(),
+        );
+        let axis = top + TEXT + 0.5 * (ROW - TEXT);
+        draw(&mut svg, scene, &before, axis, "#bbbbbb", "#bbbbbb");
+        draw(&mut svg, scene, &after, axis, "#1f4e79", "#c55a11");
+    }
+    svg += "</svg>\n";
+    Ok(svg)
+}
+
+/// One equilibrium: the left clamp stands still, the right clamp carries the load.
+fn draw(svg: &mut String, scene: &Scene, state: &Equilibrium, axis_px: f64, rod_colour: &str, string_colour: &str) {
+    let at = |along_m: f64, across_m: f64| (LEFT + SCALE * along_m, axis_px + SCALE * across_m);
+    let geometry = &scene.geometry;
+    let path = rod_path(scene, state);
+    let rod_px = (2.0 * geometry.rod_radius_m * SCALE).max(2.0);
+    let half_clamp_m = 0.5 * geometry.clamp_width_m;
+    for (clamp_m, way) in [(0.0, 1.0), (state.gap_m, -1.0)] {
+        for side in [-1.0, 1.0] {
+            let points = path.iter().map(|[x, w]| at(clamp_m + way * w, side * (half_clamp_m + x)));
+            polyline(svg, points, rod_colour, rod_px);
+        }
+        let (x, y) = at(clamp_m, -half_clamp_m);
+        let _ = writeln!(
+            svg,
+            "<rect x=\"{:.1}\" y=\"{y:.1}\" width=\"10\" height=\"{:.1}\" fill=\"{rod_colour}\"/>",
+            x - 5.0,
+            2.0 * half_clamp_m * SCALE
+        );
+    }
+    // Eq. 25 unrolled: at the helix angle the strings run from the rods' tips to the axis, and there around each other.
+    let slope = state.alpha_rad.tan();
+    let start_m = state.w_m;
+    let lead_m = 0.5 * state.d_m / slope;
+    let twisted_m = state.x_m - 2.0 * lead_m;
+    let steps = (state.twist_rad / (2.0 * PI) * POINTS_PER_TURN).ceil().max(2.0) as usize;
+    for side in [-1.0, 1.0] {
+        let mut points = vec![at(start_m, side * 0.5 * state.d_m)];
+        points.extend((0..=steps).map(|k| {
+            let share = k as f64 / steps as f64;
+            at(start_m + lead_m + share * twisted_m, side * state.r_m * (share * state.twist_rad).cos())
+        }));
+        let end_side = side * state.twist_rad.cos().signum();
+        points.push(at(start_m + state.x_m, end_side * 0.5 * state.d_m));
+        polyline(svg, points, string_colour, 2.0);
+    }
+    let (x, y) = at(state.gap_m, 0.0);
+    let _ = writeln!(
+        svg,
+        "<path d=\"M{:.1} {y:.1} h34 m-9 -6 l9 6 l-9 6\" stroke=\"{rod_colour}\" stroke-width=\"2\" fill=\"none\"/>",
+        x + 8.0
+    );
+}
+
+fn polyline(svg: &mut String, points: impl IntoIterator<Item = (f64, f64)>, colour: &str, width_px: f64) {
+    let _ = write!(svg, "<polyline fill=\"none\" stroke=\"{colour}\" stroke-width=\"{width_px:.1}\" points=\"");
+    points.into_iter().for_each(|(x, y)| {
+        let _ = write!(svg, "{x:.1},{y:.1} ");
+    });
+    *svg += "\"/>\n";
+}
+
+/// The bent half of a rod, from the clamp to the tip: docs/model.md section 3, integrated from the clamp with the tip's
+/// force and place known from the equilibrium.
+fn rod_path(scene: &Scene, state: &Equilibrium) -> Vec<Point> {
+    let geometry = &scene.geometry;
+    let length_m = 0.5 * (geometry.rod_span_m - geometry.clamp_width_m);
+    let (inwards_n, sideways_n) = (0.5 * state.load_n * state.alpha_rad.tan(), 0.5 * state.load_n);
+    let tip = [length_m + state.u_m, state.w_m];
+    let section = Section::new(geometry.rod_radius_m, scene.material.stress_coefficients_pa);
+    // Slopes of place and rotation by the unbent rod's length.
+    let slopes = |[x, w, rotation]: [f64; 3]| {
+        let (sin, cos) = rotation.sin_cos();
+        let force_n = -inwards_n * cos + sideways_n * sin;
+        let moment_nm = inwards_n * (tip[1] - w) + sideways_n * (tip[0] - x);
+        let (stretch, curvature) = section.strains(force_n, moment_nm);
+        [(1.0 + stretch) * cos, (1.0 + stretch) * sin, curvature]
+    };
+    let step_m = length_m / ROD_STEPS as f64;
+    let ahead = |at: [f64; 3], by: [f64; 3], step: f64| std::array::from_fn(|k| at[k] + step * by[k]);
+    let mut now = [0.0; 3];
+    let mut path = vec![[0.0, 0.0]];
+    for _ in 0..ROD_STEPS {
+        let k1 = slopes(now);
+        let k2 = slopes(ahead(now, k1, 0.5 * step_m));
+        let k3 = slopes(ahead(now, k2, 0.5 * step_m));
+        let k4 = slopes(ahead(now, k3, step_m));
+        now = ahead(now, std::array::from_fn(|k| (k1[k] + 2.0 * k2[k] + 2.0 * k3[k] + k4[k]) / 6.0), step_m);
+        path.push([now[0], now[1]]);
+    }
+    path
+}
+
+/// A round section of the rods' material (eq. 12 integrated over the circle).
+struct Section {
+    area: f64,
+    second: f64,
+    fourth: f64,
+    sixth: f64,
+    stress: [f64; 5],
+}
+
+impl Section {
+    fn new(radius_m: f64, stress: [f64; 5]) -> Self {
+        let r2 = radius_m * radius_m;
+        Self {
+            area: PI * r2,
+            second: PI * r2 * r2 / 4.0,
+            fourth: PI * r2 * r2 * r2 / 8.0,
+            sixth: 5.0 * PI * r2 * r2 * r2 * r2 / 64.0,
+            stress,
+        }
+    }
+
+    /// Normal force (N) and bending moment (N m) at a stretch and a curvature (1/m).
+    fn response(&self, e: f64, k: f64) -> [f64; 2] {
+        let [a1, a2, a3, a4, a5] = self.stress;
+        let k2 = k * k;
+        [
+            self.area * e * (a1 + e * (a2 + e * (a3 + e * (a4 + e * a5))))
+                + self.second * k2 * (a2 + 3.0 * a3 * e + 6.0 * a4 * e * e + 10.0 * a5 * e * e * e)
+                + self.fourth * k2 * k2 * (a4 + 5.0 * a5 * e),
+            k * (self.second * (a1 + e * (2.0 * a2 + e * (3.0 * a3 + e * (4.0 * a4 + e * 5.0 * a5))))
+                + self.fourth * k2 * (a3 + 4.0 * a4 * e + 10.0 * a5 * e * e)
+                + self.sixth * k2 * k2 * a5),
+        ]
+    }
+
+    /// Stretch and curvature (1/m) under a normal force (N) and a moment (N m), by Newton from the linear material.
+    fn strains(&self, force_n: f64, moment_nm: f64) -> (f64, f64) {
+        let (mut e, mut k) = (force_n / (self.area * self.stress[0]), moment_nm / (self.second * self.stress[0]));
+        for _ in 0..20 {
+            let [n, m] = self.response(e, k);
+            let (de, dk) = (1e-7, 1e-4);
+            let [n_e, m_e] = self.response(e + de, k).map(|v| v / de);
+            let [n_k, m_k] = self.response(e, k + dk).map(|v| v / dk);
+            let (n_e, m_e, n_k, m_k) = (n_e - n / de, m_e - m / de, n_k - n / dk, m_k - m / dk);
+            let (miss_n, miss_m) = (force_n - n, moment_nm - m);
+            let determinant = n_e * m_k - n_k * m_e;
+            e += (miss_n * m_k - n_k * miss_m) / determinant;
+            k += (n_e * miss_m - miss_n * m_e) / determinant;
+        }
+        (e, k)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn scene() -> Scene {
+        let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/default.toml");
+        Scene::load(file).expect("the default scene is good")
+    }
+
+    /// The path is integrated on its own way, so that its end checks the solver as well as the drawing.
+    #[test]
+    fn the_drawn_rod_ends_where_the_solver_says() {
+        let scene = scene();
+        let mechanism = scene.mechanism().unwrap();
+        for (load_n, turns) in [(1.0, 0.0), (5.0, 3.0), (15.0, 7.0)] {
+            let state = mechanism.solve(load_n, twist_from_turns(turns)).unwrap();
+            let length_m = 0.5 * (scene.geometry.rod_span_m - scene.geometry.clamp_width_m);
+            let [x, w] = *rod_path(&scene, &state).last().unwrap();
+            assert!((x - length_m - state.u_m).abs() < 1e-9, "{load_n} N: {x} m along the rod");
+            assert!((w - state.w_m).abs() < 1e-9, "{load_n} N: {w} m sideways, {} m by the solver", state.w_m);
+        }
+    }
+
+    #[test]
+    fn both_loads_are_drawn() {
+        let svg = mechanism_figure(&scene(), [0.1, 1.5], 5.0).unwrap();
+        assert!(svg.contains("0.1 kg") && svg.contains("1.5 kg"));
+        // Two rods of two halves and two strings, at two twists under two loads.
+        assert_eq!(svg.matches("<polyline").count(), 2 * 2 * (4 + 2));
+        assert!(!svg.contains("NaN"));
+    }
+
+    #[test]
+    fn a_load_past_the_model_is_refused_by_its_limit() {
+        assert!(matches!(mechanism_figure(&scene(), [0.001, 1.5], 5.0), Err(DrawingError::Solve(_))));
+    }
+}

@@ -1,0 +1,476 @@
+//! The sections of the page, and how each is measured: by the commands that a user would type.
+
+use super::Measured;
+use crate::process::{cargo, foreign, shown};
+use crate::toolchain::{Choice, choose};
+use crate::{Folders, bench, closed_loop, firmware, host, image};
+use anyhow::{Context, Result, ensure};
+use serde_json::Value;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+/// One measurement.
+pub(super) struct Section {
+    /// As on the command line.
+    pub name: &'static str,
+    pub title: &'static str,
+    /// What is measured, in a sentence or two.
+    pub about: &'static str,
+    /// The command that measures it, for the reader.
+    pub command: &'static str,
+    /// Pictures below `docs`, with their captions.
+    pub figures: &'static [(&'static str, &'static str)],
+    pub measure: fn(&Folders) -> Result<Measured>,
+}
+
+pub(super) const SECTIONS: &[Section] = &[
+    Section {
+        name: "demo",
+        title: "Three loads homed and moved",
+        about: "The firmware is not told of the loads: it homes, weighs the load and moves it 12 mm at 2 mm/s.",
+        command: "cargo xtask demo",
+        figures: &[("move.svg", "Position, motor speed and transmission ratio of three moves")],
+        measure: demo,
+    },
+    Section {
+        name: "image",
+        title: "Size of the image",
+        about: "What the firmware takes of the board's memory, without the stack.",
+        command: "cargo xtask firmware",
+        figures: &[],
+        measure: image_size,
+    },
+    Section {
+        name: "table",
+        title: "The table of the default scene",
+        about: "Errors against the full model at random points and at the worst that a search from there finds.",
+        command: "target/release/rigctl table",
+        figures: &[],
+        measure: chosen_table,
+    },
+    Section {
+        name: "cost",
+        title: "What each way of knowing the mechanism costs on the board",
+        about: "Instructions on the emulated board, all in one image, over the same states.",
+        command: "cargo xtask cost",
+        figures: &[("charts/target.svg", "Instructions on the board against error, for tables and for solvers")],
+        measure: cost,
+    },
+    Section {
+        name: "bench",
+        title: "What the model costs on a desktop",
+        about: "One thread; both sides take turns in one run, so that the ratios meet the same machine and load.",
+        command: "cargo xtask bench",
+        figures: &[],
+        measure: model,
+    },
+    Section {
+        name: "charts",
+        title: "Speed, accuracy, stability",
+        about: "The cheapest model and table that each scene needs, and where each method fails.",
+        command: "target/release/rigctl chart --out docs/charts",
+        figures: &[
+            ("charts/work-precision.svg", "Work against precision of each method"),
+            ("charts/stability.svg", "Which equilibrium each method finds, over load and twist of four rods"),
+            ("charts/tiers.svg", "The cheapest sufficient model over load and twist"),
+            ("charts/table-size.svg", "Bytes against error of every form of table"),
+            ("charts/margin.svg", "Stability in time: gain, delay and sampling"),
+        ],
+        measure: charts,
+    },
+    Section {
+        name: "loop",
+        title: "Cheaper models in the closed loop",
+        about: "Each table is built into the firmware in turn, which then homes and moves on the emulated board.",
+        command: "cargo xtask loop",
+        figures: &[("charts/closed-loop.svg", "Errors of load and position by model and accuracy of the table")],
+        measure: in_the_loop,
+    },
+    Section {
+        name: "compare",
+        title: "Against other ways to drive the mechanism",
+        about: "Every controller drives the same emulated rigs through the same frames along the same set-points; \
+                only this one homes and weighs for itself. Mean over the loads.",
+        command: "cargo xtask compare",
+        figures: &[("comparison.svg", "Tracking, settling, overshoot and energy of the controllers")],
+        measure: compare,
+    },
+    Section {
+        name: "endurance",
+        title: "Endurance",
+        about: "Moves under changing loads with faults on the way, and random bytes on both doors of the board.",
+        command: "cargo xtask endurance",
+        figures: &[],
+        measure: endurance,
+    },
+];
+
+fn text(words: &[&str]) -> Vec<String> {
+    words.iter().map(|word| (*word).to_owned()).collect()
+}
+
+/// What a command prints on its standard output.
+fn printed(command: &mut Command) -> Result<String> {
+    eprintln!("> {}", shown(command));
+    let output = command.stderr(Stdio::inherit()).output().with_context(|| shown(command))?;
+    ensure!(output.status.success(), "failed ({}): {}", output.status, shown(command));
+    Ok(String::from_utf8_lossy(&output.stdout).into_owned())
+}
+
+/// The tool with these words, and each line that it prints as JSON.
+fn rigctl(folders: &Folders, words: &[&str]) -> Result<Vec<Value>> {
+    let mut command = foreign(&folders.target.join("release/rigctl").to_string_lossy(), &folders.root);
+    let text = printed(command.arg("--json").args(words))?;
+    text.lines().map(|line| serde_json::from_str(line).with_context(|| format!("no JSON: {line}"))).collect()
+}
+
+fn number(value: &Value, at: &str) -> Result<f64> {
+    value.pointer(at).and_then(Value::as_f64).with_context(|| format!("{at}: no number"))
+}
+
+/// Head and rows of a CSV file.
+fn csv(file: &Path) -> Result<Vec<Vec<String>>> {
+    let mut reader = csv::ReaderBuilder::new()
+        .has_headers(false)
+        .comment(Some(b'#'))
+        .from_path(file)
+        .with_context(|| format!("{}", file.display()))?;
+    reader.records().map(|row| Ok(row?.iter().map(str::to_owned).collect())).collect()
+}
+
+/// A cell of a CSV file's row by the name of its column; `None` where it is empty or no number.
+fn cell(head: &[String], row: &[String], column: &str) -> Option<f64> {
+    row.get(head.iter().position(|name| name == column)?)?.parse().ok()
+}
+
+fn copy(folders: &Folders, from: &str, to: &str) -> Result<()> {
+    let [from, to] = [from, to].map(|file| folders.root.join(file));
+    std::fs::copy(&from, &to).map(drop).with_context(|| format!("cannot copy {} to {}", from.display(), to.display()))
+}
+
+fn demo(folders: &Folders) -> Result<Measured> {
+    host::build(folders)?;
+    firmware::build(folders, &choose(Choice::Auto)?)?;
+    let runs = rigctl(folders, &["demo", "--out", "out"])?;
+    copy(folders, "out/demo.svg", "docs/move.svg")?;
+    let mut measured = Measured::default();
+    measured.table.push(text(&[
+        "load",
+        "estimate",
+        "TR, start to end",
+        "motor turns",
+        "homing",
+        "error at rest (true)",
+        "instructions a tick, mean (most)",
+        "core busy",
+        "times real time",
+    ]));
+    for run in &runs {
+        let estimate = 100.0 * (number(run, "/move/load_n")? / number(run, "/load_true_n")? - 1.0);
+        measured.table.push(vec![
+            format!("{} kg", number(run, "/load_kg")?),
+            format!("{estimate:+.1} %"),
+            format!(
+                "{:.2} to {:.2} rad/mm",
+                1e-3 * number(run, "/move/tr_start_rad_per_m")?,
+                1e-3 * number(run, "/move/tr_end_rad_per_m")?
+            ),
+            format!("{:.0}", number(run, "/motor_turns")?),
+            format!("{:.1} s", number(run, "/home/duration_s")?),
+            format!("{:+.1} µm", 1e6 * number(run, "/true_error_at_rest_m")?),
+            format!(
+                "{:.0} ({:.0})",
+                number(run, "/instructions_per_tick_mean")?,
+                number(run, "/instructions_per_tick_max")?
+            ),
+            format!("{:.2} %", 100.0 * number(run, "/core_busy")?),
+            format!("{:.1}", number(run, "/realtime_factor")?),
+        ]);
+        let mut most = |name: &str, value: f64| {
+            let slot = measured.values.entry(name.to_owned()).or_insert(0.0);
+            *slot = slot.max(value.abs());
+        };
+        most("load_error_max_percent", estimate);
+        most("rest_error_max_um", 1e6 * number(run, "/true_error_at_rest_m")?);
+        most("homing_max_s", number(run, "/home/duration_s")?);
+        most("tick_instructions_max", number(run, "/instructions_per_tick_max")?);
+        most("core_busy_max_percent", 100.0 * number(run, "/core_busy")?);
+    }
+    for (name, run) in [("light", runs.first()), ("heavy", runs.last())] {
+        let run = run.context("the demo printed nothing")?;
+        for end in ["start", "end"] {
+            let ratio = 1e-3 * number(run, &format!("/move/tr_{end}_rad_per_m"))?;
+            measured.values.insert(format!("tr_{end}_{name}_rad_per_mm"), ratio);
+        }
+    }
+    Ok(measured)
+}
+
+fn image_size(folders: &Folders) -> Result<Measured> {
+    let toolchain = choose(Choice::Auto)?;
+    let mut measured = Measured { table: vec![text(&["image", "flash", "static RAM"])], ..Measured::default() };
+    let mut add = |name: &str, file: &Path| -> Result<()> {
+        let image::Size { flash, ram } = image::size(file)?;
+        let [flash, ram] = [flash, ram].map(|bytes| bytes as f64 / 1024.0);
+        measured.table.push(vec![name.to_owned(), format!("{flash:.1} KiB"), format!("{ram:.1} KiB")]);
+        measured.values.entry("flash_kib".into()).or_insert(flash);
+        measured.values.entry("ram_kib".into()).or_insert(ram);
+        Ok(())
+    };
+    firmware::build(folders, &toolchain)?;
+    add("drive on CAN (default)", &folders.target.join("firmware/tsa-firmware.elf"))?;
+    firmware::build_uart(folders, &toolchain)?;
+    add("drive on the serial line", &folders.target.join("firmware/uart/tsa-firmware.elf"))?;
+    Ok(measured)
+}
+
+fn chosen_table(folders: &Folders) -> Result<Measured> {
+    host::build(folders)?;
+    let lines = rigctl(folders, &["table"])?;
+    let report = lines.first().context("`rigctl table` printed nothing")?;
+    let mut measured = Measured { table: vec![text(&["", ""])], ..Measured::default() };
+    let mut add = |name: &str, at: &str, scale: f64, shown: &str, unit: &str| -> Result<()> {
+        let value = scale * number(report, at)?;
+        measured.values.insert(name.to_owned(), value);
+        measured.table.push(vec![shown.to_owned(), format!("{} {unit}", significant(value))]);
+        Ok(())
+    };
+    add("load_min_n", "/axes/0/min", 1.0, "least load", "N")?;
+    add("load_max_n", "/axes/0/max", 1.0, "greatest load", "N")?;
+    add("twist_max_rad", "/axes/1/max", 1.0, "greatest twist", "rad")?;
+    add("bytes", "/bytes", 1.0, "numbers", "bytes")?;
+    add("instructions_predicted", "/instructions", 1.0, "lookup, predicted", "instructions")?;
+    add("contraction_error_um", "/errors/contraction_max_m", 1e6, "largest error of the contraction", "µm")?;
+    add("tr_error_percent", "/errors/tr_max_relative", 1e2, "largest error of TR", "%")?;
+    add("closure_um", "/closure_m", 1e6, "contraction less the sum of 1/TR", "µm")?;
+    let turns = (measured.values["twist_max_rad"] - std::f64::consts::PI) / std::f64::consts::TAU;
+    measured.values.insert("turns_max".into(), turns);
+    measured.notes.push(report["why"].as_str().unwrap_or_default().to_owned());
+    Ok(measured)
+}
+
+/// Three significant digits, without an exponent.
+fn significant(value: f64) -> String {
+    let digits = if value == 0.0 { 0 } else { (2 - value.abs().log10().floor() as i32).max(0) };
+    format!("{value:.*}", digits.min(12) as usize)
+}
+
+fn cost(folders: &Folders) -> Result<Measured> {
+    host::cost(folders)?;
+    let rows = csv(&folders.root.join("out/cost.csv"))?;
+    let (head, rows) = rows.split_first().context("out/cost.csv is empty")?;
+    let mut measured = Measured {
+        table: vec![text(&["way", "instructions, mean (most)", "bytes", "largest error"])],
+        ..Measured::default()
+    };
+    for row in rows {
+        let get = |column: &str| cell(head, row, column);
+        let of = head.iter().position(|name| name == "error_of").and_then(|k| row.get(k)).map_or("", String::as_str);
+        let error = get("error").context("a row without an error")?;
+        let error = match of {
+            "gap_m" => format!("{} µm", significant(1e6 * error)),
+            _ => format!("{} %", significant(1e2 * error)),
+        };
+        let [mean, most] = ["instructions_mean", "instructions_max"].map(|c| get(c).unwrap_or_default());
+        measured.table.push(vec![
+            row[1].clone(),
+            format!("{mean:.0} ({most:.0})"),
+            get("bytes").map_or(String::new(), |b| format!("{b:.0}")),
+            error,
+        ]);
+        if row[0] == "cost_lookup" {
+            measured.values.insert("lookup_instructions".into(), mean);
+        }
+    }
+    Ok(measured)
+}
+
+fn model(folders: &Folders) -> Result<Measured> {
+    bench::bench(folders)?;
+    let file = folders.target.join("bench/model.json");
+    let found: Value = serde_json::from_str(&std::fs::read_to_string(&file)?).context("bench/model.json")?;
+    let rounds = found["rounds_by_ratio"].as_array().context("no rounds")?;
+    let middle = rounds.get(rounds.len() / 2).context("no rounds")?;
+    let mut measured = Measured { table: vec![text(&["", ""])], ..Measured::default() };
+    let mut add = |name: &str, shown: &str, value: Option<f64>, unit: &str| {
+        // Without valgrind or Python a row is missing, and is shown as missing.
+        let cell = value.map_or_else(|| "not measured".to_owned(), |v| format!("{} {unit}", significant(v)));
+        measured.table.push(vec![shown.to_owned(), cell]);
+        value.map(|value| measured.values.insert(name.to_owned(), value));
+    };
+    let of = |value: &Value, at: &str| value.pointer(at).and_then(Value::as_f64);
+    add("us_per_equilibrium", "an equilibrium with all derivatives", of(&found, "/model/scenes/0/us"), "µs");
+    add("instructions", "its instructions", of(&found, "/instructions_per_equilibrium/0"), "");
+    add("grid_s", "a 64 × 128 grid of the published range", of(&found, "/model/scenes/0/seconds"), "s");
+    add("plateau_us", "an equilibrium on a near-flat plateau, mean", of(&found, "/model/scenes/1/us"), "µs");
+    add("solve_bvp_ms", "SciPy `solve_bvp`, one rod", of(middle, "/peer/solve_bvp/ms_per_rod"), "ms");
+    add("solve_bvp_times", "the same in equilibria of ours", of(middle, "/ratio/solve_bvp"), "");
+    add("least_times", "least of the rounds", rounds.first().and_then(|r| of(r, "/ratio/solve_bvp")), "");
+    add("most_times", "most of the rounds", rounds.last().and_then(|r| of(r, "/ratio/solve_bvp")), "");
+    add("dop853_ms", "SciPy DOP853 shooting, one rod", of(middle, "/peer/shooting/ms_per_rod"), "ms");
+    add("dop853_times", "the same in equilibria of ours", of(middle, "/ratio/shooting"), "");
+    Ok(measured)
+}
+
+fn charts(folders: &Folders) -> Result<Measured> {
+    host::build(folders)?;
+    rigctl(folders, &["chart", "--out", "docs/charts"])?;
+    let rows = csv(&folders.root.join("docs/charts/scenes.csv"))?;
+    let (head, rows) = rows.split_first().context("scenes.csv is empty")?;
+    let mut measured = Measured {
+        table: vec![text(&["scene", "asked", "model needed", "table", "bytes", "instructions", "worst"])],
+        ..Measured::default()
+    };
+    for row in rows {
+        let get = |column: &str| cell(head, row, column).with_context(|| format!("scenes.csv: {column}"));
+        let word = |column: &str| head.iter().position(|name| name == column).and_then(|k| row.get(k)).cloned();
+        measured.table.push(vec![
+            word("scene").unwrap_or_default(),
+            format!(
+                "{} µm, {} %",
+                significant(1e6 * get("asked_contraction_m")?),
+                significant(1e2 * get("asked_tr_relative")?)
+            ),
+            format!("{} ({})", word("tier").unwrap_or_default(), word("tier_shares").unwrap_or_default()),
+            word("table_size").unwrap_or_default(),
+            format!("{:.0}", get("bytes")?),
+            format!("{:.0}", get("predicted_instructions")?),
+            format!(
+                "{} µm, {} %",
+                significant(1e6 * get("contraction_error_m")?),
+                significant(1e2 * get("tr_relative_error")?)
+            ),
+        ]);
+    }
+    measured.notes.push(
+        "The model is the dearest that some state of the scene needs; in brackets, which model is enough for how much \
+         of its load–twist plane."
+            .into(),
+    );
+    Ok(measured)
+}
+
+fn in_the_loop(folders: &Folders) -> Result<Measured> {
+    closed_loop::run(folders)?;
+    host::build(folders)?;
+    rigctl(folders, &["chart", "closed-loop", "--out", "docs/charts"])?;
+    let rows = csv(&folders.root.join("out/loop.csv"))?;
+    let (head, rows) = rows.split_first().context("out/loop.csv is empty")?;
+    let mut measured = Measured {
+        table: vec![text(&["table of", "load", "rms error, moving", "largest", "at rest", "load estimate", "fault"])],
+        ..Measured::default()
+    };
+    for row in rows {
+        let get = |column: &str| cell(head, row, column).with_context(|| format!("loop.csv: {column}"));
+        measured.table.push(vec![
+            row[0].clone(),
+            row[1].clone(),
+            format!("{:.1} µm", 1e6 * get("rms_m")?),
+            format!("{:.0} µm", 1e6 * get("max_m")?),
+            format!("{:+.1} µm", 1e6 * get("rest_m")?),
+            format!("{:+.1} %", 1e2 * get("load_relative_error")?),
+            row.last().cloned().unwrap_or_default(),
+        ]);
+    }
+    Ok(measured)
+}
+
+fn compare(folders: &Folders) -> Result<Measured> {
+    const PLANTS: u16 = 50;
+    host::compare(folders, &["--plants".into(), PLANTS.to_string()])?;
+    let rows = csv(&folders.root.join("docs/comparison.csv"))?;
+    let (head, rows) = rows.split_first().context("docs/comparison.csv is empty")?;
+    let mut measured = Measured {
+        table: vec![text(&[
+            "controller: without load steps; with",
+            "rms error, µm",
+            "largest, mm",
+            "settled",
+            "largest overshoot, mm",
+            "energy, J",
+        ])],
+        ..Measured::default()
+    };
+    let word = |row: &[String], column: &str| {
+        head.iter().position(|name| name == column).and_then(|k| row.get(k)).cloned().unwrap_or_default()
+    };
+    let mut names: Vec<String> = rows.iter().map(|row| row[0].clone()).collect();
+    names.dedup();
+    let mut tracking = Vec::new();
+    for name in &names {
+        // Of all loads: the root of the mean square, the mean, or the largest.
+        let of = |steps: &str| -> Result<[f64; 5]> {
+            let rows: Vec<_> = rows.iter().filter(|r| r[0] == *name && word(r, "load_steps") == steps).collect();
+            ensure!(!rows.is_empty(), "comparison.csv has no rows of {name} with load_steps = {steps}");
+            let all = |column: &str| rows.iter().filter_map(|r| cell(head, r, column)).collect::<Vec<_>>();
+            let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+            let most = |values: &[f64]| values.iter().fold(0.0, |a: f64, b| a.max(*b));
+            let squares: Vec<f64> = all("rms_error_um").iter().map(|e| e * e).collect();
+            Ok([
+                mean(&squares).sqrt(),
+                1e-3 * most(&all("max_error_um")),
+                100.0 * mean(&all("settled_share")),
+                1e-3 * most(&all("overshoot_um")),
+                mean(&all("energy_j")),
+            ])
+        };
+        let (steady, steps) = (of("false")?, of("true")?);
+        tracking.push(steady[0]);
+        let both = |k: usize, digits: usize| format!("{:.digits$}; {:.digits$}", steady[k], steps[k]);
+        measured.table.push(vec![
+            name.clone(),
+            both(0, 0),
+            both(1, 2),
+            format!("{:.0} %; {:.0} %", steady[2], steps[2]),
+            both(3, 2),
+            both(4, 2),
+        ]);
+    }
+    let [ours, fixed, ..] = tracking[..] else { anyhow::bail!("fewer than two controllers") };
+    measured.values.insert("rms_um".into(), ours);
+    measured.values.insert("fixed_ratio_times".into(), fixed / ours);
+    measured.values.insert("plants".into(), PLANTS.into());
+    measured.notes.push(
+        "Tracking counts from where the set-point sets out. A load step itself moves the load by millimetres under any \
+         controller; what differs is the time after it."
+            .into(),
+    );
+    Ok(measured)
+}
+
+fn endurance(folders: &Folders) -> Result<Measured> {
+    firmware::build(folders, &choose(Choice::Auto)?)?;
+    let mut command = cargo(folders);
+    command.args(["run", "--release", "--package", "host-tests", "--bin", "endurance", "--", "--json"]);
+    let text_lines = printed(&mut command)?;
+    let mut measured = Measured { table: vec![text(&["", ""])], ..Measured::default() };
+    for line in text_lines.lines() {
+        let found: Value = serde_json::from_str(line).with_context(|| format!("no JSON: {line}"))?;
+        let found = found.as_object().context("no object")?;
+        for (name, value) in found {
+            let Some(value) = value.as_f64() else { continue };
+            measured.values.insert(name.clone(), value);
+            measured.table.push(vec![name.replace('_', " "), significant(value)]);
+        }
+    }
+    Ok(measured)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn three_digits_whatever_the_size() {
+        let shown = [0.0, 1.0, 0.012_345, 12_345.0, -3.456_78, 99.96].map(significant);
+        assert_eq!(shown, ["0", "1.00", "0.0123", "12345", "-3.46", "99.96"].map(str::to_owned));
+    }
+
+    #[test]
+    fn a_cell_is_found_by_its_column() {
+        let (head, row) = (text(&["a", "b"]), text(&["x", "2.5"]));
+        assert_eq!(cell(&head, &row, "b"), Some(2.5));
+        assert_eq!(cell(&head, &row, "a"), None, "no number");
+        assert_eq!(cell(&head, &row, "c"), None, "no column");
+    }
+}
