@@ -5,7 +5,6 @@ mod values;
 
 pub use options::{AUTO, At, Calibrate, Config, How, Identify, Record, Replay, Sweep};
 
-use crate::chart;
 use crate::plant::{self, Setting};
 use crate::range::{TurnRange, Vary};
 use crate::script;
@@ -278,7 +277,7 @@ pub enum Command {
         #[arg(long, value_name = "DIR", default_value = "out")]
         out: PathBuf,
         /// Only these figures
-        #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = PossibleValuesParser::new(chart::NAMES))]
+        #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = PossibleValuesParser::new(lab::chart::NAMES))]
         only: Vec<String>,
     },
     /// One self-contained page: model, table certificate, charts, stability map, a recorded move

@@ -1,11 +1,12 @@
 //! Stability in time as a picture.
 
+use super::grid::Grid;
 use super::margin::{Controller, Hung, MOST};
-use super::stability::Grid;
-use super::{Made, parallel};
-use crate::failure::Failure;
-use crate::output::csv_text;
+use super::{Inputs, Made};
+use crate::csv_text::csv_text;
+use crate::parallel::parallel;
 use crate::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Sample, colour};
+use anyhow::Result;
 use plotters::style::RGBColor;
 use rig_scene::Scene;
 use tsa_model::twist_from_turns;
@@ -45,7 +46,8 @@ type State = (f64, f64, Hung);
 ///
 /// # Errors
 /// If the scene cannot be solved, or the drawing fails.
-pub fn make(scene: &Scene) -> Result<Made, Failure> {
+pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
+    let (scene, progress) = (inputs.scene, inputs.progress);
     let envelope = scene.table_demand()?.0;
     let grid = Grid::new(envelope.load_n, CELLS.0, envelope.turns, CELLS.1);
     let mechanism = scene.mechanism()?;
@@ -53,7 +55,7 @@ pub fn make(scene: &Scene) -> Result<Made, Failure> {
         let at =
             |(load, turns): (f64, f64)| Some((load, turns, Hung::at(mechanism, load, twist_from_turns(turns)).ok()?));
         let states = grid.states();
-        parallel("margin", states.len(), |k| at(states[k]))
+        parallel(progress, states.len(), |k| at(states[k]))
     };
     let nominal = hung(&mechanism);
     let (ratio, gain_per_s, corner_rad_per_s) = SEARCHED;
@@ -65,14 +67,14 @@ pub fn make(scene: &Scene) -> Result<Made, Failure> {
     ];
     let margin = |state: &Option<State>, c: &Controller| state.as_ref().map(|(.., h)| h.gain_margin(c));
     let maps: Vec<Vec<Option<f64>>> =
-        loops.iter().map(|l| parallel("margin", nominal.len(), |k| margin(&nominal[k], &l.controller))).collect();
+        loops.iter().map(|l| parallel(progress, nominal.len(), |k| margin(&nominal[k], &l.controller))).collect();
 
     // Where the firmware's loop, which stands on the table's ratio, meets plants that are not the table's.
     let others = perturbed(scene)?;
     let mut worst: Option<(f64, State, f64)> = None;
     for other in &others {
         let states = hung(other);
-        let found = parallel("margin", states.len(), |k| {
+        let found = parallel(progress, states.len(), |k| {
             let ((load, turns, hung), (.., table)) = (states[k]?, nominal[k]?);
             let c = Controller { tr_rad_per_m: Some(table.tr_rad_per_m), ..Controller::scheduled() };
             Some((hung.gain_margin(&c), (load, turns, hung), table.tr_rad_per_m))
@@ -95,7 +97,7 @@ pub fn make(scene: &Scene) -> Result<Made, Failure> {
     let mut rows =
         vec![loops.iter().zip(&maps).enumerate().map(|(k, (l, m))| map_panel(l.name, &grid, m, k == 0)).collect()];
     let along = |change: &(dyn Fn(&Controller, f64) -> Controller + Sync), times: &[f64]| -> Vec<Vec<(f64, f64)>> {
-        parallel("margin", curves.len(), |k| {
+        parallel(progress, curves.len(), |k| {
             let (_, hung, c) = &curves[k];
             times.iter().map(|t| (*t, hung.gain_margin(&change(c, *t)))).collect()
         })
@@ -111,7 +113,7 @@ pub fn make(scene: &Scene) -> Result<Made, Failure> {
     ]);
     let key = BANDS.iter().map(|(_, name, fill)| KeyRow::sample(Sample::Fill(*fill), *name)).collect();
     let lines = curves.iter().enumerate().map(|(k, (name, ..))| KeyRow::sample(Sample::Line(pen(k)), name.clone()));
-    let said = said(&loops, &maps, worst, &curves);
+    let findings = findings(&loops, &maps, worst, &curves);
     let figure = Figure {
         heading: "By how much the position loop's gain may grow before it is unstable".into(),
         rows,
@@ -128,12 +130,13 @@ pub fn make(scene: &Scene) -> Result<Made, Failure> {
         name: "margin",
         svg: Some(figure.svg()?),
         csv: csv(&grid, &nominal, &loops, &maps, &curves, &by_delay, &by_period)?,
-        said,
+        findings,
+        left_out: Vec::new(),
     })
 }
 
 /// Every combination of k2, k3, K and the modulus off by [`OFF`] either way.
-fn perturbed(scene: &Scene) -> Result<Vec<tsa_model::Mechanism>, Failure> {
+fn perturbed(scene: &Scene) -> Result<Vec<tsa_model::Mechanism>> {
     (0..16u32)
         .map(|bits| {
             let factor = |bit: u32| if bits >> bit & 1 == 0 { 1.0 - OFF } else { 1.0 + OFF };
@@ -205,13 +208,13 @@ fn bandwidth_panel(states: &[Option<State>], loops: &[Loop]) -> Panel {
     }
 }
 
-fn said(
+fn findings(
     loops: &[Loop],
     maps: &[Vec<Option<f64>>],
     worst: Option<(f64, State, f64)>,
     curves: &[(String, Hung, Controller)],
 ) -> Vec<String> {
-    let mut said: Vec<String> = loops
+    let mut findings: Vec<String> = loops
         .iter()
         .zip(maps)
         .map(|(l, map)| {
@@ -225,7 +228,7 @@ fn said(
         })
         .collect();
     if let Some((margin, (load, turns, _), _)) = worst {
-        said.push(format!(
+        findings.push(format!(
             "constants {:.0} % off: at least {margin:.2}, at {load:.1} N and {turns:.1} turns",
             OFF * 100.0
         ));
@@ -233,12 +236,12 @@ fn said(
     for (name, hung, c) in curves {
         let delay = hung.delay_margin(c, LONGEST_S);
         let resonance = hung.resonance_rad_per_s();
-        said.push(format!(
+        findings.push(format!(
             "{name:<32} weakest state: {:.0} ms more delay; the load swings at {resonance:.0} rad/s",
             delay * 1e3
         ));
     }
-    said
+    findings
 }
 
 fn csv(
@@ -249,7 +252,7 @@ fn csv(
     curves: &[(String, Hung, Controller)],
     by_delay: &[Vec<(f64, f64)>],
     by_period: &[Vec<(f64, f64)>],
-) -> Result<String, Failure> {
+) -> Result<String> {
     let number = |x: f64| format!("{x:.4e}");
     let mut lines = Vec::new();
     for (l, map) in loops.iter().zip(maps) {

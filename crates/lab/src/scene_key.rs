@@ -1,6 +1,7 @@
 //! One key of a scene, named as in the file (`geometry.rod_span_m`) or by the paper's symbol (`D0`), and changed.
 
 use rig_scene::{Scene, SceneError};
+use tsa_model::ParameterError;
 
 /// The paper's symbols and the keys that they stand for.
 pub const SYMBOLS: [(&str, &str); 10] = [
@@ -35,6 +36,12 @@ pub enum KeyError {
     Value(#[from] SceneError),
 }
 
+impl From<ParameterError> for KeyError {
+    fn from(error: ParameterError) -> Self {
+        Self::Value(error.into())
+    }
+}
+
 fn symbols() -> String {
     SYMBOLS.map(|(symbol, _)| symbol).join(", ")
 }
@@ -47,6 +54,30 @@ pub fn full_name(name: &str) -> &str {
 /// The paper's symbol for a key, or the key itself where the paper has none.
 pub fn symbol(key: &str) -> &str {
     SYMBOLS.iter().find(|(_, full)| *full == key).map_or(key, |(symbol, _)| symbol)
+}
+
+/// SI unit of a key's value, as the ending of the key says; empty for a plain number.
+pub fn unit(key: &str) -> &'static str {
+    // `_n_per_m` also ends in `_m`, so it goes first.
+    let endings = [("_n_per_m", "N/m"), ("_per_n", "1/N"), ("_rad_per_s", "rad/s"), ("_m", "m"), ("_v", "V")];
+    endings.into_iter().find(|(ending, _)| key.ends_with(ending)).map_or("", |(_, unit)| unit)
+}
+
+/// A key's value for people: lengths in mm, stiffnesses from 1 kN/m in kN/m, all else in SI; at most five digits.
+pub fn shown(key: &str, value: f64) -> String {
+    let (factor, unit) = match unit(key) {
+        "m" => (1e-3, "mm"),
+        "N/m" if value.abs() >= 1e3 => (1e3, "kN/m"),
+        unit => (1.0, unit),
+    };
+    format!("{} {unit}", digits(value / factor)).trim_end().to_owned()
+}
+
+/// At most five digits, without zeros at the end.
+fn digits(value: f64) -> String {
+    let places = (4.0 - value.abs().log10().floor()).clamp(0.0, 12.0);
+    let text = format!("{value:.*}", if value == 0.0 { 0 } else { places as usize });
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }
 
 /// The scene with one key changed. It goes through the scene's own file form, so every key that a file may have works
@@ -94,6 +125,21 @@ mod tests {
             let file = toml::Table::try_from(scene()).unwrap();
             let value = file[table][name].clone();
             assert_eq!(set(&scene(), symbol, value).unwrap(), scene(), "{symbol}");
+        }
+    }
+
+    #[test]
+    fn values_for_people_have_the_unit_of_their_key() {
+        for (key, value, text) in [
+            ("geometry.rod_radius_m", 0.00045, "0.45 mm"),
+            ("string.stiffness_n_per_m", 10.0, "10 N/m"),
+            ("string.stiffness_n_per_m", 1370.0, "1.37 kN/m"),
+            ("string.k1_per_n", 7.5, "7.5 1/N"),
+            ("string.k2", 0.0, "0"),
+            ("string.k3", 123_456.7, "123457"),
+            ("geometry.rod_span_m", 0.1 + 0.2, "300 mm"),
+        ] {
+            assert_eq!(shown(key, value), text);
         }
     }
 

@@ -1,6 +1,6 @@
 //! The rods of the stability map. The map is about methods, not about the operator's scene: the same rods everywhere.
 
-use crate::failure::Failure;
+use anyhow::Result;
 use rig_scene::Scene;
 use tsa_model::Mechanism;
 
@@ -35,7 +35,7 @@ impl RodCase {
     ///
     /// # Errors
     /// If the scene cannot have this rod.
-    pub fn mechanism(&self) -> Result<Mechanism, Failure> {
+    pub fn mechanism(&self) -> Result<Mechanism> {
         let mut scene = Scene::from_toml_str(self.scene)?;
         (scene.geometry.rod_span_m, scene.geometry.rod_radius_m) = (self.rod_span_m, self.rod_radius_m);
         Ok(scene.mechanism()?)

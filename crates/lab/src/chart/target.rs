@@ -1,11 +1,10 @@
 //! What each way of knowing the mechanism costs on the board: drawn from what `cargo xtask cost` has counted.
 
-use super::{Made, measured};
-use crate::failure::Failure;
+use super::{Inputs, Made};
 use crate::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Sample, Shape, colour};
+use anyhow::{Context, Result};
 use plotters::style::RGBColor;
 use serde::Deserialize;
-use std::path::Path;
 
 /// A line of `cost.csv`.
 #[derive(Debug, Deserialize)]
@@ -26,10 +25,10 @@ const ROUNDING: f64 = 3e-8;
 ///
 /// # Errors
 /// If there is none, or it cannot be read.
-pub fn make(folder: &Path) -> Result<Made, Failure> {
-    let csv = measured(folder, "cost.csv", "cargo xtask cost")?;
+pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
+    let csv = inputs.measured("cost.csv", "cargo xtask cost")?;
     let ways = csv::Reader::from_reader(csv.as_bytes()).deserialize().collect::<Result<Vec<Way>, _>>();
-    let ways = ways.map_err(|e| Failure::failed(format!("cost.csv: {e}")))?;
+    let ways = ways.context("cost.csv")?;
     let gaps: Vec<&Way> = ways.iter().filter(|w| w.error_of == "gap_m").collect();
     let roots: Vec<&Way> = ways.iter().filter(|w| w.error_of == "root_relative").collect();
     let of_kind = |table: bool| {
@@ -51,15 +50,14 @@ pub fn make(folder: &Path) -> Result<Made, Failure> {
                 .into(),
         ],
     };
-    let said = ways.iter().map(|w| {
+    let findings = ways.iter().map(|w| {
         let bytes = w.bytes.map_or(String::new(), |b| format!(", {b} bytes"));
         let Way { name, instructions_mean, instructions_max, error, error_of, .. } = w;
         format!(
             "{name}: {instructions_mean:.0} instructions, at most {instructions_max}{bytes}, {error:.1e} ({error_of})"
         )
     });
-    let said = said.collect();
-    Ok(Made { name: "target", svg: Some(figure.svg()?), csv, said })
+    Ok(Made { name: "target", svg: Some(figure.svg()?), csv, findings: findings.collect(), left_out: Vec::new() })
 }
 
 /// Tables, the solver in single precision, everything in double.

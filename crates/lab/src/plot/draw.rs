@@ -1,8 +1,7 @@
 //! Drawing: a [`Figure`] as SVG.
 
 use super::{Block, Figure, Item, Panel, Pen, Sample, Shape};
-use crate::failure::Failure;
-use anyhow::anyhow;
+use anyhow::{Result, anyhow};
 use plotters::coord::Shift;
 use plotters::element::DashedPathElement;
 use plotters::prelude::*;
@@ -205,7 +204,7 @@ impl Figure {
     ///
     /// # Errors
     /// If the drawing library fails.
-    pub fn svg(&self) -> Result<String, Failure> {
+    pub fn svg(&self) -> Result<String> {
         // Panels above each other start at the same place, so that their axes can be compared; all planes are equally
         // wide, and a column whose axes name nothing is narrower by that.
         let columns = self.rows.iter().map(Vec::len).max().unwrap_or(1);

@@ -1,10 +1,10 @@
 //! How many bytes a table needs for an accuracy, form by form.
 
-use super::{Made, parallel};
-use crate::failure::Failure;
-use crate::output::csv_text;
+use super::{Inputs, Made};
+use crate::csv_text::csv_text;
+use crate::parallel::parallel;
 use crate::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Sample, Shape, colour, extent};
-use rig_scene::Scene;
+use anyhow::Result;
 use rig_scene::TableError;
 use tsa_table::fit::{Candidate, Fit, FitError, MAX_BYTES};
 
@@ -24,10 +24,11 @@ struct Asked {
 ///
 /// # Errors
 /// If the scene says nothing of a table, or the drawing fails.
-pub fn make(scene: &Scene) -> Result<Made, Failure> {
+pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
+    let scene = inputs.scene;
     let (_, accuracy) = scene.table_demand()?;
     let share = accuracy.tr_relative / accuracy.contraction_m;
-    let asked = parallel("table-size", ASKED_M.len(), |k| {
+    let asked = parallel(inputs.progress, ASKED_M.len(), |k| {
         let mut scene = scene.clone();
         if let Some(wanted) = &mut scene.accuracy {
             (wanted.contraction_m, wanted.tr_relative) = (ASKED_M[k], share * ASKED_M[k]);
@@ -39,7 +40,7 @@ pub fn make(scene: &Scene) -> Result<Made, Failure> {
     for one in asked {
         match one.fit {
             Err(e @ TableError::Fit(FitError::Accuracy { .. })) => fits.push(Asked { fit: Err(e), ..one }),
-            Err(e) => return Err(Failure::failed(e.to_string())),
+            Err(e) => return Err(e.into()),
             Ok(_) => fits.push(one),
         }
     }
@@ -53,7 +54,13 @@ pub fn make(scene: &Scene) -> Result<Made, Failure> {
         blocks: key(),
         notes: notes(&fits),
     };
-    Ok(Made { name: "table-size", svg: Some(figure.svg()?), csv: csv(&fits)?, said: said(&fits) })
+    Ok(Made {
+        name: "table-size",
+        svg: Some(figure.svg()?),
+        csv: csv(&fits)?,
+        findings: findings(&fits),
+        left_out: Vec::new(),
+    })
 }
 
 /// The smallest passing candidate of a form, or the best that failed.
@@ -119,7 +126,7 @@ fn notes(fits: &[Asked]) -> Vec<String> {
     notes
 }
 
-fn csv(fits: &[Asked]) -> Result<String, Failure> {
+fn csv(fits: &[Asked]) -> Result<String> {
     let mut lines = Vec::new();
     for f in fits {
         let Ok(fit) = &f.fit else {
@@ -155,7 +162,7 @@ fn csv(fits: &[Asked]) -> Result<String, Failure> {
     csv_text(&header, lines)
 }
 
-fn said(fits: &[Asked]) -> Vec<String> {
+fn findings(fits: &[Asked]) -> Vec<String> {
     let line = |f: &Asked| match &f.fit {
         Ok(fit) => format!(
             "{:.0} um: {} in {} bytes, {:.2} um certified",

@@ -1,7 +1,7 @@
 //! What bounds a rod's states: the zone in which the equilibrium is known to be one, and the physical limits.
 
-use super::parallel;
-use super::stability::Grid;
+use super::grid::Grid;
+use crate::parallel::{Progress, parallel};
 use crate::plot::contour::{self, Field};
 use std::f64::consts::PI;
 use tsa_model::material::FIT_RANGE;
@@ -29,15 +29,14 @@ pub struct Limits {
 
 impl Limits {
     /// Over the grid's range, on a finer grid of their own.
-    pub fn new(mechanism: &Mechanism, grid: &Grid) -> Self {
+    pub fn new(mechanism: &Mechanism, grid: &Grid, progress: &Progress<'_>) -> Self {
         let part = |k: usize| k as f64 / (NODES - 1) as f64;
         let [t0, t1] = grid.turn_range;
         let [f0, f1] = grid.load_range_n;
         let turns: Vec<f64> = (0..NODES).map(|k| t0 + (t1 - t0) * part(k)).collect();
         let loads: Vec<f64> = (0..NODES).map(|k| f0 * (f1 / f0).powf(part(k))).collect();
-        let nodes = parallel("stability", NODES * NODES, |k| {
-            at(mechanism, loads[k % NODES], twist_from_turns(turns[k / NODES]))
-        });
+        let nodes =
+            parallel(progress, NODES * NODES, |k| at(mechanism, loads[k % NODES], twist_from_turns(turns[k / NODES])));
         let line = |which: usize, level: f64| {
             let values: Vec<f64> = nodes.iter().map(|node| node[which]).collect();
             contour::lines(&Field { x: &turns, y: &loads, values: &values }, level)

@@ -1,11 +1,10 @@
 //! What a cheaper model or a rougher table does to the closed loop: drawn from what `cargo xtask loop` has measured.
 
-use super::{Made, measured};
-use crate::failure::Failure;
+use super::{Inputs, Made};
 use crate::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Sample, Shape, colour, extent};
+use anyhow::{Context, Result};
 use plotters::style::RGBColor;
 use serde::Deserialize;
-use std::path::Path;
 
 /// A line of `loop.csv`.
 #[derive(Debug, Deserialize)]
@@ -31,10 +30,10 @@ impl Run {
 ///
 /// # Errors
 /// If there is none, or it cannot be read.
-pub fn make(folder: &Path) -> Result<Made, Failure> {
-    let csv = measured(folder, "loop.csv", "cargo xtask loop")?;
+pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
+    let csv = inputs.measured("loop.csv", "cargo xtask loop")?;
     let runs = csv::Reader::from_reader(csv.as_bytes()).deserialize().collect::<Result<Vec<Run>, _>>();
-    let runs = runs.map_err(|e| Failure::failed(format!("loop.csv: {e}")))?;
+    let runs = runs.context("loop.csv")?;
     let mut variants: Vec<&str> = runs.iter().map(|r| r.variant.as_str()).collect();
     variants.dedup();
     let mut loads: Vec<&str> = runs.iter().map(|r| r.load.as_str()).collect();
@@ -80,7 +79,7 @@ pub fn make(folder: &Path) -> Result<Made, Failure> {
                 .into(),
         ],
     };
-    let said = runs.iter().map(|r| {
+    let findings = runs.iter().map(|r| {
         format!(
             "{:<14} {}: {:5.1} um rms, {:4.0} um at most, at rest {:+6.1} um, load {:+6.1} %, {:.0} instructions a tick, {:.0} at most {}",
             r.variant,
@@ -94,8 +93,7 @@ pub fn make(folder: &Path) -> Result<Made, Failure> {
             r.fault
         )
     });
-    let said = said.collect();
-    Ok(Made { name: "closed-loop", svg: Some(figure.svg()?), csv, said })
+    Ok(Made { name: "closed-loop", svg: Some(figure.svg()?), csv, findings: findings.collect(), left_out: Vec::new() })
 }
 
 fn load_colour(k: usize) -> RGBColor {

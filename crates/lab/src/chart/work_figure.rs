@@ -2,14 +2,13 @@
 
 use super::rods;
 use super::work::{self, Measured, Point, Way};
-use super::{Made, measured};
-use crate::failure::Failure;
-use crate::output::csv_text;
+use super::{Inputs, Made};
+use crate::csv_text::csv_text;
 use crate::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Sample, Shape, colour};
+use anyhow::{Context, Result};
 use plotters::style::RGBColor;
 use rig_scene::Scene;
 use serde::Deserialize;
-use std::path::Path;
 use tsa_model::{Method, Tier};
 
 /// Where an error of nothing at all, or of rounding, is drawn (m).
@@ -45,25 +44,29 @@ struct Peer {
 ///
 /// # Errors
 /// If a scene cannot be solved, or the drawing fails.
-pub fn make(scene: &Scene, scene_file: &Path, folder: &Path) -> Result<Made, Failure> {
-    let plateau = scene_file.with_file_name("niti-plateau.toml");
-    let mut cases = vec![(scene.clone(), scene_file)];
+pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
+    let plateau = inputs.scene_file.with_file_name("niti-plateau.toml");
+    let mut cases = vec![(inputs.scene.clone(), inputs.scene_file)];
+    let mut left_out = Vec::new();
     match Scene::load(&plateau) {
         Ok(other) => cases.push((other, &plateau)),
-        Err(e) => eprintln!("left out: {e}"),
+        Err(e) => left_out.push(e.to_string()),
     }
     let mut found = Vec::new();
     for (scene, file) in &cases {
-        let mut measured = work::measure(&scene.mechanism()?, ROUNDS)?;
-        if let Err(e) = work::count(&mut measured.points, file) {
-            eprintln!("left out: instructions: {}", e.message().unwrap_or_default());
+        let mut measured = work::measure(&scene.mechanism()?, ROUNDS, inputs.progress)?;
+        if let Err(e) = work::count(&mut measured.points, file, inputs.kernel) {
+            left_out.push(format!("instructions: {e:#}"));
         }
         let name = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         found.push(Case { name, measured });
     }
     // Its failures take so long that only their time is of interest.
-    found.push(Case { name: "slender rod".into(), measured: work::measure(&rods::SLENDER.mechanism()?, 0)? });
-    let peers = peers(folder).inspect_err(|e| eprintln!("left out: {}", e.message().unwrap_or_default())).ok();
+    found.push(Case {
+        name: "slender rod".into(),
+        measured: work::measure(&rods::SLENDER.mechanism()?, 0, inputs.progress)?,
+    });
+    let peers = peers(inputs).map_err(|e| left_out.push(format!("{e:#}"))).ok();
     let mut second: Vec<Panel> = found.iter().filter(|c| c.is_counted()).map(instructions).collect();
     second.extend(peers.as_deref().map(peers_panel));
     let mut rows = vec![found.iter().map(times).collect::<Vec<_>>()];
@@ -79,7 +82,8 @@ pub fn make(scene: &Scene, scene_file: &Path, folder: &Path) -> Result<Made, Fai
         name: "work-precision",
         svg: Some(figure.svg()?),
         csv: csv(&found, peers.as_deref().unwrap_or_default())?,
-        said: said(&found),
+        findings: findings(&found),
+        left_out,
     })
 }
 
@@ -147,10 +151,10 @@ fn panel(case: &Case, label: &str, range: [f64; 2], cost: impl Fn(&Point) -> Opt
 const PEERS: [(&str, &str); 2] =
     [("solve_bvp", "one rod: SciPy's solve_bvp"), ("DOP853 shooting", "one rod: SciPy's DOP853, shooting")];
 
-fn peers(folder: &Path) -> Result<Vec<Peer>, Failure> {
-    let text = measured(folder, "peers.csv", "cargo xtask bench")?;
+fn peers(inputs: &Inputs<'_>) -> Result<Vec<Peer>> {
+    let text = inputs.measured("peers.csv", "cargo xtask bench")?;
     let peers = csv::Reader::from_reader(text.as_bytes()).deserialize().collect::<Result<_, _>>();
-    peers.map_err(|e| Failure::failed(format!("peers.csv: {e}")))
+    peers.context("peers.csv")
 }
 
 /// One rod under a given force, which is what others can be asked for.
@@ -223,7 +227,7 @@ fn notes(found: &[Case]) -> Vec<String> {
     notes
 }
 
-fn csv(found: &[Case], peers: &[Peer]) -> Result<String, Failure> {
+fn csv(found: &[Case], peers: &[Peer]) -> Result<String> {
     let lines = found.iter().flat_map(|case| {
         let fastest = case.measured.points.iter().map(|p| p.seconds).fold(f64::INFINITY, f64::min);
         case.measured.points.iter().map(move |p| {
@@ -254,7 +258,7 @@ fn csv(found: &[Case], peers: &[Peer]) -> Result<String, Failure> {
     csv_text(&header, lines.chain(others))
 }
 
-fn said(found: &[Case]) -> Vec<String> {
+fn findings(found: &[Case]) -> Vec<String> {
     let mut lines = Vec::new();
     for case in found {
         let points = &case.measured.points;

@@ -1,23 +1,30 @@
-//! The demo's picture: position, motor speed and TR over one time axis.
+//! Recorded moves as a picture: position, motor speed and TR over one time axis.
 
-use crate::failure::Failure;
-use crate::plot::{Axis, Block, Figure, Item, KeyRow, Panel, Pen, Sample, colour, extent};
-use plotters::style::RGBColor;
+use crate::plot::{Axis, Block, Figure, GREY, Item, KeyRow, Panel, Pen, Sample, colour, extent};
+use anyhow::Result;
 
 /// One load's curves; time in seconds from the start of the move.
-pub(super) struct Curve {
+#[derive(Debug, Clone)]
+pub struct Curve {
+    /// Name of the load in the key.
     pub label: String,
+    /// True position of the load.
     pub position_mm: Vec<(f64, f64)>,
+    /// The planner's set-point.
     pub set_point_mm: Vec<(f64, f64)>,
+    /// Speed of the motor shaft.
     pub motor_rpm: Vec<(f64, f64)>,
+    /// Transmission ratio at the estimated load.
     pub tr_rad_per_mm: Vec<(f64, f64)>,
 }
 
-const GREY: RGBColor = RGBColor(90, 90, 90);
 const SET_POINT: Pen = Pen { colour: GREY, width: 1, dashed: true };
 
 /// The picture as SVG.
-pub(super) fn draw(curves: &[Curve]) -> Result<String, Failure> {
+///
+/// # Errors
+/// If the drawing library fails.
+pub fn draw(curves: &[Curve]) -> Result<String> {
     let pen = |k| Pen::solid(colour(k, curves.len()));
     let mut key: Vec<KeyRow> =
         curves.iter().enumerate().map(|(k, c)| KeyRow::sample(Sample::Line(pen(k)), &c.label)).collect();

@@ -1,14 +1,13 @@
 //! The paper's Figs 6 to 11 and 13 redrawn: curves from the solver, the published points on them, and how far apart.
 
-use super::curves::{self, Column, Curve, GREY, PublishedPoint};
-use super::published::{Set, per_cent, relative_error, remark};
-use crate::failure::Failure;
-use crate::plot::{Axis, Block, Figure, Item, KeyRow, Panel, Pen, Sample, Shape, colour, extent};
-use crate::published::{Group, Kind, Ratio, Row, TURNS, changed_mechanism};
+use super::comparison::{Set, per_cent, relative_error, remark};
+use super::numbers::{Group, Kind, Ratio, Row, TURNS, changed_mechanism};
+use crate::STANDARD_GRAVITY_M_PER_S2;
+use crate::curves::{self, Column, Curve, PublishedPoint};
+use crate::plot::{Axis, Block, Figure, GREY, Item, KeyRow, Panel, Pen, RGBColor, Sample, Shape, colour, extent};
 use crate::scene_key;
 use crate::trace::{End, Trace, trace};
-use crate::units::{self, STANDARD_GRAVITY};
-use plotters::style::RGBColor;
+use anyhow::{Context, Result};
 use rig_scene::Scene;
 use std::f64::consts::TAU;
 use tsa_model::{Mechanism, SolveError, twist_from_turns};
@@ -44,7 +43,7 @@ impl Member {
 }
 
 /// All figures as file names and SVG.
-pub(super) fn draw(rows: &[Row], ratios: &[Ratio], sets: &[Set]) -> Result<Vec<(String, String)>, Failure> {
+pub(super) fn draw(rows: &[Row], ratios: &[Ratio], sets: &[Set]) -> Result<Vec<(String, String)>> {
     let mut files = vec![
         ("published.svg".to_owned(), overview(rows, sets).svg()?),
         ("fig06.svg".to_owned(), loads(rows, ratios, sets).svg()?),
@@ -66,18 +65,18 @@ fn loads(rows: &[Row], ratios: &[Ratio], sets: &[Set]) -> Figure {
 }
 
 /// One of Figs 7 to 11: one parameter varied.
-fn sweep(number: u32, symbol: &str, others: &[f64], rows: &[Row], sets: &[Set]) -> Result<Figure, Failure> {
+fn sweep(number: u32, symbol: &str, others: &[f64], rows: &[Row], sets: &[Set]) -> Result<Figure> {
     let place = format!("Fig. {number}");
     let key = scene_key::full_name(symbol);
-    let quantity = units::Quantity::of_scene_key(key);
     let mut members = Vec::new();
     for row in rows.iter().filter(|r| r.place == place) {
         let value = row.changes.rsplit_once('=').map_or("", |(_, value)| value);
-        let label = quantity.show(units::parse(key, quantity, value)?);
+        let number = value.trim().parse().with_context(|| format!("{}: {key} `{value}` is no number", row.id))?;
+        let label = scene_key::shown(key, number);
         members.push(Member { label, load_n: row.load_n, changes: row.changes.clone() });
     }
     let load_n = members.first().map_or(0.0, |m| m.load_n);
-    let other = |v: &f64| Member { label: quantity.show(*v), load_n, changes: format!("{key}={v:?}") };
+    let other = |v: &f64| Member { label: scene_key::shown(key, *v), load_n, changes: format!("{key}={v:?}") };
     members.extend(others.iter().map(other));
     Ok(against_turns(&format!("{place}: {symbol} varied, {load_n} N"), symbol, &place, &members, rows, sets))
 }
@@ -100,13 +99,13 @@ fn against_turns(title: &str, what: &str, place: &str, members: &[Member], rows:
 }
 
 /// Fig. 13: the experiment's three loads, average speed and average TR.
-fn experiment(rows: &[Row], ratios: &[Ratio], sets: &[Set]) -> Result<Figure, Failure> {
+fn experiment(rows: &[Row], ratios: &[Ratio], sets: &[Set]) -> Result<Figure> {
     let place = "Fig. 13";
     let printed: Vec<&Row> = rows.iter().filter(|r| r.place == place).collect();
     let member = |r: &&Row| Member { label: kilograms(r.load_n), load_n: r.load_n, changes: r.changes.clone() };
     let members: Vec<Member> = printed.iter().map(member).collect();
     let loads = extent(members.iter().map(|m| m.load_n));
-    let against_load = |set: &Set| -> Result<Vec<AgainstLoad>, Failure> {
+    let against_load = |set: &Set| -> Result<Vec<AgainstLoad>> {
         let mechanism = set.scene.mechanism()?;
         Ok(AVERAGED.map(|(turns, colour)| AgainstLoad::new(&mechanism, loads, turns, colour)).into())
     };
@@ -143,7 +142,7 @@ fn experiment(rows: &[Row], ratios: &[Ratio], sets: &[Set]) -> Result<Figure, Fa
 
 /// A load as the experiment's mass.
 fn kilograms(load_n: f64) -> String {
-    format!("{:.1} kg", load_n / STANDARD_GRAVITY)
+    format!("{:.1} kg", load_n / STANDARD_GRAVITY_M_PER_S2)
 }
 
 /// What is averaged over the first turns at 12.5 rpm.

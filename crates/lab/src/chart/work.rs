@@ -1,9 +1,9 @@
 //! Work against precision on the desktop: what an equilibrium costs by every method and tier, and how wrong it is.
 
-use crate::failure::Failure;
-use crate::output::progress;
-use anyhow::{Context, anyhow};
+use crate::parallel::Progress;
+use anyhow::{Context, Result, bail};
 use rig_scene::Scene;
+use std::ffi::OsString;
 use std::hint::black_box;
 use std::path::Path;
 use std::process::Command;
@@ -109,7 +109,7 @@ const LAP: Duration = Duration::from_millis(20);
 ///
 /// # Errors
 /// If the reference has no answer.
-pub fn measure(mechanism: &Mechanism, rounds: usize) -> Result<Measured, Failure> {
+pub fn measure(mechanism: &Mechanism, rounds: usize, progress: &Progress<'_>) -> Result<Measured> {
     let mut states = states();
     states.retain(|(load, twist)| mechanism.solve(*load, *twist).is_ok());
     let reference = |nodes: usize| {
@@ -120,14 +120,13 @@ pub fn measure(mechanism: &Mechanism, rounds: usize) -> Result<Measured, Failure
     let (exact, coarser) = (exact?, coarser?);
     let reference_m = exact.iter().zip(&coarser).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     let mut points: Vec<Point> = ways().into_iter().map(|way| judged(way, mechanism, &states, &exact)).collect();
-    let bar = progress((rounds * points.len()) as u64, "work-precision");
-    for _ in 0..rounds {
-        for point in &mut points {
-            bar.inc(1);
+    let count = points.len();
+    for round in 0..rounds {
+        for (k, point) in points.iter_mut().enumerate() {
             point.seconds = point.seconds.min(lap(point.way, mechanism, &states));
+            progress(round * count + k + 1, rounds * count);
         }
     }
-    bar.finish_and_clear();
     Ok(Measured { points, reference_m, states: states.len() })
 }
 
@@ -169,7 +168,7 @@ fn counted_states() -> Vec<(f64, f64)> {
 }
 
 /// Callgrind's name of [`counted_pass`]; with a pattern instead it would not write a file after each.
-const COUNTED: &str = "rigctl::chart::work::counted_pass";
+const COUNTED: &str = "lab::chart::work::counted_pass";
 
 /// Solves what [`count`] counts.
 #[inline(never)]
@@ -183,7 +182,7 @@ fn counted_pass(way: Way, mechanism: &Mechanism, states: &[(f64, f64)]) {
 ///
 /// # Errors
 /// If the scene allows no mechanism.
-pub fn kernel(scene: &Scene) -> Result<(), Failure> {
+pub fn kernel(scene: &Scene) -> Result<()> {
     let (mechanism, states) = (scene.mechanism()?, counted_states());
     for way in ways().into_iter().filter(Way::is_countable) {
         counted_pass(way, &mechanism, &states);
@@ -191,43 +190,36 @@ pub fn kernel(scene: &Scene) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Fills in the instructions, by this very program under callgrind.
+/// Fills in the instructions: `program` with its arguments and the scene's file runs [`kernel`] under callgrind.
 ///
 /// # Errors
-/// If there is no callgrind, or it says nothing that can be read.
-pub fn count(points: &mut [Point], scene_file: &Path) -> Result<(), Failure> {
+/// If there is no callgrind, or its output cannot be read.
+pub fn count(points: &mut [Point], scene_file: &Path, program: &[OsString]) -> Result<()> {
     let folder = std::env::temp_dir().join(format!("rigctl-chart-{}", std::process::id()));
-    std::fs::create_dir_all(&folder)
-        .with_context(|| format!("cannot make {}", folder.display()))
-        .map_err(Failure::Failed)?;
-    let counted = counts(scene_file, &folder);
+    std::fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
+    let counted = counts(scene_file, program, &folder);
     let _ = std::fs::remove_dir_all(&folder);
-    let counted = counted.map_err(Failure::Failed)?;
+    let counted = counted?;
     let countable: Vec<&mut Point> = points.iter_mut().filter(|p| p.way.is_countable()).collect();
     if counted.len() != countable.len() {
-        return Err(Failure::failed(format!("callgrind counted {} of {} ways", counted.len(), countable.len())));
+        bail!("callgrind counted {} of {} ways", counted.len(), countable.len());
     }
     let states = counted_states().len() as f64;
     countable.into_iter().zip(counted).for_each(|(p, n)| p.instructions = Some(n / states));
     Ok(())
 }
 
-fn counts(scene_file: &Path, folder: &Path) -> Result<Vec<f64>, anyhow::Error> {
+fn counts(scene_file: &Path, program: &[OsString], folder: &Path) -> Result<Vec<f64>> {
     let output = Command::new("valgrind")
         .arg("--tool=callgrind")
         .args(["--toggle-collect", "--dump-after"].map(|option| format!("{option}={}", COUNTED)))
         .arg(format!("--callgrind-out-file={}", folder.join("counted").display()))
-        .arg(std::env::current_exe()?)
-        .arg("--scene")
+        .args(program)
         .arg(scene_file)
-        .arg("chart-kernel")
         .output()
         .context("valgrind")?;
     if !output.status.success() {
-        return Err(anyhow!(
-            "valgrind: {}",
-            String::from_utf8_lossy(&output.stderr).lines().last().unwrap_or_default()
-        ));
+        bail!("valgrind: {}", String::from_utf8_lossy(&output.stderr).lines().last().unwrap_or_default());
     }
     let mut counted = Vec::new();
     // One file for each way, numbered from 1; what follows the last is in the file without a number.

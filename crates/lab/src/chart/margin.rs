@@ -7,7 +7,7 @@
 //! The rig: `m p'' = −k (p − θ/TR) − (c + β k) p'` for the load's position p, and a drive that follows its target with
 //! the two lags assumed in hardware.md 2.7 (emulated, not measured). Friction is left out: it only damps.
 
-use crate::units::STANDARD_GRAVITY;
+use crate::STANDARD_GRAVITY_M_PER_S2;
 use nalgebra::{DMatrix, DVector};
 use rig_control::position_loop::{BANDWIDTH_PER_S, CORNER_RAD_PER_S};
 use tsa_model::{Mechanism, SolveError};
@@ -75,7 +75,7 @@ impl Hung {
         Ok(Self {
             tr_rad_per_m: e.tr_rad_per_m(),
             stiffness_n_per_m: 1.0 / e.dgap_dload_m_per_n,
-            mass_kg: load_n / STANDARD_GRAVITY,
+            mass_kg: load_n / STANDARD_GRAVITY_M_PER_S2,
         })
     }
 

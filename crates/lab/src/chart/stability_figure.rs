@@ -1,12 +1,14 @@
 //! The stability map as a picture: a row for each method, a column for each rod.
 
 use super::Made;
+use super::grid::{Grid, Strip};
 use super::limits::Line;
 use super::rods::{RODS, RodCase};
-use super::stability::{ANOTHER_BRANCH_M, Grid, Map, SLOW, Strip, map};
-use crate::failure::Failure;
-use crate::output::csv_text;
+use super::stability::{ANOTHER_BRANCH_M, Map, SLOW, map};
+use crate::csv_text::csv_text;
+use crate::parallel::Progress;
 use crate::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Sample};
+use anyhow::Result;
 use plotters::style::{RGBColor, WHITE};
 
 const LOAD_N: [f64; 2] = [0.3, 20.0];
@@ -50,11 +52,11 @@ fn cells(grid: &Grid, name: impl Fn(usize) -> &'static str) -> Vec<Item> {
 ///
 /// # Errors
 /// If a rod cannot be solved at all, or the drawing fails.
-pub fn make(loads: usize, twists: usize) -> Result<Made, Failure> {
+pub fn make(loads: usize, twists: usize, progress: &Progress<'_>) -> Result<Made> {
     let grid = Grid::new(LOAD_N, loads, TURNS, twists);
     let mut maps = Vec::new();
     for rod in &RODS {
-        maps.push((rod, map(&rod.mechanism()?, &grid)));
+        maps.push((rod, map(&rod.mechanism()?, &grid, progress)));
     }
     let mut rows = Vec::new();
     let count = maps[0].1.methods.len();
@@ -91,7 +93,13 @@ pub fn make(loads: usize, twists: usize) -> Result<Made, Failure> {
             ANOTHER_BRANCH_M * 1e6
         )],
     };
-    Ok(Made { name: "stability", svg: Some(figure.svg()?), csv: csv(&grid, &maps)?, said: said(&maps) })
+    Ok(Made {
+        name: "stability",
+        svg: Some(figure.svg()?),
+        csv: csv(&grid, &maps)?,
+        findings: findings(&maps),
+        left_out: Vec::new(),
+    })
 }
 
 fn key() -> Vec<Block> {
@@ -107,7 +115,7 @@ fn key() -> Vec<Block> {
     vec![Block { rows: outcomes }, Block { rows: lines }]
 }
 
-fn csv(grid: &Grid, maps: &[(&RodCase, Map)]) -> Result<String, Failure> {
+fn csv(grid: &Grid, maps: &[(&RodCase, Map)]) -> Result<String> {
     let states = grid.states();
     let lines = maps.iter().flat_map(|(rod, map)| {
         let states = &states;
@@ -145,7 +153,7 @@ fn csv(grid: &Grid, maps: &[(&RodCase, Map)]) -> Result<String, Failure> {
     csv_text(&header, lines)
 }
 
-fn said(maps: &[(&RodCase, Map)]) -> Vec<String> {
+fn findings(maps: &[(&RodCase, Map)]) -> Vec<String> {
     let mut lines = Vec::new();
     for (rod, map) in maps {
         for m in &map.methods {

@@ -1,34 +1,31 @@
 //! Panels of contraction and TR against turns, with published points on them and the limits that end them.
 
-use crate::plot::{Axis, Block, Item, KeyRow, Panel, Pen, Sample, Shape, extent};
-use crate::published::{Group, Kind};
+use crate::plot::{Axis, Block, GREY, Item, KeyRow, Panel, Pen, RGBColor, Sample, Shape, extent};
+use crate::published::numbers::{Group, Kind};
 use crate::trace::{Point, Trace};
-use plotters::style::RGBColor;
 
 /// Steps of a drawn curve.
-pub(super) const STEPS: u32 = 150;
-/// Colour of samples that stand for all of their kind.
-pub(super) const GREY: RGBColor = RGBColor(90, 90, 90);
+pub(crate) const STEPS: u32 = 150;
 
 const TURNS_AXIS: &str = "motor turns past the half-turn pre-twist";
-pub(super) const CONTRACTION_AXIS: &str = "contraction, mm";
-pub(super) const TR_AXIS: &str = "TR, rad/mm";
+const CONTRACTION_AXIS: &str = "contraction, mm";
+const TR_AXIS: &str = "TR, rad/mm";
 
 /// The curves of one parameter set.
-pub(super) struct Column {
+pub(crate) struct Column {
     /// One curve for each value.
     pub curves: Vec<Curve>,
 }
 
 /// One curve.
-pub(super) struct Curve {
+pub(crate) struct Curve {
     pub label: String,
     pub colour: RGBColor,
     pub way: Trace,
 }
 
 /// A published point.
-pub(super) struct PublishedPoint {
+pub(crate) struct PublishedPoint {
     pub group: Group,
     pub kind: Kind,
     pub turns: f64,
@@ -38,7 +35,7 @@ pub(super) struct PublishedPoint {
 }
 
 /// Open circles are the authors' solver, diamonds their rig.
-pub(super) fn shape(kind: Kind) -> Shape {
+pub(crate) fn shape(kind: Kind) -> Shape {
     match kind {
         Kind::Theory => Shape::Circle,
         Kind::Experiment => Shape::Diamond,
@@ -54,7 +51,7 @@ fn value(group: Group, point: &Point) -> f64 {
 }
 
 /// A panel of this quantity for each column, all on the same axes.
-pub(super) fn panels(group: Group, columns: &[Column], published: &[PublishedPoint], turns: [f64; 2]) -> Vec<Panel> {
+pub(crate) fn panels(group: Group, columns: &[Column], published: &[PublishedPoint], turns: [f64; 2]) -> Vec<Panel> {
     let drawn = |p: &Point| value(group, p).is_finite() && (group != Group::Tr || p.tr_rad_per_m > 0.0);
     let line = |points: &[Point], pen: Pen| Item::Line {
         points: points.iter().filter(|p| drawn(p)).map(|p| (p.turns, value(group, p))).collect(),
@@ -89,7 +86,7 @@ pub(super) fn panels(group: Group, columns: &[Column], published: &[PublishedPoi
 }
 
 /// Rows of panels: a row for each quantity, but one row for all if there is one column only.
-pub(super) fn grid(quantities: Vec<Vec<Panel>>) -> Vec<Vec<Panel>> {
+pub(crate) fn grid(quantities: Vec<Vec<Panel>>) -> Vec<Vec<Panel>> {
     if quantities.iter().all(|row| row.len() == 1) {
         vec![quantities.into_iter().flatten().collect()]
     } else {
@@ -98,7 +95,7 @@ pub(super) fn grid(quantities: Vec<Vec<Panel>>) -> Vec<Vec<Panel>> {
 }
 
 /// What the colours mean: the same in each column.
-pub(super) fn colour_key(heading: &str, curves: &[Curve]) -> Block {
+pub(crate) fn colour_key(heading: &str, curves: &[Curve]) -> Block {
     /// More lines than this tell a reader no more.
     const MOST: usize = 8;
     let mut rows = vec![KeyRow::text([heading])];
@@ -114,7 +111,7 @@ pub(super) fn colour_key(heading: &str, curves: &[Curve]) -> Block {
 }
 
 /// What the marks mean, and each limit that ends a curve.
-pub(super) fn limit_key(columns: &[Column]) -> Vec<Block> {
+pub(crate) fn limit_key(columns: &[Column]) -> Vec<Block> {
     /// More are counted, not named.
     const MOST: usize = 10;
     let many = columns.len() > 1;

@@ -8,7 +8,9 @@ pub mod contour;
 mod draw;
 
 pub use axis::Axis;
-use plotters::style::{BLACK, RGBColor};
+pub use plotters::style::RGBColor;
+
+use plotters::style::BLACK;
 
 /// Okabe–Ito without yellow, which is too faint on white: told apart by colour-blind readers and in grey.
 const COLOURS: [RGBColor; 6] = [
@@ -21,6 +23,8 @@ const COLOURS: [RGBColor; 6] = [
 ];
 /// Colour of what stands for no curve of its own.
 pub const INK: RGBColor = BLACK;
+/// Colour of samples in a key that stand for all curves or marks of a kind.
+pub const GREY: RGBColor = RGBColor(90, 90, 90);
 
 /// Colour of the `k`th of `count` things: told apart while there are few, a ramp where there are many.
 pub fn colour(k: usize, count: usize) -> RGBColor {

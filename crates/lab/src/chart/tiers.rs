@@ -1,10 +1,11 @@
 //! No more model than a scene needs: the cheapest model over load and twist, and what five scenes take.
 
-use super::stability::Grid;
-use super::{Made, parallel};
-use crate::failure::Failure;
-use crate::output::csv_text;
+use super::grid::Grid;
+use super::{Inputs, Made};
+use crate::csv_text::csv_text;
+use crate::parallel::{Progress, parallel};
 use crate::plot::{Axis, Block, Figure, Item, KeyRow, Panel, Sample};
+use anyhow::{Context, Result};
 use plotters::style::RGBColor;
 use rig_scene::Scene;
 use std::path::Path;
@@ -50,12 +51,12 @@ struct Map {
 }
 
 impl Map {
-    fn new(scene: &Scene, name: &str, wanted_m: f64) -> Result<Self, Failure> {
+    fn new(scene: &Scene, name: &str, wanted_m: f64, progress: &Progress<'_>) -> Result<Self> {
         let envelope = scene.table_demand()?.0;
         let grid = Grid::new(envelope.load_n, CELLS.0, envelope.turns, CELLS.1);
         let (m, states) = (scene.mechanism()?, grid.states());
         let wanted = TierError { contraction_m: wanted_m, tr_relative: f64::INFINITY };
-        let cells = parallel("tiers", states.len(), |k| cheapest(&m, states[k].0, states[k].1, wanted));
+        let cells = parallel(progress, states.len(), |k| cheapest(&m, states[k].0, states[k].1, wanted));
         Ok(Self { scene: name.into(), wanted_m, grid, cells })
     }
 
@@ -78,7 +79,7 @@ impl Map {
         }
     }
 
-    fn said(&self) -> String {
+    fn finding(&self) -> String {
         let solved: Vec<&(Tier, f64)> = self.cells.iter().filter_map(|c| c.as_ref().ok()).collect();
         let share = |tier: Tier| solved.iter().filter(|(t, _)| *t == tier).count() as f64 / solved.len().max(1) as f64;
         let shares: Vec<String> = Tier::ALL
@@ -95,9 +96,10 @@ impl Map {
 ///
 /// # Errors
 /// If a scene has no envelope, or the drawing fails.
-pub fn maps(scene: &Scene, scene_file: &Path) -> Result<Made, Failure> {
+pub fn maps(inputs: &Inputs<'_>) -> Result<Made> {
+    let scene_file = inputs.scene_file;
     let name = |file: &Path| file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let mut scenes = vec![(name(scene_file), scene.clone())];
+    let mut scenes = vec![(name(scene_file), inputs.scene.clone())];
     let plateau = scene_file.with_file_name("niti-plateau.toml");
     if plateau != scene_file
         && let Ok(other) = Scene::load(&plateau)
@@ -106,7 +108,7 @@ pub fn maps(scene: &Scene, scene_file: &Path) -> Result<Made, Failure> {
     }
     let mut rows = Vec::new();
     for (name, scene) in &scenes {
-        rows.push(WANTED_M.iter().map(|m| Map::new(scene, name, *m)).collect::<Result<Vec<_>, _>>()?);
+        rows.push(WANTED_M.iter().map(|m| Map::new(scene, name, *m, inputs.progress)).collect::<Result<Vec<_>, _>>()?);
     }
     let key = Tier::ALL.into_iter().map(|t| KeyRow::sample(Sample::Fill(COLOURS[t as usize]), t.name()));
     let key: Vec<KeyRow> = key.collect();
@@ -122,11 +124,11 @@ pub fn maps(scene: &Scene, scene_file: &Path) -> Result<Made, Failure> {
         ],
     };
     let all: Vec<&Map> = rows.iter().flatten().collect();
-    let said = all.iter().map(|m| m.said()).collect();
-    Ok(Made { name: "tiers", svg: Some(figure.svg()?), csv: maps_csv(&all)?, said })
+    let findings = all.iter().map(|m| m.finding()).collect();
+    Ok(Made { name: "tiers", svg: Some(figure.svg()?), csv: maps_csv(&all)?, findings, left_out: Vec::new() })
 }
 
-fn maps_csv(maps: &[&Map]) -> Result<String, Failure> {
+fn maps_csv(maps: &[&Map]) -> Result<String> {
     let lines = maps.iter().flat_map(|m| {
         m.grid.states().into_iter().zip(&m.cells).map(|((load, turns), cell)| {
             let (tier, error) = match cell {
@@ -166,13 +168,13 @@ struct Taken {
 ///
 /// # Errors
 /// If one of them is not there, or allows no table.
-pub fn scenes(scene_file: &Path) -> Result<Made, Failure> {
-    let taken = parallel("scenes", SCENES.len(), |k| {
+pub fn scenes(inputs: &Inputs<'_>) -> Result<Made> {
+    let taken = parallel(inputs.progress, SCENES.len(), |k| {
         let (name, title) = SCENES[k];
-        taken(&Scene::load(scene_file.with_file_name(format!("{name}.toml")))?, name, title)
+        taken(&Scene::load(inputs.scene_file.with_file_name(format!("{name}.toml")))?, name, title)
     });
-    let taken = taken.into_iter().collect::<Result<Vec<_>, Failure>>()?;
-    let said = taken.iter().map(|t| {
+    let taken = taken.into_iter().collect::<Result<Vec<_>>>()?;
+    let findings = taken.iter().map(|t| {
         format!(
             "{:<16} asked {:>3.0} um, {:.1} %: {:<13} ({}); {} of {}, {} bytes, {} instructions, worst {:.1} um, {:.2} %",
             t.title,
@@ -216,10 +218,16 @@ pub fn scenes(scene_file: &Path) -> Result<Made, Failure> {
         "contraction_error_m",
         "tr_relative_error",
     ];
-    Ok(Made { name: "scenes", svg: None, csv: csv_text(&header, lines)?, said: said.collect() })
+    Ok(Made {
+        name: "scenes",
+        svg: None,
+        csv: csv_text(&header, lines)?,
+        findings: findings.collect(),
+        left_out: Vec::new(),
+    })
 }
 
-fn taken(scene: &Scene, name: &'static str, title: &'static str) -> Result<Taken, Failure> {
+fn taken(scene: &Scene, name: &'static str, title: &'static str) -> Result<Taken> {
     let (envelope, accuracy) = scene.table_demand()?;
     let mechanism = scene.mechanism()?;
     let wanted = TierError { contraction_m: accuracy.contraction_m, tr_relative: accuracy.tr_relative };
@@ -234,7 +242,7 @@ fn taken(scene: &Scene, name: &'static str, title: &'static str) -> Result<Taken
         .map(|t| format!("{:.0} % {}", 100.0 * counts[t as usize] as f64 / states.len() as f64, t.name()))
         .collect();
     let dearest = Tier::ALL.into_iter().rev().find(|t| counts[*t as usize] > 0).unwrap_or(Tier::Full);
-    let fit = scene.fit_table().map_err(|e| Failure::failed(format!("{name}: {e}")))?;
+    let fit = scene.fit_table().context(name)?;
     let table = fit.table.table();
     Ok(Taken {
         scene: name,
