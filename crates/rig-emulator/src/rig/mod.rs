@@ -12,6 +12,7 @@
 //! the same answers.
 
 pub mod drive;
+pub mod effects;
 pub mod encoder;
 pub mod faults;
 pub mod lvdt;
