@@ -17,6 +17,7 @@ pub mod encoder;
 pub mod faults;
 pub mod lvdt;
 pub mod motor;
+pub mod outside;
 pub mod parameters;
 pub mod plant;
 pub mod settings;
