@@ -12,10 +12,12 @@
 //! the same answers.
 
 pub mod drive;
+pub mod effects;
 pub mod encoder;
 pub mod faults;
 pub mod lvdt;
 pub mod motor;
+pub mod outside;
 pub mod parameters;
 pub mod plant;
 pub mod settings;
