@@ -6,12 +6,12 @@
 use anyhow::{Context, Result, bail};
 use rig_link::messages::{Request, State};
 use rigctl::failure::Failure;
-use rigctl::plant::Setting;
 use rigctl::plot::{Axis, Block, Figure, Item, KeyRow, Panel, Pen, Sample, Shape, colour};
 use rigctl::session::Session;
 use rigctl::session::serial::Serial;
 use rigctl::session::sim::{Sim, SimOptions};
 use rigctl::units::STANDARD_GRAVITY;
+use sim_link::{PlantChange, PlantKey};
 use std::f64::consts::{PI, TAU};
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -63,7 +63,7 @@ fn main() -> Result<()> {
         sweeps.push(sweep(&mut session)?);
     } else {
         for kg in LOADS_KG {
-            let plant = vec![Setting { key: "load", value: kg * STANDARD_GRAVITY }];
+            let plant = vec![PlantChange { key: PlantKey::Load, value: kg * STANDARD_GRAVITY }];
             let options =
                 SimOptions { firmware: None, scene: scene_file.clone(), plant, seed: 1, flash: None, gdb: None };
             let mut session = Session::new(Box::new(Sim::start(&options).map_err(Failure::into_error)?));

@@ -1,5 +1,6 @@
 //! One key of a scene, named as in the file (`geometry.rod_span_m`) or by the paper's symbol (`D0`), and changed.
 
+use crate::units::Quantity;
 use tsa_model::{Scene, SceneError};
 
 /// The paper's symbols and the keys that they stand for.
@@ -49,6 +50,19 @@ pub fn symbol(key: &str) -> &str {
     SYMBOLS.iter().find(|(_, full)| *full == key).map_or(key, |(symbol, _)| symbol)
 }
 
+/// What a key of a scene file measures, as its ending says.
+pub fn quantity(key: &str) -> Quantity {
+    // `_n_per_m` also ends in `_m`, so it goes first.
+    let endings = [
+        ("_n_per_m", Quantity::Stiffness),
+        ("_per_n", Quantity::PerForce),
+        ("_rad_per_s", Quantity::AngularSpeed),
+        ("_m", Quantity::Length),
+        ("_v", Quantity::Voltage),
+    ];
+    endings.into_iter().find(|(ending, _)| key.ends_with(ending)).map_or(Quantity::Number, |(_, quantity)| quantity)
+}
+
 /// The scene with one key changed. It goes through the scene's own file form, so every key that a file may have works
 /// and is checked as in a file.
 ///
@@ -85,6 +99,19 @@ mod tests {
         expected.geometry.rod_span_m = 0.020;
         assert_eq!(set(&old, "D0", 0.020.into()).unwrap(), expected);
         assert_eq!(set(&old, "geometry.rod_span_m", 0.020.into()).unwrap(), expected);
+    }
+
+    #[test]
+    fn keys_have_units() {
+        for (key, text, expected) in [
+            ("string.stiffness_n_per_m", "1.37kN/m", 1370.0),
+            ("geometry.rod_span_m", "32mm", 0.032),
+            ("string.k1_per_n", "6522 1/kN", 6.522),
+        ] {
+            let value = crate::units::parse(key, quantity(key), text).unwrap();
+            assert!((value - expected).abs() <= 1e-12 * expected, "{key}: {value}");
+        }
+        assert!(crate::units::parse("string.k2", quantity("string.k2"), "1mm").is_err());
     }
 
     #[test]

@@ -73,21 +73,6 @@ impl Quantity {
             (_, None) => "a bare number".into(),
         }
     }
-}
-
-impl Quantity {
-    /// What a key of a scene file measures, as its ending says.
-    pub fn of_scene_key(key: &str) -> Self {
-        // `_n_per_m` also ends in `_m`, so it goes first.
-        let endings = [
-            ("_n_per_m", Self::Stiffness),
-            ("_per_n", Self::PerForce),
-            ("_rad_per_s", Self::AngularSpeed),
-            ("_m", Self::Length),
-            ("_v", Self::Voltage),
-        ];
-        endings.into_iter().find(|(ending, _)| key.ends_with(ending)).map_or(Self::Number, |(_, quantity)| quantity)
-    }
 
     /// A value for people: lengths in mm, stiffnesses from 1 kN/m in kN/m, all else in SI; at most five digits.
     pub fn show(self, value: f64) -> String {
@@ -185,14 +170,6 @@ mod tests {
         reads(Quantity::AngularSpeed, "60rpm", TAU);
         reads(Quantity::Fraction, "1%", 0.01);
         reads(Quantity::Turns, "7.5", 7.5);
-    }
-
-    #[test]
-    fn scene_keys_have_units() {
-        reads(Quantity::of_scene_key("string.stiffness_n_per_m"), "1.37kN/m", 1370.0);
-        reads(Quantity::of_scene_key("geometry.rod_span_m"), "32mm", 0.032);
-        reads(Quantity::of_scene_key("string.k1_per_n"), "6522 1/kN", 6.522);
-        assert!(parse("string.k2", Quantity::of_scene_key("string.k2"), "1mm").is_err());
     }
 
     #[test]

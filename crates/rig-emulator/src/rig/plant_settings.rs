@@ -1,36 +1,8 @@
-//! The plant keys of the host tool (cli.md): what a test may change about the rig without telling the firmware.
+//! What a test or an operator may change about the rig without telling the firmware: the value of every plant key.
 
+use sim_link::units::STANDARD_GRAVITY;
+use sim_link::{PlantChange, PlantError, PlantKey};
 use tsa_model::Scene;
-
-/// Standard gravity, m/s²: turns a mass on the rail into a load.
-pub const GRAVITY_M_PER_S2: f64 = 9.80665;
-
-/// Why a plant setting was refused.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum SettingError {
-    /// No such key.
-    #[error("plant key `{key}` is unknown; known are {}", known())]
-    UnknownKey {
-        /// What was given.
-        key: String,
-    },
-    /// The value is no number, has a wrong unit or is out of range.
-    #[error("plant key `{key}`: `{value}` {reason}")]
-    BadValue {
-        /// The key.
-        key: &'static str,
-        /// What was given.
-        value: String,
-        /// What is wrong with it.
-        reason: String,
-    },
-    /// Needs a new rig.
-    #[error("plant key `{key}` cannot change after boot; give it at the start")]
-    NotAtRunTime {
-        /// The key.
-        key: &'static str,
-    },
-}
 
 /// Everything that plant keys set. SI units.
 #[derive(Clone, Debug, PartialEq)]
@@ -74,7 +46,7 @@ pub struct PlantSettings {
 impl Default for PlantSettings {
     fn default() -> Self {
         Self {
-            load_n: 0.5 * GRAVITY_M_PER_S2,
+            load_n: 0.5 * STANDARD_GRAVITY,
             friction_n: 0.05,
             damping_n_s_per_m: 1.0,
             lvdt_noise_m: 60e-6,
@@ -96,91 +68,46 @@ impl Default for PlantSettings {
     }
 }
 
-/// Units that a key takes, with the factor to SI. The empty one is the bare number.
-type Units = &'static [(&'static str, f64)];
-
-const FORCE: Units = &[("", 1.0), ("N", 1.0), ("mN", 1e-3)];
-const LOAD: Units = &[("", 1.0), ("N", 1.0), ("mN", 1e-3), ("kg", GRAVITY_M_PER_S2), ("g", 1e-3 * GRAVITY_M_PER_S2)];
-const DAMPING: Units = &[("", 1.0), ("Ns/m", 1.0), ("N*s/m", 1.0)];
-const LENGTH: Units = &[("", 1.0), ("m", 1.0), ("mm", 1e-3), ("um", 1e-6), ("µm", 1e-6)];
-const ANGLE: Units = &[("", 1.0), ("rad", 1.0), ("mrad", 1e-3), ("deg", std::f64::consts::PI / 180.0)];
-const FRACTION: Units = &[("", 1.0), ("%", 1e-2)];
-const NUMBER: Units = &[("", 1.0)];
-const VOLTAGE: Units = &[("", 1.0), ("V", 1.0), ("mV", 1e-3)];
-const TIME: Units = &[("", 1.0), ("s", 1.0), ("ms", 1e-3)];
-/// 1 is yes, 0 is no.
-const FLAG: Units = &[("", 1.0)];
-
-struct Key {
-    name: &'static str,
-    units: Units,
-    range: [f64; 2],
-    at_run_time: bool,
-    set: fn(&mut PlantSettings, f64),
-}
-
-const fn key(
-    name: &'static str,
-    units: Units,
-    range: [f64; 2],
-    at_run_time: bool,
-    set: fn(&mut PlantSettings, f64),
-) -> Key {
-    Key { name, units, range, at_run_time, set }
-}
-
-/// Ranges are wide: what makes no rig at all is refused, not what makes a bad one.
-const KEYS: [Key; 17] = [
-    key("load", LOAD, [0.01, 200.0], true, |s, v| s.load_n = v),
-    key("friction", FORCE, [0.0, 100.0], true, |s, v| s.friction_n = v),
-    key("damping", DAMPING, [0.0, 1e4], true, |s, v| s.damping_n_s_per_m = v),
-    key("lvdt_noise", LENGTH, [0.0, 0.1], true, |s, v| s.lvdt_noise_m = v),
-    key("lvdt_offset", LENGTH, [-0.2, 0.2], true, |s, v| s.lvdt_offset_m = v),
-    key("lvdt_gain_error", FRACTION, [-0.9, 9.0], false, |s, v| s.lvdt_gain_error = v),
-    key("hum", LENGTH, [0.0, 0.1], true, |s, v| s.hum_m = v),
-    key("adc_inl", NUMBER, [0.0, 100.0], true, |s, v| s.adc_inl = v),
-    key("twist_at_boot", ANGLE, [-75.0, 75.0], false, |s, v| s.twist_at_boot_rad = v),
-    key("k2_scale", FRACTION, [0.1, 10.0], false, |s, v| s.k2_scale = v),
-    key("k3_scale", FRACTION, [0.1, 10.0], false, |s, v| s.k3_scale = v),
-    key("stiffness_scale", FRACTION, [0.1, 100.0], false, |s, v| s.stiffness_scale = v),
-    key("modulus_scale", FRACTION, [0.1, 100.0], false, |s, v| s.modulus_scale = v),
-    key("gear_backlash", ANGLE, [0.0, 1.0], false, |s, v| s.gear_backlash_rad = v),
-    key("supply_voltage", VOLTAGE, [0.0, 58.0], true, |s, v| s.supply_voltage_v = Some(v)),
-    key("relay_fitted", FLAG, [0.0, 1.0], false, |s, v| s.relay_fitted = v >= 0.5),
-    key("relay_release", TIME, [0.0, 10.0], true, |s, v| s.relay_release_s = v),
-];
-
-fn known() -> String {
-    KEYS.map(|key| key.name).join(", ")
-}
-
 impl PlantSettings {
-    /// Sets `key` to `text`, a number with or without a unit.
-    pub fn set(&mut self, name: &str, text: &str) -> Result<(), SettingError> {
-        self.apply(name, text, false)
-    }
-
-    /// As [`PlantSettings::set`], but only what can change while the rig runs.
-    pub fn set_at_run_time(&mut self, name: &str, text: &str) -> Result<(), SettingError> {
-        self.apply(name, text, true)
-    }
-
-    fn apply(&mut self, name: &str, text: &str, running: bool) -> Result<(), SettingError> {
-        let key = KEYS
-            .iter()
-            .find(|key| key.name == name)
-            .ok_or_else(|| SettingError::UnknownKey { key: name.to_owned() })?;
-        if running && !key.at_run_time {
-            return Err(SettingError::NotAtRunTime { key: key.name });
-        }
-        let bad = |reason: String| SettingError::BadValue { key: key.name, value: text.to_owned(), reason };
-        let value = quantity(text, key.units).map_err(bad)?;
-        let [least, most] = key.range;
-        if !(least..=most).contains(&value) {
-            return Err(bad(format!("is not within {least} to {most} (SI)")));
-        }
-        (key.set)(self, value);
+    /// Changes one of them.
+    ///
+    /// # Errors
+    /// [`PlantError::OutOfRange`] if no rig can have the value.
+    pub fn apply(&mut self, change: PlantChange) -> Result<(), PlantError> {
+        change.check()?;
+        let PlantChange { key, value } = change;
+        let place = match key {
+            PlantKey::Load => &mut self.load_n,
+            PlantKey::Friction => &mut self.friction_n,
+            PlantKey::Damping => &mut self.damping_n_s_per_m,
+            PlantKey::LvdtNoise => &mut self.lvdt_noise_m,
+            PlantKey::LvdtOffset => &mut self.lvdt_offset_m,
+            PlantKey::LvdtGainError => &mut self.lvdt_gain_error,
+            PlantKey::Hum => &mut self.hum_m,
+            PlantKey::AdcInl => &mut self.adc_inl,
+            PlantKey::TwistAtBoot => &mut self.twist_at_boot_rad,
+            PlantKey::K2Scale => &mut self.k2_scale,
+            PlantKey::K3Scale => &mut self.k3_scale,
+            PlantKey::StiffnessScale => &mut self.stiffness_scale,
+            PlantKey::ModulusScale => &mut self.modulus_scale,
+            PlantKey::GearBacklash => &mut self.gear_backlash_rad,
+            PlantKey::SupplyVoltage => self.supply_voltage_v.insert(value),
+            PlantKey::RelayRelease => &mut self.relay_release_s,
+            PlantKey::RelayFitted => {
+                self.relay_fitted = value >= 0.5;
+                return Ok(());
+            }
+        };
+        *place = value;
         Ok(())
+    }
+
+    /// Changes one of them as an operator types it: a number with or without a unit.
+    ///
+    /// # Errors
+    /// [`PlantError`] naming the key and what it takes.
+    pub fn set(&mut self, key: &str, value: &str) -> Result<(), PlantError> {
+        self.apply(PlantChange::read(key, value)?)
     }
 
     /// The scene as this rig really is: its constants differ from those that the firmware's table was built with.
@@ -193,62 +120,5 @@ impl PlantSettings {
             *coefficient *= self.modulus_scale;
         }
         scene
-    }
-}
-
-/// Number and unit to SI. The longest prefix that is a number is the number.
-fn quantity(text: &str, units: Units) -> Result<f64, String> {
-    let text = text.trim();
-    let (number, unit) = (0..=text.len())
-        .rev()
-        .filter(|&at| text.is_char_boundary(at))
-        .find_map(|at| text[..at].trim_end().parse::<f64>().ok().map(|number| (number, text[at..].trim())))
-        .ok_or("is no number")?;
-    if !number.is_finite() {
-        return Err("is not finite".to_owned());
-    }
-    units.iter().find(|(name, _)| *name == unit).map(|(_, factor)| number * factor).ok_or_else(|| {
-        let names: Vec<_> = units.iter().map(|(name, _)| *name).filter(|name| !name.is_empty()).collect();
-        format!("has the unit `{unit}`; known are {} or none", names.join(", "))
-    })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn units() {
-        let mut settings = PlantSettings::default();
-        for (key, text) in [("load", "0.5kg"), ("load", "4.903325 N"), ("load", "4.903325"), ("load", "500g")] {
-            settings.load_n = 0.0;
-            settings.set(key, text).unwrap();
-            assert!((settings.load_n - 4.903325).abs() < 1e-12, "{text}");
-        }
-        settings.set("lvdt_noise", "60um").unwrap();
-        assert!((settings.lvdt_noise_m - 60e-6).abs() < 1e-15);
-        settings.set("lvdt_offset", "-1e-3").unwrap();
-        assert_eq!(settings.lvdt_offset_m, -1e-3);
-        settings.set("lvdt_gain_error", "1%").unwrap();
-        assert_eq!(settings.lvdt_gain_error, 0.01);
-        settings.set("supply_voltage", "12V").unwrap();
-        assert_eq!(settings.supply_voltage_v, Some(12.0));
-    }
-
-    #[test]
-    fn refusals_name_the_key() {
-        let mut settings = PlantSettings::default();
-        let unknown = settings.set("weight", "1").unwrap_err().to_string();
-        assert!(unknown.contains("weight") && unknown.contains("load") && unknown.contains("supply_voltage"));
-        for (key, text) in
-            [("load", "1lb"), ("load", "x"), ("load", "nan"), ("load", "inf"), ("load", "-1"), ("load", "")]
-        {
-            let message = settings.set(key, text).unwrap_err().to_string();
-            assert!(message.contains("`load`"), "{message}");
-        }
-        assert!(settings.set("k2_scale", "0").is_err());
-        assert!(settings.set("lvdt_noise", "1µ").is_err());
-        assert_eq!(settings.set_at_run_time("k2_scale", "1"), Err(SettingError::NotAtRunTime { key: "k2_scale" }));
-        assert_eq!(settings.set_at_run_time("load", "1kg"), Ok(()));
     }
 }

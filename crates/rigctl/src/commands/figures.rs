@@ -68,7 +68,7 @@ fn loads(rows: &[Row], ratios: &[Ratio], sets: &[Set]) -> Figure {
 fn sweep(number: u32, symbol: &str, others: &[f64], rows: &[Row], sets: &[Set]) -> Result<Figure, Failure> {
     let place = format!("Fig. {number}");
     let key = scene_key::full_name(symbol);
-    let quantity = units::Quantity::of_scene_key(key);
+    let quantity = scene_key::quantity(key);
     let mut members = Vec::new();
     for row in rows.iter().filter(|r| r.place == place) {
         let value = row.changes.rsplit_once('=').map_or("", |(_, value)| value);

@@ -1,0 +1,65 @@
+//! What each fault does to the rig.
+
+use super::Rig;
+use super::motor::Bridge;
+use crate::board::Stimulus;
+use rmds405::Transport;
+use sim_link::RigFault;
+
+/// The fault is one of the CAN bus, and this rig has none.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "fault `can-bus-off` needs a CAN bus, and the scene has drive_transport = \"uart\"; a cut line is `can-silent`"
+)]
+pub struct NoCanBus;
+
+impl Rig {
+    /// Switches a fault, if this rig can have it.
+    ///
+    /// # Errors
+    /// [`NoCanBus`] for a fault of the bus where the scene's drive is on the serial line.
+    pub fn try_fault(&mut self, fault: RigFault, on: bool) -> Result<(), NoCanBus> {
+        if fault == RigFault::CanBusOff && self.parameters.transport == Transport::Uart {
+            return Err(NoCanBus);
+        }
+        self.set_fault(fault, on);
+        Ok(())
+    }
+
+    /// Switches a fault. Events (stall, reset, jump, break, slip) happen when switched on and cannot be taken back.
+    pub fn set_fault(&mut self, fault: RigFault, on: bool) {
+        let angle_rad = self.motor.angle_rad;
+        match fault {
+            RigFault::CanSilent => self.silent = on,
+            RigFault::CanBusOff => {
+                if self.can_shorted && !on {
+                    self.pending.push(Stimulus::CanQuiet);
+                }
+                self.can_shorted = on;
+            }
+            RigFault::DriveStall if on => self.drive.stall(),
+            RigFault::DriveReset if on && self.drive.is_powered() => {
+                self.drive.restart(self.now_s(), self.encoder.counts(angle_rad));
+                self.bridge = Bridge::Open;
+            }
+            RigFault::EncoderStuck => self.encoder.set_stuck(on, angle_rad),
+            RigFault::EncoderSlip => self.encoder.set_slipping(on, angle_rad),
+            RigFault::EncoderJump if on => self.encoder.jump(),
+            RigFault::LvdtOpen => self.lvdt.faults.open = on,
+            RigFault::LvdtShort => self.lvdt.faults.short = on,
+            RigFault::LvdtNoisy => self.lvdt.faults.noisy = on,
+            RigFault::LvdtFrozen => self.lvdt.faults.frozen = on,
+            RigFault::StringBreak if on => self.plant.break_string(),
+            RigFault::StringSlip if on => self.plant.slip(),
+            RigFault::Estop => self.estop = on,
+            RigFault::MotorOpen => self.motor_open = on,
+            RigFault::LimitSwitch => self.limit_fault = on,
+            RigFault::DriveStall
+            | RigFault::DriveReset
+            | RigFault::EncoderJump
+            | RigFault::StringBreak
+            | RigFault::StringSlip => {}
+        }
+        self.look_at_pins();
+    }
+}
