@@ -5,7 +5,6 @@ use super::operate::{HomeResult, MoveResult, home_session, move_session, sim_opt
 use crate::cli::Global;
 use crate::failure::Failure;
 use crate::output::{Output, folder, write_file};
-use crate::plant::Setting;
 use crate::session::Session;
 use crate::session::row::Row;
 use crate::session::sim::{Sim, SimOptions};
@@ -14,6 +13,7 @@ use lab::csv_text::{csv_text, optional};
 use lab::move_figure::{Curve, draw};
 use rig_link::LoadChoice;
 use serde::Serialize;
+use sim_link::{PlantChange, PlantKey};
 use std::path::Path;
 use std::time::Instant;
 
@@ -52,7 +52,7 @@ struct Outcome {
 /// If anything fails, or a floor is missed.
 pub fn run(global: &Global, out: &Path, output: &mut Output) -> Result<(), Failure> {
     let scene = super::rig_scene(global)?;
-    if let Some(own) = global.plant.iter().find(|s| ["load", "twist_at_boot"].contains(&s.key)) {
+    if let Some(own) = global.plant.iter().find(|s| [PlantKey::Load, PlantKey::TwistAtBoot].contains(&s.key)) {
         return Err(Failure::Usage(format!("--plant {}: the demo has its own", own.key)));
     }
     folder(out)?;
@@ -110,8 +110,8 @@ pub fn run(global: &Global, out: &Path, output: &mut Output) -> Result<(), Failu
 fn one(global: &Global, load_kg: f64, twist_rad: f64, gear: f64) -> Result<Outcome, Failure> {
     let load_true_n = load_kg * STANDARD_GRAVITY_M_PER_S2;
     let mut plant = global.plant.clone();
-    plant.push(Setting { key: "load", value: load_true_n });
-    plant.push(Setting { key: "twist_at_boot", value: twist_rad });
+    plant.push(PlantChange { key: PlantKey::Load, value: load_true_n });
+    plant.push(PlantChange { key: PlantKey::TwistAtBoot, value: twist_rad });
     let options = SimOptions { plant, ..sim_options(global)? };
     let started = Instant::now();
     let mut session = Session::new(Box::new(Sim::start(&options)?));
