@@ -32,9 +32,10 @@ bind_interrupts!(pub struct Irqs {
 /// Samples in one LVDT block, half of the DMA ring. At 492 ADC clocks of 21 MHz each, a block takes 6.0 ms.
 pub const LVDT_BLOCK: usize = 256;
 
-/// 1 Mbit/s from 42 MHz: 14 quanta, sampled after 11 of them. With a jump width of 3, the clocks of two nodes may differ by
-/// 0.84 % (ISO 11898-1: the lesser of 3 / (20 x 14) and 3 / 2 (13 x 14 - 3)). The 7 quanta and jump width of 1 that
-/// embassy-stm32 would choose allow 0.56 %. Both leave 0.71 us before the sample for the propagation there and back.
+/// 1 Mbit/s from 42 MHz: 14 quanta, sampled after 11 of them. With a jump width of 3, the clocks of two nodes may
+/// differ by 0.84 % (ISO 11898-1: the lesser of 3 / (20 x 14) and 3 / 2 (13 x 14 - 3)). The 7 quanta and jump width of
+/// 1 that embassy-stm32 would choose allow 0.56 %. Both leave 0.71 us before the sample for the propagation there and
+/// back.
 const BIT_TIMING: NominalBitTiming = NominalBitTiming {
     prescaler: NonZeroU16::new(3).unwrap(),
     seg1: NonZeroU8::new(10).unwrap(),
@@ -70,8 +71,8 @@ impl Contact {
         Self { pin, last: open, open }
     }
 
-    /// Samples the contact; to be called once in each tick. A change counts when two consecutive samples show it, because
-    /// the motor's wires run beside the contact's and disturb it.
+    /// Samples the contact; to be called once in each tick. A change counts when two consecutive samples show it,
+    /// because the motor's wires run beside the contact's and disturb it.
     pub fn is_open(&mut self) -> bool {
         let now = self.pin.is_high();
         if now == self.last {
@@ -150,12 +151,13 @@ pub struct Board {
     pub store: Store,
 }
 
-/// 168 MHz from the ST-LINK's 8 MHz clock, which gives exact CAN and UART rates (docs/hardware.md section 8). From the chip's own
-/// oscillator all rates are off by up to 1 %, and by more when the chip is warm: that suffices for the host link, but is not
-/// guaranteed on the CAN bus.
+/// 168 MHz from the ST-LINK's 8 MHz clock, which gives exact CAN and UART rates (docs/hardware.md section 8). From the
+/// chip's own oscillator all rates are off by up to 1 %, and by more when the chip is warm: that suffices for the host
+/// link, but is not guaranteed on the CAN bus.
 ///
-/// 168 MHz does not need the over-drive mode, but embassy-stm32 0.6.0 switches it on, while the core still runs from its own
-/// oscillator, as it must (RM0390 section 5.1.4). Here it only costs some supply current, because no stop mode is used.
+/// 168 MHz does not need the over-drive mode, but embassy-stm32 0.6.0 switches it on, while the core still runs from
+/// its own oscillator, as it must (RM0390 section 5.1.4). Here it only costs some supply current, because no stop mode
+/// is used.
 pub fn clocks(clock: Clock) -> Config {
     use embassy_stm32::rcc::{
         AHBPrescaler, APBPrescaler, Hse, HseMode, Pll, PllMul, PllPDiv, PllPreDiv, PllSource, Sysclk,
@@ -178,9 +180,9 @@ pub fn clocks(clock: Clock) -> Config {
     config
 }
 
-/// Switches on prefetch and instruction cache, which embassy-stm32 0.6.0 leaves off. Without them the core waits five cycles
-/// for each line of flash. The data cache stays off: it would return the old contents of flash that the store has just
-/// written or erased, because embassy flushes it only on chips with two banks.
+/// Switches on prefetch and instruction cache, which embassy-stm32 0.6.0 leaves off. Without them the core waits five
+/// cycles for each line of flash. The data cache stays off: it would return the old contents of flash that the store
+/// has just written or erased, because embassy flushes it only on chips with two banks.
 fn speed_up_flash() {
     pac::FLASH.acr().modify(|w| {
         w.set_prften(true);
@@ -188,8 +190,8 @@ fn speed_up_flash() {
     });
 }
 
-/// The encoder's counter. Its two inputs are filtered: a change counts after eight equal samples at a quarter of the timer's
-/// 84 MHz, 0.38 us. At 12 000 rpm a line of 1024 counts changes every 2.4 us.
+/// The encoder's counter. Its two inputs are filtered: a change counts after eight equal samples at a quarter of the
+/// timer's 84 MHz, 0.38 us. At 12 000 rpm a line of 1024 counts changes every 2.4 us.
 fn encoder(
     timer: Peri<'static, peripherals::TIM3>,
     a: Peri<'static, peripherals::PA6>,
@@ -295,8 +297,8 @@ impl Start {
 const HSE_TRIES: u32 = 100;
 const HSE_PAUSE: u32 = 8_000;
 
-/// The oscillator to use: the ST-LINK's clock if it comes in time, else the chip's own. embassy-stm32 would wait for the
-/// ST-LINK's without limit. The core runs at its own 16 MHz meanwhile.
+/// The oscillator to use: the ST-LINK's clock if it comes in time, else the chip's own. embassy-stm32 would wait for
+/// the ST-LINK's without limit. The core runs at its own 16 MHz meanwhile.
 pub fn find_clock() -> Clock {
     let rcc = pac::RCC;
     rcc.cr().modify(|w| w.set_hsebyp(true));
@@ -310,8 +312,8 @@ pub fn find_clock() -> Clock {
     Clock::Hsi
 }
 
-/// Level of the brown-out reset in the option bytes, 0 (off) to 3. The firmware only reads it: if the supply failed while
-/// option bytes are written, the chip could lock itself.
+/// Level of the brown-out reset in the option bytes, 0 (off) to 3. The firmware only reads it: if the supply failed
+/// while option bytes are written, the chip could lock itself.
 pub fn brown_out_level() -> u8 {
     3 - pac::FLASH.optcr().read().bor_lev()
 }
@@ -319,7 +321,8 @@ pub fn brown_out_level() -> u8 {
 /// Starts the watchdog, reads and clears the reset flags, reads the previous run's record, and finds the clock. Call it
 /// once, before anything else.
 pub fn start() -> Start {
-    // The watchdog stops while a debugger halts the core: a breakpoint must not restart the drive, which drops the load.
+    // The watchdog stops while a debugger halts the core: a breakpoint must not restart the drive, which drops the
+    // load.
     pac::DBGMCU.apb1fzr().modify(|w| w.set_iwdg(true));
     // Its time is that of the reset values: 4096 counts of LSI / 4, 0.35 to 0.96 s.
     pac::IWDG.kr().write(|w| w.set_key(Key::START));

@@ -35,8 +35,8 @@ impl NorFlash for Sectors {
         self.0.blocking_write(offset, bytes)
     }
 
-    /// Erases by 32 bits at a time. embassy-stm32 0.6.0 leaves the width at its reset value of 8 bits, which takes 1.6 times
-    /// as long.
+    /// Erases by 32 bits at a time. embassy-stm32 0.6.0 leaves the width at its reset value of 8 bits, which takes 1.6
+    /// times as long.
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), Error> {
         let flash = pac::FLASH;
         if flash.cr().read().lock() {

@@ -22,8 +22,8 @@ use sequential_storage::map::{MapConfig, MapStorage};
 
 type WriteError = Error<embassy_stm32::flash::Error>;
 
-/// Where each record stands. Without this cache `sequential-storage` would read all other records to find the age of each
-/// record in a full sector, which takes seconds.
+/// Where each record stands. Without this cache `sequential-storage` would read all other records to find the age of
+/// each record in a full sector, which takes seconds.
 type RecordCache = Cache<ArrayPageStates<SECTORS>, ArrayPagePointers<SECTORS>, ArrayKeyPointers<u8, KEYS>, u8>;
 
 type Map = MapStorage<u8, Sectors, RecordCache>;
@@ -63,8 +63,8 @@ fn map(sectors: Sectors) -> Map {
     MapStorage::new(sectors, const { MapConfig::new(RANGE) }, cache)
 }
 
-/// Whether a sector holds data that this store never wrote: another program's data, or a sector that was half erased when
-/// power failed. The map would take such a sector for an empty one.
+/// Whether a sector holds data that this store never wrote: another program's data, or a sector that was half erased
+/// when power failed. The map would take such a sector for an empty one.
 fn is_foreign(Sectors(region): &mut Sectors) -> bool {
     let mut part = [0; 256];
     RANGE.step_by(SECTOR as usize).any(|sector| {
@@ -112,9 +112,9 @@ impl Store {
         })
     }
 
-    /// Writes records, each complete or not at all, and returns whether all of them can be read back. It first waits until
-    /// the rig stands and the control task has agreed to pause: erasing a full sector stalls the core for 0.25 s (0.5 s at
-    /// most).
+    /// Writes records, each complete or not at all, and returns whether all of them can be read back. It first waits
+    /// until the rig stands and the control task has agreed to pause: erasing a full sector stalls the core for 0.25 s
+    /// (0.5 s at most).
     pub async fn write_at_rest(&mut self, records: &[(u8, &[u8])]) -> bool {
         shared::PAUSE_WANTED.store(true, Ordering::Release);
         while !shared::PAUSED.load(Ordering::Acquire) {
@@ -182,7 +182,8 @@ fn set_watchdog(prescaler: Pr, counts: u16) {
     let iwdg = pac::IWDG;
     let wait = || while iwdg.sr().read().pvu() || iwdg.sr().read().rvu() {};
     wait();
-    // No interrupt may come between: the watchdog task feeds the watchdog from interrupt level, which locks the registers.
+    // No interrupt may come between: the watchdog task feeds the watchdog from interrupt level, which locks the
+    // registers.
     cortex_m::interrupt::free(|_| {
         iwdg.kr().write(|w| w.set_key(Key::ENABLE));
         iwdg.pr().write(|w| w.set_pr(prescaler));

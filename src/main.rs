@@ -1,14 +1,14 @@
 //! Firmware of the load-adaptive twisted-string rig on a NUCLEO-F446RE.
 //!
 //! This package holds only pins, clocks and tasks; everything that a desktop can test is in the crates. An executor at
-//! interrupt level runs five tasks: [`tasks::control`] (the tick), [`tasks::drive`] (CAN or UART), [`tasks::lvdt`] (ADC and
-//! DMA), [`tasks::link`] (host) and [`tasks::watchdog`], which feeds the watchdog only while all the others run. The
-//! executor in thread mode runs two more: [`tasks::table`] builds a table for other constants, and [`tasks::settings`]
-//! saves the settings.
+//! interrupt level runs five tasks: [`tasks::control`] (the tick), [`tasks::drive`] (CAN or UART), [`tasks::lvdt`] (ADC
+//! and DMA), [`tasks::link`] (host) and [`tasks::watchdog`], which feeds the watchdog only while all the others run.
+//! The executor in thread mode runs two more: [`tasks::table`] builds a table for other constants, and
+//! [`tasks::settings`] saves the settings.
 //!
 //! [`board`] sets up the hardware, [`serial`] sends bytes, [`shared`] holds what the tasks exchange, [`flash`] and
-//! [`flash_store`] keep records without power, [`post_mortem`] what a run leaves for the next one, [`scene`] the table and
-//! the constants that the build script makes from the scene file.
+//! [`flash_store`] keep records without power, [`post_mortem`] what a run leaves for the next one, [`scene`] the table
+//! and the constants that the build script makes from the scene file.
 
 #![no_std]
 #![no_main]

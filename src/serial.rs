@@ -1,7 +1,7 @@
-//! The transmitter of a serial line; reception uses embassy's. Embassy's transmitter, in embassy-stm32 0.6.0, clears the
-//! "transmission complete" flag by reading, changing and writing SR: a byte that arrives in between is lost together with
-//! its flag (RM0390 section 25.6.1). It does so only while the interrupt of that flag is enabled, and this transmitter never
-//! enables it.
+//! The transmitter of a serial line; reception uses embassy's. Embassy's transmitter, in embassy-stm32 0.6.0, clears
+//! the "transmission complete" flag by reading, changing and writing SR: a byte that arrives in between is lost
+//! together with its flag (RM0390 section 25.6.1). It does so only while the interrupt of that flag is enabled, and
+//! this transmitter never enables it.
 
 use embassy_stm32::interrupt::typelevel::{Handler, USART1, USART2};
 use embassy_stm32::pac;
@@ -46,8 +46,8 @@ impl<'d> Transmitter<'d> {
     }
 }
 
-/// Writes the next byte to the transmit register if it is empty, and enables its interrupt again: embassy's handler, which
-/// runs first and has nothing to send, has disabled it.
+/// Writes the next byte to the transmit register if it is empty, and enables its interrupt again: embassy's handler,
+/// which runs first and has nothing to send, has disabled it.
 fn send_next(regs: Usart, queue: &Queue) {
     let mut byte = [0];
     if regs.sr().read().txe() && queue.try_read(&mut byte).is_ok() {

@@ -2,8 +2,9 @@
 //!
 //! Each has one task that writes it; `main` writes [`TABLE`], [`SETTINGS`], [`SAVED_SETTINGS`] and [`SETTINGS_CORRUPT`]
 //! before the tasks start. The exceptions:
-//! - [`DRIVE_COMMAND`] and [`NEW_TABLE`] are also written by their reader, which puts back what it cannot use yet. It cannot
-//!   overwrite a newer value: it does not await between taking and putting back, and the writer has no higher priority.
+//! - [`DRIVE_COMMAND`] and [`NEW_TABLE`] are also written by their reader, which puts back what it cannot use yet. It
+//!   cannot overwrite a newer value: it does not await between taking and putting back, and the writer has no higher
+//!   priority.
 //! - [`PAUSE_WANTED`] is written by whoever holds the lock of the flash store.
 //! - [`DRIVE_STALLED`] and [`BUS_OFF`] are set by the drive task and cleared by the control task, in one atomic swap.
 //! - [`UNSENT`] is an atomic counter, and [`OUTBOX`] a queue: any task may add to them.
@@ -83,8 +84,8 @@ pub static LINK_ERRORS: AtomicU32 = AtomicU32::new(0);
 /// Number of CAN frames, or of bytes on the serial line, that are not the drive's.
 pub static FOREIGN_FRAMES: AtomicU32 = AtomicU32::new(0);
 
-/// Queues a reply or an event for the host. If the queue is full, because the host has not read for a while, the message is
-/// dropped and counted; the host asks again.
+/// Queues a reply or an event for the host. If the queue is full, because the host has not read for a while, the
+/// message is dropped and counted; the host asks again.
 pub fn post(message: Message) {
     if OUTBOX.try_send(message).is_err() {
         UNSENT.fetch_add(1, Ordering::Relaxed);

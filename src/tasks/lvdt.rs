@@ -8,8 +8,8 @@ use embassy_stm32::peripherals::ADC1;
 use embassy_time::{Duration, Instant, Timer, with_timeout};
 use rig_control::LvdtBlock;
 
-/// Time after which the ADC counts as stalled; several block times. embassy-stm32 0.6.0 does not detect an ADC overrun: its
-/// read would wait for ever.
+/// Time after which the ADC counts as stalled; several block times. embassy-stm32 0.6.0 does not detect an ADC overrun:
+/// its read would wait for ever.
 const STALLED: Duration = Duration::from_millis(40);
 
 /// DMA2's stream for the ADC's samples ([`crate::board`]).
@@ -41,10 +41,10 @@ pub async fn run(mut adc: RingBufferedAdc<'static, ADC1>) -> ! {
     }
 }
 
-/// Restores the initial state of converter and DMA; the next read starts them. embassy-stm32 0.6.0 only switches the stream
-/// off and on: the ring would continue where it stopped instead of at its start, switching off would count as a ring of new
-/// samples, and the overrun flag would stay set, with which the converter ignores triggers (RM0390 sections 9.3.14 and
-/// 13.8.1).
+/// Restores the initial state of converter and DMA; the next read starts them. embassy-stm32 0.6.0 only switches the
+/// stream off and on: the ring would continue where it stopped instead of at its start, switching off would count as a
+/// ring of new samples, and the overrun flag would stay set, with which the converter ignores triggers (RM0390 sections
+/// 9.3.14 and 13.8.1).
 fn restart(adc: &mut RingBufferedAdc<'static, ADC1>) {
     adc.stop();
     let stream = pac::DMA2.st(STREAM);

@@ -1,5 +1,5 @@
-//! The settings in flash. The control task applies new settings; this task saves them and reports to the host when flash
-//! holds them.
+//! The settings in flash. The control task applies new settings; this task saves them and reports to the host when
+//! flash holds them.
 
 use crate::flash_store::{self, SharedStore, Store, Unreadable};
 use crate::scene::RIG;

@@ -1,5 +1,5 @@
-//! Checks CAN1 without a bus: in loop-back and silent mode the controller receives its own frames (RM0390 section 30.5.3).
-//! Nothing reaches the pins, so neither a transceiver nor another node is needed, and none is disturbed.
+//! Checks CAN1 without a bus: in loop-back and silent mode the controller receives its own frames (RM0390 section
+//! 30.5.3). Nothing reaches the pins, so neither a transceiver nor another node is needed, and none is disturbed.
 
 use crate::board::Irqs;
 use crate::table::{Table, Verdict};

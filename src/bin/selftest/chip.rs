@@ -11,7 +11,8 @@ use embassy_stm32::{Peri, pac};
 
 /// Range of the LSI (Hz): DS10693, LSI oscillator characteristics.
 const LSI_HZ: core::ops::RangeInclusive<f32> = 17_000.0..=47_000.0;
-/// Cycles of the LSI after which the watchdog resets, with its reset values: 4096 counts, prescaler 4 (RM0390 section 20.4).
+/// Cycles of the LSI after which the watchdog resets, with its reset values: 4096 counts, prescaler 4 (RM0390 section
+/// 20.4).
 const WATCHDOG_CYCLES: f32 = 4096.0 * 4.0;
 /// HCLK as the firmware sets it (src/board.rs).
 const HCLK_HZ: u32 = 168_000_000;

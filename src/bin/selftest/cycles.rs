@@ -1,5 +1,5 @@
-//! Measures a lookup, a control tick and an equilibrium with the core's cycle counter. The emulated board can only count
-//! instructions.
+//! Measures a lookup, a control tick and an equilibrium with the core's cycle counter. The emulated board can only
+//! count instructions.
 
 use crate::chip;
 use crate::scene::{RIG, TABLE};
@@ -96,8 +96,8 @@ fn solver() -> (Spread, Spread, f32) {
     (lookup, solve, difference_m)
 }
 
-/// Cycles of the control ticks of a healthy rig that is at rest and is then jogged, and its last state. The drive reaches each
-/// commanded position at once, and the encoder with it.
+/// Cycles of the control ticks of a healthy rig that is at rest and is then jogged, and its last state. The drive
+/// reaches each commanded position at once, and the encoder with it.
 fn tick() -> (Spread, State) {
     let mut rig = Rig::new(black_box(&TABLE), RIG, None);
     let (mut spread, mut at_qc) = (Spread::NONE, 0);

@@ -1,11 +1,11 @@
 //! Self-test of a NUCLEO-F446RE without a rig, with four jumper wires: it checks what the firmware needs of the chip
-//! (docs/selftest.md). The same image runs on the emulated board in every test run and, by `cargo xtask selftest`, on a real
-//! one.
+//! (docs/selftest.md). The same image runs on the emulated board in every test run and, by `cargo xtask selftest`, on a
+//! real one.
 //!
 //! It takes three runs with a reset after the first two: the first writes a record to flash and resets by software; the
-//! second reads it and waits for the watchdog's reset, which also measures the LSI; the third checks everything else and
-//! prints the table. It does not use `embedded-test`, because the two resets are part of the test and one table shows all
-//! checks.
+//! second reads it and waits for the watchdog's reset, which also measures the LSI; the third checks everything else
+//! and prints the table. It does not use `embedded-test`, because the two resets are part of the test and one table
+//! shows all checks.
 
 #![no_std]
 #![no_main]
@@ -45,7 +45,8 @@ use embassy_time::{Instant, Timer};
 use retained::{Stage, Word};
 use table::{Table, line};
 
-/// Longest wait for the watchdog's reset (µs). 4096 counts of LSI / 4 are 0.96 s at 17 kHz, the datasheet's lower limit.
+/// Longest wait for the watchdog's reset (µs). 4096 counts of LSI / 4 are 0.96 s at 17 kHz, the datasheet's lower
+/// limit.
 const WATCHDOG_US_MAX: u64 = 3_000_000;
 /// Period at which the time is recorded while the test waits for the watchdog (µs): 0.05 % of the wait.
 const STEP_US: u64 = 200;

@@ -1,7 +1,7 @@
 //! Checks of inputs, each driven by an output of the same board through a jumper wire.
 //!
-//! Each wire is first checked with a plain input that is pulled to the opposite level: an input that follows the pull and not
-//! the output has no wire, and one that follows neither is stuck.
+//! Each wire is first checked with a plain input that is pulled to the opposite level: an input that follows the pull
+//! and not the output has no wire, and one that follows neither is stuck.
 
 use crate::board::Irqs;
 use crate::serial::Transmitter;

@@ -1,6 +1,6 @@
-//! Checks the firmware's flash store: writes a record, resets, and reads the record. The record has a key of its own, and the
-//! checksum of the firmware's records must not change. Only the store itself erases sectors, to make room. If the sectors
-//! hold something else than a store, nothing is written.
+//! Checks the firmware's flash store: writes a record, resets, and reads the record. The record has a key of its own,
+//! and the checksum of the firmware's records must not change. Only the store itself erases sectors, to make room. If
+//! the sectors hold something else than a store, nothing is written.
 
 use crate::flash_store::{SETTINGS, SETTINGS_WITNESS, Store, TABLE, Unreadable};
 use crate::retained::{self, Word};

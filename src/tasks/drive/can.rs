@@ -27,8 +27,8 @@ pub struct CanTransport {
 }
 
 impl CanTransport {
-    /// Waits for a quiet bus. A bus that does not become quiet is reported as a drive that does not start. The newest command
-    /// that arrives meanwhile and still matters is put back for the conversation with the drive.
+    /// Waits for a quiet bus. A bus that does not become quiet is reported as a drive that does not start. The newest
+    /// command that arrives meanwhile and still matters is put back for the conversation with the drive.
     pub async fn open(mut can: Can<'static>) -> Self {
         let mut since = Instant::now();
         let mut commanded = None;
@@ -62,7 +62,8 @@ impl CanTransport {
 }
 
 impl Transport for CanTransport {
-    /// Sends the frame now or not at all: a frame without acknowledgement must not be sent seconds later (docs/hardware.md section 7.1).
+    /// Sends the frame now or not at all: a frame without acknowledgement must not be sent seconds later
+    /// (docs/hardware.md section 7.1).
     async fn send(&mut self, frame: &Frame) {
         if !self.tx.is_idle() {
             for mailbox in [Mailbox::Mailbox0, Mailbox::Mailbox1, Mailbox::Mailbox2] {

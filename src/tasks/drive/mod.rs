@@ -1,5 +1,6 @@
-//! The RMDS-405 drive: its start-up, a command in every tick, and its reports, over [`can`] or [`uart`] as the scene says.
-//! The conversation itself is [`rmds405::Conversation`]; this task gives it the time, the line and the motor-power pin.
+//! The RMDS-405 drive: its start-up, a command in every tick, and its reports, over [`can`] or [`uart`] as the scene
+//! says. The conversation itself is [`rmds405::Conversation`]; this task gives it the time, the line and the
+//! motor-power pin.
 
 mod can;
 mod uart;
@@ -20,7 +21,8 @@ trait Transport {
     /// Sends a frame at once, or drops it: a late frame could move the drive unexpectedly.
     async fn send(&mut self, frame: &Frame);
 
-    /// The drive's next report; everything else that arrives is counted. Dropping the future at any await loses nothing.
+    /// The drive's next report; everything else that arrives is counted. Dropping the future at any await loses
+    /// nothing.
     async fn next_report(&mut self) -> Report;
 
     /// Whether the CAN controller is in the bus-off state.

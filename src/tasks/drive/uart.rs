@@ -1,5 +1,5 @@
-//! The serial line to the drive: USART1 through an RS232 converter. It is experimental, because the framing is an assumption
-//! ([`rmds405::serial`]).
+//! The serial line to the drive: USART1 through an RS232 converter. It is experimental, because the framing is an
+//! assumption ([`rmds405::serial`]).
 
 use super::Transport;
 use crate::serial::Transmitter;
