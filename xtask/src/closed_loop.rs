@@ -115,8 +115,8 @@ fn play(folders: &Folders, image: &Path, script: &Path, load: &str) -> Result<Ou
             }
             o.rest_m = error;
         }
-        if let (Some(seen), Some(truth)) = (number("load_n"), number("true_load_n")) {
-            o.load_error = seen / truth - 1.0;
+        if let (Some(estimate), Some(truth)) = (number("load_n"), number("true_load_n")) {
+            o.load_error = estimate / truth - 1.0;
         }
         if state == "unhomed" && number("t_s") > Some(46.0) {
             o.fault.get_or_insert("homing refused".into());
