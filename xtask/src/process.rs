@@ -120,7 +120,7 @@ mod tests {
         fs::create_dir_all(&folder).unwrap();
         let [out, err] = ["out", "err"].map(|name| folder.join(name));
         let run = |script: &str| {
-            run_within(Duration::from_millis(500), Command::new("sh").args(["-c", script]), [&out, &err]).unwrap()
+            run_within(Duration::from_secs(2), Command::new("sh").args(["-c", script]), [&out, &err]).unwrap()
         };
         assert!(run("echo fine").is_some_and(|status| status.success()));
         assert!(run("exit 3").is_some_and(|status| status.code() == Some(3)));
