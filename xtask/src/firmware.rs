@@ -10,7 +10,7 @@ use std::process::Command;
 /// Name of the root package and of its image.
 pub const PACKAGE: &str = "tsa-firmware";
 
-/// The image that only counts what each way of knowing the mechanism costs.
+/// The package and image in which the cost of every way to evaluate the mechanism is counted.
 const COST: &str = "tsa-cost";
 
 /// The image that tests a board without a rig.
@@ -21,7 +21,7 @@ const IMAGES: &str = "firmware";
 
 /// Builds the image, puts it where `rigctl` looks for it, and prints its size.
 pub fn build(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
-    let image = built(&mut cargo(folders, toolchain, PACKAGE), folders, toolchain, PACKAGE, IMAGES)?;
+    let image = built(&mut cargo(folders, toolchain, PACKAGE, PACKAGE), folders, toolchain, PACKAGE, IMAGES)?;
     println!("firmware: {}", image.display());
     image::report(&image)
 }
@@ -48,7 +48,7 @@ pub fn build_uart(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
     if std::fs::read_to_string(&scene).ok().as_deref() != Some(&text) {
         std::fs::write(&scene, &text).with_context(|| format!("cannot write {}", scene.display()))?;
     }
-    let mut cargo = cargo(folders, toolchain, PACKAGE);
+    let mut cargo = cargo(folders, toolchain, PACKAGE, PACKAGE);
     let image = built(cargo.env("TSA_SCENE", &scene), folders, toolchain, PACKAGE, images)?;
     println!("firmware, drive on the serial line: {}", image.display());
     image::report(&image)
@@ -57,27 +57,26 @@ pub fn build_uart(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
 /// Builds the image with a table of another model or accuracy (`TSA_STUDY`, see build.rs), beside the one that `rigctl`
 /// boots.
 pub fn build_study(folders: &Folders, toolchain: &Toolchain, study: &str, image: &Path) -> Result<()> {
-    run(cargo(folders, toolchain, PACKAGE).args(["--features", "study"]).env("TSA_STUDY", study))?;
+    run(cargo(folders, toolchain, PACKAGE, PACKAGE).args(["--features", "study"]).env("TSA_STUDY", study))?;
     let built = toolchain.target_folder(folders).join(TARGET).join("firmware").join(PACKAGE);
     std::fs::copy(&built, image).with_context(|| format!("cannot copy {} to {}", built.display(), image.display()))?;
     Ok(())
 }
 
-/// Builds the image that counts costs (`src/bin/cost.rs`).
+/// Builds the image that counts costs (`crates/lab/cost-image`).
 pub fn build_cost(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
-    let mut cargo = cargo(folders, toolchain, COST);
-    built(cargo.args(["--features", "cost"]), folders, toolchain, COST, IMAGES).map(drop)
+    built(&mut cargo(folders, toolchain, COST, COST), folders, toolchain, COST, IMAGES).map(drop)
 }
 
 /// Builds the image that tests a board without a rig (`src/bin/selftest`).
 pub fn build_selftest(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
-    built(&mut cargo(folders, toolchain, SELFTEST), folders, toolchain, SELFTEST, IMAGES).map(drop)
+    built(&mut cargo(folders, toolchain, PACKAGE, SELFTEST), folders, toolchain, SELFTEST, IMAGES).map(drop)
 }
 
-/// The command that builds one of the package's images.
-fn cargo(folders: &Folders, toolchain: &Toolchain, name: &str) -> Command {
+/// The command that builds one of a package's images.
+fn cargo(folders: &Folders, toolchain: &Toolchain, package: &str, name: &str) -> Command {
     let mut cargo = toolchain.cargo(folders, "build");
-    cargo.args(["--package", PACKAGE, "--profile", "firmware", "--bin", name]);
+    cargo.args(["--package", package, "--profile", "firmware", "--bin", name]);
     cargo
 }
 
@@ -98,10 +97,10 @@ fn built(
     Ok(image)
 }
 
-/// Lints the firmware; a toolchain without clippy still lets no warning through.
+/// Lints the images; a toolchain without clippy still fails on every warning.
 pub fn lint(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
     // In the image's own profile: the build scripts behind it are then built once.
-    let what = ["--package", PACKAGE, "--profile", "firmware", "--features", "cost"];
+    let what = ["--package", PACKAGE, "--package", COST, "--profile", "firmware"];
     if toolchain.has_clippy() {
         return run(toolchain.cargo(folders, "clippy").args(what).args(["--", "-D", "warnings"]));
     }

@@ -8,9 +8,10 @@ use crate::output::csv_text;
 use crate::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Sample, Shape, colour};
 use plotters::style::RGBColor;
 use rig_scene::Scene;
+use rival_methods::Method;
 use serde::Deserialize;
 use std::path::Path;
-use tsa_model::{Method, Tier};
+use tsa_model::Tier;
 
 /// Where an error of nothing at all, or of rounding, is drawn (m).
 const FLOOR_M: f64 = 1e-17;

@@ -25,9 +25,7 @@ pub fn run(global: &Global, out: &Path, output: &mut Output) -> Result<(), Failu
         _ => Path::new("."),
     };
     let scene = super::scene(global)?;
-    let (_, accuracy) = scene.table_demand()?;
-    let fit = scene.fit_table()?;
-    let certificate = serde_json::to_value(table::Report::new(&fit, accuracy))?;
+    let certificate = serde_json::to_value(table::Report::new(&scene, &scene.fit_table()?)?)?;
 
     let mut page = Page::new(&format!("Twisted-string actuator: {}", global.scene.display()));
     page.heading("Model");
