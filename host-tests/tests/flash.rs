@@ -5,7 +5,6 @@ use host_tests::{scene, table};
 use rig_emulator::flash_file::FlashFile;
 use rig_link::PROTOCOL_HASH;
 use rig_link::messages::{Fault, Refusal, Request, Setting, State};
-use tsa_table::Form;
 
 /// Greets a board that was just switched on.
 fn greet(b: &mut Bench) {
@@ -34,8 +33,7 @@ fn a_file_that_another_board_has_written_is_not_written_over() {
 
 #[test]
 fn one_flipped_bit_of_the_table_in_the_image_keeps_the_drive_silent() {
-    let Form::Arc(series) = table().form else { panic!("another form") };
-    let bytes: Vec<u8> = series.coefficients.iter().flat_map(|c| c.to_le_bytes()).collect();
+    let bytes: Vec<u8> = table().series.coefficients.iter().flat_map(|c| c.to_le_bytes()).collect();
     let places: Vec<usize> =
         firmware().windows(bytes.len()).enumerate().filter(|(_, w)| *w == bytes).map(|(at, _)| at).collect();
     let [at] = places[..] else { panic!("the table stands in the ELF at {places:?}") };

@@ -10,7 +10,7 @@ use std::process::Command;
 /// Name of the root package and of its main image.
 pub const PACKAGE: &str = "tsa-firmware";
 
-/// Name of the image that measures the cost of each method of evaluating the mechanism.
+/// The package and image that measures the cost of each method of evaluating the mechanism.
 const COST: &str = "tsa-cost";
 
 /// Name of the image that tests a board without a rig.
@@ -21,7 +21,7 @@ const IMAGES: &str = "firmware";
 
 /// Builds the firmware, puts it where `rigctl` expects it, and prints its size.
 pub fn build(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
-    let image = built(&mut cargo(folders, toolchain, PACKAGE), folders, toolchain, PACKAGE, IMAGES)?;
+    let image = built(&mut cargo(folders, toolchain, PACKAGE, PACKAGE), folders, toolchain, PACKAGE, IMAGES)?;
     println!("firmware: {}", image.display());
     image::report(&image)
 }
@@ -48,7 +48,7 @@ pub fn build_uart(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
     if std::fs::read_to_string(&scene).ok().as_deref() != Some(&text) {
         std::fs::write(&scene, &text).with_context(|| format!("cannot write {}", scene.display()))?;
     }
-    let mut cargo = cargo(folders, toolchain, PACKAGE);
+    let mut cargo = cargo(folders, toolchain, PACKAGE, PACKAGE);
     let image = built(cargo.env("TSA_SCENE", &scene), folders, toolchain, PACKAGE, images)?;
     println!("firmware, drive on the serial line: {}", image.display());
     image::report(&image)
@@ -56,27 +56,26 @@ pub fn build_uart(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
 
 /// Builds the firmware with a table of another model or accuracy (`TSA_STUDY`, see build.rs) and copies it to `image`.
 pub fn build_study(folders: &Folders, toolchain: &Toolchain, study: &str, image: &Path) -> Result<()> {
-    run(cargo(folders, toolchain, PACKAGE).args(["--features", "study"]).env("TSA_STUDY", study))?;
+    run(cargo(folders, toolchain, PACKAGE, PACKAGE).args(["--features", "study"]).env("TSA_STUDY", study))?;
     let built = toolchain.target_folder(folders).join(TARGET).join("firmware").join(PACKAGE);
     std::fs::copy(&built, image).with_context(|| format!("cannot copy {} to {}", built.display(), image.display()))?;
     Ok(())
 }
 
-/// Builds the image that measures costs (`src/bin/cost.rs`).
+/// Builds the image that measures costs (`crates/lab/cost-image`).
 pub fn build_cost(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
-    let mut cargo = cargo(folders, toolchain, COST);
-    built(cargo.args(["--features", "cost"]), folders, toolchain, COST, IMAGES).map(drop)
+    built(&mut cargo(folders, toolchain, COST, COST), folders, toolchain, COST, IMAGES).map(drop)
 }
 
 /// Builds the image that tests a board without a rig (`src/bin/selftest`).
 pub fn build_selftest(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
-    built(&mut cargo(folders, toolchain, SELFTEST), folders, toolchain, SELFTEST, IMAGES).map(drop)
+    built(&mut cargo(folders, toolchain, PACKAGE, SELFTEST), folders, toolchain, SELFTEST, IMAGES).map(drop)
 }
 
-/// The command that builds one image.
-fn cargo(folders: &Folders, toolchain: &Toolchain, name: &str) -> Command {
+/// The command that builds one image of a package.
+fn cargo(folders: &Folders, toolchain: &Toolchain, package: &str, name: &str) -> Command {
     let mut cargo = toolchain.cargo(folders, "build");
-    cargo.args(["--package", PACKAGE, "--profile", "firmware", "--bin", name]);
+    cargo.args(["--package", package, "--profile", "firmware", "--bin", name]);
     cargo
 }
 
@@ -97,10 +96,10 @@ fn built(
     Ok(image)
 }
 
-/// Lints the firmware. With a toolchain without clippy, warnings of the compiler are errors.
+/// Lints the images. With a toolchain without clippy, warnings of the compiler are errors.
 pub fn lint(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
     // In the images' profile, so that their build scripts are built once.
-    let what = ["--package", PACKAGE, "--profile", "firmware", "--features", "cost"];
+    let what = ["--package", PACKAGE, "--package", COST, "--profile", "firmware"];
     if toolchain.has_clippy() {
         return run(toolchain.cargo(folders, "clippy").args(what).args(["--", "-D", "warnings"]));
     }

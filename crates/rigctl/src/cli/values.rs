@@ -5,7 +5,8 @@ use crate::script;
 use crate::units::{self, Quantity};
 use clap::builder::PossibleValuesParser;
 use rig_link::LoadChoice;
-use tsa_model::{Method, RadiusLaw, Tier};
+use rival_methods::Method;
+use tsa_model::{RadiusLaw, Tier};
 
 pub(super) fn radius_law(text: &str) -> Result<RadiusLaw, String> {
     match text {

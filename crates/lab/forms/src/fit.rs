@@ -1,36 +1,192 @@
-//! The smallest table of each form on a load map.
+//! The smallest table of each form on each load map, and all candidates in the order of preference.
 
 use crate::axis::{Axis, LoadMap};
-use crate::fit::{Accuracy, Candidate, Exact, FitError, MAX_BYTES, Numbers, Reference, blank_table, errors_over};
+use crate::form::Form;
+use crate::table::Table;
+use tsa_model::{Mechanism, Tier};
+use tsa_table::Demand;
+use tsa_table::errors::errors_over;
+use tsa_table::fit::{Errors, Fit, FitError, MAX_BYTES, preference};
+use tsa_table::owned::FORM;
+use tsa_table::reference::{Exact, Reference};
 
-/// A candidate must stay this far inside the accuracy on the selection grid, so that the certificate's search passes.
-const MARGIN: f64 = 0.8;
+/// Load maps that are tried.
+const LOAD_MAPS: [LoadMap; 5] = [
+    LoadMap::Ratio { knee_n: 0.5 },
+    LoadMap::Ratio { knee_n: 1.0 },
+    LoadMap::Ratio { knee_n: 2.0 },
+    LoadMap::Log,
+    LoadMap::InverseRoot,
+];
+
+/// A candidate must stay within this share of the accuracy on the selection grid.
+const SELECTION_SHARE: f64 = 0.8;
 
 /// Sizes that are tried, smallest first: load nodes, twist nodes.
 const HERMITE_SIZES: [(u8, u8); 10] =
     [(4, 5), (5, 6), (6, 8), (7, 9), (8, 10), (8, 13), (10, 12), (10, 16), (12, 16), (14, 18)];
 const BILINEAR_SIZES: [(u16, u16); 3] = [(8, 16), (16, 32), (16, 64)];
-/// Cutting thresholds of the series, from coarse to fine, and how much a term counts for what its slope does to TR.
+/// Cutting thresholds of the series, from coarse to fine, and weights of a term's slope, which decides its effect on TR.
 const THRESHOLDS: u32 = 48;
 const SLOPE_WEIGHTS: [f64; 3] = [0.0, 0.02, 0.1];
 
+/// Numbers of a form, owned.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Numbers {
+    /// See [`Form::Series`].
+    Series {
+        /// Coefficients in each row.
+        row_lengths: Vec<u8>,
+        /// All rows.
+        coefficients: Vec<f32>,
+    },
+    /// See [`Form::Hermite`].
+    Hermite {
+        /// Nodes along the load axis.
+        loads: u8,
+        /// Nodes along the twist axis.
+        twists: u8,
+        /// The nodes.
+        nodes: Vec<[f32; 4]>,
+    },
+    /// See [`Form::Bilinear`].
+    Bilinear {
+        /// Nodes along the load axis.
+        loads: u16,
+        /// Nodes along the twist axis.
+        twists: u16,
+        /// G at the nodes (m).
+        nodes: Vec<f32>,
+    },
+}
+
+impl Numbers {
+    /// The numbers for lookups.
+    pub fn form(&self) -> Form<'_> {
+        match self {
+            Self::Series { row_lengths, coefficients } => Form::Series { row_lengths, coefficients },
+            Self::Hermite { loads, twists, nodes } => Form::Hermite { loads: *loads, twists: *twists, nodes },
+            Self::Bilinear { loads, twists, nodes } => Form::Bilinear { loads: *loads, twists: *twists, nodes },
+        }
+    }
+
+    /// Their size in words.
+    pub fn size(&self) -> String {
+        match self {
+            Self::Series { row_lengths, coefficients } => {
+                let longest = row_lengths.iter().max().copied().unwrap_or(0);
+                format!("{} of {}x{} coefficients", coefficients.len(), row_lengths.len(), longest)
+            }
+            Self::Hermite { loads, twists, .. } => format!("{loads}x{twists} nodes"),
+            Self::Bilinear { loads, twists, .. } => format!("{loads}x{twists} nodes"),
+        }
+    }
+}
+
+/// One candidate: the smallest table of its form and load map that passes, or the most accurate one tried.
+#[derive(Clone, Debug)]
+pub struct Candidate {
+    /// Least and greatest load covered (N).
+    pub load_n: [f32; 2],
+    /// Least and greatest twist covered (rad).
+    pub twist_rad: [f32; 2],
+    /// Map of the load.
+    pub load_map: LoadMap,
+    /// The numbers.
+    pub numbers: Numbers,
+    /// Errors on the selection grid.
+    pub errors: Errors,
+    /// Whether it meets the accuracy within [`MAX_BYTES`].
+    pub passes: bool,
+}
+
+impl Candidate {
+    /// The table for lookups.
+    pub fn table(&self) -> Table<'_> {
+        let (load_axis, twist_axis) = axes(self.load_n, self.twist_rad, self.load_map);
+        let Self { load_n, twist_rad, load_map, .. } = *self;
+        Table { load_n, twist_rad, load_map, load_axis, twist_axis, form: self.numbers.form() }
+    }
+}
+
+/// A table that was considered, whatever its form.
+#[derive(Clone, Debug)]
+pub struct Considered {
+    /// Name of its form.
+    pub form: &'static str,
+    /// Its size in words.
+    pub size: String,
+    /// Map of the load; `None` for the form that the board uses, which needs none.
+    pub load_map: Option<LoadMap>,
+    /// Bytes of numbers.
+    pub bytes: usize,
+    /// Predicted instructions of a lookup on the board.
+    pub instructions: u32,
+    /// Errors on the selection grid.
+    pub errors: Errors,
+    /// Whether it meets the accuracy within [`MAX_BYTES`].
+    pub passes: bool,
+}
+
+/// The candidates of a fit and those of the other forms, in the order of preference.
+///
+/// # Errors
+/// As [`tsa_table::fit::fit`].
+pub fn considered(mechanism: &Mechanism, demand: &Demand, fit: &Fit) -> Result<Vec<Considered>, FitError> {
+    let others = candidates(mechanism, demand)?;
+    let others = others.iter().map(|c| Considered {
+        form: c.numbers.form().name(),
+        size: c.numbers.size(),
+        load_map: Some(c.load_map),
+        bytes: c.numbers.form().bytes(),
+        instructions: c.table().instructions(),
+        errors: c.errors,
+        passes: c.passes,
+    });
+    let own = fit.candidates.iter().map(|c| Considered {
+        form: FORM,
+        size: c.table.numbers.size(),
+        load_map: None,
+        bytes: c.table.numbers.bytes(),
+        instructions: c.instructions(),
+        errors: c.errors,
+        passes: c.passes,
+    });
+    let mut all: Vec<_> = others.chain(own).collect();
+    all.sort_by_key(|c| preference(c.passes, c.bytes, c.instructions));
+    Ok(all)
+}
+
+/// The best table of every other form on every load map.
+///
+/// # Errors
+/// [`FitError::Envelope`].
+pub fn candidates(mechanism: &Mechanism, demand: &Demand) -> Result<Vec<Candidate>, FitError> {
+    let reference = Reference::new(mechanism, Tier::Full, demand);
+    let points = reference.selection_grid()?;
+    let mut all = Vec::new();
+    for map in LOAD_MAPS {
+        all.extend(Search { reference: &reference, map, points: &points, demand }.candidates()?);
+    }
+    Ok(all)
+}
+
 /// The search on one load map.
-pub(crate) struct Search<'a> {
-    pub scene_hash: u32,
-    pub reference: &'a Reference<'a>,
-    pub map: LoadMap,
-    pub points: &'a [Exact],
-    pub accuracy: &'a Accuracy,
+struct Search<'a> {
+    reference: &'a Reference<'a>,
+    map: LoadMap,
+    points: &'a [Exact],
+    demand: &'a Demand,
 }
 
 impl Search<'_> {
     /// The best table of every form.
-    pub(crate) fn candidates(&self) -> Result<Vec<Candidate>, FitError> {
+    fn candidates(&self) -> Result<Vec<Candidate>, FitError> {
         let coefficients = chebyshev(self.reference, self.map)?;
         let mut series = None;
         for weight in SLOPE_WEIGHTS {
             let thresholds = (0..THRESHOLDS)
-                .map(|k| 100.0 * self.accuracy.contraction_m * 10f64.powf(-f64::from(k) / 8.0))
+                .map(|k| 100.0 * self.demand.accuracy.contraction_m * 10f64.powf(-f64::from(k) / 8.0))
                 .map(|threshold| Ok(cut(&coefficients, threshold, weight)));
             self.smallest(thresholds, &mut series)?;
         }
@@ -45,17 +201,25 @@ impl Search<'_> {
         Ok([series, hermite, bilinear].into_iter().flatten().collect())
     }
 
-    /// Goes through sizes from small to large until one passes; keeps the best seen.
+    /// Tries sizes from small to large until one passes; `best` becomes the best so far.
     fn smallest(
         &self,
         sizes: impl Iterator<Item = Result<Numbers, FitError>>,
         best: &mut Option<Candidate>,
     ) -> Result<(), FitError> {
         for numbers in sizes {
-            let table = blank_table(self.scene_hash, self.reference, self.map, numbers?);
-            let errors = errors_over(&table.table(), self.points);
-            let passes = errors.meets(self.accuracy, MARGIN) && table.numbers.form().bytes() <= MAX_BYTES;
-            let candidate = Candidate { table, errors, passes };
+            let mut candidate = Candidate {
+                load_n: self.reference.load_n.map(|f| f as f32),
+                twist_rad: self.reference.twist_rad.map(|t| t as f32),
+                load_map: self.map,
+                numbers: numbers?,
+                errors: Errors::default(),
+                passes: false,
+            };
+            let table = candidate.table();
+            let errors = errors_over(|load_n, twist_rad| table.point_inside(load_n, twist_rad), self.points);
+            let passes = errors.meets(&self.demand.accuracy, SELECTION_SHARE) && table.form.bytes() <= MAX_BYTES;
+            (candidate.errors, candidate.passes) = (errors, passes);
             if best.as_ref().is_none_or(|b| better(&candidate, b)) {
                 *best = Some(candidate);
             }
@@ -70,22 +234,26 @@ impl Search<'_> {
 /// Passing beats failing; of two that pass the smaller; of two that fail the more accurate.
 fn better(a: &Candidate, b: &Candidate) -> bool {
     match (a.passes, b.passes) {
-        (true, true) => a.table.numbers.form().bytes() < b.table.numbers.form().bytes(),
+        (true, true) => a.numbers.form().bytes() < b.numbers.form().bytes(),
         (false, false) => a.errors.contraction_max_m < b.errors.contraction_max_m,
         (passes, _) => passes,
     }
 }
 
-/// Axes of a load map over the envelope, as the table will have them.
-fn axes(reference: &Reference<'_>, map: LoadMap) -> (Axis, Axis) {
-    let [u0, u1] = reference.load_n.map(|f| map.apply_f64(f64::from(f as f32)) as f32);
-    let [t0, t1] = reference.twist_rad.map(|t| t as f32);
-    (Axis::new(u0, u1), Axis::new(t0, t1))
+/// Axes of a load map over a range.
+fn axes(load_n: [f32; 2], twist_rad: [f32; 2], map: LoadMap) -> (Axis, Axis) {
+    let [u0, u1] = load_n.map(|f| map.apply_f64(f64::from(f)) as f32);
+    (Axis::new(u0, u1), Axis::new(twist_rad[0], twist_rad[1]))
 }
 
-/// Load and twist at a position of the table, kept inside the envelope.
+/// The axes of a load map over the reference's range.
+fn axes_of(reference: &Reference<'_>, map: LoadMap) -> (Axis, Axis) {
+    axes(reference.load_n.map(|f| f as f32), reference.twist_rad.map(|t| t as f32), map)
+}
+
+/// Load and twist at a position of the table, limited to the range.
 fn state_at(reference: &Reference<'_>, map: LoadMap, x: f64, y: f64) -> (f64, f64) {
-    let (load_axis, twist_axis) = axes(reference, map);
+    let (load_axis, twist_axis) = axes_of(reference, map);
     let [f0, f1] = reference.load_n;
     let [t0, t1] = reference.twist_rad;
     (map.invert(load_axis.invert(x)).clamp(f0, f1), twist_axis.invert(y).clamp(t0, t1))
@@ -147,9 +315,9 @@ fn powers(chebyshev: &[f64]) -> Vec<f64> {
     sum
 }
 
-/// Rows of Chebyshev coefficients, no row longer than the one before, to powers of both axes: down each column, then
-/// along each row. Row lengths and coefficients, the highest powers first.
-pub(crate) fn in_powers(rows: &[Vec<f64>]) -> (Vec<u8>, Vec<f32>) {
+/// Converts rows of Chebyshev coefficients, no row longer than the one before, to powers of both axes: down each column,
+/// then along each row. Returns row lengths and coefficients, the highest powers first.
+fn in_powers(rows: &[Vec<f64>]) -> (Vec<u8>, Vec<f32>) {
     let width = rows.iter().map(Vec::len).max().unwrap_or(0);
     let mut in_x = vec![vec![0.0; width]; rows.len()];
     for j in 0..width {
@@ -165,7 +333,7 @@ pub(crate) fn in_powers(rows: &[Vec<f64>]) -> (Vec<u8>, Vec<f32>) {
 }
 
 /// Cuts a Chebyshev array where its terms fall below `threshold`, and writes it in powers.
-/// `slope_weight` lets a term count more for what its derivative does to TR.
+/// `slope_weight` adds the weight of a term's derivative, which decides its effect on TR.
 fn cut(coefficients: &[Vec<f64>], threshold: f64, slope_weight: f64) -> Numbers {
     let counts = |j: usize, c: f64| c.abs() * (1.0 + slope_weight * (j * j) as f64) > threshold;
     let mut rows: Vec<Vec<f64>> = coefficients
@@ -190,7 +358,7 @@ fn cut(coefficients: &[Vec<f64>], threshold: f64, slope_weight: f64) -> Numbers 
 }
 
 fn hermite_nodes(reference: &Reference<'_>, map: LoadMap, loads: u8, twists: u8) -> Result<Numbers, FitError> {
-    let (load_axis, twist_axis) = axes(reference, map);
+    let (load_axis, twist_axis) = axes_of(reference, map);
     let (hx, hy) = (2.0 / f64::from(loads - 1), 2.0 / f64::from(twists - 1));
     let [t0, t1] = reference.twist_rad;
     let mut nodes = Vec::new();

@@ -1,6 +1,6 @@
-//! Load and twist mapped to [−1, 1], where the table lives.
+//! Maps of load and twist to [−1, 1].
 
-/// How the load axis is bent. The gap goes like 1/F at light loads (eq. 6), which no polynomial in F follows.
+/// The map of the load. The gap varies like 1/F at light loads (eq. 6), which no polynomial in F follows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LoadMap {
     /// F/(F + b): one division, no transcendental function.
@@ -12,8 +12,6 @@ pub enum LoadMap {
     Log,
     /// F^(−1/2).
     InverseRoot,
-    /// F itself: for a form with axes of its own.
-    Linear,
 }
 
 impl LoadMap {
@@ -30,7 +28,6 @@ impl LoadMap {
                 let root = 1.0 / libm::sqrtf(load_n);
                 (root, -0.5 * root / load_n)
             }
-            Self::Linear => (load_n, 1.0),
         }
     }
 
@@ -41,7 +38,6 @@ impl LoadMap {
             Self::Ratio { knee_n } => f64::from(knee_n) * coordinate / (1.0 - coordinate),
             Self::Log => coordinate.exp(),
             Self::InverseRoot => coordinate.powi(-2),
-            Self::Linear => coordinate,
         }
     }
 
@@ -52,7 +48,6 @@ impl LoadMap {
             Self::Ratio { knee_n } => load_n / (load_n + f64::from(knee_n)),
             Self::Log => load_n.ln(),
             Self::InverseRoot => load_n.powf(-0.5),
-            Self::Linear => load_n,
         }
     }
 }

@@ -1,17 +1,16 @@
 //! Collocation: the rod's equations at the ends and middles of equal intervals, all at once, by Newton.
 
-use super::ode::{Point, RodOde, plain, response, with_compliance};
-use crate::error::SolveError;
-use crate::rod::{Rod, RodResponse, TipForce};
-use crate::scalar::{Dual, Scalar};
-use crate::section::Singular;
+use crate::ode::{Point, RodOde, plain, response, with_compliance};
+use tsa_model::SolveError;
+use tsa_model::rod::{Rod, RodResponse, TipForce};
+use tsa_model::scalar::{Dual, Scalar};
 
 /// Most intervals along half a rod.
 pub const MAX_INTERVALS: usize = 256;
 
 /// Greatest rotation by which Newton may move a point at once (rad).
 const LARGEST_TURN: f64 = 0.3;
-/// Newton steps before it is given up.
+/// Most Newton steps.
 const STEPS: u32 = 50;
 
 /// Rotation and moment at the points.
@@ -26,10 +25,6 @@ struct Interval<T> {
     shift: [T; 2],
     /// Gain of X/l and w/l over the interval.
     gain: [T; 2],
-}
-
-fn singular(s: Singular) -> SolveError {
-    SolveError::SectionSingular { bending_strain: s.bending_strain }
 }
 
 fn point<T: Scalar>(at: [T; 2]) -> Point<T> {
@@ -48,11 +43,11 @@ impl<T: Scalar> Curve<T> {
     /// The interval from point i: y' − y − h/6 (f + 4 f_mid + f') = 0 with y_mid = (y + y')/2 + h/8 (f − f').
     fn interval(&mut self, ode: &RodOde<T>, i: usize, h: f64) -> Result<Interval<T>, SolveError> {
         let (a, b) = (self.at[i], self.at[i + 1]);
-        let fa = ode.slope(point(a), self.strain[i]).map_err(singular)?;
-        let fb = ode.slope(point(b), self.strain[i + 1]).map_err(singular)?;
+        let fa = ode.slope(point(a), self.strain[i])?;
+        let fb = ode.slope(point(b), self.strain[i + 1])?;
         (self.strain[i], self.strain[i + 1]) = (fa.strain, fb.strain);
         let mid = core::array::from_fn(|k| (a[k] + b[k]) * 0.5 + (fa.by_length[k] - fb.by_length[k]) * (h / 8.0));
-        let fm = ode.slope(point(mid), fa.strain).map_err(singular)?;
+        let fm = ode.slope(point(mid), fa.strain)?;
         let mean = |k: usize| (fa.by_length[k] + fm.by_length[k] * 4.0 + fb.by_length[k]) * (h / 6.0);
         let residual = [b[0] - a[0] - mean(0), b[1] - a[1] - mean(1)];
         let one = [T::of(1.0), T::of(0.0), T::of(0.0), T::of(1.0)];
@@ -73,11 +68,11 @@ impl<T: Scalar> Curve<T> {
         })
     }
 
-    /// One Newton step; returns how far it went, relative to the curve, and X/l and w/l of the curve before it.
+    /// One Newton step; returns its size relative to the curve, and X/l and w/l of the curve before it.
     fn step(&mut self, ode: &RodOde<T>, n: usize, evaluations: &mut u32) -> Result<(f64, [T; 2]), SolveError> {
         let zero = T::of(0.0);
         let h = 1.0 / n as f64;
-        // Every change in terms of the clamp moment's: d_i = base_i + by_moment_i · d.
+        // Every change as a function of the clamp moment's change d: d_i = base_i + by_moment_i · d.
         let (mut base, mut by_moment) = ([[zero; 2]; MAX_INTERVALS + 1], [[zero; 2]; MAX_INTERVALS + 1]);
         by_moment[0][1] = T::of(1.0);
         let mut tip = [zero; 2];
@@ -94,7 +89,7 @@ impl<T: Scalar> Curve<T> {
         let change = -(self.at[n][1] + base[n][1]) / by_moment[n][1];
         let steps = |i: usize, k: usize| base[i][k] + by_moment[i][k] * change;
         let turn = (0..=n).map(|i| steps(i, 0).value().abs()).fold(0.0, f64::max);
-        // A straight guess may be far off: no rotation moves by more than this at once.
+        // A straight guess may be far off: no rotation changes by more than the limit in one step.
         let share = (LARGEST_TURN / turn).min(1.0);
         let (mut far, mut size) = (0.0f64, 0.0f64);
         for i in 0..=n {
@@ -111,8 +106,8 @@ impl<T: Scalar> Curve<T> {
     }
 }
 
-/// The rod's answer from a straight first guess.
-pub(super) fn respond(
+/// The rod's response, from a straight first guess.
+pub(crate) fn respond(
     rod: &Rod,
     force: TipForce,
     intervals: usize,
@@ -141,7 +136,7 @@ pub(super) fn respond(
     if !settled {
         return Err(SolveError::Diverged { stage: "Newton on the collocation equations" });
     }
-    // One more step in numbers that carry the force's derivatives gives the solution's.
+    // One more step in numbers that carry derivatives by the force gives those of the solution.
     let ode = with_compliance(rod, force);
     let mut dual = Curve {
         at: curve.at.map(|point| point.map(Dual::of)),

@@ -1,10 +1,10 @@
-//! The arc of eq. 6 from the mechanism's constants, in double precision for a fit.
+//! The growth of the arc (eqs 6, 25) from the mechanism's constants, in double precision for a fit.
 
 use crate::arc::{Growth, POWERS};
 use crate::least_squares::Normal;
 use tsa_model::{Parameters, RadiusLaw};
 
-/// Arc and its derivative by twist in f64, by the rounded numbers.
+/// Arc (m) and its derivative by twist (m/rad) in f64, from the coefficients as they are rounded to f32.
 pub(crate) fn arc_at(growth: &Growth, load_n: f64, twist_rad: f64) -> (f64, f64) {
     let per_twist = f64::from(growth.per_load_m_n) / load_n;
     let (mut value, mut slope) = (0.0, 0.0);
@@ -15,11 +15,11 @@ pub(crate) fn arc_at(growth: &Growth, load_n: f64, twist_rad: f64) -> (f64, f64)
     (twist_rad * (per_twist + value), per_twist + value + twist_rad * slope)
 }
 
-/// Eq. 6 with r0 (k2 + k3 g(θ)) in powers of the twist.
+/// Eq. 6, with r0 (k2 + k3 g(θ)) fitted in powers of the twist over the range `twist_rad`.
 pub(crate) fn growth(p: &Parameters, twist_rad: [f64; 2]) -> Option<Growth> {
     let degree = match p.radius_law {
         RadiusLaw::TwistPower => POWERS,
-        // X0/X changes slowly; what it changes is left to the polynomials in F and a.
+        // X0/X varies slowly; the polynomials in F and a take up its variation.
         RadiusLaw::LengthRatio => 1,
     };
     let radius = |twist: f64| match p.radius_law {

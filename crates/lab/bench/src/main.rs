@@ -9,12 +9,13 @@ use anyhow::{Context, Result};
 use clap::{Parser, Subcommand};
 use grid::{Grid, PUBLISHED};
 use rig_scene::Scene;
+use rival_methods::Method;
 use serde::Serialize;
 use std::hint::black_box;
 use std::path::{Path, PathBuf};
 use timing::Cost;
 use tsa_model::rod::TipForce;
-use tsa_model::{Mechanism, Method, Tier};
+use tsa_model::{Mechanism, Tier};
 
 #[derive(Parser)]
 #[command(about = "What an equilibrium of the model costs", version)]
@@ -122,7 +123,7 @@ fn times(scenes: &[PathBuf], repeats: usize) -> Result<Times> {
     }
     let first = mechanism(&scenes[0])?;
     for &method in Method::ALL {
-        let cost = timing::cost(&coarse, repeats, |load, twist| first.solve_by(method, load, twist));
+        let cost = timing::cost(&coarse, repeats, |load, twist| method.solve(&first, load, twist));
         found.methods.push(Named { name: method.name().to_owned(), cost });
     }
     for tier in Tier::ALL {

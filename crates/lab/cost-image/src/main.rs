@@ -1,5 +1,5 @@
-//! What each way of knowing the mechanism costs on the board: every function below is called once for each state, and
-//! the emulated board counts its instructions by its symbol (`cargo xtask cost`). No pins, no tasks.
+//! The cost on the board of every way to evaluate the mechanism: each function below is called once for each state, and
+//! the emulated board counts its instructions by its symbol (`cargo xtask cost`). The image uses no pins and no tasks.
 
 #![no_std]
 #![no_main]
@@ -7,18 +7,14 @@
 use core::hint::black_box;
 use defmt_rtt as _;
 use panic_probe as _;
+use rival_methods::Method;
 use tsa_model::scalar::Single;
-use tsa_model::{Mechanism, Method, Parameters, Tier};
+use tsa_model::{Mechanism, Parameters, Tier};
 use tsa_table::Point;
 
-#[expect(dead_code, reason = "only the table is of interest here")]
-#[path = "../scene.rs"]
-mod scene;
-
 #[allow(missing_docs, reason = "generated")]
-mod peers {
-    include!(concat!(env!("OUT_DIR"), "/peers.rs"));
-    include!(concat!(env!("OUT_DIR"), "/parameters.rs"));
+mod tables {
+    include!(concat!(env!("OUT_DIR"), "/tables.rs"));
 }
 
 /// Loads (N) and twists (rad) of the table's range, off every grid.
@@ -28,19 +24,13 @@ const TWISTS_RAD: [f32; 5] = [3.9, 11.3, 20.7, 33.1, 47.9];
 #[unsafe(no_mangle)]
 #[inline(never)]
 fn cost_lookup(load_n: f32, twist_rad: f32) -> Point {
-    scene::TABLE.point_inside(load_n, twist_rad)
-}
-
-#[unsafe(no_mangle)]
-#[inline(never)]
-fn cost_inverse_load(twist_rad: f32, gap_m: f32) -> f32 {
-    scene::TABLE.load_from_gap(twist_rad, gap_m).map_or(0.0, |found| found.load_n)
+    tables::TABLE.point_inside(load_n, twist_rad)
 }
 
 #[unsafe(no_mangle)]
 #[inline(never)]
 fn cost_inverse_twist(load_n: f32, gap_m: f32) -> f32 {
-    scene::TABLE.twist_from_gap(load_n, gap_m).unwrap_or(0.0)
+    tables::TABLE.twist_from_gap(load_n, gap_m).unwrap_or(0.0)
 }
 
 macro_rules! table {
@@ -48,7 +38,7 @@ macro_rules! table {
         #[unsafe(no_mangle)]
         #[inline(never)]
         fn $name(load_n: f32, twist_rad: f32) -> Point {
-            peers::$table.point_inside(load_n, twist_rad)
+            tables::$table.point_inside(load_n, twist_rad)
         }
     };
 }
@@ -65,7 +55,7 @@ table!(cost_bilinear, BILINEAR);
 #[unsafe(no_mangle)]
 #[inline(never)]
 fn cost_interpn(load_n: f32, twist_rad: f32) -> f32 {
-    use peers::{INTERPN, INTERPN_DIMS, INTERPN_STARTS, INTERPN_STEPS};
+    use tables::{INTERPN, INTERPN_DIMS, INTERPN_STARTS, INTERPN_STEPS};
     let grid = interpn::MulticubicRegular::<f32, 2>::new(INTERPN_DIMS, INTERPN_STARTS, INTERPN_STEPS, &INTERPN, false);
     grid.and_then(|grid| grid.interp_one([1.0 / libm::sqrtf(load_n), twist_rad])).unwrap_or(0.0)
 }
@@ -102,20 +92,20 @@ tier!(cost_inextensible, Inextensible);
 #[inline(never)]
 fn cost_collocation(mechanism: &Mechanism, load_n: f64, twist_rad: f64) -> f64 {
     let method = Method::Collocation { intervals: 16, tolerance: 1e-6 };
-    mechanism.solve_by(method, load_n, twist_rad).map_or(0.0, |e| e.gap_m)
+    method.solve(mechanism, load_n, twist_rad).map_or(0.0, |e| e.gap_m)
 }
 
 #[unsafe(no_mangle)]
 #[inline(never)]
 fn cost_continuation(mechanism: &Mechanism, load_n: f64, twist_rad: f64) -> f64 {
-    mechanism.solve_by(Method::Continuation { steps: 1 }, load_n, twist_rad).map_or(0.0, |e| e.gap_m)
+    Method::Continuation { steps: 1 }.solve(mechanism, load_n, twist_rad).map_or(0.0, |e| e.gap_m)
 }
 
 #[unsafe(no_mangle)]
 #[inline(never)]
 fn cost_paper(mechanism: &Mechanism, load_n: f64, twist_rad: f64) -> f64 {
     let method = Method::Paper { steps: 8, relaxation: 1.0, tolerance: 1e-5 };
-    mechanism.solve_by(method, load_n, twist_rad).map_or(0.0, |e| e.gap_m)
+    method.solve(mechanism, load_n, twist_rad).map_or(0.0, |e| e.gap_m)
 }
 
 #[unsafe(no_mangle)]
@@ -130,7 +120,7 @@ fn cost_sqrt_libm(x: f32) -> f32 {
     libm::sqrtf(x)
 }
 
-// One instruction of the FPU, which stable Rust without `std` has no name for.
+// One instruction of the FPU, for which stable Rust without `std` has no function.
 core::arch::global_asm!(
     ".fpu fpv4-sp-d16",
     ".section .text.cost_sqrt_fpu,\"ax\",%progbits",
@@ -150,20 +140,16 @@ unsafe extern "C" {
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
-    // For the log's clock; the chip's default clocks serve.
-    let _ = embassy_stm32::init(embassy_stm32::Config::default());
-    let mechanism = Mechanism::of(peers::PARAMETERS);
-    let single = Mechanism::of(Parameters::<Single>::constant(&peers::PARAMETERS));
+    let mechanism = Mechanism::of(tables::PARAMETERS);
+    let single = Mechanism::of(Parameters::<Single>::constant(&tables::PARAMETERS));
     for load in LOADS_N {
         for twist in TWISTS_RAD {
             let (load, twist) = (black_box(load), black_box(twist));
             let (f, t) = (f64::from(load), f64::from(twist));
             let point = cost_lookup(load, twist);
-            // In the order in which the host names them (m, N, rad); they leave the board, so that nothing is
-            // optimised away.
+            // In the host's order (m, N, rad). The results are sent to the host, so that nothing is optimised away.
             let singles = [
                 point.gap_m,
-                cost_inverse_load(twist, point.gap_m),
                 cost_inverse_twist(load, point.gap_m),
                 cost_arc_short(load, twist).gap_m,
                 cost_arc_long(load, twist).gap_m,
@@ -178,7 +164,7 @@ fn main() -> ! {
                 cost_sqrt_libm(load),
                 cost_sqrt_fpu(load),
             ];
-            // It takes a thousand times as long as the rest.
+            // This method takes a thousand times as long as the others.
             let paper = if twist == TWISTS_RAD[2] && load < 3.0 { cost_paper(&mechanism, f, t) } else { f64::NAN };
             let doubles = [
                 cost_rigid(&mechanism, f, t),
@@ -194,7 +180,7 @@ fn main() -> ! {
             defmt::println!("{} {} {} {}", load, twist, singles, doubles);
         }
     }
-    defmt::println!("done {}", size_of_val(&peers::INTERPN));
+    defmt::println!("done {}", size_of_val(&tables::INTERPN));
     loop {
         cortex_m::asm::wfi();
     }

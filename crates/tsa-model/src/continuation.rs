@@ -1,22 +1,23 @@
-//! Continuation from the unloaded state, the way a rig gets there: hang the load on untwisted strings little by
-//! little, then twist.
+//! Continuation from the unloaded state, in the order of a real rig: the load is raised on untwisted strings, then the
+//! strings are twisted.
 //!
-//! Each step starts from a secant through the last two states and must not move the helix far, so that Newton cannot
-//! change branch. Where no step however small goes on, the branch folds back: no equilibrium beyond is continuously
-//! connected to the unloaded state.
+//! Each step starts from a secant through the last two states and must not change the helix angle much, so that Newton's
+//! method cannot change branch. Where even the smallest step fails, the branch folds back: no equilibrium beyond is
+//! continuously connected to the unloaded state.
 
+use crate::equilibrium::Equilibrium;
 use crate::error::SolveError;
 use crate::helix::State;
-use crate::mechanism::{Equilibrium, Found, Mechanism};
+use crate::mechanism::{Found, Mechanism};
 use crate::quadrature::LEVELS;
 use crate::scalar::Scalar;
 
-/// The smallest step, as a part of the leg.
+/// The smallest step, as a share of the leg.
 const LEAST_STEP: f64 = 1e-9;
-/// Residual of a state on the way.
-const ON_THE_WAY: f64 = 1e-6;
+/// Residual of an intermediate state.
+const INTERMEDIATE_RESIDUAL: f64 = 1e-6;
 /// Greatest change of the helix angle in one step (rad).
-const NEIGHBOUR: f64 = 0.1;
+const LARGEST_CHANGE_RAD: f64 = 0.1;
 
 /// Counts over all steps.
 struct Walk {
@@ -25,9 +26,12 @@ struct Walk {
 }
 
 impl<T: Scalar> Mechanism<T> {
-    /// The equilibrium reached from the unloaded, untwisted state in at least `steps` steps of load and as many of
-    /// twist.
-    pub(crate) fn continued(&self, state: &State, steps: usize) -> Result<Equilibrium<T>, SolveError> {
+    /// The equilibrium reached from the unloaded, untwisted state in at least `steps` steps of load and as many of twist,
+    /// formal like that of [`Mechanism::formal`].
+    ///
+    /// # Errors
+    /// [`SolveError::Fold`] where the branch ends before the state; else as [`Mechanism::formal`].
+    pub fn continued(&self, state: &State, steps: usize) -> Result<Equilibrium<T>, SolveError> {
         if self.is_rigid() {
             return self.formal(state.load_n, state.sign * state.twist_rad);
         }
@@ -70,7 +74,7 @@ impl Walk {
                 None => here,
             };
             match self.settle(m, &at(next)?, guess, next == to) {
-                Some(f) if (f.alpha - here.0).value().abs() < NEIGHBOUR => {
+                Some(f) if (f.alpha - here.0).value().abs() < LARGEST_CHANGE_RAD => {
                     before = Some((x, here));
                     (found, x) = (f, next);
                     step = (2.0 * step).min(widest);
@@ -86,12 +90,12 @@ impl Walk {
         Ok(found)
     }
 
-    /// On the way a state only leads to the next: few nodes and half the digits do. The last one is settled in full.
+    /// An intermediate state only leads to the next, so few nodes and half the digits are enough; the last is solved fully.
     fn settle<T: Scalar>(&mut self, m: &Mechanism<T>, state: &State, guess: (T, T), last: bool) -> Option<Found<T>> {
         // A secant may overshoot zero.
         let above = |x: T, least: f64| if x.value() > least { x } else { T::of(least) };
         let guess = (above(guess.0, 0.0), above(guess.1, f64::MIN_POSITIVE));
-        let rough = if last { None } else { m.settle_on(state, guess, &LEVELS[1..2], ON_THE_WAY) };
+        let rough = if last { None } else { m.settle_on(state, guess, &LEVELS[1..2], INTERMEDIATE_RESIDUAL) };
         let found = rough.or_else(|| m.settle(state, guess))?;
         self.iterations += found.iterations;
         self.evaluations += found.evaluations;

@@ -1,11 +1,12 @@
 //! The rod's differential equations (eqs 13–24) along x/l, for every method that integrates them.
 
-use crate::rod::{Compliance, Rod, RodResponse, TipForce};
-use crate::scalar::{Dual, Scalar};
-use crate::section::{Section, Singular, Strain};
+use tsa_model::SolveError;
+use tsa_model::rod::{Compliance, Rod, RodResponse, TipForce};
+use tsa_model::scalar::{Dual, Scalar};
+use tsa_model::section::{Section, Strain};
 
 /// Right-hand side of φ, M/(A·E·R), X/l and w/l by x/l.
-pub(super) struct RodOde<T> {
+pub(crate) struct RodOde<T> {
     pub section: Section<T>,
     /// l/R
     pub slenderness: T,
@@ -15,10 +16,10 @@ pub(super) struct RodOde<T> {
 }
 
 /// Rotation, moment, and position along and across.
-pub(super) type Point<T> = [T; 4];
+pub(crate) type Point<T> = [T; 4];
 
 /// The equations at a point, with what a Newton iteration on them needs.
-pub(super) struct Slope<T> {
+pub(crate) struct Slope<T> {
     pub by_length: Point<T>,
     pub strain: (T, T),
     /// Derivatives of the first two slopes by rotation and moment, row by row.
@@ -37,7 +38,7 @@ impl<T: Scalar> RodOde<T> {
     }
 
     /// `start` is a guess of (e, κR), from a neighbour.
-    pub fn slope(&self, point: Point<T>, start: (T, T)) -> Result<Slope<T>, Singular> {
+    pub fn slope(&self, point: Point<T>, start: (T, T)) -> Result<Slope<T>, SolveError> {
         let [phi, moment, ..] = point;
         let (sin, cos) = phi.sin_cos();
         let axial = self.sideways * sin - self.inward * cos;
@@ -62,7 +63,7 @@ impl<T: Scalar> RodOde<T> {
 }
 
 /// The rod under a force whose components are the two parameters of the derivatives.
-pub(super) fn with_compliance(rod: &Rod, force: TipForce) -> RodOde<Dual<2>> {
+pub(crate) fn with_compliance(rod: &Rod, force: TipForce) -> RodOde<Dual<2>> {
     let parameter = |value: f64, k| Dual::parameter(value, k) / rod.stiffness_n;
     RodOde {
         section: rod.section.map(Dual::of),
@@ -73,7 +74,7 @@ pub(super) fn with_compliance(rod: &Rod, force: TipForce) -> RodOde<Dual<2>> {
 }
 
 /// The rod under a force.
-pub(super) fn plain(rod: &Rod, force: TipForce) -> RodOde<f64> {
+pub(crate) fn plain(rod: &Rod, force: TipForce) -> RodOde<f64> {
     RodOde {
         section: rod.section,
         slenderness: rod.length_m / rod.radius_m,
@@ -82,8 +83,8 @@ pub(super) fn plain(rod: &Rod, force: TipForce) -> RodOde<f64> {
     }
 }
 
-/// A rod's answer from the tip of an integrated rod and the strain (e, κR) at its clamp.
-pub(super) fn response(rod: &Rod, tip: Point<Dual<2>>, clamp: (f64, f64)) -> RodResponse {
+/// A rod's response from the tip of an integrated rod and the strain (e, κR) at its clamp.
+pub(crate) fn response(rod: &Rod, tip: Point<Dual<2>>, clamp: (f64, f64)) -> RodResponse {
     let compliance = |x: Dual<2>| Compliance {
         value: x.value * rod.length_m,
         by_inward: x.by[0] * rod.length_m,

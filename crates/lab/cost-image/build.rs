@@ -1,28 +1,41 @@
-//! What `src/bin/cost.rs` compares the table with.
+//! Writes the tables that the image compares as Rust: the default scene's own, the best of every other form, and a grid
+//! for `interpn`.
 
 use rig_scene::Scene;
+use rival_forms::fit::candidates;
+use rival_forms::peers::peers;
 use std::error::Error;
+use std::path::PathBuf;
+use std::{env, fs};
 
-/// The best table of every other form, and a grid of `interpn`'s.
-pub fn source(scene: &Scene, fit: &tsa_table::fit::Fit) -> Result<String, Box<dyn Error>> {
-    let mut source = String::new();
-    for (name, best) in tsa_table::fit::peers(fit) {
-        let doc = format!(
-            "{}, {} bytes, contraction within {:.2e} m, TR within {:.2e} on the selection grid.",
-            best.table.numbers.size(),
-            best.table.numbers.form().bytes(),
-            best.errors.contraction_max_m,
-            best.errors.tr_max
-        );
-        source += &tsa_table::emit::table_source(name, &doc, &best.table);
+const SCENE: &str = "../../../scenes/default.toml";
+const MEMORY: &str = "../../../memory.x";
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let out = PathBuf::from(env::var_os("OUT_DIR").ok_or("OUT_DIR is not set")?);
+    println!("cargo:rerun-if-changed={SCENE}");
+    println!("cargo:rerun-if-changed={MEMORY}");
+    fs::write(out.join("tables.rs"), source(&Scene::load(SCENE)?)?)?;
+    fs::copy(MEMORY, out.join("memory.x"))?;
+    println!("cargo:rustc-link-search={}", out.display());
+    Ok(())
+}
+
+fn source(scene: &Scene) -> Result<String, Box<dyn Error>> {
+    let (mechanism, demand, fit) = (scene.mechanism()?, scene.demand()?, scene.fit_table()?);
+    let parameters = format!("tsa_model::{:?}", mechanism.parameters());
+    let parameters = parameters.replace("radius_law: ", "radius_law: tsa_model::RadiusLaw::");
+    let mut source = tsa_table::emit::rust_source(&fit);
+    source += &format!("/// The scene's constants.\npub const PARAMETERS: tsa_model::Parameters = {parameters};\n");
+    for (name, peer) in peers(&fit, &candidates(&mechanism, &demand)?) {
+        source += &peer.rust_source(name);
     }
-    let mechanism = scene.mechanism()?;
-    source += &interpn_grid(&mechanism, &fit.table.metadata, scene.table_demand()?.1.contraction_m)?;
+    source += &interpn_grid(&mechanism, &fit.table.metadata, demand.accuracy.contraction_m)?;
     Ok(source)
 }
 
-/// The smallest grid in F^(−1/2) and twist on which `interpn`'s cubic interpolation gives the contraction as well as the
-/// scene asks; it has no gradient.
+/// The smallest grid in F^(−1/2) and twist on which `interpn`'s cubic interpolation reaches the scene's accuracy of the
+/// contraction. It has no gradient.
 fn interpn_grid(
     mechanism: &tsa_model::Mechanism,
     m: &tsa_table::Metadata,

@@ -1,22 +1,28 @@
-//! Other ways to solve the same equations, each complete, so that they can be compared and fail in their own ways.
+//! Other methods for the equations of [`tsa_model`], each complete, so that speed, accuracy and failures can be compared.
 //!
 //! - `shooting`: the paper's own (its Fig. 5): a guessed clamp moment, Newton–Raphson, fixed-step Runge–Kutta, and an
-//!   outer relaxation of the helix angle; and the same with an adaptive integrator of high order.
+//!   outer relaxation of the helix angle.
+//! - `adaptive` (feature `ode`): shooting with an adaptive integrator of high order.
 //! - `collocation`: all points of the rod at once.
-//! - `continuation`: load and then twist raised from nothing.
+//! - `ode`: the differential equations that these integrate.
 //!
-//! The first integral itself is [`crate::Mechanism::solve`]. Only it promises the right branch.
+//! The first integral and the continuation are [`tsa_model`]'s own; only these guarantee the right branch.
+//!
+//! Builds without `std`, so that the cost of a method can be measured on the board.
 
+#![cfg_attr(not(feature = "ode"), no_std)]
+#![forbid(unsafe_code)]
+
+#[cfg(feature = "ode")]
+mod adaptive;
 mod collocation;
-mod continuation;
 mod ode;
 mod shooting;
 
-use crate::error::SolveError;
-use crate::helix::State;
-use crate::mechanism::{Equilibrium, Mechanism};
-use crate::quadrature::MAX_NODES;
-use crate::scalar::Scalar;
+use tsa_model::helix::State;
+use tsa_model::quadrature::MAX_NODES;
+use tsa_model::scalar::Scalar;
+use tsa_model::{Equilibrium, Mechanism, SolveError};
 
 pub use collocation::MAX_INTERVALS;
 
@@ -25,7 +31,7 @@ pub use collocation::MAX_INTERVALS;
 pub enum Method {
     /// First integral with Gauss–Legendre quadrature and Newton in both unknowns.
     FirstIntegral {
-        /// Quadrature nodes; `None` doubles them until the residual agrees.
+        /// Quadrature nodes; `None` doubles them until the residual is small enough.
         points: Option<usize>,
     },
     /// The paper's (section 4.1 and Fig. 5): shooting along the rod with Newton–Raphson and classical Runge–Kutta of
@@ -86,8 +92,8 @@ impl Method {
         Self::ALL.iter().copied().find(|m| m.name() == name)
     }
 
-    /// The same method with as many steps (nodes, Runge–Kutta steps, intervals or load steps). `None` where it has
-    /// none: an adaptive integrator chooses its own.
+    /// The same method with this number of steps (nodes, Runge–Kutta steps, intervals or load steps). `None` for an
+    /// adaptive integrator, which chooses its own.
     pub fn with_steps(self, steps: usize) -> Option<Self> {
         Some(match self {
             Self::FirstIntegral { .. } => Self::FirstIntegral { points: Some(steps.clamp(1, MAX_NODES)) },
@@ -101,7 +107,7 @@ impl Method {
         })
     }
 
-    /// The same method with another tolerance. `None` where it has none: the first integral iterates to rounding.
+    /// The same method with another tolerance. `None` for the first integral, which iterates to rounding.
     pub fn with_tolerance(self, tolerance: f64) -> Option<Self> {
         Some(match self {
             Self::FirstIntegral { .. } | Self::Continuation { .. } => return None,
@@ -111,43 +117,36 @@ impl Method {
             Self::Collocation { intervals, .. } => Self::Collocation { intervals, tolerance },
         })
     }
-}
 
-impl Mechanism {
-    /// The equilibrium at a load (N) and a twist (rad) by another method. Its `residual` is that of the method's own
-    /// discrete equations, its derivatives those of its own discrete solution.
+    /// The equilibrium at a load (N) and a twist (rad). Its `residual` is that of the method's own discrete equations, its
+    /// derivatives those of its own discrete solution.
     ///
     /// # Errors
     /// As [`Mechanism::solve`]; also [`SolveError::Diverged`] where the method fails although a solution may exist.
-    pub fn solve_by(&self, method: Method, load_n: f64, twist_rad: f64) -> Result<Equilibrium, SolveError> {
-        let found = match method {
-            Method::FirstIntegral { points: None } => self.formal(load_n, twist_rad)?,
-            Method::FirstIntegral { points: Some(points) } => self.clone().points(points).formal(load_n, twist_rad)?,
-            Method::Continuation { steps } => self.continued(&State::new(load_n, twist_rad)?, steps)?,
-            _ if self.is_rigid() => self.formal(load_n, twist_rad)?,
-            Method::Paper { steps, relaxation, tolerance } => {
-                shooting::paper(self, &State::new(load_n, twist_rad)?, steps, relaxation, tolerance)?
+    pub fn solve(self, mechanism: &Mechanism, load_n: f64, twist_rad: f64) -> Result<Equilibrium, SolveError> {
+        let m = mechanism;
+        let state = || State::new(load_n, twist_rad);
+        let mut evaluations = 0;
+        let found = match self {
+            Self::FirstIntegral { points: None } => m.formal(load_n, twist_rad)?,
+            Self::FirstIntegral { points: Some(points) } => m.clone().with_points(points).formal(load_n, twist_rad)?,
+            Self::Continuation { steps } => m.continued(&state()?, steps)?,
+            _ if m.is_rigid() => m.formal(load_n, twist_rad)?,
+            Self::Paper { steps, relaxation, tolerance } => {
+                shooting::paper(m, &state()?, steps, relaxation, tolerance)?
             }
             #[cfg(feature = "ode")]
-            Method::AdaptiveShooting { tolerance } => {
-                let mut evaluations = 0;
-                let state = State::new(load_n, twist_rad)?;
-                let mut found = self.balance(&state, None, tolerance.max(f64::PRECISION), &mut |force| {
-                    shooting::adaptive(&self.rod, force, tolerance, &mut evaluations)
-                })?;
-                found.evaluations = evaluations;
-                found
+            Self::AdaptiveShooting { tolerance } => {
+                let mut rod = |force| adaptive::respond(m.rod(), force, tolerance, &mut evaluations);
+                let found = m.balance(&state()?, None, tolerance.max(f64::PRECISION), &mut rod)?;
+                Equilibrium { evaluations, ..found }
             }
-            Method::Collocation { intervals, tolerance } => {
-                let mut evaluations = 0;
-                let state = State::new(load_n, twist_rad)?;
-                let mut found = self.balance(&state, None, tolerance.max(f64::PRECISION), &mut |force| {
-                    collocation::respond(&self.rod, force, intervals, tolerance, &mut evaluations)
-                })?;
-                found.evaluations = evaluations;
-                found
+            Self::Collocation { intervals, tolerance } => {
+                let mut rod = |force| collocation::respond(m.rod(), force, intervals, tolerance, &mut evaluations);
+                let found = m.balance(&state()?, None, tolerance.max(f64::PRECISION), &mut rod)?;
+                Equilibrium { evaluations, ..found }
             }
         };
-        self.possible(found)
+        m.possible(found)
     }
 }

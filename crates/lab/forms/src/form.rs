@@ -1,6 +1,4 @@
-//! The forms that a table can have, each with value and gradient in its own coordinates on [−1, 1]².
-
-use crate::arc::{ArcSeries, Growth, Patch};
+//! The numbers of each form, with value and gradient in coordinates on [−1, 1]².
 
 /// Value and derivatives at a position (x along the load axis, y along the twist axis).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -14,14 +12,14 @@ pub struct Value {
 }
 
 impl Value {
-    /// What an inconsistent form answers.
-    pub(crate) const NONE: Self = Self { value: f32::NAN, by_x: f32::NAN, by_y: f32::NAN };
+    /// What inconsistent numbers give.
+    const NONE: Self = Self { value: f32::NAN, by_x: f32::NAN, by_y: f32::NAN };
 }
 
 /// A table's numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Form<'a> {
-    /// Σ_i x^i Σ_j c_ij y^j: a Chebyshev series cut where its terms no longer matter, row by row, and written in powers.
+    /// Σ_i x^i Σ_j c_ij y^j: a Chebyshev series, cut row by row where its terms become negligible, written in powers.
     /// Rows descend in i, coefficients within a row in j: in the order in which Horner needs them.
     Series {
         /// Coefficients in each row.
@@ -48,8 +46,6 @@ pub enum Form<'a> {
         /// G at the nodes (m).
         nodes: &'a [f32],
     },
-    /// G² in load and arc on ranges of the load, see [`crate::arc`]. It has axes of its own.
-    Arc(ArcSeries<'a>),
 }
 
 impl Form<'_> {
@@ -59,7 +55,6 @@ impl Form<'_> {
             Self::Series { .. } => "chebyshev-series",
             Self::Hermite { .. } => "hermite-bicubic",
             Self::Bilinear { .. } => "bilinear",
-            Self::Arc(_) => "arc-series",
         }
     }
 
@@ -69,30 +64,21 @@ impl Form<'_> {
             Self::Series { row_lengths, coefficients } => row_lengths.len() + 4 * coefficients.len(),
             Self::Hermite { nodes, .. } => 16 * nodes.len(),
             Self::Bilinear { nodes, .. } => 4 * nodes.len(),
-            Self::Arc(s) => Growth::BYTES + Patch::BYTES * s.patches.len() + 4 * s.coefficients.len(),
         }
     }
 
-    /// Whether the lengths agree with the shape: a form from outside must pass before it is evaluated.
-    pub fn is_consistent(&self) -> bool {
-        match self {
-            Self::Series { row_lengths, coefficients } => {
-                !row_lengths.is_empty()
-                    && row_lengths.iter().all(|l| *l > 0)
-                    && row_lengths.iter().map(|l| usize::from(*l)).sum::<usize>() == coefficients.len()
-            }
-            Self::Hermite { loads, twists, nodes } => {
-                *loads >= 2 && *twists >= 2 && usize::from(*loads) * usize::from(*twists) == nodes.len()
-            }
-            Self::Bilinear { loads, twists, nodes } => {
-                *loads >= 2 && *twists >= 2 && usize::from(*loads) * usize::from(*twists) == nodes.len()
-            }
-            Self::Arc(s) => !s.patches.is_empty() && s.coefficients.len() == s.patches.len() * s.shape.terms(),
+    /// Value and gradient at a position.
+    #[inline]
+    pub(crate) fn evaluate(&self, x: f32, y: f32) -> Value {
+        match *self {
+            Self::Series { row_lengths, coefficients } => series(row_lengths, coefficients, x, y),
+            Self::Hermite { loads, twists, nodes } => hermite(usize::from(loads), usize::from(twists), nodes, x, y),
+            Self::Bilinear { loads, twists, nodes } => bilinear(usize::from(loads), usize::from(twists), nodes, x, y),
         }
     }
 }
 
-/// Value and slope along one row: Horner from the highest power, which stands first.
+/// Value and slope along one row by Horner's rule, the highest power first.
 #[inline(always)]
 fn along(row: &[f32], y: f32, (mut value, mut slope): (f32, f32)) -> (f32, f32) {
     for c in row {
@@ -102,13 +88,12 @@ fn along(row: &[f32], y: f32, (mut value, mut slope): (f32, f32)) -> (f32, f32) 
     (value, slope)
 }
 
-/// Coefficients of a row that are taken in one straight piece.
+/// Most coefficients of a row that are evaluated without a loop.
 const STRAIGHT: usize = 8;
 
-/// The row of `length` coefficients at the start of `rest`, and what follows it.
+/// Value and slope of the row of `length` coefficients at the start of `rest`, and the coefficients after it.
 ///
-/// One arm for each length, so that each is unrolled and nothing is counted or checked within a row: this is most of a
-/// lookup.
+/// There is one arm for each length, so that each is unrolled without counting or checking: this is most of a lookup.
 #[inline(always)]
 fn row(length: usize, rest: &[f32], y: f32) -> Option<((f32, f32), &[f32])> {
     let (mut sum, mut left, mut rest) = ((0.0, 0.0), length, rest);
@@ -135,11 +120,10 @@ fn row(length: usize, rest: &[f32], y: f32) -> Option<((f32, f32), &[f32])> {
     })
 }
 
-/// Horner in y along each row, Horner in x across the rows, both from the highest power down. Lengths that do not fit
+/// Horner's rule in y along each row and in x across the rows, both from the highest power down. Lengths that do not fit
 /// the coefficients give NaN.
-// Not inlined: the firmware is built for size, this for speed.
 #[inline(never)]
-pub(crate) fn series(row_lengths: &[u8], coefficients: &[f32], x: f32, y: f32) -> Value {
+fn series(row_lengths: &[u8], coefficients: &[f32], x: f32, y: f32) -> Value {
     let mut total = Value { value: 0.0, by_x: 0.0, by_y: 0.0 };
     let mut rest = coefficients;
     for length in row_lengths {
@@ -173,7 +157,7 @@ fn basis(t: f32) -> ([f32; 4], [f32; 4]) {
     )
 }
 
-pub(crate) fn hermite(loads: usize, twists: usize, nodes: &[[f32; 4]], x: f32, y: f32) -> Value {
+fn hermite(loads: usize, twists: usize, nodes: &[[f32; 4]], x: f32, y: f32) -> Value {
     let ((i, s, x_scale), (j, t, y_scale)) = (cell(x, loads), cell(y, twists));
     let ((bx, dx), (by, dy)) = (basis(s), basis(t));
     let mut total = Value { value: 0.0, by_x: 0.0, by_y: 0.0 };
@@ -191,7 +175,7 @@ pub(crate) fn hermite(loads: usize, twists: usize, nodes: &[[f32; 4]], x: f32, y
     Value { value: total.value, by_x: total.by_x * x_scale, by_y: total.by_y * y_scale }
 }
 
-pub(crate) fn bilinear(loads: usize, twists: usize, nodes: &[f32], x: f32, y: f32) -> Value {
+fn bilinear(loads: usize, twists: usize, nodes: &[f32], x: f32, y: f32) -> Value {
     let ((i, s, x_scale), (j, t, y_scale)) = (cell(x, loads), cell(y, twists));
     let node = |a: usize, b: usize| nodes.get((i + a) * twists + j + b).copied().unwrap_or(0.0);
     let (g00, g01, g10, g11) = (node(0, 0), node(0, 1), node(1, 0), node(1, 1));

@@ -1,11 +1,12 @@
 //! Methods against each other: where all agree, how fast they converge, and where each fails, pinned.
 
 use rig_scene::Scene;
+use rival_methods::Method;
 use std::collections::HashMap;
-use tsa_model::{Mechanism, Method, SolveError, twist_from_turns};
+use tsa_model::{Mechanism, SolveError, twist_from_turns};
 
 fn root() -> std::path::PathBuf {
-    std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+    std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../..")
 }
 
 fn scene(name: &str) -> Scene {
@@ -23,7 +24,7 @@ fn every_method_agrees_on_the_reference_states() {
         let (load, twist) = (number("load_n"), twist_from_turns(number("turns")));
         let reference = m.solve(load, twist).unwrap();
         for method in Method::ALL {
-            let e = m.solve_by(*method, load, twist).unwrap_or_else(|e| panic!("{} {row:?}: {e}", method.name()));
+            let e = method.solve(&m, load, twist).unwrap_or_else(|e| panic!("{} {row:?}: {e}", method.name()));
             let gap = (e.gap_m - reference.gap_m).abs();
             assert!(gap < 2e-10, "{} {row:?}: gap differs by {gap}", method.name());
             for (a, b) in [
@@ -45,7 +46,7 @@ fn every_method_agrees_on_the_reference_states() {
 /// Error of the gap against the default method, at rising effort.
 fn errors(m: &Mechanism, load: f64, twist: f64, methods: &[Method]) -> Vec<f64> {
     let reference = m.solve(load, twist).unwrap().gap_m;
-    methods.iter().map(|method| (m.solve_by(*method, load, twist).unwrap().gap_m - reference).abs()).collect()
+    methods.iter().map(|method| (method.solve(m, load, twist).unwrap().gap_m - reference).abs()).collect()
 }
 
 #[test]
@@ -90,11 +91,11 @@ fn the_papers_relaxation_stops_converging_where_the_solution_exists() {
         let m = slender(span, radius);
         let solution = m.solve(load, twist).unwrap();
         let paper = |relaxation| Method::Paper { steps: 60, relaxation, tolerance: 1e-9 };
-        let failed = m.solve_by(paper(1.0), load, twist).unwrap_err();
+        let failed = paper(1.0).solve(&m, load, twist).unwrap_err();
         assert_eq!(failed, SolveError::Diverged { stage: "relaxation of the helix angle" });
         // Half the step damps it here; continuation does not need it.
         for method in [paper(0.5), Method::Continuation { steps: 4 }] {
-            let e = m.solve_by(method, load, twist).unwrap();
+            let e = method.solve(&m, load, twist).unwrap();
             assert!((e.gap_m - solution.gap_m).abs() < 1e-6, "{}", method.name());
         }
     }
@@ -105,9 +106,9 @@ fn shooting_finds_another_branch_and_says_nothing() {
     // Three solutions and more of the shooting equation: which one Newton meets is chance (numerics.md 2.6).
     let m = slender(0.06, 0.0003);
     let solution = m.solve(2.0, 50.0).unwrap();
-    let wrong = m.solve_by(Method::Paper { steps: 60, relaxation: 0.5, tolerance: 1e-9 }, 2.0, 50.0).unwrap();
+    let wrong = Method::Paper { steps: 60, relaxation: 0.5, tolerance: 1e-9 }.solve(&m, 2.0, 50.0).unwrap();
     assert!((wrong.gap_m - solution.gap_m).abs() > 1e-3, "{} {}", wrong.gap_m, solution.gap_m);
-    let followed = m.solve_by(Method::Continuation { steps: 16 }, 2.0, 50.0).unwrap();
+    let followed = Method::Continuation { steps: 16 }.solve(&m, 2.0, 50.0).unwrap();
     assert!((followed.gap_m - solution.gap_m).abs() < 1e-12);
     assert!(solution.tip_angle_rad < std::f64::consts::FRAC_PI_2 + solution.alpha_rad);
 }
@@ -124,7 +125,7 @@ fn shooting_from_a_straight_guess_fails_on_slender_rods() {
     for method in
         [Method::Paper { steps: 200, relaxation: 0.5, tolerance: 1e-9 }, Method::AdaptiveShooting { tolerance: 1e-9 }]
     {
-        match m.solve_by(method, load, twist) {
+        match method.solve(&m, load, twist) {
             Err(e) => assert!(
                 matches!(
                     e,
@@ -135,7 +136,7 @@ fn shooting_from_a_straight_guess_fails_on_slender_rods() {
             Ok(e) => assert!((e.gap_m - solution.gap_m).abs() > 1e-6, "{} succeeds here", method.name()),
         }
     }
-    assert!((m.solve_by(Method::Continuation { steps: 8 }, load, twist).unwrap().gap_m - solution.gap_m).abs() < 1e-12);
+    assert!((Method::Continuation { steps: 8 }.solve(&m, load, twist).unwrap().gap_m - solution.gap_m).abs() < 1e-12);
 }
 
 #[test]
@@ -147,7 +148,7 @@ fn asking_for_less_than_rounding_does_not_end_in_nan() {
         Method::Collocation { intervals: 200, tolerance: 1e-15 },
         Method::AdaptiveShooting { tolerance: 1e-14 },
     ] {
-        match m.solve_by(method, 10.0, 30.0) {
+        match method.solve(&m, 10.0, 30.0) {
             Ok(e) => assert!((e.gap_m - reference).abs() < 1e-11, "{}", method.name()),
             // It may say that it cannot.
             Err(e) => assert!(
