@@ -4,7 +4,7 @@ use crate::failure::Failure;
 use crate::plant::Setting;
 use serde::Deserialize;
 
-/// What really happens in an emulated rig. SI units.
+/// The true state of an emulated rig. SI units.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 pub struct Truth {
     /// Emulated time.
@@ -47,24 +47,24 @@ pub struct Stats {
     pub stack_high_water_bytes: u64,
 }
 
-/// A way to the board.
+/// A connection to the board.
 pub trait Port {
     /// Sends `bytes` and lets `seconds` pass.
     ///
     /// # Errors
-    /// If the way is gone, or the emulated board stopped.
+    /// If the connection is lost, or the emulated board stopped.
     fn pass(&mut self, bytes: &[u8], seconds: f64) -> Result<Received, Failure>;
 
-    /// Time on this way's clock (s): emulated time, or time since it was opened.
+    /// Time on this connection's clock (s): emulated time, or time since it was opened.
     fn now_s(&self) -> f64;
 
-    /// The emulated rig behind it, if it is one.
+    /// The emulated rig at its end, if it is one.
     fn emulated(&mut self) -> Option<&mut dyn Emulated> {
         None
     }
 }
 
-/// What only an emulated rig can be told and asked.
+/// What only an emulated rig can do.
 pub trait Emulated {
     /// Changes the plant.
     ///
