@@ -135,7 +135,7 @@ pub fn stored_settings(data: &[u8]) {
         assert!(loaded.kept == Kept::These || loaded.values == defaults, "{loaded:?}");
     }
     if let Ok(text) = core::str::from_utf8(data)
-        && let Ok(backup) = rigctl::settings::from_toml(text, &defaults)
+        && let Ok(backup) = rigctl::backup::from_toml(text, &defaults)
     {
         assert!(backup.values.check(&defaults).is_ok(), "{backup:?}");
     }

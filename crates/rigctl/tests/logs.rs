@@ -99,6 +99,23 @@ fn a_record_without_a_file_goes_to_standard_output_and_its_errors_name_what_is_w
 }
 
 #[test]
+fn a_record_whose_script_was_refused_is_whole_and_fails() {
+    let (script, log) = (file("refused.script"), file("refused.csv"));
+    std::fs::write(&script, "0 hold\n2.5 move 5mm\n3 end\n").expect("written");
+    let output = rigctl(&["record", "--script", text(&script), "--out", text(&log)]);
+    assert_eq!(output.status.code(), Some(1), "{}", error_of(&output));
+    assert!(error_of(&output).contains("script line 2: refused: "), "{}", error_of(&output));
+    assert!(
+        error_of(&output).ends_with(" of the script were refused\n")
+            || error_of(&output).ends_with(" of the script was refused\n")
+    );
+    Log::load(&log).and_then(|log| log.whole().map_err(|e| e.to_string())).expect("a whole log");
+    for path in [script, log] {
+        std::fs::remove_file(path).expect("was there");
+    }
+}
+
+#[test]
 fn a_file_that_is_there_is_not_lost_to_a_new_one() {
     let kept = file("kept.csv");
     let beside = kept.with_extension("csv~");

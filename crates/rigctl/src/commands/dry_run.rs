@@ -1,9 +1,9 @@
 //! `move --dry-run`: what the board would plan and look up, without a board.
 
-use crate::cli::Global;
+use crate::backup;
 use crate::failure::Failure;
+use crate::options::Global;
 use crate::output::Output;
-use crate::settings;
 use rig_control::limits::Limits;
 use rig_control::mechanism::Mechanism;
 use rig_control::planner::Planner;
@@ -33,13 +33,13 @@ pub fn run(
     let LoadChoice::Known(load_n) = load else {
         return Err(Failure::Usage("--dry-run has no device to weigh the load with: give --load L".into()));
     };
-    let scene = super::scene(global)?;
+    let scene = global.scene()?;
     let fit = scene.fit_table()?;
     let table = fit.table.table();
     let as_built = scene.rig.constants();
     let defaults = rig_settings::defaults(&as_built);
     let values = match kept {
-        Some(file) => settings::load(file, &defaults)?.of_rig(scene.rig_hash(), file, false)?.values,
+        Some(file) => backup::load(file, &defaults)?.of_rig(scene.rig_hash(), file, false)?.values,
         None => defaults,
     };
     let rig = rig_settings::apply(&values, &as_built);
