@@ -34,7 +34,6 @@ pub async fn run(encoder: Qei<'static, TIM3>, mut switches: Switches, mut leds: 
     let mut ticker = Ticker::every(Duration::from_micros(TICK_US));
     let mut ticks = 0u32;
     let mut longest_tick_us = 0;
-    let mut moved = false;
     loop {
         ticker.next().await;
         // A pause for flash: the drive holds, and what is old by then says nothing.
@@ -50,10 +49,7 @@ pub async fn run(encoder: Qei<'static, TIM3>, mut switches: Switches, mut leds: 
         {
             shared::NEW_TABLE.signal(table);
         }
-        // A tick that takes a move does with what the one before saw, so the next one does not take another.
-        let rests = moved && matches!(shared::REQUESTS.try_peek(), Ok((_, Request::Move { .. })));
-        let request = if rests { None } else { shared::REQUESTS.try_receive().ok() };
-        moved = matches!(request, Some((_, Request::Move { .. })));
+        let request = shared::REQUESTS.try_receive().ok();
         let inputs = Inputs {
             now_us: Instant::now().as_micros(),
             encoder_counts: count.update(encoder.count()),

@@ -73,8 +73,8 @@ pub struct Crossing {
     end_rad: f32,
     /// Sign of the move for which it was last set.
     direction: f32,
-    /// The way for that move is still to be worked out: not in its first tick, which has looked up enough.
-    to_cross: bool,
+    /// The twist for that move has been worked out.
+    planned: bool,
     watch: Watch,
     /// The load waits for the crossing.
     waiting: bool,
@@ -88,7 +88,7 @@ impl Default for Crossing {
             ramp: Ramp::at(0.0),
             end_rad: 0.0,
             direction: 0.0,
-            to_cross: false,
+            planned: true,
             watch: Watch::NEW,
             waiting: false,
             left_s: 0.0,
@@ -109,26 +109,20 @@ impl Crossing {
         self.waiting
     }
 
-    /// Whether its way is still to be worked out, which takes a table lookup.
-    pub fn is_to_plan(&self) -> bool {
-        self.to_cross
-    }
-
-    /// How long it still waits (s), as planned; `None` until that is worked out.
-    pub fn left_s(&self) -> Option<f32> {
-        (!self.to_cross).then_some(self.left_s)
+    /// How long it still waits (s), as planned.
+    pub fn left_s(&self) -> f32 {
+        self.left_s
     }
 
     fn turn(&mut self, direction: f32) {
         self.direction = direction;
         self.end_rad = self.ramp.position;
-        self.to_cross = direction != 0.0;
+        self.planned = direction == 0.0;
         self.left_s = 0.0;
     }
 
     /// Twist speed (rad/s) that the crossing takes in this tick. `setting_out` is the speed (m/s) of a move that
-    /// has not begun, `error_m` the smoothed one. One table lookup in the
-    /// tick after a turn, else none.
+    /// has not begun, `error_m` the smoothed one.
     #[allow(clippy::too_many_arguments)]
     pub fn step(
         &mut self,
@@ -153,7 +147,8 @@ impl Crossing {
         let fast = Ramp { position: LIMITS_SHARE * limits.speed, speed: LIMITS_SHARE * limits.acceleration };
         if direction != self.direction {
             self.turn(direction);
-        } else if core::mem::take(&mut self.to_cross) {
+        }
+        if !core::mem::replace(&mut self.planned, true) {
             self.plan(share, seen, mechanism, twist_rad);
             self.left_s = Ramp::duration_s(self.end_rad - self.ramp.position, fast.position, fast.speed);
         }
@@ -165,7 +160,7 @@ impl Crossing {
             self.ramp = Ramp::at(0.0);
             self.end_rad = 0.0;
         }
-        if let (true, false, Some(asked_m_per_s)) = (self.waiting, self.to_cross, setting_out) {
+        if let (true, Some(asked_m_per_s)) = (self.waiting, setting_out) {
             if self.watch.moved(direction, position_m) {
                 self.end_rad = self.ramp.stopping_point(fast.speed);
                 self.waiting = false;

@@ -10,7 +10,7 @@
 //! - [`observer`]: the load, from twist and gap.
 //! - [`position_loop`]: set-point and measured position to twist speed, through TR.
 //! - [`crossing`]: taking up the rail's friction before a move.
-//! - [`forecast`]: how long a move will take.
+//! - [`time_to_target`]: how long a move will take.
 //! - [`homing`]: zero twist without switches, then the load.
 //! - [`settings`]: what the rig is told for good: applied to its constants, and as bytes in flash.
 //! - [`supervisor`]: states, faults, requests; [`supervisor::Rig::step`] is one control tick.
@@ -21,7 +21,6 @@
 pub mod adaptation;
 pub mod constants;
 pub mod crossing;
-pub mod forecast;
 pub mod homing;
 pub mod limits;
 pub mod mechanism;
@@ -31,6 +30,7 @@ pub mod position_loop;
 pub mod sensors;
 pub mod settings;
 pub mod supervisor;
+pub mod time_to_target;
 
 pub use constants::RigConstants;
 pub use rmds405::DriveCommand;

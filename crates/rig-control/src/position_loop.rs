@@ -39,7 +39,6 @@ pub struct LoopOutput {
 
 impl PositionLoop {
     /// One tick: where the load should be, where it was `age_s` ago (m), what is known of the mechanism, and the twist.
-    /// One table lookup in the tick in which friction begins to be crossed, else none.
     #[allow(clippy::too_many_arguments)]
     pub fn step(
         &mut self,

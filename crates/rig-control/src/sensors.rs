@@ -33,10 +33,9 @@ impl LvdtBlock {
         Some(Self { t_us, mean_code: sum as f32 / n, variance: spread as f32 / (n * n) })
     }
 
-    /// Rms noise of one sample (codes). Its use is a health limit a factor wide, so micromath's bit-trick square root
-    /// (6 % off at worst) is good enough here; nothing in the position path uses it.
-    pub fn noise_codes(&self) -> f32 {
-        micromath::F32Ext::sqrt(self.variance)
+    /// Whether the rms noise of its samples is above a limit (codes).
+    pub fn is_noisier_than(&self, limit_codes: f32) -> bool {
+        self.variance > limit_codes * limit_codes
     }
 }
 
@@ -121,7 +120,7 @@ impl Lvdt {
             LvdtReading::Invalid(Fault::LvdtOpen)
         } else if block.mean_code > SHORT_ABOVE {
             LvdtReading::Invalid(Fault::LvdtShort)
-        } else if block.noise_codes() > NOISE_LIMIT {
+        } else if block.is_noisier_than(NOISE_LIMIT) {
             LvdtReading::Invalid(Fault::LvdtNoisy)
         } else if self.frozen_blocks >= FROZEN_BLOCKS {
             LvdtReading::Invalid(Fault::LvdtFrozen)

@@ -126,7 +126,6 @@ enum Phase {
     Seek { start_rad: f32, goal_rad: f32, low_m: Option<f32>, top_m: f32, top_rad: f32 },
     CentreRest { ticks: u16 },
     Centre,
-    Solve,
     WeighStart { ticks: u16 },
     Weigh,
     Settle { ticks: u16, sum_m: f32, count: u16 },
@@ -211,7 +210,6 @@ impl Homing {
             }
             Phase::CentreRest { ticks } => self.rest_before_centre(ticks, acceleration, speed_limit),
             Phase::Centre => self.sweep_centre(seen, acceleration),
-            Phase::Solve => self.solve_centre(),
             Phase::WeighStart { ticks } => self.rest_before_weigh(ticks, acceleration, speed_limit),
             Phase::Weigh => self.sweep_weigh(table, rig, seen, acceleration, speed_limit),
             Phase::Settle { ticks, sum_m, count } => self.settle(table, ticks, sum_m, count, gap_m, acceleration),
@@ -333,15 +331,7 @@ impl Homing {
         self.ramp.step(goal, SWEEP_SPEED, acceleration);
         self.centre.record(seen.shaft_then_rad, seen.gap_m);
         if self.ramp == Ramp::at(goal) && self.centre.end_pass() {
-            self.phase = Phase::Solve;
-        }
-        Ok(None)
-    }
-
-    fn solve_centre(&mut self) -> Result<Option<Homed>, HomingFailure> {
-        if let Some((zero_rad, error_rad)) = self.centre.solve_some()? {
-            self.zero_rad = zero_rad;
-            self.zero_error_rad = error_rad;
+            (self.zero_rad, self.zero_error_rad) = self.centre.solve()?;
             self.phase = Phase::WeighStart { ticks: 0 };
         }
         Ok(None)
@@ -401,7 +391,7 @@ impl Homing {
     ) -> Result<Option<Homed>, HomingFailure> {
         let goal = self.zero_rad + PI;
         let ticks = self.rest_at(goal, SWEEP_SPEED, acceleration, ticks);
-        let fitted = self.weigh.fit_some(table)?;
+        let fitted = self.weigh.fit_step(table)?;
         if f32::from(ticks) * TICK_S > SETTLE_S {
             sum_m += gap_m;
             count += 1;

@@ -3,7 +3,7 @@
 //! The shape of G(θ, F) alone cannot tell a heavier load from a thinner string: either makes the gap shrink less. Work
 //! can. What the motor does over a way up and a way down, its own friction cancelling, lifts the load: τ dθ = F dG, with
 //! no model in it. Gap, work and how well a scene knows its string are weighed by their errors in one Gauss–Newton fit
-//! of load, twist scale and offset, one bin each tick. Friction is half of what up and down differ by.
+//! of load, twist scale and offset, one step of it each tick. Friction is half of what up and down differ by.
 
 use crate::RigConstants;
 use crate::mechanism::{Mechanism, TWIST_SCALE};
@@ -46,7 +46,7 @@ struct Pair {
     half_gap_m: f32,
 }
 
-/// Sums of one Gauss–Newton step over the bins seen so far: residual r, sensitivity to load d and to scale e.
+/// Sums of one Gauss–Newton step over the bins: residual r, sensitivity to load d and to scale e.
 #[derive(Clone, Copy, Debug)]
 struct Sums {
     n: f32,
@@ -102,8 +102,6 @@ pub(super) struct Weigh {
     /// Scale of the twist before anything was seen: the table's, or what these strings had before.
     expected_scale: f32,
     steps: u8,
-    at: usize,
-    sums: Sums,
 }
 
 impl Weigh {
@@ -115,8 +113,6 @@ impl Weigh {
             by_work: None,
             expected_scale: 1.0,
             steps: 0,
-            at: END_BINS,
-            sums: Sums::ZERO,
         }
     }
 
@@ -157,8 +153,6 @@ impl Weigh {
         let middle_n = libm::sqrtf(m.load_min_n * m.load_max_n);
         self.found.load_n = self.by_work.map_or(middle_n, |w| w.load_n).clamp(m.load_min_n, m.load_max_n);
         self.steps = 0;
-        self.at = END_BINS;
-        self.sums = Sums::ZERO;
     }
 
     fn pair(&self, i: usize) -> Option<Pair> {
@@ -195,48 +189,45 @@ impl Weigh {
         (load_n > 0.0 && error_n.is_finite() && newton_per_ampere > 0.0).then_some(ByWork { load_n, error_n })
     }
 
-    /// Works on; what was weighed when finished.
-    pub(super) fn fit_some(&mut self, table: &Table<'_>) -> Result<Option<Weighed>, HomingFailure> {
-        if self.steps >= STEPS {
-            return Ok(Some(self.found));
+    /// One Gauss–Newton step; what was weighed when all are done.
+    pub(super) fn fit_step(&mut self, table: &Table<'_>) -> Result<Option<Weighed>, HomingFailure> {
+        if self.steps < STEPS {
+            self.steps += 1;
+            let sums = self.sums(&Mechanism { table, twist_scale: self.found.twist_scale });
+            self.gauss_newton(table, &sums)?;
         }
-        let mechanism = Mechanism { table, twist_scale: self.found.twist_scale };
-        if self.at == BINS - END_BINS {
-            self.gauss_newton(table)?;
-        } else {
-            if let Some(pair) = self.pair(self.at) {
-                // The way up pulls friction more than the load, the way down as much less. The gap is far from straight
-                // in the load when that is light, so each is asked for by itself.
-                let Weighed { load_n, friction_n, .. } = self.found;
-                let up = mechanism.at(load_n + friction_n, pair.twist_rad + pair.half_twist_rad);
-                let down = below(mechanism, load_n - friction_n, pair.twist_rad - pair.half_twist_rad);
-                let r = pair.gap_m - 0.5 * (up.gap_m + down.gap_m);
-                let d = 0.5 * (up.dgap_dload_m_per_n + down.dgap_dload_m_per_n);
-                let by_twist = 0.5 * (up.dgap_dtwist_m_per_rad + down.dgap_dtwist_m_per_rad);
-                let e = by_twist * pair.twist_rad / mechanism.twist_scale;
-                let s = &mut self.sums;
-                s.n += 1.0;
-                s.r += r;
-                s.d += d;
-                s.e += e;
-                s.dd += d * d;
-                s.de += d * e;
-                s.ee += e * e;
-                s.dr += d * r;
-                s.er += e * r;
-                s.rr += r * r;
-                s.friction += d * (pair.half_gap_m - 0.5 * (up.gap_m - down.gap_m));
-            }
-            self.at += 1;
-        }
-        Ok(None)
+        Ok((self.steps == STEPS).then_some(self.found))
     }
 
-    fn gauss_newton(&mut self, table: &Table<'_>) -> Result<(), HomingFailure> {
+    fn sums(&self, mechanism: &Mechanism<'_>) -> Sums {
+        let Weighed { load_n, friction_n, .. } = self.found;
+        let mut s = Sums::ZERO;
+        for pair in (END_BINS..BINS - END_BINS).filter_map(|i| self.pair(i)) {
+            // The way up pulls friction more than the load, the way down as much less. The gap is far from straight
+            // in the load when that is light, so each is asked for by itself.
+            let up = mechanism.at(load_n + friction_n, pair.twist_rad + pair.half_twist_rad);
+            let down = below(mechanism, load_n - friction_n, pair.twist_rad - pair.half_twist_rad);
+            let r = pair.gap_m - 0.5 * (up.gap_m + down.gap_m);
+            let d = 0.5 * (up.dgap_dload_m_per_n + down.dgap_dload_m_per_n);
+            let by_twist = 0.5 * (up.dgap_dtwist_m_per_rad + down.dgap_dtwist_m_per_rad);
+            let e = by_twist * pair.twist_rad / mechanism.twist_scale;
+            s.n += 1.0;
+            s.r += r;
+            s.d += d;
+            s.e += e;
+            s.dd += d * d;
+            s.de += d * e;
+            s.ee += e * e;
+            s.dr += d * r;
+            s.er += e * r;
+            s.rr += r * r;
+            s.friction += d * (pair.half_gap_m - 0.5 * (up.gap_m - down.gap_m));
+        }
+        s
+    }
+
+    fn gauss_newton(&mut self, table: &Table<'_>, s: &Sums) -> Result<(), HomingFailure> {
         let m = &table.metadata;
-        let s = core::mem::replace(&mut self.sums, Sums::ZERO);
-        self.at = END_BINS;
-        self.steps += 1;
         let last = self.steps == STEPS;
         if s.n < 0.5 * (BINS - 2 * END_BINS) as f32 {
             return Err(HomingFailure::PoorFit);
@@ -279,7 +270,7 @@ impl Weigh {
 
 /// As [`Mechanism::at`], continued below the table's least load in 1/F, as the strings' radius goes (model.md 2): the
 /// lightest load less friction is there.
-fn below(mechanism: Mechanism<'_>, load_n: f32, twist_rad: f32) -> Point {
+fn below(mechanism: &Mechanism<'_>, load_n: f32, twist_rad: f32) -> Point {
     let least_n = mechanism.table.metadata.load_min_n;
     let mut point = mechanism.at(load_n, twist_rad);
     if load_n < least_n {

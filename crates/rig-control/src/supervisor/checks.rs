@@ -321,7 +321,7 @@ impl Rig<'_> {
                 && self.checks.last_gap_m.is_some_and(|last| gap_m - last > DROP_M);
             // A falling load blurs its block; a broken wire blurs it far more.
             let real = !matches!(lvdt, LvdtReading::Invalid(Fault::LvdtOpen | Fault::LvdtShort));
-            broken = dropped && self.matched && real && block.noise_codes() < FALLING_NOISE;
+            broken = dropped && self.matched && real && !block.is_noisier_than(FALLING_NOISE);
             self.checks.last_gap_m = lvdt.gap_m().or(self.checks.last_gap_m);
         }
         let jumped = self.checks.lvdt_jump.step(lvdt.gap_m()) && self.matched;

@@ -23,10 +23,9 @@ mod requests;
 mod told;
 
 use crate::adaptation::{Adaptation, Learned};
-use crate::forecast::Forecast;
 use crate::homing::{Homed, Homing, Progress, Seen};
 use crate::mechanism::Mechanism;
-use crate::observer::{Confidence, LoadObserver, Observation};
+use crate::observer::{Confidence, LoadObserver};
 use crate::planner::{Planner, Ramp};
 use crate::position_loop::PositionLoop;
 use crate::sensors::{DriveReading, GAP_DELAY_S, Lvdt, LvdtBlock, LvdtReading, SupplyReading};
@@ -132,8 +131,8 @@ pub struct Rig<'t> {
     planner: Planner,
     position_loop: PositionLoop,
     motion: Motion,
-    /// Time until the set-point is at its target.
-    forecast: Option<Forecast>,
+    /// Time until the set-point is at its target, friction aside (s); `None` until the first tick of a move.
+    run_s: Option<f32>,
     /// Ticks that the load has stood at its target.
     at_rest_ticks: u16,
     arrived_ticks: u16,
@@ -146,8 +145,6 @@ pub struct Rig<'t> {
     last_shaft_rad: Option<f32>,
     /// Age of the newest gap (s).
     gap_age_s: f32,
-    /// What the observer said in this tick; `None` where the tick before had to do.
-    last_seen: Option<Observation>,
 }
 
 /// Share of the gap by which the LVDT may differ from the model, and what the twist's scale may differ from what is
@@ -202,7 +199,7 @@ impl<'t> Rig<'t> {
             planner: Planner::at(0.0),
             position_loop: PositionLoop::default(),
             motion: Motion::Jog { speed_rad_per_s: 0.0 },
-            forecast: None,
+            run_s: None,
             at_rest_ticks: 0,
             arrived_ticks: 0,
             end_ticks: 0,
@@ -210,7 +207,6 @@ impl<'t> Rig<'t> {
             standing_ticks: 0,
             last_shaft_rad: None,
             gap_age_s: 0.0,
-            last_seen: None,
         }
     }
 
@@ -268,17 +264,9 @@ impl<'t> Rig<'t> {
         // Where the shaft was when the gap was measured: the two belong together.
         let turned = shaft_rad - self.last_shaft_rad.replace(shaft_rad).unwrap_or(shaft_rad);
         let shaft_then_rad = shaft_rad - turned * age_s / TICK_S;
-        // Whoever asks for a move has the ends of the travel looked up: what the tick before saw does for this one, and for
-        // no more than one.
-        let asked = matches!(inputs.request, Some(Request::Move { .. }));
-        let seen_before = self.last_seen.take().filter(|_| asked);
         let observed = self.homed.filter(|h| self.table_knows(shaft_then_rad - h.zero_rad)).map(|h| {
-            let seen = seen_before.unwrap_or_else(|| {
-                let mechanism = Mechanism { table: self.table, twist_scale: h.twist_scale };
-                let seen = self.observer.step(&mechanism, shaft_then_rad - h.zero_rad, gap_m);
-                *self.last_seen.insert(seen)
-            });
-            (h, seen)
+            let mechanism = Mechanism { table: self.table, twist_scale: h.twist_scale };
+            (h, self.observer.step(&mechanism, shaft_then_rad - h.zero_rad, gap_m))
         });
         if self.homed.is_some() && observed.is_none() {
             self.observer.lose();
@@ -375,7 +363,6 @@ impl<'t> Rig<'t> {
         if homed.gap_offset_m.abs() > DOUBTFUL_OFFSET * homed.reference_gap_m || scale_off > DOUBTFUL_SCALE {
             self.observer.distrust();
         }
-        self.last_seen = None;
         self.planner = Planner::at(-zero_m);
         self.shaft = Ramp::at(homed.zero_rad + core::f32::consts::PI);
         self.state = State::Ready;

@@ -4,12 +4,12 @@ use super::checks::lasts;
 use super::{EventKind, Events, Homed, JOG_SPEED_MAX, Motion, Rig, SPEED_MAX_M_PER_S, Setting, ticks};
 use crate::TICK_S;
 use crate::crossing::TwistLimits;
-use crate::forecast::Forecast;
 use crate::limits::{LOAD_ACCELERATION, Limits};
 use crate::mechanism::Mechanism;
 use crate::observer::{Confidence, LoadSource, Observation};
 use crate::planner::{Planner, Ramp};
 use crate::position_loop::PositionLoop;
+use crate::time_to_target::time_to_target_s;
 use rig_link::messages::{Accepted, Limit, LoadChoice, Parameter, Refusal, State};
 
 /// Error (m) within which a load counts as arrived: half an LVDT count. The loop goes on holding after that.
@@ -41,7 +41,7 @@ fn check(parameter: Parameter, given: f32, min: f32, max: f32) -> Result<f32, Re
 
 impl Rig<'_> {
     /// How far the strings can bring this load up, or let it down (m). A lighter one than at homing hangs higher at the
-    /// half-turn pre-twist and cannot come down to it. One table lookup.
+    /// half-turn pre-twist and cannot come down to it.
     fn travel_end_m(&self, homed: &Homed, load_n: f32, up: bool) -> f32 {
         let mechanism = Mechanism { table: self.table, twist_scale: homed.twist_scale };
         let (pull_n, twist_rad) = if up {
@@ -83,14 +83,13 @@ impl Rig<'_> {
             LoadSource::Known(load_n) => load_n,
         };
         let speed_m_per_s = check(Parameter::Speed, speed_m_per_s, 1e-5, self.settings.get(Setting::SpeedMax))?;
-        // Only the end that lies ahead is looked up; both, to say what was wrong. What may be reached is tried, and what
-        // should be is told.
+        let [lowest_m, highest_m] = [false, true].map(|up| self.travel_end_m(&homed, load_n, up));
+        // Targets within the uncertain band at the lower end are attempted; a refusal names the certain end.
         let up = target_m > self.last_position_m;
-        let ahead_m = self.travel_end_m(&homed, load_n, up);
-        let reached = if up { target_m <= ahead_m } else { target_m >= (ahead_m - HANGS_M).max(self.pretwist_m()) };
+        let reached =
+            if up { target_m <= highest_m } else { target_m >= (lowest_m - HANGS_M).max(self.pretwist_m()) };
         if !reached {
-            let behind_m = self.travel_end_m(&homed, load_n, !up);
-            check(Parameter::Target, target_m, ahead_m.min(behind_m), ahead_m.max(behind_m))?;
+            check(Parameter::Target, target_m, lowest_m.min(highest_m), lowest_m.max(highest_m))?;
         }
         if self.state == State::Ready {
             // The load may have settled a little beside the reference: begin where it is.
@@ -99,8 +98,7 @@ impl Rig<'_> {
         }
         self.observer.source = source;
         self.adaptation.forget_move();
-        let way_m = target_m - self.planner.set_point_m();
-        self.forecast = Some(Forecast::new(way_m, self.planner.speed_m_per_s(), speed_m_per_s));
+        self.run_s = None;
         self.planner.go_to(target_m);
         self.position_loop.crossing.set_out(self.planner.setting_out());
         self.motion = Motion::Load { speed_m_per_s, stopping: false };
@@ -126,7 +124,7 @@ impl Rig<'_> {
         match (self.state, &mut self.motion) {
             (State::Moving, Motion::Load { stopping, .. }) if !*stopping => {
                 *stopping = true;
-                self.forecast = None;
+                self.run_s = None;
                 self.planner.brake(&Limits::new(SPEED_MAX_M_PER_S, LOAD_ACCELERATION));
             }
             (State::Moving, Motion::Jog { speed_rad_per_s }) => *speed_rad_per_s = 0.0,
@@ -195,18 +193,17 @@ impl Rig<'_> {
         if self.state == State::Moving {
             self.limit = limit.or(self.limit);
         }
+        if self.state == State::Moving && !stopping {
+            self.run_s.get_or_insert_with(|| {
+                time_to_target_s(&self.planner, speed_m_per_s, seen.load_n, twist_rad, tr, &mechanism, &self.constants)
+            });
+        }
         // Until the strings have taken up friction the load cannot move: no set-point leaves it behind.
         let waiting = self.position_loop.crossing.is_waiting();
         let set_point = if waiting { self.planner.wait() } else { self.planner.step(&planned) };
         let setting_out = waiting.then_some(speed_m_per_s);
-        if let Some(forecast) = &mut self.forecast {
-            // One extra lookup in a tick is enough, and none under a load that may not be this move's.
-            if !self.position_loop.crossing.is_to_plan() && self.last_seen.is_some() {
-                forecast.work(seen.load_n, twist_rad, tr, &mechanism, &self.constants);
-            }
-            if !waiting {
-                forecast.tick();
-            }
+        if let (Some(run_s), false) = (&mut self.run_s, waiting) {
+            *run_s = (*run_s - TICK_S).max(0.0);
         }
         let position_m = homed.reference_gap_m - gap_m;
         let limit = self.constants.twist_speed_max();

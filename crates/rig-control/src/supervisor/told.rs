@@ -48,11 +48,11 @@ impl Rig<'_> {
         }
     }
 
-    /// Until the set-point is at its target (s): crossing friction, then the move. `None` in a move's first ticks.
+    /// Until the set-point is at its target (s): crossing friction, then the move. `None` before a move's first tick, and while it stops.
     pub(super) fn time_left_s(&self) -> Option<f32> {
-        let run_s = self.forecast.as_ref()?.left_s()?;
         let crossing = &self.position_loop.crossing;
-        if crossing.is_waiting() { crossing.left_s().map(|wait_s| wait_s + run_s) } else { Some(run_s) }
+        let wait_s = if crossing.is_waiting() { crossing.left_s() } else { 0.0 };
+        self.run_s.map(|run_s| wait_s + run_s)
     }
 
     pub(super) fn telemetry(
