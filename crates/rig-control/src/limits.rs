@@ -1,15 +1,17 @@
-//! What a move may do: speed, acceleration and jerk of the load, as the motor's limits come out at a transmission ratio
-//! and a pull; and how long moves under them take.
+//! Limits of a move: speed, acceleration and jerk of the load that follow from the motor's limits at a transmission ratio
+//! and a pull; and how long moves within them take.
 //!
 //! Tension and strain need no limit of their own: a solve past either is refused, so no table covers it, and neither
 //! travel nor load leave the table.
 
 use crate::RigConstants;
-use rig_link::messages::Limit;
+use rig_link::messages::{Limit, Setting};
 
+/// Greatest speed that can be asked of the load (m/s); a setting may lower it.
+pub const SPEED_MAX_M_PER_S: f32 = Setting::SpeedMax.spec().range[1];
 /// Acceleration of the load (m/s²), unless the motor allows less.
 pub const LOAD_ACCELERATION: f32 = 0.02;
-/// Share of the motor's limits that is planned with; the rest is the loop's.
+/// Share of the motor's limits that moves are planned with; the rest is for the loop.
 pub const PLANNED_SHARE: f32 = 0.9;
 /// Least share of the motor's current that is taken to be left for accelerating.
 const LEAST_SPARE: f32 = 0.1;
@@ -20,7 +22,7 @@ pub const RISE_S: f32 = 0.3;
 /// Halvings of the search for the peak speed of a move that is too short for its speed: to a millionth of that speed.
 const PEAK_STEPS: u8 = 20;
 
-/// What a move may do.
+/// Limits of a move.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// Speed (m/s).
@@ -37,8 +39,8 @@ impl Limits {
         Self { speed, acceleration, jerk: acceleration / RISE_S }
     }
 
-    /// What the motor allows of a speed (m/s) that is asked for, at a transmission ratio (rad/m) and a pull (N); and what
-    /// of it holds the load back, if anything. A heavy load is not asked for a light load's speed.
+    /// Limits for a speed (m/s) that is asked for, at a transmission ratio (rad/m) and a pull (N), and which of the motor's
+    /// limits holds the load back, if any does.
     pub fn for_motor(asked: f32, tr_rad_per_m: f32, pull_n: f32, rig: &RigConstants) -> (Self, Option<Limit>) {
         // Torque = pull/TR; what is left of the current is for accelerating.
         let torque_per_a = rig.motor_torque_constant_nm_per_a * rig.gear_ratio;

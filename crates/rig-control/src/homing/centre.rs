@@ -8,7 +8,7 @@ const BINS: usize = 48;
 const LEVELS: usize = 16;
 /// Least height of the curve over its lower end (m) that counts as a maximum: a flat curve has no middle.
 const LEAST_HEIGHT_M: f32 = 0.5e-3;
-/// Largest disagreement between the two directions (rad): beyond it, what was seen is not this mechanism.
+/// Largest disagreement between the two directions (rad): beyond it, this is not the table's mechanism.
 const LARGEST_SPLIT_RAD: f32 = 0.8;
 
 #[derive(Clone, Copy, Debug)]
@@ -33,12 +33,7 @@ pub(super) struct Centre {
 
 impl Centre {
     pub(super) const fn new() -> Self {
-        Self {
-            bins: [[Bin::EMPTY; BINS]; 2],
-            pass: 0,
-            middle_rad: 0.0,
-            half_rad: 1.0,
-        }
+        Self { bins: [[Bin::EMPTY; BINS]; 2], pass: 0, middle_rad: 0.0, half_rad: 1.0 }
     }
 
     /// Starts the first sweep.

@@ -18,7 +18,7 @@ const END_BINS: usize = 4;
 /// Gauss–Newton steps.
 const STEPS: u8 = 6;
 
-/// Rms misfit (m) beyond which what was weighed is not this mechanism.
+/// Rms misfit (m) beyond which this is not the table's mechanism.
 const LARGEST_MISFIT_M: f32 = 0.2e-3;
 /// Errors that the fit weighs by: of the modelled gap in a bin (m), of the string's twist scale, of the mean current (A)
 /// and of the motor's torque constant and gear together.
@@ -63,7 +63,7 @@ struct Sums {
     friction: f32,
 }
 
-/// What was weighed.
+/// Result of a weighing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Weighed {
     pub load_n: f32,
@@ -81,10 +81,6 @@ impl Sums {
         Self { n: 0.0, r: 0.0, d: 0.0, e: 0.0, dd: 0.0, de: 0.0, ee: 0.0, dr: 0.0, er: 0.0, rr: 0.0, friction: 0.0 };
 }
 
-impl Weighed {
-    const NOTHING: Self = Self { load_n: 0.0, offset_m: 0.0, twist_scale: 1.0, friction_n: 0.0 };
-}
-
 /// The load by the work that the motor did (N), and the error of that.
 #[derive(Clone, Copy, Debug)]
 struct ByWork {
@@ -97,30 +93,24 @@ struct ByWork {
 pub(super) struct Weigh {
     bins: [[Bin; BINS]; 2],
     pass: usize,
-    found: Weighed,
+    result: Weighed,
     by_work: Option<ByWork>,
-    /// Scale of the twist before anything was seen: the table's, or what these strings had before.
+    /// Scale of the twist that is expected: the table's, or that of these strings before.
     expected_scale: f32,
     steps: u8,
 }
 
 impl Weigh {
-    pub(super) const fn new() -> Self {
+    /// Before the first sweep, expecting a scale of the twist.
+    pub(super) const fn new(expected_scale: f32) -> Self {
         Self {
             bins: [[Bin::EMPTY; BINS]; 2],
             pass: 0,
-            found: Weighed::NOTHING,
+            result: Weighed { load_n: 0.0, offset_m: 0.0, twist_scale: expected_scale, friction_n: 0.0 },
             by_work: None,
-            expected_scale: 1.0,
+            expected_scale,
             steps: 0,
         }
-    }
-
-    /// Empties the bins for a first sweep.
-    pub(super) fn begin(&mut self) {
-        self.bins.iter_mut().for_each(|bins| bins.fill(Bin::EMPTY));
-        self.pass = 0;
-        self.found = Weighed::NOTHING;
     }
 
     pub(super) fn pass(&self) -> usize {
@@ -144,15 +134,12 @@ impl Weigh {
         self.pass >= 2
     }
 
-    /// Begins at what the work says, else at the middle of the table's range (geometrically).
-    pub(super) fn begin_fit(&mut self, table: &Table<'_>, rig: &RigConstants, expected_scale: f32) {
-        self.expected_scale = expected_scale;
-        self.found.twist_scale = expected_scale;
+    /// Begins at the load by the work, else at the (geometric) middle of the table's range.
+    pub(super) fn begin_fit(&mut self, table: &Table<'_>, rig: &RigConstants) {
         let m = &table.metadata;
         self.by_work = self.work(rig);
         let middle_n = libm::sqrtf(m.load_min_n * m.load_max_n);
-        self.found.load_n = self.by_work.map_or(middle_n, |w| w.load_n).clamp(m.load_min_n, m.load_max_n);
-        self.steps = 0;
+        self.result.load_n = self.by_work.map_or(middle_n, |w| w.load_n).clamp(m.load_min_n, m.load_max_n);
     }
 
     fn pair(&self, i: usize) -> Option<Pair> {
@@ -189,18 +176,21 @@ impl Weigh {
         (load_n > 0.0 && error_n.is_finite() && newton_per_ampere > 0.0).then_some(ByWork { load_n, error_n })
     }
 
-    /// One Gauss–Newton step; what was weighed when all are done.
+    /// One Gauss–Newton step, two lookups for each bin; the result when all steps are done.
+    ///
+    /// # Errors
+    /// [`HomingFailure::PoorFit`] or [`HomingFailure::LoadOutOfRange`].
     pub(super) fn fit_step(&mut self, table: &Table<'_>) -> Result<Option<Weighed>, HomingFailure> {
         if self.steps < STEPS {
             self.steps += 1;
-            let sums = self.sums(&Mechanism { table, twist_scale: self.found.twist_scale });
+            let sums = self.sums(&Mechanism { table, twist_scale: self.result.twist_scale });
             self.gauss_newton(table, &sums)?;
         }
-        Ok((self.steps == STEPS).then_some(self.found))
+        Ok((self.steps == STEPS).then_some(self.result))
     }
 
     fn sums(&self, mechanism: &Mechanism<'_>) -> Sums {
-        let Weighed { load_n, friction_n, .. } = self.found;
+        let Weighed { load_n, friction_n, .. } = self.result;
         let mut s = Sums::ZERO;
         for pair in (END_BINS..BINS - END_BINS).filter_map(|i| self.pair(i)) {
             // The way up pulls friction more than the load, the way down as much less. The gap is far from straight
@@ -239,7 +229,7 @@ impl Weigh {
         if last && libm::sqrtf((s.rr / s.n - mean_r * mean_r).max(0.0)) > LARGEST_MISFIT_M {
             return Err(HomingFailure::PoorFit);
         }
-        let Weighed { load_n, twist_scale, .. } = self.found;
+        let Weighed { load_n, twist_scale, .. } = self.result;
         let trust = GAP_ERROR_M * GAP_ERROR_M;
         let (mut work_weight, mut work_pull) = (0.0, 0.0);
         if let Some(work) = self.by_work {
@@ -258,12 +248,12 @@ impl Weigh {
         if last && !(0.9 * m.load_min_n..=1.1 * m.load_max_n).contains(&wanted_n) {
             return Err(HomingFailure::LoadOutOfRange);
         }
-        self.found.load_n = wanted_n.clamp(m.load_min_n, m.load_max_n);
-        self.found.twist_scale = (twist_scale + scale_step.clamp(-0.05, 0.05)).clamp(TWIST_SCALE[0], TWIST_SCALE[1]);
-        self.found.offset_m =
-            mean_r - mean_d * (self.found.load_n - load_n) - mean_e * (self.found.twist_scale - twist_scale);
-        let friction_n = self.found.friction_n + s.friction / s.dd.max(f32::MIN_POSITIVE);
-        self.found.friction_n = friction_n.clamp(0.0, 0.4 * self.found.load_n);
+        self.result.load_n = wanted_n.clamp(m.load_min_n, m.load_max_n);
+        self.result.twist_scale = (twist_scale + scale_step.clamp(-0.05, 0.05)).clamp(TWIST_SCALE[0], TWIST_SCALE[1]);
+        self.result.offset_m =
+            mean_r - mean_d * (self.result.load_n - load_n) - mean_e * (self.result.twist_scale - twist_scale);
+        let friction_n = self.result.friction_n + s.friction / s.dd.max(f32::MIN_POSITIVE);
+        self.result.friction_n = friction_n.clamp(0.0, 0.4 * self.result.load_n);
         Ok(())
     }
 }

@@ -62,7 +62,7 @@ pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
         Command::Home => operate::home(global, output),
         Command::Jog { speed, seconds } => operate::jog(global, *speed, *seconds, output),
         Command::Stop => operate::simple(global, &Request::Stop, output),
-        Command::Hold => operate::simple(global, &Request::Hold, output),
+        Command::Hold => operate::simple(global, &Request::Stop, output),
         Command::Clear => operate::simple(global, &Request::Clear, output),
         Command::Config { what } => config::run(global, what, output),
         Command::Calibrate { what } => calibrate::run(global, what, output),
