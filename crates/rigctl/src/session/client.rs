@@ -7,14 +7,18 @@ use super::row::Row;
 use crate::failure::Failure;
 use crate::log::Entry;
 use rig_link::{
-    Accepted, Decoder, EventKind, HEARTBEAT_PERIOD_MS, HomingFailure, Identity, Kept, MAX_FRAME, Message,
-    PROTOCOL_HASH, Refusal, Request, Sensors, Setting, SettingsReport, State, Telemetry, encode,
+    Accepted, Decoder, EventKind, HEARTBEAT_PERIOD_MS, HomingFailure, Identity, Kept, MAX_FRAME, Message, Refusal,
+    Request, Sensors, Setting, SettingsReport, State, Telemetry, Versions, encode,
 };
 use sim_link::Truth;
 use std::collections::VecDeque;
 
 /// Time that passes in one step (s).
 pub const STEP_S: f64 = 0.01;
+/// What this tool greets with.
+const TOOL: Versions = Versions::own(env!("CARGO_PKG_VERSION"), "");
+/// Steps between greetings of a board that has not answered, nor sent anything that can be read.
+const GREETING_STEPS: u64 = 100;
 /// Longest wait for a reply (s).
 const REPLY_S: f64 = 1.0;
 /// Longest wait for the first word of a board (s): a drive's start-up does not hold the link back.
@@ -51,6 +55,8 @@ pub struct Session {
     lost_power: bool,
     last: Option<Telemetry>,
     order: Order,
+    /// Versions of the board that has answered a greeting.
+    board: Option<Versions>,
     identity: Option<Identity>,
     settings: Option<SettingsReport>,
     sensors: Option<Sensors>,
@@ -82,6 +88,7 @@ impl Session {
             lost_power: false,
             last: None,
             order: Order::default(),
+            board: None,
             identity: None,
             settings: None,
             sensors: None,
@@ -224,6 +231,11 @@ impl Session {
         if self.heartbeat && self.steps.is_multiple_of(period) {
             self.post(&Request::Heartbeat)?;
         }
+        // A board of another protocol may send nothing that this tool can read, and still answers a greeting.
+        let unknown = self.last.is_none() && self.board.is_none();
+        if self.greets && unknown && self.steps % GREETING_STEPS == GREETING_STEPS - 1 {
+            self.post(&Request::Hello(TOOL))?;
+        }
         self.steps += 1;
         let mut bytes = std::mem::take(&mut self.outgoing);
         if let Some(state) = &mut self.noise {
@@ -242,11 +254,12 @@ impl Session {
                 self.order.take(frame).into_iter().for_each(|message| self.take(message));
             }
         }
-        Ok(())
+        Ok(self.board.map_or(Ok(()), |board| TOOL.check_board(&board))?)
     }
 
     fn take(&mut self, message: Message) {
         match message {
+            Message::Hello(board) => self.board = Some(board),
             Message::Reply { to, result } => self.replies.push_back((to, result)),
             Message::Identity(identity) => self.identity = Some(identity),
             Message::Settings(report) => self.settings = Some(report),
@@ -277,7 +290,7 @@ impl Session {
                 let started = self.last.is_none_or(|last| telemetry.t_us < last.t_us);
                 if started && self.greets {
                     // The longest request there is fits a frame, so this one does.
-                    let _ = self.post(&Request::Hello { protocol_hash: PROTOCOL_HASH });
+                    let _ = self.post(&Request::Hello(TOOL));
                     let _ = self.post(&Request::GetSettings);
                 }
                 let t_s = self.boot_s + telemetry.t_us as f64 * 1e-6;
@@ -333,13 +346,16 @@ impl Session {
     /// Greets the board and learns who it is.
     ///
     /// # Errors
-    /// If nobody answers, or board and tool were built from different message tables.
+    /// If nobody answers, or board and tool have different protocols.
     pub fn hello(&mut self) -> Result<Identity, Failure> {
-        if !self.until(HELLO_S, |s| s.last.is_some())? {
+        // A board of another protocol may send no telemetry that this tool can read: it is greeted all the same.
+        let heard = self.until(HELLO_S, |s| s.last.is_some())?;
+        self.identity = None;
+        let greeted = self.request(&Request::Hello(TOOL));
+        if !heard && self.board.is_none() {
             return Err(Failure::failed(format!("no telemetry within {HELLO_S} s: is the board on, is it this port?")));
         }
-        self.identity = None;
-        self.request(&Request::Hello { protocol_hash: PROTOCOL_HASH })?;
+        greeted?;
         self.until(REPLY_S, |s| s.identity.is_some())?;
         let identity = self.identity.clone().ok_or_else(|| Failure::failed("the board did not say who it is"))?;
         self.settings()?;
