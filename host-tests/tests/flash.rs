@@ -1,15 +1,14 @@
 //! Damage to what the board keeps in flash: the table in its image, and its settings.
 
-use host_tests::board::{Bench, firmware};
+use host_tests::board::{Bench, HELLO, firmware};
 use host_tests::{scene, table};
 use rig_emulator::flash_file::FlashFile;
-use rig_link::PROTOCOL_HASH;
 use rig_link::messages::{Fault, Refusal, Request, Setting, State};
 
 /// Greets a board that was just switched on.
 fn greet(b: &mut Bench) {
     b.run(0.05);
-    b.ask(&Request::Hello { protocol_hash: PROTOCOL_HASH }).unwrap();
+    b.ask(&HELLO).unwrap();
 }
 
 /// Two emulated boards on one file: the second to write would undo what the first has kept.

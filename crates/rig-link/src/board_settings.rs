@@ -1,4 +1,4 @@
-//! Unit, default and range of every setting, once; what each is stands with [`Setting`].
+//! Unit, default and range of every setting of the board. [`Setting`] says what each is.
 
 use crate::messages::{Refusal, Setting, SettingValues};
 use core::fmt;
@@ -8,13 +8,13 @@ use core::fmt;
 pub struct Spec {
     /// SI unit; empty for a bare number.
     pub unit: &'static str,
-    /// Value when nobody sets it; where there is none it is the scene's, which is also the greatest.
+    /// Default; `None` where it is the scene's, which is also the greatest value.
     pub default: Option<f32>,
     /// Least and greatest value (`unit`).
     pub range: [f32; 2],
-    /// Only the two ends of the range.
+    /// Only the two ends of the range are allowed.
     pub ends_only: bool,
-    /// Position and twist mean something else with another value: the rig is homed anew.
+    /// Another value changes the meaning of position and twist: the rig must be homed again.
     pub unhomes: bool,
 }
 
@@ -27,7 +27,7 @@ impl Setting {
     pub const fn spec(self) -> Spec {
         match self {
             Self::LvdtOffset => Spec { unhomes: true, ..spec("m", Some(0.0), [-0.05, 0.05]) },
-            // A sensor farther off than this is not the scene's.
+            // A sensor that differs more than this is not the scene's.
             Self::LvdtGain => Spec { unhomes: true, ..spec("", Some(1.0), [0.8, 1.25]) },
             Self::PositionZero => spec("m", Some(0.0), [-0.1, 0.1]),
             Self::TwistSign => Spec { unhomes: true, ends_only: true, ..spec("", Some(1.0), [-1.0, 1.0]) },
@@ -44,10 +44,10 @@ impl Setting {
         if fixed.is_some() { [min, max] } else { [min.min(default), default] }
     }
 
-    /// Whether it may have this value, where `default` is this rig's.
+    /// Checks a value, where `default` is this rig's.
     ///
     /// # Errors
-    /// Naming it and its limits.
+    /// A [`Refusal`] that names the setting and its limits.
     pub fn check(self, given: f32, default: f32) -> Result<f32, Refusal> {
         let [min, max] = self.range(default);
         let at_end = given == min || given == max;
@@ -108,10 +108,10 @@ impl SettingValues {
         Setting::ALL.iter().copied().zip(self.0)
     }
 
-    /// Whether all are allowed, where these are the rig's defaults.
+    /// Checks all values, where `defaults` are the rig's.
     ///
     /// # Errors
-    /// Naming the first that is not.
+    /// A [`Refusal`] for the first value that is not allowed.
     pub fn check(&self, defaults: &Self) -> Result<(), Refusal> {
         self.iter().try_for_each(|(setting, value)| setting.check(value, defaults.get(setting)).map(drop))
     }
