@@ -25,7 +25,7 @@ pub const KEYS: [(&str, Quantity); 15] = [
 pub fn help() -> String {
     let lines = KEYS.map(|(key, quantity)| format!("  {key}: {}", quantity.units()));
     format!(
-        "Something about the emulated plant that the firmware is not told, for example load=1.2kg,friction=0.1. Keys and \
+        "Changes of the emulated plant that the firmware does not know, for example load=1.2kg,friction=0.1. Keys and \
          their units:\n{}",
         lines.join("\n")
     )
@@ -40,7 +40,7 @@ pub struct Setting {
     pub value: f64,
 }
 
-/// Why a text is no change of the plant.
+/// Why a text is not a change of the plant.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum PlantError {
     /// No `=`.

@@ -85,7 +85,7 @@ impl Quantity {
     }
 }
 
-/// Why a text is no such quantity.
+/// Why a text is not such a quantity.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum UnitError {
     /// No number, or another unit.

@@ -148,9 +148,6 @@ pub struct How {
     pub tier: String,
 }
 
-/// `--tier` that leaves the choice to the estimates.
-pub const AUTO: &str = "auto";
-
 /// One load and number of turns, or a file of them.
 #[derive(Debug, Clone, Args)]
 pub struct At {

@@ -1,11 +1,13 @@
 //! Values of options, read from text. Each error names the option.
 
-use super::commands::AUTO;
 use crate::script;
 use crate::units::{self, Quantity};
 use clap::builder::PossibleValuesParser;
 use rig_link::LoadChoice;
 use tsa_model::{Method, RadiusLaw, Tier};
+
+/// `--tier` that leaves the choice to the estimates.
+pub const AUTO: &str = "auto";
 
 pub(crate) fn radius_law(text: &str) -> Result<RadiusLaw, String> {
     match text {
