@@ -3,7 +3,7 @@
 use host_tests::{root, scene};
 use rig_emulator::machine::{Config, Machine};
 use rig_emulator::rig::Rig;
-use rig_emulator::rig::settings::PlantSettings;
+use rig_emulator::rig::plant_settings::PlantSettings;
 use tsa_table::effort::lookup_instructions;
 
 /// What a way answers, and so what it is wrong by.

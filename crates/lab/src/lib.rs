@@ -29,8 +29,8 @@ pub mod trace;
 
 use serde::Serialize;
 
-/// Standard gravity (m/s², CODATA): turns a mass into a load.
-pub const STANDARD_GRAVITY_M_PER_S2: f64 = 9.806_65;
+/// Standard gravity (m/s²).
+pub use sim_link::units::STANDARD_GRAVITY as STANDARD_GRAVITY_M_PER_S2;
 
 /// Why a number could not be computed, as `--json` prints it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]

@@ -1,6 +1,7 @@
 //! One key of a scene, named as in the file (`geometry.rod_span_m`) or by the paper's symbol (`D0`), and changed.
 
 use rig_scene::{Scene, SceneError};
+use sim_link::units::Quantity;
 use tsa_model::ParameterError;
 
 /// The paper's symbols and the keys that they stand for.
@@ -56,28 +57,22 @@ pub fn symbol(key: &str) -> &str {
     SYMBOLS.iter().find(|(_, full)| *full == key).map_or(key, |(symbol, _)| symbol)
 }
 
-/// SI unit of a key's value, as the ending of the key says; empty for a plain number.
-pub fn unit(key: &str) -> &'static str {
+/// What a key's value measures, as the ending of the key says.
+pub fn quantity(key: &str) -> Quantity {
     // `_n_per_m` also ends in `_m`, so it goes first.
-    let endings = [("_n_per_m", "N/m"), ("_per_n", "1/N"), ("_rad_per_s", "rad/s"), ("_m", "m"), ("_v", "V")];
-    endings.into_iter().find(|(ending, _)| key.ends_with(ending)).map_or("", |(_, unit)| unit)
+    let endings = [
+        ("_n_per_m", Quantity::Stiffness),
+        ("_per_n", Quantity::PerForce),
+        ("_rad_per_s", Quantity::AngularSpeed),
+        ("_m", Quantity::Length),
+        ("_v", Quantity::Voltage),
+    ];
+    endings.into_iter().find(|(ending, _)| key.ends_with(ending)).map_or(Quantity::Number, |(_, quantity)| quantity)
 }
 
-/// A key's value for people: lengths in mm, stiffnesses from 1 kN/m in kN/m, all else in SI; at most five digits.
+/// A key's value for people.
 pub fn shown(key: &str, value: f64) -> String {
-    let (factor, unit) = match unit(key) {
-        "m" => (1e-3, "mm"),
-        "N/m" if value.abs() >= 1e3 => (1e3, "kN/m"),
-        unit => (1.0, unit),
-    };
-    format!("{} {unit}", digits(value / factor)).trim_end().to_owned()
-}
-
-/// At most five digits, without zeros at the end.
-fn digits(value: f64) -> String {
-    let places = (4.0 - value.abs().log10().floor()).clamp(0.0, 12.0);
-    let text = format!("{value:.*}", if value == 0.0 { 0 } else { places as usize });
-    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+    quantity(key).show(value)
 }
 
 /// The scene with one key changed. It goes through the scene's own file form, so every key that a file may have works

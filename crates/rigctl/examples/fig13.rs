@@ -8,10 +8,10 @@ use lab::plot::{Axis, Block, Figure, Item, KeyRow, Panel, Pen, Sample, Shape, co
 use rig_link::messages::{Request, State};
 use rig_scene::Scene;
 use rigctl::failure::Failure;
-use rigctl::plant::Setting;
 use rigctl::session::Session;
 use rigctl::session::serial::Serial;
 use rigctl::session::sim::{Sim, SimOptions};
+use sim_link::{PlantChange, PlantKey};
 use std::f64::consts::{PI, TAU};
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -63,7 +63,7 @@ fn main() -> Result<()> {
         sweeps.push(sweep(&mut session)?);
     } else {
         for kg in LOADS_KG {
-            let plant = vec![Setting { key: "load", value: kg * lab::STANDARD_GRAVITY_M_PER_S2 }];
+            let plant = vec![PlantChange { key: PlantKey::Load, value: kg * lab::STANDARD_GRAVITY_M_PER_S2 }];
             let options =
                 SimOptions { firmware: None, scene: scene_file.clone(), plant, seed: 1, flash: None, gdb: None };
             let mut session = Session::new(Box::new(Sim::start(&options).map_err(Failure::into_error)?));

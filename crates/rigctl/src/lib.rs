@@ -9,7 +9,7 @@
 //! - [`log`]: a recorded conversation; [`replay`]: a log through the controller again; [`identify`]: constants from logs.
 //! - [`script`]: scripts; [`board_settings`]: settings as text; [`calibration`]: the LVDT by points.
 //! - [`session`]: a conversation with the firmware, emulated or real: connect, home, move.
-//! - [`batch`], [`range`], [`plant`], [`units`], [`scene_file`]: text and files from the operator, checked and in SI.
+//! - [`batch`], [`range`], [`units`], [`scene_file`]: text and files from the operator, checked and in SI.
 //! - [`output`]: lines or JSON, never both on standard output; [`out_file`]: files; [`failure`]: exit codes.
 //!
 //! An experiment of your own, on the emulated board or (`Serial::open("/dev/ttyACM0")`) a real one:
@@ -56,7 +56,6 @@ pub mod log;
 pub mod options;
 pub mod out_file;
 pub mod output;
-pub mod plant;
 pub mod play;
 pub mod range;
 pub mod recorded_move;
@@ -65,7 +64,8 @@ pub mod scene_file;
 pub mod screen;
 pub mod script;
 pub mod session;
-pub mod units;
+
+pub use sim_link::units;
 
 use clap::Parser;
 use failure::Failure;

@@ -43,7 +43,7 @@ impl FromStr for Vary {
         let (name, range) = text.split_once('=').ok_or_else(form)?;
         let name = name.trim();
         let key = scene_key::full_name(name).to_owned();
-        let quantity = Quantity::of_unit(scene_key::unit(&key));
+        let quantity = scene_key::quantity(&key);
         let (limits, count) = match range.rsplit_once(':') {
             Some((limits, count)) => (limits, Some(count.trim())),
             None => (range, None),

@@ -1,7 +1,6 @@
 //! A load that the firmware does not know, homed and moved on a fresh emulated board, with its telemetry.
 
 use crate::failure::Failure;
-use crate::plant::Setting;
 use crate::session::Session;
 use crate::session::homing::{HomeResult, home};
 use crate::session::motion::{MoveResult, move_to};
@@ -11,6 +10,7 @@ use lab::STANDARD_GRAVITY_M_PER_S2;
 use lab::move_figure::Curve;
 use rig_link::LoadChoice;
 use serde::Serialize;
+use sim_link::{PlantChange, PlantKey};
 use std::time::Instant;
 
 /// Target of the move (m).
@@ -61,8 +61,8 @@ pub struct RecordedMove {
 pub fn record(options: &SimOptions, load_kg: f64, twist_rad: f64, gear: f64) -> Result<RecordedMove, Failure> {
     let load_true_n = load_kg * STANDARD_GRAVITY_M_PER_S2;
     let mut options = options.clone();
-    options.plant.push(Setting { key: "load", value: load_true_n });
-    options.plant.push(Setting { key: "twist_at_boot", value: twist_rad });
+    options.plant.push(PlantChange { key: PlantKey::Load, value: load_true_n });
+    options.plant.push(PlantChange { key: PlantKey::TwistAtBoot, value: twist_rad });
     let started = Instant::now();
     let mut session = Session::new(Box::new(Sim::start(&options)?));
     session.hello()?;

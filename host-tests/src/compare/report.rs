@@ -5,7 +5,8 @@ use super::{Entry, Failure};
 use crate::scenario::Scenario;
 use lab::csv_text::csv_text;
 use lab::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Sample, Shape, colour, extent};
-use rig_emulator::rig::settings::GRAVITY_M_PER_S2;
+use sim_link::PlantKey;
+use sim_link::units::STANDARD_GRAVITY;
 use std::fmt::Write;
 
 /// Largest tracking errors that others publish for closed loops on a twisted string: what, load (kg), errors (mm).
@@ -310,5 +311,5 @@ impl Results {
 
 /// The load that a scenario starts with (kg).
 fn load_kg(scenario: &Scenario) -> f64 {
-    scenario.plant.iter().find(|s| s.key == "load").map_or(f64::NAN, |s| s.value / GRAVITY_M_PER_S2)
+    scenario.plant.iter().find(|s| s.key == PlantKey::Load).map_or(f64::NAN, |s| s.value / STANDARD_GRAVITY)
 }

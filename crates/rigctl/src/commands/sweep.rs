@@ -6,10 +6,10 @@ use crate::options::Global;
 use crate::options::commands::Sweep;
 use crate::out_file::OutFile;
 use crate::output::Output;
-use crate::plant::Setting;
 use crate::session::{Place, Session, homing, motion};
 use rig_control::supervisor::JOG_SPEED_MAX;
 use serde_json::json;
+use sim_link::{PlantChange, PlantKey};
 use std::f64::consts::{PI, TAU};
 use std::io::Write;
 
@@ -29,9 +29,9 @@ pub fn run(global: &Global, options: &Sweep, output: &mut Output) -> Result<(), 
     let mut target = global.target()?;
     // On an emulated rig this load is hung, unless --plant names another.
     if let Place::Emulated(emulated) = &mut target.place
-        && !emulated.plant.iter().any(|s| s.key == "load")
+        && !emulated.plant.iter().any(|s| s.key == PlantKey::Load)
     {
-        emulated.plant.push(Setting { key: "load", value: load_n });
+        emulated.plant.push(PlantChange { key: PlantKey::Load, value: load_n });
     }
     let out = OutFile::new(&options.out)?;
     let mut session = target.connect()?;

@@ -57,8 +57,8 @@ impl Header {
             if options.scene != target.scene {
                 header.add("plant_scene", options.scene.display());
             }
-            for setting in &options.plant {
-                header.add(&format!("plant.{}", setting.key), setting.value);
+            for change in &options.plant {
+                header.add(&format!("plant.{}", change.key), change.value);
             }
         }
         header.add("firmware", &board.version);

@@ -7,17 +7,26 @@ pub mod commands;
 pub mod values;
 
 use crate::failure::Failure;
-use crate::plant::{self, Setting};
 use crate::scene_file;
 use crate::session::sim::{Gdb, SimOptions};
 use crate::session::{Place, Target};
 use clap::Args;
 use rig_scene::Scene;
+use sim_link::{PlantChange, PlantKey};
 use std::path::PathBuf;
 
 /// Headings of the options that every command has.
 const EVERYWHERE: &str = "Everywhere";
 const EMULATED: &str = "Emulated board (--port sim)";
+
+/// The help of `--plant`.
+fn plant_help() -> String {
+    format!(
+        "Changes of the emulated plant that the firmware does not know, for example load=1.2kg,friction=0.1. Keys and their \
+         units:\n{}",
+        PlantKey::help()
+    )
+}
 
 /// Options of every command.
 #[derive(Debug, Clone, Args)]
@@ -33,8 +42,8 @@ pub struct Global {
     pub port: String,
     /// Changes of the emulated plant that the firmware does not know, for example load=1.2kg,friction=0.1
     #[arg(long, global = true, help_heading = EMULATED, value_name = "KEY=VALUE", value_delimiter = ',',
-        long_help = plant::help())]
-    pub plant: Vec<Setting>,
+        long_help = plant_help())]
+    pub plant: Vec<PlantChange>,
     /// Scene that the emulated plant is built from, if it differs from the operator's --scene [default: --scene]
     #[arg(long, global = true, help_heading = EMULATED, value_name = "FILE")]
     pub plant_scene: Option<PathBuf>,

@@ -1,9 +1,10 @@
 //! Frames over a [`Port`]: numbered and encoded on the way out, decoded and put in order on the way in.
 
 use super::order::Order;
-use super::port::{Emulated, Port, Truth};
+use super::port::{Emulated, Port};
 use crate::failure::Failure;
 use rig_link::{Decoder, HEARTBEAT_PERIOD_MS, MAX_FRAME, Message, Request, encode};
+use sim_link::Truth;
 
 /// Time that passes in one exchange (s).
 pub const STEP_S: f64 = 0.01;

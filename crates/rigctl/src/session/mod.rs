@@ -28,4 +28,5 @@ pub mod truth;
 pub use client::Session;
 pub use connect::{Place, Target};
 pub use link::STEP_S;
-pub use port::{Port, Truth};
+pub use port::Port;
+pub use sim_link::Truth;

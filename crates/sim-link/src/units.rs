@@ -1,7 +1,9 @@
 //! Numbers with units from the operator. A bare number is SI.
 
-use lab::STANDARD_GRAVITY_M_PER_S2 as GRAVITY;
 use std::f64::consts::{PI, TAU};
+
+/// Standard gravity (m/s², CODATA): what turns a mass into a load.
+pub const STANDARD_GRAVITY: f64 = 9.806_65;
 
 /// What a number measures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -44,7 +46,9 @@ impl Quantity {
         match self {
             Self::Length => ("length", &[("m", 1.0), ("mm", 1e-3), ("um", 1e-6), ("µm", 1e-6)]),
             Self::Speed => ("speed", &[("m/s", 1.0), ("mm/s", 1e-3)]),
-            Self::Load => ("load", &[("N", 1.0), ("mN", 1e-3), ("kg", GRAVITY), ("g", 1e-3 * GRAVITY)]),
+            Self::Load => {
+                ("load", &[("N", 1.0), ("mN", 1e-3), ("kg", STANDARD_GRAVITY), ("g", 1e-3 * STANDARD_GRAVITY)])
+            }
             Self::Force => ("force", &[("N", 1.0), ("mN", 1e-3)]),
             Self::Angle => ("angle", &[("rad", 1.0), ("mrad", 1e-3), ("deg", PI / 180.0)]),
             Self::AngularSpeed => ("angular speed", &[("rad/s", 1.0), ("deg/s", PI / 180.0), ("rpm", TAU / 60.0)]),
@@ -83,6 +87,23 @@ impl Quantity {
             (_, None) => "a bare number".into(),
         }
     }
+
+    /// A value for people: lengths in mm, stiffnesses from 1 kN/m in kN/m, all else in SI; at most five digits.
+    pub fn show(self, value: f64) -> String {
+        let (factor, unit) = match self {
+            Self::Length => (1e-3, "mm"),
+            Self::Stiffness if value.abs() >= 1e3 => (1e3, "kN/m"),
+            _ => (1.0, self.table().1.first().map_or("", |(si, _)| si)),
+        };
+        format!("{} {unit}", digits(value / factor)).trim_end().to_owned()
+    }
+}
+
+/// At most five digits, without zeros at the end.
+fn digits(value: f64) -> String {
+    let places = (4.0 - value.abs().log10().floor()).clamp(0.0, 12.0);
+    let text = format!("{value:.*}", if value == 0.0 { 0 } else { places as usize });
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }
 
 /// Why a text is not such a quantity.
@@ -175,6 +196,21 @@ mod tests {
         reads(Quantity::of_unit("N/m"), "1.37kN/m", 1370.0);
         reads(Quantity::of_unit("1/N"), "6522 1/kN", 6.522);
         assert!(parse("string.k2", Quantity::of_unit(""), "1mm").is_err());
+    }
+
+    #[test]
+    fn shown_for_people() {
+        for (quantity, value, text) in [
+            (Quantity::Length, 0.00045, "0.45 mm"),
+            (Quantity::Stiffness, 10.0, "10 N/m"),
+            (Quantity::Stiffness, 1370.0, "1.37 kN/m"),
+            (Quantity::Load, 7.5, "7.5 N"),
+            (Quantity::Number, 0.0, "0"),
+            (Quantity::Number, 123_456.7, "123457"),
+            (Quantity::Length, 0.1 + 0.2, "300 mm"),
+        ] {
+            assert_eq!(quantity.show(value), text);
+        }
     }
 
     #[test]

@@ -14,20 +14,22 @@
 //! # }
 //! ```
 
+mod error;
+
+pub use error::{MachineError, Place};
+
 use crate::board::{Board, Stimulus};
 use crate::cpu::core::Trap;
-use crate::cpu::image::{Image, ImageError};
+use crate::cpu::image::Image;
 use crate::cpu::{Cpu, CpuError, Factory, Outcome};
 use crate::rtt::{DefmtLine, Level, Rtt};
 use crate::soc::Soc;
-use crate::soc::fault::Fault;
 use crate::soc::memory::{FLASH_BASE, RAM_BASE, RAM_NOISE};
-use std::fmt;
 
 pub use crate::cpu::watch::TickStats;
 pub use crate::soc::ResetCause;
 
-/// RTT is looked at this often, so that a firmware that never sleeps does not overflow its buffer.
+/// RTT is read this often, so that a firmware that never sleeps does not overflow its buffer.
 const RTT_INTERVAL_S: f64 = 1e-3;
 
 /// How to build a machine.
@@ -58,71 +60,6 @@ impl Default for Config {
             unique_id: *b"emulated-rig",
         }
     }
-}
-
-/// Where and when the firmware was.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Place {
-    /// Program counter.
-    pub pc: u32,
-    /// Symbol of the function.
-    pub function: String,
-    /// Emulated time.
-    pub t_s: f64,
-}
-
-impl fmt::Display for Place {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "at {:#010x} in {}, {:.6} s", self.pc, self.function, self.t_s)
-    }
-}
-
-/// Why the machine stopped.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum MachineError {
-    /// The ELF cannot be loaded.
-    #[error(transparent)]
-    Image(#[from] ImageError),
-    /// The firmware did what the real chip would not do, or what is not modelled.
-    #[error("{fault} ({place})")]
-    Fault {
-        /// What.
-        fault: Fault,
-        /// Where.
-        place: Place,
-    },
-    /// An access to an address where nothing is: a bus fault on the chip.
-    #[error("{what} at {address:#010x}, where nothing is ({place})")]
-    Memory {
-        /// Kind of access.
-        what: &'static str,
-        /// Address.
-        address: u32,
-        /// Where.
-        place: Place,
-    },
-    /// An undefined instruction, with which a panic ends as well.
-    #[error("undefined instruction or panic: {} ({place})", said.as_deref().unwrap_or("no message"))]
-    Undefined {
-        /// The last defmt line of level error, most likely the panic's message.
-        said: Option<String>,
-        /// Where.
-        place: Place,
-    },
-    /// An exception that no firmware should cause, such as a breakpoint.
-    #[error("unexpected exception {number} of the emulator ({place})")]
-    Exception {
-        /// unicorn's number.
-        number: u32,
-        /// Where.
-        place: Place,
-    },
-    /// A flash image of the wrong size.
-    #[error("a flash image of {0} bytes")]
-    FlashSize(usize),
-    /// The emulator itself failed.
-    #[error("unicorn: {0}")]
-    Emulator(String),
 }
 
 /// What the machine has done since it was built.
@@ -161,24 +98,27 @@ pub struct Machine<B: Board + 'static> {
 /// Why a [`Debugger`] is called.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pause {
-    /// Nothing has happened: somebody may want to look.
+    /// Nothing has happened: a debugger may want to look.
     Slice,
-    /// The core has come to a breakpoint.
+    /// The core has reached a breakpoint.
     Breakpoint,
-    /// The core has done the one step that it was told.
+    /// The core has done one step.
     Step,
-    /// The firmware has done what it should not have; the error comes when the debugger lets go.
+    /// The firmware has failed; the error is returned when the debugger releases the machine.
     Failed,
 }
 
-/// Who may hold the machine and look into it. Emulated time stands still while it does.
+/// Something that may hold the machine and look into it. Emulated time stands still meanwhile.
 pub trait Debugger<B: Board + 'static> {
     /// The machine goes on when this returns.
     fn pause(&mut self, machine: &mut Machine<B>, why: Pause);
 }
 
 impl<B: Board + 'static> Machine<B> {
-    /// Program the ELF into an erased chip and switch it on.
+    /// Programs the ELF into an erased chip and switches it on.
+    ///
+    /// # Errors
+    /// [`MachineError::Image`] if the ELF cannot be loaded.
     pub fn new(elf: &[u8], board: B, config: Config) -> Result<Self, MachineError> {
         let image = Image::parse(elf)?;
         let mut soc = Soc::new(board, config.strict, config.lsi_hz);
@@ -226,7 +166,10 @@ impl<B: Board + 'static> Machine<B> {
         self.cpu.core_mut().soc.stimulate(stimulus);
     }
 
-    /// Run until `t_s`. Resets happen on the way; an error stays until [`Machine::power_cycle`].
+    /// Runs until `t_s`. Resets may happen on the way.
+    ///
+    /// # Errors
+    /// [`MachineError`] if the firmware cannot go on. The error stays until [`Machine::power_cycle`].
     pub fn run_until(&mut self, t_s: f64) -> Result<(), MachineError> {
         if let Some(error) = &self.dead {
             return Err(error.clone());
@@ -245,7 +188,7 @@ impl<B: Board + 'static> Machine<B> {
             self.poll_rtt();
             match outcome {
                 Ok(Outcome::Limit) if slice >= t_s => break,
-                // A stop has been seen to.
+                // A stop has been handled above.
                 Ok(Outcome::Limit | Outcome::Asleep | Outcome::Stopped) => {}
                 Ok(Outcome::Reset(cause)) => self.reset(cause),
                 Err(error) => {
@@ -264,7 +207,7 @@ impl<B: Board + 'static> Machine<B> {
     }
 
     fn pause(&mut self, why: Pause) {
-        // Out of its place, since it works on the machine that it is in.
+        // Taken out of the machine, since it works on the machine that holds it.
         if let Some(mut debugger) = self.debugger.take() {
             debugger.pause(self, why);
             self.debugger = Some(debugger);
@@ -300,8 +243,8 @@ impl<B: Board + 'static> Machine<B> {
         self.cpu.reset(cause);
     }
 
-    /// The core stops executing, as in an endless loop with interrupts off, until a reset (the watchdog's, say) or until
-    /// told. Peripherals and DMA go on.
+    /// The core stops executing, as in an endless loop with interrupts off, until a reset (for example the watchdog's)
+    /// or until this is called with `false`. Peripherals and DMA go on.
     pub fn hang(&mut self, hung: bool) {
         self.cpu.hang(hung);
     }
@@ -313,8 +256,8 @@ impl<B: Board + 'static> Machine<B> {
         }
     }
 
-    /// The ST-LINK feeds its 8 MHz into OSC_IN, or no longer does; a core that runs on it stands still until a reset. The
-    /// other clocks of the chip go on here, as with [`Machine::hang`].
+    /// The ST-LINK feeds its 8 MHz into OSC_IN, or no longer does; a core that runs on it stands still until a reset.
+    /// The other clocks of the chip go on here, as with [`Machine::hang`].
     pub fn feed_hse(&mut self, fed: bool) {
         if !self.soc_mut().feed_hse(fed) {
             self.hang(true);
@@ -327,10 +270,10 @@ impl<B: Board + 'static> Machine<B> {
         self.reset(ResetCause::BrownOut);
     }
 
-    /// The core takes a HardFault where it is, as after a jump into nowhere or a bus error: the fault `crash`.
+    /// The core takes a HardFault where it is, as after a jump to an invalid address or a bus error: the fault `crash`.
     ///
     /// # Errors
-    /// If the exception cannot be entered, for want of a stack or a vector.
+    /// If the exception cannot be entered, because stack or vector are missing.
     pub fn crash(&mut self) -> Result<(), MachineError> {
         self.cpu.crash().map_err(|error| self.explain(error))
     }
@@ -377,8 +320,8 @@ impl<B: Board + 'static> Machine<B> {
         std::mem::take(&mut self.lines)
     }
 
-    /// Count instructions of each call of a function, named by its symbol or the last segment of a Rust path. `false` if
-    /// the ELF has no such function.
+    /// Count instructions of each call of a function, named by its symbol or the last segment of a Rust path. `false`
+    /// if the ELF has no such function.
     pub fn watch_function(&mut self, symbol: &str) -> bool {
         let Some(entry) = self.image.function(symbol) else { return false };
         self.cpu.core_mut().watches.add(symbol, entry);
@@ -417,7 +360,7 @@ impl<B: Board + 'static> Machine<B> {
         }
     }
 
-    /// RAM is noise at power-up: the first byte above the statics that is none any more was once on the stack.
+    /// RAM holds a known byte at power-up: the first other byte above the statics was once on the stack.
     fn stack_high_water(&self) -> u32 {
         let memory = &self.cpu.core().soc.memory;
         let Some(top) = memory.word(self.cpu.core().soc.vector_table()) else { return 0 };
@@ -431,13 +374,16 @@ impl<B: Board + 'static> Machine<B> {
         self.stack_high_water.max(size - untouched as u32)
     }
 
-    /// All of flash, for keeping.
+    /// An image of all of flash.
     pub fn flash_image(&self) -> Vec<u8> {
         self.cpu.core().soc.memory.flash.to_vec()
     }
 
-    /// Put back what was kept of flash, except where this machine's own firmware lies. Reset or power-cycle afterwards
-    /// unless the machine has not run yet.
+    /// Restores an image of flash, except where this machine's own firmware lies. Reset or power-cycle the machine
+    /// afterwards, unless it has not run yet.
+    ///
+    /// # Errors
+    /// [`MachineError::FlashSize`] if the image has another size.
     pub fn set_flash_image(&mut self, image: &[u8]) -> Result<(), MachineError> {
         let soc = &mut self.cpu.core_mut().soc;
         if image.len() != soc.memory.flash.size() {

@@ -1,9 +1,9 @@
 //! What really happens in the emulated rig, which the firmware never sees.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// A snapshot. SI units.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Truth {
     /// Time since power-up.
     pub t_s: f64,
@@ -21,9 +21,9 @@ pub struct Truth {
     pub load_n: f64,
     /// What the mechanism carries at this moment.
     pub pull_n: f64,
-    /// Tension of one string; its share of the pull is found anew every 10 ms while the rig records, else only at
+    /// Tension of one string. Its share of the pull is computed anew every 10 ms while the rig records, else only at
     /// power-up.
-    pub tension_n: f64,
+    pub string_tension_n: f64,
     /// Torque of the strings on the output shaft.
     pub string_torque_nm: f64,
     /// Angle of the motor shaft since power-up.
@@ -34,8 +34,8 @@ pub struct Truth {
     pub motor_current_a: f64,
     /// Electrical energy that the motor has taken since power-up.
     pub motor_energy_j: f64,
-    /// Way that the motor has turned the output shaft by its own torque since power-up, either way, rad. What the load
-    /// turns does not count, whether the drive gives no torque or brakes it.
+    /// Angle that the motor has turned the output shaft by its own torque since power-up, in both directions together.
+    /// What the load turns does not count, whether the drive gives no torque or brakes it.
     pub driven_rad: f64,
     /// Code of the drive's mode, 0 while un-moded or off.
     pub drive_mode: u8,
