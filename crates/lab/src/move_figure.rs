@@ -46,8 +46,8 @@ pub fn draw(curves: &[Curve]) -> Result<String> {
     let time = "time from the start of the move, s";
     Figure {
         heading: match curves.len() {
-            1 => "A load it was not told of: 12 mm at 2 mm/s (emulated board and rig)".into(),
-            _ => "One firmware, three loads it was not told of: 12 mm at 2 mm/s (emulated board and rig)".into(),
+            1 => "A load that the firmware does not know: 12 mm at 2 mm/s (emulated board and rig)".into(),
+            _ => "One firmware, three loads that it does not know: 12 mm at 2 mm/s (emulated board and rig)".into(),
         },
         rows: vec![
             vec![position],

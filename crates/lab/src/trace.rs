@@ -3,7 +3,7 @@
 use crate::ErrorBody;
 use tsa_model::{Equilibrium, Mechanism, SolveError, twist_from_turns};
 
-/// One state on the way.
+/// One state.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Point {
     /// Turns past the half-turn pre-twist.
@@ -14,7 +14,7 @@ pub struct Point {
     pub tr_rad_per_m: f64,
 }
 
-/// Where a limit of the model stops the way.
+/// The end of a curve at a limit of the model.
 #[derive(Debug, Clone, PartialEq)]
 pub struct End {
     /// The last state before it; none if already the first is refused.
@@ -23,7 +23,7 @@ pub struct End {
     pub limit: ErrorBody,
 }
 
-/// A way along the turns.
+/// Contraction and TR along the turns.
 #[derive(Debug, Clone, Default)]
 pub struct Trace {
     /// States that the strings can reach.
@@ -34,7 +34,7 @@ pub struct Trace {
     pub ends: Vec<End>,
 }
 
-/// Goes from one number of turns to a greater one in equal steps. Limits are found to within rounding, not to a step.
+/// Follows one mechanism from one number of turns to a greater one in equal steps. Limits are found to within rounding.
 pub fn trace(mechanism: &Mechanism, load_n: f64, [from, to]: [f64; 2], steps: u32) -> Trace {
     let mut trace = Trace::default();
     let start = match mechanism.formal(load_n, twist_from_turns(0.0)) {
@@ -92,12 +92,12 @@ pub fn warnings<'a>(states: impl IntoIterator<Item = &'a Equilibrium>) -> Vec<&'
     names
 }
 
-/// The limit as a row of output names it.
+/// An error of the model as `--json` prints it.
 pub fn body(error: &SolveError) -> ErrorBody {
     ErrorBody { kind: error.kind().into(), message: error.to_string() }
 }
 
-/// The last point that is still answered, by bisection between one that is and turns that are not.
+/// The last point with an answer, by bisection between a point that has one and turns that have none.
 fn last_before(answer: impl Fn(f64) -> Option<Point>, mut good: Point, mut bad_turns: f64) -> Point {
     for _ in 0..48 {
         let middle = 0.5 * (good.turns + bad_turns);

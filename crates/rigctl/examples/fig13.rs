@@ -3,14 +3,13 @@
 //! `cargo run --release -p rigctl --example fig13` on three emulated boards; with a device's name as its argument on a real
 //! rig, under the one load that hangs there. Writes `fig13.svg` and `fig13.csv` where it is started.
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use lab::plot::{Axis, Block, Figure, Item, KeyRow, Panel, Pen, Sample, Shape, colour};
-use rig_link::messages::{Request, State};
 use rig_scene::Scene;
 use rigctl::failure::Failure;
-use rigctl::session::Session;
 use rigctl::session::serial::Serial;
 use rigctl::session::sim::{Sim, SimOptions};
+use rigctl::session::{Session, homing, motion};
 use sim_link::{PlantChange, PlantKey};
 use std::f64::consts::{PI, TAU};
 use std::fmt::Write as _;
@@ -27,31 +26,15 @@ struct Sweep {
     load_n: f64,
 }
 
-fn sweep(session: &mut Session) -> Result<Sweep> {
-    session.hello().map_err(Failure::into_error)?;
-    session.wait_ready().map_err(Failure::into_error)?;
-    session.request(&Request::Home).map_err(Failure::into_error)?;
-    let state = |s: &Session| s.telemetry().map(|t| t.state);
-    session.until(60.0, |s| state(s) != Some(State::Homing)).map_err(Failure::into_error)?;
-    if state(session) != Some(State::Ready) {
-        bail!("homing ended in {:?}: {:?}", state(session), session.take_events().last());
-    }
-    let load = |s: &Session| s.telemetry().and_then(|t| t.load_n);
-    session.until(2.0, |s| load(s).is_some()).map_err(Failure::into_error)?;
-    let load_n = load(session).context("the load was not weighed")?;
+fn sweep(session: &mut Session) -> Result<Sweep, Failure> {
+    session.hello()?;
+    let homed = homing::home(session, |_| {})?;
     session.take_rows();
-    session.request(&Request::Jog { twist_speed_rad_per_s: SPEED_RAD_PER_S as f32 }).map_err(Failure::into_error)?;
-    let end = twist_from_turns(TURNS);
-    let there = |s: &Session| s.telemetry().and_then(|t| t.twist_rad).is_some_and(|twist| f64::from(twist) >= end);
-    let arrived = session.until(1.2 * TURNS * TAU / SPEED_RAD_PER_S, there).map_err(Failure::into_error)?;
-    session.request(&Request::Stop).map_err(Failure::into_error)?;
-    if !arrived {
-        bail!("stopped before {TURNS} turns: {:?}", session.telemetry());
-    }
+    motion::turn(session, [PRETWIST_RAD, twist_from_turns(TURNS)], SPEED_RAD_PER_S, |_| Ok(()))?;
     let point = |row: rigctl::session::row::Row| {
         Some(((f64::from(row.twist_rad?) - PRETWIST_RAD) / TAU, f64::from(row.position_m?) * 1e3))
     };
-    Ok(Sweep { points: session.take_rows().into_iter().filter_map(point).collect(), load_n: f64::from(load_n) })
+    Ok(Sweep { points: session.take_rows().into_iter().filter_map(point).collect(), load_n: f64::from(homed.load_n) })
 }
 
 fn main() -> Result<()> {
@@ -60,14 +43,15 @@ fn main() -> Result<()> {
     let mut sweeps = Vec::new();
     if let Some(device) = std::env::args().nth(1) {
         let mut session = Session::new(Box::new(Serial::open(&device).map_err(Failure::into_error)?));
-        sweeps.push(sweep(&mut session)?);
+        sweeps.push(sweep(&mut session).map_err(Failure::into_error)?);
     } else {
         for kg in LOADS_KG {
             let plant = vec![PlantChange { key: PlantKey::Load, value: kg * lab::STANDARD_GRAVITY_M_PER_S2 }];
             let options =
                 SimOptions { firmware: None, scene: scene_file.clone(), plant, seed: 1, flash: None, gdb: None };
             let mut session = Session::new(Box::new(Sim::start(&options).map_err(Failure::into_error)?));
-            sweeps.push(sweep(&mut session).with_context(|| format!("{kg} kg"))?);
+            let swept = sweep(&mut session).map_err(Failure::into_error);
+            sweeps.push(swept.with_context(|| format!("{kg} kg"))?);
         }
     }
     let mechanism = scene.mechanism()?;

@@ -135,38 +135,11 @@ pub fn from_toml(text: &str, defaults: &SettingValues) -> Result<Backup, String>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rig_link::{Clock, Kept, ResetCause, TableIdentity};
+    use crate::fixtures::identity;
+    use rig_link::Kept;
 
     fn defaults() -> SettingValues {
         Setting::ALL.iter().fold(SettingValues([0.0; 8]), |values, s| values.with(*s, s.spec().default.unwrap_or(0.5)))
-    }
-
-    fn identity() -> Identity {
-        Identity {
-            version: "1.2.3".parse().expect("fits"),
-            git: "abcdef".parse().expect("fits"),
-            protocol_hash: 0xabcd,
-            scene_hash: 0x1234_5678,
-            rig_hash: 0x2345_6789,
-            demand_hash: 0,
-            table: TableIdentity {
-                form: Default::default(),
-                bytes: 0,
-                contraction_error_m: 0.0,
-                tr_relative_error: 0.0,
-                load_min_n: 0.0,
-                load_max_n: 0.0,
-                turns_min: 0.0,
-                turns_max: 0.0,
-                crc: 0,
-                rebuilt: false,
-            },
-            reset_cause: ResetCause::PowerOn,
-            clock: Clock::Hse,
-            brown_out_level: 3,
-            boot_count: 1,
-            last_panic: None,
-        }
     }
 
     #[test]
@@ -177,7 +150,8 @@ mod tests {
             .with(Setting::TwistSign, -1.0)
             .with(Setting::SpeedMax, 1e-4);
         let report = SettingsReport { values, defaults: defaults(), kept: Kept::These };
-        let text = to_toml(&report, &identity());
+        let identity = Identity { protocol_hash: 0xabcd, rig_hash: 0x2345_6789, ..identity("abcdef") };
+        let text = to_toml(&report, &identity);
         let backup = from_toml(&text, &defaults()).unwrap_or_else(|e| panic!("{e}\n{text}"));
         let wanted = Backup { rig_hash: Some(0x2345_6789), protocol_hash: Some(0xabcd), values, missing: Vec::new() };
         assert_eq!(backup, wanted, "{text}");

@@ -8,7 +8,7 @@ use std::path::Path;
 /// A row that failed, as machines read it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct RowError {
-    /// What went wrong.
+    /// Why it failed.
     pub error: ErrorBody,
 }
 
@@ -28,7 +28,7 @@ pub struct Query {
     pub turns: f64,
 }
 
-/// Reads the columns `load_n` and `turns`; others are passed over. A bad row stands in its place as an error.
+/// Reads the columns `load_n` and `turns` and ignores others. A bad row is an error in its place.
 ///
 /// # Errors
 /// If the file cannot be read or lacks a column.
@@ -72,7 +72,7 @@ fn parse(text: &str) -> Result<Vec<Result<Query, RowError>>, String> {
         let number = |name: &str, index: usize| {
             let cell = cells[index];
             cell.parse::<f64>()
-                .map_err(|_| RowError::new("bad-row", format!("line {line}: {name} `{cell}` is no number")))
+                .map_err(|_| RowError::new("bad-row", format!("line {line}: {name} `{cell}` is not a number")))
         };
         Ok(Query { load_n: number("load_n", load)?, turns: number("turns", turns)? })
     };

@@ -49,6 +49,8 @@ pub mod commands;
 pub mod diagnosis;
 pub mod failure;
 pub mod figure;
+#[cfg(test)]
+mod fixtures;
 pub mod identify;
 pub mod log;
 pub mod options;

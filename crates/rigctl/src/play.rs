@@ -129,9 +129,7 @@ impl Player<'_> {
             },
             Action::Fault { fault: ScriptFault::Emulated(fault), on } => match session.emulated() {
                 Some(emulated) => emulated.fault(*fault, *on).map_err(at_line)?,
-                None => {
-                    return by_hand(format!("fault {} {}", fault.name(), if *on { "begins" } else { "ends" }));
-                }
+                None => return by_hand(format!("fault {} {}", fault.name(), if *on { "begins" } else { "ends" })),
             },
             Action::Fault { fault: ScriptFault::HostSilent, on } => session.link_mut().set_heartbeat(!on),
             Action::Fault { fault: ScriptFault::LinkNoise, on } => {

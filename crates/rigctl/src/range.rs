@@ -4,9 +4,9 @@ use crate::units::{self, Quantity};
 use lab::scene_key;
 use std::str::FromStr;
 
-/// Most values of one study: more are no study but a table.
+/// Most values of one study.
 const MOST: u32 = 1000;
-/// Values where the operator does not say how many.
+/// Number of values if the operator gives none.
 const USUAL: u32 = 5;
 
 /// One key of a scene and the values that it takes.
@@ -68,7 +68,7 @@ impl FromStr for Vary {
 
 fn count(name: &str, text: &str) -> Result<u32, String> {
     let count = text.parse::<u32>().ok().filter(|count| (1..=MOST).contains(count));
-    count.ok_or_else(|| format!("{name}: `{text}` is no number of values from 1 to {MOST}"))
+    count.ok_or_else(|| format!("{name}: `{text}` is not a number of values from 1 to {MOST}"))
 }
 
 /// The two limits; `Err(None)` if there are not two.

@@ -1,4 +1,4 @@
-//! The live view: what is drawn of the newest telemetry and of the last half minute.
+//! The live view: the newest telemetry as numbers, the last half minute as plots.
 
 use crate::session::row::Row;
 use ratatui::Frame;
@@ -9,7 +9,7 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::{Axis, Block, Chart, Dataset, GraphType, Paragraph};
 use std::collections::VecDeque;
 
-/// What the plots show (s).
+/// Time span of the plots (s).
 const SPAN_S: f64 = 30.0;
 /// Least time between two points of a plot (s).
 const POINT_S: f64 = 0.05;
@@ -32,7 +32,7 @@ struct Point {
 /// A line of a plot: name, colour, time before now (s) and value.
 type Series = (&'static str, Color, Vec<(f64, f64)>);
 
-/// What is shown.
+/// The content of the view.
 #[derive(Default)]
 pub struct Screen {
     title: String,
@@ -67,7 +67,7 @@ impl Screen {
         self.row = Some(row);
     }
 
-    /// Says something under the plots.
+    /// Shows a message under the plots.
     pub fn say(&mut self, message: String) {
         self.messages.push_back(message);
         while self.messages.len() > MESSAGES {
@@ -79,7 +79,7 @@ impl Screen {
     pub fn draw(&self, frame: &mut Frame<'_>) {
         let (bold, area) = (Style::new().add_modifier(Modifier::BOLD), frame.area());
         if area.width < LEAST_AREA[0] || area.height < LEAST_AREA[1] {
-            // No room for plots: what has to be seen goes first.
+            // No room for plots: the most important lines go first.
             let mut rest = self.numbers();
             let mut lines = rest.split_off(rest.len().min(1));
             lines.insert(lines.len().min(2), Line::styled("space stop  h hold  c clear  q quit", bold));
@@ -175,17 +175,16 @@ impl Screen {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fixtures;
     use ratatui::Terminal;
     use ratatui::backend::TestBackend;
-    use rig_link::{Counters, Fault, Faults, State, Telemetry};
+    use rig_link::{Fault, Faults, State, Telemetry};
 
     fn row(t_s: f64, position_m: f32, fault: Option<Fault>) -> Row {
         let telemetry = Telemetry {
-            t_us: (t_s * 1e6) as u64,
             state: if fault.is_some() { State::Fault } else { State::Moving },
             fault,
             faults: fault.map_or(Faults::NONE, |fault| Faults::NONE.with(fault)),
-            limit: None,
             target_m: Some(0.012),
             setpoint_m: Some(0.005),
             position_m: Some(position_m),
@@ -195,8 +194,7 @@ mod tests {
             drive_current_a: 0.1,
             drive_speed_rad_per_s: 104.72,
             time_left_s: Some(3.0),
-            twist_scale: Some(1.0),
-            counters: Counters::default(),
+            ..fixtures::telemetry((t_s * 1e6) as u64)
         };
         Row::new(t_s, &telemetry, None, None)
     }

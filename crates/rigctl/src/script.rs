@@ -191,7 +191,7 @@ fn move_request(target: &str, options: &[&str]) -> Result<Request, String> {
 pub fn request(text: &str) -> Result<Request, String> {
     match action(&text.split_whitespace().collect::<Vec<_>>())? {
         Action::Command(request) => Ok(request),
-        _ => Err(format!("`{text}` is no request")),
+        _ => Err(format!("`{text}` is not a request")),
     }
 }
 

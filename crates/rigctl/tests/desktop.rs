@@ -1,21 +1,9 @@
 //! `solve`, `lookup` and `table` as a user runs them, against the reference equilibria.
 
+mod common;
+
+use common::{desktop as rigctl, lines as objects, root};
 use serde_json::Value;
-use std::path::PathBuf;
-use std::process::{Command, Output};
-
-fn root() -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..")
-}
-
-fn rigctl(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_rigctl")).current_dir(root()).args(arguments).output().unwrap()
-}
-
-fn objects(output: &Output) -> Vec<Value> {
-    let text = String::from_utf8(output.stdout.clone()).unwrap();
-    text.lines().map(|l| serde_json::from_str(l).unwrap()).collect()
-}
 
 /// Rows of the reference as (scene, columns).
 fn reference() -> Vec<(String, Vec<(String, f64)>)> {

@@ -1,27 +1,18 @@
 //! `rigctl identify`: known constants found again, the paper's numbers, and what is refused.
 
+mod common;
+
+use common::{desktop as rigctl, error_of as said, root};
 use rand::{RngExt, SeedableRng};
 use rig_scene::Scene;
 use serde_json::Value;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::path::PathBuf;
+use std::process::Output;
 use tsa_model::{Material, twist_from_turns};
-
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
-}
-
-fn rigctl(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_rigctl")).args(arguments).current_dir(root()).output().unwrap()
-}
 
 fn object(output: &Output) -> Value {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     serde_json::from_slice(&output.stdout).unwrap()
-}
-
-fn said(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
 /// A folder of its own for each test.

@@ -179,7 +179,7 @@ fn a_replay_agrees_until_the_log_says_otherwise() {
     let cut = &log[..log.len() / 2];
     for (content, named) in [
         ("", "empty"),
-        ("load_n,turns\n1,2\n", "no log of this tool"),
+        ("load_n,turns\n1,2\n", "not a log of this tool"),
         (cut, "cut short"),
         (&log.replace(",moving,", ",mooving,"), "mooving"),
         (&log.replace("# at 29", "# at noon"), "noon"),

@@ -1,25 +1,19 @@
 //! `published` and `study` as a user runs them: every number of the paper, how far it is off, and beyond the paper.
 
+mod common;
+
+use common::{desktop as rigctl, error_of, lines, root};
 use serde_json::Value;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::path::Path;
 
 const KEYS: [&str; 8] = ["id", "quantity", "kind", "published", "computed", "error", "unit", "warnings"];
 const SETS: [&str; 3] = ["paper-identified", "paper-identified-eq6", "paper-printed"];
 const FIGURES: [&str; 7] = ["fig06", "fig07", "fig08", "fig09", "fig10", "fig11", "fig13"];
 
-fn root() -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..")
-}
-
-fn rigctl(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_rigctl")).current_dir(root()).args(arguments).output().unwrap()
-}
-
 fn objects(arguments: &[&str]) -> Vec<Value> {
     let output = rigctl(arguments);
-    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap().lines().map(|l| serde_json::from_str(l).unwrap()).collect()
+    assert!(output.status.success(), "{arguments:?}: {}", error_of(&output));
+    lines(&output)
 }
 
 /// Rows of the reference file as cells.

@@ -1,4 +1,4 @@
-//! What a cheaper model or a rougher table does to the closed loop: drawn from what `cargo xtask loop` has measured.
+//! The effect of a cheaper model or a less accurate table on the closed loop, drawn from the data of `cargo xtask loop`.
 
 use super::{Inputs, Made};
 use crate::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Sample, Shape, colour, extent};

@@ -1,4 +1,4 @@
-//! What bounds a rod's states: the zone in which the equilibrium is known to be one, and the physical limits.
+//! The limits of a rod's states: the zone in which the equilibrium is known to be unique, and the physical limits.
 
 use super::grid::Grid;
 use crate::parallel::{Progress, parallel};
@@ -28,7 +28,7 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// Over the grid's range, on a finer grid of their own.
+    /// The limits over the grid's range, computed on a finer grid.
     pub fn new(mechanism: &Mechanism, grid: &Grid, progress: &Progress<'_>) -> Self {
         let part = |k: usize| k as f64 / (NODES - 1) as f64;
         let [t0, t1] = grid.turn_range;

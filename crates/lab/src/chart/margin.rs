@@ -1,4 +1,4 @@
-//! Stability in time: how much more gain, delay or sampling time the position loop stands before it grows.
+//! Stability in time: how much more gain, delay or sampling time the position loop tolerates before it is unstable.
 //!
 //! The loop is linearised at an equilibrium and taken over one control period exactly: the rig between two ticks by the
 //! matrix exponential, the controller by its own difference equations. The loop is stable while no eigenvalue of that map
@@ -24,7 +24,7 @@ pub const DAMPING: [f64; 2] = [1.0, 2e-3];
 /// The loop as it is run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Controller {
-    /// Transmission ratio it stands on (rad/m); `None`: the true one, as the table gives it.
+    /// Transmission ratio that it assumes (rad/m); `None`: the true one, as the table gives it.
     pub tr_rad_per_m: Option<f64>,
     /// Gain (1/s).
     pub gain_per_s: f64,
@@ -32,7 +32,7 @@ pub struct Controller {
     pub corner_rad_per_s: f64,
     /// Control period (s).
     pub period_s: f64,
-    /// Delay on top of what there is (s).
+    /// Additional delay (s).
     pub delay_s: f64,
 }
 
@@ -54,7 +54,7 @@ impl Controller {
     }
 }
 
-/// What the load hangs from, at one state.
+/// The mechanism with its load at one state.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hung {
     /// Transmission ratio (rad/m).
@@ -84,8 +84,8 @@ impl Hung {
         (self.stiffness_n_per_m / self.mass_kg).sqrt()
     }
 
-    /// Position, speed, twist and twist speed some time (s) later: what of it comes from themselves and what from the
-    /// drive's target.
+    /// Position, speed, twist and twist speed some time (s) later: their dependence on themselves, and on the drive's
+    /// target.
     fn flow(&self, seconds: f64) -> (DMatrix<f64>, DVector<f64>) {
         let [position, velocity] = DRIVE_PER_S;
         let spring = self.stiffness_n_per_m / self.mass_kg;
@@ -101,7 +101,7 @@ impl Hung {
         (whole.view((0, 0), (4, 4)).into(), whole.view((0, 4), (4, 1)).column(0).into())
     }
 
-    /// Largest eigenvalue of the loop over one control period: below 1 everything dies away.
+    /// Largest eigenvalue of the loop over one control period: below 1 every disturbance decays.
     pub fn growth(&self, loop_: &Controller) -> f64 {
         let period = loop_.period_s;
         let tr = loop_.tr_rad_per_m.unwrap_or(self.tr_rad_per_m);
@@ -140,23 +140,23 @@ impl Hung {
         map.complex_eigenvalues().iter().map(|value| value.norm()).fold(0.0, f64::max)
     }
 
-    /// By how much the gain may be multiplied before the loop grows; below 1 it does so already. At most [`MOST`].
+    /// By how much the gain may be multiplied before the loop is unstable; below 1 it already is. At most [`MOST`].
     pub fn gain_margin(&self, loop_: &Controller) -> f64 {
         let grows =
             |factor: f64| self.growth(&Controller { gain_per_s: factor * loop_.gain_per_s, ..*loop_ }) > 1.0 + ROUNDING;
         last_good(grows, LEAST, MOST)
     }
 
-    /// Longest delay (s) on top of what there is before the loop grows; at most `most_s`.
+    /// Longest additional delay (s) before the loop is unstable; at most `most_s`.
     pub fn delay_margin(&self, loop_: &Controller, most_s: f64) -> f64 {
         let grows = |delay_s: f64| self.growth(&Controller { delay_s, ..*loop_ }) > 1.0 + ROUNDING;
         if grows(0.0) { 0.0 } else { last_good(grows, 1e-3, most_s) }
     }
 }
 
-/// Least and greatest factor that is looked at.
+/// Least factor that is considered.
 pub const LEAST: f64 = 0.02;
-/// See [`LEAST`].
+/// Greatest factor that is considered.
 pub const MOST: f64 = 20.0;
 /// An eigenvalue this far outside the circle is rounding.
 const ROUNDING: f64 = 1e-9;

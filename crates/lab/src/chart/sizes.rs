@@ -10,7 +10,7 @@ use rival_forms::fit::{Considered, considered};
 use tsa_table::fit::{Errors, Fit, FitError, MAX_BYTES};
 use tsa_table::owned::FORM;
 
-/// What the fits are asked for (m); the error of TR keeps its ratio to that of the scene.
+/// Demanded accuracies (m); the error of TR keeps its ratio to that of the scene.
 const ASKED_M: [f64; 7] = [200e-6, 100e-6, 50e-6, 20e-6, 10e-6, 5e-6, 2e-6];
 
 /// In the order of the key.

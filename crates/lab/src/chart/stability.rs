@@ -1,8 +1,8 @@
-//! Where each method answers rightly, and how it fails where it does not.
+//! Where each method finds the right equilibrium, and how it fails elsewhere.
 //!
-//! The truth at a state is the branch that the unloaded, untwisted rig leads to, followed there in many small steps:
-//! another way than the default method's own, which goes straight to the state and follows the branch, in steps as
-//! large as they come, only where more than one equilibrium may exist.
+//! The true state is on the branch that begins at the unloaded, untwisted rig and is followed in many small steps. The
+//! default method does it otherwise: it solves at the state directly, and follows the branch, in large steps, only where
+//! more than one equilibrium may exist.
 
 use super::grid::Grid;
 use super::limits::{self, Limits};
@@ -12,40 +12,40 @@ use tsa_model::{Equilibrium, Mechanism, SolveError, twist_from_turns};
 
 /// Steps of load and of twist in which the truth is followed, at least.
 const STEPS: usize = 64;
-/// An answer further from the truth than this (m) is another equilibrium: every method's own error stays far below.
+/// An answer further from the true state than this (m) is another equilibrium: every method's own error is far smaller.
 pub const ANOTHER_BRANCH_M: f64 = 1e-5;
 /// An answer that takes this many times a method's usual effort is slow.
 pub const SLOW: f64 = 5.0;
 
-/// What became of one state.
+/// The outcome at one state.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Outcome {
     /// The right equilibrium.
     Right,
     /// The right one, for more than [`SLOW`] times the method's usual effort.
     Slow,
-    /// Another equilibrium, and no word of it.
+    /// Another equilibrium, without an error.
     Wrong {
         /// How far its gap is from the right one (m).
         off_m: f64,
     },
-    /// The iteration ends without an answer although there is one.
+    /// The iteration ends without an answer although there is an equilibrium.
     Diverged(SolveError),
-    /// A limit of the model is named where there is none.
+    /// The method reports a limit of the model where there is none.
     Refused(SolveError),
-    /// A limit of the model is named where there is one.
+    /// The method reports a limit of the model where there is one.
     Limit(SolveError),
     /// An answer where the branch from the unloaded state has ended.
     BeyondLimit,
 }
 
 impl Outcome {
-    /// Of a method's answer, the truth being known.
+    /// The outcome of a method's answer, given the true state.
     pub fn judge(truth: &Result<Equilibrium, SolveError>, answer: &Result<Equilibrium, SolveError>) -> Self {
         match (truth, answer) {
             (Ok(truth), Ok(e)) => {
                 let off_m = (e.gap_m - truth.gap_m).abs();
-                // Not `>`: NaN is no answer either.
+                // Not `>`: NaN must not count as right.
                 if off_m <= ANOTHER_BRANCH_M { Self::Right } else { Self::Wrong { off_m } }
             }
             (Ok(_), Err(e @ (SolveError::Diverged { .. } | SolveError::NotConverged { .. }))) => Self::Diverged(*e),
@@ -68,7 +68,7 @@ impl Outcome {
         }
     }
 
-    /// Whether a solver must not do this.
+    /// Whether this outcome is a defect of the method.
     pub fn is_failure(&self) -> bool {
         !matches!(self, Self::Right | Self::Slow | Self::Limit(_))
     }
@@ -91,8 +91,8 @@ pub struct Named {
     pub method: Method,
 }
 
-/// Every method, the paper's also without damping, each with the effort that gives about 1e-6 m: which branch it finds
-/// does not hang on more.
+/// Every method, the paper's also without damping, each with the effort that gives about 1e-6 m: more effort does not
+/// change which branch it finds.
 pub fn methods() -> Vec<Named> {
     let paper = |relaxation| Method::Paper { steps: 16, relaxation, tolerance: 1e-6 };
     Method::ALL
@@ -113,7 +113,7 @@ pub fn methods() -> Vec<Named> {
         .collect()
 }
 
-/// The equilibrium that the unloaded rig leads to, or what ends the way.
+/// The equilibrium on the branch from the unloaded rig, or the limit that ends the branch.
 ///
 /// # Errors
 /// As [`Mechanism::solve`].
@@ -133,7 +133,7 @@ pub struct MethodMap {
 }
 
 impl MethodMap {
-    /// How many of the states that have an equilibrium came out as `name`.
+    /// The number of states with this outcome.
     pub fn count(&self, name: &str) -> usize {
         self.outcomes.iter().filter(|o| o.name() == name).count()
     }
@@ -142,7 +142,7 @@ impl MethodMap {
 /// One rod, every method.
 #[derive(Debug, Clone)]
 pub struct Map {
-    /// What bounds the rod's states.
+    /// The limits of the rod's states.
     pub limits: Limits,
     /// Whether each state is known to have one equilibrium only.
     pub safe: Vec<bool>,

@@ -18,14 +18,14 @@ const TURNS: [f64; 2] = [0.0, 8.0];
 const OUTCOMES: [(&str, RGBColor, &str); 7] = [
     ("right", RGBColor(190, 225, 245), "right branch"),
     ("slow", RGBColor(0, 114, 178), "right, but slow"),
-    ("limit", RGBColor(222, 222, 222), "no equilibrium, and said so"),
+    ("limit", RGBColor(222, 222, 222), "no equilibrium, reported"),
     ("refused", RGBColor(240, 200, 60), "refused by a limit that is not there"),
-    ("diverged", RGBColor(70, 70, 70), "diverged, and said so"),
-    ("wrong-branch", RGBColor(213, 94, 0), "another branch, nothing said"),
+    ("diverged", RGBColor(70, 70, 70), "diverged, reported"),
+    ("wrong-branch", RGBColor(213, 94, 0), "another branch, no error"),
     ("beyond-limit", RGBColor(204, 121, 167), "an answer past the end of the branch"),
 ];
 
-/// Draws a limit so that it is seen on light and dark cells.
+/// Draws a limit so that it is visible on light and dark cells.
 fn limit(line: &Line, pen: Pen) -> Vec<Item> {
     let under = Pen { colour: WHITE, width: pen.width + 3, dashed: false };
     [under, pen]

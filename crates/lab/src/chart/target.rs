@@ -1,4 +1,4 @@
-//! What each way of knowing the mechanism costs on the board: drawn from what `cargo xtask cost` has counted.
+//! The cost of each table and solver on the board, drawn from the data of `cargo xtask cost`.
 
 use super::{Inputs, Made};
 use crate::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Sample, Shape, colour};

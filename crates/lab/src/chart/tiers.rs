@@ -1,4 +1,4 @@
-//! No more model than a scene needs: the cheapest model over load and twist, and what five scenes take.
+//! The cheapest model over load and twist, and the model and table that each of five scenes needs.
 
 use super::grid::Grid;
 use super::{Inputs, Made};
@@ -11,7 +11,7 @@ use rig_scene::Scene;
 use std::path::Path;
 use tsa_model::{Mechanism, SolveError, Tier, TierError, twist_from_turns};
 
-/// What is asked of the contraction (m); TR is left free.
+/// Demanded accuracy of the contraction (m); TR is left free.
 const WANTED_M: [f64; 3] = [5e-6, 24e-6, 100e-6];
 /// Loads and twists of a map.
 const CELLS: (usize, usize) = (32, 36);
@@ -34,7 +34,7 @@ const COLOURS: [RGBColor; 6] = [
     RGBColor(37, 52, 148),
 ];
 
-/// The cheapest tier at a state that says of itself that it is good enough, and how wrong its contraction is (m).
+/// The cheapest tier at a state whose own estimate meets the demand, and the error of its contraction (m).
 fn cheapest(m: &Mechanism, load_n: f64, turns: f64, wanted: TierError) -> Result<(Tier, f64), SolveError> {
     let twist_rad = twist_from_turns(turns);
     let found = m.solve_auto(load_n, twist_rad, wanted)?;
@@ -148,7 +148,7 @@ fn maps_csv(maps: &[&Map]) -> Result<String> {
     csv_text(&["scene", "wanted_m", "load_n", "turns", "tier", "contraction_error_m"], lines.collect::<Vec<_>>())
 }
 
-/// What one scene takes.
+/// The model and table of one scene.
 struct Taken {
     scene: &'static str,
     title: &'static str,

@@ -1,4 +1,4 @@
-//! Work against precision on the desktop: what an equilibrium costs by every method and tier, and how wrong it is.
+//! Work against precision on the desktop: the cost of an equilibrium by every method and tier, and its error.
 
 use crate::parallel::Progress;
 use anyhow::{Context, Result, bail};
@@ -105,8 +105,8 @@ pub struct Measured {
 /// How long a way is repeated in a round.
 const LAP: Duration = Duration::from_millis(20);
 
-/// Measures every way over [`states`]: once, and in so many further rounds in which all ways take turns, so that what
-/// disturbs a machine for seconds spoils one round.
+/// Measures every way over [`states`]: once, and in so many further rounds in which all ways take turns, so that a
+/// disturbance of some seconds affects one round only.
 ///
 /// # Errors
 /// If the reference has no answer.

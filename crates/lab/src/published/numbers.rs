@@ -26,7 +26,7 @@ pub struct Row {
     pub kind: Kind,
     /// Load (N).
     pub load_n: f64,
-    /// What differs from the scene, see [`apply`]; mostly nothing.
+    /// Changes of the scene, see [`apply`]; mostly none.
     pub changes: String,
     /// The number, in [`Self::unit`].
     pub value: f64,
@@ -66,7 +66,7 @@ impl Quantity {
         }
     }
 
-    /// Contraction, TR or span, wherever on the way.
+    /// Contraction, TR or span, at any number of turns.
     pub fn group(self) -> Group {
         match self {
             Self::Contraction => Group::Contraction,
@@ -76,7 +76,7 @@ impl Quantity {
     }
 }
 
-/// What is measured, wherever on the way.
+/// What is measured, at any number of turns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Group {
     /// Contraction.
@@ -87,7 +87,7 @@ pub enum Group {
     Span,
 }
 
-/// Where the authors have a number from.
+/// The authors' source of a number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Kind {
@@ -126,12 +126,12 @@ impl Unit {
     }
 }
 
-/// A number computed in the place of a printed one.
+/// The computed counterpart of a printed number.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Computed {
     /// In the unit of the row.
     pub value: f64,
-    /// What to take it with, at either end of the contraction.
+    /// Warnings of the model, at either end of the contraction.
     pub warnings: Vec<&'static str>,
 }
 
@@ -153,7 +153,7 @@ impl Row {
         Ok(Computed { value: self.unit.of_si(si), warnings })
     }
 
-    /// The states that the number depends on; the same one twice where it is one state's.
+    /// The two states that the number depends on; the same state twice if it depends on one.
     fn states(&self, mechanism: &Mechanism) -> Result<[Equilibrium; 2], SolveError> {
         let at = |turns| mechanism.formal(self.load_n, twist_from_turns(turns));
         let end = at(self.quantity.turns())?;

@@ -157,7 +157,7 @@ pub enum Command {
         /// Twist speed (rad/s, deg/s, rpm of the strings), positive twists up
         #[arg(long, value_name = "W", allow_hyphen_values = true, value_parser = twist_speed)]
         speed: f64,
-        /// How long
+        /// How long (s)
         #[arg(long, value_name = "S", default_value = "1s", allow_hyphen_values = true, value_parser = seconds)]
         seconds: f64,
     },

@@ -126,7 +126,7 @@ fn measured(options: &Identify, scene: &Scene) -> Result<(Data, &'static str), F
     let every = match &options.hold_out[..] {
         [] => 5,
         [n] if n == "none" => 0,
-        [n] => n.parse().map_err(|_| Failure::Usage(format!("--hold-out: `{n}` is no number of rows")))?,
+        [n] => n.parse().map_err(|_| Failure::Usage(format!("--hold-out: `{n}` is not a number of rows")))?,
         _ => return Err(Failure::Usage("--hold-out: of sweeps, one number: every so many rows".into())),
     };
     Ok((data::sweeps(scene, &options.sweeps, every, options.partial)?, "m"))

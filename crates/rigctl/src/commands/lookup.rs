@@ -40,7 +40,7 @@ pub fn look_up(table: &Table<'_>, query: Query) -> Result<Answer, RowError> {
     let (load, twist) = (load_n as f32, twist_from_turns(turns) as f32);
     let answer = table.look_up(load, twist).and_then(|point| Ok((point, table.contraction_m(load, twist)?)));
     let (point, contraction_m) = answer.map_err(|e| {
-        // The operator said turns, the table says radians: name both.
+        // The operator gave turns, the table's error has radians: the message names both.
         let asked = if e.parameter == "twist_rad" { format!("turns {turns}: ") } else { String::new() };
         RowError::new("out-of-range", format!("{asked}{e}"))
     })?;

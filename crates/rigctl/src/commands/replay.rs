@@ -11,7 +11,7 @@ use serde_json::json;
 /// Runs the command.
 ///
 /// # Errors
-/// If the file is no whole log, is of another scene, or has nothing to replay.
+/// If the file is not a complete log, is of another scene, or has nothing to replay.
 pub fn run(global: &Global, options: &Replay, output: &mut Output) -> Result<(), Failure> {
     let name = options.file.display();
     let wrong = |what: String| Failure::failed(format!("log {name}: {what}"));

@@ -9,7 +9,7 @@ use serde_json::json;
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
 
-/// With this the last line of the log begins, and with that if all is well (src/bin/selftest/table.rs).
+/// Begin of the last line of the log, and of its rest if all checks are ok (src/bin/selftest/table.rs).
 const END: &str = "selftest ended: ";
 const WELL: &str = "all ";
 
@@ -50,7 +50,7 @@ pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
     match end {
         Some(text) if text.starts_with(WELL) => Ok(()),
         Some(text) => Err(Failure::failed(text)),
-        // The emulator has said why on standard error, which is ours.
+        // The emulator has written the reason to standard error, which is ours.
         None => Err(Failure::failed("the self-test did not end")),
     }
 }
@@ -67,7 +67,7 @@ mod tests {
     use super::row;
 
     #[test]
-    fn rows_are_told_from_the_rest() {
+    fn rows_are_distinguished_from_other_lines() {
         let line = "| LSI    | 17 to 47 kHz  | 32.0 kHz | ok            |";
         assert_eq!(row(line), Some(["LSI", "17 to 47 kHz", "32.0 kHz", "ok"]));
         for other in

@@ -3,7 +3,8 @@
 use crate::batch::{self, Query, RowError};
 use crate::failure::Failure;
 use crate::options::Global;
-use crate::options::commands::{AUTO, At, How};
+use crate::options::commands::{At, How};
+use crate::options::values::AUTO;
 use crate::output::Output;
 use lab::trace::finite_tr_rad_per_m;
 use rig_scene::Scene;

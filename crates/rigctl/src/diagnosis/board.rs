@@ -126,35 +126,7 @@ fn brown_out(level: u8) -> Check {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rig_link::TableIdentity;
-
-    fn identity(git: &str) -> Identity {
-        Identity {
-            version: env!("CARGO_PKG_VERSION").parse().expect("fits"),
-            git: git.parse().expect("fits"),
-            protocol_hash: PROTOCOL_HASH,
-            scene_hash: 0,
-            rig_hash: 0,
-            demand_hash: 0,
-            table: TableIdentity {
-                form: Default::default(),
-                bytes: 0,
-                contraction_error_m: 0.0,
-                tr_relative_error: 0.0,
-                load_min_n: 0.0,
-                load_max_n: 0.0,
-                turns_min: 0.0,
-                turns_max: 0.0,
-                crc: 0,
-                rebuilt: false,
-            },
-            reset_cause: ResetCause::PowerOn,
-            clock: Clock::Hse,
-            brown_out_level: 3,
-            boot_count: 1,
-            last_panic: None,
-        }
-    }
+    use crate::fixtures::identity;
 
     #[test]
     fn an_image_with_a_study_table_or_of_another_version_needs_attention() {

@@ -1,4 +1,4 @@
-//! The constants that can be fitted, and how the fit sees them.
+//! The constants that can be fitted, and their unknowns in the fit.
 //!
 //! Positive constants are fitted by their logarithm, so that no step leaves the range in which the model means anything.
 //! The stress–strain curve is fitted by the coefficients of its tangent written as sums of squares: no step can make it
@@ -86,7 +86,10 @@ impl Constant {
         }
     }
 
-    /// Unknowns at the scene's own values, and why that may be impossible.
+    /// Unknowns at the scene's own values.
+    ///
+    /// # Errors
+    /// In words, if a fit cannot start there.
     pub fn start(self, p: &Parameters) -> Result<Vec<f64>, String> {
         let a = p.stress_coefficients_pa;
         let positive = |value: f64| {

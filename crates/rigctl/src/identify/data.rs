@@ -1,4 +1,4 @@
-//! What a fit is fitted to: recorded sweeps, or the paper's numbers.
+//! The data of a fit: recorded sweeps, or the paper's numbers.
 //!
 //! A sweep is a CSV file with the columns `load_n`, `turns` (or `twist_rad`) and `gap_m` or `contraction_m`, and if
 //! wanted `sigma_m`, one standard deviation of the row. Lines that begin with `#` are passed over. A log of `rigctl sweep`
@@ -189,7 +189,7 @@ pub fn sweeps(scene: &Scene, files: &[impl AsRef<Path>], hold_out: usize, partia
                     let name = header.get(k).unwrap_or("");
                     match cell.parse::<f64>() {
                         Ok(x) if x.is_finite() => Ok(x),
-                        _ => Err(format!("{name} `{cell}` is no number")),
+                        _ => Err(format!("{name} `{cell}` is not a number")),
                     }
                 };
                 let sigma = sigma.map_or(Ok(SIGMA_M), number)?;

@@ -16,7 +16,7 @@ use nalgebra::{DMatrix, DVector, Dyn, Owned};
 use serde::Serialize;
 use tsa_model::{Mechanism, PRETWIST_RAD, Parameters, SolveError};
 
-/// A constant is taken as told by the data if its standard error is below this part of it.
+/// A constant counts as determined by the data if its standard error is below this share of it.
 pub const WORST_STANDARD_ERROR: f64 = 0.5;
 /// Directions of the scaled problem that are this much weaker than the strongest are not determined.
 const WEAKEST: f64 = 1e-5;
@@ -226,7 +226,7 @@ pub fn fit(unknowns: &Unknowns, start: &Parameters, data: &Data) -> Result<(Vec<
     if n <= m {
         return Err(IdentifyError::TooFew { rows: n, unknowns: m, labels: labels.join(", ") });
     }
-    // What cannot be told at the start cannot be told at the end either, and would send the fit astray.
+    // Constants that the data leave open at the start stay open to the end, and would lead the fit astray.
     directions(&problem.jacobian, &labels)?;
     let (problem, report) = LevenbergMarquardt::new().with_patience(200).minimize(problem);
     if !report.termination.was_successful() {
@@ -275,7 +275,7 @@ fn fitted(unknowns: &Unknowns, row: &Row, x: &[f64]) -> Fitted {
     }
 }
 
-/// The inverse of JᵀJ, if every direction of it is told by the data.
+/// The inverse of JᵀJ, if the data determine every direction of it.
 fn directions(jacobian: &DMatrix<f64>, labels: &[String]) -> Result<DMatrix<f64>, IdentifyError> {
     let norms: Vec<f64> = jacobian.column_iter().map(|c| c.norm()).collect();
     let silent: Vec<&str> =

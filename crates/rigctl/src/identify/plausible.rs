@@ -1,4 +1,4 @@
-//! What is wrong with a recorded sweep, for who has to find it: numbers that no rig can give, and units that fit better.
+//! What may be wrong with a recorded sweep: numbers that no rig can give, and units that fit better.
 
 use super::data::{Data, Quantity, Row};
 use lab::STANDARD_GRAVITY_M_PER_S2 as GRAVITY;
@@ -11,14 +11,14 @@ use tsa_model::{Mechanism, PRETWIST_RAD};
 const CLEAR: f64 = 20.0;
 /// Least twist (rad) over which a direction is judged.
 const LEAST_RAD: f64 = 0.5 * TAU;
-/// Another unit is told of if the scene's numbers come nearer by this factor with it: constants that are to be fitted
-/// are tens of per cent off, units by more.
+/// Another unit is suggested if the scene's numbers come nearer by this factor with it: constants that are to be fitted are
+/// off by tens of per cent, wrong units by more.
 const NEARER: f64 = 3.0;
 
-/// Rows of a file that are looked at for its units: a long file tells no more than some of its rows.
+/// Most rows of a file that are examined for its units: some rows of a long file suffice.
 const LOOKED_AT: usize = 200;
 
-/// What the reader of a sweep may have taken wrongly: what to say of it, and the factors of loads and of lengths.
+/// Wrong readings of a sweep: the words for each, and its factors of loads and of lengths.
 const READINGS: [(&str, f64, f64); 7] = [
     ("load_n taken as kg", GRAVITY, 1.0),
     ("load_n taken as g", 1e-3 * GRAVITY, 1.0),
@@ -48,7 +48,8 @@ pub fn impossible(data: &Data, string_length_m: f64) -> Option<String> {
     })
 }
 
-/// Strings cannot shorten by more than they are long. The middle half of the rows is judged: a wild row is no wrong unit.
+/// Strings cannot shorten by more than they are long. The middle half of the rows is judged: one wild row must not suggest a
+/// wrong unit.
 fn too_long(rows: &[Row], string_length_m: f64) -> Option<String> {
     let mut rises: Vec<f64> = rows.iter().map(rise).collect();
     rises.sort_by(f64::total_cmp);
@@ -83,7 +84,7 @@ fn wrong_way(rows: &[Row]) -> Option<String> {
         let (mean_twist, mean_rise) = (mean(&twist), mean(&rise));
         let together = mean(&|r| (twist(r) - mean_twist) * (rise(r) - mean_rise));
         let span_rad = twist(high) - twist(low);
-        // Ends and slope have to agree: one wild row is no wrong sign.
+        // Ends and slope have to agree: one wild row must not suggest a wrong sign.
         let falls_m = rise(low) - rise(high);
         if span_rad < LEAST_RAD || together >= 0.0 || falls_m < CLEAR * first.sigma {
             return None;

@@ -6,18 +6,18 @@ use crate::script;
 use rig_link::{Request, Setting, SettingValues, State};
 use std::path::Path;
 
-/// A row, as far as the control code has to do with it. SI units.
+/// The columns of a row that the control code uses. SI units.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LogRow {
     /// Time (s).
     pub t_s: f64,
-    /// What the rig was doing.
+    /// State of the rig.
     pub state: State,
-    /// Where it was going.
+    /// Target of the move.
     pub target_m: Option<f64>,
-    /// Where the planner wanted it.
+    /// The planner's set-point.
     pub setpoint_m: Option<f64>,
-    /// Where the LVDT saw it.
+    /// Position measured by the LVDT.
     pub position_m: Option<f64>,
     /// Twist of the strings.
     pub twist_rad: Option<f64>,
@@ -33,10 +33,10 @@ pub struct LogRow {
     pub twist_scale: Option<f64>,
 }
 
-/// What happened between rows.
+/// A request or event between two rows.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Mark {
-    /// The host asked.
+    /// The host sent a request.
     Request(Request),
     /// Homing ended: load (N), measured less modelled gap (m).
     Homed {
@@ -45,7 +45,7 @@ pub enum Mark {
         /// Measured less modelled gap (m).
         gap_offset_m: f64,
     },
-    /// Anything else that the board said.
+    /// Any other event of the board.
     Event(String),
 }
 
@@ -63,26 +63,26 @@ pub struct Marked {
 /// A log.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Log {
-    /// What was known before the first row.
+    /// The facts before the first row.
     pub header: Header,
     /// Telemetry in order of time.
     pub rows: Vec<LogRow>,
-    /// What happened between.
+    /// Requests and events between the rows.
     pub marks: Vec<Marked>,
     /// Whether the line that ends a log is there.
     pub complete: bool,
 }
 
-/// Why a text is no log.
+/// Why a text is not a log.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum LogError {
-    /// Nothing in it.
+    /// The text is empty.
     #[error("is empty")]
     Empty,
     /// Another kind of file.
-    #[error("is no log of this tool: its first line is not `# format = {FORMAT}`")]
+    #[error("is not a log of this tool: its first line is not `# format = {FORMAT}`")]
     Format,
-    /// A line is not what it should be.
+    /// A line is wrong.
     #[error("line {line}: {message}")]
     Line {
         /// From 1.
@@ -109,7 +109,7 @@ impl Log {
     pub fn load(path: &Path) -> Result<Self, String> {
         let bytes = rig_scene::files::read(path).map_err(|e| e.to_string())?;
         let text = String::from_utf8(bytes)
-            .map_err(|e| format!("is no text from byte {} on", e.utf8_error().valid_up_to()))?;
+            .map_err(|e| format!("is not text from byte {} on", e.utf8_error().valid_up_to()))?;
         Self::parse(&text).map_err(|e| e.to_string())
     }
 
@@ -123,7 +123,7 @@ impl Log {
         }
         let mut log = Self::default();
         let mut columns: Option<Vec<&str>> = None;
-        // What has no line end was cut in the middle.
+        // A last line without a line end was cut in the middle.
         let whole = text.rfind('\n').map_or("", |end| &text[..end]);
         for (line, content) in (1..).zip(whole.lines()) {
             let fail = |message: String| LogError::Line { line, message };
@@ -163,7 +163,7 @@ impl Log {
         Ok(log)
     }
 
-    /// Itself, if nothing is missing at its end.
+    /// The log itself, if it is complete.
     ///
     /// # Errors
     /// [`LogError::Cut`].
@@ -171,10 +171,10 @@ impl Log {
         if self.complete { Ok(self) } else { Err(LogError::Cut { rows: self.rows.len() }) }
     }
 
-    /// The settings that the board ran with; those that the head does not name are `defaults`, and which they are.
+    /// The settings that the board ran with. Those that the header does not have are taken from `defaults`, and named.
     ///
     /// # Errors
-    /// Naming what is no setting of this tool's, or has no value that it may have.
+    /// Naming a setting that this tool does not know, or a value that is out of range.
     pub fn settings(&self, defaults: &SettingValues) -> Result<(SettingValues, Vec<Setting>), String> {
         let (mut values, mut missing) = (*defaults, Setting::ALL.to_vec());
         for (key, text) in &self.header.0 {
@@ -200,7 +200,7 @@ impl Log {
                 .parse()
                 .ok()
                 .filter(|t: &f64| t.is_finite())
-                .ok_or_else(|| format!("time `{time}` is no number"))?;
+                .ok_or_else(|| format!("time `{time}` is not a number"))?;
             let mark = if let Some(request) = what.strip_prefix("request ") {
                 Mark::Request(script::request(request)?)
             } else if let Some(event) = what.strip_prefix("event ") {
@@ -236,7 +236,7 @@ fn row(names: &[&str], content: &str) -> Result<LogRow, String> {
         "" => Ok(None),
         text => match text.parse::<f64>() {
             Ok(x) if x.is_finite() => Ok(Some(x)),
-            _ => Err(format!("{name} `{text}` is no number")),
+            _ => Err(format!("{name} `{text}` is not a number")),
         },
     };
     let state = cell("state");

@@ -1,24 +1,24 @@
-//! A recorded sweep as equilibria: what is fitted to constants.
+//! A recorded sweep reduced to equilibria, to which constants are fitted.
 //!
-//! The load moves slowly, so each row is an equilibrium but for what depends on the way it goes: rail friction, and the
-//! age of the gap. The mean of the way up and the way down at the same twist is free of both.
+//! The load moves slowly, so each row is an equilibrium but for two effects that depend on the direction: rail friction and
+//! the age of the gap. The mean of the way up and the way down at the same twist is free of both.
 
 use super::{Log, LogRow};
 use rig_link::State;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
-/// Rows within this much twist (turns) are taken together: across it the gap bends by less than a micrometre.
+/// Rows within this much twist (turns) are averaged: over it the gap deviates from a line by less than a micrometre.
 const BIN_TURNS: f64 = 0.1;
-/// Least rows of a bin on either way: fewer are where the motor was starting or stopping.
+/// Least rows of a bin in either direction: fewer come from where the motor was starting or stopping.
 const LEAST_ROWS: u32 = 5;
 
-/// Most that the mean twists of both ways may differ (rad): more where one way began or ended within the bin, and the two
-/// are not at the same place.
+/// Largest difference of the mean twists of both directions (rad): it is larger where one way began or ended within the
+/// bin, so that the two means are not at the same place.
 const SAME_RAD: f64 = 0.05 * BIN_TURNS * TAU;
 
-/// How far the load moves (m) before a way counts: until the strings have taken up friction it stands, and its pull is
-/// anywhere between the two ways'.
+/// How far the load must move (m) before its rows count: until the strings have overcome friction it stands still, and their
+/// tension is anywhere between the values of the two directions.
 const MOVED_M: f64 = 0.1e-3;
 
 /// One equilibrium.
@@ -28,7 +28,7 @@ pub struct Stop {
     pub twist_rad: f64,
     /// How far the load has come up since the half-turn pre-twist, from an unknown zero (m).
     pub position_m: f64,
-    /// Half of what the way up and the way down differ by (m): friction's doing.
+    /// Half the difference between the way up and the way down (m): the effect of friction.
     pub half_difference_m: f64,
 }
 
@@ -42,10 +42,10 @@ struct Sums {
 /// The load that hung (N), and the equilibria in order of twist.
 ///
 /// # Errors
-/// In words, if the log is none of a sweep or lacks a way.
+/// In words, if the log is not one of a sweep, or has one direction only.
 pub fn stops(log: &Log) -> Result<(f64, Vec<Stop>), String> {
     let load = log.header.get("sweep.load_n").ok_or("is a log, but not of `rigctl sweep`: nobody weighed its load")?;
-    let load_n: f64 = load.parse().map_err(|_| format!("sweep.load_n `{load}` is no number"))?;
+    let load_n: f64 = load.parse().map_err(|_| format!("sweep.load_n `{load}` is not a number"))?;
     let mut bins: BTreeMap<i64, [Sums; 2]> = BTreeMap::new();
     let moving = |r: &LogRow| r.twist_rad.zip(r.position_m).filter(|_| r.state == State::Moving);
     // Where the load stood when the way began, until it has moved away from there.

@@ -21,7 +21,7 @@ pub enum Config {
         /// Which
         #[arg(value_name = "NAME", value_parser = board_settings::named, long_help = board_settings::help())]
         name: rig_link::Setting,
-        /// Its value, with or without a unit; `learned` for twist-scale takes what the last moves taught
+        /// Its value, with or without a unit; `learned` for twist-scale takes the scale that the board has learned
         #[arg(value_name = "VALUE", allow_hyphen_values = true)]
         value: String,
     },
@@ -31,12 +31,12 @@ pub enum Config {
         #[arg(value_name = "FILE.toml")]
         file: PathBuf,
     },
-    /// Set all settings as a file says: all of them, or none if anything in it is wrong
+    /// Set all settings from a file: all of them, or none if anything in it is wrong
     Restore {
-        /// File to read: of `config backup`, or a log of `record` or `sweep`, whose head holds them too
+        /// File to read: a backup, or a log of `record` or `sweep`, whose header holds the settings, too
         #[arg(value_name = "FILE")]
         file: PathBuf,
-        /// Even if it was written for a rig of other numbers
+        /// Also if it was written for a rig with other numbers
         #[arg(long)]
         force: bool,
     },
@@ -46,12 +46,12 @@ pub enum Config {
 #[derive(Debug, Clone, Subcommand)]
 pub enum Calibrate {
     /// The LVDT, by the gap between the clamps as callipers measure it: one gap gives the offset, a second one the gain.
-    /// Without --gap it only shows what the sensor sees
+    /// Without --gap it only prints the reading
     Lvdt {
-        /// The true gap now
+        /// The true gap now (m, mm)
         #[arg(long, value_name = "GAP", value_parser = gap)]
         gap: Option<f64>,
-        /// A gap that was measured before, and what the uncalibrated sensor showed there: the first call prints both
+        /// A gap that was measured before (m, mm), and the uncalibrated reading of the sensor there: the first call prints both
         #[arg(long, value_name = "GAP:SENSOR", requires = "gap")]
         point: Option<Point>,
     },
@@ -59,17 +59,17 @@ pub enum Calibrate {
     Zero,
 }
 
-/// What to record, and where to.
+/// What to record, and the file.
 #[derive(Debug, Clone, Args)]
 pub struct Record {
     /// File to write [default: standard output]
     #[arg(long, value_name = "FILE.csv")]
     pub out: Option<PathBuf>,
-    /// How long without a script
+    /// How long to record without a script (s)
     #[arg(long, value_name = "S", default_value = "10s", allow_hyphen_values = true, value_parser = seconds,
         conflicts_with = "script")]
     pub seconds: f64,
-    /// Play this script meanwhile, so that something happens (format as for `play`)
+    /// Play this script meanwhile (format as for `play`); exit code 1 if a command of it was refused
     #[arg(long, value_name = "FILE")]
     pub script: Option<PathBuf>,
 }
@@ -77,13 +77,13 @@ pub struct Record {
 /// A load and how far to turn.
 #[derive(Debug, Clone, Args)]
 pub struct Sweep {
-    /// Load that hangs on the rail (N or kg), weighed
+    /// Load that hangs on the rail, as weighed (N or kg)
     #[arg(long, value_name = "L", allow_hyphen_values = true, value_parser = load)]
     pub load: f64,
     /// Turns past the half-turn pre-twist
     #[arg(long, value_name = "T", default_value = "7.5", allow_hyphen_values = true, value_parser = turns)]
     pub turns: f64,
-    /// Speed of the strings
+    /// Speed of the strings (rad/s, deg/s, rpm)
     #[arg(long, value_name = "W", default_value = "12.5rpm", allow_hyphen_values = true, value_parser = twist_speed)]
     pub speed: f64,
     /// File to write
@@ -91,7 +91,7 @@ pub struct Sweep {
     pub out: PathBuf,
 }
 
-/// Which log.
+/// The log to replay.
 #[derive(Debug, Clone, Args)]
 pub struct Replay {
     /// Log of `record` or `sweep`, recorded with --scene
@@ -102,7 +102,7 @@ pub struct Replay {
     pub partial: bool,
 }
 
-/// What to fit to what.
+/// The constants to fit, and the data.
 #[derive(Debug, Clone, Args)]
 pub struct Identify {
     /// Recorded sweeps: CSV with load_n, turns (or twist_rad), gap_m (from an unknown zero) or contraction_m, and if
@@ -125,7 +125,7 @@ pub struct Identify {
     /// Also logs of sweeps that were cut short or broken off
     #[arg(long)]
     pub partial: bool,
-    /// What is only predicted: of sweeps every so many rows [default: 5], of published numbers their ids or kinds
+    /// What is only predicted: of sweeps every n-th row [default: 5], of published numbers their ids or kinds
     /// [default: l0-70,r0-2.5,k-0.01,experiment,span]; `none` fits everything
     #[arg(long, value_name = "WHAT", value_delimiter = ',')]
     pub hold_out: Vec<String>,
@@ -147,9 +147,6 @@ pub struct How {
     #[arg(long, default_value = "full", value_parser = tiers())]
     pub tier: String,
 }
-
-/// `--tier` that leaves the choice to the estimates.
-pub const AUTO: &str = "auto";
 
 /// One load and number of turns, or a file of them.
 #[derive(Debug, Clone, Args)]

@@ -19,11 +19,11 @@ use std::path::PathBuf;
 const EVERYWHERE: &str = "Everywhere";
 const EMULATED: &str = "Emulated board (--port sim)";
 
-/// What `--plant` takes.
+/// The help of `--plant`.
 fn plant_help() -> String {
     format!(
-        "Changes of the emulated plant that the firmware does not know, for example load=1.2kg,friction=0.1. Keys and \
-         their units:\n{}",
+        "Changes of the emulated plant that the firmware does not know, for example load=1.2kg,friction=0.1. Keys and their \
+         units:\n{}",
         PlantKey::help()
     )
 }

@@ -1,12 +1,14 @@
 //! Values of options, read from text. Each error names the option.
 
-use super::commands::AUTO;
 use crate::script;
 use crate::units::{self, Quantity};
 use clap::builder::PossibleValuesParser;
 use rig_link::LoadChoice;
 use rival_methods::Method;
 use tsa_model::{RadiusLaw, Tier};
+
+/// `--tier` that leaves the choice to the estimates.
+pub const AUTO: &str = "auto";
 
 pub(crate) fn radius_law(text: &str) -> Result<RadiusLaw, String> {
     match text {

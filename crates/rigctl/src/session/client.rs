@@ -185,7 +185,7 @@ impl Session {
             return self.exchange();
         }
         self.stop()?;
-        Err(Failure::failed("interrupted: the board was told to stop"))
+        Err(Failure::failed("interrupted: the board was stopped"))
     }
 
     /// Stops the board, before the conversation ends.
@@ -354,7 +354,7 @@ impl Session {
     /// Gaps as the LVDT measures them (m), over half a second, homed or not.
     ///
     /// # Errors
-    /// If one of them is no valid reading.
+    /// If one of them is not a valid reading.
     pub fn gaps_m(&mut self) -> Result<Vec<f64>, Failure> {
         let mut gaps_m = Vec::new();
         for _ in 0..GAP_READINGS {

@@ -1,12 +1,12 @@
-//! The board's frames in order. The line may give an old frame once more; the board itself numbers its frames anew when it
-//! restarts. Both go back in number and time, and only a restart goes on from there.
+//! The board's frames in order. The line may deliver an old frame twice, and the board numbers its frames anew when it
+//! restarts. In both cases number and time go back, but only after a restart do later frames continue from there.
 
 use rig_link::{Frame, Message};
 
-/// Frames that are held back until it is clear what they are: what a board says before its second telemetry.
+/// Most frames that are held back until it is clear whether they are old: those before a board's second telemetry.
 const MOST_HELD: usize = 64;
 
-/// What has been heard so far.
+/// The frames that were received so far.
 #[derive(Default)]
 pub struct Order {
     /// Number of the newest frame.
@@ -15,7 +15,7 @@ pub struct Order {
     t_us: Option<u64>,
     /// Frames that may be old, or the first of a board that has restarted.
     held: Vec<Frame<Message>>,
-    /// Frames between that never came.
+    /// Frames that never came.
     lost: u32,
 }
 
@@ -25,7 +25,7 @@ impl Order {
         self.lost
     }
 
-    /// Takes a frame; gives on what there is to be believed, in order.
+    /// Takes a frame and returns the messages that are known to be new, in order.
     pub fn take(&mut self, frame: Frame<Message>) -> Vec<Message> {
         let Some(heard) = self.heard else { return vec![self.accept(frame, false)] };
         // Half of the numbers lie before any other.
@@ -51,7 +51,7 @@ impl Order {
         }
     }
 
-    /// Telemetry from before the newest: a second one that goes on from a first is a board that has restarted.
+    /// Telemetry older than the newest: if a second one continues from a first, the board has restarted.
     fn hold_or_restart(&mut self, frame: Frame<Message>, t_us: u64) -> Vec<Message> {
         let follows = |held: &Frame<Message>| match &held.body {
             Message::Telemetry(first) => {
@@ -92,35 +92,18 @@ impl Order {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rig_link::{Counters, EventKind, Faults, State, Telemetry};
+    use crate::fixtures;
+    use rig_link::EventKind;
 
     fn telemetry(sequence: u16, t_us: u64) -> Frame<Message> {
-        let telemetry = Telemetry {
-            t_us,
-            state: State::Ready,
-            fault: None,
-            faults: Faults::NONE,
-            limit: None,
-            target_m: None,
-            setpoint_m: None,
-            position_m: None,
-            twist_rad: None,
-            load_n: None,
-            tr_rad_per_m: None,
-            drive_current_a: 0.0,
-            drive_speed_rad_per_s: 0.0,
-            time_left_s: None,
-            twist_scale: None,
-            counters: Counters::default(),
-        };
-        Frame { sequence, body: Message::Telemetry(telemetry) }
+        Frame { sequence, body: Message::Telemetry(fixtures::telemetry(t_us)) }
     }
 
     fn event(sequence: u16) -> Frame<Message> {
         Frame { sequence, body: Message::Event { t_us: 0, kind: EventKind::Stopped } }
     }
 
-    /// What is given on: times of telemetry (µs), or none for an event.
+    /// The returned messages: times of telemetry (µs), or none for an event.
     fn given(order: &mut Order, frame: Frame<Message>) -> Vec<Option<u64>> {
         let time = |message: Message| if let Message::Telemetry(t) = message { Some(t.t_us) } else { None };
         order.take(frame).into_iter().map(time).collect()
@@ -141,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_that_comes_once_more_is_passed_over() {
+    fn a_frame_that_arrives_twice_is_passed_over() {
         let mut order = Order::default();
         for k in 0..100 {
             assert_eq!(given(&mut order, telemetry(3 * k, 10_000 * u64::from(k))).len(), 1);
@@ -157,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn a_board_that_restarts_is_believed_with_all_that_it_said() {
+    fn all_messages_of_a_restarted_board_are_returned() {
         let mut order = Order::default();
         assert_eq!(given(&mut order, telemetry(5000, 50_000_000)).len(), 1);
         assert!(given(&mut order, event(1)).is_empty());

@@ -1,4 +1,4 @@
-//! One line of telemetry: what the board says, and on an emulated rig what is true at the same time.
+//! One line of telemetry: the board's report, and on an emulated rig the truth at the same time.
 
 use rig_link::Telemetry;
 use serde::Serialize;
@@ -9,19 +9,19 @@ use sim_link::Truth;
 pub struct Row {
     /// Time (s): emulated time, or since the port was opened.
     pub t_s: f64,
-    /// What the rig is doing.
+    /// State of the rig.
     pub state: &'static str,
     /// The gravest of the faults that stopped it.
     pub fault: Option<&'static str>,
-    /// All of them, with blanks between; nothing without a fault.
+    /// All faults, separated by blanks; none without a fault.
     pub faults: Option<String>,
-    /// What holds it back.
+    /// The limit that holds the move back.
     pub limit: Option<&'static str>,
-    /// Where it is going.
+    /// Target of the move.
     pub target_m: Option<f32>,
-    /// Where the planner wants it now.
+    /// The planner's set-point.
     pub setpoint_m: Option<f32>,
-    /// Where the LVDT sees it.
+    /// Position measured by the LVDT.
     pub position_m: Option<f32>,
     /// Twist of the strings.
     pub twist_rad: Option<f32>,

@@ -27,13 +27,13 @@ impl Serial {
     }
 }
 
-/// Why a device cannot be opened, for who does not know its errno.
+/// Why a device cannot be opened, in words.
 fn why(error: &serialport::Error) -> String {
     match error.to_string() {
         text if text.contains("exclusive lock") => {
-            "another program has it; if that is rigctl, Ctrl-C there stops the rig".into()
+            "another program has opened it; if that is rigctl, Ctrl-C there stops the rig".into()
         }
-        text if text.contains("typewriter") || text.contains("ioctl") => "is no serial device".into(),
+        text if text.contains("typewriter") || text.contains("ioctl") => "is not a serial device".into(),
         text => format!("{text} (--port is `sim` or a serial device)"),
     }
 }

@@ -18,13 +18,13 @@ pub struct SimOptions {
     pub firmware: Option<PathBuf>,
     /// Scene that the rig is built by.
     pub scene: PathBuf,
-    /// What the firmware is not told.
+    /// Changes of the plant that the firmware does not know.
     pub plant: Vec<PlantChange>,
     /// Seed of all noise.
     pub seed: u64,
     /// File that keeps the board's flash; without it the board is a new one.
     pub flash: Option<PathBuf>,
-    /// Who may look into the board.
+    /// A debugger of the board.
     pub gdb: Option<Gdb>,
 }
 
@@ -45,14 +45,14 @@ pub struct Sim {
     now_s: f64,
 }
 
-/// Beside our own executable, or one folder up from it, where the examples of a lab's own have it.
+/// A file beside our own executable, or one folder up from it, as for examples.
 pub(crate) fn beside(name: &str) -> Result<PathBuf, Failure> {
     let own = std::env::current_exe().context("where rigctl itself is")?;
     let folders = own.ancestors().skip(1).take(2).map(|folder| folder.join(name));
     Ok(folders.clone().find(|file| file.exists()).or(folders.clone().next()).unwrap_or_else(|| name.into()))
 }
 
-/// Says which command makes what is not there.
+/// Checks that a file is there; the error names the command that makes it.
 pub(crate) fn there(path: &Path, made_by: &str) -> Result<(), Failure> {
     if path.exists() {
         return Ok(());
@@ -111,13 +111,13 @@ impl Sim {
         let child = Arc::new(Mutex::new(child));
         interrupt::takes_along(&child);
         let mut sim = Self { child, input, output: BufReader::new(output), now_s: 0.0 };
-        // Says at once whether scene, plant and ELF were taken.
+        // Its answer tells at once whether scene, plant and ELF were accepted.
         sim.stats()?;
         Ok(sim)
     }
 
     fn ask(&mut self, request: &Request) -> Result<Answer, Failure> {
-        // A child that refused its arguments has said so on standard error, which is ours.
+        // A child that refuses its arguments writes the reason to standard error, which is ours.
         let gone = || Failure::failed("the emulator has stopped");
         writeln!(self.input, "{}", serde_json::to_string(request)?).map_err(|_| gone())?;
         self.input.flush().map_err(|_| gone())?;

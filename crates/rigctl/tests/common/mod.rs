@@ -1,4 +1,5 @@
 //! The tool as a user calls it, with the firmware made first if it is not there.
+#![allow(dead_code, reason = "each test file uses a part of it")]
 
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -7,10 +8,15 @@ use std::sync::Once;
 
 /// The folder of the project.
 pub fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().expect("the project's folder")
 }
 
-/// Runs the tool.
+/// Runs the tool, for a command that needs no firmware.
+pub fn desktop(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_rigctl")).args(arguments).current_dir(root()).output().expect("rigctl runs")
+}
+
+/// Runs the tool, for a command on the emulated board.
 pub fn rigctl(arguments: &[&str]) -> Output {
     static FIRMWARE: Once = Once::new();
     let own = Path::new(env!("CARGO_BIN_EXE_rigctl"));
@@ -21,7 +27,7 @@ pub fn rigctl(arguments: &[&str]) -> Output {
             assert!(status.is_ok_and(|s| s.success()), "`cargo xtask firmware` failed");
         }
     });
-    Command::new(own).args(arguments).current_dir(root()).output().expect("rigctl runs")
+    desktop(arguments)
 }
 
 /// Its standard output, a JSON value a line.
