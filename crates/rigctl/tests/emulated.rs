@@ -175,6 +175,19 @@ fn the_dry_run_plans_what_the_board_then_does() {
     assert_eq!(rigctl(&["move", "--to", "1mm", "--settings", "x.toml"]).status.code(), Some(2));
 }
 
+/// Friction keeps a board from the last part of a light load's travel, and a plan must not promise it.
+#[test]
+fn the_dry_run_refuses_what_the_board_refuses() {
+    let travel = ["move", "--to", "35.2mm", "--load", "1N", "--plant", "load=1N"];
+    for plan in [&["--dry-run"][..], &[]] {
+        let refused = rigctl(&[&travel[..], plan].concat());
+        assert_eq!(refused.status.code(), Some(1), "{plan:?}");
+        assert!(error_of(&refused).contains("target is 0.0352 m, allowed are 0"), "{plan:?}: {}", error_of(&refused));
+    }
+    let possible = rigctl(&["move", "--to", "34mm", "--load", "1N", "--dry-run"]);
+    assert!(possible.status.success(), "{}", error_of(&possible));
+}
+
 #[test]
 fn raw_sensors_are_told_before_anything_is_homed() {
     let arguments = ["sensors", "--seconds", "1", "--plant", "twist_at_boot=5", "--json"];

@@ -65,8 +65,9 @@ const WEIGH_TURNS: f32 = 6.0;
 const WEIGH_SPEED: [f32; 2] = [3.4, 6.2];
 /// Acceleration of all of it (rad/s²).
 const ACCELERATION: f32 = 25.0;
-/// Rest before a sweep (s), for the load to stop swinging.
-const REST_S: f32 = 0.3;
+/// Rest before the sweeps across the maximum and before weighing (s), for the load to stop swinging.
+const CENTRE_REST_S: f32 = 0.3;
+const WEIGH_REST_S: f32 = 0.5;
 /// Rest at the pre-twist before the reference is taken, and how long it is averaged over (s).
 const SETTLE_S: f32 = 0.7;
 const REFERENCE_S: f32 = 0.4;
@@ -300,7 +301,7 @@ impl Homing {
         let goal = self.zero_rad + self.direction * SWEEP_HALF;
         let ticks = self.rest_at(goal, SEEK_SPEED, limits, ticks);
         self.phase = Phase::CentreRest { ticks };
-        if f32::from(ticks) * TICK_S >= REST_S {
+        if f32::from(ticks) * TICK_S >= CENTRE_REST_S {
             self.centre.begin(self.zero_rad, SWEEP_HALF);
             self.phase = Phase::Centre;
         }
@@ -321,7 +322,7 @@ impl Homing {
 
     fn rest_before_weigh(&mut self, ticks: u16, limits: &TwistLimits) {
         let ticks = self.rest_at(self.zero_rad + PI, WEIGH_SPEED[1], limits, ticks);
-        let rested = f32::from(ticks) * TICK_S >= REST_S;
+        let rested = f32::from(ticks) * TICK_S >= WEIGH_REST_S;
         self.phase = if rested { Phase::Weigh } else { Phase::WeighRest { ticks } };
     }
 

@@ -163,7 +163,7 @@ pub enum Command {
     },
     /// Ramp down and hold
     Stop,
-    /// Hold the present position
+    /// The same as stop
     Hold,
     /// Clear a latched fault whose cause has gone
     Clear,
