@@ -4,7 +4,7 @@ use crate::{root, scene};
 use rig_emulator::board::Stimulus;
 use rig_emulator::machine::{Config, Machine};
 use rig_emulator::rig::Rig;
-use rig_emulator::rig::settings::PlantSettings;
+use rig_emulator::rig::plant_settings::PlantSettings;
 use rig_link::messages::{
     EventKind, Identity, Kept, Message, Refusal, Request, Sensors, SettingsReport, State, Telemetry,
 };

@@ -5,8 +5,8 @@ use crate::board::{Bench, LongestTick};
 use rand::seq::IndexedRandom;
 use rand::{RngExt, SeedableRng};
 use rig_emulator::board::{CanFrame, Stimulus};
-use rig_emulator::rig::faults::Fault;
 use rig_link::messages::{EventKind, Limit, LoadChoice, Refusal, Request, State};
+use sim_link::RigFault as Fault;
 use std::fmt;
 
 /// Faults that come while a load moves. All can be cleared; some lose the twist.

@@ -21,7 +21,7 @@ pub const DOORS: [(&str, Door); 8] = [
     ("operator", operator),
     ("log", log),
     ("control", control),
-    ("kept", kept),
+    ("stored_settings", stored_settings),
 ];
 
 /// Bytes on the host link, as board and as host; and a good frame in the midst of them must come through.
@@ -100,7 +100,7 @@ pub fn script(data: &[u8]) {
 pub fn operator(data: &[u8]) {
     let Ok(text) = core::str::from_utf8(data) else { return };
     let (first, rest) = text.split_once('=').unwrap_or((text, ""));
-    let _ = rig_emulator::rig::settings::PlantSettings::default().set(first, rest);
+    let _ = rig_emulator::rig::plant_settings::PlantSettings::default().set(first, rest);
     let _ = rigctl::script::load_choice(text);
     for quantity in [rigctl::units::Quantity::Length, rigctl::units::Quantity::Load, rigctl::units::Quantity::Speed] {
         if let Ok(value) = rigctl::units::parse("--to", quantity, text) {
@@ -124,8 +124,8 @@ pub fn log(data: &[u8]) {
     }
 }
 
-/// What flash may hold of the settings (witness, then record), and a file of a backup.
-pub fn kept(data: &[u8]) {
+/// Bytes that flash may hold as settings (witness, then record), and the file of a backup.
+pub fn stored_settings(data: &[u8]) {
     let rig = constants();
     let defaults = settings::defaults(&rig);
     let (witness, record) = data.split_at(data.len().min(4));

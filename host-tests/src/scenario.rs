@@ -4,8 +4,8 @@
 use crate::root;
 use rig_control::TICK_S;
 use rig_link::messages::Request;
-use rigctl::plant::Setting;
 use rigctl::script::{Action, Script, ScriptError};
+use sim_link::PlantChange;
 use std::path::PathBuf;
 
 /// Why a scenario cannot be played here.
@@ -72,7 +72,7 @@ pub struct Move {
     /// Ticks until the next move, or the end.
     pub ticks: usize,
     /// Changes of the plant, with the tick that they come before.
-    pub changes: Vec<(usize, Setting)>,
+    pub changes: Vec<(usize, PlantChange)>,
 }
 
 /// Moves of a rig that has been homed.
@@ -81,7 +81,7 @@ pub struct Scenario {
     /// The script's name.
     pub name: String,
     /// The plant at boot.
-    pub plant: Vec<Setting>,
+    pub plant: Vec<PlantChange>,
     /// The moves. The first follows homing at once: there is nothing to see while the script waits for it.
     pub moves: Vec<Move>,
 }
@@ -99,9 +99,9 @@ impl Scenario {
         for event in &script.events {
             let fail = |what| ScenarioError::NotMoves { name: name.into(), line: event.line, what };
             match (&event.action, starts_s.last()) {
-                (Action::Plant(setting), None) if event.t_s == 0.0 => scenario.plant.push(setting.clone()),
-                (Action::Plant(setting), Some(start_s)) => {
-                    let change = (ticks(event.t_s - start_s), setting.clone());
+                (Action::Plant(change), None) if event.t_s == 0.0 => scenario.plant.push(*change),
+                (Action::Plant(change), Some(start_s)) => {
+                    let change = (ticks(event.t_s - start_s), *change);
                     scenario.moves.last_mut().ok_or_else(|| fail("comes before any move"))?.changes.push(change);
                 }
                 (Action::Command(Request::Home), None) if !homes => homes = true,

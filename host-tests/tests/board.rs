@@ -3,12 +3,12 @@
 use host_tests::board::Bench;
 use rand::{RngExt, SeedableRng};
 use rig_emulator::board::{CanFrame, Stimulus};
-use rig_emulator::rig::faults::Fault as RigFault;
 use rig_link::PROTOCOL_HASH;
 use rig_link::messages::{
     Constants, EventKind, Fault, LoadChoice, Refusal, Request, ResetCause, Setting, State, TableRefusal,
 };
 use rigctl::commands::rebuild::constants;
+use sim_link::RigFault;
 
 const MOVE: Request = Request::Move { target_m: 0.012, speed_m_per_s: 0.002, load: LoadChoice::Auto };
 

@@ -2,8 +2,8 @@
 
 use host_tests::{Desk, table};
 use rig_control::adaptation::Learned;
-use rig_emulator::rig::faults::Fault as RigFault;
 use rig_link::messages::{EventKind, Fault, Limit, LoadChoice, Parameter, Refusal, Request, State};
+use sim_link::RigFault;
 use std::f64::consts::PI;
 
 fn homed(load: &str, twist: &str, seed: u64) -> Desk {

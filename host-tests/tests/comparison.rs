@@ -81,7 +81,7 @@ fn without_friction_the_ratio_is_worth_five_times_the_error() {
     let mut scenarios = scenario::comparison().unwrap();
     scenarios.drain(1..3);
     let friction = "friction=0N".parse().unwrap();
-    let plants: Vec<RandomPlant> = RandomPlant::list(2).into_iter().map(|plant| plant.with(&friction)).collect();
+    let plants: Vec<RandomPlant> = RandomPlant::list(2).into_iter().map(|plant| plant.with(friction)).collect();
     let comparison = Comparison::new(&scenarios, &plants).unwrap();
     assert_eq!(comparison.failures, []);
     let rms_m = |controller| summaries(&comparison.play(controller).unwrap())[0].rms_m;

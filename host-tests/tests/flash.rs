@@ -56,7 +56,7 @@ fn settings_that_cannot_be_read_wait_for_the_operator_and_erased_ones_do_not() {
     let boot = |settings: u8| {
         let mut b = Bench::new(&[], 1);
         let mut flash = b.machine.flash_image();
-        // Sectors 1 to 3 (src/store.rs).
+        // Sectors 1 to 3 (src/flash_store.rs).
         flash[0x4000..0x1_0000].fill(settings);
         b.machine.set_flash_image(&flash).unwrap();
         b.machine.power_cycle();

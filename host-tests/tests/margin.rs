@@ -4,10 +4,10 @@ use host_tests::compare::baseline::{Law, Loop};
 use host_tests::compare::plants::RandomPlant;
 use host_tests::compare::{Comparison, play};
 use host_tests::scenario::Scenario;
+use lab::chart::margin::{Controller, DAMPING, DRIVE_PER_S, Hung};
 use rig_emulator::rig::drive::{POSITION_LOOP_PER_S, VELOCITY_LOOP_RAD_PER_S};
 use rig_emulator::rig::plant::STRUCTURAL_DAMPING_S;
-use rig_emulator::rig::settings::PlantSettings;
-use rigctl::chart::margin::{Controller, DAMPING, DRIVE_PER_S, Hung};
+use rig_emulator::rig::plant_settings::PlantSettings;
 use rigctl::script::Script;
 use tsa_model::{Mechanism, twist_from_turns};
 
@@ -37,7 +37,7 @@ fn nominal() -> RandomPlant {
         "lvdt_noise=30um",
         "supply_voltage=24V",
     ];
-    settings.iter().fold(RandomPlant::new(1), |plant, s| plant.with(&s.parse().unwrap()))
+    settings.iter().fold(RandomPlant::new(1), |plant, s| plant.with(s.parse().unwrap()))
 }
 
 /// The rig where the move ends.

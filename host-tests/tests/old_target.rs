@@ -3,8 +3,8 @@
 //! turns the strings by nothing, whatever becomes of the load.
 
 use host_tests::board::Bench;
-use rig_emulator::rig::faults::Fault as RigFault;
 use rig_link::messages::{Fault, LoadChoice, Request, State};
+use sim_link::RigFault;
 
 /// A load that untwists the strings when nothing holds them, so that the old target is far away when the motor is back.
 const LOAD: (&str, &str) = ("load", "1.8kg");

@@ -3,10 +3,10 @@
 
 use host_tests::board::{Bench, uart_scene};
 use rig_emulator::board::Stimulus;
-use rig_emulator::rig::faults::Fault as RigFault;
 use rig_link::PROTOCOL_HASH;
 use rig_link::messages::{Fault, LoadChoice, Request, State};
 use rmds405::Transport;
+use sim_link::RigFault;
 
 const UP: Request = Request::Move { target_m: 0.008, speed_m_per_s: 0.002, load: LoadChoice::Auto };
 

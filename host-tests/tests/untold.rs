@@ -4,8 +4,8 @@
 
 use host_tests::Desk;
 use host_tests::board::Bench;
-use rig_emulator::rig::faults::Fault as RigFault;
 use rig_link::messages::{Fault, Limit, LoadChoice, Refusal, Request, State};
+use sim_link::RigFault;
 
 fn go(target_m: f32) -> Request {
     Request::Move { target_m, speed_m_per_s: 0.002, load: LoadChoice::Auto }

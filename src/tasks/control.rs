@@ -1,7 +1,7 @@
 //! The control tick, every 10 ms: readings in, commands out. All decisions are `rig_control`'s.
 
 use crate::board::{Leds, Start, Switches};
-use crate::keep;
+use crate::post_mortem;
 use crate::scene::RIG;
 use crate::shared::{self, Task};
 use core::sync::atomic::Ordering;
@@ -80,7 +80,7 @@ pub async fn run(encoder: Qei<'static, TIM3>, mut switches: Switches, mut leds: 
         let began = Instant::now();
         let outputs = control_tick(rig, &inputs);
         longest_tick_us = longest_tick_us.max(began.elapsed().as_micros() as u32);
-        keep::driving(matches!(outputs.drive, DriveCommand::Follow { .. }));
+        post_mortem::set_driving(matches!(outputs.drive, DriveCommand::Follow { .. }));
         shared::DRIVE_COMMAND.signal(outputs.drive);
         if let (Some((_, Request::Rebuild(constants))), Some(Ok(_))) = (request, outputs.reply) {
             shared::REBUILD.signal(constants);
@@ -90,7 +90,7 @@ pub async fn run(encoder: Qei<'static, TIM3>, mut switches: Switches, mut leds: 
             settings_count += 1;
             let settings = (*rig.settings(), settings_count);
             shared::SETTINGS.set(settings);
-            shared::KEEP.signal(settings);
+            shared::SETTINGS_TO_SAVE.signal(settings);
         }
         if let (Some((to, _)), Some(result)) = (request, outputs.reply) {
             shared::post(Message::Reply { to, result });

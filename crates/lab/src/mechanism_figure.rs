@@ -1,12 +1,11 @@
 //! A drawing of the mechanism to scale: rods and strings under a light and a heavy load, as the model computes them.
 
+use crate::STANDARD_GRAVITY_M_PER_S2 as GRAVITY;
 use rig_scene::Scene;
 use std::f64::consts::PI;
 use std::fmt::Write as _;
 use tsa_model::{Equilibrium, PRETWIST_RAD, SolveError, twist_from_turns};
 
-/// Standard gravity (m/s²).
-const GRAVITY: f64 = 9.80665;
 /// Scale of the drawing (px per metre).
 const SCALE: f64 = 6500.0;
 /// Steps along half a rod.

@@ -1,4 +1,4 @@
-//! The board's flash in a file, so that it outlives the process as the real one outlives its supply.
+//! The board's flash in a file, so that its contents outlive the process as those of a real board outlive its supply.
 
 use crate::machine::Machine;
 use crate::rig::Rig;
@@ -7,18 +7,18 @@ use rig_scene::files;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-/// The file, what stands in it, and the flash as it was then.
+/// The file, its contents, and the flash as it was when they were written.
 pub struct FlashFile {
     path: PathBuf,
     held: Option<Vec<u8>>,
     image: Vec<u8>,
-    /// What the file held before this process is kept beside it.
+    /// The contents from before this process have been saved beside the file.
     kept: bool,
 }
 
 impl FlashFile {
-    /// Puts what the file holds into a machine that has not run yet, all but the firmware itself. Without a file the board
-    /// is a new one, and the file is made when its flash is first written.
+    /// Loads the file into a machine that has not run yet, except where the firmware itself lies. Without a file the
+    /// board is a new one, and the file is created when the flash is first written.
     ///
     /// # Errors
     /// If it cannot be read or is no image of this flash; names it.
@@ -30,8 +30,8 @@ impl FlashFile {
         Ok(Self { path: path.into(), held, image: machine.flash_image(), kept: false })
     }
 
-    /// Writes the file if flash has changed: whole or not at all, whenever the process ends. What it held before this
-    /// process stays beside it as `FILE~`.
+    /// Writes the file if flash has changed: completely or not at all, whenever the process ends. The contents from
+    /// before this process stay beside it as `FILE~`.
     ///
     /// # Errors
     /// If it cannot be written, or another board has written it meanwhile; names it.

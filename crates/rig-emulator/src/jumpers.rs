@@ -1,8 +1,7 @@
-//! A NUCLEO with nothing on it but the jumper wires of the self-test (docs/selftest.md), each of which can be missing, and
-//! parts that can be broken on purpose.
+//! A NUCLEO that carries only the jumper wires of the self-test (docs/selftest.md). Each wire can be missing, and parts
+//! can be broken on purpose.
 //!
-//! The board only sees outputs that are high: a pin that is no output counts as low. The self-test looks at a wire only
-//! while its other end is driven.
+//! A pin that is no output counts as low on its wire. The self-test reads a wire only while its other end is driven.
 
 use crate::board::{Board, CanFrame, CanOutcome, Stimulus};
 use crate::machine::{Machine, MachineError};
@@ -56,15 +55,15 @@ pub struct Broken {
     pub stuck: Option<(Jumper, bool)>,
     /// Relative error of the ADC's channel 0.
     pub adc_gain: f64,
-    /// Relative error of what the ADC reads of VREFINT: the other way round, of VDDA.
+    /// Relative error of the ADC's reading of VREFINT; the reading of VDDA has the opposite one.
     pub vrefint_gain: f64,
-    /// Bits of what comes back on the serial line that are flipped.
+    /// Bits that are flipped in every byte on the serial line.
     pub serial_flips: u8,
-    /// Of so many edges the encoder's timer misses one; 0 for none.
+    /// The encoder's timer misses one edge in this many; 0 for none.
     pub edges_lost: i64,
 }
 
-/// ADC code of VREFINT at 3.3 V, as [`crate::machine::Config`] has it in the factory's word.
+/// ADC code of VREFINT at 3.3 V, the factory's word in [`crate::machine::Config`].
 const VREFINT_CODE: f64 = 1501.0;
 const FULL_SCALE: f64 = 4095.0;
 
@@ -76,13 +75,13 @@ pub struct JumperBoard {
     levels: [bool; 4],
     /// Edges that the encoder has seen, with their sign.
     quadrature: i64,
-    /// What the pins are yet to see.
+    /// Stimuli that the pins have not had yet.
     pending: Vec<Stimulus>,
     now_s: f64,
 }
 
 impl JumperBoard {
-    /// With all wires but those that are broken.
+    /// A board with all wires but the broken ones.
     pub fn new(broken: Broken) -> Self {
         let mut board = Self { broken, levels: [false; 4], quadrature: 0, pending: Vec::new(), now_s: 0.0 };
         for (place, jumper) in Jumper::ALL.into_iter().enumerate() {
@@ -170,11 +169,11 @@ impl Board for JumperBoard {
     }
 }
 
-/// With this the self-test begins its last line.
+/// Beginning of the self-test's last line.
 pub const END: &str = "selftest ended: ";
-/// How long the self-test may take on the emulated board (s). The slowest LSI takes 1 s for the watchdog's bite.
+/// How long the self-test may take on the emulated board (s). With the slowest LSI the watchdog's reset takes 1 s.
 const LONGEST_S: f64 = 30.0;
-/// The log is looked at this often (s).
+/// The log is read this often (s).
 const STEP_S: f64 = 0.01;
 
 /// Why a self-test gave no result.
@@ -183,7 +182,7 @@ pub enum SelfTestError {
     /// The chip or the image.
     #[error(transparent)]
     Machine(#[from] MachineError),
-    /// It never came to its end.
+    /// It did not end in time.
     #[error("the self-test has not ended after {LONGEST_S} s of emulated time")]
     NoEnd,
 }

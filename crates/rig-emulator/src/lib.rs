@@ -8,8 +8,8 @@
 //! - [`rig`]: drive, motor, encoder, LVDT and the mechanism itself.
 //! - [`jumpers`]: a board without a rig, for the self-test.
 //! - [`flash_file`]: the board's flash in a file.
-//! - [`gdb`]: a GDB looks into the running firmware.
-//! - [`serve`]: all of it as a process that a host tool talks to.
+//! - [`gdb`]: a debugger on the running firmware.
+//! - [`serve`]: all of it as a process, for a host tool.
 
 pub mod board;
 pub mod cpu;

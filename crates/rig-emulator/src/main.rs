@@ -1,15 +1,16 @@
 //! `rig-emulator`: the firmware's ELF on an emulated board with an emulated rig, for `rigctl` to talk to.
 
-use anyhow::{Context, Result, anyhow};
+use anyhow::{Context, Result};
 use clap::Parser;
 use rig_emulator::flash_file::FlashFile;
 use rig_emulator::gdb;
 use rig_emulator::jumpers::{self, Broken, JumperBoard};
 use rig_emulator::machine::{Config, Machine};
 use rig_emulator::rig::Rig;
-use rig_emulator::rig::settings::PlantSettings;
+use rig_emulator::rig::plant_settings::PlantSettings;
 use rig_emulator::serve::serve;
 use rig_scene::{Scene, files};
+use sim_link::PlantChange;
 use std::io::{self, BufRead, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -31,22 +32,23 @@ struct Arguments {
     /// A board with jumper wires and no rig, for the self-test: print its log until it has ended.
     #[arg(long, conflicts_with_all = ["scene", "plant", "flash"])]
     bare: bool,
-    /// Something about the plant that the firmware is not told, for example `load=1.2kg`.
+    /// A change of the plant that the firmware does not know of, for example `load=1.2kg`.
     #[arg(long, value_name = "KEY=VALUE")]
-    plant: Vec<String>,
+    plant: Vec<PlantChange>,
     /// Seed of all noise.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// File that keeps the board's flash from one run to the next; made if it is not there.
+    /// File that keeps the board's flash from one run to the next; created if it does not exist.
     #[arg(long, value_name = "FILE")]
     flash: Option<PathBuf>,
-    /// Address for a GDB to connect to, for example `127.0.0.1:1234`; port 0 is any that is free. Said on standard error.
+    /// Address for a GDB to connect to, for example `127.0.0.1:1234`; port 0 is any free one. Reported on
+    /// standard error.
     #[arg(long, value_name = "ADDR:PORT")]
     gdb: Option<String>,
-    /// Do not start before it has.
+    /// Do not start before a GDB has connected.
     #[arg(long, requires = "gdb")]
     gdb_wait: bool,
-    /// Level of the chip's brown-out reset, an option byte: 0 (off) as delivered, 3 on a board set up as the documentation says.
+    /// Level of the chip's brown-out reset, an option byte: 0 (off) as delivered, 3 on a board set up as documented.
     #[arg(long, value_name = "LEVEL", default_value_t = 3, value_parser = clap::value_parser!(u8).range(0..=3))]
     brown_out_level: u8,
     /// Only count what the real chip would not do, instead of stopping there.
@@ -69,7 +71,7 @@ fn run(arguments: &Arguments) -> Result<()> {
     let config = Config { strict: !arguments.lenient, brown_out_level: arguments.brown_out_level, ..Config::default() };
     let Some(scene_file) = &arguments.scene else {
         let mut machine = Machine::new(&elf, JumperBoard::new(Broken::default()), config)?;
-        // A reader that has gone has seen enough.
+        // A reader that has gone has read enough.
         return Ok(jumpers::run(&mut machine, |line, _| _ = writeln!(std::io::stdout(), "{line}"))?);
     };
     let (requests, gone) = requests();
@@ -77,9 +79,8 @@ fn run(arguments: &Arguments) -> Result<()> {
     let scene = Scene::load(scene_file)?;
     scene.check_rig().map_err(|error| error.in_file(scene_file))?;
     let mut settings = PlantSettings::default();
-    for pair in &arguments.plant {
-        let (key, value) = pair.split_once('=').ok_or_else(|| anyhow!("--plant {pair}: not KEY=VALUE"))?;
-        settings.set(key, value)?;
+    for change in &arguments.plant {
+        settings.apply(*change)?;
     }
     let rig = Rig::new(&scene, settings, arguments.seed)?;
     let mut machine = Machine::new(&elf, rig, config)?;
@@ -92,9 +93,9 @@ fn run(arguments: &Arguments) -> Result<()> {
     serve(&mut machine, flash, requests, std::io::stdout().lock())
 }
 
-/// Lines of standard input, read by a thread that also watches the process which asks: once that has gone nobody waits for
-/// an answer, and a long run is not worth its end. The flag is set when the input has ended, which a board that a debugger
-/// has stopped would not see otherwise.
+/// Lines of standard input. They are read by a thread that also watches the parent process: when the parent has gone,
+/// no answer is needed any more and the thread ends this process, even in a long run. The flag is set when the input
+/// has ended; a board that a debugger has stopped would not notice that otherwise.
 fn requests() -> (impl Iterator<Item = io::Result<String>>, Arc<AtomicBool>) {
     let (sender, receiver) = mpsc::channel();
     let asker = parent();

@@ -1,4 +1,4 @@
-//! defmt lines out of the firmware's RTT buffer, which is read straight from emulated RAM.
+//! defmt lines from the firmware's RTT buffer, which is read directly from emulated RAM.
 //!
 //! The RTT control block is found by its symbol; frames are decoded with the table in the ELF.
 
@@ -94,8 +94,8 @@ impl Rtt {
         Some(Self { control_block, table, locations, rest: Vec::new(), lines: Vec::new(), stalled: false })
     }
 
-    /// The reader asks the firmware to wait while the buffer is full, as `probe-rs run` does, and reads nothing any more:
-    /// the fault `rtt-stalled`, a laptop that sleeps.
+    /// The reader asks the firmware to wait while the buffer is full, as `probe-rs run` does, and reads nothing any
+    /// more: the fault `rtt-stalled`, a laptop that sleeps.
     pub fn stall(&mut self, stalled: bool) {
         self.stalled = stalled;
     }

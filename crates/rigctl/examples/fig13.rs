@@ -4,15 +4,14 @@
 //! rig, under the one load that hangs there. Writes `fig13.svg` and `fig13.csv` where it is started.
 
 use anyhow::{Context, Result, bail};
+use lab::plot::{Axis, Block, Figure, Item, KeyRow, Panel, Pen, Sample, Shape, colour};
 use rig_link::messages::{Request, State};
 use rig_scene::Scene;
 use rigctl::failure::Failure;
-use rigctl::plant::Setting;
-use rigctl::plot::{Axis, Block, Figure, Item, KeyRow, Panel, Pen, Sample, Shape, colour};
 use rigctl::session::Session;
 use rigctl::session::serial::Serial;
 use rigctl::session::sim::{Sim, SimOptions};
-use rigctl::units::STANDARD_GRAVITY;
+use sim_link::{PlantChange, PlantKey};
 use std::f64::consts::{PI, TAU};
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -64,7 +63,7 @@ fn main() -> Result<()> {
         sweeps.push(sweep(&mut session)?);
     } else {
         for kg in LOADS_KG {
-            let plant = vec![Setting { key: "load", value: kg * STANDARD_GRAVITY }];
+            let plant = vec![PlantChange { key: PlantKey::Load, value: kg * lab::STANDARD_GRAVITY_M_PER_S2 }];
             let options =
                 SimOptions { firmware: None, scene: scene_file.clone(), plant, seed: 1, flash: None, gdb: None };
             let mut session = Session::new(Box::new(Sim::start(&options).map_err(Failure::into_error)?));
@@ -106,7 +105,7 @@ fn main() -> Result<()> {
         blocks: vec![Block { rows: key }],
         notes: vec!["On the emulated rig unless a device was named.".into()],
     };
-    std::fs::write("fig13.svg", figure.svg().map_err(Failure::into_error)?)?;
+    std::fs::write("fig13.svg", figure.svg()?)?;
     std::fs::write("fig13.csv", csv)?;
     println!("fig13.svg, fig13.csv");
     Ok(())

@@ -1,6 +1,7 @@
 //! Files of loads and turns.
 
 use crate::failure::Failure;
+use lab::ErrorBody;
 use serde::Serialize;
 use std::path::Path;
 
@@ -9,15 +10,6 @@ use std::path::Path;
 pub struct RowError {
     /// What went wrong.
     pub error: ErrorBody,
-}
-
-/// What went wrong.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct ErrorBody {
-    /// Short stable name.
-    pub kind: String,
-    /// In words.
-    pub message: String,
 }
 
 impl RowError {

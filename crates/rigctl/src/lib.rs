@@ -1,8 +1,7 @@
 //! The rig's host tool: solves and looks up on the desktop, runs the firmware on the emulated board, drives the rig.
 //!
 //! - [`cli`]: the command line; [`commands`]: what each command does; [`batch`]: files of loads and turns.
-//! - [`units`], [`range`], [`scene_key`], [`plant`], [`script`]: text from the operator, checked and turned into SI.
-//! - [`published`]: the paper's numbers and the same computed; [`trace`]: the way along the turns; [`plot`]: pictures.
+//! - [`units`], [`range`], [`script`]: text from the operator, checked and turned into SI.
 //! - [`settings`]: the board's settings as text and as a file.
 //! - [`session`]: a conversation with the firmware, emulated or real; [`log`]: one recorded, [`replay`]: through the controller again.
 //! - [`screen`]: the live view.
@@ -38,25 +37,20 @@
 #![forbid(unsafe_code)]
 
 pub mod batch;
-pub mod chart;
 pub mod cli;
 pub mod commands;
 pub mod failure;
 pub mod identify;
 pub mod log;
 pub mod output;
-pub mod plant;
-pub mod plot;
-pub mod published;
 pub mod range;
 pub mod replay;
-pub mod scene_key;
 pub mod screen;
 pub mod script;
 pub mod session;
 pub mod settings;
-pub mod trace;
-pub mod units;
+
+pub use sim_link::units;
 
 use clap::Parser;
 use failure::Failure;

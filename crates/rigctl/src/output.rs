@@ -223,19 +223,6 @@ pub fn write_file(folder: &Path, name: &str, content: &str) -> Result<(), Failur
     OutFile(path).write(content)
 }
 
-/// Lines of comma-separated cells under a header, quoted where need be.
-///
-/// # Errors
-/// If a line has another number of cells than the header.
-pub fn csv_text(header: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> Result<String, Failure> {
-    let mut writer = csv::Writer::from_writer(Vec::new());
-    writer.write_record(header)?;
-    for row in rows {
-        writer.write_record(row)?;
-    }
-    Ok(String::from_utf8(writer.into_inner().map_err(|e| e.into_error())?)?)
-}
-
 /// A progress line on standard error; silent without a terminal.
 pub fn progress(length: u64, text: &'static str) -> ProgressBar {
     let bar = ProgressBar::new(length);

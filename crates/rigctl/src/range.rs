@@ -1,7 +1,7 @@
 //! Ranges from the operator: `D0=8mm..32mm:5`, `K=10..10000:4log`, `0..7.5`.
 
-use crate::scene_key;
 use crate::units::{self, Quantity};
+use lab::scene_key;
 use std::str::FromStr;
 
 /// Most values of one study: more are no study but a table.
@@ -14,8 +14,6 @@ const USUAL: u32 = 5;
 pub struct Vary {
     /// The key as in a scene file.
     pub key: String,
-    /// What it measures.
-    pub quantity: Quantity,
     from: f64,
     to: f64,
     count: u32,
@@ -45,7 +43,7 @@ impl FromStr for Vary {
         let (name, range) = text.split_once('=').ok_or_else(form)?;
         let name = name.trim();
         let key = scene_key::full_name(name).to_owned();
-        let quantity = Quantity::of_scene_key(&key);
+        let quantity = scene_key::quantity(&key);
         let (limits, count) = match range.rsplit_once(':') {
             Some((limits, count)) => (limits, Some(count.trim())),
             None => (range, None),
@@ -64,7 +62,7 @@ impl FromStr for Vary {
         if count == 1 && from != to {
             return Err(format!("{name}: one value cannot reach from {from} to {to}"));
         }
-        Ok(Self { key, quantity, from, to, count, log })
+        Ok(Self { key, from, to, count, log })
     }
 }
 

@@ -1,39 +1,11 @@
 //! Scripts for the emulated rig: one event a line, `<seconds since boot> <event>`, `#` starts a comment.
 
-use crate::plant::Setting;
 use crate::units::{self, Quantity};
 use rig_link::{LoadChoice, Request};
+use sim_link::{Fault, PlantChange, PlantError};
 
 /// Speed of a move that names none (m/s).
 pub const DEFAULT_SPEED_M_PER_S: f64 = 2e-3;
-
-/// Faults that the emulated board and rig can have.
-const RIG_FAULTS: [&str; 24] = [
-    "can-silent",
-    "can-bus-off",
-    "drive-stall",
-    "drive-reset",
-    "encoder-stuck",
-    "encoder-jump",
-    "encoder-slip",
-    "motor-open",
-    "lvdt-open",
-    "lvdt-short",
-    "lvdt-noisy",
-    "lvdt-frozen",
-    "string-break",
-    "string-slip",
-    "estop",
-    "limit-switch",
-    "task-hang",
-    "crash",
-    "adc-stall",
-    "brown-out",
-    "can-dominant",
-    "can-open",
-    "rtt-stalled",
-    "no-hse",
-];
 
 const EVENTS: &str = "home, move P [speed=V] [load=auto|L], jog V, stop, hold, clear, status, config set NAME VALUE, \
                       plant KEY=VALUE, fault NAME [off], end";
@@ -47,7 +19,7 @@ pub fn help() -> String {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ScriptFault {
     /// In the emulated board or rig.
-    Rig(&'static str),
+    Emulated(Fault),
     /// This tool stops its heartbeat.
     HostSilent,
     /// This tool sends random bytes between its frames.
@@ -69,7 +41,7 @@ pub enum Action {
     /// A command to the board.
     Command(Request),
     /// A change of the plant.
-    Plant(Setting),
+    Plant(PlantChange),
     /// A fault begins or ends.
     Fault {
         /// Which.
@@ -169,7 +141,7 @@ fn action(words: &[&str]) -> Result<Action, String> {
             let value = crate::settings::value(setting, value).map_err(|e| e.to_string())?;
             Action::Command(Request::SetSetting { setting, value })
         }
-        ["plant", setting] => Action::Plant(setting.parse().map_err(|e: crate::plant::PlantError| e.to_string())?),
+        ["plant", change] => Action::Plant(change.parse().map_err(|e: PlantError| e.to_string())?),
         ["fault", name] => Action::Fault { fault: fault(name)?, on: true },
         ["fault", name, "off"] => match fault(name)? {
             ScriptFault::PowerCycle => return Err("fault power-cycle ends by itself".into()),
@@ -246,12 +218,12 @@ pub fn load_choice(text: &str) -> Result<LoadChoice, String> {
 
 fn fault(name: &str) -> Result<ScriptFault, String> {
     let own = OWN_FAULTS.into_iter().find(|(n, _)| *n == name).map(|(_, fault)| fault);
-    let rigs = || RIG_FAULTS.into_iter().find(|n| *n == name).map(ScriptFault::Rig);
-    own.or_else(rigs).ok_or_else(|| format!("no fault `{name}`; faults: {}", fault_names()))
+    let emulated = || name.parse().ok().map(ScriptFault::Emulated);
+    own.or_else(emulated).ok_or_else(|| format!("no fault `{name}`; faults: {}", fault_names()))
 }
 
 fn fault_names() -> String {
-    RIG_FAULTS.into_iter().chain(OWN_FAULTS.map(|(name, _)| name)).collect::<Vec<_>>().join(", ")
+    Fault::all().map(Fault::name).chain(OWN_FAULTS.map(|(name, _)| name)).collect::<Vec<_>>().join(", ")
 }
 
 #[cfg(test)]

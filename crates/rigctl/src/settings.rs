@@ -28,12 +28,7 @@ pub fn help() -> String {
 
 /// What its value measures.
 pub fn quantity(setting: Setting) -> Quantity {
-    match setting.spec().unit {
-        "m" => Quantity::Length,
-        "m/s" => Quantity::Speed,
-        "A" => Quantity::Current,
-        _ => Quantity::Number,
-    }
+    Quantity::of_unit(setting.spec().unit)
 }
 
 /// A value with or without a unit, into the setting's own.

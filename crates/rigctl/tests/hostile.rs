@@ -267,9 +267,9 @@ fn an_emulated_board_ends_with_who_started_it_in_the_middle_of_a_run() {
     let emulator: u32 = line.trim().parse().expect("a number");
     let mut input = shell.stdin.take().expect("piped");
     // Its answer says that it has started.
-    writeln!(input, "{{\"op\":\"stats\"}}").expect("it reads");
+    writeln!(input, "\"stats\"").expect("it reads");
     std::io::BufRead::read_line(&mut said, &mut line).expect("its answer");
-    writeln!(input, "{{\"op\":\"run\",\"until_s\":3000}}").expect("it reads");
+    writeln!(input, "{{\"run\":{{\"until_s\":3000}}}}").expect("it reads");
     shell.kill().expect("killed");
     shell.wait().expect("ended");
     drop(input);

@@ -1,4 +1,4 @@
-//! Who a frame is for: `id = group << 8 | number << 4 | function` (hardware.md 2.1).
+//! The address of a frame: `id = group << 8 | number << 4 | function` (hardware.md 2.1).
 
 use crate::units::OutOfRange;
 
@@ -9,6 +9,9 @@ pub struct Group(u8);
 
 impl Group {
     /// Checks the range 0 to 7.
+    ///
+    /// # Errors
+    /// [`OutOfRange::Group`] outside it.
     pub const fn new(group: u8) -> Result<Self, OutOfRange> {
         if group > 7 { Err(OutOfRange::Group(group)) } else { Ok(Self(group)) }
     }
@@ -34,6 +37,9 @@ pub struct Address {
 
 impl Address {
     /// Checks both ranges.
+    ///
+    /// # Errors
+    /// [`OutOfRange::Group`] or [`OutOfRange::Number`] outside them.
     pub const fn new(group: u8, number: u8) -> Result<Self, OutOfRange> {
         match Group::new(group) {
             Ok(group) if number >= 1 && number <= 15 => Ok(Self { group, number }),
@@ -98,12 +104,12 @@ pub enum Function {
     Error = 0xD,
     /// Outputs OUT1 and OUT2.
     Outputs = 0xE,
-    /// Both ways: is it there?
+    /// In both directions: the question whether the drive is online, and its echo.
     OnlineCheck = 0xF,
 }
 
 impl Function {
-    /// Of an identifier's low four bits; all sixteen mean something.
+    /// The function in the low four bits of an identifier; all sixteen values are functions.
     pub const fn of_id(id: u16) -> Self {
         match id & 0xF {
             0x0 => Self::Reset,

@@ -60,7 +60,7 @@ pub enum Output {
     On,
     /// Opto-coupler dark, as after a reset.
     Off,
-    /// As it was; any byte but 0x00 and 0x01.
+    /// Left as it is; any byte but 0x00 and 0x01.
     Unchanged,
 }
 
@@ -82,7 +82,7 @@ impl Output {
     }
 }
 
-/// Everything that a host can tell a drive. Data commands work only in their own mode.
+/// Every command to a drive. Data commands work only in their own mode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Command {
@@ -148,7 +148,8 @@ pub enum Command {
         /// Target, absolute.
         position: QuadCounts,
     },
-    /// Feedback periods in ms, 0 = off. Valid in any state; whether a reset clears them is unknown, so send it after each.
+    /// Feedback periods in ms, 0 = off. Valid in any state; whether a reset clears them is unknown, so send it after
+    /// each.
     Config {
         /// Of the motion report (T1).
         motion_ms: u8,
@@ -162,11 +163,12 @@ pub enum Command {
         /// OUT2.
         out2: Output,
     },
-    /// Ask for an echo. Valid in any state.
+    /// Asks for an echo. Valid in any state.
     OnlineCheck,
 }
 
-/// These two are never broadcast: the answers would collide, and old and new manuals disagree (hardware.md 4).
+/// Config and OnlineCheck are never broadcast: the answers would collide, and old and new manuals disagree (hardware.md
+/// 4).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[error("function {0:?} is not for a broadcast")]
@@ -198,6 +200,9 @@ impl Command {
     }
 
     /// The frame for a whole group.
+    ///
+    /// # Errors
+    /// [`NotForBroadcast`] for Config and OnlineCheck.
     pub fn encode_broadcast(&self, to: Group) -> Result<Frame, NotForBroadcast> {
         match self {
             Self::Config { .. } | Self::OnlineCheck => Err(NotForBroadcast(self.function())),
@@ -237,13 +242,20 @@ impl Command {
         data
     }
 
-    /// What the drive at `own` makes of a frame; broadcasts to its group count. Padding is not looked at.
+    /// The command in a frame that the drive at `own` receives, broadcasts to its group included. Padding is not
+    /// checked.
+    ///
+    /// # Errors
+    /// [`Ignored`] if the frame is not for this drive, or no command.
     pub fn decode(own: Address, received: &Received<'_>) -> Result<Self, Ignored> {
         let (function, data) = accept(own, received, true)?;
         Self::of(function, &data)
     }
 
-    /// What the drive makes of a function and its eight bytes.
+    /// The command that a function and its eight bytes are.
+    ///
+    /// # Errors
+    /// [`Ignored`] if the function is a report's, or a field is out of range.
     pub fn of(function: Function, data: &[u8; 8]) -> Result<Self, Ignored> {
         let first = i16_at(data, 0);
         let second = i16_at(data, 2);

@@ -1,8 +1,9 @@
 //! The whole conversation with one drive, as pure steps: start-up, a target every tick, letting go, and whether the
-//! drive's motor power may be on. The firmware and its tests on a desktop run the same.
+//! drive's motor power may be on. The firmware and the tests on a desktop run the same code.
 //!
 //! The drive keeps its last target for ever (hardware.md 2.6). So the first frame after every start of the board is a
-//! Reset, motor power is switched on only after that frame, and whoever stops meaning a target sends a Reset as well.
+//! Reset, motor power is switched on only after that frame, and a target that is no longer valid is withdrawn by a
+//! Reset.
 
 use crate::address::Address;
 use crate::command::{Command, Mode};
@@ -13,27 +14,28 @@ use crate::units::{CurrentLimit, OutOfRange, QuadCounts, SpeedLimit};
 
 /// Period of the drive's motion reports (ms): its recommended data period (hardware.md 2.5).
 pub const FEEDBACK_MS: u8 = 10;
-/// Period of its reports of the supply (ms), where that is wired to the drive's analog input.
+/// Period of the drive's reports of its supply (ms), where the supply is wired to the drive's analog input.
 pub const SUPPLY_MS: u8 = 50;
-/// A drive that still reports its motion this long (µs) after a Reset has not heard it. Our choice: ten reports.
+/// A drive that still reports its motion this long (µs) after a Reset has not received it. Our choice: ten reports.
 const UNHEARD_RESET_US: u64 = 100_000;
-/// Between Resets while the motor must not move at all (µs). Our choice: the drive is deaf for 0.5 s after each.
+/// Time between Resets while the motor must not move at all (µs). Our choice: the drive ignores frames for 0.5 s after
+/// each.
 const RESET_AGAIN_US: u64 = 1_000_000;
 /// From the Reset to motor power off (µs): the drive no longer drives the motor by then. Our choice.
 const POWER_OFF_US: u64 = 100_000;
 
-/// What the drive is told.
+/// What the drive is to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DriveCommand {
-    /// Nothing: it is starting, or nothing is meant yet.
+    /// Nothing: it is starting, or there is no target yet.
     Silence,
-    /// Run the start-up sequence from its beginning, motor power included.
+    /// Go through the start-up sequence from its beginning, motor power included.
     Restart,
-    /// Forget the target and give no torque: a Reset, and another as long as the drive goes on reporting. Where motor
-    /// power is off it stays off.
+    /// Forget the target and give no torque: a Reset, which is repeated as long as the drive goes on reporting. Where
+    /// motor power is off it stays off.
     LetGo,
-    /// The same, a Reset every second, and motor power off. For the emergency stop, whose contact has taken the motor off
-    /// the drive, so that the drive's supply is not cut while the motor feeds it (hardware.md 1).
+    /// The same with a Reset every second, and motor power off. For the emergency stop, whose contact has taken the
+    /// motor off the drive, so that the drive's supply is not cut while the motor feeds it (hardware.md 1).
     PowerOff,
     /// Go to a position in the drive's own counts, at most this fast, with at most this current (mode 8). If the next
     /// command never comes, the motor stops there: the drive has no time-out of its own (hardware.md 2.6).
@@ -50,11 +52,11 @@ pub enum DriveCommand {
 /// What is known of the drive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum DriveReading {
-    /// Its start-up sequence is not over.
+    /// The start-up sequence is not over.
     Starting,
     /// The start-up sequence failed.
     Failed,
-    /// It was told to let go; what it still reports says nothing.
+    /// The drive has been let go; its reports have no meaning any more.
     Released,
     /// Its last motion report (hardware.md 2.4).
     Reports {
@@ -80,13 +82,13 @@ pub struct SupplyReading {
 
 #[derive(Clone, Copy, Debug)]
 enum Phase {
-    /// Nothing was said yet: motor power is off.
+    /// Nothing has been sent yet: motor power is off.
     Silent,
     /// The start-up sequence runs, is over or has failed.
     Started { start_up: StartUp, ready: bool },
     /// A Reset was sent at this time (µs).
     Released { reset_us: u64 },
-    /// The same, and motor power goes off; since when (µs).
+    /// The same since this time (µs), and motor power goes off.
     Off { since_us: u64, reset_us: u64 },
 }
 
@@ -103,8 +105,8 @@ pub struct Conversation {
 }
 
 impl Conversation {
-    /// With the drive at `address`; `supply_divider` is what the supply is divided by before its analog input, `None`
-    /// where that is not wired. Says nothing before the first [`DriveCommand`].
+    /// With the drive at `address`. `supply_divider` is the ratio of the divider between the supply and the drive's
+    /// analog input, `None` where that is not wired. Nothing is sent before the first [`DriveCommand`].
     pub const fn new(address: Address, supply_divider: Option<f32>) -> Self {
         Self {
             address,
@@ -122,7 +124,7 @@ impl Conversation {
         self.reading
     }
 
-    /// Its supply, as it last reported it.
+    /// The drive's supply, as it last reported it.
     pub fn supply(&self) -> Option<SupplyReading> {
         self.supply
     }
@@ -132,12 +134,12 @@ impl Conversation {
         self.motor_power
     }
 
-    /// Whether it has reported a stall since the last call.
+    /// Whether the drive has reported a stall since the last call.
     pub fn take_stall(&mut self) -> bool {
         core::mem::take(&mut self.stalled)
     }
 
-    /// Time passes. Call at least every 10 ms. A frame to send, if any.
+    /// Time passes; call it at least every 10 ms. Gives the frame to send, if any.
     pub fn tick(&mut self, now_us: u64) -> Option<Frame> {
         match &mut self.phase {
             Phase::Silent | Phase::Released { .. } => None,
@@ -154,7 +156,7 @@ impl Conversation {
         }
     }
 
-    /// The drive has reported. A frame to send, if any.
+    /// The drive has reported. Gives the frame to send, if any.
     pub fn hear(&mut self, now_us: u64, report: Report) -> Option<Frame> {
         let frame = match &mut self.phase {
             Phase::Started { ready: false, .. } => self.start(now_us, Event::Report(report)),
@@ -174,7 +176,7 @@ impl Conversation {
         frame
     }
 
-    /// What the rig wants now. A frame to send, if any.
+    /// What the drive is to do now. Gives the frame to send, if any.
     ///
     /// # Errors
     /// [`OutOfRange`] for a limit that the drive does not take.
@@ -245,7 +247,7 @@ impl Conversation {
             }
             Report::Error(_) => self.stalled = true,
             Report::Mixed(mixed) => {
-                // Older drives do not report the analog input; where it is not wired it says nothing.
+                // Older drives do not report the analog input; where it is not wired its value has no meaning.
                 if let (Some(rest), Some(divider)) = (mixed.rest, self.supply_divider) {
                     self.supply = Some(SupplyReading { t_us, volts: f32::from(rest.asin_mv) * 1e-3 * divider });
                 }
@@ -289,7 +291,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_said_and_motor_power_is_off_before_the_first_order() {
+    fn nothing_is_sent_and_motor_power_is_off_before_the_first_command() {
         let mut c = Conversation::new(address(), None);
         assert_eq!(c.command(0, DriveCommand::Silence).unwrap(), None);
         assert_eq!(c.command(0, FOLLOW).unwrap(), None);
@@ -316,7 +318,7 @@ mod tests {
     }
 
     #[test]
-    fn letting_go_is_a_reset_repeated_while_the_drive_has_not_heard_it() {
+    fn letting_go_is_a_reset_repeated_while_the_drive_has_not_received_it() {
         let (mut c, t) = ready();
         assert_eq!(c.command(t, DriveCommand::LetGo).unwrap(), Some(reset()));
         assert_eq!(c.command(t + 10_000, DriveCommand::LetGo).unwrap(), None, "once");

@@ -1,4 +1,4 @@
-//! Frames as values: one to send, one received, and why a received one means nothing to us.
+//! Frames as values: one to send, one received, and why a received one is ignored.
 
 use crate::address::{Address, Function};
 
@@ -22,7 +22,7 @@ impl Frame {
     }
 }
 
-/// A frame off the bus, from anybody.
+/// A frame as it came off the bus, from any node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Received<'a> {
     /// 11-bit or 29-bit identifier.
@@ -35,7 +35,7 @@ pub struct Received<'a> {
     pub data: &'a [u8],
 }
 
-/// Why a frame was ignored. To be counted: the protocol has no checksum and no sequence number of its own.
+/// Why a frame was ignored. The receiver counts these: the protocol has no checksum and no sequence number of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Ignored {
@@ -45,11 +45,11 @@ pub enum Ignored {
     /// A remote frame; the protocol has none.
     #[error("remote frame")]
     Remote,
-    /// Another drive's.
+    /// The identifier of another drive.
     #[error("identifier {0:#05x} is another drive's")]
     OtherDrive(u32),
-    /// A function that goes the other way.
-    #[error("function {0:?} goes the other way")]
+    /// A function of the opposite direction.
+    #[error("function {0:?} belongs to the opposite direction")]
     WrongDirection(Function),
     /// Not 8 bytes.
     #[error("{0} bytes instead of 8")]
@@ -59,7 +59,7 @@ pub enum Ignored {
     Field(u8),
 }
 
-/// What `received` is for the drive at `address`: its function and its eight bytes.
+/// Function and eight bytes of a frame that is addressed to, or comes from, the drive at `address`.
 pub(crate) fn accept(
     address: Address,
     received: &Received<'_>,

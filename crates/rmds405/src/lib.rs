@@ -1,16 +1,17 @@
-//! The RoboModule RMDS-405 motor drive as a conversation: frames in and out, and the order they go in.
+//! The protocol of the RoboModule RMDS-405 motor drive: its frames in both directions, and the order in which they go.
 //!
-//! No hardware and no clock: CAN frames are plain values, time is an argument. Facts come from `hardware.md`
-//! (sections in the doc comments), which quotes the vendor's CAN manual as V-CAN and its FAQ as V-FAQ.
+//! There is no hardware and no clock in here: CAN frames are plain values, and time is an argument. The facts stand in
+//! `docs/hardware.md` (the doc comments name the section), which quotes the vendor's CAN manual as V-CAN and its FAQ as
+//! V-FAQ.
 //!
 //! - [`address`]: group, number and function, which together make the CAN identifier.
 //! - [`units`]: newtypes for what the wire carries, each with its range.
 //! - [`frame`]: a frame to send, a frame received, and why a received one was ignored.
 //! - [`command`]: host to drive, encoded by the firmware and decoded by the emulated drive.
-//! - [`report`]: drive to host, the other way round.
+//! - [`report`]: drive to host, encoded by the emulated drive and decoded by the firmware.
 //! - [`start_up`]: power-up to the first data frame as a pure state machine.
-//! - [`conversation`]: all of it together: what is said each tick, what is known of the drive, motor power.
-//! - [`serial`]: the same conversation over RS232. Experimental: its framing is an assumption.
+//! - [`conversation`]: all of it together: what to send at each tick, what is known of the drive, motor power.
+//! - [`serial`]: the same frames over RS232. Experimental: the framing is an assumption.
 #![no_std]
 #![forbid(unsafe_code)]
 
@@ -31,7 +32,8 @@ pub use report::{DriveError, Mixed, Report};
 pub use start_up::{Action, Event, StartError, StartUp};
 pub use units::{CurrentLimit, Milliamps, OutOfRange, Pwm, PwmLimit, QuadCounts, Rpm, SpeedLimit};
 
-/// The ways to a drive. Exclusive: the one used first wins until power or reset (V-FAQ p24).
+/// The lines to a drive. They exclude each other: the drive uses the one that it was first addressed on, until it loses
+/// power or is reset (V-FAQ p24).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Transport {

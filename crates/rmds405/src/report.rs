@@ -4,7 +4,7 @@ use crate::address::{Address, Function};
 use crate::frame::{Frame, Ignored, PAD, Received, accept, i16_at, i32_tail};
 use crate::units::{Milliamps, Pwm, QuadCounts, Rpm};
 
-/// What byte 0 of an error report says.
+/// The error code in byte 0 of an error report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum DriveError {
@@ -15,12 +15,12 @@ pub enum DriveError {
 }
 
 impl DriveError {
-    /// Of byte 0.
+    /// The error with this code.
     pub const fn of_code(code: u8) -> Self {
         if code == 0x01 { Self::Stall } else { Self::Unknown(code) }
     }
 
-    /// Byte 0.
+    /// The code.
     pub const fn code(self) -> u8 {
         match self {
             Self::Stall => 0x01,
@@ -29,7 +29,7 @@ impl DriveError {
     }
 }
 
-/// Inputs and present output (V-CAN p20-21). `true` is high or lit.
+/// Inputs and present output of the drive (V-CAN p20-21). `true` is high or lit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Mixed {
@@ -51,28 +51,28 @@ pub struct MixedRest {
     pub asin_mv: u16,
     /// Encoder index channel; high also means floating.
     pub chz: bool,
-    /// Present output; only indicative, and half as great at 28.8 kHz switching.
+    /// Present output. It is only indicative, and half as great at a switching frequency of 28.8 kHz.
     pub pwm: Pwm,
 }
 
-/// Everything that a drive tells its host.
+/// Every report of a drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Report {
-    /// Every T1 once a mode is chosen.
+    /// Sent every T1 once a mode is chosen.
     Motion {
         /// Winding current.
         current: Milliamps,
-        /// Over a window of 1 ms, so in steps of 60000 / (4 lines) RPM (V-FAQ p3-4): average it.
+        /// Measured over a window of 1 ms, so in steps of 60000 / (4 lines) RPM (V-FAQ p3-4): average it.
         speed: Rpm,
         /// Since the last reset.
         position: QuadCounts,
     },
-    /// Every T2 once a mode is chosen.
+    /// Sent every T2 once a mode is chosen.
     Mixed(Mixed),
-    /// Every 100 ms while it lasts.
+    /// Sent every 100 ms while the error lasts.
     Error(DriveError),
-    /// The echo to an online check. A host with loop-back on sees its own question as this too.
+    /// The echo to an online check. A host with loop-back on receives its own question as this too.
     Online,
 }
 
@@ -87,13 +87,19 @@ impl Report {
         }
     }
 
-    /// What a frame from the drive at `from` says.
+    /// The report in a frame from the drive at `from`.
+    ///
+    /// # Errors
+    /// [`Ignored`] if the frame is not from this drive, or no report.
     pub fn decode(from: Address, received: &Received<'_>) -> Result<Self, Ignored> {
         let (function, data) = accept(from, received, false)?;
         Self::of(function, &data)
     }
 
-    /// What a function and its eight bytes say.
+    /// The report that a function and its eight bytes are.
+    ///
+    /// # Errors
+    /// [`Ignored`] if the function is a command's, or a byte holds no valid value.
     pub fn of(function: Function, data: &[u8; 8]) -> Result<Self, Ignored> {
         let level = |at: u8| match data[usize::from(at)] {
             0 => Ok(false),

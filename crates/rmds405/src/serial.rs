@@ -1,4 +1,4 @@
-//! The same conversation over RS232. **Experimental: no public text of the vendor's RS232 manual was found.**
+//! The same frames over RS232. **Experimental: no public text of the vendor's RS232 manual was found.**
 //!
 //! Known (hardware.md 5): RS232 levels, 115 200 baud 8N1, the command set of CAN, RS232 and CAN exclusive. Assumed, by
 //! analogy with the vendor's older RS485 frame (0x48, number and function, the same eight bytes, no checksum):
@@ -7,9 +7,9 @@
 //! - no address: the line has one drive at its end;
 //! - the drive sends the reports that it sends on CAN, each in one piece.
 //!
-//! Without a checksum nothing tells a frame from noise but its place and its form. So a frame begins only where the line was
-//! quiet or where another ended, and counts only if its header, function and padding are all right; else everything up to
-//! the next quiet is dropped.
+//! Without a checksum only its place and its form distinguish a frame from noise. So a frame begins only where the line
+//! was quiet or where another frame ended, and it is accepted only if header, function and padding are all correct.
+//! Otherwise everything up to the next quiet line is dropped.
 
 use crate::address::Function;
 use crate::command::Command;
@@ -28,10 +28,11 @@ pub const HEADER: u8 = 0x32;
 /// Time of one byte on the line (µs, rounded up): start bit, eight bits, stop bit.
 pub const BYTE_US: u64 = 10_000_000_u64.div_ceil(BAUD as u64);
 
-/// A line without a byte for this long was quiet (µs): well above the time of a byte, well below the reports' period.
+/// A line without a byte for this long is quiet (µs): well above the time of a byte, well below the period of the
+/// reports.
 pub const QUIET_US: u64 = 1000;
 
-/// A frame as bytes. Of the identifier only the function goes out.
+/// A frame as bytes. Only the function of its identifier is sent.
 pub fn encode(frame: &Frame) -> [u8; LENGTH] {
     let mut bytes = [0; LENGTH];
     bytes[0] = HEADER;
@@ -40,27 +41,27 @@ pub fn encode(frame: &Frame) -> [u8; LENGTH] {
     bytes
 }
 
-/// Finds what one side says in a stream of bytes.
+/// Finds the frames of one direction in a stream of bytes.
 #[derive(Clone, Debug)]
 pub struct Decoder<T> {
     understand: fn(Function, &[u8; 8]) -> Option<T>,
     bytes: [u8; LENGTH],
     length: usize,
-    /// Lost its place: waits for a quiet line.
+    /// The decoder has lost its place in the frame, and waits for a quiet line.
     lost: bool,
     last_us: u64,
     foreign: u32,
 }
 
 impl Decoder<Report> {
-    /// What a drive says. Its padding is looked at: bytes that the drive would not send are noise.
+    /// For reports of a drive. The padding is checked: bytes that the drive would not send are noise.
     pub const fn reports() -> Self {
         Self::new(|function, data| Report::of(function, data).ok().filter(|report| report.data() == *data))
     }
 }
 
 impl Decoder<Command> {
-    /// What a host says, for an emulated drive.
+    /// For commands of a host, in an emulated drive.
     pub const fn commands() -> Self {
         Self::new(|function, data| Command::of(function, data).ok())
     }
@@ -71,7 +72,8 @@ impl<T> Decoder<T> {
         Self { understand, bytes: [0; LENGTH], length: 0, lost: false, last_us: 0, foreign: 0 }
     }
 
-    /// A byte that came at `now_us`; what it completed, if it was the last of a frame. Times that run back count as no time.
+    /// Takes a byte that came at `now_us`. Gives the frame that it completed, if it was the last byte of one. A time
+    /// before the previous one counts as no time passed.
     pub fn push(&mut self, now_us: u64, byte: u8) -> Option<T> {
         if now_us.saturating_sub(self.last_us) >= QUIET_US {
             self.drop_rest();
@@ -99,7 +101,7 @@ impl<T> Decoder<T> {
         understood
     }
 
-    /// Bytes that were no part of a frame. Those of a frame that broke off count when the next byte comes.
+    /// How many bytes were no part of a frame. Those of a frame that broke off are counted when the next byte comes.
     pub const fn foreign(&self) -> u32 {
         self.foreign
     }

@@ -1,10 +1,12 @@
 //! From power-up to the first data frame (hardware.md 2.5), as a pure state machine.
 //!
 //! ```text
-//! Reset at once -> 500 ms -> online check until echo -> Reset -> 600 ms -> Mode -> 600 ms -> Config -> first motion report -> Ready
+//! Reset at once -> 500 ms -> online check until echo -> Reset -> 600 ms -> Mode -> 600 ms -> Config
+//!     -> first motion report -> Ready
 //! ```
-//! The first Reset is for a drive that outlived the microcontroller: it runs on its last command for ever
-//! (hardware.md 2.6), so an MCU that restarts stops it before anything else. A drive that is still booting ignores it.
+//! The first Reset is for a drive that kept its power while the microcontroller restarted: it carries out its last
+//! command for ever (hardware.md 2.6), so the microcontroller stops it before anything else. A drive that is still
+//! booting ignores the Reset.
 
 use crate::address::Address;
 use crate::command::{Command, Mode};
@@ -12,11 +14,11 @@ use crate::frame::Frame;
 use crate::report::Report;
 use crate::units::OutOfRange;
 
-/// Power-up to first frame that has to be understood: at least 500 ms (hardware.md 2.5).
+/// From power-up to the first frame that the drive must understand: at least 500 ms (hardware.md 2.5).
 pub const POWER_UP_MS: u64 = 500;
-/// Reset to Mode: at least 500 ms, 600 ms recommended (hardware.md 4).
+/// From Reset to Mode: at least 500 ms, 600 ms recommended (hardware.md 4).
 pub const AFTER_RESET_MS: u64 = 600;
-/// Mode to first data: at least 500 ms, 600 ms recommended (hardware.md 4).
+/// From Mode to the first data: at least 500 ms, 600 ms recommended (hardware.md 4).
 pub const AFTER_MODE_MS: u64 = 600;
 /// Between online checks. Our choice: the answer takes well under 1 ms, a booting drive up to 500 ms.
 pub const ONLINE_RETRY_MS: u64 = 100;
@@ -46,7 +48,7 @@ pub enum Action {
     Send(Frame),
     /// The drive is in its mode and reports; data frames may follow.
     Ready,
-    /// Given up; begin again with a new [`StartUp`].
+    /// The start-up has failed; begin again with a new [`StartUp`].
     Failed(StartError),
 }
 
@@ -57,7 +59,7 @@ pub enum StartError {
     /// No echo to [`ONLINE_TRIES`] online checks: no power, no bus, other bit rate or address.
     #[error("the drive does not answer the online check")]
     NoEcho,
-    /// No motion report after [`CONFIG_TRIES`] Config frames: the mode was not taken.
+    /// No motion report after [`CONFIG_TRIES`] Config frames: the drive has not taken the mode.
     #[error("the drive answers but sends no motion reports")]
     NoFeedback,
 }
@@ -74,7 +76,8 @@ enum State {
     Failed(StartError),
 }
 
-/// The start-up of one drive. Position is 0 wherever the motor stood when it was [`Action::Ready`]'s Reset.
+/// The start-up of one drive. The drive's position is 0 where the motor stood at the last Reset before
+/// [`Action::Ready`].
 #[derive(Clone, Copy, Debug)]
 pub struct StartUp {
     address: Address,
@@ -86,6 +89,9 @@ pub struct StartUp {
 
 impl StartUp {
     /// For the drive at `address`, to run in `mode` and report every `feedback_period_ms` (1 to 255).
+    ///
+    /// # Errors
+    /// [`OutOfRange::FeedbackPeriod`] for a period of 0.
     pub const fn new(address: Address, mode: Mode, feedback_period_ms: u8) -> Result<Self, OutOfRange> {
         if feedback_period_ms == 0 {
             return Err(OutOfRange::FeedbackPeriod);

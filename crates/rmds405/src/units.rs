@@ -1,6 +1,6 @@
-//! What the wire carries, as newtypes: a current cannot be sent as a speed, nor a limit be negative.
+//! The values that the wire carries, as newtypes: a current cannot be sent as a speed, and no limit can be negative.
 //!
-//! Ranges and units are those of hardware.md 1, "Units and conventions".
+//! Ranges and units are those of docs/hardware.md section 1, "Units and conventions".
 
 /// A value outside the range of its field; the variant names the parameter and holds what was given.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -27,7 +27,7 @@ pub enum OutOfRange {
     /// Speed limit is 0 to 32767 RPM.
     #[error("speed limit {0} RPM is negative")]
     SpeedLimit(i16),
-    /// Feedback period is 1 to 255 ms: without reports nobody knows where the motor is.
+    /// Feedback period is 1 to 255 ms: without reports the position of the motor is unknown.
     #[error("feedback period 0 ms means no feedback")]
     FeedbackPeriod,
 }
@@ -42,7 +42,8 @@ pub struct Milliamps(pub i16);
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Rpm(pub i16);
 
-/// Position of the motor shaft in quadrature counts, 4 for each encoder line (V-FAQ p9); 0 where the last reset was.
+/// Position of the motor shaft in quadrature counts, 4 for each encoder line (V-FAQ p9); 0 is the position at
+/// the last reset.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct QuadCounts(pub i32);
@@ -59,6 +60,9 @@ macro_rules! ranged {
             pub const MAX: Self = Self($max);
 
             /// Checks the range.
+            ///
+            /// # Errors
+            /// [`OutOfRange`] if the value is outside it.
             pub const fn new(value: i16) -> Result<Self, OutOfRange> {
                 if value < $min || value > $max { Err(OutOfRange::$error(value)) } else { Ok(Self(value)) }
             }

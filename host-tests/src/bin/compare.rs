@@ -9,7 +9,7 @@ use host_tests::compare::tune::Goal;
 use host_tests::compare::{Comparison, Controller, untuned};
 use host_tests::scenario;
 use rigctl::output::write_file;
-use rigctl::plant::Setting;
+use sim_link::{PlantChange, PlantKey};
 use std::path::PathBuf;
 
 #[derive(Parser)]
@@ -20,7 +20,7 @@ struct Arguments {
     plants: u16,
     /// The same for all plants instead of drawn by chance, for example friction=0N
     #[arg(long, value_name = "KEY=VALUE")]
-    plant: Vec<Setting>,
+    plant: Vec<PlantChange>,
     /// Folder for comparison.svg and comparison.csv
     #[arg(long, value_name = "DIR", default_value = "docs")]
     out: PathBuf,
@@ -35,11 +35,11 @@ const OTHERS: [(&str, Law); 3] = [
 
 fn main() -> Result<()> {
     let arguments = Arguments::parse();
-    if let Some(s) = arguments.plant.iter().find(|s| ["load", "twist_at_boot"].contains(&s.key)) {
+    if let Some(s) = arguments.plant.iter().find(|s| [PlantKey::Load, PlantKey::TwistAtBoot].contains(&s.key)) {
         bail!("--plant {}: the scenarios say that", s.key);
     }
     let scenarios = scenario::comparison()?;
-    let fixed = |plant: RandomPlant| arguments.plant.iter().fold(plant, |plant, setting| plant.with(setting));
+    let fixed = |plant: RandomPlant| arguments.plant.iter().fold(plant, |plant, change| plant.with(*change));
     let plants: Vec<RandomPlant> = RandomPlant::list(arguments.plants.into()).into_iter().map(fixed).collect();
     eprintln!("{} scenarios on {} plants by the firmware's control …", scenarios.len(), plants.len());
     let comparison = Comparison::new(&scenarios, &plants).map_err(|e| anyhow!(e))?;

@@ -2,7 +2,7 @@
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
-use rigctl::plant::Setting;
+use sim_link::{PlantChange, PlantKey};
 
 /// How far a constant of the mechanism or the supply may be off.
 pub const TOLERANCE: f64 = 0.1;
@@ -21,7 +21,7 @@ pub struct RandomPlant {
     /// Of its constants and its noise.
     pub seed: u64,
     /// Its keys; the load comes with the scenario.
-    pub keys: Vec<Setting>,
+    pub keys: Vec<PlantChange>,
 }
 
 impl RandomPlant {
@@ -32,29 +32,29 @@ impl RandomPlant {
         let around = |value: f64| [value * (1.0 - TOLERANCE), value * (1.0 + TOLERANCE)];
         let supply_v = crate::scene().rig.supply_voltage_v;
         let keys = [
-            ("k2_scale", around(1.0)),
-            ("k3_scale", around(1.0)),
-            ("stiffness_scale", around(1.0)),
-            ("modulus_scale", around(1.0)),
-            ("friction", FRICTION_N),
-            ("damping", DAMPING_N_S_PER_M),
-            ("lvdt_noise", NOISE_M),
-            ("gear_backlash", BACKLASH_RAD),
-            ("supply_voltage", around(supply_v)),
+            (PlantKey::K2Scale, around(1.0)),
+            (PlantKey::K3Scale, around(1.0)),
+            (PlantKey::StiffnessScale, around(1.0)),
+            (PlantKey::ModulusScale, around(1.0)),
+            (PlantKey::Friction, FRICTION_N),
+            (PlantKey::Damping, DAMPING_N_S_PER_M),
+            (PlantKey::LvdtNoise, NOISE_M),
+            (PlantKey::GearBacklash, BACKLASH_RAD),
+            (PlantKey::SupplyVoltage, around(supply_v)),
         ];
-        Self { seed, keys: keys.into_iter().map(|(key, range)| Setting { key, value: between(range) }).collect() }
+        Self { seed, keys: keys.into_iter().map(|(key, range)| PlantChange { key, value: between(range) }).collect() }
     }
 
     /// The same plant but for this key.
     #[must_use]
-    pub fn with(mut self, setting: &Setting) -> Self {
-        self.keys.retain(|s| s.key != setting.key);
-        self.keys.push(setting.clone());
+    pub fn with(mut self, change: PlantChange) -> Self {
+        self.keys.retain(|s| s.key != change.key);
+        self.keys.push(change);
         self
     }
 
     /// One of its keys.
-    fn value(&self, key: &str) -> f64 {
+    fn value(&self, key: PlantKey) -> f64 {
         self.keys.iter().find(|s| s.key == key).map_or(f64::NAN, |s| s.value)
     }
 
@@ -66,9 +66,16 @@ impl RandomPlant {
     /// Seeds of those that have the least or the greatest of anything that a loop feels: whoever manages these should
     /// manage the others.
     pub fn extremes(plants: &[Self]) -> Vec<u64> {
-        let keys = ["friction", "damping", "k2_scale", "modulus_scale", "gear_backlash", "lvdt_noise"];
+        let keys = [
+            PlantKey::Friction,
+            PlantKey::Damping,
+            PlantKey::K2Scale,
+            PlantKey::ModulusScale,
+            PlantKey::GearBacklash,
+            PlantKey::LvdtNoise,
+        ];
         let ends = keys.iter().flat_map(|key| {
-            let by_value = |a: &&Self, b: &&Self| a.value(key).total_cmp(&b.value(key));
+            let by_value = |a: &&Self, b: &&Self| a.value(*key).total_cmp(&b.value(*key));
             [plants.iter().min_by(by_value), plants.iter().max_by(by_value)]
         });
         let mut seeds: Vec<u64> = ends.flatten().map(|plant| plant.seed).collect();
@@ -86,14 +93,17 @@ mod tests {
     fn plants_keep_to_their_ranges_and_differ() {
         let plants = RandomPlant::list(50);
         for plant in &plants {
-            assert!((0.9..=1.1).contains(&plant.value("k2_scale")) && (0.0..=0.3).contains(&plant.value("friction")));
-            assert!((21.6..=26.4).contains(&plant.value("supply_voltage")));
+            assert!(
+                (0.9..=1.1).contains(&plant.value(PlantKey::K2Scale))
+                    && (0.0..=0.3).contains(&plant.value(PlantKey::Friction))
+            );
+            assert!((21.6..=26.4).contains(&plant.value(PlantKey::SupplyVoltage)));
         }
         assert_eq!(plants[..7], RandomPlant::list(7));
         assert_ne!(plants[0].keys, plants[1].keys);
         let extremes = RandomPlant::extremes(&plants);
         assert!((6..=12).contains(&extremes.len()), "{extremes:?}");
-        let most = plants.iter().map(|p| p.value("friction")).fold(0.0, f64::max);
-        assert!(plants.iter().any(|p| p.value("friction") == most && extremes.contains(&p.seed)));
+        let most = plants.iter().map(|p| p.value(PlantKey::Friction)).fold(0.0, f64::max);
+        assert!(plants.iter().any(|p| p.value(PlantKey::Friction) == most && extremes.contains(&p.seed)));
     }
 }

@@ -36,7 +36,7 @@ pub struct Played {
 }
 
 fn keys(scenario: &Scenario, plant: &RandomPlant, twist_at_boot: f32) -> Vec<(&'static str, String)> {
-    let own = scenario.plant.iter().chain(&plant.keys).map(|s| (s.key, s.value.to_string()));
+    let own = scenario.plant.iter().chain(&plant.keys).map(|s| (s.key.name(), s.value.to_string()));
     own.chain([("twist_at_boot", twist_at_boot.to_string())]).collect()
 }
 
@@ -58,8 +58,8 @@ fn record<C: Controller>(
     };
     let energy_j = desk.truth().motor_energy_j;
     for k in 0..m.ticks {
-        for (_, setting) in m.changes.iter().filter(|(at, _)| *at == k) {
-            desk.rig.set_plant(setting.key, &setting.value.to_string()).map_err(|e| e.to_string())?;
+        for (_, change) in m.changes.iter().filter(|(at, _)| *at == k) {
+            desk.rig.change_plant(*change).map_err(|e| e.to_string())?;
         }
         record.set_points_m.push(tick(desk, k)?);
         record.positions_m.push(desk.true_position_m());

@@ -3,9 +3,10 @@
 use super::score::Summary;
 use super::{Entry, Failure};
 use crate::scenario::Scenario;
-use rig_emulator::rig::settings::GRAVITY_M_PER_S2;
-use rigctl::output::csv_text;
-use rigctl::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Sample, Shape, colour, extent};
+use lab::csv_text::csv_text;
+use lab::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Sample, Shape, colour, extent};
+use sim_link::PlantKey;
+use sim_link::units::STANDARD_GRAVITY;
 use std::fmt::Write;
 
 /// Largest tracking errors that others publish for closed loops on a twisted string: what, load (kg), errors (mm).
@@ -256,7 +257,7 @@ impl Results {
                 cells
             })
         });
-        csv_text(&header, ours.chain(theirs)).map_err(|e| anyhow::anyhow!(e.message().unwrap_or_default()))
+        csv_text(&header, ours.chain(theirs))
     }
 
     /// The picture.
@@ -304,11 +305,11 @@ impl Results {
             blocks: vec![Block { rows: whose }, Block { rows: vec![published] }],
             notes: self.notes.iter().cloned().chain([HOW.to_owned(), ELSEWHERE.to_owned()]).collect(),
         };
-        figure.svg().map_err(|e| anyhow::anyhow!(e.message().unwrap_or_default()))
+        figure.svg()
     }
 }
 
 /// The load that a scenario starts with (kg).
 fn load_kg(scenario: &Scenario) -> f64 {
-    scenario.plant.iter().find(|s| s.key == "load").map_or(f64::NAN, |s| s.value / GRAVITY_M_PER_S2)
+    scenario.plant.iter().find(|s| s.key == PlantKey::Load).map_or(f64::NAN, |s| s.value / STANDARD_GRAVITY)
 }

@@ -3,8 +3,8 @@
 use host_tests::Desk;
 use rig_control::Inputs;
 use rig_control::sensors::DriveReading;
-use rig_emulator::rig::faults::Fault as RigFault;
 use rig_link::messages::{Fault, LoadChoice, Request, State};
+use sim_link::RigFault;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, OnceLock};
 

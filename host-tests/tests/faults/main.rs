@@ -10,8 +10,8 @@ use host_tests::{Desk, constants, table};
 use rig_control::sensors::DriveReading;
 use rig_control::supervisor::fault_policy::{After, Response, policy};
 use rig_control::{DriveCommand, Rig as Control};
-use rig_emulator::rig::faults::Fault as RigFault;
 use rig_link::messages::{Constants, EventKind, Fault, Limit, LoadChoice, Parameter, Refusal, Request, State};
+use sim_link::RigFault;
 
 #[test]
 fn each_fault_fires_and_stays_and_its_near_miss_is_quiet() {
@@ -38,8 +38,8 @@ fn each_fault_fires_and_stays_and_its_near_miss_is_quiet() {
         // The cause goes, the fault does not.
         d.host_alive = true;
         d.tamper = None;
-        for (_, fault) in RigFault::all() {
-            d.rig.set_fault(fault, false);
+        for fault in RigFault::ALL {
+            d.rig.set_fault(*fault, false);
         }
         d.run(1.5);
         if policy(fault).response < Response::LetGo && fault != Fault::StringBreak {
@@ -68,8 +68,8 @@ fn after_clear_nothing_moves_and_what_lost_the_position_is_homed_anew() {
         cause(&mut d);
         assert!(d.until(within_s, |d| d.control.fault() == Some(fault)), "{fault}: {:?}", d.control.fault());
         (d.host_alive, d.tamper) = (true, None);
-        for (_, fault) in RigFault::all() {
-            d.rig.set_fault(fault, false);
+        for fault in RigFault::ALL {
+            d.rig.set_fault(*fault, false);
         }
         for (key, value) in [("supply_voltage", "24V"), ("friction", "0.05N"), ("load", "0.5kg")] {
             d.rig.set_plant(key, value).unwrap();

@@ -4,8 +4,8 @@
 use super::cases::*;
 use host_tests::Desk;
 use rig_control::supervisor::fault_policy::{Response, policy};
-use rig_emulator::rig::faults::Fault as RigFault;
 use rig_link::messages::{Fault, LoadChoice, Refusal, Request, State};
+use sim_link::RigFault;
 use std::fmt::Write;
 
 /// Requests between the first fault and the second.

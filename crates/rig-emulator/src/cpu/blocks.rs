@@ -2,7 +2,7 @@
 
 use crate::soc::memory::{FLASH_BASE, FLASH_SIZE, Region};
 
-/// What is known of the block that starts at an address.
+/// Length of the block that starts at an address.
 #[derive(Clone, Copy, Debug, Default)]
 struct Entry {
     bytes: u16,
@@ -26,7 +26,7 @@ impl Blocks {
     /// Instructions in the block of `bytes` at `address`, and whether a watched function starts there.
     pub fn look_up(&mut self, address: u32, bytes: u32, flash: &Region, watched: impl Fn(u32) -> bool) -> (u64, bool) {
         let Some(entry) = self.entries.get_mut(address.wrapping_sub(FLASH_BASE) as usize / 2) else {
-            // Code in RAM: nobody puts any there, and this is near enough.
+            // Code in RAM: the firmware has none, and this is accurate enough.
             return (u64::from(bytes / 2), false);
         };
         if u32::from(entry.bytes) != bytes {

@@ -1,23 +1,23 @@
-//! What the hooks in unicorn share with the run loop: the chip, the counters, and why the CPU was stopped.
+//! The state that the hooks in unicorn share with the run loop: the chip, the counters, and why the CPU was stopped.
 //!
-//! A hook is called from C and must not unwind: it notes what happened here and stops the CPU.
+//! A hook is called from C and must not unwind: it records here what happened and stops the CPU.
 
 use super::blocks::Blocks;
-use super::debug::Debug;
+use super::stops::Stops;
 use super::watch::Watches;
 use crate::board::Board;
 use crate::soc::Soc;
 
-/// Cycles that a translation block takes on top of one for each instruction. Most instructions of a Cortex-M4 take one
-/// cycle; what does not is mostly the taken branch that ends a block (1 + pipeline refill of 1 to 3 cycles). Without it the
-/// emulated core is 1.3 to 1.5 times too fast on branchy code. Flash wait states come on top
-/// ([`crate::soc::flash::Flash::fetch_cycles`]).
+/// Cycles that a translation block takes in addition to one for each instruction. Most instructions of a Cortex-M4 take
+/// one cycle; the main exception is the taken branch that ends a block (1 + pipeline refill of 1 to 3 cycles). Without
+/// this overhead the emulated core is 1.3 to 1.5 times too fast on code with many branches. Flash wait states are added
+/// to it ([`crate::soc::flash::Flash::fetch_cycles`]).
 pub const BLOCK_OVERHEAD_CYCLES: u64 = 2;
 
 /// Why the core cannot go on.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Trap {
-    /// An access to an address where nothing is.
+    /// An access to an address that nothing is mapped to.
     Memory {
         /// What was tried.
         what: &'static str,
@@ -69,8 +69,8 @@ pub struct Core<B> {
     pub(super) block_end: u32,
     /// Instruction that made the access a fault was raised for.
     pub(super) fault_pc: Option<u32>,
-    /// What a debugger wants.
-    pub(super) debug: Debug,
+    /// Where a debugger stops the core.
+    pub(super) stops: Stops,
 }
 
 impl<B: Board> Core<B> {
@@ -90,11 +90,11 @@ impl<B: Board> Core<B> {
             block: 0,
             block_end: 0,
             fault_pc: None,
-            debug: Debug::default(),
+            stops: Stops::default(),
         }
     }
 
-    /// Start of the block that ran last: as near to PC as a hook can tell.
+    /// Start of the block that ran last: the best estimate of PC within a hook.
     pub fn last_block(&self) -> u32 {
         self.block
     }

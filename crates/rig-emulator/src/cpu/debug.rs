@@ -4,68 +4,16 @@
 //! stops in the middle of one, the rest of it runs later without being counted again and without an interrupt in
 //! between, so that a run with stops is the same as one without.
 //!
-//! unicorn cannot stop inside an IT block and takes it for one instruction; so a step goes over all of it, and whoever
-//! sets a breakpoint in one has to set it at the IT.
+//! unicorn treats an IT block as one instruction and cannot stop inside it. So a step goes over all of it, and a
+//! breakpoint in an IT block has to be set at the IT.
 
 use super::core::Core;
 use super::hooks::stop;
+use super::stops::Step;
 use super::{Cpu, R};
 use crate::board::Board;
 use std::collections::BTreeMap;
 use unicorn_engine::{UcHookId, Unicorn, uc_error};
-
-/// What a debugger wants, and where it has stopped the core.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Debug {
-    /// Next address and end of a block that the core was stopped in.
-    rest: Option<(u32, u32)>,
-    /// A breakpoint here does not count for the first instruction: the core has stopped at it already.
-    passed: Option<u32>,
-    step: Step,
-    /// A hook has asked for a stop before this instruction.
-    wanted: Option<u32>,
-}
-
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-enum Step {
-    #[default]
-    Off,
-    /// The next instruction runs.
-    First,
-    /// The one after it does not.
-    Then,
-}
-
-impl Debug {
-    /// The core stands in the middle of a block.
-    pub(super) fn in_block(&self) -> bool {
-        self.rest.is_some()
-    }
-
-    /// A block begins that is the rest of one that has been counted.
-    pub(super) fn goes_on(&mut self, address: u32, bytes: u32) -> bool {
-        let Some((_, end)) = self.rest.take().filter(|(next, _)| *next == address) else { return false };
-        let reached = address.wrapping_add(bytes);
-        self.rest = (reached < end).then_some((reached, end));
-        true
-    }
-
-    /// unicorn has come back with PC at `pc`, in a block with this end: whether for the debugger.
-    pub(super) fn stopped_at(&mut self, pc: u32, block_end: u32) -> bool {
-        // A stop inside an IT block was asked for and not granted.
-        let stopped = self.wanted.take() == Some(pc);
-        if stopped {
-            self.rest = Some((pc, block_end));
-            self.step = Step::Off;
-        }
-        stopped
-    }
-
-    /// The core is somewhere else now.
-    pub(super) fn forget_place(&mut self) {
-        *self = Self { step: self.step, ..Self::default() };
-    }
-}
 
 /// Hooks in unicorn.
 #[derive(Default)]
@@ -115,31 +63,31 @@ const DOUBLE: [R; 16] = [
 const FLAGS: u32 = 0xF800_0000;
 
 fn want<B: Board>(uc: &mut Unicorn<'_, Core<B>>, address: u32) {
-    uc.get_data_mut().debug.wanted = Some(address);
+    uc.get_data_mut().stops.wanted = Some(address);
     stop(uc);
 }
 
 fn on_breakpoint<B: Board>(uc: &mut Unicorn<'_, Core<B>>, address: u32) {
-    let debug = &mut uc.get_data_mut().debug;
-    if debug.passed.take() != Some(address) {
+    let stops = &mut uc.get_data_mut().stops;
+    if stops.passed.take() != Some(address) {
         want(uc, address);
     }
 }
 
 fn on_step<B: Board>(uc: &mut Unicorn<'_, Core<B>>, address: u32) {
-    let debug = &mut uc.get_data_mut().debug;
-    match debug.step {
+    let stops = &mut uc.get_data_mut().stops;
+    match stops.step {
         Step::Off => {}
-        Step::First => debug.step = Step::Then,
+        Step::First => stops.step = Step::Then,
         Step::Then => want(uc, address),
     }
 }
 
 impl<B: Board + 'static> Cpu<B> {
-    /// Stop before the instruction at `address`.
+    /// Sets a breakpoint before the instruction at `address`.
     ///
     /// # Errors
-    /// unicorn's.
+    /// An error of unicorn.
     pub fn break_at(&mut self, address: u32) -> Result<(), uc_error> {
         if !self.breakpoints.at.contains_key(&address) {
             let place = u64::from(address);
@@ -150,28 +98,28 @@ impl<B: Board + 'static> Cpu<B> {
         Ok(())
     }
 
-    /// Stop there no more. `false` if there was no breakpoint.
+    /// Removes a breakpoint. `false` if there was none.
     ///
     /// # Errors
-    /// unicorn's.
+    /// An error of unicorn.
     pub fn unbreak(&mut self, address: u32) -> Result<bool, uc_error> {
         let Some(hook) = self.breakpoints.at.remove(&address) else { return Ok(false) };
         self.unhook(hook)?;
         Ok(true)
     }
 
-    /// No breakpoint and no step any more.
+    /// Removes all breakpoints and ends stepping.
     ///
     /// # Errors
-    /// unicorn's.
+    /// An error of unicorn.
     pub fn let_go(&mut self) -> Result<(), uc_error> {
         let breakpoints = std::mem::take(&mut self.breakpoints);
         for hook in breakpoints.at.into_values().chain(breakpoints.step) {
             self.unhook(hook)?;
         }
-        let debug = &mut self.uc.get_data_mut().debug;
-        debug.step = Step::Off;
-        debug.passed = None;
+        let stops = &mut self.uc.get_data_mut().stops;
+        stops.step = Step::Off;
+        stops.passed = None;
         Ok(())
     }
 
@@ -186,10 +134,10 @@ impl<B: Board + 'static> Cpu<B> {
         self.breakpoints.at.contains_key(&(self.get(R::PC) & !1))
     }
 
-    /// How the next [`Cpu::run`] goes: one instruction, or on and on.
+    /// Says whether the next [`Cpu::run`] is a step of one instruction, or goes on.
     ///
     /// # Errors
-    /// unicorn's.
+    /// An error of unicorn.
     pub fn resume(&mut self, step: bool) -> Result<(), uc_error> {
         match (step, self.breakpoints.step.take()) {
             (true, None) => {
@@ -200,9 +148,9 @@ impl<B: Board + 'static> Cpu<B> {
             (false, Some(hook)) => self.unhook(hook)?,
             (_, as_it_is) => self.breakpoints.step = as_it_is,
         }
-        let debug = &mut self.uc.get_data_mut().debug;
-        debug.step = if step { Step::First } else { Step::Off };
-        debug.passed = debug.rest.map(|(next, _)| next);
+        let stops = &mut self.uc.get_data_mut().stops;
+        stops.step = if step { Step::First } else { Step::Off };
+        stops.passed = stops.rest.map(|(next, _)| next);
         Ok(())
     }
 
@@ -221,14 +169,14 @@ impl<B: Board + 'static> Cpu<B> {
     /// Changes those that differ: all but xPSR's control bits.
     ///
     /// # Errors
-    /// unicorn's.
+    /// An error of unicorn.
     pub fn set_registers(&mut self, new: &Registers) -> Result<(), uc_error> {
         let old = self.registers();
         for (i, register) in CORE.into_iter().enumerate().filter(|(i, _)| new.core[*i] != old.core[*i]) {
             self.set(register, if i == PC { new.core[i] | 1 } else { new.core[i] });
         }
         if new.core[PC] != old.core[PC] {
-            self.uc.get_data_mut().debug.forget_place();
+            self.uc.get_data_mut().stops.forget_place();
         }
         for (i, register) in DOUBLE.into_iter().enumerate().filter(|(i, _)| new.double[*i] != old.double[*i]) {
             self.uc.reg_write(register, new.double[i])?;
@@ -243,7 +191,8 @@ impl<B: Board + 'static> Cpu<B> {
         Ok(())
     }
 
-    /// Reads flash, RAM and system memory. `None` where there is none of them: a peripheral's registers have side effects.
+    /// Reads flash, RAM and system memory. `None` where there is none of them: a peripheral's registers have side
+    /// effects.
     pub fn look(&self, address: u32, into: &mut [u8]) -> Option<()> {
         let core = self.uc.get_data();
         let memory = &core.soc.memory;

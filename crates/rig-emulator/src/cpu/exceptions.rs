@@ -1,6 +1,6 @@
 //! Exception entry and return (ARMv7-M architecture manual B1.5), which unicorn leaves out.
 //!
-//! The floating-point part of a frame is stacked eagerly: lazy stacking cannot be told apart by firmware.
+//! The floating-point part of a frame is stacked eagerly: firmware cannot distinguish that from lazy stacking.
 
 use super::core::{Core, Trap};
 use super::{Cpu, CpuError};
@@ -54,7 +54,7 @@ impl<B: Board + 'static> Cpu<B> {
         done.ok_or_else(|| CpuError::Trap(Trap::Memory { what, address, pc: self.get(R::PC) }))
     }
 
-    /// unicorn caches what mode the core is in, and of all register writes only one to the flags refreshes that.
+    /// unicorn caches the mode of the core. Of all register writes only one to the flags refreshes that cache.
     pub(super) fn refresh_mode(&mut self) {
         let flags = self.get(R::XPSR) & 0xF000_0000;
         self.set(R::APSR_NZCV, flags);

@@ -28,7 +28,10 @@ fn pc<B: Board>(uc: &Unicorn<'_, Core<B>>) -> u32 {
     uc.reg_read(RegisterARM::PC).map_or_else(|_| uc.get_data().block, |pc| pc as u32)
 }
 
-/// Install everything.
+/// Installs all hooks.
+///
+/// # Errors
+/// An error of unicorn.
 pub fn install<B: Board + 'static>(uc: &mut Unicorn<'static, Core<B>>) -> Result<(), uc_error> {
     for (base, size) in PERIPHERALS {
         uc.mmio_map(
@@ -53,7 +56,11 @@ pub fn install<B: Board + 'static>(uc: &mut Unicorn<'static, Core<B>>) -> Result
     Ok(())
 }
 
-/// unicorn takes SEV for a NOP: hook every halfword of flash that looks like one (a false hit in data is never executed).
+/// unicorn executes SEV as a NOP: hooks every halfword of flash that looks like a SEV (a false hit in data is never
+/// executed).
+///
+/// # Errors
+/// An error of unicorn.
 pub fn hook_sev<B: Board + 'static>(
     uc: &mut Unicorn<'static, Core<B>>,
     hooked: &mut HashSet<u32>,
@@ -72,14 +79,14 @@ pub fn hook_sev<B: Board + 'static>(
 
 fn on_block<B: Board>(uc: &mut Unicorn<'_, Core<B>>, address: u32, size: u32) {
     let core = uc.get_data_mut();
-    if core.debug.goes_on(address, size) {
+    if core.stops.goes_on(address, size) {
         return;
     }
     if core.attention || core.soc.clock.now() >= core.deadline {
         core.soc.settle_flash();
         core.deadline = core.soc.sync().min(core.limit);
         let waiting = core.soc.nvic.best().is_some();
-        // While something waits that a mask holds back, every block looks again.
+        // While an exception is pending that a mask holds back, every block checks again.
         core.attention = waiting;
         let end = core.soc.clock.now() >= core.limit || core.soc.reset_request.is_some() || core.soc.faults.pending();
         if end || (waiting && takeable(uc).is_some()) {
@@ -108,7 +115,7 @@ fn watch<B: Board>(uc: &mut Unicorn<'_, Core<B>>, address: u32, instructions: u6
 fn read<B: Board>(uc: &mut Unicorn<'_, Core<B>>, address: u32, size: usize) -> u64 {
     let core = uc.get_data_mut();
     let value = core.soc.read(address, size);
-    // A read can clear a flag, start nothing, and make events due.
+    // A read can clear a flag and make events due; it starts nothing.
     core.deadline = 0;
     check(uc);
     value.into()
@@ -142,8 +149,8 @@ fn on_exception<B: Board>(uc: &mut Unicorn<'_, Core<B>>, number: u32) {
     stop(uc);
 }
 
-/// A store into flash. unicorn carries out some of them all the same, though the region is read-only: the next block's
-/// hook puts that right.
+/// A store into flash. unicorn carries out some of them although the region is read-only: the hook of the next block
+/// restores the contents.
 fn program<B: Board>(uc: &mut Unicorn<'_, Core<B>>, _: MemType, address: u64, size: usize, value: i64) -> bool {
     let core = uc.get_data_mut();
     core.soc.program_flash(address as u32, size, value as u64);

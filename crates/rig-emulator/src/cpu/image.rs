@@ -10,7 +10,7 @@ pub enum ImageError {
     /// Not an ELF, or a broken one.
     #[error("not a 32-bit ELF: {0}")]
     Elf(String),
-    /// Nothing in it belongs in flash.
+    /// No segment of it belongs in flash.
     #[error("no segment for flash at {FLASH_BASE:#010x}")]
     NoFlash,
     /// A segment that does not fit.
@@ -41,7 +41,10 @@ pub struct Image {
 }
 
 impl Image {
-    /// Take an ELF apart.
+    /// Reads an ELF.
+    ///
+    /// # Errors
+    /// [`ImageError`] if it is no ELF for this flash.
     pub fn parse(elf: &[u8]) -> Result<Self, ImageError> {
         let broken = |error: object::Error| ImageError::Elf(error.to_string());
         let file = ElfFile32::<Endianness>::parse(elf).map_err(broken)?;
@@ -106,7 +109,8 @@ impl Image {
         self.functions[..after].last().filter(|function| address < function.end)
     }
 
-    /// End of everything that the linker has placed at the bottom of RAM, if the firmware is laid out like cortex-m-rt's.
+    /// End of everything that the linker has placed at the bottom of RAM, if the firmware is laid out like
+    /// cortex-m-rt's.
     pub fn statics_end(&self) -> Option<u32> {
         ["__sheap", "__euninit", "__ebss", "__edata"].iter().filter_map(|name| self.symbol(name)).max()
     }

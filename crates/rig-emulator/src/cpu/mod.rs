@@ -1,9 +1,12 @@
 //! Cortex-M4F around unicorn: time, sleep, exceptions, reset.
 //!
-//! unicorn executes instructions and knows priority masks and the FPU. Everything else of a microcontroller's core is here:
-//! - [`image`]: the firmware's ELF. - [`core`]: state that the hooks share. - [`watch`]: costs of chosen functions.
-//! - [`debug`]: breakpoints, steps and registers for a debugger.
-//! - `hooks`: time and peripherals from inside the CPU. - `exceptions`: frames and returns. - `blocks`: instruction counts.
+//! unicorn executes instructions and implements priority masks and the FPU. The rest of a microcontroller's core is
+//! here:
+//! - [`image`]: the firmware's ELF.
+//! - [`core`]: the state that the hooks share; `blocks`: instruction counts; [`watch`]: costs of chosen functions.
+//! - `hooks`: time and peripherals from inside the CPU.
+//! - `exceptions`: frames and returns.
+//! - [`debug`]: breakpoints, steps and registers for a debugger; `stops`: where it has stopped the core.
 
 mod blocks;
 pub mod core;
@@ -11,6 +14,7 @@ pub mod debug;
 mod exceptions;
 mod hooks;
 pub mod image;
+mod stops;
 pub mod watch;
 
 use self::core::{Core, Trap};
@@ -37,14 +41,14 @@ const UNIQUE_ID: u64 = 0x1FFF_7A10;
 const FLASH_KIB: u64 = 0x1FFF_7A22;
 const VREFINT_CAL: u64 = 0x1FFF_7A2A;
 
-/// Why [`Cpu::run`] came back early.
+/// Why [`Cpu::run`] returned early.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum CpuError {
     /// The core cannot go on.
     Trap(Trap),
     /// Undefined instruction at this address: on the chip a HardFault. `panic-probe` ends like this.
     Undefined(u32),
-    /// A strict peripheral objects; the fault waits in the chip. The address is of the instruction.
+    /// A strict peripheral has raised a fault, which waits in the chip. The address is that of the instruction.
     Fault(u32),
     /// unicorn itself failed.
     Unicorn(uc_error),
@@ -61,9 +65,9 @@ impl From<uc_error> for CpuError {
 pub enum Outcome {
     /// The limit is reached.
     Limit,
-    /// The core has gone to sleep, or slept and is at the limit's near side: a good time to look at RAM.
+    /// The core has gone to sleep, before the limit: a good time to read RAM.
     Asleep,
-    /// The chip wants to be reset.
+    /// The chip requests a reset.
     Reset(ResetCause),
     /// A breakpoint is reached, or a step is done.
     Stopped,
@@ -85,12 +89,12 @@ enum Sleep {
     Wfe,
 }
 
-/// Why unicorn came back.
+/// Why unicorn returned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Ended {
     /// For the debugger.
     Stopped,
-    /// For anything else, which the state tells.
+    /// For another reason, which the state holds.
     Otherwise,
 }
 
@@ -106,6 +110,9 @@ pub struct Cpu<B: Board + 'static> {
 
 impl<B: Board + 'static> Cpu<B> {
     /// A core for `soc`, whose flash is programmed already. It starts with [`Cpu::reset`].
+    ///
+    /// # Errors
+    /// An error of unicorn.
     pub fn new(soc: Soc<B>, factory: Factory) -> Result<Self, uc_error> {
         // No Mode::MCLASS: it would force a Cortex-M33.
         let mut uc = Unicorn::new_with_data(Arch::ARM, Mode::THUMB, Core::new(soc))?;
@@ -113,8 +120,8 @@ impl<B: Board + 'static> Cpu<B> {
         let memory = &uc.get_data().soc.memory;
         let (flash, ram) = (memory.flash.host(), memory.ram.host());
         let (flash_size, ram_size) = (memory.flash.size() as u64, memory.ram.size() as u64);
-        // SAFETY: both buffers live in the data of this very unicorn instance, which is dropped after the instance is closed,
-        // and they never move: `Region` owns a heap allocation of a fixed size.
+        // SAFETY: both buffers live in the data of this very unicorn instance, which is dropped after the instance is
+        // closed, and they never move: `Region` owns a heap allocation of a fixed size.
         unsafe {
             uc.mem_map_ptr(FLASH_BASE.into(), flash_size, Prot::READ | Prot::EXEC, flash.cast())?;
             uc.mem_map_ptr(RAM_BASE.into(), ram_size, Prot::ALL, ram.cast())?;
@@ -154,7 +161,10 @@ impl<B: Board + 'static> Cpu<B> {
         let _ = self.uc.reg_write(register, value.into());
     }
 
-    /// Flash has changed: drop translated code and block lengths, and look for new SEVs.
+    /// Flash has changed: drops translated code and block lengths, and hooks new SEVs.
+    ///
+    /// # Errors
+    /// An error of unicorn.
     pub fn code_changed(&mut self) -> Result<(), uc_error> {
         hooks::hook_sev(&mut self.uc, &mut self.sev_hooks)?;
         self.uc.get_data_mut().blocks.clear();
@@ -175,7 +185,7 @@ impl<B: Board + 'static> Cpu<B> {
         core.exception_return = false;
         core.trap = None;
         core.fault_pc = None;
-        core.debug.forget_place();
+        core.stops.forget_place();
         let vectors = core.soc.vector_table();
         let (stack, entry) = (core.soc.memory.word(vectors), core.soc.memory.word(vectors + 4));
         for register in [R::R0, R::R1, R::R2, R::R3, R::R4, R::R5, R::R6, R::R7, R::R8, R::R9, R::R10, R::R11, R::R12] {
@@ -199,17 +209,24 @@ impl<B: Board + 'static> Cpu<B> {
         self.hung = hung;
     }
 
-    /// The core takes a HardFault where it is, as after a jump into nowhere or a bus error.
+    /// The core takes a HardFault where it is, as after a jump to an invalid address or a bus error.
+    ///
+    /// # Errors
+    /// [`CpuError::Trap`] if the exception cannot be entered, because stack or vector are missing.
     pub fn crash(&mut self) -> Result<(), CpuError> {
         self.sleep = Sleep::Awake;
         self.enter(HARD_FAULT)
     }
 
-    /// Run to the first instruction boundary that is not before `t_s`, or to something that the caller has to see to.
+    /// Runs to the first instruction boundary that is not before `t_s`, or to an [`Outcome`] that the caller has to
+    /// handle.
+    ///
+    /// # Errors
+    /// [`CpuError`] if the core cannot go on.
     pub fn run(&mut self, t_s: f64) -> Result<Outcome, CpuError> {
         loop {
-            if self.uc.get_data().debug.in_block() {
-                // Stopped in the middle of a block: what came due since its start waits for its end, as without a stop.
+            if self.uc.get_data().stops.in_block() {
+                // Stopped in the middle of a block: events since its start wait for its end, as they do without a stop.
                 match self.execute()? {
                     Ended::Stopped => return Ok(Outcome::Stopped),
                     Ended::Otherwise if self.sleep != Sleep::Awake => return Ok(Outcome::Asleep),
@@ -217,7 +234,7 @@ impl<B: Board + 'static> Cpu<B> {
                 }
             }
             let core = self.uc.get_data_mut();
-            // Asked anew each time: the firmware may change the clock on the way.
+            // Computed anew each time: the firmware may change the clock on the way.
             core.limit = core.soc.clock.cycle_at(t_s);
             core.deadline = core.soc.sync().min(core.limit);
             if core.soc.faults.pending() {
@@ -281,7 +298,7 @@ impl<B: Board + 'static> Cpu<B> {
     fn execute(&mut self) -> Result<Ended, CpuError> {
         let core = self.uc.get_data_mut();
         core.stopped = false;
-        core.attention |= !core.debug.in_block();
+        core.attention |= !core.stops.in_block();
         if std::mem::take(&mut core.soc.flash_changed) {
             self.uc.ctl_flush_tb()?;
             self.uc.get_data_mut().blocks.clear();
@@ -293,7 +310,7 @@ impl<B: Board + 'static> Cpu<B> {
         if core.trap.is_some() {
             return Ok(Ended::Otherwise);
         }
-        if core.debug.stopped_at(after, core.block_end) {
+        if core.stops.stopped_at(after, core.block_end) {
             return Ok(Ended::Stopped);
         }
         let hint = core.soc.memory.half(after.wrapping_sub(2));

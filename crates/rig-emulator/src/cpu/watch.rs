@@ -1,7 +1,7 @@
 //! Counts the instructions of each call of chosen functions.
 //!
-//! A call begins with the block at the function's entry and ends when the return address is reached with the stack pointer
-//! of the entry. Instructions of interrupt handlers that come in between do not count.
+//! A call begins with the block at the function's entry and ends when the return address is reached with the stack
+//! pointer of the entry. Instructions of interrupt handlers that come in between do not count.
 
 /// The smallest value of LR that means a return from an exception.
 const EXC_RETURN: u32 = 0xFFFF_FF00;
@@ -81,7 +81,7 @@ impl Watches {
         }
     }
 
-    /// A block runs. `stack` is asked for only where a call may have returned.
+    /// A block runs. `stack` is called only where a call may have returned.
     pub fn block(&mut self, address: u32, instructions: u64, depth: usize, stack: impl Fn() -> u32) {
         let watches = &mut self.watches;
         self.running.retain_mut(|call| {

@@ -1,8 +1,8 @@
 //! A GDB looks into the running firmware, over TCP.
 //!
-//! The machine runs until somebody connects and speaks the protocol; then it stands, and emulated time with it, until
-//! told to go on. Whoever goes away, by `detach`, by accident or for speaking something else, takes all breakpoints
-//! along, and the machine runs on. One at a time.
+//! The machine runs until a client connects and speaks the protocol. Then it stops, and emulated time with it, until
+//! the client lets it continue. When the client leaves, by `detach`, by accident or because it speaks another protocol,
+//! all breakpoints are removed and the machine runs on. There is one client at a time.
 
 mod target;
 
@@ -19,18 +19,18 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-/// How often a wait for the debugger looks whether the host is still there.
+/// How often a wait for the debugger checks whether the host is still there.
 const LOOK: Duration = Duration::from_millis(50);
-/// How long a debugger may take nothing of what it is sent.
+/// How long a debugger may leave what it is sent unread.
 const WRITE: Duration = Duration::from_secs(5);
 
-/// Waits for debuggers, and serves one.
+/// Waits for debuggers, and serves one at a time.
 pub struct Server<B: Board + 'static> {
     listener: TcpListener,
     client: Client<B>,
     /// The machine does not start without a debugger.
     wait: bool,
-    /// Nobody is there any more for whom the machine runs.
+    /// The host that the machine runs for has gone.
     host_gone: Arc<AtomicBool>,
 }
 
@@ -39,7 +39,7 @@ type Stub<B> = GdbStubStateMachine<'static, Machine<B>, Wire>;
 
 enum Client<B: Board + 'static> {
     None,
-    /// Connected, and silent so far: the machine does not stand still for that.
+    /// Connected, and silent so far: the machine does not stop for that.
     Silent(TcpStream),
     Session(Stub<B>, TcpStream),
 }
@@ -70,7 +70,7 @@ impl<B: Board + 'static> Server<B> {
         self.host_gone.load(Ordering::Relaxed)
     }
 
-    /// Takes who has connected, and who has begun to speak.
+    /// Accepts a client, and begins a session with one that has sent its first byte.
     fn meet(&mut self, machine: &mut Machine<B>) -> Result<(), Over> {
         if matches!(self.client, Client::None)
             && let Ok((stream, _)) = self.listener.accept()
@@ -96,7 +96,7 @@ impl<B: Board + 'static> Server<B> {
         Ok(())
     }
 
-    /// Between two slices: somebody new, or something new from who is there.
+    /// Between two slices: handles a new client, or new bytes of the present one.
     fn between(&mut self, machine: &mut Machine<B>) -> Result<(), Over> {
         while let Err(over) = self.meet(machine) {
             self.end(machine, &over);
@@ -118,14 +118,14 @@ impl<B: Board + 'static> Server<B> {
         self.hold(machine)
     }
 
-    /// Does what the debugger asks until it lets the core go.
+    /// Does what the debugger requests until it lets the core continue.
     fn hold(&mut self, machine: &mut Machine<B>) -> Result<(), Over> {
         while let Client::Session(GdbStubStateMachine::Idle(_), stream) = &mut self.client {
             let mut bytes = [0; 256];
             let read = stream.read(&mut bytes);
             self.take(machine, read, &bytes)?;
             if self.host_gone() {
-                return Err(Over("nobody is there any more for whom the board ran".into()));
+                return Err(Over("the host that the board ran for has gone".into()));
             }
         }
         Ok(())
@@ -133,7 +133,7 @@ impl<B: Board + 'static> Server<B> {
 
     fn take(&mut self, machine: &mut Machine<B>, read: std::io::Result<usize>, bytes: &[u8]) -> Result<(), Over> {
         match read {
-            Ok(0) => Err(Over("it went away without a word".into())),
+            Ok(0) => Err(Over("it closed the connection".into())),
             Ok(count) => bytes[..count].iter().try_for_each(|&byte| self.feed(machine, byte)),
             Err(e) if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted) => {
                 Ok(())
@@ -191,7 +191,7 @@ impl<B: Board + 'static> Server<B> {
 
     fn end(&mut self, machine: &mut Machine<B>, over: &Over) {
         self.client = Client::None;
-        // A hook that cannot be removed is a broken unicorn, which the next run tells.
+        // A hook that cannot be removed is an error of unicorn, which the next run reports.
         let _ = machine.cpu_mut().let_go();
         let rest = if self.wait { "still waiting" } else { "the board runs on without breakpoints" };
         eprintln!("gdb: {}: {rest}", over.0);
@@ -200,7 +200,7 @@ impl<B: Board + 'static> Server<B> {
 
 type StubError = gdbstub::stub::GdbStubError<unicorn_engine::uc_error, std::io::Error>;
 
-/// A session with who has begun to speak.
+/// Begins a session.
 fn begin<B: Board + 'static>(machine: &mut Machine<B>, stream: TcpStream) -> Result<Client<B>> {
     stream.set_nonblocking(false)?;
     stream.set_read_timeout(Some(LOOK))?;
@@ -215,7 +215,7 @@ impl<B: Board + 'static> Debugger<B> for Server<B> {
             Pause::Slice => self.between(machine),
             Pause::Breakpoint => self.stop(machine, SingleThreadStopReason::SwBreak(())),
             Pause::Step => self.stop(machine, SingleThreadStopReason::DoneStep),
-            // It may be looked at, and does not go on.
+            // The debugger may look at the core, which does not go on.
             Pause::Failed => self
                 .stop(machine, SingleThreadStopReason::Signal(Signal::SIGSEGV))
                 .and_then(|()| self.stopped(machine, SingleThreadStopReason::Terminated(Signal::SIGSEGV))),

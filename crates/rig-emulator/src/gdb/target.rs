@@ -134,7 +134,7 @@ impl<B: Board + 'static> SwBreakpoint for Machine<B> {
     }
 }
 
-/// Both kinds are the same here: nothing is written into flash, and there are as many as one likes.
+/// Both kinds are the same here: nothing is written into flash, and their number is not limited.
 impl<B: Board + 'static> HwBreakpoint for Machine<B> {
     fn add_hw_breakpoint(&mut self, address: u32, kind: usize) -> TargetResult<bool, Self> {
         self.add_sw_breakpoint(address, kind)

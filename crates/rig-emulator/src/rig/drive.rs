@@ -1,10 +1,15 @@
-//! An RMDS-405 as hardware.md describes it: strict about order and waiting, and loyal to its last command for ever.
+//! An RMDS-405 as docs/hardware.md describes it: strict about order and waiting times. It carries out its last command
+//! for ever, because it has no command time-out (hardware.md 2.6).
 //!
-//! Assumed where no manual says: it boots for 500 ms after power-up and reset alike and hears nothing meanwhile; the
-//! position counts from the moment of the reset; reset clears the feedback periods; a mode or data frame in the wrong
-//! state beeps and sends nothing; stall is current at its limit without motion for 1 s, drops the torque and lasts until reset;
-//! answers take 0.2 ms; after power-up or reset the transport of the first frame that it hears is the only one until the next
-//! (V-FAQ p24; that its CAN controller still acknowledges then is assumed); the loops' gains are those of a well-tuned drive. Not assumed: no command time-out (2.6).
+//! Assumed, because no manual says it:
+//! - it boots for 500 ms after power-up and reset alike, and ignores all frames meanwhile;
+//! - the position counts from the moment of the reset, and a reset clears the feedback periods;
+//! - a mode or data frame in the wrong state makes it beep and send nothing;
+//! - stall is current at its limit without motion for 1 s; it drops the torque and lasts until a reset;
+//! - answers take 0.2 ms;
+//! - its CAN controller still acknowledges frames when the serial line is the transport in use. The first frame after
+//!   power-up or reset decides which transport that is (V-FAQ p24);
+//! - the gains of the loops are those of a well-tuned drive.
 
 use std::f64::consts::TAU;
 
@@ -39,7 +44,7 @@ pub const LEAST_SUPPLY_V: f64 = 10.0;
 pub const VELOCITY_LOOP_RAD_PER_S: f64 = 150.0;
 /// Gain of the position loop, 1/s. Assumed.
 pub const POSITION_LOOP_PER_S: f64 = 20.0;
-/// Ends within one count of the last tick count as standing still.
+/// Counts by which the position may change in a tick and the motor still counts as standing.
 const STANDING_COUNTS: i64 = 1;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,12 +55,12 @@ enum State {
     Moded { mode: Mode, ready_s: f64 },
 }
 
-/// What happened to frames, and how often it complained.
+/// Counts of frames by what became of them, and of restarts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DriveCounters {
-    /// Frames that were for somebody else, malformed, or on the transport that is not in use.
+    /// Frames for another drive, malformed, or on the transport that is not in use.
     pub ignored: u64,
-    /// Frames that came while it was not listening.
+    /// Frames that came while the drive was booting or waiting.
     pub too_early: u64,
     /// Frames that did not fit the state: the drive "reports an error" (V-CAN p7-16), which here is a beep.
     pub error_beeps: u64,
@@ -93,7 +98,7 @@ pub struct Drive {
 /// What the drive measures in a tick.
 #[derive(Clone, Copy, Debug)]
 pub struct Sensed {
-    /// Encoder counts since anything.
+    /// Encoder counts, from any origin.
     pub counts: i64,
     /// Winding current, A.
     pub current_a: f64,
@@ -367,7 +372,7 @@ impl Drive {
         }
     }
 
-    /// As the wire has it: wraps at 32 bits.
+    /// The position as the wire carries it: it wraps at 32 bits.
     fn position(&self) -> QuadCounts {
         QuadCounts((self.last_counts - self.zero_counts) as i32)
     }
@@ -387,7 +392,7 @@ impl Drive {
         self.sent.push((at_s, report.encode(self.address)));
     }
 
-    /// How it talks, once it has heard something.
+    /// The transport in use, once it has received a frame.
     pub fn transport(&self) -> Option<Transport> {
         self.transport
     }

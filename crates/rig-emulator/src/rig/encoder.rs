@@ -8,7 +8,7 @@ const JUMP_COUNTS: i64 = 4096;
 /// While it slips, one count in this many is lost.
 const LOST_SHARE: i64 = 5;
 
-/// The encoder, and what the microcontroller's receiver makes of it.
+/// The encoder, and the counts of the microcontroller's receiver.
 #[derive(Clone, Debug)]
 pub struct Encoder {
     counts_per_rad: f64,
@@ -38,7 +38,7 @@ impl Encoder {
         self.slipping_from.map_or(0, |from| (counts - from) / LOST_SHARE)
     }
 
-    /// The microcontroller's receiver loses every fifth count from here on; what was lost stays lost.
+    /// The microcontroller's receiver loses every fifth count from here on; lost counts do not come back.
     pub fn set_slipping(&mut self, slipping: bool, angle_rad: f64) {
         let counts = self.counts(angle_rad);
         self.jumped -= self.slipped(counts);

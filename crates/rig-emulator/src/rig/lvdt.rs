@@ -1,4 +1,5 @@
-//! The LVDT with its conditioner and divider: gap to 12-bit code (hardware.md 6.4; everything about the sensor is assumed).
+//! The LVDT with its conditioner and divider: gap to 12-bit code (hardware.md 6.4; everything about the sensor is
+//! assumed).
 
 use std::f64::consts::TAU;
 
@@ -6,7 +7,7 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
 
 use super::parameters::RigParameters;
-use super::settings::PlantSettings;
+use super::plant_settings::PlantSettings;
 
 /// Noise that the `lvdt-noisy` fault adds, m rms: a loose core.
 const FAULT_NOISE_M: f64 = 2e-3;
@@ -63,11 +64,11 @@ impl Lvdt {
         self.filtered_m += (gap_m - self.filtered_m) * -(-h * self.rate_per_s).exp_m1();
     }
 
-    /// One sample at `t_s`: the gap with offset, noise and hum, and the converter's error, which goes once up and down over
-    /// its range (`adc_inl` codes at a quarter and at three quarters).
+    /// One sample at `t_s`: the gap with offset, noise and hum, and the converter's error, which goes once up and down
+    /// over its range (`adc_inl` codes at a quarter and at three quarters).
     pub fn sample(&mut self, t_s: f64, settings: &PlantSettings, noise: &mut Pcg64Mcg) -> u16 {
         let fault_noise = if self.faults.noisy { FAULT_NOISE_M } else { 0.0 };
-        // Drawn for each sample, fault or not: a fault does not change the noise that follows it.
+        // Drawn for each sample, also during a fault: a fault does not change the noise that follows it.
         let normal: f64 = StandardNormal.sample(noise);
         let hum_m = settings.hum_m * (TAU * MAINS_HZ * t_s).sin();
         let gap_m =
@@ -90,7 +91,7 @@ impl Lvdt {
 /// Codes of a 12-bit converter.
 const CODES: f64 = 4096.0;
 
-/// What a 12-bit converter makes of a voltage.
+/// The code of a 12-bit converter for a voltage.
 pub fn volts_to_code(volts: f64, reference_v: f64) -> u16 {
     (volts / reference_v * CODES).floor().clamp(0.0, 4095.0) as u16
 }
@@ -138,7 +139,7 @@ mod tests {
         let settings = PlantSettings { lvdt_noise_m: 0.0, adc_inl: 3.0, ..PlantSettings::default() };
         let (mut lvdt, mut noise) = lvdt(&settings);
         for (share, codes) in [(0.0, 0.0), (0.25, 3.0), (0.5, 0.0), (0.75, -3.0), (1.0 / 12.0, 1.5)] {
-            // A hair up, so that a code's edge is passed.
+            // Slightly more, so that the edge of a code is passed.
             lvdt.filtered_m = (share + 1e-5) * 3.3 / 3.0 * 0.2;
             let code = f64::from(lvdt.sample(0.0, &settings, &mut noise));
             assert_eq!(code, (share * 4096.0 + 0.05 + codes).floor(), "at {share}");

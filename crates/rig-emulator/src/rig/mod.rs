@@ -1,74 +1,61 @@
 //! The rig around the microcontroller: a [`Board`](crate::board::Board) whose wires lead to a drive, a motor, an
 //! encoder, an LVDT and the twisted string itself.
 //!
-//! - [`settings`] and [`parameters`]: what a test may change, what the scene says.
+//! - [`plant_settings`] and [`parameters`]: what a test may change, what the scene says.
 //! - [`transmission`] and [`surface`]: the mechanism's equilibria, exactly and fast.
 //! - [`plant`], [`motor`], [`encoder`], [`lvdt`]: the parts that move and measure.
 //! - [`drive`]: the RMDS-405 on the bus, or on the serial line.
-//! - [`faults`]: what can be broken. [`truth`]: what really happens.
+//! - [`faults`]: what can be broken.
 //! - `wires`: what the chip's pins are wired to.
 //!
-//! Time advances in fixed steps of 0.25 ms from power-up whoever asks, so that the same questions at the same times get
-//! the same answers.
+//! Time advances in fixed steps of 0.25 ms from power-up, whatever calls come in between, so that the same calls at the
+//! same times give the same results.
 
 pub mod drive;
+pub mod effects;
 pub mod encoder;
 pub mod faults;
 pub mod lvdt;
 pub mod motor;
+pub mod outside;
 pub mod parameters;
 pub mod plant;
-pub mod settings;
+pub mod plant_settings;
 pub mod surface;
 pub mod transmission;
-pub mod truth;
 mod wires;
 
 use std::collections::VecDeque;
 
 use rand_pcg::Pcg64Mcg;
-use rand_pcg::rand_core::{Rng, SeedableRng};
+use rand_pcg::rand_core::SeedableRng;
 use rig_scene::Scene;
-use rmds405::Transport;
+use sim_link::{PlantChange, PlantError, Truth};
 use tsa_model::{Mechanism, Tier};
 
 use crate::board::Stimulus;
 use drive::{Drive, LEAST_SUPPLY_V, Sensed};
 use encoder::Encoder;
-use faults::{Fault, NotHere};
 use lvdt::Lvdt;
 use motor::{Bridge, Motor};
 use parameters::RigParameters;
 use plant::{Plant, Rail};
-use settings::{PlantSettings, SettingError};
+use plant_settings::PlantSettings;
 use surface::{NoSurface, SLACK_LOAD_N, Surface};
 use transmission::{Tiered, cheapest_tier};
-use truth::Truth;
 
 /// Time step, s.
 pub const STEP_S: f64 = 2.5e-4;
-/// Steps to a run of the drive's loops, 1 ms.
+/// Steps in a run of the drive's loops, 1 ms.
 const STEPS_PER_TICK: u64 = 4;
 /// Less than a CPU cycle: times that differ by it are the same.
 const SAME_TIME_S: f64 = 2e-8;
 /// Greatest load that the surface covers, unless the load or the scene asks for more, N.
 const SURFACE_LOAD_N: f64 = 40.0;
-/// Ticks between two looks at the full solver for the tension.
+/// Ticks between two solutions of the full model for the tension.
 const TENSION_TICKS: u64 = 10;
-/// Ticks between two bursts of link noise.
-const NOISE_TICKS: u64 = 5;
 /// USART of the host link (hardware.md 8).
-const HOST_USART: u8 = 2;
-/// E-stop sense, PB5: high is stop.
-const ESTOP: (char, u8) = ('B', 5);
-/// Lower and upper limit switch, PC7 and PA8: normally closed to ground, high is open.
-const LIMIT_LOW: (char, u8) = ('C', 7);
-const LIMIT_HIGH: (char, u8) = ('A', 8);
-/// Acknowledge button, PC13: active low.
-const BUTTON: (char, u8) = ('C', 13);
-/// The limit switches open this far before the ends of the rail, m. Assumed.
-const LIMIT_MARGIN_M: f64 = 2e-3;
-
+pub const HOST_USART: u8 = 2;
 /// Why a rig could not be built.
 #[derive(Debug, thiserror::Error)]
 pub enum RigError {
@@ -103,8 +90,8 @@ pub enum RigError {
     },
 }
 
-/// How far past the last twist with an equilibrium the strings can be left, rad: what lies side by side still gives.
-/// Ten turns under 0.1 kg. Let go, they fling the rotor to the other side.
+/// How far past the last twist with an equilibrium the strings can be left, rad: strings that lie side by side still
+/// give a little. That is ten turns under 0.1 kg. When they are released they throw the rotor to the other side.
 const CLOSED_GIVE_RAD: f64 = 1.7;
 
 /// Drive, motor, mechanism and sensors on the microcontroller's pins.
@@ -115,7 +102,6 @@ pub struct Rig {
     mechanism: Mechanism,
     tier: Tier,
     noise: Pcg64Mcg,
-    link_noise: Pcg64Mcg,
     plant: Plant,
     motor: Motor,
     encoder: Encoder,
@@ -131,7 +117,6 @@ pub struct Rig {
     limit_fault: bool,
     silent: bool,
     can_shorted: bool,
-    noisy_link: bool,
     steps: u64,
     boot_angle_rad: f64,
     boot_counts: i64,
@@ -148,6 +133,9 @@ pub struct Rig {
 
 impl Rig {
     /// A rig at rest, drive without power. `seed` is that of all noise.
+    ///
+    /// # Errors
+    /// [`RigError`] if the scene is no rig, or the mechanism cannot carry the load or have the twist.
     pub fn new(scene: &Scene, settings: PlantSettings, seed: u64) -> Result<Self, RigError> {
         let parameters = RigParameters::new(&scene.rig)?;
         let real = settings.distort(scene);
@@ -172,7 +160,6 @@ impl Rig {
             motor: Motor::new(&parameters, boot_angle_rad),
             drive: Drive::new(&parameters),
             noise: Pcg64Mcg::seed_from_u64(seed),
-            link_noise: Pcg64Mcg::seed_from_u64(!seed),
             bridge: Bridge::Open,
             relay_pin: false,
             relay_opens_s: 0.0,
@@ -182,7 +169,6 @@ impl Rig {
             limit_fault: false,
             silent: false,
             can_shorted: false,
-            noisy_link: false,
             steps: 0,
             tension_share: 0.5,
             pins: Vec::new(),
@@ -202,17 +188,28 @@ impl Rig {
             boot_pretwist_gap_m,
         };
         rig.look_at_tension();
-        rig.set_pin(BUTTON, true);
-        rig.look_at_pins();
+        rig.drive_all_pins();
         rig.look_at_power();
         Ok(rig)
     }
 
-    /// Changes a plant key while the rig runs; keys that make another mechanism are refused by name.
-    pub fn set_plant(&mut self, key: &str, value: &str) -> Result<(), SettingError> {
-        self.settings.set_at_run_time(key, value)?;
+    /// Changes the plant while the rig runs.
+    ///
+    /// # Errors
+    /// [`PlantError`] if the key makes another mechanism, or no rig can have the value.
+    pub fn change_plant(&mut self, change: PlantChange) -> Result<(), PlantError> {
+        change.check_running()?;
+        self.settings.apply(change)?;
         self.look_at_power();
         Ok(())
+    }
+
+    /// Changes the plant while the rig runs, with a value as an operator types it.
+    ///
+    /// # Errors
+    /// As [`Rig::change_plant`], and if key or value cannot be read.
+    pub fn set_plant(&mut self, key: &str, value: &str) -> Result<(), PlantError> {
+        self.change_plant(PlantChange::read(key, value)?)
     }
 
     /// The plant as it is now.
@@ -220,62 +217,13 @@ impl Rig {
         &self.settings
     }
 
-    /// Switches a fault, if this rig can have it.
-    ///
-    /// # Errors
-    /// [`NotHere`] for a fault of the bus where the scene's drive is on the serial line.
-    pub fn try_fault(&mut self, fault: Fault, on: bool) -> Result<(), NotHere> {
-        if fault == Fault::CanBusOff && self.parameters.transport == Transport::Uart {
-            return Err(NotHere);
-        }
-        self.set_fault(fault, on);
-        Ok(())
-    }
-
-    /// Switches a fault. Events (stall, reset, jump, break, slip) happen when switched on and cannot be taken back.
-    pub fn set_fault(&mut self, fault: Fault, on: bool) {
-        let angle_rad = self.motor.angle_rad;
-        match fault {
-            Fault::CanSilent => self.silent = on,
-            Fault::CanBusOff => {
-                if self.can_shorted && !on {
-                    self.pending.push(Stimulus::CanQuiet);
-                }
-                self.can_shorted = on;
-            }
-            Fault::DriveStall if on => self.drive.stall(),
-            Fault::DriveReset if on && self.drive.is_powered() => {
-                self.drive.restart(self.now_s(), self.encoder.counts(angle_rad));
-                self.bridge = Bridge::Open;
-            }
-            Fault::EncoderStuck => self.encoder.set_stuck(on, angle_rad),
-            Fault::EncoderSlip => self.encoder.set_slipping(on, angle_rad),
-            Fault::EncoderJump if on => self.encoder.jump(),
-            Fault::LvdtOpen => self.lvdt.faults.open = on,
-            Fault::LvdtShort => self.lvdt.faults.short = on,
-            Fault::LvdtNoisy => self.lvdt.faults.noisy = on,
-            Fault::LvdtFrozen => self.lvdt.faults.frozen = on,
-            Fault::StringBreak if on => self.plant.break_string(),
-            Fault::StringSlip if on => self.plant.slip(),
-            Fault::Estop => self.estop = on,
-            Fault::MotorOpen => self.motor_open = on,
-            Fault::LimitSwitch => self.limit_fault = on,
-            Fault::LinkNoise => self.noisy_link = on,
-            Fault::DriveStall | Fault::DriveReset | Fault::EncoderJump | Fault::StringBreak | Fault::StringSlip => {}
-        }
-        self.look_at_pins();
-    }
-
-    /// The board's supply went off and on. The relay's coil has no current; a drive that loses its own supply later than
-    /// that, or not at all, goes on with what it was told. String and load stay as they are.
+    /// The board's supply went off and on. The relay's coil has no current. A drive that loses its own supply later
+    /// than that, or not at all, goes on with its last command. String and load stay as they are.
     pub fn power_cycle(&mut self) {
         self.set_relay(false);
         self.host_bytes.clear();
         self.from_drive.clear();
-        // The pins' levels have to be told anew.
-        self.pins.clear();
-        self.set_pin(BUTTON, true);
-        self.look_at_pins();
+        self.drive_all_pins();
     }
 
     /// Time of the state, s; a multiple of [`STEP_S`].
@@ -283,17 +231,17 @@ impl Rig {
         self.steps as f64 * STEP_S
     }
 
-    /// The drive, to look at.
+    /// The drive.
     pub fn drive(&self) -> &Drive {
         &self.drive
     }
 
-    /// The load, to look at.
+    /// The load on its rail.
     pub fn plant(&self) -> &Plant {
         &self.plant
     }
 
-    /// Bytes that the firmware sent on the host link since last asked.
+    /// Bytes that the firmware has sent on the host link since the last call.
     pub fn take_host_bytes(&mut self) -> Vec<u8> {
         std::mem::take(&mut self.host_bytes)
     }
@@ -304,7 +252,7 @@ impl Rig {
         self.look_at_tension();
     }
 
-    /// What was recorded since last asked.
+    /// The records since the last call.
     pub fn take_records(&mut self) -> Vec<Truth> {
         std::mem::take(&mut self.records)
     }
@@ -326,7 +274,7 @@ impl Rig {
             twist_rad: self.twist_rad(),
             load_n: self.settings.load_n,
             pull_n: pull.force_n,
-            tension_n: pull.force_n * self.tension_share,
+            string_tension_n: pull.force_n * self.tension_share,
             string_torque_nm: self.plant.torque_nm(&self.rail()),
             motor_angle_rad: self.motor.angle_rad - self.boot_angle_rad,
             motor_speed_rad_per_s: self.motor.speed_rad_per_s,
@@ -372,23 +320,6 @@ impl Rig {
         if !on {
             self.bridge = Bridge::Open;
         }
-    }
-
-    fn look_at_pins(&mut self) {
-        let [upper, lower] = self.plant.stops_m;
-        self.set_pin(ESTOP, self.estop);
-        self.set_pin(LIMIT_LOW, self.plant.gap_m > lower - LIMIT_MARGIN_M);
-        self.set_pin(LIMIT_HIGH, self.limit_fault || self.plant.gap_m < upper + LIMIT_MARGIN_M);
-    }
-
-    fn set_pin(&mut self, (port, pin): (char, u8), high: bool) {
-        let known = self.pins.iter_mut().find(|(p, n, _)| (*p, *n) == (port, pin));
-        match known {
-            Some((_, _, level)) if *level == high => return,
-            Some((_, _, level)) => *level = high,
-            None => self.pins.push((port, pin, high)),
-        }
-        self.pending.push(Stimulus::Pin { port, pin, high });
     }
 
     fn look_at_tension(&mut self) {
@@ -442,12 +373,7 @@ impl Rig {
         }
         self.collect_reports();
         self.look_at_pins();
-        if self.noisy_link && ticks.is_multiple_of(NOISE_TICKS) {
-            let mut bytes = vec![0; 1 + (self.link_noise.next_u32() % 8) as usize];
-            self.link_noise.fill_bytes(&mut bytes);
-            self.pending.push(Stimulus::Uart { usart: HOST_USART, bytes });
-        }
-        // A third of the cost of a rig without the chip, so only for those who keep it.
+        // This is a third of the cost of a rig without the chip, so it runs only while records are kept.
         if self.record && ticks.is_multiple_of(TENSION_TICKS) {
             self.look_at_tension();
         }
@@ -457,8 +383,8 @@ impl Rig {
     }
 }
 
-/// The widest surface that the mechanism allows, by the cheapest model that the scene allows: rods at their strain limit
-/// end it early in some scenes, and a cheaper model may not reach beyond the envelope.
+/// The widest surface that the mechanism allows, by the cheapest model that the scene allows: rods at their strain
+/// limit end it early in some scenes, and a cheaper model may not reach beyond the envelope.
 fn surface_for(mechanism: &Mechanism, scene: &Scene, load_n: f64) -> Result<(Surface, Tier), RigError> {
     let envelope_n = scene.envelope.map_or(0.0, |envelope| envelope.load_n[1]);
     let mut most_n = SURFACE_LOAD_N.max(2.5 * load_n).max(2.5 * envelope_n);

@@ -36,8 +36,8 @@ pub struct Motor {
     pub speed_rad_per_s: f64,
     /// Winding current, A; positive drives towards positive angles.
     pub current_a: f64,
-    /// Electrical energy that the leads have taken from the bridge, J. What comes back while the motor brakes is not
-    /// taken off: without a store on the rail nothing makes use of it.
+    /// Electrical energy that the leads have taken from the bridge, J. Energy that the motor gives back while it brakes
+    /// is not subtracted: nothing on the supply rail stores it.
     pub energy_j: f64,
     /// The regulator wanted more voltage than there is.
     pub saturated: bool,
@@ -95,7 +95,8 @@ impl Motor {
         self.current_a = (volts - self.torque_constant * self.speed_rad_per_s) / ohm;
     }
 
-    /// Backward Euler; Coulomb friction as a set-valued force, so that a shaft at rest stays until the torque exceeds it.
+    /// Backward Euler; Coulomb friction as a set-valued force, so that a shaft at rest stays until the torque exceeds
+    /// it.
     fn advance(&mut self, h: f64, torque_nm: f64, damping: f64) {
         let push = self.inertia * self.speed_rad_per_s / h + torque_nm;
         let free = (push.abs() - self.coulomb).max(0.0).copysign(push);
@@ -161,7 +162,7 @@ mod tests {
         }
         spent_j += 0.5 * 1.2e-7 * motor.speed_rad_per_s.powi(2);
         assert!(spent_j > 1.0 && (motor.energy_j / spent_j - 1.0).abs() < 0.01, "{} of {spent_j} J", motor.energy_j);
-        // Driven by its load it gives back, and nothing of that counts.
+        // Driven by its load the motor gives energy back, which does not count.
         let before = motor.energy_j;
         motor.speed_rad_per_s = 900.0;
         motor.step(2.5e-4, Bridge::Current { amps: -0.2, max_volts: 24.0 }, 0.0);

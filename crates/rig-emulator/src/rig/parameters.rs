@@ -5,7 +5,7 @@ use rmds405::{Address, Transport};
 
 use super::RigError;
 
-/// Motor, drive, gear and sensors. What no source gives is assumed and says so.
+/// Motor, drive, gear and sensors. A value that no source gives is assumed, and its comment says so.
 #[derive(Clone, Debug)]
 pub struct RigParameters {
     /// Motor turns for one turn of the output.
@@ -24,13 +24,13 @@ pub struct RigParameters {
     pub viscous_nm_s_per_rad: f64,
     /// Brake resistor across the motor while the e-stop is open, ohm (V-FAQ p20).
     pub brake_ohm: f64,
-    /// Who the drive is on the bus.
+    /// Address of the drive on the bus.
     pub drive: Address,
-    /// How the firmware talks to it; the drive itself hears both.
+    /// The line that the firmware uses; the drive itself listens to both.
     pub transport: Transport,
     /// Drive supply, V.
     pub supply_voltage_v: f64,
-    /// What it is divided by before the drive's analog input, if that is wired.
+    /// Ratio of the divider between the supply and the drive's analog input, if that is wired.
     pub supply_divider: Option<f64>,
     /// LVDT stroke, m.
     pub lvdt_stroke_m: f64,
@@ -50,6 +50,9 @@ pub struct RigParameters {
 
 impl RigParameters {
     /// From a scene.
+    ///
+    /// # Errors
+    /// [`RigError::Drive`] if the scene's drive has no valid address.
     pub fn new(rig: &Rig) -> Result<Self, RigError> {
         Ok(Self {
             gear_ratio: rig.gear(),

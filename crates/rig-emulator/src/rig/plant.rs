@@ -1,14 +1,14 @@
 //! The load on its rail, hung from the mechanism.
 //!
-//! `m G'' = W - S(θ, G) - c G' - β k(θ, G) G' - Coulomb`, with the gap G growing as the load sinks, S the force that the
-//! mechanism carries at (θ, G) and k = ∂S/∂G. β stands for the damping within string and rods. It is assumed: 2 ms gives
-//! a damping ratio of roughly 0.1 at 15 Hz.
+//! `m G'' = W - S(θ, G) - c G' - β k(θ, G) G' - Coulomb`, with the gap G growing as the load sinks, S the force that
+//! the mechanism carries at (θ, G) and k = ∂S/∂G. β stands for the damping within string and rods. It is assumed: 2 ms
+//! gives a damping ratio of roughly 0.1 at 15 Hz.
 //!
 //! One step is the implicit mid-point rule on the linearised force, which neither feeds nor eats the energy of an
 //! oscillation at any stiffness, with friction as a set-valued force: what sticks does not creep.
 
-use super::settings::GRAVITY_M_PER_S2;
 use super::surface::{Pull, Surface};
+use sim_link::units::STANDARD_GRAVITY;
 
 /// Damping within string and rods in proportion to stiffness, s. Assumed.
 pub const STRUCTURAL_DAMPING_S: f64 = 2e-3;
@@ -16,7 +16,7 @@ pub const STRUCTURAL_DAMPING_S: f64 = 2e-3;
 pub const WALL_NM_PER_RAD: f64 = 2.0;
 /// The wall's greatest torque, N m: several times what the default motor can hold.
 pub const WALL_MAX_NM: f64 = 5.0;
-/// By how much the string slips through its clamp when told to, m.
+/// By how much the string slips through its clamp in the fault `string-slip`, m.
 pub const SLIP_M: f64 = 3e-3;
 
 /// State of the load.
@@ -65,7 +65,7 @@ impl Plant {
     }
 
     /// Torque of the string on the output shaft, N m. Lossless: S dG = τ dθ at constant load, so τ = S ∂G/∂θ, which
-    /// untwists. Past the last twist a wall is added, which depends on the load that really hangs there.
+    /// untwists. Past the last twist a wall is added, which depends on the true load.
     pub fn torque_nm(&self, rail: &Rail) -> f64 {
         if self.broken || self.pull.force_n <= 0.0 {
             return 0.0;
@@ -90,16 +90,17 @@ impl Plant {
     pub fn step(&mut self, h: f64, twist_rad: f64, rail: &Rail) {
         self.twist_rad = twist_rad;
         self.pull = self.pull_at(self.gap_m);
-        let mass = rail.weight_n / GRAVITY_M_PER_S2;
+        let mass = rail.weight_n / STANDARD_GRAVITY;
         let k = self.pull.stiffness_n_per_m;
         let inertia = 2.0 * mass / h;
-        // The mean speed over the step; friction may take all of it.
+        // The mean speed over the step; friction may reduce it to zero.
         let push = inertia * self.speed_m_per_s + rail.weight_n - self.pull.force_n;
         let free = (push.abs() - rail.friction_n).max(0.0).copysign(push);
         let mean = free / (inertia + rail.damping_n_s_per_m + STRUCTURAL_DAMPING_S * k + 0.5 * h * k);
         let end = 2.0 * mean - self.speed_m_per_s;
         self.gap_m += h * mean;
-        // A turn within the step means that it stood still on the way: it stays if friction can hold it.
+        // A reversal within the step means that the load stood still on the way: it stays there if friction can hold
+        // it.
         let turned = mean == 0.0 || end * mean < 0.0;
         self.speed_m_per_s = end;
         if turned && rail.friction_n > 0.0 {

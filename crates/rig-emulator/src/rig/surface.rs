@@ -1,12 +1,12 @@
-//! A fast and smooth stand-in for the solver: bicubic Hermite patches over exact gaps and exact slopes.
+//! A fast and smooth replacement for the solver: bicubic Hermite patches over exact gaps and exact slopes.
 //!
 //! One axis is ln F, since the radius law has a term in 1/F. The other is twist, in two parts that meet at θ = π, where
 //! the strings begin to touch and the gap's second derivative jumps: below it θ itself, above it the fraction of the
 //! way to the last twist that has an equilibrium, so that every patch lies where the model does.
 //!
-//! Outside the model, and so a guess that keeps a simulation sane:
-//! - past the last twist the gap runs on in a straight line for 2 rad and then stays;
-//! - above the greatest load it runs on in a straight line in F;
+//! Outside the range of the model the surface is a guess that keeps a simulation going:
+//! - past the last twist the gap continues in a straight line for 2 rad and then stays constant;
+//! - above the greatest load it continues in a straight line in F;
 //! - below the least load (0.3 N) the string goes slack: see `Surface::pull`.
 
 use std::f64::consts::PI;
@@ -15,7 +15,7 @@ use super::transmission::{GapPoint, Transmission};
 
 /// Least load of the surface, N; below it the pull falls linearly to zero with the gap.
 pub const SLACK_LOAD_N: f64 = 0.3;
-/// Greatest twist looked at: eleven turns past the half-turn pre-twist.
+/// Greatest twist of the surface: eleven turns past the half-turn pre-twist.
 pub const MAX_TWIST_RAD: f64 = PI + 11.0 * 2.0 * PI;
 /// Cells along ln F.
 const LOAD_CELLS: usize = 48;
@@ -26,7 +26,7 @@ const TWISTED_CELLS: usize = 144;
 /// Where the gap falls faster with twist than this, m/rad, the equilibrium is about to run away (model.md 5), and no
 /// patch and no straight line follows it: the last twist is before that.
 const STEEPEST_M_PER_RAD: f64 = 5e-3;
-/// How far past the last twist the gap runs on, rad.
+/// How far past the last twist the gap continues, rad.
 const RUN_ON_RAD: f64 = 2.0;
 
 /// Why no surface can be made.
@@ -39,7 +39,7 @@ pub struct NoSurface {
     pub twist_rad: f64,
 }
 
-/// What the string does to the rail at a twist and a gap.
+/// The force of the string on the rail at a twist and a gap.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pull {
     /// Force on the load, N; the load that the mechanism carries.
@@ -81,6 +81,9 @@ pub struct Surface {
 
 impl Surface {
     /// Samples `exact` from [`SLACK_LOAD_N`] to `max_load_n`.
+    ///
+    /// # Errors
+    /// [`NoSurface`] where the mechanism has no equilibrium.
     pub fn new(exact: &impl Transmission, max_load_n: f64) -> Result<Self, NoSurface> {
         let u_min = SLACK_LOAD_N.ln();
         let u_step = (max_load_n.ln() - u_min) / LOAD_CELLS as f64;

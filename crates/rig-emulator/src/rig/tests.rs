@@ -5,6 +5,7 @@ use crate::board::{Board, CanFrame, CanOutcome};
 use rmds405::serial::{BYTE_US, Decoder};
 use rmds405::{Command, CurrentLimit, Milliamps, Mode, QuadCounts, Report, Rpm, SpeedLimit};
 use rmds405::{Received, serial};
+use sim_link::RigFault;
 
 fn scene() -> Scene {
     Scene::load(std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/default.toml"))
@@ -228,13 +229,13 @@ fn a_shorted_bus_and_a_silent_drive_are_told_apart() {
     let t = start(&mut r);
     // What was on its way when the drive fell silent still arrives.
     listen(&mut r, t + 0.002);
-    r.set_fault(Fault::CanSilent, true);
+    r.set_fault(RigFault::CanSilent, true);
     assert_eq!(send(&mut r, t, Command::OnlineCheck), CanOutcome::Unacknowledged);
     assert!(listen(&mut r, t + 0.1).is_empty());
-    r.set_fault(Fault::CanSilent, false);
-    r.set_fault(Fault::CanBusOff, true);
+    r.set_fault(RigFault::CanSilent, false);
+    r.set_fault(RigFault::CanBusOff, true);
     assert_eq!(send(&mut r, t + 0.1, Command::OnlineCheck), CanOutcome::BitError);
-    r.set_fault(Fault::CanBusOff, false);
+    r.set_fault(RigFault::CanBusOff, false);
     assert_eq!(send(&mut r, t + 0.2, Command::OnlineCheck), CanOutcome::Acknowledged);
 }
 
@@ -280,12 +281,12 @@ fn the_transport_that_was_used_first_wins_until_a_restart() {
     send_bytes(&mut r, 1.2, Command::Config { motion_ms: 10, mixed_ms: 0 });
     let reports = listen_bytes(&mut r, 2.2);
     assert!((95..=105).contains(&reports.len()), "{} reports in 1 s", reports.len());
-    r.set_fault(Fault::CanSilent, true);
+    r.set_fault(RigFault::CanSilent, true);
     listen_bytes(&mut r, 2.21);
     send_bytes(&mut r, 2.3, Command::Reset);
     assert!(listen_bytes(&mut r, 2.4).is_empty());
     assert!(r.drive.mode().is_some(), "the line is cut both ways");
-    r.set_fault(Fault::CanSilent, false);
+    r.set_fault(RigFault::CanSilent, false);
     send_bytes(&mut r, 2.5, Command::Reset);
     assert_eq!(r.drive.mode(), None);
     send(&mut r, 3.1, Command::OnlineCheck);
@@ -299,10 +300,10 @@ fn a_rig_without_a_bus_cannot_have_it_shorted() {
     let mut scene = scene();
     scene.rig.drive_transport = rig_scene::DriveTransport::Uart;
     let mut r = Rig::new(&scene, PlantSettings::default(), 1).unwrap_or_else(|e| panic!("{e}"));
-    let refused = r.try_fault(Fault::CanBusOff, true).expect_err("no bus").to_string();
+    let refused = r.try_fault(RigFault::CanBusOff, true).expect_err("no bus").to_string();
     assert!(refused.contains("can-bus-off") && refused.contains("drive_transport"), "{refused}");
-    assert_eq!(r.try_fault(Fault::CanSilent, true), Ok(()));
-    assert_eq!(rig(&[]).try_fault(Fault::CanBusOff, true), Ok(()));
+    assert_eq!(r.try_fault(RigFault::CanSilent, true), Ok(()));
+    assert_eq!(rig(&[]).try_fault(RigFault::CanBusOff, true), Ok(()));
 }
 
 #[test]
@@ -310,10 +311,10 @@ fn sensors_show_what_they_should_and_their_faults() {
     let mut r = rig(&[("lvdt_noise", "0")]);
     let expected = r.truth().gap_m / 0.2 * 3.0 / 3.3 * 4095.0;
     assert!((f64::from(r.adc(0.001, 0)) - expected).abs() <= 1.0);
-    r.set_fault(Fault::LvdtOpen, true);
+    r.set_fault(RigFault::LvdtOpen, true);
     assert!(r.adc(0.002, 0) < 41);
-    r.set_fault(Fault::LvdtOpen, false);
-    r.set_fault(Fault::LvdtShort, true);
+    r.set_fault(RigFault::LvdtOpen, false);
+    r.set_fault(RigFault::LvdtShort, true);
     assert!(r.adc(0.003, 0) > 4054);
     assert_eq!(r.quadrature(0.004, 2), 0, "no encoder on another timer");
 }
@@ -329,22 +330,12 @@ fn the_same_seed_samples_the_same_noise() {
 }
 
 #[test]
-fn plant_keys_are_checked_by_name() {
-    let mut settings = PlantSettings::default();
-    for (key, value, named) in [
-        ("weight", "1kg", "weight"),
-        ("load", "heavy", "load"),
-        ("load", "-1kg", "load"),
-        ("friction", "nan", "friction"),
-        ("lvdt_noise", "1kg", "lvdt_noise"),
-    ] {
-        let error = settings.set(key, value).expect_err(key).to_string();
-        assert!(error.contains(named), "{key}={value}: {error}");
-    }
+fn a_running_rig_takes_what_makes_no_other_mechanism() {
     let mut r = rig(&[]);
     let error = r.set_plant("k2_scale", "1.1").expect_err("another mechanism").to_string();
     assert!(error.contains("k2_scale"), "{error}");
-    assert!(r.set_plant("friction", "0.1").is_ok());
+    assert!(r.set_plant("friction", "-1N").is_err() && r.set_plant("friction", "0.1").is_ok());
+    assert_eq!(r.settings().friction_n, 0.1);
 }
 
 #[test]
@@ -373,7 +364,7 @@ fn a_pressed_emergency_stop_brakes_the_motor_and_shows_on_its_pin() {
     let mut r = rig(&[("twist_at_boot", "20")]);
     start(&mut r);
     r.poll(2.0);
-    r.set_fault(Fault::Estop, true);
+    r.set_fault(RigFault::Estop, true);
     assert!(r.poll(2.001).contains(&Stimulus::Pin { port: 'B', pin: 5, high: true }));
     let braked = r.truth().twist_rad;
     r.poll(2.2);

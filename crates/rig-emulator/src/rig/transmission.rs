@@ -1,4 +1,4 @@
-//! Where load, twist and gap meet: the gap at which the mechanism balances a load.
+//! The relation of load, twist and gap: the gap at which the mechanism balances a load.
 
 use rig_scene::Scene;
 use tsa_model::{Equilibrium, Mechanism, Tier, TierError, twist_from_turns};
@@ -49,14 +49,14 @@ impl Transmission for Tiered<'_> {
     }
 }
 
-/// The plant has to be this much better than what the scene asks of the firmware's table, so that a test of the one is
-/// not spoilt by the other.
+/// The plant has to be this much more accurate than the scene requires of the firmware's table, so that its errors do
+/// not show in a test of the table.
 const BETTER: f64 = 5.0;
-/// Loads and twists at which the models are asked for their errors.
+/// Number of loads, and of twists, at which the models estimate their errors.
 const ASKED: u32 = 9;
 
-/// The cheapest model that says of itself that it is good enough for the scene, everywhere in its envelope; the full one
-/// where the scene asks for nothing.
+/// The cheapest model whose own error estimate is good enough for the scene, everywhere in its envelope; the full one
+/// where the scene requires no accuracy.
 pub fn cheapest_tier(mechanism: &Mechanism, scene: &Scene) -> Tier {
     let Ok((envelope, accuracy)) = scene.table_demand() else { return Tier::Full };
     let part = |k: u32| f64::from(k) / f64::from(ASKED - 1);

@@ -10,11 +10,46 @@ const DRIVE_USART: u8 = 1;
 /// Motor-power relay, PB10: low is off (hardware.md 8).
 const RELAY: (char, u8) = ('B', 10);
 
+/// E-stop sense, PB5: high is stop.
+const ESTOP: (char, u8) = ('B', 5);
+/// Lower and upper limit switch, PC7 and PA8: normally closed to ground, high is open.
+const LIMIT_LOW: (char, u8) = ('C', 7);
+const LIMIT_HIGH: (char, u8) = ('A', 8);
+/// Acknowledge button, PC13: active low.
+const BUTTON: (char, u8) = ('C', 13);
+/// The limit switches open this far before the ends of the rail, m. Assumed.
+const LIMIT_MARGIN_M: f64 = 2e-3;
+
 impl Rig {
-    /// What the drive has said goes on its line.
+    /// Drives every pin anew: after power-up the microcontroller knows none of the levels.
+    pub(super) fn drive_all_pins(&mut self) {
+        self.pins.clear();
+        self.set_pin(BUTTON, true);
+        self.look_at_pins();
+    }
+
+    /// Drives the pins whose level has changed.
+    pub(super) fn look_at_pins(&mut self) {
+        let [upper, lower] = self.plant.stops_m;
+        self.set_pin(ESTOP, self.estop);
+        self.set_pin(LIMIT_LOW, self.plant.gap_m > lower - LIMIT_MARGIN_M);
+        self.set_pin(LIMIT_HIGH, self.limit_fault || self.plant.gap_m < upper + LIMIT_MARGIN_M);
+    }
+
+    fn set_pin(&mut self, (port, pin): (char, u8), high: bool) {
+        let known = self.pins.iter_mut().find(|(p, n, _)| (*p, *n) == (port, pin));
+        match known {
+            Some((_, _, level)) if *level == high => return,
+            Some((_, _, level)) => *level = high,
+            None => self.pins.push((port, pin, high)),
+        }
+        self.pending.push(Stimulus::Pin { port, pin, high });
+    }
+
+    /// Puts the drive's reports on its line.
     pub(super) fn collect_reports(&mut self) {
         for (at_s, frame) in self.drive.take_sent() {
-            // It sends nothing before it has been spoken to, and so knows how.
+            // It sends nothing before it has received a frame, which decides the line.
             let sent = match self.drive.transport() {
                 Some(Transport::Can) if !self.can_shorted => Stimulus::Can(can_frame(&frame)),
                 Some(Transport::Uart) => Stimulus::Uart { usart: DRIVE_USART, bytes: serial::encode(&frame).to_vec() },

@@ -1,8 +1,8 @@
 //! ADC1 (RM0390 chapter 13): software-started regular sequences, single or continuous, polled or through DMA.
 //!
-//! Conversions are worked off in batches: nobody notices when a sample was computed, only which instant it was taken at and
-//! when a flag or an interrupt shows. Each sample is asked of the board for the very end of its sampling window, in order of
-//! time with everything else that the board is told. Injected sequences, external triggers, the analog watchdog and
+//! Conversions are computed in batches: the moment of the computation is not observable, only the instant that a sample
+//! is taken at and the time of a flag or an interrupt. The board gives each sample for the end of its sampling window,
+//! in order of time with every other call of the board. Injected sequences, external triggers, the analog watchdog and
 //! resolutions below 12 bits are not modelled.
 
 use super::Wires;
@@ -75,7 +75,7 @@ impl Adc {
         wires.nvic.set_line(IRQ, false);
     }
 
-    /// Lets no request through to the DMA, or all again.
+    /// Stops all requests to the DMA, or lets them through again.
     pub fn stall(&mut self, stalled: bool) {
         self.stalled = stalled;
     }
@@ -148,7 +148,8 @@ impl Adc {
             && (self.stalled
                 || dma.transfer(Request::Adc1, self.dr, memory, wires.nvic, wires.faults) == Transfer::Unserved)
         {
-            // An item that nobody fetches: requests and conversions stop until software clears OVR (RM0390 section 13.8.1).
+            // An item that is not fetched: requests and conversions stop until software clears OVR (RM0390 section
+            // 13.8.1).
             self.sr |= EOC | OVR;
         }
     }

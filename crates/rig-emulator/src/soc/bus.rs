@@ -1,4 +1,4 @@
-//! Accesses by the core: address decoding, the strict checks on them, and what a store sets off beyond its peripheral.
+//! Accesses by the core: address decoding, the strict checks, and the effects of a store outside its own peripheral.
 
 use super::fault::Fault;
 use super::map::{self, Unit, gate, unit_at};
@@ -162,7 +162,7 @@ impl<B: Board> Soc<B> {
         self.stall(stall_s);
     }
 
-    /// Puts right what unicorn has stored by itself since.
+    /// Restores words that unicorn has stored into by itself since.
     pub fn settle_flash(&mut self) {
         for (address, bytes) in self.programmed.drain(..) {
             self.memory.flash.write(address, &bytes).expect("it was read from there");
@@ -175,7 +175,7 @@ impl<B: Board> Soc<B> {
         if in_flash { self.flash.fetch_cycles(address, bytes) } else { 0 }
     }
 
-    /// The core waits for flash: time passes, and what happens meanwhile is worked off at the next chance.
+    /// The core waits for flash: time passes, and the events meanwhile are processed at the next opportunity.
     fn stall(&mut self, seconds: f64) {
         if seconds > 0.0 {
             if self.flash.data_cached() {

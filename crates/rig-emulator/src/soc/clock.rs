@@ -1,7 +1,7 @@
 //! Emulated time: a count of HCLK cycles, and what it means in seconds.
 //!
 //! Cycles are the only unit in which peripherals schedule anything. When the firmware changes the clock tree the
-//! relation between cycles and seconds is based anew, so that seconds never jump.
+//! relation between cycles and seconds gets a new origin, so that seconds never jump.
 
 /// A cycle that never comes.
 pub const NEVER: u64 = u64::MAX;
@@ -65,7 +65,8 @@ impl Clock {
 
     /// The first cycle that is not before `t_s`.
     pub fn cycle_at(&self, t_s: f64) -> u64 {
-        // A thousandth of a cycle of slack: t_s is often itself computed from a cycle count, and rounding must not push it up.
+        // A thousandth of a cycle of slack: t_s is often itself computed from a cycle count, and rounding must not push
+        // it up.
         let cycles = ((t_s - self.base_s) * self.tree.hclk_hz as f64 - 1e-3).ceil();
         self.base_cycles.saturating_add(cycles.max(0.0) as u64)
     }

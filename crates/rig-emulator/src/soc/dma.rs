@@ -1,8 +1,8 @@
 //! DMA controllers (RM0390 chapter 9): single transfers from a peripheral to memory in direct mode.
 //!
-//! The stream must select the peripheral that its PAR points to (request table, RM0390 tables 28 and 29). The one peripheral
-//! that makes requests here is ADC1. FIFO mode, bursts, double buffering, memory to memory and memory to peripheral are not
-//! modelled.
+//! The stream must select the peripheral that its PAR points to (request table, RM0390 tables 28 and 29). The one
+//! peripheral that makes requests here is ADC1. FIFO mode, bursts, double buffering, memory to memory and memory to
+//! peripheral are not modelled.
 
 use super::fault::{Fault, Faults};
 use super::memory::Memory;
@@ -26,7 +26,7 @@ impl Request {
         }
     }
 
-    /// What a stream serves with a channel selection.
+    /// The request that a stream serves with a channel selection.
     fn of(controller: u8, stream: u8, channel: u8) -> Option<Self> {
         match (controller, stream, channel) {
             (2, 0 | 4, 0) => Some(Self::Adc1),
@@ -63,7 +63,7 @@ pub struct Dma {
     streams: [Stream; 8],
 }
 
-/// What a transfer led to.
+/// How a transfer ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Transfer {
     /// The item has been stored.
@@ -105,8 +105,8 @@ impl Dma {
         })
     }
 
-    /// How many more items until an enabled half- or full-transfer interrupt of the stream that serves `request`; a stream
-    /// without either gives `u64::MAX`, no stream `None`.
+    /// How many more items until an enabled half- or full-transfer interrupt of the stream that serves `request`; a
+    /// stream without either gives `u64::MAX`, no stream `None`.
     pub fn items_until_interrupt(&self, request: Request) -> Option<u64> {
         let stream = &self.streams[self.serving(request)?];
         let half = stream.length / 2;

@@ -1,4 +1,4 @@
-//! What the strict board objects to: firmware that works here and would not work on the chip.
+//! What a strict board refuses: firmware that would work here and not on the chip.
 
 use std::collections::BTreeMap;
 

@@ -1,6 +1,6 @@
 //! Flash interface (RM0390 chapter 3): wait states, programming and erasing.
 //!
-//! The firmware runs from the flash it programs, so the core stalls for as long as an operation takes; peripherals go on.
+//! The firmware runs from the flash that it programs, so the core stalls during an operation; peripherals go on.
 
 use super::memory::{FLASH_BASE, Memory};
 
@@ -9,8 +9,8 @@ const PROGRAM_S: f64 = 16e-6;
 /// Size of every sector in KiB.
 const SECTORS: [usize; 8] = [16, 16, 16, 16, 64, 128, 128, 128];
 
-/// Typical and longest erase time of a sector of so many KiB, 8, 16 and 32 bits at a time (PSIZE 0, 1, 2). The typical times
-/// at 32 bits are those of DS10693 table 48; the others are that table's from memory, not looked up again.
+/// Typical and longest erase time of a sector of so many KiB, 8, 16 and 32 bits at a time (PSIZE 0, 1, 2). The typical
+/// times at 32 bits are those of DS10693 table 48; the others have not been checked against that table.
 fn erase_s(kib: usize, psize: usize) -> Option<[f64; 2]> {
     let times = match kib {
         16 => [[0.4, 0.8], [0.3, 0.6], [0.25, 0.5]],
@@ -89,10 +89,10 @@ impl Flash {
         self.acr & 0xF
     }
 
-    /// Cycles that the core waits for the code of a block of `bytes` at `address`: the wait states once for each line that
-    /// it touches, with the prefetch buffer on for the first line alone, and with the instruction cache on not at all.
-    /// This assumes that the cache always hits, that prefetch always keeps up, and that no line is left from the block
-    /// before; loads of constants through the data bus cost nothing here, with or without the data cache.
+    /// Cycles that the core waits for the code of a block of `bytes` at `address`: the wait states once for each line
+    /// that it touches, with the prefetch buffer on for the first line alone, and with the instruction cache on not at
+    /// all. This assumes that the cache always hits, that prefetch always keeps up, and that no line is left from the
+    /// block before; loads of constants through the data bus cost nothing here, with or without the data cache.
     pub fn fetch_cycles(&self, address: u32, bytes: u32) -> u64 {
         let lines = (address % LINE + bytes).div_ceil(LINE);
         let waited = match self.acr & (ICEN | PRFTEN) {
@@ -155,14 +155,14 @@ impl Flash {
 
     fn start(&mut self, memory: &mut Memory) -> f64 {
         let sector = (self.cr >> 3 & 0xF) as usize;
-        // Mass erase would erase the running program; nothing here wants it.
+        // Mass erase would erase the running program.
         if self.cr & SER == 0 || self.cr & (PG | MER) != 0 || sector >= SECTORS.len() {
             self.sr |= PGSERR;
             return 0.0;
         }
         let first: usize = SECTORS[..sector].iter().map(|kib| kib << 10).sum();
         let kib = SECTORS[sector];
-        // 64 bits at a time need an external voltage, which this board has not.
+        // 64 bits at a time need an external voltage, which this board does not have.
         let Some([typical_s, longest_s]) = erase_s(kib, (self.cr >> 8 & 3) as usize) else {
             return self.refuse(PGPERR);
         };

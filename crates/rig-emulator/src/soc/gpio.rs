@@ -1,6 +1,6 @@
 //! General-purpose I/O (RM0390 chapter 7).
 //!
-//! The board sees only pins that are outputs: a pin that a reset has made an input lets go of its wire.
+//! The board sees only pins that are outputs: a pin that a reset has made an input no longer drives its wire.
 
 use super::fault::{Fault, Faults};
 
@@ -34,7 +34,7 @@ struct Port {
     /// Pins that the board drives, and their levels.
     driven: u16,
     levels: u16,
-    /// What the board was told last.
+    /// The output levels that the board was last given.
     reported: u16,
 }
 
@@ -125,7 +125,7 @@ impl Gpio {
         }
     }
 
-    /// Output levels, if the board has not been told of them yet.
+    /// Output levels, if the board has not been given them yet.
     pub fn changed(&mut self, port: usize) -> Option<u16> {
         let port = &mut self.ports[port];
         let outputs = port.outputs();

@@ -1,11 +1,11 @@
 //! Independent watchdog (RM0390 chapter 20): a down-counter on the LSI that nothing but a reset stops.
 //!
-//! It keeps its own time in seconds, because the LSI does not care what HCLK is.
+//! It keeps its own time in seconds, because the LSI does not depend on HCLK.
 
 use super::clock::{Clock, NEVER};
 use super::fault::Faults;
 
-/// A new prescaler or reload value takes so many periods of the LSI to get across (RM0390 section 20.4.4).
+/// Periods of the LSI that a new prescaler or reload value takes to reach the watchdog (RM0390 section 20.4.4).
 const UPDATE_PERIODS: f64 = 5.0;
 
 /// Watchdog state.
@@ -15,9 +15,9 @@ pub struct Iwdg {
     prescaler: u32,
     reload: u32,
     unlocked: bool,
-    /// When it bites, in seconds.
+    /// Time of its reset, in seconds.
     due_s: Option<f64>,
-    /// PVU and RVU: since when the LSI has been carrying the value across, in seconds.
+    /// PVU and RVU: since when the update has been under way, in seconds.
     update_s: [Option<f64>; 2],
 }
 
@@ -37,7 +37,7 @@ impl Iwdg {
         f64::from(counts + 1) * f64::from(4u32 << self.prescaler.min(6)) / self.lsi_hz
     }
 
-    /// When it bites.
+    /// Time of its reset (s).
     pub fn next_event(&self, clock: &Clock) -> u64 {
         self.due_s.map_or(NEVER, |due| clock.cycle_at(due))
     }
@@ -53,7 +53,7 @@ impl Iwdg {
     }
 
     fn update(&mut self, which: usize, clock: &Clock, faults: &mut Faults) {
-        // Whoever wrote before and looked at SR since has had it cleared there.
+        // An update that is over was cleared when SR was read.
         let done_s = |since_s: f64| since_s + UPDATE_PERIODS / self.lsi_hz;
         if self.update_s[which].is_some_and(|since_s| clock.seconds() < done_s(since_s)) {
             faults.feature("IWDG", "PR or RLR written while the update before is under way");
@@ -92,7 +92,7 @@ impl Iwdg {
                 self.update(1, clock, faults);
                 self.reload = value & 0xFFF;
             }
-            // Without the key the write has no effect, which no program can want.
+            // Without the key the write has no effect, which no program can intend.
             0x04 | 0x08 => faults.feature("IWDG", "PR or RLR written without the key"),
             _ => return None,
         }

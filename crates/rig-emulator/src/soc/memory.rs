@@ -1,7 +1,7 @@
 //! Flash and RAM as host buffers, which the emulated CPU maps and peripherals read and write.
 //!
-//! unicorn's translated code writes RAM through the pointer it was given, so the bytes are only ever touched through raw
-//! pointers here: no Rust reference to them may exist while the CPU runs.
+//! unicorn's translated code writes RAM through the pointer it was given, so the bytes are only ever touched through
+//! raw pointers here: no Rust reference to them may exist while the CPU runs.
 
 use std::ptr::NonNull;
 
@@ -13,7 +13,8 @@ pub const FLASH_SIZE: usize = 512 << 10;
 pub const RAM_BASE: u32 = 0x2000_0000;
 /// Size of SRAM1 and SRAM2 together.
 pub const RAM_SIZE: usize = 128 << 10;
-/// What RAM holds at power-up. Real RAM holds noise; a value that is no useful number shows who relies on zeros.
+/// What RAM holds at power-up. Real RAM holds noise; a value that is no useful number exposes code that relies on
+/// zeros.
 pub const RAM_NOISE: u8 = 0xA5;
 
 /// A block of memory at a fixed address.
@@ -50,7 +51,8 @@ impl Region {
     /// Copy bytes out; `None` if they are not all inside.
     pub fn read(&self, address: u32, into: &mut [u8]) -> Option<()> {
         let offset = self.offset(address, into.len())?;
-        // SAFETY: `offset` has been checked; the bytes live as long as `self`; `into` is a Rust buffer, so it cannot overlap.
+        // SAFETY: `offset` has been checked; the bytes live as long as `self`; `into` is a Rust buffer, so it cannot
+        // overlap.
         unsafe { std::ptr::copy_nonoverlapping(self.start.as_ptr().add(offset), into.as_mut_ptr(), into.len()) };
         Some(())
     }
@@ -98,7 +100,8 @@ impl Region {
 
 impl Drop for Region {
     fn drop(&mut self) {
-        // SAFETY: pointer and size are those of the box leaked in `new`, and unicorn, the other user, is closed before its data drops.
+        // SAFETY: pointer and size are those of the box leaked in `new`, and unicorn, the other user, is closed before
+        // its data drops.
         drop(unsafe { Box::from_raw(std::ptr::slice_from_raw_parts_mut(self.start.as_ptr(), self.size)) });
     }
 }

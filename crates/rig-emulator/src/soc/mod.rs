@@ -1,12 +1,12 @@
 //! The STM32F446's peripherals on an emulated clock.
 //!
-//! A file for each peripheral. Every one knows its registers, when it next has something to do, and how to catch up with a
-//! given cycle; none knows the CPU. [`Soc`] is the bus between them: it decodes addresses, checks clocks, and works events
-//! off in order of time, so that the board hears of everything in the order in which it happens.
+//! There is a file for each peripheral. A peripheral knows its registers, when its next event is due, and how to
+//! advance to a given cycle; it does not know the CPU. [`Soc`] is the bus between them: it decodes addresses, checks
+//! clocks, and processes events in order of time, so that the board sees them in the order in which they happen.
 //!
-//! - [`clock`]: cycles and seconds. - [`memory`]: flash and RAM. - [`fault`]: what the strict board objects to.
+//! - [`clock`]: cycles and seconds. - [`memory`]: flash and RAM. - [`fault`]: what a strict board refuses.
 //! - [`rcc`], [`pwr`], [`flash`], [`gpio`], [`exti`], [`iwdg`]: infrastructure.
-//! - [`tim`], [`usart`], [`can`], [`adc`], [`dma`]: what firmware talks through.
+//! - [`tim`], [`usart`], [`can`], [`adc`], [`dma`]: what firmware reaches the outside through.
 //! - [`nvic`], [`scb`]: the core's own peripherals. - `map`, `bus`: addresses, and accesses by the core.
 
 /// Borrow everything that peripherals share, leaving the peripherals free.
@@ -54,9 +54,9 @@ pub struct Wires<'a> {
     pub nvic: &'a mut nvic::Nvic,
     /// Pin functions.
     pub gpio: &'a gpio::Gpio,
-    /// What is outside.
+    /// The board around the chip.
     pub board: &'a mut dyn Board,
-    /// Where to complain.
+    /// Where faults are reported.
     pub faults: &'a mut Faults,
 }
 
@@ -96,13 +96,13 @@ pub struct Soc<B> {
     pub nvic: nvic::Nvic,
     /// Flash and RAM.
     pub memory: memory::Memory,
-    /// Complaints.
+    /// Faults so far.
     pub faults: Faults,
-    /// SYSRESETREQ or the watchdog ask for a reset.
+    /// SYSRESETREQ or the watchdog requests a reset.
     pub reset_request: Option<ResetCause>,
     /// Firmware has changed flash since this was last cleared.
     pub flash_changed: bool,
-    /// What the words hold that the core has just stored into, however that went.
+    /// The contents that the words must have into which the core has just stored, whether the store was allowed or not.
     programmed: Vec<(u32, Vec<u8>)>,
     scb: scb::Scb,
     rcc: rcc::Rcc,
@@ -117,7 +117,7 @@ pub struct Soc<B> {
     adc: adc::Adc,
     dma: [dma::Dma; 2],
     iwdg: iwdg::Iwdg,
-    /// The board is not asked again before this cycle.
+    /// The board is not polled again before this cycle.
     board_asked: u64,
 }
 
@@ -155,7 +155,8 @@ impl<B: Board> Soc<B> {
         self.scb.vector_table()
     }
 
-    /// Reset everything but flash and, unless the power goes, RAM. The board lives on and sees its wires let go.
+    /// Reset everything but flash and, unless the power goes, RAM. The board goes on, and sees that its wires are
+    /// released.
     pub fn reset(&mut self, cause: ResetCause) {
         // Conversions up to here were made with the pins as they were.
         let now = self.clock.now();
@@ -178,7 +179,7 @@ impl<B: Board> Soc<B> {
             }
             ResetCause::Software => self.rcc.flag(rcc::reset_flag::SOFTWARE | rcc::reset_flag::PIN),
             ResetCause::Watchdog => self.rcc.flag(rcc::reset_flag::IWDG | rcc::reset_flag::PIN),
-            // With the brown-out reset off it is the power-down reset that catches the dip, later.
+            // With the brown-out reset off, the power-down reset responds to the dip, later.
             ResetCause::BrownOut if self.flash.brown_out_level() == 0 => self.rcc.power_on(),
             ResetCause::BrownOut => self.rcc.flag(rcc::reset_flag::BOR | rcc::reset_flag::PIN),
         }
@@ -238,7 +239,7 @@ impl<B: Board> Soc<B> {
         next
     }
 
-    /// Work off everything that is due, in order of time. Gives the next event.
+    /// Process everything that is due, in order of time. Gives the next event.
     pub fn sync(&mut self) -> u64 {
         loop {
             let (due, source) = self.next_source();
@@ -318,7 +319,7 @@ impl<B: Board> Soc<B> {
         self.can.line()
     }
 
-    /// The ST-LINK feeds its clock into OSC_IN, or does not. `false` if the core was running on what has just gone.
+    /// Switch the ST-LINK's clock at OSC_IN. `false` if the core was running on the clock that has just gone.
     pub fn feed_hse(&mut self, fed: bool) -> bool {
         self.rcc.feed_hse(fed)
     }

@@ -1,7 +1,7 @@
 //! Interrupt controller and system handlers' priorities (PM0214 sections 4.3 and 2.3).
 //!
-//! Levels are modelled as on the chip: a peripheral raises a line, the rising edge pends, and a line that is still high
-//! when its handler returns pends again. PRIGROUP is not modelled: all four priority bits pre-empt.
+//! Levels are modelled as on the chip: a peripheral raises a line, the rising edge pends the interrupt, and a line that
+//! is still high when its handler returns pends it again. PRIGROUP is not modelled: all four priority bits pre-empt.
 
 /// Exception numbers of the system handlers that can be pended here.
 pub mod exception {

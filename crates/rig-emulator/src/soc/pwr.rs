@@ -1,4 +1,5 @@
-//! Power controller (RM0390 chapter 5) and debug support (chapter 33): storage with the ready flags that drivers wait for.
+//! Power controller (RM0390 chapter 5) and debug support (chapter 33): storage with the ready flags that drivers wait
+//! for.
 
 /// PWR registers.
 #[derive(Debug)]

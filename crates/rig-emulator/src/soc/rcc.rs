@@ -1,7 +1,7 @@
 //! Reset and clock control (RM0390 chapter 6).
 //!
-//! Oscillators are ready as soon as they are on, and never if nothing feeds them. The board feeds 8 MHz from the ST-LINK into
-//! OSC_IN, so HSE works in bypass only, and starting it as a crystal is a fault.
+//! Oscillators are ready as soon as they are on, and never if nothing feeds them. The board feeds 8 MHz from the
+//! ST-LINK into OSC_IN, so HSE works in bypass only, and starting it as a crystal is a fault.
 
 use super::clock::ClockTree;
 use super::fault::Faults;
@@ -92,7 +92,7 @@ impl Rcc {
         self.flags |= flags;
     }
 
-    /// Power is back: nothing but its own flags.
+    /// Power is back: only its own flags are set.
     pub fn power_on(&mut self) {
         self.flags = reset_flag::POR | reset_flag::PIN | reset_flag::BOR;
     }
@@ -107,7 +107,7 @@ impl Rcc {
         self.words[0x74 / 4] & 1 == 1
     }
 
-    /// Something feeds OSC_IN, or no longer does. `false` if the system clock was made from what has just gone.
+    /// Switch the clock at OSC_IN. `false` if the system clock was made from the clock that has just gone.
     pub fn feed_hse(&mut self, fed: bool) -> bool {
         self.hse_fed = fed;
         let needed = match self.words[2] & 3 {
@@ -123,7 +123,8 @@ impl Rcc {
         self.hsi_hz = hsi_hz;
     }
 
-    /// Ready flags of CR: each follows its switch, but HSE is ready only while it is fed, and a PLL only while its source is.
+    /// Ready flags of CR: each follows its switch, but HSE is ready only while it is fed, and a PLL only while its
+    /// source is.
     fn ready(&self) -> u32 {
         let cr = self.words[0];
         let mut on = cr & 0x1501_0001;

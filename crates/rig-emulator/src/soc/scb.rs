@@ -5,10 +5,10 @@ use super::nvic::{Nvic, exception};
 
 /// CPUID of the Cortex-M4 r0p1.
 const CPUID: u32 = 0x410F_C241;
-/// FPCCR with ASPEN and LSPEN, their reset value: the emulator stacks eagerly, which firmware cannot tell.
+/// FPCCR with ASPEN and LSPEN, their reset value. The emulator stacks eagerly, which firmware cannot observe.
 const FPCCR: u32 = 0xC000_0000;
 
-/// What a write to the core's registers asks of the machine.
+/// What a write to the core's registers requests of the machine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Effect {
     /// Nothing more.

@@ -1,8 +1,8 @@
 //! Timers TIM2 to TIM7, TIM9 and TIM12 (RM0390 chapters 17 to 19): up-counting with compare flags, and encoder mode 3.
 //!
-//! A counter is never stepped: its value follows from the time since it was last touched. In encoder mode it follows from
-//! the board's quadrature count, which is asked for when the firmware looks.
-//! TIM1, TIM8, TIM10, TIM11, TIM13 and TIM14, which share interrupt lines, are not modelled.
+//! A counter is never stepped: its value follows from the time since it was last touched. In encoder mode it follows
+//! from the board's quadrature count, which is read when the firmware reads the counter. TIM1, TIM8, TIM10, TIM11,
+//! TIM13 and TIM14, which share interrupt lines, are not modelled.
 
 use super::Wires;
 use super::clock::{Clock, NEVER};
@@ -67,7 +67,7 @@ pub struct Timer {
     ccr: [u32; 4],
     /// The prescaler in force: PSC is taken over at an update event.
     active_psc: u32,
-    /// Count, since an overflow long past, at cycle `start`.
+    /// The count at cycle `start`, without the overflows before it.
     base: u64,
     start: u64,
     /// Count up to which flags have been set.
@@ -177,7 +177,7 @@ impl Timer {
             .map_or(NEVER, |count| self.start + (count - self.base) * self.tick(clock))
     }
 
-    /// Encoder mode: move the counter by what the board's wheel has turned.
+    /// Encoder mode: move the counter by the quadrature counts of the board.
     fn follow_encoder(&mut self, wires: &mut Wires<'_>) {
         let now = wires.board.quadrature(wires.clock.seconds(), self.kind.number);
         // CC1P or CC2P alone swaps the direction; both leave it.

@@ -1,7 +1,7 @@
 //! USARTs (RM0390 chapter 25): transmit and receive with interrupts, one data register and one shift register each way.
 //!
-//! Bytes arrive at the rate the firmware has set: a wrong BRR shows only in timing. DMA, parity, 9-bit data, break, noise and
-//! framing errors, hardware flow control and synchronous modes are not modelled.
+//! Bytes arrive at the rate that the firmware has set: a wrong BRR shows only in timing. DMA, parity, 9-bit data,
+//! break, noise and framing errors, hardware flow control and synchronous modes are not modelled.
 
 use super::Wires;
 use super::clock::{Clock, NEVER};
@@ -260,7 +260,7 @@ impl Usart {
         match offset {
             0x00 => {
                 if value & RXNE == 0 && self.cr1 & RECEIVER_ON == RECEIVER_ON {
-                    // What reads SR, changes a flag and writes it back does this (RM0390 section 25.6.1).
+                    // A read-modify-write of SR does this (RM0390 section 25.6.1).
                     wires
                         .faults
                         .feature("USART", "a write to SR that takes back RXNE loses a byte that comes meanwhile");

@@ -5,19 +5,27 @@ mod values;
 
 pub use options::{AUTO, At, Calibrate, Config, How, Identify, Record, Replay, Sweep};
 
-use crate::chart;
-use crate::plant::{self, Setting};
 use crate::range::{TurnRange, Vary};
 use crate::script;
 use clap::builder::PossibleValuesParser;
 use clap::{Args, Parser, Subcommand};
 use rig_link::LoadChoice;
+use sim_link::{PlantChange, PlantKey};
 use std::path::PathBuf;
 use values::{load, load_choice, seconds, speed, target, twist_speed};
 
 /// Headings of the options that every command has.
 const EVERYWHERE: &str = "Everywhere";
 const EMULATED: &str = "Emulated board (--port sim)";
+
+/// What `--plant` takes.
+fn plant_help() -> String {
+    format!(
+        "Something about the emulated plant that the firmware is not told, for example load=1.2kg,friction=0.1. Keys and \
+         their units:\n{}",
+        PlantKey::help()
+    )
+}
 
 const FIRST_STEPS: &str = "\
 First steps, on an emulated board as they stand, or with --port /dev/ttyACM0 (COM3) on yours:
@@ -57,8 +65,8 @@ pub struct Global {
     pub port: String,
     /// Something about the emulated plant that the firmware is not told, for example load=1.2kg,friction=0.1
     #[arg(long, global = true, help_heading = EMULATED, value_name = "KEY=VALUE", value_delimiter = ',',
-        long_help = plant::help())]
-    pub plant: Vec<Setting>,
+        long_help = plant_help())]
+    pub plant: Vec<PlantChange>,
     /// Scene that the emulated plant is built by, where --scene is only what is believed of it [default: --scene]
     #[arg(long, global = true, help_heading = EMULATED, value_name = "FILE")]
     pub plant_scene: Option<PathBuf>,
@@ -278,7 +286,7 @@ pub enum Command {
         #[arg(long, value_name = "DIR", default_value = "out")]
         out: PathBuf,
         /// Only these figures
-        #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = PossibleValuesParser::new(chart::NAMES))]
+        #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = PossibleValuesParser::new(lab::chart::NAMES))]
         only: Vec<String>,
     },
     /// One self-contained page: model, table certificate, charts, stability map, a recorded move

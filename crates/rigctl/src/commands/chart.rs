@@ -1,10 +1,13 @@
 //! `chart`: speed against accuracy, and where methods fail.
 
-use crate::chart::{self, Made};
+use super::scene;
 use crate::cli::Global;
 use crate::failure::Failure;
-use crate::output::{Output, folder, write_file};
+use crate::output::{Output, folder, progress, write_file};
+use lab::chart::{self, Inputs, Made};
+use rig_scene::Scene;
 use serde::Serialize;
+use std::ffi::OsString;
 use std::path::Path;
 use std::time::Instant;
 
@@ -23,15 +26,14 @@ struct Report<'a> {
 /// # Errors
 /// If something cannot be solved, drawn or written.
 pub fn run(global: &Global, out: &Path, only: &[String], output: &mut Output) -> Result<(), Failure> {
-    let scene = super::scene(global)?;
+    let scene = scene(global)?;
     folder(out)?;
     for name in chart::NAMES {
         if !only.is_empty() && only.iter().all(|wanted| wanted != name) {
             continue;
         }
         let begin = Instant::now();
-        let made = chart::make(name, &scene, &global.scene, out);
-        match made {
+        match make(name, &scene, &global.scene, out) {
             Ok(made) => report(&made, begin.elapsed().as_secs_f64(), out, output)?,
             // What only another program measures may not be there; the rest is of use without it.
             Err(e) if only.is_empty() && chart::MEASURED_ELSEWHERE.contains(&name) => {
@@ -44,6 +46,24 @@ pub fn run(global: &Global, out: &Path, only: &[String], output: &mut Output) ->
     Ok(())
 }
 
+/// Makes one figure, with a progress line on standard error; what is missing in it is printed there, too.
+///
+/// # Errors
+/// If something cannot be solved or drawn.
+pub fn make(name: &'static str, scene: &Scene, scene_file: &Path, folder: &Path) -> Result<Made, Failure> {
+    let bar = progress(0, name);
+    let advance = |done: usize, count: usize| {
+        bar.set_length(count as u64);
+        bar.set_position(done as u64);
+    };
+    // This program again: what callgrind counts must be built as what is timed.
+    let kernel: Vec<OsString> = vec![std::env::current_exe()?.into(), "chart-kernel".into(), "--scene".into()];
+    let made = chart::make(name, &Inputs { scene, scene_file, folder, kernel: &kernel, progress: &advance })?;
+    bar.finish_and_clear();
+    made.left_out.iter().for_each(|what| eprintln!("left out: {what}"));
+    Ok(made)
+}
+
 fn report(made: &Made, seconds: f64, out: &Path, output: &mut Output) -> Result<(), Failure> {
     let written = |kind: &str, content: &str| {
         let file = format!("{}.{kind}", made.name);
@@ -52,8 +72,8 @@ fn report(made: &Made, seconds: f64, out: &Path, output: &mut Output) -> Result<
     let svg = made.svg.as_ref().map(|svg| written("svg", svg)).transpose()?;
     let csv = written("csv", &made.csv)?;
     let files = svg.iter().chain([&csv]).map(String::as_str).collect::<Vec<_>>().join(", ");
-    output.object(&Report { figure: made.name, svg, csv, seconds, said: &made.said })?;
+    output.object(&Report { figure: made.name, svg, csv, seconds, said: &made.findings })?;
     output.line(format!("{}: {files} ({seconds:.1} s)", made.name))?;
-    made.said.iter().try_for_each(|line| output.line(format!("  {line}")))?;
+    made.findings.iter().try_for_each(|line| output.line(format!("  {line}")))?;
     Ok(())
 }

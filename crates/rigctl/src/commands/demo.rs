@@ -2,17 +2,18 @@
 //! the same position at the same speed.
 
 use super::operate::{HomeResult, MoveResult, home_session, move_session, sim_options};
-use super::picture::{Curve, draw};
 use crate::cli::Global;
 use crate::failure::Failure;
 use crate::output::{Output, folder, write_file};
-use crate::plant::Setting;
 use crate::session::Session;
 use crate::session::row::Row;
 use crate::session::sim::{Sim, SimOptions};
-use crate::units::STANDARD_GRAVITY;
+use lab::STANDARD_GRAVITY_M_PER_S2;
+use lab::csv_text::{csv_text, optional};
+use lab::move_figure::{Curve, draw};
 use rig_link::LoadChoice;
 use serde::Serialize;
+use sim_link::{PlantChange, PlantKey};
 use std::path::Path;
 use std::time::Instant;
 
@@ -51,7 +52,7 @@ struct Outcome {
 /// If anything fails, or a floor is missed.
 pub fn run(global: &Global, out: &Path, output: &mut Output) -> Result<(), Failure> {
     let scene = super::rig_scene(global)?;
-    if let Some(own) = global.plant.iter().find(|s| ["load", "twist_at_boot"].contains(&s.key)) {
+    if let Some(own) = global.plant.iter().find(|s| [PlantKey::Load, PlantKey::TwistAtBoot].contains(&s.key)) {
         return Err(Failure::Usage(format!("--plant {}: the demo has its own", own.key)));
     }
     folder(out)?;
@@ -97,7 +98,7 @@ pub fn run(global: &Global, out: &Path, output: &mut Output) -> Result<(), Failu
     }
     let curves: Vec<Curve> = outcomes.iter().map(curve).collect();
     write_file(out, "demo.svg", &draw(&curves)?)?;
-    write_file(out, "demo.csv", &csv(&outcomes))?;
+    write_file(out, "demo.csv", &csv(&outcomes)?)?;
     output.line(format!("picture: {}   data: {}", out.join("demo.svg").display(), out.join("demo.csv").display()))?;
     if outcomes.iter().all(|o| o.floors_met) {
         Ok(())
@@ -107,10 +108,10 @@ pub fn run(global: &Global, out: &Path, output: &mut Output) -> Result<(), Failu
 }
 
 fn one(global: &Global, load_kg: f64, twist_rad: f64, gear: f64) -> Result<Outcome, Failure> {
-    let load_true_n = load_kg * STANDARD_GRAVITY;
+    let load_true_n = load_kg * STANDARD_GRAVITY_M_PER_S2;
     let mut plant = global.plant.clone();
-    plant.push(Setting { key: "load", value: load_true_n });
-    plant.push(Setting { key: "twist_at_boot", value: twist_rad });
+    plant.push(PlantChange { key: PlantKey::Load, value: load_true_n });
+    plant.push(PlantChange { key: PlantKey::TwistAtBoot, value: twist_rad });
     let options = SimOptions { plant, ..sim_options(global)? };
     let started = Instant::now();
     let mut session = Session::new(Box::new(Sim::start(&options)?));
@@ -180,28 +181,33 @@ fn curve(o: &Outcome) -> Curve {
     }
 }
 
-fn csv(outcomes: &[Outcome]) -> String {
-    let mut text = String::from(
-        "# emulated: firmware ELF on an emulated board and rig\n\
-         load_kg,t_s,setpoint_m,position_m,true_position_m,twist_rad,load_n,tr_rad_per_m,drive_speed_rad_per_s\n",
-    );
-    let number = |v: Option<f64>| v.map_or(String::new(), |v| v.to_string());
-    for o in outcomes {
-        for r in &o.rows {
-            let cells = [
+fn csv(outcomes: &[Outcome]) -> Result<String, Failure> {
+    let header = [
+        "load_kg",
+        "t_s",
+        "setpoint_m",
+        "position_m",
+        "true_position_m",
+        "twist_rad",
+        "load_n",
+        "tr_rad_per_m",
+        "drive_speed_rad_per_s",
+    ];
+    let number = |v: Option<f32>| optional(v.map(f64::from));
+    let lines = outcomes.iter().flat_map(|o| {
+        o.rows.iter().map(move |r| {
+            vec![
                 o.load_kg.to_string(),
                 format!("{:.6}", r.t_s),
-                number(r.setpoint_m.map(f64::from)),
-                number(r.position_m.map(f64::from)),
-                number(r.true_position_m),
-                number(r.twist_rad.map(f64::from)),
-                number(r.load_n.map(f64::from)),
-                number(r.tr_rad_per_m.map(f64::from)),
+                number(r.setpoint_m),
+                number(r.position_m),
+                optional(r.true_position_m),
+                number(r.twist_rad),
+                number(r.load_n),
+                number(r.tr_rad_per_m),
                 r.drive_speed_rad_per_s.to_string(),
-            ];
-            text.push_str(&cells.join(","));
-            text.push('\n');
-        }
-    }
-    text
+            ]
+        })
+    });
+    Ok(format!("# emulated: firmware ELF on an emulated board and rig\n{}", csv_text(&header, lines)?))
 }

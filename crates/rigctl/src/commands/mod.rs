@@ -7,16 +7,13 @@
 pub mod calibrate;
 pub mod chart;
 pub mod config;
-mod curves;
 pub mod demo;
 pub mod doctor;
 pub mod dry_run;
-mod figures;
 pub mod identify;
 pub mod lookup;
 pub mod monitor;
 pub mod operate;
-mod picture;
 pub mod published;
 pub mod rebuild;
 pub mod record;
@@ -69,7 +66,7 @@ pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
         Command::Status => status::run(global, output),
         Command::Sensors { seconds } => status::sensors(global, *seconds, output),
         Command::Chart { out, only } => chart::run(global, out, only, output),
-        Command::ChartKernel => crate::chart::work::kernel(&scene(global)?),
+        Command::ChartKernel => Ok(lab::chart::work::kernel(&scene(global)?)?),
         Command::Report { out } => report::run(global, out, output),
         Command::Record(options) => record::run(global, options, output),
         Command::Sweep(options) => sweep::run(global, options, output),

@@ -1,13 +1,11 @@
 //! `report`: one page with everything about a scene: model, table certificate, charts, stability map, a recorded move.
 
-use super::demo;
-use super::table;
-use crate::chart;
+use super::{chart, demo, scene};
 use crate::cli::Global;
 use crate::failure::Failure;
 use crate::output::{OutFile, Output};
-use serde_json::Value;
-use std::fmt::Write as _;
+use lab::report::{Picture, Section, page};
+use lab::table_report::TableReport;
 use std::path::Path;
 
 /// Load of the recorded move (kg) and twist of the strings when the board starts (rad).
@@ -24,174 +22,31 @@ pub fn run(global: &Global, out: &Path, output: &mut Output) -> Result<(), Failu
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
     };
-    let scene = super::scene(global)?;
-    let certificate = serde_json::to_value(table::Report::new(&scene, &scene.fit_table()?)?)?;
-
-    let mut page = Page::new(&format!("Twisted-string actuator: {}", global.scene.display()));
-    page.heading("Model");
-    page.paragraph(
-        "All numbers are computed or emulated; nothing here has met hardware. SI units. Constants as in the scene file:",
-    );
-    page.values(&serde_json::to_value(&scene)?);
-    page.heading("Table certificate");
-    page.paragraph(certificate["why"].as_str().unwrap_or_default());
-    page.values(&certificate);
-    page.list("Candidates", &certificate["candidates"]);
-    page.heading("Speed, accuracy, stability");
-    for figure in chart::NAMES {
-        output.line(format!("{figure} …"))?;
+    let scene = scene(global)?;
+    let table = TableReport::new(&scene, &scene.fit_table()?)?;
+    let mut charts = Vec::new();
+    for name in lab::chart::NAMES {
+        output.line(format!("{name} …"))?;
         output.flush()?;
-        match chart::make(figure, &scene, &global.scene, folder) {
-            Ok(made) => page.figure(made.name, made.svg.as_deref(), &made.said),
-            Err(e) => page.missing(figure, &e, output)?,
-        }
+        let made = chart::make(name, &scene, &global.scene, folder);
+        charts.push(section(name, made.map(|made| Picture { svg: made.svg, findings: made.findings })));
     }
-    page.heading("A recorded move");
     output.line("a move on the emulated board …")?;
     output.flush()?;
-    match demo::recorded(global, MOVE.0, MOVE.1) {
-        Ok((svg, said)) => page.figure("move", Some(&svg), &said),
-        Err(e) => page.missing("move", &e, output)?,
-    }
-    file.write(&page.end())?;
-    output.object(&serde_json::json!({ "report": out, "missing": page.left_out }))?;
+    let moved = demo::recorded(global, MOVE.0, MOVE.1);
+    let moved = section("move", moved.map(|(svg, findings)| Picture { svg: Some(svg), findings }));
+    file.write(&page(&global.scene.display().to_string(), &scene, &table, &charts, &moved)?)?;
+    let missing = charts.iter().chain([&moved]).filter(|section| section.content.is_err()).map(|section| section.name);
+    output.object(&serde_json::json!({ "report": out, "missing": missing.collect::<Vec<_>>() }))?;
     output.line(format!("written: {}", out.display()))?;
     Ok(())
 }
 
-/// The page while it is written.
-struct Page {
-    text: String,
-    left_out: Vec<String>,
-}
-
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
-}
-
-const STYLE: &str = "body{font:16px/1.5 sans-serif;max-width:1200px;margin:2em auto;padding:0 1em}\
-    svg{max-width:100%;height:auto}table{border-collapse:collapse;margin:1em 0}\
-    td,th{border-bottom:1px solid #ccc;padding:.2em .8em .2em 0;text-align:left;vertical-align:top}\
-    pre{overflow-x:auto;background:#f5f5f5;padding:.6em;font-size:13px}";
-
-impl Page {
-    fn new(title: &str) -> Self {
-        let title = escaped(title);
-        let text = format!(
-            "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n<title>{title}</title>\n\
-             <style>{STYLE}</style></head><body>\n<h1>{title}</h1>\n"
-        );
-        Self { text, left_out: Vec::new() }
+/// A section of the page; why it is missing is printed at once.
+fn section(name: &'static str, made: Result<Picture, Failure>) -> Section {
+    let content = made.map_err(|failure| failure.message().unwrap_or_default());
+    if let Err(why) = &content {
+        eprintln!("left out: {name}: {why}");
     }
-
-    fn push(&mut self, arguments: std::fmt::Arguments<'_>) {
-        // A string takes whatever is written.
-        let _ = self.text.write_fmt(arguments);
-    }
-
-    fn heading(&mut self, text: &str) {
-        self.push(format_args!("<h2>{}</h2>\n", escaped(text)));
-    }
-
-    fn paragraph(&mut self, text: &str) {
-        self.push(format_args!("<p>{}</p>\n", escaped(text)));
-    }
-
-    /// Every number and word of an object, inner ones under their path; lists of objects have [`Page::list`].
-    fn values(&mut self, value: &Value) {
-        let mut rows = Vec::new();
-        collect("", value, &mut rows);
-        self.text.push_str("<table>\n");
-        for (key, value) in rows {
-            self.push(format_args!("<tr><td>{}</td><td>{}</td></tr>\n", escaped(&key), escaped(&value)));
-        }
-        self.text.push_str("</table>\n");
-    }
-
-    /// A list of objects with the same keys.
-    fn list(&mut self, title: &str, list: &Value) {
-        let lines: Vec<Vec<(String, String)>> = list
-            .as_array()
-            .into_iter()
-            .flatten()
-            .map(|line| {
-                let mut rows = Vec::new();
-                collect("", line, &mut rows);
-                rows
-            })
-            .collect();
-        let Some(first) = lines.first() else { return };
-        let heads: String = first.iter().map(|(key, _)| format!("<th>{}</th>", escaped(key))).collect();
-        self.push(format_args!("<details><summary>{}</summary><table><tr>{heads}</tr>\n", escaped(title)));
-        for line in &lines {
-            let cells: String = line.iter().map(|(_, value)| format!("<td>{}</td>", escaped(value))).collect();
-            self.push(format_args!("<tr>{cells}</tr>\n"));
-        }
-        self.text.push_str("</table></details>\n");
-    }
-
-    fn figure(&mut self, name: &str, svg: Option<&str>, said: &[String]) {
-        self.push(format_args!("<h3>{}</h3>\n{}\n", escaped(name), svg.unwrap_or_default()));
-        self.push(format_args!("<pre>{}</pre>\n", escaped(&said.join("\n"))));
-    }
-
-    fn missing(&mut self, name: &str, error: &Failure, output: &mut Output) -> Result<(), Failure> {
-        let why = format!("left out: {name}: {}", error.message().unwrap_or_default());
-        self.push(format_args!("<h3>{}</h3>\n", escaped(name)));
-        self.paragraph(&why);
-        output.flush()?;
-        eprintln!("{why}");
-        self.left_out.push(name.to_owned());
-        Ok(())
-    }
-
-    fn end(&mut self) -> String {
-        self.text.push_str("</body></html>\n");
-        std::mem::take(&mut self.text)
-    }
-}
-
-/// Leaves of a value with their paths.
-fn collect(path: &str, value: &Value, rows: &mut Vec<(String, String)>) {
-    let inside = |key: &str| if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") };
-    match value {
-        Value::Null => {}
-        Value::Object(map) => map.iter().for_each(|(key, value)| collect(&inside(key), value, rows)),
-        Value::Array(list) if list.iter().all(|v| !v.is_object()) => {
-            rows.push((path.into(), list.iter().map(shown).collect::<Vec<_>>().join(", ")));
-        }
-        Value::Array(list) if path == "candidates" => rows.push((path.into(), list.len().to_string())),
-        Value::Array(list) => list.iter().enumerate().for_each(|(k, v)| collect(&inside(&k.to_string()), v, rows)),
-        leaf => rows.push((path.into(), shown(leaf))),
-    }
-}
-
-fn shown(leaf: &Value) -> String {
-    match leaf {
-        Value::String(text) => text.clone(),
-        Value::Number(n) => match n.as_f64() {
-            Some(x) if x != 0.0 && !(1e-4..1e6).contains(&x.abs()) => format!("{x:.4e}"),
-            _ => n.to_string(),
-        },
-        other => other.to_string(),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn nothing_from_outside_becomes_markup_and_every_leaf_is_there() {
-        let mut page = Page::new("a < b");
-        page.values(&serde_json::json!({"x": {"y": 2.5e-6, "z": [1, 2]}, "s": "<script>", "none": null}));
-        page.list("many", &serde_json::json!([{"k": 1}, {"k": 2}]));
-        page.figure("f", Some("<svg></svg>"), &["1 & 2".into()]);
-        let text = page.end();
-        for part in ["a &lt; b", "x.y", "2.5000e-6", "1, 2", "&lt;script&gt;", "<td>2</td>", "<svg></svg>", "1 &amp; 2"]
-        {
-            assert!(text.contains(part), "{part} in {text}");
-        }
-        assert!(!text.contains("<script>") && !text.contains("none"));
-    }
+    Section { name, content }
 }

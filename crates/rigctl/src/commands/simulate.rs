@@ -145,10 +145,10 @@ pub fn play_events(
     seed: u64,
     mut each: impl FnMut(&mut Session, Vec<String>) -> Result<ControlFlow<()>, Failure>,
 ) -> Result<usize, Failure> {
-    if let Some(emulated) = session.emulated() {
+    if session.emulated().is_some() {
         for event in &script.events {
-            if let Action::Plant(setting) = &event.action {
-                emulated.check_plant(setting).map_err(|failure| at_line(event, failure))?;
+            if let Action::Plant(change) = event.action {
+                change.check_running().map_err(|error| at_line(event, error.into()))?;
             }
         }
     }
@@ -225,13 +225,15 @@ fn happen(
             let number = session.post(request)?;
             asked.insert(number, event.line);
         }
-        Action::Plant(setting) => match session.emulated() {
-            Some(emulated) => emulated.plant(setting).map_err(at_line)?,
-            None => return by_hand(format!("{} = {} (SI units)", setting.key, setting.value)),
+        Action::Plant(change) => match session.emulated() {
+            Some(emulated) => emulated.plant(*change).map_err(at_line)?,
+            None => return by_hand(format!("{} = {} (SI units)", change.key, change.value)),
         },
-        Action::Fault { fault: ScriptFault::Rig(name), on } => match session.emulated() {
-            Some(emulated) => emulated.fault(name, *on).map_err(at_line)?,
-            None => return by_hand(format!("fault {name} {}", if *on { "begins" } else { "ends" })),
+        Action::Fault { fault: ScriptFault::Emulated(fault), on } => match session.emulated() {
+            Some(emulated) => emulated.fault(*fault, *on).map_err(at_line)?,
+            None => {
+                return by_hand(format!("fault {} {}", fault.name(), if *on { "begins" } else { "ends" }));
+            }
         },
         Action::Fault { fault: ScriptFault::HostSilent, on } => session.set_heartbeat(!on),
         Action::Fault { fault: ScriptFault::LinkNoise, on } => session.set_link_noise(on.then_some(seed)),

@@ -5,6 +5,7 @@ use crate::batch::{self, Query, RowError};
 use crate::cli::{AUTO, At, Global, How};
 use crate::failure::Failure;
 use crate::output::Output;
+use lab::trace::finite_tr_rad_per_m;
 use rig_scene::Scene;
 use rival_methods::Method;
 use serde::Serialize;
@@ -165,12 +166,6 @@ pub fn solve(mechanism: &Mechanism, way: Way, query: Query) -> Result<Solution, 
         effort: Effort { iterations: e.iterations, evaluations: e.evaluations, residual: e.residual },
         warnings,
     })
-}
-
-/// TR (rad/m), but none at zero twist, where it is infinite.
-pub fn finite_tr_rad_per_m(e: &Equilibrium) -> Option<f64> {
-    // Turns are decimal and π is not, so "zero twist" is as near as rounding comes to it.
-    Some(e.tr_rad_per_m()).filter(|tr| tr.is_finite() && e.twist_rad.abs() > 1e-12)
 }
 
 /// Runs the command.

@@ -6,11 +6,11 @@ use crate::cli::{Global, Sweep};
 use crate::failure::Failure;
 use crate::log::{Header, Log, Recorder, sweep as reduced};
 use crate::output::{OutFile, Output, progress};
-use crate::plant::Setting;
 use crate::session::Session;
 use rig_control::supervisor::JOG_SPEED_MAX;
 use rig_link::{Request, State};
 use serde_json::json;
+use sim_link::{PlantChange, PlantKey};
 use std::f64::consts::{PI, TAU};
 use std::io::Write;
 
@@ -33,8 +33,8 @@ pub fn run(global: &Global, options: &Sweep, output: &mut Output) -> Result<(), 
     }
     // An emulated rig hangs the load itself, unless it is told of another.
     let mut global = global.clone();
-    if is_sim(&global) && !global.plant.iter().any(|s| s.key == "load") {
-        global.plant.push(Setting { key: "load", value: load_n });
+    if is_sim(&global) && !global.plant.iter().any(|s| s.key == PlantKey::Load) {
+        global.plant.push(PlantChange { key: PlantKey::Load, value: load_n });
     }
     let out = OutFile::new(&options.out)?;
     let mut session = connect(&global)?;

@@ -7,7 +7,7 @@
 
 use crate::failure::Failure;
 use crate::log::{self, Log};
-use crate::published::{self, Group, Kind};
+use lab::published::numbers::{self as published, Group, Kind};
 use rig_scene::Scene;
 use std::io::Read;
 use std::ops::Range;

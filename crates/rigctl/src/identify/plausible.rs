@@ -1,13 +1,12 @@
 //! What is wrong with a recorded sweep, for who has to find it: numbers that no rig can give, and units that fit better.
 
 use super::data::{Data, Quantity, Row};
+use lab::STANDARD_GRAVITY_M_PER_S2 as GRAVITY;
 use rig_scene::Scene;
 use std::f64::consts::TAU;
 use std::ops::Range;
 use tsa_model::{Mechanism, PRETWIST_RAD};
 
-/// Standard gravity (m/s²): the weight of a mass that was taken for newtons.
-const GRAVITY: f64 = 9.806_65;
 /// A length must change by this many standard deviations over a sweep before its direction is judged.
 const CLEAR: f64 = 20.0;
 /// Least twist (rad) over which a direction is judged.

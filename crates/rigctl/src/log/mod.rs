@@ -61,8 +61,8 @@ impl Header {
             if let Some(scene) = &global.plant_scene {
                 header.add("plant_scene", scene.display());
             }
-            for setting in &global.plant {
-                header.add(&format!("plant.{}", setting.key), setting.value);
+            for change in &global.plant {
+                header.add(&format!("plant.{}", change.key), change.value);
             }
         }
         header.add("firmware", &board.version);

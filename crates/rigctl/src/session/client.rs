@@ -2,7 +2,7 @@
 
 use super::interrupt;
 use super::order::Order;
-use super::port::{Emulated, Port, Truth};
+use super::port::{Emulated, Port};
 use super::row::Row;
 use crate::failure::Failure;
 use crate::log::Entry;
@@ -10,6 +10,7 @@ use rig_link::{
     Accepted, Decoder, EventKind, HEARTBEAT_PERIOD_MS, HomingFailure, Identity, Kept, MAX_FRAME, Message,
     PROTOCOL_HASH, Refusal, Request, Sensors, Setting, SettingsReport, State, Telemetry, encode,
 };
+use sim_link::Truth;
 use std::collections::VecDeque;
 
 /// Time that passes in one step (s).

@@ -17,4 +17,5 @@ pub mod serial;
 pub mod sim;
 
 pub use client::Session;
-pub use port::{Port, Truth};
+pub use port::Port;
+pub use sim_link::Truth;

@@ -1,25 +1,7 @@
 //! How bytes get to the board and back.
 
 use crate::failure::Failure;
-use crate::plant::Setting;
-use serde::Deserialize;
-
-/// What really happens in an emulated rig. SI units.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
-pub struct Truth {
-    /// Emulated time.
-    pub t_s: f64,
-    /// Gap between the clamps.
-    pub gap_m: f64,
-    /// Twist of the strings.
-    pub twist_rad: f64,
-    /// Weight on the rail.
-    pub load_n: f64,
-    /// Tension of one string.
-    pub string_tension_n: f64,
-    /// Speed of the motor shaft.
-    pub motor_speed_rad_per_s: f64,
-}
+use sim_link::{Fault, PlantChange, Stats, Truth};
 
 /// What came back in one step.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -30,21 +12,6 @@ pub struct Received {
     pub truth: Vec<Truth>,
     /// The firmware's own log; empty on a real rig.
     pub log: Vec<String>,
-}
-
-/// What the firmware cost on the emulated board.
-#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
-pub struct Stats {
-    /// Mean instructions of a control tick.
-    pub instructions_per_tick_mean: f64,
-    /// Most instructions of a control tick.
-    pub instructions_per_tick_max: f64,
-    /// The model that the emulated mechanism runs on.
-    pub plant_tier: String,
-    /// Share of the time that the core was not asleep.
-    pub core_busy: f64,
-    /// Most bytes on the stack.
-    pub stack_high_water_bytes: u64,
 }
 
 /// A way to the board.
@@ -69,20 +36,14 @@ pub trait Emulated {
     /// Changes the plant.
     ///
     /// # Errors
-    /// If the key cannot change while the rig runs.
-    fn plant(&mut self, setting: &Setting) -> Result<(), Failure>;
-
-    /// Whether the plant could be changed so while the rig runs. Changes nothing.
-    ///
-    /// # Errors
-    /// If the key cannot change while the rig runs, or not to this value.
-    fn check_plant(&mut self, setting: &Setting) -> Result<(), Failure>;
+    /// If the key cannot change while the rig runs, or the emulator is gone.
+    fn plant(&mut self, change: PlantChange) -> Result<(), Failure>;
 
     /// Begins or ends a fault.
     ///
     /// # Errors
-    /// If the rig does not know it.
-    fn fault(&mut self, name: &str, on: bool) -> Result<(), Failure>;
+    /// If the rig cannot have it, or the emulator is gone.
+    fn fault(&mut self, fault: Fault, on: bool) -> Result<(), Failure>;
 
     /// Takes the board's power away for a moment.
     ///

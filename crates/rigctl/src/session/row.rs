@@ -1,8 +1,8 @@
 //! One line of telemetry: what the board says, and on an emulated rig what is true at the same time.
 
-use super::port::Truth;
 use rig_link::Telemetry;
 use serde::Serialize;
+use sim_link::Truth;
 
 /// Keys and order of the host tool's contract. SI units; `None` prints as null.
 #[derive(Clone, Debug, PartialEq, Serialize)]

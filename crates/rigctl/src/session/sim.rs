@@ -2,12 +2,10 @@
 //! the same seed and the same requests give the same bytes.
 
 use super::interrupt;
-use super::port::{Emulated, Port, Received, Stats, Truth};
+use super::port::{Emulated, Port, Received};
 use crate::failure::Failure;
-use crate::plant::Setting;
 use anyhow::{Context, anyhow};
-use serde::Deserialize;
-use serde_json::{Value, json};
+use sim_link::{Answer, Fault, PlantChange, Request, Stats};
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
@@ -21,7 +19,7 @@ pub struct SimOptions {
     /// Scene that the rig is built by.
     pub scene: PathBuf,
     /// What the firmware is not told.
-    pub plant: Vec<Setting>,
+    pub plant: Vec<PlantChange>,
     /// Seed of all noise.
     pub seed: u64,
     /// File that keeps the board's flash; without it the board is a new one.
@@ -45,14 +43,6 @@ pub struct Sim {
     input: ChildStdin,
     output: BufReader<ChildStdout>,
     now_s: f64,
-}
-
-#[derive(Deserialize)]
-struct RunAnswer {
-    t_s: f64,
-    uart: String,
-    truth: Vec<Truth>,
-    log: Vec<String>,
 }
 
 /// Beside our own executable, or one folder up from it, where the examples of a lab's own have it.
@@ -104,9 +94,8 @@ impl Sim {
                 command.arg("--gdb-wait");
             }
         }
-        for setting in &options.plant {
-            // A bare number is SI on the other side too.
-            command.arg("--plant").arg(format!("{}={}", setting.key, setting.value));
+        for change in &options.plant {
+            command.arg("--plant").arg(change.to_string());
         }
         // Ctrl-C is for this tool, which stops the emulated board as it would a real one.
         #[cfg(unix)]
@@ -127,34 +116,36 @@ impl Sim {
         Ok(sim)
     }
 
-    fn ask(&mut self, request: &Value) -> Result<Value, Failure> {
+    fn ask(&mut self, request: &Request) -> Result<Answer, Failure> {
         // A child that refused its arguments has said so on standard error, which is ours.
         let gone = || Failure::failed("the emulator has stopped");
-        writeln!(self.input, "{request}").map_err(|_| gone())?;
+        writeln!(self.input, "{}", serde_json::to_string(request)?).map_err(|_| gone())?;
         self.input.flush().map_err(|_| gone())?;
         let mut line = String::new();
         if self.output.read_line(&mut line)? == 0 {
             return Err(gone());
         }
-        let mut answer: Value = serde_json::from_str(&line).context("the emulator's answer")?;
-        if let Some(error) = answer.get("error") {
-            let text = |key: &str| error.get(key).and_then(Value::as_str).unwrap_or("?").to_string();
-            return Err(anyhow!("emulator ({}): {}", text("kind"), text("message")).into());
+        match serde_json::from_str(&line).context("the emulator's answer")? {
+            Answer::Error { kind, message } => Err(anyhow!("emulator ({kind}): {message}").into()),
+            answer => Ok(answer),
         }
-        Ok(answer.take())
     }
+}
+
+/// The emulator answers each kind of request in its own way; anything else is an emulator of another version.
+fn unexpected(answer: &Answer) -> Failure {
+    Failure::failed(format!("the emulator answers {answer:?}: build both programs again with `cargo xtask build`"))
 }
 
 impl Port for Sim {
     fn pass(&mut self, bytes: &[u8], seconds: f64) -> Result<Received, Failure> {
-        let uart: String = bytes.iter().map(|b| format!("{b:02x}")).collect();
-        let answer = self.ask(&json!({"op": "run", "until_s": self.now_s + seconds, "uart": uart}))?;
-        let answer: RunAnswer = serde_json::from_value(answer).context("the emulator's answer to `run`")?;
-        self.now_s = answer.t_s;
-        let digits = answer.uart.as_bytes();
-        let byte = |pair: &[u8]| std::str::from_utf8(pair).ok().and_then(|p| u8::from_str_radix(p, 16).ok());
-        let bytes = digits.chunks(2).map(byte).collect::<Option<_>>().context("hexadecimal from the emulator")?;
-        Ok(Received { bytes, truth: answer.truth, log: answer.log })
+        match self.ask(&Request::Run { until_s: self.now_s + seconds, uart: bytes.to_vec() })? {
+            Answer::Run(run) => {
+                self.now_s = run.t_s;
+                Ok(Received { bytes: run.uart, truth: run.truth, log: run.log })
+            }
+            answer => Err(unexpected(&answer)),
+        }
     }
 
     fn now_s(&self) -> f64 {
@@ -167,26 +158,23 @@ impl Port for Sim {
 }
 
 impl Emulated for Sim {
-    fn check_plant(&mut self, setting: &Setting) -> Result<(), Failure> {
-        let request = json!({"op": "plant", "key": setting.key, "value": setting.value.to_string(), "check": true});
-        self.ask(&request).map(drop)
+    fn plant(&mut self, change: PlantChange) -> Result<(), Failure> {
+        self.ask(&Request::Plant(change)).map(drop)
     }
 
-    fn plant(&mut self, setting: &Setting) -> Result<(), Failure> {
-        self.ask(&json!({"op": "plant", "key": setting.key, "value": setting.value.to_string()})).map(drop)
-    }
-
-    fn fault(&mut self, name: &str, on: bool) -> Result<(), Failure> {
-        self.ask(&json!({"op": "fault", "name": name, "on": on})).map(drop)
+    fn fault(&mut self, fault: Fault, on: bool) -> Result<(), Failure> {
+        self.ask(&Request::Fault { fault, on }).map(drop)
     }
 
     fn power_cycle(&mut self) -> Result<(), Failure> {
-        self.ask(&json!({"op": "power-cycle"})).map(drop)
+        self.ask(&Request::PowerCycle).map(drop)
     }
 
     fn stats(&mut self) -> Result<Stats, Failure> {
-        let answer = self.ask(&json!({"op": "stats"}))?;
-        Ok(serde_json::from_value(answer).context("the emulator's statistics")?)
+        match self.ask(&Request::Stats)? {
+            Answer::Stats(stats) => Ok(stats),
+            answer => Err(unexpected(&answer)),
+        }
     }
 }
 

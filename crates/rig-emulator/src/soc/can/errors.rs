@@ -4,7 +4,7 @@
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Lec {
-    /// Nobody acknowledged.
+    /// No node acknowledged.
     Acknowledge = 3,
     /// A recessive bit read back as dominant.
     BitRecessive = 4,
@@ -22,14 +22,14 @@ pub struct Errors {
     lec: u32,
     off: bool,
     interrupt: bool,
-    /// ESR when the interrupt flag was last worked out.
+    /// ESR when the interrupt flag was last computed.
     seen: u32,
     /// An error code came since then.
     fresh: bool,
 }
 
 impl Errors {
-    /// A frame of ours was acknowledged.
+    /// An own frame was acknowledged.
     pub fn transmitted(&mut self) {
         self.transmit = self.transmit.saturating_sub(1);
         self.lec = 0;
@@ -48,7 +48,7 @@ impl Errors {
         *self = Self { interrupt: self.interrupt, ..Self::default() };
     }
 
-    /// A frame of ours failed.
+    /// An own frame failed.
     pub fn transmit_error(&mut self, code: Lec) {
         self.lec = code as u32;
         self.fresh = true;

@@ -4,8 +4,8 @@
 //! - `transmit`: mailboxes. - `receive`: FIFOs. - `filter`: acceptance filters.
 //! - `errors`: error counters and bus-off.
 //!
-//! Other nodes' frames and the controller's own share the bus: one frame at a time, the lower identifier first. The board
-//! decides what becomes of a frame. Time-triggered transmission and receive errors are not modelled.
+//! Other nodes' frames and the controller's own share the bus: one frame at a time, the lower identifier first. The
+//! board decides what becomes of a frame. Time-triggered transmission and receive errors are not modelled.
 
 mod errors;
 mod filter;
@@ -45,7 +45,7 @@ const ABOM: u32 = 1 << 6;
 const LBKM: u32 = 1 << 30;
 const SILM: u32 = 1 << 31;
 
-/// In place of a cycle: the controller listens for a quiet bus that has not begun.
+/// In place of a cycle: the controller listens for a quiet bus, and the quiet has not begun.
 const LISTENING: u64 = NEVER - 1;
 
 /// Recessive bits that a node has to see before it takes part.
@@ -61,10 +61,10 @@ const AFTER_ACK: u64 = 8;
 /// Where in a frame a disturbed bus is noticed: somewhere in the arbitration field.
 const DISTURBED_BITS: u64 = 12;
 
-/// Who has the bus.
+/// Which node has the bus.
 #[derive(Clone, Copy, Debug)]
 enum Bus {
-    /// Nobody, from this cycle on.
+    /// None, from this cycle on.
     Free(u64),
     /// The controller, until this cycle.
     Own(u64, usize, CanFrame),
@@ -84,7 +84,7 @@ pub struct Can {
     mailboxes: Mailboxes,
     fifos: [Fifo; 2],
     filters: Filters,
-    /// Broken inside: nothing that it hears gets to the FIFOs.
+    /// Broken inside: no frame that it receives gets to the FIFOs.
     numb: bool,
     /// The controller takes part in the bus from this cycle on; `NEVER` in initialisation and sleep, or [`LISTENING`].
     joined_at: u64,
@@ -107,7 +107,7 @@ pub struct Can {
 pub struct Line {
     /// Held dominant: a shorted bus, or a transceiver without its supply.
     pub dominant: bool,
-    /// Nothing is connected: the pin's own pull decides, and without one it is taken for dominant, the worse chance.
+    /// Nothing is connected: the pin's own pull decides. Without one it counts as dominant, the worse case.
     pub open: bool,
 }
 
@@ -150,7 +150,7 @@ impl Can {
     /// HCLK cycles in a bit.
     fn bit(&self, clock: &Clock) -> u64 {
         if self.joined_at == NEVER {
-            // Not configured yet: other nodes talk at the rate of the rig's bus.
+            // Not configured yet: other nodes send at the rate of the rig's bus.
             return clock.span(1e-6).max(1);
         }
         let quanta = 3 + u64::from(self.btr >> 16 & 0xF) + u64::from(self.btr >> 20 & 7);
@@ -259,7 +259,7 @@ impl Can {
         self.btr & (SILM | LBKM) == SILM
     }
 
-    /// What would go wrong on the chip with a frame that comes or goes.
+    /// Reports what would go wrong on the chip with a frame that is received or sent.
     fn check_set_up(&self, wires: &mut Wires<'_>) {
         if self.mcr & TTCM != 0 {
             wires.faults.feature("CAN1", "time-triggered communication (TTCM), which the errata advise against");
@@ -296,8 +296,8 @@ impl Can {
 
     fn sent(&mut self, end: u64, index: usize, frame: &CanFrame, wires: &mut Wires<'_>) {
         let bit = self.bit(wires.clock);
-        // Silent, it keeps TX recessive: the bus sees nothing. What RX does not read back is a bit error: nobody else sees
-        // the whole frame.
+        // In silent mode TX stays recessive: the bus sees nothing. A bit that RX does not read back is a bit error, and
+        // no other node sees the whole frame.
         let mut outcome = if self.btr & SILM != 0 {
             CanOutcome::Acknowledged
         } else if self.deaf() {
@@ -306,7 +306,7 @@ impl Can {
             wires.board.can_tx(wires.clock.seconds_at(end), frame)
         };
         if self.btr & LBKM != 0 {
-            // In loop-back the controller ignores the ACK slot and hears itself.
+            // In loop-back the controller ignores the ACK slot and receives its own frames.
             outcome = CanOutcome::Acknowledged;
             self.accept(frame, end, wires.clock);
         }
@@ -342,7 +342,7 @@ impl Can {
         self.bus = Bus::Free((free_at + suspend).max(end));
     }
 
-    /// From now on nothing that it hears gets to the FIFOs: the controller is broken.
+    /// From now on no frame that it receives gets to the FIFOs: the controller is broken.
     pub fn numb(&mut self) {
         self.numb = true;
     }

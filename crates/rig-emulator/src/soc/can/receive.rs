@@ -22,7 +22,8 @@ pub struct Fifo {
 }
 
 impl Fifo {
-    /// A frame has passed the filters. With `locked` (RFLM) a full FIFO keeps its oldest frames, otherwise the newest goes.
+    /// A frame has passed the filters. With `locked` (RFLM) a full FIFO keeps its oldest frames, otherwise the newest
+    /// goes.
     pub fn push(&mut self, frame: CanFrame, match_index: u8, time: u16, locked: bool) {
         let received = Received { frame, match_index, time };
         if self.frames.len() == DEPTH {

@@ -58,7 +58,7 @@ pub struct Mailboxes {
 }
 
 impl Mailboxes {
-    /// The mailbox that goes next, and its frame: by identifier, or in order of request (`fifo`).
+    /// The mailbox that is sent next, and its frame: by identifier, or in order of request (`fifo`).
     pub fn next(&self, fifo: bool) -> Option<(usize, CanFrame)> {
         let waiting = (0..3).filter(|&i| self.boxes[i].pending() && self.boxes[i].status & ABRQ == 0);
         waiting.min_by_key(|&i| self.rank(i, fifo)).map(|i| (i, self.boxes[i].frame()))

@@ -10,9 +10,10 @@ pub const PAUSE: u64 = 3;
 /// Bit time of the other nodes (s), whose clocks are exact.
 const BIT_S: f64 = 1e-6;
 
-/// Whether a node with the bit timing `btr` and a bit of `bit_s` (s) receives what nodes at `BIT_S` send: the difference of
-/// both clocks is within twice what ISO 11898-1 allows each. With SJW, both phase segments and N quanta in a bit that is the
-/// lesser of SJW / 20 N and min(phase) / 2 (13 N - phase 2). The second phase segment is taken for the shorter one.
+/// Whether a node with the bit timing `btr` and a bit of `bit_s` (s) receives what nodes at `BIT_S` send: the
+/// difference of both clocks is within twice what ISO 11898-1 allows each. With SJW, both phase segments and N quanta
+/// in a bit that is the lesser of SJW / 20 N and min(phase) / 2 (13 N - phase 2). The second phase segment is taken for
+/// the shorter one.
 pub fn follows(btr: u32, bit_s: f64) -> bool {
     let field = |shift: u32, mask: u32| f64::from((btr >> shift & mask) + 1);
     let (jump, before, after) = (field(24, 3), field(16, 0xF), field(20, 7));

@@ -1,0 +1,157 @@
+//! What can be broken in an emulated rig, by the names that scripts use (docs/cli.md).
+
+use serde::{Deserialize, Serialize};
+
+/// Declares an enum with one name for each variant, and the list of all of them.
+macro_rules! named_faults {
+    ($(#[$doc:meta])* pub enum $name:ident { $($(#[$variant_doc:meta])* $variant:ident = $text:literal,)+ }) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum $name {
+            $($(#[$variant_doc])* $variant,)+
+        }
+
+        impl $name {
+            /// Every fault.
+            pub const ALL: &'static [Self] = &[$(Self::$variant),+];
+
+            /// The name as scripts write it.
+            pub const fn name(self) -> &'static str {
+                match self {
+                    $(Self::$variant => $text,)+
+                }
+            }
+        }
+    };
+}
+
+named_faults! {
+    /// A fault of the rig around the board. An event happens when it is switched on and cannot be taken back.
+    pub enum RigFault {
+        /// The drive's bus or serial wires are off: no acknowledge and no reports, while it goes on doing its last
+        /// command.
+        CanSilent = "can-silent",
+        /// The bus is shorted. A rig whose drive is on the serial line has none.
+        CanBusOff = "can-bus-off",
+        /// The drive goes into stall protection at once. An event.
+        DriveStall = "drive-stall",
+        /// Brown-out: the drive restarts. An event.
+        DriveReset = "drive-reset",
+        /// The microcontroller's encoder receiver stops following; the drive's own input does not.
+        EncoderStuck = "encoder-stuck",
+        /// The microcontroller's encoder receiver gains one motor turn. An event.
+        EncoderJump = "encoder-jump",
+        /// The microcontroller's encoder receiver loses every fifth count; the drive's own input does not.
+        EncoderSlip = "encoder-slip",
+        /// A motor lead is off: the drive turns nothing and measures no current.
+        MotorOpen = "motor-open",
+        /// LVDT lead open: reads 0 V.
+        LvdtOpen = "lvdt-open",
+        /// LVDT shorted to the supply: reads full scale.
+        LvdtShort = "lvdt-short",
+        /// LVDT with 2 mm rms of noise.
+        LvdtNoisy = "lvdt-noisy",
+        /// LVDT reads the same code for ever.
+        LvdtFrozen = "lvdt-frozen",
+        /// The string breaks, for good. An event.
+        StringBreak = "string-break",
+        /// The string slips 3 mm through its clamp, for good. An event.
+        StringSlip = "string-slip",
+        /// The emergency stop is pressed: PB5 high, motor lead on the brake resistor.
+        Estop = "estop",
+        /// The upper limit switch opens: PA8 high.
+        LimitSwitch = "limit-switch",
+    }
+}
+
+named_faults! {
+    /// A fault of the microcontroller and its board.
+    pub enum ChipFault {
+        /// A task never ends, and those below it do not run any more.
+        TaskHang = "task-hang",
+        /// The core runs into a fault and its handler. An event.
+        Crash = "crash",
+        /// The converter delivers no more samples.
+        AdcStall = "adc-stall",
+        /// The board's supply dips below the brown-out level. An event.
+        BrownOut = "brown-out",
+        /// The CAN transceiver's RX is dominant for ever.
+        CanDominant = "can-dominant",
+        /// The CAN transceiver's RX is not connected.
+        CanOpen = "can-open",
+        /// The host does not read the log any more.
+        RttStalled = "rtt-stalled",
+        /// The ST-LINK gives no 8 MHz clock.
+        NoHse = "no-hse",
+    }
+}
+
+/// Any fault that an emulated rig can have. It is serialized as its name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(into = "&'static str", try_from = "String")]
+pub enum Fault {
+    /// Of the rig around the board.
+    Rig(RigFault),
+    /// Of the microcontroller and its board.
+    Chip(ChipFault),
+}
+
+/// No fault has this name.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("no fault `{name}`; faults: {}", Fault::all().map(Fault::name).collect::<Vec<_>>().join(", "))]
+pub struct UnknownFault {
+    /// What was given.
+    pub name: String,
+}
+
+impl Fault {
+    /// Every fault, those of the rig first.
+    pub fn all() -> impl Iterator<Item = Self> {
+        let rig = RigFault::ALL.iter().copied().map(Self::Rig);
+        rig.chain(ChipFault::ALL.iter().copied().map(Self::Chip))
+    }
+
+    /// The name as scripts write it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Rig(fault) => fault.name(),
+            Self::Chip(fault) => fault.name(),
+        }
+    }
+}
+
+impl std::str::FromStr for Fault {
+    type Err = UnknownFault;
+
+    fn from_str(name: &str) -> Result<Self, UnknownFault> {
+        Self::all().find(|fault| fault.name() == name).ok_or_else(|| UnknownFault { name: name.to_owned() })
+    }
+}
+
+impl From<Fault> for &'static str {
+    fn from(fault: Fault) -> Self {
+        fault.name()
+    }
+}
+
+impl TryFrom<String> for Fault {
+    type Error = UnknownFault;
+
+    fn try_from(name: String) -> Result<Self, UnknownFault> {
+        name.parse()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_unique_and_come_back() {
+        for fault in Fault::all() {
+            assert_eq!(fault.name().parse(), Ok(fault));
+        }
+        let message = "lvdt".parse::<Fault>().expect_err("no fault").to_string();
+        assert!(message.contains("`lvdt`") && message.contains("lvdt-open") && message.contains("no-hse"), "{message}");
+    }
+}
