@@ -7,8 +7,8 @@ use crate::{Folders, firmware, programs, system, unused};
 use anyhow::{Result, bail};
 use std::process::Command;
 
-/// Every package except the firmware, which builds for the board only.
-const DESKTOP: [&str; 3] = ["--workspace", "--exclude", "tsa-firmware"];
+/// Every package except the two that build for the board only.
+const DESKTOP: [&str; 5] = ["--workspace", "--exclude", "tsa-firmware", "--exclude", "tsa-cost"];
 
 /// Builds `rigctl` and `rig-emulator`.
 pub fn build(folders: &Folders) -> Result<()> {
