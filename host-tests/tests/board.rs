@@ -7,7 +7,7 @@ use rig_link::PROTOCOL_HASH;
 use rig_link::messages::{
     Constants, EventKind, Fault, LoadChoice, Refusal, Request, ResetCause, Setting, State, TableRefusal,
 };
-use rigctl::commands::rebuild::constants;
+use rigctl::session::table::constants;
 use sim_link::RigFault;
 
 const MOVE: Request = Request::Move { target_m: 0.012, speed_m_per_s: 0.002, load: LoadChoice::Auto };

@@ -84,7 +84,6 @@ fn take(sequence: u16, request: Request, greeted: &mut bool, newest: &mut Newest
         Request::Move { load: LoadChoice::Auto | LoadChoice::Known(_), .. }
         | Request::Home
         | Request::Jog { .. }
-        | Request::Hold
         | Request::Clear
         | Request::Rebuild(_)
         | Request::SetSetting { .. }

@@ -10,7 +10,7 @@ use std::process::Command;
 /// Name of the root package and of its main image.
 pub const PACKAGE: &str = "tsa-firmware";
 
-/// The package and image in which the cost of every way to evaluate the mechanism is counted.
+/// The package and image that measures the cost of each method of evaluating the mechanism.
 const COST: &str = "tsa-cost";
 
 /// Name of the image that tests a board without a rig.
@@ -62,7 +62,7 @@ pub fn build_study(folders: &Folders, toolchain: &Toolchain, study: &str, image:
     Ok(())
 }
 
-/// Builds the image that counts costs (`crates/lab/cost-image`).
+/// Builds the image that measures costs (`crates/lab/cost-image`).
 pub fn build_cost(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
     built(&mut cargo(folders, toolchain, COST, COST), folders, toolchain, COST, IMAGES).map(drop)
 }
@@ -72,7 +72,7 @@ pub fn build_selftest(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
     built(&mut cargo(folders, toolchain, PACKAGE, SELFTEST), folders, toolchain, SELFTEST, IMAGES).map(drop)
 }
 
-/// The command that builds one of a package's images.
+/// The command that builds one image of a package.
 fn cargo(folders: &Folders, toolchain: &Toolchain, package: &str, name: &str) -> Command {
     let mut cargo = toolchain.cargo(folders, "build");
     cargo.args(["--package", package, "--profile", "firmware", "--bin", name]);
@@ -96,9 +96,9 @@ fn built(
     Ok(image)
 }
 
-/// Lints the images; a toolchain without clippy still fails on every warning.
+/// Lints the images. With a toolchain without clippy, warnings of the compiler are errors.
 pub fn lint(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
-    // In the image's own profile: the build scripts behind it are then built once.
+    // In the images' profile, so that their build scripts are built once.
     let what = ["--package", PACKAGE, "--package", COST, "--profile", "firmware"];
     if toolchain.has_clippy() {
         return run(toolchain.cargo(folders, "clippy").args(what).args(["--", "-D", "warnings"]));

@@ -102,7 +102,7 @@ fn map_name(map: Option<LoadMap>) -> String {
 }
 
 impl TableReport {
-    /// The report on a scene's table. It fits the other forms too, which the board does not use.
+    /// Of a scene and its table. It fits the other forms too, which the board does not use.
     ///
     /// # Errors
     /// If the scene has no demand on a table, or the envelope breaks the model.

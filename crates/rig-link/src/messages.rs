@@ -48,8 +48,6 @@ pub enum Request {
     },
     /// Ramp down and hold. Accepted in every state; goes before whatever else waits, which is refused.
     Stop,
-    /// Hold the present position in closed loop.
-    Hold,
     /// Clear a latched fault whose cause has gone.
     Clear,
     /// Send the identity again.
@@ -385,7 +383,7 @@ pub enum EventKind {
         /// Measured position minus target (m).
         error_m: f32,
     },
-    /// A motion ended before its target, by `Stop` or `Hold`.
+    /// A motion ended before its target, by `Stop`.
     Stopped,
     /// A fault was latched.
     FaultRaised(Fault),

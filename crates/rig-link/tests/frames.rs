@@ -30,7 +30,6 @@ fn request() -> impl Strategy<Value = Request> {
         }),
         float().prop_map(|twist_speed_rad_per_s| Request::Jog { twist_speed_rad_per_s }),
         Just(Request::Stop),
-        Just(Request::Hold),
         Just(Request::Clear),
         Just(Request::Status),
         constants().prop_map(Request::Rebuild),

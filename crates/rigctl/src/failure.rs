@@ -1,8 +1,13 @@
 //! How a command fails, and with which exit code.
 
-use crate::batch::RowError;
-use crate::commands::operate::HomingFailed;
 use crate::output::ReaderGone;
+use lab::ErrorBody;
+use rig_link::HomingFailure;
+
+/// A homing that failed, by the name that `docs/faults.md` explains.
+#[derive(Clone, Copy, Debug, thiserror::Error)]
+#[error("homing failed: {0} (docs/faults.md, \"Homing that fails\")")]
+pub struct HomingFailed(pub HomingFailure);
 
 /// A failed command.
 #[derive(Debug)]
@@ -11,7 +16,7 @@ pub enum Failure {
     Usage(String),
     /// Refused or failed: exit code 1.
     Failed(anyhow::Error),
-    /// Failed, and already said on standard error: exit code 1.
+    /// Failed, and already reported: exit code 1.
     Reported,
 }
 
@@ -26,21 +31,21 @@ impl Failure {
         match self {
             Self::Usage(message) => anyhow::Error::msg(message),
             Self::Failed(error) => error,
-            Self::Reported => anyhow::Error::msg("failed, and already said"),
+            Self::Reported => anyhow::Error::msg("failed, and already reported"),
         }
     }
 
-    /// What to print, with its causes.
+    /// The message with its causes.
     pub fn message(&self) -> Option<String> {
         match self {
             Self::Usage(message) => Some(message.clone()),
             Self::Failed(error) => {
                 let mut text = String::new();
-                // Some errors tell their causes themselves.
+                // Some errors name their causes in their own message.
                 for cause in error.chain().map(ToString::to_string) {
                     match text.as_str() {
                         "" => text = cause,
-                        told if told.contains(cause.trim()) => {}
+                        message if message.contains(cause.trim()) => {}
                         _ => text += &format!(": {cause}"),
                     }
                 }
@@ -50,15 +55,15 @@ impl Failure {
         }
     }
 
-    /// What programs are told of it besides the message: why a homing failed.
+    /// The object that `--json` prints besides the message: why a homing failed.
     pub fn object(&self) -> Option<serde_json::Value> {
         let Self::Failed(error) = self else { return None };
         let HomingFailed(why) = error.downcast_ref()?;
-        let error = RowError::new("homing-failed", error).error;
+        let error = ErrorBody { kind: "homing-failed".into(), message: error.to_string() };
         Some(serde_json::json!({ "error": error, "homing_failure": why.name() }))
     }
 
-    /// Whether the reader of our standard output has gone; a serial line that has gone is another matter.
+    /// Whether the reader of our standard output has gone, as opposed to a serial line.
     pub fn is_reader_gone(&self) -> bool {
         let Self::Failed(error) = self else { return false };
         error.downcast_ref::<std::io::Error>().and_then(std::io::Error::get_ref).is_some_and(|e| e.is::<ReaderGone>())
@@ -90,13 +95,13 @@ mod tests {
         }
     }
 
-    /// What a command says of an output that fails like this.
+    /// The failure of a command whose output fails like this.
     fn failed(how: fn() -> Error) -> Failure {
         Output::new(false, Box::new(Gone(how))).line("x").expect_err("it fails").into()
     }
 
     #[test]
-    fn a_line_that_is_lost_is_no_reader_that_has_seen_enough() {
+    fn a_lost_serial_line_is_not_a_reader_that_has_gone() {
         assert!(failed(|| Error::new(ErrorKind::BrokenPipe, ReaderGone)).is_reader_gone());
         assert!(!failed(|| ErrorKind::StorageFull.into()).is_reader_gone());
         let line: Result<(), Error> = Err(ErrorKind::BrokenPipe.into());
@@ -106,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn what_an_error_tells_itself_is_not_told_again() {
+    fn a_cause_that_an_error_names_itself_is_not_repeated() {
         let scene = rig_scene::Scene::load("no-such.toml").expect_err("no such file");
         let message = Failure::from(scene).message().unwrap_or_default();
         assert_eq!(message.matches("os error 2").count(), 1, "{message}");

@@ -1,20 +1,24 @@
 //! The rig's host tool: solves and looks up on the desktop, runs the firmware on the emulated board, drives the rig.
 //!
-//! - [`cli`]: the command line; [`commands`]: what each command does; [`batch`]: files of loads and turns.
-//! - [`units`], [`range`], [`script`]: text from the operator, checked and turned into SI.
-//! - [`settings`]: the board's settings as text and as a file.
-//! - [`session`]: a conversation with the firmware, emulated or real; [`log`]: one recorded, [`replay`]: through the controller again.
-//! - [`screen`]: the live view.
-//! - [`output`]: human or JSON, never both on standard output; [`failure`]: exit codes.
+//! From the command line down; no layer knows one above it:
 //!
-//! An experiment of a lab's own, on the emulated board or (`Serial::open("/dev/ttyACM0")`) a real one:
+//! - [`cli`]: the commands with their help; [`commands`]: what each of them does.
+//! - [`options`]: the operator's options as values.
+//! - [`play`]: a script on a board; [`diagnosis`]: the checks of `doctor`; [`recorded_move`], [`figure`]: what `demo`,
+//!   `report` and `chart` make; [`screen`]: the live view; [`backup`]: the file of a settings backup.
+//! - [`log`]: a recorded conversation; [`replay`]: a log through the controller again; [`identify`]: constants from logs.
+//! - [`script`]: scripts; [`board_settings`]: settings as text; [`calibration`]: the LVDT by points.
+//! - [`session`]: a conversation with the firmware, emulated or real: connect, home, move.
+//! - [`batch`], [`range`], [`units`], [`scene_file`]: text and files from the operator, checked and in SI.
+//! - [`output`]: lines or JSON, never both on standard output; [`out_file`]: files; [`failure`]: exit codes.
+//!
+//! An experiment of your own, on the emulated board or (`Serial::open("/dev/ttyACM0")`) a real one:
 //!
 //! ```no_run
 //! use rig_link::LoadChoice;
-//! use rigctl::commands::operate::{home_session, move_session};
 //! use rigctl::failure::Failure;
-//! use rigctl::session::Session;
 //! use rigctl::session::sim::{Sim, SimOptions};
+//! use rigctl::session::{Session, homing, motion};
 //!
 //! fn main() -> anyhow::Result<()> {
 //!     experiment().map_err(Failure::into_error)
@@ -25,9 +29,9 @@
 //!     let options = SimOptions { firmware: None, scene, plant: vec!["load=1kg".parse()?], seed: 1, flash: None, gdb: None };
 //!     let mut session = Session::new(Box::new(Sim::start(&options)?));
 //!     session.hello()?;
-//!     let homed = home_session(&mut session, |_| {})?;
+//!     let homed = homing::home(&mut session, |_| {})?;
 //!     for to_m in [0.002, 0.004, 0.008] {
-//!         let end = move_session(&mut session, to_m, 2e-3, LoadChoice::Auto, |_row| {})?;
+//!         let end = motion::move_to(&mut session, to_m, 2e-3, LoadChoice::Auto, |_row| {})?;
 //!         println!("{} N at {:.3} mm: {} rad/mm", homed.load_n, end.position_m * 1e3, end.tr_end_rad_per_m * 1e-3);
 //!     }
 //!     Ok(())
@@ -36,19 +40,28 @@
 
 #![forbid(unsafe_code)]
 
+pub mod backup;
 pub mod batch;
+pub mod board_settings;
+pub mod calibration;
 pub mod cli;
 pub mod commands;
+pub mod diagnosis;
 pub mod failure;
+pub mod figure;
 pub mod identify;
 pub mod log;
+pub mod options;
+pub mod out_file;
 pub mod output;
+pub mod play;
 pub mod range;
+pub mod recorded_move;
 pub mod replay;
+pub mod scene_file;
 pub mod screen;
 pub mod script;
 pub mod session;
-pub mod settings;
 
 pub use sim_link::units;
 
@@ -57,7 +70,7 @@ use failure::Failure;
 use std::ffi::OsString;
 use std::process::ExitCode;
 
-/// Runs the tool with these arguments and says how it ended: 0, 1 for refused or failed, 2 for wrong usage.
+/// Runs the tool with these arguments and returns its exit code: 0, 1 for refused or failed, 2 for wrong usage.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let cli = match cli::Cli::try_parse_from(arguments) {
         Ok(cli) => cli,
@@ -68,10 +81,10 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         }
     };
     let mut output = output::Output::stdout(cli.global.json);
-    let result = commands::run(&cli, &mut output).and_then(|()| Ok(output.flush()?));
+    let result = cli::dispatch::run(&cli, &mut output).and_then(|()| Ok(output.flush()?));
     match result {
         Ok(()) => ExitCode::SUCCESS,
-        // Whoever reads has seen enough (`rigctl … | head`).
+        // The reader has gone (`rigctl … | head`).
         Err(failure) if failure.is_reader_gone() => ExitCode::SUCCESS,
         Err(failure) => {
             let _ = failure.object().map_or(Ok(()), |object| output.object(&object));

@@ -1,8 +1,10 @@
-//! Scripts for the emulated rig: one event a line, `<seconds since boot> <event>`, `#` starts a comment.
+//! Scripts for a rig: one event a line, `<seconds since boot> <event>`, `#` starts a comment.
 
+use crate::failure::Failure;
 use crate::units::{self, Quantity};
 use rig_link::{LoadChoice, Request};
 use sim_link::{Fault, PlantChange, PlantError};
+use std::path::Path;
 
 /// Speed of a move that names none (m/s).
 pub const DEFAULT_SPEED_M_PER_S: f64 = 2e-3;
@@ -10,7 +12,7 @@ pub const DEFAULT_SPEED_M_PER_S: f64 = 2e-3;
 const EVENTS: &str = "home, move P [speed=V] [load=auto|L], jog V, stop, hold, clear, status, config set NAME VALUE, \
                       plant KEY=VALUE, fault NAME [off], end";
 
-/// What a script can hold, for the help of what plays one.
+/// The events and faults of a script, for the help of the commands that play one.
 pub fn help() -> String {
     format!("Events of a script (`#` starts a comment): {EVENTS}\nFaults: {}", fault_names())
 }
@@ -28,7 +30,7 @@ pub enum ScriptFault {
     PowerCycle,
 }
 
-/// Faults of the way between host and board, and of the board's power.
+/// Faults of the link between host and board, and of the board's power.
 const OWN_FAULTS: [(&str, ScriptFault); 3] = [
     ("host-silent", ScriptFault::HostSilent),
     ("link-noise", ScriptFault::LinkNoise),
@@ -82,9 +84,19 @@ pub struct ScriptError {
 }
 
 impl Script {
-    /// A script in which nothing happens.
+    /// A script without events.
     pub fn idle(end_s: f64) -> Self {
         Self { events: Vec::new(), end_s }
+    }
+
+    /// Reads a script file, and returns its text as well.
+    ///
+    /// # Errors
+    /// Naming file and line.
+    pub fn load(path: &Path) -> Result<(Self, String), Failure> {
+        let wrong = |what: String| Failure::failed(format!("script {}: {what}", path.display()));
+        let text = rig_scene::files::read_to_string(path).map_err(|e| wrong(e.to_string()))?;
+        Ok((Self::parse(&text).map_err(|e| wrong(e.to_string()))?, text))
     }
 
     /// Reads a script.
@@ -127,8 +139,7 @@ impl Script {
 fn action(words: &[&str]) -> Result<Action, String> {
     Ok(match words {
         ["home"] => Action::Command(Request::Home),
-        ["stop"] => Action::Command(Request::Stop),
-        ["hold"] => Action::Command(Request::Hold),
+        ["stop" | "hold"] => Action::Command(Request::Stop),
         ["clear"] => Action::Command(Request::Clear),
         ["status"] => Action::Command(Request::Status),
         ["jog", speed] => {
@@ -137,8 +148,8 @@ fn action(words: &[&str]) -> Result<Action, String> {
         }
         ["move", target, options @ ..] => Action::Command(move_request(target, options)?),
         ["config", "set", name, value] => {
-            let setting = crate::settings::named(name)?;
-            let value = crate::settings::value(setting, value).map_err(|e| e.to_string())?;
+            let setting = crate::board_settings::named(name)?;
+            let value = crate::board_settings::value(setting, value).map_err(|e| e.to_string())?;
             Action::Command(Request::SetSetting { setting, value })
         }
         ["plant", change] => Action::Plant(change.parse().map_err(|e: PlantError| e.to_string())?),
@@ -160,7 +171,7 @@ fn move_request(target: &str, options: &[&str]) -> Result<Request, String> {
     for (k, option) in options.iter().enumerate() {
         let name = option.split_once('=').map(|(name, _)| name);
         if options[..k].iter().any(|o| o.split_once('=').map(|(name, _)| name) == name) {
-            return Err(format!("`{option}`: {} is said twice", name.unwrap_or_default()));
+            return Err(format!("`{option}`: {} is given twice", name.unwrap_or_default()));
         }
         match option.split_once('=') {
             Some(("speed", text)) => {
@@ -173,10 +184,10 @@ fn move_request(target: &str, options: &[&str]) -> Result<Request, String> {
     Ok(Request::Move { target_m: target as f32, speed_m_per_s: speed as f32, load })
 }
 
-/// A request in the words of a script.
+/// The request that an event of a script names.
 ///
 /// # Errors
-/// If it is none, in words.
+/// If it names none, in words.
 pub fn request(text: &str) -> Result<Request, String> {
     match action(&text.split_whitespace().collect::<Vec<_>>())? {
         Action::Command(request) => Ok(request),
@@ -184,12 +195,11 @@ pub fn request(text: &str) -> Result<Request, String> {
     }
 }
 
-/// What a script would call a request; none for those that a script does not have.
+/// A request as an event of a script; none for requests that a script does not have.
 pub fn text(request: &Request) -> Option<String> {
     Some(match request {
         Request::Home => "home".into(),
         Request::Stop => "stop".into(),
-        Request::Hold => "hold".into(),
         Request::Clear => "clear".into(),
         Request::Jog { twist_speed_rad_per_s } => format!("jog {twist_speed_rad_per_s}"),
         Request::Move { target_m, speed_m_per_s, load } => {
@@ -271,7 +281,7 @@ mod tests {
             ("\n1 move 5kg\n2 end", 2, "move"),
             ("1 move 5mm speed=2\n2 move 5mm sped=1\n3 end", 2, "sped"),
             ("1 move 5mm load=x\n2 end", 1, "auto"),
-            ("1 move 5mm speed=2mm/s speed=3mm/s\n2 end", 1, "speed is said twice"),
+            ("1 move 5mm speed=2mm/s speed=3mm/s\n2 end", 1, "speed is given twice"),
             ("1 plant weight=5\n2 end", 1, "weight"),
             ("1 fault fire\n2 end", 1, "fire"),
             ("1 config set lvdt-gian 1\n2 end", 1, "lvdt-gain"),

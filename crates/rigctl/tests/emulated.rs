@@ -223,7 +223,7 @@ fn a_script_with_a_refused_command_fails_and_counts_it() {
 }
 
 #[test]
-fn a_home_in_a_script_waits_for_the_boards_start() {
+fn commands_of_a_script_wait_for_the_boards_start() {
     for (name, script, from_s) in
         [("early", "0 home\n6 end\n", 0.0), ("cycle", "4 fault power-cycle\n4 home\n10 end\n", 4.0)]
     {
@@ -234,7 +234,15 @@ fn a_home_in_a_script_waits_for_the_boards_start() {
         let homing = rows.iter().find(|row| row["state"] == "homing").unwrap_or_else(|| panic!("{name}: no homing"));
         assert!(homing["t_s"].as_f64().is_some_and(|t_s| t_s > from_s + 1.0), "{homing}");
     }
-    // A stop takes it back, and one that never was sent is told.
+    // Every command waits, in the order of the script.
+    let output = play("both", "0 home\n0.1 config set speed-max 3mm/s\n0.2 move 1mm\n6 end\n", &["--json"]);
+    let said = error_of(&output);
+    for (line, command) in [(1, "home"), (2, "config"), (3, "move")] {
+        assert!(said.contains(&format!("line {line}: {command} waits until the board has started")), "{said}");
+    }
+    assert!(!said.contains("line 1: refused") && said.contains("line 2: refused: not possible while homing"), "{said}");
+    assert!(said.ends_with("error: 2 commands of the script were refused\n"), "{said}");
+    // A stop cancels what waits, and a command that never was sent counts as refused.
     let output = play("stopped", "0 home\n0.5 stop\n6 end\n", &["--json"]);
     assert!(lines(&output).iter().all(|row| row["state"] != "homing"));
     let output = play("never", "0 home\n1 end\n", &["--json"]);

@@ -99,6 +99,23 @@ fn a_record_without_a_file_goes_to_standard_output_and_its_errors_name_what_is_w
 }
 
 #[test]
+fn a_record_whose_script_was_refused_is_whole_and_fails() {
+    let (script, log) = (file("refused.script"), file("refused.csv"));
+    std::fs::write(&script, "0 hold\n2.5 move 5mm\n3 end\n").expect("written");
+    let output = rigctl(&["record", "--script", text(&script), "--out", text(&log)]);
+    assert_eq!(output.status.code(), Some(1), "{}", error_of(&output));
+    assert!(error_of(&output).contains("script line 2: refused: "), "{}", error_of(&output));
+    assert!(
+        error_of(&output).ends_with(" of the script were refused\n")
+            || error_of(&output).ends_with(" of the script was refused\n")
+    );
+    Log::load(&log).and_then(|log| log.whole().map_err(|e| e.to_string())).expect("a whole log");
+    for path in [script, log] {
+        std::fs::remove_file(path).expect("was there");
+    }
+}
+
+#[test]
 fn a_file_that_is_there_is_not_lost_to_a_new_one() {
     let kept = file("kept.csv");
     let beside = kept.with_extension("csv~");
@@ -238,7 +255,9 @@ fn a_log_holds_the_calibration_and_is_replayed_and_restored_with_it() {
     assert!(planned[0]["setpoint_m"].as_f64().is_some_and(|p| (p + 0.002).abs() < 1e-7), "{:?}", planned.first());
     let last = planned.last().and_then(|row| row["setpoint_m"].as_f64());
     assert!(last.is_some_and(|p| (p + 0.001).abs() < 1e-7), "{planned:?}");
-    for (arguments, named) in [(&plan[..6], "to is -0.001"), (&[&plan[..], &["--speed", "5mm/s"]].concat(), "0.004")] {
+    for (arguments, named) in
+        [(&plan[..6], "target is -0.001"), (&[&plan[..], &["--speed", "5mm/s"]].concat(), "0.004")]
+    {
         let refused = rigctl(arguments);
         assert!(!refused.status.success() && error_of(&refused).contains(named), "{}", error_of(&refused));
     }

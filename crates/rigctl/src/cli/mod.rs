@@ -1,31 +1,16 @@
-//! The command line.
+//! The command line: every command with its help, and which function of [`crate::commands`] runs it ([`dispatch`]).
 
-mod options;
-mod values;
+pub mod dispatch;
 
-pub use options::{AUTO, At, Calibrate, Config, How, Identify, Record, Replay, Sweep};
-
+use crate::options::Global;
+use crate::options::commands::{At, Calibrate, Config, How, Identify, Record, Replay, Sweep};
+use crate::options::values::{load, load_choice, seconds, speed, target, twist_speed};
 use crate::range::{TurnRange, Vary};
 use crate::script;
 use clap::builder::PossibleValuesParser;
-use clap::{Args, Parser, Subcommand};
+use clap::{Parser, Subcommand};
 use rig_link::LoadChoice;
-use sim_link::{PlantChange, PlantKey};
 use std::path::PathBuf;
-use values::{load, load_choice, seconds, speed, target, twist_speed};
-
-/// Headings of the options that every command has.
-const EVERYWHERE: &str = "Everywhere";
-const EMULATED: &str = "Emulated board (--port sim)";
-
-/// What `--plant` takes.
-fn plant_help() -> String {
-    format!(
-        "Something about the emulated plant that the firmware is not told, for example load=1.2kg,friction=0.1. Keys and \
-         their units:\n{}",
-        PlantKey::help()
-    )
-}
 
 const FIRST_STEPS: &str = "\
 First steps, on an emulated board as they stand, or with --port /dev/ttyACM0 (COM3) on yours:
@@ -35,7 +20,7 @@ First steps, on an emulated board as they stand, or with --port /dev/ttyACM0 (CO
   rigctl monitor             watch it
 
 Without torque the strings untwist and the load falls: rest it on something before power goes on or off.
-`rigctl stop` is always taken. Exit codes: 0 done, 1 refused or failed, 2 wrong usage.";
+`rigctl stop` is always accepted. Exit codes: 0 done, 1 refused or failed, 2 wrong usage.";
 
 /// Host tool of a twisted-string actuator with a load-adaptive transmission.
 ///
@@ -51,46 +36,12 @@ pub struct Cli {
     pub command: Command,
 }
 
-/// Options of every command.
-#[derive(Debug, Clone, Args)]
-pub struct Global {
-    /// Print JSON: one object, or one a line where there are many
-    #[arg(long, global = true, help_heading = EVERYWHERE)]
-    pub json: bool,
-    /// Scene: the constants that tool and table believe in, load range, travel, accuracy
-    #[arg(long, global = true, help_heading = EVERYWHERE, value_name = "FILE", default_value = "scenes/default.toml")]
-    pub scene: PathBuf,
-    /// Where the firmware is: `sim` (an emulated board that starts by itself) or a serial device
-    #[arg(long, global = true, help_heading = EVERYWHERE, default_value = "sim")]
-    pub port: String,
-    /// Something about the emulated plant that the firmware is not told, for example load=1.2kg,friction=0.1
-    #[arg(long, global = true, help_heading = EMULATED, value_name = "KEY=VALUE", value_delimiter = ',',
-        long_help = plant_help())]
-    pub plant: Vec<PlantChange>,
-    /// Scene that the emulated plant is built by, where --scene is only what is believed of it [default: --scene]
-    #[arg(long, global = true, help_heading = EMULATED, value_name = "FILE")]
-    pub plant_scene: Option<PathBuf>,
-    /// Seed of the emulated rig's noise
-    #[arg(long, global = true, help_heading = EMULATED, default_value_t = 1)]
-    pub seed: u64,
-    /// File that keeps the emulated board's flash from one call to the next [default: each call has a new board]
-    #[arg(long, global = true, help_heading = EMULATED, value_name = "FILE")]
-    pub flash: Option<PathBuf>,
-    /// Firmware for the emulated board [default: what `cargo xtask firmware` made]
-    #[arg(long, global = true, help_heading = EMULATED, value_name = "ELF")]
-    pub firmware: Option<PathBuf>,
-    /// Let a GDB connect to the emulated board there, for example 127.0.0.1:1234; see docs/debugging.md
-    #[arg(long, global = true, help_heading = EMULATED, value_name = "ADDR:PORT")]
-    pub gdb: Option<String>,
-    /// Start the emulated board when it has
-    #[arg(long, global = true, help_heading = EMULATED, requires = "gdb")]
-    pub gdb_wait: bool,
-}
-
 /// What to do.
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// One equilibrium by the full model, or one for each row of a file
+    ///
+    /// Example: `rigctl solve --load 0.5kg --turns 3`
     Solve {
         /// Where.
         #[command(flatten)]
@@ -99,18 +50,20 @@ pub enum Command {
         #[command(flatten)]
         how: How,
     },
-    /// What the firmware would answer, by the same code and table
+    /// The firmware's answer at a load and number of turns, by the same code and table
+    ///
+    /// Example: `rigctl lookup --load 0.5kg --turns 3`
     Lookup {
         /// Where.
         #[command(flatten)]
         at: At,
     },
-    /// Fit and certify the scene's table, and say why this one
+    /// Fit and certify the scene's table, and print why this one was chosen
     Table {
         /// Also write table.json and table.rs into this folder
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
-        /// Have the board at --port make, check, use and keep a table for this scene's constants. Home again after it
+        /// Let the board at --port make, check, use and keep a table for this scene's constants; home again after it
         #[arg(long, conflicts_with = "out")]
         board: bool,
     },
@@ -123,9 +76,11 @@ pub enum Command {
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
     },
-    /// Vary one value of the scene and see what contraction and TR make of it
+    /// Vary one value of the scene and print contraction and TR for each
+    ///
+    /// Example: `rigctl study --vary D0=8mm..32mm:5 --out out`
     Study {
-        /// Which value, between which limits, and how many (5 if not said); `log` spaces them in equal ratios. KEY is
+        /// Which value, between which limits, and how many (default 5); `log` spaces them in equal ratios. KEY is
         /// D0, R, L0, r0, K, c, k1, k2, k3, p or a key of a scene file
         #[arg(long, value_name = "KEY=FROM..TO[:COUNT[log]]")]
         vary: Vary,
@@ -141,24 +96,32 @@ pub enum Command {
     },
     /// Fit the scene's constants to recorded sweeps or to the paper's numbers
     Identify(Identify),
-    /// Boot the firmware on the emulated board, play a script, print telemetry
+    /// Play a script on whatever is at the port, and print telemetry
+    ///
+    /// On the emulated board the script's time is the time since the board's start; on a real rig it is the time since the
+    /// script's start, and changes of the plant and faults are announced, to be made by hand. Commands wait until the board
+    /// has started. Exit code 1 if a command was refused; the last line counts them.
+    /// Example: `rigctl play scenarios/example.script`
+    #[command(after_long_help = script::help())]
+    Play {
+        /// Events, one a line: `<seconds> <event>`, the last `<seconds> end` [default: none, for --seconds]
+        #[arg(value_name = "FILE")]
+        script: Option<PathBuf>,
+        /// How long to run without a script (s)
+        #[arg(long, value_name = "S", default_value = "5s", allow_hyphen_values = true, value_parser = seconds,
+            conflicts_with = "script")]
+        seconds: f64,
+    },
+    /// The same as `play` on the emulated board, with the script as an option
     #[command(after_long_help = script::help())]
     Sim {
         /// Events, one a line: `<seconds since boot> <event>`, the last `<seconds> end`
         #[arg(long, value_name = "FILE")]
         script: Option<PathBuf>,
-        /// How long to run without a script
+        /// How long to run without a script (s)
         #[arg(long, value_name = "S", default_value = "5s", allow_hyphen_values = true, value_parser = seconds,
             conflicts_with = "script")]
         seconds: f64,
-    },
-    /// Play a script on whatever is at the port, and print telemetry; on a real rig changes of the plant and faults are
-    /// announced, to be made by hand
-    #[command(after_long_help = script::help())]
-    Play {
-        /// Events, one a line: `<seconds since the start> <event>`, the last `<seconds> end`
-        #[arg(value_name = "FILE")]
-        script: PathBuf,
     },
     /// Find zero twist, weigh the load, stop at the half-turn pre-twist
     ///
@@ -168,7 +131,8 @@ pub enum Command {
     /// Bring the load to a position above where it hung when homed
     ///
     /// Ends with the measured error at rest. What holds a move back (the motor's speed, acceleration or current) is shown as
-    /// `limit`; a target out of reach is refused with what is in reach. On an emulated board homes first.
+    /// `limit`; a target out of reach is refused with the range that is in reach. On an emulated board it homes first.
+    /// Example: `rigctl move --to 8mm --speed 2mm/s`
     Move {
         /// Target position (m, mm, um)
         #[arg(long, value_name = "P", allow_hyphen_values = true, value_parser = target)]
@@ -187,6 +151,8 @@ pub enum Command {
         settings: Option<PathBuf>,
     },
     /// Turn the strings at a constant speed for a while, homed or not
+    ///
+    /// Example: `rigctl jog --speed 2rad/s --seconds 1.5s`
     Jog {
         /// Twist speed (rad/s, deg/s, rpm of the strings), positive twists up
         #[arg(long, value_name = "W", allow_hyphen_values = true, value_parser = twist_speed)]
@@ -201,30 +167,30 @@ pub enum Command {
     Hold,
     /// Clear a latched fault whose cause has gone
     Clear,
-    /// Who the board is and what it sees
+    /// The board's identity, state and readings
     Status,
-    /// What the sensors show, homed or not: gap, encoder, drive, supply, contacts. For wiring a rig
+    /// The sensors' readings, homed or not: gap, encoder, drive, supply, contacts. For wiring a rig
     Sensors {
-        /// One reading every 0.2 s for so long [default: one reading]
+        /// One reading every 0.2 s for this time [default: one reading]
         #[arg(long, value_name = "S", default_value = "0s", hide_default_value = true, allow_hyphen_values = true,
             value_parser = seconds)]
         seconds: f64,
     },
-    /// What the board is told for good: kept in its flash, changed only while nothing moves
+    /// The board's settings: kept in its flash, changed only while nothing moves
     Config {
         /// What to do with it.
         #[command(subcommand)]
         what: Config,
     },
-    /// Measure and keep what the board cannot know by itself
+    /// Measure what the board cannot know by itself, and keep it on the board
     Calibrate {
         /// What.
         #[command(subcommand)]
         what: Calibrate,
     },
-    /// Record telemetry with what it takes to run the experiment again
+    /// Record telemetry with everything that is needed to run the experiment again
     ///
-    /// Writes CSV: one row for each telemetry message (100 a second, columns as `sim --json` names them, SI units), under
+    /// Writes CSV: one row for each telemetry message (100 a second, columns as `play --json` names them, SI units), under
     /// `# key = value` lines: scene and its hash, firmware, git commit and protocol hash, the table and its certificate, the
     /// board's settings with its calibration (`config restore` takes them from there), port, seed, plant, host time, the script. Requests and events stand between the rows as `# at SECONDS …`.
     /// `replay` plays such a file through the controller again, `identify` reads those of `sweep`. A log ends with `# end rows = …`, also when Ctrl-C or a
@@ -238,7 +204,7 @@ pub enum Command {
     /// over the range. The load is what you weighed: nothing of the board's estimate goes into the fit. On an emulated
     /// rig this load is hung, unless --plant load=… says another.
     Sweep(Sweep),
-    /// Play a recorded log through the controller's own code and see where it would have differed
+    /// Play a recorded log through the controller's own code and print where it would have differed
     ///
     /// Takes what `record` or `sweep` wrote and feeds it, tick by tick, to the same code that runs on the board. Says how much
     /// load estimate, set-point and twist speed differ (largest and rms), and when they first part: by 1 % of the load, 10 um of
@@ -252,10 +218,10 @@ pub enum Command {
     /// drive's lag are found from the log and printed, so what they explain does not show as a difference. The recorded motion
     /// answers to the recorded commands: after a parting the replay is no longer what a rig would have done.
     Replay(Replay),
-    /// Is the rig well? One line for each thing looked at, `ok` or `CHECK` with what to do; exit code 1 if any needs it
+    /// Is the rig well? One line for each check, `ok` or `CHECK` with what to do; exit code 1 if any needs attention
     ///
-    /// Looks at versions, reset cause, last panic, scene, the table's certificate, faults, drive, supply, control ticks, link. The motor
-    /// stays where it is; sensors can only be judged fully with --home. A board of another scene is told as such, not refused.
+    /// Checks versions, reset cause, last panic, scene, the table's certificate, faults, drive, supply, control ticks, link. The
+    /// motor stays where it is; sensors can only be judged fully with --home. A board of another scene is reported, not refused.
     Doctor {
         /// Home, then turn the strings by a third of a turn and back: LVDT noise and range, encoder against drive
         #[arg(long)]
@@ -271,11 +237,11 @@ pub enum Command {
     /// Keys: space stops, h holds, c clears a fault, q leaves (and stops a motion first). On an emulated board time
     /// passes as on a real one.
     Monitor {
-        /// Play this script meanwhile (format as for `sim` and `play`)
+        /// Play this script meanwhile (format as for `play`)
         #[arg(long, value_name = "FILE")]
         script: Option<PathBuf>,
     },
-    /// What a shell needs to complete commands and options: `rigctl completions bash > rigctl.bash`, then source it
+    /// A script that lets a shell complete commands and options: `rigctl completions bash > rigctl.bash`, then source it
     Completions {
         /// Shell
         shell: clap_complete::Shell,
@@ -295,7 +261,7 @@ pub enum Command {
         #[arg(long, value_name = "FILE.html")]
         out: PathBuf,
     },
-    /// What `chart` runs under callgrind to count instructions
+    /// The program that `chart` runs under callgrind to count instructions
     #[command(hide = true)]
     ChartKernel,
     /// Three loads, each on a fresh emulated board, homed and moved alike: a table and a picture

@@ -1,65 +1,19 @@
 //! `calibrate`: the LVDT against callipers, and where position 0 is.
 
-use super::config::{all, hints};
-use super::operate::{connect, home_session, is_sim, print_home};
-use crate::cli::{Calibrate, Global};
+use crate::board_settings::{self, all, decimal};
+use crate::calibration::{APART_M, Point, fit, uncalibrated};
 use crate::failure::Failure;
+use crate::options::Global;
+use crate::options::commands::Calibrate;
 use crate::output::Output;
-use crate::session::Session;
-use crate::settings::decimal;
-use crate::units::{self, Quantity};
-use rig_link::{Request, Setting, SettingValues};
+use crate::session::{Session, homing};
+use rig_link::{Request, Setting};
 use serde_json::json;
 
-/// Least distance of two points (m): callipers read to 20 µm, which is then 0.4 % of gain.
-const APART_M: f64 = 5e-3;
-/// Telemetry messages that the present position is the mean of.
+/// Telemetry messages over which the present position is averaged.
 const POSITIONS: f64 = 30.0;
 
-/// A true gap, and what the sensor showed there by the scene's numbers.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Point {
-    /// By callipers (m).
-    pub gap_m: f64,
-    /// By the sensor, uncalibrated (m).
-    pub sensor_m: f64,
-}
-
-impl std::str::FromStr for Point {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let (gap, sensor) = text.split_once(':').ok_or_else(|| format!("`{text}` is not GAP:SENSOR"))?;
-        let length = |text| units::parse("point", Quantity::Length, text).map_err(|e| e.to_string());
-        Ok(Self { gap_m: length(gap)?, sensor_m: length(sensor)? })
-    }
-}
-
-/// Offset (m) and gain that make the sensor show these points; with one point the gain stays.
-///
-/// # Errors
-/// If two points are too near to each other.
-fn fit(point: Point, other: Option<Point>, gain: f64) -> Result<(f64, f64), Failure> {
-    let gain = match other {
-        None => gain,
-        Some(other) => {
-            let (gaps_m, sensor_m) = (point.gap_m - other.gap_m, point.sensor_m - other.sensor_m);
-            if gaps_m.abs().min(sensor_m.abs()) < APART_M {
-                return Err(Failure::failed(format!(
-                    "--point is {:.2} mm from here by callipers and {:.2} mm by the sensor: for the gain they must be {} mm \
-                     apart or more",
-                    gaps_m.abs() * 1e3,
-                    sensor_m.abs() * 1e3,
-                    APART_M * 1e3
-                )));
-            }
-            gaps_m / sensor_m
-        }
-    };
-    Ok((point.gap_m - gain * point.sensor_m, gain))
-}
-
-/// The command.
+/// Runs the command.
 ///
 /// # Errors
 /// The board's refusal in words, or points that make no calibration.
@@ -70,18 +24,13 @@ pub fn run(global: &Global, what: &Calibrate, output: &mut Output) -> Result<(),
     }
 }
 
-/// What the sensor shows by the scene's numbers (m), where the board shows a gap.
-fn uncalibrated(gap_m: f64, values: &SettingValues) -> f64 {
-    (gap_m - f64::from(values.get(Setting::LvdtOffset))) / f64::from(values.get(Setting::LvdtGain))
-}
-
 fn lvdt(global: &Global, gap: Option<f64>, other: Option<Point>, output: &mut Output) -> Result<(), Failure> {
-    let mut session = connect(global)?;
+    let mut session = global.target()?.connect()?;
     session.wait_started()?;
     let values = session.settings()?.values;
     let shown_m = session.gap_m()?;
     let sensor_m = uncalibrated(shown_m, &values);
-    let truth_m = session.true_gap_m();
+    let truth_m = session.truth().newest().map(|t| t.gap_m);
     let Some(gap_m) = gap else {
         output.object(&json!({"gap_m": shown_m, "sensor_m": sensor_m, "true_gap_m": truth_m}))?;
         output.line(format!(
@@ -123,7 +72,8 @@ fn lvdt(global: &Global, gap: Option<f64>, other: Option<Point>, output: &mut Ou
             sensor_m
         ))?;
     }
-    hints(global, &session, unhomed, output)
+    let next = board_settings::next_steps(&session, global.flash_lasts(), unhomed);
+    Ok(next.iter().try_for_each(|line| output.line(line))?)
 }
 
 fn position(session: &mut Session) -> Result<f64, Failure> {
@@ -137,12 +87,11 @@ fn position(session: &mut Session) -> Result<f64, Failure> {
 }
 
 fn zero(global: &Global, output: &mut Output) -> Result<(), Failure> {
-    let mut session = connect(global)?;
+    let mut session = global.target()?.connect()?;
     session.wait_ready()?;
-    if is_sim(global) {
+    if global.is_emulated() {
         eprintln!("the emulated board starts afresh and is not homed: homing first");
-        let result = home_session(&mut session, |_| {})?;
-        print_home(&result, output)?;
+        output.line(homing::home(&mut session, |_| {})?.text())?;
     }
     let before_m = position(&mut session)?;
     let old_m = f64::from(session.settings()?.values.get(Setting::PositionZero));
@@ -159,34 +108,4 @@ fn zero(global: &Global, output: &mut Output) -> Result<(), Failure> {
         f64::from(value) * 1e3
     ))?;
     Ok(())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn two_points_undo_offset_and_gain_and_one_the_offset() {
-        let sensor = |gap_m: f64| Point { gap_m, sensor_m: 1.01 * (gap_m + 1e-3) };
-        let (offset_m, gain) = fit(sensor(0.16), Some(sensor(0.145)), 1.0).unwrap_or_else(|_| panic!("apart"));
-        for gap_m in [0.14, 0.15, 0.165] {
-            assert!((offset_m + gain * sensor(gap_m).sensor_m - gap_m).abs() < 1e-12);
-        }
-        let (offset_m, gain) = fit(sensor(0.16), None, 1.0).unwrap_or_else(|_| panic!("one"));
-        assert!(gain == 1.0 && (offset_m + sensor(0.16).sensor_m - 0.16).abs() < 1e-12);
-        let near = fit(sensor(0.16), Some(sensor(0.158)), 1.0).expect_err("2 mm").message();
-        assert!(near.is_some_and(|message| message.contains("--point") && message.contains("2.00 mm")));
-        assert!(
-            fit(sensor(0.16), Some(Point { gap_m: 0.14, ..sensor(0.16) }), 1.0).is_err(),
-            "a sensor that stands still"
-        );
-    }
-
-    #[test]
-    fn points_are_read() {
-        assert_eq!("160mm:0.1612".parse(), Ok(Point { gap_m: 160.0 * 1e-3, sensor_m: 0.1612 }));
-        for text in ["160mm", "160mm:x", "1kg:2mm"] {
-            assert!(text.parse::<Point>().is_err(), "{text}");
-        }
-    }
 }

@@ -1,13 +1,12 @@
 //! `chart`: speed against accuracy, and where methods fail.
 
-use super::scene;
-use crate::cli::Global;
 use crate::failure::Failure;
-use crate::output::{Output, folder, progress, write_file};
-use lab::chart::{self, Inputs, Made};
-use rig_scene::Scene;
+use crate::figure::make;
+use crate::options::Global;
+use crate::out_file::{folder, write_file};
+use crate::output::Output;
+use lab::chart::{self, Made};
 use serde::Serialize;
-use std::ffi::OsString;
 use std::path::Path;
 use std::time::Instant;
 
@@ -26,7 +25,7 @@ struct Report<'a> {
 /// # Errors
 /// If something cannot be solved, drawn or written.
 pub fn run(global: &Global, out: &Path, only: &[String], output: &mut Output) -> Result<(), Failure> {
-    let scene = scene(global)?;
+    let scene = global.scene()?;
     folder(out)?;
     for name in chart::NAMES {
         if !only.is_empty() && only.iter().all(|wanted| wanted != name) {
@@ -44,24 +43,6 @@ pub fn run(global: &Global, out: &Path, only: &[String], output: &mut Output) ->
         output.flush()?;
     }
     Ok(())
-}
-
-/// Makes one figure, with a progress line on standard error; what is missing in it is printed there, too.
-///
-/// # Errors
-/// If something cannot be solved or drawn.
-pub fn make(name: &'static str, scene: &Scene, scene_file: &Path, folder: &Path) -> Result<Made, Failure> {
-    let bar = progress(0, name);
-    let advance = |done: usize, count: usize| {
-        bar.set_length(count as u64);
-        bar.set_position(done as u64);
-    };
-    // This program again: what callgrind counts must be built as what is timed.
-    let kernel: Vec<OsString> = vec![std::env::current_exe()?.into(), "chart-kernel".into(), "--scene".into()];
-    let made = chart::make(name, &Inputs { scene, scene_file, folder, kernel: &kernel, progress: &advance })?;
-    bar.finish_and_clear();
-    made.left_out.iter().for_each(|what| eprintln!("left out: {what}"));
-    Ok(made)
 }
 
 fn report(made: &Made, seconds: f64, out: &Path, output: &mut Output) -> Result<(), Failure> {

@@ -1,12 +1,13 @@
 //! `identify`: the scene's constants from recorded sweeps, or from the paper's numbers.
 
-use super::scene;
-use crate::cli::{Global, Identify};
 use crate::failure::Failure;
 use crate::identify::constants::{Constant, Unknowns};
 use crate::identify::data::{self, Data};
 use crate::identify::{Errors, Fit, fit, plausible};
-use crate::output::{OutFile, Output};
+use crate::options::Global;
+use crate::options::commands::Identify;
+use crate::out_file::OutFile;
+use crate::output::Output;
 use rig_scene::Scene;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -34,7 +35,7 @@ struct Report {
 /// # Errors
 /// If files or options are wrong, or the data cannot tell the constants.
 pub fn run(global: &Global, options: &Identify, output: &mut Output) -> Result<(), Failure> {
-    let mut scene = scene(global)?;
+    let mut scene = global.scene()?;
     match options.law {
         Some(RadiusLaw::LengthRatio) => {
             (scene.string.radius_law, scene.string.twist_exponent) = (RadiusLaw::LengthRatio, None);

@@ -1,9 +1,9 @@
 //! `lookup`: what the firmware would answer.
 
-use super::scene;
 use crate::batch::{self, Query, RowError};
-use crate::cli::{At, Global};
 use crate::failure::Failure;
+use crate::options::Global;
+use crate::options::commands::At;
 use crate::output::Output;
 use serde::Serialize;
 use tsa_model::twist_from_turns;
@@ -64,7 +64,7 @@ pub fn run(global: &Global, at: &At, output: &mut Output) -> Result<(), Failure>
         (None, Some(load_n), Some(turns)) => vec![Ok(Query { load_n, turns })],
         _ => return Err(Failure::Usage("lookup needs --load and --turns, or --batch".into())),
     };
-    let fit = scene(global)?.fit_table()?;
+    let fit = global.scene()?.fit_table()?;
     let table = fit.table.table();
     let answers: Vec<_> = queries.into_iter().map(|query| query.and_then(|query| look_up(&table, query))).collect();
     // A refused point prints nothing on standard output, no heading either.

@@ -1,11 +1,10 @@
 //! `monitor`: the live view.
 
-use super::operate::{is_sim, meet, same_scene};
-use super::simulate::{play_events, read};
-use crate::cli::Global;
 use crate::failure::Failure;
 use crate::log::write::event;
+use crate::options::Global;
 use crate::output::Output;
+use crate::play::play;
 use crate::screen::Screen;
 use crate::script::Script;
 use crate::session::Session;
@@ -21,7 +20,7 @@ use std::time::{Duration, Instant};
 const PICTURE_S: f64 = 0.05;
 /// Longest wait for a motion to end before leaving (s).
 const LEAVE_S: f64 = 10.0;
-/// A script's end is not the view's.
+/// The view does not end with its script.
 const FOR_EVER_S: f64 = 1e9;
 
 /// Gives the terminal back, whatever happens.
@@ -45,21 +44,22 @@ pub fn run(global: &Global, script: Option<&Path>, output: &Output) -> Result<()
         return Err(Failure::failed("monitor needs a terminal; `record` and `status` do not"));
     }
     let mut script = match script {
-        Some(path) => read(path)?.0,
+        Some(path) => Script::load(path)?.0,
         None => Script::idle(FOR_EVER_S),
     };
     script.end_s = FOR_EVER_S;
-    let mut session = meet(global)?;
-    let title = if is_sim(global) { " rig (emulated) ".to_owned() } else { format!(" rig at {} ", global.port) };
+    let target = global.target()?;
+    let mut session = target.meet()?;
+    let title = if target.is_emulated() { " rig (emulated) ".to_owned() } else { format!(" rig at {} ", global.port) };
     let mut view = View { screen: Screen::new(title), leaving: None, drawn_s: f64::MIN };
-    if let Some(told) = same_scene(global, &session).err().and_then(|failure| failure.message()) {
-        view.screen.say(told);
+    if let Some(warning) = target.check_scene(&session).err().and_then(|failure| failure.message()) {
+        view.screen.say(warning);
     }
-    // This one also gives the terminal back if the tool panics.
+    // It also gives the terminal back if the tool panics.
     let mut terminal = Restored(ratatui::try_init()?);
-    let (started, start_s, paced) = (Instant::now(), session.now_s(), is_sim(global));
-    let result = play_events(&mut session, &script, global.seed, |session, said| {
-        said.into_iter().for_each(|line| view.screen.say(line));
+    let (started, start_s, paced) = (Instant::now(), session.now_s(), target.is_emulated());
+    let result = play(&mut session, &script, global.seed, |session, messages| {
+        messages.into_iter().for_each(|line| view.screen.say(line));
         if paced {
             // Emulated time may run ahead; it may also be slower than real time, then nothing waits.
             let ahead_s = session.now_s() - start_s - started.elapsed().as_secs_f64();
@@ -115,7 +115,7 @@ impl View {
             _ if interrupt => return self.leave(session),
             KeyCode::Char('q') | KeyCode::Esc => return self.leave(session),
             KeyCode::Char(' ') => (Request::Stop, "stop"),
-            KeyCode::Char('h') => (Request::Hold, "hold"),
+            KeyCode::Char('h') => (Request::Stop, "hold"),
             KeyCode::Char('c') => (Request::Clear, "clear"),
             _ => return Ok(()),
         };

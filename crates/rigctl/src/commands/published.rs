@@ -1,9 +1,9 @@
 //! `published`: the paper's numbers beside the same numbers computed.
 
-use super::scene;
-use crate::cli::Global;
 use crate::failure::Failure;
-use crate::output::{Output, write_file};
+use crate::options::Global;
+use crate::out_file::write_file;
+use crate::output::Output;
 use lab::published::{Comparison, SETS};
 use rig_scene::Scene;
 use std::path::Path;
@@ -17,7 +17,7 @@ pub fn run(global: &Global, all: bool, out: Option<&Path>, output: &mut Output) 
         let load = |name: &&str| Ok(((*name).to_owned(), Scene::load(format!("scenes/{name}.toml"))?));
         SETS.iter().map(load).collect::<Result<_, Failure>>()?
     } else {
-        vec![(global.scene.display().to_string(), scene(global)?)]
+        vec![(global.scene.display().to_string(), global.scene()?)]
     };
     let comparison = Comparison::new(scenes)?;
     comparison.compared().iter().try_for_each(|row| output.object(row))?;

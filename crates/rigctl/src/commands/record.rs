@@ -1,40 +1,32 @@
-//! `record`: what a board sends, kept with what it takes to run it again.
+//! `record`: telemetry with everything that is needed to run the experiment again.
 
-use super::operate::connect;
-use super::simulate::{play_events, read};
-use crate::cli::{Global, Record};
 use crate::failure::Failure;
-use crate::log::{Entry, Header, Recorder};
-use crate::output::{OutFile, Output, stdout};
+use crate::log::{Header, Recorder};
+use crate::options::Global;
+use crate::options::commands::Record;
+use crate::out_file::OutFile;
+use crate::output::{Output, stdout};
+use crate::play::{check_refused, play};
 use crate::script::Script;
-use crate::session::Session;
+use crate::session::entry::Entry;
 use serde_json::{Map, Value, json};
 use std::io::{self, Write};
 use std::ops::ControlFlow;
 
-/// The head for a session that has greeted its board.
-///
-/// # Errors
-/// If the board has not said who it is and how it is set, or the scene cannot be read.
-pub fn header(global: &Global, session: &Session, command: &str) -> Result<Header, Failure> {
-    let board = session.identity().ok_or_else(|| Failure::failed("the board did not say who it is"))?;
-    let settings = session.known_settings().ok_or_else(|| Failure::failed("the board did not tell its settings"))?;
-    Ok(Header::new(global, super::scene(global)?.hash(), board, settings, command))
-}
-
 /// Runs the command.
 ///
 /// # Errors
-/// If the script or the file is wrong, nobody answers, or the port fails.
+/// If the script or the file is wrong, nobody answers, the port fails, or a command of the script was refused.
 pub fn run(global: &Global, options: &Record, output: &mut Output) -> Result<(), Failure> {
     let seconds = options.seconds;
     if !(seconds > 0.0 && seconds.is_finite()) {
         return Err(Failure::Usage(format!("--seconds {seconds}: must be above 0")));
     }
-    let (script, text) = options.script.as_deref().map(read).transpose()?.unzip();
+    let (script, text) = options.script.as_deref().map(Script::load).transpose()?.unzip();
     let out = options.out.as_deref().map(OutFile::new).transpose()?;
-    let mut session = connect(global)?;
-    let mut head = header(global, &session, "record")?;
+    let target = global.target()?;
+    let mut session = target.connect()?;
+    let mut head = Header::new(&target, &session, "record")?;
     if let Some(path) = &options.script {
         head.add("script", path.display());
     }
@@ -50,33 +42,29 @@ pub fn run(global: &Global, options: &Record, output: &mut Output) -> Result<(),
         None if output.json() => Box::new(io::sink()),
         None => stdout(),
     };
-    let mut recorder = Recorder::new(sink, &head)?;
-    session.keep_journal();
+    let mut recorder = Recorder::new(sink, &head, &mut session)?;
     let script = script.unwrap_or_else(|| Script::idle(session.now_s() + seconds));
     let rows_out = output.json() && options.out.is_none();
-    let result = play_events(&mut session, &script, global.seed, |session, said| {
-        said.iter().for_each(|line| eprintln!("{line}"));
-        for entry in recorder.take(session)? {
+    let result = play(&mut session, &script, global.seed, |session, messages| {
+        messages.iter().for_each(|line| eprintln!("{line}"));
+        for entry in recorder.take()? {
             if let (Entry::Row(row), true) = (entry, rows_out) {
                 output.object(&row)?;
             }
         }
-        // The journal has them all; here they would only pile up.
+        // The recorder has them all; here they would only accumulate.
         session.take_rows();
         session.take_events();
         session.take_log();
         Ok(ControlFlow::Continue(()))
     });
-    let rows = recorder.end(&mut session, result.map(drop))?;
-    let summary = json!({"rows": rows, "lost_frames": session.lost_frames(), "seconds": session.now_s(),
+    let (rows, refused) = recorder.end(&session, result)?;
+    let lost = session.link().lost_frames();
+    let summary = json!({"rows": rows, "lost_frames": lost, "seconds": session.now_s(),
         "file": options.out.as_ref().map(|p| p.display().to_string())});
     output.object(&json!({"summary": summary}))?;
     if let Some(path) = &options.out {
-        output.line(format!(
-            "{rows} rows, {} frames lost on the way; written: {}",
-            session.lost_frames(),
-            path.display()
-        ))?;
+        output.line(format!("{rows} rows, {lost} frames lost on the way; written: {}", path.display()))?;
     }
-    Ok(())
+    check_refused(refused)
 }

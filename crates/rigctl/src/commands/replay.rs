@@ -1,8 +1,9 @@
 //! `replay`: a recorded log through the controller on the desktop.
 
-use crate::cli::{Global, Replay};
 use crate::failure::Failure;
 use crate::log::Log;
+use crate::options::Global;
+use crate::options::commands::Replay;
 use crate::output::Output;
 use crate::replay::replay;
 use serde_json::json;
@@ -20,7 +21,7 @@ pub fn run(global: &Global, options: &Replay, output: &mut Output) -> Result<(),
     } else {
         log.whole().map_err(|e| wrong(format!("{e}; --partial replays the rest")))?
     };
-    let scene = super::scene(global)?;
+    let scene = global.scene()?;
     let hash = format!("{:08x}", scene.hash());
     match log.header.get("scene_hash") {
         Some(recorded) if recorded == hash => {}

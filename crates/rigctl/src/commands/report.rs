@@ -1,9 +1,12 @@
 //! `report`: one page with everything about a scene: model, table certificate, charts, stability map, a recorded move.
 
-use super::{chart, demo, scene};
-use crate::cli::Global;
 use crate::failure::Failure;
-use crate::output::{OutFile, Output};
+use crate::figure;
+use crate::options::Global;
+use crate::out_file::OutFile;
+use crate::output::Output;
+use crate::recorded_move;
+use lab::move_figure::draw;
 use lab::report::{Picture, Section, page};
 use lab::table_report::TableReport;
 use std::path::Path;
@@ -22,24 +25,38 @@ pub fn run(global: &Global, out: &Path, output: &mut Output) -> Result<(), Failu
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
     };
-    let scene = scene(global)?;
+    let scene = global.scene()?;
     let table = TableReport::new(&scene, &scene.fit_table()?)?;
     let mut charts = Vec::new();
     for name in lab::chart::NAMES {
         output.line(format!("{name} …"))?;
         output.flush()?;
-        let made = chart::make(name, &scene, &global.scene, folder);
+        let made = figure::make(name, &scene, &global.scene, folder);
         charts.push(section(name, made.map(|made| Picture { svg: made.svg, findings: made.findings })));
     }
     output.line("a move on the emulated board …")?;
     output.flush()?;
-    let moved = demo::recorded(global, MOVE.0, MOVE.1);
-    let moved = section("move", moved.map(|(svg, findings)| Picture { svg: Some(svg), findings }));
+    let moved = section("move", recorded(global, scene.rig.gear()));
     file.write(&page(&global.scene.display().to_string(), &scene, &table, &charts, &moved)?)?;
     let missing = charts.iter().chain([&moved]).filter(|section| section.content.is_err()).map(|section| section.name);
     output.object(&serde_json::json!({ "report": out, "missing": missing.collect::<Vec<_>>() }))?;
     output.line(format!("written: {}", out.display()))?;
     Ok(())
+}
+
+/// A move on the emulated board as a picture, with its figures.
+fn recorded(global: &Global, gear: f64) -> Result<Picture, Failure> {
+    let (load_kg, twist_rad) = MOVE;
+    let m = recorded_move::record(&global.emulated()?, load_kg, twist_rad, gear)?;
+    let findings = vec![
+        format!("EMULATED: the firmware's ELF on an emulated board and rig, {load_kg} kg that it was not told of"),
+        format!(
+            "load estimated {:.3} N, true {:.3} N; homed in {:.1} s",
+            m.travel.load_n, m.load_true_n, m.home.duration_s
+        ),
+        format!("error at rest {:+.1} um; core busy {:.2} %", m.true_error_at_rest_m * 1e6, 100.0 * m.core_busy),
+    ];
+    Ok(Picture { svg: Some(draw(&[m.curve()])?), findings })
 }
 
 /// A section of the page; why it is missing is printed at once.

@@ -1,7 +1,7 @@
 //! `selftest`: the checks of a board without a rig, on the emulated board.
 
-use crate::cli::Global;
 use crate::failure::Failure;
+use crate::options::Global;
 use crate::output::Output;
 use crate::session::sim;
 use anyhow::Context;
@@ -18,7 +18,7 @@ const WELL: &str = "all ";
 /// # Errors
 /// If a check is not ok, or emulator or image are not built; and for a real board, which `cargo xtask selftest` flashes.
 pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
-    if global.port != "sim" {
+    if !global.is_emulated() {
         return Err(Failure::Usage(format!(
             "--port {}: on a real board the self-test is an image of its own, flashed and read over the ST-LINK: run `cargo \
              xtask selftest`",

@@ -1,9 +1,9 @@
 //! `solve`: equilibria, by any method and tier of the model.
 
-use super::scene;
 use crate::batch::{self, Query, RowError};
-use crate::cli::{AUTO, At, Global, How};
 use crate::failure::Failure;
+use crate::options::Global;
+use crate::options::commands::{AUTO, At, How};
 use crate::output::Output;
 use lab::trace::finite_tr_rad_per_m;
 use rig_scene::Scene;
@@ -173,7 +173,7 @@ pub fn solve(mechanism: &Mechanism, way: Way, query: Query) -> Result<Solution, 
 /// # Errors
 /// If the scene or the batch file is bad, or the one point cannot be solved.
 pub fn run(global: &Global, at: &At, how: &How, output: &mut Output) -> Result<(), Failure> {
-    let scene = scene(global)?;
+    let scene = global.scene()?;
     let way = Way::new(how, &scene)?;
     let mechanism = scene.mechanism()?;
     if let Some(path) = &at.batch {

@@ -1,40 +1,29 @@
-//! `status` and `sensors`: what the board is, and what it sees, homed or not.
+//! `status` and `sensors`: the board's identity, state and readings, homed or not.
 
-use super::operate::{is_sim, meet, same_scene};
-use crate::cli::Global;
+use crate::board_settings::{self, decimal};
 use crate::failure::Failure;
+use crate::options::Global;
 use crate::output::Output;
-use crate::settings::decimal;
+use crate::session::status::{Status, status};
 use rig_link::Sensors;
 use serde_json::{Value, json};
 
-/// How long `status` listens (s).
-const STATUS_S: f64 = 1.0;
 /// Time between two readings of `sensors` (s).
 const READING_S: f64 = 0.2;
 
-/// `status`: who the board is and what it sees.
+/// `status`: the board's identity, state and readings.
 ///
 /// # Errors
-/// If nobody answers; or, with all of it told, if the board's scene is another.
+/// If nobody answers; or, after everything is printed, if the board's scene is another.
 pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
-    let mut session = meet(global)?;
-    if is_sim(global) {
+    let target = global.target()?;
+    let mut session = target.meet()?;
+    if global.is_emulated() {
         session.wait_started()?;
     }
-    session.take_rows();
-    session.until(STATUS_S, |_| false)?;
-    let mut rows = session.take_rows();
-    let telemetry_hz = rows.len() as f64 / STATUS_S;
-    let Some(row) = rows.pop() else {
-        return Err(Failure::failed("no telemetry from the board"));
-    };
-    let Some(id) = session.identity().cloned() else {
-        return Err(Failure::failed("the board did not say who it is"));
-    };
-    let (settings, sensors) = (session.settings()?, session.sensors()?);
-    let same_scene = same_scene(global, &session);
-    let counters = session.telemetry().map(|t| t.counters).unwrap_or_default();
+    let Status { identity: id, settings, sensors, row, counters, faults, telemetry_hz } = status(&mut session)?;
+    let same_scene = target.check_scene(&session);
+    let (lost, damaged) = (session.link().lost_frames(), session.link().damaged_frames());
     output.object(&json!({
         "firmware": id.version.as_str(),
         "git": id.git.as_str(),
@@ -55,16 +44,16 @@ pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
             "crc": format!("{:08x}", id.table.crc),
             "rebuilt": id.table.rebuilt,
         },
-        "settings": super::config::all(&settings.values),
+        "settings": board_settings::all(&settings.values),
         "settings_kept": settings.kept.name(),
         "last_panic": id.last_panic.as_deref(),
-        "faults": session.telemetry().map_or(Vec::new(), |t| t.faults.iter().map(|f| f.name()).collect::<Vec<_>>()),
+        "faults": faults.iter().map(|f| f.name()).collect::<Vec<_>>(),
         "link_errors": counters.link_errors,
         "foreign_frames": counters.foreign_frames,
         "late_ticks": counters.late_ticks,
         "longest_tick_s": f64::from(counters.longest_tick_us) * 1e-6,
         "telemetry_hz": telemetry_hz,
-        "lost_frames": session.lost_frames(),
+        "lost_frames": lost,
         "unsent": counters.unsent,
         "sensors": reading(&sensors),
         "telemetry": row,
@@ -87,29 +76,26 @@ pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
     ))?;
     output.line(format!(
         "link     {} damaged frames at the board, {} here; {} foreign frames on the bus",
-        counters.link_errors,
-        session.damaged_frames(),
-        counters.foreign_frames
+        counters.link_errors, damaged, counters.foreign_frames
     ))?;
     output.line(format!(
-        "         telemetry at {telemetry_hz:.0} Hz; {} frames lost on the way, {} never sent",
-        session.lost_frames(),
+        "         telemetry at {telemetry_hz:.0} Hz; {lost} frames lost on the way, {} never sent",
         counters.unsent
     ))?;
     output.line(format!("tick     {} late, the longest took {} us", counters.late_ticks, counters.longest_tick_us))?;
     output.line(format!("sensors  {}", words(&sensors)))?;
-    super::config::status(&settings, output)?;
+    board_settings::summary(&settings).iter().try_for_each(|line| output.line(line))?;
     if let Some(text) = &id.last_panic {
         output.line(format!("         the run before ended with: {text}"))?;
     }
     output.line(row.text())?;
-    for fault in session.telemetry().into_iter().flat_map(|t| t.faults.iter()) {
+    for fault in faults {
         output.line(format!("fault    {fault}: docs/faults.md, `{fault}`"))?;
     }
     same_scene
 }
 
-/// `sensors`: a reading, or one every 0.2 s for so long, whatever the board's scene.
+/// `sensors`: one reading, or one every 0.2 s for `seconds`, whatever the board's scene.
 ///
 /// # Errors
 /// If nobody answers.
@@ -117,8 +103,8 @@ pub fn sensors(global: &Global, seconds: f64, output: &mut Output) -> Result<(),
     if !(0.0..=86_400.0).contains(&seconds) {
         return Err(Failure::Usage(format!("--seconds {seconds}: must be from 0 to 86400")));
     }
-    let mut session = meet(global)?;
-    if is_sim(global) {
+    let mut session = global.target()?.meet()?;
+    if global.is_emulated() {
         session.wait_started()?;
     }
     let end_s = session.now_s() + seconds;

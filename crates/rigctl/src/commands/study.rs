@@ -1,9 +1,9 @@
 //! `study`: one value of the scene varied over any range.
 
-use super::scene;
-use crate::cli::Global;
 use crate::failure::Failure;
-use crate::output::{Output, write_file};
+use crate::options::Global;
+use crate::out_file::write_file;
+use crate::output::Output;
 use crate::range::{TurnRange, Vary};
 use lab::scene_key::KeyError;
 use lab::study::{Options, Study};
@@ -21,7 +21,7 @@ pub fn run(
     out: Option<&Path>,
     output: &mut Output,
 ) -> Result<(), Failure> {
-    let scene = scene(global)?;
+    let scene = global.scene()?;
     let options = Options { key: vary.key.clone(), values: vary.values(), load_n, turns: [turns.from, turns.to] };
     let study = Study::new(&scene, options).map_err(|e| match e {
         KeyError::Value(_) => Failure::failed(format!("vary: {e}")),

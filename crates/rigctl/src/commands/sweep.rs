@@ -1,25 +1,20 @@
 //! `sweep`: the paper's experiment. A known load, the strings turned slowly up and down, everything recorded.
 
-use super::operate::{connect, home_session, is_sim, not_broken_off};
-use super::record::header;
-use crate::cli::{Global, Sweep};
 use crate::failure::Failure;
 use crate::log::{Header, Log, Recorder, sweep as reduced};
-use crate::output::{OutFile, Output, progress};
-use crate::session::Session;
+use crate::options::Global;
+use crate::options::commands::Sweep;
+use crate::out_file::OutFile;
+use crate::output::Output;
+use crate::session::{Place, Session, homing, motion};
 use rig_control::supervisor::JOG_SPEED_MAX;
-use rig_link::{Request, State};
 use serde_json::json;
 use sim_link::{PlantChange, PlantKey};
 use std::f64::consts::{PI, TAU};
 use std::io::Write;
 
-/// Rest before each way (s), for the load to stop swinging.
+/// Rest before each turn (s), for the load to stop swinging.
 const REST_S: f64 = 1.0;
-/// How long before the end of a way the motor is told to stop (s): what the link and the ramp take.
-const AHEAD_S: f64 = 0.05;
-/// Longest that a way may take beyond its length at its speed (s).
-const SLACK_S: f64 = 10.0;
 
 /// Runs the command.
 ///
@@ -31,14 +26,16 @@ pub fn run(global: &Global, options: &Sweep, output: &mut Output) -> Result<(), 
     if !(speed > 0.0 && speed <= most) {
         return Err(Failure::failed(format!("--speed {speed} rad/s: must be above 0 and at most {most} rad/s")));
     }
-    // An emulated rig hangs the load itself, unless it is told of another.
-    let mut global = global.clone();
-    if is_sim(&global) && !global.plant.iter().any(|s| s.key == PlantKey::Load) {
-        global.plant.push(PlantChange { key: PlantKey::Load, value: load_n });
+    let mut target = global.target()?;
+    // On an emulated rig this load is hung, unless --plant names another.
+    if let Place::Emulated(emulated) = &mut target.place
+        && !emulated.plant.iter().any(|s| s.key == PlantKey::Load)
+    {
+        emulated.plant.push(PlantChange { key: PlantKey::Load, value: load_n });
     }
     let out = OutFile::new(&options.out)?;
-    let mut session = connect(&global)?;
-    let table = session.identity().map(|id| id.table.clone()).ok_or_else(|| Failure::failed("the board is silent"))?;
+    let mut session = target.connect()?;
+    let table = session.require_identity()?.table.clone();
     for (name, value, unit, [least, most]) in [
         ("--load", load_n, "N", [table.load_min_n, table.load_max_n]),
         ("--turns", turns, "turns", [0.5, table.turns_max]),
@@ -48,7 +45,7 @@ pub fn run(global: &Global, options: &Sweep, output: &mut Output) -> Result<(), 
             return Err(Failure::failed(format!("{name} {value} {unit}: {limits}")));
         }
     }
-    let mut head = header(&global, &session, "sweep")?;
+    let mut head = Header::new(&target, &session, "sweep")?;
     head.add("sweep.load_n", load_n);
     head.add("sweep.turns", turns);
     head.add("sweep.speed_rad_per_s", speed);
@@ -60,7 +57,7 @@ pub fn run(global: &Global, options: &Sweep, output: &mut Output) -> Result<(), 
     output.object(&json!({
         "file": options.out.display().to_string(),
         "rows": rows,
-        "lost_frames": session.lost_frames(),
+        "lost_frames": session.link().lost_frames(),
         "equilibria": stops.len(),
         "load_n": load_n,
         "contraction_m": contraction_m,
@@ -77,56 +74,22 @@ pub fn run(global: &Global, options: &Sweep, output: &mut Output) -> Result<(), 
     Ok(())
 }
 
-/// Homes and sweeps; the log is ended whatever happens.
+/// Homes and sweeps; the log gets its end in any case. Returns the number of rows.
 fn record(session: &mut Session, sink: Box<dyn Write>, head: &Header, turns: f64, speed: f64) -> Result<u64, Failure> {
-    let mut recorder = Recorder::new(sink, head)?;
-    session.keep_journal();
-    let mut go = || {
-        home_session(session, |_| {})?;
-        recorder.take(session)?;
+    let mut recorder = Recorder::new(sink, head, session)?;
+    let mut sweep = || {
+        homing::home(session, |_| {})?;
+        recorder.take()?;
         let (bottom, top) = (PI, PI + TAU * turns);
-        for (from, to) in [(bottom, top), (top, bottom)] {
+        for ends in [[bottom, top], [top, bottom]] {
             session.until(REST_S, |_| false)?;
-            way(session, &mut recorder, from, to, speed)?;
+            motion::turn(session, ends, speed, |session| {
+                session.take_rows();
+                recorder.take().map(drop)
+            })?;
         }
         session.until(REST_S, |_| false).map(drop)
     };
-    let result = go();
-    recorder.end(session, result)
-}
-
-/// Turns from one twist to another (rad).
-fn way(
-    session: &mut Session,
-    recorder: &mut Recorder<Box<dyn Write>>,
-    from: f64,
-    to: f64,
-    speed: f64,
-) -> Result<(), Failure> {
-    let sign = (to - from).signum();
-    session.take_events();
-    session.request(&Request::Jog { twist_speed_rad_per_s: (sign * speed) as f32 })?;
-    let end_s = session.now_s() + (to - from).abs() / speed + SLACK_S;
-    let bar = progress(1000, if sign > 0.0 { "turning up" } else { "turning back" });
-    let mut stopping = false;
-    while session.now_s() < end_s {
-        session.step()?;
-        recorder.take(session)?;
-        session.take_rows();
-        let twist = session.telemetry().and_then(|t| t.twist_rad).map_or(from, f64::from);
-        bar.set_position((1000.0 * ((twist - from) / (to - from)).clamp(0.0, 1.0)) as u64);
-        bar.set_message(format!("{:.2} turns", (twist - PI) / TAU));
-        if !stopping && sign * (to - twist) < speed * AHEAD_S {
-            session.request(&Request::Stop)?;
-            stopping = true;
-        }
-        for (_, kind) in session.take_events() {
-            not_broken_off(&kind, "in the sweep")?;
-        }
-        if stopping && session.telemetry().is_some_and(|t| t.state != State::Moving) {
-            bar.finish_and_clear();
-            return Ok(());
-        }
-    }
-    Err(Failure::failed(format!("the sweep did not reach {:.2} turns", (to - PI) / TAU)))
+    let result = sweep();
+    Ok(recorder.end(session, result)?.0)
 }

@@ -1,9 +1,10 @@
 //! `table`: fits and certifies the scene's table and says why this one.
 
-use super::{check_rig, scene};
-use crate::cli::Global;
 use crate::failure::Failure;
-use crate::output::{Output, write_file};
+use crate::options::Global;
+use crate::out_file::write_file;
+use crate::output::Output;
+use crate::scene_file;
 use lab::table_report::TableReport;
 use std::path::Path;
 
@@ -12,10 +13,10 @@ use std::path::Path;
 /// # Errors
 /// If the scene allows no table, or the folder cannot be written.
 pub fn run(global: &Global, out: Option<&Path>, output: &mut Output) -> Result<(), Failure> {
-    let scene = scene(global)?;
+    let scene = global.scene()?;
     // The fit says where an envelope first reaches past the model, the check of the rig only that it does.
     let fit = scene.fit_table()?;
-    check_rig(global, &scene)?;
+    scene_file::check_rig(&global.scene, &scene)?;
     let report = TableReport::new(&scene, &fit)?;
     output.object(&report)?;
     report.text().iter().try_for_each(|line| output.line(line))?;

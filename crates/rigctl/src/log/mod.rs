@@ -1,16 +1,16 @@
-//! Recorded logs: telemetry as CSV under a head that says what it takes to run the experiment again.
+//! Recorded logs: telemetry as CSV under a header with everything that is needed to run the experiment again.
 //!
 //! ```text
 //! # format = tsa-log 1
 //! # scene_hash = 90c10a2c            one `key = value` line for each fact, see [`Header`]
-//! t_s,state,fault,…                  the names of the host tool's contract, see [`Row`]
-//! # at 12.34 request move 0.008 …    what was asked, in the words of a script, and
-//! # at 15.92 event move-done …       what the board said, between the rows that they happened between
+//! t_s,state,fault,…                  the names of the host tool's contract, see [`Row`](crate::session::row::Row)
+//! # at 12.34 request move 0.008 …    a request, as an event of a script, and
+//! # at 15.92 event move-done …       an event of the board, between the rows of their times
 //! 12.35,moving,,…
 //! # end rows = 1234                  the last line: without it the log was cut short
 //! ```
-//! Whoever reads CSV and passes over lines that begin with `#` needs to know nothing of this. [`mod@write`] and [`read`] are
-//! the two ends.
+//! A CSV reader that passes over lines beginning with `#` reads such a file. [`mod@write`] writes logs, [`read`] reads
+//! them back, [`sweep`] reduces a recorded sweep to equilibria.
 
 pub mod read;
 pub mod sweep;
@@ -19,49 +19,45 @@ pub mod write;
 pub use read::{Log, LogError, LogRow, Mark, Marked};
 pub use write::Recorder;
 
-use crate::cli::Global;
-use crate::session::row::Row;
-use rig_link::{EventKind, Identity, PROTOCOL_HASH, Request, SettingsReport};
+use crate::failure::Failure;
+use crate::scene_file;
+use crate::session::{Place, Session, Target};
+use rig_link::PROTOCOL_HASH;
 use std::time::SystemTime;
 
-/// First value of the head: raise the number when a reader of the old one would misread the new one.
+/// First value of the header: raise the number when a reader of the old format would misread the new one.
 pub const FORMAT: &str = "tsa-log 1";
-/// What stands before a setting's name in the head.
+/// Prefix of a setting's name in the header.
 const SETTINGS: &str = "settings.";
 
-/// What passes between host and board, in order.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Entry {
-    /// The host asked, after the telemetry of this time (s).
-    Request(f64, Request),
-    /// The board said, at this time (s).
-    Event(f64, EventKind),
-    /// Telemetry.
-    Row(Row),
-}
-
-/// What is known before the first row, in order.
+/// The facts that are known before the first row, in order.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Header(pub Vec<(String, String)>);
 
 impl Header {
-    /// For a board that has said who it is and how it is calibrated. `scene_hash` is the host's scene; `command` what is
-    /// run.
-    pub fn new(global: &Global, scene_hash: u32, board: &Identity, settings: &SettingsReport, command: &str) -> Self {
+    /// Of a session that has greeted its board; `command` is the command that records.
+    ///
+    /// # Errors
+    /// If the board has not sent its identity and settings, or the scene cannot be read.
+    pub fn new(target: &Target, session: &Session, command: &str) -> Result<Self, Failure> {
+        let scene_hash = scene_file::load(&target.scene)?.hash();
+        let board = session.require_identity()?;
+        let settings =
+            session.known_settings().ok_or_else(|| Failure::failed("the board did not send its settings"))?;
         let mut header = Self::default();
         header.add("format", FORMAT);
         header.add("tool", concat!("rigctl ", env!("CARGO_PKG_VERSION")));
         header.add("command", command);
         header.add("host_time", humantime::format_rfc3339_seconds(SystemTime::now()));
-        header.add("scene", global.scene.display());
+        header.add("scene", target.scene.display());
         header.add("scene_hash", format!("{scene_hash:08x}"));
-        header.add("port", &global.port);
-        if crate::commands::operate::is_sim(global) {
-            header.add("seed", global.seed);
-            if let Some(scene) = &global.plant_scene {
-                header.add("plant_scene", scene.display());
+        header.add("port", target.port());
+        if let Place::Emulated(options) = &target.place {
+            header.add("seed", options.seed);
+            if options.scene != target.scene {
+                header.add("plant_scene", options.scene.display());
             }
-            for change in &global.plant {
+            for change in &options.plant {
                 header.add(&format!("plant.{}", change.key), change.value);
             }
         }
@@ -83,10 +79,10 @@ impl Header {
         for (setting, value) in settings.values.iter() {
             header.add(&format!("{SETTINGS}{setting}"), value);
         }
-        header
+        Ok(header)
     }
 
-    /// One more fact. A line's end in it would end the head's line.
+    /// Adds a fact. A line break in its value would end the header's line, so it becomes a blank.
     pub fn add(&mut self, key: &str, value: impl std::fmt::Display) {
         self.0.push((key.to_owned(), value.to_string().replace(['\r', '\n'], " ")));
     }

@@ -1,8 +1,8 @@
-//! Reading a log back. Nothing in the file is believed: each refusal names the line.
+//! Reading a log back. Every line is checked; each refusal names the line.
 
 use super::{FORMAT, Header, SETTINGS};
+use crate::board_settings;
 use crate::script;
-use crate::settings;
 use rig_link::{Request, Setting, SettingValues, State};
 use std::path::Path;
 
@@ -179,8 +179,8 @@ impl Log {
         let (mut values, mut missing) = (*defaults, Setting::ALL.to_vec());
         for (key, text) in &self.header.0 {
             let Some(name) = key.strip_prefix(SETTINGS) else { continue };
-            let setting = settings::named(name)?;
-            let value = settings::value(setting, text).map_err(|e| e.to_string())?;
+            let setting = board_settings::named(name)?;
+            let value = board_settings::value(setting, text).map_err(|e| e.to_string())?;
             let value = setting.check(value, defaults.get(setting)).map_err(|refusal| refusal.to_string())?;
             values = values.with(setting, value);
             missing.retain(|other| *other != setting);

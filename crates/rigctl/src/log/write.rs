@@ -1,37 +1,40 @@
 //! Writing a log.
 
-use super::{Entry, Header};
+use super::Header;
 use crate::failure::Failure;
 use crate::script;
 use crate::session::Session;
+use crate::session::entry::Entry;
 use crate::session::row::Row;
 use rig_link::EventKind;
 use std::io::Write;
+use std::sync::mpsc::Receiver;
 
-/// Writes a head, then whatever a session keeps.
+/// Writes a header, then everything that passes in a session.
 pub struct Recorder<W: Write> {
     sink: W,
+    entries: Receiver<Entry>,
     rows: u64,
 }
 
 impl<W: Write> Recorder<W> {
-    /// Writes the head.
+    /// Writes the header, and watches the session from now on.
     ///
     /// # Errors
     /// If the sink fails.
-    pub fn new(mut sink: W, header: &Header) -> Result<Self, Failure> {
+    pub fn new(mut sink: W, header: &Header, session: &mut Session) -> Result<Self, Failure> {
         for (key, value) in &header.0 {
             writeln!(sink, "# {key} = {value}")?;
         }
-        Ok(Self { sink, rows: 0 })
+        Ok(Self { sink, entries: session.watch(), rows: 0 })
     }
 
-    /// Writes what the session has kept since last asked, and gives it on.
+    /// Writes everything that has passed since the last call, and returns it.
     ///
     /// # Errors
     /// If the sink fails.
-    pub fn take(&mut self, session: &mut Session) -> Result<Vec<Entry>, Failure> {
-        let entries = session.take_journal();
+    pub fn take(&mut self) -> Result<Vec<Entry>, Failure> {
+        let entries: Vec<Entry> = self.entries.try_iter().collect();
         for entry in &entries {
             match entry {
                 Entry::Row(row) => self.row(row)?,
@@ -55,7 +58,7 @@ impl<W: Write> Recorder<W> {
         Ok(())
     }
 
-    /// A line that readers of CSV pass over.
+    /// Writes a line that readers of CSV pass over.
     ///
     /// # Errors
     /// If the sink fails.
@@ -63,20 +66,20 @@ impl<W: Write> Recorder<W> {
         Ok(writeln!(self.sink, "# {text}")?)
     }
 
-    /// Ends the log, with what is still there and whatever has broken it off; how many rows it has.
+    /// Ends the log and returns the number of its rows. A failure that broke it off is written, too.
     ///
     /// # Errors
-    /// If the sink fails, or what broke it off.
-    pub fn end(mut self, session: &mut Session, result: Result<(), Failure>) -> Result<u64, Failure> {
-        self.take(session)?;
+    /// If the sink fails, or the failure that broke it off.
+    pub fn end<T>(mut self, session: &Session, result: Result<T, Failure>) -> Result<(u64, T), Failure> {
+        self.take()?;
         if let Some(message) = result.as_ref().err().and_then(Failure::message) {
             self.comment(format_args!("broken_off = {}", message.replace(['\r', '\n'], " ")))?;
         }
-        self.comment(format_args!("lost_frames = {}", session.lost_frames()))?;
+        self.comment(format_args!("lost_frames = {}", session.link().lost_frames()))?;
         let rows = self.rows;
         self.comment(format_args!("end rows = {rows}"))?;
         self.sink.flush()?;
-        result.map(|()| rows)
+        result.map(|value| (rows, value))
     }
 }
 

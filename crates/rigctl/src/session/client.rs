@@ -1,99 +1,78 @@
-//! Requests with replies, events and telemetry over a [`Port`].
+//! Requests with replies, events, telemetry: the conversation with one board.
 
+use super::entry::Entry;
 use super::interrupt;
-use super::order::Order;
+use super::link::{Heard, Link, STEP_S};
 use super::port::{Emulated, Port};
 use super::row::Row;
+use super::truth::TruthRecords;
 use crate::failure::Failure;
-use crate::log::Entry;
 use rig_link::{
-    Accepted, Decoder, EventKind, HEARTBEAT_PERIOD_MS, HomingFailure, Identity, Kept, MAX_FRAME, Message,
-    PROTOCOL_HASH, Refusal, Request, Sensors, Setting, SettingsReport, State, Telemetry, encode,
+    Accepted, EventKind, HomingFailure, Identity, Kept, Message, PROTOCOL_HASH, Refusal, Request, Sensors, Setting,
+    SettingsReport, State, Telemetry,
 };
-use sim_link::Truth;
 use std::collections::VecDeque;
+use std::sync::mpsc::{self, Receiver, Sender};
 
-/// Time that passes in one step (s).
-pub const STEP_S: f64 = 0.01;
 /// Longest wait for a reply (s).
 const REPLY_S: f64 = 1.0;
-/// Longest wait for the first word of a board (s): a drive's start-up does not hold the link back.
+/// Longest wait for the first message of a board (s): the start-up of a drive does not hold the link back.
 const HELLO_S: f64 = 3.0;
-/// Longest wait for flash (s): a sector erased on the way, or a table being made that goes first.
+/// Longest wait for flash (s): a sector may have to be erased, or a table that is being made goes first.
 const FLASH_S: f64 = 10.0;
-/// Readings of the gap that are averaged, half a second of them: noise and an LVDT count's grain come down to some µm.
+/// Readings of the gap that are averaged, half a second of them: noise and the resolution of the LVDT fall to a few µm.
 const GAP_READINGS: u32 = 25;
-/// Steps in which a stop gets to the board, and its answer back.
-const LAST_STEPS: u32 = 5;
-/// How much truth is kept to be paired with telemetry (records of 1 ms).
-const TRUTH_KEPT: usize = 500;
+/// Exchanges in which a stop reaches the board and its answer comes back.
+const LAST_EXCHANGES: u32 = 5;
 
 /// A conversation with one board.
 pub struct Session {
-    port: Box<dyn Port>,
-    decoder: Decoder<Message>,
-    sequence: u16,
-    outgoing: Vec<u8>,
-    steps: u64,
-    heartbeat: bool,
+    link: Link,
     /// Greets the board by itself whenever it has started.
     greets: bool,
-    /// State of the generator of link noise, while it is on.
-    noise: Option<u64>,
     replies: VecDeque<(u16, Result<Accepted, Refusal>)>,
     events: VecDeque<(f64, EventKind)>,
     rows: VecDeque<Row>,
     log: Vec<String>,
-    truth: VecDeque<Truth>,
+    truth: TruthRecords,
     /// Emulated time of the board's last start (s).
     boot_s: f64,
-    /// The board has lost its power, and has not been heard since.
+    /// The board has lost its power, and no telemetry has come since.
     lost_power: bool,
     last: Option<Telemetry>,
-    order: Order,
     identity: Option<Identity>,
     settings: Option<SettingsReport>,
     sensors: Option<Sensors>,
-    home_gap_m: Option<f64>,
     /// Why the last homing failed, until the next one begins.
     homing_failure: Option<HomingFailure>,
-    /// Everything that passes, in order, for who records it.
-    journal: Option<Vec<Entry>>,
+    watchers: Vec<Sender<Entry>>,
 }
 
 impl Session {
-    /// Over this way.
+    /// Over this port.
     pub fn new(port: Box<dyn Port>) -> Self {
         Self {
-            port,
-            decoder: Decoder::new(),
-            sequence: 0,
-            outgoing: Vec::new(),
-            steps: 0,
-            heartbeat: true,
+            link: Link::new(port),
             greets: false,
-            noise: None,
             replies: VecDeque::new(),
             events: VecDeque::new(),
             rows: VecDeque::new(),
             log: Vec::new(),
-            truth: VecDeque::new(),
+            truth: TruthRecords::default(),
             boot_s: 0.0,
             lost_power: false,
             last: None,
-            order: Order::default(),
             identity: None,
             settings: None,
             sensors: None,
-            home_gap_m: None,
             homing_failure: None,
-            journal: None,
+            watchers: Vec::new(),
         }
     }
 
     /// Time on the port's clock (s).
     pub fn now_s(&self) -> f64 {
-        self.port.now_s()
+        self.link.now_s()
     }
 
     /// The newest telemetry.
@@ -101,107 +80,96 @@ impl Session {
         self.last.as_ref()
     }
 
-    /// Who the board said it is.
+    /// The board's identity, once it has been greeted.
     pub fn identity(&self) -> Option<&Identity> {
         self.identity.as_ref()
     }
 
-    /// The newest report of its settings.
+    /// The board's identity.
+    ///
+    /// # Errors
+    /// If the board has not been greeted.
+    pub fn require_identity(&self) -> Result<&Identity, Failure> {
+        self.identity().ok_or_else(|| Failure::failed("the board did not send its identity"))
+    }
+
+    /// The newest report of the board's settings.
     pub fn known_settings(&self) -> Option<&SettingsReport> {
         self.settings.as_ref()
     }
 
-    /// The true gap (m); emulated rigs only.
-    pub fn true_gap_m(&self) -> Option<f64> {
-        self.truth.back().map(|t| t.gap_m)
+    /// What was true in the rig; empty on a real one.
+    pub fn truth(&self) -> &TruthRecords {
+        &self.truth
     }
 
-    /// Damaged frames so far.
-    pub fn damaged_frames(&self) -> u32 {
-        self.decoder.errors()
+    /// The frames below the messages: damaged and lost ones, heartbeats.
+    pub fn link(&self) -> &Link {
+        &self.link
     }
 
-    /// Frames of the board that never came, by the gaps in their numbers.
-    pub fn lost_frames(&self) -> u32 {
-        self.order.lost()
+    /// The same, to change it.
+    pub fn link_mut(&mut self) -> &mut Link {
+        &mut self.link
     }
 
-    /// The emulated rig behind it, if it is one.
+    /// The emulated rig behind the port, if it is one.
     pub fn emulated(&mut self) -> Option<&mut dyn Emulated> {
-        self.port.emulated()
+        self.link.emulated()
     }
 
-    /// Rows since last asked.
+    /// Rows since the last call.
     pub fn take_rows(&mut self) -> Vec<Row> {
         self.rows.drain(..).collect()
     }
 
-    /// Events since last asked, with their times (s).
+    /// Events since the last call, with their times (s).
     pub fn take_events(&mut self) -> Vec<(f64, EventKind)> {
         self.events.drain(..).collect()
     }
 
-    /// The firmware's own log since last asked; emulated boards only.
+    /// The firmware's own log since the last call; emulated boards only.
     pub fn take_log(&mut self) -> Vec<String> {
         std::mem::take(&mut self.log)
     }
 
-    /// Replies since last asked that nobody waited for, with their request's number.
+    /// Replies since the last call that nobody waited for, with the number of their request.
     pub fn take_replies(&mut self) -> Vec<(u16, Result<Accepted, Refusal>)> {
         self.replies.drain(..).collect()
     }
 
-    /// From now on keeps everything that passes, for [`Session::take_journal`].
-    pub fn keep_journal(&mut self) {
-        self.journal.get_or_insert_default();
+    /// Everything that passes from now on, in order.
+    pub fn watch(&mut self) -> Receiver<Entry> {
+        let (watcher, entries) = mpsc::channel();
+        self.watchers.push(watcher);
+        entries
     }
 
-    /// What has passed since last asked; nothing if it is not kept.
-    pub fn take_journal(&mut self) -> Vec<Entry> {
-        self.journal.as_mut().map(std::mem::take).unwrap_or_default()
+    fn note(&mut self, entry: impl Fn() -> Entry) {
+        // Who does not listen any more is forgotten.
+        self.watchers.retain(|watcher| watcher.send(entry()).is_ok());
     }
 
-    fn note(&mut self, entry: impl FnOnce(&Self) -> Entry) {
-        if self.journal.is_some() {
-            let entry = entry(self);
-            self.journal.get_or_insert_default().push(entry);
-        }
-    }
-
-    /// Sends heartbeats, or stops to.
-    pub fn set_heartbeat(&mut self, on: bool) {
-        self.heartbeat = on;
-    }
-
-    /// Greets the board by itself whenever it has started, as a script wants it.
+    /// Greets the board by itself whenever it has started, as a script needs it.
     pub fn greet_at_boot(&mut self) {
         self.greets = true;
     }
 
-    /// Mixes random bytes between the frames, or stops to.
-    pub fn set_link_noise(&mut self, seed: Option<u64>) {
-        self.noise = seed;
-    }
-
-    /// Queues a request for the next step; its number.
+    /// Queues a request for the next step and returns its number.
     ///
     /// # Errors
-    /// Never for the messages there are: each fits a frame.
+    /// Never for the messages that exist: each fits a frame.
     pub fn post(&mut self, request: &Request) -> Result<u16, Failure> {
-        self.sequence = self.sequence.wrapping_add(1);
-        let mut buffer = [0; MAX_FRAME];
-        let frame = encode(self.sequence, request, &mut buffer).map_err(|e| Failure::failed(e.to_string()))?;
-        self.outgoing.extend_from_slice(frame);
-        if !matches!(request, Request::Heartbeat) {
-            self.note(|s| Entry::Request(s.last.map_or(0.0, |t| s.boot_s + t.t_us as f64 * 1e-6), *request));
-        }
-        Ok(self.sequence)
+        let number = self.link.post(request)?;
+        let t_s = self.last.map_or(0.0, |t| self.boot_s + t.t_us as f64 * 1e-6);
+        self.note(|| Entry::Request(t_s, *request));
+        Ok(number)
     }
 
     /// One step: everything queued goes out, everything that came is sorted.
     ///
     /// # Errors
-    /// If the port fails, the emulated board stopped, or somebody wants to end it: then the board has been told to stop.
+    /// If the port fails, the emulated board stopped, or the operator interrupts: then the board has been stopped.
     pub fn step(&mut self) -> Result<(), Failure> {
         if !interrupt::wanted() {
             return self.exchange();
@@ -210,38 +178,20 @@ impl Session {
         Err(Failure::failed("interrupted: the board was told to stop"))
     }
 
-    /// Tells the board to stop, before nobody asks it anything any more.
+    /// Stops the board, before the conversation ends.
     ///
     /// # Errors
     /// If the port fails, or the emulated board stopped.
     pub fn stop(&mut self) -> Result<(), Failure> {
         self.post(&Request::Stop)?;
-        (0..LAST_STEPS).try_for_each(|_| self.exchange())
+        (0..LAST_EXCHANGES).try_for_each(|_| self.exchange())
     }
 
     fn exchange(&mut self) -> Result<(), Failure> {
-        let period = u64::from(HEARTBEAT_PERIOD_MS) / 10;
-        if self.heartbeat && self.steps.is_multiple_of(period) {
-            self.post(&Request::Heartbeat)?;
-        }
-        self.steps += 1;
-        let mut bytes = std::mem::take(&mut self.outgoing);
-        if let Some(state) = &mut self.noise {
-            let mut noise = noise_bytes(state);
-            noise.append(&mut bytes);
-            bytes = noise;
-        }
-        let received = self.port.pass(&bytes, STEP_S)?;
-        self.truth.extend(received.truth);
-        while self.truth.len() > TRUTH_KEPT {
-            self.truth.pop_front();
-        }
-        self.log.extend(received.log);
-        for byte in received.bytes {
-            if let Some(Ok(frame)) = self.decoder.push(byte) {
-                self.order.take(frame).into_iter().for_each(|message| self.take(message));
-            }
-        }
+        let Heard { messages, truth, log } = self.link.exchange()?;
+        self.truth.extend(truth);
+        self.log.extend(log);
+        messages.into_iter().for_each(|message| self.take(message));
         Ok(())
     }
 
@@ -251,55 +201,50 @@ impl Session {
             Message::Identity(identity) => self.identity = Some(identity),
             Message::Settings(report) => self.settings = Some(report),
             Message::Sensors(sensors) => self.sensors = Some(sensors),
-            Message::Event { t_us, kind } => {
-                let t_s = self.boot_s + t_us as f64 * 1e-6;
-                if matches!(kind, EventKind::Homed { .. }) {
-                    self.home_gap_m = self.truth_at(t_s).map(|t| t.gap_m);
-                }
-                if let EventKind::HomingRefused(failure) = kind {
-                    self.homing_failure = Some(failure);
-                }
-                self.note(|_| Entry::Event(t_s, kind));
-                self.events.push_back((t_s, kind));
-            }
-            Message::Telemetry(telemetry) => {
-                if self.last.is_some_and(|last| telemetry.t_us < last.t_us) {
-                    // The board's clock went back: it was reset, and knows nothing any more.
-                    self.boot_s = (self.now_s() - telemetry.t_us as f64 * 1e-6).max(0.0);
-                    self.home_gap_m = None;
-                    self.settings = None;
-                    self.homing_failure = None;
-                    self.lost_power = false;
-                }
-                if telemetry.state == State::Homing {
-                    self.homing_failure = None;
-                }
-                let started = self.last.is_none_or(|last| telemetry.t_us < last.t_us);
-                if started && self.greets {
-                    // The longest request there is fits a frame, so this one does.
-                    let _ = self.post(&Request::Hello { protocol_hash: PROTOCOL_HASH });
-                    let _ = self.post(&Request::GetSettings);
-                }
-                let t_s = self.boot_s + telemetry.t_us as f64 * 1e-6;
-                let truth = self.truth_at(t_s);
-                let zero_m = self.settings.map_or(0.0, |s| f64::from(s.values.get(Setting::PositionZero)));
-                let zero_gap_m = self.home_gap_m.map(|gap_m| gap_m - zero_m);
-                let mut row = Row::new(t_s, &telemetry, truth.as_ref(), zero_gap_m);
-                row.homing_failure = self.homing_failure.map(|failure| failure.name());
-                self.note(|_| Entry::Row(row.clone()));
-                self.rows.push_back(row);
-                self.last = Some(telemetry);
-            }
+            Message::Event { t_us, kind } => self.take_event(self.boot_s + t_us as f64 * 1e-6, kind),
+            Message::Telemetry(telemetry) => self.take_telemetry(telemetry),
         }
     }
 
-    /// The record nearest to a time.
-    fn truth_at(&self, t_s: f64) -> Option<Truth> {
-        let distance = |t: &&Truth| (t.t_s - t_s).abs();
-        self.truth.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).copied()
+    fn take_event(&mut self, t_s: f64, kind: EventKind) {
+        match kind {
+            EventKind::Homed { .. } => self.truth.homed(t_s),
+            EventKind::HomingRefused(failure) => self.homing_failure = Some(failure),
+            _ => {}
+        }
+        self.note(|| Entry::Event(t_s, kind));
+        self.events.push_back((t_s, kind));
     }
 
-    /// Steps until `done`, at most `seconds`; whether it was done.
+    fn take_telemetry(&mut self, telemetry: Telemetry) {
+        if self.last.is_some_and(|last| telemetry.t_us < last.t_us) {
+            // The board's clock went back: it was reset, and has forgotten everything.
+            self.boot_s = (self.now_s() - telemetry.t_us as f64 * 1e-6).max(0.0);
+            self.truth.restarted();
+            self.settings = None;
+            self.homing_failure = None;
+            self.lost_power = false;
+        }
+        if telemetry.state == State::Homing {
+            self.homing_failure = None;
+        }
+        let started = self.last.is_none_or(|last| telemetry.t_us < last.t_us);
+        if started && self.greets {
+            // The longest request that exists fits a frame, so these do.
+            let _ = self.post(&Request::Hello { protocol_hash: PROTOCOL_HASH });
+            let _ = self.post(&Request::GetSettings);
+        }
+        let t_s = self.boot_s + telemetry.t_us as f64 * 1e-6;
+        let zero_m = self.settings.map_or(0.0, |s| f64::from(s.values.get(Setting::PositionZero)));
+        let zero_gap_m = self.truth.home_gap_m().map(|gap_m| gap_m - zero_m);
+        let mut row = Row::new(t_s, &telemetry, self.truth.at(t_s).as_ref(), zero_gap_m);
+        row.homing_failure = self.homing_failure.map(|failure| failure.name());
+        self.note(|| Entry::Row(row.clone()));
+        self.rows.push_back(row);
+        self.last = Some(telemetry);
+    }
+
+    /// Steps until `done`, at most for `seconds`, and returns whether it was done.
     ///
     /// # Errors
     /// As [`Session::step`].
@@ -320,7 +265,7 @@ impl Session {
     /// The board's refusal, in words, or that no reply came.
     pub fn request(&mut self, request: &Request) -> Result<Accepted, Failure> {
         let number = self.post(request)?;
-        // Numbers come round again: an answer of the last time is none.
+        // Numbers wrap around: an old reply with the same number must not answer this request.
         self.replies.retain(|(to, _)| *to != number);
         self.until(REPLY_S, |s| s.replies.iter().any(|(to, _)| *to == number))?;
         match self.replies.iter().position(|(to, _)| *to == number).and_then(|i| self.replies.remove(i)) {
@@ -330,7 +275,7 @@ impl Session {
         }
     }
 
-    /// Greets the board and learns who it is.
+    /// Greets the board and returns its identity.
     ///
     /// # Errors
     /// If nobody answers, or board and tool were built from different message tables.
@@ -341,7 +286,7 @@ impl Session {
         self.identity = None;
         self.request(&Request::Hello { protocol_hash: PROTOCOL_HASH })?;
         self.until(REPLY_S, |s| s.identity.is_some())?;
-        let identity = self.identity.clone().ok_or_else(|| Failure::failed("the board did not say who it is"))?;
+        let identity = self.identity.clone().ok_or_else(|| Failure::failed("the board did not send its identity"))?;
         self.settings()?;
         Ok(identity)
     }
@@ -354,16 +299,16 @@ impl Session {
         self.settings = None;
         self.request(&Request::GetSettings)?;
         self.until(REPLY_S, |s| s.settings.is_some())?;
-        self.settings.ok_or_else(|| Failure::failed("the board did not tell its settings"))
+        self.settings.ok_or_else(|| Failure::failed("the board did not send its settings"))
     }
 
-    /// Changes settings and waits until they are in flash: whether that lost the position.
+    /// Changes settings, waits until they are in flash, and returns whether the board lost its position by that.
     ///
     /// # Errors
     /// The board's refusal in words, or that they are in use and not in flash.
     pub fn set(&mut self, request: &Request) -> Result<bool, Failure> {
         let accepted = self.request(request)?;
-        // A report that came with the reply may be older; one that is asked for now is not.
+        // A report that came with the reply may be older than the change; one that is requested now is not.
         let end_s = self.now_s() + FLASH_S;
         while self.now_s() < end_s {
             match self.settings()?.kept {
@@ -375,7 +320,7 @@ impl Session {
         Err(Failure::failed("in use, but NOT kept in flash: lost with the next reset. The board's log says why"))
     }
 
-    /// What the sensors show, homed or not.
+    /// The sensors' readings, homed or not.
     ///
     /// # Errors
     /// If the board does not answer.
@@ -383,10 +328,10 @@ impl Session {
         self.sensors = None;
         self.request(&Request::ReadSensors)?;
         self.until(REPLY_S, |s| s.sensors.is_some())?;
-        self.sensors.ok_or_else(|| Failure::failed("the board did not tell its sensors"))
+        self.sensors.ok_or_else(|| Failure::failed("the board did not send its sensor readings"))
     }
 
-    /// Gaps that the LVDT shows (m), over half a second, homed or not.
+    /// Gaps as the LVDT measures them (m), over half a second, homed or not.
     ///
     /// # Errors
     /// If one of them is no valid reading.
@@ -400,7 +345,7 @@ impl Session {
         Ok(gaps_m)
     }
 
-    /// Their mean (m).
+    /// The mean of [`Session::gaps_m`] (m).
     ///
     /// # Errors
     /// As [`Session::gaps_m`].
@@ -408,30 +353,36 @@ impl Session {
         Ok(self.gaps_m()?.iter().sum::<f64>() / f64::from(GAP_READINGS))
     }
 
-    fn state(&self) -> State {
+    /// The board's state by the newest telemetry.
+    pub fn state(&self) -> State {
         self.last.map_or(State::Boot, |t| t.state)
     }
 
-    /// Whether the board starts, so that it refuses what it will take in a moment.
-    pub fn starts(&self) -> bool {
+    /// Whether a motion goes on.
+    pub fn is_moving(&self) -> bool {
+        self.state() == State::Moving
+    }
+
+    /// Whether the board is starting: it refuses commands that it will accept in a moment.
+    pub fn is_starting(&self) -> bool {
         self.lost_power || self.state() == State::Boot
     }
 
-    /// Takes the emulated board's power away for a moment; whether there is one.
+    /// Takes the emulated board's power away for a moment, and returns whether there is an emulated board.
     ///
     /// # Errors
     /// If the emulator is gone.
     pub fn power_cycle(&mut self) -> Result<bool, Failure> {
-        let Some(emulated) = self.port.emulated() else { return Ok(false) };
+        let Some(emulated) = self.link.emulated() else { return Ok(false) };
         emulated.power_cycle()?;
         self.lost_power = true;
         Ok(true)
     }
 
-    /// Waits until the board has left its start, be it into a fault: settings may be what is wrong.
+    /// Waits until the board has started, also into a fault: wrong settings may be its cause.
     ///
     /// # Errors
-    /// If it does not come to that within 10 s.
+    /// If it does not start within 10 s.
     pub fn wait_started(&mut self) -> Result<(), Failure> {
         if !self.until(10.0, |s| s.state() != State::Boot)? {
             return Err(Failure::failed("the drive does not start: is it powered, is the bus wired?"));
@@ -439,10 +390,10 @@ impl Session {
         Ok(())
     }
 
-    /// Waits until the drive has started and the board can take a motion.
+    /// Waits until the drive has started and the board can accept a motion.
     ///
     /// # Errors
-    /// If it does not come to that within 10 s, or is in fault.
+    /// If it does not start within 10 s, or is in fault.
     pub fn wait_ready(&mut self) -> Result<(), Failure> {
         self.wait_started()?;
         match (self.state(), self.last.and_then(|t| t.fault)) {
@@ -451,17 +402,4 @@ impl Session {
             _ => Ok(()),
         }
     }
-}
-
-/// Up to 40 random bytes, SplitMix64.
-fn noise_bytes(state: &mut u64) -> Vec<u8> {
-    let mut next = || {
-        *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = *state;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    };
-    let count = next() % 41;
-    (0..count).map(|_| next() as u8).collect()
 }

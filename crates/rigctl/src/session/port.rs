@@ -14,24 +14,24 @@ pub struct Received {
     pub log: Vec<String>,
 }
 
-/// A way to the board.
+/// A connection to the board.
 pub trait Port {
     /// Sends `bytes` and lets `seconds` pass.
     ///
     /// # Errors
-    /// If the way is gone, or the emulated board stopped.
+    /// If the connection is lost, or the emulated board stopped.
     fn pass(&mut self, bytes: &[u8], seconds: f64) -> Result<Received, Failure>;
 
-    /// Time on this way's clock (s): emulated time, or time since it was opened.
+    /// Time on this connection's clock (s): emulated time, or time since it was opened.
     fn now_s(&self) -> f64;
 
-    /// The emulated rig behind it, if it is one.
+    /// The emulated rig at its end, if it is one.
     fn emulated(&mut self) -> Option<&mut dyn Emulated> {
         None
     }
 }
 
-/// What only an emulated rig can be told and asked.
+/// What only an emulated rig can do.
 pub trait Emulated {
     /// Changes the plant.
     ///

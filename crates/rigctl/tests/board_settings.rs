@@ -195,13 +195,13 @@ fn the_present_position_becomes_zero() {
 fn scripts_set_and_show_settings_across_a_power_cycle() {
     let folder = folder("script");
     let script = folder.join("settings.script");
-    let text = "0.1 config set speed-max 4mm/s # too soon: the drive starts\n2.5 config set speed-max 3mm/s\n\
+    let text = "0.1 config set speed-max 4mm/s # waits for the drive's start\n2.5 config set speed-max 3mm/s\n\
                 3 fault power-cycle\n5.8 config set lvdt-gain 1.5\n5.9 home\n6.4 config set lvdt-gain 1.01\n7 end\n";
     std::fs::write(&script, text).expect("a file");
     let play = |json: bool| {
         let json: &[&str] = if json { &["--json"] } else { &[] };
         let output = rigctl(&[&["sim", "--script", script.to_str().expect("a path")], json].concat());
-        let last = "error: 3 commands of the script were refused\n";
+        let last = "error: 2 commands of the script were refused\n";
         assert!(output.status.code() == Some(1) && error_of(&output).ends_with(last), "{}", error_of(&output));
         output
     };
@@ -210,13 +210,12 @@ fn scripts_set_and_show_settings_across_a_power_cycle() {
     let settings: Vec<&str> = shown.lines().filter(|line| line.contains(" settings ")).collect();
     let kept: Vec<bool> = settings.iter().map(|line| line.contains("\"speed-max\":0.003")).collect();
     assert_eq!(kept, [false, true, true], "{settings:?}");
-    for refused in [
-        "line 1: refused: the drive is not ready",
+    for message in [
+        "line 1: config waits until the board has started",
         "line 4: refused: lvdt-gain is 1.5",
-        "line 6: refused: not \
-                     possible while homing",
+        "line 6: refused: not possible while homing",
     ] {
-        assert!(error_of(&people).contains(refused), "{refused}: {}", error_of(&people));
+        assert!(error_of(&people).contains(message), "{message}: {}", error_of(&people));
     }
     let rows = lines(&play(true));
     let summary = &rows.last().expect("a summary")["summary"];

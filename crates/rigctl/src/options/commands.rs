@@ -1,8 +1,8 @@
 //! Options of the commands that have many.
 
 use super::values::{gap, load, methods, radius_law, seconds, tiers, tolerance, turns, twist_speed};
-use crate::commands::calibrate::Point;
-use crate::settings;
+use crate::board_settings;
+use crate::calibration::Point;
 use clap::{Args, Subcommand};
 use std::path::PathBuf;
 use tsa_model::RadiusLaw;
@@ -13,13 +13,13 @@ pub enum Config {
     /// Show all settings, or one, with default and range
     Get {
         /// Which; all if none is named
-        #[arg(value_name = "NAME", value_parser = settings::named)]
+        #[arg(value_name = "NAME", value_parser = board_settings::named)]
         name: Option<rig_link::Setting>,
     },
     /// Change one setting and keep it
     Set {
         /// Which
-        #[arg(value_name = "NAME", value_parser = settings::named, long_help = settings::help())]
+        #[arg(value_name = "NAME", value_parser = board_settings::named, long_help = board_settings::help())]
         name: rig_link::Setting,
         /// Its value, with or without a unit; `learned` for twist-scale takes what the last moves taught
         #[arg(value_name = "VALUE", allow_hyphen_values = true)]
@@ -69,7 +69,7 @@ pub struct Record {
     #[arg(long, value_name = "S", default_value = "10s", allow_hyphen_values = true, value_parser = seconds,
         conflicts_with = "script")]
     pub seconds: f64,
-    /// Play this script meanwhile, so that something happens (format as for `sim` and `play`)
+    /// Play this script meanwhile, so that something happens (format as for `play`)
     #[arg(long, value_name = "FILE")]
     pub script: Option<PathBuf>,
 }

@@ -2,7 +2,7 @@
 //!
 //! A load on elastic strings swings: even the lightest takes 40 ms for a quarter of its swing, so a millimetre within
 //! 20 ms means that it moves before or after as well. A gap that stands, steps and stands again is the sensor's doing.
-//! What shifts by less, or slowly, looks like another load (`load-unknown`).
+//! A smaller or slower shift looks like another load (`load-unknown`).
 
 /// Least step (m) within [`STEP_TICKS`].
 const JUMP_M: f32 = 1.0e-3;
@@ -32,7 +32,7 @@ impl LvdtJump {
         Self { gaps_m: [0.0; LENGTH], count: 0, missing: 0 }
     }
 
-    /// One tick's gap (m), if there is one; whether it has stepped, [`CALM_TICKS`] ago.
+    /// One tick's gap (m), if there is one; whether it stepped [`CALM_TICKS`] ago.
     pub(super) fn step(&mut self, gap_m: Option<f32>) -> bool {
         let Some(gap_m) = gap_m else {
             self.missing = self.missing.saturating_add(1);

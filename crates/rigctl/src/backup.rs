@@ -1,50 +1,14 @@
-//! The board's settings as text: names and values that the operator types, and the file of a backup.
+//! The file of a settings backup.
 
+use crate::board_settings::{named, value};
 use crate::failure::Failure;
 use crate::log::{FORMAT, Log};
-use crate::units::{self, Quantity};
 use rig_link::{Identity, PROTOCOL_HASH, Setting, SettingValues, SettingsReport};
 use std::fmt::Write;
 use std::path::Path;
 use toml::{Table, Value};
 
-/// The setting of this name.
-///
-/// # Errors
-/// Naming all there are.
-pub fn named(name: &str) -> Result<Setting, String> {
-    Setting::from_name(name).ok_or_else(|| {
-        let names: Vec<&str> = Setting::ALL.iter().map(|s| s.name()).collect();
-        format!("no setting `{name}`; settings: {}", names.join(", "))
-    })
-}
-
-/// What `config set` changes, for its help.
-pub fn help() -> String {
-    let line = |setting: &Setting| format!("  {setting}: {}", quantity(*setting).units());
-    let lines: Vec<String> = Setting::ALL.iter().map(line).collect();
-    format!("Which; `config get` shows each with its default and range. With their units:\n{}", lines.join("\n"))
-}
-
-/// What its value measures.
-pub fn quantity(setting: Setting) -> Quantity {
-    Quantity::of_unit(setting.spec().unit)
-}
-
-/// A value with or without a unit, into the setting's own.
-///
-/// # Errors
-/// Naming the setting and the units.
-pub fn value(setting: Setting, text: &str) -> Result<f32, units::UnitError> {
-    units::parse(setting.name(), quantity(setting), text).map(|value| value as f32)
-}
-
-/// For JSON: the shortest decimal of it, not what an f64 makes of an f32.
-pub fn decimal(value: f32) -> f64 {
-    value.to_string().parse().unwrap_or(f64::from(value))
-}
-
-/// The file of a backup: who the board was, then every setting in SI units.
+/// The text of a backup: the board's identity, then every setting in SI units.
 pub fn to_toml(report: &SettingsReport, identity: &Identity) -> String {
     let mut text = format!(
         "# Settings of a board, written by `rigctl config backup`. SI units; text with a unit, as \"1.2mm\", is read too.\n\
@@ -63,9 +27,9 @@ pub fn to_toml(report: &SettingsReport, identity: &Identity) -> String {
 /// A backup as read.
 #[derive(Debug, PartialEq)]
 pub struct Backup {
-    /// Hash of the `[rig]` that the board was built for, if the file tells.
+    /// Hash of the `[rig]` that the board was built for, if the file has it.
     pub rig_hash: Option<u32>,
-    /// The board's protocol hash, if the file tells.
+    /// The board's protocol hash, if the file has it.
     pub protocol_hash: Option<u32>,
     /// Every setting; those that the file does not have are the defaults.
     pub values: SettingValues,
@@ -74,10 +38,10 @@ pub struct Backup {
 }
 
 impl Backup {
-    /// Itself, if it is for a board with this `[rig]`; says on standard error what else is worth knowing of `file`.
+    /// The backup itself, if it is for a board with this `[rig]`; notes on `file` go to standard error.
     ///
     /// # Errors
-    /// Naming both, unless it is to be taken all the same (`force`).
+    /// Naming both hashes, unless the backup is `force`d on the board.
     pub fn of_rig(self, ours: u32, file: &Path, force: bool) -> Result<Self, Failure> {
         let name = file.display();
         if let (Some(theirs), false) = (self.rig_hash, force)
@@ -124,11 +88,11 @@ fn hash(board: &Table, key: &str, wrong: &mut Vec<String>) -> Option<u32> {
     hash
 }
 
-fn number(setting: Setting, value: &Value) -> Result<f32, String> {
-    match value {
+fn number(setting: Setting, given: &Value) -> Result<f32, String> {
+    match given {
         Value::Float(number) => Ok(*number as f32),
         Value::Integer(number) => Ok(*number as f32),
-        Value::String(text) => self::value(setting, text).map_err(|e| e.to_string()),
+        Value::String(text) => value(setting, text).map_err(|e| e.to_string()),
         other => Err(format!("{setting} is a {}, not a number", other.type_str())),
     }
 }

@@ -1,0 +1,107 @@
+//! The board's settings as text: names and values that the operator types, and lines for people.
+
+use crate::session::Session;
+use crate::units::{self, Quantity};
+use rig_link::{Fault, Kept, Setting, SettingValues, SettingsReport};
+use serde_json::{Value, json};
+
+/// The setting of this name.
+///
+/// # Errors
+/// Naming all settings.
+pub fn named(name: &str) -> Result<Setting, String> {
+    Setting::from_name(name).ok_or_else(|| {
+        let names: Vec<&str> = Setting::ALL.iter().map(|s| s.name()).collect();
+        format!("no setting `{name}`; settings: {}", names.join(", "))
+    })
+}
+
+/// What `config set` changes, for its help.
+pub fn help() -> String {
+    let line = |setting: &Setting| format!("  {setting}: {}", quantity(*setting).units());
+    let lines: Vec<String> = Setting::ALL.iter().map(line).collect();
+    format!("Which; `config get` shows each with its default and range. With their units:\n{}", lines.join("\n"))
+}
+
+/// What a setting's value measures.
+pub fn quantity(setting: Setting) -> Quantity {
+    Quantity::of_unit(setting.spec().unit)
+}
+
+/// A value with or without a unit, into the setting's own.
+///
+/// # Errors
+/// Naming the setting and the units.
+pub fn value(setting: Setting, text: &str) -> Result<f32, units::UnitError> {
+    units::parse(setting.name(), quantity(setting), text).map(|value| value as f32)
+}
+
+/// An f32 for JSON: its shortest decimal, without the digits that a conversion to f64 would add.
+pub fn decimal(value: f32) -> f64 {
+    value.to_string().parse().unwrap_or(f64::from(value))
+}
+
+/// A setting for machines.
+pub fn object(setting: Setting, report: &SettingsReport) -> Value {
+    let default = report.defaults.get(setting);
+    let [min, max] = setting.range(default);
+    json!({
+        "name": setting.name(),
+        "value": decimal(report.values.get(setting)),
+        "unit": setting.spec().unit,
+        "default": decimal(default),
+        "min": decimal(min),
+        "max": decimal(max),
+        "kept": report.kept == Kept::These,
+    })
+}
+
+/// A setting, its default and its range in a line.
+pub fn line(setting: Setting, report: &SettingsReport) -> String {
+    let (value, default) = (report.values.get(setting), report.defaults.get(setting));
+    let [min, max] = setting.range(default);
+    let from = if value == default { String::new() } else { format!("default {}, ", setting.show(default)) };
+    format!("{:14} {:16} {from}allowed {}", setting.name(), setting.show(value).to_string(), setting.allowed(min, max))
+}
+
+/// Where the values are from, and what to do if flash does not hold them.
+pub fn origin(kept: Kept) -> &'static str {
+    match kept {
+        Kept::These => "kept in flash",
+        Kept::Nothing => "defaults: none are in flash",
+        Kept::Others => "about to be written to flash",
+        Kept::Damaged => {
+            "defaults: those in flash are damaged, or for another rig. `config restore` or `config set` makes them anew"
+        }
+    }
+}
+
+/// All settings as one object.
+pub fn all(values: &SettingValues) -> Value {
+    values.iter().map(|(setting, value)| (setting.name().to_string(), json!(decimal(value)))).collect()
+}
+
+/// Lines of `status`: where the values are from, and every setting that is not its default.
+pub fn summary(report: &SettingsReport) -> Vec<String> {
+    let mut lines = vec![format!("settings {}", origin(report.kept))];
+    for (setting, value) in report.values.iter().filter(|(s, value)| *value != report.defaults.get(*s)) {
+        let default = setting.show(report.defaults.get(setting));
+        lines.push(format!("         {setting} {} (default {default})", setting.show(value)));
+    }
+    lines
+}
+
+/// What the operator has to do after a change. `lasts`: the board has flash that outlives this call of the tool.
+pub fn next_steps(session: &Session, lasts: bool, unhomed: bool) -> Vec<&'static str> {
+    let mut lines = Vec::new();
+    if !lasts {
+        lines.push("nothing of this lasts: without --flash FILE each call has a new emulated board");
+    }
+    if unhomed {
+        lines.push("the position is not known any more: `rigctl home` before the next move");
+    }
+    if session.telemetry().is_some_and(|t| t.fault == Some(Fault::SettingsCorrupt)) {
+        lines.push("fault settings-corrupt is still latched: check the settings, then `rigctl clear`");
+    }
+    lines
+}

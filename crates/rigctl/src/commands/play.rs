@@ -1,0 +1,115 @@
+//! `play`: a script and its telemetry, on the emulated board or on a real one.
+
+use crate::board_settings;
+use crate::failure::Failure;
+use crate::log::write::event;
+use crate::options::Global;
+use crate::output::Output;
+use crate::play::{check_refused, play};
+use crate::scene_file;
+use crate::script::Script;
+use crate::session::{Session, Target};
+use rig_link::SettingsReport;
+use serde_json::json;
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::time::Instant;
+
+/// People get a line every this many seconds; `--json` prints every telemetry message.
+const HUMAN_INTERVAL_S: f64 = 0.25;
+
+/// Plays a script, or lets `seconds` pass without one.
+///
+/// # Errors
+/// If the script is wrong, nobody answers, the port fails, or a command of the script was refused.
+pub fn run(global: &Global, script: Option<&Path>, seconds: f64, output: &mut Output) -> Result<(), Failure> {
+    let script = match script {
+        Some(path) => Script::load(path)?.0,
+        None if seconds > 0.0 && seconds.is_finite() => Script::idle(seconds),
+        None => return Err(Failure::Usage(format!("--seconds {seconds}: must be above 0"))),
+    };
+    let target = global.target()?;
+    let mut session = if target.is_emulated() {
+        // From the first instant of the board on: the script's time is the time since its start.
+        scene_file::load_rig(&target.scene)?;
+        target.open()?
+    } else {
+        target.connect()?
+    };
+    let started = Instant::now();
+    let mut printer = Printer { target: &target, next_line_s: 0.0, scene_checked: false, settings: None };
+    let refused = play(&mut session, &script, global.seed, |session, messages| {
+        messages.iter().for_each(|line| eprintln!("{line}"));
+        printer.print(session, output)?;
+        Ok(ControlFlow::Continue(()))
+    })?;
+    summary(&mut session, started.elapsed().as_secs_f64(), global.seed, output)?;
+    check_refused(refused)
+}
+
+/// Prints what has passed since the last step.
+struct Printer<'a> {
+    target: &'a Target,
+    next_line_s: f64,
+    scene_checked: bool,
+    settings: Option<SettingsReport>,
+}
+
+impl Printer<'_> {
+    fn print(&mut self, session: &mut Session, output: &mut Output) -> Result<(), Failure> {
+        // An emulated board may be of another scene, to try that; the operator is warned.
+        if session.identity().is_some() && !std::mem::replace(&mut self.scene_checked, true) {
+            let warning = self.target.check_scene(session).err().and_then(|failure| failure.message());
+            warning.iter().for_each(|line| eprintln!("{line}"));
+        }
+        for row in session.take_rows() {
+            output.object(&row)?;
+            if !output.json() && row.t_s >= self.next_line_s {
+                output.line(row.text())?;
+                self.next_line_s = row.t_s + HUMAN_INTERVAL_S;
+            }
+        }
+        for (t_s, kind) in session.take_events() {
+            output.line(format!("{t_s:8.2} s  event {}", event(&kind)))?;
+        }
+        // They are unknown between a start of the board and its first report.
+        let known = session.known_settings().copied();
+        if let (true, Some(report)) = (known != self.settings, known) {
+            let values = board_settings::all(&report.values);
+            output.line(format!("{:8.2} s  settings {values} {}", session.now_s(), report.kept))?;
+        }
+        self.settings = known;
+        for line in session.take_log() {
+            output.line(format!("           log {line}"))?;
+        }
+        Ok(())
+    }
+}
+
+/// What the run cost on the emulated board. The instructions of a real board are not counted.
+fn summary(session: &mut Session, wall_s: f64, seed: u64, output: &mut Output) -> Result<(), Failure> {
+    let emulated_s = session.now_s();
+    let settings = session.known_settings().map(|report| board_settings::all(&report.values));
+    let Some(emulated) = session.emulated() else { return Ok(()) };
+    let stats = emulated.stats()?;
+    output.object(&json!({"summary": {
+        "instructions_per_tick_mean": stats.instructions_per_tick_mean,
+        "instructions_per_tick_max": stats.instructions_per_tick_max,
+        "core_busy": stats.core_busy,
+        "plant_tier": stats.plant_tier,
+        "realtime_factor": emulated_s / wall_s,
+        "seed": seed,
+        "settings": settings,
+        "stack_high_water_bytes": stats.stack_high_water_bytes,
+    }}))?;
+    output.line(format!(
+        "{emulated_s:.2} s emulated in {wall_s:.2} s; control tick {:.0} instructions mean, {:.0} at most; core busy {:.2} %; \
+         stack {} bytes; seed {seed}; the plant by the {} model, the cheapest that the scene needs",
+        stats.instructions_per_tick_mean,
+        stats.instructions_per_tick_max,
+        stats.core_busy * 100.0,
+        stats.stack_high_water_bytes,
+        stats.plant_tier,
+    ))?;
+    Ok(())
+}

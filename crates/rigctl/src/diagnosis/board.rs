@@ -1,0 +1,176 @@
+//! Checks of the board's identity: image, protocol, last reset, clock, scene and table.
+
+use super::{Check, check};
+use crate::failure::Failure;
+use rig_link::{Clock, Identity, PROTOCOL_HASH, ResetCause};
+use rig_scene::Scene;
+
+/// End of the git id of an image with a table that was not made for the scene's accuracy (`TSA_STUDY`, see build.rs).
+const STUDY: &str = "-study";
+
+/// Checks of a board's identity against the tool and the scene.
+///
+/// # Errors
+/// If the scene does not say what its table must cover.
+pub fn checks(id: &Identity, scene: &Scene) -> Result<Vec<Check>, Failure> {
+    let (envelope, accuracy) = scene.table_demand()?;
+    let turns = envelope.turns;
+    let t = &id.table;
+    let close = |a: f64, b: f32| (a - f64::from(b)).abs() < 1e-5 * a.abs().max(1.0);
+    let accurate = f64::from(t.contraction_error_m) <= accuracy.contraction_m
+        && f64::from(t.tr_relative_error) <= accuracy.tr_relative;
+    let covers = (f64::from(t.load_min_n) <= envelope.load_n[0] || close(envelope.load_n[0], t.load_min_n))
+        && (f64::from(t.load_max_n) >= envelope.load_n[1] || close(envelope.load_n[1], t.load_max_n))
+        && (f64::from(t.turns_max) >= turns[1] || close(turns[1], t.turns_max));
+    let asked_for = matches!(id.reset_cause, ResetCause::PowerOn | ResetCause::Pin | ResetCause::Software);
+    Ok(vec![
+        firmware(id),
+        check(
+            "protocol",
+            id.protocol_hash == PROTOCOL_HASH,
+            format!("{:08x}", id.protocol_hash),
+            format!("the tool speaks {PROTOCOL_HASH:08x}: build both from one tree"),
+        ),
+        check(
+            "reset",
+            asked_for,
+            format!("last started by {}, {} boots since power came on", id.reset_cause, id.boot_count),
+            match id.reset_cause {
+                ResetCause::BrownOut => "the supply dipped: look at the board's supply and its ground",
+                ResetCause::Watchdog => "the firmware hung: see the last panic, then `clear` and `home`",
+                _ => "nobody asked for it: look at supply and reset wiring",
+            },
+        ),
+        clock(id.clock),
+        brown_out(id.brown_out_level),
+        check(
+            "panic",
+            id.last_panic.is_none(),
+            id.last_panic.as_ref().map_or("none".to_owned(), |text| format!("the run before ended with: {text}")),
+            "report it with a `record` of what led to it; `clear` and `home` to go on",
+        ),
+        check(
+            "scene",
+            id.scene_hash == scene.hash(),
+            format!("board {:08x}, --scene {:08x}", id.scene_hash, scene.hash()),
+            "name the board's scene with --scene, or `table --board`, or build and flash for this one",
+        ),
+        check(
+            "rig",
+            id.rig_hash == scene.rig_hash() && id.demand_hash == scene.demand_hash(),
+            format!("built with [rig] {:08x}, --scene has {:08x}", id.rig_hash, scene.rig_hash()),
+            "the scene's [rig], [envelope] or [accuracy] is not what this firmware was built with: build and flash",
+        ),
+        check(
+            "table",
+            accurate && covers,
+            format!(
+                "{}, {}: contraction within {:.2} um, TR within {:.3} %, {} to {} N, {} to {} turns",
+                t.form,
+                if t.rebuilt { "made on the board" } else { "built in" },
+                f64::from(t.contraction_error_m) * 1e6,
+                f64::from(t.tr_relative_error) * 100.0,
+                t.load_min_n,
+                t.load_max_n,
+                t.turns_min,
+                t.turns_max
+            ),
+            format!(
+                "the scene asks for {:.2} um and {:.3} % over {} to {} N and {} turns: build and flash for it",
+                accuracy.contraction_m * 1e6,
+                accuracy.tr_relative * 100.0,
+                envelope.load_n[0],
+                envelope.load_n[1],
+                turns[1]
+            ),
+        ),
+    ])
+}
+
+/// The image: its version, and that it holds the scene's own table.
+fn firmware(id: &Identity) -> Check {
+    let tool = env!("CARGO_PKG_VERSION");
+    let is_study = id.git.ends_with(STUDY);
+    let advice = if is_study {
+        "this image holds a study table, made for `cargo xtask loop`: flash the normal image with `cargo xtask firmware`, \
+         then `cargo xtask flash`"
+    } else {
+        "build and flash the firmware that goes with this tool"
+    };
+    let seen = format!("{} (git {}), tool {tool}", id.version, id.git);
+    check("firmware", id.version == tool && !is_study, seen, advice)
+}
+
+/// The source of the board's clock.
+fn clock(clock: Clock) -> Check {
+    let seen = match clock {
+        Clock::Hse => "the ST-LINK's 8 MHz",
+        Clock::Hsi => "the chip's own oscillator: the ST-LINK's 8 MHz was missing at the last start",
+    };
+    let advice =
+        "solder bridges SB16 and SB50, power by the ST-LINK's USB socket; then reset. Do not rely on the CAN bit rate";
+    check("clock", clock == Clock::Hse, seen, advice)
+}
+
+/// The chip's brown-out reset, an option byte.
+fn brown_out(level: u8) -> Check {
+    let seen = match level {
+        0 => "the reset by a dip of the supply is off".to_owned(),
+        level => format!("reset by a dip of the supply at level {level} of 3"),
+    };
+    let advice =
+        "below 2.7 V the chip may do anything, and a dip passes for power-on: set level 3 (docs/first-hour.md)";
+    check("brown-out", level == 3, seen, advice)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rig_link::TableIdentity;
+
+    fn identity(git: &str) -> Identity {
+        Identity {
+            version: env!("CARGO_PKG_VERSION").parse().expect("fits"),
+            git: git.parse().expect("fits"),
+            protocol_hash: PROTOCOL_HASH,
+            scene_hash: 0,
+            rig_hash: 0,
+            demand_hash: 0,
+            table: TableIdentity {
+                form: Default::default(),
+                bytes: 0,
+                contraction_error_m: 0.0,
+                tr_relative_error: 0.0,
+                load_min_n: 0.0,
+                load_max_n: 0.0,
+                turns_min: 0.0,
+                turns_max: 0.0,
+                crc: 0,
+                rebuilt: false,
+            },
+            reset_cause: ResetCause::PowerOn,
+            clock: Clock::Hse,
+            brown_out_level: 3,
+            boot_count: 1,
+            last_panic: None,
+        }
+    }
+
+    #[test]
+    fn an_image_with_a_study_table_or_of_another_version_needs_attention() {
+        assert!(firmware(&identity("abcdef0")).ok);
+        let study = firmware(&identity("abcdef0-study"));
+        assert!(!study.ok && study.advice.is_some_and(|advice| advice.contains("cargo xtask firmware")));
+        let old = Identity { version: "0.0.1".parse().expect("fits"), ..identity("abcdef0") };
+        assert!(!firmware(&old).ok);
+    }
+
+    #[test]
+    fn a_board_on_its_own_clock_or_without_brown_out_reset_needs_attention() {
+        assert!(clock(Clock::Hse).ok && brown_out(3).ok);
+        for bad in [clock(Clock::Hsi), brown_out(0), brown_out(2)] {
+            assert!(!bad.ok && bad.advice.is_some(), "{bad:?}");
+        }
+        assert!(brown_out(0).seen.contains("off"));
+    }
+}

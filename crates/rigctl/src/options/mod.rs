@@ -1,0 +1,135 @@
+//! The options that the operator types, as values.
+//!
+//! [`Global`]: the options of every command; [`commands`]: those of the commands that have many; [`values`]: texts with
+//! units, each error naming its option.
+
+pub mod commands;
+pub mod values;
+
+use crate::failure::Failure;
+use crate::scene_file;
+use crate::session::sim::{Gdb, SimOptions};
+use crate::session::{Place, Target};
+use clap::Args;
+use rig_scene::Scene;
+use sim_link::{PlantChange, PlantKey};
+use std::path::PathBuf;
+
+/// Headings of the options that every command has.
+const EVERYWHERE: &str = "Everywhere";
+const EMULATED: &str = "Emulated board (--port sim)";
+
+/// What `--plant` takes.
+fn plant_help() -> String {
+    format!(
+        "Changes of the emulated plant that the firmware does not know, for example load=1.2kg,friction=0.1. Keys and \
+         their units:\n{}",
+        PlantKey::help()
+    )
+}
+
+/// Options of every command.
+#[derive(Debug, Clone, Args)]
+pub struct Global {
+    /// Print JSON: one object, or one a line where there are many
+    #[arg(long, global = true, help_heading = EVERYWHERE)]
+    pub json: bool,
+    /// Scene: the constants that tool and table believe in, load range, travel, accuracy
+    #[arg(long, global = true, help_heading = EVERYWHERE, value_name = "FILE", default_value = "scenes/default.toml")]
+    pub scene: PathBuf,
+    /// Where the firmware is: `sim` (an emulated board that starts by itself) or a serial device
+    #[arg(long, global = true, help_heading = EVERYWHERE, default_value = "sim")]
+    pub port: String,
+    /// Changes of the emulated plant that the firmware does not know, for example load=1.2kg,friction=0.1
+    #[arg(long, global = true, help_heading = EMULATED, value_name = "KEY=VALUE", value_delimiter = ',',
+        long_help = plant_help())]
+    pub plant: Vec<PlantChange>,
+    /// Scene that the emulated plant is built from, if it differs from the operator's --scene [default: --scene]
+    #[arg(long, global = true, help_heading = EMULATED, value_name = "FILE")]
+    pub plant_scene: Option<PathBuf>,
+    /// Seed of the emulated rig's noise
+    #[arg(long, global = true, help_heading = EMULATED, default_value_t = 1)]
+    pub seed: u64,
+    /// File that keeps the emulated board's flash from one call to the next [default: each call has a new board]
+    #[arg(long, global = true, help_heading = EMULATED, value_name = "FILE")]
+    pub flash: Option<PathBuf>,
+    /// Firmware for the emulated board [default: what `cargo xtask firmware` made]
+    #[arg(long, global = true, help_heading = EMULATED, value_name = "ELF")]
+    pub firmware: Option<PathBuf>,
+    /// Let a GDB connect to the emulated board there, for example 127.0.0.1:1234; see docs/debugging.md
+    #[arg(long, global = true, help_heading = EMULATED, value_name = "ADDR:PORT")]
+    pub gdb: Option<String>,
+    /// Start the emulated board when it has
+    #[arg(long, global = true, help_heading = EMULATED, requires = "gdb")]
+    pub gdb_wait: bool,
+}
+
+impl Global {
+    /// Whether the board is the emulated one.
+    pub fn is_emulated(&self) -> bool {
+        self.port == "sim"
+    }
+
+    /// Whether the board's flash outlives this call of the tool.
+    pub fn flash_lasts(&self) -> bool {
+        !self.is_emulated() || self.flash.is_some()
+    }
+
+    /// The operator's scene.
+    ///
+    /// # Errors
+    /// Naming the file, and what is wrong with it.
+    pub fn scene(&self) -> Result<Scene, Failure> {
+        scene_file::load(&self.scene)
+    }
+
+    /// The operator's scene, of a rig that can work.
+    ///
+    /// # Errors
+    /// As [`Global::scene`], or naming the keys that do not fit.
+    pub fn rig_scene(&self) -> Result<Scene, Failure> {
+        scene_file::load_rig(&self.scene)
+    }
+
+    /// Options of the emulated board.
+    ///
+    /// # Errors
+    /// If there is no such scene file.
+    pub fn emulated(&self) -> Result<SimOptions, Failure> {
+        let scene = self.plant_scene.as_ref().unwrap_or(&self.scene);
+        scene_file::check(scene)?;
+        Ok(SimOptions {
+            firmware: self.firmware.clone(),
+            scene: scene.clone(),
+            plant: self.plant.clone(),
+            seed: self.seed,
+            flash: self.flash.clone(),
+            gdb: self.gdb.clone().map(|address| Gdb { address, wait: self.gdb_wait }),
+        })
+    }
+
+    /// The board at `--port`.
+    ///
+    /// # Errors
+    /// If there is no such scene file, or an option of the emulated board is given for a device.
+    pub fn target(&self) -> Result<Target, Failure> {
+        if self.is_emulated() {
+            return Ok(Target { scene: self.scene.clone(), place: Place::Emulated(self.emulated()?) });
+        }
+        if let Some((_, name)) = self.of_emulated_board().into_iter().find(|(given, _)| *given) {
+            return Err(Failure::Usage(format!("{name} is for the emulated board, not for --port {}", self.port)));
+        }
+        Ok(Target { scene: self.scene.clone(), place: Place::Device(self.port.clone()) })
+    }
+
+    /// The options of the emulated board alone, and whether each was given.
+    pub fn of_emulated_board(&self) -> [(bool, &'static str); 5] {
+        [
+            (!self.plant.is_empty(), "--plant"),
+            (self.plant_scene.is_some(), "--plant-scene"),
+            (self.flash.is_some(), "--flash"),
+            (self.firmware.is_some(), "--firmware"),
+            (self.gdb.is_some(), "--gdb"),
+        ]
+    }
+}

@@ -1,0 +1,122 @@
+//! A load that the firmware does not know, homed and moved on a fresh emulated board, with its telemetry.
+
+use crate::failure::Failure;
+use crate::session::Session;
+use crate::session::homing::{HomeResult, home};
+use crate::session::motion::{MoveResult, move_to};
+use crate::session::row::Row;
+use crate::session::sim::{Sim, SimOptions};
+use lab::STANDARD_GRAVITY_M_PER_S2;
+use lab::move_figure::Curve;
+use rig_link::LoadChoice;
+use serde::Serialize;
+use sim_link::{PlantChange, PlantKey};
+use std::time::Instant;
+
+/// Target of the move (m).
+pub const TARGET_M: f64 = 0.012;
+/// Its speed (m/s).
+pub const SPEED_M_PER_S: f64 = 0.002;
+/// How long the load is held and watched afterwards (s).
+const HOLD_S: f64 = 2.0;
+/// Limits that the demo must meet: true error at rest (m), load estimate (relative), homing (s), share of busy time.
+const FLOORS: (f64, f64, f64, f64) = (50e-6, 0.08, 45.0, 0.10);
+
+/// One load's result.
+#[derive(Debug, Serialize)]
+pub struct RecordedMove {
+    /// Load (kg).
+    pub load_kg: f64,
+    /// Load (N).
+    pub load_true_n: f64,
+    /// How homing ended.
+    pub home: HomeResult,
+    /// How the move ended.
+    #[serde(rename = "move")]
+    pub travel: MoveResult,
+    /// Turns of the motor shaft.
+    pub motor_turns: f64,
+    /// Largest true error while the load is held (m).
+    pub true_error_at_rest_m: f64,
+    /// Share of the time that the core was not asleep.
+    pub core_busy: f64,
+    /// Mean instructions of a control tick.
+    pub instructions_per_tick_mean: f64,
+    /// Most instructions of a control tick.
+    pub instructions_per_tick_max: f64,
+    /// Emulated time over wall-clock time.
+    pub realtime_factor: f64,
+    /// Whether every limit of the demo is met.
+    pub floors_met: bool,
+    /// Telemetry of the move and of the hold.
+    #[serde(skip)]
+    pub rows: Vec<Row>,
+}
+
+/// Boots a fresh board, homes, moves and holds; `twist_rad` is the twist of the strings at the start, `gear` the ratio of
+/// the motor's gear.
+///
+/// # Errors
+/// If there is no emulated board, or homing or the move fails.
+pub fn record(options: &SimOptions, load_kg: f64, twist_rad: f64, gear: f64) -> Result<RecordedMove, Failure> {
+    let load_true_n = load_kg * STANDARD_GRAVITY_M_PER_S2;
+    let mut options = options.clone();
+    options.plant.push(PlantChange { key: PlantKey::Load, value: load_true_n });
+    options.plant.push(PlantChange { key: PlantKey::TwistAtBoot, value: twist_rad });
+    let started = Instant::now();
+    let mut session = Session::new(Box::new(Sim::start(&options)?));
+    session.hello()?;
+    let home = home(&mut session, |_| {})?;
+    let mut rows = Vec::new();
+    let travel = move_to(&mut session, TARGET_M, SPEED_M_PER_S, LoadChoice::Auto, |row| rows.push(row.clone()))?;
+    session.until(HOLD_S, |_| false)?;
+    rows.extend(session.take_rows());
+    let wall_s = started.elapsed().as_secs_f64();
+    let emulated_s = session.now_s();
+    let stats = session.emulated().ok_or_else(|| Failure::failed("not an emulated board"))?.stats()?;
+    let at_rest = rows.iter().rev().take(100).filter_map(|r| r.true_position_m);
+    let true_error_at_rest_m =
+        at_rest.map(|p| p - TARGET_M).fold(0.0, |a: f64, b| if b.abs() > a.abs() { b } else { a });
+    let share = (travel.load_n / load_true_n - 1.0).abs();
+    let floors_met = true_error_at_rest_m.abs() <= FLOORS.0
+        && share <= FLOORS.1
+        && home.duration_s <= FLOORS.2
+        && stats.core_busy <= FLOORS.3;
+    Ok(RecordedMove {
+        load_kg,
+        load_true_n,
+        home,
+        travel,
+        motor_turns: travel.turns * gear,
+        true_error_at_rest_m,
+        core_busy: stats.core_busy,
+        instructions_per_tick_mean: stats.instructions_per_tick_mean,
+        instructions_per_tick_max: stats.instructions_per_tick_max,
+        realtime_factor: emulated_s / wall_s,
+        floors_met,
+        rows,
+    })
+}
+
+impl RecordedMove {
+    /// The move as curves of a picture.
+    pub fn curve(&self) -> Curve {
+        let start_s = self.rows.first().map_or(0.0, |r| r.t_s);
+        let t = |r: &Row| r.t_s - start_s;
+        Curve {
+            label: format!("{} kg", self.load_kg),
+            position_mm: self.rows.iter().filter_map(|r| r.true_position_m.map(|p| (t(r), p * 1e3))).collect(),
+            set_point_mm: self.rows.iter().filter_map(|r| r.setpoint_m.map(|p| (t(r), f64::from(p) * 1e3))).collect(),
+            motor_rpm: self
+                .rows
+                .iter()
+                .map(|r| (t(r), f64::from(r.drive_speed_rad_per_s) * 60.0 / std::f64::consts::TAU))
+                .collect(),
+            tr_rad_per_mm: self
+                .rows
+                .iter()
+                .filter_map(|r| r.tr_rad_per_m.map(|v| (t(r), f64::from(v) * 1e-3)))
+                .collect(),
+        }
+    }
+}

@@ -1,0 +1,95 @@
+//! From the operator's choice of a board to a session with it.
+
+use super::client::Session;
+use super::interrupt;
+use super::port::Port;
+use super::serial::Serial;
+use super::sim::{Sim, SimOptions};
+use crate::failure::Failure;
+use crate::scene_file;
+use std::path::PathBuf;
+
+/// Which board, and the scene that the operator believes it to be built for.
+#[derive(Clone, Debug)]
+pub struct Target {
+    /// The operator's scene file.
+    pub scene: PathBuf,
+    /// Where the board is.
+    pub place: Place,
+}
+
+/// Where a board is.
+#[derive(Clone, Debug)]
+pub enum Place {
+    /// An emulated board, started afresh.
+    Emulated(SimOptions),
+    /// A serial device.
+    Device(String),
+}
+
+impl Target {
+    /// The place as `--port` names it.
+    pub fn port(&self) -> &str {
+        match &self.place {
+            Place::Emulated(_) => "sim",
+            Place::Device(device) => device,
+        }
+    }
+
+    /// Whether the board is an emulated one.
+    pub fn is_emulated(&self) -> bool {
+        matches!(self.place, Place::Emulated(_))
+    }
+
+    /// Opens the port without a greeting.
+    ///
+    /// # Errors
+    /// If the emulated board does not start, or the device cannot be opened.
+    pub fn open(&self) -> Result<Session, Failure> {
+        interrupt::watch();
+        let port: Box<dyn Port> = match &self.place {
+            Place::Emulated(options) => Box::new(Sim::start(options)?),
+            Place::Device(device) => Box::new(Serial::open(device)?),
+        };
+        Ok(Session::new(port))
+    }
+
+    /// Opens the port and greets the board, whatever scene its table is for.
+    ///
+    /// # Errors
+    /// If there is no board, or it was built with another message table.
+    pub fn meet(&self) -> Result<Session, Failure> {
+        let mut session = self.open()?;
+        session.hello()?;
+        Ok(session)
+    }
+
+    /// Opens the port and greets the board; its table must be for the operator's scene.
+    ///
+    /// # Errors
+    /// If the scene is of a rig that cannot work, the port cannot be opened, nobody answers, or the board's scene is
+    /// another.
+    pub fn connect(&self) -> Result<Session, Failure> {
+        scene_file::load_rig(&self.scene)?;
+        let session = self.meet()?;
+        self.check_scene(&session)?;
+        Ok(session)
+    }
+
+    /// Checks that the board's table is for the operator's scene.
+    ///
+    /// # Errors
+    /// Naming both scenes, and what to do.
+    pub fn check_scene(&self, session: &Session) -> Result<(), Failure> {
+        let scene = scene_file::load(&self.scene)?.hash();
+        let board = session.identity().map_or(0, |id| id.scene_hash);
+        if board == scene {
+            return Ok(());
+        }
+        Err(Failure::failed(format!(
+            "the board's table is for another scene ({board:08x}) than {} ({scene:08x}): name the board's with --scene, have \
+             it make one for this (`table --board`), or build and flash",
+            self.scene.display(),
+        )))
+    }
+}

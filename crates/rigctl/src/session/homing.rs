@@ -1,0 +1,66 @@
+//! Homing, from the request to its result.
+
+use super::client::Session;
+use super::motion::check_motion;
+use super::row::Row;
+use crate::failure::{Failure, HomingFailed};
+use crate::output::progress;
+use rig_link::{EventKind, Request};
+use serde::Serialize;
+
+/// Longest homing (s), the drive's start-up included.
+const HOMING_S: f64 = 60.0;
+
+/// How a homing ended.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct HomeResult {
+    /// Homing time, without the start-up of the drive (s).
+    pub duration_s: f64,
+    /// Load that was weighed (N).
+    pub load_n: f32,
+    /// The board's own estimate of its error of zero twist (rad).
+    pub twist_error_estimate_rad: f32,
+    /// Measured less modelled gap (m).
+    pub gap_offset_m: f32,
+}
+
+impl HomeResult {
+    /// A line for people.
+    pub fn text(&self) -> String {
+        format!(
+            "homed in {:.1} s: load {:.3} N, zero twist to about {:.4} rad, LVDT offset {:+.3} mm",
+            self.duration_s,
+            self.load_n,
+            self.twist_error_estimate_rad,
+            f64::from(self.gap_offset_m) * 1e3
+        )
+    }
+}
+
+/// Homes; `each` gets every row of telemetry.
+///
+/// # Errors
+/// The board's refusal or failure in words.
+pub fn home(session: &mut Session, mut each: impl FnMut(&Row)) -> Result<HomeResult, Failure> {
+    session.wait_ready()?;
+    let start_s = session.now_s();
+    session.request(&Request::Home)?;
+    let bar = progress(45, "homing");
+    while session.now_s() < start_s + HOMING_S {
+        session.step()?;
+        bar.set_position((session.now_s() - start_s) as u64);
+        session.take_rows().iter().for_each(&mut each);
+        for (t_s, kind) in session.take_events() {
+            match kind {
+                EventKind::Homed { twist_error_estimate_rad, load_n, gap_offset_m } => {
+                    bar.finish_and_clear();
+                    let duration_s = t_s - start_s;
+                    return Ok(HomeResult { duration_s, load_n, twist_error_estimate_rad, gap_offset_m });
+                }
+                EventKind::HomingRefused(failure) => return Err(HomingFailed(failure).into()),
+                kind => check_motion(&kind, "while homing")?,
+            }
+        }
+    }
+    Err(Failure::failed(format!("homing did not end within {HOMING_S} s")))
+}

@@ -1,0 +1,108 @@
+//! Frames over a [`Port`]: numbered and encoded on the way out, decoded and put in order on the way in.
+
+use super::order::Order;
+use super::port::{Emulated, Port};
+use crate::failure::Failure;
+use rig_link::{Decoder, HEARTBEAT_PERIOD_MS, MAX_FRAME, Message, Request, encode};
+use sim_link::Truth;
+
+/// Time that passes in one exchange (s).
+pub const STEP_S: f64 = 0.01;
+
+/// What came back in one exchange.
+#[derive(Default)]
+pub struct Heard {
+    /// The board's messages, in order.
+    pub messages: Vec<Message>,
+    /// What happened in an emulated rig.
+    pub truth: Vec<Truth>,
+    /// The emulated firmware's own log.
+    pub log: Vec<String>,
+}
+
+/// The frames of one conversation.
+pub struct Link {
+    port: Box<dyn Port>,
+    decoder: Decoder<Message>,
+    order: Order,
+    sequence: u16,
+    outgoing: Vec<u8>,
+    exchanges: u64,
+    heartbeat: bool,
+}
+
+impl Link {
+    /// Over this port, with heartbeats.
+    pub fn new(port: Box<dyn Port>) -> Self {
+        Self {
+            port,
+            decoder: Decoder::new(),
+            order: Order::default(),
+            sequence: 0,
+            outgoing: Vec::new(),
+            exchanges: 0,
+            heartbeat: true,
+        }
+    }
+
+    /// Time on the port's clock (s).
+    pub fn now_s(&self) -> f64 {
+        self.port.now_s()
+    }
+
+    /// The emulated rig behind the port, if it is one.
+    pub fn emulated(&mut self) -> Option<&mut dyn Emulated> {
+        self.port.emulated()
+    }
+
+    /// Damaged frames so far.
+    pub fn damaged_frames(&self) -> u32 {
+        self.decoder.errors()
+    }
+
+    /// Frames of the board that never came, by the gaps in their numbers.
+    pub fn lost_frames(&self) -> u32 {
+        self.order.lost()
+    }
+
+    /// Switches the heartbeats on or off.
+    pub fn set_heartbeat(&mut self, on: bool) {
+        self.heartbeat = on;
+    }
+
+    /// Queues a request for the next exchange and returns its number.
+    ///
+    /// # Errors
+    /// Never for the messages that exist: each fits a frame.
+    pub fn post(&mut self, request: &Request) -> Result<u16, Failure> {
+        self.sequence = self.sequence.wrapping_add(1);
+        let mut buffer = [0; MAX_FRAME];
+        let frame = encode(self.sequence, request, &mut buffer).map_err(|e| Failure::failed(e.to_string()))?;
+        self.outgoing.extend_from_slice(frame);
+        Ok(self.sequence)
+    }
+
+    /// Queues bytes that are no frame, ahead of the queued frames.
+    pub fn send_ahead(&mut self, bytes: &[u8]) {
+        self.outgoing.splice(0..0, bytes.iter().copied());
+    }
+
+    /// Sends everything that is queued, lets [`STEP_S`] pass, and returns what came.
+    ///
+    /// # Errors
+    /// If the port fails, or the emulated board stopped.
+    pub fn exchange(&mut self) -> Result<Heard, Failure> {
+        if self.heartbeat && self.exchanges.is_multiple_of(u64::from(HEARTBEAT_PERIOD_MS) / 10) {
+            self.post(&Request::Heartbeat)?;
+        }
+        self.exchanges += 1;
+        let received = self.port.pass(&std::mem::take(&mut self.outgoing), STEP_S)?;
+        let mut messages = Vec::new();
+        for byte in received.bytes {
+            if let Some(Ok(frame)) = self.decoder.push(byte) {
+                messages.extend(self.order.take(frame));
+            }
+        }
+        Ok(Heard { messages, truth: received.truth, log: received.log })
+    }
+}

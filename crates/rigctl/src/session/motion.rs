@@ -1,0 +1,199 @@
+//! Motions: a move to a position, a jog, a turn to a twist.
+
+use super::client::Session;
+use super::link::STEP_S;
+use super::row::Row;
+use crate::failure::Failure;
+use crate::output::progress;
+use rig_link::{EventKind, LoadChoice, Request};
+use serde::Serialize;
+use std::f64::consts::{PI, TAU};
+
+/// Longest move beyond what distance and speed need (s).
+const MOVE_SLACK_S: f64 = 30.0;
+/// Longest turn beyond its length at its speed (s).
+const TURN_SLACK_S: f64 = 10.0;
+/// How long before the end of a turn the motor is stopped (s): the delay of the link and the ramp.
+const TURN_AHEAD_S: f64 = 0.05;
+/// Longest ramp down after a stop (s).
+const STOP_S: f64 = 5.0;
+
+/// Passes over events that end no motion.
+///
+/// # Errors
+/// The fault or emergency stop that ended it; `when` is part of the message.
+pub fn check_motion(kind: &EventKind, when: &str) -> Result<(), Failure> {
+    match kind {
+        EventKind::FaultRaised(fault) => Err(Failure::failed(format!("fault {fault} {when}"))),
+        EventKind::EStopOpened => Err(Failure::failed(format!("emergency stop {when}"))),
+        _ => Ok(()),
+    }
+}
+
+/// How a move ended.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct MoveResult {
+    /// Target (m).
+    pub target_m: f64,
+    /// Position at rest by the LVDT (m).
+    pub position_m: f64,
+    /// Measured position less target (m).
+    pub error_m: f64,
+    /// True position less target, emulated rigs only (m).
+    pub true_error_m: Option<f64>,
+    /// Load estimate at rest (N).
+    pub load_n: f64,
+    /// TR at the start (rad/m).
+    pub tr_start_rad_per_m: f64,
+    /// TR at the end (rad/m).
+    pub tr_end_rad_per_m: f64,
+    /// Turns of the strings.
+    pub turns: f64,
+    /// From the request to rest (s).
+    pub duration_s: f64,
+}
+
+/// Moves; `each` gets every row of telemetry.
+///
+/// # Errors
+/// The board's refusal or failure in words.
+pub fn move_to(
+    session: &mut Session,
+    to_m: f64,
+    speed_m_per_s: f64,
+    load: LoadChoice,
+    mut each: impl FnMut(&Row),
+) -> Result<MoveResult, Failure> {
+    // The tick that ended a homing does not know TR yet.
+    session.until(5.0 * STEP_S, |_| false)?;
+    session.take_rows();
+    let before = session.telemetry().copied();
+    let known = |v: Option<f32>, what: &str| {
+        v.map(f64::from).ok_or_else(|| Failure::failed(format!("the board knows no {what}: is it homed?")))
+    };
+    let start_s = session.now_s();
+    let request = Request::Move { target_m: to_m as f32, speed_m_per_s: speed_m_per_s as f32, load };
+    session.request(&request)?;
+    let from_m = known(before.and_then(|t| t.position_m), "position")?;
+    let distance = (to_m - from_m).abs();
+    let bar = progress(1000, "moving");
+    let limit_s = distance / speed_m_per_s.abs().max(1e-6) + MOVE_SLACK_S;
+    // A heavy load may be slower than requested, because the motor has its own limit: four times is more than TR varies.
+    while session.now_s() < start_s + 4.0 * limit_s {
+        session.step()?;
+        for row in session.take_rows() {
+            if let Some(position) = row.position_m {
+                let share = (f64::from(position) - from_m).abs() / distance.max(1e-9);
+                bar.set_position((1000.0 * share.min(1.0)) as u64);
+                bar.set_message(format!("{:.3} mm", f64::from(position) * 1e3));
+            }
+            each(&row);
+        }
+        for (_, kind) in session.take_events() {
+            match kind {
+                EventKind::MoveDone { .. } => {
+                    bar.finish_and_clear();
+                    return settle(session, to_m, start_s, before, &mut each);
+                }
+                EventKind::Stopped => return Err(Failure::failed("stopped before the target")),
+                kind => check_motion(&kind, "on the way")?,
+            }
+        }
+    }
+    Err(Failure::failed("the move did not end"))
+}
+
+fn settle(
+    session: &mut Session,
+    to_m: f64,
+    start_s: f64,
+    before: Option<rig_link::Telemetry>,
+    each: &mut impl FnMut(&Row),
+) -> Result<MoveResult, Failure> {
+    let duration_s = session.now_s() - start_s;
+    // The mean of 0.3 s at rest: one block of the LVDT is noisier than where the load stands.
+    let (mut sum, mut true_sum, mut count) = (0.0, 0.0, 0.0);
+    let mut last = None;
+    for _ in 0..30 {
+        session.step()?;
+        for row in session.take_rows() {
+            sum += f64::from(row.position_m.unwrap_or(f32::NAN));
+            true_sum += row.true_position_m.unwrap_or(f64::NAN);
+            count += 1.0;
+            each(&row);
+            last = Some(row);
+        }
+    }
+    let last = last.ok_or_else(|| Failure::failed("the board went silent"))?;
+    let before = before.ok_or_else(|| Failure::failed("the board went silent"))?;
+    let position_m = sum / count;
+    let number = |v: Option<f32>| v.map_or(f64::NAN, f64::from);
+    Ok(MoveResult {
+        target_m: to_m,
+        position_m,
+        error_m: position_m - to_m,
+        true_error_m: Some(true_sum / count - to_m).filter(|e| e.is_finite()),
+        load_n: number(last.load_n),
+        tr_start_rad_per_m: number(before.tr_rad_per_m),
+        tr_end_rad_per_m: number(last.tr_rad_per_m),
+        turns: (number(last.twist_rad) - number(before.twist_rad)) / std::f64::consts::TAU,
+        duration_s,
+    })
+}
+
+/// Turns the strings at a constant speed (rad/s) for a time (s), then ramps down.
+///
+/// # Errors
+/// The board's refusal or failure in words.
+pub fn jog(session: &mut Session, speed_rad_per_s: f64, seconds: f64) -> Result<(), Failure> {
+    session.wait_ready()?;
+    session.take_events();
+    session.request(&Request::Jog { twist_speed_rad_per_s: speed_rad_per_s as f32 })?;
+    let end_s = session.now_s() + seconds;
+    while session.now_s() < end_s {
+        session.step()?;
+        for (_, kind) in session.take_events() {
+            check_motion(&kind, "while turning")?;
+        }
+    }
+    session.request(&Request::Stop)?;
+    session.until(STOP_S, |s| !s.is_moving())?;
+    session.take_events().iter().try_for_each(|(_, kind)| check_motion(kind, "while stopping"))
+}
+
+/// Turns the strings from one twist to another (rad) at a constant speed (rad/s); `each` is called after every step.
+///
+/// # Errors
+/// The board's refusal or failure in words, or that of `each`.
+pub fn turn(
+    session: &mut Session,
+    [from, to]: [f64; 2],
+    speed_rad_per_s: f64,
+    mut each: impl FnMut(&mut Session) -> Result<(), Failure>,
+) -> Result<(), Failure> {
+    let sign = (to - from).signum();
+    session.take_events();
+    session.request(&Request::Jog { twist_speed_rad_per_s: (sign * speed_rad_per_s) as f32 })?;
+    let end_s = session.now_s() + (to - from).abs() / speed_rad_per_s + TURN_SLACK_S;
+    let bar = progress(1000, if sign > 0.0 { "turning up" } else { "turning back" });
+    let mut stopping = false;
+    while session.now_s() < end_s {
+        session.step()?;
+        each(session)?;
+        let twist = session.telemetry().and_then(|t| t.twist_rad).map_or(from, f64::from);
+        bar.set_position((1000.0 * ((twist - from) / (to - from)).clamp(0.0, 1.0)) as u64);
+        bar.set_message(format!("{:.2} turns", (twist - PI) / TAU));
+        if !stopping && sign * (to - twist) < speed_rad_per_s * TURN_AHEAD_S {
+            session.request(&Request::Stop)?;
+            stopping = true;
+        }
+        for (_, kind) in session.take_events() {
+            check_motion(&kind, "while turning")?;
+        }
+        if stopping && !session.is_moving() {
+            bar.finish_and_clear();
+            return Ok(());
+        }
+    }
+    Err(Failure::failed(format!("the strings did not reach {:.2} turns", (to - PI) / TAU)))
+}
