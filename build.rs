@@ -43,7 +43,8 @@ fn run() -> Result<(), Box<dyn Error>> {
 
     fs::write(out.join("memory.x"), include_str!("memory.x"))?;
     println!("cargo:rustc-link-search={}", out.display());
-    // The commit goes into the identity that the board reports, so that `rigctl status` and `doctor` show a study image.
+    // The commit goes into the identity that the board reports, so that `rigctl status` and `doctor` show a study
+    // image.
     let mark = if study.is_some() { "-study" } else { "" };
     println!("cargo:rustc-env=TSA_GIT={}{mark}", git().unwrap_or_else(|| "unknown".into()));
     Ok(())
@@ -55,8 +56,9 @@ struct Study {
     accuracy: Accuracy,
 }
 
-/// The table that `TSA_STUDY` asks for: "tier contraction_m tr_relative". It is refused without the feature `study`, which
-/// only `cargo xtask loop` sets: a variable left over in a shell must not put a worse table under the scene's name.
+/// The table that `TSA_STUDY` asks for: "tier contraction_m tr_relative". It is refused without the feature `study`,
+/// which only `cargo xtask loop` sets: a variable left over in a shell must not put a worse table under the scene's
+/// name.
 fn study() -> Result<Option<Study>, Box<dyn Error>> {
     println!("cargo:rerun-if-env-changed=TSA_STUDY");
     let Ok(text) = env::var("TSA_STUDY") else { return Ok(None) };
@@ -91,7 +93,7 @@ fn parameters(scene: &Scene) -> Result<String, Box<dyn Error>> {
     Ok(format!("/// The scene's constants.\npub const PARAMETERS: tsa_model::Parameters = {parameters};\n"))
 }
 
-/// What the host compares its scene with.
+/// Hashes with which the host compares its scene.
 fn hashes(scene: &Scene) -> String {
     format!(
         "/// Hash of the scene's `[rig]`.\n\
@@ -103,7 +105,8 @@ fn hashes(scene: &Scene) -> String {
     )
 }
 
-/// What a table that the board makes for itself must reach, and the shape it may take if the first one does not.
+/// The accuracy that a table rebuilt on the board must reach, and the shape that it may take if the first one misses
+/// it.
 fn demand(scene: &Scene, fit: &tsa_table::fit::Fit) -> Result<String, Box<dyn Error>> {
     let accuracy = scene.table_demand()?.1;
     let shape = fit.table.numbers.shape;
@@ -111,7 +114,7 @@ fn demand(scene: &Scene, fit: &tsa_table::fit::Fit) -> Result<String, Box<dyn Er
     Ok(format!(
         "/// The scene's accuracy: contraction (m) and TR (relative).\n\
          pub const ACCURACY: [f32; 2] = [{:?}f32, {:?}f32];\n\
-         /// More powers, for constants that ask for them.\n\
+         /// More powers, for constants that need them.\n\
          pub const SPARE_SHAPE: Option<tsa_table::Shape> = tsa_table::Shape::of({}, {columns});\n",
         accuracy.contraction_m as f32, accuracy.tr_relative as f32, shape.rows
     ))

@@ -1,4 +1,5 @@
-//! Instructions on the emulated board for each way to evaluate the mechanism, all in one image (`crates/lab/cost-image`).
+//! Instructions on the emulated board for each way to evaluate the mechanism, all in one image
+//! (`crates/lab/cost-image`).
 
 use host_tests::{root, scene};
 use rig_emulator::machine::{Config, Machine};
@@ -20,8 +21,8 @@ enum Answer {
 }
 use Answer::{Gap, Root, Twist};
 
-/// Symbol, description, computed quantity, and the table whose lookup is predicted, in the order of the board's results:
-/// first in f32, then in f64.
+/// Symbol, description, computed quantity, and the table whose lookup is predicted, in the order of the board's
+/// results: first in f32, then in f64.
 const WAYS: [(&str, &str, Answer, &str); 23] = [
     ("cost_lookup", "table: gap and gradient", Gap, "TABLE"),
     ("cost_inverse_twist", "table: twist from load and gap", Twist, ""),
@@ -151,7 +152,8 @@ fn no_way_to_evaluate_the_mechanism_becomes_slower() {
             let off = f64::from(predicted) / cost.instructions_max as f64 - 1.0;
             assert!(off.abs() < 0.06, "{symbol}: {predicted} predicted, {} counted", cost.instructions_max);
         }
-        // The limits follow from the models: the cheap tiers are wrong by centimetres, micromath's root by some percent.
+        // The limits follow from the models: the cheap tiers are wrong by centimetres, micromath's root by some
+        // percent.
         let limit = match (answer, symbol) {
             (Gap, "cost_rigid" | "cost_beam_column" | "cost_pseudo_rigid") => 0.03,
             (Gap, "cost_full" | "cost_continuation") => 1e-12,

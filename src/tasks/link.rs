@@ -134,8 +134,8 @@ fn identity(start: &Start) -> Identity {
         rig_hash: crate::scene::RIG_HASH,
         demand_hash: crate::scene::DEMAND_HASH,
         table: TableIdentity {
-            form: text(table.form.name()),
-            bytes: table.form.bytes() as u16,
+            form: text(tsa_table::FORM),
+            bytes: table.series.bytes() as u16,
             contraction_error_m: m.contraction_error_m,
             tr_relative_error: m.tr_relative_error,
             load_min_n: m.load_min_n,

@@ -9,7 +9,7 @@ use embassy_futures::yield_now;
 use embassy_time::Instant;
 use rig_link::messages::{Constants, EventKind, Message, TableRefusal};
 use static_cell::StaticCell;
-use tsa_model::{Geometry, Material, Parameters, RadiusLaw, StringParameters};
+use tsa_model::{Geometry, Material, Parameters, StringParameters};
 use tsa_table::Table;
 use tsa_table::rebuild::{Rebuild, RebuildError, Rebuilt};
 
@@ -81,12 +81,9 @@ const fn refused(reason: TableRefusal, load_n_or_error_m: f32, twist_rad_or_erro
 
 fn parameters(c: &Constants) -> Option<Parameters> {
     let [string_length_m, rod_span_m, clamp_width_m, rod_radius_m] = c.geometry_m;
-    let [diameter_m, stiffness_n_per_m, k1_per_n, k2, k3] = c.string;
-    let twist_exponent = c.twist_exponent;
-    let radius_law = if twist_exponent.is_some() { RadiusLaw::TwistPower } else { RadiusLaw::LengthRatio };
     Parameters::new(
         &Geometry { string_length_m, rod_span_m, clamp_width_m, rod_radius_m },
-        &StringParameters { diameter_m, stiffness_n_per_m, k1_per_n, k2, k3, twist_exponent, radius_law },
+        &StringParameters::from_constants(c.string, c.twist_exponent),
         &Material { stress_coefficients_pa: c.stress_coefficients_pa },
     )
     .ok()

@@ -4,9 +4,9 @@ use rig_scene::{Scene, TableError};
 use rival_forms::LoadMap;
 use rival_forms::fit::{Considered, considered};
 use serde::Serialize;
+use tsa_table::FORM;
 use tsa_table::fit::{Errors, Fit, MAX_BYTES};
 use tsa_table::instruction_model::{LOOKUP_INSTRUCTIONS, lookup_instructions};
-use tsa_table::owned::FORM;
 
 /// The chosen table and how it was chosen.
 #[derive(Debug, Serialize)]

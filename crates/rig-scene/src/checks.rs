@@ -23,10 +23,10 @@ pub struct Misfit {
     pub why: String,
 }
 
-/// What a check says.
+/// Verdict of a check.
 enum Verdict {
     Fits,
-    /// It works, but is so far from what rigs are like that a slip is likelier.
+    /// It works, but is so unusual for a rig that a mistake is likelier.
     Unusual(String),
     /// It cannot work, or hurts something.
     Impossible(String),
@@ -131,14 +131,14 @@ impl Scene {
     }
 
     /// Whether a rig like this can work: checks the values against each other and, where there is an envelope, against
-    /// the equilibria at its edges (some 20 solves). Returns what is unusual, to be warned of.
+    /// the equilibria at its edges (some 20 solves). Returns the unusual values, for warnings.
     ///
     /// # Errors
     /// [`SceneError::Impossible`] with all that cannot work or would hurt hardware, each with its keys and numbers;
     /// [`SceneError::Value`] for what is wrong by itself; [`SceneError::Unsolvable`] where an edge of the envelope has
     /// no equilibrium.
     pub fn check_rig(&self) -> Result<Vec<Misfit>, SceneError> {
-        // What a solve would make of values that are no mechanism means nothing.
+        // Values that describe no mechanism cannot be solved.
         self.validate()?;
         let states = States::of(self)?;
         let found = CHECKS.iter().filter_map(|check| match (&check.look, &states) {
@@ -150,7 +150,7 @@ impl Scene {
     }
 }
 
-/// What is unusual, or everything that is impossible.
+/// The unusual values, or all impossible ones.
 fn sort<'a>(found: impl Iterator<Item = (&'a Check, Verdict)>) -> Result<Vec<Misfit>, SceneError> {
     let (mut unusual, mut impossible) = (Vec::new(), Vec::new());
     for (check, verdict) in found {
@@ -171,7 +171,7 @@ struct At {
     turns: f64,
 }
 
-/// The extremes of what the rig has to be able to do in the scene's envelope, and homing with it.
+/// The extremes that the rig must reach in the scene's envelope and in homing.
 struct States {
     /// Least and greatest gap (m).
     gap_m: [At; 2],
@@ -185,7 +185,7 @@ struct States {
     load_n: f64,
 }
 
-/// Loads and twists at which the envelope is looked at, along each of its edges.
+/// Loads and twists at which the envelope is solved along each of its edges.
 const STEPS: u32 = 4;
 
 impl States {
@@ -201,7 +201,8 @@ impl States {
         let along =
             |[from, to]: [f64; 2]| (0..=STEPS).map(move |k| from + (to - from) * f64::from(k) / f64::from(STEPS));
         let [least_n, most_n] = envelope.load_n;
-        // The gap falls with the twist and rises with the load; torque and slope are greatest at the last twist or load.
+        // The gap falls with the twist and rises with the load; torque and slope are greatest at the last twist or
+        // load.
         let edges = along(envelope.load_n)
             .map(|load_n| (load_n, envelope.turns[1]))
             .chain(along(envelope.turns).flat_map(|turns| [(least_n, turns), (most_n, turns)]))

@@ -1,8 +1,8 @@
 //! Files of the operator, read and written by the tool and by the emulator alike.
 //!
-//! Reading refuses whatever is no regular file, because the opening of a FIFO waits for a writer that may never come.
-//! Writing goes to a file of its own beside the target, which takes the target's place once it holds something: a full
-//! disk or a kill leaves the target as it was. A symbolic link stays a link, and what it points to is replaced.
+//! Reading accepts regular files only, because opening a FIFO waits for a writer that may never come. Writing goes to a
+//! new file beside the target, which replaces the target once it is complete: a full disk or a kill leaves the target
+//! as it was. A symbolic link remains a link, and the file behind it is replaced.
 
 use std::fs::{File, FileType, OpenOptions};
 use std::io::{self, Write};
@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 /// Longest chain of symbolic links that is followed, as Linux has it.
 const MOST_LINKS: usize = 40;
 
-/// What a file is that is no regular file.
+/// The kind of a file that is not regular, in words.
 fn kind(file: FileType) -> &'static str {
     #[cfg(unix)]
     {
@@ -29,10 +29,10 @@ fn kind(file: FileType) -> &'static str {
     if file.is_dir() { "a directory" } else { "something else" }
 }
 
-/// Whether a path leads to a regular file, by whatever links.
+/// Checks that a path leads to a regular file, directly or by links.
 ///
 /// # Errors
-/// If nothing is there, or something else than a regular file, which is then named. The path is not.
+/// If there is no file, or one of another kind, which the message names. It does not name the path.
 pub fn check_regular(path: &Path) -> io::Result<()> {
     let found = std::fs::metadata(path)?.file_type();
     if found.is_file() {
@@ -59,7 +59,7 @@ pub fn read_to_string(path: &Path) -> io::Result<String> {
     std::fs::read_to_string(path)
 }
 
-/// Where a path leads by symbolic links; a link to nothing leads to where its file would be made.
+/// The file behind symbolic links; behind a dangling link, the path at which its file would be created.
 fn behind_links(path: &Path) -> io::Result<PathBuf> {
     let mut path = path.to_path_buf();
     for _ in 0..MOST_LINKS {
@@ -223,7 +223,7 @@ mod tests {
         one.write_all(b"one").and_then(|()| two.write_all(b"two")).expect("written");
         assert_eq!(names(&folder).len(), 2);
         one.take_place(true).expect("in place");
-        // Given up: nothing is left of it.
+        // Dropped before it took its place: its file is removed.
         drop(two);
         assert_eq!(names(&folder), ["x.a"]);
         // Written on, where it has taken its place.
@@ -258,7 +258,7 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn what_is_no_regular_file_is_named() {
+    fn a_file_that_is_not_regular_is_named() {
         let folder = folder("kinds");
         let (fifo, socket) = (folder.join("fifo"), folder.join("socket"));
         assert!(std::process::Command::new("mkfifo").arg(&fifo).status().is_ok_and(|s| s.success()));

@@ -25,7 +25,7 @@ pub struct Rig {
     pub rotor_inertia_kg_m2: f64,
     /// Drive supply (V).
     pub supply_voltage_v: f64,
-    /// What the supply is divided by before the drive's analog input ASIN; leave it out where that is not wired.
+    /// Ratio of the divider from the supply to the drive's analog input ASIN; leave it out where that is not wired.
     pub supply_divider: Option<f64>,
     /// Current limit sent to the drive with every command (A).
     pub drive_current_limit_a: f64,
@@ -53,7 +53,7 @@ pub struct Rig {
 pub enum DriveTransport {
     /// CAN1 at 1 Mbit/s, which the vendor's manual describes.
     Can,
-    /// USART1 over RS232. Experimental: the framing is assumed (hardware.md section 5).
+    /// USART1 over RS232. Experimental: the framing is assumed (docs/hardware.md section 5).
     Uart,
 }
 
@@ -88,7 +88,7 @@ impl Rig {
         f64::from(self.gear_ratio[0]) / f64::from(self.gear_ratio[1])
     }
 
-    /// Quadrature counts per radian of twist: 4 for each encoder line (hardware.md section 1), times the gear.
+    /// Quadrature counts per radian of twist: 4 for each encoder line (docs/hardware.md section 1), times the gear.
     pub fn counts_per_rad(&self) -> f64 {
         4.0 * f64::from(self.encoder_lines) * self.gear() / std::f64::consts::TAU
     }
@@ -113,12 +113,12 @@ impl Rig {
         (self.drive_current_limit_a * 1000.0).round() as i16
     }
 
-    /// Least and greatest supply that is no fault (V): a fifth either side, within what the drive takes (10 to 58 V).
+    /// Least and greatest supply without a fault (V): a fifth either side, within the drive's range (10 to 58 V).
     pub fn supply_limits_v(&self) -> [f64; 2] {
         [(0.8 * self.supply_voltage_v).max(10.0), (1.2 * self.supply_voltage_v).min(58.0)]
     }
 
-    /// These numbers as the control code takes them; what an operator sets on the board corrects them later.
+    /// These numbers for the control code; the settings on the board correct them later.
     pub fn constants(&self) -> RigConstants {
         RigConstants {
             gear_ratio: self.gear() as f32,
@@ -157,7 +157,7 @@ impl Rig {
         if self.encoder_lines > 65_536 {
             return refuse("rig.encoder_lines", f64::from(self.encoder_lines), "must be at most 65536");
         }
-        // The command carries an i16 in rpm, the limit an i16 in mA (hardware.md section 1).
+        // The command carries an i16 in rpm, the limit an i16 in mA (docs/hardware.md section 1).
         if self.motor_speed_max_rad_per_s * 60.0 / std::f64::consts::TAU > 32_767.0 {
             let value = self.motor_speed_max_rad_per_s;
             return refuse("rig.motor_speed_max_rad_per_s", value, "must be below 32767 rpm, the drive's range");

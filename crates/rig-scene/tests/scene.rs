@@ -1,4 +1,4 @@
-//! Scene files: what is wrong is named.
+//! Scene files: an error names the key.
 
 use rig_scene::{Scene, SceneError};
 
@@ -61,7 +61,7 @@ fn a_table_needs_envelope_and_accuracy() {
 }
 
 #[test]
-fn the_hash_sees_values_and_not_comments() {
+fn the_hash_depends_on_values_and_not_on_comments() {
     let text = default_text();
     let hash = |t: &str| Scene::from_toml_str(t).unwrap().hash();
     assert_eq!(hash(&text), hash(&text.replace("# Assumed", "# assumed, says the author")));

@@ -1,4 +1,5 @@
-//! Scenes whose values do not fit each other: refused with their keys and numbers, and not by a hair too early.
+//! Scenes whose values do not fit each other are refused with their keys and numbers; scenes just inside the limits
+//! pass.
 
 use rig_scene::{Scene, SceneError};
 use std::path::{Path, PathBuf};
@@ -18,7 +19,7 @@ fn changed(changes: &[(&str, &str)]) -> Result<Scene, SceneError> {
     Scene::from_toml_str(&text)
 }
 
-/// What is unusual about it, or why it is impossible.
+/// Its unusual values, or why it is impossible.
 fn checked(changes: &[(&str, &str)]) -> Result<Vec<String>, String> {
     let unusual = changed(changes).and_then(|scene| scene.check_rig()).map_err(|error| error.to_string())?;
     Ok(unusual.iter().map(ToString::to_string).collect())
@@ -33,7 +34,7 @@ fn every_scene_in_the_folder_is_a_rig_without_a_warning() {
     }
 }
 
-/// What is changed, which key and which numbers the refusal must name; and the same, nearly so, which is none.
+/// The changes, the keys and numbers that the refusal must name, and changes just inside the limit, which pass.
 struct Case {
     impossible: &'static [(&'static str, &'static str)],
     named: &'static [&'static str],
@@ -182,7 +183,7 @@ const CASES: &[Case] = &[
 ];
 
 #[test]
-fn what_does_not_fit_is_refused_with_its_keys_and_numbers() {
+fn values_that_do_not_fit_are_refused_with_keys_and_numbers() {
     for case in CASES {
         let refused = checked(case.impossible).expect_err(&format!("{:?} passes", case.impossible));
         for named in case.named {
@@ -192,7 +193,7 @@ fn what_does_not_fit_is_refused_with_its_keys_and_numbers() {
 }
 
 #[test]
-fn what_nearly_does_not_fit_passes() {
+fn values_just_inside_the_limits_pass() {
     for case in CASES {
         let passed = checked(case.possible);
         assert!(passed.is_ok(), "{:?}: {passed:?}", case.possible);
@@ -201,7 +202,7 @@ fn what_nearly_does_not_fit_passes() {
 
 /// Reading the file is enough to be refused, so that no firmware is built and no board is spoken to.
 #[test]
-fn what_could_hurt_hardware_is_refused_at_once() {
+fn values_that_could_damage_hardware_are_refused_on_reading() {
     for changes in [
         &[("supply_divider", "1.0")][..],
         &[("supply_voltage_v", "5.0")],
@@ -214,13 +215,13 @@ fn what_could_hurt_hardware_is_refused_at_once() {
 }
 
 #[test]
-fn everything_that_does_not_fit_is_told_at_once() {
+fn all_values_that_do_not_fit_are_reported_together() {
     let refused = checked(&[("encoder_lines", "1"), ("motor_resistance_ohm", "1e6")]).unwrap_err();
     assert!(refused.contains("rig.encoder_lines") && refused.contains("rig.motor_resistance_ohm"), "{refused}");
 }
 
 #[test]
-fn what_is_unusual_is_a_warning() {
+fn an_unusual_value_is_a_warning() {
     for (changes, named) in [
         (&[("rod_span_m", "0.010")][..], "geometry.rod_span_m"),
         (&[("supply_divider", "2000.0")], "rig.supply_divider"),
@@ -242,9 +243,9 @@ fn an_envelope_past_the_model_is_named() {
     assert!(refused.contains("envelope.turns") && refused.contains("40 turns"), "{refused}");
 }
 
-/// A solve has nothing to do with the motor, and a scene without an envelope asks nothing of it.
+/// A solve does not use the motor, and a scene without an envelope demands nothing of it.
 #[test]
-fn without_an_envelope_only_what_needs_none_is_checked() {
+fn without_an_envelope_the_checks_that_need_one_are_skipped() {
     let mut scene = changed(&[("drive_current_limit_a", "0.001"), ("rotor_inertia_kg_m2", "1e-12")]).unwrap();
     assert!(scene.check_rig().is_err());
     scene.envelope = None;

@@ -8,10 +8,10 @@ use crate::rod::{RodResponse, TipForce};
 use crate::scalar::Scalar;
 
 impl<T: Scalar> Mechanism<T> {
-    /// The equilibrium with any model of the rod: the smallest helix angle at which eq. 25 holds. Newton's method starts
-    /// from the angle around rigid rods; a step out of the bracket is replaced by halving. With `scan` the root is first
-    /// bracketed by that many intervals from zero on. It ends when the scaled residual is at most `precision`, which must
-    /// not be below the noise of `rod`.
+    /// The equilibrium with any model of the rod: the smallest helix angle at which eq. 25 holds. Newton's method
+    /// starts from the angle around rigid rods; a step out of the bracket is replaced by halving. With `scan` the root
+    /// is first bracketed by that many intervals from zero on. It ends when the scaled residual is at most `precision`,
+    /// which must not be below the noise of `rod`.
     ///
     /// # Errors
     /// [`SolveError::NoEquilibrium`], [`SolveError::NotConverged`], and the errors of `rod`.

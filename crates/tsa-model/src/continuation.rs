@@ -1,9 +1,9 @@
 //! Continuation from the unloaded state, in the order of a real rig: the load is raised on untwisted strings, then the
 //! strings are twisted.
 //!
-//! Each step starts from a secant through the last two states and must not change the helix angle much, so that Newton's
-//! method cannot change branch. Where even the smallest step fails, the branch folds back: no equilibrium beyond is
-//! continuously connected to the unloaded state.
+//! Each step starts from a secant through the last two states and must not change the helix angle much, so that
+//! Newton's method cannot change branch. Where even the smallest step fails, the branch folds back: no equilibrium
+//! beyond is continuously connected to the unloaded state.
 
 use crate::equilibrium::Equilibrium;
 use crate::error::SolveError;
@@ -26,8 +26,8 @@ struct Walk {
 }
 
 impl<T: Scalar> Mechanism<T> {
-    /// The equilibrium reached from the unloaded, untwisted state in at least `steps` steps of load and as many of twist,
-    /// formal like that of [`Mechanism::formal`].
+    /// The equilibrium reached from the unloaded, untwisted state in at least `steps` steps of load and as many of
+    /// twist, formal like that of [`Mechanism::formal`].
     ///
     /// # Errors
     /// [`SolveError::Fold`] where the branch ends before the state; else as [`Mechanism::formal`].
@@ -90,7 +90,8 @@ impl Walk {
         Ok(found)
     }
 
-    /// An intermediate state only leads to the next, so few nodes and half the digits are enough; the last is solved fully.
+    /// An intermediate state only leads to the next, so few nodes and half the digits are enough; the last is solved
+    /// fully.
     fn settle<T: Scalar>(&mut self, m: &Mechanism<T>, state: &State, guess: (T, T), last: bool) -> Option<Found<T>> {
         // A secant may overshoot zero.
         let above = |x: T, least: f64| if x.value() > least { x } else { T::of(least) };

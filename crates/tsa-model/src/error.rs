@@ -1,4 +1,4 @@
-//! Why a parameter was refused, why a solve stopped, and what a solution should be taken with.
+//! Why a parameter is refused, why a solve stops, and the warnings that a solution carries.
 
 use core::fmt;
 
@@ -10,7 +10,7 @@ pub struct ParameterError {
     pub parameter: &'static str,
     /// The value that was refused.
     pub value: f64,
-    /// What it would have to be.
+    /// The requirement.
     pub reason: &'static str,
 }
 
@@ -25,7 +25,7 @@ pub fn positive(values: &[(&'static str, f64)]) -> Result<(), ParameterError> {
     }
 }
 
-/// The limit of the model that stopped a solve (model.md section 5).
+/// The limit of the model that stopped a solve (docs/model.md section 5).
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum SolveError {
     /// The load or the twist is NaN or infinite.
@@ -33,13 +33,13 @@ pub enum SolveError {
     NotFinite {
         /// `load` or `twist`.
         parameter: &'static str,
-        /// What was given.
+        /// The value.
         value: f64,
     },
     /// A slack string has no law: the radius 1/(k1 F) grows without bound as the load vanishes (eq. 6).
     #[error("load {load_n} N: a slack string has no law, the load must be above {minimum_n} N")]
     Slack {
-        /// The load asked for (N).
+        /// The requested load (N).
         load_n: f64,
         /// The least load that is solved (N).
         minimum_n: f64,
@@ -66,7 +66,7 @@ pub enum SolveError {
         /// Bending strain κR where it happened.
         bending_strain: f64,
     },
-    /// A strain beyond which the fifth-order polynomial of eq. 12 means nothing.
+    /// A strain far outside the range to which the fifth-order polynomial of eq. 12 was fitted.
     #[error("strain {strain} at the clamp is outside the range of the stress–strain fit (|ε| ≤ {limit})")]
     StrainRange {
         /// Largest fibre strain.
@@ -81,7 +81,7 @@ pub enum SolveError {
         load_n: f64,
         /// Nodes tried.
         nodes: usize,
-        /// What half as many miss of the rod's length.
+        /// Relative error of the rod's length with half as many nodes.
         missed: f64,
     },
     /// The branch of equilibria that starts at the unloaded state folds back before the twist is reached.
@@ -92,18 +92,18 @@ pub enum SolveError {
         /// Twist that is reached (rad).
         twist_rad: f64,
     },
-    /// A cheap tier has no answer here.
+    /// The state is outside the range of a cheaper tier.
     #[error("tier {tier} needs {limit}")]
     TierRange {
         /// The tier.
         tier: &'static str,
-        /// What it needs.
+        /// The condition that is not met.
         limit: &'static str,
     },
     /// A method failed where another may succeed.
     #[error("{stage} does not converge")]
     Diverged {
-        /// What of it failed.
+        /// The stage that failed.
         stage: &'static str,
     },
     /// The iteration did not reach its tolerance.
@@ -137,7 +137,7 @@ impl SolveError {
     }
 }
 
-/// What to take a solution with: a set of named warnings.
+/// A set of named warnings about a solution.
 #[derive(Clone, Copy, Default, PartialEq, Eq)]
 pub struct Warnings(u8);
 
@@ -149,7 +149,7 @@ impl Warnings {
     /// |n| l²/EI ≥ π²/4 with the softest bending stiffness that occurs: more than one equilibrium may exist; the one
     /// connected to zero load is returned.
     pub const NOT_UNIQUE: Self = Self(4);
-    /// |θ| < π: the strings do not touch yet; the paper says nothing there (model.md section 5).
+    /// |θ| < π: the strings do not touch yet; the paper says nothing there (docs/model.md section 5).
     pub const OPEN_STRINGS: Self = Self(8);
 
     /// X < r0 |θ|/π: two strings laid side by side would be longer. Only from [`crate::Mechanism::formal`].
@@ -173,7 +173,7 @@ impl Warnings {
         self.0 & warning.0 == warning.0
     }
 
-    /// Whether there is none.
+    /// Whether the set is empty.
     pub fn is_empty(self) -> bool {
         self.0 == 0
     }

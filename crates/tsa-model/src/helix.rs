@@ -20,7 +20,7 @@ pub struct State {
     pub twist_rad: f64,
     /// Sign of θ: the mechanism is symmetric.
     pub sign: f64,
-    /// S = sin(min(|θ|, π)/2): how much of D the open strings span (model.md section 5).
+    /// S = sin(min(|θ|, π)/2): how much of D the open strings span (docs/model.md section 5).
     pub span_factor: f64,
     span_factor_by_twist: f64,
     /// Share of the load that bends the rods; below 1 only on the way of a continuation.
@@ -58,9 +58,9 @@ impl State {
         Self { rod_share, ..*self }
     }
 
-    /// Force on the tip of half a rod at the helix's tan α, eq. 11. Of the horizontal force of open strings (|θ| < π) only
-    /// the share S acts along the rod: a straight string between two circles meets the rod at |θ|/2 from its normal.
-    /// Without S the gap would have a cusp at zero twist.
+    /// Force on the tip of half a rod at the helix's tan α, eq. 11. Of the horizontal force of open strings (|θ| < π)
+    /// only the share S acts along the rod: a straight string between two circles meets the rod at |θ|/2 from its
+    /// normal. Without S the gap would have a cusp at zero twist.
     pub fn force<T: Scalar>(&self, tan: T) -> TipForce<T> {
         let half = 0.5 * self.load_n * self.rod_share;
         TipForce { inward_n: tan * (half * self.span_factor), sideways_n: T::of(half) }

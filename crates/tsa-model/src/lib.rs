@@ -10,8 +10,8 @@
 //! - [`string`]: radius, stretch and helix of the strings (eqs 1–9).
 //! - [`helix`]: the equation that strings and rods share (eq. 25), with derivatives.
 //! - [`mechanism`]: the solver (eqs 25–29): [`Mechanism::solve`] is the entry point, [`equilibrium`] its result.
-//! - `balance`, `continuation`: [`Mechanism::balance`] solves with any model of the rod, [`Mechanism::continued`] follows
-//!   the solution from the unloaded state.
+//! - `balance`, `continuation`: [`Mechanism::balance`] solves with any model of the rod, [`Mechanism::continued`]
+//!   follows the solution from the unloaded state.
 //! - [`tiers`]: cheaper models of the rod, each with an estimate of its error.
 //! - [`quadrature`]: the rules by which the rod is integrated.
 //! - [`scalar`]: f64, f32, or numbers with derivatives: `Mechanism<Dual<N>>` gives how results depend on constants.

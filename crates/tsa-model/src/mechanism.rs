@@ -1,9 +1,9 @@
 //! Strings and rods together (eqs 25–29): the solver for the equilibrium at a load and a twist.
 //!
 //! There are two unknowns, the rod's amplitude and the helix angle α, and two equations: the rod has its length, and
-//! tan α · X = D + θ r (eq. 25). Newton's method with exact derivatives converges in a few steps for most states, first on
-//! few quadrature nodes, then on twice as many, whose residual measures the error of the fewer. A state that does not
-//! converge on the branch connected to zero load is solved again inside brackets, where no step can diverge.
+//! tan α · X = D + θ r (eq. 25). Newton's method with exact derivatives converges in a few steps for most states, first
+//! on few quadrature nodes, then on twice as many, whose residual measures the error of the fewer. A state that does
+//! not converge on the branch connected to zero load is solved again inside brackets, where no step can diverge.
 
 use crate::equilibrium::Equilibrium;
 use crate::error::{ParameterError, SolveError, Warnings};
@@ -70,8 +70,8 @@ impl Mechanism {
 macro_rules! gap_and_slope {
     ($number:ty) => {
         impl Mechanism<$number> {
-            /// Gap (m) and ∂G/∂θ (m/rad) as [`Mechanism::solve`] finds them. It is not generic, so that an image contains
-            /// the solver's code once, compiled with this crate's options.
+            /// Gap (m) and ∂G/∂θ (m/rad) as [`Mechanism::solve`] finds them. It is not generic, so that an image
+            /// contains the solver's code once, compiled with this crate's options.
             ///
             /// # Errors
             /// As [`Mechanism::solve`].
@@ -117,8 +117,8 @@ impl<T: Scalar> Mechanism<T> {
         self.possible(self.formal(load_n, twist_rad)?)
     }
 
-    /// As [`Mechanism::solve`], but an overtwisted state, which two strings of diameter r0 cannot reach, is returned with
-    /// a warning: for comparison with numbers that were computed without that limit.
+    /// As [`Mechanism::solve`], but an overtwisted state, which two strings of diameter r0 cannot reach, is returned
+    /// with a warning: for comparison with numbers that were computed without that limit.
     ///
     /// # Errors
     /// As [`Mechanism::solve`], without [`SolveError::Overtwist`].
@@ -194,7 +194,8 @@ impl<T: Scalar> Mechanism<T> {
         (alpha, self.rod.first_guess(state.force(sin / cos)))
     }
 
-    /// Newton's method in both unknowns, on rising numbers of nodes; `None` if it does not converge on the stable branch.
+    /// Newton's method in both unknowns, on rising numbers of nodes; `None` if it does not converge on the stable
+    /// branch.
     pub(crate) fn settle(&self, state: &State, start: (T, T)) -> Option<Found<T>> {
         let rules: &[Rule] = match &self.quadrature {
             Quadrature::Automatic => &LEVELS,
@@ -264,8 +265,8 @@ impl<T: Scalar> Mechanism<T> {
         None
     }
 
-    /// The smallest helix angle at which eq. 25 holds, with the rod solved inside its own bracket at each angle: the branch
-    /// connected to zero load.
+    /// The smallest helix angle at which eq. 25 holds, with the rod solved inside its own bracket at each angle: the
+    /// branch connected to zero load.
     pub(crate) fn bracket(&self, state: &State) -> Result<Found<T>, SolveError> {
         let rule = match &self.quadrature {
             Quadrature::Automatic => &LEVELS[3],

@@ -20,7 +20,7 @@ pub struct Geometry {
     pub rod_radius_m: f64,
 }
 
-/// Longest string (m) that is still a rig: beyond it single precision has no micrometres.
+/// Longest string (m): beyond it single precision does not resolve micrometres.
 const LONGEST_M: f64 = 10.0;
 
 impl Geometry {
@@ -47,8 +47,8 @@ impl Geometry {
     }
 }
 
-/// Everything that the equations hold constant, as numbers to compute with: plain, or with derivatives by some of
-/// them, so that [`crate::Mechanism::formal`] returns how every result depends on them.
+/// All constants of the equations, as plain numbers or as numbers with derivatives by some of them, so that
+/// [`crate::Mechanism::formal`] returns how every result depends on them.
 #[derive(Clone, Copy, Debug)]
 pub struct Parameters<T = f64> {
     /// L0 (m).
@@ -78,7 +78,7 @@ pub struct Parameters<T = f64> {
 }
 
 impl Parameters {
-    /// Checks and gathers them.
+    /// Checks the constants of a scene and collects them.
     ///
     /// # Errors
     /// [`ParameterError`] naming the scene-file key.
@@ -132,7 +132,7 @@ impl<T: Scalar> Parameters<T> {
         (self.string_length_m * self.string_length_m - self.rod_span_m * self.rod_span_m).sqrt()
     }
 
-    /// Radius r of the twisted pair and what H = |θ| r needs of its derivatives (eq. 6).
+    /// Radius r of the twisted pair and its derivatives, as H = |θ| r needs them (eq. 6).
     /// `twist_rad` is |θ|, `length_m` is X, `start_length_m` is X0.
     pub fn radius(&self, load_n: f64, twist_rad: f64, length_m: T, start_length_m: T) -> Radius<T> {
         let by_k1 = T::of(1.0) / (self.k1_per_n * load_n);

@@ -13,7 +13,7 @@ pub(crate) struct Rule {
     weights: [f64; MAX_NODES],
 }
 
-/// cos x for 0 ≤ x ≤ π/2, well enough to start Newton from.
+/// cos x for 0 ≤ x ≤ π/2, accurate enough as a start for Newton's method.
 const fn cosine(x: f64) -> f64 {
     let (mut sum, mut term, mut k) = (1.0, 1.0, 0.0);
     while k < 20.0 {
@@ -74,7 +74,7 @@ impl Rule {
     }
 }
 
-/// Each rule twice as fine as the one before: the next measures what this one misses.
+/// Each rule has twice the nodes of the one before, so that its residual is the error of the one before.
 pub(crate) static LEVELS: [Rule; 5] = [Rule::new(6), Rule::new(12), Rule::new(24), Rule::new(48), Rule::new(96)];
 
 #[cfg(test)]

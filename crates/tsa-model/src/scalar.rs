@@ -258,7 +258,7 @@ impl<const N: usize> SubAssign for Dual<N> {
     }
 }
 
-/// A number in single precision, for the board. Type of its own because [`Scalar`] mixes with f64 constants.
+/// A number in single precision, for the board. It is a separate type because [`Scalar`] also computes with f64.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Single(pub f32);
 

@@ -2,8 +2,8 @@
 //!
 //! Stresses are divided by Young's modulus at zero strain, forces by A·E. With b = κR and y = b², the energy of the
 //! section is w(e, y) = w0(e) + w2(e) y + w4(e) y² + w6 y³, where integrating eq. 12 over the circle gives
-//! w2 = σ'/8, w4 = (a3 + 4 a4 e + 10 a5 e²)/32, w6 = 5 a5/384 (the paper's B0, B1, I0, I1 are misprinted; model.md 3).
-//! y rather than κ is the unknown: near the rod's tip κ vanishes like a square root, y linearly.
+//! w2 = σ'/8, w4 = (a3 + 4 a4 e + 10 a5 e²)/32, w6 = 5 a5/384 (the paper's B0, B1, I0, I1 are misprinted; docs/model.md
+//! 3). y rather than κ is the unknown: near the rod's tip κ vanishes like a square root, y linearly.
 
 use crate::error::SolveError;
 use crate::scalar::Scalar;
@@ -45,7 +45,8 @@ struct Terms<T> {
 
 /// The section equations at a strain: axial force n, q = κm − (w − w0), and their derivatives.
 struct Equations<T> {
-    /// What bending adds to the axial force: apart from the stress at the axis, beside which it may be a rounding.
+    /// The axial force that bending adds, kept apart from the stress at the axis, in which it might be lost to
+    /// rounding.
     bent: T,
     n_e: T,
     n_y: T,
@@ -55,14 +56,14 @@ struct Equations<T> {
     stress: T,
 }
 
-/// What the first integral asks of a section.
+/// The condition of the first integral on a section.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Demand<T> {
     /// Axial force over A·E.
     pub n: T,
     /// Axial force at the tip less the one here, over A·E (given apart, so that no digit cancels).
     pub n_tip_less_n: T,
-    /// The part of it that stretches the axis: all, or nothing for an inextensible rod.
+    /// The part of it that stretches the axis: all of it, or 0 for an inextensible rod.
     pub axial_less: T,
     /// Stretch of the axis at the tip.
     pub tip_stretch: T,
@@ -182,7 +183,7 @@ impl<T: Scalar> Section<T> {
                 left -= 1;
             }
         }
-        // Rounding may keep the last bit moving; anything worse is a flat curve.
+        // Rounding may prevent convergence to the last bit; a larger error means a flat curve.
         let miss = self.terms(e).stress - n;
         if miss.value().abs() <= T::PRECISION * n.value().abs() { Ok(e) } else { Err(singular(0.0)) }
     }
@@ -254,8 +255,8 @@ impl<T: Scalar> Section<T> {
         }
     }
 
-    /// Stretch e and bending strain b = κR at an axial force (over A·E) and a bending moment (over A·E·R), as an integration
-    /// along the rod needs them, and the Jacobian of force and moment. `start` is a guess of (e, b).
+    /// Stretch e and bending strain b = κR at an axial force (over A·E) and a bending moment (over A·E·R), as an
+    /// integration along the rod needs them, and the Jacobian of force and moment. `start` is a guess of (e, b).
     ///
     /// # Errors
     /// [`SolveError::SectionSingular`].
@@ -297,7 +298,7 @@ impl<T: Scalar> Section<T> {
         if vertex > 0.0 && vertex < bending_squared { ends.min(at(vertex)) } else { ends }
     }
 
-    /// κM + (1 + e)N − W over A·E: constant along the rod (model.md section 3).
+    /// κM + (1 + e)N − W over A·E: constant along the rod (docs/model.md section 3).
     pub fn first_integral(&self, strain: Strain<T>) -> T {
         let b = strain.bending_squared.sqrt();
         b * self.moment(strain) + (strain.axial + 1.0) * self.axial_force(strain) - self.energy(strain)

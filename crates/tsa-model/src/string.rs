@@ -2,7 +2,7 @@
 
 use crate::error::{ParameterError, positive};
 
-/// How the radius of the twisted pair grows with twist (eq. 6 and model.md section 6).
+/// How the radius of the twisted pair grows with twist (eq. 6 and docs/model.md section 6).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "std", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "std", serde(rename_all = "kebab-case"))]
@@ -38,6 +38,18 @@ pub struct StringParameters {
 }
 
 impl StringParameters {
+    /// r0 (m), K (N/m), k1 (1/N), k2 and k3: the order in which a message carries them to the board.
+    pub fn constants(&self) -> [f64; 5] {
+        [self.diameter_m, self.stiffness_n_per_m, self.k1_per_n, self.k2, self.k3]
+    }
+
+    /// The parameters from [`Self::constants`] and the exponent p, which only [`RadiusLaw::TwistPower`] has.
+    pub fn from_constants(constants: [f64; 5], twist_exponent: Option<f64>) -> Self {
+        let [diameter_m, stiffness_n_per_m, k1_per_n, k2, k3] = constants;
+        let radius_law = if twist_exponent.is_some() { RadiusLaw::TwistPower } else { RadiusLaw::LengthRatio };
+        Self { diameter_m, stiffness_n_per_m, k1_per_n, k2, k3, radius_law, twist_exponent }
+    }
+
     /// Checks signs and finiteness.
     pub fn validate(&self) -> Result<(), ParameterError> {
         positive(&[

@@ -1,4 +1,4 @@
-//! Where the model stops being true (model.md section 5): each limit named, and the nearest good case solved.
+//! The limits of the model (docs/model.md section 5): each limit named, and the nearest good case solved.
 
 use rig_scene::Scene;
 use tsa_model::{Material, Mechanism, PRETWIST_RAD, RadiusLaw, SolveError, Warnings, twist_from_turns};
@@ -20,7 +20,7 @@ fn edge(good: f64, bad: f64, solve: impl Fn(f64) -> Result<tsa_model::Equilibriu
 }
 
 #[test]
-fn numbers_that_are_none() {
+fn numbers_that_are_not_finite() {
     let m = scene("default").mechanism().unwrap();
     for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         assert!(matches!(m.solve(bad, 4.0), Err(SolveError::NotFinite { parameter: "load", .. })));
@@ -58,7 +58,7 @@ fn overtwist() {
 
 #[test]
 fn no_equilibrium() {
-    // The printed law at 1 N: the helix runs away; at 31π of twist none exists (numerics.md 2.6).
+    // The printed law at 1 N: the helix runs away; at 31π of twist none exists (docs/numerics.md 2.6).
     let m = scene("paper-printed").mechanism().unwrap();
     assert!(matches!(m.formal(1.0, 40.0 * std::f64::consts::TAU), Err(SolveError::NoEquilibrium { .. })));
     assert!(m.solve(1.0, twist_from_turns(7.5)).is_ok());
@@ -70,7 +70,7 @@ fn no_equilibrium() {
 
 #[test]
 fn a_falling_stress_strain_curve() {
-    // Flat at 2.5 % strain, falling after: a light load it can carry, a heavy one not.
+    // The law is flat at 2.5 % strain and falls beyond: it carries a light load, but not a heavy one.
     let mut s = scene("niti-plateau");
     s.material = Material { stress_coefficients_pa: [2.4e10, 0.0, -1.3e13, 0.0, 0.0] };
     let m = s.mechanism().unwrap();

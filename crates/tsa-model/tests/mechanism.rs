@@ -147,7 +147,7 @@ fn dual_numbers_give_the_derivatives_by_every_constant() {
     }
 }
 
-/// What the board's arithmetic unit does by itself: where f32 ends is measured, not hoped.
+/// The accuracy of the solver in f32, as the board's arithmetic unit computes it.
 #[test]
 fn single_precision_is_good_to_a_tenth_of_a_micrometre_but_not_on_a_plateau() {
     // A section whose tangent almost vanishes magnifies the rounding of its strains.

@@ -76,7 +76,7 @@ fn without_a_span_it_is_their_actuator() {
     let rows = rows();
     assert_eq!(rows.len(), 40);
     for row in &rows {
-        // As good as none: the scene must have one.
+        // Negligible: the scene needs a span above 0.
         let m = rigid(row, 1e-15);
         for load in [1.0, 7.5] {
             let (start, e) = (m.solve(load, 0.0).unwrap(), m.solve(load, row.angle_rad).unwrap());

@@ -60,7 +60,7 @@ fn scenes() -> impl Strategy<Value = (Scene, f64, f64)> {
         })
 }
 
-/// Whether the unloaded state leads to the same equilibrium in other steps; `None` if those steps stop short.
+/// Whether continuation in other steps reaches the same equilibrium; `None` if it ends before the state.
 fn followed(m: &Mechanism, e: &Equilibrium) -> Option<bool> {
     let other = m.possible(m.continued(&State::new(e.load_n, e.twist_rad).ok()?, 8).ok()?).ok()?;
     Some((other.gap_m - e.gap_m).abs() < 1e-9 && (other.alpha_rad - e.alpha_rad).abs() < 1e-7)
@@ -102,6 +102,6 @@ fn every_random_scene_is_solved_or_named() {
     let [solved, short] = [a[0] + b[0], a[1] + b[1]];
     println!("{solved} of {CASES} solved; of every {FOLLOWED}th, {short} could not be followed in other steps");
     assert!(solved > CASES / 2);
-    // Laws within a hair of flat somewhere: there the length of a step decides whether Newton follows.
+    // Some laws are almost flat somewhere: there the length of a step decides whether Newton's method converges.
     assert!(short <= solved / FOLLOWED / 1000, "{short}");
 }

@@ -81,14 +81,14 @@ fn auto_takes_the_cheapest_that_is_good_enough_and_is() {
                 taken[Tier::ALL.iter().position(|x| *x == t.tier).unwrap()] += 1;
             }
             println!("{name} {wanted_m} m, TR {wanted_tr}: {taken:?}");
-            // Asking for more never takes cheaper tiers.
+            // A tighter demand never takes a cheaper tier.
             for k in 1..=6 {
                 let cheap = |counts: &[usize; 6]| counts[..k].iter().sum::<usize>();
                 assert!(last == [0; 6] || cheap(&taken) <= cheap(&last), "{name}: {taken:?} after {last:?}");
             }
             last = taken;
         }
-        // Nothing but the full model is good to a tenth of a micrometre everywhere, unless the rods hardly bend.
+        // Only the full model is accurate to a tenth of a micrometre everywhere, unless the rods hardly bend.
         assert!(last[5] > if name == "finger" { 20 } else { 100 }, "{name}: {last:?}");
     }
 }

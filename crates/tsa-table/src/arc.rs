@@ -7,6 +7,9 @@
 
 use crate::point::Point;
 
+/// Name of this form of table in messages and reports.
+pub const FORM: &str = "arc-series";
+
 /// a(F, θ) = κ θ/F + ρ(θ).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Growth {
@@ -182,8 +185,8 @@ fn polynomial<const ROWS: usize, const COLUMNS: usize>(columns: &[[f32; ROWS]; C
 #[inline]
 fn inverse_root(x: f32) -> f32 {
     let half = 0.5 * x;
-    // Newton's method from the well-known guess by the exponent, which is 3.5 % off. A step turns a relative error e into
-    // −1.5 e²; adding half of the greatest such error makes the remaining error symmetric about zero.
+    // Newton's method from the well-known guess by the exponent, which is 3.5 % off. A step turns a relative error e
+    // into −1.5 e²; adding half of the greatest such error makes the remaining error symmetric about zero.
     let guess = f32::from_bits(0x5f37_59df_u32.wrapping_sub(x.to_bits() >> 1));
     let root = guess * (1.500_876 - half * guess * guess);
     root * (1.500_000_6 - half * root * root)

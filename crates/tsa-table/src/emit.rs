@@ -1,7 +1,8 @@
 //! A table written out as Rust source, bit for bit.
 
+use crate::arc::FORM;
 use crate::fit::Fit;
-use crate::owned::{FORM, OwnedTable};
+use crate::owned::OwnedTable;
 
 fn float(value: f32) -> String {
     format!("f32::from_bits({:#010x})", value.to_bits())

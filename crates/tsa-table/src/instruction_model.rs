@@ -1,7 +1,7 @@
 //! A prediction of what a lookup costs on the board, so that a table can be chosen by it before there is an image.
 //!
-//! The numbers are instructions of the Cortex-M4F, counted on the emulated board in one image (`cargo xtask cost`, which
-//! also checks that they still hold).
+//! The numbers are instructions of the Cortex-M4F, counted on the emulated board in one image (`cargo xtask cost`,
+//! which also checks that they still hold).
 
 use crate::arc::ArcSeries;
 

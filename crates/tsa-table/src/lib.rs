@@ -7,7 +7,7 @@
 //! - [`arc`]: the numbers and their evaluation: the strings' arc in closed form, short polynomials for the rest.
 //! - [`table`]: [`Table`], its metadata, forward lookup.
 //! - [`inverse`]: the twist from load and gap, in a bounded number of steps.
-//! - `least_squares`, `patch_fit`, `arc_growth`: fitting, on a desktop and on the board.
+//! - `least_squares`, [`patch_fit`], `arc_growth`: fitting, on a desktop and on the board.
 //! - [`rebuild`]: the board's own table from new constants.
 //! - [`demand`], [`reference`], [`errors`], `patches`, [`certificate`], [`fit`] (feature `std`): what a table must
 //!   reach, the solver it is judged by, its candidates, its certificate, and the choice.
@@ -34,7 +34,7 @@ pub mod inverse;
 mod least_squares;
 #[cfg(feature = "std")]
 pub mod owned;
-mod patch_fit;
+pub mod patch_fit;
 #[cfg(feature = "std")]
 mod patches;
 pub mod point;
@@ -45,7 +45,7 @@ pub mod reference;
 mod reference_f64;
 pub mod table;
 
-pub use arc::{ArcSeries, Growth, Patch, Shape};
+pub use arc::{ArcSeries, FORM, Growth, Patch, Shape};
 #[cfg(feature = "std")]
 pub use demand::{Accuracy, Demand};
 pub use inverse::InverseError;

@@ -3,9 +3,6 @@
 use crate::arc::{ArcSeries, Growth, Patch, Shape};
 use crate::table::{Metadata, Table};
 
-/// Name of the form in reports.
-pub const FORM: &str = "arc-series";
-
 /// The numbers of [`ArcSeries`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct OwnedSeries {

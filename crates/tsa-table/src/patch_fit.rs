@@ -23,7 +23,8 @@ pub struct Sample {
     pub by_twist: f64,
 }
 
-/// The equations of a patch with up to N coefficients: `columns` powers of the arc and as many powers of the load as fit.
+/// The equations of a patch with up to N coefficients: `columns` powers of the arc and as many powers of the load as
+/// fit.
 pub struct PatchFit<const N: usize> {
     normal: Normal<N>,
     columns: usize,
@@ -65,7 +66,8 @@ fn powers_of_chebyshev(k: usize) -> [f64; MAX_COLUMNS] {
 }
 
 impl<const N: usize> PatchFit<N> {
-    /// A patch over these ranges of load (N) and arc (m); `tolerance` of gap (m) and TR (relative) weights the equations.
+    /// A patch over these ranges of load (N) and arc (m); `tolerance` of gap (m) and TR (relative) weights the
+    /// equations.
     pub fn new(columns: usize, load_n: [f64; 2], arc_m: [f64; 2], tolerance: [f64; 2]) -> Self {
         let (mut centre, mut half) = ([0.0; 2], [0.0; 2]);
         for (k, [low, high]) in [load_n, arc_m].into_iter().enumerate() {
@@ -96,8 +98,8 @@ impl<const N: usize> PatchFit<N> {
         self.normal.add(&slope, slope_weight * by_arc);
     }
 
-    /// Solves for the patch of this shape and writes its coefficients to `out` in the order of their evaluation. `None` if
-    /// the states do not determine them or the sizes do not fit.
+    /// Solves for the patch of this shape and writes its coefficients to `out` in the order of their evaluation. `None`
+    /// if the states do not determine them or the sizes do not fit.
     pub fn solve(&self, shape: Shape, out: &mut [f32]) -> Option<Patch> {
         let [rows, columns] = [shape.rows, shape.columns].map(usize::from);
         if rows > MAX_ROWS || columns > self.columns || rows * self.columns > N {

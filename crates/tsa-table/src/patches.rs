@@ -13,8 +13,8 @@ const CUTS: usize = 36;
 /// Loads in each cut, and twists, that are fitted; as many loads and some more twists between them are checked.
 const LOADS: usize = 3;
 const TWISTS: usize = 30;
-/// Share of the accuracy that the errors of gap and TR may reach at the checked points. A contraction is a difference of
-/// two gaps.
+/// Share of the accuracy that the errors of gap and TR may reach at the checked points. A contraction is a difference
+/// of two gaps.
 const GAP_SHARE: f64 = 0.8;
 const TR_SHARE: f64 = 0.9;
 
@@ -87,8 +87,8 @@ impl Ranges {
         }))
     }
 
-    /// The table of each shape with the fewest ranges of the load; none for a shape that misses the accuracy even on the
-    /// shortest ranges.
+    /// The table of each shape with the fewest ranges of the load; none for a shape that misses the accuracy even on
+    /// the shortest ranges.
     pub(crate) fn fewest_of_each_shape(&mut self) -> Vec<OwnedSeries> {
         let shapes = (2..=MAX_ROWS).flat_map(|rows| (2..=MAX_COLUMNS).map(move |columns| Shape::of(rows, columns)));
         shapes.flatten().filter_map(|shape| self.fewest(shape)).collect()

@@ -100,8 +100,8 @@ impl Rebuilt {
         Some(at)
     }
 
-    /// Reads a table written by [`Rebuilt::write`]: `None` if it is damaged, of another generator version or envelope than
-    /// `like`, or neither of its shape nor of the spare one.
+    /// Reads a table written by [`Rebuilt::write`]: `None` if it is damaged, of another generator version or envelope
+    /// than `like`, or neither of its shape nor of the spare one.
     pub fn read(like: &Table<'_>, spare: Option<Shape>, bytes: &[u8]) -> Option<Self> {
         let series = like.series;
         let mut words = bytes.as_chunks::<4>().0.iter().copied();

@@ -1,6 +1,6 @@
-//! What an equilibrium costs: `cargo xtask bench` runs this beside an independent solver and under callgrind.
+//! The cost of an equilibrium: `cargo xtask bench` runs this program beside an independent solver and under callgrind.
 //!
-//! One thread. A state that a method fails at is counted, not left out of the time.
+//! It uses one thread. A state at which a method fails is counted, and its time included.
 
 mod grid;
 mod timing;
@@ -18,7 +18,7 @@ use tsa_model::rod::TipForce;
 use tsa_model::{Mechanism, Tier};
 
 #[derive(Parser)]
-#[command(about = "What an equilibrium of the model costs", version)]
+#[command(about = "Cost of an equilibrium of the model", version)]
 struct Arguments {
     #[command(subcommand)]
     task: Task,
@@ -35,8 +35,8 @@ enum Task {
         #[arg(long, default_value_t = 25)]
         repeats: usize,
     },
-    /// Solve a coarse grid some times and print how many states that were: two runs under an instruction counter tell
-    /// the cost of one
+    /// Solve a coarse grid several times and print the number of states: the difference of two runs under an
+    /// instruction counter is the cost of the additional states
     Kernel {
         /// Scene file
         scene: PathBuf,
@@ -58,7 +58,7 @@ struct Times {
     repeats: usize,
     scenes: Vec<Named>,
     methods: Vec<Named>,
-    /// A tier's answer comes with its error estimate, for which it solves the half-turn pre-twist as well.
+    /// A tier also estimates its error, for which it solves the half-turn pre-twist as well.
     tiers: Vec<Named>,
 }
 

@@ -1,4 +1,4 @@
-//! Medians of many passes: a shared machine disturbs some, not most.
+//! Medians of many passes: other load on the machine disturbs some of them, but not most.
 
 use crate::grid::Grid;
 use serde::Serialize;
@@ -6,16 +6,16 @@ use std::hint::black_box;
 use std::time::{Duration, Instant};
 use tsa_model::{Equilibrium, SolveError};
 
-/// Longest that one row may take; what is slow gets fewer passes, but never fewer than three.
-const PATIENCE: Duration = Duration::from_secs(6);
+/// Longest time for one row; a slow row gets fewer passes, but at least three.
+const LONGEST: Duration = Duration::from_secs(6);
 const FEWEST: usize = 3;
 
-/// What a grid costs.
+/// Cost of a grid.
 #[derive(Serialize)]
 pub struct Cost {
     /// States in the grid.
     pub states: usize,
-    /// How many of them had no answer.
+    /// States without a solution.
     pub failed: usize,
     /// Passes over the grid.
     pub passes: usize,
@@ -57,7 +57,7 @@ pub fn cost(grid: &Grid, repeats: usize, solve: impl Fn(f64, f64) -> Result<Equi
 
 /// Median over `states` of the time that solving one takes (µs).
 pub fn typical_us<S: Copy>(states: &[S], solve: impl Fn(S)) -> f64 {
-    // One alone is near the clock's resolution.
+    // A single solution takes little more than the clock's resolution.
     const ROUNDS: usize = 50;
     let each = |&state: &S| {
         let (seconds, _) = median(25, || (0..ROUNDS).for_each(|_| solve(black_box(state))));
@@ -70,7 +70,7 @@ pub fn typical_us<S: Copy>(states: &[S], solve: impl Fn(S)) -> f64 {
 fn median(repeats: usize, pass: impl Fn()) -> (f64, usize) {
     let mut times = Vec::with_capacity(repeats);
     let start = Instant::now();
-    while times.len() < FEWEST || (times.len() < repeats && start.elapsed() < PATIENCE) {
+    while times.len() < FEWEST || (times.len() < repeats && start.elapsed() < LONGEST) {
         let before = Instant::now();
         pass();
         times.push(before.elapsed().as_secs_f64());

@@ -5,9 +5,9 @@ use crate::form::Form;
 use crate::table::Table;
 use tsa_model::{Mechanism, Tier};
 use tsa_table::Demand;
+use tsa_table::FORM;
 use tsa_table::errors::errors_over;
 use tsa_table::fit::{Errors, Fit, FitError, MAX_BYTES, preference};
-use tsa_table::owned::FORM;
 use tsa_table::reference::{Exact, Reference};
 
 /// Load maps that are tried.
@@ -26,7 +26,8 @@ const SELECTION_SHARE: f64 = 0.8;
 const HERMITE_SIZES: [(u8, u8); 10] =
     [(4, 5), (5, 6), (6, 8), (7, 9), (8, 10), (8, 13), (10, 12), (10, 16), (12, 16), (14, 18)];
 const BILINEAR_SIZES: [(u16, u16); 3] = [(8, 16), (16, 32), (16, 64)];
-/// Cutting thresholds of the series, from coarse to fine, and weights of a term's slope, which decides its effect on TR.
+/// Cutting thresholds of the series, from coarse to fine, and weights of a term's slope, which decides its effect on
+/// TR.
 const THRESHOLDS: u32 = 48;
 const SLOPE_WEIGHTS: [f64; 3] = [0.0, 0.02, 0.1];
 
@@ -315,8 +316,8 @@ fn powers(chebyshev: &[f64]) -> Vec<f64> {
     sum
 }
 
-/// Converts rows of Chebyshev coefficients, no row longer than the one before, to powers of both axes: down each column,
-/// then along each row. Returns row lengths and coefficients, the highest powers first.
+/// Converts rows of Chebyshev coefficients, no row longer than the one before, to powers of both axes: down each
+/// column, then along each row. Returns row lengths and coefficients, the highest powers first.
 fn in_powers(rows: &[Vec<f64>]) -> (Vec<u8>, Vec<f32>) {
     let width = rows.iter().map(Vec::len).max().unwrap_or(0);
     let mut in_x = vec![vec![0.0; width]; rows.len()];

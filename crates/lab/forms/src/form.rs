@@ -120,8 +120,8 @@ fn row(length: usize, rest: &[f32], y: f32) -> Option<((f32, f32), &[f32])> {
     })
 }
 
-/// Horner's rule in y along each row and in x across the rows, both from the highest power down. Lengths that do not fit
-/// the coefficients give NaN.
+/// Horner's rule in y along each row and in x across the rows, both from the highest power down. Lengths that do not
+/// fit the coefficients give NaN.
 #[inline(never)]
 fn series(row_lengths: &[u8], coefficients: &[f32], x: f32, y: f32) -> Value {
     let mut total = Value { value: 0.0, by_x: 0.0, by_y: 0.0 };

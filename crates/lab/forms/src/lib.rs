@@ -1,5 +1,5 @@
-//! Forms of the transmission table that the board does not use, to compare its own form with: a global polynomial and two
-//! grids, each on several maps of the load.
+//! Forms of the transmission table that the board does not use, to compare its own form with: a global polynomial and
+//! two grids, each on several maps of the load.
 //!
 //! - [`axis`]: the maps of load and twist to [−1, 1].
 //! - [`form`]: the numbers of each form and their evaluation with gradient.

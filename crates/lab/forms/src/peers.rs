@@ -1,6 +1,6 @@
-//! The tables whose cost on the board is measured beside the chosen one: of every other form the best, of the board's own
-//! form the extremes, and the series on every kind of load map, so that the instruction models are checked over their
-//! whole range.
+//! The tables whose cost on the board is measured beside the chosen one: of every other form the best, of the board's
+//! own form the extremes, and the series on every kind of load map, so that the instruction models are checked over
+//! their whole range.
 
 use crate::axis::{Axis, LoadMap};
 use crate::fit::{Candidate, Numbers};

@@ -1,4 +1,5 @@
-//! Other methods for the equations of [`tsa_model`], each complete, so that speed, accuracy and failures can be compared.
+//! Other methods for the equations of [`tsa_model`], each complete, so that speed, accuracy and failures can be
+//! compared.
 //!
 //! - `shooting`: the paper's own (its Fig. 5): a guessed clamp moment, Newton–Raphson, fixed-step Runge–Kutta, and an
 //!   outer relaxation of the helix angle.
@@ -118,8 +119,8 @@ impl Method {
         })
     }
 
-    /// The equilibrium at a load (N) and a twist (rad). Its `residual` is that of the method's own discrete equations, its
-    /// derivatives those of its own discrete solution.
+    /// The equilibrium at a load (N) and a twist (rad). Its `residual` is that of the method's own discrete equations,
+    /// its derivatives those of its own discrete solution.
     ///
     /// # Errors
     /// As [`Mechanism::solve`]; also [`SolveError::Diverged`] where the method fails although a solution may exist.

@@ -18,7 +18,7 @@ pub(crate) struct RodOde<T> {
 /// Rotation, moment, and position along and across.
 pub(crate) type Point<T> = [T; 4];
 
-/// The equations at a point, with what a Newton iteration on them needs.
+/// The equations at a point, with the derivatives that a Newton iteration needs.
 pub(crate) struct Slope<T> {
     pub by_length: Point<T>,
     pub strain: (T, T),

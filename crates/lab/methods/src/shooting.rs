@@ -6,9 +6,9 @@ use tsa_model::rod::{Rod, RodResponse, TipForce};
 use tsa_model::scalar::{Dual, Scalar};
 use tsa_model::{Equilibrium, Mechanism, SolveError};
 
-/// Corrections before shooting is given up.
+/// Most corrections of the clamp's moment.
 const CORRECTIONS: u32 = 60;
-/// Relaxations of the helix angle before the paper's method is given up.
+/// Most relaxations of the helix angle.
 const RELAXATIONS: u32 = 500;
 
 /// An integration from the clamp: initial moment in, tip and clamp strain out.
@@ -121,7 +121,7 @@ mod tests {
 
     #[test]
     fn the_first_integral_is_conserved_along_the_rod() {
-        // The heaviest of the full polynomial rods (numerics.md 2.4): 8.5 N at 40°.
+        // The heaviest of the full polynomial rods (docs/numerics.md 2.4): 8.5 N at 40°.
         let rod = Rod::new(0.013, 0.0005, &[2e10; 5]);
         let force = TipForce { inward_n: 8.5 * 40f64.to_radians().tan(), sideways_n: 8.5 };
         let moment = {

@@ -1,4 +1,4 @@
-//! Methods against each other: where all agree, how fast they converge, and where each fails, pinned.
+//! Methods against each other: where all agree, how fast they converge, and where each fails.
 
 use rig_scene::Scene;
 use rival_methods::Method;
@@ -65,11 +65,11 @@ fn methods_converge_as_fast_as_their_order_says() {
         let order = (pair[0] / pair[1]).log2();
         assert!((3.7..4.5).contains(&order), "collocation: {e:?}");
     }
-    // The quadrature converges faster than any order: two nodes more are worth two digits.
+    // The quadrature converges faster than any order: two more nodes give two more digits.
     let nodes = |n| Method::FirstIntegral { points: Some(n) };
     let e = errors(&m, load, twist, &[nodes(2), nodes(4), nodes(6), nodes(8)]);
     assert!(e.windows(2).all(|pair| pair[1] < 1e-2 * pair[0]) && e[3] < 1e-11, "first integral: {e:?}");
-    // The adaptive integrator delivers about what it is asked for.
+    // The adaptive integrator reaches about its tolerance.
     for tolerance in [1e-4, 1e-7, 1e-10] {
         let e = errors(&m, load, twist, &[Method::AdaptiveShooting { tolerance }]);
         assert!(e[0] < 0.1 * tolerance, "adaptive at {tolerance}: {e:?}");
@@ -86,14 +86,14 @@ fn slender(rod_span_m: f64, rod_radius_m: f64) -> Mechanism {
 
 #[test]
 fn the_papers_relaxation_stops_converging_where_the_solution_exists() {
-    // Slender rods: the span answers a change of the helix angle more than one to one, and the angle swings.
+    // Slender rods: a change of the helix angle changes the span by more than itself, and the angle oscillates.
     for (span, radius, load, twist) in [(0.08, 0.0003, 2.0, 10.0), (0.08, 0.0005, 5.0, 20.0)] {
         let m = slender(span, radius);
         let solution = m.solve(load, twist).unwrap();
         let paper = |relaxation| Method::Paper { steps: 60, relaxation, tolerance: 1e-9 };
         let failed = paper(1.0).solve(&m, load, twist).unwrap_err();
         assert_eq!(failed, SolveError::Diverged { stage: "relaxation of the helix angle" });
-        // Half the step damps it here; continuation does not need it.
+        // Half the step damps the oscillation here; continuation needs no damping.
         for method in [paper(0.5), Method::Continuation { steps: 4 }] {
             let e = method.solve(&m, load, twist).unwrap();
             assert!((e.gap_m - solution.gap_m).abs() < 1e-6, "{}", method.name());
@@ -102,8 +102,9 @@ fn the_papers_relaxation_stops_converging_where_the_solution_exists() {
 }
 
 #[test]
-fn shooting_finds_another_branch_and_says_nothing() {
-    // Three solutions and more of the shooting equation: which one Newton meets is chance (numerics.md 2.6).
+fn shooting_finds_another_branch_without_an_error() {
+    // The shooting equation has three solutions or more; which one Newton's method finds is chance (docs/numerics.md
+    // 2.6).
     let m = slender(0.06, 0.0003);
     let solution = m.solve(2.0, 50.0).unwrap();
     let wrong = Method::Paper { steps: 60, relaxation: 0.5, tolerance: 1e-9 }.solve(&m, 2.0, 50.0).unwrap();
@@ -115,7 +116,7 @@ fn shooting_finds_another_branch_and_says_nothing() {
 
 #[test]
 fn shooting_from_a_straight_guess_fails_on_slender_rods() {
-    // Load number 15 and more: three and more solutions of the shooting equation (numerics.md 2.6).
+    // Load number 15 and more: three and more solutions of the shooting equation (docs/numerics.md 2.6).
     let mut s = scene("default");
     s.geometry.rod_span_m = 0.09;
     s.geometry.rod_radius_m = 0.0004;
@@ -150,7 +151,7 @@ fn asking_for_less_than_rounding_does_not_end_in_nan() {
     ] {
         match method.solve(&m, 10.0, 30.0) {
             Ok(e) => assert!((e.gap_m - reference).abs() < 1e-11, "{}", method.name()),
-            // It may say that it cannot.
+            // Refusing is correct too.
             Err(e) => assert!(
                 matches!(e, SolveError::Diverged { .. } | SolveError::NotConverged { .. }),
                 "{}: {e}",

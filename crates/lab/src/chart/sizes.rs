@@ -7,8 +7,8 @@ use crate::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Sample, Sh
 use anyhow::Result;
 use rig_scene::{Scene, TableError};
 use rival_forms::fit::{Considered, considered};
+use tsa_table::FORM;
 use tsa_table::fit::{Errors, Fit, FitError, MAX_BYTES};
-use tsa_table::owned::FORM;
 
 /// Demanded accuracies (m); the error of TR keeps its ratio to that of the scene.
 const ASKED_M: [f64; 7] = [200e-6, 100e-6, 50e-6, 20e-6, 10e-6, 5e-6, 2e-6];

@@ -251,7 +251,7 @@ fn taken(scene: &Scene, name: &'static str, title: &'static str) -> Result<Taken
         asked_tr: accuracy.tr_relative,
         tier: dearest,
         shares: shares.join(", "),
-        form: tsa_table::owned::FORM,
+        form: tsa_table::FORM,
         size: fit.table.numbers.size(),
         bytes: table.series.bytes(),
         instructions: tsa_table::instruction_model::lookup_instructions(&table.series),

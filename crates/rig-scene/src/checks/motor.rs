@@ -7,7 +7,7 @@ use std::f64::consts::{PI, TAU};
 
 /// Share of the motor's speed that is planned with (rig-control, `limits`).
 const PLANNED_SHARE: f64 = 0.9;
-/// Share of the current above which hardly any is left for friction and acceleration (rig-control, `limits`).
+/// Share of the current above which almost nothing remains for friction and acceleration (rig-control, `limits`).
 const HOLDING_SHARE: f64 = 0.9;
 /// Time (s) that homing is given, turns from which it is tried at most, and turns over which it weighs (rig-control,
 /// `homing`).
@@ -38,7 +38,7 @@ pub(super) fn supply_reaches_the_speed(s: &Scene) -> Verdict {
     ))
 }
 
-/// Acceleration of the twist (rad/s²) in homing, unless the motor is said to have less (rig-control, `homing`).
+/// Acceleration of the twist (rad/s²) in homing, unless the scene gives the motor less (rig-control, `homing`).
 const HOMING_RAD_PER_S2: f64 = 25.0;
 
 pub(super) fn current_reaches_the_acceleration(s: &Scene) -> Verdict {
@@ -65,7 +65,7 @@ pub(super) fn current_reaches_the_acceleration(s: &Scene) -> Verdict {
 }
 
 /// Share of the greatest speed that a step of the drive's measured speed may be: one count in its window of 1 ms, which
-/// is 60000/(4 lines) rpm (hardware.md section 1).
+/// is 60000/(4 lines) rpm (docs/hardware.md section 1).
 const SPEED_STEP_SHARE: f64 = 0.1;
 
 pub(super) fn drive_measures_speed(s: &Scene) -> Verdict {
@@ -102,8 +102,8 @@ fn planned_rad_per_s(s: &Scene) -> f64 {
 }
 
 /// Time (s) that homing from the envelope's last turn takes, with 1 to 2 s more than the emulated rig took where the
-/// motor is slow. Its numbers are rig-control's, `homing`: two sweeps across zero twist, there and back the whole way, and
-/// the rests and the probe.
+/// motor is slow. Its numbers are rig-control's, `homing`: two sweeps across zero twist, there and back the whole way,
+/// and the rests and the probe.
 fn homing_s(from_turns: f64, weighed_turns: f64, most_rad_per_s: f64) -> f64 {
     const RESTS_S: f64 = 3.0;
     const SWEEPS_S: f64 = 12.0 / 2.5;

@@ -4,12 +4,12 @@ use super::Verdict::{self, Fits, Impossible, Unusual};
 use super::short;
 use crate::Scene;
 
-/// What the drive takes (hardware.md section 1).
+/// Supply range of the drive (docs/hardware.md section 1).
 const SUPPLY_V: [f64; 2] = [10.0, 58.0];
-/// Greatest voltage of the drive's analog input ASIN, and its step (hardware.md section 2.4).
+/// Greatest voltage of the drive's analog input ASIN, and its step (docs/hardware.md section 2.4).
 const ASIN_V: f64 = 5.0;
 const ASIN_STEP_V: f64 = 1e-3;
-/// Share of the supply that a step of ASIN may be: a quarter of the fifth at which the board sees a fault.
+/// Largest step of ASIN as a share of the supply: a quarter of the fifth at which the board reports a fault.
 const ASIN_STEP_SHARE: f64 = 0.05;
 /// Analog supply, and so reference, that the STM32F446 is specified for.
 const REFERENCE_V: [f64; 2] = [1.8, 3.6];

@@ -16,7 +16,7 @@ pub fn constants(scene: &Scene) -> Constants {
     Constants {
         scene_hash: scene.hash(),
         geometry_m: [g.string_length_m, g.rod_span_m, g.clamp_width_m, g.rod_radius_m],
-        string: [s.diameter_m, s.stiffness_n_per_m, s.k1_per_n, s.k2, s.k3],
+        string: s.constants(),
         twist_exponent: s.twist_exponent,
         stress_coefficients_pa: scene.material.stress_coefficients_pa,
     }

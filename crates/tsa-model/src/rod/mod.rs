@@ -1,7 +1,7 @@
 //! One free half of a rod (eqs 13–24), without shooting.
 //!
 //! A cantilever of reference length l is pulled at its tip by Px inward and Py sideways. Both are constant along the
-//! rod and x does not appear, so H = κM + (1 + e)N − W is constant (model.md section 3), and each section follows
+//! rod and x does not appear, so H = κM + (1 + e)N − W is constant (docs/model.md section 3), and each section follows
 //! pointwise from N and H. Let ψ be the angle between the rod's tangent and the line of the force: N = P cos ψ, from
 //! ψ_0 = π/2 + atan(Px/Py) at the clamp to ψ_l at the tip, where κ vanishes. With the substitution of the elastica's
 //! elliptic integrals, sin(ψ/2) = sin(ψ_l/2) cosh h, everything is an integral over h from 0 (tip) to the
@@ -47,7 +47,7 @@ impl<T: Scalar> Partial<T> {
     }
 }
 
-/// A rod whose amplitude is given: what length it would have, and where its tip is.
+/// A rod of given amplitude: its length, and the position of its tip.
 #[derive(Clone, Copy, Debug)]
 pub struct RodShape<T = f64> {
     /// Reference length ∫dψ/κ (m).
@@ -78,7 +78,7 @@ impl<T: Scalar> Compliance<T> {
     }
 }
 
-/// What a rod answers to a tip force, by whatever method or tier.
+/// The response of a rod to a tip force, by any method or tier.
 #[derive(Clone, Copy, Debug)]
 pub struct RodResponse<T = f64> {
     /// Tip position along the clamp's direction, l + u(l) (m).
@@ -104,7 +104,7 @@ impl<T: Scalar> RodResponse<T> {
     }
 }
 
-/// What of the rod is modelled.
+/// The model of the rod.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum RodModel {
     /// Stretch and the whole stress–strain law.
@@ -142,7 +142,7 @@ impl RodModel {
 /// Half a rod.
 #[derive(Clone, Debug)]
 pub struct Rod<T = f64> {
-    /// What of it is modelled.
+    /// Its model.
     pub model: RodModel,
     /// Free length on one side, (D0 − c)/2 (m).
     pub length_m: T,
@@ -169,7 +169,7 @@ impl<T: Scalar> Line<T> {
     fn new(px: T, py: T) -> Self {
         let p = (px * px + py * py).sqrt();
         let (q, r) = (px / p, py / p);
-        // sin² = (1 + q)/2; cos² = (1 − q)/2, written so that a nearly axial force keeps its digits.
+        // sin² = (1 + q)/2; cos² = (1 − q)/2, written without cancellation for a nearly axial force.
         let sin_half = ((q + 1.0) * 0.5).sqrt();
         let cos_half = r / (sin_half * 2.0);
         let fourth = T::of(0.25) / (sin_half * p);
@@ -194,7 +194,7 @@ impl<T: Scalar> Rod<T> {
         self.stiffness_n * self.radius_m * self.radius_m * 0.25
     }
 
-    /// |n| l²/EI: below π²/4 the equilibrium is unique (numerics.md 2.6).
+    /// |n| l²/EI: below π²/4 the equilibrium is unique (docs/numerics.md 2.6).
     pub fn load_number(&self, force: TipForce<T>) -> T {
         let TipForce { inward_n: px, sideways_n: py } = force;
         (px * px + py * py).sqrt() * self.length_m * self.length_m / self.bending_stiffness_nm2()
@@ -248,7 +248,7 @@ impl<T: Scalar> Rod<T> {
         sin.asin() * 2.0
     }
 
-    /// The response of the rod whose shape has the rod's length: what is left when the amplitude is eliminated.
+    /// The response of the rod whose shape has the rod's length, with the amplitude eliminated.
     pub(crate) fn response(
         &self,
         force: TipForce<T>,
@@ -278,7 +278,7 @@ impl<T: Scalar> Rod<T> {
         let mut low = 0.0;
         let mut high = self.first_guess(force).value();
         let mut shape;
-        // Grow until the rod is too long; where the section gives out first, come back halfway.
+        // Grow until the rod is too long; if the section fails first, go back halfway.
         let mut broken: Option<(f64, SolveError)> = None;
         let mut steps = 0;
         loop {
@@ -291,7 +291,7 @@ impl<T: Scalar> Rod<T> {
                 Ok(s) => {
                     low = high;
                     let top = broken.as_ref().map_or(f64::INFINITY, |(amplitude, _)| *amplitude);
-                    // As far as the slope says, and a little more.
+                    // The step by the slope, and a tenth more.
                     let ahead = -1.1 * miss(&s) * (self.length_m / s.length.by_amplitude).value();
                     high = (high + ahead.clamp(1e-3 * high, high)).min(0.5 * (high + top));
                 }
@@ -335,7 +335,7 @@ impl<T: Scalar> Rod<T> {
     /// needed, and the steps taken.
     ///
     /// # Errors
-    /// [`SolveError::SectionSingular`] if the section gives out before the length is reached.
+    /// [`SolveError::SectionSingular`] if the section fails before the length is reached.
     pub fn respond(&self, force: TipForce<T>) -> Result<(RodResponse<T>, usize, u32), SolveError> {
         let mut total = 0;
         for pair in LEVELS.windows(2) {

@@ -72,7 +72,7 @@ impl<T: Scalar> Rod<T> {
             let cos = (-(sin * sin) + 1.0).sqrt();
             let demand = here.demand(self.model, p, e_tip);
             let start = match last {
-                // Far ahead a straight line means nothing.
+                // Linear extrapolation is limited to short distances.
                 [Some((_, l1, e1, y1)), Some((_, l2, e2, y2))] if less.value() < 4.0 * l1 => {
                     let ahead = (less.value() - l1) / (l1 - l2);
                     ((e1 + (e1 - e2) * ahead) * less, (y1 + (y1 - y2) * ahead) * less)
@@ -145,7 +145,7 @@ impl<T: Scalar> Rod<T> {
         Ok(self.turned(&line, sums, evaluations))
     }
 
-    /// Euler's elastica: y = 8 (N_l − N) and no stretch, so that nothing is left to solve at the nodes.
+    /// Euler's elastica: y = 8 (N_l − N) and no stretch, so that no equation is solved at the nodes.
     fn elastica(&self, force: TipForce<T>, amplitude: T, rule: &Rule) -> RodShape<T> {
         let line = self.line(force);
         let (sinh_s, cosh_s) = amplitude.sinh_cosh();

@@ -1,4 +1,4 @@
-//! Rods in closed form, or nearly so; and what they leave out.
+//! Rods in closed form, or nearly so, and the effects that they neglect.
 
 use crate::error::SolveError;
 use crate::rod::{Compliance, Rod, RodResponse, TipForce};
@@ -6,14 +6,14 @@ use crate::scalar::{Dual, Scalar};
 use crate::section::Strain;
 use core::f64::consts::{FRAC_PI_2, PI};
 
-/// Px and Py in units of EI/l², as the two parameters of what follows.
+/// Px and Py in units of EI/l², as the two parameters of the derivatives.
 fn numbers(rod: &Rod, force: TipForce) -> (Dual<2>, Dual<2>) {
     let unit = rod.length_m * rod.length_m / rod.bending_stiffness_nm2();
     (Dual::parameter(force.inward_n, 0) * unit, Dual::parameter(force.sideways_n, 1) * unit)
 }
 
-/// The answer from reach and deflection in units of the length, tip angle and clamp moment in units of EI/l.
-fn answer(rod: &Rod, reach: Dual<2>, deflection: Dual<2>, tip_angle: f64, moment: f64) -> RodResponse {
+/// The response from reach and deflection in units of the length, tip angle, and clamp moment in units of EI/l.
+fn response_of(rod: &Rod, reach: Dual<2>, deflection: Dual<2>, tip_angle: f64, moment: f64) -> RodResponse {
     let compliance = |x: Dual<2>| Compliance {
         value: x.value * rod.length_m,
         by_inward: x.by[0] * rod.length_m,
@@ -63,10 +63,10 @@ pub(super) fn beam_column(rod: &Rod, force: TipForce) -> Result<RodResponse, Sol
     let (zv, vv) = (z.value, v.value);
     let angle = if zv < 1e-4 { 0.5 * vv } else { vv * (1.0 / Scalar::sin_cos(zv.sqrt()).1 - 1.0) / zv };
     let reach = u + 1.0;
-    Ok(answer(rod, reach, w, angle, vv * reach.value + zv * w.value))
+    Ok(response_of(rod, reach, w, angle, vv * reach.value + zv * w.value))
 }
 
-/// Where the pseudo-rigid body's pivot is, from the tip, and its spring (Howell's γ and K_Θ; numerics.md 5.1).
+/// Distance of the pseudo-rigid body's pivot from the tip, and its spring (Howell's γ and K_Θ; docs/numerics.md 5.1).
 const PIVOT: f64 = 0.85;
 const SPRING: f64 = 2.65;
 
@@ -95,14 +95,14 @@ pub(super) fn pseudo_rigid(rod: &Rod, force: TipForce) -> Result<RodResponse, So
             let (reach, deflection) = (cos * PIVOT + (1.0 - PIVOT), sin * PIVOT);
             let moment = (v * reach + h * deflection).value;
             // Howell's c_Θ: the tip turns further than the link.
-            return Ok(answer(rod, reach, deflection, 1.24 * angle.value, moment));
+            return Ok(response_of(rod, reach, deflection, 1.24 * angle.value, moment));
         }
         angle = if inside || left < 2 { next } else { Dual::of(0.5 * (low + high)) };
     }
     Err(SolveError::Diverged { stage: "the pseudo-rigid body's angle" })
 }
 
-/// The answer with what a tier leaves out of the bending, to first order; and how large that is beside the deflection.
+/// The response with the bending that a tier neglects, to first order, and the size of that relative to the deflection.
 ///
 /// A law that is not a straight line: at the clamp the curvature is (1 + ρ) times the linear one, and along the rod on
 /// average, for a cubic term, ∫x·x³/∫x·x = 3/5 of that. Large rotations (for small-rotation theory): −0.45 φ_l², from
@@ -135,11 +135,11 @@ pub(super) fn bent_further(
         tip_angle_rad: response.tip_angle_rad * (1.0 + rho),
         clamp: Strain { axial: e, bending_squared: b * b },
     };
-    // The two may cancel; what they leave for the second order does not.
+    // The two may cancel in the first order, but not in the second.
     Ok((further, (curved.abs() + turned) / column.max(0.2)))
 }
 
-/// How far the stretch of the axis can move the tip (m): the parts of N along and across add up.
+/// The largest displacement of the tip by the stretch of the axis (m): the components of N along and across add up.
 pub(super) fn stretch_m(rod: &Rod, force: TipForce, tip_angle_rad: f64) -> f64 {
     // The mean rotation is about 2/3 of the tip's.
     let (sin, cos) = Scalar::sin_cos(2.0 / 3.0 * tip_angle_rad);

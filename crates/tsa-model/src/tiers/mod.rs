@@ -1,16 +1,16 @@
-//! Cheaper models of the rod, each knowing about how wrong it is: no more model than a scene needs.
+//! Cheaper models of the rod, each with an estimate of its error, so that the cheapest sufficient one can be chosen.
 //!
-//! | tier | rod | what it leaves out |
+//! | tier | rod | neglected |
 //! |---|---|---|
 //! | `rigid` | none: the plain fixed-offset actuator | all bending |
 //! | `beam-column` | small rotations in closed form | large rotations, the law's curvature, stretch |
 //! | `pseudo-rigid` | a stiff link on a spring | 0.5 % of the deflection, the law's curvature, stretch |
 //! | `elastica` | inextensible, straight-line law, by its elliptic integrals | the law's curvature, stretch |
 //! | `inextensible` | the polynomial moment–curvature law | stretch |
-//! | `full` | model.md section 3 | |
+//! | `full` | docs/model.md section 3 | |
 //!
-//! A tier's estimate of its error is what its answer would change by if what it leaves out were added to first order,
-//! times a factor that holds over every scene in `scenes/` (the test `tiers` checks it against the full tier).
+//! A tier's estimate of its error is the first-order effect of what it neglects, times a factor that holds over every
+//! scene in `scenes/` (the test `tiers` checks it against the full tier).
 
 mod closed;
 
@@ -39,7 +39,7 @@ pub enum Tier {
     Full,
 }
 
-/// About how wrong an answer is.
+/// Estimated error of a result.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "std", derive(serde::Serialize))]
 pub struct TierError {
@@ -92,14 +92,14 @@ impl Tier {
     }
 }
 
-/// By what a first-order estimate is multiplied, so that it holds where the next order counts.
+/// Factor on first-order estimates, so that they hold where the next order matters.
 const SAFETY: f64 = 1.5;
 
 impl Mechanism {
     /// The equilibrium at a load (N) and a twist (rad) by a tier, with the tier's estimate of its error.
     ///
     /// # Errors
-    /// As [`Mechanism::solve`]; also [`SolveError::TierRange`] where the tier has no answer.
+    /// As [`Mechanism::solve`]; also [`SolveError::TierRange`] where the state is outside the tier's range.
     pub fn solve_tier(&self, tier: Tier, load_n: f64, twist_rad: f64) -> Result<Tiered, SolveError> {
         let start = self.at_tier(tier, load_n, PRETWIST_RAD)?;
         let here = self.at_tier(tier, load_n, twist_rad)?;
@@ -122,7 +122,7 @@ impl Mechanism {
         for tier in Tier::ALL {
             let Ok(found) = self.solve_tier(tier, load_n, twist_rad) else { continue };
             let TierError { contraction_m, tr_relative } = found.error;
-            // Not `>`: an estimate that is no number is no promise.
+            // NaN fails both comparisons.
             if contraction_m <= wanted.contraction_m && tr_relative <= wanted.tr_relative {
                 return Ok(found);
             }
@@ -153,7 +153,7 @@ impl Mechanism {
         }
     }
 
-    /// The tier's equilibrium, and what it leaves out.
+    /// The tier's equilibrium, and the effect of what it neglects.
     fn at_tier(&self, tier: Tier, load_n: f64, twist_rad: f64) -> Result<(Equilibrium, Corrected), SolveError> {
         let e = self.formal_tier(tier, load_n, twist_rad)?;
         if tier == Tier::Full || self.is_rigid() {
@@ -171,11 +171,11 @@ impl Mechanism {
         }
     }
 
-    /// The state with the effects that the tier leaves out, to first order at the tier's own helix angle.
+    /// The effect of what the tier neglects, to first order at the tier's own helix angle.
     fn corrected(&self, tier: Tier, state: &State, e: &Equilibrium) -> Result<Corrected, SolveError> {
         let helix = self.helix(state, e.alpha_rad);
         let force = state.force(helix.tan);
-        // Only differences matter, so a closed form stands for the elastica's compliances.
+        // Only differences matter, so a closed form replaces the elastica's compliances.
         let (own, (with, part)) = match tier {
             Tier::Rigid => {
                 let bent = closed::pseudo_rigid(&self.rod, force)?;
@@ -199,13 +199,13 @@ impl Mechanism {
         let change_m = helix.gap_by_alpha(&own) * moved + 2.0 * (with.deflection.value - own.deflection.value);
         let before = helix.gap_derivatives(&self.parameters, state, &own).0;
         let after = self.helix(state, e.alpha_rad + moved).gap_derivatives(&self.parameters, state, &with).0;
-        // A correction that is not small is no first order.
+        // A large correction makes the first order doubtful.
         let doubt = 1.0 + 5.0 * part;
         let link = if matches!(tier, Tier::Rigid | Tier::PseudoRigid) { LINK * with.deflection.value } else { 0.0 };
         let (sin, cos) = Scalar::sin_cos(2.0 / 3.0 * with.tip_angle_rad);
         let stretch = 2.0 * (helix.tan * cos + sin) * closed::stretch_m(&self.rod, force, with.tip_angle_rad);
         let margin_m = link + stretch + 2.0 * part * part * with.deflection.value;
-        // What changes the span counts in TR in full, in the gap only by tan α: on long strings that is little.
+        // A change of the span affects TR fully, but the gap only by the factor tan α, which is small on long strings.
         let steep = helix.tan.max(e.d_m / helix.x_m);
         Ok(Corrected {
             change_m: change_m * doubt,
@@ -223,16 +223,16 @@ impl Mechanism {
     }
 }
 
-/// Part of the deflection by which the pseudo-rigid body may be wrong.
+/// Largest error of the pseudo-rigid body as a share of the deflection.
 const LINK: f64 = 0.03;
 
-/// What a tier leaves out.
+/// Effect of what a tier neglects.
 #[derive(Default)]
 struct Corrected {
     /// Of the gap (m), and of ∂G/∂θ, relative.
     change_m: f64,
     slope: f64,
-    /// What cannot be estimated with a sign (m), and relative for the slope.
+    /// Bounds on the effects whose sign is unknown: of the gap (m), and of the slope, relative.
     margin_m: f64,
     margin: f64,
 }
