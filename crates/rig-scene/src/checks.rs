@@ -1,7 +1,7 @@
 //! Whether the values of a scene fit each other.
 //!
 //! Each value may be possible by itself and the rig still not: a motor that cannot lift the range, a sensor that cannot
-//! see the gap, a pin with more volts than it bears. [`CHECKS`] is the list. What would hurt hardware or leaves no
+//! see the gap, a pin with more volts than it bears. The constant `CHECKS` is the list. What would hurt hardware or leaves no
 //! mechanism is looked at whenever a scene is read; what a solve has no use for only where a rig is meant
 //! ([`Scene::check_rig`]).
 

@@ -118,9 +118,12 @@ fn tick() -> (Spread, State) {
             estop_open: false,
             host_heard_us: Some(now_us),
             request: (tick == TICKS / 2).then_some(jog),
-            counters: Counters::default(),
         };
-        let outputs = spread.count(|| rig.step(&inputs));
+        let outputs = spread.count(|| {
+            let outputs = rig.step(&inputs);
+            black_box(rig.telemetry(&inputs, Counters::default()));
+            outputs
+        });
         if let DriveCommand::Follow { position_qc, .. } = outputs.drive {
             at_qc = position_qc;
         }
