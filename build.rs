@@ -7,10 +7,6 @@ use std::process::{Command, ExitCode};
 use std::{env, fs};
 use tsa_model::Tier;
 
-#[cfg(feature = "cost")]
-#[path = "build/peers.rs"]
-mod peers;
-
 fn main() -> ExitCode {
     match run() {
         Ok(()) => ExitCode::SUCCESS,
@@ -44,8 +40,6 @@ fn run() -> Result<(), Box<dyn Error>> {
     source.push_str(&hashes(&scene));
     fs::write(out.join("scene.rs"), source)?;
     fs::write(out.join("parameters.rs"), parameters(&scene)?)?;
-    #[cfg(feature = "cost")]
-    fs::write(out.join("peers.rs"), peers::source(&scene, &fit)?)?;
 
     fs::write(out.join("memory.x"), include_str!("memory.x"))?;
     println!("cargo:rustc-link-search={}", out.display());
@@ -112,19 +106,14 @@ fn hashes(scene: &Scene) -> String {
 /// What a table that the board makes for itself must reach, and the shape it may take if the first one does not.
 fn demand(scene: &Scene, fit: &tsa_table::fit::Fit) -> Result<String, Box<dyn Error>> {
     let accuracy = scene.table_demand()?.1;
-    let spare = match fit.table.table().form {
-        tsa_table::Form::Arc(s) => {
-            let columns = (s.shape.columns + 2).min(tsa_table::arc::MAX_COLUMNS as u8);
-            format!("tsa_table::Shape::of({}, {columns})", s.shape.rows)
-        }
-        _ => "None".into(),
-    };
+    let shape = fit.table.numbers.shape;
+    let columns = (shape.columns + 2).min(tsa_table::arc::MAX_COLUMNS as u8);
     Ok(format!(
         "/// The scene's accuracy: contraction (m) and TR (relative).\n\
          pub const ACCURACY: [f32; 2] = [{:?}f32, {:?}f32];\n\
          /// More powers, for constants that ask for them.\n\
-         pub const SPARE_SHAPE: Option<tsa_table::Shape> = {spare};\n",
-        accuracy.contraction_m as f32, accuracy.tr_relative as f32
+         pub const SPARE_SHAPE: Option<tsa_table::Shape> = tsa_table::Shape::of({}, {columns});\n",
+        accuracy.contraction_m as f32, accuracy.tr_relative as f32, shape.rows
     ))
 }
 

@@ -1,4 +1,4 @@
-//! Pins, clocks and peripherals of the NUCLEO-F446RE (hardware.md section 8; the pin table in the README repeats it).
+//! Pins, clocks and peripherals of the NUCLEO-F446RE, and the cause of its reset (docs/hardware.md section 8).
 
 use core::num::{NonZeroU8, NonZeroU16};
 use embassy_stm32::adc::{self, Adc, AdcChannel, RingBufferedAdc, SampleTime};
@@ -14,10 +14,10 @@ use embassy_stm32::{Config, Peri, Peripherals, bind_interrupts, dma, pac, periph
 use rig_link::messages::{Clock, Fault, ResetCause};
 use static_cell::StaticCell;
 
-use crate::keep;
+use crate::flash_store::Store;
+use crate::post_mortem;
 use crate::scene::RIG;
 use crate::serial;
-use crate::store::Store;
 
 bind_interrupts!(pub struct Irqs {
     USART1 => usart::BufferedInterruptHandler<peripherals::USART1>, serial::ToDrive;
@@ -32,9 +32,10 @@ bind_interrupts!(pub struct Irqs {
 /// Samples in one LVDT block, half of the DMA ring. At 492 ADC clocks of 21 MHz each, a block takes 6.0 ms.
 pub const LVDT_BLOCK: usize = 256;
 
-/// 1 Mbit/s from 42 MHz: 14 quanta, sampled after 11 of them. Jumping by 3, a node may be off by 0.84 % and still be followed
-/// (ISO 11898-1: the lesser of 3 / (20 x 14) and 3 / 2 (13 x 14 - 3)). What embassy-stm32 would choose, 7 quanta and jumps
-/// by 1, allows 0.56 %, with the same 0.71 us before the sample for the way there and back.
+/// 1 Mbit/s from 42 MHz: 14 quanta, sampled after 11 of them. With a jump width of 3, the clocks of two nodes may
+/// differ by 0.84 % (ISO 11898-1: the lesser of 3 / (20 x 14) and 3 / 2 (13 x 14 - 3)). The 7 quanta and jump width of
+/// 1 that embassy-stm32 would choose allow 0.56 %. Both leave 0.71 us before the sample for the propagation there and
+/// back.
 const BIT_TIMING: NominalBitTiming = NominalBitTiming {
     prescaler: NonZeroU16::new(3).unwrap(),
     seg1: NonZeroU8::new(10).unwrap(),
@@ -42,13 +43,14 @@ const BIT_TIMING: NominalBitTiming = NominalBitTiming {
     sync_jump_width: NonZeroU8::new(3).unwrap(),
 };
 
-/// Time without feeding after which the watchdog resets the board (µs, nominal). The LSI is 17 to 47 kHz for 32, so
-/// really 0.34 to 0.94 s; the drive stops at its last target meanwhile.
+/// Time without feeding after which the watchdog resets the board (µs, nominal). The LSI of nominally 32 kHz has 17 to
+/// 47 kHz, so the real time is 0.34 to 0.94 s; meanwhile the drive stops at its last target.
 const WATCHDOG_US: u32 = 500_000;
-/// The same in the watchdog's counts, as embassy-stm32 sets them: 32 kHz over the least prescaler that reaches, 4.
+/// The same time in counts of the watchdog, as embassy-stm32 sets them: 32 kHz divided by the smallest prescaler that
+/// suffices, 4.
 pub const WATCHDOG_RELOAD: u16 = 3999;
 
-/// Indicators.
+/// The indicator LEDs.
 pub struct Leds {
     /// LD2: blinks while the control task runs.
     pub heartbeat: Output<'static>,
@@ -56,7 +58,7 @@ pub struct Leds {
     pub fault: Output<'static>,
 }
 
-/// A normally closed contact to ground: high is open, or a broken wire.
+/// A normally closed contact to ground: a high level means an open contact or a broken wire.
 pub struct Contact {
     pin: Input<'static>,
     last: bool,
@@ -69,7 +71,8 @@ impl Contact {
         Self { pin, last: open, open }
     }
 
-    /// Samples it, once in a tick. It has changed when two samples in a row say so: the motor's wires run beside its own.
+    /// Samples the contact; to be called once in each tick. A change counts when two consecutive samples show it,
+    /// because the motor's wires run beside the contact's and disturb it.
     pub fn is_open(&mut self) -> bool {
         let now = self.pin.is_high();
         if now == self.last {
@@ -80,17 +83,17 @@ impl Contact {
     }
 }
 
-/// All contacts.
+/// All contacts of the rig.
 pub struct Switches {
     /// Emergency stop.
     pub estop: Contact,
-    /// Upper end of the rail, least gap.
+    /// Upper end of the rail: smallest gap.
     pub upper_limit: Contact,
-    /// Lower end, greatest gap.
+    /// Lower end of the rail: largest gap.
     pub lower_limit: Contact,
 }
 
-/// Both ways to the drive, of which one is taken.
+/// The peripherals of both transports to the drive, of which the scene selects one.
 pub struct DriveLines {
     can: Peri<'static, peripherals::CAN1>,
     can_rx: Peri<'static, peripherals::PB8>,
@@ -101,38 +104,39 @@ pub struct DriveLines {
 }
 
 impl DriveLines {
-    /// The bus, not enabled yet.
+    /// CAN1, not enabled yet.
     pub fn can(self) -> Can<'static> {
         let mut can = Can::new(self.can, self.can_rx, self.can_tx, Irqs);
-        // Embassy gives RX no pull: without a transceiver the bus would look busy or quiet by chance.
+        // Embassy sets no pull on RX: without a transceiver the bus would look busy or quiet by chance.
         pac::GPIOB.pupdr().modify(|w| w.set_pupdr(8, pac::gpio::vals::Pupdr::PULL_UP));
-        // The drive's four reports and nothing else. `set_automatic_retransmit` is not called: in embassy-stm32 0.6.0 it
-        // does the opposite of its name, and the default (retransmit) is what is wanted.
+        // The filter accepts only the drive's four reports. `set_automatic_retransmit` is not called: in embassy-stm32
+        // 0.6.0 it does the opposite of its name, and the default (retransmit) is the right one here.
         let ids = drive_address()
             .report_ids()
             .map(|id| can::filter::ListEntry16::data_frames_with_id(StandardId::new(id).unwrap_or(StandardId::ZERO)));
         can.modify_filters().enable_bank(0, Fifo::Fifo0, ids);
         let config = can.modify_config();
-        // Embassy switches on time stamps that nothing reads; the chip's errata advise against the mode that makes them.
+        // Embassy switches on time stamps, which nothing here reads; the chip's errata advise against that mode.
         pac::CAN1.mcr().modify(|w| w.set_ttcm(false));
         config.set_bit_timing(BIT_TIMING).set_loopback(false).set_silent(false);
         can
     }
 
-    /// The serial line.
+    /// USART1.
     pub fn uart(self) -> BufferedUart<'static> {
-        // A few frames: two reports in 10 ms. Embassy's sending half is not used ([`crate::serial`]).
+        // Room for a few frames; the drive sends two reports in 10 ms. Embassy's sending half is not used
+        // ([`crate::serial`]).
         static TX: StaticCell<[u8; 1]> = StaticCell::new();
         static RX: StaticCell<[u8; 64]> = StaticCell::new();
         let mut serial = usart::Config::default();
         serial.baudrate = rmds405::serial::BAUD;
         let (tx, rx) = (TX.init([0]), RX.init([0; 64]));
-        // Constants of this board, as for the host link.
+        // It fails only for a rate or pins that the USART does not have; both are constants here.
         defmt::unwrap!(BufferedUart::new(self.uart, self.uart_rx, self.uart_tx, tx, rx, Irqs, serial))
     }
 }
 
-/// Everything on the board, set up; the way to the drive is still open.
+/// Everything on the board, set up, except the transport to the drive.
 pub struct Board {
     pub uart: BufferedUart<'static>,
     pub drive: DriveLines,
@@ -140,23 +144,26 @@ pub struct Board {
     pub encoder: Qei<'static, peripherals::TIM3>,
     pub switches: Switches,
     pub leds: Leds,
-    /// Motor power: an enable, not an emergency stop. A pull-down of its own keeps it off until the drive's task raises it.
+    /// Enables the motor's supply; it is not an emergency stop. An external pull-down keeps it off until the drive task
+    /// raises it.
     pub motor_power: Output<'static>,
     pub watchdog: IndependentWatchdog<'static, peripherals::IWDG>,
     pub store: Store,
 }
 
-/// 168 MHz from the ST-LINK's 8 MHz clock: exact CAN and UART rates (hardware.md section 8). From the chip's own oscillator
-/// all rates are off by up to 1 % and more when warm: good for the host link, not promised on the bus.
+/// 168 MHz from the ST-LINK's 8 MHz clock, which gives exact CAN and UART rates (docs/hardware.md section 8). From the
+/// chip's own oscillator all rates are off by up to 1 %, and by more when the chip is warm: that suffices for the host
+/// link, but is not guaranteed on the CAN bus.
 ///
-/// 168 MHz needs no over-drive; embassy-stm32 0.6.0 switches it on all the same, with the core still on its own oscillator
-/// as it must be (RM0390 section 5.1.4). It costs some supply current and nothing else here: no stop mode is used.
+/// 168 MHz does not need the over-drive mode, but embassy-stm32 0.6.0 switches it on, while the core still runs from
+/// its own oscillator, as it must (RM0390 section 5.1.4). Here it only costs some supply current, because no stop mode
+/// is used.
 pub fn clocks(clock: Clock) -> Config {
     use embassy_stm32::rcc::{
         AHBPrescaler, APBPrescaler, Hse, HseMode, Pll, PllMul, PllPDiv, PllPreDiv, PllSource, Sysclk,
     };
     let mut config = Config::default();
-    // 2 MHz into the PLL in both cases.
+    // The PLL's input is 2 MHz in both cases.
     let prediv = match clock {
         Clock::Hse => {
             config.rcc.hse = Some(Hse { freq: embassy_stm32::time::Hertz(8_000_000), mode: HseMode::Bypass });
@@ -173,9 +180,9 @@ pub fn clocks(clock: Clock) -> Config {
     config
 }
 
-/// Switches on what embassy-stm32 0.6.0 leaves off: prefetch and instruction cache. Without them the core waits five cycles
-/// for each line of flash. Not the data cache: it would give the old contents of what the store has just written or erased,
-/// since embassy flushes it on chips with two banks only.
+/// Switches on prefetch and instruction cache, which embassy-stm32 0.6.0 leaves off. Without them the core waits five
+/// cycles for each line of flash. The data cache stays off: it would return the old contents of flash that the store
+/// has just written or erased, because embassy flushes it only on chips with two banks.
 fn speed_up_flash() {
     pac::FLASH.acr().modify(|w| {
         w.set_prften(true);
@@ -183,8 +190,8 @@ fn speed_up_flash() {
     });
 }
 
-/// The encoder's two lines, filtered: eight equal samples at a quarter of the timer's 84 MHz, 0.38 us. At 12 000 rpm a line of
-/// 1024 counts changes every 2.4 us.
+/// The encoder's counter. Its two inputs are filtered: a change counts after eight equal samples at a quarter of the
+/// timer's 84 MHz, 0.38 us. At 12 000 rpm a line of 1024 counts changes every 2.4 us.
 fn encoder(
     timer: Peri<'static, peripherals::TIM3>,
     a: Peri<'static, peripherals::PA6>,
@@ -210,7 +217,7 @@ impl Board {
         static RX: StaticCell<[u8; 256]> = StaticCell::new();
         let mut serial = usart::Config::default();
         serial.baudrate = rig_link::BAUD;
-        // The pins and the rate are constants of this board: a wrong one shows at the first boot.
+        // It fails only for a rate or pins that the USART does not have; both are constants here.
         let uart =
             defmt::unwrap!(BufferedUart::new(p.USART2, p.PA3, p.PA2, TX.init([0]), RX.init([0; 256]), Irqs, serial));
 
@@ -249,48 +256,49 @@ impl Board {
     }
 }
 
-/// The drive's address; the scene's values were checked by the build script.
+/// The drive's address. The build script has checked the scene's values.
 pub fn drive_address() -> rmds405::Address {
     defmt::unwrap!(rmds405::Address::new(RIG.drive_group, RIG.drive_number).ok())
 }
 
-/// How the board came to start.
+/// Why and how the board started.
 #[derive(Clone)]
 pub struct Start {
     pub cause: ResetCause,
-    /// Boots since power came on, counting this one.
+    /// Boots since power came on, including this one.
     pub boot_count: u32,
-    /// What the run before ended with, if it ended by itself.
+    /// Message of the previous run's panic or hard fault.
     pub last_panic: Option<heapless::String<88>>,
-    /// That run was driving the motor.
+    /// The previous run was driving the motor.
     pub was_driving: bool,
-    /// What the clocks are to be made from.
+    /// The oscillator that the clocks are derived from.
     pub clock: Clock,
 }
 
 impl Start {
-    /// The fault that this start amounts to: nothing moves before the operator has seen it.
+    /// The fault with which the firmware starts, if any: nothing moves before the operator has cleared it.
     pub fn fault(&self) -> Option<Fault> {
         match self.cause {
             _ if self.last_panic.is_some() => Some(Fault::Panicked),
             ResetCause::Watchdog => Some(Fault::WatchdogReset),
-            // By hand is no surprise.
+            // The reset button is pressed on purpose.
             ResetCause::Pin => None,
             ResetCause::BrownOut | ResetCause::LowPower => Some(Fault::UnexpectedReset),
-            // RAM that outlived the loss of power tells of a dip, and the motor was driven when it came.
+            // RAM that kept its contents shows that the supply only dipped, while the motor was driven.
             ResetCause::PowerOn => self.was_driving.then_some(Fault::UnexpectedReset),
-            // A debugger's or a new image's, unless the motor was driven.
+            // A debugger or a new image resets the board; that is no fault unless the motor was driven.
             ResetCause::Software | ResetCause::Unknown => self.was_driving.then_some(Fault::UnexpectedReset),
         }
     }
 }
 
-/// How often the ST-LINK's clock is looked for, and turns of a waiting loop between: 50 to 200 ms at 1 to 4 cycles a turn
-/// (a Cortex-M4 takes 3), well within the watchdog's time.
+/// Number of checks for the ST-LINK's clock, and cycles of delay between them: 50 to 200 ms in all at 1 to 4 cycles per
+/// turn of the delay loop (a Cortex-M4 takes 3), well within the watchdog's time.
 const HSE_TRIES: u32 = 100;
 const HSE_PAUSE: u32 = 8_000;
 
-/// Whether the ST-LINK's clock is there; embassy-stm32 would wait for it without limit. The core is on its own 16 MHz.
+/// The oscillator to use: the ST-LINK's clock if it comes in time, else the chip's own. embassy-stm32 would wait for
+/// the ST-LINK's without limit. The core runs at its own 16 MHz meanwhile.
 pub fn find_clock() -> Clock {
     let rcc = pac::RCC;
     rcc.cr().modify(|w| w.set_hsebyp(true));
@@ -304,18 +312,19 @@ pub fn find_clock() -> Clock {
     Clock::Hsi
 }
 
-/// Level of the brown-out reset in the option bytes, 0 (off) to 3. Only looked at: writing option bytes from here could
-/// lock the chip if the supply failed at the wrong moment.
+/// Level of the brown-out reset in the option bytes, 0 (off) to 3. The firmware only reads it: if the supply failed
+/// while option bytes are written, the chip could lock itself.
 pub fn brown_out_level() -> u8 {
     3 - pac::FLASH.optcr().read().bor_lev()
 }
 
-/// Starts the watchdog, reads the reset flags and clears them for the next time, and what the last run left, and looks for
-/// the clock. Call once, before anything else.
+/// Starts the watchdog, reads and clears the reset flags, reads the previous run's record, and finds the clock. Call it
+/// once, before anything else.
 pub fn start() -> Start {
-    // It stands still while a debugger holds the core: a breakpoint must not restart the drive, which drops the load.
+    // The watchdog stops while a debugger halts the core: a breakpoint must not restart the drive, which drops the
+    // load.
     pac::DBGMCU.apb1fzr().modify(|w| w.set_iwdg(true));
-    // As a reset left it: 4096 counts of LSI / 4, 0.35 to 0.96 s.
+    // Its time is that of the reset values: 4096 counts of LSI / 4, 0.35 to 0.96 s.
     pac::IWDG.kr().write(|w| w.set_key(Key::START));
     let flags = pac::RCC.csr().read();
     pac::RCC.csr().modify(|w| w.set_rmvf(true));
@@ -334,9 +343,10 @@ pub fn start() -> Start {
     } else {
         ResetCause::Unknown
     };
-    let before = keep::begin(cause == ResetCause::PowerOn);
+    let previous = post_mortem::start_record(cause == ResetCause::PowerOn);
     let clock = find_clock();
-    // The wait is over, one way or the other.
+    // Fed here, so that the search for the clock does not count.
     pac::IWDG.kr().write(|w| w.set_key(Key::RESET));
-    Start { cause, boot_count: before.boot_count, last_panic: before.panic, was_driving: before.driving, clock }
+    let post_mortem::PreviousRun { boot_count, was_driving, panic: last_panic } = previous;
+    Start { cause, boot_count, last_panic, was_driving, clock }
 }

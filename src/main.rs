@@ -1,20 +1,25 @@
 //! Firmware of the load-adaptive twisted-string rig on a NUCLEO-F446RE.
 //!
-//! Only pins, clocks and tasks live here; everything that a desktop can test is in the crates. An executor at interrupt
-//! level runs five tasks: [`tasks::control`] (the tick), [`tasks::drive`] (CAN or UART), [`tasks::lvdt`] (ADC and DMA),
-//! [`tasks::link`] (host) and [`tasks::watchdog`], which feeds the dog only if all the others have been seen. Below them, in
-//! thread mode, [`tasks::table`] solves equilibria for a table of the board's own and [`tasks::settings`] keeps settings.
+//! This package holds only pins, clocks and tasks; everything that a desktop can test is in the crates. An executor at
+//! interrupt level runs five tasks: [`tasks::control`] (the tick), [`tasks::drive`] (CAN or UART), [`tasks::lvdt`] (ADC
+//! and DMA), [`tasks::link`] (host) and [`tasks::watchdog`], which feeds the watchdog only while all the others run.
+//! The executor in thread mode runs two more: [`tasks::table`] builds a table for other constants, and
+//! [`tasks::settings`] saves the settings.
+//!
+//! [`board`] sets up the hardware, [`serial`] sends bytes, [`shared`] holds what the tasks exchange, [`flash`] and
+//! [`flash_store`] keep records without power, [`post_mortem`] what a run leaves for the next one, [`scene`] the table
+//! and the constants that the build script makes from the scene file.
 
 #![no_std]
 #![no_main]
 
 mod board;
 mod flash;
-mod keep;
+mod flash_store;
+mod post_mortem;
 mod scene;
 mod serial;
 mod shared;
-mod store;
 mod tasks;
 
 use defmt_rtt as _;
@@ -24,12 +29,12 @@ use embassy_stm32::interrupt::{InterruptExt, Priority};
 use rmds405::Transport;
 use static_cell::StaticCell;
 
-/// Everything that must not wait for a table to be solved.
+/// Runs every task that must not wait while a table is built.
 static FOREGROUND: InterruptExecutor = InterruptExecutor::new();
 
 #[interrupt]
 unsafe fn SPDIF_RX() {
-    // SAFETY: called from this handler alone, which is enabled by `start`.
+    // SAFETY: only this handler calls it, and `start` enables the interrupt.
     unsafe { FOREGROUND.on_interrupt() }
 }
 
@@ -47,22 +52,22 @@ async fn main(background: Spawner) {
         start.clock
     );
     if let Some(text) = &start.last_panic {
-        defmt::error!("the run before ended with: {}", text.as_str());
+        defmt::error!("the previous run ended with: {}", text.as_str());
     }
     let mut store = board.store;
-    if let Some(table) = tasks::table::kept(&mut store).await {
+    if let Some(table) = tasks::table::load(&mut store).await {
         shared::TABLE.set(table);
     }
-    let generation = tasks::settings::kept(&mut store).await;
-    static STORE: StaticCell<store::SharedStore> = StaticCell::new();
-    let store = STORE.init(store::SharedStore::new(store));
-    // Any interrupt that nothing else uses; the peripherals' own stay above it.
+    let generation = tasks::settings::load(&mut store).await;
+    static STORE: StaticCell<flash_store::SharedStore> = StaticCell::new();
+    let store = STORE.init(flash_store::SharedStore::new(store));
+    // Any interrupt that nothing else uses. The peripherals' interrupts have a higher priority.
     interrupt::SPDIF_RX.set_priority(Priority::P6);
     let spawner = FOREGROUND.start(interrupt::SPDIF_RX);
     let (link_tx, link_rx) = board.uart.split();
-    // A task's arena is sized for the instances spawned here, once each: spawning cannot fail.
+    // Each task has room for one instance and is spawned once, so spawning cannot fail.
     spawner.spawn(defmt::unwrap!(tasks::lvdt::run(board.lvdt)));
-    // The scene's choice is a constant: the other one does not get into the image.
+    // The scene's transport is a constant, so the image holds only that one.
     match scene::DRIVE_TRANSPORT {
         Transport::Can => spawner.spawn(defmt::unwrap!(tasks::drive::over_can(board.drive.can(), board.motor_power))),
         Transport::Uart => {

@@ -1,4 +1,13 @@
-//! What the tasks tell each other. Each value has one writer.
+//! The values that the tasks exchange.
+//!
+//! Each has one task that writes it; `main` writes [`TABLE`], [`SETTINGS`], [`SAVED_SETTINGS`] and [`SETTINGS_CORRUPT`]
+//! before the tasks start. The exceptions:
+//! - [`DRIVE_COMMAND`] and [`NEW_TABLE`] are also written by their reader, which puts back what it cannot use yet. It
+//!   cannot overwrite a newer value: it does not await between taking and putting back, and the writer has no higher
+//!   priority.
+//! - [`PAUSE_WANTED`] is written by whoever holds the lock of the flash store.
+//! - [`DRIVE_STALLED`] and [`BUS_OFF`] are set by the drive task and cleared by the control task, in one atomic swap.
+//! - [`UNSENT`] is an atomic counter, and [`OUTBOX`] a queue: any task may add to them.
 
 use core::cell::Cell;
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
@@ -10,7 +19,7 @@ use rig_control::{DriveCommand, DriveReading, LvdtBlock, SupplyReading};
 use rig_link::messages::{Constants, Kept, Message, Request, Sensors, SettingValues, SettingsReport, Telemetry};
 use tsa_table::Table;
 
-/// A value that is read whole and written whole.
+/// A value that is read and written as a whole.
 pub struct Latest<T: Copy>(Mutex<Raw, Cell<T>>);
 
 impl<T: Copy> Latest<T> {
@@ -37,60 +46,61 @@ pub static DRIVE_STALLED: AtomicBool = AtomicBool::new(false);
 pub static BUS_OFF: AtomicBool = AtomicBool::new(false);
 /// Newest report of the drive's supply.
 pub static SUPPLY: Latest<Option<SupplyReading>> = Latest::new(None);
-/// The settings in use, and how often they were set since the start.
+/// The settings in use, and how often they were set since the board started.
 pub static SETTINGS: Latest<(SettingValues, u32)> =
     Latest::new((SettingValues([0.0; rig_link::messages::Setting::ALL.len()]), 0));
-/// Settings to be kept, with that count.
-pub static KEEP: Signal<Raw, (SettingValues, u32)> = Signal::new();
-/// What flash holds, and the count of that.
-pub static FLASHED: Latest<(Kept, u32)> = Latest::new((Kept::Nothing, 0));
-/// What the sensors showed in the newest tick.
+/// Settings to be saved to flash, with that count.
+pub static SETTINGS_TO_SAVE: Signal<Raw, (SettingValues, u32)> = Signal::new();
+/// What flash holds of the settings, and the count of [`SETTINGS`] to which that applies.
+pub static SAVED_SETTINGS: Latest<(Kept, u32)> = Latest::new((Kept::Nothing, 0));
+/// The sensors' readings of the newest tick.
 pub static SENSORS: Latest<Option<Sensors>> = Latest::new(None);
-/// What is kept in flash could not be used.
+/// Flash holds settings, or a table, that could not be used.
 pub static SETTINGS_CORRUPT: AtomicBool = AtomicBool::new(false);
-/// Newest command for the drive; an older one that was not sent yet is out of date.
+/// Newest command for the drive. It replaces an older one that was not sent yet.
 pub static DRIVE_COMMAND: Signal<Raw, DriveCommand> = Signal::new();
-/// When the host was last heard (µs since boot).
+/// Time of the host's newest valid frame (µs since boot).
 pub static HOST_HEARD_US: Latest<Option<u64>> = Latest::new(None);
 /// Requests for the control task, with their sequence numbers.
 pub static REQUESTS: Channel<Raw, (u16, Request), 8> = Channel::new();
 /// Replies and events for the host; [`post`] fills it.
 pub static OUTBOX: Channel<Raw, Message, 16> = Channel::new();
-/// Messages that could not be sent: the link was full.
+/// Number of messages that were dropped because the link was full.
 pub static UNSENT: AtomicU32 = AtomicU32::new(0);
 /// Newest telemetry for the host.
 pub static TELEMETRY: Signal<Raw, Telemetry> = Signal::new();
 /// The table in use.
 pub static TABLE: Latest<&'static Table<'static>> = Latest::new(&crate::scene::TABLE);
-/// A table to be made.
+/// Constants for which a table is to be built.
 pub static REBUILD: Signal<Raw, Constants> = Signal::new();
-/// A table for the control task.
+/// A table for the control task to use from now on.
 pub static NEW_TABLE: Signal<Raw, &'static Table<'static>> = Signal::new();
-/// The core is about to stall for flash; the control task answers with [`PAUSED`] when nothing moves.
+/// Flash is to be written, which stalls the core; the control task sets [`PAUSED`] when nothing moves.
 pub static PAUSE_WANTED: AtomicBool = AtomicBool::new(false);
-/// The control task decides nothing until [`PAUSE_WANTED`] is taken back; the drive holds.
+/// The control task has paused until [`PAUSE_WANTED`] is cleared; the drive holds its position.
 pub static PAUSED: AtomicBool = AtomicBool::new(false);
-/// Damaged frames from the host.
+/// Number of damaged frames from the host.
 pub static LINK_ERRORS: AtomicU32 = AtomicU32::new(0);
-/// CAN frames, or bytes on the serial line, that are not the drive's.
+/// Number of CAN frames, or of bytes on the serial line, that are not the drive's.
 pub static FOREIGN_FRAMES: AtomicU32 = AtomicU32::new(0);
 
-/// Puts a reply or an event out for the host. A full outbox means that it has not read for a while; it will ask again.
+/// Queues a reply or an event for the host. If the queue is full, because the host has not read for a while, the
+/// message is dropped and counted; the host asks again.
 pub fn post(message: Message) {
     if OUTBOX.try_send(message).is_err() {
         UNSENT.fetch_add(1, Ordering::Relaxed);
     }
 }
 
-/// The settings, for the host.
+/// The report of the settings for the host.
 pub fn settings_report() -> SettingsReport {
     let (values, count) = SETTINGS.get();
-    let (kept, flashed) = FLASHED.get();
-    let kept = if flashed == count { kept } else { Kept::Others };
+    let (kept, saved_count) = SAVED_SETTINGS.get();
+    let kept = if saved_count == count { kept } else { Kept::Others };
     SettingsReport { values, defaults: rig_control::settings::defaults(&crate::scene::RIG), kept }
 }
 
-/// Puts the newest telemetry out for the host; what has not gone out by now never will.
+/// Replaces the telemetry that is sent to the host next. One that was not sent yet is dropped and counted.
 pub fn show(telemetry: Telemetry) {
     if TELEMETRY.signaled() {
         UNSENT.fetch_add(1, Ordering::Relaxed);
@@ -98,7 +108,7 @@ pub fn show(telemetry: Telemetry) {
     TELEMETRY.signal(telemetry);
 }
 
-/// Tasks that the watchdog wants to see.
+/// Tasks that the watchdog supervises.
 #[derive(Clone, Copy)]
 #[repr(u32)]
 pub enum Task {
@@ -111,14 +121,14 @@ pub enum Task {
 /// All of [`Task`].
 pub const ALL_TASKS: u32 = 15;
 
-static SEEN: AtomicU32 = AtomicU32::new(0);
+static ALIVE: AtomicU32 = AtomicU32::new(0);
 
-/// A task says that it lives.
+/// Reports that a task runs.
 pub fn alive(task: Task) {
-    SEEN.fetch_or(task as u32, Ordering::Relaxed);
+    ALIVE.fetch_or(task as u32, Ordering::Relaxed);
 }
 
-/// Which tasks have said so since the last call.
-pub fn take_seen() -> u32 {
-    SEEN.swap(0, Ordering::Relaxed)
+/// The tasks that have reported since the last call, as a sum of [`Task`].
+pub fn take_alive() -> u32 {
+    ALIVE.swap(0, Ordering::Relaxed)
 }

@@ -8,12 +8,14 @@ use rig_emulator::rig::plant_settings::PlantSettings;
 use rig_link::messages::{
     EventKind, Identity, Kept, Message, Refusal, Request, Sensors, SettingsReport, State, Telemetry,
 };
-use rig_link::{Accepted, Decoder, PROTOCOL_HASH, encode};
-use rig_scene::DriveTransport;
-use rig_scene::Scene;
+use rig_link::{Accepted, Decoder, Versions, encode};
+use rig_scene::{DriveTransport, Scene};
 use std::fmt;
 use std::process::Command;
 use std::sync::OnceLock;
+
+/// What these tests greet the board with.
+pub const HELLO: Request = Request::Hello(Versions::own("host-tests", ""));
 
 /// The firmware that would be flashed. Built first if it is not there.
 pub fn firmware() -> &'static [u8] {
@@ -79,6 +81,8 @@ pub struct Bench {
     pub replies: Vec<(u16, Result<Accepted, Refusal>)>,
     /// Newest telemetry.
     pub last: Option<Telemetry>,
+    /// What the board answered a greeting with.
+    pub versions: Option<Versions>,
     /// What the board said it is.
     pub identity: Option<Identity>,
     /// Newest report of the settings.
@@ -137,6 +141,7 @@ impl Bench {
             events: Vec::new(),
             replies: Vec::new(),
             last: None,
+            versions: None,
             identity: None,
             settings: None,
             sensors: None,
@@ -203,6 +208,7 @@ impl Bench {
                     self.frames += 1;
                 }
                 Message::Identity(identity) => self.identity = Some(identity),
+                Message::Hello(versions) => self.versions = Some(versions),
                 Message::Reply { to, result } => self.replies.push((to, result)),
                 Message::Settings(report) => self.settings = Some(report),
                 Message::Sensors(sensors) => self.sensors = Some(sensors),
@@ -247,7 +253,7 @@ impl Bench {
     /// Greets after a start. Its UART is up after 2 ms; what comes before is lost, as on the real board.
     pub fn greet(&mut self) {
         self.run(0.05);
-        self.ask(&Request::Hello { protocol_hash: PROTOCOL_HASH }).expect("same message table");
+        self.ask(&HELLO).expect("same protocol");
     }
 
     /// Takes the power away for a moment.

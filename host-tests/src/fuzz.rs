@@ -21,7 +21,7 @@ pub const DOORS: [(&str, Door); 8] = [
     ("operator", operator),
     ("log", log),
     ("control", control),
-    ("kept", kept),
+    ("stored_settings", stored_settings),
 ];
 
 /// Bytes on the host link, as board and as host; and a good frame in the midst of them must come through.
@@ -124,8 +124,8 @@ pub fn log(data: &[u8]) {
     }
 }
 
-/// What flash may hold of the settings (witness, then record), and a file of a backup.
-pub fn kept(data: &[u8]) {
+/// Bytes that flash may hold as settings (witness, then record), and the file of a backup.
+pub fn stored_settings(data: &[u8]) {
     let rig = constants();
     let defaults = settings::defaults(&rig);
     let (witness, record) = data.split_at(data.len().min(4));
@@ -168,8 +168,7 @@ pub fn control(data: &[u8]) {
             2 => Some(Request::Move { target_m: value, speed_m_per_s: 0.002, load: LoadChoice::Auto }),
             3 => Some(Request::Move { target_m: 0.004, speed_m_per_s: value, load: LoadChoice::Known(value) }),
             4 => Some(Request::Jog { twist_speed_rad_per_s: value }),
-            5 => Some(Request::Stop),
-            6 => Some(Request::Hold),
+            5 | 6 => Some(Request::Stop),
             7 => Some(Request::Clear),
             8 => Setting::from_code(chunk[12] & 7).map(|setting| Request::SetSetting { setting, value }),
             // Some that are good: the other way round, another gear, a lower current.
@@ -178,7 +177,7 @@ pub fn control(data: &[u8]) {
             11 => Some(Request::SetSetting { setting: Setting::CurrentLimit, value: f32::from(chunk[12]) / 500.0 }),
             _ => None,
         };
-        let outputs = rig.step(&Inputs {
+        let inputs = Inputs {
             now_us,
             encoder_counts: counts,
             lvdt: (chunk[14] & 8 == 0).then(|| LvdtBlock::from_codes(now_us, &codes)).flatten(),
@@ -191,8 +190,8 @@ pub fn control(data: &[u8]) {
             estop_open: chunk[14] & 32 != 0 && chunk[13] == 0,
             host_heard_us: (chunk[14] & 64 == 0).then_some(now_us),
             request,
-            counters: Counters::default(),
-        });
+        };
+        let outputs = rig.step(&inputs);
         if let DriveCommand::Follow { position_qc, speed_limit_rpm, current_limit_ma } = outputs.drive {
             // Half a turn of the strings, and what the fastest move covers while the drive answers.
             let leash = (constants().counts_per_rad * 30.0) as i64;
@@ -203,7 +202,7 @@ pub fn control(data: &[u8]) {
             assert!(speed_limit_rpm >= 0 && (50..=constants().current_limit_ma).contains(&current_limit_ma));
             assert!(QuadCounts(position_qc).0 == position_qc);
         }
-        let t = outputs.telemetry;
+        let t = rig.telemetry(&inputs, Counters::default());
         let told = [t.target_m, t.setpoint_m, t.position_m, t.twist_rad, t.load_n, t.tr_rad_per_m];
         assert!(told.into_iter().flatten().all(f32::is_finite), "{t:?}");
     }

@@ -1,5 +1,5 @@
-//! The firmware's decisions against the emulated rig, without the emulated chip: [`Desk`] plays the microcontroller.
-//! Hundreds of times faster than the whole board, for scenarios by the dozen; what the chip adds (drivers, interrupts,
+//! The firmware's decisions against the emulated rig, without the emulated chip: [`ControlBench`] plays the microcontroller.
+//! It is hundreds of times faster than the whole board, for scenarios by the dozen. The chip's share (drivers, interrupts,
 //! timing) is tested with the ELF on the emulated board.
 
 pub mod board;
@@ -9,11 +9,12 @@ pub mod fuzz;
 pub mod scenario;
 
 use rig_control::sensors::EncoderCount;
+use rig_control::supervisor::Events;
 use rig_control::{DriveCommand, Inputs, LvdtBlock, Outputs, Rig as Control, RigConstants, TICK_S};
 use rig_emulator::board::{Board, CanFrame, Stimulus};
 use rig_emulator::rig::Rig;
 use rig_emulator::rig::plant_settings::PlantSettings;
-use rig_link::messages::{Counters, EventKind, LoadChoice, Request, State};
+use rig_link::messages::{Accepted, Counters, EventKind, LoadChoice, Refusal, Request, State, Telemetry};
 use rig_scene::Scene;
 use rmds405::{Address, Conversation, Received, Report};
 use sim_link::Truth;
@@ -67,18 +68,33 @@ pub trait Controller {
     }
 }
 
-impl Controller for Control<'static> {
-    type Decision = Outputs;
+/// One tick of the control code: its [`Outputs`], and the telemetry after it.
+#[derive(Clone, Debug)]
+pub struct ControlTick {
+    /// For the drive.
+    pub drive: DriveCommand,
+    /// Answer to the request.
+    pub reply: Option<Result<Accepted, Refusal>>,
+    /// What ended or went wrong.
+    pub events: Events,
+    /// For the host.
+    pub telemetry: Telemetry,
+}
 
-    fn step(&mut self, inputs: &Inputs) -> Outputs {
-        Control::step(self, inputs)
+impl Controller for Control<'static> {
+    type Decision = ControlTick;
+
+    fn step(&mut self, inputs: &Inputs) -> ControlTick {
+        let Outputs { drive, reply, events } = Control::step(self, inputs);
+        let counters = Counters { late_ticks: self.late_ticks(), ..Counters::default() };
+        ControlTick { drive, reply, events, telemetry: self.telemetry(inputs, counters) }
     }
 
-    fn drive(decision: &Outputs) -> DriveCommand {
+    fn drive(decision: &ControlTick) -> DriveCommand {
         decision.drive
     }
 
-    fn events(decision: &Outputs) -> &[EventKind] {
+    fn events(decision: &ControlTick) -> &[EventKind] {
         &decision.events
     }
 }
@@ -88,7 +104,7 @@ pub type Tamper = Arc<dyn Fn(&mut Inputs) + Send + Sync>;
 
 /// A controller wired to an emulated rig.
 #[derive(Clone)]
-pub struct Desk<C: Controller = Control<'static>> {
+pub struct ControlBench<C: Controller = Control<'static>> {
     /// The rig.
     pub rig: Rig,
     /// The controller.
@@ -118,13 +134,13 @@ fn address() -> Address {
     Address::new(scene().rig.drive_group, scene().rig.drive_number).expect("the scene was checked")
 }
 
-impl Desk {
+impl ControlBench {
     /// A rig with these plant keys, and control code that has just booted.
     pub fn new(keys: &[(&str, &str)], seed: u64) -> Self {
         Self::with(Control::new(table(), constants(), None), keys, seed)
     }
 
-    /// As [`Desk::new`], of a rig whose `[rig]` is not the default scene's, and control code built for it. Address and
+    /// As [`ControlBench::new`], of a rig whose `[rig]` is not the default scene's, and control code built for it. Address and
     /// supply divider of the drive must be the default scene's.
     pub fn of(scene: &Scene, keys: &[(&str, &str)], seed: u64) -> Self {
         let control = Control::new(table(), scene.rig.constants(), None);
@@ -132,7 +148,7 @@ impl Desk {
     }
 }
 
-impl<C: Controller> Desk<C> {
+impl<C: Controller> ControlBench<C> {
     /// A rig with these plant keys under another controller.
     pub fn with(control: C, keys: &[(&str, &str)], seed: u64) -> Self {
         Self::in_scene(scene(), control, keys, seed)
@@ -239,7 +255,6 @@ impl<C: Controller> Desk<C> {
             estop_open: self.estop,
             host_heard_us: self.heard_us,
             request,
-            counters: Counters::default(),
         };
         if let Some(tamper) = &self.tamper {
             tamper(&mut inputs);
@@ -276,7 +291,7 @@ impl<C: Controller> Desk<C> {
     }
 }
 
-impl Desk {
+impl ControlBench {
     /// Waits for the drive, homes; homing time (s) or how it failed.
     pub fn home(&mut self) -> Result<f64, String> {
         let idle = |d: &Self| matches!(d.control.state(), State::Unhomed | State::Ready | State::Holding);

@@ -1,12 +1,12 @@
 //! The real firmware on the emulated board: the whole chain, and what comes from outside.
 
-use host_tests::board::Bench;
+use host_tests::board::{Bench, HELLO};
 use rand::{RngExt, SeedableRng};
 use rig_emulator::board::{CanFrame, Stimulus};
-use rig_link::PROTOCOL_HASH;
 use rig_link::messages::{
     Constants, EventKind, Fault, LoadChoice, Refusal, Request, ResetCause, Setting, State, TableRefusal,
 };
+use rig_link::{PROTOCOL_HASH, Versions};
 use rigctl::session::table::constants;
 use sim_link::RigFault;
 
@@ -189,12 +189,17 @@ fn noise_on_the_link_and_strangers_on_the_bus_are_ignored_and_counted() {
 fn a_tool_of_another_build_is_refused_politely_but_may_stop() {
     let mut b = Bench::new(&[], 4);
     assert!(b.until(5.0, |b| b.state() == State::Unhomed));
-    let mismatch = Err(Refusal::ProtocolMismatch { board: PROTOCOL_HASH });
+    let mismatch = Err(Refusal::NotGreeted);
+    let another = Versions::new(PROTOCOL_HASH ^ 1, "9.8.7", "");
     assert_eq!(b.ask(&Request::Home), mismatch);
-    assert_eq!(b.ask(&Request::Hello { protocol_hash: PROTOCOL_HASH ^ 1 }), mismatch);
+    assert_eq!(b.ask(&Request::Hello(another)), mismatch);
+    let board = b.versions.expect("it greets every tool");
+    let message = another.check_board(&board).expect_err("another protocol").to_string();
+    assert!(message.contains("9.8.7") && message.contains(board.git()) && !board.git().is_empty(), "{message}");
+    assert!(b.identity.is_none(), "nothing that another tool could misread");
     assert_eq!(b.ask(&Request::Home), mismatch);
     assert!(b.ask(&Request::Stop).is_ok());
-    assert!(b.ask(&Request::Hello { protocol_hash: PROTOCOL_HASH }).is_ok());
+    assert!(b.ask(&HELLO).is_ok());
     b.run(0.1);
     let identity = b.identity.clone().unwrap();
     assert_eq!(identity.scene_hash, host_tests::scene().hash());
@@ -257,7 +262,7 @@ fn a_hung_core_is_reset_by_the_watchdog_and_stays_in_fault() {
     let last = b.last.unwrap();
     assert_eq!((last.state, last.fault), (State::Fault, Some(Fault::WatchdogReset)));
     assert_eq!(last.twist_rad, None);
-    b.ask(&Request::Hello { protocol_hash: PROTOCOL_HASH }).unwrap();
+    b.ask(&HELLO).unwrap();
     b.run(0.1);
     let identity = b.identity.clone().unwrap();
     assert_eq!((identity.reset_cause, identity.boot_count), (ResetCause::Watchdog, 2));
@@ -282,7 +287,7 @@ fn a_fault_of_the_core_is_kept_over_the_reset_and_told() {
     // Stopped before anything else is said to it: until then it stood at its last target.
     assert!(b.machine.board().drive().counters.restarts > before);
     assert_eq!(b.machine.board().drive().mode(), None);
-    b.ask(&Request::Hello { protocol_hash: PROTOCOL_HASH }).unwrap();
+    b.ask(&HELLO).unwrap();
     b.run(0.1);
     let identity = b.identity.clone().unwrap();
     assert_eq!((identity.reset_cause, identity.boot_count), (ResetCause::Software, 2));
@@ -373,7 +378,7 @@ fn the_board_makes_its_own_table_in_seconds_keeps_it_and_falls_back() {
         b.machine.set_flash_image(image).unwrap();
         b.machine.power_cycle();
         b.run(0.3);
-        b.ask(&Request::Hello { protocol_hash: PROTOCOL_HASH }).unwrap();
+        b.ask(&HELLO).unwrap();
         assert!(b.until(0.5, |b| b.identity.is_some()));
         b.identity.clone().unwrap().table
     };
@@ -386,7 +391,7 @@ fn the_board_makes_its_own_table_in_seconds_keeps_it_and_falls_back() {
     // What cannot be made is refused by name, and the table in use stays.
     let mut b = Bench::new(&[], 9);
     b.run(0.05);
-    b.ask(&Request::Hello { protocol_hash: PROTOCOL_HASH }).unwrap();
+    b.ask(&HELLO).unwrap();
     assert!(b.until(5.0, |b| b.state() == State::Unhomed));
     for (constants, wanted) in [
         (Constants { string: [f64::NAN; 5], ..thicker() }, TableRefusal::Constants),

@@ -1,13 +1,13 @@
 //! Homing and moving the emulated rig with the control code alone: the floors of the first issue over many plants.
 
-use host_tests::{Desk, table};
-use rig_control::adaptation::Learned;
+use host_tests::{ControlBench, table};
+use rig_control::homing::Homed;
 use rig_link::messages::{EventKind, Fault, Limit, LoadChoice, Parameter, Refusal, Request, State};
 use sim_link::RigFault;
 use std::f64::consts::PI;
 
-fn homed(load: &str, twist: &str, seed: u64) -> Desk {
-    let mut d = Desk::new(&[("load", load), ("twist_at_boot", twist)], seed);
+fn homed(load: &str, twist: &str, seed: u64) -> ControlBench {
+    let mut d = ControlBench::new(&[("load", load), ("twist_at_boot", twist)], seed);
     d.home().unwrap_or_else(|e| panic!("{load} from {twist} rad: {e}"));
     d
 }
@@ -33,7 +33,7 @@ fn homes_from_any_twist_under_any_load() {
         ("1.5kg", -0.01),
     ];
     for (seed, (load, twist)) in cases.iter().enumerate() {
-        let mut d = Desk::new(&[("load", load), ("twist_at_boot", &twist.to_string())], seed as u64);
+        let mut d = ControlBench::new(&[("load", load), ("twist_at_boot", &twist.to_string())], seed as u64);
         let seconds = d.home().unwrap_or_else(|e| panic!("{load} from {twist} rad: {e}"));
         let h = *d.control.homed().expect("homed");
         let truth = d.truth();
@@ -97,7 +97,7 @@ fn a_load_changed_on_the_way_is_noticed_and_carried() {
 
 #[test]
 fn requests_outside_the_limits_are_refused_by_name() {
-    let mut d = Desk::new(&[], 1);
+    let mut d = ControlBench::new(&[], 1);
     let go = |target_m: f32, speed_m_per_s: f32, load: LoadChoice| Request::Move { target_m, speed_m_per_s, load };
     assert_eq!(d.tick(Some(Request::Home)).reply, Some(Err(Refusal::DriveNotReady)));
     assert!(d.until(5.0, |d| d.control.state() == State::Unhomed));
@@ -178,7 +178,7 @@ fn a_lost_host_ends_a_motion_in_hold_within_half_a_second() {
     d.move_to(0.012, 0.002, LoadChoice::Auto).unwrap();
 }
 
-fn fault_of(fault: RigFault) -> (Option<Fault>, Desk) {
+fn fault_of(fault: RigFault) -> (Option<Fault>, ControlBench) {
     let mut d = homed("0.5kg", "5", 6);
     d.tick(Some(Request::Move { target_m: 0.012, speed_m_per_s: 0.001, load: LoadChoice::Auto }));
     d.run(2.0);
@@ -210,17 +210,18 @@ fn faults_of_the_rig_are_found_and_latched() {
 #[test]
 fn a_string_that_slipped_is_no_new_load() {
     for load in ["0.1kg", "0.5kg", "1.5kg"] {
-        let go = |d: &mut Desk, target_m: f32| d.move_to(target_m, 0.002, LoadChoice::Auto);
+        let go = |d: &mut ControlBench, target_m: f32| d.move_to(target_m, 0.002, LoadChoice::Auto);
         // A load that changes, and a drift within what is learned, are no faults.
         for near_miss in ["load", "drift", "slip"] {
             let mut d = homed(load, "5", 11);
+            if near_miss == "drift" {
+                let homed = *d.control.homed().unwrap();
+                d.control.resume(Homed { twist_scale: homed.twist_scale + 0.02, ..homed });
+            }
             go(&mut d, 0.006).unwrap();
             match near_miss {
                 "load" => d.rig.set_plant("load", &(0.8 * d.truth().load_n).max(1.1).to_string()).unwrap(),
-                "drift" => {
-                    let learned = d.control.learned().unwrap();
-                    assert!(d.control.recall(&Learned { twist_scale: learned.twist_scale + 0.02, ..learned }));
-                }
+                "drift" => {}
                 _ => d.rig.set_fault(RigFault::StringSlip, true),
             }
             d.run(1.0);
@@ -263,7 +264,7 @@ fn after_an_emergency_stop_nothing_moves_until_told_and_home_is_lost() {
 #[test]
 fn what_is_not_this_mechanism_is_not_homed() {
     // A rig whose LVDT moves by a tenth of what the strings do: the maximum is too flat to be one.
-    let mut d = Desk::new(&[("lvdt_gain_error", "-0.9"), ("lvdt_noise", "4e-4"), ("twist_at_boot", "8")], 8);
+    let mut d = ControlBench::new(&[("lvdt_gain_error", "-0.9"), ("lvdt_noise", "4e-4"), ("twist_at_boot", "8")], 8);
     assert!(d.home().is_err());
     assert!(matches!(d.events.last(), Some((_, EventKind::HomingRefused(_)))), "{:?}", d.events);
     assert_eq!(d.control.state(), State::Unhomed);
@@ -274,14 +275,14 @@ fn a_damaged_table_moves_nothing() {
     let mut broken = *table();
     broken.crc ^= 1;
     let broken: &'static _ = Box::leak(Box::new(broken));
-    let mut d = Desk::new(&[], 9);
+    let mut d = ControlBench::new(&[], 9);
     d.control = rig_control::Rig::new(broken, host_tests::constants(), None);
     d.run(3.0);
     assert_eq!(d.control.fault(), Some(Fault::TableCorrupt));
     assert_eq!(d.tick(Some(Request::Clear)).reply, Some(Err(Refusal::CauseRemains { fault: Fault::TableCorrupt })));
     // The same numbers elsewhere in memory are a good table.
     let copy: &'static _ = Box::leak(Box::new(*table()));
-    let mut d = Desk::new(&[], 9);
+    let mut d = ControlBench::new(&[], 9);
     d.control = rig_control::Rig::new(copy, host_tests::constants(), None);
     d.run(3.0);
     assert_eq!((d.control.state(), d.control.fault()), (State::Unhomed, None));
@@ -308,7 +309,7 @@ fn homes_and_moves_with_other_gears_and_encoders() {
         scene.validate().unwrap_or_else(|e| panic!("{gear:?}, {lines} lines: {e}"));
         let of = format!("gear {gear:?}, {lines} lines");
         let twist = if turns_back { "-20" } else { "9" };
-        let mut d = Desk::of(&scene, &[("load", "0.5kg"), ("twist_at_boot", twist)], 3);
+        let mut d = ControlBench::of(&scene, &[("load", "0.5kg"), ("twist_at_boot", twist)], 3);
         let seconds = d.home().unwrap_or_else(|e| panic!("{of}: {e}"));
         let load = f64::from(d.control.homed().expect("homed").load_n) / d.truth().load_n - 1.0;
         let mut worst = 0.0f64;

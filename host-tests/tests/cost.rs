@@ -1,33 +1,32 @@
-//! Instructions on the emulated board for each way of knowing the mechanism, all in one image (`src/bin/cost.rs`).
+//! Instructions on the emulated board for each way to evaluate the mechanism, all in one image (`crates/lab/cost-image`).
 
 use host_tests::{root, scene};
 use rig_emulator::machine::{Config, Machine};
 use rig_emulator::rig::Rig;
 use rig_emulator::rig::plant_settings::PlantSettings;
-use tsa_table::effort::lookup_instructions;
+use rival_forms::fit::candidates;
+use rival_forms::peers::peers;
+use tsa_table::instruction_model::lookup_instructions;
 
-/// What a way answers, and so what it is wrong by.
+/// The quantity that a way computes, and the kind of its error.
 #[derive(Clone, Copy, PartialEq)]
 enum Answer {
     /// The gap (m).
     Gap,
-    /// The load from twist and gap (relative).
-    Load,
     /// The twist from load and gap (relative).
     Twist,
     /// The square root of the load (relative).
     Root,
 }
-use Answer::{Gap, Load, Root, Twist};
+use Answer::{Gap, Root, Twist};
 
-/// Symbol, what it is, what it answers, and the peer whose lookup is predicted; in the order in which the board answers,
+/// Symbol, description, computed quantity, and the table whose lookup is predicted, in the order of the board's results:
 /// first in f32, then in f64.
-const WAYS: [(&str, &str, Answer, &str); 24] = [
+const WAYS: [(&str, &str, Answer, &str); 23] = [
     ("cost_lookup", "table: gap and gradient", Gap, "TABLE"),
-    ("cost_inverse_load", "table: load from twist and gap", Load, ""),
     ("cost_inverse_twist", "table: twist from load and gap", Twist, ""),
-    ("cost_arc_short", "mixed form, few ranges", Gap, "ARC_SHORT"),
-    ("cost_arc_long", "mixed form, many ranges", Gap, "ARC_LONG"),
+    ("cost_arc_short", "table with few ranges", Gap, "ARC_SHORT"),
+    ("cost_arc_long", "table with many ranges", Gap, "ARC_LONG"),
     ("cost_series", "Chebyshev series in F^(-1/2)", Gap, "SERIES"),
     ("cost_series_log", "Chebyshev series in ln F", Gap, "SERIES_LOG"),
     ("cost_series_ratio", "Chebyshev series in F/(F + b)", Gap, "SERIES_RATIO"),
@@ -51,7 +50,7 @@ const WAYS: [(&str, &str, Answer, &str); 24] = [
 /// Called for few states only.
 const PAPER: &str = "cost_paper";
 
-/// Load, twist and the answers of all ways at one state, as the board printed them.
+/// Load, twist and the results of all ways at one state, as the board printed them.
 struct State {
     load_n: f64,
     twist_rad: f64,
@@ -61,7 +60,7 @@ struct State {
 impl State {
     fn read(line: &str) -> Self {
         let mut words = line.split([' ', ',', '[', ']']).filter(|word| !word.is_empty());
-        // They are f32 on the board: its shortest decimal is another f64.
+        // They are f32 on the board; their shortest decimals are other numbers in f64.
         let mut single = || f64::from(words.next().unwrap().parse::<f32>().unwrap());
         let (load_n, twist_rad) = (single(), single());
         let numbers = words.map(|word| word.parse::<f64>().unwrap_or_else(|e| panic!("{word}: {e} in {line}")));
@@ -69,14 +68,13 @@ impl State {
     }
 }
 
-/// Largest error of a way over the states at which it was called; NaN from the board stands for one where it was not.
+/// Largest error of a way over the states at which it was called; the board prints NaN for the others.
 fn worst(states: &[State], way: usize, answer: Answer) -> f64 {
     let mechanism = scene().mechanism().unwrap();
     let error = |s: &State| {
         let found = s.answers[way];
         match answer {
             Gap => (found - mechanism.solve(s.load_n, s.twist_rad).unwrap().gap_m).abs(),
-            Load => (found / s.load_n - 1.0).abs(),
             Twist => (found / s.twist_rad - 1.0).abs(),
             Root => (found / s.load_n.sqrt() - 1.0).abs(),
         }
@@ -85,7 +83,7 @@ fn worst(states: &[State], way: usize, answer: Answer) -> f64 {
 }
 
 #[test]
-fn no_way_of_knowing_the_mechanism_becomes_dearer() {
+fn no_way_to_evaluate_the_mechanism_becomes_slower() {
     let path = root().join("target/firmware/tsa-cost.elf");
     let elf = std::fs::read(&path).unwrap_or_else(|e| panic!("{}: {e}; `cargo xtask cost` builds it", path.display()));
     let rig = Rig::new(scene(), PlantSettings::default(), 1).unwrap();
@@ -110,21 +108,24 @@ fn no_way_of_knowing_the_mechanism_becomes_dearer() {
         "instructions on the emulated board", "mean", "most", "predicted", "bytes", "error"
     );
     let fit = scene().fit_table().unwrap();
-    let peers = tsa_table::fit::peers(&fit);
+    let others = candidates(&scene().mechanism().unwrap(), &scene().demand().unwrap()).unwrap();
+    let peers = peers(&fit, &others);
     let mut csv = String::from("symbol,name,instructions_mean,instructions_max,bytes,error,error_of,states\n");
     for (way, (symbol, what, answer, peer)) in WAYS.into_iter().enumerate() {
         let cost = machine.watched(symbol).unwrap();
         assert!(cost.count == if symbol == PAPER { 3 } else { 30 }, "{symbol}: {}", cost.count);
         let error = worst(&states, way, answer);
+        let chosen = &fit.table.numbers;
+        // Size in words, bytes, predicted instructions.
         let table = match peers.iter().find(|(name, _)| *name == peer) {
-            Some((_, c)) => Some(&c.table),
-            None => (peer == "TABLE").then_some(&fit.table),
+            Some((_, c)) => Some((c.size(), c.bytes(), c.instructions())),
+            None => (peer == "TABLE").then(|| (chosen.size(), chosen.bytes(), lookup_instructions(&chosen.series()))),
         };
-        let mut bytes = table.map(|t| t.table().form.bytes());
+        let mut bytes = table.as_ref().map(|t| t.1);
         if symbol == "cost_interpn" {
             bytes = Some(interpn_bytes);
         }
-        let predicted = table.map(|t| lookup_instructions(&t.table()));
+        let predicted = table.as_ref().map(|t| t.2);
         let shown = |n: Option<usize>| n.map_or(String::new(), |n| n.to_string());
         println!(
             "{what:<38} {:>12.0} {:>12} {:>12} {:>7} {error:>9.1e} {}",
@@ -132,11 +133,10 @@ fn no_way_of_knowing_the_mechanism_becomes_dearer() {
             cost.instructions_max,
             shown(predicted.map(|n| n as usize)),
             shown(bytes),
-            table.map_or(String::new(), |t| t.numbers.size())
+            table.map_or(String::new(), |t| t.0)
         );
         let of = match answer {
             Gap => "gap_m",
-            Load => "load_relative",
             Twist => "twist_relative",
             Root => "root_relative",
         };
@@ -151,7 +151,7 @@ fn no_way_of_knowing_the_mechanism_becomes_dearer() {
             let off = f64::from(predicted) / cost.instructions_max as f64 - 1.0;
             assert!(off.abs() < 0.06, "{symbol}: {predicted} predicted, {} counted", cost.instructions_max);
         }
-        // No way may be wrong by more than its model is: the tiers by centimetres, a square root by a tenth.
+        // The limits follow from the models: the cheap tiers are wrong by centimetres, micromath's root by some percent.
         let limit = match (answer, symbol) {
             (Gap, "cost_rigid" | "cost_beam_column" | "cost_pseudo_rigid") => 0.03,
             (Gap, "cost_full" | "cost_continuation") => 1e-12,
@@ -159,7 +159,7 @@ fn no_way_of_knowing_the_mechanism_becomes_dearer() {
             (Gap, _) => 2e-5,
             (Root, "cost_sqrt_micromath") => 0.07,
             (Root, _) => 1e-7,
-            (Load | Twist, _) => 1e-4,
+            (Twist, _) => 1e-4,
         };
         assert!(error <= limit, "{symbol}: {error}");
     }
@@ -167,7 +167,7 @@ fn no_way_of_knowing_the_mechanism_becomes_dearer() {
     std::fs::create_dir_all(&folder).unwrap();
     std::fs::write(folder.join("cost.csv"), csv).unwrap();
     let most = |symbol: &str| machine.watched(symbol).unwrap().instructions_max;
-    for (symbol, limit) in [("cost_lookup", 250), ("cost_inverse_load", 1500), ("cost_inverse_twist", 1500)] {
+    for (symbol, limit) in [("cost_lookup", 250), ("cost_inverse_twist", 1500)] {
         assert!(most(symbol) <= limit, "{symbol}: {}", most(symbol));
     }
 }
@@ -176,11 +176,11 @@ fn no_way_of_knowing_the_mechanism_becomes_dearer() {
 #[test]
 fn a_bilinear_grid_of_equal_accuracy_is_hundreds_of_times_larger() {
     let mechanism = scene().mechanism().unwrap();
-    let (envelope, accuracy) = scene().table_demand().unwrap();
-    let [u0, u1] = [envelope.load_n[1], envelope.load_n[0]].map(|f| f.powf(-0.5));
-    let [t0, t1] = [std::f64::consts::PI, envelope.twist_rad()[1]];
-    let gap =
-        |u: f64, t: f64| mechanism.solve(u.powi(-2).clamp(envelope.load_n[0], envelope.load_n[1]), t).unwrap().gap_m;
+    let demand = scene().demand().unwrap();
+    let [f0, f1] = demand.load_n;
+    let [u0, u1] = [f1, f0].map(|f| f.powf(-0.5));
+    let [t0, t1] = [std::f64::consts::PI, demand.twist_max_rad];
+    let gap = |u: f64, t: f64| mechanism.solve(u.powi(-2).clamp(f0, f1), t).unwrap().gap_m;
     let mut cells = 16;
     let bytes = loop {
         let (h, k) = ((u1 - u0) / f64::from(cells), (t1 - t0) / f64::from(2 * cells));
@@ -197,11 +197,11 @@ fn a_bilinear_grid_of_equal_accuracy_is_hundreds_of_times_larger() {
         }
         let bytes = 4 * (cells + 1) * (2 * cells + 1);
         println!("bilinear, {}x{} nodes, {bytes} bytes: contraction within {worst:.1e} m", cells + 1, 2 * cells + 1);
-        if worst <= accuracy.contraction_m {
+        if worst <= demand.accuracy.contraction_m {
             break bytes;
         }
         cells *= 2;
     };
     let table = scene().fit_table().unwrap().table;
-    assert!(bytes as usize > 100 * table.table().form.bytes());
+    assert!(bytes as usize > 100 * table.numbers.bytes());
 }

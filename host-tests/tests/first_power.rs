@@ -129,7 +129,7 @@ fn the_watchdog_runs_before_anything_that_can_hang() {
 fn the_watchdog_waits_for_the_slowest_flash() {
     let mut b = Bench::on(Config { lsi_hz: 47_000.0, slow_flash: true, ..Config::default() }, &[], 4);
     let mut flash = b.machine.flash_image();
-    // Sectors 1 to 3 (src/store.rs).
+    // Sectors 1 to 3 (src/flash_store.rs).
     flash[0x4000..0x1_0000].fill(0x5A);
     b.machine.set_flash_image(&flash).unwrap();
     b.machine.power_cycle();

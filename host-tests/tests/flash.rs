@@ -1,16 +1,14 @@
 //! Damage to what the board keeps in flash: the table in its image, and its settings.
 
-use host_tests::board::{Bench, firmware};
+use host_tests::board::{Bench, HELLO, firmware};
 use host_tests::{scene, table};
 use rig_emulator::flash_file::FlashFile;
-use rig_link::PROTOCOL_HASH;
 use rig_link::messages::{Fault, Refusal, Request, Setting, State};
-use tsa_table::Form;
 
 /// Greets a board that was just switched on.
 fn greet(b: &mut Bench) {
     b.run(0.05);
-    b.ask(&Request::Hello { protocol_hash: PROTOCOL_HASH }).unwrap();
+    b.ask(&HELLO).unwrap();
 }
 
 /// Two emulated boards on one file: the second to write would undo what the first has kept.
@@ -34,8 +32,7 @@ fn a_file_that_another_board_has_written_is_not_written_over() {
 
 #[test]
 fn one_flipped_bit_of_the_table_in_the_image_keeps_the_drive_silent() {
-    let Form::Arc(series) = table().form else { panic!("another form") };
-    let bytes: Vec<u8> = series.coefficients.iter().flat_map(|c| c.to_le_bytes()).collect();
+    let bytes: Vec<u8> = table().series.coefficients.iter().flat_map(|c| c.to_le_bytes()).collect();
     let places: Vec<usize> =
         firmware().windows(bytes.len()).enumerate().filter(|(_, w)| *w == bytes).map(|(at, _)| at).collect();
     let [at] = places[..] else { panic!("the table stands in the ELF at {places:?}") };
@@ -58,7 +55,7 @@ fn settings_that_cannot_be_read_wait_for_the_operator_and_erased_ones_do_not() {
     let boot = |settings: u8| {
         let mut b = Bench::new(&[], 1);
         let mut flash = b.machine.flash_image();
-        // Sectors 1 to 3 (src/store.rs).
+        // Sectors 1 to 3 (src/flash_store.rs).
         flash[0x4000..0x1_0000].fill(settings);
         b.machine.set_flash_image(&flash).unwrap();
         b.machine.power_cycle();

@@ -6,7 +6,7 @@ use rig_emulator::machine::{Config, Machine, ResetCause};
 use rig_emulator::soc::can::Line;
 use rig_link::messages::{Request, Setting, State};
 
-/// Sectors 1 to 3 (src/store.rs).
+/// Sectors 1 to 3 (src/flash_store.rs).
 const STORE: std::ops::Range<usize> = 0x4000..0x1_0000;
 const CHECKS: usize = 16;
 
@@ -114,7 +114,7 @@ fn an_input_that_works_as_a_pin_and_not_as_what_it_is_for_is_named() {
         (Broken { adc_gain: -0.05, ..none }, "ADC1 A1 to A0", "high 3890"),
         (Broken { vrefint_gain: 0.1, ..none }, "ADC1 VREFINT", "3.0"),
         (Broken { vrefint_gain: -0.1, ..none }, "ADC1 VREFINT", "3.6"),
-        (Broken { serial_flips: 0x10, ..none }, "USART1 D8 to D2", "0 as they were sent"),
+        (Broken { serial_flips: 0x10, ..none }, "USART1 D8 to D2", "0 came back unchanged"),
         (Broken { edges_lost: 5, ..none }, "TIM3 D12 and D11", "counts"),
     ] {
         let lines = log(&mut board(broken, Config::default()), |_, _| {});
@@ -153,7 +153,7 @@ fn flash_that_does_not_keep_is_named() {
             machine.set_flash_image(&empty).unwrap();
         }
     });
-    names(&lines, &[("flash store", "FAILED", "gone after the reset")]);
+    names(&lines, &[("flash store", "FAILED", "lost in the reset")]);
 }
 
 #[test]
@@ -162,7 +162,7 @@ fn what_is_no_store_is_left_alone() {
     let mut image = machine.flash_image();
     image[STORE].fill(0x5A);
     machine.set_flash_image(&image).unwrap();
-    names(&log(&mut machine, |_, _| {}), &[("flash store", "FAILED", "left alone")]);
+    names(&log(&mut machine, |_, _| {}), &[("flash store", "FAILED", "not touched")]);
     assert!(machine.flash_image() == image);
 }
 
@@ -170,8 +170,7 @@ fn what_is_no_store_is_left_alone() {
 fn a_damaged_table_is_named() {
     // The solver finds the gap that the damaged table does not.
     let rig_table = host_tests::table();
-    let tsa_table::Form::Arc(series) = rig_table.form else { panic!("another form") };
-    let bytes: Vec<u8> = series.coefficients.iter().flat_map(|c| c.to_le_bytes()).collect();
+    let bytes: Vec<u8> = rig_table.series.coefficients.iter().flat_map(|c| c.to_le_bytes()).collect();
     let mut elf = selftest().to_vec();
     let at = elf.windows(bytes.len()).position(|w| w == bytes).expect("the table stands in the ELF");
     // A power of two in the first coefficient.

@@ -1,9 +1,8 @@
 //! The real firmware on the emulated board with the drive on the serial line. Its framing is assumed: what is tested is that
 //! one start-up and one control serve both ways, and that a line without checksums does no harm.
 
-use host_tests::board::{Bench, uart_scene};
+use host_tests::board::{Bench, HELLO, uart_scene};
 use rig_emulator::board::Stimulus;
-use rig_link::PROTOCOL_HASH;
 use rig_link::messages::{Fault, LoadChoice, Request, State};
 use rmds405::Transport;
 use sim_link::RigFault;
@@ -87,7 +86,7 @@ fn a_cut_line_and_a_restarted_drive_are_a_silent_drive() {
     for (fault, ends) in [(RigFault::CanSilent, true), (RigFault::DriveReset, false)] {
         let mut b = Bench::over_uart(&[], 6);
         b.run(0.05);
-        b.ask(&Request::Hello { protocol_hash: PROTOCOL_HASH }).unwrap();
+        b.ask(&HELLO).unwrap();
         assert!(b.until(5.0, |b| b.state() == State::Unhomed));
         b.machine.board_mut().set_fault(fault, true);
         assert!(b.until(0.15, |b| b.state() == State::Fault), "{fault:?}");
@@ -117,7 +116,7 @@ fn after_a_crash_the_first_thing_that_the_drive_hears_is_a_reset() {
     b.run(0.05);
     // A command takes 0.87 ms and goes out every 10 ms: one of the steps ends within it.
     for step in 0..13 {
-        b.ask(&Request::Hello { protocol_hash: PROTOCOL_HASH }).unwrap();
+        b.ask(&HELLO).unwrap();
         assert!(b.until(5.0, |b| b.state() == State::Unhomed), "{:?}", b.last);
         b.ask(&Request::Jog { twist_speed_rad_per_s: 1.0 }).unwrap();
         b.run(0.2);
@@ -130,7 +129,7 @@ fn after_a_crash_the_first_thing_that_the_drive_hears_is_a_reset() {
         let drive = b.machine.board().drive();
         assert!(drive.counters.restarts > restarts && drive.mode().is_none(), "{step}: {:?}", drive.counters);
         b.run(3.0);
-        b.ask(&Request::Hello { protocol_hash: PROTOCOL_HASH }).unwrap();
+        b.ask(&HELLO).unwrap();
         b.ask(&Request::Clear).unwrap();
     }
 }

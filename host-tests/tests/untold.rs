@@ -2,7 +2,7 @@
 //! shifts, a string that slips, friction that changes. The scripts that once showed each, played on the real image or on
 //! the control code alone.
 
-use host_tests::Desk;
+use host_tests::ControlBench;
 use host_tests::board::Bench;
 use rig_link::messages::{Fault, Limit, LoadChoice, Refusal, Request, State};
 use sim_link::RigFault;
@@ -88,20 +88,20 @@ fn no_load_is_told_outside_the_tables_twist() {
 }
 
 /// A homed rig that has moved a load up, and so knows it.
-fn moved(keys: &[(&str, &str)], target_m: f32) -> Desk {
-    let mut d = Desk::new(keys, 1);
+fn moved(keys: &[(&str, &str)], target_m: f32) -> ControlBench {
+    let mut d = ControlBench::new(keys, 1);
     d.home().unwrap();
     d.move_to(target_m, 0.002, LoadChoice::Auto).unwrap();
     d.run(1.0);
     d
 }
 
-fn limit(d: &Desk) -> Option<Limit> {
+fn limit(d: &ControlBench) -> Option<Limit> {
     d.last.as_ref().and_then(|o| o.telemetry.limit)
 }
 
 /// Relative error of the load that is told.
-fn load_error(d: &Desk) -> f64 {
+fn load_error(d: &ControlBench) -> f64 {
     f64::from(d.last.as_ref().unwrap().telemetry.load_n.unwrap()) / d.truth().load_n - 1.0
 }
 
@@ -129,7 +129,7 @@ fn an_lvdt_that_shifts_is_a_fault_within_two_seconds() {
 #[test]
 fn a_load_that_cannot_be_told_from_a_slip_is_unknown_until_it_is_confirmed() {
     for (what, happens) in [
-        ("another load", (|d| d.rig.set_plant("load", "0.7kg").unwrap()) as fn(&mut Desk)),
+        ("another load", (|d| d.rig.set_plant("load", "0.7kg").unwrap()) as fn(&mut ControlBench)),
         ("a slip", |d| d.rig.set_fault(RigFault::StringSlip, true)),
     ] {
         let mut d = moved(&[("load", "0.5kg")], 0.005);
@@ -139,7 +139,7 @@ fn a_load_that_cannot_be_told_from_a_slip_is_unknown_until_it_is_confirmed() {
         assert_eq!(limit(&d), Some(Limit::LoadUnknown), "{what}: {:+.2}", load_error(&d));
         d.run(10.0);
         assert_eq!(limit(&d), Some(Limit::LoadUnknown), "{what}: it does not become known by waiting");
-        let confirmed = |d: &mut Desk| {
+        let confirmed = |d: &mut ControlBench| {
             for target_m in [0.011, 0.004, 0.011, 0.004] {
                 if d.move_to(target_m, 0.002, LoadChoice::Auto).is_err() {
                     return false;
@@ -177,7 +177,7 @@ fn a_slip_during_homing_is_refused_and_one_before_the_sweeps_does_no_harm() {
     for (load, slip_s) in
         [("0.5kg", 14.0), ("0.5kg", 18.0), ("0.5kg", 25.0), ("1.5kg", 18.0), ("0.1kg", 25.0), ("0.5kg", 2.0)]
     {
-        let mut d = Desk::new(&[("load", load)], 3);
+        let mut d = ControlBench::new(&[("load", load)], 3);
         assert!(d.until(10.0, |d| d.control.state() == State::Unhomed));
         d.tick(Some(Request::Home));
         d.run(slip_s);
@@ -204,7 +204,7 @@ fn a_sensor_or_strings_far_from_the_scene_leave_the_load_unknown() {
         }
     }
     for keys in rigs {
-        let mut d = Desk::new(&keys, 3);
+        let mut d = ControlBench::new(&keys, 3);
         match d.home() {
             Err(failure) => println!("{keys:?}: {failure}"),
             Ok(_) => {
@@ -218,7 +218,7 @@ fn a_sensor_or_strings_far_from_the_scene_leave_the_load_unknown() {
     for keys in
         [vec![("k2_scale", "1.1")], vec![("k2_scale", "0.9")], vec![("lvdt_gain_error", "1%"), ("lvdt_offset", "1mm")]]
     {
-        let mut d = Desk::new(&keys, 3);
+        let mut d = ControlBench::new(&keys, 3);
         d.home().unwrap();
         d.run(1.0);
         assert_eq!(limit(&d), None, "{keys:?}");

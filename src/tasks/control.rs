@@ -1,7 +1,7 @@
 //! The control tick, every 10 ms: readings in, commands out. All decisions are `rig_control`'s.
 
 use crate::board::{Leds, Start, Switches};
-use crate::keep;
+use crate::post_mortem;
 use crate::scene::RIG;
 use crate::shared::{self, Task};
 use core::sync::atomic::Ordering;
@@ -10,23 +10,31 @@ use embassy_stm32::timer::qei::Qei;
 use embassy_time::{Duration, Instant, Ticker};
 use rig_control::sensors::EncoderCount;
 use rig_control::{DriveCommand, Inputs, Outputs, Rig, TICK_US};
-use rig_link::messages::{Counters, Fault, Message, Request, State};
+use rig_link::messages::{Counters, Fault, Message, Request, State, Telemetry};
 use static_cell::StaticCell;
 
-/// One tick. Named and kept apart so that its instructions can be counted.
+/// One tick: the step, then the telemetry of it. Named and kept apart so that its instructions can be counted.
 #[unsafe(no_mangle)]
 #[inline(never)]
-fn control_tick(rig: &mut Rig<'static>, inputs: &Inputs) -> Outputs {
-    rig.step(inputs)
+fn control_tick(rig: &mut Rig<'static>, inputs: &Inputs, longest_tick_us: u32) -> (Outputs, Telemetry) {
+    let outputs = rig.step(inputs);
+    let counters = Counters {
+        link_errors: shared::LINK_ERRORS.load(Ordering::Relaxed),
+        foreign_frames: shared::FOREIGN_FRAMES.load(Ordering::Relaxed),
+        late_ticks: rig.late_ticks(),
+        unsent: shared::UNSENT.load(Ordering::Relaxed),
+        longest_tick_us,
+    };
+    (outputs, rig.telemetry(inputs, counters))
 }
 
 #[embassy_executor::task]
 pub async fn run(encoder: Qei<'static, TIM3>, mut switches: Switches, mut leds: Leds, start: Start) -> ! {
     let settings = shared::SETTINGS_CORRUPT.load(Ordering::Relaxed).then_some(Fault::SettingsCorrupt);
-    // First: what the reset was is told otherwise too, and after a `clear` only this would be forgotten.
+    // Settings first: the reset cause is also reported in the identity message, corrupt settings only by this fault.
     let reset = settings.or(start.fault());
     static CONTROL: StaticCell<Rig<'static>> = StaticCell::new();
-    // The black box keeps the compiler from checking the table's checksum at compile time: flash is what is asked.
+    // The black box keeps the compiler from checking the table's checksum at compile time: the table in flash is checked.
     let rig = CONTROL.init(Rig::new(core::hint::black_box(shared::TABLE.get()), RIG, reset));
     let (settings, mut settings_count) = shared::SETTINGS.get();
     rig.set_up(&settings);
@@ -34,10 +42,9 @@ pub async fn run(encoder: Qei<'static, TIM3>, mut switches: Switches, mut leds: 
     let mut ticker = Ticker::every(Duration::from_micros(TICK_US));
     let mut ticks = 0u32;
     let mut longest_tick_us = 0;
-    let mut moved = false;
     loop {
         ticker.next().await;
-        // A pause for flash: the drive holds, and what is old by then says nothing.
+        // A pause for writing flash: the drive holds, and readings are too old to be used.
         let pause = shared::PAUSE_WANTED.load(Ordering::Acquire) && rig.stands();
         shared::PAUSED.store(pause, Ordering::Release);
         if pause {
@@ -50,10 +57,7 @@ pub async fn run(encoder: Qei<'static, TIM3>, mut switches: Switches, mut leds: 
         {
             shared::NEW_TABLE.signal(table);
         }
-        // A tick that takes a move does with what the one before saw, so the next one does not take another.
-        let rests = moved && matches!(shared::REQUESTS.try_peek(), Ok((_, Request::Move { .. })));
-        let request = if rests { None } else { shared::REQUESTS.try_receive().ok() };
-        moved = matches!(request, Some((_, Request::Move { .. })));
+        let request = shared::REQUESTS.try_receive().ok();
         let inputs = Inputs {
             now_us: Instant::now().as_micros(),
             encoder_counts: count.update(encoder.count()),
@@ -67,20 +71,12 @@ pub async fn run(encoder: Qei<'static, TIM3>, mut switches: Switches, mut leds: 
             estop_open: switches.estop.is_open(),
             host_heard_us: shared::HOST_HEARD_US.get(),
             request: request.map(|(_, request)| request),
-            counters: Counters {
-                link_errors: shared::LINK_ERRORS.load(Ordering::Relaxed),
-                foreign_frames: shared::FOREIGN_FRAMES.load(Ordering::Relaxed),
-                // The control code counts these itself.
-                late_ticks: 0,
-                unsent: shared::UNSENT.load(Ordering::Relaxed),
-                longest_tick_us,
-            },
         };
         let before = rig.state();
         let began = Instant::now();
-        let outputs = control_tick(rig, &inputs);
+        let (outputs, telemetry) = control_tick(rig, &inputs, longest_tick_us);
         longest_tick_us = longest_tick_us.max(began.elapsed().as_micros() as u32);
-        keep::driving(matches!(outputs.drive, DriveCommand::Follow { .. }));
+        post_mortem::set_driving(matches!(outputs.drive, DriveCommand::Follow { .. }));
         shared::DRIVE_COMMAND.signal(outputs.drive);
         if let (Some((_, Request::Rebuild(constants))), Some(Ok(_))) = (request, outputs.reply) {
             shared::REBUILD.signal(constants);
@@ -90,7 +86,7 @@ pub async fn run(encoder: Qei<'static, TIM3>, mut switches: Switches, mut leds: 
             settings_count += 1;
             let settings = (*rig.settings(), settings_count);
             shared::SETTINGS.set(settings);
-            shared::KEEP.signal(settings);
+            shared::SETTINGS_TO_SAVE.signal(settings);
         }
         if let (Some((to, _)), Some(result)) = (request, outputs.reply) {
             shared::post(Message::Reply { to, result });
@@ -102,8 +98,8 @@ pub async fn run(encoder: Qei<'static, TIM3>, mut switches: Switches, mut leds: 
         if rig.state() != before {
             defmt::info!("{} -> {}", before, rig.state());
         }
-        shared::SENSORS.set(Some(rig.sensors(&inputs, outputs.gap_m)));
-        shared::show(outputs.telemetry);
+        shared::SENSORS.set(Some(rig.sensors(&inputs)));
+        shared::show(telemetry);
         leds.fault.set_level(matches!(rig.state(), State::Fault | State::EStop).into());
         ticks = ticks.wrapping_add(1);
         if ticks.is_multiple_of(50) {

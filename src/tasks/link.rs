@@ -9,17 +9,20 @@ use embassy_stm32::usart::BufferedUartRx;
 use embassy_time::{Duration, Instant, with_timeout};
 use embedded_io_async::Read;
 use heapless::String;
-use rig_link::messages::{Accepted, Identity, LoadChoice, Message, Refusal, Request, State, TableIdentity};
+use rig_link::messages::{Accepted, Identity, LoadChoice, Message, Refusal, Request, State, TableIdentity, Versions};
 use rig_link::sequence::Newest;
 use rig_link::{Decoder, MAX_FRAME, PROTOCOL_HASH, encode};
 
-/// Wait for bytes no longer than this, so that a silent host does not look like a dead task.
+/// The task waits for bytes no longer than this, so that a silent host does not look like a dead task.
 const QUIET: Duration = Duration::from_millis(50);
+
+/// What this firmware greets with.
+const VERSIONS: Versions = Versions::own(env!("CARGO_PKG_VERSION"), env!("TSA_GIT"));
 
 #[embassy_executor::task]
 pub async fn receive(mut rx: BufferedUartRx<'static>, start: Start) -> ! {
     let mut decoder = Decoder::<Request>::new();
-    // Only a host with the same message table may move anything.
+    // Only a host with the same protocol may move anything.
     let mut greeted = false;
     let mut newest = Newest::new();
     let mut bytes = [0; 64];
@@ -47,14 +50,17 @@ fn take(sequence: u16, request: Request, greeted: &mut bool, newest: &mut Newest
     let reply = |result| {
         shared::post(Message::Reply { to: sequence, result });
     };
-    let mismatch = Err(Refusal::ProtocolMismatch { board: PROTOCOL_HASH });
     match request {
         Request::Heartbeat => {}
-        Request::Hello { protocol_hash } => {
-            *greeted = protocol_hash == PROTOCOL_HASH;
+        Request::Hello(host) => {
+            *greeted = host.check_board(&VERSIONS).is_ok();
             newest.begin(sequence);
-            reply(if *greeted { Ok(Accepted::Done) } else { mismatch });
-            shared::post(Message::Identity(identity(start)));
+            // All that a host of another protocol understands.
+            shared::post(Message::Hello(VERSIONS));
+            reply(if *greeted { Ok(Accepted::Done) } else { Err(Refusal::NotGreeted) });
+            if *greeted {
+                shared::post(Message::Identity(identity(start)));
+            }
         }
         Request::Status => {
             reply(Ok(Accepted::Done));
@@ -73,7 +79,7 @@ fn take(sequence: u16, request: Request, greeted: &mut bool, newest: &mut Newest
             None => reply(Err(Refusal::Busy { state: State::Boot })),
         },
         Request::Stop => {
-            // Goes before all that waits: not after what would move, and never refused for want of room.
+            // A stop overtakes all that waits, so that nothing moves before it and a full queue cannot refuse it.
             while let Ok((to, waiting)) = shared::REQUESTS.try_receive() {
                 let done = matches!(waiting, Request::Stop);
                 let result = if done { Ok(Accepted::Done) } else { Err(Refusal::Stopped) };
@@ -84,13 +90,12 @@ fn take(sequence: u16, request: Request, greeted: &mut bool, newest: &mut Newest
         Request::Move { load: LoadChoice::Auto | LoadChoice::Known(_), .. }
         | Request::Home
         | Request::Jog { .. }
-        | Request::Hold
         | Request::Clear
         | Request::Rebuild(_)
         | Request::SetSetting { .. }
         | Request::SetSettings(_) => {
             if !*greeted {
-                reply(mismatch);
+                reply(Err(Refusal::NotGreeted));
             } else if newest.is_new(sequence) {
                 queue(sequence, request);
             } else {
@@ -106,7 +111,7 @@ fn queue(sequence: u16, request: Request) {
     }
 }
 
-/// As much of a text as fits.
+/// The part of a text that fits.
 fn text<const N: usize>(value: &str) -> String<N> {
     let mut out = String::new();
     for c in value.chars() {
@@ -152,7 +157,7 @@ fn identity(start: &Start) -> Identity {
 pub async fn send(mut tx: Transmitter<'static>) -> ! {
     let mut sequence = 0u16;
     let mut buffer = [0; MAX_FRAME];
-    // Ends whatever a reset cut short, so that our first frame is not lost with it.
+    // Ends a frame that a reset has cut short, so that our first frame is not lost with it.
     tx.write_all(&[0]).await;
     loop {
         let message = match select(shared::OUTBOX.receive(), shared::TELEMETRY.wait()).await {

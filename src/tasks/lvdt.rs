@@ -1,4 +1,4 @@
-//! The LVDT: blocks of samples by DMA, averaged.
+//! Reads the LVDT: the ADC's samples by DMA, averaged over blocks.
 
 use crate::board::LVDT_BLOCK;
 use crate::shared::{self, Task};
@@ -8,13 +8,14 @@ use embassy_stm32::peripherals::ADC1;
 use embassy_time::{Duration, Instant, Timer, with_timeout};
 use rig_control::LvdtBlock;
 
-/// Several block times: embassy-stm32 0.6.0 does not notice an ADC overrun, its read then waits for ever.
+/// Time after which the ADC counts as stalled; several block times. embassy-stm32 0.6.0 does not detect an ADC overrun:
+/// its read would wait for ever.
 const STALLED: Duration = Duration::from_millis(40);
 
-/// DMA2's stream of the ADC's samples ([`crate::board`]).
+/// DMA2's stream for the ADC's samples ([`crate::board`]).
 const STREAM: usize = 0;
 
-/// Less than half a block.
+/// Pause after an error, less than half a block. An error that returns at once must not keep the other tasks waiting.
 const ERROR_PAUSE: Duration = Duration::from_millis(1);
 
 #[embassy_executor::task]
@@ -25,13 +26,12 @@ pub async fn run(mut adc: RingBufferedAdc<'static, ADC1>) -> ! {
             Ok(Ok(_)) => {
                 shared::LVDT.set(LvdtBlock::from_codes(Instant::now().as_micros(), &codes));
             }
-            // Late by more than a ring: it has begun again by itself. An error that comes at once must not keep the other
-            // tasks waiting.
+            // This task was late by more than a ring; embassy has restarted the reading.
             Ok(Err(_)) => {
                 defmt::warn!("LVDT samples lost");
                 Timer::after(ERROR_PAUSE).await;
             }
-            // Stalled: begin again; the age of the last block tells the control task.
+            // The control task notices by the age of the last block.
             Err(_) => {
                 defmt::warn!("LVDT stalled");
                 restart(&mut adc);
@@ -41,13 +41,14 @@ pub async fn run(mut adc: RingBufferedAdc<'static, ADC1>) -> ! {
     }
 }
 
-/// Sets up converter and DMA as they were at first; the next read starts them. embassy-stm32 0.6.0 only switches the stream
-/// off and on: the ring goes on where it stood instead of at its start, switching off counts as a round of new samples, and
-/// the overrun is never cleared, without which the converter takes no trigger (RM0390 sections 9.3.14 and 13.8.1).
+/// Restores the initial state of converter and DMA; the next read starts them. embassy-stm32 0.6.0 only switches the
+/// stream off and on: the ring would continue where it stopped instead of at its start, switching off would count as a
+/// ring of new samples, and the overrun flag would stay set, with which the converter ignores triggers (RM0390 sections
+/// 9.3.14 and 13.8.1).
 fn restart(adc: &mut RingBufferedAdc<'static, ADC1>) {
     adc.stop();
     let stream = pac::DMA2.st(STREAM);
-    // An item on its way is finished first.
+    // The stream finishes the present transfer first.
     while stream.cr().read().en() {}
     pac::DMA2.ifcr(STREAM / 4).write(|w| {
         w.set_tcif(STREAM % 4, true);

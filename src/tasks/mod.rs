@@ -1,4 +1,4 @@
-//! The firmware's tasks.
+//! The firmware's tasks, a file or a folder each.
 
 pub mod control;
 pub mod drive;

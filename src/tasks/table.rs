@@ -1,9 +1,9 @@
-//! A table for other constants, made in the background: in the thread-mode executor, so everything but the keeping of
-//! settings interrupts it.
+//! Builds a table for other constants. It runs in the thread-mode executor, so every task but that of the settings
+//! interrupts it.
 
+use crate::flash_store::{self, RECORD_MAX, SharedStore, Store, Unreadable};
 use crate::scene;
 use crate::shared;
-use crate::store::{self, SharedStore, Store, Unreadable};
 use core::sync::atomic::Ordering;
 use embassy_futures::yield_now;
 use embassy_time::Instant;
@@ -13,26 +13,26 @@ use tsa_model::{Geometry, Material, Parameters, RadiusLaw, StringParameters};
 use tsa_table::Table;
 use tsa_table::rebuild::{Rebuild, RebuildError, Rebuilt};
 
-/// Tables that one run of the firmware can make: the control task keeps looking into the one it was given.
-const ROOM: usize = 4;
+/// Number of tables that one run of the firmware can use. No table is freed, because the control task may still use it.
+const TABLES_MAX: usize = 4;
 
-/// From flash, if a good one is there.
-pub async fn kept(store: &mut Store) -> Option<&'static Table<'static>> {
-    let rebuilt = match store.fetch(store::TABLE).await {
+/// Loads the table from flash, if a valid one is there.
+pub async fn load(store: &mut Store) -> Option<&'static Table<'static>> {
+    let rebuilt = match store.fetch(flash_store::TABLE).await {
         Ok(record) => Rebuilt::read(&scene::TABLE, scene::SPARE_SHAPE, record?),
         Err(Unreadable) => None,
     };
     if rebuilt.is_none() {
-        defmt::warn!("the table in flash is not for this firmware, or damaged: the built-in one is used");
+        defmt::warn!("the table in flash is damaged or not for this firmware: the built-in table is used");
         shared::SETTINGS_CORRUPT.store(true, Ordering::Relaxed);
     }
-    place(rebuilt?)
+    make_static(rebuilt?)
 }
 
-/// A place in memory for good.
-fn place(rebuilt: Rebuilt) -> Option<&'static Table<'static>> {
-    static NUMBERS: [StaticCell<Rebuilt>; ROOM] = [const { StaticCell::new() }; ROOM];
-    static TABLES: [StaticCell<Table<'static>>; ROOM] = [const { StaticCell::new() }; ROOM];
+/// Moves a table into static memory; `None` if [`TABLES_MAX`] tables are there already.
+fn make_static(rebuilt: Rebuilt) -> Option<&'static Table<'static>> {
+    static NUMBERS: [StaticCell<Rebuilt>; TABLES_MAX] = [const { StaticCell::new() }; TABLES_MAX];
+    static TABLES: [StaticCell<Table<'static>>; TABLES_MAX] = [const { StaticCell::new() }; TABLES_MAX];
     let mut rebuilt = Some(rebuilt);
     for (numbers, table) in NUMBERS.iter().zip(&TABLES) {
         if let Some(cell) = numbers.try_uninit() {
@@ -48,13 +48,13 @@ pub async fn run(store: &'static SharedStore) -> ! {
     loop {
         let constants = shared::REBUILD.wait().await;
         let began = Instant::now();
-        let kind = match make(&constants).await {
+        let kind = match build(&constants).await {
             Err(refused) => refused,
             Ok((rebuilt, states)) => {
                 let took_us = began.elapsed().as_micros();
-                let kept = keep(store, &rebuilt).await;
+                let kept = save(store, &rebuilt).await;
                 let m = rebuilt.metadata;
-                match place(rebuilt) {
+                match make_static(rebuilt) {
                     None => refused(TableRefusal::NoRoom, 0.0, 0.0),
                     Some(table) => {
                         shared::TABLE.set(table);
@@ -92,12 +92,12 @@ fn parameters(c: &Constants) -> Option<Parameters> {
     .ok()
 }
 
-async fn make(constants: &Constants) -> Result<(Rebuilt, u32), EventKind> {
+async fn build(constants: &Constants) -> Result<(Rebuilt, u32), EventKind> {
     let Some(parameters) = parameters(constants) else { return Err(refused(TableRefusal::Constants, 0.0, 0.0)) };
     let begun = Rebuild::new(&scene::TABLE, &parameters, constants.scene_hash, scene::ACCURACY, scene::SPARE_SHAPE);
-    let mut rebuild = begun.map_err(why)?;
+    let mut rebuild = begun.map_err(refusal)?;
     loop {
-        if let Some(done) = rebuild.step().map_err(why)? {
+        if let Some(done) = rebuild.step().map_err(refusal)? {
             let done = done.clone();
             return Ok((done, rebuild.states()));
         }
@@ -105,7 +105,7 @@ async fn make(constants: &Constants) -> Result<(Rebuilt, u32), EventKind> {
     }
 }
 
-fn why(error: RebuildError) -> EventKind {
+fn refusal(error: RebuildError) -> EventKind {
     match error {
         RebuildError::Form => refused(TableRefusal::Form, 0.0, 0.0),
         RebuildError::Model { load_n, twist_rad, .. } => refused(TableRefusal::Model, load_n, twist_rad),
@@ -117,9 +117,9 @@ fn why(error: RebuildError) -> EventKind {
     }
 }
 
-/// Into flash, when the rig stands.
-async fn keep(store: &SharedStore, rebuilt: &Rebuilt) -> bool {
-    let mut record = [0; store::RECORD];
+/// Saves the table to flash when the rig stands, and returns whether that succeeded.
+async fn save(store: &SharedStore, rebuilt: &Rebuilt) -> bool {
+    let mut record = [0; RECORD_MAX];
     let Some(record) = rebuilt.write(&mut record).and_then(|length| record.get(..length)) else { return false };
-    store.lock().await.keep(&[(store::TABLE, record)]).await
+    store.lock().await.write_at_rest(&[(flash_store::TABLE, record)]).await
 }

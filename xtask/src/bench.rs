@@ -1,8 +1,9 @@
-//! The model's cost beside an independent solver's, in one run, so that both meet the same machine and the same load.
+//! Measures the model beside an independent solver. Both run in turns, so that they meet the same machine and load.
 //!
-//! Three measures, of which a busy machine disturbs the first not at all and the last most: instructions, the ratio to
-//! scipy, time. Python and valgrind are wanted for the first two; where one cannot be had, one line says so and its
-//! rows stay empty. What is wanted is shown, not enforced: a busy machine is no fault of the model. Disagreement is.
+//! There are three measures: instructions, the ratio to scipy, and time. Other load on the machine does not disturb the
+//! first and disturbs the last most. The first two need Python and valgrind; without them a line says so and their rows
+//! stay empty. The wanted values are shown but not enforced, because a busy machine is not a fault of the model. A
+//! difference between the two solvers is an error.
 
 use crate::process::{cargo, exists, foreign, output_of, run, shown};
 use crate::{Folders, system};
@@ -11,27 +12,27 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// The scene that the rest is measured on, then the one that is hard on solvers.
+/// The default scene and the scene that is hardest for solvers.
 const SCENES: [&str; 2] = ["scenes/default.toml", "scenes/niti-plateau.toml"];
 
-/// Largest difference between the peer's tip displacements and the model's (m).
+/// Largest difference between the tip displacements of scipy and of the model (m).
 const AGREEMENT_M: f64 = 1e-8;
 
-/// Passes of the two runs whose difference is counted: what starting up costs cancels.
+/// Passes of the two runs of which the difference is taken, so that the instructions of the start cancel.
 const PASSES: [u64; 2] = [1, 6];
 
-/// How often the two sides take turns: what disturbs a machine for seconds then meets both.
+/// Number of turns of the two solvers. A disturbance of some seconds then meets both.
 const ROUNDS: usize = 5;
 
-/// Runs everything, prints the table and writes `bench/model.json` under the target folder.
+/// Measures everything, prints the table and writes `bench/model.json` under the target folder.
 pub fn bench(folders: &Folders) -> Result<()> {
     let folder = folders.target.join("bench");
     std::fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
     run(cargo(folders).args(["build", "--release", "--package", "model-bench"]))?;
     let binary = folders.target.join("release/model-bench");
 
-    let interpreter = told(python(folders, &folder));
-    let valgrind = told(system::ensure(&[(exists("valgrind"), "valgrind")], "count instructions", BY_HAND));
+    let interpreter = if_available(python(folders, &folder));
+    let valgrind = if_available(system::ensure(&[(exists("valgrind"), "valgrind")], "count instructions", BY_HAND));
 
     let mut rounds = (0..ROUNDS)
         .map(|_| round(folders, &binary, interpreter.as_deref(), &folder.join("states.json")))
@@ -51,23 +52,23 @@ pub fn bench(folders: &Folders) -> Result<()> {
     write(&file, &found)?;
     println!("\n{}", file.display());
     match difference(&rounds)? {
-        Some(m) if m > AGREEMENT_M => bail!("the peer is {m:.1e} m from the model, more than {AGREEMENT_M:.0e} m"),
+        Some(m) if m > AGREEMENT_M => bail!("scipy differs by {m:.1e} m from the model, more than {AGREEMENT_M:.0e} m"),
         _ => Ok(()),
     }
 }
 
-/// What another system's user has to do.
+/// Instruction for systems other than Debian.
 const BY_HAND: &str = "Install valgrind and Python 3.11 or newer with venv by your system's package manager.";
 
-/// The value, or the one line that says why there is none.
-fn told<T>(found: Result<T>) -> Option<T> {
+/// The value; if there is none, the reason is printed.
+fn if_available<T>(found: Result<T>) -> Option<T> {
     found.inspect_err(|error| eprintln!("left out: {error:#}")).ok()
 }
 
-/// A Python with scipy, in a folder of its own.
+/// Installs Python with scipy in a virtual environment and returns its interpreter.
 fn python(folders: &Folders, folder: &Path) -> Result<PathBuf> {
     let has_venv = output_of(foreign("python3", Path::new("/")).args(["-c", "import ensurepip, venv"])).is_some();
-    system::ensure(&[(has_venv, "python3-venv")], "run the benchmark's peer", BY_HAND)?;
+    system::ensure(&[(has_venv, "python3-venv")], "run scipy beside the model", BY_HAND)?;
     let environment = folder.join("python");
     let interpreter = environment.join("bin/python");
     let pip = || {
@@ -75,18 +76,19 @@ fn python(folders: &Folders, folder: &Path) -> Result<PathBuf> {
         command.args(["-m", "pip"]);
         command
     };
-    // One that was broken off has no pip.
+    // An incomplete environment has no pip.
     if output_of(pip().arg("--version")).is_none() {
         run(foreign("python3", &folders.root).args(["-m", "venv", "--clear"]).arg(&environment))?;
     }
     run(pip()
         .args(["install", "--quiet", "--disable-pip-version-check", "--requirement"])
         .arg("host-tests/peers/requirements.txt"))
-    .context("numpy, scipy: needed for the benchmark's peer, and pip could not install them")?;
+    .context("pip could not install numpy and scipy, which the benchmark needs")?;
     Ok(interpreter)
 }
 
-/// One turn of either side on the same rods: µs of ours, the peer's times and differences, and their ratios.
+/// One turn of both solvers on the same rods: times (µs) of the model, times and differences of scipy, and their
+/// ratios.
 fn round(folders: &Folders, binary: &Path, interpreter: Option<&Path>, states_file: &Path) -> Result<Value> {
     let states = read(Command::new(binary).current_dir(&folders.root).args(["states", SCENES[0]]))?;
     write(states_file, &states)?;
@@ -103,15 +105,15 @@ fn round(folders: &Folders, binary: &Path, interpreter: Option<&Path>, states_fi
     }))
 }
 
-/// The peer's times and differences.
+/// Times and differences of scipy.
 fn scipy(folders: &Folders, interpreter: &Path, states: &Path) -> Result<Value> {
     let mut command = foreign(&interpreter.to_string_lossy(), &folders.root);
-    // One thread, as the model has.
+    // The model uses one thread too.
     command.env("OMP_NUM_THREADS", "1").env("OPENBLAS_NUM_THREADS", "1");
     read(command.arg("host-tests/peers/solve_bvp.py").arg(states))
 }
 
-/// What `rigctl chart` draws beside the model: the peer over its tolerance, in turns with the model.
+/// Writes the error and time of scipy over its tolerance for `rigctl chart`, measured in turns with the model.
 fn sweep(folders: &Folders, binary: &Path, interpreter: &Path, states_file: &Path) -> Result<()> {
     let states = read(Command::new(binary).current_dir(&folders.root).args(["states", SCENES[0]]))?;
     write(states_file, &states)?;
@@ -122,7 +124,7 @@ fn sweep(folders: &Folders, binary: &Path, interpreter: &Path, states_file: &Pat
     for (name, at) in [("first-integral, rod", "/us_per_rod"), ("first-integral, equilibrium", "/us_per_equilibrium")] {
         csv += &format!("\"{name}\",,,{:.3},0\n", number(&states, at)?);
     }
-    for point in points.as_array().context("the peer's sweep is no list")? {
+    for point in points.as_array().context("the sweep of scipy is not a list")? {
         let us = point["us"].as_f64().map_or(String::new(), |us| format!("{us:.3}"));
         let solver = point["solver"].as_str().unwrap_or_default();
         csv += &format!("{solver},{},{},{us},{}\n", point["tolerance"], point["error_m"], point["failed"]);
@@ -135,19 +137,20 @@ fn sweep(folders: &Folders, binary: &Path, interpreter: &Path, states_file: &Pat
 
 /// Instructions per equilibrium, as callgrind counts them.
 fn instructions(folders: &Folders, binary: &Path, scene: &str) -> Result<f64> {
-    // Instructions, and the states that they solved.
+    // The number of instructions, and of the states that they solved.
     let run = |passes: u64| -> Result<(u64, u64)> {
         let mut command = foreign("valgrind", &folders.root);
         command.args(["--tool=callgrind", "--cache-sim=no", "--callgrind-out-file=/dev/null"]).arg(binary);
         command.args(["kernel", scene, &passes.to_string()]);
         eprintln!("> {}", shown(&command));
         let output = command.output().context("could not start valgrind")?;
-        let said = String::from_utf8_lossy(&output.stderr);
+        let messages = String::from_utf8_lossy(&output.stderr);
         if !output.status.success() {
-            bail!("failed ({}): {}\n{said}", output.status, shown(&command));
+            bail!("failed ({}): {}\n{messages}", output.status, shown(&command));
         }
-        let instructions = collected(&said).with_context(|| format!("no count in what valgrind said:\n{said}"))?;
-        let states = String::from_utf8_lossy(&output.stdout).trim().parse().context("model-bench told no count")?;
+        let instructions =
+            collected(&messages).with_context(|| format!("no count in the output of valgrind:\n{messages}"))?;
+        let states = String::from_utf8_lossy(&output.stdout).trim().parse().context("model-bench printed no count")?;
         Ok((instructions, states))
     };
     let [(few, few_states), (many, many_states)] = [run(PASSES[0])?, run(PASSES[1])?];
@@ -155,11 +158,11 @@ fn instructions(folders: &Folders, binary: &Path, scene: &str) -> Result<f64> {
 }
 
 /// `==1== Collected : 3561649` -> 3561649
-fn collected(said: &str) -> Option<u64> {
-    said.lines().find_map(|line| line.split_once("Collected : ")?.1.trim().parse().ok())
+fn collected(messages: &str) -> Option<u64> {
+    messages.lines().find_map(|line| line.split_once("Collected : ")?.1.trim().parse().ok())
 }
 
-/// What a command prints, as JSON.
+/// Runs a command and parses its output as JSON.
 fn read(command: &mut Command) -> Result<Value> {
     eprintln!("> {}", shown(command));
     let output = command.output().with_context(|| format!("could not start: {}", shown(command)))?;
@@ -176,10 +179,10 @@ fn write(file: &Path, value: &Value) -> Result<()> {
 
 /// A number in a JSON value.
 fn number(value: &Value, at: &str) -> Result<f64> {
-    value.pointer(at).and_then(Value::as_f64).with_context(|| format!("{at}: no number"))
+    value.pointer(at).and_then(Value::as_f64).with_context(|| format!("{at} is not a number"))
 }
 
-/// Largest difference of u and w in any round (m); `None` without a peer.
+/// Largest difference of u and w in any round (m); `None` without scipy.
 fn difference(rounds: &[Value]) -> Result<Option<f64>> {
     let mut worst = None;
     for peer in rounds.iter().map(|round| &round["peer"]).filter(|peer| !peer.is_null()) {
@@ -190,10 +193,10 @@ fn difference(rounds: &[Value]) -> Result<Option<f64>> {
     Ok(worst)
 }
 
-/// One line of the table: `digits` after the point, and what is at least wanted.
-fn line(what: &str, value: Option<f64>, digits: usize, floor: &str) {
+/// Prints a line of the table: the value with `digits` after the point, and the wanted value.
+fn line(what: &str, value: Option<f64>, digits: usize, wanted: &str) {
     let value = value.map_or_else(|| "–".to_owned(), |v| format!("{v:.digits$}"));
-    println!("{what:<48} {value:>12}  {floor}");
+    println!("{what:<48} {value:>12}  {wanted}");
 }
 
 fn print_table(found: &Value, rounds: &[Value]) -> Result<()> {
@@ -205,17 +208,17 @@ fn print_table(found: &Value, rounds: &[Value]) -> Result<()> {
     line("default: instructions per equilibrium", optional("/instructions_per_equilibrium/0"), 0, "");
     line("niti-plateau: µs per equilibrium", optional("/model/scenes/1/us"), 2, "");
     line("niti-plateau: instructions per equilibrium", optional("/instructions_per_equilibrium/1"), 0, "");
-    // The round with the middle ratio speaks for all.
+    // The round with the median ratio.
     let middle = |at: &str| rounds[rounds.len() / 2].pointer(at).and_then(Value::as_f64);
-    line("the peer's states: µs per equilibrium", middle("/us_per_equilibrium"), 2, "");
-    line("the peer's states: µs per rod alone", middle("/us_per_rod"), 2, "");
+    line("scipy's states: µs per equilibrium", middle("/us_per_equilibrium"), 2, "");
+    line("scipy's states: µs per rod alone", middle("/us_per_rod"), 2, "");
     line("scipy solve_bvp: ms per rod", middle("/peer/solve_bvp/ms_per_rod"), 2, "");
     line("scipy DOP853 shooting: ms per rod", middle("/peer/shooting/ms_per_rod"), 2, "");
-    line("solve_bvp's rod in equilibria of ours", middle("/ratio/solve_bvp"), 0, "at least 1000");
+    line("solve_bvp's rod in equilibria of the model", middle("/ratio/solve_bvp"), 0, "at least 1000");
     let ratio = |round: &Value| number(round, "/ratio/solve_bvp").ok();
     line("  least of the rounds", rounds.first().and_then(ratio), 0, "");
     line("  most of the rounds", rounds.last().and_then(ratio), 0, "");
-    line("DOP853's rod in equilibria of ours", middle("/ratio/shooting"), 0, "");
+    line("DOP853's rod in equilibria of the model", middle("/ratio/shooting"), 0, "");
     line("largest difference of u and w: pm", difference(rounds)?.map(|m| m * 1e12), 3, "at most 10000");
 
     println!("\n{:<28} {:>10} {:>7} {:>10} {:>11} {:>13}", "", "µs", "failed", "residual", "iterations", "evaluations");
@@ -240,9 +243,9 @@ mod tests {
     use super::collected;
 
     #[test]
-    fn valgrinds_total() {
-        let said = "==7== Events    : Ir\n==7== Collected : 3561649\n==7== \n==7== I   refs:      3,561,649\n";
-        assert_eq!(collected(said), Some(3_561_649));
+    fn the_total_is_found_in_the_output_of_valgrind() {
+        let messages = "==7== Events    : Ir\n==7== Collected : 3561649\n==7== \n==7== I   refs:      3,561,649\n";
+        assert_eq!(collected(messages), Some(3_561_649));
         assert_eq!(collected("==7== Collected : \n"), None);
     }
 }

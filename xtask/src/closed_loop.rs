@@ -1,5 +1,5 @@
-//! What a cheaper model, or a rougher table, does to the closed loop: each is built into the firmware in turn, which then
-//! homes and moves on the emulated board under two loads.
+//! Measures the effect of a cheaper model, or of a less accurate table, on the closed loop: each table is built into
+//! the firmware, which then homes and moves on the emulated board under two loads.
 
 use crate::process::{foreign, shown};
 use crate::toolchain::{Choice, choose};
@@ -26,7 +26,7 @@ const VARIANTS: [(&str, &str, [f64; 2]); 10] = [
 const LOADS: [&str; 2] = ["0.5kg", "1.5kg"];
 const SCRIPT: &str = "2.5 home\n47 move 12mm speed=2mm/s\n55.5 move 2mm speed=2mm/s\n63 move 9mm speed=2mm/s\n69 end\n";
 
-/// What one run came to.
+/// Result of one run.
 #[derive(Default)]
 struct Outcome {
     rms_m: f64,
@@ -38,7 +38,7 @@ struct Outcome {
     fault: Option<String>,
 }
 
-/// Runs all of it, prints a line for each and writes `out/loop.csv`.
+/// Runs all variants under all loads, prints a line for each and writes `out/loop.csv`.
 pub fn run(folders: &Folders) -> Result<()> {
     system::ensure_emulator_tools()?;
     host::build(folders)?;
@@ -82,7 +82,7 @@ pub fn run(folders: &Folders) -> Result<()> {
     std::fs::create_dir_all(&out).with_context(|| format!("cannot make {}", out.display()))?;
     std::fs::write(out.join("loop.csv"), csv).context("out/loop.csv")?;
     println!("\n{}", out.join("loop.csv").display());
-    // What `rigctl` boots is the default again.
+    // `rigctl` boots the firmware with the scene's own table again.
     firmware::build(folders, &toolchain)
 }
 
@@ -95,7 +95,7 @@ fn play(folders: &Folders, image: &Path, script: &Path, load: &str) -> Result<Ou
     let mut o = Outcome::default();
     let (mut squares, mut count) = (0.0, 0u32);
     for line in text.lines() {
-        let value: Value = serde_json::from_str(line).with_context(|| format!("no JSON from rigctl: {line}"))?;
+        let value: Value = serde_json::from_str(line).with_context(|| format!("rigctl printed no JSON: {line}"))?;
         let number = |key: &str| value[key].as_f64();
         if let Some(summary) = value.get("summary") {
             o.tick_mean = summary["instructions_per_tick_mean"].as_f64().unwrap_or_default();
@@ -115,8 +115,8 @@ fn play(folders: &Folders, image: &Path, script: &Path, load: &str) -> Result<Ou
             }
             o.rest_m = error;
         }
-        if let (Some(seen), Some(truth)) = (number("load_n"), number("true_load_n")) {
-            o.load_error = seen / truth - 1.0;
+        if let (Some(estimate), Some(truth)) = (number("load_n"), number("true_load_n")) {
+            o.load_error = estimate / truth - 1.0;
         }
         if state == "unhomed" && number("t_s") > Some(46.0) {
             o.fault.get_or_insert("homing refused".into());

@@ -1,4 +1,4 @@
-//! The board's image.
+//! The board's images: the firmware, its variants for tests, the self-test and the cost measurement.
 
 use crate::process::{exists, run};
 use crate::toolchain::{TARGET, Toolchain};
@@ -7,34 +7,34 @@ use anyhow::{Context, Result, ensure};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Name of the root package and of its image.
+/// Name of the root package and of its main image.
 pub const PACKAGE: &str = "tsa-firmware";
 
-/// The image that only counts what each way of knowing the mechanism costs.
+/// The package and image that measures the cost of each method of evaluating the mechanism.
 const COST: &str = "tsa-cost";
 
-/// The image that tests a board without a rig.
+/// Name of the image that tests a board without a rig.
 pub const SELFTEST: &str = "tsa-selftest";
 
-/// Where tools and tests look for images.
+/// Folder below the target folder in which tools and tests expect the images.
 const IMAGES: &str = "firmware";
 
-/// Builds the image, puts it where `rigctl` looks for it, and prints its size.
+/// Builds the firmware, puts it where `rigctl` expects it, and prints its size.
 pub fn build(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
-    let image = built(&mut cargo(folders, toolchain, PACKAGE), folders, toolchain, PACKAGE, IMAGES)?;
+    let image = built(&mut cargo(folders, toolchain, PACKAGE, PACKAGE), folders, toolchain, PACKAGE, IMAGES)?;
     println!("firmware: {}", image.display());
     image::report(&image)
 }
 
-/// Builds the image and hands it to the runner of `.cargo/config.toml`: probe-rs, with the chip's name.
+/// Builds the firmware and starts it with the runner of `.cargo/config.toml`: probe-rs, with the chip's name.
 pub fn flash(folders: &Folders, toolchain: &Toolchain, rest: &[String]) -> Result<()> {
     build(folders, toolchain)?;
-    ensure!(exists("probe-rs"), "probe-rs is not there: cargo install probe-rs-tools --locked");
+    ensure!(exists("probe-rs"), "probe-rs is missing; install it with: cargo install probe-rs-tools --locked");
     let mut cargo = toolchain.cargo(folders, "run");
     run(cargo.args(["--package", PACKAGE, "--profile", "firmware", "--"]).args(rest))
 }
 
-/// Builds the image of the default scene with the drive on the serial line. For tests: it has a folder of its own.
+/// Builds the firmware of the default scene with the drive on the serial line, for tests, in a folder of its own.
 pub fn build_uart(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
     let images = Path::new(IMAGES).join("uart");
     let text = std::fs::read_to_string(folders.root.join("scenes/default.toml")).context("the default scene")?;
@@ -43,45 +43,43 @@ pub fn build_uart(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
     let folder = folders.target.join(&images);
     std::fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
     let scene = folder.join("scene.toml");
-    // Written only when it changes: its time is what cargo looks at.
+    // Written only when it changes, because cargo compares its time.
     let text = text.replace(&can, &uart);
     if std::fs::read_to_string(&scene).ok().as_deref() != Some(&text) {
         std::fs::write(&scene, &text).with_context(|| format!("cannot write {}", scene.display()))?;
     }
-    let mut cargo = cargo(folders, toolchain, PACKAGE);
+    let mut cargo = cargo(folders, toolchain, PACKAGE, PACKAGE);
     let image = built(cargo.env("TSA_SCENE", &scene), folders, toolchain, PACKAGE, images)?;
     println!("firmware, drive on the serial line: {}", image.display());
     image::report(&image)
 }
 
-/// Builds the image with a table of another model or accuracy (`TSA_STUDY`, see build.rs), beside the one that `rigctl`
-/// boots.
+/// Builds the firmware with a table of another model or accuracy (`TSA_STUDY`, see build.rs) and copies it to `image`.
 pub fn build_study(folders: &Folders, toolchain: &Toolchain, study: &str, image: &Path) -> Result<()> {
-    run(cargo(folders, toolchain, PACKAGE).args(["--features", "study"]).env("TSA_STUDY", study))?;
+    run(cargo(folders, toolchain, PACKAGE, PACKAGE).args(["--features", "study"]).env("TSA_STUDY", study))?;
     let built = toolchain.target_folder(folders).join(TARGET).join("firmware").join(PACKAGE);
     std::fs::copy(&built, image).with_context(|| format!("cannot copy {} to {}", built.display(), image.display()))?;
     Ok(())
 }
 
-/// Builds the image that counts costs (`src/bin/cost.rs`).
+/// Builds the image that measures costs (`crates/lab/cost-image`).
 pub fn build_cost(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
-    let mut cargo = cargo(folders, toolchain, COST);
-    built(cargo.args(["--features", "cost"]), folders, toolchain, COST, IMAGES).map(drop)
+    built(&mut cargo(folders, toolchain, COST, COST), folders, toolchain, COST, IMAGES).map(drop)
 }
 
 /// Builds the image that tests a board without a rig (`src/bin/selftest`).
 pub fn build_selftest(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
-    built(&mut cargo(folders, toolchain, SELFTEST), folders, toolchain, SELFTEST, IMAGES).map(drop)
+    built(&mut cargo(folders, toolchain, PACKAGE, SELFTEST), folders, toolchain, SELFTEST, IMAGES).map(drop)
 }
 
-/// The command that builds one of the package's images.
-fn cargo(folders: &Folders, toolchain: &Toolchain, name: &str) -> Command {
+/// The command that builds one image of a package.
+fn cargo(folders: &Folders, toolchain: &Toolchain, package: &str, name: &str) -> Command {
     let mut cargo = toolchain.cargo(folders, "build");
-    cargo.args(["--package", PACKAGE, "--profile", "firmware", "--bin", name]);
+    cargo.args(["--package", package, "--profile", "firmware", "--bin", name]);
     cargo
 }
 
-/// What `cargo` builds, copied into a folder of the target folder.
+/// Runs `cargo` and copies the image that it builds into a folder below the target folder.
 fn built(
     cargo: &mut Command,
     folders: &Folders,
@@ -98,14 +96,14 @@ fn built(
     Ok(image)
 }
 
-/// Lints the firmware; a toolchain without clippy still lets no warning through.
+/// Lints the images. With a toolchain without clippy, warnings of the compiler are errors.
 pub fn lint(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
-    // In the image's own profile: the build scripts behind it are then built once.
-    let what = ["--package", PACKAGE, "--profile", "firmware", "--features", "cost"];
+    // In the images' profile, so that their build scripts are built once.
+    let what = ["--package", PACKAGE, "--package", COST, "--profile", "firmware"];
     if toolchain.has_clippy() {
         return run(toolchain.cargo(folders, "clippy").args(what).args(["--", "-D", "warnings"]));
     }
-    // Added to the linker arguments of .cargo/config.toml, which RUSTFLAGS would replace.
+    // This adds to the linker arguments of .cargo/config.toml, which RUSTFLAGS would replace.
     let deny = format!("target.{TARGET}.rustflags=[\"-Dwarnings\"]");
     run(toolchain.cargo(folders, "check").args(what).args(["--config", &deny]))
 }

@@ -1,13 +1,13 @@
-//! The desktop's tools, the demo, and the tests of everything.
+//! The desktop tools, the demo, and the tests of the whole workspace.
 
 use crate::process::{cargo, run};
 use crate::programs::Program;
 use crate::toolchain::{Choice, Toolchain, choose};
-use crate::{Folders, firmware, programs, system};
+use crate::{Folders, firmware, programs, system, unused};
 use anyhow::{Result, bail};
 use std::process::Command;
 
-/// Everything but the firmware, which builds for the board only.
+/// Every package except the firmware, which builds for the board only.
 const DESKTOP: [&str; 3] = ["--workspace", "--exclude", "tsa-firmware"];
 
 /// Builds `rigctl` and `rig-emulator`.
@@ -16,21 +16,27 @@ pub fn build(folders: &Folders) -> Result<()> {
     run(cargo(folders).args(["build", "--release", "--package", "rigctl", "--package", "rig-emulator"]))
 }
 
-/// Formatting, lints, documentation, the firmware, and all tests.
+/// Checks formatting and dependencies, lints, documents and builds everything, and runs all tests.
 pub fn test(folders: &Folders) -> Result<()> {
     system::ensure_emulator_tools()?;
     let toolchain = choose(Choice::Auto)?;
     run(cargo(folders).args(["fmt", "--all", "--check"]))?;
-    // Board and desktop are built into folders of their own, and both have long stretches for one core.
-    let tests = std::thread::scope(|scope| {
-        let board = scope.spawn(|| board(folders, &toolchain));
-        let tests = desktop(folders)?;
-        board.join().unwrap_or_else(|_| bail!("building the firmware panicked"))?;
-        anyhow::Ok(tests)
-    })?;
-    // They start the images and the tools, so all of them must be there, and new.
+    unused::check(folders)?;
+    let tests = beside(|| board(folders, &toolchain), || desktop(folders))?;
+    // The tests start the images and the tools, so all of them must be built first.
     programs::run(tests)?;
     run(cargo(folders).args(["test", "--release", "--doc"]).args(DESKTOP))
+}
+
+/// Builds for the board and for the desktop at the same time. They use folders of their own, and both have long steps
+/// that use one core only.
+fn beside<T>(board: impl FnOnce() -> Result<()> + Send, desktop: impl FnOnce() -> Result<T>) -> Result<T> {
+    std::thread::scope(|scope| {
+        let board = scope.spawn(board);
+        let built = desktop();
+        board.join().unwrap_or_else(|_| bail!("building the firmware panicked"))?;
+        built
+    })
 }
 
 /// Lints the firmware and builds its images.
@@ -42,9 +48,9 @@ fn board(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
     firmware::build_cost(folders, toolchain)
 }
 
-/// Lints and documents the desktop's packages, builds the tools and the tests.
+/// Lints and documents the desktop packages, and builds the tools and the tests.
 fn desktop(folders: &Folders) -> Result<Vec<Program>> {
-    // In release, as the tests: the emulator's C code is then built once.
+    // In the tests' profile, so that the emulator's C code is built once.
     run(cargo(folders).args(["clippy", "--release", "--all-targets"]).args(DESKTOP).args(["--", "-D", "warnings"]))?;
     let doc = ["doc", "--release", "--no-deps"];
     run(cargo(folders).env("RUSTDOCFLAGS", "-D warnings").args(doc).args(DESKTOP))?;
@@ -55,12 +61,12 @@ fn desktop(folders: &Folders) -> Result<Vec<Program>> {
 /// Builds the self-test and runs it on the emulated board.
 pub fn selftest(folders: &Folders) -> Result<()> {
     system::ensure_emulator_tools()?;
-    firmware::build_selftest(folders, &choose(Choice::Auto)?)?;
-    build(folders)?;
+    let toolchain = choose(Choice::Auto)?;
+    beside(|| firmware::build_selftest(folders, &toolchain), || build(folders))?;
     run(Command::new(folders.target.join("release/rigctl")).current_dir(&folders.root).arg("selftest"))
 }
 
-/// Builds the image that counts costs, runs it on the emulated board and prints what it counted.
+/// Builds the image that measures costs, runs it on the emulated board and prints the instruction counts.
 pub fn cost(folders: &Folders) -> Result<()> {
     system::ensure_emulator_tools()?;
     firmware::build_cost(folders, &choose(Choice::Auto)?)?;
@@ -70,12 +76,12 @@ pub fn cost(folders: &Folders) -> Result<()> {
 
 /// Runs the comparison of controllers.
 pub fn compare(folders: &Folders, rest: &[String]) -> Result<()> {
-    // The rig is emulated without the chip, but both are one package.
+    // The comparison needs only the emulated rig, but the emulated chip is in the same package.
     system::ensure_emulator_tools()?;
     run(cargo(folders).args(["run", "--release", "--package", "host-tests", "--bin", "compare", "--"]).args(rest))
 }
 
-/// Builds the firmware and runs it for long.
+/// Builds the firmware and runs the endurance test.
 pub fn endurance(folders: &Folders, rest: &[String]) -> Result<()> {
     system::ensure_emulator_tools()?;
     firmware::build(folders, &choose(Choice::Auto)?)?;
@@ -85,7 +91,7 @@ pub fn endurance(folders: &Folders, rest: &[String]) -> Result<()> {
 /// Builds everything and runs the demo.
 pub fn demo(folders: &Folders, rest: &[String]) -> Result<()> {
     system::ensure_emulator_tools()?;
-    firmware::build(folders, &choose(Choice::Auto)?)?;
-    build(folders)?;
+    let toolchain = choose(Choice::Auto)?;
+    beside(|| firmware::build(folders, &toolchain), || build(folders))?;
     run(Command::new(folders.target.join("release/rigctl")).current_dir(&folders.root).arg("demo").args(rest))
 }

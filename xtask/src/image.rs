@@ -1,19 +1,20 @@
-//! How much of the board's memory an image takes.
+//! The memory that an image takes on the board.
 
 use anyhow::{Context, Result, bail};
 use object::{Object, ObjectSection, SectionFlags, SectionKind, elf};
 use std::path::Path;
 
-/// Most that the image may take of the 448 KiB that the settings leave (bytes): the solver twice, in f32 and f64, is half of it.
+/// Limit of the firmware's flash (bytes), of the 448 KiB that the flash store leaves. The solver, which is there in f32
+/// and in f64, takes half of it.
 pub const FLASH_LIMIT: u64 = 256 * 1024;
 
-/// Most static data, of 128 KiB of RAM; the stack has the rest (bytes).
+/// Limit of static data (bytes), of 128 KiB of RAM; the rest is for the stack.
 pub const RAM_LIMIT: u64 = 64 * 1024;
 
-/// Where the STM32F446 has its RAM.
+/// Addresses of the RAM of the STM32F446.
 const RAM: std::ops::Range<u64> = 0x2000_0000..0x2002_0000;
 
-/// What an image takes.
+/// Memory that an image takes.
 #[derive(Debug, PartialEq)]
 pub struct Size {
     /// Code, constants and the initial values of variables (bytes).
@@ -22,17 +23,19 @@ pub struct Size {
     pub ram: u64,
 }
 
-/// Sums the sections that the board sees.
+/// Sums the sections that are loaded onto the board.
 pub fn size(path: &Path) -> Result<Size> {
     let data = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
-    let file = object::File::parse(&*data).with_context(|| format!("{} is no ELF file", path.display()))?;
+    let file = object::File::parse(&*data).with_context(|| format!("{} is not an ELF file", path.display()))?;
     let mut size = Size { flash: 0, ram: 0 };
     for section in file.sections() {
-        let SectionFlags::Elf { sh_flags, .. } = section.flags() else { bail!("{} is no ELF file", path.display()) };
+        let SectionFlags::Elf { sh_flags, .. } = section.flags() else {
+            bail!("{} is not an ELF file", path.display())
+        };
         if sh_flags.0 & elf::SHF_ALLOC.0 == 0 {
-            continue; // debug information and defmt's strings stay on the host
+            continue; // debug information and defmt's strings are not loaded
         }
-        // Initialised variables stand in both.
+        // Initialised variables take both RAM and flash.
         if RAM.contains(&section.address()) {
             size.ram += section.size();
         }
@@ -43,7 +46,7 @@ pub fn size(path: &Path) -> Result<Size> {
     Ok(size)
 }
 
-/// Prints the size and fails above the limits.
+/// Prints the size of the firmware; fails if it exceeds the limits.
 pub fn report(path: &Path) -> Result<()> {
     let Size { flash, ram } = size(path)?;
     let share =

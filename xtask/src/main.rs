@@ -1,13 +1,15 @@
 //! `cargo xtask …`: every command that CI and the README run, and the choice of tools behind them.
 //!
-//! - [`firmware`]: the board's image, with whichever toolchain this machine has ([`toolchain`]), and its size ([`image`]).
-//! - [`selftest`]: the image that tests a board without a rig, on a real one.
-//! - [`host`]: the tools for the desktop, the demo, and the tests of everything.
+//! - [`firmware`]: the board's images, their toolchain ([`toolchain`]) and their size ([`image`]).
+//! - [`selftest`]: the self-test of a real board without a rig.
+//! - [`host`]: the desktop tools, the demo, and the tests of the whole workspace.
 //! - [`results`]: every measured number of the README and `docs/results.md`.
-//! - [`mod@bench`]: what the model costs, beside an independent solver.
-//! - [`system`]: what has to be installed beside cargo: installed if we may, else said.
-//! - [`programs`]: test programs, several at a time.
-//! - [`process`]: running other programs, loudly when they fail.
+//! - [`mod@bench`]: the speed of the model, beside an independent solver.
+//! - [`closed_loop`]: the effect of a cheaper model or a less accurate table on the closed loop.
+//! - [`unused`]: dependencies that no source file uses.
+//! - [`system`]: checks for programs beside cargo, and installs them where that is allowed.
+//! - [`programs`]: runs test programs, several at a time.
+//! - [`process`]: runs other programs, and names the command that failed.
 
 mod bench;
 mod closed_loop;
@@ -20,6 +22,7 @@ mod results;
 mod selftest;
 mod system;
 mod toolchain;
+mod unused;
 
 use anyhow::{Context, Result};
 use clap::{Parser, Subcommand};
@@ -27,7 +30,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 #[derive(Parser)]
-#[command(name = "cargo xtask", about = "Builds, tests and shows the rig", version)]
+#[command(name = "cargo xtask", about = "Builds, tests and demonstrates the firmware and the tools", version)]
 struct Arguments {
     #[command(subcommand)]
     task: Task,
@@ -37,64 +40,67 @@ struct Arguments {
 enum Task {
     /// Build the firmware image (target/firmware/tsa-firmware.elf) and print its size
     Firmware {
-        /// Which compiler: `auto` tries the others in this order
+        /// Compiler to use; `auto` tries the others in this order
         #[arg(long, value_enum, default_value_t)]
         toolchain: toolchain::Choice,
-        /// The default scene, but with the drive on the serial line (target/firmware/uart/tsa-firmware.elf)
+        /// Build the default scene with the drive on the serial line (target/firmware/uart/tsa-firmware.elf)
         #[arg(long)]
         uart: bool,
     },
-    /// Build the firmware, flash it over the board's ST-LINK with probe-rs, and show its log
+    /// Build the firmware, flash it through the board's ST-LINK with probe-rs, and show its log
     Flash {
-        /// Passed on to `probe-rs run`: --probe, --connect-under-reset
+        /// Arguments for `probe-rs run`: --probe, --connect-under-reset
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
         rest: Vec<String>,
     },
-    /// Test a board without a rig: build the self-test, flash it over the ST-LINK, show its table (docs/selftest.md)
+    /// Test a board without a rig: build the self-test, flash it through the ST-LINK, and show its table
+    /// (docs/selftest.md)
     Selftest {
-        /// On the emulated board instead
+        /// Use the emulated board instead of a real one
         #[arg(long)]
         emulated: bool,
-        /// Passed on to `probe-rs run`: --probe, --connect-under-reset
+        /// Arguments for `probe-rs run`: --probe, --connect-under-reset
         #[arg(trailing_var_arg = true, allow_hyphen_values = true, conflicts_with = "emulated")]
         rest: Vec<String>,
     },
     /// Build the desktop tools (target/release/rigctl, target/release/rig-emulator)
     Build,
-    /// Check formatting, lint and test everything, the firmware on the emulated board included
+    /// Check formatting, lint and test everything, including the firmware on the emulated board
     Test,
-    /// Measure what an equilibrium costs: time, instructions (callgrind), and a rod by scipy (target/bench/model.json)
+    /// Measure an equilibrium: time, instructions (callgrind), and a rod solved by scipy (target/bench/model.json)
     Bench,
-    /// Count what each way of knowing the mechanism costs: instructions on the emulated board
+    /// Count the instructions of each method of evaluating the mechanism on the emulated board
     Cost,
-    /// Move with tables from cheaper models and of other accuracies built into the firmware (out/loop.csv)
+    /// Measure moves with firmware images that use tables of cheaper models and of other accuracies (out/loop.csv)
     Loop,
-    /// A thousand moves with faults, and ten million random bytes at both doors, on the emulated board (an hour)
+    /// Make a thousand moves with faults and send ten million random bytes to both links of the emulated board (an
+    /// hour)
     Endurance {
-        /// Passed on: --moves, --bytes, --seed
+        /// Arguments of the test: --moves, --bytes, --seed
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
         rest: Vec<String>,
     },
-    /// Play the scenarios of the comparison with this controller and others on random plants (docs/comparison.svg, .csv)
+    /// Compare this controller with others: play scenarios on random plants (docs/comparison.svg, .csv)
     Compare {
-        /// Passed on: --plants, --plant, --out
+        /// Arguments of the comparison: --plants, --plant, --out
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
         rest: Vec<String>,
     },
-    /// Measure every number that README.md and docs/results.md state, and write both pages (hours; one section: minutes)
+    /// Measure every number that README.md and docs/results.md state, and write both pages (hours; one section:
+    /// minutes)
     Results {
-        /// Sections to measure again; all of them where none is named
+        /// Sections to measure again (default: all)
         sections: Vec<String>,
     },
-    /// Build everything and show three loads being homed and moved by the real firmware on an emulated board
+    /// Build everything and demonstrate homing and moving three loads with the firmware on an emulated board
     Demo {
-        /// Passed on to `rigctl demo`
+        /// Arguments for `rigctl demo`
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
         rest: Vec<String>,
     },
 }
 
-/// The folders that all tasks share.
+/// The folders that all tasks use.
 struct Folders {
     root: PathBuf,
     target: PathBuf,

@@ -1,18 +1,23 @@
-//! Test programs, several at a time: `cargo test` runs one after the other, and most of the long ones have one long test
-//! that leaves the other cores idle.
+//! Runs test programs, several at a time. `cargo test` runs one after the other, and most of the long ones have one
+//! long test that leaves the other cores idle. A program that hangs is killed and fails by the names of its unfinished
+//! tests.
 
 use crate::Folders;
-use crate::process::{cargo, shown};
+use crate::process::{cargo, output_of, run_within, shown};
 use anyhow::{Context, Result, bail, ensure};
 use serde_json::Value;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::process::{Command, Stdio};
 use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
+
+/// Time limit of one test program. It only detects programs that hang: the longest takes a tenth of it on two cores.
+const LIMIT: Duration = Duration::from_secs(20 * 60);
 
 /// One executable of tests.
 pub struct Program {
-    /// As `cargo test` would call it: package and target.
+    /// Package and target, as `cargo test` calls it.
     name: String,
     executable: PathBuf,
     /// Folder of its package, where `cargo test` would start it.
@@ -29,7 +34,7 @@ pub fn build(folders: &Folders, what: &[&str]) -> Result<Vec<Program>> {
     String::from_utf8_lossy(&output.stdout).lines().filter_map(|line| program(line).transpose()).collect()
 }
 
-/// The program in one of cargo's messages, if the message is about one.
+/// The test program that one of cargo's messages is about, if any.
 fn program(message: &str) -> Result<Option<Program>> {
     let message: Value = serde_json::from_str(message).context("cargo's message")?;
     let text = |path: &str| message.pointer(path).and_then(Value::as_str);
@@ -45,28 +50,24 @@ fn program(message: &str) -> Result<Option<Program>> {
     Ok(Some(Program { name, executable: executable.into(), folder }))
 }
 
-/// Runs programs, as many at a time as there are cores. Goes on after a failure; what failed is printed last.
+/// Runs all programs, as many at a time as there are cores. A failure does not stop the others; the output of those
+/// that failed is printed last.
 pub fn run(programs: Vec<Program>) -> Result<()> {
     let count = programs.len();
     ensure!(count > 0, "cargo has built no test program");
     let (rest, failed) = (Mutex::new(programs.into_iter()), Mutex::new(Vec::new()));
     let worker = || -> Result<()> {
         loop {
-            // Locked for this one statement only.
+            // The lock is held for this statement only.
             let next = rest.lock().unwrap_or_else(PoisonError::into_inner).next();
             let Some(program) = next else { return Ok(()) };
-            // One that hangs has no end to be named at.
             eprintln!("     Running {}", program.name);
-            let output = Command::new(&program.executable)
-                .current_dir(&program.folder)
-                .env("CARGO_MANIFEST_DIR", &program.folder)
-                .stdin(Stdio::null())
-                .output()
-                .with_context(|| format!("could not start {}", program.executable.display()))?;
-            if output.status.success() {
-                print(&program, &output)?;
-            } else {
-                failed.lock().unwrap_or_else(PoisonError::into_inner).push((program, output));
+            let (failure, output) = run_one(&program)?;
+            match failure {
+                None => print(&program, &output)?,
+                Some(failure) => {
+                    failed.lock().unwrap_or_else(PoisonError::into_inner).push((program, output, failure));
+                }
             }
         }
     };
@@ -76,18 +77,69 @@ pub fn run(programs: Vec<Program>) -> Result<()> {
         workers.into_iter().try_for_each(|worker| worker.join().unwrap_or_else(|_| bail!("a worker panicked")))
     })?;
     let failed = failed.into_inner().unwrap_or_else(PoisonError::into_inner);
-    failed.iter().try_for_each(|(program, output)| print(program, output))?;
-    let names: Vec<_> = failed.iter().map(|(program, _)| program.name.as_str()).collect();
-    ensure!(names.is_empty(), "tests failed in {}", names.join(", "));
+    failed.iter().try_for_each(|(program, output, _)| print(program, output))?;
+    let failures: Vec<_> = failed.iter().map(|(program, _, failure)| format!("{} {failure}", program.name)).collect();
+    ensure!(failures.is_empty(), "tests failed:\n{}", failures.join("\n"));
     println!("\n{count} test programs passed");
     Ok(())
 }
 
-/// What a program has said, in one piece.
-fn print(program: &Program, output: &Output) -> Result<()> {
+/// Runs a program. Returns how it failed, if it did, and what it printed.
+fn run_one(program: &Program) -> Result<(Option<String>, Vec<u8>)> {
+    let command = || {
+        let mut command = Command::new(&program.executable);
+        command.current_dir(&program.folder).env("CARGO_MANIFEST_DIR", &program.folder);
+        command
+    };
+    let files = ["stdout", "stderr"].map(|name| program.executable.with_extension(name));
+    let status = run_within(LIMIT, &mut command(), [&files[0], &files[1]])?;
+    let [stdout, stderr] = files.map(|file| std::fs::read(&file).unwrap_or_default());
+    let failure = match status {
+        Some(status) if status.success() => None,
+        Some(status) => Some(format!("({status})")),
+        None => {
+            let tests = output_of(command().arg("--list")).unwrap_or_default();
+            let unfinished = unfinished(&tests, &String::from_utf8_lossy(&stdout)).join(", ");
+            Some(format!("(killed after {} s; not finished: {unfinished})", LIMIT.as_secs()))
+        }
+    };
+    Ok((failure, [stdout, stderr].concat()))
+}
+
+/// The tests that hang, by libtest's list of all tests and its output up to now: those that it has reported as
+/// long-running and that have no result. If it has reported none, every test without a result.
+fn unfinished<'a>(list: &'a str, output: &str) -> Vec<&'a str> {
+    let has = |start: &str, end: &str| {
+        output.lines().any(|line| line.strip_prefix(start).is_some_and(|rest| rest.starts_with(end) && rest != end))
+    };
+    let tests = list.lines().filter_map(|line| line.strip_suffix(": test"));
+    let open: Vec<_> = tests.filter(|name| !has(&format!("test {name}"), " ... ")).collect();
+    let long: Vec<_> =
+        open.iter().copied().filter(|name| has(&format!("test {name}"), " has been running for")).collect();
+    if long.is_empty() { open } else { long }
+}
+
+/// Prints the output of a program in one piece.
+fn print(program: &Program, output: &[u8]) -> Result<()> {
     let mut out = std::io::stdout().lock();
     writeln!(out, "\n     Ran {}", program.name)?;
-    out.write_all(&output.stdout)?;
-    out.write_all(&output.stderr)?;
+    out.write_all(output)?;
     Ok(out.flush()?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::unfinished;
+
+    #[test]
+    fn a_program_that_hangs_fails_by_the_names_of_its_tests() {
+        let list = "ends: test\nends_never: test\nnot_begun: test\n\n3 tests, 0 benchmarks\n";
+        let output = "running 3 tests\ntest ends ... ok\n";
+        assert_eq!(unfinished(list, output), ["ends_never", "not_begun"]);
+        // Alone, libtest prints the name before it runs a test.
+        assert_eq!(unfinished(list, &format!("{output}test ends_never ... ")), ["ends_never", "not_begun"]);
+        let output = format!("{output}test ends_never has been running for over 60 seconds\n");
+        assert_eq!(unfinished(list, &output), ["ends_never"]);
+        assert_eq!(unfinished(list, &format!("{output}test ends_never ... FAILED\n")), ["not_begun"]);
+    }
 }

@@ -1,4 +1,4 @@
-//! The self-test on a real board: probe-rs flashes it and shows its log, which ends with a line that says how it went.
+//! The self-test on a real board: probe-rs flashes it and shows its log, whose last line gives the result.
 
 use crate::Folders;
 use crate::firmware::{self, PACKAGE, SELFTEST};
@@ -8,15 +8,15 @@ use anyhow::{Context, Result, bail, ensure};
 use std::io::{BufRead, BufReader};
 use std::process::Stdio;
 
-/// With this the last line begins, whatever probe-rs puts before it (src/bin/selftest/table.rs).
+/// Start of the last line (src/bin/selftest/table.rs); probe-rs may print a prefix.
 const END: &str = "selftest ended: ";
-/// What follows it if all is well.
-const WELL: &str = "all ";
+/// Text that follows it if all checks passed.
+const PASSED: &str = "all ";
 
-/// Builds the image and hands it to the runner of `.cargo/config.toml`, until it has ended.
+/// Builds the image and starts it with the runner of `.cargo/config.toml`, until the test has ended.
 pub fn run(folders: &Folders, toolchain: &Toolchain, rest: &[String]) -> Result<()> {
     firmware::build_selftest(folders, toolchain)?;
-    ensure!(exists("probe-rs"), "probe-rs is not there: cargo install probe-rs-tools --locked");
+    ensure!(exists("probe-rs"), "probe-rs is missing; install it with: cargo install probe-rs-tools --locked");
     let mut cargo = toolchain.cargo(folders, "run");
     cargo.args(["--package", PACKAGE, "--profile", "firmware", "--bin", SELFTEST, "--"]).args(rest);
     eprintln!("> {}", shown(&cargo));
@@ -32,30 +32,30 @@ pub fn run(folders: &Folders, toolchain: &Toolchain, rest: &[String]) -> Result<
             break;
         }
     }
-    // The board sleeps; probe-rs would wait for more.
+    // The test has ended, but probe-rs would wait for more.
     let _ = child.kill();
     child.wait().context("waiting for probe-rs")?;
     match end {
-        Some(end) if end.starts_with(WELL) => Ok(()),
+        Some(end) if end.starts_with(PASSED) => Ok(()),
         Some(end) => bail!("{end}"),
         None => bail!("the self-test did not end: probe-rs stopped first"),
     }
 }
 
-/// What a line of the log says of the end, if it is the last.
+/// The result, if this is the last line of the log.
 fn ending(line: &str) -> Option<&str> {
     line.split_once(END).map(|(_, end)| end)
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{WELL, ending};
+    use super::{PASSED, ending};
 
     #[test]
-    fn the_end_is_found_behind_what_probe_rs_puts_before_it() {
+    fn the_result_is_found_after_a_prefix_of_probe_rs() {
         assert_eq!(ending("2.104 [INFO ] selftest ended: all 13 checks ok"), Some("all 13 checks ok"));
         assert_eq!(ending("selftest ended: FAILED: LSI"), Some("FAILED: LSI"));
-        assert!(!ending("selftest ended: FAILED: LSI").is_some_and(|end| end.starts_with(WELL)));
+        assert!(!ending("selftest ended: FAILED: LSI").is_some_and(|end| end.starts_with(PASSED)));
         assert_eq!(ending("selftest 3 of 3: everything else"), None);
     }
 }

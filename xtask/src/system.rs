@@ -1,39 +1,41 @@
-//! What has to stand beside cargo. On Debian and its kin, as root, it is installed; elsewhere we say the one line.
+//! Programs that must be installed beside cargo. On Debian and its derivatives they are installed if the user is root;
+//! otherwise the error gives the command.
 
 use crate::process::{exists, foreign, output_of, run};
 use anyhow::{Context, Result, bail};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Installs Debian packages, or says how to.
+/// Installs Debian packages, or fails with the command that installs them.
 ///
-/// `purpose` ends the sentence "… is needed to"; `elsewhere` is what to do on another system.
+/// `purpose` completes the sentence "… is needed to"; `elsewhere` is the instruction for other systems.
 pub fn install(packages: &[&str], purpose: &str, elsewhere: &str) -> Result<()> {
     let list = packages.join(" ");
     let line = format!("apt-get update && apt-get install -y --no-install-recommends {list}");
     if !Path::new("/etc/debian_version").exists() || !exists("apt-get") {
-        bail!("{list}: needed to {purpose}, and missing. {elsewhere}");
+        bail!("{list}: needed to {purpose}, but missing. {elsewhere}");
     }
     if output_of(Command::new("id").arg("-u")).as_deref() != Some("0") {
-        bail!("{list}: needed to {purpose}, and missing. Run as root: {line}");
+        bail!("{list}: needed to {purpose}, but missing. Run as root: {line}");
     }
-    eprintln!("{list}: needed to {purpose}, and missing; installing");
+    eprintln!("{list}: needed to {purpose}, but missing; installing");
     let apt = |arguments: &[&str]| {
         run(foreign("apt-get", Path::new("/")).env("DEBIAN_FRONTEND", "noninteractive").args(arguments))
     };
     let install = ["install", "-y", "--no-install-recommends"];
     apt(&["update"])
         .and_then(|()| apt(&[&install, packages].concat()))
-        .with_context(|| format!("could not install what is needed to {purpose}. By hand: {line}"))
+        .with_context(|| format!("could not install what is needed to {purpose}; run it by hand: {line}"))
 }
 
-/// Installs the packages among `wanted` that are not there, or says how to: see [`install`].
+/// Installs the packages of `wanted` that are missing; see [`install`]. Each has a flag that tells whether it is
+/// present.
 pub fn ensure(wanted: &[(bool, &str)], purpose: &str, elsewhere: &str) -> Result<()> {
     let missing: Vec<&str> = wanted.iter().filter(|(there, _)| !there).map(|(_, package)| *package).collect();
     if missing.is_empty() { Ok(()) } else { install(&missing, purpose, elsewhere) }
 }
 
-/// Makes sure that the emulator's C code can be built: unicorn needs cmake, and bindgen needs libclang.
+/// Installs what the emulator's C code needs: cmake for unicorn, and libclang for bindgen.
 pub fn ensure_emulator_tools() -> Result<()> {
     let wanted = [
         (exists("cmake"), "cmake"),
@@ -48,7 +50,7 @@ pub fn ensure_emulator_tools() -> Result<()> {
     )
 }
 
-/// Looks where bindgen looks.
+/// Whether libclang is in one of the folders where bindgen searches.
 fn has_libclang() -> bool {
     if std::env::var_os("LIBCLANG_PATH").is_some() {
         return true;
@@ -66,7 +68,7 @@ fn has_libclang() -> bool {
     }
     folders.iter().flat_map(|folder| entries(folder)).any(|file| {
         let name = file.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-        // Not libclang-cpp, which is another library.
+        // libclang-cpp is another library.
         name.starts_with("libclang")
             && !name.starts_with("libclang-cpp")
             && (name.contains(".so") || name.ends_with(".dylib"))

@@ -1,5 +1,6 @@
-//! Which compiler builds the firmware: an installed target, else one that rustup can fetch, else Debian's pair of
-//! compiler and standard-library source, for machines where rustup cannot reach its server.
+//! Chooses the compiler for the firmware: the present toolchain if it has the board's target, else with the target that
+//! rustup fetches, else Debian's compiler and standard-library source, for machines where rustup cannot reach its
+//! server.
 
 use crate::Folders;
 use crate::process::{exists, foreign, output_of, run};
@@ -12,28 +13,28 @@ use std::process::Command;
 /// The board's target.
 pub const TARGET: &str = "thumbv7em-none-eabihf";
 
-/// The `rust-version` of this workspace: an older Debian compiler is of no use.
+/// The `rust-version` of this workspace, which Debian's compiler must have.
 const OLDEST: &str = env!("CARGO_PKG_RUST_VERSION");
 
 const DEBIAN_RUSTC: &str = "/usr/bin/rustc";
 const DEBIAN_CARGO: &str = "/usr/bin/cargo";
 const DEBIAN_PACKAGES: [&str; 4] = ["rustc-web", "cargo-web", "rust-web-src", "lld"];
 
-/// What the user asked for.
+/// The toolchain that the user asks for.
 #[derive(Clone, Copy, Default, PartialEq, ValueEnum)]
 pub enum Choice {
-    /// Whatever works first
+    /// The first one that works
     #[default]
     Auto,
-    /// The target of the toolchain that runs this task, fetched by rustup if need be
+    /// The toolchain that runs this task; rustup adds the target if it is missing
     Rustup,
-    /// Debian's compiler, building `core` itself
+    /// Debian's compiler, which builds `core` from source
     Debian,
 }
 
-/// What the machine has.
+/// A toolchain that this machine has.
 pub enum Toolchain {
-    /// The cargo that runs this task has the target.
+    /// The cargo that runs this task, with the target installed.
     Installed,
     /// Debian's rustc-web, cargo-web and rust-web-src.
     Debian,
@@ -45,7 +46,7 @@ impl Toolchain {
         match self {
             Self::Installed => {
                 let mut command = crate::process::cargo(folders);
-                // RUSTFLAGS from outside would replace the linker arguments of .cargo/config.toml.
+                // RUSTFLAGS of the environment would replace the linker arguments of .cargo/config.toml.
                 command.env_remove("RUSTFLAGS").env_remove("CARGO_ENCODED_RUSTFLAGS");
                 command.args([subcommand, "--target", TARGET]);
                 command
@@ -61,7 +62,7 @@ impl Toolchain {
         }
     }
 
-    /// Where this toolchain builds: two compilers in one folder would rebuild everything in turns.
+    /// Folder in which this toolchain builds. In a common folder two compilers would rebuild everything in turns.
     pub fn target_folder(&self, folders: &Folders) -> PathBuf {
         match self {
             Self::Installed => folders.target.clone(),
@@ -73,23 +74,23 @@ impl Toolchain {
         }
     }
 
-    /// Whether it can lint.
+    /// Whether it has clippy.
     pub fn has_clippy(&self) -> bool {
         matches!(self, Self::Installed) && exists("cargo-clippy")
     }
 }
 
-/// Finds a toolchain for the firmware and says which.
+/// Finds a toolchain for the firmware and prints which one it is.
 pub fn choose(choice: Choice) -> Result<Toolchain> {
     if choice != Choice::Debian {
         if target_installed() {
-            eprintln!("firmware toolchain: this one, {TARGET} is installed");
+            eprintln!("firmware toolchain: the present one; {TARGET} is installed");
             return Ok(Toolchain::Installed);
         }
         if exists("rustup") {
             let added = run(Command::new("rustup").args(["target", "add", TARGET]));
             if added.is_ok() && target_installed() {
-                eprintln!("firmware toolchain: this one, rustup added {TARGET}");
+                eprintln!("firmware toolchain: the present one; rustup added {TARGET}");
                 return Ok(Toolchain::Installed);
             }
             eprintln!("rustup could not add {TARGET}");
@@ -100,12 +101,12 @@ pub fn choose(choice: Choice) -> Result<Toolchain> {
     }
     ensure_debian_pair()?;
     let version = output_of(Command::new(DEBIAN_RUSTC).arg("-V")).unwrap_or_default();
-    eprintln!("firmware toolchain: Debian's {version}, building core from its source");
+    eprintln!("firmware toolchain: Debian's {version}, which builds core from source");
     Ok(Toolchain::Debian)
 }
 
 fn target_installed() -> bool {
-    // Asked of the cargo that will build: rustc, through rustup's proxy if there is one.
+    // Through rustup's proxy, if there is one, this is the rustc that the cargo of this task uses.
     output_of(Command::new("rustc").args(["--print", "sysroot"]))
         .is_some_and(|sysroot| Path::new(&sysroot).join("lib/rustlib").join(TARGET).join("lib").is_dir())
 }
@@ -131,7 +132,7 @@ fn ensure_debian_pair() -> Result<()> {
     let elsewhere = format!("Install the target instead: rustup target add {TARGET}");
     system::install(&DEBIAN_PACKAGES, "build the firmware without rustup's server", &elsewhere)?;
     if !debian_pair_is_there() {
-        bail!("{} are installed, but hold no rustc {OLDEST} or newer with its source", DEBIAN_PACKAGES.join(" "));
+        bail!("{} are installed, but contain no rustc {OLDEST} or newer with its source", DEBIAN_PACKAGES.join(" "));
     }
     Ok(())
 }

@@ -1,10 +1,12 @@
 //! A table's certificate and why this table was chosen, for machines and people.
 
-use rig_scene::Accuracy;
+use rig_scene::{Scene, TableError};
+use rival_forms::LoadMap;
+use rival_forms::fit::{Considered, considered};
 use serde::Serialize;
-use tsa_table::LoadMap;
-use tsa_table::effort::{LOOKUP_INSTRUCTIONS, lookup_instructions};
-use tsa_table::fit::{Candidate, Errors, Fit, MAX_BYTES};
+use tsa_table::fit::{Errors, Fit, MAX_BYTES};
+use tsa_table::instruction_model::{LOOKUP_INSTRUCTIONS, lookup_instructions};
+use tsa_table::owned::FORM;
 
 /// The chosen table and how it was chosen.
 #[derive(Debug, Serialize)]
@@ -21,7 +23,7 @@ pub struct TableReport {
     worst_tr_at: PointReport,
     monotone: bool,
     closure_m: f64,
-    rounding: Option<RoundingReport>,
+    rounding: RoundingReport,
     accuracy: AccuracyReport,
     scene_hash: String,
     table_crc: String,
@@ -90,32 +92,36 @@ impl From<Errors> for ErrorReport {
     }
 }
 
-fn map_name(map: LoadMap) -> String {
+fn map_name(map: Option<LoadMap>) -> String {
     match map {
-        LoadMap::Ratio { knee_n } => format!("F/(F + {knee_n} N)"),
-        LoadMap::Log => "ln F".into(),
-        LoadMap::InverseRoot => "F^(-1/2)".into(),
-        LoadMap::Linear => "F".into(),
+        Some(LoadMap::Ratio { knee_n }) => format!("F/(F + {knee_n} N)"),
+        Some(LoadMap::Log) => "ln F".into(),
+        Some(LoadMap::InverseRoot) => "F^(-1/2)".into(),
+        None => "F".into(),
     }
 }
 
 impl TableReport {
-    /// Of a fit and the accuracy that was asked for.
-    pub fn new(fit: &Fit, accuracy: Accuracy) -> Self {
-        let metadata = fit.table.metadata;
-        let passing = fit.candidates.iter().filter(|c| c.passes).count();
-        let fast = fit.candidates.iter().filter(|c| c.passes && c.instructions() <= LOOKUP_INSTRUCTIONS).count();
+    /// Of a scene and its table. It fits the other forms too, which the board does not use.
+    ///
+    /// # Errors
+    /// If the scene has no demand on a table, or the envelope breaks the model.
+    pub fn new(scene: &Scene, fit: &Fit) -> Result<Self, TableError> {
+        let (metadata, rounding, demand) = (fit.table.metadata, fit.certificate.rounding, scene.demand()?);
+        let all = considered(&scene.mechanism()?, &demand, fit)?;
+        let passing = all.iter().filter(|c| c.passes).count();
+        let fast = all.iter().filter(|c| c.passes && c.instructions <= LOOKUP_INSTRUCTIONS).count();
         let point = |[load_n, twist_rad]: [f64; 2]| PointReport { load_n, twist_rad };
-        Self {
-            form: fit.table.numbers.kind(),
+        Ok(Self {
+            form: FORM,
             size: fit.table.numbers.size(),
-            bytes: fit.table.numbers.form().bytes(),
-            instructions: lookup_instructions(&fit.table.table()),
+            bytes: fit.table.numbers.bytes(),
+            instructions: lookup_instructions(&fit.table.numbers.series()),
             tier: tsa_model::Tier::Full.name(),
             axes: [
                 AxisReport {
                     parameter: "load_n",
-                    map: map_name(metadata.load_map),
+                    map: map_name(None),
                     min: metadata.load_min_n,
                     max: metadata.load_max_n,
                     unit: "N",
@@ -134,14 +140,14 @@ impl TableReport {
             worst_tr_at: point(fit.certificate.worst_tr_at),
             monotone: fit.certificate.monotone,
             closure_m: fit.certificate.closure_m,
-            rounding: fit.certificate.rounding.map(|r| RoundingReport {
-                arithmetic_m: r.arithmetic_m,
-                inputs_m: r.inputs_m,
-                tr_arithmetic_relative: r.tr_arithmetic,
-            }),
+            rounding: RoundingReport {
+                arithmetic_m: rounding.arithmetic_m,
+                inputs_m: rounding.inputs_m,
+                tr_arithmetic_relative: rounding.tr_arithmetic,
+            },
             accuracy: AccuracyReport {
-                contraction_m: accuracy.contraction_m,
-                tr_relative: accuracy.tr_relative,
+                contraction_m: demand.accuracy.contraction_m,
+                tr_relative: demand.accuracy.tr_relative,
                 bytes: MAX_BYTES,
             },
             scene_hash: format!("{:08x}", metadata.scene_hash),
@@ -152,10 +158,10 @@ impl TableReport {
                  (of {passing} that meet the accuracy within {MAX_BYTES} bytes, of {} tried), and its certificate holds; \
                  were there none so fast, the smallest. All are fitted to the full tier: it is solved before the \
                  firmware is built, so a cheaper one would save the board nothing",
-                fit.candidates.len()
+                all.len()
             ),
-            candidates: fit.candidates.iter().map(CandidateReport::new).collect(),
-        }
+            candidates: all.into_iter().map(CandidateReport::new).collect(),
+        })
     }
 
     /// The same for people, in lines.
@@ -180,14 +186,12 @@ impl TableReport {
             e.tr_rms_relative * 1e2,
             self.accuracy.tr_relative * 1e2,
         ));
-        if let Some(rounding) = &self.rounding {
-            lines.push(format!(
-                "  of which rounding: arithmetic {:.0} nm and {:.1e} of TR, load and twist as f32 {:.0} nm",
-                rounding.arithmetic_m * 1e9,
-                rounding.tr_arithmetic_relative,
-                rounding.inputs_m * 1e9
-            ));
-        }
+        lines.push(format!(
+            "  of which rounding: arithmetic {:.0} nm and {:.1e} of TR, load and twist as f32 {:.0} nm",
+            self.rounding.arithmetic_m * 1e9,
+            self.rounding.tr_arithmetic_relative,
+            self.rounding.inputs_m * 1e9
+        ));
         lines.push(format!("  1/TR summed over the twist gives the contraction to {:.2} um", self.closure_m * 1e6));
         lines.push(format!("  gap falls with twist and rises with load everywhere: {}", self.monotone));
         lines.push(format!("why this one: {}", self.why));
@@ -213,14 +217,14 @@ impl TableReport {
 }
 
 impl CandidateReport {
-    fn new(c: &Candidate) -> Self {
+    fn new(c: Considered) -> Self {
         Self {
             tier: tsa_model::Tier::Full.name(),
-            form: c.table.numbers.kind(),
-            size: c.table.numbers.size(),
-            load_map: map_name(c.table.metadata.load_map),
-            bytes: c.table.numbers.form().bytes(),
-            instructions: c.instructions(),
+            form: c.form,
+            size: c.size,
+            load_map: map_name(c.load_map),
+            bytes: c.bytes,
+            instructions: c.instructions,
             errors: c.errors.into(),
             passes: c.passes,
         }

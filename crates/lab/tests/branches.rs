@@ -8,7 +8,7 @@ use tsa_model::{Mechanism, twist_from_turns};
 fn judged(mechanism: &Mechanism, method: &str, load_n: f64, turns: f64) -> Outcome {
     let method = methods().into_iter().find(|m| m.name == method).unwrap().method;
     let twist_rad = twist_from_turns(turns);
-    Outcome::judge(&truth(mechanism, load_n, twist_rad), &mechanism.solve_by(method, load_n, twist_rad))
+    Outcome::judge(&truth(mechanism, load_n, twist_rad), &method.solve(mechanism, load_n, twist_rad))
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! The rig's numbers. The build script writes them from the scene's `[rig]`; nothing here repeats one.
+//! The rig's numbers. They are generated from the scene's `[rig]`; nothing here repeats one.
 
 /// Constants of one rig.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,8 +26,25 @@ pub struct RigConstants {
     pub drive_number: u8,
     /// Least and greatest supply of the drive that is no fault (V).
     pub supply_limits_v: [f32; 2],
-    /// What the supply is divided by before the drive's analog input; `None` where it is not wired.
+    /// Ratio of the divider between the supply and the drive's analog input; `None` where it is not wired.
     pub supply_divider: Option<f32>,
+}
+
+/// Limits of the strings' twist.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TwistLimits {
+    /// Greatest speed (rad/s).
+    pub speed: f32,
+    /// Greatest acceleration (rad/s²).
+    pub acceleration: f32,
+}
+
+impl TwistLimits {
+    /// A share of both.
+    #[must_use]
+    pub fn share(self, share: f32) -> Self {
+        Self { speed: share * self.speed, acceleration: share * self.acceleration }
+    }
 }
 
 impl RigConstants {
@@ -46,9 +63,57 @@ impl RigConstants {
         self.motor_acceleration_max_rad_per_s2 / self.gear_ratio
     }
 
+    /// Greatest speed and acceleration of the strings' twist.
+    pub fn twist_limits(&self) -> TwistLimits {
+        TwistLimits { speed: self.twist_speed_max(), acceleration: self.twist_acceleration_max() }
+    }
+
+    /// Gap (m) at a mean ADC code of the LVDT.
+    pub fn lvdt_gap_m(&self, mean_code: f32) -> f32 {
+        self.lvdt_gap_at_code_zero_m + self.lvdt_metres_per_code * mean_code
+    }
+
     /// Motor shaft speed in rpm for a twist speed (rad/s), rounded up so that a limit never stops the motor short.
     pub fn motor_rpm(&self, twist_speed_rad_per_s: f32) -> i16 {
         const RPM: f32 = 60.0 / core::f32::consts::TAU;
         libm::ceilf(twist_speed_rad_per_s.abs() * self.gear_ratio * RPM).clamp(0.0, 32_767.0) as i16
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    /// A rig for tests.
+    pub(crate) const RIG: RigConstants = RigConstants {
+        gear_ratio: 62.0,
+        counts_per_rad: 40_416.0,
+        motor_speed_max_rad_per_s: 1047.0,
+        motor_acceleration_max_rad_per_s2: 12_000.0,
+        motor_torque_constant_nm_per_a: 0.0229,
+        current_limit_ma: 500,
+        lvdt_gap_at_code_zero_m: 0.01,
+        lvdt_metres_per_code: 5.372e-5,
+        drive_group: 0,
+        drive_number: 1,
+        supply_limits_v: [19.2, 28.8],
+        supply_divider: None,
+    };
+
+    #[test]
+    fn a_speed_limit_is_rounded_up_and_stays_within_the_drives_numbers() {
+        assert_eq!(RIG.motor_rpm(1.0), 593, "62 * 60 / tau is 592.06");
+        assert_eq!(RIG.motor_rpm(-1.0), RIG.motor_rpm(1.0));
+        assert_eq!((RIG.motor_rpm(0.0), RIG.motor_rpm(1e6)), (0, 32_767));
+    }
+
+    #[test]
+    fn limits_and_gap_follow_from_the_constants() {
+        let limits = RIG.twist_limits().share(0.5);
+        assert!((limits.speed - 0.5 * 1047.0 / 62.0).abs() < 1e-5);
+        assert!((limits.acceleration - 0.5 * 12_000.0 / 62.0).abs() < 1e-4);
+        assert!((RIG.lvdt_gap_m(1000.0) - 0.06372).abs() < 1e-7);
+        assert_eq!(RIG.twist_sign(), 1.0);
+        assert_eq!(RigConstants { counts_per_rad: -1.0, ..RIG }.twist_sign(), -1.0);
     }
 }

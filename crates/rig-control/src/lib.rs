@@ -1,36 +1,36 @@
-//! Everything that the firmware decides, as pure step functions: time, readings and requests come in as arguments,
-//! commands and events go out. The same code runs on the board and in desktop tests.
+//! All decisions of the firmware, as pure step functions: time, readings and requests come in as arguments, commands and
+//! events go out. The same code runs on the board and in desktop tests.
 //!
-//! - [`adaptation`]: slow drift of the strings.
-//! - [`constants`]: the rig's numbers, generated from the scene.
+//! A tick begins and ends in [`supervisor`]: [`supervisor::Rig::step`]. It uses, from the sensors to the motor:
+//! - [`constants`]: the rig's numbers, generated from the scene; [`settings`]: how settings correct them, and their record
+//!   in flash.
 //! - [`sensors`]: readings with their time and validity; raw codes to SI.
-//! - [`limits`]: what the motor allows of a move.
 //! - [`mechanism`]: the table, with this rig's own scale of the twist.
-//! - [`planner`]: acceleration- and jerk-limited motion.
-//! - [`observer`]: the load, from twist and gap.
-//! - [`position_loop`]: set-point and measured position to twist speed, through TR.
-//! - [`crossing`]: taking up the rail's friction before a move.
-//! - [`forecast`]: how long a move will take.
 //! - [`homing`]: zero twist without switches, then the load.
-//! - [`settings`]: what the rig is told for good: applied to its constants, and as bytes in flash.
-//! - [`supervisor`]: states, faults, requests; [`supervisor::Rig::step`] is one control tick.
+//! - [`observer`]: the load, from twist and gap; [`adaptation`]: slow drift of the strings.
+//! - [`move_check`]: whether a move is possible.
+//! - [`limits`]: what the motor allows of a move; [`planner`]: acceleration- and jerk-limited motion; [`time_to_target`].
+//! - [`position_loop`]: set-point and measured position to twist speed, through TR; [`friction_takeup`]: the rail's friction
+//!   before a move. Both work on a [`load_state`].
 
 #![no_std]
 #![forbid(unsafe_code)]
 
 pub mod adaptation;
 pub mod constants;
-pub mod crossing;
-pub mod forecast;
+pub mod friction_takeup;
 pub mod homing;
 pub mod limits;
+pub mod load_state;
 pub mod mechanism;
+pub mod move_check;
 pub mod observer;
 pub mod planner;
 pub mod position_loop;
 pub mod sensors;
 pub mod settings;
 pub mod supervisor;
+pub mod time_to_target;
 
 pub use constants::RigConstants;
 pub use rmds405::DriveCommand;
@@ -56,7 +56,7 @@ fn whole_counts(counts: f32) -> i64 {
     i64::from(counts as i32)
 }
 
-/// An angle (rad) of so many counts; it ends at 32 bits, thousands of turns.
+/// Angle (rad) of a count, saturating at 32 bits, which are thousands of turns.
 fn angle_rad(counts: i64, counts_per_rad: f32) -> f32 {
     counts.clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32 as f32 / counts_per_rad
 }

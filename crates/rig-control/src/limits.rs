@@ -1,15 +1,17 @@
-//! What a move may do: speed, acceleration and jerk of the load, as the motor's limits come out at a transmission ratio
-//! and a pull; and how long moves under them take.
+//! Limits of a move: speed, acceleration and jerk of the load that follow from the motor's limits at a transmission ratio
+//! and a pull; and how long moves within them take.
 //!
 //! Tension and strain need no limit of their own: a solve past either is refused, so no table covers it, and neither
 //! travel nor load leave the table.
 
 use crate::RigConstants;
-use rig_link::messages::Limit;
+use rig_link::messages::{Limit, Setting};
 
+/// Greatest speed that can be asked of the load (m/s); a setting may lower it.
+pub const SPEED_MAX_M_PER_S: f32 = Setting::SpeedMax.spec().range[1];
 /// Acceleration of the load (m/s²), unless the motor allows less.
 pub const LOAD_ACCELERATION: f32 = 0.02;
-/// Share of the motor's limits that is planned with; the rest is the loop's.
+/// Share of the motor's limits that moves are planned with; the rest is for the loop.
 pub const PLANNED_SHARE: f32 = 0.9;
 /// Least share of the motor's current that is taken to be left for accelerating.
 const LEAST_SPARE: f32 = 0.1;
@@ -17,37 +19,10 @@ const LEAST_SPARE: f32 = 0.1;
 /// Shortest time (s) in which the planner reaches its acceleration: one period of the load on its strings at the heavy,
 /// deeply twisted end (20 rad/s), so that a move does not set it swinging.
 pub const RISE_S: f32 = 0.3;
-/// Steps of the search for the peak speed of a move that is too short for its speed: to 2 % of that.
-const PEAK_STEPS: u8 = 5;
+/// Halvings of the search for the peak speed of a move that is too short for its speed: to a millionth of that speed.
+const PEAK_STEPS: u8 = 20;
 
-/// √x, 0 for what has none. Three of Heron's steps from an estimate that is at most 6 % off leave the last bit or two; with
-/// libm's root the worst tick took 1600 instructions more.
-pub(crate) fn root(x: f32) -> f32 {
-    if x.is_nan() || x <= f32::MIN_POSITIVE {
-        return 0.0;
-    }
-    let mut y = micromath::F32Ext::sqrt(x);
-    for _ in 0..3 {
-        y = 0.5 * (y + x / y);
-    }
-    y
-}
-
-/// ∛x of a positive x. A third of the bits, with two thirds of the exponent's bias put back, is at most 6 % off; three of
-/// Newton's steps leave the last bit or two. libm's works in f64, which this core does in software: 1600 instructions.
-fn cube_root(x: f32) -> f32 {
-    const BIAS: u32 = 127 << 23;
-    if x.is_nan() || x <= f32::MIN_POSITIVE {
-        return 0.0;
-    }
-    let mut y = f32::from_bits(x.to_bits() / 3 + BIAS / 3 * 2);
-    for _ in 0..3 {
-        y = (2.0 * y + x / (y * y)) / 3.0;
-    }
-    y
-}
-
-/// What a move may do.
+/// Limits of a move.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// Speed (m/s).
@@ -64,8 +39,8 @@ impl Limits {
         Self { speed, acceleration, jerk: acceleration / RISE_S }
     }
 
-    /// What the motor allows of a speed (m/s) that is asked for, at a transmission ratio (rad/m) and a pull (N); and what
-    /// of it holds the load back, if anything. A heavy load is not asked for a light load's speed.
+    /// Limits for a speed (m/s) that is asked for, at a transmission ratio (rad/m) and a pull (N), and which of the motor's
+    /// limits holds the load back, if any does.
     pub fn for_motor(asked: f32, tr_rad_per_m: f32, pull_n: f32, rig: &RigConstants) -> (Self, Option<Limit>) {
         // Torque = pull/TR; what is left of the current is for accelerating.
         let torque_per_a = rig.motor_torque_constant_nm_per_a * rig.gear_ratio;
@@ -91,7 +66,7 @@ impl Limits {
         let Self { acceleration, jerk, .. } = *self;
         let v = change.abs();
         if v * jerk < acceleration * acceleration {
-            2.0 * root(v / jerk)
+            2.0 * libm::sqrtf(v / jerk)
         } else {
             v / acceleration + acceleration / jerk
         }
@@ -106,12 +81,12 @@ impl Limits {
             return 2.0 * self.rise_s(speed) + at_speed / speed;
         }
         // Greatest speed v: v · rise(v) = distance.
-        let slow = cube_root(0.25 * distance * distance * jerk);
+        let slow = libm::cbrtf(0.25 * distance * distance * jerk);
         let peak = if slow * jerk < acceleration * acceleration {
             slow
         } else {
             let half = 0.5 * acceleration * acceleration / jerk;
-            root(half * half + acceleration * distance) - half
+            libm::sqrtf(half * half + acceleration * distance) - half
         };
         2.0 * self.rise_s(peak)
     }
@@ -121,48 +96,27 @@ impl Limits {
         0.5 * (self.rise_s(peak - from) * (peak + from) + self.rise_s(peak) * peak)
     }
 
-    /// Time (s) over a distance (m) that at this speed limit alone would take `cruise_s`, beginning at a speed (m/s) and
-    /// with these limits, ending at rest with `last`; where that has to be searched for, the search.
-    pub fn duration_from_s(&self, from: f32, distance_m: f32, cruise_s: f32, last: &Self) -> Result<f32, PeakSearch> {
-        // Forwards is where the target is, or where it has to turn back to.
+    /// Time (s) over a distance (m), beginning at a speed (m/s) and with these limits, ending at rest with the limits
+    /// `last`. `cruise_s` is the time that the whole distance takes at the speed limits along it.
+    pub fn duration_from_s(&self, from: f32, distance_m: f32, cruise_s: f32, last: &Self) -> f32 {
+        // Forwards is towards the target, or the other way where the load passes the target and has to turn back.
         let forwards = if self.by_way_of(from, from.max(0.0)) > distance_m { -1.0 } else { 1.0 };
         let (from, distance) = (forwards * from, forwards * distance_m);
         let way = |to: f32| 0.5 * self.rise_s(to - from) * (to + from);
         if way(self.speed) + 0.5 * last.speed * last.rise_s(last.speed) <= distance {
             let begin_s = self.rise_s(self.speed - from) - way(self.speed) / self.speed;
-            return Ok(cruise_s + begin_s + 0.5 * last.rise_s(last.speed));
+            return cruise_s + begin_s + 0.5 * last.rise_s(last.speed);
         }
         if from == 0.0 {
-            return Ok(self.duration_s(distance));
+            return self.duration_s(distance);
         }
-        Err(PeakSearch { from, distance, low: from.max(0.0), high: self.speed, left: PEAK_STEPS })
-    }
-}
-
-/// Search for the peak speed (m/s) of a move that is too short for its speed, a little each tick.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PeakSearch {
-    from: f32,
-    distance: f32,
-    low: f32,
-    high: f32,
-    left: u8,
-}
-
-impl PeakSearch {
-    /// One step; the move's time (s) when it is done.
-    pub fn step(&mut self, limits: &Limits) -> Option<f32> {
-        let middle = 0.5 * (self.low + self.high);
-        if self.left == 0 {
-            return Some(limits.rise_s(middle - self.from) + limits.rise_s(middle));
+        // Too short for its speed: the peak speed by halves.
+        let (mut low, mut high) = (from.max(0.0), self.speed);
+        for _ in 0..PEAK_STEPS {
+            let middle = 0.5 * (low + high);
+            if self.by_way_of(from, middle) > distance { high = middle } else { low = middle }
         }
-        if limits.by_way_of(self.from, middle) > self.distance {
-            self.high = middle
-        } else {
-            self.low = middle
-        }
-        self.left -= 1;
-        None
+        self.rise_s(low - from) + self.rise_s(low)
     }
 }
 
@@ -195,16 +149,5 @@ mod tests {
         // 0.6 N m is what half an ampere gives: 540 N at 1000 rad/m leaves a tenth.
         let (heavy, limit) = Limits::for_motor(0.002, 1000.0, 560.0, &rig);
         assert!(limit == Some(Limit::MotorCurrent) && (heavy.acceleration / 0.018 - 1.0).abs() < 1e-3, "{heavy:?}");
-    }
-
-    #[test]
-    fn roots_are_exact_to_the_last_bits() {
-        // Not in whole octaves, so that every part of one is met.
-        for k in 0..4000 {
-            let x = 10f32.powf(-20.0 + 0.01 * k as f32);
-            assert!((root(x) / x.sqrt() - 1.0).abs() < 3e-7, "{x}: {}", root(x));
-            assert!((cube_root(x) / x.cbrt() - 1.0).abs() < 3e-7, "{x}: {}", cube_root(x));
-        }
-        assert!([0.0, -1.0, f32::NAN, 1e-40].iter().all(|x| root(*x) == 0.0 && cube_root(*x) == 0.0));
     }
 }

@@ -1,15 +1,16 @@
 //! The load, from twist and gap (model.md section 4): rods and strings are the rig's own load cell.
 //!
-//! What they weigh is their pull S, which at rest is anywhere within the rail's friction f of the load: W − f ≤ S ≤ W + f.
-//! Which end of that band it is at is known while the load moves: S = W + f on the way up, W − f on the way down. So
+//! They measure their pull S, which at rest is anywhere within the rail's friction f of the load W: W − f ≤ S ≤ W + f.
+//! While the load moves, the pull is at one end of that band: S = W + f on the way up, W − f on the way down. So
 //! - a pull outside the band means another load, and the estimate follows at once;
-//! - a pull inside it tells of the load only as far as the load has travelled, and at rest nothing at all.
+//! - a pull inside it says something of the load only as far as the load has travelled, and at rest nothing.
 //!
 //! The estimate is a Newton step of the table's inverse each tick, damped. One lookup at the expected pull serves the
 //! estimate and TR alike.
 
 use crate::TICK_S;
 use crate::mechanism::Mechanism;
+use rig_link::messages::LoadChoice;
 use tsa_table::Point;
 
 /// How long the estimate takes to follow (s): longer than a swing of the load, shorter than a step of it matters.
@@ -27,23 +28,14 @@ const OUTSIDE_SHARE: f32 = 0.01;
 const PULL_S: f32 = 0.05;
 /// Load speed (m/s) above which inertia, damping and the readings' age count for more than the estimate's floor.
 const FAST_M_PER_S: f32 = 20e-3;
-/// Time without a contradiction (ticks) after which the estimate has settled.
-const BELIEVE_TICKS: u16 = 40;
+/// Time without a pull outside the friction band (ticks) after which the estimate has settled.
+const SETTLED_TICKS: u16 = 40;
 /// Share of the confirmed load that the estimate may leave it by: drift, warm-up and friction do no more.
 const CONFIRMED_SHARE: f32 = 0.1;
-/// How far apart (share of the load) a way up and a way down may find the load for both to be right.
+/// Greatest difference (share of the load) of a move up and a move down that confirm the load.
 const SAME_SHARE: f32 = 0.05;
 
-/// Where the load comes from.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum LoadSource {
-    /// From twist and gap.
-    Estimate,
-    /// Given by the operator (N).
-    Known(f32),
-}
-
-/// How far the estimate can be believed.
+/// How far the estimate can be relied on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Confidence {
     /// Within its floors.
@@ -52,10 +44,10 @@ pub enum Confidence {
     Light,
     /// Moving too fast for a static balance.
     Fast,
-    /// Twist and gap have just contradicted it: another load, or not settled yet.
+    /// The pull has just been outside the friction band: another load, or not settled yet.
     Changing,
     /// It has changed since it was last confirmed, by another load, by a string that slipped, or by a sensor that shifted:
-    /// gap and twist alone cannot tell which.
+    /// gap and twist alone cannot show which.
     Unconfirmed,
 }
 
@@ -69,24 +61,24 @@ pub struct LoadObserver {
     friction_n: f32,
     /// +1 after the load has moved up, −1 down.
     direction: f32,
-    /// The gap with noise taken out by play (m).
-    played_gap_m: Option<f32>,
-    /// Smoothed difference of pull and expected pull (N).
-    surprise_n: f32,
+    /// The gap, which follows measured ones only as far as they differ by more than noise (m).
+    noise_free_gap_m: Option<f32>,
+    /// Smoothed innovation: measured less expected pull (N).
+    innovation_n: f32,
     /// Smoothed speed of the gap (m/s).
     gap_speed_m_per_s: f32,
     quiet_ticks: u16,
     /// The load as it was last confirmed (N), if it was.
     confirmed_n: Option<f32>,
-    /// Nothing that moves show can confirm it: the sensor or the strings are far from what the table was made for.
+    /// Moves cannot confirm the load: the sensor or the strings are far from what the table was made for.
     distrusted: bool,
-    /// What the last move down and the last move up found (N), as far as they could tell.
-    found_n: [Option<f32>; 2],
+    /// Load at the end of the last move down and of the last move up (N), where it was the same all along the move.
+    way_load_n: [Option<f32>; 2],
     /// Where the load for TR comes from.
-    pub source: LoadSource,
+    pub source: LoadChoice,
 }
 
-/// What the observer says.
+/// Result of one tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Observation {
     /// Load (N): given, or estimated.
@@ -95,7 +87,7 @@ pub struct Observation {
     pub friction_n: f32,
     /// What the strings pull with now (N), smoothed.
     pub pull_n: f32,
-    /// The gap as the table would have it for that pull (m): measured, less the offset, smoothed.
+    /// The table's gap for that pull (m): measured, less the offset, smoothed.
     pub modelled_gap_m: f32,
     /// The table at this twist and the pull that is expected in the present direction.
     pub point: Point,
@@ -103,7 +95,7 @@ pub struct Observation {
     pub moved_m: f32,
     /// The estimate stands at the end of the table's range.
     pub at_range_end: bool,
-    /// Whether to believe it.
+    /// How far the estimate can be relied on.
     pub confidence: Confidence,
 }
 
@@ -115,14 +107,14 @@ impl LoadObserver {
             offset_m,
             friction_n,
             direction: -1.0,
-            played_gap_m: None,
-            surprise_n: 0.0,
+            noise_free_gap_m: None,
+            innovation_n: 0.0,
             gap_speed_m_per_s: 0.0,
-            quiet_ticks: BELIEVE_TICKS,
+            quiet_ticks: SETTLED_TICKS,
             confirmed_n: Some(load_n),
             distrusted: false,
-            found_n: [None; 2],
-            source: LoadSource::Estimate,
+            way_load_n: [None; 2],
+            source: LoadChoice::Auto,
         }
     }
 
@@ -131,17 +123,17 @@ impl LoadObserver {
         self.load_n
     }
 
-    /// Another scale of the twist explains `change_n` of the estimate (N).
+    /// Adds `change_n` (N), by which another scale of the twist changes the estimate.
     pub fn rescale(&mut self, change_n: f32) {
         self.load_n += change_n;
     }
 
-    /// A move is over along which the load weighed the same (`agrees`), or did not. A way up and a way down that find the
-    /// same load confirm it: friction that has changed makes them differ, and a shifted gap is another load at each twist.
+    /// Ends a move along which the load weighed the same (`agrees`) or did not. A move up and a move down with the same
+    /// load confirm it: friction that has changed makes them differ, and a shifted gap looks like another load at each twist.
     pub fn end_move(&mut self, agrees: bool) {
         let way = usize::from(self.direction > 0.0);
-        self.found_n[way] = agrees.then_some(self.load_n);
-        if let [Some(down_n), Some(up_n)] = self.found_n
+        self.way_load_n[way] = agrees.then_some(self.load_n);
+        if let [Some(down_n), Some(up_n)] = self.way_load_n
             && (up_n - down_n).abs() < SAME_SHARE * self.load_n
             && !self.distrusted
         {
@@ -149,37 +141,38 @@ impl LoadObserver {
         }
     }
 
-    /// Homing found numbers with which twist and gap weigh wrongly by more than a tenth of the load, and moves would agree.
+    /// Never confirms the load: with such results of a homing twist and gap weigh wrongly by more than a tenth of the load,
+    /// and moves would agree with each other all the same.
     pub fn distrust(&mut self) {
         (self.distrusted, self.confirmed_n) = (true, None);
     }
 
-    /// The strings have been where the table says nothing: what was known there of the load is not confirmed any more.
+    /// The strings are outside the table's twists: the load is not confirmed any more.
     pub fn lose(&mut self) {
         self.quiet_ticks = 0;
-        self.played_gap_m = None;
-        self.found_n = [None; 2];
+        self.noise_free_gap_m = None;
+        self.way_load_n = [None; 2];
         self.confirmed_n = None;
     }
 
     /// One tick: measured gap (m) and the twist (rad) at the time of that measurement; without a gap the estimate stays.
     pub fn step(&mut self, mechanism: &Mechanism<'_>, twist_rad: f32, gap_m: Option<f32>) -> Observation {
         let m = &mechanism.table.metadata;
-        // First, because it tells which end of the friction band the pull is expected at.
-        let moved_m = gap_m.map_or(0.0, |gap_m| self.play(gap_m));
+        // First, because it decides at which end of the friction band the pull is expected.
+        let moved_m = gap_m.map_or(0.0, |gap_m| self.track_gap(gap_m));
         let expected_n = self.load_n + self.direction * self.friction_n;
-        let seen = mechanism.at(expected_n, twist_rad);
+        let point = mechanism.at(expected_n, twist_rad);
         let mut at_range_end = false;
         if let Some(gap_m) = gap_m {
-            let surprise_n = (gap_m - self.offset_m - seen.gap_m) / seen.dgap_dload_m_per_n;
-            if surprise_n.is_finite() {
-                self.surprise_n += TICK_S / PULL_S * (surprise_n - self.surprise_n);
-                let load_n = self.load_n + self.correction(surprise_n, moved_m, &seen);
+            let innovation_n = (gap_m - self.offset_m - point.gap_m) / point.dgap_dload_m_per_n;
+            if innovation_n.is_finite() {
+                self.innovation_n += TICK_S / PULL_S * (innovation_n - self.innovation_n);
+                let load_n = self.load_n + self.correction(innovation_n, moved_m, &point);
                 self.load_n = load_n.clamp(m.load_min_n, m.load_max_n);
                 at_range_end = load_n != self.load_n;
             }
         }
-        let confidence = if self.quiet_ticks < BELIEVE_TICKS {
+        let confidence = if self.quiet_ticks < SETTLED_TICKS {
             Confidence::Changing
         } else if self.gap_speed_m_per_s.abs() > FAST_M_PER_S {
             Confidence::Fast
@@ -190,11 +183,11 @@ impl LoadObserver {
         } else {
             Confidence::Sure
         };
-        let pull_n = expected_n + self.surprise_n;
-        let modelled_gap_m = seen.gap_m + self.surprise_n * seen.dgap_dload_m_per_n;
+        let pull_n = expected_n + self.innovation_n;
+        let modelled_gap_m = point.gap_m + self.innovation_n * point.dgap_dload_m_per_n;
         let (load_n, point) = match self.source {
-            LoadSource::Estimate => (self.load_n, seen),
-            LoadSource::Known(given_n) => {
+            LoadChoice::Auto => (self.load_n, point),
+            LoadChoice::Known(given_n) => {
                 let load_n = given_n.clamp(m.load_min_n, m.load_max_n);
                 (load_n, mechanism.at(load_n + self.direction * self.friction_n, twist_rad))
             }
@@ -212,36 +205,36 @@ impl LoadObserver {
     }
 
     /// How far the load has moved beyond noise (m); sets direction.
-    fn play(&mut self, gap_m: f32) -> f32 {
-        let before = self.played_gap_m.unwrap_or(gap_m);
+    fn track_gap(&mut self, gap_m: f32) -> f32 {
+        let before = self.noise_free_gap_m.unwrap_or(gap_m);
         let after = before.clamp(gap_m - MOTION_M, gap_m + MOTION_M);
-        self.played_gap_m = Some(after);
+        self.noise_free_gap_m = Some(after);
         let moved_m = after - before;
         self.gap_speed_m_per_s += TICK_S / PULL_S * (moved_m / TICK_S - self.gap_speed_m_per_s);
         if moved_m != 0.0 {
             let direction = -libm::copysignf(1.0, moved_m);
             if direction != self.direction {
                 // The same pull is now expected at the other end of the band.
-                self.surprise_n -= 2.0 * direction * self.friction_n;
+                self.innovation_n -= 2.0 * direction * self.friction_n;
                 self.direction = direction;
             }
         }
         moved_m.abs()
     }
 
-    /// Change of the estimate (N) for a pull that differs from the expected one by `surprise_n`.
-    fn correction(&mut self, surprise_n: f32, moved_m: f32, seen: &Point) -> f32 {
-        let outside_n = OUTSIDE_M / seen.dgap_dload_m_per_n + OUTSIDE_SHARE * self.load_n;
+    /// Change of the estimate (N) for a pull that differs from the expected one by `innovation_n`.
+    fn correction(&mut self, innovation_n: f32, moved_m: f32, point: &Point) -> f32 {
+        let outside_n = OUTSIDE_M / point.dgap_dload_m_per_n + OUTSIDE_SHARE * self.load_n;
         // Where the pull may be, relative to its end of the band.
         let (far, near) = (-2.0 * self.friction_n * self.direction, 0.0f32);
-        let beyond = surprise_n - surprise_n.clamp(far.min(near), far.max(near));
+        let beyond = innovation_n - innovation_n.clamp(far.min(near), far.max(near));
         let follow = TICK_S / TIME_CONSTANT_S;
-        let mut step = surprise_n * follow.min(moved_m / TRAVEL_M);
+        let mut step = innovation_n * follow.min(moved_m / TRAVEL_M);
         if beyond.abs() > outside_n {
-            step = if moved_m == 0.0 { beyond * follow } else { surprise_n * follow };
+            step = if moved_m == 0.0 { beyond * follow } else { innovation_n * follow };
             self.quiet_ticks = 0;
-            // What was found before belongs to another load, or to another gap.
-            self.found_n = [None; 2];
+            // Earlier moves belong to another load, or to another gap.
+            self.way_load_n = [None; 2];
         } else {
             self.quiet_ticks = self.quiet_ticks.saturating_add(1);
         }

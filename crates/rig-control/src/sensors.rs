@@ -33,19 +33,18 @@ impl LvdtBlock {
         Some(Self { t_us, mean_code: sum as f32 / n, variance: spread as f32 / (n * n) })
     }
 
-    /// Rms noise of one sample (codes). Its use is a health limit a factor wide, so micromath's bit-trick square root
-    /// (6 % off at worst) is good enough here; nothing in the position path uses it.
-    pub fn noise_codes(&self) -> f32 {
-        micromath::F32Ext::sqrt(self.variance)
+    /// Whether the rms noise of its samples is above a limit (codes).
+    pub fn is_noisier_than(&self, limit_codes: f32) -> bool {
+        self.variance > limit_codes * limit_codes
     }
 }
 
-/// What is known of the gap.
+/// The LVDT's reading.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LvdtReading {
     /// No block yet.
     NotYet,
-    /// Gap between the clamps as the LVDT sees it.
+    /// Gap between the clamps by the LVDT.
     Valid {
         /// When (µs since boot).
         t_us: u64,
@@ -72,13 +71,13 @@ const OPEN_BELOW: f32 = 41.0;
 const SHORT_ABOVE: f32 = 4054.0;
 /// Rms noise (codes) above which the signal is not trusted: 0.8 mm, 15 times a healthy one.
 const NOISE_LIMIT: f32 = 15.0;
-/// Blocks without any noise after which the signal is taken for frozen: 0.3 s, as each tick looks at one.
+/// Blocks without any noise after which the signal is taken for frozen: 0.3 s, as each tick reads one.
 const FROZEN_BLOCKS: u32 = 30;
 /// Age (µs) at which blocks are taken to have stopped: eight block times.
 const STALLED_US: u64 = 50_000;
 
-/// How much older than its block's end the mean of an LVDT block is (s): half the block (256 samples in 6 ms) and the
-/// sensor's own first-order delay at 200 Hz (hardware.md 6.4, assumed).
+/// Age of a block's mean at the end of the block (s): half the block (256 samples in 6 ms) and the sensor's own first-order
+/// delay at 200 Hz (hardware.md 6.4, assumed).
 pub const GAP_DELAY_S: f32 = 3.8e-3;
 
 /// Watches the LVDT's health and converts its codes.
@@ -95,7 +94,7 @@ impl Default for Lvdt {
 }
 
 impl Lvdt {
-    /// Nothing seen yet.
+    /// Before the first block.
     pub const fn new() -> Self {
         Self { frozen_blocks: 0, last_t_us: 0 }
     }
@@ -121,13 +120,12 @@ impl Lvdt {
             LvdtReading::Invalid(Fault::LvdtOpen)
         } else if block.mean_code > SHORT_ABOVE {
             LvdtReading::Invalid(Fault::LvdtShort)
-        } else if block.noise_codes() > NOISE_LIMIT {
+        } else if block.is_noisier_than(NOISE_LIMIT) {
             LvdtReading::Invalid(Fault::LvdtNoisy)
         } else if self.frozen_blocks >= FROZEN_BLOCKS {
             LvdtReading::Invalid(Fault::LvdtFrozen)
         } else {
-            let gap_m = rig.lvdt_gap_at_code_zero_m + rig.lvdt_metres_per_code * block.mean_code;
-            LvdtReading::Valid { t_us: block.t_us, gap_m }
+            LvdtReading::Valid { t_us: block.t_us, gap_m: rig.lvdt_gap_m(block.mean_code) }
         }
     }
 }
@@ -156,21 +154,7 @@ impl EncoderCount {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    const RIG: RigConstants = RigConstants {
-        gear_ratio: 62.0,
-        counts_per_rad: 40_416.0,
-        motor_speed_max_rad_per_s: 1047.0,
-        motor_acceleration_max_rad_per_s2: 12_000.0,
-        motor_torque_constant_nm_per_a: 0.0229,
-        current_limit_ma: 500,
-        lvdt_gap_at_code_zero_m: 0.0,
-        lvdt_metres_per_code: 5.372e-5,
-        drive_group: 0,
-        drive_number: 1,
-        supply_limits_v: [19.2, 28.8],
-        supply_divider: None,
-    };
+    use crate::constants::tests::RIG;
 
     fn block(t_us: u64, mean_code: f32, variance: f32) -> Option<LvdtBlock> {
         Some(LvdtBlock { t_us, mean_code, variance })
@@ -196,7 +180,7 @@ mod tests {
         assert_eq!(read(2000.0, f32::INFINITY), LvdtReading::Invalid(Fault::NotFinite));
         assert!(matches!(read(2000.0, 150.0), LvdtReading::Valid { .. }));
         let LvdtReading::Valid { gap_m, .. } = read(2000.0, 1.0) else { panic!() };
-        assert!((gap_m - 2000.0 * 5.372e-5).abs() < 1e-9);
+        assert!((gap_m - RIG.lvdt_gap_m(2000.0)).abs() < 1e-9);
     }
 
     #[test]

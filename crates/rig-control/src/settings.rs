@@ -1,13 +1,14 @@
-//! What the rig is told for good ([`Setting`]): what it makes of the scene's constants, and how it stands in flash.
+//! The persistent settings ([`Setting`]): how they correct the scene's constants, and their record in flash.
 //!
 //! ```text
 //! settings:  version 1 | generation u32 LE | basis u32 LE | for each: code u8, value f32 LE
 //! witness:   generation u32 LE
 //! ```
-//! The store checks every record and leaves a damaged one out, so that an older one of the same key comes to light, or
-//! none: calibration numbers that were once right. The witness, written after the settings, tells: it never is the newer
-//! one of the two unless the settings are damaged. The basis tells of other constants of the rig, which the settings do not
-//! correct. A setting that a record does not have keeps its default, and one that is not known here is passed over.
+//! The store checks every record and skips a damaged one, so that it then returns an older record of the same key, with
+//! calibration numbers that are out of date, or none. The witness shows this: it is written after the settings, so it is
+//! the newer one of the two only if the settings are damaged. The basis is a hash of the constants that the settings
+//! correct, and shows a record that was made for others. A setting that a record does not have keeps its default, and an
+//! unknown one is ignored.
 
 use crate::RigConstants;
 use rig_link::messages::{Kept, Setting, SettingValues};
@@ -16,12 +17,12 @@ use rig_link::messages::{Kept, Setting, SettingValues};
 const VERSION: u8 = 1;
 const HEAD: usize = 9;
 const ENTRY: usize = 5;
-/// Longest record that is understood (bytes): another firmware's may have more settings than ours.
+/// Longest record that is read (bytes): another firmware's may have more settings than ours.
 pub const RECORD_MAX: usize = HEAD + 50 * ENTRY;
 /// Bytes of our own record.
 pub const RECORD: usize = HEAD + Setting::ALL.len() * ENTRY;
 
-/// What is used where nobody has set anything.
+/// The values in use where nobody has set anything.
 pub fn defaults(rig: &RigConstants) -> SettingValues {
     let current_limit_a = 1e-3 * f32::from(rig.current_limit_ma);
     let mut values = SettingValues([0.0; Setting::ALL.len()]);
@@ -46,7 +47,7 @@ pub fn apply(values: &SettingValues, rig: &RigConstants) -> RigConstants {
     }
 }
 
-/// Of the constants that the settings correct or are bounded by (FNV-1a): kept for others they would mean another thing.
+/// Hash (FNV-1a) of the constants that the settings correct or are bounded by: with others they would mean something else.
 fn basis(rig: &RigConstants) -> u32 {
     let RigConstants { gear_ratio, counts_per_rad, lvdt_gap_at_code_zero_m, lvdt_metres_per_code, .. } = *rig;
     [gear_ratio, counts_per_rad, lvdt_gap_at_code_zero_m, lvdt_metres_per_code, f32::from(rig.current_limit_ma)]
@@ -55,10 +56,10 @@ fn basis(rig: &RigConstants) -> u32 {
         .fold(0x811c_9dc5, |hash, byte| (hash ^ u32::from(byte)).wrapping_mul(0x0100_0193))
 }
 
-/// What flash had.
+/// The settings that flash had.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Loaded {
-    /// To be used.
+    /// Values to use.
     pub values: SettingValues,
     /// [`Kept::Nothing`], [`Kept::These`] or [`Kept::Damaged`].
     pub kept: Kept,
@@ -68,7 +69,7 @@ pub struct Loaded {
     pub witness_behind: bool,
 }
 
-/// The record for these values (for a rig with these constants) and this generation.
+/// The record of values, for a rig with these constants, in a generation.
 pub fn write(values: &SettingValues, rig: &RigConstants, generation: u32) -> [u8; RECORD] {
     let mut record = [0; RECORD];
     let (head, entries) = record.split_at_mut(HEAD);
@@ -82,7 +83,7 @@ pub fn write(values: &SettingValues, rig: &RigConstants, generation: u32) -> [u8
     record
 }
 
-/// The witness of a generation.
+/// The record of a witness.
 pub fn write_witness(generation: u32) -> [u8; 4] {
     generation.to_le_bytes()
 }
@@ -91,7 +92,7 @@ fn number(bytes: &[u8]) -> Option<u32> {
     bytes.try_into().ok().map(u32::from_le_bytes)
 }
 
-/// Generation and values of a record; `None` if it is none of ours, or any value of it is not allowed.
+/// Generation and values of a record; `None` if it is not one of ours, or if any of its values is not allowed.
 fn parse(record: &[u8], rig: &RigConstants) -> Option<(u32, SettingValues)> {
     let (head, entries) = record.split_at_checked(HEAD)?;
     if head[0] != VERSION || number(&head[5..])? != basis(rig) || !entries.len().is_multiple_of(ENTRY) {
@@ -108,7 +109,7 @@ fn parse(record: &[u8], rig: &RigConstants) -> Option<(u32, SettingValues)> {
     Some((number(&head[1..5])?, values))
 }
 
-/// Makes of both records what is to be used on a rig with these constants. `None` is one that is not there, or damaged.
+/// The settings to use on a rig with these constants, from both records. `None` is a record that is missing or damaged.
 pub fn read(record: Option<&[u8]>, witness: Option<&[u8]>, rig: &RigConstants) -> Loaded {
     let witness = witness.and_then(number);
     let newest = witness.unwrap_or(0);
@@ -117,7 +118,7 @@ pub fn read(record: Option<&[u8]>, witness: Option<&[u8]>, rig: &RigConstants) -
         (Some(Some((generation, values))), _) if generation >= newest => {
             Loaded { values, kept: Kept::These, generation, witness_behind: witness != Some(generation) }
         }
-        // An older one came to light, or none, or one that is not for this rig.
+        // An older record, none, or one that is not for this rig.
         (record, _) => {
             let found = record.flatten().map_or(0, |(generation, _)| generation);
             let generation = newest.max(found);
@@ -130,23 +131,9 @@ pub fn read(record: Option<&[u8]>, witness: Option<&[u8]>, rig: &RigConstants) -
 mod tests {
     extern crate std;
     use super::*;
+    use crate::constants::tests::RIG;
     use proptest::prelude::*;
     use std::vec::Vec;
-
-    const RIG: RigConstants = RigConstants {
-        gear_ratio: 62.0,
-        counts_per_rad: 40_416.0,
-        motor_speed_max_rad_per_s: 1047.0,
-        motor_acceleration_max_rad_per_s2: 12_000.0,
-        motor_torque_constant_nm_per_a: 0.0229,
-        current_limit_ma: 500,
-        lvdt_gap_at_code_zero_m: 0.01,
-        lvdt_metres_per_code: 5.372e-5,
-        drive_group: 0,
-        drive_number: 1,
-        supply_limits_v: [19.2, 28.8],
-        supply_divider: None,
-    };
 
     /// Values that are allowed.
     fn values() -> impl Strategy<Value = SettingValues> {
@@ -179,7 +166,7 @@ mod tests {
             prop_assert_eq!(loaded.kept == Kept::Nothing, record.is_none() && witness.is_none_or(|w| w.len() != 4));
         }
 
-        /// Should damage ever come past the store's checksum, what is used is still allowed, and applied without a nonsense.
+        /// Damage that passes the store's checksum still gives allowed values.
         #[test]
         fn a_changed_byte_gives_allowed_values(values in values(), place: prop::sample::Index, change in 1..=255u8) {
             let mut record = write(&values, &RIG, 7).to_vec();

@@ -1,11 +1,11 @@
-//! The codes that messages carry, each with the name that people and logs see. Part of the table of
+//! The named codes in messages, each with the name that people and logs see. They are a part of the table of
 //! [`crate::messages`].
 
-use crate::named_codes;
+use crate::names::named_codes;
 
 named_codes! {
-    /// What a rig is told for good. Each has its unit, default and range in [`crate::settings`]. The numbers are for good:
-    /// boards keep their settings by them.
+    /// A setting of the board, kept in flash. Its unit, default and range are in [`crate::board_settings`]. The numbers never
+    /// change: flash holds the settings by them.
     pub enum Setting {
         /// Gap where the scene's LVDT numbers say 0 (m).
         LvdtOffset = 0, "lvdt-offset";
@@ -13,15 +13,15 @@ named_codes! {
         LvdtGain = 1, "lvdt-gain";
         /// Position that is called 0, from where the load hangs at the half-turn pre-twist (m).
         PositionZero = 2, "position-zero";
-        /// Which way the strings are twisted: +1 as the encoder counts, -1 the other way.
+        /// Direction in which the strings are twisted: +1 as the encoder counts, -1 the opposite.
         TwistSign = 3, "twist-sign";
         /// True gear ratio over the scene's.
         GearScale = 4, "gear-scale";
-        /// Greatest speed that may be asked of the load (m/s).
+        /// Greatest speed of the load in a move (m/s).
         SpeedMax = 5, "speed-max";
         /// Current limit sent with every command to the drive (A).
         CurrentLimit = 6, "current-limit";
-        /// Scale of the twist that homing expects of these strings.
+        /// Scale of the twist that homing assumes for these strings.
         TwistScale = 7, "twist-scale";
     }
 }
@@ -29,11 +29,11 @@ named_codes! {
 named_codes! {
     /// What flash holds of the settings.
     pub enum Kept {
-        /// Nothing: these are the defaults, or were set and could not be kept.
+        /// Nothing: these are the defaults, or were set and could not be written.
         Nothing = 0, "not kept";
         /// These values.
         These = 1, "kept";
-        /// Others: these are about to be written.
+        /// Other values: these are about to be written.
         Others = 2, "being written";
         /// A damaged record, or one for other constants of the rig. These are the defaults.
         Damaged = 3, "damaged";
@@ -41,13 +41,13 @@ named_codes! {
 }
 
 named_codes! {
-    /// How a request was taken.
+    /// How a request was accepted.
     pub enum Accepted {
         /// It took effect at once.
         Done = 0, "done";
-        /// It has begun; an event tells how it ended.
+        /// It has begun; an event reports its end.
         Started = 1, "started";
-        /// It has begun, and the position is not known any more: home again.
+        /// It has begun, and the position is no longer known: home again.
         Unhomed = 2, "unhomed";
     }
 }
@@ -88,15 +88,15 @@ named_codes! {
         Lvdt = 0, "LVDT";
         /// The rig's own encoder.
         Encoder = 1, "encoder";
-        /// What the drive reports of its motor.
+        /// The drive's own measurements of its motor.
         Drive = 2, "drive";
     }
 }
 
 named_codes! {
-    /// What the rig is doing.
+    /// State of the rig.
     pub enum State {
-        /// Starting; drive and sensors not yet heard.
+        /// Starting; no reading of drive and sensors yet.
         Boot = 0, "boot";
         /// Ready to home; the twist is not known.
         Unhomed = 1, "unhomed";
@@ -104,7 +104,7 @@ named_codes! {
         Homing = 2, "homing";
         /// Homed, at rest.
         Ready = 3, "ready";
-        /// On the way to a target or jogging.
+        /// Moving to a target, or jogging.
         Moving = 4, "moving";
         /// Holding a position in closed loop.
         Holding = 5, "holding";
@@ -116,14 +116,14 @@ named_codes! {
 }
 
 named_codes! {
-    /// What stopped the rig. Latched until cleared; `docs/faults.md` has an entry for each. The numbers are for good: never
-    /// reuse one (24 was taken).
+    /// A fault, which stops the rig. It is latched until cleared; `docs/faults.md` has an entry for each. The numbers never
+    /// change and are never reused (24 was in use once).
     pub enum Fault {
         /// No heartbeat from the host during a motion.
         HostSilent = 1, "host-silent";
-        /// Control ticks came late or were left out.
+        /// Control ticks came late or were missed.
         TickLate = 2, "tick-late";
-        /// The last boot was the watchdog's doing.
+        /// The last reset was the watchdog's.
         WatchdogReset = 3, "watchdog-reset";
         /// The board was reset while the strings may have been twisted.
         UnexpectedReset = 4, "unexpected-reset";
@@ -133,13 +133,13 @@ named_codes! {
         CanBusOff = 6, "can-bus-off";
         /// The drive reports a stall.
         DriveStall = 7, "drive-stall";
-        /// The drive restarted by itself: un-moded, its position is 0 again.
+        /// The drive restarted by itself: it has no mode, and its position is 0 again.
         DriveReset = 8, "drive-reset";
-        /// The motor is told to turn and the encoder does not count.
+        /// The motor is commanded to turn and the encoder does not count.
         EncoderStuck = 9, "encoder-stuck";
         /// The encoder counted more than the motor can turn.
         EncoderJump = 10, "encoder-jump";
-        /// Encoder and drive tell different positions.
+        /// Encoder and drive report different positions.
         EncoderDisagrees = 11, "encoder-disagrees";
         /// LVDT signal at the rail of a broken wire.
         LvdtOpen = 12, "lvdt-open";
@@ -161,7 +161,7 @@ named_codes! {
         TableCorrupt = 20, "table-corrupt";
         /// A computed value is infinite or not a number.
         NotFinite = 21, "not-finite";
-        /// What is kept in flash is damaged, or for another rig.
+        /// The settings in flash are damaged, or those of another rig.
         SettingsCorrupt = 22, "settings-corrupt";
         /// A limit switch opened.
         LimitSwitch = 23, "limit-switch";
@@ -171,27 +171,27 @@ named_codes! {
         DriveStartUp = 26, "drive-start-up";
         /// Supply voltage of the drive outside its limits.
         Supply = 27, "supply";
-        /// Twist outside the range that the strings stand.
+        /// Twist outside the range that the strings withstand.
         TwistRange = 28, "twist-range";
         /// The estimated load left the range of the table.
         LoadRange = 29, "load-range";
-        /// The shaft turns although the drive is told to hold it.
+        /// The shaft turns although the drive is commanded to hold it.
         NotHeld = 30, "not-held";
-        /// The LVDT stepped as no load can: it, its core or its conditioner has shifted.
+        /// The LVDT's reading stepped as no load can make it: the sensor, its core or its conditioner has shifted.
         LvdtJump = 31, "lvdt-jump";
     }
 }
 
 named_codes! {
-    /// What holds the rig back without stopping it.
+    /// A limit on the motion that does not stop the rig.
     pub enum Limit {
         /// The motor is at its greatest speed.
         MotorSpeed = 1, "motor-speed";
         /// The motor is at its greatest current.
         MotorCurrent = 2, "motor-current";
-        /// The set-point stands at the end of the travel.
+        /// The set-point is at the end of the travel.
         Travel = 3, "travel";
-        /// The load estimate stands at the end of the table's range.
+        /// The load estimate is at the end of the table's range.
         LoadRange = 4, "load-range";
         /// The motor is at its greatest acceleration.
         MotorAcceleration = 5, "motor-acceleration";
@@ -201,11 +201,11 @@ named_codes! {
 }
 
 named_codes! {
-    /// Why homing did not come to an end.
+    /// Why homing failed.
     pub enum HomingFailure {
         /// It took longer than allowed.
         TimeOut = 0, "time-out";
-        /// The gap did not change as twisted strings would make it.
+        /// The gap did not change as twisted strings change it.
         NoPretwist = 1, "no-pretwist";
         /// Twist and gap fit no load in the table's range.
         LoadOutOfRange = 2, "load-out-of-range";
@@ -213,13 +213,13 @@ named_codes! {
         PoorFit = 3, "poor-fit";
         /// A sensor gave no valid reading.
         SensorInvalid = 4, "sensor-invalid";
-        /// The motor did not move as told.
+        /// The motor did not move as commanded.
         DriveFailed = 5, "drive-failed";
         /// Stopped by the operator.
         Stopped = 6, "stopped";
-        /// The end of the sensor's or the string's travel came first.
+        /// The end of the sensor's or the string's travel was reached first.
         TravelEnd = 7, "travel-end";
-        /// The gap shifted on the way: a string slipped, the load was changed, or the LVDT moved.
+        /// The gap shifted during homing: a string slipped, the load was changed, or the LVDT moved.
         Shifted = 8, "shifted";
     }
 }
@@ -229,13 +229,13 @@ named_codes! {
     pub enum TableRefusal {
         /// A constant is not finite, of the wrong sign, or does not fit the others.
         Constants = 0, "constants";
-        /// The table in use is of a form that cannot be made again.
+        /// The table in use is of a form that cannot be made on the board.
         Form = 1, "form";
-        /// The envelope reaches past a limit of the model.
+        /// The envelope exceeds a limit of the model.
         Model = 2, "model-limit";
         /// The fit is not determined.
         Fit = 3, "fit";
-        /// It misses the scene's accuracy.
+        /// The table does not reach the scene's accuracy.
         Accuracy = 4, "accuracy";
         /// The gap is not monotone.
         NotMonotone = 5, "not-monotone";
@@ -245,11 +245,11 @@ named_codes! {
 }
 
 named_codes! {
-    /// What the board's core and buses run on.
+    /// Source of the clock of the board's core and buses.
     pub enum Clock {
         /// 8 MHz from the ST-LINK.
         Hse = 0, "hse";
-        /// The chip's own oscillator, 1 % at best: the other is missing.
+        /// The chip's own oscillator, accurate to 1 % at best: the 8 MHz are missing.
         Hsi = 1, "hsi";
     }
 }

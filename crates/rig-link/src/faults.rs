@@ -2,10 +2,11 @@
 
 use crate::codes::Fault;
 use core::fmt;
+use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 /// A set of faults, one bit for each code.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Faults(u32);
 
@@ -13,7 +14,7 @@ impl Faults {
     /// No fault.
     pub const NONE: Self = Self(0);
 
-    /// Of these.
+    /// The set of these.
     pub const fn of(faults: &[Fault]) -> Self {
         let mut set = Self::NONE;
         let mut i = 0;
@@ -24,52 +25,52 @@ impl Faults {
         set
     }
 
-    /// With one more.
+    /// This set with one more.
     #[must_use]
     pub const fn with(self, fault: Fault) -> Self {
         Self(self.0 | 1 << fault.code())
     }
 
-    /// All of both.
+    /// The union of two sets.
     #[must_use]
     pub const fn and(self, other: Self) -> Self {
         Self(self.0 | other.0)
     }
 
-    /// Those that are not in `other`.
+    /// The faults that are not in `other`.
     #[must_use]
     pub const fn without(self, other: Self) -> Self {
         Self(self.0 & !other.0)
     }
 
-    /// Adds one.
+    /// Adds a fault.
     pub fn insert(&mut self, fault: Fault) {
         *self = self.with(fault);
     }
 
-    /// Whether it is among them.
+    /// Whether the set contains a fault.
     pub const fn contains(self, fault: Fault) -> bool {
         self.0 & 1 << fault.code() != 0
     }
 
-    /// Whether the two have one in common.
+    /// Whether two sets have a fault in common.
     pub const fn meets(self, other: Self) -> bool {
         self.0 & other.0 != 0
     }
 
-    /// Whether there is none.
+    /// Whether the set is empty.
     pub const fn is_empty(self) -> bool {
         self.0 == 0
     }
 
-    /// Each of them, in the order of [`Fault::ALL`].
+    /// The faults in the order of [`Fault::ALL`].
     pub fn iter(self) -> impl Iterator<Item = Fault> {
         Fault::ALL.iter().copied().filter(move |fault| self.contains(*fault))
     }
 }
 
 impl fmt::Display for Faults {
-    /// Names with blanks between them.
+    /// The names, separated by blanks.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (k, fault) in self.iter().enumerate() {
             write!(f, "{}{fault}", if k > 0 { " " } else { "" })?;

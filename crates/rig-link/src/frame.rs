@@ -3,14 +3,15 @@
 //! ```text
 //! 0x00 | COBS( sequence number u16 LE | postcard body | CRC-32 LE of both ) | 0x00
 //! ```
-//! COBS keeps 0x00 out of the frame, so a delimiter always means a frame's edge. The leading one ends whatever noise
-//! came before, so a good frame survives any noise in front of it.
+//! COBS removes 0x00 from the frame, so a delimiter is always the edge of a frame. The leading one ends any noise before
+//! the frame, so a good frame survives noise in front of it. This framing is fixed for ever ([`crate::versions`]).
 
 use core::marker::PhantomData;
 use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 use serde::{Serialize, de::DeserializeOwned};
 
-/// Longest frame on the wire, both delimiters included (bytes). The longest message (`Identity`, full of text) needs 242.
+/// Longest frame on the wire, both delimiters included (bytes). The longest message (`Identity` with all texts at their
+/// greatest length) needs 242.
 pub const MAX_FRAME: usize = 256;
 
 /// One frame stays under the 254 bytes after which COBS would insert a second overhead byte.
@@ -19,7 +20,7 @@ const MAX_CONTENT: usize = MAX_FRAME - 3;
 const SEQUENCE_BYTES: usize = 2;
 const CRC_BYTES: usize = 4;
 
-/// The frames are short and slow: a table of 1 KiB would buy nothing on the board.
+/// The frames are short and slow: a table of 1 KiB would gain nothing on the board.
 const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
 
 /// Why a message did not become a frame.

@@ -2,13 +2,12 @@
 
 /// Declares an enum with, for each variant, a stable number and the name that tools and documents use.
 ///
-/// Gives `ALL`, `code()`, `name()`, `from_code()`, `from_name()`, `Display` and, as the link needs them, the serde and
-/// (with the feature) defmt derives.
-#[macro_export]
+/// It has `ALL`, `code()`, `name()`, `from_code()`, `from_name()`, `Display`, and the derives that the link needs: serde,
+/// the schema and (with the feature) defmt.
 macro_rules! named_codes {
     ($(#[$doc:meta])* pub enum $name:ident { $($(#[$variant_doc:meta])* $variant:ident = $code:literal, $text:literal;)+ }) => {
         $(#[$doc])*
-        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize, postcard_schema::Schema)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         #[repr(u8)]
         pub enum $name {
@@ -52,3 +51,5 @@ macro_rules! named_codes {
         }
     };
 }
+
+pub(crate) use named_codes;

@@ -1,7 +1,7 @@
-//! Which of the host's requests are new. A serial line with a buffer on its way (a hub, a bridge, a radio) may give old
-//! bytes once more; a `move` of a minute ago must not be carried out again.
+//! Which of the host's requests are new. A serial line with a buffer on its way (a hub, a bridge, a radio) may deliver old
+//! bytes again; a `move` of a minute ago must not be carried out a second time.
 
-/// How far behind the newest number (in messages) a frame counts as an old one. Numbers come round after 65 536.
+/// How far behind the newest number (in messages) a frame counts as an old one. Numbers wrap after 65 536.
 const BEHIND: u16 = 1 << 15;
 
 /// The newest number of a host.
@@ -9,17 +9,17 @@ const BEHIND: u16 = 1 << 15;
 pub struct Newest(Option<u16>);
 
 impl Newest {
-    /// Nothing heard yet.
+    /// No number yet.
     pub const fn new() -> Self {
         Self(None)
     }
 
-    /// A host begins to speak with this number, whatever came before.
+    /// A host begins with this number, whatever came before.
     pub fn begin(&mut self, sequence: u16) {
         self.0 = Some(sequence);
     }
 
-    /// Whether a message with this number is newer than all before it. Takes note of it if so.
+    /// Whether a message with this number is newer than all before it. If so, it becomes the newest.
     pub fn is_new(&mut self, sequence: u16) -> bool {
         let new = self.0.is_none_or(|newest| (1..BEHIND).contains(&sequence.wrapping_sub(newest)));
         if new {

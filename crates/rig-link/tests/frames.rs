@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use rig_link::{
     Accepted, Clock, Constants, Counters, Decoder, EventKind, Fault, Faults, Frame, HomingFailure, Identity, Kept,
     Limit, LoadChoice, MAX_FRAME, Message, Parameter, Refusal, Request, ResetCause, Sensors, Setting, SettingValues,
-    SettingsReport, State, TableIdentity, TableRefusal, Telemetry, encode,
+    SettingsReport, State, TableIdentity, TableRefusal, Telemetry, Versions, encode,
 };
 use serde::{Serialize, de::DeserializeOwned};
 
@@ -17,10 +17,15 @@ fn float() -> impl Strategy<Value = f32> {
     prop::num::f32::NORMAL | prop::num::f32::ZERO | prop::num::f32::INFINITE | prop::num::f32::SUBNORMAL
 }
 
+fn versions() -> impl Strategy<Value = Versions> {
+    (any::<u32>(), "[0-9.]{0,24}", "[0-9a-f]{0,24}")
+        .prop_map(|(hash, version, git)| Versions::new(hash, &version, &git))
+}
+
 fn request() -> impl Strategy<Value = Request> {
     let load = prop_oneof![Just(LoadChoice::Auto), float().prop_map(LoadChoice::Known)];
     prop_oneof![
-        any::<u32>().prop_map(|protocol_hash| Request::Hello { protocol_hash }),
+        versions().prop_map(Request::Hello),
         Just(Request::Heartbeat),
         Just(Request::Home),
         (float(), float(), load).prop_map(|(target_m, speed_m_per_s, load)| Request::Move {
@@ -30,7 +35,6 @@ fn request() -> impl Strategy<Value = Request> {
         }),
         float().prop_map(|twist_speed_rad_per_s| Request::Jog { twist_speed_rad_per_s }),
         Just(Request::Stop),
-        Just(Request::Hold),
         Just(Request::Clear),
         Just(Request::Status),
         constants().prop_map(Request::Rebuild),
@@ -68,7 +72,7 @@ fn refusal() -> impl Strategy<Value = Refusal> {
         one_of(Fault::ALL).prop_map(|fault| Refusal::InFault { fault }),
         (one_of(Parameter::ALL), float(), float(), float())
             .prop_map(|(parameter, min, max, given)| { Refusal::OutOfRange { parameter, min, max, given } }),
-        any::<u32>().prop_map(|board| Refusal::ProtocolMismatch { board }),
+        Just(Refusal::NotGreeted),
         (one_of(Setting::ALL), float(), float(), float())
             .prop_map(|(setting, min, max, given)| Refusal::SettingOutOfRange { setting, min, max, given }),
         one_of(Setting::ALL).prop_map(|setting| Refusal::SettingNotFinite { setting }),
@@ -135,6 +139,7 @@ fn event() -> impl Strategy<Value = EventKind> {
 fn message() -> impl Strategy<Value = Message> {
     let accepted = one_of(Accepted::ALL);
     prop_oneof![
+        versions().prop_map(Message::Hello),
         (any::<u16>(), prop_oneof![accepted.prop_map(Ok), refusal().prop_map(Err)])
             .prop_map(|(to, result)| Message::Reply { to, result }),
         telemetry().prop_map(Message::Telemetry),

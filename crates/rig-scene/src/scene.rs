@@ -124,6 +124,16 @@ impl Scene {
         Ok((envelope, accuracy))
     }
 
+    /// The same as the fit of a table takes it.
+    ///
+    /// # Errors
+    /// As [`Scene::table_demand`].
+    pub fn demand(&self) -> Result<Demand, SceneError> {
+        let (envelope, accuracy) = self.table_demand()?;
+        let [_, twist_max_rad] = envelope.twist_rad();
+        Ok(Demand { load_n: envelope.load_n, twist_max_rad, accuracy, scene_hash: self.hash() })
+    }
+
     /// Fits, chooses and certifies the table of this scene.
     ///
     /// # Errors
@@ -138,9 +148,7 @@ impl Scene {
     /// # Errors
     /// As [`Scene::fit_table`].
     pub fn fit_table_of(&self, tier: Tier) -> Result<Fit, TableError> {
-        let (envelope, accuracy) = self.table_demand()?;
-        let [_, twist_max_rad] = envelope.twist_rad();
-        let demand = Demand { load_n: envelope.load_n, twist_max_rad, accuracy, scene_hash: self.hash() };
+        let demand = self.demand()?;
         Ok(fit::fit_tier(&self.mechanism()?, &demand, tier)?)
     }
 

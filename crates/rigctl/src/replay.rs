@@ -209,7 +209,7 @@ fn ticks(log: &Log, mark: usize) -> (Vec<Tick>, usize, String) {
     let mut asked: Vec<(usize, Request)> = Vec::new();
     for m in &log.marks[mark..] {
         let Mark::Request(request) = m.mark else { continue };
-        let stops = matches!(request, Request::Stop | Request::Hold);
+        let stops = request == Request::Stop;
         let seen = |k: usize| log.rows.get(k).map(|r| (r.state, r.target_m.map(f64::to_bits)));
         let before = m.row.checked_sub(1).and_then(seen);
         let jogged = stops && before.is_some_and(|(state, target)| state == State::Moving && target.is_none());
@@ -307,7 +307,7 @@ fn answers(ticks: &[Tick], homed: &Homed, board: &Board<'_>) -> Vec<Answer> {
         let encoder_counts = (f64::from(twist_rad) * f64::from(constants.counts_per_rad)).round() as i64;
         let gap_m = homed.reference_gap_m - position_m;
         let rpm = row.drive_speed_rad_per_s * 60.0 / std::f64::consts::TAU;
-        rig.step(&Inputs {
+        let inputs = Inputs {
             now_us,
             encoder_counts,
             lvdt: Some(LvdtBlock {
@@ -330,8 +330,9 @@ fn answers(ticks: &[Tick], homed: &Homed, board: &Board<'_>) -> Vec<Answer> {
             estop_open: false,
             host_heard_us: Some(now_us),
             request,
-            counters: Counters::default(),
-        })
+        };
+        let outputs = rig.step(&inputs);
+        (outputs.drive, rig.telemetry(&inputs, Counters::default()))
     };
     let Some(first) = ticks.first() else { return Vec::new() };
     let standing = LogRow { drive_speed_rad_per_s: 0.0, ..first.row };
@@ -342,19 +343,14 @@ fn answers(ticks: &[Tick], homed: &Homed, board: &Board<'_>) -> Vec<Answer> {
     let zero_m = board.settings.get(Setting::PositionZero);
     rig.resume(Homed { reference_gap_m: homed.reference_gap_m + zero_m, ..*homed });
     let answer = |tick: &Tick| {
-        let out = step(&mut rig, tick.twist_rad, tick.position_m, &tick.row, tick.request);
-        let shaft_rad = match out.drive {
+        let (drive, telemetry) = step(&mut rig, tick.twist_rad, tick.position_m, &tick.row, tick.request);
+        let shaft_rad = match drive {
             DriveCommand::Follow { position_qc, .. } => {
                 Some(f64::from(position_qc) / f64::from(constants.counts_per_rad))
             }
             _ => None,
         };
-        Answer {
-            load_n: out.telemetry.load_n,
-            setpoint_m: out.telemetry.setpoint_m,
-            shaft_rad,
-            fault: out.telemetry.fault,
-        }
+        Answer { load_n: telemetry.load_n, setpoint_m: telemetry.setpoint_m, shaft_rad, fault: telemetry.fault }
     };
     ticks.iter().map(answer).collect()
 }

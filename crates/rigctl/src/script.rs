@@ -139,8 +139,7 @@ impl Script {
 fn action(words: &[&str]) -> Result<Action, String> {
     Ok(match words {
         ["home"] => Action::Command(Request::Home),
-        ["stop"] => Action::Command(Request::Stop),
-        ["hold"] => Action::Command(Request::Hold),
+        ["stop" | "hold"] => Action::Command(Request::Stop),
         ["clear"] => Action::Command(Request::Clear),
         ["status"] => Action::Command(Request::Status),
         ["jog", speed] => {
@@ -201,7 +200,6 @@ pub fn text(request: &Request) -> Option<String> {
     Some(match request {
         Request::Home => "home".into(),
         Request::Stop => "stop".into(),
-        Request::Hold => "hold".into(),
         Request::Clear => "clear".into(),
         Request::Jog { twist_speed_rad_per_s } => format!("jog {twist_speed_rad_per_s}"),
         Request::Move { target_m, speed_m_per_s, load } => {

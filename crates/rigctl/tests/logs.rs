@@ -255,7 +255,9 @@ fn a_log_holds_the_calibration_and_is_replayed_and_restored_with_it() {
     assert!(planned[0]["setpoint_m"].as_f64().is_some_and(|p| (p + 0.002).abs() < 1e-7), "{:?}", planned.first());
     let last = planned.last().and_then(|row| row["setpoint_m"].as_f64());
     assert!(last.is_some_and(|p| (p + 0.001).abs() < 1e-7), "{planned:?}");
-    for (arguments, named) in [(&plan[..6], "to is -0.001"), (&[&plan[..], &["--speed", "5mm/s"]].concat(), "0.004")] {
+    for (arguments, named) in
+        [(&plan[..6], "target is -0.001"), (&[&plan[..], &["--speed", "5mm/s"]].concat(), "0.004")]
+    {
         let refused = rigctl(arguments);
         assert!(!refused.status.success() && error_of(&refused).contains(named), "{}", error_of(&refused));
     }

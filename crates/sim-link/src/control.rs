@@ -119,7 +119,7 @@ mod tests {
             (r#"{"run":{"until_s":1.5,"uarts":[]}}"#, "uarts"),
             (r#"{"plant":"weight=1"}"#, "weight"),
             (r#"{"fault":{"fault":"rust","on":true}}"#, "can-silent"),
-            ("17", "Request"),
+            ("17", "expected"),
             ("", "EOF"),
         ] {
             let message = serde_json::from_str::<Request>(text).expect_err(text).to_string();

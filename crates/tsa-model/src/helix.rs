@@ -1,28 +1,35 @@
-//! The helix (eqs 9, 25–29) around whatever rod: its one equation, the root of it, and the gap's derivatives.
+//! The helix of the strings (eqs 9, 25–29) around rods of any kind: its equation, and the gap's derivatives.
 
 use crate::error::SolveError;
-use crate::mechanism::{ALPHA_LIMIT, Equilibrium, MINIMUM_LOAD_N, Mechanism};
-use crate::parameters::Radius;
+use crate::parameters::{Parameters, Radius};
 use crate::rod::{RodResponse, TipForce};
 use crate::scalar::Scalar;
-use core::f64::consts::PI;
+use core::f64::consts::{FRAC_PI_2, PI};
 
-/// What depends on load and twist alone.
+/// Least load that is solved (N): below it 1/(k1 F) alone would make the string thicker than it is long.
+pub const MINIMUM_LOAD_N: f64 = 0.05;
+/// Largest helix angle that is tried (rad), tan α ≈ 30: beyond it only the stretch of eq. 9 gives the equation a root.
+pub const ALPHA_LIMIT: f64 = FRAC_PI_2 - 1.0 / 30.0;
+
+/// Quantities that depend on load and twist alone.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct State {
+pub struct State {
+    /// Load (N).
     pub load_n: f64,
-    /// |θ|
+    /// |θ| (rad).
     pub twist_rad: f64,
     /// Sign of θ: the mechanism is symmetric.
     pub sign: f64,
     /// S = sin(min(|θ|, π)/2): how much of D the open strings span (model.md section 5).
     pub span_factor: f64,
     span_factor_by_twist: f64,
-    /// Part of the load that bends the rods: 1 but for continuation.
+    /// Share of the load that bends the rods; below 1 only on the way of a continuation.
     rod_share: f64,
 }
 
 impl State {
+    /// The state at a load (N) and a twist (rad, either sign).
+    ///
     /// # Errors
     /// [`SolveError::NotFinite`], [`SolveError::Slack`].
     pub fn new(load_n: f64, twist_rad: f64) -> Result<Self, SolveError> {
@@ -46,193 +53,105 @@ impl State {
         })
     }
 
-    /// The same state with the rods bent by a part of the load only.
-    pub fn sharing(&self, rod_share: f64) -> Self {
+    /// The same state with the rods bent by a share of the load only.
+    pub(crate) fn sharing(&self, rod_share: f64) -> Self {
         Self { rod_share, ..*self }
     }
 
-    /// Eq. 11. Open strings (|θ| < π) pull only by S of their horizontal force along the rod: a straight string
-    /// between two circles meets the rod at |θ|/2 from its normal. Without S the gap would have a cusp at zero twist.
+    /// Force on the tip of half a rod at the helix's tan α, eq. 11. Of the horizontal force of open strings (|θ| < π) only
+    /// the share S acts along the rod: a straight string between two circles meets the rod at |θ|/2 from its normal.
+    /// Without S the gap would have a cusp at zero twist.
     pub fn force<T: Scalar>(&self, tan: T) -> TipForce<T> {
         let half = 0.5 * self.load_n * self.rod_share;
         TipForce { inward_n: tan * (half * self.span_factor), sideways_n: T::of(half) }
     }
 }
 
-/// The strings at a helix angle.
-pub(crate) struct Helix<T> {
+/// The strings at a helix angle α.
+pub struct Helix<T> {
+    /// tan α.
     pub tan: T,
-    /// 1/cos² α
+    /// 1/cos² α.
     pub sec2: T,
-    /// X and its derivative by α (m).
+    /// X (m).
     pub x_m: T,
+    /// ∂X/∂α (m).
     x_by_alpha: T,
+    /// Radius of the twisted pair.
     pub radius: Radius<T>,
     /// ∂Px/∂α (N).
     pub inward_by_alpha: T,
 }
 
-impl<T: Scalar> Helix<T> {
-    /// Horizontal run H = D S + |θ| r (m).
-    fn run(&self, m: &Mechanism<T>, state: &State, reach: T) -> T {
-        (reach * 2.0 + m.parameters.clamp_width_m) * state.span_factor + self.radius.radius_m * state.twist_rad
-    }
-
-    /// tan α · X − H (m): eq. 25 is that this vanishes.
-    pub fn miss(&self, m: &Mechanism<T>, state: &State, reach: T) -> T {
-        self.tan * self.x_m - self.run(m, state, reach)
-    }
-
-    /// A miss over the size of the equation: the horizontal run or the string's length, whichever is more.
-    pub fn scaled(&self, m: &Mechanism<T>, miss: T) -> f64 {
-        // At a root the run is tan α X.
-        let run = (self.tan * self.x_m).value();
-        miss.value().abs() / run.max(m.parameters.string_length_m.value())
-    }
-
-    /// ∂G/∂α with the rod as it answers.
-    pub fn gap_by_alpha(&self, rod: &RodResponse<T>) -> T {
-        self.x_by_alpha + rod.deflection.by_inward * self.inward_by_alpha * 2.0
-    }
-
-    /// Derivative of the miss by α, when the tip reaches by `reach_by_inward` further for each N of Px.
-    pub fn slope(&self, state: &State, reach_by_inward: T) -> T {
-        self.sec2 * self.x_m + self.tan * self.x_by_alpha
-            - self.radius.by_length * self.x_by_alpha * state.twist_rad
-            - reach_by_inward * self.inward_by_alpha * (2.0 * state.span_factor)
-    }
+/// Helix angle around rods that do not bend, see [`crate::Mechanism::rigid_helix_angle`].
+pub(crate) fn rigid_angle<T: Scalar>(p: &Parameters<T>, start_length_m: T, state: &State) -> f64 {
+    let radius = p.radius(state.load_n, state.twist_rad, start_length_m, start_length_m).radius_m.value();
+    let run = p.rod_span_m.value() * state.span_factor + state.twist_rad * radius;
+    let stretched = p.string_length_m.value() + state.load_n / (2.0 * p.stiffness_n_per_m.value());
+    Scalar::asin((run / stretched).min(0.95))
 }
 
-impl<T: Scalar> Mechanism<T> {
-    pub(crate) fn helix(&self, state: &State, alpha: T) -> Helix<T> {
-        let p = &self.parameters;
+impl<T: Scalar> Helix<T> {
+    /// `start_length_m` is X0 of eq. 1.
+    pub(crate) fn new(p: &Parameters<T>, start_length_m: T, state: &State, alpha: T) -> Self {
         let (sin, cos) = alpha.sin_cos();
         let tan = sin / cos;
         let sec2 = T::of(1.0) / (cos * cos);
         let x_m = p.string_length_m * cos + T::of(0.5 * state.load_n) / p.stiffness_n_per_m;
-        Helix {
+        Self {
             tan,
             sec2,
             x_m,
             x_by_alpha: -(p.string_length_m * sin),
-            radius: p.radius(state.load_n, state.twist_rad, x_m, self.start_length_m),
+            radius: p.radius(state.load_n, state.twist_rad, x_m, start_length_m),
             inward_by_alpha: sec2 * (0.5 * state.load_n * state.rod_share * state.span_factor),
         }
     }
 
-    /// Helix angle around rods that do not bend: above every other, because bending brings the tips together (rad).
-    pub(crate) fn rigid_helix(&self, state: &State) -> f64 {
-        let p = &self.parameters;
-        let start = self.start_length_m;
-        let radius = p.radius(state.load_n, state.twist_rad, start, start).radius_m.value();
-        let run = p.rod_span_m.value() * state.span_factor + state.twist_rad * radius;
-        let stretched = p.string_length_m.value() + state.load_n / (2.0 * p.stiffness_n_per_m.value());
-        Scalar::asin((run / stretched).min(0.95))
+    /// Horizontal run H = D S + |θ| r (m) between rods whose tips are at `reach` (m).
+    pub fn run(&self, p: &Parameters<T>, state: &State, reach: T) -> T {
+        (reach * 2.0 + p.clamp_width_m) * state.span_factor + self.radius.radius_m * state.twist_rad
     }
 
-    /// The helix angle at which strings and rods balance, whatever answers for the rod: the first root from the
-    /// untwisted string on. Newton from the rigid rod's angle inside the bracket between no twist and that; where it
-    /// leaves, or where `scan` asks for it at once, a scan in that many intervals. Done when the scaled miss is at most
-    /// `precision`, which cannot be less than the noise of the rod's answer.
-    ///
-    /// # Errors
-    /// [`SolveError::NoEquilibrium`], [`SolveError::NotConverged`], and whatever the rod answers.
-    pub(crate) fn balance(
-        &self,
-        state: &State,
-        scan: Option<u32>,
-        precision: f64,
-        rod: &mut dyn FnMut(TipForce<T>) -> Result<RodResponse<T>, SolveError>,
-    ) -> Result<Equilibrium<T>, SolveError> {
-        let mut iterations = 0;
-        let mut at = |alpha: T| {
-            let helix = self.helix(state, alpha);
-            let response = rod(state.force(helix.tan))?;
-            let miss = helix.miss(self, state, response.reach.value);
-            let slope = helix.slope(state, response.reach.by_inward);
-            iterations += 1;
-            Ok::<_, SolveError>((response, miss, slope, helix.scaled(self, miss)))
-        };
-        let (mut low, mut high);
-        let mut alpha;
-        let mut now;
-        if let Some(intervals) = scan {
-            (low, high) = (0.0, None);
-            (alpha, now) = (T::of(0.0), at(T::of(0.0))?);
-            let mut step = ALPHA_LIMIT / f64::from(intervals);
-            while now.1.value() < 0.0 && low < ALPHA_LIMIT {
-                let next = (low + step).min(ALPHA_LIMIT);
-                match at(T::of(next)) {
-                    Ok(found) => now = found,
-                    // A rod that gives out past the root does not matter: closer.
-                    Err(e) if step < 1e-9 => return Err(e),
-                    Err(_) => {
-                        step *= 0.25;
-                        continue;
-                    }
-                }
-                alpha = T::of(next);
-                if now.1.value() >= 0.0 {
-                    high = Some(next);
-                } else {
-                    low = next;
-                }
-            }
-        } else {
-            alpha = T::of(self.rigid_helix(state));
-            (low, high) = (0.0, None);
-            now = at(alpha)?;
-        }
-        let mut left = T::EXTRA_STEPS;
-        for _ in 0..100 {
-            let (response, miss, slope, residual) = now;
-            if miss.value() > 0.0 {
-                high = Some(alpha.value());
-            } else {
-                low = low.max(alpha.value());
-            }
-            let newton = alpha - miss / slope;
-            let step = (newton - alpha).value();
-            if residual <= precision || step.abs() <= 2.0 * T::EPSILON * alpha.value() {
-                if left == 0 {
-                    let mut found = self.finish(state, alpha, &response)?;
-                    found.iterations = iterations;
-                    return Ok(found);
-                }
-                left -= 1;
-            }
-            let top = high.unwrap_or(ALPHA_LIMIT);
-            alpha = if newton.value() >= low && newton.value() <= top {
-                newton
-            } else if high.is_some() {
-                T::of(0.5 * (low + top))
-            } else if low >= ALPHA_LIMIT {
-                return Err(SolveError::NoEquilibrium { load_n: state.load_n, twist_rad: state.twist_rad });
-            } else {
-                // No root so far: further, but not past the last helix that means anything.
-                T::of((low + 0.1).min(ALPHA_LIMIT))
-            };
-            now = at(alpha)?;
-        }
-        let (.., residual) = now;
-        Err(SolveError::NotConverged { load_n: state.load_n, twist_rad: state.twist_rad, residual })
+    /// The residual of eq. 25, tan α · X − H (m).
+    pub(crate) fn miss(&self, p: &Parameters<T>, state: &State, reach: T) -> T {
+        self.tan * self.x_m - self.run(p, state, reach)
+    }
+
+    /// A residual relative to the horizontal run or the string's length, whichever is more.
+    pub(crate) fn scaled(&self, p: &Parameters<T>, miss: T) -> f64 {
+        // At a root the run is tan α X.
+        let run = (self.tan * self.x_m).value();
+        miss.value().abs() / run.max(p.string_length_m.value())
+    }
+
+    /// ∂G/∂α with the response of the rod.
+    pub(crate) fn gap_by_alpha(&self, rod: &RodResponse<T>) -> T {
+        self.x_by_alpha + rod.deflection.by_inward * self.inward_by_alpha * 2.0
+    }
+
+    /// Derivative of the residual by α, where the tip's reach changes by `reach_by_inward` (m/N) with Px.
+    pub(crate) fn slope(&self, state: &State, reach_by_inward: T) -> T {
+        self.sec2 * self.x_m + self.tan * self.x_by_alpha
+            - self.radius.by_length * self.x_by_alpha * state.twist_rad
+            - reach_by_inward * self.inward_by_alpha * (2.0 * state.span_factor)
     }
 
     /// ∂G/∂|θ| and ∂G/∂F by the implicit function theorem on eq. 25.
-    pub(crate) fn gap_derivatives(&self, state: &State, helix: &Helix<T>, response: &RodResponse<T>) -> (T, T) {
+    pub(crate) fn gap_derivatives(&self, p: &Parameters<T>, state: &State, response: &RodResponse<T>) -> (T, T) {
         let RodResponse { reach, deflection, .. } = response;
         let (s, s_by_twist) = (state.span_factor, state.span_factor_by_twist);
-        let inward_by_load = helix.tan * (0.5 * s);
-        let inward_by_twist = helix.tan * (0.5 * state.load_n * s_by_twist);
-        let x_by_load = T::of(0.5) / self.parameters.stiffness_n_per_m;
-        let d_m = reach.value * 2.0 + self.parameters.clamp_width_m;
-        // Derivatives of the miss at a fixed helix angle.
-        let by_twist = -(d_m * s_by_twist + helix.radius.arc_by_twist + reach.by_inward * inward_by_twist * (2.0 * s));
-        let by_load = helix.tan * x_by_load
+        let inward_by_load = self.tan * (0.5 * s);
+        let inward_by_twist = self.tan * (0.5 * state.load_n * s_by_twist);
+        let x_by_load = T::of(0.5) / p.stiffness_n_per_m;
+        let d_m = reach.value * 2.0 + p.clamp_width_m;
+        // Derivatives of the residual at a fixed helix angle.
+        let by_twist = -(d_m * s_by_twist + self.radius.arc_by_twist + reach.by_inward * inward_by_twist * (2.0 * s));
+        let by_load = self.tan * x_by_load
             - (reach.by_inward * inward_by_load + reach.by_sideways * 0.5) * (2.0 * s)
-            - (helix.radius.by_load + helix.radius.by_length * x_by_load) * state.twist_rad;
-        let slope = helix.slope(state, reach.by_inward);
-        let gap_by_alpha = helix.gap_by_alpha(response);
+            - (self.radius.by_load + self.radius.by_length * x_by_load) * state.twist_rad;
+        let slope = self.slope(state, reach.by_inward);
+        let gap_by_alpha = self.gap_by_alpha(response);
         let direct = x_by_load + (deflection.by_inward * inward_by_load + deflection.by_sideways * 0.5) * 2.0;
         (
             deflection.by_inward * inward_by_twist * 2.0 - gap_by_alpha * by_twist / slope,

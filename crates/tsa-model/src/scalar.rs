@@ -56,10 +56,10 @@ pub trait Scalar:
     const RESIDUAL: f64;
     /// Scaled residual below which there is only rounding.
     const PRECISION: f64;
-    /// A relative step, or a residual at twice the nodes, after which one more Newton step leaves only rounding.
-    const NEARLY: f64;
-    /// What half the nodes may miss at most: the error falls with its square.
-    const HARDLY: f64;
+    /// Relative step, or residual at twice the nodes, after which one more Newton step leaves only rounding.
+    const LAST_STEP_TOLERANCE: f64;
+    /// Largest residual that half the nodes may leave: the error of all nodes falls with its square.
+    const HALF_NODES_TOLERANCE: f64;
     /// A constant.
     fn of(value: f64) -> Self;
     /// The number without its derivatives.
@@ -88,8 +88,8 @@ impl Scalar for f64 {
     const EPSILON: f64 = f64::EPSILON;
     const RESIDUAL: f64 = 1e-12;
     const PRECISION: f64 = 1e-14;
-    const NEARLY: f64 = 3e-8;
-    const HARDLY: f64 = 1e-6;
+    const LAST_STEP_TOLERANCE: f64 = 3e-8;
+    const HALF_NODES_TOLERANCE: f64 = 1e-6;
     fn of(value: f64) -> Self {
         value
     }
@@ -149,8 +149,8 @@ impl<const N: usize> Scalar for Dual<N> {
     const EPSILON: f64 = <f64 as Scalar>::EPSILON;
     const RESIDUAL: f64 = f64::RESIDUAL;
     const PRECISION: f64 = f64::PRECISION;
-    const NEARLY: f64 = f64::NEARLY;
-    const HARDLY: f64 = f64::HARDLY;
+    const LAST_STEP_TOLERANCE: f64 = f64::LAST_STEP_TOLERANCE;
+    const HALF_NODES_TOLERANCE: f64 = f64::HALF_NODES_TOLERANCE;
     fn of(value: f64) -> Self {
         Self { value, by: [0.0; N] }
     }
@@ -267,8 +267,8 @@ impl Scalar for Single {
     const EPSILON: f64 = f32::EPSILON as f64;
     const RESIDUAL: f64 = 1e-5;
     const PRECISION: f64 = 1e-6;
-    const NEARLY: f64 = 3e-4;
-    const HARDLY: f64 = 1e-3;
+    const LAST_STEP_TOLERANCE: f64 = 3e-4;
+    const HALF_NODES_TOLERANCE: f64 = 1e-3;
     fn of(value: f64) -> Self {
         Self(value as f32)
     }

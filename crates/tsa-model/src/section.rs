@@ -5,6 +5,7 @@
 //! w2 = σ'/8, w4 = (a3 + 4 a4 e + 10 a5 e²)/32, w6 = 5 a5/384 (the paper's B0, B1, I0, I1 are misprinted; model.md 3).
 //! y rather than κ is the unknown: near the rod's tip κ vanishes like a square root, y linearly.
 
+use crate::error::SolveError;
 use crate::scalar::Scalar;
 
 /// A round section, normalised by its modulus at zero strain.
@@ -86,10 +87,9 @@ impl<T: Scalar> Solved<T> {
     }
 }
 
-/// The inversion stopped here: the section's tangent is not positive.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Singular {
-    pub bending_strain: f64,
+/// The section's tangent is not positive at this bending strain κR.
+fn singular(bending_strain: f64) -> SolveError {
+    SolveError::SectionSingular { bending_strain }
 }
 
 impl<T: Scalar> Equations<T> {
@@ -106,7 +106,7 @@ impl<T: Scalar> Section<T> {
     }
 
     /// The same section in another kind of number.
-    pub(crate) fn map<U>(&self, f: impl Fn(T) -> U) -> Section<U> {
+    pub fn map<U>(&self, f: impl Fn(T) -> U) -> Section<U> {
         Section { a: self.a.map(f) }
     }
 
@@ -165,13 +165,13 @@ impl<T: Scalar> Section<T> {
     }
 
     /// Stretch of a section without bending under the axial force n (over A·E).
-    pub(crate) fn stretch(&self, n: T) -> Result<T, Singular> {
+    pub(crate) fn stretch(&self, n: T) -> Result<T, SolveError> {
         let mut e = n;
         let mut left = T::EXTRA_STEPS;
         for _ in 0..50 {
             let t = self.terms(e);
             if t.tangent.value() <= 0.0 || t.tangent.value().is_nan() {
-                return Err(Singular { bending_strain: 0.0 });
+                return Err(singular(0.0));
             }
             let step = (t.stress - n) / t.tangent;
             e -= step;
@@ -184,7 +184,7 @@ impl<T: Scalar> Section<T> {
         }
         // Rounding may keep the last bit moving; anything worse is a flat curve.
         let miss = self.terms(e).stress - n;
-        if miss.value().abs() <= T::PRECISION * n.value().abs() { Ok(e) } else { Err(Singular { bending_strain: 0.0 }) }
+        if miss.value().abs() <= T::PRECISION * n.value().abs() { Ok(e) } else { Err(singular(0.0)) }
     }
 
     /// σ(e1) − σ(e0) over e1 − e0, and w0(e1) − w0(e0) over e1 − e0, without cancellation.
@@ -209,7 +209,7 @@ impl<T: Scalar> Section<T> {
     /// Strain at which the axial force is `demand.n` and the first integral has the tip's value (subscript l):
     /// q(e, y) + e n − w0(e) = (n_l − n) + e_l n_l − w0(e_l). Both are written in e_l − e, so that no digit cancels
     /// near the tip. `start` is a guess of (e_l − e, y).
-    pub(crate) fn solve(&self, demand: Demand<T>, start: (T, T)) -> Result<Solved<T>, Singular> {
+    pub(crate) fn solve(&self, demand: Demand<T>, start: (T, T)) -> Result<Solved<T>, SolveError> {
         let Demand { n, n_tip_less_n, axial_less, tip_stretch } = demand;
         let (mut less, mut y) = start;
         let mut iterations = 0;
@@ -219,9 +219,9 @@ impl<T: Scalar> Section<T> {
             let eq = self.equations(e, y);
             let [a, b, c, d] = eq.jacobian(n);
             let det = a * d - b * c;
-            let singular = Singular { bending_strain: Scalar::sqrt(y.value().max(0.0)) };
+            let stopped = singular(Scalar::sqrt(y.value().max(0.0)));
             if !(det.value() > 0.0 && a.value() > 0.0) {
-                return Err(singular);
+                return Err(stopped);
             }
             let (slope, mean) = self.divided_differences(tip_stretch, e);
             let r1 = less * slope - eq.bent - axial_less;
@@ -238,8 +238,8 @@ impl<T: Scalar> Section<T> {
             y += dy;
             iterations += 1;
             if !leaves
-                && dy.value().abs() <= T::NEARLY * y.value()
-                && de.value().abs() <= T::NEARLY * (less.value().abs() + y.value())
+                && dy.value().abs() <= T::LAST_STEP_TOLERANCE * y.value()
+                && de.value().abs() <= T::LAST_STEP_TOLERANCE * (less.value().abs() + y.value())
             {
                 if left == 0 {
                     let strain = Strain { axial: tip_stretch - less, bending_squared: y };
@@ -249,14 +249,17 @@ impl<T: Scalar> Section<T> {
                 left -= 1;
             }
             if iterations >= 60 {
-                return Err(singular);
+                return Err(stopped);
             }
         }
     }
 
-    /// Stretch e and bending strain b = κR at an axial force (over A·E) and a bending moment (over A·E·R): what an
-    /// integration along the rod needs at each of its points. `start` is a guess of (e, b).
-    pub(crate) fn invert(&self, n: T, m: T, start: (T, T)) -> Result<(T, T, [T; 4]), Singular> {
+    /// Stretch e and bending strain b = κR at an axial force (over A·E) and a bending moment (over A·E·R), as an integration
+    /// along the rod needs them, and the Jacobian of force and moment. `start` is a guess of (e, b).
+    ///
+    /// # Errors
+    /// [`SolveError::SectionSingular`].
+    pub fn invert(&self, n: T, m: T, start: (T, T)) -> Result<(T, T, [T; 4]), SolveError> {
         let (mut e, mut b) = start;
         let mut left = T::EXTRA_STEPS;
         for _ in 0..60 {
@@ -269,20 +272,20 @@ impl<T: Scalar> Section<T> {
             let m_b = t.tangent * 0.25 + y * (t.w4 * 12.0 + y * t.w6 * 30.0);
             let det = n_e * m_b - n_b * n_b;
             if !(det.value() > 0.0 && n_e.value() > 0.0) {
-                return Err(Singular { bending_strain: b.value().abs() });
+                return Err(singular(b.value().abs()));
             }
             let (r1, r2) = (n - n_now, m - m_now);
             let (de, db) = ((r1 * m_b - r2 * n_b) / det, (n_e * r2 - n_b * r1) / det);
             e += de;
             b += db;
-            if de.value().abs() + db.value().abs() <= T::NEARLY * (e.value().abs() + b.value().abs()) {
+            if de.value().abs() + db.value().abs() <= T::LAST_STEP_TOLERANCE * (e.value().abs() + b.value().abs()) {
                 if left == 0 {
                     return Ok((e, b, [n_e, n_b, n_b, m_b]));
                 }
                 left -= 1;
             }
         }
-        Err(Singular { bending_strain: b.value().abs() })
+        Err(singular(b.value().abs()))
     }
 
     /// Least bending stiffness over that of the unbent section, from no bending up to y = (κR)², the axis unstretched.

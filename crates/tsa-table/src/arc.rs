@@ -1,23 +1,22 @@
-//! The mixed form: a little of the mechanism's own geometry, and short polynomials for the rest.
+//! The table's numbers: the arc of the strings in closed form, and short polynomials for the rest.
 //!
-//! Everything that twist does to the equilibrium it does through the arc a = θ r that the strings add to the
-//! horizontal run (eq. 25), and eq. 6 says how r depends on load and twist: a = κ θ/F + ρ(θ). In load and arc the gap
-//! has neither the 1/F of a light load nor the fractional power of the radius law, and its square is smoother still:
+//! Twist changes the equilibrium only through the arc a = θ r that the strings add to the horizontal run (eq. 25), and
+//! eq. 6 says how r depends on load and twist: a = κ θ/F + ρ(θ). As a function of load and arc the gap has neither the
+//! 1/F of a light load nor the fractional power of the radius law, and its square is smoother still:
 //! G² ≈ L0² − (D + a)². So G² is a short polynomial in F and a on each of a few ranges of the load.
 
-use crate::form::Value;
-use crate::lookup::Point;
+use crate::point::Point;
 
 /// a(F, θ) = κ θ/F + ρ(θ).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Growth {
     /// κ = r0/k1 (m N).
     pub per_load_m_n: f32,
-    /// ρ in powers of the twist (m/rad^i), the highest first and down to the first; it vanishes with the twist.
+    /// Coefficients of ρ in powers of the twist (m/rad^i), from the highest power down to the first; ρ(0) = 0.
     pub powers: [f32; POWERS],
 }
 
-/// Powers of the twist in ρ: a fixed number costs the lookup no counting.
+/// Powers of the twist in ρ. The number is fixed, so that the loop over them is unrolled.
 pub const POWERS: usize = 6;
 
 impl Growth {
@@ -55,7 +54,7 @@ pub const MAX_ROWS: usize = 6;
 /// Most powers of the arc in a patch.
 pub const MAX_COLUMNS: usize = 9;
 
-/// How many powers every patch of a form has, and the code that is unrolled for that many.
+/// The number of powers in every patch of a table, and the evaluation that is unrolled for that number.
 #[derive(Clone, Copy)]
 pub struct Shape {
     /// Powers of the load.
@@ -66,17 +65,17 @@ pub struct Shape {
 }
 
 impl Shape {
-    /// The shape with these numbers of powers; nothing above [`MAX_ROWS`] and [`MAX_COLUMNS`], or below 2. Named in a
-    /// constant, only that shape's code is in an image.
+    /// The shape with these numbers of powers; `None` above [`MAX_ROWS`] and [`MAX_COLUMNS`], or below 2. Where it is
+    /// called in a constant, an image contains the code of that shape only.
     pub const fn of(rows: usize, columns: usize) -> Option<Self> {
         macro_rules! shapes {
             ($($rows:literal: $($columns:literal)*;)*) => {
                 match (rows, columns) {
-                    // Closures, so that the code is made here, where lookups are built for speed.
+                    // Closures, so that the code is generated in this crate, which is optimised for speed.
                     $($(($rows, $columns) => Some(Self {
                         rows: $rows,
                         columns: $columns,
-                        evaluate: |form, load_n, twist_rad| evaluate::<$rows, $columns>(form, load_n, twist_rad),
+                        evaluate: |series, load_n, twist_rad| evaluate::<$rows, $columns>(series, load_n, twist_rad),
                     }),)*)*
                     _ => None,
                 }
@@ -112,7 +111,7 @@ impl core::fmt::Debug for Shape {
 /// Value and slope of a polynomial of at least two coefficients, the highest power first.
 #[inline(always)]
 fn descend<const N: usize>(coefficients: &[f32; N], x: f32) -> (f32, f32) {
-    // The first two by hand: 0·x + c is not c to a compiler that minds NaN.
+    // The first two terms apart: the compiler may not simplify 0·x + c to c, because x may be NaN.
     let (mut value, mut slope) = (coefficients[0] * x + coefficients[1], coefficients[0]);
     for c in &coefficients[2..] {
         slope = slope * x + value;
@@ -121,7 +120,7 @@ fn descend<const N: usize>(coefficients: &[f32; N], x: f32) -> (f32, f32) {
     (value, slope)
 }
 
-/// The numbers of the form.
+/// The numbers of a table.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ArcSeries<'a> {
     /// How the arc grows.
@@ -135,14 +134,36 @@ pub struct ArcSeries<'a> {
 }
 
 impl ArcSeries<'_> {
-    /// Gap and gradient at a load and a twist inside the table. A form that is not consistent answers with NaN.
+    /// Bytes of numbers.
+    pub fn bytes(&self) -> usize {
+        Growth::BYTES + Patch::BYTES * self.patches.len() + 4 * self.coefficients.len()
+    }
+
+    /// Whether the number of coefficients fits ranges and shape.
+    pub fn is_consistent(&self) -> bool {
+        !self.patches.is_empty() && self.coefficients.len() == self.patches.len() * self.shape.terms()
+    }
+
+    /// Gap and gradient at a load (N) and a twist (rad) inside the range. Inconsistent numbers give NaN.
     #[inline]
     pub(crate) fn evaluate(&self, load_n: f32, twist_rad: f32) -> Point {
         (self.shape.evaluate)(self, load_n, twist_rad)
     }
 }
 
-/// Horner in x within each column, Horner in y across the columns, all powers descending.
+/// A polynomial of x and y and its derivatives.
+struct Value {
+    value: f32,
+    by_x: f32,
+    by_y: f32,
+}
+
+impl Value {
+    /// What inconsistent numbers give.
+    const NONE: Self = Self { value: f32::NAN, by_x: f32::NAN, by_y: f32::NAN };
+}
+
+/// Horner's rule in x within each column and in y across the columns, all powers descending.
 #[inline(always)]
 fn polynomial<const ROWS: usize, const COLUMNS: usize>(columns: &[[f32; ROWS]; COLUMNS], x: f32, y: f32) -> Value {
     let ((first, by_x), (second, second_by_x)) = (descend(&columns[0], x), descend(&columns[1], x));
@@ -156,26 +177,26 @@ fn polynomial<const ROWS: usize, const COLUMNS: usize>(columns: &[[f32; ROWS]; C
     total
 }
 
-/// 1/√x of a normal, positive number to 8e-7 (60 nm of a gap), in 11 operations: the root and the division by it in
-/// one, and the same bits on every machine.
+/// 1/√x of a normal, positive number to a relative 8e-7 (60 nm of a gap), in 11 operations. It replaces a root and a
+/// division, and gives the same bits on every machine.
 #[inline]
 fn inverse_root(x: f32) -> f32 {
     let half = 0.5 * x;
-    // Newton from the well-known guess by the exponent, 3.5 % off. A step leaves −1.5 e² of a relative error e; half of
-    // the greatest is given back, so that what is left has both signs.
+    // Newton's method from the well-known guess by the exponent, which is 3.5 % off. A step turns a relative error e into
+    // −1.5 e²; adding half of the greatest such error makes the remaining error symmetric about zero.
     let guess = f32::from_bits(0x5f37_59df_u32.wrapping_sub(x.to_bits() >> 1));
     let root = guess * (1.500_876 - half * guess * guess);
     root * (1.500_000_6 - half * root * root)
 }
 
-// Not inlined: the firmware is built for size, this for speed.
+// Not inlined: its callers are optimised for size, this crate for speed.
 #[inline(never)]
-fn evaluate<const ROWS: usize, const COLUMNS: usize>(form: &ArcSeries<'_>, load_n: f32, twist_rad: f32) -> Point {
-    let [arc_m, arc_by_twist, arc_by_load] = form.growth.arc(load_n, twist_rad);
-    // The last range also takes what rounding puts beyond it.
-    let mut left = form.coefficients;
+fn evaluate<const ROWS: usize, const COLUMNS: usize>(series: &ArcSeries<'_>, load_n: f32, twist_rad: f32) -> Point {
+    let [arc_m, arc_by_twist, arc_by_load] = series.growth.arc(load_n, twist_rad);
+    // A load that rounding puts beyond the last range is evaluated there.
+    let mut left = series.coefficients;
     let mut place = ([0.0; 2], None);
-    for patch in form.patches {
+    for patch in series.patches {
         let Some((part, rest)) = left.split_at_checked(ROWS * COLUMNS) else { break };
         place = (patch.centre, part.as_chunks::<ROWS>().0.first_chunk::<COLUMNS>());
         if load_n <= patch.load_max_n {
@@ -203,7 +224,7 @@ mod tests {
 
     #[test]
     fn the_inverse_root_is_good_to_8e_7_everywhere() {
-        // Two octaves hold every case: the rest differs by the exponent alone.
+        // Two octaves contain every case: other numbers differ from these by the exponent alone.
         let bits = 1.0f32.to_bits()..4.0f32.to_bits();
         let error = |x: f32| f64::from(inverse_root(x)) * f64::from(x).sqrt() - 1.0;
         let worst = bits.step_by(7).map(|b| error(f32::from_bits(b)).abs()).fold(0.0, f64::max);

@@ -1,17 +1,19 @@
-//! The proof that goes with a table: random points off any grid, and a search for the worst one.
+//! The certificate of a table: its errors at random points off any grid, and at the worst point that a search finds.
 
-use crate::double;
-use crate::fit::{Errors, Exact, FitError, Reference, error_at, errors_over};
-use crate::lookup::Table;
+use crate::demand::FitError;
+use crate::errors::{Errors, error_at, errors_over};
+use crate::reference::{Exact, Reference};
+use crate::reference_f64;
+use crate::table::Table;
 use rand::{RngExt, SeedableRng};
 
 /// Random points of a certificate.
 pub const RANDOM_POINTS: usize = 20_000;
 
-/// What was measured of a table against the full solver, in the f32 code that the board runs.
+/// Errors of a table against the full solver, measured with the f32 code that the board runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Certificate {
-    /// Errors over all points, the worst one found by the search included.
+    /// Errors over all points, including the worst one found by the search.
     pub errors: Errors,
     /// Points sampled.
     pub points: usize,
@@ -21,31 +23,30 @@ pub struct Certificate {
     pub worst_tr_at: [f64; 2],
     /// ∂G/∂θ < 0 and ∂G/∂F > 0 at every point of a dense grid: both inverses exist.
     pub monotone: bool,
-    /// Largest difference of the contraction to the integral of −1/TR over the twist, by the table alone (m): how well
-    /// the two agree.
+    /// Largest difference between the table's contraction and the integral of its own 1/TR over the twist (m).
     pub closure_m: f64,
-    /// What of the errors is rounding; not measured for grids.
-    pub rounding: Option<Rounding>,
+    /// The part of the errors that rounding makes.
+    pub rounding: Rounding,
 }
 
-/// The part of a table's errors that f32 makes, at its worst among the random points. It is in [`Errors`] already.
+/// The part of a table's errors that f32 makes, the worst among the random points. [`Errors`] contain it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Rounding {
     /// Of the gap by the lookup's arithmetic: f32 against the same numbers in f64 (m).
     pub arithmetic_m: f64,
-    /// Of the gap by load and twist as f32, half a unit in the last place each (m).
+    /// Of the gap by rounding load and twist to f32, half a unit in the last place each (m).
     pub inputs_m: f64,
     /// Of TR by the arithmetic (relative).
     pub tr_arithmetic: f64,
 }
 
 /// Measures the rounding of a table at these loads and twists.
-fn rounding(table: &Table<'_>, at: &[Exact]) -> Option<Rounding> {
+fn rounding(table: &Table<'_>, at: &[Exact]) -> Rounding {
     let mut worst = Rounding::default();
     for e in at {
         let (load, twist) = (e.load_n as f32, e.twist_rad as f32);
         let single = table.point_inside(load, twist);
-        let [gap, slope] = double::evaluate(table, f64::from(load), f64::from(twist))?;
+        let [gap, slope] = reference_f64::evaluate(&table.series, f64::from(load), f64::from(twist));
         worst.arithmetic_m = worst.arithmetic_m.max((f64::from(single.gap_m) - gap).abs());
         worst.tr_arithmetic = worst.tr_arithmetic.max((f64::from(single.dgap_dtwist_m_per_rad) / slope - 1.0).abs());
         let half = 0.5 * f64::from(f32::EPSILON);
@@ -53,10 +54,10 @@ fn rounding(table: &Table<'_>, at: &[Exact]) -> Option<Rounding> {
         let by_twist = f64::from(single.dgap_dtwist_m_per_rad) * e.twist_rad * half;
         worst.inputs_m = worst.inputs_m.max(by_load.abs() + by_twist.abs());
     }
-    Some(worst)
+    worst
 }
 
-/// By Simpson's rule over the whole twist, at loads from light to heavy, each range of twists of the certificate's grid.
+/// [`Certificate::closure_m`], by Simpson's rule over the whole twist at loads from light to heavy.
 fn closure(table: &Table<'_>) -> f64 {
     const LOADS: u32 = 60;
     const TWISTS: u32 = 400;
@@ -77,16 +78,16 @@ fn closure(table: &Table<'_>) -> f64 {
     worst
 }
 
-/// Measures a table at `points` random points and from the worst of them climbs to the worst there is.
+/// Measures a table at `points` random points and searches for the largest error from the worst of them.
 pub(crate) fn certify(table: &Table<'_>, reference: &Reference<'_>, points: usize) -> Result<Certificate, FitError> {
     let [f0, f1] = reference.load_n;
     let [t0, t1] = reference.twist_rad;
-    // Half of the points spread evenly over the load, half over its logarithm: the light end is where it is hard.
+    // Half of the points are spread evenly over the load, half over its logarithm: the gap bends most at the light end.
     let state = |u: f64, v: f64, even: bool| {
         let load = if even { f0 + (f1 - f0) * u } else { f0 * (f1 / f0).powf(u) };
         (load.clamp(f0, f1), t0 + (t1 - t0) * v)
     };
-    // The seed is the scene's, so that a certificate can be made again.
+    // The seed is the scene's hash, so that a certificate is reproducible.
     let mut random = rand_pcg::Pcg64Mcg::seed_from_u64(u64::from(table.metadata.scene_hash));
     let mut exact = Vec::with_capacity(points);
     for k in 0..points {
@@ -94,11 +95,12 @@ pub(crate) fn certify(table: &Table<'_>, reference: &Reference<'_>, points: usiz
         let (load, twist) = state(u, v, k % 2 == 0);
         exact.push(reference.exact(load, twist)?);
     }
-    let mut errors = errors_over(table, &exact);
+    let look_up = |load_n, twist_rad| table.point_inside(load_n, twist_rad);
+    let mut errors = errors_over(look_up, &exact);
     let mut worst = [[f0, t0], [f0, t0]];
     for (which, at) in worst.iter_mut().enumerate() {
         let pick = |p: &Exact| {
-            let (contraction, tr) = error_at(table, p);
+            let (contraction, tr) = error_at(look_up, p);
             if which == 0 { contraction } else { tr }
         };
         let mut order: Vec<(f64, [f64; 2])> = exact.iter().map(|p| (pick(p), [p.load_n, p.twist_rad])).collect();
@@ -125,7 +127,7 @@ pub(crate) fn certify(table: &Table<'_>, reference: &Reference<'_>, points: usiz
     })
 }
 
-/// Pattern search from a point: steps that halve when no neighbour is worse.
+/// Pattern search for the largest error from a point: the steps are halved when no neighbour has a larger one.
 fn climb(
     start: (f64, [f64; 2]),
     loads: [f64; 2],
@@ -161,7 +163,7 @@ fn is_monotone(table: &Table<'_>) -> bool {
         let share = (i as f32 / N as f32).powi(2);
         let load = (m.load_min_n + (m.load_max_n - m.load_min_n) * share).clamp(m.load_min_n, m.load_max_n);
         (0..=N).all(|j| {
-            let p = table.evaluate(load, at(m.twist_min_rad, m.twist_max_rad, j));
+            let p = table.point_inside(load, at(m.twist_min_rad, m.twist_max_rad, j));
             p.dgap_dtwist_m_per_rad < 0.0 && p.dgap_dload_m_per_n > 0.0
         })
     })

@@ -1,6 +1,6 @@
-//! Weighted least squares by the normal equations: small, without a heap, the same on a desktop and on the board.
+//! Weighted least squares by the normal equations: small, without a heap, the same code on a desktop and on the board.
 
-/// Σ w² v vᵀ and Σ w² v t of a linear fit with up to N unknowns.
+/// Normal equations of a linear fit with up to N unknowns: Σ w² v vᵀ and Σ w² v t.
 #[derive(Clone)]
 pub struct Normal<const N: usize> {
     matrix: [[f64; N]; N],
@@ -14,7 +14,7 @@ impl<const N: usize> Default for Normal<N> {
 }
 
 impl<const N: usize> Normal<N> {
-    /// Adds an equation Σ v_k c_k = target, both already weighted.
+    /// Adds an equation Σ v_k c_k = target, both sides already weighted.
     pub fn add(&mut self, v: &[f64; N], target: f64) {
         for (k, a) in v.iter().enumerate().filter(|(_, a)| **a != 0.0) {
             self.right[k] += a * target;
@@ -24,8 +24,8 @@ impl<const N: usize> Normal<N> {
         }
     }
 
-    /// The coefficients of the unknowns in `kept`, in that order, the others taken as zero; `None` if the equations do
-    /// not determine them.
+    /// Solves for the unknowns in `kept`, in that order, with all others zero; `None` if the equations do not determine
+    /// them.
     pub fn solve(&self, kept: &[usize]) -> Option<[f64; N]> {
         let n = kept.len();
         let at = |i: usize, j: usize| {
@@ -73,7 +73,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn finds_a_polynomial_again_and_refuses_what_is_not_determined() {
+    fn a_polynomial_is_recovered_and_undetermined_unknowns_are_refused() {
         let mut normal = Normal::<4>::default();
         for k in 0..9 {
             let x = f64::from(k) / 4.0 - 1.0;
@@ -84,7 +84,7 @@ mod tests {
         for (found, expected) in c.iter().zip([0.5, -2.0, 3.0, 0.0]) {
             assert!((found - expected).abs() < 1e-12, "{c:?}");
         }
-        // In the order asked for.
+        // The solution has the order of `kept`.
         assert!((normal.solve(&[2, 0, 1]).unwrap()[0] - 3.0).abs() < 1e-12);
         let mut poor = Normal::<4>::default();
         poor.add(&[1.0, 2.0, 0.0, 0.0], 1.0);

@@ -1,5 +1,4 @@
-//! Fitting one patch of the mixed form by least squares: on a desktop when the firmware is built, on the board after a
-//! calibration.
+//! Fitting one patch by least squares: on a desktop when the firmware is built, on the board after a calibration.
 
 use crate::arc::{MAX_COLUMNS, MAX_ROWS, Patch, Shape};
 use crate::least_squares::Normal;
@@ -24,7 +23,7 @@ pub struct Sample {
     pub by_twist: f64,
 }
 
-/// The equations of a patch with up to N coefficients, `columns` powers of the arc and as many of the load as fit.
+/// The equations of a patch with up to N coefficients: `columns` powers of the arc and as many powers of the load as fit.
 pub struct PatchFit<const N: usize> {
     normal: Normal<N>,
     columns: usize,
@@ -66,7 +65,7 @@ fn powers_of_chebyshev(k: usize) -> [f64; MAX_COLUMNS] {
 }
 
 impl<const N: usize> PatchFit<N> {
-    /// For loads (N) and arcs (m) in these ranges; errors count in parts of the tolerances of gap (m) and TR (relative).
+    /// A patch over these ranges of load (N) and arc (m); `tolerance` of gap (m) and TR (relative) weights the equations.
     pub fn new(columns: usize, load_n: [f64; 2], arc_m: [f64; 2], tolerance: [f64; 2]) -> Self {
         let (mut centre, mut half) = ([0.0; 2], [0.0; 2]);
         for (k, [low, high]) in [load_n, arc_m].into_iter().enumerate() {
@@ -76,7 +75,7 @@ impl<const N: usize> PatchFit<N> {
         Self { normal: Normal::default(), columns, load_max_n: load_n[1] as f32, centre, half, tolerance }
     }
 
-    /// Takes a state in: its gap and its slope.
+    /// Adds the equations of a state: its gap and its slope.
     pub fn add(&mut self, s: &Sample) {
         let position = |k: usize, at: f64| (at - f64::from(self.centre[k])) / self.half[k];
         let (tx, _) = chebyshev::<MAX_ROWS>(position(0, s.load_n));
@@ -97,8 +96,8 @@ impl<const N: usize> PatchFit<N> {
         self.normal.add(&slope, slope_weight * by_arc);
     }
 
-    /// The patch of that shape; its coefficients, in the order in which they are evaluated, go to `out`. Nothing if the
-    /// states do not determine it or the sizes do not fit.
+    /// Solves for the patch of this shape and writes its coefficients to `out` in the order of their evaluation. `None` if
+    /// the states do not determine them or the sizes do not fit.
     pub fn solve(&self, shape: Shape, out: &mut [f32]) -> Option<Patch> {
         let [rows, columns] = [shape.rows, shape.columns].map(usize::from);
         if rows > MAX_ROWS || columns > self.columns || rows * self.columns > N {
@@ -110,7 +109,7 @@ impl<const N: usize> PatchFit<N> {
         }
         let solution = self.normal.solve(&kept)?;
         let out = out.get_mut(..rows * columns)?;
-        // To powers of the offsets in N and m.
+        // From Chebyshev polynomials on [−1, 1] to powers of the offsets in N and m.
         let scale = |k: usize, power: usize| libm::pow(self.half[k], -(power as f64));
         for (at, c) in out.iter_mut().enumerate() {
             let (j, i) = (columns - 1 - at / rows, rows - 1 - at % rows);

@@ -1,18 +1,20 @@
-//! Dividing the load for the mixed form: as few ranges and with as few terms as the scene needs.
+//! Dividing the load into ranges: as few as each shape needs for the accuracy.
 
 use crate::arc::{ArcSeries, Growth, MAX_COLUMNS, MAX_ROWS, Patch, Shape};
-use crate::fit::{Accuracy, Exact, FitError, Numbers, Reference};
+use crate::arc_growth::{arc_at, growth};
+use crate::demand::{Accuracy, FitError};
+use crate::owned::OwnedSeries;
 use crate::patch_fit::{MAX_TERMS, PatchFit, Sample};
-use crate::plane::{arc_at, growth};
+use crate::reference::{Exact, Reference};
 use std::collections::BTreeMap;
 
 /// Cuts of the load range at which a patch may end: evenly spaced in the square root of the load.
 const CUTS: usize = 36;
-/// Loads in each cut, and twists, that are fitted; between them, as many are checked.
+/// Loads in each cut, and twists, that are fitted; as many loads and some more twists between them are checked.
 const LOADS: usize = 3;
 const TWISTS: usize = 30;
-/// Share of the accuracy that gap and TR may miss at the points that are checked. A contraction is a difference of two
-/// gaps.
+/// Share of the accuracy that the errors of gap and TR may reach at the checked points. A contraction is a difference of
+/// two gaps.
 const GAP_SHARE: f64 = 0.8;
 const TR_SHARE: f64 = 0.9;
 
@@ -20,30 +22,6 @@ fn sample(growth: &Growth, e: &Exact) -> Sample {
     let (arc_m, arc_by_twist) = arc_at(growth, e.load_n, e.twist_rad);
     let Exact { load_n, twist_rad, gap_m, by_twist, .. } = *e;
     Sample { load_n, twist_rad, arc_m, arc_by_twist, gap_m, by_twist }
-}
-
-/// The form of each shape with the fewest ranges of the load.
-pub(crate) fn candidates(reference: &Reference<'_>, accuracy: &Accuracy) -> Result<Vec<Numbers>, FitError> {
-    let [f0, f1] = reference.load_n;
-    let cut = |k: f64| {
-        let root = f0.sqrt() + (f1.sqrt() - f0.sqrt()) * k / CUTS as f64;
-        (root * root).clamp(f0, f1)
-    };
-    let (fitted_at, checked_at) = (grid(reference, &cut, false)?, grid(reference, &cut, true)?);
-    let Some(growth) = growth(reference.mechanism.parameters(), reference.twist_rad) else { return Ok(Vec::new()) };
-    let with_arc = |exacts: &[Vec<Exact>]| -> Vec<Vec<Sample>> {
-        exacts.iter().map(|cut| cut.iter().map(|e| sample(&growth, e)).collect()).collect()
-    };
-    let mut plane = Plane {
-        growth,
-        fits: with_arc(&fitted_at),
-        checks: with_arc(&checked_at),
-        cuts: (0..=CUTS).map(|k| cut(k as f64)).collect(),
-        tolerance: [GAP_SHARE * accuracy.contraction_m, TR_SHARE * accuracy.tr_relative],
-        equations: BTreeMap::new(),
-    };
-    let shapes = (2..=MAX_ROWS).flat_map(|rows| (2..=MAX_COLUMNS).map(move |columns| Shape::of(rows, columns)));
-    Ok(shapes.flatten().filter_map(|shape| plane.divided(shape)).collect())
 }
 
 /// Solved states of each cut: Chebyshev points to fit at, evenly spaced ones with the edges to check at.
@@ -62,18 +40,8 @@ fn grid(reference: &Reference<'_>, cut: &dyn Fn(f64) -> f64, check: bool) -> Res
             let mut states = Vec::with_capacity(LOADS * twists);
             for i in 0..LOADS {
                 let load = cut(c as f64 + share(i, LOADS));
-                let start_gap_m = reference.solve(load, t0)?.gap_m;
-                for j in 0..twists {
-                    let twist = (t0 + (t1 - t0) * share(j, twists)).clamp(t0, t1);
-                    let e = reference.solve(load, twist)?;
-                    states.push(Exact {
-                        load_n: load,
-                        twist_rad: twist,
-                        gap_m: e.gap_m,
-                        by_twist: e.dgap_dtwist_m_per_rad,
-                        start_gap_m,
-                    });
-                }
+                let twist = |j: usize| (t0 + (t1 - t0) * share(j, twists)).clamp(t0, t1);
+                states.extend(reference.exact_at(load, (0..twists).map(twist))?);
             }
             Ok(states)
         })
@@ -86,8 +54,8 @@ struct Fitted {
     coefficients: Vec<f32>,
 }
 
-/// The load–arc plane with its solved states, cut by cut, and the equations of every range of cuts asked for so far.
-struct Plane {
+/// The solved states, cut by cut, and the equations of every range of cuts tried so far.
+pub(crate) struct Ranges {
     growth: Growth,
     fits: Vec<Vec<Sample>>,
     checks: Vec<Vec<Sample>>,
@@ -96,51 +64,108 @@ struct Plane {
     equations: BTreeMap<[usize; 2], PatchFit<MAX_TERMS>>,
 }
 
-impl Plane {
-    /// From the light end on, always the longest range that the shape can do.
-    fn divided(&mut self, shape: Shape) -> Option<Numbers> {
-        let (mut patches, mut coefficients) = (Vec::new(), Vec::new());
-        // As many cuts as have loads enough to determine the shape.
-        let least = (usize::from(shape.rows) + 1).div_ceil(LOADS);
+impl Ranges {
+    /// Solves the states of the reference's range. `None` if the constants do not determine how the arc grows.
+    pub(crate) fn new(reference: &Reference<'_>, accuracy: &Accuracy) -> Result<Option<Self>, FitError> {
+        let [f0, f1] = reference.load_n;
+        let cut = |k: f64| {
+            let root = f0.sqrt() + (f1.sqrt() - f0.sqrt()) * k / CUTS as f64;
+            (root * root).clamp(f0, f1)
+        };
+        let Some(growth) = growth(reference.mechanism.parameters(), reference.twist_rad) else { return Ok(None) };
+        let samples = |check: bool| -> Result<Vec<Vec<Sample>>, FitError> {
+            let of_cut = |cut: Vec<Exact>| cut.iter().map(|e| sample(&growth, e)).collect();
+            Ok(grid(reference, &cut, check)?.into_iter().map(of_cut).collect())
+        };
+        Ok(Some(Self {
+            growth,
+            fits: samples(false)?,
+            checks: samples(true)?,
+            cuts: (0..=CUTS).map(|k| cut(k as f64)).collect(),
+            tolerance: [GAP_SHARE * accuracy.contraction_m, TR_SHARE * accuracy.tr_relative],
+            equations: BTreeMap::new(),
+        }))
+    }
+
+    /// The table of each shape with the fewest ranges of the load; none for a shape that misses the accuracy even on the
+    /// shortest ranges.
+    pub(crate) fn fewest_of_each_shape(&mut self) -> Vec<OwnedSeries> {
+        let shapes = (2..=MAX_ROWS).flat_map(|rows| (2..=MAX_COLUMNS).map(move |columns| Shape::of(rows, columns)));
+        shapes.flatten().filter_map(|shape| self.fewest(shape)).collect()
+    }
+
+    /// The most accurate table that can be fitted: the largest shape on the shortest ranges.
+    pub(crate) fn shortest(&mut self) -> Option<OwnedSeries> {
+        let shape = Shape::of(MAX_ROWS, MAX_COLUMNS)?;
+        let least = least_cuts(shape);
+        let starts = (0..CUTS).step_by(least).map(|start| start.min(CUTS - least));
+        let fitted = starts.map(|start| self.fitted([start, start + least], shape)).collect::<Option<Vec<_>>>()?;
+        Some(self.series(shape, fitted))
+    }
+
+    /// From the light end on, always the longest range on which the shape meets the accuracy.
+    fn fewest(&mut self, shape: Shape) -> Option<OwnedSeries> {
+        let least = least_cuts(shape);
+        let mut all = Vec::new();
         let mut start = 0;
         while start < CUTS {
             // A last range that would be too short reaches back over the one before it.
             start = start.min(CUTS - least);
             let mut good = start + least;
-            let (mut fitted, mut bad) = (self.patch([start, good], shape)?, CUTS + 1);
+            let (mut longest, mut bad) = (self.accurate([start, good], shape)?, CUTS + 1);
             while bad - good > 1 {
-                // Doubling, then halving.
+                // The length is doubled until a range fails, then halved between good and bad.
                 let end = (2 * good - start).min((good + bad) / 2);
-                match self.patch([start, end], shape) {
-                    Some(longer) => (fitted, good) = (longer, end),
+                match self.accurate([start, end], shape) {
+                    Some(longer) => (longest, good) = (longer, end),
                     None => bad = end,
                 }
             }
-            patches.push(fitted.patch);
-            coefficients.extend(fitted.coefficients);
+            all.push(longest);
             start = good;
         }
-        Some(Numbers::Arc { growth: self.growth, shape, patches, coefficients })
+        Some(self.series(shape, all))
     }
 
-    /// The patch over a range of cuts, if the shape meets the accuracy there.
-    fn patch(&mut self, [i, j]: [usize; 2], shape: Shape) -> Option<Fitted> {
-        let all = || self.fits[i..j].iter().chain(&self.checks[i..j]).flatten();
-        let equations = self.equations.entry([i, j]).or_insert_with(|| {
-            let low = all().map(|s| s.arc_m).fold(f64::INFINITY, f64::min);
-            let high = all().map(|s| s.arc_m).fold(f64::NEG_INFINITY, f64::max);
-            let mut new = PatchFit::new(MAX_COLUMNS, [self.cuts[i], self.cuts[j]], [low, high], self.tolerance);
-            self.fits[i..j].iter().flatten().for_each(|s| new.add(s));
-            new
-        });
+    fn series(&self, shape: Shape, all: Vec<Fitted>) -> OwnedSeries {
+        let (patches, coefficients): (Vec<_>, Vec<_>) = all.into_iter().map(|f| (f.patch, f.coefficients)).unzip();
+        OwnedSeries { growth: self.growth, shape, patches, coefficients: coefficients.concat() }
+    }
+
+    /// The states over a range of cuts, those to fit at first.
+    fn states(&self, [i, j]: [usize; 2]) -> impl Iterator<Item = &Sample> {
+        self.fits[i..j].iter().chain(&self.checks[i..j]).flatten()
+    }
+
+    /// The patch over a range of cuts.
+    fn fitted(&mut self, range: [usize; 2], shape: Shape) -> Option<Fitted> {
+        if !self.equations.contains_key(&range) {
+            let arcs = || self.states(range).map(|s| s.arc_m);
+            let arc_m = [arcs().fold(f64::INFINITY, f64::min), arcs().fold(f64::NEG_INFINITY, f64::max)];
+            let mut new = PatchFit::new(MAX_COLUMNS, range.map(|k| self.cuts[k]), arc_m, self.tolerance);
+            self.fits[range[0]..range[1]].iter().flatten().for_each(|s| new.add(s));
+            self.equations.insert(range, new);
+        }
         let mut coefficients = vec![0.0; shape.terms()];
-        let patch = equations.solve(shape, &mut coefficients)?;
+        let patch = self.equations.get(&range)?.solve(shape, &mut coefficients)?;
+        Some(Fitted { patch, coefficients })
+    }
+
+    /// The patch over a range of cuts, if it meets the accuracy at every state there.
+    fn accurate(&mut self, range: [usize; 2], shape: Shape) -> Option<Fitted> {
+        let fitted = self.fitted(range, shape)?;
+        let (patches, coefficients) = (&[fitted.patch], fitted.coefficients.as_slice());
+        let series = ArcSeries { growth: self.growth, shape, patches, coefficients };
         let good = |s: &Sample| {
-            let form = ArcSeries { growth: self.growth, shape, patches: &[patch], coefficients: &coefficients };
-            let at = form.evaluate(s.load_n as f32, s.twist_rad as f32);
+            let at = series.evaluate(s.load_n as f32, s.twist_rad as f32);
             let tr = s.by_twist / f64::from(at.dgap_dtwist_m_per_rad) - 1.0;
             (f64::from(at.gap_m) - s.gap_m).abs() <= self.tolerance[0] && tr.abs() <= self.tolerance[1]
         };
-        all().all(good).then_some(Fitted { patch, coefficients })
+        self.states(range).all(good).then_some(fitted)
     }
+}
+
+/// The shortest range (cuts) with loads enough to determine a shape.
+fn least_cuts(shape: Shape) -> usize {
+    (usize::from(shape.rows) + 1).div_ceil(LOADS)
 }

@@ -1,15 +1,15 @@
-//! The board makes its own table anew, from constants that a calibration found.
+//! The board makes a new table from constants that a calibration found.
 //!
-//! Form, ranges of the load and numbers of powers are those of the table it was built with (where they miss the scene's
-//! accuracy, those of a spare shape); what they hold is solved and fitted again in single precision ([`tsa_model::scalar::Single`]), one equilibrium at a time so that it can run in the
-//! background, and then checked like the first one: off the grid, against the solver in double precision, for
-//! monotony. A table that fails is not used.
+//! Ranges of the load and numbers of powers are those of the built-in table; if they miss the scene's accuracy, the
+//! numbers of powers are those of a spare shape. The coefficients are solved and fitted again in single precision
+//! ([`tsa_model::scalar::Single`]), one equilibrium at a time, so that it can run in the background. The result is
+//! checked like the first table: between the fitted states, against the solver in double precision, and for
+//! monotonicity. A table that fails is not used.
 
 use crate::arc::{ArcSeries, Growth, Patch, Shape};
-use crate::form::Form;
-use crate::lookup::{Metadata, Table};
+use crate::arc_growth::{arc_at, growth};
 use crate::patch_fit::{PatchFit, Sample};
-use crate::plane::{arc_at, growth};
+use crate::table::{Metadata, Table};
 use tsa_model::scalar::Single;
 use tsa_model::{Mechanism, Parameters, SolveError};
 
@@ -17,19 +17,19 @@ use tsa_model::{Mechanism, Parameters, SolveError};
 pub const MAX_PATCHES: usize = 8;
 /// Most coefficients of a rebuilt table.
 pub const MAX_COEFFICIENTS: usize = 256;
-/// Most coefficients of a range: the normal equations are what the board's memory is spent on.
+/// Most coefficients of a range: the normal equations take most of the memory that a rebuild needs.
 const MAX_TERMS: usize = 45;
-/// States that are checked against the single-precision solver, and among them against the double-precision one: loads,
-/// and twists at each.
+/// States that are checked against the single-precision solver, and against the double-precision one: loads, and twists
+/// at each load.
 const CHECKED: [usize; 2] = [24, 14];
 const CHECKED_EXACTLY: [usize; 2] = [8, 5];
-/// Loads and twists at which the gradient's signs are looked at.
+/// Intervals of load and twist at whose ends the gradient's signs are checked.
 const SIGNS: usize = 60;
 
 /// Why there is no new table.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum RebuildError {
-    /// The board's table is not of the form that can be rebuilt, or too large.
+    /// The board's table has more ranges or coefficients than can be rebuilt.
     #[error("a table of this form cannot be rebuilt on the board")]
     Form,
     /// The envelope reaches past a limit of the model.
@@ -53,7 +53,7 @@ pub enum RebuildError {
         /// Largest relative error of TR.
         tr_relative: f32,
     },
-    /// The gap does not fall with the twist or rise with the load everywhere.
+    /// Somewhere the gap does not fall with the twist or does not rise with the load.
     #[error("the gap is not monotone: the inverses would not be unique")]
     NotMonotone,
 }
@@ -61,7 +61,7 @@ pub enum RebuildError {
 /// A table that owns its numbers, without a heap.
 #[derive(Clone, Debug)]
 pub struct Rebuilt {
-    /// What it says of itself.
+    /// Range, accuracy and origin.
     pub metadata: Metadata,
     growth: Growth,
     shape: Shape,
@@ -71,18 +71,13 @@ pub struct Rebuilt {
 }
 
 impl Rebuilt {
-    /// The table as everything else sees it.
+    /// The table for lookups.
     pub fn table(&self) -> Table<'_> {
-        let form = ArcSeries {
-            growth: self.growth,
-            shape: self.shape,
-            patches: &self.patches,
-            coefficients: &self.coefficients,
-        };
-        Table { metadata: self.metadata, form: Form::Arc(form), crc: self.crc }
+        let Self { growth, shape, ref patches, ref coefficients, .. } = *self;
+        Table { metadata: self.metadata, series: ArcSeries { growth, shape, patches, coefficients }, crc: self.crc }
     }
 
-    /// Its numbers as bytes, to be kept; returns how many of `out` were used, nothing if it is too short.
+    /// Writes its numbers as bytes for flash; returns how many bytes of `out` were used, `None` if it is too short.
     pub fn write(&self, out: &mut [u8]) -> Option<usize> {
         let m = &self.metadata;
         let mut at = 0;
@@ -105,14 +100,15 @@ impl Rebuilt {
         Some(at)
     }
 
-    /// A kept table, if it is whole, of the generator's version, of the same form and envelope as `like`, and of its shape
-    /// or the spare one.
+    /// Reads a table written by [`Rebuilt::write`]: `None` if it is damaged, of another generator version or envelope than
+    /// `like`, or neither of its shape nor of the spare one.
     pub fn read(like: &Table<'_>, spare: Option<Shape>, bytes: &[u8]) -> Option<Self> {
-        let Form::Arc(form) = like.form else { return None };
+        let series = like.series;
         let mut words = bytes.as_chunks::<4>().0.iter().copied();
         let [rows, columns, count, _] = words.next()?;
-        let shape = [Some(form.shape), spare].into_iter().flatten().find(|s| [s.rows, s.columns] == [rows, columns])?;
-        if usize::from(count) != form.patches.len() {
+        let shape =
+            [Some(series.shape), spare].into_iter().flatten().find(|s| [s.rows, s.columns] == [rows, columns])?;
+        if usize::from(count) != series.patches.len() {
             return None;
         }
         let mut word = || words.next();
@@ -122,7 +118,7 @@ impl Rebuilt {
         let mut value = || Some(f32::from_le_bytes(word()?));
         let mut metadata = Metadata { scene_hash, ..like.metadata };
         (metadata.contraction_error_m, metadata.tr_relative_error) = (value()?, value()?);
-        let mut growth = Growth { per_load_m_n: value()?, ..form.growth };
+        let mut growth = Growth { per_load_m_n: value()?, ..series.growth };
         for power in &mut growth.powers {
             *power = value()?;
         }
@@ -135,13 +131,13 @@ impl Rebuilt {
         for _ in 0..usize::from(count) * shape.terms() {
             rebuilt.coefficients.push(value()?).ok()?;
         }
-        // The checksum covers every number, and with the metadata's the ranges too.
+        // The checksum covers every number, those of `like`'s metadata included.
         let good = version == u32::from(like.metadata.generator_version) && rebuilt.table().is_intact();
         good.then_some(rebuilt)
     }
 }
 
-/// What comes next.
+/// The next step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Phase {
     Sample { patch: usize, state: usize },
@@ -162,14 +158,14 @@ pub struct Rebuild {
     equations: PatchFit<MAX_TERMS>,
     rebuilt: Rebuilt,
     phase: Phase,
-    /// Gap at the pre-twist under the load being checked: table's and solver's.
+    /// Gap at the pre-twist under the load being checked, by the table and by the solver (m).
     start_m: [f32; 2],
     states: u32,
 }
 
 impl Rebuild {
-    /// Begins a table like `like` for other constants; `tolerance` is the scene's accuracy of contraction (m) and TR,
-    /// `spare` a shape with more powers, for constants that ask for more than the first ones did.
+    /// Begins a table like `like` for other constants. `tolerance` is the scene's accuracy of contraction (m) and TR
+    /// (relative), `spare` a shape with more powers for constants that need more than the first ones did.
     ///
     /// # Errors
     /// [`RebuildError::Form`].
@@ -180,15 +176,15 @@ impl Rebuild {
         tolerance: [f32; 2],
         spare: Option<Shape>,
     ) -> Result<Self, RebuildError> {
-        let Form::Arc(form) = like.form else { return Err(RebuildError::Form) };
+        let series = like.series;
         let m = like.metadata;
         let twist_rad = [m.twist_min_rad, m.twist_max_rad].map(f64::from);
         let rebuilt = Rebuilt {
             metadata: Metadata { scene_hash, contraction_error_m: 0.0, tr_relative_error: 0.0, ..m },
             growth: growth(parameters, twist_rad).ok_or(RebuildError::Fit)?,
-            shape: form.shape,
-            patches: heapless::Vec::from_slice(form.patches).map_err(|_| RebuildError::Form)?,
-            coefficients: heapless::Vec::from_slice(form.coefficients).map_err(|_| RebuildError::Form)?,
+            shape: series.shape,
+            patches: heapless::Vec::from_slice(series.patches).map_err(|_| RebuildError::Form)?,
+            coefficients: heapless::Vec::from_slice(series.coefficients).map_err(|_| RebuildError::Form)?,
             crc: 0,
         };
         let mut new = Self {
@@ -213,10 +209,10 @@ impl Rebuild {
         self.states
     }
 
-    /// A little more: one equilibrium, one fit, or one row of signs. The table when it is finished and good.
+    /// Does one step: one equilibrium, one fit, or one row of signs. Returns the table when it is finished and good.
     ///
     /// # Errors
-    /// [`RebuildError`]; the table is then of no use.
+    /// [`RebuildError`]; there is then no table.
     pub fn step(&mut self) -> Result<Option<&Rebuilt>, RebuildError> {
         self.phase = match self.phase {
             Phase::Sample { patch, state } => self.sample(patch, state)?,
@@ -278,7 +274,7 @@ impl Rebuild {
         Ok(Phase::Check { load: 0, twist: 0 })
     }
 
-    /// A load between any fit's, quadratically denser towards the light end, ends included.
+    /// A load at this share of the range, quadratically denser towards the light end, both ends included.
     fn load_at(&self, share: f64) -> f64 {
         let [low, high] = [self.load_min_n, f64::from(self.rebuilt.metadata.load_max_n)];
         low + (high - low) * share * share
@@ -307,7 +303,7 @@ impl Rebuild {
         })
     }
 
-    /// The double-precision solver has the last word on what the single-precision one did.
+    /// Checks the single-precision solver's work against the double-precision one.
     fn check_exactly(&mut self, state: usize) -> Result<Phase, RebuildError> {
         let [loads, twists] = CHECKED_EXACTLY;
         if state < loads * twists {
@@ -336,7 +332,7 @@ impl Rebuild {
         Ok(Phase::Sample { patch: 0, state: 0 })
     }
 
-    /// Begins again with the spare shape, if there is one left and room for it.
+    /// Begins again with the spare shape, if there is one and it fits.
     fn enrich(&mut self) -> bool {
         let Some(shape) = self.spare.take() else { return false };
         if self.rebuilt.coefficients.resize(self.rebuilt.patches.len() * shape.terms(), 0.0).is_err() {
@@ -352,7 +348,7 @@ impl Rebuild {
         let m = &mut self.rebuilt.metadata;
         for (most, error) in [&mut m.contraction_error_m, &mut m.tr_relative_error].into_iter().zip(errors) {
             let error = error.abs();
-            // NaN must stay.
+            // NaN replaces every number and stays.
             if error > *most || error.is_nan() {
                 *most = error;
             }

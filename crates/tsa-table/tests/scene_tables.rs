@@ -4,9 +4,9 @@ use rig_scene::Scene;
 use rig_scene::TableError;
 use std::sync::OnceLock;
 use tsa_model::twist_from_turns;
-use tsa_table::effort::lookup_instructions;
+use tsa_table::InverseError;
 use tsa_table::fit::{Fit, FitError};
-use tsa_table::{Form, InverseError, LoadMap};
+use tsa_table::instruction_model::lookup_instructions;
 
 fn scene() -> Scene {
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/default.toml");
@@ -23,12 +23,10 @@ fn the_default_table_meets_its_scene_in_few_bytes() {
     let fit = default_fit();
     for c in &fit.candidates {
         println!(
-            "{:5} {:18} {:28} {:?} {} B, contraction {:.2e} (rms {:.1e}) m, TR {:.2e} (rms {:.1e})",
+            "{:5} {:28} {} B, contraction {:.2e} (rms {:.1e}) m, TR {:.2e} (rms {:.1e})",
             c.passes,
-            c.table.numbers.kind(),
             c.table.numbers.size(),
-            c.table.metadata.load_map,
-            c.table.numbers.form().bytes(),
+            c.table.numbers.bytes(),
             c.errors.contraction_max_m,
             c.errors.contraction_rms_m,
             c.errors.tr_max,
@@ -40,18 +38,18 @@ fn the_default_table_meets_its_scene_in_few_bytes() {
     assert!(e.contraction_max_m <= 5e-6 && e.tr_max <= 2e-3);
     assert!(fit.certificate.points >= 20_000 && fit.certificate.monotone);
     let table = fit.table.table();
-    assert!(table.form.bytes() <= 512, "{} bytes", table.form.bytes());
+    assert!(table.series.bytes() <= 512, "{} bytes", table.series.bytes());
     assert!(table.is_intact());
     let c = &fit.certificate;
-    let rounding = c.rounding.unwrap();
-    // The gradient is the gap's own: what they disagree by is the jumps between ranges and rounding.
+    let rounding = c.rounding;
+    // Gap and gradient differ only by the jumps between ranges and by rounding.
     assert!(c.closure_m > 0.0 && c.closure_m <= c.errors.contraction_max_m, "{}", c.closure_m);
     assert!(rounding.arithmetic_m > 1e-9 && rounding.arithmetic_m < 2e-7 && rounding.tr_arithmetic < 1e-5);
-    assert!(lookup_instructions(&table) <= 250);
+    assert!(lookup_instructions(&table.series) <= 250);
     assert!(table.metadata.contraction_error_m > 0.0 && table.metadata.tr_relative_error > 0.0);
 }
 
-/// A rod that hardly resists on its plateau: no global polynomial follows it, ranges of the load do.
+/// A rod that hardly resists on its plateau needs several ranges of the load.
 #[test]
 fn the_plateau_rod_gets_a_table_of_the_same_accuracy() {
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/niti-plateau.toml");
@@ -60,15 +58,13 @@ fn the_plateau_rod_gets_a_table_of_the_same_accuracy() {
     println!(
         "{}, {} bytes, {} instructions, contraction {:.2e} m, TR {:.2e}",
         fit.table.numbers.size(),
-        table.form.bytes(),
-        lookup_instructions(&table),
+        table.series.bytes(),
+        lookup_instructions(&table.series),
         e.contraction_max_m,
         e.tr_max
     );
     assert!(e.contraction_max_m <= 5e-6 && e.tr_max <= 2e-3 && fit.certificate.monotone);
-    assert!(table.form.bytes() <= 1280, "{} bytes", table.form.bytes());
-    let global = fit.candidates.iter().filter(|c| matches!(c.table.table().form, Form::Series { .. }));
-    assert!(global.clone().count() > 0 && global.into_iter().all(|c| !c.passes));
+    assert!(table.series.bytes() <= 1280, "{} bytes", table.series.bytes());
 }
 
 #[test]
@@ -78,21 +74,13 @@ fn a_flipped_bit_is_found() {
     broken.metadata.load_max_n += 1.0;
     assert!(!broken.table().is_intact());
     let mut broken = fit.table.clone();
-    match &mut broken.numbers {
-        tsa_table::fit::Numbers::Series { coefficients, .. } => {
-            coefficients[3] = f32::from_bits(coefficients[3].to_bits() ^ 1)
-        }
-        tsa_table::fit::Numbers::Hermite { nodes, .. } => nodes[3][0] = f32::from_bits(nodes[3][0].to_bits() ^ 1),
-        tsa_table::fit::Numbers::Arc { coefficients, .. } => {
-            coefficients[3] = f32::from_bits(coefficients[3].to_bits() ^ 1)
-        }
-        tsa_table::fit::Numbers::Bilinear { nodes, .. } => nodes[3] = f32::from_bits(nodes[3].to_bits() ^ 1),
-    }
+    let coefficient = &mut broken.numbers.coefficients[3];
+    *coefficient = f32::from_bits(coefficient.to_bits() ^ 1);
     assert!(!broken.table().is_intact());
 }
 
 #[test]
-fn inverses_close_to_the_certificates_error() {
+fn the_inverse_agrees_with_the_lookup() {
     let table = default_fit().table.table();
     let m = table.metadata;
     for i in 0..40 {
@@ -101,10 +89,6 @@ fn inverses_close_to_the_certificates_error() {
             let twist = m.twist_min_rad + (m.twist_max_rad - m.twist_min_rad) * j as f32 / 39.0;
             let load = load.clamp(m.load_min_n, m.load_max_n);
             let gap = table.look_up(load, twist).unwrap().gap_m;
-            let found = table.load_from_gap(twist, gap).unwrap();
-            let back = table.look_up(found.load_n, twist).unwrap().gap_m;
-            assert!((back - gap).abs() < 1e-6, "load {load} twist {twist}: {back} {gap}");
-            assert!((found.load_n - load).abs() < 1e-4 * load, "{} for {load}", found.load_n);
             let found = table.twist_from_gap(load, gap).unwrap();
             let back = table.look_up(load, found).unwrap().gap_m;
             assert!((back - gap).abs() < 1e-6, "load {load} twist {twist}: {back} {gap}");
@@ -125,12 +109,9 @@ fn outside_the_envelope_is_refused_by_name() {
     // On the edge, up to rounding, is inside.
     assert!(table.look_up(0.5, twist_from_turns(7.5) as f32).is_ok());
     assert!(table.look_up(18.0, m.twist_min_rad).is_ok());
-    let low = table.look_up(m.load_min_n, 20.0).unwrap().gap_m;
-    assert!(matches!(table.load_from_gap(20.0, low - 1e-3), Err(InverseError::Gap { .. })));
-    assert!(matches!(table.load_from_gap(20.0, f32::NAN), Err(InverseError::Gap { .. })));
-    assert!(matches!(table.load_from_gap(2.0, low), Err(InverseError::Given(e)) if e.parameter == "twist_rad"));
     assert!(matches!(table.twist_from_gap(5.0, 0.2), Err(InverseError::Gap { .. })));
-    assert!(matches!(table.twist_from_gap(f32::NAN, low), Err(InverseError::Given(e)) if e.parameter == "load_n"));
+    assert!(matches!(table.twist_from_gap(5.0, f32::NAN), Err(InverseError::Gap { .. })));
+    assert!(matches!(table.twist_from_gap(f32::NAN, 0.05), Err(InverseError::Load(e)) if e.parameter == "load_n"));
 }
 
 #[test]
@@ -138,10 +119,9 @@ fn tighter_accuracy_makes_a_larger_table_and_looser_a_smaller_one() {
     let bytes = |contraction_m: f64, tr_relative: f64| {
         let mut s = scene();
         s.accuracy = Some(rig_scene::Accuracy { contraction_m, tr_relative });
-        s.fit_table().unwrap().table.numbers.form().bytes()
+        s.fit_table().unwrap().table.numbers.bytes()
     };
-    let (tight, middle, loose) = (bytes(1e-6, 5e-4), bytes(5e-6, 2e-3), bytes(1e-4, 2e-2));
-    // Among the candidates of this one are some that have no gap at all in places.
+    let (tight, middle, loose) = (bytes(2e-6, 8e-4), bytes(5e-6, 2e-3), bytes(1e-4, 2e-2));
     let rough = bytes(1e-3, 0.2);
     println!("{tight} {middle} {loose} {rough} bytes");
     assert!(tight > middle && middle > loose && loose > rough);
@@ -158,16 +138,16 @@ fn an_envelope_past_a_limit_names_the_limit_and_the_first_point() {
     assert!(load_n < 2.0 && turns > 8.0, "{load_n} N, {turns} turns");
     s.accuracy = Some(rig_scene::Accuracy { contraction_m: 1e-12, tr_relative: 1e-3 });
     s.envelope = Some(rig_scene::Envelope { load_n: [0.5, 18.0], turns: [0.0, 7.5] });
-    assert!(matches!(s.fit_table(), Err(TableError::Fit(FitError::Accuracy { .. }))));
+    let Err(TableError::Fit(FitError::Accuracy { best, .. })) = s.fit_table() else { panic!("not refused") };
+    // The most accurate table that can be fitted, limited by f32.
+    let reached: f64 = best.split(' ').next().unwrap().parse().unwrap();
+    assert!(reached < 1e-6, "{best}");
 }
 
 #[test]
-fn every_form_agrees_with_its_own_gradient() {
+fn every_candidate_agrees_with_its_own_gradient() {
     for c in &default_fit().candidates {
         let table = c.table.table();
-        if matches!(table.form, Form::Bilinear { .. }) || table.metadata.load_map == LoadMap::InverseRoot {
-            continue; // A bilinear patch has no gradient across its edges; the maps differ only by a chain rule.
-        }
         for (load, twist) in [(0.9f32, 5.0f32), (4.0, 20.0), (13.0, 44.0)] {
             let p = table.look_up(load, twist).unwrap();
             let (df, dt) = (0.02 * load, 0.1);
@@ -177,12 +157,9 @@ fn every_form_agrees_with_its_own_gradient() {
             let by_twist = (table.look_up(load, twist + dt).unwrap().gap_m
                 - table.look_up(load, twist - dt).unwrap().gap_m)
                 / (2.0 * dt);
-            assert!((p.dgap_dload_m_per_n / by_load - 1.0).abs() < 0.01, "{} {load} {twist}", c.table.numbers.kind());
-            assert!(
-                (p.dgap_dtwist_m_per_rad / by_twist - 1.0).abs() < 0.01,
-                "{} {load} {twist}",
-                c.table.numbers.kind()
-            );
+            let name = c.table.numbers.size();
+            assert!((p.dgap_dload_m_per_n / by_load - 1.0).abs() < 0.01, "{name} {load} {twist}");
+            assert!((p.dgap_dtwist_m_per_rad / by_twist - 1.0).abs() < 0.01, "{name} {load} {twist}");
         }
     }
 }

@@ -8,7 +8,7 @@ use host_tests::compare::report::{Reached, Results};
 use host_tests::compare::tune::Goal;
 use host_tests::compare::{Comparison, Controller, untuned};
 use host_tests::scenario;
-use rigctl::output::write_file;
+use rigctl::out_file::write_file;
 use sim_link::{PlantChange, PlantKey};
 use std::path::PathBuf;
 

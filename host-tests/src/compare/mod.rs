@@ -19,7 +19,7 @@ pub mod report;
 pub mod score;
 pub mod tune;
 
-use crate::Desk;
+use crate::ControlBench;
 use crate::scenario::Scenario;
 use baseline::{Baseline, Law, Loop};
 use plants::RandomPlant;
@@ -48,7 +48,7 @@ pub struct Case {
     /// What the firmware did, move by move.
     pub records: Vec<Record>,
     /// The baseline, homed.
-    pub ready: Desk<Baseline>,
+    pub ready: ControlBench<Baseline>,
 }
 
 /// A scenario on a plant that the firmware did not get through.

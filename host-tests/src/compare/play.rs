@@ -3,7 +3,7 @@
 use super::baseline::{Baseline, Law, Wanted};
 use super::plants::RandomPlant;
 use crate::scenario::{Move, Scenario};
-use crate::{Controller, Desk};
+use crate::{ControlBench, Controller};
 use rig_control::TICK_S;
 
 /// Longest way of a baseline to its reference (s).
@@ -40,31 +40,31 @@ fn keys(scenario: &Scenario, plant: &RandomPlant, twist_at_boot: f32) -> Vec<(&'
     own.chain([("twist_at_boot", twist_at_boot.to_string())]).collect()
 }
 
-fn desk<C: Controller>(control: C, keys: &[(&'static str, String)], seed: u64) -> Desk<C> {
+fn bench<C: Controller>(control: C, keys: &[(&'static str, String)], seed: u64) -> ControlBench<C> {
     let keys: Vec<(&str, &str)> = keys.iter().map(|(key, value)| (*key, value.as_str())).collect();
-    Desk::with(control, &keys, seed)
+    ControlBench::with(control, &keys, seed)
 }
 
-/// Plays one move: before each tick `tick` moves the desk on and says where the load should be.
+/// Plays one move: before each tick `tick` moves the bench on and says where the load should be.
 fn record<C: Controller>(
-    desk: &mut Desk<C>,
+    bench: &mut ControlBench<C>,
     m: &Move,
-    mut tick: impl FnMut(&mut Desk<C>, usize) -> Result<f32, String>,
+    mut tick: impl FnMut(&mut ControlBench<C>, usize) -> Result<f32, String>,
 ) -> Result<Record, String> {
     let mut record = Record {
         changed: !m.changes.is_empty(),
-        ends_m: [desk.true_position_m(), m.target_m.into()],
+        ends_m: [bench.true_position_m(), m.target_m.into()],
         ..Record::default()
     };
-    let energy_j = desk.truth().motor_energy_j;
+    let energy_j = bench.truth().motor_energy_j;
     for k in 0..m.ticks {
         for (_, change) in m.changes.iter().filter(|(at, _)| *at == k) {
-            desk.rig.change_plant(*change).map_err(|e| e.to_string())?;
+            bench.rig.change_plant(*change).map_err(|e| e.to_string())?;
         }
-        record.set_points_m.push(tick(desk, k)?);
-        record.positions_m.push(desk.true_position_m());
+        record.set_points_m.push(tick(bench, k)?);
+        record.positions_m.push(bench.true_position_m());
     }
-    record.energy_j = desk.truth().motor_energy_j - energy_j;
+    record.energy_j = bench.truth().motor_energy_j - energy_j;
     Ok(record)
 }
 
@@ -72,13 +72,13 @@ fn record<C: Controller>(
 pub fn firmware(scenario: &Scenario, plant: &RandomPlant) -> Played {
     let [_, twist] = TWIST_AT_BOOT;
     let control = rig_control::Rig::new(crate::table(), crate::constants(), None);
-    let mut desk = desk(control, &keys(scenario, plant, twist), plant.seed);
+    let mut bench = bench(control, &keys(scenario, plant, twist), plant.seed);
     let mut records = Vec::new();
     let mut play = || -> Result<(), String> {
-        desk.home().map_err(|e| format!("homing: {e}"))?;
+        bench.home().map_err(|e| format!("homing: {e}"))?;
         for (number, m) in scenario.moves.iter().enumerate() {
-            let one = record(&mut desk, m, |desk, k| {
-                let out = desk.tick((k == 0).then_some(m.request));
+            let one = record(&mut bench, m, |bench, k| {
+                let out = bench.tick((k == 0).then_some(m.request));
                 if let Some(Err(refusal)) = out.reply {
                     return Err(format!("refused: {refusal}"));
                 }
@@ -99,15 +99,15 @@ pub fn firmware(scenario: &Scenario, plant: &RandomPlant) -> Played {
 ///
 /// # Errors
 /// In words, if it does not come there.
-pub fn ready(scenario: &Scenario, plant: &RandomPlant) -> Result<Desk<Baseline>, String> {
+pub fn ready(scenario: &Scenario, plant: &RandomPlant) -> Result<ControlBench<Baseline>, String> {
     let [twist, _] = TWIST_AT_BOOT;
-    let mut desk = desk(Baseline::new(Law::OpenLoop, twist), &keys(scenario, plant, twist), plant.seed);
-    desk.control.wanted.load_n = desk.truth().load_n as f32;
-    if !desk.until(START_S, |d| d.control.is_ready()) {
+    let mut bench = bench(Baseline::new(Law::OpenLoop, twist), &keys(scenario, plant, twist), plant.seed);
+    bench.control.wanted.load_n = bench.truth().load_n as f32;
+    if !bench.until(START_S, |d| d.control.is_ready()) {
         return Err(format!("a baseline does not come to its reference within {START_S} s"));
     }
-    desk.home_gap_m = Some(desk.truth().gap_m);
-    Ok(desk)
+    bench.home_gap_m = Some(bench.truth().gap_m);
+    Ok(bench)
 }
 
 /// A baseline from where [`ready`] left it, along the firmware's set-points.
@@ -115,28 +115,28 @@ pub fn ready(scenario: &Scenario, plant: &RandomPlant) -> Result<Desk<Baseline>,
 /// # Errors
 /// In words, if the plant refuses a change.
 pub fn baseline(
-    mut desk: Desk<Baseline>,
+    mut bench: ControlBench<Baseline>,
     law: Law,
     scenario: &Scenario,
     along: &[Record],
 ) -> Result<Vec<Record>, String> {
-    desk.control.law = law;
+    bench.control.law = law;
     let mut last_m = 0.0;
     let moves = scenario.moves.iter().zip(along);
     moves
         .map(|(m, along)| {
-            record(&mut desk, m, |desk, k| {
+            record(&mut bench, m, |bench, k| {
                 let set_point_m = along.set_points_m[k];
-                desk.control.wanted = Wanted {
+                bench.control.wanted = Wanted {
                     set_point_m,
                     speed_m_per_s: (set_point_m - last_m) / TICK_S,
                     done: set_point_m == m.target_m,
                     target_m: m.target_m,
                     asked_m_per_s: m.speed_m_per_s,
-                    load_n: desk.truth().load_n as f32,
+                    load_n: bench.truth().load_n as f32,
                 };
                 last_m = set_point_m;
-                desk.tick(None);
+                bench.tick(None);
                 Ok(set_point_m)
             })
         })

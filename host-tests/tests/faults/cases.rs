@@ -1,6 +1,6 @@
 //! What makes each fault fire, and what is near and must not.
 
-use host_tests::Desk;
+use host_tests::ControlBench;
 use rig_control::Inputs;
 use rig_control::sensors::DriveReading;
 use rig_link::messages::{Fault, LoadChoice, Request, State};
@@ -9,24 +9,24 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, OnceLock};
 
 /// What happens to a rig that is moving.
-pub type Happens = fn(&mut Desk);
+pub type Happens = fn(&mut ControlBench);
 
 /// A homed rig, 2 s into a slow move up.
-pub fn moving() -> Desk {
-    static DESK: OnceLock<Desk> = OnceLock::new();
-    let desk = DESK.get_or_init(|| {
-        let mut d = Desk::new(&[("load", "0.5kg"), ("twist_at_boot", "5")], 6);
+pub fn moving() -> ControlBench {
+    static BENCH: OnceLock<ControlBench> = OnceLock::new();
+    let bench = BENCH.get_or_init(|| {
+        let mut d = ControlBench::new(&[("load", "0.5kg"), ("twist_at_boot", "5")], 6);
         d.home().unwrap();
         d.tick(Some(Request::Move { target_m: 0.014, speed_m_per_s: 0.001, load: LoadChoice::Auto }));
         d.run(2.0);
         assert_eq!(d.control.state(), State::Moving);
         d
     });
-    desk.clone()
+    bench.clone()
 }
 
 /// From now on, besides what is tampered with already.
-pub fn tamper(d: &mut Desk, with: impl Fn(&mut Inputs) + Send + Sync + 'static) {
+pub fn tamper(d: &mut ControlBench, with: impl Fn(&mut Inputs) + Send + Sync + 'static) {
     let before = d.tamper.take();
     d.tamper = Some(Arc::new(move |inputs| {
         if let Some(before) = &before {
@@ -37,20 +37,20 @@ pub fn tamper(d: &mut Desk, with: impl Fn(&mut Inputs) + Send + Sync + 'static) 
 }
 
 /// For so many seconds, then no more.
-pub fn tamper_for(d: &mut Desk, seconds: f64, with: impl Fn(&mut Inputs) + Send + Sync + 'static) {
+pub fn tamper_for(d: &mut ControlBench, seconds: f64, with: impl Fn(&mut Inputs) + Send + Sync + 'static) {
     tamper(d, with);
     d.run(seconds);
     d.tamper = None;
 }
 
-pub fn rig_fault_for(d: &mut Desk, fault: RigFault, seconds: f64) {
+pub fn rig_fault_for(d: &mut ControlBench, fault: RigFault, seconds: f64) {
     d.rig.set_fault(fault, true);
     d.run(seconds);
     d.rig.set_fault(fault, false);
 }
 
 /// Adds to the time from now on: the next tick comes that much late, before drive and LVDT are heard again.
-pub fn late_by(d: &mut Desk, late_us: u64) {
+pub fn late_by(d: &mut ControlBench, late_us: u64) {
     let came = AtomicBool::new(false);
     tamper(d, move |i| {
         i.now_us += late_us;
@@ -66,7 +66,7 @@ pub fn late_by(d: &mut Desk, late_us: u64) {
 }
 
 /// Every other tick so late, `count` times.
-pub fn late_now_and_then(d: &mut Desk, late_us: u64, count: u32) {
+pub fn late_now_and_then(d: &mut ControlBench, late_us: u64, count: u32) {
     let ticks = AtomicU32::new(0);
     tamper(d, move |i| {
         let tick = ticks.fetch_add(1, Ordering::Relaxed);
@@ -75,7 +75,7 @@ pub fn late_now_and_then(d: &mut Desk, late_us: u64, count: u32) {
 }
 
 /// The encoder gains or loses counts from now on: `share` of all further ones.
-pub fn encoder_slips(d: &mut Desk, share: f64) {
+pub fn encoder_slips(d: &mut ControlBench, share: f64) {
     let start = OnceLock::new();
     tamper(d, move |i| {
         let from = *start.get_or_init(|| i.encoder_counts);
@@ -134,12 +134,12 @@ pub const CASES: [(u8, Fault, f64, Happens, Happens); 22] = [
         Fault::DriveStartUp,
         5.0,
         |d| {
-            *d = Desk::new(&[], 6);
+            *d = ControlBench::new(&[], 6);
             d.rig.set_fault(RigFault::CanSilent, true);
         },
         |d| {
             // It answers late.
-            *d = Desk::new(&[], 6);
+            *d = ControlBench::new(&[], 6);
             rig_fault_for(d, RigFault::CanSilent, 2.4);
             assert!(d.until(4.0, |d| d.control.state() == State::Unhomed), "{:?}", d.control.fault());
         },

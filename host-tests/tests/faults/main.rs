@@ -6,7 +6,7 @@ mod page;
 mod pairs;
 
 use cases::*;
-use host_tests::{Desk, constants, table};
+use host_tests::{ControlBench, constants, table};
 use rig_control::sensors::DriveReading;
 use rig_control::supervisor::fault_policy::{After, Response, policy};
 use rig_control::{DriveCommand, Rig as Control};
@@ -117,7 +117,7 @@ fn a_cause_that_is_still_there_cannot_be_cleared() {
 #[test]
 fn a_start_that_was_no_power_up_waits_for_the_operator() {
     for fault in [Fault::WatchdogReset, Fault::UnexpectedReset, Fault::Panicked, Fault::SettingsCorrupt] {
-        let mut d = Desk::with(Control::new(table(), constants(), Some(fault)), &[("twist_at_boot", "20")], 3);
+        let mut d = ControlBench::with(Control::new(table(), constants(), Some(fault)), &[("twist_at_boot", "20")], 3);
         d.run(5.0);
         assert_eq!((d.control.state(), d.control.fault()), (State::Fault, Some(fault)));
         assert_eq!(d.last.as_ref().unwrap().drive, DriveCommand::Silence);
@@ -130,7 +130,7 @@ fn a_start_that_was_no_power_up_waits_for_the_operator() {
         assert_eq!(d.tick(Some(go)).reply, Some(Err(Refusal::NotHomed)));
     }
     // By power or by hand: no fault, and nothing moves either.
-    let mut d = Desk::new(&[], 3);
+    let mut d = ControlBench::new(&[], 3);
     assert!(d.until(6.0, |d| d.control.state() == State::Unhomed));
     assert_eq!(d.control.fault(), None);
 }
@@ -162,7 +162,7 @@ fn a_restarted_drive_is_noticed_by_its_silence_or_its_position() {
 
 #[test]
 fn the_first_readings_after_power_up_are_not_believed() {
-    let mut d = Desk::new(&[], 1);
+    let mut d = ControlBench::new(&[], 1);
     tamper(&mut d, |i| {
         if i.now_us < 3_200_000 {
             lvdt_mean(i, 0.0)
@@ -174,7 +174,7 @@ fn the_first_readings_after_power_up_are_not_believed() {
     assert_eq!(d.control.state(), State::Boot, "not at the first good one");
     assert!(d.until(2.0, |d| d.control.state() == State::Unhomed), "{:?}", d.control.fault());
     // A sensor that never comes is said, instead of waiting without a word.
-    let mut d = Desk::new(&[], 1);
+    let mut d = ControlBench::new(&[], 1);
     d.rig.set_fault(RigFault::LvdtOpen, true);
     d.run(6.0);
     assert_eq!(d.control.fault(), Some(Fault::LvdtOpen));
@@ -210,11 +210,11 @@ fn the_twist_range_clips_and_outside_it_is_a_fault_with_the_way_back_free() {
     let mut d = moving();
     d.tick(Some(Request::Stop));
     assert!(d.until(5.0, |d| d.control.state() == State::Holding));
-    let jog = |d: &mut Desk, twist_speed_rad_per_s| {
+    let jog = |d: &mut ControlBench, twist_speed_rad_per_s| {
         assert!(d.tick(Some(Request::Jog { twist_speed_rad_per_s })).reply.is_some_and(|r| r.is_ok()));
     };
     jog(&mut d, 4.0);
-    let clipped = |d: &Desk| d.last.as_ref().is_some_and(|o| o.telemetry.limit == Some(Limit::Travel));
+    let clipped = |d: &ControlBench| d.last.as_ref().is_some_and(|o| o.telemetry.limit == Some(Limit::Travel));
     assert!(d.until(20.0, clipped));
     d.run(2.0);
     assert_eq!(d.control.fault(), None, "at the limit is not outside");
@@ -244,7 +244,7 @@ fn the_twist_range_clips_and_outside_it_is_a_fault_with_the_way_back_free() {
 #[test]
 fn a_shaft_that_is_stopped_from_a_fast_move_is_held() {
     for load in ["0.5kg", "1.7kg"] {
-        let mut d = Desk::new(&[("load", load), ("twist_at_boot", "5")], 6);
+        let mut d = ControlBench::new(&[("load", load), ("twist_at_boot", "5")], 6);
         d.home().unwrap();
         d.tick(Some(Request::Move { target_m: 0.012, speed_m_per_s: 0.02, load: LoadChoice::Auto }));
         // Of the motor's 1047 rad/s at most.
@@ -283,7 +283,7 @@ fn constants_are_not_changed_in_motion() {
 fn an_encoder_that_counts_no_number_stops_the_rig() {
     let mut bad = constants();
     bad.counts_per_rad = 0.0;
-    let mut d = Desk::with(Control::new(table(), bad, None), &[], 1);
+    let mut d = ControlBench::with(Control::new(table(), bad, None), &[], 1);
     d.run(0.1);
     assert_eq!(d.control.fault(), Some(Fault::NotFinite));
     assert_eq!(d.last.as_ref().unwrap().drive, DriveCommand::Silence);
@@ -312,7 +312,7 @@ fn the_emergency_stops_contact_is_told_both_ways() {
 #[test]
 fn a_load_beyond_the_table_stops_a_motion_but_not_a_rig_at_rest() {
     let heavy = |load: &str, then: &str, moves: bool| {
-        let mut d = Desk::new(&[("load", load), ("twist_at_boot", "5")], 6);
+        let mut d = ControlBench::new(&[("load", load), ("twist_at_boot", "5")], 6);
         d.home().unwrap();
         if moves {
             d.tick(Some(Request::Move { target_m: 0.012, speed_m_per_s: 0.001, load: LoadChoice::Auto }));

@@ -2,7 +2,7 @@
 //! holding and falling is held against the true strings.
 
 use super::cases::*;
-use host_tests::Desk;
+use host_tests::ControlBench;
 use rig_control::supervisor::fault_policy::{Response, policy};
 use rig_link::messages::{Fault, LoadChoice, Refusal, Request, State};
 use sim_link::RigFault;
@@ -53,7 +53,7 @@ struct Watch {
 }
 
 impl Watch {
-    fn look(&mut self, d: &Desk) {
+    fn look(&mut self, d: &ControlBench) {
         let truth = d.truth();
         let response = d.control.fault().map(|fault| policy(fault).response);
         let drive = d.rig.drive();
@@ -86,7 +86,7 @@ impl Watch {
         }
     }
 
-    fn run(&mut self, d: &mut Desk, seconds: f64) {
+    fn run(&mut self, d: &mut ControlBench, seconds: f64) {
         d.until(seconds, |d| {
             self.look(d);
             false
@@ -94,7 +94,7 @@ impl Watch {
     }
 
     /// Asks, and looks at the answer to a `clear`: it is refused while the board says held and the strings turn.
-    fn ask(&mut self, d: &mut Desk, request: Request) {
+    fn ask(&mut self, d: &mut ControlBench, request: Request) {
         let (before, fault) = (d.truth(), d.control.fault());
         let dead = d.rig.drive().is_stalled() || d.rig.drive().mode().is_none();
         let reply = d.tick(Some(request)).reply;

@@ -1,25 +1,25 @@
 //! What each setting does to the rig: the control code alone against the emulated rig.
 
 use super::{go, set};
-use host_tests::Desk;
+use host_tests::ControlBench;
 use rig_control::DriveCommand;
 use rig_link::messages::{Accepted, LoadChoice, Refusal, Request, Setting, SettingValues, State};
 
-fn desk(values: impl Fn(SettingValues) -> SettingValues, keys: &[(&str, &str)], seed: u64) -> Desk {
-    let mut d = Desk::new(keys, seed);
-    let values = values(d.control.default_settings());
+fn bench(values: impl Fn(SettingValues) -> SettingValues, keys: &[(&str, &str)], seed: u64) -> ControlBench {
+    let mut d = ControlBench::new(keys, seed);
+    let values = values(rig_control::settings::defaults(&host_tests::constants()));
     d.control.set_up(&values);
     d
 }
 
-fn ask(d: &mut Desk, request: Request) -> Result<Accepted, Refusal> {
+fn ask(d: &mut ControlBench, request: Request) -> Result<Accepted, Refusal> {
     d.tick(Some(request)).reply.expect("every setting is answered")
 }
 
 #[test]
 fn strings_are_twisted_either_way() {
     for sign in [1.0, -1.0] {
-        let mut d = desk(|v| v.with(Setting::TwistSign, sign), &[("twist_at_boot", "6")], 1);
+        let mut d = bench(|v| v.with(Setting::TwistSign, sign), &[("twist_at_boot", "6")], 1);
         d.home().unwrap_or_else(|e| panic!("{sign}: {e}"));
         let homed = d.truth().twist_rad;
         assert!((homed - f64::from(sign) * std::f64::consts::PI).abs() < 0.05, "{sign}: {homed}");
@@ -37,7 +37,7 @@ fn settings_are_taken_up_at_rest_and_the_strings_stay_where_they_are() {
     for (setting, value) in
         [(Setting::TwistSign, -1.0), (Setting::GearScale, 1.3), (Setting::LvdtGain, 1.1), (Setting::LvdtOffset, 0.02)]
     {
-        let mut d = desk(|v| v, &[("twist_at_boot", "6")], 2);
+        let mut d = bench(|v| v, &[("twist_at_boot", "6")], 2);
         d.home().unwrap();
         d.move_to(0.008, 0.002, LoadChoice::Auto).unwrap();
         let twist = d.truth().twist_rad;
@@ -54,13 +54,13 @@ fn settings_are_taken_up_at_rest_and_the_strings_stay_where_they_are() {
 
 #[test]
 fn refused_while_it_homes_moves_or_starts() {
-    let mut d = desk(|v| v, &[("twist_at_boot", "6")], 3);
+    let mut d = bench(|v| v, &[("twist_at_boot", "6")], 3);
     let request = set(Setting::SpeedMax, 0.01);
     assert_eq!(ask(&mut d, request), Err(Refusal::DriveNotReady));
     assert!(d.until(5.0, |d| d.control.state() == State::Unhomed));
     d.tick(Some(Request::Home));
     for setting in Setting::ALL {
-        let default = d.control.default_settings().get(*setting);
+        let default = rig_control::settings::defaults(&host_tests::constants()).get(*setting);
         assert_eq!(ask(&mut d, set(*setting, default)), Err(Refusal::Busy { state: State::Homing }));
     }
     assert!(d.until(60.0, |d| d.control.state() == State::Ready));
@@ -72,7 +72,7 @@ fn refused_while_it_homes_moves_or_starts() {
 
 #[test]
 fn position_zero_moves_the_scale_and_not_the_load() {
-    let mut d = desk(|v| v, &[("twist_at_boot", "6")], 4);
+    let mut d = bench(|v| v, &[("twist_at_boot", "6")], 4);
     d.home().unwrap();
     d.move_to(0.006, 0.002, LoadChoice::Auto).unwrap();
     d.run(1.0);
@@ -103,7 +103,7 @@ fn position_zero_moves_the_scale_and_not_the_load() {
 #[test]
 fn speed_and_current_limits_are_kept_to() {
     let values = |v: SettingValues| v.with(Setting::SpeedMax, 0.002).with(Setting::CurrentLimit, 0.3);
-    let mut d = desk(values, &[("twist_at_boot", "6")], 5);
+    let mut d = bench(values, &[("twist_at_boot", "6")], 5);
     d.home().unwrap();
     let fast = Request::Move { target_m: 0.01, speed_m_per_s: 0.0021, load: LoadChoice::Auto };
     assert!(matches!(ask(&mut d, fast), Err(Refusal::OutOfRange { max: 0.002, .. })));
@@ -118,9 +118,9 @@ fn speed_and_current_limits_are_kept_to() {
 #[test]
 fn another_gear_is_corrected() {
     // The board believes 1.1 times the scene's gear: a half turn is a tenth less of the true one.
-    let mut d = desk(|v| v.with(Setting::GearScale, 1.0 / 1.1), &[("twist_at_boot", "6")], 6);
+    let mut d = bench(|v| v.with(Setting::GearScale, 1.0 / 1.1), &[("twist_at_boot", "6")], 6);
     assert!(d.until(5.0, |d| d.control.state() == State::Unhomed));
-    let turned = |d: &mut Desk| {
+    let turned = |d: &mut ControlBench| {
         let before = d.truth().twist_rad;
         d.tick(Some(Request::Jog { twist_speed_rad_per_s: 2.0 }));
         d.run(2.0);
@@ -140,14 +140,14 @@ fn a_scale_that_was_learned_makes_the_next_homing_better() {
     let (mut without, mut with) = (0.0f64, 0.0f64);
     for (seed, load) in [(1, "0.15kg"), (2, "0.5kg"), (3, "1.0kg")] {
         let keys = [("k2_scale", "1.1"), ("load", load), ("twist_at_boot", "6")];
-        let error = |d: &Desk| (f64::from(d.control.homed().unwrap().load_n) / d.truth().load_n - 1.0).abs();
-        let mut d = desk(|v| v, &keys, seed);
+        let error = |d: &ControlBench| (f64::from(d.control.homed().unwrap().load_n) / d.truth().load_n - 1.0).abs();
+        let mut d = bench(|v| v, &keys, seed);
         d.home().unwrap();
         without += error(&d) / 3.0;
         for k in 0..12 {
             d.move_to(if k % 2 == 0 { 0.012 } else { 0.002 }, 0.002, LoadChoice::Auto).unwrap();
         }
-        let learned = d.control.learned().unwrap().twist_scale;
+        let learned = d.control.homed().unwrap().twist_scale;
         assert_eq!(ask(&mut d, set(Setting::TwistScale, learned)), Ok(Accepted::Started));
         assert_eq!(d.control.state(), State::Holding, "it is the next homing that it is for");
         d.home().unwrap();

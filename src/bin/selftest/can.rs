@@ -1,5 +1,5 @@
-//! CAN1 without a bus: in loop-back and silent mode its frames come back inside the controller (RM0390 section 30.5.3). Nothing
-//! reaches the pins, so that neither a transceiver nor another node is needed, and none is disturbed.
+//! Checks CAN1 without a bus: in loop-back and silent mode the controller receives its own frames (RM0390 section
+//! 30.5.3). Nothing reaches the pins, so neither a transceiver nor another node is needed, and none is disturbed.
 
 use crate::board::Irqs;
 use crate::table::{Table, Verdict};
@@ -9,7 +9,7 @@ use embassy_stm32::peripherals::{CAN1, PB8, PB9};
 use embassy_stm32::{Peri, pac};
 use embassy_time::{Duration, with_timeout};
 
-/// Identifiers, and bytes of each frame: the ends of both ranges, the drive's, and every length.
+/// Identifier of each frame and whether it is extended: the limits of both ranges and the drive's. Frame k has k bytes.
 const FRAMES: [(u32, bool); 9] = [
     (0, false),
     (0x7FF, false),
@@ -22,38 +22,38 @@ const FRAMES: [(u32, bool); 9] = [
     (0x01C, false),
 ];
 
-/// A frame takes 0.16 ms at 1 Mbit/s.
-const PATIENCE: Duration = Duration::from_millis(20);
+/// Time-out; a frame takes 0.16 ms at 1 Mbit/s.
+const TIMEOUT: Duration = Duration::from_millis(20);
 
 pub async fn row(table: &mut Table, can: Peri<'_, CAN1>, rx: Peri<'_, PB8>, tx: Peri<'_, PB9>) {
     let mut can = Can::new(can, rx, tx, Irqs);
     can.modify_filters().enable_bank(0, Fifo::Fifo0, Mask32::accept_all());
     let config = can.modify_config();
-    // Embassy switches on time stamps that nothing reads; the chip's errata advise against the mode that makes them.
+    // Embassy switches on time stamps, which nothing here reads; the chip's errata advise against that mode.
     pac::CAN1.mcr().modify(|w| w.set_ttcm(false));
     config.set_bitrate(1_000_000).set_loopback(true).set_silent(true);
     let what = "CAN1 loop-back";
     let expected = format_args!("{} frames come back", FRAMES.len());
-    if with_timeout(PATIENCE, can.enable()).await.is_err() {
-        return table.row(what, expected, format_args!("does not leave initialisation"), Verdict::Failed);
+    if with_timeout(TIMEOUT, can.enable()).await.is_err() {
+        return table.row(what, expected, format_args!("stays in initialisation mode"), Verdict::Failed);
     }
-    let mut back = 0;
+    let mut received = 0;
     for (length, (id, extended)) in FRAMES.into_iter().enumerate() {
         let data: [u8; 8] = core::array::from_fn(|i| (31 * i + 85 * length) as u8);
         let data = data.get(..length).unwrap_or(&data);
         let frame = if extended { Frame::new_extended(id, data) } else { Frame::new_standard(id as u16, data) };
-        // The identifiers above fit.
+        // The identifiers above are valid.
         let Ok(frame) = frame else { continue };
         let exchange = async {
             can.write(&frame).await;
             can.read().await
         };
-        if let Ok(Ok(heard)) = with_timeout(PATIENCE, exchange).await
-            && heard.frame.id() == frame.id()
-            && heard.frame.data() == frame.data()
+        if let Ok(Ok(answer)) = with_timeout(TIMEOUT, exchange).await
+            && answer.frame.id() == frame.id()
+            && answer.frame.data() == frame.data()
         {
-            back += 1;
+            received += 1;
         }
     }
-    table.row(what, expected, format_args!("{back} came back as they were sent"), Verdict::of(back == FRAMES.len()));
+    table.row(what, expected, format_args!("{received} came back unchanged"), Verdict::of(received == FRAMES.len()));
 }

@@ -1,6 +1,6 @@
-//! Reset causes, clocks and watchdog, by the registers.
+//! Checks of the reset causes, the clocks and the watchdog by their registers.
 
-use crate::kept::{self, Word};
+use crate::retained::{self, Word};
 use crate::table::{Table, Verdict};
 use core::fmt;
 use embassy_stm32::pac::iwdg::vals::Key;
@@ -9,14 +9,15 @@ use embassy_stm32::pac::rcc::vals::{Pllsrc, Sw};
 use embassy_stm32::peripherals::RCC;
 use embassy_stm32::{Peri, pac};
 
-/// The LSI by the datasheet (Hz): DS10693, LSI oscillator characteristics.
+/// Range of the LSI (Hz): DS10693, LSI oscillator characteristics.
 const LSI_HZ: core::ops::RangeInclusive<f32> = 17_000.0..=47_000.0;
-/// What the watchdog counts from reset: 4096 times its least prescaler, 4 (RM0390 section 20.4).
-const BITE_CYCLES: f32 = 4096.0 * 4.0;
+/// Cycles of the LSI after which the watchdog resets, with its reset values: 4096 counts, prescaler 4 (RM0390 section
+/// 20.4).
+const WATCHDOG_CYCLES: f32 = 4096.0 * 4.0;
 /// HCLK as the firmware sets it (src/board.rs).
 const HCLK_HZ: u32 = 168_000_000;
 
-/// What the clock-control register said of the last reset.
+/// The reset flags of the clock-control register (RCC_CSR).
 #[derive(Clone, Copy)]
 pub struct Flags(pub u32);
 
@@ -59,14 +60,14 @@ impl fmt::Display for Flags {
     }
 }
 
-/// Reads the reset flags and clears them for the next time. Call once.
+/// Reads the reset flags and clears them for the next reset. Call it once.
 pub fn reset_flags() -> Flags {
     let flags = pac::RCC.csr().read();
     pac::RCC.csr().modify(|w| w.set_rmvf(true));
     Flags(flags.0)
 }
 
-/// Prefetch and instruction cache.
+/// Switches prefetch and instruction cache on or off.
 pub fn speed_up_flash(on: bool) {
     pac::FLASH.acr().modify(|w| {
         w.set_prften(on);
@@ -74,45 +75,49 @@ pub fn speed_up_flash(on: bool) {
     });
 }
 
-/// Starts the watchdog as the reset left it: it bites after [`BITE_CYCLES`] of the LSI.
+/// Starts the watchdog with its reset values: it resets the board after [`WATCHDOG_CYCLES`] of the LSI.
 pub fn start_watchdog() {
     pac::IWDG.kr().write(|w| w.set_key(Key::START));
 }
 
-/// Device and revision (DBGMCU_IDCODE); an STM32F446 is 0x421.
+/// Device and revision (DBGMCU_IDCODE); the device of an STM32F446 is 0x421.
 pub fn device() -> (u16, u16) {
     let code = pac::DBGMCU.idcode().read();
     (code.dev_id(), code.rev_id())
 }
 
-/// The emulated board says so itself. For the label only.
+/// Whether the board is emulated, by its unique id. Used for labels only.
 pub fn emulated() -> bool {
     embassy_stm32::uid::uid() == *b"emulated-rig"
 }
 
-/// The two resets that the test has made, and the LSI by the second.
+/// Rows of the two resets that the test has caused, and of the LSI, measured by the second.
 pub fn resets(table: &mut Table) {
-    let software = Flags(kept::get(Word::SoftwareFlags));
+    let software = Flags(retained::get(Word::SoftwareFlags));
     let good = software.software() && !software.watchdog();
     table.row("software reset", format_args!("flag SFT"), format_args!("flags {software}"), Verdict::of(good));
 
-    let bite = Flags(kept::get(Word::WatchdogFlags));
-    let bite_s = kept::get(Word::BiteUs) as f32 * 1e-6;
-    let good = bite.watchdog() && !bite.software();
+    let watchdog = Flags(retained::get(Word::WatchdogFlags));
+    let wait_s = retained::get(Word::WatchdogUs) as f32 * 1e-6;
+    let good = watchdog.watchdog() && !watchdog.software();
     if good {
-        let seen = format_args!("flags {bite} after {bite_s:.3} s");
-        table.row("watchdog", format_args!("bites; flag IWDG"), seen, Verdict::Ok);
+        let seen = format_args!("flags {watchdog} after {wait_s:.3} s");
+        table.row("watchdog", format_args!("resets the board; flag IWDG"), seen, Verdict::Ok);
     } else {
-        table.failed("watchdog", "bites; flag IWDG", format_args!("flags {bite}, {bite_s:.3} s after its start"));
+        table.failed(
+            "watchdog",
+            "resets the board; flag IWDG",
+            format_args!("flags {watchdog}, {wait_s:.3} s after its start"),
+        );
     }
 
-    let lsi_hz = BITE_CYCLES / bite_s;
-    let seen = format_args!("{:.1} kHz by the watchdog's bite and TIM5", lsi_hz * 1e-3);
+    let lsi_hz = WATCHDOG_CYCLES / wait_s;
+    let seen = format_args!("{:.1} kHz by the watchdog and TIM5", lsi_hz * 1e-3);
     let expected = format_args!("{:.0} to {:.0} kHz", LSI_HZ.start() * 1e-3, LSI_HZ.end() * 1e-3);
     table.row("LSI", expected, seen, Verdict::of(good && LSI_HZ.contains(&lsi_hz)));
 }
 
-/// Which clock the core runs on; its frequency (Hz).
+/// Row of the core's clock; returns its frequency (Hz).
 pub fn clocks(table: &mut Table, p: &Peri<'_, RCC>) -> u32 {
     let rcc = pac::RCC;
     let (cfgr, pll) = (rcc.cfgr().read(), rcc.pllcfgr().read());

@@ -1,4 +1,5 @@
-//! What lookup, control tick and one equilibrium cost, by the core's own cycle counter: what the emulated board cannot know.
+//! Measures a lookup, a control tick and an equilibrium with the core's cycle counter. The emulated board can only
+//! count instructions.
 
 use crate::chip;
 use crate::scene::{RIG, TABLE};
@@ -12,16 +13,16 @@ use tsa_model::{Mechanism, Parameters};
 
 include!(concat!(env!("OUT_DIR"), "/parameters.rs"));
 
-/// Loads (N) and twists (rad) of the table's range, off every grid; as for `cargo xtask cost`.
+/// Loads (N) and twists (rad) inside the table's range and on no grid point of a table; as for `cargo xtask cost`.
 const LOADS_N: [f32; 6] = [0.61, 1.3, 2.9, 5.3, 9.7, 16.9];
 const TWISTS_RAD: [f32; 5] = [3.9, 11.3, 20.7, 33.1, 47.9];
-/// How far table and solver may be apart (m), as host-tests/tests/cost.rs has it.
-const GAP_M: f32 = 2e-5;
-/// Control ticks: half a second at rest, and as long turning at a speed (rad/s).
+/// Largest difference between table and solver (m), as in host-tests/tests/cost.rs.
+const DIFFERENCE_M: f32 = 2e-5;
+/// Control ticks: half a second at rest, then half a second of a jog at this speed (rad/s).
 const TICKS: u64 = 100;
 const JOG_RAD_PER_S: f32 = 2.0;
 
-/// Least and most cycles.
+/// Smallest and largest number of cycles.
 #[derive(Clone, Copy)]
 struct Spread {
     least: u32,
@@ -31,7 +32,7 @@ struct Spread {
 impl Spread {
     const NONE: Self = Self { least: u32::MAX, most: 0 };
 
-    /// Runs this with interrupts off, and counts.
+    /// Runs a function with interrupts off and counts its cycles.
     fn count<T>(&mut self, run: impl FnOnce() -> T) -> T {
         cortex_m::interrupt::free(|_| {
             let began = DWT::cycle_count();
@@ -44,7 +45,7 @@ impl Spread {
     }
 }
 
-/// At so many cycles a second (Hz).
+/// Rows of all measurements, with caches on and off. `hclk_hz` is the core's frequency (Hz).
 pub fn rows(table: &mut Table, hclk_hz: u32) {
     // SAFETY: nothing else uses the core's trace unit.
     let mut core = unsafe { cortex_m::Peripherals::steal() };
@@ -56,9 +57,9 @@ pub fn rows(table: &mut Table, hclk_hz: u32) {
     ] {
         chip::speed_up_flash(on);
         let unit = if chip::emulated() { "(emulated: instructions, not cycles)" } else { "cycles" };
-        let (lookup, solve, apart_m) = solver();
+        let (lookup, solve, difference_m) = solver();
         let (tick, state) = tick();
-        // As many cycles as the control period has.
+        // The cycles of one control period.
         let limit = hclk_hz / 1_000_000 * TICK_US as u32;
         let seen = format_args!("{} to {} {unit}", lookup.least, lookup.most);
         table.row(rows[0], format_args!("less than a tick, {limit}"), seen, Verdict::of(lookup.most < limit));
@@ -70,33 +71,33 @@ pub fn rows(table: &mut Table, hclk_hz: u32) {
         );
         table.row(
             rows[2],
-            format_args!("the table's gap within {:.0} um", GAP_M * 1e6),
-            format_args!("{:.1} um; {} to {} {unit}", apart_m * 1e6, solve.least, solve.most),
-            Verdict::of(apart_m <= GAP_M),
+            format_args!("the table's gap within {:.0} um", DIFFERENCE_M * 1e6),
+            format_args!("{:.1} um; {} to {} {unit}", difference_m * 1e6, solve.least, solve.most),
+            Verdict::of(difference_m <= DIFFERENCE_M),
         );
     }
     chip::speed_up_flash(true);
 }
 
-/// Lookups and equilibria as a table that is made anew solves them, and how far they are apart (m).
+/// Cycles of lookups and of equilibria, solved as for a table built on the board, and their largest difference (m).
 fn solver() -> (Spread, Spread, f32) {
     let single = Mechanism::of(Parameters::<Single>::constant(&PARAMETERS));
-    let (mut lookup, mut solve, mut apart_m) = (Spread::NONE, Spread::NONE, 0f32);
+    let (mut lookup, mut solve, mut difference_m) = (Spread::NONE, Spread::NONE, 0f32);
     for load_n in LOADS_N {
         for twist_rad in TWISTS_RAD {
             let (load_n, twist_rad) = (black_box(load_n), black_box(twist_rad));
             let found_m = lookup.count(|| TABLE.point_inside(load_n, twist_rad)).gap_m;
             let solved = solve.count(|| single.gap_and_slope(f64::from(load_n), f64::from(twist_rad)));
-            // An equilibrium that is not found is infinitely far away.
+            // A missing equilibrium counts as an infinite difference.
             let solved_m = solved.map_or(f32::INFINITY, |[gap_m, _]| gap_m as f32);
-            apart_m = apart_m.max((found_m - solved_m).abs());
+            difference_m = difference_m.max((found_m - solved_m).abs());
         }
     }
-    (lookup, solve, apart_m)
+    (lookup, solve, difference_m)
 }
 
-/// Control ticks of a healthy rig that hangs still and is then jogged, and the state that they end in. The drive goes where
-/// it is told at once, with the encoder.
+/// Cycles of the control ticks of a healthy rig that is at rest and is then jogged, and its last state. The drive
+/// reaches each commanded position at once, and the encoder with it.
 fn tick() -> (Spread, State) {
     let mut rig = Rig::new(black_box(&TABLE), RIG, None);
     let (mut spread, mut at_qc) = (Spread::NONE, 0);
@@ -106,7 +107,7 @@ fn tick() -> (Spread, State) {
         let inputs = Inputs {
             now_us,
             encoder_counts: i64::from(at_qc),
-            // Its codes are never all alike.
+            // Real codes vary; constant ones would be a fault.
             lvdt: Some(LvdtBlock { t_us: now_us, mean_code: 2048.0 + (tick % 3) as f32 * 0.1, variance: 4.0 }),
             drive: DriveReading::Reports { t_us: now_us, position_qc: at_qc, speed_rpm: 0, current_ma: 0 },
             drive_stalled: false,

@@ -1,9 +1,11 @@
-//! Self-test of a NUCLEO-F446RE without a rig: four jumper wires, and what the firmware needs of the chip (docs/selftest.md).
-//! The same image runs on the emulated board in every test run and, by `cargo xtask selftest`, on a real one.
+//! Self-test of a NUCLEO-F446RE without a rig, with four jumper wires: it checks what the firmware needs of the chip
+//! (docs/selftest.md). The same image runs on the emulated board in every test run and, by `cargo xtask selftest`, on a
+//! real one.
 //!
-//! Three runs with a reset between each: the first writes a record to flash and resets by software; the second reads it and
-//! lets the watchdog bite, which also measures the LSI; the third looks at everything else and prints the table. A plain
-//! image and not `embedded-test`: the two resets belong to the test, and the table is one for all checks.
+//! It takes three runs with a reset after the first two: the first writes a record to flash and resets by software; the
+//! second reads it and waits for the watchdog's reset, which also measures the LSI; the third checks everything else
+//! and prints the table. It does not use `embedded-test`, because the two resets are part of the test and one table
+//! shows all checks.
 
 #![no_std]
 #![no_main]
@@ -11,52 +13,53 @@
 mod can;
 mod chip;
 mod cycles;
-mod kept;
 mod pins;
 mod record;
+mod retained;
 mod table;
 
-#[expect(dead_code, reason = "clocks and interrupts are the firmware's; its tasks are not here")]
+#[expect(dead_code, reason = "only clocks and interrupts are used")]
 #[path = "../../board.rs"]
 mod board;
 #[path = "../../flash.rs"]
 mod flash;
-#[expect(dead_code, reason = "nothing is driven")]
-#[path = "../../keep.rs"]
-mod keep;
-#[expect(dead_code, reason = "only table and rig are of interest here")]
+#[expect(dead_code, reason = "the self-test writes no record at rest")]
+#[path = "../../flash_store.rs"]
+mod flash_store;
+#[expect(dead_code, reason = "no drive is driven")]
+#[path = "../../post_mortem.rs"]
+mod post_mortem;
+#[expect(dead_code, reason = "only the table and the rig's constants are used")]
 #[path = "../../scene.rs"]
 mod scene;
-#[expect(dead_code, reason = "only its interrupt handlers are bound")]
+#[expect(dead_code, reason = "the transmitter to the host is not used")]
 #[path = "../../serial.rs"]
 mod serial;
-#[expect(dead_code, reason = "there are no tasks to share anything")]
+#[expect(dead_code, reason = "there are no tasks; only the flash store uses it")]
 #[path = "../../shared.rs"]
 mod shared;
-#[expect(dead_code, reason = "nothing is kept for the rig")]
-#[path = "../../store.rs"]
-mod store;
 
 use defmt_rtt as _;
 use embassy_executor::Spawner;
 use embassy_time::{Instant, Timer};
-use kept::Stage;
+use retained::{Stage, Word};
 use table::{Table, line};
 
-/// Longest wait for the watchdog's bite (µs). 4096 counts of LSI / 4 are 0.96 s at 17 kHz, the slowest of the datasheet.
-const BITE_US: u64 = 3_000_000;
-/// How often the time of the bite is written down (µs): 0.05 % of it.
+/// Longest wait for the watchdog's reset (µs). 4096 counts of LSI / 4 are 0.96 s at 17 kHz, the datasheet's lower
+/// limit.
+const WATCHDOG_US_MAX: u64 = 3_000_000;
+/// Period at which the time is recorded while the test waits for the watchdog (µs): 0.05 % of the wait.
 const STEP_US: u64 = 200;
 
 #[embassy_executor::main]
 async fn main(_spawner: Spawner) {
     let flags = chip::reset_flags();
-    let panicked = keep::begin(flags.power_on()).panic;
-    let stage = kept::stage(flags);
+    let panicked = post_mortem::start_record(flags.power_on()).panic;
+    let stage = retained::stage(flags);
     let p = embassy_stm32::init(board::clocks(board::find_clock()));
     chip::speed_up_flash(true);
     if let Some(text) = panicked {
-        kept::forget();
+        retained::clear();
         let mut table = Table::default();
         table.failed("the image", "no panic", format_args!("{text}"));
         table.print().await;
@@ -65,29 +68,29 @@ async fn main(_spawner: Spawner) {
     if stage == Stage::Done {
         return third(p).await;
     }
-    let mut store = store::Store::new(p.FLASH);
+    let mut store = flash_store::Store::new(p.FLASH);
     if stage == Stage::Begin {
         line(format_args!("selftest 1 of 3: writes a record to flash, then resets by software")).await;
-        kept::set(kept::Word::Flash, record::write(&mut store).await);
-        kept::next(Stage::AfterSoftware);
+        retained::set(Word::Flash, record::write(&mut store).await);
+        retained::set_next_stage(Stage::AfterSoftware);
         cortex_m::peripheral::SCB::sys_reset();
     }
-    line(format_args!("selftest 2 of 3: reads it back, then waits for the watchdog's bite")).await;
-    kept::set(kept::Word::SoftwareFlags, flags.0);
-    kept::set(kept::Word::Flash, record::read(&mut store).await);
-    kept::next(Stage::AfterWatchdog);
+    line(format_args!("selftest 2 of 3: reads the record, then waits for the watchdog's reset")).await;
+    retained::set(Word::SoftwareFlags, flags.0);
+    retained::set(Word::Flash, record::read(&mut store).await);
+    retained::set_next_stage(Stage::AfterWatchdog);
     chip::start_watchdog();
     let began = Instant::now();
-    while began.elapsed().as_micros() < BITE_US {
-        kept::set(kept::Word::BiteUs, began.elapsed().as_micros() as u32);
+    while began.elapsed().as_micros() < WATCHDOG_US_MAX {
+        retained::set(Word::WatchdogUs, began.elapsed().as_micros() as u32);
         Timer::after_micros(STEP_US).await;
     }
-    // No bite: the third run has to be told.
-    kept::next(Stage::Done);
+    // The watchdog has not reset the board; the third run reports it.
+    retained::set_next_stage(Stage::Done);
     cortex_m::peripheral::SCB::sys_reset();
 }
 
-/// Everything that needs no reset, and the table.
+/// The checks that need no reset, and the table of all checks.
 async fn third(mut p: embassy_stm32::Peripherals) {
     line(format_args!("selftest 3 of 3: everything else")).await;
     let mut table = Table::default();
@@ -99,7 +102,7 @@ async fn third(mut p: embassy_stm32::Peripherals) {
     pins::encoder(&mut table, &mut p);
     pins::serial(&mut table, &mut p).await;
     cycles::rows(&mut table, hclk_hz);
-    kept::forget();
+    retained::clear();
     table.print().await;
     table.end().await
 }

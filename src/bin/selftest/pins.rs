@@ -1,7 +1,7 @@
-//! What comes in by the pins, driven by outputs of the same board through jumper wires.
+//! Checks of inputs, each driven by an output of the same board through a jumper wire.
 //!
-//! Each wire is first looked at as a plain input with a pull to the other level: an input that follows its pull and not the
-//! output has no wire, one that follows neither is stuck.
+//! Each wire is first checked with a plain input that is pulled to the opposite level: an input that follows the pull
+//! and not the output has no wire, and one that follows neither is stuck.
 
 use crate::board::Irqs;
 use crate::serial::Transmitter;
@@ -14,8 +14,8 @@ use embassy_stm32::{Peri, Peripherals};
 use embassy_time::{Duration, Timer, block_for, with_timeout};
 use embedded_io_async::Read;
 
-/// An input through the chip's own pull of some 40 kohm and a wire of some 100 pF, many times over.
-const SETTLES: Duration = Duration::from_micros(50);
+/// Settling time of an input: many time constants of the chip's pull (about 40 kohm) and a wire (about 100 pF).
+const SETTLING: Duration = Duration::from_micros(50);
 
 enum Wire {
     Good,
@@ -27,7 +27,7 @@ fn wire<T: Pin>(from: &mut Output<'_>, to: &mut Peri<'_, T>) -> Wire {
     let mut follows = |level: Level, pull: Pull| {
         from.set_level(level);
         let input = Input::new(to.reborrow(), pull);
-        block_for(SETTLES);
+        block_for(SETTLING);
         input.get_level() == level
     };
     match (follows(Level::Low, Pull::Up), follows(Level::High, Pull::Down)) {
@@ -38,8 +38,8 @@ fn wire<T: Pin>(from: &mut Output<'_>, to: &mut Peri<'_, T>) -> Wire {
     }
 }
 
-/// Says what is wrong with a wire; whether there is anything.
-fn told(
+/// Adds a row if a wire is missing or stuck, and returns whether it did.
+fn report_bad_wire(
     table: &mut Table,
     what: &'static str,
     expected: core::fmt::Arguments<'_>,
@@ -59,20 +59,20 @@ fn told(
     false
 }
 
-/// Conversions of which the mean is taken.
+/// Number of conversions that are averaged.
 const CONVERSIONS: u32 = 16;
 
-/// The factory's reading of VREFINT at 3.3 V and 30 degrees (DS10693, internal reference voltage).
+/// Address of the factory's code of VREFINT at 3.3 V and 30 °C (DS10693, internal reference voltage).
 const VREFINT_CAL: *const u16 = 0x1FFF_7A2A as *const u16;
-/// At that voltage (V).
+/// Supply voltage of that code (V).
 const VREFINT_CAL_V: f32 = 3.3;
-/// What VDDA may be (V): 5 % about the board's 3.3 V, more than regulator and reference are off by.
+/// Range of VDDA (V): 5 % around the board's 3.3 V, more than the errors of regulator and reference.
 const VDDA_V: [f32; 2] = [3.135, 3.465];
-/// Codes of an output that is low and one that is high: 1 % of the range.
-const LOW_MOST: u16 = 40;
-const HIGH_LEAST: u16 = 4055;
+/// Largest code of a low output and smallest of a high one, each 1 % of the range from its end.
+const LOW_MAX: u16 = 40;
+const HIGH_MIN: u16 = 4055;
 
-/// VREFINT, and A0 driven by A1.
+/// Rows of VREFINT and of A0, driven by A1.
 pub async fn adc(table: &mut Table, p: &mut Peripherals) {
     let mut from = Output::new(p.PA1.reborrow(), Level::Low, Speed::Low);
     let wire = wire(&mut from, &mut p.PA0);
@@ -81,53 +81,53 @@ pub async fn adc(table: &mut Table, p: &mut Peripherals) {
     Timer::after_micros(VrefInt::start_time_us().into()).await;
     let sum: u32 = (0..CONVERSIONS).map(|_| u32::from(adc.blocking_read(&mut reference, SampleTime::CYCLES480))).sum();
     let code = sum / CONVERSIONS;
-    // SAFETY: an aligned halfword of system memory, which is always readable.
+    // SAFETY: it is an aligned halfword of system memory, which is always readable.
     let factory = unsafe { VREFINT_CAL.read_volatile() };
     let vdda_v = VREFINT_CAL_V * f32::from(factory) * CONVERSIONS as f32 / sum.max(1) as f32;
     table.row(
         "ADC1 VREFINT",
         format_args!("VDDA {:.3} to {:.3} V", VDDA_V[0], VDDA_V[1]),
-        format_args!("{vdda_v:.3} V (code {code}, the factory's {factory})"),
+        format_args!("{vdda_v:.3} V (code {code}, factory code {factory})"),
         Verdict::of((VDDA_V[0]..=VDDA_V[1]).contains(&vdda_v)),
     );
 
     let what = "ADC1 A1 to A0";
-    let expected = format_args!("low up to {LOW_MOST}, high from {HIGH_LEAST}");
-    if told(table, what, expected, &[(wire, "A1", "A0")]) {
+    let expected = format_args!("low up to {LOW_MAX}, high from {HIGH_MIN}");
+    if report_bad_wire(table, what, expected, &[(wire, "A1", "A0")]) {
         return;
     }
     let codes = [Level::Low, Level::High].map(|level| {
         from.set_level(level);
-        block_for(SETTLES);
+        block_for(SETTLING);
         adc.blocking_read(&mut p.PA0, SampleTime::CYCLES480)
     });
-    let good = codes[0] <= LOW_MOST && codes[1] >= HIGH_LEAST;
+    let good = codes[0] <= LOW_MAX && codes[1] >= HIGH_MIN;
     table.row(what, expected, format_args!("low {}, high {}", codes[0], codes[1]), Verdict::of(good));
 }
 
-/// Edges forwards, and then backwards.
+/// Number of edges forwards, and then backwards.
 const FORWARDS: u16 = 42;
 const BACKWARDS: u16 = 29;
 
-/// TIM3 counting what D13 and D10 make of a Gray code.
+/// Row of TIM3, which counts a Gray code from D13 and D10.
 pub fn encoder(table: &mut Table, p: &mut Peripherals) {
     let mut a = Output::new(p.PA5.reborrow(), Level::Low, Speed::Low);
     let mut b = Output::new(p.PB6.reborrow(), Level::Low, Speed::Low);
     let what = "TIM3 D12 and D11";
     let expected = format_args!("+{FORWARDS}, then -{BACKWARDS} counts");
     let wires = [(wire(&mut a, &mut p.PA6), "D13", "D12"), (wire(&mut b, &mut p.PA7), "D10", "D11")];
-    if told(table, what, expected, &wires) {
+    if report_bad_wire(table, what, expected, &wires) {
         return;
     }
     let mut place = 0u16;
     let mut step = |by: u16| {
         place = place.wrapping_add(by);
-        // A leads: TIM3 counts up.
+        // A leads, so TIM3 counts up.
         a.set_level(matches!(place % 4, 1 | 2).into());
         b.set_level(matches!(place % 4, 2 | 3).into());
-        block_for(SETTLES);
+        block_for(SETTLING);
     };
-    // The wires were left high: place 0 before the counter starts.
+    // The check of the wires left them high; both must be low before the counter starts.
     step(0);
     let counter = Qei::new(p.TIM3.reborrow(), p.PA6.reborrow(), p.PA7.reborrow(), qei::Config::default());
     let start = counter.count();
@@ -141,19 +141,19 @@ pub fn encoder(table: &mut Table, p: &mut Peripherals) {
     table.row(what, expected, format_args!("{forwards:+}, then {backwards:+} counts"), Verdict::of(good));
 }
 
-/// Every bit both ways, and no two alike.
+/// Different bytes, with both values of every bit.
 const BYTES: [u8; 8] = [0x00, 0xFF, 0x55, 0xAA, 0x01, 0x80, 0x7E, 0x42];
-/// Eight bytes take 0.7 ms.
-const PATIENCE: Duration = Duration::from_millis(20);
+/// Time-out; eight bytes take 0.7 ms.
+const TIMEOUT: Duration = Duration::from_millis(20);
 
-/// USART1 hearing itself.
+/// Row of USART1, which receives its own bytes.
 pub async fn serial(table: &mut Table, p: &mut Peripherals) {
     let what = "USART1 D8 to D2";
     let expected = format_args!("{} bytes at {} Bd come back", BYTES.len(), rmds405::serial::BAUD);
     let mut from = Output::new(p.PA9.reborrow(), Level::High, Speed::Low);
     let wires = [(wire(&mut from, &mut p.PA10), "D8", "D2")];
     drop(from);
-    if told(table, what, expected, &wires) {
+    if report_bad_wire(table, what, expected, &wires) {
         return;
     }
     let (mut tx, mut rx) = ([0; 16], [0; 16]);
@@ -161,22 +161,22 @@ pub async fn serial(table: &mut Table, p: &mut Peripherals) {
     config.baudrate = rmds405::serial::BAUD;
     let (out, back) = (p.PA9.reborrow(), p.PA10.reborrow());
     let Ok(uart) = BufferedUart::new(p.USART1.reborrow(), back, out, &mut tx, &mut rx, Irqs, config) else {
-        return table.row(what, expected, format_args!("the rate cannot be set"), Verdict::Failed);
+        return table.row(what, expected, format_args!("the baud rate cannot be set"), Verdict::Failed);
     };
-    // The firmware's own sending half.
+    // The transmitter of the firmware.
     let (tx, mut uart) = uart.split();
     let mut tx = Transmitter::drive(tx);
-    // What the line did while it was set up.
-    let mut heard = [0; BYTES.len()];
-    let _ = with_timeout(Duration::from_millis(2), uart.read(&mut heard)).await;
-    let mut heard = [0; BYTES.len()];
+    // Discards what the line received while it was set up.
+    let mut received = [0; BYTES.len()];
+    let _ = with_timeout(Duration::from_millis(2), uart.read(&mut received)).await;
+    let mut received = [0; BYTES.len()];
     let exchange = async {
         tx.write_all(&BYTES).await;
-        uart.read_exact(&mut heard).await.ok()
+        uart.read_exact(&mut received).await.ok()
     };
-    let done = with_timeout(PATIENCE, exchange).await;
-    let same = heard.iter().zip(&BYTES).filter(|(heard, sent)| heard == sent).count();
+    let done = with_timeout(TIMEOUT, exchange).await;
+    let same = received.iter().zip(&BYTES).filter(|(received, sent)| received == sent).count();
     let good = matches!(done, Ok(Some(()))) && same == BYTES.len();
     let why = if matches!(done, Ok(Some(()))) { "" } else { ", not in time" };
-    table.row(what, expected, format_args!("{same} as they were sent{why}"), Verdict::of(good));
+    table.row(what, expected, format_args!("{same} came back unchanged{why}"), Verdict::of(good));
 }

@@ -1,17 +1,17 @@
-//! The table of checks, and lines on the log.
+//! The table of checks, and the lines of the log.
 
 use core::fmt::{self, Write};
 use embassy_time::Timer;
 use heapless::{String, Vec};
 
-/// Longest line; more is cut off.
+/// Longest line (bytes); the rest is cut off.
 const LINE: usize = 220;
-/// Checks that there are room for.
+/// Room for this many checks.
 const ROWS: usize = 16;
-/// Pause after each line (ms): the log has room for 1 KiB and the host fetches it some ten times a second.
+/// Pause after each line (ms): the log holds 1 KiB, and the host reads it about ten times a second.
 const PAUSE_MS: u64 = 30;
 
-/// How a check ended.
+/// Result of a check.
 #[derive(Clone, Copy, PartialEq)]
 pub enum Verdict {
     Ok,
@@ -40,21 +40,21 @@ struct Row {
     verdict: Verdict,
 }
 
-/// All checks so far.
+/// The checks so far.
 #[derive(Default)]
 pub struct Table {
     rows: Vec<Row, ROWS>,
 }
 
-/// Text with what fits.
+/// Formats a text of at most `N` bytes.
 fn text<const N: usize>(of: fmt::Arguments<'_>) -> String<N> {
     let mut text = String::new();
-    // What does not fit is cut off.
+    // The error only means that the text was cut off.
     let _ = Cut(&mut text).write_fmt(of);
     text
 }
 
-/// Takes characters as long as there is room.
+/// Writes characters while there is room.
 struct Cut<'a, const N: usize>(&'a mut String<N>);
 
 impl<const N: usize> Write for Cut<'_, N> {
@@ -63,7 +63,7 @@ impl<const N: usize> Write for Cut<'_, N> {
     }
 }
 
-/// A line on the log, and time for the host to fetch it.
+/// Prints a line on the log and gives the host time to read it.
 pub async fn line(of: fmt::Arguments<'_>) {
     let line: String<LINE> = text(of);
     defmt::println!("{=str}", line.as_str());
@@ -71,7 +71,7 @@ pub async fn line(of: fmt::Arguments<'_>) {
 }
 
 impl Table {
-    /// A check has ended.
+    /// Adds the row of a check.
     pub fn row(
         &mut self,
         what: &'static str,
@@ -81,16 +81,16 @@ impl Table {
     ) {
         let row = Row { what, expected: text(expected), seen: text(seen), verdict };
         if self.rows.push(row).is_err() {
-            defmt::error!("no room for a row");
+            defmt::error!("the table has no room for another row");
         }
     }
 
-    /// A check has failed.
+    /// Adds the row of a failed check.
     pub fn failed(&mut self, what: &'static str, expected: &str, seen: fmt::Arguments<'_>) {
         self.row(what, format_args!("{expected}"), seen, Verdict::Failed);
     }
 
-    /// All rows, as a table that can be pasted into a report.
+    /// Prints all rows as a table that can be pasted into a report.
     pub async fn print(&self) {
         line(format_args!(
             "tsa-selftest {} ({}), STM32 device {:#05x} revision {:#06x}, unique id {}{}",
@@ -110,7 +110,7 @@ impl Table {
         }
     }
 
-    /// The last line, in words that `cargo xtask selftest` and `rigctl selftest` wait for, and then nothing more.
+    /// Prints the last line, which `cargo xtask selftest` and `rigctl selftest` wait for.
     pub async fn end(&self) {
         let mut bad: String<LINE> = String::new();
         for verdict in [Verdict::Failed, Verdict::NotConnected] {

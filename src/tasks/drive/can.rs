@@ -1,4 +1,4 @@
-//! The drive's bus: CAN1 at 1 Mbit/s.
+//! The CAN bus to the drive: CAN1 at 1 Mbit/s.
 
 use super::Transport;
 use crate::board::drive_address;
@@ -11,28 +11,28 @@ use embassy_time::{Duration, Instant, Timer};
 use rig_control::{DriveCommand, DriveReading};
 use rmds405::{Frame, Received, Report};
 
-/// How often the controller is asked whether it has seen a quiet bus: 11 recessive bits, 11 µs.
+/// Period of the checks whether the controller has seen a quiet bus: 11 recessive bits, 11 µs.
 const QUIET_POLL: Duration = Duration::from_millis(5);
-/// How long a drive that is not answering gets to start, and so a bus to become quiet.
+/// Time after which a bus that is not quiet counts as a drive that does not start.
 const QUIET_WAIT: Duration = Duration::from_secs(3);
-/// Pause after a bus error: an unacknowledged bus reports errors without end.
+/// Pause after a bus error: without a node that acknowledges, the controller reports errors without end.
 const ERROR_PAUSE: Duration = Duration::from_millis(5);
 
-/// CAN1, on the bus.
+/// CAN1, enabled.
 pub struct CanTransport {
     tx: CanTx<'static>,
     rx: CanRx<'static>,
-    /// Its end would reset the controller under the two halves.
+    /// Kept, because dropping it would reset the controller under the two halves.
     _whole: Can<'static>,
 }
 
 impl CanTransport {
-    /// Waits for a quiet bus; one that does not become quiet is a drive that does not start. What was commanded meanwhile is
-    /// left for who speaks to the drive then.
+    /// Waits for a quiet bus. A bus that does not become quiet is reported as a drive that does not start. The newest
+    /// command that arrives meanwhile and still matters is put back for the conversation with the drive.
     pub async fn open(mut can: Can<'static>) -> Self {
         let mut since = Instant::now();
         let mut commanded = None;
-        // Not `enable().await`: it yields without a pause, and at interrupt level that keeps thread mode from ever running.
+        // `enable().await` would yield without a pause, and at interrupt level thread mode would never run.
         while poll_once(can.enable()).is_pending() {
             Timer::after(QUIET_POLL).await;
             shared::alive(Task::Drive);
@@ -46,7 +46,9 @@ impl CanTransport {
                 Some(DriveCommand::Silence | DriveCommand::Follow { .. }) | None => {}
             }
             if since.elapsed() >= QUIET_WAIT {
-                defmt::warn!("CAN: no quiet bus; transceiver powered and terminated?");
+                defmt::warn!(
+                    "CAN: the bus does not become quiet; check the power and the termination of the transceiver"
+                );
                 shared::DRIVE.set(DriveReading::Failed);
                 since = Instant::now();
             }
@@ -60,7 +62,8 @@ impl CanTransport {
 }
 
 impl Transport for CanTransport {
-    /// Sends now or not at all: a frame that nobody acknowledged must not go out seconds later (hardware.md 7.1).
+    /// Sends the frame now or not at all: a frame without acknowledgement must not be sent seconds later
+    /// (docs/hardware.md section 7.1).
     async fn send(&mut self, frame: &Frame) {
         if !self.tx.is_idle() {
             for mailbox in [Mailbox::Mailbox0, Mailbox::Mailbox1, Mailbox::Mailbox2] {

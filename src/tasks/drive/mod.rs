@@ -1,4 +1,6 @@
-//! The RMDS-405: start-up, a command every tick, its reports. Over [`can`], or over [`uart`] where the scene says so.
+//! The RMDS-405 drive: its start-up, a command in every tick, and its reports, over [`can`] or [`uart`] as the scene
+//! says. The conversation itself is [`rmds405::Conversation`]; this task gives it the time, the line and the
+//! motor-power pin.
 
 mod can;
 mod uart;
@@ -14,15 +16,16 @@ use embassy_stm32::usart::BufferedUart;
 use embassy_time::{Duration, Instant, Ticker};
 use rmds405::{Conversation, Frame, Report};
 
-/// A way to the drive.
+/// A line to the drive.
 trait Transport {
-    /// Sends a frame, or drops it: never late.
+    /// Sends a frame at once, or drops it: a late frame could move the drive unexpectedly.
     async fn send(&mut self, frame: &Frame);
 
-    /// The drive's next report; everything else that comes is counted. May be dropped at any await without loss.
+    /// The drive's next report; everything else that arrives is counted. Dropping the future at any await loses
+    /// nothing.
     async fn next_report(&mut self) -> Report;
 
-    /// Whether the controller has left the bus.
+    /// Whether the CAN controller is in the bus-off state.
     fn bus_off(&self) -> bool;
 }
 
@@ -36,7 +39,6 @@ pub async fn over_uart(uart: BufferedUart<'static>, motor_power: Output<'static>
     run(uart::UartTransport::new(uart), motor_power).await
 }
 
-/// Everything that is said is [`Conversation`]'s; here it gets its time, its line and the motor-power pin.
 async fn run(mut line: impl Transport, mut motor_power: Output<'static>) -> ! {
     let mut drive = Conversation::new(drive_address(), RIG.supply_divider);
     let mut ticker = Ticker::every(Duration::from_millis(10));
@@ -46,7 +48,7 @@ async fn run(mut line: impl Transport, mut motor_power: Output<'static>) -> ! {
         let frame = match news {
             Either3::First(()) => {
                 shared::alive(Task::Drive);
-                // The controller comes back by itself when the bus is quiet again; by then the rig holds.
+                // The controller leaves the bus-off state by itself when the bus is quiet; by then the rig holds.
                 if line.bus_off() {
                     shared::BUS_OFF.store(true, Ordering::Relaxed);
                 }
@@ -61,7 +63,7 @@ async fn run(mut line: impl Transport, mut motor_power: Output<'static>) -> ! {
         if let Some(frame) = frame {
             line.send(&frame).await;
         }
-        // After the frame: the drive that gets its power here was told to forget its target before.
+        // Set after the frame is sent: the drive must drop its old target before the motor gets power.
         motor_power.set_level(drive.motor_power().into());
         shared::DRIVE.set(drive.reading());
         shared::SUPPLY.set(drive.supply());

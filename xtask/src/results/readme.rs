@@ -34,7 +34,7 @@ fn rows(records: &Records) -> Result<Vec<Vec<String>>> {
         row(
             "loads of the default scene",
             format!(
-                "{} to {} N, 0 to {:.1} motor turns",
+                "{} to {} N, 0 to {:.1} turns of the strings past the half-turn pre-twist",
                 chosen("load_min_n")?,
                 chosen("load_max_n")?,
                 chosen("turns_max")?

@@ -27,7 +27,7 @@ pub(super) const SECTIONS: &[Section] = &[
     Section {
         name: "demo",
         title: "Three loads homed and moved",
-        about: "The firmware is not told of the loads: it homes, weighs the load and moves it 12 mm at 2 mm/s.",
+        about: "The firmware does not know the load: it homes, weighs the load and moves it 12 mm at 2 mm/s.",
         command: "cargo xtask demo",
         figures: &[("move.svg", "Position, motor speed and transmission ratio of three moves")],
         measure: demo,

@@ -5,8 +5,10 @@ use crate::csv_text::csv_text;
 use crate::parallel::parallel;
 use crate::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Sample, Shape, colour, extent};
 use anyhow::Result;
-use rig_scene::TableError;
-use tsa_table::fit::{Candidate, Fit, FitError, MAX_BYTES};
+use rig_scene::{Scene, TableError};
+use rival_forms::fit::{Considered, considered};
+use tsa_table::fit::{Errors, Fit, FitError, MAX_BYTES};
+use tsa_table::owned::FORM;
 
 /// Demanded accuracies (m); the error of TR keeps its ratio to that of the scene.
 const ASKED_M: [f64; 7] = [200e-6, 100e-6, 50e-6, 20e-6, 10e-6, 5e-6, 2e-6];
@@ -17,7 +19,19 @@ const FORMS: [&str; 4] = ["arc-series", "chebyshev-series", "hermite-bicubic", "
 /// The fits of one scene, each with what was asked of it.
 struct Asked {
     contraction_m: f64,
-    fit: Result<Fit, TableError>,
+    fit: Result<Found, TableError>,
+}
+
+/// A fit and the tables of all forms that were considered.
+struct Found {
+    fit: Fit,
+    all: Vec<Considered>,
+}
+
+fn find(scene: &Scene) -> Result<Found, TableError> {
+    let fit = scene.fit_table()?;
+    let all = considered(&scene.mechanism()?, &scene.demand()?, &fit)?;
+    Ok(Found { fit, all })
 }
 
 /// Fits the scene's table at several accuracies and draws bytes against error.
@@ -33,7 +47,7 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
         if let Some(wanted) = &mut scene.accuracy {
             (wanted.contraction_m, wanted.tr_relative) = (ASKED_M[k], share * ASKED_M[k]);
         }
-        Asked { contraction_m: ASKED_M[k], fit: scene.fit_table() }
+        Asked { contraction_m: ASKED_M[k], fit: find(&scene) }
     });
     // Anything but an accuracy out of reach is the scene's fault.
     let mut fits = Vec::new();
@@ -47,8 +61,8 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
     let figure = Figure {
         heading: "Table form and size against error".into(),
         rows: vec![vec![
-            panel(&fits, "largest error of the contraction, um", |c| c.errors.contraction_max_m * 1e6),
-            panel(&fits, "largest error of TR, %", |c| c.errors.tr_max * 1e2),
+            panel(&fits, "largest error of the contraction, um", |e| e.contraction_max_m * 1e6),
+            panel(&fits, "largest error of TR, %", |e| e.tr_max * 1e2),
         ]],
         panel_size: (560, 400),
         blocks: key(),
@@ -64,30 +78,26 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
 }
 
 /// The smallest passing candidate of a form, or the best that failed.
-fn best<'a>(fit: &'a Fit, form: &str) -> Option<&'a Candidate> {
-    let of_form = || fit.candidates.iter().filter(|c| c.table.numbers.kind() == form);
-    let passing = of_form().filter(|c| c.passes).min_by_key(|c| bytes(c));
+fn best<'a>(found: &'a Found, form: &str) -> Option<&'a Considered> {
+    let of_form = || found.all.iter().filter(|c| c.form == form);
+    let passing = of_form().filter(|c| c.passes).min_by_key(|c| c.bytes);
     passing.or_else(|| of_form().min_by(|a, b| a.errors.contraction_max_m.total_cmp(&b.errors.contraction_max_m)))
 }
 
-fn bytes(c: &Candidate) -> usize {
-    c.table.numbers.form().bytes()
-}
-
-fn panel(fits: &[Asked], label: &str, error: impl Fn(&Candidate) -> f64) -> Panel {
+fn panel(fits: &[Asked], label: &str, error: impl Fn(&Errors) -> f64) -> Panel {
     let mut items = Vec::new();
     for (k, form) in FORMS.iter().enumerate() {
         let colour = colour(k, FORMS.len());
-        let found: Vec<&Candidate> = fits.iter().filter_map(|f| best(f.fit.as_ref().ok()?, form)).collect();
-        let at = |c: &Candidate| (error(c), bytes(c) as f64);
+        let found: Vec<&Considered> = fits.iter().filter_map(|f| best(f.fit.as_ref().ok()?, form)).collect();
+        let at = |c: &Considered| (error(&c.errors), c.bytes as f64);
         let points = found.iter().filter(|c| c.passes).map(|c| at(c)).collect();
         items.push(Item::Line { points, pen: Pen::solid(colour) });
-        let shape = |c: &Candidate| if c.passes { Shape::Dot } else { Shape::Circle };
+        let shape = |c: &Considered| if c.passes { Shape::Dot } else { Shape::Circle };
         items.extend(found.iter().map(|c| Item::Mark { at: at(c), shape: shape(c), colour }));
     }
-    for fit in fits.iter().filter_map(|f| f.fit.as_ref().ok()) {
+    for Found { fit, .. } in fits.iter().filter_map(|f| f.fit.as_ref().ok()) {
         let chosen = fit.candidates.iter().find(|c| c.table.numbers == fit.table.numbers);
-        let at = chosen.map(|c| (error(c), bytes(c) as f64));
+        let at = chosen.map(|c| (error(&c.errors), c.table.numbers.bytes() as f64));
         items.extend(at.map(|at| Item::Mark { at, shape: Shape::Diamond, colour: INK }));
     }
     let across = extent(items.iter().flat_map(Item::points).map(|p| p.0));
@@ -129,21 +139,21 @@ fn notes(fits: &[Asked]) -> Vec<String> {
 fn csv(fits: &[Asked]) -> Result<String> {
     let mut lines = Vec::new();
     for f in fits {
-        let Ok(fit) = &f.fit else {
+        let Ok(Found { all, .. }) = &f.fit else {
             let cells = [format!("{:.1e}", f.contraction_m), "none".into()];
             lines.push(cells.into_iter().chain((0..6).map(|_| String::new())).chain(["false".into()]).collect());
             continue;
         };
-        for c in &fit.candidates {
+        for c in all {
             lines.push(vec![
                 format!("{:.1e}", f.contraction_m),
-                c.table.numbers.kind().into(),
-                c.table.numbers.size(),
-                format!("{:?}", c.table.metadata.load_map),
-                bytes(c).to_string(),
+                c.form.into(),
+                c.size.clone(),
+                c.load_map.map_or("Linear".into(), |map| format!("{map:?}")),
+                c.bytes.to_string(),
                 format!("{:.3e}", c.errors.contraction_max_m),
                 format!("{:.3e}", c.errors.tr_max),
-                c.instructions().to_string(),
+                c.instructions.to_string(),
                 c.passes.to_string(),
             ]);
         }
@@ -164,11 +174,10 @@ fn csv(fits: &[Asked]) -> Result<String> {
 
 fn findings(fits: &[Asked]) -> Vec<String> {
     let line = |f: &Asked| match &f.fit {
-        Ok(fit) => format!(
-            "{:.0} um: {} in {} bytes, {:.2} um certified",
+        Ok(Found { fit, .. }) => format!(
+            "{:.0} um: {FORM} in {} bytes, {:.2} um certified",
             f.contraction_m * 1e6,
-            fit.table.numbers.kind(),
-            fit.table.numbers.form().bytes(),
+            fit.table.numbers.bytes(),
             fit.certificate.errors.contraction_max_m * 1e6
         ),
         Err(e) => e.to_string(),

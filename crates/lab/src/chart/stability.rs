@@ -7,7 +7,8 @@
 use super::grid::Grid;
 use super::limits::{self, Limits};
 use crate::parallel::{Progress, parallel};
-use tsa_model::{Equilibrium, Mechanism, Method, SolveError, twist_from_turns};
+use rival_methods::Method;
+use tsa_model::{Equilibrium, Mechanism, SolveError, twist_from_turns};
 
 /// Steps of load and of twist in which the truth is followed, at least.
 const STEPS: usize = 64;
@@ -117,7 +118,7 @@ pub fn methods() -> Vec<Named> {
 /// # Errors
 /// As [`Mechanism::solve`].
 pub fn truth(mechanism: &Mechanism, load_n: f64, twist_rad: f64) -> Result<Equilibrium, SolveError> {
-    mechanism.solve_by(Method::Continuation { steps: STEPS }, load_n, twist_rad)
+    Method::Continuation { steps: STEPS }.solve(mechanism, load_n, twist_rad)
 }
 
 /// One method over one rod.
@@ -157,7 +158,7 @@ pub fn map(mechanism: &Mechanism, grid: &Grid, progress: &Progress<'_>) -> Map {
     let mut methods: Vec<MethodMap> = methods()
         .into_iter()
         .map(|Named { name, method }| {
-            let answers = parallel(progress, states.len(), |k| mechanism.solve_by(method, at(k).0, at(k).1));
+            let answers = parallel(progress, states.len(), |k| method.solve(mechanism, at(k).0, at(k).1));
             let outcomes = truths.iter().zip(&answers).map(|(t, a)| Outcome::judge(t, a)).collect();
             let evaluations = answers.iter().map(|a| a.as_ref().map_or(0, |e| e.evaluations)).collect();
             MethodMap { name, outcomes, evaluations }

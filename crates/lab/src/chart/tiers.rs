@@ -251,10 +251,10 @@ fn taken(scene: &Scene, name: &'static str, title: &'static str) -> Result<Taken
         asked_tr: accuracy.tr_relative,
         tier: dearest,
         shares: shares.join(", "),
-        form: fit.table.numbers.kind(),
+        form: tsa_table::owned::FORM,
         size: fit.table.numbers.size(),
-        bytes: table.form.bytes(),
-        instructions: tsa_table::effort::lookup_instructions(&table),
+        bytes: table.series.bytes(),
+        instructions: tsa_table::instruction_model::lookup_instructions(&table.series),
         error_m: fit.certificate.errors.contraction_max_m,
         error_tr: fit.certificate.errors.tr_max,
     })

@@ -3,12 +3,13 @@
 use crate::parallel::Progress;
 use anyhow::{Context, Result, bail};
 use rig_scene::Scene;
+use rival_methods::Method;
 use std::ffi::OsString;
 use std::hint::black_box;
 use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, Instant};
-use tsa_model::{Equilibrium, Mechanism, Method, SolveError, Tier, twist_from_turns};
+use tsa_model::{Equilibrium, Mechanism, SolveError, Tier, twist_from_turns};
 
 /// One way of solving with its effort.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -43,7 +44,7 @@ impl Way {
 
     fn solve(&self, mechanism: &Mechanism, (load, twist): (f64, f64)) -> Result<Equilibrium, SolveError> {
         match *self {
-            Self::Method(method) => mechanism.solve_by(method, load, twist),
+            Self::Method(method) => method.solve(mechanism, load, twist),
             Self::Tier(tier) => mechanism.formal_tier(tier, load, twist),
         }
     }

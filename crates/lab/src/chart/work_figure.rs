@@ -8,8 +8,9 @@ use crate::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Sample, Sh
 use anyhow::{Context, Result};
 use plotters::style::RGBColor;
 use rig_scene::Scene;
+use rival_methods::Method;
 use serde::Deserialize;
-use tsa_model::{Method, Tier};
+use tsa_model::Tier;
 
 /// Where an error of nothing at all, or of rounding, is drawn (m).
 const FLOOR_M: f64 = 1e-17;

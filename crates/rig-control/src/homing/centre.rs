@@ -8,7 +8,7 @@ const BINS: usize = 48;
 const LEVELS: usize = 16;
 /// Least height of the curve over its lower end (m) that counts as a maximum: a flat curve has no middle.
 const LEAST_HEIGHT_M: f32 = 0.5e-3;
-/// Largest disagreement between the two directions (rad): beyond it, what was seen is not this mechanism.
+/// Largest disagreement between the two directions (rad): beyond it, this is not the table's mechanism.
 const LARGEST_SPLIT_RAD: f32 = 0.8;
 
 #[derive(Clone, Copy, Debug)]
@@ -22,9 +22,6 @@ impl Bin {
     const EMPTY: Self = Self { shaft_sum: 0.0, gap_sum: 0.0, count: 0 };
 }
 
-/// Levels looked at in one tick.
-const LEVELS_PER_TICK: usize = 2;
-
 /// Two sweeps, binned by shaft angle. Angles are kept relative to the rough middle.
 #[derive(Clone, Debug)]
 pub(super) struct Centre {
@@ -32,43 +29,11 @@ pub(super) struct Centre {
     pass: usize,
     middle_rad: f32,
     half_rad: f32,
-    work: Work,
-    solved: [Option<(f32, f32)>; 2],
-}
-
-/// Work on one sweep, carried over from tick to tick.
-#[derive(Clone, Debug)]
-struct Work {
-    /// Shaft angle and gap of each bin that has readings.
-    curve: heapless::Vec<(f32, f32), BINS>,
-    top_at: usize,
-    level: usize,
-    sum: f32,
-    squares: f32,
-    found: u16,
-}
-
-impl Work {
-    const fn new() -> Self {
-        Self { curve: heapless::Vec::new(), top_at: 0, level: 0, sum: 0.0, squares: 0.0, found: 0 }
-    }
-
-    fn restart(&mut self) {
-        self.curve.clear();
-        (self.top_at, self.level, self.sum, self.squares, self.found) = (0, 0, 0.0, 0.0, 0);
-    }
 }
 
 impl Centre {
     pub(super) const fn new() -> Self {
-        Self {
-            bins: [[Bin::EMPTY; BINS]; 2],
-            pass: 0,
-            middle_rad: 0.0,
-            half_rad: 1.0,
-            work: Work::new(),
-            solved: [None; 2],
-        }
+        Self { bins: [[Bin::EMPTY; BINS]; 2], pass: 0, middle_rad: 0.0, half_rad: 1.0 }
     }
 
     /// Starts the first sweep.
@@ -76,8 +41,6 @@ impl Centre {
         self.bins.iter_mut().for_each(|bins| bins.fill(Bin::EMPTY));
         (self.middle_rad, self.half_rad) = (middle_rad, half_rad);
         self.pass = 0;
-        self.work.restart();
-        self.solved = [None; 2];
     }
 
     pub(super) fn middle_rad(&self) -> f32 {
@@ -105,75 +68,58 @@ impl Centre {
         self.pass >= 2
     }
 
-    /// Works on; the middle (rad) and its estimated error when finished. Half of what the two directions disagree by,
-    /// friction's doing, would be an upper bound of the error if it did not cancel; a tenth of it is kept, beside the
-    /// scatter of the midpoints.
-    pub(super) fn solve_some(&mut self) -> Result<Option<(f32, f32)>, HomingFailure> {
-        let [Some(first), Some(second)] = self.solved else {
-            let pass = usize::from(self.solved[0].is_some());
-            if self.work.curve.is_empty() {
-                self.draw(pass)?;
-            } else {
-                self.solved[pass] = self.some_levels()?;
-            }
-            return Ok(None);
-        };
+    /// The middle (rad) and its estimated error (rad). Friction makes the two directions differ. Half of that difference
+    /// would be an upper bound of the error if it did not cancel; a tenth of it is counted, besides the scatter of the
+    /// midpoints.
+    ///
+    /// # Errors
+    /// [`HomingFailure::NoPretwist`] if a sweep shows no maximum, [`HomingFailure::PoorFit`] if the two disagree.
+    pub(super) fn solve(&self) -> Result<(f32, f32), HomingFailure> {
+        let [first, second] = &self.bins;
+        let (first, second) = (middle_of_sweep(first)?, middle_of_sweep(second)?);
         if (first.0 - second.0).abs() > LARGEST_SPLIT_RAD {
             return Err(HomingFailure::PoorFit);
         }
         let scatter = libm::sqrtf(0.5 * (first.1 * first.1 + second.1 * second.1));
         let error = 0.05 * (first.0 - second.0).abs() + scatter / libm::sqrtf(LEVELS as f32);
-        Ok(Some((self.middle_rad + 0.5 * (first.0 + second.0), error)))
+        Ok((self.middle_rad + 0.5 * (first.0 + second.0), error))
     }
+}
 
-    /// The curve of one sweep.
-    fn draw(&mut self, pass: usize) -> Result<(), HomingFailure> {
-        let work = &mut self.work;
-        for bin in self.bins[pass].iter().filter(|b| b.count > 0) {
-            let per = 1.0 / f32::from(bin.count);
-            let point = (bin.shaft_sum * per, bin.gap_sum * per);
-            // As many places as bins: there is always room.
-            let _ = work.curve.push(point);
-            if work.curve.get(work.top_at).is_some_and(|top| point.1 > top.1) {
-                work.top_at = work.curve.len() - 1;
-            }
-        }
-        if work.curve.is_empty() { Err(HomingFailure::NoPretwist) } else { Ok(()) }
+/// Mean and scatter (rad) of the midpoints between equal gaps on both sides of one sweep's maximum, relative to the rough
+/// middle.
+fn middle_of_sweep(bins: &[Bin; BINS]) -> Result<(f32, f32), HomingFailure> {
+    let mut curve = heapless::Vec::<(f32, f32), BINS>::new();
+    for bin in bins.iter().filter(|b| b.count > 0) {
+        let per = 1.0 / f32::from(bin.count);
+        // There are as many places as bins, so this cannot fail.
+        let _ = curve.push((bin.shaft_sum * per, bin.gap_sum * per));
     }
-
-    /// A few more levels; mean and scatter of the midpoints of the sweep after the last, relative to the rough middle.
-    fn some_levels(&mut self) -> Result<Option<(f32, f32)>, HomingFailure> {
-        let w = &mut self.work;
-        let (Some(left), Some(right), Some(top)) = (w.curve.first(), w.curve.last(), w.curve.get(w.top_at)) else {
-            return Err(HomingFailure::NoPretwist);
-        };
-        let (top, floor) = (top.1, left.1.max(right.1));
-        if top - floor < LEAST_HEIGHT_M {
-            return Err(HomingFailure::NoPretwist);
-        }
-        for _ in 0..LEVELS_PER_TICK {
-            let level = floor + (top - floor) * (0.1 + 0.75 * w.level as f32 / LEVELS as f32);
-            let rise = crossing(w.curve[..=w.top_at].iter(), level);
-            let fall = crossing(w.curve[w.top_at..].iter().rev(), level);
-            if let (Some(a), Some(b)) = (rise, fall) {
-                let middle = 0.5 * (a + b);
-                w.sum += middle;
-                w.squares += middle * middle;
-                w.found += 1;
-            }
-            w.level += 1;
-        }
-        if w.level < LEVELS {
-            return Ok(None);
-        }
-        let (sum, squares, found) = (w.sum, w.squares, w.found);
-        w.restart();
-        if usize::from(found) < LEVELS / 2 {
-            return Err(HomingFailure::NoPretwist);
-        }
-        let mean = sum / f32::from(found);
-        Ok(Some((mean, libm::sqrtf((squares / f32::from(found) - mean * mean).max(0.0)))))
+    let top_at = (1..curve.len()).fold(0, |top, k| if curve[k].1 > curve[top].1 { k } else { top });
+    let (Some(left), Some(right), Some(top)) = (curve.first(), curve.last(), curve.get(top_at)) else {
+        return Err(HomingFailure::NoPretwist);
+    };
+    let (top, floor) = (top.1, left.1.max(right.1));
+    if top - floor < LEAST_HEIGHT_M {
+        return Err(HomingFailure::NoPretwist);
     }
+    let (mut sum, mut squares, mut count) = (0.0, 0.0, 0u16);
+    for k in 0..LEVELS {
+        let level = floor + (top - floor) * (0.1 + 0.75 * k as f32 / LEVELS as f32);
+        let rise = crossing(curve[..=top_at].iter(), level);
+        let fall = crossing(curve[top_at..].iter().rev(), level);
+        if let (Some(a), Some(b)) = (rise, fall) {
+            let middle = 0.5 * (a + b);
+            sum += middle;
+            squares += middle * middle;
+            count += 1;
+        }
+    }
+    if usize::from(count) < LEVELS / 2 {
+        return Err(HomingFailure::NoPretwist);
+    }
+    let mean = sum / f32::from(count);
+    Ok((mean, libm::sqrtf((squares / f32::from(count) - mean * mean).max(0.0))))
 }
 
 /// Where a rising run of points crosses a level.
@@ -207,19 +153,10 @@ mod tests {
         c
     }
 
-    fn solve(mut c: Centre) -> Result<(f32, f32), HomingFailure> {
-        for _ in 0..4 * LEVELS {
-            if let Some(solved) = c.solve_some()? {
-                return Ok(solved);
-            }
-        }
-        panic!("no end");
-    }
-
     #[test]
     fn the_middle_is_found_and_lag_cancels() {
         for (zero, lag) in [(10.0, 0.0), (10.4, 0.0), (9.3, 0.05), (10.1, 0.2)] {
-            let (found, error) = solve(sweep(zero, lag, 0.004)).unwrap();
+            let (found, error) = sweep(zero, lag, 0.004).solve().unwrap();
             assert!((found - zero).abs() < 3e-3, "{found} for {zero} with lag {lag}");
             assert!(error < 0.05);
         }
@@ -227,9 +164,9 @@ mod tests {
 
     #[test]
     fn what_is_flat_or_one_sided_or_split_is_refused() {
-        assert_eq!(solve(sweep(10.0, 0.0, 1e-5)), Err(HomingFailure::NoPretwist));
-        assert_eq!(solve(sweep(14.0, 0.0, 0.004)), Err(HomingFailure::NoPretwist));
-        assert_eq!(solve(sweep(10.0, 0.6, 0.004)), Err(HomingFailure::PoorFit));
-        assert_eq!(solve(Centre::new()), Err(HomingFailure::NoPretwist));
+        assert_eq!(sweep(10.0, 0.0, 1e-5).solve(), Err(HomingFailure::NoPretwist));
+        assert_eq!(sweep(14.0, 0.0, 0.004).solve(), Err(HomingFailure::NoPretwist));
+        assert_eq!(sweep(10.0, 0.6, 0.004).solve(), Err(HomingFailure::PoorFit));
+        assert_eq!(Centre::new().solve(), Err(HomingFailure::NoPretwist));
     }
 }

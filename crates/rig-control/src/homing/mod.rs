@@ -15,6 +15,7 @@
 mod centre;
 mod weigh;
 
+use crate::constants::TwistLimits;
 use crate::mechanism::Mechanism;
 use crate::planner::Ramp;
 use crate::{RigConstants, TICK_S};
@@ -27,7 +28,7 @@ use weigh::Weigh;
 /// The load is quiet when its gap (m) stays within this for so long (ticks): a period of its slowest swing.
 const QUIET_M: f32 = 0.1e-3;
 const QUIET_TICKS: u16 = 40;
-/// A load that still swings then (s) is homed all the same; what comes of it is judged at the end.
+/// A load that still swings after this time (s) is homed all the same; the result is judged at the end.
 const QUIET_PATIENCE_S: f32 = 10.0;
 /// Speed of the probe (rad/s).
 const PROBE_SPEED: f32 = 1.5;
@@ -36,8 +37,8 @@ const PROBE_CHANGE_M: f32 = 0.25e-3;
 /// Longest probe (rad). Highly twisted under little load, rail friction holds the load that long: 0.1 N under 0.5 N for
 /// 6 rad, 0.3 N under 1 N for 6.7 rad. Against a jammed load it adds some 3 N.
 const PROBE_TRAVEL: f32 = 7.0;
-/// So far (rad) behind its set-point the shaft stands against fully closed strings: more than any drive lags at the
-/// probe's speed, and turned back from before the drive takes it for a stall and drops the load.
+/// A shaft that is this far (rad) behind its set-point stands against fully closed strings: more than any drive lags at the
+/// probe's speed, and little enough to turn back before the drive takes it for a stall and drops the load.
 const PROBE_BEHIND: f32 = 0.5;
 /// Speed towards the maximum (rad/s).
 const SEEK_SPEED: f32 = 8.0;
@@ -58,8 +59,9 @@ const SWEEP_HALF: f32 = 3.0;
 const SWEEP_SPEED: f32 = 2.5;
 /// Turns past the half-turn pre-twist that the load is weighed over.
 const WEIGH_TURNS: f32 = 6.0;
-/// Speeds of weighing (rad/s), at the middle of the sweep and at its ends. It varies, and alike either way, so that the
-/// grain of the drive's speed and current measurement averages out: at one speed it beats with the commands' period.
+/// Speeds of weighing (rad/s), at the middle of the sweep and at its ends. The speed varies, in both directions alike, so
+/// that the quantization of the drive's speed and current measurement averages out: at one speed it beats with the period
+/// of the commands.
 const WEIGH_SPEED: [f32; 2] = [3.4, 6.2];
 /// Acceleration of all of it (rad/s²).
 const ACCELERATION: f32 = 25.0;
@@ -68,8 +70,8 @@ const REST_S: f32 = 0.3;
 /// Rest at the pre-twist before the reference is taken, and how long it is averaged over (s).
 const SETTLE_S: f32 = 0.7;
 const REFERENCE_S: f32 = 0.4;
-/// How far (m) the load may hang from where the sweeps say, friction aside: what swings and creeps does less, a string that
-/// slips in its clamp does more.
+/// How far (m) the load may hang from its place by the sweeps, friction aside: swinging and creep make less, a string that
+/// slips in its clamp makes more.
 const SHIFTED_M: f32 = 0.6e-3;
 /// Longest homing (s), start-up of the drive not counted.
 const TIME_OUT_S: f32 = 42.0;
@@ -95,20 +97,20 @@ pub struct Homed {
     pub drive_lag_s: f32,
 }
 
-/// What homing sees in a tick.
+/// Inputs of one tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Seen {
+pub struct HomingInputs {
     /// Shaft angle by the encoder (rad).
     pub shaft_rad: f32,
-    /// The same when the gap was measured, a little earlier (rad).
-    pub shaft_then_rad: f32,
+    /// Shaft angle when the gap was measured, a little earlier (rad).
+    pub shaft_at_gap_rad: f32,
     /// Measured gap (m).
     pub gap_m: f32,
     /// Winding current that the drive reports (A).
     pub current_a: f32,
 }
 
-/// What homing wants of the motor, or how it ended.
+/// Result of one tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Progress {
     /// Shaft set-point (rad) and speed (rad/s).
@@ -123,13 +125,24 @@ pub enum Progress {
 enum Phase {
     Quiet { ticks: u16, low_m: f32, high_m: f32 },
     Probe { start_rad: f32, gap_m: f32 },
-    Seek { start_rad: f32, goal_rad: f32, low_m: Option<f32>, top_m: f32, top_rad: f32 },
+    Seek(Seek),
     CentreRest { ticks: u16 },
     Centre,
-    Solve,
-    WeighStart { ticks: u16 },
+    WeighRest { ticks: u16 },
     Weigh,
     Settle { ticks: u16, sum_m: f32, count: u16 },
+}
+
+/// The search for the greatest gap.
+#[derive(Clone, Copy, Debug)]
+struct Seek {
+    start_rad: f32,
+    goal_rad: f32,
+    /// Least gap (m); `None` once the gap has risen from it.
+    low_m: Option<f32>,
+    /// Greatest gap (m), and the shaft angle there (rad).
+    top_m: f32,
+    top_rad: f32,
 }
 
 /// One homing.
@@ -144,32 +157,23 @@ pub struct Homing {
     ticks: u32,
     centre: Centre,
     weigh: Weigh,
-    /// Scale of the twist that is expected.
-    twist_scale: f32,
     zero_rad: f32,
     zero_error_rad: f32,
     lag_sum_s: f32,
     lag_count: u16,
 }
 
-impl Default for Homing {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
 impl Homing {
-    /// Nothing begun.
-    pub const fn new() -> Self {
+    /// Starts from a shaft angle (rad) and a gap (m), expecting a scale of the twist.
+    pub const fn new(shaft_rad: f32, gap_m: f32, twist_scale: f32) -> Self {
         Self {
-            phase: Phase::Quiet { ticks: 0, low_m: 0.0, high_m: 0.0 },
-            ramp: Ramp::at(0.0),
-            smooth_gap_m: 0.0,
+            phase: Phase::Quiet { ticks: 0, low_m: gap_m, high_m: gap_m },
+            ramp: Ramp::at(shaft_rad),
+            smooth_gap_m: gap_m,
             direction: 1.0,
             ticks: 0,
             centre: Centre::new(),
-            weigh: Weigh::new(),
-            twist_scale: 1.0,
+            weigh: Weigh::new(twist_scale),
             zero_rad: 0.0,
             zero_error_rad: 0.0,
             lag_sum_s: 0.0,
@@ -177,48 +181,47 @@ impl Homing {
         }
     }
 
-    /// Starts from wherever the shaft is, expecting a scale of the twist. In place, and the bins are emptied when their
-    /// sweep begins: a few kilobytes made anew and moved would be the longest tick of all.
-    pub fn begin(&mut self, shaft_rad: f32, gap_m: f32, twist_scale: f32) {
-        self.twist_scale = twist_scale;
-        self.phase = Phase::Quiet { ticks: 0, low_m: gap_m, high_m: gap_m };
-        self.ramp = Ramp::at(shaft_rad);
-        self.smooth_gap_m = gap_m;
-        self.direction = 1.0;
-        self.ticks = 0;
-        (self.zero_rad, self.zero_error_rad) = (0.0, 0.0);
-        (self.lag_sum_s, self.lag_count) = (0.0, 0);
-    }
-
     /// One tick.
-    pub fn step(&mut self, table: &Table<'_>, rig: &RigConstants, seen: &Seen) -> Progress {
-        let Seen { shaft_rad, gap_m, .. } = *seen;
+    pub fn step(&mut self, table: &Table<'_>, rig: &RigConstants, inputs: &HomingInputs) -> Progress {
         self.ticks += 1;
         if self.ticks as f32 * TICK_S > TIME_OUT_S {
             return Progress::Failed(HomingFailure::TimeOut);
         }
-        self.smooth_gap_m += 0.25 * (gap_m - self.smooth_gap_m);
-        let speed_limit = 0.9 * rig.twist_speed_max();
-        let acceleration = ACCELERATION.min(rig.twist_acceleration_max());
+        self.smooth_gap_m += 0.25 * (inputs.gap_m - self.smooth_gap_m);
+        let limits = TwistLimits {
+            speed: 0.9 * rig.twist_speed_max(),
+            acceleration: ACCELERATION.min(rig.twist_acceleration_max()),
+        };
         let outcome = match self.phase {
             Phase::Quiet { ticks, low_m, high_m } => {
-                self.wait_for_quiet(ticks, low_m.min(gap_m), high_m.max(gap_m), gap_m);
-                Ok(None)
+                self.wait_for_quiet(ticks, low_m.min(inputs.gap_m), high_m.max(inputs.gap_m), inputs.gap_m);
+                Ok(())
             }
-            Phase::Probe { start_rad, gap_m } => self.probe(start_rad, gap_m, shaft_rad, acceleration),
-            Phase::Seek { start_rad, goal_rad, low_m, top_m, top_rad } => {
-                self.seek(start_rad, goal_rad, low_m, top_m, top_rad, shaft_rad, acceleration, speed_limit)
+            Phase::Probe { start_rad, gap_m } => self.probe(start_rad, gap_m, inputs.shaft_rad, &limits),
+            Phase::Seek(seek) => self.seek(seek, inputs.shaft_rad, &limits),
+            Phase::CentreRest { ticks } => {
+                self.rest_before_centre(ticks, &limits);
+                Ok(())
             }
-            Phase::CentreRest { ticks } => self.rest_before_centre(ticks, acceleration, speed_limit),
-            Phase::Centre => self.sweep_centre(seen, acceleration),
-            Phase::Solve => self.solve_centre(),
-            Phase::WeighStart { ticks } => self.rest_before_weigh(ticks, acceleration, speed_limit),
-            Phase::Weigh => self.sweep_weigh(table, rig, seen, acceleration, speed_limit),
-            Phase::Settle { ticks, sum_m, count } => self.settle(table, ticks, sum_m, count, gap_m, acceleration),
+            Phase::Centre => self.sweep_centre(inputs, &limits),
+            Phase::WeighRest { ticks } => {
+                self.rest_before_weigh(ticks, &limits);
+                Ok(())
+            }
+            Phase::Weigh => {
+                self.sweep_weigh(table, rig, inputs, &limits);
+                Ok(())
+            }
+            Phase::Settle { ticks, sum_m, count } => {
+                match self.settle(table, ticks, sum_m, count, inputs.gap_m, &limits) {
+                    Ok(Some(homed)) => return Progress::Done(homed),
+                    Ok(None) => Ok(()),
+                    Err(failure) => Err(failure),
+                }
+            }
         };
         match outcome {
-            Ok(None) => Progress::Turning(self.ramp),
-            Ok(Some(homed)) => Progress::Done(homed),
+            Ok(()) => Progress::Turning(self.ramp),
             Err(failure) => Progress::Failed(failure),
         }
     }
@@ -234,15 +237,9 @@ impl Homing {
         };
     }
 
-    fn probe(
-        &mut self,
-        start_rad: f32,
-        gap_m: f32,
-        shaft_rad: f32,
-        acceleration: f32,
-    ) -> Result<Option<Homed>, HomingFailure> {
+    fn probe(&mut self, start_rad: f32, gap_m: f32, shaft_rad: f32, limits: &TwistLimits) -> Result<(), HomingFailure> {
         let goal = start_rad + PROBE_TRAVEL;
-        self.ramp.step(goal, PROBE_SPEED, acceleration);
+        self.ramp.step(goal, PROBE_SPEED, limits.acceleration);
         let change = self.smooth_gap_m - gap_m;
         let ended = self.ramp == Ramp::at(goal);
         let closed = self.ramp.position - shaft_rad > PROBE_BEHIND;
@@ -252,142 +249,99 @@ impl Homing {
         }
         if closed || change.abs() > PROBE_CHANGE_M || (ended && change.abs() > 0.1 * PROBE_CHANGE_M) {
             self.direction = if closed { -1.0 } else { libm::copysignf(1.0, change) };
-            self.phase = Phase::Seek {
+            self.phase = Phase::Seek(Seek {
                 start_rad: self.ramp.position,
                 goal_rad: self.ramp.position + self.direction * SEEK_TRAVEL,
                 low_m: Some(self.smooth_gap_m.min(gap_m)),
                 top_m: self.smooth_gap_m,
                 top_rad: self.ramp.position,
-            };
+            });
         } else if ended {
             return Err(HomingFailure::NoPretwist);
         }
-        Ok(None)
+        Ok(())
     }
 
-    #[allow(clippy::too_many_arguments)]
-    fn seek(
-        &mut self,
-        start_rad: f32,
-        goal_rad: f32,
-        mut low_m: Option<f32>,
-        mut top_m: f32,
-        mut top_rad: f32,
-        shaft_rad: f32,
-        acceleration: f32,
-        speed_limit: f32,
-    ) -> Result<Option<Homed>, HomingFailure> {
-        self.ramp.step(goal_rad, SEEK_SPEED.min(speed_limit), acceleration);
+    fn seek(&mut self, mut seek: Seek, shaft_rad: f32, limits: &TwistLimits) -> Result<(), HomingFailure> {
+        self.ramp.step(seek.goal_rad, SEEK_SPEED.min(limits.speed), limits.acceleration);
         // The probe may have left the motor going the other way: only what lies ahead counts.
-        let ahead = (shaft_rad - start_rad) * self.direction > -0.05;
-        if self.smooth_gap_m > top_m || !ahead {
-            (top_m, top_rad) = (self.smooth_gap_m, shaft_rad);
+        let ahead = (shaft_rad - seek.start_rad) * self.direction > -0.05;
+        seek.low_m = seek.low_m.map(|low_m| low_m.min(self.smooth_gap_m));
+        let rises = seek.low_m.is_some_and(|low_m| self.smooth_gap_m - low_m > SEEK_RISE_M);
+        if rises {
+            seek.low_m = None;
         }
-        low_m = low_m.map(|low_m| low_m.min(self.smooth_gap_m));
-        if low_m.is_some_and(|low_m| self.smooth_gap_m - low_m > SEEK_RISE_M) {
-            low_m = None;
-            (top_m, top_rad) = (self.smooth_gap_m, shaft_rad);
+        if self.smooth_gap_m > seek.top_m || !ahead || rises {
+            (seek.top_m, seek.top_rad) = (self.smooth_gap_m, shaft_rad);
         }
-        let fall_m = top_m - self.smooth_gap_m;
-        let turned = (shaft_rad - start_rad).abs();
-        if low_m.is_none() && fall_m > SEEK_FALL_M {
-            self.zero_rad = top_rad;
+        let fall_m = seek.top_m - self.smooth_gap_m;
+        let turned = (shaft_rad - seek.start_rad).abs();
+        if seek.low_m.is_none() && fall_m > SEEK_FALL_M {
+            self.zero_rad = seek.top_rad;
             self.phase = Phase::CentreRest { ticks: 0 };
-        } else if low_m.is_some() && (fall_m > SEEK_ASTRAY_M || turned > SEEK_STUCK) {
+        } else if seek.low_m.is_some() && (fall_m > SEEK_ASTRAY_M || turned > SEEK_STUCK) {
             return Err(HomingFailure::NoPretwist);
         } else if turned > 0.98 * SEEK_TRAVEL {
             return Err(HomingFailure::TravelEnd);
         } else {
-            self.phase = Phase::Seek { start_rad, goal_rad, low_m, top_m, top_rad };
+            self.phase = Phase::Seek(seek);
         }
-        Ok(None)
+        Ok(())
     }
 
     /// Runs the ramp to `goal` and counts ticks of rest there.
-    fn rest_at(&mut self, goal: f32, speed: f32, acceleration: f32, ticks: u16) -> u16 {
-        self.ramp.step(goal, speed, acceleration);
+    fn rest_at(&mut self, goal: f32, speed: f32, limits: &TwistLimits, ticks: u16) -> u16 {
+        self.ramp.step(goal, speed.min(limits.speed), limits.acceleration);
         if self.ramp == Ramp::at(goal) { ticks + 1 } else { 0 }
     }
 
-    fn rest_before_centre(
-        &mut self,
-        ticks: u16,
-        acceleration: f32,
-        speed_limit: f32,
-    ) -> Result<Option<Homed>, HomingFailure> {
+    fn rest_before_centre(&mut self, ticks: u16, limits: &TwistLimits) {
         // From the far side, where the seek came to rest, so that nothing is travelled twice.
         let goal = self.zero_rad + self.direction * SWEEP_HALF;
-        let ticks = self.rest_at(goal, SEEK_SPEED.min(speed_limit), acceleration, ticks);
+        let ticks = self.rest_at(goal, SEEK_SPEED, limits, ticks);
         self.phase = Phase::CentreRest { ticks };
         if f32::from(ticks) * TICK_S >= REST_S {
             self.centre.begin(self.zero_rad, SWEEP_HALF);
             self.phase = Phase::Centre;
         }
-        Ok(None)
     }
 
-    fn sweep_centre(&mut self, seen: &Seen, acceleration: f32) -> Result<Option<Homed>, HomingFailure> {
+    fn sweep_centre(&mut self, inputs: &HomingInputs, limits: &TwistLimits) -> Result<(), HomingFailure> {
         // First pass away from the seek's side, second pass back.
         let side = if self.centre.pass() == 0 { -self.direction } else { self.direction };
         let goal = self.centre.middle_rad() + side * SWEEP_HALF;
-        self.ramp.step(goal, SWEEP_SPEED, acceleration);
-        self.centre.record(seen.shaft_then_rad, seen.gap_m);
+        self.ramp.step(goal, SWEEP_SPEED, limits.acceleration);
+        self.centre.record(inputs.shaft_at_gap_rad, inputs.gap_m);
         if self.ramp == Ramp::at(goal) && self.centre.end_pass() {
-            self.phase = Phase::Solve;
+            (self.zero_rad, self.zero_error_rad) = self.centre.solve()?;
+            self.phase = Phase::WeighRest { ticks: 0 };
         }
-        Ok(None)
+        Ok(())
     }
 
-    fn solve_centre(&mut self) -> Result<Option<Homed>, HomingFailure> {
-        if let Some((zero_rad, error_rad)) = self.centre.solve_some()? {
-            self.zero_rad = zero_rad;
-            self.zero_error_rad = error_rad;
-            self.phase = Phase::WeighStart { ticks: 0 };
-        }
-        Ok(None)
+    fn rest_before_weigh(&mut self, ticks: u16, limits: &TwistLimits) {
+        let ticks = self.rest_at(self.zero_rad + PI, WEIGH_SPEED[1], limits, ticks);
+        let rested = f32::from(ticks) * TICK_S >= REST_S;
+        self.phase = if rested { Phase::Weigh } else { Phase::WeighRest { ticks } };
     }
 
-    fn rest_before_weigh(
-        &mut self,
-        ticks: u16,
-        acceleration: f32,
-        speed_limit: f32,
-    ) -> Result<Option<Homed>, HomingFailure> {
-        let goal = self.zero_rad + PI;
-        let ticks = self.rest_at(goal, WEIGH_SPEED[1].min(speed_limit), acceleration, ticks);
-        self.phase = Phase::WeighStart { ticks };
-        if f32::from(ticks) * TICK_S >= REST_S {
-            self.weigh.begin();
-            self.phase = Phase::Weigh;
-        }
-        Ok(None)
-    }
-
-    fn sweep_weigh(
-        &mut self,
-        table: &Table<'_>,
-        rig: &RigConstants,
-        seen: &Seen,
-        acceleration: f32,
-        speed_limit: f32,
-    ) -> Result<Option<Homed>, HomingFailure> {
+    fn sweep_weigh(&mut self, table: &Table<'_>, rig: &RigConstants, inputs: &HomingInputs, limits: &TwistLimits) {
         let start = self.zero_rad + PI;
         let travel = (TAU * WEIGH_TURNS).min(table.metadata.twist_max_rad - table.metadata.twist_min_rad);
         let goal = if self.weigh.pass() == 0 { start + travel } else { start };
         let off_middle = ((self.ramp.position - start) / travel * 2.0 - 1.0).abs();
-        let speed = WEIGH_SPEED[0] + (WEIGH_SPEED[1] - WEIGH_SPEED[0]) * off_middle;
-        self.ramp.step(goal, speed.min(speed_limit), acceleration);
-        if self.ramp.speed.abs() > 0.8 * speed.min(speed_limit) {
-            self.lag_sum_s += (self.ramp.position - seen.shaft_rad) / self.ramp.speed;
+        let speed = (WEIGH_SPEED[0] + (WEIGH_SPEED[1] - WEIGH_SPEED[0]) * off_middle).min(limits.speed);
+        self.ramp.step(goal, speed, limits.acceleration);
+        if self.ramp.speed.abs() > 0.8 * speed {
+            self.lag_sum_s += (self.ramp.position - inputs.shaft_rad) / self.ramp.speed;
             self.lag_count += 1;
         }
-        let then = seen.shaft_then_rad;
-        self.weigh.record((then - start) / travel, then - self.zero_rad, seen.gap_m, seen.current_a);
+        let shaft_rad = inputs.shaft_at_gap_rad;
+        self.weigh.record((shaft_rad - start) / travel, shaft_rad - self.zero_rad, inputs.gap_m, inputs.current_a);
         if self.ramp == Ramp::at(goal) && self.weigh.end_pass() {
-            self.weigh.begin_fit(table, rig, self.twist_scale);
+            self.weigh.begin_fit(table, rig);
             self.phase = Phase::Settle { ticks: 0, sum_m: 0.0, count: 0 };
         }
-        Ok(None)
     }
 
     fn settle(
@@ -397,11 +351,10 @@ impl Homing {
         mut sum_m: f32,
         mut count: u16,
         gap_m: f32,
-        acceleration: f32,
+        limits: &TwistLimits,
     ) -> Result<Option<Homed>, HomingFailure> {
-        let goal = self.zero_rad + PI;
-        let ticks = self.rest_at(goal, SWEEP_SPEED, acceleration, ticks);
-        let fitted = self.weigh.fit_some(table)?;
+        let ticks = self.rest_at(self.zero_rad + PI, SWEEP_SPEED, limits, ticks);
+        let fitted = self.weigh.fit_step(table)?;
         if f32::from(ticks) * TICK_S > SETTLE_S {
             sum_m += gap_m;
             count += 1;

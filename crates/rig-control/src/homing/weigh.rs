@@ -3,7 +3,7 @@
 //! The shape of G(θ, F) alone cannot tell a heavier load from a thinner string: either makes the gap shrink less. Work
 //! can. What the motor does over a way up and a way down, its own friction cancelling, lifts the load: τ dθ = F dG, with
 //! no model in it. Gap, work and how well a scene knows its string are weighed by their errors in one Gauss–Newton fit
-//! of load, twist scale and offset, one bin each tick. Friction is half of what up and down differ by.
+//! of load, twist scale and offset, one step of it each tick. Friction is half of what up and down differ by.
 
 use crate::RigConstants;
 use crate::mechanism::{Mechanism, TWIST_SCALE};
@@ -18,7 +18,7 @@ const END_BINS: usize = 4;
 /// Gauss–Newton steps.
 const STEPS: u8 = 6;
 
-/// Rms misfit (m) beyond which what was weighed is not this mechanism.
+/// Rms misfit (m) beyond which this is not the table's mechanism.
 const LARGEST_MISFIT_M: f32 = 0.2e-3;
 /// Errors that the fit weighs by: of the modelled gap in a bin (m), of the string's twist scale, of the mean current (A)
 /// and of the motor's torque constant and gear together.
@@ -46,7 +46,7 @@ struct Pair {
     half_gap_m: f32,
 }
 
-/// Sums of one Gauss–Newton step over the bins seen so far: residual r, sensitivity to load d and to scale e.
+/// Sums of one Gauss–Newton step over the bins: residual r, sensitivity to load d and to scale e.
 #[derive(Clone, Copy, Debug)]
 struct Sums {
     n: f32,
@@ -63,7 +63,7 @@ struct Sums {
     friction: f32,
 }
 
-/// What was weighed.
+/// Result of a weighing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Weighed {
     pub load_n: f32,
@@ -81,10 +81,6 @@ impl Sums {
         Self { n: 0.0, r: 0.0, d: 0.0, e: 0.0, dd: 0.0, de: 0.0, ee: 0.0, dr: 0.0, er: 0.0, rr: 0.0, friction: 0.0 };
 }
 
-impl Weighed {
-    const NOTHING: Self = Self { load_n: 0.0, offset_m: 0.0, twist_scale: 1.0, friction_n: 0.0 };
-}
-
 /// The load by the work that the motor did (N), and the error of that.
 #[derive(Clone, Copy, Debug)]
 struct ByWork {
@@ -97,34 +93,24 @@ struct ByWork {
 pub(super) struct Weigh {
     bins: [[Bin; BINS]; 2],
     pass: usize,
-    found: Weighed,
+    result: Weighed,
     by_work: Option<ByWork>,
-    /// Scale of the twist before anything was seen: the table's, or what these strings had before.
+    /// Scale of the twist that is expected: the table's, or that of these strings before.
     expected_scale: f32,
     steps: u8,
-    at: usize,
-    sums: Sums,
 }
 
 impl Weigh {
-    pub(super) const fn new() -> Self {
+    /// Before the first sweep, expecting a scale of the twist.
+    pub(super) const fn new(expected_scale: f32) -> Self {
         Self {
             bins: [[Bin::EMPTY; BINS]; 2],
             pass: 0,
-            found: Weighed::NOTHING,
+            result: Weighed { load_n: 0.0, offset_m: 0.0, twist_scale: expected_scale, friction_n: 0.0 },
             by_work: None,
-            expected_scale: 1.0,
+            expected_scale,
             steps: 0,
-            at: END_BINS,
-            sums: Sums::ZERO,
         }
-    }
-
-    /// Empties the bins for a first sweep.
-    pub(super) fn begin(&mut self) {
-        self.bins.iter_mut().for_each(|bins| bins.fill(Bin::EMPTY));
-        self.pass = 0;
-        self.found = Weighed::NOTHING;
     }
 
     pub(super) fn pass(&self) -> usize {
@@ -148,17 +134,12 @@ impl Weigh {
         self.pass >= 2
     }
 
-    /// Begins at what the work says, else at the middle of the table's range (geometrically).
-    pub(super) fn begin_fit(&mut self, table: &Table<'_>, rig: &RigConstants, expected_scale: f32) {
-        self.expected_scale = expected_scale;
-        self.found.twist_scale = expected_scale;
+    /// Begins at the load by the work, else at the (geometric) middle of the table's range.
+    pub(super) fn begin_fit(&mut self, table: &Table<'_>, rig: &RigConstants) {
         let m = &table.metadata;
         self.by_work = self.work(rig);
         let middle_n = libm::sqrtf(m.load_min_n * m.load_max_n);
-        self.found.load_n = self.by_work.map_or(middle_n, |w| w.load_n).clamp(m.load_min_n, m.load_max_n);
-        self.steps = 0;
-        self.at = END_BINS;
-        self.sums = Sums::ZERO;
+        self.result.load_n = self.by_work.map_or(middle_n, |w| w.load_n).clamp(m.load_min_n, m.load_max_n);
     }
 
     fn pair(&self, i: usize) -> Option<Pair> {
@@ -195,48 +176,48 @@ impl Weigh {
         (load_n > 0.0 && error_n.is_finite() && newton_per_ampere > 0.0).then_some(ByWork { load_n, error_n })
     }
 
-    /// Works on; what was weighed when finished.
-    pub(super) fn fit_some(&mut self, table: &Table<'_>) -> Result<Option<Weighed>, HomingFailure> {
-        if self.steps >= STEPS {
-            return Ok(Some(self.found));
+    /// One Gauss–Newton step, two lookups for each bin; the result when all steps are done.
+    ///
+    /// # Errors
+    /// [`HomingFailure::PoorFit`] or [`HomingFailure::LoadOutOfRange`].
+    pub(super) fn fit_step(&mut self, table: &Table<'_>) -> Result<Option<Weighed>, HomingFailure> {
+        if self.steps < STEPS {
+            self.steps += 1;
+            let sums = self.sums(&Mechanism { table, twist_scale: self.result.twist_scale });
+            self.gauss_newton(table, &sums)?;
         }
-        let mechanism = Mechanism { table, twist_scale: self.found.twist_scale };
-        if self.at == BINS - END_BINS {
-            self.gauss_newton(table)?;
-        } else {
-            if let Some(pair) = self.pair(self.at) {
-                // The way up pulls friction more than the load, the way down as much less. The gap is far from straight
-                // in the load when that is light, so each is asked for by itself.
-                let Weighed { load_n, friction_n, .. } = self.found;
-                let up = mechanism.at(load_n + friction_n, pair.twist_rad + pair.half_twist_rad);
-                let down = below(mechanism, load_n - friction_n, pair.twist_rad - pair.half_twist_rad);
-                let r = pair.gap_m - 0.5 * (up.gap_m + down.gap_m);
-                let d = 0.5 * (up.dgap_dload_m_per_n + down.dgap_dload_m_per_n);
-                let by_twist = 0.5 * (up.dgap_dtwist_m_per_rad + down.dgap_dtwist_m_per_rad);
-                let e = by_twist * pair.twist_rad / mechanism.twist_scale;
-                let s = &mut self.sums;
-                s.n += 1.0;
-                s.r += r;
-                s.d += d;
-                s.e += e;
-                s.dd += d * d;
-                s.de += d * e;
-                s.ee += e * e;
-                s.dr += d * r;
-                s.er += e * r;
-                s.rr += r * r;
-                s.friction += d * (pair.half_gap_m - 0.5 * (up.gap_m - down.gap_m));
-            }
-            self.at += 1;
-        }
-        Ok(None)
+        Ok((self.steps == STEPS).then_some(self.result))
     }
 
-    fn gauss_newton(&mut self, table: &Table<'_>) -> Result<(), HomingFailure> {
+    fn sums(&self, mechanism: &Mechanism<'_>) -> Sums {
+        let Weighed { load_n, friction_n, .. } = self.result;
+        let mut s = Sums::ZERO;
+        for pair in (END_BINS..BINS - END_BINS).filter_map(|i| self.pair(i)) {
+            // The way up pulls friction more than the load, the way down as much less. The gap is far from straight
+            // in the load when that is light, so each is asked for by itself.
+            let up = mechanism.at(load_n + friction_n, pair.twist_rad + pair.half_twist_rad);
+            let down = below(mechanism, load_n - friction_n, pair.twist_rad - pair.half_twist_rad);
+            let r = pair.gap_m - 0.5 * (up.gap_m + down.gap_m);
+            let d = 0.5 * (up.dgap_dload_m_per_n + down.dgap_dload_m_per_n);
+            let by_twist = 0.5 * (up.dgap_dtwist_m_per_rad + down.dgap_dtwist_m_per_rad);
+            let e = by_twist * pair.twist_rad / mechanism.twist_scale;
+            s.n += 1.0;
+            s.r += r;
+            s.d += d;
+            s.e += e;
+            s.dd += d * d;
+            s.de += d * e;
+            s.ee += e * e;
+            s.dr += d * r;
+            s.er += e * r;
+            s.rr += r * r;
+            s.friction += d * (pair.half_gap_m - 0.5 * (up.gap_m - down.gap_m));
+        }
+        s
+    }
+
+    fn gauss_newton(&mut self, table: &Table<'_>, s: &Sums) -> Result<(), HomingFailure> {
         let m = &table.metadata;
-        let s = core::mem::replace(&mut self.sums, Sums::ZERO);
-        self.at = END_BINS;
-        self.steps += 1;
         let last = self.steps == STEPS;
         if s.n < 0.5 * (BINS - 2 * END_BINS) as f32 {
             return Err(HomingFailure::PoorFit);
@@ -248,7 +229,7 @@ impl Weigh {
         if last && libm::sqrtf((s.rr / s.n - mean_r * mean_r).max(0.0)) > LARGEST_MISFIT_M {
             return Err(HomingFailure::PoorFit);
         }
-        let Weighed { load_n, twist_scale, .. } = self.found;
+        let Weighed { load_n, twist_scale, .. } = self.result;
         let trust = GAP_ERROR_M * GAP_ERROR_M;
         let (mut work_weight, mut work_pull) = (0.0, 0.0);
         if let Some(work) = self.by_work {
@@ -267,19 +248,19 @@ impl Weigh {
         if last && !(0.9 * m.load_min_n..=1.1 * m.load_max_n).contains(&wanted_n) {
             return Err(HomingFailure::LoadOutOfRange);
         }
-        self.found.load_n = wanted_n.clamp(m.load_min_n, m.load_max_n);
-        self.found.twist_scale = (twist_scale + scale_step.clamp(-0.05, 0.05)).clamp(TWIST_SCALE[0], TWIST_SCALE[1]);
-        self.found.offset_m =
-            mean_r - mean_d * (self.found.load_n - load_n) - mean_e * (self.found.twist_scale - twist_scale);
-        let friction_n = self.found.friction_n + s.friction / s.dd.max(f32::MIN_POSITIVE);
-        self.found.friction_n = friction_n.clamp(0.0, 0.4 * self.found.load_n);
+        self.result.load_n = wanted_n.clamp(m.load_min_n, m.load_max_n);
+        self.result.twist_scale = (twist_scale + scale_step.clamp(-0.05, 0.05)).clamp(TWIST_SCALE[0], TWIST_SCALE[1]);
+        self.result.offset_m =
+            mean_r - mean_d * (self.result.load_n - load_n) - mean_e * (self.result.twist_scale - twist_scale);
+        let friction_n = self.result.friction_n + s.friction / s.dd.max(f32::MIN_POSITIVE);
+        self.result.friction_n = friction_n.clamp(0.0, 0.4 * self.result.load_n);
         Ok(())
     }
 }
 
 /// As [`Mechanism::at`], continued below the table's least load in 1/F, as the strings' radius goes (model.md 2): the
 /// lightest load less friction is there.
-fn below(mechanism: Mechanism<'_>, load_n: f32, twist_rad: f32) -> Point {
+fn below(mechanism: &Mechanism<'_>, load_n: f32, twist_rad: f32) -> Point {
     let least_n = mechanism.table.metadata.load_min_n;
     let mut point = mechanism.at(load_n, twist_rad);
     if load_n < least_n {

@@ -1,8 +1,10 @@
-//! Taking up settings, while nothing moves.
+//! Applying settings, while nothing moves.
 
-use super::{Planner, Ramp, Rig, State};
+use super::modes::Mode;
+use super::{Inputs, Rig};
+use crate::planner::Ramp;
 use crate::settings;
-use rig_link::messages::{Accepted, Refusal, Setting, SettingValues};
+use rig_link::messages::{Accepted, Refusal, Setting, SettingValues, State};
 
 impl Rig<'_> {
     /// The settings in use.
@@ -10,48 +12,45 @@ impl Rig<'_> {
         &self.settings
     }
 
-    /// What they are when nobody sets them.
-    pub fn default_settings(&self) -> SettingValues {
-        settings::defaults(&self.scene)
-    }
-
-    /// Begins with settings that were kept: before the first tick.
+    /// Starts with settings from flash: before the first tick.
     pub fn set_up(&mut self, values: &SettingValues) {
-        self.take_up(values);
+        self.apply(values);
     }
 
-    /// Takes them up for good, all or none. Not while anything moves, and not before the drive's zero is known.
-    pub(super) fn configure(&mut self, values: &SettingValues) -> Result<Accepted, Refusal> {
-        match self.state {
+    /// Applies all of the settings or none. Refused while anything moves, and before the drive's zero is known.
+    pub(super) fn configure(&mut self, values: &SettingValues, inputs: &Inputs) -> Result<Accepted, Refusal> {
+        match self.state() {
             State::Boot => return Err(Refusal::DriveNotReady),
             state @ (State::Moving | State::Homing) => return Err(Refusal::Busy { state }),
             // In fault or emergency stop nothing moves, and settings may be what is wrong.
             State::Unhomed | State::Ready | State::Holding | State::Fault | State::EStop => {}
         }
-        values.check(&self.default_settings())?;
-        Ok(if self.take_up(values) { Accepted::Unhomed } else { Accepted::Started })
+        values.check(&settings::defaults(&self.scene))?;
+        let was_homed = self.tracking.is_some();
+        if self.apply(values) {
+            self.sensing.read_again(inputs, &self.constants);
+        }
+        Ok(if was_homed && self.tracking.is_none() { Accepted::Unhomed } else { Accepted::Started })
     }
 
-    /// Whether the position has been lost by it.
-    fn take_up(&mut self, values: &SettingValues) -> bool {
+    /// Whether angles and gaps mean something else with them; the position is then not known any more.
+    fn apply(&mut self, values: &SettingValues) -> bool {
         let before = core::mem::replace(&mut self.settings, *values);
         let old = core::mem::replace(&mut self.constants, settings::apply(values, &self.scene));
         let changes = |setting: &Setting| setting.spec().unhomes && before.get(*setting) != values.get(*setting);
         if Setting::ALL.iter().any(changes) {
-            // The same place in other numbers, and nothing to be compared with what was seen in the old ones.
+            // The same place in the new units; nothing is compared with readings in the old ones.
             self.shaft = Ramp::at(self.shaft.position * old.counts_per_rad / self.constants.counts_per_rad);
-            self.last_shaft_rad = None;
-            self.checks.forget_places();
-            if matches!(self.state, State::Ready | State::Holding) {
-                self.state = State::Unhomed;
-            }
-            return self.homed.take().is_some();
+            self.guard.forget_places();
+            self.forget_position();
+            return true;
         }
         let higher_m = before.get(Setting::PositionZero) - values.get(Setting::PositionZero);
-        if let Some(homed) = &mut self.homed {
-            homed.reference_gap_m += higher_m;
-            self.last_position_m += higher_m;
-            self.planner = Planner::at(self.planner.set_point_m() + higher_m);
+        if let Some(tracking) = &mut self.tracking {
+            tracking.shift_position(higher_m);
+        }
+        if let Mode::Holding(control) = &mut self.mode {
+            control.shift_position(higher_m);
         }
         false
     }

@@ -1,46 +1,63 @@
 //! The rig as one state machine. [`Rig::step`] is one control tick; time comes in with the readings.
 //!
 //! ```text
-//!          drive and LVDT heard          home                 done             move
+//!          drive and LVDT ready          home                 done             move
 //!   boot ───────────────────────> unhomed ───> homing ─────────────> ready ───────────> moving
-//!     ^                              ^           │ stop, failed        ^                 │   │ arrived, stop,
-//!     │                              └───────────┘                     │ home       move │   v hold
-//!     │ clear (drive restarted)                                        └─────────── holding <┘
+//!     ^                              ^           │ stop, failed        ^                 │   │ arrived,
+//!     │                              └───────────┘                     │ home       move │   v stop
+//!     │ clear (drive restarts)                                         └─────────── holding <┘
 //!     ├────────── fault  <── anything wrong, from every state; latched
 //!     └────────── estop  <── emergency stop open, from every state; latched
 //! ```
-//! What a fault does, and which one outranks which, stands in one table ([`fault_policy`]): torque-off would let the strings
-//! untwist and drop the load. Nothing clears itself, and after a fault that loses the position, an emergency stop or a
-//! reset nothing moves until told, and the rig is homed anew. A [`Limit`] only clips: it is reported beside the state, and gone when it holds nothing back any more.
+//! A jog starts from unhomed, ready or holding. It ends in ready if the rig is homed, else in unhomed. A `clear` that does
+//! not restart the drive leads from fault to ready or unhomed in the same way.
+//!
+//! The rooms, in the order in which a tick passes through them:
+//! - [`sensing`]: inputs to readings in SI units; where the drive counts from.
+//! - [`tracking`]: what is known of the load since homing, and what this tick's readings add.
+//! - [`guard`]: what is wrong. [`fault_policy`] is the table of what is done about it.
+//! - [`requests`] and [`configure`]: what the host asks.
+//! - [`modes`]: what each mode does in a tick; [`load_control`] is a move of the load and the hold after it.
+//! - [`outputs`]: the command to the drive. [`telemetry`] is put together after the step.
+//!
+//! **An LVDT sample**: `LvdtBlock` in [`Inputs`] → [`crate::sensors::Lvdt::read`] → `Readings` → `LoadTracking::observe`
+//! (position, load, TR) → `Guard::check` → `LoadControl` (error of the position) → set-point of the shaft → drive command.
+//!
+//! **A `move`**: `Rig::answer` → `Rig::start_move` → [`crate::move_check`] → `Mode::Moving` → `Move::step` each tick:
+//! planner, position loop, friction take-up → `Mode::Holding`.
+//!
+//! **A fault**: `Guard::check` → `Rig::raise` (latches it; the set-point stops) → `Mode::Fault` → `Rig::drive_command` by
+//! the fault's response → `Rig::clear`.
+//!
+//! Torque-off would let the strings untwist and drop the load, so no fault takes the torque away from a drive that holds.
+//! Nothing clears itself. After a fault that loses the position, an emergency stop or a reset, nothing moves without a
+//! request, and the rig must be homed again. A [`Limit`] only clips: it is reported beside the state, and disappears when
+//! it no longer holds anything back.
 
-mod checks;
 mod configure;
-mod drive_checks;
 pub mod fault_policy;
-mod lvdt_jump;
-mod motion;
+mod guard;
+mod load_control;
+mod modes;
+mod outputs;
 mod requests;
-mod told;
+mod sensing;
+mod telemetry;
+mod tracking;
 
-use crate::adaptation::{Adaptation, Learned};
-use crate::forecast::Forecast;
-use crate::homing::{Homed, Homing, Progress, Seen};
-use crate::mechanism::Mechanism;
-use crate::observer::{Confidence, LoadObserver, Observation};
-use crate::planner::{Planner, Ramp};
-use crate::position_loop::PositionLoop;
-use crate::sensors::{DriveReading, GAP_DELAY_S, Lvdt, LvdtBlock, LvdtReading, SupplyReading};
-use crate::{RigConstants, TICK_S, TICK_US, angle_rad, seconds};
-use checks::Checks;
-use fault_policy::{ENCODER, Latched, POLICY};
-use rig_link::messages::{
-    Accepted, Counters, EventKind, Fault, Faults, HomingFailure, Limit, Refusal, Request, Setting, SettingValues,
-    State, Telemetry,
-};
+use crate::homing::Homed;
+use crate::planner::Ramp;
+use crate::sensors::{DriveReading, LvdtBlock, SupplyReading};
+use crate::{RigConstants, TICK_US};
+use guard::{Guard, Situation};
+use modes::{EStopContact, Mode};
+use rig_link::messages::{Accepted, EventKind, Fault, Faults, Limit, Refusal, Request, SettingValues, State};
 use rmds405::DriveCommand;
+use sensing::Sensing;
+use tracking::LoadTracking;
 use tsa_table::Table;
 
-/// Everything a tick sees.
+/// Inputs of one tick.
 #[derive(Clone, Copy, Debug)]
 pub struct Inputs {
     /// Time since boot (µs).
@@ -67,375 +84,232 @@ pub struct Inputs {
     pub host_heard_us: Option<u64>,
     /// What the host asks.
     pub request: Option<Request>,
-    /// What was ignored and counted.
-    pub counters: Counters,
 }
 
 /// What ended or went wrong in a tick.
 pub type Events = heapless::Vec<EventKind, 8>;
 
-/// Everything a tick decides.
+/// Decisions of one tick.
 #[derive(Clone, Debug)]
 pub struct Outputs {
     /// For the drive.
     pub drive: DriveCommand,
-    /// Answer to the request, if there was one that wants an answer.
+    /// Answer to the request, if there was one that the control code answers.
     pub reply: Option<Result<Accepted, Refusal>>,
     /// What ended or went wrong.
     pub events: Events,
-    /// For the host.
-    pub telemetry: Telemetry,
-    /// Gap that the LVDT shows (m), homed or not.
-    pub gap_m: Option<f32>,
-}
-
-/// What is being done in [`State::Moving`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Motion {
-    /// Planned move of the load.
-    Load { speed_m_per_s: f32, stopping: bool },
-    /// Turning at a constant speed.
-    Jog { speed_rad_per_s: f32 },
 }
 
 /// The rig.
 #[derive(Clone)]
 pub struct Rig<'t> {
     table: &'t Table<'t>,
-    /// As the scene says.
+    /// Constants of the scene.
     scene: RigConstants,
     settings: SettingValues,
-    /// As the settings correct them.
+    /// Constants of the scene, corrected by the settings.
     constants: RigConstants,
-    state: State,
-    latched: Latched,
-    limit: Option<Limit>,
-    lvdt: Lvdt,
-    checks: Checks,
-    /// Shaft set-point (rad by the encoder) and its speed.
+    mode: Mode,
+    sensing: Sensing,
+    guard: Guard,
+    /// What is known of the load; `None` while the rig is not homed.
+    tracking: Option<LoadTracking>,
+    /// Set-point of the shaft (rad as the own encoder counts) and its speed (rad/s).
     shaft: Ramp,
-    /// Own count less the drive's, taken when the drive became ready.
-    drive_offset: Option<i64>,
+    /// The next command restarts the drive.
     restart_drive: bool,
-    awaiting_restart: bool,
-    /// Own and drive's counts have been matched since the drive's last start.
-    matched: bool,
-    /// In [`State::EStop`]: the contact has closed again, and it did so in this tick.
-    estop_closed: bool,
-    estop_closes: bool,
-    /// Ticks that came late since boot.
-    late_ticks: u32,
-    homing: Homing,
-    homed: Option<Homed>,
-    adaptation: Adaptation,
-    observer: LoadObserver,
-    planner: Planner,
-    position_loop: PositionLoop,
-    motion: Motion,
-    /// Time until the set-point is at its target.
-    forecast: Option<Forecast>,
-    /// Ticks that the load has stood at its target.
-    at_rest_ticks: u16,
-    arrived_ticks: u16,
-    /// Ticks that it has stood there with the strings at the end of their travel.
-    end_ticks: u16,
-    /// Newest measured position (m).
-    last_position_m: f32,
-    standing_ticks: u16,
-    /// Shaft angle in the tick before (rad).
-    last_shaft_rad: Option<f32>,
-    /// Age of the newest gap (s).
-    gap_age_s: f32,
-    /// What the observer said in this tick; `None` where the tick before had to do.
-    last_seen: Option<Observation>,
+    /// What held the load or the strings back in this tick.
+    limit: Option<Limit>,
 }
 
-/// Share of the gap by which the LVDT may differ from the model, and what the twist's scale may differ from what is
-/// expected, before the load is told as unknown: emulated rigs whose LVDT is 15 % off in gain, or all of whose constants
-/// are 25 % off, come out beyond these and weigh 17 to 38 % wrongly.
-const DOUBTFUL_OFFSET: f32 = 0.08;
-const DOUBTFUL_SCALE: f32 = 0.08;
 /// Motor speed (rpm) below which the shaft counts as standing: three quanta of the drive's speed measurement.
 const STANDING_RPM: u16 = 45;
-/// For how long.
-const STANDING_TICKS: u16 = ticks(20);
 
 /// Longest silence of the host during a motion (µs).
 pub const HOST_SILENT_US: u64 = 400_000;
 /// Greatest jog speed (rad/s).
 pub const JOG_SPEED_MAX: f32 = 4.0;
-/// Greatest speed that can be asked of the load (m/s); a setting may lower it.
-pub const SPEED_MAX_M_PER_S: f32 = Setting::SpeedMax.spec().range[1];
 
 impl<'t> Rig<'t> {
-    /// As after power-up: nothing known, nothing moves. `reset` is the fault that the last reset amounts to, if the
+    /// As after power-up: nothing is known and nothing moves. `reset` is the fault that the last reset amounts to, if the
     /// board was not started by power or by hand.
     pub fn new(table: &'t Table<'t>, constants: RigConstants, reset: Option<Fault>) -> Self {
-        let mut latched = Latched::NONE;
-        reset.into_iter().for_each(|fault| latched.insert(fault));
-        if !table.is_intact() {
-            latched.insert(Fault::TableCorrupt);
-        }
+        let corrupt = (!table.is_intact()).then_some(Fault::TableCorrupt);
+        let guard = Guard::with_faults(reset.into_iter().chain(corrupt));
         Self {
             table,
             scene: constants,
             settings: crate::settings::defaults(&constants),
             constants,
-            state: if latched == Latched::NONE { State::Boot } else { State::Fault },
-            latched,
-            limit: None,
-            lvdt: Lvdt::new(),
-            checks: Checks::new(),
+            mode: if guard.latched.gravest().is_none() { Mode::boot() } else { Mode::Fault },
+            sensing: Sensing::new(),
+            guard,
+            tracking: None,
             shaft: Ramp::at(0.0),
-            drive_offset: None,
-            // Its first frame is a Reset: the drive may still follow what the run before told it.
+            // The drive may still follow the last command of the run before.
             restart_drive: true,
-            awaiting_restart: false,
-            matched: false,
-            estop_closed: false,
-            estop_closes: false,
-            late_ticks: 0,
-            homing: Homing::new(),
-            homed: None,
-            adaptation: Adaptation::new(1.0),
-            observer: LoadObserver::new(table.metadata.load_min_n, 0.0, 0.0),
-            planner: Planner::at(0.0),
-            position_loop: PositionLoop::default(),
-            motion: Motion::Jog { speed_rad_per_s: 0.0 },
-            forecast: None,
-            at_rest_ticks: 0,
-            arrived_ticks: 0,
-            end_ticks: 0,
-            last_position_m: 0.0,
-            standing_ticks: 0,
-            last_shaft_rad: None,
-            gap_age_s: 0.0,
-            last_seen: None,
+            limit: None,
         }
     }
 
     /// What the rig is doing.
     pub fn state(&self) -> State {
-        self.state
+        self.mode.state(self.tracking.is_some())
     }
 
-    /// The gravest of the faults that stopped it.
+    /// The gravest of the latched faults.
     pub fn fault(&self) -> Option<Fault> {
-        self.latched.gravest()
+        self.guard.latched.gravest()
     }
 
-    /// All faults that stopped it.
+    /// All latched faults.
     pub fn faults(&self) -> Faults {
-        self.latched.all()
+        self.guard.latched.all()
     }
 
     /// The last homing, as long as it holds.
     pub fn homed(&self) -> Option<&Homed> {
-        self.homed.as_ref()
+        self.tracking.as_ref().map(|tracking| &tracking.homed)
     }
 
-    /// What has been learned since homing, for storing; `None` while not homed.
-    pub fn learned(&self) -> Option<Learned> {
-        self.homed.map(|h| self.adaptation.learned(h.twist_scale, h.friction_n))
-    }
-
-    /// Takes up a stored scale of the twist, as far as it is within the drift that homing's allows. False while not homed,
-    /// or if it is no number.
-    pub fn recall(&mut self, learned: &Learned) -> bool {
-        let Some(homed) = self.homed.as_mut().filter(|_| learned.twist_scale.is_finite()) else { return false };
-        homed.twist_scale = self.adaptation.bounded(learned.twist_scale);
-        true
+    /// Control ticks that came late since boot.
+    pub fn late_ticks(&self) -> u32 {
+        self.guard.late_ticks()
     }
 
     /// One control tick. Call every [`TICK_US`].
     pub fn step(&mut self, inputs: &Inputs) -> Outputs {
-        let mut events = heapless::Vec::new();
-        self.limit = None;
-        let shaft_rad = angle_rad(inputs.encoder_counts, self.constants.counts_per_rad);
-        let lvdt = self.lvdt.read(inputs.now_us, inputs.lvdt, &self.constants);
-        self.watch(inputs, lvdt, shaft_rad, &mut events);
-        let reply =
-            inputs.request.as_ref().and_then(|request| self.request(request, inputs, lvdt, shaft_rad, &mut events));
-        // A setting may have changed what a count is.
-        let shaft_rad = angle_rad(inputs.encoder_counts, self.constants.counts_per_rad);
-        let (gap_m, age_s) = match lvdt {
-            LvdtReading::Valid { gap_m, t_us } => {
-                (Some(gap_m), seconds(inputs.now_us.saturating_sub(t_us)) + GAP_DELAY_S)
-            }
-            _ => (None, 0.0),
-        };
-        self.gap_age_s = age_s;
-        // Where the shaft was when the gap was measured: the two belong together.
-        let turned = shaft_rad - self.last_shaft_rad.replace(shaft_rad).unwrap_or(shaft_rad);
-        let shaft_then_rad = shaft_rad - turned * age_s / TICK_S;
-        // Whoever asks for a move has the ends of the travel looked up: what the tick before saw does for this one, and for
-        // no more than one.
-        let asked = matches!(inputs.request, Some(Request::Move { .. }));
-        let seen_before = self.last_seen.take().filter(|_| asked);
-        let observed = self.homed.filter(|h| self.table_knows(shaft_then_rad - h.zero_rad)).map(|h| {
-            let seen = seen_before.unwrap_or_else(|| {
-                let mechanism = Mechanism { table: self.table, twist_scale: h.twist_scale };
-                let seen = self.observer.step(&mechanism, shaft_then_rad - h.zero_rad, gap_m);
-                *self.last_seen.insert(seen)
-            });
-            (h, seen)
-        });
-        if self.homed.is_some() && observed.is_none() {
-            self.observer.lose();
+        let mut events = Events::new();
+        self.sensing.read(inputs, &self.constants);
+        if let Some(tracking) = &mut self.tracking {
+            tracking.observe(self.table, &self.sensing.readings);
         }
-        if self.homed.is_some() && observed.is_none_or(|(_, o)| o.confidence != Confidence::Sure) {
-            self.limit = Some(Limit::LoadUnknown);
-        }
-        if observed.is_some_and(|(_, o)| o.at_range_end) {
-            self.limit = Some(Limit::LoadRange);
-        }
-        if self.load_out_of_range(observed.as_ref().map(|(_, o)| o)) {
-            self.latch(Faults::NONE.with(Fault::LoadRange), shaft_rad, &mut events);
-        }
-        match self.state {
-            State::Boot => self.leave_boot(inputs, lvdt, shaft_rad),
-            State::Homing => {
-                let current_a = match inputs.drive {
-                    DriveReading::Reports { current_ma, .. } => {
-                        f32::from(current_ma) * 1e-3 * self.constants.twist_sign()
-                    }
-                    _ => 0.0,
-                };
-                let seen = gap_m.map(|gap_m| Seen { shaft_rad, shaft_then_rad, gap_m, current_a });
-                self.step_homing(seen, shaft_rad, &mut events);
-            }
-            State::Moving | State::Holding => self.step_motion(observed.as_ref(), gap_m, &mut events),
-            State::Unhomed | State::Ready | State::Fault | State::EStop => self.shaft.speed = 0.0,
-        }
+        self.watch_estop(inputs.estop_open, &mut events);
+        self.watch(inputs, &mut events);
+        let reply = inputs.request.as_ref().and_then(|request| self.answer(request, inputs, &mut events));
+        let load_limit = self.tracking.as_ref().and_then(LoadTracking::limit);
+        self.limit = self.step_mode(inputs, &mut events).or(load_limit);
         if !(self.shaft.position.is_finite() && self.shaft.speed.is_finite()) {
-            self.latch(Faults::NONE.with(Fault::NotFinite), shaft_rad, &mut events);
+            self.raise(Faults::NONE.with(Fault::NotFinite), &mut events);
         }
-        let drive = self.drive_command(inputs);
-        let telemetry = self.telemetry(inputs, gap_m, shaft_rad, observed.map(|(_, o)| o));
-        Outputs { drive, reply, events, telemetry, gap_m }
+        Outputs { drive: self.drive_command(inputs), reply, events }
     }
 
-    /// Whether the table says anything of this twist (rad).
-    fn table_knows(&self, twist_rad: f32) -> bool {
-        let m = &self.table.metadata;
-        (m.twist_min_rad - motion::OUTSIDE_RAD..=m.twist_max_rad + motion::OUTSIDE_RAD).contains(&twist_rad)
-    }
-
-    /// Until its first command the drive gives no torque and a loaded string untwists. So: command a hold at once, and
-    /// compare own and drive's counts only when the shaft stands, because a report is up to 10 ms old.
-    fn leave_boot(&mut self, inputs: &Inputs, lvdt: LvdtReading, shaft_rad: f32) {
-        let DriveReading::Reports { position_qc, speed_rpm, .. } = inputs.drive else {
-            self.awaiting_restart = false;
-            return;
+    fn watch_estop(&mut self, open: bool, events: &mut Events) {
+        let (contact, event) = match &self.mode {
+            Mode::EStop(contact) => contact.next(open),
+            _ if open => (EStopContact::Open, Some(EventKind::EStopOpened)),
+            _ => return,
         };
-        // A report from before the restart counts from another zero.
-        if self.awaiting_restart {
+        self.mode = Mode::EStop(contact);
+        self.tracking = None;
+        event.into_iter().for_each(|event| {
+            let _ = events.push(event);
+        });
+    }
+
+    fn watch(&mut self, inputs: &Inputs, events: &mut Events) {
+        let found = self.guard.check(&Situation {
+            inputs,
+            readings: &self.sensing.readings,
+            drive_zero: self.sensing.drive_zero,
+            constants: &self.constants,
+            table: &self.table.metadata,
+            state: self.mode.state(self.tracking.is_some()),
+            shaft: self.shaft,
+            set_point_m: self.mode.load_control().map(|control| control.planner.set_point_m()),
+            tracking: self.tracking.as_ref(),
+        });
+        self.raise(found, events);
+    }
+
+    /// Latches what is new among the faults that were found; the strings stop where they are.
+    fn raise(&mut self, found: Faults, events: &mut Events) {
+        if matches!(self.mode, Mode::EStop(_)) || !self.guard.latch(found, events) {
             return;
         }
-        let offset = inputs.encoder_counts - i64::from(position_qc);
-        if self.drive_offset.is_none() {
-            self.drive_offset = Some(offset);
-            self.shaft = Ramp::at(shaft_rad);
-        }
-        // What a sensor says first after power-up is not believed.
-        let settled = speed_rpm.unsigned_abs() < STANDING_RPM && matches!(lvdt, LvdtReading::Valid { .. });
-        self.standing_ticks = if settled { self.standing_ticks + 1 } else { 0 };
-        if self.standing_ticks >= STANDING_TICKS {
-            self.drive_offset = Some(offset);
-            self.matched = true;
-            self.shaft = Ramp::at(shaft_rad);
-            self.state = State::Unhomed;
+        // A shaft that is held already stays where the first fault stopped it.
+        if !matches!(self.mode, Mode::Fault) {
+            self.mode = Mode::Fault;
+            let by_drive = self.guard.drive_counts().filter(|_| self.guard.own_encoder_is_wrong());
+            let by_drive_rad = by_drive.and_then(|counts| self.sensing.drive_zero.shaft_rad(counts, &self.constants));
+            self.shaft = Ramp::at(by_drive_rad.unwrap_or(self.sensing.readings.shaft_rad));
         }
     }
 
-    fn step_homing(&mut self, seen: Option<Seen>, shaft_rad: f32, events: &mut Events) {
-        let Some(seen) = seen else { return };
-        match self.homing.step(self.table, &self.constants, &seen) {
-            Progress::Turning(ramp) => self.shaft = ramp,
-            Progress::Done(homed) => {
-                self.resume(homed);
-                let _ = events.push(EventKind::Homed {
-                    twist_error_estimate_rad: homed.zero_error_rad,
-                    load_n: homed.load_n,
-                    gap_offset_m: homed.gap_offset_m,
-                });
-            }
-            Progress::Failed(failure) => self.end_homing(failure, shaft_rad, events),
-        }
-    }
-
-    /// Homed, at rest at the half-turn pre-twist: what the end of a homing does, and the start of a replay.
-    pub fn resume(&mut self, mut homed: Homed) {
-        let zero_m = self.settings.get(Setting::PositionZero);
-        homed.reference_gap_m -= zero_m;
-        self.homed = Some(homed);
-        self.adaptation = Adaptation::new(homed.twist_scale);
-        self.observer = LoadObserver::new(homed.load_n, homed.gap_offset_m, homed.friction_n);
-        let scale_off = (homed.twist_scale - self.settings.get(Setting::TwistScale)).abs();
-        if homed.gap_offset_m.abs() > DOUBTFUL_OFFSET * homed.reference_gap_m || scale_off > DOUBTFUL_SCALE {
-            self.observer.distrust();
-        }
-        self.last_seen = None;
-        self.planner = Planner::at(-zero_m);
+    /// Homed, at rest at the half-turn pre-twist: the end of a homing, and the start of a replay.
+    pub fn resume(&mut self, homed: Homed) {
         self.shaft = Ramp::at(homed.zero_rad + core::f32::consts::PI);
-        self.state = State::Ready;
+        self.tracking = Some(LoadTracking::new(homed, &self.settings));
+        self.mode = Mode::Idle;
     }
 
-    fn end_homing(&mut self, failure: HomingFailure, shaft_rad: f32, events: &mut Events) {
-        self.shaft = Ramp::at(shaft_rad);
-        self.state = State::Unhomed;
-        let _ = events.push(EventKind::HomingRefused(failure));
-    }
-
-    /// Latches what is new among `found`; the strings stop where they are.
-    fn latch(&mut self, found: Faults, shaft_rad: f32, events: &mut Events) {
-        let news = self.latched.news(found, self.checks.ticks_missed_lately());
-        if news.is_empty() || self.state == State::EStop {
-            return;
-        }
-        for row in POLICY.iter().filter(|row| news.contains(row.fault)) {
-            self.latched.insert(row.fault);
-            let _ = events.push(EventKind::FaultRaised(row.fault));
-        }
-        // What is held already is held where the first fault found it.
-        if self.state != State::Fault {
-            self.state = State::Fault;
-            let by_drive = self.checks.drive_counts().zip(self.drive_offset).filter(|_| self.own_encoder_is_wrong());
-            self.shaft = Ramp::at(
-                by_drive.map_or(shaft_rad, |(drive, offset)| angle_rad(drive + offset, self.constants.counts_per_rad)),
-            );
-        }
-    }
-
-    fn own_encoder_is_wrong(&self) -> bool {
-        self.latched.all().meets(Faults::of(&ENCODER))
-    }
-
-    /// Takes another table, for which the rig must be homed anew. Not while anything moves: false, ask again later.
+    /// Takes another table, for which the rig must be homed again. Returns false while anything moves: ask again later.
     pub fn use_table(&mut self, table: &'t Table<'t>) -> bool {
-        if matches!(self.state, State::Moving | State::Homing) {
+        if matches!(self.state(), State::Moving | State::Homing) {
             return false;
         }
         self.table = table;
-        self.homed = None;
-        if matches!(self.state, State::Ready | State::Holding) {
-            self.state = State::Unhomed;
-        }
+        self.forget_position();
         true
     }
 
-    /// Whether the rig stands, and the core may stall for a while: nothing is homing or moving.
-    pub fn stands(&self) -> bool {
-        !matches!(self.state, State::Moving | State::Homing | State::Boot)
+    /// The position is not known any more, while nothing moves.
+    fn forget_position(&mut self) {
+        self.tracking = None;
+        if matches!(self.mode, Mode::Holding(_)) {
+            self.mode = Mode::Idle;
+        }
     }
 
-    /// No tick for a while, on purpose: the next one is not late.
+    /// Whether nothing moves, homes or starts, so that the core may stall for a while.
+    pub fn stands(&self) -> bool {
+        !matches!(self.state(), State::Moving | State::Homing | State::Boot)
+    }
+
+    /// Announces that no tick will come for a while: the next one is not late.
     pub fn pause(&mut self) {
-        self.checks.pause();
+        self.guard.pause();
     }
 }
 
 /// Ticks in a time given in hundredths of a second.
 const fn ticks(hundredths: u16) -> u16 {
     (hundredths as u64 * 10_000 / TICK_US) as u16
+}
+
+/// Counts how many ticks in a row a condition holds; true when it has lasted `limit` ticks.
+fn lasts(counter: &mut u16, holds: bool, limit: u16) -> bool {
+    *counter = if holds { counter.saturating_add(1) } else { 0 };
+    *counter >= limit
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Inputs of a healthy rig that is switched on, at a time (µs).
+    pub(super) fn inputs(now_us: u64) -> Inputs {
+        Inputs {
+            now_us,
+            encoder_counts: 0,
+            lvdt: None,
+            drive: DriveReading::Starting,
+            drive_stalled: false,
+            bus_off: false,
+            supply: None,
+            upper_limit_open: false,
+            lower_limit_open: false,
+            estop_open: false,
+            host_heard_us: Some(now_us),
+            request: None,
+        }
+    }
+
+    #[test]
+    fn a_condition_lasts_when_it_holds_in_that_many_ticks_in_a_row() {
+        let mut counter = 0;
+        let held = [true, true, false, true, true, true].map(|holds| lasts(&mut counter, holds, 3));
+        assert_eq!(held, [false, false, false, false, false, true]);
+    }
 }

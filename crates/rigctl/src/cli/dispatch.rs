@@ -33,7 +33,7 @@ pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
         Command::Home => home::run(global, output),
         Command::Jog { speed, seconds } => jog::run(global, *speed, *seconds, output),
         Command::Stop => request::run(global, &Request::Stop, output),
-        Command::Hold => request::run(global, &Request::Hold, output),
+        Command::Hold => request::run(global, &Request::Stop, output),
         Command::Clear => request::run(global, &Request::Clear, output),
         Command::Config { what } => config::run(global, what, output),
         Command::Calibrate { what } => calibrate::run(global, what, output),

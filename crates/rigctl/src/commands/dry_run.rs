@@ -1,4 +1,4 @@
-//! `move --dry-run`: what the board would plan and look up, without a board.
+//! `move --dry-run`: the plan of a move as the board would make it, without a board.
 
 use crate::backup;
 use crate::failure::Failure;
@@ -6,6 +6,7 @@ use crate::options::Global;
 use crate::output::Output;
 use rig_control::limits::Limits;
 use rig_control::mechanism::Mechanism;
+use rig_control::move_check::{MoveRequest, MoveStart};
 use rig_control::planner::Planner;
 use rig_control::{TICK_S, settings as rig_settings};
 use rig_link::{LoadChoice, Setting};
@@ -15,8 +16,9 @@ use std::path::Path;
 
 /// Ticks between two printed rows.
 const EVERY: u32 = 25;
-/// Least speed that a board takes (m/s).
-const SPEED_MIN: f64 = 1e-5;
+/// Rail friction that the plan assumes (N): that of the emulated rig unless `--plant` changes it. A board measures it when
+/// homing.
+const FRICTION_N: f32 = 0.05;
 
 /// Runs the command. Starts at the half-turn pre-twist; `kept` is a backup or a log with the settings of a board.
 ///
@@ -44,19 +46,20 @@ pub fn run(
     };
     let rig = rig_settings::apply(&values, &as_built);
     let mechanism = Mechanism { table: &table, twist_scale: values.get(Setting::TwistScale) };
-    // Also says if the load is outside the table.
-    table.look_up(load_n, table.metadata.twist_min_rad)?;
-    let (start, end) = (mechanism.at(load_n, PI), mechanism.at(load_n, mechanism.twist_max_rad()));
-    // Where the load hangs at the pre-twist, from the zero that was set.
+    let start = mechanism.at(load_n, PI);
+    // Position of the load at the pre-twist, where zero may be another place by the settings. After homing's way down it
+    // hangs with the pull of load less friction.
     let hangs_m = 0.0 - values.get(Setting::PositionZero);
-    let (lowest, highest) = (f64::from(hangs_m), f64::from(hangs_m + start.gap_m - end.gap_m));
-    if !(lowest..=highest).contains(&to) {
-        return Err(Failure::failed(format!("to is {to} m, this load can go from {lowest:.5} to {highest:.5} m")));
+    MoveStart {
+        mechanism,
+        load_n,
+        friction_n: FRICTION_N,
+        twist_rad: PI,
+        position_m: hangs_m,
+        zero_gap_m: mechanism.at(load_n - FRICTION_N, PI).gap_m + hangs_m,
+        settings: &values,
     }
-    let speed_max = f64::from(values.get(Setting::SpeedMax));
-    if !(SPEED_MIN..=speed_max + 1e-9).contains(&speed) {
-        return Err(Failure::failed(format!("speed is {speed} m/s, allowed are {SPEED_MIN} to {speed_max:.5} m/s")));
-    }
+    .check(&MoveRequest { target_m: to as f32, speed_m_per_s: speed as f32, load })?;
     let mut planner = Planner::at(hangs_m);
     planner.go_to(to as f32);
     output.line("    t s   set-point mm   speed mm/s    turns   motor rpm   TR rad/mm")?;

@@ -115,7 +115,7 @@ impl View {
             _ if interrupt => return self.leave(session),
             KeyCode::Char('q') | KeyCode::Esc => return self.leave(session),
             KeyCode::Char(' ') => (Request::Stop, "stop"),
-            KeyCode::Char('h') => (Request::Hold, "hold"),
+            KeyCode::Char('h') => (Request::Stop, "hold"),
             KeyCode::Char('c') => (Request::Clear, "clear"),
             _ => return Ok(()),
         };

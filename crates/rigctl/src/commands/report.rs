@@ -26,8 +26,7 @@ pub fn run(global: &Global, out: &Path, output: &mut Output) -> Result<(), Failu
         _ => Path::new("."),
     };
     let scene = global.scene()?;
-    let (_, accuracy) = scene.table_demand()?;
-    let table = TableReport::new(&scene.fit_table()?, accuracy);
+    let table = TableReport::new(&scene, &scene.fit_table()?)?;
     let mut charts = Vec::new();
     for name in lab::chart::NAMES {
         output.line(format!("{name} …"))?;

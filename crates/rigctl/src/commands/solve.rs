@@ -8,8 +8,9 @@ use crate::options::values::AUTO;
 use crate::output::Output;
 use lab::trace::finite_tr_rad_per_m;
 use rig_scene::Scene;
+use rival_methods::Method;
 use serde::Serialize;
-use tsa_model::{Equilibrium, Mechanism, Method, PRETWIST_RAD, SolveError, Tier, TierError, twist_from_turns};
+use tsa_model::{Equilibrium, Mechanism, PRETWIST_RAD, SolveError, Tier, TierError, twist_from_turns};
 
 /// At zero twist the gap has its maximum: no motion of the load for a small turn.
 const TR_INFINITE: &str = "tr-infinite";
@@ -118,8 +119,8 @@ impl Way {
         let twist = twist_from_turns(query.turns);
         let tiered = match self {
             Self::By(method) => {
-                let start = mechanism.solve_by(method, query.load_n, PRETWIST_RAD)?;
-                let e = mechanism.solve_by(method, query.load_n, twist)?;
+                let start = method.solve(mechanism, query.load_n, PRETWIST_RAD)?;
+                let e = method.solve(mechanism, query.load_n, twist)?;
                 return Ok((e, start.gap_m, Tier::Full, TierError::default()));
             }
             Self::At(tier) => mechanism.solve_tier(tier, query.load_n, twist)?,

@@ -14,11 +14,10 @@ use std::path::Path;
 /// If the scene allows no table, or the folder cannot be written.
 pub fn run(global: &Global, out: Option<&Path>, output: &mut Output) -> Result<(), Failure> {
     let scene = global.scene()?;
-    let (_, accuracy) = scene.table_demand()?;
     // The fit says where an envelope first reaches past the model, the check of the rig only that it does.
     let fit = scene.fit_table()?;
     scene_file::check_rig(&global.scene, &scene)?;
-    let report = TableReport::new(&fit, accuracy);
+    let report = TableReport::new(&scene, &fit)?;
     output.object(&report)?;
     report.text().iter().try_for_each(|line| output.line(line))?;
     if let Some(folder) = out {

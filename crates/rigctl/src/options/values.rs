@@ -4,7 +4,8 @@ use crate::script;
 use crate::units::{self, Quantity};
 use clap::builder::PossibleValuesParser;
 use rig_link::LoadChoice;
-use tsa_model::{Method, RadiusLaw, Tier};
+use rival_methods::Method;
+use tsa_model::{RadiusLaw, Tier};
 
 /// `--tier` that leaves the choice to the estimates.
 pub const AUTO: &str = "auto";

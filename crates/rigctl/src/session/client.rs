@@ -8,12 +8,16 @@ use super::row::Row;
 use super::truth::TruthRecords;
 use crate::failure::Failure;
 use rig_link::{
-    Accepted, EventKind, HomingFailure, Identity, Kept, Message, PROTOCOL_HASH, Refusal, Request, Sensors, Setting,
-    SettingsReport, State, Telemetry,
+    Accepted, EventKind, HomingFailure, Identity, Kept, Message, Refusal, Request, Sensors, Setting, SettingsReport,
+    State, Telemetry, Versions,
 };
 use std::collections::VecDeque;
 use std::sync::mpsc::{self, Receiver, Sender};
 
+/// What this tool greets with.
+const TOOL: Versions = Versions::own(env!("CARGO_PKG_VERSION"), "");
+/// Time between two greetings of a board that has not answered, nor sent anything that can be read (s).
+const GREETING_S: f64 = 1.0;
 /// Longest wait for a reply (s).
 const REPLY_S: f64 = 1.0;
 /// Longest wait for the first message of a board (s): the start-up of a drive does not hold the link back.
@@ -40,6 +44,10 @@ pub struct Session {
     /// The board has lost its power, and no telemetry has come since.
     lost_power: bool,
     last: Option<Telemetry>,
+    /// Versions of the board that has answered a greeting.
+    board: Option<Versions>,
+    /// When a board that sends nothing readable is greeted again, on the port's clock (s).
+    next_greeting_s: f64,
     identity: Option<Identity>,
     settings: Option<SettingsReport>,
     sensors: Option<Sensors>,
@@ -62,6 +70,8 @@ impl Session {
             boot_s: 0.0,
             lost_power: false,
             last: None,
+            board: None,
+            next_greeting_s: GREETING_S,
             identity: None,
             settings: None,
             sensors: None,
@@ -188,15 +198,22 @@ impl Session {
     }
 
     fn exchange(&mut self) -> Result<(), Failure> {
+        // A board of another protocol may send nothing that this tool can read, and still answers a greeting.
+        let is_unknown = self.last.is_none() && self.board.is_none();
+        if self.greets && is_unknown && self.now_s() >= self.next_greeting_s {
+            self.next_greeting_s = self.now_s() + GREETING_S;
+            self.post(&Request::Hello(TOOL))?;
+        }
         let Heard { messages, truth, log } = self.link.exchange()?;
         self.truth.extend(truth);
         self.log.extend(log);
         messages.into_iter().for_each(|message| self.take(message));
-        Ok(())
+        Ok(self.board.map_or(Ok(()), |board| TOOL.check_board(&board))?)
     }
 
     fn take(&mut self, message: Message) {
         match message {
+            Message::Hello(board) => self.board = Some(board),
             Message::Reply { to, result } => self.replies.push_back((to, result)),
             Message::Identity(identity) => self.identity = Some(identity),
             Message::Settings(report) => self.settings = Some(report),
@@ -231,7 +248,7 @@ impl Session {
         let started = self.last.is_none_or(|last| telemetry.t_us < last.t_us);
         if started && self.greets {
             // The longest request that exists fits a frame, so these do.
-            let _ = self.post(&Request::Hello { protocol_hash: PROTOCOL_HASH });
+            let _ = self.post(&Request::Hello(TOOL));
             let _ = self.post(&Request::GetSettings);
         }
         let t_s = self.boot_s + telemetry.t_us as f64 * 1e-6;
@@ -278,13 +295,16 @@ impl Session {
     /// Greets the board and returns its identity.
     ///
     /// # Errors
-    /// If nobody answers, or board and tool were built from different message tables.
+    /// If nobody answers, or board and tool have different protocols.
     pub fn hello(&mut self) -> Result<Identity, Failure> {
-        if !self.until(HELLO_S, |s| s.last.is_some())? {
+        // A board of another protocol may send no telemetry that this tool can read: it is greeted all the same.
+        let heard = self.until(HELLO_S, |s| s.last.is_some())?;
+        self.identity = None;
+        let greeted = self.request(&Request::Hello(TOOL));
+        if !heard && self.board.is_none() {
             return Err(Failure::failed(format!("no telemetry within {HELLO_S} s: is the board on, is it this port?")));
         }
-        self.identity = None;
-        self.request(&Request::Hello { protocol_hash: PROTOCOL_HASH })?;
+        greeted?;
         self.until(REPLY_S, |s| s.identity.is_some())?;
         let identity = self.identity.clone().ok_or_else(|| Failure::failed("the board did not send its identity"))?;
         self.settings()?;

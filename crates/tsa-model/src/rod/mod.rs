@@ -15,7 +15,7 @@ use crate::error::SolveError;
 use crate::material::FIT_RANGE;
 use crate::quadrature::{LEVELS, Rule};
 use crate::scalar::Scalar;
-use crate::section::{Section, Singular, Strain};
+use crate::section::{Section, Strain};
 use shape::Place;
 
 /// Force on the tip of half a rod (N): `inward` compresses (Px ≥ 0), `sideways` bends (Py > 0), eq. 11.
@@ -73,8 +73,8 @@ pub struct Compliance<T = f64> {
 
 impl<T: Scalar> Compliance<T> {
     /// A length that no force changes.
-    pub fn rigid(value: f64) -> Self {
-        Self { value: T::of(value), by_inward: T::of(0.0), by_sideways: T::of(0.0) }
+    pub fn rigid(value: T) -> Self {
+        Self { value, by_inward: T::of(0.0), by_sideways: T::of(0.0) }
     }
 }
 
@@ -93,11 +93,11 @@ pub struct RodResponse<T = f64> {
 
 impl<T: Scalar> RodResponse<T> {
     /// A rod of this length (m) that does not bend.
-    pub fn rigid(length_m: f64) -> Self {
+    pub fn rigid(length_m: T) -> Self {
         let zero = T::of(0.0);
         Self {
             reach: Compliance::rigid(length_m),
-            deflection: Compliance::rigid(0.0),
+            deflection: Compliance::rigid(zero),
             tip_angle_rad: zero,
             clamp: Strain { axial: zero, bending_squared: zero },
         }
@@ -232,10 +232,10 @@ impl<T: Scalar> Rod<T> {
             let bending_squared = (place.less * (8.0 / (2.0 - power))).powf(T::of(power));
             return Ok(Strain { axial: T::of(0.0), bending_squared });
         }
-        let tip_stretch = self.section.stretch(p * (-(m * m * 2.0) + 1.0)).map_err(singular)?;
+        let tip_stretch = self.section.stretch(p * (-(m * m * 2.0) + 1.0))?;
         let demand = place.demand(self.model, p, tip_stretch);
         let start = Section::linear_guess(demand);
-        Ok(self.section.solve(demand, start).map_err(singular)?.strain)
+        Ok(self.section.solve(demand, start)?.strain)
     }
 
     /// Tip angle φ_l = ψ_0 − ψ_l (rad), without cancellation for a rod that hardly bends.
@@ -355,8 +355,4 @@ impl<T: Scalar> Rod<T> {
 /// Whether a section is outside the range of the fit of eq. 12.
 pub fn outside_fit<T: Scalar>(strain: Strain<T>) -> bool {
     strain.fibre() > FIT_RANGE
-}
-
-fn singular(s: Singular) -> SolveError {
-    SolveError::SectionSingular { bending_strain: s.bending_strain }
 }

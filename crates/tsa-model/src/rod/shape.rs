@@ -1,6 +1,6 @@
 //! The integrals over a rod whose amplitude is given, with their derivatives.
 
-use super::{Line, Partial, Rod, RodModel, RodShape, TipForce, singular};
+use super::{Line, Partial, Rod, RodModel, RodShape, TipForce};
 use crate::error::SolveError;
 use crate::quadrature::Rule;
 use crate::scalar::Scalar;
@@ -44,7 +44,7 @@ impl<T: Scalar> Rod<T> {
         let m_by = [-(m * sinh_s / cosh_s), line.sin_half_by[0] / cosh_s, line.sin_half_by[1] / cosh_s];
         let n_tip = p * (-(m * m * 2.0) + 1.0);
         let zero = T::of(0.0);
-        let e_tip = if full { self.section.stretch(n_tip).map_err(singular)? } else { zero };
+        let e_tip = if full { self.section.stretch(n_tip)? } else { zero };
         let p_by = [zero, line.by[0], line.by[1]];
         let n_tip_by: [T; 3] = core::array::from_fn(|k| p_by[k] * (-(m * m * 2.0) + 1.0) - p * m * m_by[k] * 4.0);
         // dψ/κ = element dh, element = R √(2/p) / (cos(ψ/2) √Y), Y = y/(N_l − N).
@@ -83,28 +83,23 @@ impl<T: Scalar> Rod<T> {
             let section = match (self.model, last[0]) {
                 // κM − W = m/(m+1) κM, so that (κR)² = ((N_l − N) 4 (m+1)/m)^(2/(m+1)).
                 (RodModel::PowerLaw { .. }, _) => None,
-                (_, before) => Some(
-                    self.section
-                        .solve(demand, start)
-                        .or_else(|stopped| {
-                            // A strongly curved law between two nodes far apart: in smaller steps from the last one.
-                            let Some((t0, _, e0, y0)) = before else { return Err(stopped) };
-                            let mut march = |steps: u32| {
-                                let (mut ratios, mut found) = ((e0, y0), Err(stopped));
-                                for k in 1..=steps {
-                                    let near = at(t0 + (t - t0) * (f64::from(k) / f64::from(steps)));
-                                    let start = (ratios.0 * near.less, ratios.1 * near.less);
-                                    found = self.section.solve(near.demand(self.model, p, e_tip), start);
-                                    let Ok(s) = &found else { break };
-                                    evaluations += s.iterations;
-                                    ratios = (s.less_stretch / near.less, s.strain.bending_squared / near.less);
-                                }
-                                found
-                            };
-                            march(16).or_else(|_| march(256))
-                        })
-                        .map_err(singular)?,
-                ),
+                (_, before) => Some(self.section.solve(demand, start).or_else(|stopped| {
+                    // A strongly curved law between two nodes far apart: in smaller steps from the last one.
+                    let Some((t0, _, e0, y0)) = before else { return Err(stopped) };
+                    let mut march = |steps: u32| {
+                        let (mut ratios, mut found) = ((e0, y0), Err(stopped));
+                        for k in 1..=steps {
+                            let near = at(t0 + (t - t0) * (f64::from(k) / f64::from(steps)));
+                            let start = (ratios.0 * near.less, ratios.1 * near.less);
+                            found = self.section.solve(near.demand(self.model, p, e_tip), start);
+                            let Ok(s) = &found else { break };
+                            evaluations += s.iterations;
+                            ratios = (s.less_stretch / near.less, s.strain.bending_squared / near.less);
+                        }
+                        found
+                    };
+                    march(16).or_else(|_| march(256))
+                })?),
             };
             let (e, less_stretch, y) = match &section {
                 Some(s) => (s.strain.axial, s.less_stretch, s.strain.bending_squared),

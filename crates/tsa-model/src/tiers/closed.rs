@@ -118,7 +118,7 @@ pub(super) fn bent_further(
         return Ok((*response, 0.0));
     }
     let solved = rod.section.invert(0.0, 0.25 * linear, (0.0, linear));
-    let (e, b, _) = solved.map_err(|s| SolveError::SectionSingular { bending_strain: s.bending_strain })?;
+    let (e, b, _) = solved?;
     let column = 1.0 - (4.0 / (PI * PI)) * force.inward_n * rod.length_m * rod.length_m / rod.bending_stiffness_nm2();
     let turned = if rotation { 0.45 * response.tip_angle_rad * response.tip_angle_rad } else { 0.0 };
     let curved = 0.6 * (b / linear - 1.0);

@@ -15,9 +15,10 @@
 mod closed;
 
 use crate::PRETWIST_RAD;
+use crate::equilibrium::Equilibrium;
 use crate::error::SolveError;
 use crate::helix::State;
-use crate::mechanism::{Equilibrium, Mechanism};
+use crate::mechanism::Mechanism;
 use crate::rod::{RodModel, RodResponse, TipForce};
 use crate::scalar::Scalar;
 
@@ -196,8 +197,8 @@ impl Mechanism {
         let slope = helix.slope(state, with.reach.by_inward);
         let moved = 2.0 * state.span_factor * (with.reach.value - own.reach.value) / slope;
         let change_m = helix.gap_by_alpha(&own) * moved + 2.0 * (with.deflection.value - own.deflection.value);
-        let before = self.gap_derivatives(state, &helix, &own).0;
-        let after = self.gap_derivatives(state, &self.helix(state, e.alpha_rad + moved), &with).0;
+        let before = helix.gap_derivatives(&self.parameters, state, &own).0;
+        let after = self.helix(state, e.alpha_rad + moved).gap_derivatives(&self.parameters, state, &with).0;
         // A correction that is not small is no first order.
         let doubt = 1.0 + 5.0 * part;
         let link = if matches!(tier, Tier::Rigid | Tier::PseudoRigid) { LINK * with.deflection.value } else { 0.0 };

@@ -1,0 +1,400 @@
+//! The smallest table of each form on each load map, and all candidates in the order of preference.
+
+use crate::axis::{Axis, LoadMap};
+use crate::form::Form;
+use crate::table::Table;
+use tsa_model::{Mechanism, Tier};
+use tsa_table::Demand;
+use tsa_table::errors::errors_over;
+use tsa_table::fit::{Errors, Fit, FitError, MAX_BYTES, preference};
+use tsa_table::owned::FORM;
+use tsa_table::reference::{Exact, Reference};
+
+/// Load maps that are tried.
+const LOAD_MAPS: [LoadMap; 5] = [
+    LoadMap::Ratio { knee_n: 0.5 },
+    LoadMap::Ratio { knee_n: 1.0 },
+    LoadMap::Ratio { knee_n: 2.0 },
+    LoadMap::Log,
+    LoadMap::InverseRoot,
+];
+
+/// A candidate must stay within this share of the accuracy on the selection grid.
+const SELECTION_SHARE: f64 = 0.8;
+
+/// Sizes that are tried, smallest first: load nodes, twist nodes.
+const HERMITE_SIZES: [(u8, u8); 10] =
+    [(4, 5), (5, 6), (6, 8), (7, 9), (8, 10), (8, 13), (10, 12), (10, 16), (12, 16), (14, 18)];
+const BILINEAR_SIZES: [(u16, u16); 3] = [(8, 16), (16, 32), (16, 64)];
+/// Cutting thresholds of the series, from coarse to fine, and weights of a term's slope, which decides its effect on TR.
+const THRESHOLDS: u32 = 48;
+const SLOPE_WEIGHTS: [f64; 3] = [0.0, 0.02, 0.1];
+
+/// Numbers of a form, owned.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Numbers {
+    /// See [`Form::Series`].
+    Series {
+        /// Coefficients in each row.
+        row_lengths: Vec<u8>,
+        /// All rows.
+        coefficients: Vec<f32>,
+    },
+    /// See [`Form::Hermite`].
+    Hermite {
+        /// Nodes along the load axis.
+        loads: u8,
+        /// Nodes along the twist axis.
+        twists: u8,
+        /// The nodes.
+        nodes: Vec<[f32; 4]>,
+    },
+    /// See [`Form::Bilinear`].
+    Bilinear {
+        /// Nodes along the load axis.
+        loads: u16,
+        /// Nodes along the twist axis.
+        twists: u16,
+        /// G at the nodes (m).
+        nodes: Vec<f32>,
+    },
+}
+
+impl Numbers {
+    /// The numbers for lookups.
+    pub fn form(&self) -> Form<'_> {
+        match self {
+            Self::Series { row_lengths, coefficients } => Form::Series { row_lengths, coefficients },
+            Self::Hermite { loads, twists, nodes } => Form::Hermite { loads: *loads, twists: *twists, nodes },
+            Self::Bilinear { loads, twists, nodes } => Form::Bilinear { loads: *loads, twists: *twists, nodes },
+        }
+    }
+
+    /// Their size in words.
+    pub fn size(&self) -> String {
+        match self {
+            Self::Series { row_lengths, coefficients } => {
+                let longest = row_lengths.iter().max().copied().unwrap_or(0);
+                format!("{} of {}x{} coefficients", coefficients.len(), row_lengths.len(), longest)
+            }
+            Self::Hermite { loads, twists, .. } => format!("{loads}x{twists} nodes"),
+            Self::Bilinear { loads, twists, .. } => format!("{loads}x{twists} nodes"),
+        }
+    }
+}
+
+/// One candidate: the smallest table of its form and load map that passes, or the most accurate one tried.
+#[derive(Clone, Debug)]
+pub struct Candidate {
+    /// Least and greatest load covered (N).
+    pub load_n: [f32; 2],
+    /// Least and greatest twist covered (rad).
+    pub twist_rad: [f32; 2],
+    /// Map of the load.
+    pub load_map: LoadMap,
+    /// The numbers.
+    pub numbers: Numbers,
+    /// Errors on the selection grid.
+    pub errors: Errors,
+    /// Whether it meets the accuracy within [`MAX_BYTES`].
+    pub passes: bool,
+}
+
+impl Candidate {
+    /// The table for lookups.
+    pub fn table(&self) -> Table<'_> {
+        let (load_axis, twist_axis) = axes(self.load_n, self.twist_rad, self.load_map);
+        let Self { load_n, twist_rad, load_map, .. } = *self;
+        Table { load_n, twist_rad, load_map, load_axis, twist_axis, form: self.numbers.form() }
+    }
+}
+
+/// A table that was considered, whatever its form.
+#[derive(Clone, Debug)]
+pub struct Considered {
+    /// Name of its form.
+    pub form: &'static str,
+    /// Its size in words.
+    pub size: String,
+    /// Map of the load; `None` for the form that the board uses, which needs none.
+    pub load_map: Option<LoadMap>,
+    /// Bytes of numbers.
+    pub bytes: usize,
+    /// Predicted instructions of a lookup on the board.
+    pub instructions: u32,
+    /// Errors on the selection grid.
+    pub errors: Errors,
+    /// Whether it meets the accuracy within [`MAX_BYTES`].
+    pub passes: bool,
+}
+
+/// The candidates of a fit and those of the other forms, in the order of preference.
+///
+/// # Errors
+/// As [`tsa_table::fit::fit`].
+pub fn considered(mechanism: &Mechanism, demand: &Demand, fit: &Fit) -> Result<Vec<Considered>, FitError> {
+    let others = candidates(mechanism, demand)?;
+    let others = others.iter().map(|c| Considered {
+        form: c.numbers.form().name(),
+        size: c.numbers.size(),
+        load_map: Some(c.load_map),
+        bytes: c.numbers.form().bytes(),
+        instructions: c.table().instructions(),
+        errors: c.errors,
+        passes: c.passes,
+    });
+    let own = fit.candidates.iter().map(|c| Considered {
+        form: FORM,
+        size: c.table.numbers.size(),
+        load_map: None,
+        bytes: c.table.numbers.bytes(),
+        instructions: c.instructions(),
+        errors: c.errors,
+        passes: c.passes,
+    });
+    let mut all: Vec<_> = others.chain(own).collect();
+    all.sort_by_key(|c| preference(c.passes, c.bytes, c.instructions));
+    Ok(all)
+}
+
+/// The best table of every other form on every load map.
+///
+/// # Errors
+/// [`FitError::Envelope`].
+pub fn candidates(mechanism: &Mechanism, demand: &Demand) -> Result<Vec<Candidate>, FitError> {
+    let reference = Reference::new(mechanism, Tier::Full, demand);
+    let points = reference.selection_grid()?;
+    let mut all = Vec::new();
+    for map in LOAD_MAPS {
+        all.extend(Search { reference: &reference, map, points: &points, demand }.candidates()?);
+    }
+    Ok(all)
+}
+
+/// The search on one load map.
+struct Search<'a> {
+    reference: &'a Reference<'a>,
+    map: LoadMap,
+    points: &'a [Exact],
+    demand: &'a Demand,
+}
+
+impl Search<'_> {
+    /// The best table of every form.
+    fn candidates(&self) -> Result<Vec<Candidate>, FitError> {
+        let coefficients = chebyshev(self.reference, self.map)?;
+        let mut series = None;
+        for weight in SLOPE_WEIGHTS {
+            let thresholds = (0..THRESHOLDS)
+                .map(|k| 100.0 * self.demand.accuracy.contraction_m * 10f64.powf(-f64::from(k) / 8.0))
+                .map(|threshold| Ok(cut(&coefficients, threshold, weight)));
+            self.smallest(thresholds, &mut series)?;
+        }
+        let mut hermite = None;
+        let sizes =
+            HERMITE_SIZES.iter().map(|(loads, twists)| hermite_nodes(self.reference, self.map, *loads, *twists));
+        self.smallest(sizes, &mut hermite)?;
+        let mut bilinear = None;
+        let sizes =
+            BILINEAR_SIZES.iter().map(|(loads, twists)| bilinear_nodes(self.reference, self.map, *loads, *twists));
+        self.smallest(sizes, &mut bilinear)?;
+        Ok([series, hermite, bilinear].into_iter().flatten().collect())
+    }
+
+    /// Tries sizes from small to large until one passes; `best` becomes the best so far.
+    fn smallest(
+        &self,
+        sizes: impl Iterator<Item = Result<Numbers, FitError>>,
+        best: &mut Option<Candidate>,
+    ) -> Result<(), FitError> {
+        for numbers in sizes {
+            let mut candidate = Candidate {
+                load_n: self.reference.load_n.map(|f| f as f32),
+                twist_rad: self.reference.twist_rad.map(|t| t as f32),
+                load_map: self.map,
+                numbers: numbers?,
+                errors: Errors::default(),
+                passes: false,
+            };
+            let table = candidate.table();
+            let errors = errors_over(|load_n, twist_rad| table.point_inside(load_n, twist_rad), self.points);
+            let passes = errors.meets(&self.demand.accuracy, SELECTION_SHARE) && table.form.bytes() <= MAX_BYTES;
+            (candidate.errors, candidate.passes) = (errors, passes);
+            if best.as_ref().is_none_or(|b| better(&candidate, b)) {
+                *best = Some(candidate);
+            }
+            if passes {
+                break;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Passing beats failing; of two that pass the smaller; of two that fail the more accurate.
+fn better(a: &Candidate, b: &Candidate) -> bool {
+    match (a.passes, b.passes) {
+        (true, true) => a.numbers.form().bytes() < b.numbers.form().bytes(),
+        (false, false) => a.errors.contraction_max_m < b.errors.contraction_max_m,
+        (passes, _) => passes,
+    }
+}
+
+/// Axes of a load map over a range.
+fn axes(load_n: [f32; 2], twist_rad: [f32; 2], map: LoadMap) -> (Axis, Axis) {
+    let [u0, u1] = load_n.map(|f| map.apply_f64(f64::from(f)) as f32);
+    (Axis::new(u0, u1), Axis::new(twist_rad[0], twist_rad[1]))
+}
+
+/// The axes of a load map over the reference's range.
+fn axes_of(reference: &Reference<'_>, map: LoadMap) -> (Axis, Axis) {
+    axes(reference.load_n.map(|f| f as f32), reference.twist_rad.map(|t| t as f32), map)
+}
+
+/// Load and twist at a position of the table, limited to the range.
+fn state_at(reference: &Reference<'_>, map: LoadMap, x: f64, y: f64) -> (f64, f64) {
+    let (load_axis, twist_axis) = axes_of(reference, map);
+    let [f0, f1] = reference.load_n;
+    let [t0, t1] = reference.twist_rad;
+    (map.invert(load_axis.invert(x)).clamp(f0, f1), twist_axis.invert(y).clamp(t0, t1))
+}
+
+/// Chebyshev coefficients of the gap on an N × N grid of Chebyshev points.
+fn chebyshev(reference: &Reference<'_>, map: LoadMap) -> Result<Vec<Vec<f64>>, FitError> {
+    const N: usize = 30;
+    let angle = |i: usize| std::f64::consts::PI * (i as f64 + 0.5) / N as f64;
+    let mut gap = vec![vec![0.0; N]; N];
+    for (i, row) in gap.iter_mut().enumerate() {
+        for (j, g) in row.iter_mut().enumerate() {
+            let (load, twist) = state_at(reference, map, angle(i).cos(), angle(j).cos());
+            *g = reference.solve(load, twist)?.gap_m;
+        }
+    }
+    let transform = |values: &[f64]| -> Vec<f64> {
+        (0..N)
+            .map(|k| {
+                let sum: f64 = values.iter().enumerate().map(|(i, v)| v * (k as f64 * angle(i)).cos()).sum();
+                sum * if k == 0 { 1.0 } else { 2.0 } / N as f64
+            })
+            .collect()
+    };
+    let along_twist: Vec<Vec<f64>> = gap.iter().map(|row| transform(row)).collect();
+    let mut coefficients = vec![vec![0.0; N]; N];
+    for j in 0..N {
+        let column: Vec<f64> = along_twist.iter().map(|row| row[j]).collect();
+        for (i, c) in transform(&column).into_iter().enumerate() {
+            coefficients[i][j] = c;
+        }
+    }
+    Ok(coefficients)
+}
+
+/// Σ c_k T_k written in powers.
+fn powers(chebyshev: &[f64]) -> Vec<f64> {
+    let n = chebyshev.len();
+    let (mut previous, mut current) = (vec![0.0; n], vec![0.0; n]);
+    let mut sum = vec![0.0; n];
+    if n == 0 {
+        return sum;
+    }
+    previous[0] = 1.0;
+    if n > 1 {
+        current[1] = 1.0;
+    }
+    sum[0] = chebyshev[0];
+    for c in &chebyshev[1..] {
+        for (s, t) in sum.iter_mut().zip(&current) {
+            *s += c * t;
+        }
+        let mut next: Vec<f64> = previous.iter().map(|p| -p).collect();
+        for k in 1..n {
+            next[k] += 2.0 * current[k - 1];
+        }
+        previous = std::mem::replace(&mut current, next);
+    }
+    sum
+}
+
+/// Converts rows of Chebyshev coefficients, no row longer than the one before, to powers of both axes: down each column,
+/// then along each row. Returns row lengths and coefficients, the highest powers first.
+fn in_powers(rows: &[Vec<f64>]) -> (Vec<u8>, Vec<f32>) {
+    let width = rows.iter().map(Vec::len).max().unwrap_or(0);
+    let mut in_x = vec![vec![0.0; width]; rows.len()];
+    for j in 0..width {
+        let column: Vec<f64> = rows.iter().map(|r| r.get(j).copied().unwrap_or(0.0)).collect();
+        for (row, p) in in_x.iter_mut().zip(powers(&column)) {
+            row[j] = p;
+        }
+    }
+    let written = in_x.iter().zip(rows).rev();
+    let coefficients =
+        written.flat_map(|(row, kept)| powers(&row[..kept.len()]).into_iter().rev()).map(|p| p as f32).collect();
+    (rows.iter().rev().map(|row| row.len() as u8).collect(), coefficients)
+}
+
+/// Cuts a Chebyshev array where its terms fall below `threshold`, and writes it in powers.
+/// `slope_weight` adds the weight of a term's derivative, which decides its effect on TR.
+fn cut(coefficients: &[Vec<f64>], threshold: f64, slope_weight: f64) -> Numbers {
+    let counts = |j: usize, c: f64| c.abs() * (1.0 + slope_weight * (j * j) as f64) > threshold;
+    let mut rows: Vec<Vec<f64>> = coefficients
+        .iter()
+        .map(|row| {
+            let last = row.iter().enumerate().rposition(|(j, c)| counts(j, *c));
+            row[..last.map_or(0, |l| l + 1)].to_vec()
+        })
+        .collect();
+    let last = rows.iter().rposition(|r| !r.is_empty()).unwrap_or(0);
+    rows.truncate(last + 1);
+    // In powers of x a row also feeds the rows two, four … below it, so lengths must not grow with i.
+    for i in (0..rows.len().saturating_sub(1)).rev() {
+        let need = rows[i + 1..].iter().map(Vec::len).max().unwrap_or(0);
+        let have = rows[i].len();
+        if have < need {
+            rows[i].extend_from_slice(&coefficients[i][have..need]);
+        }
+    }
+    let (row_lengths, coefficients) = in_powers(&rows);
+    Numbers::Series { row_lengths, coefficients }
+}
+
+fn hermite_nodes(reference: &Reference<'_>, map: LoadMap, loads: u8, twists: u8) -> Result<Numbers, FitError> {
+    let (load_axis, twist_axis) = axes_of(reference, map);
+    let (hx, hy) = (2.0 / f64::from(loads - 1), 2.0 / f64::from(twists - 1));
+    let [t0, t1] = reference.twist_rad;
+    let mut nodes = Vec::new();
+    for i in 0..loads {
+        for j in 0..twists {
+            let (x, y) = (-1.0 + hx * f64::from(i), -1.0 + hy * f64::from(j));
+            let (load, twist) = state_at(reference, map, x, y);
+            let e = reference.solve(load, twist)?;
+            // dF/dx of the map by its own derivative.
+            let step = 1e-6 * load;
+            let slope = (map.apply_f64(load + step) - map.apply_f64(load - step)) / (2.0 * step);
+            let load_by_x = 1.0 / (f64::from(load_axis.inverse_half) * slope);
+            let twist_by_y = 1.0 / f64::from(twist_axis.inverse_half);
+            // The mixed derivative is the slope of ∂G/∂F along the twist.
+            let (a, b) = ((twist - 1e-3).max(t0), (twist + 1e-3).min(t1));
+            let mixed =
+                (reference.solve(load, b)?.dgap_dload_m_per_n - reference.solve(load, a)?.dgap_dload_m_per_n) / (b - a);
+            nodes.push([
+                e.gap_m as f32,
+                (hx * e.dgap_dload_m_per_n * load_by_x) as f32,
+                (hy * e.dgap_dtwist_m_per_rad * twist_by_y) as f32,
+                (hx * hy * mixed * load_by_x * twist_by_y) as f32,
+            ]);
+        }
+    }
+    Ok(Numbers::Hermite { loads, twists, nodes })
+}
+
+fn bilinear_nodes(reference: &Reference<'_>, map: LoadMap, loads: u16, twists: u16) -> Result<Numbers, FitError> {
+    let at = |k: u16, count: u16| 2.0 * f64::from(k) / f64::from(count - 1) - 1.0;
+    let mut nodes = Vec::new();
+    for i in 0..loads {
+        for j in 0..twists {
+            let (load, twist) = state_at(reference, map, at(i, loads), at(j, twists));
+            nodes.push(reference.solve(load, twist)?.gap_m as f32);
+        }
+    }
+    Ok(Numbers::Bilinear { loads, twists, nodes })
+}

@@ -1,0 +1,179 @@
+//! Taking up friction: before a load that last moved the other way can move, the strings' pull has to go from W ∓ f to
+//! W ± f.
+//!
+//! How far that is in twist is roughly known, and is turned at once instead of being left to the error to build up. A
+//! move that sets out waits for it with its set-point where it is. The rest of the way is crept along until the load is
+//! seen to move, because a table that is wrong by a hundredth of a millimetre of the gap is wrong by a tenth of a light
+//! load's pull.
+
+use crate::TICK_S;
+use crate::load_state::LoadState;
+use crate::planner::{Ramp, SetPoint};
+
+/// Share of the way that is turned ahead, as a move begins and at rest: a friction that is known badly must not push the
+/// load, least of all back and forth about its target.
+const SHARE_MOVING: f32 = 0.95;
+const SHARE_AT_REST: f32 = 0.8;
+/// Share of that under a light load, whose band is known to a sixth only: the rest is crept.
+const LIGHT_SHARE: f32 = 0.92;
+/// Set-point speed (m/s) that is a move and not the last rounding of one.
+const MOVING_M_PER_S: f32 = 8e-6;
+/// Smoothed error (m) at rest for which friction must be taken up.
+const STUCK_M: f32 = 20e-6;
+/// Share of the motor's speed and acceleration for that; the rest is the move's.
+const LIMITS_SHARE: f32 = 0.7;
+/// Speed of the load (m/s) that the strings creep by in the end, unless the move is slower.
+const CREEP_M_PER_S: f32 = 1e-3;
+/// Farthest that they creep: in gap (m) and as a share of the friction band.
+const CREEP_M: f32 = 0.1e-3;
+const CREEP_BAND: f32 = 0.5;
+/// Friction as a share of the load above which they creep at all: under a light load the pull is known too badly.
+const CREEP_FRICTION: f32 = 0.15;
+/// Motion (m) that is no noise: four times that of two LVDT blocks at their worst.
+const MOVED_M: f32 = 20e-6;
+/// Readings before motion can be told from noise.
+const LEAST_READINGS: f32 = 4.0;
+
+/// Positions of a load that is still stuck.
+#[derive(Clone, Copy, Debug)]
+struct StuckLoad {
+    sum_m: f32,
+    count: f32,
+    last_m: f32,
+    creep_left_rad: f32,
+}
+
+impl StuckLoad {
+    const NEW: Self = Self { sum_m: 0.0, count: 0.0, last_m: 0.0, creep_left_rad: 0.0 };
+
+    /// Adds one position (m); whether the load has moved in a direction (±1).
+    fn moved(&mut self, direction: f32, position_m: f32) -> bool {
+        let recent_m = 0.5 * (self.last_m + position_m);
+        let moved = self.count >= LEAST_READINGS && direction * (recent_m - self.sum_m / self.count) > MOVED_M;
+        self.sum_m += position_m;
+        self.count += 1.0;
+        self.last_m = position_m;
+        moved
+    }
+}
+
+/// State of the take-up.
+#[derive(Clone, Copy, Debug)]
+pub struct FrictionTakeup {
+    /// Twist ahead of the set-point (rad).
+    ramp: Ramp,
+    end_rad: f32,
+    /// Sign of the motion for which friction was last taken up.
+    direction: f32,
+    /// The twist for that motion has been worked out.
+    planned: bool,
+    stuck: StuckLoad,
+    /// The set-point waits for the take-up.
+    waiting: bool,
+    /// What is left of the planned part (s).
+    left_s: f32,
+}
+
+impl Default for FrictionTakeup {
+    fn default() -> Self {
+        Self {
+            ramp: Ramp::at(0.0),
+            end_rad: 0.0,
+            direction: 0.0,
+            planned: true,
+            stuck: StuckLoad::NEW,
+            waiting: false,
+            left_s: 0.0,
+        }
+    }
+}
+
+impl FrictionTakeup {
+    /// A move sets out from rest in a direction (±1), and has to wait; 0 for one that is under way or has nowhere to go.
+    pub fn set_out(&mut self, direction: f32) {
+        self.turn(direction);
+        self.waiting = direction != 0.0;
+        self.stuck = StuckLoad::NEW;
+    }
+
+    /// Whether a move that has set out still waits.
+    pub fn is_waiting(&self) -> bool {
+        self.waiting
+    }
+
+    /// How long it still waits (s), as planned in its first tick.
+    pub fn left_s(&self) -> f32 {
+        self.left_s
+    }
+
+    fn turn(&mut self, direction: f32) {
+        self.direction = direction;
+        self.end_rad = self.ramp.position;
+        self.planned = direction == 0.0;
+        self.left_s = 0.0;
+    }
+
+    /// Twist speed (rad/s) that the take-up adds in this tick, at a smoothed error of the position (m). `setting_out` is the
+    /// speed (m/s) of a move whose set-point waits.
+    pub fn step(&mut self, set_point: &SetPoint, setting_out: Option<f32>, error_m: f32, load: &LoadState<'_>) -> f32 {
+        self.waiting &= setting_out.is_some();
+        let (wanted, share) = match (set_point.speed_m_per_s, error_m) {
+            (v, _) if v.abs() > MOVING_M_PER_S => (v, SHARE_MOVING),
+            // About to begin or to end.
+            _ if !set_point.done => (self.direction, SHARE_MOVING),
+            (_, e) if e.abs() > STUCK_M => (e, SHARE_AT_REST),
+            _ => (0.0, 0.0),
+        };
+        let direction = if wanted == 0.0 { 0.0 } else { libm::copysignf(1.0, wanted) };
+        let limits = load.twist_limits.share(LIMITS_SHARE);
+        if direction != self.direction {
+            self.turn(direction);
+        }
+        if !core::mem::replace(&mut self.planned, true) {
+            self.plan(share, load);
+            self.left_s = Ramp::duration_s(self.end_rad - self.ramp.position, limits.speed, limits.acceleration);
+        }
+        self.left_s = (self.left_s - TICK_S).max(0.0);
+        let before_rad = self.ramp.position;
+        self.ramp.step(self.end_rad, limits.speed, limits.acceleration);
+        let mut turned_rad = self.ramp.position - before_rad;
+        if self.ramp.speed == 0.0 {
+            self.ramp = Ramp::at(0.0);
+            self.end_rad = 0.0;
+        }
+        if let (true, Some(asked_m_per_s)) = (self.waiting, setting_out) {
+            if self.stuck.moved(direction, load.position_m) {
+                self.end_rad = self.ramp.stopping_point(limits.acceleration);
+                self.waiting = false;
+            } else if self.ramp.speed == 0.0 {
+                self.waiting = self.stuck.creep_left_rad > 0.0;
+                if self.waiting {
+                    let tr_rad_per_m = load.observation.point.tr_rad_per_m();
+                    let creep_rad = tr_rad_per_m * asked_m_per_s.min(CREEP_M_PER_S) * TICK_S;
+                    self.stuck.creep_left_rad -= creep_rad;
+                    turned_rad += direction * creep_rad;
+                }
+            }
+        }
+        turned_rad / TICK_S
+    }
+
+    /// Works out how far it is.
+    fn plan(&mut self, share: f32, load: &LoadState<'_>) {
+        let (direction, observation) = (self.direction, &load.observation);
+        let friction_n = observation.friction_n;
+        let end_n = observation.load_n + direction * friction_n;
+        // At this twist, the gap that goes with the pull at the other end of the band.
+        let end = load.mechanism.at(end_n, load.twist_rad);
+        let band_m = 2.0 * friction_n * end.dgap_dload_m_per_n.max(observation.point.dgap_dload_m_per_n);
+        let tr_rad_per_m = end.tr_rad_per_m();
+        let light = friction_n > CREEP_FRICTION * observation.load_n;
+        let (share, creep_m) = if light { (share * LIGHT_SHARE, CREEP_M + CREEP_BAND * band_m) } else { (share, 0.0) };
+        self.stuck.creep_left_rad = tr_rad_per_m * creep_m;
+        // A pull that is already past the end of the band needs nothing.
+        if direction * (end_n - observation.pull_n) > 0.0 {
+            let missing_m = (end.gap_m - observation.modelled_gap_m) * direction;
+            self.end_rad += share * direction * tr_rad_per_m * missing_m.clamp(0.0, 1.25 * band_m);
+        }
+    }
+}

@@ -1,0 +1,22 @@
+//! The load in one tick, as the code that controls it sees it.
+
+use crate::constants::TwistLimits;
+use crate::mechanism::Mechanism;
+use crate::observer::Observation;
+
+/// The load in one tick.
+#[derive(Clone, Copy, Debug)]
+pub struct LoadState<'t> {
+    /// The table, with these strings' scale of the twist.
+    pub mechanism: Mechanism<'t>,
+    /// What the observer makes of twist and gap.
+    pub observation: Observation,
+    /// Measured position (m).
+    pub position_m: f32,
+    /// Age of that position (s).
+    pub age_s: f32,
+    /// Set-point of the twist (rad).
+    pub twist_rad: f32,
+    /// What the motor can do.
+    pub twist_limits: TwistLimits,
+}

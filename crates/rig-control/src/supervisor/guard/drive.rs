@@ -1,0 +1,155 @@
+//! Drive and encoder: whether the drive answers, has restarted, has its supply, and counts as the own encoder does.
+
+use super::super::{Inputs, lasts, ticks};
+use super::Situation;
+use crate::sensors::DriveReading;
+use crate::{RigConstants, seconds, whole_counts};
+use core::f32::consts::TAU;
+use rig_link::messages::{Fault, Faults};
+
+/// Age (µs) at which the drive's reports count as missing: five of its 10 ms periods (hardware.md 2.6).
+const DRIVE_SILENT_US: u64 = 55_000;
+/// Most that own encoder and drive may differ (counts), at rest and for each count per second of speed, once the report
+/// has been brought forward by its age (hardware.md 6.3): what is left is the bus, both tasks, and the drive's coarse
+/// speed. A slipped motor turn, 4096 counts, must show.
+const DISAGREE_COUNTS: i64 = 1500;
+const DISAGREE_S: f32 = 0.012;
+const DISAGREE_TICKS: u16 = ticks(8);
+/// Share of the disagreement by which the two may grow apart further and still count alike, but for one jump.
+const ALIKE_SHARE: i64 = 4;
+/// Share of the drive's way below which the own encoder has not moved.
+const STUCK_SHARE: i64 = 10;
+/// Counts in one tick that no motor makes: this many times what its greatest speed makes, and some for a tick's jitter.
+const JUMP_FACTOR: f32 = 1.5;
+const JUMP_COUNTS: f32 = 500.0;
+/// A drive position this near to zero after having been this far away has been reset (counts).
+const RESET_NEAR: i32 = 400;
+const RESET_FAR: i32 = 8000;
+/// How long the supply must be out of its limits: two of the drive's reports.
+const SUPPLY_TICKS: u16 = ticks(10);
+/// Age (µs) past which a report of the supply says nothing.
+const SUPPLY_OLD_US: u64 = 150_000;
+
+/// What the drive's checks remember.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct DriveChecks {
+    disagree_ticks: u16,
+    /// Own and drive's counts when they began to disagree.
+    disagreed_at: Option<[i64; 2]>,
+    last_drive_qc: Option<i32>,
+    supply_ticks: u16,
+}
+
+/// Whether a report of this time says nothing about now.
+pub(super) fn is_silent(now_us: u64, report_us: u64) -> bool {
+    now_us.saturating_sub(report_us) > DRIVE_SILENT_US
+}
+
+/// Whether the supply is known to be out of its limits now.
+pub(in crate::supervisor) fn supply_is_off(inputs: &Inputs, constants: &RigConstants) -> bool {
+    let [least, most] = constants.supply_limits_v;
+    inputs
+        .supply
+        .is_some_and(|s| inputs.now_us.saturating_sub(s.t_us) < SUPPLY_OLD_US && !(least..=most).contains(&s.volts))
+}
+
+impl DriveChecks {
+    /// Last reported position (the drive's own counts).
+    pub(super) fn last_counts(&self) -> Option<i64> {
+        self.last_drive_qc.map(i64::from)
+    }
+
+    /// Faults that drive and own encoder show, which has moved by so many counts in this tick of a length (s). A drive that
+    /// was told to let go is not checked.
+    pub(super) fn faults(&mut self, situation: &Situation<'_>, moved_counts: i64, tick_s: f32) -> Faults {
+        let Situation { inputs, constants, drive_zero, .. } = *situation;
+        let started = drive_zero.is_matched();
+        let mut found = Faults::NONE;
+        if inputs.bus_off {
+            found.insert(Fault::CanBusOff);
+        }
+        let DriveReading::Reports { t_us, position_qc, speed_rpm, .. } = inputs.drive else {
+            match inputs.drive {
+                DriveReading::Failed => found.insert(Fault::DriveStartUp),
+                // Nobody asked it to start again.
+                DriveReading::Starting if started => found.insert(Fault::DriveReset),
+                _ => {}
+            }
+            return found;
+        };
+        if inputs.drive_stalled {
+            found.insert(Fault::DriveStall);
+        }
+        if started && is_silent(inputs.now_us, t_us) {
+            // Its last report does not hold any more, so nothing is compared with it.
+            found.insert(Fault::DriveSilent);
+            return found;
+        }
+        let far_before = self.last_drive_qc.is_some_and(|last| last.saturating_abs() > RESET_FAR);
+        self.last_drive_qc = Some(position_qc);
+        if started && far_before && position_qc.saturating_abs() < RESET_NEAR {
+            found.insert(Fault::DriveReset);
+            return found;
+        }
+        let supply_off = started && supply_is_off(inputs, constants);
+        if lasts(&mut self.supply_ticks, supply_off, SUPPLY_TICKS) {
+            found.insert(Fault::Supply);
+        }
+        let most = JUMP_FACTOR * constants.twist_speed_max() * constants.counts_per_rad.abs() * tick_s;
+        let encoder = if moved_counts.abs() > whole_counts(most + JUMP_COUNTS) {
+            Some(Fault::EncoderJump)
+        } else {
+            let counts_per_s =
+                f32::from(speed_rpm) / 60.0 * TAU / constants.gear_ratio * constants.counts_per_rad.abs();
+            let age_s = seconds(inputs.now_us.saturating_sub(t_us));
+            let drive_counts = i64::from(position_qc) + whole_counts(counts_per_s * age_s);
+            drive_zero
+                .offset()
+                .and_then(|offset| self.disagreement([inputs.encoder_counts, drive_counts], offset, counts_per_s))
+        };
+        encoder.filter(|_| started).into_iter().for_each(|fault| found.insert(fault));
+        found
+    }
+
+    /// How own and drive's counts disagree, if they do.
+    fn disagreement(&mut self, [own, drive]: [i64; 2], offset: i64, counts_per_s: f32) -> Option<Fault> {
+        let apart = (own - offset - drive).abs();
+        let disagree = apart > DISAGREE_COUNTS + whole_counts(DISAGREE_S * counts_per_s.abs());
+        let [own_then, drive_then] = *self.disagreed_at.get_or_insert([own, drive]);
+        if !disagree {
+            self.disagreed_at = None;
+        }
+        if !lasts(&mut self.disagree_ticks, disagree, DISAGREE_TICKS) {
+            return None;
+        }
+        let (own_way, drive_way) = (own - own_then, drive - drive_then);
+        Some(if (own_way - drive_way).abs() < apart / ALIKE_SHARE {
+            Fault::EncoderJump
+        } else if own_way.abs() < drive_way.abs() / STUCK_SHARE {
+            Fault::EncoderStuck
+        } else {
+            Fault::EncoderDisagrees
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The first fault of ticks whose own and drive's counts come from these functions of the tick.
+    fn first_fault(own: fn(i64) -> i64, drive: fn(i64) -> i64) -> Option<Fault> {
+        let mut checks = DriveChecks::default();
+        (0..100).find_map(|k| checks.disagreement([own(k), drive(k)], 0, 0.0))
+    }
+
+    #[test]
+    fn counts_that_part_are_told_apart_by_how_they_go_on() {
+        assert_eq!(first_fault(|k| 300 * k, |k| 300 * k + 1400), None);
+        assert_eq!(first_fault(|k| 300 * k, |k| 300 * k + 4096), Some(Fault::EncoderJump));
+        assert_eq!(first_fault(|_| 0, |k| 600 * k), Some(Fault::EncoderStuck));
+        assert_eq!(first_fault(|k| 300 * k, |k| 600 * k), Some(Fault::EncoderDisagrees));
+        // A disagreement that ends in time is none.
+        assert_eq!(first_fault(|k| if k % 8 == 7 { 0 } else { 4096 }, |_| 0), None);
+    }
+}

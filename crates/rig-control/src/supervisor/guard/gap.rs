@@ -1,0 +1,70 @@
+//! The gap: what it shows of the strings, and of the LVDT itself.
+
+use super::super::{lasts, ticks};
+use super::Situation;
+use super::lvdt_jump::LvdtJump;
+use crate::sensors::{DriveReading, LvdtReading};
+use rig_link::messages::Fault;
+
+/// Ticks that an LVDT reading may be missing while it is needed, and while starting.
+const LVDT_TICKS: u16 = 8;
+const LVDT_BOOT_TICKS: u16 = ticks(200);
+/// Fall of the load (m) since the last good reading, and in each of so many ticks, that no motor makes: it has dropped. A
+/// sensor that shifts steps in one or two ticks.
+const DROP_M: f32 = 5e-3;
+const DROP_IN_A_TICK_M: f32 = 1e-3;
+const DROP_TICKS: u16 = 3;
+/// Rms noise (codes) of a block in which a load falls at up to 2 m/s; one in which a wire breaks has far more.
+const FALLING_NOISE: f32 = 60.0;
+
+/// What the gap's checks remember.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct GapChecks {
+    missing_ticks: u16,
+    /// Last valid gap (m).
+    last_gap_m: Option<f32>,
+    /// The newest block's gap, however noisy (m).
+    last_block_m: Option<f32>,
+    drop_ticks: u16,
+    jump: LvdtJump,
+}
+
+impl GapChecks {
+    pub(super) const fn new() -> Self {
+        Self { missing_ticks: 0, last_gap_m: None, last_block_m: None, drop_ticks: 0, jump: LvdtJump::new() }
+    }
+
+    pub(super) fn faults(&mut self, situation: &Situation<'_>) -> [Option<Fault>; 3] {
+        let started = situation.drive_zero.is_matched();
+        let broken = self.dropped(situation) && started;
+        let jumped = self.jump.step(situation.readings.lvdt.gap_m()) && started;
+        [broken.then_some(Fault::StringBreak), jumped.then_some(Fault::LvdtJump), self.missing(situation, started)]
+    }
+
+    /// The load has dropped: a string is broken.
+    fn dropped(&mut self, situation: &Situation<'_>) -> bool {
+        let Some(block) = situation.inputs.lvdt else { return false };
+        let lvdt = situation.readings.lvdt;
+        let gap_m = situation.constants.lvdt_gap_m(block.mean_code);
+        let falls = self.last_block_m.replace(gap_m).is_some_and(|last| gap_m - last > DROP_IN_A_TICK_M);
+        let dropped =
+            lasts(&mut self.drop_ticks, falls, DROP_TICKS) && self.last_gap_m.is_some_and(|last| gap_m - last > DROP_M);
+        self.last_gap_m = lvdt.gap_m().or(self.last_gap_m);
+        // A falling load blurs its block; a broken wire blurs it far more.
+        let real = !matches!(lvdt, LvdtReading::Invalid(Fault::LvdtOpen | Fault::LvdtShort));
+        dropped && real && !block.is_noisier_than(FALLING_NOISE)
+    }
+
+    /// The LVDT gives no valid reading.
+    fn missing(&mut self, situation: &Situation<'_>, started: bool) -> Option<Fault> {
+        let lvdt = situation.readings.lvdt;
+        let bad = !matches!(lvdt, LvdtReading::Valid { .. });
+        // Without this a rig whose sensor is not plugged in would wait for it without a word.
+        let waits = matches!(situation.inputs.drive, DriveReading::Reports { .. });
+        let limit = if started { LVDT_TICKS } else { LVDT_BOOT_TICKS };
+        lasts(&mut self.missing_ticks, bad && (started || waits), limit).then_some(match lvdt {
+            LvdtReading::Invalid(fault) => fault,
+            LvdtReading::Valid { .. } | LvdtReading::NotYet => Fault::LvdtStalled,
+        })
+    }
+}

@@ -1,0 +1,38 @@
+//! The load: whether it follows its set-point, and whether the table covers it.
+
+use super::super::{lasts, ticks};
+use super::Situation;
+
+/// How far the load may stay behind its set-point (m), and for how long.
+const FOLLOW_M: f32 = 2e-3;
+const FOLLOW_TICKS: u16 = ticks(50);
+/// How long the load estimate may want to leave the table at its heavy end and at its light end, where nothing breaks.
+const HEAVY_TICKS: u16 = ticks(30);
+const LIGHT_TICKS: u16 = ticks(200);
+
+/// What the load's checks remember. Both are made only while the load is controlled: at rest weights are changed.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct LoadChecks {
+    follow_ticks: u16,
+    range_ticks: u16,
+}
+
+impl LoadChecks {
+    /// The load stays behind its set-point.
+    pub(super) fn lags(&mut self, situation: &Situation<'_>) -> bool {
+        let off = situation
+            .set_point_m
+            .zip(situation.tracking)
+            .is_some_and(|(set_point_m, tracking)| (set_point_m - tracking.position_m).abs() > FOLLOW_M);
+        lasts(&mut self.follow_ticks, off, FOLLOW_TICKS)
+    }
+
+    /// The load is beyond what the table, and so the mechanism, was made for.
+    pub(super) fn is_out_of_range(&mut self, situation: &Situation<'_>) -> bool {
+        let tracking = situation.set_point_m.and(situation.tracking);
+        let at_end = tracking.and_then(|tracking| tracking.observation).is_some_and(|o| o.at_range_end);
+        let middle_n = 0.5 * (situation.table.load_min_n + situation.table.load_max_n);
+        let heavy = tracking.is_some_and(|tracking| tracking.observer.load_n() > middle_n);
+        lasts(&mut self.range_ticks, at_end, if heavy { HEAVY_TICKS } else { LIGHT_TICKS })
+    }
+}

@@ -1,0 +1,101 @@
+//! A step of the LVDT that no load makes: the sensor, its core or its conditioner has shifted.
+//!
+//! A load on elastic strings swings: even the lightest takes 40 ms for a quarter of its swing, so a millimetre within
+//! 20 ms means that it moves before or after as well. A gap that stands, steps and stands again is the sensor's doing.
+//! A smaller or slower shift looks like another load (`load-unknown`).
+
+/// Least step (m) within [`STEP_TICKS`].
+const JUMP_M: f32 = 1.0e-3;
+/// Blocks of samples are 6 ms long: a step within one is spread over two ticks at most.
+const STEP_TICKS: usize = 2;
+/// Ticks before and after the step in which the gap must go on as a motor moves it.
+const CALM_TICKS: usize = 3;
+/// The step is at least this many times what the gap moves in the calm ticks before and after together.
+const CLEAR_FACTOR: f32 = 3.0;
+
+/// Ticks without a reading that may lie between: the block in which the step falls is too noisy to be a position.
+const MISSING_TICKS: u8 = 2;
+
+const LENGTH: usize = 2 * CALM_TICKS + STEP_TICKS + 1;
+
+/// The last gaps.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LvdtJump {
+    /// Oldest first (m).
+    gaps_m: [f32; LENGTH],
+    count: usize,
+    missing: u8,
+}
+
+impl LvdtJump {
+    pub(super) const fn new() -> Self {
+        Self { gaps_m: [0.0; LENGTH], count: 0, missing: 0 }
+    }
+
+    /// One tick's gap (m), if there is one; whether it stepped [`CALM_TICKS`] ago.
+    pub(super) fn step(&mut self, gap_m: Option<f32>) -> bool {
+        let Some(gap_m) = gap_m else {
+            self.missing = self.missing.saturating_add(1);
+            if self.missing > MISSING_TICKS {
+                self.count = 0;
+            }
+            return false;
+        };
+        self.missing = 0;
+        self.gaps_m.rotate_left(1);
+        self.gaps_m[LENGTH - 1] = gap_m;
+        self.count = (self.count + 1).min(LENGTH);
+        let [first, before, after, last] = [0, CALM_TICKS, CALM_TICKS + STEP_TICKS, LENGTH - 1].map(|k| self.gaps_m[k]);
+        let calm_m = (before - first).abs() + (last - after).abs();
+        let jumped = self.count == LENGTH && (after - before).abs() > JUMP_M.max(CLEAR_FACTOR * calm_m);
+        if jumped {
+            self.count = 0;
+        }
+        jumped
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Ticks at which a gap over time (tick to m) shows a jump.
+    fn jumps(gap: impl Fn(f32) -> f32) -> usize {
+        let mut jump = LvdtJump::new();
+        (0..400u16).filter(|k| jump.step(Some(gap(f32::from(*k))))).count()
+    }
+
+    #[test]
+    fn a_step_of_the_sensor_is_seen_at_rest_and_in_motion() {
+        for step_m in [-5e-3, -1.2e-3, 1.2e-3, 5e-3] {
+            assert_eq!(jumps(|k| 0.08 + if k >= 100.0 { step_m } else { 0.0 }), 1, "{step_m}");
+            // Spread over two blocks, in a move of 20 mm/s.
+            let ramp = |k: f32| ((k - 99.4) / 1.2).clamp(0.0, 1.0);
+            assert_eq!(jumps(|k| 0.08 - 0.2e-3 * k + 5.0 * step_m * ramp(k)), 1, "{step_m} in motion");
+        }
+        assert_eq!(jumps(|k| 0.08 + if k >= 100.0 { 0.9e-3 } else { 0.0 }), 0, "too small to tell");
+    }
+
+    #[test]
+    fn a_load_that_steps_swings_or_falls_is_none() {
+        // The fastest swing (36 rad/s) with hardly any damping, from a step of the load by 5 mm.
+        let swing = |k: f32| {
+            let t = ((k - 100.0) * 0.01).max(0.0);
+            0.08 + 5e-3 * (1.0 - (-1.5 * t).exp() * (36.0 * t).cos())
+        };
+        assert_eq!(jumps(swing), 0);
+        // A fall to the stop, 5 cm lower.
+        let fall = |k: f32| {
+            let t = ((k - 100.0) * 0.01).max(0.0);
+            0.08 + (4.9 * t * t).min(0.05)
+        };
+        assert_eq!(jumps(fall), 0);
+        let mut jump = LvdtJump::new();
+        (0..20).for_each(|_| assert!(!jump.step(Some(0.08))));
+        (0..3).for_each(|_| assert!(!jump.step(None)));
+        (0..20).for_each(|_| assert!(!jump.step(Some(0.12)), "what came before a gap in the readings says nothing"));
+        // The block of the step itself is too noisy to be read.
+        assert!(!jump.step(None));
+        assert_eq!((0..20).filter(|_| jump.step(Some(0.08))).count(), 1);
+    }
+}

@@ -1,0 +1,177 @@
+//! What is checked in every tick, and the faults that are latched. Limits are wide enough for a healthy rig's worst tick,
+//! and narrow enough that a hand can still get away.
+//!
+//! - [`timing`]: ticks that come late.
+//! - [`drive`]: whether the drive answers, has restarted or has no supply; whether own encoder and drive count alike.
+//! - [`shaft`]: whether the shaft stands, follows, is held, and stays within the strings' range.
+//! - [`load`]: whether the load follows its set-point and is within the table's range.
+//! - [`gap`] and [`lvdt_jump`]: the LVDT, and strings that break.
+//! - [`switches`]: the ends of the rail.
+
+mod drive;
+mod gap;
+mod load;
+mod lvdt_jump;
+mod shaft;
+mod switches;
+mod timing;
+
+use super::fault_policy::{ENCODER, Latched, POLICY};
+use super::sensing::{DriveZero, Readings};
+use super::tracking::LoadTracking;
+use super::{EventKind, Events, HOST_SILENT_US, Inputs, ticks};
+use crate::RigConstants;
+use crate::planner::Ramp;
+use drive::DriveChecks;
+pub(super) use drive::supply_is_off;
+use gap::GapChecks;
+use load::LoadChecks;
+use rig_link::messages::{Fault, Faults, State};
+use shaft::ShaftChecks;
+use switches::Switches;
+use timing::TickTiming;
+use tsa_table::Metadata;
+
+/// How long the shaft must stand before anything is cleared.
+pub(super) const STILL_TICKS: u16 = ticks(20);
+
+/// What the checks compare in one tick: readings, and what the rig is doing.
+pub(super) struct Situation<'a> {
+    pub(super) inputs: &'a Inputs,
+    pub(super) readings: &'a Readings,
+    pub(super) drive_zero: DriveZero,
+    pub(super) constants: &'a RigConstants,
+    pub(super) table: &'a Metadata,
+    pub(super) state: State,
+    /// Set-point of the shaft (rad) and its speed (rad/s).
+    pub(super) shaft: Ramp,
+    /// Set-point of the load (m), while it is controlled.
+    pub(super) set_point_m: Option<f32>,
+    /// What is known of the load, while the rig is homed.
+    pub(super) tracking: Option<&'a LoadTracking>,
+}
+
+/// The checks with what they remember, and the latched faults.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Guard {
+    pub(super) latched: Latched,
+    timing: TickTiming,
+    drive: DriveChecks,
+    shaft: ShaftChecks,
+    load: LoadChecks,
+    gap: GapChecks,
+    switches: Switches,
+}
+
+impl Guard {
+    /// Nothing has been checked; these faults are latched.
+    pub(super) fn with_faults(faults: impl Iterator<Item = Fault>) -> Self {
+        let mut latched = Latched::NONE;
+        faults.for_each(|fault| latched.insert(fault));
+        Self {
+            latched,
+            timing: TickTiming::new(),
+            drive: DriveChecks::default(),
+            shaft: ShaftChecks::default(),
+            load: LoadChecks::default(),
+            gap: GapChecks::new(),
+            switches: Switches::default(),
+        }
+    }
+
+    /// All that is wrong in this tick.
+    pub(super) fn check(&mut self, situation: &Situation<'_>) -> Faults {
+        let Situation { inputs, state, .. } = *situation;
+        let late = self.timing.step(inputs.now_us);
+        let tick_s = self.timing.tick_s();
+        self.shaft.watch_standing(situation, tick_s);
+        // With the emergency stop pressed the drive has no power: nothing else means anything.
+        if state == State::EStop {
+            return Faults::NONE;
+        }
+        let mut found = self.drive.faults(situation, self.shaft.moved_counts(), tick_s);
+        let disagrees = situation.tracking.is_some_and(|tracking| tracking.adaptation.disagrees());
+        for (fault, is_found) in [
+            (Fault::TickLate, late && state != State::Boot),
+            (Fault::NotFinite, !situation.readings.shaft_rad.is_finite()),
+            (Fault::NotHeld, self.shaft.not_held(situation, self.latched)),
+            (Fault::LimitSwitch, self.switches.reached(situation)),
+            (Fault::HostSilent, host_is_silent(situation)),
+            (Fault::TwistRange, self.shaft.twist_is_outside(situation)),
+            (Fault::FollowingError, self.shaft.lags(situation) | self.load.lags(situation)),
+            (Fault::ModelResidual, disagrees && state != State::Fault),
+            (Fault::LoadRange, self.load.is_out_of_range(situation)),
+        ] {
+            if is_found {
+                found.insert(fault);
+            }
+        }
+        self.gap.faults(situation).into_iter().flatten().for_each(|fault| found.insert(fault));
+        found
+    }
+
+    /// Latches those of `found` that are new and no consequences of others; whether there were any.
+    pub(super) fn latch(&mut self, found: Faults, events: &mut Events) -> bool {
+        let news = self.latched.news(found, self.timing.ticks_missed_lately());
+        for row in POLICY.iter().filter(|row| news.contains(row.fault)) {
+            self.latched.insert(row.fault);
+            let _ = events.push(EventKind::FaultRaised(row.fault));
+        }
+        !news.is_empty()
+    }
+
+    /// Clears the faults at rest. What is still open or outside is known: only the way back is free.
+    pub(super) fn clear(&mut self, inputs: &Inputs, gap_m: Option<f32>, twist_rad: Option<f32>) {
+        self.restart();
+        self.switches = Switches::cleared(inputs, gap_m);
+        self.shaft = ShaftChecks::cleared(twist_rad);
+    }
+
+    /// Clears the faults and begins again. The count of late ticks goes on.
+    pub(super) fn restart(&mut self) {
+        *self = Self { timing: self.timing.restarted(), ..Self::with_faults(core::iter::empty()) };
+    }
+
+    /// Gaps and twists mean something else from now on. A switch that was cleared open stays so.
+    pub(super) fn forget_places(&mut self) {
+        self.shaft = ShaftChecks::default();
+        self.load = LoadChecks::default();
+        self.gap = GapChecks::new();
+        self.switches.forget_places();
+    }
+
+    /// The next tick is not late, however long it takes to come.
+    pub(super) fn pause(&mut self) {
+        self.timing.pause();
+    }
+
+    /// Ticks that came late since boot.
+    pub(super) fn late_ticks(&self) -> u32 {
+        self.timing.late_ticks()
+    }
+
+    /// How long the shaft has stood, by the own encoder and by the drive (ticks).
+    pub(super) fn still_ticks(&self) -> u16 {
+        self.shaft.still_ticks()
+    }
+
+    /// Last reported position of the drive (its own counts).
+    pub(super) fn drive_counts(&self) -> Option<i64> {
+        self.drive.last_counts()
+    }
+
+    /// Whether a latched fault says that the own encoder is wrong.
+    pub(super) fn own_encoder_is_wrong(&self) -> bool {
+        own_encoder_is_wrong(self.latched)
+    }
+}
+
+fn own_encoder_is_wrong(latched: Latched) -> bool {
+    latched.all().meets(Faults::of(&ENCODER))
+}
+
+fn host_is_silent(situation: &Situation<'_>) -> bool {
+    let Inputs { host_heard_us, now_us, .. } = *situation.inputs;
+    let silent = host_heard_us.is_none_or(|heard_us| now_us.saturating_sub(heard_us) > HOST_SILENT_US);
+    silent && matches!(situation.state, State::Moving | State::Homing)
+}

@@ -1,0 +1,96 @@
+//! The shaft: whether it stands, follows its set-point, is held, and stays within the strings' range.
+
+use super::super::fault_policy::{Latched, Response};
+use super::super::{STANDING_RPM, lasts, ticks};
+use super::{Situation, drive, own_encoder_is_wrong};
+use crate::sensors::DriveReading;
+use crate::whole_counts;
+use core::f32::consts::TAU;
+use rig_link::messages::State;
+
+/// How far the shaft may stay behind its set-point (rad, and seconds of its speed), and for how long.
+const LAG_RAD: f32 = 0.8;
+const LAG_S: f32 = 0.25;
+const LAG_TICKS: u16 = ticks(30);
+/// How far a held shaft may be from where it is held (rad), and for how long: ten times the overshoot of a shaft that is
+/// stopped from a fast move of the emulated rig.
+const NOT_HELD_RAD: f32 = 0.8;
+const NOT_HELD_TICKS: u16 = ticks(10);
+/// How far the strings may go past their range (rad), or past where they stood at a `clear`.
+const PAST_TWIST_RAD: f32 = 0.3;
+
+/// What the shaft's checks remember.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct ShaftChecks {
+    last_counts: Option<i64>,
+    moved_counts: i64,
+    still_ticks: u16,
+    lag_ticks: u16,
+    away_ticks: u16,
+    /// Twist beyond which it is out of range again, after a `clear` outside the range (rad).
+    cleared_twist_rad: f32,
+}
+
+impl ShaftChecks {
+    /// After a `clear` at this twist (rad).
+    pub(super) fn cleared(twist_rad: Option<f32>) -> Self {
+        let cleared_twist_rad = twist_rad.map_or(0.0, |twist_rad| twist_rad.abs() + PAST_TWIST_RAD);
+        Self { cleared_twist_rad, ..Self::default() }
+    }
+
+    /// Own counts in this tick.
+    pub(super) fn moved_counts(&self) -> i64 {
+        self.moved_counts
+    }
+
+    /// How long the shaft has stood (ticks).
+    pub(super) fn still_ticks(&self) -> u16 {
+        self.still_ticks
+    }
+
+    /// Watches whether the shaft stands, by the own encoder and, where the drive reports, by the drive as well.
+    pub(super) fn watch_standing(&mut self, situation: &Situation<'_>, tick_s: f32) {
+        let Situation { inputs, constants, .. } = *situation;
+        let own = inputs.encoder_counts;
+        self.moved_counts = self.last_counts.replace(own).map_or(0, |last| own - last);
+        let standing_rad_per_s = f32::from(STANDING_RPM) / 60.0 * TAU / constants.gear_ratio;
+        let standing_counts_per_s = standing_rad_per_s * constants.counts_per_rad.abs();
+        let own_turns = self.moved_counts.abs() > whole_counts(standing_counts_per_s * tick_s);
+        let drive_turns = matches!(inputs.drive,
+            DriveReading::Reports { speed_rpm, t_us, .. }
+                if speed_rpm.unsigned_abs() > STANDING_RPM && !drive::is_silent(inputs.now_us, t_us));
+        self.still_ticks = if own_turns || drive_turns { 0 } else { self.still_ticks.saturating_add(1) };
+    }
+
+    /// Held by a fault, the shaft has gone away all the same.
+    pub(super) fn not_held(&mut self, situation: &Situation<'_>, latched: Latched) -> bool {
+        let held = matches!(latched.response(), Some(Response::Hold | Response::HoldByDrive | Response::HoldIfHeard))
+            && situation.drive_zero.is_matched();
+        let shaft_rad = match (own_encoder_is_wrong(latched), situation.inputs.drive) {
+            (false, _) => Some(situation.readings.shaft_rad),
+            (true, DriveReading::Reports { position_qc, .. }) => {
+                situation.drive_zero.shaft_rad(position_qc.into(), situation.constants)
+            }
+            (true, _) => None,
+        };
+        let away = shaft_rad.is_some_and(|shaft_rad| (shaft_rad - situation.shaft.position).abs() > NOT_HELD_RAD);
+        lasts(&mut self.away_ticks, held && away, NOT_HELD_TICKS)
+    }
+
+    /// The twist is farther out than the strings' range, or than where it was cleared. Nearer, the bound follows it.
+    pub(super) fn twist_is_outside(&mut self, situation: &Situation<'_>) -> bool {
+        let Some(tracking) = situation.tracking else { return false };
+        let twist_rad = tracking.twist_rad(situation.readings.shaft_rad).abs();
+        let most_rad = (situation.table.twist_max_rad + PAST_TWIST_RAD).max(self.cleared_twist_rad);
+        self.cleared_twist_rad = self.cleared_twist_rad.min(twist_rad + PAST_TWIST_RAD);
+        twist_rad > most_rad
+    }
+
+    /// The shaft stays behind its set-point.
+    pub(super) fn lags(&mut self, situation: &Situation<'_>) -> bool {
+        let Situation { shaft, readings, .. } = situation;
+        let follows = situation.drive_zero.is_matched() && situation.state != State::Fault;
+        let behind = (shaft.position - readings.shaft_rad).abs() > LAG_RAD + LAG_S * shaft.speed.abs();
+        lasts(&mut self.lag_ticks, behind && follows, LAG_TICKS)
+    }
+}

@@ -1,0 +1,105 @@
+//! Ticks that come late.
+
+use super::super::ticks;
+use crate::{TICK_US, seconds};
+
+/// A tick this long (µs) after the one before is late; one this long after is a fault by itself: the encoder's 16 bits
+/// could wrap unseen at full speed, and the drive has stood at an old target.
+const LATE_US: u64 = TICK_US + TICK_US / 2;
+const LATE_AT_ONCE_US: u64 = 6 * TICK_US;
+/// Each late tick costs this much, each tick in time takes 1 off, and this much in all is a fault: five in a second.
+const LATE_COST: u16 = ticks(25);
+const LATE_MOST: u16 = 4 * LATE_COST;
+
+/// When ticks came.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct TickTiming {
+    /// Time between this tick and the one before (µs).
+    apart_us: u64,
+    last_tick_us: Option<u64>,
+    /// Time since the newest late tick (µs).
+    since_late_us: u64,
+    late_cost: u16,
+    /// Since boot.
+    late_ticks: u32,
+}
+
+impl TickTiming {
+    pub(super) const fn new() -> Self {
+        Self { apart_us: TICK_US, last_tick_us: None, since_late_us: u64::MAX, late_cost: 0, late_ticks: 0 }
+    }
+
+    /// As new, but for the count of late ticks.
+    pub(super) fn restarted(&self) -> Self {
+        Self { late_ticks: self.late_ticks, ..Self::new() }
+    }
+
+    /// One tick; whether ticks come so late that it is a fault.
+    pub(super) fn step(&mut self, now_us: u64) -> bool {
+        self.apart_us = self.last_tick_us.replace(now_us).map_or(TICK_US, |last| now_us.saturating_sub(last));
+        self.since_late_us = self.since_late_us.saturating_add(self.apart_us);
+        if self.apart_us > LATE_US {
+            self.since_late_us = 0;
+            self.late_ticks = self.late_ticks.saturating_add(1);
+            self.late_cost = self.late_cost.saturating_add(LATE_COST);
+        } else {
+            self.late_cost = self.late_cost.saturating_sub(1);
+        }
+        self.apart_us > LATE_AT_ONCE_US || self.late_cost > LATE_MOST
+    }
+
+    /// The next tick is not late, however long it takes to come.
+    pub(super) fn pause(&mut self) {
+        self.last_tick_us = None;
+    }
+
+    /// Time of this tick (s), at least the usual one.
+    pub(super) fn tick_s(&self) -> f32 {
+        seconds(self.apart_us.max(TICK_US))
+    }
+
+    /// Whether ticks were missing so lately that drive and sensors may not have been heard since.
+    pub(super) fn ticks_missed_lately(&self) -> bool {
+        self.since_late_us <= LATE_AT_ONCE_US
+    }
+
+    pub(super) fn late_ticks(&self) -> u32 {
+        self.late_ticks
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Whether a last tick is a fault, after ticks so far apart (µs).
+    fn is_fault(apart_us: &[u64]) -> (bool, u32) {
+        let (mut timing, mut now_us) = (TickTiming::new(), 1_000_000);
+        let mut fault = timing.step(now_us);
+        for apart_us in apart_us {
+            now_us += apart_us;
+            fault = timing.step(now_us);
+        }
+        (fault, timing.late_ticks())
+    }
+
+    #[test]
+    fn one_very_late_tick_or_five_late_ones_in_a_second_are_a_fault() {
+        assert_eq!(is_fault(&[LATE_AT_ONCE_US]), (false, 1));
+        assert_eq!(is_fault(&[LATE_AT_ONCE_US + 1]), (true, 1));
+        assert_eq!(is_fault(&[LATE_US; 100]), (false, 0));
+        assert_eq!(is_fault(&[LATE_US + 1; 4]), (false, 4));
+        assert_eq!(is_fault(&[LATE_US + 1; 5]), (true, 5));
+    }
+
+    #[test]
+    fn a_pause_is_not_late_and_a_restart_keeps_the_count() {
+        let mut timing = TickTiming::new();
+        timing.step(0);
+        timing.pause();
+        assert!(!timing.step(10_000_000) && timing.late_ticks() == 0);
+        assert!(timing.step(20_000_000) && timing.ticks_missed_lately());
+        let restarted = timing.restarted();
+        assert!(restarted.late_ticks() == 1 && !restarted.ticks_missed_lately());
+    }
+}

@@ -1,0 +1,240 @@
+//! The modes of the rig, and what each does in a tick.
+
+use super::load_control::{LoadControl, Move};
+use super::sensing::DriveZero;
+use super::{Events, Inputs, Rig, STANDING_RPM, ticks};
+use crate::TICK_S;
+use crate::homing::{Homing, HomingInputs, Progress};
+use crate::planner::Ramp;
+use crate::sensors::{DriveReading, LvdtReading};
+use rig_link::messages::{EventKind, Limit, State};
+
+/// How long shaft and LVDT must be steady before the start is over.
+const STANDING_TICKS: u16 = ticks(20);
+/// Acceleration of a jog (rad/s²).
+const JOG_ACCELERATION: f32 = 20.0;
+
+/// What the rig is doing, with what is needed only while it does that.
+// There is no heap to put the 2 kB of a homing on, and a tick that begins one has the time to write them.
+#[allow(clippy::large_enum_variant)]
+#[derive(Clone)]
+pub(super) enum Mode {
+    /// Waits until drive and LVDT are steady.
+    Boot(Boot),
+    /// At rest: unhomed, or ready where the load is tracked.
+    Idle,
+    /// Looks for zero twist and weighs the load.
+    Homing(Homing),
+    /// A planned move of the load.
+    Moving(Move),
+    /// Turns the strings at a constant speed.
+    Jogging(Jog),
+    /// Keeps the load where a move has ended.
+    Holding(LoadControl),
+    /// Stopped by the faults that [`super::guard::Guard`] has latched.
+    Fault,
+    /// Stopped by the emergency stop.
+    EStop(EStopContact),
+}
+
+/// A start of the drive.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Boot {
+    /// The drive was told to restart and still reports from before, with another zero.
+    awaiting_restart: bool,
+    standing_ticks: u16,
+}
+
+/// A jog.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Jog {
+    /// Wanted twist speed (rad/s); 0 ends the jog.
+    pub(super) speed_rad_per_s: f32,
+}
+
+/// The contact of the emergency stop, once it has opened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum EStopContact {
+    Open,
+    /// It has closed in this tick.
+    Closing,
+    Closed,
+}
+
+impl EStopContact {
+    /// One tick later, and the event that this is.
+    pub(super) fn next(self, open: bool) -> (Self, Option<EventKind>) {
+        match (self, open) {
+            (Self::Open, true) => (Self::Open, None),
+            (Self::Open, false) => (Self::Closing, Some(EventKind::EStopClosed)),
+            (Self::Closing | Self::Closed, true) => (Self::Open, Some(EventKind::EStopOpened)),
+            (Self::Closing | Self::Closed, false) => (Self::Closed, None),
+        }
+    }
+}
+
+impl Mode {
+    /// A start after power-up.
+    pub(super) fn boot() -> Self {
+        Self::Boot(Boot::default())
+    }
+
+    /// A start after the drive was told to restart.
+    pub(super) fn reboot() -> Self {
+        Self::Boot(Boot { awaiting_restart: true, standing_ticks: 0 })
+    }
+
+    /// As the host sees it.
+    pub(super) fn state(&self, homed: bool) -> State {
+        match self {
+            Self::Boot(_) => State::Boot,
+            Self::Idle if homed => State::Ready,
+            Self::Idle => State::Unhomed,
+            Self::Homing(_) => State::Homing,
+            Self::Moving(_) | Self::Jogging(_) => State::Moving,
+            Self::Holding(_) => State::Holding,
+            Self::Fault => State::Fault,
+            Self::EStop(_) => State::EStop,
+        }
+    }
+
+    /// What controls the load, where something does.
+    pub(super) fn load_control(&self) -> Option<&LoadControl> {
+        match self {
+            Self::Moving(planned) => Some(&planned.control),
+            Self::Holding(control) => Some(control),
+            Self::Boot(_) | Self::Idle | Self::Homing(_) | Self::Jogging(_) | Self::Fault | Self::EStop(_) => None,
+        }
+    }
+}
+
+impl Rig<'_> {
+    /// One tick of the present mode; what held it back.
+    pub(super) fn step_mode(&mut self, inputs: &Inputs, events: &mut Events) -> Option<Limit> {
+        match self.mode {
+            Mode::Boot(_) => self.step_boot(inputs),
+            Mode::Homing(_) => self.step_homing(inputs, events),
+            Mode::Moving(_) | Mode::Holding(_) => return self.step_load(events),
+            Mode::Jogging(jog) => return self.step_jog(jog, events),
+            Mode::Idle | Mode::Fault | Mode::EStop(_) => self.shaft.speed = 0.0,
+        }
+        None
+    }
+
+    /// Until its first command the drive gives no torque and a loaded string untwists. So a hold is commanded at once, and
+    /// own and drive's counts are matched only when the shaft stands, because a report is up to 10 ms old.
+    fn step_boot(&mut self, inputs: &Inputs) {
+        let Mode::Boot(boot) = &mut self.mode else { return };
+        let DriveReading::Reports { position_qc, speed_rpm, .. } = inputs.drive else {
+            boot.awaiting_restart = false;
+            return;
+        };
+        if boot.awaiting_restart {
+            return;
+        }
+        let readings = &self.sensing.readings;
+        let offset = inputs.encoder_counts - i64::from(position_qc);
+        if self.sensing.drive_zero == DriveZero::Unknown {
+            self.sensing.drive_zero = DriveZero::Rough(offset);
+            self.shaft = Ramp::at(readings.shaft_rad);
+        }
+        // The first readings of a sensor after power-up are not relied on.
+        let steady = speed_rpm.unsigned_abs() < STANDING_RPM && matches!(readings.lvdt, LvdtReading::Valid { .. });
+        boot.standing_ticks = if steady { boot.standing_ticks + 1 } else { 0 };
+        if boot.standing_ticks >= STANDING_TICKS {
+            self.sensing.drive_zero = DriveZero::Matched(offset);
+            self.shaft = Ramp::at(readings.shaft_rad);
+            self.mode = Mode::Idle;
+        }
+    }
+
+    fn step_homing(&mut self, inputs: &Inputs, events: &mut Events) {
+        let readings = &self.sensing.readings;
+        let (Mode::Homing(homing), Some(gap_m)) = (&mut self.mode, readings.lvdt.gap_m()) else { return };
+        let current_a = match inputs.drive {
+            DriveReading::Reports { current_ma, .. } => f32::from(current_ma) * 1e-3 * self.constants.twist_sign(),
+            DriveReading::Starting | DriveReading::Failed | DriveReading::Released => 0.0,
+        };
+        let inputs = HomingInputs {
+            shaft_rad: readings.shaft_rad,
+            shaft_at_gap_rad: readings.shaft_at_gap_rad,
+            gap_m,
+            current_a,
+        };
+        let event = match homing.step(self.table, &self.constants, &inputs) {
+            Progress::Turning(ramp) => {
+                self.shaft = ramp;
+                return;
+            }
+            Progress::Done(homed) => {
+                self.resume(homed);
+                EventKind::Homed {
+                    twist_error_estimate_rad: homed.zero_error_rad,
+                    load_n: homed.load_n,
+                    gap_offset_m: homed.gap_offset_m,
+                }
+            }
+            Progress::Failed(failure) => {
+                self.end_homing();
+                EventKind::HomingRefused(failure)
+            }
+        };
+        let _ = events.push(event);
+    }
+
+    /// Ends a homing without a result: the shaft is held where it is.
+    pub(super) fn end_homing(&mut self) {
+        self.shaft = Ramp::at(self.sensing.readings.shaft_rad);
+        self.mode = Mode::Idle;
+    }
+
+    fn step_jog(&mut self, jog: Jog, events: &mut Events) -> Option<Limit> {
+        let speed_change = JOG_ACCELERATION * TICK_S;
+        self.shaft.speed += (jog.speed_rad_per_s - self.shaft.speed).clamp(-speed_change, speed_change);
+        let next = self.shaft.position + self.shaft.speed * TICK_S;
+        // A homed rig knows how far the strings may be twisted, either way.
+        let outside = self.tracking.as_ref().is_some_and(|tracking| {
+            let twist_rad = tracking.twist_rad(next);
+            twist_rad.abs() > self.table.metadata.twist_max_rad && twist_rad * self.shaft.speed > 0.0
+        });
+        if outside {
+            self.shaft.speed = 0.0;
+        } else {
+            self.shaft.position = next;
+        }
+        if jog.speed_rad_per_s == 0.0 && self.shaft.speed == 0.0 {
+            self.mode = Mode::Idle;
+            let _ = events.push(EventKind::Stopped);
+        }
+        outside.then_some(Limit::Travel)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_change_of_the_emergency_stop_is_an_event_and_closing_lasts_one_tick() {
+        let mut contact = EStopContact::Open;
+        let mut step = |open: bool| {
+            let (next, event) = contact.next(open);
+            contact = next;
+            (next, event)
+        };
+        assert_eq!(step(true), (EStopContact::Open, None));
+        assert_eq!(step(false), (EStopContact::Closing, Some(EventKind::EStopClosed)));
+        assert_eq!(step(false), (EStopContact::Closed, None));
+        assert_eq!(step(true), (EStopContact::Open, Some(EventKind::EStopOpened)));
+        assert_eq!(step(false).0, EStopContact::Closing);
+        assert_eq!(step(true), (EStopContact::Open, Some(EventKind::EStopOpened)));
+    }
+
+    #[test]
+    fn at_rest_the_state_follows_from_whether_the_rig_is_homed() {
+        assert_eq!((Mode::Idle.state(false), Mode::Idle.state(true)), (State::Unhomed, State::Ready));
+        let jog = Mode::Jogging(Jog { speed_rad_per_s: 1.0 });
+        assert_eq!((jog.state(false), jog.state(true)), (State::Moving, State::Moving));
+        assert!(jog.load_control().is_none());
+    }
+}

@@ -1,0 +1,54 @@
+//! The command to the drive.
+
+use super::fault_policy::Response;
+use super::modes::{EStopContact, Mode};
+use super::{Inputs, Rig};
+use crate::sensors::DriveReading;
+use crate::whole_counts;
+use rmds405::DriveCommand;
+
+/// How far from its reported position the drive may be sent (rad, and seconds of its speed): more than a healthy one lags.
+const LEASH_RAD: f32 = 1.0;
+const LEASH_S: f32 = 0.3;
+
+impl Rig<'_> {
+    pub(super) fn drive_command(&mut self, inputs: &Inputs) -> DriveCommand {
+        let restart = core::mem::take(&mut self.restart_drive);
+        match (&self.mode, self.guard.latched.response()) {
+            // A Reset when the contact opens, again while it is open, and once more when it closes: a motor that is
+            // connected again must find no old target.
+            (Mode::EStop(EStopContact::Closing), _) => DriveCommand::LetGo,
+            (Mode::EStop(EStopContact::Open | EStopContact::Closed), _) => DriveCommand::PowerOff,
+            (_, Some(Response::LetGo)) => DriveCommand::LetGo,
+            _ if restart => DriveCommand::Restart,
+            (_, Some(Response::Wait)) => DriveCommand::Silence,
+            (_, Some(Response::Hold | Response::HoldByDrive | Response::HoldIfHeard) | None) => {
+                self.follow(inputs).unwrap_or(DriveCommand::Silence)
+            }
+        }
+    }
+
+    /// To the shaft's set-point; `None` where the drive's zero is not known, or the set-point is not finite.
+    fn follow(&self, inputs: &Inputs) -> Option<DriveCommand> {
+        let offset = self.sensing.drive_zero.offset()?;
+        let DriveReading::Reports { position_qc, .. } = inputs.drive else { return None };
+        let lag_s = self.tracking.as_ref().map_or(0.0, |tracking| tracking.homed.drive_lag_s);
+        let counts = (self.shaft.position + lag_s * self.shaft.speed) * self.constants.counts_per_rad;
+        // A float to integer cast saturates; NaN would become 0, so it is caught before.
+        if !counts.is_finite() {
+            return None;
+        }
+        // On a leash: whatever else goes wrong, the drive is never sent far from its reported position.
+        let leash = whole_counts((LEASH_RAD + LEASH_S * self.shaft.speed.abs()) * self.constants.counts_per_rad.abs());
+        let here = i64::from(position_qc);
+        let position = (whole_counts(counts) - offset).clamp(here - leash, here + leash);
+        let position = position.clamp(i64::from(i32::MIN), i64::from(i32::MAX));
+        // Room to catch up, not more: a wrong target must not be reached at full speed.
+        let speed = (1.3 * self.shaft.speed.abs() + 1.0).min(self.constants.twist_speed_max());
+        Some(DriveCommand::Follow {
+            position_qc: position as i32,
+            speed_limit_rpm: self.constants.motor_rpm(speed),
+            current_limit_ma: self.constants.current_limit_ma,
+        })
+    }
+}

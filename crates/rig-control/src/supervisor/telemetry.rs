@@ -1,0 +1,62 @@
+//! What the host is shown, read from the rig after a step.
+
+use super::modes::Mode;
+use super::{Inputs, Rig};
+use crate::sensors::DriveReading;
+use core::f32::consts::TAU;
+use rig_link::messages::{Counters, Sensors, Telemetry};
+
+impl Rig<'_> {
+    /// Telemetry of the tick that these inputs were stepped in.
+    pub fn telemetry(&self, inputs: &Inputs, counters: Counters) -> Telemetry {
+        let (drive_current_a, drive_speed_rad_per_s) = match inputs.drive {
+            DriveReading::Reports { speed_rpm, current_ma, .. } => {
+                (f32::from(current_ma) * 1e-3, f32::from(speed_rpm) * (TAU / 60.0))
+            }
+            DriveReading::Starting | DriveReading::Failed | DriveReading::Released => (0.0, 0.0),
+        };
+        let planner = self.mode.load_control().map(|control| &control.planner);
+        let tracking = self.tracking.as_ref();
+        let observed = tracking.and_then(|tracking| Some((tracking, tracking.observation?)));
+        let gap_m = self.sensing.readings.lvdt.gap_m();
+        Telemetry {
+            t_us: inputs.now_us,
+            state: self.state(),
+            fault: self.fault(),
+            faults: self.faults(),
+            limit: self.limit,
+            target_m: planner.map(|planner| planner.target_m()),
+            setpoint_m: planner.map(|planner| planner.set_point_m()),
+            position_m: tracking.zip(gap_m).map(|(tracking, gap_m)| tracking.homed.reference_gap_m - gap_m),
+            twist_rad: tracking.map(|tracking| tracking.twist_rad(self.sensing.readings.shaft_rad)),
+            load_n: observed.map(|(tracking, _)| tracking.observer.load_n()),
+            tr_rad_per_m: observed.map(|(_, observation)| observation.point.tr_rad_per_m()),
+            drive_current_a,
+            drive_speed_rad_per_s,
+            time_left_s: match &self.mode {
+                Mode::Moving(planned) => planned.time_left_s(),
+                // At its target.
+                Mode::Holding(_) => Some(0.0),
+                _ => None,
+            },
+            twist_scale: tracking.map(|tracking| tracking.homed.twist_scale),
+            counters,
+        }
+    }
+
+    /// What the sensors showed in the tick that these inputs were stepped in.
+    pub fn sensors(&self, inputs: &Inputs) -> Sensors {
+        Sensors {
+            gap_m: self.sensing.readings.lvdt.gap_m(),
+            shaft_rad: self.sensing.readings.shaft_rad,
+            drive_rad: match inputs.drive {
+                DriveReading::Reports { position_qc, .. } => Some(position_qc as f32 / self.constants.counts_per_rad),
+                DriveReading::Starting | DriveReading::Failed | DriveReading::Released => None,
+            },
+            supply_v: inputs.supply.map(|supply| supply.volts),
+            estop_open: inputs.estop_open,
+            upper_limit_open: inputs.upper_limit_open,
+            lower_limit_open: inputs.lower_limit_open,
+        }
+    }
+}

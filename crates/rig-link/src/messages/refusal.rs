@@ -1,0 +1,95 @@
+//! Why the board refuses a request. The texts are what an operator reads.
+
+use crate::codes::{Fault, Parameter, Sensor, Setting, State};
+use postcard_schema::Schema;
+use serde::{Deserialize, Serialize};
+
+/// Why a request was refused.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, Schema, thiserror::Error)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Refusal {
+    /// Needs a homed rig.
+    #[error("not homed: `home` first")]
+    NotHomed,
+    /// Not possible in this state.
+    #[error("not possible while {state}")]
+    Busy {
+        /// The state that is in the way.
+        state: State,
+    },
+    /// A fault is latched.
+    #[error("fault {fault} is latched: remove its cause, then `clear`")]
+    InFault {
+        /// The latched fault.
+        fault: Fault,
+    },
+    /// `Clear` while the cause is still there.
+    #[error("fault {fault} cannot be cleared: its cause is still there")]
+    CauseRemains {
+        /// The fault.
+        fault: Fault,
+    },
+    /// `Clear` while the shaft turns: the load is falling, or something turns it.
+    #[error("the shaft turns: wait until it stands, then `clear`")]
+    ShaftTurns,
+    /// The emergency stop is open.
+    #[error("the emergency stop is pressed")]
+    EStop,
+    /// A parameter is outside its limits.
+    #[error("{parameter} is {given} {unit}, allowed are {min} to {max} {unit}", unit = parameter.unit())]
+    OutOfRange {
+        /// Which.
+        parameter: Parameter,
+        /// Least allowed value (unit of the parameter).
+        min: f32,
+        /// Greatest allowed value (unit of the parameter).
+        max: f32,
+        /// What was asked for (unit of the parameter).
+        given: f32,
+    },
+    /// A parameter is infinite or not a number.
+    #[error("{parameter} is not a finite number")]
+    NotFinite {
+        /// Which.
+        parameter: Parameter,
+    },
+    /// A setting is outside its limits.
+    #[error("{setting} is {}, allowed are {}", .setting.show(*.given), .setting.allowed(*.min, *.max))]
+    SettingOutOfRange {
+        /// Which.
+        setting: Setting,
+        /// Least allowed value (its unit).
+        min: f32,
+        /// Greatest allowed value (its unit).
+        max: f32,
+        /// What was asked for (its unit).
+        given: f32,
+    },
+    /// A setting is infinite or not a number.
+    #[error("{setting} is not a finite number")]
+    SettingNotFinite {
+        /// Which.
+        setting: Setting,
+    },
+    /// No tool with the board's own protocol has greeted it since it started.
+    #[error("the board has not been greeted by a tool of its own protocol since it started: connect again")]
+    NotGreeted,
+    /// The drive has not answered its start-up sequence.
+    #[error("the drive is not ready")]
+    DriveNotReady,
+    /// A sensor that the request needs gives no valid reading.
+    #[error("no valid reading from the {sensor}")]
+    SensorInvalid {
+        /// Which.
+        sensor: Sensor,
+    },
+    /// More requests at once than the board can queue.
+    #[error("too many requests at once: ask again")]
+    TooMany,
+    /// A stop came before this request was begun.
+    #[error("a stop came before this was begun")]
+    Stopped,
+    /// Its number is not newer than that of the last request: an old message that has arrived again.
+    #[error("an older message than the last one has arrived again: it is not carried out a second time")]
+    Repeated,
+}

@@ -1,0 +1,84 @@
+//! What the host asks of the board.
+
+use crate::codes::Setting;
+use crate::versions::Versions;
+use postcard_schema::Schema;
+use serde::{Deserialize, Serialize};
+
+/// What the host asks of the board.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, Schema)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Request {
+    /// The greeting, which both sides understand whatever their versions. The first variant for ever, see [`Versions`].
+    Hello(Versions),
+    /// The host is running. No reply.
+    Heartbeat,
+    /// Find the half-turn pre-twist and weigh the load.
+    Home,
+    /// Bring the load to a position.
+    Move {
+        /// Wanted position (m).
+        target_m: f32,
+        /// Speed of the load on the way (m/s).
+        speed_m_per_s: f32,
+        /// Where the load's weight comes from.
+        load: LoadChoice,
+    },
+    /// Turn the strings at a constant speed, homed or not, within the twist limits.
+    Jog {
+        /// Twist speed, positive twists up (rad/s).
+        twist_speed_rad_per_s: f32,
+    },
+    /// Ramp down and hold. Accepted in every state. It overtakes all requests that wait, which are refused.
+    Stop,
+    /// Clear the latched faults, if their causes have gone.
+    Clear,
+    /// Send the identity again.
+    Status,
+    /// Make a table for other constants, use it and keep it in flash. The rig must then be homed again.
+    Rebuild(Constants),
+    /// Send the settings.
+    GetSettings,
+    /// Change one setting at once, and keep it in flash; `Settings` follows when it is there. Refused during a motion.
+    SetSetting {
+        /// Which.
+        setting: Setting,
+        /// Its new value (its unit).
+        value: f32,
+    },
+    /// Change all settings: all of them are accepted, or none.
+    SetSettings(SettingValues),
+    /// Send the present readings of the sensors, homed or not.
+    ReadSensors,
+}
+
+/// One value for each [`Setting`], in the order of [`Setting::ALL`].
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, Schema)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct SettingValues(pub [f32; Setting::ALL.len()]);
+
+/// The mechanism's constants as a calibration found them (docs/model.md section 2; SI units).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, Schema)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Constants {
+    /// Hash of the scene file that holds them.
+    pub scene_hash: u32,
+    /// L0, D0, c, R (m).
+    pub geometry_m: [f64; 4],
+    /// r0 (m), K (N/m), k1 (1/N), k2, k3 of eq. 6.
+    pub string: [f64; 5],
+    /// p where the radius follows a power of the twist; `None` where it follows X0/X (eq. 6 as printed).
+    pub twist_exponent: Option<f64>,
+    /// a1 … a5 of eq. 12 (Pa).
+    pub stress_coefficients_pa: [f64; 5],
+}
+
+/// Where a move takes the load from.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, Schema)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum LoadChoice {
+    /// The board's own estimate.
+    Auto,
+    /// The operator's value (N).
+    Known(f32),
+}

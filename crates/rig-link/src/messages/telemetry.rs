@@ -1,0 +1,134 @@
+//! What the board measures and does.
+
+use crate::codes::{Fault, HomingFailure, Limit, State, TableRefusal};
+use crate::faults::Faults;
+use postcard_schema::Schema;
+use serde::{Deserialize, Serialize};
+
+/// Readings of the sensors, homed or not.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, Schema)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Sensors {
+    /// Gap by the LVDT, calibrated (m); `None` if it gives no valid reading.
+    pub gap_m: Option<f32>,
+    /// Rotation of the strings since boot by the rig's own encoder, positive twists up (rad).
+    pub shaft_rad: f32,
+    /// The same since the drive's start, by the drive's counts (rad); `None` until it reports.
+    pub drive_rad: Option<f32>,
+    /// Supply of the drive (V); `None` where it is not wired, or not reported yet.
+    pub supply_v: Option<f32>,
+    /// The emergency stop's contact is open.
+    pub estop_open: bool,
+    /// The limit switch at the upper end is open.
+    pub upper_limit_open: bool,
+    /// The limit switch at the lower end is open.
+    pub lower_limit_open: bool,
+}
+
+/// State and measurements of the board, every 10 ms.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, Schema)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Telemetry {
+    /// Time since boot of the control tick that this shows (µs).
+    pub t_us: u64,
+    /// What the rig is doing.
+    pub state: State,
+    /// The gravest of the latched faults.
+    pub fault: Option<Fault>,
+    /// All latched faults.
+    pub faults: Faults,
+    /// What limits the motion.
+    pub limit: Option<Limit>,
+    /// Target position (m).
+    pub target_m: Option<f32>,
+    /// Set-point of the planner (m).
+    pub setpoint_m: Option<f32>,
+    /// Position by the LVDT (m); `None` before homing.
+    pub position_m: Option<f32>,
+    /// Twist of the strings from untwisted (rad); `None` until known.
+    pub twist_rad: Option<f32>,
+    /// Estimated load (N).
+    pub load_n: Option<f32>,
+    /// Transmission ratio at this twist and load (rad/m).
+    pub tr_rad_per_m: Option<f32>,
+    /// Motor current as the drive reports it (A).
+    pub drive_current_a: f32,
+    /// Speed of the motor shaft, before the gear (rad/s).
+    pub drive_speed_rad_per_s: f32,
+    /// Time until the set-point is at its target (s); `None` while the motor's limits delay the move.
+    pub time_left_s: Option<f32>,
+    /// Learned scale of the twist: 1 is what the table was made for.
+    pub twist_scale: Option<f32>,
+    /// Counts of ignored errors.
+    pub counters: Counters,
+}
+
+/// Counts of errors that are ignored, and the longest tick.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, Schema)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Counters {
+    /// Damaged frames from the host.
+    pub link_errors: u32,
+    /// CAN frames that are not the drive's.
+    pub foreign_frames: u32,
+    /// Control ticks that came late.
+    pub late_ticks: u32,
+    /// Messages that the board could not send in time: the link was full.
+    pub unsent: u32,
+    /// Longest control tick so far (µs).
+    pub longest_tick_us: u32,
+}
+
+/// Something that ended or went wrong.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, Schema)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum EventKind {
+    /// Homing ended; the twist is known.
+    Homed {
+        /// Estimated error of the twist (rad).
+        twist_error_estimate_rad: f32,
+        /// Load (N).
+        load_n: f32,
+        /// Measured minus modelled gap: the LVDT's zero (m).
+        gap_offset_m: f32,
+    },
+    /// Homing did not come to an end.
+    HomingRefused(HomingFailure),
+    /// The load is at rest at the target.
+    MoveDone {
+        /// Measured position minus target (m).
+        error_m: f32,
+    },
+    /// A motion ended before its target, by `Stop`.
+    Stopped,
+    /// A fault was latched.
+    FaultRaised(Fault),
+    /// A fault was cleared.
+    FaultCleared(Fault),
+    /// The emergency stop opened.
+    EStopOpened,
+    /// The emergency stop closed again.
+    EStopClosed,
+    /// A table made on the board is in use; home again.
+    TableRebuilt {
+        /// Largest error of the contraction found (m).
+        contraction_error_m: f32,
+        /// Largest relative error of TR found.
+        tr_relative_error: f32,
+        /// Equilibria solved.
+        states: u32,
+        /// Time from request to table (µs).
+        took_us: u64,
+        /// It is in flash and will be used after a reset.
+        kept: bool,
+    },
+    /// No table could be made; the one in use stays.
+    TableRefused {
+        /// Why.
+        reason: TableRefusal,
+        /// Load of the first state that broke it (N), or the contraction's error (m).
+        load_n_or_error_m: f32,
+        /// Twist of that state (rad), or TR's relative error.
+        twist_rad_or_error: f32,
+    },
+}

@@ -1,0 +1,183 @@
+//! The steps of load control that need a table, each held against its equation: whether a move is possible, the position
+//! loop, friction take-up, and the time to the target.
+
+use host_tests::{constants, table};
+use rig_control::friction_takeup::FrictionTakeup;
+use rig_control::limits::Limits;
+use rig_control::load_state::LoadState;
+use rig_control::mechanism::{Mechanism, OUTSIDE_RAD};
+use rig_control::move_check::{MoveRequest, MoveStart, SPEED_MIN_M_PER_S};
+use rig_control::observer::LoadObserver;
+use rig_control::planner::{Planner, SetPoint};
+use rig_control::position_loop::{BANDWIDTH_PER_S, PositionLoop};
+use rig_control::time_to_target::time_to_target_s;
+use rig_control::{TICK_S, settings};
+use rig_link::messages::{LoadChoice, Parameter, Refusal, Setting, SettingValues};
+use std::f32::consts::PI;
+
+const LOAD_N: f32 = 5.0;
+const FRICTION_N: f32 = 0.2;
+/// Gap (m) that the LVDT shows too much.
+const OFFSET_M: f32 = 1e-3;
+
+fn mechanism() -> Mechanism<'static> {
+    Mechanism { table: table(), twist_scale: 1.0 }
+}
+
+/// At the half-turn pre-twist, after homing's way down.
+fn start(settings: &SettingValues) -> MoveStart<'_> {
+    let hangs_m = -settings.get(Setting::PositionZero);
+    MoveStart {
+        mechanism: mechanism(),
+        load_n: LOAD_N,
+        friction_n: FRICTION_N,
+        twist_rad: PI,
+        position_m: hangs_m,
+        zero_gap_m: mechanism().at(LOAD_N - FRICTION_N, PI).gap_m + hangs_m,
+        settings,
+    }
+}
+
+fn request(target_m: f32) -> MoveRequest {
+    MoveRequest { target_m, speed_m_per_s: 0.002, load: LoadChoice::Auto }
+}
+
+fn range_of(result: Result<(), Refusal>) -> (Parameter, f32, f32) {
+    match result {
+        Err(Refusal::OutOfRange { parameter, min, max, .. }) => (parameter, min, max),
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn a_move_is_possible_as_far_as_the_strings_pull_load_and_friction() {
+    let defaults = settings::defaults(&constants());
+    let start = start(&defaults);
+    // Up, the strings pull the load and friction: the gap at the last twist is larger by that.
+    let (m, twist_max_rad) = (mechanism(), table().metadata.twist_max_rad);
+    let highest_m = start.zero_gap_m - m.at(LOAD_N + FRICTION_N, twist_max_rad).gap_m;
+    assert_eq!(start.check(&request(highest_m)), Ok(()));
+    let (parameter, min, max) = range_of(start.check(&request(highest_m + 1e-6)));
+    assert_eq!((parameter, max), (Parameter::Target, highest_m));
+    assert!(min >= 0.0 && start.check(&request(0.0)).is_ok());
+    assert_eq!(range_of(start.check(&request(-1e-6))).0, Parameter::Target, "no load is let down below the pre-twist");
+    let without = MoveStart { friction_n: 0.0, ..start };
+    assert!(without.check(&request(highest_m + 1e-5)).is_ok(), "friction costs travel");
+    // A heavier load cannot be brought up as far.
+    let heavier = MoveRequest { load: LoadChoice::Known(15.0), ..request(highest_m) };
+    assert_eq!(range_of(start.check(&heavier)).0, Parameter::Target);
+    // Where zero is another place, so are the ends.
+    let raised = defaults.with(Setting::PositionZero, 0.002);
+    let raised = self::start(&raised);
+    assert!(raised.check(&request(-0.002)).is_ok() && raised.check(&request(highest_m - 0.0021)).is_ok());
+    assert_eq!(range_of(raised.check(&request(highest_m - 0.0019))).0, Parameter::Target);
+}
+
+#[test]
+fn each_parameter_of_a_move_is_refused_by_name() {
+    let defaults = settings::defaults(&constants()).with(Setting::SpeedMax, 0.01);
+    let start = start(&defaults);
+    let m = &table().metadata;
+    let speed = |speed_m_per_s| start.check(&MoveRequest { speed_m_per_s, ..request(0.005) });
+    assert_eq!(range_of(speed(0.0101)), (Parameter::Speed, SPEED_MIN_M_PER_S, 0.01));
+    assert!(speed(0.01).is_ok() && speed(SPEED_MIN_M_PER_S).is_ok());
+    assert_eq!(speed(f32::NAN), Err(Refusal::NotFinite { parameter: Parameter::Speed }));
+    let load = |load_n| start.check(&MoveRequest { load: LoadChoice::Known(load_n), ..request(0.001) });
+    assert_eq!(range_of(load(0.9 * m.load_min_n)), (Parameter::Load, m.load_min_n, m.load_max_n));
+    assert_eq!(load(f32::INFINITY), Err(Refusal::NotFinite { parameter: Parameter::Load }));
+    for target_m in [f32::NAN, f32::INFINITY] {
+        assert_eq!(start.check(&request(target_m)), Err(Refusal::NotFinite { parameter: Parameter::Target }));
+    }
+    for (twist_rad, possible) in [
+        (m.twist_min_rad - 0.9 * OUTSIDE_RAD, true),
+        (m.twist_min_rad - 1.1 * OUTSIDE_RAD, false),
+        (m.twist_max_rad + 1.1 * OUTSIDE_RAD, false),
+    ] {
+        let checked = MoveStart { twist_rad, ..start }.check(&request(0.005));
+        assert_eq!(checked.is_ok(), possible, "{twist_rad} rad");
+        assert!(possible || range_of(checked).0 == Parameter::Twist);
+    }
+}
+
+/// A load at rest at a twist, whose strings pull load less friction, as after a way down.
+fn load_at(twist_rad: f32, friction_n: f32) -> LoadState<'static> {
+    let mut observer = LoadObserver::new(LOAD_N, OFFSET_M, friction_n);
+    let gap_m = mechanism().at(LOAD_N - friction_n, twist_rad).gap_m + OFFSET_M;
+    let observation = observer.step(&mechanism(), twist_rad, Some(gap_m));
+    assert!((observation.pull_n - LOAD_N + friction_n).abs() < 1e-3, "{observation:?}");
+    LoadState {
+        mechanism: mechanism(),
+        observation,
+        position_m: 0.005,
+        age_s: 0.004,
+        twist_rad,
+        twist_limits: constants().twist_limits(),
+    }
+}
+
+#[test]
+fn the_loop_turns_speed_and_error_into_twist_speed_by_tr() {
+    let load = load_at(15.0, 0.0);
+    let tr_rad_per_m = load.observation.point.tr_rad_per_m();
+    // Under way, and where the load should have been when its position was measured.
+    let moving = SetPoint { position_m: 0.005 + 0.004 * 0.002, speed_m_per_s: 0.002, done: false };
+    let output = PositionLoop::default().step(&moving, None, &load);
+    assert!(output.error_m.abs() < 1e-8);
+    assert!((output.twist_speed_rad_per_s / (tr_rad_per_m * 0.002) - 1.0).abs() < 1e-4, "{output:?}");
+    // At rest, an error of 10 µm: too little to take up friction for.
+    let at_rest = SetPoint { position_m: 0.00501, speed_m_per_s: 0.0, done: true };
+    let mut position_loop = PositionLoop::default();
+    let last = (0..300).map(|_| position_loop.step(&at_rest, None, &load)).last().unwrap();
+    let wanted = tr_rad_per_m * BANDWIDTH_PER_S * 1e-5;
+    assert!((last.twist_speed_rad_per_s / wanted - 1.0).abs() < 1e-2, "{last:?}, wanted {wanted} rad/s");
+    // Within an eighth of an LVDT count it is left alone.
+    let near = SetPoint { position_m: 0.005_005, ..at_rest };
+    assert_eq!(PositionLoop::default().step(&near, None, &load).twist_speed_rad_per_s, 0.0);
+}
+
+#[test]
+fn a_move_up_after_a_way_down_first_turns_across_the_friction_band() {
+    let load = load_at(15.0, FRICTION_N);
+    let mut takeup = FrictionTakeup::default();
+    takeup.set_out(1.0);
+    let waits = SetPoint { position_m: 0.005, speed_m_per_s: 0.0, done: false };
+    let turned_rad = |takeup: &mut FrictionTakeup| {
+        (0..200).map(|_| TICK_S * takeup.step(&waits, takeup.is_waiting().then_some(0.002), 0.0, &load)).sum::<f32>()
+    };
+    let m = mechanism();
+    let (below, above) = (m.at(LOAD_N - FRICTION_N, 15.0), m.at(LOAD_N + FRICTION_N, 15.0));
+    let band_rad = (above.gap_m - below.gap_m) * above.tr_rad_per_m();
+    let mut first = takeup;
+    first.step(&waits, Some(0.002), 0.0, &load);
+    assert!(first.left_s() > 0.0 && first.left_s() < 0.5, "known in the first tick: {} s", first.left_s());
+    let turned_rad = turned_rad(&mut takeup);
+    assert!((turned_rad / band_rad - 0.95).abs() < 0.01, "{turned_rad} of {band_rad} rad");
+    assert!(!takeup.is_waiting() && takeup.left_s() == 0.0);
+    // Down again the pull is already at that end.
+    let mut takeup = FrictionTakeup::default();
+    takeup.set_out(-1.0);
+    assert_eq!((0..200).map(|_| takeup.step(&waits, Some(0.002), 0.0, &load).abs()).sum::<f32>(), 0.0);
+}
+
+#[test]
+fn the_time_to_the_target_is_that_of_the_plan_step_by_step() {
+    let (rig, m) = (constants(), mechanism());
+    for (from_rad, way_m, asked) in [(4.0, 0.012, 0.002), (4.0, 0.012, 0.02), (40.0, -0.008, 0.02), (30.0, 5e-4, 0.01)]
+    {
+        let load = load_at(from_rad, 0.0);
+        let mut planner = Planner::at(0.0);
+        planner.go_to(way_m);
+        let expected_s = time_to_target_s(&planner, asked, &load, &rig);
+        let (mut twist_rad, mut ticks, mut last_m) = (from_rad, 0u16, 0.0);
+        while !planner.is_at_rest() {
+            let tr_rad_per_m = m.at(LOAD_N, twist_rad).tr_rad_per_m();
+            let set_point = planner.step(&Limits::for_motor(asked, tr_rad_per_m, LOAD_N, &rig).0);
+            twist_rad += (set_point.position_m - last_m) * tr_rad_per_m;
+            last_m = set_point.position_m;
+            ticks += 1;
+        }
+        let took_s = f32::from(ticks) * TICK_S;
+        println!("{way_m} m at {asked} m/s: {expected_s:.3} s expected, {took_s:.3} s taken");
+        assert!((expected_s - took_s).abs() < 0.03 + 0.02 * took_s, "{expected_s} s expected, {took_s} s taken");
+    }
+}
