@@ -185,8 +185,12 @@ impl<'t> Rig<'t> {
             tracking.observe(self.table, &self.sensing.readings);
         }
         self.watch_estop(inputs.estop_open, &mut events);
-        self.watch(inputs, &mut events);
-        let reply = inputs.request.as_ref().and_then(|request| self.answer(request, inputs, &mut events));
+        let raised = self.watch(inputs, &mut events);
+        let reply = inputs.request.as_ref().and_then(|request| match request {
+            // Nobody can have read of a fault that was raised in this tick.
+            Request::Clear if raised => Some(Err(Refusal::CauseRemains { fault: self.fault()? })),
+            request => self.answer(request, inputs, &mut events),
+        });
         let load_limit = self.tracking.as_ref().and_then(LoadTracking::limit);
         self.limit = self.step_mode(inputs, &mut events).or(load_limit);
         if !(self.shaft.position.is_finite() && self.shaft.speed.is_finite()) {
@@ -208,7 +212,8 @@ impl<'t> Rig<'t> {
         });
     }
 
-    fn watch(&mut self, inputs: &Inputs, events: &mut Events) {
+    /// Checks everything; whether a new fault was raised.
+    fn watch(&mut self, inputs: &Inputs, events: &mut Events) -> bool {
         let found = self.guard.check(&Situation {
             inputs,
             readings: &self.sensing.readings,
@@ -220,13 +225,13 @@ impl<'t> Rig<'t> {
             set_point_m: self.mode.load_control().map(|control| control.planner.set_point_m()),
             tracking: self.tracking.as_ref(),
         });
-        self.raise(found, events);
+        self.raise(found, events)
     }
 
-    /// Latches what is new among the faults that were found; the strings stop where they are.
-    fn raise(&mut self, found: Faults, events: &mut Events) {
+    /// Latches what is new among the faults that were found; the strings stop where they are. Whether anything was new.
+    fn raise(&mut self, found: Faults, events: &mut Events) -> bool {
         if matches!(self.mode, Mode::EStop(_)) || !self.guard.latch(found, events) {
-            return;
+            return false;
         }
         // A shaft that is held already stays where the first fault stopped it.
         if !matches!(self.mode, Mode::Fault) {
@@ -235,6 +240,7 @@ impl<'t> Rig<'t> {
             let by_drive_rad = by_drive.and_then(|counts| self.sensing.drive_zero.shaft_rad(counts, &self.constants));
             self.shaft = Ramp::at(by_drive_rad.unwrap_or(self.sensing.readings.shaft_rad));
         }
+        true
     }
 
     /// Homed, at rest at the half-turn pre-twist: the end of a homing, and the start of a replay.
