@@ -15,6 +15,7 @@ use rig_link::messages::{Clock, Fault, ResetCause};
 use static_cell::StaticCell;
 
 use crate::flash_store::Store;
+use crate::iwdg;
 use crate::post_mortem;
 use crate::scene::RIG;
 use crate::serial;
@@ -42,13 +43,6 @@ const BIT_TIMING: NominalBitTiming = NominalBitTiming {
     seg2: NonZeroU8::new(3).unwrap(),
     sync_jump_width: NonZeroU8::new(3).unwrap(),
 };
-
-/// Time without feeding after which the watchdog resets the board (µs, nominal). The LSI of nominally 32 kHz has 17 to
-/// 47 kHz, so the real time is 0.34 to 0.94 s; meanwhile the drive stops at its last target.
-const WATCHDOG_US: u32 = 500_000;
-/// The same time in counts of the watchdog, as embassy-stm32 sets them: 32 kHz divided by the smallest prescaler that
-/// suffices, 4.
-pub const WATCHDOG_RELOAD: u16 = 3999;
 
 /// The indicator LEDs.
 pub struct Leds {
@@ -250,7 +244,7 @@ impl Board {
             },
             leds,
             motor_power: Output::new(p.PB10, Level::Low, Speed::Low),
-            watchdog: IndependentWatchdog::new(p.IWDG, WATCHDOG_US),
+            watchdog: IndependentWatchdog::new(p.IWDG, iwdg::TIMEOUT_US),
             store: Store::new(p.FLASH),
         }
     }

@@ -2,13 +2,13 @@
 //! `sequential-storage` makes it safe against power failure and checks every record.
 
 use crate::flash::{SECTOR, Sectors};
+use crate::iwdg;
 use crate::shared;
 use core::ops::Range;
 use core::sync::atomic::Ordering;
 use embassy_stm32::Peri;
 use embassy_stm32::flash::Flash;
-use embassy_stm32::pac;
-use embassy_stm32::pac::iwdg::vals::{Key, Pr};
+use embassy_stm32::pac::iwdg::vals::Pr;
 use embassy_stm32::peripherals::FLASH;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::mutex::Mutex;
@@ -131,7 +131,7 @@ impl Store {
     pub async fn write(&mut self, records: &[(u8, &[u8])]) -> bool {
         // One sector may have to be erased, and then all three because they are damaged: 2 s if each takes its longest.
         // This gives 2.8 s with the fastest LSI.
-        set_watchdog(Pr::DIVIDE_BY32, 0xFFF);
+        iwdg::set_times(Pr::DIVIDE_BY32, 0xFFF);
         let mut written = self.write_and_verify(records).await;
         // Flash is damaged beyond repair, or the records read back differ: power once failed while a sector was erased,
         // which then looks empty but is not. The other records (a table, when these are settings) are lost.
@@ -142,7 +142,7 @@ impl Store {
                 Err(e) => Err(e),
             };
         }
-        set_watchdog(Pr::DIVIDE_BY4, crate::board::WATCHDOG_RELOAD);
+        iwdg::set_times(Pr::DIVIDE_BY4, iwdg::RELOAD);
         match written {
             Ok(verified) => verified,
             Err(e) => {
@@ -175,20 +175,4 @@ impl Store {
         self.map = Some(map(old.destroy().0));
         erased
     }
-}
-
-/// Sets prescaler and counts of the watchdog, and feeds it.
-fn set_watchdog(prescaler: Pr, counts: u16) {
-    let iwdg = pac::IWDG;
-    let wait = || while iwdg.sr().read().pvu() || iwdg.sr().read().rvu() {};
-    wait();
-    // No interrupt may come between: the watchdog task feeds the watchdog from interrupt level, which locks the
-    // registers.
-    cortex_m::interrupt::free(|_| {
-        iwdg.kr().write(|w| w.set_key(Key::ENABLE));
-        iwdg.pr().write(|w| w.set_pr(prescaler));
-        iwdg.rlr().write(|w| w.set_rl(counts));
-    });
-    wait();
-    iwdg.kr().write(|w| w.set_key(Key::RESET));
 }

@@ -16,6 +16,7 @@
 mod board;
 mod flash;
 mod flash_store;
+mod iwdg;
 mod post_mortem;
 mod scene;
 mod serial;

@@ -46,10 +46,12 @@ const WAYS: [(&str, &str, Answer, &str); 23] = [
     ("cost_full", "full solver, f64", Gap, ""),
     ("cost_continuation", "continuation, f64", Gap, ""),
     ("cost_collocation", "collocation with 16 intervals, f64", Gap, ""),
-    (PAPER, "the paper's, 8 steps, factor 1, f64", Gap, ""),
+    ("cost_paper", "the paper's, 8 steps, factor 1, f64", Gap, ""),
 ];
 /// Called for few states only.
-const PAPER: &str = "cost_paper";
+const FEW: [&str; 2] = ["cost_collocation", "cost_paper"];
+/// Only in the image that `cargo xtask cost` builds.
+const INTERPN: &str = "cost_interpn";
 
 /// Load, twist and the results of all ways at one state, as the board printed them.
 struct State {
@@ -90,7 +92,7 @@ fn no_way_to_evaluate_the_mechanism_becomes_slower() {
     let rig = Rig::new(scene(), PlantSettings::default(), 1).unwrap();
     let mut machine = Machine::new(&elf, rig, Config::default()).unwrap();
     for (symbol, ..) in WAYS {
-        assert!(machine.watch_function(symbol), "the image has no {symbol}");
+        assert!(machine.watch_function(symbol) || symbol == INTERPN, "the image has no {symbol}");
     }
     let mut lines = Vec::new();
     for second in 1..1200 {
@@ -113,8 +115,8 @@ fn no_way_to_evaluate_the_mechanism_becomes_slower() {
     let peers = peers(&fit, &others);
     let mut csv = String::from("symbol,name,instructions_mean,instructions_max,bytes,error,error_of,states\n");
     for (way, (symbol, what, answer, peer)) in WAYS.into_iter().enumerate() {
-        let cost = machine.watched(symbol).unwrap();
-        assert!(cost.count == if symbol == PAPER { 3 } else { 30 }, "{symbol}: {}", cost.count);
+        let Some(cost) = machine.watched(symbol) else { continue };
+        assert!(cost.count == if FEW.contains(&symbol) { 3 } else { 30 }, "{symbol}: {}", cost.count);
         let error = worst(&states, way, answer);
         let chosen = &fit.table.numbers;
         // Size in words, bytes, predicted instructions.
@@ -123,7 +125,7 @@ fn no_way_to_evaluate_the_mechanism_becomes_slower() {
             None => (peer == "TABLE").then(|| (chosen.size(), chosen.bytes(), lookup_instructions(&chosen.series()))),
         };
         let mut bytes = table.as_ref().map(|t| t.1);
-        if symbol == "cost_interpn" {
+        if symbol == INTERPN {
             bytes = Some(interpn_bytes);
         }
         let predicted = table.as_ref().map(|t| t.2);

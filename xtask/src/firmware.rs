@@ -62,9 +62,13 @@ pub fn build_study(folders: &Folders, toolchain: &Toolchain, study: &str, image:
     Ok(())
 }
 
-/// Builds the image that measures costs (`crates/lab/cost-image`).
-pub fn build_cost(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
-    built(&mut cargo(folders, toolchain, COST, COST), folders, toolchain, COST, IMAGES).map(drop)
+/// Builds the image that measures costs (`crates/lab/cost-image`), with the row of `interpn` or without it.
+pub fn build_cost(folders: &Folders, toolchain: &Toolchain, interpn: bool) -> Result<()> {
+    let mut cargo = cargo(folders, toolchain, COST, COST);
+    if interpn {
+        cargo.args(["--features", "interpn"]);
+    }
+    built(&mut cargo, folders, toolchain, COST, IMAGES).map(drop)
 }
 
 /// Builds the image that tests a board without a rig (`src/bin/selftest`).

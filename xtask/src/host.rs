@@ -45,7 +45,7 @@ fn board(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
     firmware::build_uart(folders, toolchain)?;
     firmware::build(folders, toolchain)?;
     firmware::build_selftest(folders, toolchain)?;
-    firmware::build_cost(folders, toolchain)
+    firmware::build_cost(folders, toolchain, false)
 }
 
 /// Lints and documents the desktop packages, and builds the tools and the tests.
@@ -69,7 +69,7 @@ pub fn selftest(folders: &Folders) -> Result<()> {
 /// Builds the image that measures costs, runs it on the emulated board and prints the instruction counts.
 pub fn cost(folders: &Folders) -> Result<()> {
     system::ensure_emulator_tools()?;
-    firmware::build_cost(folders, &choose(Choice::Auto)?)?;
+    firmware::build_cost(folders, &choose(Choice::Auto)?, true)?;
     let test = ["test", "--release", "--package", "host-tests", "--test", "cost", "--", "--nocapture"];
     run(cargo(folders).args(test))
 }

@@ -30,10 +30,14 @@ fn source(scene: &Scene) -> Result<String, Box<dyn Error>> {
     for (name, peer) in peers(&fit, &candidates(&mechanism, &demand)?) {
         source += &peer.rust_source(name);
     }
-    source += &interpn_grid(&mechanism, &fit.table.metadata, demand.accuracy.contraction_m)?;
+    #[cfg(feature = "interpn")]
+    {
+        source += &interpn_grid(&mechanism, &fit.table.metadata, demand.accuracy.contraction_m)?;
+    }
     Ok(source)
 }
 
+#[cfg(feature = "interpn")]
 /// The smallest grid in F^(−1/2) and twist on which `interpn`'s cubic interpolation reaches the scene's accuracy of the
 /// contraction. It has no gradient.
 fn interpn_grid(

@@ -51,8 +51,8 @@ pub fn mechanism_figure(scene: &Scene, loads_kg: [f64; 2], turns: f64) -> Result
         let top = ROW * row as f64;
         let _ = writeln!(
             svg,
-            "<text x=\"{LEFT}\" y=\"{:.0}\"><tspan font-weight=\"bold\">{load_kg} kg</tspan>: {turns} motor turns at the \
-             strings shorten the gap by {:.1} mm; one more millimetre takes {:.2} rad.</text>",
+            "<text x=\"{LEFT}\" y=\"{:.0}\"><tspan font-weight=\"bold\">{load_kg} kg</tspan>: {turns} turns of the strings \
+             shorten the gap by {:.1} mm; one more millimetre takes {:.2} rad.</text>",
             top + 28.0,
             1e3 * (before.gap_m - after.gap_m),
             1e-3 * after.tr_rad_per_m(),
@@ -60,6 +60,7 @@ pub fn mechanism_figure(scene: &Scene, loads_kg: [f64; 2], turns: f64) -> Result
         let axis = top + TEXT + 0.5 * (ROW - TEXT);
         draw(&mut svg, scene, &before, axis, "#bbbbbb", "#bbbbbb");
         draw(&mut svg, scene, &after, axis, "#1f4e79", "#c55a11");
+        label(&mut svg, &after, axis);
     }
     svg += "</svg>\n";
     Ok(svg)
@@ -101,12 +102,25 @@ fn draw(svg: &mut String, scene: &Scene, state: &Equilibrium, axis_px: f64, rod_
         points.push(at(start_m + state.x_m, end_side * 0.5 * state.d_m));
         polyline(svg, points, string_colour, 2.0);
     }
-    let (x, y) = at(state.gap_m, 0.0);
+}
+
+/// Names the parts, and shows the load as an arrow.
+fn label(svg: &mut String, state: &Equilibrium, axis_px: f64) {
+    let right = LEFT + SCALE * state.gap_m;
+    let middle = LEFT + 0.5 * SCALE * state.gap_m;
     let _ = writeln!(
         svg,
-        "<path d=\"M{:.1} {y:.1} h34 m-9 -6 l9 6 l-9 6\" stroke=\"{rod_colour}\" stroke-width=\"2\" fill=\"none\"/>",
-        x + 8.0
+        "<path d=\"M{:.1} {axis_px:.1} h34 m-9 -6 l9 6 l-9 6\" stroke=\"#1f4e79\" stroke-width=\"2\" fill=\"none\"/>",
+        right + 8.0
     );
+    for (x, y, text) in [
+        (8.0, axis_px + 5.0, "motor"),
+        (right + 12.0, axis_px + 24.0, "load"),
+        (LEFT + 22.0, axis_px + 5.0, "rod"),
+        (middle - 22.0, axis_px + 32.0, "strings"),
+    ] {
+        let _ = writeln!(svg, "<text x=\"{x:.0}\" y=\"{y:.0}\" fill=\"#555555\">{text}</text>");
+    }
 }
 
 fn polyline(svg: &mut String, points: impl IntoIterator<Item = (f64, f64)>, colour: &str, width_px: f64) {

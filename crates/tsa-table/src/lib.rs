@@ -9,7 +9,7 @@
 //! - [`inverse`]: the twist from load and gap, in a bounded number of steps.
 //! - `least_squares`, [`patch_fit`], `arc_growth`: fitting, on a desktop and on the board.
 //! - [`rebuild`]: the board's own table from new constants.
-//! - [`demand`], [`reference`], [`errors`], `patches`, [`certificate`], [`fit`] (feature `std`): what a table must
+//! - [`demand`], [`mod@reference`], [`errors`], `patches`, [`certificate`], [`fit`] (feature `std`): what a table must
 //!   reach, the solver it is judged by, its candidates, its certificate, and the choice.
 //! - [`instruction_model`], [`emit`] (feature `std`): the predicted cost of a lookup, and the table as Rust source.
 

@@ -1,9 +1,9 @@
 //! Measures a lookup, a control tick and an equilibrium with the core's cycle counter. The emulated board can only
 //! count instructions.
 
-use crate::chip;
 use crate::scene::{RIG, TABLE};
 use crate::table::{Table, Verdict};
+use crate::{chip, registers};
 use core::hint::black_box;
 use cortex_m::peripheral::DWT;
 use rig_control::{DriveCommand, DriveReading, Inputs, LvdtBlock, Rig, SupplyReading, TICK_US};
@@ -56,7 +56,7 @@ pub fn rows(table: &mut Table, hclk_hz: u32) {
         (false, ["lookup uncached", "tick uncached", "equilibrium uncached"]),
     ] {
         chip::speed_up_flash(on);
-        let unit = if chip::emulated() { "(emulated: instructions, not cycles)" } else { "cycles" };
+        let unit = if registers::emulated() { "(emulated: instructions, not cycles)" } else { "cycles" };
         let (lookup, solve, difference_m) = solver();
         let (tick, state) = tick();
         // The cycles of one control period.

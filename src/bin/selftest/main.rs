@@ -15,6 +15,7 @@ mod chip;
 mod cycles;
 mod pins;
 mod record;
+mod registers;
 mod retained;
 mod table;
 
@@ -26,6 +27,8 @@ mod flash;
 #[expect(dead_code, reason = "the self-test writes no record at rest")]
 #[path = "../../flash_store.rs"]
 mod flash_store;
+#[path = "../../iwdg.rs"]
+mod iwdg;
 #[expect(dead_code, reason = "no drive is driven")]
 #[path = "../../post_mortem.rs"]
 mod post_mortem;
@@ -53,7 +56,7 @@ const STEP_US: u64 = 200;
 
 #[embassy_executor::main]
 async fn main(_spawner: Spawner) {
-    let flags = chip::reset_flags();
+    let flags = registers::reset_flags();
     let panicked = post_mortem::start_record(flags.power_on()).panic;
     let stage = retained::stage(flags);
     let p = embassy_stm32::init(board::clocks(board::find_clock()));

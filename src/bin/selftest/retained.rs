@@ -1,7 +1,7 @@
 //! Numbers that survive the self-test's own resets, in RAM that the start-up code does not initialise (as in
 //! src/post_mortem.rs).
 
-use crate::chip::Flags;
+use crate::registers::Flags;
 use core::mem::MaybeUninit;
 use core::sync::atomic::{AtomicU32, Ordering};
 

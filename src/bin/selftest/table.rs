@@ -96,10 +96,10 @@ impl Table {
             "tsa-selftest {} ({}), STM32 device {:#05x} revision {:#06x}, unique id {}{}",
             env!("CARGO_PKG_VERSION"),
             env!("TSA_GIT"),
-            crate::chip::device().0,
-            crate::chip::device().1,
+            crate::registers::device().0,
+            crate::registers::device().1,
             embassy_stm32::uid::uid_hex(),
-            if crate::chip::emulated() { ", the emulated board" } else { "" }
+            if crate::registers::emulated() { ", the emulated board" } else { "" }
         ))
         .await;
         line(format_args!("| {:<20} | {:<34} | {:<62} | {:<13} |", "what", "expected", "seen", "verdict")).await;

@@ -2,6 +2,7 @@
 //!
 //! - [`stability`]: every method over load and twist of some [`rods`]; [`limits`]: what bounds their states; [`grid`]: the
 //!   states; `stability_figure`: all of it as a picture.
+//! - `mechanism`: the mechanism drawn to scale under a light and a heavy load.
 //! - [`work`]: what an equilibrium costs on the desktop; `work_figure` draws it.
 //! - `closed_loop`: what a cheaper model or a less accurate table does to the closed loop.
 //! - [`sizes`]: bytes of a table against its error.
@@ -14,6 +15,7 @@ pub mod grid;
 pub mod limits;
 pub mod margin;
 mod margin_figure;
+mod mechanism;
 pub mod rods;
 pub mod sizes;
 pub mod stability;
@@ -30,8 +32,8 @@ use std::ffi::OsString;
 use std::path::Path;
 
 /// The figures, in the order in which they are made.
-pub const NAMES: [&str; 8] =
-    ["work-precision", "target", "table-size", "closed-loop", "tiers", "scenes", "margin", "stability"];
+pub const NAMES: [&str; 9] =
+    ["mechanism", "work-precision", "target", "table-size", "closed-loop", "tiers", "scenes", "margin", "stability"];
 
 /// The figures that draw what another command has measured; they cannot be made before it has been run.
 pub const MEASURED_ELSEWHERE: [&str; 2] = ["target", "closed-loop"];
@@ -65,6 +67,7 @@ impl Inputs<'_> {
 /// If something cannot be solved or drawn.
 pub fn make(name: &str, inputs: &Inputs<'_>) -> Result<Made> {
     match name {
+        "mechanism" => mechanism::make(inputs.scene),
         "work-precision" => work_figure::make(inputs),
         "target" => target::make(inputs),
         "closed-loop" => closed_loop::make(inputs),

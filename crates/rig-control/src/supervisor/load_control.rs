@@ -1,14 +1,13 @@
 //! A planned move of the load, and the hold after it: planner and position loop, tick by tick, and when a move is over.
 
-use super::modes::Mode;
-use super::{Events, Rig, lasts, ticks};
+use super::{lasts, ticks};
 use crate::limits::{LOAD_ACCELERATION, Limits, SPEED_MAX_M_PER_S};
 use crate::load_state::LoadState;
 use crate::planner::{Planner, SetPoint};
 use crate::position_loop::{LoopOutput, PositionLoop};
 use crate::time_to_target::time_to_target_s;
 use crate::{RigConstants, TICK_S};
-use rig_link::messages::{EventKind, Limit};
+use rig_link::messages::Limit;
 
 /// Error (m) within which a load counts as arrived: half an LVDT count. The loop goes on holding after that.
 const ARRIVED_M: f32 = 25e-6;
@@ -16,8 +15,6 @@ const ARRIVED_M: f32 = 25e-6;
 const ARRIVED_TICKS: u16 = ticks(30);
 const END_TICKS: u16 = ticks(100);
 const PATIENCE_TICKS: u16 = ticks(600);
-/// How far below the half-turn pre-twist the strings may be untwisted by the loop (rad).
-const BELOW_PRETWIST: f32 = 0.15;
 
 /// Set-point of the load, and the loop that keeps the load there.
 #[derive(Clone, Copy, Debug)]
@@ -38,7 +35,7 @@ impl LoadControl {
     }
 
     /// One tick at the target.
-    fn hold(&mut self, load: &LoadState<'_>) -> LoopOutput {
+    pub(super) fn hold(&mut self, load: &LoadState<'_>) -> LoopOutput {
         let set_point = SetPoint { position_m: self.planner.set_point_m(), speed_m_per_s: 0.0, done: true };
         self.position_loop.step(&set_point, None, load)
     }
@@ -49,7 +46,7 @@ impl LoadControl {
 pub(super) struct Move {
     pub(super) control: LoadControl,
     speed_m_per_s: f32,
-    stopping: bool,
+    pub(super) stopping: bool,
     /// Time until the set-point is at its target, friction take-up aside (s); `None` before the first tick and in a stop.
     run_s: Option<f32>,
     /// Ticks that the set-point has been at its target, and of these in a row: that the load was near it, and that the
@@ -60,10 +57,10 @@ pub(super) struct Move {
 }
 
 /// One tick of a move.
-struct MoveStep {
-    output: LoopOutput,
-    set_point: SetPoint,
-    limit: Option<Limit>,
+pub(super) struct MoveStep {
+    pub(super) output: LoopOutput,
+    pub(super) set_point: SetPoint,
+    pub(super) limit: Option<Limit>,
 }
 
 impl Move {
@@ -92,7 +89,7 @@ impl Move {
     }
 
     /// One tick.
-    fn step(&mut self, load: &LoadState<'_>, rig: &RigConstants) -> MoveStep {
+    pub(super) fn step(&mut self, load: &LoadState<'_>, rig: &RigConstants) -> MoveStep {
         let Self { control, speed_m_per_s, .. } = self;
         let tr_rad_per_m = load.observation.point.tr_rad_per_m();
         let (limits, limit) = Limits::for_motor(*speed_m_per_s, tr_rad_per_m, load.observation.pull_n, rig);
@@ -111,63 +108,10 @@ impl Move {
 
     /// One tick with the set-point at its target: whether the move is over. It may end where the strings' travel ends; the
     /// event then says how far off that is, and the limit stays in the telemetry.
-    fn is_over(&mut self, error_m: f32, at_end: bool) -> bool {
+    pub(super) fn is_over(&mut self, error_m: f32, at_end: bool) -> bool {
         let arrived = lasts(&mut self.near_ticks, error_m.abs() < ARRIVED_M, ARRIVED_TICKS);
         let ended = lasts(&mut self.end_ticks, at_end, END_TICKS);
         self.rest_ticks += 1;
         arrived || ended || self.rest_ticks >= PATIENCE_TICKS
-    }
-}
-
-impl Rig<'_> {
-    /// One tick of a move or a hold; what held the load back.
-    pub(super) fn step_load(&mut self, events: &mut Events) -> Option<Limit> {
-        let readings = &self.sensing.readings;
-        let (Some(tracking), Some(_)) = (&mut self.tracking, readings.lvdt.gap_m()) else {
-            // The strings are kept still without a gap; a lasting loss is a fault of its own.
-            self.shaft.speed = 0.0;
-            return None;
-        };
-        let Some(observation) = tracking.observation else {
-            self.shaft.speed = 0.0;
-            return None;
-        };
-        let twist_rad = tracking.twist_rad(self.shaft.position);
-        let load = LoadState {
-            mechanism: tracking.mechanism(self.table),
-            observation,
-            position_m: tracking.position_m,
-            age_s: readings.gap_age_s,
-            twist_rad,
-            twist_limits: self.constants.twist_limits(),
-        };
-        let (output, planned) = match &mut self.mode {
-            Mode::Moving(planned) => {
-                let step = planned.step(&load, &self.constants);
-                (step.output, Some((planned, step)))
-            }
-            Mode::Holding(control) => (control.hold(&load), None),
-            _ => return None,
-        };
-        let fastest = load.twist_limits.speed;
-        self.shaft.speed = output.twist_speed_rad_per_s.clamp(-fastest, fastest);
-        let next = self.shaft.position + self.shaft.speed * TICK_S;
-        let table = &self.table.metadata;
-        let (low, high) = (table.twist_min_rad - BELOW_PRETWIST, table.twist_max_rad);
-        let twist = tracking.twist_rad(next).clamp(low, high);
-        let at_end = twist != tracking.twist_rad(next);
-        if at_end {
-            self.shaft.speed = 0.0;
-        }
-        self.shaft.position = tracking.homed.zero_rad + twist;
-        let travel = at_end.then_some(Limit::Travel);
-        let Some((planned, MoveStep { set_point, limit, .. })) = planned else { return travel };
-        tracking.learn(&observation, twist_rad, set_point.done);
-        if set_point.done && planned.is_over(output.error_m, at_end) {
-            let error_m = load.position_m - set_point.position_m;
-            let _ = events.push(if planned.stopping { EventKind::Stopped } else { EventKind::MoveDone { error_m } });
-            self.mode = Mode::Holding(planned.control);
-        }
-        travel.or(limit)
     }
 }

@@ -13,12 +13,12 @@
 //! not restart the drive leads from fault to ready or unhomed in the same way.
 //!
 //! The rooms, in the order in which a tick passes through them:
-//! - [`sensing`]: inputs to readings in SI units; where the drive counts from.
-//! - [`tracking`]: what is known of the load since homing, and what this tick's readings add.
-//! - [`guard`]: what is wrong. [`fault_policy`] is the table of what is done about it.
-//! - [`requests`] and [`configure`]: what the host asks.
-//! - [`modes`]: what each mode does in a tick; [`load_control`] is a move of the load and the hold after it.
-//! - [`outputs`]: the command to the drive. [`telemetry`] is put together after the step.
+//! - `sensing`: inputs to readings in SI units; where the drive counts from.
+//! - `tracking`: what is known of the load since homing, and what this tick's readings add.
+//! - `guard`: what is wrong. [`fault_policy`] is the table of what is done about it.
+//! - `requests` and `configure`: what the host asks.
+//! - `modes`: what each mode does in a tick; `load_control` is a move of the load and the hold after it.
+//! - `outputs`: the command to the drive. `telemetry` is put together after the step.
 //!
 //! **An LVDT sample**: `LvdtBlock` in [`Inputs`] → [`crate::sensors::Lvdt::read`] → `Readings` → `LoadTracking::observe`
 //! (position, load, TR) → `Guard::check` → `LoadControl` (error of the position) → set-point of the shaft → drive command.

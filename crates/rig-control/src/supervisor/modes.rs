@@ -1,16 +1,19 @@
 //! The modes of the rig, and what each does in a tick.
 
-use super::load_control::{LoadControl, Move};
+use super::load_control::{LoadControl, Move, MoveStep};
 use super::sensing::DriveZero;
 use super::{Events, Inputs, Rig, STANDING_RPM, ticks};
 use crate::TICK_S;
 use crate::homing::{Homing, HomingInputs, Progress};
+use crate::load_state::LoadState;
 use crate::planner::Ramp;
 use crate::sensors::{DriveReading, LvdtReading};
 use rig_link::messages::{EventKind, Limit, State};
 
 /// How long shaft and LVDT must be steady before the start is over.
 const STANDING_TICKS: u16 = ticks(20);
+/// How far below the half-turn pre-twist the strings may be untwisted by the loop (rad).
+const BELOW_PRETWIST: f32 = 0.15;
 /// Acceleration of a jog (rad/s²).
 const JOG_ACCELERATION: f32 = 20.0;
 
@@ -186,6 +189,57 @@ impl Rig<'_> {
     pub(super) fn end_homing(&mut self) {
         self.shaft = Ramp::at(self.sensing.readings.shaft_rad);
         self.mode = Mode::Idle;
+    }
+
+    /// One tick of a move or a hold; what held the load back.
+    fn step_load(&mut self, events: &mut Events) -> Option<Limit> {
+        let readings = &self.sensing.readings;
+        let (Some(tracking), Some(_)) = (&mut self.tracking, readings.lvdt.gap_m()) else {
+            // The strings are kept still without a gap; a lasting loss is a fault of its own.
+            self.shaft.speed = 0.0;
+            return None;
+        };
+        let Some(observation) = tracking.observation else {
+            self.shaft.speed = 0.0;
+            return None;
+        };
+        let twist_rad = tracking.twist_rad(self.shaft.position);
+        let load = LoadState {
+            mechanism: tracking.mechanism(self.table),
+            observation,
+            position_m: tracking.position_m,
+            age_s: readings.gap_age_s,
+            twist_rad,
+            twist_limits: self.constants.twist_limits(),
+        };
+        let (output, planned) = match &mut self.mode {
+            Mode::Moving(planned) => {
+                let step = planned.step(&load, &self.constants);
+                (step.output, Some((planned, step)))
+            }
+            Mode::Holding(control) => (control.hold(&load), None),
+            _ => return None,
+        };
+        let fastest = load.twist_limits.speed;
+        self.shaft.speed = output.twist_speed_rad_per_s.clamp(-fastest, fastest);
+        let next = self.shaft.position + self.shaft.speed * TICK_S;
+        let table = &self.table.metadata;
+        let (low, high) = (table.twist_min_rad - BELOW_PRETWIST, table.twist_max_rad);
+        let twist = tracking.twist_rad(next).clamp(low, high);
+        let at_end = twist != tracking.twist_rad(next);
+        if at_end {
+            self.shaft.speed = 0.0;
+        }
+        self.shaft.position = tracking.homed.zero_rad + twist;
+        let travel = at_end.then_some(Limit::Travel);
+        let Some((planned, MoveStep { set_point, limit, .. })) = planned else { return travel };
+        tracking.learn(&observation, twist_rad, set_point.done);
+        if set_point.done && planned.is_over(output.error_m, at_end) {
+            let error_m = load.position_m - set_point.position_m;
+            let _ = events.push(if planned.stopping { EventKind::Stopped } else { EventKind::MoveDone { error_m } });
+            self.mode = Mode::Holding(planned.control);
+        }
+        travel.or(limit)
     }
 
     fn step_jog(&mut self, jog: Jog, events: &mut Events) -> Option<Limit> {
