@@ -231,7 +231,13 @@ fn a_string_that_slipped_is_no_new_load() {
                 assert!(moves.iter().all(|well| *well), "{load}, {near_miss}: {:?}", d.control.fault());
                 continue;
             }
-            assert_eq!(d.control.fault(), Some(Fault::ModelResidual), "{load}");
+            // A light load may follow the slip so fast that it looks like a sensor that shifts; either way it is held and homed.
+            let expected = [Fault::ModelResidual, Fault::LvdtJump];
+            assert!(
+                d.control.fault().is_some_and(|fault| expected.contains(&fault)),
+                "{load}: {:?}",
+                d.control.fault()
+            );
             d.run(0.5);
             assert!(d.tick(Some(Request::Clear)).reply.is_some_and(|r| r.is_ok()));
             assert_eq!(d.control.state(), State::Unhomed);

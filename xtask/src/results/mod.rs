@@ -47,10 +47,11 @@ pub fn run(folders: &Folders, only: &[String]) -> Result<()> {
     if let Some(wrong) = only.iter().find(|name| SECTIONS.iter().all(|s| s.name != name.as_str())) {
         anyhow::bail!("no section is called {wrong:?}; there are {}", known());
     }
-    let mut records = read(&file(&folders.root)).unwrap_or_default();
     for section in SECTIONS.iter().filter(|s| only.is_empty() || only.iter().any(|name| name == s.name)) {
         eprintln!("measuring {}: {}", section.name, section.command);
         let record = measure(folders, section).with_context(|| format!("section {}", section.name))?;
+        // Read again: other sections may have been measured meanwhile.
+        let mut records = read(&file(&folders.root)).unwrap_or_default();
         records.insert(section.name.to_owned(), record);
         // Written after each: a later section that fails takes nothing away.
         write_all(folders, &records)?;
@@ -73,7 +74,14 @@ fn write_all(folders: &Folders, records: &Records) -> Result<()> {
     write(folders.root.join("docs/results.md"), page::page(records))?;
     let readme = folders.root.join("README.md");
     let text = std::fs::read_to_string(&readme).context("README.md")?;
-    write(readme, readme::replaced(&text, records)?)
+    match readme::replaced(&text, records) {
+        Ok(text) => write(readme, text),
+        // The README's table needs several sections, of which some may still be missing.
+        Err(missing) => {
+            eprintln!("README.md is unchanged: {missing:#}");
+            Ok(())
+        }
+    }
 }
 
 fn file(root: &Path) -> PathBuf {

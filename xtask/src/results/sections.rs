@@ -99,7 +99,7 @@ pub(super) const SECTIONS: &[Section] = &[
         name: "endurance",
         title: "Endurance",
         about: "Moves under changing loads with faults on the way, and random bytes on both doors of the board.",
-        command: "cargo xtask endurance",
+        command: "cargo xtask endurance --moves 300 --bytes 2000000",
         figures: &[],
         measure: endurance,
     },
@@ -442,7 +442,8 @@ fn compare(folders: &Folders) -> Result<Measured> {
 fn endurance(folders: &Folders) -> Result<Measured> {
     firmware::build(folders, &choose(Choice::Auto)?)?;
     let mut command = cargo(folders);
-    command.args(["run", "--release", "--package", "host-tests", "--bin", "endurance", "--", "--json"]);
+    command.args(["run", "--release", "--package", "host-tests", "--bin", "endurance", "--"]);
+    command.args(["--json", "--moves", "300", "--bytes", "2000000"]);
     let text_lines = printed(&mut command)?;
     let mut measured = Measured { table: vec![text(&["", ""])], ..Measured::default() };
     for line in text_lines.lines() {

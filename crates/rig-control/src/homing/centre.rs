@@ -1,5 +1,6 @@
 //! The middle of an even curve, from two sweeps across it in opposite directions.
 
+use micromath::F32Ext;
 use rig_link::messages::HomingFailure;
 
 /// Bins across the sweep.
@@ -80,8 +81,9 @@ impl Centre {
         if (first.0 - second.0).abs() > LARGEST_SPLIT_RAD {
             return Err(HomingFailure::PoorFit);
         }
-        let scatter = libm::sqrtf(0.5 * (first.1 * first.1 + second.1 * second.1));
-        let error = 0.05 * (first.0 - second.0).abs() + scatter / libm::sqrtf(LEVELS as f32);
+        // The error is an estimate: micromath's root, 6 % off at most, is good enough for it.
+        let scatter = F32Ext::sqrt(0.5 * (first.1 * first.1 + second.1 * second.1));
+        let error = 0.05 * (first.0 - second.0).abs() + scatter / F32Ext::sqrt(LEVELS as f32);
         Ok((self.middle_rad + 0.5 * (first.0 + second.0), error))
     }
 }
@@ -119,7 +121,7 @@ fn middle_of_sweep(bins: &[Bin; BINS]) -> Result<(f32, f32), HomingFailure> {
         return Err(HomingFailure::NoPretwist);
     }
     let mean = sum / f32::from(count);
-    Ok((mean, libm::sqrtf((squares / f32::from(count) - mean * mean).max(0.0))))
+    Ok((mean, F32Ext::sqrt((squares / f32::from(count) - mean * mean).max(0.0))))
 }
 
 /// Where a rising run of points crosses a level.
