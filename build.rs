@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use std::process::{Command, ExitCode};
 use std::{env, fs};
 use tsa_model::Tier;
+use tsa_table::Demand;
 
 fn main() -> ExitCode {
     match run() {
@@ -28,7 +29,11 @@ fn run() -> Result<(), Box<dyn Error>> {
     let scene = Scene::load(&scene_path)?;
     let study = study()?;
     let fit = match &study {
-        Some(study) => Scene { accuracy: Some(study.accuracy), ..scene.clone() }.fit_table_of(study.tier)?,
+        // Under the scene's own hash, so that the tool accepts the board; its git id tells the image apart.
+        Some(study) => {
+            let demand = Demand { accuracy: study.accuracy, ..scene.demand()? };
+            tsa_table::fit::fit_tier(&scene.mechanism()?, &demand, study.tier)?
+        }
         None => scene.fit_table()?,
     };
     for unusual in scene.check_rig().map_err(|error| error.in_file(&scene_path))? {

@@ -1,23 +1,22 @@
-//! What is done about each fault and which fault outranks which, in one table; `docs/faults.md` tells it to the person at
-//! the bench.
+//! One table: what is done about each fault, and which fault outranks which. `docs/faults.md` explains it to the operator.
 //!
-//! Every fault latches, and several can be latched at a time. The gravest one decides what the drive is told; a graver one
-//! joins at once. No fault unwinds the strings by itself: each puts in doubt something that a controlled way down needs.
+//! Every fault latches, and several can be latched at a time. The gravest one decides the command to the drive; a graver one
+//! is latched beside it at once. No fault unwinds the strings by itself: each puts in doubt something that a controlled way down needs.
 //! No fault takes the torque away from a drive that holds: the strings would untwist and drop the load.
 
 use rig_link::messages::{Fault, Faults};
 
-/// What the drive is told while a fault is latched. The order is that of gravity: a later one outranks an earlier one,
-/// because less is known of the load, or it falls.
+/// The command to the drive while a fault is latched, in order of gravity: a later one outranks an earlier one, because
+/// less is known of the load, or the load falls.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Response {
     /// Hold the twist that the rig's own encoder shows, in closed loop.
     Hold,
-    /// Hold where the drive says it is: the rig's own encoder is what is wrong.
+    /// Hold the position that the drive reports, because the rig's own encoder is wrong.
     HoldByDrive,
-    /// Hold, in case it listens: whether it does is not known.
+    /// Hold, in case the drive still listens; nothing shows whether it does.
     HoldIfHeard,
-    /// Nothing but a Reset: the drive gives no torque any more, and must not come back to an old target.
+    /// Only a Reset: the drive gives no torque any more, and must not return to an old target.
     LetGo,
     /// Nothing: no target was given since the board or the drive started, so the drive gives no torque.
     Wait,
@@ -39,7 +38,7 @@ pub enum After {
 pub struct Policy {
     /// The fault.
     pub fault: Fault,
-    /// What the drive is told.
+    /// The command to the drive.
     pub response: Response,
     /// What `clear` leads to.
     pub after: After,
@@ -77,7 +76,7 @@ const NO_DRIVE: [Fault; 7] = [
 /// What looks wrong when the LVDT is.
 const NO_LVDT: [Fault; 3] = [Fault::FollowingError, Fault::ModelResidual, Fault::LoadRange];
 
-/// The table. Of faults with the same response that are found in the same tick, the earlier row is told first.
+/// The table. Of faults with the same response that are found in the same tick, the earlier row is reported first.
 pub const POLICY: [Policy; Fault::ALL.len()] = [
     row(Fault::TableCorrupt, Response::Wait, After::Restart, &[]),
     row(Fault::SettingsCorrupt, Response::Wait, After::Restart, &[]),
@@ -125,7 +124,7 @@ pub const fn policy(fault: Fault) -> &'static Policy {
         }
         i += 1;
     }
-    // Each fault has a row, which a test holds; the gravest one stands for what cannot be.
+    // A test checks that each fault has a row, so that this line is not reached.
     &POLICY[0]
 }
 

@@ -12,12 +12,10 @@
 //! same times give the same results.
 
 pub mod drive;
-pub mod effects;
 pub mod encoder;
 pub mod faults;
 pub mod lvdt;
 pub mod motor;
-pub mod outside;
 pub mod parameters;
 pub mod plant;
 pub mod plant_settings;
