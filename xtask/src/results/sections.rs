@@ -395,7 +395,9 @@ fn compare(folders: &Folders) -> Result<Measured> {
     let word = |row: &[String], column: &str| {
         head.iter().position(|name| name == column).and_then(|k| row.get(k)).cloned().unwrap_or_default()
     };
-    let mut names: Vec<String> = rows.iter().map(|row| row[0].clone()).collect();
+    // What others have published stands in the same file, with other columns.
+    let own = rows.iter().map(|row| row[0].clone()).filter(|name| !name.starts_with("published"));
+    let mut names: Vec<String> = own.collect();
     names.dedup();
     let mut tracking = Vec::new();
     for name in &names {
