@@ -34,7 +34,8 @@ struct Record {
     date: String,
     commit: String,
     machine: String,
-    #[serde(flatten)]
+    // Not flattened: serde buffers the contents of a flattened field, and then loses numbers where another crate turns on
+    // serde_json's arbitrary precision.
     measured: Measured,
 }
 
