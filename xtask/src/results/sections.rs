@@ -51,7 +51,7 @@ pub(super) const SECTIONS: &[Section] = &[
     Section {
         name: "cost",
         title: "What each way of knowing the mechanism costs on the board",
-        about: "Instructions on the emulated board, all in one image, over the same states.",
+        about: "Instructions on the emulated board, all in one image, over the same 30 states; collocation and the paper's method over three of them.",
         command: "cargo xtask cost",
         figures: &[("charts/target.svg", "Instructions on the board against error, for tables and for solvers")],
         measure: cost,
@@ -98,7 +98,7 @@ pub(super) const SECTIONS: &[Section] = &[
     Section {
         name: "endurance",
         title: "Endurance",
-        about: "Moves under changing loads with faults on the way, and random bytes on both doors of the board.",
+        about: "Moves under changing loads with faults on the way, and random bytes on the host link and on the bus.",
         command: "cargo xtask endurance --moves 300 --bytes 2000000",
         figures: &[],
         measure: endurance,
@@ -344,7 +344,7 @@ fn charts(folders: &Folders) -> Result<Measured> {
         ]);
     }
     measured.notes.push(
-        "The model is the dearest that some state of the scene needs; in brackets, which model is enough for how much \
+        "The model is the most expensive one that some state of the scene needs; in brackets, which model is enough for how much \
          of its load–twist plane."
             .into(),
     );
