@@ -20,6 +20,15 @@ pub struct RigConstants {
     pub lvdt_gap_at_code_zero_m: f32,
     /// Gap per ADC code (m).
     pub lvdt_metres_per_code: f32,
+    /// Stroke of the LVDT (m), and its linearity error by the data sheet: greatest deviation from a straight line (m).
+    pub lvdt_stroke_m: f32,
+    pub lvdt_linearity_m: f32,
+    /// Standard error of the LVDT's zero (m).
+    pub gap_zero_error_m: f32,
+    /// Relative standard error of the string's radius.
+    pub radius_error: f32,
+    /// Relative standard error of a change of load that the table shows.
+    pub load_shape_error: f32,
     /// RMDS group.
     pub drive_group: u8,
     /// RMDS number.
@@ -94,6 +103,11 @@ pub(crate) mod tests {
         current_limit_ma: 500,
         lvdt_gap_at_code_zero_m: 0.01,
         lvdt_metres_per_code: 5.372e-5,
+        lvdt_stroke_m: 0.2,
+        lvdt_linearity_m: 0.5e-3,
+        gap_zero_error_m: 1e-3,
+        radius_error: 0.03,
+        load_shape_error: 0.03,
         drive_group: 0,
         drive_number: 1,
         supply_limits_v: [19.2, 28.8],

@@ -7,6 +7,7 @@
 //! sees is taken for healthy: a replay ends where the recorded rig stopped by a fault.
 
 use crate::log::{Log, LogRow, Mark};
+use rig_control::gap_curve::GapCurve;
 use rig_control::homing::Homed;
 use rig_control::mechanism::Mechanism;
 use rig_control::{DriveCommand, DriveReading, Inputs, LvdtBlock, Rig, RigConstants, TICK_S, TICK_US, settings};
@@ -158,17 +159,21 @@ fn stretch(log: &Log, mark: usize, [load_n, gap_offset_m]: [f32; 2], board: &Boa
     let (ticks, filled, ended_by) = ticks(log, mark);
     let first = ticks.first()?;
     let twist_scale = first.row.twist_scale? as f32;
-    let mechanism = Mechanism { table: board.table, twist_scale };
+    let curve = GapCurve::constant(gap_offset_m);
+    let mechanism = Mechanism { table: board.table, twist_scale, curve };
     let friction_n = friction(&mechanism, first, load_n)?;
-    let hangs_m = mechanism.at(load_n - friction_n, first.twist_rad).gap_m + gap_offset_m + first.position_m;
+    let hangs_m = mechanism.at(load_n - friction_n, first.twist_rad).gap_m + first.position_m;
     let homed = |reference_gap_m: f32| Homed {
         zero_rad: 0.0,
         zero_error_rad: 0.0,
         load_n,
-        gap_offset_m,
+        load_error_n: 0.0,
         twist_scale,
+        curve,
+        covariance: [0.0; 3],
         friction_n,
         reference_gap_m,
+        gap_noise_m: 0.0,
         // So that a command is the shaft's set-point itself.
         drive_lag_s: 0.0,
     };

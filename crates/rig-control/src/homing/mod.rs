@@ -16,14 +16,15 @@ mod centre;
 mod weigh;
 
 use crate::constants::TwistLimits;
+use crate::gap_curve::GapCurve;
 use crate::mechanism::Mechanism;
 use crate::planner::Ramp;
 use crate::{RigConstants, TICK_S};
 use centre::Centre;
 use core::f32::consts::{PI, TAU};
-use rig_link::messages::HomingFailure;
+use rig_link::messages::{HomingFailure, LoadChoice};
 use tsa_table::Table;
-use weigh::Weigh;
+use weigh::{Current, Weigh};
 
 /// The load is quiet when its gap (m) stays within this for so long (ticks): a period of its slowest swing.
 const QUIET_M: f32 = 0.1e-3;
@@ -77,23 +78,32 @@ const SHIFTED_M: f32 = 0.6e-3;
 /// Longest homing (s), start-up of the drive not counted.
 const TIME_OUT_S: f32 = 42.0;
 
+/// Half the width of the interval that holds the truth in 90 of 100 cases, over the standard error.
+pub const NINETY_PERCENT: f32 = 1.645;
+
 /// Result of a homing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Homed {
     /// Shaft angle at zero twist (rad, as the encoder counts).
     pub zero_rad: f32,
-    /// Estimated error of that (rad).
+    /// Error of that, 90 % (rad).
     pub zero_error_rad: f32,
     /// Load (N).
     pub load_n: f32,
-    /// Measured less modelled gap (m).
-    pub gap_offset_m: f32,
+    /// Error of that, 90 % (N).
+    pub load_error_n: f32,
     /// Scale of the twist, see [`crate::mechanism`].
     pub twist_scale: f32,
+    /// Measured less modelled gap over the twist.
+    pub curve: GapCurve,
+    /// Covariance of the logarithm of the scale and of the curve's constant (m): scale, both, constant.
+    pub covariance: [f32; 3],
     /// Coulomb friction of the rail (N).
     pub friction_n: f32,
     /// Measured gap at position zero (m): the half-turn pre-twist, unless a setting says otherwise.
     pub reference_gap_m: f32,
+    /// Noise of the gap in one tick, measured at rest (m, rms).
+    pub gap_noise_m: f32,
     /// How far the shaft stays behind its set-point, in time (s): the drive's own position loop, measured.
     pub drive_lag_s: f32,
 }
@@ -131,7 +141,7 @@ enum Phase {
     Centre,
     WeighRest { ticks: u16 },
     Weigh,
-    Settle { ticks: u16, sum_m: f32, count: u16 },
+    Settle { ticks: u16, rest: Rest },
 }
 
 /// The search for the greatest gap.
@@ -146,6 +156,35 @@ struct Seek {
     top_rad: f32,
 }
 
+/// Gaps of a load at rest, from the first one.
+#[derive(Clone, Copy, Debug)]
+struct Rest {
+    first_m: f32,
+    sum_m: f32,
+    squares_m2: f32,
+    count: f32,
+}
+
+impl Rest {
+    const NONE: Self = Self { first_m: 0.0, sum_m: 0.0, squares_m2: 0.0, count: 0.0 };
+
+    fn add(&mut self, gap_m: f32) {
+        if self.count == 0.0 {
+            self.first_m = gap_m;
+        }
+        let from_first_m = gap_m - self.first_m;
+        self.sum_m += from_first_m;
+        self.squares_m2 += from_first_m * from_first_m;
+        self.count += 1.0;
+    }
+
+    /// Mean and rms deviation (m).
+    fn mean_and_noise_m(&self) -> (f32, f32) {
+        let mean_m = self.sum_m / self.count;
+        (self.first_m + mean_m, libm::sqrtf((self.squares_m2 / self.count - mean_m * mean_m).max(0.0)))
+    }
+}
+
 /// One homing.
 #[derive(Clone, Debug)]
 pub struct Homing {
@@ -157,6 +196,8 @@ pub struct Homing {
     direction: f32,
     ticks: u32,
     centre: Centre,
+    /// Currents of the two sweeps across zero twist.
+    zero_currents: [Current; 2],
     weigh: Weigh,
     zero_rad: f32,
     zero_error_rad: f32,
@@ -165,8 +206,8 @@ pub struct Homing {
 }
 
 impl Homing {
-    /// Starts from a shaft angle (rad) and a gap (m), expecting a scale of the twist.
-    pub const fn new(shaft_rad: f32, gap_m: f32, twist_scale: f32) -> Self {
+    /// Starts from a shaft angle (rad) and a gap (m), expecting a scale of the twist, with the weight that the operator gives.
+    pub const fn new(shaft_rad: f32, gap_m: f32, twist_scale: f32, load: LoadChoice) -> Self {
         Self {
             phase: Phase::Quiet { ticks: 0, low_m: gap_m, high_m: gap_m },
             ramp: Ramp::at(shaft_rad),
@@ -174,7 +215,8 @@ impl Homing {
             direction: 1.0,
             ticks: 0,
             centre: Centre::new(),
-            weigh: Weigh::new(twist_scale),
+            zero_currents: [Current::NONE; 2],
+            weigh: Weigh::new(twist_scale, load),
             zero_rad: 0.0,
             zero_error_rad: 0.0,
             lag_sum_s: 0.0,
@@ -213,13 +255,11 @@ impl Homing {
                 self.sweep_weigh(table, rig, inputs, &limits);
                 Ok(())
             }
-            Phase::Settle { ticks, sum_m, count } => {
-                match self.settle(table, ticks, sum_m, count, inputs.gap_m, &limits) {
-                    Ok(Some(homed)) => return Progress::Done(homed),
-                    Ok(None) => Ok(()),
-                    Err(failure) => Err(failure),
-                }
-            }
+            Phase::Settle { ticks, rest } => match self.settle(table, rig, ticks, rest, inputs.gap_m, &limits) {
+                Ok(Some(homed)) => return Progress::Done(homed),
+                Ok(None) => Ok(()),
+                Err(failure) => Err(failure),
+            },
         };
         match outcome {
             Ok(()) => Progress::Turning(self.ramp),
@@ -313,6 +353,9 @@ impl Homing {
         let goal = self.centre.middle_rad() + side * SWEEP_HALF;
         self.ramp.step(goal, SWEEP_SPEED, limits.acceleration);
         self.centre.record(inputs.shaft_at_gap_rad, inputs.gap_m);
+        if self.ramp.speed.abs() > 0.9 * SWEEP_SPEED {
+            self.zero_currents[usize::from(side * self.direction > 0.0)].add(inputs.current_a);
+        }
         if self.ramp == Ramp::at(goal) && self.centre.end_pass() {
             (self.zero_rad, self.zero_error_rad) = self.centre.solve()?;
             self.phase = Phase::WeighRest { ticks: 0 };
@@ -340,34 +383,33 @@ impl Homing {
         let shaft_rad = inputs.shaft_at_gap_rad;
         self.weigh.record((shaft_rad - start) / travel, shaft_rad - self.zero_rad, inputs.gap_m, inputs.current_a);
         if self.ramp == Ramp::at(goal) && self.weigh.end_pass() {
-            self.weigh.begin_fit(table, rig);
-            self.phase = Phase::Settle { ticks: 0, sum_m: 0.0, count: 0 };
+            self.weigh.begin_fit(table, rig, &self.zero_currents);
+            self.phase = Phase::Settle { ticks: 0, rest: Rest::NONE };
         }
     }
 
     fn settle(
         &mut self,
         table: &Table<'_>,
+        rig: &RigConstants,
         ticks: u16,
-        mut sum_m: f32,
-        mut count: u16,
+        mut rest: Rest,
         gap_m: f32,
         limits: &TwistLimits,
     ) -> Result<Option<Homed>, HomingFailure> {
         let ticks = self.rest_at(self.zero_rad + PI, SWEEP_SPEED, limits, ticks);
-        let fitted = self.weigh.fit_step(table)?;
+        let fitted = self.weigh.fit_step(table, rig)?;
         if f32::from(ticks) * TICK_S > SETTLE_S {
-            sum_m += gap_m;
-            count += 1;
+            rest.add(gap_m);
         }
-        self.phase = Phase::Settle { ticks, sum_m, count };
+        self.phase = Phase::Settle { ticks, rest };
         let averaged = f32::from(ticks) * TICK_S > SETTLE_S + REFERENCE_S;
-        let Some(w) = fitted.filter(|_| averaged && count > 0) else { return Ok(None) };
-        let reference_gap_m = sum_m / f32::from(count);
+        let Some(w) = fitted.filter(|_| averaged && rest.count > 0.0) else { return Ok(None) };
+        let (reference_gap_m, gap_noise_m) = rest.mean_and_noise_m();
         // Where the load hangs after the sweeps must be where the sweeps say that it does, after a way down.
-        let mechanism = Mechanism { table, twist_scale: w.twist_scale };
+        let mechanism = Mechanism { table, twist_scale: w.twist_scale, curve: w.curve };
         let there = mechanism.at(w.load_n - w.friction_n, PI);
-        let shifted_m = (reference_gap_m - w.offset_m - there.gap_m).abs();
+        let shifted_m = (reference_gap_m - there.gap_m).abs();
         if shifted_m > SHIFTED_M + 2.0 * w.friction_n * there.dgap_dload_m_per_n {
             return Err(HomingFailure::Shifted);
         }
@@ -375,10 +417,13 @@ impl Homing {
             zero_rad: self.zero_rad,
             zero_error_rad: self.zero_error_rad,
             load_n: w.load_n,
-            gap_offset_m: w.offset_m,
+            load_error_n: NINETY_PERCENT * w.load_sigma_n,
             twist_scale: w.twist_scale,
+            curve: w.curve,
+            covariance: w.covariance,
             friction_n: w.friction_n,
             reference_gap_m,
+            gap_noise_m,
             drive_lag_s: (self.lag_sum_s / f32::from(self.lag_count.max(1))).clamp(0.0, 0.2),
         }))
     }

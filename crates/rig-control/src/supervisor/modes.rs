@@ -174,7 +174,7 @@ impl Rig<'_> {
                 EventKind::Homed {
                     twist_error_estimate_rad: homed.zero_error_rad,
                     load_n: homed.load_n,
-                    gap_offset_m: homed.gap_offset_m,
+                    gap_offset_m: homed.curve.coefficients_m[0],
                 }
             }
             Progress::Failed(failure) => {

@@ -10,7 +10,7 @@ use crate::homing::Homing;
 use crate::move_check::{MoveRequest, MoveStart, in_range};
 use crate::planner::Ramp;
 use crate::sensors::LvdtReading;
-use rig_link::messages::{Accepted, EventKind, Fault, Parameter, Refusal, Request, Sensor, Setting};
+use rig_link::messages::{Accepted, EventKind, Fault, LoadChoice, Parameter, Refusal, Request, Sensor, Setting};
 
 impl Rig<'_> {
     /// Carries a request out or refuses it; `None` for requests that the link answers.
@@ -60,7 +60,12 @@ impl Rig<'_> {
         let readings = &self.sensing.readings;
         let gap_m = readings.lvdt.gap_m().ok_or(Refusal::SensorInvalid { sensor: Sensor::Lvdt })?;
         self.tracking = None;
-        self.mode = Mode::Homing(Homing::new(readings.shaft_rad, gap_m, self.settings.get(Setting::TwistScale)));
+        self.mode = Mode::Homing(Homing::new(
+            readings.shaft_rad,
+            gap_m,
+            self.settings.get(Setting::TwistScale),
+            LoadChoice::Auto,
+        ));
         Ok(Accepted::Started)
     }
 
@@ -75,7 +80,7 @@ impl Rig<'_> {
             friction_n: tracking.homed.friction_n,
             twist_rad: tracking.twist_rad(self.shaft.position),
             position_m: tracking.position_m,
-            zero_gap_m: tracking.homed.reference_gap_m - tracking.homed.gap_offset_m,
+            zero_gap_m: tracking.homed.reference_gap_m,
             settings: &self.settings,
         };
         start.check(request)?;
