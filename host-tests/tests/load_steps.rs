@@ -3,6 +3,8 @@
 
 use host_tests::{constants, table};
 use rig_control::friction_takeup::FrictionTakeup;
+use rig_control::gap_curve::GapCurve;
+use rig_control::homing::Homed;
 use rig_control::limits::Limits;
 use rig_control::load_state::LoadState;
 use rig_control::mechanism::{Mechanism, OUTSIDE_RAD};
@@ -21,7 +23,7 @@ const FRICTION_N: f32 = 0.2;
 const OFFSET_M: f32 = 1e-3;
 
 fn mechanism() -> Mechanism<'static> {
-    Mechanism { table: table(), twist_scale: 1.0, curve: GapCurve::constant(0.0) }
+    Mechanism { table: table(), twist_scale: 1.0, curve: GapCurve::constant(OFFSET_M) }
 }
 
 /// At the half-turn pre-twist, after homing's way down.
@@ -99,10 +101,27 @@ fn each_parameter_of_a_move_is_refused_by_name() {
     }
 }
 
+/// A homing that found the load and this friction (N), with the scale known to 1 % and the gap's zero to 0.1 mm.
+fn homed(friction_n: f32) -> Homed {
+    Homed {
+        zero_rad: 0.0,
+        zero_error_rad: 0.01,
+        load_n: LOAD_N,
+        load_error_n: 0.2,
+        twist_scale: 1.0,
+        curve: GapCurve::constant(OFFSET_M),
+        covariance: [1e-4, 0.0, 1e-8],
+        friction_n,
+        reference_gap_m: 0.1,
+        gap_noise_m: 4e-6,
+        drive_lag_s: 0.05,
+    }
+}
+
 /// A load at rest at a twist, whose strings pull load less friction, as after a way down.
 fn load_at(twist_rad: f32, friction_n: f32) -> LoadState<'static> {
-    let mut observer = LoadObserver::new(LOAD_N, OFFSET_M, friction_n);
-    let gap_m = mechanism().at(LOAD_N - friction_n, twist_rad).gap_m + OFFSET_M;
+    let mut observer = LoadObserver::new(&homed(friction_n), 0.05);
+    let gap_m = mechanism().at(LOAD_N - friction_n, twist_rad).gap_m;
     let observation = observer.step(&mechanism(), twist_rad, Some(gap_m));
     assert!((observation.pull_n - LOAD_N + friction_n).abs() < 1e-3, "{observation:?}");
     LoadState {

@@ -20,14 +20,15 @@ pub struct RigConstants {
     pub lvdt_gap_at_code_zero_m: f32,
     /// Gap per ADC code (m).
     pub lvdt_metres_per_code: f32,
-    /// Stroke of the LVDT (m), and its linearity error by the data sheet: greatest deviation from a straight line (m).
+    /// Stroke of the LVDT (m).
     pub lvdt_stroke_m: f32,
+    /// Linearity error of the LVDT by its data sheet: greatest deviation of the gap from a straight line over the stroke (m).
     pub lvdt_linearity_m: f32,
-    /// Standard error of the LVDT's zero (m).
+    /// Standard error of the LVDT's zero beside the mechanism's gap (m).
     pub gap_zero_error_m: f32,
-    /// Relative standard error of the string's radius.
+    /// Relative standard error of the string radius.
     pub radius_error: f32,
-    /// Relative standard error of a change of load that the table shows.
+    /// Standard error of a change of the load, as a share of the change.
     pub load_shape_error: f32,
     /// RMDS group.
     pub drive_group: u8,

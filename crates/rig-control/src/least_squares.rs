@@ -9,10 +9,7 @@ impl<const N: usize> Cholesky<N> {
     pub fn new(mut a: [[f32; N]; N]) -> Option<Self> {
         for i in 0..N {
             for j in 0..=i {
-                let mut sum = a[i][j];
-                for k in 0..j {
-                    sum -= a[i][k] * a[j][k];
-                }
+                let sum = a[i][j] - (0..j).map(|k| a[i][k] * a[j][k]).sum::<f32>();
                 if i != j {
                     a[i][j] = sum / a[j][j];
                 } else if sum > 0.0 && sum.is_finite() {
@@ -29,16 +26,12 @@ impl<const N: usize> Cholesky<N> {
     pub fn solve(&self, mut b: [f32; N]) -> [f32; N] {
         let l = &self.0;
         for i in 0..N {
-            for k in 0..i {
-                b[i] -= l[i][k] * b[k];
-            }
-            b[i] /= l[i][i];
+            let known: f32 = (0..i).map(|k| l[i][k] * b[k]).sum();
+            b[i] = (b[i] - known) / l[i][i];
         }
         for i in (0..N).rev() {
-            for k in i + 1..N {
-                b[i] -= l[k][i] * b[k];
-            }
-            b[i] /= l[i][i];
+            let known: f32 = (i + 1..N).map(|k| l[k][i] * b[k]).sum();
+            b[i] = (b[i] - known) / l[i][i];
         }
         b
     }

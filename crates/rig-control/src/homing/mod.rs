@@ -86,11 +86,11 @@ pub const NINETY_PERCENT: f32 = 1.645;
 pub struct Homed {
     /// Shaft angle at zero twist (rad, as the encoder counts).
     pub zero_rad: f32,
-    /// Error of that, 90 % (rad).
+    /// Half the width of the interval around it that holds the truth in 90 of 100 cases (rad).
     pub zero_error_rad: f32,
     /// Load (N).
     pub load_n: f32,
-    /// Error of that, 90 % (N).
+    /// Half the width of the interval around it that holds the truth in 90 of 100 cases (N).
     pub load_error_n: f32,
     /// Scale of the twist, see [`crate::mechanism`].
     pub twist_scale: f32,
@@ -203,10 +203,14 @@ pub struct Homing {
     zero_error_rad: f32,
     lag_sum_s: f32,
     lag_count: u16,
+    /// What the operator says of the load's weight.
+    #[allow(dead_code)]
+    load: LoadChoice,
 }
 
 impl Homing {
-    /// Starts from a shaft angle (rad) and a gap (m), expecting a scale of the twist, with the weight that the operator gives.
+    /// Starts from a shaft angle (rad) and a gap (m), expecting a scale of the twist. `load` is what the operator says of
+    /// the load's weight.
     pub const fn new(shaft_rad: f32, gap_m: f32, twist_scale: f32, load: LoadChoice) -> Self {
         Self {
             phase: Phase::Quiet { ticks: 0, low_m: gap_m, high_m: gap_m },
@@ -221,6 +225,7 @@ impl Homing {
             zero_error_rad: 0.0,
             lag_sum_s: 0.0,
             lag_count: 0,
+            load,
         }
     }
 

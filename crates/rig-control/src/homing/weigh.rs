@@ -288,12 +288,7 @@ impl Weigh {
         let misfit_mm = libm::sqrtf(squares / n);
         let gap_error_mm = misfit_mm.max(MM * LEAST_GAP_ERROR_M);
         let weight = INDEPENDENT_BINS / (n * gap_error_mm * gap_error_mm);
-        for a in 0..3 {
-            right[a] *= weight;
-            for b in 0..=a {
-                matrix[a][b] *= weight;
-            }
-        }
+        right.iter_mut().chain(matrix.iter_mut().flatten()).for_each(|x| *x *= weight);
         let mut add = |unknown: usize, by: f32, missing: f32, sigma: f32| {
             let information = by / (sigma * sigma);
             matrix[unknown][unknown] += information * by;

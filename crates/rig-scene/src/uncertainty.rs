@@ -1,0 +1,45 @@
+//! `[uncertainty]`: how well the mechanism's constants are known.
+
+use serde::{Deserialize, Serialize};
+use tsa_model::ParameterError;
+
+/// Standard errors of what the constants say of the strings (docs/scene.md). The control code computes from them how
+/// well it knows load and position.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Uncertainty {
+    /// Relative standard error of the string radius.
+    pub radius: f64,
+    /// Standard error of the LVDT's zero beside the mechanism's gap (m).
+    pub gap_zero_m: f64,
+    /// Standard error of a change of the load, as a share of the change.
+    pub load_shape: f64,
+}
+
+impl Default for Uncertainty {
+    /// Constants from the paper for a rig of its kind that nobody has identified, and an LVDT that is mounted by callipers.
+    fn default() -> Self {
+        Self { radius: 0.03, gap_zero_m: 1e-3, load_shape: 0.05 }
+    }
+}
+
+impl Uncertainty {
+    /// Whether it is the default, which a scene file may leave out.
+    pub(crate) fn is_default(&self) -> bool {
+        *self == Self::default()
+    }
+
+    pub(crate) fn validate(&self) -> Result<(), ParameterError> {
+        for (parameter, value) in [
+            ("uncertainty.radius", self.radius),
+            ("uncertainty.gap_zero_m", self.gap_zero_m),
+            ("uncertainty.load_shape", self.load_shape),
+        ] {
+            // Nothing is known exactly, and the fit divides by each of them.
+            if !(1e-6..=0.5).contains(&value) {
+                return Err(ParameterError { parameter, value, reason: "must be from 0.000001 to 0.5" });
+            }
+        }
+        Ok(())
+    }
+}
