@@ -300,7 +300,7 @@ fn the_longest_messages_fit() {
 #[test]
 fn too_small_a_buffer_is_an_error() {
     for length in 0..wire(0, &Request::HOME).len() {
-        assert!(encode(0, &Request::Home, &mut vec![0; length]).is_err(), "{length}");
+        assert!(encode(0, &Request::HOME, &mut vec![0; length]).is_err(), "{length}");
     }
 }
 
