@@ -3,8 +3,6 @@
 
 use host_tests::{constants, table};
 use rig_control::friction_takeup::FrictionTakeup;
-use rig_control::gap_curve::GapCurve;
-use rig_control::homing::Homed;
 use rig_control::limits::Limits;
 use rig_control::load_state::LoadState;
 use rig_control::mechanism::{Mechanism, OUTSIDE_RAD};
@@ -14,7 +12,7 @@ use rig_control::planner::{Planner, SetPoint};
 use rig_control::position_loop::{BANDWIDTH_PER_S, PositionLoop};
 use rig_control::time_to_target::time_to_target_s;
 use rig_control::{TICK_S, settings};
-use rig_link::messages::{LoadChoice, Parameter, Refusal, Setting, SettingValues};
+use rig_link::messages::{GapCurve, HomingResult, LoadChoice, Parameter, Refusal, Setting, SettingValues};
 use std::f32::consts::PI;
 
 const LOAD_N: f32 = 5.0;
@@ -102,9 +100,8 @@ fn each_parameter_of_a_move_is_refused_by_name() {
 }
 
 /// A homing that found the load and this friction (N), with the scale known to 1 % and the gap's zero to 0.1 mm.
-fn homed(friction_n: f32) -> Homed {
-    Homed {
-        zero_rad: 0.0,
+fn homed(friction_n: f32) -> HomingResult {
+    HomingResult {
         zero_error_rad: 0.01,
         load_n: LOAD_N,
         load_error_n: 0.2,

@@ -3,10 +3,9 @@
 //! Twist acts through the arc θ r of the strings (model.md 2), so a string a little thicker or thinner than the scene
 //! says acts as one that is twisted a little more or less: G(F, s θ). This one number s stands for everything that makes
 //! the radius wrong: spread of the braid, creep, temperature. What is left at the homed load is a curve over the twist
-//! ([`crate::gap_curve`]), so that gap and TR are those that this rig showed.
+//! ([`rig_link::gap_curve`]), so that gap and TR are those that this rig showed.
 
-use crate::gap_curve::GapCurve;
-use rig_link::messages::Setting;
+use rig_link::messages::{GapCurve, Setting};
 use tsa_table::{Point, Table};
 
 /// Bounds of the scale: a string outside them is not the one that the table was made for.

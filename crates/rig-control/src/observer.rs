@@ -13,9 +13,9 @@
 //! the rods and strings do when the load has changed since homing, and how long ago that was.
 
 use crate::TICK_S;
-use crate::homing::{Homed, NINETY_PERCENT};
+use crate::homing::NINETY_PERCENT;
 use crate::mechanism::Mechanism;
-use rig_link::messages::LoadChoice;
+use rig_link::messages::{HomingResult, LoadChoice};
 use tsa_table::Point;
 
 /// How long the estimate takes to follow (s): longer than a swing of the load, shorter than a step of it matters.
@@ -107,7 +107,7 @@ pub struct Observation {
 
 impl LoadObserver {
     /// Starts from a homing, after a way down, with the relative error of a change of the load.
-    pub const fn new(homed: &Homed, shape_error: f32) -> Self {
+    pub const fn new(homed: &HomingResult, shape_error: f32) -> Self {
         Self {
             load_n: homed.load_n,
             homed_n: homed.load_n,

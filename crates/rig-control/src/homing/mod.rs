@@ -16,13 +16,12 @@ mod centre;
 mod weigh;
 
 use crate::constants::TwistLimits;
-use crate::gap_curve::GapCurve;
 use crate::mechanism::Mechanism;
 use crate::planner::Ramp;
 use crate::{RigConstants, TICK_S};
 use centre::Centre;
 use core::f32::consts::{PI, TAU};
-use rig_link::messages::{HomingFailure, LoadChoice};
+use rig_link::messages::{HomingFailure, HomingResult, LoadChoice};
 use tsa_table::Table;
 use weigh::{Current, Weigh};
 
@@ -81,31 +80,13 @@ const TIME_OUT_S: f32 = 42.0;
 /// Half the width of the interval that holds the truth in 90 of 100 cases, over the standard error.
 pub const NINETY_PERCENT: f32 = 1.645;
 
-/// Result of a homing.
+/// Result of a homing, as the board goes on with it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Homed {
     /// Shaft angle at zero twist (rad, as the encoder counts).
     pub zero_rad: f32,
-    /// Half the width of the interval around it that holds the truth in 90 of 100 cases (rad).
-    pub zero_error_rad: f32,
-    /// Load (N).
-    pub load_n: f32,
-    /// Half the width of the interval around it that holds the truth in 90 of 100 cases (N).
-    pub load_error_n: f32,
-    /// Scale of the twist, see [`crate::mechanism`].
-    pub twist_scale: f32,
-    /// Measured less modelled gap over the twist.
-    pub curve: GapCurve,
-    /// Covariance of the logarithm of the scale and of the curve's constant (m): scale, both, constant.
-    pub covariance: [f32; 3],
-    /// Coulomb friction of the rail (N).
-    pub friction_n: f32,
-    /// Measured gap at position zero (m): the half-turn pre-twist, unless a setting says otherwise.
-    pub reference_gap_m: f32,
-    /// Noise of the gap in one tick, measured at rest (m, rms).
-    pub gap_noise_m: f32,
-    /// How far the shaft stays behind its set-point, in time (s): the drive's own position loop, measured.
-    pub drive_lag_s: f32,
+    /// What the host is told.
+    pub found: HomingResult,
 }
 
 /// Inputs of one tick.
@@ -420,16 +401,18 @@ impl Homing {
         }
         Ok(Some(Homed {
             zero_rad: self.zero_rad,
-            zero_error_rad: self.zero_error_rad,
-            load_n: w.load_n,
-            load_error_n: NINETY_PERCENT * w.load_sigma_n,
-            twist_scale: w.twist_scale,
-            curve: w.curve,
-            covariance: w.covariance,
-            friction_n: w.friction_n,
-            reference_gap_m,
-            gap_noise_m,
-            drive_lag_s: (self.lag_sum_s / f32::from(self.lag_count.max(1))).clamp(0.0, 0.2),
+            found: HomingResult {
+                zero_error_rad: self.zero_error_rad,
+                load_n: w.load_n,
+                load_error_n: NINETY_PERCENT * w.load_sigma_n,
+                friction_n: w.friction_n,
+                reference_gap_m,
+                gap_noise_m,
+                twist_scale: w.twist_scale,
+                curve: w.curve,
+                covariance: w.covariance,
+                drive_lag_s: (self.lag_sum_s / f32::from(self.lag_count.max(1))).clamp(0.0, 0.2),
+            },
         }))
     }
 }

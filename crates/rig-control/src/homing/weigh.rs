@@ -8,9 +8,9 @@
 //! Gauss–Newton step is taken in each tick. The inverse of the last step's matrix is the covariance of the result.
 
 use crate::RigConstants;
-use crate::gap_curve::{GapCurve, TERMS};
 use crate::least_squares::Cholesky;
 use crate::mechanism::{Mechanism, TWIST_SCALE};
+use rig_link::gap_curve::{GapCurve, TERMS};
 use rig_link::messages::{HomingFailure, LoadChoice};
 use tsa_table::{Point, Table};
 

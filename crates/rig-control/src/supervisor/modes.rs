@@ -171,13 +171,7 @@ impl Rig<'_> {
             }
             Progress::Done(homed) => {
                 self.resume(homed);
-                EventKind::Homed {
-                    zero_error_rad: homed.zero_error_rad,
-                    load_n: homed.load_n,
-                    load_error_n: homed.load_error_n,
-                    friction_n: homed.friction_n,
-                    gap_offset_m: homed.curve.coefficients_m[0],
-                }
+                EventKind::Homed(homed.found)
             }
             Progress::Failed(failure) => {
                 self.end_homing();

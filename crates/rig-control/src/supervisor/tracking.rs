@@ -34,13 +34,13 @@ pub(super) struct LoadTracking {
 impl LoadTracking {
     /// From a homing, at rest at the half-turn pre-twist.
     pub(super) fn new(mut homed: Homed, settings: &SettingValues, constants: &RigConstants) -> Self {
-        homed.reference_gap_m -= settings.get(Setting::PositionZero);
+        homed.found.reference_gap_m -= settings.get(Setting::PositionZero);
         Self {
             homed,
-            observer: LoadObserver::new(&homed, constants.load_shape_error),
-            homed_gap_m: homed.reference_gap_m,
+            observer: LoadObserver::new(&homed.found, constants.load_shape_error),
+            homed_gap_m: homed.found.reference_gap_m,
             lvdt_slope_error: SLOPE_SHARE * TAU * constants.lvdt_linearity_m / constants.lvdt_stroke_m,
-            adaptation: Adaptation::new(homed.twist_scale),
+            adaptation: Adaptation::new(homed.found.twist_scale),
             // Subtract from zero: negating 0.0 would print as -0.
             position_m: 0.0 - settings.get(Setting::PositionZero),
             observation: None,
@@ -49,7 +49,7 @@ impl LoadTracking {
 
     /// The table with these strings' scale of the twist.
     pub(super) fn mechanism<'t>(&self, table: &'t Table<'t>) -> Mechanism<'t> {
-        Mechanism { table, twist_scale: self.homed.twist_scale, curve: self.homed.curve }
+        Mechanism { table, twist_scale: self.homed.found.twist_scale, curve: self.homed.found.curve }
     }
 
     /// Error of the load, 90 % (N); `None` outside the table's twists.
@@ -59,9 +59,9 @@ impl LoadTracking {
 
     /// Error of the position, 90 % (m): the LVDT's slope between here and where it was homed, and the noise here.
     pub(super) fn position_error_m(&self) -> Option<f32> {
-        let gap_m = self.homed.reference_gap_m - self.position_m;
+        let gap_m = self.homed.found.reference_gap_m - self.position_m;
         let by_slope_m = self.lvdt_slope_error * (gap_m - self.homed_gap_m);
-        Some(libm::hypotf(by_slope_m, NINETY_PERCENT * self.homed.gap_noise_m))
+        Some(libm::hypotf(by_slope_m, NINETY_PERCENT * self.homed.found.gap_noise_m))
     }
 
     /// Twist (rad) at a shaft angle (rad).
@@ -73,7 +73,7 @@ impl LoadTracking {
     pub(super) fn observe(&mut self, table: &Table<'_>, readings: &Readings) {
         let gap_m = readings.lvdt.gap_m();
         if let Some(gap_m) = gap_m {
-            self.position_m = self.homed.reference_gap_m - gap_m;
+            self.position_m = self.homed.found.reference_gap_m - gap_m;
         }
         // Twist and gap of the same time belong together.
         let twist_rad = self.twist_rad(readings.shaft_at_gap_rad);
@@ -100,16 +100,16 @@ impl LoadTracking {
         let homed = &mut self.homed;
         // Change of the load estimate (N) for a change of the scale by 1: (∂G/∂s)/(∂G/∂F).
         let x = observation.point.dgap_dtwist_m_per_rad * twist_rad
-            / homed.twist_scale
+            / homed.found.twist_scale
             / observation.point.dgap_dload_m_per_n;
         if observation.changing || self.observer.source != LoadChoice::Auto {
             self.adaptation.forget_move();
         } else if !done && observation.moved_m > 0.0 {
             self.adaptation.record(x, self.observer.load_n());
         } else if done {
-            let finding = self.adaptation.end_move(homed.twist_scale);
+            let finding = self.adaptation.end_move(homed.found.twist_scale);
             if finding.scale_change != 0.0 {
-                homed.twist_scale += finding.scale_change;
+                homed.found.twist_scale += finding.scale_change;
                 self.observer.rescale(-x * finding.scale_change);
             }
         }
@@ -117,7 +117,7 @@ impl LoadTracking {
 
     /// Position 0 is called another height: every position is `higher_m` greater.
     pub(super) fn shift_position(&mut self, higher_m: f32) {
-        self.homed.reference_gap_m += higher_m;
+        self.homed.found.reference_gap_m += higher_m;
         self.position_m += higher_m;
     }
 }

@@ -4,11 +4,16 @@
 //! radius grows by another law, the LVDT is not straight or its zero is elsewhere, is a smooth curve. With the curve
 //! added, gap and TR are those of this rig at the homed load, whichever law is true.
 
+use postcard_schema::Schema;
+use serde::{Deserialize, Serialize};
+
 /// Coefficients of the curve: a constant, and the powers up to the third.
 pub const TERMS: usize = 4;
 
 /// Measured less modelled gap over the twist.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, Schema)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[serde(deny_unknown_fields)]
 pub struct GapCurve {
     /// Middle of the measured twists (rad).
     pub middle_rad: f32,
