@@ -2,7 +2,7 @@
 
 use host_tests::{ControlBench, table};
 use rig_control::homing::Homed;
-use rig_link::messages::{EventKind, Fault, Limit, LoadChoice, Parameter, Refusal, Request, State};
+use rig_link::messages::{EventKind, Fault, HomingResult, Limit, LoadChoice, Parameter, Refusal, Request, State};
 use sim_link::RigFault;
 use std::f64::consts::PI;
 
@@ -42,11 +42,11 @@ fn homes_from_any_twist_under_any_load() {
         println!(
             "{load} from {twist:6.2} rad: {seconds:.1} s, zero off by {zero_error:+.4} rad (said {:.4}), load {:+.1} %",
             h.found.zero_error_rad,
-            100.0 * (f64::from(h.found.load_n) / truth.found.load_n - 1.0)
+            100.0 * (f64::from(h.found.load_n) / truth.load_n - 1.0)
         );
         assert!(seconds < 45.0);
         assert!(zero_error.abs() < 0.02, "{load} from {twist} rad: {zero_error}");
-        assert!((f64::from(h.found.load_n) / truth.found.load_n - 1.0).abs() < 0.08);
+        assert!((f64::from(h.found.load_n) / truth.load_n - 1.0).abs() < 0.08);
     }
 }
 
@@ -220,7 +220,8 @@ fn a_string_that_slipped_is_no_new_load() {
             let mut d = homed(load, "5", 11);
             if near_miss == "drift" {
                 let homed = *d.control.homed().unwrap();
-                d.control.resume(Homed { twist_scale: homed.found.twist_scale + 0.02, ..homed });
+                let found = HomingResult { twist_scale: homed.found.twist_scale + 0.02, ..homed.found };
+                d.control.resume(Homed { found, ..homed });
             }
             go(&mut d, 0.006).unwrap();
             match near_miss {

@@ -2,9 +2,9 @@
 
 use proptest::prelude::*;
 use rig_link::{
-    Accepted, Clock, Constants, Counters, Decoder, EventKind, Fault, Faults, Frame, HomingFailure, Identity, Kept,
-    Limit, LoadChoice, MAX_FRAME, Message, Parameter, Refusal, Request, ResetCause, Sensors, Setting, SettingValues,
-    SettingsReport, State, TableIdentity, TableRefusal, Telemetry, Versions, encode,
+    Accepted, Clock, Constants, Counters, Decoder, EventKind, Fault, Faults, Frame, GapCurve, HomingFailure,
+    HomingResult, Identity, Kept, Limit, LoadChoice, MAX_FRAME, Message, Parameter, Refusal, Request, ResetCause,
+    Sensors, Setting, SettingValues, SettingsReport, State, TableIdentity, TableRefusal, Telemetry, Versions, encode,
 };
 use serde::{Serialize, de::DeserializeOwned};
 
