@@ -1,6 +1,6 @@
 //! Scene file to firmware: solves the model, fits and certifies the table, writes it and the rig's constants as Rust.
 
-use rig_scene::{Accuracy, Rig, Scene};
+use rig_scene::{Accuracy, Scene};
 use std::error::Error;
 use std::path::PathBuf;
 use std::process::{Command, ExitCode};
@@ -40,7 +40,7 @@ fn run() -> Result<(), Box<dyn Error>> {
         println!("cargo:warning=scene file {scene_path}: {unusual}");
     }
     let mut source = tsa_table::emit::rust_source(&fit);
-    source.push_str(&constants(&scene.rig));
+    source.push_str(&constants(&scene));
     source.push_str(&demand(&scene, &fit)?);
     source.push_str(&hashes(&scene));
     fs::write(out.join("scene.rs"), source)?;
@@ -80,14 +80,14 @@ fn study() -> Result<Option<Study>, Box<dyn Error>> {
     Ok(Some(Study { tier, accuracy: Accuracy { contraction_m: number(contraction)?, tr_relative: number(tr)? } }))
 }
 
-fn constants(rig: &Rig) -> String {
+fn constants(scene: &Scene) -> String {
     format!(
-        "/// The rig's numbers, from the scene's `[rig]`.\n\
+        "/// The rig's numbers, from the scene's `[rig]` and `[uncertainty]`.\n\
          pub const RIG: rig_control::RigConstants = rig_control::{:?};\n\
          /// How the board talks to the drive.\n\
          pub const DRIVE_TRANSPORT: rmds405::Transport = rmds405::Transport::{:?};\n",
-        rig.constants(),
-        rig.drive_transport,
+        scene.constants(),
+        scene.rig.drive_transport,
     )
 }
 

@@ -296,7 +296,7 @@ impl Bench {
         self.greet();
         assert!(self.until(5.0, |b| b.state() == State::Unhomed), "{:?}", self.last);
         let start = self.machine.now_s();
-        self.ask(&Request::Home).expect("idle");
+        self.ask(&Request::HOME).expect("idle");
         assert!(self.until(60.0, |b| b.state() != State::Homing), "homing did not end");
         assert_eq!(self.state(), State::Ready, "{:?}", self.events);
         self.machine.now_s() - start

@@ -242,7 +242,7 @@ fn go_on(b: &mut Bench, result: &mut Endurance) {
     if b.state() == State::Unhomed {
         let (began_s, truth) = (b.machine.now_s(), b.machine.board().truth());
         let what = format!("after {fault:?} at move {}, homed from {began_s:.2} s on, {truth:?}", result.moves);
-        b.ask(&Request::Home).unwrap_or_else(|e| panic!("{what}: {e}"));
+        b.ask(&Request::HOME).unwrap_or_else(|e| panic!("{what}: {e}"));
         assert!(b.until(60.0, |b| b.state() != State::Homing), "homing did not end {what}");
         assert_eq!(b.state(), State::Ready, "{what}, until {:.2} s: {:?}", b.machine.now_s(), b.events.last());
         result.homings += 1;

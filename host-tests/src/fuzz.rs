@@ -164,7 +164,7 @@ pub fn control(data: &[u8]) {
         };
         let codes: Vec<u16> = (0..256u16).map(|k| (word(0) as u16 & 0xFFF).wrapping_add(k & 3) & 0xFFF).collect();
         let request = match chunk[15] >> 4 {
-            1 => Some(Request::Home),
+            1 => Some(Request::HOME),
             2 => Some(Request::Move { target_m: value, speed_m_per_s: 0.002, load: LoadChoice::Auto }),
             3 => Some(Request::Move { target_m: 0.004, speed_m_per_s: value, load: LoadChoice::Known(value) }),
             4 => Some(Request::Jog { twist_speed_rad_per_s: value }),

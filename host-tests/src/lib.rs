@@ -45,7 +45,7 @@ pub fn table() -> &'static Table<'static> {
 
 /// The rig's constants, as the build script derives them.
 pub fn constants() -> RigConstants {
-    scene().rig.constants()
+    scene().constants()
 }
 
 /// Samples of one LVDT block, and the time between two of them, as on the board.
@@ -146,7 +146,7 @@ impl ControlBench {
     /// As [`ControlBench::new`], of a rig whose `[rig]` is not the default scene's, and control code built for it. Address and
     /// supply divider of the drive must be the default scene's.
     pub fn of(scene: &Scene, keys: &[(&str, &str)], seed: u64) -> Self {
-        let control = Control::new(table(), scene.rig.constants(), None);
+        let control = Control::new(table(), scene.constants(), None);
         Self::in_scene(scene, control, keys, seed)
     }
 }
@@ -306,7 +306,7 @@ impl ControlBench {
             return Err(format!("not ready: {:?} {:?}", self.control.state(), self.control.fault()));
         }
         let start = self.time_s;
-        let reply = self.tick(Some(Request::Home)).reply;
+        let reply = self.tick(Some(Request::HOME)).reply;
         if !matches!(reply, Some(Ok(_))) {
             return Err(format!("refused: {reply:?}"));
         }

@@ -104,7 +104,7 @@ impl Scenario {
                     let change = (ticks(event.t_s - start_s), *change);
                     scenario.moves.last_mut().ok_or_else(|| fail("comes before any move"))?.changes.push(change);
                 }
-                (Action::Command(Request::Home), None) if !homes => homes = true,
+                (Action::Command(Request::Home { .. }), None) if !homes => homes = true,
                 (Action::Command(request @ Request::Move { target_m, speed_m_per_s, .. }), _) if homes => {
                     let (request, target_m, speed_m_per_s) = (*request, *target_m, *speed_m_per_s);
                     scenario.moves.push(Move { request, target_m, speed_m_per_s, ticks: 0, changes: Vec::new() });

@@ -191,13 +191,13 @@ fn a_tool_of_another_build_is_refused_politely_but_may_stop() {
     assert!(b.until(5.0, |b| b.state() == State::Unhomed));
     let mismatch = Err(Refusal::NotGreeted);
     let another = Versions::new(PROTOCOL_HASH ^ 1, "9.8.7", "");
-    assert_eq!(b.ask(&Request::Home), mismatch);
+    assert_eq!(b.ask(&Request::HOME), mismatch);
     assert_eq!(b.ask(&Request::Hello(another)), mismatch);
     let board = b.versions.expect("it greets every tool");
     let message = another.check_board(&board).expect_err("another protocol").to_string();
     assert!(message.contains("9.8.7") && message.contains(board.git()) && !board.git().is_empty(), "{message}");
     assert!(b.identity.is_none(), "nothing that another tool could misread");
-    assert_eq!(b.ask(&Request::Home), mismatch);
+    assert_eq!(b.ask(&Request::HOME), mismatch);
     assert!(b.ask(&Request::Stop).is_ok());
     assert!(b.ask(&HELLO).is_ok());
     b.run(0.1);
@@ -205,7 +205,7 @@ fn a_tool_of_another_build_is_refused_politely_but_may_stop() {
     assert_eq!(identity.scene_hash, host_tests::scene().hash());
     assert_eq!(identity.reset_cause, ResetCause::PowerOn);
     assert_eq!(identity.table.crc, host_tests::table().crc, "firmware and desktop have the same table");
-    assert!(b.ask(&Request::Home).is_ok());
+    assert!(b.ask(&Request::HOME).is_ok());
 }
 
 #[test]
@@ -266,7 +266,7 @@ fn a_hung_core_is_reset_by_the_watchdog_and_stays_in_fault() {
     b.run(0.1);
     let identity = b.identity.clone().unwrap();
     assert_eq!((identity.reset_cause, identity.boot_count), (ResetCause::Watchdog, 2));
-    assert_eq!(b.ask(&Request::Home), Err(Refusal::InFault { fault: Fault::WatchdogReset }));
+    assert_eq!(b.ask(&Request::HOME), Err(Refusal::InFault { fault: Fault::WatchdogReset }));
     b.ask(&Request::Clear).unwrap();
     assert!(b.until(6.0, |b| b.state() == State::Unhomed));
 }
@@ -295,7 +295,7 @@ fn a_fault_of_the_core_is_kept_over_the_reset_and_told() {
     println!("{text}");
     assert!(text.starts_with("hard fault at 0x08"), "{text}");
     b.run(3.0);
-    assert_eq!(b.ask(&Request::Home), Err(Refusal::InFault { fault: Fault::Panicked }));
+    assert_eq!(b.ask(&Request::HOME), Err(Refusal::InFault { fault: Fault::Panicked }));
     b.ask(&Request::Clear).unwrap();
     assert!(b.until(6.0, |b| b.state() == State::Unhomed));
 }

@@ -99,14 +99,18 @@ fn a_load_changed_on_the_way_is_noticed_and_carried() {
 fn requests_outside_the_limits_are_refused_by_name() {
     let mut d = ControlBench::new(&[], 1);
     let go = |target_m: f32, speed_m_per_s: f32, load: LoadChoice| Request::Move { target_m, speed_m_per_s, load };
-    assert_eq!(d.tick(Some(Request::Home)).reply, Some(Err(Refusal::DriveNotReady)));
+    assert_eq!(d.tick(Some(Request::HOME)).reply, Some(Err(Refusal::DriveNotReady)));
     assert!(d.until(5.0, |d| d.control.state() == State::Unhomed));
     assert_eq!(d.tick(Some(go(0.01, 0.002, LoadChoice::Auto))).reply, Some(Err(Refusal::NotHomed)));
-    d.home().unwrap();
     let out_of = |reply: Option<Result<_, Refusal>>| match reply {
         Some(Err(Refusal::OutOfRange { parameter, .. } | Refusal::NotFinite { parameter })) => parameter,
         other => panic!("{other:?}"),
     };
+    for load_n in [0.1, 30.0, f32::NAN] {
+        let home = Request::Home { load: LoadChoice::Known(load_n) };
+        assert_eq!(out_of(d.tick(Some(home)).reply), Parameter::Load, "{load_n} N");
+    }
+    d.home().unwrap();
     assert_eq!(out_of(d.tick(Some(go(0.05, 0.002, LoadChoice::Auto))).reply), Parameter::Target);
     assert_eq!(out_of(d.tick(Some(go(-0.001, 0.002, LoadChoice::Auto))).reply), Parameter::Target);
     assert_eq!(out_of(d.tick(Some(go(f32::NAN, 0.002, LoadChoice::Auto))).reply), Parameter::Target);
@@ -150,7 +154,7 @@ fn stop_ramps_down_and_holds() {
     d.run(3.0);
     assert!((d.true_position_m() - rest).abs() < 50e-6);
     // Stop during homing gives up and holds the twist.
-    d.tick(Some(Request::Home));
+    d.tick(Some(Request::HOME));
     d.run(1.0);
     d.tick(Some(Request::Stop));
     assert_eq!(d.control.state(), State::Unhomed);
@@ -169,7 +173,7 @@ fn a_lost_host_ends_a_motion_in_hold_within_half_a_second() {
     let position = d.true_position_m();
     d.run(5.0);
     assert!((d.true_position_m() - position).abs() < 0.1e-3, "moved on after the fault");
-    assert_eq!(d.tick(Some(Request::Home)).reply, Some(Err(Refusal::InFault { fault: Fault::HostSilent })));
+    assert_eq!(d.tick(Some(Request::HOME)).reply, Some(Err(Refusal::InFault { fault: Fault::HostSilent })));
     d.host_alive = true;
     d.run(0.2);
     assert_eq!(d.control.state(), State::Fault, "faults do not clear themselves");

@@ -224,7 +224,7 @@ fn a_jammed_load_is_not_homed() {
 #[test]
 fn the_probe_turns_back_from_closed_strings() {
     let (table, constants) = (host_tests::table(), host_tests::constants());
-    let mut homing = Homing::new(0.0, 0.05, 1.0);
+    let mut homing = Homing::new(0.0, 0.05, 1.0, LoadChoice::Auto);
     let (mut shaft_rad, mut pressed) = (0.0f32, 0);
     for _ in 0..1000 {
         let inputs = HomingInputs { shaft_rad, shaft_at_gap_rad: shaft_rad, gap_m: 0.05, current_a: 0.0 };

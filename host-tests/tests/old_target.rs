@@ -76,7 +76,7 @@ const STATES: [Reach; 6] = [
     ("homing", || {
         let mut b = bench(Relay::Slow, "12");
         assert!(b.until(5.0, |b| b.state() == State::Unhomed));
-        b.ask(&Request::Home).unwrap();
+        b.ask(&Request::HOME).unwrap();
         b.run(3.0);
         assert_eq!(b.state(), State::Homing);
         b

@@ -179,7 +179,7 @@ fn a_slip_during_homing_is_refused_and_one_before_the_sweeps_does_no_harm() {
     {
         let mut d = ControlBench::new(&[("load", load)], 3);
         assert!(d.until(10.0, |d| d.control.state() == State::Unhomed));
-        d.tick(Some(Request::Home));
+        d.tick(Some(Request::HOME));
         d.run(slip_s);
         d.rig.set_fault(RigFault::StringSlip, true);
         d.until(60.0, |d| d.control.state() != State::Homing);

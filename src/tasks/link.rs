@@ -88,7 +88,7 @@ fn take(sequence: u16, request: Request, greeted: &mut bool, newest: &mut Newest
             queue(sequence, request);
         }
         Request::Move { load: LoadChoice::Auto | LoadChoice::Known(_), .. }
-        | Request::Home
+        | Request::Home { load: LoadChoice::Auto | LoadChoice::Known(_) }
         | Request::Jog { .. }
         | Request::Clear
         | Request::Rebuild(_)

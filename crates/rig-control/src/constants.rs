@@ -20,6 +20,14 @@ pub struct RigConstants {
     pub lvdt_gap_at_code_zero_m: f32,
     /// Gap per ADC code (m).
     pub lvdt_metres_per_code: f32,
+    /// Linearity error of the LVDT by its data sheet: greatest deviation of the gap from a straight line over the stroke (m).
+    pub lvdt_linearity_m: f32,
+    /// Relative standard error of the string radius.
+    pub radius_error: f32,
+    /// Standard error of the exponent with which the radius follows the twist.
+    pub exponent_error: f32,
+    /// Relative standard error of how the radius changes with the load.
+    pub load_shape_error: f32,
     /// RMDS group.
     pub drive_group: u8,
     /// RMDS number.
@@ -94,6 +102,10 @@ pub(crate) mod tests {
         current_limit_ma: 500,
         lvdt_gap_at_code_zero_m: 0.01,
         lvdt_metres_per_code: 5.372e-5,
+        lvdt_linearity_m: 0.5e-3,
+        radius_error: 0.06,
+        exponent_error: 0.03,
+        load_shape_error: 0.03,
         drive_group: 0,
         drive_number: 1,
         supply_limits_v: [19.2, 28.8],

@@ -2,6 +2,7 @@
 
 use crate::mechanism::{Mechanism, OUTSIDE_RAD};
 use rig_link::messages::{LoadChoice, Parameter, Refusal, Setting, SettingValues};
+use tsa_table::Metadata;
 
 /// Least speed that can be asked of the load (m/s).
 pub const SPEED_MIN_M_PER_S: f32 = 1e-5;
@@ -53,6 +54,17 @@ pub(crate) fn in_range(parameter: Parameter, given: f32, min: f32, max: f32) -> 
     }
 }
 
+/// The operator's own load (N), if one is given.
+///
+/// # Errors
+/// As [`in_range`], where the table does not cover it.
+pub(crate) fn check_load(load: LoadChoice, table: &Metadata) -> Result<Option<f32>, Refusal> {
+    match load {
+        LoadChoice::Auto => Ok(None),
+        LoadChoice::Known(load_n) => in_range(Parameter::Load, load_n, table.load_min_n, table.load_max_n).map(Some),
+    }
+}
+
 impl MoveStart<'_> {
     /// Whether this move is possible from here.
     ///
@@ -63,10 +75,7 @@ impl MoveStart<'_> {
         // From outside only a jog leads back: a planned move would jump to the end of the range.
         let (twist_min_rad, twist_max_rad) = (table.twist_min_rad - OUTSIDE_RAD, table.twist_max_rad + OUTSIDE_RAD);
         in_range(Parameter::Twist, self.twist_rad, twist_min_rad, twist_max_rad)?;
-        let load_n = match request.load {
-            LoadChoice::Auto => self.load_n,
-            LoadChoice::Known(load_n) => in_range(Parameter::Load, load_n, table.load_min_n, table.load_max_n)?,
-        };
+        let load_n = check_load(request.load, table)?.unwrap_or(self.load_n);
         let speed_max_m_per_s = self.settings.get(Setting::SpeedMax);
         in_range(Parameter::Speed, request.speed_m_per_s, SPEED_MIN_M_PER_S, speed_max_m_per_s)?;
         let [lowest_m, highest_m] = self.travel_m(load_n);

@@ -23,12 +23,12 @@ fn versions() -> impl Strategy<Value = Versions> {
 }
 
 fn request() -> impl Strategy<Value = Request> {
-    let load = prop_oneof![Just(LoadChoice::Auto), float().prop_map(LoadChoice::Known)];
+    let load = || prop_oneof![Just(LoadChoice::Auto), float().prop_map(LoadChoice::Known)];
     prop_oneof![
         versions().prop_map(Request::Hello),
         Just(Request::Heartbeat),
-        Just(Request::Home),
-        (float(), float(), load).prop_map(|(target_m, speed_m_per_s, load)| Request::Move {
+        load().prop_map(|load| Request::Home { load }),
+        (float(), float(), load()).prop_map(|(target_m, speed_m_per_s, load)| Request::Move {
             target_m,
             speed_m_per_s,
             load
@@ -82,7 +82,7 @@ fn refusal() -> impl Strategy<Value = Refusal> {
 fn telemetry() -> impl Strategy<Value = Telemetry> {
     let state =
         (any::<u64>(), one_of(State::ALL), prop::option::of(one_of(Fault::ALL)), prop::option::of(one_of(Limit::ALL)));
-    let values = prop::array::uniform8(prop::option::of(float()));
+    let values = prop::array::uniform10(prop::option::of(float()));
     (state, values, float(), float(), any::<u32>(), any::<u32>()).prop_map(|(s, v, current, speed, errors, foreign)| {
         Telemetry {
             t_us: s.0,
@@ -95,6 +95,8 @@ fn telemetry() -> impl Strategy<Value = Telemetry> {
             position_m: v[2],
             twist_rad: v[3],
             load_n: v[4],
+            load_error_n: v[8],
+            position_error_m: v[9],
             tr_rad_per_m: v[5],
             drive_current_a: current,
             drive_speed_rad_per_s: speed,
@@ -113,10 +115,8 @@ fn telemetry() -> impl Strategy<Value = Telemetry> {
 
 fn event() -> impl Strategy<Value = EventKind> {
     prop_oneof![
-        (float(), float(), float()).prop_map(|(twist_error_estimate_rad, load_n, gap_offset_m)| EventKind::Homed {
-            twist_error_estimate_rad,
-            load_n,
-            gap_offset_m
+        prop::array::uniform5(float()).prop_map(|[zero_error_rad, load_n, load_error_n, friction_n, gap_offset_m]| {
+            EventKind::Homed { zero_error_rad, load_n, load_error_n, friction_n, gap_offset_m }
         }),
         one_of(HomingFailure::ALL).prop_map(EventKind::HomingRefused),
         float().prop_map(|error_m| EventKind::MoveDone { error_m }),
@@ -279,6 +279,8 @@ fn the_longest_messages_fit() {
         position_m: Some(1.0),
         twist_rad: Some(1.0),
         load_n: Some(1.0),
+        load_error_n: Some(1.0),
+        position_error_m: Some(1.0),
         tr_rad_per_m: Some(1.0),
         drive_current_a: 1.0,
         drive_speed_rad_per_s: 1.0,
@@ -292,13 +294,13 @@ fn the_longest_messages_fit() {
             longest_tick_us: 10_000,
         },
     };
-    assert!(wire(u16::MAX, &Message::Telemetry(telemetry)).len() <= 96, "the rate of telemetry rests on this");
+    assert!(wire(u16::MAX, &Message::Telemetry(telemetry)).len() <= 106, "the rate of telemetry rests on this");
 }
 
 #[test]
 fn too_small_a_buffer_is_an_error() {
-    for length in 0..wire(0, &Request::Home).len() {
-        assert!(encode(0, &Request::Home, &mut vec![0; length]).is_err(), "{length}");
+    for length in 0..wire(0, &Request::HOME).len() {
+        assert!(encode(0, &Request::HOME, &mut vec![0; length]).is_err(), "{length}");
     }
 }
 
@@ -314,7 +316,7 @@ fn an_endless_run_is_one_error_and_ends_at_the_delimiter() {
 #[test]
 fn bytes_after_a_message_are_refused() {
     // Well framed and with a good checksum, but longer than the message: not of this protocol.
-    let (frames, errors) = decode::<Request>(&wire(0, &(Request::Home, 0_u8)));
+    let (frames, errors) = decode::<Request>(&wire(0, &(Request::HOME, 0_u8)));
     assert!(frames.is_empty());
     assert_eq!(errors, 1);
 }

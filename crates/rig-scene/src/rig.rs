@@ -1,5 +1,6 @@
 //! `[rig]`: motor, gear, drive and sensors, and the numbers that the control code takes from them.
 
+use crate::uncertainty::Uncertainty;
 use rig_control::RigConstants;
 use serde::{Deserialize, Serialize};
 use tsa_model::ParameterError;
@@ -43,6 +44,8 @@ pub struct Rig {
     pub lvdt_volts_at_stroke: f64,
     /// Gap between the clamps at the start of the stroke (m).
     pub lvdt_gap_at_zero_m: f64,
+    /// Linearity error of the LVDT by its data sheet: greatest deviation from a straight line, as a share of the stroke.
+    pub lvdt_linearity: f64,
     /// ADC reference (V).
     pub adc_reference_v: f64,
 }
@@ -77,6 +80,7 @@ impl Default for Rig {
             lvdt_volts_at_zero: 0.0,
             lvdt_volts_at_stroke: 3.0,
             lvdt_gap_at_zero_m: 0.0,
+            lvdt_linearity: 0.0025,
             adc_reference_v: 3.3,
         }
     }
@@ -118,8 +122,8 @@ impl Rig {
         [(0.8 * self.supply_voltage_v).max(10.0), (1.2 * self.supply_voltage_v).min(58.0)]
     }
 
-    /// These numbers for the control code; the settings on the board correct them later.
-    pub fn constants(&self) -> RigConstants {
+    /// These numbers for the control code, with how well the mechanism's constants are known.
+    pub(crate) fn constants(&self, uncertainty: &Uncertainty) -> RigConstants {
         RigConstants {
             gear_ratio: self.gear() as f32,
             counts_per_rad: self.counts_per_rad() as f32,
@@ -129,6 +133,10 @@ impl Rig {
             current_limit_ma: self.drive_current_limit_ma(),
             lvdt_gap_at_code_zero_m: self.lvdt_gap_at_code_zero_m() as f32,
             lvdt_metres_per_code: self.lvdt_metres_per_code() as f32,
+            lvdt_linearity_m: (self.lvdt_linearity * self.lvdt_stroke_m) as f32,
+            radius_error: uncertainty.radius as f32,
+            exponent_error: uncertainty.exponent as f32,
+            load_shape_error: uncertainty.load_shape as f32,
             drive_group: self.drive_group,
             drive_number: self.drive_number,
             supply_limits_v: self.supply_limits_v().map(|volts| volts as f32),
@@ -185,6 +193,9 @@ impl Rig {
         }
         if !self.lvdt_gap_at_zero_m.is_finite() {
             return refuse("rig.lvdt_gap_at_zero_m", self.lvdt_gap_at_zero_m, "must be finite");
+        }
+        if !(0.0..=0.05).contains(&self.lvdt_linearity) {
+            return refuse("rig.lvdt_linearity", self.lvdt_linearity, "must be from 0 to 0.05, a share of the stroke");
         }
         Ok(())
     }

@@ -2,6 +2,8 @@
 
 use crate::error::{SceneError, TableError};
 use crate::rig::Rig;
+use crate::uncertainty::Uncertainty;
+use rig_control::RigConstants;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use tsa_model::{Geometry, Material, Mechanism, ParameterError, StringParameters, Tier, twist_from_turns};
@@ -22,6 +24,9 @@ pub struct Scene {
     /// The rig around the mechanism; assumed values where left out.
     #[serde(default)]
     pub rig: Rig,
+    /// How well the mechanism's constants are known.
+    #[serde(default, skip_serializing_if = "Uncertainty::is_default")]
+    pub uncertainty: Uncertainty,
     /// What a table must cover.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub envelope: Option<Envelope>,
@@ -76,6 +81,7 @@ impl Scene {
         self.string.validate()?;
         self.material.validate()?;
         self.rig.validate()?;
+        self.uncertainty.validate()?;
         let refuse = |parameter, value, reason| Err(ParameterError { parameter, value, reason });
         if let Some(Envelope { load_n, turns }) = self.envelope {
             if !(load_n[0] >= tsa_model::mechanism::LIGHT_LOAD_N && load_n[0].is_finite()) {
@@ -112,6 +118,11 @@ impl Scene {
     /// [`ParameterError`] naming the key.
     pub fn mechanism(&self) -> Result<Mechanism, ParameterError> {
         Mechanism::new(&self.geometry, &self.string, &self.material)
+    }
+
+    /// The rig's numbers for the control code; the settings on the board correct them later.
+    pub fn constants(&self) -> RigConstants {
+        self.rig.constants(&self.uncertainty)
     }
 
     /// Envelope and accuracy, which a table needs.

@@ -42,6 +42,13 @@ fn errors_name_the_key() {
         ("lvdt_volts_at_stroke = 3.0", "lvdt_volts_at_stroke = 5.0", "rig.lvdt_volts_at_stroke"),
         ("motor_speed_max_rad_per_s = 1047.0", "motor_speed_max_rad_per_s = 9999.0", "rig.motor_speed_max_rad_per_s"),
         ("[material]", "[materials]", "materials"),
+        ("adc_reference_v = 3.3", "adc_reference_v = 3.3\nlvdt_linearity = 0.25", "rig.lvdt_linearity"),
+        ("adc_reference_v = 3.3", "adc_reference_v = 3.3\nlvdt_linearity = -1e-3", "rig.lvdt_linearity"),
+        ("[accuracy]", "[uncertainty]\nradius = 6.0\n[accuracy]", "uncertainty.radius"),
+        ("[accuracy]", "[uncertainty]\nradius = nan\n[accuracy]", "uncertainty.radius"),
+        ("[accuracy]", "[uncertainty]\nexponent = -0.1\n[accuracy]", "uncertainty.exponent"),
+        ("[accuracy]", "[uncertainty]\nload_shape = 0.6\n[accuracy]", "uncertainty.load_shape"),
+        ("[accuracy]", "[uncertainty]\nradii = 0.1\n[accuracy]", "radii"),
     ];
     for (from, to, key) in cases {
         let text = default_text();
@@ -66,4 +73,20 @@ fn the_hash_depends_on_values_and_not_on_comments() {
     let hash = |t: &str| Scene::from_toml_str(t).unwrap().hash();
     assert_eq!(hash(&text), hash(&text.replace("# Assumed", "# assumed, says the author")));
     assert_ne!(hash(&text), hash(&text.replace("k2 = 0.1914", "k2 = 0.1915")));
+    let known = |radius: &str| text.replace("[accuracy]", &format!("[uncertainty]\nradius = {radius}\n\n[accuracy]"));
+    assert_eq!(hash(&text), hash(&known("0.06")), "a default, written out");
+    assert_ne!(hash(&text), hash(&known("0.01")));
+}
+
+#[test]
+fn uncertainty_and_linearity_reach_the_control_code() {
+    let text = default_text();
+    let constants = Scene::from_toml_str(&text).unwrap().constants();
+    assert_eq!([constants.radius_error, constants.exponent_error, constants.load_shape_error], [0.06, 0.03, 0.03]);
+    assert!((constants.lvdt_linearity_m - 0.5e-3).abs() < 1e-9, "a quarter of a percent of 200 mm");
+    let text = text.replace("adc_reference_v = 3.3", "adc_reference_v = 3.3\nlvdt_linearity = 0.005");
+    let text = format!("{text}\n[uncertainty]\nradius = 0.01\nexponent = 0.0\n");
+    let constants = Scene::from_toml_str(&text).unwrap().constants();
+    assert_eq!([constants.radius_error, constants.exponent_error, constants.load_shape_error], [0.01, 0.0, 0.03]);
+    assert!((constants.lvdt_linearity_m - 1e-3).abs() < 1e-9);
 }

@@ -5,6 +5,7 @@
 
 use anyhow::{Context, Result};
 use lab::plot::{Axis, Block, Figure, Item, KeyRow, Panel, Pen, Sample, Shape, colour};
+use rig_link::LoadChoice;
 use rig_scene::Scene;
 use rigctl::failure::Failure;
 use rigctl::session::serial::Serial;
@@ -28,7 +29,7 @@ struct Sweep {
 
 fn sweep(session: &mut Session) -> Result<Sweep, Failure> {
     session.hello()?;
-    let homed = homing::home(session, |_| {})?;
+    let homed = homing::home(session, LoadChoice::Auto, |_| {})?;
     session.take_rows();
     motion::turn(session, [PRETWIST_RAD, twist_from_turns(TURNS)], SPEED_RAD_PER_S, |_| Ok(()))?;
     let point = |row: rigctl::session::row::Row| {

@@ -44,6 +44,8 @@ pub fn telemetry(t_us: u64) -> Telemetry {
         position_m: None,
         twist_rad: None,
         load_n: None,
+        load_error_n: None,
+        position_error_m: None,
         tr_rad_per_m: None,
         drive_current_a: 0.0,
         drive_speed_rad_per_s: 0.0,

@@ -29,7 +29,7 @@
 //!     let options = SimOptions { firmware: None, scene, plant: vec!["load=1kg".parse()?], seed: 1, flash: None, gdb: None };
 //!     let mut session = Session::new(Box::new(Sim::start(&options)?));
 //!     session.hello()?;
-//!     let homed = homing::home(&mut session, |_| {})?;
+//!     let homed = homing::home(&mut session, LoadChoice::Auto, |_| {})?;
 //!     for to_m in [0.002, 0.004, 0.008] {
 //!         let end = motion::move_to(&mut session, to_m, 2e-3, LoadChoice::Auto, |_row| {})?;
 //!         println!("{} N at {:.3} mm: {} rad/mm", homed.load_n, end.position_m * 1e3, end.tr_end_rad_per_m * 1e-3);

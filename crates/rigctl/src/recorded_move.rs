@@ -66,7 +66,7 @@ pub fn record(options: &SimOptions, load_kg: f64, twist_rad: f64, gear: f64) -> 
     let started = Instant::now();
     let mut session = Session::new(Box::new(Sim::start(&options)?));
     session.hello()?;
-    let home = home(&mut session, |_| {})?;
+    let home = home(&mut session, LoadChoice::Auto, |_| {})?;
     let mut rows = Vec::new();
     let travel = move_to(&mut session, TARGET_M, SPEED_M_PER_S, LoadChoice::Auto, |row| rows.push(row.clone()))?;
     session.until(HOLD_S, |_| false)?;

@@ -1,8 +1,8 @@
 //! A log through the controller again: [`rig_control::Rig::step`], tick by tick, fed with what was recorded.
 //!
 //! Telemetry does not hold everything that a tick sees. From homing to homing's end nothing can be replayed: raw shaft and
-//! gap are not in it. After that shaft and gap follow from twist and position. Three of homing's results are not in the log
-//! and are found from it: friction from the first TR, the gap at position zero as the one that makes the load estimates
+//! gap are not in it. After that shaft and gap follow from twist and position. Homing's results that are not in the log are
+//! found from it: in older logs friction, from the first TR; the gap at position zero as the one that makes the load estimates
 //! of the first two seconds of motion agree best, and the drive's lag as the delay at which the twist follows the commands best. Everything else that a tick
 //! sees is taken for healthy: a replay ends where the recorded rig stopped by a fault.
 
@@ -96,6 +96,10 @@ pub struct Stretch {
     pub drive_lag_s: f64,
     /// Of the load estimate (N).
     pub load_n: Difference,
+    /// Of its stated error (N).
+    pub load_error_n: Difference,
+    /// Of the stated error of the position (m).
+    pub position_error_m: Difference,
     /// Of the set-point (m).
     pub setpoint_m: Difference,
     /// Of the twist speed: commanded in the replay, turned in the log (rad/s).
@@ -117,6 +121,8 @@ struct Tick {
 #[derive(Clone, Copy, Default)]
 struct Answer {
     load_n: Option<f32>,
+    load_error_n: Option<f32>,
+    position_error_m: Option<f32>,
     setpoint_m: Option<f32>,
     shaft_rad: Option<f64>,
     fault: Option<rig_link::Fault>,
@@ -136,14 +142,12 @@ struct Board<'a> {
 /// # Errors
 /// If there is no homing with anything after it, or a setting in the head is none.
 pub fn replay(log: &Log, scene: &Scene, table: &Table<'_>) -> Result<Vec<Stretch>, String> {
-    let scene = scene.rig.constants();
+    let scene = scene.constants();
     let (settings, _) = log.settings(&settings::defaults(&scene))?;
     let board = Board { scene, settings, constants: settings::apply(&settings, &scene), table };
     let mut stretches = Vec::new();
     for (k, mark) in log.marks.iter().enumerate() {
-        if let Mark::Homed { load_n, gap_offset_m } = mark.mark {
-            stretches.extend(stretch(log, k, [load_n as f32, gap_offset_m as f32], &board));
-        }
+        stretches.extend(stretch(log, k, &mark.mark, &board));
     }
     if stretches.is_empty() {
         return Err("has nothing that can be replayed: no homing with telemetry after it".into());
@@ -151,20 +155,26 @@ pub fn replay(log: &Log, scene: &Scene, table: &Table<'_>) -> Result<Vec<Stretch
     Ok(stretches)
 }
 
-fn stretch(log: &Log, mark: usize, [load_n, gap_offset_m]: [f32; 2], board: &Board<'_>) -> Option<Stretch> {
+fn stretch(log: &Log, at: usize, mark: &Mark, board: &Board<'_>) -> Option<Stretch> {
+    let Mark::Homed { zero_error_rad, load_n, load_error_n, friction_n, gap_offset_m } = *mark else { return None };
+    let (load_n, gap_offset_m) = (load_n as f32, gap_offset_m as f32);
     if !((0.0..1e4).contains(&load_n) && gap_offset_m.abs() < POSITION_MAX_M as f32) {
         return None;
     }
-    let (ticks, filled, ended_by) = ticks(log, mark);
+    let (ticks, filled, ended_by) = ticks(log, at);
     let first = ticks.first()?;
     let twist_scale = first.row.twist_scale? as f32;
     let mechanism = Mechanism { table: board.table, twist_scale };
-    let friction_n = friction(&mechanism, first, load_n)?;
+    let friction_n = match friction_n {
+        Some(friction_n) => friction_n as f32,
+        None => friction(&mechanism, first, load_n)?,
+    };
     let hangs_m = mechanism.at(load_n - friction_n, first.twist_rad).gap_m + gap_offset_m + first.position_m;
     let homed = |reference_gap_m: f32| Homed {
         zero_rad: 0.0,
-        zero_error_rad: 0.0,
+        zero_error_rad: zero_error_rad.unwrap_or(0.0) as f32,
         load_n,
+        load_error_n: load_error_n.unwrap_or(0.0) as f32,
         gap_offset_m,
         twist_scale,
         friction_n,
@@ -191,7 +201,9 @@ fn stretch(log: &Log, mark: usize, [load_n, gap_offset_m]: [f32; 2], board: &Boa
         reference_gap_m: reference_gap_m.into(),
         drive_lag_s: lag * f64::from(TICK_S),
         load_n: loads(&ticks, &answers),
-        setpoint_m: setpoints(&ticks, &answers),
+        load_error_n: difference(&ticks, &answers, |t| t.load_error_n, |a| a.load_error_n),
+        position_error_m: difference(&ticks, &answers, |t| t.position_error_m, |a| a.position_error_m),
+        setpoint_m: difference(&ticks, &answers, |t| t.setpoint_m, |a| a.setpoint_m),
         twist_speed_rad_per_s: twist_speed,
         parted: parting(&ticks, &answers, parted_speed),
     })
@@ -350,19 +362,31 @@ fn answers(ticks: &[Tick], homed: &Homed, board: &Board<'_>) -> Vec<Answer> {
             }
             _ => None,
         };
-        Answer { load_n: telemetry.load_n, setpoint_m: telemetry.setpoint_m, shaft_rad, fault: telemetry.fault }
+        Answer {
+            load_n: telemetry.load_n,
+            load_error_n: telemetry.load_error_n,
+            position_error_m: telemetry.position_error_m,
+            setpoint_m: telemetry.setpoint_m,
+            shaft_rad,
+            fault: telemetry.fault,
+        }
     };
     ticks.iter().map(answer).collect()
 }
 
-fn loads(ticks: &[Tick], answers: &[Answer]) -> Difference {
+/// Difference of one value over the ticks in which both are known.
+fn difference(
+    ticks: &[Tick],
+    answers: &[Answer],
+    recorded: impl Fn(&LogRow) -> Option<f64>,
+    replayed: impl Fn(&Answer) -> Option<f32>,
+) -> Difference {
     let pairs = ticks.iter().zip(answers);
-    Difference::of(pairs.filter_map(|(t, a)| Some(f64::from(a.load_n?) - t.row.load_n?)))
+    Difference::of(pairs.filter_map(|(tick, answer)| Some(f64::from(replayed(answer)?) - recorded(&tick.row)?)))
 }
 
-fn setpoints(ticks: &[Tick], answers: &[Answer]) -> Difference {
-    let pairs = ticks.iter().zip(answers);
-    Difference::of(pairs.filter_map(|(t, a)| Some(f64::from(a.setpoint_m?) - t.row.setpoint_m?)))
+fn loads(ticks: &[Tick], answers: &[Answer]) -> Difference {
+    difference(ticks, answers, |t| t.load_n, |a| a.load_n)
 }
 
 /// Twist speed, commanded `lag` ticks before against turned, each over [`SPEED_TICKS`]; and the first tick in which they

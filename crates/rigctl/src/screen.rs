@@ -107,6 +107,7 @@ impl Screen {
         let Some(row) = &self.row else { return vec![Line::from("no telemetry yet")] };
         let number = |v: Option<f64>, digits: usize| v.map_or("-".to_owned(), |v| format!("{v:.digits$}"));
         let mm = |v: Option<f32>| number(v.map(|v| f64::from(v) * 1e3), 3);
+        let error = |v: Option<f32>, digits: usize| v.map_or("-".to_owned(), |v| format!("± {v:.digits$}"));
         let error_um = row.setpoint_m.zip(row.position_m).map(|(s, p)| (f64::from(p) - f64::from(s)) * 1e6);
         let turns = row.twist_rad.map(|t| f64::from(t) / std::f64::consts::TAU - 0.5);
         let bold = Style::new().add_modifier(Modifier::BOLD);
@@ -132,10 +133,12 @@ impl Screen {
             line("target", mm(row.target_m), "mm"),
             line("set-point", mm(row.setpoint_m), "mm"),
             line("position", mm(row.position_m), "mm"),
+            line("", error(row.position_error_m.map(|v| v * 1e3), 3), "mm"),
             line("error", number(error_um, 1), "um"),
             line("time left", number(row.time_left_s.map(f64::from), 1), "s"),
             Line::default(),
             line("load", number(row.load_n.map(f64::from), 3), "N"),
+            line("", error(row.load_error_n, 3), "N"),
             line("TR", number(row.tr_rad_per_m.map(|t| f64::from(t) * 1e-3), 3), "rad/mm"),
             line("twist", number(turns, 3), "turns"),
             line("motor", number(Some(f64::from(row.drive_speed_rad_per_s) * 60.0 / std::f64::consts::TAU), 0), "rpm"),
@@ -190,6 +193,8 @@ mod tests {
             position_m: Some(position_m),
             twist_rad: Some(12.0),
             load_n: Some(4.9),
+            load_error_n: Some(0.21),
+            position_error_m: Some(0.13e-3),
             tr_rad_per_m: Some(2500.0),
             drive_current_a: 0.1,
             drive_speed_rad_per_s: 104.72,
@@ -214,9 +219,20 @@ mod tests {
         screen.take(row(40.0, 0.0045, Some(Fault::LvdtOpen)));
         screen.say("script line 3: refused".into());
         let text = drawn(&screen, 100, 34);
-        for seen in
-            ["lvdt-open", "4.500", "12.000", "-500.0", "4.900", "2.500", "1000 rpm", "line 3", "space stop", "now"]
-        {
+        for seen in [
+            "lvdt-open",
+            "4.500",
+            "12.000",
+            "-500.0",
+            "± 0.130 mm",
+            "4.900",
+            "± 0.210 N",
+            "2.500",
+            "1000 rpm",
+            "line 3",
+            "space stop",
+            "now",
+        ] {
             assert!(text.contains(seen), "{seen} in\n{text}");
         }
         let small = drawn(&screen, 36, 5);

@@ -9,7 +9,7 @@ use std::path::Path;
 /// Speed of a move that names none (m/s).
 pub const DEFAULT_SPEED_M_PER_S: f64 = 2e-3;
 
-const EVENTS: &str = "home, move P [speed=V] [load=auto|L], jog V, stop, hold, clear, status, config set NAME VALUE, \
+const EVENTS: &str = "home [load=auto|L], move P [speed=V] [load=auto|L], jog V, stop, hold, clear, status, config set NAME VALUE, \
                       plant KEY=VALUE, fault NAME [off], end";
 
 /// The events and faults of a script, for the help of the commands that play one.
@@ -138,7 +138,7 @@ impl Script {
 
 fn action(words: &[&str]) -> Result<Action, String> {
     Ok(match words {
-        ["home"] => Action::Command(Request::Home),
+        ["home", options @ ..] => Action::Command(home_request(options)?),
         ["stop" | "hold"] => Action::Command(Request::Stop),
         ["clear"] => Action::Command(Request::Clear),
         ["status"] => Action::Command(Request::Status),
@@ -162,6 +162,14 @@ fn action(words: &[&str]) -> Result<Action, String> {
             return Err(format!("no event `{}`; events: {EVENTS}", words.join(" ")));
         }
     })
+}
+
+fn home_request(options: &[&str]) -> Result<Request, String> {
+    match options {
+        [] => Ok(Request::HOME),
+        [option] if option.starts_with("load=") => Ok(Request::Home { load: load_choice(&option["load=".len()..])? }),
+        options => Err(format!("home has no option `{}`; options: load=auto|L", options.join(" "))),
+    }
 }
 
 fn move_request(target: &str, options: &[&str]) -> Result<Request, String> {
@@ -198,20 +206,24 @@ pub fn request(text: &str) -> Result<Request, String> {
 /// A request as an event of a script; none for requests that a script does not have.
 pub fn text(request: &Request) -> Option<String> {
     Some(match request {
-        Request::Home => "home".into(),
+        Request::Home { load: LoadChoice::Auto } => "home".into(),
+        Request::Home { load } => format!("home load={}", load_text(*load)),
         Request::Stop => "stop".into(),
         Request::Clear => "clear".into(),
         Request::Jog { twist_speed_rad_per_s } => format!("jog {twist_speed_rad_per_s}"),
         Request::Move { target_m, speed_m_per_s, load } => {
-            let load = match load {
-                LoadChoice::Auto => "auto".into(),
-                LoadChoice::Known(load_n) => load_n.to_string(),
-            };
-            format!("move {target_m} speed={speed_m_per_s} load={load}")
+            format!("move {target_m} speed={speed_m_per_s} load={}", load_text(*load))
         }
         Request::SetSetting { setting, value } => format!("config set {setting} {value}"),
         _ => return None,
     })
+}
+
+fn load_text(load: LoadChoice) -> String {
+    match load {
+        LoadChoice::Auto => "auto".into(),
+        LoadChoice::Known(load_n) => load_n.to_string(),
+    }
 }
 
 /// `auto` or a load.
@@ -249,7 +261,7 @@ mod tests {
         .unwrap_or_else(|e| panic!("{e}"));
         assert_eq!(script.end_s, 34.5);
         assert_eq!(script.events.len(), 6);
-        assert_eq!(script.events[0], Event { line: 2, t_s: 0.5, action: Action::Command(Request::Home) });
+        assert_eq!(script.events[0], Event { line: 2, t_s: 0.5, action: Action::Command(Request::HOME) });
         let Action::Command(Request::Move { target_m, speed_m_per_s, load }) = script.events[1].action else {
             panic!("{:?}", script.events[1])
         };
@@ -260,7 +272,15 @@ mod tests {
 
     #[test]
     fn requests_come_back_from_their_own_words() {
-        for words in ["home", "stop", "hold", "clear", "jog -1.309", "move 0.0123456 speed=0.0007 load=4.903325"] {
+        for words in [
+            "home",
+            "home load=4.903325",
+            "stop",
+            "hold",
+            "clear",
+            "jog -1.309",
+            "move 0.0123456 speed=0.0007 load=4.903325",
+        ] {
             let one = request(words).unwrap_or_else(|e| panic!("{e}"));
             assert_eq!(text(&one).as_deref().map(request), Some(Ok(one)), "{words}");
         }
@@ -281,6 +301,9 @@ mod tests {
             ("\n1 move 5kg\n2 end", 2, "move"),
             ("1 move 5mm speed=2\n2 move 5mm sped=1\n3 end", 2, "sped"),
             ("1 move 5mm load=x\n2 end", 1, "auto"),
+            ("1 home load=5mm\n2 end", 1, "load"),
+            ("1 home 0.5kg\n2 end", 1, "load=auto|L"),
+            ("1 home load=1kg load=2kg\n2 end", 1, "home has no option"),
             ("1 move 5mm speed=2mm/s speed=3mm/s\n2 end", 1, "speed is given twice"),
             ("1 plant weight=5\n2 end", 1, "weight"),
             ("1 fault fire\n2 end", 1, "fire"),

@@ -5,7 +5,7 @@ mod common;
 use common::{error_of, lines, rigctl};
 use std::process::Output;
 
-const KEYS: [&str; 16] = [
+const KEYS: [&str; 18] = [
     "t_s",
     "state",
     "fault",
@@ -15,6 +15,8 @@ const KEYS: [&str; 16] = [
     "position_m",
     "twist_rad",
     "load_n",
+    "load_error_n",
+    "position_error_m",
     "tr_rad_per_m",
     "drive_current_a",
     "drive_speed_rad_per_s",
@@ -74,11 +76,22 @@ fn a_move_ends_with_its_error_and_what_is_out_of_reach_is_refused() {
     for (arguments, named) in [
         (&["move", "--to", "80mm"][..], "target"),
         (&["move", "--to", "8mm", "--load", "30N"], "load"),
+        (&["home", "--load", "30N"], "load is 30 N, allowed are 0.5 to 18 N"),
         (&["move", "--to", "8mm", "--speed", "9m/s"], "speed"),
     ] {
         let refused = rigctl(arguments);
         assert_eq!(refused.status.code(), Some(1));
         assert!(error_of(&refused).contains(named), "{arguments:?}: {}", error_of(&refused));
+    }
+}
+
+#[test]
+fn a_homing_states_its_errors() {
+    let homed = rigctl(&["home", "--load", "0.5kg", "--json"]);
+    assert!(homed.status.success(), "{}", error_of(&homed));
+    let result = &lines(&homed)[0];
+    for key in ["load_n", "load_error_n", "friction_n", "zero_error_rad"] {
+        assert!(result[key].is_number(), "{key} in {result}");
     }
 }
 
@@ -89,6 +102,7 @@ fn wrong_usage_is_2_and_names_the_parameter() {
         (&["move", "--to", "8kg"], "to"),
         (&["move", "--to", "nan"], "to"),
         (&["move", "--to", "8mm", "--load", "soft"], "load"),
+        (&["home", "--load", "5mm"], "load"),
         (&["move", "--to", "8mm", "--dry-run"], "--load"),
         (&["home", "--plant", "weight=3"], "weight"),
         (&["sim", "--seconds", "-1"], "--seconds"),

@@ -47,7 +47,7 @@ fn each_fault_fires_and_stays_and_its_near_miss_is_quiet() {
             assert!(moved < 0.1, "{fault}: the strings turn by {moved} rad in fault");
         }
         assert_eq!((d.control.state(), d.control.fault()), (State::Fault, Some(fault)), "row {row}");
-        assert_eq!(d.tick(Some(Request::Home)).reply, Some(Err(Refusal::InFault { fault })));
+        assert_eq!(d.tick(Some(Request::HOME)).reply, Some(Err(Refusal::InFault { fault })));
         assert!(d.tick(Some(Request::Stop)).reply.is_some_and(|r| r.is_ok()), "stop is always taken");
 
         let mut d = moving();
@@ -121,7 +121,7 @@ fn a_start_that_was_no_power_up_waits_for_the_operator() {
         d.run(5.0);
         assert_eq!((d.control.state(), d.control.fault()), (State::Fault, Some(fault)));
         assert_eq!(d.last.as_ref().unwrap().drive, DriveCommand::Silence);
-        assert_eq!(d.tick(Some(Request::Home)).reply, Some(Err(Refusal::InFault { fault })));
+        assert_eq!(d.tick(Some(Request::HOME)).reply, Some(Err(Refusal::InFault { fault })));
         assert!(d.tick(Some(Request::Clear)).reply.is_some_and(|r| r.is_ok()));
         assert!(d.until(6.0, |d| d.control.state() == State::Unhomed), "{fault}");
         assert_eq!(d.last.as_ref().unwrap().telemetry.twist_rad, None);

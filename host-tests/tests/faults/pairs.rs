@@ -11,7 +11,7 @@ use std::fmt::Write;
 /// Requests between the first fault and the second.
 const REQUESTS: [(&str, Request); 5] = [
     ("clear", Request::Clear),
-    ("home", Request::Home),
+    ("home", Request::HOME),
     ("move", Request::Move { target_m: 0.003, speed_m_per_s: 0.002, load: LoadChoice::Auto }),
     ("jog", Request::Jog { twist_speed_rad_per_s: 2.0 }),
     ("stop", Request::Stop),
@@ -105,7 +105,7 @@ impl Watch {
             Request::Clear if taken && said_held && (turning || dead) => {
                 self.say(format!("{fault:?} is cleared while the strings turn or the drive has let go"));
             }
-            Request::Home | Request::Move { .. } | Request::Jog { .. }
+            Request::Home { .. } | Request::Move { .. } | Request::Jog { .. }
                 if fault.is_some() && !matches!(reply, Some(Err(Refusal::InFault { .. }))) =>
             {
                 self.say(format!("{request:?} in {fault:?}: {reply:?}"));

@@ -58,7 +58,7 @@ fn refused_while_it_homes_moves_or_starts() {
     let request = set(Setting::SpeedMax, 0.01);
     assert_eq!(ask(&mut d, request), Err(Refusal::DriveNotReady));
     assert!(d.until(5.0, |d| d.control.state() == State::Unhomed));
-    d.tick(Some(Request::Home));
+    d.tick(Some(Request::HOME));
     for setting in Setting::ALL {
         let default = rig_control::settings::defaults(&host_tests::constants()).get(*setting);
         assert_eq!(ask(&mut d, set(*setting, default)), Err(Refusal::Busy { state: State::Homing }));

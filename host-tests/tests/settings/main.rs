@@ -252,12 +252,12 @@ fn after_damage_nothing_moves_until_it_is_cleared_or_set_anew() {
     b.greet();
     b.run(3.0);
     let in_fault = Refusal::InFault { fault: Fault::SettingsCorrupt };
-    assert_eq!(b.ask(&Request::Home), Err(in_fault));
+    assert_eq!(b.ask(&Request::HOME), Err(in_fault));
     assert_eq!(b.ask(&Request::Jog { twist_speed_rad_per_s: 1.0 }), Err(in_fault));
     assert_eq!(b.settings().kept, Kept::Damaged);
     // Restored: kept at once, and the fault is latched like any other.
     assert_eq!(b.set(&Request::SetSettings(values)), Ok(Accepted::Started));
-    assert_eq!(b.ask(&Request::Home), Err(in_fault));
+    assert_eq!(b.ask(&Request::HOME), Err(in_fault));
     b.ask(&Request::Clear).unwrap();
     assert!(b.until(6.0, |b| b.state() == State::Unhomed), "{:?}", b.last);
     assert_eq!(b.settings().values, values);

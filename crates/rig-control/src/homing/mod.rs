@@ -21,7 +21,7 @@ use crate::planner::Ramp;
 use crate::{RigConstants, TICK_S};
 use centre::Centre;
 use core::f32::consts::{PI, TAU};
-use rig_link::messages::HomingFailure;
+use rig_link::messages::{HomingFailure, LoadChoice};
 use tsa_table::Table;
 use weigh::Weigh;
 
@@ -82,10 +82,12 @@ const TIME_OUT_S: f32 = 42.0;
 pub struct Homed {
     /// Shaft angle at zero twist (rad, as the encoder counts).
     pub zero_rad: f32,
-    /// Estimated error of that (rad).
+    /// Half the width of the interval around it that holds the truth in 90 of 100 cases (rad).
     pub zero_error_rad: f32,
     /// Load (N).
     pub load_n: f32,
+    /// Half the width of the interval around it that holds the truth in 90 of 100 cases (N).
+    pub load_error_n: f32,
     /// Measured less modelled gap (m).
     pub gap_offset_m: f32,
     /// Scale of the twist, see [`crate::mechanism`].
@@ -162,11 +164,15 @@ pub struct Homing {
     zero_error_rad: f32,
     lag_sum_s: f32,
     lag_count: u16,
+    /// What the operator says of the load's weight.
+    #[allow(dead_code)]
+    load: LoadChoice,
 }
 
 impl Homing {
-    /// Starts from a shaft angle (rad) and a gap (m), expecting a scale of the twist.
-    pub const fn new(shaft_rad: f32, gap_m: f32, twist_scale: f32) -> Self {
+    /// Starts from a shaft angle (rad) and a gap (m), expecting a scale of the twist. `load` is what the operator says of
+    /// the load's weight.
+    pub const fn new(shaft_rad: f32, gap_m: f32, twist_scale: f32, load: LoadChoice) -> Self {
         Self {
             phase: Phase::Quiet { ticks: 0, low_m: gap_m, high_m: gap_m },
             ramp: Ramp::at(shaft_rad),
@@ -179,6 +185,7 @@ impl Homing {
             zero_error_rad: 0.0,
             lag_sum_s: 0.0,
             lag_count: 0,
+            load,
         }
     }
 
@@ -375,6 +382,7 @@ impl Homing {
             zero_rad: self.zero_rad,
             zero_error_rad: self.zero_error_rad,
             load_n: w.load_n,
+            load_error_n: 0.0,
             gap_offset_m: w.offset_m,
             twist_scale: w.twist_scale,
             friction_n: w.friction_n,

@@ -172,8 +172,10 @@ impl Rig<'_> {
             Progress::Done(homed) => {
                 self.resume(homed);
                 EventKind::Homed {
-                    twist_error_estimate_rad: homed.zero_error_rad,
+                    zero_error_rad: homed.zero_error_rad,
                     load_n: homed.load_n,
+                    load_error_n: homed.load_error_n,
+                    friction_n: homed.friction_n,
                     gap_offset_m: homed.gap_offset_m,
                 }
             }

@@ -7,10 +7,10 @@ use super::modes::{Jog, Mode};
 use super::sensing::DriveZero;
 use super::{Events, Inputs, JOG_SPEED_MAX, Rig};
 use crate::homing::Homing;
-use crate::move_check::{MoveRequest, MoveStart, in_range};
+use crate::move_check::{MoveRequest, MoveStart, check_load, in_range};
 use crate::planner::Ramp;
 use crate::sensors::LvdtReading;
-use rig_link::messages::{Accepted, EventKind, Fault, Parameter, Refusal, Request, Sensor, Setting};
+use rig_link::messages::{Accepted, EventKind, Fault, LoadChoice, Parameter, Refusal, Request, Sensor, Setting};
 
 impl Rig<'_> {
     /// Carries a request out or refuses it; `None` for requests that the link answers.
@@ -26,7 +26,7 @@ impl Rig<'_> {
             | Request::Status
             | Request::GetSettings
             | Request::ReadSensors => return None,
-            Request::Home => self.start_homing(),
+            Request::Home { load } => self.start_homing(load),
             Request::Move { target_m, speed_m_per_s, load } => {
                 self.start_move(&MoveRequest { target_m, speed_m_per_s, load })
             }
@@ -55,12 +55,14 @@ impl Rig<'_> {
         }
     }
 
-    fn start_homing(&mut self) -> Result<Accepted, Refusal> {
+    fn start_homing(&mut self, load: LoadChoice) -> Result<Accepted, Refusal> {
         self.idle()?;
+        check_load(load, &self.table.metadata)?;
         let readings = &self.sensing.readings;
         let gap_m = readings.lvdt.gap_m().ok_or(Refusal::SensorInvalid { sensor: Sensor::Lvdt })?;
         self.tracking = None;
-        self.mode = Mode::Homing(Homing::new(readings.shaft_rad, gap_m, self.settings.get(Setting::TwistScale)));
+        let twist_scale = self.settings.get(Setting::TwistScale);
+        self.mode = Mode::Homing(Homing::new(readings.shaft_rad, gap_m, twist_scale, load));
         Ok(Accepted::Started)
     }
 

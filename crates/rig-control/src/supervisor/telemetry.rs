@@ -30,6 +30,8 @@ impl Rig<'_> {
             position_m: tracking.zip(gap_m).map(|(tracking, gap_m)| tracking.homed.reference_gap_m - gap_m),
             twist_rad: tracking.map(|tracking| tracking.twist_rad(self.sensing.readings.shaft_rad)),
             load_n: observed.map(|(tracking, _)| tracking.observer.load_n()),
+            load_error_n: observed.and_then(|(tracking, _)| tracking.load_error_n()),
+            position_error_m: tracking.zip(gap_m).and_then(|(tracking, _)| tracking.position_error_m()),
             tr_rad_per_m: observed.map(|(_, observation)| observation.point.tr_rad_per_m()),
             drive_current_a,
             drive_speed_rad_per_s,

@@ -72,6 +72,16 @@ impl LoadTracking {
         };
     }
 
+    /// Half the width of the interval around the load estimate that holds the truth in 90 of 100 cases (N).
+    pub(super) fn load_error_n(&self) -> Option<f32> {
+        None
+    }
+
+    /// The same of the position (m).
+    pub(super) fn position_error_m(&self) -> Option<f32> {
+        None
+    }
+
     /// What the observation says against relying on the load.
     pub(super) fn limit(&self) -> Option<Limit> {
         match &self.observation {

@@ -14,7 +14,10 @@ pub enum Request {
     /// The host is running. No reply.
     Heartbeat,
     /// Find the half-turn pre-twist and weigh the load.
-    Home,
+    Home {
+        /// Where the load's weight comes from.
+        load: LoadChoice,
+    },
     /// Bring the load to a position.
     Move {
         /// Wanted position (m).
@@ -52,6 +55,11 @@ pub enum Request {
     ReadSensors,
 }
 
+impl Request {
+    /// A homing that weighs the load itself.
+    pub const HOME: Self = Self::Home { load: LoadChoice::Auto };
+}
+
 /// One value for each [`Setting`], in the order of [`Setting::ALL`].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, Schema)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -73,7 +81,7 @@ pub struct Constants {
     pub stress_coefficients_pa: [f64; 5],
 }
 
-/// Where a move takes the load from.
+/// Where homing or a move takes the load from.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, Schema)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum LoadChoice {

@@ -49,6 +49,11 @@ pub struct Telemetry {
     pub twist_rad: Option<f32>,
     /// Estimated load (N).
     pub load_n: Option<f32>,
+    /// Half the width of the interval around `load_n` that holds the true load in 90 of 100 cases (N); `None` where the load
+    /// is.
+    pub load_error_n: Option<f32>,
+    /// The same of `position_m` (m).
+    pub position_error_m: Option<f32>,
     /// Transmission ratio at this twist and load (rad/m).
     pub tr_rad_per_m: Option<f32>,
     /// Motor current as the drive reports it (A).
@@ -85,10 +90,14 @@ pub struct Counters {
 pub enum EventKind {
     /// Homing ended; the twist is known.
     Homed {
-        /// Estimated error of the twist (rad).
-        twist_error_estimate_rad: f32,
+        /// Half the width of the interval around zero twist that holds the true one in 90 of 100 cases (rad).
+        zero_error_rad: f32,
         /// Load (N).
         load_n: f32,
+        /// Half the width of the interval around `load_n` that holds the true load in 90 of 100 cases (N).
+        load_error_n: f32,
+        /// Coulomb friction of the rail (N).
+        friction_n: f32,
         /// Measured minus modelled gap: the LVDT's zero (m).
         gap_offset_m: f32,
     },

@@ -30,7 +30,7 @@ pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
             dry_run::run(global, *to, *speed, *load, settings.as_deref(), output)
         }
         Command::Move { to, speed, load, .. } => move_to::run(global, *to, *speed, *load, output),
-        Command::Home => home::run(global, output),
+        Command::Home { load } => home::run(global, *load, output),
         Command::Jog { speed, seconds } => jog::run(global, *speed, *seconds, output),
         Command::Stop => request::run(global, &Request::Stop, output),
         Command::Hold => request::run(global, &Request::Stop, output),

@@ -127,7 +127,12 @@ pub enum Command {
     ///
     /// From any twist at power-up, in 45 s at most: looks for the greatest gap, turns across it, then six turns up and down.
     /// That lifts the load by 10 to 23 mm (default scene): leave it room. Position 0 is where it hangs at the end.
-    Home,
+    /// Example: `rigctl home --load 0.5kg`
+    Home {
+        /// `auto` (the board weighs the load) or the load as you weighed it
+        #[arg(long, value_name = "auto|L", default_value = "auto", value_parser = load_choice)]
+        load: LoadChoice,
+    },
     /// Bring the load to a position above where it hung when homed
     ///
     /// Ends with the measured error at rest. What holds a move back (the motor's speed, acceleration or current) is shown as

@@ -7,7 +7,7 @@ use crate::options::Global;
 use crate::options::commands::Calibrate;
 use crate::output::Output;
 use crate::session::{Session, homing};
-use rig_link::{Request, Setting};
+use rig_link::{LoadChoice, Request, Setting};
 use serde_json::json;
 
 /// Telemetry messages over which the present position is averaged.
@@ -91,7 +91,7 @@ fn zero(global: &Global, output: &mut Output) -> Result<(), Failure> {
     session.wait_ready()?;
     if global.is_emulated() {
         eprintln!("the emulated board starts afresh and is not homed: homing first");
-        output.line(homing::home(&mut session, |_| {})?.text())?;
+        output.line(homing::home(&mut session, LoadChoice::Auto, |_| {})?.text())?;
     }
     let before_m = position(&mut session)?;
     let old_m = f64::from(session.settings()?.values.get(Setting::PositionZero));

@@ -38,7 +38,7 @@ pub fn run(
     let scene = global.scene()?;
     let fit = scene.fit_table()?;
     let table = fit.table.table();
-    let as_built = scene.rig.constants();
+    let as_built = scene.constants();
     let defaults = rig_settings::defaults(&as_built);
     let values = match kept {
         Some(file) => backup::load(file, &defaults)?.of_rig(scene.rig_hash(), file, false)?.values,

@@ -14,16 +14,22 @@ pub fn run(global: &Global, to: f64, speed: f64, load: LoadChoice, output: &mut 
     let mut session = global.target()?.connect()?;
     if global.is_emulated() {
         eprintln!("the emulated board starts afresh and is not homed: homing first");
-        output.line(homing::home(&mut session, |_| {})?.text())?;
+        output.line(homing::home(&mut session, load, |_| {})?.text())?;
     }
     let r = motion::move_to(&mut session, to, speed, load, |_| {})?;
     output.object(&r)?;
     output.line(format!("target        {:9.4} mm", r.target_m * 1e3))?;
-    output.line(format!("measured      {:9.4} mm   error {:+.1} um", r.position_m * 1e3, r.error_m * 1e6))?;
+    let position_error = r.position_error_m.map_or(String::new(), |e| format!(" ± {:.4} mm", e * 1e3));
+    output.line(format!(
+        "measured      {:9.4} mm{position_error}   error {:+.1} um",
+        r.position_m * 1e3,
+        r.error_m * 1e6
+    ))?;
     if let Some(error) = r.true_error_m {
         output.line(format!("true (emulated rig)         error {:+.1} um", error * 1e6))?;
     }
-    output.line(format!("load estimate {:9.3} N", r.load_n))?;
+    let load_error = r.load_error_n.map_or(String::new(), |e| format!(" ± {e:.3} N"));
+    output.line(format!("load          {:9.3} N{load_error}", r.load_n))?;
     output.line(format!(
         "TR            {:9.3} -> {:.3} rad/mm",
         r.tr_start_rad_per_m * 1e-3,

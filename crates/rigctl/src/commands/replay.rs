@@ -56,6 +56,8 @@ pub fn run(global: &Global, options: &Replay, output: &mut Output) -> Result<(),
         ))?;
         for (what, d, factor, unit) in [
             ("load estimate", s.load_n, 1.0, "N"),
+            ("its error", s.load_error_n, 1.0, "N"),
+            ("position error", s.position_error_m, 1e6, "um"),
             ("set-point", s.setpoint_m, 1e6, "um"),
             ("twist speed", s.twist_speed_rad_per_s, 1.0, "rad/s"),
         ] {

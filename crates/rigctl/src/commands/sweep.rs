@@ -8,6 +8,7 @@ use crate::out_file::OutFile;
 use crate::output::Output;
 use crate::session::{Place, Session, homing, motion};
 use rig_control::supervisor::JOG_SPEED_MAX;
+use rig_link::LoadChoice;
 use serde_json::json;
 use sim_link::{PlantChange, PlantKey};
 use std::f64::consts::{PI, TAU};
@@ -49,7 +50,7 @@ pub fn run(global: &Global, options: &Sweep, output: &mut Output) -> Result<(), 
     head.add("sweep.load_n", load_n);
     head.add("sweep.turns", turns);
     head.add("sweep.speed_rad_per_s", speed);
-    let rows = record(&mut session, out.begin()?, &head, turns, speed)?;
+    let rows = record(&mut session, out.begin()?, &head, options)?;
     let log = Log::load(&options.out).map_err(|e| Failure::failed(format!("{}: {e}", options.out.display())))?;
     let (_, stops) = reduced::stops(&log).map_err(|e| Failure::failed(format!("{}: {e}", options.out.display())))?;
     let contraction_m = stops.last().map_or(0.0, |s| s.position_m) - stops.first().map_or(0.0, |s| s.position_m);
@@ -75,15 +76,15 @@ pub fn run(global: &Global, options: &Sweep, output: &mut Output) -> Result<(), 
 }
 
 /// Homes and sweeps; the log gets its end in any case. Returns the number of rows.
-fn record(session: &mut Session, sink: Box<dyn Write>, head: &Header, turns: f64, speed: f64) -> Result<u64, Failure> {
+fn record(session: &mut Session, sink: Box<dyn Write>, head: &Header, options: &Sweep) -> Result<u64, Failure> {
     let mut recorder = Recorder::new(sink, head, session)?;
     let mut sweep = || {
-        homing::home(session, |_| {})?;
+        homing::home(session, LoadChoice::Known(options.load as f32), |_| {})?;
         recorder.take()?;
-        let (bottom, top) = (PI, PI + TAU * turns);
+        let (bottom, top) = (PI, PI + TAU * options.turns);
         for ends in [[bottom, top], [top, bottom]] {
             session.until(REST_S, |_| false)?;
-            motion::turn(session, ends, speed, |session| {
+            motion::turn(session, ends, options.speed, |session| {
                 session.take_rows();
                 recorder.take().map(drop)
             })?;

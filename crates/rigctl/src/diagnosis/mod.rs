@@ -8,7 +8,7 @@ pub mod sensors;
 use crate::failure::Failure;
 use crate::session::{Session, homing};
 use rig_control::TICK_US;
-use rig_link::{Fault, Faults, State, Telemetry};
+use rig_link::{Fault, Faults, LoadChoice, State, Telemetry};
 use rig_scene::Scene;
 use serde::Serialize;
 
@@ -46,7 +46,7 @@ pub fn examine(session: &mut Session, scene: &Scene, home: bool) -> Result<Vec<C
     let mut checks = Vec::new();
     let mut turned = None;
     if home {
-        match homing::home(session, |_| {}) {
+        match homing::home(session, LoadChoice::Auto, |_| {}) {
             Ok(_) => turned = Some(sensors::turn(session, scene.rig.gear())?),
             Err(failure) => checks.push(check(
                 "homing",

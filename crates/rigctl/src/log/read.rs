@@ -23,6 +23,10 @@ pub struct LogRow {
     pub twist_rad: Option<f64>,
     /// Estimated load.
     pub load_n: Option<f64>,
+    /// Stated error of `load_n`; older logs do not have it.
+    pub load_error_n: Option<f64>,
+    /// Stated error of `position_m`; older logs do not have it.
+    pub position_error_m: Option<f64>,
     /// Transmission ratio.
     pub tr_rad_per_m: Option<f64>,
     /// Motor current.
@@ -38,10 +42,16 @@ pub struct LogRow {
 pub enum Mark {
     /// The host sent a request.
     Request(Request),
-    /// Homing ended: load (N), measured less modelled gap (m).
+    /// Homing ended. Older logs do not have what is optional.
     Homed {
+        /// Stated error of zero twist (rad).
+        zero_error_rad: Option<f64>,
         /// Load (N).
         load_n: f64,
+        /// Stated error of `load_n` (N).
+        load_error_n: Option<f64>,
+        /// Coulomb friction of the rail (N).
+        friction_n: Option<f64>,
         /// Measured less modelled gap (m).
         gap_offset_m: f64,
     },
@@ -220,10 +230,16 @@ fn event_mark(text: &str) -> Result<Mark, String> {
     let Some(homed) = text.strip_prefix("homed ") else { return Ok(Mark::Event(text.to_owned())) };
     let value = |key: &str| {
         let found = homed.split_whitespace().find_map(|w| w.strip_prefix(key)?.strip_prefix('='));
-        let number = found.and_then(|v| v.parse::<f64>().ok()).filter(|v| v.is_finite());
-        number.ok_or_else(|| format!("event homed has no number {key}"))
+        found.and_then(|v| v.parse::<f64>().ok()).filter(|v| v.is_finite())
     };
-    Ok(Mark::Homed { load_n: value("load_n")?, gap_offset_m: value("gap_offset_m")? })
+    let needed = |key: &str| value(key).ok_or_else(|| format!("event homed has no number {key}"));
+    Ok(Mark::Homed {
+        zero_error_rad: value("zero_error_rad"),
+        load_n: needed("load_n")?,
+        load_error_n: value("load_error_n"),
+        friction_n: value("friction_n"),
+        gap_offset_m: needed("gap_offset_m")?,
+    })
 }
 
 fn row(names: &[&str], content: &str) -> Result<LogRow, String> {
@@ -248,6 +264,8 @@ fn row(names: &[&str], content: &str) -> Result<LogRow, String> {
         position_m: number("position_m")?,
         twist_rad: number("twist_rad")?,
         load_n: number("load_n")?,
+        load_error_n: number("load_error_n")?,
+        position_error_m: number("position_error_m")?,
         tr_rad_per_m: number("tr_rad_per_m")?,
         drive_current_a: number("drive_current_a")?.unwrap_or(0.0),
         drive_speed_rad_per_s: number("drive_speed_rad_per_s")?.unwrap_or(0.0),
@@ -271,8 +289,34 @@ mod tests {
         assert_eq!((log.header.get("scene_hash"), log.header.get("lost_frames")), (Some("01234567"), Some("0")));
         assert_eq!(log.rows[1].load_n, Some(4.9));
         assert_eq!(log.marks[1].row, 1);
-        assert!(matches!(log.marks[1].mark, Mark::Homed { load_n: 4.9, .. }));
+        // Written before errors were stated.
+        let Mark::Homed { load_n: 4.9, gap_offset_m: 0.0001, zero_error_rad, load_error_n, friction_n } =
+            log.marks[1].mark
+        else {
+            panic!("{:?}", log.marks[1])
+        };
+        assert_eq!([zero_error_rad, load_error_n, friction_n, log.rows[1].load_error_n], [None; 4]);
         assert!(matches!(log.marks[0].mark, Mark::Request(Request::Move { target_m: 0.008, .. })));
+    }
+
+    #[test]
+    fn stated_errors_are_read() {
+        let text = GOOD
+            .replace("twist_rad,load_n\n", "twist_rad,load_n,load_error_n,position_error_m\n")
+            .replace("3.2,\n", "3.2,,,\n")
+            .replace("3.3,4.9\n", "3.3,4.9,0.2,0.0001\n")
+            .replace("twist_error_estimate_rad=0.001", "zero_error_rad=0.03 load_error_n=0.25 friction_n=0.1");
+        let log = Log::parse(&text).and_then(Log::whole).unwrap();
+        let errors = |k: usize| [log.rows[k].load_error_n, log.rows[k].position_error_m];
+        assert_eq!((errors(0), errors(1)), ([None; 2], [Some(0.2), Some(0.0001)]));
+        let homed = Mark::Homed {
+            zero_error_rad: Some(0.03),
+            load_n: 4.9,
+            load_error_n: Some(0.25),
+            friction_n: Some(0.1),
+            gap_offset_m: 0.0001,
+        };
+        assert_eq!(log.marks[1].mark, homed);
     }
 
     #[test]

@@ -86,8 +86,9 @@ impl<W: Write> Recorder<W> {
 /// An event as a line of the log: its name, then `key=value`.
 pub fn event(kind: &EventKind) -> String {
     match kind {
-        EventKind::Homed { twist_error_estimate_rad, load_n, gap_offset_m } => format!(
-            "homed twist_error_estimate_rad={twist_error_estimate_rad} load_n={load_n} gap_offset_m={gap_offset_m}"
+        EventKind::Homed { zero_error_rad, load_n, load_error_n, friction_n, gap_offset_m } => format!(
+            "homed zero_error_rad={zero_error_rad} load_n={load_n} load_error_n={load_error_n} friction_n={friction_n} \
+             gap_offset_m={gap_offset_m}"
         ),
         EventKind::HomingRefused(failure) => format!("homing-refused {failure}"),
         EventKind::MoveDone { error_m } => format!("move-done error_m={error_m}"),

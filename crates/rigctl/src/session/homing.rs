@@ -5,7 +5,7 @@ use super::motion::check_motion;
 use super::row::Row;
 use crate::failure::{Failure, HomingFailed};
 use crate::output::progress;
-use rig_link::{EventKind, Request};
+use rig_link::{EventKind, LoadChoice, Request};
 use serde::Serialize;
 
 /// Longest homing (s), the drive's start-up included.
@@ -18,8 +18,12 @@ pub struct HomeResult {
     pub duration_s: f64,
     /// Load that was weighed (N).
     pub load_n: f32,
-    /// The board's own estimate of its error of zero twist (rad).
-    pub twist_error_estimate_rad: f32,
+    /// Half the width of the interval around `load_n` that holds the true load in 90 of 100 cases (N).
+    pub load_error_n: f32,
+    /// Coulomb friction of the rail (N).
+    pub friction_n: f32,
+    /// Half the width of the interval around zero twist that holds the true one in 90 of 100 cases (rad).
+    pub zero_error_rad: f32,
     /// Measured less modelled gap (m).
     pub gap_offset_m: f32,
 }
@@ -28,23 +32,25 @@ impl HomeResult {
     /// A line for people.
     pub fn text(&self) -> String {
         format!(
-            "homed in {:.1} s: load {:.3} N, zero twist to about {:.4} rad, LVDT offset {:+.3} mm",
+            "homed in {:.1} s: load {:.3} N ± {:.3} N, friction {:.3} N, zero twist ± {:.4} rad, LVDT offset {:+.3} mm",
             self.duration_s,
             self.load_n,
-            self.twist_error_estimate_rad,
+            self.load_error_n,
+            self.friction_n,
+            self.zero_error_rad,
             f64::from(self.gap_offset_m) * 1e3
         )
     }
 }
 
-/// Homes; `each` gets every row of telemetry.
+/// Homes; `load` is what the operator says of the load's weight, `each` gets every row of telemetry.
 ///
 /// # Errors
 /// The board's refusal or failure in words.
-pub fn home(session: &mut Session, mut each: impl FnMut(&Row)) -> Result<HomeResult, Failure> {
+pub fn home(session: &mut Session, load: LoadChoice, mut each: impl FnMut(&Row)) -> Result<HomeResult, Failure> {
     session.wait_ready()?;
     let start_s = session.now_s();
-    session.request(&Request::Home)?;
+    session.request(&Request::Home { load })?;
     let bar = progress(45, "homing");
     while session.now_s() < start_s + HOMING_S {
         session.step()?;
@@ -52,10 +58,17 @@ pub fn home(session: &mut Session, mut each: impl FnMut(&Row)) -> Result<HomeRes
         session.take_rows().iter().for_each(&mut each);
         for (t_s, kind) in session.take_events() {
             match kind {
-                EventKind::Homed { twist_error_estimate_rad, load_n, gap_offset_m } => {
+                EventKind::Homed { zero_error_rad, load_n, load_error_n, friction_n, gap_offset_m } => {
                     bar.finish_and_clear();
                     let duration_s = t_s - start_s;
-                    return Ok(HomeResult { duration_s, load_n, twist_error_estimate_rad, gap_offset_m });
+                    return Ok(HomeResult {
+                        duration_s,
+                        load_n,
+                        load_error_n,
+                        friction_n,
+                        zero_error_rad,
+                        gap_offset_m,
+                    });
                 }
                 EventKind::HomingRefused(failure) => return Err(HomingFailed(failure).into()),
                 kind => check_motion(&kind, "while homing")?,

@@ -41,8 +41,12 @@ pub struct MoveResult {
     pub error_m: f64,
     /// True position less target, emulated rigs only (m).
     pub true_error_m: Option<f64>,
+    /// Half the width of the interval around `position_m` that holds the true position in 90 of 100 cases (m).
+    pub position_error_m: Option<f32>,
     /// Load estimate at rest (N).
     pub load_n: f64,
+    /// Half the width of the interval around `load_n` that holds the true load in 90 of 100 cases (N).
+    pub load_error_n: Option<f32>,
     /// TR at the start (rad/m).
     pub tr_start_rad_per_m: f64,
     /// TR at the end (rad/m).
@@ -133,7 +137,9 @@ fn settle(
         position_m,
         error_m: position_m - to_m,
         true_error_m: Some(true_sum / count - to_m).filter(|e| e.is_finite()),
+        position_error_m: last.position_error_m,
         load_n: number(last.load_n),
+        load_error_n: last.load_error_n,
         tr_start_rad_per_m: number(before.tr_rad_per_m),
         tr_end_rad_per_m: number(last.tr_rad_per_m),
         turns: (number(last.twist_rad) - number(before.twist_rad)) / std::f64::consts::TAU,

@@ -27,6 +27,10 @@ pub struct Row {
     pub twist_rad: Option<f32>,
     /// Estimated load.
     pub load_n: Option<f32>,
+    /// Half the width of the interval around `load_n` that holds the true load in 90 of 100 cases.
+    pub load_error_n: Option<f32>,
+    /// The same of `position_m`.
+    pub position_error_m: Option<f32>,
     /// Transmission ratio at this twist and load.
     pub tr_rad_per_m: Option<f32>,
     /// Motor current as the drive reports it.
@@ -63,6 +67,8 @@ impl Row {
             position_m: telemetry.position_m,
             twist_rad: telemetry.twist_rad,
             load_n: telemetry.load_n,
+            load_error_n: telemetry.load_error_n,
+            position_error_m: telemetry.position_error_m,
             tr_rad_per_m: telemetry.tr_rad_per_m,
             drive_current_a: telemetry.drive_current_a,
             drive_speed_rad_per_s: telemetry.drive_speed_rad_per_s,
@@ -79,14 +85,17 @@ impl Row {
     /// A line for people.
     pub fn text(&self) -> String {
         let mm = |v: Option<f64>| v.map_or("      -".into(), |v| format!("{:7.3}", v * 1e3));
+        let error = |v: Option<f32>, factor: f32| v.map_or(String::new(), |v| format!(" ± {:.3}", v * factor));
         format!(
-            "{:8.2} s  {:8} position {} mm (true {} mm)  set-point {} mm  load {} N  TR {} rad/mm{}{}",
+            "{:8.2} s  {:8} position {}{} mm (true {} mm)  set-point {} mm  load {}{} N  TR {} rad/mm{}{}",
             self.t_s,
             self.state,
             mm(self.position_m.map(f64::from)),
+            error(self.position_error_m, 1e3),
             mm(self.true_position_m),
             mm(self.setpoint_m.map(f64::from)),
             self.load_n.map_or("     -".into(), |v| format!("{v:6.3}")),
+            error(self.load_error_n, 1.0),
             self.tr_rad_per_m.map_or("    -".into(), |v| format!("{:5.2}", v * 1e-3)),
             self.faults.as_ref().map_or(String::new(), |f| format!("  FAULT {f}")),
             self.limit.map_or(String::new(), |l| format!("  limit {l}")),
