@@ -89,18 +89,15 @@ fn place(path: &Path, sweeps: &[PathBuf]) -> Result<OutFile, Failure> {
 }
 
 fn constants(options: &Identify, scene: &Scene) -> Result<Unknowns, Failure> {
-    let names: Vec<String> = if options.fit.is_empty() {
-        let default = ["k1", "k2", "k3", "p", "modulus"];
+    if options.fit.is_empty() {
         // The paper's numbers stand at two twists only: they cannot tell k2, k3 and p apart.
-        let exponent = scene.string.radius_law == RadiusLaw::TwistPower && !options.published;
-        default.iter().filter(|n| **n != "p" || exponent).map(|n| (*n).to_owned()).collect()
-    } else {
-        options.fit.clone()
-    };
+        let law = if options.published { RadiusLaw::LengthRatio } else { scene.string.radius_law };
+        return Ok(Unknowns::usual(law));
+    }
     let mut unknowns = Vec::new();
-    for name in names {
+    for name in &options.fit {
         let unknown = || Failure::Usage(format!("--fit: `{name}` is none of {}", Constant::names()));
-        let constant = Constant::named(&name).ok_or_else(unknown)?;
+        let constant = Constant::named(name).ok_or_else(unknown)?;
         if unknowns.contains(&constant) {
             return Err(Failure::Usage(format!("--fit: `{name}` twice")));
         }
@@ -124,7 +121,7 @@ fn measured(options: &Identify, scene: &Scene) -> Result<(Data, &'static str), F
         return Err(Failure::Usage("identify needs recorded sweeps, or --published".into()));
     }
     let every = match &options.hold_out[..] {
-        [] => 5,
+        [] => data::HOLD_OUT,
         [n] if n == "none" => 0,
         [n] => n.parse().map_err(|_| Failure::Usage(format!("--hold-out: `{n}` is not a number of rows")))?,
         _ => return Err(Failure::Usage("--hold-out: of sweeps, one number: every so many rows".into())),

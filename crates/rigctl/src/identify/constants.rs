@@ -164,6 +164,14 @@ impl Constant {
 pub struct Unknowns(pub Vec<Constant>);
 
 impl Unknowns {
+    /// What is fitted to recorded sweeps unless the operator says otherwise: the radius law and one factor of the rods'
+    /// curve. A law that grows with the length alone has no exponent.
+    pub fn usual(law: RadiusLaw) -> Self {
+        let exponent = (law == RadiusLaw::TwistPower).then_some(Constant::Exponent);
+        let radius = [Constant::K1, Constant::K2, Constant::K3].into_iter().chain(exponent);
+        Self(radius.chain([Constant::Modulus]).collect())
+    }
+
     /// How many.
     pub fn count(&self) -> usize {
         self.0.iter().map(|c| c.unknowns()).sum()

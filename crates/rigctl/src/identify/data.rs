@@ -6,6 +6,7 @@
 //! sensor is not known: each file with `gap_m` gets an unknown of its own for it.
 
 use crate::failure::Failure;
+use crate::log::sweep::Stop;
 use crate::log::{self, Log};
 use lab::published::numbers::{self as published, Group, Kind};
 use rig_scene::Scene;
@@ -64,6 +65,34 @@ pub struct Data {
     /// Recorded files, and which rows are of each.
     pub files: Vec<(String, Range<usize>)>,
 }
+
+impl Data {
+    /// Adds the equilibria of one recorded sweep under a known load; every `hold_out`-th row of all data is only predicted
+    /// (0: none).
+    pub fn add_sweep(&mut self, name: &str, base: &Parameters, load_n: f64, stops: &[Stop], hold_out: usize) {
+        let before = self.rows.len();
+        for stop in stops {
+            self.rows.push(Row {
+                held_out: hold_out > 0 && (self.rows.len() + 1).is_multiple_of(hold_out),
+                id: format!("{name} at {:.2} turns", stop.twist_rad / std::f64::consts::TAU - 0.5),
+                quantity: Quantity::Gap,
+                load_n,
+                twist_rad: stop.twist_rad,
+                // Up is where the gap is smaller; the zero is unknown either way.
+                value: -stop.position_m,
+                sigma: SIGMA_M,
+                base: *base,
+                fixed: String::new(),
+                zero: Some(self.zeros),
+            });
+        }
+        self.zeros += 1;
+        self.files.push((name.to_owned(), before..self.rows.len()));
+    }
+}
+
+/// Of recorded sweeps every so many rows are held out unless the operator says otherwise.
+pub const HOLD_OUT: usize = 5;
 
 /// Standard deviation of a sweep's rows that do not say their own (m): half a count of a 12-bit converter on 200 mm.
 pub const SIGMA_M: f64 = 25e-6;
@@ -140,23 +169,7 @@ pub fn sweeps(scene: &Scene, files: &[impl AsRef<Path>], hold_out: usize, partia
                     "sweep.load_n {load_n}: a slack string has no law (the column is in newtons)"
                 )));
             }
-            for stop in stops {
-                data.rows.push(Row {
-                    held_out: hold_out > 0 && (data.rows.len() + 1).is_multiple_of(hold_out),
-                    id: format!("{} at {:.2} turns", path.display(), stop.twist_rad / std::f64::consts::TAU - 0.5),
-                    quantity: Quantity::Gap,
-                    load_n,
-                    twist_rad: stop.twist_rad,
-                    // Up is where the gap is smaller; the zero is unknown either way.
-                    value: -stop.position_m,
-                    sigma: SIGMA_M,
-                    base,
-                    fixed: String::new(),
-                    zero: Some(data.zeros),
-                });
-            }
-            data.zeros += 1;
-            data.files.push((path.display().to_string(), before..data.rows.len()));
+            data.add_sweep(&path.display().to_string(), &base, load_n, &stops, hold_out);
             continue;
         }
         let mut reader = csv::ReaderBuilder::new()

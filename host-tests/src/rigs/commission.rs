@@ -1,0 +1,233 @@
+//! What a user does with a new rig: calibrates the LVDT against callipers, records sweeps under weighed loads, identifies
+//! the mechanism's constants from them, and builds the firmware with the table of the identified scene.
+
+use super::floor::{Check, Finding};
+use super::subject::Subject;
+use crate::{ControlBench, constants, scene, table};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+use rig_control::{Rig as Control, RigConstants, settings};
+use rig_link::messages::{LoadChoice, Request, Setting, SettingValues, State};
+use rig_scene::Scene;
+use rigctl::identify::constants::Unknowns;
+use rigctl::identify::data::{Data, HOLD_OUT};
+use rigctl::identify::{Fit, fit, plausible};
+use rigctl::log::sweep::{Stop, stops};
+use rigctl::log::{Header, Log, LogRow};
+use sim_link::units::STANDARD_GRAVITY;
+use std::f64::consts::{PI, TAU};
+use tsa_model::Parameters;
+use tsa_table::Table;
+
+/// Loads of the sweeps (kg).
+pub const SWEEP_LOADS_KG: [f64; 3] = [0.3, 0.8, 1.4];
+/// Turns past the half-turn pre-twist, and speed of the strings (rad/s).
+const TURNS: f64 = 7.5;
+const SPEED_RAD_PER_S: f64 = 4.0;
+/// Rest before each turn (s), as `rigctl sweep` has it.
+const REST_S: f64 = 1.0;
+/// How long before the end of a turn the motor is stopped (s), as `rigctl sweep` has it.
+const TURN_AHEAD_S: f64 = 0.05;
+/// Load of the calibration (kg), its points and where they lie (m from the half-turn pre-twist).
+const CALIBRATION_LOAD_KG: f64 = 0.5;
+const CALIBRATION_POINTS: u8 = 11;
+const CALIBRATION_END_M: f64 = 0.0145;
+/// What callipers read to (m).
+const CALLIPERS_M: f64 = 20e-6;
+/// Contraction from which its error is taken as a share of it (m): near the pre-twist there is none.
+const CONTRACTION_M: f64 = 2e-3;
+
+/// What the board is built and set up with.
+#[derive(Clone, Debug)]
+pub struct Firmware {
+    /// The table.
+    pub table: &'static Table<'static>,
+    /// The scene's constants.
+    pub constants: RigConstants,
+    /// The settings.
+    pub settings: SettingValues,
+}
+
+impl Firmware {
+    /// Of the default scene, nothing set.
+    pub fn as_built() -> Self {
+        Self { table: table(), constants: constants(), settings: settings::defaults(&constants()) }
+    }
+
+    /// The control code, as after power-up.
+    pub fn boot(&self) -> Control<'static> {
+        let mut control = Control::new(self.table, self.constants, None);
+        control.set_up(&self.settings);
+        control
+    }
+}
+
+/// The firmware that the rig is used with or why there is none, and what was found on the way.
+pub fn commission(subject: &Subject, as_built: bool) -> (Result<Firmware, String>, Vec<Finding>) {
+    let mut findings = Vec::new();
+    let calibrated = calibrate(subject);
+    // Who cannot calibrate goes on with what there is.
+    let firmware = calibrated.unwrap_or_else(|_| Firmware::as_built());
+    if as_built {
+        return (Ok(firmware), findings);
+    }
+    let mut held_out = |value, note: &str| {
+        findings.push(Finding { load_kg: None, check: Check::HeldOut, value, note: note.into() });
+    };
+    let result = identify(subject, &firmware).and_then(|(identified, fit)| {
+        held_out(Some(held_out_error(&fit)), "");
+        build(&identified, &firmware).map_err(|why| format!("table: {why}"))
+    });
+    if let Err(why) = &result {
+        held_out(None, why);
+    }
+    (result.map_err(|why| format!("commissioning: {why}")), findings)
+}
+
+/// Calibrates the LVDT at eleven points of the way that the load moves: the straight line nearest to what callipers say.
+fn calibrate(subject: &Subject) -> Result<Firmware, String> {
+    let mut firmware = Firmware::as_built();
+    let load_n = CALIBRATION_LOAD_KG * STANDARD_GRAVITY;
+    let mut bench = ControlBench::on(subject.switched_on(load_n).map_err(|e| e.to_string())?, firmware.boot());
+    bench.home()?;
+    let mut callipers = Pcg64Mcg::seed_from_u64(subject.seed);
+    let mut points = Vec::new();
+    for k in 0..CALIBRATION_POINTS {
+        let target_m = CALIBRATION_END_M * f64::from(k) / f64::from(CALIBRATION_POINTS - 1);
+        bench.move_to(target_m as f32, 0.006, LoadChoice::Auto)?;
+        let (mut shown_m, mut true_m, mut count) = (0.0, 0.0, 0.0);
+        bench.until(0.5, |bench| {
+            if let Some(gap_m) = bench.last.as_ref().and_then(|last| last.sensors.gap_m) {
+                shown_m += f64::from(gap_m);
+                true_m += bench.truth().gap_m;
+                count += 1.0;
+            }
+            false
+        });
+        let read_m = true_m / count + callipers.random_range(-CALLIPERS_M..=CALLIPERS_M);
+        points.push((shown_m / count, read_m));
+    }
+    let (offset_m, gain) = line(&points);
+    firmware.settings =
+        firmware.settings.with(Setting::LvdtOffset, offset_m as f32).with(Setting::LvdtGain, gain as f32);
+    Ok(firmware)
+}
+
+/// Offset and slope of the straight line nearest to the points.
+fn line(points: &[(f64, f64)]) -> (f64, f64) {
+    let count = points.len() as f64;
+    let mean = |of: &dyn Fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / count;
+    let (x, y) = (mean(&|p| p.0), mean(&|p| p.1));
+    let slope = mean(&|p| (p.0 - x) * (p.1 - y)) / mean(&|p| (p.0 - x).powi(2));
+    (y - slope * x, slope)
+}
+
+/// Three recorded sweeps reduced to equilibria, and the scene's constants from them, as `rigctl identify` does it.
+fn identify(subject: &Subject, firmware: &Firmware) -> Result<(Scene, Fit), String> {
+    let scene = scene();
+    let start = Parameters::new(&scene.geometry, &scene.string, &scene.material).map_err(|e| e.to_string())?;
+    let mut data = Data::default();
+    for load_kg in SWEEP_LOADS_KG {
+        let (load_n, stops) =
+            sweep(subject, firmware, load_kg).map_err(|why| format!("sweep at {load_kg} kg: {why}"))?;
+        data.add_sweep(&format!("{load_kg} kg"), &start, load_n, &stops, HOLD_OUT);
+    }
+    if let Some(why) = plausible::impossible(&data, scene.geometry.string_length_m) {
+        return Err(why);
+    }
+    let unknowns = Unknowns::usual(scene.string.radius_law);
+    let (x, fit) = fit(&unknowns, &start, &data).map_err(|e| format!("identify: {e}"))?;
+    let fitted = unknowns.scene(scene, &start, &x);
+    fitted.validate().map_err(|e| format!("identified scene: {e}"))?;
+    Ok((fitted, fit))
+}
+
+/// One sweep as `rigctl sweep` records it; the load (N) and the equilibria.
+fn sweep(subject: &Subject, firmware: &Firmware, load_kg: f64) -> Result<(f64, Vec<Stop>), String> {
+    let load_n = load_kg * STANDARD_GRAVITY;
+    let mut bench = ControlBench::on(subject.switched_on(load_n).map_err(|e| e.to_string())?, firmware.boot());
+    bench.home()?;
+    let mut log = Log { header: Header::default(), ..Log::default() };
+    log.header.add("sweep.load_n", load_n);
+    let (bottom, top) = (PI, PI + TAU * TURNS);
+    for ends in [[bottom, top], [top, bottom]] {
+        bench.until(REST_S, |bench| record(bench, &mut log));
+        turn(&mut bench, ends, &mut log)?;
+    }
+    bench.until(REST_S, |bench| record(bench, &mut log));
+    stops(&log)
+}
+
+/// Turns the strings from one twist to another (rad).
+fn turn(bench: &mut ControlBench, [from, to]: [f64; 2], log: &mut Log) -> Result<(), String> {
+    let sign = (to - from).signum();
+    let reply = bench.tick(Some(Request::Jog { twist_speed_rad_per_s: (sign * SPEED_RAD_PER_S) as f32 })).reply;
+    if !matches!(reply, Some(Ok(_))) {
+        return Err(format!("refused: {reply:?}"));
+    }
+    let limit_s = (to - from).abs() / SPEED_RAD_PER_S + 10.0;
+    let near = |bench: &ControlBench| {
+        let twist_rad = bench.last.as_ref().and_then(|last| last.telemetry.twist_rad).map_or(from, f64::from);
+        sign * (to - twist_rad) < SPEED_RAD_PER_S * TURN_AHEAD_S
+    };
+    bench.until(limit_s, |bench| record(bench, log) || near(bench) || bench.control.state() != State::Moving);
+    bench.tick(Some(Request::Stop));
+    let stands = bench.until(5.0, |bench| record(bench, log) || bench.control.state() != State::Moving);
+    match bench.control.fault() {
+        Some(fault) => Err(format!("fault {fault}")),
+        None if !stands => Err("the strings do not stop".into()),
+        None => Ok(()),
+    }
+}
+
+/// Takes the last tick's telemetry into a log; never says that it is enough.
+fn record(bench: &ControlBench, log: &mut Log) -> bool {
+    if let Some(t) = bench.last.as_ref().map(|last| last.telemetry) {
+        let number = |v: Option<f32>| v.map(f64::from);
+        log.rows.push(LogRow {
+            t_s: bench.time_s(),
+            state: t.state,
+            target_m: number(t.target_m),
+            setpoint_m: number(t.setpoint_m),
+            position_m: number(t.position_m),
+            twist_rad: number(t.twist_rad),
+            load_n: number(t.load_n),
+            tr_rad_per_m: number(t.tr_rad_per_m),
+            drive_current_a: f64::from(t.drive_current_a),
+            drive_speed_rad_per_s: f64::from(t.drive_speed_rad_per_s),
+            twist_scale: number(t.twist_scale),
+        });
+    }
+    false
+}
+
+/// Rms error of the held-out equilibria as a share of their contraction, where there is some.
+fn held_out_error(fit: &Fit) -> f64 {
+    let shares: Vec<f64> = fit
+        .rows
+        .iter()
+        .filter(|row| row.held_out && -row.measured > CONTRACTION_M)
+        .map(|row| row.error.map_or(1.0, |error_m| error_m / -row.measured))
+        .collect();
+    (shares.iter().map(|share| share * share).sum::<f64>() / shares.len().max(1) as f64).sqrt()
+}
+
+/// The firmware for an identified scene.
+fn build(identified: &Scene, firmware: &Firmware) -> Result<Firmware, String> {
+    let owned = Box::leak(Box::new(identified.fit_table().map_err(|e| e.to_string())?.table));
+    let constants = identified.rig.constants();
+    Ok(Firmware { table: Box::leak(Box::new(owned.table())), constants, settings: firmware.settings })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::line;
+
+    #[test]
+    fn a_line_through_points_on_a_line_is_that_line() {
+        let points: Vec<(f64, f64)> =
+            (0..11).map(|k| f64::from(k) * 1e-3 + 0.15).map(|x| (x, 1e-3 + 0.98 * x)).collect();
+        let (offset_m, gain) = line(&points);
+        assert!((offset_m - 1e-3).abs() < 1e-12 && (gain - 0.98).abs() < 1e-9);
+    }
+}
