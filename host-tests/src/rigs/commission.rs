@@ -7,13 +7,13 @@ use crate::{ControlBench, constants, scene, table};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use rig_control::{Rig as Control, RigConstants, settings};
-use rig_link::messages::{LoadChoice, Request, Setting, SettingValues, State};
+use rig_link::messages::{EventKind, LoadChoice, Request, Setting, SettingValues, State};
 use rig_scene::Scene;
 use rigctl::identify::constants::Unknowns;
 use rigctl::identify::data::{Data, HOLD_OUT};
-use rigctl::identify::{Fit, fit, plausible};
-use rigctl::log::sweep::{Stop, stops};
-use rigctl::log::{Header, Log, LogRow};
+use rigctl::identify::{Fit, fit, plausible, uncertainty};
+use rigctl::log::sweep::{Sweep, reduce};
+use rigctl::log::{Header, Log, LogRow, Mark, Marked};
 use sim_link::units::STANDARD_GRAVITY;
 use std::f64::consts::{PI, TAU};
 use tsa_model::Parameters;
@@ -128,34 +128,39 @@ fn identify(subject: &Subject, firmware: &Firmware) -> Result<(Scene, Fit), Stri
     let start = Parameters::new(&scene.geometry, &scene.string, &scene.material).map_err(|e| e.to_string())?;
     let mut data = Data::default();
     for load_kg in SWEEP_LOADS_KG {
-        let (load_n, stops) =
-            sweep(subject, firmware, load_kg).map_err(|why| format!("sweep at {load_kg} kg: {why}"))?;
-        data.add_sweep(&format!("{load_kg} kg"), &start, load_n, &stops, HOLD_OUT);
+        let sweep = sweep(subject, firmware, load_kg).map_err(|why| format!("sweep at {load_kg} kg: {why}"))?;
+        data.add_sweep(&format!("{load_kg} kg"), &start, &sweep, HOLD_OUT);
     }
     if let Some(why) = plausible::impossible(&data, scene.geometry.string_length_m) {
         return Err(why);
     }
-    let unknowns = Unknowns::usual(scene.string.radius_law);
+    let unknowns = Unknowns::usual(scene.string.radius_law, data.knows_its_zero());
     let (x, fit) = fit(&unknowns, &start, &data).map_err(|e| format!("identify: {e}"))?;
-    let fitted = unknowns.scene(scene, &start, &x);
+    let mut fitted = unknowns.scene(scene, &start, &x);
+    fitted.uncertainty = uncertainty(&fit);
     fitted.validate().map_err(|e| format!("identified scene: {e}"))?;
     Ok((fitted, fit))
 }
 
-/// One sweep as `rigctl sweep` records it; the load (N) and the equilibria.
-fn sweep(subject: &Subject, firmware: &Firmware, load_kg: f64) -> Result<(f64, Vec<Stop>), String> {
+/// One sweep as `rigctl sweep` records it, by its equilibria.
+fn sweep(subject: &Subject, firmware: &Firmware, load_kg: f64) -> Result<Sweep, String> {
     let load_n = load_kg * STANDARD_GRAVITY;
     let mut bench = ControlBench::on(subject.switched_on(load_n).map_err(|e| e.to_string())?, firmware.boot());
     bench.home()?;
     let mut log = Log { header: Header::default(), ..Log::default() };
     log.header.add("sweep.load_n", load_n);
+    for (t_s, event) in &bench.events {
+        if let EventKind::Homed(found) = event {
+            log.marks.push(Marked { row: 0, t_s: *t_s, mark: Mark::Homed(*found) });
+        }
+    }
     let (bottom, top) = (PI, PI + TAU * TURNS);
     for ends in [[bottom, top], [top, bottom]] {
         bench.until(REST_S, |bench| record(bench, &mut log));
         turn(&mut bench, ends, &mut log)?;
     }
     bench.until(REST_S, |bench| record(bench, &mut log));
-    stops(&log)
+    reduce(&log)
 }
 
 /// Turns the strings from one twist to another (rad).
@@ -192,6 +197,8 @@ fn record(bench: &ControlBench, log: &mut Log) -> bool {
             position_m: number(t.position_m),
             twist_rad: number(t.twist_rad),
             load_n: number(t.load_n),
+            load_error_n: number(t.load_error_n),
+            position_error_m: number(t.position_error_m),
             tr_rad_per_m: number(t.tr_rad_per_m),
             drive_current_a: f64::from(t.drive_current_a),
             drive_speed_rad_per_s: f64::from(t.drive_speed_rad_per_s),
@@ -215,7 +222,7 @@ fn held_out_error(fit: &Fit) -> f64 {
 /// The firmware for an identified scene.
 fn build(identified: &Scene, firmware: &Firmware) -> Result<Firmware, String> {
     let owned = Box::leak(Box::new(identified.fit_table().map_err(|e| e.to_string())?.table));
-    let constants = identified.rig.constants();
+    let constants = identified.constants();
     Ok(Firmware { table: Box::leak(Box::new(owned.table())), constants, settings: firmware.settings })
 }
 

@@ -164,12 +164,12 @@ impl Constant {
 pub struct Unknowns(pub Vec<Constant>);
 
 impl Unknowns {
-    /// What is fitted to recorded sweeps unless the operator says otherwise: the radius law and one factor of the rods'
-    /// curve. A law that grows with the length alone has no exponent.
-    pub fn usual(law: RadiusLaw) -> Self {
+    /// What is fitted to recorded sweeps unless the operator says otherwise: the radius law, one factor of the rods' curve,
+    /// and the string's length where the gap's zero is `known`. A law that grows with the length alone has no exponent.
+    pub fn usual(law: RadiusLaw, known: bool) -> Self {
         let exponent = (law == RadiusLaw::TwistPower).then_some(Constant::Exponent);
         let radius = [Constant::K1, Constant::K2, Constant::K3].into_iter().chain(exponent);
-        Self(radius.chain([Constant::Modulus]).collect())
+        Self(radius.chain([Constant::Modulus]).chain(known.then_some(Constant::StringLength)).collect())
     }
 
     /// How many.

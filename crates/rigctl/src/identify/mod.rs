@@ -13,6 +13,7 @@ use constants::{MOST, Number, Unknowns};
 use data::{Data, Quantity, Row};
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::{DMatrix, DVector, Dyn, Owned};
+use rig_scene::Uncertainty;
 use serde::Serialize;
 use tsa_model::{Mechanism, PRETWIST_RAD, Parameters, SolveError};
 
@@ -78,6 +79,23 @@ impl Errors {
         let rms = (all.iter().map(|e| e * e).sum::<f64>() / count as f64).sqrt();
         let median = 0.5 * (all[(count - 1) / 2] + all[count / 2]);
         Self { count, rms, median, worst: all[count - 1] }
+    }
+}
+
+/// Least standard errors of an identified scene: strings bed in, creep and warm up between the sweeps and later use
+/// (docs/plants.md), which no sweep shows. Radius (relative), gap's zero (m), change of the load (relative).
+const LEAST_RADIUS_ERROR: f64 = 0.004;
+const LEAST_ZERO_ERROR_M: f64 = 50e-6;
+const CHANGE_ERROR: f64 = 0.02;
+
+/// How well a scene's constants are known after a fit to sweeps whose zero is known. What the fit leaves is smooth over a
+/// sweep, not noise that averages out, so that it counts in full, and twice because the use is not the sweep.
+pub fn uncertainty(fit: &Fit) -> Uncertainty {
+    let left_m = 2.0 * fit.fitted.rms.max(fit.held_out.rms);
+    Uncertainty {
+        radius: LEAST_RADIUS_ERROR,
+        gap_zero_m: left_m.hypot(LEAST_ZERO_ERROR_M).min(0.05),
+        load_shape: CHANGE_ERROR,
     }
 }
 
