@@ -126,6 +126,7 @@ fn load_at(twist_rad: f32, friction_n: f32) -> LoadState<'static> {
         observation,
         position_m: 0.005,
         age_s: 0.004,
+        gap_noise_m: 4e-6,
         twist_rad,
         twist_limits: constants().twist_limits(),
     }

@@ -45,6 +45,10 @@ const MEMORY: f32 = 0.07;
 /// Standard error by creep and warming up, as a share of the load, at once and in the end; and the time that it takes (s).
 const DRIFT: [f32; 2] = [0.003, 0.012];
 const DRIFT_S: f32 = 600.0;
+/// Share of the confirmed load that the estimate may leave it by: drift, warm-up and friction do no more.
+const CONFIRMED_SHARE: f32 = 0.1;
+/// Greatest difference (share of the load) of a move up and a move down that confirm the load.
+const SAME_SHARE: f32 = 0.05;
 /// Acceleration that a gap's speed may hide at most (share of the load for each m/s): inertia and damping of a swing.
 const SPEED_SHARE: f32 = 2.0;
 /// Speed (m/s) of the gap below which a balance is static.
@@ -78,6 +82,10 @@ pub struct LoadObserver {
     quiet_ticks: u16,
     /// Greatest pull outside the friction band in the last moments (N).
     unsettled_n: f32,
+    /// The load as it was last confirmed (N), if it was.
+    confirmed_n: Option<f32>,
+    /// Load at the end of the last move down and of the last move up (N), where it was the same all along the move.
+    way_load_n: [Option<f32>; 2],
     /// Where the load for TR comes from.
     pub source: LoadChoice,
 }
@@ -103,6 +111,8 @@ pub struct Observation {
     pub load_error_n: f32,
     /// The pull has just been outside the friction band: another load, or not settled yet.
     pub changing: bool,
+    /// The load is that of homing, or moves have confirmed it since.
+    pub confirmed: bool,
 }
 
 impl LoadObserver {
@@ -124,6 +134,8 @@ impl LoadObserver {
             gap_speed_m_per_s: 0.0,
             quiet_ticks: SETTLED_TICKS,
             unsettled_n: 0.0,
+            confirmed_n: Some(homed.load_n),
+            way_load_n: [None; 2],
             source: LoadChoice::Auto,
         }
     }
@@ -138,9 +150,29 @@ impl LoadObserver {
         self.load_n += change_n;
     }
 
+    /// Ends a move along which the load weighed the same (`agrees`) or did not. A move up and a move down with the same
+    /// load confirm it: friction that has changed makes them differ, and a shifted gap looks like another load at each twist.
+    pub fn end_move(&mut self, agrees: bool) {
+        let way = usize::from(self.direction > 0.0);
+        self.way_load_n[way] = agrees.then_some(self.load_n);
+        if let [Some(down_n), Some(up_n)] = self.way_load_n
+            && (up_n - down_n).abs() < SAME_SHARE * self.load_n
+        {
+            self.confirmed_n = Some(self.load_n);
+        }
+    }
+
+    /// Whether the load is that of homing or has been confirmed since. Gap and twist alone cannot show whether another load,
+    /// a string that slipped, or a sensor that shifted has changed it.
+    fn is_confirmed(&self) -> bool {
+        self.confirmed_n.is_some_and(|known_n| (self.load_n - known_n).abs() <= CONFIRMED_SHARE * known_n)
+    }
+
     /// The strings are outside the table's twists: nothing is known of the load any more.
     pub fn lose(&mut self) {
         self.quiet_ticks = 0;
+        self.way_load_n = [None; 2];
+        self.confirmed_n = None;
         self.noise_free_gap_m = None;
         self.band = RESTING_BAND;
     }
@@ -204,6 +236,7 @@ impl LoadObserver {
             at_range_end,
             load_error_n,
             changing: self.quiet_ticks < SETTLED_TICKS,
+            confirmed: self.is_confirmed(),
         }
     }
 
@@ -244,6 +277,8 @@ impl LoadObserver {
         if beyond.abs() > outside_n {
             step = if moved_m == 0.0 { beyond * follow } else { innovation_n * follow };
             self.quiet_ticks = 0;
+            // Earlier moves belong to another load, or to another gap.
+            self.way_load_n = [None; 2];
             self.band = RESTING_BAND;
             self.unsettled_n = self.unsettled_n.max(beyond.abs());
         } else {

@@ -34,9 +34,11 @@ const QUIET_PATIENCE_S: f32 = 10.0;
 const PROBE_SPEED: f32 = 1.5;
 /// Change of the gap (m) that decides the probe: several times what rail friction can hold back.
 const PROBE_CHANGE_M: f32 = 0.25e-3;
-/// Longest probe (rad). Highly twisted under little load, rail friction holds the load that long: 0.1 N under 0.5 N for
-/// 6 rad, 0.3 N under 1 N for 6.7 rad. Against a jammed load it adds some 3 N.
-const PROBE_TRAVEL: f32 = 7.0;
+/// Longest probe (rad), and its first part, after which it goes on faster. Rail friction holds the load over several radians:
+/// 0.1 N under 0.5 N highly twisted for 6 rad, and 1 N under 15 N from one side of zero twist to the other. Against a jammed load the whole probe adds some 8 N.
+const PROBE_TRAVEL: f32 = 18.0;
+const PROBE_SLOW: f32 = 7.0;
+const PROBE_FAST_SPEED: f32 = 4.0;
 /// A shaft that is this far (rad) behind its set-point stands against fully closed strings: more than any drive lags at the
 /// probe's speed, and little enough to turn back before the drive takes it for a stall and drops the load.
 const PROBE_BEHIND: f32 = 0.5;
@@ -50,13 +52,13 @@ const SEEK_RISE_M: f32 = 0.15e-3;
 /// Fall before such a rise (m) that shows that this is not the way to zero twist: more of it would close the strings.
 const SEEK_ASTRAY_M: f32 = 3e-3;
 /// Turn without such a rise (rad) that no friction explains which the probe can overcome: the load is jammed.
-const SEEK_STUCK: f32 = 1.5 * PROBE_TRAVEL;
+const SEEK_STUCK: f32 = PROBE_TRAVEL;
 /// Farthest from the power-up twist that the maximum is looked for (rad): 12 turns, and what the probe went astray.
 const SEEK_TRAVEL: f32 = 12.0 * TAU + PROBE_TRAVEL;
 /// Half the width of the sweeps across the maximum (rad).
-const SWEEP_HALF: f32 = 3.0;
+const SWEEP_HALF: f32 = 5.0;
 /// Speed of these sweeps (rad/s): slow enough that the load follows without swinging.
-const SWEEP_SPEED: f32 = 2.5;
+const SWEEP_SPEED: f32 = 3.5;
 /// Turns past the half-turn pre-twist that the load is weighed over.
 const WEIGH_TURNS: f32 = 6.0;
 /// Speeds of weighing (rad/s), at the middle of the sweep and at its ends. The speed varies, in both directions alike, so
@@ -266,7 +268,9 @@ impl Homing {
 
     fn probe(&mut self, start_rad: f32, gap_m: f32, shaft_rad: f32, limits: &TwistLimits) -> Result<(), HomingFailure> {
         let goal = start_rad + PROBE_TRAVEL;
-        self.ramp.step(goal, PROBE_SPEED, limits.acceleration);
+        let slow = (self.ramp.position - start_rad).abs() < PROBE_SLOW;
+        let speed = if slow { PROBE_SPEED } else { PROBE_FAST_SPEED.min(limits.speed) };
+        self.ramp.step(goal, speed, limits.acceleration);
         let change = self.smooth_gap_m - gap_m;
         let ended = self.ramp == Ramp::at(goal);
         let closed = self.ramp.position - shaft_rad > PROBE_BEHIND;

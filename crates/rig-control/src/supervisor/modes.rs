@@ -205,6 +205,7 @@ impl Rig<'_> {
             observation,
             position_m: tracking.position_m,
             age_s: readings.gap_age_s,
+            gap_noise_m: tracking.homed.found.gap_noise_m,
             twist_rad,
             twist_limits: self.constants.twist_limits(),
         };

@@ -90,7 +90,11 @@ impl LoadTracking {
     pub(super) fn limit(&self) -> Option<Limit> {
         match &self.observation {
             Some(observation) if observation.at_range_end => Some(Limit::LoadRange),
-            Some(observation) if observation.load_error_n <= UNKNOWN_SHARE * self.observer.load_n() => None,
+            Some(observation)
+                if observation.confirmed && observation.load_error_n <= UNKNOWN_SHARE * self.observer.load_n() =>
+            {
+                None
+            }
             Some(_) | None => Some(Limit::LoadUnknown),
         }
     }
@@ -108,6 +112,9 @@ impl LoadTracking {
             self.adaptation.record(x, self.observer.load_n());
         } else if done {
             let finding = self.adaptation.end_move(homed.found.twist_scale);
+            if let Some(agrees) = finding.agrees {
+                self.observer.end_move(agrees);
+            }
             if finding.scale_change != 0.0 {
                 homed.found.twist_scale += finding.scale_change;
                 self.observer.rescale(-x * finding.scale_change);

@@ -110,7 +110,7 @@ fn constants(options: &Identify, scene: &Scene, known: bool) -> Result<Unknowns,
     if unknowns.iter().filter(|c| curves.contains(c)).count() > 1 {
         return Err(Failure::Usage("--fit: modulus, odd-curve and curve are three ways to fit the same".into()));
     }
-    Ok(Unknowns(unknowns))
+    Ok(Unknowns { constants: unknowns, expected: false })
 }
 
 fn measured(options: &Identify, scene: &Scene) -> Result<(Data, &'static str), Failure> {
@@ -173,7 +173,7 @@ fn print(
         output.line(format!("  {:<18} {value:>14.6e}  +- {:.3} %", e.name, e.standard_error * 1e2))?;
     }
     let curves = [Constant::OddCurve, Constant::Curve];
-    if unknowns.0.iter().any(|c| curves.contains(c)) {
+    if unknowns.constants.iter().any(|c| curves.contains(c)) {
         let a = fitted.material.stress_coefficients_pa.map(|a| format!("{a:.4e}")).join(", ");
         output.line(format!("  a1..a5 = {a} Pa: a tangent written as sums of squares is nowhere negative"))?;
     }

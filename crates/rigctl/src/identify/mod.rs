@@ -148,6 +148,8 @@ pub struct Fit {
 struct Problem<'a> {
     unknowns: &'a Unknowns,
     rows: Vec<&'a Row>,
+    /// Value and standard deviation that are expected of an unknown.
+    expected: Vec<(usize, f64, f64)>,
     x: DVector<f64>,
     residuals: DVector<f64>,
     jacobian: DMatrix<f64>,
@@ -168,8 +170,14 @@ fn predict(unknowns: &Unknowns, row: &Row, x: &[f64]) -> Result<Number, SolveErr
 impl<'a> Problem<'a> {
     fn new(unknowns: &'a Unknowns, data: &'a Data, x: DVector<f64>) -> Self {
         let rows: Vec<&Row> = data.rows.iter().filter(|r| !r.held_out).collect();
-        let (n, m) = (rows.len(), x.len());
-        let mut problem = Self { unknowns, rows, x, residuals: DVector::zeros(n), jacobian: DMatrix::zeros(n, m) };
+        let spreads = unknowns.constants.iter().flat_map(|c| vec![c.spread(); c.unknowns()]).enumerate();
+        let expected: Vec<(usize, f64, f64)> = spreads
+            .filter(|_| unknowns.expected)
+            .filter_map(|(unknown, spread)| Some((unknown, x[unknown], spread?)))
+            .collect();
+        let (n, m) = (rows.len() + expected.len(), x.len());
+        let mut problem =
+            Self { unknowns, rows, expected, x, residuals: DVector::zeros(n), jacobian: DMatrix::zeros(n, m) };
         problem.evaluate();
         problem
     }
@@ -191,6 +199,10 @@ impl<'a> Problem<'a> {
                 self.jacobian[(k, count + zero)] = 1.0 / row.sigma;
             }
             self.residuals[k] = (value - row.value) / row.sigma;
+        }
+        for (k, (unknown, value, spread)) in self.expected.iter().enumerate() {
+            self.residuals[self.rows.len() + k] = (self.x[*unknown] - value) / spread;
+            self.jacobian[(self.rows.len() + k, *unknown)] = 1.0 / spread;
         }
     }
 }
@@ -221,7 +233,7 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
 /// [`IdentifyError`]: what the data cannot tell is refused by name.
 pub fn fit(unknowns: &Unknowns, start: &Parameters, data: &Data) -> Result<(Vec<f64>, Fit), IdentifyError> {
     let mut x: Vec<f64> = Vec::new();
-    for constant in &unknowns.0 {
+    for constant in &unknowns.constants {
         x.extend(constant.start(start).map_err(IdentifyError::Start)?);
     }
     if x.len() > MOST {
