@@ -146,7 +146,7 @@ fn identify(subject: &Subject, firmware: &Firmware) -> Result<(Scene, Fit), Stri
 fn sweep(subject: &Subject, firmware: &Firmware, load_kg: f64) -> Result<(f64, Vec<Stop>), String> {
     let load_n = load_kg * STANDARD_GRAVITY;
     let mut bench = ControlBench::on(subject.switched_on(load_n).map_err(|e| e.to_string())?, firmware.boot());
-    bench.home()?;
+    bench.home_under(LoadChoice::Known(load_n as f32))?;
     let mut log = Log { header: Header::default(), ..Log::default() };
     log.header.add("sweep.load_n", load_n);
     let (bottom, top) = (PI, PI + TAU * TURNS);
@@ -192,6 +192,8 @@ fn record(bench: &ControlBench, log: &mut Log) -> bool {
             position_m: number(t.position_m),
             twist_rad: number(t.twist_rad),
             load_n: number(t.load_n),
+            load_error_n: number(t.load_error_n),
+            position_error_m: number(t.position_error_m),
             tr_rad_per_m: number(t.tr_rad_per_m),
             drive_current_a: f64::from(t.drive_current_a),
             drive_speed_rad_per_s: f64::from(t.drive_speed_rad_per_s),
@@ -215,7 +217,7 @@ fn held_out_error(fit: &Fit) -> f64 {
 /// The firmware for an identified scene.
 fn build(identified: &Scene, firmware: &Firmware) -> Result<Firmware, String> {
     let owned = Box::leak(Box::new(identified.fit_table().map_err(|e| e.to_string())?.table));
-    let constants = identified.rig.constants();
+    let constants = identified.constants();
     Ok(Firmware { table: Box::leak(Box::new(owned.table())), constants, settings: firmware.settings })
 }
 
