@@ -1,6 +1,6 @@
 //! What is measured on a rig, and the floors: what is asked of it.
 
-use super::subject::Kind;
+use sim_link::RigPreset;
 
 /// One thing that is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -168,8 +168,8 @@ impl Check {
     }
 
     /// What is asked of it on this kind of rig; `as_built` without identification, where the load's error is free.
-    pub fn floor(self, kind: Kind, as_built: bool) -> Option<Floor> {
-        let hard = kind == Kind::Hard;
+    pub fn floor(self, kind: RigPreset, as_built: bool) -> Option<Floor> {
+        let hard = kind == RigPreset::Hard;
         let pick = |nominal: f64, worst: f64| if hard { worst } else { nominal };
         let all = |nominal: f64, worst: f64| Floor::Within { limit: pick(nominal, worst), per_load_n: 0.0, share: 1.0 };
         Some(match self {
@@ -254,15 +254,15 @@ mod tests {
 
     #[test]
     fn a_floor_is_met_up_to_its_limit() {
-        let load = Check::LoadHomed.floor(Kind::Nominal, false).unwrap();
+        let load = Check::LoadHomed.floor(RigPreset::Nominal, false).unwrap();
         // 5 % and 0.05 N of 1 N is 10 %.
         assert_eq!(load.is_met(Some(-0.0999), 1.0), Some(true));
         assert_eq!(load.is_met(Some(0.1001), 1.0), Some(false));
         assert_eq!(load.is_met(None, 1.0), Some(false), "what could not be measured is not met");
-        assert!(Check::LoadHomed.floor(Kind::Nominal, true).is_none(), "free without identification");
-        let times = Check::FixedRatio.floor(Kind::Nominal, false).unwrap();
+        assert!(Check::LoadHomed.floor(RigPreset::Nominal, true).is_none(), "free without identification");
+        let times = Check::FixedRatio.floor(RigPreset::Nominal, false).unwrap();
         assert_eq!((times.is_met(Some(1.9), 1.0), times.is_met(Some(2.0), 1.0)), (Some(false), Some(true)));
-        assert_eq!(Check::LoadHomed.floor(Kind::Hard, false).unwrap().text(Check::LoadHomed), "15 % + 0.1 N");
-        assert_eq!(Check::Zero.floor(Kind::Hard, false).unwrap().text(Check::Zero), "0.05 rad, 95 %");
+        assert_eq!(Check::LoadHomed.floor(RigPreset::Hard, false).unwrap().text(Check::LoadHomed), "15 % + 0.1 N");
+        assert_eq!(Check::Zero.floor(RigPreset::Hard, false).unwrap().text(Check::Zero), "0.05 rad, 95 %");
     }
 }

@@ -7,7 +7,7 @@ use crate::ControlBench;
 use crate::compare::play::Record;
 use crate::compare::score::Score;
 use rig_control::TICK_S;
-use rig_link::messages::{LoadChoice, Request, State};
+use rig_link::messages::{EventKind, LoadChoice, Request, State};
 use sim_link::units::STANDARD_GRAVITY;
 
 /// Where the load rests and is changed (m), how fast it goes there (m/s), and how long it rests (s).
@@ -40,8 +40,11 @@ const ASKED: [Check; 8] = [
     Check::FollowMost,
 ];
 
+/// Why all other checks of a boot have no value.
+pub const NOT_HOMED: &str = "not homed";
+
 /// The findings where nothing could be tried, and why.
-pub fn nothing(load_kg: f64, why: &str) -> Vec<Finding> {
+fn nothing(load_kg: f64, why: &str) -> Vec<Finding> {
     let none = |check| Finding { load_kg: Some(load_kg), check, value: None, note: why.to_owned() };
     ASKED.map(none).to_vec()
 }
@@ -84,8 +87,14 @@ impl Trial {
         match self.bench.home() {
             Ok(seconds) => self.homed(seconds),
             Err(why) => {
-                self.found(Check::Zero, None, &format!("homing: {why}"));
-                let rest = nothing(self.load_kg, "not homed");
+                let refused = self.bench.events.iter().rev().find_map(|(_, event)| match event {
+                    EventKind::HomingRefused(failure) => Some(failure.to_string()),
+                    _ => None,
+                });
+                let fault = self.bench.control.fault().map(|fault| fault.to_string());
+                let named = refused.or(fault).unwrap_or_else(|| format!("without a name: {why}"));
+                self.found(Check::Zero, None, &format!("homing refused: {named}"));
+                let rest = nothing(self.load_kg, NOT_HOMED);
                 self.findings.extend(rest.into_iter().filter(|finding| finding.check != Check::Zero));
                 return None;
             }
