@@ -301,12 +301,17 @@ impl<C: Controller> ControlBench<C> {
 impl ControlBench {
     /// Waits for the drive, homes; homing time (s) or how it failed.
     pub fn home(&mut self) -> Result<f64, String> {
+        self.home_under(LoadChoice::Auto)
+    }
+
+    /// The same under a load that somebody has weighed.
+    pub fn home_under(&mut self, load: LoadChoice) -> Result<f64, String> {
         let idle = |d: &Self| matches!(d.control.state(), State::Unhomed | State::Ready | State::Holding);
         if !idle(self) && !self.until(10.0, idle) {
             return Err(format!("not ready: {:?} {:?}", self.control.state(), self.control.fault()));
         }
         let start = self.time_s;
-        let reply = self.tick(Some(Request::HOME)).reply;
+        let reply = self.tick(Some(Request::Home { load })).reply;
         if !matches!(reply, Some(Ok(_))) {
             return Err(format!("refused: {reply:?}"));
         }

@@ -3,8 +3,9 @@
 use anyhow::{Context, Result, anyhow, ensure};
 use clap::{Parser, ValueEnum};
 use host_tests::rigs::report::{Results, csv};
-use host_tests::rigs::subject::{Kind, Subject};
+use host_tests::rigs::subject::Subject;
 use host_tests::rigs::{LOADS_KG, Plan, study};
+use sim_link::RigPreset;
 use std::ops::Range;
 use std::path::PathBuf;
 
@@ -57,11 +58,11 @@ fn main() -> Result<()> {
     let arguments = Arguments::parse();
     let ascending = arguments.loads.windows(2).all(|pair| pair[0] < pair[1]);
     ensure!(ascending && arguments.loads.iter().all(|kg| *kg > 0.0), "--loads: must be above 0 and ascending");
-    let kinds: &[Kind] = match arguments.rigs {
-        Rigs::Ideal => &[Kind::Ideal],
-        Rigs::Nominal => &[Kind::Nominal],
-        Rigs::Hard => &[Kind::Hard],
-        Rigs::Both => &[Kind::Nominal, Kind::Hard],
+    let kinds: &[RigPreset] = match arguments.rigs {
+        Rigs::Ideal => &[RigPreset::Ideal],
+        Rigs::Nominal => &[RigPreset::Nominal],
+        Rigs::Hard => &[RigPreset::Hard],
+        Rigs::Both => &[RigPreset::Nominal, RigPreset::Hard],
     };
     let subjects: Vec<Subject> =
         kinds.iter().flat_map(|kind| arguments.seeds.clone().map(|seed| Subject::new(*kind, seed))).collect();

@@ -24,6 +24,8 @@ pub const SWEEP_LOADS_KG: [f64; 3] = [0.15, 0.6, 1.5];
 /// Turns past the half-turn pre-twist, and speed of the strings (rad/s).
 const TURNS: f64 = 7.5;
 const SPEED_RAD_PER_S: f64 = 4.0;
+/// How often a sweep is tried whose homing or turns fail, each time from another twist.
+const TRIES: u8 = 3;
 /// Rest before each turn (s), as `rigctl sweep` has it.
 const REST_S: f64 = 1.0;
 /// How long before the end of a turn the motor is stopped (s), as `rigctl sweep` has it.
@@ -62,26 +64,23 @@ impl Firmware {
     }
 }
 
-/// The firmware that the rig is used with or why there is none, and what was found on the way.
-pub fn commission(subject: &Subject, as_built: bool) -> (Result<Firmware, String>, Vec<Finding>) {
-    let mut findings = Vec::new();
-    let calibrated = calibrate(subject);
-    // Who cannot calibrate goes on with what there is.
-    let firmware = calibrated.unwrap_or_else(|_| Firmware::as_built());
+/// The firmware that the rig is used with, and what was found on the way. Who cannot identify a rig goes on with the
+/// default scene's table.
+pub fn commission(subject: &Subject, as_built: bool) -> (Firmware, Option<Finding>) {
+    let subject = &subject.at_calibration();
+    let firmware = calibrate(subject).unwrap_or_else(|_| Firmware::as_built());
     if as_built {
-        return (Ok(firmware), findings);
+        return (firmware, None);
     }
-    let mut held_out = |value, note: &str| {
-        findings.push(Finding { load_kg: None, check: Check::HeldOut, value, note: note.into() });
-    };
-    let result = identify(subject, &firmware).and_then(|(identified, error)| {
-        held_out(Some(error), "");
-        build(&identified, &firmware).map_err(|why| format!("table: {why}"))
+    let held_out = |value, note| Finding { load_kg: None, check: Check::HeldOut, value, note };
+    let built = identify(subject, &firmware).and_then(|(identified, error)| {
+        let built = build(&identified, &firmware).map_err(|why| format!("table: {why}"))?;
+        Ok((built, error))
     });
-    if let Err(why) = &result {
-        held_out(None, why);
+    match built {
+        Ok((identified, error)) => (identified, Some(held_out(Some(error), String::new()))),
+        Err(why) => (firmware, Some(held_out(None, format!("goes on as built: {why}")))),
     }
-    (result.map_err(|why| format!("commissioning: {why}")), findings)
 }
 
 /// Calibrates the LVDT at eleven points of the way that the load moves: the straight line nearest to what callipers say.
@@ -128,7 +127,8 @@ fn identify(subject: &Subject, firmware: &Firmware) -> Result<(Scene, f64), Stri
     let start = Parameters::new(&scene.geometry, &scene.string, &scene.material).map_err(|e| e.to_string())?;
     let mut data = Data::default();
     for load_kg in SWEEP_LOADS_KG {
-        let sweep = sweep(subject, firmware, load_kg).map_err(|why| format!("sweep at {load_kg} kg: {why}"))?;
+        let mut tries = (0..TRIES).map(|turns| sweep(subject, firmware, load_kg, turns));
+        let sweep = sweep_or_next(&mut tries).map_err(|why| format!("sweep at {load_kg} kg: {why}"))?;
         data.add_sweep(&format!("{load_kg} kg"), &start, &sweep, HOLD_OUT);
     }
     if let Some(why) = plausible::impossible(&data, scene.geometry.string_length_m) {
@@ -143,11 +143,24 @@ fn identify(subject: &Subject, firmware: &Firmware) -> Result<(Scene, f64), Stri
     Ok((fitted, error))
 }
 
-/// One sweep as `rigctl sweep` records it, by its equilibria.
-fn sweep(subject: &Subject, firmware: &Firmware, load_kg: f64) -> Result<Sweep, String> {
+/// The first that came to its end, else how the last one failed.
+fn sweep_or_next<T>(tries: &mut impl Iterator<Item = Result<T, String>>) -> Result<T, String> {
+    let mut last = Err("not tried".to_owned());
+    for one in tries {
+        last = one;
+        if last.is_ok() {
+            break;
+        }
+    }
+    last
+}
+
+/// One sweep as `rigctl sweep` records it, from so many turns at power-up, by its equilibria.
+fn sweep(subject: &Subject, firmware: &Firmware, load_kg: f64, turns: u8) -> Result<Sweep, String> {
     let load_n = load_kg * STANDARD_GRAVITY;
-    let mut bench = ControlBench::on(subject.switched_on(load_n).map_err(|e| e.to_string())?, firmware.boot());
-    bench.home()?;
+    let rig = subject.switched_on_at(load_n, 1.0 + TAU * f64::from(turns)).map_err(|e| e.to_string())?;
+    let mut bench = ControlBench::on(rig, firmware.boot());
+    bench.home_under(LoadChoice::Known(load_n as f32))?;
     let mut log = Log { header: Header::default(), ..Log::default() };
     log.header.add("sweep.load_n", load_n);
     for (t_s, event) in &bench.events {

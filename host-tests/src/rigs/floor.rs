@@ -1,6 +1,6 @@
 //! What is measured on a rig, and the floors: what is asked of it.
 
-use super::subject::Kind;
+use sim_link::RigPreset;
 
 /// One thing that is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -17,6 +17,8 @@ pub enum Check {
     LoadCover,
     /// The stated error of the load, as a share of the load.
     LoadStated,
+    /// Error of the load over the stated one: much above 1 a wrong load was called certain.
+    Certain,
     /// Whether the stated error of the position covers the true one: 1 or 0.
     PositionCover,
     /// The stated error of the position (m).
@@ -40,7 +42,9 @@ pub enum Check {
     FollowMost,
     /// Faults without a cause.
     Faults,
-    /// Moves and load steps that were asked for.
+    /// Whether a step of the load was followed by a fault: 1 or 0. It has a cause.
+    StepFaults,
+    /// Moves that were begun.
     Moves,
     /// How far the load sank in the 3 s after a fault (m).
     Sank,
@@ -72,13 +76,14 @@ pub enum Floor {
 
 impl Check {
     /// Every check.
-    pub const ALL: [Self; 21] = [
+    pub const ALL: [Self; 23] = [
         Self::Zero,
         Self::HomingTime,
         Self::LoadHomed,
         Self::LoadStep,
         Self::LoadCover,
         Self::LoadStated,
+        Self::Certain,
         Self::PositionCover,
         Self::PositionStated,
         Self::RestMeasured,
@@ -90,6 +95,7 @@ impl Check {
         Self::FollowRms,
         Self::FollowMost,
         Self::Faults,
+        Self::StepFaults,
         Self::Moves,
         Self::Sank,
         Self::HeldOut,
@@ -105,6 +111,7 @@ impl Check {
             Self::LoadStep => "load_after_step",
             Self::LoadCover => "load_covered",
             Self::LoadStated => "load_error_stated",
+            Self::Certain => "load_error_over_stated",
             Self::PositionCover => "position_covered",
             Self::PositionStated => "position_error_stated_m",
             Self::RestMeasured => "rest_measured_m",
@@ -116,6 +123,7 @@ impl Check {
             Self::FollowRms => "following_rms_m",
             Self::FollowMost => "following_most_m",
             Self::Faults => "faults",
+            Self::StepFaults => "faults_at_load_steps",
             Self::Moves => "moves",
             Self::Sank => "sank_after_fault_m",
             Self::HeldOut => "held_out_contraction",
@@ -130,6 +138,7 @@ impl Check {
             Self::LoadHomed => "load after homing",
             Self::LoadStep => "load after a step of load",
             Self::LoadCover => "stated error covers: load",
+            Self::Certain => "load error over the stated one",
             Self::PositionCover => "stated error covers: position",
             Self::RestMeasured => "at rest against the LVDT",
             Self::Hunting => "at rest, reversals",
@@ -153,14 +162,14 @@ impl Check {
             Self::LoadCover | Self::PositionCover => (100.0, "%"),
             Self::RestMeasured | Self::RestRms | Self::RestRaw | Self::PositionStated => (1e6, "um"),
             Self::RestTrue | Self::FollowRms | Self::FollowMost | Self::Sank => (1e3, "mm"),
-            Self::Hunting | Self::Faults | Self::Moves => (1.0, ""),
-            Self::FixedRatio => (1.0, "times"),
+            Self::Hunting | Self::Faults | Self::StepFaults | Self::Moves => (1.0, ""),
+            Self::FixedRatio | Self::Certain => (1.0, "times"),
         }
     }
 
     /// What is asked of it on this kind of rig; `as_built` without identification, where the load's error is free.
-    pub fn floor(self, kind: Kind, as_built: bool) -> Option<Floor> {
-        let hard = kind == Kind::Hard;
+    pub fn floor(self, kind: RigPreset, as_built: bool) -> Option<Floor> {
+        let hard = kind == RigPreset::Hard;
         let pick = |nominal: f64, worst: f64| if hard { worst } else { nominal };
         let all = |nominal: f64, worst: f64| Floor::Within { limit: pick(nominal, worst), per_load_n: 0.0, share: 1.0 };
         Some(match self {
@@ -170,6 +179,7 @@ impl Check {
             }
             Self::LoadStep if !as_built => all(0.10, 0.30),
             Self::LoadCover | Self::PositionCover => Floor::Mean([0.85, 0.95]),
+            Self::Certain if hard => all(CERTAIN, CERTAIN),
             Self::RestMeasured => all(50e-6, 100e-6),
             Self::Hunting => all(HUNTING, HUNTING),
             Self::RestTrue => all(0.15e-3, 0.3e-3),
@@ -184,6 +194,8 @@ impl Check {
     }
 }
 
+/// An interval that holds the truth in 90 of 100 cases is missed by its own width in one of a thousand.
+const CERTAIN: f64 = 2.0;
 /// More reversals than this during 60 s, one every 5 s, are hunting: creep and noise take a few in any case.
 const HUNTING: f64 = 12.0;
 /// A load that sinks by no more than this after a fault is held (m).
@@ -242,15 +254,15 @@ mod tests {
 
     #[test]
     fn a_floor_is_met_up_to_its_limit() {
-        let load = Check::LoadHomed.floor(Kind::Nominal, false).unwrap();
+        let load = Check::LoadHomed.floor(RigPreset::Nominal, false).unwrap();
         // 5 % and 0.05 N of 1 N is 10 %.
         assert_eq!(load.is_met(Some(-0.0999), 1.0), Some(true));
         assert_eq!(load.is_met(Some(0.1001), 1.0), Some(false));
         assert_eq!(load.is_met(None, 1.0), Some(false), "what could not be measured is not met");
-        assert!(Check::LoadHomed.floor(Kind::Nominal, true).is_none(), "free without identification");
-        let times = Check::FixedRatio.floor(Kind::Nominal, false).unwrap();
+        assert!(Check::LoadHomed.floor(RigPreset::Nominal, true).is_none(), "free without identification");
+        let times = Check::FixedRatio.floor(RigPreset::Nominal, false).unwrap();
         assert_eq!((times.is_met(Some(1.9), 1.0), times.is_met(Some(2.0), 1.0)), (Some(false), Some(true)));
-        assert_eq!(Check::LoadHomed.floor(Kind::Hard, false).unwrap().text(Check::LoadHomed), "15 % + 0.1 N");
-        assert_eq!(Check::Zero.floor(Kind::Hard, false).unwrap().text(Check::Zero), "0.05 rad, 95 %");
+        assert_eq!(Check::LoadHomed.floor(RigPreset::Hard, false).unwrap().text(Check::LoadHomed), "15 % + 0.1 N");
+        assert_eq!(Check::Zero.floor(RigPreset::Hard, false).unwrap().text(Check::Zero), "0.05 rad, 95 %");
     }
 }

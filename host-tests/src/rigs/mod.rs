@@ -54,22 +54,17 @@ pub fn study(subjects: &[Subject], plan: &Plan, progress: &Progress<'_>) -> Vec<
 
 /// Tries one rig.
 pub fn score(subject: &Subject, plan: &Plan) -> Scored {
-    let (firmware, mut findings) = commission::commission(subject, plan.as_built);
+    let (firmware, held_out) = commission::commission(subject, plan.as_built);
+    let mut findings: Vec<Finding> = held_out.into_iter().collect();
     let loads = &plan.loads_kg;
-    match firmware {
-        Ok(firmware) => {
-            let along: Vec<_> = (0..loads.len())
-                .filter_map(|k| {
-                    let (found, records) = trial::boot(subject, &firmware, loads[k], next_load(loads, k));
-                    findings.extend(found);
-                    Some((loads[k], records?))
-                })
-                .collect();
-            if plan.against_fixed_ratio {
-                findings.push(fixed_ratio::compare(subject, &along));
-            }
-        }
-        Err(why) => findings.extend(loads.iter().flat_map(|load_kg| trial::nothing(*load_kg, &why))),
+    let mut along = Vec::new();
+    for (k, load_kg) in loads.iter().enumerate() {
+        let (found, records) = trial::boot(subject, &firmware, *load_kg, next_load(loads, k));
+        findings.extend(found);
+        along.extend(records.map(|records| (*load_kg, records)));
+    }
+    if plan.against_fixed_ratio {
+        findings.push(fixed_ratio::compare(subject, &along));
     }
     Scored { subject: subject.clone(), as_built: plan.as_built, findings }
 }

@@ -2,9 +2,11 @@
 
 use super::Scored;
 use super::floor::{Check, Finding, Floor};
-use super::subject::{Kind, Subject};
+use super::subject::Subject;
+use super::trial::NOT_HOMED;
 use lab::csv_text::{csv_text, optional};
 use serde_json::{Value, json};
+use sim_link::RigPreset;
 use sim_link::units::STANDARD_GRAVITY;
 use std::fmt::Write;
 
@@ -12,7 +14,7 @@ use std::fmt::Write;
 #[derive(Clone, Debug)]
 pub struct Line {
     /// Of which rigs.
-    pub kind: Kind,
+    pub kind: RigPreset,
     /// What.
     pub check: Check,
     /// What is asked; none where nothing is.
@@ -48,21 +50,19 @@ impl<'a> Results<'a> {
         Self { scored, as_built: scored.first().is_some_and(|s| s.as_built) }
     }
 
-    fn findings(&self, kind: Kind, check: Check) -> impl Iterator<Item = (&'a Subject, &'a Finding)> {
+    fn findings(&self, kind: RigPreset, check: Check) -> impl Iterator<Item = (&'a Subject, &'a Finding)> {
         let rigs = self.scored.iter().filter(move |s| s.subject.kind == kind);
         rigs.flat_map(move |s| s.findings.iter().filter(move |f| f.check == check).map(|f| (&s.subject, f)))
     }
 
     /// The kinds of rigs that there are.
-    pub fn kinds(&self) -> Vec<Kind> {
-        let mut kinds: Vec<Kind> = self.scored.iter().map(|s| s.subject.kind).collect();
-        kinds.sort_unstable();
-        kinds.dedup();
-        kinds
+    pub fn kinds(&self) -> Vec<RigPreset> {
+        let there = |kind: &RigPreset| self.scored.iter().any(|s| s.subject.kind == *kind);
+        RigPreset::ALL.into_iter().filter(there).collect()
     }
 
     /// One row for one kind of rigs.
-    pub fn line(&self, kind: Kind, check: Check) -> Line {
+    pub fn line(&self, kind: RigPreset, check: Check) -> Line {
         let floor = check.floor(kind, self.as_built);
         let all: Vec<&Finding> = self.findings(kind, check).map(|(_, finding)| finding).collect();
         let mut values: Vec<f64> = all.iter().filter_map(|f| f.value).map(f64::abs).collect();
@@ -139,8 +139,8 @@ impl<'a> Results<'a> {
             put(String::new());
         }
         let failed = self.failed();
-        put(format!("{} cases miss their floor:", failed.len()));
-        failed.iter().for_each(|f| put(format!("  {f}")));
+        put(format!("{} cases miss their floor (of a boot that is not homed only that is listed):", failed.len()));
+        failed.iter().filter(|f| f.finding.note != NOT_HOMED).for_each(|f| put(format!("  {f}")));
         text
     }
 

@@ -1,44 +1,15 @@
 //! Which rigs are tried.
 
-use crate::compare::plants::RandomPlant;
 use rig_emulator::rig::plant_settings::PlantSettings;
 use rig_emulator::rig::{Rig, RigError};
-use sim_link::PlantChange;
+use sim_link::{PlantChange, PlantKey, RigPreset};
 use std::fmt;
-
-/// What a rig is like.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Kind {
-    /// Its own model.
-    Ideal,
-    /// A well-made rig.
-    Nominal,
-    /// The worst one in ten.
-    Hard,
-}
-
-impl Kind {
-    /// As in the CSV.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Ideal => "ideal",
-            Self::Nominal => "nominal",
-            Self::Hard => "hard",
-        }
-    }
-}
-
-impl fmt::Display for Kind {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(self.name())
-    }
-}
 
 /// One rig.
 #[derive(Clone, Debug)]
 pub struct Subject {
     /// Whose floors it is held against.
-    pub kind: Kind,
+    pub kind: RigPreset,
     /// Of its constants and its noise.
     pub seed: u64,
     /// The one effect that it has, if not all.
@@ -54,9 +25,8 @@ const TWIST_AT_BOOT_RAD: f64 = 12.0;
 
 impl Subject {
     /// The rig of a kind that a seed names, with all effects.
-    pub fn new(kind: Kind, seed: u64) -> Self {
-        let changes = if kind == Kind::Ideal { Vec::new() } else { RandomPlant::new(seed).keys };
-        Self { kind, seed, effect: None, factor: None, changes }
+    pub fn new(kind: RigPreset, seed: u64) -> Self {
+        Self { kind, seed, effect: None, factor: None, changes: kind.changes(seed) }
     }
 
     /// The rig as switched on under a load (N).
@@ -78,6 +48,13 @@ impl Subject {
         }
         (settings.load_n, settings.twist_at_boot_rad) = (load_n, twist_rad);
         Rig::new(crate::scene(), settings, self.seed)
+    }
+
+    /// The same rig at the temperature of its calibration: when it is calibrated and identified.
+    #[must_use]
+    pub fn at_calibration(&self) -> Self {
+        let changes = self.changes.iter().filter(|change| change.key != PlantKey::Temperature).copied().collect();
+        Self { changes, ..self.clone() }
     }
 
     /// Where the strings stand at power-up (rad): another place for each seed and load, as somebody left them.

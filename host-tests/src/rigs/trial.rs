@@ -7,7 +7,7 @@ use crate::ControlBench;
 use crate::compare::play::Record;
 use crate::compare::score::Score;
 use rig_control::TICK_S;
-use rig_link::messages::{LoadChoice, Request, State};
+use rig_link::messages::{EventKind, LoadChoice, Request, State};
 use sim_link::units::STANDARD_GRAVITY;
 
 /// Where the load rests and is changed (m), how fast it goes there (m/s), and how long it rests (s).
@@ -40,8 +40,11 @@ const ASKED: [Check; 8] = [
     Check::FollowMost,
 ];
 
+/// Why all other checks of a boot have no value.
+pub const NOT_HOMED: &str = "not homed";
+
 /// The findings where nothing could be tried, and why.
-pub fn nothing(load_kg: f64, why: &str) -> Vec<Finding> {
+fn nothing(load_kg: f64, why: &str) -> Vec<Finding> {
     let none = |check| Finding { load_kg: Some(load_kg), check, value: None, note: why.to_owned() };
     ASKED.map(none).to_vec()
 }
@@ -51,7 +54,9 @@ struct Trial {
     bench: ControlBench,
     findings: Vec<Finding>,
     moves: u32,
+    /// Faults without a cause.
     faults: Vec<String>,
+    failed_moves: Vec<String>,
 }
 
 /// Tries one boot; `other_kg` is the load that it is changed to. Returns what was found, and the two moves of following if
@@ -67,7 +72,8 @@ pub fn boot(
         Err(why) => return (nothing(load_kg, &why.to_string()), None),
     };
     let bench = ControlBench::on(rig, firmware.boot());
-    let mut trial = Trial { load_kg, bench, findings: Vec::new(), moves: 0, faults: Vec::new() };
+    let mut trial =
+        Trial { load_kg, bench, findings: Vec::new(), moves: 0, faults: Vec::new(), failed_moves: Vec::new() };
     let records = trial.run(other_kg);
     (trial.findings, records)
 }
@@ -81,8 +87,14 @@ impl Trial {
         match self.bench.home() {
             Ok(seconds) => self.homed(seconds),
             Err(why) => {
-                self.found(Check::Zero, None, &format!("homing: {why}"));
-                let rest = nothing(self.load_kg, "not homed");
+                let refused = self.bench.events.iter().rev().find_map(|(_, event)| match event {
+                    EventKind::HomingRefused(failure) => Some(failure.to_string()),
+                    _ => None,
+                });
+                let fault = self.bench.control.fault().map(|fault| fault.to_string());
+                let named = refused.or(fault).unwrap_or_else(|| format!("without a name: {why}"));
+                self.found(Check::Zero, None, &format!("homing refused: {named}"));
+                let rest = nothing(self.load_kg, NOT_HOMED);
                 self.findings.extend(rest.into_iter().filter(|finding| finding.check != Check::Zero));
                 return None;
             }
@@ -91,12 +103,15 @@ impl Trial {
         let records = self.follow();
         self.step_load(other_kg);
         for target_m in MOVES_M {
-            // Its faults are counted; nothing else is asked of it.
-            let _ = self.go(target_m);
+            if let Err(why) = self.go(target_m) {
+                self.failed_moves.push(why);
+            }
         }
+        self.stated("last move");
         let faults = self.faults.join("; ");
         self.found(Check::Faults, self.faults.len() as f64, &faults);
-        self.found(Check::Moves, f64::from(self.moves), "");
+        let failed = self.failed_moves.join("; ");
+        self.found(Check::Moves, f64::from(self.moves), &failed);
         records
     }
 
@@ -115,7 +130,26 @@ impl Trial {
         let true_n = self.bench.truth().load_n;
         let told = self.bench.last.as_ref().map(|last| last.telemetry);
         let error_n = told.and_then(|t| t.load_n).map(|told_n| f64::from(told_n) - true_n);
-        self.found(check, error_n.map(|error_n| error_n / true_n), when);
+        let why = if error_n.is_none() { format!("{when}: no load is told") } else { when.to_owned() };
+        self.found(check, error_n.map(|error_n| error_n / true_n), &why);
+        self.stated(when);
+    }
+
+    /// Whether the errors that the board states now cover the true ones.
+    fn stated(&mut self, when: &str) {
+        let Some(t) = self.bench.last.as_ref().map(|last| last.telemetry) else { return };
+        let true_n = self.bench.truth().load_n;
+        if let (Some(told_n), Some(stated_n)) = (t.load_n, t.load_error_n) {
+            let (error_n, stated_n) = ((f64::from(told_n) - true_n).abs(), f64::from(stated_n));
+            self.found(Check::LoadCover, f64::from(u8::from(error_n <= stated_n)), when);
+            self.found(Check::LoadStated, stated_n / true_n, when);
+            self.found(Check::Certain, error_n / stated_n, when);
+        }
+        if let (Some(told_m), Some(stated_m)) = (t.position_m, t.position_error_m) {
+            let error_m = (f64::from(told_m) - self.bench.true_position_m()).abs();
+            self.found(Check::PositionCover, f64::from(u8::from(error_m <= f64::from(stated_m))), when);
+            self.found(Check::PositionStated, f64::from(stated_m), when);
+        }
     }
 
     /// Waits until nothing moves; in words how the motion ended if not at its target. A fault is counted, cleared, and the
@@ -124,32 +158,38 @@ impl Trial {
         self.bench.until(60.0, |bench| bench.control.state() != State::Moving);
         match self.bench.control.state() {
             State::Holding => Ok(()),
-            State::Fault => Err(self.recover(what)),
+            State::Fault => Err(self.fault(what)),
             state => Err(format!("{what}: ends as {state}")),
         }
     }
 
-    fn recover(&mut self, what: &str) -> String {
+    /// Counts a fault that has no cause, and goes on; in words what it was.
+    fn fault(&mut self, what: &str) -> String {
         let why = format!("{what}: {}", self.bench.control.faults());
         self.faults.push(why.clone());
+        let sank_m = self.recover();
+        self.found(Check::Sank, sank_m, &why);
+        why
+    }
+
+    /// Watches the load, clears the faults, and homes again if that has to be; how far the load sank meanwhile (m).
+    fn recover(&mut self) -> f64 {
         let gap_m = self.bench.truth().gap_m;
         let mut sank_m = 0.0f64;
         self.bench.until(WATCHED_S, |bench| {
             sank_m = sank_m.max(bench.truth().gap_m - gap_m);
             false
         });
-        self.found(Check::Sank, sank_m, &why);
         let end_s = self.bench.time_s() + CLEARED_S;
         while self.bench.control.state() == State::Fault && self.bench.time_s() < end_s {
             self.bench.tick(Some(Request::Clear));
             self.bench.run(0.1);
         }
-        if self.bench.control.state() == State::Unhomed
-            && let Err(failed) = self.bench.home()
-        {
-            return format!("{why}, then homing: {failed}");
+        if self.bench.control.state() == State::Unhomed {
+            // If that fails the next move is refused, which is what its checks then say.
+            let _ = self.bench.home();
         }
-        why
+        sank_m
     }
 
     fn begin(&mut self, target_m: f32) -> Result<(), String> {
@@ -189,7 +229,7 @@ impl Trial {
         });
         if left {
             let why = match self.bench.control.state() {
-                State::Fault => self.recover("at rest"),
+                State::Fault => self.fault("at rest"),
                 state => format!("at rest: ends as {state}"),
             };
             for check in [Check::RestMeasured, Check::Hunting, Check::RestTrue] {
@@ -204,6 +244,7 @@ impl Trial {
         self.found(Check::RestRaw, measured_m.iter().map(|m| m.abs()).fold(0.0, f64::max), "");
         self.found(Check::RestTrue, truly_m, "");
         self.found(Check::Hunting, reversals(&twists, REVERSAL_RAD) as f64, "");
+        self.stated("rest");
         self.found(Check::Travel, twists.windows(2).map(|pair| (pair[1] - pair[0]).abs()).sum::<f64>(), "");
     }
 
@@ -250,20 +291,24 @@ impl Trial {
         let (first_kg, ways) = (self.load_kg, [(other_kg, "there"), (self.load_kg, "back")]);
         for (load_kg, way) in ways {
             let when = format!("step {way}, to {load_kg} kg");
-            let step = ready.clone().and_then(|()| {
-                self.moves += 1;
-                let load_n = load_kg * STANDARD_GRAVITY;
-                self.bench.rig.set_plant("load", &load_n.to_string()).map_err(|e| e.to_string())?;
-                self.bench.run(TOLD_S);
-                match self.bench.control.state() {
-                    State::Fault => Err(self.recover(&when)),
-                    _ => Ok(()),
-                }
-            });
+            if let Err(why) = &ready {
+                self.found(Check::LoadStep, None, why);
+                continue;
+            }
+            let load_n = load_kg * STANDARD_GRAVITY;
+            if let Err(why) = self.bench.rig.set_plant("load", &load_n.to_string()) {
+                self.found(Check::LoadStep, None, &why.to_string());
+                continue;
+            }
             self.load_kg = load_kg;
-            match step {
-                Ok(()) => self.load(Check::LoadStep, &when),
-                Err(why) => self.found(Check::LoadStep, None, &why),
+            self.bench.run(TOLD_S);
+            let faults = self.bench.control.faults();
+            self.load(Check::LoadStep, &when);
+            // The load has moved by itself, so a fault has a cause: held and told is what is asked.
+            let failed = self.bench.control.state() == State::Fault;
+            self.found(Check::StepFaults, f64::from(u8::from(failed)), &format!("{when}: {faults}"));
+            if failed {
+                self.recover();
             }
         }
         self.load_kg = first_kg;
