@@ -53,6 +53,7 @@ pub mod figure;
 mod fixtures;
 pub mod identify;
 pub mod log;
+pub mod lvdt_points;
 pub mod options;
 pub mod out_file;
 pub mod output;

@@ -20,6 +20,7 @@ pub use read::{Log, LogError, LogRow, Mark, Marked};
 pub use write::Recorder;
 
 use crate::failure::Failure;
+use crate::lvdt_points;
 use crate::scene_file;
 use crate::session::{Place, Session, Target};
 use rig_link::PROTOCOL_HASH;
@@ -78,6 +79,9 @@ impl Header {
         header.add("settings_kept", settings.kept.name());
         for (setting, value) in settings.values.iter() {
             header.add(&format!("{SETTINGS}{setting}"), value);
+        }
+        if let Some(curve) = &settings.values.lvdt_curve {
+            header.add(&format!("{SETTINGS}{}", lvdt_points::NAME), lvdt_points::text(curve));
         }
         Ok(header)
     }

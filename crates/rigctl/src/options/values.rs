@@ -53,6 +53,10 @@ pub(crate) fn gap(text: &str) -> Result<f64, units::UnitError> {
     units::parse("gap", Quantity::Length, text)
 }
 
+pub(crate) fn gauge_error(text: &str) -> Result<f64, units::UnitError> {
+    units::parse("gauge-error", Quantity::Length, text)
+}
+
 pub(crate) fn speed(text: &str) -> Result<f64, units::UnitError> {
     units::parse("speed", Quantity::Speed, text)
 }
