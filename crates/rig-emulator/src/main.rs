@@ -10,7 +10,7 @@ use rig_emulator::rig::Rig;
 use rig_emulator::rig::plant_settings::PlantSettings;
 use rig_emulator::serve::serve;
 use rig_scene::{Scene, files};
-use sim_link::PlantChange;
+use sim_link::{PlantChange, RigPreset};
 use std::io::{self, BufRead, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -30,12 +30,15 @@ struct Arguments {
     #[arg(long, required_unless_present = "bare")]
     scene: Option<PathBuf>,
     /// A board with jumper wires and no rig, for the self-test: print its log until it has ended.
-    #[arg(long, conflicts_with_all = ["scene", "plant", "flash"])]
+    #[arg(long, conflicts_with_all = ["scene", "rig", "plant", "flash"])]
     bare: bool,
+    /// Rig of the seed: `ideal` is its own model; `nominal` and `hard` have what a well-made and a poor rig have besides.
+    #[arg(long, value_name = "RIG", default_value_t = RigPreset::Ideal)]
+    rig: RigPreset,
     /// A change of the plant that the firmware does not know of, for example `load=1.2kg`.
     #[arg(long, value_name = "KEY=VALUE")]
     plant: Vec<PlantChange>,
-    /// Seed of all noise.
+    /// Seed of all noise, and of the rig that `--rig` draws.
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// File that keeps the board's flash from one run to the next; created if it does not exist.
@@ -78,7 +81,7 @@ fn run(arguments: &Arguments) -> Result<()> {
     files::check_regular(scene_file).with_context(|| format!("scene {}", scene_file.display()))?;
     let scene = Scene::load(scene_file)?;
     scene.check_rig().map_err(|error| error.in_file(scene_file))?;
-    let mut settings = PlantSettings::default();
+    let mut settings = PlantSettings::preset(arguments.rig, arguments.seed);
     for change in &arguments.plant {
         settings.apply(*change)?;
     }

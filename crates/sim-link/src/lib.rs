@@ -5,6 +5,7 @@
 //!
 //! - [`control`]: requests and answers, one JSON value on each line.
 //! - [`plant`]: what can be changed about the emulated rig without telling the firmware.
+//! - [`preset`]: rigs that differ from their own model, drawn from a seed.
 //! - [`faults`]: what can be broken in the emulated rig and its board.
 //! - [`truth`]: what really happens in the emulated rig.
 //! - [`units`]: numbers with units, as an operator types them.
@@ -14,10 +15,12 @@
 pub mod control;
 pub mod faults;
 pub mod plant;
+pub mod preset;
 pub mod truth;
 pub mod units;
 
 pub use control::{Answer, Request, Run, Stats};
 pub use faults::{ChipFault, Fault, RigFault};
 pub use plant::{PlantChange, PlantError, PlantKey};
+pub use preset::RigPreset;
 pub use truth::Truth;

@@ -50,6 +50,14 @@ plant_keys! {
     Load = "load", Load, [0.01, 200.0], Always;
     /// Coulomb friction on the rail.
     Friction = "friction", Force, [0.0, 100.0], Always;
+    /// Friction on the rail that grows with the load, as a share of the load.
+    FrictionLoadShare = "friction_load_share", Fraction, [0.0, 1.0], Always;
+    /// Static friction on the rail over Coulomb friction.
+    StictionRatio = "stiction_ratio", Number, [1.0, 10.0], Always;
+    /// Speed at which the rail's friction has fallen from static to Coulomb friction by 63 %; 0 is only at standstill.
+    StribeckSpeed = "stribeck_speed", Speed, [0.0, 1.0], Always;
+    /// How far the rail gives before it breaks loose.
+    Presliding = "presliding", Length, [0.0, 1e-3], Always;
     /// Viscous damping on the rail.
     Damping = "damping", Damping, [0.0, 1e4], Always;
     /// LVDT noise of one sample, rms.
@@ -58,6 +66,10 @@ plant_keys! {
     LvdtOffset = "lvdt_offset", Length, [-0.2, 0.2], Always;
     /// LVDT gain error.
     LvdtGainError = "lvdt_gain_error", Fraction, [-0.9, 9.0], AtStart;
+    /// Curve of the LVDT: amplitude of an error that is one sine over the stroke, as a share of the stroke.
+    LvdtNonlinearity = "lvdt_nonlinearity", Fraction, [0.0, 0.1], Always;
+    /// LVDT noise that averaging over a block of samples leaves, rms.
+    LvdtNoiseInband = "lvdt_noise_inband", Length, [0.0, 0.1], Always;
     /// Hum of the mains in the LVDT's signal, peak.
     Hum = "hum", Length, [0.0, 0.1], Always;
     /// Integral non-linearity of the converter, codes, peak.
@@ -72,6 +84,32 @@ plant_keys! {
     StiffnessScale = "stiffness_scale", Fraction, [0.1, 100.0], AtStart;
     /// Scales all coefficients of the rods' stress-strain law.
     ModulusScale = "modulus_scale", Fraction, [0.1, 100.0], AtStart;
+    /// Added to the exponent of the string's radius law.
+    TwistExponentShift = "twist_exponent_shift", Number, [-0.4, 0.4], AtStart;
+    /// Half width of the loop of the rods' stress over strain.
+    RodHysteresis = "rod_hysteresis", Stress, [0.0, 1e9], AtStart;
+    /// What the strings stretch slowly, as a share of their elastic stretch.
+    StringCreep = "string_creep", Fraction, [0.0, 10.0], AtStart;
+    /// Share of their radius that new strings lose over their first cycles.
+    StringBedding = "string_bedding", Fraction, [0.0, 0.5], AtStart;
+    /// Width of the loop between the twist of the shaft and that of the strings.
+    TwistPlay = "twist_play", Angle, [0.0, 3.0], AtStart;
+    /// Temperature of rods and LVDT, less that of the calibration.
+    Temperature = "temperature", Temperature, [-100.0, 100.0], Always;
+    /// Coulomb friction at the motor's shaft.
+    MotorFriction = "motor_friction", Torque, [0.0, 0.1], Always;
+    /// Share by which that friction is greater towards more twist, and smaller towards less.
+    MotorFrictionAsymmetry = "motor_friction_asymmetry", Fraction, [-0.9, 0.9], Always;
+    /// Efficiency of the gear.
+    GearEfficiency = "gear_efficiency", Fraction, [0.05, 1.0], Always;
+    /// True torque constant over the scene's.
+    TorqueConstantScale = "torque_constant_scale", Fraction, [0.1, 10.0], AtStart;
+    /// Offset of the drive's current reading.
+    CurrentOffset = "current_offset", Current, [-1.0, 1.0], Always;
+    /// Noise of one current reading, rms.
+    CurrentNoise = "current_noise", Current, [0.0, 1.0], Always;
+    /// Quantum of the current reading; 0 is none.
+    CurrentQuantum = "current_quantum", Current, [0.0, 1.0], Always;
     /// Play of the gear at its output.
     GearBacklash = "gear_backlash", Angle, [0.0, 1.0], AtStart;
     /// Supply of the drive.

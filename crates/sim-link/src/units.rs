@@ -36,6 +36,12 @@ pub enum Quantity {
     Stiffness,
     /// 1/N
     PerForce,
+    /// N m
+    Torque,
+    /// Pa
+    Stress,
+    /// K, a difference
+    Temperature,
     /// a number of anything else
     Number,
 }
@@ -60,6 +66,9 @@ impl Quantity {
             Self::Turns => ("number of turns", &[]),
             Self::Stiffness => ("stiffness", &[("N/m", 1.0), ("kN/m", 1e3), ("N/mm", 1e3)]),
             Self::PerForce => ("value per newton", &[("1/N", 1.0), ("1/kN", 1e-3)]),
+            Self::Torque => ("torque", &[("Nm", 1.0), ("N*m", 1.0), ("mNm", 1e-3), ("uNm", 1e-6)]),
+            Self::Stress => ("stress", &[("Pa", 1.0), ("kPa", 1e3), ("MPa", 1e6)]),
+            Self::Temperature => ("difference of temperatures", &[("K", 1.0)]),
             Self::Number => ("number", &[]),
         }
     }
@@ -183,6 +192,9 @@ mod tests {
         reads(Quantity::Angle, "180deg", PI);
         reads(Quantity::AngularSpeed, "60rpm", TAU);
         reads(Quantity::Fraction, "1%", 0.01);
+        reads(Quantity::Torque, "0.2mNm", 2e-4);
+        reads(Quantity::Stress, "60 MPa", 60e6);
+        reads(Quantity::Temperature, "-5K", -5.0);
         reads(Quantity::Turns, "7.5", 7.5);
     }
 

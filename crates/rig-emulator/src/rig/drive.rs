@@ -6,6 +6,8 @@
 //! - the position counts from the moment of the reset, and a reset clears the feedback periods;
 //! - a mode or data frame in the wrong state makes it beep and send nothing;
 //! - stall is current at its limit without motion for 1 s; it drops the torque and lasts until a reset;
+//! - the errors of its current reading are those of its reports: its own regulator and stall detection have an exact
+//!   current, so that noise is no stall;
 //! - answers take 0.2 ms;
 //! - its CAN controller still acknowledges frames when the serial line is the transport in use. The first frame after
 //!   power-up or reset decides which transport that is (V-FAQ p24);
@@ -100,8 +102,10 @@ pub struct Drive {
 pub struct Sensed {
     /// Encoder counts, from any origin.
     pub counts: i64,
-    /// Winding current, A.
+    /// Winding current, A, which the drive's own regulator and stall detection see.
     pub current_a: f64,
+    /// The current that it reports, A.
+    pub reported_current_a: f64,
     /// Supply voltage, V.
     pub supply_v: f64,
     /// The bridge had no more voltage to give.
@@ -345,7 +349,8 @@ impl Drive {
 
     fn report(&mut self, now_s: f64, sensed: Sensed) {
         let position = self.position();
-        let milliamps = (sensed.current_a * 1e3).round().clamp(f64::from(i16::MIN), f64::from(i16::MAX)) as i16;
+        let milliamps =
+            (sensed.reported_current_a * 1e3).round().clamp(f64::from(i16::MIN), f64::from(i16::MAX)) as i16;
         let rpm = (self.moved as f64 * 60_000.0 / self.counts_per_turn).round();
         let rpm = rpm.clamp(f64::from(i16::MIN), f64::from(i16::MAX)) as i16;
         let motion = Report::Motion { current: Milliamps(milliamps), speed: Rpm(rpm), position };

@@ -5,7 +5,9 @@ use std::f64::consts::TAU;
 
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
+use rand_pcg::rand_core::{Rng, SeedableRng};
 
+use super::effects::drift::Drift;
 use super::parameters::RigParameters;
 use super::plant_settings::PlantSettings;
 
@@ -14,6 +16,8 @@ const FAULT_NOISE_M: f64 = 2e-3;
 
 /// Frequency of the mains, whose hum the long leads pick up (Hz).
 const MAINS_HZ: f64 = 50.0;
+/// Change of the gain with the temperature, 1/K: what data sheets of such sensors state.
+const GAIN_PER_K: f64 = 2e-4;
 
 /// What can be wrong with it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -38,15 +42,26 @@ pub struct Lvdt {
     rate_per_s: f64,
     gain: f64,
     filtered_m: f64,
+    drift: Drift,
+    drift_m: f64,
+    drift_noise: Pcg64Mcg,
+    /// Phase of the curve over the stroke, rad.
+    curve_phase_rad: f64,
     last_code: u16,
     /// Active faults.
     pub faults: LvdtFaults,
 }
 
 impl Lvdt {
-    /// Settled at a gap.
-    pub fn new(parameters: &RigParameters, settings: &PlantSettings, gap_m: f64) -> Self {
+    /// Settled at a gap. The seed is that of the curve's phase and of the noise inside the band.
+    pub fn new(parameters: &RigParameters, settings: &PlantSettings, gap_m: f64, seed: u64) -> Self {
+        let mut drift_noise = Pcg64Mcg::seed_from_u64(seed);
+        let curve_phase_rad = TAU * f64::from(drift_noise.next_u32()) / f64::from(u32::MAX);
         Self {
+            drift: Drift::default(),
+            drift_m: 0.0,
+            drift_noise,
+            curve_phase_rad,
             stroke_m: parameters.lvdt_stroke_m,
             volts: parameters.lvdt_volts,
             gap_at_zero_m: parameters.lvdt_gap_at_zero_m,
@@ -60,20 +75,36 @@ impl Lvdt {
     }
 
     /// One step of `h` seconds; exact for a gap that stays where it is.
-    pub fn step(&mut self, h: f64, gap_m: f64) {
+    pub fn step(&mut self, h: f64, gap_m: f64, settings: &PlantSettings) {
         self.filtered_m += (gap_m - self.filtered_m) * -(-h * self.rate_per_s).exp_m1();
+        if settings.lvdt_noise_inband_m > 0.0 {
+            self.drift_m = self.drift.step(h, settings.lvdt_noise_inband_m, &mut self.drift_noise);
+        } else {
+            self.drift_m = 0.0;
+        }
     }
 
-    /// One sample at `t_s`: the gap with offset, noise and hum, and the converter's error, which goes once up and down
+    /// What its curve adds at a gap, m: one sine over the stroke.
+    fn curve_m(&self, gap_m: f64, settings: &PlantSettings) -> f64 {
+        if settings.lvdt_nonlinearity == 0.0 {
+            return 0.0;
+        }
+        let share = (gap_m - self.gap_at_zero_m) / self.stroke_m;
+        settings.lvdt_nonlinearity * self.stroke_m * (TAU * share + self.curve_phase_rad).sin()
+    }
+
+    /// One sample at `t_s`: the gap with the sensor's curve, offset, noise, hum and drift of the gain, and the converter's error, which goes once up and down
     /// over its range (`adc_inl` codes at a quarter and at three quarters).
     pub fn sample(&mut self, t_s: f64, settings: &PlantSettings, noise: &mut Pcg64Mcg) -> u16 {
         let fault_noise = if self.faults.noisy { FAULT_NOISE_M } else { 0.0 };
         // Drawn for each sample, also during a fault: a fault does not change the noise that follows it.
         let normal: f64 = StandardNormal.sample(noise);
         let hum_m = settings.hum_m * (TAU * MAINS_HZ * t_s).sin();
+        let errors_m = hum_m + self.curve_m(self.filtered_m, settings) + self.drift_m;
         let gap_m =
-            self.filtered_m + settings.lvdt_offset_m + hum_m + normal * settings.lvdt_noise_m.hypot(fault_noise);
-        let fraction = (gap_m - self.gap_at_zero_m) / self.stroke_m * self.gain;
+            self.filtered_m + settings.lvdt_offset_m + errors_m + normal * settings.lvdt_noise_m.hypot(fault_noise);
+        let gain = self.gain * (1.0 + GAIN_PER_K * settings.temperature_k);
+        let fraction = (gap_m - self.gap_at_zero_m) / self.stroke_m * gain;
         let share = (self.volts[0] + fraction * (self.volts[1] - self.volts[0])) / self.reference_v;
         let code = volts_to_code(share + settings.adc_inl / CODES * (TAU * share).sin(), 1.0);
         match self.faults {
@@ -105,7 +136,7 @@ mod tests {
 
     fn lvdt(settings: &PlantSettings) -> (Lvdt, Pcg64Mcg) {
         let parameters = RigParameters::new(&Rig::default()).unwrap();
-        (Lvdt::new(&parameters, settings, 0.1), Pcg64Mcg::seed_from_u64(1))
+        (Lvdt::new(&parameters, settings, 0.1, 1), Pcg64Mcg::seed_from_u64(1))
     }
 
     #[test]
@@ -147,11 +178,48 @@ mod tests {
     }
 
     #[test]
+    fn its_curve_is_one_sine_over_the_stroke_with_a_phase_from_the_seed() {
+        let settings = PlantSettings { lvdt_nonlinearity: 0.005, ..PlantSettings::default() };
+        let parameters = RigParameters::new(&Rig::default()).unwrap();
+        let curve = |seed: u64| {
+            let lvdt = Lvdt::new(&parameters, &settings, 0.1, seed);
+            (0..=200).map(|k| lvdt.curve_m(1e-3 * f64::from(k), &settings)).collect::<Vec<_>>()
+        };
+        let errors = curve(1);
+        assert_eq!(errors, curve(1));
+        assert_ne!(errors, curve(2));
+        let most = errors.iter().fold(0.0f64, |most, e| most.max(e.abs()));
+        assert!((most / 1e-3 - 1.0).abs() < 1e-3, "{most}: half a per cent of 200 mm");
+        // A sine over the stroke: half a stroke away it is the opposite, and twice it falls through zero.
+        assert!((0..=100).all(|k| (errors[k] + errors[k + 100]).abs() < 1e-12));
+        assert_eq!(errors.windows(2).filter(|pair| pair[0] * pair[1] < 0.0).count(), 2);
+    }
+
+    #[test]
+    fn warmth_changes_the_gain_and_noise_inside_the_band_stays() {
+        let warm = PlantSettings { lvdt_noise_m: 0.0, temperature_k: 10.0, ..PlantSettings::default() };
+        let (mut lvdt, mut noise) = lvdt(&warm);
+        let code = f64::from(lvdt.sample(0.0, &warm, &mut noise)) + 0.5;
+        let wanted = 0.1 * 1.002 / 0.2 * 3.0 / 3.3 * 4096.0;
+        assert!((code - wanted).abs() <= 0.501, "{code} and {wanted}");
+        let noisy = PlantSettings { lvdt_noise_m: 0.0, lvdt_noise_inband_m: 1e-3, ..PlantSettings::default() };
+        let (mut lvdt, _) = self::lvdt(&noisy);
+        let walk: Vec<f64> = (0..400_000)
+            .map(|_| {
+                lvdt.step(2.5e-4, 0.1, &noisy);
+                lvdt.drift_m
+            })
+            .collect();
+        let rms = (walk.iter().map(|x| x * x).sum::<f64>() / walk.len() as f64).sqrt();
+        assert!((rms / 1e-3 - 1.0).abs() < 0.1, "{rms}");
+    }
+
+    #[test]
     fn bandwidth() {
         let settings = PlantSettings { lvdt_noise_m: 0.0, ..PlantSettings::default() };
         let (mut lvdt, _) = lvdt(&settings);
         for _ in 0..4 {
-            lvdt.step(2.5e-4, 0.11);
+            lvdt.step(2.5e-4, 0.11, &settings);
         }
         let expected = 0.11 - 0.01 * (-TAU * 200.0 * 1e-3_f64).exp();
         assert!((lvdt.filtered_m - expected).abs() < 1e-12);

@@ -4,6 +4,7 @@
 //! - [`plant_settings`] and [`parameters`]: what a test may change, what the scene says.
 //! - [`transmission`] and [`surface`]: the mechanism's equilibria, exactly and fast.
 //! - [`plant`], [`motor`], [`encoder`], [`lvdt`]: the parts that move and measure.
+//! - [`effects`]: what real rigs have besides.
 //! - [`drive`]: the RMDS-405 on the bus, or on the serial line.
 //! - [`faults`]: what can be broken.
 //! - `wires`: what the chip's pins are wired to.
@@ -12,6 +13,7 @@
 //! same times give the same results.
 
 pub mod drive;
+pub mod effects;
 pub mod encoder;
 pub mod faults;
 pub mod lvdt;
@@ -29,15 +31,17 @@ use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::SeedableRng;
 use rig_scene::Scene;
 use sim_link::{PlantChange, PlantError, Truth};
-use tsa_model::{Mechanism, Tier};
+use tsa_model::{Mechanism, RadiusLaw, Tier};
 
 use crate::board::Stimulus;
 use drive::{Drive, LEAST_SUPPLY_V, Sensed};
+use effects::rods::Rods;
+use effects::strings::{StringSizes, Strings};
 use encoder::Encoder;
 use lvdt::Lvdt;
 use motor::{Bridge, Motor};
 use parameters::RigParameters;
-use plant::{Plant, Rail};
+use plant::{Conditions, Plant};
 use plant_settings::PlantSettings;
 use surface::{NoSurface, SLACK_LOAD_N, Surface};
 use transmission::{Tiered, cheapest_tier};
@@ -52,6 +56,10 @@ const SAME_TIME_S: f64 = 2e-8;
 const SURFACE_LOAD_N: f64 = 40.0;
 /// Ticks between two solutions of the full model for the tension.
 const TENSION_TICKS: u64 = 10;
+/// What tells the seeds of further random numbers from the rig's own, so that none changes the noise of the samples.
+const LVDT_SEED: u64 = 0x6c76_6474_0000_0000;
+/// As [`LVDT_SEED`].
+const CURRENT_SEED: u64 = 0x616d_7065_0000_0000;
 /// USART of the host link (hardware.md 8).
 pub const HOST_USART: u8 = 2;
 /// Why a rig could not be built.
@@ -100,6 +108,7 @@ pub struct Rig {
     mechanism: Mechanism,
     tier: Tier,
     noise: Pcg64Mcg,
+    current_noise: Pcg64Mcg,
     plant: Plant,
     motor: Motor,
     encoder: Encoder,
@@ -146,18 +155,21 @@ impl Rig {
         if twist_rad.abs() > most_rad {
             return Err(RigError::Twist { twist_rad, load_n: settings.load_n, most_rad });
         }
-        let boot_pretwist_gap_m = surface.gap(tsa_model::PRETWIST_RAD, settings.load_n).gap_m;
-        let plant = Plant::new(surface, stops_m, twist_rad, settings.load_n);
+        let rods = rods_of(&mechanism, &settings, &surface);
+        let strings = Strings::new(mechanism.parameters(), &string_sizes(&real, &settings), twist_rad, settings.load_n);
+        let plant = Plant::new(surface, stops_m, strings, rods, &conditions(&settings));
+        let boot_pretwist_gap_m = plant.gap_at(tsa_model::PRETWIST_RAD, &conditions(&settings));
         let play = 0.5 * settings.gear_backlash_rad;
         let boot_angle_rad = (twist_rad + play.copysign(twist_rad)) * parameters.gear_ratio;
         let encoder = Encoder::new(parameters.counts_per_turn);
         let boot_counts = encoder.counts(boot_angle_rad);
         let mut rig = Self {
             tier,
-            lvdt: Lvdt::new(&parameters, &settings, plant.gap_m),
-            motor: Motor::new(&parameters, boot_angle_rad),
+            lvdt: Lvdt::new(&parameters, &settings, plant.gap_m, seed ^ LVDT_SEED),
+            motor: Motor::new(&parameters, settings.torque_constant_scale, boot_angle_rad),
             drive: Drive::new(&parameters),
             noise: Pcg64Mcg::seed_from_u64(seed),
+            current_noise: Pcg64Mcg::seed_from_u64(seed ^ CURRENT_SEED),
             bridge: Bridge::Open,
             relay_pin: false,
             relay_opens_s: 0.0,
@@ -198,6 +210,10 @@ impl Rig {
     pub fn change_plant(&mut self, change: PlantChange) -> Result<(), PlantError> {
         change.check_running()?;
         self.settings.apply(change)?;
+        if !self.plant.has_rods() {
+            let rods = rods_of(&self.mechanism, &self.settings, self.plant.surface());
+            self.plant.set_rods(rods);
+        }
         self.look_at_power();
         Ok(())
     }
@@ -262,18 +278,18 @@ impl Rig {
 
     /// What really happens now.
     pub fn truth(&self) -> Truth {
-        let pull = self.plant.pull();
+        let pull_n = self.plant.pull_n();
         Truth {
             t_s: self.now_s(),
             position_m: self.boot_pretwist_gap_m - self.plant.gap_m,
             gap_m: self.plant.gap_m,
-            pretwist_gap_m: self.plant.surface().gap(tsa_model::PRETWIST_RAD, self.settings.load_n).gap_m,
+            pretwist_gap_m: self.plant.gap_at(tsa_model::PRETWIST_RAD, &conditions(&self.settings)),
             gap_speed_m_per_s: self.plant.speed_m_per_s,
             twist_rad: self.twist_rad(),
             load_n: self.settings.load_n,
-            pull_n: pull.force_n,
-            string_tension_n: pull.force_n * self.tension_share,
-            string_torque_nm: self.plant.torque_nm(&self.rail()),
+            pull_n,
+            string_tension_n: pull_n * self.tension_share,
+            string_torque_nm: self.plant.torque_nm(&conditions(&self.settings)),
             motor_angle_rad: self.motor.angle_rad - self.boot_angle_rad,
             motor_speed_rad_per_s: self.motor.speed_rad_per_s,
             motor_current_a: self.motor.current_a,
@@ -289,14 +305,6 @@ impl Rig {
         let geared = self.motor.angle_rad / self.parameters.gear_ratio;
         let play = 0.5 * self.settings.gear_backlash_rad;
         geared - geared.clamp(-play, play)
-    }
-
-    fn rail(&self) -> Rail {
-        Rail {
-            weight_n: self.settings.load_n,
-            friction_n: self.settings.friction_n,
-            damping_n_s_per_m: self.settings.damping_n_s_per_m,
-        }
     }
 
     fn supply_v(&self) -> f64 {
@@ -321,7 +329,7 @@ impl Rig {
     }
 
     fn look_at_tension(&mut self) {
-        let force_n = self.plant.pull().force_n;
+        let force_n = self.plant.pull_n();
         if let Ok(solved) = self.mechanism.solve(force_n, self.twist_rad()) {
             self.tension_share = solved.tension_n / force_n;
         }
@@ -334,22 +342,22 @@ impl Rig {
     }
 
     fn step(&mut self) {
-        let rail = self.rail();
+        let conditions = conditions(&self.settings);
         let bridge = match (self.estop, self.motor_open) {
             (true, _) => Bridge::Resistor(self.parameters.brake_ohm),
             (false, true) => Bridge::Open,
             (false, false) => self.bridge,
         };
-        let torque_nm = self.plant.torque_nm(&rail) / self.parameters.gear_ratio;
+        let torque_nm = self.plant.torque_nm(&conditions) / self.parameters.gear_ratio;
         let before_rad = self.motor.angle_rad;
-        self.motor.step(STEP_S, bridge, torque_nm);
+        self.motor.step(STEP_S, bridge, torque_nm, &self.settings.motor_friction);
         let on_the_bridge = matches!(bridge, Bridge::Voltage(_) | Bridge::Current { .. });
         if on_the_bridge && self.motor.current_a * self.motor.speed_rad_per_s > 0.0 {
             self.driven_rad += (self.motor.angle_rad - before_rad).abs() / self.parameters.gear_ratio;
         }
         let twist_rad = self.twist_rad();
-        self.plant.step(STEP_S, twist_rad, &rail);
-        self.lvdt.step(STEP_S, self.plant.gap_m);
+        self.plant.step(STEP_S, twist_rad, &conditions);
+        self.lvdt.step(STEP_S, self.plant.gap_m, &self.settings);
         self.steps += 1;
         if self.steps.is_multiple_of(STEPS_PER_TICK) {
             self.tick();
@@ -361,9 +369,11 @@ impl Rig {
         self.look_at_power();
         if self.drive.is_powered() {
             // The e-stop takes the motor off the bridge, so the drive measures no current.
+            let current_a = if self.estop || self.motor_open { 0.0 } else { self.motor.current_a };
             let sensed = Sensed {
                 counts: self.encoder.counts(self.motor.angle_rad),
-                current_a: if self.estop || self.motor_open { 0.0 } else { self.motor.current_a },
+                current_a,
+                reported_current_a: self.settings.current_reading.read(current_a, &mut self.current_noise),
                 supply_v: self.supply_v(),
                 saturated: !self.estop && !self.motor_open && self.motor.saturated,
             };
@@ -378,6 +388,33 @@ impl Rig {
         if self.record {
             self.records.push(self.truth());
         }
+    }
+}
+
+/// What acts on load and mechanism from outside.
+fn conditions(settings: &PlantSettings) -> Conditions {
+    Conditions {
+        weight_n: settings.load_n,
+        friction: settings.rail_friction(),
+        damping_n_s_per_m: settings.damping_n_s_per_m,
+        temperature_k: settings.temperature_k,
+    }
+}
+
+/// The rods' additional stress, where there is any: sampling them takes a while.
+fn rods_of(mechanism: &Mechanism, settings: &PlantSettings, surface: &Surface) -> Option<Rods> {
+    let any = settings.rod_hysteresis_pa > 0.0 || settings.temperature_k != 0.0;
+    any.then(|| Rods::new(mechanism, surface, settings.rod_hysteresis_pa)).flatten()
+}
+
+/// How the strings differ from those of the model.
+fn string_sizes(real: &Scene, settings: &PlantSettings) -> StringSizes {
+    let by_length = real.string.radius_law == RadiusLaw::LengthRatio;
+    StringSizes {
+        play_rad: settings.twist_play_rad,
+        bedding: settings.string_bedding,
+        creep: settings.string_creep,
+        exponent_shift: if by_length { settings.twist_exponent_shift } else { 0.0 },
     }
 }
 

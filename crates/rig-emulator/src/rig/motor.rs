@@ -22,13 +22,39 @@ pub enum Bridge {
     Resistor(f64),
 }
 
+/// Friction of motor and gear, as it acts on the motor's shaft.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MotorFriction {
+    /// Coulomb friction, N m.
+    pub coulomb_nm: f64,
+    /// Share by which it is greater towards positive angles, and smaller towards negative ones.
+    pub asymmetry: f64,
+    /// Efficiency η of the gear when it lifts a load: the teeth rub with (1/η − 1) times the load's torque, in either
+    /// direction. Below 0.5 no load drives the motor back.
+    pub gear_efficiency: f64,
+}
+
+impl Default for MotorFriction {
+    /// A lossless gear, and so little friction that a load of 0.5 kg drives the motor back. Assumed.
+    fn default() -> Self {
+        Self { coulomb_nm: 2e-5, asymmetry: 0.0, gear_efficiency: 1.0 }
+    }
+}
+
+impl MotorFriction {
+    /// Most friction (N m) under a load's torque (N m), against motion to positive and to negative angles.
+    pub fn limits_nm(&self, load_nm: f64) -> [f64; 2] {
+        let rubbing = (1.0 / self.gear_efficiency - 1.0) * load_nm.abs();
+        [1.0, -1.0].map(|direction| self.coulomb_nm * (1.0 + direction * self.asymmetry) + rubbing)
+    }
+}
+
 /// Rotor and winding.
 #[derive(Clone, Debug)]
 pub struct Motor {
     torque_constant: f64,
     resistance: f64,
     inertia: f64,
-    coulomb: f64,
     viscous: f64,
     /// Angle of the shaft, rad.
     pub angle_rad: f64,
@@ -44,13 +70,12 @@ pub struct Motor {
 }
 
 impl Motor {
-    /// At rest at an angle.
-    pub fn new(parameters: &RigParameters, angle_rad: f64) -> Self {
+    /// At rest at an angle, its torque constant the scene's times a factor.
+    pub fn new(parameters: &RigParameters, torque_constant_scale: f64, angle_rad: f64) -> Self {
         Self {
-            torque_constant: parameters.torque_constant_nm_per_a,
+            torque_constant: parameters.torque_constant_nm_per_a * torque_constant_scale,
             resistance: parameters.resistance_ohm,
             inertia: parameters.inertia_kg_m2,
-            coulomb: parameters.coulomb_nm,
             viscous: parameters.viscous_nm_s_per_rad,
             angle_rad,
             speed_rad_per_s: 0.0,
@@ -60,24 +85,25 @@ impl Motor {
         }
     }
 
-    /// One step of `h` seconds with `torque_nm` from outside at the shaft.
-    pub fn step(&mut self, h: f64, bridge: Bridge, torque_nm: f64) {
+    /// One step of `h` seconds with `torque_nm` from the load at the shaft.
+    pub fn step(&mut self, h: f64, bridge: Bridge, torque_nm: f64, friction: &MotorFriction) {
+        let limits = friction.limits_nm(torque_nm);
         self.saturated = false;
         match bridge {
             Bridge::Open => {
                 self.current_a = 0.0;
-                self.advance(h, torque_nm, 0.0);
+                self.advance(h, torque_nm, 0.0, limits);
             }
-            Bridge::Voltage(volts) => self.drive_voltage(h, volts, self.resistance, torque_nm),
-            Bridge::Resistor(ohm) => self.drive_voltage(h, 0.0, self.resistance + ohm, torque_nm),
+            Bridge::Voltage(volts) => self.drive_voltage(h, volts, self.resistance, torque_nm, limits),
+            Bridge::Resistor(ohm) => self.drive_voltage(h, 0.0, self.resistance + ohm, torque_nm, limits),
             Bridge::Current { amps, max_volts } => {
                 let volts = amps * self.resistance + self.torque_constant * self.speed_rad_per_s;
                 if volts.abs() > max_volts {
-                    self.drive_voltage(h, max_volts.copysign(volts), self.resistance, torque_nm);
+                    self.drive_voltage(h, max_volts.copysign(volts), self.resistance, torque_nm, limits);
                     self.saturated = true;
                 } else {
                     self.current_a = amps;
-                    self.advance(h, torque_nm + self.torque_constant * amps, 0.0);
+                    self.advance(h, torque_nm + self.torque_constant * amps, 0.0, limits);
                 }
             }
         }
@@ -89,17 +115,17 @@ impl Motor {
     }
 
     /// Back-EMF is a damping, taken at the end of the step: stable for any step.
-    fn drive_voltage(&mut self, h: f64, volts: f64, ohm: f64, torque_nm: f64) {
+    fn drive_voltage(&mut self, h: f64, volts: f64, ohm: f64, torque_nm: f64, limits: [f64; 2]) {
         let drive = self.torque_constant * volts / ohm;
-        self.advance(h, torque_nm + drive, self.torque_constant * self.torque_constant / ohm);
+        self.advance(h, torque_nm + drive, self.torque_constant * self.torque_constant / ohm, limits);
         self.current_a = (volts - self.torque_constant * self.speed_rad_per_s) / ohm;
     }
 
-    /// Backward Euler; Coulomb friction as a set-valued force, so that a shaft at rest stays until the torque exceeds
-    /// it.
-    fn advance(&mut self, h: f64, torque_nm: f64, damping: f64) {
+    /// Backward Euler; friction as a set-valued force, so that a shaft at rest stays until the torque exceeds it.
+    fn advance(&mut self, h: f64, torque_nm: f64, damping: f64, limits: [f64; 2]) {
         let push = self.inertia * self.speed_rad_per_s / h + torque_nm;
-        let free = (push.abs() - self.coulomb).max(0.0).copysign(push);
+        let limit = limits[usize::from(push < 0.0)];
+        let free = (push.abs() - limit).max(0.0).copysign(push);
         self.speed_rad_per_s = free / (self.inertia / h + self.viscous + damping);
         self.angle_rad += h * self.speed_rad_per_s;
     }
@@ -114,7 +140,6 @@ mod tests {
             torque_constant: 0.0229,
             resistance: 10.0,
             inertia: 1.2e-7,
-            coulomb: 2e-5,
             viscous: 1e-8,
             angle_rad: 0.0,
             speed_rad_per_s: 0.0,
@@ -128,18 +153,36 @@ mod tests {
     fn friction_holds_and_lets_go() {
         let mut motor = motor();
         for _ in 0..4000 {
-            motor.step(2.5e-4, Bridge::Open, 1.9e-5);
+            motor.step(2.5e-4, Bridge::Open, 1.9e-5, &MotorFriction::default());
         }
         assert_eq!((motor.angle_rad, motor.speed_rad_per_s), (0.0, 0.0));
-        motor.step(2.5e-4, Bridge::Open, 2.1e-5);
+        motor.step(2.5e-4, Bridge::Open, 2.1e-5, &MotorFriction::default());
         assert!(motor.speed_rad_per_s > 0.0);
+    }
+
+    #[test]
+    fn friction_grows_with_the_load_and_differs_by_direction() {
+        let friction = MotorFriction { coulomb_nm: 2e-4, asymmetry: 0.1, gear_efficiency: 0.75 };
+        // Lifting takes the load over the efficiency; 1/0.75 - 1 is a third.
+        let [up, down] = friction.limits_nm(-6e-5);
+        assert!((up - (2.2e-4 + 2e-5)).abs() < 1e-12 && (down - (1.8e-4 + 2e-5)).abs() < 1e-12, "{up} {down}");
+        for (drive_nm, moves) in [(up + 6e-5 + 1e-6, true), (up + 6e-5 - 1e-6, false), (6e-5 - down + 1e-6, false)] {
+            let mut motor = motor();
+            motor.step(2.5e-4, Bridge::Current { amps: drive_nm / 0.0229, max_volts: 24.0 }, -6e-5, &friction);
+            assert_eq!(motor.speed_rad_per_s != 0.0, moves, "{drive_nm}");
+        }
+        let mut motor = motor();
+        for _ in 0..4000 {
+            motor.step(2.5e-4, Bridge::Open, -6e-5, &friction);
+        }
+        assert_eq!(motor.angle_rad, 0.0, "such a load does not drive the motor back");
     }
 
     #[test]
     fn no_load_speed_and_voltage_bound() {
         let mut motor = motor();
         for _ in 0..4000 {
-            motor.step(2.5e-4, Bridge::Current { amps: 0.5, max_volts: 24.0 }, 0.0);
+            motor.step(2.5e-4, Bridge::Current { amps: 0.5, max_volts: 24.0 }, 0.0, &MotorFriction::default());
             let volts = motor.current_a * 10.0 + 0.0229 * motor.speed_rad_per_s;
             assert!(volts.abs() <= 24.0 + 0.0229 * 30.0, "{volts}");
         }
@@ -155,7 +198,7 @@ mod tests {
         let mut spent_j = 0.0;
         for _ in 0..2000 {
             let angle = motor.angle_rad;
-            motor.step(2.5e-4, Bridge::Current { amps, max_volts: 24.0 }, load_nm);
+            motor.step(2.5e-4, Bridge::Current { amps, max_volts: 24.0 }, load_nm, &MotorFriction::default());
             let turned = motor.angle_rad - angle;
             let lost_w = 10.0 * motor.current_a.powi(2) + 1e-8 * motor.speed_rad_per_s.powi(2);
             spent_j += lost_w * 2.5e-4 + turned * (2e-5 - load_nm);
@@ -165,8 +208,8 @@ mod tests {
         // Driven by its load the motor gives energy back, which does not count.
         let before = motor.energy_j;
         motor.speed_rad_per_s = 900.0;
-        motor.step(2.5e-4, Bridge::Current { amps: -0.2, max_volts: 24.0 }, 0.0);
-        motor.step(2.5e-4, Bridge::Resistor(10.0), 0.0);
+        motor.step(2.5e-4, Bridge::Current { amps: -0.2, max_volts: 24.0 }, 0.0, &MotorFriction::default());
+        motor.step(2.5e-4, Bridge::Resistor(10.0), 0.0, &MotorFriction::default());
         assert_eq!(motor.energy_j, before);
     }
 
@@ -176,8 +219,8 @@ mod tests {
         coasting.speed_rad_per_s = 500.0;
         let mut braked = coasting.clone();
         for _ in 0..40 {
-            coasting.step(2.5e-4, Bridge::Open, 0.0);
-            braked.step(2.5e-4, Bridge::Resistor(10.0), 0.0);
+            coasting.step(2.5e-4, Bridge::Open, 0.0, &MotorFriction::default());
+            braked.step(2.5e-4, Bridge::Resistor(10.0), 0.0, &MotorFriction::default());
         }
         assert!(coasting.speed_rad_per_s > 490.0);
         assert!(braked.speed_rad_per_s < 100.0);

@@ -18,8 +18,6 @@ pub struct RigParameters {
     pub resistance_ohm: f64,
     /// Rotor and gear inertia at the motor shaft, kg m².
     pub inertia_kg_m2: f64,
-    /// Coulomb friction at the motor shaft, N m. Assumed, low enough that a load of 0.5 kg drives the motor back.
-    pub coulomb_nm: f64,
     /// Viscous friction at the motor shaft, N m s/rad. Assumed.
     pub viscous_nm_s_per_rad: f64,
     /// Brake resistor across the motor while the e-stop is open, ohm (V-FAQ p20).
@@ -60,7 +58,6 @@ impl RigParameters {
             torque_constant_nm_per_a: rig.motor_torque_constant_nm_per_a,
             resistance_ohm: rig.motor_resistance_ohm,
             inertia_kg_m2: rig.rotor_inertia_kg_m2,
-            coulomb_nm: 2e-5,
             viscous_nm_s_per_rad: 1e-8,
             brake_ohm: 10.0,
             drive: Address::new(rig.drive_group, rig.drive_number)?,

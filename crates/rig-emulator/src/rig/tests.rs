@@ -29,7 +29,7 @@ fn send(rig: &mut Rig, t_s: f64, command: Command) -> CanOutcome {
 }
 
 /// What the drive says until `t_s`.
-fn listen(rig: &mut Rig, t_s: f64) -> Vec<Report> {
+pub(super) fn listen(rig: &mut Rig, t_s: f64) -> Vec<Report> {
     let own = rig.parameters.drive;
     let reports = rig.poll(t_s).into_iter().filter_map(|stimulus| match stimulus {
         Stimulus::Can(f) => {
@@ -49,7 +49,7 @@ fn hold(position: i32) -> Command {
 }
 
 /// Through Reset, mode and feedback, each with its 500 ms; holding from about 1.1 s.
-fn start(rig: &mut Rig) -> f64 {
+pub(super) fn start(rig: &mut Rig) -> f64 {
     send(rig, 0.55, Command::ChooseMode(Mode::CurrentVelocityPosition));
     send(rig, 1.06, Command::Config { motion_ms: 10, mixed_ms: 0 });
     let counts = rig.encoder.counts(rig.motor.angle_rad) - rig.boot_counts;

@@ -1,0 +1,209 @@
+//! Rigs as real ones are: which plant keys differ from their defaults, and by how much, drawn from a seed.
+//!
+//! Each key draws from a stream of its own, so that a key that is added later does not change the others.
+
+use crate::{PlantChange, PlantKey};
+use std::fmt;
+
+/// A kind of rig.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum RigPreset {
+    /// The rig of its own model: every plant key has its default.
+    Ideal,
+    /// A well-made rig.
+    #[default]
+    Nominal,
+    /// The worst rig in ten.
+    Hard,
+}
+
+/// How a value is drawn for a size s from a column of the table.
+#[derive(Clone, Copy, Debug)]
+enum Draw {
+    /// From −s to s.
+    Either,
+    /// From 0.3 s to s: friction, noise and the like are never absent.
+    Present,
+    /// 1 plus what [`Draw::Either`] gives.
+    ScaleEither,
+    /// 1 plus what [`Draw::Present`] gives.
+    ScaleAbove,
+    /// 1 less what [`Draw::Present`] gives.
+    ScaleBelow,
+}
+
+/// Least share of a size that is never absent.
+const LEAST_SHARE: f64 = 0.3;
+/// The sizes: key, how it is drawn, nominal, hard. SI units. Their sources stand in docs/plants.md.
+const SIZES: [(PlantKey, Draw, f64, f64); 23] = [
+    (PlantKey::CurrentOffset, Draw::Either, 5e-3, 20e-3),
+    (PlantKey::CurrentNoise, Draw::Present, 10e-3, 30e-3),
+    (PlantKey::CurrentQuantum, Draw::Present, 10e-3, 50e-3),
+    (PlantKey::TorqueConstantScale, Draw::ScaleEither, 0.05, 0.10),
+    (PlantKey::MotorFriction, Draw::Present, 0.2e-3, 0.5e-3),
+    (PlantKey::MotorFrictionAsymmetry, Draw::Either, 0.025, 0.10),
+    (PlantKey::GearEfficiency, Draw::ScaleBelow, 0.25, 0.40),
+    (PlantKey::GearBacklash, Draw::Present, 0.9 * DEGREE, 2.0 * DEGREE),
+    (PlantKey::Friction, Draw::Present, 0.15, 0.4),
+    (PlantKey::FrictionLoadShare, Draw::Present, 0.01, 0.03),
+    (PlantKey::StictionRatio, Draw::ScaleAbove, 0.2, 0.5),
+    (PlantKey::StribeckSpeed, Draw::Present, 2e-3, 2e-3),
+    (PlantKey::Presliding, Draw::Present, 10e-6, 10e-6),
+    (PlantKey::RodHysteresis, Draw::Present, 60e6, 90e6),
+    (PlantKey::StringCreep, Draw::Present, 0.10, 0.30),
+    (PlantKey::StringBedding, Draw::Present, 0.02, 0.05),
+    (PlantKey::TwistPlay, Draw::Present, 0.01 * STROKE_RAD, 0.03 * STROKE_RAD),
+    (PlantKey::LvdtNonlinearity, Draw::Present, 0.0025, 0.005),
+    (PlantKey::AdcInl, Draw::Present, 1.5, 3.0),
+    (PlantKey::LvdtNoiseInband, Draw::Present, 10e-6, 30e-6),
+    (PlantKey::Hum, Draw::Present, 10e-6, 50e-6),
+    (PlantKey::Temperature, Draw::Either, 5.0, 10.0),
+    (PlantKey::TwistExponentShift, Draw::Either, 0.05, 0.05),
+];
+/// rad.
+const DEGREE: f64 = std::f64::consts::PI / 180.0;
+/// Twist over a stroke, 7.5 turns.
+const STROKE_RAD: f64 = 7.5 * std::f64::consts::TAU;
+
+impl Draw {
+    /// The value for a size, from a number that is uniform in 0..1.
+    fn value(self, size: f64, uniform: f64) -> f64 {
+        let either = size * (2.0 * uniform - 1.0);
+        let present = size * (LEAST_SHARE + (1.0 - LEAST_SHARE) * uniform);
+        match self {
+            Self::Either => either,
+            Self::Present => present,
+            Self::ScaleEither => 1.0 + either,
+            Self::ScaleAbove => 1.0 + present,
+            Self::ScaleBelow => 1.0 - present,
+        }
+    }
+}
+
+impl RigPreset {
+    /// Every preset.
+    pub const ALL: [Self; 3] = [Self::Ideal, Self::Nominal, Self::Hard];
+
+    /// The name as an operator types it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Ideal => "ideal",
+            Self::Nominal => "nominal",
+            Self::Hard => "hard",
+        }
+    }
+
+    /// The plant keys of the rig that a seed names, in a fixed order; none for the ideal rig.
+    pub fn changes(self, seed: u64) -> Vec<PlantChange> {
+        let column = |nominal, hard| match self {
+            Self::Ideal => None,
+            Self::Nominal => Some(nominal),
+            Self::Hard => Some(hard),
+        };
+        let change = |&(key, draw, nominal, hard): &(PlantKey, Draw, f64, f64)| {
+            let value = draw.value(column(nominal, hard)?, uniform(seed, key.name()));
+            Some(PlantChange { key, value })
+        };
+        SIZES.iter().filter_map(change).collect()
+    }
+}
+
+impl fmt::Display for RigPreset {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+/// There is no such preset.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("`{0}` is no rig; rigs: ideal, nominal, hard")]
+pub struct UnknownPreset(pub String);
+
+impl std::str::FromStr for RigPreset {
+    type Err = UnknownPreset;
+
+    fn from_str(text: &str) -> Result<Self, UnknownPreset> {
+        Self::ALL.into_iter().find(|preset| preset.name() == text).ok_or_else(|| UnknownPreset(text.to_owned()))
+    }
+}
+
+/// A number in 0..1 that depends on a seed and a name: the first of the stream that both begin (splitmix64; the name by
+/// the hash FNV-1a).
+fn uniform(seed: u64, name: &str) -> f64 {
+    let hash = name
+        .bytes()
+        .fold(0xcbf2_9ce4_8422_2325, |hash: u64, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3));
+    // The top 53 bits are those of a double.
+    (mix(mix(seed) ^ hash) >> 11) as f64 / (1u64 << 53) as f64
+}
+
+/// One step of splitmix64.
+fn mix(state: u64) -> u64 {
+    let z = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn column(preset: RigPreset, key: PlantKey) -> Vec<f64> {
+        let of = |seed| preset.changes(seed).into_iter().find(|change| change.key == key).unwrap().value;
+        (0..200).map(of).collect()
+    }
+
+    #[test]
+    fn every_value_lies_in_its_column_and_fills_it() {
+        for (preset, hard) in [(RigPreset::Nominal, false), (RigPreset::Hard, true)] {
+            for (key, draw, nominal, worst) in SIZES {
+                let size = if hard { worst } else { nominal };
+                let (low, high) = match draw {
+                    Draw::Either => (-size, size),
+                    Draw::Present => (0.3 * size, size),
+                    Draw::ScaleEither => (1.0 - size, 1.0 + size),
+                    Draw::ScaleAbove => (1.0 + 0.3 * size, 1.0 + size),
+                    Draw::ScaleBelow => (1.0 - size, 1.0 - 0.3 * size),
+                };
+                let values = column(preset, key);
+                let (least, most) = values.iter().fold((f64::MAX, f64::MIN), |(a, b), v| (a.min(*v), b.max(*v)));
+                let width = high - low;
+                assert!(least >= low - 1e-12 && most <= high + 1e-12, "{key}: {least} to {most}");
+                assert!(least < low + 0.1 * width && most > high - 0.1 * width, "{key}: {least} to {most}");
+                let mean = values.iter().sum::<f64>() / 200.0;
+                assert!((mean - 0.5 * (low + high)).abs() < 0.1 * width, "{key}: mean {mean}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_seed_names_one_rig() {
+        assert!(RigPreset::Ideal.changes(1).is_empty());
+        assert_eq!(RigPreset::Hard.changes(7), RigPreset::Hard.changes(7));
+        let (one, other) = (RigPreset::Hard.changes(7), RigPreset::Hard.changes(8));
+        assert!(one.iter().zip(&other).all(|(a, b)| a.key == b.key && a.value != b.value));
+        assert!(RigPreset::ALL.iter().flat_map(|p| p.changes(3)).all(|change| change.check().is_ok()));
+    }
+
+    #[test]
+    fn one_key_says_nothing_about_another() {
+        let (a, b) = (
+            column(RigPreset::Hard, PlantKey::CurrentOffset),
+            column(RigPreset::Hard, PlantKey::MotorFrictionAsymmetry),
+        );
+        let mean = |x: &[f64]| x.iter().sum::<f64>() / x.len() as f64;
+        let spread = |x: &[f64]| x.iter().map(|v| (v - mean(x)).powi(2)).sum::<f64>().sqrt();
+        let product: f64 = a.iter().zip(&b).map(|(x, y)| (x - mean(&a)) * (y - mean(&b))).sum();
+        assert!((product / spread(&a) / spread(&b)).abs() < 0.2, "three standard deviations of 200 pairs");
+    }
+
+    #[test]
+    fn names_come_back_and_others_are_refused_with_all_three() {
+        for preset in RigPreset::ALL {
+            assert_eq!(preset.to_string().parse(), Ok(preset));
+        }
+        let error = "real".parse::<RigPreset>().unwrap_err().to_string();
+        assert_eq!(error, "`real` is no rig; rigs: ideal, nominal, hard");
+    }
+}
