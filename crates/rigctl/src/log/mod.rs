@@ -54,6 +54,7 @@ impl Header {
         header.add("scene_hash", format!("{scene_hash:08x}"));
         header.add("port", target.port());
         if let Place::Emulated(options) = &target.place {
+            header.add("rig", options.rig);
             header.add("seed", options.seed);
             if options.scene != target.scene {
                 header.add("plant_scene", options.scene.display());
