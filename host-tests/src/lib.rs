@@ -6,6 +6,7 @@ pub mod board;
 pub mod compare;
 pub mod endurance;
 pub mod fuzz;
+pub mod rigs;
 pub mod scenario;
 
 use rig_control::sensors::EncoderCount;
@@ -14,7 +15,7 @@ use rig_control::{DriveCommand, Inputs, LvdtBlock, Outputs, Rig as Control, RigC
 use rig_emulator::board::{Board, CanFrame, Stimulus};
 use rig_emulator::rig::Rig;
 use rig_emulator::rig::plant_settings::PlantSettings;
-use rig_link::messages::{Accepted, Counters, EventKind, LoadChoice, Refusal, Request, State, Telemetry};
+use rig_link::messages::{Accepted, Counters, EventKind, LoadChoice, Refusal, Request, Sensors, State, Telemetry};
 use rig_scene::Scene;
 use rmds405::{Address, Conversation, Received, Report};
 use sim_link::Truth;
@@ -79,6 +80,8 @@ pub struct ControlTick {
     pub events: Events,
     /// For the host.
     pub telemetry: Telemetry,
+    /// What the sensors show, homed or not.
+    pub sensors: Sensors,
 }
 
 impl Controller for Control<'static> {
@@ -87,7 +90,7 @@ impl Controller for Control<'static> {
     fn step(&mut self, inputs: &Inputs) -> ControlTick {
         let Outputs { drive, reply, events } = Control::step(self, inputs);
         let counters = Counters { late_ticks: self.late_ticks(), ..Counters::default() };
-        ControlTick { drive, reply, events, telemetry: self.telemetry(inputs, counters) }
+        ControlTick { drive, reply, events, telemetry: self.telemetry(inputs, counters), sensors: self.sensors(inputs) }
     }
 
     fn drive(decision: &ControlTick) -> DriveCommand {
@@ -159,7 +162,11 @@ impl<C: Controller> ControlBench<C> {
         for (key, value) in keys {
             settings.set(key, value).unwrap_or_else(|e| panic!("{e}"));
         }
-        let mut rig = Rig::new(scene, settings, seed).unwrap_or_else(|e| panic!("{e}"));
+        Self::on(Rig::new(scene, settings, seed).unwrap_or_else(|e| panic!("{e}")), control)
+    }
+
+    /// A controller on a rig that has just been switched on.
+    pub fn on(mut rig: Rig, control: C) -> Self {
         let encoder = EncoderCount::new(rig.quadrature(0.0, 3) as u16);
         Self {
             rig,
@@ -294,12 +301,17 @@ impl<C: Controller> ControlBench<C> {
 impl ControlBench {
     /// Waits for the drive, homes; homing time (s) or how it failed.
     pub fn home(&mut self) -> Result<f64, String> {
+        self.home_under(LoadChoice::Auto)
+    }
+
+    /// The same under a load that somebody has weighed.
+    pub fn home_under(&mut self, load: LoadChoice) -> Result<f64, String> {
         let idle = |d: &Self| matches!(d.control.state(), State::Unhomed | State::Ready | State::Holding);
         if !idle(self) && !self.until(10.0, idle) {
             return Err(format!("not ready: {:?} {:?}", self.control.state(), self.control.fault()));
         }
         let start = self.time_s;
-        let reply = self.tick(Some(Request::HOME)).reply;
+        let reply = self.tick(Some(Request::Home { load })).reply;
         if !matches!(reply, Some(Ok(_))) {
             return Err(format!("refused: {reply:?}"));
         }

@@ -5,9 +5,24 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// Called after each finished piece of work with how many are finished and how many there are.
 pub type Progress<'a> = dyn Fn(usize, usize) + Sync + 'a;
 
+/// How many cores the machine has; 1 if it does not say.
+pub fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, |n| n.get())
+}
+
 /// `f` of 0 to `count`, in order, on as many threads as the machine has cores.
 pub fn parallel<T: Send>(progress: &Progress<'_>, count: usize, f: impl Fn(usize) -> T + Sync) -> Vec<T> {
-    let workers = std::thread::available_parallelism().map_or(1, |n| n.get()).min(count.max(1));
+    parallel_on(cores(), progress, count, f)
+}
+
+/// The same on so many threads.
+pub fn parallel_on<T: Send>(
+    threads: usize,
+    progress: &Progress<'_>,
+    count: usize,
+    f: impl Fn(usize) -> T + Sync,
+) -> Vec<T> {
+    let workers = threads.clamp(1, count.max(1));
     let (next, finished) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let mut results: Vec<(usize, T)> = std::thread::scope(|scope| {
         let work = || {

@@ -1,0 +1,85 @@
+//! The study of rigs that are not their own model: see [`host_tests::rigs`].
+
+use anyhow::{Context, Result, anyhow, ensure};
+use clap::{Parser, ValueEnum};
+use host_tests::rigs::report::{Results, csv};
+use host_tests::rigs::subject::Subject;
+use host_tests::rigs::{LOADS_KG, Plan, study};
+use sim_link::RigPreset;
+use std::ops::Range;
+use std::path::PathBuf;
+
+#[derive(Parser)]
+#[command(about = "Tries the control code on emulated rigs that are not their own model", version)]
+struct Arguments {
+    /// Seeds of the rigs, the last one not among them: 1..41 to tune on, 1001..1041 to report
+    #[arg(long, value_name = "A..B", default_value = "1..41", value_parser = seeds)]
+    seeds: Range<u64>,
+    /// Which rigs
+    #[arg(long, value_enum, default_value_t = Rigs::Both)]
+    rigs: Rigs,
+    /// Use the default scene's table instead of identifying the rig's constants first
+    #[arg(long)]
+    as_built: bool,
+    /// Loads (kg), ascending
+    #[arg(long, value_name = "KG,KG", value_delimiter = ',', default_values_t = LOADS_KG)]
+    loads: Vec<f64>,
+    /// Threads
+    #[arg(long, value_name = "N", default_value_t = lab::parallel::cores())]
+    jobs: usize,
+    /// Leave out the comparison with loops of a fixed ratio
+    #[arg(long)]
+    no_fixed_ratio: bool,
+    /// Folder for rigs.csv and rigs.json
+    #[arg(long, value_name = "DIR", default_value = "out")]
+    out: PathBuf,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Rigs {
+    /// Rigs of their own model
+    Ideal,
+    /// Well-made rigs
+    Nominal,
+    /// The worst one in ten
+    Hard,
+    /// Nominal and hard
+    Both,
+}
+
+fn seeds(text: &str) -> Result<Range<u64>, String> {
+    let number = |text: &str| text.parse::<u64>().map_err(|_| format!("`{text}` is not a number"));
+    let (from, to) = text.split_once("..").ok_or("not A..B")?;
+    let range = number(from)?..number(to)?;
+    if range.is_empty() { Err("no seed lies in it".into()) } else { Ok(range) }
+}
+
+fn main() -> Result<()> {
+    let arguments = Arguments::parse();
+    let ascending = arguments.loads.windows(2).all(|pair| pair[0] < pair[1]);
+    ensure!(ascending && arguments.loads.iter().all(|kg| *kg > 0.0), "--loads: must be above 0 and ascending");
+    let kinds: &[RigPreset] = match arguments.rigs {
+        Rigs::Ideal => &[RigPreset::Ideal],
+        Rigs::Nominal => &[RigPreset::Nominal],
+        Rigs::Hard => &[RigPreset::Hard],
+        Rigs::Both => &[RigPreset::Nominal, RigPreset::Hard],
+    };
+    let subjects: Vec<Subject> =
+        kinds.iter().flat_map(|kind| arguments.seeds.clone().map(|seed| Subject::new(*kind, seed))).collect();
+    let plan = Plan {
+        loads_kg: arguments.loads,
+        as_built: arguments.as_built,
+        against_fixed_ratio: !arguments.no_fixed_ratio,
+        jobs: arguments.jobs,
+    };
+    let scored = study(&subjects, &plan, &|done, of| eprintln!("{done} of {of} rigs"));
+    let results = Results::new(&scored);
+    std::fs::create_dir_all(&arguments.out).with_context(|| arguments.out.display().to_string())?;
+    let json = serde_json::to_string_pretty(&results.json())?;
+    for (name, text) in [("rigs.csv", csv(&scored)?), ("rigs.json", json)] {
+        let path = arguments.out.join(name);
+        rig_scene::files::replace(&path, text.as_bytes(), false).map_err(|e| anyhow!("{}: {e}", path.display()))?;
+    }
+    print!("{}", results.table());
+    Ok(())
+}

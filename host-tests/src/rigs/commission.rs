@@ -1,0 +1,255 @@
+//! What a user does with a new rig: calibrates the LVDT against callipers, records sweeps under weighed loads, identifies
+//! the mechanism's constants from them, and builds the firmware with the table of the identified scene.
+
+use super::floor::{Check, Finding};
+use super::subject::Subject;
+use crate::{ControlBench, constants, scene, table};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+use rig_control::{Rig as Control, RigConstants, settings};
+use rig_link::messages::{EventKind, LoadChoice, Request, Setting, SettingValues, State};
+use rig_scene::Scene;
+use rigctl::identify::constants::Unknowns;
+use rigctl::identify::data::{Data, HOLD_OUT};
+use rigctl::identify::{Fit, fit, plausible, uncertainty};
+use rigctl::log::sweep::{Sweep, reduce};
+use rigctl::log::{Header, Log, LogRow, Mark, Marked};
+use sim_link::units::STANDARD_GRAVITY;
+use std::f64::consts::{PI, TAU};
+use tsa_model::Parameters;
+use tsa_table::Table;
+
+/// Loads of the sweeps (kg): the ends of what will be lifted, and between.
+pub const SWEEP_LOADS_KG: [f64; 3] = [0.15, 0.6, 1.5];
+/// Turns past the half-turn pre-twist, and speed of the strings (rad/s).
+const TURNS: f64 = 7.5;
+const SPEED_RAD_PER_S: f64 = 4.0;
+/// How often a sweep is tried whose homing or turns fail, each time from another twist.
+const TRIES: u8 = 3;
+/// Rest before each turn (s), as `rigctl sweep` has it.
+const REST_S: f64 = 1.0;
+/// How long before the end of a turn the motor is stopped (s), as `rigctl sweep` has it.
+const TURN_AHEAD_S: f64 = 0.05;
+/// Load of the calibration (kg), its points and where they lie (m from the half-turn pre-twist).
+const CALIBRATION_LOAD_KG: f64 = 0.5;
+const CALIBRATION_POINTS: u8 = 11;
+const CALIBRATION_END_M: f64 = 0.0145;
+/// What callipers read to (m).
+const CALLIPERS_M: f64 = 20e-6;
+/// Contraction from which its error is taken as a share of it (m): near the pre-twist there is none.
+const CONTRACTION_M: f64 = 2e-3;
+
+/// What the board is built and set up with.
+#[derive(Clone, Debug)]
+pub struct Firmware {
+    /// The table.
+    pub table: &'static Table<'static>,
+    /// The scene's constants.
+    pub constants: RigConstants,
+    /// The settings.
+    pub settings: SettingValues,
+}
+
+impl Firmware {
+    /// Of the default scene, nothing set.
+    pub fn as_built() -> Self {
+        Self { table: table(), constants: constants(), settings: settings::defaults(&constants()) }
+    }
+
+    /// The control code, as after power-up.
+    pub fn boot(&self) -> Control<'static> {
+        let mut control = Control::new(self.table, self.constants, None);
+        control.set_up(&self.settings);
+        control
+    }
+}
+
+/// The firmware that the rig is used with, and what was found on the way. Who cannot identify a rig goes on with the
+/// default scene's table.
+pub fn commission(subject: &Subject, as_built: bool) -> (Firmware, Option<Finding>) {
+    let subject = &subject.at_calibration();
+    let firmware = calibrate(subject).unwrap_or_else(|_| Firmware::as_built());
+    if as_built {
+        return (firmware, None);
+    }
+    let held_out = |value, note| Finding { load_kg: None, check: Check::HeldOut, value, note };
+    let built = identify(subject, &firmware).and_then(|(identified, error)| {
+        let built = build(&identified, &firmware).map_err(|why| format!("table: {why}"))?;
+        Ok((built, error))
+    });
+    match built {
+        Ok((identified, error)) => (identified, Some(held_out(Some(error), String::new()))),
+        Err(why) => (firmware, Some(held_out(None, format!("goes on as built: {why}")))),
+    }
+}
+
+/// Calibrates the LVDT at eleven points of the way that the load moves: the straight line nearest to what callipers say.
+fn calibrate(subject: &Subject) -> Result<Firmware, String> {
+    let mut firmware = Firmware::as_built();
+    let load_n = CALIBRATION_LOAD_KG * STANDARD_GRAVITY;
+    let mut bench = ControlBench::on(subject.switched_on(load_n).map_err(|e| e.to_string())?, firmware.boot());
+    bench.home()?;
+    let mut callipers = Pcg64Mcg::seed_from_u64(subject.seed);
+    let mut points = Vec::new();
+    for k in 0..CALIBRATION_POINTS {
+        let target_m = CALIBRATION_END_M * f64::from(k) / f64::from(CALIBRATION_POINTS - 1);
+        bench.move_to(target_m as f32, 0.006, LoadChoice::Auto)?;
+        let (mut shown_m, mut true_m, mut count) = (0.0, 0.0, 0.0);
+        bench.until(0.5, |bench| {
+            if let Some(gap_m) = bench.last.as_ref().and_then(|last| last.sensors.gap_m) {
+                shown_m += f64::from(gap_m);
+                true_m += bench.truth().gap_m;
+                count += 1.0;
+            }
+            false
+        });
+        let read_m = true_m / count + callipers.random_range(-CALLIPERS_M..=CALLIPERS_M);
+        points.push((shown_m / count, read_m));
+    }
+    let (offset_m, gain) = line(&points);
+    firmware.settings =
+        firmware.settings.with(Setting::LvdtOffset, offset_m as f32).with(Setting::LvdtGain, gain as f32);
+    Ok(firmware)
+}
+
+/// Offset and slope of the straight line nearest to the points.
+fn line(points: &[(f64, f64)]) -> (f64, f64) {
+    let count = points.len() as f64;
+    let mean = |of: &dyn Fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / count;
+    let (x, y) = (mean(&|p| p.0), mean(&|p| p.1));
+    let slope = mean(&|p| (p.0 - x) * (p.1 - y)) / mean(&|p| (p.0 - x).powi(2));
+    (y - slope * x, slope)
+}
+
+/// Three recorded sweeps reduced to equilibria, and the scene's constants from them, as `rigctl identify` does it.
+fn identify(subject: &Subject, firmware: &Firmware) -> Result<(Scene, f64), String> {
+    let scene = scene();
+    let start = Parameters::new(&scene.geometry, &scene.string, &scene.material).map_err(|e| e.to_string())?;
+    let mut data = Data::default();
+    for load_kg in SWEEP_LOADS_KG {
+        let mut tries = (0..TRIES).map(|turns| sweep(subject, firmware, load_kg, turns));
+        let sweep = sweep_or_next(&mut tries).map_err(|why| format!("sweep at {load_kg} kg: {why}"))?;
+        data.add_sweep(&format!("{load_kg} kg"), &start, &sweep, HOLD_OUT);
+    }
+    if let Some(why) = plausible::impossible(&data, scene.geometry.string_length_m) {
+        return Err(why);
+    }
+    let unknowns = Unknowns::usual(scene.string.radius_law, data.knows_its_zero());
+    let (x, fit) = fit(&unknowns, &start, &data).map_err(|e| format!("identify: {e}"))?;
+    let mut fitted = unknowns.scene(scene, &start, &x);
+    fitted.uncertainty = uncertainty(&fit);
+    fitted.validate().map_err(|e| format!("identified scene: {e}"))?;
+    let error = held_out_error(&data, &fit);
+    Ok((fitted, error))
+}
+
+/// The first that came to its end, else how the last one failed.
+fn sweep_or_next<T>(tries: &mut impl Iterator<Item = Result<T, String>>) -> Result<T, String> {
+    let mut last = Err("not tried".to_owned());
+    for one in tries {
+        last = one;
+        if last.is_ok() {
+            break;
+        }
+    }
+    last
+}
+
+/// One sweep as `rigctl sweep` records it, from so many turns at power-up, by its equilibria.
+fn sweep(subject: &Subject, firmware: &Firmware, load_kg: f64, turns: u8) -> Result<Sweep, String> {
+    let load_n = load_kg * STANDARD_GRAVITY;
+    let rig = subject.switched_on_at(load_n, 1.0 + TAU * f64::from(turns)).map_err(|e| e.to_string())?;
+    let mut bench = ControlBench::on(rig, firmware.boot());
+    bench.home_under(LoadChoice::Known(load_n as f32))?;
+    let mut log = Log { header: Header::default(), ..Log::default() };
+    log.header.add("sweep.load_n", load_n);
+    for (t_s, event) in &bench.events {
+        if let EventKind::Homed(found) = event {
+            log.marks.push(Marked { row: 0, t_s: *t_s, mark: Mark::Homed(*found) });
+        }
+    }
+    let (bottom, top) = (PI, PI + TAU * TURNS);
+    for ends in [[bottom, top], [top, bottom]] {
+        bench.until(REST_S, |bench| record(bench, &mut log));
+        turn(&mut bench, ends, &mut log)?;
+    }
+    bench.until(REST_S, |bench| record(bench, &mut log));
+    reduce(&log)
+}
+
+/// Turns the strings from one twist to another (rad).
+fn turn(bench: &mut ControlBench, [from, to]: [f64; 2], log: &mut Log) -> Result<(), String> {
+    let sign = (to - from).signum();
+    let reply = bench.tick(Some(Request::Jog { twist_speed_rad_per_s: (sign * SPEED_RAD_PER_S) as f32 })).reply;
+    if !matches!(reply, Some(Ok(_))) {
+        return Err(format!("refused: {reply:?}"));
+    }
+    let limit_s = (to - from).abs() / SPEED_RAD_PER_S + 10.0;
+    let near = |bench: &ControlBench| {
+        let twist_rad = bench.last.as_ref().and_then(|last| last.telemetry.twist_rad).map_or(from, f64::from);
+        sign * (to - twist_rad) < SPEED_RAD_PER_S * TURN_AHEAD_S
+    };
+    bench.until(limit_s, |bench| record(bench, log) || near(bench) || bench.control.state() != State::Moving);
+    bench.tick(Some(Request::Stop));
+    let stands = bench.until(5.0, |bench| record(bench, log) || bench.control.state() != State::Moving);
+    match bench.control.fault() {
+        Some(fault) => Err(format!("fault {fault}")),
+        None if !stands => Err("the strings do not stop".into()),
+        None => Ok(()),
+    }
+}
+
+/// Takes the last tick's telemetry into a log; never says that it is enough.
+fn record(bench: &ControlBench, log: &mut Log) -> bool {
+    if let Some(t) = bench.last.as_ref().map(|last| last.telemetry) {
+        let number = |v: Option<f32>| v.map(f64::from);
+        log.rows.push(LogRow {
+            t_s: bench.time_s(),
+            state: t.state,
+            target_m: number(t.target_m),
+            setpoint_m: number(t.setpoint_m),
+            position_m: number(t.position_m),
+            twist_rad: number(t.twist_rad),
+            load_n: number(t.load_n),
+            load_error_n: number(t.load_error_n),
+            position_error_m: number(t.position_error_m),
+            tr_rad_per_m: number(t.tr_rad_per_m),
+            drive_current_a: f64::from(t.drive_current_a),
+            drive_speed_rad_per_s: f64::from(t.drive_speed_rad_per_s),
+            twist_scale: number(t.twist_scale),
+        });
+    }
+    false
+}
+
+/// Rms error of the held-out equilibria as a share of their contraction since the first of their sweep, where there is some.
+fn held_out_error(data: &Data, fit: &Fit) -> f64 {
+    let mut shares = Vec::new();
+    for (_, rows) in &data.files {
+        let sweep = &fit.rows[rows.clone()];
+        let first_m = sweep.iter().map(|row| row.measured).fold(f64::MIN, f64::max);
+        let moved = sweep.iter().filter(|row| row.held_out && first_m - row.measured > CONTRACTION_M);
+        shares.extend(moved.map(|row| row.error.map_or(1.0, |error_m| error_m / (first_m - row.measured))));
+    }
+    (shares.iter().map(|share: &f64| share * share).sum::<f64>() / shares.len().max(1) as f64).sqrt()
+}
+
+/// The firmware for an identified scene.
+fn build(identified: &Scene, firmware: &Firmware) -> Result<Firmware, String> {
+    let owned = Box::leak(Box::new(identified.fit_table().map_err(|e| e.to_string())?.table));
+    let constants = identified.constants();
+    Ok(Firmware { table: Box::leak(Box::new(owned.table())), constants, settings: firmware.settings })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::line;
+
+    #[test]
+    fn a_line_through_points_on_a_line_is_that_line() {
+        let points: Vec<(f64, f64)> =
+            (0..11).map(|k| f64::from(k) * 1e-3 + 0.15).map(|x| (x, 1e-3 + 0.98 * x)).collect();
+        let (offset_m, gain) = line(&points);
+        assert!((offset_m - 1e-3).abs() < 1e-12 && (gain - 0.98).abs() < 1e-9);
+    }
+}

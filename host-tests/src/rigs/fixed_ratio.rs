@@ -1,0 +1,104 @@
+//! The same moves on the same rig by a loop with a fixed ratio: the best of several, chosen on this very rig. It is given
+//! the true zero of the twist and the true load, and the set-points that the firmware made.
+
+use super::floor::{Check, Finding};
+use super::subject::Subject;
+use crate::ControlBench;
+use crate::compare::baseline::{Baseline, Law, Loop, Wanted};
+use crate::compare::play::Record;
+use crate::compare::score::Score;
+use rig_control::TICK_S;
+use sim_link::units::STANDARD_GRAVITY;
+use std::f32::consts::PI;
+
+/// Ratios (rad/m), and gains (1/s) with corners (rad/s), of which the best is taken: around what `cargo xtask compare`
+/// finds over many rigs.
+const RATIOS: [f32; 3] = [2100.0, 2757.0, 3600.0];
+const GAINS: [[f32; 2]; 3] = [[3.0, 20.0], [4.7, 30.0], [7.5, 21.8]];
+/// Longest way to the reference, and time to come to rest where the moves begin (s).
+const START_S: f64 = 30.0;
+const SETTLED_S: f64 = 2.0;
+
+/// Rms error of the best fixed ratio over that of the firmware, on the moves of following under every load.
+pub fn compare(subject: &Subject, along: &[(f64, Vec<Record>)]) -> Finding {
+    let finding = |value, note: String| Finding { load_kg: None, check: Check::FixedRatio, value, note };
+    if along.is_empty() {
+        return finding(None, "the firmware followed under no load".into());
+    }
+    let ours = rms_m(along.iter().flat_map(|(_, records)| records));
+    let candidates = RATIOS.iter().flat_map(|tr| {
+        GAINS.map(|[gain_per_s, corner_rad_per_s]| Loop {
+            tr_rad_per_m: Some(*tr),
+            gain_per_s,
+            corner_rad_per_s,
+            crossing_rad: 0.0,
+        })
+    });
+    let ready: Result<Vec<_>, String> =
+        along.iter().map(|(load_kg, _)| ready(subject, load_kg * STANDARD_GRAVITY)).collect();
+    let ready = match ready {
+        Ok(ready) => ready,
+        Err(why) => return finding(None, why),
+    };
+    let rms = |law: Loop| {
+        let played = ready.iter().zip(along).flat_map(|(bench, (_, records))| play(bench.clone(), law, records));
+        (rms_m(&played.collect::<Vec<_>>()), law)
+    };
+    let best = candidates.map(rms).min_by(|a, b| a.0.total_cmp(&b.0));
+    let Some((theirs, law)) = best else { return finding(None, String::new()) };
+    let [tr, gain] = [law.tr_rad_per_m.unwrap_or(0.0) * 1e-3, law.gain_per_s];
+    finding(Some(theirs / ours), format!("TR {tr:.2} rad/mm, gain {gain} 1/s: {:.0} um", theirs * 1e6))
+}
+
+fn rms_m<'a>(records: impl IntoIterator<Item = &'a Record>) -> f64 {
+    let scores: Vec<Score> = records.into_iter().map(Score::new).collect();
+    let sum = |of: fn(&Score) -> f64| scores.iter().map(of).sum::<f64>();
+    (sum(|s| s.squares_m2) / sum(|s| s.ticks as f64).max(1.0)).sqrt()
+}
+
+/// A loop that stands at the half-turn pre-twist of this rig and has taken its reference.
+fn ready(subject: &Subject, load_n: f64) -> Result<ControlBench<Baseline>, String> {
+    let rig = subject.switched_on_at(load_n, f64::from(PI)).map_err(|e| e.to_string())?;
+    let mut bench = ControlBench::on(rig, Baseline::new(Law::OpenLoop, PI));
+    bench.control.wanted.load_n = load_n as f32;
+    if !bench.until(START_S, |bench| bench.control.is_ready()) {
+        return Err(format!("the loop with a fixed ratio does not come to its reference within {START_S} s"));
+    }
+    bench.home_gap_m = Some(bench.truth().gap_m);
+    Ok(bench)
+}
+
+/// The loop along the firmware's set-points, after a move to where these begin.
+fn play(mut bench: ControlBench<Baseline>, law: Loop, along: &[Record]) -> Vec<Record> {
+    bench.control.law = Law::Loop(law);
+    let load_n = bench.truth().load_n as f32;
+    let begin_m = along.first().and_then(|record| record.set_points_m.first()).copied().unwrap_or(0.0);
+    let step_m = along.iter().flat_map(|r| r.set_points_m.windows(2)).map(|w| (w[1] - w[0]).abs()).fold(0.0, f32::max);
+    let asked_m_per_s = step_m / TICK_S;
+    let ramp = (1..).map(|k| (k as f32 * step_m).min(begin_m)).take_while(|s| *s < begin_m && step_m > 0.0);
+    let rest = std::iter::repeat_n(begin_m, (SETTLED_S / f64::from(TICK_S)) as usize);
+    let mut last_m = 0.0;
+    let mut tick = |set_point_m: f32, target_m: f32| {
+        bench.control.wanted = Wanted {
+            set_point_m,
+            speed_m_per_s: (set_point_m - last_m) / TICK_S,
+            done: set_point_m == target_m,
+            target_m,
+            asked_m_per_s,
+            load_n,
+        };
+        last_m = set_point_m;
+        bench.tick(None);
+        bench.true_position_m()
+    };
+    for set_point_m in ramp.chain(rest) {
+        tick(set_point_m, begin_m);
+    }
+    along
+        .iter()
+        .map(|record| Record {
+            positions_m: record.set_points_m.iter().map(|s| tick(*s, record.ends_m[1] as f32)).collect(),
+            ..record.clone()
+        })
+        .collect()
+}

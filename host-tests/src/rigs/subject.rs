@@ -1,0 +1,75 @@
+//! Which rigs are tried.
+
+use rig_emulator::rig::plant_settings::PlantSettings;
+use rig_emulator::rig::{Rig, RigError};
+use sim_link::{PlantChange, PlantKey, RigPreset};
+use std::fmt;
+
+/// One rig.
+#[derive(Clone, Debug)]
+pub struct Subject {
+    /// Whose floors it is held against.
+    pub kind: RigPreset,
+    /// Of its constants and its noise.
+    pub seed: u64,
+    /// The one effect that it has, if not all.
+    pub effect: Option<String>,
+    /// Size of that effect, in nominal sizes.
+    pub factor: Option<f64>,
+    /// Its plant keys, but for load and twist at boot.
+    pub changes: Vec<PlantChange>,
+}
+
+/// Twist at power-up (rad), either way: a few turns.
+const TWIST_AT_BOOT_RAD: f64 = 12.0;
+
+impl Subject {
+    /// The rig of a kind that a seed names, with all effects.
+    pub fn new(kind: RigPreset, seed: u64) -> Self {
+        Self { kind, seed, effect: None, factor: None, changes: kind.changes(seed) }
+    }
+
+    /// The rig as switched on under a load (N).
+    ///
+    /// # Errors
+    /// [`RigError`] if the mechanism cannot carry it.
+    pub fn switched_on(&self, load_n: f64) -> Result<Rig, RigError> {
+        self.switched_on_at(load_n, self.twist_at_boot(load_n))
+    }
+
+    /// The same with the strings at a twist (rad).
+    ///
+    /// # Errors
+    /// As [`Subject::switched_on`].
+    pub fn switched_on_at(&self, load_n: f64, twist_rad: f64) -> Result<Rig, RigError> {
+        let mut settings = PlantSettings::default();
+        for change in &self.changes {
+            settings.apply(*change).unwrap_or_else(|e| panic!("the study's own plant: {e}"));
+        }
+        (settings.load_n, settings.twist_at_boot_rad) = (load_n, twist_rad);
+        Rig::new(crate::scene(), settings, self.seed)
+    }
+
+    /// The same rig at the temperature of its calibration: when it is calibrated and identified.
+    #[must_use]
+    pub fn at_calibration(&self) -> Self {
+        let changes = self.changes.iter().filter(|change| change.key != PlantKey::Temperature).copied().collect();
+        Self { changes, ..self.clone() }
+    }
+
+    /// Where the strings stand at power-up (rad): another place for each seed and load, as somebody left them.
+    fn twist_at_boot(&self, load_n: f64) -> f64 {
+        TWIST_AT_BOOT_RAD * (2.0 * ((0.618_034 * self.seed as f64 + 0.37 * load_n) % 1.0) - 1.0)
+    }
+}
+
+impl fmt::Display for Subject {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} rig {}", self.kind, self.seed)?;
+        match (&self.effect, self.factor) {
+            (Some(effect), Some(factor)) => write!(f, ", {effect} × {factor}"),
+            (Some(effect), None) => write!(f, ", {effect} alone"),
+            _ => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,58 @@
+//! The study's harness on two rigs that the firmware is known to manage, and what it makes of a wrong estimate.
+
+use host_tests::rigs::floor::Check;
+use host_tests::rigs::report::Results;
+use host_tests::rigs::subject::Subject;
+use host_tests::rigs::{Plan, Scored, study};
+use sim_link::RigPreset;
+
+fn plan() -> Plan {
+    Plan { loads_kg: vec![0.5, 0.6], as_built: false, against_fixed_ratio: true, jobs: 2 }
+}
+
+/// Rigs of their own model, held against the floors of well-made ones.
+fn scored() -> Vec<Scored> {
+    let rig = |seed| Subject { kind: RigPreset::Nominal, ..Subject::new(RigPreset::Ideal, seed) };
+    study(&[rig(1), rig(2)], &plan(), &|_, _| ())
+}
+
+#[test]
+fn a_good_run_meets_every_floor_and_a_wrong_load_is_noticed() {
+    let mut scored = scored();
+    let results = Results::new(&scored);
+    let failed: Vec<String> = results.failed().iter().map(ToString::to_string).collect();
+    assert_eq!(failed, Vec::<String>::new());
+    for line in results.lines() {
+        let told = [Check::LoadCover, Check::Certain, Check::PositionCover, Check::Sank];
+        assert!(line.holds == Some(true) || told.contains(&line.check), "{line:?}");
+        assert_eq!(line.cases[1], 0, "{line:?}");
+    }
+    assert_eq!(results.line(RigPreset::Nominal, Check::LoadHomed).cases, [4, 0], "two rigs, two loads");
+
+    // A load estimate that is 12 % too great, under 0.5 kg (5 % + 0.05 N is 6 %).
+    let all = scored[1].findings.iter_mut();
+    let estimate = all.into_iter().find(|f| f.check == Check::LoadHomed).expect("homed");
+    estimate.value = estimate.value.map(|error| error + 0.12);
+    let results = Results::new(&scored);
+    let line = results.line(RigPreset::Nominal, Check::LoadHomed);
+    assert_eq!((line.holds, line.met), (Some(false), Some(0.75)));
+    let failed = results.failed();
+    assert_eq!(failed.len(), 1);
+    let text = failed[0].to_string();
+    assert!(text.contains("rig 2") && text.contains("0.5 kg") && text.contains("load after homing"), "{text}");
+}
+
+#[test]
+fn a_rig_that_cannot_be_homed_misses_its_floors_by_name() {
+    // The LVDT shows a tenth of the way: homing refuses, and so does every sweep.
+    let mut subject = Subject::new(RigPreset::Ideal, 1);
+    subject.kind = RigPreset::Nominal;
+    subject.changes = vec!["lvdt_gain_error=-0.9".parse().expect("a plant key")];
+    let scored = study(&[subject], &Plan { as_built: true, against_fixed_ratio: false, ..plan() }, &|_, _| ());
+    let results = Results::new(&scored);
+    for check in [Check::Zero, Check::RestMeasured, Check::FollowRms] {
+        let line = results.line(RigPreset::Nominal, check);
+        assert_eq!((line.cases, line.holds), ([0, 2], Some(false)), "{check:?}");
+    }
+    assert!(results.failed().iter().any(|f| f.finding.note.contains("homing")), "{:?}", scored[0].findings);
+}
