@@ -24,6 +24,7 @@ mod telemetry;
 pub use crate::codes::*;
 pub use crate::faults::Faults;
 pub use crate::gap_curve::GapCurve;
+pub use crate::lvdt_curve::{LVDT_APART_M, LVDT_POINTS_MAX, LvdtCurve};
 pub use crate::versions::{VersionMismatch, Versions};
 pub use homing::HomingResult;
 pub use identity::{Identity, TableIdentity};
