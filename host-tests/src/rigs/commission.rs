@@ -127,9 +127,14 @@ fn identify(subject: &Subject, firmware: &Firmware) -> Result<(Scene, Fit), Stri
     let start = Parameters::new(&scene.geometry, &scene.string, &scene.material).map_err(|e| e.to_string())?;
     let mut data = Data::default();
     for load_kg in SWEEP_LOADS_KG {
-        let mut tries = (0..TRIES).map(|turns| sweep(subject, firmware, load_kg, turns));
-        let first = sweep_or_next(&mut tries);
-        let (load_n, stops) = first.map_err(|why| format!("sweep at {load_kg} kg: {why}"))?;
+        let mut swept = Err(String::new());
+        for turns in 0..TRIES {
+            swept = sweep(subject, firmware, load_kg, turns);
+            if swept.is_ok() {
+                break;
+            }
+        }
+        let (load_n, stops) = swept.map_err(|why| format!("sweep at {load_kg} kg: {why}"))?;
         data.add_sweep(&format!("{load_kg} kg"), &start, load_n, &stops, HOLD_OUT);
     }
     if let Some(why) = plausible::impossible(&data, scene.geometry.string_length_m) {
@@ -140,18 +145,6 @@ fn identify(subject: &Subject, firmware: &Firmware) -> Result<(Scene, Fit), Stri
     let fitted = unknowns.scene(scene, &start, &x);
     fitted.validate().map_err(|e| format!("identified scene: {e}"))?;
     Ok((fitted, fit))
-}
-
-/// The first that came to its end, else how the last one failed.
-fn sweep_or_next<T>(tries: &mut impl Iterator<Item = Result<T, String>>) -> Result<T, String> {
-    let mut last = Err("not tried".to_owned());
-    for one in tries {
-        last = one;
-        if last.is_ok() {
-            break;
-        }
-    }
-    last
 }
 
 /// One sweep as `rigctl sweep` records it, from so many turns at power-up; the load (N) and the equilibria.

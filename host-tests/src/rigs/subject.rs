@@ -5,6 +5,55 @@ use rig_emulator::rig::{Rig, RigError};
 use sim_link::{PlantChange, PlantKey, RigPreset};
 use std::fmt;
 
+/// One of what real rigs have besides their model.
+pub struct Effect {
+    /// As in figures and tables.
+    pub name: &'static str,
+    /// The plant keys that make it.
+    pub keys: &'static [PlantKey],
+}
+
+/// All of them, as docs/plants.md has them.
+pub const EFFECTS: [Effect; 10] = [
+    Effect {
+        name: "current reading",
+        keys: &[PlantKey::CurrentOffset, PlantKey::CurrentNoise, PlantKey::CurrentQuantum],
+    },
+    Effect {
+        name: "motor and gear",
+        keys: &[
+            PlantKey::TorqueConstantScale,
+            PlantKey::MotorFriction,
+            PlantKey::MotorFrictionAsymmetry,
+            PlantKey::GearEfficiency,
+            PlantKey::GearBacklash,
+        ],
+    },
+    Effect {
+        name: "rail friction",
+        keys: &[
+            PlantKey::Friction,
+            PlantKey::FrictionLoadShare,
+            PlantKey::StictionRatio,
+            PlantKey::StribeckSpeed,
+            PlantKey::Presliding,
+        ],
+    },
+    Effect { name: "rod hysteresis", keys: &[PlantKey::RodHysteresis] },
+    Effect { name: "string creep", keys: &[PlantKey::StringCreep] },
+    Effect { name: "string bedding", keys: &[PlantKey::StringBedding] },
+    Effect { name: "twist play", keys: &[PlantKey::TwistPlay] },
+    Effect {
+        name: "LVDT and converter",
+        keys: &[PlantKey::LvdtNonlinearity, PlantKey::AdcInl, PlantKey::LvdtNoiseInband, PlantKey::Hum],
+    },
+    Effect { name: "radius law", keys: &[PlantKey::TwistExponentShift] },
+    Effect { name: "temperature", keys: &[PlantKey::Temperature] },
+];
+
+/// How far a single effect is turned up, in nominal sizes.
+pub const FACTORS: [f64; 5] = [0.5, 1.0, 2.0, 4.0, 8.0];
+
 /// One rig.
 #[derive(Clone, Debug)]
 pub struct Subject {
@@ -27,6 +76,17 @@ impl Subject {
     /// The rig of a kind that a seed names, with all effects.
     pub fn new(kind: RigPreset, seed: u64) -> Self {
         Self { kind, seed, effect: None, factor: None, changes: kind.changes(seed) }
+    }
+
+    /// The rig of its own model but for one effect, `factor` times as large as a kind of rig has it at most. Rigs with even
+    /// seeds have the other sign.
+    pub fn with_effect(effect: &Effect, kind: RigPreset, factor: Option<f64>, seed: u64) -> Self {
+        let sign = if seed.is_multiple_of(2) { -1.0 } else { 1.0 };
+        let size = sign * factor.unwrap_or(1.0);
+        let changes = effect.keys.iter().filter_map(|key| kind.extreme(*key, size)).collect();
+        // What is turned up beyond its size is held against the hard rigs' floors.
+        let kind = if factor.is_some() { RigPreset::Hard } else { kind };
+        Self { kind, seed, effect: Some(effect.name.to_owned()), factor, changes }
     }
 
     /// The rig as switched on under a load (N).
