@@ -13,8 +13,8 @@ use std::f32::consts::PI;
 
 /// Ratios (rad/m), and gains (1/s) with corners (rad/s), of which the best is taken: around what `cargo xtask compare`
 /// finds over many rigs.
-const RATIOS: [f32; 3] = [2100.0, 2757.0, 3600.0];
-const GAINS: [[f32; 2]; 3] = [[3.0, 20.0], [4.7, 30.0], [7.5, 21.8]];
+const RATIOS: [f32; 4] = [1200.0, 1600.0, 2100.0, 2757.0];
+const GAINS: [[f32; 2]; 3] = [[4.7, 30.0], [7.5, 21.8], [12.0, 30.0]];
 /// Longest way to the reference, and time to come to rest where the moves begin (s).
 const START_S: f64 = 30.0;
 const SETTLED_S: f64 = 2.0;

@@ -162,8 +162,9 @@ impl<'a> Results<'a> {
 }
 
 /// Header of [`summary`].
-const SUMMARY: [&str; 13] = [
+const SUMMARY: [&str; 14] = [
     "rig", "effect", "factor", "table", "check", "floor", "cases", "missing", "median", "p95", "worst", "met", "holds",
+    "failure",
 ];
 
 /// One row for each group of rigs and each check that has a floor; SI units.
@@ -173,7 +174,7 @@ const SUMMARY: [&str; 13] = [
 pub fn summary(scored: &[Scored]) -> anyhow::Result<String> {
     let groups = groups(scored);
     let rows = groups.iter().flat_map(|group| {
-        let first = &group.scored[0].subject;
+        let (first, failed) = (&group.scored[0].subject, group.failed());
         group.lines().into_iter().map(move |line| {
             let at = |k: usize| optional(line.spread.map(|spread| spread[k]));
             vec![
@@ -190,6 +191,7 @@ pub fn summary(scored: &[Scored]) -> anyhow::Result<String> {
                 at(2),
                 optional(line.met),
                 line.holds.map_or(String::new(), |holds| holds.to_string()),
+                failed.iter().find(|f| f.finding.check == line.check).map_or(String::new(), Failed::case),
             ]
         })
     });
@@ -231,7 +233,8 @@ fn load_n(finding: &Finding) -> f64 {
 }
 
 impl Line {
-    fn text(&self) -> String {
+    /// Median, 95th percentile and worst as people read them, and how much meets the floor.
+    fn shown(&self) -> [String; 4] {
         let (by, unit) = self.check.unit();
         let digits = if by >= 1e6 || unit.is_empty() {
             0
@@ -246,6 +249,11 @@ impl Line {
             Some(Floor::Per200Moves(_)) => self.met.map_or("-".into(), |rate| format!("{rate:.1} / 200")),
             _ => self.met.map_or("-".into(), |share| format!("{:.1} %", 100.0 * share)),
         };
+        [median, high, worst, met]
+    }
+
+    fn text(&self) -> String {
+        let [median, high, worst, met] = self.shown();
         let holds = self.holds.map_or("-", |holds| if holds { "yes" } else { "NO" });
         format!(
             "{:<32} {:<24} {:>6} {:>5} {median:>10} {high:>10} {worst:>10} {met:>10}  {holds}",
@@ -262,12 +270,23 @@ impl Line {
             "check": self.check.name(), "row": self.check.row(),
             "floor": self.floor.map(|floor| floor.text(self.check)),
             "cases": self.cases[0], "missing": self.cases[1],
-            "median": at(0), "p95": at(1), "worst": at(2), "met": self.met, "holds": self.holds,
+            "shown": self.shown(), "median": at(0), "p95": at(1), "worst": at(2), "met": self.met, "holds": self.holds,
         })
     }
 }
 
 impl Failed<'_> {
+    /// Where and why, in a few words.
+    fn case(&self) -> String {
+        let load = self.finding.load_kg.map_or(String::new(), |kg| format!(", {kg} kg"));
+        format!("rig {}{load}: {} {}", self.subject.seed, self.value(), self.finding.note).trim_end().to_owned()
+    }
+
+    fn value(&self) -> String {
+        let (by, unit) = self.finding.check.unit();
+        self.finding.value.map_or("none".into(), |v| format!("{:.3} {unit}", by * v)).trim_end().to_owned()
+    }
+
     fn json(&self) -> Value {
         json!({
             "rig": self.subject.kind.name(), "seed": self.subject.seed, "effect": self.subject.effect,
@@ -279,10 +298,9 @@ impl Failed<'_> {
 
 impl std::fmt::Display for Failed<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let (by, unit) = self.finding.check.unit();
         let load = self.finding.load_kg.map_or(String::new(), |kg| format!(", {kg} kg"));
         let what = self.finding.check.row().unwrap_or(self.finding.check.name());
-        let value = self.finding.value.map_or("none".into(), |v| format!("{:.3} {unit}", by * v));
-        write!(f, "{}{load}: {what}: {value} {}", self.subject, self.finding.note)
+        let text = format!("{}{load}: {what}: {} {}", self.subject, self.value(), self.finding.note);
+        write!(f, "{}", text.trim_end())
     }
 }
