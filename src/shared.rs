@@ -47,8 +47,7 @@ pub static BUS_OFF: AtomicBool = AtomicBool::new(false);
 /// Newest report of the drive's supply.
 pub static SUPPLY: Latest<Option<SupplyReading>> = Latest::new(None);
 /// The settings in use, and how often they were set since the board started.
-pub static SETTINGS: Latest<(SettingValues, u32)> =
-    Latest::new((SettingValues([0.0; rig_link::messages::Setting::ALL.len()]), 0));
+pub static SETTINGS: Latest<(SettingValues, u32)> = Latest::new((SettingValues::ZERO, 0));
 /// Settings to be saved to flash, with that count.
 pub static SETTINGS_TO_SAVE: Signal<Raw, (SettingValues, u32)> = Signal::new();
 /// What flash holds of the settings, and the count of [`SETTINGS`] to which that applies.

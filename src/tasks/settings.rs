@@ -5,6 +5,7 @@ use crate::flash_store::{self, SharedStore, Store, Unreadable};
 use crate::scene::RIG;
 use crate::shared;
 use core::sync::atomic::Ordering;
+use heapless::Vec;
 use rig_control::settings::{self, Loaded, RECORD, RECORD_MAX};
 use rig_link::messages::{Kept, Message, SettingValues};
 
@@ -18,7 +19,7 @@ async fn copy<'b>(store: &mut Store, key: u8, to: &'b mut [u8]) -> Result<Option
 }
 
 /// The record and the witness of a generation. The witness is written second.
-fn records(values: &SettingValues, generation: u32) -> ([u8; RECORD], [u8; 4]) {
+fn records(values: &SettingValues, generation: u32) -> (Vec<u8, RECORD>, [u8; 4]) {
     (settings::write(values, &RIG, generation), settings::write_witness(generation))
 }
 

@@ -88,7 +88,8 @@ pub fn run(folders: &Folders) -> Result<()> {
 
 fn play(folders: &Folders, image: &Path, script: &Path, load: &str) -> Result<Outcome> {
     let mut command = foreign(&folders.target.join("release/rigctl").to_string_lossy(), &folders.root);
-    command.arg("--json").arg("--firmware").arg(image);
+    // What a table does is told best by a rig that has nothing else.
+    command.args(["--json", "--rig", "ideal", "--firmware"]).arg(image);
     command.args(["--plant", &format!("load={load}"), "sim", "--script"]).arg(script);
     let output = command.stderr(Stdio::inherit()).output().with_context(|| shown(&command))?;
     let text = String::from_utf8_lossy(&output.stdout);

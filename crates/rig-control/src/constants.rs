@@ -1,5 +1,7 @@
 //! The rig's numbers. They are generated from the scene's `[rig]`; nothing here repeats one.
 
+use rig_link::messages::LvdtCurve;
+
 /// Constants of one rig.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RigConstants {
@@ -20,6 +22,12 @@ pub struct RigConstants {
     pub lvdt_gap_at_code_zero_m: f32,
     /// Gap per ADC code (m).
     pub lvdt_metres_per_code: f32,
+    /// Correction of the LVDT, gain and offset (m) by its calibration: what the settings say.
+    pub lvdt_curve: Option<LvdtCurve>,
+    /// True change of the gap for one of the LVDT's corrected reading.
+    pub lvdt_gain: f32,
+    /// Gap where the LVDT's corrected reading is 0 (m).
+    pub lvdt_offset_m: f32,
     /// Linearity error of the LVDT by its data sheet: greatest deviation of the gap from a straight line over the stroke (m).
     pub lvdt_linearity_m: f32,
     /// Relative standard error of the string radius.
@@ -76,9 +84,27 @@ impl RigConstants {
         TwistLimits { speed: self.twist_speed_max(), acceleration: self.twist_acceleration_max() }
     }
 
-    /// Gap (m) at a mean ADC code of the LVDT.
+    /// Gap (m) at a mean ADC code of the LVDT, calibrated.
     pub fn lvdt_gap_m(&self, mean_code: f32) -> f32 {
-        self.lvdt_gap_at_code_zero_m + self.lvdt_metres_per_code * mean_code
+        let sensor_m = self.lvdt_gap_at_code_zero_m + self.lvdt_metres_per_code * mean_code;
+        self.lvdt_offset_m + self.lvdt_gain * self.lvdt_curve.map_or(sensor_m, |curve| curve.gap_m(sensor_m))
+    }
+
+    /// The LVDT's reading by the scene's numbers alone (m) at a calibrated gap (m).
+    pub fn lvdt_sensor_m(&self, gap_m: f32) -> f32 {
+        let corrected_m = (gap_m - self.lvdt_offset_m) / self.lvdt_gain;
+        self.lvdt_curve.map_or(corrected_m, |curve| curve.sensor_m(corrected_m))
+    }
+
+    /// Mean ADC code of the LVDT at a calibrated gap (m): the inverse of [`RigConstants::lvdt_gap_m`].
+    pub fn lvdt_mean_code(&self, gap_m: f32) -> f32 {
+        (self.lvdt_sensor_m(gap_m) - self.lvdt_gap_at_code_zero_m) / self.lvdt_metres_per_code
+    }
+
+    /// How far a gap by the LVDT is from the true one (m): where it is calibrated at several points, half the width of the
+    /// interval that holds the truth in 90 of 100 cases, else the greatest deviation from a straight line.
+    pub fn lvdt_error_m(&self) -> f32 {
+        self.lvdt_curve.map_or(self.lvdt_linearity_m, |curve| curve.error_m())
     }
 
     /// Motor shaft speed in rpm for a twist speed (rad/s), rounded up so that a limit never stops the motor short.
@@ -102,6 +128,9 @@ pub(crate) mod tests {
         current_limit_ma: 500,
         lvdt_gap_at_code_zero_m: 0.01,
         lvdt_metres_per_code: 5.372e-5,
+        lvdt_curve: None,
+        lvdt_gain: 1.0,
+        lvdt_offset_m: 0.0,
         lvdt_linearity_m: 0.5e-3,
         radius_error: 0.06,
         exponent_error: 0.03,
@@ -126,6 +155,19 @@ pub(crate) mod tests {
         assert!((limits.acceleration - 0.5 * 12_000.0 / 62.0).abs() < 1e-4);
         assert!((RIG.lvdt_gap_m(1000.0) - 0.06372).abs() < 1e-7);
         assert_eq!(RIG.twist_sign(), 1.0);
+        let calibrated = RigConstants {
+            lvdt_curve: LvdtCurve::new(&[[0.05, 0.5e-3], [0.06, -0.2e-3], [0.08, 0.0]], 2e-5).ok(),
+            lvdt_gain: 1.01,
+            lvdt_offset_m: -3e-3,
+            ..RIG
+        };
+        // At code 838 the sensor shows 55 mm: corrected by +0.15 mm, then gain and offset.
+        let code = (0.055 - 0.01) / RIG.lvdt_metres_per_code;
+        assert!((calibrated.lvdt_gap_m(code) - (1.01 * 0.05515 - 3e-3)).abs() < 2e-8);
+        for code in [500.0, 800.0, 1000.0, 2000.0] {
+            assert!((calibrated.lvdt_mean_code(calibrated.lvdt_gap_m(code)) - code).abs() < 2e-3, "{code}");
+        }
+        assert_eq!((RIG.lvdt_error_m(), calibrated.lvdt_error_m()), (0.5e-3, 2e-5));
         assert_eq!(RigConstants { counts_per_rad: -1.0, ..RIG }.twist_sign(), -1.0);
     }
 }

@@ -8,10 +8,12 @@
 //! calibration numbers that are out of date, or none. The witness shows this: it is written after the settings, so it is
 //! the newer one of the two only if the settings are damaged. The basis is a hash of the constants that the settings
 //! correct, and shows a record that was made for others. A setting that a record does not have keeps its default, and an
-//! unknown one is ignored.
+//! unknown one is ignored. The points of the LVDT's calibration are entries of their own ([`CURVE`]), so that records of
+//! firmware without them are read, and the other way round.
 
 use crate::RigConstants;
-use rig_link::messages::{Kept, Setting, SettingValues};
+use heapless::Vec;
+use rig_link::messages::{Kept, LVDT_POINTS_MAX, LvdtCurve, Setting, SettingValues};
 
 /// Version of the record.
 const VERSION: u8 = 1;
@@ -19,13 +21,17 @@ const HEAD: usize = 9;
 const ENTRY: usize = 5;
 /// Longest record that is read (bytes): another firmware's may have more settings than ours.
 pub const RECORD_MAX: usize = HEAD + 50 * ENTRY;
-/// Bytes of our own record.
-pub const RECORD: usize = HEAD + Setting::ALL.len() * ENTRY;
+/// Code of the first entry of the LVDT's calibration: for each point its reading and its correction; then, behind the room
+/// for 11 points, the stated error.
+const CURVE: u8 = 200;
+const CURVE_ERROR: u8 = CURVE + 2 * LVDT_POINTS_MAX as u8;
+/// Most bytes of our own record.
+pub const RECORD: usize = HEAD + (Setting::ALL.len() + 2 * LVDT_POINTS_MAX + 1) * ENTRY;
 
 /// The values in use where nobody has set anything.
 pub fn defaults(rig: &RigConstants) -> SettingValues {
     let current_limit_a = 1e-3 * f32::from(rig.current_limit_ma);
-    let mut values = SettingValues([0.0; Setting::ALL.len()]);
+    let mut values = SettingValues::ZERO;
     for setting in Setting::ALL {
         values = values.with(*setting, setting.spec().default.unwrap_or(current_limit_a));
     }
@@ -34,15 +40,15 @@ pub fn defaults(rig: &RigConstants) -> SettingValues {
 
 /// The scene's constants as these settings correct them.
 pub fn apply(values: &SettingValues, rig: &RigConstants) -> RigConstants {
-    let gain = values.get(Setting::LvdtGain);
     let gear = values.get(Setting::GearScale);
     RigConstants {
         gear_ratio: gear * rig.gear_ratio,
         counts_per_rad: gear * values.get(Setting::TwistSign) * rig.counts_per_rad,
         // A float to integer cast saturates; the value has been checked.
         current_limit_ma: libm::roundf(1e3 * values.get(Setting::CurrentLimit)) as i16,
-        lvdt_gap_at_code_zero_m: gain * rig.lvdt_gap_at_code_zero_m + values.get(Setting::LvdtOffset),
-        lvdt_metres_per_code: gain * rig.lvdt_metres_per_code,
+        lvdt_curve: values.lvdt_curve,
+        lvdt_gain: values.get(Setting::LvdtGain),
+        lvdt_offset_m: values.get(Setting::LvdtOffset),
         ..*rig
     }
 }
@@ -70,17 +76,18 @@ pub struct Loaded {
 }
 
 /// The record of values, for a rig with these constants, in a generation.
-pub fn write(values: &SettingValues, rig: &RigConstants, generation: u32) -> [u8; RECORD] {
-    let mut record = [0; RECORD];
-    let (head, entries) = record.split_at_mut(HEAD);
-    head[0] = VERSION;
-    head[1..5].copy_from_slice(&generation.to_le_bytes());
-    head[5..].copy_from_slice(&basis(rig).to_le_bytes());
-    for ((setting, value), entry) in values.iter().zip(entries.chunks_exact_mut(ENTRY)) {
-        entry[0] = setting.code();
-        entry[1..].copy_from_slice(&value.to_le_bytes());
-    }
-    record
+pub fn write(values: &SettingValues, rig: &RigConstants, generation: u32) -> Vec<u8, RECORD> {
+    let curve = values.lvdt_curve.iter().flat_map(|curve| {
+        let numbers = (CURVE..).zip(curve.points().iter().flatten().copied());
+        numbers.chain([(CURVE_ERROR, curve.error_m())])
+    });
+    let entries = values.iter().map(|(setting, value)| (setting.code(), value)).chain(curve);
+    [VERSION]
+        .into_iter()
+        .chain(generation.to_le_bytes())
+        .chain(basis(rig).to_le_bytes())
+        .chain(entries.flat_map(|(code, value)| [code].into_iter().chain(value.to_le_bytes())))
+        .collect()
 }
 
 /// The record of a witness.
@@ -100,10 +107,22 @@ fn parse(record: &[u8], rig: &RigConstants) -> Option<(u32, SettingValues)> {
     }
     let defaults = defaults(rig);
     let mut values = defaults;
+    let mut curve = Vec::<f32, { 2 * LVDT_POINTS_MAX }>::new();
+    let mut curve_error_m = None;
     for entry in entries.chunks_exact(ENTRY) {
-        if let Some(setting) = Setting::from_code(entry[0]) {
-            values = values.with(setting, f32::from_bits(number(&entry[1..])?));
+        let value = f32::from_bits(number(&entry[1..])?);
+        match (entry[0], Setting::from_code(entry[0])) {
+            (_, Some(setting)) => values = values.with(setting, value),
+            (CURVE_ERROR, None) => curve_error_m = Some(value),
+            // Its numbers stand in their order; a record where they do not is damaged.
+            (code @ CURVE..CURVE_ERROR, None) if usize::from(code - CURVE) == curve.len() => curve.push(value).ok()?,
+            (CURVE..CURVE_ERROR, None) => return None,
+            _ => {}
         }
+    }
+    if !curve.is_empty() || curve_error_m.is_some() {
+        let (points, rest) = curve.as_chunks();
+        values.lvdt_curve = Some(LvdtCurve::new(points, curve_error_m.filter(|_| rest.is_empty())?).ok()?);
     }
     values.check(&defaults).ok()?;
     Some((number(&head[1..5])?, values))
@@ -133,12 +152,17 @@ mod tests {
     use super::*;
     use crate::constants::tests::RIG;
     use proptest::prelude::*;
-    use std::vec::Vec;
 
     /// Values that are allowed.
     fn values() -> impl Strategy<Value = SettingValues> {
-        prop::array::uniform8(0.0..=1f32).prop_map(|shares| {
-            let defaults = defaults(&RIG);
+        let curve = (2..=LVDT_POINTS_MAX, prop::array::uniform11(-1e-4..1e-4f32), 0.0..1e-3f32);
+        (prop::array::uniform8(0.0..=1f32), prop::option::of(curve)).prop_map(|(shares, curve)| {
+            let mut defaults = defaults(&RIG);
+            defaults.lvdt_curve = curve.map(|(count, corrections, error_m)| {
+                let mut points = corrections.map(|correction_m| [0.0, correction_m]);
+                points.iter_mut().enumerate().for_each(|(k, point)| point[0] = 0.08 + 2e-3 * k as f32);
+                LvdtCurve::new(&points[..count], error_m).expect("a curve")
+            });
             Setting::ALL.iter().fold(defaults, |values, setting| {
                 let ([min, max], share) = (setting.range(defaults.get(*setting)), shares[*setting as usize]);
                 let between = (min + share * (max - min)).clamp(min, max);
@@ -175,12 +199,13 @@ mod tests {
             let loaded = read(Some(&record), Some(&write_witness(7)), &RIG);
             prop_assert!(loaded.values.check(&defaults(&RIG)).is_ok());
             let applied = apply(&loaded.values, &RIG);
-            prop_assert!(applied.counts_per_rad.abs() > 1.0 && applied.lvdt_metres_per_code > 0.0);
+            prop_assert!(applied.counts_per_rad.abs() > 1.0 && applied.lvdt_gain > 0.0);
+            prop_assert!(applied.lvdt_curve.is_none_or(|curve| curve.check().is_ok()));
         }
 
         #[test]
         fn a_record_of_another_firmware_gives_what_both_know(values in values(), keep in 0..8usize, more in 0..30u8) {
-            let mut record: Vec<u8> = write(&values, &RIG, 3)[..HEAD + keep * ENTRY].to_vec();
+            let mut record = write(&values, &RIG, 3)[..HEAD + keep * ENTRY].to_vec();
             (0..more).for_each(|k| record.extend([100 + k, 1, 2, 3, 4]));
             prop_assert!(record.len() <= RECORD_MAX);
             let loaded = read(Some(&record), Some(&write_witness(3)), &RIG);
@@ -188,6 +213,7 @@ mod tests {
             for (k, (setting, value)) in loaded.values.iter().enumerate() {
                 prop_assert_eq!(value, if k < keep { values.get(setting) } else { defaults(&RIG).get(setting) });
             }
+            prop_assert_eq!(loaded.values.lvdt_curve, None);
         }
     }
 
@@ -209,14 +235,41 @@ mod tests {
         assert!(read(Some(&old), None, &RIG).witness_behind);
     }
 
+    /// A record as firmware without the points of a calibration wrote it.
+    #[test]
+    fn a_record_from_before_the_points_is_read() {
+        let mut record = std::vec![1, 5, 0, 0, 0];
+        record.extend(basis(&RIG).to_le_bytes());
+        for (code, value) in (0u8..).zip([1e-3f32, 1.01, 0.0, -1.0, 1.0, 0.03, 0.4, 1.0]) {
+            record.push(code);
+            record.extend(value.to_le_bytes());
+        }
+        let loaded = read(Some(&record), Some(&write_witness(5)), &RIG);
+        assert_eq!((loaded.kept, loaded.generation, loaded.values.lvdt_curve), (Kept::These, 5, None));
+        assert_eq!(loaded.values.numbers, [1e-3, 1.01, 0.0, -1.0, 1.0, 0.03, 0.4, 1.0]);
+        assert_eq!(write(&loaded.values, &RIG, 5)[..], record[..], "and without points it is written as it was");
+    }
+
+    #[test]
+    fn half_of_a_calibration_is_damage() {
+        let lvdt_curve = LvdtCurve::new(&[[0.06, 1e-4], [0.07, 1e-4], [0.08, 0.0]], 2e-5).ok();
+        let record = write(&SettingValues { lvdt_curve, ..defaults(&RIG) }, &RIG, 1);
+        for entries in 1..=6 {
+            let cut = &record[..record.len() - entries * ENTRY];
+            assert_eq!(read(Some(cut), Some(&write_witness(1)), &RIG).kept, Kept::Damaged, "{entries} less");
+        }
+    }
+
     #[test]
     fn each_acts_on_the_constant_that_it_is_about() {
         let with = |setting: Setting, value| apply(&defaults(&RIG).with(setting, value), &RIG);
         assert_eq!(apply(&defaults(&RIG), &RIG), RIG);
-        assert!((with(Setting::LvdtOffset, 1e-3).lvdt_gap_at_code_zero_m - 0.011).abs() < 1e-8);
-        let gain = with(Setting::LvdtGain, 1.1);
-        assert!((gain.lvdt_gap_at_code_zero_m - 0.011).abs() < 1e-8);
-        assert!((gain.lvdt_metres_per_code / RIG.lvdt_metres_per_code - 1.1).abs() < 1e-6);
+        let gap_m = RIG.lvdt_gap_m(1000.0);
+        assert!((with(Setting::LvdtOffset, 1e-3).lvdt_gap_m(1000.0) - gap_m - 1e-3).abs() < 1e-8);
+        assert!((with(Setting::LvdtGain, 1.1).lvdt_gap_m(1000.0) - 1.1 * gap_m).abs() < 1e-8);
+        let lvdt_curve = LvdtCurve::new(&[[0.06, 1e-4], [0.07, 1e-4]], 2e-5).ok();
+        let curved = apply(&SettingValues { lvdt_curve, ..defaults(&RIG) }, &RIG);
+        assert!((curved.lvdt_gap_m(1000.0) - gap_m - 1e-4).abs() < 1e-8);
         assert_eq!(with(Setting::TwistSign, -1.0).counts_per_rad, -RIG.counts_per_rad);
         let gear = with(Setting::GearScale, 0.5);
         assert_eq!((gear.gear_ratio, gear.counts_per_rad), (31.0, 20_208.0));

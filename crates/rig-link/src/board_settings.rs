@@ -91,21 +91,24 @@ impl fmt::Display for Words {
 }
 
 impl SettingValues {
+    /// Zero for each setting, and no curve.
+    pub const ZERO: Self = Self { numbers: [0.0; Setting::ALL.len()], lvdt_curve: None };
+
     /// Of one setting (its unit).
     pub fn get(&self, setting: Setting) -> f32 {
-        self.0[setting as usize]
+        self.numbers[setting as usize]
     }
 
     /// With one setting changed.
     #[must_use]
     pub fn with(mut self, setting: Setting, value: f32) -> Self {
-        self.0[setting as usize] = value;
+        self.numbers[setting as usize] = value;
         self
     }
 
-    /// Every setting with its value.
+    /// Every setting that is a number, with its value.
     pub fn iter(&self) -> impl Iterator<Item = (Setting, f32)> {
-        Setting::ALL.iter().copied().zip(self.0)
+        Setting::ALL.iter().copied().zip(self.numbers)
     }
 
     /// Checks all values, where `defaults` are the rig's.
@@ -113,7 +116,8 @@ impl SettingValues {
     /// # Errors
     /// A [`Refusal`] for the first value that is not allowed.
     pub fn check(&self, defaults: &Self) -> Result<(), Refusal> {
-        self.iter().try_for_each(|(setting, value)| setting.check(value, defaults.get(setting)).map(drop))
+        self.iter().try_for_each(|(setting, value)| setting.check(value, defaults.get(setting)).map(drop))?;
+        self.lvdt_curve.map_or(Ok(()), |curve| curve.check()).map_err(|flaw| Refusal::LvdtPoints { flaw })
     }
 }
 

@@ -27,6 +27,28 @@ named_codes! {
 }
 
 named_codes! {
+    /// Why points are no calibration of the LVDT.
+    pub enum CurveFlaw {
+        /// Not 2 to 11 of them.
+        Count = 0, "there must be 2 to 11 of them";
+        /// A number is infinite or none.
+        NotFinite = 1, "one of the numbers is not finite";
+        /// The gap falls where the sensor's reading grows.
+        WrongSign = 2, "the gap falls where the sensor's reading grows: the sensor has the wrong sign";
+        /// Readings or gaps are not in order.
+        NotMonotonic = 3, "gap and sensor's reading do not grow together: not monotonic";
+        /// Two of them are too close together.
+        TooClose = 4, "two of them are less than 1 mm apart";
+        /// The gap changes by less than half or more than twice the sensor's reading.
+        Slope = 5, "between two of them the gap changes by less than half or more than twice the sensor's reading";
+        /// A correction is greater than that of any sensor of this kind.
+        Correction = 6, "one of them differs from the sensor's reading by more than 50 mm";
+        /// The stated error is negative or too large.
+        Error = 7, "their error must be from 0 to 10 mm";
+    }
+}
+
+named_codes! {
     /// What flash holds of the settings.
     pub enum Kept {
         /// Nothing: these are the defaults, or were set and could not be written.

@@ -4,6 +4,7 @@
 //!   number and name, declared by the macro in `names`.
 //! - [`faults`]: sets of faults.
 //! - [`board_settings`]: unit, default and range of every setting of the board.
+//! - [`lvdt_curve`]: the LVDT's correction at several points.
 //! - [`frame`]: how a message becomes bytes on a UART and comes back: sequence number, postcard, CRC-32, COBS.
 //! - [`sequence`]: which requests are new, and which are old ones that arrive again.
 //! - [`protocol`]: the hash over the schema of all messages; [`versions`]: the greeting with it.
@@ -18,6 +19,7 @@ pub mod board_settings;
 pub mod codes;
 pub mod faults;
 pub mod frame;
+pub mod lvdt_curve;
 pub mod messages;
 mod names;
 pub mod protocol;
@@ -32,8 +34,8 @@ pub use protocol::PROTOCOL_HASH;
 pub const BAUD: u32 = 115_200;
 
 /// The board sends one telemetry message every this many milliseconds.
-/// It has at most 96 bytes, with every counter at its greatest: 9.6 kB/s of the 11.5 kB/s that [`BAUD`] carries. As a rule
-/// it has 70.
+/// It has at most 106 bytes, with every counter at its greatest: 10.6 kB/s of the 11.5 kB/s that [`BAUD`] carries. As a rule
+/// it has 80.
 pub const TELEMETRY_PERIOD_MS: u32 = 10;
 
 /// The host sends a heartbeat this often (ms); the board reports a silent host after several have failed to come.

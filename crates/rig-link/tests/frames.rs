@@ -2,9 +2,9 @@
 
 use proptest::prelude::*;
 use rig_link::{
-    Accepted, Clock, Constants, Counters, Decoder, EventKind, Fault, Faults, Frame, HomingFailure, Identity, Kept,
-    Limit, LoadChoice, MAX_FRAME, Message, Parameter, Refusal, Request, ResetCause, Sensors, Setting, SettingValues,
-    SettingsReport, State, TableIdentity, TableRefusal, Telemetry, Versions, encode,
+    Accepted, Clock, Constants, Counters, CurveFlaw, Decoder, EventKind, Fault, Faults, Frame, HomingFailure, Identity,
+    Kept, LVDT_POINTS_MAX, Limit, LoadChoice, LvdtCurve, MAX_FRAME, Message, Parameter, Refusal, Request, ResetCause,
+    Sensors, Setting, SettingValues, SettingsReport, State, TableIdentity, TableRefusal, Telemetry, Versions, encode,
 };
 use serde::{Serialize, de::DeserializeOwned};
 
@@ -40,13 +40,23 @@ fn request() -> impl Strategy<Value = Request> {
         constants().prop_map(Request::Rebuild),
         Just(Request::GetSettings),
         (one_of(Setting::ALL), float()).prop_map(|(setting, value)| Request::SetSetting { setting, value }),
-        values().prop_map(Request::SetSettings),
+        (values(), curve())
+            .prop_map(|(values, lvdt_curve)| Request::SetSettings(SettingValues { lvdt_curve, ..values })),
         Just(Request::ReadSensors),
     ]
 }
 
 fn values() -> impl Strategy<Value = SettingValues> {
-    prop::array::uniform8(float()).prop_map(SettingValues)
+    prop::array::uniform8(float()).prop_map(|numbers| SettingValues { numbers, ..SettingValues::ZERO })
+}
+
+fn curve() -> impl Strategy<Value = Option<LvdtCurve>> {
+    let corrections = prop::collection::vec(-1e-4..1e-4f32, 2..=LVDT_POINTS_MAX);
+    prop::option::of((corrections, 0.0..1e-3f32)).prop_map(|curve| {
+        let (corrections, error_m) = curve?;
+        let points: Vec<[f32; 2]> = (0..).zip(corrections).map(|(k, c)| [0.08 + 2e-3 * k as f32, c]).collect();
+        Some(LvdtCurve::new(&points, error_m).expect("a curve"))
+    })
 }
 
 fn constants() -> impl Strategy<Value = Constants> {
@@ -76,6 +86,7 @@ fn refusal() -> impl Strategy<Value = Refusal> {
         (one_of(Setting::ALL), float(), float(), float())
             .prop_map(|(setting, min, max, given)| Refusal::SettingOutOfRange { setting, min, max, given }),
         one_of(Setting::ALL).prop_map(|setting| Refusal::SettingNotFinite { setting }),
+        one_of(CurveFlaw::ALL).prop_map(|flaw| Refusal::LvdtPoints { flaw }),
     ]
 }
 
@@ -145,8 +156,10 @@ fn message() -> impl Strategy<Value = Message> {
         telemetry().prop_map(Message::Telemetry),
         (any::<u64>(), event()).prop_map(|(t_us, kind)| Message::Event { t_us, kind }),
         Just(Message::Identity(longest_identity())),
-        (values(), values(), one_of(Kept::ALL))
-            .prop_map(|(values, defaults, kept)| { Message::Settings(SettingsReport { values, defaults, kept }) }),
+        (values(), curve(), values(), one_of(Kept::ALL)).prop_map(|(values, lvdt_curve, defaults, kept)| {
+            let values = SettingValues { lvdt_curve, ..values };
+            Message::Settings(SettingsReport { values, defaults, kept })
+        }),
         sensors().prop_map(Message::Sensors),
     ]
 }

@@ -11,7 +11,7 @@ use rigctl::failure::Failure;
 use rigctl::session::serial::Serial;
 use rigctl::session::sim::{Sim, SimOptions};
 use rigctl::session::{Session, homing, motion};
-use sim_link::{PlantChange, PlantKey};
+use sim_link::{PlantChange, PlantKey, RigPreset};
 use std::f64::consts::{PI, TAU};
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -48,8 +48,15 @@ fn main() -> Result<()> {
     } else {
         for kg in LOADS_KG {
             let plant = vec![PlantChange { key: PlantKey::Load, value: kg * lab::STANDARD_GRAVITY_M_PER_S2 }];
-            let options =
-                SimOptions { firmware: None, scene: scene_file.clone(), plant, seed: 1, flash: None, gdb: None };
+            let options = SimOptions {
+                firmware: None,
+                scene: scene_file.clone(),
+                rig: RigPreset::Ideal,
+                plant,
+                seed: 1,
+                flash: None,
+                gdb: None,
+            };
             let mut session = Session::new(Box::new(Sim::start(&options).map_err(Failure::into_error)?));
             let swept = sweep(&mut session).map_err(Failure::into_error);
             sweeps.push(swept.with_context(|| format!("{kg} kg"))?);

@@ -3,6 +3,7 @@
 use crate::board_settings::{named, value};
 use crate::failure::Failure;
 use crate::log::{FORMAT, Log};
+use crate::lvdt_points;
 use rig_link::{Identity, PROTOCOL_HASH, Setting, SettingValues, SettingsReport};
 use std::fmt::Write;
 use std::path::Path;
@@ -20,6 +21,9 @@ pub fn to_toml(report: &SettingsReport, identity: &Identity) -> String {
         let unit = if unit.is_empty() { String::new() } else { format!("  # {unit}") };
         // Writing into a string does not fail. {:?} always has a point or an exponent: a TOML float.
         let _ = writeln!(text, "{} = {value:?}{unit}", setting.name());
+    }
+    if let Some(curve) = &report.values.lvdt_curve {
+        let _ = writeln!(text, "{} = \"{}\"  # m", lvdt_points::NAME, lvdt_points::text(curve));
     }
     text
 }
@@ -114,6 +118,14 @@ pub fn from_toml(text: &str, defaults: &SettingValues) -> Result<Backup, String>
     wrong.extend(file.keys().map(|key| format!("no key `{key}`; keys: board, settings")));
     let mut values = *defaults;
     for (name, value) in &settings {
+        if name == lvdt_points::NAME {
+            let points = value.as_str().ok_or_else(|| format!("{name} is a {}, not text", value.type_str()));
+            match points.and_then(lvdt_points::from_text) {
+                Ok(curve) => values.lvdt_curve = Some(curve),
+                Err(message) => wrong.push(message),
+            }
+            continue;
+        }
         let checked = named(name).and_then(|setting| {
             let given = number(setting, value)?;
             setting.check(given, defaults.get(setting)).map_err(|refusal| refusal.to_string())?;
@@ -136,10 +148,10 @@ pub fn from_toml(text: &str, defaults: &SettingValues) -> Result<Backup, String>
 mod tests {
     use super::*;
     use crate::fixtures::identity;
-    use rig_link::Kept;
+    use rig_link::{Kept, LvdtCurve};
 
     fn defaults() -> SettingValues {
-        Setting::ALL.iter().fold(SettingValues([0.0; 8]), |values, s| values.with(*s, s.spec().default.unwrap_or(0.5)))
+        Setting::ALL.iter().fold(SettingValues::ZERO, |values, s| values.with(*s, s.spec().default.unwrap_or(0.5)))
     }
 
     #[test]
@@ -149,6 +161,8 @@ mod tests {
             .with(Setting::LvdtGain, 1.0 + f32::EPSILON)
             .with(Setting::TwistSign, -1.0)
             .with(Setting::SpeedMax, 1e-4);
+        let lvdt_curve = LvdtCurve::new(&[[0.1000001, 1e-4], [0.11, -2.345e-4], [0.12, 0.0]], 2.1e-5).ok();
+        let values = SettingValues { lvdt_curve, ..values };
         let report = SettingsReport { values, defaults: defaults(), kept: Kept::These };
         let identity = Identity { protocol_hash: 0xabcd, rig_hash: 0x2345_6789, ..identity("abcdef") };
         let text = to_toml(&report, &identity);
@@ -176,6 +190,8 @@ mod tests {
             ("[settings]\nlvdt-gain = nan", &["lvdt-gain is not a finite number"]),
             ("[settings]\ncurrent-limit = 0.6", &["current-limit is 0.6 A", "to 0.5 A"]),
             ("[board]\nrig_hash = 12\n[settings]\n", &["board.rig_hash"]),
+            ("[settings]\nlvdt-points = \"0.1:0 error 0\"", &["lvdt-points", "2 to 11"]),
+            ("[settings]\nlvdt-points = 3", &["lvdt-points is a integer"]),
             ("[sttings]\n[settings]\n", &["sttings"]),
             ("[settings", &["settings"]),
         ] {

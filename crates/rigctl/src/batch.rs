@@ -50,6 +50,21 @@ pub fn all_failed(path: &Path, rows: usize, failed: usize) -> Result<(), Failure
 }
 
 fn parse(text: &str) -> Result<Vec<Result<Query, RowError>>, String> {
+    let query = |row: Result<[f64; 2], String>| match row {
+        Ok([load_n, turns]) => Ok(Query { load_n, turns }),
+        Err(message) => Err(RowError::new("bad-row", message)),
+    };
+    Ok(columns(text, ["load_n", "turns"])?.into_iter().map(|(_, row)| query(row)).collect())
+}
+
+/// A row's line in its file, from 1, and its numbers or what is wrong with them.
+pub type Numbers<const N: usize> = (usize, Result<[f64; N], String>);
+
+/// The numbers in the columns of these names; others are ignored. A bad row is an error in its place.
+///
+/// # Errors
+/// If a column is not there, or is there twice.
+pub fn columns<const N: usize>(text: &str, names: [&str; N]) -> Result<Vec<Numbers<N>>, String> {
     // Spreadsheets put a byte-order mark in front.
     let mut lines = (1..).zip(text.trim_start_matches('\u{feff}').lines()).filter(|(_, l)| !l.trim().is_empty());
     let header: Vec<&str> = lines.next().map(|(_, l)| fields(l).collect()).unwrap_or_default();
@@ -61,22 +76,21 @@ fn parse(text: &str) -> Result<Vec<Result<Query, RowError>>, String> {
             (None, _) => Err(format!("has no column `{name}` in its first line")),
         }
     };
-    let (load, turns) = (column("load_n")?, column("turns")?);
-    let row = |(line, content): (usize, &str)| {
+    let places = names.iter().map(|name| column(name)).collect::<Result<Vec<usize>, String>>()?;
+    let row = |line: usize, content: &str| {
         let cells: Vec<&str> = fields(content).collect();
         if cells.len() != header.len() {
             // A decimal comma, for one.
-            let counts = format!("line {line}: {} cells under {} names", cells.len(), header.len());
-            return Err(RowError::new("bad-row", counts));
+            return Err(format!("line {line}: {} cells under {} names", cells.len(), header.len()));
         }
-        let number = |name: &str, index: usize| {
-            let cell = cells[index];
-            cell.parse::<f64>()
-                .map_err(|_| RowError::new("bad-row", format!("line {line}: {name} `{cell}` is not a number")))
-        };
-        Ok(Query { load_n: number("load_n", load)?, turns: number("turns", turns)? })
+        let mut numbers = [0.0; N];
+        for ((number, name), place) in numbers.iter_mut().zip(names).zip(&places) {
+            let cell = cells[*place];
+            *number = cell.parse().map_err(|_| format!("line {line}: {name} `{cell}` is not a number"))?;
+        }
+        Ok(numbers)
     };
-    Ok(lines.map(row).collect())
+    Ok(lines.map(|(line, content)| (line, row(line, content))).collect())
 }
 
 fn fields(line: &str) -> impl Iterator<Item = &str> {

@@ -1,5 +1,6 @@
 //! The board's settings as text: names and values that the operator types, and lines for people.
 
+use crate::lvdt_points;
 use crate::session::Session;
 use crate::units::{self, Quantity};
 use rig_link::{Fault, Kept, Setting, SettingValues, SettingsReport};
@@ -78,7 +79,9 @@ pub fn origin(kept: Kept) -> &'static str {
 
 /// All settings as one object.
 pub fn all(values: &SettingValues) -> Value {
-    values.iter().map(|(setting, value)| (setting.name().to_string(), json!(decimal(value)))).collect()
+    let numbers = values.iter().map(|(setting, value)| (setting.name().to_string(), json!(decimal(value))));
+    let curve = values.lvdt_curve.iter().map(|curve| (lvdt_points::NAME.to_string(), lvdt_points::object(curve)));
+    numbers.chain(curve).collect()
 }
 
 /// Lines of `status`: where the values are from, and every setting that is not its default.
@@ -88,6 +91,8 @@ pub fn summary(report: &SettingsReport) -> Vec<String> {
         let default = setting.show(report.defaults.get(setting));
         lines.push(format!("         {setting} {} (default {default})", setting.show(value)));
     }
+    let curve = report.values.lvdt_curve.iter();
+    lines.extend(curve.map(|curve| format!("         {}: {}", lvdt_points::NAME, lvdt_points::words(curve))));
     lines
 }
 

@@ -52,12 +52,20 @@ pub fn fit(point: Point, other: Option<Point>, gain: f64) -> Result<(f64, f64), 
 
 /// The sensor's reading by the scene's numbers (m) where the board reports a calibrated gap.
 pub fn uncalibrated(gap_m: f64, values: &SettingValues) -> f64 {
-    (gap_m - f64::from(values.get(Setting::LvdtOffset))) / f64::from(values.get(Setting::LvdtGain))
+    let corrected_m = (gap_m - f64::from(values.get(Setting::LvdtOffset))) / f64::from(values.get(Setting::LvdtGain));
+    values.lvdt_curve.map_or(corrected_m, |curve| f64::from(curve.sensor_m(corrected_m as f32)))
+}
+
+/// The point with its reading corrected by the points that the board keeps, on which offset and gain are put.
+pub fn corrected(point: Point, values: &SettingValues) -> Point {
+    let sensor_m = values.lvdt_curve.map_or(point.sensor_m, |curve| f64::from(curve.gap_m(point.sensor_m as f32)));
+    Point { sensor_m, ..point }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rig_link::LvdtCurve;
 
     #[test]
     fn two_points_undo_offset_and_gain_and_one_the_offset() {
@@ -74,6 +82,21 @@ mod tests {
             fit(sensor(0.16), Some(Point { gap_m: 0.14, ..sensor(0.16) }), 1.0).is_err(),
             "a sensor that stands still"
         );
+    }
+
+    #[test]
+    fn a_reading_is_found_back_through_offset_gain_and_points() {
+        let values = SettingValues {
+            lvdt_curve: LvdtCurve::new(&[[0.1, 1e-4], [0.12, -2e-4]], 2e-5).ok(),
+            ..SettingValues::ZERO
+        }
+        .with(Setting::LvdtOffset, 1e-3)
+        .with(Setting::LvdtGain, 1.02);
+        let reading = Point { gap_m: 0.0, sensor_m: 0.105 };
+        // A quarter of the way from +0.1 to -0.2 mm.
+        let corrected_m = corrected(reading, &values).sensor_m;
+        assert!((corrected_m - 0.105025).abs() < 2e-8, "{corrected_m}");
+        assert!((uncalibrated(1e-3 + 1.02 * corrected_m, &values) - 0.105).abs() < 3e-8);
     }
 
     #[test]

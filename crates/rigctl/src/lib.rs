@@ -19,6 +19,7 @@
 //! use rigctl::failure::Failure;
 //! use rigctl::session::sim::{Sim, SimOptions};
 //! use rigctl::session::{Session, homing, motion};
+//! use sim_link::RigPreset;
 //!
 //! fn main() -> anyhow::Result<()> {
 //!     experiment().map_err(Failure::into_error)
@@ -26,7 +27,7 @@
 //!
 //! fn experiment() -> Result<(), Failure> {
 //!     let scene = "scenes/default.toml".into();
-//!     let options = SimOptions { firmware: None, scene, plant: vec!["load=1kg".parse()?], seed: 1, flash: None, gdb: None };
+//!     let options = SimOptions { firmware: None, scene, rig: RigPreset::Nominal, plant: vec!["load=1kg".parse()?], seed: 1, flash: None, gdb: None };
 //!     let mut session = Session::new(Box::new(Sim::start(&options)?));
 //!     session.hello()?;
 //!     let homed = homing::home(&mut session, LoadChoice::Auto, |_| {})?;
@@ -53,6 +54,7 @@ pub mod figure;
 mod fixtures;
 pub mod identify;
 pub mod log;
+pub mod lvdt_points;
 pub mod options;
 pub mod out_file;
 pub mod output;

@@ -324,7 +324,7 @@ fn answers(ticks: &[Tick], homed: &Homed, board: &Board<'_>) -> Vec<Answer> {
             encoder_counts,
             lvdt: Some(LvdtBlock {
                 t_us: now_us - BLOCK_AGE_US,
-                mean_code: (gap_m - constants.lvdt_gap_at_code_zero_m) / constants.lvdt_metres_per_code,
+                mean_code: constants.lvdt_mean_code(gap_m),
                 // Any that is healthy.
                 variance: 1.0,
             }),

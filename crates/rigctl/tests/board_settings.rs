@@ -77,6 +77,12 @@ fn wrong_names_values_and_files_are_refused_and_nothing_is_written() {
         (&["calibrate", "lvdt", "--point", "140mm:141mm"], 2, &["--gap"]),
         (&["calibrate", "lvdt", "--gap", "140mm", "--point", "139mm:0.1"], 1, &["--point", "apart"]),
         (&["calibrate", "lvdt", "--gap", "1m"], 1, &["lvdt-offset"]),
+        (&["calibrate", "lvdt", "--points", "no-such.csv"], 1, &["points file no-such.csv"]),
+        (&["calibrate", "lvdt", "--points", "scenes/default.toml"], 1, &["scenes/default.toml", "no column `gap_m`"]),
+        (&["calibrate", "lvdt", "--points", "p.csv", "--gap", "0.1"], 2, &["--points", "--gap"]),
+        (&["calibrate", "lvdt", "--gauge-error", "10um"], 2, &["--points"]),
+        (&["calibrate", "lvdt", "--points", "p.csv", "--gauge-error", "1kg"], 2, &["gauge-error", "mm"]),
+        (&["calibrate", "lvdt", "--points", "p.csv", "--gauge-error", "2mm"], 2, &["gauge-error", "0 to 1 mm"]),
     ] {
         let (given, error) = fails(&flash, arguments);
         assert_eq!(given, Some(code), "{arguments:?}: {error}");
@@ -173,6 +179,48 @@ fn the_lvdt_is_calibrated_point_by_point() {
     assert!(before_m > 1e-3 && between_m.abs() > 100e-6);
     assert!(errors.iter().all(|error| error.abs() < 40e-6), "{errors:?}");
     assert!((number(&two, "lvdt_gain") - 1.0 / 1.01).abs() < 2e-3, "{two}");
+}
+
+/// A sensor that bends by 0.5 % of its stroke, calibrated by gauges at 11 places as the documentation says.
+#[test]
+fn a_bent_sensor_is_calibrated_at_11_points_and_the_points_go_with_the_board() {
+    let folder = folder("points");
+    let (flash, other) = (folder.join("flash.bin"), folder.join("other.bin"));
+    let (file, backup) = (folder.join("points.csv"), folder.join("board.toml"));
+    let [file_text, backup_text] = [&file, &backup].map(|path| path.to_str().expect("a path"));
+    let at = |flash: &Path, twist: f64, more: &[&str]| {
+        let plant = format!("twist_at_boot={twist},load=0.15kg,lvdt_nonlinearity=0.005");
+        on(flash, &[&["calibrate", "lvdt", "--plant", &plant], more].concat()).pop().expect("a result")
+    };
+    let number = |object: &Value, key: &str| object[key].as_f64().unwrap_or_else(|| panic!("{key} in {object}"));
+    let error = |look: &Value| number(look, "gap_m") - number(look, "true_gap_m");
+    // Twists at which the gap is 1.3 to 3.5 mm apart from one to the next.
+    let twists = [4.0, 10.0, 14.0, 18.0, 22.0, 26.0, 30.0, 34.0, 38.0, 42.0, 46.0];
+    let looks = twists.map(|twist| at(&flash, twist, &[]));
+    let rows = looks.iter().map(|look| format!("{},{}\n", number(look, "true_gap_m"), number(look, "sensor_m")));
+    std::fs::write(&file, format!("gap_m,sensor_m\n{}", rows.collect::<String>())).expect("a file");
+    let set = at(&flash, 4.0, &["--points", file_text, "--gauge-error", "10um"]);
+    assert_eq!((set["points"].as_array().map(Vec::len), &set["kept"]), (Some(11), &true.into()), "{set}");
+    let stated_m = number(&set, "lvdt_error_m");
+    assert!((10e-6..40e-6).contains(&stated_m), "{stated_m} m");
+    let between = [7.0, 20.0, 32.0, 41.0, 44.0];
+    let after = between.map(|twist| error(&at(&flash, twist, &[])));
+    on(&flash, &["config", "backup", backup_text]);
+    assert_eq!(on(&other, &["config", "restore", backup_text])[0]["changed"], 1);
+    assert_eq!(on(&flash, &["config", "get"]), on(&other, &["config", "get"]));
+    assert_eq!(error(&at(&other, 32.0, &[])), after[2], "the same board");
+    let status = &on(&flash, &["status"])[0];
+    assert_eq!(status["settings"]["lvdt-points"]["points"], set["points"]);
+    // The offset goes on top of it, and the points go without it.
+    at(&flash, 32.0, &["--gap", "80mm"]);
+    assert!((number(&at(&flash, 32.0, &[]), "gap_m") - 0.080).abs() < 20e-6);
+    at(&flash, 32.0, &["--no-points"]);
+    assert!(on(&flash, &["config", "get"]).iter().all(|s| s["name"] != "lvdt-points"));
+    let fresh = folder.join("fresh.bin");
+    let before = between.map(|twist| error(&at(&fresh, twist, &[])));
+    println!("um off before {:?}, after {:?}", before.map(|e| (e * 1e6).round()), after.map(|e| (e * 1e6).round()));
+    assert!(before.iter().any(|e| e.abs() > 100e-6), "{before:?}");
+    assert!(after.iter().all(|e| e.abs() < 40e-6), "{after:?}");
 }
 
 #[test]

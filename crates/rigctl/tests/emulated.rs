@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{error_of, lines, rigctl};
+use common::{desktop, error_of, lines, rigctl};
 use std::process::Output;
 
 const KEYS: [&str; 18] = [
@@ -92,6 +92,36 @@ fn a_homing_states_its_errors() {
     let result = &lines(&homed)[0];
     for key in ["load_n", "load_error_n", "friction_n", "zero_error_rad"] {
         assert!(result[key].is_number(), "{key} in {result}");
+    }
+}
+
+#[test]
+fn the_rig_is_named_drawn_from_the_seed_and_nominal_where_none_is_named() {
+    let play = |rig: &str, seed: &str| {
+        let played = rigctl(&["play", "--seconds", "3s", "--json", "--rig", rig, "--seed", seed]);
+        assert!(played.status.success(), "{}", error_of(&played));
+        let first = format!("emulated board, {rig} rig, seed {seed}");
+        assert_eq!(error_of(&played).lines().next(), Some(first.as_str()));
+        let mut rows = lines(&played);
+        let summary = rows.pop().expect("a summary");
+        assert_eq!(summary["summary"]["rig"], rig);
+        rows
+    };
+    assert_eq!(play("hard", "2"), play("hard", "2"));
+    let rigs = [play("ideal", "1"), play("nominal", "1"), play("hard", "1"), play("hard", "2")];
+    for (k, one) in rigs.iter().enumerate() {
+        assert!(rigs[..k].iter().all(|other| other != one), "{k}");
+    }
+    let default = desktop(&["play", "--seconds", "3s", "--json"]);
+    assert!(error_of(&default).starts_with("emulated board, nominal rig, seed 1\n"), "{}", error_of(&default));
+    assert_eq!(lines(&default)[..rigs[1].len()], rigs[1]);
+    for (arguments, named) in [
+        (&["status", "--rig", "real"][..], "ideal, nominal, hard"),
+        (&["status", "--rig", "hard", "--port", "/dev/no-such-port"], "--rig is for the emulated board"),
+    ] {
+        let wrong = desktop(arguments);
+        assert_eq!(wrong.status.code(), Some(2), "{arguments:?}: {}", error_of(&wrong));
+        assert!(error_of(&wrong).contains(named), "{arguments:?}: {}", error_of(&wrong));
     }
 }
 

@@ -27,7 +27,11 @@ fn waiting() -> (Child, String) {
     let mut said = String::new();
     // The rest of it is little, and fits a pipe.
     let mut errors = BufReader::new(child.stderr.take().expect("a pipe"));
-    errors.read_line(&mut said).expect("it says where");
+    // Which board it is, then where.
+    for _ in 0..2 {
+        said.clear();
+        errors.read_line(&mut said).expect("it says both");
+    }
     child.stderr = Some(errors.into_inner());
     let address = said.trim().strip_prefix("gdb: listening at ").unwrap_or_else(|| panic!("{said}")).to_owned();
     (child, address)

@@ -33,7 +33,9 @@ fn recorded(name: &str, plant: &[&str]) -> PathBuf {
 fn a_record_says_what_it_takes_to_run_it_again() {
     let path = recorded("again", &["load=0.7kg", "friction=0.05N"]);
     let first = Log::load(&path).expect("a log").whole().expect("all of it");
-    for key in ["scene", "scene_hash", "port", "seed", "firmware", "git", "protocol_hash", "table.crc", "host_time"] {
+    for key in
+        ["scene", "scene_hash", "port", "rig", "seed", "firmware", "git", "protocol_hash", "table.crc", "host_time"]
+    {
         assert!(first.header.get(key).is_some_and(|v| !v.is_empty()), "{key}");
     }
     assert_eq!(first.header.get("seed"), Some("3"));

@@ -38,7 +38,7 @@ impl Rig<'_> {
         let before = core::mem::replace(&mut self.settings, *values);
         let old = core::mem::replace(&mut self.constants, settings::apply(values, &self.scene));
         let changes = |setting: &Setting| setting.spec().unhomes && before.get(*setting) != values.get(*setting);
-        if Setting::ALL.iter().any(changes) {
+        if Setting::ALL.iter().any(changes) || before.lvdt_curve != values.lvdt_curve {
             // The same place in the new units; nothing is compared with readings in the old ones.
             self.shaft = Ramp::at(self.shaft.position * old.counts_per_rad / self.constants.counts_per_rad);
             self.guard.forget_places();

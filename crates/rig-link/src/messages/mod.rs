@@ -22,6 +22,7 @@ mod telemetry;
 
 pub use crate::codes::*;
 pub use crate::faults::Faults;
+pub use crate::lvdt_curve::{LVDT_APART_M, LVDT_POINTS_MAX, LvdtCurve};
 pub use crate::versions::{VersionMismatch, Versions};
 pub use identity::{Identity, TableIdentity};
 pub use refusal::Refusal;

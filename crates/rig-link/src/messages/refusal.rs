@@ -1,6 +1,6 @@
 //! Why the board refuses a request. The texts are what an operator reads.
 
-use crate::codes::{Fault, Parameter, Sensor, Setting, State};
+use crate::codes::{CurveFlaw, Fault, Parameter, Sensor, Setting, State};
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
@@ -70,6 +70,12 @@ pub enum Refusal {
     SettingNotFinite {
         /// Which.
         setting: Setting,
+    },
+    /// The points of the LVDT's calibration are none.
+    #[error("lvdt-points: {flaw}")]
+    LvdtPoints {
+        /// Why.
+        flaw: CurveFlaw,
     },
     /// No tool with the board's own protocol has greeted it since it started.
     #[error("the board has not been greeted by a tool of its own protocol since it started: connect again")]

@@ -1,6 +1,7 @@
 //! What the host asks of the board.
 
 use crate::codes::Setting;
+use crate::lvdt_curve::LvdtCurve;
 use crate::versions::Versions;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
@@ -60,10 +61,15 @@ impl Request {
     pub const HOME: Self = Self::Home { load: LoadChoice::Auto };
 }
 
-/// One value for each [`Setting`], in the order of [`Setting::ALL`].
+/// All that a board's settings are.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, Schema)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct SettingValues(pub [f32; Setting::ALL.len()]);
+pub struct SettingValues {
+    /// One value for each [`Setting`], in the order of [`Setting::ALL`].
+    pub numbers: [f32; Setting::ALL.len()],
+    /// Correction of the LVDT, before its offset and gain.
+    pub lvdt_curve: Option<LvdtCurve>,
+}
 
 /// The mechanism's constants as a calibration found them (docs/model.md section 2; SI units).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, Schema)]

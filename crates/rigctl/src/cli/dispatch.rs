@@ -83,7 +83,7 @@ fn rig_options(global: &Global, command: &Command) -> Result<(), Failure> {
             Ok(())
         }
         Command::Selftest => {
-            no_effect(given().skip(1).take(3), "this board has no rig, and is a new one each time");
+            no_effect(given().skip(1).take(4), "this board has no rig, and is a new one each time");
             Ok(())
         }
         _ => Ok(()),

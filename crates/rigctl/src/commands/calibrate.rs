@@ -1,14 +1,16 @@
 //! `calibrate`: the LVDT against callipers, and where position 0 is.
 
 use crate::board_settings::{self, all, decimal};
-use crate::calibration::{APART_M, Point, fit, uncalibrated};
+use crate::calibration::{APART_M, Point, corrected, fit, uncalibrated};
 use crate::failure::Failure;
+use crate::lvdt_points;
 use crate::options::Global;
 use crate::options::commands::Calibrate;
 use crate::output::Output;
 use crate::session::{Session, homing};
-use rig_link::{LoadChoice, Request, Setting};
-use serde_json::json;
+use rig_link::{LoadChoice, Request, Setting, SettingValues};
+use serde_json::{Value, json};
+use std::path::Path;
 
 /// Telemetry messages over which the present position is averaged.
 const POSITIONS: f64 = 30.0;
@@ -19,7 +21,9 @@ const POSITIONS: f64 = 30.0;
 /// The board's refusal in words, or points that make no calibration.
 pub fn run(global: &Global, what: &Calibrate, output: &mut Output) -> Result<(), Failure> {
     match what {
-        Calibrate::Lvdt { gap, point } => lvdt(global, *gap, *point, output),
+        Calibrate::Lvdt { points: Some(file), gauge_error, .. } => points(global, file, *gauge_error, output),
+        Calibrate::Lvdt { no_points: true, .. } => no_points(global, output),
+        Calibrate::Lvdt { gap, point, .. } => lvdt(global, *gap, *point, output),
         Calibrate::Zero => zero(global, output),
     }
 }
@@ -38,6 +42,9 @@ fn lvdt(global: &Global, gap: Option<f64>, other: Option<Point>, output: &mut Ou
             shown_m * 1e3,
             sensor_m * 1e3
         ))?;
+        if let Some(curve) = &values.lvdt_curve {
+            output.line(format!("{}: {}", lvdt_points::NAME, lvdt_points::words(curve)))?;
+        }
         if let Some(truth_m) = truth_m {
             output.line(format!("true (emulated rig) {:.3} mm", truth_m * 1e3))?;
         }
@@ -45,7 +52,9 @@ fn lvdt(global: &Global, gap: Option<f64>, other: Option<Point>, output: &mut Ou
         return Ok(());
     };
     let point = Point { gap_m, sensor_m };
-    let (offset_m, gain) = fit(point, other, f64::from(values.get(Setting::LvdtGain)))?;
+    let on_curve = |point: Point| corrected(point, &values);
+    let gain = f64::from(values.get(Setting::LvdtGain));
+    let (offset_m, gain) = fit(on_curve(point), other.map(on_curve), gain)?;
     let new = values.with(Setting::LvdtOffset, offset_m as f32).with(Setting::LvdtGain, gain as f32);
     let unhomed = session.set(&Request::SetSettings(new))?;
     let after_m = session.gap_m()?;
@@ -73,6 +82,56 @@ fn lvdt(global: &Global, gap: Option<f64>, other: Option<Point>, output: &mut Ou
         ))?;
     }
     let next = board_settings::next_steps(&session, global.flash_lasts(), unhomed);
+    Ok(next.iter().try_for_each(|line| output.line(line))?)
+}
+
+/// Stores the points of a file.
+fn points(global: &Global, file: &Path, gauge_error_m: f64, output: &mut Output) -> Result<(), Failure> {
+    let curve = lvdt_points::load(file, &global.scene()?.rig, gauge_error_m)?;
+    let mut session = global.target()?.connect()?;
+    session.wait_started()?;
+    let values = session.settings()?.values.with(Setting::LvdtOffset, 0.0).with(Setting::LvdtGain, 1.0);
+    let new = SettingValues { lvdt_curve: Some(curve), ..values };
+    change_curve(&mut session, &new, lvdt_points::object(&curve), &lvdt_points::words(&curve), global, output)
+}
+
+/// Forgets the points.
+fn no_points(global: &Global, output: &mut Output) -> Result<(), Failure> {
+    let mut session = global.target()?.connect()?;
+    session.wait_started()?;
+    let new = SettingValues { lvdt_curve: None, ..session.settings()?.values };
+    change_curve(&mut session, &new, json!({"points": []}), "none", global, output)
+}
+
+fn change_curve(
+    session: &mut Session,
+    new: &SettingValues,
+    mut object: Value,
+    words: &str,
+    global: &Global,
+    output: &mut Output,
+) -> Result<(), Failure> {
+    let before_m = session.gap_m()?;
+    let unhomed = session.set(&Request::SetSettings(*new))?;
+    let after_m = session.gap_m()?;
+    let truth_m = session.truth().newest().map(|t| t.gap_m);
+    for (key, value) in [
+        ("gap_before_m", json!(before_m)),
+        ("gap_m", json!(after_m)),
+        ("true_gap_m", json!(truth_m)),
+        ("kept", json!(true)),
+        ("unhomed", json!(unhomed)),
+    ] {
+        object[key] = value;
+    }
+    output.object(&object)?;
+    output.line(format!(
+        "{}: {words}; kept in flash. The board showed {:.3} mm, now {:.3} mm",
+        lvdt_points::NAME,
+        before_m * 1e3,
+        after_m * 1e3
+    ))?;
+    let next = board_settings::next_steps(session, global.flash_lasts(), unhomed);
     Ok(next.iter().try_for_each(|line| output.line(line))?)
 }
 

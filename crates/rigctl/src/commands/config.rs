@@ -3,6 +3,7 @@
 use crate::backup::{self, to_toml};
 use crate::board_settings::{self, all, decimal};
 use crate::failure::Failure;
+use crate::lvdt_points;
 use crate::options::Global;
 use crate::options::commands::Config;
 use crate::out_file::OutFile;
@@ -33,6 +34,11 @@ fn get(session: &mut Session, name: Option<Setting>, output: &mut Output) -> Res
     for setting in Setting::ALL.iter().filter(|setting| name.is_none_or(|name| name == **setting)) {
         output.object(&board_settings::object(*setting, &report))?;
         output.line(board_settings::line(*setting, &report))?;
+    }
+    if let (None, Some(curve)) = (name, &report.values.lvdt_curve) {
+        let kept = report.kept == Kept::These;
+        output.object(&json!({"name": lvdt_points::NAME, "value": lvdt_points::object(curve), "kept": kept}))?;
+        output.line(format!("{:14} {}", lvdt_points::NAME, lvdt_points::words(curve)))?;
     }
     output.line(board_settings::origin(report.kept))?;
     Ok(())
@@ -83,7 +89,8 @@ fn restore(global: &Global, file: &Path, force: bool, output: &mut Output) -> Re
     let rig_hash = session.identity().map_or(0, |id| id.rig_hash);
     let backup = backup::load(file, &report.defaults)?.of_rig(rig_hash, file, force)?;
     let unhomed = session.set(&Request::SetSettings(backup.values))?;
-    let changed = report.values.iter().filter(|(s, value)| *value != backup.values.get(*s)).count();
+    let changed = report.values.iter().filter(|(s, value)| *value != backup.values.get(*s)).count()
+        + usize::from(report.values.lvdt_curve != backup.values.lvdt_curve);
     output.object(&json!({"file": file, "settings": all(&backup.values), "changed": changed, "kept": true,
         "unhomed": unhomed}))?;
     output.line(format!("{} settings restored, {changed} of them changed; kept in flash", Setting::ALL.len()))?;

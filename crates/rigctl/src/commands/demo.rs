@@ -6,6 +6,7 @@ use crate::options::Global;
 use crate::out_file::{folder, write_file};
 use crate::output::Output;
 use crate::recorded_move::{RecordedMove, SPEED_M_PER_S, TARGET_M, record};
+use crate::session::sim::SimOptions;
 use lab::csv_text::{csv_text, optional};
 use lab::move_figure::draw;
 use sim_link::PlantKey;
@@ -35,7 +36,7 @@ pub fn run(global: &Global, out: &Path, output: &mut Output) -> Result<(), Failu
     }
     output.line("")?;
     output.line(format!(
-        "moved to {} mm at {} mm/s; everything below was EMULATED: the firmware's ELF on an emulated board and rig",
+        "moved to {} mm at {} mm/s; everything below was EMULATED: the firmware's ELF on an {options}",
         TARGET_M * 1e3,
         SPEED_M_PER_S * 1e3
     ))?;
@@ -67,7 +68,7 @@ pub fn run(global: &Global, out: &Path, output: &mut Output) -> Result<(), Failu
     }
     let curves: Vec<_> = outcomes.iter().map(RecordedMove::curve).collect();
     write_file(out, "demo.svg", &draw(&curves)?)?;
-    write_file(out, "demo.csv", &csv(&outcomes)?)?;
+    write_file(out, "demo.csv", &csv(&outcomes, &options)?)?;
     output.line(format!("picture: {}   data: {}", out.join("demo.svg").display(), out.join("demo.csv").display()))?;
     if outcomes.iter().all(|o| o.floors_met) {
         Ok(())
@@ -76,7 +77,7 @@ pub fn run(global: &Global, out: &Path, output: &mut Output) -> Result<(), Failu
     }
 }
 
-fn csv(outcomes: &[RecordedMove]) -> Result<String, Failure> {
+fn csv(outcomes: &[RecordedMove], options: &SimOptions) -> Result<String, Failure> {
     let header = [
         "load_kg",
         "t_s",
@@ -104,5 +105,5 @@ fn csv(outcomes: &[RecordedMove]) -> Result<String, Failure> {
             ]
         })
     });
-    Ok(format!("# emulated: firmware ELF on an emulated board and rig\n{}", csv_text(&header, lines)?))
+    Ok(format!("# emulated: firmware ELF on an {options}\n{}", csv_text(&header, lines)?))
 }

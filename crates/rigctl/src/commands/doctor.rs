@@ -28,8 +28,10 @@ pub fn run(global: &Global, home: bool, output: &mut Output) -> Result<(), Failu
         )],
     };
     let well = checks.iter().all(|c| c.ok);
-    let port = if global.is_emulated() { "sim (a fresh emulated board)" } else { &global.port };
-    output.object(&json!({"ok": well, "port": global.port, "checks": checks}))?;
+    let emulated = global.is_emulated().then(|| global.emulated()).transpose()?;
+    let port = emulated.as_ref().map_or(global.port.clone(), |options| format!("sim (a fresh {options})"));
+    let rig = emulated.map(|options| options.rig.name());
+    output.object(&json!({"ok": well, "port": global.port, "rig": rig, "checks": checks}))?;
     output.line(format!("rigctl {} looking at {port}", env!("CARGO_PKG_VERSION")))?;
     for c in &checks {
         let advice = c.advice.as_ref().map_or(String::new(), |a| format!(": {a}"));

@@ -7,7 +7,7 @@ use crate::output::Output;
 use crate::play::play;
 use crate::screen::Screen;
 use crate::script::Script;
-use crate::session::Session;
+use crate::session::{Place, Session};
 use ratatui::DefaultTerminal;
 use ratatui::crossterm::event::{self as terminal_event, Event, KeyCode, KeyEventKind, KeyModifiers};
 use rig_link::{Request, State};
@@ -50,7 +50,10 @@ pub fn run(global: &Global, script: Option<&Path>, output: &Output) -> Result<()
     script.end_s = FOR_EVER_S;
     let target = global.target()?;
     let mut session = target.meet()?;
-    let title = if target.is_emulated() { " rig (emulated) ".to_owned() } else { format!(" rig at {} ", global.port) };
+    let title = match &target.place {
+        Place::Emulated(options) => format!(" {options} "),
+        Place::Device(device) => format!(" rig at {device} "),
+    };
     let mut view = View { screen: Screen::new(title), leaving: None, drawn_s: f64::MIN };
     if let Some(warning) = target.check_scene(&session).err().and_then(|failure| failure.message()) {
         view.screen.say(warning);

@@ -8,7 +8,8 @@ use crate::output::Output;
 use crate::play::{check_refused, play};
 use crate::scene_file;
 use crate::script::Script;
-use crate::session::{Session, Target};
+use crate::session::sim::SimOptions;
+use crate::session::{Place, Session, Target};
 use rig_link::SettingsReport;
 use serde_json::json;
 use std::ops::ControlFlow;
@@ -43,7 +44,9 @@ pub fn run(global: &Global, script: Option<&Path>, seconds: f64, output: &mut Ou
         printer.print(session, output)?;
         Ok(ControlFlow::Continue(()))
     })?;
-    summary(&mut session, started.elapsed().as_secs_f64(), global.seed, output)?;
+    if let Place::Emulated(options) = &target.place {
+        summary(&mut session, started.elapsed().as_secs_f64(), options, output)?;
+    }
     check_refused(refused)
 }
 
@@ -87,7 +90,7 @@ impl Printer<'_> {
 }
 
 /// What the run cost on the emulated board. The instructions of a real board are not counted.
-fn summary(session: &mut Session, wall_s: f64, seed: u64, output: &mut Output) -> Result<(), Failure> {
+fn summary(session: &mut Session, wall_s: f64, options: &SimOptions, output: &mut Output) -> Result<(), Failure> {
     let emulated_s = session.now_s();
     let settings = session.known_settings().map(|report| board_settings::all(&report.values));
     let Some(emulated) = session.emulated() else { return Ok(()) };
@@ -98,13 +101,14 @@ fn summary(session: &mut Session, wall_s: f64, seed: u64, output: &mut Output) -
         "core_busy": stats.core_busy,
         "plant_tier": stats.plant_tier,
         "realtime_factor": emulated_s / wall_s,
-        "seed": seed,
+        "rig": options.rig.name(),
+        "seed": options.seed,
         "settings": settings,
         "stack_high_water_bytes": stats.stack_high_water_bytes,
     }}))?;
     output.line(format!(
         "{emulated_s:.2} s emulated in {wall_s:.2} s; control tick {:.0} instructions mean, {:.0} at most; core busy {:.2} %; \
-         stack {} bytes; seed {seed}; the plant by the {} model, the cheapest that the scene needs",
+         stack {} bytes; {options}; the plant by the {} model, the cheapest that the scene needs",
         stats.instructions_per_tick_mean,
         stats.instructions_per_tick_max,
         stats.core_busy * 100.0,

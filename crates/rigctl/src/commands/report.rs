@@ -47,9 +47,10 @@ pub fn run(global: &Global, out: &Path, output: &mut Output) -> Result<(), Failu
 /// A move on the emulated board as a picture, with its figures.
 fn recorded(global: &Global, gear: f64) -> Result<Picture, Failure> {
     let (load_kg, twist_rad) = MOVE;
-    let m = recorded_move::record(&global.emulated()?, load_kg, twist_rad, gear)?;
+    let options = global.emulated()?;
+    let m = recorded_move::record(&options, load_kg, twist_rad, gear)?;
     let findings = vec![
-        format!("EMULATED: the firmware's ELF on an emulated board and rig, {load_kg} kg, unknown to it"),
+        format!("EMULATED: the firmware's ELF on an {options}, {load_kg} kg, unknown to it"),
         format!(
             "load estimated {:.3} N, true {:.3} N; homed in {:.1} s",
             m.travel.load_n, m.load_true_n, m.home.duration_s

@@ -4,6 +4,7 @@ use crate::board_settings::{self, decimal};
 use crate::failure::Failure;
 use crate::options::Global;
 use crate::output::Output;
+use crate::session::Place;
 use crate::session::status::{Status, status};
 use rig_link::Sensors;
 use serde_json::{Value, json};
@@ -25,6 +26,7 @@ pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
     let same_scene = target.check_scene(&session);
     let (lost, damaged) = (session.link().lost_frames(), session.link().damaged_frames());
     output.object(&json!({
+        "rig": target.rig(),
         "firmware": id.version.as_str(),
         "git": id.git.as_str(),
         "scene_hash": format!("{:08x}", id.scene_hash),
@@ -58,6 +60,9 @@ pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
         "sensors": reading(&sensors),
         "telemetry": row,
     }))?;
+    if let Place::Emulated(options) = &target.place {
+        output.line(format!("rig      {options}"))?;
+    }
     output.line(format!(
         "firmware {} ({}), protocol {:08x}, scene {:08x}, last started by {}",
         id.version, id.git, id.protocol_hash, id.scene_hash, id.reset_cause

@@ -20,6 +20,7 @@ pub use read::{Log, LogError, LogRow, Mark, Marked};
 pub use write::Recorder;
 
 use crate::failure::Failure;
+use crate::lvdt_points;
 use crate::scene_file;
 use crate::session::{Place, Session, Target};
 use rig_link::PROTOCOL_HASH;
@@ -53,6 +54,7 @@ impl Header {
         header.add("scene_hash", format!("{scene_hash:08x}"));
         header.add("port", target.port());
         if let Place::Emulated(options) = &target.place {
+            header.add("rig", options.rig);
             header.add("seed", options.seed);
             if options.scene != target.scene {
                 header.add("plant_scene", options.scene.display());
@@ -78,6 +80,9 @@ impl Header {
         header.add("settings_kept", settings.kept.name());
         for (setting, value) in settings.values.iter() {
             header.add(&format!("{SETTINGS}{setting}"), value);
+        }
+        if let Some(curve) = &settings.values.lvdt_curve {
+            header.add(&format!("{SETTINGS}{}", lvdt_points::NAME), lvdt_points::text(curve));
         }
         Ok(header)
     }

@@ -2,6 +2,7 @@
 
 use super::{FORMAT, Header, SETTINGS};
 use crate::board_settings;
+use crate::lvdt_points;
 use crate::script;
 use rig_link::{Request, Setting, SettingValues, State};
 use std::path::Path;
@@ -189,6 +190,10 @@ impl Log {
         let (mut values, mut missing) = (*defaults, Setting::ALL.to_vec());
         for (key, text) in &self.header.0 {
             let Some(name) = key.strip_prefix(SETTINGS) else { continue };
+            if name == lvdt_points::NAME {
+                values.lvdt_curve = Some(lvdt_points::from_text(text)?);
+                continue;
+            }
             let setting = board_settings::named(name)?;
             let value = board_settings::value(setting, text).map_err(|e| e.to_string())?;
             let value = setting.check(value, defaults.get(setting)).map_err(|refusal| refusal.to_string())?;

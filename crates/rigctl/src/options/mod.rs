@@ -12,7 +12,7 @@ use crate::session::sim::{Gdb, SimOptions};
 use crate::session::{Place, Target};
 use clap::Args;
 use rig_scene::Scene;
-use sim_link::{PlantChange, PlantKey};
+use sim_link::{PlantChange, PlantKey, RigPreset};
 use std::path::PathBuf;
 
 /// Headings of the options that every command has.
@@ -40,6 +40,10 @@ pub struct Global {
     /// Where the firmware is: `sim` (an emulated board that starts by itself) or a serial device
     #[arg(long, global = true, help_heading = EVERYWHERE, default_value = "sim")]
     pub port: String,
+    /// Emulated rig of the seed: `ideal` is its own model, for testing arithmetic; `nominal` has what a well-made real rig has
+    /// besides, `hard` what the worst in ten has [default: nominal]
+    #[arg(long, global = true, help_heading = EMULATED, value_name = "ideal|nominal|hard", hide_possible_values = true)]
+    pub rig: Option<RigPreset>,
     /// Changes of the emulated plant that the firmware does not know, for example load=1.2kg,friction=0.1
     #[arg(long, global = true, help_heading = EMULATED, value_name = "KEY=VALUE", value_delimiter = ',',
         long_help = plant_help())]
@@ -47,7 +51,7 @@ pub struct Global {
     /// Scene that the emulated plant is built from, if it differs from the operator's --scene [default: --scene]
     #[arg(long, global = true, help_heading = EMULATED, value_name = "FILE")]
     pub plant_scene: Option<PathBuf>,
-    /// Seed of the emulated rig's noise
+    /// Seed of the emulated rig's noise, and of the rig that --rig draws
     #[arg(long, global = true, help_heading = EMULATED, default_value_t = 1)]
     pub seed: u64,
     /// File that keeps the emulated board's flash from one call to the next [default: each call has a new board]
@@ -101,6 +105,7 @@ impl Global {
         Ok(SimOptions {
             firmware: self.firmware.clone(),
             scene: scene.clone(),
+            rig: self.rig.unwrap_or_default(),
             plant: self.plant.clone(),
             seed: self.seed,
             flash: self.flash.clone(),
@@ -123,8 +128,9 @@ impl Global {
     }
 
     /// The options of the emulated board alone, and whether each was given.
-    pub fn of_emulated_board(&self) -> [(bool, &'static str); 5] {
+    pub fn of_emulated_board(&self) -> [(bool, &'static str); 6] {
         [
+            (self.rig.is_some(), "--rig"),
             (!self.plant.is_empty(), "--plant"),
             (self.plant_scene.is_some(), "--plant-scene"),
             (self.flash.is_some(), "--flash"),

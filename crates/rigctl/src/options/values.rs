@@ -53,6 +53,14 @@ pub(crate) fn gap(text: &str) -> Result<f64, units::UnitError> {
     units::parse("gap", Quantity::Length, text)
 }
 
+pub(crate) fn gauge_error(text: &str) -> Result<f64, String> {
+    match units::parse("gauge-error", Quantity::Length, text) {
+        Ok(error_m) if (0.0..=1e-3).contains(&error_m) => Ok(error_m),
+        Ok(error_m) => Err(format!("gauge-error is {error_m} m, allowed are 0 to 1 mm")),
+        Err(error) => Err(error.to_string()),
+    }
+}
+
 pub(crate) fn speed(text: &str) -> Result<f64, units::UnitError> {
     units::parse("speed", Quantity::Speed, text)
 }

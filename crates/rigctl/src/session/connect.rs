@@ -41,14 +41,25 @@ impl Target {
         matches!(self.place, Place::Emulated(_))
     }
 
-    /// Opens the port without a greeting.
+    /// The emulated rig's name, if it is one.
+    pub fn rig(&self) -> Option<&'static str> {
+        match &self.place {
+            Place::Emulated(options) => Some(options.rig.name()),
+            Place::Device(_) => None,
+        }
+    }
+
+    /// Opens the port without a greeting. What an emulated board is goes to standard error.
     ///
     /// # Errors
     /// If the emulated board does not start, or the device cannot be opened.
     pub fn open(&self) -> Result<Session, Failure> {
         interrupt::watch();
         let port: Box<dyn Port> = match &self.place {
-            Place::Emulated(options) => Box::new(Sim::start(options)?),
+            Place::Emulated(options) => {
+                eprintln!("{options}");
+                Box::new(Sim::start(options)?)
+            }
             Place::Device(device) => Box::new(Serial::open(device)?),
         };
         Ok(Session::new(port))

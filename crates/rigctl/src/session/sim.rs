@@ -5,7 +5,8 @@ use super::interrupt;
 use super::port::{Emulated, Port, Received};
 use crate::failure::Failure;
 use anyhow::{Context, anyhow};
-use sim_link::{Answer, Fault, PlantChange, Request, Stats};
+use sim_link::{Answer, Fault, PlantChange, Request, RigPreset, Stats};
+use std::fmt;
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
@@ -18,14 +19,22 @@ pub struct SimOptions {
     pub firmware: Option<PathBuf>,
     /// Scene that the rig is built by.
     pub scene: PathBuf,
+    /// What the rig has besides its own model.
+    pub rig: RigPreset,
     /// Changes of the plant that the firmware does not know.
     pub plant: Vec<PlantChange>,
-    /// Seed of all noise.
+    /// Seed of all noise, and of the rig.
     pub seed: u64,
     /// File that keeps the board's flash; without it the board is a new one.
     pub flash: Option<PathBuf>,
     /// A debugger of the board.
     pub gdb: Option<Gdb>,
+}
+
+impl fmt::Display for SimOptions {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "emulated board, {} rig, seed {}", self.rig, self.seed)
+    }
 }
 
 /// A GDB that may connect to the board.
@@ -84,7 +93,7 @@ impl Sim {
         there(&firmware, "cargo xtask firmware")?;
         let mut command = Command::new(&emulator);
         command.arg("--elf").arg(&firmware).arg("--scene").arg(&options.scene);
-        command.arg("--seed").arg(options.seed.to_string());
+        command.arg("--rig").arg(options.rig.name()).arg("--seed").arg(options.seed.to_string());
         if let Some(flash) = &options.flash {
             command.arg("--flash").arg(flash);
         }

@@ -16,7 +16,8 @@ pub fn desktop(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_rigctl")).args(arguments).current_dir(root()).output().expect("rigctl runs")
 }
 
-/// Runs the tool, for a command on the emulated board.
+/// Runs the tool, for a command on the emulated board: with the ideal rig unless the arguments name one, because these tests
+/// are about what the tool does and not about the rig.
 pub fn rigctl(arguments: &[&str]) -> Output {
     static FIRMWARE: Once = Once::new();
     let own = Path::new(env!("CARGO_BIN_EXE_rigctl"));
@@ -27,7 +28,8 @@ pub fn rigctl(arguments: &[&str]) -> Output {
             assert!(status.is_ok_and(|s| s.success()), "`cargo xtask firmware` failed");
         }
     });
-    desktop(arguments)
+    let named = ["--rig", "--port"].iter().any(|option| arguments.contains(option));
+    desktop(&[arguments, if named { &[] } else { &["--rig", "ideal"] }].concat())
 }
 
 /// Its standard output, a JSON value a line.
