@@ -54,8 +54,7 @@ pub fn study(subjects: &[Subject], plan: &Plan, progress: &Progress<'_>) -> Vec<
 
 /// Tries one rig.
 pub fn score(subject: &Subject, plan: &Plan) -> Scored {
-    let (firmware, held_out) = commission::commission(subject, plan.as_built);
-    let mut findings: Vec<Finding> = held_out.into_iter().collect();
+    let (firmware, mut findings) = commission::commission(subject, plan.as_built);
     let loads = &plan.loads_kg;
     let mut along = Vec::new();
     for (k, load_kg) in loads.iter().enumerate() {
