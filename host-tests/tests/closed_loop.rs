@@ -2,7 +2,7 @@
 
 use host_tests::{ControlBench, table};
 use rig_control::homing::Homed;
-use rig_link::messages::{EventKind, Fault, Limit, LoadChoice, Parameter, Refusal, Request, State};
+use rig_link::messages::{EventKind, Fault, HomingResult, Limit, LoadChoice, Parameter, Refusal, Request, State};
 use sim_link::RigFault;
 use std::f64::consts::PI;
 
@@ -41,12 +41,12 @@ fn homes_from_any_twist_under_any_load() {
         let zero_error = truth.twist_rad.abs() - PI;
         println!(
             "{load} from {twist:6.2} rad: {seconds:.1} s, zero off by {zero_error:+.4} rad (said {:.4}), load {:+.1} %",
-            h.zero_error_rad,
-            100.0 * (f64::from(h.load_n) / truth.load_n - 1.0)
+            h.found.zero_error_rad,
+            100.0 * (f64::from(h.found.load_n) / truth.load_n - 1.0)
         );
         assert!(seconds < 45.0);
         assert!(zero_error.abs() < 0.02, "{load} from {twist} rad: {zero_error}");
-        assert!((f64::from(h.load_n) / truth.load_n - 1.0).abs() < 0.08);
+        assert!((f64::from(h.found.load_n) / truth.load_n - 1.0).abs() < 0.08);
     }
 }
 
@@ -220,7 +220,8 @@ fn a_string_that_slipped_is_no_new_load() {
             let mut d = homed(load, "5", 11);
             if near_miss == "drift" {
                 let homed = *d.control.homed().unwrap();
-                d.control.resume(Homed { twist_scale: homed.twist_scale + 0.02, ..homed });
+                let found = HomingResult { twist_scale: homed.found.twist_scale + 0.02, ..homed.found };
+                d.control.resume(Homed { found, ..homed });
             }
             go(&mut d, 0.006).unwrap();
             match near_miss {
@@ -321,7 +322,7 @@ fn homes_and_moves_with_other_gears_and_encoders() {
         let twist = if turns_back { "-20" } else { "9" };
         let mut d = ControlBench::of(&scene, &[("load", "0.5kg"), ("twist_at_boot", twist)], 3);
         let seconds = d.home().unwrap_or_else(|e| panic!("{of}: {e}"));
-        let load = f64::from(d.control.homed().expect("homed").load_n) / d.truth().load_n - 1.0;
+        let load = f64::from(d.control.homed().expect("homed").found.load_n) / d.truth().load_n - 1.0;
         let mut worst = 0.0f64;
         for target in [0.012f32, 0.003, 0.008] {
             d.move_to(target, 0.002, LoadChoice::Auto).unwrap_or_else(|e| panic!("{of} to {target} m: {e}"));

@@ -3,7 +3,9 @@
 use host_tests::ControlBench;
 use rand::{RngExt, SeedableRng};
 use rig_control::homing::{Homed, Homing, HomingInputs, Progress};
-use rig_link::messages::{EventKind, HomingFailure, Limit, LoadChoice, Parameter, Refusal, Request, State};
+use rig_link::messages::{
+    EventKind, HomingFailure, HomingResult, Limit, LoadChoice, Parameter, Refusal, Request, State,
+};
 use std::f64::consts::PI;
 
 type Keys = &'static [(&'static str, &'static str)];
@@ -180,7 +182,7 @@ fn homes_from_the_farthest_twist_that_the_strings_can_have() {
                 let mut d = ControlBench::new(&keys, seed as u64);
                 let seconds = d.home().unwrap_or_else(|e| panic!("{keys:?}: {e}"));
                 let off = d.truth().twist_rad.abs() - PI;
-                let load_off = f64::from(d.control.homed().expect("homed").load_n) - d.truth().load_n;
+                let load_off = f64::from(d.control.homed().expect("homed").found.load_n) - d.truth().load_n;
                 // From seed to seed the weighed load spreads by 1.8 % rms at 2 N, from wherever homing began.
                 let load_off = load_off.abs() / f64::max(0.05, 0.06 * d.truth().load_n);
                 assert!(
@@ -322,7 +324,8 @@ fn a_twist_scale_that_has_drifted_is_learned_while_working() {
     let mut d = homed(&[], "0.5kg", "0.05", 5);
     let right = *d.control.homed().unwrap();
     // As if the strings had crept since: the scale in use is 1.5 % off.
-    d.control.resume(Homed { twist_scale: right.twist_scale + 0.015, ..right });
+    let found = HomingResult { twist_scale: right.found.twist_scale + 0.015, ..right.found };
+    d.control.resume(Homed { found, ..right });
     let drift = |d: &mut ControlBench| {
         let [low, high] = [0.001, 0.016].map(|target| {
             track(d, target);
@@ -338,14 +341,14 @@ fn a_twist_scale_that_has_drifted_is_learned_while_working() {
     let last = drift(&mut d);
     let after = *d.control.homed().unwrap();
     println!("estimate differs by {first:.3} N along the way at first, {last:.3} N later; {right:?} {after:?}");
-    assert!((after.twist_scale - right.twist_scale).abs() < 0.004);
+    assert!((after.found.twist_scale - right.found.twist_scale).abs() < 0.004);
     assert!(last < 0.3 * first, "{last} of {first} N");
     // A jump of the load is not drift.
     d.rig.set_plant("load", "0.9kg").unwrap();
     d.run(3.0);
     track(&mut d, 0.012);
     let jumped = d.control.homed().unwrap();
-    assert!((jumped.twist_scale - after.twist_scale).abs() < 2e-3, "{jumped:?}");
+    assert!((jumped.found.twist_scale - after.found.twist_scale).abs() < 2e-3, "{jumped:?}");
 }
 
 /// A load that is changed at rest is known to a few percent, and so is how far down it can come. What is asked beyond the

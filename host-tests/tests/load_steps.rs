@@ -12,7 +12,7 @@ use rig_control::planner::{Planner, SetPoint};
 use rig_control::position_loop::{BANDWIDTH_PER_S, PositionLoop};
 use rig_control::time_to_target::time_to_target_s;
 use rig_control::{TICK_S, settings};
-use rig_link::messages::{LoadChoice, Parameter, Refusal, Setting, SettingValues};
+use rig_link::messages::{GapCurve, HomingResult, LoadChoice, Parameter, Refusal, Setting, SettingValues};
 use std::f32::consts::PI;
 
 const LOAD_N: f32 = 5.0;
@@ -21,7 +21,7 @@ const FRICTION_N: f32 = 0.2;
 const OFFSET_M: f32 = 1e-3;
 
 fn mechanism() -> Mechanism<'static> {
-    Mechanism { table: table(), twist_scale: 1.0 }
+    Mechanism { table: table(), twist_scale: 1.0, curve: GapCurve::constant(OFFSET_M) }
 }
 
 /// At the half-turn pre-twist, after homing's way down.
@@ -99,10 +99,26 @@ fn each_parameter_of_a_move_is_refused_by_name() {
     }
 }
 
+/// A homing that found the load and this friction (N), with the scale known to 1 % and the gap's zero to 0.1 mm.
+fn homed(friction_n: f32) -> HomingResult {
+    HomingResult {
+        zero_error_rad: 0.01,
+        load_n: LOAD_N,
+        load_error_n: 0.2,
+        twist_scale: 1.0,
+        curve: GapCurve::constant(OFFSET_M),
+        covariance: [1e-4, 0.0, 1e-8],
+        friction_n,
+        reference_gap_m: 0.1,
+        gap_noise_m: 4e-6,
+        drive_lag_s: 0.05,
+    }
+}
+
 /// A load at rest at a twist, whose strings pull load less friction, as after a way down.
 fn load_at(twist_rad: f32, friction_n: f32) -> LoadState<'static> {
-    let mut observer = LoadObserver::new(LOAD_N, OFFSET_M, friction_n);
-    let gap_m = mechanism().at(LOAD_N - friction_n, twist_rad).gap_m + OFFSET_M;
+    let mut observer = LoadObserver::new(&homed(friction_n), 0.05);
+    let gap_m = mechanism().at(LOAD_N - friction_n, twist_rad).gap_m;
     let observation = observer.step(&mechanism(), twist_rad, Some(gap_m));
     assert!((observation.pull_n - LOAD_N + friction_n).abs() < 1e-3, "{observation:?}");
     LoadState {
@@ -110,6 +126,7 @@ fn load_at(twist_rad: f32, friction_n: f32) -> LoadState<'static> {
         observation,
         position_m: 0.005,
         age_s: 0.004,
+        gap_noise_m: 4e-6,
         twist_rad,
         twist_limits: constants().twist_limits(),
     }

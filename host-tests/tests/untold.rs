@@ -183,7 +183,7 @@ fn a_slip_during_homing_is_refused_and_one_before_the_sweeps_does_no_harm() {
         d.run(slip_s);
         d.rig.set_fault(RigFault::StringSlip, true);
         d.until(60.0, |d| d.control.state() != State::Homing);
-        let wrong = d.control.homed().map(|homed| f64::from(homed.load_n) / d.truth().load_n - 1.0);
+        let wrong = d.control.homed().map(|homed| f64::from(homed.found.load_n) / d.truth().load_n - 1.0);
         println!("{load}, slip at {slip_s} s: {wrong:?} {:?}", d.events.last());
         assert!(wrong.is_none_or(|wrong| wrong.abs() < 0.05), "{load}, slip at {slip_s} s: {wrong:?}");
         assert_eq!(wrong.is_some(), slip_s < 10.0);

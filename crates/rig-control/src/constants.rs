@@ -28,13 +28,15 @@ pub struct RigConstants {
     pub lvdt_gain: f32,
     /// Gap where the LVDT's corrected reading is 0 (m).
     pub lvdt_offset_m: f32,
+    /// Stroke of the LVDT (m).
+    pub lvdt_stroke_m: f32,
     /// Linearity error of the LVDT by its data sheet: greatest deviation of the gap from a straight line over the stroke (m).
     pub lvdt_linearity_m: f32,
+    /// Standard error of the LVDT's zero beside the mechanism's gap (m).
+    pub gap_zero_error_m: f32,
     /// Relative standard error of the string radius.
     pub radius_error: f32,
-    /// Standard error of the exponent with which the radius follows the twist.
-    pub exponent_error: f32,
-    /// Relative standard error of how the radius changes with the load.
+    /// Standard error of a change of the load, as a share of the change.
     pub load_shape_error: f32,
     /// RMDS group.
     pub drive_group: u8,
@@ -131,9 +133,10 @@ pub(crate) mod tests {
         lvdt_curve: None,
         lvdt_gain: 1.0,
         lvdt_offset_m: 0.0,
+        lvdt_stroke_m: 0.2,
         lvdt_linearity_m: 0.5e-3,
-        radius_error: 0.06,
-        exponent_error: 0.03,
+        gap_zero_error_m: 1e-3,
+        radius_error: 0.03,
         load_shape_error: 0.03,
         drive_group: 0,
         drive_number: 1,

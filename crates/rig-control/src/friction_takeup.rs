@@ -18,8 +18,14 @@ const SHARE_AT_REST: f32 = 0.8;
 const LIGHT_SHARE: f32 = 0.92;
 /// Set-point speed (m/s) that is a move and not the last rounding of one.
 const MOVING_M_PER_S: f32 = 8e-6;
-/// Smoothed error (m) at rest for which friction must be taken up.
+/// Smoothed error at rest for which friction must be taken up: least (m), and over the noise of the gap in one tick.
 const STUCK_M: f32 = 20e-6;
+const STUCK_NOISES: f32 = 3.0;
+/// A load that breaks loose from stiction jumps. An error that is below this share of the jump is left alone: after another
+/// jump it would be no smaller.
+const JUMP_SHARE: f32 = 0.55;
+/// Share of the jump that is expected of the next move, at another place.
+const JUMP_KEPT: f32 = 0.8;
 /// Share of the motor's speed and acceleration for that; the rest is the move's.
 const LIMITS_SHARE: f32 = 0.7;
 /// Speed of the load (m/s) that the strings creep by in the end, unless the move is slower.
@@ -29,8 +35,9 @@ const CREEP_M: f32 = 0.1e-3;
 const CREEP_BAND: f32 = 0.5;
 /// Friction as a share of the load above which they creep at all: under a light load the pull is known too badly.
 const CREEP_FRICTION: f32 = 0.15;
-/// Motion (m) that is no noise: four times that of two LVDT blocks at their worst.
+/// Motion that is no noise: least (m), and over the noise of the gap in one tick.
 const MOVED_M: f32 = 20e-6;
+const MOVED_NOISES: f32 = 4.0;
 /// Readings before motion can be told from noise.
 const LEAST_READINGS: f32 = 4.0;
 
@@ -47,9 +54,10 @@ impl StuckLoad {
     const NEW: Self = Self { sum_m: 0.0, count: 0.0, last_m: 0.0, creep_left_rad: 0.0 };
 
     /// Adds one position (m); whether the load has moved in a direction (±1).
-    fn moved(&mut self, direction: f32, position_m: f32) -> bool {
+    fn moved(&mut self, direction: f32, position_m: f32, noise_m: f32) -> bool {
+        let moved_m = MOVED_M.max(MOVED_NOISES * noise_m);
         let recent_m = 0.5 * (self.last_m + position_m);
-        let moved = self.count >= LEAST_READINGS && direction * (recent_m - self.sum_m / self.count) > MOVED_M;
+        let moved = self.count >= LEAST_READINGS && direction * (recent_m - self.sum_m / self.count) > moved_m;
         self.sum_m += position_m;
         self.count += 1.0;
         self.last_m = position_m;
@@ -72,6 +80,10 @@ pub struct FrictionTakeup {
     waiting: bool,
     /// What is left of the planned part (s).
     left_s: f32,
+    /// Error (m) for which friction was last taken up at rest; 0 since a move.
+    taken_up_m: f32,
+    /// How far the load jumps when it breaks loose (m): seen where the error has changed its sign at rest.
+    jump_m: f32,
 }
 
 impl Default for FrictionTakeup {
@@ -84,6 +96,8 @@ impl Default for FrictionTakeup {
             stuck: StuckLoad::NEW,
             waiting: false,
             left_s: 0.0,
+            taken_up_m: 0.0,
+            jump_m: 0.0,
         }
     }
 }
@@ -92,8 +106,15 @@ impl FrictionTakeup {
     /// A move sets out from rest in a direction (±1), and has to wait; 0 for one that is under way or has nowhere to go.
     pub fn set_out(&mut self, direction: f32) {
         self.turn(direction);
+        self.taken_up_m = 0.0;
+        self.jump_m *= JUMP_KEPT;
         self.waiting = direction != 0.0;
         self.stuck = StuckLoad::NEW;
+    }
+
+    /// Error (m) at rest that stiction does not let the loop reduce.
+    pub fn tolerance_m(&self) -> f32 {
+        JUMP_SHARE * self.jump_m
     }
 
     /// Whether a move that has set out still waits.
@@ -104,6 +125,15 @@ impl FrictionTakeup {
     /// How long it still waits (s), as planned in its first tick.
     pub fn left_s(&self) -> f32 {
         self.left_s
+    }
+
+    /// Friction is taken up at rest for an error (m). If it was last taken up for one of the other sign, the load has jumped
+    /// from there to here.
+    fn see_jump(&mut self, error_m: f32) {
+        if self.taken_up_m * error_m < 0.0 {
+            self.jump_m = self.jump_m.max((error_m - self.taken_up_m).abs());
+        }
+        self.taken_up_m = error_m;
     }
 
     fn turn(&mut self, direction: f32) {
@@ -117,16 +147,20 @@ impl FrictionTakeup {
     /// speed (m/s) of a move whose set-point waits.
     pub fn step(&mut self, set_point: &SetPoint, setting_out: Option<f32>, error_m: f32, load: &LoadState<'_>) -> f32 {
         self.waiting &= setting_out.is_some();
+        let stuck_m = STUCK_M.max(STUCK_NOISES * load.gap_noise_m).max(self.tolerance_m());
         let (wanted, share) = match (set_point.speed_m_per_s, error_m) {
             (v, _) if v.abs() > MOVING_M_PER_S => (v, SHARE_MOVING),
             // About to begin or to end.
             _ if !set_point.done => (self.direction, SHARE_MOVING),
-            (_, e) if e.abs() > STUCK_M => (e, SHARE_AT_REST),
+            (_, e) if e.abs() > stuck_m => (e, SHARE_AT_REST),
             _ => (0.0, 0.0),
         };
         let direction = if wanted == 0.0 { 0.0 } else { libm::copysignf(1.0, wanted) };
         let limits = load.twist_limits.share(LIMITS_SHARE);
         if direction != self.direction {
+            if set_point.done && direction != 0.0 {
+                self.see_jump(error_m);
+            }
             self.turn(direction);
         }
         if !core::mem::replace(&mut self.planned, true) {
@@ -142,7 +176,7 @@ impl FrictionTakeup {
             self.end_rad = 0.0;
         }
         if let (true, Some(asked_m_per_s)) = (self.waiting, setting_out) {
-            if self.stuck.moved(direction, load.position_m) {
+            if self.stuck.moved(direction, load.position_m, load.gap_noise_m) {
                 self.end_rad = self.ramp.stopping_point(limits.acceleration);
                 self.waiting = false;
             } else if self.ramp.speed == 0.0 {

@@ -5,7 +5,7 @@
 //! - [`constants`]: the rig's numbers, generated from the scene; [`settings`]: how settings correct them, and their record
 //!   in flash.
 //! - [`sensors`]: readings with their time and validity; raw codes to SI.
-//! - [`mechanism`]: the table, with this rig's own scale of the twist.
+//! - [`mechanism`]: the table, with this rig's own scale of the twist and its own gap curve.
 //! - [`homing`]: zero twist without switches, then the load.
 //! - [`observer`]: the load, from twist and gap; [`adaptation`]: slow drift of the strings.
 //! - [`move_check`]: whether a move is possible.
@@ -20,6 +20,7 @@ pub mod adaptation;
 pub mod constants;
 pub mod friction_takeup;
 pub mod homing;
+mod least_squares;
 pub mod limits;
 pub mod load_state;
 pub mod mechanism;

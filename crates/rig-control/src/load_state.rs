@@ -15,6 +15,8 @@ pub struct LoadState<'t> {
     pub position_m: f32,
     /// Age of that position (s).
     pub age_s: f32,
+    /// Noise of the gap in one tick (m, rms).
+    pub gap_noise_m: f32,
     /// Set-point of the twist (rad).
     pub twist_rad: f32,
     /// What the motor can do.

@@ -2,9 +2,10 @@
 //!
 //! Twist acts through the arc θ r of the strings (model.md 2), so a string a little thicker or thinner than the scene
 //! says acts as one that is twisted a little more or less: G(F, s θ). This one number s stands for everything that makes
-//! the radius wrong: spread of the braid, creep, temperature.
+//! the radius wrong: spread of the braid, creep, temperature. What is left at the homed load is a curve over the twist
+//! ([`rig_link::gap_curve`]), so that gap and TR are those that this rig showed.
 
-use rig_link::messages::Setting;
+use rig_link::messages::{GapCurve, Setting};
 use tsa_table::{Point, Table};
 
 /// Bounds of the scale: a string outside them is not the one that the table was made for.
@@ -17,25 +18,29 @@ pub const OUTSIDE_RAD: f32 = 0.2;
 /// How far beyond the table's twists a tangent continues it (rad): what the scale can shift the pre-twist by.
 const TANGENT_RAD: f32 = 0.5;
 
-/// The table and the rig's own scale.
+/// The table with the rig's own scale and curve.
 #[derive(Clone, Copy, Debug)]
 pub struct Mechanism<'t> {
     /// The table, with its metadata.
     pub table: &'t Table<'t>,
     /// Twist in the table for each twist of this rig's strings.
     pub twist_scale: f32,
+    /// Measured less modelled gap.
+    pub curve: GapCurve,
 }
 
 impl Mechanism<'_> {
-    /// Gap and gradient at a load (N) and a twist (rad), each moved to the table's edge where it is outside; the gap a
-    /// little beyond an end of the twist follows the tangent.
+    /// Measured gap and its gradient at a load (N) and a twist (rad), each moved to the table's edge where it is outside; the
+    /// gap a little beyond an end of the twist follows the tangent.
     pub fn at(&self, load_n: f32, twist_rad: f32) -> Point {
         let m = &self.table.metadata;
         let scaled_rad = self.twist_scale * twist_rad;
         let inside_rad = scaled_rad.clamp(m.twist_min_rad, m.twist_max_rad);
         let mut point = self.table.point_inside(load_n, inside_rad);
         point.gap_m += point.dgap_dtwist_m_per_rad * (scaled_rad - inside_rad).clamp(-TANGENT_RAD, TANGENT_RAD);
-        point.dgap_dtwist_m_per_rad *= self.twist_scale;
+        let (beside_m, slope_m_per_rad) = self.curve.at(twist_rad);
+        point.gap_m += beside_m;
+        point.dgap_dtwist_m_per_rad = self.twist_scale * point.dgap_dtwist_m_per_rad + slope_m_per_rad;
         point
     }
 

@@ -7,10 +7,15 @@
 //!
 //! The estimate is a Newton step of the table's inverse each tick, damped. One lookup at the expected pull serves the
 //! estimate and TR alike.
+//!
+//! The estimate carries its error: half the width of the interval that holds the load nine times in ten. It adds up what
+//! homing left open of the string's radius and of the gap's zero, the noise that homing measured, the friction band, what
+//! the rods and strings do when the load has changed since homing, and how long ago that was.
 
 use crate::TICK_S;
+use crate::homing::NINETY_PERCENT;
 use crate::mechanism::Mechanism;
-use rig_link::messages::LoadChoice;
+use rig_link::messages::{HomingResult, LoadChoice};
 use tsa_table::Point;
 
 /// How long the estimate takes to follow (s): longer than a swing of the load, shorter than a step of it matters.
@@ -19,46 +24,53 @@ const TIME_CONSTANT_S: f32 = 0.15;
 const TRAVEL_M: f32 = 0.3e-3;
 /// Largest relative change of the estimate in one tick: keeps Newton from overshooting where the gap bends like 1/F.
 const LARGEST_STEP: f32 = 0.2;
-/// Change of the gap (m) that is motion and not noise: four times that of an LVDT block.
-const MOTION_M: f32 = 15e-6;
-/// Pull beyond the friction band that is no noise: a gap (m) and a share of the load.
-const OUTSIDE_M: f32 = 15e-6;
+/// Change of the gap that is motion and not noise, over the noise of the gap in one tick; and the least (m).
+const MOTION_NOISES: f32 = 4.0;
+const LEAST_MOTION_M: f32 = 15e-6;
+/// Pull beyond the friction band that is no noise, as a share of the load, besides the motion that is no noise.
 const OUTSIDE_SHARE: f32 = 0.01;
 /// Smoothing of the pull (s).
 const PULL_S: f32 = 0.05;
-/// Load speed (m/s) above which inertia, damping and the readings' age count for more than the estimate's floor.
-const FAST_M_PER_S: f32 = 20e-3;
 /// Time without a pull outside the friction band (ticks) after which the estimate has settled.
 const SETTLED_TICKS: u16 = 40;
+/// How long a pull outside the band stays in the error of the estimate (s): a swing of the load.
+const UNSETTLED_S: f32 = 0.3;
+/// Standard error of the friction that a moving load shows, as a share of it: play and stiction look like friction.
+const MOVING_BAND: f32 = 0.3;
+/// Standard deviation of a load that is anywhere within the friction band, as a share of the friction.
+const RESTING_BAND: f32 = 0.6;
+/// Standard error for each newton by which the load is below the greatest load since homing: the rods' stress on the way
+/// down is up to 120 MPa lower than on the way up, which is up to 1.3 N after a change by 10 N (docs/plants.md).
+const MEMORY: f32 = 0.07;
+/// Standard error by creep and warming up, as a share of the load, at once and in the end; and the time that it takes (s).
+const DRIFT: [f32; 2] = [0.003, 0.012];
+const DRIFT_S: f32 = 600.0;
 /// Share of the confirmed load that the estimate may leave it by: drift, warm-up and friction do no more.
 const CONFIRMED_SHARE: f32 = 0.1;
 /// Greatest difference (share of the load) of a move up and a move down that confirm the load.
 const SAME_SHARE: f32 = 0.05;
-
-/// How far the estimate can be relied on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Confidence {
-    /// Within its floors.
-    Sure,
-    /// So light that friction is a large part of it.
-    Light,
-    /// Moving too fast for a static balance.
-    Fast,
-    /// The pull has just been outside the friction band: another load, or not settled yet.
-    Changing,
-    /// It has changed since it was last confirmed, by another load, by a string that slipped, or by a sensor that shifted:
-    /// gap and twist alone cannot show which.
-    Unconfirmed,
-}
+/// Acceleration that a gap's speed may hide at most (share of the load for each m/s): inertia and damping of a swing.
+const SPEED_SHARE: f32 = 2.0;
+/// Speed (m/s) of the gap below which a balance is static.
+const STATIC_M_PER_S: f32 = 20e-3;
 
 /// The load observer.
 #[derive(Clone, Copy, Debug)]
 pub struct LoadObserver {
     load_n: f32,
-    /// Measured less modelled gap, found at homing (m).
-    offset_m: f32,
+    /// As homing left it: load (N), covariance of scale and curve, noise of the gap (m), relative error of a change.
+    homed_n: f32,
+    covariance: [f32; 3],
+    gap_noise_m: f32,
+    shape_error: f32,
+    /// Greatest load since homing (N).
+    peak_n: f32,
+    /// Time since homing (s).
+    age_s: f32,
     /// Coulomb friction of the rail, found at homing (N).
     friction_n: f32,
+    /// Standard error of the pull at which the load moves, as a share of the friction.
+    band: f32,
     /// +1 after the load has moved up, −1 down.
     direction: f32,
     /// The gap, which follows measured ones only as far as they differ by more than noise (m).
@@ -68,10 +80,10 @@ pub struct LoadObserver {
     /// Smoothed speed of the gap (m/s).
     gap_speed_m_per_s: f32,
     quiet_ticks: u16,
+    /// Greatest pull outside the friction band in the last moments (N).
+    unsettled_n: f32,
     /// The load as it was last confirmed (N), if it was.
     confirmed_n: Option<f32>,
-    /// Moves cannot confirm the load: the sensor or the strings are far from what the table was made for.
-    distrusted: bool,
     /// Load at the end of the last move down and of the last move up (N), where it was the same all along the move.
     way_load_n: [Option<f32>; 2],
     /// Where the load for TR comes from.
@@ -87,7 +99,7 @@ pub struct Observation {
     pub friction_n: f32,
     /// What the strings pull with now (N), smoothed.
     pub pull_n: f32,
-    /// The table's gap for that pull (m): measured, less the offset, smoothed.
+    /// The mechanism's gap for that pull (m): measured, smoothed.
     pub modelled_gap_m: f32,
     /// The table at this twist and the pull that is expected in the present direction.
     pub point: Point,
@@ -95,24 +107,34 @@ pub struct Observation {
     pub moved_m: f32,
     /// The estimate stands at the end of the table's range.
     pub at_range_end: bool,
-    /// How far the estimate can be relied on.
-    pub confidence: Confidence,
+    /// Error of the estimate, 90 % (N).
+    pub load_error_n: f32,
+    /// The pull has just been outside the friction band: another load, or not settled yet.
+    pub changing: bool,
+    /// The load is that of homing, or moves have confirmed it since.
+    pub confirmed: bool,
 }
 
 impl LoadObserver {
-    /// Starts from a weighed load (N), the gap offset (m) that goes with it and the rail's friction (N), after a way down.
-    pub const fn new(load_n: f32, offset_m: f32, friction_n: f32) -> Self {
+    /// Starts from a homing, after a way down, with the relative error of a change of the load.
+    pub const fn new(homed: &HomingResult, shape_error: f32) -> Self {
         Self {
-            load_n,
-            offset_m,
-            friction_n,
+            load_n: homed.load_n,
+            homed_n: homed.load_n,
+            covariance: homed.covariance,
+            gap_noise_m: homed.gap_noise_m,
+            shape_error,
+            peak_n: homed.load_n,
+            age_s: 0.0,
+            friction_n: homed.friction_n,
+            band: MOVING_BAND,
             direction: -1.0,
             noise_free_gap_m: None,
             innovation_n: 0.0,
             gap_speed_m_per_s: 0.0,
             quiet_ticks: SETTLED_TICKS,
-            confirmed_n: Some(load_n),
-            distrusted: false,
+            unsettled_n: 0.0,
+            confirmed_n: Some(homed.load_n),
             way_load_n: [None; 2],
             source: LoadChoice::Auto,
         }
@@ -135,36 +157,55 @@ impl LoadObserver {
         self.way_load_n[way] = agrees.then_some(self.load_n);
         if let [Some(down_n), Some(up_n)] = self.way_load_n
             && (up_n - down_n).abs() < SAME_SHARE * self.load_n
-            && !self.distrusted
         {
             self.confirmed_n = Some(self.load_n);
         }
     }
 
-    /// Never confirms the load: with such results of a homing twist and gap weigh wrongly by more than a tenth of the load,
-    /// and moves would agree with each other all the same.
-    pub fn distrust(&mut self) {
-        (self.distrusted, self.confirmed_n) = (true, None);
+    /// Whether the load is that of homing or has been confirmed since. Gap and twist alone cannot show whether another load,
+    /// a string that slipped, or a sensor that shifted has changed it.
+    fn is_confirmed(&self) -> bool {
+        self.confirmed_n.is_some_and(|known_n| (self.load_n - known_n).abs() <= CONFIRMED_SHARE * known_n)
     }
 
-    /// The strings are outside the table's twists: the load is not confirmed any more.
+    /// The strings are outside the table's twists: nothing is known of the load any more.
     pub fn lose(&mut self) {
         self.quiet_ticks = 0;
-        self.noise_free_gap_m = None;
         self.way_load_n = [None; 2];
         self.confirmed_n = None;
+        self.noise_free_gap_m = None;
+        self.band = RESTING_BAND;
+    }
+
+    /// Error of the estimate, 90 % (N), at a point of the table and a twist (rad).
+    fn error_n(&self, point: &Point, twist_rad: f32) -> f32 {
+        // Gap that scale and curve leave open, m².
+        let by_scale_m = point.dgap_dtwist_m_per_rad * twist_rad;
+        let [scale, both, constant] = self.covariance;
+        let open_m2 = (by_scale_m * by_scale_m * scale + 2.0 * by_scale_m * both + constant).max(0.0);
+        let gap_n = libm::sqrtf(open_m2 + self.gap_noise_m * self.gap_noise_m) / point.dgap_dload_m_per_n;
+        let band_n = self.band * self.friction_n;
+        let change_n = self.shape_error * (self.load_n - self.homed_n);
+        let memory_n = MEMORY * (self.peak_n - self.load_n);
+        let drift = DRIFT[0] + (DRIFT[1] - DRIFT[0]) * (self.age_s / DRIFT_S).min(1.0);
+        let drift_n = drift * self.load_n;
+        let fast = (self.gap_speed_m_per_s.abs() - STATIC_M_PER_S).max(0.0);
+        let variance_n2 =
+            gap_n * gap_n + band_n * band_n + change_n * change_n + memory_n * memory_n + drift_n * drift_n;
+        NINETY_PERCENT * libm::sqrtf(variance_n2) + self.unsettled_n + SPEED_SHARE * fast * self.load_n
     }
 
     /// One tick: measured gap (m) and the twist (rad) at the time of that measurement; without a gap the estimate stays.
     pub fn step(&mut self, mechanism: &Mechanism<'_>, twist_rad: f32, gap_m: Option<f32>) -> Observation {
         let m = &mechanism.table.metadata;
+        self.age_s += TICK_S;
         // First, because it decides at which end of the friction band the pull is expected.
         let moved_m = gap_m.map_or(0.0, |gap_m| self.track_gap(gap_m));
         let expected_n = self.load_n + self.direction * self.friction_n;
         let point = mechanism.at(expected_n, twist_rad);
         let mut at_range_end = false;
         if let Some(gap_m) = gap_m {
-            let innovation_n = (gap_m - self.offset_m - point.gap_m) / point.dgap_dload_m_per_n;
+            let innovation_n = (gap_m - point.gap_m) / point.dgap_dload_m_per_n;
             if innovation_n.is_finite() {
                 self.innovation_n += TICK_S / PULL_S * (innovation_n - self.innovation_n);
                 let load_n = self.load_n + self.correction(innovation_n, moved_m, &point);
@@ -172,17 +213,10 @@ impl LoadObserver {
                 at_range_end = load_n != self.load_n;
             }
         }
-        let confidence = if self.quiet_ticks < SETTLED_TICKS {
-            Confidence::Changing
-        } else if self.gap_speed_m_per_s.abs() > FAST_M_PER_S {
-            Confidence::Fast
-        } else if self.load_n < 1.2 * m.load_min_n || self.friction_n > 0.25 * self.load_n {
-            Confidence::Light
-        } else if self.confirmed_n.is_none_or(|known_n| (self.load_n - known_n).abs() > CONFIRMED_SHARE * known_n) {
-            Confidence::Unconfirmed
-        } else {
-            Confidence::Sure
-        };
+        if self.quiet_ticks >= SETTLED_TICKS {
+            self.peak_n = self.peak_n.max(self.load_n);
+        }
+        let load_error_n = self.error_n(&point, twist_rad);
         let pull_n = expected_n + self.innovation_n;
         let modelled_gap_m = point.gap_m + self.innovation_n * point.dgap_dload_m_per_n;
         let (load_n, point) = match self.source {
@@ -200,14 +234,22 @@ impl LoadObserver {
             point,
             moved_m,
             at_range_end,
-            confidence,
+            load_error_n,
+            changing: self.quiet_ticks < SETTLED_TICKS,
+            confirmed: self.is_confirmed(),
         }
+    }
+
+    /// Change of the gap that is motion and not noise (m).
+    fn motion_m(&self) -> f32 {
+        (MOTION_NOISES * self.gap_noise_m).max(LEAST_MOTION_M)
     }
 
     /// How far the load has moved beyond noise (m); sets direction.
     fn track_gap(&mut self, gap_m: f32) -> f32 {
+        let motion_m = self.motion_m();
         let before = self.noise_free_gap_m.unwrap_or(gap_m);
-        let after = before.clamp(gap_m - MOTION_M, gap_m + MOTION_M);
+        let after = before.clamp(gap_m - motion_m, gap_m + motion_m);
         self.noise_free_gap_m = Some(after);
         let moved_m = after - before;
         self.gap_speed_m_per_s += TICK_S / PULL_S * (moved_m / TICK_S - self.gap_speed_m_per_s);
@@ -224,76 +266,24 @@ impl LoadObserver {
 
     /// Change of the estimate (N) for a pull that differs from the expected one by `innovation_n`.
     fn correction(&mut self, innovation_n: f32, moved_m: f32, point: &Point) -> f32 {
-        let outside_n = OUTSIDE_M / point.dgap_dload_m_per_n + OUTSIDE_SHARE * self.load_n;
+        let outside_n = self.motion_m() / point.dgap_dload_m_per_n + OUTSIDE_SHARE * self.load_n;
         // Where the pull may be, relative to its end of the band.
         let (far, near) = (-2.0 * self.friction_n * self.direction, 0.0f32);
         let beyond = innovation_n - innovation_n.clamp(far.min(near), far.max(near));
         let follow = TICK_S / TIME_CONSTANT_S;
         let mut step = innovation_n * follow.min(moved_m / TRAVEL_M);
+        self.band += (MOVING_BAND - self.band) * (moved_m / TRAVEL_M).min(1.0);
+        self.unsettled_n *= 1.0 - TICK_S / UNSETTLED_S;
         if beyond.abs() > outside_n {
             step = if moved_m == 0.0 { beyond * follow } else { innovation_n * follow };
             self.quiet_ticks = 0;
             // Earlier moves belong to another load, or to another gap.
             self.way_load_n = [None; 2];
+            self.band = RESTING_BAND;
+            self.unsettled_n = self.unsettled_n.max(beyond.abs());
         } else {
             self.quiet_ticks = self.quiet_ticks.saturating_add(1);
         }
         step.clamp(-LARGEST_STEP * self.load_n, LARGEST_STEP * self.load_n)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// A load that has changed to `load_n` since homing weighed it with 5 N.
-    fn changed_to(load_n: f32) -> LoadObserver {
-        LoadObserver { load_n, ..LoadObserver::new(5.0, 0.0, 0.05) }
-    }
-
-    /// A move that way (+1 up, -1 down) at whose end the load is estimated so.
-    fn end_move(observer: &mut LoadObserver, direction: f32, load_n: f32, agrees: bool) {
-        (observer.direction, observer.load_n) = (direction, load_n);
-        observer.end_move(agrees);
-    }
-
-    #[test]
-    fn a_way_up_and_a_way_down_that_agree_confirm_a_load() {
-        let mut o = changed_to(7.0);
-        end_move(&mut o, 1.0, 7.1, true);
-        assert_eq!(o.confirmed_n, Some(5.0), "one way is not enough");
-        end_move(&mut o, 1.0, 7.1, true);
-        assert_eq!(o.confirmed_n, Some(5.0), "nor the same way twice");
-        end_move(&mut o, -1.0, 6.9, true);
-        assert_eq!(o.confirmed_n, Some(6.9));
-    }
-
-    #[test]
-    fn ways_that_differ_or_disagree_with_the_table_confirm_nothing() {
-        // Friction that has changed makes the ways differ.
-        let mut o = changed_to(1.3);
-        end_move(&mut o, 1.0, 1.3, true);
-        end_move(&mut o, -1.0, 0.7, true);
-        assert_eq!(o.confirmed_n, Some(5.0));
-        // A shifted gap is another load at each twist; such a way takes back what the one before it found.
-        let mut o = changed_to(7.0);
-        end_move(&mut o, 1.0, 7.0, true);
-        end_move(&mut o, -1.0, 7.0, false);
-        assert_eq!(o.confirmed_n, Some(5.0));
-    }
-
-    #[test]
-    fn a_distrusted_load_is_never_confirmed_and_a_lost_one_only_anew() {
-        let mut o = changed_to(5.0);
-        o.distrust();
-        end_move(&mut o, 1.0, 5.0, true);
-        end_move(&mut o, -1.0, 5.0, true);
-        assert_eq!(o.confirmed_n, None);
-        let mut o = changed_to(5.0);
-        o.lose();
-        assert_eq!(o.confirmed_n, None);
-        end_move(&mut o, 1.0, 5.0, true);
-        end_move(&mut o, -1.0, 5.0, true);
-        assert_eq!(o.confirmed_n, Some(5.0));
     }
 }

@@ -16,8 +16,10 @@ use crate::planner::SetPoint;
 pub const BANDWIDTH_PER_S: f32 = 3.0;
 /// Corner of the two smoothing poles (rad/s).
 pub const CORNER_RAD_PER_S: f32 = 9.0;
-/// Error (m) below which a load at rest is left alone: an eighth of an LVDT count, so that stiction makes no limit cycle.
+/// Least error (m) below which a load at rest is left alone: an eighth of an LVDT count. It is more where the gap is noisier
+/// or the load has jumped ([`FrictionTakeup::jump_m`]), so that stiction makes no limit cycle.
 const AT_REST_M: f32 = 6e-6;
+const AT_REST_NOISES: f32 = 1.7;
 
 /// State of the loop.
 #[derive(Clone, Copy, Debug, Default)]
@@ -40,7 +42,8 @@ impl PositionLoop {
     /// One tick. `setting_out` is the speed (m/s) of a move whose set-point waits for friction to be taken up.
     pub fn step(&mut self, set_point: &SetPoint, setting_out: Option<f32>, load: &LoadState<'_>) -> LoopOutput {
         let error_m = set_point.position_m - load.age_s * set_point.speed_m_per_s - load.position_m;
-        let at_rest = set_point.done && error_m.abs() < AT_REST_M;
+        let tolerance_m = AT_REST_M.max(AT_REST_NOISES * load.gap_noise_m).max(self.takeup.tolerance_m());
+        let at_rest = set_point.done && error_m.abs() < tolerance_m;
         let blend = CORNER_RAD_PER_S * TICK_S / (1.0 + CORNER_RAD_PER_S * TICK_S);
         self.smoothed_m[0] += blend * (if at_rest { 0.0 } else { error_m } - self.smoothed_m[0]);
         self.smoothed_m[1] += blend * (self.smoothed_m[0] - self.smoothed_m[1]);

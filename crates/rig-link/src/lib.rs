@@ -2,7 +2,7 @@
 //!
 //! - [`messages`]: the table of all messages; [`codes`]: the named codes in them (states, faults, limits …), each with its
 //!   number and name, declared by the macro in `names`.
-//! - [`faults`]: sets of faults.
+//! - [`faults`]: sets of faults. [`gap_curve`]: what a rig's gap is beside the table's.
 //! - [`board_settings`]: unit, default and range of every setting of the board.
 //! - [`lvdt_curve`]: the LVDT's correction at several points.
 //! - [`frame`]: how a message becomes bytes on a UART and comes back: sequence number, postcard, CRC-32, COBS.
@@ -19,6 +19,7 @@ pub mod board_settings;
 pub mod codes;
 pub mod faults;
 pub mod frame;
+pub mod gap_curve;
 pub mod lvdt_curve;
 pub mod messages;
 mod names;

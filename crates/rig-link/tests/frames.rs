@@ -2,9 +2,10 @@
 
 use proptest::prelude::*;
 use rig_link::{
-    Accepted, Clock, Constants, Counters, CurveFlaw, Decoder, EventKind, Fault, Faults, Frame, HomingFailure, Identity,
-    Kept, LVDT_POINTS_MAX, Limit, LoadChoice, LvdtCurve, MAX_FRAME, Message, Parameter, Refusal, Request, ResetCause,
-    Sensors, Setting, SettingValues, SettingsReport, State, TableIdentity, TableRefusal, Telemetry, Versions, encode,
+    Accepted, Clock, Constants, Counters, CurveFlaw, Decoder, EventKind, Fault, Faults, Frame, GapCurve, HomingFailure,
+    HomingResult, Identity, Kept, LVDT_POINTS_MAX, Limit, LoadChoice, LvdtCurve, MAX_FRAME, Message, Parameter,
+    Refusal, Request, ResetCause, Sensors, Setting, SettingValues, SettingsReport, State, TableIdentity, TableRefusal,
+    Telemetry, Versions, encode,
 };
 use serde::{Serialize, de::DeserializeOwned};
 
@@ -126,9 +127,26 @@ fn telemetry() -> impl Strategy<Value = Telemetry> {
 
 fn event() -> impl Strategy<Value = EventKind> {
     prop_oneof![
-        prop::array::uniform5(float()).prop_map(|[zero_error_rad, load_n, load_error_n, friction_n, gap_offset_m]| {
-            EventKind::Homed { zero_error_rad, load_n, load_error_n, friction_n, gap_offset_m }
-        }),
+        (prop::array::uniform8(float()), prop::array::uniform6(float()), prop::array::uniform3(float())).prop_map(
+            |(
+                [zero_error_rad, load_n, load_error_n, friction_n, reference_gap_m, gap_noise_m, twist_scale, lag],
+                c,
+                v,
+            )| {
+                EventKind::Homed(HomingResult {
+                    zero_error_rad,
+                    load_n,
+                    load_error_n,
+                    friction_n,
+                    reference_gap_m,
+                    gap_noise_m,
+                    twist_scale,
+                    curve: GapCurve { middle_rad: c[0], half_rad: c[1], coefficients_m: [c[2], c[3], c[4], c[5]] },
+                    covariance: v,
+                    drive_lag_s: lag,
+                })
+            }
+        ),
         one_of(HomingFailure::ALL).prop_map(EventKind::HomingRefused),
         float().prop_map(|error_m| EventKind::MoveDone { error_m }),
         one_of(Fault::ALL).prop_map(EventKind::FaultRaised),

@@ -10,16 +10,16 @@ use tsa_model::ParameterError;
 pub struct Uncertainty {
     /// Relative standard error of the string radius.
     pub radius: f64,
-    /// Standard error of the exponent with which the radius follows the twist.
-    pub exponent: f64,
-    /// Relative standard error of how the radius changes with the load.
+    /// Standard error of the LVDT's zero beside the mechanism's gap (m).
+    pub gap_zero_m: f64,
+    /// Standard error of a change of the load, as a share of the change.
     pub load_shape: f64,
 }
 
 impl Default for Uncertainty {
-    /// Constants from the paper: its own numbers differ from its equations by 6 % of the radius.
+    /// Constants from the paper for a rig of its kind that nobody has identified, and an LVDT that is mounted by callipers.
     fn default() -> Self {
-        Self { radius: 0.06, exponent: 0.03, load_shape: 0.03 }
+        Self { radius: 0.03, gap_zero_m: 1e-3, load_shape: 0.05 }
     }
 }
 
@@ -32,11 +32,12 @@ impl Uncertainty {
     pub(crate) fn validate(&self) -> Result<(), ParameterError> {
         for (parameter, value) in [
             ("uncertainty.radius", self.radius),
-            ("uncertainty.exponent", self.exponent),
+            ("uncertainty.gap_zero_m", self.gap_zero_m),
             ("uncertainty.load_shape", self.load_shape),
         ] {
-            if !(0.0..=0.5).contains(&value) {
-                return Err(ParameterError { parameter, value, reason: "must be from 0 to 0.5" });
+            // Nothing is known exactly, and the fit divides by each of them.
+            if !(1e-6..=0.5).contains(&value) {
+                return Err(ParameterError { parameter, value, reason: "must be from 0.000001 to 0.5" });
             }
         }
         Ok(())

@@ -46,7 +46,7 @@ fn errors_name_the_key() {
         ("adc_reference_v = 3.3", "adc_reference_v = 3.3\nlvdt_linearity = -1e-3", "rig.lvdt_linearity"),
         ("[accuracy]", "[uncertainty]\nradius = 6.0\n[accuracy]", "uncertainty.radius"),
         ("[accuracy]", "[uncertainty]\nradius = nan\n[accuracy]", "uncertainty.radius"),
-        ("[accuracy]", "[uncertainty]\nexponent = -0.1\n[accuracy]", "uncertainty.exponent"),
+        ("[accuracy]", "[uncertainty]\ngap_zero_m = -0.1\n[accuracy]", "uncertainty.gap_zero_m"),
         ("[accuracy]", "[uncertainty]\nload_shape = 0.6\n[accuracy]", "uncertainty.load_shape"),
         ("[accuracy]", "[uncertainty]\nradii = 0.1\n[accuracy]", "radii"),
     ];
@@ -82,11 +82,11 @@ fn the_hash_depends_on_values_and_not_on_comments() {
 fn uncertainty_and_linearity_reach_the_control_code() {
     let text = default_text();
     let constants = Scene::from_toml_str(&text).unwrap().constants();
-    assert_eq!([constants.radius_error, constants.exponent_error, constants.load_shape_error], [0.06, 0.03, 0.03]);
+    assert_eq!([constants.radius_error, constants.gap_zero_error_m, constants.load_shape_error], [0.03, 1e-3, 0.05]);
     assert!((constants.lvdt_linearity_m - 0.5e-3).abs() < 1e-9, "a quarter of a percent of 200 mm");
     let text = text.replace("adc_reference_v = 3.3", "adc_reference_v = 3.3\nlvdt_linearity = 0.005");
-    let text = format!("{text}\n[uncertainty]\nradius = 0.01\nexponent = 0.0\n");
+    let text = format!("{text}\n[uncertainty]\nradius = 0.01\ngap_zero_m = 0.0002\n");
     let constants = Scene::from_toml_str(&text).unwrap().constants();
-    assert_eq!([constants.radius_error, constants.exponent_error, constants.load_shape_error], [0.01, 0.0, 0.03]);
+    assert_eq!([constants.radius_error, constants.gap_zero_error_m, constants.load_shape_error], [0.01, 2e-4, 0.05]);
     assert!((constants.lvdt_linearity_m - 1e-3).abs() < 1e-9);
 }

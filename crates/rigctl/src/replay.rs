@@ -8,9 +8,8 @@
 
 use crate::log::{Log, LogRow, Mark};
 use rig_control::homing::Homed;
-use rig_control::mechanism::Mechanism;
 use rig_control::{DriveCommand, DriveReading, Inputs, LvdtBlock, Rig, RigConstants, TICK_S, TICK_US, settings};
-use rig_link::{Counters, Request, Setting, SettingValues, State};
+use rig_link::{Counters, HomingResult, Request, Setting, SettingValues, State};
 use rig_scene::Scene;
 use serde::Serialize;
 use std::f32::consts::PI;
@@ -24,13 +23,6 @@ const BOOT_TICKS: u64 = 60;
 const FILLED: u32 = 10;
 /// Rows in which a request shows.
 const SHOWS_ROWS: usize = 10;
-/// Rail friction (N) that is looked for, at most.
-const FRICTION_MAX_N: f32 = 2.0;
-/// How far the gap at position zero is looked for (m), and in how many steps at first.
-const REFERENCE_M: f32 = 0.3e-3;
-const REFERENCE_STEPS: i32 = 30;
-/// How long (ticks) from the first change of the load estimate on.
-const REFERENCE_TICKS: usize = 200;
 /// What no rig reports: farther off the counts would not fit their numbers.
 const TWIST_MAX_RAD: f64 = 1000.0;
 const POSITION_MAX_M: f64 = 10.0;
@@ -88,10 +80,6 @@ pub struct Stretch {
     pub filled: usize,
     /// What ended it.
     pub ended_by: String,
-    /// Rail friction, from the first TR (N).
-    pub friction_n: f64,
-    /// Gap at position zero, at which the load estimates agree best (m).
-    pub reference_gap_m: f64,
     /// The drive's lag, at which twist and command agree best (s).
     pub drive_lag_s: f64,
     /// Of the load estimate (N).
@@ -156,38 +144,12 @@ pub fn replay(log: &Log, scene: &Scene, table: &Table<'_>) -> Result<Vec<Stretch
 }
 
 fn stretch(log: &Log, at: usize, mark: &Mark, board: &Board<'_>) -> Option<Stretch> {
-    let Mark::Homed { zero_error_rad, load_n, load_error_n, friction_n, gap_offset_m } = *mark else { return None };
-    let (load_n, gap_offset_m) = (load_n as f32, gap_offset_m as f32);
-    if !((0.0..1e4).contains(&load_n) && gap_offset_m.abs() < POSITION_MAX_M as f32) {
-        return None;
-    }
+    let Mark::Homed(found) = *mark else { return None };
     let (ticks, filled, ended_by) = ticks(log, at);
     let first = ticks.first()?;
-    let twist_scale = first.row.twist_scale? as f32;
-    let mechanism = Mechanism { table: board.table, twist_scale };
-    let friction_n = match friction_n {
-        Some(friction_n) => friction_n as f32,
-        None => friction(&mechanism, first, load_n)?,
-    };
-    let hangs_m = mechanism.at(load_n - friction_n, first.twist_rad).gap_m + gap_offset_m + first.position_m;
-    let homed = |reference_gap_m: f32| Homed {
-        zero_rad: 0.0,
-        zero_error_rad: zero_error_rad.unwrap_or(0.0) as f32,
-        load_n,
-        load_error_n: load_error_n.unwrap_or(0.0) as f32,
-        gap_offset_m,
-        twist_scale,
-        friction_n,
-        reference_gap_m,
-        // So that a command is the shaft's set-point itself.
-        drive_lag_s: 0.0,
-    };
-    // From the first way alone: what differs later must not be explained away.
-    let moves = ticks.iter().position(|t| t.row.load_n != first.row.load_n).unwrap_or(0);
-    let early = &ticks[..ticks.len().min(moves + REFERENCE_TICKS)];
-    let load_rms = |gap_m: f32| loads(early, &answers(early, &homed(gap_m), board)).rms;
-    let reference_gap_m = best_reference(hangs_m, load_rms);
-    let answers = answers(&ticks, &homed(reference_gap_m), board);
+    // A log's zero twist is where its twist is zero. Without lag a command is the shaft's set-point itself.
+    let homed = Homed { zero_rad: 0.0, found: HomingResult { drive_lag_s: 0.0, ..found } };
+    let answers = answers(&ticks, &homed, board);
     let rms = |lag: f64| speeds(&ticks, &answers, lag).0.rms;
     let lag = (0..=LAG_QUARTERS).map(|k| 0.25 * f64::from(k)).min_by(|a, b| rms(*a).total_cmp(&rms(*b)))?;
     let (twist_speed, parted_speed) = speeds(&ticks, &answers, lag);
@@ -197,8 +159,6 @@ fn stretch(log: &Log, at: usize, mark: &Mark, board: &Board<'_>) -> Option<Stret
         ticks: ticks.len(),
         filled,
         ended_by,
-        friction_n: friction_n.into(),
-        reference_gap_m: reference_gap_m.into(),
         drive_lag_s: lag * f64::from(TICK_S),
         load_n: loads(&ticks, &answers),
         load_error_n: difference(&ticks, &answers, |t| t.load_error_n, |a| a.load_error_n),
@@ -269,55 +229,16 @@ fn ticks(log: &Log, mark: usize) -> (Vec<Tick>, usize, String) {
     (ticks, filled, ended_by)
 }
 
-/// Friction (N): at rest after homing's way down the table is asked at the load less friction, and TR tells where it was.
-fn friction(mechanism: &Mechanism<'_>, first: &Tick, load_n: f32) -> Option<f32> {
-    let tr = first.row.tr_rad_per_m? as f32;
-    let off = |f: f32| (mechanism.at(load_n - f, first.twist_rad).tr_rad_per_m() - tr).abs();
-    let step = FRICTION_MAX_N.min(0.9 * load_n) / 200.0;
-    let mut best = (0..=200u8).map(|k| step * f32::from(k)).min_by(|a, b| off(*a).total_cmp(&off(*b)))?;
-    let mut width = step;
-    for _ in 0..20 {
-        width *= 0.5;
-        for candidate in [best - width, best + width] {
-            if candidate >= 0.0 && off(candidate) < off(best) {
-                best = candidate;
-            }
-        }
-    }
-    Some(best)
-}
-
-/// The gap at position zero (m): coarse, then by halves. Where nothing tells it, where the load should hang.
-fn best_reference(hangs_m: f32, rms: impl Fn(f32) -> f64) -> f32 {
-    let (mut best, mut least) = (hangs_m, rms(hangs_m));
-    let mut take = |gap_m: f32, best: &mut f32| {
-        let found = rms(gap_m);
-        if found < least {
-            (*best, least) = (gap_m, found);
-        }
-    };
-    let mut width = REFERENCE_M / REFERENCE_STEPS as f32;
-    for k in -REFERENCE_STEPS..=REFERENCE_STEPS {
-        take(hangs_m + width * k as f32, &mut best);
-    }
-    while width > 0.02e-6 {
-        width *= 0.5;
-        for way in [-1.0, 1.0] {
-            take(best + way * width, &mut best);
-        }
-    }
-    best
-}
-
 fn answers(ticks: &[Tick], homed: &Homed, board: &Board<'_>) -> Vec<Answer> {
     let constants = &board.constants;
     let mut rig = Rig::new(board.table, board.scene, None);
     rig.set_up(&board.settings);
     let mut now_us = 1_000_000;
+    let zero_gap_m = homed.found.reference_gap_m - board.settings.get(Setting::PositionZero);
     let mut step = |rig: &mut Rig<'_>, twist_rad: f32, position_m: f32, row: &LogRow, request: Option<Request>| {
         now_us += TICK_US;
         let encoder_counts = (f64::from(twist_rad) * f64::from(constants.counts_per_rad)).round() as i64;
-        let gap_m = homed.reference_gap_m - position_m;
+        let gap_m = zero_gap_m - position_m;
         let rpm = row.drive_speed_rad_per_s * 60.0 / std::f64::consts::TAU;
         let inputs = Inputs {
             now_us,
@@ -351,9 +272,7 @@ fn answers(ticks: &[Tick], homed: &Homed, board: &Board<'_>) -> Vec<Answer> {
     for _ in 0..BOOT_TICKS {
         step(&mut rig, PI, first.position_m, &standing, None);
     }
-    // The board's own zero is taken off again there.
-    let zero_m = board.settings.get(Setting::PositionZero);
-    rig.resume(Homed { reference_gap_m: homed.reference_gap_m + zero_m, ..*homed });
+    rig.resume(*homed);
     let answer = |tick: &Tick| {
         let (drive, telemetry) = step(&mut rig, tick.twist_rad, tick.position_m, &tick.row, tick.request);
         let shaft_rad = match drive {

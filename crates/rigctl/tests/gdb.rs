@@ -18,7 +18,7 @@ const RUN: [&str; 4] = ["sim", "--json", "--seconds", "4"];
 fn waiting() -> (Child, String) {
     let mut child = Command::new(env!("CARGO_BIN_EXE_rigctl"))
         .args(RUN)
-        .args(["--gdb", "127.0.0.1:0", "--gdb-wait"])
+        .args(["--gdb", "127.0.0.1:0", "--gdb-wait", "--rig", "ideal"])
         .current_dir(root())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())

@@ -52,7 +52,7 @@ const SIZES: [(PlantKey, Draw, f64, f64); 23] = [
     (PlantKey::RodHysteresis, Draw::Present, 60e6, 90e6),
     (PlantKey::StringCreep, Draw::Present, 0.10, 0.30),
     (PlantKey::StringBedding, Draw::Present, 0.02, 0.05),
-    (PlantKey::TwistPlay, Draw::Present, 0.01 * STROKE_RAD, 0.03 * STROKE_RAD),
+    (PlantKey::TwistPlay, Draw::Present, 0.19, 0.57),
     (PlantKey::LvdtNonlinearity, Draw::Present, 0.0025, 0.005),
     (PlantKey::AdcInl, Draw::Present, 1.5, 3.0),
     (PlantKey::LvdtNoiseInband, Draw::Present, 10e-6, 30e-6),
@@ -62,8 +62,6 @@ const SIZES: [(PlantKey, Draw, f64, f64); 23] = [
 ];
 /// rad.
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
-/// Twist over a stroke, 7.5 turns.
-const STROKE_RAD: f64 = 7.5 * std::f64::consts::TAU;
 
 impl Draw {
     /// The value for a size, from a number that is uniform in 0..1.

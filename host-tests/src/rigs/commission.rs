@@ -8,22 +8,22 @@ use crate::{ControlBench, constants, scene, table};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use rig_control::{Rig as Control, RigConstants, settings};
-use rig_link::messages::{LoadChoice, Request, SettingValues, State};
+use rig_link::messages::{EventKind, LoadChoice, Request, SettingValues, State};
 use rig_scene::Scene;
 use rigctl::calibration::{Point, uncalibrated};
 use rigctl::identify::constants::Unknowns;
 use rigctl::identify::data::{Data, HOLD_OUT};
-use rigctl::identify::{Fit, fit, plausible};
-use rigctl::log::sweep::{Stop, stops};
-use rigctl::log::{Header, Log, LogRow};
+use rigctl::identify::{Fit, fit, plausible, uncertainty};
+use rigctl::log::sweep::{Sweep, reduce};
+use rigctl::log::{Header, Log, LogRow, Mark, Marked};
 use rigctl::lvdt_points;
 use sim_link::units::STANDARD_GRAVITY;
 use std::f64::consts::{PI, TAU};
 use tsa_model::Parameters;
 use tsa_table::Table;
 
-/// Loads of the sweeps (kg).
-pub const SWEEP_LOADS_KG: [f64; 3] = [0.3, 0.8, 1.4];
+/// Loads of the sweeps (kg): the ends of what will be lifted, and between.
+pub const SWEEP_LOADS_KG: [f64; 3] = [0.15, 0.6, 1.5];
 /// Turns past the half-turn pre-twist, and speed of the strings (rad/s).
 const TURNS: f64 = 7.5;
 const SPEED_RAD_PER_S: f64 = 4.0;
@@ -84,9 +84,9 @@ pub fn commission(subject: &Subject, as_built: bool) -> (Firmware, Vec<Finding>)
     if as_built {
         return (firmware, findings);
     }
-    let built = identify(subject, &firmware).and_then(|(identified, fit)| {
+    let built = identify(subject, &firmware).and_then(|(identified, error)| {
         let built = build(&identified, &firmware).map_err(|why| format!("table: {why}"))?;
-        Ok((built, held_out_error(&fit)))
+        Ok((built, error))
     });
     match built {
         Ok((identified, error)) => {
@@ -158,7 +158,7 @@ fn mean_gap(bench: &mut ControlBench) -> Result<(f64, f64), String> {
 }
 
 /// Three recorded sweeps reduced to equilibria, and the scene's constants from them, as `rigctl identify` does it.
-fn identify(subject: &Subject, firmware: &Firmware) -> Result<(Scene, Fit), String> {
+fn identify(subject: &Subject, firmware: &Firmware) -> Result<(Scene, f64), String> {
     let scene = scene();
     let start = Parameters::new(&scene.geometry, &scene.string, &scene.material).map_err(|e| e.to_string())?;
     let mut data = Data::default();
@@ -170,34 +170,41 @@ fn identify(subject: &Subject, firmware: &Firmware) -> Result<(Scene, Fit), Stri
                 break;
             }
         }
-        let (load_n, stops) = swept.map_err(|why| format!("sweep at {load_kg} kg: {why}"))?;
-        data.add_sweep(&format!("{load_kg} kg"), &start, load_n, &stops, HOLD_OUT);
+        let sweep = swept.map_err(|why| format!("sweep at {load_kg} kg: {why}"))?;
+        data.add_sweep(&format!("{load_kg} kg"), &start, &sweep, HOLD_OUT);
     }
     if let Some(why) = plausible::impossible(&data, scene.geometry.string_length_m) {
         return Err(why);
     }
-    let unknowns = Unknowns::usual(scene.string.radius_law);
+    let unknowns = Unknowns::usual(scene.string.radius_law, data.knows_its_zero());
     let (x, fit) = fit(&unknowns, &start, &data).map_err(|e| format!("identify: {e}"))?;
-    let fitted = unknowns.scene(scene, &start, &x);
+    let mut fitted = unknowns.scene(scene, &start, &x);
+    fitted.uncertainty = uncertainty(&fit);
     fitted.validate().map_err(|e| format!("identified scene: {e}"))?;
-    Ok((fitted, fit))
+    let error = held_out_error(&data, &fit);
+    Ok((fitted, error))
 }
 
-/// One sweep as `rigctl sweep` records it, from so many turns at power-up; the load (N) and the equilibria.
-fn sweep(subject: &Subject, firmware: &Firmware, load_kg: f64, turns: u8) -> Result<(f64, Vec<Stop>), String> {
+/// One sweep as `rigctl sweep` records it, from so many turns at power-up, by its equilibria.
+fn sweep(subject: &Subject, firmware: &Firmware, load_kg: f64, turns: u8) -> Result<Sweep, String> {
     let load_n = load_kg * STANDARD_GRAVITY;
     let rig = subject.switched_on_at(load_n, 1.0 + TAU * f64::from(turns)).map_err(|e| e.to_string())?;
     let mut bench = ControlBench::on(rig, firmware.boot());
     bench.home_under(LoadChoice::Known(load_n as f32)).map_err(|why| not_homed(&bench, &why))?;
     let mut log = Log { header: Header::default(), ..Log::default() };
     log.header.add("sweep.load_n", load_n);
+    for (t_s, event) in &bench.events {
+        if let EventKind::Homed(found) = event {
+            log.marks.push(Marked { row: 0, t_s: *t_s, mark: Mark::Homed(*found) });
+        }
+    }
     let (bottom, top) = (PI, PI + TAU * TURNS);
     for ends in [[bottom, top], [top, bottom]] {
         bench.until(REST_S, |bench| record(bench, &mut log));
         turn(&mut bench, ends, &mut log)?;
     }
     bench.until(REST_S, |bench| record(bench, &mut log));
-    stops(&log)
+    reduce(&log)
 }
 
 /// Turns the strings from one twist to another (rad).
@@ -245,15 +252,16 @@ fn record(bench: &ControlBench, log: &mut Log) -> bool {
     false
 }
 
-/// Rms error of the held-out equilibria as a share of their contraction, where there is some.
-fn held_out_error(fit: &Fit) -> f64 {
-    let shares: Vec<f64> = fit
-        .rows
-        .iter()
-        .filter(|row| row.held_out && -row.measured > CONTRACTION_M)
-        .map(|row| row.error.map_or(1.0, |error_m| error_m / -row.measured))
-        .collect();
-    (shares.iter().map(|share| share * share).sum::<f64>() / shares.len().max(1) as f64).sqrt()
+/// Rms error of the held-out equilibria as a share of their contraction since the first of their sweep, where there is some.
+fn held_out_error(data: &Data, fit: &Fit) -> f64 {
+    let mut shares = Vec::new();
+    for (_, rows) in &data.files {
+        let sweep = &fit.rows[rows.clone()];
+        let first_m = sweep.iter().map(|row| row.measured).fold(f64::MIN, f64::max);
+        let moved = sweep.iter().filter(|row| row.held_out && first_m - row.measured > CONTRACTION_M);
+        shares.extend(moved.map(|row| row.error.map_or(1.0, |error_m| error_m / (first_m - row.measured))));
+    }
+    (shares.iter().map(|share: &f64| share * share).sum::<f64>() / shares.len().max(1) as f64).sqrt()
 }
 
 /// The firmware for an identified scene.

@@ -345,7 +345,8 @@ mod tests {
 
     #[test]
     fn reversals_count_from_their_size() {
-        let wave = |amplitude: f64| (0..1000).map(|k| amplitude * (f64::from(k) * 0.01 * std::f64::consts::TAU).sin());
+        let wave =
+            |amplitude: f64| (0..1000).map(move |k| amplitude * (f64::from(k) * 0.01 * std::f64::consts::TAU).sin());
         let count = |amplitude: f64| reversals(&wave(amplitude).collect::<Vec<_>>(), 0.02);
         assert_eq!(count(0.009), 0, "18 mrad from end to end");
         // Ten waves: the first quarter is a way, then twenty reversals.

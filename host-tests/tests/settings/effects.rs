@@ -140,14 +140,15 @@ fn a_scale_that_was_learned_makes_the_next_homing_better() {
     let (mut without, mut with) = (0.0f64, 0.0f64);
     for (seed, load) in [(1, "0.15kg"), (2, "0.5kg"), (3, "1.0kg")] {
         let keys = [("k2_scale", "1.1"), ("load", load), ("twist_at_boot", "6")];
-        let error = |d: &ControlBench| (f64::from(d.control.homed().unwrap().load_n) / d.truth().load_n - 1.0).abs();
+        let error =
+            |d: &ControlBench| (f64::from(d.control.homed().unwrap().found.load_n) / d.truth().load_n - 1.0).abs();
         let mut d = bench(|v| v, &keys, seed);
         d.home().unwrap();
         without += error(&d) / 3.0;
         for k in 0..12 {
             d.move_to(if k % 2 == 0 { 0.012 } else { 0.002 }, 0.002, LoadChoice::Auto).unwrap();
         }
-        let learned = d.control.homed().unwrap().twist_scale;
+        let learned = d.control.homed().unwrap().found.twist_scale;
         assert_eq!(ask(&mut d, set(Setting::TwistScale, learned)), Ok(Accepted::Started));
         assert_eq!(d.control.state(), State::Holding, "it is the next homing that it is for");
         d.home().unwrap();

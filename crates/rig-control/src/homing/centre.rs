@@ -9,8 +9,8 @@ const BINS: usize = 48;
 const LEVELS: usize = 16;
 /// Least height of the curve over its lower end (m) that counts as a maximum: a flat curve has no middle.
 const LEAST_HEIGHT_M: f32 = 0.5e-3;
-/// Largest disagreement between the two directions (rad): beyond it, this is not the table's mechanism.
-const LARGEST_SPLIT_RAD: f32 = 0.8;
+/// Largest disagreement between the two directions, as a share of half the sweep: beyond it the load hardly follows.
+const LARGEST_SPLIT: f32 = 0.9;
 
 #[derive(Clone, Copy, Debug)]
 struct Bin {
@@ -78,7 +78,7 @@ impl Centre {
     pub(super) fn solve(&self) -> Result<(f32, f32), HomingFailure> {
         let [first, second] = &self.bins;
         let (first, second) = (middle_of_sweep(first)?, middle_of_sweep(second)?);
-        if (first.0 - second.0).abs() > LARGEST_SPLIT_RAD {
+        if (first.0 - second.0).abs() > LARGEST_SPLIT * self.half_rad {
             return Err(HomingFailure::PoorFit);
         }
         // The error is an estimate: micromath's root, 6 % off at most, is good enough for it.
@@ -168,7 +168,7 @@ mod tests {
     fn what_is_flat_or_one_sided_or_split_is_refused() {
         assert_eq!(sweep(10.0, 0.0, 1e-5).solve(), Err(HomingFailure::NoPretwist));
         assert_eq!(sweep(14.0, 0.0, 0.004).solve(), Err(HomingFailure::NoPretwist));
-        assert_eq!(sweep(10.0, 0.6, 0.004).solve(), Err(HomingFailure::PoorFit));
+        assert_eq!(sweep(10.0, 1.4, 0.02).solve(), Err(HomingFailure::PoorFit));
         assert_eq!(Centre::new().solve(), Err(HomingFailure::NoPretwist));
     }
 }

@@ -21,9 +21,9 @@ use crate::planner::Ramp;
 use crate::{RigConstants, TICK_S};
 use centre::Centre;
 use core::f32::consts::{PI, TAU};
-use rig_link::messages::{HomingFailure, LoadChoice};
+use rig_link::messages::{HomingFailure, HomingResult, LoadChoice};
 use tsa_table::Table;
-use weigh::Weigh;
+use weigh::{Current, Weigh};
 
 /// The load is quiet when its gap (m) stays within this for so long (ticks): a period of its slowest swing.
 const QUIET_M: f32 = 0.1e-3;
@@ -34,9 +34,11 @@ const QUIET_PATIENCE_S: f32 = 10.0;
 const PROBE_SPEED: f32 = 1.5;
 /// Change of the gap (m) that decides the probe: several times what rail friction can hold back.
 const PROBE_CHANGE_M: f32 = 0.25e-3;
-/// Longest probe (rad). Highly twisted under little load, rail friction holds the load that long: 0.1 N under 0.5 N for
-/// 6 rad, 0.3 N under 1 N for 6.7 rad. Against a jammed load it adds some 3 N.
-const PROBE_TRAVEL: f32 = 7.0;
+/// Longest probe (rad), and its first part, after which it goes on faster. Rail friction holds the load over several radians:
+/// 0.1 N under 0.5 N highly twisted for 6 rad, and 1 N under 15 N from one side of zero twist to the other. Against a jammed load the whole probe adds some 8 N.
+const PROBE_TRAVEL: f32 = 18.0;
+const PROBE_SLOW: f32 = 7.0;
+const PROBE_FAST_SPEED: f32 = 4.0;
 /// A shaft that is this far (rad) behind its set-point stands against fully closed strings: more than any drive lags at the
 /// probe's speed, and little enough to turn back before the drive takes it for a stall and drops the load.
 const PROBE_BEHIND: f32 = 0.5;
@@ -50,13 +52,13 @@ const SEEK_RISE_M: f32 = 0.15e-3;
 /// Fall before such a rise (m) that shows that this is not the way to zero twist: more of it would close the strings.
 const SEEK_ASTRAY_M: f32 = 3e-3;
 /// Turn without such a rise (rad) that no friction explains which the probe can overcome: the load is jammed.
-const SEEK_STUCK: f32 = 1.5 * PROBE_TRAVEL;
+const SEEK_STUCK: f32 = PROBE_TRAVEL;
 /// Farthest from the power-up twist that the maximum is looked for (rad): 12 turns, and what the probe went astray.
 const SEEK_TRAVEL: f32 = 12.0 * TAU + PROBE_TRAVEL;
 /// Half the width of the sweeps across the maximum (rad).
-const SWEEP_HALF: f32 = 3.0;
+const SWEEP_HALF: f32 = 5.0;
 /// Speed of these sweeps (rad/s): slow enough that the load follows without swinging.
-const SWEEP_SPEED: f32 = 2.5;
+const SWEEP_SPEED: f32 = 3.5;
 /// Turns past the half-turn pre-twist that the load is weighed over.
 const WEIGH_TURNS: f32 = 6.0;
 /// Speeds of weighing (rad/s), at the middle of the sweep and at its ends. The speed varies, in both directions alike, so
@@ -77,27 +79,16 @@ const SHIFTED_M: f32 = 0.6e-3;
 /// Longest homing (s), start-up of the drive not counted.
 const TIME_OUT_S: f32 = 42.0;
 
-/// Result of a homing.
+/// Half the width of the interval that holds the truth in 90 of 100 cases, over the standard error.
+pub const NINETY_PERCENT: f32 = 1.645;
+
+/// Result of a homing, as the board goes on with it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Homed {
     /// Shaft angle at zero twist (rad, as the encoder counts).
     pub zero_rad: f32,
-    /// Half the width of the interval around it that holds the truth in 90 of 100 cases (rad).
-    pub zero_error_rad: f32,
-    /// Load (N).
-    pub load_n: f32,
-    /// Half the width of the interval around it that holds the truth in 90 of 100 cases (N).
-    pub load_error_n: f32,
-    /// Measured less modelled gap (m).
-    pub gap_offset_m: f32,
-    /// Scale of the twist, see [`crate::mechanism`].
-    pub twist_scale: f32,
-    /// Coulomb friction of the rail (N).
-    pub friction_n: f32,
-    /// Measured gap at position zero (m): the half-turn pre-twist, unless a setting says otherwise.
-    pub reference_gap_m: f32,
-    /// How far the shaft stays behind its set-point, in time (s): the drive's own position loop, measured.
-    pub drive_lag_s: f32,
+    /// What the host is told.
+    pub found: HomingResult,
 }
 
 /// Inputs of one tick.
@@ -133,7 +124,7 @@ enum Phase {
     Centre,
     WeighRest { ticks: u16 },
     Weigh,
-    Settle { ticks: u16, sum_m: f32, count: u16 },
+    Settle { ticks: u16, rest: Rest },
 }
 
 /// The search for the greatest gap.
@@ -148,6 +139,35 @@ struct Seek {
     top_rad: f32,
 }
 
+/// Gaps of a load at rest, from the first one.
+#[derive(Clone, Copy, Debug)]
+struct Rest {
+    first_m: f32,
+    sum_m: f32,
+    squares_m2: f32,
+    count: f32,
+}
+
+impl Rest {
+    const NONE: Self = Self { first_m: 0.0, sum_m: 0.0, squares_m2: 0.0, count: 0.0 };
+
+    fn add(&mut self, gap_m: f32) {
+        if self.count == 0.0 {
+            self.first_m = gap_m;
+        }
+        let from_first_m = gap_m - self.first_m;
+        self.sum_m += from_first_m;
+        self.squares_m2 += from_first_m * from_first_m;
+        self.count += 1.0;
+    }
+
+    /// Mean and rms deviation (m).
+    fn mean_and_noise_m(&self) -> (f32, f32) {
+        let mean_m = self.sum_m / self.count;
+        (self.first_m + mean_m, libm::sqrtf((self.squares_m2 / self.count - mean_m * mean_m).max(0.0)))
+    }
+}
+
 /// One homing.
 #[derive(Clone, Debug)]
 pub struct Homing {
@@ -159,6 +179,8 @@ pub struct Homing {
     direction: f32,
     ticks: u32,
     centre: Centre,
+    /// Currents of the two sweeps across zero twist.
+    zero_currents: [Current; 2],
     weigh: Weigh,
     zero_rad: f32,
     zero_error_rad: f32,
@@ -180,7 +202,8 @@ impl Homing {
             direction: 1.0,
             ticks: 0,
             centre: Centre::new(),
-            weigh: Weigh::new(twist_scale),
+            zero_currents: [Current::NONE; 2],
+            weigh: Weigh::new(twist_scale, load),
             zero_rad: 0.0,
             zero_error_rad: 0.0,
             lag_sum_s: 0.0,
@@ -220,13 +243,11 @@ impl Homing {
                 self.sweep_weigh(table, rig, inputs, &limits);
                 Ok(())
             }
-            Phase::Settle { ticks, sum_m, count } => {
-                match self.settle(table, ticks, sum_m, count, inputs.gap_m, &limits) {
-                    Ok(Some(homed)) => return Progress::Done(homed),
-                    Ok(None) => Ok(()),
-                    Err(failure) => Err(failure),
-                }
-            }
+            Phase::Settle { ticks, rest } => match self.settle(table, rig, ticks, rest, inputs.gap_m, &limits) {
+                Ok(Some(homed)) => return Progress::Done(homed),
+                Ok(None) => Ok(()),
+                Err(failure) => Err(failure),
+            },
         };
         match outcome {
             Ok(()) => Progress::Turning(self.ramp),
@@ -247,7 +268,9 @@ impl Homing {
 
     fn probe(&mut self, start_rad: f32, gap_m: f32, shaft_rad: f32, limits: &TwistLimits) -> Result<(), HomingFailure> {
         let goal = start_rad + PROBE_TRAVEL;
-        self.ramp.step(goal, PROBE_SPEED, limits.acceleration);
+        let slow = (self.ramp.position - start_rad).abs() < PROBE_SLOW;
+        let speed = if slow { PROBE_SPEED } else { PROBE_FAST_SPEED.min(limits.speed) };
+        self.ramp.step(goal, speed, limits.acceleration);
         let change = self.smooth_gap_m - gap_m;
         let ended = self.ramp == Ramp::at(goal);
         let closed = self.ramp.position - shaft_rad > PROBE_BEHIND;
@@ -320,6 +343,9 @@ impl Homing {
         let goal = self.centre.middle_rad() + side * SWEEP_HALF;
         self.ramp.step(goal, SWEEP_SPEED, limits.acceleration);
         self.centre.record(inputs.shaft_at_gap_rad, inputs.gap_m);
+        if self.ramp.speed.abs() > 0.9 * SWEEP_SPEED {
+            self.zero_currents[usize::from(side * self.direction > 0.0)].add(inputs.current_a);
+        }
         if self.ramp == Ramp::at(goal) && self.centre.end_pass() {
             (self.zero_rad, self.zero_error_rad) = self.centre.solve()?;
             self.phase = Phase::WeighRest { ticks: 0 };
@@ -347,47 +373,50 @@ impl Homing {
         let shaft_rad = inputs.shaft_at_gap_rad;
         self.weigh.record((shaft_rad - start) / travel, shaft_rad - self.zero_rad, inputs.gap_m, inputs.current_a);
         if self.ramp == Ramp::at(goal) && self.weigh.end_pass() {
-            self.weigh.begin_fit(table, rig);
-            self.phase = Phase::Settle { ticks: 0, sum_m: 0.0, count: 0 };
+            self.weigh.begin_fit(table, rig, &self.zero_currents);
+            self.phase = Phase::Settle { ticks: 0, rest: Rest::NONE };
         }
     }
 
     fn settle(
         &mut self,
         table: &Table<'_>,
+        rig: &RigConstants,
         ticks: u16,
-        mut sum_m: f32,
-        mut count: u16,
+        mut rest: Rest,
         gap_m: f32,
         limits: &TwistLimits,
     ) -> Result<Option<Homed>, HomingFailure> {
         let ticks = self.rest_at(self.zero_rad + PI, SWEEP_SPEED, limits, ticks);
-        let fitted = self.weigh.fit_step(table)?;
+        let fitted = self.weigh.fit_step(table, rig)?;
         if f32::from(ticks) * TICK_S > SETTLE_S {
-            sum_m += gap_m;
-            count += 1;
+            rest.add(gap_m);
         }
-        self.phase = Phase::Settle { ticks, sum_m, count };
+        self.phase = Phase::Settle { ticks, rest };
         let averaged = f32::from(ticks) * TICK_S > SETTLE_S + REFERENCE_S;
-        let Some(w) = fitted.filter(|_| averaged && count > 0) else { return Ok(None) };
-        let reference_gap_m = sum_m / f32::from(count);
+        let Some(w) = fitted.filter(|_| averaged && rest.count > 0.0) else { return Ok(None) };
+        let (reference_gap_m, gap_noise_m) = rest.mean_and_noise_m();
         // Where the load hangs after the sweeps must be where the sweeps say that it does, after a way down.
-        let mechanism = Mechanism { table, twist_scale: w.twist_scale };
+        let mechanism = Mechanism { table, twist_scale: w.twist_scale, curve: w.curve };
         let there = mechanism.at(w.load_n - w.friction_n, PI);
-        let shifted_m = (reference_gap_m - w.offset_m - there.gap_m).abs();
+        let shifted_m = (reference_gap_m - there.gap_m).abs();
         if shifted_m > SHIFTED_M + 2.0 * w.friction_n * there.dgap_dload_m_per_n {
             return Err(HomingFailure::Shifted);
         }
         Ok(Some(Homed {
             zero_rad: self.zero_rad,
-            zero_error_rad: self.zero_error_rad,
-            load_n: w.load_n,
-            load_error_n: 0.0,
-            gap_offset_m: w.offset_m,
-            twist_scale: w.twist_scale,
-            friction_n: w.friction_n,
-            reference_gap_m,
-            drive_lag_s: (self.lag_sum_s / f32::from(self.lag_count.max(1))).clamp(0.0, 0.2),
+            found: HomingResult {
+                zero_error_rad: self.zero_error_rad,
+                load_n: w.load_n,
+                load_error_n: NINETY_PERCENT * w.load_sigma_n,
+                friction_n: w.friction_n,
+                reference_gap_m,
+                gap_noise_m,
+                twist_scale: w.twist_scale,
+                curve: w.curve,
+                covariance: w.covariance,
+                drive_lag_s: (self.lag_sum_s / f32::from(self.lag_count.max(1))).clamp(0.0, 0.2),
+            },
         }))
     }
 }

@@ -1,13 +1,17 @@
-//! Load, LVDT offset, string radius and rail friction, from how the gap shrinks with twist and what torque that takes.
+//! Load, string radius and the LVDT's zero, each with its error, from how the gap shrinks with twist and what current
+//! that takes.
 //!
-//! The shape of G(θ, F) alone cannot tell a heavier load from a thinner string: either makes the gap shrink less. Work
-//! can. What the motor does over a way up and a way down, its own friction cancelling, lifts the load: τ dθ = F dG, with
-//! no model in it. Gap, work and how well a scene knows its string are weighed by their errors in one Gauss–Newton fit
-//! of load, twist scale and offset, one step of it each tick. Friction is half of what up and down differ by.
+//! The gap's curve over the twist alone cannot tell a heavier load from a thinner string or from another zero of the
+//! LVDT. So the fit has four sources, each weighted by its own error: the curve, by the misfit that it leaves on this very
+//! rig; what the scene says of string radius and LVDT zero, by the scene's uncertainty; the motor's work, by the noise of the current as it
+//! was measured; and the operator's weight, if one was given. Friction is half of what the ways up and down differ by. One
+//! Gauss–Newton step is taken in each tick. The inverse of the last step's matrix is the covariance of the result.
 
 use crate::RigConstants;
+use crate::least_squares::Cholesky;
 use crate::mechanism::{Mechanism, TWIST_SCALE};
-use rig_link::messages::HomingFailure;
+use rig_link::gap_curve::{GapCurve, TERMS};
+use rig_link::messages::{HomingFailure, LoadChoice};
 use tsa_table::{Point, Table};
 
 /// Bins over the sweep.
@@ -15,24 +19,68 @@ const BINS: usize = 32;
 /// Bins at each end that are left out: the motor changes speed there, and the load sticks until the strings have taken
 /// up friction the other way round.
 const END_BINS: usize = 4;
+/// Bins that are used.
+const USED: usize = BINS - 2 * END_BINS;
 /// Gauss–Newton steps.
-const STEPS: u8 = 6;
+const STEPS: u8 = 10;
+/// What the curve misses is smooth, so that neighbouring bins miss alike: the number of bins that count as independent.
+const INDEPENDENT_BINS: f32 = 4.0;
+/// Least error of a bin's gap (m): a tenth of the converter's code, which averaging over a moving load resolves.
+const LEAST_GAP_ERROR_M: f32 = 5e-6;
+/// Standard error of motor constant and gear together: data sheets allow 5 to 10 %.
+const TORQUE_ERROR: f32 = 0.05;
+/// Share of the motor's friction that may not cancel between the two ways, since it varies with speed and torque.
+const FRICTION_LEFT: f32 = 0.02;
+/// Standard error of a weight that the operator gives, as a share of it.
+const GIVEN_ERROR: f32 = 0.005;
+/// Greatest change in a step of the logarithm of the load, and of that of the scale.
+const LARGEST_STEP: [f32; 2] = [0.7, 0.05];
+/// Millimetres in a metre: the fit counts gaps in millimetres, so that its matrix is well scaled in f32.
+const MM: f32 = 1e3;
 
-/// Rms misfit (m) beyond which this is not the table's mechanism.
-const LARGEST_MISFIT_M: f32 = 0.2e-3;
-/// Errors that the fit weighs by: of the modelled gap in a bin (m), of the string's twist scale, of the mean current (A)
-/// and of the motor's torque constant and gear together.
-const GAP_ERROR_M: f32 = 20e-6;
-const SCALE_ERROR: f32 = 0.015;
-const CURRENT_ERROR_A: f32 = 20e-6;
-const TORQUE_ERROR: f32 = 0.03;
+/// Mean and spread of a current (A).
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Current {
+    sum: f32,
+    squares: f32,
+    count: f32,
+}
+
+impl Current {
+    pub(super) const NONE: Self = Self { sum: 0.0, squares: 0.0, count: 0.0 };
+
+    pub(super) fn add(&mut self, current_a: f32) {
+        self.sum += current_a;
+        self.squares += current_a * current_a;
+        self.count += 1.0;
+    }
+
+    fn mean_a(&self) -> f32 {
+        self.sum / self.count.max(1.0)
+    }
+
+    /// Variance of the mean (A²), of readings that are independent.
+    fn variance_a2(&self) -> f32 {
+        let count = self.count.max(1.0);
+        (self.squares / count - self.mean_a() * self.mean_a()).max(0.0) / count
+    }
+}
+
+/// The same weight of both ways: mean (A), half the difference (A), and the variance of the mean (A²).
+fn both_ways([up, down]: &[Current; 2]) -> Option<(f32, f32, f32)> {
+    let (mean_a, half_a) = (0.5 * (up.mean_a() + down.mean_a()), 0.5 * (up.mean_a() - down.mean_a()));
+    (up.count > 0.0 && down.count > 0.0).then(|| (mean_a, half_a, 0.25 * (up.variance_a2() + down.variance_a2())))
+}
 
 #[derive(Clone, Copy, Debug)]
 struct Bin {
     twist_sum: f32,
     gap_sum: f32,
-    current_sum: f32,
     count: u16,
+}
+
+impl Bin {
+    const EMPTY: Self = Self { twist_sum: 0.0, gap_sum: 0.0, count: 0 };
 }
 
 /// A bin's means over both directions, each counting the same so that friction cancels, and half the differences up
@@ -41,51 +89,39 @@ struct Bin {
 struct Pair {
     twist_rad: f32,
     gap_m: f32,
-    current_a: f32,
     half_twist_rad: f32,
     half_gap_m: f32,
 }
 
-/// Sums of one Gauss–Newton step over the bins: residual r, sensitivity to load d and to scale e.
-#[derive(Clone, Copy, Debug)]
-struct Sums {
-    n: f32,
-    r: f32,
-    d: f32,
-    e: f32,
-    dd: f32,
-    de: f32,
-    ee: f32,
-    dr: f32,
-    er: f32,
-    rr: f32,
-    /// Half differences of the gap, projected on d.
-    friction: f32,
+/// Unknowns of the fit. Their order in its matrix: logarithm of the load, logarithm of the scale, offset (mm).
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Unknowns {
+    load_n: f32,
+    twist_scale: f32,
+    /// Measured less modelled gap (m).
+    offset_m: f32,
 }
 
 /// Result of a weighing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Weighed {
     pub load_n: f32,
-    pub offset_m: f32,
+    /// Standard error of the load (N).
+    pub load_sigma_n: f32,
     pub twist_scale: f32,
     pub friction_n: f32,
+    pub curve: GapCurve,
+    /// Covariance of the logarithm of the scale and the curve's constant (m): scale, both, constant.
+    pub covariance: [f32; 3],
+    /// Rms gap that the fit leaves (m), before the curve.
+    pub misfit_m: f32,
 }
 
-impl Bin {
-    const EMPTY: Self = Self { twist_sum: 0.0, gap_sum: 0.0, current_sum: 0.0, count: 0 };
-}
-
-impl Sums {
-    const ZERO: Self =
-        Self { n: 0.0, r: 0.0, d: 0.0, e: 0.0, dd: 0.0, de: 0.0, ee: 0.0, dr: 0.0, er: 0.0, rr: 0.0, friction: 0.0 };
-}
-
-/// The load by the work that the motor did (N), and the error of that.
-#[derive(Clone, Copy, Debug)]
-struct ByWork {
+/// A load that something else says (N), and its standard error.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Weight {
     load_n: f32,
-    error_n: f32,
+    sigma_n: f32,
 }
 
 /// The weighing.
@@ -93,20 +129,30 @@ struct ByWork {
 pub(super) struct Weigh {
     bins: [[Bin; BINS]; 2],
     pass: usize,
-    result: Weighed,
-    by_work: Option<ByWork>,
+    unknowns: Unknowns,
+    friction_n: f32,
+    /// Currents of both ways over the bins that are used.
+    currents: [Current; 2],
+    /// Mean current of a sweep to both sides of zero twist (A), in which the load's share cancels, and its variance (A²).
+    zero_current: (f32, f32),
+    given: LoadChoice,
+    by_work: Option<Weight>,
     /// Scale of the twist that is expected: the table's, or that of these strings before.
     expected_scale: f32,
     steps: u8,
 }
 
 impl Weigh {
-    /// Before the first sweep, expecting a scale of the twist.
-    pub(super) const fn new(expected_scale: f32) -> Self {
+    /// Before the first sweep, expecting a scale of the twist, and the weight that the operator gives.
+    pub(super) const fn new(expected_scale: f32, given: LoadChoice) -> Self {
         Self {
             bins: [[Bin::EMPTY; BINS]; 2],
             pass: 0,
-            result: Weighed { load_n: 0.0, offset_m: 0.0, twist_scale: expected_scale, friction_n: 0.0 },
+            unknowns: Unknowns { load_n: 0.0, twist_scale: expected_scale, offset_m: 0.0 },
+            friction_n: 0.0,
+            currents: [Current::NONE; 2],
+            zero_current: (0.0, 0.0),
+            given,
             by_work: None,
             expected_scale,
             steps: 0,
@@ -119,12 +165,15 @@ impl Weigh {
 
     /// `share` of the sweep travelled, 0 to 1; the current is positive towards more twist.
     pub(super) fn record(&mut self, share: f32, twist_rad: f32, gap_m: f32, current_a: f32) {
+        let place = (share * BINS as f32) as usize;
         if let (true, Some(bins)) = ((0.0..=1.0).contains(&share), self.bins.get_mut(self.pass)) {
-            let bin = &mut bins[((share * BINS as f32) as usize).min(BINS - 1)];
+            let bin = &mut bins[place.min(BINS - 1)];
             bin.twist_sum += twist_rad;
             bin.gap_sum += gap_m;
-            bin.current_sum += current_a;
             bin.count = bin.count.saturating_add(1);
+            if (END_BINS..BINS - END_BINS).contains(&place) {
+                self.currents[self.pass].add(current_a);
+            }
         }
     }
 
@@ -134,12 +183,15 @@ impl Weigh {
         self.pass >= 2
     }
 
-    /// Begins at the load by the work, else at the (geometric) middle of the table's range.
-    pub(super) fn begin_fit(&mut self, table: &Table<'_>, rig: &RigConstants) {
+    /// Begins in the (geometric) middle of the table's range. `zero_currents` are those of the sweeps across zero twist.
+    pub(super) fn begin_fit(&mut self, table: &Table<'_>, rig: &RigConstants, zero_currents: &[Current; 2]) {
         let m = &table.metadata;
+        self.zero_current = both_ways(zero_currents).map_or((0.0, f32::INFINITY), |(mean_a, _, var)| (mean_a, var));
         self.by_work = self.work(rig);
-        let middle_n = libm::sqrtf(m.load_min_n * m.load_max_n);
-        self.result.load_n = self.by_work.map_or(middle_n, |w| w.load_n).clamp(m.load_min_n, m.load_max_n);
+        self.unknowns.load_n = match self.given {
+            LoadChoice::Known(given_n) => given_n.clamp(m.load_min_n, m.load_max_n),
+            LoadChoice::Auto => libm::sqrtf(m.load_min_n * m.load_max_n),
+        };
     }
 
     fn pair(&self, i: usize) -> Option<Pair> {
@@ -152,110 +204,175 @@ impl Weigh {
         Some(Pair {
             twist_rad: half(|b| b.twist_sum, 1.0),
             gap_m: half(|b| b.gap_sum, 1.0),
-            current_a: half(|b| b.current_sum, 1.0),
             half_twist_rad: half(|b| b.twist_sum, -1.0),
             half_gap_m: half(|b| b.gap_sum, -1.0),
         })
     }
 
-    /// F = I k gear Δθ/ΔG over the part of the sweep at constant speed.
-    fn work(&self, rig: &RigConstants) -> Option<ByWork> {
-        let range = END_BINS..BINS - END_BINS;
-        let (first, last) = (self.pair(range.start)?, self.pair(range.end - 1)?);
-        let (mut sum, mut count) = (0.0, 0.0);
-        for pair in range.filter_map(|i| self.pair(i)) {
-            sum += pair.current_a;
-            count += 1.0;
-        }
+    fn pairs(&self) -> impl Iterator<Item = Pair> + '_ {
+        (END_BINS..BINS - END_BINS).filter_map(|i| self.pair(i))
+    }
+
+    /// The load by the motor's work over the part of the sweep at constant speed: F = I k gear Δθ/ΔG.
+    fn work(&self, rig: &RigConstants) -> Option<Weight> {
+        let (first, last) = (self.pair(END_BINS)?, self.pair(BINS - END_BINS - 1)?);
+        let (mean_a, half_a, variance_a2) = both_ways(&self.currents)?;
+        let (zero_a, zero_variance_a2) = self.zero_current;
         let newton_per_ampere =
             rig.motor_torque_constant_nm_per_a * rig.gear_ratio * (last.twist_rad - first.twist_rad)
                 / (first.gap_m - last.gap_m);
-        let load_n = sum / count * newton_per_ampere;
-        let error_n = libm::hypotf(CURRENT_ERROR_A * newton_per_ampere, TORQUE_ERROR * load_n);
+        let load_n = (mean_a - zero_a) * newton_per_ampere;
+        let left_a = FRICTION_LEFT * half_a;
+        let current_n2 = (variance_a2 + zero_variance_a2 + left_a * left_a) * newton_per_ampere * newton_per_ampere;
+        let sigma_n = libm::sqrtf(current_n2 + TORQUE_ERROR * TORQUE_ERROR * load_n * load_n);
         // A gap that does not shrink is for the fit to refuse.
-        (load_n > 0.0 && error_n.is_finite() && newton_per_ampere > 0.0).then_some(ByWork { load_n, error_n })
+        (sigma_n.is_finite() && sigma_n > 0.0 && newton_per_ampere > 0.0).then_some(Weight { load_n, sigma_n })
     }
 
     /// One Gauss–Newton step, two lookups for each bin; the result when all steps are done.
     ///
     /// # Errors
     /// [`HomingFailure::PoorFit`] or [`HomingFailure::LoadOutOfRange`].
-    pub(super) fn fit_step(&mut self, table: &Table<'_>) -> Result<Option<Weighed>, HomingFailure> {
-        if self.steps < STEPS {
-            self.steps += 1;
-            let sums = self.sums(&Mechanism { table, twist_scale: self.result.twist_scale });
-            self.gauss_newton(table, &sums)?;
-        }
-        Ok((self.steps == STEPS).then_some(self.result))
+    pub(super) fn fit_step(&mut self, table: &Table<'_>, rig: &RigConstants) -> Result<Option<Weighed>, HomingFailure> {
+        self.steps = (self.steps + 1).min(STEPS);
+        self.gauss_newton(table, rig, self.steps == STEPS)
     }
 
-    fn sums(&self, mechanism: &Mechanism<'_>) -> Sums {
-        let Weighed { load_n, friction_n, .. } = self.result;
-        let mut s = Sums::ZERO;
-        for pair in (END_BINS..BINS - END_BINS).filter_map(|i| self.pair(i)) {
+    /// The table with the present scale, and its zero where the present offset is.
+    fn mechanism<'t>(&self, table: &'t Table<'t>) -> Mechanism<'t> {
+        let Unknowns { twist_scale, offset_m, .. } = self.unknowns;
+        Mechanism { table, twist_scale, curve: GapCurve::constant(offset_m) }
+    }
+
+    fn gauss_newton(
+        &mut self,
+        table: &Table<'_>,
+        rig: &RigConstants,
+        last: bool,
+    ) -> Result<Option<Weighed>, HomingFailure> {
+        let m = &table.metadata;
+        let Unknowns { load_n, twist_scale, offset_m } = self.unknowns;
+        // Sums over the bins: residual r (mm), and its derivatives by the three unknowns.
+        let mut n = 0.0;
+        let mut squares = 0.0;
+        let mut matrix = [[0.0f32; 3]; 3];
+        let mut right = [0.0f32; 3];
+        let (mut half_sum, mut half_squares) = (0.0f32, 0.0f32);
+        let mut rest = heapless::Vec::<(f32, f32), USED>::new();
+        let mechanism = self.mechanism(table);
+        for pair in self.pairs() {
             // The way up pulls friction more than the load, the way down as much less. The gap is far from straight
             // in the load when that is light, so each is asked for by itself.
-            let up = mechanism.at(load_n + friction_n, pair.twist_rad + pair.half_twist_rad);
-            let down = below(mechanism, load_n - friction_n, pair.twist_rad - pair.half_twist_rad);
-            let r = pair.gap_m - 0.5 * (up.gap_m + down.gap_m);
-            let d = 0.5 * (up.dgap_dload_m_per_n + down.dgap_dload_m_per_n);
+            let up = mechanism.at(load_n + self.friction_n, pair.twist_rad + pair.half_twist_rad);
+            let down = below(&mechanism, load_n - self.friction_n, pair.twist_rad - pair.half_twist_rad);
+            let r = MM * (pair.gap_m - 0.5 * (up.gap_m + down.gap_m));
+            let by_load = 0.5 * (up.dgap_dload_m_per_n + down.dgap_dload_m_per_n);
             let by_twist = 0.5 * (up.dgap_dtwist_m_per_rad + down.dgap_dtwist_m_per_rad);
-            let e = by_twist * pair.twist_rad / mechanism.twist_scale;
-            s.n += 1.0;
-            s.r += r;
-            s.d += d;
-            s.e += e;
-            s.dd += d * d;
-            s.de += d * e;
-            s.ee += e * e;
-            s.dr += d * r;
-            s.er += e * r;
-            s.rr += r * r;
-            s.friction += d * (pair.half_gap_m - 0.5 * (up.gap_m - down.gap_m));
+            let j = [MM * load_n * by_load, MM * by_twist * pair.twist_rad, 1.0];
+            n += 1.0;
+            squares += r * r;
+            for a in 0..3 {
+                right[a] += j[a] * r;
+                for b in 0..=a {
+                    matrix[a][b] += j[a] * j[b];
+                }
+            }
+            half_sum += by_load * (pair.half_gap_m - 0.5 * (up.gap_m - down.gap_m));
+            half_squares += by_load * by_load;
+            // There are as many places as bins, so this cannot fail.
+            let _ = rest.push((pair.twist_rad, 1e-3 * r));
         }
-        s
+        if n < 0.5 * USED as f32 {
+            return Err(HomingFailure::PoorFit);
+        }
+        let misfit_mm = libm::sqrtf(squares / n);
+        let gap_error_mm = misfit_mm.max(MM * LEAST_GAP_ERROR_M);
+        let weight = INDEPENDENT_BINS / (n * gap_error_mm * gap_error_mm);
+        right.iter_mut().chain(matrix.iter_mut().flatten()).for_each(|x| *x *= weight);
+        let mut add = |unknown: usize, by: f32, missing: f32, sigma: f32| {
+            let information = by / (sigma * sigma);
+            matrix[unknown][unknown] += information * by;
+            right[unknown] += information * missing;
+        };
+        add(1, 1.0, (self.expected_scale - twist_scale) / twist_scale, rig.radius_error);
+        add(2, 1.0, -MM * offset_m, MM * rig.gap_zero_error_m);
+        let given = match self.given {
+            LoadChoice::Known(given_n) => Some(Weight { load_n: given_n, sigma_n: GIVEN_ERROR * given_n }),
+            LoadChoice::Auto => None,
+        };
+        for weight in self.by_work.into_iter().chain(given) {
+            add(0, load_n, weight.load_n - load_n, weight.sigma_n);
+        }
+        let decomposed = Cholesky::new(matrix).ok_or(HomingFailure::PoorFit)?;
+        let step = decomposed.solve(right);
+        if !step.iter().all(|x| x.is_finite()) {
+            return Err(HomingFailure::PoorFit);
+        }
+        // The table ends at its least and greatest load; the step tells how far beyond them the load is.
+        let wanted_n = load_n * libm::expf(step[0].clamp(-LARGEST_STEP[0], LARGEST_STEP[0]));
+        if last {
+            return self.result(table, wanted_n, &decomposed.inverse(), &rest, 1e-3 * misfit_mm).map(Some);
+        }
+        let scale_step = step[1].clamp(-LARGEST_STEP[1], LARGEST_STEP[1]);
+        self.unknowns = Unknowns {
+            load_n: wanted_n.clamp(m.load_min_n, m.load_max_n),
+            twist_scale: (twist_scale * (1.0 + scale_step)).clamp(TWIST_SCALE[0], TWIST_SCALE[1]),
+            offset_m: offset_m + 1e-3 * step[2],
+        };
+        let friction_n = self.friction_n + half_sum / half_squares.max(f32::MIN_POSITIVE);
+        self.friction_n = friction_n.clamp(0.0, 0.4 * self.unknowns.load_n);
+        Ok(None)
     }
 
-    fn gauss_newton(&mut self, table: &Table<'_>, s: &Sums) -> Result<(), HomingFailure> {
+    fn result(
+        &self,
+        table: &Table<'_>,
+        wanted_n: f32,
+        covariance: &[[f32; 3]; 3],
+        rest: &[(f32, f32)],
+        misfit_m: f32,
+    ) -> Result<Weighed, HomingFailure> {
         let m = &table.metadata;
-        let last = self.steps == STEPS;
-        if s.n < 0.5 * (BINS - 2 * END_BINS) as f32 {
-            return Err(HomingFailure::PoorFit);
-        }
-        let (mean_r, mean_d, mean_e) = (s.r / s.n, s.d / s.n, s.e / s.n);
-        // The offset is free, so all is about the means.
-        let (dd, de, ee) = (s.dd - s.n * mean_d * mean_d, s.de - s.n * mean_d * mean_e, s.ee - s.n * mean_e * mean_e);
-        let (dr, er) = (s.dr - s.n * mean_d * mean_r, s.er - s.n * mean_e * mean_r);
-        if last && libm::sqrtf((s.rr / s.n - mean_r * mean_r).max(0.0)) > LARGEST_MISFIT_M {
-            return Err(HomingFailure::PoorFit);
-        }
-        let Weighed { load_n, twist_scale, .. } = self.result;
-        let trust = GAP_ERROR_M * GAP_ERROR_M;
-        let (mut work_weight, mut work_pull) = (0.0, 0.0);
-        if let Some(work) = self.by_work {
-            work_weight = trust / (work.error_n * work.error_n);
-            work_pull = work_weight * (work.load_n - load_n);
-        }
-        let scale_weight = trust / (SCALE_ERROR * SCALE_ERROR);
-        let (a, b, c) = (dd + work_weight, de, ee + scale_weight);
-        let (x, y) = (dr + work_pull, er + scale_weight * (self.expected_scale - twist_scale));
-        let determinant = a * c - b * b;
-        let (load_step, scale_step) = ((c * x - b * y) / determinant, (a * y - b * x) / determinant);
-        if !load_step.is_finite() || !scale_step.is_finite() {
-            return Err(HomingFailure::PoorFit);
-        }
-        let wanted_n = load_n + load_step.clamp(-0.6 * load_n, 1.5 * load_n);
-        if last && !(0.9 * m.load_min_n..=1.1 * m.load_max_n).contains(&wanted_n) {
+        let Unknowns { load_n, twist_scale, offset_m } = self.unknowns;
+        let load_sigma_n = load_n * libm::sqrtf(covariance[0][0]);
+        // Surely outside, whatever the error is.
+        let margin_n = super::NINETY_PERCENT * load_sigma_n;
+        if wanted_n + margin_n < 0.9 * m.load_min_n || wanted_n - margin_n > 1.1 * m.load_max_n {
             return Err(HomingFailure::LoadOutOfRange);
         }
-        self.result.load_n = wanted_n.clamp(m.load_min_n, m.load_max_n);
-        self.result.twist_scale = (twist_scale + scale_step.clamp(-0.05, 0.05)).clamp(TWIST_SCALE[0], TWIST_SCALE[1]);
-        self.result.offset_m =
-            mean_r - mean_d * (self.result.load_n - load_n) - mean_e * (self.result.twist_scale - twist_scale);
-        let friction_n = self.result.friction_n + s.friction / s.dd.max(f32::MIN_POSITIVE);
-        self.result.friction_n = friction_n.clamp(0.0, 0.4 * self.result.load_n);
-        Ok(())
+        Ok(Weighed {
+            load_n,
+            load_sigma_n,
+            twist_scale,
+            friction_n: self.friction_n,
+            curve: curve(rest, offset_m).ok_or(HomingFailure::PoorFit)?,
+            covariance: [covariance[1][1], 1e-3 * covariance[2][1], 1e-6 * covariance[2][2]],
+            misfit_m,
+        })
     }
+}
+
+/// The curve through what the fit leaves at each twist (rad, m), on top of its offset (m).
+fn curve(rest: &[(f32, f32)], offset_m: f32) -> Option<GapCurve> {
+    let (first_rad, last_rad) = (rest.first()?.0, rest.last()?.0);
+    let (middle_rad, half_rad) = (0.5 * (first_rad + last_rad), 0.5 * (last_rad - first_rad));
+    if half_rad <= 0.0 {
+        return None;
+    }
+    let (mut matrix, mut right) = ([[0.0f32; TERMS]; TERMS], [0.0f32; TERMS]);
+    for (twist_rad, left_m) in rest {
+        let place = (twist_rad - middle_rad) / half_rad;
+        let powers = [1.0, place, place * place, place * place * place];
+        for a in 0..TERMS {
+            right[a] += powers[a] * left_m;
+            for b in 0..=a {
+                matrix[a][b] += powers[a] * powers[b];
+            }
+        }
+    }
+    let mut coefficients_m = Cholesky::new(matrix)?.solve(right);
+    coefficients_m[0] += offset_m;
+    Some(GapCurve { middle_rad, half_rad, coefficients_m })
 }
 
 /// As [`Mechanism::at`], continued below the table's least load in 1/F, as the strings' radius goes (model.md 2): the
@@ -264,9 +381,44 @@ fn below(mechanism: &Mechanism<'_>, load_n: f32, twist_rad: f32) -> Point {
     let least_n = mechanism.table.metadata.load_min_n;
     let mut point = mechanism.at(load_n, twist_rad);
     if load_n < least_n {
-        let share = least_n / load_n;
+        let share = least_n / load_n.max(0.1 * least_n);
         point.gap_m += point.dgap_dload_m_per_n * least_n * (1.0 - share);
         point.dgap_dload_m_per_n *= share * share;
     }
     point
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_currents_of_both_ways_count_the_same_and_give_the_error_of_their_mean() {
+        let mut ways = [Current::NONE; 2];
+        // 400 readings up of 10 mA with 2 mA of noise, 100 down of -6 mA with the same.
+        for k in 0..400 {
+            ways[0].add(10e-3 + if k % 2 == 0 { 2e-3 } else { -2e-3 });
+        }
+        for k in 0..100 {
+            ways[1].add(-6e-3 + if k % 2 == 0 { 2e-3 } else { -2e-3 });
+        }
+        let (mean_a, half_a, variance_a2) = both_ways(&ways).unwrap();
+        assert!((mean_a - 2e-3).abs() < 1e-6 && (half_a - 8e-3).abs() < 1e-6, "{mean_a} {half_a}");
+        let expected = 0.25 * (4e-6 / 400.0 + 4e-6 / 100.0);
+        assert!((variance_a2 / expected - 1.0).abs() < 1e-2, "{variance_a2}");
+        assert!(both_ways(&[Current::NONE; 2]).is_none());
+    }
+
+    #[test]
+    fn the_curve_goes_through_a_cubic_rest_and_carries_the_offset() {
+        let rest: [(f32, f32); USED] = core::array::from_fn(|k| {
+            let twist_rad = 8.0 + k as f32;
+            let place = (twist_rad - 19.5) / 11.5;
+            (twist_rad, 1e-4 * place * place * place - 5e-5 * place)
+        });
+        let curve = curve(&rest, 2e-3).unwrap();
+        for (twist_rad, left_m) in rest {
+            assert!((curve.at(twist_rad).0 - left_m - 2e-3).abs() < 1e-7);
+        }
+    }
 }

@@ -171,13 +171,7 @@ impl Rig<'_> {
             }
             Progress::Done(homed) => {
                 self.resume(homed);
-                EventKind::Homed {
-                    zero_error_rad: homed.zero_error_rad,
-                    load_n: homed.load_n,
-                    load_error_n: homed.load_error_n,
-                    friction_n: homed.friction_n,
-                    gap_offset_m: homed.gap_offset_m,
-                }
+                EventKind::Homed(homed.found)
             }
             Progress::Failed(failure) => {
                 self.end_homing();
@@ -211,6 +205,7 @@ impl Rig<'_> {
             observation,
             position_m: tracking.position_m,
             age_s: readings.gap_age_s,
+            gap_noise_m: tracking.homed.found.gap_noise_m,
             twist_rad,
             twist_limits: self.constants.twist_limits(),
         };

@@ -32,7 +32,7 @@ impl Rig<'_> {
     fn follow(&self, inputs: &Inputs) -> Option<DriveCommand> {
         let offset = self.sensing.drive_zero.offset()?;
         let DriveReading::Reports { position_qc, .. } = inputs.drive else { return None };
-        let lag_s = self.tracking.as_ref().map_or(0.0, |tracking| tracking.homed.drive_lag_s);
+        let lag_s = self.tracking.as_ref().map_or(0.0, |tracking| tracking.homed.found.drive_lag_s);
         let counts = (self.shaft.position + lag_s * self.shaft.speed) * self.constants.counts_per_rad;
         // A float to integer cast saturates; NaN would become 0, so it is caught before.
         if !counts.is_finite() {

@@ -74,10 +74,10 @@ impl Rig<'_> {
         let start = MoveStart {
             mechanism: tracking.mechanism(self.table),
             load_n: tracking.observer.load_n(),
-            friction_n: tracking.homed.friction_n,
+            friction_n: tracking.homed.found.friction_n,
             twist_rad: tracking.twist_rad(self.shaft.position),
             position_m: tracking.position_m,
-            zero_gap_m: tracking.homed.reference_gap_m - tracking.homed.gap_offset_m,
+            zero_gap_m: tracking.homed.found.reference_gap_m,
             settings: &self.settings,
         };
         start.check(request)?;

@@ -27,7 +27,7 @@ impl Rig<'_> {
             limit: self.limit,
             target_m: planner.map(|planner| planner.target_m()),
             setpoint_m: planner.map(|planner| planner.set_point_m()),
-            position_m: tracking.zip(gap_m).map(|(tracking, gap_m)| tracking.homed.reference_gap_m - gap_m),
+            position_m: tracking.zip(gap_m).map(|(tracking, gap_m)| tracking.homed.found.reference_gap_m - gap_m),
             twist_rad: tracking.map(|tracking| tracking.twist_rad(self.sensing.readings.shaft_rad)),
             load_n: observed.map(|(tracking, _)| tracking.observer.load_n()),
             load_error_n: observed.and_then(|(tracking, _)| tracking.load_error_n()),
@@ -41,7 +41,7 @@ impl Rig<'_> {
                 Mode::Holding(_) => Some(0.0),
                 _ => None,
             },
-            twist_scale: tracking.map(|tracking| tracking.homed.twist_scale),
+            twist_scale: tracking.map(|tracking| tracking.homed.found.twist_scale),
             counters,
         }
     }

@@ -1,18 +1,20 @@
 //! What is known of the load since homing: position, load, TR, and how the strings drift.
 
 use super::sensing::Readings;
+use crate::RigConstants;
 use crate::adaptation::Adaptation;
-use crate::homing::Homed;
+use crate::homing::{Homed, NINETY_PERCENT};
 use crate::mechanism::Mechanism;
-use crate::observer::{Confidence, LoadObserver, Observation};
+use crate::observer::{LoadObserver, Observation};
+use core::f32::consts::TAU;
 use rig_link::messages::{Limit, LoadChoice, Setting, SettingValues};
 use tsa_table::Table;
 
-/// Share of the gap by which the LVDT may differ from the model, and difference of the twist's scale from the expected one,
-/// beyond which the load is reported as unknown: emulated rigs whose LVDT is 15 % off in gain, or all of whose constants
-/// are 25 % off, come out beyond these and weigh 17 to 38 % wrongly.
-const DOUBTFUL_OFFSET: f32 = 0.08;
-const DOUBTFUL_SCALE: f32 = 0.08;
+/// Error of the load, as a share of it, above which the load is reported as unknown.
+const UNKNOWN_SHARE: f32 = 0.3;
+/// 90 % of the LVDTs whose non-linearity is a sine over the stroke, of any phase and of any size up to the data sheet's,
+/// have a smaller slope error than this share of the greatest that the data sheet allows.
+const SLOPE_SHARE: f32 = 0.74;
 
 /// A homed rig's knowledge of its load.
 #[derive(Clone, Copy, Debug)]
@@ -20,6 +22,9 @@ pub(super) struct LoadTracking {
     pub(super) homed: Homed,
     pub(super) observer: LoadObserver,
     pub(super) adaptation: Adaptation,
+    /// Gap where the load hung when homing ended (m), and the 90 % error of a change of the gap for each metre of it.
+    homed_gap_m: f32,
+    lvdt_slope_error: f32,
     /// Newest measured position (m).
     pub(super) position_m: f32,
     /// Observation of this tick; `None` outside the table's twists.
@@ -28,17 +33,14 @@ pub(super) struct LoadTracking {
 
 impl LoadTracking {
     /// From a homing, at rest at the half-turn pre-twist.
-    pub(super) fn new(mut homed: Homed, settings: &SettingValues) -> Self {
-        homed.reference_gap_m -= settings.get(Setting::PositionZero);
-        let mut observer = LoadObserver::new(homed.load_n, homed.gap_offset_m, homed.friction_n);
-        let scale_off = (homed.twist_scale - settings.get(Setting::TwistScale)).abs();
-        if homed.gap_offset_m.abs() > DOUBTFUL_OFFSET * homed.reference_gap_m || scale_off > DOUBTFUL_SCALE {
-            observer.distrust();
-        }
+    pub(super) fn new(mut homed: Homed, settings: &SettingValues, constants: &RigConstants) -> Self {
+        homed.found.reference_gap_m -= settings.get(Setting::PositionZero);
         Self {
             homed,
-            observer,
-            adaptation: Adaptation::new(homed.twist_scale),
+            observer: LoadObserver::new(&homed.found, constants.load_shape_error),
+            homed_gap_m: homed.found.reference_gap_m,
+            lvdt_slope_error: SLOPE_SHARE * TAU * constants.lvdt_linearity_m / constants.lvdt_stroke_m,
+            adaptation: Adaptation::new(homed.found.twist_scale),
             // Subtract from zero: negating 0.0 would print as -0.
             position_m: 0.0 - settings.get(Setting::PositionZero),
             observation: None,
@@ -47,7 +49,19 @@ impl LoadTracking {
 
     /// The table with these strings' scale of the twist.
     pub(super) fn mechanism<'t>(&self, table: &'t Table<'t>) -> Mechanism<'t> {
-        Mechanism { table, twist_scale: self.homed.twist_scale }
+        Mechanism { table, twist_scale: self.homed.found.twist_scale, curve: self.homed.found.curve }
+    }
+
+    /// Error of the load, 90 % (N); `None` outside the table's twists.
+    pub(super) fn load_error_n(&self) -> Option<f32> {
+        self.observation.map(|observation| observation.load_error_n)
+    }
+
+    /// Error of the position, 90 % (m): the LVDT's slope between here and where it was homed, and the noise here.
+    pub(super) fn position_error_m(&self) -> Option<f32> {
+        let gap_m = self.homed.found.reference_gap_m - self.position_m;
+        let by_slope_m = self.lvdt_slope_error * (gap_m - self.homed_gap_m);
+        Some(libm::hypotf(by_slope_m, NINETY_PERCENT * self.homed.found.gap_noise_m))
     }
 
     /// Twist (rad) at a shaft angle (rad).
@@ -59,11 +73,11 @@ impl LoadTracking {
     pub(super) fn observe(&mut self, table: &Table<'_>, readings: &Readings) {
         let gap_m = readings.lvdt.gap_m();
         if let Some(gap_m) = gap_m {
-            self.position_m = self.homed.reference_gap_m - gap_m;
+            self.position_m = self.homed.found.reference_gap_m - gap_m;
         }
         // Twist and gap of the same time belong together.
         let twist_rad = self.twist_rad(readings.shaft_at_gap_rad);
-        let mechanism = Mechanism { table, twist_scale: self.homed.twist_scale };
+        let mechanism = self.mechanism(table);
         self.observation = if mechanism.covers(twist_rad) {
             Some(self.observer.step(&mechanism, twist_rad, gap_m))
         } else {
@@ -72,21 +86,15 @@ impl LoadTracking {
         };
     }
 
-    /// Half the width of the interval around the load estimate that holds the truth in 90 of 100 cases (N).
-    pub(super) fn load_error_n(&self) -> Option<f32> {
-        None
-    }
-
-    /// The same of the position (m).
-    pub(super) fn position_error_m(&self) -> Option<f32> {
-        None
-    }
-
     /// What the observation says against relying on the load.
     pub(super) fn limit(&self) -> Option<Limit> {
         match &self.observation {
             Some(observation) if observation.at_range_end => Some(Limit::LoadRange),
-            Some(observation) if observation.confidence == Confidence::Sure => None,
+            Some(observation)
+                if observation.confirmed && observation.load_error_n <= UNKNOWN_SHARE * self.observer.load_n() =>
+            {
+                None
+            }
             Some(_) | None => Some(Limit::LoadUnknown),
         }
     }
@@ -96,19 +104,19 @@ impl LoadTracking {
         let homed = &mut self.homed;
         // Change of the load estimate (N) for a change of the scale by 1: (∂G/∂s)/(∂G/∂F).
         let x = observation.point.dgap_dtwist_m_per_rad * twist_rad
-            / homed.twist_scale
+            / homed.found.twist_scale
             / observation.point.dgap_dload_m_per_n;
-        if observation.confidence == Confidence::Changing || self.observer.source != LoadChoice::Auto {
+        if observation.changing || self.observer.source != LoadChoice::Auto {
             self.adaptation.forget_move();
         } else if !done && observation.moved_m > 0.0 {
             self.adaptation.record(x, self.observer.load_n());
         } else if done {
-            let finding = self.adaptation.end_move(homed.twist_scale);
+            let finding = self.adaptation.end_move(homed.found.twist_scale);
             if let Some(agrees) = finding.agrees {
                 self.observer.end_move(agrees);
             }
             if finding.scale_change != 0.0 {
-                homed.twist_scale += finding.scale_change;
+                homed.found.twist_scale += finding.scale_change;
                 self.observer.rescale(-x * finding.scale_change);
             }
         }
@@ -116,7 +124,7 @@ impl LoadTracking {
 
     /// Position 0 is called another height: every position is `higher_m` greater.
     pub(super) fn shift_position(&mut self, higher_m: f32) {
-        self.homed.reference_gap_m += higher_m;
+        self.homed.found.reference_gap_m += higher_m;
         self.position_m += higher_m;
     }
 }

@@ -15,6 +15,7 @@
 //! SI units throughout; the unit is in the name. `None` means "not known", never "zero".
 //! Position is how far the load has come up from where it hung, at the half-turn pre-twist, when the rig was homed.
 
+mod homing;
 mod identity;
 mod refusal;
 mod request;
@@ -22,8 +23,10 @@ mod telemetry;
 
 pub use crate::codes::*;
 pub use crate::faults::Faults;
+pub use crate::gap_curve::GapCurve;
 pub use crate::lvdt_curve::{LVDT_APART_M, LVDT_POINTS_MAX, LvdtCurve};
 pub use crate::versions::{VersionMismatch, Versions};
+pub use homing::HomingResult;
 pub use identity::{Identity, TableIdentity};
 pub use refusal::Refusal;
 pub use request::{Constants, LoadChoice, Request, SettingValues};

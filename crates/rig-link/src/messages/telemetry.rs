@@ -2,6 +2,7 @@
 
 use crate::codes::{Fault, HomingFailure, Limit, State, TableRefusal};
 use crate::faults::Faults;
+use crate::messages::HomingResult;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
@@ -89,18 +90,7 @@ pub struct Counters {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum EventKind {
     /// Homing ended; the twist is known.
-    Homed {
-        /// Half the width of the interval around zero twist that holds the true one in 90 of 100 cases (rad).
-        zero_error_rad: f32,
-        /// Load (N).
-        load_n: f32,
-        /// Half the width of the interval around `load_n` that holds the true load in 90 of 100 cases (N).
-        load_error_n: f32,
-        /// Coulomb friction of the rail (N).
-        friction_n: f32,
-        /// Measured minus modelled gap: the LVDT's zero (m).
-        gap_offset_m: f32,
-    },
+    Homed(HomingResult),
     /// Homing did not come to an end.
     HomingRefused(HomingFailure),
     /// The load is at rest at the target.

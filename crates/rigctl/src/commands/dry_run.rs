@@ -9,6 +9,7 @@ use rig_control::mechanism::Mechanism;
 use rig_control::move_check::{MoveRequest, MoveStart};
 use rig_control::planner::Planner;
 use rig_control::{TICK_S, settings as rig_settings};
+use rig_link::gap_curve::GapCurve;
 use rig_link::{LoadChoice, Setting};
 use serde_json::json;
 use std::f32::consts::PI;
@@ -45,7 +46,8 @@ pub fn run(
         None => defaults,
     };
     let rig = rig_settings::apply(&values, &as_built);
-    let mechanism = Mechanism { table: &table, twist_scale: values.get(Setting::TwistScale) };
+    let mechanism =
+        Mechanism { table: &table, twist_scale: values.get(Setting::TwistScale), curve: GapCurve::constant(0.0) };
     let start = mechanism.at(load_n, PI);
     // Position of the load at the pre-twist, where zero may be another place by the settings. After homing's way down it
     // hangs with the pull of load less friction.

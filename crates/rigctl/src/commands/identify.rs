@@ -3,7 +3,7 @@
 use crate::failure::Failure;
 use crate::identify::constants::{Constant, Unknowns};
 use crate::identify::data::{self, Data};
-use crate::identify::{Errors, Fit, fit, plausible};
+use crate::identify::{Errors, Fit, fit, plausible, uncertainty};
 use crate::options::Global;
 use crate::options::commands::Identify;
 use crate::out_file::OutFile;
@@ -46,9 +46,9 @@ pub fn run(global: &Global, options: &Identify, output: &mut Output) -> Result<(
         }
         None => {}
     }
-    let unknowns = constants(options, &scene)?;
     let out = options.out.as_deref().map(|path| place(path, &options.sweeps)).transpose()?;
     let (data, unit) = measured(options, &scene)?;
+    let unknowns = constants(options, &scene, data.knows_its_zero())?;
     let start = Parameters::new(&scene.geometry, &scene.string, &scene.material)?;
     if let Some(why) = plausible::impossible(&data, scene.geometry.string_length_m) {
         return Err(Failure::failed(why));
@@ -58,7 +58,10 @@ pub fn run(global: &Global, options: &Identify, output: &mut Output) -> Result<(
         Failure::failed(hints.join("; "))
     })?;
     plausible::likely(&data, &scene).iter().for_each(|hint| eprintln!("is a unit wrong? {hint}"));
-    let fitted = unknowns.scene(&scene, &start, &x);
+    let mut fitted = unknowns.scene(&scene, &start, &x);
+    if data.knows_its_zero() {
+        fitted.uncertainty = uncertainty(&fit);
+    }
     fitted.validate()?;
     for bad in &data.bad {
         eprintln!("passed over: {bad}");
@@ -88,11 +91,11 @@ fn place(path: &Path, sweeps: &[PathBuf]) -> Result<OutFile, Failure> {
     OutFile::new(path)
 }
 
-fn constants(options: &Identify, scene: &Scene) -> Result<Unknowns, Failure> {
+fn constants(options: &Identify, scene: &Scene, known: bool) -> Result<Unknowns, Failure> {
     if options.fit.is_empty() {
         // The paper's numbers stand at two twists only: they cannot tell k2, k3 and p apart.
         let law = if options.published { RadiusLaw::LengthRatio } else { scene.string.radius_law };
-        return Ok(Unknowns::usual(law));
+        return Ok(Unknowns::usual(law, known));
     }
     let mut unknowns = Vec::new();
     for name in &options.fit {
@@ -107,7 +110,7 @@ fn constants(options: &Identify, scene: &Scene) -> Result<Unknowns, Failure> {
     if unknowns.iter().filter(|c| curves.contains(c)).count() > 1 {
         return Err(Failure::Usage("--fit: modulus, odd-curve and curve are three ways to fit the same".into()));
     }
-    Ok(Unknowns(unknowns))
+    Ok(Unknowns { constants: unknowns, expected: false })
 }
 
 fn measured(options: &Identify, scene: &Scene) -> Result<(Data, &'static str), Failure> {
@@ -170,7 +173,7 @@ fn print(
         output.line(format!("  {:<18} {value:>14.6e}  +- {:.3} %", e.name, e.standard_error * 1e2))?;
     }
     let curves = [Constant::OddCurve, Constant::Curve];
-    if unknowns.0.iter().any(|c| curves.contains(c)) {
+    if unknowns.constants.iter().any(|c| curves.contains(c)) {
         let a = fitted.material.stress_coefficients_pa.map(|a| format!("{a:.4e}")).join(", ");
         output.line(format!("  a1..a5 = {a} Pa: a tangent written as sums of squares is nowhere negative"))?;
     }

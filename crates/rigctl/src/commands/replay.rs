@@ -48,12 +48,7 @@ pub fn run(global: &Global, options: &Replay, output: &mut Output) -> Result<(),
             "{:.2} to {:.2} s: {} ticks ({} of them filled in), ended by {}",
             s.from_s, s.to_s, s.ticks, s.filled, s.ended_by
         ))?;
-        output.line(format!(
-            "  found from the log: friction {:.4} N, gap at position zero {:.4} mm, drive {:.0} ms behind",
-            s.friction_n,
-            s.reference_gap_m * 1e3,
-            s.drive_lag_s * 1e3
-        ))?;
+        output.line(format!("  found from the log: drive {:.0} ms behind", s.drive_lag_s * 1e3))?;
         for (what, d, factor, unit) in [
             ("load estimate", s.load_n, 1.0, "N"),
             ("its error", s.load_error_n, 1.0, "N"),

@@ -52,7 +52,8 @@ pub fn run(global: &Global, options: &Sweep, output: &mut Output) -> Result<(), 
     head.add("sweep.speed_rad_per_s", speed);
     let rows = record(&mut session, out.begin()?, &head, options)?;
     let log = Log::load(&options.out).map_err(|e| Failure::failed(format!("{}: {e}", options.out.display())))?;
-    let (_, stops) = reduced::stops(&log).map_err(|e| Failure::failed(format!("{}: {e}", options.out.display())))?;
+    let reduced::Sweep { stops, .. } =
+        reduced::reduce(&log).map_err(|e| Failure::failed(format!("{}: {e}", options.out.display())))?;
     let contraction_m = stops.last().map_or(0.0, |s| s.position_m) - stops.first().map_or(0.0, |s| s.position_m);
     let friction_m = stops.iter().map(|s| s.half_difference_m).sum::<f64>() / stops.len() as f64;
     output.object(&json!({

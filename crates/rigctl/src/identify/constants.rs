@@ -77,6 +77,17 @@ impl Constant {
         NAMES.iter().find(|(c, ..)| *c == self).map_or("", |(.., symbol)| symbol)
     }
 
+    /// Standard deviation of the logarithm about the scene's value that is expected of a rig of the scene's kind: 30 % of
+    /// the radius law, 15 % of the rods' curve (docs/model.md 6), 2 mm of the string's length. Curves have none.
+    pub fn spread(self) -> Option<f64> {
+        match self {
+            Self::K1 | Self::K2 | Self::K3 | Self::Exponent => Some(0.3),
+            Self::Modulus | Self::Stiffness => Some(0.15),
+            Self::RodRadius | Self::StringLength => Some(0.02),
+            Self::OddCurve | Self::Curve => None,
+        }
+    }
+
     /// Number of unknowns.
     pub fn unknowns(self) -> usize {
         match self {
@@ -161,25 +172,32 @@ impl Constant {
 
 /// The unknowns of a fit, in order.
 #[derive(Debug, Clone)]
-pub struct Unknowns(pub Vec<Constant>);
+pub struct Unknowns {
+    /// The constants.
+    pub constants: Vec<Constant>,
+    /// Whether the scene's own values count, each with its [`Constant::spread`]: then data that leave a combination of
+    /// constants open leave it where it was.
+    pub expected: bool,
+}
 
 impl Unknowns {
-    /// What is fitted to recorded sweeps unless the operator says otherwise: the radius law and one factor of the rods'
-    /// curve. A law that grows with the length alone has no exponent.
-    pub fn usual(law: RadiusLaw) -> Self {
+    /// What is fitted to recorded sweeps unless the operator says otherwise: the radius law, one factor of the rods' curve,
+    /// and the string's length where the gap's zero is `known`. A law that grows with the length alone has no exponent.
+    pub fn usual(law: RadiusLaw, known: bool) -> Self {
         let exponent = (law == RadiusLaw::TwistPower).then_some(Constant::Exponent);
         let radius = [Constant::K1, Constant::K2, Constant::K3].into_iter().chain(exponent);
-        Self(radius.chain([Constant::Modulus]).collect())
+        let constants = radius.chain([Constant::Modulus]).chain(known.then_some(Constant::StringLength)).collect();
+        Self { constants, expected: known }
     }
 
     /// How many.
     pub fn count(&self) -> usize {
-        self.0.iter().map(|c| c.unknowns()).sum()
+        self.constants.iter().map(|c| c.unknowns()).sum()
     }
 
     /// A name for each.
     pub fn labels(&self) -> Vec<String> {
-        self.0
+        self.constants
             .iter()
             .flat_map(|c| match c {
                 Constant::OddCurve => ["ln a1", "v", "w"].map(|part| format!("odd-curve {part}")).to_vec(),
@@ -193,7 +211,7 @@ impl Unknowns {
     pub fn parameters(&self, base: &Parameters, x: &[f64], fixed: &str) -> Parameters<Number> {
         let mut p = Parameters::<Number>::constant(base);
         let mut at = 0;
-        for constant in &self.0 {
+        for constant in &self.constants {
             let n = constant.unknowns();
             let part: Vec<Number> =
                 (at..at + n).map(|k| Number::parameter(x.get(k).copied().unwrap_or(0.0), k)).collect();

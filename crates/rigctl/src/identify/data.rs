@@ -2,11 +2,12 @@
 //!
 //! A sweep is a CSV file with the columns `load_n`, `turns` (or `twist_rad`) and `gap_m` or `contraction_m`, and if
 //! wanted `sigma_m`, one standard deviation of the row. Lines that begin with `#` are passed over. A log of `rigctl sweep`
-//! is taken by its equilibria ([`crate::log::sweep`]) and the load in its head, not by the board's estimate. The zero of a gap
-//! sensor is not known: each file with `gap_m` gets an unknown of its own for it.
+//! is taken by its equilibria ([`crate::log::sweep`]) and the load in its head, not by the board's estimate. Such logs of one
+//! rig share the zero of its LVDT, and the string's length is fitted to it. The zero of the gap sensor behind another file
+//! with `gap_m`, or an older log, is not known: each gets an unknown of its own for it.
 
 use crate::failure::Failure;
-use crate::log::sweep::Stop;
+use crate::log::sweep::Sweep;
 use crate::log::{self, Log};
 use lab::published::numbers::{self as published, Group, Kind};
 use rig_scene::Scene;
@@ -67,26 +68,32 @@ pub struct Data {
 }
 
 impl Data {
+    /// Whether every row is a gap whose zero is known.
+    pub fn knows_its_zero(&self) -> bool {
+        self.rows.iter().all(|row| row.quantity == Quantity::Gap && row.zero.is_none())
+    }
+
     /// Adds the equilibria of one recorded sweep under a known load; every `hold_out`-th row of all data is only predicted
     /// (0: none).
-    pub fn add_sweep(&mut self, name: &str, base: &Parameters, load_n: f64, stops: &[Stop], hold_out: usize) {
+    pub fn add_sweep(&mut self, name: &str, base: &Parameters, sweep: &Sweep, hold_out: usize) {
         let before = self.rows.len();
-        for stop in stops {
+        let zero = sweep.zero_gap_m.is_none().then_some(self.zeros);
+        for stop in &sweep.stops {
             self.rows.push(Row {
                 held_out: hold_out > 0 && (self.rows.len() + 1).is_multiple_of(hold_out),
                 id: format!("{name} at {:.2} turns", stop.twist_rad / std::f64::consts::TAU - 0.5),
                 quantity: Quantity::Gap,
-                load_n,
+                load_n: sweep.load_n,
                 twist_rad: stop.twist_rad,
-                // Up is where the gap is smaller; the zero is unknown either way.
-                value: -stop.position_m,
+                // Up is where the gap is smaller.
+                value: sweep.zero_gap_m.unwrap_or(0.0) - stop.position_m,
                 sigma: SIGMA_M,
                 base: *base,
                 fixed: String::new(),
-                zero: Some(self.zeros),
+                zero,
             });
         }
-        self.zeros += 1;
+        self.zeros += usize::from(zero.is_some());
         self.files.push((name.to_owned(), before..self.rows.len()));
     }
 }
@@ -163,13 +170,14 @@ pub fn sweeps(scene: &Scene, files: &[impl AsRef<Path>], hold_out: usize, partia
                 });
                 ended.map_err(|e| wrong(format!("{e}; --partial takes what is there")))?;
             }
-            let (load_n, stops) = log::sweep::stops(&log).map_err(wrong)?;
+            let sweep = log::sweep::reduce(&log).map_err(wrong)?;
+            let load_n = sweep.load_n;
             if !(load_n >= tsa_model::mechanism::MINIMUM_LOAD_N && load_n.is_finite()) {
                 return Err(wrong(format!(
                     "sweep.load_n {load_n}: a slack string has no law (the column is in newtons)"
                 )));
             }
-            data.add_sweep(&path.display().to_string(), &base, load_n, &stops, hold_out);
+            data.add_sweep(&path.display().to_string(), &base, &sweep, hold_out);
             continue;
         }
         let mut reader = csv::ReaderBuilder::new()

@@ -13,6 +13,7 @@ use constants::{MOST, Number, Unknowns};
 use data::{Data, Quantity, Row};
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::{DMatrix, DVector, Dyn, Owned};
+use rig_scene::Uncertainty;
 use serde::Serialize;
 use tsa_model::{Mechanism, PRETWIST_RAD, Parameters, SolveError};
 
@@ -81,6 +82,23 @@ impl Errors {
     }
 }
 
+/// Least standard errors of an identified scene: strings bed in, creep and warm up between the sweeps and later use
+/// (docs/plants.md), which no sweep shows. Radius (relative), gap's zero (m), change of the load (relative).
+const LEAST_RADIUS_ERROR: f64 = 0.004;
+const LEAST_ZERO_ERROR_M: f64 = 50e-6;
+const CHANGE_ERROR: f64 = 0.02;
+
+/// How well a scene's constants are known after a fit to sweeps whose zero is known. What the fit leaves is smooth over a
+/// sweep, not noise that averages out, so that it counts in full, and twice because the use is not the sweep.
+pub fn uncertainty(fit: &Fit) -> Uncertainty {
+    let left_m = 2.0 * fit.fitted.rms.max(fit.held_out.rms);
+    Uncertainty {
+        radius: LEAST_RADIUS_ERROR,
+        gap_zero_m: left_m.hypot(LEAST_ZERO_ERROR_M).min(0.05),
+        load_shape: CHANGE_ERROR,
+    }
+}
+
 /// One row after the fit.
 #[derive(Debug, Clone, Serialize)]
 pub struct Fitted {
@@ -130,6 +148,8 @@ pub struct Fit {
 struct Problem<'a> {
     unknowns: &'a Unknowns,
     rows: Vec<&'a Row>,
+    /// Value and standard deviation that are expected of an unknown.
+    expected: Vec<(usize, f64, f64)>,
     x: DVector<f64>,
     residuals: DVector<f64>,
     jacobian: DMatrix<f64>,
@@ -150,8 +170,14 @@ fn predict(unknowns: &Unknowns, row: &Row, x: &[f64]) -> Result<Number, SolveErr
 impl<'a> Problem<'a> {
     fn new(unknowns: &'a Unknowns, data: &'a Data, x: DVector<f64>) -> Self {
         let rows: Vec<&Row> = data.rows.iter().filter(|r| !r.held_out).collect();
-        let (n, m) = (rows.len(), x.len());
-        let mut problem = Self { unknowns, rows, x, residuals: DVector::zeros(n), jacobian: DMatrix::zeros(n, m) };
+        let spreads = unknowns.constants.iter().flat_map(|c| vec![c.spread(); c.unknowns()]).enumerate();
+        let expected: Vec<(usize, f64, f64)> = spreads
+            .filter(|_| unknowns.expected)
+            .filter_map(|(unknown, spread)| Some((unknown, x[unknown], spread?)))
+            .collect();
+        let (n, m) = (rows.len() + expected.len(), x.len());
+        let mut problem =
+            Self { unknowns, rows, expected, x, residuals: DVector::zeros(n), jacobian: DMatrix::zeros(n, m) };
         problem.evaluate();
         problem
     }
@@ -173,6 +199,10 @@ impl<'a> Problem<'a> {
                 self.jacobian[(k, count + zero)] = 1.0 / row.sigma;
             }
             self.residuals[k] = (value - row.value) / row.sigma;
+        }
+        for (k, (unknown, value, spread)) in self.expected.iter().enumerate() {
+            self.residuals[self.rows.len() + k] = (self.x[*unknown] - value) / spread;
+            self.jacobian[(self.rows.len() + k, *unknown)] = 1.0 / spread;
         }
     }
 }
@@ -203,7 +233,7 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
 /// [`IdentifyError`]: what the data cannot tell is refused by name.
 pub fn fit(unknowns: &Unknowns, start: &Parameters, data: &Data) -> Result<(Vec<f64>, Fit), IdentifyError> {
     let mut x: Vec<f64> = Vec::new();
-    for constant in &unknowns.0 {
+    for constant in &unknowns.constants {
         x.extend(constant.start(start).map_err(IdentifyError::Start)?);
     }
     if x.len() > MOST {

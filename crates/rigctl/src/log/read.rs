@@ -1,10 +1,11 @@
 //! Reading a log back. Every line is checked; each refusal names the line.
 
+use super::write::HOMED;
 use super::{FORMAT, Header, SETTINGS};
 use crate::board_settings;
 use crate::lvdt_points;
 use crate::script;
-use rig_link::{Request, Setting, SettingValues, State};
+use rig_link::{HomingResult, Request, Setting, SettingValues, State};
 use std::path::Path;
 
 /// The columns of a row that the control code uses. SI units.
@@ -43,19 +44,8 @@ pub struct LogRow {
 pub enum Mark {
     /// The host sent a request.
     Request(Request),
-    /// Homing ended. Older logs do not have what is optional.
-    Homed {
-        /// Stated error of zero twist (rad).
-        zero_error_rad: Option<f64>,
-        /// Load (N).
-        load_n: f64,
-        /// Stated error of `load_n` (N).
-        load_error_n: Option<f64>,
-        /// Coulomb friction of the rail (N).
-        friction_n: Option<f64>,
-        /// Measured less modelled gap (m).
-        gap_offset_m: f64,
-    },
+    /// Homing ended. In older logs this is another event: they do not hold all of the result.
+    Homed(HomingResult),
     /// Any other event of the board.
     Event(String),
 }
@@ -232,19 +222,10 @@ impl Log {
 }
 
 fn event_mark(text: &str) -> Result<Mark, String> {
-    let Some(homed) = text.strip_prefix("homed ") else { return Ok(Mark::Event(text.to_owned())) };
-    let value = |key: &str| {
-        let found = homed.split_whitespace().find_map(|w| w.strip_prefix(key)?.strip_prefix('='));
-        found.and_then(|v| v.parse::<f64>().ok()).filter(|v| v.is_finite())
-    };
-    let needed = |key: &str| value(key).ok_or_else(|| format!("event homed has no number {key}"));
-    Ok(Mark::Homed {
-        zero_error_rad: value("zero_error_rad"),
-        load_n: needed("load_n")?,
-        load_error_n: value("load_error_n"),
-        friction_n: value("friction_n"),
-        gap_offset_m: needed("gap_offset_m")?,
-    })
+    match text.strip_prefix(HOMED).filter(|result| result.starts_with('{')) {
+        Some(result) => serde_json::from_str(result).map(Mark::Homed).map_err(|e| format!("event homed: {e}")),
+        None => Ok(Mark::Event(text.to_owned())),
+    }
 }
 
 fn row(names: &[&str], content: &str) -> Result<LogRow, String> {
@@ -284,7 +265,9 @@ mod tests {
 
     const GOOD: &str = "# format = tsa-log 1\n# scene_hash = 01234567\nt_s,state,position_m,twist_rad,load_n\n\
         # at 0.01 request move 0.008 speed=0.002 load=auto\n0.02,ready,0.001,3.2,\n\
-        # at 0.02 event homed twist_error_estimate_rad=0.001 load_n=4.9 gap_offset_m=0.0001\n\
+        # at 0.02 event homed {\"zero_error_rad\":0.001,\"load_n\":4.9,\"load_error_n\":0.25,\"friction_n\":0.1,\
+        \"reference_gap_m\":0.1,\"gap_noise_m\":4e-6,\"twist_scale\":1.0,\"curve\":{\"middle_rad\":22.0,\"half_rad\":14.0,\
+        \"coefficients_m\":[0.0001,0.0,0.0,0.0]},\"covariance\":[1e-4,0.0,1e-8],\"drive_lag_s\":0.05}\n\
         0.03,moving,0.001,3.3,4.9\n# lost_frames = 0\n# end rows = 2\n";
 
     #[test]
@@ -294,13 +277,9 @@ mod tests {
         assert_eq!((log.header.get("scene_hash"), log.header.get("lost_frames")), (Some("01234567"), Some("0")));
         assert_eq!(log.rows[1].load_n, Some(4.9));
         assert_eq!(log.marks[1].row, 1);
-        // Written before errors were stated.
-        let Mark::Homed { load_n: 4.9, gap_offset_m: 0.0001, zero_error_rad, load_error_n, friction_n } =
-            log.marks[1].mark
-        else {
-            panic!("{:?}", log.marks[1])
-        };
-        assert_eq!([zero_error_rad, load_error_n, friction_n, log.rows[1].load_error_n], [None; 4]);
+        let Mark::Homed(found) = log.marks[1].mark else { panic!("{:?}", log.marks[1]) };
+        assert_eq!((found.load_n, found.load_error_n, found.curve.coefficients_m[0]), (4.9, 0.25, 0.0001));
+        assert_eq!(log.rows[1].load_error_n, None, "written before errors were stated");
         assert!(matches!(log.marks[0].mark, Mark::Request(Request::Move { target_m: 0.008, .. })));
     }
 
@@ -309,19 +288,18 @@ mod tests {
         let text = GOOD
             .replace("twist_rad,load_n\n", "twist_rad,load_n,load_error_n,position_error_m\n")
             .replace("3.2,\n", "3.2,,,\n")
-            .replace("3.3,4.9\n", "3.3,4.9,0.2,0.0001\n")
-            .replace("twist_error_estimate_rad=0.001", "zero_error_rad=0.03 load_error_n=0.25 friction_n=0.1");
+            .replace("3.3,4.9\n", "3.3,4.9,0.2,0.0001\n");
         let log = Log::parse(&text).and_then(Log::whole).unwrap();
         let errors = |k: usize| [log.rows[k].load_error_n, log.rows[k].position_error_m];
         assert_eq!((errors(0), errors(1)), ([None; 2], [Some(0.2), Some(0.0001)]));
-        let homed = Mark::Homed {
-            zero_error_rad: Some(0.03),
-            load_n: 4.9,
-            load_error_n: Some(0.25),
-            friction_n: Some(0.1),
-            gap_offset_m: 0.0001,
-        };
-        assert_eq!(log.marks[1].mark, homed);
+    }
+
+    #[test]
+    fn the_homing_of_an_older_log_is_another_event() {
+        let homed = GOOD.lines().find(|line| line.contains("homed")).unwrap();
+        let older = "# at 0.02 event homed twist_error_estimate_rad=0.001 load_n=4.9 gap_offset_m=0.0001";
+        let log = Log::parse(&GOOD.replace(homed, older)).and_then(Log::whole).unwrap();
+        assert!(matches!(log.marks[1].mark, Mark::Event(_)));
     }
 
     #[test]
@@ -347,7 +325,7 @@ mod tests {
             ("0.02,ready,", "0.02,ready,,", 5, "cells"),
             ("0.03,moving", "0.01,moving", 7, "before"),
             ("move 0.008", "mov 0.008", 4, "mov"),
-            ("load_n=4.9", "load_n=inf", 6, "load_n"),
+            ("load_n\":4.9", "load_n\":inf", 6, "event homed"),
             ("at 0.02", "at noon", 6, "noon"),
             ("end rows = 2", "end rows = 3", 9, "3 rows"),
         ] {

@@ -3,8 +3,8 @@
 //! The load moves slowly, so each row is an equilibrium but for two effects that depend on the direction: rail friction and
 //! the age of the gap. The mean of the way up and the way down at the same twist is free of both.
 
-use super::{Log, LogRow};
-use rig_link::State;
+use super::{Log, LogRow, Mark, SETTINGS};
+use rig_link::{Setting, State};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
@@ -39,11 +39,32 @@ struct Sums {
     position: f64,
 }
 
-/// The load that hung (N), and the equilibria in order of twist.
+/// A sweep by its equilibria.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sweep {
+    /// The load that hung (N).
+    pub load_n: f64,
+    /// Gap that the LVDT showed at position zero (m); none in older logs.
+    pub zero_gap_m: Option<f64>,
+    /// In order of twist.
+    pub stops: Vec<Stop>,
+}
+
+/// The gap at position zero, by the log's last homing and its settings (m).
+fn zero_gap_m(log: &Log) -> Option<f64> {
+    let homed = log.marks.iter().rev().find_map(|marked| match marked.mark {
+        Mark::Homed(found) => Some(f64::from(found.reference_gap_m)),
+        _ => None,
+    })?;
+    let zero = log.header.get(&format!("{SETTINGS}{}", Setting::PositionZero.name()));
+    Some(homed - zero.and_then(|value| value.parse::<f64>().ok()).unwrap_or(0.0))
+}
+
+/// The load that hung, and the equilibria.
 ///
 /// # Errors
 /// In words, if the log is not one of a sweep, or has one direction only.
-pub fn stops(log: &Log) -> Result<(f64, Vec<Stop>), String> {
+pub fn reduce(log: &Log) -> Result<Sweep, String> {
     let load = log.header.get("sweep.load_n").ok_or("is a log, but not of `rigctl sweep`: nobody weighed its load")?;
     let load_n: f64 = load.parse().map_err(|_| format!("sweep.load_n `{load}` is not a number"))?;
     let mut bins: BTreeMap<i64, [Sums; 2]> = BTreeMap::new();
@@ -82,5 +103,5 @@ pub fn stops(log: &Log) -> Result<(f64, Vec<Stop>), String> {
     if stops.is_empty() {
         return Err("has no twist that was passed both up and down".into());
     }
-    Ok((load_n, stops))
+    Ok(Sweep { load_n, zero_gap_m: zero_gap_m(log), stops })
 }

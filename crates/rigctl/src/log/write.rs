@@ -83,13 +83,13 @@ impl<W: Write> Recorder<W> {
     }
 }
 
-/// An event as a line of the log: its name, then `key=value`.
+/// How the line of a homing begins; its result follows as JSON.
+pub const HOMED: &str = "homed ";
+
+/// An event as a line of the log: its name, then what belongs to it.
 pub fn event(kind: &EventKind) -> String {
     match kind {
-        EventKind::Homed { zero_error_rad, load_n, load_error_n, friction_n, gap_offset_m } => format!(
-            "homed zero_error_rad={zero_error_rad} load_n={load_n} load_error_n={load_error_n} friction_n={friction_n} \
-             gap_offset_m={gap_offset_m}"
-        ),
+        EventKind::Homed(found) => format!("{HOMED}{}", serde_json::to_string(found).unwrap_or_default()),
         EventKind::HomingRefused(failure) => format!("homing-refused {failure}"),
         EventKind::MoveDone { error_m } => format!("move-done error_m={error_m}"),
         EventKind::Stopped => "stopped".into(),

@@ -24,21 +24,16 @@ pub struct HomeResult {
     pub friction_n: f32,
     /// Half the width of the interval around zero twist that holds the true one in 90 of 100 cases (rad).
     pub zero_error_rad: f32,
-    /// Measured less modelled gap (m).
-    pub gap_offset_m: f32,
+    /// Measured gap at position zero (m).
+    pub reference_gap_m: f32,
 }
 
 impl HomeResult {
     /// A line for people.
     pub fn text(&self) -> String {
         format!(
-            "homed in {:.1} s: load {:.3} N ± {:.3} N, friction {:.3} N, zero twist ± {:.4} rad, LVDT offset {:+.3} mm",
-            self.duration_s,
-            self.load_n,
-            self.load_error_n,
-            self.friction_n,
-            self.zero_error_rad,
-            f64::from(self.gap_offset_m) * 1e3
+            "homed in {:.1} s: load {:.3} N ± {:.3} N, friction {:.3} N, zero twist ± {:.4} rad",
+            self.duration_s, self.load_n, self.load_error_n, self.friction_n, self.zero_error_rad
         )
     }
 }
@@ -58,16 +53,15 @@ pub fn home(session: &mut Session, load: LoadChoice, mut each: impl FnMut(&Row))
         session.take_rows().iter().for_each(&mut each);
         for (t_s, kind) in session.take_events() {
             match kind {
-                EventKind::Homed { zero_error_rad, load_n, load_error_n, friction_n, gap_offset_m } => {
+                EventKind::Homed(found) => {
                     bar.finish_and_clear();
-                    let duration_s = t_s - start_s;
                     return Ok(HomeResult {
-                        duration_s,
-                        load_n,
-                        load_error_n,
-                        friction_n,
-                        zero_error_rad,
-                        gap_offset_m,
+                        duration_s: t_s - start_s,
+                        load_n: found.load_n,
+                        load_error_n: found.load_error_n,
+                        friction_n: found.friction_n,
+                        zero_error_rad: found.zero_error_rad,
+                        reference_gap_m: found.reference_gap_m,
                     });
                 }
                 EventKind::HomingRefused(failure) => return Err(HomingFailed(failure).into()),

@@ -3,9 +3,11 @@
 use super::super::{lasts, ticks};
 use super::Situation;
 
-/// How far the load may stay behind its set-point (m), and for how long.
+/// How far the load may stay behind its set-point (m), and for how long: by itself, and with the time that a changed load
+/// needs to be known and brought back.
 const FOLLOW_M: f32 = 2e-3;
 const FOLLOW_TICKS: u16 = ticks(50);
+const CHANGED_TICKS: u16 = ticks(500);
 /// How long the load estimate may want to leave the table at its heavy end and at its light end, where nothing breaks.
 const HEAVY_TICKS: u16 = ticks(30);
 const LIGHT_TICKS: u16 = ticks(200);
@@ -14,6 +16,7 @@ const LIGHT_TICKS: u16 = ticks(200);
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct LoadChecks {
     follow_ticks: u16,
+    changed_ticks: u16,
     range_ticks: u16,
 }
 
@@ -24,7 +27,9 @@ impl LoadChecks {
             .set_point_m
             .zip(situation.tracking)
             .is_some_and(|(set_point_m, tracking)| (set_point_m - tracking.position_m).abs() > FOLLOW_M);
-        lasts(&mut self.follow_ticks, off, FOLLOW_TICKS)
+        let changing = situation.tracking.and_then(|tracking| tracking.observation).is_some_and(|o| o.changing);
+        let lags = lasts(&mut self.follow_ticks, off && !changing, FOLLOW_TICKS);
+        lasts(&mut self.changed_ticks, off, CHANGED_TICKS) || lags
     }
 
     /// The load is beyond what the table, and so the mechanism, was made for.
