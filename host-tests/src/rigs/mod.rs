@@ -6,8 +6,8 @@
 //!   with a fixed ratio.
 //! - [`floor`]: what is measured, and what is asked of it. [`report`]: the table, JSON and CSV.
 //!
-//! Anything may be tuned on the rigs with seeds 1 to 40. What is reported is of seeds 1001 to 1040, which nothing was
-//! tuned on.
+//! Anything may be tuned on the rigs with seeds 1 to 40. What is reported is of seeds from 1001 on, at most to 1040, which
+//! nothing was tuned on.
 
 pub mod commission;
 pub mod fixed_ratio;

@@ -244,7 +244,9 @@ impl Line {
             1
         };
         let shown = |v: Option<f64>| v.map_or("-".into(), |v| format!("{:.digits$} {unit}", by * v));
-        let [median, high, worst] = [0, 1, 2].map(|k| shown(self.spread.map(|s| s[k])));
+        // Of what is 1 or 0 only the mean says anything.
+        let spread = self.spread.filter(|_| !matches!(self.floor, Some(Floor::Mean(_))));
+        let [median, high, worst] = [0, 1, 2].map(|k| shown(spread.map(|s| s[k])));
         let met = match self.floor {
             Some(Floor::Per200Moves(_)) => self.met.map_or("-".into(), |rate| format!("{rate:.1} / 200")),
             _ => self.met.map_or("-".into(), |share| format!("{:.1} %", 100.0 * share)),
