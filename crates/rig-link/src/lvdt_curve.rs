@@ -46,6 +46,14 @@ impl LvdtCurve {
         self.error_m
     }
 
+    /// Mean distance of two neighbouring points (m).
+    pub fn spacing_m(&self) -> f32 {
+        match self.points() {
+            [[first_m, _], between @ .., [last_m, _]] => (last_m - first_m) / (between.len() + 1) as f32,
+            _ => LVDT_APART_M,
+        }
+    }
+
     /// Checks what came from outside.
     ///
     /// # Errors

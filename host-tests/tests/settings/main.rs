@@ -5,7 +5,7 @@ mod effects;
 
 use host_tests::board::Bench;
 use rig_link::messages::{
-    Accepted, Fault, Kept, LoadChoice, Refusal, Request, Setting, SettingValues, SettingsReport, State,
+    Accepted, Fault, Kept, LoadChoice, LvdtCurve, Refusal, Request, Setting, SettingValues, SettingsReport, State,
 };
 
 const fn set(setting: Setting, value: f32) -> Request {
@@ -178,6 +178,25 @@ fn a_power_cut_leaves_the_old_values_or_the_new_ones() {
     b.set(&Request::SetSettings(old)).unwrap();
     let new = old.with(Setting::LvdtGain, 0.98).with(Setting::TwistSign, -1.0).with(Setting::PositionZero, -0.003);
     cut_power(&b.machine.flash_image(), &old, &new, 30);
+}
+
+/// A calibration at 11 points is one record with the other settings.
+#[test]
+fn a_power_cut_leaves_the_old_points_or_the_new_ones() {
+    let mut b = standing(&[], 5);
+    let with_points = |values: SettingValues, correction_m: f32| {
+        let points: Vec<[f32; 2]> = (0..11u8).map(|k| [0.08 + 2e-3 * f32::from(k), correction_m]).collect();
+        SettingValues { lvdt_curve: Some(LvdtCurve::new(&points, 2e-5).unwrap()), ..values }
+    };
+    let defaults = b.settings().defaults;
+    let (old, new) = (with_points(defaults, 1e-4), with_points(defaults, -2e-4));
+    let shown_m = b.mean_gap_m();
+    b.set(&Request::SetSettings(old)).unwrap();
+    assert_eq!(b.settings().values, old);
+    assert!((b.mean_gap_m() - shown_m - 1e-4).abs() < 20e-6, "the gap follows");
+    let bent = SettingValues { lvdt_curve: b.settings().values.lvdt_curve, ..defaults.with(Setting::LvdtGain, 3.0) };
+    assert!(matches!(b.ask(&Request::SetSettings(bent)), Err(Refusal::SettingOutOfRange { .. })), "all or none");
+    cut_power(&b.machine.flash_image(), &old, &new, 15);
 }
 
 #[test]

@@ -3,18 +3,15 @@
 use super::sensing::Readings;
 use crate::RigConstants;
 use crate::adaptation::Adaptation;
+use crate::constants::ChangeError;
 use crate::homing::{Homed, NINETY_PERCENT};
 use crate::mechanism::Mechanism;
 use crate::observer::{LoadObserver, Observation};
-use core::f32::consts::TAU;
 use rig_link::messages::{Limit, LoadChoice, Setting, SettingValues};
 use tsa_table::Table;
 
 /// Error of the load, as a share of it, above which the load is reported as unknown.
 const UNKNOWN_SHARE: f32 = 0.3;
-/// 90 % of the LVDTs whose non-linearity is a sine over the stroke, of any phase and of any size up to the data sheet's,
-/// have a smaller slope error than this share of the greatest that the data sheet allows.
-const SLOPE_SHARE: f32 = 0.74;
 
 /// A homed rig's knowledge of its load.
 #[derive(Clone, Copy, Debug)]
@@ -22,9 +19,9 @@ pub(super) struct LoadTracking {
     pub(super) homed: Homed,
     pub(super) observer: LoadObserver,
     pub(super) adaptation: Adaptation,
-    /// Gap where the load hung when homing ended (m), and the 90 % error of a change of the gap for each metre of it.
+    /// Gap where the load hung when homing ended (m), and the 90 % error of a change of the gap since then.
     homed_gap_m: f32,
-    lvdt_slope_error: f32,
+    lvdt_change_error: ChangeError,
     /// Newest measured position (m).
     pub(super) position_m: f32,
     /// Observation of this tick; `None` outside the table's twists.
@@ -39,7 +36,7 @@ impl LoadTracking {
             homed,
             observer: LoadObserver::new(&homed.found, constants.load_shape_error),
             homed_gap_m: homed.found.reference_gap_m,
-            lvdt_slope_error: SLOPE_SHARE * TAU * constants.lvdt_linearity_m / constants.lvdt_stroke_m,
+            lvdt_change_error: constants.lvdt_change_error(),
             adaptation: Adaptation::new(homed.found.twist_scale),
             // Subtract from zero: negating 0.0 would print as -0.
             position_m: 0.0 - settings.get(Setting::PositionZero),
@@ -57,11 +54,11 @@ impl LoadTracking {
         self.observation.map(|observation| observation.load_error_n)
     }
 
-    /// Error of the position, 90 % (m): the LVDT's slope between here and where it was homed, and the noise here.
+    /// Error of the position, 90 % (m): the LVDT's between here and where it was homed, and the noise here.
     pub(super) fn position_error_m(&self) -> Option<f32> {
         let gap_m = self.homed.found.reference_gap_m - self.position_m;
-        let by_slope_m = self.lvdt_slope_error * (gap_m - self.homed_gap_m);
-        Some(libm::hypotf(by_slope_m, NINETY_PERCENT * self.homed.found.gap_noise_m))
+        let by_lvdt_m = self.lvdt_change_error.of(gap_m - self.homed_gap_m);
+        Some(libm::hypotf(by_lvdt_m, NINETY_PERCENT * self.homed.found.gap_noise_m))
     }
 
     /// Twist (rad) at a shaft angle (rad).
