@@ -133,3 +133,36 @@ impl fmt::Display for Subject {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_key_of_a_preset_belongs_to_one_effect() {
+        for change in RigPreset::Hard.changes(1) {
+            let effects = EFFECTS.iter().filter(|effect| effect.keys.contains(&change.key));
+            assert_eq!(effects.count(), 1, "{}", change.key);
+        }
+    }
+
+    #[test]
+    fn a_single_effect_leaves_the_rest_of_its_model() {
+        for effect in &EFFECTS {
+            let [up, down] = [1, 2].map(|seed| Subject::with_effect(effect, RigPreset::Nominal, Some(2.0), seed));
+            let keys: Vec<PlantKey> = up.changes.iter().map(|change| change.key).collect();
+            assert_eq!(keys, effect.keys, "{}", effect.name);
+            assert_eq!((up.kind, down.factor), (RigPreset::Hard, Some(2.0)));
+        }
+        let current = |seed| Subject::with_effect(&EFFECTS[0], RigPreset::Nominal, None, seed).changes[0].value;
+        assert_eq!((current(1), current(2)), (5e-3, -5e-3));
+    }
+
+    #[test]
+    fn a_rig_is_calibrated_at_its_own_temperature() {
+        let rig = Subject::new(RigPreset::Hard, 3);
+        let temperature = |rig: &Subject| rig.changes.iter().any(|change| change.key == PlantKey::Temperature);
+        assert!(temperature(&rig) && !temperature(&rig.at_calibration()));
+        assert_eq!(rig.at_calibration().changes.len() + 1, rig.changes.len());
+    }
+}
