@@ -1,7 +1,7 @@
 //! The study's harness on two rigs that the firmware is known to manage, and what it makes of a wrong estimate.
 
 use host_tests::rigs::floor::Check;
-use host_tests::rigs::report::Results;
+use host_tests::rigs::report::groups;
 use host_tests::rigs::subject::Subject;
 use host_tests::rigs::{Plan, Scored, study};
 use sim_link::RigPreset;
@@ -19,7 +19,7 @@ fn scored() -> Vec<Scored> {
 #[test]
 fn a_good_run_meets_every_floor_and_a_wrong_load_is_noticed() {
     let mut scored = scored();
-    let results = Results::new(&scored);
+    let results = groups(&scored).remove(0);
     let failed: Vec<String> = results.failed().iter().map(ToString::to_string).collect();
     assert_eq!(failed, Vec::<String>::new());
     for line in results.lines() {
@@ -27,14 +27,14 @@ fn a_good_run_meets_every_floor_and_a_wrong_load_is_noticed() {
         assert!(line.holds == Some(true) || told.contains(&line.check), "{line:?}");
         assert_eq!(line.cases[1], 0, "{line:?}");
     }
-    assert_eq!(results.line(RigPreset::Nominal, Check::LoadHomed).cases, [4, 0], "two rigs, two loads");
+    assert_eq!(results.line(Check::LoadHomed).cases, [4, 0], "two rigs, two loads");
 
     // A load estimate that is 12 % too great, under 0.5 kg (5 % + 0.05 N is 6 %).
     let all = scored[1].findings.iter_mut();
     let estimate = all.into_iter().find(|f| f.check == Check::LoadHomed).expect("homed");
     estimate.value = estimate.value.map(|error| error + 0.12);
-    let results = Results::new(&scored);
-    let line = results.line(RigPreset::Nominal, Check::LoadHomed);
+    let results = groups(&scored).remove(0);
+    let line = results.line(Check::LoadHomed);
     assert_eq!((line.holds, line.met), (Some(false), Some(0.75)));
     let failed = results.failed();
     assert_eq!(failed.len(), 1);
@@ -49,9 +49,9 @@ fn a_rig_that_cannot_be_homed_misses_its_floors_by_name() {
     subject.kind = RigPreset::Nominal;
     subject.changes = vec!["lvdt_gain_error=-0.9".parse().expect("a plant key")];
     let scored = study(&[subject], &Plan { as_built: true, against_fixed_ratio: false, ..plan() }, &|_, _| ());
-    let results = Results::new(&scored);
+    let results = groups(&scored).remove(0);
     for check in [Check::Zero, Check::RestMeasured, Check::FollowRms] {
-        let line = results.line(RigPreset::Nominal, check);
+        let line = results.line(check);
         assert_eq!((line.cases, line.holds), ([0, 2], Some(false)), "{check:?}");
     }
     assert!(results.failed().iter().any(|f| f.finding.note.contains("homing")), "{:?}", scored[0].findings);

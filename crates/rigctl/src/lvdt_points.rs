@@ -31,7 +31,11 @@ fn parse(text: &str) -> Result<Vec<(usize, Point)>, String> {
     rows.into_iter().map(|(line, row)| row.map(|[gap_m, sensor_m]| (line, Point { gap_m, sensor_m }))).collect()
 }
 
-fn curve(mut points: Vec<(usize, Point)>, rig: &Rig, gauge_error_m: f64) -> Result<LvdtCurve, String> {
+/// The curve through points, each with the line that it stands in; as [`load`].
+///
+/// # Errors
+/// In words, naming the lines where it can.
+pub fn curve(mut points: Vec<(usize, Point)>, rig: &Rig, gauge_error_m: f64) -> Result<LvdtCurve, String> {
     let ends = [rig.lvdt_gap_at_zero_m, rig.lvdt_gap_at_zero_m + rig.lvdt_stroke_m];
     for (line, point) in &points {
         if !(ends[0]..=ends[1]).contains(&point.sensor_m) {

@@ -91,6 +91,27 @@ impl RigPreset {
         }
     }
 
+    /// One key as large as its column allows, or `factor` times that, as far as a rig can have it; none for keys that are the
+    /// same in every rig. A negative factor is the other sign where a key has two.
+    pub fn extreme(self, key: PlantKey, factor: f64) -> Option<PlantChange> {
+        let (_, draw, nominal, hard) = SIZES.iter().find(|size| size.0 == key)?;
+        let size = match self {
+            Self::Ideal => return None,
+            Self::Nominal => *nominal,
+            Self::Hard => *hard,
+        };
+        let value = match draw {
+            Draw::Either => factor * size,
+            Draw::Present => factor.abs() * size,
+            Draw::ScaleEither => 1.0 + factor * size,
+            Draw::ScaleAbove => 1.0 + factor.abs() * size,
+            // A share of what is left, which never ends below nothing.
+            Draw::ScaleBelow => (1.0 - size).powf(factor.abs()),
+        };
+        let [least, most] = key.range();
+        Some(PlantChange { key, value: value.clamp(least, most) })
+    }
+
     /// The plant keys of the rig that a seed names, in a fixed order; none for the ideal rig.
     pub fn changes(self, seed: u64) -> Vec<PlantChange> {
         let column = |nominal, hard| match self {
@@ -182,6 +203,19 @@ mod tests {
         let (one, other) = (RigPreset::Hard.changes(7), RigPreset::Hard.changes(8));
         assert!(one.iter().zip(&other).all(|(a, b)| a.key == b.key && a.value != b.value));
         assert!(RigPreset::ALL.iter().flat_map(|p| p.changes(3)).all(|change| change.check().is_ok()));
+    }
+
+    #[test]
+    fn a_key_by_itself_is_as_large_as_its_column() {
+        let value = |key, factor| RigPreset::Nominal.extreme(key, factor).map(|change| change.value);
+        assert_eq!(value(PlantKey::CurrentOffset, -2.0), Some(-10e-3));
+        assert_eq!(value(PlantKey::Friction, -2.0), Some(0.3), "no sign");
+        assert_eq!(value(PlantKey::GearEfficiency, 2.0), Some(0.5625));
+        assert_eq!(value(PlantKey::TorqueConstantScale, -1.0), Some(0.95));
+        assert_eq!(value(PlantKey::TwistPlay, 1e3), Some(PlantKey::TwistPlay.range()[1]));
+        assert_eq!(value(PlantKey::Load, 1.0), None);
+        assert_eq!(RigPreset::Ideal.extreme(PlantKey::Friction, 1.0), None);
+        assert!(SIZES.iter().all(|size| RigPreset::Hard.extreme(size.0, 8.0).is_some_and(|c| c.check().is_ok())));
     }
 
     #[test]

@@ -2,10 +2,10 @@
 
 use anyhow::{Context, Result, anyhow, ensure};
 use clap::{Parser, ValueEnum};
-use host_tests::rigs::report::{Results, csv};
-use host_tests::rigs::subject::Subject;
+use host_tests::rigs::report::{Results, csv, groups, summary};
+use host_tests::rigs::subject::{EFFECTS, FACTORS, Subject};
 use host_tests::rigs::{LOADS_KG, Plan, study};
-use sim_link::RigPreset;
+use sim_link::{PlantChange, RigPreset};
 use std::ops::Range;
 use std::path::PathBuf;
 
@@ -30,9 +30,21 @@ struct Arguments {
     /// Leave out the comparison with loops of a fixed ratio
     #[arg(long)]
     no_fixed_ratio: bool,
-    /// Folder for rigs.csv and rigs.json
+    /// Rigs of their own model but for each effect in turn, as large as --rigs have it at most
+    #[arg(long, conflicts_with_all = ["ramp", "effect"])]
+    each: bool,
+    /// Rigs of their own model but for each effect in turn, turned up from half to eight times its nominal size
+    #[arg(long, conflicts_with = "effect")]
+    ramp: bool,
+    /// Rigs of their own model but for these plant keys
+    #[arg(long, value_name = "KEY=VALUE", num_args = 1..)]
+    effect: Vec<PlantChange>,
+    /// Folder for NAME.csv, NAME-summary.csv and NAME.json
     #[arg(long, value_name = "DIR", default_value = "out")]
     out: PathBuf,
+    /// Begin of the files' names
+    #[arg(long, default_value = "rigs")]
+    name: String,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -58,14 +70,7 @@ fn main() -> Result<()> {
     let arguments = Arguments::parse();
     let ascending = arguments.loads.windows(2).all(|pair| pair[0] < pair[1]);
     ensure!(ascending && arguments.loads.iter().all(|kg| *kg > 0.0), "--loads: must be above 0 and ascending");
-    let kinds: &[RigPreset] = match arguments.rigs {
-        Rigs::Ideal => &[RigPreset::Ideal],
-        Rigs::Nominal => &[RigPreset::Nominal],
-        Rigs::Hard => &[RigPreset::Hard],
-        Rigs::Both => &[RigPreset::Nominal, RigPreset::Hard],
-    };
-    let subjects: Vec<Subject> =
-        kinds.iter().flat_map(|kind| arguments.seeds.clone().map(|seed| Subject::new(*kind, seed))).collect();
+    let subjects = subjects(&arguments);
     let plan = Plan {
         loads_kg: arguments.loads,
         as_built: arguments.as_built,
@@ -73,13 +78,52 @@ fn main() -> Result<()> {
         jobs: arguments.jobs,
     };
     let scored = study(&subjects, &plan, &|done, of| eprintln!("{done} of {of} rigs"));
-    let results = Results::new(&scored);
+    let groups = groups(&scored);
     std::fs::create_dir_all(&arguments.out).with_context(|| arguments.out.display().to_string())?;
-    let json = serde_json::to_string_pretty(&results.json())?;
-    for (name, text) in [("rigs.csv", csv(&scored)?), ("rigs.json", json)] {
-        let path = arguments.out.join(name);
+    let json: Vec<_> = groups.iter().map(Results::json).collect();
+    let json = serde_json::to_string_pretty(&json)?;
+    let name = &arguments.name;
+    for (file, text) in [
+        (format!("{name}.csv"), csv(&scored)?),
+        (format!("{name}-summary.csv"), summary(&scored)?),
+        (format!("{name}.json"), json),
+    ] {
+        let path = arguments.out.join(file);
         rig_scene::files::replace(&path, text.as_bytes(), false).map_err(|e| anyhow!("{}: {e}", path.display()))?;
     }
-    print!("{}", results.table());
+    for group in &groups {
+        println!("{}", group.table());
+    }
     Ok(())
+}
+
+/// The rigs that are asked for.
+fn subjects(arguments: &Arguments) -> Vec<Subject> {
+    let seeds = || arguments.seeds.clone();
+    if !arguments.effect.is_empty() {
+        let name = arguments.effect.iter().map(ToString::to_string).collect::<Vec<_>>().join(" ");
+        let rig = |seed| Subject {
+            kind: RigPreset::Hard,
+            effect: Some(name.clone()),
+            changes: arguments.effect.clone(),
+            ..Subject::new(RigPreset::Ideal, seed)
+        };
+        return seeds().map(rig).collect();
+    }
+    let kinds: &[RigPreset] = match arguments.rigs {
+        Rigs::Ideal => &[RigPreset::Ideal],
+        Rigs::Nominal => &[RigPreset::Nominal],
+        Rigs::Hard => &[RigPreset::Hard],
+        Rigs::Both => &[RigPreset::Nominal, RigPreset::Hard],
+    };
+    let with = |kind, factor| {
+        EFFECTS.iter().flat_map(move |effect| seeds().map(move |seed| Subject::with_effect(effect, kind, factor, seed)))
+    };
+    if arguments.each {
+        return kinds.iter().flat_map(|kind| with(*kind, None)).collect();
+    }
+    if arguments.ramp {
+        return FACTORS.iter().flat_map(|factor| with(RigPreset::Nominal, Some(*factor))).collect();
+    }
+    kinds.iter().flat_map(|kind| seeds().map(|seed| Subject::new(*kind, seed))).collect()
 }

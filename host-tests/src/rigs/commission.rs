@@ -3,17 +3,20 @@
 
 use super::floor::{Check, Finding};
 use super::subject::Subject;
+use super::trial::not_homed;
 use crate::{ControlBench, constants, scene, table};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use rig_control::{Rig as Control, RigConstants, settings};
-use rig_link::messages::{EventKind, LoadChoice, Request, Setting, SettingValues, State};
+use rig_link::messages::{EventKind, LoadChoice, Request, SettingValues, State};
 use rig_scene::Scene;
+use rigctl::calibration::{Point, uncalibrated};
 use rigctl::identify::constants::Unknowns;
 use rigctl::identify::data::{Data, HOLD_OUT};
 use rigctl::identify::{Fit, fit, plausible, uncertainty};
 use rigctl::log::sweep::{Sweep, reduce};
 use rigctl::log::{Header, Log, LogRow, Mark, Marked};
+use rigctl::lvdt_points;
 use sim_link::units::STANDARD_GRAVITY;
 use std::f64::consts::{PI, TAU};
 use tsa_model::Parameters;
@@ -30,12 +33,11 @@ const TRIES: u8 = 3;
 const REST_S: f64 = 1.0;
 /// How long before the end of a turn the motor is stopped (s), as `rigctl sweep` has it.
 const TURN_AHEAD_S: f64 = 0.05;
-/// Load of the calibration (kg), its points and where they lie (m from the half-turn pre-twist).
-const CALIBRATION_LOAD_KG: f64 = 0.5;
-const CALIBRATION_POINTS: u8 = 11;
-const CALIBRATION_END_M: f64 = 0.0145;
-/// What callipers read to (m).
-const CALLIPERS_M: f64 = 20e-6;
+/// Loads of the calibration (kg), and for each how many points lie on how long a way up from the half-turn pre-twist (m):
+/// together they cover the gaps of all loads and sweeps.
+const CALIBRATION: [(f64, usize, f64); 2] = [(1.5, 3, 0.009), (0.3, 8, 0.026)];
+/// What the gauge reads to (m).
+const GAUGE_M: f64 = 20e-6;
 /// Contraction from which its error is taken as a share of it (m): near the pre-twist there is none.
 const CONTRACTION_M: f64 = 2e-3;
 
@@ -66,59 +68,93 @@ impl Firmware {
 
 /// The firmware that the rig is used with, and what was found on the way. Who cannot identify a rig goes on with the
 /// default scene's table.
-pub fn commission(subject: &Subject, as_built: bool) -> (Firmware, Option<Finding>) {
+pub fn commission(subject: &Subject, as_built: bool) -> (Firmware, Vec<Finding>) {
     let subject = &subject.at_calibration();
-    let firmware = calibrate(subject).unwrap_or_else(|_| Firmware::as_built());
-    if as_built {
-        return (firmware, None);
+    let finding = |check, value, note| Finding { load_kg: None, check, value, note };
+    let mut firmware = Firmware::as_built();
+    let mut findings = Vec::new();
+    match calibrate(subject) {
+        Ok(settings) => {
+            firmware.settings = settings;
+            let error_m = settings.lvdt_curve.map(|curve| f64::from(curve.error_m()));
+            findings.push(finding(Check::Calibration, error_m, String::new()));
+        }
+        Err(why) => findings.push(finding(Check::Calibration, None, format!("goes on without: {why}"))),
     }
-    let held_out = |value, note| Finding { load_kg: None, check: Check::HeldOut, value, note };
+    if as_built {
+        return (firmware, findings);
+    }
     let built = identify(subject, &firmware).and_then(|(identified, error)| {
         let built = build(&identified, &firmware).map_err(|why| format!("table: {why}"))?;
         Ok((built, error))
     });
     match built {
-        Ok((identified, error)) => (identified, Some(held_out(Some(error), String::new()))),
-        Err(why) => (firmware, Some(held_out(None, format!("goes on as built: {why}")))),
+        Ok((identified, error)) => {
+            findings.push(finding(Check::HeldOut, Some(error), String::new()));
+            (identified, findings)
+        }
+        Err(why) => {
+            findings.push(finding(Check::HeldOut, None, format!("goes on as built: {why}")));
+            (firmware, findings)
+        }
     }
 }
 
-/// Calibrates the LVDT at eleven points of the way that the load moves: the straight line nearest to what callipers say.
-fn calibrate(subject: &Subject) -> Result<Firmware, String> {
-    let mut firmware = Firmware::as_built();
-    let load_n = CALIBRATION_LOAD_KG * STANDARD_GRAVITY;
-    let mut bench = ControlBench::on(subject.switched_on(load_n).map_err(|e| e.to_string())?, firmware.boot());
-    bench.home()?;
-    let mut callipers = Pcg64Mcg::seed_from_u64(subject.seed);
+/// Calibrates the LVDT at eleven points of the way that the load moves, turning the strings by hand from one to the next:
+/// `rigctl calibrate lvdt --points`.
+fn calibrate(subject: &Subject) -> Result<SettingValues, String> {
+    let firmware = Firmware::as_built();
+    let mut gauge = Pcg64Mcg::seed_from_u64(subject.seed);
     let mut points = Vec::new();
-    for k in 0..CALIBRATION_POINTS {
-        let target_m = CALIBRATION_END_M * f64::from(k) / f64::from(CALIBRATION_POINTS - 1);
-        bench.move_to(target_m as f32, 0.006, LoadChoice::Auto)?;
-        let (mut shown_m, mut true_m, mut count) = (0.0, 0.0, 0.0);
-        bench.until(0.5, |bench| {
-            if let Some(gap_m) = bench.last.as_ref().and_then(|last| last.sensors.gap_m) {
-                shown_m += f64::from(gap_m);
-                true_m += bench.truth().gap_m;
-                count += 1.0;
+    for (load_kg, count, way_m) in CALIBRATION {
+        let rig = subject.switched_on_at(load_kg * STANDARD_GRAVITY, PI).map_err(|e| e.to_string())?;
+        let mut bench = ControlBench::on(rig, firmware.boot());
+        if !bench.until(10.0, |bench| bench.control.state() == State::Unhomed) {
+            return Err(format!("not ready: {}", bench.control.faults()));
+        }
+        let (from_m, _) = mean_gap(&mut bench)?;
+        for k in 0..count {
+            if k > 0 {
+                jog_to(&mut bench, from_m - way_m * k as f64 / (count - 1) as f64)?;
             }
-            false
-        });
-        let read_m = true_m / count + callipers.random_range(-CALLIPERS_M..=CALLIPERS_M);
-        points.push((shown_m / count, read_m));
+            let (shown_m, true_m) = mean_gap(&mut bench)?;
+            let gap_m = true_m + gauge.random_range(-GAUGE_M..=GAUGE_M);
+            points.push((points.len() + 1, Point { gap_m, sensor_m: uncalibrated(shown_m, &firmware.settings) }));
+        }
     }
-    let (offset_m, gain) = line(&points);
-    firmware.settings =
-        firmware.settings.with(Setting::LvdtOffset, offset_m as f32).with(Setting::LvdtGain, gain as f32);
-    Ok(firmware)
+    let curve = lvdt_points::curve(points, &scene().rig, GAUGE_M)?;
+    Ok(SettingValues { lvdt_curve: Some(curve), ..firmware.settings })
 }
 
-/// Offset and slope of the straight line nearest to the points.
-fn line(points: &[(f64, f64)]) -> (f64, f64) {
-    let count = points.len() as f64;
-    let mean = |of: &dyn Fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / count;
-    let (x, y) = (mean(&|p| p.0), mean(&|p| p.1));
-    let slope = mean(&|p| (p.0 - x) * (p.1 - y)) / mean(&|p| (p.0 - x).powi(2));
-    (y - slope * x, slope)
+/// Turns the strings until the sensor shows a gap (m), which is above.
+fn jog_to(bench: &mut ControlBench, gap_m: f64) -> Result<(), String> {
+    bench.tick(Some(Request::Jog { twist_speed_rad_per_s: SPEED_RAD_PER_S as f32 }));
+    let there = bench.until(60.0, |bench| shown_gap_m(bench).is_some_and(|shown_m| shown_m <= gap_m));
+    bench.tick(Some(Request::Stop));
+    let stands = bench.until(5.0, |bench| bench.control.state() != State::Moving);
+    if there && stands {
+        return Ok(());
+    }
+    Err(format!("the load does not come to a gap of {:.2} mm: {}", 1e3 * gap_m, bench.control.faults()))
+}
+
+fn shown_gap_m(bench: &ControlBench) -> Option<f64> {
+    bench.last.as_ref().and_then(|last| last.sensors.gap_m).map(f64::from)
+}
+
+/// Mean of the shown and of the true gap (m) over half a second, after a second for the load to stop swinging.
+fn mean_gap(bench: &mut ControlBench) -> Result<(f64, f64), String> {
+    bench.run(1.0);
+    let (mut shown_m, mut true_m, mut count) = (0.0, 0.0, 0.0);
+    bench.until(0.5, |bench| {
+        if let Some(gap_m) = shown_gap_m(bench) {
+            shown_m += gap_m;
+            true_m += bench.truth().gap_m;
+            count += 1.0;
+        }
+        false
+    });
+    if count > 0.0 { Ok((shown_m / count, true_m / count)) } else { Err("the sensor shows no gap".into()) }
 }
 
 /// Three recorded sweeps reduced to equilibria, and the scene's constants from them, as `rigctl identify` does it.
@@ -127,8 +163,14 @@ fn identify(subject: &Subject, firmware: &Firmware) -> Result<(Scene, f64), Stri
     let start = Parameters::new(&scene.geometry, &scene.string, &scene.material).map_err(|e| e.to_string())?;
     let mut data = Data::default();
     for load_kg in SWEEP_LOADS_KG {
-        let mut tries = (0..TRIES).map(|turns| sweep(subject, firmware, load_kg, turns));
-        let sweep = sweep_or_next(&mut tries).map_err(|why| format!("sweep at {load_kg} kg: {why}"))?;
+        let mut swept = Err(String::new());
+        for turns in 0..TRIES {
+            swept = sweep(subject, firmware, load_kg, turns);
+            if swept.is_ok() {
+                break;
+            }
+        }
+        let sweep = swept.map_err(|why| format!("sweep at {load_kg} kg: {why}"))?;
         data.add_sweep(&format!("{load_kg} kg"), &start, &sweep, HOLD_OUT);
     }
     if let Some(why) = plausible::impossible(&data, scene.geometry.string_length_m) {
@@ -143,24 +185,12 @@ fn identify(subject: &Subject, firmware: &Firmware) -> Result<(Scene, f64), Stri
     Ok((fitted, error))
 }
 
-/// The first that came to its end, else how the last one failed.
-fn sweep_or_next<T>(tries: &mut impl Iterator<Item = Result<T, String>>) -> Result<T, String> {
-    let mut last = Err("not tried".to_owned());
-    for one in tries {
-        last = one;
-        if last.is_ok() {
-            break;
-        }
-    }
-    last
-}
-
 /// One sweep as `rigctl sweep` records it, from so many turns at power-up, by its equilibria.
 fn sweep(subject: &Subject, firmware: &Firmware, load_kg: f64, turns: u8) -> Result<Sweep, String> {
     let load_n = load_kg * STANDARD_GRAVITY;
     let rig = subject.switched_on_at(load_n, 1.0 + TAU * f64::from(turns)).map_err(|e| e.to_string())?;
     let mut bench = ControlBench::on(rig, firmware.boot());
-    bench.home_under(LoadChoice::Known(load_n as f32))?;
+    bench.home_under(LoadChoice::Known(load_n as f32)).map_err(|why| not_homed(&bench, &why))?;
     let mut log = Log { header: Header::default(), ..Log::default() };
     log.header.add("sweep.load_n", load_n);
     for (t_s, event) in &bench.events {
@@ -239,17 +269,4 @@ fn build(identified: &Scene, firmware: &Firmware) -> Result<Firmware, String> {
     let owned = Box::leak(Box::new(identified.fit_table().map_err(|e| e.to_string())?.table));
     let constants = identified.constants();
     Ok(Firmware { table: Box::leak(Box::new(owned.table())), constants, settings: firmware.settings })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::line;
-
-    #[test]
-    fn a_line_through_points_on_a_line_is_that_line() {
-        let points: Vec<(f64, f64)> =
-            (0..11).map(|k| f64::from(k) * 1e-3 + 0.15).map(|x| (x, 1e-3 + 0.98 * x)).collect();
-        let (offset_m, gain) = line(&points);
-        assert!((offset_m - 1e-3).abs() < 1e-12 && (gain - 0.98).abs() < 1e-9);
-    }
 }

@@ -11,10 +11,10 @@ use rig_control::TICK_S;
 use sim_link::units::STANDARD_GRAVITY;
 use std::f32::consts::PI;
 
-/// Ratios (rad/m), and gains (1/s) with corners (rad/s), of which the best is taken: around what `cargo xtask compare`
+/// Ratios (rad/m), and gains (1/s) with corners (rad/s), of which the best are taken: around what `cargo xtask compare`
 /// finds over many rigs.
-const RATIOS: [f32; 3] = [2100.0, 2757.0, 3600.0];
-const GAINS: [[f32; 2]; 3] = [[3.0, 20.0], [4.7, 30.0], [7.5, 21.8]];
+const RATIOS: [f32; 4] = [2100.0, 1200.0, 1600.0, 2757.0];
+const GAINS: [[f32; 2]; 3] = [[4.7, 30.0], [7.5, 21.8], [12.0, 30.0]];
 /// Longest way to the reference, and time to come to rest where the moves begin (s).
 const START_S: f64 = 30.0;
 const SETTLED_S: f64 = 2.0;
@@ -26,14 +26,6 @@ pub fn compare(subject: &Subject, along: &[(f64, Vec<Record>)]) -> Finding {
         return finding(None, "the firmware followed under no load".into());
     }
     let ours = rms_m(along.iter().flat_map(|(_, records)| records));
-    let candidates = RATIOS.iter().flat_map(|tr| {
-        GAINS.map(|[gain_per_s, corner_rad_per_s]| Loop {
-            tr_rad_per_m: Some(*tr),
-            gain_per_s,
-            corner_rad_per_s,
-            crossing_rad: 0.0,
-        })
-    });
     let ready: Result<Vec<_>, String> =
         along.iter().map(|(load_kg, _)| ready(subject, load_kg * STANDARD_GRAVITY)).collect();
     let ready = match ready {
@@ -44,8 +36,20 @@ pub fn compare(subject: &Subject, along: &[(f64, Vec<Record>)]) -> Finding {
         let played = ready.iter().zip(along).flat_map(|(bench, (_, records))| play(bench.clone(), law, records));
         (rms_m(&played.collect::<Vec<_>>()), law)
     };
-    let best = candidates.map(rms).min_by(|a, b| a.0.total_cmp(&b.0));
-    let Some((theirs, law)) = best else { return finding(None, String::new()) };
+    let law = |tr: f32, [gain_per_s, corner_rad_per_s]: [f32; 2]| Loop {
+        tr_rad_per_m: Some(tr),
+        gain_per_s,
+        corner_rad_per_s,
+        crossing_rad: 0.0,
+    };
+    let least = |a: &(f64, Loop), b: &(f64, Loop)| a.0.total_cmp(&b.0);
+    // First the gain, then the ratio with it.
+    let Some(gained) = GAINS.map(|gain| rms(law(RATIOS[0], gain))).into_iter().min_by(least) else {
+        return finding(None, String::new());
+    };
+    let gain = [gained.1.gain_per_s, gained.1.corner_rad_per_s];
+    let others = RATIOS[1..].iter().map(|tr| rms(law(*tr, gain)));
+    let (theirs, law) = others.chain([gained]).min_by(least).unwrap_or(gained);
     let [tr, gain] = [law.tr_rad_per_m.unwrap_or(0.0) * 1e-3, law.gain_per_s];
     finding(Some(theirs / ours), format!("TR {tr:.2} rad/mm, gain {gain} 1/s: {:.0} um", theirs * 1e6))
 }

@@ -5,6 +5,8 @@ use sim_link::RigPreset;
 /// One thing that is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Check {
+    /// The stated error of the LVDT's calibration (m).
+    Calibration,
     /// Error of the zero twist that homing found (rad); none if homing failed.
     Zero,
     /// Time that homing took (s).
@@ -76,7 +78,8 @@ pub enum Floor {
 
 impl Check {
     /// Every check.
-    pub const ALL: [Self; 23] = [
+    pub const ALL: [Self; 24] = [
+        Self::Calibration,
         Self::Zero,
         Self::HomingTime,
         Self::LoadHomed,
@@ -105,6 +108,7 @@ impl Check {
     /// Its name in the CSV and in JSON.
     pub const fn name(self) -> &'static str {
         match self {
+            Self::Calibration => "calibration_error_m",
             Self::Zero => "zero_error_rad",
             Self::HomingTime => "homing_s",
             Self::LoadHomed => "load_after_homing",
@@ -160,7 +164,9 @@ impl Check {
             Self::HomingTime => (1.0, "s"),
             Self::LoadHomed | Self::LoadStep | Self::LoadStated | Self::HeldOut => (100.0, "%"),
             Self::LoadCover | Self::PositionCover => (100.0, "%"),
-            Self::RestMeasured | Self::RestRms | Self::RestRaw | Self::PositionStated => (1e6, "um"),
+            Self::Calibration | Self::RestMeasured | Self::RestRms | Self::RestRaw | Self::PositionStated => {
+                (1e6, "um")
+            }
             Self::RestTrue | Self::FollowRms | Self::FollowMost | Self::Sank => (1e3, "mm"),
             Self::Hunting | Self::Faults | Self::StepFaults | Self::Moves => (1.0, ""),
             Self::FixedRatio | Self::Certain => (1.0, "times"),

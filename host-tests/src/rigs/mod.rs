@@ -6,8 +6,8 @@
 //!   with a fixed ratio.
 //! - [`floor`]: what is measured, and what is asked of it. [`report`]: the table, JSON and CSV.
 //!
-//! Anything may be tuned on the rigs with seeds 1 to 40. What is reported is of seeds 1001 to 1040, which nothing was
-//! tuned on.
+//! Anything may be tuned on the rigs with seeds 1 to 40. What is reported is of seeds from 1001 on, at most to 1040, which
+//! nothing was tuned on.
 
 pub mod commission;
 pub mod fixed_ratio;
@@ -54,8 +54,7 @@ pub fn study(subjects: &[Subject], plan: &Plan, progress: &Progress<'_>) -> Vec<
 
 /// Tries one rig.
 pub fn score(subject: &Subject, plan: &Plan) -> Scored {
-    let (firmware, held_out) = commission::commission(subject, plan.as_built);
-    let mut findings: Vec<Finding> = held_out.into_iter().collect();
+    let (firmware, mut findings) = commission::commission(subject, plan.as_built);
     let loads = &plan.loads_kg;
     let mut along = Vec::new();
     for (k, load_kg) in loads.iter().enumerate() {

@@ -8,13 +8,10 @@ use lab::csv_text::{csv_text, optional};
 use serde_json::{Value, json};
 use sim_link::RigPreset;
 use sim_link::units::STANDARD_GRAVITY;
-use std::fmt::Write;
 
 /// A check over all rigs of a kind.
 #[derive(Clone, Debug)]
 pub struct Line {
-    /// Of which rigs.
-    pub kind: RigPreset,
     /// What.
     pub check: Check,
     /// What is asked; none where nothing is.
@@ -38,33 +35,39 @@ pub struct Failed<'a> {
     pub finding: &'a Finding,
 }
 
-/// The study's results.
+/// The rigs of one kind, with the same effects, all commissioned or all as built.
 pub struct Results<'a> {
-    scored: &'a [Scored],
+    scored: Vec<&'a Scored>,
+    kind: RigPreset,
     as_built: bool,
 }
 
+/// The results of each group of rigs that belong together, in the order in which they first come.
+pub fn groups(scored: &[Scored]) -> Vec<Results<'_>> {
+    let same = |a: &Scored, b: &Scored| {
+        let of = |s: &Scored| (s.subject.kind, s.subject.effect.clone(), s.subject.factor, s.as_built);
+        of(a) == of(b)
+    };
+    let mut groups: Vec<Vec<&Scored>> = Vec::new();
+    for one in scored {
+        match groups.iter_mut().find(|group| same(group[0], one)) {
+            Some(group) => group.push(one),
+            None => groups.push(vec![one]),
+        }
+    }
+    let results = groups.into_iter();
+    results.map(|scored| Results { kind: scored[0].subject.kind, as_built: scored[0].as_built, scored }).collect()
+}
+
 impl<'a> Results<'a> {
-    /// Of these rigs, all commissioned or all as built.
-    pub fn new(scored: &'a [Scored]) -> Self {
-        Self { scored, as_built: scored.first().is_some_and(|s| s.as_built) }
+    fn findings(&self, check: Check) -> impl Iterator<Item = &'a Finding> {
+        self.scored.iter().flat_map(move |s| s.findings.iter().filter(move |f| f.check == check))
     }
 
-    fn findings(&self, kind: RigPreset, check: Check) -> impl Iterator<Item = (&'a Subject, &'a Finding)> {
-        let rigs = self.scored.iter().filter(move |s| s.subject.kind == kind);
-        rigs.flat_map(move |s| s.findings.iter().filter(move |f| f.check == check).map(|f| (&s.subject, f)))
-    }
-
-    /// The kinds of rigs that there are.
-    pub fn kinds(&self) -> Vec<RigPreset> {
-        let there = |kind: &RigPreset| self.scored.iter().any(|s| s.subject.kind == *kind);
-        RigPreset::ALL.into_iter().filter(there).collect()
-    }
-
-    /// One row for one kind of rigs.
-    pub fn line(&self, kind: RigPreset, check: Check) -> Line {
-        let floor = check.floor(kind, self.as_built);
-        let all: Vec<&Finding> = self.findings(kind, check).map(|(_, finding)| finding).collect();
+    /// One row.
+    pub fn line(&self, check: Check) -> Line {
+        let floor = check.floor(self.kind, self.as_built);
+        let all: Vec<&Finding> = self.findings(check).collect();
         let mut values: Vec<f64> = all.iter().filter_map(|f| f.value).map(f64::abs).collect();
         let best_last = matches!(floor, Some(Floor::AtLeast(_)));
         values.sort_by(|a, b| if best_last { b.total_cmp(a) } else { a.total_cmp(b) });
@@ -86,24 +89,23 @@ impl<'a> Results<'a> {
                 (mean, mean.map(|mean| (low..=high).contains(&mean)))
             }
             Some(Floor::Per200Moves(most)) => {
-                let moves: f64 = self.findings(kind, Check::Moves).filter_map(|(_, f)| f.value).sum();
+                let moves: f64 = self.findings(Check::Moves).filter_map(|f| f.value).sum();
                 let rate = (moves > 0.0).then(|| 200.0 * sum / moves);
                 (rate, rate.map(|rate| rate <= most))
             }
         };
-        Line { kind, check, floor, cases: [count, asked - count], spread, met, holds }
+        Line { check, floor, cases: [count, asked - count], spread, met, holds }
     }
 
-    /// The rows of the table, kind by kind.
+    /// The rows of the table.
     pub fn lines(&self) -> Vec<Line> {
-        let rows = || Check::ALL.into_iter().filter(|check| check.row().is_some());
-        self.kinds().into_iter().flat_map(|kind| rows().map(move |check| self.line(kind, check))).collect()
+        Check::ALL.into_iter().filter(|check| check.row().is_some()).map(|check| self.line(check)).collect()
     }
 
     /// Every case that does not meet its floor.
     pub fn failed(&self) -> Vec<Failed<'a>> {
         let mut failed = Vec::new();
-        for scored in self.scored {
+        for scored in &self.scored {
             for finding in &scored.findings {
                 let Some(floor) = finding.check.floor(scored.subject.kind, self.as_built) else { continue };
                 let missed = match floor {
@@ -119,45 +121,81 @@ impl<'a> Results<'a> {
         failed
     }
 
-    /// For people.
-    pub fn table(&self) -> String {
-        let mut text = String::new();
-        let mut put = |line: String| {
-            let _ = writeln!(text, "{}", line.trim_end());
+    /// What the rigs are, in words.
+    pub fn title(&self) -> String {
+        let first = &self.scored[0].subject;
+        let what = match (&first.effect, first.factor) {
+            (Some(effect), Some(factor)) => format!("{effect}, {factor} times its nominal size, against the floors of"),
+            (Some(effect), None) => format!("{effect} alone, as large as in"),
+            _ => "all effects:".to_owned(),
         };
-        for kind in self.kinds() {
-            let rigs = self.scored.iter().filter(|s| s.subject.kind == kind).count();
-            let how = if self.as_built { "default table" } else { "constants identified" };
-            put(format!("{rigs} {kind} rigs, {how}, all EMULATED"));
-            put(format!(
-                "{:<32} {:<24} {:>6} {:>5} {:>10} {:>10} {:>10} {:>10}  holds",
-                "", "floor", "cases", "none", "median", "95 %", "worst", "met"
-            ));
-            for line in self.lines().iter().filter(|line| line.kind == kind) {
-                put(line.text());
-            }
-            put(String::new());
-        }
-        let failed = self.failed();
-        put(format!("{} cases miss their floor (of a boot that is not homed only that is listed):", failed.len()));
-        failed.iter().filter(|f| f.finding.note != NOT_HOMED).for_each(|f| put(format!("  {f}")));
-        text
+        let how = if self.as_built { "default table" } else { "constants identified" };
+        format!("{what} {} rigs; {} rigs, {how}, all EMULATED", self.kind, self.scored.len())
     }
 
-    /// For machines: the rows of the table by kind, and what failed.
-    pub fn json(&self) -> Value {
-        let failed: Vec<Value> = self.failed().iter().map(Failed::json).collect();
-        let kinds: serde_json::Map<String, Value> = self
-            .kinds()
-            .into_iter()
-            .map(|kind| {
-                let lines = self.lines();
-                let rows: Vec<Value> = lines.iter().filter(|l| l.kind == kind).map(Line::json).collect();
-                (kind.name().to_owned(), Value::Array(rows))
-            })
-            .collect();
-        json!({ "as_built": self.as_built, "rigs": self.scored.len(), "rows": kinds, "failed": failed })
+    /// For people: the rows, then every case that misses its floor. Of a boot that could not be homed only that is listed.
+    pub fn table(&self) -> String {
+        let mut lines = vec![
+            self.title(),
+            format!(
+                "{:<32} {:<24} {:>6} {:>5} {:>10} {:>10} {:>10} {:>10}  holds",
+                "", "floor", "cases", "none", "median", "95 %", "worst", "met"
+            ),
+        ];
+        lines.extend(self.lines().iter().map(Line::text));
+        let failed = self.failed();
+        lines.push(format!("{} cases miss their floor{}", failed.len(), if failed.is_empty() { "" } else { ":" }));
+        lines.extend(failed.iter().filter(|f| f.finding.note != NOT_HOMED).map(|f| format!("  {f}")));
+        lines.iter().map(|line| format!("{}\n", line.trim_end())).collect()
     }
+
+    /// For machines: the rows of the table, and what failed.
+    pub fn json(&self) -> Value {
+        let first = &self.scored[0].subject;
+        let failed: Vec<Value> = self.failed().iter().map(Failed::json).collect();
+        let rows: Vec<Value> = self.lines().iter().map(Line::json).collect();
+        json!({
+            "rig": self.kind.name(), "effect": first.effect, "factor": first.factor, "as_built": self.as_built,
+            "rigs": self.scored.len(), "rows": rows, "failed": failed,
+        })
+    }
+}
+
+/// Header of [`summary`].
+const SUMMARY: [&str; 14] = [
+    "rig", "effect", "factor", "table", "check", "floor", "cases", "missing", "median", "p95", "worst", "met", "holds",
+    "failure",
+];
+
+/// One row for each group of rigs and each check that has a floor; SI units.
+///
+/// # Errors
+/// If it cannot be written.
+pub fn summary(scored: &[Scored]) -> anyhow::Result<String> {
+    let groups = groups(scored);
+    let rows = groups.iter().flat_map(|group| {
+        let (first, failed) = (&group.scored[0].subject, group.failed());
+        group.lines().into_iter().map(move |line| {
+            let at = |k: usize| optional(line.spread.map(|spread| spread[k]));
+            vec![
+                group.kind.name().into(),
+                first.effect.clone().unwrap_or_default(),
+                optional(first.factor),
+                if group.as_built { "as-built" } else { "identified" }.into(),
+                line.check.name().into(),
+                line.floor.map_or(String::new(), |floor| floor.text(line.check)),
+                line.cases[0].to_string(),
+                line.cases[1].to_string(),
+                at(0),
+                at(1),
+                at(2),
+                optional(line.met),
+                line.holds.map_or(String::new(), |holds| holds.to_string()),
+                failed.iter().find(|f| f.finding.check == line.check).map_or(String::new(), Failed::case),
+            ]
+        })
+    });
+    csv_text(&SUMMARY, rows)
 }
 
 /// Header of [`csv`].
@@ -195,7 +233,8 @@ fn load_n(finding: &Finding) -> f64 {
 }
 
 impl Line {
-    fn text(&self) -> String {
+    /// Median, 95th percentile and worst as people read them, and how much meets the floor.
+    fn shown(&self) -> [String; 4] {
         let (by, unit) = self.check.unit();
         let digits = if by >= 1e6 || unit.is_empty() {
             0
@@ -205,11 +244,18 @@ impl Line {
             1
         };
         let shown = |v: Option<f64>| v.map_or("-".into(), |v| format!("{:.digits$} {unit}", by * v));
-        let [median, high, worst] = [0, 1, 2].map(|k| shown(self.spread.map(|s| s[k])));
+        // Of what is 1 or 0 only the mean says anything.
+        let spread = self.spread.filter(|_| !matches!(self.floor, Some(Floor::Mean(_))));
+        let [median, high, worst] = [0, 1, 2].map(|k| shown(spread.map(|s| s[k])));
         let met = match self.floor {
             Some(Floor::Per200Moves(_)) => self.met.map_or("-".into(), |rate| format!("{rate:.1} / 200")),
             _ => self.met.map_or("-".into(), |share| format!("{:.1} %", 100.0 * share)),
         };
+        [median, high, worst, met]
+    }
+
+    fn text(&self) -> String {
+        let [median, high, worst, met] = self.shown();
         let holds = self.holds.map_or("-", |holds| if holds { "yes" } else { "NO" });
         format!(
             "{:<32} {:<24} {:>6} {:>5} {median:>10} {high:>10} {worst:>10} {met:>10}  {holds}",
@@ -226,12 +272,23 @@ impl Line {
             "check": self.check.name(), "row": self.check.row(),
             "floor": self.floor.map(|floor| floor.text(self.check)),
             "cases": self.cases[0], "missing": self.cases[1],
-            "median": at(0), "p95": at(1), "worst": at(2), "met": self.met, "holds": self.holds,
+            "shown": self.shown(), "median": at(0), "p95": at(1), "worst": at(2), "met": self.met, "holds": self.holds,
         })
     }
 }
 
 impl Failed<'_> {
+    /// Where and why, in a few words.
+    fn case(&self) -> String {
+        let load = self.finding.load_kg.map_or(String::new(), |kg| format!(", {kg} kg"));
+        format!("rig {}{load}: {} {}", self.subject.seed, self.value(), self.finding.note).trim_end().to_owned()
+    }
+
+    fn value(&self) -> String {
+        let (by, unit) = self.finding.check.unit();
+        self.finding.value.map_or("none".into(), |v| format!("{:.3} {unit}", by * v)).trim_end().to_owned()
+    }
+
     fn json(&self) -> Value {
         json!({
             "rig": self.subject.kind.name(), "seed": self.subject.seed, "effect": self.subject.effect,
@@ -243,10 +300,9 @@ impl Failed<'_> {
 
 impl std::fmt::Display for Failed<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let (by, unit) = self.finding.check.unit();
         let load = self.finding.load_kg.map_or(String::new(), |kg| format!(", {kg} kg"));
         let what = self.finding.check.row().unwrap_or(self.finding.check.name());
-        let value = self.finding.value.map_or("none".into(), |v| format!("{:.3} {unit}", by * v));
-        write!(f, "{}{load}: {what}: {value} {}", self.subject, self.finding.note)
+        let text = format!("{}{load}: {what}: {} {}", self.subject, self.value(), self.finding.note);
+        write!(f, "{}", text.trim_end())
     }
 }

@@ -5,6 +5,55 @@ use rig_emulator::rig::{Rig, RigError};
 use sim_link::{PlantChange, PlantKey, RigPreset};
 use std::fmt;
 
+/// One of what real rigs have besides their model.
+pub struct Effect {
+    /// As in figures and tables.
+    pub name: &'static str,
+    /// The plant keys that make it.
+    pub keys: &'static [PlantKey],
+}
+
+/// All of them, as docs/plants.md has them.
+pub const EFFECTS: [Effect; 10] = [
+    Effect {
+        name: "current reading",
+        keys: &[PlantKey::CurrentOffset, PlantKey::CurrentNoise, PlantKey::CurrentQuantum],
+    },
+    Effect {
+        name: "motor and gear",
+        keys: &[
+            PlantKey::TorqueConstantScale,
+            PlantKey::MotorFriction,
+            PlantKey::MotorFrictionAsymmetry,
+            PlantKey::GearEfficiency,
+            PlantKey::GearBacklash,
+        ],
+    },
+    Effect {
+        name: "rail friction",
+        keys: &[
+            PlantKey::Friction,
+            PlantKey::FrictionLoadShare,
+            PlantKey::StictionRatio,
+            PlantKey::StribeckSpeed,
+            PlantKey::Presliding,
+        ],
+    },
+    Effect { name: "rod hysteresis", keys: &[PlantKey::RodHysteresis] },
+    Effect { name: "string creep", keys: &[PlantKey::StringCreep] },
+    Effect { name: "string bedding", keys: &[PlantKey::StringBedding] },
+    Effect { name: "twist play", keys: &[PlantKey::TwistPlay] },
+    Effect {
+        name: "LVDT and converter",
+        keys: &[PlantKey::LvdtNonlinearity, PlantKey::AdcInl, PlantKey::LvdtNoiseInband, PlantKey::Hum],
+    },
+    Effect { name: "radius law", keys: &[PlantKey::TwistExponentShift] },
+    Effect { name: "temperature", keys: &[PlantKey::Temperature] },
+];
+
+/// How far a single effect is turned up, in nominal sizes.
+pub const FACTORS: [f64; 5] = [0.5, 1.0, 2.0, 4.0, 8.0];
+
 /// One rig.
 #[derive(Clone, Debug)]
 pub struct Subject {
@@ -27,6 +76,17 @@ impl Subject {
     /// The rig of a kind that a seed names, with all effects.
     pub fn new(kind: RigPreset, seed: u64) -> Self {
         Self { kind, seed, effect: None, factor: None, changes: kind.changes(seed) }
+    }
+
+    /// The rig of its own model but for one effect, `factor` times as large as a kind of rig has it at most. Rigs with even
+    /// seeds have the other sign.
+    pub fn with_effect(effect: &Effect, kind: RigPreset, factor: Option<f64>, seed: u64) -> Self {
+        let sign = if seed.is_multiple_of(2) { -1.0 } else { 1.0 };
+        let size = sign * factor.unwrap_or(1.0);
+        let changes = effect.keys.iter().filter_map(|key| kind.extreme(*key, size)).collect();
+        // What is turned up beyond its size is held against the hard rigs' floors.
+        let kind = if factor.is_some() { RigPreset::Hard } else { kind };
+        Self { kind, seed, effect: Some(effect.name.to_owned()), factor, changes }
     }
 
     /// The rig as switched on under a load (N).
@@ -71,5 +131,38 @@ impl fmt::Display for Subject {
             (Some(effect), None) => write!(f, ", {effect} alone"),
             _ => Ok(()),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_key_of_a_preset_belongs_to_one_effect() {
+        for change in RigPreset::Hard.changes(1) {
+            let effects = EFFECTS.iter().filter(|effect| effect.keys.contains(&change.key));
+            assert_eq!(effects.count(), 1, "{}", change.key);
+        }
+    }
+
+    #[test]
+    fn a_single_effect_leaves_the_rest_of_its_model() {
+        for effect in &EFFECTS {
+            let [up, down] = [1, 2].map(|seed| Subject::with_effect(effect, RigPreset::Nominal, Some(2.0), seed));
+            let keys: Vec<PlantKey> = up.changes.iter().map(|change| change.key).collect();
+            assert_eq!(keys, effect.keys, "{}", effect.name);
+            assert_eq!((up.kind, down.factor), (RigPreset::Hard, Some(2.0)));
+        }
+        let current = |seed| Subject::with_effect(&EFFECTS[0], RigPreset::Nominal, None, seed).changes[0].value;
+        assert_eq!((current(1), current(2)), (5e-3, -5e-3));
+    }
+
+    #[test]
+    fn a_rig_is_calibrated_at_its_own_temperature() {
+        let rig = Subject::new(RigPreset::Hard, 3);
+        let temperature = |rig: &Subject| rig.changes.iter().any(|change| change.key == PlantKey::Temperature);
+        assert!(temperature(&rig) && !temperature(&rig.at_calibration()));
+        assert_eq!(rig.at_calibration().changes.len() + 1, rig.changes.len());
     }
 }

@@ -43,6 +43,17 @@ const ASKED: [Check; 8] = [
 /// Why all other checks of a boot have no value.
 pub const NOT_HOMED: &str = "not homed";
 
+/// By what name homing was refused.
+pub fn not_homed(bench: &ControlBench, why: &str) -> String {
+    let refused = bench.events.iter().rev().find_map(|(_, event)| match event {
+        EventKind::HomingRefused(failure) => Some(failure.to_string()),
+        _ => None,
+    });
+    let fault = || bench.control.fault().map(|fault| fault.to_string());
+    let named = refused.or_else(fault).unwrap_or_else(|| format!("without a name: {why}"));
+    format!("homing refused: {named}")
+}
+
 /// The findings where nothing could be tried, and why.
 fn nothing(load_kg: f64, why: &str) -> Vec<Finding> {
     let none = |check| Finding { load_kg: Some(load_kg), check, value: None, note: why.to_owned() };
@@ -87,13 +98,8 @@ impl Trial {
         match self.bench.home() {
             Ok(seconds) => self.homed(seconds),
             Err(why) => {
-                let refused = self.bench.events.iter().rev().find_map(|(_, event)| match event {
-                    EventKind::HomingRefused(failure) => Some(failure.to_string()),
-                    _ => None,
-                });
-                let fault = self.bench.control.fault().map(|fault| fault.to_string());
-                let named = refused.or(fault).unwrap_or_else(|| format!("without a name: {why}"));
-                self.found(Check::Zero, None, &format!("homing refused: {named}"));
+                let named = not_homed(&self.bench, &why);
+                self.found(Check::Zero, None, &named);
                 let rest = nothing(self.load_kg, NOT_HOMED);
                 self.findings.extend(rest.into_iter().filter(|finding| finding.check != Check::Zero));
                 return None;

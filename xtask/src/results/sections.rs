@@ -96,6 +96,19 @@ pub(super) const SECTIONS: &[Section] = &[
         measure: compare,
     },
     Section {
+        name: "rigs",
+        title: "Rigs that are not their own model",
+        about: "20 well-made rigs and 20 of the worst in ten, each drawn from a seed, homed and moved under four loads by the \
+                firmware's control code, with the constants identified on the same rig first and with the default \
+                scene's table as built.",
+        command: "cargo run --release -p host-tests --bin rigs -- --seeds 1001..1021",
+        figures: &[
+            ("charts/rigs.svg", "Errors of load and position, each effect alone and all together"),
+            ("charts/effects.svg", "Where the chain breaks as one effect is turned up"),
+        ],
+        measure: super::rigs::measure,
+    },
+    Section {
         name: "endurance",
         title: "Endurance",
         about: "Moves under changing loads with faults on the way, and random bytes on the host link and on the bus.",
@@ -105,12 +118,12 @@ pub(super) const SECTIONS: &[Section] = &[
     },
 ];
 
-fn text(words: &[&str]) -> Vec<String> {
+pub(super) fn text(words: &[&str]) -> Vec<String> {
     words.iter().map(|word| (*word).to_owned()).collect()
 }
 
 /// What a command prints on its standard output.
-fn printed(command: &mut Command) -> Result<String> {
+pub(super) fn printed(command: &mut Command) -> Result<String> {
     eprintln!("> {}", shown(command));
     let output = command.stderr(Stdio::inherit()).output().with_context(|| shown(command))?;
     ensure!(output.status.success(), "failed ({}): {}", output.status, shown(command));
@@ -118,7 +131,7 @@ fn printed(command: &mut Command) -> Result<String> {
 }
 
 /// The tool with these words, and each line that it prints as JSON.
-fn rigctl(folders: &Folders, words: &[&str]) -> Result<Vec<Value>> {
+pub(super) fn rigctl(folders: &Folders, words: &[&str]) -> Result<Vec<Value>> {
     let mut command = foreign(&folders.target.join("release/rigctl").to_string_lossy(), &folders.root);
     let text = printed(command.arg("--json").args(words))?;
     text.lines().map(|line| serde_json::from_str(line).with_context(|| format!("no JSON: {line}"))).collect()

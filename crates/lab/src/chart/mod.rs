@@ -7,15 +7,18 @@
 //! - `closed_loop`: what a cheaper model or a less accurate table does to the closed loop.
 //! - [`sizes`]: bytes of a table against its error.
 //! - [`target`]: what every way of knowing the mechanism costs on the board.
+//! - `rigs`: errors on rigs that are not their own model; `effects`: where the chain breaks as one effect is turned up.
 //! - [`margin`]: stability of the position loop in time; `margin_figure` draws it.
 //! - [`tiers`]: the cheapest model over load and twist, and which model and table each of five scenes needs.
 
 mod closed_loop;
+mod effects;
 pub mod grid;
 pub mod limits;
 pub mod margin;
 mod margin_figure;
 mod mechanism;
+mod rigs;
 pub mod rods;
 pub mod sizes;
 pub mod stability;
@@ -32,11 +35,22 @@ use std::ffi::OsString;
 use std::path::Path;
 
 /// The figures, in the order in which they are made.
-pub const NAMES: [&str; 9] =
-    ["mechanism", "work-precision", "target", "table-size", "closed-loop", "tiers", "scenes", "margin", "stability"];
+pub const NAMES: [&str; 11] = [
+    "mechanism",
+    "work-precision",
+    "target",
+    "table-size",
+    "closed-loop",
+    "rigs",
+    "effects",
+    "tiers",
+    "scenes",
+    "margin",
+    "stability",
+];
 
 /// The figures that draw what another command has measured; they cannot be made before it has been run.
-pub const MEASURED_ELSEWHERE: [&str; 2] = ["target", "closed-loop"];
+pub const MEASURED_ELSEWHERE: [&str; 4] = ["target", "closed-loop", "rigs", "effects"];
 
 /// What figures are made from.
 pub struct Inputs<'a> {
@@ -71,6 +85,8 @@ pub fn make(name: &str, inputs: &Inputs<'_>) -> Result<Made> {
         "work-precision" => work_figure::make(inputs),
         "target" => target::make(inputs),
         "closed-loop" => closed_loop::make(inputs),
+        "rigs" => rigs::make(inputs),
+        "effects" => effects::make(inputs),
         "tiers" => tiers::maps(inputs),
         "scenes" => tiers::scenes(inputs),
         "table-size" => sizes::make(inputs),

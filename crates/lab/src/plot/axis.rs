@@ -61,6 +61,11 @@ impl Axis {
         Self { label: String::new(), ticks, ..self }
     }
 
+    /// The same limits with ticks that are named.
+    pub fn ticked(self, ticks: impl IntoIterator<Item = (f64, String)>) -> Self {
+        Self { ticks: ticks.into_iter().collect(), ..self }
+    }
+
     /// Equal ratios between these limits, with ticks that are named.
     pub fn log_named(label: impl Into<String>, [low, high]: [f64; 2], ticks: Vec<(f64, String)>) -> Self {
         let ticks = ticks.into_iter().filter(|(v, _)| (low..=high).contains(v)).collect();
