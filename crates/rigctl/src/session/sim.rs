@@ -20,12 +20,32 @@ pub struct SimOptions {
     pub scene: PathBuf,
     /// Changes of the plant that the firmware does not know.
     pub plant: Vec<PlantChange>,
+    /// Program and arguments in the place of mechanism and load.
+    pub plant_program: Option<String>,
+    /// Files of measured gaps in the place of the mechanism.
+    pub plant_surface: Vec<PathBuf>,
     /// Seed of all noise.
     pub seed: u64,
     /// File that keeps the board's flash; without it the board is a new one.
     pub flash: Option<PathBuf>,
     /// A debugger of the board.
     pub gdb: Option<Gdb>,
+}
+
+impl SimOptions {
+    /// The firmware of `cargo xtask firmware` on a new board with the rig of a scene.
+    pub fn new(scene: PathBuf) -> Self {
+        Self {
+            firmware: None,
+            scene,
+            plant: Vec::new(),
+            plant_program: None,
+            plant_surface: Vec::new(),
+            seed: 1,
+            flash: None,
+            gdb: None,
+        }
+    }
 }
 
 /// A GDB that may connect to the board.
@@ -96,6 +116,12 @@ impl Sim {
         }
         for change in &options.plant {
             command.arg("--plant").arg(change.to_string());
+        }
+        if let Some(program) = &options.plant_program {
+            command.arg("--plant-program").arg(program);
+        }
+        for surface in &options.plant_surface {
+            command.arg("--plant-surface").arg(surface);
         }
         // Ctrl-C is for this tool, which stops the emulated board as it would a real one.
         #[cfg(unix)]
