@@ -12,6 +12,7 @@
 use std::io::{BufRead, BufReader, Write};
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 /// Version of the lines.
@@ -98,7 +99,8 @@ pub struct PlantProgram {
     name: String,
     child: Child,
     input: ChildStdin,
-    lines: Receiver<String>,
+    /// In a mutex only because a rig is shared between threads that look at it.
+    lines: Mutex<Receiver<String>>,
     patience: Duration,
 }
 
@@ -138,7 +140,7 @@ impl PlantProgram {
                 }
             }
         });
-        let mut program = Self { name: command.to_owned(), child, input, lines, patience };
+        let mut program = Self { name: command.to_owned(), child, input, lines: Mutex::new(lines), patience };
         let line = format!("start {VERSION} {step_s} {twist_rad} {seed}");
         match program.ask(&line)?.trim() {
             "ok" => Ok(program),
@@ -195,7 +197,8 @@ impl PlantProgram {
     fn ask(&mut self, line: &str) -> Result<String, ProgramError> {
         // A program that has ended shows by its missing answer, too.
         let sent = self.input.write_all(format!("{line}\n").as_bytes()).and_then(|()| self.input.flush());
-        let answer = self.lines.recv_timeout(self.patience);
+        let lines = self.lines.get_mut().unwrap_or_else(PoisonError::into_inner);
+        let answer = lines.recv_timeout(self.patience);
         match (sent, answer) {
             (_, Ok(answer)) => Ok(answer),
             (Ok(()), Err(RecvTimeoutError::Timeout)) => {
