@@ -21,6 +21,8 @@ const LEAST_SPREAD_N: f32 = 1.5;
 const LEAST_SPREAD_TO_JUDGE_N: f32 = 0.3;
 /// Moves in a row beyond the bound that are neither chance nor a load that somebody goes on filling.
 const DOUBTFUL_MOVES: u8 = 2;
+/// Share of the error by memory that shows as a slope of a move.
+const MEMORY_SHARE: f32 = 0.5;
 /// Least readings.
 const LEAST_COUNT: f32 = 100.0;
 
@@ -67,8 +69,9 @@ impl Adaptation {
         self.together += from_x * (load_n - self.mean_load);
     }
 
-    /// Ends a move at a scale; its result.
-    pub fn end_move(&mut self, twist_scale: f32) -> Finding {
+    /// Ends a move at a scale; its result. `memory` is the share by which what the rods remember makes the load wrong: it changes
+    /// along a move as a drift does.
+    pub fn end_move(&mut self, twist_scale: f32, memory: f32) -> Finding {
         let slope = self.together / self.spread;
         let spread = |least_n: f32| self.count >= LEAST_COUNT && self.spread >= self.count * least_n * least_n;
         let (can_learn, can_judge) = (spread(LEAST_SPREAD_N), spread(LEAST_SPREAD_TO_JUDGE_N));
@@ -76,7 +79,7 @@ impl Adaptation {
         if !can_judge || !slope.is_finite() {
             return Finding { scale_change: 0.0, agrees: None };
         }
-        let beyond = (twist_scale + slope - self.homed_scale).abs() > LARGEST_DRIFT;
+        let beyond = (twist_scale + slope - self.homed_scale).abs() > LARGEST_DRIFT + MEMORY_SHARE * memory;
         self.doubtful = if beyond { self.doubtful.saturating_add(1) } else { 0 };
         let agrees = Some(!beyond);
         if !can_learn {
@@ -111,7 +114,7 @@ mod tests {
                 let x = 0.5 + 0.02 * f32::from(k);
                 a.record(x, load(k) + x * (true_scale - scale));
             }
-            scale += a.end_move(scale).scale_change;
+            scale += a.end_move(scale, 0.0).scale_change;
         }
         scale
     }
@@ -135,7 +138,7 @@ mod tests {
         let mut a = Adaptation::new(1.0);
         (0..20).find(|k| {
             (0..300u16).for_each(|n| a.record(0.005 * f32::from(n), 1.0 + 0.005 * f32::from(n) * found(*k)));
-            a.end_move(1.0);
+            a.end_move(1.0, 0.0);
             a.disagrees()
         })
     }
@@ -153,7 +156,7 @@ mod tests {
         let finding = |found: f32| {
             let mut a = Adaptation::new(1.0);
             (0..300u16).for_each(|n| a.record(0.005 * f32::from(n), 1.0 + 0.005 * f32::from(n) * found));
-            a.end_move(1.0).agrees
+            a.end_move(1.0, 0.0).agrees
         };
         assert_eq!(finding(0.0), Some(true));
         assert_eq!(finding(0.02), Some(true), "a drift");
@@ -165,8 +168,8 @@ mod tests {
         let mut a = Adaptation::new(1.0);
         (0..1000).for_each(|_| a.record(2.0, 5.0));
         let nothing = Finding { scale_change: 0.0, agrees: None };
-        assert_eq!(a.end_move(1.0), nothing);
+        assert_eq!(a.end_move(1.0, 0.0), nothing);
         (0..1000u16).for_each(|k| a.record(f32::from(k), f32::NAN));
-        assert_eq!(a.end_move(1.0), nothing);
+        assert_eq!(a.end_move(1.0, 0.0), nothing);
     }
 }

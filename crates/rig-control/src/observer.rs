@@ -39,9 +39,12 @@ const UNSETTLED_S: f32 = 0.3;
 const MOVING_BAND: f32 = 0.3;
 /// Standard deviation of a load that is anywhere within the friction band, as a share of the friction.
 const RESTING_BAND: f32 = 0.6;
-/// Standard error for each newton by which the load is below the greatest load since homing: the rods' stress on the way
-/// down is up to 120 MPa lower than on the way up, which is up to 1.3 N after a change by 10 N (docs/plants.md).
-const MEMORY: f32 = 0.07;
+/// Rods that have carried a heavier load remember it: on the way down their stress is lower, which looks like 0.4, 1.3 and
+/// 1.0 N at 1, 5 and 10 N (docs/plants.md). Standard error as a share of a light load, the load (N) over which that share falls,
+/// and how far below the heaviest load (N) it is complete.
+const MEMORY: f32 = 0.22;
+const MEMORY_FALLS_N: f32 = 7.0;
+const MEMORY_COMPLETE_N: f32 = 4.0;
 /// Standard error by creep and warming up, as a share of the load, at once and in the end; and the time that it takes (s).
 const DRIFT: [f32; 2] = [0.003, 0.012];
 const DRIFT_S: f32 = 600.0;
@@ -177,6 +180,12 @@ impl LoadObserver {
         self.band = RESTING_BAND;
     }
 
+    /// Standard error of the load by what the rods remember, as a share of the load.
+    pub fn memory_share(&self) -> f32 {
+        let below = ((self.peak_n - self.load_n) / MEMORY_COMPLETE_N).clamp(0.0, 1.0);
+        MEMORY * below * libm::expf(-self.load_n / MEMORY_FALLS_N)
+    }
+
     /// Error of the estimate, 90 % (N), at a point of the table and a twist (rad).
     fn error_n(&self, point: &Point, twist_rad: f32) -> f32 {
         // Gap that scale and curve leave open, m².
@@ -186,7 +195,7 @@ impl LoadObserver {
         let gap_n = libm::sqrtf(open_m2 + self.gap_noise_m * self.gap_noise_m) / point.dgap_dload_m_per_n;
         let band_n = self.band * self.friction_n;
         let change_n = self.shape_error * (self.load_n - self.homed_n);
-        let memory_n = MEMORY * (self.peak_n - self.load_n);
+        let memory_n = self.memory_share() * self.load_n;
         let drift = DRIFT[0] + (DRIFT[1] - DRIFT[0]) * (self.age_s / DRIFT_S).min(1.0);
         let drift_n = drift * self.load_n;
         let fast = (self.gap_speed_m_per_s.abs() - STATIC_M_PER_S).max(0.0);

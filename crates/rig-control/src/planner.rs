@@ -179,6 +179,12 @@ impl Planner {
         SetPoint { position_m: self.now.position, speed_m_per_s: 0.0, done: self.is_at_rest() }
     }
 
+    /// At rest: goes on from another place (m), if that lies on the way.
+    pub fn set_out_from(&mut self, position_m: f32) {
+        let (low, high) = (self.now.position.min(self.target), self.now.position.max(self.target));
+        self.now.position = position_m.clamp(low, high);
+    }
+
     /// Sets another target (m).
     pub fn go_to(&mut self, target_m: f32) {
         self.target = target_m;

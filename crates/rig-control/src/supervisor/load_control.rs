@@ -14,8 +14,8 @@ use rig_link::messages::Limit;
 const ARRIVED_M: f32 = 25e-6;
 const ARRIVED_NOISES: f32 = 2.5;
 const ARRIVED_JUMP: f32 = 0.12;
-/// A load that sticks farther from its target than that, and nearer than one jump reaches, is moved back and comes again,
-/// so many times. It goes back by so many jumps, farther than its friction band.
+/// A load that sticks farther from its target than that, and nearer than another jump would bring it, is moved back and
+/// comes again, so many times. It goes back by so many jumps, farther than its friction band.
 const APPROACHES: u8 = 4;
 const STUCK_TICKS: u16 = ticks(20);
 const BACK_JUMPS: f32 = 2.0;
@@ -125,8 +125,9 @@ impl Move {
             return;
         }
         let error_m = self.target_m - load.position_m;
-        let sticks =
-            error_m.abs() > Self::arrived_m(load) && error_m.abs() < load.jump_m && load.observation.moved_m == 0.0;
+        let sticks = error_m.abs() > Self::arrived_m(load)
+            && error_m.abs() < self.control.position_loop.takeup.tolerance_m(load)
+            && load.observation.moved_m == 0.0;
         if self.approaches_left > 0 && lasts(&mut self.stuck_ticks, sticks, STUCK_TICKS) {
             let back_m = (BACK_JUMPS * load.jump_m).min(self.way_m.abs());
             self.approaches_left -= 1;
@@ -173,7 +174,12 @@ impl Move {
         }
         let set_point = if waiting { control.planner.wait() } else { control.planner.step(&limits) };
         let setting_out = waiting.then_some(*speed_m_per_s);
-        MoveStep { output: control.position_loop.step(&set_point, setting_out, load), set_point, limit }
+        let output = control.position_loop.step(&set_point, setting_out, load);
+        if waiting && !control.position_loop.takeup.is_waiting() {
+            // The load has broken loose, and may have jumped.
+            control.planner.set_out_from(load.position_m);
+        }
+        MoveStep { output, set_point, limit }
     }
 
     /// What holds the load after the move.
