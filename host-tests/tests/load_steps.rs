@@ -111,6 +111,7 @@ fn homed(friction_n: f32) -> HomingResult {
         friction_n,
         reference_gap_m: 0.1,
         gap_noise_m: 4e-6,
+        jump_m: 0.0,
         drive_lag_s: 0.05,
     }
 }
@@ -127,6 +128,7 @@ fn load_at(twist_rad: f32, friction_n: f32) -> LoadState<'static> {
         position_m: 0.005,
         age_s: 0.004,
         gap_noise_m: 4e-6,
+        jump_m: 0.0,
         twist_rad,
         twist_limits: constants().twist_limits(),
     }

@@ -24,8 +24,6 @@ const STUCK_NOISES: f32 = 3.0;
 /// A load that breaks loose from stiction jumps. An error that is below this share of the jump is left alone: after another
 /// jump it would be no smaller.
 const JUMP_SHARE: f32 = 0.55;
-/// Share of the jump that is expected of the next move, at another place.
-const JUMP_KEPT: f32 = 0.8;
 /// Share of the motor's speed and acceleration for that; the rest is the move's.
 const LIMITS_SHARE: f32 = 0.7;
 /// Speed of the load (m/s) that the strings creep by in the end, unless the move is slower.
@@ -33,8 +31,8 @@ const CREEP_M_PER_S: f32 = 1e-3;
 /// Farthest that they creep: in gap (m) and as a share of the friction band.
 const CREEP_M: f32 = 0.1e-3;
 const CREEP_BAND: f32 = 0.5;
-/// Friction as a share of the load above which they creep at all: under a light load the pull is known too badly.
-const CREEP_FRICTION: f32 = 0.15;
+/// Friction as a share of the load above which a load is light.
+const LIGHT_FRICTION: f32 = 0.15;
 /// Motion that is no noise: least (m), and over the noise of the gap in one tick.
 const MOVED_M: f32 = 20e-6;
 const MOVED_NOISES: f32 = 4.0;
@@ -82,7 +80,7 @@ pub struct FrictionTakeup {
     left_s: f32,
     /// Error (m) for which friction was last taken up at rest; 0 since a move.
     taken_up_m: f32,
-    /// How far the load jumps when it breaks loose (m): seen where the error has changed its sign at rest.
+    /// How far the load has jumped at rest since the last move (m): the error has changed its sign.
     jump_m: f32,
 }
 
@@ -107,14 +105,14 @@ impl FrictionTakeup {
     pub fn set_out(&mut self, direction: f32) {
         self.turn(direction);
         self.taken_up_m = 0.0;
-        self.jump_m *= JUMP_KEPT;
+        self.jump_m = 0.0;
         self.waiting = direction != 0.0;
         self.stuck = StuckLoad::NEW;
     }
 
     /// Error (m) at rest that stiction does not let the loop reduce.
-    pub fn tolerance_m(&self) -> f32 {
-        JUMP_SHARE * self.jump_m
+    pub fn tolerance_m(&self, load: &LoadState<'_>) -> f32 {
+        JUMP_SHARE * self.jump_m.max(load.jump_m)
     }
 
     /// Whether a move that has set out still waits.
@@ -147,7 +145,7 @@ impl FrictionTakeup {
     /// speed (m/s) of a move whose set-point waits.
     pub fn step(&mut self, set_point: &SetPoint, setting_out: Option<f32>, error_m: f32, load: &LoadState<'_>) -> f32 {
         self.waiting &= setting_out.is_some();
-        let stuck_m = STUCK_M.max(STUCK_NOISES * load.gap_noise_m).max(self.tolerance_m());
+        let stuck_m = STUCK_M.max(STUCK_NOISES * load.gap_noise_m).max(self.tolerance_m(load));
         let (wanted, share) = match (set_point.speed_m_per_s, error_m) {
             (v, _) if v.abs() > MOVING_M_PER_S => (v, SHARE_MOVING),
             // About to begin or to end.
@@ -201,9 +199,9 @@ impl FrictionTakeup {
         let end = load.mechanism.at(end_n, load.twist_rad);
         let band_m = 2.0 * friction_n * end.dgap_dload_m_per_n.max(observation.point.dgap_dload_m_per_n);
         let tr_rad_per_m = end.tr_rad_per_m();
-        let light = friction_n > CREEP_FRICTION * observation.load_n;
-        let (share, creep_m) = if light { (share * LIGHT_SHARE, CREEP_M + CREEP_BAND * band_m) } else { (share, 0.0) };
-        self.stuck.creep_left_rad = tr_rad_per_m * creep_m;
+        let light = friction_n > LIGHT_FRICTION * observation.load_n;
+        let share = if light { share * LIGHT_SHARE } else { share };
+        self.stuck.creep_left_rad = tr_rad_per_m * (CREEP_M + CREEP_BAND * band_m);
         // A pull that is already past the end of the band needs nothing.
         if direction * (end_n - observation.pull_n) > 0.0 {
             let missing_m = (end.gap_m - observation.modelled_gap_m) * direction;

@@ -17,6 +17,8 @@ pub struct LoadState<'t> {
     pub age_s: f32,
     /// Noise of the gap in one tick (m, rms).
     pub gap_noise_m: f32,
+    /// How far the load jumps when it breaks loose (m), as homing saw it.
+    pub jump_m: f32,
     /// Set-point of the twist (rad).
     pub twist_rad: f32,
     /// What the motor can do.

@@ -42,7 +42,7 @@ impl PositionLoop {
     /// One tick. `setting_out` is the speed (m/s) of a move whose set-point waits for friction to be taken up.
     pub fn step(&mut self, set_point: &SetPoint, setting_out: Option<f32>, load: &LoadState<'_>) -> LoopOutput {
         let error_m = set_point.position_m - load.age_s * set_point.speed_m_per_s - load.position_m;
-        let tolerance_m = AT_REST_M.max(AT_REST_NOISES * load.gap_noise_m).max(self.takeup.tolerance_m());
+        let tolerance_m = AT_REST_M.max(AT_REST_NOISES * load.gap_noise_m).max(self.takeup.tolerance_m(load));
         let at_rest = set_point.done && error_m.abs() < tolerance_m;
         let blend = CORNER_RAD_PER_S * TICK_S / (1.0 + CORNER_RAD_PER_S * TICK_S);
         self.smoothed_m[0] += blend * (if at_rest { 0.0 } else { error_m } - self.smoothed_m[0]);

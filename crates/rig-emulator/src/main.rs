@@ -7,6 +7,8 @@ use rig_emulator::gdb;
 use rig_emulator::jumpers::{self, Broken, JumperBoard};
 use rig_emulator::machine::{Config, Machine};
 use rig_emulator::rig::Rig;
+use rig_emulator::rig::outside::Outside;
+use rig_emulator::rig::outside::measured::Measured;
 use rig_emulator::rig::plant_settings::PlantSettings;
 use rig_emulator::serve::serve;
 use rig_scene::{Scene, files};
@@ -30,7 +32,7 @@ struct Arguments {
     #[arg(long, required_unless_present = "bare")]
     scene: Option<PathBuf>,
     /// A board with jumper wires and no rig, for the self-test: print its log until it has ended.
-    #[arg(long, conflicts_with_all = ["scene", "rig", "plant", "flash"])]
+    #[arg(long, conflicts_with_all = ["scene", "rig", "plant", "plant_program", "plant_surface", "flash"])]
     bare: bool,
     /// Rig of the seed: `ideal` is its own model; `nominal` and `hard` have what a well-made and a poor rig have besides.
     #[arg(long, value_name = "RIG", default_value_t = RigPreset::Ideal)]
@@ -38,6 +40,13 @@ struct Arguments {
     /// A change of the plant that the firmware does not know of, for example `load=1.2kg`.
     #[arg(long, value_name = "KEY=VALUE")]
     plant: Vec<PlantChange>,
+    /// Program and arguments that stand in for mechanism and load: docs/plants.md.
+    #[arg(long, value_name = "CMD ARGS", conflicts_with = "plant_surface")]
+    plant_program: Option<String>,
+    /// Measured gaps that stand in for the mechanism: docs/plants.md. Two files are those of a growing and of a falling
+    /// twist.
+    #[arg(long, value_name = "FILE.csv")]
+    plant_surface: Vec<PathBuf>,
     /// Seed of all noise, and of the rig that `--rig` draws.
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -81,11 +90,16 @@ fn run(arguments: &Arguments) -> Result<()> {
     files::check_regular(scene_file).with_context(|| format!("scene {}", scene_file.display()))?;
     let scene = Scene::load(scene_file)?;
     scene.check_rig().map_err(|error| error.in_file(scene_file))?;
-    let mut settings = PlantSettings::preset(arguments.rig, arguments.seed);
-    for change in &arguments.plant {
-        settings.apply(*change)?;
-    }
-    let rig = Rig::new(&scene, settings, arguments.seed)?;
+    let rig = match outside(arguments)? {
+        Some(outside) => Rig::from_outside(&scene, arguments.rig, &arguments.plant, arguments.seed, &outside)?,
+        None => {
+            let mut settings = PlantSettings::preset(arguments.rig, arguments.seed);
+            for change in &arguments.plant {
+                settings.apply(*change)?;
+            }
+            Rig::new(&scene, settings, arguments.seed)?
+        }
+    };
     let mut machine = Machine::new(&elf, rig, config)?;
     let flash = arguments.flash.as_ref().map(|path| FlashFile::open(path, &mut machine)).transpose()?;
     if let Some(address) = &arguments.gdb {
@@ -94,6 +108,28 @@ fn run(arguments: &Arguments) -> Result<()> {
         machine.attach(Box::new(server));
     }
     serve(&mut machine, flash, requests, std::io::stdout().lock())
+}
+
+/// The plant from outside, if one is asked for.
+fn outside(arguments: &Arguments) -> Result<Option<Outside>> {
+    if let Some(command) = &arguments.plant_program {
+        return Ok(Some(Outside::Program(command.clone())));
+    }
+    let named = |path: &PathBuf| format!("plant surface {}", path.display());
+    let text = |path: &PathBuf| -> Result<String> {
+        files::check_regular(path).with_context(|| named(path))?;
+        files::read_to_string(path).with_context(|| named(path))
+    };
+    Ok(match arguments.plant_surface.as_slice() {
+        [] => None,
+        [file] => Some(Outside::Measured(Measured::parse(&text(file)?).with_context(|| named(file))?)),
+        files @ [up, down] => {
+            let data = Measured::parse_two([&text(up)?, &text(down)?]);
+            let data = data.map_err(|(which, error)| anyhow::Error::from(error).context(named(&files[which])))?;
+            Some(Outside::Measured(data))
+        }
+        _ => anyhow::bail!("--plant-surface takes one file or two"),
+    })
 }
 
 /// Lines of standard input. They are read by a thread that also watches the parent process: when the parent has gone,

@@ -12,6 +12,9 @@ const TICK_FUNCTION: &str = "control_tick";
 /// Longest run in one request (s): a typing error must not hang the caller for ever.
 const LONGEST_RUN_S: f64 = 3600.0;
 
+/// How often a run looks whether the plant's program goes on (s).
+const LOOK_AT_PLANT_S: f64 = 0.01;
+
 /// Serves requests, a line each, until their end.
 ///
 /// # Errors
@@ -101,7 +104,7 @@ fn run(machine: &mut Machine<Rig>, until_s: f64, uart: Vec<u8>) -> Answer {
     if !uart.is_empty() {
         machine.send(Stimulus::Uart { usart: HOST_USART, bytes: uart });
     }
-    let stopped = machine.run_until(until_s).err();
+    let stopped = run_until(machine, until_s).err();
     let log = machine.defmt_lines().iter().map(ToString::to_string).collect();
     if let Some(error) = stopped {
         let kind = match error {
@@ -112,9 +115,26 @@ fn run(machine: &mut Machine<Rig>, until_s: f64, uart: Vec<u8>) -> Answer {
         };
         return failure(kind, error);
     }
+    if let Some(error) = machine.board().plant_failure() {
+        return failure("plant", error);
+    }
     let t_s = machine.now_s();
     let rig = machine.board_mut();
     Answer::Run(Run { t_s, uart: rig.take_host_bytes(), truth: rig.take_records(), log })
+}
+
+/// Runs to a time, or to shortly after the plant's program has failed.
+fn run_until(machine: &mut Machine<Rig>, until_s: f64) -> Result<(), MachineError> {
+    if machine.board().plant().built_in().is_some() {
+        return machine.run_until(until_s);
+    }
+    // The machine may stop a cycle before the time, so that its own clock would not do to count.
+    let mut stop_s = machine.now_s();
+    while stop_s < until_s && machine.board().plant_failure().is_none() {
+        stop_s = until_s.min(stop_s + LOOK_AT_PLANT_S);
+        machine.run_until(stop_s)?;
+    }
+    Ok(())
 }
 
 fn stats(machine: &Machine<Rig>) -> Stats {

@@ -140,6 +140,7 @@ fn event() -> impl Strategy<Value = EventKind> {
                     friction_n,
                     reference_gap_m,
                     gap_noise_m,
+                    jump_m: gap_noise_m,
                     twist_scale,
                     curve: GapCurve { middle_rad: c[0], half_rad: c[1], coefficients_m: [c[2], c[3], c[4], c[5]] },
                     covariance: v,

@@ -48,15 +48,7 @@ fn main() -> Result<()> {
     } else {
         for kg in LOADS_KG {
             let plant = vec![PlantChange { key: PlantKey::Load, value: kg * lab::STANDARD_GRAVITY_M_PER_S2 }];
-            let options = SimOptions {
-                firmware: None,
-                scene: scene_file.clone(),
-                rig: RigPreset::Ideal,
-                plant,
-                seed: 1,
-                flash: None,
-                gdb: None,
-            };
+            let options = SimOptions { plant, rig: RigPreset::Ideal, ..SimOptions::new(scene_file.clone()) };
             let mut session = Session::new(Box::new(Sim::start(&options).map_err(Failure::into_error)?));
             let swept = sweep(&mut session).map_err(Failure::into_error);
             sweeps.push(swept.with_context(|| format!("{kg} kg"))?);

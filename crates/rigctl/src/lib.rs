@@ -26,8 +26,8 @@
 //! }
 //!
 //! fn experiment() -> Result<(), Failure> {
-//!     let scene = "scenes/default.toml".into();
-//!     let options = SimOptions { firmware: None, scene, rig: RigPreset::Nominal, plant: vec!["load=1kg".parse()?], seed: 1, flash: None, gdb: None };
+//!     let plant = vec!["load=1kg".parse()?];
+//!     let options = SimOptions { plant, ..SimOptions::new("scenes/default.toml".into()) };
 //!     let mut session = Session::new(Box::new(Sim::start(&options)?));
 //!     session.hello()?;
 //!     let homed = homing::home(&mut session, LoadChoice::Auto, |_| {})?;

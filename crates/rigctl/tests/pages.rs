@@ -60,7 +60,7 @@ fn works(page: &Path, tasks: &str) {
     // What one command writes the next may read; nothing lands in the project.
     let folder = std::env::temp_dir().join(format!("rigctl-pages-{}-{}", std::process::id(), name.replace('/', "-")));
     std::fs::create_dir_all(&folder).unwrap();
-    for shared in ["scenes", "scenarios", "target"] {
+    for shared in ["docs", "scenes", "scenarios", "target"] {
         #[cfg(unix)]
         let _ = std::os::unix::fs::symlink(root().join(shared), folder.join(shared));
     }

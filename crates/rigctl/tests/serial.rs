@@ -50,15 +50,7 @@ impl Board {
         let truth = Arc::new(Mutex::new(None));
         let (seen, heard, told) = (Arc::clone(&stop), Arc::clone(&met), Arc::clone(&truth));
         let thread = std::thread::spawn(move || {
-            let options = SimOptions {
-                firmware: None,
-                scene: SCENE.into(),
-                rig: RigPreset::Ideal,
-                plant: Vec::new(),
-                seed: 1,
-                flash: None,
-                gdb: None,
-            };
+            let options = SimOptions { rig: RigPreset::Ideal, ..SimOptions::new(SCENE.into()) };
             let mut board = Sim::start(&options).unwrap_or_else(|e| panic!("{:?}", e.message()));
             let (mut buffer, mut heard_s, mut due) = ([0; 512], 0.0, Instant::now());
             while !seen.load(Ordering::Relaxed) {

@@ -13,6 +13,7 @@
 //! Sweeping both ways cancels what depends on the direction: rail friction, filter delay, gear backlash.
 
 mod centre;
+mod stick_slip;
 mod weigh;
 
 use crate::constants::TwistLimits;
@@ -22,6 +23,7 @@ use crate::{RigConstants, TICK_S};
 use centre::Centre;
 use core::f32::consts::{PI, TAU};
 use rig_link::messages::{HomingFailure, HomingResult, LoadChoice};
+use stick_slip::StickSlip;
 use tsa_table::Table;
 use weigh::{Current, Weigh};
 
@@ -182,6 +184,7 @@ pub struct Homing {
     /// Currents of the two sweeps across zero twist.
     zero_currents: [Current; 2],
     weigh: Weigh,
+    stick_slip: StickSlip,
     zero_rad: f32,
     zero_error_rad: f32,
     lag_sum_s: f32,
@@ -204,6 +207,7 @@ impl Homing {
             centre: Centre::new(),
             zero_currents: [Current::NONE; 2],
             weigh: Weigh::new(twist_scale, load),
+            stick_slip: StickSlip::NEW,
             zero_rad: 0.0,
             zero_error_rad: 0.0,
             lag_sum_s: 0.0,
@@ -369,6 +373,9 @@ impl Homing {
         if self.ramp.speed.abs() > 0.8 * speed {
             self.lag_sum_s += (self.ramp.position - inputs.shaft_rad) / self.ramp.speed;
             self.lag_count += 1;
+            self.stick_slip.add(inputs.gap_m);
+        } else {
+            self.stick_slip.turn();
         }
         let shaft_rad = inputs.shaft_at_gap_rad;
         self.weigh.record((shaft_rad - start) / travel, shaft_rad - self.zero_rad, inputs.gap_m, inputs.current_a);
@@ -412,6 +419,7 @@ impl Homing {
                 friction_n: w.friction_n,
                 reference_gap_m,
                 gap_noise_m,
+                jump_m: self.stick_slip.jump_m(gap_noise_m),
                 twist_scale: w.twist_scale,
                 curve: w.curve,
                 covariance: w.covariance,

@@ -9,8 +9,18 @@ use crate::time_to_target::time_to_target_s;
 use crate::{RigConstants, TICK_S};
 use rig_link::messages::Limit;
 
-/// Error (m) within which a load counts as arrived: half an LVDT count. The loop goes on holding after that.
+/// Error within which a load counts as arrived: half an LVDT count (m), or more where the gap is noisier or the load jumps.
+/// The loop goes on holding after that.
 const ARRIVED_M: f32 = 25e-6;
+const ARRIVED_NOISES: f32 = 2.5;
+const ARRIVED_JUMP: f32 = 0.12;
+/// A load that sticks farther from its target than that, and nearer than one jump reaches, is moved back and comes again,
+/// so many times. It goes back by so many jumps, farther than its friction band.
+const APPROACHES: u8 = 4;
+const STUCK_TICKS: u16 = ticks(20);
+const BACK_JUMPS: f32 = 2.0;
+/// Share of the error that the next approach aims beyond the target.
+const AIM_SHARE: f32 = 0.7;
 /// Time within that error, and time at the end of the strings' travel, after which a move is over; longest wait for either.
 const ARRIVED_TICKS: u16 = ticks(30);
 const END_TICKS: u16 = ticks(100);
@@ -34,6 +44,17 @@ impl LoadControl {
         self.planner = Planner::at(self.planner.set_point_m() + higher_m);
     }
 
+    /// Sets out to a position (m).
+    fn go_to(&mut self, position_m: f32) {
+        self.planner.go_to(position_m);
+        self.position_loop.takeup.set_out(self.planner.setting_out());
+    }
+
+    /// The same, with its set-point at a position (m) that a move has ended at.
+    fn holding(self, position_m: f32) -> Self {
+        Self { planner: Planner::at(position_m), ..self }
+    }
+
     /// One tick at the target.
     pub(super) fn hold(&mut self, load: &LoadState<'_>) -> LoopOutput {
         let set_point = SetPoint { position_m: self.planner.set_point_m(), speed_m_per_s: 0.0, done: true };
@@ -45,8 +66,16 @@ impl LoadControl {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Move {
     pub(super) control: LoadControl,
+    /// Where the load is to end (m). The planner's target is another one while the load goes back to come again.
+    pub(super) target_m: f32,
+    /// Way of the move (m).
+    way_m: f32,
     speed_m_per_s: f32,
     pub(super) stopping: bool,
+    /// Approaches that are left, and where the next one aims (m) while the load goes back for it.
+    approaches_left: u8,
+    next_aim_m: Option<f32>,
+    stuck_ticks: u16,
     /// Time until the set-point is at its target, friction take-up aside (s); `None` before the first tick and in a stop.
     run_s: Option<f32>,
     /// Ticks that the set-point has been at its target, and of these in a row: that the load was near it, and that the
@@ -66,9 +95,45 @@ pub(super) struct MoveStep {
 impl Move {
     /// To a position (m) at a speed (m/s) at most, going on from the present set-point.
     pub(super) fn new(mut control: LoadControl, target_m: f32, speed_m_per_s: f32) -> Self {
-        control.planner.go_to(target_m);
-        control.position_loop.takeup.set_out(control.planner.setting_out());
-        Self { control, speed_m_per_s, stopping: false, run_s: None, rest_ticks: 0, near_ticks: 0, end_ticks: 0 }
+        let way_m = target_m - control.planner.set_point_m();
+        control.go_to(target_m);
+        Self {
+            control,
+            target_m,
+            way_m,
+            speed_m_per_s,
+            stopping: false,
+            approaches_left: APPROACHES,
+            next_aim_m: None,
+            stuck_ticks: 0,
+            run_s: None,
+            rest_ticks: 0,
+            near_ticks: 0,
+            end_ticks: 0,
+        }
+    }
+
+    /// Error (m) within which this load counts as arrived.
+    fn arrived_m(load: &LoadState<'_>) -> f32 {
+        ARRIVED_M.max(ARRIVED_NOISES * load.gap_noise_m).max(ARRIVED_JUMP * load.jump_m)
+    }
+
+    /// With the set-point at its target: lets a load that sticks beside the target go back and come again.
+    fn approach_again(&mut self, load: &LoadState<'_>) {
+        if let Some(aim_m) = self.next_aim_m.take() {
+            self.control.go_to(aim_m);
+            return;
+        }
+        let error_m = self.target_m - load.position_m;
+        let sticks =
+            error_m.abs() > Self::arrived_m(load) && error_m.abs() < load.jump_m && load.observation.moved_m == 0.0;
+        if self.approaches_left > 0 && lasts(&mut self.stuck_ticks, sticks, STUCK_TICKS) {
+            let back_m = (BACK_JUMPS * load.jump_m).min(self.way_m.abs());
+            self.approaches_left -= 1;
+            self.stuck_ticks = 0;
+            self.next_aim_m = Some(self.control.planner.target_m() + AIM_SHARE * error_m);
+            self.control.go_to(self.target_m - libm::copysignf(back_m, self.way_m));
+        }
     }
 
     /// Ramps down.
@@ -76,6 +141,8 @@ impl Move {
         if !self.stopping {
             self.stopping = true;
             self.run_s = None;
+            self.next_aim_m = None;
+            self.approaches_left = 0;
             self.control.planner.brake(&Limits::new(SPEED_MAX_M_PER_S, LOAD_ACCELERATION));
         }
     }
@@ -90,6 +157,9 @@ impl Move {
 
     /// One tick.
     pub(super) fn step(&mut self, load: &LoadState<'_>, rig: &RigConstants) -> MoveStep {
+        if self.control.planner.is_at_rest() && !self.stopping {
+            self.approach_again(load);
+        }
         let Self { control, speed_m_per_s, .. } = self;
         let tr_rad_per_m = load.observation.point.tr_rad_per_m();
         let (limits, limit) = Limits::for_motor(*speed_m_per_s, tr_rad_per_m, load.observation.pull_n, rig);
@@ -106,10 +176,20 @@ impl Move {
         MoveStep { output: control.position_loop.step(&set_point, setting_out, load), set_point, limit }
     }
 
+    /// What holds the load after the move.
+    pub(super) fn hold(&self) -> LoadControl {
+        self.control.holding(self.target_m)
+    }
+
     /// One tick with the set-point at its target: whether the move is over. It may end where the strings' travel ends; the
     /// event then says how far off that is, and the limit stays in the telemetry.
-    pub(super) fn is_over(&mut self, error_m: f32, at_end: bool) -> bool {
-        let arrived = lasts(&mut self.near_ticks, error_m.abs() < ARRIVED_M, ARRIVED_TICKS);
+    pub(super) fn is_over(&mut self, load: &LoadState<'_>, at_end: bool) -> bool {
+        if self.stopping {
+            self.target_m = self.control.planner.set_point_m();
+        }
+        let error_m = self.target_m - load.position_m;
+        let near = self.next_aim_m.is_none() && error_m.abs() < Self::arrived_m(load);
+        let arrived = lasts(&mut self.near_ticks, near, ARRIVED_TICKS);
         let ended = lasts(&mut self.end_ticks, at_end, END_TICKS);
         self.rest_ticks += 1;
         arrived || ended || self.rest_ticks >= PATIENCE_TICKS

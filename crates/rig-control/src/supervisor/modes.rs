@@ -206,6 +206,7 @@ impl Rig<'_> {
             position_m: tracking.position_m,
             age_s: readings.gap_age_s,
             gap_noise_m: tracking.homed.found.gap_noise_m,
+            jump_m: tracking.homed.found.jump_m,
             twist_rad,
             twist_limits: self.constants.twist_limits(),
         };
@@ -231,10 +232,10 @@ impl Rig<'_> {
         let travel = at_end.then_some(Limit::Travel);
         let Some((planned, MoveStep { set_point, limit, .. })) = planned else { return travel };
         tracking.learn(&observation, twist_rad, set_point.done);
-        if set_point.done && planned.is_over(output.error_m, at_end) {
-            let error_m = load.position_m - set_point.position_m;
+        if set_point.done && planned.is_over(&load, at_end) {
+            let error_m = load.position_m - planned.target_m;
             let _ = events.push(if planned.stopping { EventKind::Stopped } else { EventKind::MoveDone { error_m } });
-            self.mode = Mode::Holding(planned.control);
+            self.mode = Mode::Holding(planned.hold());
         }
         travel.or(limit)
     }

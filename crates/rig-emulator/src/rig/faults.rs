@@ -6,21 +6,31 @@ use crate::board::Stimulus;
 use rmds405::Transport;
 use sim_link::RigFault;
 
-/// The fault is one of the CAN bus, and this rig has none.
+/// Why this rig cannot have a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "fault `can-bus-off` needs a CAN bus, and the scene has drive_transport = \"uart\"; a cut line is `can-silent`"
-)]
-pub struct NoCanBus;
+pub enum FaultError {
+    /// The fault is one of the CAN bus, and this rig has none.
+    #[error(
+        "fault `can-bus-off` needs a CAN bus, and the scene has drive_transport = \"uart\"; a cut line is `can-silent`"
+    )]
+    NoCanBus,
+    /// The fault is one of the strings, and they are in a plant program.
+    #[error("fault `{}` is one of the built-in strings, and this rig has a plant program in their place", .0.name())]
+    Program(RigFault),
+}
 
 impl Rig {
     /// Switches a fault, if this rig can have it.
     ///
     /// # Errors
-    /// [`NoCanBus`] for a fault of the bus where the scene's drive is on the serial line.
-    pub fn try_fault(&mut self, fault: RigFault, on: bool) -> Result<(), NoCanBus> {
+    /// [`FaultError`] for a fault of the bus where the scene's drive is on the serial line, and for one of the strings where
+    /// a plant program has them.
+    pub fn try_fault(&mut self, fault: RigFault, on: bool) -> Result<(), FaultError> {
         if fault == RigFault::CanBusOff && self.parameters.transport == Transport::Uart {
-            return Err(NoCanBus);
+            return Err(FaultError::NoCanBus);
+        }
+        if matches!(fault, RigFault::StringBreak | RigFault::StringSlip) && self.plant.built_in().is_none() {
+            return Err(FaultError::Program(fault));
         }
         self.set_fault(fault, on);
         Ok(())
@@ -49,8 +59,16 @@ impl Rig {
             RigFault::LvdtShort => self.lvdt.faults.short = on,
             RigFault::LvdtNoisy => self.lvdt.faults.noisy = on,
             RigFault::LvdtFrozen => self.lvdt.faults.frozen = on,
-            RigFault::StringBreak if on => self.plant.break_string(),
-            RigFault::StringSlip if on => self.plant.slip(),
+            RigFault::StringBreak if on => {
+                if let Some(plant) = self.plant.built_in_mut() {
+                    plant.break_string();
+                }
+            }
+            RigFault::StringSlip if on => {
+                if let Some(plant) = self.plant.built_in_mut() {
+                    plant.slip();
+                }
+            }
             RigFault::Estop => self.estop = on,
             RigFault::MotorOpen => self.motor_open = on,
             RigFault::LimitSwitch => self.limit_fault = on,

@@ -3,7 +3,8 @@
 //!
 //! - [`plant_settings`] and [`parameters`]: what a test may change, what the scene says.
 //! - [`transmission`] and [`surface`]: the mechanism's equilibria, exactly and fast.
-//! - [`plant`], [`motor`], [`encoder`], [`lvdt`]: the parts that move and measure.
+//! - [`plant`]: load and mechanism, [`built_in`] or from [`outside`].
+//! - [`motor`], [`encoder`], [`lvdt`]: the parts that move and measure.
 //! - [`effects`]: what real rigs have besides.
 //! - [`drive`]: the RMDS-405 on the bus, or on the serial line.
 //! - [`faults`]: what can be broken.
@@ -12,12 +13,14 @@
 //! Time advances in fixed steps of 0.25 ms from power-up, whatever calls come in between, so that the same calls at the
 //! same times give the same results.
 
+pub mod built_in;
 pub mod drive;
 pub mod effects;
 pub mod encoder;
 pub mod faults;
 pub mod lvdt;
 pub mod motor;
+pub mod outside;
 pub mod parameters;
 pub mod plant;
 pub mod plant_settings;
@@ -30,16 +33,21 @@ use std::collections::VecDeque;
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::SeedableRng;
 use rig_scene::Scene;
-use sim_link::{PlantChange, PlantError, Truth};
+use sim_link::{PlantChange, PlantError, PlantKey, RigPreset, Truth};
 use tsa_model::{Mechanism, RadiusLaw, Tier};
 
 use crate::board::Stimulus;
+use built_in::BuiltIn;
 use drive::{Drive, LEAST_SUPPLY_V, Sensed};
 use effects::rods::Rods;
 use effects::strings::{StringSizes, Strings};
 use encoder::Encoder;
 use lvdt::Lvdt;
 use motor::{Bridge, Motor};
+use outside::measured::{Measured, TwoWays};
+use outside::program::ProgramError;
+use outside::programmed::Programmed;
+use outside::{Outside, is_of_the_law, is_of_the_plant};
 use parameters::RigParameters;
 use plant::{Conditions, Plant};
 use plant_settings::PlantSettings;
@@ -74,6 +82,9 @@ pub enum RigError {
     /// The mechanism does not reach where the rig has to go.
     #[error(transparent)]
     Surface(#[from] NoSurface),
+    /// What is asked of a plant from outside.
+    #[error(transparent)]
+    Change(#[from] ChangeError),
     /// The load would break the rods before the strings touch.
     #[error("plant key `load`: {load_n} N is more than this mechanism can carry, at most {most_n} N")]
     Load {
@@ -96,6 +107,20 @@ pub enum RigError {
     },
 }
 
+/// Why the plant cannot be changed so.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ChangeError {
+    /// Its value, or that it comes too late.
+    #[error(transparent)]
+    Plant(#[from] PlantError),
+    /// The plant's program refuses it, or has failed.
+    #[error(transparent)]
+    Program(#[from] ProgramError),
+    /// Measured gaps stand in the place of what the key changes.
+    #[error("plant key `{0}` is for the built-in mechanism, and this rig has measured gaps in its place")]
+    Measured(PlantKey),
+}
+
 /// How far past the last twist with an equilibrium the strings can be left, rad: strings that lie side by side still
 /// give a little. That is ten turns under 0.1 kg. When they are released they throw the rotor to the other side.
 const CLOSED_GIVE_RAD: f64 = 1.7;
@@ -105,8 +130,11 @@ const CLOSED_GIVE_RAD: f64 = 1.7;
 pub struct Rig {
     parameters: RigParameters,
     settings: PlantSettings,
-    mechanism: Mechanism,
+    /// The scene's mechanism; `None` where the plant is from outside.
+    mechanism: Option<Mechanism>,
     tier: Tier,
+    /// Ends of the rail, as gaps, m.
+    stops_m: [f64; 2],
     noise: Pcg64Mcg,
     current_noise: Pcg64Mcg,
     plant: Plant,
@@ -127,7 +155,7 @@ pub struct Rig {
     steps: u64,
     boot_angle_rad: f64,
     boot_counts: i64,
-    boot_pretwist_gap_m: f64,
+    boot_pretwist_gap_m: Option<f64>,
     tension_share: f64,
     pins: Vec<(char, u8, bool)>,
     polled: bool,
@@ -144,28 +172,69 @@ impl Rig {
     /// # Errors
     /// [`RigError`] if the scene is no rig, or the mechanism cannot carry the load or have the twist.
     pub fn new(scene: &Scene, settings: PlantSettings, seed: u64) -> Result<Self, RigError> {
-        let parameters = RigParameters::new(&scene.rig)?;
         let real = settings.distort(scene);
         let mechanism = Mechanism::new(&real.geometry, &real.string, &real.material)?;
         let (surface, tier) = surface_for(&mechanism, &real, settings.load_n)?;
-        let stop = parameters.lvdt_gap_at_zero_m;
-        let stops_m = [stop, stop + parameters.lvdt_stroke_m];
-        let twist_rad = settings.twist_at_boot_rad;
-        let most_rad = (10.0 * (surface.last_twist_rad(settings.load_n) + CLOSED_GIVE_RAD)).floor() / 10.0;
-        if twist_rad.abs() > most_rad {
-            return Err(RigError::Twist { twist_rad, load_n: settings.load_n, most_rad });
-        }
         let rods = rods_of(&mechanism, &settings, &surface);
-        let strings = Strings::new(mechanism.parameters(), &string_sizes(&real, &settings), twist_rad, settings.load_n);
-        let plant = Plant::new(surface, stops_m, strings, rods, &conditions(&settings));
-        let boot_pretwist_gap_m = plant.gap_at(tsa_model::PRETWIST_RAD, &conditions(&settings));
+        let strings = strings_of(&mechanism, &real, &settings);
+        let stops_m = stops_of(&RigParameters::new(&scene.rig)?);
+        let plant = hung(surface, stops_m, strings, rods, &settings)?;
+        Self::around(scene, settings, seed, Plant::BuiltIn(Box::new(plant)), Some(mechanism), tier)
+    }
+
+    /// As [`Rig::new`] with a plant from outside in the place of the built-in one. The rig has the preset's keys and then
+    /// the given ones; a plant from outside need not know those of the preset.
+    ///
+    /// # Errors
+    /// As [`Rig::new`], and [`ChangeError`] for a program that fails and a given key that such a plant has not.
+    pub fn from_outside(
+        scene: &Scene,
+        preset: RigPreset,
+        given: &[PlantChange],
+        seed: u64,
+        outside: &Outside,
+    ) -> Result<Self, RigError> {
+        let mut settings = PlantSettings::preset(preset, seed);
+        for change in given {
+            settings.apply(*change).map_err(ChangeError::from)?;
+        }
+        let plant = match outside {
+            Outside::Program(command) => {
+                let load = PlantChange { key: PlantKey::Load, value: settings.load_n };
+                let offered = [vec![load], preset.changes(seed)].concat();
+                let twist_rad = settings.twist_at_boot_rad;
+                let program = Programmed::start(command, twist_rad, seed, &offered, given);
+                Plant::Program(Box::new(program.map_err(ChangeError::from)?))
+            }
+            Outside::Measured(data) => {
+                if let Some(change) = given.iter().find(|change| is_of_the_law(change.key)) {
+                    return Err(ChangeError::Measured(change.key).into());
+                }
+                Plant::BuiltIn(Box::new(measured(scene, data, &settings)?))
+            }
+        };
+        Self::around(scene, settings, seed, plant, None, Tier::Full)
+    }
+
+    fn around(
+        scene: &Scene,
+        settings: PlantSettings,
+        seed: u64,
+        plant: Plant,
+        mechanism: Option<Mechanism>,
+        tier: Tier,
+    ) -> Result<Self, RigError> {
+        let parameters = RigParameters::new(&scene.rig)?;
+        let stops_m = stops_of(&parameters);
+        let twist_rad = settings.twist_at_boot_rad;
+        let boot_pretwist_gap_m = plant.built_in().map(|_| plant.pretwist_gap_m(&conditions(&settings)));
         let play = 0.5 * settings.gear_backlash_rad;
         let boot_angle_rad = (twist_rad + play.copysign(twist_rad)) * parameters.gear_ratio;
         let encoder = Encoder::new(parameters.counts_per_turn);
         let boot_counts = encoder.counts(boot_angle_rad);
         let mut rig = Self {
             tier,
-            lvdt: Lvdt::new(&parameters, &settings, plant.gap_m, seed ^ LVDT_SEED),
+            lvdt: Lvdt::new(&parameters, &settings, plant.gap_m(), seed ^ LVDT_SEED),
             motor: Motor::new(&parameters, settings.torque_constant_scale, boot_angle_rad),
             drive: Drive::new(&parameters),
             noise: Pcg64Mcg::seed_from_u64(seed),
@@ -191,6 +260,7 @@ impl Rig {
             parameters,
             settings,
             mechanism,
+            stops_m,
             plant,
             encoder,
             boot_angle_rad,
@@ -206,23 +276,39 @@ impl Rig {
     /// Changes the plant while the rig runs.
     ///
     /// # Errors
-    /// [`PlantError`] if the key makes another mechanism, or no rig can have the value.
-    pub fn change_plant(&mut self, change: PlantChange) -> Result<(), PlantError> {
-        change.check_running()?;
+    /// [`ChangeError`] if the key makes another mechanism, no rig can have the value, or a plant from outside refuses it.
+    pub fn change_plant(&mut self, change: PlantChange) -> Result<(), ChangeError> {
+        match &mut self.plant {
+            Plant::Program(program) if is_of_the_plant(change.key) => {
+                change.check()?;
+                program.set(change)?;
+            }
+            _ => change.check_running()?,
+        }
         self.settings.apply(change)?;
-        if !self.plant.has_rods() {
-            let rods = rods_of(&self.mechanism, &self.settings, self.plant.surface());
-            self.plant.set_rods(rods);
+        if let (Some(mechanism), Some(plant)) = (&self.mechanism, self.plant.built_in_mut())
+            && !plant.has_rods()
+        {
+            let rods = rods_of(mechanism, &self.settings, plant.surface());
+            plant.set_rods(rods);
         }
         self.look_at_power();
         Ok(())
+    }
+
+    /// Why the plant's program cannot go on.
+    pub fn plant_failure(&self) -> Option<&ProgramError> {
+        match &self.plant {
+            Plant::Program(program) => program.failure(),
+            Plant::BuiltIn(_) => None,
+        }
     }
 
     /// Changes the plant while the rig runs, with a value as an operator types it.
     ///
     /// # Errors
     /// As [`Rig::change_plant`], and if key or value cannot be read.
-    pub fn set_plant(&mut self, key: &str, value: &str) -> Result<(), PlantError> {
+    pub fn set_plant(&mut self, key: &str, value: &str) -> Result<(), ChangeError> {
         self.change_plant(PlantChange::read(key, value)?)
     }
 
@@ -279,17 +365,19 @@ impl Rig {
     /// What really happens now.
     pub fn truth(&self) -> Truth {
         let pull_n = self.plant.pull_n();
+        let conditions = conditions(&self.settings);
+        let pretwist_gap_m = self.plant.pretwist_gap_m(&conditions);
         Truth {
             t_s: self.now_s(),
-            position_m: self.boot_pretwist_gap_m - self.plant.gap_m,
-            gap_m: self.plant.gap_m,
-            pretwist_gap_m: self.plant.gap_at(tsa_model::PRETWIST_RAD, &conditions(&self.settings)),
-            gap_speed_m_per_s: self.plant.speed_m_per_s,
+            position_m: self.boot_pretwist_gap_m.unwrap_or(pretwist_gap_m) - self.plant.gap_m(),
+            gap_m: self.plant.gap_m(),
+            pretwist_gap_m,
+            gap_speed_m_per_s: self.plant.speed_m_per_s(),
             twist_rad: self.twist_rad(),
             load_n: self.settings.load_n,
             pull_n,
             string_tension_n: pull_n * self.tension_share,
-            string_torque_nm: self.plant.torque_nm(&conditions(&self.settings)),
+            string_torque_nm: self.plant.torque_nm(&conditions),
             motor_angle_rad: self.motor.angle_rad - self.boot_angle_rad,
             motor_speed_rad_per_s: self.motor.speed_rad_per_s,
             motor_current_a: self.motor.current_a,
@@ -330,7 +418,9 @@ impl Rig {
 
     fn look_at_tension(&mut self) {
         let force_n = self.plant.pull_n();
-        if let Ok(solved) = self.mechanism.solve(force_n, self.twist_rad()) {
+        // Of a plant from outside nobody knows the strings' angle: half the pull each.
+        let solved = self.mechanism.as_ref().map(|mechanism| mechanism.solve(force_n, self.twist_rad()));
+        if let Some(Ok(solved)) = solved {
             self.tension_share = solved.tension_n / force_n;
         }
     }
@@ -357,7 +447,7 @@ impl Rig {
         }
         let twist_rad = self.twist_rad();
         self.plant.step(STEP_S, twist_rad, &conditions);
-        self.lvdt.step(STEP_S, self.plant.gap_m, &self.settings);
+        self.lvdt.step(STEP_S, self.plant.gap_m(), &self.settings);
         self.steps += 1;
         if self.steps.is_multiple_of(STEPS_PER_TICK) {
             self.tick();
@@ -407,15 +497,58 @@ fn rods_of(mechanism: &Mechanism, settings: &PlantSettings, surface: &Surface) -
     any.then(|| Rods::new(mechanism, surface, settings.rod_hysteresis_pa)).flatten()
 }
 
-/// How the strings differ from those of the model.
-fn string_sizes(real: &Scene, settings: &PlantSettings) -> StringSizes {
+/// The strings of a mechanism, at the twist and under the load of the start.
+fn strings_of(mechanism: &Mechanism, real: &Scene, settings: &PlantSettings) -> Strings {
     let by_length = real.string.radius_law == RadiusLaw::LengthRatio;
-    StringSizes {
+    let sizes = StringSizes {
         play_rad: settings.twist_play_rad,
         bedding: settings.string_bedding,
         creep: settings.string_creep,
         exponent_shift: if by_length { settings.twist_exponent_shift } else { 0.0 },
+    };
+    Strings::new(mechanism.parameters(), &sizes, settings.twist_at_boot_rad, settings.load_n)
+}
+
+/// Ends of the rail, as gaps, m: those of the LVDT's stroke.
+fn stops_of(parameters: &RigParameters) -> [f64; 2] {
+    let stop = parameters.lvdt_gap_at_zero_m;
+    [stop, stop + parameters.lvdt_stroke_m]
+}
+
+/// The load hung from a surface, at the twist of the start.
+fn hung(
+    surface: Surface,
+    stops_m: [f64; 2],
+    strings: Strings,
+    rods: Option<Rods>,
+    settings: &PlantSettings,
+) -> Result<BuiltIn, RigError> {
+    let (load_n, twist_rad) = (settings.load_n, settings.twist_at_boot_rad);
+    let most_rad = (10.0 * (surface.last_twist_rad(load_n) + CLOSED_GIVE_RAD)).floor() / 10.0;
+    if twist_rad.abs() > most_rad {
+        return Err(RigError::Twist { twist_rad, load_n, most_rad });
     }
+    Ok(BuiltIn::new(surface, stops_m, strings, rods, &conditions(settings)))
+}
+
+/// The load hung from measured gaps. Its strings are the scene's where the data do not tell: their slow stretch, and the
+/// law by which a radius acts as a twist.
+fn measured(scene: &Scene, data: &Measured, settings: &PlantSettings) -> Result<BuiltIn, RigError> {
+    let mechanism = Mechanism::new(&scene.geometry, &scene.string, &scene.material)?;
+    let most_n = data.max_load_n();
+    if settings.load_n > most_n {
+        return Err(RigError::Load { load_n: settings.load_n, most_n });
+    }
+    let surface = Surface::new(data, most_n)?;
+    // The exponent of the radius law is that of the data.
+    let own = PlantSettings { twist_exponent_shift: 0.0, ..settings.clone() };
+    let strings = strings_of(&mechanism, scene, &own);
+    let two_ways = TwoWays::new(data, strings.twist_rad);
+    let plant = hung(surface, stops_of(&RigParameters::new(&scene.rig)?), strings, None, &own)?;
+    Ok(match two_ways {
+        Some(two_ways) => plant.with_two_ways(two_ways),
+        None => plant,
+    })
 }
 
 /// The widest surface that the mechanism allows, by the cheapest model that the scene allows: rods at their strain

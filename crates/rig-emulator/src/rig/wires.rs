@@ -30,10 +30,11 @@ impl Rig {
 
     /// Drives the pins whose level has changed.
     pub(super) fn look_at_pins(&mut self) {
-        let [upper, lower] = self.plant.stops_m;
+        let [upper, lower] = self.stops_m;
+        let gap_m = self.plant.gap_m();
         self.set_pin(ESTOP, self.estop);
-        self.set_pin(LIMIT_LOW, self.plant.gap_m > lower - LIMIT_MARGIN_M);
-        self.set_pin(LIMIT_HIGH, self.limit_fault || self.plant.gap_m < upper + LIMIT_MARGIN_M);
+        self.set_pin(LIMIT_LOW, gap_m > lower - LIMIT_MARGIN_M);
+        self.set_pin(LIMIT_HIGH, self.limit_fault || gap_m < upper + LIMIT_MARGIN_M);
     }
 
     fn set_pin(&mut self, (port, pin): (char, u8), high: bool) {

@@ -21,6 +21,8 @@ pub struct HomingResult {
     pub reference_gap_m: f32,
     /// Noise of the gap in one tick, measured at rest (m, rms).
     pub gap_noise_m: f32,
+    /// How far the load jumps when it breaks loose from stiction (m); 0 where it slides smoothly.
+    pub jump_m: f32,
     /// Scale of the twist: 1 is what the table was made for.
     pub twist_scale: f32,
     /// Measured less modelled gap over the twist.

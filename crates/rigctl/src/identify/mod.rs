@@ -267,7 +267,7 @@ pub fn fit(unknowns: &Unknowns, start: &Parameters, data: &Data) -> Result<(Vec<
     let error = |k: usize| (covariance[(k, k)] * variance).sqrt();
     let count = unknowns.count();
     let weak: Vec<&str> = (0..count).filter(|k| error(*k) > WORST_STANDARD_ERROR).map(|k| labels[k].as_str()).collect();
-    if !weak.is_empty() {
+    if !weak.is_empty() && !unknowns.expected {
         let why = format!("standard errors above {:.0} %", 100.0 * WORST_STANDARD_ERROR);
         return Err(IdentifyError::Undetermined { constants: weak.join(", "), why });
     }

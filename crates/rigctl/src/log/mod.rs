@@ -59,6 +59,12 @@ impl Header {
             if options.scene != target.scene {
                 header.add("plant_scene", options.scene.display());
             }
+            if let Some(program) = &options.plant_program {
+                header.add("plant_program", program);
+            }
+            for surface in &options.plant_surface {
+                header.add("plant_surface", surface.display());
+            }
             for change in &options.plant {
                 header.add(&format!("plant.{}", change.key), change.value);
             }

@@ -51,6 +51,12 @@ pub struct Global {
     /// Scene that the emulated plant is built from, if it differs from the operator's --scene [default: --scene]
     #[arg(long, global = true, help_heading = EMULATED, value_name = "FILE")]
     pub plant_scene: Option<PathBuf>,
+    /// Program and arguments that stand in for the emulated mechanism and load: docs/plants.md
+    #[arg(long, global = true, help_heading = EMULATED, value_name = "CMD ARGS", conflicts_with = "plant_surface")]
+    pub plant_program: Option<String>,
+    /// Measured gaps that stand in for the emulated mechanism, one file or those of either way of the twist: docs/plants.md
+    #[arg(long, global = true, help_heading = EMULATED, value_name = "FILE")]
+    pub plant_surface: Vec<PathBuf>,
     /// Seed of the emulated rig's noise, and of the rig that --rig draws
     #[arg(long, global = true, help_heading = EMULATED, default_value_t = 1)]
     pub seed: u64,
@@ -107,6 +113,8 @@ impl Global {
             scene: scene.clone(),
             rig: self.rig.unwrap_or_default(),
             plant: self.plant.clone(),
+            plant_program: self.plant_program.clone(),
+            plant_surface: self.plant_surface.clone(),
             seed: self.seed,
             flash: self.flash.clone(),
             gdb: self.gdb.clone().map(|address| Gdb { address, wait: self.gdb_wait }),
@@ -128,11 +136,13 @@ impl Global {
     }
 
     /// The options of the emulated board alone, and whether each was given.
-    pub fn of_emulated_board(&self) -> [(bool, &'static str); 6] {
+    pub fn of_emulated_board(&self) -> [(bool, &'static str); 8] {
         [
             (self.rig.is_some(), "--rig"),
             (!self.plant.is_empty(), "--plant"),
             (self.plant_scene.is_some(), "--plant-scene"),
+            (self.plant_program.is_some(), "--plant-program"),
+            (!self.plant_surface.is_empty(), "--plant-surface"),
             (self.flash.is_some(), "--flash"),
             (self.firmware.is_some(), "--firmware"),
             (self.gdb.is_some(), "--gdb"),

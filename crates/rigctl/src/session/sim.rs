@@ -23,6 +23,10 @@ pub struct SimOptions {
     pub rig: RigPreset,
     /// Changes of the plant that the firmware does not know.
     pub plant: Vec<PlantChange>,
+    /// Program and arguments in the place of mechanism and load.
+    pub plant_program: Option<String>,
+    /// Files of measured gaps in the place of the mechanism.
+    pub plant_surface: Vec<PathBuf>,
     /// Seed of all noise, and of the rig.
     pub seed: u64,
     /// File that keeps the board's flash; without it the board is a new one.
@@ -34,6 +38,23 @@ pub struct SimOptions {
 impl fmt::Display for SimOptions {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "emulated board, {} rig, seed {}", self.rig, self.seed)
+    }
+}
+
+impl SimOptions {
+    /// The firmware of `cargo xtask firmware` on a new board with the nominal rig of a scene.
+    pub fn new(scene: PathBuf) -> Self {
+        Self {
+            firmware: None,
+            scene,
+            rig: RigPreset::default(),
+            plant: Vec::new(),
+            plant_program: None,
+            plant_surface: Vec::new(),
+            seed: 1,
+            flash: None,
+            gdb: None,
+        }
     }
 }
 
@@ -105,6 +126,12 @@ impl Sim {
         }
         for change in &options.plant {
             command.arg("--plant").arg(change.to_string());
+        }
+        if let Some(program) = &options.plant_program {
+            command.arg("--plant-program").arg(program);
+        }
+        for surface in &options.plant_surface {
+            command.arg("--plant-surface").arg(surface);
         }
         // Ctrl-C is for this tool, which stops the emulated board as it would a real one.
         #[cfg(unix)]

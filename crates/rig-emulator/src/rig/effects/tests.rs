@@ -1,6 +1,7 @@
 //! Each effect on the rig against its own equation, and all of them against the conservation of energy.
 
 use crate::board::{Board, Stimulus};
+use crate::rig::built_in::BuiltIn;
 use crate::rig::plant::{Conditions, Plant};
 use crate::rig::plant_settings::PlantSettings;
 use crate::rig::{Rig, conditions};
@@ -28,7 +29,7 @@ fn rig(keys: &[(&str, &str)]) -> Rig {
 
 /// The load and its mechanism by themselves, without friction unless the keys give it.
 struct Hung {
-    plant: Plant,
+    plant: BuiltIn,
     conditions: Conditions,
     shaft_rad: f64,
     /// Work of shaft and weight on the mechanism, J.
@@ -45,7 +46,9 @@ impl Hung {
 
     fn of(rig: Rig) -> Self {
         let conditions = conditions(&rig.settings);
-        Self { conditions, shaft_rad: rig.settings.twist_at_boot_rad, plant: rig.plant, work_j: 0.0 }
+        let shaft_rad = rig.settings.twist_at_boot_rad;
+        let Plant::BuiltIn(plant) = rig.plant else { panic!("built in") };
+        Self { conditions, shaft_rad, plant: *plant, work_j: 0.0 }
     }
 
     fn step(&mut self, h: f64, shaft_rad: f64) {

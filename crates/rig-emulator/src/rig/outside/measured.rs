@@ -10,6 +10,10 @@ use std::collections::BTreeMap;
 
 /// Least number of loads and of twists.
 const LEAST: usize = 3;
+/// Least of the greatest twist, rad: a turn and a little past the half-turn pre-twist, where homing looks.
+const LEAST_TWIST_RAD: f64 = 10.0;
+/// The gap goes from one way to the other while the twist turns back by this, rad. Assumed.
+const TURN_BACK_RAD: f64 = 0.2;
 
 /// Why a file is no surface.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -49,6 +53,12 @@ pub enum SurfaceError {
         /// How many there are.
         found: usize,
     },
+    /// The data end before a rig could be homed.
+    #[error("the greatest twist is {0} rad; a rig needs at least {LEAST_TWIST_RAD} rad")]
+    Short(f64),
+    /// A file for one way of the twist has a column for it.
+    #[error("a file for one way only has no column `direction`")]
+    TwoDirections,
     /// The gap does not grow with the load: the load could not be told from gap and twist.
     #[error("the gap falls from {} N to {} N at {twist_rad} rad; it must grow with the load", loads_n[0], loads_n[1])]
     Falls {
@@ -58,6 +68,9 @@ pub enum SurfaceError {
         twist_rad: f64,
     },
 }
+
+/// Gaps (m) by the bits of load (N) and twist (rad).
+type Grid = BTreeMap<(u64, u64), f64>;
 
 /// A measured mechanism. Both ways of the twist are kept as their mean and half their difference.
 #[derive(Clone, Debug, PartialEq)]
@@ -82,43 +95,24 @@ impl Measured {
     /// # Errors
     /// [`SurfaceError`] naming the column, the line or the point.
     pub fn parse(text: &str) -> Result<Self, SurfaceError> {
-        let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty() && !line.starts_with('#'));
-        let head: Vec<&str> = lines.next().map_or(Vec::new(), |(_, line)| line.split(',').map(str::trim).collect());
-        let column = |name: &'static str| head.iter().position(|c| *c == name).ok_or(SurfaceError::Column(name));
-        let columns = [column("load_n")?, column("twist_rad")?, column("gap_m")?];
-        let direction = column("direction").ok();
-        let mut grids: [BTreeMap<(u64, u64), f64>; 2] = [BTreeMap::new(), BTreeMap::new()];
-        for (index, line) in lines {
-            let cells: Vec<&str> = line.split(',').map(str::trim).collect();
-            let cell = |at: usize| cells.get(at).copied().unwrap_or_default();
-            let wrong =
-                |column, text: &str, reason| SurfaceError::Cell { line: index + 1, column, text: text.into(), reason };
-            let mut numbers = [0f64; 3];
-            for ((number, at), name) in numbers.iter_mut().zip(columns).zip(["load_n", "twist_rad", "gap_m"]) {
-                let text = cell(at);
-                *number = text.parse().map_err(|_| wrong(name, text, "is no number"))?;
-                let good =
-                    number.is_finite() && (name == "gap_m" || *number >= 0.0) && (name != "load_n" || *number > 0.0);
-                if !good {
-                    return Err(wrong(name, text, "must be finite; a load above 0, a twist at least 0"));
-                }
-            }
-            let [load_n, twist_rad, gap_m] = numbers;
-            let ways: &[usize] = match direction.map(cell) {
-                None => &[0, 1],
-                Some("up") => &[0],
-                Some("down") => &[1],
-                Some(text) => return Err(wrong("direction", text, "is neither `up` nor `down`")),
-            };
-            // The bits of numbers that are not negative are ordered as the numbers are.
-            let key = (load_n.to_bits(), twist_rad.to_bits());
-            for way in ways {
-                if grids[*way].insert(key, gap_m).is_some() {
-                    return Err(point(key, direction.is_some(), *way, "given twice"));
-                }
-            }
+        let mut grids = [Grid::new(), Grid::new()];
+        let directed = read(text, None, &mut grids)?;
+        Self::of(&grids, directed)
+    }
+
+    /// Reads the texts of two files: the twist growing, and falling. The place in the error is 0 or 1, the file's.
+    ///
+    /// # Errors
+    /// As [`Measured::parse`], with the file where it is one of them.
+    pub fn parse_two(texts: [&str; 2]) -> Result<Self, (usize, SurfaceError)> {
+        let mut grids = [Grid::new(), Grid::new()];
+        for (way, text) in texts.into_iter().enumerate() {
+            read(text, Some(way), &mut grids).map_err(|error| (way, error))?;
         }
-        let [up, down] = grids;
+        Self::of(&grids, true).map_err(|error| (0, error))
+    }
+
+    fn of([up, down]: &[Grid; 2], directed: bool) -> Result<Self, SurfaceError> {
         let axis = |of: fn(&(u64, u64)) -> u64| {
             let mut values: Vec<u64> = up.keys().chain(down.keys()).map(of).collect();
             values.sort_unstable();
@@ -131,10 +125,14 @@ impl Measured {
                 return Err(SurfaceError::Few { what, found });
             }
         }
-        for (way, grid) in [&up, &down].into_iter().enumerate() {
+        let last_rad = twists.last().map_or(0.0, |bits| f64::from_bits(*bits));
+        if last_rad < LEAST_TWIST_RAD {
+            return Err(SurfaceError::Short(last_rad));
+        }
+        for (way, grid) in [up, down].into_iter().enumerate() {
             for key in loads.iter().flat_map(|load| twists.iter().map(move |twist| (*load, *twist))) {
                 if !grid.contains_key(&key) {
-                    return Err(point(key, direction.is_some(), way, "missing"));
+                    return Err(point(key, directed, way, "missing"));
                 }
             }
         }
@@ -160,7 +158,7 @@ impl Measured {
                 }
             }
         }
-        let half_difference = direction.map(|_| spline(&|key| 0.5 * (up[key] - down[key])));
+        let half_difference = directed.then(|| spline(&|key| 0.5 * (up[key] - down[key])));
         Ok(Self { mean, half_difference })
     }
 
@@ -177,9 +175,77 @@ impl Measured {
     }
 }
 
+/// Reads a file's points into the grids of both ways; with a way, into that one alone. Returns whether they differ.
+fn read(text: &str, way: Option<usize>, grids: &mut [Grid; 2]) -> Result<bool, SurfaceError> {
+    let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty() && !line.starts_with('#'));
+    let head: Vec<&str> = lines.next().map_or(Vec::new(), |(_, line)| line.split(',').map(str::trim).collect());
+    let column = |name: &'static str| head.iter().position(|c| *c == name).ok_or(SurfaceError::Column(name));
+    let columns = [column("load_n")?, column("twist_rad")?, column("gap_m")?];
+    let direction = column("direction").ok();
+    if direction.is_some() && way.is_some() {
+        return Err(SurfaceError::TwoDirections);
+    }
+    let directed = direction.is_some() || way.is_some();
+    for (index, line) in lines {
+        let cells: Vec<&str> = line.split(',').map(str::trim).collect();
+        let cell = |at: usize| cells.get(at).copied().unwrap_or_default();
+        let wrong =
+            |column, text: &str, reason| SurfaceError::Cell { line: index + 1, column, text: text.into(), reason };
+        let mut numbers = [0f64; 3];
+        for ((number, at), name) in numbers.iter_mut().zip(columns).zip(["load_n", "twist_rad", "gap_m"]) {
+            let text = cell(at);
+            *number = text.parse().map_err(|_| wrong(name, text, "is no number"))?;
+            let good = number.is_finite() && (name == "gap_m" || *number >= 0.0) && (name != "load_n" || *number > 0.0);
+            if !good {
+                return Err(wrong(name, text, "must be finite; a load above 0, a twist at least 0"));
+            }
+        }
+        let [load_n, twist_rad, gap_m] = numbers;
+        let ways: &[usize] = match (way, direction.map(cell)) {
+            (None, None) => &[0, 1],
+            (Some(0), _) | (_, Some("up")) => &[0],
+            (Some(_), _) | (_, Some("down")) => &[1],
+            (_, Some(text)) => return Err(wrong("direction", text, "is neither `up` nor `down`")),
+        };
+        // The bits of numbers that are not negative are ordered as the numbers are.
+        let key = (load_n.to_bits(), twist_rad.to_bits());
+        for way in ways {
+            if grids[*way].insert(key, gap_m).is_some() {
+                return Err(point(key, directed, *way, "given twice"));
+            }
+        }
+    }
+    Ok(directed)
+}
+
 fn point((load, twist): (u64, u64), has_directions: bool, way: usize, reason: &'static str) -> SurfaceError {
     let direction = if has_directions { [" (up)", " (down)"][way] } else { "" };
     SurfaceError::Grid { load_n: f64::from_bits(load), twist_rad: f64::from_bits(twist), direction, reason }
+}
+
+/// The part of measured gaps that differs by the way of the twist.
+#[derive(Clone, Debug)]
+pub struct TwoWays {
+    data: Measured,
+    last_rad: f64,
+    /// How far the twist has gone on, at most half of [`TURN_BACK_RAD`] either way, rad.
+    gone_rad: f64,
+}
+
+impl TwoWays {
+    /// From a twist (rad), in the middle between the ways; `None` where the data do not tell them apart.
+    pub fn new(data: &Measured, twist_rad: f64) -> Option<Self> {
+        data.half_difference.as_ref()?;
+        Some(Self { data: data.clone(), last_rad: twist_rad.abs(), gone_rad: 0.0 })
+    }
+
+    /// Takes the twist to a new value (rad) and returns what its way adds to the mean gap under a load (N), m.
+    pub fn shift_m(&mut self, twist_rad: f64, load_n: f64) -> f64 {
+        let half = 0.5 * TURN_BACK_RAD;
+        self.gone_rad = (self.gone_rad + twist_rad.abs() - self.last_rad).clamp(-half, half);
+        self.last_rad = twist_rad.abs();
+        self.gone_rad / half * self.data.half_difference_m(twist_rad, load_n.max(1e-3))
+    }
 }
 
 impl Transmission for Measured {

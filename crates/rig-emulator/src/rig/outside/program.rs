@@ -12,12 +12,19 @@
 use std::io::{BufRead, BufReader, Write};
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 /// Version of the lines.
 const VERSION: u32 = 1;
 /// How long an answer may take.
 pub const PATIENCE: Duration = Duration::from_secs(10);
+/// Greatest gap (m), torque (N m) and pull (N) that are taken for a rig's.
+const MOST_M: f64 = 10.0;
+const MOST_NM: f64 = 100.0;
+const MOST_N: f64 = 1e5;
+/// What a step's answer is.
+const WANTED: &str = "three numbers: gap (at most 10 m), torque (100 N m), pull (100000 N)";
 /// How long a program that was told to quit may take before it is killed.
 const FAREWELL: Duration = Duration::from_secs(1);
 
@@ -62,6 +69,9 @@ pub enum ProgramFailure {
         /// What it should have said.
         wanted: &'static str,
     },
+    /// Its rig was copied.
+    #[error("it belongs to another rig")]
+    Copied,
     /// It refused a plant key.
     #[error("plant key `{key}`: {text}")]
     Key {
@@ -89,7 +99,8 @@ pub struct PlantProgram {
     name: String,
     child: Child,
     input: ChildStdin,
-    lines: Receiver<String>,
+    /// In a mutex only because a rig is shared between threads that look at it.
+    lines: Mutex<Receiver<String>>,
     patience: Duration,
 }
 
@@ -112,12 +123,10 @@ impl PlantProgram {
         let fail = |what| ProgramError { program: command.to_owned(), what };
         let mut words = command.split_whitespace();
         let program = words.next().ok_or_else(|| fail(ProgramFailure::Empty))?;
-        let mut child = Command::new(program)
-            .args(words)
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .spawn()
-            .map_err(|e| fail(ProgramFailure::Start(e.to_string())))?;
+        let mut process = Command::new(program);
+        process.args(words).stdin(Stdio::piped()).stdout(Stdio::piped());
+        ends_with_us(&mut process);
+        let mut child = process.spawn().map_err(|e| fail(ProgramFailure::Start(e.to_string())))?;
         let (Some(input), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
             return Err(fail(ProgramFailure::Start("it has no standard input or output".to_owned())));
         };
@@ -131,7 +140,7 @@ impl PlantProgram {
                 }
             }
         });
-        let mut program = Self { name: command.to_owned(), child, input, lines, patience };
+        let mut program = Self { name: command.to_owned(), child, input, lines: Mutex::new(lines), patience };
         let line = format!("start {VERSION} {step_s} {twist_rad} {seed}");
         match program.ask(&line)?.trim() {
             "ok" => Ok(program),
@@ -144,13 +153,20 @@ impl PlantProgram {
     /// # Errors
     /// [`ProgramError`]: it does not know the key, refuses the value, or does not answer.
     pub fn set(&mut self, key: &str, value: f64) -> Result<(), ProgramError> {
+        if self.offer(key, value)? { Ok(()) } else { Err(self.refused(key, "it does not know this key")) }
+    }
+
+    /// As [`PlantProgram::set`] for a key that it need not know; returns whether it does.
+    ///
+    /// # Errors
+    /// [`ProgramError`]: it refuses the value, or does not answer.
+    pub fn offer(&mut self, key: &str, value: f64) -> Result<bool, ProgramError> {
         let line = format!("set {key} {value}");
         let answer = self.ask(&line)?;
-        let refused = |text: &str| self.fail(ProgramFailure::Key { key: key.to_owned(), text: text.to_owned() });
         match answer.trim().split_once(' ').unwrap_or((answer.trim(), "")) {
-            ("ok", "") => Ok(()),
-            ("unknown", "") => Err(refused("it does not know this key")),
-            ("error", text) => Err(refused(text)),
+            ("ok", "") => Ok(true),
+            ("unknown", "") => Ok(false),
+            ("error", text) => Err(self.refused(key, text)),
             _ => Err(self.wrong(&line, &answer, "`ok`, `unknown` or `error TEXT`")),
         }
     }
@@ -158,23 +174,31 @@ impl PlantProgram {
     /// One step with the output shaft at a twist (rad).
     ///
     /// # Errors
-    /// [`ProgramError`]: it does not answer, or not with three finite numbers.
+    /// [`ProgramError`]: it does not answer, or not with three numbers that a rig can have.
     pub fn step(&mut self, twist_rad: f64) -> Result<Answer, ProgramError> {
         let line = format!("step {twist_rad}");
         let answer = self.ask(&line)?;
         let numbers: Option<Vec<f64>> = answer.split_whitespace().map(|word| word.parse().ok()).collect();
         match numbers.as_deref() {
-            Some(&[gap_m, torque_nm, pull_n]) if [gap_m, torque_nm, pull_n].iter().all(|n| n.is_finite()) => {
+            Some(&[gap_m, torque_nm, pull_n])
+                if gap_m.abs() <= MOST_M && torque_nm.abs() <= MOST_NM && pull_n.abs() <= MOST_N =>
+            {
                 Ok(Answer { gap_m, torque_nm, pull_n })
             }
-            _ => Err(self.wrong(&line, &answer, "three finite numbers: gap (m), torque (N m), pull (N)")),
+            _ => Err(self.wrong(&line, &answer, WANTED)),
         }
+    }
+
+    /// What a copy of its rig has instead of it.
+    pub fn copied(&self) -> ProgramError {
+        self.fail(ProgramFailure::Copied)
     }
 
     fn ask(&mut self, line: &str) -> Result<String, ProgramError> {
         // A program that has ended shows by its missing answer, too.
         let sent = self.input.write_all(format!("{line}\n").as_bytes()).and_then(|()| self.input.flush());
-        let answer = self.lines.recv_timeout(self.patience);
+        let lines = self.lines.get_mut().unwrap_or_else(PoisonError::into_inner);
+        let answer = lines.recv_timeout(self.patience);
         match (sent, answer) {
             (_, Ok(answer)) => Ok(answer),
             (Ok(()), Err(RecvTimeoutError::Timeout)) => {
@@ -182,6 +206,10 @@ impl PlantProgram {
             }
             _ => Err(self.fail(ProgramFailure::Died { line: line.to_owned() })),
         }
+    }
+
+    fn refused(&self, key: &str, text: &str) -> ProgramError {
+        self.fail(ProgramFailure::Key { key: key.to_owned(), text: text.to_owned() })
     }
 
     fn fail(&self, what: ProgramFailure) -> ProgramError {
@@ -192,6 +220,24 @@ impl PlantProgram {
         let answer = answer.chars().take(80).collect();
         self.fail(ProgramFailure::Answer { line: line.to_owned(), answer, wanted })
     }
+}
+
+/// Whoever ends this process without a word (the host tool does) also ends the plant program. Elsewhere than on Linux the
+/// program sees the end of its input.
+fn ends_with_us(process: &mut Command) {
+    #[cfg(target_os = "linux")]
+    {
+        use std::os::unix::process::CommandExt;
+        // SAFETY: between fork and exec only this one system call is made, which needs no memory and takes no lock.
+        unsafe {
+            process.pre_exec(|| match libc::prctl(libc::PR_SET_PDEATHSIG, libc::SIGKILL) {
+                0 => Ok(()),
+                _ => Err(std::io::Error::last_os_error()),
+            });
+        }
+    }
+    #[cfg(not(target_os = "linux"))]
+    let _ = process;
 }
 
 impl Drop for PlantProgram {
@@ -258,6 +304,9 @@ mod tests {
             ("stalls", "read -r line; echo ok; read -r line; sleep 5", "did not answer `step 1`"),
             ("words", "while read -r line; do echo ok; done", "answered `step 1` with `ok`"),
             ("nan", "read -r line; echo ok; while read -r line; do echo nan 1 2; done", "`nan 1 2`"),
+            ("two", "read -r line; echo ok; while read -r line; do echo 1 2; done", "`1 2`"),
+            ("huge", "read -r line; echo ok; while read -r line; do echo 0.1 1e300 5; done", "`0.1 1e300 5`"),
+            ("binary", "read -r line; echo ok; while read -r line; do printf '\\377\\n'; done", "instead of answering"),
             ("four", "read -r line; echo ok; while read -r line; do echo 1 2 3 4; done", "`1 2 3 4`"),
         ] {
             let command = script(name, body);
