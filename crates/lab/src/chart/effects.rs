@@ -62,7 +62,7 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
     let columns = factors.iter().enumerate().map(|(k, factor)| (k as f64, format!("{factor}")));
     let x = Axis::linear("size of the effect, in nominal sizes", [-0.5, last]).tight([-0.5, last]).ticked(columns);
     let panel = Panel { title: String::new(), x, y: Axis::names(effects.iter().map(|e| (*e).to_owned())), items };
-    let key = PARTS.iter().map(|part| KeyRow::sample(Sample::Fill(part.colour), format!("{} breaks", part.name)));
+    let key = PARTS.iter().map(|part| KeyRow::sample(Sample::Fill(part.colour), format!("broken: {}", part.name)));
     let holds = KeyRow::sample(Sample::Fill(HOLDS), "everything holds");
     let figure = Figure {
         heading: "Where the chain breaks as one effect is turned up".into(),

@@ -96,13 +96,15 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
             names.push(row.name());
         }
     }
-    let panels = PANELS.iter().enumerate().map(|(k, panel)| draw(&rows, &names, panel, k == 0));
+    let draw_row = |panels: &[(&str, &str, f64)]| {
+        panels.iter().enumerate().map(|(k, panel)| draw(&rows, &names, panel, k == 0)).collect::<Vec<_>>()
+    };
     let kinds =
         ["ideal", "nominal", "hard"].map(|kind| KeyRow::sample(Sample::Mark(Shape::Dot, kind_colour(kind)), kind));
     let figure = Figure {
         heading: "Rigs that are not their own model: each effect alone, and all together".into(),
-        rows: vec![panels.collect()],
-        panel_size: (330, 420),
+        rows: PANELS.chunks(2).map(draw_row).collect(),
+        panel_size: (620, 420),
         blocks: vec![
             Block { rows: kinds.to_vec() },
             Block {
