@@ -8,7 +8,7 @@
 //! calibration numbers that are out of date, or none. The witness shows this: it is written after the settings, so it is
 //! the newer one of the two only if the settings are damaged. The basis is a hash of the constants that the settings
 //! correct, and shows a record that was made for others. A setting that a record does not have keeps its default, and an
-//! unknown one is ignored. The points of the LVDT's calibration are entries of their own ([`CURVE`]), so that records of
+//! unknown one is ignored. The points of the LVDT's calibration are entries of their own, so that records of
 //! firmware without them are read, and the other way round.
 
 use crate::RigConstants;
