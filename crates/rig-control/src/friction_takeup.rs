@@ -24,6 +24,8 @@ const STUCK_NOISES: f32 = 3.0;
 /// A load that breaks loose from stiction jumps. An error that is below this share of the jump is left alone: after another
 /// jump it would be no smaller.
 const JUMP_SHARE: f32 = 0.55;
+/// The same while the move can come again instead: only a whole jump then leads to the target.
+const WHOLE_JUMP_SHARE: f32 = 0.85;
 /// Share of the motor's speed and acceleration for that; the rest is the move's.
 const LIMITS_SHARE: f32 = 0.7;
 /// Speed of the load (m/s) that the strings creep by in the end, unless the move is slower.
@@ -80,6 +82,8 @@ pub struct FrictionTakeup {
     left_s: f32,
     /// Error (m) for which friction was last taken up at rest; 0 since a move.
     taken_up_m: f32,
+    /// A load that sticks beside its target will be moved back and come again.
+    pub comes_again: bool,
     /// How far the load has jumped at rest since the last move (m): the error has changed its sign.
     jump_m: f32,
 }
@@ -95,6 +99,7 @@ impl Default for FrictionTakeup {
             waiting: false,
             left_s: 0.0,
             taken_up_m: 0.0,
+            comes_again: false,
             jump_m: 0.0,
         }
     }
@@ -112,7 +117,8 @@ impl FrictionTakeup {
 
     /// Error (m) at rest that stiction does not let the loop reduce.
     pub fn tolerance_m(&self, load: &LoadState<'_>) -> f32 {
-        JUMP_SHARE * self.jump_m.max(load.jump_m)
+        let share = if self.comes_again { WHOLE_JUMP_SHARE } else { JUMP_SHARE };
+        share * self.jump_m.max(load.jump_m)
     }
 
     /// Whether a move that has set out still waits.

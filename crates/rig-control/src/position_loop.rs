@@ -16,15 +16,19 @@ use crate::planner::SetPoint;
 pub const BANDWIDTH_PER_S: f32 = 3.0;
 /// Corner of the two smoothing poles (rad/s).
 pub const CORNER_RAD_PER_S: f32 = 9.0;
-/// Least error (m) below which a load at rest is left alone: an eighth of an LVDT count. It is more where the gap is noisier
-/// or the load has jumped ([`FrictionTakeup::jump_m`]), so that stiction makes no limit cycle.
+/// Least error (m) below which a load at rest is left alone, an eighth of an LVDT count, and more where the gap is noisier.
 const AT_REST_M: f32 = 6e-6;
 const AT_REST_NOISES: f32 = 1.7;
+/// How long the error at rest is averaged over (s) before it is held against what stiction does not let the loop reduce
+/// ([`FrictionTakeup::tolerance_m`]): noise must not push a load that sticks.
+const AT_REST_S: f32 = 0.3;
 
 /// State of the loop.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PositionLoop {
     smoothed_m: [f32; 2],
+    /// Error averaged at rest (m).
+    resting_m: f32,
     /// What is turned to take up friction.
     pub takeup: FrictionTakeup,
 }
@@ -42,8 +46,10 @@ impl PositionLoop {
     /// One tick. `setting_out` is the speed (m/s) of a move whose set-point waits for friction to be taken up.
     pub fn step(&mut self, set_point: &SetPoint, setting_out: Option<f32>, load: &LoadState<'_>) -> LoopOutput {
         let error_m = set_point.position_m - load.age_s * set_point.speed_m_per_s - load.position_m;
-        let tolerance_m = AT_REST_M.max(AT_REST_NOISES * load.gap_noise_m).max(self.takeup.tolerance_m(load));
-        let at_rest = set_point.done && error_m.abs() < tolerance_m;
+        self.resting_m += TICK_S / AT_REST_S * (error_m - self.resting_m);
+        let quiet = error_m.abs() < AT_REST_M.max(AT_REST_NOISES * load.gap_noise_m);
+        let sticks = self.resting_m.abs() < self.takeup.tolerance_m(load);
+        let at_rest = set_point.done && (quiet || sticks);
         let blend = CORNER_RAD_PER_S * TICK_S / (1.0 + CORNER_RAD_PER_S * TICK_S);
         self.smoothed_m[0] += blend * (if at_rest { 0.0 } else { error_m } - self.smoothed_m[0]);
         self.smoothed_m[1] += blend * (self.smoothed_m[0] - self.smoothed_m[1]);

@@ -39,7 +39,7 @@ impl StickSlip {
         self.seen = 0;
     }
 
-    /// The jump (m) under a noise of the gap (m, rms) in each tick; 0 where the load slides smoothly.
+    /// The jump (m), at least, under a noise of the gap (m, rms) in each tick; 0 where the load slides smoothly.
     pub(super) fn jump_m(&self, noise_m: f32) -> f32 {
         let mean_m = self.sum_m / self.count.max(1.0);
         let squares_m2 = self.squares_m2 / self.count.max(1.0) - 2.0 * noise_m * noise_m;

@@ -16,7 +16,7 @@ const ARRIVED_NOISES: f32 = 2.5;
 const ARRIVED_JUMP: f32 = 0.12;
 /// A load that sticks farther from its target than that, and nearer than another jump would bring it, is moved back and
 /// comes again, so many times. It goes back by so many jumps, farther than its friction band.
-const APPROACHES: u8 = 4;
+const APPROACHES: u8 = 2;
 const STUCK_TICKS: u16 = ticks(20);
 const BACK_JUMPS: f32 = 2.0;
 /// Share of the error that the next approach aims beyond the target.
@@ -52,7 +52,9 @@ impl LoadControl {
 
     /// The same, with its set-point at a position (m) that a move has ended at.
     fn holding(self, position_m: f32) -> Self {
-        Self { planner: Planner::at(position_m), ..self }
+        let mut control = Self { planner: Planner::at(position_m), ..self };
+        control.position_loop.takeup.comes_again = false;
+        control
     }
 
     /// One tick at the target.
@@ -128,10 +130,12 @@ impl Move {
         let sticks = error_m.abs() > Self::arrived_m(load)
             && error_m.abs() < self.control.position_loop.takeup.tolerance_m(load)
             && load.observation.moved_m == 0.0;
+        self.control.position_loop.takeup.comes_again = self.approaches_left > 0;
         if self.approaches_left > 0 && lasts(&mut self.stuck_ticks, sticks, STUCK_TICKS) {
             let back_m = (BACK_JUMPS * load.jump_m).min(self.way_m.abs());
             self.approaches_left -= 1;
             self.stuck_ticks = 0;
+            self.rest_ticks = 0;
             self.next_aim_m = Some(self.control.planner.target_m() + AIM_SHARE * error_m);
             self.control.go_to(self.target_m - libm::copysignf(back_m, self.way_m));
         }
@@ -144,6 +148,7 @@ impl Move {
             self.run_s = None;
             self.next_aim_m = None;
             self.approaches_left = 0;
+            self.control.position_loop.takeup.comes_again = false;
             self.control.planner.brake(&Limits::new(SPEED_MAX_M_PER_S, LOAD_ACCELERATION));
         }
     }
