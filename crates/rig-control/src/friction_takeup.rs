@@ -33,6 +33,8 @@ const CREEP_M_PER_S: f32 = 1e-3;
 /// Farthest that they creep: in gap (m) and as a share of the friction band.
 const CREEP_M: f32 = 0.1e-3;
 const CREEP_BAND: f32 = 0.5;
+/// Friction band (m) from which they creep at all, unless the load is light: less of it is known well enough.
+const CREEP_LEAST_BAND_M: f32 = 0.18e-3;
 /// Friction as a share of the load above which a load is light.
 const LIGHT_FRICTION: f32 = 0.15;
 /// Motion that is no noise: least (m), and over the noise of the gap in one tick.
@@ -207,7 +209,8 @@ impl FrictionTakeup {
         let tr_rad_per_m = end.tr_rad_per_m();
         let light = friction_n > LIGHT_FRICTION * observation.load_n;
         let share = if light { share * LIGHT_SHARE } else { share };
-        self.stuck.creep_left_rad = tr_rad_per_m * (CREEP_M + CREEP_BAND * band_m);
+        let creeps = light || band_m > CREEP_LEAST_BAND_M;
+        self.stuck.creep_left_rad = if creeps { tr_rad_per_m * (CREEP_M + CREEP_BAND * band_m) } else { 0.0 };
         // A pull that is already past the end of the band needs nothing.
         if direction * (end_n - observation.pull_n) > 0.0 {
             let missing_m = (end.gap_m - observation.modelled_gap_m) * direction;

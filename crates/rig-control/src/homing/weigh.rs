@@ -31,6 +31,9 @@ const LEAST_GAP_ERROR_M: f32 = 5e-6;
 const TORQUE_ERROR: f32 = 0.05;
 /// Share of the motor's friction that may not cancel between the two ways, since it varies with speed and torque.
 const FRICTION_LEFT: f32 = 0.02;
+/// Rms gap (m) left by the fit beyond which neither strings nor LVDT are of the scene's kind: ten times what the laws that
+/// fit the paper's numbers differ by.
+const LARGEST_MISFIT_M: f32 = 2e-3;
 /// Standard error of a weight that the operator gives, as a share of it.
 const GIVEN_ERROR: f32 = 0.005;
 /// Greatest change in a step of the logarithm of the load, and of that of the scale.
@@ -311,7 +314,7 @@ impl Weigh {
         // The table ends at its least and greatest load; the step tells how far beyond them the load is.
         let wanted_n = load_n * libm::expf(step[0].clamp(-LARGEST_STEP[0], LARGEST_STEP[0]));
         if last {
-            return self.result(table, wanted_n, &decomposed.inverse(), &rest, 1e-3 * misfit_mm).map(Some);
+            return self.result(table, rig, wanted_n, &decomposed.inverse(), &rest, 1e-3 * misfit_mm).map(Some);
         }
         let scale_step = step[1].clamp(-LARGEST_STEP[1], LARGEST_STEP[1]);
         self.unknowns = Unknowns {
@@ -327,6 +330,7 @@ impl Weigh {
     fn result(
         &self,
         table: &Table<'_>,
+        rig: &RigConstants,
         wanted_n: f32,
         covariance: &[[f32; 3]; 3],
         rest: &[(f32, f32)],
@@ -334,7 +338,17 @@ impl Weigh {
     ) -> Result<Weighed, HomingFailure> {
         let m = &table.metadata;
         let Unknowns { load_n, twist_scale, offset_m } = self.unknowns;
-        let load_sigma_n = load_n * libm::sqrtf(covariance[0][0]);
+        if misfit_m > LARGEST_MISFIT_M {
+            return Err(HomingFailure::PoorFit);
+        }
+        // Where radius and zero are farther from what the scene says than its uncertainty allows, the scene is as much less
+        // certain, and so is everything that the fit took from it.
+        let surprise = [
+            (twist_scale - self.expected_scale) / (rig.radius_error * self.expected_scale),
+            offset_m / rig.gap_zero_error_m,
+        ];
+        let inflation = (0.5 * (surprise[0] * surprise[0] + surprise[1] * surprise[1])).max(1.0);
+        let load_sigma_n = load_n * libm::sqrtf(inflation * covariance[0][0]);
         // Surely outside, whatever the error is.
         let margin_n = super::NINETY_PERCENT * load_sigma_n;
         if wanted_n + margin_n < 0.9 * m.load_min_n || wanted_n - margin_n > 1.1 * m.load_max_n {
@@ -346,7 +360,7 @@ impl Weigh {
             twist_scale,
             friction_n: self.friction_n,
             curve: curve(rest, offset_m).ok_or(HomingFailure::PoorFit)?,
-            covariance: [covariance[1][1], 1e-3 * covariance[2][1], 1e-6 * covariance[2][2]],
+            covariance: [covariance[1][1], 1e-3 * covariance[2][1], 1e-6 * covariance[2][2]].map(|c| inflation * c),
             misfit_m,
         })
     }

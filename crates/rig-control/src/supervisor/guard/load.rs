@@ -7,7 +7,7 @@ use super::Situation;
 /// needs to be known and brought back.
 const FOLLOW_M: f32 = 2e-3;
 const FOLLOW_TICKS: u16 = ticks(50);
-const CHANGED_TICKS: u16 = ticks(500);
+const CHANGED_TICKS: u16 = ticks(300);
 /// How long the load estimate may want to leave the table at its heavy end and at its light end, where nothing breaks.
 const HEAVY_TICKS: u16 = ticks(30);
 const LIGHT_TICKS: u16 = ticks(200);
@@ -27,8 +27,10 @@ impl LoadChecks {
             .set_point_m
             .zip(situation.tracking)
             .is_some_and(|(set_point_m, tracking)| (set_point_m - tracking.position_m).abs() > FOLLOW_M);
-        let changing = situation.tracking.and_then(|tracking| tracking.observation).is_some_and(|o| o.changing);
-        let lags = lasts(&mut self.follow_ticks, off && !changing, FOLLOW_TICKS);
+        // A load that has changed moves, and one that is jammed does not.
+        let observation = situation.tracking.and_then(|tracking| tracking.observation);
+        let changed = observation.is_some_and(|o| o.changing && o.moved_m > 0.0);
+        let lags = lasts(&mut self.follow_ticks, off && !changed, FOLLOW_TICKS);
         lasts(&mut self.changed_ticks, off, CHANGED_TICKS) || lags
     }
 
