@@ -6,12 +6,12 @@
 //!   in flash.
 //! - [`sensors`]: readings with their time and validity; raw codes to SI.
 //! - [`mechanism`]: the table, with this rig's own scale of the twist and its own gap curve.
-//! - [`homing`]: zero twist without switches, then the load.
-//! - [`observer`]: the load, from twist and gap; [`adaptation`]: slow drift of the strings.
+//! - [`homing`]: zero twist without switches, then load, friction, scale of the twist and gap curve, with their errors.
+//! - [`observer`]: the load and its stated error, from twist and gap; [`adaptation`]: slow drift of the strings.
 //! - [`move_check`]: whether a move is possible.
 //! - [`limits`]: what the motor allows of a move; [`planner`]: acceleration- and jerk-limited motion; [`time_to_target`].
 //! - [`position_loop`]: set-point and measured position to twist speed, through TR; [`friction_takeup`]: the rail's friction
-//!   before a move. Both work on a [`load_state`].
+//!   before a move and at rest, and which error stiction leaves. Both work on a [`load_state`].
 
 #![no_std]
 #![forbid(unsafe_code)]

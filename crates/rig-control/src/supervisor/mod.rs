@@ -14,10 +14,11 @@
 //!
 //! The rooms, in the order in which a tick passes through them:
 //! - `sensing`: inputs to readings in SI units; where the drive counts from.
-//! - `tracking`: what is known of the load since homing, and what this tick's readings add.
+//! - `tracking`: what is known of load and position since homing, with the stated errors, and what this tick's readings add.
 //! - `guard`: what is wrong. [`fault_policy`] is the table of what is done about it.
 //! - `requests` and `configure`: what the host asks.
-//! - `modes`: what each mode does in a tick; `load_control` is a move of the load and the hold after it.
+//! - `modes`: what each mode does in a tick; `load_control` is a move of the load, its further approaches where the load
+//!   sticks, and the hold after it.
 //! - `outputs`: the command to the drive. `telemetry` is put together after the step.
 //!
 //! **An LVDT sample**: `LvdtBlock` in [`Inputs`] → [`crate::sensors::Lvdt::read`] → `Readings` → `LoadTracking::observe`
@@ -29,7 +30,7 @@
 //! **A fault**: `Guard::check` → `Rig::raise` (latches it; the set-point stops) → `Mode::Fault` → `Rig::drive_command` by
 //! the fault's response → `Rig::clear`.
 //!
-//! Torque-off would let the strings untwist and drop the load, so no fault takes the torque away from a drive that holds.
+//! Without torque the strings can untwist and drop the load, so no fault takes the torque away from a drive that holds.
 //! Nothing clears itself. After a fault that loses the position, an emergency stop or a reset, nothing moves without a
 //! request, and the rig must be homed again. A [`Limit`] only clips: it is reported beside the state, and disappears when
 //! it no longer holds anything back.
