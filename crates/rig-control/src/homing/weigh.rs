@@ -27,6 +27,8 @@ const STEPS: u8 = 10;
 const INDEPENDENT_BINS: f32 = 4.0;
 /// Least error of a bin's gap (m): a tenth of the converter's code, which averaging over a moving load resolves.
 const LEAST_GAP_ERROR_M: f32 = 5e-6;
+/// Greatest error of a bin's gap (m) that the fit takes for the law's own: the radius laws of docs/model.md 6 differ by less.
+const LAW_GAP_ERROR_M: f32 = 0.2e-3;
 /// Standard error of motor constant and gear together: data sheets allow 5 to 10 %.
 const TORQUE_ERROR: f32 = 0.05;
 /// Share of the motor's friction that may not cancel between the two ways, since it varies with speed and torque.
@@ -289,7 +291,7 @@ impl Weigh {
             return Err(HomingFailure::PoorFit);
         }
         let misfit_mm = libm::sqrtf(squares / n);
-        let gap_error_mm = misfit_mm.max(MM * LEAST_GAP_ERROR_M);
+        let gap_error_mm = misfit_mm.clamp(MM * LEAST_GAP_ERROR_M, MM * LAW_GAP_ERROR_M);
         let weight = INDEPENDENT_BINS / (n * gap_error_mm * gap_error_mm);
         right.iter_mut().chain(matrix.iter_mut().flatten()).for_each(|x| *x *= weight);
         let mut add = |unknown: usize, by: f32, missing: f32, sigma: f32| {
@@ -341,13 +343,14 @@ impl Weigh {
         if misfit_m > LARGEST_MISFIT_M {
             return Err(HomingFailure::PoorFit);
         }
-        // Where radius and zero are farther from what the scene says than its uncertainty allows, the scene is as much less
-        // certain, and so is everything that the fit took from it.
+        // Where radius, zero and the misfit are farther from what the scene says than its uncertainty allows, the scene is
+        // as much less certain, and so is everything that the fit took from it.
         let surprise = [
             (twist_scale - self.expected_scale) / (rig.radius_error * self.expected_scale),
             offset_m / rig.gap_zero_error_m,
+            misfit_m / LAW_GAP_ERROR_M,
         ];
-        let inflation = (0.5 * (surprise[0] * surprise[0] + surprise[1] * surprise[1])).max(1.0);
+        let inflation = surprise.iter().map(|x| 0.5 * x * x).sum::<f32>().max(1.0);
         let load_sigma_n = load_n * libm::sqrtf(inflation * covariance[0][0]);
         // Surely outside, whatever the error is.
         let margin_n = super::NINETY_PERCENT * load_sigma_n;
