@@ -1,10 +1,10 @@
 //! A log through the controller again: [`rig_control::Rig::step`], tick by tick, fed with what was recorded.
 //!
-//! Telemetry does not hold everything that a tick sees. From homing to homing's end nothing can be replayed: raw shaft and
-//! gap are not in it. After that shaft and gap follow from twist and position. Homing's results that are not in the log are
-//! found from it: in older logs friction, from the first TR; the gap at position zero as the one that makes the load estimates
-//! of the first two seconds of motion agree best, and the drive's lag as the delay at which the twist follows the commands best. Everything else that a tick
-//! sees is taken for healthy: a replay ends where the recorded rig stopped by a fault.
+//! Telemetry does not hold everything that a tick sees. A homing itself cannot be replayed, because raw shaft and gap are
+//! not in the log. After it, shaft and gap follow from twist and position, and the replay starts from the result of the
+//! homing, which the log holds as an event. A homing whose record lacks a value, as in older logs, is not replayed. The
+//! drive's lag is found from the log, as the delay at which the twist follows the commands best. Everything else that a
+//! tick sees is taken for healthy: a replay ends where the recorded rig stopped by a fault.
 
 use crate::log::{Log, LogRow, Mark};
 use rig_control::homing::Homed;

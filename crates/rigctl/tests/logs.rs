@@ -184,7 +184,7 @@ fn a_replay_agrees_until_the_log_says_otherwise() {
         ("load_n,turns\n1,2\n", "not a log of this tool"),
         (cut, "cut short"),
         (&log.replace(",moving,", ",mooving,"), "mooving"),
-        (&log.replace("# at 29", "# at noon"), "noon"),
+        (&log.replacen("# at ", "# at noon", 1), "noon"),
         (&log.replace("scene_hash = ", "scene_hash = 0"), "--scene"),
         (&log.replace("event homed", "event stopped"), "nothing that can be replayed"),
     ] {
@@ -239,8 +239,9 @@ fn a_log_holds_the_calibration_and_is_replayed_and_restored_with_it() {
     assert!(parted().is_null(), "{}", parted());
     let without: String = first.lines().filter(|l| !l.contains("position-zero")).map(|l| format!("{l}\n")).collect();
     std::fs::write(&log, without).expect("written");
-    // At the second move, which such a board refuses.
-    assert!(parted()["t_s"].as_f64().is_some_and(|t_s| (38.0..38.5).contains(&t_s)), "{}", parted());
+    // From the homing on, before any move: the gap at position zero is in the homing's own record, and without the setting
+    // every recorded position stands for another gap.
+    assert!(parted()["what"] == "load_n" && parted()["t_s"].as_f64().is_some_and(|t_s| t_s < 33.0), "{}", parted());
     for (to, named) in [("gian = 1", "lvdt-gian"), ("gain = 3", "lvdt-gain is 3"), ("gain = x", "lvdt-gain")] {
         std::fs::write(&log, first.replace("settings.lvdt-gain = 1.004", &format!("settings.lvdt-{to}")))
             .expect("written");

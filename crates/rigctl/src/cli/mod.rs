@@ -219,8 +219,9 @@ pub enum Command {
     /// from the recorded twist, position, current and requests, after each homing until a fault, an emergency stop or the next homing.
     ///
     /// Not replayed, because telemetry does not hold it: homing itself, the age of each gap (taken as 3 ms), the noise of the
-    /// LVDT, the drive's own count, supply, limit switches and the host's silence (all taken for healthy). Friction, the gap at position zero and the
-    /// drive's lag are found from the log and printed, so what they explain does not show as a difference. The recorded motion
+    /// LVDT, the drive's own count, supply, limit switches and the host's silence (all taken for healthy). What
+    /// homing found is taken from the log. The drive's lag is found from the motion and printed, so what it explains does
+    /// not show as a difference. The recorded motion
     /// answers to the recorded commands: after a parting the replay is no longer what a rig would have done.
     Replay(Replay),
     /// Is the rig well? One line for each check, `ok` or `CHECK` with what to do; exit code 1 if any needs attention
