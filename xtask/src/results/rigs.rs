@@ -11,14 +11,15 @@ use serde_json::Value;
 /// of either sign.
 const SEEDS: &str = "1001..1021";
 const SIGNS: &str = "1001..1003";
+const RAMPED: &str = "1001..1002";
 
 /// The study's runs: name of the files, and its other arguments.
 const RUNS: [(&str, &[&str]); 5] = [
     ("rigs", &["--seeds", SEEDS, "--rigs", "both"]),
     ("rigs-as-built", &["--seeds", SEEDS, "--rigs", "both", "--as-built", "--no-fixed-ratio"]),
     ("ideal", &["--seeds", SIGNS, "--rigs", "ideal", "--no-fixed-ratio"]),
-    ("each", &["--seeds", SIGNS, "--rigs", "both", "--each", "--no-fixed-ratio"]),
-    ("effects", &["--seeds", SIGNS, "--ramp", "--no-fixed-ratio"]),
+    ("each", &["--seeds", SIGNS, "--rigs", "both", "--each", "--as-built", "--loads", "0.5", "--no-fixed-ratio"]),
+    ("effects", &["--seeds", RAMPED, "--ramp", "--as-built", "--loads", "0.5", "--no-fixed-ratio"]),
 ];
 
 /// Runs the study and draws it.
