@@ -59,7 +59,7 @@ pub fn run(global: &Global, options: &Identify, output: &mut Output) -> Result<(
     })?;
     plausible::likely(&data, &scene).iter().for_each(|hint| eprintln!("is a unit wrong? {hint}"));
     let mut fitted = unknowns.scene(&scene, &start, &x);
-    if data.knows_its_zero() {
+    if unknowns.expected {
         fitted.uncertainty = uncertainty(&fit);
     }
     fitted.validate()?;
