@@ -101,7 +101,7 @@ pub(super) const SECTIONS: &[Section] = &[
         about: "20 well-made rigs and 20 of the worst in ten, each drawn from a seed, homed and moved under four loads by the \
                 firmware's control code, with the constants identified on the same rig first and with the default \
                 scene's table as built.",
-        command: "cargo run --release -p host-tests --bin rigs -- --seeds 1001..1021",
+        command: "cargo run --release -p host-tests --bin rigs -- --seeds 1001..1011",
         figures: &[
             ("charts/rigs.svg", "Errors of load and position, each effect alone and all together"),
             ("charts/effects.svg", "Where the chain breaks as one effect is turned up"),
