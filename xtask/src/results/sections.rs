@@ -98,7 +98,7 @@ pub(super) const SECTIONS: &[Section] = &[
     Section {
         name: "rigs",
         title: "Rigs that are not their own model",
-        about: "10 well-made rigs and 10 of the worst in ten (4 of each as built), each drawn from a seed, homed and moved under four loads by the \
+        about: "10 well-made rigs and 10 of the worst in ten (2 of each as built), each drawn from a seed, homed and moved under four loads by the \
                 firmware's control code, with the constants identified on the same rig first and with the default \
                 scene's table as built.",
         command: "cargo run --release -p host-tests --bin rigs -- --seeds 1001..1011",
