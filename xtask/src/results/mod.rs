@@ -7,7 +7,6 @@
 
 mod page;
 mod readme;
-mod rigs;
 mod sections;
 
 use crate::Folders;
