@@ -8,7 +8,7 @@ use core::fmt;
 pub struct Spec {
     /// SI unit; empty for a bare number.
     pub unit: &'static str,
-    /// Default; `None` where it is the scene's.
+    /// Default; `None` where it is the scene's, which is also the greatest value.
     pub default: Option<f32>,
     /// Least and greatest value (`unit`).
     pub range: [f32; 2],
@@ -35,15 +35,13 @@ impl Setting {
             Self::SpeedMax => spec("m/s", Some(0.05), [1e-4, 0.05]),
             Self::CurrentLimit => spec("A", None, [0.05, 5.0]),
             Self::TwistScale => spec("", Some(1.0), [0.85, 1.15]),
-            Self::RadiusError | Self::ChangeError => spec("", None, [1e-6, 0.5]),
-            Self::GapZeroError => spec("m", None, [1e-6, 0.5]),
         }
     }
 
-    /// Least and greatest value (its unit), where `default` is this rig's: its current limit is the greatest there is.
+    /// Least and greatest value (its unit), where `default` is this rig's.
     pub fn range(self, default: f32) -> [f32; 2] {
-        let [min, max] = self.spec().range;
-        if self == Self::CurrentLimit { [min.min(default), default] } else { [min, max] }
+        let Spec { range: [min, max], default: fixed, .. } = self.spec();
+        if fixed.is_some() { [min, max] } else { [min.min(default), default] }
     }
 
     /// Checks a value, where `default` is this rig's.

@@ -23,12 +23,6 @@ named_codes! {
         CurrentLimit = 6, "current-limit";
         /// Scale of the twist that homing assumes for these strings.
         TwistScale = 7, "twist-scale";
-        /// Standard error of the string's radius, as a share of it.
-        RadiusError = 8, "radius-error";
-        /// Standard error of the LVDT's zero beside the gap that the constants give (m).
-        GapZeroError = 9, "gap-zero-error";
-        /// Standard error of a change of the load, as a share of the change.
-        ChangeError = 10, "change-error";
     }
 }
 

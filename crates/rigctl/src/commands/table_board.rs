@@ -4,7 +4,6 @@ use crate::failure::Failure;
 use crate::options::Global;
 use crate::output::Output;
 use crate::session::table::{self, Rebuilt};
-use rig_link::Request;
 use serde_json::json;
 
 /// Runs the command.
@@ -18,12 +17,6 @@ pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
     table::check(&session, &scene, &global.scene.display().to_string())?;
     let Rebuilt { contraction_error_m, tr_relative_error, states, duration_s: took_s, kept } =
         table::rebuild(&mut session, &scene)?;
-    // How well the constants are known goes with them, as settings.
-    let old = session.settings()?.values;
-    let new = table::with_uncertainty(old, &scene);
-    if new != old {
-        session.set(&Request::SetSettings(new))?;
-    }
     output.object(&json!({
         "scene_hash": format!("{:08x}", scene.hash()),
         "contraction_error_m": contraction_error_m,
@@ -31,7 +24,6 @@ pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
         "states": states,
         "duration_s": took_s,
         "kept": kept,
-        "uncertainty": scene.uncertainty,
     }))?;
     output.line(format!(
         "table made on the board: contraction within {:.2} um, TR within {:.3} %, {states} equilibria in \
@@ -39,12 +31,6 @@ pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
         contraction_error_m * 1e6,
         tr_relative_error * 100.0,
         if kept { "kept in flash" } else { "NOT kept: it is lost with the next reset" }
-    ))?;
-    let known = &scene.uncertainty;
-    output.line(format!(
-        "its constants are known to {:.2} % of the strings' radius and {:.0} um of the gap's zero: kept as settings",
-        known.radius * 100.0,
-        known.gap_zero_m * 1e6
     ))?;
     Ok(())
 }

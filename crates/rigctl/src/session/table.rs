@@ -3,7 +3,7 @@
 use super::client::Session;
 use super::interrupt;
 use crate::failure::Failure;
-use rig_link::messages::{Constants, EventKind, Request, Setting, SettingValues, TableRefusal};
+use rig_link::messages::{Constants, EventKind, Request, TableRefusal};
 use rig_scene::Scene;
 
 /// Longest wait for the board's table (s): seconds for most constants, a minute where states must be followed from the
@@ -20,15 +20,6 @@ pub fn constants(scene: &Scene) -> Constants {
         twist_exponent: s.twist_exponent,
         stress_coefficients_pa: scene.material.stress_coefficients_pa,
     }
-}
-
-/// Settings of the board with how well a scene's constants are known.
-pub fn with_uncertainty(values: SettingValues, scene: &Scene) -> SettingValues {
-    let known = &scene.uncertainty;
-    values
-        .with(Setting::RadiusError, known.radius as f32)
-        .with(Setting::GapZeroError, known.gap_zero_m as f32)
-        .with(Setting::ChangeError, known.load_shape as f32)
 }
 
 /// A table that the board has made.
