@@ -189,9 +189,6 @@ pub struct Homing {
     zero_error_rad: f32,
     lag_sum_s: f32,
     lag_count: u16,
-    /// What the operator says of the load's weight.
-    #[allow(dead_code)]
-    load: LoadChoice,
 }
 
 impl Homing {
@@ -212,7 +209,6 @@ impl Homing {
             zero_error_rad: 0.0,
             lag_sum_s: 0.0,
             lag_count: 0,
-            load,
         }
     }
 
