@@ -15,16 +15,17 @@ pub(crate) fn arc_at(growth: &Growth, load_n: f64, twist_rad: f64) -> (f64, f64)
     (twist_rad * (per_twist + value), per_twist + value + twist_rad * slope)
 }
 
-/// Eq. 6, with r0 (k2 + k3 g(θ)) fitted in powers of the twist over the range `twist_rad`.
+/// The radius law, with r0 times its terms without the load fitted in powers of the twist over the range `twist_rad`.
 pub(crate) fn growth(p: &Parameters, twist_rad: [f64; 2]) -> Option<Growth> {
-    let degree = match p.radius_law {
-        RadiusLaw::TwistPower => POWERS,
-        // X0/X varies slowly; the polynomials in F and a take up its variation.
-        RadiusLaw::LengthRatio => 1,
-    };
-    let radius = |twist: f64| match p.radius_law {
-        RadiusLaw::TwistPower => libm::pow(twist / core::f64::consts::PI, p.twist_exponent),
-        RadiusLaw::LengthRatio => 1.0,
+    // X0/X varies slowly: it counts as 1 here, and the polynomials in F and a take up its variation.
+    let constant = p.radius_law == RadiusLaw::LengthRatio && p.k4 == 0.0;
+    let degree = if constant { 1 } else { POWERS };
+    let radius = |twist: f64| {
+        let half_turns = twist / core::f64::consts::PI;
+        match p.radius_law {
+            RadiusLaw::TwistPower => p.k2 + p.k3 * libm::pow(half_turns, p.twist_exponent),
+            RadiusLaw::LengthRatio => p.k2 + p.k3 + p.k4 * libm::log(half_turns),
+        }
     };
     let top = twist_rad[1];
     let mut normal = Normal::<POWERS>::default();
@@ -34,7 +35,7 @@ pub(crate) fn growth(p: &Parameters, twist_rad: [f64; 2]) -> Option<Growth> {
         for i in 1..POWERS {
             v[i] = v[i - 1] * twist / top;
         }
-        normal.add(&v, p.diameter_m * (p.k2 + p.k3 * radius(twist)));
+        normal.add(&v, p.diameter_m * radius(twist));
     }
     let kept: [usize; POWERS] = core::array::from_fn(|i| i);
     let c = normal.solve(kept.get(..degree)?)?;
