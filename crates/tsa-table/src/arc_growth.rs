@@ -20,22 +20,28 @@ pub(crate) fn growth(p: &Parameters, twist_rad: [f64; 2]) -> Option<Growth> {
     // X0/X varies slowly: it counts as 1 here, and the polynomials in F and a take up its variation.
     let constant = p.radius_law == RadiusLaw::LengthRatio && p.k4 == 0.0;
     let degree = if constant { 1 } else { POWERS };
-    let radius = |twist: f64| {
-        let half_turns = twist / core::f64::consts::PI;
-        match p.radius_law {
-            RadiusLaw::TwistPower => p.k2 + p.k3 * libm::pow(half_turns, p.twist_exponent),
-            RadiusLaw::LengthRatio => p.k2 + p.k3 + p.k4 * libm::log(half_turns),
-        }
-    };
-    let top = twist_rad[1];
+    let [low, top] = twist_rad;
     let mut normal = Normal::<POWERS>::default();
     for k in 0..=200 {
-        let twist = twist_rad[0] + (top - twist_rad[0]) * f64::from(k) / 200.0;
-        let mut v = [1.0; POWERS];
+        let share = f64::from(k) / 200.0;
+        let half_turns = |twist: f64| twist / core::f64::consts::PI;
+        // The polynomials in F and a take up what this fit misses best if the error of a power of the twist is small in
+        // the radius, and that of its logarithm in the arc and at both ends. Found by trial.
+        let (twist, weight, radius) = match p.radius_law {
+            RadiusLaw::TwistPower => {
+                let twist = low + (top - low) * share;
+                (twist, 1.0, p.k2 + p.k3 * libm::pow(half_turns(twist), p.twist_exponent))
+            }
+            RadiusLaw::LengthRatio => {
+                let twist = low + (top - low) * (0.5 - 0.5 * libm::cos(core::f64::consts::PI * share));
+                (twist, twist / top, p.k2 + p.k3 + p.k4 * libm::log(half_turns(twist)))
+            }
+        };
+        let mut v = [weight; POWERS];
         for i in 1..POWERS {
             v[i] = v[i - 1] * twist / top;
         }
-        normal.add(&v, p.diameter_m * radius(twist));
+        normal.add(&v, weight * p.diameter_m * radius);
     }
     let kept: [usize; POWERS] = core::array::from_fn(|i| i);
     let c = normal.solve(kept.get(..degree)?)?;
