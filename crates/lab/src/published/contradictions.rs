@@ -84,7 +84,7 @@ pub(super) fn text(rows: &[Row]) -> Result<Vec<String>> {
     ];
     for Contradiction { rows: [more, less], why, error } in &found {
         let named = |row: &Row| format!("{} ({:.2} {} at {} N)", row.id, row.value, row.unit.name(), row.load_n);
-        lines.push(format!("{:>6.2} %  {:<28} and {:<28}  {why}", 100.0 * error, named(more), named(less)));
+        lines.push(format!("{:>6.2} %  {:<35} and {:<27}  {why}", 100.0 * error, named(more), named(less)));
     }
     let computed = least(&found, |c| c.rows.iter().all(|row| row.kind == Kind::Theory));
     let all = least(&found, |_| true);
