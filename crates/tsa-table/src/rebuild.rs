@@ -93,7 +93,7 @@ impl Rebuilt {
         for value in m.uncertainty.numbers() {
             put(value.to_le_bytes())?;
         }
-        for value in [m.contraction_error_m, m.tr_relative_error, self.growth.per_load_m_n] {
+        for value in [m.contraction_error_m, m.tr_relative_error, self.growth.per_load_m_n, self.growth.per_log_m] {
             put(value.to_le_bytes())?;
         }
         let patches = self.patches.iter().flat_map(|p| [p.load_max_n, p.centre[0], p.centre[1]]);
@@ -122,7 +122,7 @@ impl Rebuilt {
         let uncertainty = Uncertainty::from_numbers([value()?, value()?, value()?])?;
         let mut metadata = Metadata { scene_hash, uncertainty, ..like.metadata };
         (metadata.contraction_error_m, metadata.tr_relative_error) = (value()?, value()?);
-        let mut growth = Growth { per_load_m_n: value()?, ..series.growth };
+        let mut growth = Growth { per_load_m_n: value()?, per_log_m: value()?, ..series.growth };
         for power in &mut growth.powers {
             *power = value()?;
         }

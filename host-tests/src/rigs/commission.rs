@@ -176,7 +176,7 @@ fn identify(subject: &Subject, firmware: &Firmware) -> Result<(Scene, f64), Stri
     if let Some(why) = plausible::impossible(&data, scene.geometry.string_length_m) {
         return Err(why);
     }
-    let unknowns = Unknowns::usual(scene.string.radius_law, data.knows_its_zero());
+    let unknowns = Unknowns::usual(&scene.string, data.knows_its_zero());
     let (x, fit) = fit(&unknowns, &start, &data).map_err(|e| format!("identify: {e}"))?;
     let mut fitted = unknowns.scene(scene, &start, &x);
     fitted.uncertainty = uncertainty(&fit);

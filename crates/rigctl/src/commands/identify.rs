@@ -17,8 +17,9 @@ use tsa_model::{Parameters, RadiusLaw};
 const HELD_OUT: [&str; 5] = ["l0-70", "r0-2.5", "k-0.01", "experiment", "span"];
 /// How much worse than the fitted rows the held out ones may be predicted without a word.
 const SURPRISING: f64 = 3.0;
-/// Exponent that a fit starts from when the scene has none.
+/// Exponent and k4 that a fit starts from when the scene has none.
 const EXPONENT: f64 = 0.4;
+const K4: f64 = 0.1;
 
 #[derive(Serialize)]
 struct Report {
@@ -41,10 +42,14 @@ pub fn run(global: &Global, options: &Identify, output: &mut Output) -> Result<(
             (scene.string.radius_law, scene.string.twist_exponent) = (RadiusLaw::LengthRatio, None);
         }
         Some(RadiusLaw::TwistPower) => {
-            scene.string.radius_law = RadiusLaw::TwistPower;
+            (scene.string.radius_law, scene.string.k4) = (RadiusLaw::TwistPower, 0.0);
             scene.string.twist_exponent.get_or_insert(EXPONENT);
         }
         None => {}
+    }
+    let named = |name: &String| Constant::named(name) == Some(Constant::K4);
+    if scene.string.radius_law == RadiusLaw::LengthRatio && scene.string.k4 == 0.0 && options.fit.iter().any(named) {
+        scene.string.k4 = K4;
     }
     let out = options.out.as_deref().map(|path| place(path, &options.sweeps)).transpose()?;
     let (data, unit) = measured(options, &scene)?;
@@ -93,9 +98,12 @@ fn place(path: &Path, sweeps: &[PathBuf]) -> Result<OutFile, Failure> {
 
 fn constants(options: &Identify, scene: &Scene, known: bool) -> Result<Unknowns, Failure> {
     if options.fit.is_empty() {
-        // The paper's numbers stand at two twists only: they cannot tell k2, k3 and p apart.
-        let law = if options.published { RadiusLaw::LengthRatio } else { scene.string.radius_law };
-        return Ok(Unknowns::usual(law, known));
+        let mut usual = Unknowns::usual(&scene.string, known);
+        if options.published {
+            // The paper's numbers stand at two twists only: they cannot tell k2, k3 and p or k4 apart.
+            usual.constants.retain(|c| ![Constant::Exponent, Constant::K4].contains(c));
+        }
+        return Ok(usual);
     }
     let mut unknowns = Vec::new();
     for name in &options.fit {
@@ -179,6 +187,7 @@ fn print(
     }
     output.line(match s.twist_exponent {
         Some(p) => format!("  radius grows as (twist/pi)^p, p = {p:.4}"),
+        None if s.k4 > 0.0 => format!("  radius grows by eq. 6 and k4 ln(twist/pi), k4 = {:.4}", s.k4),
         None => "  radius grows by eq. 6".to_owned(),
     })?;
     output.line("correlations:")?;

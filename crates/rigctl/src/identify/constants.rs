@@ -6,7 +6,7 @@
 
 use rig_scene::Scene;
 use tsa_model::scalar::{Dual, Scalar};
-use tsa_model::{Parameters, RadiusLaw};
+use tsa_model::{Parameters, RadiusLaw, StringParameters};
 
 /// Most unknowns of a fit, the zeros of gap sensors apart.
 pub const MOST: usize = 10;
@@ -23,6 +23,8 @@ pub enum Constant {
     K2,
     /// k3.
     K3,
+    /// k4.
+    K4,
     /// Exponent p of the twist-power law.
     Exponent,
     /// Stiffness K of a string (N/m).
@@ -40,10 +42,11 @@ pub enum Constant {
 }
 
 /// Names, the scene-file key first, then the paper's symbol or a word.
-const NAMES: [(Constant, &str, &str); 10] = [
+const NAMES: [(Constant, &str, &str); 11] = [
     (Constant::K1, "string.k1_per_n", "k1"),
     (Constant::K2, "string.k2", "k2"),
     (Constant::K3, "string.k3", "k3"),
+    (Constant::K4, "string.k4", "k4"),
     (Constant::Exponent, "string.twist_exponent", "p"),
     (Constant::Stiffness, "string.stiffness_n_per_m", "K"),
     (Constant::RodRadius, "geometry.rod_radius_m", "R"),
@@ -81,7 +84,7 @@ impl Constant {
     /// the radius law, 15 % of the rods' curve (docs/model.md 6), 2 mm of the string's length. Curves have none.
     pub fn spread(self) -> Option<f64> {
         match self {
-            Self::K1 | Self::K2 | Self::K3 | Self::Exponent => Some(0.3),
+            Self::K1 | Self::K2 | Self::K3 | Self::K4 | Self::Exponent => Some(0.3),
             Self::Modulus | Self::Stiffness => Some(0.15),
             Self::RodRadius | Self::StringLength => Some(0.02),
             Self::OddCurve | Self::Curve => None,
@@ -114,6 +117,10 @@ impl Constant {
             Self::K1 => positive(p.k1_per_n),
             Self::K2 => positive(p.k2),
             Self::K3 => positive(p.k3),
+            Self::K4 if p.radius_law == RadiusLaw::TwistPower => {
+                Err("string.k4: the radius law twist-power has none (see --law)".into())
+            }
+            Self::K4 => positive(p.k4),
             Self::Exponent if p.radius_law == RadiusLaw::LengthRatio => {
                 Err("string.twist_exponent: the radius law length-ratio has none (see --law)".into())
             }
@@ -137,6 +144,7 @@ impl Constant {
             Self::K1 => p.k1_per_n = exp(0),
             Self::K2 => p.k2 = exp(0),
             Self::K3 => p.k3 = exp(0),
+            Self::K4 => p.k4 = exp(0),
             Self::Exponent => p.twist_exponent = exp(0),
             Self::Stiffness => p.stiffness_n_per_m = exp(0),
             Self::RodRadius => p.rod_radius_m = exp(0),
@@ -182,10 +190,13 @@ pub struct Unknowns {
 
 impl Unknowns {
     /// What is fitted to recorded sweeps unless the operator says otherwise: the radius law, one factor of the rods' curve,
-    /// and the string's length where the gap's zero is `known`. A law that grows with the length alone has no exponent.
-    pub fn usual(law: RadiusLaw, known: bool) -> Self {
-        let exponent = (law == RadiusLaw::TwistPower).then_some(Constant::Exponent);
-        let radius = [Constant::K1, Constant::K2, Constant::K3].into_iter().chain(exponent);
+    /// and the string's length where the gap's zero is `known`. A law that grows with the length alone has neither p nor k4.
+    pub fn usual(string: &StringParameters, known: bool) -> Self {
+        let growth = match string.radius_law {
+            RadiusLaw::TwistPower => Some(Constant::Exponent),
+            RadiusLaw::LengthRatio => (string.k4 > 0.0).then_some(Constant::K4),
+        };
+        let radius = [Constant::K1, Constant::K2, Constant::K3].into_iter().chain(growth);
         let constants = radius.chain([Constant::Modulus]).chain(known.then_some(Constant::StringLength)).collect();
         Self { constants, expected: known }
     }
@@ -231,7 +242,7 @@ impl Unknowns {
         fitted.geometry.rod_radius_m = p.rod_radius_m.value;
         fitted.string.stiffness_n_per_m = p.stiffness_n_per_m.value;
         fitted.string.k1_per_n = p.k1_per_n.value;
-        (fitted.string.k2, fitted.string.k3) = (p.k2.value, p.k3.value);
+        (fitted.string.k2, fitted.string.k3, fitted.string.k4) = (p.k2.value, p.k3.value, p.k4.value);
         if fitted.string.twist_exponent.is_some() {
             fitted.string.twist_exponent = Some(p.twist_exponent.value);
         }

@@ -126,8 +126,8 @@ pub struct Identify {
     /// Scene file to write
     #[arg(long, value_name = "SCENE.toml")]
     pub out: Option<PathBuf>,
-    /// Constants to fit, by symbol or key: k1, k2, k3, p, K, R, L0, modulus, odd-curve (a1, a3, a5), curve (a1 to a5)
-    /// [default: k1,k2,k3,p,modulus; without p for --published]
+    /// Constants to fit, by symbol or key: k1, k2, k3, p, k4, K, R, L0, modulus, odd-curve (a1, a3, a5), curve (a1 to
+    /// a5) [default: k1,k2,k3, p or k4 as the scene has it, modulus; without p and k4 for --published]
     #[arg(long, value_name = "KEYS", value_delimiter = ',')]
     pub fit: Vec<String>,
     /// Radius law to fit with, instead of the scene's
