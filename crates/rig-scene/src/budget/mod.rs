@@ -351,10 +351,15 @@ fn half_width(variances: &[f64]) -> f64 {
 /// The size, at most 1, from which on what it adds (standard errors at each state) raises the half width of variances by
 /// [`WORTH`].
 fn most_added(variances: &[f64], adds: impl Fn(f64) -> Vec<f64>) -> f64 {
+    const STEPS: i32 = 20;
     let wanted = (1.0 + WORTH) * half_width(variances);
     let with =
         |size: f64| half_width(&variances.iter().zip(adds(size)).map(|(v, add)| v + add * add).collect::<Vec<_>>());
-    least(1.0, |size| with(size) >= wanted)
+    // Not bisected from the start: what is added may fall again on the way.
+    let sizes = (-9 * STEPS..0).map(|k| 10f64.powf(f64::from(k) / f64::from(STEPS)));
+    let above = sizes.into_iter().find(|size| with(*size) >= wanted).unwrap_or(1.0);
+    let below = above * 10f64.powf(-1.0 / f64::from(STEPS));
+    below + least(above - below, |more| with(below + more) >= wanted)
 }
 
 /// The least number up to `most` from which on something holds, to 12 digits of `most`.

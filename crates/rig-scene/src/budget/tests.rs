@@ -158,3 +158,12 @@ fn a_scene_without_an_envelope_or_beyond_a_limit_is_refused_by_name() {
     scene.envelope = Some(crate::Envelope { load_n: [0.5, 18.0], turns: [0.0, 40.0] });
     assert!(refused(&scene).contains("envelope.turns"));
 }
+
+/// What a rough table adds rises, falls where homing relies less on the gap, and rises again: the first crossing counts.
+#[test]
+fn the_least_size_that_adds_too_much_is_found() {
+    let bump = |size: f64| vec![if size < 2e-3 { 1e3 * size } else { 0.0 } + if size > 0.5 { 10.0 } else { 0.0 }];
+    // 5 % more of a standard error of 1.
+    near(most_added(&[1.0], bump), 1e-3 * (1.05f64.powi(2) - 1.0).sqrt(), 1e-3, "bump");
+    near(most_added(&[100.0], bump), 0.5, 1e-3, "later");
+}
