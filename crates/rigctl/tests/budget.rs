@@ -79,7 +79,7 @@ fn what_has_no_budget_is_refused_by_name() {
     let kind = Changed::new("kind", "", "[accuracy]\nbudget = \"good\"\n");
     for (args, named) in [
         (vec!["budget", "--rig", "good"], "good"),
-        (vec!["budget", "--gauge", "-1mm"], "gauge"),
+        (vec!["budget", "--gauge", "5mm"], "gauge"),
         (vec!["--scene", "scenes/paper-printed.toml", "budget"], "[envelope]"),
         (vec!["--scene", wrong.path(), "budget"], "accuracy: `best`"),
         (vec!["--scene", kind.path(), "table"], "accuracy.budget"),

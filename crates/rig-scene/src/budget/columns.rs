@@ -7,8 +7,10 @@ use tsa_model::{Material, Mechanism, PRETWIST_RAD, Parameters};
 
 /// Loads, evenly spaced in their logarithm.
 const LOADS: u32 = 7;
-/// Greatest distance of two twists (turns): homing's curve has at least 18 states then.
+/// Greatest distance of two twists (turns), so that 18 of them are weighed while homing; and the least and greatest number of
+/// steps: short ways are weighed as a whole, and no scene has hundreds of turns.
 const TURNS: f64 = 0.25;
+const STEPS: [f64; 2] = [24.0, 400.0];
 
 /// An equilibrium with what a change of a constant does to its gap.
 #[derive(Clone, Copy, Debug)]
@@ -54,7 +56,7 @@ impl Column {
         let [least_n, most_n] = envelope.load_n;
         let load = |k: u32| least_n * (most_n / least_n).powf(f64::from(k) / f64::from(LOADS - 1));
         let last = envelope.turns[1];
-        let steps = (last / TURNS).ceil() as u32;
+        let steps = (last / TURNS).ceil().clamp(STEPS[0], STEPS[1]) as u32;
         let turns = |k: u32| last * f64::from(k) / f64::from(steps);
         let solver = Solver::new(scene)?;
         let column = |f: u32| (0..=steps).map(|k| solver.state(load(f), turns(k))).collect::<Result<_, _>>().map(Self);

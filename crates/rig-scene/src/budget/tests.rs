@@ -167,3 +167,18 @@ fn the_least_size_that_adds_too_much_is_found() {
     near(most_added(&[1.0], bump), 1e-3 * (1.05f64.powi(2) - 1.0).sqrt(), 1e-3, "bump");
     near(most_added(&[100.0], bump), 0.5, 1e-3, "later");
 }
+
+/// Few turns, and one load twice: there are still states enough for the fit.
+#[test]
+fn a_small_envelope_has_a_budget() {
+    let mut scene = scene();
+    for (load_n, turns) in [([5.0, 5.01], [0.0, 0.5]), ([0.5, 18.0], [0.0, 0.1]), ([2.0, 3.0], [6.9, 7.0])] {
+        scene.envelope = Some(crate::Envelope { load_n, turns });
+        let mut budget = Budget::new(&scene, &Rig { sizes: &|key| RigPreset::Hard.rms(key), gauge_m: None }).unwrap();
+        budget.choose_tier();
+        let (total, worth) = (budget.total(), budget.worth());
+        for number in [total.position_m.all, total.load.all, worth.contraction_m, worth.tr_relative] {
+            assert!(number > 0.0 && number.is_finite(), "{turns:?}: {total:?} {worth:?}");
+        }
+    }
+}
