@@ -130,7 +130,7 @@ fn outside_the_envelope_is_refused_by_name() {
 fn tighter_accuracy_makes_a_larger_table_and_looser_a_smaller_one() {
     let bytes = |contraction_m: f64, tr_relative: f64| {
         let mut s = scene();
-        s.accuracy = Some(rig_scene::Accuracy { contraction_m, tr_relative });
+        s.accuracy = Some(rig_scene::TableAccuracy::Given(rig_scene::Accuracy { contraction_m, tr_relative }));
         s.fit_table().unwrap().table.numbers.bytes()
     };
     let (tight, middle, loose) = (bytes(2e-6, 8e-4), bytes(5e-6, 2e-3), bytes(1e-4, 2e-2));
@@ -148,7 +148,7 @@ fn an_envelope_past_a_limit_names_the_limit_and_the_first_point() {
     };
     assert_eq!(source.kind(), "overtwist");
     assert!(load_n < 2.0 && turns > 8.0, "{load_n} N, {turns} turns");
-    s.accuracy = Some(rig_scene::Accuracy { contraction_m: 1e-12, tr_relative: 1e-3 });
+    s.accuracy = Some(rig_scene::TableAccuracy::Given(rig_scene::Accuracy { contraction_m: 1e-12, tr_relative: 1e-3 }));
     s.envelope = Some(rig_scene::Envelope { load_n: [0.5, 18.0], turns: [0.0, 7.5] });
     let Err(TableError::Fit(FitError::Accuracy { best, .. })) = s.fit_table() else { panic!("not refused") };
     // The most accurate table that can be fitted, limited by f32.

@@ -79,6 +79,16 @@ pub(super) const SECTIONS: &[Section] = &[
         measure: charts,
     },
     Section {
+        name: "budget",
+        title: "Tables that are worth having",
+        about: "The error budget of each scene on each kind of rig: half widths that hold 90 of 100 cases, without the table's own \
+                error; and the cheapest model and the table that raise them by 5 % at most, beside the table of the accuracy in \
+                the scene. Computed, not emulated ([Error budget](budget.md)).",
+        command: "target/release/rigctl budget --all",
+        figures: &[],
+        measure: budget,
+    },
+    Section {
         name: "loop",
         title: "Cheaper models in the closed loop",
         about: "Each table is built into the firmware in turn, which then homes and moves on the emulated board.",
@@ -362,6 +372,52 @@ fn charts(folders: &Folders) -> Result<Measured> {
          of its load–twist plane."
             .into(),
     );
+    Ok(measured)
+}
+
+fn budget(folders: &Folders) -> Result<Measured> {
+    host::build(folders)?;
+    let mut measured = Measured {
+        table: vec![text(&[
+            "scene",
+            "rig",
+            "position",
+            "load",
+            "model enough",
+            "table enough",
+            "bytes, instructions",
+            "table used",
+        ])],
+        ..Measured::default()
+    };
+    // An accuracy, and what its table takes.
+    let table = |row: &Value, which: &str| -> Result<[String; 2]> {
+        if row[which].is_null() {
+            return Ok(["-".to_owned(), String::new()]);
+        }
+        let get = |key: &str| number(row, &format!("/{which}/{key}"));
+        let asked =
+            format!("{} µm, {} %", significant(1e6 * get("contraction_m")?), significant(1e2 * get("tr_relative")?));
+        let size = match (get("table/bytes"), get("table/instructions")) {
+            (Ok(bytes), Ok(instructions)) => format!("{bytes:.0}, {instructions:.0}"),
+            _ => "no table".to_owned(),
+        };
+        Ok([asked, size])
+    };
+    for row in rigctl(folders, &["budget", "--all"])? {
+        let word = |key: &str| row[key].as_str().unwrap_or_default().to_owned();
+        let [[enough, size], [used, used_size]] = [table(&row, "enough")?, table(&row, "used")?];
+        measured.table.push(vec![
+            word("scene"),
+            word("rig"),
+            format!("{} µm", significant(1e6 * number(&row, "/position_m")?)),
+            format!("{} %", significant(1e2 * number(&row, "/load_relative")?)),
+            word("tier"),
+            enough,
+            size,
+            format!("{used}: {used_size}"),
+        ]);
+    }
     Ok(measured)
 }
 

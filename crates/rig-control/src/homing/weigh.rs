@@ -15,24 +15,24 @@ use rig_link::messages::{HomingFailure, LoadChoice};
 use tsa_table::{Point, Table};
 
 /// Bins over the sweep.
-const BINS: usize = 32;
+pub const BINS: usize = 32;
 /// Bins at each end that are left out: the motor changes speed there, and the load sticks until the strings have taken
 /// up friction the other way round.
-const END_BINS: usize = 4;
+pub const END_BINS: usize = 4;
 /// Bins that are used.
 const USED: usize = BINS - 2 * END_BINS;
 /// Gauss–Newton steps.
-const STEPS: u8 = 10;
+pub const STEPS: u8 = 10;
 /// What the curve misses is smooth, so that neighbouring bins miss alike: the number of bins that count as independent.
-const INDEPENDENT_BINS: f32 = 4.0;
+pub const INDEPENDENT_BINS: f32 = 4.0;
 /// Least error of a bin's gap (m): a tenth of the converter's code, which averaging over a moving load resolves.
-const LEAST_GAP_ERROR_M: f32 = 5e-6;
+pub const LEAST_GAP_ERROR_M: f32 = 5e-6;
 /// Greatest error of a bin's gap (m) that the fit takes for the law's own: the radius laws of docs/model.md 6 differ by less.
-const LAW_GAP_ERROR_M: f32 = 0.2e-3;
+pub const LAW_GAP_ERROR_M: f32 = 0.2e-3;
 /// Standard error of motor constant and gear together: data sheets allow 5 to 10 %.
-const TORQUE_ERROR: f32 = 0.05;
+pub const TORQUE_ERROR: f32 = 0.05;
 /// Share of the motor's friction that may not cancel between the two ways, since it varies with speed and torque.
-const FRICTION_LEFT: f32 = 0.02;
+pub const FRICTION_LEFT: f32 = 0.02;
 /// Rms gap (m) left by the fit beyond which neither strings nor LVDT are of the scene's kind: ten times what the laws that
 /// fit the paper's numbers differ by.
 const LARGEST_MISFIT_M: f32 = 2e-3;
