@@ -85,7 +85,8 @@ fn tracks_and_rests_and_weighs_on_plants_that_are_10_percent_off() {
             }
         }
     }
-    assert!(10 * covered >= 9 * cases, "the stated error holds the truth in {covered} of {cases} cases");
+    // Meant to hold in 90 of 100 cases, 85 to 95.
+    assert!(20 * covered >= 17 * cases, "the stated error holds the truth in {covered} of {cases} cases");
     println!(
         "worst: {:.0} um on the way, {:.0} um at rest, load {:.1} %",
         farthest * 1e6,
