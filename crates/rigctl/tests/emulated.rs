@@ -344,3 +344,19 @@ fn a_homing_that_fails_says_why_by_its_documented_name() {
     let after = rows.iter().rev().find(|row| row["t_s"].is_number()).expect("rows");
     assert_eq!(after["homing_failure"], why.as_str(), "{after}");
 }
+
+/// What a newcomer runs first ends well, and says how well it knows what it says.
+#[test]
+fn the_demo_stays_within_what_it_states() {
+    let folder = std::env::temp_dir().join(format!("rigctl-demo-{}", std::process::id()));
+    let output = rigctl(&["--json", "demo", "--out", &folder.display().to_string()]);
+    std::fs::remove_dir_all(&folder).expect("the demo has written its picture there");
+    assert!(output.status.success(), "{}", error_of(&output));
+    let runs = lines(&output);
+    assert_eq!(runs.len(), 3);
+    for run in runs {
+        let [load_n, stated_n] = ["load_n", "load_error_n"].map(|key| run["move"][key].as_f64().expect("a number"));
+        let true_n = run["load_true_n"].as_f64().expect("a number");
+        assert!((load_n - true_n).abs() <= 2.0 * stated_n && stated_n < 0.4 * true_n, "{run}");
+    }
+}
