@@ -58,6 +58,7 @@ fn track(d: &mut ControlBench, target_m: f32) -> f64 {
 #[test]
 fn tracks_and_rests_and_weighs_on_plants_that_are_10_percent_off() {
     let (mut farthest, mut at_rest, mut heaviest) = (0.0f64, 0.0f64, 0.0f64);
+    let (mut covered, mut cases) = (0, 0);
     for (seed, (name, keys)) in PLANTS.iter().enumerate() {
         for load in ["0.1kg", "0.15kg", "0.5kg", "1.5kg"] {
             let mut d = homed(keys, load, "0.1", seed as u64);
@@ -66,18 +67,25 @@ fn tracks_and_rests_and_weighs_on_plants_that_are_10_percent_off() {
                 d.run(1.0);
                 let rest = d.true_position_m() - f64::from(target);
                 let load_share = load_error(&d) / d.truth().load_n;
-                let told_n = d.last.as_ref().unwrap().telemetry.load_error_n.unwrap();
-                let told_share = f64::from(told_n) / d.truth().load_n;
+                let stated_n = d.last.as_ref().unwrap().telemetry.load_error_n.unwrap();
+                let stated_share = f64::from(stated_n) / d.truth().load_n;
                 let of = format!("{name}, {load} to {target} m");
                 assert!(apart < 150e-6, "{of}: {apart} m from the set-point");
                 assert!(rest.abs() < 50e-6, "{of}: {rest} m at rest");
-                assert!(load_share.abs() < (2.0 * told_share).max(0.12), "{of}: load {load_share}, {told_share} told");
+                println!("{of}: load {load_share:+.3}, stated {stated_share:.3}");
+                assert!(
+                    load_share.abs() < (3.0 * stated_share).max(0.12),
+                    "{of}: load {load_share}, {stated_share} stated"
+                );
+                covered += u32::from(load_share.abs() <= stated_share);
+                cases += 1;
                 farthest = farthest.max(apart);
                 at_rest = at_rest.max(rest.abs());
                 heaviest = heaviest.max(load_share.abs());
             }
         }
     }
+    assert!(10 * covered >= 9 * cases, "the stated error holds the truth in {covered} of {cases} cases");
     println!(
         "worst: {:.0} um on the way, {:.0} um at rest, load {:.1} %",
         farthest * 1e6,

@@ -122,7 +122,7 @@ impl Scene {
 
     /// The rig's numbers for the control code; the settings on the board correct them later.
     pub fn constants(&self) -> RigConstants {
-        self.rig.constants(&self.uncertainty)
+        self.rig.constants()
     }
 
     /// Envelope and accuracy, which a table needs.
@@ -142,7 +142,8 @@ impl Scene {
     pub fn demand(&self) -> Result<Demand, SceneError> {
         let (envelope, accuracy) = self.table_demand()?;
         let [_, twist_max_rad] = envelope.twist_rad();
-        Ok(Demand { load_n: envelope.load_n, twist_max_rad, accuracy, scene_hash: self.hash() })
+        let uncertainty = self.uncertainty.of_table();
+        Ok(Demand { load_n: envelope.load_n, twist_max_rad, accuracy, uncertainty, scene_hash: self.hash() })
     }
 
     /// Fits, chooses and certifies the table of this scene.

@@ -81,14 +81,16 @@ fn the_hash_depends_on_values_and_not_on_comments() {
 }
 
 #[test]
-fn uncertainty_and_linearity_reach_the_control_code() {
+fn uncertainty_reaches_the_table_and_linearity_the_control_code() {
     let text = default_text();
-    let constants = Scene::from_toml_str(&text).unwrap().constants();
-    assert_eq!([constants.radius_error, constants.gap_zero_error_m, constants.load_shape_error], [0.03, 1e-3, 0.05]);
+    let scene = Scene::from_toml_str(&text).unwrap();
+    let constants = scene.constants();
+    assert_eq!(scene.demand().unwrap().uncertainty.numbers(), [0.03, 1e-3, 0.08]);
     assert!((constants.lvdt_linearity_m - 0.5e-3).abs() < 1e-9, "a quarter of a percent of 200 mm");
     let text = text.replace("adc_reference_v = 3.3", "adc_reference_v = 3.3\nlvdt_linearity = 0.005");
     let text = format!("{text}\n[uncertainty]\nradius = 0.01\ngap_zero_m = 0.0002\n");
-    let constants = Scene::from_toml_str(&text).unwrap().constants();
-    assert_eq!([constants.radius_error, constants.gap_zero_error_m, constants.load_shape_error], [0.01, 2e-4, 0.05]);
+    let scene = Scene::from_toml_str(&text).unwrap();
+    let constants = scene.constants();
+    assert_eq!(scene.demand().unwrap().uncertainty.numbers(), [0.01, 2e-4, 0.08]);
     assert!((constants.lvdt_linearity_m - 1e-3).abs() < 1e-9);
 }

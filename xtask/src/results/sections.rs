@@ -96,6 +96,20 @@ pub(super) const SECTIONS: &[Section] = &[
         measure: compare,
     },
     Section {
+        name: "rigs",
+        title: "Rigs that are not their own model",
+        about: "20 well-made rigs and 20 of the worst in ten (5 of each also as built, 2 of each also against a fixed \
+                ratio), each drawn from a seed on which nothing was tuned, homed and moved under four loads by the \
+                firmware's control code, with the constants identified on the same rig first and with the default \
+                scene's table as built.",
+        command: "cargo run --release -p host-tests --bin rigs -- --seeds 1001..1021",
+        figures: &[
+            ("charts/rigs.svg", "Errors of load and position, each effect alone and all together"),
+            ("charts/effects.svg", "Where the chain breaks as one effect is turned up"),
+        ],
+        measure: super::rigs::measure,
+    },
+    Section {
         name: "endurance",
         title: "Endurance",
         about: "Moves under changing loads with faults on the way, and random bytes on the host link and on the bus.",

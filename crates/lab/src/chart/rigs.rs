@@ -8,7 +8,7 @@ use plotters::style::RGBColor;
 use serde::{Deserialize, Serialize};
 
 /// The command that measures what is drawn here.
-pub(super) const COMMAND: &str = "cargo run --release -p host-tests --bin rigs -- --each --name each";
+pub(super) const COMMAND: &str = "cargo xtask results rigs";
 /// The files that it leaves, in the order of the rows: the rig of its own model, single effects, all of them together.
 const FILES: [&str; 3] = ["ideal-summary.csv", "each-summary.csv", "rigs-summary.csv"];
 

@@ -243,7 +243,7 @@ impl Homing {
                 self.sweep_weigh(table, rig, inputs, &limits);
                 Ok(())
             }
-            Phase::Settle { ticks, rest } => match self.settle(table, rig, ticks, rest, inputs.gap_m, &limits) {
+            Phase::Settle { ticks, rest } => match self.settle(table, ticks, rest, inputs.gap_m, &limits) {
                 Ok(Some(homed)) => return Progress::Done(homed),
                 Ok(None) => Ok(()),
                 Err(failure) => Err(failure),
@@ -384,14 +384,13 @@ impl Homing {
     fn settle(
         &mut self,
         table: &Table<'_>,
-        rig: &RigConstants,
         ticks: u16,
         mut rest: Rest,
         gap_m: f32,
         limits: &TwistLimits,
     ) -> Result<Option<Homed>, HomingFailure> {
         let ticks = self.rest_at(self.zero_rad + PI, SWEEP_SPEED, limits, ticks);
-        let fitted = self.weigh.fit_step(table, rig)?;
+        let fitted = self.weigh.fit_step(table)?;
         if f32::from(ticks) * TICK_S > SETTLE_S {
             rest.add(gap_m);
         }
