@@ -110,7 +110,7 @@ const CASES: &[Case] = &[
     },
     // The whole stroke would do, but 99 % of the ADC's range count as a short.
     Case {
-        impossible: &[("lvdt_stroke_m", "0.114"), ("lvdt_volts_at_stroke", "3.3")],
+        impossible: &[("lvdt_stroke_m", "0.111"), ("lvdt_volts_at_stroke", "3.3")],
         named: &["rig.lvdt_volts_at_stroke", "zero twist"],
         possible: &[("lvdt_stroke_m", "0.12"), ("lvdt_volts_at_stroke", "3.3")],
     },
