@@ -274,7 +274,7 @@ fn a_study_goes_on_past_a_limit_and_draws_it() {
 
 #[test]
 fn a_study_takes_any_key_load_and_range_of_turns() {
-    let arguments = ["--json", "study", "--vary", "string.k3=0.08..0.12:2", "--load", "0.5kg", "--turns", "1..2.5"];
+    let arguments = ["--json", "study", "--vary", "string.k3=0.05..0.09:2", "--load", "0.5kg", "--turns", "1..2.5"];
     let [low, high] = &objects(&arguments)[..] else { panic!() };
     assert_eq!((&low["turns_start"], &low["turns_end"]), (&1.0.into(), &2.5.into()));
     assert_eq!(low["load_n"], 0.5 * 9.806_65);
