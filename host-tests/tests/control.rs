@@ -11,11 +11,13 @@ use std::f64::consts::PI;
 type Keys = &'static [(&'static str, &'static str)];
 
 /// Constants 10 % off, one at a time and all together, with twice the usual friction.
-const PLANTS: [(&str, Keys); 10] = [
+const PLANTS: [(&str, Keys); 12] = [
     ("k2 -10 %", &[("k2_scale", "0.9")]),
     ("k2 +10 %", &[("k2_scale", "1.1")]),
     ("k3 -10 %", &[("k3_scale", "0.9")]),
     ("k3 +10 %", &[("k3_scale", "1.1")]),
+    ("k4 -10 %", &[("k4_scale", "0.9")]),
+    ("k4 +10 %", &[("k4_scale", "1.1")]),
     ("K -10 %", &[("stiffness_scale", "0.9")]),
     ("K +10 %", &[("stiffness_scale", "1.1")]),
     ("E -10 %", &[("modulus_scale", "0.9")]),
@@ -184,7 +186,7 @@ fn homes_within_20_mrad_from_any_twist_under_any_load() {
 #[test]
 fn homes_from_the_farthest_twist_that_the_strings_can_have() {
     let mut worst = (0.0f64, 0.0f64, 0.0f64);
-    for (seed, load) in ["0.5", "0.6", "0.1kg", "2", "5", "18"].iter().enumerate() {
+    for (seed, load) in ["0.8", "0.9", "0.1kg", "2", "5", "18"].iter().enumerate() {
         let nominal = ControlBench::new(&[("load", load)], 1);
         let most = (10.0 * nominal.rig.plant().surface().expect("built in").last_twist_rad(nominal.truth().load_n))
             .floor()
@@ -210,10 +212,10 @@ fn homes_from_the_farthest_twist_that_the_strings_can_have() {
     println!("worst: {:.2} mrad, load {:.2} of its floor, {:.1} s", worst.0 * 1e3, worst.1, worst.2);
 }
 
-/// Ten turns either way, which is past closed strings under 0.1 kg: left there, they fling the rotor to the other side.
+/// Nearly as far as strings under 0.1 kg can be twisted, either way: left there, they fling the rotor to the other side.
 #[test]
-fn homes_from_ten_turns_under_the_lightest_load() {
-    for twist in ["62.83", "-62.83"] {
+fn homes_from_closed_strings_under_the_lightest_load() {
+    for twist in ["60.8", "-60.8"] {
         for (seed, friction) in [(1, "0.02"), (2, "0.02"), (3, "0.05")] {
             let mut d = ControlBench::new(&[("load", "0.1kg"), ("friction", friction), ("twist_at_boot", twist)], seed);
             d.home().unwrap_or_else(|e| panic!("{twist} {friction}: {e}"));
@@ -225,7 +227,7 @@ fn homes_from_ten_turns_under_the_lightest_load() {
 /// A rail that lets nothing move, anywhere: homing gives up, with the strings held and little more tension than before.
 #[test]
 fn a_jammed_load_is_not_homed() {
-    for (load, twist) in [("0.1kg", "61"), ("0.1kg", "-61"), ("0.5kg", "71"), ("1.5kg", "40"), ("1.5kg", "-20")] {
+    for (load, twist) in [("0.1kg", "60"), ("0.1kg", "-60"), ("0.5kg", "71"), ("1.5kg", "40"), ("1.5kg", "-20")] {
         let mut d = ControlBench::new(&[("load", load), ("friction", "100"), ("twist_at_boot", twist)], 4);
         let error = d.home().expect_err("it cannot move");
         assert!(error.contains("NoPretwist"), "{load} {twist}: {error}");
