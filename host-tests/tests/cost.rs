@@ -26,8 +26,8 @@ use Answer::{Gap, Root, Twist};
 const WAYS: [(&str, &str, Answer, &str); 23] = [
     ("cost_lookup", "table: gap and gradient", Gap, "TABLE"),
     ("cost_inverse_twist", "table: twist from load and gap", Twist, ""),
-    ("cost_arc_short", "table with few ranges", Gap, "ARC_SHORT"),
-    ("cost_arc_long", "table with many ranges", Gap, "ARC_LONG"),
+    ("cost_arc_few", "table with few ranges", Gap, "ARC_FEW"),
+    ("cost_arc_many", "table with many ranges", Gap, "ARC_MANY"),
     ("cost_series", "Chebyshev series in F^(-1/2)", Gap, "SERIES"),
     ("cost_series_log", "Chebyshev series in ln F", Gap, "SERIES_LOG"),
     ("cost_series_ratio", "Chebyshev series in F/(F + b)", Gap, "SERIES_RATIO"),

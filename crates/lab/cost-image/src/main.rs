@@ -43,8 +43,8 @@ macro_rules! table {
     };
 }
 
-table!(cost_arc_short, ARC_SHORT);
-table!(cost_arc_long, ARC_LONG);
+table!(cost_arc_few, ARC_FEW);
+table!(cost_arc_many, ARC_MANY);
 table!(cost_series, SERIES);
 table!(cost_series_log, SERIES_LOG);
 table!(cost_series_ratio, SERIES_RATIO);
@@ -158,8 +158,8 @@ fn main() -> ! {
             let singles = [
                 point.gap_m,
                 cost_inverse_twist(load, point.gap_m),
-                cost_arc_short(load, twist).gap_m,
-                cost_arc_long(load, twist).gap_m,
+                cost_arc_few(load, twist).gap_m,
+                cost_arc_many(load, twist).gap_m,
                 cost_series(load, twist).gap_m,
                 cost_series_log(load, twist).gap_m,
                 cost_series_ratio(load, twist).gap_m,

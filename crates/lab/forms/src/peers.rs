@@ -66,15 +66,13 @@ impl Peer<'_> {
 
 /// The peers with the names of their tables.
 pub fn peers<'a>(fit: &'a Fit, others: &'a [Candidate]) -> Vec<(&'static str, Peer<'a>)> {
-    let shape = |rows: u8, columns: u8| {
-        let shape_of = |table: &OwnedTable| [table.numbers.shape.rows, table.numbers.shape.columns];
-        best(fit.candidates.iter().filter(|c| shape_of(&c.table) == [rows, columns]).map(Peer::Own))
-    };
+    let ranges = |c: &&tsa_table::fit::Candidate| c.table.numbers.patches.len();
+    let passing = || fit.candidates.iter().filter(|c| c.passes);
     let other = |of_kind: &dyn Fn(&Candidate) -> bool| best(others.iter().filter(|c| of_kind(c)).map(Peer::Other));
     let is_series = |c: &Candidate| matches!(c.numbers, Numbers::Series { .. });
     let all = [
-        ("ARC_SHORT", shape(6, 7)),
-        ("ARC_LONG", shape(3, 8)),
+        ("ARC_FEW", passing().min_by_key(ranges).map(Peer::Own)),
+        ("ARC_MANY", passing().max_by_key(ranges).map(Peer::Own)),
         ("SERIES", other(&|c| is_series(c) && c.load_map == LoadMap::InverseRoot)),
         ("SERIES_LOG", other(&|c| is_series(c) && c.load_map == LoadMap::Log)),
         ("SERIES_RATIO", other(&|c| is_series(c) && matches!(c.load_map, LoadMap::Ratio { .. }))),
