@@ -18,7 +18,7 @@ mod tables {
 }
 
 /// Loads (N) and twists (rad) of the table's range, off every grid.
-const LOADS_N: [f32; 6] = [0.61, 1.3, 2.9, 5.3, 9.7, 16.9];
+const LOADS_N: [f32; 6] = [0.91, 1.3, 2.9, 5.3, 9.7, 16.9];
 const TWISTS_RAD: [f32; 5] = [3.9, 11.3, 20.7, 33.1, 47.9];
 
 #[unsafe(no_mangle)]

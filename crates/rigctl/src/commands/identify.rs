@@ -3,7 +3,7 @@
 use crate::failure::Failure;
 use crate::identify::constants::{Constant, Unknowns};
 use crate::identify::data::{self, Data};
-use crate::identify::{Errors, Fit, fit, plausible, uncertainty};
+use crate::identify::{Errors, Fit, envelope, fit, plausible, uncertainty};
 use crate::options::Global;
 use crate::options::commands::Identify;
 use crate::out_file::OutFile;
@@ -71,7 +71,15 @@ pub fn run(global: &Global, options: &Identify, output: &mut Output) -> Result<(
     for bad in &data.bad {
         eprintln!("passed over: {bad}");
     }
+    let narrowed_from_n = if unit == "m" { envelope::narrow(&mut fitted) } else { None };
     print(&fit, &unknowns, &start, &fitted, unit, output)?;
+    if let (Some(before_n), Some(envelope)) = (narrowed_from_n, fitted.envelope) {
+        output.line(format!(
+            "envelope.load_n begins at {} N instead of {before_n} N: with these constants no table reaches the accuracy under \
+             lighter loads at {} turns",
+            envelope.load_n[0], envelope.turns[1]
+        ))?;
+    }
     if unit == "m" && fit.held_out.rms > SURPRISING * fit.fitted.rms.max(data::SIGMA_M) {
         eprintln!(
             "what was held out is predicted {:.0} times worse than what was fitted: is there a wrong row in it, or too much \

@@ -7,6 +7,7 @@
 
 pub mod constants;
 pub mod data;
+pub mod envelope;
 pub mod plausible;
 
 use constants::{MOST, Number, Unknowns};
