@@ -110,7 +110,8 @@ pub struct Observation {
     pub point: Point,
     /// How far the load moved beyond noise in this tick (m).
     pub moved_m: f32,
-    /// The load is beyond the table's range by more than the error of the estimate, which stands at the range's end.
+    /// The estimate stands at the end of the table's range; at the light end only if the load is lighter than that by more
+    /// than the error of the estimate.
     pub at_range_end: bool,
     /// Error of the estimate, 90 % (N).
     pub load_error_n: f32,
@@ -229,8 +230,10 @@ impl LoadObserver {
                 self.innovation_n += TICK_S / PULL_S * (innovation_n - self.innovation_n);
                 let load_n = self.load_n + self.correction(innovation_n, moved_m, &point);
                 self.load_n = load_n.clamp(m.load_min_n, m.load_max_n);
-                // A load that is estimated beyond the range may still be inside it, by the error of the estimate.
-                at_range_end = load_n != self.load_n && self.innovation_n.abs() > self.still_error_n(&point, twist_rad);
+                // A load that is too heavy is a danger. One that is too light is none, and may still be within the range, by
+                // the error of the estimate.
+                let light = load_n < m.load_min_n && -self.innovation_n > self.still_error_n(&point, twist_rad);
+                at_range_end = load_n > m.load_max_n || light;
             }
         }
         if self.quiet_ticks >= SETTLED_TICKS {
