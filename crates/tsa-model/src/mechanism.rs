@@ -152,7 +152,7 @@ impl<T: Scalar> Mechanism<T> {
         }
         let (sin, cos) = found.alpha.sin_cos();
         let force = state.force(sin / cos);
-        let response = self.rod.response(force, found.amplitude, &found.shape)?;
+        let response = self.rod.response(force, found.amplitude, &found.shape);
         let mut equilibrium = self.finish(state, found.alpha, &response)?;
         equilibrium.residual = equilibrium.residual.max(found.residual);
         equilibrium.iterations = found.iterations;
@@ -278,7 +278,7 @@ impl<T: Scalar> Mechanism<T> {
             evaluations += steps * shape.evaluations;
             let residual = ((shape.length.value / self.rod.length_m).value() - 1.0).abs();
             at = Some((amplitude, shape, residual));
-            self.rod.response(force, amplitude, &shape)
+            Ok(self.rod.response(force, amplitude, &shape))
         })?;
         let Some((amplitude, shape, residual)) = at else {
             return Err(SolveError::NoEquilibrium { load_n: state.load_n, twist_rad: state.twist_rad });

@@ -77,6 +77,12 @@ pub trait Scalar:
     /// x^y for x ≥ 0.
     fn powf(self, exponent: Self) -> Self;
 
+    /// sinh² x, without cancellation near zero.
+    fn sinh_squared(self) -> Self {
+        let grown = (self * 2.0).exp_m1();
+        grown * grown / ((grown + 1.0) * 4.0)
+    }
+
     /// Hyperbolic sine and cosine, without cancellation near zero.
     fn sinh_cosh(self) -> (Self, Self) {
         let grown = self.exp_m1();
@@ -342,7 +348,7 @@ mod tests {
     #[test]
     fn derivatives_are_those_of_the_functions() {
         type D = Dual<1>;
-        let functions: [fn(D) -> D; 9] = [
+        let functions: [fn(D) -> D; 10] = [
             |x| x.sqrt(),
             |x| x.sin_cos().0,
             |x| x.sin_cos().1,
@@ -351,6 +357,7 @@ mod tests {
             |x| x.powf(D::of(0.43)),
             |x| D::of(0.7).powf(x),
             |x| x.sinh_cosh().0 / x.sinh_cosh().1,
+            |x| x.sinh_squared(),
             |x| -(x * 2.0 - x / 3.0 + 1.0) * x / (x + 4.0 - x * x),
         ];
         for (k, f) in functions.iter().enumerate() {
