@@ -34,6 +34,18 @@ mod imp {
 
 pub(crate) use imp::ln;
 
+/// Coefficients of x², x⁴ … in sinh² x, 2²ᵏ⁻¹/(2k)!, as many as f64 resolves for x ≤ 1.
+const SINH_SQUARED: [f64; 12] = {
+    let mut all = [1.0; 12];
+    let mut k = 1;
+    while k < all.len() {
+        let n = (2 * k + 2) as f64;
+        all[k] = all[k - 1] * 4.0 / (n * (n - 1.0));
+        k += 1;
+    }
+    all
+};
+
 /// A number that the solver can compute with.
 pub trait Scalar:
     Copy
@@ -79,8 +91,13 @@ pub trait Scalar:
 
     /// sinh² x, without cancellation near zero.
     fn sinh_squared(self) -> Self {
-        let grown = (self * 2.0).exp_m1();
-        grown * grown / ((grown + 1.0) * 4.0)
+        let square = self * self;
+        if square.value() > 1.0 {
+            let grown = (self * 2.0).exp_m1();
+            return grown * grown / ((grown + 1.0) * 4.0);
+        }
+        // ½ Σ (2x)²ᵏ/(2k)!
+        SINH_SQUARED.iter().rev().fold(Self::of(0.0), |sum, c| (sum + *c) * square)
     }
 
     /// Hyperbolic sine and cosine, without cancellation near zero.

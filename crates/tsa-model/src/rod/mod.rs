@@ -260,7 +260,7 @@ impl<T: Scalar> Rod<T> {
         let mut steps = 0;
         loop {
             steps += 1;
-            match self.shape(force, T::of(high), rule) {
+            match self.shape(force, T::of(high), rule, true) {
                 Ok(s) if miss(&s) >= 0.0 => {
                     shape = s;
                     break;
@@ -302,7 +302,7 @@ impl<T: Scalar> Rod<T> {
                 left -= 1;
             }
             amplitude = if inside || settled { newton } else { T::of(0.5 * (low + high)) };
-            shape = self.shape(force, amplitude, rule)?;
+            shape = self.shape(force, amplitude, rule, true)?;
             steps += 1;
         }
         Ok((amplitude, shape, steps))
@@ -318,7 +318,7 @@ impl<T: Scalar> Rod<T> {
         for pair in LEVELS.windows(2) {
             let (amplitude, _, steps) = self.amplitude(force, &pair[0])?;
             total += steps;
-            let finer = self.shape(force, amplitude, &pair[1])?;
+            let finer = self.shape(force, amplitude, &pair[1], true)?;
             if ((finer.length.value / self.length_m).value() - 1.0).abs() < T::RESIDUAL {
                 return Ok((self.response(force, amplitude, &finer), pair[1].count(), total));
             }

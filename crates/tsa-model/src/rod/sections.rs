@@ -20,6 +20,8 @@ pub(super) struct Sections<T> {
     taylor: [T; 6],
     /// x, D and Y at the last section and at the one before it.
     known: [(f64, T, T); 2],
+    /// Whether the derivatives must be as exact as the values.
+    exact: bool,
     /// Evaluations of a section.
     pub evaluations: u32,
 }
@@ -49,7 +51,7 @@ struct Equations<T> {
 }
 
 impl<T: Scalar> Sections<T> {
-    pub fn new(rod: &Rod<T>, tip_force: T) -> Result<Self, SolveError> {
+    pub fn new(rod: &Rod<T>, tip_force: T, exact: bool) -> Result<Self, SolveError> {
         let full = rod.model == RodModel::Full;
         let stretch = if full { rod.section.stretch(tip_force)? } else { T::of(0.0) };
         let axial = if full { 1.0 } else { 0.0 };
@@ -57,7 +59,7 @@ impl<T: Scalar> Sections<T> {
         // Both equations at x = 0.
         let ratio = (stretch + 1.0) * 8.0 / taylor[1];
         let tip = (0.0, (ratio * taylor[2] * 0.25 + axial) / taylor[1], ratio);
-        Ok(Self { model: rod.model, axial, stretch, taylor, known: [tip; 2], evaluations: 0 })
+        Ok(Self { model: rod.model, axial, stretch, taylor, known: [tip; 2], exact, evaluations: 0 })
     }
 
     /// The section at x, which must be larger than that of the section before.
@@ -122,9 +124,7 @@ impl<T: Scalar> Sections<T> {
             s[first]
         };
         let slope = shift(1);
-        (1..5).for_each(|first| {
-            shift(first);
-        });
+        let _ = [shift(1), shift(2), shift(3), shift(4)];
         let [_, s1, s2, s3, s4, s5] = s;
         let first = s2 * 0.25;
         let fourth = bent * s4 * 0.125;
@@ -134,7 +134,7 @@ impl<T: Scalar> Sections<T> {
         let third = y * (first + fourth * 3.0) + d * slope - self.axial;
         let q_y = s1 * 0.125 + bent * (s3 * (3.0 / 16.0) + sixth * (25.0 / 128.0));
         // ((w0(e_l) − w0(e))/(e_l − e) − σ_l)
-        let mean = less * (t1 * 0.5 - less * (t2 / 3.0 - less * (t3 * 0.25 - less * (t4 * 0.2 - less * t5 / 6.0))));
+        let mean = less * (t1 * 0.5 - less * (t2 * (1.0 / 3.0) - less * (t3 * 0.25 - less * (t4 * 0.2 - less * t5 * (1.0 / 6.0)))));
         let left_force = d * slope - y * (first + fourth) - self.axial;
         let left_integral = self.stretch + 1.0 + d * (mean - x * self.axial)
             - y * (s1 * 0.125 + bent * (s3 * (3.0 / 32.0) + sixth * (25.0 / 384.0)));
@@ -144,18 +144,21 @@ impl<T: Scalar> Sections<T> {
     /// Solves the two equations from a guess of D and Y.
     fn solve(&mut self, x: T, start: (T, T)) -> Result<Solved<T>, SolveError> {
         let (mut d, mut y) = start;
-        let mut iterations = 0;
         let mut left = T::EXTRA_STEPS;
-        loop {
-            let mut now = self.equations(x, (d, y));
+        let mut settled = false;
+        for _ in 0..60 {
+            let now = self.equations(x, (d, y));
             let [a, b, c, q] = now.jacobian;
             let det = a * q - b * c;
-            let stopped = |y: T| singular(Scalar::sqrt((x * y).value().max(0.0)));
             if !(det.value() > 0.0 && a.value() > 0.0) {
-                return Err(stopped(y));
+                break;
+            }
+            let over = T::of(1.0) / det;
+            if settled {
+                return Ok(self.solved(x, (d, y), &now, over));
             }
             let [r1, r2] = now.left;
-            let (mut de, mut dy) = ((r1 * q - r2 * b) / det, (a * r2 - c * r1) / det);
+            let (mut de, mut dy) = ((r1 * q - r2 * b) * over, (a * r2 - c * r1) * over);
             // Y must stay positive: shorten a step that would leave.
             let leaves = y.value() + dy.value() <= 0.1 * y.value();
             if leaves {
@@ -165,30 +168,26 @@ impl<T: Scalar> Sections<T> {
             }
             d -= de;
             y += dy;
-            iterations += 1;
-            let within = |share: f64| {
-                dy.value().abs() <= share * y.value() && de.value().abs() <= share * (d.value().abs() + y.value())
-            };
-            if !leaves && within(T::LAST_STEP_TOLERANCE) {
+            self.evaluations += 1;
+            let size = dy.value().abs().max(de.value().abs());
+            if !leaves && size <= T::LAST_STEP_TOLERANCE * y.value() {
                 if left == 0 {
-                    self.evaluations += iterations;
-                    self.known = [(x.value(), d, y), self.known[0]];
-                    if !within(4.0 * T::EPSILON) {
-                        now = self.equations(x, (d, y));
+                    // After a step of rounding the derivatives are as good as after another one.
+                    if !self.exact || T::EXTRA_STEPS == 0 && size <= 4.0 * T::EPSILON * y.value() {
+                        return Ok(self.solved(x, (d, y), &now, over));
                     }
-                    return Ok(self.solved(x, (d, y), &now));
+                    settled = true;
+                } else {
+                    left -= 1;
                 }
-                left -= 1;
-            }
-            if iterations >= 60 {
-                return Err(stopped(y));
             }
         }
+        Err(singular(Scalar::sqrt((x * y).value().max(0.0))))
     }
 
-    fn solved(&self, x: T, (d, y): (T, T), now: &Equations<T>) -> Solved<T> {
+    fn solved(&mut self, x: T, (d, y): (T, T), now: &Equations<T>, over: T) -> Solved<T> {
+        self.known = [(x.value(), d, y), self.known[0]];
         let [a, b, c, q] = now.jacobian;
-        let over = T::of(1.0) / (a * q - b * c);
         let less = x * d;
         let axial = self.axial;
         let strain = Strain { axial: self.stretch - less, bending_squared: x * y };

@@ -13,7 +13,7 @@ impl<T: Scalar> Rod<T> {
     /// Length and position along the force are integrals over h; the position across the force is M(0)/P. They are
     /// functions of P, of P − N_l (with which x = (P − N_l) sinh² h) and of the amplitude, by which the derivative is the
     /// integrand at the clamp. One of the other derivatives follows from the rest (docs/model.md section 3).
-    pub(crate) fn shape(&self, force: TipForce<T>, amplitude: T, rule: &Rule) -> Result<RodShape<T>, SolveError> {
+    pub(crate) fn shape(&self, force: TipForce<T>, amplitude: T, rule: &Rule, exact: bool) -> Result<RodShape<T>, SolveError> {
         let line = self.line(force);
         let (p, [q, r]) = (line.p, line.by);
         let (sinh, cosh) = amplitude.sinh_cosh();
@@ -24,7 +24,7 @@ impl<T: Scalar> Rod<T> {
         let drop_by = [-(drop * sinh / cosh * 2.0), (q + 1.0) / cosh2, r / cosh2];
         let p_by = [zero, q, r];
         let n_tip = p - drop;
-        let mut sections = Sections::new(self, n_tip)?;
+        let mut sections = Sections::new(self, n_tip, exact)?;
         let over_drop = one / drop;
         let (mut length, mut length_by_p, mut length_by_drop) = (zero, zero, zero);
         let (mut along, mut along_by_p) = (zero, zero);
