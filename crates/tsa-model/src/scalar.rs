@@ -49,6 +49,7 @@ const SINH_SQUARED: [f64; 12] = {
 /// A number that the solver can compute with.
 pub trait Scalar:
     Copy
+    + PartialEq
     + core::fmt::Debug
     + Neg<Output = Self>
     + Add<Output = Self>

@@ -42,6 +42,11 @@ impl<T: Scalar> Section<T> {
         Self { a: stress_coefficients_pa.map(|a| a / stress_coefficients_pa[0]) }
     }
 
+    /// Whether stress is proportional to strain. A coefficient that is zero but has derivatives counts.
+    pub(crate) fn is_straight(&self) -> bool {
+        self.a[1..] == [T::of(0.0); 4]
+    }
+
     /// The same section in another kind of number.
     pub fn map<U>(&self, f: impl Fn(T) -> U) -> Section<U> {
         Section { a: self.a.map(f) }

@@ -9,9 +9,19 @@ use crate::error::SolveError;
 use crate::scalar::Scalar;
 use crate::section::{Strain, singular};
 
+/// How a section is solved.
+enum Law {
+    /// In closed form.
+    Straight,
+    Power {
+        exponent: f64,
+    },
+    Polynomial,
+}
+
 /// The sections of a rod whose tip carries a given axial force.
 pub(super) struct Sections<T> {
-    model: RodModel,
+    law: Law,
     /// 1 if the axial force stretches the axis, else 0.
     axial: f64,
     /// Stretch at the tip.
@@ -53,39 +63,65 @@ struct Equations<T> {
 impl<T: Scalar> Sections<T> {
     pub fn new(rod: &Rod<T>, tip_force: T, exact: bool) -> Result<Self, SolveError> {
         let full = rod.model == RodModel::Full;
+        let law = match rod.model {
+            RodModel::PowerLaw { exponent } => Law::Power { exponent },
+            RodModel::Elastica => Law::Straight,
+            _ if rod.section.is_straight() => Law::Straight,
+            RodModel::Full | RodModel::Inextensible => Law::Polynomial,
+        };
         let stretch = if full { rod.section.stretch(tip_force)? } else { T::of(0.0) };
         let axial = if full { 1.0 } else { 0.0 };
         let taylor = rod.section.taylor(stretch);
         // Both equations at x = 0.
         let ratio = (stretch + 1.0) * 8.0 / taylor[1];
         let tip = (0.0, (ratio * taylor[2] * 0.25 + axial) / taylor[1], ratio);
-        Ok(Self { model: rod.model, axial, stretch, taylor, known: [tip; 2], exact, evaluations: 0 })
+        Ok(Self { law, axial, stretch, taylor, known: [tip; 2], exact, evaluations: 0 })
     }
 
     /// The section at x, which must be larger than that of the section before.
     pub fn next(&mut self, x: T) -> Result<Solved<T>, SolveError> {
-        // κM − W = m/(m+1) κM under a power law, so that (κR)² = (4 (m+1)/m x)^(2/(m+1)).
-        let power = match self.model {
-            RodModel::Elastica => Some((1.0, x * 8.0)),
-            RodModel::PowerLaw { exponent: m } => {
-                let power = 2.0 / (m + 1.0);
-                Some((power, (x * (4.0 * (m + 1.0) / m)).powf(T::of(power))))
-            }
-            RodModel::Full | RodModel::Inextensible => None,
-        };
-        if let Some((power, bending_squared)) = power {
-            self.evaluations += 1;
-            let zero = T::of(0.0);
-            return Ok(Solved {
-                strain: Strain { axial: zero, bending_squared },
-                stretch: zero,
-                less_stretch: zero,
-                ratio: bending_squared / x,
-                growth: T::of(power),
-                ratio_by_tip: zero,
-                stretch_by_tip: zero,
-            });
+        match self.law {
+            Law::Straight => Ok(self.straight(x)),
+            Law::Power { exponent } => Ok(self.power(x, exponent)),
+            Law::Polynomial => self.polynomial(x),
         }
+    }
+
+    /// σ proportional to ε: D is 1 or nothing is stretched, and Y = 8 (1 + e_l − x/2).
+    fn straight(&mut self, x: T) -> Solved<T> {
+        self.evaluations += 1;
+        let (less, tip) = (x * self.axial, self.stretch + 1.0);
+        let ratio = (tip - less * 0.5) * 8.0;
+        let over = T::of(8.0) / ratio;
+        Solved {
+            strain: Strain { axial: self.stretch - less, bending_squared: x * ratio },
+            stretch: self.stretch - less,
+            less_stretch: less,
+            ratio,
+            growth: (tip - less) * over,
+            ratio_by_tip: over * self.axial,
+            stretch_by_tip: T::of(self.axial),
+        }
+    }
+
+    /// κM − W = m/(m+1) κM under a power law, so that (κR)² = (4 (m+1)/m x)^(2/(m+1)).
+    fn power(&mut self, x: T, exponent: f64) -> Solved<T> {
+        self.evaluations += 1;
+        let power = 2.0 / (exponent + 1.0);
+        let bending_squared = (x * (8.0 / (2.0 - power))).powf(T::of(power));
+        let zero = T::of(0.0);
+        Solved {
+            strain: Strain { axial: zero, bending_squared },
+            stretch: zero,
+            less_stretch: zero,
+            ratio: bending_squared / x,
+            growth: T::of(power),
+            ratio_by_tip: zero,
+            stretch_by_tip: zero,
+        }
+    }
+
+    fn polynomial(&mut self, x: T) -> Result<Solved<T>, SolveError> {
         let [(x1, d1, y1), (x2, d2, y2)] = self.known;
         let to = x.value();
         // Linear extrapolation is limited to short distances.
