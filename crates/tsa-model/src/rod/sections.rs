@@ -50,6 +50,8 @@ pub(super) struct Solved<T> {
     /// ∂Y/∂N_l over Y and ∂e/∂N_l, with x constant.
     pub ratio_by_tip: T,
     pub stretch_by_tip: T,
+    /// ∂e/∂x with the tip's force constant.
+    pub stretch_by_x: T,
 }
 
 /// The two equations at a guess of D and Y: what is left of them, and their derivatives by e and (κR)².
@@ -101,6 +103,7 @@ impl<T: Scalar> Sections<T> {
             growth: (tip - less) * over,
             ratio_by_tip: over * self.axial,
             stretch_by_tip: T::of(self.axial),
+            stretch_by_x: T::of(-self.axial),
         }
     }
 
@@ -118,6 +121,7 @@ impl<T: Scalar> Sections<T> {
             growth: T::of(power),
             ratio_by_tip: zero,
             stretch_by_tip: zero,
+            stretch_by_x: zero,
         }
     }
 
@@ -235,6 +239,7 @@ impl<T: Scalar> Sections<T> {
             growth: (a * (strain.axial * axial + 1.0) + c * axial) * over / y,
             ratio_by_tip: (a * d - now.third) * over * axial / y,
             stretch_by_tip: (q - b * less) * over * axial,
+            stretch_by_x: -(q * axial + b * (strain.axial * axial + 1.0)) * over * axial,
         }
     }
 }

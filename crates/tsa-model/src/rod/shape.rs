@@ -10,9 +10,9 @@ use crate::section::Strain;
 impl<T: Scalar> Rod<T> {
     /// Shape of the rod with this amplitude (above 0) under `force`, by a rule.
     ///
-    /// Length and position along the force are integrals over h; the position across the force is M(0)/P. They are
-    /// functions of P, of P − N_l (with which x = (P − N_l) sinh² h) and of the amplitude, by which the derivative is the
-    /// integrand at the clamp. One of the other derivatives follows from the rest (docs/model.md section 3).
+    /// Length and position along the force are integrals over h; the position across the force is M(0)/P. All are
+    /// functions of P, of P − N_l (with which x = (P − N_l) sinh² h) and of the amplitude. The derivatives are those of
+    /// the rule's sum, also where its nodes do not resolve the integrand, so that Newton's method converges there too.
     pub(crate) fn shape(&self, force: TipForce<T>, amplitude: T, rule: &Rule, exact: bool) -> Result<RodShape<T>, SolveError> {
         let line = self.line(force);
         let (p, [q, r]) = (line.p, line.by);
@@ -27,7 +27,8 @@ impl<T: Scalar> Rod<T> {
         let mut sections = Sections::new(self, n_tip, exact)?;
         let over_drop = one / drop;
         let (mut length, mut length_by_p, mut length_by_drop) = (zero, zero, zero);
-        let (mut along, mut along_by_p) = (zero, zero);
+        let (mut along, mut along_by_p, mut along_by_drop) = (zero, zero, zero);
+        let (mut length_by_h, mut along_by_h) = (zero, zero);
         let grading = self.model.grading();
         for (node, share) in rule.iter() {
             let (t, weight) = if grading == 1.0 {
@@ -51,9 +52,17 @@ impl<T: Scalar> Rod<T> {
             length_by_drop += element * by_drop;
             along += element * stretched * n;
             along_by_p += element * (stretched * (n * by_p + 1.0) + n * s.stretch_by_tip);
+            let stretch_by_drop = s.stretch_by_x * g - s.stretch_by_tip;
+            along_by_drop += element * (stretched * (n * by_drop - g - 1.0) + n * stretch_by_drop);
+            // With the amplitude h = S t and g = sinh² h change.
+            let g_by = (g * (g + 1.0)).sqrt() * t;
+            let by_h = g_by * (drop * over + (-s.growth + 1.0) / g);
+            length_by_h += element * by_h;
+            along_by_h += element * (stretched * n * by_h + g_by * drop * 2.0 * (n * s.stretch_by_x - stretched));
         }
         let scale = amplitude * self.radius_m * 2.0;
-        for sum in [&mut length, &mut length_by_p, &mut length_by_drop, &mut along, &mut along_by_p] {
+        let all = [&mut length, &mut length_by_p, &mut length_by_drop, &mut length_by_h, &mut along, &mut along_by_p];
+        for sum in all.into_iter().chain([&mut along_by_drop, &mut along_by_h]) {
             *sum = *sum * scale;
         }
         let clamp = sections.next(drop * growth)?;
@@ -64,21 +73,20 @@ impl<T: Scalar> Rod<T> {
             RodModel::Elastica => bending * 0.25,
             RodModel::Full | RodModel::Inextensible => self.section.moment(clamp.strain),
         };
-        let (stretched, tip_stretched) = (clamp.stretch + 1.0, sections.stretch + 1.0);
+        let stretched = clamp.stretch + 1.0;
         let arm = self.radius_m / (bending * p);
-        // P + N = P (1 − q) at the clamp, without cancellation.
-        let end = self.radius_m * 2.0 / (p * r * r / (q + 1.0) * clamp.ratio).sqrt();
+        let length_by_end = length / amplitude + length_by_h;
+        let along_by_end = (along / amplitude + along_by_h) / p;
         along = along / p;
         along_by_p = (along_by_p - along) / p;
-        let turned = stretched * growth * (q + 1.0) + clamp.less_stretch * (growth - q);
-        let along_by_drop = (length_by_drop + length_by_p) * tip_stretched - arm * turned / r;
+        along_by_drop = along_by_drop / p;
         let across = self.radius_m * moment / p;
         let across_by_p = arm * clamp.less_stretch - across / p;
         let across_by_drop = arm * (stretched * growth - clamp.less_stretch);
         let mut sums = [[zero; 4]; 3];
         let totals = [
-            (length, end, length_by_p, length_by_drop),
-            (along, -(stretched * end * q), along_by_p, along_by_drop),
+            (length, length_by_end, length_by_p, length_by_drop),
+            (along, along_by_end, along_by_p, along_by_drop),
             (across, arm * stretched * drop * sinh * cosh * 2.0, across_by_p, across_by_drop),
         ];
         for (sum, (value, by_end, by_p, by_drop)) in sums.iter_mut().zip(totals) {
