@@ -226,12 +226,7 @@ impl<T: Scalar> Rod<T> {
     }
 
     /// The response of the rod whose shape has the rod's length, with the amplitude eliminated.
-    pub(crate) fn response(
-        &self,
-        force: TipForce<T>,
-        amplitude: T,
-        shape: &RodShape<T>,
-    ) -> RodResponse<T> {
+    pub(crate) fn response(&self, force: TipForce<T>, amplitude: T, shape: &RodShape<T>) -> RodResponse<T> {
         let condense = |partial: &Partial<T>| {
             let share = partial.by_amplitude / shape.length.by_amplitude;
             Compliance {

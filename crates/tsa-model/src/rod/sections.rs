@@ -174,7 +174,8 @@ impl<T: Scalar> Sections<T> {
         let third = y * (first + fourth * 3.0) + d * slope - self.axial;
         let q_y = s1 * 0.125 + bent * (s3 * (3.0 / 16.0) + sixth * (25.0 / 128.0));
         // ((w0(e_l) − w0(e))/(e_l − e) − σ_l)
-        let mean = less * (t1 * 0.5 - less * (t2 * (1.0 / 3.0) - less * (t3 * 0.25 - less * (t4 * 0.2 - less * t5 * (1.0 / 6.0)))));
+        let mean = less
+            * (t1 * 0.5 - less * (t2 * (1.0 / 3.0) - less * (t3 * 0.25 - less * (t4 * 0.2 - less * t5 * (1.0 / 6.0)))));
         let left_force = d * slope - y * (first + fourth) - self.axial;
         let left_integral = self.stretch + 1.0 + d * (mean - x * self.axial)
             - y * (s1 * 0.125 + bent * (s3 * (3.0 / 32.0) + sixth * (25.0 / 384.0)));

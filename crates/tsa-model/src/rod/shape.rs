@@ -13,7 +13,13 @@ impl<T: Scalar> Rod<T> {
     /// Length and position along the force are integrals over h; the position across the force is M(0)/P. All are
     /// functions of P, of P − N_l (with which x = (P − N_l) sinh² h) and of the amplitude. The derivatives are those of
     /// the rule's sum, also where its nodes do not resolve the integrand, so that Newton's method converges there too.
-    pub(crate) fn shape(&self, force: TipForce<T>, amplitude: T, rule: &Rule, exact: bool) -> Result<RodShape<T>, SolveError> {
+    pub(crate) fn shape(
+        &self,
+        force: TipForce<T>,
+        amplitude: T,
+        rule: &Rule,
+        exact: bool,
+    ) -> Result<RodShape<T>, SolveError> {
         let line = self.line(force);
         let (p, [q, r]) = (line.p, line.by);
         let (sinh, cosh) = amplitude.sinh_cosh();
