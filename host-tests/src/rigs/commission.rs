@@ -11,9 +11,9 @@ use rig_control::{Rig as Control, RigConstants, settings};
 use rig_link::messages::{EventKind, LoadChoice, Request, SettingValues, State};
 use rig_scene::Scene;
 use rigctl::calibration::{Point, uncalibrated};
-use rigctl::identify::constants::Unknowns;
-use rigctl::identify::data::{Data, HOLD_OUT};
-use rigctl::identify::{Fit, fit, plausible, uncertainty};
+use rigctl::identify::compete::Candidate;
+use rigctl::identify::data::Data;
+use rigctl::identify::{Identified, identify, plausible};
 use rigctl::log::sweep::{Sweep, reduce};
 use rigctl::log::{Header, Log, LogRow, Mark, Marked};
 use rigctl::lvdt_points;
@@ -84,7 +84,7 @@ pub fn commission(subject: &Subject, as_built: bool) -> (Firmware, Vec<Finding>)
     if as_built {
         return (firmware, findings);
     }
-    let built = identify(subject, &firmware).and_then(|(identified, error)| {
+    let built = identified(subject, &firmware).and_then(|(identified, error)| {
         let built = build(&identified, &firmware).map_err(|why| format!("table: {why}"))?;
         Ok((built, error))
     });
@@ -102,7 +102,7 @@ pub fn commission(subject: &Subject, as_built: bool) -> (Firmware, Vec<Finding>)
 
 /// Calibrates the LVDT at eleven points of the way that the load moves, turning the strings by hand from one to the next:
 /// `rigctl calibrate lvdt --points`.
-fn calibrate(subject: &Subject) -> Result<SettingValues, String> {
+pub fn calibrate(subject: &Subject) -> Result<SettingValues, String> {
     let firmware = Firmware::as_built();
     let mut gauge = Pcg64Mcg::seed_from_u64(subject.seed);
     let mut points = Vec::new();
@@ -157,32 +157,39 @@ fn mean_gap(bench: &mut ControlBench) -> Result<(f64, f64), String> {
     if count > 0.0 { Ok((shown_m / count, true_m / count)) } else { Err("the sensor shows no gap".into()) }
 }
 
-/// Three recorded sweeps reduced to equilibria, and the scene's constants from them, as `rigctl identify` does it.
-fn identify(subject: &Subject, firmware: &Firmware) -> Result<(Scene, f64), String> {
-    let scene = scene();
-    let start = Parameters::new(&scene.geometry, &scene.string, &scene.material).map_err(|e| e.to_string())?;
-    let mut data = Data::default();
-    for load_kg in SWEEP_LOADS_KG {
+/// The recorded sweeps of a rig, reduced to equilibria, each with a name.
+///
+/// # Errors
+/// In words, if one fails from every twist at power-up.
+pub fn sweeps(subject: &Subject, firmware: &Firmware) -> Result<Vec<(String, Sweep)>, String> {
+    let one = |load_kg: &f64| {
         let mut swept = Err(String::new());
         for turns in 0..TRIES {
-            swept = sweep(subject, firmware, load_kg, turns);
+            swept = sweep(subject, firmware, *load_kg, turns);
             if swept.is_ok() {
                 break;
             }
         }
-        let sweep = swept.map_err(|why| format!("sweep at {load_kg} kg: {why}"))?;
-        data.add_sweep(&format!("{load_kg} kg"), &start, &sweep, HOLD_OUT);
+        Ok((format!("{load_kg} kg"), swept.map_err(|why| format!("sweep at {load_kg} kg: {why}"))?))
+    };
+    SWEEP_LOADS_KG.iter().map(one).collect()
+}
+
+/// Three recorded sweeps reduced to equilibria, and the scene's constants from them, as `rigctl identify` does it.
+fn identified(subject: &Subject, firmware: &Firmware) -> Result<(Scene, f64), String> {
+    let scene = scene();
+    let start = Parameters::new(&scene.geometry, &scene.string, &scene.material).map_err(|e| e.to_string())?;
+    let mut data = Data::default();
+    for (name, sweep) in sweeps(subject, firmware)? {
+        data.add_sweep(&name, &start, &sweep);
     }
     if let Some(why) = plausible::impossible(&data, scene.geometry.string_length_m) {
         return Err(why);
     }
-    let unknowns = Unknowns::usual(scene.string.radius_law, data.knows_its_zero());
-    let (x, fit) = fit(&unknowns, &start, &data).map_err(|e| format!("identify: {e}"))?;
-    let mut fitted = unknowns.scene(scene, &start, &x);
-    fitted.uncertainty = uncertainty(&fit);
-    fitted.validate().map_err(|e| format!("identified scene: {e}"))?;
-    let error = held_out_error(&data, &fit);
-    Ok((fitted, error))
+    let candidates = Candidate::all(scene, None, data.knows_its_zero());
+    let found = identify(scene, &data, &candidates).map_err(|e| format!("identify: {e}"))?;
+    let error = held_out_error(&found);
+    Ok((found.scene, error))
 }
 
 /// One sweep as `rigctl sweep` records it, from so many turns at power-up, by its equilibria.
@@ -253,13 +260,14 @@ fn record(bench: &ControlBench, log: &mut Log) -> bool {
 }
 
 /// Rms error of the held-out equilibria as a share of their contraction since the first of their sweep, where there is some.
-fn held_out_error(data: &Data, fit: &Fit) -> f64 {
+fn held_out_error(found: &Identified) -> f64 {
+    let competition = &found.competition;
+    let (data, errors) = (&competition.data, &competition.scored[competition.chosen].errors);
     let mut shares = Vec::new();
-    for (_, rows) in &data.files {
-        let sweep = &fit.rows[rows.clone()];
-        let first_m = sweep.iter().map(|row| row.measured).fold(f64::MIN, f64::max);
-        let moved = sweep.iter().filter(|row| row.held_out && first_m - row.measured > CONTRACTION_M);
-        shares.extend(moved.map(|row| row.error.map_or(1.0, |error_m| error_m / (first_m - row.measured))));
+    for run in data.runs() {
+        let first_m = run.iter().map(|k| data.rows[*k].value).fold(f64::MIN, f64::max);
+        let moved = run.into_iter().map(|k| (first_m - data.rows[k].value, errors[k]));
+        shares.extend(moved.filter(|(moved_m, _)| *moved_m > CONTRACTION_M).map(|(moved_m, error_m)| error_m / moved_m));
     }
     (shares.iter().map(|share: &f64| share * share).sum::<f64>() / shares.len().max(1) as f64).sqrt()
 }

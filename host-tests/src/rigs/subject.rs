@@ -110,6 +110,16 @@ impl Subject {
         Rig::new(crate::scene(), settings, self.seed)
     }
 
+    /// The true contraction (m) between the half-turn pre-twist and a twist (rad) under a load (N): of the rig as built,
+    /// at rest, without friction.
+    ///
+    /// # Errors
+    /// As [`Subject::switched_on`].
+    pub fn contraction_m(&self, load_n: f64, twist_rad: f64) -> Result<f64, RigError> {
+        let truth = self.switched_on_at(load_n, twist_rad)?.truth();
+        Ok(truth.pretwist_gap_m - truth.gap_m)
+    }
+
     /// The same rig at the temperature of its calibration: when it is calibrated and identified.
     #[must_use]
     pub fn at_calibration(&self) -> Self {
