@@ -63,7 +63,7 @@ fn curve() -> impl Strategy<Value = Option<LvdtCurve>> {
 fn constants() -> impl Strategy<Value = Constants> {
     let float = || prop::num::f64::NORMAL;
     let lengths = prop::array::uniform4(float());
-    let (string, material) = (prop::array::uniform5(float()), prop::array::uniform5(float()));
+    let (string, material) = (prop::array::uniform6(float()), prop::array::uniform5(float()));
     (any::<u32>(), lengths, string, prop::option::of(float()), material).prop_map(
         |(scene_hash, geometry_m, string, twist_exponent, stress_coefficients_pa)| Constants {
             scene_hash,

@@ -29,6 +29,8 @@ fn errors_name_the_key() {
         ("string_length_m = 0.097", "string_length_m = 10.1", "geometry.string_length_m"),
         ("twist_exponent = 0.4336", "", "string.twist_exponent"),
         ("radius_law = \"twist-power\"", "radius_law = \"square\"", "radius_law"),
+        ("k3 = 0.0996", "k3 = 0.0996\nk4 = 0.1", "string.k4"),
+        ("k3 = 0.0996", "k3 = 0.0996\nk4 = -0.1", "string.k4"),
         ("k1_per_n = 8.562", "k1_per_n = 0.0", "string.k1_per_n"),
         ("stress_coefficients_pa = [2.267e10,", "stress_coefficients_pa = [-1.0,", "material.stress_coefficients_pa"),
         ("load_n = [0.5, 18.0]", "load_n = [0.1, 18.0]", "envelope.load_n"),

@@ -90,6 +90,55 @@ fn printed_constants_miss_every_contraction_by_half_or_more() {
 }
 
 #[test]
+fn one_law_gives_all_computed_numbers_with_the_inferred_geometry() {
+    let arguments = ["--json", "--scene", "scenes/paper-computed.toml", "published", "--inferred-geometry"];
+    let rows = objects(&arguments);
+    let contracted_or_tr = |r: &&Value| !r["quantity"].as_str().unwrap().starts_with("span");
+    let computed: Vec<&Value> = rows.iter().filter(|r| r["kind"] == "theory").filter(contracted_or_tr).collect();
+    assert_eq!(computed.len(), 29);
+    for row in &computed {
+        let error = row["error"].as_f64().unwrap();
+        assert!(error.abs() < 0.035, "{}: {error}", row["id"]);
+    }
+    let errors: Vec<f64> = computed.iter().map(|row| row["error"].as_f64().unwrap()).collect();
+    assert!(rms(&errors) < 0.0105, "{}", rms(&errors));
+    let geometry = |id: &str| rows.iter().find(|r| r["id"] == id).unwrap()["inferred_geometry"].clone();
+    assert_eq!(["d0-20", "exp-0.5", "l0-70", "k-1"].map(geometry), ["", "", "D0=0.030", "L0=0.1055"]);
+    // Where Table 1 holds nothing changes.
+    let plain = published("paper-computed");
+    for (row, plain) in rows.iter().zip(&plain).filter(|(row, _)| row["inferred_geometry"] == "") {
+        assert_eq!(row["computed"], plain["computed"]);
+    }
+}
+
+#[test]
+fn the_constants_of_the_experiments_meet_load_figure_and_experiments() {
+    let rows = published("rig-experiments");
+    let near = |r: &&Value| {
+        let (id, quantity) = (r["id"].as_str().unwrap(), r["quantity"].as_str().unwrap());
+        (id.starts_with("fz-") || id.starts_with("exp-")) && !quantity.starts_with("span")
+    };
+    let near: Vec<&Value> = rows.iter().filter(near).collect();
+    assert_eq!(near.len(), 9);
+    for row in near {
+        assert!(row["error"].as_f64().unwrap().abs() < 0.03, "{row}");
+    }
+}
+
+#[test]
+fn people_see_inferred_geometry_and_contradictions() {
+    let text = |arguments: &[&str]| String::from_utf8(rigctl(arguments).stdout).unwrap();
+    let plain = text(&["published"]);
+    assert!(!plain.contains("inferred"));
+    let contradicts = |a: &str, b: &str| {
+        plain.lines().any(|l| l.contains(&format!("{a} (")) && l.contains(&format!("{b} (")) && l.contains('%'))
+    };
+    assert!(contradicts("d0-32", "r-0.50") && contradicts("d0-32", "k-10") && contradicts("d0-32", "exp-0.5"));
+    let inferred = text(&["published", "--inferred-geometry", "--all"]);
+    assert!(inferred.contains("L0=0.1055") && inferred.contains("D0=0.030"));
+}
+
+#[test]
 fn all_sets_give_what_each_gives_alone() {
     let all = objects(&["--json", "published", "--all"]);
     assert_eq!(all.len(), 3 * 37);

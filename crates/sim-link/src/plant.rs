@@ -80,6 +80,8 @@ plant_keys! {
     K2Scale = "k2_scale", Fraction, [0.1, 10.0], AtStart;
     /// Scales k3.
     K3Scale = "k3_scale", Fraction, [0.1, 10.0], AtStart;
+    /// Scales k4.
+    K4Scale = "k4_scale", Fraction, [0.1, 10.0], AtStart;
     /// Scales the string's stiffness K.
     StiffnessScale = "stiffness_scale", Fraction, [0.1, 100.0], AtStart;
     /// Scales all coefficients of the rods' stress-strain law.

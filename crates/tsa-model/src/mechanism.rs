@@ -10,7 +10,7 @@ use crate::error::{ParameterError, SolveError, Warnings};
 pub use crate::helix::MINIMUM_LOAD_N;
 use crate::helix::{ALPHA_LIMIT, Helix, State, rigid_angle};
 use crate::material::Material;
-use crate::parameters::{Geometry, Parameters};
+use crate::parameters::{Geometry, Parameters, touches};
 use crate::quadrature::{LEVELS, Rule};
 use crate::rod::{Rod, RodResponse, RodShape, TipForce, outside_fit};
 use crate::scalar::{Scalar, Single};
@@ -323,7 +323,7 @@ impl<T: Scalar> Mechanism<T> {
         if state.load_n < LIGHT_LOAD_N {
             warnings.add(Warnings::LIGHT_LOAD);
         }
-        if state.twist_rad < PI * (1.0 - 1e-12) {
+        if !touches(state.twist_rad) {
             warnings.add(Warnings::OPEN_STRINGS);
         }
         let (by_twist, by_load) = helix.gap_derivatives(&self.parameters, state, response);

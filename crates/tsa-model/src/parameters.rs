@@ -2,8 +2,9 @@
 
 use crate::error::{ParameterError, positive};
 use crate::material::Material;
-use crate::scalar::Scalar;
+use crate::scalar::{Scalar, ln};
 use crate::string::{RadiusLaw, StringParameters};
+use core::f64::consts::PI;
 
 /// Lengths of the mechanism.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,6 +70,8 @@ pub struct Parameters<T = f64> {
     pub k2: T,
     /// k3.
     pub k3: T,
+    /// k4; 0 with [`RadiusLaw::TwistPower`].
+    pub k4: T,
     /// p; of no effect with [`RadiusLaw::LengthRatio`].
     pub twist_exponent: T,
     /// a1…a5 (Pa).
@@ -96,6 +99,7 @@ impl Parameters {
             k1_per_n: string.k1_per_n,
             k2: string.k2,
             k3: string.k3,
+            k4: string.k4,
             twist_exponent: string.twist_exponent.unwrap_or(0.0),
             stress_coefficients_pa: material.stress_coefficients_pa,
             radius_law: string.radius_law,
@@ -116,6 +120,7 @@ impl<T: Scalar> Parameters<T> {
             k1_per_n: T::of(p.k1_per_n),
             k2: T::of(p.k2),
             k3: T::of(p.k3),
+            k4: T::of(p.k4),
             twist_exponent: T::of(p.twist_exponent),
             stress_coefficients_pa: p.stress_coefficients_pa.map(T::of),
             radius_law: p.radius_law,
@@ -132,7 +137,7 @@ impl<T: Scalar> Parameters<T> {
         (self.string_length_m * self.string_length_m - self.rod_span_m * self.rod_span_m).sqrt()
     }
 
-    /// Radius r of the twisted pair and its derivatives, as H = |θ| r needs them (eq. 6).
+    /// Radius r of the twisted pair and its derivatives, as H = |θ| r needs them (eq. 6 and docs/model.md section 2).
     /// `twist_rad` is |θ|, `length_m` is X, `start_length_m` is X0.
     pub fn radius(&self, load_n: f64, twist_rad: f64, length_m: T, start_length_m: T) -> Radius<T> {
         let by_k1 = T::of(1.0) / (self.k1_per_n * load_n);
@@ -144,17 +149,24 @@ impl<T: Scalar> Parameters<T> {
             }
             RadiusLaw::TwistPower => {
                 let p = self.twist_exponent;
-                (T::of(twist_rad / core::f64::consts::PI).powf(p), T::of(0.0), p)
+                (T::of(twist_rad / PI).powf(p), T::of(0.0), p)
             }
         };
+        // Open strings do not touch: the logarithm starts at the half-turn pre-twist.
+        let (log, log_slope) = if touches(twist_rad) { (ln(twist_rad / PI).max(0.0), 1.0) } else { (0.0, 0.0) };
         let r0 = self.diameter_m;
         Radius {
-            radius_m: (base + self.k3 * g) * r0,
+            radius_m: (base + self.k3 * g + self.k4 * log) * r0,
             by_load: -(r0 * by_k1 / load_n),
             by_length: self.k3 * g_by_length * r0,
-            arc_by_twist: (base + self.k3 * g * (slope + 1.0)) * r0,
+            arc_by_twist: (base + self.k3 * g * (slope + 1.0) + self.k4 * (log + log_slope)) * r0,
         }
     }
+}
+
+/// Whether strings at a twist |θ| (rad) touch: from the half-turn pre-twist up, which rounding may put just below π.
+pub(crate) fn touches(twist_rad: f64) -> bool {
+    twist_rad >= PI * (1.0 - 1e-12)
 }
 
 /// Radius of the twisted pair and its derivatives.
@@ -166,6 +178,6 @@ pub struct Radius<T = f64> {
     pub by_load: T,
     /// ∂r/∂X.
     pub by_length: T,
-    /// ∂(|θ| r)/∂|θ| = r + θ ∂r/∂θ (m/rad).
+    /// ∂(|θ| r)/∂|θ| = r + θ ∂r/∂θ (m/rad). With k4 it jumps up at |θ| = π, where it is the slope above.
     pub arc_by_twist: T,
 }

@@ -32,6 +32,8 @@ mod imp {
     pub use libm::{asin, expm1 as exp_m1, log as ln, pow as powf, sincos as sin_cos, sqrt};
 }
 
+pub(crate) use imp::ln;
+
 /// A number that the solver can compute with.
 pub trait Scalar:
     Copy

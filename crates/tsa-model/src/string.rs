@@ -7,7 +7,7 @@ use crate::error::{ParameterError, positive};
 #[cfg_attr(feature = "std", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "std", serde(rename_all = "kebab-case"))]
 pub enum RadiusLaw {
-    /// g = √(X0/X): eq. 6 as printed.
+    /// g = √(X0/X): eq. 6 as printed, and k4 ln(|θ|/π) beside it.
     #[default]
     LengthRatio,
     /// g = (|θ|/π)^p: the growth that the published sweeps ask for.
@@ -29,6 +29,10 @@ pub struct StringParameters {
     pub k2: f64,
     /// k3, eq. 6.
     pub k3: f64,
+    /// k4: growth of the radius with the logarithm of the twist, only with [`RadiusLaw::LengthRatio`]; 0 is eq. 6 as
+    /// printed.
+    #[cfg_attr(feature = "std", serde(default, skip_serializing_if = "is_zero"))]
+    pub k4: f64,
     /// Growth of the radius with twist.
     #[cfg_attr(feature = "std", serde(default))]
     pub radius_law: RadiusLaw,
@@ -37,17 +41,22 @@ pub struct StringParameters {
     pub twist_exponent: Option<f64>,
 }
 
+#[cfg(feature = "std")]
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
+}
+
 impl StringParameters {
-    /// r0 (m), K (N/m), k1 (1/N), k2 and k3: the order in which a message carries them to the board.
-    pub fn constants(&self) -> [f64; 5] {
-        [self.diameter_m, self.stiffness_n_per_m, self.k1_per_n, self.k2, self.k3]
+    /// r0 (m), K (N/m), k1 (1/N), k2, k3 and k4: the order in which a message carries them to the board.
+    pub fn constants(&self) -> [f64; 6] {
+        [self.diameter_m, self.stiffness_n_per_m, self.k1_per_n, self.k2, self.k3, self.k4]
     }
 
     /// The parameters from [`Self::constants`] and the exponent p, which only [`RadiusLaw::TwistPower`] has.
-    pub fn from_constants(constants: [f64; 5], twist_exponent: Option<f64>) -> Self {
-        let [diameter_m, stiffness_n_per_m, k1_per_n, k2, k3] = constants;
+    pub fn from_constants(constants: [f64; 6], twist_exponent: Option<f64>) -> Self {
+        let [diameter_m, stiffness_n_per_m, k1_per_n, k2, k3, k4] = constants;
         let radius_law = if twist_exponent.is_some() { RadiusLaw::TwistPower } else { RadiusLaw::LengthRatio };
-        Self { diameter_m, stiffness_n_per_m, k1_per_n, k2, k3, radius_law, twist_exponent }
+        Self { diameter_m, stiffness_n_per_m, k1_per_n, k2, k3, k4, radius_law, twist_exponent }
     }
 
     /// Checks signs and finiteness.
@@ -57,10 +66,14 @@ impl StringParameters {
             ("string.stiffness_n_per_m", self.stiffness_n_per_m),
             ("string.k1_per_n", self.k1_per_n),
         ])?;
-        for (parameter, value) in [("string.k2", self.k2), ("string.k3", self.k3)] {
+        for (parameter, value) in [("string.k2", self.k2), ("string.k3", self.k3), ("string.k4", self.k4)] {
             if !(value >= 0.0 && value.is_finite()) {
                 return Err(ParameterError { parameter, value, reason: "must be at least 0 and finite" });
             }
+        }
+        if self.radius_law == RadiusLaw::TwistPower && self.k4 != 0.0 {
+            let (parameter, value) = ("string.k4", self.k4);
+            return Err(ParameterError { parameter, value, reason: "only with radius_law = \"length-ratio\"" });
         }
         match (self.radius_law, self.twist_exponent) {
             (RadiusLaw::TwistPower, Some(p)) if (0.0..=2.0).contains(&p) => Ok(()),

@@ -59,6 +59,7 @@ fn rigid(row: &Row, span_m: f64) -> Mechanism {
         k1_per_n: 1e30,
         k2: 0.5,
         k3: 0.0,
+        k4: 0.0,
         radius_law: RadiusLaw::LengthRatio,
         twist_exponent: None,
     };

@@ -22,8 +22,9 @@ fn scenes() -> impl Strategy<Value = (Scene, f64, f64)> {
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let base = Scene::load(root.join("scenes/default.toml")).unwrap();
     let law = prop_oneof![
-        (0.0..1.0f64).prop_map(|p| (RadiusLaw::TwistPower, Some(p))),
-        Just((RadiusLaw::LengthRatio, None)),
+        (0.0..1.0f64).prop_map(|p| (RadiusLaw::TwistPower, Some(p), 0.0)),
+        Just((RadiusLaw::LengthRatio, None, 0.0)),
+        (0.0..0.3f64).prop_map(|k4| (RadiusLaw::LengthRatio, None, k4)),
     ];
     // a_i over a1: straight, odd and plateau-like, anything, and the paper's.
     let curve = prop_oneof![
@@ -52,6 +53,7 @@ fn scenes() -> impl Strategy<Value = (Scene, f64, f64)> {
                 k1_per_n: k1,
                 k2,
                 k3,
+                k4: law.2,
                 radius_law: law.0,
                 twist_exponent: law.1,
             };

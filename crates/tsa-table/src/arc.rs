@@ -17,6 +17,8 @@ pub struct Growth {
     pub per_load_m_n: f32,
     /// Coefficients of ρ in powers of the twist (m/rad^i), from the highest power down to the first; ρ(0) = 0.
     pub powers: [f32; POWERS],
+    /// Coefficient of θ ln(θ/π) in ρ (m/rad), beside which ρ has its first power only; 0: none.
+    pub per_log_m: f32,
 }
 
 /// Powers of the twist in ρ. The number is fixed, so that the loop over them is unrolled.
@@ -24,18 +26,44 @@ pub const POWERS: usize = 6;
 
 impl Growth {
     /// Bytes of numbers.
-    pub const BYTES: usize = 4 + 4 * POWERS;
+    pub const BYTES: usize = 8 + 4 * POWERS;
 
     /// Arc (m) and its derivatives by twist (m/rad) and load (m/N).
     #[inline]
     pub fn arc(&self, load_n: f32, twist_rad: f32) -> [f32; 3] {
         let per_newton = 1.0 / load_n;
         let per_twist = self.per_load_m_n * per_newton;
-        let (value, slope) = descend(&self.powers, twist_rad);
+        // ρ = θ · value, and what the value adds to the slope of ρ.
+        let (value, rise) = if self.per_log_m == 0.0 {
+            let (value, slope) = descend(&self.powers, twist_rad);
+            (value, twist_rad * slope)
+        } else {
+            (self.powers[POWERS - 1] + self.per_log_m * log_of_half_turns(twist_rad), self.per_log_m)
+        };
         let total = per_twist + value;
-        // ρ = θ · Σ
-        [twist_rad * total, total + twist_rad * slope, -per_twist * twist_rad * per_newton]
+        [twist_rad * total, total + rise, -per_twist * twist_rad * per_newton]
     }
+}
+
+/// Logarithm of θ/π for a twist θ up to 100 rad, positive and normal, to 1e-6, in some 15 operations and with the same bits on every
+/// machine.
+#[inline]
+fn log_of_half_turns(twist_rad: f32) -> f32 {
+    // ln((1.5 + x)/π) for x from −0.5 to 0.5, interpolated at eight Chebyshev points: 2.6e-7 off at most.
+    const LOG: [f32; 8] = [
+        0.010_009_29,
+        -0.017_405_023,
+        0.026_069_587,
+        -0.048_932_416,
+        0.098_779_03,
+        -0.222_245_08,
+        0.666_666_56,
+        -0.739_264_6,
+    ];
+    let bits = twist_rad.to_bits();
+    let octaves = (bits >> 23) as i32 - 127;
+    let mantissa = f32::from_bits((bits & 0x007f_ffff) | 0x3f80_0000);
+    octaves as f32 * core::f32::consts::LN_2 + LOG.iter().fold(0.0, |sum, c| sum * (mantissa - 1.5) + c)
 }
 
 /// One range of the load: G² = Σ_j (a − a₀)^j Σ_i c_ij (F − F₀)^i.
@@ -224,6 +252,14 @@ fn evaluate<const ROWS: usize, const COLUMNS: usize>(series: &ArcSeries<'_>, loa
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_logarithm_is_good_to_1e_6_up_to_100_rad() {
+        let error = |twist: f32| f64::from(log_of_half_turns(twist)) - (f64::from(twist) / std::f64::consts::PI).ln();
+        let bits = 1.0f32.to_bits()..100.0f32.to_bits();
+        let worst = bits.step_by(101).map(|b| error(f32::from_bits(b)).abs()).fold(0.0, f64::max);
+        assert!(worst < 1e-6, "{worst:e}");
+    }
 
     #[test]
     fn the_inverse_root_is_good_to_8e_7_everywhere() {

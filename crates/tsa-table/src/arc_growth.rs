@@ -2,6 +2,7 @@
 
 use crate::arc::{Growth, POWERS};
 use crate::least_squares::Normal;
+use core::f64::consts::PI;
 use tsa_model::{Parameters, RadiusLaw};
 
 /// Arc (m) and its derivative by twist (m/rad) in f64, from the coefficients as they are rounded to f32.
@@ -12,20 +13,20 @@ pub(crate) fn arc_at(growth: &Growth, load_n: f64, twist_rad: f64) -> (f64, f64)
         slope = slope * twist_rad + value;
         value = value * twist_rad + f64::from(*c);
     }
-    (twist_rad * (per_twist + value), per_twist + value + twist_rad * slope)
+    let log = f64::from(growth.per_log_m);
+    let (value, rise) = (value + log * libm::log(twist_rad / PI), twist_rad * slope + log);
+    (twist_rad * (per_twist + value), per_twist + value + rise)
 }
 
-/// Eq. 6, with r0 (k2 + k3 g(θ)) fitted in powers of the twist over the range `twist_rad`.
+/// The radius law, with the power of the twist in it fitted in whole powers over the range `twist_rad`.
 pub(crate) fn growth(p: &Parameters, twist_rad: [f64; 2]) -> Option<Growth> {
-    let degree = match p.radius_law {
-        RadiusLaw::TwistPower => POWERS,
-        // X0/X varies slowly; the polynomials in F and a take up its variation.
-        RadiusLaw::LengthRatio => 1,
-    };
-    let radius = |twist: f64| match p.radius_law {
-        RadiusLaw::TwistPower => libm::pow(twist / core::f64::consts::PI, p.twist_exponent),
-        RadiusLaw::LengthRatio => 1.0,
-    };
+    let per_load_m_n = (p.diameter_m / p.k1_per_n) as f32;
+    if p.radius_law == RadiusLaw::LengthRatio {
+        // X0/X varies slowly: it counts as 1 here, and the polynomials in F and a take up its variation.
+        let mut powers = [0.0; POWERS];
+        powers[POWERS - 1] = (p.diameter_m * (p.k2 + p.k3)) as f32;
+        return Some(Growth { per_load_m_n, powers, per_log_m: (p.diameter_m * p.k4) as f32 });
+    }
     let top = twist_rad[1];
     let mut normal = Normal::<POWERS>::default();
     for k in 0..=200 {
@@ -34,10 +35,10 @@ pub(crate) fn growth(p: &Parameters, twist_rad: [f64; 2]) -> Option<Growth> {
         for i in 1..POWERS {
             v[i] = v[i - 1] * twist / top;
         }
-        normal.add(&v, p.diameter_m * (p.k2 + p.k3 * radius(twist)));
+        normal.add(&v, p.diameter_m * (p.k2 + p.k3 * libm::pow(twist / PI, p.twist_exponent)));
     }
     let kept: [usize; POWERS] = core::array::from_fn(|i| i);
-    let c = normal.solve(kept.get(..degree)?)?;
+    let c = normal.solve(&kept)?;
     let powers = core::array::from_fn(|i| (c[POWERS - 1 - i] / libm::pow(top, (POWERS - 1 - i) as f64)) as f32);
-    Some(Growth { per_load_m_n: (p.diameter_m / p.k1_per_n) as f32, powers })
+    Some(Growth { per_load_m_n, powers, per_log_m: 0.0 })
 }

@@ -46,7 +46,7 @@ pub fn table_source(name: &str, doc: &str, table: &OwnedTable) -> String {
          \x20       scene_hash: {hash:#010x}, generator_version: {version},\n\
          \x20   }},\n\
          \x20   series: tsa_table::ArcSeries {{\n\
-         \x20       growth: tsa_table::Growth {{ per_load_m_n: {growth}, powers: [{powers}] }},\n\
+         \x20       growth: tsa_table::Growth {{ per_load_m_n: {growth}, powers: [{powers}], per_log_m: {per_log} }},\n\
          \x20       shape: tsa_table::Shape::of({rows}, {columns}).unwrap(),\n\
          \x20       patches: &[{patches}],\n\
          \x20       coefficients: &[{coefficients}],\n\
@@ -63,6 +63,7 @@ pub fn table_source(name: &str, doc: &str, table: &OwnedTable) -> String {
         version = m.generator_version,
         growth = float(numbers.growth.per_load_m_n),
         powers = floats(&numbers.growth.powers),
+        per_log = float(numbers.growth.per_log_m),
         rows = numbers.shape.rows,
         columns = numbers.shape.columns,
         patches = patches.join(", "),

@@ -53,4 +53,4 @@ pub use point::Point;
 pub use table::{Metadata, OutOfRange, Table};
 
 /// Version of the generator and of the format; part of every table's metadata.
-pub const GENERATOR_VERSION: u16 = 3;
+pub const GENERATOR_VERSION: u16 = 4;

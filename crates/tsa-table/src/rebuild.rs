@@ -90,7 +90,7 @@ impl Rebuilt {
         for word in [m.scene_hash, u32::from(m.generator_version), self.crc] {
             put(word.to_le_bytes())?;
         }
-        for value in [m.contraction_error_m, m.tr_relative_error, self.growth.per_load_m_n] {
+        for value in [m.contraction_error_m, m.tr_relative_error, self.growth.per_load_m_n, self.growth.per_log_m] {
             put(value.to_le_bytes())?;
         }
         let patches = self.patches.iter().flat_map(|p| [p.load_max_n, p.centre[0], p.centre[1]]);
@@ -118,7 +118,7 @@ impl Rebuilt {
         let mut value = || Some(f32::from_le_bytes(word()?));
         let mut metadata = Metadata { scene_hash, ..like.metadata };
         (metadata.contraction_error_m, metadata.tr_relative_error) = (value()?, value()?);
-        let mut growth = Growth { per_load_m_n: value()?, ..series.growth };
+        let mut growth = Growth { per_load_m_n: value()?, per_log_m: value()?, ..series.growth };
         for power in &mut growth.powers {
             *power = value()?;
         }

@@ -119,7 +119,7 @@ impl Table<'_> {
         let m = &self.metadata;
         let ArcSeries { growth, shape, patches, coefficients } = &self.series;
         // Versions up to 3 had other forms too: the numbers 3 name this one, and the middle and the inverse half width
-        // of both ranges were stored. They stay in the checksum, so that tables of version 3 keep theirs.
+        // of both ranges were stored. They stay in the checksum.
         digest.update(&[3]);
         let middle_and_scale = |min: f32, max: f32| [0.5 * (min + max), 2.0 / (max - min)];
         let ranges = [m.load_min_n, m.load_max_n, m.twist_min_rad, m.twist_max_rad];
@@ -132,7 +132,9 @@ impl Table<'_> {
         digest.update(&m.generator_version.to_le_bytes());
         digest.update(&[3, shape.rows, shape.columns, patches.len() as u8]);
         let of_patches = patches.iter().flat_map(|p| p.centre.iter().chain([&p.load_max_n]));
-        for value in [growth.per_load_m_n].iter().chain(of_patches).chain(&growth.powers).chain(*coefficients) {
+        for value in
+            [growth.per_load_m_n, growth.per_log_m].iter().chain(of_patches).chain(&growth.powers).chain(*coefficients)
+        {
             digest.update(&value.to_le_bytes());
         }
         digest.finalize()

@@ -67,6 +67,18 @@ fn the_plateau_rod_gets_a_table_of_the_same_accuracy() {
     assert!(table.series.bytes() <= 1280, "{} bytes", table.series.bytes());
 }
 
+/// The logarithm of the twist is steep just after the half-turn pre-twist.
+#[test]
+fn the_rig_of_the_experiments_gets_a_table_as_small() {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/rig-experiments.toml");
+    let fit = Scene::load(root).unwrap().fit_table().unwrap();
+    let (e, table) = (&fit.certificate.errors, fit.table.table());
+    println!("{}, {} bytes", fit.table.numbers.size(), table.series.bytes());
+    assert!(e.contraction_max_m <= 5e-6 && e.tr_max <= 2e-3 && fit.certificate.monotone);
+    assert!(table.series.bytes() <= 512, "{} bytes", table.series.bytes());
+    assert!(lookup_instructions(&table.series) <= 250);
+}
+
 #[test]
 fn a_flipped_bit_is_found() {
     let fit = default_fit();

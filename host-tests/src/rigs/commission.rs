@@ -12,14 +12,16 @@ use rig_link::messages::{EventKind, LoadChoice, Request, SettingValues, State};
 use rig_scene::Scene;
 use rigctl::calibration::{Point, uncalibrated};
 use rigctl::identify::compete::Candidate;
+use rigctl::identify::constants::Constant;
 use rigctl::identify::data::Data;
+use rigctl::identify::laws::Law;
 use rigctl::identify::{Identified, identify, plausible};
 use rigctl::log::sweep::{Sweep, reduce};
 use rigctl::log::{Header, Log, LogRow, Mark, Marked};
 use rigctl::lvdt_points;
 use sim_link::units::STANDARD_GRAVITY;
 use std::f64::consts::{PI, TAU};
-use tsa_model::Parameters;
+use tsa_model::{Parameters, twist_from_turns};
 use tsa_table::Table;
 
 /// Loads of the sweeps (kg): the ends of what will be lifted, and between.
@@ -84,14 +86,16 @@ pub fn commission(subject: &Subject, as_built: bool) -> (Firmware, Vec<Finding>)
     if as_built {
         return (firmware, findings);
     }
-    let built = identified(subject, &firmware).and_then(|(identified, error)| {
-        let built = build(&identified, &firmware).map_err(|why| format!("table: {why}"))?;
-        Ok((built, error))
+    let built = identified(subject, &firmware).and_then(|found| {
+        let built = build(&found.scene, &firmware).map_err(|why| format!("table: {why}"))?;
+        Ok((built, found))
     });
     match built {
-        Ok((identified, error)) => {
-            findings.push(finding(Check::HeldOut, Some(error), String::new()));
-            (identified, findings)
+        Ok((built, found)) => {
+            findings.push(finding(Check::HeldOut, Some(held_out_error(&found)), String::new()));
+            findings.extend(predicted(subject, &found));
+            findings.extend(found_constants(subject, &found));
+            (built, findings)
         }
         Err(why) => {
             findings.push(finding(Check::HeldOut, None, format!("goes on as built: {why}")));
@@ -176,7 +180,7 @@ pub fn sweeps(subject: &Subject, firmware: &Firmware) -> Result<Vec<(String, Swe
 }
 
 /// Three recorded sweeps reduced to equilibria, and the scene's constants from them, as `rigctl identify` does it.
-fn identified(subject: &Subject, firmware: &Firmware) -> Result<(Scene, f64), String> {
+fn identified(subject: &Subject, firmware: &Firmware) -> Result<Identified, String> {
     let scene = scene();
     let start = Parameters::new(&scene.geometry, &scene.string, &scene.material).map_err(|e| e.to_string())?;
     let mut data = Data::default();
@@ -187,9 +191,46 @@ fn identified(subject: &Subject, firmware: &Firmware) -> Result<(Scene, f64), St
         return Err(why);
     }
     let candidates = Candidate::all(scene, None, data.knows_its_zero());
-    let found = identify(scene, &data, &candidates).map_err(|e| format!("identify: {e}"))?;
-    let error = held_out_error(&found);
-    Ok((found.scene, error))
+    identify(scene, &data, &candidates).map_err(|e| format!("identify: {e}"))
+}
+
+/// Predicted contractions beside those of the rig: at the ends and in the middle of the scene's loads.
+fn predicted(subject: &Subject, found: &Identified) -> Vec<Finding> {
+    let law = found.candidate.law.name();
+    let judged = found.predictions.iter().flat_map(|p| {
+        let truth = subject.contraction_m(p.load_n, twist_from_turns(p.turns)).ok();
+        let values = p.contraction_m.zip(p.half_width_m).zip(truth);
+        let load_kg = Some(p.load_n / STANDARD_GRAVITY);
+        let finding = move |check, value| Finding { load_kg, check, value, note: format!("by {law}") };
+        let error = values.map(|((told_m, half_m), true_m)| ((told_m - true_m) / half_m, half_m / true_m));
+        [
+            finding(Check::PredictionCover, error.map(|(over, _)| f64::from(u8::from(over.abs() <= 1.0)))),
+            finding(Check::PredictionStated, error.map(|(_, stated)| stated)),
+            finding(Check::PredictionOverStated, error.map(|(over, _)| over)),
+        ]
+    });
+    judged.collect()
+}
+
+/// The identified constants beside those of the rig, where the law is the rig's own.
+fn found_constants(subject: &Subject, found: &Identified) -> Vec<Finding> {
+    let (truth, scene) = (subject.constants(), scene());
+    let same = found.candidate.law == Law::of(&truth);
+    let modulus = truth.material.stress_coefficients_pa[0] / scene.material.stress_coefficients_pa[0];
+    let judged = found.fit.estimates.iter().filter_map(|e| {
+        let true_value = match Constant::named(&e.name)? {
+            Constant::Modulus => modulus,
+            Constant::K1 if same => truth.string.k1_per_n,
+            Constant::K2 if same => truth.string.k2,
+            Constant::K3 if same => truth.string.k3,
+            Constant::Exponent if same => truth.string.twist_exponent?,
+            _ => return None,
+        };
+        let covered = (e.unknown - true_value.ln()).abs() <= e.half_width_90;
+        let value = Some(f64::from(u8::from(covered)));
+        Some(Finding { load_kg: None, check: Check::ConstantCover, value, note: e.name.clone() })
+    });
+    judged.collect()
 }
 
 /// One sweep as `rigctl sweep` records it, from so many turns at power-up, by its equilibria.

@@ -267,7 +267,7 @@ fn constants_are_not_changed_in_motion() {
     let constants = Constants {
         scene_hash: 1,
         geometry_m: [0.1; 4],
-        string: [1.0; 5],
+        string: [1.0; 6],
         twist_exponent: None,
         stress_coefficients_pa: [1e10; 5],
     };

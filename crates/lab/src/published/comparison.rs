@@ -1,6 +1,7 @@
 //! The paper's numbers beside the same numbers computed: rows for machines, tables for people, CSV.
 
-use super::numbers::{Computed, Group, Kind, Quantity, Ratio, Row, Unit};
+use super::geometry;
+use super::numbers::{Computed, Group, Kind, Quantity, Ratio, Row, Unit, changed_mechanism};
 use crate::ErrorBody;
 use crate::csv_text::{csv_text, optional};
 use crate::trace;
@@ -35,6 +36,9 @@ pub struct Compared<'a> {
     warnings: &'a [&'static str],
     #[serde(skip_serializing_if = "Option::is_none")]
     limit: Option<&'a ErrorBody>,
+    /// What differs from Table 1 where the geometry is inferred.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    inferred_geometry: Option<&'static str>,
 }
 
 impl Set {
@@ -42,12 +46,16 @@ impl Set {
     ///
     /// # Errors
     /// If the scene describes no mechanism.
-    pub fn new(name: String, scene: Scene, rows: &[Row], ratios: &[Ratio]) -> Result<Self> {
-        let mechanism = scene.mechanism()?;
+    pub fn new(name: String, scene: Scene, rows: &[Row], ratios: &[Ratio], inferred: bool) -> Result<Self> {
+        scene.mechanism()?;
+        let ratio = |r: &Ratio| {
+            let mechanism = changed_mechanism(&scene, if inferred { geometry::inferred(&r.place) } else { "" })?;
+            r.compute(&mechanism).map_err(|e| trace::body(&e))
+        };
         Ok(Self {
             name,
             numbers: rows.iter().map(|row| row.compute(&scene)).collect(),
-            ratios: ratios.iter().map(|r| r.compute(&mechanism).map_err(|e| trace::body(&e))).collect(),
+            ratios: ratios.iter().map(ratio).collect(),
             scene,
         })
     }
@@ -55,7 +63,7 @@ impl Set {
 
 impl<'a> Compared<'a> {
     /// Row `k` of a set, named by its scene if there are `several` sets.
-    pub(super) fn new(set: &'a Set, several: bool, k: usize, row: &'a Row) -> Self {
+    pub(super) fn new(set: &'a Set, several: bool, k: usize, row: &'a Row, inferred: bool) -> Self {
         let computed = &set.numbers[k];
         Self {
             scene: several.then_some(set.name.as_str()),
@@ -68,6 +76,7 @@ impl<'a> Compared<'a> {
             unit: row.unit,
             warnings: computed.as_ref().map_or(&[][..], |c| &c.warnings),
             limit: computed.as_ref().err(),
+            inferred_geometry: inferred.then(|| geometry::inferred(&row.place)),
         }
     }
 }

@@ -1,6 +1,7 @@
 //! The paper's Figs 6 to 11 and 13 redrawn: curves from the solver, the published points on them, and how far apart.
 
 use super::comparison::{Set, per_cent, relative_error, remark};
+use super::geometry;
 use super::numbers::{Group, Kind, Ratio, Row, TURNS, changed_mechanism};
 use crate::STANDARD_GRAVITY_M_PER_S2;
 use crate::curves::{self, Column, Curve, PublishedPoint};
@@ -43,30 +44,33 @@ impl Member {
 }
 
 /// All figures as file names and SVG.
-pub(super) fn draw(rows: &[Row], ratios: &[Ratio], sets: &[Set]) -> Result<Vec<(String, String)>> {
+pub(super) fn draw(rows: &[Row], ratios: &[Ratio], sets: &[Set], inferred: bool) -> Result<Vec<(String, String)>> {
     let mut files = vec![
         ("published.svg".to_owned(), overview(rows, sets).svg()?),
-        ("fig06.svg".to_owned(), loads(rows, ratios, sets).svg()?),
+        ("fig06.svg".to_owned(), loads(rows, ratios, sets, inferred).svg()?),
     ];
     for (number, symbol, others) in SWEEPS {
-        files.push((format!("fig{number:02}.svg"), sweep(number, symbol, others, rows, sets)?.svg()?));
+        files.push((format!("fig{number:02}.svg"), sweep(number, symbol, others, rows, sets, inferred)?.svg()?));
     }
     files.push(("fig13.svg".to_owned(), experiment(rows, ratios, sets)?.svg()?));
     Ok(files)
 }
 
 /// Fig. 6: contraction and TR for loads from 1 N to 17 N.
-fn loads(rows: &[Row], ratios: &[Ratio], sets: &[Set]) -> Figure {
+fn loads(rows: &[Row], ratios: &[Ratio], sets: &[Set], inferred: bool) -> Figure {
     let place = "section 4.2";
-    let members = LOADS.map(|load_n| Member { label: format!("{load_n} N"), load_n, changes: String::new() });
-    let mut figure = against_turns("Fig. 6: loads from 1 N to 17 N", "load", place, &members, rows, sets);
+    let changes = own_geometry(place, inferred);
+    let members = LOADS.map(|load_n| Member { label: format!("{load_n} N"), load_n, changes: changes.into() });
+    let title = titled_with("Fig. 6: loads from 1 N to 17 N", changes);
+    let mut figure = against_turns(&title, "load", place, &members, rows, sets);
     figure.blocks.insert(2, ratio_block(place, ratios, sets));
     figure
 }
 
 /// One of Figs 7 to 11: one parameter varied.
-fn sweep(number: u32, symbol: &str, others: &[f64], rows: &[Row], sets: &[Set]) -> Result<Figure> {
+fn sweep(number: u32, symbol: &str, others: &[f64], rows: &[Row], sets: &[Set], inferred: bool) -> Result<Figure> {
     let place = format!("Fig. {number}");
+    let changes = own_geometry(&place, inferred);
     let key = scene_key::full_name(symbol);
     let mut members = Vec::new();
     for row in rows.iter().filter(|r| r.place == place) {
@@ -76,9 +80,23 @@ fn sweep(number: u32, symbol: &str, others: &[f64], rows: &[Row], sets: &[Set]) 
         members.push(Member { label, load_n: row.load_n, changes: row.changes.clone() });
     }
     let load_n = members.first().map_or(0.0, |m| m.load_n);
-    let other = |v: &f64| Member { label: scene_key::shown(key, *v), load_n, changes: format!("{key}={v:?}") };
+    let other = |v: &f64| Member {
+        label: scene_key::shown(key, *v),
+        load_n,
+        changes: geometry::with(changes, &format!("{key}={v:?}")),
+    };
     members.extend(others.iter().map(other));
-    Ok(against_turns(&format!("{place}: {symbol} varied, {load_n} N"), symbol, &place, &members, rows, sets))
+    let title = titled_with(&format!("{place}: {symbol} varied, {load_n} N"), changes);
+    Ok(against_turns(&title, symbol, &place, &members, rows, sets))
+}
+
+/// What differs from Table 1 at a place, where the geometry is inferred.
+fn own_geometry(place: &str, inferred: bool) -> &'static str {
+    if inferred { geometry::inferred(place) } else { "" }
+}
+
+fn titled_with(title: &str, changes: &str) -> String {
+    if changes.is_empty() { title.to_owned() } else { format!("{title}, with {changes} m (inferred)") }
 }
 
 /// Contraction and TR of some members, the points of this place of the paper on them.

@@ -46,6 +46,8 @@ pub struct PlantSettings {
     pub k2_scale: f64,
     /// Scales k3.
     pub k3_scale: f64,
+    /// Scales k4.
+    pub k4_scale: f64,
     /// Scales the string's stiffness K.
     pub stiffness_scale: f64,
     /// Scales all coefficients of the rods' stress-strain law.
@@ -98,6 +100,7 @@ impl Default for PlantSettings {
             twist_at_boot_rad: 1.0,
             k2_scale: 1.0,
             k3_scale: 1.0,
+            k4_scale: 1.0,
             stiffness_scale: 1.0,
             modulus_scale: 1.0,
             twist_exponent_shift: 0.0,
@@ -155,6 +158,7 @@ impl PlantSettings {
             PlantKey::TwistAtBoot => &mut self.twist_at_boot_rad,
             PlantKey::K2Scale => &mut self.k2_scale,
             PlantKey::K3Scale => &mut self.k3_scale,
+            PlantKey::K4Scale => &mut self.k4_scale,
             PlantKey::StiffnessScale => &mut self.stiffness_scale,
             PlantKey::ModulusScale => &mut self.modulus_scale,
             PlantKey::TwistExponentShift => &mut self.twist_exponent_shift,
@@ -204,6 +208,7 @@ impl PlantSettings {
         let mut scene = scene.clone();
         scene.string.k2 *= self.k2_scale;
         scene.string.k3 *= self.k3_scale;
+        scene.string.k4 *= self.k4_scale;
         scene.string.stiffness_n_per_m *= self.stiffness_scale;
         // The law by the length has no exponent; there the plant's strings shift it (`effects::strings`).
         if let (RadiusLaw::TwistPower, Some(exponent)) = (scene.string.radius_law, &mut scene.string.twist_exponent) {

@@ -1,7 +1,7 @@
 //! A fast and smooth replacement for the solver: bicubic Hermite patches over exact gaps and exact slopes.
 //!
 //! One axis is ln F, since the radius law has a term in 1/F. The other is twist, in two parts that meet at θ = π, where
-//! the strings begin to touch and the gap's second derivative jumps: below it θ itself, above it the fraction of the
+//! the strings begin to touch and the gap's second derivative jumps, with k4 in the radius law the first as well: below it θ itself, above it the fraction of the
 //! way to the last twist that has an equilibrium, so that every patch lies where the model does.
 //!
 //! Outside the range of the model the surface is a guess that keeps a simulation going:
@@ -21,6 +21,8 @@ pub const MAX_TWIST_RAD: f64 = PI + 11.0 * 2.0 * PI;
 const LOAD_CELLS: usize = 48;
 /// Cells below θ = π.
 const OPEN_CELLS: usize = 24;
+/// Last twist of the open strings (rad), where the slope is still theirs.
+const OPEN_END_RAD: f64 = PI * (1.0 - 1e-9);
 /// Cells from θ = π to the last twist.
 const TWISTED_CELLS: usize = 144;
 /// Where the gap falls faster with twist than this, m/rad, the equilibrium is about to run away (model.md 5), and no
@@ -101,7 +103,7 @@ impl Surface {
             .collect();
         let sample = |load: f64, twist: f64| exact.gap(twist, load).ok_or(NoSurface { load_n: load, twist_rad: twist });
         let open = Grid::new(OPEN_CELLS, &loads, u_step, |i, x| {
-            let point = sample(loads[i], PI * x)?;
+            let point = sample(loads[i], (PI * x).min(OPEN_END_RAD))?;
             Ok((point.gap_m, PI * point.by_twist_m_per_rad, loads[i] * point.by_load_m_per_n))
         })?;
         let twisted = Grid::new(TWISTED_CELLS, &loads, u_step, |i, x| {
@@ -136,7 +138,7 @@ impl Surface {
         let twist = twist_rad.abs();
         let sign = if twist_rad < 0.0 { -1.0 } else { 1.0 };
         let (i, t) = self.cell(u);
-        let (gap, by_twist, by_u) = if twist <= PI {
+        let (gap, by_twist, by_u) = if twist < PI {
             let (gap, by_x, by_u) = self.open.at(i, t, self.u_step, twist / PI);
             (gap, by_x / PI, by_u)
         } else {

@@ -79,8 +79,8 @@ pub struct Constants {
     pub scene_hash: u32,
     /// L0, D0, c, R (m).
     pub geometry_m: [f64; 4],
-    /// r0 (m), K (N/m), k1 (1/N), k2, k3 of eq. 6.
-    pub string: [f64; 5],
+    /// r0 (m), K (N/m), k1 (1/N), k2, k3, k4 of the radius law.
+    pub string: [f64; 6],
     /// p where the radius follows a power of the twist; `None` where it follows X0/X (eq. 6 as printed).
     pub twist_exponent: Option<f64>,
     /// a1 … a5 of eq. 12 (Pa).

@@ -21,7 +21,9 @@ pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
         Command::Lookup { at } => lookup::run(global, at, output),
         Command::Table { board: true, .. } => table_board::run(global, output),
         Command::Table { out, board: false } => table::run(global, out.as_deref(), output),
-        Command::Published { all, out } => published::run(global, *all, out.as_deref(), output),
+        Command::Published { all, inferred_geometry, out } => {
+            published::run(global, *all, *inferred_geometry, out.as_deref(), output)
+        }
         Command::Study { vary, load, turns, out } => study::run(global, vary, *load, *turns, out.as_deref(), output),
         Command::Play { script, seconds } | Command::Sim { script, seconds } => {
             play::run(global, script.as_deref(), *seconds, output)

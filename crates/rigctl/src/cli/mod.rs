@@ -72,6 +72,9 @@ pub enum Command {
         /// The three parameter sets of the paper's scenes side by side, instead of --scene
         #[arg(long)]
         all: bool,
+        /// With the geometry that is inferred for some of the paper's sweeps instead of Table 1's (docs/model.md 6)
+        #[arg(long)]
+        inferred_geometry: bool,
         /// Also write published.csv, ratios.csv and the paper's figures, redrawn, into this folder
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
@@ -81,7 +84,7 @@ pub enum Command {
     /// Example: `rigctl study --vary D0=8mm..32mm:5 --out out`
     Study {
         /// Which value, between which limits, and how many (default 5); `log` spaces them in equal ratios. KEY is
-        /// D0, R, L0, r0, K, c, k1, k2, k3, p or a key of a scene file
+        /// D0, R, L0, r0, K, c, k1, k2, k3, k4, p or a key of a scene file
         #[arg(long, value_name = "KEY=FROM..TO[:COUNT[log]]")]
         vary: Vary,
         /// Load on the rods (N or kg)

@@ -12,14 +12,14 @@ use std::path::Path;
 ///
 /// # Errors
 /// If a scene cannot be read, or the folder cannot be written.
-pub fn run(global: &Global, all: bool, out: Option<&Path>, output: &mut Output) -> Result<(), Failure> {
+pub fn run(global: &Global, all: bool, inferred: bool, out: Option<&Path>, output: &mut Output) -> Result<(), Failure> {
     let scenes = if all {
         let load = |name: &&str| Ok(((*name).to_owned(), Scene::load(format!("scenes/{name}.toml"))?));
         SETS.iter().map(load).collect::<Result<_, Failure>>()?
     } else {
         vec![(global.scene.display().to_string(), global.scene()?)]
     };
-    let comparison = Comparison::new(scenes)?;
+    let comparison = Comparison::new(scenes, inferred)?;
     comparison.compared().iter().try_for_each(|row| output.object(row))?;
     comparison.text()?.iter().try_for_each(|line| output.line(line))?;
     if let Some(folder) = out {

@@ -86,7 +86,7 @@ impl Candidate {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
-    /// The simplest that is not worse than the best.
+    /// The one with the fewest constants among those that are not worse than the best; of several the best.
     Chosen,
     /// Not worse than the best, but not the simplest.
     Indistinguishable,
@@ -130,6 +130,8 @@ pub struct Competition {
     pub chosen: usize,
     /// The rows compared.
     pub data: Data,
+    /// Constants where the chosen one's fit started.
+    pub base: Parameters,
 }
 
 impl Competition {
@@ -240,7 +242,13 @@ pub fn compete(candidates: &[Candidate], data: &Data) -> Result<Competition, Ide
     for s in scored.iter_mut().filter(|s| s.fit.is_some()) {
         s.verdict = if worse(&s.errors, &best, &runs) { Verdict::Worse } else { Verdict::Indistinguishable };
     }
-    let chosen = scored.iter().position(|s| s.verdict == Verdict::Indistinguishable).unwrap_or(0);
+    let enough = (0..scored.len()).filter(|k| scored[*k].verdict == Verdict::Indistinguishable);
+    let simplest = |a: &usize, b: &usize| {
+        let (a, b) = (&scored[*a], &scored[*b]);
+        a.constants.cmp(&b.constants).then(rms(a).total_cmp(&rms(b)))
+    };
+    let chosen = enough.min_by(simplest).unwrap_or(0);
     scored[chosen].verdict = Verdict::Chosen;
-    Ok(Competition { scored, chosen, data })
+    let base = candidates[chosen].start()?;
+    Ok(Competition { scored, chosen, data, base })
 }

@@ -24,6 +24,8 @@ pub enum Constant {
     K2,
     /// k3.
     K3,
+    /// k4.
+    K4,
     /// Exponent p of the twist-power law.
     Exponent,
     /// Stiffness K of a string (N/m).
@@ -41,10 +43,11 @@ pub enum Constant {
 }
 
 /// Names, the scene-file key first, then the paper's symbol or a word.
-const NAMES: [(Constant, &str, &str); 10] = [
+const NAMES: [(Constant, &str, &str); 11] = [
     (Constant::K1, "string.k1_per_n", "k1"),
     (Constant::K2, "string.k2", "k2"),
     (Constant::K3, "string.k3", "k3"),
+    (Constant::K4, "string.k4", "k4"),
     (Constant::Exponent, "string.twist_exponent", "p"),
     (Constant::Stiffness, "string.stiffness_n_per_m", "K"),
     (Constant::RodRadius, "geometry.rod_radius_m", "R"),
@@ -84,8 +87,7 @@ impl Constant {
     /// an odd curve whose tangent at a strain of 0.05 is between a half and twice that of a straight line. A curve has none.
     pub fn spread(self) -> Option<f64> {
         match self {
-            Self::K1 | Self::K2 | Self::K3 | Self::Exponent => Some(0.3),
-            Self::Stiffness => Some(0.3),
+            Self::K1 | Self::K2 | Self::K3 | Self::K4 | Self::Exponent | Self::Stiffness => Some(0.3),
             Self::Modulus => Some(0.15),
             Self::RodRadius | Self::StringLength => Some(0.02),
             Self::OddCurve => Some(0.5),
@@ -124,6 +126,10 @@ impl Constant {
             Self::K1 => positive(p.k1_per_n),
             Self::K2 => positive(p.k2),
             Self::K3 => positive(p.k3),
+            Self::K4 if p.radius_law == RadiusLaw::TwistPower => {
+                Err("string.k4: the radius law twist-power has none (see --law)".into())
+            }
+            Self::K4 => positive(p.k4),
             Self::Exponent if p.radius_law == RadiusLaw::LengthRatio => {
                 Err("string.twist_exponent: the radius law length-ratio has none (see --law)".into())
             }
@@ -147,6 +153,7 @@ impl Constant {
             Self::K1 => p.k1_per_n = exp(0),
             Self::K2 => p.k2 = exp(0),
             Self::K3 => p.k3 = exp(0),
+            Self::K4 => p.k4 = exp(0),
             Self::Exponent => p.twist_exponent = exp(0),
             Self::Stiffness => p.stiffness_n_per_m = exp(0),
             Self::RodRadius => p.rod_radius_m = exp(0),
@@ -192,6 +199,7 @@ pub fn values(p: &Parameters<Number>) -> Parameters {
         k1_per_n: p.k1_per_n.value,
         k2: p.k2.value,
         k3: p.k3.value,
+        k4: p.k4.value,
         twist_exponent: p.twist_exponent.value,
         stress_coefficients_pa: p.stress_coefficients_pa.map(|a| a.value),
         radius_law: p.radius_law,
@@ -261,7 +269,7 @@ impl Unknowns {
         fitted.geometry.rod_radius_m = p.rod_radius_m.value;
         fitted.string.stiffness_n_per_m = p.stiffness_n_per_m.value;
         fitted.string.k1_per_n = p.k1_per_n.value;
-        (fitted.string.k2, fitted.string.k3) = (p.k2.value, p.k3.value);
+        (fitted.string.k2, fitted.string.k3, fitted.string.k4) = (p.k2.value, p.k3.value, p.k4.value);
         if fitted.string.twist_exponent.is_some() {
             fitted.string.twist_exponent = Some(p.twist_exponent.value);
         }

@@ -3,6 +3,7 @@
 use super::Errors;
 use super::constants::{MOST, Number, Unknowns, values};
 use super::data::{Data, Quantity, Row};
+use super::hysteresis::{Loop, load_share, loops, slopes};
 use super::noise::{Noise, half_width_factor};
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::{DMatrix, DVector, Dyn, Owned};
@@ -46,6 +47,9 @@ pub enum IdentifyError {
         /// How that shows.
         why: String,
     },
+    /// The sweeps do not belong together, or something happened in one.
+    #[error("{0}")]
+    Apart(String),
     /// The optimiser did not end at a minimum.
     #[error("the fit did not converge: {0}")]
     NotConverged(String),
@@ -110,6 +114,8 @@ pub struct Fit {
     /// What was expected of the unknowns.
     #[serde(skip)]
     pub expected: Vec<Expected>,
+    /// Loops between the way up and the way down.
+    pub loops: Vec<Loop>,
 }
 
 /// What is expected of an unknown before anything is measured.
@@ -244,6 +250,37 @@ impl<'a> Problem<'a> {
         Some(DMatrix::from_fn(norms.len(), norms.len(), |i, j| inverse[(i, j)] / (norms[i] * norms[j])))
     }
 
+    /// A covariance with what each sweep has of its own as a whole: the rows' change with the load moves the unknowns by the
+    /// weights that the fit gives them (the covariance between blocks of rows that a sandwich estimate has in its middle).
+    fn with_sweeps(
+        &self,
+        covariance: DMatrix<f64>,
+        jacobian: &DMatrix<f64>,
+        inflation: f64,
+        loops: &[Loop],
+        data: &Data,
+        runs: &[Vec<usize>],
+    ) -> DMatrix<f64> {
+        if loops.is_empty() {
+            return covariance;
+        }
+        let slopes = slopes(self.unknowns, data, self.x.as_slice());
+        let mut all = covariance.clone();
+        // Rows and Jacobian have the inflation of this problem, the covariance another.
+        let by = self.wider.powi(2) / inflation.max(f64::MIN_POSITIVE);
+        for run in runs {
+            let mut pull = DVector::zeros(self.x.len());
+            for k in run.iter().filter(|k| slopes[**k].is_finite()) {
+                let row = &data.rows[*k];
+                let change = load_share(loops, row.load_n) * row.load_n * slopes[*k] / (row.sigma * self.wider);
+                pull += jacobian.row(*k).transpose() * (change * by);
+            }
+            let moved = &covariance * pull;
+            all += &moved * moved.transpose();
+        }
+        all
+    }
+
     /// What the residuals of the rows say, in their own standard deviations, run by run.
     fn noise(&self, jacobian: &DMatrix<f64>, runs: &[Vec<usize>]) -> Noise {
         let residuals: Vec<Vec<f64>> =
@@ -342,6 +379,13 @@ pub fn fit(unknowns: &Unknowns, start: &Parameters, data: &Data) -> Result<Fit, 
     determined(&jacobian, &labels)?;
     let lost = || IdentifyError::NotConverged("the information has no inverse".into());
     let covariance = problem.covariance(&jacobian, noise.inflation.max(f64::MIN_POSITIVE)).ok_or_else(lost)?;
+    // A sweep as a whole may have had another load than the one that hung: what friction and the rods' memory amount to.
+    let loops = if unknowns.expected {
+        loops(data, &slopes(unknowns, data, problem.x.as_slice()))
+    } else {
+        Vec::new()
+    };
+    let covariance = problem.with_sweeps(covariance, &jacobian, noise.inflation, &loops, data, &runs);
     let error = |k: usize| covariance[(k, k)].sqrt();
     let count = unknowns.count();
     let weak: Vec<&str> = (0..count).filter(|k| error(*k) > WORST_STANDARD_ERROR).map(|k| labels[k].as_str()).collect();
@@ -376,6 +420,7 @@ pub fn fit(unknowns: &Unknowns, start: &Parameters, data: &Data) -> Result<Fit, 
         covariance,
         noise,
         expected,
+        loops,
     })
 }
 
@@ -414,27 +459,40 @@ impl Linear {
     /// Computed less measured of all rows (m), after a fit to those that are not held out. Zeros of sensors of which no
     /// row is left are free of the rest.
     pub fn without(&self, held_out: &[usize]) -> Option<Vec<f64>> {
+        self.solved(held_out, &DVector::zeros(self.residuals.len())).map(|(errors, _)| errors)
+    }
+
+    /// Computed less measured of all rows (m), after a fit with one more unknown, which changes each row by `by` (m); and
+    /// that unknown.
+    pub fn with(&self, by: &[f64]) -> Option<(Vec<f64>, f64)> {
+        let more = DVector::from_fn(by.len(), |k, _| by[k] / self.sigma_m[k]);
+        self.solved(&[], &more)
+    }
+
+    fn solved(&self, held_out: &[usize], more: &DVector<f64>) -> Option<(Vec<f64>, f64)> {
         let count = self.jacobian.ncols();
-        let mut information = self.expected.0.clone();
-        let mut pull = self.expected.1.clone();
+        let mut jacobian = self.jacobian.clone().insert_column(count, 0.0);
+        jacobian.set_column(count, more);
+        let mut information = self.expected.0.clone().insert_column(count, 0.0).insert_row(count, 0.0);
+        let mut pull = self.expected.1.clone().insert_row(count, 0.0);
         for k in (0..self.residuals.len()).filter(|k| !held_out.contains(k)) {
-            let row = self.jacobian.row(k).transpose();
+            let row = jacobian.row(k).transpose();
             information += &row * row.transpose();
             pull += row * self.residuals[k];
         }
         // What nothing tells stays where it is.
-        for k in 0..count {
+        for k in 0..=count {
             if information[(k, k)] == 0.0 {
                 information[(k, k)] = 1.0;
             }
         }
-        let scale: Vec<f64> = (0..count).map(|k| information[(k, k)].sqrt()).collect();
-        let scaled = DMatrix::from_fn(count, count, |i, j| information[(i, j)] / (scale[i] * scale[j]));
-        let right = DVector::from_fn(count, |k, _| pull[k] / scale[k]);
+        let scale: Vec<f64> = (0..=count).map(|k| information[(k, k)].sqrt()).collect();
+        let scaled = DMatrix::from_fn(count + 1, count + 1, |i, j| information[(i, j)] / (scale[i] * scale[j]));
+        let right = DVector::from_fn(count + 1, |k, _| pull[k] / scale[k]);
         let step = scaled.lu().solve(&right)?;
-        let step = DVector::from_fn(count, |k, _| -step[k] / scale[k]);
-        let errors = &self.residuals + &self.jacobian * step;
-        Some(errors.iter().zip(&self.sigma_m).map(|(error, sigma_m)| error * sigma_m).collect())
+        let step = DVector::from_fn(count + 1, |k, _| -step[k] / scale[k]);
+        let errors = &self.residuals + &jacobian * &step;
+        Some((errors.iter().zip(&self.sigma_m).map(|(error, sigma_m)| error * sigma_m).collect(), step[count]))
     }
 }
 

@@ -9,17 +9,25 @@ use tsa_model::RadiusLaw;
 pub enum Law {
     /// With the length alone: eq. 6 as printed.
     LengthRatio,
+    /// With the length, and with the logarithm of the twist.
+    LengthRatioK4,
     /// With a power of the twist.
     TwistPower,
 }
 
 /// Names on the command line and in the answer. A law that is added here takes part.
-pub const LAWS: [(Law, &str); 2] = [(Law::LengthRatio, "length-ratio"), (Law::TwistPower, "twist-power")];
+pub const LAWS: [(Law, &str); 3] = [
+    (Law::LengthRatio, "length-ratio"),
+    (Law::LengthRatioK4, "length-ratio-k4"),
+    (Law::TwistPower, "twist-power"),
+];
 
 /// Twist, in half turns, at which a law begins with the radius of the scene's own: the middle of a usual sweep.
 const MIDDLE: f64 = 8.0;
 /// Exponent that a fit starts from when the scene has none.
 const EXPONENT: f64 = 0.4;
+/// k4 that a fit starts from when the scene has none.
+pub const K4: f64 = 0.1;
 /// Least k2 and k3 that a fit starts from, so that their logarithms have a meaning.
 const LEAST: f64 = 0.01;
 
@@ -37,6 +45,7 @@ impl Law {
     /// The one of a scene.
     pub fn of(scene: &Scene) -> Self {
         match scene.string.radius_law {
+            RadiusLaw::LengthRatio if scene.string.k4 > 0.0 => Self::LengthRatioK4,
             RadiusLaw::LengthRatio => Self::LengthRatio,
             RadiusLaw::TwistPower => Self::TwistPower,
         }
@@ -46,6 +55,7 @@ impl Law {
     pub fn own(self) -> Option<Constant> {
         match self {
             Self::LengthRatio => None,
+            Self::LengthRatioK4 => Some(Constant::K4),
             Self::TwistPower => Some(Constant::Exponent),
         }
     }
@@ -62,12 +72,20 @@ impl Law {
         // What the radius has besides 1/(k1 F), over r0, where the length is X0, and its slope by the twist's logarithm.
         let (middle, slope) = match string.twist_exponent {
             Some(p) => (string.k2 + string.k3 * MIDDLE.powf(p), string.k3 * p * MIDDLE.powf(p)),
-            None => (string.k2 + string.k3, 0.0),
+            None => (string.k2 + string.k3 + string.k4 * MIDDLE.ln(), string.k4),
         };
+        string.k4 = 0.0;
         match self {
             Self::LengthRatio => {
                 (string.radius_law, string.twist_exponent) = (RadiusLaw::LengthRatio, None);
-                string.k2 = (middle - string.k3).max(LEAST);
+                string.k2 = middle - string.k3;
+            }
+            Self::LengthRatioK4 => {
+                (string.radius_law, string.twist_exponent) = (RadiusLaw::LengthRatio, None);
+                // k2 and k3 stay where they are allowed to.
+                string.k4 = if slope > 0.0 { slope } else { K4 }.min((middle - 2.0 * LEAST) / MIDDLE.ln());
+                string.k3 = string.k3.min(middle - string.k4 * MIDDLE.ln() - LEAST);
+                string.k2 = middle - string.k3 - string.k4 * MIDDLE.ln();
             }
             Self::TwistPower => {
                 (string.radius_law, string.twist_exponent) = (RadiusLaw::TwistPower, Some(EXPONENT));

@@ -22,7 +22,6 @@ pub mod predict;
 use compete::{Candidate, Competition, compete};
 use data::Data;
 use fit::{Fit, IdentifyError};
-use hysteresis::Loop;
 use noise::half_width_factor;
 use predict::{Known, Prediction};
 use rig_scene::{Scene, Uncertainty};
@@ -115,17 +114,21 @@ pub struct Identified {
     pub misfit: Misfit,
     /// Predicted contractions.
     pub predictions: Vec<Prediction>,
-    /// Loops between up and down.
-    pub loops: Vec<Loop>,
 }
 
 /// Lets the candidates compete on recorded sweeps, and fits the chosen one to all rows.
 ///
 /// # Errors
-/// If the sweeps cannot tell the constants of any candidate, or a scene with them is not valid.
+/// If the sweeps cannot tell the constants of any candidate, do not belong together, or a scene with them is not valid.
 pub fn identify(scene: &Scene, data: &Data, candidates: &[Candidate]) -> Result<Identified, IdentifyError> {
+    if let Some(why) = consistent::slipped(data) {
+        return Err(IdentifyError::Apart(why));
+    }
     let competition = compete(candidates, data)?;
     let candidate = candidates[competition.chosen].clone();
+    if let Some(why) = consistent::apart(&candidate.unknowns, &competition) {
+        return Err(IdentifyError::Apart(why));
+    }
     let mut fit = candidate.fit(data)?;
     fit.held_out = competition.held_out();
     let start = candidate.start()?;
@@ -136,7 +139,7 @@ pub fn identify(scene: &Scene, data: &Data, candidates: &[Candidate]) -> Result<
     identified.validate().map_err(|e| IdentifyError::NotConverged(format!("the identified scene: {e}")))?;
     let known = Known::new(candidates, &competition, &fit)
         .ok_or_else(|| IdentifyError::NotConverged("the chosen law has no start".into()))?;
-    let (predictions, loops) = (known.predictions(scene), hysteresis::loops(data, &known.chosen));
+    let predictions = known.predictions(scene);
     let misfit = Misfit::of(data, &fit);
-    Ok(Identified { scene: identified, candidate, competition, fit, known, misfit, predictions, loops })
+    Ok(Identified { scene: identified, candidate, competition, fit, known, misfit, predictions })
 }

@@ -4,6 +4,7 @@ use super::LEAST_RADIUS_ERROR;
 use super::compete::{Candidate, Competition};
 use super::constants::{Number, Unknowns};
 use super::fit::Fit;
+use super::hysteresis::{Loop, load_share};
 use super::noise::half_width_factor;
 use rig_scene::Scene;
 use serde::Serialize;
@@ -45,11 +46,21 @@ impl Fitted {
         contraction(self.unknowns.parameters(&self.base, &self.x, ""), load_n, turns)
     }
 
+    /// Gap (m) at a load (N) and a twist (rad), with its derivatives by the unknowns, and its slope by the load (m/N).
+    ///
+    /// # Errors
+    /// If the model refuses the state.
+    pub fn gap(&self, load_n: f64, twist_rad: f64) -> Result<(Number, f64), SolveError> {
+        let e = Mechanism::of(self.unknowns.parameters(&self.base, &self.x, "")).formal(load_n, twist_rad)?;
+        Ok((e.gap_m, e.dgap_dload_m_per_n.value))
+    }
+
     /// What a relative change of the strings' radius adds to the contraction (m).
     fn by_radius(&self, load_n: f64, turns: f64, share: f64) -> Result<f64, SolveError> {
         let mut p = self.unknowns.parameters(&self.base, &self.x, "");
         // All terms of the radius by one factor, which no string's own size takes part in.
-        (p.k2, p.k3, p.k1_per_n) = (p.k2 * (1.0 + share), p.k3 * (1.0 + share), p.k1_per_n / (1.0 + share));
+        (p.k2, p.k3, p.k4) = (p.k2 * (1.0 + share), p.k3 * (1.0 + share), p.k4 * (1.0 + share));
+        p.k1_per_n = p.k1_per_n / (1.0 + share);
         Ok(contraction(p, load_n, turns)?.value - self.contraction(load_n, turns)?.value)
     }
 }
@@ -72,6 +83,8 @@ pub struct Known {
     pub missed_m2: f64,
     /// Degrees of freedom.
     pub freedom: f64,
+    /// Loops between the way up and the way down.
+    pub loops: Vec<Loop>,
 }
 
 impl Known {
@@ -91,21 +104,25 @@ impl Known {
             covariance: fit.covariance.clone(),
             missed_m2: fit.fitted.rms.powi(2) * noise.effective / noise.freedom,
             freedom: noise.freedom,
+            loops: fit.loops.clone(),
         })
     }
 
     /// Variance of a predicted contraction (m2) that no sweep takes away: what the law misses at both ends, strings that go
-    /// on changing, and laws that cannot be told apart.
+    /// on changing, what friction and the rods' memory do at that load, and laws that cannot be told apart.
     ///
     /// # Errors
     /// If the model refuses the state.
     pub fn floor_m2(&self, load_n: f64, turns: f64) -> Result<f64, SolveError> {
         let here = self.chosen.contraction(load_n, turns)?.value;
         let aged_m = self.chosen.by_radius(load_n, turns, LEAST_RADIUS_ERROR)?;
+        let share = load_share(&self.loops, load_n);
+        // Towards the heavier load, where there is an equilibrium too.
+        let change_m = self.chosen.contraction(load_n * (1.0 + share), turns)?.value - here;
         let apart = self.others.iter().filter_map(|other| other.contraction(load_n, turns).ok());
         let apart: Vec<f64> = apart.map(|other| (other.value - here).powi(2)).collect();
         let apart_m2 = apart.iter().sum::<f64>() / apart.len().max(1) as f64;
-        Ok(2.0 * self.missed_m2 + aged_m.powi(2) + apart_m2)
+        Ok(2.0 * self.missed_m2 + aged_m.powi(2) + change_m.powi(2) + apart_m2)
     }
 
     /// Variance (m2) that the errors of the constants give a predicted contraction.

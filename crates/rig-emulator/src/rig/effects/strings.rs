@@ -84,7 +84,7 @@ impl Strings {
         if factor == 1.0 || twist == 0.0 {
             return (own_rad, 1.0);
         }
-        // The radius law by the length does not depend on the twist, so that any length will do.
+        // The part of the radius by the length does not depend on the twist, so that any length will do.
         let radius = |twist: f64| self.model.radius(pull_n.max(SLACK_LOAD_N), twist, 1.0, 1.0);
         let here = radius(twist);
         let (arc, slope) = (factor * twist * here.radius_m, factor * (here.arc_by_twist + shift * here.radius_m));

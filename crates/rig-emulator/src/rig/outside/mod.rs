@@ -25,6 +25,7 @@ pub fn is_of_the_law(key: PlantKey) -> bool {
         key,
         PlantKey::K2Scale
             | PlantKey::K3Scale
+            | PlantKey::K4Scale
             | PlantKey::StiffnessScale
             | PlantKey::ModulusScale
             | PlantKey::TwistExponentShift

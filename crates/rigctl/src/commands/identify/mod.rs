@@ -7,8 +7,8 @@ use crate::identify::compete::{Candidate, Scored};
 use crate::identify::constants::{Constant, Unknowns};
 use crate::identify::data::{self, Data};
 use crate::identify::fit::{Fit, fit};
-use crate::identify::hysteresis::Loop;
-use crate::identify::laws::Law;
+use crate::identify::laws::{K4, Law};
+use crate::identify::plan::{Plan, plan};
 use crate::identify::predict::Prediction;
 use crate::identify::{Identified, Misfit, identify, plausible};
 use crate::options::Global;
@@ -40,11 +40,12 @@ struct Judged<'a> {
     law_holds: bool,
     misfit: Misfit,
     predictions: &'a [Prediction],
-    loops: &'a [Loop],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    next: Option<Plan>,
 }
 
 impl<'a> Judged<'a> {
-    fn of(found: &'a Identified) -> Self {
+    fn of(found: &'a Identified, next: Option<Plan>) -> Self {
         let competition = &found.competition;
         let named = |k: usize| Named { law: competition.scored[k].law, material: competition.scored[k].material };
         let others = competition.equals().into_iter().filter(|k| *k != competition.chosen);
@@ -55,7 +56,7 @@ impl<'a> Judged<'a> {
             law_holds: found.misfit.holds,
             misfit: found.misfit,
             predictions: &found.predictions,
-            loops: &found.loops,
+            next,
         }
     }
 }
@@ -89,7 +90,10 @@ pub fn run(global: &Global, options: &Identify, output: &mut Output) -> Result<(
     let known = data.knows_its_zero();
     let candidates = match given(options)? {
         None => Candidate::all(&scene, options.law, known),
-        Some(unknowns) => vec![Candidate::with(&scene, options.law.unwrap_or(Law::of(&scene)), unknowns)],
+        Some(unknowns) => {
+            let own = if unknowns.constants.contains(&Constant::K4) { Law::LengthRatioK4 } else { Law::of(&scene) };
+            vec![Candidate::with(&scene, options.law.unwrap_or(own), unknowns)]
+        }
     };
     if let Some(why) = plausible::impossible(&data, scene.geometry.string_length_m) {
         return Err(Failure::failed(why));
@@ -102,10 +106,14 @@ pub fn run(global: &Global, options: &Identify, output: &mut Output) -> Result<(
     let start = found.candidate.start().map_err(|e| Failure::failed(e.to_string()))?;
     print::fit(&found.fit, &found.candidate.unknowns, &start, &found.scene, print::Unit::Metres, output)?;
     print::judged(&found, output)?;
+    let next = options.next.then(|| plan(&scene, &found)).flatten();
+    if let Some(next) = &next {
+        print::next(next, output)?;
+    }
     let report = Report {
         fit: &found.fit,
         error_unit: "m",
-        judged: Some(Judged::of(&found)),
+        judged: Some(Judged::of(&found, next)),
         scene: &found.scene,
         bad_rows: &data.bad,
     };
@@ -116,7 +124,7 @@ pub fn run(global: &Global, options: &Identify, output: &mut Output) -> Result<(
 
 /// The paper's numbers, to which one law is fitted.
 fn published(scene: &Scene, options: &Identify, out: Option<OutFile>, output: &mut Output) -> Result<(), Failure> {
-    let scene = options.law.map_or_else(|| scene.clone(), |law| law.start(scene));
+    let mut scene = options.law.map_or_else(|| scene.clone(), |law| law.start(scene));
     let default = || HELD_OUT.map(str::to_owned).to_vec();
     let held_out = if options.hold_out.is_empty() { default() } else { options.hold_out.clone() };
     let held_out: Vec<String> = held_out.into_iter().filter(|h| h != "none").collect();
@@ -124,6 +132,9 @@ fn published(scene: &Scene, options: &Identify, out: Option<OutFile>, output: &m
     // These numbers stand at two twists only: they cannot tell the constants of growth apart.
     let usual = || Unknowns::usual(Law::LengthRatio, Constant::Modulus, false);
     let unknowns = given(options)?.unwrap_or_else(usual);
+    if unknowns.constants.contains(&Constant::K4) && scene.string.k4 == 0.0 {
+        scene.string.k4 = K4;
+    }
     let start = Parameters::new(&scene.geometry, &scene.string, &scene.material)?;
     let fit = fit(&unknowns, &start, &data).map_err(|e| Failure::failed(e.to_string()))?;
     let fitted = unknowns.scene(&scene, &start, &fit.x);

@@ -4,6 +4,7 @@ use crate::failure::Failure;
 use crate::identify::compete::Verdict;
 use crate::identify::constants::{Constant, Unknowns};
 use crate::identify::fit::Fit;
+use crate::identify::plan::Plan;
 use crate::identify::{Errors, Identified};
 use crate::options::commands::Identify;
 use crate::output::Output;
@@ -78,6 +79,7 @@ pub fn fit(
     }
     output.line(match s.twist_exponent {
         Some(p) => format!("  radius grows as (twist/pi)^p, p = {p:.4}"),
+        None if s.k4 > 0.0 => format!("  radius grows by eq. 6 and k4 ln(twist/pi), k4 = {:.4}", s.k4),
         None => "  radius grows by eq. 6".to_owned(),
     })?;
     output.line("correlations:")?;
@@ -132,12 +134,12 @@ pub fn judged(found: &Identified, output: &mut Output) -> Result<(), Failure> {
         true => format!("the law holds: {rms}"),
         false => format!("no law holds: {rms}; {:.1} um are left (the best law is written all the same)", m.excess_m * 1e6),
     })?;
-    for l in &found.loops {
-        let friction = l.friction_n.map_or_else(String::new, |n| format!(", as {n:.3} N of friction would"));
+    for l in &found.fit.loops {
         output.line(format!(
-            "up and down differ at {:.2} N by {:.1} um either side of their mean{friction} ({})",
-            l.load_n,
+            "up and down lie {:.1} um either side of their mean at {:.2} N, as with {:.3} N of friction ({})",
             l.half_width_m * 1e6,
+            l.load_n,
+            l.friction_n,
             l.sweep
         ))?;
     }
@@ -147,6 +149,25 @@ pub fn judged(found: &Identified, output: &mut Output) -> Result<(), Failure> {
             _ => "no equilibrium by this law".to_owned(),
         };
         output.line(format!("contraction at {:.2} N and {} turns: {value}", p.load_n, p.turns))?;
+    }
+    Ok(())
+}
+
+/// What to record next.
+pub fn next(plan: &Plan, output: &mut Output) -> Result<(), Failure> {
+    let [load_n, turns] = plan.at;
+    output.line(format!(
+        "largest error of a predicted contraction: {:.3} mm at {load_n:.2} N and {turns} turns (90 of 100 cases)",
+        plan.largest_half_width_m * 1e3
+    ))?;
+    output.line(format!("{}: {}", if plan.enough { "more sweeps buy nothing" } else { "a further sweep helps" }, plan.why))?;
+    for next in &plan.sweeps {
+        output.line(format!(
+            "  sweep --load {:.2}N --turns {}: leaves {:.3} mm",
+            next.load_n,
+            next.turns,
+            next.largest_half_width_m * 1e3
+        ))?;
     }
     Ok(())
 }
