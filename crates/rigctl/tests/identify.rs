@@ -370,8 +370,11 @@ fn identified(name: &str, loads: &[f64], more: &[&str], change: impl Fn(usize, f
         path.to_str().unwrap().to_owned()
     };
     let files: Vec<String> = loads.iter().enumerate().map(write).collect();
-    let arguments: Vec<&str> =
-        ["--json", "identify"].into_iter().chain(more.iter().copied()).chain(files.iter().map(String::as_str)).collect();
+    let arguments: Vec<&str> = ["--json", "identify"]
+        .into_iter()
+        .chain(more.iter().copied())
+        .chain(files.iter().map(String::as_str))
+        .collect();
     let output = rigctl(&arguments);
     std::fs::remove_dir_all(folder).unwrap();
     output

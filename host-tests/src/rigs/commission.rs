@@ -87,16 +87,13 @@ pub fn commission(subject: &Subject, as_built: bool) -> (Firmware, Vec<Finding>)
         return (firmware, findings);
     }
     let built = identified(subject, &firmware).and_then(|found| {
-        let built = build(&found.scene, &firmware).map_err(|why| format!("table: {why}"))?;
-        Ok((built, found))
+        findings.push(finding(Check::HeldOut, Some(held_out_error(&found)), String::new()));
+        findings.extend(predicted(subject, &found));
+        findings.extend(found_constants(subject, &found));
+        build(&found.scene, &firmware).map_err(|why| format!("table: {why}"))
     });
     match built {
-        Ok((built, found)) => {
-            findings.push(finding(Check::HeldOut, Some(held_out_error(&found)), String::new()));
-            findings.extend(predicted(subject, &found));
-            findings.extend(found_constants(subject, &found));
-            (built, findings)
-        }
+        Ok(built) => (built, findings),
         Err(why) => {
             findings.push(finding(Check::HeldOut, None, format!("goes on as built: {why}")));
             (firmware, findings)
@@ -308,7 +305,8 @@ fn held_out_error(found: &Identified) -> f64 {
     for run in data.runs() {
         let first_m = run.iter().map(|k| data.rows[*k].value).fold(f64::MIN, f64::max);
         let moved = run.into_iter().map(|k| (first_m - data.rows[k].value, errors[k]));
-        shares.extend(moved.filter(|(moved_m, _)| *moved_m > CONTRACTION_M).map(|(moved_m, error_m)| error_m / moved_m));
+        shares
+            .extend(moved.filter(|(moved_m, _)| *moved_m > CONTRACTION_M).map(|(moved_m, error_m)| error_m / moved_m));
     }
     (shares.iter().map(|share: &f64| share * share).sum::<f64>() / shares.len().max(1) as f64).sqrt()
 }

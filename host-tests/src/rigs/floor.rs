@@ -182,7 +182,9 @@ impl Check {
         match self {
             Self::Zero | Self::Travel => (1.0, "rad"),
             Self::HomingTime => (1.0, "s"),
-            Self::LoadHomed | Self::LoadStep | Self::LoadStated | Self::HeldOut | Self::PredictionStated => (100.0, "%"),
+            Self::LoadHomed | Self::LoadStep | Self::LoadStated | Self::HeldOut | Self::PredictionStated => {
+                (100.0, "%")
+            }
             Self::LoadCover | Self::PositionCover | Self::PredictionCover | Self::ConstantCover => (100.0, "%"),
             Self::Calibration | Self::RestMeasured | Self::RestRms | Self::RestRaw | Self::PositionStated => {
                 (1e6, "um")

@@ -69,7 +69,8 @@ impl Candidate {
     /// In words.
     pub fn start(&self) -> Result<Parameters, IdentifyError> {
         let scene = &self.scene;
-        Parameters::new(&scene.geometry, &scene.string, &scene.material).map_err(|e| IdentifyError::Start(e.to_string()))
+        Parameters::new(&scene.geometry, &scene.string, &scene.material)
+            .map_err(|e| IdentifyError::Start(e.to_string()))
     }
 
     /// The fit to all rows.

@@ -29,7 +29,9 @@ pub fn slipped(data: &Data) -> Option<String> {
     data.runs().iter().find_map(|run| {
         let file = data.file_of(*run.first()?);
         let what = hangs_below(data, run).or_else(|| steps(data, run))?;
-        Some(format!("sweep {file}: {what}: did a string or a clamp slip? Tighten them, home, and record the sweep again"))
+        Some(format!(
+            "sweep {file}: {what}: did a string or a clamp slip? Tighten them, home, and record the sweep again"
+        ))
     })
 }
 
@@ -83,7 +85,10 @@ fn steps(data: &Data, run: &[usize]) -> Option<String> {
     };
     let found = (0..uneven.len()).filter(step).max_by(|a, b| uneven[*a].abs().total_cmp(&uneven[*b].abs()))?;
     let turns = data.rows[run[found + 1]].twist_rad / TAU - 0.5;
-    Some(format!("at {turns:.1} turns there is a step of {:.2} mm between neighbouring rows", 1e3 * uneven[found].abs()))
+    Some(format!(
+        "at {turns:.1} turns there is a step of {:.2} mm between neighbouring rows",
+        1e3 * uneven[found].abs()
+    ))
 }
 
 fn median(mut values: Vec<f64>) -> f64 {

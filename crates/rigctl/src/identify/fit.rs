@@ -290,7 +290,8 @@ impl<'a> Problem<'a> {
         // What is expected tells some of the unknowns, the rows the rest.
         for _ in 0..3 {
             let Some(covariance) = self.covariance(jacobian, noise.inflation.max(1e-12)) else { break };
-            let expected: f64 = self.expected.iter().map(|e| covariance[(e.unknown, e.unknown)] / e.spread.powi(2)).sum();
+            let expected: f64 =
+                self.expected.iter().map(|e| covariance[(e.unknown, e.unknown)] / e.spread.powi(2)).sum();
             noise = Noise::of(&residuals, unknowns - expected);
         }
         noise
@@ -380,11 +381,7 @@ pub fn fit(unknowns: &Unknowns, start: &Parameters, data: &Data) -> Result<Fit, 
     let lost = || IdentifyError::NotConverged("the information has no inverse".into());
     let covariance = problem.covariance(&jacobian, noise.inflation.max(f64::MIN_POSITIVE)).ok_or_else(lost)?;
     // A sweep as a whole may have had another load than the one that hung: what friction and the rods' memory amount to.
-    let loops = if unknowns.expected {
-        loops(data, &slopes(unknowns, data, problem.x.as_slice()))
-    } else {
-        Vec::new()
-    };
+    let loops = if unknowns.expected { loops(data, &slopes(unknowns, data, problem.x.as_slice())) } else { Vec::new() };
     let covariance = problem.with_sweeps(covariance, &jacobian, noise.inflation, &loops, data, &runs);
     let error = |k: usize| covariance[(k, k)].sqrt();
     let count = unknowns.count();

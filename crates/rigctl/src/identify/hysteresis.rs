@@ -29,7 +29,8 @@ pub struct Loop {
 pub fn loops(data: &Data, slopes: &[f64]) -> Vec<Loop> {
     let one = |run: Vec<usize>| {
         let half = |k: &usize| data.rows[*k].half_difference_m.map(|half_m| (half_m, half_m / slopes[*k].abs()));
-        let halves: Vec<(f64, f64)> = run.iter().filter_map(half).filter(|(_, friction)| friction.is_finite()).collect();
+        let halves: Vec<(f64, f64)> =
+            run.iter().filter_map(half).filter(|(_, friction)| friction.is_finite()).collect();
         let count = halves.len() as f64;
         (!halves.is_empty()).then(|| Loop {
             sweep: data.file_of(run[0]).to_owned(),

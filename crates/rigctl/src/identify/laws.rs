@@ -16,11 +16,8 @@ pub enum Law {
 }
 
 /// Names on the command line and in the answer. A law that is added here takes part.
-pub const LAWS: [(Law, &str); 3] = [
-    (Law::LengthRatio, "length-ratio"),
-    (Law::LengthRatioK4, "length-ratio-k4"),
-    (Law::TwistPower, "twist-power"),
-];
+pub const LAWS: [(Law, &str); 3] =
+    [(Law::LengthRatio, "length-ratio"), (Law::LengthRatioK4, "length-ratio-k4"), (Law::TwistPower, "twist-power")];
 
 /// Twist, in half turns, at which a law begins with the radius of the scene's own: the middle of a usual sweep.
 const MIDDLE: f64 = 8.0;

@@ -121,7 +121,8 @@ pub fn plan(scene: &Scene, found: &Identified) -> Option<Plan> {
     let (enough, why) = if now_m <= wanted_m {
         (true, format!("the scene asks for {:.1} um", 1e6 * wanted_m))
     } else if best_m > (1.0 - WORTH) * now_m {
-        let floor = format!("{:.3} mm are what the law misses, ageing, friction and the rods' memory leave", 1e3 * floor_m);
+        let floor =
+            format!("{:.3} mm are what the law misses, ageing, friction and the rods' memory leave", 1e3 * floor_m);
         (true, format!("the best further sweep leaves {:.3} mm; {floor}", 1e3 * best_m))
     } else {
         (false, format!("the best further sweep leaves {:.3} mm", 1e3 * best_m))

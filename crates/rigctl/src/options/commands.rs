@@ -3,9 +3,9 @@
 use super::values::{gap, gauge_error, load, methods, radius_law, seconds, tiers, tolerance, turns, twist_speed};
 use crate::board_settings;
 use crate::calibration::Point;
+use crate::identify::laws::Law;
 use clap::{Args, Subcommand};
 use std::path::PathBuf;
-use crate::identify::laws::Law;
 
 /// What to do with the settings.
 #[derive(Debug, Clone, Subcommand)]

@@ -1,9 +1,9 @@
 //! Values of options, read from text. Each error names the option.
 
+use crate::identify::laws::{LAWS, Law};
 use crate::script;
 use crate::units::{self, Quantity};
 use clap::builder::PossibleValuesParser;
-use crate::identify::laws::{LAWS, Law};
 use rig_link::LoadChoice;
 use rival_methods::Method;
 use tsa_model::Tier;

@@ -113,7 +113,10 @@ pub fn judged(found: &Identified, output: &mut Output) -> Result<(), Failure> {
     let competition = &found.competition;
     let um = |m: Option<f64>| m.map_or_else(|| "-".to_owned(), |m| format!("{:.1} um", m * 1e6));
     output.line("laws, each fitted to a part of the sweeps and predicting the rest:")?;
-    output.line(format!("  {:<16} {:<10} {:>9} {:>12} {:>12}", "radius law", "material", "constants", "fitted", "held out"))?;
+    output.line(format!(
+        "  {:<16} {:<10} {:>9} {:>12} {:>12}",
+        "radius law", "material", "constants", "fitted", "held out"
+    ))?;
     for s in &competition.scored {
         let verdict = match s.verdict {
             Verdict::Chosen => "enough: written",
@@ -132,7 +135,9 @@ pub fn judged(found: &Identified, output: &mut Output) -> Result<(), Failure> {
     let rms = format!("the law misses {:.1} um rms, {explained} {:.1} um", m.rms_m * 1e6, m.explained_m * 1e6);
     output.line(match m.holds {
         true => format!("the law holds: {rms}"),
-        false => format!("no law holds: {rms}; {:.1} um are left (the best law is written all the same)", m.excess_m * 1e6),
+        false => {
+            format!("no law holds: {rms}; {:.1} um are left (the best law is written all the same)", m.excess_m * 1e6)
+        }
     })?;
     for l in &found.fit.loops {
         output.line(format!(
@@ -160,7 +165,11 @@ pub fn next(plan: &Plan, output: &mut Output) -> Result<(), Failure> {
         "largest error of a predicted contraction: {:.3} mm at {load_n:.2} N and {turns} turns (90 of 100 cases)",
         plan.largest_half_width_m * 1e3
     ))?;
-    output.line(format!("{}: {}", if plan.enough { "more sweeps buy nothing" } else { "a further sweep helps" }, plan.why))?;
+    output.line(format!(
+        "{}: {}",
+        if plan.enough { "more sweeps buy nothing" } else { "a further sweep helps" },
+        plan.why
+    ))?;
     for next in &plan.sweeps {
         output.line(format!(
             "  sweep --load {:.2}N --turns {}: leaves {:.3} mm",
