@@ -416,9 +416,9 @@ fn the_simplest_law_that_predicts_what_is_held_out_is_chosen() {
 #[test]
 fn sweeps_that_something_happened_to_are_named() {
     type Change<'a> = &'a dyn Fn(usize, f64, f64) -> (f64, f64);
-    let slip: Change = &|k, turns, gap| (0.0, if k == 2 && turns > 4.0 { gap + 2e-3 } else { gap });
-    let mistyped: Change = &|k, _, gap| (if k == 3 { 14.0 } else { 0.0 }, gap);
-    let steeper: Change = &|k, turns, gap| (0.0, if k == 2 { gap - 4e-5 * turns * turns } else { gap });
+    let slip: Change<'_> = &|k, turns, gap| (0.0, if k == 2 && turns > 4.0 { gap + 2e-3 } else { gap });
+    let mistyped: Change<'_> = &|k, _, gap| (if k == 3 { 14.0 } else { 0.0 }, gap);
+    let steeper: Change<'_> = &|k, turns, gap| (0.0, if k == 2 { gap - 4e-5 * turns * turns } else { gap });
     for (what, change, file, named) in [
         ("slip", slip, "hung-5", "slip"),
         ("mistyped", mistyped, "hung-10", "what hung there"),

@@ -138,7 +138,7 @@ pub struct Identify {
     pub partial: bool,
     /// Which of the published numbers are only predicted, by their ids or kinds
     /// [default: l0-70,r0-2.5,k-0.01,experiment,span]; `none` fits everything
-    #[arg(long, value_name = "WHAT", value_delimiter = ',', requires = "published")]
+    #[arg(long, value_name = "WHAT", value_delimiter = ',')]
     pub hold_out: Vec<String>,
     /// Also say which further sweep would tell most, and whether any is worth its time
     #[arg(long, conflicts_with = "published")]

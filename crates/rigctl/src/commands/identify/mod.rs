@@ -86,6 +86,11 @@ pub fn run(global: &Global, options: &Identify, output: &mut Output) -> Result<(
     if options.sweeps.is_empty() {
         return Err(Failure::Usage("identify needs recorded sweeps, or --published".into()));
     }
+    if !options.hold_out.is_empty() {
+        return Err(Failure::Usage(
+            "--hold-out: only with --published; of sweeps whole blocks are held out in turn".into(),
+        ));
+    }
     let data = data::sweeps(&scene, &options.sweeps, options.partial)?;
     let known = data.knows_its_zero();
     let candidates = match given(options)? {
