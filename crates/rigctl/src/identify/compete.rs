@@ -114,6 +114,8 @@ pub struct Scored {
     pub verdict: Verdict,
     /// Why its constants cannot be told.
     pub why: Option<String>,
+    /// Why it was tried before the chosen one and passed over: most often because its scene has no table.
+    pub passed_over: Option<String>,
     /// Errors of the rows compared, each predicted from the others.
     #[serde(skip)]
     pub errors: Vec<f64>,
@@ -142,10 +144,43 @@ impl Competition {
         (0..self.scored.len()).filter(equal).collect()
     }
 
+    /// In which order the candidates are tried: the chosen one; those that are not worse than the best, the simplest first;
+    /// then the others by what they predicted.
+    pub fn order(&self) -> Vec<usize> {
+        let scored = &self.scored;
+        let place = |k: &usize| match scored[*k].verdict {
+            Verdict::Chosen => (0, 0),
+            Verdict::Indistinguishable => (1, scored[*k].constants),
+            Verdict::Worse | Verdict::Undetermined => (2, 0),
+        };
+        let mut order: Vec<usize> = (0..scored.len()).filter(|k| scored[*k].fit.is_some()).collect();
+        order.sort_by(|a, b| place(a).cmp(&place(b)).then(held_out(&scored[*a]).total_cmp(&held_out(&scored[*b]))));
+        order
+    }
+
+    /// The same with another candidate chosen; the former one stays one of those that are not worse than the best.
+    ///
+    /// # Errors
+    /// If the candidate has no start.
+    pub fn choosing(mut self, chosen: usize, candidates: &[Candidate]) -> Result<Self, IdentifyError> {
+        if chosen != self.chosen {
+            self.base = candidates[chosen].start()?;
+            self.scored[self.chosen].verdict = Verdict::Indistinguishable;
+            self.scored[chosen].verdict = Verdict::Chosen;
+            self.chosen = chosen;
+        }
+        Ok(self)
+    }
+
     /// Errors of the chosen one on what was held out.
     pub fn held_out(&self) -> Errors {
         Errors::over(self.scored[self.chosen].errors.iter().copied())
     }
+}
+
+/// Rms error of what was held out (m); infinite for what could not be fitted.
+fn held_out(scored: &Scored) -> f64 {
+    scored.held_out_rms.unwrap_or(f64::INFINITY)
 }
 
 /// Which rows are held out together.
@@ -199,6 +234,7 @@ fn score(candidate: &Candidate, data: &Data, folds: &[Vec<usize>]) -> Result<Sco
         held_out_rms: None,
         verdict: Verdict::Undetermined,
         why: None,
+        passed_over: None,
         errors: Vec::new(),
         fit: None,
     };
@@ -234,8 +270,7 @@ pub fn compete(candidates: &[Candidate], data: &Data) -> Result<Competition, Ide
     let (folds, runs) = (folds(&data), data.runs());
     let scored = parallel(&|_, _| (), candidates.len(), |k| score(&candidates[k], &data, &folds));
     let mut scored = scored.into_iter().collect::<Result<Vec<_>, _>>()?;
-    let rms = |s: &Scored| s.held_out_rms.unwrap_or(f64::INFINITY);
-    let best = scored.iter().filter(|s| s.fit.is_some()).min_by(|a, b| rms(a).total_cmp(&rms(b)));
+    let best = scored.iter().filter(|s| s.fit.is_some()).min_by(|a, b| held_out(a).total_cmp(&held_out(b)));
     let Some(best) = best.map(|s| s.errors.clone()) else {
         let first = candidates.first().ok_or_else(|| IdentifyError::Start("no law takes part".into()))?;
         return Err(first.fit(&data).err().unwrap_or_else(|| IdentifyError::NotConverged("no candidate".into())));
@@ -246,7 +281,7 @@ pub fn compete(candidates: &[Candidate], data: &Data) -> Result<Competition, Ide
     let enough = (0..scored.len()).filter(|k| scored[*k].verdict == Verdict::Indistinguishable);
     let simplest = |a: &usize, b: &usize| {
         let (a, b) = (&scored[*a], &scored[*b]);
-        a.constants.cmp(&b.constants).then(rms(a).total_cmp(&rms(b)))
+        a.constants.cmp(&b.constants).then(held_out(a).total_cmp(&held_out(b)))
     };
     let chosen = enough.min_by(simplest).unwrap_or(0);
     scored[chosen].verdict = Verdict::Chosen;

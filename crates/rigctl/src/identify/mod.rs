@@ -5,7 +5,7 @@
 //! - [`fit`]: the least squares, and what the data can tell. [`noise`]: how much correlated residuals tell.
 //! - [`compete`]: laws and materials predict held-out sweeps. [`predict`]: contractions with their errors.
 //! - [`plausible`], [`consistent`]: numbers that no rig gives, wrong units, sweeps that do not belong together.
-//! - [`hysteresis`]: loops between the way up and the way down. [`plan`]: which sweep would tell most.
+//! - [`tabled`]: whether a scene has a table. [`hysteresis`]: loops between the way up and the way down. [`plan`]: which sweep would tell most.
 
 pub mod compete;
 pub mod consistent;
@@ -18,6 +18,7 @@ pub mod noise;
 pub mod plan;
 pub mod plausible;
 pub mod predict;
+pub mod tabled;
 
 use compete::{Candidate, Competition, compete};
 use data::Data;
@@ -26,6 +27,8 @@ use noise::half_width_factor;
 use predict::{Known, Prediction};
 use rig_scene::{Scene, Uncertainty};
 use serde::Serialize;
+use tabled::Untabled;
+use tsa_table::fit::Fit as Table;
 
 /// Errors over some rows: relative for the paper's numbers, in metres for sweeps.
 #[derive(Debug, Clone, Copy, Default, Serialize)]
@@ -114,9 +117,32 @@ pub struct Identified {
     pub misfit: Misfit,
     /// Predicted contractions.
     pub predictions: Vec<Prediction>,
+    /// The table of the scene; none if the scene does not say what a table has to cover, or has none.
+    pub table: Option<Table>,
+    /// Why no candidate has a table, if so.
+    pub untabled: Option<Untabled>,
 }
 
-/// Lets the candidates compete on recorded sweeps, and fits the chosen one to all rows.
+/// A candidate fitted to all rows, and the scene with its constants.
+#[derive(Debug, Clone)]
+struct Made {
+    fit: Fit,
+    scene: Scene,
+}
+
+impl Made {
+    fn of(candidate: &Candidate, data: &Data) -> Result<Self, IdentifyError> {
+        let fit = candidate.fit(data)?;
+        let mut scene = candidate.unknowns.scene(&candidate.scene, &candidate.start()?, &fit.x);
+        if candidate.unknowns.expected {
+            scene.uncertainty = uncertainty(&fit);
+        }
+        scene.validate().map_err(|e| IdentifyError::NotConverged(format!("the identified scene: {e}")))?;
+        Ok(Self { fit, scene })
+    }
+}
+
+/// Lets the candidates compete on recorded sweeps, and fits the best one that has a table to all rows.
 ///
 /// # Errors
 /// If the sweeps cannot tell the constants of any candidate, do not belong together, or a scene with them is not valid.
@@ -124,22 +150,35 @@ pub fn identify(scene: &Scene, data: &Data, candidates: &[Candidate]) -> Result<
     if let Some(why) = consistent::slipped(data) {
         return Err(IdentifyError::Apart(why));
     }
-    let competition = compete(candidates, data)?;
-    let candidate = candidates[competition.chosen].clone();
-    if let Some(why) = consistent::apart(&candidate.unknowns, &competition) {
+    let mut competition = compete(candidates, data)?;
+    if let Some(why) = consistent::apart(&candidates[competition.chosen].unknowns, &competition) {
         return Err(IdentifyError::Apart(why));
     }
-    let mut fit = candidate.fit(data)?;
-    fit.held_out = competition.held_out();
-    let start = candidate.start()?;
-    let mut identified = candidate.unknowns.scene(&candidate.scene, &start, &fit.x);
-    if candidate.unknowns.expected {
-        identified.uncertainty = uncertainty(&fit);
+    let first = competition.chosen;
+    let best = Made::of(&candidates[first], data)?;
+    let mut tabled = None;
+    for k in competition.order() {
+        let made =
+            if k == first { Ok(best.clone()) } else { Made::of(&candidates[k], data).map_err(|e| e.to_string()) };
+        match made.and_then(|made| Ok((tabled::table(&made.scene)?, made))) {
+            Ok((table, made)) => {
+                tabled = Some((k, table, made));
+                break;
+            }
+            Err(why) => competition.scored[k].passed_over = Some(why),
+        }
     }
-    identified.validate().map_err(|e| IdentifyError::NotConverged(format!("the identified scene: {e}")))?;
+    let untabled = tabled.is_none().then(|| Untabled {
+        why: competition.scored[first].passed_over.take().unwrap_or_default(),
+        limits: tabled::limits(&best.scene),
+    });
+    let (chosen, table, Made { mut fit, scene: identified }) = tabled.unwrap_or((first, None, best));
+    let competition = competition.choosing(chosen, candidates)?;
+    let candidate = candidates[chosen].clone();
+    fit.held_out = competition.held_out();
     let known = Known::new(candidates, &competition, &fit)
         .ok_or_else(|| IdentifyError::NotConverged("the chosen law has no start".into()))?;
     let predictions = known.predictions(scene);
     let misfit = Misfit::of(data, &fit);
-    Ok(Identified { scene: identified, candidate, competition, fit, known, misfit, predictions })
+    Ok(Identified { scene: identified, candidate, competition, fit, known, misfit, predictions, table, untabled })
 }

@@ -10,6 +10,7 @@ use crate::identify::fit::{Fit, fit};
 use crate::identify::laws::{K4, Law};
 use crate::identify::plan::{Plan, plan};
 use crate::identify::predict::Prediction;
+use crate::identify::tabled::Untabled;
 use crate::identify::{Identified, Misfit, identify, plausible};
 use crate::options::Global;
 use crate::options::commands::Identify;
@@ -40,6 +41,11 @@ struct Judged<'a> {
     law_holds: bool,
     misfit: Misfit,
     predictions: &'a [Prediction],
+    /// Size of the scene's table (bytes); none if it has none, or asks for none.
+    table_bytes: Option<usize>,
+    /// Why there is no table.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    untabled: Option<&'a Untabled>,
     #[serde(skip_serializing_if = "Option::is_none")]
     next: Option<Plan>,
 }
@@ -56,6 +62,8 @@ impl<'a> Judged<'a> {
             law_holds: found.misfit.holds,
             misfit: found.misfit,
             predictions: &found.predictions,
+            table_bytes: found.table.as_ref().map(|fit| fit.table.numbers.bytes()),
+            untabled: found.untabled.as_ref(),
             next,
         }
     }
@@ -108,6 +116,7 @@ pub fn run(global: &Global, options: &Identify, output: &mut Output) -> Result<(
     for bad in &data.bad {
         eprintln!("passed over: {bad}");
     }
+    print::passed_over(&found);
     let start = found.candidate.start().map_err(|e| Failure::failed(e.to_string()))?;
     print::fit(&found.fit, &found.candidate.unknowns, &start, &found.scene, print::Unit::Metres, output)?;
     print::judged(&found, output)?;

@@ -108,6 +108,24 @@ pub fn file(fit: &Fit, fitted: &Scene, options: &Identify, unit: Unit) -> Result
     Ok(text + "\n" + &toml::to_string(fitted).map_err(|e| Failure::failed(format!("scene: {e}")))?)
 }
 
+/// Warns of laws that were passed over because their scene has no table, and of a scene without a table.
+pub fn passed_over(found: &Identified) {
+    for s in &found.competition.scored {
+        if let Some(why) = &s.passed_over {
+            eprintln!("passed over: {} with {}: {why}", s.law, s.material);
+        }
+    }
+    if let Some(none) = &found.untabled {
+        eprintln!("no table: no firmware can be built for this scene, nor for that of any other law: {}", none.why);
+        match none.limits.as_slice() {
+            [] => eprintln!(
+                "no single limit of the envelope is the cause: ask for less in [accuracy], or for a smaller envelope"
+            ),
+            limits => limits.iter().for_each(|limit| eprintln!("there is a table with {limit}")),
+        }
+    }
+}
+
 /// The competition, and what follows from it.
 pub fn judged(found: &Identified, output: &mut Output) -> Result<(), Failure> {
     let competition = &found.competition;
@@ -119,6 +137,7 @@ pub fn judged(found: &Identified, output: &mut Output) -> Result<(), Failure> {
     ))?;
     for s in &competition.scored {
         let verdict = match s.verdict {
+            _ if s.passed_over.is_some() => "passed over: no table",
             Verdict::Chosen => "enough: written",
             Verdict::Indistinguishable => "cannot be told from the best",
             Verdict::Worse => "worse",
@@ -129,6 +148,9 @@ pub fn judged(found: &Identified, output: &mut Output) -> Result<(), Failure> {
             "  {:<16} {:<10} {:>9} {fitted:>12} {held_out:>12}  {verdict}",
             s.law, s.material, s.constants
         ))?;
+    }
+    if let Some(fit) = &found.table {
+        output.line(format!("table of this scene: {} bytes", fit.table.numbers.bytes()))?;
     }
     let m = &found.misfit;
     let explained = "sensor noise and the loops between up and down explain";
