@@ -9,7 +9,6 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use rig_control::{Rig as Control, RigConstants, settings};
 use rig_link::messages::{EventKind, LoadChoice, Request, SettingValues, State};
-use rig_scene::Scene;
 use rigctl::calibration::{Point, uncalibrated};
 use rigctl::identify::compete::Candidate;
 use rigctl::identify::constants::Constant;
@@ -90,7 +89,7 @@ pub fn commission(subject: &Subject, as_built: bool) -> (Firmware, Vec<Finding>)
         findings.push(finding(Check::HeldOut, Some(held_out_error(&found)), String::new()));
         findings.extend(predicted(subject, &found));
         findings.extend(found_constants(subject, &found));
-        build(&found.scene, &firmware).map_err(|why| format!("table: {why}"))
+        build(found, &firmware).map_err(|why| format!("table: {why}"))
     });
     match built {
         Ok(built) => (built, findings),
@@ -312,8 +311,15 @@ fn held_out_error(found: &Identified) -> f64 {
 }
 
 /// The firmware for an identified scene.
-fn build(identified: &Scene, firmware: &Firmware) -> Result<Firmware, String> {
-    let owned = Box::leak(Box::new(identified.fit_table().map_err(|e| e.to_string())?.table));
-    let constants = identified.constants();
-    Ok(Firmware { table: Box::leak(Box::new(owned.table())), constants, settings: firmware.settings })
+fn build(found: Identified, firmware: &Firmware) -> Result<Firmware, String> {
+    let Some(fit) = found.table else {
+        let none = found.untabled.ok_or("the scene asks for none")?;
+        return Err([vec![none.why], none.limits].concat().join("; with a table: "));
+    };
+    let owned = Box::leak(Box::new(fit.table));
+    Ok(Firmware {
+        table: Box::leak(Box::new(owned.table())),
+        constants: found.scene.constants(),
+        settings: firmware.settings,
+    })
 }
