@@ -82,7 +82,7 @@ fn study() -> Result<Option<Study>, Box<dyn Error>> {
 
 fn constants(scene: &Scene) -> String {
     format!(
-        "/// The rig's numbers, from the scene's `[rig]` and `[uncertainty]`.\n\
+        "/// The rig's numbers, from the scene's `[rig]`.\n\
          pub const RIG: rig_control::RigConstants = rig_control::{:?};\n\
          /// How the board talks to the drive.\n\
          pub const DRIVE_TRANSPORT: rmds405::Transport = rmds405::Transport::{:?};\n",

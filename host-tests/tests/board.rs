@@ -394,7 +394,7 @@ fn the_board_makes_its_own_table_in_seconds_keeps_it_and_falls_back() {
     b.ask(&HELLO).unwrap();
     assert!(b.until(5.0, |b| b.state() == State::Unhomed));
     for (constants, wanted) in [
-        (Constants { string: [f64::NAN; 5], ..thicker() }, TableRefusal::Constants),
+        (Constants { string: [f64::NAN; 6], ..thicker() }, TableRefusal::Constants),
         (Constants { string: thicker().string.map(|v| 1.3 * v), ..thicker() }, TableRefusal::Model),
     ] {
         b.ask(&Request::Rebuild(constants)).unwrap();

@@ -11,11 +11,13 @@ use std::f64::consts::PI;
 type Keys = &'static [(&'static str, &'static str)];
 
 /// Constants 10 % off, one at a time and all together, with twice the usual friction.
-const PLANTS: [(&str, Keys); 10] = [
+const PLANTS: [(&str, Keys); 12] = [
     ("k2 -10 %", &[("k2_scale", "0.9")]),
     ("k2 +10 %", &[("k2_scale", "1.1")]),
     ("k3 -10 %", &[("k3_scale", "0.9")]),
     ("k3 +10 %", &[("k3_scale", "1.1")]),
+    ("k4 -10 %", &[("k4_scale", "0.9")]),
+    ("k4 +10 %", &[("k4_scale", "1.1")]),
     ("K -10 %", &[("stiffness_scale", "0.9")]),
     ("K +10 %", &[("stiffness_scale", "1.1")]),
     ("E -10 %", &[("modulus_scale", "0.9")]),
@@ -58,6 +60,7 @@ fn track(d: &mut ControlBench, target_m: f32) -> f64 {
 #[test]
 fn tracks_and_rests_and_weighs_on_plants_that_are_10_percent_off() {
     let (mut farthest, mut at_rest, mut heaviest) = (0.0f64, 0.0f64, 0.0f64);
+    let (mut covered, mut cases) = (0, 0);
     for (seed, (name, keys)) in PLANTS.iter().enumerate() {
         for load in ["0.1kg", "0.15kg", "0.5kg", "1.5kg"] {
             let mut d = homed(keys, load, "0.1", seed as u64);
@@ -66,18 +69,26 @@ fn tracks_and_rests_and_weighs_on_plants_that_are_10_percent_off() {
                 d.run(1.0);
                 let rest = d.true_position_m() - f64::from(target);
                 let load_share = load_error(&d) / d.truth().load_n;
-                let told_n = d.last.as_ref().unwrap().telemetry.load_error_n.unwrap();
-                let told_share = f64::from(told_n) / d.truth().load_n;
+                let stated_n = d.last.as_ref().unwrap().telemetry.load_error_n.unwrap();
+                let stated_share = f64::from(stated_n) / d.truth().load_n;
                 let of = format!("{name}, {load} to {target} m");
                 assert!(apart < 150e-6, "{of}: {apart} m from the set-point");
                 assert!(rest.abs() < 50e-6, "{of}: {rest} m at rest");
-                assert!(load_share.abs() < (2.0 * told_share).max(0.12), "{of}: load {load_share}, {told_share} told");
+                println!("{of}: load {load_share:+.3}, stated {stated_share:.3}");
+                assert!(
+                    load_share.abs() < (3.0 * stated_share).max(0.12),
+                    "{of}: load {load_share}, {stated_share} stated"
+                );
+                covered += u32::from(load_share.abs() <= stated_share);
+                cases += 1;
                 farthest = farthest.max(apart);
                 at_rest = at_rest.max(rest.abs());
                 heaviest = heaviest.max(load_share.abs());
             }
         }
     }
+    // Meant to hold in 90 of 100 cases, 85 to 95.
+    assert!(20 * covered >= 17 * cases, "the stated error holds the truth in {covered} of {cases} cases");
     println!(
         "worst: {:.0} um on the way, {:.0} um at rest, load {:.1} %",
         farthest * 1e6,
@@ -175,7 +186,7 @@ fn homes_within_20_mrad_from_any_twist_under_any_load() {
 #[test]
 fn homes_from_the_farthest_twist_that_the_strings_can_have() {
     let mut worst = (0.0f64, 0.0f64, 0.0f64);
-    for (seed, load) in ["0.5", "0.6", "0.1kg", "2", "5", "18"].iter().enumerate() {
+    for (seed, load) in ["0.8", "0.9", "0.1kg", "2", "5", "18"].iter().enumerate() {
         let nominal = ControlBench::new(&[("load", load)], 1);
         let most = (10.0 * nominal.rig.plant().surface().expect("built in").last_twist_rad(nominal.truth().load_n))
             .floor()
@@ -201,10 +212,10 @@ fn homes_from_the_farthest_twist_that_the_strings_can_have() {
     println!("worst: {:.2} mrad, load {:.2} of its floor, {:.1} s", worst.0 * 1e3, worst.1, worst.2);
 }
 
-/// Ten turns either way, which is past closed strings under 0.1 kg: left there, they fling the rotor to the other side.
+/// Nearly as far as strings under 0.1 kg can be twisted, either way: left there, they fling the rotor to the other side.
 #[test]
-fn homes_from_ten_turns_under_the_lightest_load() {
-    for twist in ["62.83", "-62.83"] {
+fn homes_from_closed_strings_under_the_lightest_load() {
+    for twist in ["60.8", "-60.8"] {
         for (seed, friction) in [(1, "0.02"), (2, "0.02"), (3, "0.05")] {
             let mut d = ControlBench::new(&[("load", "0.1kg"), ("friction", friction), ("twist_at_boot", twist)], seed);
             d.home().unwrap_or_else(|e| panic!("{twist} {friction}: {e}"));
@@ -216,7 +227,7 @@ fn homes_from_ten_turns_under_the_lightest_load() {
 /// A rail that lets nothing move, anywhere: homing gives up, with the strings held and little more tension than before.
 #[test]
 fn a_jammed_load_is_not_homed() {
-    for (load, twist) in [("0.1kg", "61"), ("0.1kg", "-61"), ("0.5kg", "71"), ("1.5kg", "40"), ("1.5kg", "-20")] {
+    for (load, twist) in [("0.1kg", "60"), ("0.1kg", "-60"), ("0.5kg", "71"), ("1.5kg", "40"), ("1.5kg", "-20")] {
         let mut d = ControlBench::new(&[("load", load), ("friction", "100"), ("twist_at_boot", twist)], 4);
         let error = d.home().expect_err("it cannot move");
         assert!(error.contains("NoPretwist"), "{load} {twist}: {error}");

@@ -208,6 +208,6 @@ fn the_time_to_the_target_is_that_of_the_plan_step_by_step() {
         }
         let took_s = f32::from(ticks) * TICK_S;
         println!("{way_m} m at {asked} m/s: {expected_s:.3} s expected, {took_s:.3} s taken");
-        assert!((expected_s - took_s).abs() < 0.03 + 0.02 * took_s, "{expected_s} s expected, {took_s} s taken");
+        assert!((expected_s - took_s).abs() < 0.05 + 0.02 * took_s, "{expected_s} s expected, {took_s} s taken");
     }
 }

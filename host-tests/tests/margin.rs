@@ -87,9 +87,11 @@ fn a_fixed_ratio_swings_from_the_gain_on_at_which_it_should() {
 
 #[test]
 fn the_scheduled_loop_has_a_margin_of_two_where_a_fixed_one_is_unstable() {
-    let mechanism = host_tests::scene().mechanism().unwrap();
+    let scene = host_tests::scene();
+    let (mechanism, [least_n, most_n]) = (scene.mechanism().unwrap(), scene.envelope.unwrap().load_n);
     let part = |k: u32| f64::from(k) / 7.0;
-    let states = (0..8).flat_map(|i| (0..8).map(move |j| (0.5 * 36f64.powf(part(i)), 7.5 * part(j))));
+    let load_n = |k: u32| least_n * (most_n / least_n).powf(part(k));
+    let states = (0..8).flat_map(|i| (0..8).map(move |j| (load_n(i), 7.5 * part(j))));
     let margins = states.map(|(load_n, turns)| {
         let hung = Hung::at(&mechanism, load_n, twist_from_turns(turns)).unwrap();
         [Controller::scheduled(), Controller::fixed(RATIO)].map(|c| hung.gain_margin(&c))

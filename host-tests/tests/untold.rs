@@ -194,7 +194,8 @@ fn a_slip_during_homing_is_refused_and_one_before_the_sweeps_does_no_harm() {
 /// No move can show these: the load agrees with itself, and is wrong.
 #[test]
 fn a_sensor_or_strings_far_from_the_scene_leave_the_load_unknown() {
-    let constants = |scale| ["k2_scale", "k3_scale", "stiffness_scale", "modulus_scale"].map(|key| (key, scale));
+    let constants =
+        |scale| ["k2_scale", "k3_scale", "k4_scale", "stiffness_scale", "modulus_scale"].map(|key| (key, scale));
     let mut rigs: Vec<Vec<(&str, &str)>> = Vec::new();
     for load in ["0.1kg", "0.5kg", "1.5kg"] {
         for gain in ["-15%", "15%"] {

@@ -10,8 +10,8 @@ use embassy_time::Instant;
 use rig_link::messages::{Constants, EventKind, Message, TableRefusal};
 use static_cell::StaticCell;
 use tsa_model::{Geometry, Material, Parameters, StringParameters};
-use tsa_table::Table;
 use tsa_table::rebuild::{Rebuild, RebuildError, Rebuilt};
+use tsa_table::{Table, Uncertainty};
 
 /// Number of tables that one run of the firmware can use. No table is freed, because the control task may still use it.
 const TABLES_MAX: usize = 4;
@@ -91,7 +91,11 @@ fn parameters(c: &Constants) -> Option<Parameters> {
 
 async fn build(constants: &Constants) -> Result<(Rebuilt, u32), EventKind> {
     let Some(parameters) = parameters(constants) else { return Err(refused(TableRefusal::Constants, 0.0, 0.0)) };
-    let begun = Rebuild::new(&scene::TABLE, &parameters, constants.scene_hash, scene::ACCURACY, scene::SPARE_SHAPE);
+    let Some(uncertainty) = Uncertainty::from_numbers(constants.uncertainty) else {
+        return Err(refused(TableRefusal::Constants, 0.0, 0.0));
+    };
+    let (hash, accuracy) = (constants.scene_hash, scene::ACCURACY);
+    let begun = Rebuild::new(&scene::TABLE, &parameters, hash, uncertainty, accuracy, scene::SPARE_SHAPE);
     let mut rebuild = begun.map_err(refusal)?;
     loop {
         if let Some(done) = rebuild.step().map_err(refusal)? {

@@ -117,10 +117,10 @@ mod tests {
     #[test]
     fn every_symbol_is_a_key() {
         // No law has both p and k4.
-        let logarithmic = Scene::from_toml_str(include_str!("../../../scenes/paper-computed.toml")).unwrap();
+        let power = Scene::from_toml_str(include_str!("../../../scenes/paper-identified.toml")).unwrap();
         for (symbol, key) in SYMBOLS {
             let (table, name) = key.split_once('.').unwrap();
-            let scene = if symbol == "k4" { logarithmic.clone() } else { scene() };
+            let scene = if symbol == "p" { power.clone() } else { scene() };
             let file = toml::Table::try_from(scene.clone()).unwrap();
             let value = file[table][name].clone();
             assert_eq!(set(&scene, symbol, value).unwrap(), scene, "{symbol}");

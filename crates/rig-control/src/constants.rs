@@ -53,12 +53,6 @@ pub struct RigConstants {
     pub lvdt_stroke_m: f32,
     /// Linearity error of the LVDT by its data sheet: greatest deviation of the gap from a straight line over the stroke (m).
     pub lvdt_linearity_m: f32,
-    /// Standard error of the LVDT's zero beside the mechanism's gap (m).
-    pub gap_zero_error_m: f32,
-    /// Relative standard error of the string radius.
-    pub radius_error: f32,
-    /// Standard error of a change of the load, as a share of the change.
-    pub load_shape_error: f32,
     /// RMDS group.
     pub drive_group: u8,
     /// RMDS number.
@@ -165,9 +159,6 @@ pub(crate) mod tests {
         lvdt_offset_m: 0.0,
         lvdt_stroke_m: 0.2,
         lvdt_linearity_m: 0.5e-3,
-        gap_zero_error_m: 1e-3,
-        radius_error: 0.03,
-        load_shape_error: 0.03,
         drive_group: 0,
         drive_number: 1,
         supply_limits_v: [19.2, 28.8],

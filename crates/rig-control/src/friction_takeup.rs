@@ -23,7 +23,7 @@ const STUCK_M: f32 = 20e-6;
 const STUCK_NOISES: f32 = 3.0;
 /// A load that breaks loose from stiction jumps. An error that is below this share of the jump is left alone: after another
 /// jump it would be no smaller.
-const JUMP_SHARE: f32 = 0.55;
+pub const JUMP_SHARE: f32 = 0.55;
 /// The same while the move can come again instead: only a whole jump then leads to the target.
 const WHOLE_JUMP_SHARE: f32 = 0.85;
 /// Share of the motor's speed and acceleration for that; the rest is the move's.

@@ -63,6 +63,8 @@ pub struct LoadObserver {
     load_n: f32,
     /// As homing left it: load (N), covariance of scale and curve, noise of the gap (m), relative error of a change.
     homed_n: f32,
+    /// Standard error of the load that homing found, as a share of it.
+    homed_share: f32,
     covariance: [f32; 3],
     gap_noise_m: f32,
     shape_error: f32,
@@ -124,6 +126,7 @@ impl LoadObserver {
         Self {
             load_n: homed.load_n,
             homed_n: homed.load_n,
+            homed_share: homed.load_error_n / (NINETY_PERCENT * homed.load_n),
             covariance: homed.covariance,
             gap_noise_m: homed.gap_noise_m,
             shape_error,
@@ -193,6 +196,8 @@ impl LoadObserver {
         let [scale, both, constant] = self.covariance;
         let open_m2 = (by_scale_m * by_scale_m * scale + 2.0 * by_scale_m * both + constant).max(0.0);
         let gap_n = libm::sqrtf(open_m2 + self.gap_noise_m * self.gap_noise_m) / point.dgap_dload_m_per_n;
+        // No later reading of the gap is better than what the homing could make of all of them.
+        let gap_n = gap_n.max(self.homed_share * self.load_n);
         let band_n = self.band * self.friction_n;
         let change_n = self.shape_error * (self.load_n - self.homed_n);
         let memory_n = self.memory_share() * self.load_n;

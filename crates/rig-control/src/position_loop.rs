@@ -17,8 +17,9 @@ pub const BANDWIDTH_PER_S: f32 = 3.0;
 /// Corner of the two smoothing poles (rad/s).
 pub const CORNER_RAD_PER_S: f32 = 9.0;
 /// Least error (m) below which a load at rest is left alone, an eighth of an LVDT count, and more where the gap is noisier.
-const AT_REST_M: f32 = 6e-6;
-const AT_REST_NOISES: f32 = 1.7;
+pub const AT_REST_M: f32 = 6e-6;
+/// The same, over the noise of the gap.
+pub const AT_REST_NOISES: f32 = 1.7;
 /// How long the error at rest is averaged over (s) before it is held against what stiction does not let the loop reduce
 /// ([`FrictionTakeup::tolerance_m`]): noise must not push a load that sticks.
 const AT_REST_S: f32 = 0.3;

@@ -1,6 +1,5 @@
 //! `[rig]`: motor, gear, drive and sensors, and the numbers that the control code takes from them.
 
-use crate::uncertainty::Uncertainty;
 use rig_control::RigConstants;
 use serde::{Deserialize, Serialize};
 use tsa_model::ParameterError;
@@ -122,8 +121,8 @@ impl Rig {
         [(0.8 * self.supply_voltage_v).max(10.0), (1.2 * self.supply_voltage_v).min(58.0)]
     }
 
-    /// These numbers for the control code, with how well the mechanism's constants are known.
-    pub(crate) fn constants(&self, uncertainty: &Uncertainty) -> RigConstants {
+    /// These numbers for the control code.
+    pub(crate) fn constants(&self) -> RigConstants {
         RigConstants {
             gear_ratio: self.gear() as f32,
             counts_per_rad: self.counts_per_rad() as f32,
@@ -138,9 +137,6 @@ impl Rig {
             lvdt_offset_m: 0.0,
             lvdt_stroke_m: self.lvdt_stroke_m as f32,
             lvdt_linearity_m: (self.lvdt_linearity * self.lvdt_stroke_m) as f32,
-            gap_zero_error_m: uncertainty.gap_zero_m as f32,
-            radius_error: uncertainty.radius as f32,
-            load_shape_error: uncertainty.load_shape as f32,
             drive_group: self.drive_group,
             drive_number: self.drive_number,
             supply_limits_v: self.supply_limits_v().map(|volts| volts as f32),

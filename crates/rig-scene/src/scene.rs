@@ -1,5 +1,6 @@
 //! A scene: the mechanism's constants, the rig around it, and what a table must cover.
 
+use crate::accuracy::TableAccuracy;
 use crate::error::{SceneError, TableError};
 use crate::rig::Rig;
 use crate::uncertainty::Uncertainty;
@@ -32,7 +33,7 @@ pub struct Scene {
     pub envelope: Option<Envelope>,
     /// How well a table must do it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub accuracy: Option<Accuracy>,
+    pub accuracy: Option<TableAccuracy>,
 }
 
 /// What a table must cover.
@@ -101,7 +102,7 @@ impl Scene {
                 return refuse("envelope.turns", turns[1], "must end above its start");
             }
         }
-        if let Some(Accuracy { contraction_m, tr_relative }) = self.accuracy {
+        if let Some(TableAccuracy::Given(Accuracy { contraction_m, tr_relative })) = self.accuracy {
             for (parameter, value) in [("accuracy.contraction_m", contraction_m), ("accuracy.tr_relative", tr_relative)]
             {
                 if !(value > 0.0 && value.is_finite()) {
@@ -122,16 +123,32 @@ impl Scene {
 
     /// The rig's numbers for the control code; the settings on the board correct them later.
     pub fn constants(&self) -> RigConstants {
-        self.rig.constants(&self.uncertainty)
+        self.rig.constants()
+    }
+
+    /// What a table must cover.
+    ///
+    /// # Errors
+    /// [`SceneError::Missing`] if the scene does not say it.
+    pub fn covered(&self) -> Result<Envelope, SceneError> {
+        self.envelope.ok_or(SceneError::Missing { table: "envelope" })
+    }
+
+    /// The accuracy in numbers, those of the error budget where the scene asks for them; `None` where it says nothing.
+    ///
+    /// # Errors
+    /// [`SceneError::Budget`] if the budget cannot be computed.
+    pub fn accuracy(&self) -> Result<Option<Accuracy>, SceneError> {
+        self.accuracy.map(|asked| asked.of(self)).transpose()
     }
 
     /// Envelope and accuracy, which a table needs.
     ///
     /// # Errors
-    /// [`SceneError::Missing`] naming the absent one.
+    /// [`SceneError::Missing`] naming the absent one; or as [`Scene::accuracy`].
     pub fn table_demand(&self) -> Result<(Envelope, Accuracy), SceneError> {
-        let envelope = self.envelope.ok_or(SceneError::Missing { table: "envelope" })?;
-        let accuracy = self.accuracy.ok_or(SceneError::Missing { table: "accuracy" })?;
+        let envelope = self.covered()?;
+        let accuracy = self.accuracy()?.ok_or(SceneError::Missing { table: "accuracy" })?;
         Ok((envelope, accuracy))
     }
 
@@ -142,7 +159,8 @@ impl Scene {
     pub fn demand(&self) -> Result<Demand, SceneError> {
         let (envelope, accuracy) = self.table_demand()?;
         let [_, twist_max_rad] = envelope.twist_rad();
-        Ok(Demand { load_n: envelope.load_n, twist_max_rad, accuracy, scene_hash: self.hash() })
+        let uncertainty = self.uncertainty.of_table();
+        Ok(Demand { load_n: envelope.load_n, twist_max_rad, accuracy, uncertainty, scene_hash: self.hash() })
     }
 
     /// Fits, chooses and certifies the table of this scene.
@@ -163,9 +181,16 @@ impl Scene {
         Ok(fit::fit_tier(&self.mechanism()?, &demand, tier)?)
     }
 
-    /// CRC-32 of the scene's canonical form: the same for files that differ only in comments, order or defaults.
+    /// CRC-32 of the scene's canonical form: the same for files that differ only in comments, order or defaults. An accuracy by
+    /// the error budget counts as its numbers, so that the hash names the table that is built.
     pub fn hash(&self) -> u32 {
-        hash(self)
+        hash(&Self { accuracy: self.in_numbers(), ..self.clone() })
+    }
+
+    /// The accuracy in numbers; as it is written in a scene that has no budget, and therefore no table.
+    fn in_numbers(&self) -> Option<TableAccuracy> {
+        let numbers = self.accuracy().ok().flatten();
+        numbers.map(TableAccuracy::Given).or(self.accuracy)
     }
 
     /// The same of `[rig]` alone, which a table does not depend on and a board has built in.
@@ -178,9 +203,9 @@ impl Scene {
         #[derive(Serialize)]
         struct Demand {
             envelope: Option<Envelope>,
-            accuracy: Option<Accuracy>,
+            accuracy: Option<TableAccuracy>,
         }
-        hash(&Demand { envelope: self.envelope, accuracy: self.accuracy })
+        hash(&Demand { envelope: self.envelope, accuracy: self.in_numbers() })
     }
 }
 

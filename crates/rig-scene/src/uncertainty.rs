@@ -12,18 +12,25 @@ pub struct Uncertainty {
     pub radius: f64,
     /// Standard error of the LVDT's zero beside the mechanism's gap (m).
     pub gap_zero_m: f64,
-    /// Standard error of a change of the load, as a share of the change.
+    /// Standard error of how the radius depends on the load: of a load that is weighed, and of a change of the load, as a
+    /// share of it.
     pub load_shape: f64,
 }
 
 impl Default for Uncertainty {
     /// Constants from the paper for a rig of its kind that nobody has identified, and an LVDT that is mounted by callipers.
     fn default() -> Self {
-        Self { radius: 0.03, gap_zero_m: 1e-3, load_shape: 0.05 }
+        Self { radius: 0.03, gap_zero_m: 1e-3, load_shape: 0.08 }
     }
 }
 
 impl Uncertainty {
+    /// As the metadata of a table has it.
+    pub fn of_table(&self) -> tsa_table::Uncertainty {
+        let Self { radius, gap_zero_m, load_shape } = *self;
+        tsa_table::Uncertainty { radius: radius as f32, gap_zero_m: gap_zero_m as f32, load_shape: load_shape as f32 }
+    }
+
     /// Whether it is the default, which a scene file may leave out.
     pub(crate) fn is_default(&self) -> bool {
         *self == Self::default()

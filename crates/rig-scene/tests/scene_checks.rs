@@ -105,12 +105,12 @@ const CASES: &[Case] = &[
     },
     Case {
         impossible: &[("lvdt_gap_at_zero_m", "0.5")],
-        named: &["rig.lvdt_gap_at_zero_m", "39.97 mm", "700 mm"],
+        named: &["rig.lvdt_gap_at_zero_m", "51.57 mm", "700 mm"],
         possible: &[("lvdt_gap_at_zero_m", "0.02")],
     },
     // The whole stroke would do, but 99 % of the ADC's range count as a short.
     Case {
-        impossible: &[("lvdt_stroke_m", "0.114"), ("lvdt_volts_at_stroke", "3.3")],
+        impossible: &[("lvdt_stroke_m", "0.111"), ("lvdt_volts_at_stroke", "3.3")],
         named: &["rig.lvdt_volts_at_stroke", "zero twist"],
         possible: &[("lvdt_stroke_m", "0.12"), ("lvdt_volts_at_stroke", "3.3")],
     },
@@ -225,7 +225,7 @@ fn an_unusual_value_is_a_warning() {
     for (changes, named) in [
         (&[("rod_span_m", "0.010")][..], "geometry.rod_span_m"),
         (&[("supply_divider", "2000.0")], "rig.supply_divider"),
-        (&[("lvdt_gap_at_zero_m", "0.033")], "rig.lvdt_gap_at_zero_m"),
+        (&[("lvdt_gap_at_zero_m", "0.044")], "rig.lvdt_gap_at_zero_m"),
         (&[("drive_current_limit_a", "0.011")], "rig.drive_current_limit_a"),
         (&[("rotor_inertia_kg_m2", "2e-6")], "rig.rotor_inertia_kg_m2"),
     ] {

@@ -31,8 +31,9 @@ const LAG_QUARTERS: u32 = 40;
 /// What twist speeds are taken over (ticks): in a single one they are the drive's own ripple.
 const SPEED_TICKS: usize = 10;
 
-/// Load (share), set-point (m) and twist speed (rad/s) by which recorded and replayed have parted. The drive's own loop
-/// follows a steep command by up to 0.8 rad/s otherwise than a mere delay would.
+/// Load (share), set-point (m, beyond those of the neighbouring ticks) and twist speed (rad/s) by which recorded and
+/// replayed have parted. The drive's own loop follows a steep command by up to 0.8 rad/s otherwise than a mere delay
+/// would.
 pub const PARTED: (f64, f64, f64) = (0.01, 10e-6, 1.0);
 
 /// Largest and rms difference, replayed less recorded.
@@ -339,7 +340,12 @@ fn parting(ticks: &[Tick], answers: &[Answer], speed: Option<(usize, [f64; 2])>)
             return part("load_n", Some([recorded, replayed]));
         }
         let setpoint = tick.row.setpoint_m.zip(answer.setpoint_m.map(f64::from));
-        if let Some((recorded, replayed)) = setpoint.filter(|(a, b)| (a - b).abs() > PARTED.1) {
+        // Rounding can end the friction take-up of a move a tick earlier or later, and the set-point follows.
+        let near = &ticks[k.saturating_sub(1)..ticks.len().min(k + 2)];
+        let near = near.iter().filter_map(|t| t.row.setpoint_m);
+        let [low, high] = near.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], m| [l.min(m), h.max(m)]);
+        let apart = |replayed: &f64| (low - replayed).max(replayed - high) > PARTED.1;
+        if let Some((recorded, replayed)) = setpoint.filter(|(_, replayed)| apart(replayed)) {
             return part("setpoint_m", Some([recorded, replayed]));
         }
         if let Some((_, both)) = speed.filter(|(at, _)| *at == k) {

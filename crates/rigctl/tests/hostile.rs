@@ -224,8 +224,8 @@ fn an_interrupt_ends_the_tool_and_its_emulated_board_whatever_they_do() {
     // Strings that the board makes a table for in seconds.
     let scene = folder.join("other.toml");
     let default = std::fs::read_to_string(root().join("scenes/default.toml")).expect("the default scene");
-    assert!(default.contains("\nk2 = 0.1914\n"));
-    std::fs::write(&scene, default.replace("\nk2 = 0.1914\n", "\nk2 = 0.2\n")).expect("written");
+    assert!(default.contains("\nk2 = 0.127\n"));
+    std::fs::write(&scene, default.replace("\nk2 = 0.127\n", "\nk2 = 0.13\n")).expect("written");
     let table = ["table", "--board", "--scene", text(&scene), "--plant-scene", "scenes/default.toml"];
     for (arguments, name, stuck) in
         [(&sim[..], "-INT", false), (&sim, "-TERM", true), (&table, "-INT", false), (&table, "-TERM", true)]

@@ -158,7 +158,9 @@ fn a_replay_agrees_until_the_log_says_otherwise() {
     let one = &whole["stretches"][0];
     assert!(whole["same_table"] == true && one["ticks"].as_u64() > Some(1000) && one["parted"].is_null(), "{one}");
     let largest = |what: &str| one[what]["largest"].as_f64().expect("a number");
-    assert!(largest("load_n") < 0.01 && largest("setpoint_m") < 0.1e-6, "{one}");
+    // The log rounds its numbers, and the set-point's path follows from the load estimate: a tenth of what counts as
+    // parted is allowed.
+    assert!(largest("load_n") < 0.01 && largest("setpoint_m") < 1e-6, "{one}");
     assert!(largest("twist_speed_rad_per_s") < 1.0 && one["ended_by"] == "the log's end", "{one}");
     // Another estimate from 36 s on: by 3 %.
     let log = std::fs::read_to_string(&path).expect("the log");

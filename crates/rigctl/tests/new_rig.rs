@@ -126,7 +126,7 @@ fn a_rig_15_percent_off_its_scene_is_calibrated_on_its_own_board() {
         let [a, b] = [before, after].map(|[m, share]| format!("{:+.1} um, load {:+.2} %", m * 1e6, share * 100.0));
         println!("12 mm under {load_n} N: {a} before; {b} after");
     }
-    assert!(was_m > 1e-3 && is_m < 60e-6, "{was_m} m before, {is_m} m after");
+    assert!(was_m > 0.5e-3 && is_m < 60e-6, "{was_m} m before, {is_m} m after");
     assert!(table_m < 5e-6);
     for (before, after) in before.iter().zip(&after) {
         assert!(before[0].abs() > 60e-6 && after[0].abs() < 30e-6, "{before:?} {after:?}");

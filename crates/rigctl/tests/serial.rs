@@ -169,8 +169,8 @@ fn an_interrupt_while_the_board_makes_a_table_says_that_it_goes_on() {
     board.wait_started();
     let scene = std::env::temp_dir().join(format!("rigctl-interrupted-table-{}.toml", std::process::id()));
     let default = std::fs::read_to_string(SCENE).expect("the default scene");
-    assert!(default.contains("\nk2 = 0.1914\n"));
-    std::fs::write(&scene, default.replace("\nk2 = 0.1914\n", "\nk2 = 0.2\n")).expect("written");
+    assert!(default.contains("\nk2 = 0.127\n"));
+    std::fs::write(&scene, default.replace("\nk2 = 0.127\n", "\nk2 = 0.13\n")).expect("written");
     let mut tool = Command::new(env!("CARGO_BIN_EXE_rigctl"));
     tool.args(["--port", &board.device, "table", "--board", "--scene"]).arg(&scene);
     board.met.store(true, Ordering::Relaxed);

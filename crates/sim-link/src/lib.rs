@@ -6,6 +6,7 @@
 //! - [`control`]: requests and answers, one JSON value on each line.
 //! - [`plant`]: what can be changed about the emulated rig without telling the firmware.
 //! - [`preset`]: rigs that differ from their own model, drawn from a seed.
+//! - [`effects`]: constants of what real rigs have besides their model.
 //! - [`faults`]: what can be broken in the emulated rig and its board.
 //! - [`truth`]: what really happens in the emulated rig.
 //! - [`units`]: numbers with units, as an operator types them.
@@ -13,6 +14,7 @@
 #![forbid(unsafe_code)]
 
 pub mod control;
+pub mod effects;
 pub mod faults;
 pub mod plant;
 pub mod preset;

@@ -76,6 +76,16 @@ impl Draw {
             Self::ScaleBelow => 1.0 - present,
         }
     }
+
+    /// Root mean square of what it draws for a size, from 0 or from 1.
+    fn rms(self, size: f64) -> f64 {
+        let least = match self {
+            Self::Either | Self::ScaleEither => 0.0,
+            Self::Present | Self::ScaleAbove | Self::ScaleBelow => LEAST_SHARE,
+        };
+        // The mean square of an even distribution from least to 1.
+        size * ((1.0 - least * least * least) / (3.0 * (1.0 - least))).sqrt()
+    }
 }
 
 impl RigPreset {
@@ -110,6 +120,17 @@ impl RigPreset {
         };
         let [least, most] = key.range();
         Some(PlantChange { key, value: value.clamp(least, most) })
+    }
+
+    /// Root mean square of what the rigs of this kind have in a key, or differ by from 1 where it scales or divides something;
+    /// 0 for keys that are the same in every rig. SI units.
+    pub fn rms(self, key: PlantKey) -> f64 {
+        let found = SIZES.iter().find(|size| size.0 == key);
+        found.map_or(0.0, |(_, draw, nominal, hard)| match self {
+            Self::Ideal => 0.0,
+            Self::Nominal => draw.rms(*nominal),
+            Self::Hard => draw.rms(*hard),
+        })
     }
 
     /// The plant keys of the rig that a seed names, in a fixed order; none for the ideal rig.
@@ -194,6 +215,18 @@ mod tests {
                 assert!((mean - 0.5 * (low + high)).abs() < 0.1 * width, "{key}: mean {mean}");
             }
         }
+    }
+
+    #[test]
+    fn the_root_mean_square_is_that_of_the_rigs() {
+        for (key, draw, ..) in SIZES {
+            let from = f64::from(u8::from(matches!(draw, Draw::ScaleEither | Draw::ScaleAbove | Draw::ScaleBelow)));
+            let squares: f64 = column(RigPreset::Hard, key).iter().map(|value| (value - from).powi(2)).sum();
+            let rms = (squares / 200.0).sqrt();
+            assert!((RigPreset::Hard.rms(key) / rms - 1.0).abs() < 0.15, "{key}: {rms}");
+            assert_eq!(RigPreset::Ideal.rms(key), 0.0);
+        }
+        assert_eq!(RigPreset::Hard.rms(PlantKey::Load), 0.0);
     }
 
     #[test]

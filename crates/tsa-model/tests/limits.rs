@@ -21,7 +21,7 @@ fn edge(good: f64, bad: f64, solve: impl Fn(f64) -> Result<tsa_model::Equilibriu
 
 #[test]
 fn numbers_that_are_not_finite() {
-    let m = scene("default").mechanism().unwrap();
+    let m = scene("paper-identified").mechanism().unwrap();
     for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         assert!(matches!(m.solve(bad, 4.0), Err(SolveError::NotFinite { parameter: "load", .. })));
         assert!(matches!(m.solve(1.0, bad), Err(SolveError::NotFinite { parameter: "twist", .. })));
@@ -31,7 +31,7 @@ fn numbers_that_are_not_finite() {
 
 #[test]
 fn a_vanishing_load() {
-    let m = scene("default").mechanism().unwrap();
+    let m = scene("paper-identified").mechanism().unwrap();
     for load in [-1.0, 0.0, 0.0499] {
         assert!(matches!(m.solve(load, 4.0), Err(SolveError::Slack { .. })), "{load} N");
     }
@@ -42,7 +42,7 @@ fn a_vanishing_load() {
 
 #[test]
 fn overtwist() {
-    let s = scene("default");
+    let s = scene("paper-identified");
     let m = s.mechanism().unwrap();
     let (good, bad) = edge(9.0, 10.0, |turns| m.solve(1.0, twist_from_turns(turns)));
     let Err(SolveError::Overtwist { length_m, needed_m }) = m.solve(1.0, twist_from_turns(bad)) else {
@@ -87,7 +87,7 @@ fn a_falling_stress_strain_curve() {
 
 #[test]
 fn the_range_of_the_polynomial() {
-    let mut s = scene("default");
+    let mut s = scene("paper-identified");
     s.geometry.rod_radius_m = 0.00035;
     let m = s.mechanism().unwrap();
     assert!(m.solve(3.0, 20.0).unwrap().warnings.is_empty());
@@ -99,7 +99,7 @@ fn the_range_of_the_polynomial() {
 
 #[test]
 fn rods_without_free_length() {
-    let mut s = scene("default");
+    let mut s = scene("paper-identified");
     s.geometry.clamp_width_m = s.geometry.rod_span_m;
     let rigid = s.mechanism().unwrap().solve(5.0, 20.0).unwrap();
     assert_eq!((rigid.u_m, rigid.w_m, rigid.bending_strain, rigid.tip_angle_rad), (0.0, 0.0, 0.0, 0.0));
@@ -130,7 +130,7 @@ fn open_strings_and_negative_twist() {
 #[test]
 fn more_than_one_equilibrium() {
     // |n| l²/EI beyond π²/4: solved on the branch that the unloaded state leads to, with a warning.
-    let mut s = scene("default");
+    let mut s = scene("paper-identified");
     s.geometry.rod_span_m = 0.06;
     let m = s.mechanism().unwrap();
     let heavy = m.solve(10.0, 15.0).unwrap();

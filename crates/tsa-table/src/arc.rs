@@ -2,7 +2,7 @@
 //!
 //! Twist changes the equilibrium only through the arc a = θ r that the strings add to the horizontal run (eq. 25), and
 //! eq. 6 says how r depends on load and twist: a = κ θ/F + ρ(θ). As a function of load and arc the gap has neither the
-//! 1/F of a light load nor the fractional power of the radius law, and its square is smoother still:
+//! 1/F of a light load nor the power or logarithm of the radius law, and its square is smoother still:
 //! G² ≈ L0² − (D + a)². So G² is a short polynomial in F and a on each of a few ranges of the load.
 
 use crate::point::Point;

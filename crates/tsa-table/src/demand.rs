@@ -1,5 +1,6 @@
 //! What a table must cover and how well, and why there may be none.
 
+use crate::table::Uncertainty;
 use serde::{Deserialize, Serialize};
 use tsa_model::SolveError;
 
@@ -25,6 +26,8 @@ pub struct Demand {
     pub twist_max_rad: f64,
     /// How well.
     pub accuracy: Accuracy,
+    /// How well the constants are known, for the table's metadata.
+    pub uncertainty: Uncertainty,
     /// Hash of the scene that demands it, for the table's metadata.
     pub scene_hash: u32,
 }

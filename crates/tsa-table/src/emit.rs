@@ -43,6 +43,7 @@ pub fn table_source(name: &str, doc: &str, table: &OwnedTable) -> String {
          \x20   metadata: tsa_table::Metadata {{\n\
          \x20       load_min_n: {f0}, load_max_n: {f1}, twist_min_rad: {t0}, twist_max_rad: {t1},\n\
          \x20       contraction_error_m: {ce}, tr_relative_error: {te},\n\
+         \x20       uncertainty: tsa_table::{uncertainty:?},\n\
          \x20       scene_hash: {hash:#010x}, generator_version: {version},\n\
          \x20   }},\n\
          \x20   series: tsa_table::ArcSeries {{\n\
@@ -59,6 +60,7 @@ pub fn table_source(name: &str, doc: &str, table: &OwnedTable) -> String {
         t1 = float(m.twist_max_rad),
         ce = float(m.contraction_error_m),
         te = float(m.tr_relative_error),
+        uncertainty = m.uncertainty,
         hash = m.scene_hash,
         version = m.generator_version,
         growth = float(numbers.growth.per_load_m_n),

@@ -37,6 +37,7 @@ impl Candidate {
             twist_max_rad,
             contraction_error_m: 0.0,
             tr_relative_error: 0.0,
+            uncertainty: demand.uncertainty,
             scene_hash: demand.scene_hash,
             generator_version: crate::GENERATOR_VERSION,
         };

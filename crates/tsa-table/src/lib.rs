@@ -50,7 +50,7 @@ pub use arc::{ArcSeries, FORM, Growth, Patch, Shape};
 pub use demand::{Accuracy, Demand};
 pub use inverse::InverseError;
 pub use point::Point;
-pub use table::{Metadata, OutOfRange, Table};
+pub use table::{Metadata, OutOfRange, Table, Uncertainty};
 
 /// Version of the generator and of the format; part of every table's metadata.
 pub const GENERATOR_VERSION: u16 = 4;

@@ -9,7 +9,7 @@
 use crate::arc::{ArcSeries, Growth, Patch, Shape};
 use crate::arc_growth::{arc_at, growth};
 use crate::patch_fit::{PatchFit, Sample};
-use crate::table::{Metadata, Table};
+use crate::table::{Metadata, Table, Uncertainty};
 use tsa_model::scalar::Single;
 use tsa_model::{Mechanism, Parameters, SolveError};
 
@@ -90,6 +90,9 @@ impl Rebuilt {
         for word in [m.scene_hash, u32::from(m.generator_version), self.crc] {
             put(word.to_le_bytes())?;
         }
+        for value in m.uncertainty.numbers() {
+            put(value.to_le_bytes())?;
+        }
         for value in [m.contraction_error_m, m.tr_relative_error, self.growth.per_load_m_n, self.growth.per_log_m] {
             put(value.to_le_bytes())?;
         }
@@ -116,7 +119,8 @@ impl Rebuilt {
         let version = u32::from_le_bytes(word()?);
         let crc = u32::from_le_bytes(word()?);
         let mut value = || Some(f32::from_le_bytes(word()?));
-        let mut metadata = Metadata { scene_hash, ..like.metadata };
+        let uncertainty = Uncertainty::from_numbers([value()?, value()?, value()?])?;
+        let mut metadata = Metadata { scene_hash, uncertainty, ..like.metadata };
         (metadata.contraction_error_m, metadata.tr_relative_error) = (value()?, value()?);
         let mut growth = Growth { per_load_m_n: value()?, per_log_m: value()?, ..series.growth };
         for power in &mut growth.powers {
@@ -164,7 +168,7 @@ pub struct Rebuild {
 }
 
 impl Rebuild {
-    /// Begins a table like `like` for other constants. `tolerance` is the scene's accuracy of contraction (m) and TR
+    /// Begins a table like `like` for other constants, with how well they are known. `tolerance` is the scene's accuracy of contraction (m) and TR
     /// (relative), `spare` a shape with more powers for constants that need more than the first ones did.
     ///
     /// # Errors
@@ -173,6 +177,7 @@ impl Rebuild {
         like: &Table<'_>,
         parameters: &Parameters,
         scene_hash: u32,
+        uncertainty: Uncertainty,
         tolerance: [f32; 2],
         spare: Option<Shape>,
     ) -> Result<Self, RebuildError> {
@@ -180,7 +185,7 @@ impl Rebuild {
         let m = like.metadata;
         let twist_rad = [m.twist_min_rad, m.twist_max_rad].map(f64::from);
         let rebuilt = Rebuilt {
-            metadata: Metadata { scene_hash, contraction_error_m: 0.0, tr_relative_error: 0.0, ..m },
+            metadata: Metadata { scene_hash, uncertainty, contraction_error_m: 0.0, tr_relative_error: 0.0, ..m },
             growth: growth(parameters, twist_rad).ok_or(RebuildError::Fit)?,
             shape: series.shape,
             patches: heapless::Vec::from_slice(series.patches).map_err(|_| RebuildError::Form)?,

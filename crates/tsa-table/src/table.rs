@@ -18,10 +18,38 @@ pub struct Metadata {
     pub contraction_error_m: f32,
     /// Largest relative error of TR that the certificate found.
     pub tr_relative_error: f32,
+    /// How well the constants are known.
+    pub uncertainty: Uncertainty,
     /// Hash of the scene that the table was made for.
     pub scene_hash: u32,
     /// [`crate::GENERATOR_VERSION`] of the generator.
     pub generator_version: u16,
+}
+
+/// Standard errors of what the constants of a table say of the mechanism: the control code computes from them how well it
+/// knows the load.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Uncertainty {
+    /// Of the string radius (relative).
+    pub radius: f32,
+    /// Of the LVDT's zero beside the mechanism's gap (m).
+    pub gap_zero_m: f32,
+    /// Of how the radius depends on the load: error of a weighed load, and of a change of the load (relative).
+    pub load_shape: f32,
+}
+
+impl Uncertainty {
+    /// The numbers in the order in which records, messages and the checksum have them.
+    pub fn numbers(&self) -> [f32; 3] {
+        [self.radius, self.gap_zero_m, self.load_shape]
+    }
+
+    /// From [`Self::numbers`]; `None` if one of them is not from 1e-6 to 0.5: nothing is known exactly, and the control
+    /// code divides by them.
+    pub fn from_numbers([radius, gap_zero_m, load_shape]: [f32; 3]) -> Option<Self> {
+        let good = [radius, gap_zero_m, load_shape].iter().all(|x| (0.99e-6..=0.5).contains(x));
+        good.then_some(Self { radius, gap_zero_m, load_shape })
+    }
 }
 
 /// A table ready for lookups.
@@ -125,7 +153,8 @@ impl Table<'_> {
         let ranges = [m.load_min_n, m.load_max_n, m.twist_min_rad, m.twist_max_rad];
         let scales = [middle_and_scale(ranges[0], ranges[1]), middle_and_scale(ranges[2], ranges[3])];
         let errors = [m.contraction_error_m, m.tr_relative_error];
-        for value in [0.0].iter().chain(&ranges).chain(scales.as_flattened()).chain(&errors) {
+        let known = m.uncertainty.numbers();
+        for value in [0.0].iter().chain(&ranges).chain(scales.as_flattened()).chain(&errors).chain(&known) {
             digest.update(&value.to_le_bytes());
         }
         digest.update(&m.scene_hash.to_le_bytes());

@@ -5,7 +5,10 @@ use std::sync::OnceLock;
 use tsa_model::{Mechanism, Parameters};
 use tsa_table::fit::Fit;
 use tsa_table::rebuild::{Rebuild, RebuildError, Rebuilt};
-use tsa_table::{ArcSeries, Shape, Table};
+use tsa_table::{ArcSeries, Shape, Table, Uncertainty};
+
+/// How well the constants of the rebuilt tables are known.
+const KNOWN: Uncertainty = Uncertainty { radius: 0.004, gap_zero_m: 1e-4, load_shape: 0.02 };
 
 fn default_fit() -> &'static (Scene, Fit) {
     static FIT: OnceLock<(Scene, Fit)> = OnceLock::new();
@@ -26,7 +29,7 @@ fn parameters(change: impl Fn(&mut Parameters)) -> Parameters {
 
 fn rebuilt(p: &Parameters, tolerance: [f32; 2]) -> Result<(Rebuilt, u32), RebuildError> {
     let table = default_fit().1.table.table();
-    let mut rebuild = Rebuild::new(&table, p, 0x1234_5678, tolerance, Shape::of(5, 9))?;
+    let mut rebuild = Rebuild::new(&table, p, 0x1234_5678, KNOWN, tolerance, Shape::of(5, 9))?;
     loop {
         if let Some(done) = rebuild.step()? {
             let done = done.clone();
@@ -82,6 +85,7 @@ fn a_stored_table_is_read_back_intact_or_refused() {
     let length = new.write(&mut bytes).unwrap();
     let back = Rebuilt::read(&like, Shape::of(5, 9), &bytes[..length]).unwrap();
     assert_eq!(back.table().crc, new.table().crc);
+    assert_eq!(back.metadata.uncertainty, KNOWN);
     assert_eq!(back.table().look_up(5.0, 20.0), new.table().look_up(5.0, 20.0));
     assert!(new.write(&mut [0; 100]).is_none());
     for cut in 0..length {
@@ -102,14 +106,17 @@ fn a_stored_table_is_read_back_intact_or_refused() {
 fn constants_without_a_table_are_refused_by_name() {
     let worse = rebuilt(&parameters(|_| {}), [1e-7, 2e-3]).unwrap_err();
     assert!(matches!(worse, RebuildError::Accuracy { contraction_m, .. } if contraction_m > 1e-7), "{worse}");
-    // Strings so thick that the envelope reaches into overtwist.
-    let thick = rebuilt(&parameters(|p| p.diameter_m *= 1.3), [5e-6, 2e-3]).unwrap_err();
-    assert!(matches!(thick, RebuildError::Model { kind: "overtwist", .. }), "{thick}");
+    // Strings so thick that light loads have no equilibrium in a part of the envelope.
+    let p = parameters(|p| p.diameter_m *= 1.3);
+    let thick = rebuilt(&p, [5e-6, 2e-3]).unwrap_err();
+    let RebuildError::Model { load_n, twist_rad, kind } = thick else { panic!("{thick}") };
+    let solved = Mechanism::of(p).solve(f64::from(load_n), f64::from(twist_rad));
+    assert_eq!((kind, solved.unwrap_err().kind()), ("no-equilibrium", "no-equilibrium"), "{thick}");
     let nan = rebuilt(&parameters(|p| p.k2 = f64::NAN), [5e-6, 2e-3]);
     assert!(nan.is_err(), "NaN gave a table");
     let table = default_fit().1.table.table();
     let many = [table.series.patches[0]; 9];
     let too_large = Table { series: ArcSeries { patches: &many, ..table.series }, ..table };
-    let refused = Rebuild::new(&too_large, &parameters(|_| {}), 1, [5e-6, 2e-3], None).err();
+    let refused = Rebuild::new(&too_large, &parameters(|_| {}), 1, KNOWN, [5e-6, 2e-3], None).err();
     assert_eq!(refused, Some(RebuildError::Form));
 }

@@ -250,7 +250,7 @@ impl Floor {
             Self::Within { limit, per_load_n, share } => {
                 let of = if share < 1.0 { format!(", {:.0} %", 100.0 * share) } else { String::new() };
                 let more = if per_load_n > 0.0 { format!(" + {per_load_n} N") } else { String::new() };
-                format!("{} {unit}{more}{of}", trimmed(by * limit))
+                format!("{} {unit}{more}{of}", trimmed(by * limit)).trim_end().to_owned()
             }
             Self::AtLeast(least) => format!("{} {unit}", trimmed(by * least)),
             Self::Mean([low, high]) => format!("{} to {} {unit}", trimmed(by * low), trimmed(by * high)),

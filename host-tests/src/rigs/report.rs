@@ -243,7 +243,8 @@ impl Line {
         } else {
             1
         };
-        let shown = |v: Option<f64>| v.map_or("-".into(), |v| format!("{:.digits$} {unit}", by * v));
+        let shown =
+            |v: Option<f64>| v.map_or("-".into(), |v| format!("{:.digits$} {unit}", by * v).trim_end().to_owned());
         // Of what is 1 or 0 only the mean says anything.
         let spread = self.spread.filter(|_| !matches!(self.floor, Some(Floor::Mean(_))));
         let [median, high, worst] = [0, 1, 2].map(|k| shown(spread.map(|s| s[k])));

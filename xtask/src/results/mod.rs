@@ -7,6 +7,7 @@
 
 mod page;
 mod readme;
+mod rigs;
 mod sections;
 
 use crate::Folders;

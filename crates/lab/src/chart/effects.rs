@@ -1,6 +1,6 @@
 //! Where the chain from homing to following breaks as one effect is turned up, drawn from the data of the study of rigs.
 
-use super::rigs::{COMMAND, Row};
+use super::rigs::{COMMAND, Row, made_with};
 use super::{Inputs, Made};
 use crate::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Sample};
 use anyhow::{Context, Result};
@@ -69,12 +69,12 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
         rows: vec![vec![panel]],
         panel_size: (1500, 620),
         blocks: vec![Block { rows: std::iter::once(holds).chain(key).collect() }],
-        notes: vec![
-            "Emulated rigs of their own model but for one effect, constants identified first, 0.15, 0.5, 1 and 1.5 kg, both signs. A \
-             part breaks where one case misses the floor for hard rigs. The words name every part that breaks, the colour the \
-             gravest of them."
-                .into(),
-        ],
+        notes: vec![format!(
+            "Emulated rigs of their own model but for one effect, both signs: {}. A case is a rig under one load. A part \
+                 breaks where one case misses the floor for hard rigs. The words name every part that breaks, the colour \
+                 the gravest of them.",
+            made_with(rows.iter())
+        )],
     };
     Ok(Made { name: "effects", svg: Some(figure.svg()?), csv: Row::write(&rows)?, findings, left_out: Vec::new() })
 }

@@ -8,7 +8,7 @@ use plotters::style::RGBColor;
 use serde::{Deserialize, Serialize};
 
 /// The command that measures what is drawn here.
-pub(super) const COMMAND: &str = "cargo run --release -p host-tests --bin rigs -- --each --name each";
+pub(super) const COMMAND: &str = "cargo xtask results rigs";
 /// The files that it leaves, in the order of the rows: the rig of its own model, single effects, all of them together.
 const FILES: [&str; 3] = ["ideal-summary.csv", "each-summary.csv", "rigs-summary.csv"];
 
@@ -73,6 +73,24 @@ impl Row {
     }
 }
 
+/// Which tables the rigs of these rows had, and how many cases each kind of rig has.
+pub(super) fn made_with<'a>(rows: impl Iterator<Item = &'a Row>) -> String {
+    let homed: Vec<&Row> = rows.filter(|r| r.check == "zero_error_rad").collect();
+    let identified = homed.iter().filter(|r| r.table == "identified").count();
+    let how = match identified {
+        0 => "the default scene's table",
+        count if count == homed.len() => {
+            "constants identified on the same rig first, or the default scene's table where that fails"
+        }
+        _ => "constants identified on some rigs, and the default scene's table on others",
+    };
+    let cases = |pick: fn(usize, usize) -> usize| homed.iter().map(|r| r.cases + r.missing).reduce(pick).unwrap_or(0);
+    match [cases(usize::min), cases(usize::max)] {
+        [least, most] if least == most => format!("{how}, {most} cases of each"),
+        [least, most] => format!("{how}, {least} to {most} cases of each"),
+    }
+}
+
 /// What a panel shows: check, label, factor to the label's unit.
 const PANELS: [(&str, &str, f64); 4] = [
     ("load_after_homing", "load after homing off by, %", 1e2),
@@ -115,11 +133,12 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
                 ],
             },
         ],
-        notes: vec![
-            "Emulated rigs, 0.15, 0.5, 1 and 1.5 kg. Constants identified on the same rig from three sweeps first; where that fails the \
-             default scene's table is used. A case without a value is a homing or move that was refused, or a fault."
-                .into(),
-        ],
+        notes: vec![format!(
+            "Emulated. All together: {}. Single effects: {}. A case is a rig under one load; one without a value is a \
+                 homing or a move that was refused, or a fault.",
+            made_with(rows.iter().filter(|r| r.effect.is_empty() && r.rig != "ideal")),
+            made_with(rows.iter().filter(|r| !r.effect.is_empty())),
+        )],
     };
     let findings = rows.iter().filter(|r| PANELS.iter().any(|p| p.0 == r.check)).map(|r| {
         let shown = |v: Option<f64>| v.map_or("-".into(), |v| format!("{v:.3e}"));
@@ -183,6 +202,29 @@ fn kind_colour(kind: &str) -> RGBColor {
 #[cfg(test)]
 mod tests {
     use super::Row;
+
+    #[test]
+    fn a_note_says_what_the_rows_were_made_with() {
+        let row = |table: &str, cases: usize, missing: usize| Row {
+            table: table.into(),
+            check: "zero_error_rad".into(),
+            cases,
+            missing,
+            ..Row::read(
+                "rig,effect,factor,table,check,floor,cases,missing,median,p95,worst,met,holds,failure\n\
+                         hard,,,identified,zero_error_rad,,1,0,,,,,,\n",
+            )
+            .unwrap()
+            .remove(0)
+        };
+        let said = |rows: &[Row]| super::made_with(rows.iter());
+        assert!(said(&[row("identified", 76, 4), row("identified", 80, 0)]).ends_with("fails, 80 cases of each"));
+        assert_eq!(
+            said(&[row("as-built", 1, 0), row("as-built", 2, 1)]),
+            "the default scene's table, 1 to 3 cases of each"
+        );
+        assert!(said(&[row("as-built", 1, 0), row("identified", 1, 0)]).contains("some rigs"));
+    }
 
     #[test]
     fn a_summary_comes_back() {

@@ -14,7 +14,7 @@
 
 mod centre;
 mod stick_slip;
-mod weigh;
+pub mod weigh;
 
 use crate::constants::TwistLimits;
 use crate::mechanism::Mechanism;
@@ -58,15 +58,15 @@ const SEEK_STUCK: f32 = PROBE_TRAVEL;
 /// Farthest from the power-up twist that the maximum is looked for (rad): 12 turns, and what the probe went astray.
 const SEEK_TRAVEL: f32 = 12.0 * TAU + PROBE_TRAVEL;
 /// Half the width of the sweeps across the maximum (rad).
-const SWEEP_HALF: f32 = 5.0;
+pub const SWEEP_HALF: f32 = 5.0;
 /// Speed of these sweeps (rad/s): slow enough that the load follows without swinging.
-const SWEEP_SPEED: f32 = 3.5;
+pub const SWEEP_SPEED: f32 = 3.5;
 /// Turns past the half-turn pre-twist that the load is weighed over.
-const WEIGH_TURNS: f32 = 6.0;
+pub const WEIGH_TURNS: f32 = 6.0;
 /// Speeds of weighing (rad/s), at the middle of the sweep and at its ends. The speed varies, in both directions alike, so
 /// that the quantization of the drive's speed and current measurement averages out: at one speed it beats with the period
 /// of the commands.
-const WEIGH_SPEED: [f32; 2] = [3.4, 6.2];
+pub const WEIGH_SPEED: [f32; 2] = [3.4, 6.2];
 /// Acceleration of all of it (rad/s²).
 const ACCELERATION: f32 = 25.0;
 /// Rest before the sweeps across the maximum and before weighing (s), for the load to stop swinging.
@@ -243,7 +243,7 @@ impl Homing {
                 self.sweep_weigh(table, rig, inputs, &limits);
                 Ok(())
             }
-            Phase::Settle { ticks, rest } => match self.settle(table, rig, ticks, rest, inputs.gap_m, &limits) {
+            Phase::Settle { ticks, rest } => match self.settle(table, ticks, rest, inputs.gap_m, &limits) {
                 Ok(Some(homed)) => return Progress::Done(homed),
                 Ok(None) => Ok(()),
                 Err(failure) => Err(failure),
@@ -384,14 +384,13 @@ impl Homing {
     fn settle(
         &mut self,
         table: &Table<'_>,
-        rig: &RigConstants,
         ticks: u16,
         mut rest: Rest,
         gap_m: f32,
         limits: &TwistLimits,
     ) -> Result<Option<Homed>, HomingFailure> {
         let ticks = self.rest_at(self.zero_rad + PI, SWEEP_SPEED, limits, ticks);
-        let fitted = self.weigh.fit_step(table, rig)?;
+        let fitted = self.weigh.fit_step(table)?;
         if f32::from(ticks) * TICK_S > SETTLE_S {
             rest.add(gap_m);
         }

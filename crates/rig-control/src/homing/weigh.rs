@@ -15,24 +15,24 @@ use rig_link::messages::{HomingFailure, LoadChoice};
 use tsa_table::{Point, Table};
 
 /// Bins over the sweep.
-const BINS: usize = 32;
+pub const BINS: usize = 32;
 /// Bins at each end that are left out: the motor changes speed there, and the load sticks until the strings have taken
 /// up friction the other way round.
-const END_BINS: usize = 4;
+pub const END_BINS: usize = 4;
 /// Bins that are used.
 const USED: usize = BINS - 2 * END_BINS;
 /// Gauss–Newton steps.
-const STEPS: u8 = 10;
+pub const STEPS: u8 = 10;
 /// What the curve misses is smooth, so that neighbouring bins miss alike: the number of bins that count as independent.
-const INDEPENDENT_BINS: f32 = 4.0;
+pub const INDEPENDENT_BINS: f32 = 4.0;
 /// Least error of a bin's gap (m): a tenth of the converter's code, which averaging over a moving load resolves.
-const LEAST_GAP_ERROR_M: f32 = 5e-6;
+pub const LEAST_GAP_ERROR_M: f32 = 5e-6;
 /// Greatest error of a bin's gap (m) that the fit takes for the law's own: the radius laws of docs/model.md 6 differ by less.
-const LAW_GAP_ERROR_M: f32 = 0.2e-3;
+pub const LAW_GAP_ERROR_M: f32 = 0.2e-3;
 /// Standard error of motor constant and gear together: data sheets allow 5 to 10 %.
-const TORQUE_ERROR: f32 = 0.05;
+pub const TORQUE_ERROR: f32 = 0.05;
 /// Share of the motor's friction that may not cancel between the two ways, since it varies with speed and torque.
-const FRICTION_LEFT: f32 = 0.02;
+pub const FRICTION_LEFT: f32 = 0.02;
 /// Rms gap (m) left by the fit beyond which neither strings nor LVDT are of the scene's kind: ten times what the laws that
 /// fit the paper's numbers differ by.
 const LARGEST_MISFIT_M: f32 = 2e-3;
@@ -238,9 +238,9 @@ impl Weigh {
     ///
     /// # Errors
     /// [`HomingFailure::PoorFit`] or [`HomingFailure::LoadOutOfRange`].
-    pub(super) fn fit_step(&mut self, table: &Table<'_>, rig: &RigConstants) -> Result<Option<Weighed>, HomingFailure> {
+    pub(super) fn fit_step(&mut self, table: &Table<'_>) -> Result<Option<Weighed>, HomingFailure> {
         self.steps = (self.steps + 1).min(STEPS);
-        self.gauss_newton(table, rig, self.steps == STEPS)
+        self.gauss_newton(table, self.steps == STEPS)
     }
 
     /// The table with the present scale, and its zero where the present offset is.
@@ -249,13 +249,9 @@ impl Weigh {
         Mechanism { table, twist_scale, curve: GapCurve::constant(offset_m) }
     }
 
-    fn gauss_newton(
-        &mut self,
-        table: &Table<'_>,
-        rig: &RigConstants,
-        last: bool,
-    ) -> Result<Option<Weighed>, HomingFailure> {
+    fn gauss_newton(&mut self, table: &Table<'_>, last: bool) -> Result<Option<Weighed>, HomingFailure> {
         let m = &table.metadata;
+        let uncertainty = &m.uncertainty;
         let Unknowns { load_n, twist_scale, offset_m } = self.unknowns;
         // Sums over the bins: residual r (mm), and its derivatives by the three unknowns.
         let mut n = 0.0;
@@ -299,8 +295,8 @@ impl Weigh {
             matrix[unknown][unknown] += information * by;
             right[unknown] += information * missing;
         };
-        add(1, 1.0, (self.expected_scale - twist_scale) / twist_scale, rig.radius_error);
-        add(2, 1.0, -MM * offset_m, MM * rig.gap_zero_error_m);
+        add(1, 1.0, (self.expected_scale - twist_scale) / twist_scale, uncertainty.radius);
+        add(2, 1.0, -MM * offset_m, MM * uncertainty.gap_zero_m);
         let given = match self.given {
             LoadChoice::Known(given_n) => Some(Weight { load_n: given_n, sigma_n: GIVEN_ERROR * given_n }),
             LoadChoice::Auto => None,
@@ -316,7 +312,7 @@ impl Weigh {
         // The table ends at its least and greatest load; the step tells how far beyond them the load is.
         let wanted_n = load_n * libm::expf(step[0].clamp(-LARGEST_STEP[0], LARGEST_STEP[0]));
         if last {
-            return self.result(table, rig, wanted_n, &decomposed.inverse(), &rest, 1e-3 * misfit_mm).map(Some);
+            return self.result(table, wanted_n, &decomposed.inverse(), &rest, 1e-3 * misfit_mm).map(Some);
         }
         let scale_step = step[1].clamp(-LARGEST_STEP[1], LARGEST_STEP[1]);
         self.unknowns = Unknowns {
@@ -332,13 +328,13 @@ impl Weigh {
     fn result(
         &self,
         table: &Table<'_>,
-        rig: &RigConstants,
         wanted_n: f32,
         covariance: &[[f32; 3]; 3],
         rest: &[(f32, f32)],
         misfit_m: f32,
     ) -> Result<Weighed, HomingFailure> {
         let m = &table.metadata;
+        let uncertainty = &m.uncertainty;
         let Unknowns { load_n, twist_scale, offset_m } = self.unknowns;
         if misfit_m > LARGEST_MISFIT_M {
             return Err(HomingFailure::PoorFit);
@@ -346,12 +342,17 @@ impl Weigh {
         // Where radius, zero and the misfit are farther from what the scene says than its uncertainty allows, the scene is
         // as much less certain, and so is everything that the fit took from it.
         let surprise = [
-            (twist_scale - self.expected_scale) / (rig.radius_error * self.expected_scale),
-            offset_m / rig.gap_zero_error_m,
+            (twist_scale - self.expected_scale) / (uncertainty.radius * self.expected_scale),
+            offset_m / uncertainty.gap_zero_m,
             misfit_m / LAW_GAP_ERROR_M,
         ];
         let inflation = surprise.iter().map(|x| 0.5 * x * x).sum::<f32>().max(1.0);
-        let load_sigma_n = load_n * libm::sqrtf(inflation * covariance[0][0]);
+        // The scale takes up an error of the radius, but not an error of how the radius depends on the load.
+        let shape_n = match self.given {
+            LoadChoice::Auto => table.metadata.uncertainty.load_shape * load_n,
+            LoadChoice::Known(_) => 0.0,
+        };
+        let load_sigma_n = libm::sqrtf(inflation * load_n * load_n * covariance[0][0] + shape_n * shape_n);
         // Surely outside, whatever the error is.
         let margin_n = super::NINETY_PERCENT * load_sigma_n;
         if wanted_n + margin_n < 0.9 * m.load_min_n || wanted_n - margin_n > 1.1 * m.load_max_n {

@@ -247,7 +247,7 @@ impl<'t> Rig<'t> {
     /// Homed, at rest at the half-turn pre-twist: the end of a homing, and the start of a replay.
     pub fn resume(&mut self, homed: Homed) {
         self.shaft = Ramp::at(homed.zero_rad + core::f32::consts::PI);
-        self.tracking = Some(LoadTracking::new(homed, &self.settings, &self.constants));
+        self.tracking = Some(LoadTracking::new(homed, self.table, &self.settings, &self.constants));
         self.mode = Mode::Idle;
     }
 

@@ -30,11 +30,11 @@ pub(super) struct LoadTracking {
 
 impl LoadTracking {
     /// From a homing, at rest at the half-turn pre-twist.
-    pub(super) fn new(mut homed: Homed, settings: &SettingValues, constants: &RigConstants) -> Self {
+    pub(super) fn new(mut homed: Homed, table: &Table<'_>, settings: &SettingValues, constants: &RigConstants) -> Self {
         homed.found.reference_gap_m -= settings.get(Setting::PositionZero);
         Self {
             homed,
-            observer: LoadObserver::new(&homed.found, constants.load_shape_error),
+            observer: LoadObserver::new(&homed.found, table.metadata.uncertainty.load_shape),
             homed_gap_m: homed.found.reference_gap_m,
             lvdt_change_error: constants.lvdt_change_error(),
             adaptation: Adaptation::new(homed.found.twist_scale),

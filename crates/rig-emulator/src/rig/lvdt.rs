@@ -6,6 +6,7 @@ use std::f64::consts::TAU;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::{Rng, SeedableRng};
+use sim_link::effects::LVDT_GAIN_PER_K;
 
 use super::effects::drift::Drift;
 use super::parameters::RigParameters;
@@ -16,8 +17,6 @@ const FAULT_NOISE_M: f64 = 2e-3;
 
 /// Frequency of the mains, whose hum the long leads pick up (Hz).
 const MAINS_HZ: f64 = 50.0;
-/// Change of the gain with the temperature, 1/K: what data sheets of such sensors state.
-const GAIN_PER_K: f64 = 2e-4;
 
 /// What can be wrong with it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -103,7 +102,7 @@ impl Lvdt {
         let errors_m = hum_m + self.curve_m(self.filtered_m, settings) + self.drift_m;
         let gap_m =
             self.filtered_m + settings.lvdt_offset_m + errors_m + normal * settings.lvdt_noise_m.hypot(fault_noise);
-        let gain = self.gain * (1.0 + GAIN_PER_K * settings.temperature_k);
+        let gain = self.gain * (1.0 + LVDT_GAIN_PER_K * settings.temperature_k);
         let fraction = (gap_m - self.gap_at_zero_m) / self.stroke_m * gain;
         let share = (self.volts[0] + fraction * (self.volts[1] - self.volts[0])) / self.reference_v;
         let code = volts_to_code(share + settings.adc_inl / CODES * (TAU * share).sin(), 1.0);

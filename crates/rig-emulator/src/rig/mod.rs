@@ -4,6 +4,7 @@
 //! - [`plant_settings`] and [`parameters`]: what a test may change, what the scene says.
 //! - [`transmission`] and [`surface`]: the mechanism's equilibria, exactly and fast.
 //! - [`plant`]: load and mechanism, [`built_in`] or from [`outside`].
+//! - `hung`: a load hung from its mechanism at the start; [`errors`]: why there is no such rig.
 //! - [`motor`], [`encoder`], [`lvdt`]: the parts that move and measure.
 //! - [`effects`]: what real rigs have besides.
 //! - [`drive`]: the RMDS-405 on the bus, or on the serial line.
@@ -17,7 +18,9 @@ pub mod built_in;
 pub mod drive;
 pub mod effects;
 pub mod encoder;
+pub mod errors;
 pub mod faults;
+mod hung;
 pub mod lvdt;
 pub mod motor;
 pub mod outside;
@@ -33,26 +36,22 @@ use std::collections::VecDeque;
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::SeedableRng;
 use rig_scene::Scene;
-use sim_link::{PlantChange, PlantError, PlantKey, RigPreset, Truth};
-use tsa_model::{Mechanism, RadiusLaw, Tier};
+use sim_link::{PlantChange, PlantKey, RigPreset, Truth};
+use tsa_model::{Mechanism, Tier};
 
 use crate::board::Stimulus;
-use built_in::BuiltIn;
 use drive::{Drive, LEAST_SUPPLY_V, Sensed};
-use effects::rods::Rods;
-use effects::strings::{StringSizes, Strings};
 use encoder::Encoder;
+pub use errors::{ChangeError, RigError};
+use hung::{hung, measured, rods_of, stops_of, strings_of, surface_for};
 use lvdt::Lvdt;
 use motor::{Bridge, Motor};
-use outside::measured::{Measured, TwoWays};
 use outside::program::ProgramError;
 use outside::programmed::Programmed;
 use outside::{Outside, is_of_the_law, is_of_the_plant};
 use parameters::RigParameters;
 use plant::{Conditions, Plant};
 use plant_settings::PlantSettings;
-use surface::{NoSurface, SLACK_LOAD_N, Surface};
-use transmission::{Tiered, cheapest_tier};
 
 /// Time step, s.
 pub const STEP_S: f64 = 2.5e-4;
@@ -60,8 +59,6 @@ pub const STEP_S: f64 = 2.5e-4;
 const STEPS_PER_TICK: u64 = 4;
 /// Less than a CPU cycle: times that differ by it are the same.
 const SAME_TIME_S: f64 = 2e-8;
-/// Greatest load that the surface covers, unless the load or the scene asks for more, N.
-const SURFACE_LOAD_N: f64 = 40.0;
 /// Ticks between two solutions of the full model for the tension.
 const TENSION_TICKS: u64 = 10;
 /// What tells the seeds of further random numbers from the rig's own, so that none changes the noise of the samples.
@@ -70,60 +67,6 @@ const LVDT_SEED: u64 = 0x6c76_6474_0000_0000;
 const CURRENT_SEED: u64 = 0x616d_7065_0000_0000;
 /// USART of the host link (hardware.md 8).
 pub const HOST_USART: u8 = 2;
-/// Why a rig could not be built.
-#[derive(Debug, thiserror::Error)]
-pub enum RigError {
-    /// The scene's mechanism.
-    #[error(transparent)]
-    Mechanism(#[from] tsa_model::ParameterError),
-    /// The scene's drive address.
-    #[error(transparent)]
-    Drive(#[from] rmds405::OutOfRange),
-    /// The mechanism does not reach where the rig has to go.
-    #[error(transparent)]
-    Surface(#[from] NoSurface),
-    /// What is asked of a plant from outside.
-    #[error(transparent)]
-    Change(#[from] ChangeError),
-    /// The load would break the rods before the strings touch.
-    #[error("plant key `load`: {load_n} N is more than this mechanism can carry, at most {most_n} N")]
-    Load {
-        /// Asked for.
-        load_n: f64,
-        /// The surface's end.
-        most_n: f64,
-    },
-    /// The strings would lie far closer than side by side, or the rods be bent far beyond their strain.
-    #[error(
-        "plant key `twist_at_boot`: {twist_rad} rad is more than the strings can have under {load_n} N, at most {most_rad} rad either way"
-    )]
-    Twist {
-        /// Asked for.
-        twist_rad: f64,
-        /// Load, N.
-        load_n: f64,
-        /// The greatest there can be, rounded down.
-        most_rad: f64,
-    },
-}
-
-/// Why the plant cannot be changed so.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum ChangeError {
-    /// Its value, or that it comes too late.
-    #[error(transparent)]
-    Plant(#[from] PlantError),
-    /// The plant's program refuses it, or has failed.
-    #[error(transparent)]
-    Program(#[from] ProgramError),
-    /// Measured gaps stand in the place of what the key changes.
-    #[error("plant key `{0}` is for the built-in mechanism, and this rig has measured gaps in its place")]
-    Measured(PlantKey),
-}
-
-/// How far past the last twist with an equilibrium the strings can be left, rad: strings that lie side by side still
-/// give a little. That is ten turns under 0.1 kg. When they are released they throw the rotor to the other side.
-const CLOSED_GIVE_RAD: f64 = 1.7;
 
 /// Drive, motor, mechanism and sensors on the microcontroller's pins.
 #[derive(Clone)]
@@ -489,90 +432,6 @@ fn conditions(settings: &PlantSettings) -> Conditions {
         damping_n_s_per_m: settings.damping_n_s_per_m,
         temperature_k: settings.temperature_k,
     }
-}
-
-/// The rods' additional stress, where there is any: sampling them takes a while.
-fn rods_of(mechanism: &Mechanism, settings: &PlantSettings, surface: &Surface) -> Option<Rods> {
-    let any = settings.rod_hysteresis_pa > 0.0 || settings.temperature_k != 0.0;
-    any.then(|| Rods::new(mechanism, surface, settings.rod_hysteresis_pa)).flatten()
-}
-
-/// The strings of a mechanism, at the twist and under the load of the start.
-fn strings_of(mechanism: &Mechanism, real: &Scene, settings: &PlantSettings) -> Strings {
-    let by_length = real.string.radius_law == RadiusLaw::LengthRatio;
-    let sizes = StringSizes {
-        play_rad: settings.twist_play_rad,
-        bedding: settings.string_bedding,
-        creep: settings.string_creep,
-        exponent_shift: if by_length { settings.twist_exponent_shift } else { 0.0 },
-    };
-    Strings::new(mechanism.parameters(), &sizes, settings.twist_at_boot_rad, settings.load_n)
-}
-
-/// Ends of the rail, as gaps, m: those of the LVDT's stroke.
-fn stops_of(parameters: &RigParameters) -> [f64; 2] {
-    let stop = parameters.lvdt_gap_at_zero_m;
-    [stop, stop + parameters.lvdt_stroke_m]
-}
-
-/// The load hung from a surface, at the twist of the start.
-fn hung(
-    surface: Surface,
-    stops_m: [f64; 2],
-    strings: Strings,
-    rods: Option<Rods>,
-    settings: &PlantSettings,
-) -> Result<BuiltIn, RigError> {
-    let (load_n, twist_rad) = (settings.load_n, settings.twist_at_boot_rad);
-    let most_rad = (10.0 * (surface.last_twist_rad(load_n) + CLOSED_GIVE_RAD)).floor() / 10.0;
-    if twist_rad.abs() > most_rad {
-        return Err(RigError::Twist { twist_rad, load_n, most_rad });
-    }
-    Ok(BuiltIn::new(surface, stops_m, strings, rods, &conditions(settings)))
-}
-
-/// The load hung from measured gaps. Its strings are the scene's where the data do not tell: their slow stretch, and the
-/// law by which a radius acts as a twist.
-fn measured(scene: &Scene, data: &Measured, settings: &PlantSettings) -> Result<BuiltIn, RigError> {
-    let mechanism = Mechanism::new(&scene.geometry, &scene.string, &scene.material)?;
-    let most_n = data.max_load_n();
-    if settings.load_n > most_n {
-        return Err(RigError::Load { load_n: settings.load_n, most_n });
-    }
-    let surface = Surface::new(data, most_n)?;
-    // The exponent of the radius law is that of the data.
-    let own = PlantSettings { twist_exponent_shift: 0.0, ..settings.clone() };
-    let strings = strings_of(&mechanism, scene, &own);
-    let two_ways = TwoWays::new(data, strings.twist_rad);
-    let plant = hung(surface, stops_of(&RigParameters::new(&scene.rig)?), strings, None, &own)?;
-    Ok(match two_ways {
-        Some(two_ways) => plant.with_two_ways(two_ways),
-        None => plant,
-    })
-}
-
-/// The widest surface that the mechanism allows, by the cheapest model that the scene allows: rods at their strain
-/// limit end it early in some scenes, and a cheaper model may not reach beyond the envelope.
-fn surface_for(mechanism: &Mechanism, scene: &Scene, load_n: f64) -> Result<(Surface, Tier), RigError> {
-    let envelope_n = scene.envelope.map_or(0.0, |envelope| envelope.load_n[1]);
-    let mut most_n = SURFACE_LOAD_N.max(2.5 * load_n).max(2.5 * envelope_n);
-    let tier = cheapest_tier(mechanism, scene);
-    if tier != Tier::Full
-        && let Ok(surface) = Surface::new(&Tiered { mechanism, tier }, most_n)
-    {
-        return Ok((surface, tier));
-    }
-    let surface = loop {
-        match Surface::new(mechanism, most_n) {
-            Ok(surface) => break surface,
-            Err(error) if most_n < 2.0 * SLACK_LOAD_N => return Err(error.into()),
-            Err(_) => most_n *= 0.85,
-        }
-    };
-    if load_n > most_n {
-        return Err(RigError::Load { load_n, most_n });
-    }
-    Ok((surface, Tier::Full))
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! What a test or an operator may change about the rig without telling the firmware: the value of every plant key.
 
 use rig_scene::Scene;
+use sim_link::effects::{LVDT_NOISE_M, RAIL_FRICTION_N};
 use sim_link::units::STANDARD_GRAVITY;
 use sim_link::{PlantChange, PlantError, PlantKey, RigPreset};
 use tsa_model::RadiusLaw;
@@ -84,13 +85,13 @@ impl Default for PlantSettings {
     fn default() -> Self {
         Self {
             load_n: 0.5 * STANDARD_GRAVITY,
-            friction_n: 0.05,
+            friction_n: RAIL_FRICTION_N,
             friction_load_share: 0.0,
             stiction_ratio: 1.0,
             stribeck_speed_m_per_s: 0.0,
             presliding_m: 0.0,
             damping_n_s_per_m: 1.0,
-            lvdt_noise_m: 60e-6,
+            lvdt_noise_m: LVDT_NOISE_M,
             lvdt_offset_m: 0.0,
             lvdt_gain_error: 0.0,
             lvdt_nonlinearity: 0.0,

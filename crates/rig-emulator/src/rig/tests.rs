@@ -1,5 +1,6 @@
 //! The rig against the vendor's rules for the drive, and against the solver for the mechanism.
 
+use super::hung::CLOSED_GIVE_RAD;
 use super::*;
 use crate::board::{Board, CanFrame, CanOutcome};
 use rmds405::serial::{BYTE_US, Decoder};

@@ -85,6 +85,9 @@ pub struct Constants {
     pub twist_exponent: Option<f64>,
     /// a1 … a5 of eq. 12 (Pa).
     pub stress_coefficients_pa: [f64; 5],
+    /// Standard errors: of the string radius (relative), of the gap's zero (m), of how the radius depends on the load
+    /// (relative).
+    pub uncertainty: [f32; 3],
 }
 
 /// Where homing or a move takes the load from.

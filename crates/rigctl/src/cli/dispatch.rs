@@ -21,6 +21,8 @@ pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
         Command::Lookup { at } => lookup::run(global, at, output),
         Command::Table { board: true, .. } => table_board::run(global, output),
         Command::Table { out, board: false } => table::run(global, out.as_deref(), output),
+        Command::Budget { gauge, all: false } => budget::run(global, *gauge, output),
+        Command::Budget { gauge, all: true } => budget::all(global, *gauge, output),
         Command::Published { all, inferred_geometry, out } => {
             published::run(global, *all, *inferred_geometry, out.as_deref(), output)
         }
@@ -82,6 +84,14 @@ fn rig_options(global: &Global, command: &Command) -> Result<(), Failure> {
         | Command::Replay(_)
         | Command::Completions { .. } => {
             no_effect(given(), "this command uses no rig");
+            Ok(())
+        }
+        Command::Budget { all: false, .. } => {
+            no_effect(given().filter(|(_, name)| *name != "--rig"), "the budget is computed, and asks for --rig alone");
+            Ok(())
+        }
+        Command::Budget { all: true, .. } => {
+            no_effect(given(), "the budgets of all kinds of rigs are computed");
             Ok(())
         }
         Command::Selftest => {

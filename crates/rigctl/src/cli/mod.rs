@@ -4,7 +4,7 @@ pub mod dispatch;
 
 use crate::options::Global;
 use crate::options::commands::{At, Calibrate, Config, How, Identify, Record, Replay, Sweep};
-use crate::options::values::{load, load_choice, seconds, speed, target, twist_speed};
+use crate::options::values::{gauge_error, load, load_choice, seconds, speed, target, twist_speed};
 use crate::range::{TurnRange, Vary};
 use crate::script;
 use clap::builder::PossibleValuesParser;
@@ -66,6 +66,20 @@ pub enum Command {
         /// Let the board at --port make, check, use and keep a table for this scene's constants; home again after it
         #[arg(long, conflicts_with = "out")]
         board: bool,
+    },
+    /// What each part of a rig contributes to the errors of position and load, and how accurate a table is worth having
+    ///
+    /// Computed from the scene, the model's sensitivities and the sizes of --rig (docs/budget.md); nothing is emulated. Half
+    /// widths of intervals that hold 90 of 100 cases, a case being a rig of the kind at a state of the scene's envelope. With
+    /// --json one object a part: part, position_m, load_relative.
+    /// Example: `rigctl budget --rig hard`
+    Budget {
+        /// The LVDT is calibrated at points with gauges of this error, as for `calibrate lvdt --points` [default: it is not]
+        #[arg(long, value_name = "E", value_parser = gauge_error)]
+        gauge: Option<f64>,
+        /// The table and tier that are enough, for every scene in the folder of --scene and each kind of rig, beside what is used
+        #[arg(long)]
+        all: bool,
     },
     /// The numbers that the paper prints beside the same numbers computed for the scene
     Published {

@@ -7,6 +7,7 @@
 //! - On the emulated board or a real one: [`home`], [`move_to`], [`jog`], [`request`] (stop, hold, clear), [`play`],
 //!   [`record`], [`sweep`], [`monitor`], [`status`], [`doctor`], [`config`], [`calibrate`], [`table_board`].
 
+pub mod budget;
 pub mod calibrate;
 pub mod chart;
 pub mod config;

@@ -62,7 +62,7 @@ impl Errors {
 /// (docs/plants.md), which no sweep shows. Radius (relative), gap's zero (m), change of the load (relative).
 const LEAST_RADIUS_ERROR: f64 = 0.004;
 const LEAST_ZERO_ERROR_M: f64 = 50e-6;
-const CHANGE_ERROR: f64 = 0.02;
+const CHANGE_ERROR: f64 = 0.01;
 
 /// How well a scene's constants are known after a fit to sweeps whose zero is known. What the fit leaves is smooth over a
 /// sweep, not noise that averages out, so that it counts in full, and twice because the use is not the sweep.

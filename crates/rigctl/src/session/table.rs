@@ -14,6 +14,7 @@ const WAIT_S: f64 = 120.0;
 pub fn constants(scene: &Scene) -> Constants {
     let (g, s) = (&scene.geometry, &scene.string);
     Constants {
+        uncertainty: scene.uncertainty.of_table().numbers(),
         scene_hash: scene.hash(),
         geometry_m: [g.string_length_m, g.rod_span_m, g.clamp_width_m, g.rod_radius_m],
         string: s.constants(),

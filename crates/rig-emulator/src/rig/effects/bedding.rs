@@ -1,11 +1,7 @@
 //! New strings bed in: their radius falls over the first cycles of twisting.
 
+use sim_link::effects::{BEDDING_CYCLES as CYCLES, TURNS_PER_CYCLE};
 use std::f64::consts::TAU;
-
-/// Cycles after which all but 1/e of the change is done.
-const CYCLES: f64 = 20.0;
-/// Turns up and back down that count as one cycle: the paper's sweep of 7.5 turns.
-const TURNS_PER_CYCLE: f64 = 15.0;
 
 /// Share of the new strings' radius that is left.
 #[derive(Clone, Copy, Debug, PartialEq)]

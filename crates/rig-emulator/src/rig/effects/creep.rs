@@ -3,8 +3,7 @@
 //! A string under the load F is longer by F/2K at once. Each element adds its share of that with its own time:
 //! τ dx/dt = c F − x. A spring and a dashpot beside each other store or lose what the load does to them and create nothing.
 
-/// Times of the elements, s: half a minute of homing sees the first, an hour at work all of them.
-const TIMES_S: [f64; 3] = [3.0, 60.0, 1800.0];
+use sim_link::effects::CREEP_TIMES_S as TIMES_S;
 
 /// Stretch of the strings beyond the elastic one.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -5,9 +5,7 @@
 //! turned by twice the thresholds it reaches minus that. A sweep of the twist changes the strain by less than the
 //! thresholds, so that only a change of the load shows the loop.
 
-/// Strains after which each element slips. Assumed: above what a sweep of the twist adds (0.7 % at most), and such that
-/// most of the loop is reached between 15 and 10 N.
-const THRESHOLDS: [f64; 3] = [0.005, 0.0065, 0.008];
+use sim_link::effects::ROD_THRESHOLDS as THRESHOLDS;
 
 /// Extra stress of the rods.
 #[derive(Clone, Copy, Debug, PartialEq)]

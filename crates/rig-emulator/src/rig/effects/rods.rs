@@ -7,13 +7,10 @@
 
 use super::memory::RodMemory;
 use crate::rig::surface::{SLACK_LOAD_N, Surface};
+use sim_link::effects::{ROD_STRESS_PER_K, rod_onset};
 use tsa_model::scalar::{Dual, Scalar};
 use tsa_model::{Material, Mechanism, Parameters};
 
-/// Stress by temperature once the rods transform, Pa/K (docs/plants.md).
-const STRESS_PER_K: f64 = 6.5e6;
-/// Strains between which the transformation begins: under the default scene's 8 N the strain is below them.
-const ONSET: [f64; 2] = [0.027, 0.037];
 /// The strings cannot push: the load never loses more than this share of the force that the law gives.
 const MOST_LOST: f64 = 0.9;
 /// Cells of the table along ln F and along the twist.
@@ -160,8 +157,7 @@ fn force(point: &RodPoint, memory: &mut RodMemory, law_n: f64, temperature_k: f6
 /// Stress that a temperature adds at a strain, Pa, and its slope by the strain, Pa: none before the transformation
 /// begins.
 fn warmth(strain: f64, temperature_k: f64) -> (f64, f64) {
-    let width = ONSET[1] - ONSET[0];
-    let x = ((strain - ONSET[0]) / width).clamp(0.0, 1.0);
-    let full = STRESS_PER_K * temperature_k;
-    (full * x * x * (3.0 - 2.0 * x), full * 6.0 * x * (1.0 - x) / width)
+    let full = ROD_STRESS_PER_K * temperature_k;
+    let [share, slope] = rod_onset(strain);
+    (full * share, full * slope)
 }

@@ -1,0 +1,31 @@
+//! Constants of what real rigs have besides their model: those that belong to no rig, so that no preset draws them.
+//!
+//! The emulated rig computes with them, and the error budget as well. Their sources stand in docs/plants.md.
+
+/// Change of the LVDT's gain with the temperature, 1/K: what data sheets of such sensors state.
+pub const LVDT_GAIN_PER_K: f64 = 2e-4;
+/// LVDT noise of one sample that a rig of its own model has, m rms.
+pub const LVDT_NOISE_M: f64 = 60e-6;
+/// Coulomb friction on the rail of a rig of its own model, N.
+pub const RAIL_FRICTION_N: f64 = 0.05;
+/// Stress that warmth adds to the rods once they transform, Pa/K.
+pub const ROD_STRESS_PER_K: f64 = 6.5e6;
+/// Strains of the rods between which their transformation begins: under the default scene's 8 N the strain is below them.
+pub const ROD_ONSET: [f64; 2] = [0.027, 0.037];
+/// Changes of the rods' strain after which the elements of their memory slip. Assumed: above what a sweep of the twist
+/// adds (0.7 % at most), and such that most of the loop is reached between 15 and 10 N.
+pub const ROD_THRESHOLDS: [f64; 3] = [0.005, 0.0065, 0.008];
+/// Times of the strings' slow stretch, s: half a minute of homing sees the first, an hour at work all of them. Each has the
+/// same share of the stretch.
+pub const CREEP_TIMES_S: [f64; 3] = [3.0, 60.0, 1800.0];
+/// Cycles of new strings after which all but 1/e of the change of their radius is done.
+pub const BEDDING_CYCLES: f64 = 20.0;
+/// Turns up and back down that count as one such cycle: the paper's sweep of 7.5 turns.
+pub const TURNS_PER_CYCLE: f64 = 15.0;
+
+/// Share of the full stress by warmth that rods have at a strain, and its slope by the strain.
+pub fn rod_onset(strain: f64) -> [f64; 2] {
+    let width = ROD_ONSET[1] - ROD_ONSET[0];
+    let x = ((strain - ROD_ONSET[0]) / width).clamp(0.0, 1.0);
+    [x * x * (3.0 - 2.0 * x), 6.0 * x * (1.0 - x) / width]
+}
