@@ -174,22 +174,25 @@ impl<'a> Problem<'a> {
     ) -> Self {
         let n = rows.len() + expected.len();
         let wider = inflation.sqrt();
-        let refused = rows.iter().map(|row| value(unknowns, row, x.as_slice()).is_err()).collect();
         let recorded = rows.iter().any(|row| row.sigma != row.value);
-        let mut problem = Self { unknowns, rows, expected, wider, x, residuals: DVector::zeros(n), refused, recorded };
-        problem.evaluate();
+        let (residuals, refused) = (DVector::zeros(n), vec![false; rows.len()]);
+        let mut problem = Self { unknowns, rows, expected, wider, x, residuals, refused, recorded };
+        let computed: Vec<Option<f64>> =
+            problem.rows.iter().map(|row| value(unknowns, row, problem.x.as_slice()).ok()).collect();
+        problem.refused = computed.iter().map(Option::is_none).collect();
+        problem.evaluate(|k, _| computed[k]);
         problem
     }
 
-    /// The residuals. A step that leads to a state that the model refuses, where it did not before, is not looked at any
-    /// further: such states take long to refuse.
-    fn evaluate(&mut self) {
+    /// The residuals of computed rows. Only states that the model solved at the start are computed: to refuse one takes as
+    /// long as to solve a thousand. For the same reason a step that leads to a refused state is not computed any further.
+    fn evaluate(&mut self, compute: impl Fn(usize, &[f64]) -> Option<f64>) {
         let count = self.unknowns.count();
         let mut left = false;
         for (k, row) in self.rows.iter().enumerate() {
-            let computed = if left { None } else { value(self.unknowns, row, self.x.as_slice()).ok() };
-            let Some(computed) = computed else {
-                left |= !self.refused[k];
+            let asked = !(left || self.refused[k]);
+            let Some(computed) = asked.then(|| compute(k, self.x.as_slice())).flatten() else {
+                left |= asked;
                 self.residuals[k] = REFUSED * if row.zero.is_some() { 100.0 } else { 1.0 };
                 continue;
             };
@@ -205,7 +208,7 @@ impl<'a> Problem<'a> {
     fn derivatives(&self) -> DMatrix<f64> {
         let count = self.unknowns.count();
         let mut jacobian = DMatrix::zeros(self.residuals.len(), self.x.len());
-        for (k, row) in self.rows.iter().enumerate() {
+        for (k, row) in self.rows.iter().enumerate().filter(|(k, _)| !self.refused[*k]) {
             let Ok(computed) = predict(self.unknowns, row, self.x.as_slice()) else { continue };
             let sigma = row.sigma * self.wider;
             for j in 0..count {
@@ -308,7 +311,8 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
 
     fn set_params(&mut self, x: &DVector<f64>) {
         self.x.copy_from(x);
-        self.evaluate();
+        let (unknowns, rows) = (self.unknowns, self.rows.clone());
+        self.evaluate(|k, x| value(unknowns, rows[k], x).ok());
     }
     fn params(&self) -> DVector<f64> {
         self.x.clone()
@@ -337,7 +341,7 @@ fn begin(unknowns: &Unknowns, start: &Parameters, data: &Data) -> Result<(Vec<f6
             .rows
             .iter()
             .filter(|r| r.zero == Some(zero))
-            .filter_map(|r| Some(r.value - predict(unknowns, r, &x).ok()?.value))
+            .filter_map(|r| Some(r.value - value(unknowns, r, &x).ok()?))
             .collect();
         x.push(misses.iter().sum::<f64>() / misses.len().max(1) as f64);
         labels.push(format!("zero of sweep {}", zero + 1));
@@ -498,7 +502,7 @@ impl Linear {
 
 fn fitted(unknowns: &Unknowns, row: &Row, x: &[f64]) -> Fitted {
     let zero = row.zero.and_then(|z| x.get(unknowns.count() + z)).copied().unwrap_or(0.0);
-    let computed = predict(unknowns, row, x).map(|c| c.value + zero);
+    let computed = value(unknowns, row, x).map(|computed| computed + zero);
     // Relative for the paper's numbers, whose standard deviation is the number; metres for a sweep.
     let unit = if row.sigma == row.value { row.value } else { 1.0 };
     Fitted {

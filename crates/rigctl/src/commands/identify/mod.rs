@@ -5,10 +5,11 @@ mod print;
 use crate::failure::Failure;
 use crate::identify::compete::{Candidate, Scored};
 use crate::identify::constants::{Constant, Unknowns};
-use crate::identify::data::{self, Data};
+use crate::identify::data;
 use crate::identify::fit::{Fit, fit};
 use crate::identify::laws::{K4, Law};
 use crate::identify::plan::{Plan, plan};
+use crate::identify::plausible::Hint;
 use crate::identify::predict::Prediction;
 use crate::identify::tabled::Untabled;
 use crate::identify::{Identified, Misfit, identify, plausible};
@@ -111,8 +112,12 @@ pub fn run(global: &Global, options: &Identify, output: &mut Output) -> Result<(
     if let Some(why) = plausible::impossible(&data, scene.geometry.string_length_m) {
         return Err(Failure::failed(why));
     }
-    let found = identify(&scene, &data, &candidates).map_err(|e| hinted(&e.to_string(), &data, &scene))?;
-    plausible::likely(&data, &scene).iter().for_each(|hint| eprintln!("is a unit wrong? {hint}"));
+    let hints = plausible::likely(&data, &scene);
+    if let Some(why) = plausible::wrong_unit(&hints, &data) {
+        return Err(Failure::failed(why));
+    }
+    let found = identify(&scene, &data, &candidates).map_err(|e| hinted(&e.to_string(), &hints))?;
+    hints.iter().for_each(|hint| eprintln!("is a unit wrong? {}", hint.text));
     for bad in &data.bad {
         eprintln!("passed over: {bad}");
     }
@@ -161,9 +166,9 @@ fn published(scene: &Scene, options: &Identify, out: Option<OutFile>, output: &m
 }
 
 /// An error with what may be the reason.
-fn hinted(error: &str, data: &Data, scene: &Scene) -> Failure {
-    let hints: Vec<String> = std::iter::once(error.to_owned()).chain(plausible::likely(data, scene)).collect();
-    Failure::failed(hints.join("; "))
+fn hinted(error: &str, hints: &[Hint]) -> Failure {
+    let all: Vec<&str> = std::iter::once(error).chain(hints.iter().map(|hint| hint.text.as_str())).collect();
+    Failure::failed(all.join("; "))
 }
 
 /// Where the scene goes: nowhere where a measurement is.
