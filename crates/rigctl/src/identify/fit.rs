@@ -4,7 +4,7 @@ use super::Errors;
 use super::constants::{MOST, Number, Unknowns, values};
 use super::data::{Data, Quantity, Row};
 use super::hysteresis::{Loop, load_share, loops, slopes};
-use super::noise::{Noise, half_width_factor};
+use super::noise::{Noise, half_width};
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::{DMatrix, DVector, Dyn, Owned};
 use serde::Serialize;
@@ -108,6 +108,9 @@ pub struct Fit {
     /// Their covariance, with correlated residuals counted.
     #[serde(skip)]
     pub covariance: DMatrix<f64>,
+    /// The part of it that was estimated from the residuals; the rest is what is known of sweeps beforehand.
+    #[serde(skip)]
+    pub estimated: DMatrix<f64>,
     /// What the fit leaves.
     #[serde(skip)]
     pub noise: Noise,
@@ -389,6 +392,7 @@ pub fn fit(unknowns: &Unknowns, start: &Parameters, data: &Data) -> Result<Fit, 
     let covariance = problem.covariance(&jacobian, noise.inflation.max(f64::MIN_POSITIVE)).ok_or_else(lost)?;
     // A sweep as a whole may have had another load than the one that hung: what friction and the rods' memory amount to.
     let loops = if unknowns.expected { loops(data, &slopes(unknowns, data, problem.x.as_slice())) } else { Vec::new() };
+    let estimated = covariance.clone();
     let covariance = problem.with_sweeps(covariance, &jacobian, noise.inflation, &loops, data, &runs);
     let error = |k: usize| covariance[(k, k)].sqrt();
     let count = unknowns.count();
@@ -398,12 +402,11 @@ pub fn fit(unknowns: &Unknowns, start: &Parameters, data: &Data) -> Result<Fit, 
         return Err(IdentifyError::Undetermined { constants: weak.join(", "), why });
     }
     let x = problem.x.as_slice().to_vec();
-    let factor = half_width_factor(noise.freedom);
     let estimate = |k: usize| Estimate {
         name: labels[k].clone(),
         unknown: x[k],
         standard_error: error(k),
-        half_width_90: factor * error(k),
+        half_width_90: half_width(estimated[(k, k)], covariance[(k, k)] - estimated[(k, k)], noise.freedom),
     };
     let estimates = (0..m).map(estimate).collect();
     let correlation = |i: usize, j: usize| covariance[(i, j)] / (covariance[(i, i)] * covariance[(j, j)]).sqrt();
@@ -422,6 +425,7 @@ pub fn fit(unknowns: &Unknowns, start: &Parameters, data: &Data) -> Result<Fit, 
         effective_rows: noise.effective,
         x,
         covariance,
+        estimated,
         noise,
         expected,
         loops,

@@ -57,6 +57,15 @@ pub fn half_width_factor(freedom: f64) -> f64 {
     z + first / nu + second / nu.powi(2) + third / nu.powi(3)
 }
 
+/// Half the width of the interval that holds the truth nine times in ten, from two variances: one that was estimated with
+/// so many degrees of freedom, and one that is known beforehand. Together they have more degrees of freedom than the first
+/// alone (Satterthwaite, "An approximate distribution of estimates of variance components", 1946).
+pub fn half_width(estimated: f64, known: f64, freedom: f64) -> f64 {
+    let total = estimated + known;
+    let freedom = if estimated > 0.0 { freedom.max(1.0) * (total / estimated).powi(2) } else { f64::INFINITY };
+    half_width_factor(freedom) * total.max(0.0).sqrt()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -93,6 +102,14 @@ mod tests {
         let squares: f64 = runs[0].iter().map(|r| r * r).sum();
         assert!((noise.inflation * noise.freedom / squares - 1.0).abs() < 1e-12);
         assert!((noise.freedom - noise.effective + 4.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_is_known_beforehand_does_not_widen_by_the_fewness_of_the_residuals() {
+        assert!((half_width(4.0, 0.0, 5.0) - 2.0 * half_width_factor(5.0)).abs() < 1e-12);
+        assert!((half_width(0.0, 4.0, 5.0) - 2.0 * 1.644_854).abs() < 1e-12);
+        // Halves of one variance: four times the degrees of freedom.
+        assert!((half_width(2.0, 2.0, 5.0) - 2.0 * half_width_factor(20.0)).abs() < 1e-12);
     }
 
     #[test]

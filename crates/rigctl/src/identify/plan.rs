@@ -2,11 +2,11 @@
 //!
 //! To first order a sweep adds its information to that of the sweeps there are, with the noise that these have left. What it
 //! is worth is how far the largest error of a predicted contraction over the envelope falls (a G-optimal design; Atkinson,
-//! Donev and Tobias, "Optimum Experimental Designs", 2007). What the law misses, ageing strings, friction and the rods'
-//! memory stay, however many sweeps there are.
+//! Donev and Tobias, "Optimum Experimental Designs", 2007). What the law misses and ageing strings stay, however many sweeps
+//! there are.
 
 use super::hysteresis::load_share;
-use super::noise::half_width_factor;
+use super::noise::half_width;
 use super::predict::Known;
 use super::{Identified, data::SIGMA_M};
 use nalgebra::{DMatrix, DVector};
@@ -52,7 +52,7 @@ pub struct Plan {
     pub sweeps: Vec<Next>,
 }
 
-/// A state of the envelope: its contraction's derivatives, and the variance that stays (m2).
+/// A state of the envelope: its contraction's derivatives, and the variance that stays beside what the law misses (m2).
 struct State {
     load_n: f64,
     turns: f64,
@@ -65,10 +65,15 @@ fn loads([least, most]: [f64; 2], count: usize) -> Vec<f64> {
     (0..count).map(|k| least * (most / least).powf(k as f64 / (count - 1) as f64)).collect()
 }
 
-/// The largest half-width over the states (m), and where.
+/// The largest half-width over the states (m), and where; of the constants' variance the share that the residuals told now
+/// is taken for that of any covariance.
 fn largest(known: &Known, states: &[State], covariance: &DMatrix<f64>) -> (f64, [f64; 2]) {
-    let factor = half_width_factor(known.freedom);
-    let half = |s: &State| factor * ((s.by.transpose() * covariance * &s.by)[(0, 0)] + s.floor_m2).sqrt();
+    let half = |s: &State| {
+        let by = |part: &DMatrix<f64>| (s.by.transpose() * part * &s.by)[(0, 0)];
+        let all_m2 = by(covariance);
+        let estimated_m2 = all_m2 * by(&known.estimated) / by(&known.covariance).max(f64::MIN_POSITIVE);
+        half_width(estimated_m2 + 2.0 * known.missed_m2, all_m2 - estimated_m2 + s.floor_m2, known.freedom)
+    };
     let widths = states.iter().map(|s| (half(s), [s.load_n, s.turns]));
     widths.max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((0.0, [0.0; 2]))
 }
@@ -121,8 +126,7 @@ pub fn plan(scene: &Scene, found: &Identified) -> Option<Plan> {
     let (enough, why) = if now_m <= wanted_m {
         (true, format!("the scene asks for {:.1} um", 1e6 * wanted_m))
     } else if best_m > (1.0 - WORTH) * now_m {
-        let floor =
-            format!("{:.3} mm are what the law misses, ageing, friction and the rods' memory leave", 1e3 * floor_m);
+        let floor = format!("{:.3} mm are what the law misses and ageing leave", 1e3 * floor_m);
         (true, format!("the best further sweep leaves {:.3} mm; {floor}", 1e3 * best_m))
     } else {
         (false, format!("the best further sweep leaves {:.3} mm", 1e3 * best_m))

@@ -4,8 +4,8 @@ use super::LEAST_RADIUS_ERROR;
 use super::compete::{Candidate, Competition};
 use super::constants::{Number, Unknowns};
 use super::fit::Fit;
-use super::hysteresis::{Loop, load_share};
-use super::noise::half_width_factor;
+use super::hysteresis::Loop;
+use super::noise::half_width;
 use rig_scene::Scene;
 use serde::Serialize;
 use tsa_model::{Mechanism, PRETWIST_RAD, Parameters, SolveError, twist_from_turns};
@@ -79,9 +79,11 @@ pub struct Known {
     pub others: Vec<Fitted>,
     /// Covariance of the chosen law's unknowns.
     pub covariance: nalgebra::DMatrix<f64>,
-    /// Variance of what the chosen law misses (m2).
+    /// The part of it that was estimated from the residuals.
+    pub estimated: nalgebra::DMatrix<f64>,
+    /// Variance of what the chosen law misses at one end of a contraction (m2).
     pub missed_m2: f64,
-    /// Degrees of freedom.
+    /// Degrees of freedom of what was estimated from the residuals.
     pub freedom: f64,
     /// Loops between the way up and the way down.
     pub loops: Vec<Loop>,
@@ -102,27 +104,28 @@ impl Known {
             chosen: fitted(competition.chosen, fit)?,
             others,
             covariance: fit.covariance.clone(),
+            estimated: fit.estimated.clone(),
             missed_m2: fit.fitted.rms.powi(2) * noise.effective / noise.freedom,
             freedom: noise.freedom,
             loops: fit.loops.clone(),
         })
     }
 
-    /// Variance of a predicted contraction (m2) that no sweep takes away: what the law misses at both ends, strings that go
-    /// on changing, what friction and the rods' memory do at that load, and laws that cannot be told apart.
+    /// Variance of a predicted contraction (m2) that no sweep takes away and no residual shows: strings that go on changing,
+    /// and laws that cannot be told apart. What the law misses comes to this, at both ends ([`Known::missed_m2`]).
+    ///
+    /// The contraction is the mean of the way up and the way down, so that friction is no part of its error a second time:
+    /// what friction did in the sweeps is in the errors of the constants already.
     ///
     /// # Errors
     /// If the model refuses the state.
     pub fn floor_m2(&self, load_n: f64, turns: f64) -> Result<f64, SolveError> {
         let here = self.chosen.contraction(load_n, turns)?.value;
         let aged_m = self.chosen.by_radius(load_n, turns, LEAST_RADIUS_ERROR)?;
-        let share = load_share(&self.loops, load_n);
-        // Towards the heavier load, where there is an equilibrium too.
-        let change_m = self.chosen.contraction(load_n * (1.0 + share), turns)?.value - here;
         let apart = self.others.iter().filter_map(|other| other.contraction(load_n, turns).ok());
         let apart: Vec<f64> = apart.map(|other| (other.value - here).powi(2)).collect();
         let apart_m2 = apart.iter().sum::<f64>() / apart.len().max(1) as f64;
-        Ok(2.0 * self.missed_m2 + aged_m.powi(2) + change_m.powi(2) + apart_m2)
+        Ok(aged_m.powi(2) + apart_m2)
     }
 
     /// Variance (m2) that the errors of the constants give a predicted contraction.
@@ -135,15 +138,12 @@ impl Known {
     /// The contraction at a load and so many turns.
     pub fn predict(&self, load_n: f64, turns: f64) -> Prediction {
         let computed = self.chosen.contraction(load_n, turns);
-        let variance = computed.as_ref().ok().and_then(|contraction| {
-            Some(self.constants_m2(contraction, &self.covariance) + self.floor_m2(load_n, turns).ok()?)
+        let half_width_m = computed.as_ref().ok().and_then(|contraction| {
+            let [all, estimated] = [&self.covariance, &self.estimated].map(|part| self.constants_m2(contraction, part));
+            let known_m2 = all - estimated + self.floor_m2(load_n, turns).ok()?;
+            Some(half_width(estimated + 2.0 * self.missed_m2, known_m2, self.freedom))
         });
-        Prediction {
-            load_n,
-            turns,
-            contraction_m: computed.ok().map(|contraction| contraction.value),
-            half_width_m: variance.map(|variance| half_width_factor(self.freedom) * variance.sqrt()),
-        }
+        Prediction { load_n, turns, contraction_m: computed.ok().map(|contraction| contraction.value), half_width_m }
     }
 
     /// Contractions at the scene's lowest, middle and highest load; none without an envelope.
