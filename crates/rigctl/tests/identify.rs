@@ -8,6 +8,7 @@ use rig_scene::Scene;
 use rigctl::identify::compete::Candidate;
 use rigctl::identify::data::Data;
 use rigctl::identify::identify;
+use rigctl::identify::laws::Law;
 use rigctl::log::sweep::{Stop, Sweep};
 use serde_json::Value;
 use std::path::PathBuf;
@@ -437,7 +438,7 @@ fn refused(change: impl Fn(usize, f64, f64) -> (f64, f64)) -> Result<(), String>
     for (k, load) in HUNG.into_iter().enumerate() {
         let mut load_n = load;
         let mut stops = Vec::new();
-        for turns in (0..=15).map(|half| 0.5 * f64::from(half)) {
+        for turns in (0..=10).map(|stop| 0.7 * f64::from(stop)) {
             let twist_rad = twist_from_turns(turns);
             let changed = change(k, turns, rig.solve(load, twist_rad).unwrap().gap_m);
             load_n = if changed.0 > 0.0 { changed.0 } else { load };
@@ -447,8 +448,9 @@ fn refused(change: impl Fn(usize, f64, f64) -> (f64, f64)) -> Result<(), String>
     }
     // A table is not what this is about.
     let scene = Scene { accuracy: None, ..scene };
-    let candidates = Candidate::all(&scene, None, data.knows_its_zero());
-    identify(&scene, &data, &candidates).map(|_| ()).map_err(|e| e.to_string())
+    // Which law is enough is not what this is about either: the rig's own, with one material, makes it quick.
+    let candidates = Candidate::all(&scene, Some(Law::LengthRatioK4), data.knows_its_zero());
+    identify(&scene, &data, &candidates[..1]).map(|_| ()).map_err(|e| e.to_string())
 }
 
 #[test]

@@ -390,7 +390,7 @@ pub fn fit(unknowns: &Unknowns, start: &Parameters, data: &Data) -> Result<Fit, 
     determined(&jacobian, &labels)?;
     let lost = || IdentifyError::NotConverged("the information has no inverse".into());
     let covariance = problem.covariance(&jacobian, noise.inflation.max(f64::MIN_POSITIVE)).ok_or_else(lost)?;
-    // A sweep as a whole may have had another load than the one that hung: what friction and the rods' memory amount to.
+    // A sweep as a whole may have had another load than the one that hung: what friction and creep amount to.
     let loops = if unknowns.expected { loops(data, &slopes(unknowns, data, problem.x.as_slice())) } else { Vec::new() };
     let estimated = covariance.clone();
     let covariance = problem.with_sweeps(covariance, &jacobian, noise.inflation, &loops, data, &runs);
