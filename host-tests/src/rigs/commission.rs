@@ -27,6 +27,8 @@ use tsa_table::Table;
 pub const SWEEP_LOADS_KG: [f64; 3] = [0.15, 0.6, 1.5];
 /// Turns past the half-turn pre-twist, and speed of the strings (rad/s).
 const TURNS: f64 = 7.5;
+/// Turns, besides half those of the sweeps, at which predicted contractions are compared with the rig's own.
+const HELD_OUT_TURNS: f64 = 6.5;
 const SPEED_RAD_PER_S: f64 = 4.0;
 /// How often a sweep is tried whose homing or turns fail, each time from another twist.
 const TRIES: u8 = 3;
@@ -39,8 +41,6 @@ const TURN_AHEAD_S: f64 = 0.05;
 const CALIBRATION: [(f64, usize, f64); 2] = [(1.5, 3, 0.007), (0.3, 8, 0.026)];
 /// What the gauge reads to (m).
 const GAUGE_M: f64 = 20e-6;
-/// Contraction from which its error is taken as a share of it (m): near the pre-twist there is none.
-const CONTRACTION_M: f64 = 2e-3;
 
 /// What the board is built and set up with.
 #[derive(Clone, Debug)]
@@ -86,7 +86,7 @@ pub fn commission(subject: &Subject, as_built: bool) -> (Firmware, Vec<Finding>)
         return (firmware, findings);
     }
     let built = identified(subject, &firmware).and_then(|found| {
-        findings.push(finding(Check::HeldOut, Some(held_out_error(&found)), String::new()));
+        findings.push(finding(Check::HeldOut, held_out_error(subject, &found), String::new()));
         findings.extend(predicted(subject, &found));
         findings.extend(found_constants(subject, &found));
         build(found, &firmware).map_err(|why| format!("table: {why}"))
@@ -296,18 +296,20 @@ fn record(bench: &ControlBench, log: &mut Log) -> bool {
     false
 }
 
-/// Rms error of the held-out equilibria as a share of their contraction since the first of their sweep, where there is some.
-fn held_out_error(found: &Identified) -> f64 {
-    let competition = &found.competition;
-    let (data, errors) = (&competition.data, &competition.scored[competition.chosen].errors);
-    let mut shares = Vec::new();
-    for run in data.runs() {
-        let first_m = run.iter().map(|k| data.rows[*k].value).fold(f64::MIN, f64::max);
-        let moved = run.into_iter().map(|k| (first_m - data.rows[k].value, errors[k]));
-        shares
-            .extend(moved.filter(|(moved_m, _)| *moved_m > CONTRACTION_M).map(|(moved_m, error_m)| error_m / moved_m));
-    }
-    (shares.iter().map(|share: &f64| share * share).sum::<f64>() / shares.len().max(1) as f64).sqrt()
+/// Rms error of contractions under loads between those of the sweeps, as shares of the rig's true ones; none if the law has
+/// no equilibrium there.
+fn held_out_error(subject: &Subject, found: &Identified) -> Option<f64> {
+    let between = SWEEP_LOADS_KG.windows(2).map(|pair| (pair[0] * pair[1]).sqrt() * STANDARD_GRAVITY);
+    let states = between.flat_map(|load_n| [0.5 * TURNS, HELD_OUT_TURNS].map(|turns| (load_n, turns)));
+    let squares: Option<Vec<f64>> = states
+        .map(|(load_n, turns)| {
+            let told_m = found.known.predict(load_n, turns).contraction_m?;
+            let true_m = subject.contraction_m(load_n, twist_from_turns(turns)).ok()?;
+            Some((told_m / true_m - 1.0).powi(2))
+        })
+        .collect();
+    let squares = squares?;
+    Some((squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
 }
 
 /// The firmware for an identified scene.

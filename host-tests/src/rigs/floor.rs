@@ -50,7 +50,7 @@ pub enum Check {
     Moves,
     /// How far the load sank in the 3 s after a fault (m).
     Sank,
-    /// Rms error of the contraction in what identification held out, as a share of the contraction.
+    /// Rms error of predicted contractions under loads between those of the sweeps, as a share of the true ones.
     HeldOut,
     /// Whether the stated error of a predicted contraction covers the true one: 1 or 0.
     PredictionCover,
@@ -167,7 +167,7 @@ impl Check {
             Self::FollowMost => "following at 2 mm/s, most",
             Self::Faults => "faults without a cause",
             Self::Sank => "load sinks after a fault",
-            Self::HeldOut => "identification, held out",
+            Self::HeldOut => "contraction between the sweeps",
             Self::PredictionCover => "stated error covers: contraction",
             Self::PredictionStated => "contraction, stated error",
             Self::PredictionOverStated => "contraction error over the stated",

@@ -1,8 +1,8 @@
 //! Laws and materials compete: each is fitted to a part of the sweeps and predicts the rest.
 //!
-//! What is held out is a whole sweep at a time where there are three or more, else a block of twist of every sweep: rows
-//! next to fitted ones would be predicted well by any law that bends. All candidates are fitted to the same thinned rows, and
-//! the one that is chosen then to all.
+//! What is held out is a block of twist of every sweep: rows next to fitted ones would be predicted well by any law that
+//! bends. A whole sweep would have to be predicted from two others where there are three, which no law does well enough to
+//! be told from another. All candidates are fitted to the same thinned rows, and the one that is chosen then to all.
 
 use super::Errors;
 use super::constants::{Constant, Unknowns};
@@ -19,13 +19,11 @@ use tsa_model::Parameters;
 pub const MATERIALS: [Constant; 2] = [Constant::Modulus, Constant::OddCurve];
 /// Rows of each sweep that candidates are compared on.
 const ROWS: usize = 20;
-/// Most parts that are held out in turn, and blocks of twist where sweeps are too few.
-const MOST_FOLDS: usize = 6;
+/// Blocks of twist, which are held out in turn.
 const BLOCKS: usize = 4;
-/// Sweeps from which on a whole one is held out.
-const SWEEPS: usize = 3;
-/// How many standard errors of the comparison one may be worse and still be enough: nine in ten of equals are.
-const NOISE: f64 = 1.645;
+/// How many standard errors of the comparison one may be worse and still be enough: the usual rule for the simplest of
+/// several models (Breiman, Friedman, Olshen and Stone, "Classification and Regression Trees", 1984).
+const NOISE: f64 = 1.0;
 
 /// What takes part: a law, a material, and what is fitted.
 #[derive(Debug, Clone)]
@@ -114,9 +112,11 @@ pub struct Scored {
     pub verdict: Verdict,
     /// Why its constants cannot be told.
     pub why: Option<String>,
-    /// Errors of the rows compared, each predicted from the others.
+    /// Errors of the rows compared, each predicted from the others (m), and the same in standard deviations of the rows.
     #[serde(skip)]
     pub errors: Vec<f64>,
+    #[serde(skip)]
+    weighed: Vec<f64>,
     /// The fit to the rows compared.
     #[serde(skip)]
     pub fit: Option<Fit>,
@@ -148,27 +148,22 @@ impl Competition {
     }
 }
 
-/// Rms error of what was held out (m); infinite for what could not be fitted.
+/// Sum of the squared errors of what was held out, in standard deviations; infinite for what could not be fitted.
 fn held_out(scored: &Scored) -> f64 {
-    scored.held_out_rms.unwrap_or(f64::INFINITY)
+    if scored.fit.is_none() { f64::INFINITY } else { scored.weighed.iter().map(|e| e * e).sum() }
 }
 
-/// Which rows are held out together.
+/// Which rows are held out together: a block of twist of every sweep.
 fn folds(data: &Data) -> Vec<Vec<usize>> {
-    let mut runs = data.runs();
-    if runs.len() < SWEEPS {
-        let block = |b: usize| {
-            let part = |run: &Vec<usize>| {
-                let at = |b: usize| b * run.len() / BLOCKS;
-                run[at(b)..at(b + 1)].to_vec()
-            };
-            runs.iter().flat_map(part).collect::<Vec<_>>()
+    let runs = data.runs();
+    let block = |b: usize| {
+        let part = |run: &Vec<usize>| {
+            let at = |b: usize| b * run.len() / BLOCKS;
+            run[at(b)..at(b + 1)].to_vec()
         };
-        return (0..BLOCKS).map(block).filter(|rows| !rows.is_empty()).collect();
-    }
-    runs.sort_by(|a, b| data.rows[a[0]].load_n.total_cmp(&data.rows[b[0]].load_n));
-    let each = runs.len().div_ceil(MOST_FOLDS);
-    runs.chunks(each).map(<[_]>::concat).collect()
+        runs.iter().flat_map(part).collect::<Vec<_>>()
+    };
+    (0..BLOCKS).map(block).filter(|rows| !rows.is_empty()).collect()
 }
 
 /// Errors of every row, predicted from the rows that are not held out with it (m).
@@ -205,12 +200,14 @@ fn score(candidate: &Candidate, data: &Data, folds: &[Vec<usize>]) -> Result<Sco
         verdict: Verdict::Undetermined,
         why: None,
         errors: Vec::new(),
+        weighed: Vec::new(),
         fit: None,
     };
     match whole {
         Ok(whole) => {
             let singular = || IdentifyError::NotConverged("what is not held out cannot tell the constants".into());
             scored.errors = predicted(candidate, &data, &whole, folds).ok_or_else(singular)?;
+            scored.weighed = scored.errors.iter().zip(&data.rows).map(|(error, row)| error / row.sigma).collect();
             scored.fitted_rms = Some(whole.fitted.rms);
             scored.held_out_rms = Some(Errors::over(scored.errors.iter().copied()).rms);
             scored.fit = Some(whole);
@@ -220,14 +217,17 @@ fn score(candidate: &Candidate, data: &Data, folds: &[Vec<usize>]) -> Result<Sco
     Ok(scored)
 }
 
-/// Whether errors are larger than others of the same rows by more than the noise of that comparison.
+/// Whether errors (in standard deviations of their rows) are larger than others of the same rows by more than the noise of
+/// that comparison: the ratio of their mean squares, whose logarithm has the variance 2/n + 2/m for two samples of n and m
+/// independent values.
 fn worse(errors: &[f64], best: &[f64], runs: &[Vec<usize>]) -> bool {
-    let count = errors.len().max(1) as f64;
-    let more: Vec<f64> = errors.iter().zip(best).map(|(a, b)| a * a - b * b).collect();
-    let mean = more.iter().sum::<f64>() / count;
-    let about: Vec<Vec<f64>> = runs.iter().map(|run| run.iter().map(|k| more[*k] - mean).collect()).collect();
-    let variance = about.iter().flatten().map(|d| d * d).sum::<f64>() / count;
-    mean > NOISE * (variance / effective(&about)).sqrt()
+    let squares = |errors: &[f64]| errors.iter().map(|e| e * e).sum::<f64>();
+    let independent = |errors: &[f64]| {
+        let each: Vec<Vec<f64>> = runs.iter().map(|run| run.iter().map(|k| errors[*k]).collect()).collect();
+        effective(&each)
+    };
+    let spread = (2.0 / independent(errors) + 2.0 / independent(best)).sqrt();
+    squares(errors) > squares(best) * (NOISE * spread).exp()
 }
 
 /// Lets the candidates predict what is held out; the simplest that is not worse than the best is chosen.
@@ -240,12 +240,12 @@ pub fn compete(candidates: &[Candidate], data: &Data) -> Result<Competition, Ide
     let scored = parallel(&|_, _| (), candidates.len(), |k| score(&candidates[k], &data, &folds));
     let mut scored = scored.into_iter().collect::<Result<Vec<_>, _>>()?;
     let best = scored.iter().filter(|s| s.fit.is_some()).min_by(|a, b| held_out(a).total_cmp(&held_out(b)));
-    let Some(best) = best.map(|s| s.errors.clone()) else {
+    let Some(best) = best.map(|s| s.weighed.clone()) else {
         let first = candidates.first().ok_or_else(|| IdentifyError::Start("no law takes part".into()))?;
         return Err(first.fit(&data).err().unwrap_or_else(|| IdentifyError::NotConverged("no candidate".into())));
     };
     for s in scored.iter_mut().filter(|s| s.fit.is_some()) {
-        s.verdict = if worse(&s.errors, &best, &runs) { Verdict::Worse } else { Verdict::Indistinguishable };
+        s.verdict = if worse(&s.weighed, &best, &runs) { Verdict::Worse } else { Verdict::Indistinguishable };
     }
     let enough = (0..scored.len()).filter(|k| scored[*k].verdict == Verdict::Indistinguishable);
     let simplest = |a: &usize, b: &usize| {
@@ -256,4 +256,28 @@ pub fn compete(candidates: &[Candidate], data: &Data) -> Result<Competition, Ide
     scored[chosen].verdict = Verdict::Chosen;
     let base = candidates[chosen].start()?;
     Ok(Competition { scored, chosen, data, base })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_are_worse_by_their_size_and_by_how_many_of_them_are_independent() {
+        // Independent by their alternating signs: an autocorrelation below zero ends its sum.
+        let alternating = |size: f64, count: usize| -> Vec<f64> {
+            (0..count).map(|k| if k % 2 == 0 { size } else { -size }).collect()
+        };
+        let runs = |count: usize| [(0..count).collect::<Vec<_>>()];
+        let (small, large) = (alternating(1.0, 60), alternating(1.5, 60));
+        assert!(
+            worse(&large, &small, &runs(60)) && !worse(&small, &large, &runs(60)) && !worse(&small, &small, &runs(60))
+        );
+        // The same sizes, but each sample is one value sixty times.
+        assert!(!worse(&[1.5; 60], &[1.0; 60], &runs(60)));
+        // A few large errors among many small ones count.
+        let mut few = small.clone();
+        few[50..].iter_mut().for_each(|e| *e *= 10.0);
+        assert!(worse(&few, &small, &runs(60)));
+    }
 }

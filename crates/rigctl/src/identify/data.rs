@@ -6,6 +6,7 @@
 //! rig share the zero of its LVDT, and the string's length is fitted to it. The zero of the gap sensor behind another file
 //! with `gap_m`, or an older log, is not known: each gets an unknown of its own for it.
 
+use super::hysteresis::LOOP_SHARE;
 use crate::failure::Failure;
 use crate::log::sweep::Sweep;
 use crate::log::{self, Log};
@@ -89,7 +90,7 @@ impl Data {
                 twist_rad: stop.twist_rad,
                 // Up is where the gap is smaller.
                 value: sweep.zero_gap_m.unwrap_or(0.0) - stop.position_m,
-                sigma: SIGMA_M,
+                sigma: SIGMA_M.hypot(LOOP_SHARE * stop.half_difference_m),
                 base: *base,
                 fixed: String::new(),
                 zero,

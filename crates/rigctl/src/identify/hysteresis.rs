@@ -8,7 +8,7 @@ use tsa_model::Mechanism;
 
 /// Standard error of the load in a sweep that friction leaves, as a share of the friction: the mean of up and down would be
 /// free of it if it were alike both ways and the gap went straight with the load.
-const LOOP_SHARE: f64 = 0.1;
+pub const LOOP_SHARE: f64 = 0.1;
 /// The same from what creeps, as a share of the load: no loop shows it. Chosen so that the stated intervals hold the truth on
 /// emulated hard rigs (seeds 3001 to 3012). Rods that were not loaded more heavily before, as in sweeps from the lightest
 /// load to the heaviest, have nothing to remember.

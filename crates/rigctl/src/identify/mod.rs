@@ -79,7 +79,7 @@ pub fn uncertainty(fit: &Fit) -> Uncertainty {
 pub struct Misfit {
     /// What the law misses, rms (m).
     pub rms_m: f64,
-    /// What sensor noise and the loops between up and down explain, rms (m).
+    /// What sensor noise explains, and what the loops between up and down leave in the mean of the two ways, rms (m).
     pub explained_m: f64,
     /// What is left: the root of the difference of their squares (m).
     pub excess_m: f64,
@@ -89,7 +89,7 @@ pub struct Misfit {
 
 impl Misfit {
     fn of(data: &Data, fit: &Fit) -> Self {
-        let explained = |row: &data::Row| row.sigma.powi(2) + row.half_difference_m.unwrap_or(0.0).powi(2);
+        let explained = |row: &data::Row| row.sigma.powi(2);
         let explained_m = (data.rows.iter().map(explained).sum::<f64>() / data.rows.len().max(1) as f64).sqrt();
         let rms_m = fit.fitted.rms;
         // A mean square of n independent values has a relative standard error of sqrt(2/n).

@@ -117,12 +117,12 @@ pub fn table(before: &Scene, found: &Identified, output: &mut Output) -> Result<
         output.line(format!("table of this scene: {} bytes", fit.table.numbers.bytes()))?;
     }
     if let (Some(before), Some(after)) = (before.envelope, found.scene.envelope)
-        && before.load_n[0] < after.load_n[0]
+        && before != after
     {
         output.line(format!(
-            "envelope.load_n begins at {} N instead of {} N: with these constants no table reaches the accuracy under lighter \
-             loads at {} turns",
-            after.load_n[0], before.load_n[0], after.turns[1]
+            "[envelope] begins at {} N and ends at {} turns, instead of {} N and {} turns: with these constants no table \
+             reaches the accuracy beyond",
+            after.load_n[0], after.turns[1], before.load_n[0], before.turns[1]
         ))?;
     }
     Ok(())
@@ -151,7 +151,7 @@ pub fn judged(found: &Identified, output: &mut Output) -> Result<(), Failure> {
         ))?;
     }
     let m = &found.misfit;
-    let explained = "sensor noise and the loops between up and down explain";
+    let explained = "sensor noise and friction in the mean of up and down explain";
     let rms = format!("the law misses {:.1} um rms, {explained} {:.1} um", m.rms_m * 1e6, m.explained_m * 1e6);
     output.line(match m.holds {
         true => format!("the law holds: {rms}"),
