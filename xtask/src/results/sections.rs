@@ -122,6 +122,19 @@ pub(super) const SECTIONS: &[Section] = &[
         measure: super::rigs::measure,
     },
     Section {
+        name: "calibration",
+        title: "A new rig, calibrated",
+        about: "Two emulated rigs that the scene does not know, before and after the six commands of \
+                [calibration](calibration.md): eleven points of the LVDT, three sweeps, the constants, the table. Then a \
+                move of 12 mm under two loads that the board weighs itself; errors after ± hold the truth in 90 of 100 cases.",
+        command: "cargo xtask results calibration",
+        figures: &[
+            ("charts/calibration-nominal.svg", "A nominal rig: contraction before and after, with measured points"),
+            ("charts/calibration-hard.svg", "A hard rig: contraction before and after, with measured points"),
+        ],
+        measure: super::calibration::measure,
+    },
+    Section {
         name: "endurance",
         title: "Endurance",
         about: "Moves under changing loads with faults on the way, and random bytes on the host link and on the bus.",

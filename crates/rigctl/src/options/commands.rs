@@ -126,6 +126,9 @@ pub struct Identify {
     /// Scene file to write
     #[arg(long, value_name = "SCENE.toml")]
     pub out: Option<PathBuf>,
+    /// Picture to write: contraction by the scene before and by the identified one, with the measured points on it
+    #[arg(long, value_name = "FILE.svg", conflicts_with = "published")]
+    pub figure: Option<PathBuf>,
     /// Constants to fit, by symbol or key: k1, k2, k3, p, k4, K, R, L0, modulus, odd-curve (a1, a3, a5), curve (a1 to
     /// a5) [default: those of each radius law, with modulus and with odd-curve in turn; k1,k2,k3,modulus for --published]
     #[arg(long, value_name = "KEYS", value_delimiter = ',')]

@@ -1,5 +1,6 @@
 //! `identify`: the scene's constants from recorded sweeps, or from the paper's numbers.
 
+mod figure;
 mod print;
 
 use crate::failure::Failure;
@@ -87,7 +88,8 @@ struct Report<'a> {
 /// If files or options are wrong, or the data cannot tell the constants.
 pub fn run(global: &Global, options: &Identify, output: &mut Output) -> Result<(), Failure> {
     let scene = global.scene()?;
-    let out = options.out.as_deref().map(|path| place(path, &options.sweeps)).transpose()?;
+    let out = options.out.as_deref().map(|path| place("--out", path, &options.sweeps)).transpose()?;
+    let picture = options.figure.as_deref().map(|path| place("--figure", path, &options.sweeps)).transpose()?;
     if options.published {
         return published(&scene, options, out, output);
     }
@@ -135,7 +137,11 @@ pub fn run(global: &Global, options: &Identify, output: &mut Output) -> Result<(
         scene: &found.scene,
         bad_rows: &data.bad,
     };
-    write(out, &print::file(&found.fit, &found.scene, options, print::Unit::Metres)?, options, output)?;
+    let text = print::file(&found.fit, &found.scene, options, print::Unit::Metres)?;
+    write(out, options.out.as_deref(), &text, output)?;
+    if picture.is_some() {
+        write(picture, options.figure.as_deref(), &figure::figure(&scene, &data, &found)?, output)?;
+    }
     output.object(&report)?;
     Ok(())
 }
@@ -159,7 +165,8 @@ fn published(scene: &Scene, options: &Identify, out: Option<OutFile>, output: &m
     fitted.validate()?;
     print::rows(&fit, output)?;
     print::fit(&fit, &unknowns, &start, &fitted, print::Unit::Relative, output)?;
-    write(out, &print::file(&fit, &fitted, options, print::Unit::Relative)?, options, output)?;
+    let text = print::file(&fit, &fitted, options, print::Unit::Relative)?;
+    write(out, options.out.as_deref(), &text, output)?;
     output.object(&Report { fit: &fit, error_unit: "relative", judged: None, scene: &fitted, bad_rows: &[] })?;
     Ok(())
 }
@@ -170,17 +177,17 @@ fn hinted(error: &str, hints: &[Hint]) -> Failure {
     Failure::failed(all.join("; "))
 }
 
-/// Where the scene goes: nowhere where a measurement is.
-fn place(path: &Path, sweeps: &[PathBuf]) -> Result<OutFile, Failure> {
+/// Where the scene or the picture goes: nowhere where a measurement is.
+fn place(option: &str, path: &Path, sweeps: &[PathBuf]) -> Result<OutFile, Failure> {
     let same = |sweep: &PathBuf| path.canonicalize().is_ok_and(|p| sweep.canonicalize().is_ok_and(|s| s == p));
     if sweeps.iter().any(same) {
-        return Err(Failure::Usage(format!("--out {} is one of the sweeps", path.display())));
+        return Err(Failure::Usage(format!("{option} {} is one of the sweeps", path.display())));
     }
     OutFile::new(path)
 }
 
-fn write(out: Option<OutFile>, text: &str, options: &Identify, output: &mut Output) -> Result<(), Failure> {
-    if let (Some(out), Some(path)) = (out, &options.out) {
+fn write(out: Option<OutFile>, path: Option<&Path>, text: &str, output: &mut Output) -> Result<(), Failure> {
+    if let (Some(out), Some(path)) = (out, path) {
         out.write(text)?;
         output.line(format!("written: {}", path.display()))?;
     }
