@@ -2,10 +2,11 @@
 //! can be trusted.
 //!
 //! - [`data`]: recorded sweeps and the paper's numbers. [`constants`]: what can be fitted. [`laws`]: the radius laws.
-//! - [`fit`]: the least squares, and what the data can tell. [`noise`]: how much correlated residuals tell.
-//! - [`compete`]: laws and materials predict held-out sweeps. [`predict`]: contractions with their errors.
+//! - [`mod@fit`]: the least squares, and what the data can tell. [`noise`]: how much correlated residuals tell.
+//! - [`mod@compete`]: laws and materials predict held-out sweeps. [`predict`]: contractions with their errors.
 //! - [`plausible`], [`consistent`]: numbers that no rig gives, wrong units, sweeps that do not belong together.
-//! - [`tabled`]: the table of the scene. [`hysteresis`]: loops between the way up and the way down. [`plan`]: which sweep would tell most.
+//! - [`tabled`]: the table of the scene. [`hysteresis`]: loops between the way up and the way down.
+//! - [`plan`]: which sweep would tell most.
 
 pub mod compete;
 pub mod consistent;
