@@ -134,6 +134,9 @@ impl Endurance {
     }
 }
 
+/// Speed of the motor from which the shaft turns (rad/s).
+const TURNS_RAD_PER_S: f32 = 1.0;
+
 /// So many moves; every sixth meets a fault on its way, and after it the rig is cleared, homed if it must be, and goes on.
 ///
 /// # Panics
@@ -174,8 +177,9 @@ pub fn moves(count: u32, seed: u64) -> Endurance {
         }
         let due = number % 6 == 5 && result.faults < number.div_ceil(6) + 1;
         b.run(if due { 0.4 } else { 0.0 });
-        // A move that has already ended where the travel does shows no fault of the shaft.
-        if due && b.state() == State::Moving {
+        // A shaft that stands already where the travel ends shows no fault of its own.
+        let turns = b.last.is_some_and(|t| t.drive_speed_rad_per_s.abs() > TURNS_RAD_PER_S);
+        if due && b.state() == State::Moving && turns {
             let fault = *FAULTS.choose(&mut random).expect("seven");
             result.faults += 1;
             recover(&mut b, fault, &mut result);
