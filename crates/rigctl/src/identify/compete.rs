@@ -7,8 +7,9 @@
 use super::Errors;
 use super::constants::{Constant, Unknowns};
 use super::data::Data;
-use super::fit::{Fit, IdentifyError, Linear, fit};
+use super::fit::{Fit, IdentifyError, fit};
 use super::laws::{LAWS, Law};
+use super::linear::Linear;
 use super::noise::effective;
 use lab::parallel::parallel;
 use rig_scene::Scene;

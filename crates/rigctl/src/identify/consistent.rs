@@ -6,8 +6,8 @@
 use super::compete::Competition;
 use super::constants::Unknowns;
 use super::data::{Data, Quantity};
-use super::fit::Linear;
 use super::hysteresis::slopes;
+use super::linear::Linear;
 use std::f64::consts::TAU;
 
 /// The load on the way down hangs above that on the way up, by friction. So far below (m) it cannot, whatever the noise.

@@ -2,7 +2,8 @@
 //! can be trusted.
 //!
 //! - [`data`]: recorded sweeps and the paper's numbers. [`constants`]: what can be fitted. [`laws`]: the radius laws.
-//! - [`mod@fit`]: the least squares, and what the data can tell. [`noise`]: how much correlated residuals tell.
+//! - [`mod@fit`]: the least squares, and what the data can tell. [`linear`]: the same without some rows.
+//! - [`noise`]: how much correlated residuals tell.
 //! - [`mod@compete`]: laws and materials predict held-out sweeps. [`predict`]: contractions with their errors.
 //! - [`plausible`], [`consistent`]: numbers that no rig gives, wrong units, sweeps that do not belong together.
 //! - [`tabled`]: the table of the scene. [`hysteresis`]: loops between the way up and the way down.
@@ -15,6 +16,7 @@ pub mod data;
 pub mod fit;
 pub mod hysteresis;
 pub mod laws;
+pub mod linear;
 pub mod noise;
 pub mod plan;
 pub mod plausible;
