@@ -432,7 +432,8 @@ fn a_move_begins_where_the_load_is_and_not_at_a_place_that_it_cannot_reach() {
         d.rig.set_plant("load", &format!("{hanging}kg")).unwrap();
         d.run(0.05);
     }
-    d.run(0.3);
+    // Longer than a following error may last.
+    d.run(5.0);
     let telemetry = d.last.as_ref().unwrap().telemetry;
     let position_m = telemetry.position_m.unwrap();
     assert_eq!((d.control.state(), telemetry.limit), (State::Holding, Some(Limit::Travel)));
