@@ -64,7 +64,7 @@ fn constants() -> impl Strategy<Value = Constants> {
     let float = || prop::num::f64::NORMAL;
     let lengths = prop::array::uniform4(float());
     let (string, material) = (prop::array::uniform6(float()), prop::array::uniform5(float()));
-    let uncertainty = prop::array::uniform3(1e-6..0.5f32);
+    let uncertainty = prop::array::uniform4(1e-6..0.5f32);
     (any::<u32>(), lengths, string, prop::option::of(float()), material, uncertainty).prop_map(
         |(scene_hash, geometry_m, string, twist_exponent, stress_coefficients_pa, uncertainty)| Constants {
             scene_hash,

@@ -6,6 +6,7 @@
 //! - [`noise`]: how much correlated residuals tell.
 //! - [`mod@compete`]: laws and materials predict held-out sweeps. [`predict`]: contractions with their errors.
 //! - [`plausible`], [`consistent`]: numbers that no rig gives, wrong units, sweeps that do not belong together.
+//! - [`memory`]: what the rods remember of a heavier load, by sweeps before and after it.
 //! - [`tabled`]: the table of the scene. [`hysteresis`]: loops between the way up and the way down.
 //! - [`plan`]: which sweep would tell most.
 
@@ -17,6 +18,7 @@ pub mod fit;
 pub mod hysteresis;
 pub mod laws;
 pub mod linear;
+pub mod memory;
 pub mod noise;
 pub mod plan;
 pub mod plausible;
@@ -26,6 +28,7 @@ pub mod tabled;
 use compete::{Candidate, Competition, compete};
 use data::Data;
 use fit::{Fit, IdentifyError};
+use memory::Memory;
 use noise::half_width_factor;
 use predict::{Known, Prediction};
 use rig_scene::{Scene, Uncertainty};
@@ -68,12 +71,13 @@ const CHANGE_ERROR: f64 = 0.01;
 
 /// How well a scene's constants are known after a fit to sweeps whose zero is known. What the fit leaves is smooth over a
 /// sweep, not noise that averages out, so that it counts in full, and twice because the use is not the sweep.
-pub fn uncertainty(fit: &Fit) -> Uncertainty {
+pub fn uncertainty(fit: &Fit, rod_memory: f64) -> Uncertainty {
     let left_m = 2.0 * fit.fitted.rms;
     Uncertainty {
         radius: LEAST_RADIUS_ERROR,
         gap_zero_m: left_m.hypot(LEAST_ZERO_ERROR_M).min(0.05),
         load_shape: CHANGE_ERROR,
+        rod_memory,
     }
 }
 
@@ -117,6 +121,8 @@ pub struct Identified {
     pub known: Known,
     /// Whether the chosen law holds.
     pub misfit: Misfit,
+    /// What the rods remember of a heavier load, where sweeps show it.
+    pub memories: Vec<Memory>,
     /// Predicted contractions.
     pub predictions: Vec<Prediction>,
     /// The table of the scene; none if the scene does not say what a table has to cover, or has none.
@@ -140,8 +146,14 @@ pub fn identify(scene: &Scene, data: &Data, candidates: &[Candidate]) -> Result<
     }
     let mut fit = candidate.fit(data)?;
     let mut identified = candidate.unknowns.scene(&candidate.scene, &candidate.start()?, &fit.x);
+    let known = Known::new(candidates, &competition, &fit)
+        .ok_or_else(|| IdentifyError::NotConverged("the chosen law has no start".into()))?;
+    let memories = memory::memories(data, &known)?;
     if candidate.unknowns.expected {
-        identified.uncertainty = uncertainty(&fit);
+        identified.uncertainty = uncertainty(&fit, scene.uncertainty.rod_memory);
+    }
+    if let Some(share) = memory::rod_memory(&memories) {
+        identified.uncertainty.rod_memory = share;
     }
     identified.validate().map_err(|e| IdentifyError::NotConverged(format!("the identified scene: {e}")))?;
     let (table, untabled) = match tabled::table(&mut identified) {
@@ -149,9 +161,18 @@ pub fn identify(scene: &Scene, data: &Data, candidates: &[Candidate]) -> Result<
         Err(why) => (None, Some(why)),
     };
     fit.held_out = competition.held_out();
-    let known = Known::new(candidates, &competition, &fit)
-        .ok_or_else(|| IdentifyError::NotConverged("the chosen law has no start".into()))?;
     let predictions = known.predictions(scene);
     let misfit = Misfit::of(data, &fit);
-    Ok(Identified { scene: identified, candidate, competition, fit, known, misfit, predictions, table, untabled })
+    Ok(Identified {
+        scene: identified,
+        candidate,
+        competition,
+        fit,
+        known,
+        misfit,
+        memories,
+        predictions,
+        table,
+        untabled,
+    })
 }

@@ -9,6 +9,7 @@ use crate::identify::constants::{Constant, Unknowns};
 use crate::identify::data;
 use crate::identify::fit::{Fit, fit};
 use crate::identify::laws::{K4, Law};
+use crate::identify::memory::Memory;
 use crate::identify::plan::{Plan, plan};
 use crate::identify::plausible::Hint;
 use crate::identify::predict::Prediction;
@@ -42,6 +43,8 @@ struct Judged<'a> {
     law_holds: bool,
     misfit: Misfit,
     predictions: &'a [Prediction],
+    /// What the rods remember of a heavier load; empty without sweeps that show it.
+    rod_memory: &'a [Memory],
     /// Size of the scene's table (bytes); none if it has none, or asks for none.
     table_bytes: Option<usize>,
     /// Why there is no table.
@@ -63,6 +66,7 @@ impl<'a> Judged<'a> {
             law_holds: found.misfit.holds,
             misfit: found.misfit,
             predictions: &found.predictions,
+            rod_memory: &found.memories,
             table_bytes: found.table.as_ref().map(|fit| fit.table.numbers.bytes()),
             untabled: found.untabled.as_deref(),
             next,
