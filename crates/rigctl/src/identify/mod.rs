@@ -6,12 +6,14 @@
 //! - [`noise`]: how much correlated residuals tell.
 //! - [`mod@compete`]: laws and materials predict held-out sweeps. [`predict`]: contractions with their errors.
 //! - [`plausible`], [`consistent`]: numbers that no rig gives, wrong units, sweeps that do not belong together.
+//! - [`correction`]: what no law has, as a surface that was measured.
 //! - [`tabled`]: the table of the scene. [`hysteresis`]: loops between the way up and the way down.
 //! - [`plan`]: which sweep would tell most.
 
 pub mod compete;
 pub mod consistent;
 pub mod constants;
+pub mod correction;
 pub mod data;
 pub mod fit;
 pub mod hysteresis;
@@ -24,6 +26,7 @@ pub mod predict;
 pub mod tabled;
 
 use compete::{Candidate, Competition, compete};
+use correction::{Corrected, corrected};
 use data::Data;
 use fit::{Fit, IdentifyError};
 use noise::half_width_factor;
@@ -66,10 +69,11 @@ const LEAST_RADIUS_ERROR: f64 = 0.004;
 const LEAST_ZERO_ERROR_M: f64 = 50e-6;
 const CHANGE_ERROR: f64 = 0.01;
 
-/// How well a scene's constants are known after a fit to sweeps whose zero is known. What the fit leaves is smooth over a
-/// sweep, not noise that averages out, so that it counts in full, and twice because the use is not the sweep.
-pub fn uncertainty(fit: &Fit) -> Uncertainty {
-    let left_m = 2.0 * fit.fitted.rms;
+/// How well a scene's constants are known after a fit to sweeps whose zero is known, which misses them by so much (m, rms).
+/// That is smooth over a sweep, not noise that averages out, so that it counts in full, and twice because the use is not the
+/// sweep.
+pub fn uncertainty(missed_m: f64) -> Uncertainty {
+    let left_m = 2.0 * missed_m;
     Uncertainty {
         radius: LEAST_RADIUS_ERROR,
         gap_zero_m: left_m.hypot(LEAST_ZERO_ERROR_M).min(0.05),
@@ -117,6 +121,8 @@ pub struct Identified {
     pub known: Known,
     /// Whether the chosen law holds.
     pub misfit: Misfit,
+    /// What it misses, as a surface that the scene has, or why the scene has none; none if the law holds.
+    pub corrected: Option<Result<Corrected, String>>,
     /// Predicted contractions.
     pub predictions: Vec<Prediction>,
     /// The table of the scene; none if the scene does not say what a table has to cover, or has none.
@@ -125,7 +131,8 @@ pub struct Identified {
     pub untabled: Option<String>,
 }
 
-/// Lets the candidates compete on recorded sweeps, and fits the chosen one to all rows.
+/// Lets the candidates compete on recorded sweeps, and fits the chosen one to all rows. Where it does not hold, what it
+/// misses is corrected if that helps.
 ///
 /// # Errors
 /// If the sweeps cannot tell the constants of any candidate, do not belong together, or a scene with them is not valid.
@@ -139,19 +146,37 @@ pub fn identify(scene: &Scene, data: &Data, candidates: &[Candidate]) -> Result<
         return Err(IdentifyError::Apart(why));
     }
     let mut fit = candidate.fit(data)?;
-    let mut identified = candidate.unknowns.scene(&candidate.scene, &candidate.start()?, &fit.x);
+    let start = candidate.start()?;
+    let mut identified = candidate.unknowns.scene(&candidate.scene, &start, &fit.x);
     if candidate.unknowns.expected {
-        identified.uncertainty = uncertainty(&fit);
+        identified.uncertainty = uncertainty(fit.fitted.rms);
     }
     identified.validate().map_err(|e| IdentifyError::NotConverged(format!("the identified scene: {e}")))?;
-    let (table, untabled) = match tabled::table(&mut identified) {
+    let (mut table, untabled) = match tabled::table(&mut identified) {
         Ok(table) => (table, None),
         Err(why) => (None, Some(why)),
     };
+    let misfit = Misfit::of(data, &fit);
+    let corrected = (!misfit.holds).then(|| corrected(&identified, &candidate.unknowns, &data.based_on(&start), &fit));
+    let found = corrected.as_ref().and_then(|found| found.as_ref().ok());
+    if let Some(found) = found {
+        (identified, table) = (found.scene.clone(), found.table.clone());
+    }
     fit.held_out = competition.held_out();
-    let known = Known::new(candidates, &competition, &fit)
+    let surface = found.map(|found| found.surface.clone());
+    let known = Known::new(candidates, &competition, &fit, surface)
         .ok_or_else(|| IdentifyError::NotConverged("the chosen law has no start".into()))?;
     let predictions = known.predictions(scene);
-    let misfit = Misfit::of(data, &fit);
-    Ok(Identified { scene: identified, candidate, competition, fit, known, misfit, predictions, table, untabled })
+    Ok(Identified {
+        scene: identified,
+        candidate,
+        competition,
+        fit,
+        known,
+        misfit,
+        corrected,
+        predictions,
+        table,
+        untabled,
+    })
 }
