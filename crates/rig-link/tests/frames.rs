@@ -64,7 +64,7 @@ fn constants() -> impl Strategy<Value = Constants> {
     let float = || prop::num::f64::NORMAL;
     let lengths = prop::array::uniform4(float());
     let (string, material) = (prop::array::uniform6(float()), prop::array::uniform5(float()));
-    let uncertainty = prop::array::uniform3(1e-6..0.5f32);
+    let uncertainty = prop::array::uniform4(1e-6..0.5f32);
     let (pair, row) = (|| prop::array::uniform2(prop::num::f32::NORMAL), prop::array::uniform3(prop::num::f32::NORMAL));
     let correction = (pair(), pair(), prop::array::uniform3(row))
         .prop_map(|(load_n, turns, coefficients_m)| Correction { load_n, turns, coefficients_m });

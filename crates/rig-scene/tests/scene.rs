@@ -67,6 +67,7 @@ fn errors_name_the_key() {
         ("adc_reference_v = 3.3", "adc_reference_v = 3.3\nlvdt_linearity = 0.25", "rig.lvdt_linearity"),
         ("adc_reference_v = 3.3", "adc_reference_v = 3.3\nlvdt_linearity = -1e-3", "rig.lvdt_linearity"),
         ("[accuracy]", "[uncertainty]\nradius = 6.0\n[accuracy]", "uncertainty.radius"),
+        ("[accuracy]", "[uncertainty]\nrod_memory = 0.0\n[accuracy]", "uncertainty.rod_memory"),
         ("[accuracy]", "[uncertainty]\nradius = nan\n[accuracy]", "uncertainty.radius"),
         ("[accuracy]", "[uncertainty]\ngap_zero_m = -0.1\n[accuracy]", "uncertainty.gap_zero_m"),
         ("[accuracy]", "[uncertainty]\nload_shape = 0.6\n[accuracy]", "uncertainty.load_shape"),
@@ -111,12 +112,12 @@ fn uncertainty_reaches_the_table_and_linearity_the_control_code() {
     let text = default_text();
     let scene = Scene::from_toml_str(&text).unwrap();
     let constants = scene.constants();
-    assert_eq!(scene.demand().unwrap().uncertainty.numbers(), [0.03, 1e-3, 0.08]);
+    assert_eq!(scene.demand().unwrap().uncertainty.numbers(), [0.03, 1e-3, 0.08, 0.22]);
     assert!((constants.lvdt_linearity_m - 0.5e-3).abs() < 1e-9, "a quarter of a percent of 200 mm");
     let text = text.replace("adc_reference_v = 3.3", "adc_reference_v = 3.3\nlvdt_linearity = 0.005");
     let text = format!("{text}\n[uncertainty]\nradius = 0.01\ngap_zero_m = 0.0002\n");
     let scene = Scene::from_toml_str(&text).unwrap();
     let constants = scene.constants();
-    assert_eq!(scene.demand().unwrap().uncertainty.numbers(), [0.01, 2e-4, 0.08]);
+    assert_eq!(scene.demand().unwrap().uncertainty.numbers(), [0.01, 2e-4, 0.08, 0.22]);
     assert!((constants.lvdt_linearity_m - 1e-3).abs() < 1e-9);
 }

@@ -118,7 +118,7 @@ impl Rebuilt {
         let version = u32::from_le_bytes(word()?);
         let crc = u32::from_le_bytes(word()?);
         let mut value = || Some(f32::from_le_bytes(word()?));
-        let uncertainty = Uncertainty::from_numbers([value()?, value()?, value()?])?;
+        let uncertainty = Uncertainty::from_numbers([value()?, value()?, value()?, value()?])?;
         let mut metadata = Metadata { scene_hash, uncertainty, ..like.metadata };
         (metadata.contraction_error_m, metadata.tr_relative_error) = (value()?, value()?);
         let mut growth = Growth { per_load_m_n: value()?, per_log_m: value()?, ..series.growth };

@@ -86,8 +86,8 @@ pub struct Constants {
     /// a1 … a5 of eq. 12 (Pa).
     pub stress_coefficients_pa: [f64; 5],
     /// Standard errors: of the string radius (relative), of the gap's zero (m), of how the radius depends on the load
-    /// (relative).
-    pub uncertainty: [f32; 3],
+    /// (relative), of a light load on rods that have carried a much heavier one since (relative).
+    pub uncertainty: [f32; 4],
     /// What the law misses of this rig's gap.
     pub correction: Option<Correction>,
 }

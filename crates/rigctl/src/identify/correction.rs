@@ -127,7 +127,7 @@ pub fn corrected(scene: &Scene, unknowns: &Unknowns, data: &Data, fit: &Fit) -> 
         let rms_m = rms(&left(&surface.correction, data, &errors));
         let mut with = Scene { correction: Some(surface.correction), ..scene.clone() };
         if unknowns.expected {
-            with.uncertainty = super::uncertainty(rms_m);
+            with.uncertainty.gap_zero_m = super::zero_error_m(rms_m);
         }
         let asked = with.envelope.is_some() && with.accuracy.is_some();
         // The gap with it may not be monotone, or bend too much.

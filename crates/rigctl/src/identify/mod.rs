@@ -7,6 +7,7 @@
 //! - [`mod@compete`]: laws and materials predict held-out sweeps. [`predict`]: contractions with their errors.
 //! - [`plausible`], [`consistent`]: numbers that no rig gives, wrong units, sweeps that do not belong together.
 //! - [`correction`]: what no law has, as a surface that was measured.
+//! - [`memory`]: what the rods remember of a heavier load, by sweeps before and after it.
 //! - [`tabled`]: the table of the scene. [`hysteresis`]: loops between the way up and the way down.
 //! - [`plan`]: which sweep would tell most.
 
@@ -19,6 +20,7 @@ pub mod fit;
 pub mod hysteresis;
 pub mod laws;
 pub mod linear;
+pub mod memory;
 pub mod noise;
 pub mod plan;
 pub mod plausible;
@@ -29,6 +31,7 @@ use compete::{Candidate, Competition, compete};
 use correction::{Corrected, corrected};
 use data::Data;
 use fit::{Fit, IdentifyError};
+use memory::Memory;
 use noise::half_width_factor;
 use predict::{Known, Prediction};
 use rig_scene::{Scene, Uncertainty};
@@ -69,15 +72,19 @@ const LEAST_RADIUS_ERROR: f64 = 0.004;
 const LEAST_ZERO_ERROR_M: f64 = 50e-6;
 const CHANGE_ERROR: f64 = 0.01;
 
-/// How well a scene's constants are known after a fit to sweeps whose zero is known, which misses them by so much (m, rms).
-/// That is smooth over a sweep, not noise that averages out, so that it counts in full, and twice because the use is not the
-/// sweep.
-pub fn uncertainty(missed_m: f64) -> Uncertainty {
-    let left_m = 2.0 * missed_m;
+/// Standard error of the gap's zero (m) by sweeps that law and correction miss by so much (m, rms). That is smooth over a
+/// sweep, not noise that averages out, so that it counts in full, and twice because the use is not the sweep.
+fn zero_error_m(missed_m: f64) -> f64 {
+    (2.0 * missed_m).hypot(LEAST_ZERO_ERROR_M).min(0.05)
+}
+
+/// How well a scene's constants are known after a fit to sweeps whose zero is known.
+pub fn uncertainty(fit: &Fit, rod_memory: f64) -> Uncertainty {
     Uncertainty {
         radius: LEAST_RADIUS_ERROR,
-        gap_zero_m: left_m.hypot(LEAST_ZERO_ERROR_M).min(0.05),
+        gap_zero_m: zero_error_m(fit.fitted.rms),
         load_shape: CHANGE_ERROR,
+        rod_memory,
     }
 }
 
@@ -123,6 +130,8 @@ pub struct Identified {
     pub misfit: Misfit,
     /// What it misses, as a surface that the scene has, or why the scene has none; none if the law holds.
     pub corrected: Option<Result<Corrected, String>>,
+    /// What the rods remember of a heavier load, where sweeps show it.
+    pub memories: Vec<Memory>,
     /// Predicted contractions.
     pub predictions: Vec<Prediction>,
     /// The table of the scene; none if the scene does not say what a table has to cover, or has none.
@@ -148,8 +157,14 @@ pub fn identify(scene: &Scene, data: &Data, candidates: &[Candidate]) -> Result<
     let mut fit = candidate.fit(data)?;
     let start = candidate.start()?;
     let mut identified = candidate.unknowns.scene(&candidate.scene, &start, &fit.x);
+    let mut known = Known::new(candidates, &competition, &fit)
+        .ok_or_else(|| IdentifyError::NotConverged("the chosen law has no start".into()))?;
+    let memories = memory::memories(data, &known)?;
     if candidate.unknowns.expected {
-        identified.uncertainty = uncertainty(fit.fitted.rms);
+        identified.uncertainty = uncertainty(&fit, scene.uncertainty.rod_memory);
+    }
+    if let Some(share) = memory::rod_memory(&memories) {
+        identified.uncertainty.rod_memory = share;
     }
     identified.validate().map_err(|e| IdentifyError::NotConverged(format!("the identified scene: {e}")))?;
     let (mut table, untabled) = match tabled::table(&mut identified) {
@@ -158,14 +173,11 @@ pub fn identify(scene: &Scene, data: &Data, candidates: &[Candidate]) -> Result<
     };
     let misfit = Misfit::of(data, &fit);
     let corrected = (!misfit.holds).then(|| corrected(&identified, &candidate.unknowns, &data.based_on(&start), &fit));
-    let found = corrected.as_ref().and_then(|found| found.as_ref().ok());
-    if let Some(found) = found {
+    if let Some(Ok(found)) = &corrected {
         (identified, table) = (found.scene.clone(), found.table.clone());
+        known.surface = Some(found.surface.clone());
     }
     fit.held_out = competition.held_out();
-    let surface = found.map(|found| found.surface.clone());
-    let known = Known::new(candidates, &competition, &fit, surface)
-        .ok_or_else(|| IdentifyError::NotConverged("the chosen law has no start".into()))?;
     let predictions = known.predictions(scene);
     Ok(Identified {
         scene: identified,
@@ -174,6 +186,7 @@ pub fn identify(scene: &Scene, data: &Data, candidates: &[Candidate]) -> Result<
         fit,
         known,
         misfit,
+        memories,
         corrected,
         predictions,
         table,

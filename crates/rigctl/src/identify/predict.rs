@@ -93,13 +93,8 @@ pub struct Known {
 }
 
 impl Known {
-    /// From the chosen candidate's fit to all rows, the competition, and the correction of what that law misses.
-    pub fn new(
-        candidates: &[Candidate],
-        competition: &Competition,
-        fit: &Fit,
-        surface: Option<Surface>,
-    ) -> Option<Self> {
+    /// From the chosen candidate's fit to all rows, and the competition; without a correction.
+    pub fn new(candidates: &[Candidate], competition: &Competition, fit: &Fit) -> Option<Self> {
         let fitted = |k: usize, fit: &Fit| {
             let candidate = &candidates[k];
             let base = candidate.start().ok()?;
@@ -116,7 +111,7 @@ impl Known {
             missed_m2: fit.fitted.rms.powi(2) * noise.effective / noise.freedom,
             freedom: noise.freedom,
             loops: fit.loops.clone(),
-            surface,
+            surface: None,
         })
     }
 

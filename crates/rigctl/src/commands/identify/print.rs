@@ -182,6 +182,16 @@ pub fn judged(found: &Identified, output: &mut Output) -> Result<(), Failure> {
             l.sweep
         ))?;
     }
+    for m in &found.memories {
+        output.line(format!(
+            "after {:.2} N, {:.2} N seem {:+.1} +- {:.1} % heavier ({}): the rods remember",
+            m.after_n,
+            m.load_n,
+            m.share * 1e2,
+            m.half_width_90 * 1e2,
+            m.sweep
+        ))?;
+    }
     for p in &found.predictions {
         let value = match (p.contraction_m, p.half_width_m) {
             (Some(c), Some(h)) => format!("{:.3} +- {:.3} mm (90 of 100 cases)", c * 1e3, h * 1e3),
@@ -210,6 +220,11 @@ pub fn next(plan: &Plan, output: &mut Output) -> Result<(), Failure> {
             next.load_n,
             next.turns,
             next.largest_half_width_m * 1e3
+        ))?;
+    }
+    if let Some([load_n, after_n]) = plan.memory {
+        output.line(format!(
+            "what the rods remember of a heavier load is not measured; sweep --load {load_n:.2}N --after {after_n:.2}N tells it"
         ))?;
     }
     Ok(())
