@@ -247,7 +247,7 @@ mod tests {
                     mechanism.solve(load_n, twist_rad).expect("solved").gap_m + share * outside_m(load_n, turns);
                 Stop { twist_rad, position_m: 0.1 - gap_m + noise_m, half_difference_m: 0.0 }
             };
-            let sweep = Sweep { load_n, zero_gap_m: Some(0.1), stops: (0..36).map(stop).collect() };
+            let sweep = Sweep { load_n, after_n: None, zero_gap_m: Some(0.1), stops: (0..36).map(stop).collect() };
             data.add_sweep(&format!("{load_n} N"), mechanism.parameters(), &sweep);
         }
         let candidates = Candidate::all(&scene, Some(Law::LengthRatioK4), true);
@@ -291,7 +291,7 @@ mod tests {
     #[test]
     fn fewer_than_three_loads_tell_of_the_twist_alone() {
         let stop = |k: u32| Stop { twist_rad: 4.0 + f64::from(k), position_m: 0.0, half_difference_m: 0.0 };
-        let sweep = |load_n| Sweep { load_n, zero_gap_m: Some(0.1), stops: (0..40).map(stop).collect() };
+        let sweep = |load_n| Sweep { load_n, after_n: None, zero_gap_m: Some(0.1), stops: (0..40).map(stop).collect() };
         let base = *scene().mechanism().expect("a mechanism").parameters();
         let mut data = Data::default();
         for (load_n, most) in [(5.0, 1), (9.0, 1), (2.0, 3)] {
