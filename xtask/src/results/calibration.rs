@@ -150,9 +150,19 @@ impl<'a> Rig<'a> {
         let of = |at: &str| number(&identified, at);
         let errors = ["scenes/default.toml", &scene].map(|scene| self.contraction_error(scene));
         let [before, after] = errors.map(|error| error.map(|share| significant(100.0 * share)));
+        let um = |at: &str| Ok::<_, anyhow::Error>(significant(1e6 * of(at)?));
+        let corrected = match identified.pointer("/correction") {
+            Some(Value::Object(_)) => format!(
+                "The correction leaves {} µm, and {} µm instead of {} µm of blocks held out of one sweep. ",
+                um("/correction/rms_m")?,
+                um("/correction/held_out_m")?,
+                um("/correction/held_out_without_m")?
+            ),
+            _ => String::new(),
+        };
         let holds = identified.pointer("/law_holds").and_then(Value::as_bool).context("identify: no `law_holds`")?;
         Ok(format!(
-            "{} rig: {} with {}, which {}; rms error {} µm over {} equilibria, and {} µm over what was held out. Contractions \
+            "{} rig: {} with {}, which {}; rms error {} µm over {} equilibria, and {} µm over what was held out. {}Contractions \
              under loads between those of the sweeps: {} % off as built, {} % calibrated (rms).",
             self.name,
             identified.pointer("/chosen/law").and_then(Value::as_str).unwrap_or("?"),
@@ -161,6 +171,7 @@ impl<'a> Rig<'a> {
             significant(1e6 * of("/fitted/rms")?),
             of("/fitted/count")?,
             significant(1e6 * of("/held_out/rms")?),
+            corrected,
             before?,
             after?,
         ))

@@ -6,6 +6,7 @@
 //! - [`noise`]: how much correlated residuals tell.
 //! - [`mod@compete`]: laws and materials predict held-out sweeps. [`predict`]: contractions with their errors.
 //! - [`plausible`], [`consistent`]: numbers that no rig gives, wrong units, sweeps that do not belong together.
+//! - [`correction`]: what no law has, as a surface that was measured.
 //! - [`memory`]: what the rods remember of a heavier load, by sweeps before and after it.
 //! - [`tabled`]: the table of the scene. [`hysteresis`]: loops between the way up and the way down.
 //! - [`plan`]: which sweep would tell most.
@@ -13,6 +14,7 @@
 pub mod compete;
 pub mod consistent;
 pub mod constants;
+pub mod correction;
 pub mod data;
 pub mod fit;
 pub mod hysteresis;
@@ -26,6 +28,7 @@ pub mod predict;
 pub mod tabled;
 
 use compete::{Candidate, Competition, compete};
+use correction::{Corrected, corrected};
 use data::Data;
 use fit::{Fit, IdentifyError};
 use memory::Memory;
@@ -69,13 +72,17 @@ const LEAST_RADIUS_ERROR: f64 = 0.004;
 const LEAST_ZERO_ERROR_M: f64 = 50e-6;
 const CHANGE_ERROR: f64 = 0.01;
 
-/// How well a scene's constants are known after a fit to sweeps whose zero is known. What the fit leaves is smooth over a
+/// Standard error of the gap's zero (m) by sweeps that law and correction miss by so much (m, rms). That is smooth over a
 /// sweep, not noise that averages out, so that it counts in full, and twice because the use is not the sweep.
+fn zero_error_m(missed_m: f64) -> f64 {
+    (2.0 * missed_m).hypot(LEAST_ZERO_ERROR_M).min(0.05)
+}
+
+/// How well a scene's constants are known after a fit to sweeps whose zero is known.
 pub fn uncertainty(fit: &Fit, rod_memory: f64) -> Uncertainty {
-    let left_m = 2.0 * fit.fitted.rms;
     Uncertainty {
         radius: LEAST_RADIUS_ERROR,
-        gap_zero_m: left_m.hypot(LEAST_ZERO_ERROR_M).min(0.05),
+        gap_zero_m: zero_error_m(fit.fitted.rms),
         load_shape: CHANGE_ERROR,
         rod_memory,
     }
@@ -121,6 +128,8 @@ pub struct Identified {
     pub known: Known,
     /// Whether the chosen law holds.
     pub misfit: Misfit,
+    /// What it misses, as a surface that the scene has, or why the scene has none; none if the law holds.
+    pub corrected: Option<Result<Corrected, String>>,
     /// What the rods remember of a heavier load, where sweeps show it.
     pub memories: Vec<Memory>,
     /// Predicted contractions.
@@ -131,7 +140,8 @@ pub struct Identified {
     pub untabled: Option<String>,
 }
 
-/// Lets the candidates compete on recorded sweeps, and fits the chosen one to all rows.
+/// Lets the candidates compete on recorded sweeps, and fits the chosen one to all rows. Where it does not hold, what it
+/// misses is corrected if that helps.
 ///
 /// # Errors
 /// If the sweeps cannot tell the constants of any candidate, do not belong together, or a scene with them is not valid.
@@ -145,8 +155,9 @@ pub fn identify(scene: &Scene, data: &Data, candidates: &[Candidate]) -> Result<
         return Err(IdentifyError::Apart(why));
     }
     let mut fit = candidate.fit(data)?;
-    let mut identified = candidate.unknowns.scene(&candidate.scene, &candidate.start()?, &fit.x);
-    let known = Known::new(candidates, &competition, &fit)
+    let start = candidate.start()?;
+    let mut identified = candidate.unknowns.scene(&candidate.scene, &start, &fit.x);
+    let mut known = Known::new(candidates, &competition, &fit)
         .ok_or_else(|| IdentifyError::NotConverged("the chosen law has no start".into()))?;
     let memories = memory::memories(data, &known)?;
     if candidate.unknowns.expected {
@@ -156,13 +167,18 @@ pub fn identify(scene: &Scene, data: &Data, candidates: &[Candidate]) -> Result<
         identified.uncertainty.rod_memory = share;
     }
     identified.validate().map_err(|e| IdentifyError::NotConverged(format!("the identified scene: {e}")))?;
-    let (table, untabled) = match tabled::table(&mut identified) {
+    let (mut table, untabled) = match tabled::table(&mut identified) {
         Ok(table) => (table, None),
         Err(why) => (None, Some(why)),
     };
+    let misfit = Misfit::of(data, &fit);
+    let corrected = (!misfit.holds).then(|| corrected(&identified, &candidate.unknowns, &data.based_on(&start), &fit));
+    if let Some(Ok(found)) = &corrected {
+        (identified, table) = (found.scene.clone(), found.table.clone());
+        known.surface = Some(found.surface.clone());
+    }
     fit.held_out = competition.held_out();
     let predictions = known.predictions(scene);
-    let misfit = Misfit::of(data, &fit);
     Ok(Identified {
         scene: identified,
         candidate,
@@ -171,6 +187,7 @@ pub fn identify(scene: &Scene, data: &Data, candidates: &[Candidate]) -> Result<
         known,
         misfit,
         memories,
+        corrected,
         predictions,
         table,
         untabled,

@@ -156,9 +156,23 @@ pub fn judged(found: &Identified, output: &mut Output) -> Result<(), Failure> {
     output.line(match m.holds {
         true => format!("the law holds: {rms}"),
         false => {
-            format!("no law holds: {rms}; {:.1} um are left (the best law is written all the same)", m.excess_m * 1e6)
+            format!("no law holds: {rms}; {:.1} um are left (the best law is taken all the same)", m.excess_m * 1e6)
         }
     })?;
+    if let Some(corrected) = &found.corrected {
+        output.line(match corrected {
+            Ok(c) => format!(
+                "corrected by {} terms in the load times {} in the twist: {:.1} um rms are left; of what is held out the law \
+                 alone misses {:.1} um, the corrected one {:.1} um",
+                c.order[0],
+                c.order[1],
+                c.rms_m * 1e6,
+                c.held_out_without_m * 1e6,
+                c.held_out_m * 1e6
+            ),
+            Err(why) => format!("no correction: {why}"),
+        })?;
+    }
     for l in &found.fit.loops {
         output.line(format!(
             "up and down lie {:.1} um either side of their mean at {:.2} N, as with {:.3} N of friction ({})",
