@@ -77,11 +77,18 @@ pub struct Corrected {
     pub table: Option<Table>,
 }
 
-/// The correction of a law that does not hold; `fit` is the law's to all rows, `scene` the identified one without it.
+/// The correction of a law that does not hold; `fit` is the law's to all rows, `scene` the identified one without it, and
+/// `by_load_m` how far a contraction goes with a relative change of the load (m).
 ///
 /// # Errors
 /// Why there is none, in words.
-pub fn corrected(scene: &Scene, unknowns: &Unknowns, data: &Data, fit: &Fit) -> Result<Corrected, String> {
+pub fn corrected(
+    scene: &Scene,
+    unknowns: &Unknowns,
+    data: &Data,
+    fit: &Fit,
+    by_load_m: f64,
+) -> Result<Corrected, String> {
     let undetermined = || "the sweeps do not determine one".to_owned();
     if data.zeros > 0 {
         return Err("the zero of the LVDT is not known for every sweep".into());
@@ -128,6 +135,7 @@ pub fn corrected(scene: &Scene, unknowns: &Unknowns, data: &Data, fit: &Fit) -> 
         let mut with = Scene { correction: Some(surface.correction), ..scene.clone() };
         if unknowns.expected {
             with.uncertainty.gap_zero_m = super::zero_error_m(rms_m);
+            with.uncertainty.load_shape = super::shape_error(rms(predicted), by_load_m);
         }
         let asked = with.envelope.is_some() && with.accuracy.is_some();
         // The gap with it may not be monotone, or bend too much.
@@ -255,7 +263,7 @@ mod tests {
         let fit = candidate.fit(&data).expect("a fit");
         let start = candidate.start().expect("constants");
         let identified = candidate.unknowns.scene(&candidate.scene, &start, &fit.x);
-        corrected(&identified, &candidate.unknowns, &data.based_on(&start), &fit)
+        corrected(&identified, &candidate.unknowns, &data.based_on(&start), &fit, 2e-3)
     }
 
     #[test]
