@@ -86,6 +86,10 @@ fn works(page: &Path, tasks: &str) {
             ["cargo", "xtask", task, ..] | [_, "cargo", "xtask", task, ..] => {
                 assert!(tasks.contains(&format!("\n    {task}")), "{name}: no task {task}");
             }
+            // `cargo xtask python` installs it and runs its tests.
+            ["pip", "install", package] => {
+                assert!(root().join(package).join("pyproject.toml").exists(), "{name}: no package {package}");
+            }
             // Other programs, named where they are first used.
             ["cargo", "install", ..] | ["probe-rs", ..] => {}
             _ => panic!("{name}: what is {line:?}?"),
