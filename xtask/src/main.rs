@@ -25,7 +25,7 @@ mod system;
 mod toolchain;
 mod unused;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use clap::{Parser, Subcommand};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -131,6 +131,8 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: Arguments) -> Result<()> {
+    // Tests and measurements call the tool without `--port`, and must not meet a real rig.
+    ensure!(std::env::var_os("RIGCTL_PORT").is_none(), "RIGCTL_PORT is set: unset it, xtask is for the emulated board");
     let folders = Folders::find()?;
     match arguments.task {
         Task::Firmware { toolchain, uart: false } => firmware::build(&folders, &toolchain::choose(toolchain)?),

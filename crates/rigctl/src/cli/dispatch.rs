@@ -66,12 +66,12 @@ pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
 /// Checks the options of a rig: for a command without a rig they have no effect, which is printed; for a command that is
 /// always on the emulated board another port is refused.
 fn rig_options(global: &Global, command: &Command) -> Result<(), Failure> {
-    let port = !global.is_emulated();
+    let port = global.given_device().is_some();
     let given = || [(port, "--port")].into_iter().chain(global.of_emulated_board());
     match command {
         Command::Sim { .. } | Command::Demo { .. } | Command::Report { .. } if port => Err(Failure::Usage(format!(
             "--port {}: this command is always on the emulated board; `play` takes a script to a rig",
-            global.port
+            global.port()
         ))),
         Command::Solve { .. }
         | Command::Identify(_)

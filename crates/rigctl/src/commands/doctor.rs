@@ -24,14 +24,14 @@ pub fn run(global: &Global, home: bool, output: &mut Output) -> Result<(), Failu
             "link",
             false,
             failure.message().unwrap_or_default(),
-            format!("is the board powered, is {} its port, is tool and firmware one build?", global.port),
+            format!("is the board powered, is {} its port, is tool and firmware one build?", global.port()),
         )],
     };
     let well = checks.iter().all(|c| c.ok);
     let emulated = global.is_emulated().then(|| global.emulated()).transpose()?;
-    let port = emulated.as_ref().map_or(global.port.clone(), |options| format!("sim (a fresh {options})"));
+    let port = emulated.as_ref().map_or(global.port(), |options| format!("sim (a fresh {options})"));
     let rig = emulated.map(|options| options.rig.name());
-    output.object(&json!({"ok": well, "port": global.port, "rig": rig, "checks": checks}))?;
+    output.object(&json!({"ok": well, "port": global.port(), "rig": rig, "checks": checks}))?;
     output.line(format!("rigctl {} looking at {port}", env!("CARGO_PKG_VERSION")))?;
     for c in &checks {
         let advice = c.advice.as_ref().map_or(String::new(), |a| format!(": {a}"));

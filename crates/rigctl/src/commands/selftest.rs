@@ -18,11 +18,10 @@ const WELL: &str = "all ";
 /// # Errors
 /// If a check is not ok, or emulator or image are not built; and for a real board, which `cargo xtask selftest` flashes.
 pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
-    if !global.is_emulated() {
+    if let Some(port) = global.given_device() {
         return Err(Failure::Usage(format!(
-            "--port {}: on a real board the self-test is an image of its own, flashed and read over the ST-LINK: run `cargo \
-             xtask selftest`",
-            global.port
+            "--port {port}: on a real board the self-test is an image of its own, flashed and read over the ST-LINK: run `cargo \
+             xtask selftest`"
         )));
     }
     let emulator = sim::emulator(None)?;

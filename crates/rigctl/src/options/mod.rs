@@ -9,7 +9,7 @@ pub mod values;
 use crate::failure::Failure;
 use crate::scene_file;
 use crate::session::sim::{Gdb, SimOptions};
-use crate::session::{Place, Target};
+use crate::session::{self, Place, Target};
 use clap::Args;
 use rig_scene::Scene;
 use sim_link::{PlantChange, PlantKey, RigPreset};
@@ -17,6 +17,9 @@ use std::path::PathBuf;
 
 /// Headings of the options that every command has.
 const EVERYWHERE: &str = "Everywhere";
+/// The port of an emulated board, and the environment variable that names another default.
+const SIM: &str = "sim";
+const PORT_VARIABLE: &str = "RIGCTL_PORT";
 const EMULATED: &str = "Emulated board (--port sim)";
 
 /// The help of `--plant`.
@@ -37,9 +40,10 @@ pub struct Global {
     /// Scene: the constants that tool and table believe in, load range, travel, accuracy
     #[arg(long, global = true, help_heading = EVERYWHERE, value_name = "FILE", default_value = "scenes/default.toml")]
     pub scene: PathBuf,
-    /// Where the firmware is: `sim` (an emulated board that starts by itself) or a serial device
-    #[arg(long, global = true, help_heading = EVERYWHERE, default_value = "sim")]
-    pub port: String,
+    /// Where the firmware is: `sim` (an emulated board that starts by itself), `auto` (the one ST-LINK that is plugged in) or a
+    /// serial device [default: RIGCTL_PORT of the environment, else sim]
+    #[arg(long, global = true, help_heading = EVERYWHERE)]
+    pub port: Option<String>,
     /// Emulated rig of the seed: `ideal` is its own model, for testing arithmetic; `nominal` has what a well-made real rig has
     /// besides, `hard` what the worst in ten has [default: nominal]
     #[arg(long, global = true, help_heading = EMULATED, value_name = "ideal|nominal|hard", hide_possible_values = true)]
@@ -75,9 +79,20 @@ pub struct Global {
 }
 
 impl Global {
+    /// Where the firmware is, by the option or the environment.
+    pub fn port(&self) -> String {
+        let of_environment = || std::env::var(PORT_VARIABLE).ok().filter(|port| !port.is_empty());
+        self.port.clone().or_else(of_environment).unwrap_or_else(|| SIM.into())
+    }
+
+    /// The port of a real board, if the operator named one on the command line.
+    pub fn given_device(&self) -> Option<&str> {
+        self.port.as_deref().filter(|port| *port != SIM)
+    }
+
     /// Whether the board is the emulated one.
     pub fn is_emulated(&self) -> bool {
-        self.port == "sim"
+        self.port() == SIM
     }
 
     /// Whether the board's flash outlives this call of the tool.
@@ -122,18 +137,23 @@ impl Global {
         })
     }
 
-    /// The board at `--port`.
+    /// The board at `--port`. A real one that only the environment names is told on standard error.
     ///
     /// # Errors
-    /// If there is no such scene file, or an option of the emulated board is given for a device.
+    /// If there is no such scene file, no ST-LINK or several for `auto`, or an option of the emulated board is given for a device.
     pub fn target(&self) -> Result<Target, Failure> {
         if self.is_emulated() {
             return Ok(Target { scene: self.scene.clone(), place: Place::Emulated(self.emulated()?) });
         }
         if let Some((_, name)) = self.of_emulated_board().into_iter().find(|(given, _)| *given) {
-            return Err(Failure::Usage(format!("{name} is for the emulated board, not for --port {}", self.port)));
+            return Err(Failure::Usage(format!("{name} is for the emulated board, not for --port {}", self.port())));
         }
-        Ok(Target { scene: self.scene.clone(), place: Place::Device(self.port.clone()) })
+        let port = self.port();
+        let device = if port == "auto" { session::auto()? } else { port };
+        if self.port.is_none() {
+            eprintln!("board at {device}, by {PORT_VARIABLE}");
+        }
+        Ok(Target { scene: self.scene.clone(), place: Place::Device(device) })
     }
 
     /// The options of the emulated board alone, and whether each was given.

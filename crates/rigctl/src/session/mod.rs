@@ -3,7 +3,7 @@
 //! - [`connect`]: from the operator's choice of a board to a session with it.
 //! - [`homing`], [`motion`], [`status`], [`table`]: what a session is used for.
 //! - [`client`]: requests with replies, events, telemetry ([`Session`]); [`link`]: the frames below.
-//! - [`port`]: how bytes get there and back; [`sim`]: the emulated board, a process that is stepped in emulated time;
+//! - [`port`]: how bytes get there and back; `ports`: which serial port is the board's; [`sim`]: the emulated board, a process that is stepped in emulated time;
 //!   [`serial`]: a real port.
 //! - [`order`]: frames that arrive twice, and restarts of the board.
 //! - [`row`]: one line of telemetry with the [`truth`] beside it; [`entry`]: what a recorder sees.
@@ -18,6 +18,7 @@ pub mod link;
 pub mod motion;
 pub mod order;
 pub mod port;
+mod ports;
 pub mod row;
 pub mod serial;
 pub mod sim;
@@ -29,4 +30,5 @@ pub use client::Session;
 pub use connect::{Place, Target};
 pub use link::STEP_S;
 pub use port::Port;
+pub use ports::auto;
 pub use sim_link::Truth;

@@ -34,7 +34,7 @@ fn why(error: &serialport::Error) -> String {
             "another program has opened it; if that is rigctl, Ctrl-C there stops the rig".into()
         }
         text if text.contains("typewriter") || text.contains("ioctl") => "is not a serial device".into(),
-        text => format!("{text} (--port is `sim` or a serial device)"),
+        text => format!("{text} (--port is `sim`, `auto` or a serial device)"),
     }
 }
 
