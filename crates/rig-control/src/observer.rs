@@ -40,10 +40,10 @@ const MOVING_BAND: f32 = 0.3;
 /// Standard deviation of a load that is anywhere within the friction band, as a share of the friction.
 const RESTING_BAND: f32 = 0.6;
 /// Rods that have carried a heavier load remember it: on the way down their stress is lower, which looks like 0.4, 1.3 and
-/// 1.0 N at 1, 5 and 10 N (docs/plants.md). The load (N) over which the share of a light load falls, and how far below the
-/// heaviest load (N) it is complete.
+/// 1.0 N at 1, 5 and 10 N (docs/plants.md). The load (N) over which the share of a light load falls.
 const MEMORY_FALLS_N: f32 = 7.0;
-const MEMORY_COMPLETE_N: f32 = 4.0;
+/// How far below the heaviest load (N) what the rods remember is complete.
+pub const MEMORY_COMPLETE_N: f32 = 4.0;
 
 /// How large the rods' memory is under a load (N) after a heavier one (N), over that of a light load after a much heavier
 /// one; 0 if no heavier load has hung.

@@ -453,7 +453,7 @@ fn refused(change: impl Fn(usize, f64, f64) -> (f64, f64)) -> Result<(), String>
     identify(&scene, &data, &candidates[..1]).map(|_| ()).map_err(|e| e.to_string())
 }
 
-/// A heavier load has left 10 % of a load of 2.5 N in the rods; one of a load that was not swept before shows nothing.
+/// A heavier load has left 10 % of a load of 2 N in the rods; one of a load that was not swept before shows nothing.
 #[test]
 fn what_rods_remember_is_measured_by_a_sweep_before_and_one_after_a_heavier_load() {
     let scene = Scene { accuracy: None, ..Scene::load(root().join("scenes/default.toml")).unwrap() };
@@ -476,6 +476,10 @@ fn what_rods_remember_is_measured_by_a_sweep_before_and_one_after_a_heavier_load
     assert!((memory.share - 0.1).abs() < 0.01, "{memory:?}");
     let stated = found.scene.uncertainty.rod_memory;
     assert!((stated - memory.share * (HUNG[1] / 7.0).exp()).abs() < 1e-4, "{stated}");
+    data.after.push(("light".into(), sweep(HUNG[1], 1.1 * HUNG[1], Some(HUNG[1] + 0.5))));
+    let why = identify(&scene, &data, &candidates[..1]).map(|_| ()).unwrap_err().to_string();
+    assert!(why.contains("light") && why.contains("too little"), "{why}");
+    data.after.pop();
     data.after.push(("lonely".into(), sweep(3.3, 3.4, Some(15.0))));
     let why = identify(&scene, &data, &candidates[..1]).map(|_| ()).unwrap_err().to_string();
     assert!(why.contains("lonely") && why.contains("without --after"), "{why}");

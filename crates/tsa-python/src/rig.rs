@@ -103,6 +103,8 @@ impl Board {
                 ..SimOptions::new(scene.clone())
             };
             Place::Emulated(emulated)
+        } else if port == "auto" {
+            Place::Device(rigctl::session::auto().map_err(error)?)
         } else {
             Place::Device(port.to_owned())
         };

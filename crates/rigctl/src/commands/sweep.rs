@@ -7,6 +7,7 @@ use crate::options::commands::Sweep;
 use crate::out_file::OutFile;
 use crate::output::Output;
 use crate::session::{Place, STEP_S, Session, homing, motion};
+use rig_control::observer::MEMORY_COMPLETE_N;
 use rig_control::supervisor::JOG_SPEED_MAX;
 use rig_link::LoadChoice;
 use serde_json::json;
@@ -32,8 +33,10 @@ pub fn run(global: &Global, options: &Sweep, output: &mut Output) -> Result<(), 
         return Err(Failure::failed(format!("--speed {speed} rad/s: must be above 0 and at most {most} rad/s")));
     }
     let mut target = global.target()?;
-    if let Some(after_n) = options.after.filter(|after_n| *after_n <= load_n) {
-        let why = format!("must be heavier than --load {load_n} N: rods remember only a heavier load");
+    let least_n = load_n + f64::from(MEMORY_COMPLETE_N);
+    if let Some(after_n) = options.after.filter(|after_n| *after_n < least_n) {
+        let why =
+            format!("must be at least {least_n} N: what rods remember shows in full {MEMORY_COMPLETE_N} N below it");
         return Err(Failure::failed(format!("--after {after_n} N: {why}")));
     }
     // On an emulated rig this load is hung, unless --plant names another.

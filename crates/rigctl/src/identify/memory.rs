@@ -6,7 +6,7 @@ use super::fit::IdentifyError;
 use super::hysteresis::LOOP_SHARE;
 use super::predict::Known;
 use crate::log::sweep::Sweep;
-use rig_control::observer::memory_shape;
+use rig_control::observer::{MEMORY_COMPLETE_N, memory_shape};
 use serde::Serialize;
 
 /// Twists of two sweeps (rad) within which their equilibria are compared: both are means over the same bins.
@@ -62,14 +62,14 @@ impl Memory {
 
     /// The share that a light load would have after a much heavier one, by the firmware's rule.
     fn of_a_light_load(&self) -> f64 {
-        self.share.abs() / f64::from(memory_shape(self.load_n as f32, self.after_n as f32)).max(f64::MIN_POSITIVE)
+        self.share.abs() / f64::from(memory_shape(self.load_n as f32, self.after_n as f32))
     }
 }
 
 /// Every pair of sweeps, in the order of the files.
 ///
 /// # Errors
-/// If a sweep after a heavier load has no partner, or its zero is not known.
+/// If a sweep after a heavier load has no partner, its zero is not known, or that load was hardly heavier.
 pub fn memories(data: &Data, known: &Known) -> Result<Vec<Memory>, IdentifyError> {
     data.after.iter().map(|(name, sweep)| memory(data, known, name, sweep)).collect()
 }
@@ -78,6 +78,12 @@ fn memory(data: &Data, known: &Known, name: &str, sweep: &Sweep) -> Result<Memor
     let Sweep { load_n, after_n: Some(after_n), zero_gap_m: Some(zero_gap_m), stops } = sweep else {
         return Err(IdentifyError::Apart(format!("sweep {name}: its log does not hold the gap at position zero")));
     };
+    let least_n = load_n + f64::from(MEMORY_COMPLETE_N);
+    if *after_n < least_n {
+        return Err(IdentifyError::Apart(format!(
+            "sweep {name}: {after_n:.2} N before {load_n:.2} N show too little of what the rods remember: at least {least_n:.2} N do"
+        )));
+    }
     let lonely = || {
         IdentifyError::Apart(format!(
             "sweep {name}: what {after_n:.2} N have left in the rods shows beside a sweep of {load_n:.2} N before it: record \

@@ -27,7 +27,8 @@ def _programs(scene: Path) -> Path | None:
 
 
 class Rig:
-    """A board with its rig: `sim` is an emulated one, anything else a serial device such as `/dev/ttyACM0`.
+    """A board with its rig: `sim` is an emulated one, `auto` the one behind the only ST-LINK, anything else a
+    serial device such as `/dev/ttyACM0`.
 
     As a context manager it stops the motion on the way out, also after an exception or Ctrl-C. The strings keep the load
     as long as the drive has power. Time of an emulated rig passes only in `home`, `move`, `wait` and `stop`.

@@ -22,8 +22,8 @@ pub(super) struct LoadChecks {
 }
 
 impl LoadChecks {
-    /// The load stays behind its set-point. A load that is held where the strings' travel ends, because it has become too
-    /// light to come back down, does not: `travel` says so, and nothing turns.
+    /// The load stays behind its set-point. A load that is held where the strings' travel ends does not: it has become too
+    /// light to be let down to its place, or too heavy to be brought up. The limit `travel` is reported, and nothing turns.
     pub(super) fn lags(&mut self, situation: &Situation<'_>) -> bool {
         let at_end = situation.state == State::Holding && situation.limit == Some(Limit::Travel);
         let off = !at_end
