@@ -59,8 +59,7 @@ impl LoadControl {
 
     /// One tick at the target.
     pub(super) fn hold(&mut self, load: &LoadState<'_>) -> LoopOutput {
-        let set_point = SetPoint { position_m: self.planner.set_point_m(), speed_m_per_s: 0.0, done: true };
-        self.position_loop.step(&set_point, None, load)
+        self.position_loop.step(&SetPoint::at(self.planner.set_point_m()), None, load)
     }
 }
 
