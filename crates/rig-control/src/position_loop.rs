@@ -14,8 +14,8 @@ use crate::load_motion::{AHEAD_S, OBSERVER_PER_S};
 use crate::load_state::LoadState;
 use crate::planner::SetPoint;
 
-/// Poles `(s + A)(s² + B s + C)` over ω. Of 336 choices simulated with the motor's limits these need the least time after load
-/// steps with a damping ratio of 0.4 (docs/control.md 3).
+/// Poles `(s + A)(s² + B s + C)` over ω: next to the best of 336 sets that were simulated with the motor's limits, with a damping
+/// ratio of 0.4 (docs/control.md 3).
 const POLES: [f32; 3] = [0.4, 0.72, 0.8];
 /// Feedback of p, p'/ω and q, over ω, that places them: `s³ + K₂ s² + (1 + K₁) s + (K₀ + K₂)`.
 pub const GAINS: [f32; 3] = {
