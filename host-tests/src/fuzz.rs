@@ -119,7 +119,7 @@ pub fn log(data: &[u8]) {
     let path: PathBuf = std::env::temp_dir().join(format!("rigctl-log-{}.csv", std::process::id()));
     if std::fs::write(&path, data).is_ok() {
         let _ = rigctl::batch::read(&path);
-        let _ = rigctl::identify::data::sweeps(crate::scene(), &[&path], 0, true);
+        let _ = rigctl::identify::data::sweeps(crate::scene(), &[&path], true);
         let _ = std::fs::remove_file(&path);
     }
 }

@@ -9,9 +9,9 @@ use host_tests::scenario;
 
 /// What `cargo xtask compare` found for the fixed ratio: with the least error, and with the most settled moves.
 const LEAST_ERROR: Loop =
-    Loop { tr_rad_per_m: Some(2757.0), gain_per_s: 7.5, corner_rad_per_s: 21.8, crossing_rad: 0.0 };
+    Loop { tr_rad_per_m: Some(2860.0), gain_per_s: 6.0, corner_rad_per_s: 38.4, crossing_rad: 0.0 };
 const MOST_SETTLED: Loop =
-    Loop { tr_rad_per_m: Some(2757.0), gain_per_s: 4.69, corner_rad_per_s: 30.0, crossing_rad: 0.0 };
+    Loop { tr_rad_per_m: Some(2860.0), gain_per_s: 6.0, corner_rad_per_s: 30.0, crossing_rad: 0.0 };
 
 /// Of the moves without load steps, and of those with.
 fn summaries(entries: &[Entry]) -> [Summary; 2] {
@@ -55,7 +55,7 @@ fn this_controller_beats_what_is_usual() {
     assert!(steady > 5.0, "{steady}");
     let (steady, _, [_, steps]) = against("b'", Law::Loop(LEAST_ERROR));
     assert!(steady > 5.0, "{steady}");
-    assert!(steps.settled < 0.95 && steps.overshoot_m > ours[1].overshoot_m, "{steps:?}");
+    assert!(steps.overshoot_m > 2.0 * ours[1].overshoot_m, "{steps:?}");
     let (steady, ..) = against("c", Law::OpenLoop);
     assert!(steady > 2.0, "{steady}");
     for (law, at_least) in [(Law::MatchedSpeed, 3.0), (Law::ConstantSpeed(PAPER_SPEED), 15.0)] {

@@ -289,7 +289,7 @@ fn the_time_to_target_is_known_beforehand() {
         {
             let (said_s, took_s) = time(&mut d, target_m, speed_m_per_s);
             println!("{load} to {target_m} m: {said_s:.2} s said, {took_s:.2} s taken");
-            assert!((took_s - said_s).abs() < 0.1 + 0.03 * took_s, "{took_s} s, said {said_s} s");
+            assert!((took_s - said_s).abs() < 0.15 + 0.03 * took_s, "{took_s} s, said {said_s} s");
             assert!(d.until(5.0, |d| d.control.state() == State::Holding));
         }
         // Another target on the way, ahead and then behind.

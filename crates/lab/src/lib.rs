@@ -13,6 +13,7 @@
 
 #![forbid(unsafe_code)]
 
+pub mod calibration_figure;
 pub mod chart;
 pub mod csv_text;
 pub mod curves;

@@ -110,7 +110,8 @@ pub struct Observation {
     pub point: Point,
     /// How far the load moved beyond noise in this tick (m).
     pub moved_m: f32,
-    /// The estimate stands at the end of the table's range.
+    /// The estimate stands at the end of the table's range; at the light end only if the load is lighter than that by more
+    /// than the error of the estimate.
     pub at_range_end: bool,
     /// Error of the estimate, 90 % (N).
     pub load_error_n: f32,
@@ -189,8 +190,8 @@ impl LoadObserver {
         MEMORY * below * libm::expf(-self.load_n / MEMORY_FALLS_N)
     }
 
-    /// Error of the estimate, 90 % (N), at a point of the table and a twist (rad).
-    fn error_n(&self, point: &Point, twist_rad: f32) -> f32 {
+    /// Error of a load that hangs still, 90 % (N), at a point of the table and a twist (rad).
+    fn still_error_n(&self, point: &Point, twist_rad: f32) -> f32 {
         // Gap that scale and curve leave open, m².
         let by_scale_m = point.dgap_dtwist_m_per_rad * twist_rad;
         let [scale, both, constant] = self.covariance;
@@ -203,10 +204,15 @@ impl LoadObserver {
         let memory_n = self.memory_share() * self.load_n;
         let drift = DRIFT[0] + (DRIFT[1] - DRIFT[0]) * (self.age_s / DRIFT_S).min(1.0);
         let drift_n = drift * self.load_n;
-        let fast = (self.gap_speed_m_per_s.abs() - STATIC_M_PER_S).max(0.0);
         let variance_n2 =
             gap_n * gap_n + band_n * band_n + change_n * change_n + memory_n * memory_n + drift_n * drift_n;
-        NINETY_PERCENT * libm::sqrtf(variance_n2) + self.unsettled_n + SPEED_SHARE * fast * self.load_n
+        NINETY_PERCENT * libm::sqrtf(variance_n2)
+    }
+
+    /// The same for a load that may move, or may just have changed.
+    fn error_n(&self, point: &Point, twist_rad: f32) -> f32 {
+        let fast = (self.gap_speed_m_per_s.abs() - STATIC_M_PER_S).max(0.0);
+        self.still_error_n(point, twist_rad) + self.unsettled_n + SPEED_SHARE * fast * self.load_n
     }
 
     /// One tick: measured gap (m) and the twist (rad) at the time of that measurement; without a gap the estimate stays.
@@ -224,7 +230,10 @@ impl LoadObserver {
                 self.innovation_n += TICK_S / PULL_S * (innovation_n - self.innovation_n);
                 let load_n = self.load_n + self.correction(innovation_n, moved_m, &point);
                 self.load_n = load_n.clamp(m.load_min_n, m.load_max_n);
-                at_range_end = load_n != self.load_n;
+                // A load that is too heavy is a danger. One that is too light is none, and may still be within the range, by
+                // the error of the estimate.
+                let light = load_n < m.load_min_n && -self.innovation_n > self.still_error_n(&point, twist_rad);
+                at_range_end = load_n > m.load_max_n || light;
             }
         }
         if self.quiet_ticks >= SETTLED_TICKS {
@@ -299,5 +308,76 @@ impl LoadObserver {
             self.quiet_ticks = self.quiet_ticks.saturating_add(1);
         }
         step.clamp(-LARGEST_STEP * self.load_n, LARGEST_STEP * self.load_n)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rig_link::messages::GapCurve;
+
+    /// A load of 5 N, with half a newton of error, without friction or noise; the scale is known to 1 %.
+    fn observer(shape_error: f32) -> LoadObserver {
+        let homed = HomingResult {
+            zero_error_rad: 0.0,
+            load_n: 5.0,
+            load_error_n: 0.5,
+            friction_n: 0.0,
+            reference_gap_m: 0.06,
+            gap_noise_m: 0.0,
+            jump_m: 0.0,
+            twist_scale: 1.0,
+            curve: GapCurve::constant(0.0),
+            covariance: [1e-4, 0.0, 0.0],
+            drive_lag_s: 0.03,
+        };
+        LoadObserver::new(&homed, shape_error)
+    }
+
+    /// 1 mm/rad and 1 mm/N: a scale that is wrong by 1 % at 20 rad is 0.2 mm, or 0.2 N.
+    const POINT: Point = Point { gap_m: 0.05, dgap_dtwist_m_per_rad: -1e-3, dgap_dload_m_per_n: 1e-3 };
+    const DRIFT_N: f32 = DRIFT[0] * 5.0;
+
+    /// The root of the sum of the squares.
+    fn together(parts: &[f32]) -> f32 {
+        libm::sqrtf(parts.iter().map(|x| x * x).sum())
+    }
+
+    fn same(found_n: f32, expected_n: f32) -> bool {
+        (found_n / expected_n - 1.0).abs() < 1e-4
+    }
+
+    #[test]
+    fn no_load_is_known_better_than_homing_left_it_and_far_twists_open_more() {
+        let near_n = observer(0.0).error_n(&POINT, 20.0);
+        assert!(same(near_n, together(&[0.5, NINETY_PERCENT * DRIFT_N])), "{near_n}");
+        let far_n = observer(0.0).error_n(&POINT, 60.0);
+        assert!(same(far_n, NINETY_PERCENT * together(&[0.6, DRIFT_N])), "{far_n}");
+    }
+
+    #[test]
+    fn each_part_of_the_error_adds_its_square() {
+        let mut o = observer(0.1);
+        o.load_n = 3.0;
+        o.friction_n = 0.4;
+        o.peak_n = 3.0;
+        o.unsettled_n = 0.7;
+        o.gap_speed_m_per_s = -(STATIC_M_PER_S + 0.01);
+        let parts = [0.5 / (5.0 * NINETY_PERCENT) * 3.0, MOVING_BAND * 0.4, 0.1 * 2.0, DRIFT[0] * 3.0];
+        let expected_n = NINETY_PERCENT * together(&parts) + 0.7 + SPEED_SHARE * 0.01 * 3.0;
+        let found_n = o.error_n(&POINT, 0.0);
+        assert!(same(found_n, expected_n), "{found_n} {expected_n}");
+    }
+
+    #[test]
+    fn rods_remember_only_a_load_that_was_heavier() {
+        let mut o = observer(0.0);
+        assert_eq!(o.memory_share(), 0.0);
+        o.load_n = 1.0;
+        let complete = MEMORY * libm::expf(-1.0 / MEMORY_FALLS_N);
+        assert!(same(o.memory_share(), complete));
+        o.load_n = 3.0;
+        let half = 0.5 * MEMORY * libm::expf(-3.0 / MEMORY_FALLS_N);
+        assert!(same(o.memory_share(), half));
     }
 }

@@ -165,7 +165,7 @@ mod tests {
     #[test]
     fn a_budget_needs_an_envelope() {
         let text =
-            file("accuracy = \"budget\"\n", "").replace("[envelope]\nload_n = [0.5, 18.0]\nturns = [0.0, 7.5]\n", "");
+            file("accuracy = \"budget\"\n", "").replace("[envelope]\nload_n = [0.75, 18.0]\nturns = [0.0, 7.5]\n", "");
         let scene = Scene::from_toml_str(&text).unwrap();
         let error = scene.accuracy().unwrap_err().to_string();
         assert!(error.contains("accuracy = \"budget\"") && error.contains("[envelope]"), "{error}");

@@ -105,7 +105,7 @@ const CASES: &[Case] = &[
     },
     Case {
         impossible: &[("lvdt_gap_at_zero_m", "0.5")],
-        named: &["rig.lvdt_gap_at_zero_m", "51.57 mm", "700 mm"],
+        named: &["rig.lvdt_gap_at_zero_m", "49.7 mm", "700 mm"],
         possible: &[("lvdt_gap_at_zero_m", "0.02")],
     },
     // The whole stroke would do, but 99 % of the ADC's range count as a short.

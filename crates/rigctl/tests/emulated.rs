@@ -76,7 +76,7 @@ fn a_move_ends_with_its_error_and_what_is_out_of_reach_is_refused() {
     for (arguments, named) in [
         (&["move", "--to", "80mm"][..], "target"),
         (&["move", "--to", "8mm", "--load", "30N"], "load"),
-        (&["home", "--load", "30N"], "load is 30 N, allowed are 0.8 to 18 N"),
+        (&["home", "--load", "30N"], "load is 30 N, allowed are 0.75 to 18 N"),
         (&["move", "--to", "8mm", "--speed", "9m/s"], "speed"),
     ] {
         let refused = rigctl(arguments);

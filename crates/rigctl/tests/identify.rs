@@ -5,10 +5,15 @@ mod common;
 use common::{desktop as rigctl, error_of as said, root};
 use rand::{RngExt, SeedableRng};
 use rig_scene::Scene;
+use rigctl::identify::compete::Candidate;
+use rigctl::identify::data::Data;
+use rigctl::identify::identify;
+use rigctl::identify::laws::Law;
+use rigctl::log::sweep::{Stop, Sweep};
 use serde_json::Value;
 use std::path::PathBuf;
 use std::process::Output;
-use tsa_model::{Material, twist_from_turns};
+use tsa_model::{Material, Parameters, twist_from_turns};
 
 fn object(output: &Output) -> Value {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -92,7 +97,8 @@ fn known_constants_are_found_again_from_sweeps_with_unknown_zeros() {
         assert!((estimate(&fit, &format!("zero of sweep {k}")).0 - zero).abs() < 1e-9);
     }
     assert!(fit["held_out"]["count"].as_u64().unwrap() > 30);
-    assert!(fit["held_out"]["worst"].as_f64().unwrap() < 1e-9);
+    assert!(fit["held_out"]["worst"].as_f64().unwrap() < 1e-6);
+    assert_eq!((&fit["chosen"]["law"], &fit["law_holds"]), (&"length-ratio-k4".into(), &true.into()));
     // The file that was written is a scene, and the rig's.
     let written = Scene::load(&scene).unwrap();
     assert!((written.string.k3 - truth().string.k3).abs() < 1e-8);
@@ -182,9 +188,9 @@ fn noise_moves_the_constants_by_what_the_standard_errors_say() {
         assert!(error > 1e-5 && error < 0.2, "{name}: standard error {error}");
         assert!((found - truth).abs() < 3.0 * error, "{name}: {found} against {truth}, standard error {error}");
     }
-    for part in ["fitted", "held_out"] {
+    for (part, most) in [("fitted", 28e-6), ("held_out", 60e-6)] {
         let rms = fit[part]["rms"].as_f64().unwrap();
-        assert!((14e-6..28e-6).contains(&rms), "{part}: {rms}");
+        assert!((14e-6..most).contains(&rms), "{part}: {rms}");
     }
     std::fs::remove_dir_all(folder).unwrap();
 }
@@ -293,21 +299,21 @@ fn wrong_units_and_signs_are_named_with_their_file() {
     let (gap, contraction) = ("load_n,turns,gap_m", "load_n,turns,contraction_m");
     let kg: &dyn Fn(f64, f64) -> (f64, f64) = &|l, v| (l / GRAVITY, v);
     for (what, header, change, refused, named) in [
-        ("kg", gap, kg, None, "load_n taken as kg"),
-        ("kg", contraction, &|l, v| (l / GRAVITY, -v), None, "load_n taken as kg"),
-        ("g", gap, &|l, v| (1e3 * l / GRAVITY, v), None, "load_n taken as g"),
-        ("mm", contraction, &|l, v| (l, -1e3 * v), Some(true), "is it in mm?"),
-        ("mm", gap, &|l, v| (l, 1e3 * v), Some(true), "is it in mm?"),
-        ("sign", contraction, &|l, v| (l, v), Some(true), "is its sign wrong, or is it a gap"),
-        ("sign", gap, &|l, v| (l, -v), Some(true), "is its sign wrong, or is it a contraction"),
-        ("well", gap, &|l, v| (l, v), Some(false), ""),
-        ("well", contraction, &|l, v| (l, -v), Some(false), ""),
+        ("kg", gap, kg, true, "load_n taken as kg"),
+        ("kg", contraction, &|l, v| (l / GRAVITY, -v), true, "load_n taken as kg"),
+        ("g", gap, &|l, v| (1e3 * l / GRAVITY, v), true, "load_n taken as g"),
+        ("mm", contraction, &|l, v| (l, -1e3 * v), true, "is it in mm?"),
+        ("mm", gap, &|l, v| (l, 1e3 * v), true, "is it in mm?"),
+        ("sign", contraction, &|l, v| (l, v), true, "is its sign wrong, or is it a gap"),
+        ("sign", gap, &|l, v| (l, -v), true, "is its sign wrong, or is it a contraction"),
+        ("well", gap, &|l, v| (l, v), false, ""),
+        ("well", contraction, &|l, v| (l, -v), false, ""),
     ] {
         let files = files(header, change);
         let output = identify(&files);
         let said = said(&output);
         println!("{what} {header}: {:?} {said}", output.status.code());
-        assert!(refused.is_none_or(|refused| refused != output.status.success()), "{what} {header}: {said}");
+        assert!(refused != output.status.success(), "{what} {header}: {said}");
         match named {
             "" => assert!(!said.contains("taken as") && !said.contains("sign"), "{what} {header}: {said}"),
             named => assert!(said.contains(named) && said.contains("hung-"), "{what} {header}: {said}"),
@@ -338,23 +344,14 @@ fn bad_files_rows_and_options_are_named() {
         (vec!["identify", "--published", "--fit", "modulus,curve"], 2, "curve"),
         (vec!["identify", "--published", "--hold-out", "fig-99"], 2, "fig-99"),
         (vec!["identify", "--published", "--law", "guess"], 2, "length-ratio"),
-        (vec!["identify", "--hold-out", "often", good[0].as_str()], 2, "often"),
+        (vec!["identify", "--hold-out", "often", good[0].as_str()], 2, "--published"),
     ] {
         let output = rigctl(&arguments);
         assert_eq!(output.status.code(), Some(code), "{arguments:?}: {}", said(&output));
         assert!(said(&output).contains(named), "{arguments:?}: {}", said(&output));
     }
-    // A wrong row among those that are only predicted: the fifth.
-    let wild: Vec<String> = sweep(&truth(), 2.0, 7.5, 0.0, 0.0).lines().map(str::to_owned).collect();
-    let row = wild[6].rsplit_once(',').unwrap().0.to_owned() + ",0.5";
-    let outlier = wild.iter().enumerate().map(|(k, line)| if k == 6 { &row } else { line }.to_owned() + "\n");
-    let outlier = write("wild.csv", &outlier.collect::<String>());
-    for (first, told) in [(&outlier, true), (&good[1], false)] {
-        let output = rigctl(&["identify", "--fit", "k2,k3", first, &good[0], &good[2]]);
-        assert_eq!((said(&output).contains("times worse"), output.status.success()), (told, true), "{}", said(&output));
-    }
     // Bad rows are named and passed over; the rest is fitted.
-    let mut arguments = vec!["--json", "identify", "--fit", "k2,k3", mixed.as_str()];
+    let mut arguments = vec!["--json", "identify", "--fit", "k2", mixed.as_str()];
     arguments.extend(good.iter().map(String::as_str));
     let output = rigctl(&arguments);
     let fit = object(&output);
@@ -363,4 +360,104 @@ fn bad_files_rows_and_options_are_named() {
         assert!(said(&output).contains(named), "{named}: {}", said(&output));
     }
     std::fs::remove_dir_all(folder).unwrap();
+}
+
+/// Identifies files of loads and lengths, each sweep changed first.
+fn identified(name: &str, loads: &[f64], more: &[&str], change: impl Fn(usize, f64, f64) -> (f64, f64)) -> Output {
+    let folder = folder(name);
+    let write = |(k, load): (usize, &f64)| {
+        let path = folder.join(format!("hung-{load}.csv"));
+        let numbered = sweep(&truth(), *load, 7.5, 0.01, 5e-6);
+        let rows = numbered.lines().skip(2).map(|line| {
+            let cells: Vec<f64> = line.split(',').map(|cell| cell.parse().unwrap()).collect();
+            let (load, gap) = change(k, cells[1], cells[2]);
+            format!("{},{},{gap}\n", if load > 0.0 { load } else { cells[0] }, cells[1])
+        });
+        std::fs::write(&path, format!("load_n,turns,gap_m\n{}", rows.collect::<String>())).unwrap();
+        path.to_str().unwrap().to_owned()
+    };
+    let files: Vec<String> = loads.iter().enumerate().map(write).collect();
+    let arguments: Vec<&str> = ["--json", "identify"]
+        .into_iter()
+        .chain(more.iter().copied())
+        .chain(files.iter().map(String::as_str))
+        .collect();
+    let output = rigctl(&arguments);
+    std::fs::remove_dir_all(folder).unwrap();
+    output
+}
+
+const HUNG: [f64; 5] = [1.0, 2.0, 5.0, 10.0, 15.0];
+
+#[test]
+fn the_simplest_law_that_predicts_what_is_held_out_is_chosen() {
+    let fit = object(&identified("chosen", &HUNG, &["--next"], |_, _, gap| (0.0, gap)));
+    let candidates = fit["candidates"].as_array().unwrap();
+    assert_eq!(candidates.len(), 6);
+    let of = |law: &str, material: &str| {
+        candidates.iter().find(|c| c["law"] == law && c["material"] == material).unwrap_or_else(|| panic!("{law}"))
+    };
+    assert_eq!(of("length-ratio", "modulus")["verdict"], "worse");
+    assert_eq!(of("length-ratio-k4", "modulus")["verdict"], "chosen");
+    assert_eq!(fit["chosen"]["law"], "length-ratio-k4");
+    assert!(fit["scene"]["string"]["k4"].as_f64() > Some(0.05));
+    assert_eq!(fit["law_holds"], true);
+    // The truth at 7.5 turns, within what is stated.
+    let mechanism = truth().mechanism().unwrap();
+    let predictions = fit["predictions"].as_array().unwrap();
+    assert_eq!(predictions.len(), 3);
+    for p in predictions {
+        let number = |key: &str| p[key].as_f64().unwrap_or_else(|| panic!("{key}: {p}"));
+        let gap = |turns| mechanism.formal(number("load_n"), twist_from_turns(turns)).unwrap().gap_m;
+        let error = number("contraction_m") - (gap(0.0) - gap(number("turns")));
+        assert!(error.abs() < 2.0 * number("half_width_m") && number("half_width_m") < 2e-3, "{p}: {error}");
+    }
+    let next = &fit["next"];
+    assert!(next["largest_half_width_m"].as_f64() >= next["floor_m"].as_f64(), "{next}");
+    // One law by its name.
+    let fit = object(&identified("one-law", &HUNG, &["--law", "length-ratio"], |_, _, gap| (0.0, gap)));
+    assert_eq!((&fit["chosen"]["law"], &fit["law_holds"]), (&"length-ratio".into(), &false.into()));
+    assert!(fit["misfit"]["excess_m"].as_f64().unwrap() > 50e-6, "{}", fit["misfit"]);
+}
+
+#[test]
+fn a_sweep_in_which_a_string_slipped_is_named() {
+    let output =
+        identified("slip", &HUNG, &[], |k, turns, gap| (0.0, if k == 2 && turns > 4.0 { gap + 2e-3 } else { gap }));
+    assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+    assert!(said(&output).contains("slip") && said(&output).contains("hung-5"), "{}", said(&output));
+}
+
+/// Sweeps as `rigctl sweep` records them, of a known zero, each changed first: its load (N), and its gap (m) at a number of
+/// turns. The answer is the error's words.
+fn refused(change: impl Fn(usize, f64, f64) -> (f64, f64)) -> Result<(), String> {
+    let scene = Scene::load(root().join("scenes/default.toml")).unwrap();
+    let base = Parameters::new(&scene.geometry, &scene.string, &scene.material).unwrap();
+    let rig = truth().mechanism().unwrap();
+    let mut data = Data::default();
+    for (k, load) in HUNG.into_iter().enumerate() {
+        let mut load_n = load;
+        let mut stops = Vec::new();
+        for turns in (0..=10).map(|stop| 0.7 * f64::from(stop)) {
+            let twist_rad = twist_from_turns(turns);
+            let changed = change(k, turns, rig.solve(load, twist_rad).unwrap().gap_m);
+            load_n = if changed.0 > 0.0 { changed.0 } else { load };
+            stops.push(Stop { twist_rad, position_m: -changed.1, half_difference_m: 10e-6 });
+        }
+        data.add_sweep(&format!("hung-{load}"), &base, &Sweep { load_n, zero_gap_m: Some(0.0), stops });
+    }
+    // A table is not what this is about.
+    let scene = Scene { accuracy: None, ..scene };
+    // Which law is enough is not what this is about either: the rig's own, with one material, makes it quick.
+    let candidates = Candidate::all(&scene, Some(Law::LengthRatioK4), data.knows_its_zero());
+    identify(&scene, &data, &candidates[..1]).map(|_| ()).map_err(|e| e.to_string())
+}
+
+#[test]
+fn sweeps_that_do_not_belong_together_are_named() {
+    let mistyped = refused(|k, _, gap| (if k == 3 { 14.0 } else { 0.0 }, gap)).unwrap_err();
+    assert!(mistyped.contains("hung-10:") && mistyped.contains("what hung there"), "{mistyped}");
+    let steeper = refused(|k, turns, gap| (0.0, if k == 2 { gap - 4e-5 * turns * turns } else { gap })).unwrap_err();
+    assert!(steeper.contains("hung-5:"), "{steeper}");
+    assert_eq!(refused(|_, _, gap| (0.0, gap)), Ok(()));
 }

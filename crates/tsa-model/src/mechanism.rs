@@ -152,7 +152,7 @@ impl<T: Scalar> Mechanism<T> {
         }
         let (sin, cos) = found.alpha.sin_cos();
         let force = state.force(sin / cos);
-        let response = self.rod.response(force, found.amplitude, &found.shape)?;
+        let response = self.rod.response(force, found.amplitude, &found.shape);
         let mut equilibrium = self.finish(state, found.alpha, &response)?;
         equilibrium.residual = equilibrium.residual.max(found.residual);
         equilibrium.iterations = found.iterations;
@@ -219,11 +219,10 @@ impl<T: Scalar> Mechanism<T> {
             let mut enough = top;
             let mut left = T::EXTRA_STEPS;
             for step in 0..20 {
-                let (sin, cos) = alpha.sin_cos();
-                let force = state.force(sin / cos);
-                let shape = self.rod.shape(force, amplitude, rule).ok()?;
-                evaluations += shape.evaluations;
                 let helix = self.helix(state, alpha);
+                let force = state.force(helix.tan);
+                let shape = self.rod.shape(force, amplitude, rule, enough && step > 0).ok()?;
+                evaluations += shape.evaluations;
                 let r1 = shape.length.value - self.rod.length_m;
                 let r2 = helix.miss(&self.parameters, state, shape.reach.value);
                 let residual = (r1 / self.rod.length_m).value().abs().max(helix.scaled(&self.parameters, r2));
@@ -278,7 +277,7 @@ impl<T: Scalar> Mechanism<T> {
             evaluations += steps * shape.evaluations;
             let residual = ((shape.length.value / self.rod.length_m).value() - 1.0).abs();
             at = Some((amplitude, shape, residual));
-            self.rod.response(force, amplitude, &shape)
+            Ok(self.rod.response(force, amplitude, &shape))
         })?;
         let Some((amplitude, shape, residual)) = at else {
             return Err(SolveError::NoEquilibrium { load_n: state.load_n, twist_rad: state.twist_rad });

@@ -34,9 +34,22 @@ mod imp {
 
 pub(crate) use imp::ln;
 
+/// Coefficients of x², x⁴ … in sinh² x, 2²ᵏ⁻¹/(2k)!, as many as f64 resolves for x ≤ 1.
+const SINH_SQUARED: [f64; 12] = {
+    let mut all = [1.0; 12];
+    let mut k = 1;
+    while k < all.len() {
+        let n = (2 * k + 2) as f64;
+        all[k] = all[k - 1] * 4.0 / (n * (n - 1.0));
+        k += 1;
+    }
+    all
+};
+
 /// A number that the solver can compute with.
 pub trait Scalar:
     Copy
+    + PartialEq
     + core::fmt::Debug
     + Neg<Output = Self>
     + Add<Output = Self>
@@ -76,6 +89,17 @@ pub trait Scalar:
     fn exp_m1(self) -> Self;
     /// x^y for x ≥ 0.
     fn powf(self, exponent: Self) -> Self;
+
+    /// sinh² x, without cancellation near zero.
+    fn sinh_squared(self) -> Self {
+        let square = self * self;
+        if square.value() > 1.0 {
+            let grown = (self * 2.0).exp_m1();
+            return grown * grown / ((grown + 1.0) * 4.0);
+        }
+        // ½ Σ (2x)²ᵏ/(2k)!
+        SINH_SQUARED.iter().rev().fold(Self::of(0.0), |sum, c| (sum + *c) * square)
+    }
 
     /// Hyperbolic sine and cosine, without cancellation near zero.
     fn sinh_cosh(self) -> (Self, Self) {
@@ -342,7 +366,7 @@ mod tests {
     #[test]
     fn derivatives_are_those_of_the_functions() {
         type D = Dual<1>;
-        let functions: [fn(D) -> D; 9] = [
+        let functions: [fn(D) -> D; 10] = [
             |x| x.sqrt(),
             |x| x.sin_cos().0,
             |x| x.sin_cos().1,
@@ -351,6 +375,7 @@ mod tests {
             |x| x.powf(D::of(0.43)),
             |x| D::of(0.7).powf(x),
             |x| x.sinh_cosh().0 / x.sinh_cosh().1,
+            |x| x.sinh_squared(),
             |x| -(x * 2.0 - x / 3.0 + 1.0) * x / (x + 4.0 - x * x),
         ];
         for (k, f) in functions.iter().enumerate() {

@@ -111,7 +111,7 @@ fn constants_without_a_table_are_refused_by_name() {
     let thick = rebuilt(&p, [5e-6, 2e-3]).unwrap_err();
     let RebuildError::Model { load_n, twist_rad, kind } = thick else { panic!("{thick}") };
     let solved = Mechanism::of(p).solve(f64::from(load_n), f64::from(twist_rad));
-    assert_eq!((kind, solved.unwrap_err().kind()), ("no-equilibrium", "no-equilibrium"), "{thick}");
+    assert_eq!(solved.unwrap_err().kind(), kind, "{thick}");
     let nan = rebuilt(&parameters(|p| p.k2 = f64::NAN), [5e-6, 2e-3]);
     assert!(nan.is_err(), "NaN gave a table");
     let table = default_fit().1.table.table();

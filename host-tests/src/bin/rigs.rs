@@ -21,6 +21,9 @@ struct Arguments {
     /// Use the default scene's table instead of identifying the rig's constants first
     #[arg(long)]
     as_built: bool,
+    /// Only calibrate and identify each rig, and judge what is predicted
+    #[arg(long, conflicts_with = "as_built")]
+    only_identify: bool,
     /// Loads (kg), ascending
     #[arg(long, value_name = "KG,KG", value_delimiter = ',', default_values_t = LOADS_KG)]
     loads: Vec<f64>,
@@ -72,9 +75,9 @@ fn main() -> Result<()> {
     ensure!(ascending && arguments.loads.iter().all(|kg| *kg > 0.0), "--loads: must be above 0 and ascending");
     let subjects = subjects(&arguments);
     let plan = Plan {
-        loads_kg: arguments.loads,
+        loads_kg: if arguments.only_identify { Vec::new() } else { arguments.loads },
         as_built: arguments.as_built,
-        against_fixed_ratio: !arguments.no_fixed_ratio,
+        against_fixed_ratio: !arguments.no_fixed_ratio && !arguments.only_identify,
         jobs: arguments.jobs,
     };
     let scored = study(&subjects, &plan, &|done, of| eprintln!("{done} of {of} rigs"));

@@ -9,23 +9,26 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use rig_control::{Rig as Control, RigConstants, settings};
 use rig_link::messages::{EventKind, LoadChoice, Request, SettingValues, State};
-use rig_scene::Scene;
 use rigctl::calibration::{Point, uncalibrated};
-use rigctl::identify::constants::Unknowns;
-use rigctl::identify::data::{Data, HOLD_OUT};
-use rigctl::identify::{Fit, fit, plausible, uncertainty};
+use rigctl::identify::compete::Candidate;
+use rigctl::identify::constants::Constant;
+use rigctl::identify::data::Data;
+use rigctl::identify::laws::Law;
+use rigctl::identify::{Identified, identify, plausible};
 use rigctl::log::sweep::{Sweep, reduce};
 use rigctl::log::{Header, Log, LogRow, Mark, Marked};
 use rigctl::lvdt_points;
 use sim_link::units::STANDARD_GRAVITY;
 use std::f64::consts::{PI, TAU};
-use tsa_model::Parameters;
+use tsa_model::{Parameters, twist_from_turns};
 use tsa_table::Table;
 
 /// Loads of the sweeps (kg): the ends of what will be lifted, and between.
 pub const SWEEP_LOADS_KG: [f64; 3] = [0.15, 0.6, 1.5];
 /// Turns past the half-turn pre-twist, and speed of the strings (rad/s).
 const TURNS: f64 = 7.5;
+/// Turns, besides half those of the sweeps, at which predicted contractions are compared with the rig's own.
+const HELD_OUT_TURNS: f64 = 6.5;
 const SPEED_RAD_PER_S: f64 = 4.0;
 /// How often a sweep is tried whose homing or turns fail, each time from another twist.
 const TRIES: u8 = 3;
@@ -35,11 +38,9 @@ const REST_S: f64 = 1.0;
 const TURN_AHEAD_S: f64 = 0.05;
 /// Loads of the calibration (kg), and for each how many points lie on how long a way up from the half-turn pre-twist (m):
 /// together they cover the gaps of all loads and sweeps.
-const CALIBRATION: [(f64, usize, f64); 2] = [(1.5, 3, 0.009), (0.3, 8, 0.026)];
+const CALIBRATION: [(f64, usize, f64); 2] = [(1.5, 3, 0.007), (0.3, 8, 0.026)];
 /// What the gauge reads to (m).
 const GAUGE_M: f64 = 20e-6;
-/// Contraction from which its error is taken as a share of it (m): near the pre-twist there is none.
-const CONTRACTION_M: f64 = 2e-3;
 
 /// What the board is built and set up with.
 #[derive(Clone, Debug)]
@@ -84,15 +85,14 @@ pub fn commission(subject: &Subject, as_built: bool) -> (Firmware, Vec<Finding>)
     if as_built {
         return (firmware, findings);
     }
-    let built = identify(subject, &firmware).and_then(|(identified, error)| {
-        let built = build(&identified, &firmware).map_err(|why| format!("table: {why}"))?;
-        Ok((built, error))
+    let built = identified(subject, &firmware).and_then(|found| {
+        findings.push(finding(Check::HeldOut, held_out_error(subject, &found), String::new()));
+        findings.extend(predicted(subject, &found));
+        findings.extend(found_constants(subject, &found));
+        build(found, &firmware).map_err(|why| format!("table: {why}"))
     });
     match built {
-        Ok((identified, error)) => {
-            findings.push(finding(Check::HeldOut, Some(error), String::new()));
-            (identified, findings)
-        }
+        Ok(built) => (built, findings),
         Err(why) => {
             findings.push(finding(Check::HeldOut, None, format!("goes on as built: {why}")));
             (firmware, findings)
@@ -102,7 +102,7 @@ pub fn commission(subject: &Subject, as_built: bool) -> (Firmware, Vec<Finding>)
 
 /// Calibrates the LVDT at eleven points of the way that the load moves, turning the strings by hand from one to the next:
 /// `rigctl calibrate lvdt --points`.
-fn calibrate(subject: &Subject) -> Result<SettingValues, String> {
+pub fn calibrate(subject: &Subject) -> Result<SettingValues, String> {
     let firmware = Firmware::as_built();
     let mut gauge = Pcg64Mcg::seed_from_u64(subject.seed);
     let mut points = Vec::new();
@@ -157,32 +157,76 @@ fn mean_gap(bench: &mut ControlBench) -> Result<(f64, f64), String> {
     if count > 0.0 { Ok((shown_m / count, true_m / count)) } else { Err("the sensor shows no gap".into()) }
 }
 
-/// Three recorded sweeps reduced to equilibria, and the scene's constants from them, as `rigctl identify` does it.
-fn identify(subject: &Subject, firmware: &Firmware) -> Result<(Scene, f64), String> {
-    let scene = scene();
-    let start = Parameters::new(&scene.geometry, &scene.string, &scene.material).map_err(|e| e.to_string())?;
-    let mut data = Data::default();
-    for load_kg in SWEEP_LOADS_KG {
+/// The recorded sweeps of a rig, reduced to equilibria, each with a name.
+///
+/// # Errors
+/// In words, if one fails from every twist at power-up.
+pub fn sweeps(subject: &Subject, firmware: &Firmware) -> Result<Vec<(String, Sweep)>, String> {
+    let one = |load_kg: &f64| {
         let mut swept = Err(String::new());
         for turns in 0..TRIES {
-            swept = sweep(subject, firmware, load_kg, turns);
+            swept = sweep(subject, firmware, *load_kg, turns);
             if swept.is_ok() {
                 break;
             }
         }
-        let sweep = swept.map_err(|why| format!("sweep at {load_kg} kg: {why}"))?;
-        data.add_sweep(&format!("{load_kg} kg"), &start, &sweep, HOLD_OUT);
+        Ok((format!("{load_kg} kg"), swept.map_err(|why| format!("sweep at {load_kg} kg: {why}"))?))
+    };
+    SWEEP_LOADS_KG.iter().map(one).collect()
+}
+
+/// Three recorded sweeps reduced to equilibria, and the scene's constants from them, as `rigctl identify` does it.
+fn identified(subject: &Subject, firmware: &Firmware) -> Result<Identified, String> {
+    let scene = scene();
+    let start = Parameters::new(&scene.geometry, &scene.string, &scene.material).map_err(|e| e.to_string())?;
+    let mut data = Data::default();
+    for (name, sweep) in sweeps(subject, firmware)? {
+        data.add_sweep(&name, &start, &sweep);
     }
     if let Some(why) = plausible::impossible(&data, scene.geometry.string_length_m) {
         return Err(why);
     }
-    let unknowns = Unknowns::usual(&scene.string, data.knows_its_zero());
-    let (x, fit) = fit(&unknowns, &start, &data).map_err(|e| format!("identify: {e}"))?;
-    let mut fitted = unknowns.scene(scene, &start, &x);
-    fitted.uncertainty = uncertainty(&fit);
-    fitted.validate().map_err(|e| format!("identified scene: {e}"))?;
-    let error = held_out_error(&data, &fit);
-    Ok((fitted, error))
+    let candidates = Candidate::all(scene, None, data.knows_its_zero());
+    identify(scene, &data, &candidates).map_err(|e| format!("identify: {e}"))
+}
+
+/// Predicted contractions beside those of the rig: at the ends and in the middle of the scene's loads.
+fn predicted(subject: &Subject, found: &Identified) -> Vec<Finding> {
+    let law = found.candidate.law.name();
+    let judged = found.predictions.iter().flat_map(|p| {
+        let truth = subject.contraction_m(p.load_n, twist_from_turns(p.turns)).ok();
+        let values = p.contraction_m.zip(p.half_width_m).zip(truth);
+        let load_kg = Some(p.load_n / STANDARD_GRAVITY);
+        let finding = move |check, value| Finding { load_kg, check, value, note: format!("by {law}") };
+        let error = values.map(|((told_m, half_m), true_m)| ((told_m - true_m) / half_m, half_m / true_m));
+        [
+            finding(Check::PredictionCover, error.map(|(over, _)| f64::from(u8::from(over.abs() <= 1.0)))),
+            finding(Check::PredictionStated, error.map(|(_, stated)| stated)),
+            finding(Check::PredictionOverStated, error.map(|(over, _)| over)),
+        ]
+    });
+    judged.collect()
+}
+
+/// The identified constants beside those of the rig, where the law is the rig's own.
+fn found_constants(subject: &Subject, found: &Identified) -> Vec<Finding> {
+    let (truth, scene) = (subject.constants(), scene());
+    let same = found.candidate.law == Law::of(&truth);
+    let modulus = truth.material.stress_coefficients_pa[0] / scene.material.stress_coefficients_pa[0];
+    let judged = found.fit.estimates.iter().filter_map(|e| {
+        let true_value = match Constant::named(&e.name)? {
+            Constant::Modulus => modulus,
+            Constant::K1 if same => truth.string.k1_per_n,
+            Constant::K2 if same => truth.string.k2,
+            Constant::K3 if same => truth.string.k3,
+            Constant::Exponent if same => truth.string.twist_exponent?,
+            _ => return None,
+        };
+        let covered = (e.unknown - true_value.ln()).abs() <= e.half_width_90;
+        let value = Some(f64::from(u8::from(covered)));
+        Some(Finding { load_kg: None, check: Check::ConstantCover, value, note: e.name.clone() })
+    });
+    judged.collect()
 }
 
 /// One sweep as `rigctl sweep` records it, from so many turns at power-up, by its equilibria.
@@ -252,21 +296,31 @@ fn record(bench: &ControlBench, log: &mut Log) -> bool {
     false
 }
 
-/// Rms error of the held-out equilibria as a share of their contraction since the first of their sweep, where there is some.
-fn held_out_error(data: &Data, fit: &Fit) -> f64 {
-    let mut shares = Vec::new();
-    for (_, rows) in &data.files {
-        let sweep = &fit.rows[rows.clone()];
-        let first_m = sweep.iter().map(|row| row.measured).fold(f64::MIN, f64::max);
-        let moved = sweep.iter().filter(|row| row.held_out && first_m - row.measured > CONTRACTION_M);
-        shares.extend(moved.map(|row| row.error.map_or(1.0, |error_m| error_m / (first_m - row.measured))));
-    }
-    (shares.iter().map(|share: &f64| share * share).sum::<f64>() / shares.len().max(1) as f64).sqrt()
+/// Rms error of contractions under loads between those of the sweeps, as shares of the rig's true ones; none if the law has
+/// no equilibrium there.
+fn held_out_error(subject: &Subject, found: &Identified) -> Option<f64> {
+    let between = SWEEP_LOADS_KG.windows(2).map(|pair| (pair[0] * pair[1]).sqrt() * STANDARD_GRAVITY);
+    let states = between.flat_map(|load_n| [0.5 * TURNS, HELD_OUT_TURNS].map(|turns| (load_n, turns)));
+    let squares: Option<Vec<f64>> = states
+        .map(|(load_n, turns)| {
+            let told_m = found.known.predict(load_n, turns).contraction_m?;
+            let true_m = subject.contraction_m(load_n, twist_from_turns(turns)).ok()?;
+            Some((told_m / true_m - 1.0).powi(2))
+        })
+        .collect();
+    let squares = squares?;
+    Some((squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
 }
 
 /// The firmware for an identified scene.
-fn build(identified: &Scene, firmware: &Firmware) -> Result<Firmware, String> {
-    let owned = Box::leak(Box::new(identified.fit_table().map_err(|e| e.to_string())?.table));
-    let constants = identified.constants();
-    Ok(Firmware { table: Box::leak(Box::new(owned.table())), constants, settings: firmware.settings })
+fn build(found: Identified, firmware: &Firmware) -> Result<Firmware, String> {
+    let Some(fit) = found.table else {
+        return Err(found.untabled.unwrap_or_else(|| "the scene asks for none".into()));
+    };
+    let owned = Box::leak(Box::new(fit.table));
+    Ok(Firmware {
+        table: Box::leak(Box::new(owned.table())),
+        constants: found.scene.constants(),
+        settings: firmware.settings,
+    })
 }

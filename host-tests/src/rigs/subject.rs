@@ -2,6 +2,7 @@
 
 use rig_emulator::rig::plant_settings::PlantSettings;
 use rig_emulator::rig::{Rig, RigError};
+use rig_scene::Scene;
 use sim_link::{PlantChange, PlantKey, RigPreset};
 use std::fmt;
 
@@ -102,12 +103,32 @@ impl Subject {
     /// # Errors
     /// As [`Subject::switched_on`].
     pub fn switched_on_at(&self, load_n: f64, twist_rad: f64) -> Result<Rig, RigError> {
+        let mut settings = self.settings();
+        (settings.load_n, settings.twist_at_boot_rad) = (load_n, twist_rad);
+        Rig::new(crate::scene(), settings, self.seed)
+    }
+
+    fn settings(&self) -> PlantSettings {
         let mut settings = PlantSettings::default();
         for change in &self.changes {
             settings.apply(*change).unwrap_or_else(|e| panic!("the study's own plant: {e}"));
         }
-        (settings.load_n, settings.twist_at_boot_rad) = (load_n, twist_rad);
-        Rig::new(crate::scene(), settings, self.seed)
+        settings
+    }
+
+    /// The scene with the constants that this rig's mechanism really has.
+    pub fn constants(&self) -> Scene {
+        self.settings().distort(crate::scene())
+    }
+
+    /// The true contraction (m) between the half-turn pre-twist and a twist (rad) under a load (N): of the rig as built,
+    /// at rest, without friction.
+    ///
+    /// # Errors
+    /// As [`Subject::switched_on`].
+    pub fn contraction_m(&self, load_n: f64, twist_rad: f64) -> Result<f64, RigError> {
+        let truth = self.switched_on_at(load_n, twist_rad)?.truth();
+        Ok(truth.pretwist_gap_m - truth.gap_m)
     }
 
     /// The same rig at the temperature of its calibration: when it is calibrated and identified.

@@ -13,9 +13,9 @@ use tsa_model::{Mechanism, Parameters};
 
 include!(concat!(env!("OUT_DIR"), "/parameters.rs"));
 
-/// Loads (N) and twists (rad) inside the table's range and on no grid point of a table; as for `cargo xtask cost`.
-const LOADS_N: [f32; 6] = [0.61, 1.3, 2.9, 5.3, 9.7, 16.9];
-const TWISTS_RAD: [f32; 5] = [3.9, 11.3, 20.7, 33.1, 47.9];
+/// Where the loads and the twists lie in the table's range, 0 to 1.
+const LOADS: [f32; 6] = [0.01, 0.05, 0.13, 0.28, 0.53, 0.94];
+const TWISTS: [f32; 5] = [0.02, 0.18, 0.37, 0.64, 0.95];
 /// Largest difference between table and solver (m), as in host-tests/tests/cost.rs.
 const DIFFERENCE_M: f32 = 2e-5;
 /// Control ticks: half a second at rest, then half a second of a jog at this speed (rad/s).
@@ -83,8 +83,10 @@ pub fn rows(table: &mut Table, hclk_hz: u32) {
 fn solver() -> (Spread, Spread, f32) {
     let single = Mechanism::of(Parameters::<Single>::constant(&PARAMETERS));
     let (mut lookup, mut solve, mut difference_m) = (Spread::NONE, Spread::NONE, 0f32);
-    for load_n in LOADS_N {
-        for twist_rad in TWISTS_RAD {
+    let m = &TABLE.metadata;
+    let within = |least: f32, most: f32, place: f32| least + place * (most - least);
+    for load_n in LOADS.map(|place| within(m.load_min_n, m.load_max_n, place)) {
+        for twist_rad in TWISTS.map(|place| within(m.twist_min_rad, m.twist_max_rad, place)) {
             let (load_n, twist_rad) = (black_box(load_n), black_box(twist_rad));
             let found_m = lookup.count(|| TABLE.point_inside(load_n, twist_rad)).gap_m;
             let solved = solve.count(|| single.gap_and_slope(f64::from(load_n), f64::from(twist_rad)));

@@ -5,6 +5,8 @@
 //! turns that file into `docs/results.md`, [`readme`] into the table of the README. Nothing in either is typed by hand;
 //! a test here compares both with the file.
 
+mod calibration;
+mod model;
 mod page;
 mod readme;
 mod rigs;

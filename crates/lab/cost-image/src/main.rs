@@ -18,7 +18,7 @@ mod tables {
 }
 
 /// Loads (N) and twists (rad) of the table's range, off every grid.
-const LOADS_N: [f32; 6] = [0.61, 1.3, 2.9, 5.3, 9.7, 16.9];
+const LOADS_N: [f32; 6] = [0.91, 1.3, 2.9, 5.3, 9.7, 16.9];
 const TWISTS_RAD: [f32; 5] = [3.9, 11.3, 20.7, 33.1, 47.9];
 
 #[unsafe(no_mangle)]
@@ -43,8 +43,8 @@ macro_rules! table {
     };
 }
 
-table!(cost_arc_short, ARC_SHORT);
-table!(cost_arc_long, ARC_LONG);
+table!(cost_arc_few, ARC_FEW);
+table!(cost_arc_many, ARC_MANY);
 table!(cost_series, SERIES);
 table!(cost_series_log, SERIES_LOG);
 table!(cost_series_ratio, SERIES_RATIO);
@@ -158,8 +158,8 @@ fn main() -> ! {
             let singles = [
                 point.gap_m,
                 cost_inverse_twist(load, point.gap_m),
-                cost_arc_short(load, twist).gap_m,
-                cost_arc_long(load, twist).gap_m,
+                cost_arc_few(load, twist).gap_m,
+                cost_arc_many(load, twist).gap_m,
                 cost_series(load, twist).gap_m,
                 cost_series_log(load, twist).gap_m,
                 cost_series_ratio(load, twist).gap_m,

@@ -6,7 +6,7 @@ use crate::axis::{Axis, LoadMap};
 use crate::fit::{Candidate, Numbers};
 use crate::form::Form;
 use tsa_table::emit::{floats, table_source};
-use tsa_table::fit::{Errors, Fit, OwnedTable};
+use tsa_table::fit::{Errors, Fit};
 
 /// A table beside the chosen one.
 #[derive(Clone, Copy, Debug)]
@@ -66,15 +66,13 @@ impl Peer<'_> {
 
 /// The peers with the names of their tables.
 pub fn peers<'a>(fit: &'a Fit, others: &'a [Candidate]) -> Vec<(&'static str, Peer<'a>)> {
-    let shape = |rows: u8, columns: u8| {
-        let shape_of = |table: &OwnedTable| [table.numbers.shape.rows, table.numbers.shape.columns];
-        best(fit.candidates.iter().filter(|c| shape_of(&c.table) == [rows, columns]).map(Peer::Own))
-    };
-    let other = |of_kind: &dyn Fn(&Candidate) -> bool| best(others.iter().filter(|c| of_kind(c)).map(Peer::Other));
+    let ranges = |c: &&tsa_table::fit::Candidate| c.table.numbers.patches.len();
+    let passing = || fit.candidates.iter().filter(|c| c.passes);
+    let other = |of_kind: &dyn Fn(&Candidate) -> bool| best(others.iter().filter(|c| of_kind(c)));
     let is_series = |c: &Candidate| matches!(c.numbers, Numbers::Series { .. });
     let all = [
-        ("ARC_SHORT", shape(6, 7)),
-        ("ARC_LONG", shape(3, 8)),
+        ("ARC_FEW", passing().min_by_key(ranges).map(Peer::Own)),
+        ("ARC_MANY", passing().max_by_key(ranges).map(Peer::Own)),
         ("SERIES", other(&|c| is_series(c) && c.load_map == LoadMap::InverseRoot)),
         ("SERIES_LOG", other(&|c| is_series(c) && c.load_map == LoadMap::Log)),
         ("SERIES_RATIO", other(&|c| is_series(c) && matches!(c.load_map, LoadMap::Ratio { .. }))),
@@ -85,13 +83,9 @@ pub fn peers<'a>(fit: &'a Fit, others: &'a [Candidate]) -> Vec<(&'static str, Pe
 }
 
 /// One that passes before one that fails, then the more accurate one.
-fn best<'a>(candidates: impl Iterator<Item = Peer<'a>>) -> Option<Peer<'a>> {
-    let fails = |peer: &Peer<'_>| match peer {
-        Peer::Own(c) => !c.passes,
-        Peer::Other(c) => !c.passes,
-    };
-    let error = |peer: &Peer<'_>| peer.errors().contraction_max_m;
-    candidates.min_by(|a, b| fails(a).cmp(&fails(b)).then(error(a).total_cmp(&error(b))))
+fn best<'a>(candidates: impl Iterator<Item = &'a Candidate>) -> Option<Peer<'a>> {
+    let error = |c: &Candidate| c.errors.contraction_max_m;
+    candidates.min_by(|a, b| (!a.passes).cmp(&!b.passes).then(error(a).total_cmp(&error(b)))).map(Peer::Other)
 }
 
 fn other_source(name: &str, doc: &str, candidate: &Candidate) -> String {

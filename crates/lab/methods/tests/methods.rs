@@ -76,9 +76,9 @@ fn methods_converge_as_fast_as_their_order_says() {
     }
 }
 
-/// The default rig with longer or thinner rods.
+/// The paper's rig with longer or thinner rods.
 fn slender(rod_span_m: f64, rod_radius_m: f64) -> Mechanism {
-    let mut s = scene("default");
+    let mut s = scene("paper-identified");
     s.geometry.rod_span_m = rod_span_m;
     s.geometry.rod_radius_m = rod_radius_m;
     s.mechanism().unwrap()
@@ -117,10 +117,7 @@ fn shooting_finds_another_branch_without_an_error() {
 #[test]
 fn shooting_from_a_straight_guess_fails_on_slender_rods() {
     // Load number 15 and more: three and more solutions of the shooting equation (docs/numerics.md 2.6).
-    let mut s = scene("default");
-    s.geometry.rod_span_m = 0.09;
-    s.geometry.rod_radius_m = 0.0004;
-    let m = s.mechanism().unwrap();
+    let m = slender(0.09, 0.0004);
     let (load, twist) = (10.0, 4.0);
     let solution = m.solve(load, twist).unwrap();
     for method in

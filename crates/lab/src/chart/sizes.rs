@@ -9,6 +9,7 @@ use rig_scene::{Accuracy, Scene, TableAccuracy, TableError};
 use rival_forms::fit::{Considered, considered};
 use tsa_table::FORM;
 use tsa_table::fit::{Errors, Fit, FitError, MAX_BYTES};
+use tsa_table::instruction_model::LOOKUP_INSTRUCTIONS;
 
 /// Demanded accuracies (m); the error of TR keeps its ratio to that of the scene.
 const ASKED_M: [f64; 7] = [200e-6, 100e-6, 50e-6, 20e-6, 10e-6, 5e-6, 2e-6];
@@ -122,7 +123,7 @@ fn notes(fits: &[Asked]) -> Vec<String> {
     let asked: Vec<String> = fits.iter().map(|f| format!("{:.0}", f.contraction_m * 1e6)).collect();
     let mut notes = vec![format!(
         "Asked for {} um of contraction, TR in proportion as in the scene; at most {MAX_BYTES} bytes. Of equal accuracy the fit prefers \
-         what the board looks up in 250 instructions. Errors against the \
+         what the board looks up in {LOOKUP_INSTRUCTIONS} instructions. Errors against the \
          full solver on the grid by which candidates are selected.",
         asked.join(", ")
     )];

@@ -81,8 +81,8 @@ fn gap_panel(title: &str, ways: &[(usize, &Way)], errors_m: [f64; 2], instructio
         items.push(Item::Mark { at, shape: Shape::Dot, colour: kind_colour(kind(way)) });
         // Three and two that stand close together: aside by a part of the whole axis.
         let aside = match way.symbol.as_str() {
-            "cost_arc_long" | "cost_series_ratio" => (-0.11, 0.0),
-            "cost_arc_short" => (0.0, 0.04),
+            "cost_arc_many" | "cost_series_ratio" => (-0.11, 0.0),
+            "cost_arc_few" => (0.0, 0.04),
             _ => (0.0, 0.0),
         };
         let moved = |value: f64, range: [f64; 2], part: f64| value * (range[1] / range[0]).powf(part);

@@ -118,8 +118,6 @@ pub(super) struct Weighed {
     pub curve: GapCurve,
     /// Covariance of the logarithm of the scale and the curve's constant (m): scale, both, constant.
     pub covariance: [f32; 3],
-    /// Rms gap that the fit leaves (m), before the curve.
-    pub misfit_m: f32,
 }
 
 /// A load that something else says (N), and its standard error.
@@ -349,7 +347,7 @@ impl Weigh {
         let inflation = surprise.iter().map(|x| 0.5 * x * x).sum::<f32>().max(1.0);
         // The scale takes up an error of the radius, but not an error of how the radius depends on the load.
         let shape_n = match self.given {
-            LoadChoice::Auto => table.metadata.uncertainty.load_shape * load_n,
+            LoadChoice::Auto => uncertainty.load_shape * load_n,
             LoadChoice::Known(_) => 0.0,
         };
         let load_sigma_n = libm::sqrtf(inflation * load_n * load_n * covariance[0][0] + shape_n * shape_n);
@@ -365,7 +363,6 @@ impl Weigh {
             friction_n: self.friction_n,
             curve: curve(rest, offset_m).ok_or(HomingFailure::PoorFit)?,
             covariance: [covariance[1][1], 1e-3 * covariance[2][1], 1e-6 * covariance[2][2]].map(|c| inflation * c),
-            misfit_m,
         })
     }
 }

@@ -150,7 +150,9 @@ mod tests {
 
     #[test]
     fn the_sensitivities_are_those_of_a_scene_with_other_constants() {
-        let scene = scene();
+        // A law with an exponent.
+        let identified = Scene::from_toml_str(include_str!("../../../../scenes/paper-identified.toml")).unwrap();
+        let scene = Scene { string: identified.string, ..scene() };
         let states = Column::all(&scene).unwrap();
         let column = &states[4].0;
         let state = &column[20];

@@ -36,8 +36,8 @@ pub(super) struct Effect {
     pub part: Part,
     pub homed: Vec<f64>,
     pub later: Vec<f64>,
-    /// The gap is not changed but told wrongly: the position is wrong as well.
-    pub told: bool,
+    /// The gap itself does not change, but the LVDT misreads it: the position is wrong as well.
+    pub misread: bool,
 }
 
 /// Errors that are no change of the gap: of the position (m) and of the load (relative), standard deviations at each state.
@@ -74,7 +74,7 @@ impl Effects<'_> {
     pub fn gaps(&self) -> Vec<Effect> {
         let mut all = self.sensor();
         all.extend(self.memory());
-        let homed = |part, homed| Effect { part, homed, later: self.column.each(|_| 0.0), told: false };
+        let homed = |part, homed| Effect { part, homed, later: self.column.each(|_| 0.0), misread: false };
         let shift = self.size(PlantKey::TwistExponentShift);
         all.push(homed(Part::Law, self.column.each(|s| s.by_arc * s.arc_by_exponent * shift)));
         let warmth = ROD_STRESS_PER_K * self.size(PlantKey::Temperature);
@@ -83,41 +83,41 @@ impl Effects<'_> {
     }
 
     fn sensor(&self) -> Vec<Effect> {
-        let told = |of: &dyn Fn(f64) -> f64| Effect {
+        let misread = |of: &dyn Fn(f64) -> f64| Effect {
             part: Part::Sensor,
             homed: self.column.each(|s| of(s.gap_m)),
             later: self.column.each(|_| 0.0),
-            told: true,
+            misread: true,
         };
         let rig = &self.scene.rig;
         let gain = LVDT_GAIN_PER_K * self.size(PlantKey::Temperature);
-        let mut all = vec![told(&|gap_m| gain * (gap_m - rig.lvdt_gap_at_zero_m))];
+        let mut all = vec![misread(&|gap_m| gain * (gap_m - rig.lvdt_gap_at_zero_m))];
         if let Some(gauge_m) = self.rig.gauge_m {
             // Straight between the points, each wrong by itself.
             let [low_m, high_m] = self.gaps_m;
             let apart_m = (high_m - low_m) / (LVDT_POINTS_MAX - 1) as f64;
             all.extend((0..LVDT_POINTS_MAX).map(|k| {
                 let at_m = low_m + k as f64 * apart_m;
-                told(&|gap_m| gauge_m / super::NINETY * (1.0 - (gap_m - at_m).abs() / apart_m).max(0.0))
+                misread(&|gap_m| gauge_m / super::NINETY * (1.0 - (gap_m - at_m).abs() / apart_m).max(0.0))
             }));
             return all;
         }
         // A sine of any phase is a sine and a cosine, each of 1/√2 of its size.
         let size_m = self.size(PlantKey::LvdtNonlinearity) * rig.lvdt_stroke_m / SQRT_2;
         let phase = |gap_m: f64| TAU * (gap_m - rig.lvdt_gap_at_zero_m) / rig.lvdt_stroke_m;
-        all.push(told(&|gap_m| size_m * phase(gap_m).sin()));
-        all.push(told(&|gap_m| size_m * phase(gap_m).cos()));
+        all.push(misread(&|gap_m| size_m * phase(gap_m).sin()));
+        all.push(misread(&|gap_m| size_m * phase(gap_m).cos()));
         // That of the converter goes once up and down over its range.
         let inl_m = self.size(PlantKey::AdcInl) * rig.lvdt_metres_per_code();
         let share = |gap_m: f64| (gap_m - rig.lvdt_gap_at_code_zero_m()) / (4095.0 * rig.lvdt_metres_per_code());
-        all.push(told(&|gap_m| inl_m * (TAU * share(gap_m)).sin()));
+        all.push(misread(&|gap_m| inl_m * (TAU * share(gap_m)).sin()));
         all
     }
 
     fn memory(&self) -> Vec<Effect> {
         let column = self.column;
         let none = column.each(|_| 0.0);
-        let of = |homed, later| Effect { part: Part::Memory, homed, later, told: false };
+        let of = |homed, later| Effect { part: Part::Memory, homed, later, misread: false };
         let width_pa = self.size(PlantKey::RodHysteresis);
         let at_first = column.each(|s| s.by_stress * width_pa * rod_memory(s.strain, s.strain));
         let pairs = column.0.iter().zip(&self.heaviest.0);

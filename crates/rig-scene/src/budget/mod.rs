@@ -25,7 +25,7 @@ use sim_link::PlantKey;
 use tsa_model::{Mechanism, Tier};
 use tsa_table::{Accuracy, Table};
 
-/// Speed of the moves that the budget is for (m/s): that of `rigctl move` unless it is told another.
+/// Speed of the moves that the budget is for (m/s): that of `rigctl move` unless its option says another.
 pub const SPEED_M_PER_S: f64 = 2e-3;
 /// How long after homing the rig is used, without a break (s).
 pub const SESSION_S: f64 = 600.0;
@@ -153,7 +153,7 @@ impl<'a> Budget<'a> {
         for (under, homed) in self.under.iter_mut().zip(changes) {
             under.clear(Part::Tier);
             let later = vec![0.0; homed.len()];
-            under.add_gap(&Effect { part: Part::Tier, homed, later, told: false });
+            under.add_gap(&Effect { part: Part::Tier, homed, later, misread: false });
         }
         true
     }
@@ -164,7 +164,7 @@ impl<'a> Budget<'a> {
             under.clear(Part::Table);
             let gap_m = |s: &State| f64::from(table.point_inside(s.load_n as f32, s.twist_rad as f32).gap_m) - s.gap_m;
             let (homed, later) = (under.column.each(gap_m), under.column.each(|_| 0.0));
-            under.add_gap(&Effect { part: Part::Table, homed, later, told: false });
+            under.add_gap(&Effect { part: Part::Table, homed, later, misread: false });
         }
     }
 
@@ -294,11 +294,11 @@ impl Under {
 
     fn add_gap(&mut self, effect: &Effect) {
         let taken = self.homing.gap(&effect.homed);
-        self.add_taken(effect.part, &taken, &effect.later, effect.told.then_some(&effect.homed));
+        self.add_taken(effect.part, &taken, &effect.later, effect.misread.then_some(&effect.homed));
     }
 
-    /// What homing took a gap for, a gap that came later, and what the LVDT tells wrongly.
-    fn add_taken(&mut self, part: Part, taken: &Taken, later_m: &[f64], told_m: Option<&Vec<f64>>) {
+    /// What homing took a gap for, a gap that came later, and what the LVDT misreads.
+    fn add_taken(&mut self, part: Part, taken: &Taken, later_m: &[f64], misread_m: Option<&Vec<f64>>) {
         let left_m: Vec<f64> = taken.left_m.iter().zip(later_m).map(|(left, later)| left + later).collect();
         let slopes = self.column.by_twist(&left_m);
         let states = self.column.0.iter().zip(left_m.iter().zip(slopes));
@@ -306,9 +306,9 @@ impl Under {
         let lag_m = states.map(|(s, (_, slope))| slope / s.by_twist * per_ratio_m()).collect();
         let none = self.column.each(|_| 0.0);
         self.add(&Direct { part, position_m: lag_m, load });
-        if let Some(told_m) = told_m {
+        if let Some(misread_m) = misread_m {
             // From where the load hung when it was homed.
-            let position_m = told_m.iter().map(|told| told - told_m[0]).collect();
+            let position_m = misread_m.iter().map(|gap_m| gap_m - misread_m[0]).collect();
             self.add(&Direct { part, position_m, load: none });
         }
     }

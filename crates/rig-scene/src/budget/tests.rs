@@ -115,7 +115,7 @@ fn a_wrong_ratio_makes_a_move_lag() {
     let later = under.column.each(|s| 0.1 * s.gap_m);
     let homed = under.column.each(|_| 0.0);
     under.clear(Part::Law);
-    under.add_gap(&Effect { part: Part::Law, homed, later, told: false });
+    under.add_gap(&Effect { part: Part::Law, homed, later, misread: false });
     near(at(&budget, Part::Law, 3, 15)[0], 0.1 * 2e-3 / 3.0, 0.02, "a tenth of the ratio");
 }
 

@@ -4,9 +4,10 @@
 //! The stress–strain curve is fitted by the coefficients of its tangent written as sums of squares: no step can make it
 //! fall, anywhere.
 
+use super::laws::Law;
 use rig_scene::Scene;
 use tsa_model::scalar::{Dual, Scalar};
-use tsa_model::{Parameters, RadiusLaw, StringParameters};
+use tsa_model::{Parameters, RadiusLaw};
 
 /// Most unknowns of a fit, the zeros of gap sensors apart.
 pub const MOST: usize = 10;
@@ -81,14 +82,22 @@ impl Constant {
     }
 
     /// Standard deviation of the logarithm about the scene's value that is expected of a rig of the scene's kind: 30 % of
-    /// the radius law, 15 % of the rods' curve (docs/model.md 6), 2 mm of the string's length. Curves have none.
+    /// the radius law, 15 % of the rods' curve (docs/model.md 6), 30 % of the
+    /// strings' stiffness (creep adds up to that share to their stretch, docs/plants.md), 2 mm of the string's length, and
+    /// an odd curve whose tangent at a strain of 0.05 is between a half and twice that of a straight line. A curve has none.
     pub fn spread(self) -> Option<f64> {
         match self {
-            Self::K1 | Self::K2 | Self::K3 | Self::K4 | Self::Exponent => Some(0.3),
-            Self::Modulus | Self::Stiffness => Some(0.15),
+            Self::K1 | Self::K2 | Self::K3 | Self::K4 | Self::Exponent | Self::Stiffness => Some(0.3),
+            Self::Modulus => Some(0.15),
             Self::RodRadius | Self::StringLength => Some(0.02),
-            Self::OddCurve | Self::Curve => None,
+            Self::OddCurve => Some(0.5),
+            Self::Curve => None,
         }
+    }
+
+    /// Whether it is a way to fit the rods' curve.
+    pub fn is_material(self) -> bool {
+        matches!(self, Self::Modulus | Self::OddCurve | Self::Curve)
     }
 
     /// Number of unknowns.
@@ -178,6 +187,25 @@ impl Constant {
     }
 }
 
+/// The constants without their derivatives.
+pub fn values(p: &Parameters<Number>) -> Parameters {
+    Parameters {
+        string_length_m: p.string_length_m.value,
+        rod_span_m: p.rod_span_m.value,
+        clamp_width_m: p.clamp_width_m.value,
+        rod_radius_m: p.rod_radius_m.value,
+        diameter_m: p.diameter_m.value,
+        stiffness_n_per_m: p.stiffness_n_per_m.value,
+        k1_per_n: p.k1_per_n.value,
+        k2: p.k2.value,
+        k3: p.k3.value,
+        k4: p.k4.value,
+        twist_exponent: p.twist_exponent.value,
+        stress_coefficients_pa: p.stress_coefficients_pa.map(|a| a.value),
+        radius_law: p.radius_law,
+    }
+}
+
 /// The unknowns of a fit, in order.
 #[derive(Debug, Clone)]
 pub struct Unknowns {
@@ -189,15 +217,14 @@ pub struct Unknowns {
 }
 
 impl Unknowns {
-    /// What is fitted to recorded sweeps unless the operator says otherwise: the radius law, one factor of the rods' curve,
-    /// and the string's length where the gap's zero is `known`. A law that grows with the length alone has neither p nor k4.
-    pub fn usual(string: &StringParameters, known: bool) -> Self {
-        let growth = match string.radius_law {
-            RadiusLaw::TwistPower => Some(Constant::Exponent),
-            RadiusLaw::LengthRatio => (string.k4 > 0.0).then_some(Constant::K4),
-        };
-        let radius = [Constant::K1, Constant::K2, Constant::K3].into_iter().chain(growth);
-        let constants = radius.chain([Constant::Modulus]).chain(known.then_some(Constant::StringLength)).collect();
+    /// What is fitted to recorded sweeps unless the operator says otherwise: the radius law, the rods' curve by `material`,
+    /// and where the gap's zero is `known` the string's length and its stiffness, which creep lowers.
+    pub fn usual(law: Law, material: Constant, known: bool) -> Self {
+        let radius = [Constant::K1, Constant::K2, Constant::K3].into_iter().chain(law.own());
+        let constants = radius.chain([material]);
+        // The gap without its zero tells nothing of a stretch that is the same at every twist.
+        let with_zero = [Constant::Stiffness, Constant::StringLength].into_iter().filter(|_| known);
+        let constants = constants.chain(with_zero).collect();
         Self { constants, expected: known }
     }
 

@@ -6,6 +6,7 @@
 //! rig share the zero of its LVDT, and the string's length is fitted to it. The zero of the gap sensor behind another file
 //! with `gap_m`, or an older log, is not known: each gets an unknown of its own for it.
 
+use super::hysteresis::LOOP_SHARE;
 use crate::failure::Failure;
 use crate::log::sweep::Sweep;
 use crate::log::{self, Log};
@@ -50,12 +51,14 @@ pub struct Row {
     pub fixed: String,
     /// Which unknown zero, of a gap.
     pub zero: Option<usize>,
+    /// Half the difference between the way up and the way down (m), of a recorded sweep.
+    pub half_difference_m: Option<f64>,
     /// Not fitted, only predicted.
     pub held_out: bool,
 }
 
 /// Rows, and what could not be read.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct Data {
     /// The rows.
     pub rows: Vec<Row>,
@@ -73,21 +76,21 @@ impl Data {
         self.rows.iter().all(|row| row.quantity == Quantity::Gap && row.zero.is_none())
     }
 
-    /// Adds the equilibria of one recorded sweep under a known load; every `hold_out`-th row of all data is only predicted
-    /// (0: none).
-    pub fn add_sweep(&mut self, name: &str, base: &Parameters, sweep: &Sweep, hold_out: usize) {
+    /// Adds the equilibria of one recorded sweep under a known load.
+    pub fn add_sweep(&mut self, name: &str, base: &Parameters, sweep: &Sweep) {
         let before = self.rows.len();
         let zero = sweep.zero_gap_m.is_none().then_some(self.zeros);
         for stop in &sweep.stops {
             self.rows.push(Row {
-                held_out: hold_out > 0 && (self.rows.len() + 1).is_multiple_of(hold_out),
+                half_difference_m: Some(stop.half_difference_m),
+                held_out: false,
                 id: format!("{name} at {:.2} turns", stop.twist_rad / std::f64::consts::TAU - 0.5),
                 quantity: Quantity::Gap,
                 load_n: sweep.load_n,
                 twist_rad: stop.twist_rad,
                 // Up is where the gap is smaller.
                 value: sweep.zero_gap_m.unwrap_or(0.0) - stop.position_m,
-                sigma: SIGMA_M,
+                sigma: SIGMA_M.hypot(LOOP_SHARE * stop.half_difference_m),
                 base: *base,
                 fixed: String::new(),
                 zero,
@@ -96,10 +99,56 @@ impl Data {
         self.zeros += usize::from(zero.is_some());
         self.files.push((name.to_owned(), before..self.rows.len()));
     }
-}
 
-/// Of recorded sweeps every so many rows are held out unless the operator says otherwise.
-pub const HOLD_OUT: usize = 5;
+    /// The same numbers for a scene with other constants.
+    #[must_use]
+    pub fn based_on(&self, base: &Parameters) -> Self {
+        let rows = self.rows.iter().map(|row| Row { base: *base, ..row.clone() }).collect();
+        Self { rows, zeros: self.zeros, bad: Vec::new(), files: self.files.clone() }
+    }
+
+    /// The rows of each recorded sweep, which is one load in one file, in order of twist.
+    pub fn runs(&self) -> Vec<Vec<usize>> {
+        let mut runs: Vec<Vec<usize>> = Vec::new();
+        for (_, rows) in &self.files {
+            let first = runs.len();
+            for k in rows.clone() {
+                let load_n = self.rows[k].load_n;
+                match runs[first..].iter_mut().find(|run| self.rows[run[0]].load_n == load_n) {
+                    Some(run) => run.push(k),
+                    None => runs.push(vec![k]),
+                }
+            }
+        }
+        for run in &mut runs {
+            run.sort_by(|a, b| self.rows[*a].twist_rad.abs().total_cmp(&self.rows[*b].twist_rad.abs()));
+        }
+        runs
+    }
+
+    /// The same with at most so many rows of each sweep, evenly over its twist: neighbouring rows tell nearly the same.
+    #[must_use]
+    pub fn thinned(&self, most: usize) -> Self {
+        let mut kept = vec![false; self.rows.len()];
+        for run in self.runs() {
+            let step = run.len().div_ceil(most).max(1);
+            // The middle row of each group, so that both ends count alike.
+            run.chunks(step).for_each(|some| kept[some[some.len() / 2]] = true);
+        }
+        let mut thin = Self { zeros: self.zeros, ..Self::default() };
+        for (name, rows) in &self.files {
+            let before = thin.rows.len();
+            thin.rows.extend(rows.clone().filter(|k| kept[*k]).map(|k| self.rows[k].clone()));
+            thin.files.push((name.clone(), before..thin.rows.len()));
+        }
+        thin
+    }
+
+    /// The file that a row is of.
+    pub fn file_of(&self, row: usize) -> &str {
+        self.files.iter().find(|(_, rows)| rows.contains(&row)).map_or("", |(name, _)| name)
+    }
+}
 
 /// Standard deviation of a sweep's rows that do not say their own (m): half a count of a 12-bit converter on 200 mm.
 pub const SIGMA_M: f64 = 25e-6;
@@ -126,6 +175,7 @@ pub fn published(scene: &Scene, held_out: &[String]) -> Result<Data, Failure> {
         let kind = if r.kind == Kind::Theory { "theory" } else { "experiment" };
         let changed = published::apply(scene, &r.changes).map_err(|e| Failure::failed(format!("{}: {e}", r.id)))?;
         data.rows.push(Row {
+            half_difference_m: None,
             held_out: held_out.iter().any(|h| *h == r.id || h == kind || h == group),
             id: r.id,
             quantity,
@@ -147,12 +197,11 @@ fn is_log(path: &Path) -> bool {
     std::fs::File::open(path).and_then(|mut f| f.read_exact(&mut start)).is_ok() && &start == b"# format ="
 }
 
-/// Recorded sweeps; every `hold_out`-th row is only predicted (0: none). A log that was cut or broken off is taken only if
-/// `partial`.
+/// Recorded sweeps. A log that was cut or broken off is taken only if `partial`.
 ///
 /// # Errors
 /// If a file cannot be read, lacks a column, or has no good row.
-pub fn sweeps(scene: &Scene, files: &[impl AsRef<Path>], hold_out: usize, partial: bool) -> Result<Data, Failure> {
+pub fn sweeps(scene: &Scene, files: &[impl AsRef<Path>], partial: bool) -> Result<Data, Failure> {
     let base = Parameters::new(&scene.geometry, &scene.string, &scene.material)?;
     let mut data = Data::default();
     for file in files {
@@ -177,7 +226,7 @@ pub fn sweeps(scene: &Scene, files: &[impl AsRef<Path>], hold_out: usize, partia
                     "sweep.load_n {load_n}: a slack string has no law (the column is in newtons)"
                 )));
             }
-            data.add_sweep(&path.display().to_string(), &base, &sweep, hold_out);
+            data.add_sweep(&path.display().to_string(), &base, &sweep);
             continue;
         }
         let mut reader = csv::ReaderBuilder::new()
@@ -227,7 +276,8 @@ pub fn sweeps(scene: &Scene, files: &[impl AsRef<Path>], hold_out: usize, partia
             });
             match row {
                 Ok((load_n, twist_rad, value, sigma)) => data.rows.push(Row {
-                    held_out: hold_out > 0 && (data.rows.len() + 1).is_multiple_of(hold_out),
+                    half_difference_m: None,
+                    held_out: false,
                     id,
                     quantity,
                     load_n,

@@ -15,8 +15,9 @@ const LEAST_RAD: f64 = 0.5 * TAU;
 /// off by tens of per cent, wrong units by more.
 const NEARER: f64 = 3.0;
 
-/// Most rows of a file that are examined for its units: some rows of a long file suffice.
-const LOOKED_AT: usize = 200;
+/// Most rows of a file that are examined for its units, and most loads for the direction of its lengths: some suffice.
+const LOOKED_AT: usize = 12;
+const LOADS: usize = 200;
 
 /// Wrong readings of a sweep: the words for each, and its factors of loads and of lengths.
 const READINGS: [(&str, f64, f64); 7] = [
@@ -71,7 +72,7 @@ fn wrong_way(rows: &[Row]) -> Option<String> {
     for row in rows {
         match by_load.iter().position(|same| same[0].load_n == row.load_n) {
             Some(k) => by_load[k].push(row),
-            None if by_load.len() < LOOKED_AT => by_load.push(vec![row]),
+            None if by_load.len() < LOADS => by_load.push(vec![row]),
             None => {}
         }
     }
@@ -103,8 +104,24 @@ fn wrong_way(rows: &[Row]) -> Option<String> {
     })
 }
 
-/// Units or signs with which sweeps come much nearer to the scene than as they stand, a line for each file.
-pub fn likely(data: &Data, scene: &Scene) -> Vec<String> {
+/// A unit or sign with which a sweep comes much nearer to the scene than as it stands.
+#[derive(Debug, Clone)]
+pub struct Hint {
+    reading: &'static str,
+    /// In words, with the file.
+    pub text: String,
+}
+
+/// Why the sweeps are not fitted as they stand: every one of them comes much nearer to the scene in the same other unit.
+pub fn wrong_unit(hints: &[Hint], data: &Data) -> Option<String> {
+    let first = hints.first()?;
+    let all = hints.len() == data.files.len() && hints.iter().all(|hint| hint.reading == first.reading);
+    let texts: Vec<&str> = hints.iter().map(|hint| hint.text.as_str()).collect();
+    all.then(|| format!("is a unit wrong? {}; if not, begin from a scene that is nearer (--scene)", texts.join("; ")))
+}
+
+/// Units or signs with which sweeps come much nearer to the scene than as they stand, one for each file at most.
+pub fn likely(data: &Data, scene: &Scene) -> Vec<Hint> {
     let Ok(mechanism) = scene.mechanism() else { return Vec::new() };
     let far = |rows: &Range<usize>, load: f64, length: f64| {
         misfit_m(&mechanism, data.rows.get(rows.clone()).unwrap_or_default(), load, length)
@@ -113,12 +130,13 @@ pub fn likely(data: &Data, scene: &Scene) -> Vec<String> {
         let as_is = far(rows, 1.0, 1.0);
         let all = READINGS.iter().map(|(what, load, length)| (what, far(rows, *load, *length)));
         let (what, other) = all.min_by(|a, b| a.1.total_cmp(&b.1))?;
-        (NEARER * other < as_is).then(|| {
-            format!(
+        (NEARER * other < as_is).then(|| Hint {
+            reading: what,
+            text: format!(
                 "sweep {name}: with {what} it comes within {:.2} mm of the scene, as it stands within {:.2} mm",
                 other * 1e3,
                 as_is * 1e3
-            )
+            ),
         })
     });
     hints.collect()

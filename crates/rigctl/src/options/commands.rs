@@ -3,9 +3,9 @@
 use super::values::{gap, gauge_error, load, methods, radius_law, seconds, tiers, tolerance, turns, twist_speed};
 use crate::board_settings;
 use crate::calibration::Point;
+use crate::identify::laws::Law;
 use clap::{Args, Subcommand};
 use std::path::PathBuf;
-use tsa_model::RadiusLaw;
 
 /// What to do with the settings.
 #[derive(Debug, Clone, Subcommand)]
@@ -126,20 +126,26 @@ pub struct Identify {
     /// Scene file to write
     #[arg(long, value_name = "SCENE.toml")]
     pub out: Option<PathBuf>,
+    /// Picture to write: contraction by the scene before and by the identified one, with the measured points on it
+    #[arg(long, value_name = "FILE.svg", conflicts_with = "published")]
+    pub figure: Option<PathBuf>,
     /// Constants to fit, by symbol or key: k1, k2, k3, p, k4, K, R, L0, modulus, odd-curve (a1, a3, a5), curve (a1 to
-    /// a5) [default: k1,k2,k3, p or k4 as the scene has it, modulus; without p and k4 for --published]
+    /// a5) [default: those of each radius law, with modulus and with odd-curve in turn; k1,k2,k3,modulus for --published]
     #[arg(long, value_name = "KEYS", value_delimiter = ',')]
     pub fit: Vec<String>,
-    /// Radius law to fit with, instead of the scene's
-    #[arg(long, value_parser = radius_law, value_name = "length-ratio|twist-power")]
-    pub law: Option<RadiusLaw>,
+    /// The one radius law to fit with, instead of letting all of them compete on held-out sweeps
+    #[arg(long, value_parser = radius_law, value_name = "length-ratio|length-ratio-k4|twist-power")]
+    pub law: Option<Law>,
     /// Also logs of sweeps that were cut short or broken off
     #[arg(long)]
     pub partial: bool,
-    /// What is only predicted: of sweeps every n-th row [default: 5], of published numbers their ids or kinds
+    /// Which of the published numbers are only predicted, by their ids or kinds
     /// [default: l0-70,r0-2.5,k-0.01,experiment,span]; `none` fits everything
     #[arg(long, value_name = "WHAT", value_delimiter = ',')]
     pub hold_out: Vec<String>,
+    /// Also say which further sweep would tell most, and whether any is worth its time
+    #[arg(long, conflicts_with = "published")]
+    pub next: bool,
 }
 
 /// Method of solution and tier of the model.

@@ -1,21 +1,18 @@
 //! Values of options, read from text. Each error names the option.
 
+use crate::identify::laws::{LAWS, Law};
 use crate::script;
 use crate::units::{self, Quantity};
 use clap::builder::PossibleValuesParser;
 use rig_link::LoadChoice;
 use rival_methods::Method;
-use tsa_model::{RadiusLaw, Tier};
+use tsa_model::Tier;
 
 /// `--tier` that leaves the choice to the estimates.
 pub const AUTO: &str = "auto";
 
-pub(crate) fn radius_law(text: &str) -> Result<RadiusLaw, String> {
-    match text {
-        "length-ratio" => Ok(RadiusLaw::LengthRatio),
-        "twist-power" => Ok(RadiusLaw::TwistPower),
-        _ => Err("it is length-ratio or twist-power".into()),
-    }
+pub(crate) fn radius_law(text: &str) -> Result<Law, String> {
+    Law::named(text).ok_or_else(|| format!("it is {}", LAWS.map(|(_, name)| name).join(" or ")))
 }
 
 pub(crate) fn methods() -> PossibleValuesParser {

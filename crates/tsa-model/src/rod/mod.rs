@@ -9,6 +9,7 @@
 //! Gauss–Legendre converges spectrally, S grows almost in proportion to the rod's length however slender it is,
 //! and no trigonometric function is left.
 
+mod sections;
 mod shape;
 
 use crate::error::SolveError;
@@ -16,7 +17,6 @@ use crate::material::FIT_RANGE;
 use crate::quadrature::{LEVELS, Rule};
 use crate::scalar::Scalar;
 use crate::section::{Section, Strain};
-use shape::Place;
 
 /// Force on the tip of half a rod (N): `inward` compresses (Px ≥ 0), `sideways` bends (Py > 0), eq. 11.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -56,6 +56,8 @@ pub struct RodShape<T = f64> {
     pub reach: Partial<T>,
     /// Lateral tip displacement w(l) (m).
     pub deflection: Partial<T>,
+    /// Strain at the clamp, where bending is greatest.
+    pub clamp: Strain<T>,
     /// Section evaluations spent.
     pub evaluations: u32,
 }
@@ -129,14 +131,6 @@ impl RodModel {
             _ => 1.0,
         }
     }
-
-    /// The power of N_l − N in (κR)²: 2/(m + 1).
-    fn power(self) -> f64 {
-        match self {
-            Self::PowerLaw { exponent: m } => 2.0 / (m + 1.0),
-            _ => 1.0,
-        }
-    }
 }
 
 /// Half a rod.
@@ -156,24 +150,24 @@ pub struct Rod<T = f64> {
 
 /// The line of a force: its size over A·E and the half angle ψ_0/2 that it makes with the clamped end.
 struct Line<T> {
-    /// P/AE, and its derivatives by px and py (each over A·E).
+    /// P/AE.
     p: T,
+    /// Its derivatives by px and py (each over A·E): −cos ψ_0 and sin ψ_0.
     by: [T; 2],
-    /// sin and cos of ψ_0/2, with derivatives.
-    sin_half: T,
-    sin_half_by: [T; 2],
-    cos_half: T,
 }
 
 impl<T: Scalar> Line<T> {
     fn new(px: T, py: T) -> Self {
         let p = (px * px + py * py).sqrt();
-        let (q, r) = (px / p, py / p);
+        Self { p, by: [px / p, py / p] }
+    }
+
+    /// sin and cos of ψ_0/2.
+    fn half(&self) -> (T, T) {
+        let [q, r] = self.by;
         // sin² = (1 + q)/2; cos² = (1 − q)/2, written without cancellation for a nearly axial force.
-        let sin_half = ((q + 1.0) * 0.5).sqrt();
-        let cos_half = r / (sin_half * 2.0);
-        let fourth = T::of(0.25) / (sin_half * p);
-        Self { p, by: [q, r], sin_half, sin_half_by: [r * r * fourth, -(q * r * fourth)], cos_half }
+        let sin = ((q + 1.0) * 0.5).sqrt();
+        (sin, r / (sin * 2.0))
     }
 }
 
@@ -206,8 +200,9 @@ impl<T: Scalar> Rod<T> {
 
     /// Amplitude of a linear, inextensible rod, to about a percent: l √(P/EI) over the mean of 1/cos(ψ/2).
     pub fn first_guess(&self, force: TipForce<T>) -> T {
-        let Line { p, sin_half, cos_half, .. } = self.line(force);
-        let number = self.length_m * 2.0 * p.sqrt() / self.radius_m;
+        let line = self.line(force);
+        let (sin_half, cos_half) = line.half();
+        let number = self.length_m * 2.0 * line.p.sqrt() / self.radius_m;
         let mut amplitude = number * cos_half;
         for _ in 0..2 {
             let (_, cosh) = amplitude.sinh_cosh();
@@ -220,27 +215,9 @@ impl<T: Scalar> Rod<T> {
         amplitude
     }
 
-    /// Strain at the clamp (φ = 0), where bending is greatest.
-    pub(crate) fn clamp_strain(&self, force: TipForce<T>, amplitude: T) -> Result<Strain<T>, SolveError> {
-        let Line { p, sin_half, by: [q, _], .. } = self.line(force);
-        let (sinh, cosh) = amplitude.sinh_cosh();
-        let m = sin_half / cosh;
-        let place = Place { sinh, cosh, sin: sin_half, cos_psi: -q, less: p * m * m * sinh * sinh * 2.0 };
-        let power = self.model.power();
-        if matches!(self.model, RodModel::Elastica | RodModel::PowerLaw { .. }) {
-            // A straight line is the power law of exponent 1.
-            let bending_squared = (place.less * (8.0 / (2.0 - power))).powf(T::of(power));
-            return Ok(Strain { axial: T::of(0.0), bending_squared });
-        }
-        let tip_stretch = self.section.stretch(p * (-(m * m * 2.0) + 1.0))?;
-        let demand = place.demand(self.model, p, tip_stretch);
-        let start = Section::linear_guess(demand);
-        Ok(self.section.solve(demand, start)?.strain)
-    }
-
     /// Tip angle φ_l = ψ_0 − ψ_l (rad), without cancellation for a rod that hardly bends.
     pub fn tip_angle(&self, force: TipForce<T>, amplitude: T) -> T {
-        let Line { sin_half, cos_half, .. } = self.line(force);
+        let (sin_half, cos_half) = self.line(force).half();
         let (sinh, cosh) = amplitude.sinh_cosh();
         let m = sin_half / cosh;
         let tanh = sinh / cosh;
@@ -249,12 +226,7 @@ impl<T: Scalar> Rod<T> {
     }
 
     /// The response of the rod whose shape has the rod's length, with the amplitude eliminated.
-    pub(crate) fn response(
-        &self,
-        force: TipForce<T>,
-        amplitude: T,
-        shape: &RodShape<T>,
-    ) -> Result<RodResponse<T>, SolveError> {
+    pub(crate) fn response(&self, force: TipForce<T>, amplitude: T, shape: &RodShape<T>) -> RodResponse<T> {
         let condense = |partial: &Partial<T>| {
             let share = partial.by_amplitude / shape.length.by_amplitude;
             Compliance {
@@ -263,12 +235,12 @@ impl<T: Scalar> Rod<T> {
                 by_sideways: partial.by_sideways - share * shape.length.by_sideways,
             }
         };
-        Ok(RodResponse {
+        RodResponse {
             reach: condense(&shape.reach),
             deflection: condense(&shape.deflection),
             tip_angle_rad: self.tip_angle(force, amplitude),
-            clamp: self.clamp_strain(force, amplitude)?,
-        })
+            clamp: shape.clamp,
+        }
     }
 
     /// Amplitude at which the rod has its length: the smallest one, which is the one connected to zero load.
@@ -283,7 +255,7 @@ impl<T: Scalar> Rod<T> {
         let mut steps = 0;
         loop {
             steps += 1;
-            match self.shape(force, T::of(high), rule) {
+            match self.shape(force, T::of(high), rule, true) {
                 Ok(s) if miss(&s) >= 0.0 => {
                     shape = s;
                     break;
@@ -325,7 +297,7 @@ impl<T: Scalar> Rod<T> {
                 left -= 1;
             }
             amplitude = if inside || settled { newton } else { T::of(0.5 * (low + high)) };
-            shape = self.shape(force, amplitude, rule)?;
+            shape = self.shape(force, amplitude, rule, true)?;
             steps += 1;
         }
         Ok((amplitude, shape, steps))
@@ -341,14 +313,14 @@ impl<T: Scalar> Rod<T> {
         for pair in LEVELS.windows(2) {
             let (amplitude, _, steps) = self.amplitude(force, &pair[0])?;
             total += steps;
-            let finer = self.shape(force, amplitude, &pair[1])?;
+            let finer = self.shape(force, amplitude, &pair[1], true)?;
             if ((finer.length.value / self.length_m).value() - 1.0).abs() < T::RESIDUAL {
-                return Ok((self.response(force, amplitude, &finer)?, pair[1].count(), total));
+                return Ok((self.response(force, amplitude, &finer), pair[1].count(), total));
             }
         }
         let rule = &LEVELS[LEVELS.len() - 1];
         let (amplitude, shape, steps) = self.amplitude(force, rule)?;
-        Ok((self.response(force, amplitude, &shape)?, rule.count(), total + steps))
+        Ok((self.response(force, amplitude, &shape), rule.count(), total + steps))
     }
 }
 

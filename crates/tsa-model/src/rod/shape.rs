@@ -1,65 +1,41 @@
 //! The integrals over a rod whose amplitude is given, with their derivatives.
 
+use super::sections::Sections;
 use super::{Line, Partial, Rod, RodModel, RodShape, TipForce};
 use crate::error::SolveError;
 use crate::quadrature::Rule;
 use crate::scalar::Scalar;
-use crate::section::{Demand, Section};
-
-/// A point of the rod at h = S t.
-#[derive(Clone, Copy)]
-pub(super) struct Place<T> {
-    pub sinh: T,
-    pub cosh: T,
-    /// sin(ψ/2)
-    pub sin: T,
-    pub cos_psi: T,
-    /// N_l − N over A·E.
-    pub less: T,
-}
-
-impl<T: Scalar> Place<T> {
-    pub fn demand(&self, model: RodModel, p: T, tip_stretch: T) -> Demand<T> {
-        if model == RodModel::Full {
-            Demand { n: p * self.cos_psi, n_tip_less_n: self.less, axial_less: self.less, tip_stretch }
-        } else {
-            let zero = T::of(0.0);
-            Demand { n: zero, n_tip_less_n: self.less, axial_less: zero, tip_stretch: zero }
-        }
-    }
-}
+use crate::section::Strain;
 
 impl<T: Scalar> Rod<T> {
     /// Shape of the rod with this amplitude (above 0) under `force`, by a rule.
-    pub(crate) fn shape(&self, force: TipForce<T>, amplitude: T, rule: &Rule) -> Result<RodShape<T>, SolveError> {
-        if self.model == RodModel::Elastica {
-            return Ok(self.elastica(force, amplitude, rule));
-        }
-        let full = self.model == RodModel::Full;
+    ///
+    /// Length and position along the force are integrals over h; the position across the force is M(0)/P. All are
+    /// functions of P, of P − N_l (with which x = (P − N_l) sinh² h) and of the amplitude. The derivatives are those of
+    /// the rule's sum, also where its nodes do not resolve the integrand, so that Newton's method converges there too.
+    pub(crate) fn shape(
+        &self,
+        force: TipForce<T>,
+        amplitude: T,
+        rule: &Rule,
+        exact: bool,
+    ) -> Result<RodShape<T>, SolveError> {
         let line = self.line(force);
-        let p = line.p;
-        let (sinh_s, cosh_s) = amplitude.sinh_cosh();
-        // m = sin(ψ_l/2) and its derivatives by amplitude, px, py.
-        let m = line.sin_half / cosh_s;
-        let m_by = [-(m * sinh_s / cosh_s), line.sin_half_by[0] / cosh_s, line.sin_half_by[1] / cosh_s];
-        let n_tip = p * (-(m * m * 2.0) + 1.0);
-        let zero = T::of(0.0);
-        let e_tip = if full { self.section.stretch(n_tip)? } else { zero };
-        let p_by = [zero, line.by[0], line.by[1]];
-        let n_tip_by: [T; 3] = core::array::from_fn(|k| p_by[k] * (-(m * m * 2.0) + 1.0) - p * m * m_by[k] * 4.0);
-        // dψ/κ = element dh, element = R √(2/p) / (cos(ψ/2) √Y), Y = y/(N_l − N).
-        let scale = amplitude * self.radius_m * (T::of(2.0) / p).sqrt();
-        // Length, and tip position along and across the force, each with its derivatives.
-        let mut sums = [[zero; 4]; 3];
-        let mut evaluations = 0;
-        // (e_l − e)/(N_l − N) and Y are smooth: the next node's are extrapolated from the last two.
-        let mut last: [Option<(f64, f64, T, T)>; 2] = [None; 2];
-        let at = |t: f64| {
-            let (sinh, cosh) = (amplitude * t).sinh_cosh();
-            let sin = m * cosh;
-            Place { sinh, cosh, sin, cos_psi: -(sin * sin * 2.0) + 1.0, less: p * m * m * sinh * sinh * 2.0 }
-        };
-        let (grading, power) = (self.model.grading(), self.model.power());
+        let (p, [q, r]) = (line.p, line.by);
+        let (sinh, cosh) = amplitude.sinh_cosh();
+        let (growth, cosh2) = (sinh * sinh, cosh * cosh);
+        let (zero, one) = (T::of(0.0), T::of(1.0));
+        // P − N_l over A·E, and its derivatives by amplitude, px and py.
+        let drop = p * (q + 1.0) / cosh2;
+        let drop_by = [-(drop * sinh / cosh * 2.0), (q + 1.0) / cosh2, r / cosh2];
+        let p_by = [zero, q, r];
+        let n_tip = p - drop;
+        let mut sections = Sections::new(self, n_tip, exact)?;
+        let over_drop = one / drop;
+        let (mut length, mut length_by_p, mut length_by_drop) = (zero, zero, zero);
+        let (mut along, mut along_by_p, mut along_by_drop) = (zero, zero, zero);
+        let (mut length_by_h, mut along_by_h) = (zero, zero);
+        let grading = self.model.grading();
         for (node, share) in rule.iter() {
             let (t, weight) = if grading == 1.0 {
                 (node, share)
@@ -67,122 +43,69 @@ impl<T: Scalar> Rod<T> {
                 let t = Scalar::powf(node, grading);
                 (t, share * grading * t / node)
             };
-            let here = at(t);
-            let Place { sinh, cosh, sin, cos_psi, less } = here;
-            let cos = (-(sin * sin) + 1.0).sqrt();
-            let demand = here.demand(self.model, p, e_tip);
-            let start = match last {
-                // Linear extrapolation is limited to short distances.
-                [Some((_, l1, e1, y1)), Some((_, l2, e2, y2))] if less.value() < 4.0 * l1 => {
-                    let ahead = (less.value() - l1) / (l1 - l2);
-                    ((e1 + (e1 - e2) * ahead) * less, (y1 + (y1 - y2) * ahead) * less)
-                }
-                [Some((_, _, e1, y1)), _] => (e1 * less, y1 * less),
-                _ => Section::linear_guess(demand),
-            };
-            let section = match (self.model, last[0]) {
-                // κM − W = m/(m+1) κM, so that (κR)² = ((N_l − N) 4 (m+1)/m)^(2/(m+1)).
-                (RodModel::PowerLaw { .. }, _) => None,
-                (_, before) => Some(self.section.solve(demand, start).or_else(|stopped| {
-                    // A strongly curved law between two nodes far apart: in smaller steps from the last one.
-                    let Some((t0, _, e0, y0)) = before else { return Err(stopped) };
-                    let mut march = |steps: u32| {
-                        let (mut ratios, mut found) = ((e0, y0), Err(stopped));
-                        for k in 1..=steps {
-                            let near = at(t0 + (t - t0) * (f64::from(k) / f64::from(steps)));
-                            let start = (ratios.0 * near.less, ratios.1 * near.less);
-                            found = self.section.solve(near.demand(self.model, p, e_tip), start);
-                            let Ok(s) = &found else { break };
-                            evaluations += s.iterations;
-                            ratios = (s.less_stretch / near.less, s.strain.bending_squared / near.less);
-                        }
-                        found
-                    };
-                    march(16).or_else(|_| march(256))
-                })?),
-            };
-            let (e, less_stretch, y) = match &section {
-                Some(s) => (s.strain.axial, s.less_stretch, s.strain.bending_squared),
-                None => (zero, zero, (less * (8.0 / (2.0 - power))).powf(T::of(power))),
-            };
-            let ratio = y / less;
-            last = [Some((t, less.value(), less_stretch / less, ratio)), last[0]];
-            evaluations += section.as_ref().map_or(1, |s| s.iterations);
-            let element = scale * weight / (cos * ratio.sqrt());
-            let sin_psi = sin * cos * 2.0;
-            let stretch = if full { e + 1.0 } else { T::of(1.0) };
-            let (along, across) = (stretch * cos_psi, stretch * sin_psi);
-            sums[0][0] += element;
-            sums[1][0] += along * element;
-            sums[2][0] += across * element;
-            let (inv_y, inv_m, tan_half) = (T::of(0.5) / y, T::of(1.0) / m, sin / cos);
-            for k in 0..3 {
-                let mut sin_by = m_by[k] * cosh;
-                let mut less_by = p_by[k] * m * m * sinh * sinh * 2.0 + p * m * m_by[k] * sinh * sinh * 4.0;
-                let mut own = m_by[k] * inv_m;
-                if k == 0 {
-                    sin_by += m * sinh * t;
-                    less_by += p * m * m * sinh * cosh * (4.0 * t);
-                    own += cosh / sinh * t + T::of(1.0) / amplitude;
-                }
-                let (e_by, y_by) = match &section {
-                    Some(s) if full => {
-                        let n_by = p_by[k] * cos_psi - p * sin * sin_by * 4.0;
-                        s.derivative(n_by, less_by + e_tip * n_tip_by[k] - e * n_by)
-                    }
-                    Some(s) => (zero, s.derivative(zero, less_by).1),
-                    None => (zero, y * power * less_by / less),
-                };
-                let cos_by = -(tan_half * sin_by);
-                let element_by = element * (own - y_by * inv_y - cos_by / cos);
-                let along_by = e_by * cos_psi - stretch * sin * sin_by * 4.0;
-                let across_by = e_by * sin_psi + stretch * (sin_by * cos + sin * cos_by) * 2.0;
-                sums[0][k + 1] += element_by;
-                sums[1][k + 1] += along_by * element + along * element_by;
-                sums[2][k + 1] += across_by * element + across * element_by;
-            }
+            let g = (amplitude * t).sinh_squared();
+            let x = drop * g;
+            let s = sections.next(x)?;
+            let n = n_tip - x;
+            let over = one / (p + n);
+            // dψ/κ = 2R element dh
+            let element = (over / s.ratio).sqrt() * weight;
+            let by_p = -(over + s.ratio_by_tip * 0.5);
+            let by_drop = ((g + 1.0) * over + (-s.growth + 1.0) * over_drop + s.ratio_by_tip) * 0.5;
+            let stretched = s.stretch + 1.0;
+            length += element;
+            length_by_p += element * by_p;
+            length_by_drop += element * by_drop;
+            along += element * stretched * n;
+            along_by_p += element * (stretched * (n * by_p + 1.0) + n * s.stretch_by_tip);
+            let stretch_by_drop = s.stretch_by_x * g - s.stretch_by_tip;
+            along_by_drop += element * (stretched * (n * by_drop - g - 1.0) + n * stretch_by_drop);
+            // With the amplitude h = S t and g = sinh² h change.
+            let g_by = (g * (g + 1.0)).sqrt() * t;
+            let by_h = g_by * (drop * over + (-s.growth + 1.0) / g);
+            length_by_h += element * by_h;
+            along_by_h += element * (stretched * n * by_h + g_by * drop * 2.0 * (n * s.stretch_by_x - stretched));
         }
-        Ok(self.turned(&line, sums, evaluations))
-    }
-
-    /// Euler's elastica: y = 8 (N_l − N) and no stretch, so that no equation is solved at the nodes.
-    fn elastica(&self, force: TipForce<T>, amplitude: T, rule: &Rule) -> RodShape<T> {
-        let line = self.line(force);
-        let (sinh_s, cosh_s) = amplitude.sinh_cosh();
-        let m = line.sin_half / cosh_s;
-        let m_by = [-(m * sinh_s / cosh_s), line.sin_half_by[0] / cosh_s, line.sin_half_by[1] / cosh_s];
-        let zero = T::of(0.0);
-        let scale = amplitude * self.radius_m / (line.p.sqrt() * 2.0);
-        let half = T::of(-0.5) / line.p;
-        let own = [T::of(1.0) / amplitude, line.by[0] * half, line.by[1] * half];
+        let scale = amplitude * self.radius_m * 2.0;
+        let all = [&mut length, &mut length_by_p, &mut length_by_drop, &mut length_by_h, &mut along, &mut along_by_p];
+        for sum in all.into_iter().chain([&mut along_by_drop, &mut along_by_h]) {
+            *sum = *sum * scale;
+        }
+        let clamp = sections.next(drop * growth)?;
+        let bending = clamp.strain.bending_squared.sqrt();
+        // The moment over A·E·R.
+        let moment = match self.model {
+            RodModel::PowerLaw { exponent: m } => drop * growth * ((m + 1.0) / m) / bending,
+            RodModel::Elastica => bending * 0.25,
+            RodModel::Full | RodModel::Inextensible => self.section.moment(clamp.strain),
+        };
+        let stretched = clamp.stretch + 1.0;
+        let arm = self.radius_m / (bending * p);
+        let length_by_end = length / amplitude + length_by_h;
+        let along_by_end = (along / amplitude + along_by_h) / p;
+        along = along / p;
+        along_by_p = (along_by_p - along) / p;
+        along_by_drop = along_by_drop / p;
+        let across = self.radius_m * moment / p;
+        let across_by_p = arm * clamp.less_stretch - across / p;
+        let across_by_drop = arm * (stretched * growth - clamp.less_stretch);
         let mut sums = [[zero; 4]; 3];
-        for (t, weight) in rule.iter() {
-            let (sinh, cosh) = (amplitude * t).sinh_cosh();
-            let sin = m * cosh;
-            let cos2 = -(sin * sin) + 1.0;
-            let cos = cos2.sqrt();
-            let element = scale * weight / cos;
-            let (along, across) = (cos2 * 2.0 - 1.0, sin * cos * 2.0);
-            sums[0][0] += element;
-            sums[1][0] += along * element;
-            sums[2][0] += across * element;
-            for k in 0..3 {
-                let mut sin_by = m_by[k] * cosh;
-                if k == 0 {
-                    sin_by += m * sinh * t;
-                }
-                let element_by = element * (own[k] + sin * sin_by / cos2);
-                sums[0][k + 1] += element_by;
-                sums[1][k + 1] += along * element_by - sin * sin_by * element * 4.0;
-                // d(sin ψ) = 2 cos ψ d sin(ψ/2)/cos(ψ/2)
-                sums[2][k + 1] += across * element_by + along * sin_by / cos * element * 2.0;
+        let totals = [
+            (length, length_by_end, length_by_p, length_by_drop),
+            (along, along_by_end, along_by_p, along_by_drop),
+            (across, arm * stretched * drop * sinh * cosh * 2.0, across_by_p, across_by_drop),
+        ];
+        for (sum, (value, by_end, by_p, by_drop)) in sums.iter_mut().zip(totals) {
+            *sum = [value, by_end + by_drop * drop_by[0], zero, zero];
+            for k in 1..3 {
+                sum[k + 1] = by_p * p_by[k] + by_drop * drop_by[k];
             }
         }
-        self.turned(&line, sums, rule.count() as u32)
+        Ok(self.turned(&line, sums, clamp.strain, sections.evaluations))
     }
 
     /// The shape from length and position along and across the force, each with derivatives by amplitude and px, py.
-    fn turned(&self, line: &Line<T>, sums: [[T; 4]; 3], evaluations: u32) -> RodShape<T> {
+    fn turned(&self, line: &Line<T>, sums: [[T; 4]; 3], clamp: Strain<T>, evaluations: u32) -> RodShape<T> {
         let (zero, p) = (T::of(0.0), line.p);
         let [length, along, across] = sums;
         let [q, r] = line.by;
@@ -200,6 +123,7 @@ impl<T: Scalar> Rod<T> {
             length: Partial::of(length),
             reach: Partial::of(reach),
             deflection: Partial::of(deflection),
+            clamp,
             evaluations,
         };
         for partial in [&mut shape.length, &mut shape.reach, &mut shape.deflection] {

@@ -1,0 +1,202 @@
+//! What `identify` prints, and the scene file that it writes.
+
+use crate::failure::Failure;
+use crate::identify::compete::Verdict;
+use crate::identify::constants::{Constant, Unknowns};
+use crate::identify::fit::Fit;
+use crate::identify::plan::Plan;
+use crate::identify::{Errors, Identified};
+use crate::options::commands::Identify;
+use crate::output::Output;
+use rig_scene::Scene;
+use tsa_model::Parameters;
+
+/// The unit of the data's errors.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Unit {
+    /// Of sweeps.
+    Metres,
+    /// Of the paper's numbers.
+    Relative,
+}
+
+impl Unit {
+    fn shown(self, error: f64) -> String {
+        match self {
+            Self::Metres => format!("{:.2} um", error * 1e6),
+            Self::Relative => format!("{:.2} %", error * 1e2),
+        }
+    }
+}
+
+fn summary(name: &str, e: &Errors, unit: Unit) -> String {
+    let [rms, median, worst] = [e.rms, e.median, e.worst].map(|x| unit.shown(x));
+    format!("{name:<10} {:>4} numbers: rms {rms}, median {median}, worst {worst}", e.count)
+}
+
+/// Every published number.
+pub fn rows(fit: &Fit, output: &mut Output) -> Result<(), Failure> {
+    for r in &fit.rows {
+        let mark = if r.held_out { "held out" } else { "" };
+        let error = r.error.map_or_else(|| r.refused.clone().unwrap_or_default(), |e| format!("{:+.2} %", e * 1e2));
+        output.line(format!("{:<20} {error:>10}  {mark}", r.id).trim_end())?;
+    }
+    Ok(())
+}
+
+/// The fit and its constants.
+pub fn fit(
+    fit: &Fit,
+    unknowns: &Unknowns,
+    start: &Parameters,
+    fitted: &Scene,
+    unit: Unit,
+    output: &mut Output,
+) -> Result<(), Failure> {
+    output.line(summary("fitted", &fit.fitted, unit))?;
+    output.line(summary("held out", &fit.held_out, unit))?;
+    for r in fit.rows.iter().filter_map(|r| r.refused.as_ref().map(|why| (r, why))) {
+        output.line(format!("refused: {} ({})", r.0.id, r.1))?;
+    }
+    let s = &fitted.string;
+    output.line(format!(
+        "constants, with half the width of the interval that holds the truth nine times in ten (of positive ones relative; the \
+         {} residuals count as {:.0} independent ones):",
+        fit.fitted.count, fit.effective_rows
+    ))?;
+    for e in &fit.estimates {
+        let value = match Constant::named(&e.name) {
+            Some(Constant::Modulus) => start.stress_coefficients_pa[0] * e.unknown.exp(),
+            Some(_) => e.unknown.exp(),
+            None => e.unknown,
+        };
+        output.line(format!("  {:<18} {value:>14.6e}  +- {:.3} %", e.name, e.half_width_90 * 1e2))?;
+    }
+    let curves = [Constant::OddCurve, Constant::Curve];
+    if unknowns.constants.iter().any(|c| curves.contains(c)) {
+        let a = fitted.material.stress_coefficients_pa.map(|a| format!("{a:.4e}")).join(", ");
+        output.line(format!("  a1..a5 = {a} Pa: a tangent written as sums of squares is nowhere negative"))?;
+    }
+    output.line(match s.twist_exponent {
+        Some(p) => format!("  radius grows as (twist/pi)^p, p = {p:.4}"),
+        None if s.k4 > 0.0 => format!("  radius grows by eq. 6 and k4 ln(twist/pi), k4 = {:.4}", s.k4),
+        None => "  radius grows by eq. 6".to_owned(),
+    })?;
+    output.line("correlations:")?;
+    for (e, row) in fit.estimates.iter().zip(&fit.correlations) {
+        let cells: Vec<String> = row.iter().map(|c| format!("{c:>6.2}")).collect();
+        output.line(format!("  {:<18} {}", e.name, cells.join(" ")))?;
+    }
+    Ok(())
+}
+
+/// The scene file, with a head that says where its constants come from.
+pub fn file(fit: &Fit, fitted: &Scene, options: &Identify, unit: Unit) -> Result<String, Failure> {
+    let source = if options.published {
+        "the paper's numbers".to_owned()
+    } else {
+        let names = options.sweeps.iter().filter_map(|p| p.file_name()).map(|n| n.to_string_lossy().into_owned());
+        names.collect::<Vec<_>>().join(", ")
+    };
+    let mut text = format!("# Identified by rigctl {} from {source}.\n", env!("CARGO_PKG_VERSION"));
+    for line in [summary("fitted", &fit.fitted, unit), summary("held out", &fit.held_out, unit)] {
+        text += &format!("# {line}\n");
+    }
+    for e in &fit.estimates {
+        text += &format!("# {}: +- {:.3} % (90 of 100 cases)\n", e.name, e.half_width_90 * 1e2);
+    }
+    Ok(text + "\n" + &toml::to_string(fitted).map_err(|e| Failure::failed(format!("scene: {e}")))?)
+}
+
+/// Tells of an envelope that had to be narrowed for a table, and warns of a scene without one.
+pub fn table(before: &Scene, found: &Identified, output: &mut Output) -> Result<(), Failure> {
+    if let Some(why) = &found.untabled {
+        eprintln!("no table: no firmware can be built for this scene: {why}; ask for less in [accuracy] or [envelope]");
+    }
+    if let Some(fit) = &found.table {
+        output.line(format!("table of this scene: {} bytes", fit.table.numbers.bytes()))?;
+    }
+    if let (Some(before), Some(after)) = (before.envelope, found.scene.envelope)
+        && before != after
+    {
+        output.line(format!(
+            "[envelope] begins at {} N and ends at {} turns, instead of {} N and {} turns: with these constants no table \
+             reaches the accuracy beyond",
+            after.load_n[0], after.turns[1], before.load_n[0], before.turns[1]
+        ))?;
+    }
+    Ok(())
+}
+
+/// The competition, and what follows from it.
+pub fn judged(found: &Identified, output: &mut Output) -> Result<(), Failure> {
+    let competition = &found.competition;
+    let um = |m: Option<f64>| m.map_or_else(|| "-".to_owned(), |m| format!("{:.1} um", m * 1e6));
+    output.line("laws, each fitted to a part of the sweeps and predicting the rest:")?;
+    output.line(format!(
+        "  {:<16} {:<10} {:>9} {:>12} {:>12}",
+        "radius law", "material", "constants", "fitted", "held out"
+    ))?;
+    for s in &competition.scored {
+        let verdict = match s.verdict {
+            Verdict::Chosen => "enough: written",
+            Verdict::Indistinguishable => "cannot be told from the best",
+            Verdict::Worse => "worse",
+            Verdict::Undetermined => "not determined by these sweeps",
+        };
+        let (fitted, held_out) = (um(s.fitted_rms), um(s.held_out_rms));
+        output.line(format!(
+            "  {:<16} {:<10} {:>9} {fitted:>12} {held_out:>12}  {verdict}",
+            s.law, s.material, s.constants
+        ))?;
+    }
+    let m = &found.misfit;
+    let explained = "sensor noise and friction in the mean of up and down explain";
+    let rms = format!("the law misses {:.1} um rms, {explained} {:.1} um", m.rms_m * 1e6, m.explained_m * 1e6);
+    output.line(match m.holds {
+        true => format!("the law holds: {rms}"),
+        false => {
+            format!("no law holds: {rms}; {:.1} um are left (the best law is written all the same)", m.excess_m * 1e6)
+        }
+    })?;
+    for l in &found.fit.loops {
+        output.line(format!(
+            "up and down lie {:.1} um either side of their mean at {:.2} N, as with {:.3} N of friction ({})",
+            l.half_width_m * 1e6,
+            l.load_n,
+            l.friction_n,
+            l.sweep
+        ))?;
+    }
+    for p in &found.predictions {
+        let value = match (p.contraction_m, p.half_width_m) {
+            (Some(c), Some(h)) => format!("{:.3} +- {:.3} mm (90 of 100 cases)", c * 1e3, h * 1e3),
+            _ => "no equilibrium by this law".to_owned(),
+        };
+        output.line(format!("contraction at {:.2} N and {} turns: {value}", p.load_n, p.turns))?;
+    }
+    Ok(())
+}
+
+/// What to record next.
+pub fn next(plan: &Plan, output: &mut Output) -> Result<(), Failure> {
+    let [load_n, turns] = plan.at;
+    output.line(format!(
+        "largest error of a predicted contraction: {:.3} mm at {load_n:.2} N and {turns} turns (90 of 100 cases)",
+        plan.largest_half_width_m * 1e3
+    ))?;
+    output.line(format!(
+        "{}: {}",
+        if plan.enough { "more sweeps buy nothing" } else { "a further sweep helps" },
+        plan.why
+    ))?;
+    for next in &plan.sweeps {
+        output.line(format!(
+            "  sweep --load {:.2}N --turns {}: leaves {:.3} mm",
+            next.load_n,
+            next.turns,
+            next.largest_half_width_m * 1e3
+        ))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,159 @@
+//! Sweeps that cannot be of one rig under the loads that were typed, or that something happened to.
+//!
+//! Before a fit: strings that slipped within a sweep. After it: a sweep that fits the others only with another load, or not
+//! at all.
+
+use super::compete::Competition;
+use super::constants::Unknowns;
+use super::data::{Data, Quantity};
+use super::hysteresis::slopes;
+use super::linear::Linear;
+use std::f64::consts::TAU;
+
+/// The load on the way down hangs above that on the way up, by friction. So far below (m) it cannot, whatever the noise.
+const BELOW_M: f64 = 0.3e-3;
+/// A step between neighbouring rows counts from this size (m), and from so many times the usual unevenness of the sweep.
+const STEP_M: f64 = 1e-3;
+const UNEVEN: f64 = 8.0;
+/// Rows on either side from which the slope at a row is taken.
+const BESIDE: usize = 4;
+/// Sweeps are examined for whether they belong together if the law misses this much (m).
+const MISSED_M: f64 = 0.3e-3;
+/// One sweep is the reason if what the law misses falls by this factor without it, or with another load.
+const CLEARER: f64 = 2.5;
+/// Least change of a load that is named, as a share: identified constants take up less.
+const LOAD_SHARE: f64 = 0.08;
+
+/// Strings that slipped in a sweep, in words.
+pub fn slipped(data: &Data) -> Option<String> {
+    data.runs().iter().find_map(|run| {
+        let file = data.file_of(*run.first()?);
+        let what = hangs_below(data, run).or_else(|| steps(data, run))?;
+        Some(format!(
+            "sweep {file}: {what}: did a string or a clamp slip? Tighten them, home, and record the sweep again"
+        ))
+    })
+}
+
+/// Where the load hangs lower on the way down than on the way up.
+fn hangs_below(data: &Data, run: &[usize]) -> Option<String> {
+    // The mean of three neighbours: one bin alone may be disturbed.
+    let halves: Vec<(f64, f64)> =
+        run.iter().filter_map(|k| Some((data.rows[*k].twist_rad, data.rows[*k].half_difference_m?))).collect();
+    let worst = halves.windows(3).map(|w| (w[1].0, w.iter().map(|h| h.1).sum::<f64>() / 3.0));
+    let (twist_rad, half_m) = worst.min_by(|a, b| a.1.total_cmp(&b.1))?;
+    (half_m < -BELOW_M).then(|| {
+        format!(
+            "at {:.1} turns the load hangs {:.2} mm lower on the way down than on the way up, and friction makes it hang higher",
+            twist_rad / TAU - 0.5,
+            -2e3 * half_m
+        )
+    })
+}
+
+/// Where neighbouring rows of a sweep of one way are apart by much more than the slope about them. A single wild row has two
+/// such steps beside each other, and is not meant. Under a light load a rail that sticks makes such steps too, so that sweeps
+/// of both ways are judged by [`hangs_below`] alone.
+fn steps(data: &Data, run: &[usize]) -> Option<String> {
+    let lengths = |k: &usize| {
+        let row = &data.rows[*k];
+        matches!(row.quantity, Quantity::Gap | Quantity::Contraction) && row.half_difference_m.is_none()
+    };
+    if run.len() < 3 * BESIDE || !run.iter().all(lengths) {
+        return None;
+    }
+    let apart = |pair: &[usize]| {
+        let [a, b] = [&data.rows[pair[0]], &data.rows[pair[1]]];
+        (b.twist_rad - a.twist_rad, b.value - a.value)
+    };
+    let pairs: Vec<(f64, f64)> = run.windows(2).map(apart).filter(|(twist, _)| *twist > 0.0).collect();
+    let uneven: Vec<f64> = (0..pairs.len())
+        .map(|k| {
+            let beside = (k.saturating_sub(BESIDE)..(k + BESIDE + 1).min(pairs.len())).filter(|j| *j != k);
+            let slope = median(beside.map(|j| pairs[j].1 / pairs[j].0).collect());
+            pairs[k].1 - slope * pairs[k].0
+        })
+        .collect();
+    let usual_m = median(uneven.iter().map(|m| m.abs()).collect());
+    let beside = |k: usize| {
+        let at = |j: Option<usize>| j.and_then(|j| uneven.get(j)).map_or(0.0, |m| m.abs());
+        at(k.checked_sub(1)).max(at(Some(k + 1)))
+    };
+    let step = |k: &usize| {
+        let size_m = uneven[*k].abs();
+        size_m > STEP_M.max(UNEVEN * usual_m) && beside(*k) < 0.5 * size_m
+    };
+    let found = (0..uneven.len()).filter(step).max_by(|a, b| uneven[*a].abs().total_cmp(&uneven[*b].abs()))?;
+    let turns = data.rows[run[found + 1]].twist_rad / TAU - 0.5;
+    Some(format!(
+        "at {turns:.1} turns there is a step of {:.2} mm between neighbouring rows",
+        1e3 * uneven[found].abs()
+    ))
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}
+
+fn rms<'a>(errors: &[f64], rows: impl Iterator<Item = &'a usize>) -> f64 {
+    let squares: Vec<f64> = rows.map(|k| errors[*k].powi(2)).collect();
+    (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
+}
+
+/// A sweep that does not belong to the others by the chosen law, in words.
+pub fn apart(unknowns: &Unknowns, competition: &Competition) -> Option<String> {
+    let (data, fit) = (&competition.data, competition.scored[competition.chosen].fit.as_ref()?);
+    let runs = data.runs();
+    let missed_m = fit.fitted.rms;
+    if missed_m < MISSED_M || runs.len() < 2 {
+        return None;
+    }
+    let base = data.based_on(&competition.base);
+    let linear = Linear::about(unknowns, &base, fit);
+    let slopes = slopes(unknowns, &base, &fit.x);
+    // With another load of one sweep.
+    let reload = |run: &Vec<usize>| {
+        let load_n = data.rows[run[0]].load_n;
+        let mut by = vec![0.0; data.rows.len()];
+        run.iter().filter(|k| slopes[**k].is_finite()).for_each(|k| by[*k] = load_n * slopes[*k]);
+        let (errors, change) = linear.with(&by)?;
+        Some((rms(&errors, (0..errors.len()).collect::<Vec<_>>().iter()), change, run[0]))
+    };
+    let best = runs.iter().filter_map(reload).min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let (left_m, change, row) = best;
+    if CLEARER * left_m < missed_m && change.abs() > LOAD_SHARE {
+        let (file, load_n) = (data.file_of(row), data.rows[row].load_n);
+        return Some(format!(
+            "sweep {file}: it fits the others with about {:.2} N instead of {load_n:.2} N ({:.2} instead of {:.2} mm rms): what \
+             hung there? Weigh it and record the sweep again, or leave it out",
+            load_n * change.exp(),
+            1e3 * left_m,
+            1e3 * missed_m
+        ));
+    }
+    // Without one sweep.
+    let rest = |run: &Vec<usize>| {
+        let errors = linear.without(run)?;
+        let others: Vec<usize> = (0..errors.len()).filter(|k| !run.contains(k)).collect();
+        Some((rms(&errors, others.iter()), rms(&errors, run.iter()), run[0]))
+    };
+    let all: Vec<(f64, f64, usize)> = runs.iter().filter_map(rest).collect();
+    let (left_m, off_m, row) = all.iter().min_by(|a, b| a.0.total_cmp(&b.0)).copied()?;
+    // Friction that is not alike on both ways moves the mean of them by as much as half the loop.
+    let run = runs.iter().find(|run| run[0] == row)?;
+    let halves = run.iter().filter_map(|k| data.rows[*k].half_difference_m);
+    let loop_m = halves.clone().sum::<f64>() / halves.count().max(1) as f64;
+    (CLEARER * left_m < missed_m && off_m > loop_m).then(|| {
+        let who = match runs.len() {
+            2 => format!("sweeps {} and {}: they do not fit each other", data.file_of(runs[0][0]), data.file_of(runs[1][0])),
+            _ => format!("sweep {}: the others fit each other and not this one", data.file_of(row)),
+        };
+        format!(
+            "{who} ({:.2} mm off; the rest is within {:.2} mm rms): is it of another rig, or was the LVDT or a string moved in \
+             between? Leave it out or record it again",
+            1e3 * off_m,
+            1e3 * left_m
+        )
+    })
+}

@@ -1,0 +1,146 @@
+//! Which further sweep would tell most, and whether any is worth its time.
+//!
+//! To first order a sweep adds its information to that of the sweeps there are, with the noise that these have left. What it
+//! is worth is how far the largest error of a predicted contraction over the envelope falls (a G-optimal design; Atkinson,
+//! Donev and Tobias, "Optimum Experimental Designs", 2007). What the law misses and ageing strings stay, however many sweeps
+//! there are.
+
+use super::hysteresis::load_share;
+use super::noise::half_width;
+use super::predict::Known;
+use super::{Identified, data::SIGMA_M};
+use nalgebra::{DMatrix, DVector};
+use rig_scene::Scene;
+use serde::Serialize;
+use tsa_model::twist_from_turns;
+
+/// Loads and turns of the sweeps that are considered, and of the states whose error counts.
+const LOADS: usize = 8;
+const STATES: usize = 5;
+/// Rows of a considered sweep: neighbours tell nearly the same.
+const ROWS: usize = 16;
+/// A sweep that takes less than this share off the largest error buys nothing.
+const WORTH: f64 = 0.05;
+/// How many are named.
+const NAMED: usize = 4;
+
+/// A sweep that could be recorded.
+#[derive(Debug, Clone, Serialize)]
+pub struct Next {
+    /// Load (N).
+    pub load_n: f64,
+    /// Turns past the half-turn pre-twist.
+    pub turns: f64,
+    /// Largest half-width over the envelope after it (m).
+    pub largest_half_width_m: f64,
+}
+
+/// The answer.
+#[derive(Debug, Clone, Serialize)]
+pub struct Plan {
+    /// Largest half-width of a predicted contraction over the envelope now (m).
+    pub largest_half_width_m: f64,
+    /// Where: load (N) and turns.
+    pub at: [f64; 2],
+    /// The same if the constants were known exactly (m).
+    pub floor_m: f64,
+    /// Whether more sweeps buy nothing.
+    pub enough: bool,
+    /// Why.
+    pub why: String,
+    /// What could be recorded, the best first.
+    pub sweeps: Vec<Next>,
+}
+
+/// A state of the envelope: its contraction's derivatives, and the variance that stays beside what the law misses (m2).
+struct State {
+    load_n: f64,
+    turns: f64,
+    by: DVector<f64>,
+    floor_m2: f64,
+}
+
+/// Loads between two, in equal ratios.
+fn loads([least, most]: [f64; 2], count: usize) -> Vec<f64> {
+    (0..count).map(|k| least * (most / least).powf(k as f64 / (count - 1) as f64)).collect()
+}
+
+/// The largest half-width over the states (m), and where; of the constants' variance the share that the residuals told now
+/// is taken for that of any covariance.
+fn largest(known: &Known, states: &[State], covariance: &DMatrix<f64>) -> (f64, [f64; 2]) {
+    let half = |s: &State| {
+        let by = |part: &DMatrix<f64>| (s.by.transpose() * part * &s.by)[(0, 0)];
+        let all_m2 = by(covariance);
+        let estimated_m2 = all_m2 * by(&known.estimated) / by(&known.covariance).max(f64::MIN_POSITIVE);
+        half_width(estimated_m2 + 2.0 * known.missed_m2, all_m2 - estimated_m2 + s.floor_m2, known.freedom)
+    };
+    let widths = states.iter().map(|s| (half(s), [s.load_n, s.turns]));
+    widths.max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((0.0, [0.0; 2]))
+}
+
+/// Information of a sweep about the unknowns: rows of independent noise, and one load for all of them.
+fn information(known: &Known, inflation: f64, per_sweep: f64, load_n: f64, turns: f64) -> Option<DMatrix<f64>> {
+    let count = known.covariance.nrows();
+    let variance = SIGMA_M.powi(2) * inflation * ROWS as f64 / per_sweep;
+    let (mut rows, mut block) = (DMatrix::zeros(ROWS, count), DMatrix::identity(ROWS, ROWS) * variance);
+    let mut by_load = DVector::zeros(ROWS);
+    for k in 0..ROWS {
+        let (gap, slope) = known.chosen.gap(load_n, twist_from_turns(turns * k as f64 / (ROWS - 1) as f64)).ok()?;
+        (0..known.chosen.unknowns.count()).for_each(|j| rows[(k, j)] = gap.by[j]);
+        by_load[k] = slope * load_n * load_share(&known.loops, load_n);
+    }
+    block += &by_load * by_load.transpose();
+    Some(rows.transpose() * block.try_inverse()? * rows)
+}
+
+/// What to record next; none for a scene without an envelope, or where the law has no equilibria in it.
+pub fn plan(scene: &Scene, found: &Identified) -> Option<Plan> {
+    let (envelope, known) = (scene.envelope?, &found.known);
+    let most_turns = envelope.turns[1];
+    let unknowns = known.covariance.nrows();
+    let state = |load_n: f64, turns: f64| {
+        let contraction = known.chosen.contraction(load_n, turns).ok()?;
+        let floor_m2 = known.floor_m2(load_n, turns).ok()?;
+        let of = |j: usize| if j < known.chosen.unknowns.count() { contraction.by[j] } else { 0.0 };
+        Some(State { load_n, turns, by: DVector::from_fn(unknowns, |j, _| of(j)), floor_m2 })
+    };
+    let places = |count: usize| {
+        let turns = [0.5 * most_turns, most_turns];
+        loads(envelope.load_n, count).into_iter().flat_map(move |load_n| turns.map(|turns| (load_n, turns)))
+    };
+    let states: Vec<State> = places(STATES).filter_map(|(load_n, turns)| state(load_n, turns)).collect();
+    let (now_m, at) = largest(known, &states, &known.covariance);
+    let (floor_m, _) = largest(known, &states, &DMatrix::zeros(unknowns, unknowns));
+    let inverse = known.covariance.clone().try_inverse()?;
+    let per_sweep = found.fit.fitted.count as f64 / found.competition.data.runs().len().max(1) as f64;
+    let after = |(load_n, turns): (f64, f64)| {
+        let more = information(known, found.fit.noise.inflation, per_sweep, load_n, turns)?;
+        let covariance = (&inverse + more).try_inverse()?;
+        Some(Next { load_n, turns, largest_half_width_m: largest(known, &states, &covariance).0 })
+    };
+    let mut sweeps: Vec<Next> = places(LOADS).filter_map(after).collect();
+    sweeps.sort_by(|a, b| a.largest_half_width_m.total_cmp(&b.largest_half_width_m));
+    sweeps.truncate(NAMED);
+    let best_m = sweeps.first().map_or(now_m, |next| next.largest_half_width_m);
+    let wanted_m = scene.accuracy().ok().flatten().map_or(0.0, |accuracy| accuracy.contraction_m);
+    let (enough, why) = if now_m <= wanted_m {
+        (true, format!("the scene asks for {:.1} um", 1e6 * wanted_m))
+    } else if best_m > (1.0 - WORTH) * now_m {
+        let floor = format!("{:.3} mm are what the law misses and ageing leave", 1e3 * floor_m);
+        (true, format!("the best further sweep leaves {:.3} mm; {floor}", 1e3 * best_m))
+    } else {
+        (false, format!("the best further sweep leaves {:.3} mm", 1e3 * best_m))
+    };
+    Some(Plan { largest_half_width_m: now_m, at, floor_m, enough, why, sweeps })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn loads_are_in_equal_ratios_between_the_ends() {
+        let all = loads([1.0, 16.0], 5);
+        assert!(all.iter().zip([1.0, 2.0, 4.0, 8.0, 16.0]).all(|(a, b)| (a / b - 1.0).abs() < 1e-12), "{all:?}");
+    }
+}

@@ -1,0 +1,156 @@
+//! Contractions as the identified constants predict them, with their errors.
+
+use super::LEAST_RADIUS_ERROR;
+use super::compete::{Candidate, Competition};
+use super::constants::{Number, Unknowns};
+use super::fit::Fit;
+use super::hysteresis::Loop;
+use super::noise::half_width;
+use rig_scene::Scene;
+use serde::Serialize;
+use tsa_model::{Mechanism, PRETWIST_RAD, Parameters, SolveError, twist_from_turns};
+
+/// Turns of the paper's experiment, which contractions are predicted for unless the scene ends before.
+const TURNS: f64 = 7.5;
+
+/// A predicted contraction.
+#[derive(Debug, Clone, Serialize)]
+pub struct Prediction {
+    /// Load (N).
+    pub load_n: f64,
+    /// Turns past the half-turn pre-twist.
+    pub turns: f64,
+    /// Contraction since the pre-twist (m); none where the model refuses.
+    pub contraction_m: Option<f64>,
+    /// Half the width of the interval that holds the truth nine times in ten (m).
+    pub half_width_m: Option<f64>,
+}
+
+/// A law with fitted constants.
+#[derive(Debug, Clone)]
+pub struct Fitted {
+    /// What was fitted.
+    pub unknowns: Unknowns,
+    /// Where it started.
+    pub base: Parameters,
+    /// The unknowns.
+    pub x: Vec<f64>,
+}
+
+impl Fitted {
+    /// Contraction since the pre-twist (m), with its derivatives by the unknowns.
+    ///
+    /// # Errors
+    /// If the model refuses one of the two states.
+    pub fn contraction(&self, load_n: f64, turns: f64) -> Result<Number, SolveError> {
+        contraction(self.unknowns.parameters(&self.base, &self.x, ""), load_n, turns)
+    }
+
+    /// Gap (m) at a load (N) and a twist (rad), with its derivatives by the unknowns, and its slope by the load (m/N).
+    ///
+    /// # Errors
+    /// If the model refuses the state.
+    pub fn gap(&self, load_n: f64, twist_rad: f64) -> Result<(Number, f64), SolveError> {
+        let e = Mechanism::of(self.unknowns.parameters(&self.base, &self.x, "")).formal(load_n, twist_rad)?;
+        Ok((e.gap_m, e.dgap_dload_m_per_n.value))
+    }
+
+    /// What a relative change of the strings' radius adds to the contraction (m).
+    fn by_radius(&self, load_n: f64, turns: f64, share: f64) -> Result<f64, SolveError> {
+        let mut p = self.unknowns.parameters(&self.base, &self.x, "");
+        // All terms of the radius by one factor, which no string's own size takes part in.
+        (p.k2, p.k3, p.k4) = (p.k2 * (1.0 + share), p.k3 * (1.0 + share), p.k4 * (1.0 + share));
+        p.k1_per_n = p.k1_per_n / (1.0 + share);
+        Ok(contraction(p, load_n, turns)?.value - self.contraction(load_n, turns)?.value)
+    }
+}
+
+fn contraction(p: Parameters<Number>, load_n: f64, turns: f64) -> Result<Number, SolveError> {
+    let m = Mechanism::of(p);
+    Ok(m.formal(load_n, PRETWIST_RAD)?.gap_m - m.formal(load_n, twist_from_turns(turns))?.gap_m)
+}
+
+/// What is known after an identification.
+#[derive(Debug, Clone)]
+pub struct Known {
+    /// The chosen law.
+    pub chosen: Fitted,
+    /// Those that cannot be told from it.
+    pub others: Vec<Fitted>,
+    /// Covariance of the chosen law's unknowns.
+    pub covariance: nalgebra::DMatrix<f64>,
+    /// The part of it that was estimated from the residuals.
+    pub estimated: nalgebra::DMatrix<f64>,
+    /// Variance of what the chosen law misses at one end of a contraction (m2).
+    pub missed_m2: f64,
+    /// Degrees of freedom of what was estimated from the residuals.
+    pub freedom: f64,
+    /// Loops between the way up and the way down.
+    pub loops: Vec<Loop>,
+}
+
+impl Known {
+    /// From the chosen candidate's fit to all rows, and the competition.
+    pub fn new(candidates: &[Candidate], competition: &Competition, fit: &Fit) -> Option<Self> {
+        let fitted = |k: usize, fit: &Fit| {
+            let candidate = &candidates[k];
+            let base = candidate.start().ok()?;
+            Some(Fitted { unknowns: candidate.unknowns.clone(), base, x: fit.x.clone() })
+        };
+        let others = competition.equals().into_iter().filter(|k| *k != competition.chosen);
+        let others = others.filter_map(|k| fitted(k, competition.scored[k].fit.as_ref()?)).collect();
+        let noise = fit.noise;
+        Some(Self {
+            chosen: fitted(competition.chosen, fit)?,
+            others,
+            covariance: fit.covariance.clone(),
+            estimated: fit.estimated.clone(),
+            missed_m2: fit.fitted.rms.powi(2) * noise.effective / noise.freedom,
+            freedom: noise.freedom,
+            loops: fit.loops.clone(),
+        })
+    }
+
+    /// Variance of a predicted contraction (m2) that no sweep takes away and no residual shows: strings that go on changing,
+    /// and laws that cannot be told apart. What the law misses comes to this, at both ends ([`Known::missed_m2`]).
+    ///
+    /// The contraction is the mean of the way up and the way down, so that friction is no part of its error a second time:
+    /// what friction did in the sweeps is in the errors of the constants already.
+    ///
+    /// # Errors
+    /// If the model refuses the state.
+    pub fn floor_m2(&self, load_n: f64, turns: f64) -> Result<f64, SolveError> {
+        let here = self.chosen.contraction(load_n, turns)?.value;
+        let aged_m = self.chosen.by_radius(load_n, turns, LEAST_RADIUS_ERROR)?;
+        let apart = self.others.iter().filter_map(|other| other.contraction(load_n, turns).ok());
+        let apart: Vec<f64> = apart.map(|other| (other.value - here).powi(2)).collect();
+        let apart_m2 = apart.iter().sum::<f64>() / apart.len().max(1) as f64;
+        Ok(aged_m.powi(2) + apart_m2)
+    }
+
+    /// Variance (m2) that the errors of the constants give a predicted contraction.
+    pub fn constants_m2(&self, contraction: &Number, covariance: &nalgebra::DMatrix<f64>) -> f64 {
+        let count = self.chosen.unknowns.count();
+        let pairs = (0..count).flat_map(|i| (0..count).map(move |j| (i, j)));
+        pairs.map(|(i, j)| contraction.by[i] * contraction.by[j] * covariance[(i, j)]).sum()
+    }
+
+    /// The contraction at a load and so many turns.
+    pub fn predict(&self, load_n: f64, turns: f64) -> Prediction {
+        let computed = self.chosen.contraction(load_n, turns);
+        let half_width_m = computed.as_ref().ok().and_then(|contraction| {
+            let [all, estimated] = [&self.covariance, &self.estimated].map(|part| self.constants_m2(contraction, part));
+            let known_m2 = all - estimated + self.floor_m2(load_n, turns).ok()?;
+            Some(half_width(estimated + 2.0 * self.missed_m2, known_m2, self.freedom))
+        });
+        Prediction { load_n, turns, contraction_m: computed.ok().map(|contraction| contraction.value), half_width_m }
+    }
+
+    /// Contractions at the scene's lowest, middle and highest load; none without an envelope.
+    pub fn predictions(&self, scene: &Scene) -> Vec<Prediction> {
+        let Some(envelope) = scene.envelope else { return Vec::new() };
+        let [least, most] = envelope.load_n;
+        let turns = TURNS.min(envelope.turns[1]);
+        [least, 0.5 * (least + most), most].map(|load_n| self.predict(load_n, turns)).to_vec()
+    }
+}
