@@ -8,11 +8,11 @@
 //!
 //! What friction holds back is not left to the error either, see [`crate::friction_takeup`].
 
-use crate::TICK_S;
 use crate::friction_takeup::FrictionTakeup;
 use crate::load_motion::{AHEAD_S, OBSERVER_PER_S};
 use crate::load_state::LoadState;
 use crate::planner::SetPoint;
+use crate::rest::{Rest, Standing};
 
 /// Poles `(s + A)(s² + B s + C)` over ω: next to the best of 336 sets that were simulated with the motor's limits, with a damping
 /// ratio of 0.4 (docs/control.md 3).
@@ -28,16 +28,6 @@ const FULL_PER_S: f32 = 0.5 * OBSERVER_PER_S;
 const THIN_PER_S: f32 = 0.8 * OBSERVER_PER_S;
 /// Slowest pole of the loop where the gains are full (1/s).
 pub const BANDWIDTH_PER_S: f32 = POLES[0] * FULL_PER_S;
-/// Least error (m) below which a load at rest is left alone, an eighth of an LVDT count, and more where the gap is noisier.
-pub const AT_REST_M: f32 = 6e-6;
-/// The same, over the noise of the gap.
-pub const AT_REST_NOISES: f32 = 1.7;
-/// How long the error is averaged over (s) before it is held against that: noise must not push a load that sticks.
-const AT_REST_S: f32 = 0.1;
-/// Speed (m/s) below which a load stands, and for how many ticks.
-const STANDS_M_PER_S: f32 = 1e-3;
-const STANDS_TICKS: u8 = 6;
-
 /// Share of the gains that is used for a load that swings at a frequency (rad/s): the delay that is not known takes the more
 /// of the phase, the faster the swing.
 pub fn gain_share(frequency: f32) -> f32 {
@@ -48,10 +38,8 @@ pub fn gain_share(frequency: f32) -> f32 {
 /// State of the loop.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PositionLoop {
-    /// Error, averaged (m).
-    resting_m: f32,
-    /// Ticks that the load has stood at its target or beside it.
-    standing_ticks: u8,
+    /// The load at its target.
+    pub rest: Rest,
     /// What is turned to take up friction.
     pub takeup: FrictionTakeup,
 }
@@ -80,15 +68,11 @@ impl PositionLoop {
         let error_m = wanted_m - (load.reference_gap_m - motion.gap_m);
         let speed_error = wanted_speed + motion.speed_m_per_s;
         let rest_error_m = wanted_m + acceleration / frequency_squared - (load.reference_gap_m - hung.gap_m);
-        self.resting_m += TICK_S / AT_REST_S * (error_m - self.resting_m);
-        let standing = set_point.done && load.observation.moved_m == 0.0 && motion.speed_m_per_s.abs() < STANDS_M_PER_S;
-        self.standing_ticks = if standing { self.standing_ticks.saturating_add(1) } else { 0 };
-        let stands = self.standing_ticks >= STANDS_TICKS;
-        let near_m = AT_REST_M.max(AT_REST_NOISES * load.gap_noise_m).max(self.takeup.tolerance_m(load));
-        if stands && self.resting_m.abs() < near_m {
-            return LoopOutput { twist_speed_rad_per_s: 0.0, error_m };
-        }
-        let stuck_m = if stands { self.resting_m } else { 0.0 };
+        let stuck_m = match self.rest.step(set_point.done, error_m, load) {
+            Standing::LeftAlone => return LoopOutput { twist_speed_rad_per_s: 0.0, error_m },
+            Standing::Beside(stuck_m) => stuck_m,
+            Standing::Moves => 0.0,
+        };
         let takeup_rad_per_s = self.takeup.step(set_point, setting_out, stuck_m, load);
         let [by_position, by_speed, by_rest] = GAINS;
         let feedback = frequency * (by_position * error_m + by_rest * rest_error_m) + by_speed * speed_error;
