@@ -28,6 +28,10 @@ const FULL_PER_S: f32 = 0.5 * OBSERVER_PER_S;
 const THIN_PER_S: f32 = 0.8 * OBSERVER_PER_S;
 /// Slowest pole of the loop where the gains are full (1/s).
 pub const BANDWIDTH_PER_S: f32 = POLES[0] * FULL_PER_S;
+/// Speed over error (1/s) at which the strings turn for a load that sticks: slow enough that it is seen to move before it is past
+/// its target.
+const STUCK_PER_S: f32 = 5.0;
+
 /// Share of the gains that is used for a load that swings at a frequency (rad/s): the delay that is not known takes the more
 /// of the phase, the faster the swing.
 pub fn gain_share(frequency: f32) -> f32 {
@@ -68,15 +72,17 @@ impl PositionLoop {
         let error_m = wanted_m - (load.reference_gap_m - motion.gap_m);
         let speed_error = wanted_speed + motion.speed_m_per_s;
         let rest_error_m = wanted_m + acceleration / frequency_squared - (load.reference_gap_m - hung.gap_m);
-        let stuck_m = match self.rest.step(set_point.done, error_m, load) {
-            Standing::LeftAlone => return LoopOutput { twist_speed_rad_per_s: 0.0, error_m },
-            Standing::Beside(stuck_m) => stuck_m,
-            Standing::Moves => 0.0,
-        };
-        let takeup_rad_per_s = self.takeup.step(set_point, setting_out, stuck_m, load);
+        let standing = self.rest.step(set_point.done, set_point.position_m - load.position_m, load);
         let [by_position, by_speed, by_rest] = GAINS;
         let feedback = frequency * (by_position * error_m + by_rest * rest_error_m) + by_speed * speed_error;
-        let speed_m_per_s = wanted_speed + jerk / frequency_squared + gain_share(frequency) * feedback;
+        // The observer knows no friction: a load that sticks is not where it would come to rest.
+        let (feedback, stuck_m) = match standing {
+            Standing::LeftAlone => return LoopOutput { twist_speed_rad_per_s: 0.0, error_m },
+            Standing::Beside(stuck_m) => (STUCK_PER_S * stuck_m, stuck_m),
+            Standing::Moves => (gain_share(frequency) * feedback, 0.0),
+        };
+        let takeup_rad_per_s = self.takeup.step(set_point, setting_out, stuck_m, load);
+        let speed_m_per_s = wanted_speed + jerk / frequency_squared + feedback;
         LoopOutput { twist_speed_rad_per_s: hung.tr_rad_per_m() * speed_m_per_s + takeup_rad_per_s, error_m }
     }
 }

@@ -2,7 +2,8 @@
 //!
 //! A load that breaks loose from stiction jumps by J = 2 (Fs − Fc)/k, and J cannot be made smaller by waiting. An error below
 //! half of a jump is therefore left alone: after another jump it would be no smaller. J is known from homing where the load
-//! stuck and slipped there, and is seen at rest: between two stands on either side of the target lies one jump.
+//! stuck and slipped there, and is seen at rest: what it moves from one stand to another, past its
+//! target, without its strings having turned for it, is a jump.
 
 use crate::load_state::LoadState;
 
@@ -18,7 +19,9 @@ const WHOLE_JUMP_SHARE: f32 = 0.85;
 const LARGEST_JUMP: f32 = 1.0;
 /// A load that is left alone is taken care of again when its error has become so much greater than what was left.
 const AGAIN: f32 = 1.3;
-const AGAIN_NOISES: f32 = 5.0;
+/// Way of two readings from the mean of those before that is motion and no noise: least (m), and over the noise of the gap.
+const MOVED_M: f32 = 20e-6;
+const MOVED_NOISES: f32 = 3.0;
 /// Speed below which a load stands: least (m/s), and over the noise of the gap (1/s), two standard deviations of the observed
 /// speed; for how many ticks.
 const STANDS_M_PER_S: f32 = 1e-3;
@@ -43,12 +46,13 @@ pub enum Standing {
 /// What is known of it.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Rest {
-    /// Error since it stands, averaged (m), and for how many ticks.
+    /// Error since it stands, averaged (m), of the last tick (m), and for how many ticks.
     error_m: f32,
+    last_m: f32,
     ticks: u8,
     left_alone: bool,
-    /// Error (m) where it last stood.
-    stood_m: Option<f32>,
+    /// Error (m) where it last stood, and the twist (rad) until then.
+    stood: Option<[f32; 2]>,
     /// How far it jumps (m), as seen at rest.
     jump_m: Option<f32>,
     /// A load that sticks beside its target will be moved back and come again.
@@ -66,12 +70,18 @@ impl Rest {
     pub fn step(&mut self, done: bool, error_m: f32, load: &LoadState<'_>) -> Standing {
         let noise_m = load.gap_noise_m;
         let near_m = AT_REST_M.max(AT_REST_NOISES * noise_m).max(self.tolerance_m(load));
-        let slow = load.motion.speed_m_per_s.abs() < STANDS_M_PER_S.max(STANDS_NOISES_PER_S * noise_m);
-        let stays = self.left_alone && error_m.abs() < AGAIN * near_m + AGAIN_NOISES * noise_m;
-        if !(done && (stays || slow && load.observation.moved_m == 0.0)) {
+        let recent_m = 0.5 * (error_m + core::mem::replace(&mut self.last_m, error_m));
+        // The observer expects a load that sticks to go along with its strings: once it stands, only its place tells.
+        let stands = if self.ticks < STANDS_TICKS {
+            let slow_m_per_s = STANDS_M_PER_S.max(STANDS_NOISES_PER_S * noise_m);
+            load.observation.moved_m == 0.0 && load.motion.speed_m_per_s.abs() < slow_m_per_s
+        } else {
+            (recent_m - self.error_m).abs() < MOVED_M.max(MOVED_NOISES * noise_m)
+        };
+        if !(done && stands) {
             let largest_m = LARGEST_JUMP * load.observation.friction_n * load.observation.point.dgap_dload_m_per_n;
             if !done || error_m.abs() > largest_m {
-                self.stood_m = None;
+                self.stood = None;
             }
             (self.ticks, self.left_alone) = (0, false);
             return Standing::Moves;
@@ -82,20 +92,23 @@ impl Rest {
             return Standing::Moves;
         }
         if self.ticks == STANDS_TICKS {
-            self.see_way(noise_m);
+            self.see_way(load);
         }
-        self.stood_m = Some(self.error_m);
+        self.stood = Some([self.error_m, load.twist_rad]);
         self.left_alone = self.error_m.abs() < if self.left_alone { AGAIN } else { 1.0 } * near_m;
         if self.left_alone { Standing::LeftAlone } else { Standing::Beside(self.error_m) }
     }
 
-    /// The load stands again, from where it stood before: past the target it has jumped; short of it, its jumps are no longer
-    /// than this way.
-    fn see_way(&mut self, noise_m: f32) {
-        let Some(before_m) = self.stood_m else { return };
-        let way_m = (self.error_m - before_m).abs();
-        if way_m > AT_REST_M.max(WAY_NOISES * noise_m) {
-            self.jump_m = if self.error_m * before_m < 0.0 { Some(way_m) } else { self.jump_m.map(|m| m.min(way_m)) };
+    /// The load stands again. What it has risen more than its strings have turned for, it has jumped, if that took it past the
+    /// target; short of it, its jumps are no longer than this way.
+    fn see_way(&mut self, load: &LoadState<'_>) {
+        let Some([before_m, before_rad]) = self.stood else { return };
+        let rise_m = before_m - self.error_m;
+        let turned_m = (load.twist_rad - before_rad) / load.observation.point.tr_rad_per_m();
+        let jump_m = ((rise_m - turned_m) * libm::copysignf(1.0, rise_m)).clamp(0.0, rise_m.abs());
+        if rise_m.abs() > AT_REST_M.max(WAY_NOISES * load.gap_noise_m) {
+            self.jump_m =
+                if self.error_m * before_m < 0.0 { Some(jump_m) } else { self.jump_m.map(|m| m.min(rise_m.abs())) };
         }
     }
 }

@@ -126,10 +126,11 @@ impl Move {
             return;
         }
         let error_m = self.target_m - load.position_m;
-        let sticks = error_m.abs() > Self::arrived_m(load)
+        let sticks = load.jump_m > 0.0
+            && error_m.abs() > Self::arrived_m(load)
             && error_m.abs() < self.control.position_loop.rest.tolerance_m(load)
             && load.observation.moved_m == 0.0;
-        self.control.position_loop.rest.comes_again = self.approaches_left > 0;
+        self.control.position_loop.rest.comes_again = load.jump_m > 0.0 && self.approaches_left > 0;
         if self.approaches_left > 0 && lasts(&mut self.stuck_ticks, sticks, STUCK_TICKS) {
             let back_m = (BACK_JUMPS * load.jump_m).min(self.way_m.abs());
             self.approaches_left -= 1;
