@@ -20,6 +20,9 @@ const STANDARD_GRAVITY_M_PER_S2: f32 = 9.806_65;
 /// what the drive's speed loop lags (docs/hardware.md 2.7, assumed). The lag of its position loop is measured while homing
 /// and made up for in the command.
 pub const AHEAD_S: f32 = 0.5 * TICK_S + 3e-3;
+/// How long the strings are ahead of the shaft's set-point of the tick before (s): most of a tick, as the command of this tick is
+/// that of its end, and as far as the lead of the command makes up for more than the drive's lag. Seen on the emulated drive.
+pub const STRINGS_AHEAD_S: f32 = 8.8e-3;
 /// Longest time between two measurements that are taken together (s).
 const LONGEST_STEP_S: f32 = 0.05;
 

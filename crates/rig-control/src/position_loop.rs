@@ -79,6 +79,8 @@ impl PositionLoop {
         let (feedback, stuck_m) = match standing {
             Standing::LeftAlone => return LoopOutput { twist_speed_rad_per_s: 0.0, error_m },
             Standing::Beside(stuck_m) => (STUCK_PER_S * stuck_m, stuck_m),
+            // Neither is one that waits for its friction to be taken up.
+            Standing::Moves if setting_out.is_some() => (0.0, 0.0),
             Standing::Moves => (gain_share(frequency) * feedback, 0.0),
         };
         let takeup_rad_per_s = self.takeup.step(set_point, setting_out, stuck_m, load);
