@@ -5,7 +5,7 @@ use super::sensing::DriveZero;
 use super::{Events, Inputs, Rig, STANDING_RPM, ticks};
 use crate::TICK_S;
 use crate::homing::{Homing, HomingInputs, Progress};
-use crate::load_motion::{AHEAD_S, STRINGS_AHEAD_S};
+use crate::load_motion::AHEAD_S;
 use crate::load_state::LoadState;
 use crate::planner::Ramp;
 use crate::sensors::{DriveReading, LvdtReading};
@@ -200,7 +200,7 @@ impl Rig<'_> {
             self.shaft.speed = 0.0;
             return None;
         };
-        let twist_rad = tracking.twist_rad(self.shaft.position + (AHEAD_S + STRINGS_AHEAD_S) * self.shaft.speed);
+        let twist_rad = tracking.twist_rad(self.shaft.position + AHEAD_S * self.shaft.speed);
         let Some(motion) = tracking.motion_ahead(readings, twist_rad) else {
             self.shaft.speed = 0.0;
             return None;
