@@ -12,7 +12,7 @@
 //! - [`move_check`]: whether a move is possible.
 //! - [`limits`]: what the motor allows of a move; [`planner`]: acceleration- and jerk-limited motion; [`time_to_target`].
 //! - [`position_loop`]: set-point and motion of the load to twist speed, damping the swing; [`friction_takeup`]: the rail's friction
-//!   before a move and at rest, and which error stiction leaves. Both work on a [`load_state`].
+//!   before a move and at rest; [`rest`]: when a load is left alone, and which error stiction leaves. All work on a [`load_state`].
 
 #![no_std]
 #![forbid(unsafe_code)]
