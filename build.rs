@@ -95,6 +95,7 @@ fn constants(scene: &Scene) -> String {
 fn parameters(scene: &Scene) -> Result<String, Box<dyn Error>> {
     let parameters = format!("tsa_model::{:?}", scene.mechanism()?.parameters());
     let parameters = parameters.replace("radius_law: ", "radius_law: tsa_model::RadiusLaw::");
+    let parameters = parameters.replace("Some(Correction", "Some(tsa_model::Correction");
     Ok(format!("/// The scene's constants.\npub const PARAMETERS: tsa_model::Parameters = {parameters};\n"))
 }
 
@@ -110,18 +111,25 @@ fn hashes(scene: &Scene) -> String {
     )
 }
 
-/// The accuracy that a table rebuilt on the board must reach, and the shape that it may take if the first one misses
-/// it.
+/// The accuracy that a table rebuilt on the board must reach, and the shapes that it may take if the first one misses it:
+/// more powers of the twist, and more of the load, which a measured correction needs.
 fn demand(scene: &Scene, fit: &tsa_table::fit::Fit) -> Result<String, Box<dyn Error>> {
     let accuracy = scene.table_demand()?.1;
     let shape = fit.table.numbers.shape;
-    let columns = (shape.columns + 2).min(tsa_table::arc::MAX_COLUMNS as u8);
+    let [rows, columns] = [shape.rows, shape.columns].map(usize::from);
+    let spares = [[rows, columns + 2], [rows + 2, columns.saturating_sub(1)]];
+    let spares = spares.map(|[rows, columns]| {
+        let (rows, columns) = (rows.min(tsa_table::arc::MAX_ROWS), columns.clamp(2, tsa_table::arc::MAX_COLUMNS));
+        format!("tsa_table::Shape::of({rows}, {columns}).unwrap()")
+    });
     Ok(format!(
         "/// The scene's accuracy: contraction (m) and TR (relative).\n\
          pub const ACCURACY: [f32; 2] = [{:?}f32, {:?}f32];\n\
          /// More powers, for constants that need them.\n\
-         pub const SPARE_SHAPE: Option<tsa_table::Shape> = tsa_table::Shape::of({}, {columns});\n",
-        accuracy.contraction_m as f32, accuracy.tr_relative as f32, shape.rows
+         pub const SPARE_SHAPES: &[tsa_table::Shape] = &[{}];\n",
+        accuracy.contraction_m as f32,
+        accuracy.tr_relative as f32,
+        spares.join(", ")
     ))
 }
 

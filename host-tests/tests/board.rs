@@ -4,7 +4,7 @@ use host_tests::board::{Bench, HELLO};
 use rand::{RngExt, SeedableRng};
 use rig_emulator::board::{CanFrame, Stimulus};
 use rig_link::messages::{
-    Constants, EventKind, Fault, LoadChoice, Refusal, Request, ResetCause, Setting, State, TableRefusal,
+    Constants, Correction, EventKind, Fault, LoadChoice, Refusal, Request, ResetCause, Setting, State, TableRefusal,
 };
 use rig_link::{PROTOCOL_HASH, Versions};
 use rigctl::session::table::constants;
@@ -393,8 +393,10 @@ fn the_board_makes_its_own_table_in_seconds_keeps_it_and_falls_back() {
     b.run(0.05);
     b.ask(&HELLO).unwrap();
     assert!(b.until(5.0, |b| b.state() == State::Unhomed));
+    let no_correction = Correction { load_n: [2.0, 15.0], turns: [0.0, 7.5], coefficients_m: [[f32::NAN; 3]; 3] };
     for (constants, wanted) in [
         (Constants { string: [f64::NAN; 6], ..thicker() }, TableRefusal::Constants),
+        (Constants { correction: Some(no_correction), ..thicker() }, TableRefusal::Constants),
         (Constants { string: thicker().string.map(|v| 1.3 * v), ..thicker() }, TableRefusal::Model),
     ] {
         b.ask(&Request::Rebuild(constants)).unwrap();

@@ -420,6 +420,34 @@ fn a_move_that_ends_with_the_travel_says_by_how_much() {
     assert!(short_moves > 1, "none met the end of the travel");
 }
 
+/// The load is made so light that the strings, untwisted to their end, cannot let it down to where it is held.
+#[test]
+fn a_move_begins_where_the_load_is_and_not_at_a_place_that_it_cannot_reach() {
+    let mut d = homed(&[], "1.2kg", "0.1", 7);
+    d.run(0.1);
+    d.move_to(0.003, 0.003, LoadChoice::Auto).unwrap();
+    let mut hanging = 1.2;
+    while hanging > 0.5 {
+        hanging = f64::max(hanging - 0.01, 0.5);
+        d.rig.set_plant("load", &format!("{hanging}kg")).unwrap();
+        d.run(0.05);
+    }
+    // Longer than a following error may last.
+    d.run(5.0);
+    let telemetry = d.last.as_ref().unwrap().telemetry;
+    let position_m = telemetry.position_m.unwrap();
+    assert_eq!((d.control.state(), telemetry.limit), (State::Holding, Some(Limit::Travel)));
+    assert!(position_m > 0.005, "{position_m} m: the load could be let down");
+    d.tick(Some(Request::Move { target_m: 0.012, speed_m_per_s: 0.003, load: LoadChoice::Auto }))
+        .reply
+        .unwrap()
+        .unwrap();
+    let set_point_m = d.last.as_ref().unwrap().telemetry.setpoint_m.unwrap();
+    assert!((set_point_m - position_m).abs() < 1e-4, "set-point at {set_point_m} m, load at {position_m} m");
+    assert!(d.until(10.0, |d| d.control.state() != State::Moving));
+    assert_eq!(d.control.state(), State::Holding, "{:?}", d.control.fault());
+}
+
 /// The strings at their end, the load sticks, then slips past its target: passing it is not arriving.
 #[test]
 fn a_load_that_slips_past_its_target_has_not_arrived() {

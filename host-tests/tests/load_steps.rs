@@ -120,7 +120,7 @@ fn homed(friction_n: f32) -> HomingResult {
 
 /// A load at rest at a twist, whose strings pull load less friction, as after a way down.
 fn load_at(twist_rad: f32, friction_n: f32) -> LoadState<'static> {
-    let mut observer = LoadObserver::new(&homed(friction_n), 0.05);
+    let mut observer = LoadObserver::new(&homed(friction_n), &table().metadata.uncertainty);
     let gap_m = mechanism().at(LOAD_N - friction_n, twist_rad).gap_m;
     let observation = observer.step(&mechanism(), twist_rad, Some(gap_m));
     assert!((observation.pull_n - LOAD_N + friction_n).abs() < 1e-3, "{observation:?}");

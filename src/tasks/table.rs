@@ -9,7 +9,7 @@ use embassy_futures::yield_now;
 use embassy_time::Instant;
 use rig_link::messages::{Constants, EventKind, Message, TableRefusal};
 use static_cell::StaticCell;
-use tsa_model::{Geometry, Material, Parameters, StringParameters};
+use tsa_model::{Correction, Geometry, Material, Parameters, StringParameters};
 use tsa_table::rebuild::{Rebuild, RebuildError, Rebuilt};
 use tsa_table::{Table, Uncertainty};
 
@@ -19,7 +19,7 @@ const TABLES_MAX: usize = 4;
 /// Loads the table from flash, if a valid one is there.
 pub async fn load(store: &mut Store) -> Option<&'static Table<'static>> {
     let rebuilt = match store.fetch(flash_store::TABLE).await {
-        Ok(record) => Rebuilt::read(&scene::TABLE, scene::SPARE_SHAPE, record?),
+        Ok(record) => Rebuilt::read(&scene::TABLE, scene::SPARE_SHAPES, record?),
         Err(Unreadable) => None,
     };
     if rebuilt.is_none() {
@@ -79,14 +79,22 @@ const fn refused(reason: TableRefusal, load_n_or_error_m: f32, twist_rad_or_erro
     EventKind::TableRefused { reason, load_n_or_error_m, twist_rad_or_error }
 }
 
+/// The constants if they are possible ones.
 fn parameters(c: &Constants) -> Option<Parameters> {
     let [string_length_m, rod_span_m, clamp_width_m, rod_radius_m] = c.geometry_m;
-    Parameters::new(
+    let law = Parameters::new(
         &Geometry { string_length_m, rod_span_m, clamp_width_m, rod_radius_m },
         &StringParameters::from_constants(c.string, c.twist_exponent),
         &Material { stress_coefficients_pa: c.stress_coefficients_pa },
     )
-    .ok()
+    .ok()?;
+    let correction = c.correction.map(|c| Correction {
+        load_n: c.load_n.map(f64::from),
+        turns: c.turns.map(f64::from),
+        coefficients_m: c.coefficients_m.map(|row| row.map(f64::from)),
+    });
+    correction.as_ref().map_or(Ok(()), Correction::validate).ok()?;
+    Some(Parameters { correction, ..law })
 }
 
 async fn build(constants: &Constants) -> Result<(Rebuilt, u32), EventKind> {
@@ -95,7 +103,7 @@ async fn build(constants: &Constants) -> Result<(Rebuilt, u32), EventKind> {
         return Err(refused(TableRefusal::Constants, 0.0, 0.0));
     };
     let (hash, accuracy) = (constants.scene_hash, scene::ACCURACY);
-    let begun = Rebuild::new(&scene::TABLE, &parameters, hash, uncertainty, accuracy, scene::SPARE_SHAPE);
+    let begun = Rebuild::new(&scene::TABLE, &parameters, hash, uncertainty, accuracy, scene::SPARE_SHAPES);
     let mut rebuild = begun.map_err(refusal)?;
     loop {
         if let Some(done) = rebuild.step().map_err(refusal)? {

@@ -3,7 +3,7 @@
 use crate::process::{cargo, run};
 use crate::programs::Program;
 use crate::toolchain::{Choice, Toolchain, choose};
-use crate::{Folders, firmware, programs, system, unused};
+use crate::{Folders, firmware, programs, python, system, unused};
 use anyhow::{Result, bail};
 use std::process::Command;
 
@@ -25,6 +25,7 @@ pub fn test(folders: &Folders) -> Result<()> {
     let tests = beside(|| board(folders, &toolchain), || desktop(folders))?;
     // The tests start the images and the tools, so all of them must be built first.
     programs::run(tests)?;
+    python::test(folders)?;
     run(cargo(folders).args(["test", "--release", "--doc"]).args(DESKTOP))
 }
 
@@ -88,10 +89,21 @@ pub fn endurance(folders: &Folders, rest: &[String]) -> Result<()> {
     run(cargo(folders).args(["run", "--release", "--package", "host-tests", "--bin", "endurance", "--"]).args(rest))
 }
 
-/// Builds everything and runs the demo.
-pub fn demo(folders: &Folders, rest: &[String]) -> Result<()> {
+/// Builds the tools and the firmware.
+fn tools_and_firmware(folders: &Folders) -> Result<()> {
     system::ensure_emulator_tools()?;
     let toolchain = choose(Choice::Auto)?;
-    beside(|| firmware::build(folders, &toolchain), || build(folders))?;
+    beside(|| firmware::build(folders, &toolchain), || build(folders))
+}
+
+/// Builds everything and tests the Python package.
+pub fn python(folders: &Folders) -> Result<()> {
+    tools_and_firmware(folders)?;
+    python::test(folders)
+}
+
+/// Builds everything and runs the demo.
+pub fn demo(folders: &Folders, rest: &[String]) -> Result<()> {
+    tools_and_firmware(folders)?;
     run(Command::new(folders.target.join("release/rigctl")).current_dir(&folders.root).arg("demo").args(rest))
 }

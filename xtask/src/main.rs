@@ -18,6 +18,7 @@ mod host;
 mod image;
 mod process;
 mod programs;
+mod python;
 mod results;
 mod selftest;
 mod system;
@@ -65,6 +66,8 @@ enum Task {
     },
     /// Build the desktop tools (target/release/rigctl, target/release/rig-emulator)
     Build,
+    /// Build the Python package, check its types and run its tests in a virtual environment (target/python)
+    Python,
     /// Check formatting, lint and test everything, including the firmware on the emulated board
     Test,
     /// Measure an equilibrium: time, instructions (callgrind), and a rod solved by scipy (target/bench/model.json)
@@ -136,6 +139,7 @@ fn run(arguments: Arguments) -> Result<()> {
         Task::Selftest { emulated: true, .. } => host::selftest(&folders),
         Task::Selftest { rest, .. } => selftest::run(&folders, &toolchain::choose(toolchain::Choice::Auto)?, &rest),
         Task::Build => host::build(&folders),
+        Task::Python => host::python(&folders),
         Task::Test => host::test(&folders),
         Task::Bench => bench::bench(&folders),
         Task::Cost => host::cost(&folders),

@@ -25,6 +25,7 @@ fn source(scene: &Scene) -> Result<String, Box<dyn Error>> {
     let (mechanism, demand, fit) = (scene.mechanism()?, scene.demand()?, scene.fit_table()?);
     let parameters = format!("tsa_model::{:?}", mechanism.parameters());
     let parameters = parameters.replace("radius_law: ", "radius_law: tsa_model::RadiusLaw::");
+    let parameters = parameters.replace("Some(Correction", "Some(tsa_model::Correction");
     let mut source = tsa_table::emit::rust_source(&fit);
     source += &format!("/// The scene's constants.\npub const PARAMETERS: tsa_model::Parameters = {parameters};\n");
     for (name, peer) in peers(&fit, &candidates(&mechanism, &demand)?) {

@@ -16,7 +16,7 @@ use crate::TICK_S;
 use crate::homing::NINETY_PERCENT;
 use crate::mechanism::Mechanism;
 use rig_link::messages::{HomingResult, LoadChoice};
-use tsa_table::Point;
+use tsa_table::{Point, Uncertainty};
 
 /// How long the estimate takes to follow (s): longer than a swing of the load, shorter than a step of it matters.
 const TIME_CONSTANT_S: f32 = 0.15;
@@ -40,11 +40,17 @@ const MOVING_BAND: f32 = 0.3;
 /// Standard deviation of a load that is anywhere within the friction band, as a share of the friction.
 const RESTING_BAND: f32 = 0.6;
 /// Rods that have carried a heavier load remember it: on the way down their stress is lower, which looks like 0.4, 1.3 and
-/// 1.0 N at 1, 5 and 10 N (docs/plants.md). Standard error as a share of a light load, the load (N) over which that share falls,
-/// and how far below the heaviest load (N) it is complete.
-const MEMORY: f32 = 0.22;
+/// 1.0 N at 1, 5 and 10 N (docs/plants.md). The load (N) over which the share of a light load falls, and how far below the
+/// heaviest load (N) it is complete.
 const MEMORY_FALLS_N: f32 = 7.0;
 const MEMORY_COMPLETE_N: f32 = 4.0;
+
+/// How large the rods' memory is under a load (N) after a heavier one (N), over that of a light load after a much heavier
+/// one; 0 if no heavier load has hung.
+pub fn memory_shape(load_n: f32, heaviest_n: f32) -> f32 {
+    ((heaviest_n - load_n) / MEMORY_COMPLETE_N).clamp(0.0, 1.0) * libm::expf(-load_n / MEMORY_FALLS_N)
+}
+
 /// Standard error by creep and warming up, as a share of the load, at once and in the end; and the time that it takes (s).
 const DRIFT: [f32; 2] = [0.003, 0.012];
 const DRIFT_S: f32 = 600.0;
@@ -68,6 +74,8 @@ pub struct LoadObserver {
     covariance: [f32; 3],
     gap_noise_m: f32,
     shape_error: f32,
+    /// Standard error of a light load after a much heavier one, as a share of it.
+    rod_memory: f32,
     /// Greatest load since homing (N).
     peak_n: f32,
     /// Time since homing (s).
@@ -122,15 +130,16 @@ pub struct Observation {
 }
 
 impl LoadObserver {
-    /// Starts from a homing, after a way down, with the relative error of a change of the load.
-    pub const fn new(homed: &HomingResult, shape_error: f32) -> Self {
+    /// Starts from a homing, after a way down, with how well the table's mechanism is known.
+    pub const fn new(homed: &HomingResult, known: &Uncertainty) -> Self {
         Self {
             load_n: homed.load_n,
             homed_n: homed.load_n,
             homed_share: homed.load_error_n / (NINETY_PERCENT * homed.load_n),
             covariance: homed.covariance,
             gap_noise_m: homed.gap_noise_m,
-            shape_error,
+            shape_error: known.load_shape,
+            rod_memory: known.rod_memory,
             peak_n: homed.load_n,
             age_s: 0.0,
             friction_n: homed.friction_n,
@@ -186,8 +195,7 @@ impl LoadObserver {
 
     /// Standard error of the load by what the rods remember, as a share of the load.
     pub fn memory_share(&self) -> f32 {
-        let below = ((self.peak_n - self.load_n) / MEMORY_COMPLETE_N).clamp(0.0, 1.0);
-        MEMORY * below * libm::expf(-self.load_n / MEMORY_FALLS_N)
+        self.rod_memory * memory_shape(self.load_n, self.peak_n)
     }
 
     /// Error of a load that hangs still, 90 % (N), at a point of the table and a twist (rad).
@@ -331,7 +339,8 @@ mod tests {
             covariance: [1e-4, 0.0, 0.0],
             drive_lag_s: 0.03,
         };
-        LoadObserver::new(&homed, shape_error)
+        let known = Uncertainty { radius: 0.01, gap_zero_m: 1e-4, load_shape: shape_error, rod_memory: 0.2 };
+        LoadObserver::new(&homed, &known)
     }
 
     /// 1 mm/rad and 1 mm/N: a scale that is wrong by 1 % at 20 rad is 0.2 mm, or 0.2 N.
@@ -374,10 +383,10 @@ mod tests {
         let mut o = observer(0.0);
         assert_eq!(o.memory_share(), 0.0);
         o.load_n = 1.0;
-        let complete = MEMORY * libm::expf(-1.0 / MEMORY_FALLS_N);
+        let complete = 0.2 * libm::expf(-1.0 / MEMORY_FALLS_N);
         assert!(same(o.memory_share(), complete));
         o.load_n = 3.0;
-        let half = 0.5 * MEMORY * libm::expf(-3.0 / MEMORY_FALLS_N);
+        let half = 0.5 * 0.2 * libm::expf(-3.0 / MEMORY_FALLS_N);
         assert!(same(o.memory_share(), half));
     }
 }

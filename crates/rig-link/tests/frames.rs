@@ -2,10 +2,10 @@
 
 use proptest::prelude::*;
 use rig_link::{
-    Accepted, Clock, Constants, Counters, CurveFlaw, Decoder, EventKind, Fault, Faults, Frame, GapCurve, HomingFailure,
-    HomingResult, Identity, Kept, LVDT_POINTS_MAX, Limit, LoadChoice, LvdtCurve, MAX_FRAME, Message, Parameter,
-    Refusal, Request, ResetCause, Sensors, Setting, SettingValues, SettingsReport, State, TableIdentity, TableRefusal,
-    Telemetry, Versions, encode,
+    Accepted, Clock, Constants, Correction, Counters, CurveFlaw, Decoder, EventKind, Fault, Faults, Frame, GapCurve,
+    HomingFailure, HomingResult, Identity, Kept, LVDT_POINTS_MAX, Limit, LoadChoice, LvdtCurve, MAX_FRAME, Message,
+    Parameter, Refusal, Request, ResetCause, Sensors, Setting, SettingValues, SettingsReport, State, TableIdentity,
+    TableRefusal, Telemetry, Versions, encode,
 };
 use serde::{Serialize, de::DeserializeOwned};
 
@@ -64,15 +64,20 @@ fn constants() -> impl Strategy<Value = Constants> {
     let float = || prop::num::f64::NORMAL;
     let lengths = prop::array::uniform4(float());
     let (string, material) = (prop::array::uniform6(float()), prop::array::uniform5(float()));
-    let uncertainty = prop::array::uniform3(1e-6..0.5f32);
-    (any::<u32>(), lengths, string, prop::option::of(float()), material, uncertainty).prop_map(
-        |(scene_hash, geometry_m, string, twist_exponent, stress_coefficients_pa, uncertainty)| Constants {
+    let uncertainty = prop::array::uniform4(1e-6..0.5f32);
+    let (pair, row) = (|| prop::array::uniform2(prop::num::f32::NORMAL), prop::array::uniform3(prop::num::f32::NORMAL));
+    let correction = (pair(), pair(), prop::array::uniform3(row))
+        .prop_map(|(load_n, turns, coefficients_m)| Correction { load_n, turns, coefficients_m });
+    let correction = prop::option::of(correction);
+    (any::<u32>(), lengths, string, prop::option::of(float()), material, uncertainty, correction).prop_map(
+        |(scene_hash, geometry_m, string, twist_exponent, stress_coefficients_pa, uncertainty, correction)| Constants {
             scene_hash,
             geometry_m,
             string,
             twist_exponent,
             stress_coefficients_pa,
             uncertainty,
+            correction,
         },
     )
 }

@@ -7,7 +7,9 @@ use crate::uncertainty::Uncertainty;
 use rig_control::RigConstants;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
-use tsa_model::{Geometry, Material, Mechanism, ParameterError, StringParameters, Tier, twist_from_turns};
+use tsa_model::{
+    Correction, Geometry, Material, Mechanism, ParameterError, Parameters, StringParameters, Tier, twist_from_turns,
+};
 use tsa_table::fit::{self, Fit};
 use tsa_table::{Accuracy, Demand};
 
@@ -22,6 +24,9 @@ pub struct Scene {
     pub string: StringParameters,
     /// The rods' material.
     pub material: Material,
+    /// What the law misses of this rig's gap, as measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub correction: Option<Correction>,
     /// The rig around the mechanism; assumed values where left out.
     #[serde(default)]
     pub rig: Rig,
@@ -83,6 +88,7 @@ impl Scene {
         self.material.validate()?;
         self.rig.validate()?;
         self.uncertainty.validate()?;
+        self.correction.as_ref().map_or(Ok(()), Correction::validate)?;
         let refuse = |parameter, value, reason| Err(ParameterError { parameter, value, reason });
         if let Some(Envelope { load_n, turns }) = self.envelope {
             if !(load_n[0] >= tsa_model::mechanism::LIGHT_LOAD_N && load_n[0].is_finite()) {
@@ -113,12 +119,14 @@ impl Scene {
         Ok(())
     }
 
-    /// The solver for this scene.
+    /// The solver for this scene, with the measured correction.
     ///
     /// # Errors
     /// [`ParameterError`] naming the key.
     pub fn mechanism(&self) -> Result<Mechanism, ParameterError> {
-        Mechanism::new(&self.geometry, &self.string, &self.material)
+        let law = Parameters::new(&self.geometry, &self.string, &self.material)?;
+        self.correction.as_ref().map_or(Ok(()), Correction::validate)?;
+        Ok(Mechanism::of(Parameters { correction: self.correction, ..law }))
     }
 
     /// The rig's numbers for the control code; the settings on the board correct them later.

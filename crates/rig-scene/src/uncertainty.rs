@@ -15,20 +15,27 @@ pub struct Uncertainty {
     /// Standard error of how the radius depends on the load: of a load that is weighed, and of a change of the load, as a
     /// share of it.
     pub load_shape: f64,
+    /// Standard error of a light load on rods that have carried a much heavier one since, as a share of it.
+    pub rod_memory: f64,
 }
 
 impl Default for Uncertainty {
-    /// Constants from the paper for a rig of its kind that nobody has identified, and an LVDT that is mounted by callipers.
+    /// Constants from the paper for a rig of its kind that nobody has identified, an LVDT that is mounted by callipers, and
+    /// rods whose stress in transformation has a loop of 60 MPa to either side (docs/plants.md).
     fn default() -> Self {
-        Self { radius: 0.03, gap_zero_m: 1e-3, load_shape: 0.08 }
+        Self { radius: 0.03, gap_zero_m: 1e-3, load_shape: 0.08, rod_memory: 0.22 }
     }
 }
 
 impl Uncertainty {
     /// As the metadata of a table has it.
     pub fn of_table(&self) -> tsa_table::Uncertainty {
-        let Self { radius, gap_zero_m, load_shape } = *self;
-        tsa_table::Uncertainty { radius: radius as f32, gap_zero_m: gap_zero_m as f32, load_shape: load_shape as f32 }
+        tsa_table::Uncertainty {
+            radius: self.radius as f32,
+            gap_zero_m: self.gap_zero_m as f32,
+            load_shape: self.load_shape as f32,
+            rod_memory: self.rod_memory as f32,
+        }
     }
 
     /// Whether it is the default, which a scene file may leave out.
@@ -41,6 +48,7 @@ impl Uncertainty {
             ("uncertainty.radius", self.radius),
             ("uncertainty.gap_zero_m", self.gap_zero_m),
             ("uncertainty.load_shape", self.load_shape),
+            ("uncertainty.rod_memory", self.rod_memory),
         ] {
             // Nothing is known exactly, and the fit divides by each of them.
             if !(1e-6..=0.5).contains(&value) {

@@ -1,6 +1,7 @@
 //! Scene files: an error names the key.
 
 use rig_scene::{Scene, SceneError};
+use tsa_model::twist_from_turns;
 
 fn default_text() -> String {
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/default.toml");
@@ -14,6 +15,25 @@ fn every_scene_in_the_folder_is_good() {
         let path = entry.unwrap().path();
         Scene::load(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display())).mechanism().unwrap();
     }
+}
+
+/// A measured correction with these ranges and first row of coefficients, before the next part of the scene.
+fn correction(load_n: &str, turns: &str, row: &str) -> String {
+    let rest = "[0.0, 0.0, 0.0], [0.0, 0.0, 0.0]";
+    format!("[correction]\nload_n = {load_n}\nturns = {turns}\ncoefficients_m = [{row}, {rest}]\n\n[accuracy]")
+}
+
+#[test]
+fn a_correction_comes_back_and_is_in_the_gap_of_its_range_only() {
+    let text = default_text();
+    let corrected = correction("[2.0, 15.0]", "[0.0, 7.5]", "[0.0001, 0.0, 0.00002]");
+    let scene = Scene::from_toml_str(&text.replace("[accuracy]", &corrected)).unwrap();
+    assert_eq!(Scene::from_toml_str(&toml::to_string(&scene).unwrap()).unwrap(), scene);
+    let plain = Scene::from_toml_str(&text).unwrap();
+    assert_ne!(scene.hash(), plain.hash());
+    let gap_m = |scene: &Scene, load_n| scene.mechanism().unwrap().solve(load_n, twist_from_turns(3.75)).unwrap().gap_m;
+    assert!((gap_m(&scene, 5.0) - gap_m(&plain, 5.0) - 0.9e-4).abs() < 1e-12, "P0 less half of P2 in the middle");
+    assert_eq!(gap_m(&scene, 0.25), gap_m(&plain, 0.25));
 }
 
 #[test]
@@ -47,10 +67,17 @@ fn errors_name_the_key() {
         ("adc_reference_v = 3.3", "adc_reference_v = 3.3\nlvdt_linearity = 0.25", "rig.lvdt_linearity"),
         ("adc_reference_v = 3.3", "adc_reference_v = 3.3\nlvdt_linearity = -1e-3", "rig.lvdt_linearity"),
         ("[accuracy]", "[uncertainty]\nradius = 6.0\n[accuracy]", "uncertainty.radius"),
+        ("[accuracy]", "[uncertainty]\nrod_memory = 0.0\n[accuracy]", "uncertainty.rod_memory"),
         ("[accuracy]", "[uncertainty]\nradius = nan\n[accuracy]", "uncertainty.radius"),
         ("[accuracy]", "[uncertainty]\ngap_zero_m = -0.1\n[accuracy]", "uncertainty.gap_zero_m"),
         ("[accuracy]", "[uncertainty]\nload_shape = 0.6\n[accuracy]", "uncertainty.load_shape"),
         ("[accuracy]", "[uncertainty]\nradii = 0.1\n[accuracy]", "radii"),
+        ("[accuracy]", "[correction]\nload_n = [2.0, 15.0]\n[accuracy]", "turns"),
+        ("[accuracy]", &correction("[2.0, 1.0]", "[0.0, 7.5]", "[1e-5, 0.0, 0.0]"), "correction.load_n"),
+        ("[accuracy]", &correction("[2.0, 15.0]", "[-0.5, 7.5]", "[1e-5, 0.0, 0.0]"), "correction.turns"),
+        ("[accuracy]", &correction("[2.0, 15.0]", "[0.0, 7.5]", "[1e-5, nan, 0.0]"), "correction.coefficients_m"),
+        ("[accuracy]", &correction("[2.0, 15.0]", "[0.0, 7.5]", "[6e-3, 0.0, 0.0]"), "correction.coefficients_m"),
+        ("[accuracy]", &correction("[2.0, 15.0]", "[0.0, 7.5]", "[1e-5, 0.0]"), "coefficients_m"),
     ];
     for (from, to, key) in cases {
         let text = default_text();
@@ -85,12 +112,12 @@ fn uncertainty_reaches_the_table_and_linearity_the_control_code() {
     let text = default_text();
     let scene = Scene::from_toml_str(&text).unwrap();
     let constants = scene.constants();
-    assert_eq!(scene.demand().unwrap().uncertainty.numbers(), [0.03, 1e-3, 0.08]);
+    assert_eq!(scene.demand().unwrap().uncertainty.numbers(), [0.03, 1e-3, 0.08, 0.22]);
     assert!((constants.lvdt_linearity_m - 0.5e-3).abs() < 1e-9, "a quarter of a percent of 200 mm");
     let text = text.replace("adc_reference_v = 3.3", "adc_reference_v = 3.3\nlvdt_linearity = 0.005");
     let text = format!("{text}\n[uncertainty]\nradius = 0.01\ngap_zero_m = 0.0002\n");
     let scene = Scene::from_toml_str(&text).unwrap();
     let constants = scene.constants();
-    assert_eq!(scene.demand().unwrap().uncertainty.numbers(), [0.01, 2e-4, 0.08]);
+    assert_eq!(scene.demand().unwrap().uncertainty.numbers(), [0.01, 2e-4, 0.08, 0.22]);
     assert!((constants.lvdt_linearity_m - 1e-3).abs() < 1e-9);
 }

@@ -187,19 +187,18 @@ mod tests {
     use super::*;
     use crate::session::port::{Port, Received};
     use rig_link::Decoder;
-    use std::cell::RefCell;
-    use std::rc::Rc;
+    use std::sync::{Arc, Mutex};
 
     /// A port without an emulator behind it.
     #[derive(Default)]
     struct Wire {
         now_s: f64,
-        sent: Rc<RefCell<Vec<u8>>>,
+        sent: Arc<Mutex<Vec<u8>>>,
     }
 
     impl Port for Wire {
         fn pass(&mut self, bytes: &[u8], seconds: f64) -> Result<Received, Failure> {
-            self.sent.borrow_mut().extend(bytes);
+            self.sent.lock().expect("one thread").extend(bytes);
             self.now_s += seconds;
             Ok(Received::default())
         }
@@ -212,13 +211,18 @@ mod tests {
     #[test]
     fn the_board_is_stopped_when_the_output_fails() {
         let wire = Wire::default();
-        let sent = Rc::clone(&wire.sent);
+        let sent = Arc::clone(&wire.sent);
         let mut session = Session::new(Box::new(wire));
         let played = play(&mut session, &Script::idle(10.0), 1, |_, _| Err(Failure::failed("no reader")));
         assert!(played.is_err_and(|e| e.message().as_deref() == Some("no reader")));
         let mut decoder = Decoder::<Request>::new();
-        let requests: Vec<Request> =
-            sent.borrow().iter().filter_map(|b| decoder.push(*b)?.ok()).map(|frame| frame.body).collect();
+        let requests: Vec<Request> = sent
+            .lock()
+            .expect("one thread")
+            .iter()
+            .filter_map(|b| decoder.push(*b)?.ok())
+            .map(|frame| frame.body)
+            .collect();
         assert!(requests.contains(&Request::Stop), "{requests:?}");
     }
 

@@ -444,13 +444,41 @@ fn refused(change: impl Fn(usize, f64, f64) -> (f64, f64)) -> Result<(), String>
             load_n = if changed.0 > 0.0 { changed.0 } else { load };
             stops.push(Stop { twist_rad, position_m: -changed.1, half_difference_m: 10e-6 });
         }
-        data.add_sweep(&format!("hung-{load}"), &base, &Sweep { load_n, zero_gap_m: Some(0.0), stops });
+        data.add_sweep(&format!("hung-{load}"), &base, &Sweep { load_n, after_n: None, zero_gap_m: Some(0.0), stops });
     }
     // A table is not what this is about.
     let scene = Scene { accuracy: None, ..scene };
     // Which law is enough is not what this is about either: the rig's own, with one material, makes it quick.
     let candidates = Candidate::all(&scene, Some(Law::LengthRatioK4), data.knows_its_zero());
     identify(&scene, &data, &candidates[..1]).map(|_| ()).map_err(|e| e.to_string())
+}
+
+/// A heavier load has left 10 % of a load of 2.5 N in the rods; one of a load that was not swept before shows nothing.
+#[test]
+fn what_rods_remember_is_measured_by_a_sweep_before_and_one_after_a_heavier_load() {
+    let scene = Scene { accuracy: None, ..Scene::load(root().join("scenes/default.toml")).unwrap() };
+    let base = Parameters::new(&scene.geometry, &scene.string, &scene.material).unwrap();
+    let rig = truth().mechanism().unwrap();
+    let sweep = |load_n: f64, seems_n: f64, after_n: Option<f64>| {
+        let stop = |k: i32| {
+            let twist_rad = twist_from_turns(0.7 * f64::from(k));
+            let position_m = -rig.solve(seems_n, twist_rad).unwrap().gap_m;
+            Stop { twist_rad, position_m, half_difference_m: 10e-6 }
+        };
+        Sweep { load_n, after_n, zero_gap_m: Some(0.0), stops: (0..=10).map(stop).collect() }
+    };
+    let mut data = Data::default();
+    HUNG.into_iter().for_each(|load_n| data.add_sweep(&format!("hung-{load_n}"), &base, &sweep(load_n, load_n, None)));
+    data.after.push(("after".into(), sweep(HUNG[1], 1.1 * HUNG[1], Some(15.0))));
+    let candidates = Candidate::all(&scene, Some(Law::LengthRatioK4), data.knows_its_zero());
+    let found = identify(&scene, &data, &candidates[..1]).unwrap();
+    let memory = &found.memories[0];
+    assert!((memory.share - 0.1).abs() < 0.01, "{memory:?}");
+    let stated = found.scene.uncertainty.rod_memory;
+    assert!((stated - memory.share * (HUNG[1] / 7.0).exp()).abs() < 1e-4, "{stated}");
+    data.after.push(("lonely".into(), sweep(3.3, 3.4, Some(15.0))));
+    let why = identify(&scene, &data, &candidates[..1]).map(|_| ()).unwrap_err().to_string();
+    assert!(why.contains("lonely") && why.contains("without --after"), "{why}");
 }
 
 #[test]

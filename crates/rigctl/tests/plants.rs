@@ -30,11 +30,26 @@ fn the_examples_move_the_lvdt() {
     };
     let spring = gap_m("--plant-program", "python3 docs/plants/linear_spring.py");
     assert!((spring - 0.0983).abs() < 2e-3, "{spring}: 95 mm and 5 N on 1500 N/m");
+    let leaves = gap_m("--plant-program", "python3 docs/plants/leaf_springs.py");
+    assert!((leaves - 0.0945).abs() < 2e-3, "{leaves}: about the default scene's gap");
     let surface = gap_m("--plant-surface", "docs/plants/surface.csv");
     let solved = &lines(&desktop(&["solve", "--load", "5N", "--turns", "0.13662", "--json"]))[0];
     let solved = ["X_m", "w_m"].map(|key| solved[key].as_f64().expect("a length"));
     let expected = solved[0] + 2.0 * solved[1];
     assert!((surface - expected).abs() < 2e-3, "{surface}, and the default scene has {expected} at 4 rad");
+}
+
+#[test]
+fn an_outside_plant_with_strings_is_homed() {
+    let program = "python3 docs/plants/leaf_springs.py";
+    let plant = ["--plant-program", program, "--plant", "load=5N,twist_at_boot=9"];
+    let output = rigctl(&[&["home", "--load", "5N", "--json"][..], &plant].concat());
+    assert!(output.status.success(), "{}", error_of(&output));
+    let homed = lines(&output).pop().expect("a result");
+    let of = |key: &str| homed[key].as_f64().unwrap_or_else(|| panic!("no `{key}` in {homed}"));
+    assert!((of("load_n") - 5.0).abs() < 0.2 && of("zero_error_rad") < 0.05, "{homed}");
+    // The program's own friction, and the part that its play looks like.
+    assert!((0.02..0.3).contains(&of("friction_n")), "{homed}");
 }
 
 #[test]

@@ -28,7 +28,7 @@ pub struct Equilibrium<T = f64> {
     pub tip_angle_rad: T,
     /// Bending strain κ(0) R at the clamp.
     pub bending_strain: T,
-    /// Gap G = X + 2w between the two clamps (m): what the LVDT sees up to an offset.
+    /// Gap G = X + 2w between the two clamps (m), with the measured correction: what the LVDT sees up to an offset.
     pub gap_m: T,
     /// ∂G/∂θ at constant load (m/rad).
     pub dgap_dtwist_m_per_rad: T,

@@ -9,6 +9,7 @@
 //! - [`rod`]: the cantilever that half a rod is (eqs 13–24), by its first integral.
 //! - [`string`]: radius, stretch and helix of the strings (eqs 1–9).
 //! - [`helix`]: the equation that strings and rods share (eq. 25), with derivatives.
+//! - [`correction`]: what the law misses of one rig's gap, as measured.
 //! - [`mechanism`]: the solver (eqs 25–29): [`Mechanism::solve`] is the entry point, [`equilibrium`] its result.
 //! - `balance`, `continuation`: [`Mechanism::balance`] solves with any model of the rod, [`Mechanism::continued`]
 //!   follows the solution from the unloaded state.
@@ -23,6 +24,7 @@
 
 mod balance;
 mod continuation;
+pub mod correction;
 pub mod equilibrium;
 pub mod error;
 pub mod helix;
@@ -36,6 +38,7 @@ pub mod section;
 pub mod string;
 pub mod tiers;
 
+pub use correction::Correction;
 pub use equilibrium::Equilibrium;
 pub use error::{ParameterError, SolveError, Warnings};
 pub use material::Material;

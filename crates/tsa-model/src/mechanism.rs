@@ -88,7 +88,8 @@ gap_and_slope!(f64);
 gap_and_slope!(Single);
 
 impl<T: Scalar> Mechanism<T> {
-    /// The mechanism with these constants, which must have been checked (by [`Parameters::new`]).
+    /// The mechanism with these constants, which must have been checked (by [`Parameters::new`] and
+    /// [`crate::Correction::validate`]).
     pub fn of(parameters: Parameters<T>) -> Self {
         let rod = Rod::new(parameters.free_length_m(), parameters.rod_radius_m, &parameters.stress_coefficients_pa);
         Self { parameters, rod, start_length_m: parameters.start_length_m(), quadrature: Quadrature::Automatic }
@@ -325,7 +326,14 @@ impl<T: Scalar> Mechanism<T> {
         if !touches(state.twist_rad) {
             warnings.add(Warnings::OPEN_STRINGS);
         }
-        let (by_twist, by_load) = helix.gap_derivatives(&self.parameters, state, response);
+        let (mut by_twist, mut by_load) = helix.gap_derivatives(&self.parameters, state, response);
+        let mut gap_m = helix.x_m + response.deflection.value * 2.0;
+        if let Some(correction) = &self.parameters.correction {
+            let shift = correction.at(state.load_n, state.twist_rad);
+            gap_m += T::of(shift.gap_m);
+            by_twist += T::of(shift.by_twist);
+            by_load += T::of(shift.by_load);
+        }
         Ok(Equilibrium {
             load_n: state.load_n,
             twist_rad: state.twist_rad * state.sign,
@@ -338,7 +346,7 @@ impl<T: Scalar> Mechanism<T> {
             tension_n: helix.sec2.sqrt() * (0.5 * state.load_n),
             tip_angle_rad: response.tip_angle_rad,
             bending_strain: response.clamp.bending_squared.sqrt(),
-            gap_m: helix.x_m + response.deflection.value * 2.0,
+            gap_m,
             dgap_dtwist_m_per_rad: by_twist * state.sign,
             dgap_dload_m_per_n: by_load,
             torque_nm: helix.tan * helix.radius.arc_by_twist * (state.sign * state.load_n),

@@ -1,5 +1,6 @@
 //! The mechanism's constants: as a scene gives them, and as the solver takes them.
 
+use crate::correction::Correction;
 use crate::error::{ParameterError, positive};
 use crate::material::Material;
 use crate::scalar::{Scalar, ln};
@@ -78,10 +79,12 @@ pub struct Parameters<T = f64> {
     pub stress_coefficients_pa: [T; 5],
     /// Growth of the radius with twist.
     pub radius_law: RadiusLaw,
+    /// What the law misses of this rig's gap.
+    pub correction: Option<Correction>,
 }
 
 impl Parameters {
-    /// Checks the constants of a scene and collects them.
+    /// Checks the constants of a scene and collects them, without a correction.
     ///
     /// # Errors
     /// [`ParameterError`] naming the scene-file key.
@@ -103,6 +106,7 @@ impl Parameters {
             twist_exponent: string.twist_exponent.unwrap_or(0.0),
             stress_coefficients_pa: material.stress_coefficients_pa,
             radius_law: string.radius_law,
+            correction: None,
         })
     }
 }
@@ -124,6 +128,7 @@ impl<T: Scalar> Parameters<T> {
             twist_exponent: T::of(p.twist_exponent),
             stress_coefficients_pa: p.stress_coefficients_pa.map(T::of),
             radius_law: p.radius_law,
+            correction: p.correction,
         }
     }
 

@@ -104,13 +104,12 @@ impl Rebuilt {
     }
 
     /// Reads a table written by [`Rebuilt::write`]: `None` if it is damaged, of another generator version or envelope
-    /// than `like`, or neither of its shape nor of the spare one.
-    pub fn read(like: &Table<'_>, spare: Option<Shape>, bytes: &[u8]) -> Option<Self> {
+    /// than `like`, or neither of its shape nor of a spare one.
+    pub fn read(like: &Table<'_>, spares: &[Shape], bytes: &[u8]) -> Option<Self> {
         let series = like.series;
         let mut words = bytes.as_chunks::<4>().0.iter().copied();
         let [rows, columns, count, _] = words.next()?;
-        let shape =
-            [Some(series.shape), spare].into_iter().flatten().find(|s| [s.rows, s.columns] == [rows, columns])?;
+        let shape = *[series.shape].iter().chain(spares).find(|s| [s.rows, s.columns] == [rows, columns])?;
         if usize::from(count) != series.patches.len() {
             return None;
         }
@@ -119,7 +118,7 @@ impl Rebuilt {
         let version = u32::from_le_bytes(word()?);
         let crc = u32::from_le_bytes(word()?);
         let mut value = || Some(f32::from_le_bytes(word()?));
-        let uncertainty = Uncertainty::from_numbers([value()?, value()?, value()?])?;
+        let uncertainty = Uncertainty::from_numbers([value()?, value()?, value()?, value()?])?;
         let mut metadata = Metadata { scene_hash, uncertainty, ..like.metadata };
         (metadata.contraction_error_m, metadata.tr_relative_error) = (value()?, value()?);
         let mut growth = Growth { per_load_m_n: value()?, per_log_m: value()?, ..series.growth };
@@ -158,7 +157,7 @@ pub struct Rebuild {
     load_min_n: f64,
     twist_rad: [f64; 2],
     tolerance: [f32; 2],
-    spare: Option<Shape>,
+    spares: &'static [Shape],
     equations: PatchFit<MAX_TERMS>,
     rebuilt: Rebuilt,
     phase: Phase,
@@ -168,8 +167,9 @@ pub struct Rebuild {
 }
 
 impl Rebuild {
-    /// Begins a table like `like` for other constants, with how well they are known. `tolerance` is the scene's accuracy of contraction (m) and TR
-    /// (relative), `spare` a shape with more powers for constants that need more than the first ones did.
+    /// Begins a table like `like` for other constants, with how well they are known. `tolerance` is the scene's accuracy of
+    /// contraction (m) and TR (relative), `spares` are shapes with more powers for constants that need more than the first
+    /// ones did, tried in turn.
     ///
     /// # Errors
     /// [`RebuildError::Form`].
@@ -179,7 +179,7 @@ impl Rebuild {
         scene_hash: u32,
         uncertainty: Uncertainty,
         tolerance: [f32; 2],
-        spare: Option<Shape>,
+        spares: &'static [Shape],
     ) -> Result<Self, RebuildError> {
         let series = like.series;
         let m = like.metadata;
@@ -198,7 +198,7 @@ impl Rebuild {
             load_min_n: f64::from(m.load_min_n),
             twist_rad,
             tolerance,
-            spare,
+            spares,
             equations: PatchFit::new(1, [0.0, 1.0], [0.0, 1.0], [1.0, 1.0]),
             rebuilt,
             phase: Phase::Sample { patch: 0, state: 0 },
@@ -337,10 +337,12 @@ impl Rebuild {
         Ok(Phase::Sample { patch: 0, state: 0 })
     }
 
-    /// Begins again with the spare shape, if there is one and it fits.
+    /// Begins again with the next spare shape, if there is one and it fits.
     fn enrich(&mut self) -> bool {
-        let Some(shape) = self.spare.take() else { return false };
-        if self.rebuilt.coefficients.resize(self.rebuilt.patches.len() * shape.terms(), 0.0).is_err() {
+        let Some((&shape, rest)) = self.spares.split_first() else { return false };
+        self.spares = rest;
+        let coefficients = self.rebuilt.patches.len() * shape.terms();
+        if shape.terms() > MAX_TERMS || self.rebuilt.coefficients.resize(coefficients, 0.0).is_err() {
             return false;
         }
         self.rebuilt.shape = shape;

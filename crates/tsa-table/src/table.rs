@@ -36,19 +36,22 @@ pub struct Uncertainty {
     pub gap_zero_m: f32,
     /// Of how the radius depends on the load: error of a weighed load, and of a change of the load (relative).
     pub load_shape: f32,
+    /// Of a light load on rods that have carried a much heavier one since (relative).
+    pub rod_memory: f32,
 }
 
 impl Uncertainty {
     /// The numbers in the order in which records, messages and the checksum have them.
-    pub fn numbers(&self) -> [f32; 3] {
-        [self.radius, self.gap_zero_m, self.load_shape]
+    pub fn numbers(&self) -> [f32; 4] {
+        [self.radius, self.gap_zero_m, self.load_shape, self.rod_memory]
     }
 
     /// From [`Self::numbers`]; `None` if one of them is not from 1e-6 to 0.5: nothing is known exactly, and the control
     /// code divides by them.
-    pub fn from_numbers([radius, gap_zero_m, load_shape]: [f32; 3]) -> Option<Self> {
-        let good = [radius, gap_zero_m, load_shape].iter().all(|x| (0.99e-6..=0.5).contains(x));
-        good.then_some(Self { radius, gap_zero_m, load_shape })
+    pub fn from_numbers(numbers: [f32; 4]) -> Option<Self> {
+        let [radius, gap_zero_m, load_shape, rod_memory] = numbers;
+        let good = numbers.iter().all(|x| (0.99e-6..=0.5).contains(x));
+        good.then_some(Self { radius, gap_zero_m, load_shape, rod_memory })
     }
 }
 

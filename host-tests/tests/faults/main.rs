@@ -270,7 +270,8 @@ fn constants_are_not_changed_in_motion() {
         string: [1.0; 6],
         twist_exponent: None,
         stress_coefficients_pa: [1e10; 5],
-        uncertainty: [0.01; 3],
+        uncertainty: [0.01; 4],
+        correction: None,
     };
     let mut d = moving();
     assert_eq!(d.tick(Some(Request::Rebuild(constants))).reply, Some(Err(Refusal::Busy { state: State::Moving })));

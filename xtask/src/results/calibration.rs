@@ -1,5 +1,5 @@
-//! The section on a new rig's calibration: the six commands of docs/calibration.md on emulated rigs, and a move before and
-//! after them.
+//! The section on a new rig's calibration: the six commands of docs/calibration.md on emulated rigs, and contractions and a
+//! move before and after them.
 
 use super::Measured;
 use super::sections::{number, rigctl, significant, text};
@@ -7,10 +7,15 @@ use crate::toolchain::{Choice, choose};
 use crate::{Folders, firmware, host};
 use anyhow::{Context, Result};
 use serde_json::Value;
+use std::f64::consts::{PI, TAU};
 use std::path::Path;
 
-/// The rigs: kind and seed.
-const RIGS: [(&str, &str); 2] = [("nominal", "7"), ("hard", "7")];
+/// The rigs: a name, and the tool's words for it.
+const RIGS: [(&str, &[&str]); 3] = [
+    ("nominal", &["--rig", "nominal", "--seed", "7"]),
+    ("hard", &["--rig", "hard", "--seed", "7"]),
+    ("outside", &["--rig", "nominal", "--seed", "7", "--plant-program", "docs/plants/leaf_springs.py"]),
+];
 /// Twists (rad) at which the gap is measured for the sensor's points.
 const TWISTS_RAD: [f64; 11] = [1.0, 13.0, 19.0, 23.0, 27.0, 30.5, 34.0, 37.0, 40.0, 43.0, 46.0];
 /// What callipers resolve (m).
@@ -18,6 +23,8 @@ const CALLIPERS_M: f64 = 0.02e-3;
 /// Loads of the sweeps, and of the moves.
 const SWEPT: [&str; 3] = ["1.2N", "4N", "15N"];
 const MOVED: [&str; 2] = ["2N", "12N"];
+/// Loads between those of the sweeps, and turns, at which contractions by the scene are compared with the rig's own.
+const COMPARED: ([&str; 2], [f64; 2]) = (["2.2N", "7.7N"], [3.75, 6.5]);
 
 /// Calibrates each rig.
 pub(super) fn measure(folders: &Folders) -> Result<Measured> {
@@ -33,8 +40,8 @@ pub(super) fn measure(folders: &Folders) -> Result<Measured> {
         "calibrated",
     ];
     let mut measured = Measured { table: vec![text(&head)], ..Measured::default() };
-    for (kind, seed) in RIGS {
-        let found = Rig::new(folders, kind, seed)?.calibrate(&mut measured)?;
+    for (name, words) in RIGS {
+        let found = Rig::new(folders, name, words)?.calibrate(&mut measured)?;
         measured.notes.push(found);
     }
     Ok(measured)
@@ -43,21 +50,21 @@ pub(super) fn measure(folders: &Folders) -> Result<Measured> {
 /// A rig that is calibrated, with the folder for its files.
 struct Rig<'a> {
     folders: &'a Folders,
-    kind: &'a str,
-    seed: &'a str,
+    name: &'a str,
+    words: &'a [&'a str],
     folder: String,
 }
 
 impl<'a> Rig<'a> {
-    fn new(folders: &'a Folders, kind: &'a str, seed: &'a str) -> Result<Self> {
-        let folder = format!("out/calibration-{kind}");
+    fn new(folders: &'a Folders, name: &'a str, words: &'a [&'a str]) -> Result<Self> {
+        let folder = format!("out/calibration-{name}");
         let path = folders.root.join(&folder);
         // What an earlier run left is another board's memory.
         if path.exists() {
             std::fs::remove_dir_all(&path).with_context(|| format!("{}", path.display()))?;
         }
         std::fs::create_dir_all(&path).with_context(|| format!("{}", path.display()))?;
-        Ok(Self { folders, kind, seed, folder })
+        Ok(Self { folders, name, words, folder })
     }
 
     fn file(&self, name: &str) -> String {
@@ -66,16 +73,36 @@ impl<'a> Rig<'a> {
 
     /// The last object that the tool prints about this rig.
     fn rigctl(&self, words: &[&str]) -> Result<Value> {
-        let mut all = words.to_vec();
-        all.extend(["--rig", self.kind, "--seed", self.seed]);
-        rigctl(self.folders, &all)?.pop().context("rigctl printed nothing")
+        last(rigctl(self.folders, &[words, self.words].concat())?)
+    }
+
+    /// What `calibrate lvdt` shows of the rig switched on under a load with its strings at a twist (rad).
+    fn shown(&self, load: &str, twist_rad: f64) -> Result<Value> {
+        self.rigctl(&["calibrate", "lvdt", "--plant", &format!("load={load},twist_at_boot={twist_rad}")])
+    }
+
+    /// Rms error of a scene's contractions between the loads of the sweeps, as a share of the rig's own.
+    fn contraction_error(&self, scene: &str) -> Result<f64> {
+        let (loads, turns) = COMPARED;
+        let mut squares = 0.0;
+        for load in loads {
+            let gap_m = |twist_rad| number(&self.shown(load, twist_rad)?, "/true_gap_m");
+            let pretwist_m = gap_m(PI)?;
+            for turns in turns {
+                let true_m = pretwist_m - gap_m(PI + TAU * turns)?;
+                let words = ["--scene", scene, "solve", "--load", load, "--turns", &turns.to_string()];
+                let told_m = number(&last(rigctl(self.folders, &words)?)?, "/contraction_m")?;
+                squares += (told_m / true_m - 1.0).powi(2);
+            }
+        }
+        Ok((squares / (loads.len() * turns.len()) as f64).sqrt())
     }
 
     /// The gap by callipers and the sensor's reading at each twist.
     fn points(&self) -> Result<String> {
         let mut points = String::from("gap_m,sensor_m\n");
         for twist_rad in TWISTS_RAD {
-            let found = self.rigctl(&["calibrate", "lvdt", "--plant", &format!("twist_at_boot={twist_rad}")])?;
+            let found = self.shown("0.5kg", twist_rad)?;
             let (gap_m, sensor_m) = (number(&found, "/true_gap_m")?, number(&found, "/sensor_m")?);
             let gap_m = (gap_m / CALLIPERS_M).round() * CALLIPERS_M;
             points += &format!("{gap_m:.5},{sensor_m:.6}\n");
@@ -96,9 +123,9 @@ impl<'a> Rig<'a> {
         for (load, file) in SWEPT.iter().zip(&sweeps) {
             self.rigctl(&[&["sweep", "--load", load, "--out", file][..], &memory].concat())?;
         }
-        let figure = format!("docs/charts/calibration-{}.svg", self.kind);
+        let figure = format!("docs/charts/calibration-{}.svg", self.name);
         let words = ["identify", &sweeps[0], &sweeps[1], &sweeps[2], "--out", &scene, "--figure", &figure];
-        let identified = rigctl(self.folders, &words)?.pop().context("identify printed nothing")?;
+        let identified = last(rigctl(self.folders, &words)?)?;
         let known = [&["--scene", &scene, "--plant-scene", "scenes/default.toml"][..], &memory].concat();
         self.rigctl(&[&known[..], &["table", "--board"]].concat())?;
         for load in MOVED {
@@ -111,7 +138,7 @@ impl<'a> Rig<'a> {
             let um =
                 |found: &Value, at: &str| Ok::<_, anyhow::Error>(format!("{:.0} µm", 1e6 * number(found, at)?.abs()));
             measured.table.push(vec![
-                format!("{}, {load}", self.kind),
+                format!("{}, {load}", self.name),
                 load_of(&before)?,
                 load_of(&after)?,
                 um(&before, "/position_error_m")?,
@@ -121,14 +148,37 @@ impl<'a> Rig<'a> {
             ]);
         }
         let of = |at: &str| number(&identified, at);
+        let errors = ["scenes/default.toml", &scene].map(|scene| self.contraction_error(scene));
+        let [before, after] = errors.map(|error| error.map(|share| significant(100.0 * share)));
+        let um = |at: &str| Ok::<_, anyhow::Error>(significant(1e6 * of(at)?));
+        let corrected = match identified.pointer("/correction") {
+            Some(Value::Object(_)) => format!(
+                "The correction leaves {} µm, and {} µm instead of {} µm of blocks held out of one sweep. ",
+                um("/correction/rms_m")?,
+                um("/correction/held_out_m")?,
+                um("/correction/held_out_without_m")?
+            ),
+            _ => String::new(),
+        };
+        let holds = identified.pointer("/law_holds").and_then(Value::as_bool).context("identify: no `law_holds`")?;
         Ok(format!(
-            "{} rig: {} with {}; rms error {} µm over {} equilibria, and {} µm over what was held out.",
-            self.kind,
+            "{} rig: {} with {}, which {}; rms error {} µm over {} equilibria, and {} µm over what was held out. {}Contractions \
+             under loads between those of the sweeps: {} % off as built, {} % calibrated (rms).",
+            self.name,
             identified.pointer("/chosen/law").and_then(Value::as_str).unwrap_or("?"),
             identified.pointer("/chosen/material").and_then(Value::as_str).unwrap_or("?"),
+            if holds { "holds" } else { "does not hold" },
             significant(1e6 * of("/fitted/rms")?),
             of("/fitted/count")?,
             significant(1e6 * of("/held_out/rms")?),
+            corrected,
+            before?,
+            after?,
         ))
     }
+}
+
+/// The last object that the tool printed.
+fn last(mut printed: Vec<Value>) -> Result<Value> {
+    printed.pop().context("rigctl printed nothing")
 }

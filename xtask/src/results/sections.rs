@@ -124,13 +124,16 @@ pub(super) const SECTIONS: &[Section] = &[
     Section {
         name: "calibration",
         title: "A new rig, calibrated",
-        about: "Two emulated rigs that the scene does not know, before and after the six commands of \
+        about: "Three emulated rigs that the scene does not know, before and after the six commands of \
                 [calibration](calibration.md): eleven points of the LVDT, three sweeps, the constants, the table. Then a \
-                move of 12 mm under two loads that the board weighs itself; errors after ± hold the truth in 90 of 100 cases.",
+                move of 12 mm under two loads that the board weighs itself; errors after ± hold the truth in 90 of 100 cases. \
+                The outside rig's mechanism is the program [leaf_springs.py](plants/leaf_springs.py), which obeys no law of \
+                the tools.",
         command: "cargo xtask results calibration",
         figures: &[
             ("charts/calibration-nominal.svg", "A nominal rig: contraction before and after, with measured points"),
             ("charts/calibration-hard.svg", "A hard rig: contraction before and after, with measured points"),
+            ("charts/calibration-outside.svg", "An outside plant: contraction before and after, with measured points"),
         ],
         measure: super::calibration::measure,
     },

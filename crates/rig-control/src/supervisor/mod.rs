@@ -224,6 +224,7 @@ impl<'t> Rig<'t> {
             state: self.mode.state(self.tracking.is_some()),
             shaft: self.shaft,
             set_point_m: self.mode.load_control().map(|control| control.planner.set_point_m()),
+            limit: self.limit,
             tracking: self.tracking.as_ref(),
         });
         self.raise(found, events)

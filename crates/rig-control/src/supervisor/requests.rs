@@ -10,7 +10,7 @@ use crate::homing::Homing;
 use crate::move_check::{MoveRequest, MoveStart, check_load, in_range};
 use crate::planner::Ramp;
 use crate::sensors::LvdtReading;
-use rig_link::messages::{Accepted, EventKind, Fault, LoadChoice, Parameter, Refusal, Request, Sensor, Setting};
+use rig_link::messages::{Accepted, EventKind, Fault, Limit, LoadChoice, Parameter, Refusal, Request, Sensor, Setting};
 
 impl Rig<'_> {
     /// Carries a request out or refuses it; `None` for requests that the link answers.
@@ -85,8 +85,9 @@ impl Rig<'_> {
         tracking.adaptation.forget_move();
         let control = match &self.mode {
             Mode::Moving(planned) => planned.control,
-            Mode::Holding(control) => *control,
-            // The load may have settled a little beside the reference: the move begins where it is.
+            Mode::Holding(control) if self.limit != Some(Limit::Travel) => *control,
+            // The load may have settled a little beside the reference, or hang where the strings' travel ends, out of
+            // reach of the hold's set-point: the move begins where it is.
             _ => LoadControl::at(tracking.position_m),
         };
         self.mode = Mode::Moving(Move::new(control, request.target_m, request.speed_m_per_s));

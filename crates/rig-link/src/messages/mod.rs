@@ -29,7 +29,7 @@ pub use crate::versions::{VersionMismatch, Versions};
 pub use homing::HomingResult;
 pub use identity::{Identity, TableIdentity};
 pub use refusal::Refusal;
-pub use request::{Constants, LoadChoice, Request, SettingValues};
+pub use request::{Constants, Correction, LoadChoice, Request, SettingValues};
 pub use telemetry::{Counters, EventKind, Sensors, Telemetry};
 
 use postcard_schema::Schema;

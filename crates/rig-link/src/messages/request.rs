@@ -86,8 +86,22 @@ pub struct Constants {
     /// a1 … a5 of eq. 12 (Pa).
     pub stress_coefficients_pa: [f64; 5],
     /// Standard errors: of the string radius (relative), of the gap's zero (m), of how the radius depends on the load
-    /// (relative).
-    pub uncertainty: [f32; 3],
+    /// (relative), of a light load on rods that have carried a much heavier one since (relative).
+    pub uncertainty: [f32; 4],
+    /// What the law misses of this rig's gap.
+    pub correction: Option<Correction>,
+}
+
+/// A measured correction of the gap (docs/model.md section 4).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, Schema)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Correction {
+    /// Least and greatest load of the data (N).
+    pub load_n: [f32; 2],
+    /// Least and greatest turns of the data past the half-turn pre-twist.
+    pub turns: [f32; 2],
+    /// Coefficients (m): a row for each power of the load's logarithm, a column for each power of the twist.
+    pub coefficients_m: [[f32; 3]; 3],
 }
 
 /// Where homing or a move takes the load from.

@@ -25,10 +25,10 @@ pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
             global.port
         )));
     }
-    let emulator = sim::emulator()?;
+    let emulator = sim::emulator(None)?;
     let image = match &global.firmware {
         Some(path) => path.clone(),
-        None => sim::beside("../firmware/tsa-selftest.elf")?,
+        None => sim::beside(None, "../firmware/tsa-selftest.elf")?,
     };
     sim::there(&image, "cargo xtask selftest --emulated")?;
     let mut command = Command::new(&emulator);

@@ -6,7 +6,7 @@ use crate::options::Global;
 use crate::options::commands::Sweep;
 use crate::out_file::OutFile;
 use crate::output::Output;
-use crate::session::{Place, Session, homing, motion};
+use crate::session::{Place, STEP_S, Session, homing, motion};
 use rig_control::supervisor::JOG_SPEED_MAX;
 use rig_link::LoadChoice;
 use serde_json::json;
@@ -16,6 +16,10 @@ use std::io::Write;
 
 /// Rest before each turn (s), for the load to stop swinging.
 const REST_S: f64 = 1.0;
+/// How long an emulated rig carries the heavier load of `--after`, and how long it then rests before homing (s); how fast a
+/// hand takes the load off (N/s), since the board takes a sudden change for a broken string.
+const CARRIED_S: f64 = 3.0;
+const TAKEN_OFF_N_PER_S: f64 = 2.0;
 
 /// Runs the command.
 ///
@@ -28,17 +32,25 @@ pub fn run(global: &Global, options: &Sweep, output: &mut Output) -> Result<(), 
         return Err(Failure::failed(format!("--speed {speed} rad/s: must be above 0 and at most {most} rad/s")));
     }
     let mut target = global.target()?;
+    if let Some(after_n) = options.after.filter(|after_n| *after_n <= load_n) {
+        let why = format!("must be heavier than --load {load_n} N: rods remember only a heavier load");
+        return Err(Failure::failed(format!("--after {after_n} N: {why}")));
+    }
     // On an emulated rig this load is hung, unless --plant names another.
+    let hangs = |load_n| PlantChange { key: PlantKey::Load, value: load_n };
+    let mut takes_off = false;
     if let Place::Emulated(emulated) = &mut target.place
         && !emulated.plant.iter().any(|s| s.key == PlantKey::Load)
     {
-        emulated.plant.push(PlantChange { key: PlantKey::Load, value: load_n });
+        takes_off = options.after.is_some();
+        emulated.plant.push(hangs(options.after.unwrap_or(load_n)));
     }
     let out = OutFile::new(&options.out)?;
     let mut session = target.connect()?;
     let table = session.require_identity()?.table.clone();
     for (name, value, unit, [least, most]) in [
         ("--load", load_n, "N", [table.load_min_n, table.load_max_n]),
+        ("--after", options.after.unwrap_or(load_n), "N", [table.load_min_n, table.load_max_n]),
         ("--turns", turns, "turns", [0.5, table.turns_max]),
     ] {
         if !(f64::from(least)..=f64::from(most)).contains(&value) {
@@ -46,8 +58,23 @@ pub fn run(global: &Global, options: &Sweep, output: &mut Output) -> Result<(), 
             return Err(Failure::failed(format!("{name} {value} {unit}: {limits}")));
         }
     }
+    if let Some(after_n) = options.after.filter(|_| takes_off) {
+        session.until(CARRIED_S, |_| false)?;
+        let mut hanging_n = after_n;
+        while hanging_n > load_n {
+            hanging_n = f64::max(hanging_n - TAKEN_OFF_N_PER_S * STEP_S, load_n);
+            if let Some(emulated) = session.emulated() {
+                emulated.plant(hangs(hanging_n))?;
+            }
+            session.until(STEP_S, |_| false)?;
+        }
+        session.until(CARRIED_S, |_| false)?;
+    }
     let mut head = Header::new(&target, &session, "sweep")?;
     head.add("sweep.load_n", load_n);
+    if let Some(after_n) = options.after {
+        head.add("sweep.after_n", after_n);
+    }
     head.add("sweep.turns", turns);
     head.add("sweep.speed_rad_per_s", speed);
     let rows = record(&mut session, out.begin()?, &head, options)?;

@@ -21,7 +21,7 @@ pub const MATERIALS: [Constant; 2] = [Constant::Modulus, Constant::OddCurve];
 /// Rows of each sweep that candidates are compared on.
 const ROWS: usize = 20;
 /// Blocks of twist, which are held out in turn.
-const BLOCKS: usize = 4;
+pub(super) const BLOCKS: usize = 4;
 /// How many standard errors of the comparison one may be worse and still be enough: the usual rule for the simplest of
 /// several models (Breiman, Friedman, Olshen and Stone, "Classification and Regression Trees", 1984).
 const NOISE: f64 = 1.0;
@@ -221,7 +221,7 @@ fn score(candidate: &Candidate, data: &Data, folds: &[Vec<usize>]) -> Result<Sco
 /// Whether errors (in standard deviations of their rows) are larger than others of the same rows by more than the noise of
 /// that comparison: the ratio of their mean squares, whose logarithm has the variance 2/n + 2/m for two samples of n and m
 /// independent values.
-fn worse(errors: &[f64], best: &[f64], runs: &[Vec<usize>]) -> bool {
+pub(super) fn worse(errors: &[f64], best: &[f64], runs: &[Vec<usize>]) -> bool {
     let squares = |errors: &[f64]| errors.iter().map(|e| e * e).sum::<f64>();
     let independent = |errors: &[f64]| {
         let each: Vec<Vec<f64>> = runs.iter().map(|run| run.iter().map(|k| errors[*k]).collect()).collect();

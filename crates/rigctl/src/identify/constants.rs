@@ -203,6 +203,7 @@ pub fn values(p: &Parameters<Number>) -> Parameters {
         twist_exponent: p.twist_exponent.value,
         stress_coefficients_pa: p.stress_coefficients_pa.map(|a| a.value),
         radius_law: p.radius_law,
+        correction: p.correction,
     }
 }
 
@@ -261,7 +262,7 @@ impl Unknowns {
         p
     }
 
-    /// The scene with the fitted constants.
+    /// The scene with the fitted constants, without a correction: it belonged to the constants before.
     pub fn scene(&self, scene: &Scene, base: &Parameters, x: &[f64]) -> Scene {
         let p = self.parameters(base, x, "");
         let mut fitted = scene.clone();
@@ -273,6 +274,7 @@ impl Unknowns {
         if fitted.string.twist_exponent.is_some() {
             fitted.string.twist_exponent = Some(p.twist_exponent.value);
         }
+        fitted.correction = None;
         fitted.material.stress_coefficients_pa = p.stress_coefficients_pa.map(|a| a.value);
         fitted
     }

@@ -68,6 +68,8 @@ pub struct Data {
     pub bad: Vec<String>,
     /// Recorded files, and which rows are of each.
     pub files: Vec<(String, Range<usize>)>,
+    /// Sweeps on rods that had just carried a heavier load, which are not fitted: file and equilibria.
+    pub after: Vec<(String, Sweep)>,
 }
 
 impl Data {
@@ -104,7 +106,7 @@ impl Data {
     #[must_use]
     pub fn based_on(&self, base: &Parameters) -> Self {
         let rows = self.rows.iter().map(|row| Row { base: *base, ..row.clone() }).collect();
-        Self { rows, zeros: self.zeros, bad: Vec::new(), files: self.files.clone() }
+        Self { rows, zeros: self.zeros, bad: Vec::new(), files: self.files.clone(), after: Vec::new() }
     }
 
     /// The rows of each recorded sweep, which is one load in one file, in order of twist.
@@ -226,7 +228,11 @@ pub fn sweeps(scene: &Scene, files: &[impl AsRef<Path>], partial: bool) -> Resul
                     "sweep.load_n {load_n}: a slack string has no law (the column is in newtons)"
                 )));
             }
-            data.add_sweep(&path.display().to_string(), &base, &sweep);
+            let name = path.display().to_string();
+            match sweep.after_n {
+                Some(_) => data.after.push((name, sweep)),
+                None => data.add_sweep(&name, &base, &sweep),
+            }
             continue;
         }
         let mut reader = csv::ReaderBuilder::new()

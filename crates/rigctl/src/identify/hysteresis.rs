@@ -95,7 +95,7 @@ mod tests {
             let [up, down] = [gap(load_n + friction_n), gap(load_n - friction_n)];
             Stop { twist_rad, position_m: -0.5 * (up + down), half_difference_m: 0.5 * (up - down).abs() }
         };
-        let sweep = Sweep { load_n, zero_gap_m: Some(0.0), stops: (2..16).map(stop).collect() };
+        let sweep = Sweep { load_n, after_n: None, zero_gap_m: Some(0.0), stops: (2..16).map(stop).collect() };
         let mut data = Data::default();
         data.add_sweep("a sweep", &base, &sweep);
         let unknowns = Unknowns { constants: Vec::new(), expected: true };

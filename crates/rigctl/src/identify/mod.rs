@@ -6,17 +6,21 @@
 //! - [`noise`]: how much correlated residuals tell.
 //! - [`mod@compete`]: laws and materials predict held-out sweeps. [`predict`]: contractions with their errors.
 //! - [`plausible`], [`consistent`]: numbers that no rig gives, wrong units, sweeps that do not belong together.
+//! - [`correction`]: what no law has, as a surface that was measured.
+//! - [`memory`]: what the rods remember of a heavier load, by sweeps before and after it.
 //! - [`tabled`]: the table of the scene. [`hysteresis`]: loops between the way up and the way down.
 //! - [`plan`]: which sweep would tell most.
 
 pub mod compete;
 pub mod consistent;
 pub mod constants;
+pub mod correction;
 pub mod data;
 pub mod fit;
 pub mod hysteresis;
 pub mod laws;
 pub mod linear;
+pub mod memory;
 pub mod noise;
 pub mod plan;
 pub mod plausible;
@@ -24,8 +28,11 @@ pub mod predict;
 pub mod tabled;
 
 use compete::{Candidate, Competition, compete};
+use constants::Unknowns;
+use correction::{Corrected, corrected};
 use data::Data;
 use fit::{Fit, IdentifyError};
+use memory::Memory;
 use noise::half_width_factor;
 use predict::{Known, Prediction};
 use rig_scene::{Scene, Uncertainty};
@@ -66,15 +73,26 @@ const LEAST_RADIUS_ERROR: f64 = 0.004;
 const LEAST_ZERO_ERROR_M: f64 = 50e-6;
 const CHANGE_ERROR: f64 = 0.01;
 
-/// How well a scene's constants are known after a fit to sweeps whose zero is known. What the fit leaves is smooth over a
+/// Standard error of the gap's zero (m) by sweeps that law and correction miss by so much (m, rms). That is smooth over a
 /// sweep, not noise that averages out, so that it counts in full, and twice because the use is not the sweep.
-pub fn uncertainty(fit: &Fit) -> Uncertainty {
-    let left_m = 2.0 * fit.fitted.rms;
-    Uncertainty {
-        radius: LEAST_RADIUS_ERROR,
-        gap_zero_m: left_m.hypot(LEAST_ZERO_ERROR_M).min(0.05),
-        load_shape: CHANGE_ERROR,
-    }
+fn zero_error_m(missed_m: f64) -> f64 {
+    (2.0 * missed_m).hypot(LEAST_ZERO_ERROR_M).min(0.05)
+}
+
+/// Standard error (relative) of a load that is weighed by a mechanism which misses so much of held-out rows (m, rms), and whose
+/// contraction goes so far with a relative change of the load (m): the board takes what the law misses for load.
+fn shape_error(missed_m: f64, by_load_m: f64) -> f64 {
+    (missed_m / by_load_m).hypot(CHANGE_ERROR).min(0.5)
+}
+
+/// How far a contraction goes with a relative change of the load, rms over the rows of the sweeps (m).
+fn contraction_by_load_m(unknowns: &Unknowns, data: &Data, x: &[f64]) -> f64 {
+    let slopes = hysteresis::slopes(unknowns, data, x);
+    let of_run = |run: Vec<usize>| {
+        let first = slopes[run[0]];
+        run.into_iter().map(|k| data.rows[k].load_n * (slopes[k] - first)).collect::<Vec<_>>()
+    };
+    Errors::over(data.runs().into_iter().flat_map(of_run).filter(|by_load_m| by_load_m.is_finite())).rms
 }
 
 /// Whether a law describes the sweeps as well as they were measured.
@@ -117,6 +135,10 @@ pub struct Identified {
     pub known: Known,
     /// Whether the chosen law holds.
     pub misfit: Misfit,
+    /// What it misses, as a surface that the scene has, or why the scene has none; none if the law holds.
+    pub corrected: Option<Result<Corrected, String>>,
+    /// What the rods remember of a heavier load, where sweeps show it.
+    pub memories: Vec<Memory>,
     /// Predicted contractions.
     pub predictions: Vec<Prediction>,
     /// The table of the scene; none if the scene does not say what a table has to cover, or has none.
@@ -125,7 +147,8 @@ pub struct Identified {
     pub untabled: Option<String>,
 }
 
-/// Lets the candidates compete on recorded sweeps, and fits the chosen one to all rows.
+/// Lets the candidates compete on recorded sweeps, and fits the chosen one to all rows. Where it does not hold, what it
+/// misses is corrected if that helps.
 ///
 /// # Errors
 /// If the sweeps cannot tell the constants of any candidate, do not belong together, or a scene with them is not valid.
@@ -139,19 +162,61 @@ pub fn identify(scene: &Scene, data: &Data, candidates: &[Candidate]) -> Result<
         return Err(IdentifyError::Apart(why));
     }
     let mut fit = candidate.fit(data)?;
-    let mut identified = candidate.unknowns.scene(&candidate.scene, &candidate.start()?, &fit.x);
+    let start = candidate.start()?;
+    let mut identified = candidate.unknowns.scene(&candidate.scene, &start, &fit.x);
+    let mut known = Known::new(candidates, &competition, &fit)
+        .ok_or_else(|| IdentifyError::NotConverged("the chosen law has no start".into()))?;
+    let memories = memory::memories(data, &known)?;
+    let misfit = Misfit::of(data, &fit);
+    fit.held_out = competition.held_out();
+    let based = data.based_on(&start);
+    let by_load_m = contraction_by_load_m(&candidate.unknowns, &based, &fit.x);
     if candidate.unknowns.expected {
-        identified.uncertainty = uncertainty(&fit);
+        identified.uncertainty = Uncertainty {
+            radius: LEAST_RADIUS_ERROR,
+            gap_zero_m: zero_error_m(fit.fitted.rms),
+            load_shape: if misfit.holds { CHANGE_ERROR } else { shape_error(fit.held_out.rms, by_load_m) },
+            rod_memory: scene.uncertainty.rod_memory,
+        };
+    }
+    if let Some(share) = memory::rod_memory(&memories) {
+        identified.uncertainty.rod_memory = share;
     }
     identified.validate().map_err(|e| IdentifyError::NotConverged(format!("the identified scene: {e}")))?;
-    let (table, untabled) = match tabled::table(&mut identified) {
+    let (mut table, untabled) = match tabled::table(&mut identified) {
         Ok(table) => (table, None),
         Err(why) => (None, Some(why)),
     };
-    fit.held_out = competition.held_out();
-    let known = Known::new(candidates, &competition, &fit)
-        .ok_or_else(|| IdentifyError::NotConverged("the chosen law has no start".into()))?;
+    let corrected = (!misfit.holds).then(|| corrected(&identified, &candidate.unknowns, &based, &fit, by_load_m));
+    if let Some(Ok(found)) = &corrected {
+        (identified, table) = (found.scene.clone(), found.table.clone());
+        known.surface = Some(found.surface.clone());
+    }
     let predictions = known.predictions(scene);
-    let misfit = Misfit::of(data, &fit);
-    Ok(Identified { scene: identified, candidate, competition, fit, known, misfit, predictions, table, untabled })
+    Ok(Identified {
+        scene: identified,
+        candidate,
+        competition,
+        fit,
+        known,
+        misfit,
+        memories,
+        corrected,
+        predictions,
+        table,
+        untabled,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_law_misses_is_taken_for_load() {
+        // 0.2 mm missed where twice the load shortens the strings by 2 mm less.
+        assert!((shape_error(0.2e-3, 2e-3) - 0.1f64.hypot(CHANGE_ERROR)).abs() < 1e-12);
+        assert_eq!(shape_error(0.0, 2e-3), CHANGE_ERROR);
+        assert_eq!(shape_error(1.0, 2e-3), 0.5, "more than a scene may state");
+    }
 }

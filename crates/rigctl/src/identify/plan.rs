@@ -50,6 +50,8 @@ pub struct Plan {
     pub why: String,
     /// What could be recorded, the best first.
     pub sweeps: Vec<Next>,
+    /// A load, and a heavier one to hang before a second sweep of it (N), while nothing shows what the rods remember.
+    pub memory: Option<[f64; 2]>,
 }
 
 /// A state of the envelope: its contraction's derivatives, and the variance that stays beside what the law misses (m2).
@@ -131,7 +133,13 @@ pub fn plan(scene: &Scene, found: &Identified) -> Option<Plan> {
     } else {
         (false, format!("the best further sweep leaves {:.3} mm", 1e3 * best_m))
     };
-    Some(Plan { largest_half_width_m: now_m, at, floor_m, enough, why, sweeps })
+    // The middle load of those that were swept, and the heaviest.
+    let mut swept_n: Vec<f64> =
+        found.competition.data.runs().iter().map(|run| found.competition.data.rows[run[0]].load_n).collect();
+    swept_n.sort_by(f64::total_cmp);
+    let pair = [swept_n.get(swept_n.len() / 2), swept_n.last()].map(|load_n| load_n.copied().unwrap_or(0.0));
+    let memory = (found.memories.is_empty() && pair[0] < pair[1]).then_some(pair);
+    Some(Plan { largest_half_width_m: now_m, at, floor_m, enough, why, sweeps, memory })
 }
 
 #[cfg(test)]

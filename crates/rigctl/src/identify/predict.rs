@@ -3,6 +3,7 @@
 use super::LEAST_RADIUS_ERROR;
 use super::compete::{Candidate, Competition};
 use super::constants::{Number, Unknowns};
+use super::correction::Surface;
 use super::fit::Fit;
 use super::hysteresis::Loop;
 use super::noise::half_width;
@@ -87,10 +88,12 @@ pub struct Known {
     pub freedom: f64,
     /// Loops between the way up and the way down.
     pub loops: Vec<Loop>,
+    /// What the chosen law misses, as measured.
+    pub surface: Option<Surface>,
 }
 
 impl Known {
-    /// From the chosen candidate's fit to all rows, and the competition.
+    /// From the chosen candidate's fit to all rows, and the competition; without a correction.
     pub fn new(candidates: &[Candidate], competition: &Competition, fit: &Fit) -> Option<Self> {
         let fitted = |k: usize, fit: &Fit| {
             let candidate = &candidates[k];
@@ -108,6 +111,7 @@ impl Known {
             missed_m2: fit.fitted.rms.powi(2) * noise.effective / noise.freedom,
             freedom: noise.freedom,
             loops: fit.loops.clone(),
+            surface: None,
         })
     }
 
@@ -135,15 +139,20 @@ impl Known {
         pairs.map(|(i, j)| contraction.by[i] * contraction.by[j] * covariance[(i, j)]).sum()
     }
 
-    /// The contraction at a load and so many turns.
+    /// The contraction at a load and so many turns, with the correction. Where that was measured, the errors that the law's
+    /// residuals give are those of what it leaves; outside they go over into those of the law alone.
     pub fn predict(&self, load_n: f64, turns: f64) -> Prediction {
-        let computed = self.chosen.contraction(load_n, turns);
-        let half_width_m = computed.as_ref().ok().and_then(|contraction| {
+        let computed = self.chosen.contraction(load_n, turns).ok();
+        let (added_m, added_m2, left) = self.surface.as_ref().map_or((0.0, 0.0, 1.0), |surface| {
+            let (added_m, added_m2, size) = surface.contraction(load_n, turns);
+            (added_m, added_m2, 1.0 - size * (1.0 - surface.share))
+        });
+        let half_width_m = computed.as_ref().and_then(|contraction| {
             let [all, estimated] = [&self.covariance, &self.estimated].map(|part| self.constants_m2(contraction, part));
             let known_m2 = all - estimated + self.floor_m2(load_n, turns).ok()?;
-            Some(half_width(estimated + 2.0 * self.missed_m2, known_m2, self.freedom))
+            Some(half_width(left * (estimated + 2.0 * self.missed_m2) + added_m2, known_m2, self.freedom))
         });
-        Prediction { load_n, turns, contraction_m: computed.ok().map(|contraction| contraction.value), half_width_m }
+        Prediction { load_n, turns, contraction_m: computed.map(|law| law.value + added_m), half_width_m }
     }
 
     /// Contractions at the scene's lowest, middle and highest load; none without an envelope.

@@ -44,6 +44,8 @@ struct Sums {
 pub struct Sweep {
     /// The load that hung (N).
     pub load_n: f64,
+    /// Heavier load that the rods had just carried (N), if so.
+    pub after_n: Option<f64>,
     /// Gap that the LVDT showed at position zero (m); none in older logs.
     pub zero_gap_m: Option<f64>,
     /// In order of twist.
@@ -65,8 +67,12 @@ fn zero_gap_m(log: &Log) -> Option<f64> {
 /// # Errors
 /// In words, if the log is not one of a sweep, or has one direction only.
 pub fn reduce(log: &Log) -> Result<Sweep, String> {
-    let load = log.header.get("sweep.load_n").ok_or("is a log, but not of `rigctl sweep`: nobody weighed its load")?;
-    let load_n: f64 = load.parse().map_err(|_| format!("sweep.load_n `{load}` is not a number"))?;
+    let number = |key: &str| {
+        let parse = |text: &str| text.parse::<f64>().map_err(|_| format!("{key} `{text}` is not a number"));
+        log.header.get(key).map(parse).transpose()
+    };
+    let load_n = number("sweep.load_n")?.ok_or("is a log, but not of `rigctl sweep`: nobody weighed its load")?;
+    let after_n = number("sweep.after_n")?;
     let mut bins: BTreeMap<i64, [Sums; 2]> = BTreeMap::new();
     let moving = |r: &LogRow| r.twist_rad.zip(r.position_m).filter(|_| r.state == State::Moving);
     // Where the load stood when the way began, until it has moved away from there.
@@ -103,5 +109,5 @@ pub fn reduce(log: &Log) -> Result<Sweep, String> {
     if stops.is_empty() {
         return Err("has no twist that was passed both up and down".into());
     }
-    Ok(Sweep { load_n, zero_gap_m: zero_gap_m(log), stops })
+    Ok(Sweep { load_n, after_n, zero_gap_m: zero_gap_m(log), stops })
 }

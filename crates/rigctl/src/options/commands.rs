@@ -91,6 +91,10 @@ pub struct Sweep {
     /// Load that hangs on the rail, as weighed (N or kg)
     #[arg(long, value_name = "L", allow_hyphen_values = true, value_parser = load)]
     pub load: f64,
+    /// Heavier load that the rods have just carried (N or kg): such a sweep shows what they remember of it, beside one of the
+    /// same load without it. On an emulated rig it is hung first
+    #[arg(long, value_name = "L", allow_hyphen_values = true, value_parser = load)]
+    pub after: Option<f64>,
     /// Turns past the half-turn pre-twist
     #[arg(long, value_name = "T", default_value = "7.5", allow_hyphen_values = true, value_parser = turns)]
     pub turns: f64,

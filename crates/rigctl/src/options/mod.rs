@@ -109,6 +109,7 @@ impl Global {
         let scene = self.plant_scene.as_ref().unwrap_or(&self.scene);
         scene_file::check(scene)?;
         Ok(SimOptions {
+            programs: None,
             firmware: self.firmware.clone(),
             scene: scene.clone(),
             rig: self.rig.unwrap_or_default(),

@@ -36,6 +36,16 @@ pub fn wanted() -> bool {
     WANTED.load(Ordering::Relaxed)
 }
 
+/// Asks the session to stop the board, for a program that hears of interrupts itself.
+pub fn ask() {
+    WANTED.store(true, Ordering::Relaxed);
+}
+
+/// The board has been stopped, and the program goes on.
+pub fn forget() {
+    WANTED.store(false, Ordering::Relaxed);
+}
+
 /// Kills this child, too, if the process ends before the child's owner can do it.
 pub fn takes_along(child: &Arc<Mutex<Child>>) {
     let mut children = CHILDREN.lock().unwrap_or_else(PoisonError::into_inner);

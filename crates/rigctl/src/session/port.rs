@@ -15,7 +15,7 @@ pub struct Received {
 }
 
 /// A connection to the board.
-pub trait Port {
+pub trait Port: Send {
     /// Sends `bytes` and lets `seconds` pass.
     ///
     /// # Errors

@@ -15,6 +15,8 @@ use std::sync::{Arc, Mutex};
 /// How to start an emulated board.
 #[derive(Clone, Debug)]
 pub struct SimOptions {
+    /// Folder of the emulator; `None` is that of the running program. The firmware is in `../firmware`.
+    pub programs: Option<PathBuf>,
     /// The firmware; `None` is the one that `cargo xtask firmware` made.
     pub firmware: Option<PathBuf>,
     /// Scene that the rig is built by.
@@ -45,6 +47,7 @@ impl SimOptions {
     /// The firmware of `cargo xtask firmware` on a new board with the nominal rig of a scene.
     pub fn new(scene: PathBuf) -> Self {
         Self {
+            programs: None,
             firmware: None,
             scene,
             rig: RigPreset::default(),
@@ -75,8 +78,11 @@ pub struct Sim {
     now_s: f64,
 }
 
-/// A file beside our own executable, or one folder up from it, as for examples.
-pub(crate) fn beside(name: &str) -> Result<PathBuf, Failure> {
+/// A file in the folder of the programs: a given one, or that of our own executable, or one up from it, as for examples.
+pub(crate) fn beside(programs: Option<&Path>, name: &str) -> Result<PathBuf, Failure> {
+    if let Some(folder) = programs {
+        return Ok(folder.join(name));
+    }
     let own = std::env::current_exe().context("where rigctl itself is")?;
     let folders = own.ancestors().skip(1).take(2).map(|folder| folder.join(name));
     Ok(folders.clone().find(|file| file.exists()).or(folders.clone().next()).unwrap_or_else(|| name.into()))
@@ -94,8 +100,8 @@ pub(crate) fn there(path: &Path, made_by: &str) -> Result<(), Failure> {
 ///
 /// # Errors
 /// If it is not built.
-pub(crate) fn emulator() -> Result<PathBuf, Failure> {
-    let emulator = beside(if cfg!(windows) { "rig-emulator.exe" } else { "rig-emulator" })?;
+pub(crate) fn emulator(programs: Option<&Path>) -> Result<PathBuf, Failure> {
+    let emulator = beside(programs, if cfg!(windows) { "rig-emulator.exe" } else { "rig-emulator" })?;
     there(&emulator, "cargo xtask build")?;
     Ok(emulator)
 }
@@ -106,10 +112,11 @@ impl Sim {
     /// # Errors
     /// If emulator or firmware are not built, or the scene is refused.
     pub fn start(options: &SimOptions) -> Result<Self, Failure> {
-        let emulator = emulator()?;
+        let programs = options.programs.as_deref();
+        let emulator = emulator(programs)?;
         let firmware = match &options.firmware {
             Some(path) => path.clone(),
-            None => beside("../firmware/tsa-firmware.elf")?,
+            None => beside(programs, "../firmware/tsa-firmware.elf")?,
         };
         there(&firmware, "cargo xtask firmware")?;
         let mut command = Command::new(&emulator);

@@ -3,7 +3,7 @@
 use super::client::Session;
 use super::interrupt;
 use crate::failure::Failure;
-use rig_link::messages::{Constants, EventKind, Request, TableRefusal};
+use rig_link::messages::{Constants, Correction, EventKind, Request, TableRefusal};
 use rig_scene::Scene;
 
 /// Longest wait for the board's table (s): seconds for most constants, a minute where states must be followed from the
@@ -20,6 +20,11 @@ pub fn constants(scene: &Scene) -> Constants {
         string: s.constants(),
         twist_exponent: s.twist_exponent,
         stress_coefficients_pa: scene.material.stress_coefficients_pa,
+        correction: scene.correction.map(|c| Correction {
+            load_n: c.load_n.map(|load_n| load_n as f32),
+            turns: c.turns.map(|turns| turns as f32),
+            coefficients_m: c.coefficients_m.map(|row| row.map(|coefficient| coefficient as f32)),
+        }),
     }
 }
 
@@ -49,8 +54,8 @@ pub fn check(session: &Session, scene: &Scene, scene_name: &str) -> Result<(), F
     {
         if theirs != ours {
             return Err(Failure::failed(format!(
-                "{scene_name}: {what} is not what the board was built with, and only [geometry], [string] and [material] can be \
-                 sent: build and flash for this scene"
+                "{scene_name}: {what} is not what the board was built with, and only [geometry], [string], [material] and \
+                 [correction] can be sent: build and flash for this scene"
             )));
         }
     }

@@ -2,6 +2,7 @@
 
 use super::super::{lasts, ticks};
 use super::Situation;
+use rig_link::messages::{Limit, State};
 
 /// How far the load may stay behind its set-point (m), and for how long: by itself, and with the time that a changed load
 /// needs to be known and brought back.
@@ -21,12 +22,15 @@ pub(super) struct LoadChecks {
 }
 
 impl LoadChecks {
-    /// The load stays behind its set-point.
+    /// The load stays behind its set-point. A load that is held where the strings' travel ends, because it has become too
+    /// light to come back down, does not: `travel` says so, and nothing turns.
     pub(super) fn lags(&mut self, situation: &Situation<'_>) -> bool {
-        let off = situation
-            .set_point_m
-            .zip(situation.tracking)
-            .is_some_and(|(set_point_m, tracking)| (set_point_m - tracking.position_m).abs() > FOLLOW_M);
+        let at_end = situation.state == State::Holding && situation.limit == Some(Limit::Travel);
+        let off = !at_end
+            && situation
+                .set_point_m
+                .zip(situation.tracking)
+                .is_some_and(|(set_point_m, tracking)| (set_point_m - tracking.position_m).abs() > FOLLOW_M);
         // A load that has changed moves, and one that is jammed does not.
         let observation = situation.tracking.and_then(|tracking| tracking.observation);
         let changed = observation.is_some_and(|o| o.changing && o.moved_m > 0.0);

@@ -26,7 +26,7 @@ use drive::DriveChecks;
 pub(super) use drive::supply_is_off;
 use gap::GapChecks;
 use load::LoadChecks;
-use rig_link::messages::{Fault, Faults, State};
+use rig_link::messages::{Fault, Faults, Limit, State};
 use shaft::ShaftChecks;
 use switches::Switches;
 use timing::TickTiming;
@@ -47,6 +47,8 @@ pub(super) struct Situation<'a> {
     pub(super) shaft: Ramp,
     /// Set-point of the load (m), while it is controlled.
     pub(super) set_point_m: Option<f32>,
+    /// What held the load back in the tick before.
+    pub(super) limit: Option<Limit>,
     /// What is known of the load, while the rig is homed.
     pub(super) tracking: Option<&'a LoadTracking>,
 }

@@ -49,7 +49,8 @@ fn contraction_m(row: &Row, found: &Identified) -> Option<f64> {
         Quantity::Gap => {
             let zero_m = row.zero.map_or(0.0, |zero| found.fit.x[found.candidate.unknowns.count() + zero]);
             let (pretwist, _) = found.known.chosen.gap(row.load_n, PRETWIST_RAD).ok()?;
-            Some(pretwist.value - (row.value - zero_m))
+            let added_m = found.scene.correction.map_or(0.0, |c| c.at(row.load_n, PRETWIST_RAD).gap_m);
+            Some(pretwist.value + added_m - (row.value - zero_m))
         }
         Quantity::Tr | Quantity::Span => None,
     }

@@ -6,9 +6,11 @@ mod print;
 use crate::failure::Failure;
 use crate::identify::compete::{Candidate, Scored};
 use crate::identify::constants::{Constant, Unknowns};
+use crate::identify::correction::Corrected;
 use crate::identify::data;
 use crate::identify::fit::{Fit, fit};
 use crate::identify::laws::{K4, Law};
+use crate::identify::memory::Memory;
 use crate::identify::plan::{Plan, plan};
 use crate::identify::plausible::Hint;
 use crate::identify::predict::Prediction;
@@ -41,7 +43,14 @@ struct Judged<'a> {
     indistinguishable: Vec<Named>,
     law_holds: bool,
     misfit: Misfit,
+    /// What the law misses as a surface, if the scene has one.
+    correction: Option<&'a Corrected>,
+    /// Why it has none, though no law holds.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    uncorrected: Option<&'a str>,
     predictions: &'a [Prediction],
+    /// What the rods remember of a heavier load; empty without sweeps that show it.
+    rod_memory: &'a [Memory],
     /// Size of the scene's table (bytes); none if it has none, or asks for none.
     table_bytes: Option<usize>,
     /// Why there is no table.
@@ -62,7 +71,10 @@ impl<'a> Judged<'a> {
             indistinguishable: others.map(named).collect(),
             law_holds: found.misfit.holds,
             misfit: found.misfit,
+            correction: found.corrected.as_ref().and_then(|found| found.as_ref().ok()),
+            uncorrected: found.corrected.as_ref().and_then(|found| found.as_ref().err()).map(String::as_str),
             predictions: &found.predictions,
+            rod_memory: &found.memories,
             table_bytes: found.table.as_ref().map(|fit| fit.table.numbers.bytes()),
             untabled: found.untabled.as_deref(),
             next,

@@ -156,9 +156,23 @@ pub fn judged(found: &Identified, output: &mut Output) -> Result<(), Failure> {
     output.line(match m.holds {
         true => format!("the law holds: {rms}"),
         false => {
-            format!("no law holds: {rms}; {:.1} um are left (the best law is written all the same)", m.excess_m * 1e6)
+            format!("no law holds: {rms}; {:.1} um are left (the best law is taken all the same)", m.excess_m * 1e6)
         }
     })?;
+    if let Some(corrected) = &found.corrected {
+        output.line(match corrected {
+            Ok(c) => format!(
+                "corrected by {} terms in the load times {} in the twist: {:.1} um rms are left; of what is held out the law \
+                 alone misses {:.1} um, the corrected one {:.1} um",
+                c.order[0],
+                c.order[1],
+                c.rms_m * 1e6,
+                c.held_out_without_m * 1e6,
+                c.held_out_m * 1e6
+            ),
+            Err(why) => format!("no correction: {why}"),
+        })?;
+    }
     for l in &found.fit.loops {
         output.line(format!(
             "up and down lie {:.1} um either side of their mean at {:.2} N, as with {:.3} N of friction ({})",
@@ -166,6 +180,16 @@ pub fn judged(found: &Identified, output: &mut Output) -> Result<(), Failure> {
             l.load_n,
             l.friction_n,
             l.sweep
+        ))?;
+    }
+    for m in &found.memories {
+        output.line(format!(
+            "after {:.2} N, {:.2} N seem {:+.1} +- {:.1} % heavier ({}): the rods remember",
+            m.after_n,
+            m.load_n,
+            m.share * 1e2,
+            m.half_width_90 * 1e2,
+            m.sweep
         ))?;
     }
     for p in &found.predictions {
@@ -196,6 +220,11 @@ pub fn next(plan: &Plan, output: &mut Output) -> Result<(), Failure> {
             next.load_n,
             next.turns,
             next.largest_half_width_m * 1e3
+        ))?;
+    }
+    if let Some([load_n, after_n]) = plan.memory {
+        output.line(format!(
+            "what the rods remember of a heavier load is not measured; sweep --load {load_n:.2}N --after {after_n:.2}N tells it"
         ))?;
     }
     Ok(())

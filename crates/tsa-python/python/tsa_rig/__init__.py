@@ -1,0 +1,16 @@
+"""Model, table, identification and rig client of a twisted-string actuator with a load-adaptive transmission.
+
+>>> import tsa_rig
+>>> scene = tsa_rig.Scene.load("scenes/default.toml")
+>>> solved = scene.mechanism().solve([1.0, 5.0, 15.0], 6.0)
+>>> solved.contraction_m.shape
+(3,)
+
+All quantities are in SI units unless their name says otherwise; turns count past the half-turn pre-twist.
+"""
+
+from ._model import Equilibria, Looked, Mechanism, Scene, Table
+from ._rig import Rig
+from ._tools import budget, identify, published
+
+__all__ = ["Equilibria", "Looked", "Mechanism", "Rig", "Scene", "Table", "budget", "identify", "published"]

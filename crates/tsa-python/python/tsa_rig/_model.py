@@ -1,0 +1,166 @@
+"""Scenes, equilibria and tables."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from os import PathLike
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _core
+
+Array = NDArray[np.float64]
+
+
+def _columns(
+    solve: Callable[[Array, Array], _core.Columns], load_n: ArrayLike, turns: ArrayLike
+) -> tuple[Array, Array, list[Array], NDArray[np.str_]]:
+    """Loads and turns broadcast against each other, the columns of their answers, and the errors, all of one shape."""
+    loads, all_turns = np.broadcast_arrays(np.asarray(load_n, dtype=float), np.asarray(turns, dtype=float))
+    flat = [np.ascontiguousarray(a.ravel()) for a in (loads, all_turns)]
+    rows, refused = solve(*flat)
+    why = dict(refused)
+    error = np.array([why.get(k, "") for k in range(loads.size)], dtype=np.str_) if why else np.full(loads.size, "")
+    shape = loads.shape
+    return loads.copy(), all_turns.copy(), [row.reshape(shape) for row in rows], error.reshape(shape)
+
+
+@dataclass(frozen=True)
+class Equilibria:
+    """Equilibria of the full model. Arrays of one shape; where a state is refused, numbers are NaN and `error` says why."""
+
+    load_n: Array
+    """Load (N)."""
+    turns: Array
+    """Turns past the half-turn pre-twist."""
+    alpha_rad: Array
+    """Helix angle (rad)."""
+    X_m: Array
+    """Distance between the strings' attachments (m)."""
+    D_m: Array
+    """Distance between the rods' tips (m)."""
+    w_m: Array
+    """Deflection of a rod (m)."""
+    r_m: Array
+    """Radius of the twisted pair (m)."""
+    tension_n: Array
+    """Tension of one string (N)."""
+    bending_strain: Array
+    """Bending strain of the rods at the clamp."""
+    contraction_m: Array
+    """Contraction since the half-turn pre-twist at this load (m)."""
+    load_sag_m: Array
+    """How far the load hangs below the free mechanism at the half-turn pre-twist (m)."""
+    tr_rad_per_m: Array
+    """Transmission ratio (rad/m), infinite at zero twist."""
+    gap_m: Array
+    """Gap between the two clamps (m)."""
+    dgap_dtwist_m_per_rad: Array
+    """Derivative of the gap by the twist at constant load (m/rad)."""
+    dgap_dload_m_per_n: Array
+    """Derivative of the gap by the load at constant twist (m/N)."""
+    torque_nm: Array
+    """Ideal motor torque (N m)."""
+    error: NDArray[np.str_]
+    """Why a state was refused; empty where it was not."""
+
+
+@dataclass(frozen=True)
+class Looked:
+    """The board's own answers (its f32 as f64). Arrays of one shape; outside the table NaN, and `error` says why."""
+
+    load_n: Array
+    """Load (N)."""
+    turns: Array
+    """Turns past the half-turn pre-twist."""
+    contraction_m: Array
+    """Contraction since the half-turn pre-twist at this load (m)."""
+    gap_m: Array
+    """Gap between the two clamps (m)."""
+    tr_rad_per_m: Array
+    """Transmission ratio (rad/m)."""
+    dgap_dload_m_per_n: Array
+    """Derivative of the gap by the load at constant twist (m/N)."""
+    error: NDArray[np.str_]
+    """Why a point was refused; empty where it was not."""
+
+
+# The rows that the native part answers with, in its order.
+_SOLVED = [f.name for f in fields(Equilibria)][2:-1]
+_LOOKED_UP = [f.name for f in fields(Looked)][2:-1]
+
+
+class Mechanism:
+    """The mechanism of a scene, solved by the full model in double precision on all cores."""
+
+    def __init__(self, core: _core.Scene) -> None:
+        self._core = core
+
+    def solve(self, load_n: ArrayLike, turns: ArrayLike) -> Equilibria:
+        """Equilibria at loads (N) and turns past the half-turn pre-twist, which broadcast against each other.
+
+        Raises ValueError if they do not broadcast. A state that the model refuses is NaN, with its reason in `error`.
+        """
+        loads, all_turns, columns, error = _columns(self._core.solve, load_n, turns)
+        return Equilibria(**dict(zip(_SOLVED, columns)), load_n=loads, turns=all_turns, error=error)
+
+
+class Table:
+    """The table that the firmware carries, with the board's own lookup in single precision."""
+
+    def __init__(self, core: _core.Table) -> None:
+        self._core = core
+
+    @property
+    def bytes(self) -> int:
+        """Size of the table's numbers on the board (bytes)."""
+        return self._core.bytes
+
+    @property
+    def contraction_error_m(self) -> float:
+        """Largest error of a contraction against the full model (m)."""
+        return self._core.errors[0]
+
+    @property
+    def tr_relative_error(self) -> float:
+        """Largest relative error of the transmission ratio against the full model."""
+        return self._core.errors[1]
+
+    def lookup(self, load_n: ArrayLike, turns: ArrayLike) -> Looked:
+        """What the board answers at loads (N) and turns past the half-turn pre-twist, which broadcast."""
+        loads, all_turns, columns, error = _columns(self._core.lookup, load_n, turns)
+        return Looked(**dict(zip(_LOOKED_UP, columns)), load_n=loads, turns=all_turns, error=error)
+
+
+class Scene:
+    """What one rig and one task need: constants, load range, travel, accuracy."""
+
+    def __init__(self, core: _core.Scene) -> None:
+        self._core = core
+
+    @classmethod
+    def load(cls, path: str | PathLike[str]) -> Scene:
+        """From a scene file (TOML). Raises ValueError, naming the key, if it is not valid."""
+        return cls(_core.Scene.load(path))
+
+    @classmethod
+    def parse(cls, text: str) -> Scene:
+        """The same from the text of such a file."""
+        return cls(_core.Scene.parse(text))
+
+    def mechanism(self) -> Mechanism:
+        """The mechanism with the scene's constants."""
+        return Mechanism(self._core)
+
+    def table(self) -> Table:
+        """The table for the scene's envelope and accuracy. Raises ValueError if none reaches them."""
+        return Table(self._core.table())
+
+    def as_dict(self) -> dict[str, Any]:
+        """All keys of the scene."""
+        keys: dict[str, Any] = json.loads(self._core.json())
+        return keys

@@ -1,0 +1,41 @@
+"""Commands of the tool `rigctl` that need no rig, by its own code."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from os import PathLike, fspath
+from typing import Any
+
+from . import _core
+
+Path = str | PathLike[str]
+
+
+def _objects(arguments: list[str]) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in _core.tool(arguments).splitlines()]
+
+
+def published(scene: Path) -> list[dict[str, Any]]:
+    """The paper's numbers beside those of a scene's model: one dictionary each."""
+    return _objects(["--scene", fspath(scene), "published"])
+
+
+def identify(
+    sweeps: Sequence[Path], scene: Path, out: Path | None = None, law: str | None = None, plan: bool = False
+) -> dict[str, Any]:
+    """Fits a scene's constants to recorded sweeps, as `rigctl identify` does, and says how far they can be trusted.
+
+    `out` is the scene file to write, `law` fixes the radius law, `plan` asks which sweep would tell most. Raises
+    RuntimeError, naming the file, if the sweeps cannot be of one rig.
+    """
+    arguments = ["--scene", fspath(scene), "identify"]
+    arguments += ["--out", fspath(out)] if out is not None else []
+    arguments += ["--law", law] if law is not None else []
+    arguments += ["--next"] if plan else []
+    return _objects([*arguments, "--", *(fspath(sweep) for sweep in sweeps)])[-1]
+
+
+def budget(scene: Path, rig: str = "nominal") -> list[dict[str, Any]]:
+    """What sensor, friction, memory, law, tier, table and loop contribute to the errors on a kind of rig."""
+    return _objects(["--scene", fspath(scene), "--rig", rig, "budget"])

@@ -1,0 +1,151 @@
+//! The native part of the Python package `tsa_rig`: arrays in, arrays out. What a user sees, with its documentation, is in
+//! `python/tsa_rig`.
+
+use numpy::{PyArray2, PyReadonlyArray1};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+mod rig;
+mod tool;
+
+/// Points that one thread takes at once: the first of each may be slow, the next ones are not.
+const CHUNK: usize = 256;
+
+/// Numbers of a point by row, and why points were refused, by their place.
+type Columns<'py> = (Bound<'py, PyArray2<f64>>, Vec<(usize, String)>);
+
+/// A scene, checked.
+#[pyclass(frozen)]
+struct Scene(rig_scene::Scene);
+
+fn wrong(error: impl std::fmt::Display) -> PyErr {
+    PyValueError::new_err(error.to_string())
+}
+
+/// `f` at each load and number of turns on all cores, without Python's lock; a refused point is not a number.
+fn columns<'py, const N: usize>(
+    py: Python<'py>,
+    load_n: &PyReadonlyArray1<'py, f64>,
+    turns: &PyReadonlyArray1<'py, f64>,
+    f: impl Fn(rigctl::batch::Query) -> Result<[f64; N], String> + Sync,
+) -> PyResult<Columns<'py>> {
+    let (load_n, turns) = (load_n.as_slice()?, turns.as_slice()?);
+    if load_n.len() != turns.len() {
+        return Err(wrong(format!("{} loads and {} turns", load_n.len(), turns.len())));
+    }
+    let queries: Vec<_> =
+        load_n.iter().zip(turns).map(|(&load_n, &turns)| rigctl::batch::Query { load_n, turns }).collect();
+    let chunks: Vec<_> = queries.chunks(CHUNK).collect();
+    let solved = py.detach(|| {
+        lab::parallel::parallel(&|_, _| {}, chunks.len(), |k| chunks[k].iter().map(|q| f(*q)).collect::<Vec<_>>())
+    });
+    let (mut rows, mut refused) = (vec![Vec::with_capacity(queries.len()); N], Vec::new());
+    for (k, point) in solved.into_iter().flatten().enumerate() {
+        let values = point.unwrap_or_else(|why| {
+            refused.push((k, why));
+            [f64::NAN; N]
+        });
+        rows.iter_mut().zip(values).for_each(|(row, value)| row.push(value));
+    }
+    Ok((PyArray2::from_vec2(py, &rows)?, refused))
+}
+
+#[pymethods]
+impl Scene {
+    #[staticmethod]
+    fn load(path: std::path::PathBuf) -> PyResult<Self> {
+        rig_scene::Scene::load(path).map(Self).map_err(wrong)
+    }
+
+    #[staticmethod]
+    fn parse(text: &str) -> PyResult<Self> {
+        rig_scene::Scene::from_toml_str(text).map(Self).map_err(wrong)
+    }
+
+    fn json(&self) -> PyResult<String> {
+        serde_json::to_string(&self.0).map_err(wrong)
+    }
+
+    /// Equilibria by the full model, in the order of `Equilibria` of the Python part.
+    fn solve<'py>(
+        &self,
+        py: Python<'py>,
+        load_n: PyReadonlyArray1<'py, f64>,
+        turns: PyReadonlyArray1<'py, f64>,
+    ) -> PyResult<Columns<'py>> {
+        let mechanism = self.0.mechanism().map_err(wrong)?;
+        columns(py, &load_n, &turns, |query| {
+            if !(query.load_n.is_finite() && query.turns.is_finite()) {
+                return Err(format!("load {} N and {} turns must be finite", query.load_n, query.turns));
+            }
+            let twist_rad = tsa_model::twist_from_turns(query.turns);
+            let at = |twist_rad| mechanism.solve(query.load_n, twist_rad).map_err(|e| e.to_string());
+            let (start, e) = (at(tsa_model::PRETWIST_RAD)?, at(twist_rad)?);
+            Ok([
+                e.alpha_rad,
+                e.x_m,
+                e.d_m,
+                e.w_m,
+                e.r_m,
+                e.tension_n,
+                e.bending_strain,
+                start.gap_m - e.gap_m,
+                start.gap_m - mechanism.start_length_m(),
+                e.tr_rad_per_m(),
+                e.gap_m,
+                e.dgap_dtwist_m_per_rad,
+                e.dgap_dload_m_per_n,
+                e.torque_nm,
+            ])
+        })
+    }
+
+    /// The table that the firmware carries for this scene.
+    fn table(&self, py: Python<'_>) -> PyResult<Table> {
+        py.detach(|| self.0.fit_table()).map(Table).map_err(wrong)
+    }
+}
+
+/// A fitted table.
+#[pyclass(frozen)]
+struct Table(tsa_table::fit::Fit);
+
+#[pymethods]
+impl Table {
+    /// The board's own lookup, in the order of `Looked` of the Python part.
+    fn lookup<'py>(
+        &self,
+        py: Python<'py>,
+        load_n: PyReadonlyArray1<'py, f64>,
+        turns: PyReadonlyArray1<'py, f64>,
+    ) -> PyResult<Columns<'py>> {
+        let table = self.0.table.table();
+        columns(py, &load_n, &turns, |query| {
+            let a = rigctl::commands::lookup::look_up(&table, query).map_err(|e| e.error.message)?;
+            Ok([a.contraction_m, a.gap_m, a.tr_rad_per_m, a.dgap_dload_m_per_n].map(f64::from))
+        })
+    }
+
+    #[getter]
+    fn bytes(&self) -> usize {
+        self.0.table.numbers.bytes()
+    }
+
+    /// Largest errors against the full model: of the contraction (m), and of TR (relative).
+    #[getter]
+    fn errors(&self) -> (f64, f64) {
+        let m = self.0.table.table().metadata;
+        (f64::from(m.contraction_error_m), f64::from(m.tr_relative_error))
+    }
+}
+
+/// The native module of `tsa_rig`.
+#[pymodule]
+mod _core {
+    #[pymodule_export]
+    use super::rig::Board;
+    #[pymodule_export]
+    use super::tool::tool;
+    #[pymodule_export]
+    use super::{Scene, Table};
+}
