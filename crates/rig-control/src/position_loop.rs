@@ -8,6 +8,7 @@
 //!
 //! What friction holds back is not left to the error either, see [`crate::friction_takeup`].
 
+use crate::TICK_S;
 use crate::friction_takeup::FrictionTakeup;
 use crate::load_motion::{AHEAD_S, OBSERVER_PER_S, STRINGS_AHEAD_S};
 use crate::load_state::LoadState;
@@ -32,6 +33,14 @@ pub const BANDWIDTH_PER_S: f32 = POLES[0] * FULL_PER_S;
 /// its target.
 const STUCK_PER_S: f32 = 5.0;
 
+/// A load that does not move while the pull of its strings changes by so much is jammed: share of the load, and over the friction.
+/// Turned further, the strings would let it spring when it comes loose, or fall slack. The load estimate goes along with the
+/// pull; so it counts from the estimate when the load last moved, which is forgotten within so many seconds, because that may
+/// have been wrong.
+const JAMMED_SHARE: f32 = 0.3;
+const JAMMED_FRICTIONS: f32 = 2.0;
+const FORGOTTEN_S: f32 = 1.0;
+
 /// Share of the gains that is used for a load that swings at a frequency (rad/s): the delay that is not known takes the more
 /// of the phase, the faster the swing.
 pub fn gain_share(frequency: f32) -> f32 {
@@ -46,6 +55,8 @@ pub struct PositionLoop {
     pub rest: Rest,
     /// What is turned to take up friction.
     pub takeup: FrictionTakeup,
+    /// What the load was taken for when it last moved (N); `None` before the first tick.
+    moved_load_n: Option<f32>,
 }
 
 /// Result of one tick.
@@ -87,7 +98,21 @@ impl PositionLoop {
         };
         let takeup_rad_per_s = self.takeup.step(set_point, setting_out, stuck_m, load);
         let speed_m_per_s = wanted_speed + jerk / frequency_squared + feedback;
-        LoopOutput { twist_speed_rad_per_s: hung.tr_rad_per_m() * speed_m_per_s + takeup_rad_per_s, error_m }
+        let twist_speed_rad_per_s = hung.tr_rad_per_m() * speed_m_per_s + takeup_rad_per_s;
+        let further = self.jammed(load) * twist_speed_rad_per_s > 0.0;
+        LoopOutput { twist_speed_rad_per_s: if further { 0.0 } else { twist_speed_rad_per_s }, error_m }
+    }
+
+    /// By how much the strings pull a jammed load more than its weight (N); 0 for one that is not jammed.
+    fn jammed(&mut self, load: &LoadState<'_>) -> f32 {
+        let observation = &load.observation;
+        let kept = if observation.moved_m > 0.0 { 0.0 } else { 1.0 - TICK_S / FORGOTTEN_S };
+        let load_n = observation.load_n;
+        let moved_load_n = load_n + kept * (self.moved_load_n.unwrap_or(load_n) - load_n);
+        self.moved_load_n = Some(moved_load_n);
+        let beyond_n = observation.pull_n - moved_load_n;
+        let most_n = JAMMED_SHARE * moved_load_n + JAMMED_FRICTIONS * observation.friction_n;
+        if beyond_n.abs() > most_n { beyond_n } else { 0.0 }
     }
 }
 
