@@ -9,11 +9,12 @@
 
 use crate::STANDARD_GRAVITY_M_PER_S2;
 use nalgebra::{DMatrix, DVector};
-use rig_control::position_loop::{BANDWIDTH_PER_S, CORNER_RAD_PER_S};
 use tsa_model::{Mechanism, SolveError};
 
 /// Gain of the drive's position loop and crossover of its velocity loop (1/s), as the emulated drive has them. Assumed.
 pub const DRIVE_PER_S: [f64; 2] = [20.0, 150.0];
+/// Gain (1/s) and smoothing (rad/s) of a loop that stays below the load's resonance and does not damp it.
+const BELOW_RESONANCE: [f64; 2] = [3.0, 9.0];
 /// Lead that the firmware gives the drive (s).
 const LEAD_S: f64 = 0.05;
 /// Age of the averaged LVDT block when it is used (s).
@@ -37,18 +38,18 @@ pub struct Controller {
 }
 
 impl Controller {
-    /// The firmware's.
+    /// With TR at the load, below its resonance. The firmware's own loop damps it besides (docs/control.md).
     pub fn scheduled() -> Self {
         Self {
             tr_rad_per_m: None,
-            gain_per_s: BANDWIDTH_PER_S.into(),
-            corner_rad_per_s: CORNER_RAD_PER_S.into(),
+            gain_per_s: BELOW_RESONANCE[0],
+            corner_rad_per_s: BELOW_RESONANCE[1],
             period_s: rig_control::TICK_S.into(),
             delay_s: 0.0,
         }
     }
 
-    /// The firmware's with one ratio (rad/m) for everything.
+    /// The same with one ratio (rad/m) for everything.
     pub fn fixed(tr_rad_per_m: f64) -> Self {
         Self { tr_rad_per_m: Some(tr_rad_per_m), ..Self::scheduled() }
     }

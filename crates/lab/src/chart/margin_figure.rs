@@ -61,7 +61,7 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
     let (ratio, gain_per_s, corner_rad_per_s) = SEARCHED;
     let searched = Controller { gain_per_s, corner_rad_per_s, ..Controller::fixed(ratio) };
     let loops = [
-        Loop { name: "this firmware: TR at the load", controller: Controller::scheduled() },
+        Loop { name: "TR at the load", controller: Controller::scheduled() },
         Loop { name: "fixed TR, same gain", controller: Controller::fixed(ratio) },
         Loop { name: "fixed TR, tuned for least error", controller: searched },
     ];
