@@ -33,10 +33,11 @@ pub const BANDWIDTH_PER_S: f32 = POLES[0] * FULL_PER_S;
 /// its target.
 const STUCK_PER_S: f32 = 5.0;
 
-/// A load that does not move while the pull of its strings changes by so much is jammed: share of the load, and over the friction.
+/// A load that does not move while the pull of its strings changes by so much is jammed: least (N), since a small friction is not known well, share of the load, and over the friction.
 /// Turned further, the strings would let it spring when it comes loose, or fall slack. The load estimate goes along with the
 /// pull; so it counts from the estimate when the load last moved, which is forgotten within so many seconds, because that may
 /// have been wrong.
+const JAMMED_LEAST_N: f32 = 0.5;
 const JAMMED_SHARE: f32 = 0.3;
 const JAMMED_FRICTIONS: f32 = 2.0;
 const FORGOTTEN_S: f32 = 1.0;
@@ -111,7 +112,7 @@ impl PositionLoop {
         let moved_load_n = load_n + kept * (self.moved_load_n.unwrap_or(load_n) - load_n);
         self.moved_load_n = Some(moved_load_n);
         let beyond_n = observation.pull_n - moved_load_n;
-        let most_n = JAMMED_SHARE * moved_load_n + JAMMED_FRICTIONS * observation.friction_n;
+        let most_n = JAMMED_LEAST_N + JAMMED_SHARE * moved_load_n + JAMMED_FRICTIONS * observation.friction_n;
         if beyond_n.abs() > most_n { beyond_n } else { 0.0 }
     }
 }
