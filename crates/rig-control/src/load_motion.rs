@@ -23,6 +23,8 @@ pub const AHEAD_S: f32 = 0.5 * TICK_S + 3e-3;
 /// How long the strings are ahead of the shaft's set-point of the tick before (s): most of a tick, as the command of this tick is
 /// that of its end, and as far as the lead of the command makes up for more than the drive's lag. Seen on the emulated drive.
 pub const STRINGS_AHEAD_S: f32 = 8.8e-3;
+/// Least weight that a load seems to have, as a share of the table's lightest load: on the way down friction carries a part of it.
+const LIGHTEST_SHARE: f32 = 0.3;
 /// Longest time between two measurements that are taken together (s).
 const LONGEST_STEP_S: f32 = 0.05;
 
@@ -149,7 +151,8 @@ impl MotionObserver {
         } else if step_s > 0.0 {
             self.now = self.now.after(step_s, twist_rad);
             self.now.correct(gap_m - self.now.gap_m, step_s);
-            self.now.weight_n = self.inside(mechanism, self.now.weight_n);
+            let m = &mechanism.table.metadata;
+            self.now.weight_n = self.now.weight_n.clamp(LIGHTEST_SHARE * m.load_min_n, m.load_max_n);
             self.look_up(mechanism);
         }
     }

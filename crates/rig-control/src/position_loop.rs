@@ -75,7 +75,11 @@ impl PositionLoop {
         let motion = &load.motion;
         let frequency_squared = motion.frequency_squared();
         let frequency = libm::sqrtf(frequency_squared);
-        let hung = load.mechanism.at(motion.weight_n, load.twist_rad);
+        let m = &load.mechanism.table.metadata;
+        let inside_n = motion.weight_n.clamp(m.load_min_n, m.load_max_n);
+        // Beyond the table's loads by its tangent.
+        let mut hung = load.mechanism.at(inside_n, load.twist_rad);
+        hung.gap_m += (motion.weight_n - inside_n) * hung.dgap_dload_m_per_n;
         // The set-point when this command acts.
         let SetPoint { speed_m_per_s: speed, acceleration_m_per_s2: acceleration, jerk_m_per_s3: jerk, .. } =
             *set_point;
