@@ -6,6 +6,7 @@ pub mod board;
 pub mod compare;
 pub mod endurance;
 pub mod fuzz;
+pub mod load_changes;
 pub mod rigs;
 pub mod scenario;
 

@@ -4,12 +4,14 @@
 use host_tests::{constants, table};
 use rig_control::friction_takeup::FrictionTakeup;
 use rig_control::limits::Limits;
+use rig_control::load_motion::{AHEAD_S, MotionObserver, STRINGS_AHEAD_S};
 use rig_control::load_state::LoadState;
 use rig_control::mechanism::{Mechanism, OUTSIDE_RAD};
 use rig_control::move_check::{MoveRequest, MoveStart, SPEED_MIN_M_PER_S};
 use rig_control::observer::LoadObserver;
 use rig_control::planner::{Planner, SetPoint};
-use rig_control::position_loop::{BANDWIDTH_PER_S, PositionLoop};
+use rig_control::position_loop::{GAINS, PositionLoop, gain_share};
+use rig_control::rest::{JUMP_SHARE, Rest, Standing};
 use rig_control::time_to_target::time_to_target_s;
 use rig_control::{TICK_S, settings};
 use rig_link::messages::{GapCurve, HomingResult, LoadChoice, Parameter, Refusal, Setting, SettingValues};
@@ -126,7 +128,8 @@ fn load_at(twist_rad: f32, friction_n: f32) -> LoadState<'static> {
         mechanism: mechanism(),
         observation,
         position_m: 0.005,
-        age_s: 0.004,
+        motion: MotionObserver::at_rest(&mechanism(), gap_m, twist_rad, LOAD_N).now(),
+        reference_gap_m: gap_m + 0.005,
         gap_noise_m: 4e-6,
         jump_m: 0.0,
         twist_rad,
@@ -138,20 +141,62 @@ fn load_at(twist_rad: f32, friction_n: f32) -> LoadState<'static> {
 fn the_loop_turns_speed_and_error_into_twist_speed_by_tr() {
     let load = load_at(15.0, 0.0);
     let tr_rad_per_m = load.observation.point.tr_rad_per_m();
-    // Under way, and where the load should have been when its position was measured.
-    let moving = SetPoint { position_m: 0.005 + 0.004 * 0.002, speed_m_per_s: 0.002, done: false };
+    // Where the set-point goes evenly and the load is where it will be, only its speed is missing.
+    let moving = SetPoint { speed_m_per_s: 0.002, done: false, ..SetPoint::at(0.005 - AHEAD_S * 0.002) };
+    let frequency = load.motion.frequency_squared().sqrt();
+    let [by_position, by_speed, by_rest] = GAINS.map(|gain| gain * gain_share(frequency));
     let output = PositionLoop::default().step(&moving, None, &load);
+    let wanted = tr_rad_per_m * 0.002 * (1.0 + by_speed - frequency * by_rest * STRINGS_AHEAD_S);
     assert!(output.error_m.abs() < 1e-8);
-    assert!((output.twist_speed_rad_per_s / (tr_rad_per_m * 0.002) - 1.0).abs() < 1e-4, "{output:?}");
-    // At rest, an error of 10 µm: too little to take up friction for.
-    let at_rest = SetPoint { position_m: 0.00501, speed_m_per_s: 0.0, done: true };
+    assert!((output.twist_speed_rad_per_s / wanted - 1.0).abs() < 1e-2, "{output:?}, wanted {wanted} rad/s");
+    // No feedback while friction is taken up.
+    let waits = SetPoint { done: false, ..SetPoint::at(0.006) };
+    assert_eq!(PositionLoop::default().step(&waits, Some(0.002), &load).twist_speed_rad_per_s, 0.0);
+    // At rest, an error of 10 um: too little to take up friction for.
+    let at_rest = SetPoint::at(0.00501);
+    let output = PositionLoop::default().step(&at_rest, None, &load);
+    let wanted = tr_rad_per_m * frequency * (by_position + by_rest) * 1e-5;
+    assert!((output.twist_speed_rad_per_s / wanted - 1.0).abs() < 5e-2, "{output:?}, wanted {wanted} rad/s");
+    // Within an eighth of an LVDT count it is left alone once it stands.
     let mut position_loop = PositionLoop::default();
-    let last = (0..300).map(|_| position_loop.step(&at_rest, None, &load)).last().unwrap();
-    let wanted = tr_rad_per_m * BANDWIDTH_PER_S * 1e-5;
-    assert!((last.twist_speed_rad_per_s / wanted - 1.0).abs() < 1e-2, "{last:?}, wanted {wanted} rad/s");
-    // Within an eighth of an LVDT count it is left alone.
-    let near = SetPoint { position_m: 0.005_005, ..at_rest };
-    assert_eq!(PositionLoop::default().step(&near, None, &load).twist_speed_rad_per_s, 0.0);
+    let last = (0..30).map(|_| position_loop.step(&SetPoint::at(0.005_005), None, &load)).last().unwrap();
+    assert_eq!(last.twist_speed_rad_per_s, 0.0);
+}
+
+/// What a load does that stays so long (ticks) at an error (m).
+fn stays(rest: &mut Rest, ticks: u8, error_m: f32, load: &LoadState<'_>) -> Standing {
+    (0..ticks).map(|_| rest.step(true, error_m, load)).last().expect("some ticks")
+}
+
+#[test]
+fn a_load_that_stands_beside_its_target_is_told_from_one_that_moves() {
+    let load = load_at(15.0, FRICTION_N);
+    assert_eq!(stays(&mut Rest::default(), 5, 30e-6, &load), Standing::Moves);
+    assert_eq!(stays(&mut Rest::default(), 6, 30e-6, &load), Standing::Beside(30e-6));
+    assert_eq!(stays(&mut Rest::default(), 6, 5e-6, &load), Standing::LeftAlone);
+    let mut rest = Rest::default();
+    stays(&mut rest, 20, 30e-6, &load);
+    assert_eq!(stays(&mut rest, 2, 60e-6, &load), Standing::Moves);
+    let (mut moving, mut under_way) = (load, Rest::default());
+    moving.motion.speed_m_per_s = 2e-3;
+    assert_eq!(stays(&mut under_way, 20, 5e-6, &moving), Standing::Moves);
+    assert_eq!((0..20).map(|_| rest.step(false, 5e-6, &load)).last(), Some(Standing::Moves));
+}
+
+#[test]
+fn half_of_a_jump_is_left_alone_and_no_way_that_the_strings_have_turned_for() {
+    let load = load_at(15.0, FRICTION_N);
+    let mut rest = Rest::default();
+    stays(&mut rest, 10, 60e-6, &load);
+    // Past the target, with the strings where they were.
+    stays(&mut rest, 10, -40e-6, &load);
+    assert!((rest.tolerance_m(&load) / (JUMP_SHARE * 100e-6) - 1.0).abs() < 0.05, "{}", rest.tolerance_m(&load));
+    assert_eq!(stays(&mut rest, 1, -40e-6, &load), Standing::LeftAlone);
+    let mut rest = Rest::default();
+    stays(&mut rest, 10, 60e-6, &load);
+    let turned = LoadState { twist_rad: 15.0 + 100e-6 * load.observation.point.tr_rad_per_m(), ..load };
+    assert!(matches!(stays(&mut rest, 10, -40e-6, &turned), Standing::Beside(_)));
+    assert!(rest.tolerance_m(&load) < 5e-6, "{}", rest.tolerance_m(&load));
 }
 
 #[test]
@@ -159,7 +204,7 @@ fn a_move_up_after_a_way_down_first_turns_across_the_friction_band() {
     let load = load_at(15.0, FRICTION_N);
     let mut takeup = FrictionTakeup::default();
     takeup.set_out(1.0);
-    let waits = SetPoint { position_m: 0.005, speed_m_per_s: 0.0, done: false };
+    let waits = SetPoint { done: false, ..SetPoint::at(0.005) };
     let turned_rad = |takeup: &mut FrictionTakeup| {
         (0..200).map(|_| TICK_S * takeup.step(&waits, takeup.is_waiting().then_some(0.002), 0.0, &load)).sum::<f32>()
     };

@@ -1,5 +1,6 @@
 //! The rig's numbers. They are generated from the scene's `[rig]`; nothing here repeats one.
 
+use crate::TICK_S;
 use core::f32::consts::{SQRT_2, TAU};
 use rig_link::messages::LvdtCurve;
 
@@ -73,6 +74,12 @@ pub struct TwistLimits {
 }
 
 impl TwistLimits {
+    /// The speed (rad/s) one tick later, as near to a wanted one as they allow.
+    pub fn after_a_tick(&self, now: f32, wanted: f32) -> f32 {
+        let change = self.acceleration * TICK_S;
+        wanted.clamp(now - change, now + change).clamp(-self.speed, self.speed)
+    }
+
     /// A share of both.
     #[must_use]
     pub fn share(self, share: f32) -> Self {
@@ -170,6 +177,14 @@ pub(crate) mod tests {
         assert_eq!(RIG.motor_rpm(1.0), 593, "62 * 60 / tau is 592.06");
         assert_eq!(RIG.motor_rpm(-1.0), RIG.motor_rpm(1.0));
         assert_eq!((RIG.motor_rpm(0.0), RIG.motor_rpm(1e6)), (0, 32_767));
+    }
+
+    #[test]
+    fn a_wanted_speed_is_reached_as_fast_as_the_motor_allows_and_no_faster() {
+        let limits = TwistLimits { speed: 10.0, acceleration: 200.0 };
+        assert_eq!([0.0, 9.5, -1.0].map(|now| limits.after_a_tick(now, 50.0)), [2.0, 10.0, 1.0]);
+        assert_eq!(limits.after_a_tick(1.0, 1.5), 1.5);
+        assert_eq!(limits.after_a_tick(-9.0, -99.0), -10.0);
     }
 
     #[test]

@@ -21,11 +21,6 @@ const MOVING_M_PER_S: f32 = 8e-6;
 /// Smoothed error at rest for which friction must be taken up: least (m), and over the noise of the gap in one tick.
 const STUCK_M: f32 = 20e-6;
 const STUCK_NOISES: f32 = 3.0;
-/// A load that breaks loose from stiction jumps. An error that is below this share of the jump is left alone: after another
-/// jump it would be no smaller.
-pub const JUMP_SHARE: f32 = 0.55;
-/// The same while the move can come again instead: only a whole jump then leads to the target.
-const WHOLE_JUMP_SHARE: f32 = 0.85;
 /// Share of the motor's speed and acceleration for that; the rest is the move's.
 const LIMITS_SHARE: f32 = 0.7;
 /// Speed of the load (m/s) that the strings creep by in the end, unless the move is slower.
@@ -82,12 +77,6 @@ pub struct FrictionTakeup {
     waiting: bool,
     /// What is left of the planned part (s).
     left_s: f32,
-    /// Error (m) for which friction was last taken up at rest; 0 since a move.
-    taken_up_m: f32,
-    /// A load that sticks beside its target will be moved back and come again.
-    pub comes_again: bool,
-    /// How far the load has jumped at rest since the last move (m): the error has changed its sign.
-    jump_m: f32,
 }
 
 impl Default for FrictionTakeup {
@@ -100,9 +89,6 @@ impl Default for FrictionTakeup {
             stuck: StuckLoad::NEW,
             waiting: false,
             left_s: 0.0,
-            taken_up_m: 0.0,
-            comes_again: false,
-            jump_m: 0.0,
         }
     }
 }
@@ -111,16 +97,8 @@ impl FrictionTakeup {
     /// A move sets out from rest in a direction (±1), and has to wait; 0 for one that is under way or has nowhere to go.
     pub fn set_out(&mut self, direction: f32) {
         self.turn(direction);
-        self.taken_up_m = 0.0;
-        self.jump_m = 0.0;
         self.waiting = direction != 0.0;
         self.stuck = StuckLoad::NEW;
-    }
-
-    /// Error (m) at rest that stiction does not let the loop reduce.
-    pub fn tolerance_m(&self, load: &LoadState<'_>) -> f32 {
-        let share = if self.comes_again { WHOLE_JUMP_SHARE } else { JUMP_SHARE };
-        share * self.jump_m.max(load.jump_m)
     }
 
     /// Whether a move that has set out still waits.
@@ -131,15 +109,6 @@ impl FrictionTakeup {
     /// How long it still waits (s), as planned in its first tick.
     pub fn left_s(&self) -> f32 {
         self.left_s
-    }
-
-    /// Friction is taken up at rest for an error (m). If it was last taken up for one of the other sign, the load has jumped
-    /// from there to here.
-    fn see_jump(&mut self, error_m: f32) {
-        if self.taken_up_m * error_m < 0.0 {
-            self.jump_m = self.jump_m.max((error_m - self.taken_up_m).abs());
-        }
-        self.taken_up_m = error_m;
     }
 
     fn turn(&mut self, direction: f32) {
@@ -153,7 +122,7 @@ impl FrictionTakeup {
     /// speed (m/s) of a move whose set-point waits.
     pub fn step(&mut self, set_point: &SetPoint, setting_out: Option<f32>, error_m: f32, load: &LoadState<'_>) -> f32 {
         self.waiting &= setting_out.is_some();
-        let stuck_m = STUCK_M.max(STUCK_NOISES * load.gap_noise_m).max(self.tolerance_m(load));
+        let stuck_m = STUCK_M.max(STUCK_NOISES * load.gap_noise_m);
         let (wanted, share) = match (set_point.speed_m_per_s, error_m) {
             (v, _) if v.abs() > MOVING_M_PER_S => (v, SHARE_MOVING),
             // About to begin or to end.
@@ -164,9 +133,6 @@ impl FrictionTakeup {
         let direction = if wanted == 0.0 { 0.0 } else { libm::copysignf(1.0, wanted) };
         let limits = load.twist_limits.share(LIMITS_SHARE);
         if direction != self.direction {
-            if set_point.done && direction != 0.0 {
-                self.see_jump(error_m);
-            }
             self.turn(direction);
         }
         if !core::mem::replace(&mut self.planned, true) {

@@ -8,10 +8,11 @@
 //! - [`mechanism`]: the table, with this rig's own scale of the twist and its own gap curve.
 //! - [`homing`]: zero twist without switches, then load, friction, scale of the twist and gap curve, with their errors.
 //! - [`observer`]: the load and its stated error, from twist and gap; [`adaptation`]: slow drift of the strings.
+//! - [`load_motion`]: how the load swings on its strings, and how it will move when a command acts.
 //! - [`move_check`]: whether a move is possible.
 //! - [`limits`]: what the motor allows of a move; [`planner`]: acceleration- and jerk-limited motion; [`time_to_target`].
-//! - [`position_loop`]: set-point and measured position to twist speed, through TR; [`friction_takeup`]: the rail's friction
-//!   before a move and at rest, and which error stiction leaves. Both work on a [`load_state`].
+//! - [`position_loop`]: set-point and motion of the load to twist speed, damping the swing; [`friction_takeup`]: the rail's friction
+//!   before a move and at rest; [`rest`]: when a load is left alone, and which error stiction leaves. All work on a [`load_state`].
 
 #![no_std]
 #![forbid(unsafe_code)]
@@ -22,12 +23,14 @@ pub mod friction_takeup;
 pub mod homing;
 mod least_squares;
 pub mod limits;
+pub mod load_motion;
 pub mod load_state;
 pub mod mechanism;
 pub mod move_check;
 pub mod observer;
 pub mod planner;
 pub mod position_loop;
+pub mod rest;
 pub mod sensors;
 pub mod settings;
 pub mod supervisor;

@@ -1,6 +1,7 @@
 //! The load in one tick, as the code that controls it sees it.
 
 use crate::constants::TwistLimits;
+use crate::load_motion::LoadMotion;
 use crate::mechanism::Mechanism;
 use crate::observer::Observation;
 
@@ -13,8 +14,10 @@ pub struct LoadState<'t> {
     pub observation: Observation,
     /// Measured position (m).
     pub position_m: f32,
-    /// Age of that position (s).
-    pub age_s: f32,
+    /// How the load will move when a command of this tick acts.
+    pub motion: LoadMotion,
+    /// Gap at position 0 (m).
+    pub reference_gap_m: f32,
     /// Noise of the gap in one tick (m, rms).
     pub gap_noise_m: f32,
     /// How far the load jumps when it breaks loose (m), as homing saw it.

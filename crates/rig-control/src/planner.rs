@@ -134,8 +134,19 @@ pub struct SetPoint {
     pub position_m: f32,
     /// Its speed (m/s).
     pub speed_m_per_s: f32,
+    /// Its acceleration (m/s²) and jerk (m/s³).
+    pub acceleration_m_per_s2: f32,
+    /// Its jerk (m/s³).
+    pub jerk_m_per_s3: f32,
     /// Whether the target is reached.
     pub done: bool,
+}
+
+impl SetPoint {
+    /// At rest at its target (m).
+    pub const fn at(position_m: f32) -> Self {
+        Self { position_m, speed_m_per_s: 0.0, acceleration_m_per_s2: 0.0, jerk_m_per_s3: 0.0, done: true }
+    }
 }
 
 impl Planner {
@@ -176,7 +187,7 @@ impl Planner {
 
     /// The set-point of one tick without motion.
     pub fn wait(&self) -> SetPoint {
-        SetPoint { position_m: self.now.position, speed_m_per_s: 0.0, done: self.is_at_rest() }
+        SetPoint { done: self.is_at_rest(), ..SetPoint::at(self.now.position) }
     }
 
     /// At rest: goes on from another place (m), if that lies on the way.
@@ -198,8 +209,9 @@ impl Planner {
     /// One tick.
     pub fn step(&mut self, limits: &Limits) -> SetPoint {
         if self.is_at_rest() {
-            return SetPoint { position_m: self.now.position, speed_m_per_s: 0.0, done: true };
+            return SetPoint::at(self.now.position);
         }
+        let before = self.now.acceleration;
         // Counted towards the target: both directions are alike, and the greatest acceleration is tried first.
         let way = libm::copysignf(1.0, self.target - self.now.position);
         let now = self.now.mirrored(way);
@@ -219,7 +231,14 @@ impl Planner {
         if near && slow {
             *self = Self::at(self.target);
         }
-        SetPoint { position_m: self.now.position, speed_m_per_s: self.now.speed, done: self.is_at_rest() }
+        let Motion { position, speed, acceleration } = self.now;
+        SetPoint {
+            position_m: position,
+            speed_m_per_s: speed,
+            acceleration_m_per_s2: acceleration,
+            jerk_m_per_s3: (acceleration - before) / TICK_S,
+            done: self.is_at_rest(),
+        }
     }
 }
 

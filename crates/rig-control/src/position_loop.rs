@@ -1,37 +1,63 @@
-//! The position loop: from where the load should be and where it is to how fast the strings turn.
+//! The position loop: from where the load should be and how it moves to how fast the strings turn.
 //!
-//! θ̇ = TR(F, θ) · (v* + K e): the transmission ratio at the estimated load turns a wanted load speed into twist speed,
-//! so feedforward is right and the loop's bandwidth K does not depend on load or twist. The error is smoothed by two
-//! poles below the load's resonance (20 rad/s at 1.5 kg deeply twisted, damping ratio a few percent), so that the loop
-//! gain there stays below one.
+//! In coordinates of the load the strings set where it would come to rest, q, and the load swings about that:
+//! `p'' = ω² (q − p)`, `q' = u`, with ω² = k/m at this load and twist, and u turned into twist speed by TR. Feedback of p, p'
+//! and q places the three poles of this plant ([`GAINS`], docs/control.md 3): the swing is damped, and a motor that is at its
+//! limit for most of the way still brings the load to rest without an overshoot. A wanted motion r of the load needs
+//! `q = r + r''/ω²`: the resonance is fed forward, so that following needs no feedback.
 //!
 //! What friction holds back is not left to the error either, see [`crate::friction_takeup`].
 
 use crate::TICK_S;
 use crate::friction_takeup::FrictionTakeup;
+use crate::load_motion::{AHEAD_S, OBSERVER_PER_S, STRINGS_AHEAD_S};
 use crate::load_state::LoadState;
 use crate::planner::SetPoint;
+use crate::rest::{Rest, Standing};
 
-/// Bandwidth of the loop (1/s).
-pub const BANDWIDTH_PER_S: f32 = 3.0;
-/// Corner of the two smoothing poles (rad/s).
-pub const CORNER_RAD_PER_S: f32 = 9.0;
-/// Least error (m) below which a load at rest is left alone, an eighth of an LVDT count, and more where the gap is noisier.
-pub const AT_REST_M: f32 = 6e-6;
-/// The same, over the noise of the gap.
-pub const AT_REST_NOISES: f32 = 1.7;
-/// How long the error at rest is averaged over (s) before it is held against what stiction does not let the loop reduce
-/// ([`FrictionTakeup::tolerance_m`]): noise must not push a load that sticks.
-const AT_REST_S: f32 = 0.3;
+/// Poles `(s + A)(s² + B s + C)` over ω: next to the best of 336 sets that were simulated with the motor's limits, with a damping
+/// ratio of 0.4 (docs/control.md 3).
+const POLES: [f32; 3] = [0.4, 0.72, 0.8];
+/// Feedback of p, p'/ω and q, over ω, that places them: `s³ + K₂ s² + (1 + K₁) s + (K₀ + K₂)`.
+pub const GAINS: [f32; 3] = {
+    let [a, b, c] = POLES;
+    [a * c - (a + b), a * b + c - 1.0, a + b]
+};
+/// Frequency of the load's swing (rad/s) from which the gains no longer grow with it, and from which they fall: the observer
+/// is then hardly faster than the load.
+const FULL_PER_S: f32 = 0.5 * OBSERVER_PER_S;
+const THIN_PER_S: f32 = 0.8 * OBSERVER_PER_S;
+/// Slowest pole of the loop where the gains are full (1/s).
+pub const BANDWIDTH_PER_S: f32 = POLES[0] * FULL_PER_S;
+/// Speed over error (1/s) at which the strings turn for a load that sticks: slow enough that it is seen to move before it is past
+/// its target.
+const STUCK_PER_S: f32 = 5.0;
+
+/// A load that does not move while the pull of its strings changes by so much is jammed: least (N), since a small friction is not known well, share of the load, and over the friction.
+/// Turned further, the strings would let it spring when it comes loose, or fall slack. The load estimate goes along with the
+/// pull; so it counts from the estimate when the load last moved, which is forgotten within so many seconds, because that may
+/// have been wrong.
+const JAMMED_LEAST_N: f32 = 0.5;
+const JAMMED_SHARE: f32 = 0.3;
+const JAMMED_FRICTIONS: f32 = 2.0;
+const FORGOTTEN_S: f32 = 1.0;
+
+/// Share of the gains that is used for a load that swings at a frequency (rad/s): the delay that is not known takes the more
+/// of the phase, the faster the swing.
+pub fn gain_share(frequency: f32) -> f32 {
+    let thin = (THIN_PER_S / frequency).min(1.0);
+    (FULL_PER_S / frequency).min(1.0) * thin * thin
+}
 
 /// State of the loop.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PositionLoop {
-    smoothed_m: [f32; 2],
-    /// Error averaged at rest (m).
-    resting_m: f32,
+    /// The load at its target.
+    pub rest: Rest,
     /// What is turned to take up friction.
     pub takeup: FrictionTakeup,
+    /// What the load was taken for when it last moved (N); `None` before the first tick.
+    moved_load_n: Option<f32>,
 }
 
 /// Result of one tick.
@@ -39,25 +65,81 @@ pub struct PositionLoop {
 pub struct LoopOutput {
     /// Twist speed (rad/s).
     pub twist_speed_rad_per_s: f32,
-    /// Set-point less measured position (m).
+    /// Set-point less position (m).
     pub error_m: f32,
 }
 
 impl PositionLoop {
     /// One tick. `setting_out` is the speed (m/s) of a move whose set-point waits for friction to be taken up.
     pub fn step(&mut self, set_point: &SetPoint, setting_out: Option<f32>, load: &LoadState<'_>) -> LoopOutput {
-        let error_m = set_point.position_m - load.age_s * set_point.speed_m_per_s - load.position_m;
-        self.resting_m += TICK_S / AT_REST_S * (error_m - self.resting_m);
-        let quiet = error_m.abs() < AT_REST_M.max(AT_REST_NOISES * load.gap_noise_m);
-        let sticks = self.resting_m.abs() < self.takeup.tolerance_m(load);
-        let at_rest = set_point.done && (quiet || sticks);
-        let blend = CORNER_RAD_PER_S * TICK_S / (1.0 + CORNER_RAD_PER_S * TICK_S);
-        self.smoothed_m[0] += blend * (if at_rest { 0.0 } else { error_m } - self.smoothed_m[0]);
-        self.smoothed_m[1] += blend * (self.smoothed_m[0] - self.smoothed_m[1]);
-        let smoothed_m = self.smoothed_m[1];
-        let takeup_rad_per_s = self.takeup.step(set_point, setting_out, smoothed_m, load);
-        let speed_m_per_s = set_point.speed_m_per_s + BANDWIDTH_PER_S * smoothed_m;
-        let twist_speed_rad_per_s = load.observation.point.tr_rad_per_m() * speed_m_per_s + takeup_rad_per_s;
-        LoopOutput { twist_speed_rad_per_s, error_m }
+        let motion = &load.motion;
+        let frequency_squared = motion.frequency_squared();
+        let frequency = libm::sqrtf(frequency_squared);
+        let m = &load.mechanism.table.metadata;
+        let inside_n = motion.weight_n.clamp(m.load_min_n, m.load_max_n);
+        // Beyond the table's loads by its tangent.
+        let mut hung = load.mechanism.at(inside_n, load.twist_rad);
+        hung.gap_m += (motion.weight_n - inside_n) * hung.dgap_dload_m_per_n;
+        // The set-point when this command acts.
+        let SetPoint { speed_m_per_s: speed, acceleration_m_per_s2: acceleration, jerk_m_per_s3: jerk, .. } =
+            *set_point;
+        let wanted_m = set_point.position_m + AHEAD_S * (speed + 0.5 * AHEAD_S * acceleration);
+        let wanted_speed = speed + AHEAD_S * acceleration;
+        let error_m = wanted_m - (load.reference_gap_m - motion.gap_m);
+        let speed_error = wanted_speed + motion.speed_m_per_s;
+        // With the set-point the strings are a little ahead of what they are taken for.
+        let rest_m = load.reference_gap_m - hung.gap_m + STRINGS_AHEAD_S * wanted_speed;
+        let rest_error_m = wanted_m + acceleration / frequency_squared - rest_m;
+        let standing = self.rest.step(set_point.done, set_point.position_m - load.position_m, load);
+        let [by_position, by_speed, by_rest] = GAINS;
+        let feedback = frequency * (by_position * error_m + by_rest * rest_error_m) + by_speed * speed_error;
+        // The observer knows no friction: a load that sticks is not where it would come to rest.
+        let (feedback, stuck_m) = match standing {
+            Standing::LeftAlone => return LoopOutput { twist_speed_rad_per_s: 0.0, error_m },
+            Standing::Beside(stuck_m) => (STUCK_PER_S * stuck_m, stuck_m),
+            // Neither is one that waits for its friction to be taken up.
+            Standing::Moves if setting_out.is_some() => (0.0, 0.0),
+            Standing::Moves => (gain_share(frequency) * feedback, 0.0),
+        };
+        let takeup_rad_per_s = self.takeup.step(set_point, setting_out, stuck_m, load);
+        let speed_m_per_s = wanted_speed + jerk / frequency_squared + feedback;
+        let twist_speed_rad_per_s = hung.tr_rad_per_m() * speed_m_per_s + takeup_rad_per_s;
+        let further = self.jammed(load) * twist_speed_rad_per_s > 0.0;
+        LoopOutput { twist_speed_rad_per_s: if further { 0.0 } else { twist_speed_rad_per_s }, error_m }
+    }
+
+    /// By how much the strings pull a jammed load more than its weight (N); 0 for one that is not jammed.
+    fn jammed(&mut self, load: &LoadState<'_>) -> f32 {
+        let observation = &load.observation;
+        let kept = if observation.moved_m > 0.0 { 0.0 } else { 1.0 - TICK_S / FORGOTTEN_S };
+        let load_n = observation.load_n;
+        let moved_load_n = load_n + kept * (self.moved_load_n.unwrap_or(load_n) - load_n);
+        self.moved_load_n = Some(moved_load_n);
+        let beyond_n = observation.pull_n - moved_load_n;
+        let most_n = JAMMED_LEAST_N + JAMMED_SHARE * moved_load_n + JAMMED_FRICTIONS * observation.friction_n;
+        if beyond_n.abs() > most_n { beyond_n } else { 0.0 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_gains_place_the_poles() {
+        let ([a, b, c], [by_position, by_speed, by_rest]) = (POLES, GAINS);
+        // Of p'' = q − p, q' = −K₀ p − K₁ p' − K₂ q, and of (s + a)(s² + b s + c).
+        let closed = [by_rest, 1.0 + by_speed, by_position + by_rest];
+        for (got, wanted) in closed.into_iter().zip([a + b, a * b + c, a * c]) {
+            assert!((got - wanted).abs() < 1e-6, "{closed:?}");
+        }
+        assert!(b / (2.0 * libm::sqrtf(c)) > 0.4, "damping ratio");
+    }
+
+    #[test]
+    fn gains_fall_where_the_load_swings_faster_than_the_observer_sees() {
+        assert_eq!(gain_share(10.0), 1.0);
+        assert!((gain_share(2.0 * FULL_PER_S) - 0.5 * 0.8 * 0.8).abs() < 1e-6);
+        assert!(gain_share(150.0) < 0.02);
     }
 }

@@ -7,13 +7,15 @@
 //! The rig: `m p'' = −k (p − θ/TR) − (c + β k) p'` for the load's position p, and a drive that follows its target with
 //! the two lags assumed in hardware.md 2.7 (emulated, not measured). Friction is left out: it only damps.
 
+use super::damped;
 use crate::STANDARD_GRAVITY_M_PER_S2;
 use nalgebra::{DMatrix, DVector};
-use rig_control::position_loop::{BANDWIDTH_PER_S, CORNER_RAD_PER_S};
 use tsa_model::{Mechanism, SolveError};
 
 /// Gain of the drive's position loop and crossover of its velocity loop (1/s), as the emulated drive has them. Assumed.
 pub const DRIVE_PER_S: [f64; 2] = [20.0, 150.0];
+/// Gain (1/s) and smoothing (rad/s) of a loop that stays below the load's resonance and does not damp it.
+const BELOW_RESONANCE: [f64; 2] = [3.0, 9.0];
 /// Lead that the firmware gives the drive (s).
 const LEAD_S: f64 = 0.05;
 /// Age of the averaged LVDT block when it is used (s).
@@ -24,9 +26,13 @@ pub const DAMPING: [f64; 2] = [1.0, 2e-3];
 /// The loop as it is run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Controller {
+    /// The firmware's: it damps the load's swing (docs/control.md). Others multiply the smoothed error by a gain.
+    pub damps: bool,
     /// Transmission ratio that it assumes (rad/m); `None`: the true one, as the table gives it.
     pub tr_rad_per_m: Option<f64>,
-    /// Gain (1/s).
+    /// The same of the stiffness (N/m), which a loop that damps needs.
+    pub stiffness_n_per_m: Option<f64>,
+    /// Gain (1/s); of a loop that damps, what multiplies all its gains.
     pub gain_per_s: f64,
     /// Corner of its two smoothing poles (rad/s).
     pub corner_rad_per_s: f64,
@@ -38,17 +44,24 @@ pub struct Controller {
 
 impl Controller {
     /// The firmware's.
+    pub fn damped() -> Self {
+        Self { damps: true, gain_per_s: 1.0, ..Self::scheduled() }
+    }
+
+    /// With TR at the load, below its resonance.
     pub fn scheduled() -> Self {
         Self {
+            damps: false,
             tr_rad_per_m: None,
-            gain_per_s: BANDWIDTH_PER_S.into(),
-            corner_rad_per_s: CORNER_RAD_PER_S.into(),
+            stiffness_n_per_m: None,
+            gain_per_s: BELOW_RESONANCE[0],
+            corner_rad_per_s: BELOW_RESONANCE[1],
             period_s: rig_control::TICK_S.into(),
             delay_s: 0.0,
         }
     }
 
-    /// The firmware's with one ratio (rad/m) for everything.
+    /// The same with one ratio (rad/m) for everything.
     pub fn fixed(tr_rad_per_m: f64) -> Self {
         Self { tr_rad_per_m: Some(tr_rad_per_m), ..Self::scheduled() }
     }
@@ -111,17 +124,31 @@ impl Hung {
         let waiting = (age / period).ceil() as usize - 1;
         let (now, by_target) = self.flow(period);
         let (seen, seen_by_target) = self.flow((period - (age - waiting as f64 * period)).max(0.0));
-        // Rig (4), target of the drive, shaft, two smoothed errors, positions under way.
-        let size = 8 + waiting;
+        let believed = Self {
+            tr_rad_per_m: tr,
+            stiffness_n_per_m: loop_.stiffness_n_per_m.unwrap_or(self.stiffness_n_per_m),
+            ..*self
+        };
+        // Rig (4), target of the drive, what the loop keeps (shaft and two smoothed errors, or more), positions under way.
+        let kept = 5 + if loop_.damps { damped::KEPT } else { 3 };
+        let size = kept + waiting;
         let step = |state: &[f64]| {
             let rig = DVector::from_column_slice(&state[..4]);
             let target = state[4];
             let measured = (seen.row(0) * &rig)[0] + seen_by_target[0] * target;
             let rig = &now * &rig + &by_target * target;
             let mut under_way = vec![measured];
-            under_way.extend(&state[8..]);
+            under_way.extend(&state[kept..]);
             let error = -under_way[waiting];
             under_way.truncate(waiting);
+            if loop_.damps {
+                // The firmware knows the age of the block, but not a further delay.
+                let (age_s, twist_rad) = (AGE_S.min(period), rig[2]);
+                let twist_then_rad = twist_rad - (twist_rad - state[2]) * age_s / period;
+                let seen = damped::Seen { position_m: -error, twist_then_rad, twist_rad, age_s, period_s: period };
+                let (target, kept) = damped::step(&state[5..kept], &seen, &believed, loop_.gain_per_s, LEAD_S);
+                return rig.iter().copied().chain([target]).chain(kept).chain(under_way).collect::<Vec<f64>>();
+            }
             let first = state[6] + blend * (error - state[6]);
             let second = state[7] + blend * (first - state[7]);
             let speed = tr * loop_.gain_per_s * second;
@@ -179,6 +206,26 @@ fn last_good(is_bad: impl Fn(f64) -> bool, least: f64, most: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// 0.6 kg that swing at 25 rad/s.
+    const SWINGS: Hung = Hung { tr_rad_per_m: 3000.0, stiffness_n_per_m: 375.0, mass_kg: 0.6 };
+
+    #[test]
+    fn the_firmwares_loop_is_as_fast_as_its_slowest_pole_and_calms_the_swing() {
+        let c = Controller::damped();
+        // Poles 0.4 and 0.36 ± 0.82 i times 25 rad/s: the slowest decays with 9 to 10 per second, were the drive without lag.
+        let per_s = -SWINGS.growth(&c).ln() / c.period_s;
+        assert!((7.0..10.5).contains(&per_s), "{per_s} per second");
+        let swing_alone = SWINGS.growth(&Controller { gain_per_s: 0.0, ..c });
+        assert!((swing_alone - 1.0).abs() < 1e-9, "without feedback the place of the shaft stays");
+        assert!(SWINGS.gain_margin(&c) > 2.0, "{}", SWINGS.gain_margin(&c));
+        assert!(SWINGS.delay_margin(&c, 0.5) > 0.02, "{}", SWINGS.delay_margin(&c, 0.5));
+        // A load that the table takes for half or twice as stiff is still held.
+        for factor in [0.6, 1.6] {
+            let off = Controller { stiffness_n_per_m: Some(factor * SWINGS.stiffness_n_per_m), ..c };
+            assert!(SWINGS.growth(&off) < 1.0, "{factor}");
+        }
+    }
 
     /// So stiff that the load is where the strings are.
     const STIFF: Hung = Hung { tr_rad_per_m: 2000.0, stiffness_n_per_m: 1e6, mass_kg: 0.5 };

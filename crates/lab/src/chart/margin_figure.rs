@@ -61,8 +61,8 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
     let (ratio, gain_per_s, corner_rad_per_s) = SEARCHED;
     let searched = Controller { gain_per_s, corner_rad_per_s, ..Controller::fixed(ratio) };
     let loops = [
-        Loop { name: "this firmware: TR at the load", controller: Controller::scheduled() },
-        Loop { name: "fixed TR, same gain", controller: Controller::fixed(ratio) },
+        Loop { name: "this firmware: it damps the swing", controller: Controller::damped() },
+        Loop { name: "fixed TR, below the resonance", controller: Controller::fixed(ratio) },
         Loop { name: "fixed TR, tuned for least error", controller: searched },
     ];
     let margin = |state: &Option<State>, c: &Controller| state.as_ref().map(|(.., h)| h.gain_margin(c));
@@ -71,13 +71,17 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
 
     // Where the firmware's loop, which stands on the table's ratio, meets plants that are not the table's.
     let others = perturbed(scene)?;
-    let mut worst: Option<(f64, State, f64)> = None;
+    let mut worst: Option<(f64, State, Controller)> = None;
     for other in &others {
         let states = hung(other);
         let found = parallel(progress, states.len(), |k| {
             let ((load, turns, hung), (.., table)) = (states[k]?, nominal[k]?);
-            let c = Controller { tr_rad_per_m: Some(table.tr_rad_per_m), ..Controller::scheduled() };
-            Some((hung.gain_margin(&c), (load, turns, hung), table.tr_rad_per_m))
+            let c = Controller {
+                tr_rad_per_m: Some(table.tr_rad_per_m),
+                stiffness_n_per_m: Some(table.stiffness_n_per_m),
+                ..Controller::damped()
+            };
+            Some((hung.gain_margin(&c), (load, turns, hung), c))
         });
         let found = found.into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0));
         worst = [worst, found].into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0));
@@ -89,8 +93,7 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
     };
     let mut curves: Vec<(String, Hung, Controller)> =
         loops.iter().enumerate().filter_map(|(k, l)| Some((l.name.to_owned(), weakest(k)?.2, l.controller))).collect();
-    if let Some((_, (.., hung), tr)) = worst {
-        let off = Controller { tr_rad_per_m: Some(tr), ..Controller::scheduled() };
+    if let Some((_, (.., hung), off)) = worst {
         curves.insert(1, (format!("this firmware, constants {:.0} % off", OFF * 100.0), hung, off));
     }
 
@@ -122,7 +125,7 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
         notes: vec![
             "Linear analysis of the loop as it is run every 10 ms (drive's lags and rig's damping as in the emulator, assumed), \
              without friction, which only damps. The curves show each loop at its weakest state; below the dashed line it is \
-             unstable as it stands. A longer control period first helps, because the smoothing becomes slower with it."
+             unstable as it stands. With a fixed TR a longer control period first helps, because the smoothing becomes slower with it."
                 .into(),
         ],
     };
@@ -186,7 +189,7 @@ fn line_panel(title: &str, x: Axis, lines: &[Vec<(f64, f64)>]) -> Panel {
     Panel { title: title.into(), x, y: Axis::log("gain margin", range), items }
 }
 
-/// What gain a loop really has where: K times the ratio it stands on over the true one.
+/// How fast a loop is where: its slowest pole if it damps, else its gain times the ratio it stands on over the true one.
 fn bandwidth_panel(states: &[Option<State>], loops: &[Loop]) -> Panel {
     let turns = states.iter().flatten().map(|s| s.1);
     let [least, most] = crate::plot::extent(turns);
@@ -195,8 +198,11 @@ fn bandwidth_panel(states: &[Option<State>], loops: &[Loop]) -> Panel {
     for (l, k) in loops.iter().zip([0, 2, 3]) {
         for (at, pen) in [(least, pen(k)), (most, pen(k).wide(4))] {
             let of_twist = states.iter().flatten().filter(|s| s.1 == at);
-            let real =
-                |h: &Hung| l.controller.gain_per_s * l.controller.tr_rad_per_m.map_or(1.0, |tr| tr / h.tr_rad_per_m);
+            let c = &l.controller;
+            let real = |h: &Hung| match c.damps {
+                true => -h.growth(c).ln() / c.period_s,
+                false => c.gain_per_s * c.tr_rad_per_m.map_or(1.0, |tr| tr / h.tr_rad_per_m),
+            };
             items.push(Item::Line { points: of_twist.map(|(load, _, h)| (*load, real(h))).collect(), pen });
         }
     }
@@ -211,7 +217,7 @@ fn bandwidth_panel(states: &[Option<State>], loops: &[Loop]) -> Panel {
 fn findings(
     loops: &[Loop],
     maps: &[Vec<Option<f64>>],
-    worst: Option<(f64, State, f64)>,
+    worst: Option<(f64, State, Controller)>,
     curves: &[(String, Hung, Controller)],
 ) -> Vec<String> {
     let mut findings: Vec<String> = loops

@@ -12,6 +12,7 @@
 //! - [`tiers`]: the cheapest model over load and twist, and which model and table each of five scenes needs.
 
 mod closed_loop;
+mod damped;
 mod effects;
 pub mod grid;
 pub mod limits;

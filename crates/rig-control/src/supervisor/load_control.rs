@@ -53,14 +53,13 @@ impl LoadControl {
     /// The same, with its set-point at a position (m) that a move has ended at.
     fn holding(self, position_m: f32) -> Self {
         let mut control = Self { planner: Planner::at(position_m), ..self };
-        control.position_loop.takeup.comes_again = false;
+        control.position_loop.rest.comes_again = false;
         control
     }
 
     /// One tick at the target.
     pub(super) fn hold(&mut self, load: &LoadState<'_>) -> LoopOutput {
-        let set_point = SetPoint { position_m: self.planner.set_point_m(), speed_m_per_s: 0.0, done: true };
-        self.position_loop.step(&set_point, None, load)
+        self.position_loop.step(&SetPoint::at(self.planner.set_point_m()), None, load)
     }
 }
 
@@ -127,10 +126,11 @@ impl Move {
             return;
         }
         let error_m = self.target_m - load.position_m;
-        let sticks = error_m.abs() > Self::arrived_m(load)
-            && error_m.abs() < self.control.position_loop.takeup.tolerance_m(load)
+        let sticks = load.jump_m > 0.0
+            && error_m.abs() > Self::arrived_m(load)
+            && error_m.abs() < self.control.position_loop.rest.tolerance_m(load)
             && load.observation.moved_m == 0.0;
-        self.control.position_loop.takeup.comes_again = self.approaches_left > 0;
+        self.control.position_loop.rest.comes_again = load.jump_m > 0.0 && self.approaches_left > 0;
         if self.approaches_left > 0 && lasts(&mut self.stuck_ticks, sticks, STUCK_TICKS) {
             let back_m = (BACK_JUMPS * load.jump_m).min(self.way_m.abs());
             self.approaches_left -= 1;
@@ -148,7 +148,7 @@ impl Move {
             self.run_s = None;
             self.next_aim_m = None;
             self.approaches_left = 0;
-            self.control.position_loop.takeup.comes_again = false;
+            self.control.position_loop.rest.comes_again = false;
             self.control.planner.brake(&Limits::new(SPEED_MAX_M_PER_S, LOAD_ACCELERATION));
         }
     }

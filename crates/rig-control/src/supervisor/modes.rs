@@ -5,6 +5,7 @@ use super::sensing::DriveZero;
 use super::{Events, Inputs, Rig, STANDING_RPM, ticks};
 use crate::TICK_S;
 use crate::homing::{Homing, HomingInputs, Progress};
+use crate::load_motion::AHEAD_S;
 use crate::load_state::LoadState;
 use crate::planner::Ramp;
 use crate::sensors::{DriveReading, LvdtReading};
@@ -199,12 +200,17 @@ impl Rig<'_> {
             self.shaft.speed = 0.0;
             return None;
         };
-        let twist_rad = tracking.twist_rad(self.shaft.position);
+        let twist_rad = tracking.twist_rad(self.shaft.position + AHEAD_S * self.shaft.speed);
+        let Some(motion) = tracking.motion_ahead(readings, twist_rad) else {
+            self.shaft.speed = 0.0;
+            return None;
+        };
         let load = LoadState {
             mechanism: tracking.mechanism(self.table),
             observation,
             position_m: tracking.position_m,
-            age_s: readings.gap_age_s,
+            motion,
+            reference_gap_m: tracking.homed.found.reference_gap_m,
             gap_noise_m: tracking.homed.found.gap_noise_m,
             jump_m: tracking.homed.found.jump_m,
             twist_rad,
@@ -218,8 +224,7 @@ impl Rig<'_> {
             Mode::Holding(control) => (control.hold(&load), None),
             _ => return None,
         };
-        let fastest = load.twist_limits.speed;
-        self.shaft.speed = output.twist_speed_rad_per_s.clamp(-fastest, fastest);
+        self.shaft.speed = load.twist_limits.after_a_tick(self.shaft.speed, output.twist_speed_rad_per_s);
         let next = self.shaft.position + self.shaft.speed * TICK_S;
         let table = &self.table.metadata;
         let (low, high) = (table.twist_min_rad - BELOW_PRETWIST, table.twist_max_rad);

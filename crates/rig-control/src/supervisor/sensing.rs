@@ -10,6 +10,8 @@ pub(super) struct Readings {
     pub(super) lvdt: LvdtReading,
     /// Age of the gap (s); 0 without one.
     pub(super) gap_age_s: f32,
+    /// Time between this gap and the one before (s); 0 if it is the same, or without one.
+    pub(super) gap_step_s: f32,
     /// Shaft angle by the own encoder (rad).
     pub(super) shaft_rad: f32,
     /// Shaft angle when the gap was measured (rad).
@@ -54,25 +56,36 @@ pub(super) struct Sensing {
     lvdt: Lvdt,
     /// Shaft angle in the tick before (rad).
     last_shaft_rad: Option<f32>,
+    /// When the last gap was complete (µs since boot).
+    last_gap_us: u64,
 }
 
 impl Sensing {
     pub(super) const fn new() -> Self {
-        let readings = Readings { lvdt: LvdtReading::NotYet, gap_age_s: 0.0, shaft_rad: 0.0, shaft_at_gap_rad: 0.0 };
-        Self { readings, drive_zero: DriveZero::Unknown, lvdt: Lvdt::new(), last_shaft_rad: None }
+        let readings = Readings {
+            lvdt: LvdtReading::NotYet,
+            gap_age_s: 0.0,
+            gap_step_s: 0.0,
+            shaft_rad: 0.0,
+            shaft_at_gap_rad: 0.0,
+        };
+        Self { readings, drive_zero: DriveZero::Unknown, lvdt: Lvdt::new(), last_shaft_rad: None, last_gap_us: 0 }
     }
 
     /// Reads one tick's inputs.
     pub(super) fn read(&mut self, inputs: &Inputs, constants: &RigConstants) {
         let shaft_rad = angle_rad(inputs.encoder_counts, constants.counts_per_rad);
         let lvdt = self.lvdt.read(inputs.now_us, inputs.lvdt, constants);
-        let gap_age_s = match lvdt {
-            LvdtReading::Valid { t_us, .. } => seconds(inputs.now_us.saturating_sub(t_us)) + GAP_DELAY_S,
-            LvdtReading::NotYet | LvdtReading::Invalid(_) => 0.0,
+        let (gap_age_s, gap_step_s) = match lvdt {
+            LvdtReading::Valid { t_us, .. } => {
+                let step_us = t_us.saturating_sub(core::mem::replace(&mut self.last_gap_us, t_us));
+                (seconds(inputs.now_us.saturating_sub(t_us)) + GAP_DELAY_S, seconds(step_us))
+            }
+            LvdtReading::NotYet | LvdtReading::Invalid(_) => (0.0, 0.0),
         };
         let turned_rad = shaft_rad - self.last_shaft_rad.replace(shaft_rad).unwrap_or(shaft_rad);
         let shaft_at_gap_rad = shaft_rad - turned_rad * gap_age_s / TICK_S;
-        self.readings = Readings { lvdt, gap_age_s, shaft_rad, shaft_at_gap_rad };
+        self.readings = Readings { lvdt, gap_age_s, gap_step_s, shaft_rad, shaft_at_gap_rad };
     }
 
     /// Reads the same tick again after the constants have changed. Angles of the old constants are not compared with new ones.

@@ -5,6 +5,7 @@ use crate::RigConstants;
 use crate::adaptation::Adaptation;
 use crate::constants::ChangeError;
 use crate::homing::{Homed, NINETY_PERCENT};
+use crate::load_motion::{AHEAD_S, LoadMotion, Measured, MotionObserver};
 use crate::mechanism::Mechanism;
 use crate::observer::{LoadObserver, Observation};
 use rig_link::messages::{Limit, LoadChoice, Setting, SettingValues};
@@ -26,6 +27,8 @@ pub(super) struct LoadTracking {
     pub(super) position_m: f32,
     /// Observation of this tick; `None` outside the table's twists.
     pub(super) observation: Option<Observation>,
+    /// How the load moves; `None` outside the table's twists.
+    motion: Option<MotionObserver>,
 }
 
 impl LoadTracking {
@@ -41,6 +44,7 @@ impl LoadTracking {
             // Subtract from zero: negating 0.0 would print as -0.
             position_m: 0.0 - settings.get(Setting::PositionZero),
             observation: None,
+            motion: None,
         }
     }
 
@@ -79,8 +83,21 @@ impl LoadTracking {
             Some(self.observer.step(&mechanism, twist_rad, gap_m))
         } else {
             self.observer.lose();
+            self.motion = None;
             None
         };
+        if let (Some(observation), Some(gap_m)) = (&self.observation, gap_m) {
+            let pull_n = observation.pull_n;
+            self.motion
+                .get_or_insert_with(|| MotionObserver::at_rest(&mechanism, gap_m, twist_rad, pull_n))
+                .step(&mechanism, &Measured { gap_m, twist_rad, step_s: readings.gap_step_s });
+        }
+    }
+
+    /// How the load will move when the strings have come to a twist (rad) that is commanded now.
+    pub(super) fn motion_ahead(&self, readings: &Readings, commanded_rad: f32) -> Option<LoadMotion> {
+        let now = self.motion?.now().after(readings.gap_age_s, self.twist_rad(readings.shaft_rad));
+        Some(now.after(AHEAD_S, commanded_rad))
     }
 
     /// What the observation says against relying on the load.

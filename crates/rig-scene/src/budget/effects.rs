@@ -9,10 +9,10 @@ use super::homing::Priors;
 use super::{Part, Rig, SESSION_S, SPEED_M_PER_S};
 use crate::Scene;
 use rig_control::TICK_S;
-use rig_control::friction_takeup::JUMP_SHARE;
 use rig_control::homing::{SWEEP_HALF, SWEEP_SPEED, WEIGH_SPEED, WEIGH_TURNS, weigh};
 use rig_control::limits::{LOAD_ACCELERATION, RISE_S};
-use rig_control::position_loop::{AT_REST_M, AT_REST_NOISES, BANDWIDTH_PER_S};
+use rig_control::position_loop::BANDWIDTH_PER_S;
+use rig_control::rest::{AT_REST_M, AT_REST_NOISES, JUMP_SHARE};
 use rig_link::messages::LVDT_POINTS_MAX;
 use sim_link::PlantKey;
 use sim_link::effects::{

@@ -1,0 +1,232 @@
+//! How the load moves on its elastic strings: gap, speed and weight, each tick, and where it will be when a command acts.
+//!
+//! The load hangs by the pull S(G, θ) of the mechanism, `m G'' = W − S(G, θ)` with `m = W/g`; S comes from the table. The
+//! observer knows no friction and no damping: friction becomes a part of W, which therefore is the weight that the load
+//! *seems* to have, and gives the position loop its integral action. The load that is reported is another, slower estimate
+//! ([`crate::observer`]).
+//!
+//! The innovation e, measured less expected gap at the time of the measurement, corrects all three. With a step Δt since the
+//! measurement before and z = exp(−λ Δt) (docs/control.md 2):
+//! `G += (1 − z³) e`, `G' += (1.5 (1 − z²)(1 − z)/Δt − ω² Δt) e`, `W += m (1 − z)³/Δt² e`.
+
+use crate::TICK_S;
+use crate::mechanism::Mechanism;
+
+/// Decay λ of the observer's errors (1/s): slow enough for 10 ms of delay that is not known, and for the noise of the gap.
+pub const OBSERVER_PER_S: f32 = 50.0;
+/// Standard gravity (m/s²): weight over mass.
+const STANDARD_GRAVITY_M_PER_S2: f32 = 9.806_65;
+/// Time from the readings of a tick to the middle of what its command does (s): half of the tick for which a speed holds, and
+/// what the drive's speed loop lags (docs/hardware.md 2.7, assumed). The lag of its position loop is measured while homing
+/// and made up for in the command.
+pub const AHEAD_S: f32 = 0.5 * TICK_S + 3e-3;
+/// How long the strings are ahead of the shaft's set-point of the tick before (s): most of a tick, as the command of this tick is
+/// that of its end, and as far as the lead of the command makes up for more than the drive's lag. Seen on the emulated drive.
+pub const STRINGS_AHEAD_S: f32 = 8.8e-3;
+/// Least weight that a load seems to have, as a share of the table's lightest load: on the way down friction carries a part of it.
+const LIGHTEST_SHARE: f32 = 0.3;
+/// Longest time between two measurements that are taken together (s).
+const LONGEST_STEP_S: f32 = 0.05;
+
+/// One measurement of the gap, and the twist then.
+#[derive(Clone, Copy, Debug)]
+pub struct Measured {
+    /// Gap (m).
+    pub gap_m: f32,
+    /// Twist at that time (rad).
+    pub twist_rad: f32,
+    /// Time since the measurement before (s); 0 if this is that one again.
+    pub step_s: f32,
+}
+
+/// Motion of the load, and the pull of its strings about it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LoadMotion {
+    /// Gap (m).
+    pub gap_m: f32,
+    /// Its speed (m/s); positive sinks.
+    pub speed_m_per_s: f32,
+    /// What the load seems to weigh (N).
+    pub weight_n: f32,
+    /// Pull (N) at this gap and twist, its stiffness ∂S/∂G (N/m), and ∂S/∂θ (N/rad).
+    pull_n: f32,
+    stiffness_n_per_m: f32,
+    by_twist_n_per_rad: f32,
+    twist_rad: f32,
+}
+
+impl LoadMotion {
+    /// Mass of the load (kg).
+    fn mass_kg(&self) -> f32 {
+        self.weight_n / STANDARD_GRAVITY_M_PER_S2
+    }
+
+    /// Square of the frequency at which the load swings here ((rad/s)²).
+    pub fn frequency_squared(&self) -> f32 {
+        self.stiffness_n_per_m / self.mass_kg()
+    }
+
+    /// Takes an innovation (m) of a measurement that came some time (s) after the one before.
+    fn correct(&mut self, error_m: f32, step_s: f32) {
+        let z = libm::expf(-OBSERVER_PER_S * step_s);
+        let left = 1.0 - z;
+        // The spring does a part of it; one that is faster than the observer needs no help.
+        let speed_gain = 1.5 * (1.0 - z * z) * left / step_s - self.frequency_squared() * step_s;
+        let weight_gain = self.mass_kg() * left * left * left / (step_s * step_s);
+        self.gap_m += (1.0 - z * z * z) * error_m;
+        self.speed_m_per_s += speed_gain.max(0.0) * error_m;
+        self.weight_n += weight_gain * error_m;
+    }
+
+    /// The same after a time (s), while the strings turn evenly to a twist (rad): one implicit mid-point step on the linearised
+    /// pull, which neither feeds nor damps a swing.
+    #[must_use]
+    pub fn after(&self, seconds: f32, twist_rad: f32) -> Self {
+        let (h, k, inertia) = (0.5 * seconds, self.stiffness_n_per_m, 2.0 * self.mass_kg());
+        let turned_n = self.by_twist_n_per_rad * (twist_rad - self.twist_rad);
+        let push_n = self.weight_n - self.pull_n - 0.5 * turned_n;
+        // Mean speed v: inertia (v − v₀) = (push − k h v) · seconds.
+        let mean = (inertia * self.speed_m_per_s + push_n * seconds) / (inertia + k * h * seconds);
+        Self {
+            gap_m: self.gap_m + seconds * mean,
+            speed_m_per_s: 2.0 * mean - self.speed_m_per_s,
+            pull_n: self.pull_n + turned_n + k * seconds * mean,
+            twist_rad,
+            ..*self
+        }
+    }
+}
+
+/// The observer.
+#[derive(Clone, Copy, Debug)]
+pub struct MotionObserver {
+    now: LoadMotion,
+}
+
+impl MotionObserver {
+    /// Of a load that hangs at rest, weighing about so much (N).
+    pub fn at_rest(mechanism: &Mechanism<'_>, gap_m: f32, twist_rad: f32, load_n: f32) -> Self {
+        let now = LoadMotion {
+            gap_m,
+            speed_m_per_s: 0.0,
+            weight_n: load_n,
+            pull_n: load_n,
+            stiffness_n_per_m: 1.0,
+            by_twist_n_per_rad: 0.0,
+            twist_rad,
+        };
+        let mut observer = Self { now };
+        for _ in 0..4 {
+            observer.look_up(mechanism);
+        }
+        observer.now.weight_n = observer.inside(mechanism, observer.now.pull_n);
+        observer
+    }
+
+    fn inside(&self, mechanism: &Mechanism<'_>, load_n: f32) -> f32 {
+        let m = &mechanism.table.metadata;
+        load_n.clamp(m.load_min_n, m.load_max_n)
+    }
+
+    /// Pull and stiffness at this gap and twist: one Newton step from the pull before; beyond the table's loads its tangent.
+    fn look_up(&mut self, mechanism: &Mechanism<'_>) {
+        let load_n = self.inside(mechanism, self.now.pull_n);
+        let point = mechanism.at(load_n, self.now.twist_rad);
+        let stiffness = 1.0 / point.dgap_dload_m_per_n;
+        self.now.pull_n = load_n + stiffness * (self.now.gap_m - point.gap_m);
+        self.now.stiffness_n_per_m = stiffness;
+        self.now.by_twist_n_per_rad = -stiffness * point.dgap_dtwist_m_per_rad;
+    }
+
+    /// The motion at the time of the last measurement.
+    pub fn now(&self) -> LoadMotion {
+        self.now
+    }
+
+    /// Takes a measurement.
+    pub fn step(&mut self, mechanism: &Mechanism<'_>, measured: &Measured) {
+        let Measured { gap_m, twist_rad, step_s } = *measured;
+        if step_s > LONGEST_STEP_S {
+            *self = Self::at_rest(mechanism, gap_m, twist_rad, self.now.weight_n);
+        } else if step_s > 0.0 {
+            self.now = self.now.after(step_s, twist_rad);
+            self.now.correct(gap_m - self.now.gap_m, step_s);
+            let m = &mechanism.table.metadata;
+            self.now.weight_n = self.now.weight_n.clamp(LIGHTEST_SHARE * m.load_min_n, m.load_max_n);
+            self.look_up(mechanism);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A load that swings at a frequency (rad/s), displaced from rest (m).
+    fn swinging(frequency: f32, displaced_m: f32) -> LoadMotion {
+        let (weight_n, mass) = (5.0, 5.0 / STANDARD_GRAVITY_M_PER_S2);
+        let k = frequency * frequency * mass;
+        LoadMotion {
+            gap_m: 0.05 + displaced_m,
+            speed_m_per_s: 0.0,
+            weight_n,
+            pull_n: weight_n + k * displaced_m,
+            stiffness_n_per_m: k,
+            by_twist_n_per_rad: k / 3000.0,
+            twist_rad: 20.0,
+        }
+    }
+
+    #[test]
+    fn a_load_swings_about_where_its_strings_let_it_rest() {
+        for frequency in [5.0f32, 20.0, 40.0] {
+            let mut motion = swinging(frequency, 1e-3);
+            for k in 1..=100u8 {
+                motion = motion.after(2e-3, 20.0);
+                let exact_m = 1e-3 * libm::cosf(frequency * 2e-3 * f32::from(k));
+                assert!((motion.gap_m - 0.05 - exact_m).abs() < 2e-5, "{frequency} rad/s, step {k}");
+            }
+        }
+    }
+
+    #[test]
+    fn turned_strings_let_it_rest_elsewhere() {
+        // Ten radians at 3000 rad/m, slowly: it comes to rest 3.3 mm higher.
+        let mut motion = swinging(20.0, 0.0);
+        for k in 1..=2000u16 {
+            motion = motion.after(5e-3, 20.0 + 5e-3 * f32::from(k));
+        }
+        assert!((motion.gap_m - 0.05 + 10.0 / 3000.0).abs() < 3e-5, "{}", motion.gap_m);
+        assert!((motion.pull_n - 5.0).abs() < 0.02);
+    }
+
+    /// Errors of gap (m) and weight (N) that are left some time (s) after a load has become another.
+    fn left_after(frequency: f32, seconds: f32) -> [f32; 2] {
+        let mut load = swinging(frequency, 0.0);
+        let mut observed = load;
+        load.weight_n += 1.0;
+        for _ in 0..(seconds / 0.01) as u16 {
+            load = load.after(0.01, 20.0);
+            observed = observed.after(0.01, 20.0);
+            observed.correct(load.gap_m - observed.gap_m, 0.01);
+            observed.pull_n = load.pull_n + load.stiffness_n_per_m * (observed.gap_m - load.gap_m);
+        }
+        [(load.gap_m - observed.gap_m).abs(), (load.weight_n - observed.weight_n).abs()]
+    }
+
+    #[test]
+    fn a_changed_weight_is_known_within_ten_time_constants() {
+        for frequency in [5.0, 15.0, 25.0, 35.0] {
+            let [gap_m, weight_n] = left_after(frequency, 10.0 / OBSERVER_PER_S);
+            assert!(weight_n < 0.1 && gap_m < 2e-4, "{frequency} rad/s: {weight_n} N, {gap_m} m");
+        }
+    }
+
+    #[test]
+    fn the_observer_is_stable_under_loads_that_swing_faster_than_itself() {
+        for frequency in [60.0, 90.0, 125.0, 200.0] {
+            let [gap_m, weight_n] = left_after(frequency, 3.0);
+            assert!(gap_m < 1e-4 && weight_n < 0.3, "{frequency} rad/s: {weight_n} N, {gap_m} m");
+        }
+    }
+}

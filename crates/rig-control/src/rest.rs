@@ -1,0 +1,114 @@
+//! A load at its target: whether it stands, which error stiction does not let the loop reduce, and when it is left alone.
+//!
+//! A load that breaks loose from stiction jumps by J = 2 (Fs − Fc)/k, and J cannot be made smaller by waiting. An error below
+//! half of a jump is therefore left alone: after another jump it would be no smaller. J is known from homing where the load
+//! stuck and slipped there, and is seen at rest: what it moves from one stand to another, past its
+//! target, without its strings having turned for it, is a jump.
+
+use crate::load_state::LoadState;
+
+/// Least error (m) below which a load at rest is left alone, an eighth of an LVDT count, and more where the gap is noisier.
+pub const AT_REST_M: f32 = 6e-6;
+/// The same, over the noise of the gap.
+pub const AT_REST_NOISES: f32 = 1.7;
+/// Share of a jump below which an error is left alone.
+pub const JUMP_SHARE: f32 = 0.55;
+/// The same while the move can come again instead: only a whole jump then leads to the target.
+const WHOLE_JUMP_SHARE: f32 = 0.85;
+/// Greatest jump that stiction explains, as a share of friction over stiffness: break-away at one and a half times the friction.
+const LARGEST_JUMP: f32 = 1.0;
+/// A load that is left alone is taken care of again when its error has become so much greater than what was left.
+const AGAIN: f32 = 1.3;
+/// Way of two readings from the mean of those before that is motion and no noise: least (m), and over the noise of the gap.
+const MOVED_M: f32 = 20e-6;
+const MOVED_NOISES: f32 = 3.0;
+/// Speed below which a load stands: least (m/s), and over the noise of the gap (1/s), two standard deviations of the observed
+/// speed; for how many ticks.
+const STANDS_M_PER_S: f32 = 1e-3;
+const STANDS_NOISES_PER_S: f32 = 80.0;
+const STANDS_TICKS: u8 = 6;
+/// Ticks over which the error of a load that stands is averaged at most.
+const MEAN_TICKS: u8 = 30;
+/// Way between two stands that is no noise, over the noise of their means.
+const WAY_NOISES: f32 = 2.0;
+
+/// What a load at its target does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Standing {
+    /// It moves, or is not at its target yet.
+    Moves,
+    /// It stands, by so much beside its target (m).
+    Beside(f32),
+    /// It stands, and is left alone.
+    LeftAlone,
+}
+
+/// What is known of it.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Rest {
+    /// Error since it stands, averaged (m), of the last tick (m), and for how many ticks.
+    error_m: f32,
+    last_m: f32,
+    ticks: u8,
+    left_alone: bool,
+    /// Error (m) where it last stood, and the twist (rad) until then.
+    stood: Option<[f32; 2]>,
+    /// How far it jumps (m), as seen at rest.
+    jump_m: Option<f32>,
+    /// A load that sticks beside its target will be moved back and come again.
+    pub comes_again: bool,
+}
+
+impl Rest {
+    /// Error (m) at rest that stiction does not let the loop reduce.
+    pub fn tolerance_m(&self, load: &LoadState<'_>) -> f32 {
+        let share = if self.comes_again { WHOLE_JUMP_SHARE } else { JUMP_SHARE };
+        share * self.jump_m.unwrap_or(load.jump_m)
+    }
+
+    /// One tick; `done` when the set-point is at its target, and the error (m) of the load there.
+    pub fn step(&mut self, done: bool, error_m: f32, load: &LoadState<'_>) -> Standing {
+        let noise_m = load.gap_noise_m;
+        let near_m = AT_REST_M.max(AT_REST_NOISES * noise_m).max(self.tolerance_m(load));
+        let recent_m = 0.5 * (error_m + core::mem::replace(&mut self.last_m, error_m));
+        // The observer expects a load that sticks to go along with its strings: once it stands, only its place tells.
+        let stands = if self.ticks < STANDS_TICKS {
+            let slow_m_per_s = STANDS_M_PER_S.max(STANDS_NOISES_PER_S * noise_m);
+            load.observation.moved_m == 0.0 && load.motion.speed_m_per_s.abs() < slow_m_per_s
+        } else {
+            (recent_m - self.error_m).abs() < MOVED_M.max(MOVED_NOISES * noise_m)
+        };
+        if !(done && stands) {
+            let largest_m = LARGEST_JUMP * load.observation.friction_n * load.observation.point.dgap_dload_m_per_n;
+            if !done || error_m.abs() > largest_m {
+                self.stood = None;
+            }
+            (self.ticks, self.left_alone) = (0, false);
+            return Standing::Moves;
+        }
+        self.ticks = (self.ticks + 1).min(MEAN_TICKS);
+        self.error_m += (error_m - self.error_m) / f32::from(self.ticks);
+        if self.ticks < STANDS_TICKS {
+            return Standing::Moves;
+        }
+        if self.ticks == STANDS_TICKS {
+            self.see_way(load);
+        }
+        self.stood = Some([self.error_m, load.twist_rad]);
+        self.left_alone = self.error_m.abs() < if self.left_alone { AGAIN } else { 1.0 } * near_m;
+        if self.left_alone { Standing::LeftAlone } else { Standing::Beside(self.error_m) }
+    }
+
+    /// The load stands again. What it has risen more than its strings have turned for, it has jumped, if that took it past the
+    /// target; short of it, its jumps are no longer than this way.
+    fn see_way(&mut self, load: &LoadState<'_>) {
+        let Some([before_m, before_rad]) = self.stood else { return };
+        let rise_m = before_m - self.error_m;
+        let turned_m = (load.twist_rad - before_rad) / load.observation.point.tr_rad_per_m();
+        let jump_m = ((rise_m - turned_m) * libm::copysignf(1.0, rise_m)).clamp(0.0, rise_m.abs());
+        if rise_m.abs() > AT_REST_M.max(WAY_NOISES * load.gap_noise_m) {
+            self.jump_m =
+                if self.error_m * before_m < 0.0 { Some(jump_m) } else { self.jump_m.map(|m| m.min(rise_m.abs())) };
+        }
+    }
+}

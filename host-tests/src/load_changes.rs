@@ -1,0 +1,172 @@
+//! How fast a load that is changed at rest is back at its place, held against what the motor's speed and acceleration alone
+//! would need for the same turn of the strings.
+
+use crate::rigs::subject::Subject;
+use crate::{ControlBench, constants, table};
+use lab::parallel::parallel_on;
+use rig_control::Rig as Control;
+use rig_link::messages::{LoadChoice, Request, State};
+use sim_link::units::STANDARD_GRAVITY;
+
+/// Positions (m) at which the load is changed.
+pub const POSITIONS_M: [f32; 3] = [0.002, 0.008, 0.014];
+/// What hangs there before and after (kg).
+pub const CHANGES_KG: [[f64; 2]; 9] =
+    [[0.2, 0.4], [0.4, 0.2], [0.2, 0.6], [0.6, 0.2], [0.6, 1.2], [1.2, 0.6], [1.0, 1.2], [1.2, 0.8], [0.8, 1.0]];
+
+/// Speed of the way to a position (m/s), rest there (s), and how long the changed load is watched (s).
+const SPEED_M_PER_S: f32 = 0.004;
+const REST_S: f64 = 2.0;
+const WATCHED_S: f64 = 8.0;
+
+/// One change of the load.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Step {
+    /// Seed of the rig.
+    pub seed: u64,
+    /// Where (m).
+    pub at_m: f32,
+    /// From what to what (kg).
+    pub change_kg: [f64; 2],
+}
+
+/// What came of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outcome {
+    /// The change.
+    pub step: Step,
+    /// Time that the motor's speed and acceleration alone need (s).
+    pub motor_s: f64,
+    /// Distance from the target over time (m), every tick, as the sensor has it without its noise.
+    pub errors_m: Vec<f64>,
+    /// How it failed, if it did.
+    pub failure: Option<String>,
+}
+
+impl Outcome {
+    /// Time after which the load stays within a distance (m) of its target (s); `None` if it does not.
+    pub fn settled_s(&self, within_m: f64) -> Option<f64> {
+        let outside = self.errors_m.iter().rposition(|error_m| error_m.abs() > within_m).map_or(0, |tick| tick + 1);
+        (self.failure.is_none() && outside + 100 < self.errors_m.len()).then_some(0.01 * outside as f64)
+    }
+}
+
+/// Shortest time (s) for a turn of the strings (rad) from rest to rest.
+pub fn motor_s(turn_rad: f64) -> f64 {
+    let limits = constants().twist_limits();
+    let (speed, acceleration) = (f64::from(limits.speed), f64::from(limits.acceleration));
+    let turn_rad = turn_rad.abs();
+    if turn_rad > speed * speed / acceleration {
+        turn_rad / speed + speed / acceleration
+    } else {
+        2.0 * (turn_rad / acceleration).sqrt()
+    }
+}
+
+/// Load (kg) under which the rig is homed for a step, so that both can reach the position: the lighter one far down, the heavier one
+/// far up.
+fn homed_under_kg(at_m: f32, [from, to]: [f64; 2]) -> f64 {
+    if at_m < 0.01 { from.min(to) } else { from.max(to) }
+}
+
+/// Every change at every position on one rig.
+pub fn all(subject: &Subject, threads: usize) -> Vec<Outcome> {
+    let mut loads_kg: Vec<f64> = CHANGES_KG.iter().flatten().copied().collect();
+    loads_kg.sort_by(f64::total_cmp);
+    loads_kg.dedup();
+    let homed = parallel_on(threads, &|_, _| {}, loads_kg.len(), |k| home(subject, loads_kg[k]));
+    let steps: Vec<Step> = POSITIONS_M
+        .iter()
+        .flat_map(|at_m| {
+            CHANGES_KG.iter().map(|change_kg| Step { seed: subject.seed, at_m: *at_m, change_kg: *change_kg })
+        })
+        .collect();
+    parallel_on(threads, &|_, _| {}, steps.len(), |k| {
+        let load_kg = homed_under_kg(steps[k].at_m, steps[k].change_kg);
+        let on = loads_kg.iter().position(|kg| *kg == load_kg).expect("listed");
+        play(homed[on].clone(), steps[k])
+    })
+}
+
+fn home(subject: &Subject, load_kg: f64) -> Result<ControlBench, String> {
+    let rig = subject.switched_on(load_kg * STANDARD_GRAVITY).map_err(|e| e.to_string())?;
+    let mut bench = ControlBench::on(rig, Control::new(table(), constants(), None));
+    bench.home()?;
+    bench.run(0.5);
+    Ok(bench)
+}
+
+fn play(bench: Result<ControlBench, String>, step: Step) -> Outcome {
+    let failed = |why: String| Outcome { step, motor_s: f64::NAN, errors_m: Vec::new(), failure: Some(why) };
+    match bench.and_then(|mut bench| begin(&mut bench, step).map(|()| bench)) {
+        Ok(bench) => watch(bench, step),
+        Err(why) => failed(why),
+    }
+}
+
+/// To rest at the position under the first load.
+fn begin(bench: &mut ControlBench, step: Step) -> Result<(), String> {
+    hang(bench, step.change_kg[0])?;
+    bench.run(REST_S);
+    bench.move_to(step.at_m, SPEED_M_PER_S, LoadChoice::Auto)?;
+    bench.run(REST_S);
+    Ok(())
+}
+
+fn hang(bench: &mut ControlBench, load_kg: f64) -> Result<(), String> {
+    bench.rig.set_plant("load", &format!("{load_kg}kg")).map_err(|e| e.to_string())
+}
+
+fn watch(mut bench: ControlBench, step: Step) -> Outcome {
+    let before_rad = bench.truth().twist_rad;
+    let mut failure = hang(&mut bench, step.change_kg[1]).err();
+    let (mut errors_m, mut shown_m) = (Vec::new(), Vec::new());
+    bench.until(WATCHED_S, |bench| {
+        let true_m = bench.true_position_m();
+        errors_m.push(true_m - f64::from(step.at_m));
+        shown_m.extend(bench.last.as_ref().and_then(|last| last.telemetry.position_m).map(|m| f64::from(m) - true_m));
+        false
+    });
+    if bench.control.state() != State::Holding {
+        failure = Some(format!("{:?} {}", bench.control.state(), bench.control.faults()));
+    }
+    // What the sensor has too much here, without its noise.
+    let last = &shown_m[shown_m.len().saturating_sub(100)..];
+    let beside_m = last.iter().sum::<f64>() / last.len().max(1) as f64;
+    errors_m.iter_mut().for_each(|error_m| *error_m += beside_m);
+    Outcome { step, motor_s: motor_s(bench.truth().twist_rad - before_rad), errors_m, failure }
+}
+
+/// Asks for a move and waits until the set-point and the load have arrived within a distance (m) of the target: the time that
+/// it took, and the motor's own (s).
+///
+/// # Errors
+/// In words, if the move is refused or ends in a fault.
+pub fn fastest_move(
+    bench: &mut ControlBench,
+    target_m: f32,
+    speed_m_per_s: f32,
+    within_m: f64,
+) -> Result<[f64; 2], String> {
+    let before_rad = bench.truth().twist_rad;
+    let beside_m = bench
+        .last
+        .as_ref()
+        .and_then(|l| l.telemetry.position_m)
+        .map_or(0.0, |m| f64::from(m) - bench.true_position_m());
+    let mut errors_m = Vec::new();
+    let reply = bench.tick(Some(Request::Move { target_m, speed_m_per_s, load: LoadChoice::Auto })).reply;
+    if !matches!(reply, Some(Ok(_))) {
+        return Err(format!("refused: {reply:?}"));
+    }
+    bench.until(20.0, |bench| {
+        errors_m.push(bench.true_position_m() + beside_m - f64::from(target_m));
+        bench.control.state() != State::Moving
+    });
+    if bench.control.state() != State::Holding {
+        return Err(format!("{:?} {}", bench.control.state(), bench.control.faults()));
+    }
+    bench.run(1.0);
+    let took = errors_m.iter().rposition(|m| m.abs() > within_m).map_or(0, |tick| tick + 1);
+    Ok([0.01 * took as f64, motor_s(bench.truth().twist_rad - before_rad)])
+}
