@@ -5,8 +5,9 @@ use crate::rigs::subject::Subject;
 use crate::{ControlBench, constants, table};
 use lab::parallel::parallel_on;
 use rig_control::Rig as Control;
-use rig_link::messages::{LoadChoice, Request, State};
+use rig_link::messages::{LoadChoice, State};
 use sim_link::units::STANDARD_GRAVITY;
+use std::fmt;
 
 /// Positions (m) at which the load is changed.
 pub const POSITIONS_M: [f32; 3] = [0.002, 0.008, 0.014];
@@ -30,11 +31,18 @@ pub struct Step {
     pub change_kg: [f64; 2],
 }
 
-/// What came of it.
+impl fmt::Display for Step {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [from, to] = self.change_kg;
+        write!(f, "seed {} {:2.0} mm {from} -> {to} kg", self.seed, self.at_m * 1e3)
+    }
+}
+
+/// What came of a step of the load, or of a move at full speed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outcome {
-    /// The change.
-    pub step: Step,
+    /// Rig, place and load, in words.
+    pub what: String,
     /// Time that the motor's speed and acceleration alone need (s).
     pub motor_s: f64,
     /// Distance from the target over time (m), every tick, as the sensor has it without its noise.
@@ -44,11 +52,23 @@ pub struct Outcome {
 }
 
 impl Outcome {
+    /// One that did not come about.
+    pub fn failed(what: String, why: String) -> Self {
+        Self { what, motor_s: f64::NAN, errors_m: Vec::new(), failure: Some(why) }
+    }
+
     /// Time after which the load stays within a distance (m) of its target (s); `None` if it does not.
     pub fn settled_s(&self, within_m: f64) -> Option<f64> {
         let outside = self.errors_m.iter().rposition(|error_m| error_m.abs() > within_m).map_or(0, |tick| tick + 1);
         (self.failure.is_none() && outside + 100 < self.errors_m.len()).then_some(0.01 * outside as f64)
     }
+}
+
+/// Adds what the sensor shows too much in the last second (m), without its noise.
+pub fn as_the_sensor_has_it(errors_m: &mut [f64], shown_m: &[f64]) {
+    let last = &shown_m[shown_m.len().saturating_sub(100)..];
+    let beside_m = last.iter().sum::<f64>() / last.len().max(1) as f64;
+    errors_m.iter_mut().for_each(|error_m| *error_m += beside_m);
 }
 
 /// Shortest time (s) for a turn of the strings (rad) from rest to rest.
@@ -74,7 +94,7 @@ pub fn all(subject: &Subject, threads: usize) -> Vec<Outcome> {
     let mut loads_kg: Vec<f64> = CHANGES_KG.iter().flatten().copied().collect();
     loads_kg.sort_by(f64::total_cmp);
     loads_kg.dedup();
-    let homed = parallel_on(threads, &|_, _| {}, loads_kg.len(), |k| home(subject, loads_kg[k]));
+    let homed = parallel_on(threads, &|_, _| {}, loads_kg.len(), |k| homed_under(subject, loads_kg[k]));
     let steps: Vec<Step> = POSITIONS_M
         .iter()
         .flat_map(|at_m| {
@@ -88,7 +108,11 @@ pub fn all(subject: &Subject, threads: usize) -> Vec<Outcome> {
     })
 }
 
-fn home(subject: &Subject, load_kg: f64) -> Result<ControlBench, String> {
+/// A rig homed under a load (kg).
+///
+/// # Errors
+/// In words, if it cannot be homed.
+pub fn homed_under(subject: &Subject, load_kg: f64) -> Result<ControlBench, String> {
     let rig = subject.switched_on(load_kg * STANDARD_GRAVITY).map_err(|e| e.to_string())?;
     let mut bench = ControlBench::on(rig, Control::new(table(), constants(), None));
     bench.home()?;
@@ -97,10 +121,9 @@ fn home(subject: &Subject, load_kg: f64) -> Result<ControlBench, String> {
 }
 
 fn play(bench: Result<ControlBench, String>, step: Step) -> Outcome {
-    let failed = |why: String| Outcome { step, motor_s: f64::NAN, errors_m: Vec::new(), failure: Some(why) };
     match bench.and_then(|mut bench| begin(&mut bench, step).map(|()| bench)) {
         Ok(bench) => watch(bench, step),
-        Err(why) => failed(why),
+        Err(why) => Outcome::failed(step.to_string(), why),
     }
 }
 
@@ -130,43 +153,6 @@ fn watch(mut bench: ControlBench, step: Step) -> Outcome {
     if bench.control.state() != State::Holding {
         failure = Some(format!("{:?} {}", bench.control.state(), bench.control.faults()));
     }
-    // What the sensor has too much here, without its noise.
-    let last = &shown_m[shown_m.len().saturating_sub(100)..];
-    let beside_m = last.iter().sum::<f64>() / last.len().max(1) as f64;
-    errors_m.iter_mut().for_each(|error_m| *error_m += beside_m);
-    Outcome { step, motor_s: motor_s(bench.truth().twist_rad - before_rad), errors_m, failure }
-}
-
-/// Asks for a move and waits until the set-point and the load have arrived within a distance (m) of the target: the time that
-/// it took, and the motor's own (s).
-///
-/// # Errors
-/// In words, if the move is refused or ends in a fault.
-pub fn fastest_move(
-    bench: &mut ControlBench,
-    target_m: f32,
-    speed_m_per_s: f32,
-    within_m: f64,
-) -> Result<[f64; 2], String> {
-    let before_rad = bench.truth().twist_rad;
-    let beside_m = bench
-        .last
-        .as_ref()
-        .and_then(|l| l.telemetry.position_m)
-        .map_or(0.0, |m| f64::from(m) - bench.true_position_m());
-    let mut errors_m = Vec::new();
-    let reply = bench.tick(Some(Request::Move { target_m, speed_m_per_s, load: LoadChoice::Auto })).reply;
-    if !matches!(reply, Some(Ok(_))) {
-        return Err(format!("refused: {reply:?}"));
-    }
-    bench.until(20.0, |bench| {
-        errors_m.push(bench.true_position_m() + beside_m - f64::from(target_m));
-        bench.control.state() != State::Moving
-    });
-    if bench.control.state() != State::Holding {
-        return Err(format!("{:?} {}", bench.control.state(), bench.control.faults()));
-    }
-    bench.run(1.0);
-    let took = errors_m.iter().rposition(|m| m.abs() > within_m).map_or(0, |tick| tick + 1);
-    Ok([0.01 * took as f64, motor_s(bench.truth().twist_rad - before_rad)])
+    as_the_sensor_has_it(&mut errors_m, &shown_m);
+    Outcome { what: step.to_string(), motor_s: motor_s(bench.truth().twist_rad - before_rad), errors_m, failure }
 }

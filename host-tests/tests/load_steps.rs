@@ -245,9 +245,9 @@ fn the_time_to_the_target_is_that_of_the_plan_step_by_step() {
         let expected_s = time_to_target_s(&planner, asked, &load, &rig);
         let (mut twist_rad, mut ticks, mut last_m) = (from_rad, 0u16, 0.0);
         while !planner.is_at_rest() {
-            let tr_rad_per_m = m.at(LOAD_N, twist_rad).tr_rad_per_m();
-            let set_point = planner.step(&Limits::for_motor(asked, tr_rad_per_m, LOAD_N, &rig).0);
-            twist_rad += (set_point.position_m - last_m) * tr_rad_per_m;
+            let point = m.at(LOAD_N, twist_rad);
+            let set_point = planner.step(&Limits::for_motor(asked, &point, LOAD_N, &rig).0);
+            twist_rad += (set_point.position_m - last_m) * point.tr_rad_per_m();
             last_m = set_point.position_m;
             ticks += 1;
         }

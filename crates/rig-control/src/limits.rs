@@ -5,20 +5,21 @@
 //! travel nor load leave the table.
 
 use crate::RigConstants;
+use crate::load_motion::STANDARD_GRAVITY_M_PER_S2;
 use rig_link::messages::{Limit, Setting};
+use tsa_table::Point;
 
 /// Greatest speed that can be asked of the load (m/s); a setting may lower it.
 pub const SPEED_MAX_M_PER_S: f32 = Setting::SpeedMax.spec().range[1];
-/// Acceleration of the load (m/s²), unless the motor allows less.
-pub const LOAD_ACCELERATION: f32 = 0.02;
-/// Share of the motor's limits that moves are planned with; the rest is for the loop.
-pub const PLANNED_SHARE: f32 = 0.9;
+/// Share of the motor's speed that moves are planned with; the rest is for the loop.
+pub const PLANNED_SHARE: f32 = 0.97;
+/// The same of its acceleration: where the acceleration of the load turns over, the strings change their speed all at once.
+const ACCELERATION_SHARE: f32 = 0.5;
 /// Least share of the motor's current that is taken to be left for accelerating.
 const LEAST_SPARE: f32 = 0.1;
-
-/// Shortest time (s) in which the planner reaches its acceleration: one period of the load on its strings at the heavy,
-/// deeply twisted end (20 rad/s), so that a move does not set it swinging.
-pub const RISE_S: f32 = 0.3;
+/// Least time (s) in which a move gets up to its speed, and the same in 1/ω of the load's swing.
+const RISE_S: f32 = 0.09;
+const RISE_SWINGS: f32 = 4.0;
 /// Halvings of the search for the peak speed of a move that is too short for its speed: to a millionth of that speed.
 const PEAK_STEPS: u8 = 20;
 
@@ -33,31 +34,43 @@ pub struct Limits {
     pub jerk: f32,
 }
 
+/// Time (s) in which a move gets up to its speed under a load (N) where the gap grows with the load by so much (m/N): so long that
+/// the load hardly swings.
+pub fn rise_s(load_n: f32, dgap_dload_m_per_n: f32) -> f32 {
+    // ω² = k/m, k = 1/(∂G/∂F), m = F/g.
+    let frequency = libm::sqrtf(STANDARD_GRAVITY_M_PER_S2 / (load_n * dgap_dload_m_per_n));
+    RISE_S.max(RISE_SWINGS / frequency)
+}
+
 impl Limits {
-    /// For a speed (m/s) and an acceleration (m/s²); the jerk is what keeps the load from swinging.
-    pub fn new(speed: f32, acceleration: f32) -> Self {
-        Self { speed, acceleration, jerk: acceleration / RISE_S }
+    /// For a speed (m/s), an acceleration (m/s²), and the time (s) that the acceleration takes to rise and to fall again.
+    pub fn new(speed: f32, acceleration: f32, rise_s: f32) -> Self {
+        Self { speed, acceleration, jerk: 2.0 * acceleration / rise_s }
     }
 
-    /// Limits for a speed (m/s) that is asked for, at a transmission ratio (rad/m) and a pull (N), and which of the motor's
-    /// limits holds the load back, if any does.
-    pub fn for_motor(asked: f32, tr_rad_per_m: f32, pull_n: f32, rig: &RigConstants) -> (Self, Option<Limit>) {
+    /// Limits for a speed (m/s) that is asked for, where the mechanism is at a point and pulls a load (N), and which of the
+    /// motor's limits holds the load back, if any does.
+    pub fn for_motor(asked: f32, point: &Point, pull_n: f32, rig: &RigConstants) -> (Self, Option<Limit>) {
+        let tr_rad_per_m = point.tr_rad_per_m();
         // Torque = pull/TR; what is left of the current is for accelerating.
         let torque_per_a = rig.motor_torque_constant_nm_per_a * rig.gear_ratio;
         let holding = pull_n / (tr_rad_per_m * torque_per_a * 1e-3 * f32::from(rig.current_limit_ma));
         let spare = (1.0 - holding).clamp(LEAST_SPARE, 1.0);
         let fastest = PLANNED_SHARE * rig.twist_speed_max() / tr_rad_per_m;
-        let hardest = PLANNED_SHARE * spare * rig.twist_acceleration_max() / tr_rad_per_m;
-        let limit = if hardest < LOAD_ACCELERATION && spare < PLANNED_SHARE {
+        let hardest = ACCELERATION_SHARE * spare * rig.twist_acceleration_max() / tr_rad_per_m;
+        let speed = asked.min(fastest);
+        let rise_s = rise_s(pull_n, point.dgap_dload_m_per_n);
+        let enough = 2.0 * speed / rise_s;
+        let limit = if hardest < enough && spare < PLANNED_SHARE {
             Some(Limit::MotorCurrent)
-        } else if hardest < LOAD_ACCELERATION {
+        } else if hardest < enough {
             Some(Limit::MotorAcceleration)
         } else if fastest < asked {
             Some(Limit::MotorSpeed)
         } else {
             None
         };
-        (Self::new(asked.min(fastest), LOAD_ACCELERATION.min(hardest)), limit)
+        (Self::new(speed, enough.min(hardest), rise_s), limit)
     }
 
     /// Shortest time (s) in which a speed changes by so much (m/s). The profile is symmetric, so the mean speed on the
@@ -145,14 +158,30 @@ mod tests {
             supply_limits_v: [20.0, 28.0],
             supply_divider: None,
         };
-        let (easy, none) = Limits::for_motor(0.002, 2000.0, 5.0, &rig);
-        assert_eq!((easy, none), (Limits::new(0.002, LOAD_ACCELERATION), None));
-        let (fast, limit) = Limits::for_motor(0.02, 2000.0, 5.0, &rig);
-        assert!(limit == Some(Limit::MotorSpeed) && (fast.speed / 0.0075 - 1.0).abs() < 1e-5, "{fast:?}");
-        let (steep, limit) = Limits::for_motor(1e-4, 20_000.0, 5.0, &rig);
-        assert!(limit == Some(Limit::MotorAcceleration) && steep.acceleration < 0.009, "{steep:?}");
-        // 0.6 N m is what half an ampere gives: 540 N at 1000 rad/m leaves a tenth.
-        let (heavy, limit) = Limits::for_motor(0.002, 1000.0, 560.0, &rig);
-        assert!(limit == Some(Limit::MotorCurrent) && (heavy.acceleration / 0.018 - 1.0).abs() < 1e-3, "{heavy:?}");
+        // Half a kilogram on 1 N/mm swings at 44 rad/s.
+        let at = |tr_rad_per_m: f32| Point {
+            gap_m: 0.1,
+            dgap_dtwist_m_per_rad: -1.0 / tr_rad_per_m,
+            dgap_dload_m_per_n: 1e-3,
+        };
+        let (easy, none) = Limits::for_motor(0.002, &at(2000.0), 5.0, &rig);
+        let rise = 4.0 / (9.80665f32 / 5e-3).sqrt();
+        assert!(none.is_none() && easy == Limits::new(0.002, 0.004 / rise, rise), "{easy:?} {none:?}");
+        assert!((easy.rise_s(0.002) / rise - 1.0).abs() < 1e-5);
+        let (fast, limit) = Limits::for_motor(0.02, &at(2000.0), 5.0, &rig);
+        let fastest = 0.97 * 1000.0 / 60.0 / 2000.0;
+        assert!(limit == Some(Limit::MotorSpeed) && (fast.speed / fastest - 1.0).abs() < 1e-5, "{fast:?}");
+        let slow = RigConstants { motor_acceleration_max_rad_per_s2: 1000.0, ..rig };
+        let (steep, limit) = Limits::for_motor(0.02, &at(2000.0), 5.0, &slow);
+        assert!(limit == Some(Limit::MotorAcceleration) && steep.acceleration < 0.0081, "{steep:?}");
+        // 0.6 N m is what half an ampere gives: 560 N at 1000 rad/m leaves less than a tenth.
+        let (heavy, limit) = Limits::for_motor(0.02, &at(1000.0), 560.0, &rig);
+        assert!(limit == Some(Limit::MotorCurrent) && (heavy.acceleration / 0.0194 - 1.0).abs() < 1e-3, "{heavy:?}");
+    }
+
+    #[test]
+    fn a_light_load_gets_up_to_speed_in_no_less_than_the_least_time() {
+        assert_eq!(rise_s(1.0, 1e-4), RISE_S);
+        assert!((rise_s(10.0, 2e-3) - 4.0 / (9.80665f32 / 0.02).sqrt()).abs() < 1e-6);
     }
 }

@@ -15,14 +15,11 @@ use crate::mechanism::Mechanism;
 /// Decay λ of the observer's errors (1/s): slow enough for 10 ms of delay that is not known, and for the noise of the gap.
 pub const OBSERVER_PER_S: f32 = 50.0;
 /// Standard gravity (m/s²): weight over mass.
-const STANDARD_GRAVITY_M_PER_S2: f32 = 9.806_65;
+pub(crate) const STANDARD_GRAVITY_M_PER_S2: f32 = 9.806_65;
 /// Time from the readings of a tick to the middle of what its command does (s): half of the tick for which a speed holds, and
-/// what the drive's speed loop lags (docs/hardware.md 2.7, assumed). The lag of its position loop is measured while homing
-/// and made up for in the command.
-pub const AHEAD_S: f32 = 0.5 * TICK_S + 3e-3;
-/// How long the strings are ahead of the shaft's set-point of the tick before (s): most of a tick, as the command of this tick is
-/// that of its end, and as far as the lead of the command makes up for more than the drive's lag. Seen on the emulated drive.
-pub const STRINGS_AHEAD_S: f32 = 8.8e-3;
+/// what bus and speed loop of the drive take (docs/hardware.md 2.7, assumed). The lag of its position loop is measured while
+/// homing and made up for in the command.
+pub const AHEAD_S: f32 = 0.5 * TICK_S + 4e-3;
 /// Least weight that a load seems to have, as a share of the table's lightest load: on the way down friction carries a part of it.
 const LIGHTEST_SHARE: f32 = 0.3;
 /// Longest time between two measurements that are taken together (s).

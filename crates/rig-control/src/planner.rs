@@ -246,10 +246,11 @@ impl Planner {
 mod tests {
     extern crate std;
     use super::*;
-    use crate::limits::RISE_S;
     use proptest::prelude::*;
 
     const TICK: f64 = TICK_S as f64;
+    /// Time (s) in which the acceleration rises and falls again.
+    const RISE_S: f32 = 0.2;
 
     fn run(planner: &mut Planner, limits: &Limits) -> (f32, u32) {
         let (mut fastest, mut ticks) = (0f32, 0);
@@ -304,7 +305,7 @@ mod tests {
             (0.003, 0.01, 0.005),
             (-0.01, 0.003, 0.1),
         ] {
-            let limits = Limits::new(speed, acceleration);
+            let limits = Limits::new(speed, acceleration, RISE_S);
             let mut p = Planner::at(0.0);
             p.go_to(distance);
             let (fastest, ticks) = run(&mut p, &limits);
@@ -324,7 +325,7 @@ mod tests {
 
     #[test]
     fn the_time_from_under_way_is_known() {
-        let limits = Limits::new(0.002, 0.02);
+        let limits = Limits::new(0.002, 0.02, RISE_S);
         for target in [0.02f32, 0.006, 0.0042, 0.0040, 0.001, -0.004] {
             let mut p = Planner::at(0.0);
             p.go_to(0.02);
@@ -344,7 +345,7 @@ mod tests {
 
     #[test]
     fn braking_stops_where_it_says_and_turning_round_works() {
-        let limits = Limits::new(0.004, 0.02);
+        let limits = Limits::new(0.004, 0.02, RISE_S);
         let mut p = Planner::at(0.0);
         p.go_to(0.02);
         for _ in 0..200 {
@@ -366,7 +367,7 @@ mod tests {
             speed in 1e-4f32..0.02,
             acceleration in 1e-3f32..0.1,
         ) {
-            let limits = Limits::new(speed, acceleration);
+            let limits = Limits::new(speed, acceleration, RISE_S);
             let mut p = Planner::at(0.0);
             let mut last = p.step(&limits);
             let mut last_rise = 0.0;
@@ -392,11 +393,11 @@ mod tests {
         fn limits_may_change_under_way(fall in 0.2f32..1.0, at in 1u32..250) {
             let mut p = Planner::at(0.0);
             p.go_to(0.02);
-            let (before, after) = (Limits::new(0.006, 0.02), Limits::new(0.006 * fall, 0.02));
+            let (before, after) = (Limits::new(0.006, 0.02, RISE_S), Limits::new(0.006 * fall, 0.02, RISE_S));
             for _ in 0..at {
                 p.step(&before);
             }
-            let soon = (0.006 / 0.02 + 2.0 * RISE_S) / TICK_S;
+            let soon = (0.006 / 0.02 + RISE_S) / TICK_S;
             for tick in 0..4000 {
                 let s = p.step(&after);
                 prop_assert!(tick < soon as u32 || s.speed_m_per_s <= after.speed * 1.001);

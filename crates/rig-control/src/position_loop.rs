@@ -10,7 +10,7 @@
 
 use crate::TICK_S;
 use crate::friction_takeup::FrictionTakeup;
-use crate::load_motion::{AHEAD_S, OBSERVER_PER_S, STRINGS_AHEAD_S};
+use crate::load_motion::{AHEAD_S, OBSERVER_PER_S};
 use crate::load_state::LoadState;
 use crate::planner::SetPoint;
 use crate::rest::{Rest, Standing};
@@ -87,8 +87,7 @@ impl PositionLoop {
         let wanted_speed = speed + AHEAD_S * acceleration;
         let error_m = wanted_m - (load.reference_gap_m - motion.gap_m);
         let speed_error = wanted_speed + motion.speed_m_per_s;
-        // With the set-point the strings are a little ahead of what they are taken for.
-        let rest_m = load.reference_gap_m - hung.gap_m + STRINGS_AHEAD_S * wanted_speed;
+        let rest_m = load.reference_gap_m - hung.gap_m;
         let rest_error_m = wanted_m + acceleration / frequency_squared - rest_m;
         let standing = self.rest.step(set_point.done, set_point.position_m - load.position_m, load);
         let [by_position, by_speed, by_rest] = GAINS;

@@ -7,6 +7,7 @@ use crate::RigConstants;
 use crate::limits::Limits;
 use crate::load_state::LoadState;
 use crate::planner::Planner;
+use tsa_table::Point;
 
 /// Pieces of the way.
 const PIECES: u8 = 16;
@@ -17,16 +18,16 @@ pub fn time_to_target_s(planner: &Planner, asked_m_per_s: f32, load: &LoadState<
     let direction = libm::copysignf(1.0, way_m);
     let piece_m = way_m.abs() / f32::from(PIECES);
     let load_n = load.observation.load_n;
-    let limits = |tr_rad_per_m: f32| Limits::for_motor(asked_m_per_s, tr_rad_per_m, load_n, rig).0;
+    let limits = |point: &Point| Limits::for_motor(asked_m_per_s, point, load_n, rig).0;
     let mut twist_rad = load.twist_rad;
-    let mut tr_rad_per_m = load.observation.point.tr_rad_per_m();
-    let first = limits(tr_rad_per_m);
+    let mut point = load.observation.point;
+    let first = limits(&point);
     let mut cruise_s = 0.0;
     for _ in 0..PIECES {
-        let middle_rad = twist_rad + direction * 0.5 * piece_m * tr_rad_per_m;
-        tr_rad_per_m = load.mechanism.at(load_n, middle_rad).tr_rad_per_m();
-        twist_rad += direction * piece_m * tr_rad_per_m;
-        cruise_s += piece_m / limits(tr_rad_per_m).speed;
+        let middle_rad = twist_rad + direction * 0.5 * piece_m * point.tr_rad_per_m();
+        point = load.mechanism.at(load_n, middle_rad);
+        twist_rad += direction * piece_m * point.tr_rad_per_m();
+        cruise_s += piece_m / limits(&point).speed;
     }
-    first.duration_from_s(direction * planner.speed_m_per_s(), way_m.abs(), cruise_s, &limits(tr_rad_per_m))
+    first.duration_from_s(direction * planner.speed_m_per_s(), way_m.abs(), cruise_s, &limits(&point))
 }

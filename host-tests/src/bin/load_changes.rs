@@ -1,7 +1,8 @@
-//! Load steps on emulated rigs: see [`host_tests::load_changes`].
+//! Load steps and moves at full speed on emulated rigs: see [`host_tests::load_changes`] and [`host_tests::full_speed`].
 
 use clap::Parser;
-use host_tests::load_changes::{Outcome, all};
+use host_tests::full_speed;
+use host_tests::load_changes::{self, Outcome};
 use host_tests::rigs::subject::Subject;
 use sim_link::RigPreset;
 use std::ops::Range;
@@ -21,6 +22,9 @@ struct Arguments {
     /// Distances (um) within which a load counts as back; the first one is that of --each
     #[arg(long, value_delimiter = ',', default_value = "50")]
     within: Vec<f64>,
+    /// Moves 12 mm at full speed instead
+    #[arg(long)]
+    full_speed: bool,
     /// Threads
     #[arg(long, default_value_t = lab::parallel::cores())]
     jobs: usize,
@@ -35,7 +39,12 @@ struct Arguments {
 fn main() {
     let a = Arguments::parse();
     let seeds: Range<u64> = a.seed..a.seed + a.rigs;
-    let outcomes: Vec<Outcome> = seeds.flat_map(|seed| all(&Subject::new(a.rig, seed), a.jobs)).collect();
+    let outcomes: Vec<Outcome> = seeds
+        .flat_map(|seed| {
+            let subject = Subject::new(a.rig, seed);
+            if a.full_speed { full_speed::all(&subject, a.jobs) } else { load_changes::all(&subject, a.jobs) }
+        })
+        .collect();
     if a.each {
         a.within.first().into_iter().for_each(|within_um| print_each(&outcomes, *within_um));
     }
@@ -51,18 +60,11 @@ fn main() {
 
 fn print_each(outcomes: &[Outcome], within_um: f64) {
     for (k, o) in outcomes.iter().enumerate() {
-        let [from, to] = o.step.change_kg;
         let last = o.errors_m.last().copied().unwrap_or(f64::NAN);
         let took =
             o.settled_s(1e-6 * within_um).map_or("-".into(), |s| format!("{s:.2} s, {:.2} times", s / o.motor_s));
         let why = o.failure.as_deref().unwrap_or("");
-        println!(
-            "{k:3} seed {} {:2.0} mm {from} -> {to} kg: motor {:.2} s, {took}; ends {:+.0} um {why}",
-            o.step.seed,
-            o.step.at_m * 1e3,
-            o.motor_s,
-            last * 1e6
-        );
+        println!("{k:3} {}: motor {:.2} s, {took}; ends {:+.0} um {why}", o.what, o.motor_s, last * 1e6);
     }
 }
 

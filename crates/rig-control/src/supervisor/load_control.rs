@@ -1,7 +1,7 @@
 //! A planned move of the load, and the hold after it: planner and position loop, tick by tick, and when a move is over.
 
 use super::{lasts, ticks};
-use crate::limits::{LOAD_ACCELERATION, Limits, SPEED_MAX_M_PER_S};
+use crate::limits::Limits;
 use crate::load_state::LoadState;
 use crate::planner::{Planner, SetPoint};
 use crate::position_loop::{LoopOutput, PositionLoop};
@@ -72,6 +72,8 @@ pub(super) struct Move {
     /// Way of the move (m).
     way_m: f32,
     speed_m_per_s: f32,
+    /// Those of the last tick.
+    limits: Option<Limits>,
     pub(super) stopping: bool,
     /// Approaches that are left, and where the next one aims (m) while the load goes back for it.
     approaches_left: u8,
@@ -103,6 +105,7 @@ impl Move {
             target_m,
             way_m,
             speed_m_per_s,
+            limits: None,
             stopping: false,
             approaches_left: APPROACHES,
             next_aim_m: None,
@@ -149,7 +152,11 @@ impl Move {
             self.next_aim_m = None;
             self.approaches_left = 0;
             self.control.position_loop.rest.comes_again = false;
-            self.control.planner.brake(&Limits::new(SPEED_MAX_M_PER_S, LOAD_ACCELERATION));
+            match &self.limits {
+                Some(limits) => self.control.planner.brake(limits),
+                // Before its first tick it stands.
+                None => self.control.planner.go_to(self.control.planner.set_point_m()),
+            }
         }
     }
 
@@ -167,8 +174,8 @@ impl Move {
             self.approach_again(load);
         }
         let Self { control, speed_m_per_s, .. } = self;
-        let tr_rad_per_m = load.observation.point.tr_rad_per_m();
-        let (limits, limit) = Limits::for_motor(*speed_m_per_s, tr_rad_per_m, load.observation.pull_n, rig);
+        let (limits, limit) = Limits::for_motor(*speed_m_per_s, &load.observation.point, load.observation.pull_n, rig);
+        self.limits = Some(limits);
         // Until the strings have taken up friction the load cannot move: the set-point waits for it.
         let waiting = control.position_loop.takeup.is_waiting();
         if !self.stopping {

@@ -4,7 +4,7 @@ use super::fault_policy::Response;
 use super::modes::{EStopContact, Mode};
 use super::{Inputs, Rig};
 use crate::sensors::DriveReading;
-use crate::whole_counts;
+use crate::{TICK_S, whole_counts};
 use rmds405::DriveCommand;
 
 /// How far from its reported position the drive may be sent (rad, and seconds of its speed): more than a healthy one lags.
@@ -33,7 +33,9 @@ impl Rig<'_> {
         let offset = self.sensing.drive_zero.offset()?;
         let DriveReading::Reports { position_qc, .. } = inputs.drive else { return None };
         let lag_s = self.tracking.as_ref().map_or(0.0, |tracking| tracking.homed.found.drive_lag_s);
-        let counts = (self.shaft.position + lag_s * self.shaft.speed) * self.constants.counts_per_rad;
+        // The set-point is where the shaft is to be at the end of this tick.
+        let lead_s = (lag_s - TICK_S).max(0.0);
+        let counts = (self.shaft.position + lead_s * self.shaft.speed) * self.constants.counts_per_rad;
         // A float to integer cast saturates; NaN would become 0, so it is caught before.
         if !counts.is_finite() {
             return None;

@@ -10,7 +10,7 @@ use super::{Part, Rig, SESSION_S, SPEED_M_PER_S};
 use crate::Scene;
 use rig_control::TICK_S;
 use rig_control::homing::{SWEEP_HALF, SWEEP_SPEED, WEIGH_SPEED, WEIGH_TURNS, weigh};
-use rig_control::limits::{LOAD_ACCELERATION, RISE_S};
+use rig_control::limits::rise_s;
 use rig_control::position_loop::BANDWIDTH_PER_S;
 use rig_control::rest::{AT_REST_M, AT_REST_NOISES, JUMP_SHARE};
 use rig_link::messages::LVDT_POINTS_MAX;
@@ -218,18 +218,23 @@ impl Effects<'_> {
     /// an error within the noise is left alone.
     fn following(&self, noise_m: f64) -> Direct {
         let bandwidth = f64::from(BANDWIDTH_PER_S);
-        let rise_s = SPEED_M_PER_S / f64::from(LOAD_ACCELERATION) + f64::from(RISE_S);
         let lag_s = LAG_TICKS * f64::from(TICK_S);
-        let peak_m = SPEED_M_PER_S * lag_s * -(-bandwidth * rise_s).exp_m1() / (bandwidth * rise_s);
         let move_s = self.column.travel_m() / SPEED_M_PER_S;
-        // At both ends of a move it decays with the loop: the mean square of two exponentials.
-        let moving_m = peak_m / (bandwidth * move_s).sqrt();
         let resting_m = f64::from(AT_REST_M).max(f64::from(AT_REST_NOISES) * noise_m) / 3f64.sqrt();
-        let swing = f64::from(LOAD_ACCELERATION) / STANDARD_GRAVITY * (2.0 * rise_s / move_s).min(1.0).sqrt();
+        let rise_s = |s: &State| f64::from(rise_s(s.load_n as f32, s.by_load as f32));
+        // At both ends of a move it decays with the loop: the mean square of two exponentials.
+        let moving_m = |s: &State| {
+            let rise = bandwidth * rise_s(s);
+            SPEED_M_PER_S * lag_s * -(-rise).exp_m1() / rise / (bandwidth * move_s).sqrt()
+        };
+        let swing = |s: &State| {
+            let rise_s = rise_s(s);
+            2.0 * SPEED_M_PER_S / rise_s / STANDARD_GRAVITY * (2.0 * rise_s / move_s).min(1.0).sqrt()
+        };
         Direct {
             part: Part::Loop,
-            position_m: self.column.each(|_| moving_m.hypot(resting_m)),
-            load: self.column.each(|_| swing),
+            position_m: self.column.each(|s| moving_m(s).hypot(resting_m)),
+            load: self.column.each(swing),
         }
     }
 }

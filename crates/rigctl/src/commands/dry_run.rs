@@ -69,8 +69,9 @@ pub fn run(
     loop {
         let gap = start.gap_m - (planner.set_point_m() - hangs_m);
         let twist = table.twist_from_gap(load_n, gap)? / mechanism.twist_scale;
-        let tr = mechanism.at(load_n, twist).tr_rad_per_m();
-        let (limits, limit) = Limits::for_motor(speed as f32, tr, load_n, &rig);
+        let point = mechanism.at(load_n, twist);
+        let tr = point.tr_rad_per_m();
+        let (limits, limit) = Limits::for_motor(speed as f32, &point, load_n, &rig);
         held_back = held_back.or(limit);
         let s = planner.step(&limits);
         if tick.is_multiple_of(EVERY) || s.done {

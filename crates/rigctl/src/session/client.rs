@@ -19,7 +19,7 @@ const TOOL: Versions = Versions::own(env!("CARGO_PKG_VERSION"), "");
 /// Time between two greetings of a board that has not answered, nor sent anything that can be read (s).
 const GREETING_S: f64 = 1.0;
 /// Longest wait for a reply (s).
-const REPLY_S: f64 = 1.0;
+const REPLY_S: f64 = 3.0;
 /// Longest wait for the first message of a board (s): the start-up of a drive does not hold the link back.
 const HELLO_S: f64 = 3.0;
 /// Longest wait for flash (s): a sector may have to be erased, or a table that is being made goes first.

@@ -1,0 +1,70 @@
+//! How fast a load is moved as fast as it goes, held against what the motor's speed and acceleration alone would need for the
+//! same turn of the strings.
+
+use crate::ControlBench;
+use crate::load_changes::{Outcome, as_the_sensor_has_it, homed_under, motor_s};
+use crate::rigs::subject::Subject;
+use lab::parallel::parallel_on;
+use rig_control::limits::SPEED_MAX_M_PER_S;
+use rig_link::messages::{LoadChoice, Request, State};
+
+/// What hangs there (kg).
+pub const LOADS_KG: [f64; 4] = [0.1, 0.5, 1.0, 1.5];
+/// Where the way begins and ends (m).
+pub const ENDS_M: [f32; 2] = [0.001, 0.013];
+/// Rest before each way (s).
+const REST_S: f64 = 2.0;
+
+/// Up and down under every load on one rig.
+pub fn all(subject: &Subject, threads: usize) -> Vec<Outcome> {
+    let ways = parallel_on(threads, &|_, _| {}, LOADS_KG.len(), |k| both_ways(subject, LOADS_KG[k]));
+    ways.into_iter().flatten().collect()
+}
+
+fn both_ways(subject: &Subject, load_kg: f64) -> [Outcome; 2] {
+    let [low_m, high_m] = ENDS_M;
+    let mut bench = homed_under(subject, load_kg).and_then(|mut bench| {
+        bench.move_to(low_m, 0.004, LoadChoice::Auto)?;
+        Ok(bench)
+    });
+    [[low_m, high_m], [high_m, low_m]].map(|[from_m, to_m]| {
+        let what = format!("seed {} {load_kg} kg, {:2.0} mm -> {:2.0} mm", subject.seed, from_m * 1e3, to_m * 1e3);
+        match &mut bench {
+            Ok(bench) => go(bench, to_m, what),
+            Err(why) => Outcome::failed(what, why.clone()),
+        }
+    })
+}
+
+fn go(bench: &mut ControlBench, target_m: f32, what: String) -> Outcome {
+    bench.run(REST_S);
+    let before_rad = bench.truth().twist_rad;
+    let request = Request::Move { target_m, speed_m_per_s: SPEED_MAX_M_PER_S, load: LoadChoice::Auto };
+    let reply = bench.tick(Some(request)).reply;
+    if !matches!(reply, Some(Ok(_))) {
+        return Outcome::failed(what, format!("refused: {reply:?}"));
+    }
+    let (mut errors_m, mut shown_m) = (Vec::new(), Vec::new());
+    let mut watch = |bench: &ControlBench| {
+        let true_m = bench.true_position_m();
+        errors_m.push(true_m - f64::from(target_m));
+        let position_m = bench.last.as_ref().and_then(|last| last.telemetry.position_m);
+        if std::env::var("DBG").is_ok() {
+            let t = bench.last.as_ref().map(|l| (l.telemetry.setpoint_m, l.telemetry.twist_rad));
+            eprintln!("{} {} {:?} {} {:?}", what, bench.time_s, t, true_m, (bench.truth().twist_rad, bench.truth().pull_n, bench.truth().load_n, bench.truth().gap_speed_m_per_s));
+        }
+        shown_m.extend(position_m.map(|m| f64::from(m) - true_m));
+    };
+    bench.until(20.0, |bench| {
+        watch(bench);
+        bench.control.state() != State::Moving
+    });
+    bench.until(1.5, |bench| {
+        watch(bench);
+        false
+    });
+    let failed = bench.control.state() != State::Holding;
+    let failure = failed.then(|| format!("{:?} {}", bench.control.state(), bench.control.faults()));
+    as_the_sensor_has_it(&mut errors_m, &shown_m);
+    Outcome { what, motor_s: motor_s(bench.truth().twist_rad - before_rad), errors_m, failure }
+}
