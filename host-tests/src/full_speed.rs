@@ -51,7 +51,14 @@ fn go(bench: &mut ControlBench, target_m: f32, what: String) -> Outcome {
         let position_m = bench.last.as_ref().and_then(|last| last.telemetry.position_m);
         if std::env::var("DBG").is_ok() {
             let t = bench.last.as_ref().map(|l| (l.telemetry.setpoint_m, l.telemetry.twist_rad));
-            eprintln!("{} {} {:?} {} {:?}", what, bench.time_s, t, true_m, (bench.truth().twist_rad, bench.truth().pull_n, bench.truth().load_n, bench.truth().gap_speed_m_per_s));
+            eprintln!(
+                "{} {} {:?} {} {:?}",
+                what,
+                bench.time_s,
+                t,
+                true_m,
+                (bench.truth().twist_rad, bench.truth().pull_n, bench.truth().load_n, bench.truth().gap_speed_m_per_s)
+            );
         }
         shown_m.extend(position_m.map(|m| f64::from(m) - true_m));
     };

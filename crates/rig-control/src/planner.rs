@@ -367,7 +367,8 @@ mod tests {
             speed in 1e-4f32..0.02,
             acceleration in 1e-3f32..0.1,
         ) {
-            let limits = Limits::new(speed, acceleration, RISE_S);
+            // As `Limits::for_motor` makes them: no more acceleration than gets up to speed in the rise time.
+            let limits = Limits::new(speed, acceleration.min(2.0 * speed / RISE_S), RISE_S);
             let mut p = Planner::at(0.0);
             let mut last = p.step(&limits);
             let mut last_rise = 0.0;

@@ -1,7 +1,8 @@
 //! A step of the LVDT that no load makes: the sensor, its core or its conditioner has shifted.
 //!
-//! A load on elastic strings swings: even the lightest takes 40 ms for a quarter of its swing, so a millimetre within
-//! 20 ms means that it moves before or after as well. A gap that stands, steps and stands again is the sensor's doing.
+//! A load on elastic strings swings: even the lightest on hardly twisted strings takes 25 ms for half of its swing, so a
+//! millimetre within 20 ms means that it moves before or after as well. A gap that stands, steps and stands again is the
+//! sensor's doing.
 //! A smaller or slower shift looks like another load (`load-unknown`).
 
 /// Least step (m) within [`STEP_TICKS`].
@@ -10,7 +11,8 @@ const JUMP_M: f32 = 1.0e-3;
 const STEP_TICKS: usize = 2;
 /// Ticks before and after the step in which the gap must go on as a motor moves it.
 const CALM_TICKS: usize = 3;
-/// The step is at least this many times what the gap moves in the calm ticks before and after together.
+/// The step is at least this many times the gap's way in the calm ticks before and after together: all of it, because a swing
+/// about its turning point comes back to where it was.
 const CLEAR_FACTOR: f32 = 3.0;
 
 /// Ticks without a reading that may lie between: the block in which the step falls is too noisy to be a position.
@@ -45,14 +47,19 @@ impl LvdtJump {
         self.gaps_m.rotate_left(1);
         self.gaps_m[LENGTH - 1] = gap_m;
         self.count = (self.count + 1).min(LENGTH);
-        let [first, before, after, last] = [0, CALM_TICKS, CALM_TICKS + STEP_TICKS, LENGTH - 1].map(|k| self.gaps_m[k]);
-        let calm_m = (before - first).abs() + (last - after).abs();
-        let jumped = self.count == LENGTH && (after - before).abs() > JUMP_M.max(CLEAR_FACTOR * calm_m);
+        let (before, after) = (&self.gaps_m[..=CALM_TICKS], &self.gaps_m[CALM_TICKS + STEP_TICKS..]);
+        let step_m = (after[0] - before[CALM_TICKS]).abs();
+        let jumped = self.count == LENGTH && step_m > JUMP_M.max(CLEAR_FACTOR * (way_m(before) + way_m(after)));
         if jumped {
             self.count = 0;
         }
         jumped
     }
+}
+
+/// How far a gap went (m).
+fn way_m(gaps_m: &[f32]) -> f32 {
+    gaps_m.windows(2).map(|pair| (pair[1] - pair[0]).abs()).sum()
 }
 
 #[cfg(test)]
@@ -78,12 +85,17 @@ mod tests {
 
     #[test]
     fn a_load_that_steps_swings_or_falls_is_none() {
-        // The fastest swing (36 rad/s) with hardly any damping, from a step of the load by 5 mm.
-        let swing = |k: f32| {
-            let t = ((k - 100.0) * 0.01).max(0.0);
-            0.08 + 5e-3 * (1.0 - (-1.5 * t).exp() * (36.0 * t).cos())
-        };
-        assert_eq!(jumps(swing), 0);
+        // Every swing from heavy loads on twisted strings to light ones on untwisted strings, hardly damped, from a step of the
+        // load by 5 mm at any time between two ticks.
+        for frequency in 15..=125u16 {
+            for begin in [100.0, 100.25, 100.5, 100.75] {
+                let swing = |k: f32| {
+                    let t = ((k - begin) * 0.01).max(0.0);
+                    0.08 + 5e-3 * (1.0 - (-1.5 * t).exp() * (f32::from(frequency) * t).cos())
+                };
+                assert_eq!(jumps(swing), 0, "{frequency} rad/s");
+            }
+        }
         // A fall to the stop, 5 cm lower.
         let fall = |k: f32| {
             let t = ((k - 100.0) * 0.01).max(0.0);
