@@ -89,6 +89,7 @@ fn take(sequence: u16, request: Request, greeted: &mut bool, newest: &mut Newest
         }
         Request::Move { load: LoadChoice::Auto | LoadChoice::Known(_), .. }
         | Request::Home { load: LoadChoice::Auto | LoadChoice::Known(_) }
+        | Request::Track { .. }
         | Request::Jog { .. }
         | Request::Clear
         | Request::Rebuild(_)

@@ -15,10 +15,19 @@ const HANGS_M: f32 = 0.2e-3;
 pub struct MoveRequest {
     /// Wanted position (m).
     pub target_m: f32,
-    /// Speed of the load on the way (m/s).
+    /// Speed of the load on the way (m/s); infinite is as fast as it goes.
     pub speed_m_per_s: f32,
     /// Where the load's weight comes from.
     pub load: LoadChoice,
+}
+
+impl MoveRequest {
+    /// The same with an infinite speed replaced by the greatest one that the settings allow.
+    #[must_use]
+    pub fn with_speed_max(self, settings: &SettingValues) -> Self {
+        let fastest = self.speed_m_per_s == f32::INFINITY;
+        Self { speed_m_per_s: if fastest { settings.get(Setting::SpeedMax) } else { self.speed_m_per_s }, ..self }
+    }
 }
 
 /// Where a move would start, and what is known there.

@@ -53,6 +53,13 @@ impl Ramp {
     }
 }
 
+/// Gains (1/s) by which a set-point follows a target that moves: of position, speed and acceleration, each two and more times as
+/// fast as the one before.
+const FOLLOWS_PER_S: [f32; 3] = [12.0, 30.0, 60.0];
+/// Distance (m) and speed (m/s) within which a set-point stands at a target that stands.
+const STANDS_M: f32 = 1e-6;
+const STANDS_M_PER_S: f32 = 20e-6;
+
 /// Steps of the search for the acceleration that just still stops at the target.
 const SEARCH_STEPS: u8 = 7;
 /// Position, speed and acceleration of the set-point.
@@ -72,6 +79,13 @@ impl Motion {
             speed: self.speed + 0.5 * TICK_S * (self.acceleration + acceleration),
             acceleration,
         }
+    }
+
+    /// Acceleration after a tick from which a speed is reached and not passed: taken back at full jerk, it ends there.
+    fn keeps(&self, speed: f32, limits: &Limits) -> f32 {
+        let left = speed - self.speed - 0.5 * TICK_S * self.acceleration;
+        let reach = libm::sqrtf(0.25 * TICK_S * TICK_S + 2.0 * left.abs() / limits.jerk) - 0.5 * TICK_S;
+        libm::copysignf((limits.jerk * reach).min(limits.acceleration), left)
     }
 
     /// Where it comes to rest at the soonest.
@@ -125,6 +139,17 @@ impl Motion {
 pub struct Planner {
     now: Motion,
     target: f32,
+}
+
+/// A target that moves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MovingTarget {
+    /// Where it is (m).
+    pub position_m: f32,
+    /// How fast it moves (m/s).
+    pub speed_m_per_s: f32,
+    /// How fast that changes (m/s²).
+    pub acceleration_m_per_s2: f32,
 }
 
 /// Set-point of one tick.
@@ -206,6 +231,44 @@ impl Planner {
         self.go_to(self.now.stop(limits));
     }
 
+    /// One tick after a target that moves, and whether the speed limit holds it back. Speed, acceleration and jerk stay within
+    /// their limits; the set-point comes to the target without an overshoot from wherever it is.
+    pub fn follow(&mut self, target: &MovingTarget, limits: &Limits) -> (SetPoint, bool) {
+        let before = self.now;
+        let [of_position, of_speed, of_acceleration] = FOLLOWS_PER_S;
+        // The target is that of the end of the tick.
+        let ahead = before.after(before.acceleration);
+        let behind = target.position_m - ahead.position;
+        // Half of the acceleration is for braking, the rest for the time that it takes to build up: v² = a |x|.
+        let brakes_from = libm::sqrtf(limits.acceleration * behind.abs());
+        let wanted = target.speed_m_per_s + (of_position * behind).clamp(-brakes_from, brakes_from);
+        let held_back = wanted.abs() > limits.speed;
+        let given = if held_back { 0.0 } else { target.acceleration_m_per_s2 };
+        let wanted = given + of_speed * (wanted.clamp(-limits.speed, limits.speed) - ahead.speed);
+        let wanted = before.acceleration + of_acceleration * TICK_S * (wanted - before.acceleration);
+        let within = wanted.max(before.keeps(-limits.speed, limits)).min(before.keeps(limits.speed, limits));
+        let unit = limits.jerk * TICK_S;
+        self.now = before.after(within.clamp(before.acceleration - unit, before.acceleration + unit));
+        self.target = target.position_m;
+        let near = behind.abs() < STANDS_M && self.now.speed.abs() < STANDS_M_PER_S;
+        if near && target.speed_m_per_s == 0.0 {
+            *self = Self::at(target.position_m);
+        }
+        (self.set_point(before.acceleration), held_back)
+    }
+
+    /// After a tick that began with an acceleration.
+    fn set_point(&self, before: f32) -> SetPoint {
+        let Motion { position, speed, acceleration } = self.now;
+        SetPoint {
+            position_m: position,
+            speed_m_per_s: speed,
+            acceleration_m_per_s2: acceleration,
+            jerk_m_per_s3: (acceleration - before) / TICK_S,
+            done: self.is_at_rest(),
+        }
+    }
+
     /// One tick.
     pub fn step(&mut self, limits: &Limits) -> SetPoint {
         if self.is_at_rest() {
@@ -216,14 +279,8 @@ impl Planner {
         let way = libm::copysignf(1.0, self.target - self.now.position);
         let now = self.now.mirrored(way);
         let unit = limits.jerk * TICK_S;
-        // Acceleration after this tick from which the speed can still be kept: taken back at full jerk, it ends there.
-        let keeps = |speed: f32| {
-            let left = speed - now.speed - 0.5 * TICK_S * now.acceleration;
-            let reach = libm::sqrtf(0.25 * TICK_S * TICK_S + 2.0 * left.abs() / limits.jerk) - 0.5 * TICK_S;
-            libm::copysignf((limits.jerk * reach).min(limits.acceleration), left)
-        };
         let within = |a: f32| a.clamp(now.acceleration - unit, now.acceleration + unit);
-        let (high, low) = (within(keeps(limits.speed)), within(keeps(-limits.speed)));
+        let (high, low) = (within(now.keeps(limits.speed, limits)), within(now.keeps(-limits.speed, limits)));
         self.now = now.after(now.still_stops(way * self.target, low.min(high), high, limits)).mirrored(way);
         // Nearer than half of what the jerk moves it by in a tick: it has arrived.
         let near = (self.target - self.now.position).abs() <= 0.5 * unit * TICK_S * TICK_S + f32::EPSILON;
@@ -231,14 +288,7 @@ impl Planner {
         if near && slow {
             *self = Self::at(self.target);
         }
-        let Motion { position, speed, acceleration } = self.now;
-        SetPoint {
-            position_m: position,
-            speed_m_per_s: speed,
-            acceleration_m_per_s2: acceleration,
-            jerk_m_per_s3: (acceleration - before) / TICK_S,
-            done: self.is_at_rest(),
-        }
+        self.set_point(before)
     }
 }
 
@@ -360,7 +410,61 @@ mod tests {
         assert_eq!(p.step(&limits).position_m, -0.001);
     }
 
+    #[test]
+    fn a_stream_is_followed_within_micrometres_and_a_jump_without_overshoot() {
+        let limits = Limits::new(0.008, 0.08, RISE_S);
+        let (mut p, omega) = (Planner::at(0.0), core::f32::consts::TAU);
+        let mut most = 0f32;
+        for k in 1u16..400 {
+            let t = f32::from(k) * TICK_S;
+            // 1 mm at 1 Hz, from rest.
+            let rise = (t / 1.0).min(1.0);
+            let target = MovingTarget {
+                position_m: 1e-3 * rise * libm::sinf(omega * t),
+                speed_m_per_s: 1e-3 * rise * omega * libm::cosf(omega * t),
+                acceleration_m_per_s2: -1e-3 * rise * omega * omega * libm::sinf(omega * t),
+            };
+            let (s, held_back) = p.follow(&target, &limits);
+            if t > 1.5 {
+                most = most.max((s.position_m - target.position_m).abs());
+                assert!(!held_back);
+            }
+        }
+        assert!(most < 25e-6, "{most}");
+        let stands = MovingTarget { position_m: 5e-3, speed_m_per_s: 0.0, acceleration_m_per_s2: 0.0 };
+        let mut p = Planner::at(0.0);
+        let ticks = (0..400).take_while(|_| {
+            let (s, _) = p.follow(&stands, &limits);
+            assert!(s.position_m < 5e-3 + 20e-6 && s.speed_m_per_s < 0.008 * 1.01, "{s:?}");
+            !s.done
+        });
+        assert!(ticks.count() < 200, "it arrives, and stands");
+        assert!(p.is_at_rest());
+    }
+
     proptest! {
+        #[test]
+        fn a_stream_of_whatever_is_followed_within_the_limits(
+            targets in proptest::collection::vec((-0.02f32..0.02, -0.05f32..0.05, 1u32..60), 1..10),
+            speed in 1e-3f32..0.02,
+        ) {
+            let limits = Limits::new(speed, 2.0 * speed / RISE_S, RISE_S);
+            let mut p = Planner::at(0.0);
+            let (mut last_speed, mut last_rise) = (0.0, 0.0);
+            for (position_m, speed_m_per_s, ticks) in targets {
+                let mut target = MovingTarget { position_m, speed_m_per_s, acceleration_m_per_s2: 0.0 };
+                for _ in 0..ticks {
+                    target.position_m += TICK_S * speed_m_per_s;
+                    let (s, _) = p.follow(&target, &limits);
+                    prop_assert!(s.speed_m_per_s.abs() <= 1.05 * speed, "{s:?}");
+                    let rise = (s.speed_m_per_s - last_speed) / TICK_S;
+                    prop_assert!(s.acceleration_m_per_s2.abs() <= limits.acceleration * 1.001);
+                    prop_assert!(s.done || (rise - last_rise).abs() <= 2.0 * limits.jerk * TICK_S * 1.05 + 4e-3);
+                    (last_speed, last_rise) = (s.speed_m_per_s, if s.done { 0.0 } else { rise });
+                }
+            }
+        }
+
         #[test]
         fn any_command_respects_the_limits(
             targets in proptest::collection::vec((-0.05f32..0.05, 1u32..300), 1..8),

@@ -87,6 +87,8 @@ named_codes! {
         TwistSpeed = 3, "twist speed";
         /// Twist (rad).
         Twist = 4, "twist";
+        /// How long a set-point of a stream holds (s).
+        HoldsFor = 5, "for";
     }
 }
 
@@ -99,6 +101,7 @@ impl Parameter {
             Self::Load => "N",
             Self::TwistSpeed => "rad/s",
             Self::Twist => "rad",
+            Self::HoldsFor => "s",
         }
     }
 }
@@ -243,6 +246,18 @@ named_codes! {
         TravelEnd = 7, "travel-end";
         /// The gap shifted during homing: a string slipped, the load was changed, or the LVDT moved.
         Shifted = 8, "shifted";
+    }
+}
+
+named_codes! {
+    /// Why a stream of set-points ended.
+    pub enum StreamEnd {
+        /// The next set-point did not come in time.
+        Late = 0, "late";
+        /// A set-point was refused; the reply says why.
+        Refused = 1, "refused";
+        /// It ran farther ahead of the load than the motor can catch up with.
+        TooFast = 2, "too-fast";
     }
 }
 

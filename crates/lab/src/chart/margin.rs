@@ -16,8 +16,8 @@ use tsa_model::{Mechanism, SolveError};
 pub const DRIVE_PER_S: [f64; 2] = [20.0, 150.0];
 /// Gain (1/s) and smoothing (rad/s) of a loop that stays below the load's resonance and does not damp it.
 const BELOW_RESONANCE: [f64; 2] = [3.0, 9.0];
-/// Lead that the firmware gives the drive (s).
-const LEAD_S: f64 = 0.05;
+/// Lead that the firmware gives the drive (s): the lag that homing finds on the emulated drive, 56 ms, less a tick.
+const LEAD_S: f64 = 0.046;
 /// Age of the averaged LVDT block when it is used (s).
 const AGE_S: f64 = 0.006;
 /// Viscous damping of the rail (N s/m) and of string and rods (s of stiffness), as the emulated plant has them. Assumed.

@@ -57,9 +57,14 @@ impl LoadControl {
         control
     }
 
+    /// One tick under way.
+    pub(super) fn follow(&mut self, set_point: &SetPoint, load: &LoadState<'_>) -> LoopOutput {
+        self.position_loop.step(set_point, None, load)
+    }
+
     /// One tick at the target.
     pub(super) fn hold(&mut self, load: &LoadState<'_>) -> LoopOutput {
-        self.position_loop.step(&SetPoint::at(self.planner.set_point_m()), None, load)
+        self.follow(&SetPoint::at(self.planner.set_point_m()), load)
     }
 }
 
@@ -115,6 +120,14 @@ impl Move {
             near_ticks: 0,
             end_ticks: 0,
         }
+    }
+
+    /// Comes to rest as soon as these limits allow, which were those of the last tick.
+    pub(super) fn braking(control: LoadControl, limits: Option<Limits>) -> Self {
+        let mut braking = Self::new(control, control.planner.set_point_m(), f32::INFINITY);
+        braking.limits = limits;
+        braking.stop();
+        braking
     }
 
     /// Error (m) within which this load counts as arrived.

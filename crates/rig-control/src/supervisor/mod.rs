@@ -27,6 +27,9 @@
 //! **A `move`**: `Rig::answer` → `Rig::start_move` → [`crate::move_check`] → `Mode::Moving` → `Move::step` each tick:
 //! planner, position loop, friction take-up → `Mode::Holding`.
 //!
+//! **A stream** of set-points (`track`): `Rig::track` for each of them → `Mode::Streaming` → `Stream::step` each tick. It
+//! ends in a `Move` that brakes, and so in a hold.
+//!
 //! **A fault**: `Guard::check` → `Rig::raise` (latches it; the set-point stops) → `Mode::Fault` → `Rig::drive_command` by
 //! the fault's response → `Rig::clear`.
 //!
@@ -43,6 +46,7 @@ mod modes;
 mod outputs;
 mod requests;
 mod sensing;
+mod stream;
 mod telemetry;
 mod tracking;
 

@@ -2,6 +2,7 @@
 
 use super::load_control::{LoadControl, Move, MoveStep};
 use super::sensing::DriveZero;
+use super::stream::Stream;
 use super::{Events, Inputs, Rig, STANDING_RPM, ticks};
 use crate::TICK_S;
 use crate::homing::{Homing, HomingInputs, Progress};
@@ -31,6 +32,8 @@ pub(super) enum Mode {
     Homing(Homing),
     /// A planned move of the load.
     Moving(Move),
+    /// Follows a stream of set-points.
+    Streaming(Stream),
     /// Turns the strings at a constant speed.
     Jogging(Jog),
     /// Keeps the load where a move has ended.
@@ -95,7 +98,7 @@ impl Mode {
             Self::Idle if homed => State::Ready,
             Self::Idle => State::Unhomed,
             Self::Homing(_) => State::Homing,
-            Self::Moving(_) | Self::Jogging(_) => State::Moving,
+            Self::Moving(_) | Self::Streaming(_) | Self::Jogging(_) => State::Moving,
             Self::Holding(_) => State::Holding,
             Self::Fault => State::Fault,
             Self::EStop(_) => State::EStop,
@@ -106,6 +109,7 @@ impl Mode {
     pub(super) fn load_control(&self) -> Option<&LoadControl> {
         match self {
             Self::Moving(planned) => Some(&planned.control),
+            Self::Streaming(stream) => Some(&stream.control),
             Self::Holding(control) => Some(control),
             Self::Boot(_) | Self::Idle | Self::Homing(_) | Self::Jogging(_) | Self::Fault | Self::EStop(_) => None,
         }
@@ -118,7 +122,7 @@ impl Rig<'_> {
         match self.mode {
             Mode::Boot(_) => self.step_boot(inputs),
             Mode::Homing(_) => self.step_homing(inputs, events),
-            Mode::Moving(_) | Mode::Holding(_) => return self.step_load(events),
+            Mode::Moving(_) | Mode::Streaming(_) | Mode::Holding(_) => return self.step_load(events),
             Mode::Jogging(jog) => return self.step_jog(jog, events),
             Mode::Idle | Mode::Fault | Mode::EStop(_) => self.shaft.speed = 0.0,
         }
@@ -200,6 +204,12 @@ impl Rig<'_> {
             self.shaft.speed = 0.0;
             return None;
         };
+        if let Mode::Streaming(stream) = &mut self.mode
+            && let Some(end) = stream.ends(observation.point.tr_rad_per_m(), &self.constants)
+        {
+            let _ = events.push(EventKind::StreamEnded(end));
+            self.mode = Mode::Moving(stream.brake());
+        }
         let twist_rad = tracking.twist_rad(self.shaft.position + AHEAD_S * self.shaft.speed);
         let Some(motion) = tracking.motion_ahead(readings, twist_rad) else {
             self.shaft.speed = 0.0;
@@ -216,12 +226,16 @@ impl Rig<'_> {
             twist_rad,
             twist_limits: self.constants.twist_limits(),
         };
-        let (output, planned) = match &mut self.mode {
+        let (output, limit, planned) = match &mut self.mode {
             Mode::Moving(planned) => {
-                let step = planned.step(&load, &self.constants);
-                (step.output, Some((planned, step)))
+                let MoveStep { output, set_point, limit } = planned.step(&load, &self.constants);
+                (output, limit, Some((planned, set_point)))
             }
-            Mode::Holding(control) => (control.hold(&load), None),
+            Mode::Streaming(stream) => {
+                let (output, limit) = stream.step(&load, &self.constants);
+                (output, limit, None)
+            }
+            Mode::Holding(control) => (control.hold(&load), None, None),
             _ => return None,
         };
         self.shaft.speed = load.twist_limits.after_a_tick(self.shaft.speed, output.twist_speed_rad_per_s);
@@ -234,15 +248,15 @@ impl Rig<'_> {
             self.shaft.speed = 0.0;
         }
         self.shaft.position = tracking.homed.zero_rad + twist;
-        let travel = at_end.then_some(Limit::Travel);
-        let Some((planned, MoveStep { set_point, limit, .. })) = planned else { return travel };
+        let limit = at_end.then_some(Limit::Travel).or(limit);
+        let Some((planned, set_point)) = planned else { return limit };
         tracking.learn(&observation, twist_rad, set_point.done);
         if set_point.done && planned.is_over(&load, at_end) {
             let error_m = load.position_m - planned.target_m;
             let _ = events.push(if planned.stopping { EventKind::Stopped } else { EventKind::MoveDone { error_m } });
             self.mode = Mode::Holding(planned.hold());
         }
-        travel.or(limit)
+        limit
     }
 
     fn step_jog(&mut self, jog: Jog, events: &mut Events) -> Option<Limit> {

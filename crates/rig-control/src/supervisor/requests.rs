@@ -5,12 +5,15 @@ use super::guard::STILL_TICKS;
 use super::load_control::{LoadControl, Move};
 use super::modes::{Jog, Mode};
 use super::sensing::DriveZero;
+use super::stream::{HOLDS_FOR_S, Stream, StreamPoint, reach_m};
 use super::{Events, Inputs, JOG_SPEED_MAX, Rig};
 use crate::homing::Homing;
 use crate::move_check::{MoveRequest, MoveStart, check_load, in_range};
 use crate::planner::Ramp;
 use crate::sensors::LvdtReading;
-use rig_link::messages::{Accepted, EventKind, Fault, Limit, LoadChoice, Parameter, Refusal, Request, Sensor, Setting};
+use rig_link::messages::{
+    Accepted, EventKind, Fault, Limit, LoadChoice, Parameter, Refusal, Request, Sensor, Setting, StreamEnd,
+};
 
 impl Rig<'_> {
     /// Carries a request out or refuses it; `None` for requests that the link answers.
@@ -29,6 +32,9 @@ impl Rig<'_> {
             Request::Home { load } => self.start_homing(load),
             Request::Move { target_m, speed_m_per_s, load } => {
                 self.start_move(&MoveRequest { target_m, speed_m_per_s, load })
+            }
+            Request::Track { position_m, speed_m_per_s, for_s } => {
+                self.track(&StreamPoint { position_m, speed_m_per_s, for_s }, events)
             }
             Request::Jog { twist_speed_rad_per_s } => self.start_jog(twist_speed_rad_per_s),
             Request::Stop => {
@@ -51,7 +57,9 @@ impl Rig<'_> {
             Mode::Fault => Err(Refusal::InFault { fault: self.fault().unwrap_or(Fault::NotFinite) }),
             Mode::EStop(_) => Err(Refusal::EStop),
             Mode::Boot(_) => Err(Refusal::DriveNotReady),
-            Mode::Homing(_) | Mode::Moving(_) | Mode::Jogging(_) => Err(Refusal::Busy { state: self.state() }),
+            Mode::Homing(_) | Mode::Moving(_) | Mode::Streaming(_) | Mode::Jogging(_) => {
+                Err(Refusal::Busy { state: self.state() })
+            }
         }
     }
 
@@ -66,12 +74,10 @@ impl Rig<'_> {
         Ok(Accepted::Started)
     }
 
-    fn start_move(&mut self, request: &MoveRequest) -> Result<Accepted, Refusal> {
-        if !matches!(self.mode, Mode::Moving(_)) {
-            self.idle()?;
-        }
-        let Some(tracking) = &mut self.tracking else { return Err(Refusal::NotHomed) };
-        let start = MoveStart {
+    /// Where a motion of the load would start; `None` where the rig is not homed.
+    fn move_start(&self) -> Option<MoveStart<'_>> {
+        let tracking = self.tracking.as_ref()?;
+        Some(MoveStart {
             mechanism: tracking.mechanism(self.table),
             load_n: tracking.observer.load_n(),
             friction_n: tracking.homed.found.friction_n,
@@ -79,19 +85,70 @@ impl Rig<'_> {
             position_m: tracking.position_m,
             zero_gap_m: tracking.homed.found.reference_gap_m,
             settings: &self.settings,
-        };
-        start.check(request)?;
-        tracking.observer.source = request.load;
-        tracking.adaptation.forget_move();
-        let control = match &self.mode {
+        })
+    }
+
+    /// What controls the load when a motion begins now: it goes on from the present one. Where the load has settled a little
+    /// beside the reference, or hangs where the strings' travel ends, out of reach of the hold's set-point, it begins where
+    /// the load is.
+    fn load_control(&self, position_m: f32) -> LoadControl {
+        match &self.mode {
             Mode::Moving(planned) => planned.control,
+            Mode::Streaming(stream) => stream.control,
             Mode::Holding(control) if self.limit != Some(Limit::Travel) => *control,
-            // The load may have settled a little beside the reference, or hang where the strings' travel ends, out of
-            // reach of the hold's set-point: the move begins where it is.
-            _ => LoadControl::at(tracking.position_m),
-        };
+            _ => LoadControl::at(position_m),
+        }
+    }
+
+    /// Whether a motion of the load may begin or go on.
+    fn may_move(&self) -> Result<(), Refusal> {
+        match self.mode {
+            Mode::Moving(_) | Mode::Streaming(_) => Ok(()),
+            _ => self.idle(),
+        }
+    }
+
+    fn start_move(&mut self, request: &MoveRequest) -> Result<Accepted, Refusal> {
+        self.may_move()?;
+        let request = request.with_speed_max(&self.settings);
+        let start = self.move_start().ok_or(Refusal::NotHomed)?;
+        start.check(&request)?;
+        let control = self.load_control(start.position_m);
+        if let Some(tracking) = &mut self.tracking {
+            tracking.observer.source = request.load;
+            tracking.adaptation.forget_move();
+        }
         self.mode = Mode::Moving(Move::new(control, request.target_m, request.speed_m_per_s));
         Ok(Accepted::Started)
+    }
+
+    /// The next set-point of a stream, or the first one. One that is refused ends the stream.
+    fn track(&mut self, point: &StreamPoint, events: &mut Events) -> Result<Accepted, Refusal> {
+        let taken = self.check_stream(point).map(|control| match &mut self.mode {
+            Mode::Streaming(stream) => stream.take(point),
+            mode => *mode = Mode::Streaming(Stream::new(control, point, self.settings.get(Setting::SpeedMax))),
+        });
+        if let (Err(_), Mode::Streaming(stream)) = (&taken, &self.mode) {
+            let _ = events.push(EventKind::StreamEnded(StreamEnd::Refused));
+            self.mode = Mode::Moving(stream.brake());
+        }
+        taken.map(|()| Accepted::Started)
+    }
+
+    /// Whether the load can be led to this set-point of a stream, and what controls it.
+    fn check_stream(&self, point: &StreamPoint) -> Result<LoadControl, Refusal> {
+        self.may_move()?;
+        let start = self.move_start().ok_or(Refusal::NotHomed)?;
+        in_range(Parameter::HoldsFor, point.for_s, HOLDS_FOR_S[0], HOLDS_FOR_S[1])?;
+        let most_m_per_s = self.settings.get(Setting::SpeedMax);
+        in_range(Parameter::Speed, point.speed_m_per_s, -most_m_per_s, most_m_per_s)?;
+        let request = MoveRequest { target_m: point.position_m, speed_m_per_s: most_m_per_s, load: LoadChoice::Auto };
+        start.check(&request)?;
+        let control = self.load_control(start.position_m);
+        let tr_rad_per_m = start.mechanism.at(start.load_n, start.twist_rad).tr_rad_per_m();
+        let (here_m, reach_m) = (control.planner.set_point_m(), reach_m(tr_rad_per_m, &self.constants));
+        in_range(Parameter::Target, point.position_m, here_m - reach_m, here_m + reach_m)?;
+        Ok(control)
     }
 
     fn start_jog(&mut self, speed_rad_per_s: f32) -> Result<Accepted, Refusal> {
@@ -111,6 +168,7 @@ impl Rig<'_> {
     fn stop(&mut self) {
         match &mut self.mode {
             Mode::Moving(planned) => planned.stop(),
+            Mode::Streaming(stream) => self.mode = Mode::Moving(stream.brake()),
             Mode::Jogging(jog) => jog.speed_rad_per_s = 0.0,
             Mode::Homing(_) => self.end_homing(),
             Mode::Boot(_) | Mode::Idle | Mode::Holding(_) | Mode::Fault | Mode::EStop(_) => {}

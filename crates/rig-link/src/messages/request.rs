@@ -23,10 +23,20 @@ pub enum Request {
     Move {
         /// Wanted position (m).
         target_m: f32,
-        /// Speed of the load on the way (m/s).
+        /// Speed of the load on the way (m/s); infinite is as fast as the motor and the setting `speed-max` allow.
         speed_m_per_s: f32,
         /// Where the load's weight comes from.
         load: LoadChoice,
+    },
+    /// Follow a stream of set-points, of which this is the next one. The first one starts it. It ends in a hold: by `Stop`, when
+    /// the next one does not come in time, and by one that is refused. A `Move` goes on from it.
+    Track {
+        /// Where the load should be when this arrives (m).
+        position_m: f32,
+        /// How fast it should move then (m/s); it goes on like that until the next one comes.
+        speed_m_per_s: f32,
+        /// For how long at most this goes on without the next one (s).
+        for_s: f32,
     },
     /// Turn the strings at a constant speed, homed or not, within the twist limits.
     Jog {

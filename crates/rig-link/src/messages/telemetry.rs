@@ -1,6 +1,6 @@
 //! What the board measures and does.
 
-use crate::codes::{Fault, HomingFailure, Limit, State, TableRefusal};
+use crate::codes::{Fault, HomingFailure, Limit, State, StreamEnd, TableRefusal};
 use crate::faults::Faults;
 use crate::messages::HomingResult;
 use postcard_schema::Schema;
@@ -100,6 +100,8 @@ pub enum EventKind {
     },
     /// A motion ended before its target, by `Stop`.
     Stopped,
+    /// A stream of set-points ended by itself. The load is braked and held; `Stopped` follows when it is at rest.
+    StreamEnded(StreamEnd),
     /// A fault was latched.
     FaultRaised(Fault),
     /// A fault was cleared.

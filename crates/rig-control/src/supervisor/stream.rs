@@ -1,0 +1,98 @@
+//! A stream of set-points: the load follows a target that somebody else moves, for as long as the next one comes in time.
+
+use super::load_control::{LoadControl, Move};
+use crate::limits::Limits;
+use crate::load_state::LoadState;
+use crate::planner::MovingTarget;
+use crate::position_loop::LoopOutput;
+use crate::{RigConstants, TICK_S};
+use rig_link::messages::{Limit, StreamEnd};
+
+/// How long a set-point may hold without the next one (s).
+pub const HOLDS_FOR_S: [f32; 2] = [0.02, 0.5];
+/// Time (s) of motion at full speed that a set-point may be away from where the load is led.
+const REACH_S: f32 = 0.5;
+
+/// One set-point of a stream.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct StreamPoint {
+    pub(super) position_m: f32,
+    pub(super) speed_m_per_s: f32,
+    pub(super) for_s: f32,
+}
+
+/// A stream that is being followed.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Stream {
+    pub(super) control: LoadControl,
+    target: MovingTarget,
+    /// Time since the newest set-point, how long it holds, and how long its acceleration does (s).
+    age_s: f32,
+    for_s: f32,
+    accelerates_s: f32,
+    /// Speed (m/s) that is not exceeded.
+    speed_max_m_per_s: f32,
+    /// Those of the last tick.
+    limits: Option<Limits>,
+}
+
+/// How far (m) from the present set-point the next one may be, with the strings at a transmission ratio (rad/m).
+pub(super) fn reach_m(tr_rad_per_m: f32, rig: &RigConstants) -> f32 {
+    REACH_S * rig.twist_speed_max() / tr_rad_per_m
+}
+
+impl Stream {
+    /// Begins with a first set-point, going on from the present motion.
+    pub(super) fn new(control: LoadControl, first: &StreamPoint, speed_max_m_per_s: f32) -> Self {
+        let target = MovingTarget {
+            position_m: first.position_m,
+            speed_m_per_s: first.speed_m_per_s,
+            acceleration_m_per_s2: 0.0,
+        };
+        Self { control, target, age_s: 0.0, for_s: first.for_s, accelerates_s: 0.0, speed_max_m_per_s, limits: None }
+    }
+
+    /// The next set-point. Its speed and that of the one before tell the acceleration.
+    pub(super) fn take(&mut self, next: &StreamPoint) {
+        let since_s = self.age_s.max(TICK_S);
+        self.target = MovingTarget {
+            position_m: next.position_m,
+            speed_m_per_s: next.speed_m_per_s,
+            acceleration_m_per_s2: (next.speed_m_per_s - self.target.speed_m_per_s) / since_s,
+        };
+        (self.age_s, self.for_s, self.accelerates_s) = (0.0, next.for_s, since_s);
+    }
+
+    /// Why the stream ends now, if it does. Call it once in each tick.
+    pub(super) fn ends(&mut self, tr_rad_per_m: f32, rig: &RigConstants) -> Option<StreamEnd> {
+        self.age_s += TICK_S;
+        let ahead_m = self.target.position_m - self.control.planner.set_point_m();
+        if self.age_s > self.for_s {
+            Some(StreamEnd::Late)
+        } else if ahead_m.abs() > reach_m(tr_rad_per_m, rig) {
+            Some(StreamEnd::TooFast)
+        } else {
+            None
+        }
+    }
+
+    /// The move that comes to rest from here.
+    pub(super) fn brake(&self) -> Move {
+        Move::braking(self.control, self.limits)
+    }
+
+    /// One tick: what the loop turns, and what holds the load back.
+    pub(super) fn step(&mut self, load: &LoadState<'_>, rig: &RigConstants) -> (LoopOutput, Option<Limit>) {
+        let target = &mut self.target;
+        if self.age_s > self.accelerates_s {
+            target.acceleration_m_per_s2 = 0.0;
+        }
+        target.position_m += TICK_S * target.speed_m_per_s;
+        let observation = &load.observation;
+        let (limits, _) = Limits::for_motor(self.speed_max_m_per_s, &observation.point, observation.pull_n, rig);
+        self.limits = Some(limits);
+        let (set_point, held_back) = self.control.planner.follow(target, &limits);
+        let output = self.control.follow(&set_point, load);
+        (output, held_back.then_some(Limit::MotorSpeed))
+    }
+}
