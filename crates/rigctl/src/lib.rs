@@ -47,6 +47,7 @@ pub mod board_settings;
 pub mod calibration;
 pub mod cli;
 pub mod commands;
+pub mod course;
 pub mod diagnosis;
 pub mod failure;
 pub mod figure;

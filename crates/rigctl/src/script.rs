@@ -1,5 +1,6 @@
 //! Scripts for a rig: one event a line, `<seconds since boot> <event>`, `#` starts a comment.
 
+use crate::course::Course;
 use crate::failure::Failure;
 use crate::units::{self, Quantity};
 use rig_link::{LoadChoice, Request};
@@ -9,7 +10,11 @@ use std::path::Path;
 /// Speed of a move that names none (m/s).
 pub const DEFAULT_SPEED_M_PER_S: f64 = 2e-3;
 
-const EVENTS: &str = "home [load=auto|L], move P [speed=V] [load=auto|L], jog V, stop, hold, clear, status, config set NAME VALUE, \
+/// Time for the load to come to rest after the last set-point of a stream, before it is stopped (s): shorter than the board goes
+/// on without another one.
+const STREAM_REST_S: f64 = 0.1;
+
+const EVENTS: &str = "home [load=auto|L], move P [speed=V|max] [load=auto|L], track FILE, jog V, stop, hold, clear, status, config set NAME VALUE, \
                       plant KEY=VALUE, fault NAME [off], end";
 
 /// The events and faults of a script, for the help of the commands that play one.
@@ -96,14 +101,23 @@ impl Script {
     pub fn load(path: &Path) -> Result<(Self, String), Failure> {
         let wrong = |what: String| Failure::failed(format!("script {}: {what}", path.display()));
         let text = rig_scene::files::read_to_string(path).map_err(|e| wrong(e.to_string()))?;
-        Ok((Self::parse(&text).map_err(|e| wrong(e.to_string()))?, text))
+        let folder = path.parent().unwrap_or(Path::new(""));
+        Ok((Self::parse_in(folder, &text).map_err(|e| wrong(e.to_string()))?, text))
     }
 
-    /// Reads a script.
+    /// Reads a script that needs no other file.
     ///
     /// # Errors
     /// [`ScriptError`] naming the line.
     pub fn parse(text: &str) -> Result<Self, ScriptError> {
+        Self::parse_in(Path::new(""), text)
+    }
+
+    /// Reads a script whose courses (`track FILE`) lie in a folder.
+    ///
+    /// # Errors
+    /// [`ScriptError`] naming the line.
+    pub fn parse_in(folder: &Path, text: &str) -> Result<Self, ScriptError> {
         let mut events: Vec<Event> = Vec::new();
         let mut previous_s = 0.0;
         let mut end_s = None;
@@ -124,9 +138,22 @@ impl Script {
             match event {
                 [] => return Err(fail("has a time but no event".into())),
                 ["end"] => end_s = Some(t_s),
+                ["track", file] => {
+                    let course = Course::load(&folder.join(file));
+                    let course = course.map_err(|e| fail(e.message().unwrap_or_default()))?;
+                    let points = course.set_points().map(|(at_s, point)| (t_s + at_s, point));
+                    let stop = (t_s + course.duration_s() + STREAM_REST_S, Request::Stop);
+                    events.extend(points.chain([stop]).map(|(t_s, request)| Event {
+                        line,
+                        t_s,
+                        action: Action::Command(request),
+                    }));
+                }
                 words => events.push(Event { line, t_s, action: action(words).map_err(fail)? }),
             }
         }
+        // A stream goes on while later lines happen.
+        events.sort_by(|a, b| a.t_s.total_cmp(&b.t_s));
         match end_s {
             Some(end_s) => Ok(Self { events, end_s }),
             None => {
@@ -146,6 +173,7 @@ fn action(words: &[&str]) -> Result<Action, String> {
             let speed = units::parse("jog", Quantity::AngularSpeed, speed).map_err(|e| e.to_string())?;
             Action::Command(Request::Jog { twist_speed_rad_per_s: speed as f32 })
         }
+        ["set-point", position, speed, for_s] => Action::Command(set_point(position, speed, for_s)?),
         ["move", target, options @ ..] => Action::Command(move_request(target, options)?),
         ["config", "set", name, value] => {
             let setting = crate::board_settings::named(name)?;
@@ -172,6 +200,24 @@ fn home_request(options: &[&str]) -> Result<Request, String> {
     }
 }
 
+/// One set-point of a stream, as a log has it.
+fn set_point(position: &str, speed: &str, for_s: &str) -> Result<Request, String> {
+    let number = |name: &str, quantity: Quantity, text: &str| {
+        units::parse(name, quantity, text).map(|value| value as f32).map_err(|e| e.to_string())
+    };
+    let option = |name: &str, text: &str| {
+        text.strip_prefix(name)
+            .and_then(|text| text.strip_prefix('='))
+            .map(str::to_owned)
+            .ok_or_else(|| format!("`{text}`: a set-point is `set-point P speed=V for=S`"))
+    };
+    Ok(Request::Track {
+        position_m: number("set-point", Quantity::Length, position)?,
+        speed_m_per_s: number("speed", Quantity::Speed, &option("speed", speed)?)?,
+        for_s: number("for", Quantity::Time, &option("for", for_s)?)?,
+    })
+}
+
 fn move_request(target: &str, options: &[&str]) -> Result<Request, String> {
     let target = units::parse("move", Quantity::Length, target).map_err(|e| e.to_string())?;
     let mut speed = DEFAULT_SPEED_M_PER_S;
@@ -183,13 +229,21 @@ fn move_request(target: &str, options: &[&str]) -> Result<Request, String> {
         }
         match option.split_once('=') {
             Some(("speed", text)) => {
-                speed = units::parse("speed", Quantity::Speed, text).map_err(|e| e.to_string())?;
+                speed = self::speed(text).map_err(|e| e.to_string())?;
             }
             Some(("load", text)) => load = load_choice(text)?,
-            _ => return Err(format!("move has no option `{option}`; options: speed=V, load=auto|L")),
+            _ => return Err(format!("move has no option `{option}`; options: speed=V|max, load=auto|L")),
         }
     }
     Ok(Request::Move { target_m: target as f32, speed_m_per_s: speed as f32, load })
+}
+
+/// A speed (m/s), or `max`: infinite, as fast as the motor allows.
+///
+/// # Errors
+/// If it is neither.
+pub fn speed(text: &str) -> Result<f64, units::UnitError> {
+    if text.trim() == "max" { Ok(f64::INFINITY) } else { units::parse("speed", Quantity::Speed, text) }
 }
 
 /// The request that an event of a script names.
@@ -212,7 +266,11 @@ pub fn text(request: &Request) -> Option<String> {
         Request::Clear => "clear".into(),
         Request::Jog { twist_speed_rad_per_s } => format!("jog {twist_speed_rad_per_s}"),
         Request::Move { target_m, speed_m_per_s, load } => {
-            format!("move {target_m} speed={speed_m_per_s} load={}", load_text(*load))
+            let speed = if speed_m_per_s.is_infinite() { "max".into() } else { speed_m_per_s.to_string() };
+            format!("move {target_m} speed={speed} load={}", load_text(*load))
+        }
+        Request::Track { position_m, speed_m_per_s, for_s } => {
+            format!("set-point {position_m} speed={speed_m_per_s} for={for_s}")
         }
         Request::SetSetting { setting, value } => format!("config set {setting} {value}"),
         _ => return None,
@@ -280,6 +338,8 @@ mod tests {
             "clear",
             "jog -1.309",
             "move 0.0123456 speed=0.0007 load=4.903325",
+            "move 0.0123456 speed=max load=auto",
+            "set-point 0.0123456 speed=-0.0007 for=0.2",
         ] {
             let one = request(words).unwrap_or_else(|e| panic!("{e}"));
             assert_eq!(text(&one).as_deref().map(request), Some(Ok(one)), "{words}");

@@ -35,6 +35,7 @@ pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
         }
         Command::Move { to, speed, load, .. } => move_to::run(global, *to, *speed, *load, output),
         Command::Home { load } => home::run(global, *load, output),
+        Command::Track { file } => track::run(global, file, output),
         Command::Jog { speed, seconds } => jog::run(global, *speed, *seconds, output),
         Command::Stop => request::run(global, &Request::Stop, output),
         Command::Hold => request::run(global, &Request::Stop, output),

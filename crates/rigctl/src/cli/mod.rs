@@ -4,7 +4,7 @@ pub mod dispatch;
 
 use crate::options::Global;
 use crate::options::commands::{At, Calibrate, Config, How, Identify, Record, Replay, Sweep};
-use crate::options::values::{gauge_error, load, load_choice, seconds, speed, target, twist_speed};
+use crate::options::values::{gauge_error, load, load_choice, seconds, speed_or_max, target, twist_speed};
 use crate::range::{TurnRange, Vary};
 use crate::script;
 use clap::builder::PossibleValuesParser;
@@ -159,8 +159,8 @@ pub enum Command {
         /// Target position (m, mm, um)
         #[arg(long, value_name = "P", allow_hyphen_values = true, value_parser = target)]
         to: f64,
-        /// Speed of the load (m/s, mm/s)
-        #[arg(long, value_name = "V", default_value = "2mm/s", allow_hyphen_values = true, value_parser = speed)]
+        /// Speed of the load (m/s, mm/s), or `max`: as fast as the motor allows under this load
+        #[arg(long, value_name = "V|max", default_value = "2mm/s", allow_hyphen_values = true, value_parser = speed_or_max)]
         speed: f64,
         /// `auto` (the board's own estimate) or a load
         #[arg(long, value_name = "auto|L", default_value = "auto", value_parser = load_choice)]
@@ -171,6 +171,17 @@ pub enum Command {
         /// With --dry-run: the settings of a board, in a file of `config backup` or a log [default: a new board's]
         #[arg(long, value_name = "FILE", requires = "dry_run")]
         settings: Option<PathBuf>,
+    },
+    /// Lead the load along a course: stream set-points from a file
+    ///
+    /// The file has the columns `t_s`, `position_m` and, if it likes, `speed_m_per_s`; the load first moves to where it begins.
+    /// A set-point is sent every 20 ms. The board follows within the motor's limits (`limit` says when they hold it back), and
+    /// ends in a hold when the next one is 0.2 s late, out of reach, or half a second of full speed ahead of the load. On an
+    /// emulated board it homes first.
+    /// Example: `rigctl track scenarios/sine.csv`
+    Track {
+        /// The course
+        file: PathBuf,
     },
     /// Turn the strings at a constant speed for a while, homed or not
     ///

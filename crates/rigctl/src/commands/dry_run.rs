@@ -52,6 +52,7 @@ pub fn run(
     // Position of the load at the pre-twist, where zero may be another place by the settings. After homing's way down it
     // hangs with the pull of load less friction.
     let hangs_m = 0.0 - values.get(Setting::PositionZero);
+    let request = MoveRequest { target_m: to as f32, speed_m_per_s: speed as f32, load }.with_speed_max(&values);
     MoveStart {
         mechanism,
         load_n,
@@ -61,7 +62,7 @@ pub fn run(
         zero_gap_m: mechanism.at(load_n - FRICTION_N, PI).gap_m + hangs_m,
         settings: &values,
     }
-    .check(&MoveRequest { target_m: to as f32, speed_m_per_s: speed as f32, load })?;
+    .check(&request)?;
     let mut planner = Planner::at(hangs_m);
     planner.go_to(to as f32);
     output.line("    t s   set-point mm   speed mm/s    turns   motor rpm   TR rad/mm")?;
@@ -71,7 +72,7 @@ pub fn run(
         let twist = table.twist_from_gap(load_n, gap)? / mechanism.twist_scale;
         let point = mechanism.at(load_n, twist);
         let tr = point.tr_rad_per_m();
-        let (limits, limit) = Limits::for_motor(speed as f32, &point, load_n, &rig);
+        let (limits, limit) = Limits::for_motor(request.speed_m_per_s, &point, load_n, &rig);
         held_back = held_back.or(limit);
         let s = planner.step(&limits);
         if tick.is_multiple_of(EVERY) || s.done {

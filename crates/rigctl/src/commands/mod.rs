@@ -33,3 +33,4 @@ pub mod study;
 pub mod sweep;
 pub mod table;
 pub mod table_board;
+pub mod track;

@@ -58,8 +58,9 @@ pub(crate) fn gauge_error(text: &str) -> Result<f64, String> {
     }
 }
 
-pub(crate) fn speed(text: &str) -> Result<f64, units::UnitError> {
-    units::parse("speed", Quantity::Speed, text)
+/// A speed, or `max`: infinite.
+pub(crate) fn speed_or_max(text: &str) -> Result<f64, units::UnitError> {
+    script::speed(text)
 }
 
 pub(crate) fn twist_speed(text: &str) -> Result<f64, units::UnitError> {

@@ -23,6 +23,7 @@ pub mod row;
 pub mod serial;
 pub mod sim;
 pub mod status;
+pub mod stream;
 pub mod table;
 pub mod truth;
 

@@ -11,6 +11,8 @@ use std::f64::consts::{PI, TAU};
 
 /// Longest move beyond what distance and speed need (s).
 const MOVE_SLACK_S: f64 = 30.0;
+/// Speed that every motor is expected to reach (m/s).
+const SLOWEST_MAX_M_PER_S: f64 = 1e-4;
 /// Longest turn beyond its length at its speed (s).
 const TURN_SLACK_S: f64 = 10.0;
 /// How long before the end of a turn the motor is stopped (s): the delay of the link and the ramp.
@@ -81,7 +83,7 @@ pub fn move_to(
     let from_m = known(before.and_then(|t| t.position_m), "position")?;
     let distance = (to_m - from_m).abs();
     let bar = progress(1000, "moving");
-    let limit_s = distance / speed_m_per_s.abs().max(1e-6) + MOVE_SLACK_S;
+    let limit_s = distance / speed_m_per_s.abs().clamp(1e-6, SLOWEST_MAX_M_PER_S) + MOVE_SLACK_S;
     // A heavy load may be slower than requested, because the motor has its own limit: four times is more than TR varies.
     while session.now_s() < start_s + 4.0 * limit_s {
         session.step()?;

@@ -1,0 +1,119 @@
+//! A course that is streamed to the board as set-points.
+
+use super::client::Session;
+use super::motion::{check_motion, move_to};
+use super::row::Row;
+use crate::course::Course;
+use crate::failure::Failure;
+use crate::output::progress;
+use rig_link::{EventKind, LoadChoice, Request, State};
+use serde::Serialize;
+
+/// Speed of the way to where a course begins (m/s).
+const APPROACH_M_PER_S: f64 = 2e-3;
+/// Time for the load to come to rest after the last set-point (s).
+const REST_S: f64 = 0.5;
+/// Longest time until it holds (s).
+const HOLDS_S: f64 = 10.0;
+
+/// How a stream went.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct StreamResult {
+    /// Duration of the course (s).
+    pub duration_s: f64,
+    /// Distance of the measured position from the course on the way (m): rms and greatest.
+    pub following_rms_m: f64,
+    /// The greatest.
+    pub following_most_m: f64,
+    /// The same of the true position, emulated rigs only (m).
+    pub true_following_rms_m: Option<f64>,
+    /// Share of the way on which the motor's speed held the load back.
+    pub held_back_share: f64,
+    /// Measured position at rest less the end of the course (m).
+    pub error_m: f64,
+}
+
+/// Distances from the course.
+#[derive(Default)]
+struct Distances {
+    square: f64,
+    true_square: f64,
+    most_m: f64,
+    held_back: f64,
+    count: f64,
+}
+
+impl Distances {
+    fn add(&mut self, row: &Row) {
+        let (Some(target_m), Some(position_m)) = (row.target_m, row.position_m) else { return };
+        let distance_m = f64::from(position_m) - f64::from(target_m);
+        self.square += distance_m * distance_m;
+        self.most_m = self.most_m.max(distance_m.abs());
+        self.true_square += row.true_position_m.map_or(f64::NAN, |m| (m - f64::from(target_m)).powi(2));
+        self.held_back += f64::from(u8::from(row.limit.is_some_and(|limit| limit == "motor-speed")));
+        self.count += 1.0;
+    }
+}
+
+/// Brings the load to where a course begins, then leads it along; `each` gets every row of telemetry. It ends at rest.
+///
+/// # Errors
+/// The board's refusal, or why it ended the stream, in words.
+pub fn track(session: &mut Session, course: &Course, mut each: impl FnMut(&Row)) -> Result<StreamResult, Failure> {
+    move_to(session, course.start_m(), APPROACH_M_PER_S, LoadChoice::Auto, &mut each)?;
+    session.take_replies();
+    session.take_events();
+    let bar = progress(1000, "tracking");
+    let mut found = Distances::default();
+    let mut points = course.set_points().peekable();
+    let start_s = session.now_s();
+    while session.now_s() < start_s + course.duration_s() + REST_S {
+        let t_s = session.now_s() - start_s;
+        // After a delay only the newest one counts.
+        let mut due = None;
+        while let Some((_, point)) = points.next_if(|(at_s, _)| *at_s <= t_s + 1e-9) {
+            due = Some(point);
+        }
+        match due {
+            Some(point) => _ = session.post(&point)?,
+            // The last one holds until the load is at rest.
+            None if points.peek().is_none() => {
+                let (position_m, _) = course.at(course.duration_s());
+                session.post(&Request::Track { position_m: position_m as f32, speed_m_per_s: 0.0, for_s: 0.2 })?;
+            }
+            None => {}
+        }
+        session.step()?;
+        for row in session.take_rows() {
+            if row.state == State::Moving.name() && t_s < course.duration_s() {
+                found.add(&row);
+            }
+            each(&row);
+        }
+        bar.set_position((1000.0 * t_s / course.duration_s().max(1e-9)) as u64);
+        for (_, reply) in session.take_replies() {
+            reply.map_err(|refusal| Failure::failed(format!("refused: {refusal}")))?;
+        }
+        for (_, kind) in session.take_events() {
+            if let EventKind::StreamEnded(end) = kind {
+                return Err(Failure::failed(format!("the stream ended ({end}); the load is held")));
+            }
+            check_motion(&kind, "on the way")?;
+        }
+    }
+    bar.finish_and_clear();
+    session.request(&Request::Stop)?;
+    if !session.until(HOLDS_S, |s| !s.is_moving())? {
+        return Err(Failure::failed("the load did not come to rest"));
+    }
+    let position_m = session.telemetry().and_then(|t| t.position_m).map_or(f64::NAN, f64::from);
+    let true_rms_m = (found.true_square / found.count).sqrt();
+    Ok(StreamResult {
+        duration_s: course.duration_s(),
+        following_rms_m: (found.square / found.count).sqrt(),
+        following_most_m: found.most_m,
+        true_following_rms_m: Some(true_rms_m).filter(|m| m.is_finite()),
+        held_back_share: found.held_back / found.count,
+        error_m: position_m - course.at(course.duration_s()).0,
+    })
+}
