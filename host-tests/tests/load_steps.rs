@@ -4,7 +4,7 @@
 use host_tests::{constants, table};
 use rig_control::friction_takeup::FrictionTakeup;
 use rig_control::limits::Limits;
-use rig_control::load_motion::{AHEAD_S, MotionObserver, STRINGS_AHEAD_S};
+use rig_control::load_motion::{AHEAD_S, MotionObserver};
 use rig_control::load_state::LoadState;
 use rig_control::mechanism::{Mechanism, OUTSIDE_RAD};
 use rig_control::move_check::{MoveRequest, MoveStart, SPEED_MIN_M_PER_S};
@@ -146,7 +146,7 @@ fn the_loop_turns_speed_and_error_into_twist_speed_by_tr() {
     let frequency = load.motion.frequency_squared().sqrt();
     let [by_position, by_speed, by_rest] = GAINS.map(|gain| gain * gain_share(frequency));
     let output = PositionLoop::default().step(&moving, None, &load);
-    let wanted = tr_rad_per_m * 0.002 * (1.0 + by_speed - frequency * by_rest * STRINGS_AHEAD_S);
+    let wanted = tr_rad_per_m * 0.002 * (1.0 + by_speed);
     assert!(output.error_m.abs() < 1e-8);
     assert!((output.twist_speed_rad_per_s / wanted - 1.0).abs() < 1e-2, "{output:?}, wanted {wanted} rad/s");
     // No feedback while friction is taken up.

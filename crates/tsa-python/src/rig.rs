@@ -4,11 +4,12 @@ use crate::tool::error;
 use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use rig_link::{LoadChoice, Request};
+use rigctl::course::Course;
 use rigctl::failure::Failure;
 use rigctl::session::row::Row;
 use rigctl::session::serial::Serial;
 use rigctl::session::sim::{Sim, SimOptions};
-use rigctl::session::{Place, Port, Session, Target, homing, interrupt, motion};
+use rigctl::session::{Place, Port, Session, Target, homing, interrupt, motion, stream};
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -119,6 +120,18 @@ impl Board {
     fn move_to(&self, py: Python<'_>, target_m: f64, speed_m_per_s: f64, load_n: Option<f64>) -> PyResult<String> {
         let load = load_choice(load_n);
         json(&self.with(py, |session, each| motion::move_to(session, target_m, speed_m_per_s, load, each))?)
+    }
+
+    fn track(
+        &self,
+        py: Python<'_>,
+        times_s: Vec<f64>,
+        positions_m: Vec<f64>,
+        speeds_m_per_s: Option<Vec<f64>>,
+    ) -> PyResult<String> {
+        let course = Course::new(&times_s, &positions_m, speeds_m_per_s.as_deref());
+        let course = course.map_err(PyValueError::new_err)?;
+        json(&self.with(py, |session, each| stream::track(session, &course, each))?)
     }
 
     /// Lets time pass (s).

@@ -35,6 +35,24 @@ def test_it_homes_moves_and_tells() -> None:
     assert rig.telemetry()["t_s"].size > 0
 
 
+def test_a_course_is_followed_and_what_is_none_is_named() -> None:
+    times = np.linspace(0.0, 2.0, 101)
+    with emulated() as rig:
+        rig.home()
+        followed = rig.track(times, 0.006 + 0.001 * np.sin(np.pi * times / 2.0) ** 2)
+        assert followed["following_rms_m"] < 3e-4 and abs(followed["error_m"]) < 2e-4
+        assert followed["duration_s"] == pytest.approx(2.0)
+        with pytest.raises(ValueError, match="101 times, 2 positions"):
+            rig.track(times, [0.006, 0.007])
+        with pytest.raises(ValueError, match="point 1"):
+            rig.track([0.0, 1.0], [0.006, np.nan])
+        with pytest.raises(ValueError, match="lists"):
+            rig.track(0.0, 0.006)
+        with pytest.raises(RuntimeError, match="refused: target|too-fast"):
+            rig.track([0.0, 10.0], [0.006, 0.04])
+        assert rig.telemetry()["state"][-1] in ("moving", "holding")
+
+
 def test_refusals_are_errors_with_the_boards_words() -> None:
     with emulated() as rig:
         with pytest.raises(RuntimeError, match="home"):

@@ -26,6 +26,8 @@ pub(super) struct StreamPoint {
 pub(super) struct Stream {
     pub(super) control: LoadControl,
     target: MovingTarget,
+    /// Speed of the newest set-point (m/s).
+    given_m_per_s: f32,
     /// Time since the newest set-point, how long it holds, and how long its acceleration does (s).
     age_s: f32,
     for_s: f32,
@@ -49,7 +51,16 @@ impl Stream {
             speed_m_per_s: first.speed_m_per_s,
             acceleration_m_per_s2: 0.0,
         };
-        Self { control, target, age_s: 0.0, for_s: first.for_s, accelerates_s: 0.0, speed_max_m_per_s, limits: None }
+        Self {
+            control,
+            target,
+            given_m_per_s: first.speed_m_per_s,
+            age_s: 0.0,
+            for_s: first.for_s,
+            accelerates_s: 0.0,
+            speed_max_m_per_s,
+            limits: None,
+        }
     }
 
     /// The next set-point. Its speed and that of the one before tell the acceleration.
@@ -58,9 +69,10 @@ impl Stream {
         self.target = MovingTarget {
             position_m: next.position_m,
             speed_m_per_s: next.speed_m_per_s,
-            acceleration_m_per_s2: (next.speed_m_per_s - self.target.speed_m_per_s) / since_s,
+            acceleration_m_per_s2: (next.speed_m_per_s - self.given_m_per_s) / since_s,
         };
         (self.age_s, self.for_s, self.accelerates_s) = (0.0, next.for_s, since_s);
+        self.given_m_per_s = next.speed_m_per_s;
     }
 
     /// Why the stream ends now, if it does. Call it once in each tick.
@@ -84,10 +96,13 @@ impl Stream {
     /// One tick: what the loop turns, and what holds the load back.
     pub(super) fn step(&mut self, load: &LoadState<'_>, rig: &RigConstants) -> (LoopOutput, Option<Limit>) {
         let target = &mut self.target;
-        if self.age_s > self.accelerates_s {
+        // It is known from two set-points, and goes on for as long as lay between them.
+        if self.age_s > self.accelerates_s + 0.5 * TICK_S {
             target.acceleration_m_per_s2 = 0.0;
         }
-        target.position_m += TICK_S * target.speed_m_per_s;
+        let gained = TICK_S * target.acceleration_m_per_s2;
+        target.position_m += TICK_S * (target.speed_m_per_s + 0.5 * gained);
+        target.speed_m_per_s += gained;
         let observation = &load.observation;
         let (limits, _) = Limits::for_motor(self.speed_max_m_per_s, &observation.point, observation.pull_n, rig);
         self.limits = Some(limits);

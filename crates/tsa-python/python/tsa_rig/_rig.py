@@ -10,7 +10,7 @@ from types import TracebackType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from . import _core
 
@@ -69,9 +69,28 @@ class Rig:
     def move(self, target_m: float, speed: float = 0.002, load_n: float | None = None) -> dict[str, Any]:
         """Brings the load to a position (m) at a speed (m/s) at most. Keys as `rigctl move --json`.
 
+        `math.inf` is as fast as the motor allows under this load.
+
         Raises RuntimeError with the board's refusal, or the fault that ended the move.
         """
         return dict(json.loads(self._board.move_to(target_m, speed, load_n)))
+
+    def track(
+        self, times: ArrayLike, positions: ArrayLike, speeds: ArrayLike | None = None
+    ) -> dict[str, Any]:
+        """Leads the load through positions (m) at times (s), with these speeds (m/s). Keys as `rigctl track --json`.
+
+        The load first moves to the first position. Times count from then; between them the course is a cubic. Without
+        speeds it begins and ends at rest. The three lists have one shape, (n,), with at least two numbers.
+        Raises ValueError for lists that are no course, and RuntimeError with the board's refusal or why it ended the
+        stream; the load is then held.
+        """
+        lists = [np.asarray(values, dtype=float) for values in (times, positions)]
+        lists += [] if speeds is None else [np.asarray(speeds, dtype=float)]
+        if any(values.ndim != 1 for values in lists):
+            raise ValueError("times, positions and speeds must be lists of numbers")
+        times_s, positions_m, *given = (values.tolist() for values in lists)
+        return dict(json.loads(self._board.track(times_s, positions_m, given[0] if given else None)))
 
     def wait(self, seconds: float) -> None:
         """Lets time pass (s)."""
