@@ -6,7 +6,8 @@
 //! - [`options`]: the operator's options as values.
 //! - [`play`]: a script on a board; [`diagnosis`]: the checks of `doctor`; [`recorded_move`], [`figure`]: what `demo`,
 //!   `report` and `chart` make; [`screen`]: the live view; [`backup`]: the file of a settings backup.
-//! - [`log`]: a recorded conversation; [`replay`]: a log through the controller again; [`identify`]: constants from logs.
+//! - [`log`]: a recorded conversation; [`replay`]: a log through the controller again; [`identify`]: constants from logs;
+//!   [`export`]: a log for other tools.
 //! - [`script`]: scripts; [`board_settings`]: settings as text; [`calibration`]: the LVDT by points.
 //! - [`session`]: a conversation with the firmware, emulated or real: connect, home, move.
 //! - [`batch`], [`range`], [`units`], [`scene_file`]: text and files from the operator, checked and in SI.
@@ -48,6 +49,7 @@ pub mod calibration;
 pub mod cli;
 pub mod commands;
 pub mod diagnosis;
+pub mod export;
 pub mod failure;
 pub mod figure;
 #[cfg(test)]

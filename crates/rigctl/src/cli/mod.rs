@@ -3,7 +3,7 @@
 pub mod dispatch;
 
 use crate::options::Global;
-use crate::options::commands::{At, Calibrate, Config, How, Identify, Record, Replay, Sweep};
+use crate::options::commands::{At, Calibrate, Config, Export, How, Identify, Record, Replay, Sweep};
 use crate::options::values::{gauge_error, load, load_choice, seconds, speed, target, twist_speed};
 use crate::range::{TurnRange, Vary};
 use crate::script;
@@ -241,6 +241,13 @@ pub enum Command {
     /// not show as a difference. The recorded motion
     /// answers to the recorded commands: after a parting the replay is no longer what a rig would have done.
     Replay(Replay),
+    /// A recorded log for other tools: MCAP (Foxglove, PlotJuggler), Parquet (pandas), or CSV without comment lines
+    ///
+    /// Every column of the log, in SI units. An empty cell is null in Parquet, an absent key in MCAP. The header goes along as
+    /// the file's metadata, but not into CSV; requests and events are messages of `/log` in MCAP, and `marks` in Parquet's
+    /// metadata. docs/connect.md shows how to open them.
+    /// Example: `rigctl export run.csv --to mcap --out run.mcap`
+    Export(Export),
     /// Is the rig well? One line for each check, `ok` or `CHECK` with what to do; exit code 1 if any needs attention
     ///
     /// Checks versions, reset cause, last panic, scene, the table's certificate, faults, drive, supply, control ticks, link. The
