@@ -8,6 +8,7 @@
 //!   `report` and `chart` make; [`screen`]: the live view; [`backup`]: the file of a settings backup.
 //! - [`log`]: a recorded conversation; [`replay`]: a log through the controller again; [`identify`]: constants from logs;
 //!   [`export`]: a log for other tools.
+//! - `serve`: a rig for several programs at once, on a Unix socket.
 //! - [`script`]: scripts; [`board_settings`]: settings as text; [`calibration`]: the LVDT by points.
 //! - [`session`]: a conversation with the firmware, emulated or real: connect, home, move.
 //! - [`batch`], [`range`], [`units`], [`scene_file`]: text and files from the operator, checked and in SI.
@@ -67,6 +68,8 @@ pub mod replay;
 pub mod scene_file;
 pub mod screen;
 pub mod script;
+#[cfg(unix)]
+pub mod serve;
 pub mod session;
 
 pub use sim_link::units;

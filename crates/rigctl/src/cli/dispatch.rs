@@ -53,6 +53,7 @@ pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
         Command::Doctor { home } => doctor::run(global, *home, output),
         Command::Selftest => selftest::run(global, output),
         Command::Monitor { script } => monitor::run(global, script.as_deref(), output),
+        Command::Serve { listen, fast } => serve::run(global, listen, *fast, output),
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(*shell, &mut Cli::command(), "rigctl", &mut script);

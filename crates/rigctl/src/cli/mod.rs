@@ -271,6 +271,21 @@ pub enum Command {
         #[arg(long, value_name = "FILE")]
         script: Option<PathBuf>,
     },
+    /// Let several programs use the rig at once: JSON lines on a Unix socket, one writer, many readers
+    ///
+    /// Every client gets the telemetry, one object a line as `play --json` prints it. The first one that sends an order, such as
+    /// {"id": 1, "do": "move", "to_m": 0.008}, is the writer until it disconnects or sends {"release": true}; a motion that
+    /// then goes on is stopped. Only the owner of the socket and root can connect. docs/connect.md has the protocol. On an emulated
+    /// board time passes as on a real one. Ctrl-C stops the rig and ends.
+    /// Example: `rigctl serve --listen rig.sock`
+    Serve {
+        /// Path of the socket. Network addresses are refused: over TCP nobody can check who connects
+        #[arg(long, value_name = "ADDR")]
+        listen: String,
+        /// Let the time of an emulated board pass as fast as it can, for tests
+        #[arg(long)]
+        fast: bool,
+    },
     /// A script that lets a shell complete commands and options: `rigctl completions bash > rigctl.bash`, then source it
     Completions {
         /// Shell

@@ -5,7 +5,8 @@
 //!   [`replay`], [`export`].
 //! - On the emulated board: [`demo`], [`report`], [`selftest`].
 //! - On the emulated board or a real one: [`home`], [`move_to`], [`jog`], [`request`] (stop, hold, clear), [`play`],
-//!   [`record`], [`sweep`], [`monitor`], [`status`], [`doctor`], [`config`], [`calibrate`], [`table_board`].
+//!   [`record`], [`sweep`], [`monitor`], [`status`], [`doctor`], [`config`], [`calibrate`], [`table_board`],
+//!   [`serve`].
 
 pub mod budget;
 pub mod calibrate;
@@ -28,6 +29,7 @@ pub mod replay;
 pub mod report;
 pub mod request;
 pub mod selftest;
+pub mod serve;
 pub mod solve;
 pub mod status;
 pub mod study;
