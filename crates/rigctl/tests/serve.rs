@@ -15,6 +15,9 @@ use std::time::{Duration, Instant};
 /// Longest wait for what takes seconds on an idle machine.
 const PATIENCE: Duration = Duration::from_secs(60);
 
+/// Among a server's options: the rig of the page's examples instead of the ideal one.
+const NOMINAL: &str = "nominal";
+
 /// A server on an emulated board.
 struct Server {
     child: Child,
@@ -25,9 +28,9 @@ impl Server {
     fn start(name: &str, options: &[&str]) -> Self {
         let path = std::env::temp_dir().join(format!("rigctl-serve-{}-{name}", std::process::id()));
         let child = Command::new(env!("CARGO_BIN_EXE_rigctl"))
-            .args(["serve", "--rig", "ideal", "--listen"])
+            .args(["serve", "--rig", if options.contains(&NOMINAL) { "nominal" } else { "ideal" }, "--listen"])
             .arg(&path)
-            .args(options)
+            .args(options.iter().filter(|option| **option != NOMINAL))
             .current_dir(root())
             .stdout(Stdio::null())
             .stderr(Stdio::piped())
@@ -336,6 +339,87 @@ fn a_taken_socket_is_refused_and_a_dead_servers_is_replaced() {
     let scene = desktop(&["serve", "--listen", "/tmp/rigctl-never.sock", "--scene", "no-such.toml"]);
     assert!(scene.status.code() == Some(1) && error_of(&scene).contains("no-such.toml"), "{}", error_of(&scene));
     assert!(!PathBuf::from("/tmp/rigctl-never.sock").exists());
+}
+
+/// The text of the page's fenced blocks of this language.
+fn blocks(language: &str) -> Vec<String> {
+    let page = std::fs::read_to_string(root().join("docs/connect.md")).expect("the page");
+    let fence = format!("```{language}\n");
+    page.split(&fence).skip(1).filter_map(|rest| Some(rest.split_once("\n```")?.0.to_owned())).collect()
+}
+
+/// Whether a line has the form that the page shows. Numbers differ from run to run, and so do texts with digits.
+fn is_like(shown: &Value, heard: &Value) -> bool {
+    match (shown, heard) {
+        (Value::Object(shown), Value::Object(heard)) => {
+            shown.len() == heard.len()
+                && shown.iter().all(|(key, value)| heard.get(key).is_some_and(|other| is_like(value, other)))
+        }
+        (Value::Number(_), Value::Number(_)) => true,
+        (Value::String(shown), Value::String(heard)) => shown == heard || shown.contains(|c: char| c.is_ascii_digit()),
+        (shown, heard) => shown == heard,
+    }
+}
+
+#[test]
+fn the_conversation_of_the_page_is_what_is_said() {
+    let server = Server::start("page", &["--fast", NOMINAL]);
+    let mut client = server.client();
+    let page = &blocks("text")[0];
+    for line in page.lines() {
+        match line.split_at(2) {
+            ("> ", order) => client.send(order),
+            ("< ", answer) => {
+                let shown: Value = serde_json::from_str(answer).unwrap_or_else(|e| panic!("{answer}: {e}"));
+                let heard = match shown.get("hello") {
+                    Some(_) => client.hello.clone(),
+                    None => client.until(answer, |line| line.get("t_s").is_none()),
+                };
+                assert!(is_like(&shown, &heard), "the page shows {shown}, and there is {heard}");
+            }
+            _ => panic!("what is {line}?"),
+        }
+    }
+    assert!(page.lines().count() > 10);
+}
+
+#[test]
+fn what_the_bridge_of_the_page_sends_and_reads_moves_the_rig() {
+    let server = Server::start("bridge", &["--fast"]);
+    let mut client = server.client();
+    assert!(client.ask(json!({"id": 1, "do": "home"}))["done"].is_object());
+    // The tick that ended the homing does not know the load yet.
+    client.row("a load", |row| row["load_n"].is_number());
+    let source = &blocks("cpp")[0];
+    let sent: Vec<&str> = source.split("R\"(").skip(1).filter_map(|rest| Some(rest.split_once(")\"")?.0)).collect();
+    let [stop, order] = sent[..] else { panic!("{sent:?}") };
+    let gear_ratio = client.hello["hello"]["gear_ratio"].as_f64().expect("a number");
+    // Waypoints, each sent while the one before is under way.
+    let (mut way_m, mut before): (f64, Option<(f64, f64)>) = (0.0, None);
+    for target_m in [0.002, 0.004, 0.006] {
+        let line = order.replacen("%.7f", &format!("{target_m:.7}"), 1).replacen("%.7f", "0.0020000", 1);
+        client.send(&line);
+        let near = |row: &Value| row["position_m"].as_f64().is_some_and(|p| (p - target_m).abs() < 5e-4);
+        loop {
+            let row = client.row("telemetry", |_| true);
+            let number = |key: &str| row[key].as_f64().unwrap_or_else(|| panic!("{key}: {row}"));
+            assert!(row["fault"].is_null() && number("load_n") > 0.0, "{row}");
+            // The velocity as the bridge takes it is that of the position.
+            let velocity = number("drive_speed_rad_per_s") / gear_ratio / number("tr_rad_per_m");
+            let dt_s = before.map_or(0.0, |(t_s, _)| number("t_s") - t_s);
+            way_m += before.map_or(0.0, |(_, last)| 0.5 * (velocity + last)) * dt_s;
+            before = Some((number("t_s"), velocity));
+            if near(&row) {
+                println!("{way_m} m by the velocity, {} m by the sensor", number("position_m"));
+                assert!((way_m / number("position_m") - 1.0).abs() < 0.1, "{way_m} m: {row}");
+                break;
+            }
+        }
+    }
+    client.event("move-done");
+    client.send(stop);
+    let status = client.ask(json!({"id": 2, "do": "status"}));
+    assert!(status["done"]["state"] == "holding" && status["done"]["writer"] == "you", "{status}");
 }
 
 /// Where [`connects_as_another_user`] connects.

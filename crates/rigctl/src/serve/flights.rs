@@ -2,6 +2,7 @@
 //! an event.
 
 use super::Refused;
+use crate::board_settings::decimal;
 use rig_link::{Accepted, EventKind, Refusal, Request, State};
 use serde_json::{Value, json};
 
@@ -80,12 +81,12 @@ impl Flights {
         let error = |kind, message: String| move || Err(Refused::new(kind, message.clone()));
         match kind {
             EventKind::Homed(found) => {
-                let done = json!({"load_n": found.load_n, "load_error_n": found.load_error_n,
-                    "friction_n": found.friction_n, "zero_error_rad": found.zero_error_rad});
+                let done = json!({"load_n": decimal(found.load_n), "load_error_n": decimal(found.load_error_n),
+                    "friction_n": decimal(found.friction_n), "zero_error_rad": decimal(found.zero_error_rad)});
                 self.end(|f| f.moves && matches!(f.request, Request::Home { .. }), || Ok(done.clone()));
             }
             EventKind::MoveDone { error_m } => {
-                let done = json!({"error_m": error_m});
+                let done = json!({"error_m": decimal(*error_m)});
                 self.end(|f| f.moves && matches!(f.request, Request::Move { .. }), || Ok(done.clone()));
             }
             EventKind::Stopped => {

@@ -10,7 +10,7 @@ use super::{Refused, answer, event};
 use crate::failure::Failure;
 use crate::log::write;
 use crate::session::{Session, interrupt};
-use rig_link::{Request, State};
+use rig_link::{EventKind, Request, State};
 use serde_json::{Value, json};
 use std::io::Write;
 use std::os::unix::net::{UnixListener, UnixStream};
@@ -122,6 +122,8 @@ impl Server<'_> {
             self.flights.event(&kind);
             let text = write::event(&kind);
             let (name, message) = text.split_once(' ').unwrap_or((&text, ""));
+            // What a homing found is in its answer, and in the telemetry.
+            let message = if matches!(kind, EventKind::Homed(_)) { "" } else { message };
             self.tell_all(&event(t_s, name, message));
         }
         self.flights.pass(self.session.state(), now_s);
