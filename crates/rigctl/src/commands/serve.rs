@@ -20,6 +20,8 @@ pub fn run(global: &Global, listen: &str, fast: bool, output: &mut Output) -> Re
         return Err(Failure::Usage(format!("--fast is for the emulated board, not for --port {}", target.port())));
     }
     let mut session = target.connect()?;
+    // A board that has restarted moves nothing until it is greeted anew.
+    session.greet_at_boot();
     // Orders to a board that still starts would be refused.
     session.wait_started()?;
     let hello = json!({"hello": {

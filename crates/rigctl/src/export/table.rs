@@ -60,7 +60,7 @@ impl<'a> Table<'a> {
         if log.rows.is_empty() {
             return Err("has no rows: there is nothing to export".into());
         }
-        let t_s: Vec<f64> = log.rows.iter().map(|row| row.t_s).collect();
+        let (facts, t_s) = (log.header.0, log.rows.iter().map(|row| row.t_s).collect::<Vec<_>>());
         if let Some(outside) = t_s.iter().find(|t_s| !TIMES_S.contains(t_s)) {
             return Err(format!("t_s is {outside}, and can be {} to {} s", TIMES_S.start(), TIMES_S.end()));
         }
@@ -77,7 +77,7 @@ impl<'a> Table<'a> {
                 column.push(cell).map_err(|message| format!("line {line}: {message}"))?;
             }
         }
-        Ok(Self { facts: log.header.0, columns, t_s, marks, lines: rows.into_iter().map(|(_, line)| line).collect() })
+        Ok(Self { facts, columns, t_s, marks, lines: rows.into_iter().map(|(_, line)| line).collect() })
     }
 
     /// The line of names and the rows.

@@ -1,4 +1,4 @@
-//! What a line of a client means. Each order of the board is one line of [`ORDERS`].
+//! What a line of a client means. Each order of the board is one line of the table `ORDERS`.
 
 use super::Refused;
 use super::lines::LONGEST;
