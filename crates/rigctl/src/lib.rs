@@ -6,7 +6,9 @@
 //! - [`options`]: the operator's options as values.
 //! - [`play`]: a script on a board; [`diagnosis`]: the checks of `doctor`; [`recorded_move`], [`figure`]: what `demo`,
 //!   `report` and `chart` make; [`screen`]: the live view; [`backup`]: the file of a settings backup.
-//! - [`log`]: a recorded conversation; [`replay`]: a log through the controller again; [`identify`]: constants from logs.
+//! - [`log`]: a recorded conversation; [`replay`]: a log through the controller again; [`identify`]: constants from logs;
+//!   [`export`]: a log for other tools.
+//! - `serve`: a rig for several programs at once, on a Unix socket.
 //! - [`script`]: scripts; [`board_settings`]: settings as text; [`calibration`]: the LVDT by points.
 //! - [`session`]: a conversation with the firmware, emulated or real: connect, home, move.
 //! - [`batch`], [`range`], [`units`], [`scene_file`]: text and files from the operator, checked and in SI.
@@ -49,6 +51,7 @@ pub mod cli;
 pub mod commands;
 pub mod course;
 pub mod diagnosis;
+pub mod export;
 pub mod failure;
 pub mod figure;
 #[cfg(test)]
@@ -66,6 +69,8 @@ pub mod replay;
 pub mod scene_file;
 pub mod screen;
 pub mod script;
+#[cfg(unix)]
+pub mod serve;
 pub mod session;
 
 pub use sim_link::units;

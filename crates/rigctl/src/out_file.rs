@@ -33,8 +33,8 @@ impl OutFile {
     ///
     /// # Errors
     /// Naming the file.
-    pub fn write(self, content: &str) -> Result<(), Failure> {
-        let kept = files::replace(&self.0, content.as_bytes(), true).map_err(|e| unwritable(&self.0, &e))?;
+    pub fn write(self, content: impl AsRef<[u8]>) -> Result<(), Failure> {
+        let kept = files::replace(&self.0, content.as_ref(), true).map_err(|e| unwritable(&self.0, &e))?;
         report_kept(&self.0, kept);
         Ok(())
     }

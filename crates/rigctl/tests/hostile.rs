@@ -106,6 +106,8 @@ fn what_is_no_regular_file_is_refused_by_name_at_once() {
         &["solve", "--batch", fifo],
         &["lookup", "--batch", fifo],
         &["config", "restore", fifo],
+        &["export", fifo, "--to", "csv", "--out", text(&folder.join("never"))],
+        &["export", "Cargo.toml", "--to", "csv", "--out", fifo],
         &["move", "--to", "1mm", "--load", "1N", "--dry-run", "--settings", fifo],
     ] {
         let output = ended(tool(arguments).spawn().expect("rigctl runs"), &format!("{arguments:?}"));

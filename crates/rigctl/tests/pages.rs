@@ -6,8 +6,9 @@ use rigctl::cli::Cli;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Commands that only have to be understood here: they have tests of their own, and take minutes or a terminal.
-const LONG: [&str; 6] = ["chart", "report", "demo", "monitor", "study", "play"];
+/// Commands that only have to be understood here: they have tests of their own, and take minutes, a terminal or
+/// an interrupt.
+const LONG: [&str; 7] = ["chart", "report", "demo", "monitor", "study", "play", "serve"];
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap()

@@ -9,6 +9,7 @@ use serde_json::Value;
 use serialport::{SerialPort, TTYPort};
 use sim_link::RigPreset;
 use std::io::{Read, Write};
+use std::os::unix::net::UnixStream;
 use std::process::{Command, Output};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
@@ -224,6 +225,36 @@ fn a_reader_that_stops_to_read_does_not_keep_the_tool_from_its_heartbeats() {
     child.kill().expect("killed");
     child.wait().expect("ended");
     std::fs::remove_file(script).expect("was there");
+}
+
+#[test]
+fn a_board_whose_server_dies_in_mid_motion_stops_by_itself() {
+    let board = Board::new();
+    let before = board.wait_started();
+    let socket = std::env::temp_dir().join(format!("rigctl-serial-{}.sock", std::process::id()));
+    let mut tool = Command::new(env!("CARGO_BIN_EXE_rigctl"));
+    tool.args(["--port", &board.device, "--scene", SCENE, "serve", "--listen"]).arg(&socket);
+    board.met.store(true, Ordering::Relaxed);
+    let mut server = tool.stdout(std::process::Stdio::null()).spawn().expect("rigctl runs");
+    let end = Instant::now() + PATIENCE;
+    let mut client = loop {
+        match UnixStream::connect(&socket) {
+            Ok(client) => break client,
+            Err(e) => assert!(Instant::now() < end, "{}: {e}", socket.display()),
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    };
+    client.write_all(b"{\"do\":\"jog\",\"speed_rad_per_s\":1.0}\n").expect("sent");
+    board.wait("a turn", |truth| (truth.twist_rad - before.twist_rad).abs() > 1.0);
+    server.kill().expect("killed");
+    server.wait().expect("ended");
+    board.met.store(false, Ordering::Relaxed);
+    // Half a second of silence, and a ramp.
+    let killed = board.wait("a time", |_| true);
+    let stopped = board.wait("the stop", |truth| truth.t_s > killed.t_s + 2.0);
+    let later = board.wait("a later time", |truth| truth.t_s > stopped.t_s + 1.0);
+    assert!((later.twist_rad - stopped.twist_rad).abs() < 0.01, "{} rad, {} rad", stopped.twist_rad, later.twist_rad);
+    std::fs::remove_file(socket).expect("the dead server left it");
 }
 
 #[test]

@@ -50,9 +50,11 @@ pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
         Command::Record(options) => record::run(global, options, output),
         Command::Sweep(options) => sweep::run(global, options, output),
         Command::Replay(options) => replay::run(global, options, output),
+        Command::Export(options) => export::run(options, output),
         Command::Doctor { home } => doctor::run(global, *home, output),
         Command::Selftest => selftest::run(global, output),
         Command::Monitor { script } => monitor::run(global, script.as_deref(), output),
+        Command::Serve { listen, fast } => serve::run(global, listen, *fast, output),
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(*shell, &mut Cli::command(), "rigctl", &mut script);
@@ -83,6 +85,7 @@ fn rig_options(global: &Global, command: &Command) -> Result<(), Failure> {
         | Command::Move { dry_run: true, .. }
         | Command::Chart { .. }
         | Command::Replay(_)
+        | Command::Export(_)
         | Command::Completions { .. } => {
             no_effect(given(), "this command uses no rig");
             Ok(())

@@ -3,7 +3,7 @@
 pub mod dispatch;
 
 use crate::options::Global;
-use crate::options::commands::{At, Calibrate, Config, How, Identify, Record, Replay, Sweep};
+use crate::options::commands::{At, Calibrate, Config, Export, How, Identify, Record, Replay, Sweep};
 use crate::options::values::{gauge_error, load, load_choice, seconds, speed_or_max, target, twist_speed};
 use crate::range::{TurnRange, Vary};
 use crate::script;
@@ -252,6 +252,13 @@ pub enum Command {
     /// not show as a difference. The recorded motion
     /// answers to the recorded commands: after a parting the replay is no longer what a rig would have done.
     Replay(Replay),
+    /// A recorded log for other tools: MCAP (Foxglove, PlotJuggler), Parquet (pandas), or CSV without comment lines
+    ///
+    /// Every column of the log, in SI units. An empty cell is null in Parquet, an absent key in MCAP. The header goes along as
+    /// the file's metadata, but not into CSV; requests and events are messages of `/log` in MCAP, and `marks` in Parquet's
+    /// metadata. docs/connect.md shows how to open them.
+    /// Example: `rigctl export run.csv --to mcap --out run.mcap`
+    Export(Export),
     /// Is the rig well? One line for each check, `ok` or `CHECK` with what to do; exit code 1 if any needs attention
     ///
     /// Checks versions, reset cause, last panic, scene, the table's certificate, faults, drive, supply, control ticks, link. The
@@ -274,6 +281,21 @@ pub enum Command {
         /// Play this script meanwhile (format as for `play`)
         #[arg(long, value_name = "FILE")]
         script: Option<PathBuf>,
+    },
+    /// Let several programs use the rig at once: JSON lines on a Unix socket, one writer, many readers
+    ///
+    /// Every client gets the telemetry, one object a line as `play --json` prints it. The first one that sends an order, such as
+    /// {"id": 1, "do": "move", "to_m": 0.008}, is the writer until it disconnects or sends {"release": true}; a motion that
+    /// then goes on is stopped. Only the owner of the socket and root can connect. docs/connect.md has the protocol. On an emulated
+    /// board time passes as on a real one. Ctrl-C stops the rig and ends.
+    /// Example: `rigctl serve --listen rig.sock`
+    Serve {
+        /// Path of the socket. Network addresses are refused: over TCP nobody can check who connects
+        #[arg(long, value_name = "ADDR")]
+        listen: String,
+        /// Let the time of an emulated board pass as fast as it can, for tests
+        #[arg(long)]
+        fast: bool,
     },
     /// A script that lets a shell complete commands and options: `rigctl completions bash > rigctl.bash`, then source it
     Completions {

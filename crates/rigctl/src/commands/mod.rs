@@ -2,10 +2,11 @@
 //! player of scripts, the log, the checks of `doctor`.
 //!
 //! - Without a rig: [`solve`], [`lookup`], [`table`], [`published`], [`study`], [`identify`], [`chart`], [`dry_run`],
-//!   [`replay`].
+//!   [`replay`], [`export`].
 //! - On the emulated board: [`demo`], [`report`], [`selftest`].
 //! - On the emulated board or a real one: [`home`], [`move_to`], [`jog`], [`request`] (stop, hold, clear), [`play`],
-//!   [`record`], [`sweep`], [`monitor`], [`status`], [`doctor`], [`config`], [`calibrate`], [`table_board`].
+//!   [`record`], [`sweep`], [`monitor`], [`status`], [`doctor`], [`config`], [`calibrate`], [`table_board`],
+//!   [`serve`].
 
 pub mod budget;
 pub mod calibrate;
@@ -14,6 +15,7 @@ pub mod config;
 pub mod demo;
 pub mod doctor;
 pub mod dry_run;
+pub mod export;
 pub mod home;
 pub mod identify;
 pub mod jog;
@@ -27,6 +29,7 @@ pub mod replay;
 pub mod report;
 pub mod request;
 pub mod selftest;
+pub mod serve;
 pub mod solve;
 pub mod status;
 pub mod study;

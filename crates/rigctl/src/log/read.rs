@@ -108,10 +108,16 @@ impl Log {
     /// # Errors
     /// In words, without the file's name.
     pub fn load(path: &Path) -> Result<Self, String> {
+        Self::parse(&Self::text(path)?).map_err(|e| e.to_string())
+    }
+
+    /// The text of a file.
+    ///
+    /// # Errors
+    /// In words, without the file's name.
+    pub fn text(path: &Path) -> Result<String, String> {
         let bytes = rig_scene::files::read(path).map_err(|e| e.to_string())?;
-        let text = String::from_utf8(bytes)
-            .map_err(|e| format!("is not text from byte {} on", e.utf8_error().valid_up_to()))?;
-        Self::parse(&text).map_err(|e| e.to_string())
+        String::from_utf8(bytes).map_err(|e| format!("is not text from byte {} on", e.utf8_error().valid_up_to()))
     }
 
     /// Reads a text. A log that was cut short is read as far as it goes; see [`Log::whole`].

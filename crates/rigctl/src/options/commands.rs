@@ -3,6 +3,7 @@
 use super::values::{gap, gauge_error, load, methods, radius_law, seconds, tiers, tolerance, turns, twist_speed};
 use crate::board_settings;
 use crate::calibration::Point;
+use crate::export::Format;
 use crate::identify::laws::Law;
 use clap::{Args, Subcommand};
 use std::path::PathBuf;
@@ -113,6 +114,23 @@ pub struct Replay {
     #[arg(value_name = "FILE.csv")]
     pub file: PathBuf,
     /// Also if the log was cut short
+    #[arg(long)]
+    pub partial: bool,
+}
+
+/// The log to export, and the file.
+#[derive(Debug, Clone, Args)]
+pub struct Export {
+    /// Log of `record` or `sweep`
+    #[arg(value_name = "LOG.csv")]
+    pub log: PathBuf,
+    /// Format of the file
+    #[arg(long, value_name = "mcap|parquet|csv", hide_possible_values = true)]
+    pub to: Format,
+    /// File to write
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// Also if the log was cut short: its whole rows
     #[arg(long)]
     pub partial: bool,
 }

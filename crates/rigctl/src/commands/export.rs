@@ -1,0 +1,31 @@
+//! `export`: a recorded log in the format of another tool.
+
+use crate::export::Table;
+use crate::failure::Failure;
+use crate::log::Log;
+use crate::options::commands::Export;
+use crate::out_file::OutFile;
+use crate::output::Output;
+use serde_json::json;
+
+/// Runs the command.
+///
+/// # Errors
+/// If the log is none, was cut short or has no rows, or the file cannot be written; names the file.
+pub fn run(options: &Export, output: &mut Output) -> Result<(), Failure> {
+    let (log, out) = (&options.log, &options.out);
+    if out.canonicalize().is_ok_and(|out| log.canonicalize().is_ok_and(|log| log == out)) {
+        return Err(Failure::Usage(format!("--out {} is the log itself", out.display())));
+    }
+    let file = OutFile::new(out)?;
+    let wrong = |what: String| Failure::failed(format!("log {}: {what}", log.display()));
+    let text = Log::text(log).map_err(wrong)?;
+    let table = Table::read(&text, options.partial).map_err(wrong)?;
+    let content = options.to.encode(&table).map_err(wrong)?;
+    file.write(&content)?;
+    let (rows, bytes) = (table.t_s.len(), content.len());
+    output.object(
+        &json!({"file": out.display().to_string(), "rows": rows, "marks": table.marks.len(), "bytes": bytes}),
+    )?;
+    Ok(output.line(format!("{rows} rows, {bytes} bytes; written: {}", out.display()))?)
+}

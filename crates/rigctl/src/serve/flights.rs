@@ -1,0 +1,204 @@
+//! Orders that were given to the board and have not ended. The board replies to each; one that has begun a motion ends with
+//! an event.
+
+use super::Refused;
+use crate::board_settings::decimal;
+use rig_link::{Accepted, EventKind, Refusal, Request, State};
+use serde_json::{Value, json};
+
+/// Longest wait for the board's reply (s).
+const REPLY_S: f64 = 1.0;
+/// How long the board may be at rest before a motion counts as ended although its event did not come (s).
+const REST_S: f64 = 0.2;
+
+/// An order that has not ended.
+struct Flight {
+    /// The client that gave it.
+    client: u64,
+    id: Option<Value>,
+    /// Number of its request.
+    number: u16,
+    request: Request,
+    /// When it was sent, or the board last reported its motion (s).
+    since_s: f64,
+    /// Whether the board has accepted it and has begun a motion.
+    moves: bool,
+}
+
+/// The end of an order.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Landed {
+    /// The client that gave it.
+    pub client: u64,
+    /// As it gave it.
+    pub id: Option<Value>,
+    /// What came of it.
+    pub result: Result<Value, Refused>,
+}
+
+/// Orders that have not ended, the oldest first.
+#[derive(Default)]
+pub struct Flights {
+    flights: Vec<Flight>,
+    landed: Vec<Landed>,
+}
+
+impl Flights {
+    /// An order was sent to the board under this number.
+    pub fn start(&mut self, client: u64, id: Option<Value>, number: u16, request: Request, now_s: f64) {
+        self.flights.push(Flight { client, id, number, request, since_s: now_s, moves: false });
+    }
+
+    /// Whether an order of this client has not ended.
+    pub fn any_of(&self, client: u64) -> bool {
+        self.flights.iter().any(|flight| flight.client == client)
+    }
+
+    /// The orders that have ended since the last call.
+    pub fn take(&mut self) -> Vec<Landed> {
+        std::mem::take(&mut self.landed)
+    }
+
+    /// The board has replied to a request.
+    pub fn reply(&mut self, number: u16, result: Result<Accepted, Refusal>, now_s: f64) {
+        let Some(place) = self.flights.iter().position(|flight| flight.number == number) else { return };
+        match result {
+            Ok(Accepted::Started) => {
+                // A motion that is given anew takes the place of the one before.
+                let end = || Err(Refused::new("replaced", "a later order has taken its place"));
+                self.end(|flight| flight.moves, end);
+                if let Some(flight) = self.flights.iter_mut().find(|flight| flight.number == number) {
+                    (flight.moves, flight.since_s) = (true, now_s);
+                }
+            }
+            Ok(Accepted::Done | Accepted::Unhomed) => self.land(place, Ok(json!({}))),
+            Err(refusal) => self.land(place, Err(Refused::new("refused", refusal.to_string()))),
+        }
+    }
+
+    /// The board has reported an event.
+    pub fn event(&mut self, kind: &EventKind) {
+        let error = |kind, message: String| move || Err(Refused::new(kind, message.clone()));
+        match kind {
+            EventKind::Homed(found) => {
+                let done = json!({"load_n": decimal(found.load_n), "load_error_n": decimal(found.load_error_n),
+                    "friction_n": decimal(found.friction_n), "zero_error_rad": decimal(found.zero_error_rad)});
+                self.end(|f| f.moves && matches!(f.request, Request::Home { .. }), || Ok(done.clone()));
+            }
+            EventKind::MoveDone { error_m } => {
+                let done = json!({"error_m": decimal(*error_m)});
+                self.end(|f| f.moves && matches!(f.request, Request::Move { .. }), || Ok(done.clone()));
+            }
+            EventKind::Stopped => {
+                self.end(|f| f.moves && matches!(f.request, Request::Jog { .. }), || Ok(json!({})));
+                self.end(|f| f.moves, error("stopped", "stopped before its end".into()));
+            }
+            EventKind::HomingRefused(failure) => {
+                self.end(|f| f.moves, error("homing-failed", failure.to_string()));
+            }
+            EventKind::FaultRaised(fault) => self.end(|f| f.moves, error("fault", fault.to_string())),
+            EventKind::EStopOpened => self.end(|f| f.moves, error("estop", "the emergency stop was pressed".into())),
+            _ => {}
+        }
+    }
+
+    /// Time has passed: a lost reply or event does not leave an order open for ever.
+    pub fn pass(&mut self, state: State, now_s: f64) {
+        if matches!(state, State::Moving | State::Homing) {
+            self.flights.iter_mut().filter(|flight| flight.moves).for_each(|flight| flight.since_s = now_s);
+        }
+        let silent = |f: &Flight| !f.moves && now_s > f.since_s + REPLY_S;
+        self.end(silent, || Err(Refused::new("no-reply", format!("no reply from the board within {REPLY_S} s"))));
+        let ended = |f: &Flight| f.moves && now_s > f.since_s + REST_S;
+        self.end(ended, || Err(Refused::new("stopped", format!("the board has ended it: it is {state}"))));
+    }
+
+    /// The conversation with the board has ended.
+    pub fn end_all(&mut self, why: &str) {
+        self.end(|_| true, || Err(Refused::new("ended", why)));
+    }
+
+    fn end(&mut self, which: impl Fn(&Flight) -> bool, result: impl Fn() -> Result<Value, Refused>) {
+        while let Some(place) = self.flights.iter().position(&which) {
+            self.land(place, result());
+        }
+    }
+
+    fn land(&mut self, place: usize, result: Result<Value, Refused>) {
+        let Flight { client, id, .. } = self.flights.remove(place);
+        self.landed.push(Landed { client, id, result });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rig_link::Fault;
+
+    const MOVE: Request = Request::Move { target_m: 0.01, speed_m_per_s: 0.002, load: rig_link::LoadChoice::Auto };
+
+    /// Ids and results, an error by its kind.
+    fn landed(flights: &mut Flights) -> Vec<(u64, Result<Value, &'static str>)> {
+        let id = |one: &Landed| one.id.as_ref().and_then(Value::as_u64).expect("an id");
+        flights.take().into_iter().map(|one| (id(&one), one.result.map_err(|refused| refused.kind))).collect()
+    }
+
+    /// Orders of one client, whose ids are their numbers, sent at 0 s; those that start a motion have started.
+    fn flying(orders: &[(u16, Request, Option<Accepted>)]) -> Flights {
+        let mut flights = Flights::default();
+        for (number, request, reply) in orders {
+            flights.start(1, Some((*number).into()), *number, *request, 0.0);
+            if let Some(reply) = reply {
+                flights.reply(*number, Ok(*reply), 0.0);
+            }
+        }
+        flights
+    }
+
+    #[test]
+    fn a_reply_ends_what_is_done_at_once_and_an_event_what_moves() {
+        let mut flights = flying(&[(1, Request::Clear, Some(Accepted::Done)), (2, MOVE, Some(Accepted::Started))]);
+        assert_eq!(landed(&mut flights), [(1, Ok(json!({})))]);
+        assert!(flights.any_of(1) && !flights.any_of(2));
+        flights.event(&EventKind::MoveDone { error_m: 0.5 });
+        assert_eq!(landed(&mut flights), [(2, Ok(json!({"error_m": 0.5})))]);
+        assert!(!flights.any_of(1));
+    }
+
+    #[test]
+    fn whatever_ends_a_motion_ends_its_order() {
+        for (kind, named) in [
+            (EventKind::Stopped, "stopped"),
+            (EventKind::FaultRaised(Fault::DriveStall), "fault"),
+            (EventKind::EStopOpened, "estop"),
+            (EventKind::HomingRefused(rig_link::HomingFailure::PoorFit), "homing-failed"),
+        ] {
+            let mut flights = flying(&[(1, Request::HOME, Some(Accepted::Started))]);
+            flights.event(&EventKind::FaultCleared(Fault::DriveStall));
+            assert!(landed(&mut flights).is_empty());
+            flights.event(&kind);
+            assert_eq!(landed(&mut flights), [(1, Err(named))], "{kind:?}");
+        }
+        let mut flights = flying(&[(1, MOVE, Some(Accepted::Started)), (2, MOVE, Some(Accepted::Started))]);
+        assert_eq!(landed(&mut flights), [(1, Err("replaced"))]);
+        flights.reply(2, Err(Refusal::TooMany), 0.0);
+        assert_eq!(landed(&mut flights), [(2, Err("refused"))]);
+        let jog = Request::Jog { twist_speed_rad_per_s: 1.0 };
+        let mut flights = flying(&[(1, jog, Some(Accepted::Started))]);
+        flights.event(&EventKind::Stopped);
+        assert_eq!(landed(&mut flights), [(1, Ok(json!({})))], "a jog has no other end");
+    }
+
+    #[test]
+    fn a_lost_reply_or_event_leaves_nothing_open() {
+        let mut flights = flying(&[(1, MOVE, Some(Accepted::Started)), (2, Request::Clear, None)]);
+        flights.pass(State::Moving, 0.9);
+        assert!(landed(&mut flights).is_empty());
+        flights.pass(State::Moving, 1.1);
+        assert_eq!(landed(&mut flights), [(2, Err("no-reply"))]);
+        flights.pass(State::Holding, 1.2);
+        assert!(landed(&mut flights).is_empty(), "its event may still be on the way");
+        flights.pass(State::Holding, 1.4);
+        assert_eq!(landed(&mut flights), [(1, Err("stopped"))]);
+    }
+}

@@ -1,0 +1,58 @@
+//! A rig for several programs at once: JSON lines on a Unix socket, one writer, many readers. `docs/connect.md` states the
+//! protocol.
+//!
+//! - [`server`]: the loop between the board and the clients.
+//! - [`order`]: what a line of a client means; [`flights`]: orders that were given and have not ended.
+//! - [`client`]: one connection with its two threads; [`lines`]: lines of bounded length; [`outbox`]: lines that wait for a
+//!   slow reader, or are lost.
+//! - [`socket`]: the socket file and who may connect.
+
+pub mod client;
+pub mod flights;
+pub mod lines;
+pub mod order;
+pub mod outbox;
+pub mod server;
+pub mod socket;
+
+pub use server::serve;
+pub use socket::Socket;
+
+use serde_json::{Map, Value, json};
+
+/// Name and version of the protocol, in the greeting of every client.
+pub const PROTOCOL: &str = "tsa-serve 1";
+
+/// A refusal or failure: its kind, which programs compare, and words for people.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Refused {
+    /// One of the kinds that `docs/connect.md` lists.
+    pub kind: &'static str,
+    /// In words.
+    pub message: String,
+}
+
+impl Refused {
+    /// Of this kind.
+    pub fn new(kind: &'static str, message: impl Into<String>) -> Self {
+        Self { kind, message: message.into() }
+    }
+}
+
+/// The answer to a client's line, with the `id` that it gave.
+pub fn answer(id: Option<&Value>, result: Result<Value, Refused>) -> String {
+    let mut object = Map::new();
+    if let Some(id) = id {
+        object.insert("id".into(), id.clone());
+    }
+    match result {
+        Ok(done) => object.insert("done".into(), done),
+        Err(Refused { kind, message }) => object.insert("error".into(), json!({"kind": kind, "message": message})),
+    };
+    Value::Object(object).to_string()
+}
+
+/// An event for all clients.
+pub fn event(t_s: f64, kind: &str, message: &str) -> String {
+    json!({"event": {"t_s": t_s, "kind": kind, "message": message}}).to_string()
+}

@@ -1,0 +1,93 @@
+"""What `rigctl export` writes, read by the formats' own Python readers."""
+
+import json
+import os
+import subprocess
+from pathlib import Path
+
+import pandas as pd
+import pyarrow.parquet as pq
+import pytest
+from mcap.reader import make_reader
+
+ROOT = Path(__file__).resolve().parents[3]
+# Where `cargo xtask python` has built the tool.
+TOOL = Path(os.environ.get("TSA_PROGRAMS", ROOT / "target" / "release")) / "rigctl"
+WORDS = {"state", "fault", "faults", "limit", "homing_failure"}
+
+
+def rigctl(*arguments: str | Path) -> None:
+    subprocess.run([TOOL, *arguments], cwd=ROOT, check=True, capture_output=True)
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("export")
+    script = folder / "a.script"
+    script.write_text("2.5 move 5mm\n2.6 home load=0.5kg\n33 move 4mm speed=4mm/s\n36 end\n")
+    path = folder / "run.csv"
+    # The first move is refused, because the rig is not homed: the log is whole all the same.
+    tool: list[str | Path] = [TOOL, "record", "--script", script, "--out", path, "--seed", "3"]
+    assert subprocess.run(tool, cwd=ROOT, capture_output=True).returncode == 1
+    return path
+
+
+@pytest.fixture(scope="module")
+def rows(log: Path) -> pd.DataFrame:
+    return pd.read_csv(log, comment="#")
+
+
+def test_csv_is_read_without_options(log: Path, rows: pd.DataFrame, tmp_path: Path) -> None:
+    out = tmp_path / "run.csv"
+    rigctl("export", log, "--to", "csv", "--out", out)
+    read = pd.read_csv(out)
+    pd.testing.assert_frame_equal(read, rows)
+    assert len(read) > 3000 and read["load_n"].isna().iloc[0] and not read["load_n"].isna().iloc[-1]
+
+
+def test_parquet_has_types_nulls_and_the_header(log: Path, rows: pd.DataFrame, tmp_path: Path) -> None:
+    out = tmp_path / "run.parquet"
+    rigctl("export", log, "--to", "parquet", "--out", out)
+    table = pq.read_table(out)
+    for field in table.schema:
+        assert str(field.type) == ("string" if field.name in WORDS else "double") and field.nullable, field
+    facts = {key.decode(): value.decode() for key, value in table.schema.metadata.items()}
+    assert facts["seed"] == "3" and facts["rig"] == "nominal" and facts["script.2"] == "2.6 home load=0.5kg"
+    marks = json.loads(facts["marks"])
+    assert [text.split()[1] for _, text in marks if text.startswith("request")] == ["move", "home", "move"]
+    assert any(text.startswith("event homed") for _, text in marks)
+    read = pd.read_parquet(out)
+    assert list(read.columns) == list(rows.columns)
+    for name in rows.columns:
+        assert (read[name].isna() == rows[name].isna()).all(), name
+        known = rows[name].notna()
+        assert (read[name][known] == rows[name][known]).all(), name
+
+
+def test_mcap_is_json_with_schemas_at_the_times_of_the_log(log: Path, rows: pd.DataFrame, tmp_path: Path) -> None:
+    out = tmp_path / "run.mcap"
+    rigctl("export", log, "--to", "mcap", "--out", out)
+    telemetry, events = [], []
+    with out.open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        facts = {record.name: record.metadata for record in reader.iter_metadata()}
+        for schema, channel, message in reader.iter_messages():
+            assert schema is not None and schema.encoding == "jsonschema" and channel.message_encoding == "json"
+            content = json.loads(message.data)
+            fields = json.loads(schema.data)["properties"]
+            assert set(content) <= set(fields) and message.log_time == message.publish_time
+            if channel.topic == "/telemetry":
+                assert message.log_time == round(content["t_s"] * 1e9)
+                telemetry.append(content)
+                # One plain type each: Foxglove refuses a field that may be a number or null.
+                assert {name: kind["type"] for name, kind in fields.items()} == {
+                    name: "string" if name in WORDS else "number" for name in rows.columns
+                }
+            else:
+                assert (channel.topic, schema.name) == ("/log", "foxglove.Log")
+                events.append(content)
+    assert facts["tsa-log"]["seed"] == "3"
+    assert [one["message"].split()[0] for one in events if one["name"] == "request"] == ["move", "home", "move"]
+    assert len(telemetry) == len(rows)
+    for index, row in enumerate(telemetry):
+        assert row == rows.iloc[index].dropna().to_dict()
