@@ -9,7 +9,7 @@ use std::path::Path;
 pub const EVERY_S: f64 = 0.02;
 /// How long the board goes on without the next one (s): a busy computer and its serial line may keep one back, and a person
 /// beside the rig does not wait long.
-const HOLDS_FOR_S: f32 = 0.2;
+pub const HOLDS_FOR_S: f32 = 0.2;
 
 /// One point of a course.
 #[derive(Clone, Copy, Debug, PartialEq)]

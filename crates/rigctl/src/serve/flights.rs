@@ -25,6 +25,12 @@ struct Flight {
     moves: bool,
 }
 
+impl Flight {
+    fn is_set_point(&self) -> bool {
+        matches!(self.request, Request::Track { .. })
+    }
+}
+
 /// The end of an order.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Landed {
@@ -67,6 +73,10 @@ impl Flights {
                 // A motion that is given anew takes the place of the one before.
                 let end = || Err(Refused::new("replaced", "a later order has taken its place"));
                 self.end(|flight| flight.moves, end);
+                // A set-point of a stream has no end of its own.
+                if matches!(self.flights.iter().find(|f| f.number == number), Some(f) if f.is_set_point()) {
+                    self.end(|flight| flight.number == number, || Ok(json!({})));
+                }
                 if let Some(flight) = self.flights.iter_mut().find(|flight| flight.number == number) {
                     (flight.moves, flight.since_s) = (true, now_s);
                 }
@@ -187,6 +197,14 @@ mod tests {
         let mut flights = flying(&[(1, jog, Some(Accepted::Started))]);
         flights.event(&EventKind::Stopped);
         assert_eq!(landed(&mut flights), [(1, Ok(json!({})))], "a jog has no other end");
+    }
+
+    #[test]
+    fn a_set_point_ends_with_its_reply_and_takes_the_place_of_a_move() {
+        let point = Request::Track { position_m: 0.01, speed_m_per_s: 0.0, for_s: 0.2 };
+        let mut flights = flying(&[(1, MOVE, Some(Accepted::Started)), (2, point, Some(Accepted::Started))]);
+        assert_eq!(landed(&mut flights), [(1, Err("replaced")), (2, Ok(json!({})))]);
+        assert!(!flights.any_of(1));
     }
 
     #[test]

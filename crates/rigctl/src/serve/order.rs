@@ -2,6 +2,7 @@
 
 use super::Refused;
 use super::lines::LONGEST;
+use crate::course::HOLDS_FOR_S;
 use crate::script::DEFAULT_SPEED_M_PER_S;
 use rig_link::{LoadChoice, Request};
 use serde_json::{Map, Value};
@@ -10,11 +11,15 @@ use serde_json::{Map, Value};
 type Build = fn(&mut Fields) -> Result<Request, String>;
 
 /// The orders by their names in `do`.
-const ORDERS: [(&str, Build); 6] = [
+const ORDERS: [(&str, Build); 7] = [
     ("home", |f| Ok(Request::Home { load: f.load()? })),
     ("move", |f| {
         let (target_m, speed) = (f.number("to_m")?, f.number_or("speed_m_per_s", DEFAULT_SPEED_M_PER_S as f32)?);
         Ok(Request::Move { target_m, speed_m_per_s: speed, load: f.load()? })
+    }),
+    ("track", |f| {
+        let (position_m, speed_m_per_s) = (f.number("position_m")?, f.number_or("speed_m_per_s", 0.0)?);
+        Ok(Request::Track { position_m, speed_m_per_s, for_s: f.number_or("for_s", HOLDS_FOR_S)? })
     }),
     ("jog", |f| Ok(Request::Jog { twist_speed_rad_per_s: f.number("speed_rad_per_s")? })),
     ("stop", |_| Ok(Request::Stop)),
@@ -138,6 +143,10 @@ mod tests {
                 "{\"load_n\":4.9,\"to_m\":1e-3,\"speed_m_per_s\":0.001,\"do\":\"move\"}",
                 order(Request::Move { target_m: 1e-3, speed_m_per_s: 1e-3, load: LoadChoice::Known(4.9) }),
             ),
+            (
+                "{\"do\":\"track\",\"position_m\":0.01,\"speed_m_per_s\":-0.002}",
+                order(Request::Track { position_m: 0.01, speed_m_per_s: -0.002, for_s: HOLDS_FOR_S }),
+            ),
             ("{\"do\":\"jog\",\"speed_rad_per_s\":-2}\r", order(Request::Jog { twist_speed_rad_per_s: -2.0 })),
             ("{\"do\":\"stop\"}", order(Request::Stop)),
             ("{\"do\":\"hold\"}", order(Request::Stop)),
@@ -162,7 +171,7 @@ mod tests {
             ("[1]", "not a JSON object"),
             ("5", "not a JSON object"),
             ("{}", "neither `do` nor `release`"),
-            ("{\"do\":\"mve\"}", "no order `mve`; there are home, move, jog, stop, hold, clear, status"),
+            ("{\"do\":\"mve\"}", "no order `mve`; there are home, move, track, jog, stop, hold, clear, status"),
             ("{\"do\":5}", "do must be a text"),
             ("{\"do\":\"move\"}", "no field `to_m`"),
             ("{\"do\":\"move\",\"to_m\":\"0.012\"}", "to_m is \"0.012\" and must be a number"),

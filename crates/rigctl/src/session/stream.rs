@@ -3,7 +3,7 @@
 use super::client::Session;
 use super::motion::{check_motion, move_to};
 use super::row::Row;
-use crate::course::Course;
+use crate::course::{Course, HOLDS_FOR_S};
 use crate::failure::Failure;
 use crate::output::progress;
 use rig_link::{EventKind, LoadChoice, Request, State};
@@ -79,7 +79,11 @@ pub fn track(session: &mut Session, course: &Course, mut each: impl FnMut(&Row))
             // The last one holds until the load is at rest.
             None if points.peek().is_none() => {
                 let (position_m, _) = course.at(course.duration_s());
-                session.post(&Request::Track { position_m: position_m as f32, speed_m_per_s: 0.0, for_s: 0.2 })?;
+                session.post(&Request::Track {
+                    position_m: position_m as f32,
+                    speed_m_per_s: 0.0,
+                    for_s: HOLDS_FOR_S,
+                })?;
             }
             None => {}
         }
