@@ -49,17 +49,6 @@ fn go(bench: &mut ControlBench, target_m: f32, what: String) -> Outcome {
         let true_m = bench.true_position_m();
         errors_m.push(true_m - f64::from(target_m));
         let position_m = bench.last.as_ref().and_then(|last| last.telemetry.position_m);
-        if std::env::var("DBG").is_ok() {
-            let t = bench.last.as_ref().map(|l| (l.telemetry.setpoint_m, l.telemetry.twist_rad));
-            eprintln!(
-                "{} {} {:?} {} {:?}",
-                what,
-                bench.time_s,
-                t,
-                true_m,
-                (bench.truth().twist_rad, bench.truth().pull_n, bench.truth().load_n, bench.truth().gap_speed_m_per_s)
-            );
-        }
         shown_m.extend(position_m.map(|m| f64::from(m) - true_m));
     };
     bench.until(20.0, |bench| {
@@ -73,5 +62,6 @@ fn go(bench: &mut ControlBench, target_m: f32, what: String) -> Outcome {
     let failed = bench.control.state() != State::Holding;
     let failure = failed.then(|| format!("{:?} {}", bench.control.state(), bench.control.faults()));
     as_the_sensor_has_it(&mut errors_m, &shown_m);
-    Outcome { what, motor_s: motor_s(bench.truth().twist_rad - before_rad), errors_m, failure }
+    let motor_s = motor_s(bench.truth().twist_rad - before_rad);
+    Outcome { what, motor_s, step: None, swing: None, away_m: 0.0, errors_m, failure }
 }

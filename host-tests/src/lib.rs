@@ -8,8 +8,10 @@ pub mod endurance;
 pub mod full_speed;
 pub mod fuzz;
 pub mod load_changes;
+pub mod physical_limit;
 pub mod rigs;
 pub mod scenario;
+pub mod speed_figure;
 
 use rig_control::sensors::EncoderCount;
 use rig_control::supervisor::Events;

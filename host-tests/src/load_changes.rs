@@ -1,8 +1,10 @@
 //! How fast a load that is changed at rest is back at its place, held against what the motor's speed and acceleration alone
 //! would need for the same turn of the strings.
 
+use crate::physical_limit::Swing;
 use crate::rigs::subject::Subject;
 use crate::{ControlBench, constants, table};
+use lab::chart::margin::DAMPING;
 use lab::parallel::parallel_on;
 use rig_control::Rig as Control;
 use rig_link::messages::{LoadChoice, State};
@@ -45,6 +47,12 @@ pub struct Outcome {
     pub what: String,
     /// Time that the motor's speed and acceleration alone need (s).
     pub motor_s: f64,
+    /// The change; `None` for a move.
+    pub step: Option<Step>,
+    /// What the load's swing and the motor allow; `None` for a move.
+    pub swing: Option<Swing>,
+    /// Where the strings stood when the load had changed, from its place (m).
+    pub away_m: f64,
     /// Distance from the target over time (m), every tick, as the sensor has it without its noise.
     pub errors_m: Vec<f64>,
     /// How it failed, if it did.
@@ -54,7 +62,12 @@ pub struct Outcome {
 impl Outcome {
     /// One that did not come about.
     pub fn failed(what: String, why: String) -> Self {
-        Self { what, motor_s: f64::NAN, errors_m: Vec::new(), failure: Some(why) }
+        Self { what, motor_s: f64::NAN, step: None, swing: None, away_m: 0.0, errors_m: Vec::new(), failure: Some(why) }
+    }
+
+    /// Least time (s) that motor and swing allow to come within a distance (m) of the place.
+    pub fn limit_s(&self, within_m: f64) -> Option<f64> {
+        self.swing?.least_time_s(self.away_m, within_m)
     }
 
     /// Time after which the load stays within a distance (m) of its target (s); `None` if it does not.
@@ -69,6 +82,21 @@ pub fn as_the_sensor_has_it(errors_m: &mut [f64], shown_m: &[f64]) {
     let last = &shown_m[shown_m.len().saturating_sub(100)..];
     let beside_m = last.iter().sum::<f64>() / last.len().max(1) as f64;
     errors_m.iter_mut().for_each(|error_m| *error_m += beside_m);
+}
+
+/// A load (kg) on its strings as they are now.
+fn swing(bench: &ControlBench, load_kg: f64, tr_rad_per_m: f64) -> Option<Swing> {
+    let load_n = load_kg * STANDARD_GRAVITY;
+    let point = table().point_inside(load_n as f32, bench.truth().twist_rad as f32);
+    let limits = constants().twist_limits();
+    let stiffness_n_per_m = 1.0 / f64::from(point.dgap_dload_m_per_n);
+    Some(Swing {
+        frequency: (stiffness_n_per_m / load_kg).sqrt(),
+        damping_per_s: (DAMPING[0] + DAMPING[1] * stiffness_n_per_m) / load_kg,
+        speed_m_per_s: f64::from(limits.speed) / tr_rad_per_m,
+        acceleration_m_per_s2: f64::from(limits.acceleration) / tr_rad_per_m,
+    })
+    .filter(|swing| swing.frequency.is_finite() && swing.speed_m_per_s.is_finite())
 }
 
 /// Shortest time (s) for a turn of the strings (rad) from rest to rest.
@@ -123,7 +151,7 @@ pub fn homed_under(subject: &Subject, load_kg: f64) -> Result<ControlBench, Stri
 fn play(bench: Result<ControlBench, String>, step: Step) -> Outcome {
     match bench.and_then(|mut bench| begin(&mut bench, step).map(|()| bench)) {
         Ok(bench) => watch(bench, step),
-        Err(why) => Outcome::failed(step.to_string(), why),
+        Err(why) => Outcome { step: Some(step), ..Outcome::failed(step.to_string(), why) },
     }
 }
 
@@ -154,5 +182,15 @@ fn watch(mut bench: ControlBench, step: Step) -> Outcome {
         failure = Some(format!("{:?} {}", bench.control.state(), bench.control.faults()));
     }
     as_the_sensor_has_it(&mut errors_m, &shown_m);
-    Outcome { what: step.to_string(), motor_s: motor_s(bench.truth().twist_rad - before_rad), errors_m, failure }
+    let turned_rad = bench.truth().twist_rad - before_rad;
+    let tr_rad_per_m = bench.last.as_ref().and_then(|last| last.telemetry.tr_rad_per_m).map_or(f64::NAN, f64::from);
+    Outcome {
+        what: step.to_string(),
+        motor_s: motor_s(turned_rad),
+        step: Some(step),
+        swing: swing(&bench, step.change_kg[1], tr_rad_per_m),
+        away_m: -turned_rad / tr_rad_per_m,
+        errors_m,
+        failure,
+    }
 }

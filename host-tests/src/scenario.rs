@@ -52,7 +52,8 @@ pub fn scripts() -> Result<Vec<(String, Script)>, ScenarioError> {
         if path.extension().is_some_and(|e| e == "script") {
             let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
             let text = std::fs::read_to_string(&path).map_err(read(path))?;
-            let script = Script::parse(&text).map_err(|source| ScenarioError::Script { name: name.clone(), source })?;
+            let script = Script::parse_in(&folder, &text)
+                .map_err(|source| ScenarioError::Script { name: name.clone(), source })?;
             found.push((name, script));
         }
     }

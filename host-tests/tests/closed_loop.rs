@@ -115,7 +115,8 @@ fn requests_outside_the_limits_are_refused_by_name() {
     assert_eq!(out_of(d.tick(Some(go(-0.001, 0.002, LoadChoice::Auto))).reply), Parameter::Target);
     assert_eq!(out_of(d.tick(Some(go(f32::NAN, 0.002, LoadChoice::Auto))).reply), Parameter::Target);
     assert_eq!(out_of(d.tick(Some(go(0.01, 0.0, LoadChoice::Auto))).reply), Parameter::Speed);
-    assert_eq!(out_of(d.tick(Some(go(0.01, f32::INFINITY, LoadChoice::Auto))).reply), Parameter::Speed);
+    assert_eq!(out_of(d.tick(Some(go(0.01, f32::NAN, LoadChoice::Auto))).reply), Parameter::Speed);
+    assert_eq!(out_of(d.tick(Some(go(0.01, f32::NEG_INFINITY, LoadChoice::Auto))).reply), Parameter::Speed);
     assert_eq!(out_of(d.tick(Some(go(0.01, 0.002, LoadChoice::Known(0.1)))).reply), Parameter::Load);
     assert_eq!(out_of(d.tick(Some(Request::Jog { twist_speed_rad_per_s: 100.0 })).reply), Parameter::TwistSpeed);
     assert_eq!(d.control.state(), State::Ready);

@@ -75,6 +75,18 @@ impl Limits {
         (Self::new(speed, enough.min(hardest), rise_s), limit)
     }
 
+    /// Way (m) on which a speed (m/s) is braked to rest.
+    pub fn stopping_m(&self, speed: f32) -> f32 {
+        0.5 * speed * self.rise_s(speed)
+    }
+
+    /// The same, with no more acceleration and jerk than where the load will come to rest: on the way down TR rises while the
+    /// load is braked.
+    #[must_use]
+    pub fn braking_into(self, rest: &Self) -> Self {
+        Self { acceleration: self.acceleration.min(rest.acceleration), jerk: self.jerk.min(rest.jerk), ..self }
+    }
+
     /// Shortest time (s) in which a speed changes by so much (m/s). The profile is symmetric, so the mean speed on the
     /// way is the mean of both ends.
     fn rise_s(&self, change: f32) -> f32 {
@@ -179,6 +191,15 @@ mod tests {
         // 0.6 N m is what half an ampere gives: 560 N at 1000 rad/m leaves less than a tenth.
         let (heavy, limit) = Limits::for_motor(0.02, &at(1000.0), 560.0, &rig);
         assert!(limit == Some(Limit::MotorCurrent) && (heavy.acceleration / 0.01 - 1.0).abs() < 1e-3, "{heavy:?}");
+    }
+
+    #[test]
+    fn braking_takes_the_limits_of_where_it_ends() {
+        let (here, rest) = (Limits::new(0.008, 0.08, 0.2), Limits::new(0.004, 0.03, 0.3));
+        assert_eq!(here.braking_into(&rest), Limits { speed: 0.008, ..rest });
+        assert_eq!(rest.braking_into(&here), rest);
+        // 0.08 m/s² after 0.1 s, and back: 8 mm/s in 0.2 s.
+        assert!((here.stopping_m(-0.008) + 0.5 * 0.008 * 0.2).abs() < 1e-6);
     }
 
     #[test]

@@ -17,7 +17,8 @@ pub fn time_to_target_s(planner: &Planner, asked_m_per_s: f32, load: &LoadState<
     let way_m = planner.target_m() - planner.set_point_m();
     let direction = libm::copysignf(1.0, way_m);
     let piece_m = way_m.abs() / f32::from(PIECES);
-    let load_n = load.observation.load_n;
+    // What the strings pull on the way: they carry friction upwards, and friction carries the load downwards.
+    let load_n = load.observation.load_n + direction * load.observation.friction_n;
     let limits = |point: &Point| Limits::for_motor(asked_m_per_s, point, load_n, rig).0;
     let mut twist_rad = load.twist_rad;
     let mut point = load.observation.point;

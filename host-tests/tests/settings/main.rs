@@ -95,7 +95,7 @@ fn times_of_change(image: &[u8], request: &Request) -> Vec<f64> {
     b.machine.run_until(coarse_s).unwrap();
     let (mut flash, mut times) = (image.to_vec(), Vec::new());
     // A word takes 16 us to be written. A full sector is read through before it is erased.
-    while times.last().is_none_or(|last| b.machine.now_s() < last + 0.05) {
+    while times.last().is_none_or(|last| b.machine.now_s() < *last + 0.05) {
         let now_s = b.machine.now_s();
         b.machine.run_until(now_s + 10e-6).unwrap();
         let now = b.machine.flash_image();

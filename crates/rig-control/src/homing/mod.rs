@@ -41,6 +41,8 @@ const PROBE_CHANGE_M: f32 = 0.25e-3;
 const PROBE_TRAVEL: f32 = 18.0;
 const PROBE_SLOW: f32 = 7.0;
 const PROBE_FAST_SPEED: f32 = 4.0;
+/// Share of the motor's speed that is used.
+pub const SPEED_SHARE: f32 = 0.9;
 /// A shaft that is this far (rad) behind its set-point stands against fully closed strings: more than any drive lags at the
 /// probe's speed, and little enough to turn back before the drive takes it for a stall and drops the load.
 const PROBE_BEHIND: f32 = 0.5;
@@ -220,7 +222,7 @@ impl Homing {
         }
         self.smooth_gap_m += 0.25 * (inputs.gap_m - self.smooth_gap_m);
         let limits = TwistLimits {
-            speed: 0.9 * rig.twist_speed_max(),
+            speed: SPEED_SHARE * rig.twist_speed_max(),
             acceleration: ACCELERATION.min(rig.twist_acceleration_max()),
         };
         let outcome = match self.phase {

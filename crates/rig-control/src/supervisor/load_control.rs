@@ -187,7 +187,11 @@ impl Move {
             self.approach_again(load);
         }
         let Self { control, speed_m_per_s, .. } = self;
-        let (limits, limit) = Limits::for_motor(*speed_m_per_s, &load.observation.point, load.observation.pull_n, rig);
+        let (here, pull_n) = (load.observation.point, load.observation.pull_n);
+        let (limits, limit) = Limits::for_motor(*speed_m_per_s, &here, pull_n, rig);
+        let stopping_rad = here.tr_rad_per_m() * limits.stopping_m(control.planner.speed_m_per_s());
+        let rest = load.mechanism.at(pull_n, load.twist_rad + stopping_rad);
+        let limits = limits.braking_into(&Limits::for_motor(*speed_m_per_s, &rest, pull_n, rig).0);
         self.limits = Some(limits);
         // Until the strings have taken up friction the load cannot move: the set-point waits for it.
         let waiting = control.position_loop.takeup.is_waiting();

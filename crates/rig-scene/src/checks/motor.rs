@@ -3,7 +3,7 @@
 use super::Verdict::{self, Fits, Impossible, Unusual};
 use super::{States, short};
 use crate::Scene;
-use rig_control::limits::PLANNED_SHARE;
+use rig_control::homing::SPEED_SHARE;
 use std::f64::consts::{PI, TAU};
 
 /// Share of the current above which almost nothing remains for friction and acceleration (rig-control, `limits`).
@@ -97,7 +97,7 @@ pub(super) fn board_follows_the_count(s: &Scene) -> Verdict {
 }
 
 fn planned_rad_per_s(s: &Scene) -> f64 {
-    f64::from(PLANNED_SHARE) * s.rig.motor_speed_max_rad_per_s / s.rig.gear()
+    f64::from(SPEED_SHARE) * s.rig.motor_speed_max_rad_per_s / s.rig.gear()
 }
 
 /// Time (s) that homing from the envelope's last turn takes, with 1 to 2 s more than the emulated rig took where the

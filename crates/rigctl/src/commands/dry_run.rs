@@ -73,6 +73,8 @@ pub fn run(
         let point = mechanism.at(load_n, twist);
         let tr = point.tr_rad_per_m();
         let (limits, limit) = Limits::for_motor(request.speed_m_per_s, &point, load_n, &rig);
+        let rest = mechanism.at(load_n, twist + tr * limits.stopping_m(planner.speed_m_per_s()));
+        let limits = limits.braking_into(&Limits::for_motor(request.speed_m_per_s, &rest, load_n, &rig).0);
         held_back = held_back.or(limit);
         let s = planner.step(&limits);
         if tick.is_multiple_of(EVERY) || s.done {
