@@ -9,6 +9,7 @@
 //! - [`log`]: a recorded conversation; [`replay`]: a log through the controller again; [`identify`]: constants from logs.
 //! - [`script`]: scripts; [`board_settings`]: settings as text; [`calibration`]: the LVDT by points.
 //! - [`session`]: a conversation with the firmware, emulated or real: connect, home, move.
+//! - [`page`]: the page of `report`, put together from its data and the files in `web/page`.
 //! - [`batch`], [`range`], [`units`], [`scene_file`]: text and files from the operator, checked and in SI.
 //! - [`output`]: lines or JSON, never both on standard output; [`out_file`]: files; [`failure`]: exit codes.
 //!
@@ -58,6 +59,7 @@ pub mod lvdt_points;
 pub mod options;
 pub mod out_file;
 pub mod output;
+pub mod page;
 pub mod play;
 pub mod range;
 pub mod recorded_move;
