@@ -29,6 +29,8 @@ const rig = {
   // Why the constants are refused, or null.
   refused: null,
   changed: false,
+  // Whether what depends on the constants alone has to be computed again.
+  unmeasured: false,
   // Measured position of the recorded move, while it is played back (m).
   measured_m: null,
   drawn: null,
@@ -55,22 +57,24 @@ const rig = {
   setConstants(constants) {
     rig.refused = solver.setConstants(constants);
     rig.changed = constants.some((v, k) => !Object.is(v, data.constants[k] ?? NaN));
-    if (!rig.refused) {
-      drawing.measure();
-      curves.measure();
-      map.measure();
-    }
+    rig.unmeasured = !rig.refused;
     rig.invalidate();
   },
 
   render() {
     const begun = performance.now();
+    if (rig.unmeasured) {
+      drawing.measure();
+      curves.measure();
+      map.measure();
+      rig.unmeasured = false;
+    }
     const state = { load_n: rig.load_n, turns: rig.turns, ...solver.solve(rig.load_n, rig.turns) };
     if (!state.error) rig.drawn = { state, path: solver.rodPath() };
     drawing.canvas.style.opacity = state.error ? 0.35 : 1;
     if (rig.drawn) drawing.draw(rig.drawn.state, rig.drawn.path, rig.measured_m);
     rig.show(state);
-    if (!rig.refused) curves.draw(state);
+    if (curves.most) curves.draw(state);
     map.mark();
     tsa.frame_ms = performance.now() - begun;
   },
@@ -192,6 +196,8 @@ const constantSliders = SLIDERS.filter(([k]) => data.constants[k]).map(([k, labe
 });
 
 function beginControls() {
+  // On a phone the constants would push the curves far down.
+  if (matchMedia("(max-width: 760px)").matches) document.getElementById("constants-panel").open = false;
   document.getElementById("reset").addEventListener("click", () => {
     constantSliders.forEach(({ k, control }) => control.show(data.constants[k]));
     rig.setConstants(data.constants.map((x) => x ?? NaN));

@@ -21,12 +21,13 @@ const drawing = {
   // Draws a state; `path` is the bent half rod, `start_m` the gap at the pre-twist, `measured_m` a recorded position.
   draw(state, path, measured_m) {
     const { g, width, height } = begin(drawing.canvas);
-    const [top, bottom] = [62, 96];
+    const [top, bottom] = [62, 84];
     const scale = Math.min((height - top - bottom) / drawing.longest_m, 0.62 * width / (1.3 * drawing.span_m));
     const centre = 0.45 * width;
     const at = ([x, y, z]) => [centre + scale * (y + DEPTH[0] * z), top + scale * (x + DEPTH[1] * z)];
     const start_m = state.gap_m + state.contraction_m;
     drawing.rail(g, at, scale, state, start_m, width);
+    drawing.load(g, at, scale, state);
     drawing.motor(g, at, scale, state);
     drawing.segments(state, path).forEach(({ from, to, colour, thick }) => {
       g.lineCap = "butt";
@@ -38,7 +39,6 @@ const drawing = {
       g.lineWidth = Math.max(1.2, thick * scale);
       line(g, [at(from), at(to)]);
     });
-    drawing.load(g, at, scale, state);
     if (measured_m !== null) drawing.measured(g, at, start_m - measured_m);
   },
 
@@ -122,9 +122,8 @@ const drawing = {
     for (let mm = 0; mm <= drawing.longest_m * 1e3; mm += step) {
       const y = at([mm * 1e-3, 0, 0])[1];
       line(g, [[rail, y], [rail + (mm % 10 ? 4 : 8), y]]);
-      if (mm % 20 === 0) g.fillText(`${mm}`, rail + 11, y);
+      if (mm % 20 === 0) g.fillText(mm ? `${mm}` : "0 mm", rail + 11, y);
     }
-    g.fillText("mm", rail + 11, at([0.01, 0, 0])[1]);
     const [start, now] = [start_m, state.gap_m].map((x) => at([x, 0, 0])[1]);
     g.setLineDash([4, 4]);
     g.strokeStyle = ink("accent");
@@ -138,7 +137,7 @@ const drawing = {
       line(g, [[x - 4, now - 6 * tip], [x, now], [x + 4, now - 6 * tip]]);
       g.fillStyle = ink("accent");
       g.textAlign = "right";
-      g.fillText(`${(state.contraction_m * 1e3).toFixed(2)} mm`, x - 5, (start + now) / 2);
+      g.fillText(`${(state.contraction_m * 1e3).toFixed(2)} mm`, x + 4, start + 11 * -tip);
     }
   },
 
@@ -148,9 +147,10 @@ const drawing = {
     const half = Math.max(3, scale * solver.constants[2] / 2);
     g.fillStyle = ink("steel");
     g.fillRect(x - half - 2, y - 3, 2 * half + 4, 6);
+    // A bracket, bent around the rod.
     g.strokeStyle = ink("ghost");
-    g.lineWidth = 5;
-    line(g, [[x + half, y], [drawing.rail_px, y]]);
+    g.lineWidth = 4;
+    line(g, [[x, y + 9], [drawing.rail_px - 10, y + 9], [drawing.rail_px - 5, y], [drawing.rail_px, y]]);
     dot(g, drawing.rail_px, y, 5, ink("ghost"));
     const size = 17 * Math.cbrt(Math.max(state.load_n, 0.05));
     g.strokeStyle = ink("steel");

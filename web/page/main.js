@@ -4,7 +4,7 @@
 const tsa = {
   solve: (load_n, turns) => solver.solve(load_n, turns),
   get state() {
-    return { load_n: rig.load_n, turns: rig.turns, constants: solver.constants.slice(), map_done: map.next === map.cells.length };
+    return { load_n: rig.load_n, turns: rig.turns, constants: solver.constants.slice(), map_done: !rig.unmeasured && map.next === map.cells.length };
   },
   frame_ms: NaN,
 };

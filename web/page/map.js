@@ -2,7 +2,9 @@
 
 const CELLS = [72, 44];
 // A frame has 16 ms; the rest of it is for everything else.
-const SLICE_MS = 6;
+const SLICE_MS = 5;
+// Slices from one picture of a growing map to the next.
+const SLICES_DRAWN = 6;
 const TIER_COLOURS = ["#dcebf7", "#abd0ea", "#6eaad6", "#3d82bd", "#22599a", "#143766"];
 const LIMITS = {
   overtwist: ["#e8a33d", "overtwist: the strings lie side by side"],
@@ -16,6 +18,7 @@ const OTHER_LIMIT = ["#6f6f6f", "another limit of the model"];
 
 const map = {
   canvas: document.getElementById("map"),
+  picture: Object.assign(document.createElement("canvas"), { width: 0, height: 0 }),
   view: "tier",
   cells: [],
   next: 0,
@@ -35,10 +38,11 @@ const map = {
     map.cells = new Array(CELLS[0] * CELLS[1]).fill(null);
     map.next = 0;
     map.generation += 1;
-    map.slice(map.generation);
+    const generation = map.generation;
+    requestAnimationFrame(() => map.slice(generation, 1));
   },
 
-  slice(generation) {
+  slice(generation, number) {
     if (generation !== map.generation) return;
     const until = performance.now() + SLICE_MS;
     const count = map.cells.length;
@@ -51,9 +55,10 @@ const map = {
       map.cells[cell] = solver.cheapest(load_n, turns, map.wanted());
       map.next += 1;
     }
-    if (map.view === "tier") map.paint();
-    if (map.next < count) requestAnimationFrame(() => map.slice(generation));
-    else map.explain();
+    const done = map.next === count;
+    if (map.view === "tier" && (done || number % SLICES_DRAWN === 0)) map.paint();
+    if (done) map.explain();
+    else requestAnimationFrame(() => map.slice(generation, number + 1));
   },
 
   // The picture below the marks; marks change with each state, the picture does not.
@@ -103,14 +108,17 @@ const map = {
     g.textBaseline = "top";
     g.fillStyle = ink("soft");
     g.fillText("load, N", 4, box.bottom + 20);
-    map.picture = g.getImageData(0, 0, map.canvas.width, map.canvas.height);
+    if (!map.canvas.width || !map.canvas.height) return;
+    map.picture.width = map.canvas.width;
+    map.picture.height = map.canvas.height;
+    map.picture.getContext("2d").drawImage(map.canvas, 0, 0);
     map.mark();
   },
 
   mark() {
-    if (!map.picture || !map.frame) return;
-    const g = map.canvas.getContext("2d");
-    g.putImageData(map.picture, 0, 0);
+    if (!map.frame || !map.picture.width || !map.canvas.clientWidth) return;
+    const { g, width, height } = begin(map.canvas);
+    g.drawImage(map.picture, 0, 0, width, height);
     const { box, sx, sy } = map.frame;
     const [px, py] = [sx.at(rig.turns), sy.at(rig.load_n)];
     if (px < box.left || px > box.right || py < box.top || py > box.bottom) return;

@@ -13,6 +13,9 @@ use std::process::Command;
 /// The board's target.
 pub const TARGET: &str = "thumbv7em-none-eabihf";
 
+/// The target of the solver in the page of `rigctl report`.
+const PAGE_TARGET: &str = "wasm32-unknown-unknown";
+
 /// The `rust-version` of this workspace, which Debian's compiler must have.
 const OLDEST: &str = env!("CARGO_PKG_RUST_VERSION");
 
@@ -83,13 +86,13 @@ impl Toolchain {
 /// Finds a toolchain for the firmware and prints which one it is.
 pub fn choose(choice: Choice) -> Result<Toolchain> {
     if choice != Choice::Debian {
-        if target_installed() {
+        if target_installed(TARGET) {
             eprintln!("firmware toolchain: the present one; {TARGET} is installed");
             return Ok(Toolchain::Installed);
         }
         if exists("rustup") {
             let added = run(Command::new("rustup").args(["target", "add", TARGET]));
-            if added.is_ok() && target_installed() {
+            if added.is_ok() && target_installed(TARGET) {
                 eprintln!("firmware toolchain: the present one; rustup added {TARGET}");
                 return Ok(Toolchain::Installed);
             }
@@ -105,10 +108,18 @@ pub fn choose(choice: Choice) -> Result<Toolchain> {
     Ok(Toolchain::Debian)
 }
 
-fn target_installed() -> bool {
+/// Adds the target of the page's solver, if rustup can. Without it everything but `rigctl report` works, and the build
+/// script of `rigctl` says so.
+pub fn add_page_target() {
+    if !target_installed(PAGE_TARGET) && run(Command::new("rustup").args(["target", "add", PAGE_TARGET])).is_err() {
+        eprintln!("rustup could not add {PAGE_TARGET}");
+    }
+}
+
+fn target_installed(target: &str) -> bool {
     // Through rustup's proxy, if there is one, this is the rustc that the cargo of this task uses.
     output_of(Command::new("rustc").args(["--print", "sysroot"]))
-        .is_some_and(|sysroot| Path::new(&sysroot).join("lib/rustlib").join(TARGET).join("lib").is_dir())
+        .is_some_and(|sysroot| Path::new(&sysroot).join("lib/rustlib").join(target).join("lib").is_dir())
 }
 
 fn debian_pair_is_there() -> bool {
