@@ -176,8 +176,7 @@ impl Page {
 }
 
 fn mechanism(n: &[f64; NUMBERS]) -> Result<Mechanism, Refusal> {
-    let geometry =
-        Geometry { string_length_m: n[0], rod_span_m: n[1], clamp_width_m: n[2], rod_radius_m: n[3] };
+    let geometry = Geometry { string_length_m: n[0], rod_span_m: n[1], clamp_width_m: n[2], rod_radius_m: n[3] };
     let radius_law = if n[10].is_nan() { RadiusLaw::LengthRatio } else { RadiusLaw::TwistPower };
     let string = StringParameters {
         diameter_m: n[4],
@@ -205,7 +204,22 @@ mod tests {
     use super::*;
 
     const CONSTANTS: [f64; 17] = [
-        0.097, 0.032, 0.006, 0.0005, 0.0015, 1370.0, 6.522, 0.127, 0.06878, 0.09601, f64::NAN, 3.51e10, 0.0, 0.0, 0.0, 0.0,
+        0.097,
+        0.032,
+        0.006,
+        0.0005,
+        0.0015,
+        1370.0,
+        6.522,
+        0.127,
+        0.06878,
+        0.09601,
+        f64::NAN,
+        3.51e10,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
         0.0,
     ];
 

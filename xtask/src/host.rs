@@ -13,14 +13,14 @@ const DESKTOP: [&str; 5] = ["--workspace", "--exclude", "tsa-firmware", "--exclu
 /// Builds `rigctl` and `rig-emulator`.
 pub fn build(folders: &Folders) -> Result<()> {
     system::ensure_emulator_tools()?;
-    toolchain::add_page_target();
+    toolchain::prepare_page_target();
     run(cargo(folders).args(["build", "--release", "--package", "rigctl", "--package", "rig-emulator"]))
 }
 
 /// Checks formatting and dependencies, lints, documents and builds everything, and runs all tests.
 pub fn test(folders: &Folders) -> Result<()> {
     system::ensure_emulator_tools()?;
-    toolchain::add_page_target();
+    toolchain::prepare_page_target();
     let toolchain = choose(Choice::Auto)?;
     run(cargo(folders).args(["fmt", "--all", "--check"]))?;
     unused::check(folders)?;
@@ -93,7 +93,7 @@ pub fn endurance(folders: &Folders, rest: &[String]) -> Result<()> {
 }
 
 /// Builds the tools and the firmware.
-fn tools_and_firmware(folders: &Folders) -> Result<()> {
+pub fn tools_and_firmware(folders: &Folders) -> Result<()> {
     system::ensure_emulator_tools()?;
     let toolchain = choose(Choice::Auto)?;
     beside(|| firmware::build(folders, &toolchain), || build(folders))

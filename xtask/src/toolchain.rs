@@ -108,11 +108,14 @@ pub fn choose(choice: Choice) -> Result<Toolchain> {
     Ok(Toolchain::Debian)
 }
 
-/// Adds the target of the page's solver, if rustup can. Without it everything but `rigctl report` works, and the build
-/// script of `rigctl` says so.
-pub fn add_page_target() {
-    if !target_installed(PAGE_TARGET) && run(Command::new("rustup").args(["target", "add", PAGE_TARGET])).is_err() {
-        eprintln!("rustup could not add {PAGE_TARGET}");
+/// Provides a compiler for the solver in the page of `rigctl report`, which the build script of `rigctl` then uses: the
+/// present one with the target that rustup adds, else Debian's. Without one everything but the page works.
+pub fn prepare_page_target() {
+    if target_installed(PAGE_TARGET) || run(Command::new("rustup").args(["target", "add", PAGE_TARGET])).is_ok() {
+        return;
+    }
+    if let Err(error) = ensure_debian_pair() {
+        eprintln!("no compiler for {PAGE_TARGET}, so `rigctl report` will be missing: {error:#}");
     }
 }
 
@@ -141,7 +144,7 @@ fn ensure_debian_pair() -> Result<()> {
         return Ok(());
     }
     let elsewhere = format!("Install the target instead: rustup target add {TARGET}");
-    system::install(&DEBIAN_PACKAGES, "build the firmware without rustup's server", &elsewhere)?;
+    system::install(&DEBIAN_PACKAGES, "build for the board and the page without rustup's server", &elsewhere)?;
     if !debian_pair_is_there() {
         bail!("{} are installed, but contain no rustc {OLDEST} or newer with its source", DEBIAN_PACKAGES.join(" "));
     }

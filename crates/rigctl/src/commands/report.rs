@@ -41,7 +41,8 @@ pub fn run(global: &Global, out: &Path, inputs: &Inputs, output: &mut Output) ->
     let mechanism = scene.mechanism()?;
     let log = inputs.log.as_deref().map(load).transpose()?;
     let fit = scene.fit_table().map_err(|e| Failure::from(e).message().unwrap_or_default());
-    let table = fit.as_ref().map_err(String::clone).and_then(|fit| TableReport::new(&scene, fit).map_err(|e| e.to_string()));
+    let table =
+        fit.as_ref().map_err(String::clone).and_then(|fit| TableReport::new(&scene, fit).map_err(|e| e.to_string()));
     let figures = figures(global, &scene, out, inputs.charts.as_deref(), output)?;
     let (recorded, moved) = match (log, &inputs.log) {
         (Some(log), Some(path)) => of_log(path, &log),

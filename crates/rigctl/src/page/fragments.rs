@@ -128,7 +128,10 @@ mod tests {
     fn nothing_from_outside_becomes_markup() {
         let picture = Picture { svg: Some("<?xml?><svg></svg>".into()), findings: vec!["1 & <script>".into()] };
         let text = figure(&Figure { name: "margin", content: Ok(picture) });
-        assert!(text.contains("<div class=\"paper\"><svg></svg></div>") && text.contains("1 &amp; &lt;script&gt;"), "{text}");
+        assert!(
+            text.contains("<div class=\"paper\"><svg></svg></div>") && text.contains("1 &amp; &lt;script&gt;"),
+            "{text}"
+        );
         let text = figure(&Figure { name: "margin", content: Err("<b> is not there".into()) });
         assert!(text.contains("left out") && text.contains("&lt;b&gt;"), "{text}");
     }

@@ -54,7 +54,8 @@ pub struct Page<'a> {
 /// # Errors
 /// What was missing when this program was built.
 pub fn solver() -> Result<String, Failure> {
-    let bytes = SOLVER.map_err(|why| Failure::failed(format!("this rigctl was built without the page's solver: {why}")))?;
+    let bytes =
+        SOLVER.map_err(|why| Failure::failed(format!("this rigctl was built without the page's solver: {why}")))?;
     Ok(STANDARD.encode(bytes))
 }
 
