@@ -35,6 +35,8 @@ const rig = {
   measured_m: null,
   drawn: null,
   pending: false,
+  // When the last change was.
+  moved_ms: 0,
 
   set(load_n, turns, measured_m = null) {
     const within = (v, [low, high]) => Math.min(Math.max(v, low), high);
@@ -46,6 +48,7 @@ const rig = {
 
   // Draws in the next frame, once.
   invalidate() {
+    rig.moved_ms = performance.now();
     if (rig.pending) return;
     rig.pending = true;
     requestAnimationFrame(() => {

@@ -163,7 +163,11 @@ const drawing = {
     g.fillStyle = ink("ink");
     g.textAlign = "right";
     g.textBaseline = "middle";
-    g.fillText(`${state.load_n.toPrecision(3)} N`, x - size / 2 - 12, y + 14 + Math.min(size + 4, 54) / 2);
+    g.strokeStyle = ink("card");
+    g.lineWidth = 4;
+    const place = [x - size / 2 - 12, y + 14 + Math.min(size + 4, 54) / 2];
+    g.strokeText(`${state.load_n.toPrecision(3)} N`, ...place);
+    g.fillText(`${state.load_n.toPrecision(3)} N`, ...place);
   },
 
   measured(g, at, gap_m) {

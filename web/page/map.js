@@ -1,8 +1,9 @@
 // A map over load and twist: which model is enough and where each limit lies, or the errors of the table.
 
 const CELLS = [72, 44];
-// A frame has 16 ms; the rest of it is for everything else.
-const SLICE_MS = 5;
+// A frame has 16 ms. While the mechanism moves, most of it is for the redraw.
+const SLICE_MS = { moving: 5, resting: 11 };
+const RESTS_AFTER_MS = 300;
 // Slices from one picture of a growing map to the next.
 const SLICES_DRAWN = 6;
 const TIER_COLOURS = ["#dcebf7", "#abd0ea", "#6eaad6", "#3d82bd", "#22599a", "#143766"];
@@ -44,7 +45,8 @@ const map = {
 
   slice(generation, number) {
     if (generation !== map.generation) return;
-    const until = performance.now() + SLICE_MS;
+    const now = performance.now();
+    const until = now + (now - rig.moved_ms < RESTS_AFTER_MS ? SLICE_MS.moving : SLICE_MS.resting);
     const count = map.cells.length;
     while (map.next < count && performance.now() < until) {
       // 1361 is prime: every cell is reached once, in a scattered order.

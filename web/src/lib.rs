@@ -25,7 +25,7 @@ fn page() -> &'static mut Page {
     unsafe { &mut *PAGE.0.get() }
 }
 
-/// Where constants and points are written, and results are read: an array of [`page::NUMBERS`] numbers.
+/// Where constants and points are written, and results are read: an array of `page::NUMBERS` numbers.
 #[unsafe(no_mangle)]
 pub extern "C" fn numbers() -> *mut f64 {
     page().numbers.as_mut_ptr()
@@ -43,14 +43,14 @@ pub extern "C" fn text_length() -> usize {
     page().text.bytes().len()
 }
 
-/// Takes the mechanism's constants from [`numbers`]; the order is that of [`page::Page::set_constants`].
+/// Takes the mechanism's constants from [`numbers`]; the order is that of `page::Page::set_constants`.
 #[unsafe(no_mangle)]
 pub extern "C" fn set_constants() -> bool {
     page().set_constants()
 }
 
 /// Solves at a load (N) and turns past the half-turn pre-twist by a tier: 0 is the cheapest, 5 the full model. The
-/// result is in [`numbers`], in the order of [`page::Page::solve`].
+/// result is in [`numbers`], in the order of `page::Page::solve`.
 #[unsafe(no_mangle)]
 pub extern "C" fn solve(load_n: f64, turns: f64, tier: u32) -> bool {
     page().solve(load_n, turns, tier)

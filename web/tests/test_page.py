@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import random
 import subprocess
@@ -76,6 +77,15 @@ class Opened:
             assert self.complaints == []
             others = [url for url in self.requests[1:] if not url.startswith("data:")]
             assert others == [], "the page asked for something"
+
+
+LOG = """# format = tsa-log 1
+# scene_hash = 00000000
+t_s,state,position_m,twist_rad,load_n,setpoint_m
+3.0,moving,0.001,4.5,5.0,0.001
+3.5,moving,,5.5,,0.002
+4.0,moving,0.003,6.5,5.1,0.003
+"""
 
 
 def frames(page: Page, count: int = 3) -> None:
@@ -289,6 +299,35 @@ def test_a_server_with_a_strict_policy_can_serve_it(browser, reports):
     assert page.evaluate("tsa.solve(5, 3).contraction_m") > 0
     assert complaints == []
     context.close()
+
+
+def test_a_log_of_the_operator_is_played_and_a_gap_in_it_is_none(browser, tmp_path):
+    log, page_file = tmp_path / "run.csv", tmp_path / "run.html"
+    log.write_text(LOG)
+    rigctl("report", "--out", str(page_file), "--charts", str(tmp_path), "--log", str(log))
+    with Opened(browser, page_file) as page:
+        told = page.inner_text("#moved-what")
+        assert "3 rows" in told and "cut short" in told and "another scene" in told
+        assert page.get_attribute("#time", "max") == "1"
+        page.evaluate("""() => { const s = document.getElementById("time"); s.value = 0.6;
+                                 s.dispatchEvent(new Event("input")); }""")
+        state = page.evaluate("tsa.state")
+        assert state["load_n"] == pytest.approx(5.0), "the last load that was known"
+        assert state["turns"] == pytest.approx((5.5 - math.pi) / (2 * math.pi), abs=1e-5)
+
+
+def test_what_report_refuses_it_names(tmp_path):
+    out = str(tmp_path / "page.html")
+    wrong = {
+        ("--charts", str(tmp_path / "none")): "--charts",
+        ("--charts", str(tmp_path), "--log", "README.md"): "--log README.md: is not a log",
+        ("--charts", str(tmp_path), "--log", str(tmp_path / "none.csv")): "none.csv",
+        ("--charts", str(tmp_path), "--scene", "README.md"): "README.md",
+    }
+    for arguments, named in wrong.items():
+        done = subprocess.run([RIGCTL, "report", "--out", out, *arguments], cwd=ROOT, capture_output=True, text=True)
+        assert done.returncode == 1 and named in done.stderr, (arguments, done.stderr)
+        assert not Path(out).exists()
 
 
 def test_a_page_is_one_file_of_limited_size(reports):

@@ -12,7 +12,8 @@ const PAGE: &str = "docs/report.html";
 pub(super) fn measure(folders: &Folders) -> Result<Measured> {
     host::tools_and_firmware(folders)?;
     let made = rigctl(folders, &["report", "--out", PAGE, "--charts", "docs/charts"])?;
-    let missing = made.first().and_then(|made| made["missing"].as_array()).context("`rigctl report` printed nothing")?;
+    let missing =
+        made.first().and_then(|made| made["missing"].as_array()).context("`rigctl report` printed nothing")?;
     ensure!(missing.is_empty(), "the page lacks {missing:?}");
     // The tool keeps what the file held before.
     let _ = std::fs::remove_file(folders.root.join(format!("{PAGE}~")));
@@ -35,6 +36,8 @@ pub(super) fn measure(folders: &Folders) -> Result<Measured> {
         add(name, shown, number(&found, &format!("/{name}"))?, unit);
     }
     let chromium = found["chromium"].as_str().unwrap_or("?");
-    measured.notes.push(format!("Headless Chromium {chromium} without a graphics processor. The page: [report.html](report.html)."));
+    measured.notes.push(format!(
+        "Headless Chromium {chromium} without a graphics processor. The page: [report.html](report.html)."
+    ));
     Ok(measured)
 }

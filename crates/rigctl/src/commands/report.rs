@@ -45,7 +45,7 @@ pub fn run(global: &Global, out: &Path, inputs: &Inputs, output: &mut Output) ->
         fit.as_ref().map_err(String::clone).and_then(|fit| TableReport::new(&scene, fit).map_err(|e| e.to_string()));
     let figures = figures(global, &scene, out, inputs.charts.as_deref(), output)?;
     let (recorded, moved) = match (log, &inputs.log) {
-        (Some(log), Some(path)) => of_log(path, &log),
+        (Some(log), Some(path)) => of_log(path, &log, &scene),
         _ => {
             output.line("a move on the emulated board …")?;
             output.flush()?;
@@ -110,8 +110,16 @@ fn load(path: &Path) -> Result<Log, Failure> {
     Ok(log)
 }
 
-fn of_log(path: &Path, log: &Log) -> (Figure, Option<Move>) {
-    let what = format!("Recorded in {}, {} rows.", path.display(), log.rows.len());
+/// The log as data. The drawing is of this scene, whatever rig the log is of, so a difference is said in the page.
+fn of_log(path: &Path, log: &Log, scene: &Scene) -> (Figure, Option<Move>) {
+    let mut what = format!("Recorded in {}, {} rows.", path.display(), log.rows.len());
+    if !log.complete {
+        what += " The log was cut short.";
+    }
+    let hash = format!("{:08x}", scene.hash());
+    if log.header.get("scene_hash").is_some_and(|recorded| recorded != hash) {
+        what += " It was recorded with another scene than this page's: the drawing need not agree with the positions.";
+    }
     let picture = Picture { svg: None, findings: vec![what.clone()] };
     (Figure { name: "move", content: Ok(picture) }, Some(Move::of_log(what, log)))
 }
