@@ -3,7 +3,7 @@
 use crate::process::{cargo, run};
 use crate::programs::Program;
 use crate::toolchain::{Choice, Toolchain, choose};
-use crate::{Folders, firmware, programs, python, system, unused};
+use crate::{Folders, browser, firmware, programs, python, system, toolchain, unused};
 use anyhow::{Result, bail};
 use std::process::Command;
 
@@ -13,12 +13,14 @@ const DESKTOP: [&str; 5] = ["--workspace", "--exclude", "tsa-firmware", "--exclu
 /// Builds `rigctl` and `rig-emulator`.
 pub fn build(folders: &Folders) -> Result<()> {
     system::ensure_emulator_tools()?;
+    toolchain::prepare_page_target();
     run(cargo(folders).args(["build", "--release", "--package", "rigctl", "--package", "rig-emulator"]))
 }
 
 /// Checks formatting and dependencies, lints, documents and builds everything, and runs all tests.
 pub fn test(folders: &Folders) -> Result<()> {
     system::ensure_emulator_tools()?;
+    toolchain::prepare_page_target();
     let toolchain = choose(Choice::Auto)?;
     run(cargo(folders).args(["fmt", "--all", "--check"]))?;
     unused::check(folders)?;
@@ -26,6 +28,7 @@ pub fn test(folders: &Folders) -> Result<()> {
     // The tests start the images and the tools, so all of them must be built first.
     programs::run(tests)?;
     python::test(folders)?;
+    browser::test(folders)?;
     run(cargo(folders).args(["test", "--release", "--doc"]).args(DESKTOP))
 }
 
@@ -90,7 +93,7 @@ pub fn endurance(folders: &Folders, rest: &[String]) -> Result<()> {
 }
 
 /// Builds the tools and the firmware.
-fn tools_and_firmware(folders: &Folders) -> Result<()> {
+pub fn tools_and_firmware(folders: &Folders) -> Result<()> {
     system::ensure_emulator_tools()?;
     let toolchain = choose(Choice::Auto)?;
     beside(|| firmware::build(folders, &toolchain), || build(folders))
@@ -100,6 +103,12 @@ fn tools_and_firmware(folders: &Folders) -> Result<()> {
 pub fn python(folders: &Folders) -> Result<()> {
     tools_and_firmware(folders)?;
     python::test(folders)
+}
+
+/// Builds everything and tests the page of `rigctl report`.
+pub fn page(folders: &Folders) -> Result<()> {
+    tools_and_firmware(folders)?;
+    browser::test(folders)
 }
 
 /// Builds everything and runs the demo.

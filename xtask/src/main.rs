@@ -6,12 +6,14 @@
 //! - [`results`]: every measured number of the README and `docs/results.md`.
 //! - [`mod@bench`]: the speed of the model, beside an independent solver.
 //! - [`closed_loop`]: the effect of a cheaper model or a less accurate table on the closed loop.
+//! - [`python`]: the Python package; [`browser`]: the page of `rigctl report`.
 //! - [`unused`]: dependencies that no source file uses.
 //! - [`system`]: checks for programs beside cargo, and installs them where that is allowed.
 //! - [`programs`]: runs test programs, several at a time.
 //! - [`process`]: runs other programs, and names the command that failed.
 
 mod bench;
+mod browser;
 mod closed_loop;
 mod firmware;
 mod host;
@@ -68,6 +70,8 @@ enum Task {
     Build,
     /// Build the Python package, check its types and run its tests in a virtual environment (target/python)
     Python,
+    /// Build everything and test the page of `rigctl report` in headless Chromium
+    Page,
     /// Check formatting, lint and test everything, including the firmware on the emulated board
     Test,
     /// Measure an equilibrium: time, instructions (callgrind), and a rod solved by scipy (target/bench/model.json)
@@ -142,6 +146,7 @@ fn run(arguments: Arguments) -> Result<()> {
         Task::Selftest { rest, .. } => selftest::run(&folders, &toolchain::choose(toolchain::Choice::Auto)?, &rest),
         Task::Build => host::build(&folders),
         Task::Python => host::python(&folders),
+        Task::Page => host::page(&folders),
         Task::Test => host::test(&folders),
         Task::Bench => bench::bench(&folders),
         Task::Cost => host::cost(&folders),

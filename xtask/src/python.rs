@@ -4,7 +4,7 @@ use crate::Folders;
 use crate::process::{exists, foreign, output_of, run};
 use crate::system;
 use anyhow::{Result, ensure};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Folder of the package.
@@ -25,6 +25,15 @@ fn interpreter(folders: &Folders) -> Result<PathBuf> {
     )?;
     run(foreign("python3", &folders.root).args(["-m", "venv"]).arg(&environment))?;
     ensure!(python.exists(), "{} is not there after `python3 -m venv`", python.display());
+    Ok(python)
+}
+
+/// Installs packages into the virtual environment. Returns what makes a command of its interpreter, run in a folder.
+pub fn with(folders: &Folders, packages: &[&str]) -> Result<impl Fn(&Path) -> Command + use<>> {
+    let python = interpreter(folders)?.to_string_lossy().into_owned();
+    let python = move |folder: &Path| foreign(&python, folder);
+    let install = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check"];
+    run(python(&folders.root).args(install).args(packages))?;
     Ok(python)
 }
 

@@ -13,6 +13,9 @@ use std::process::Command;
 /// The board's target.
 pub const TARGET: &str = "thumbv7em-none-eabihf";
 
+/// The target of the solver in the page of `rigctl report`.
+const PAGE_TARGET: &str = "wasm32-unknown-unknown";
+
 /// The `rust-version` of this workspace, which Debian's compiler must have.
 const OLDEST: &str = env!("CARGO_PKG_RUST_VERSION");
 
@@ -83,13 +86,13 @@ impl Toolchain {
 /// Finds a toolchain for the firmware and prints which one it is.
 pub fn choose(choice: Choice) -> Result<Toolchain> {
     if choice != Choice::Debian {
-        if target_installed() {
+        if target_installed(TARGET) {
             eprintln!("firmware toolchain: the present one; {TARGET} is installed");
             return Ok(Toolchain::Installed);
         }
         if exists("rustup") {
             let added = run(Command::new("rustup").args(["target", "add", TARGET]));
-            if added.is_ok() && target_installed() {
+            if added.is_ok() && target_installed(TARGET) {
                 eprintln!("firmware toolchain: the present one; rustup added {TARGET}");
                 return Ok(Toolchain::Installed);
             }
@@ -105,10 +108,21 @@ pub fn choose(choice: Choice) -> Result<Toolchain> {
     Ok(Toolchain::Debian)
 }
 
-fn target_installed() -> bool {
+/// Provides a compiler for the solver in the page of `rigctl report`, which the build script of `rigctl` then uses: the
+/// present one with the target that rustup adds, else Debian's. Without one everything but the page works.
+pub fn prepare_page_target() {
+    if target_installed(PAGE_TARGET) || run(Command::new("rustup").args(["target", "add", PAGE_TARGET])).is_ok() {
+        return;
+    }
+    if let Err(error) = ensure_debian_pair() {
+        eprintln!("no compiler for {PAGE_TARGET}, so `rigctl report` will be missing: {error:#}");
+    }
+}
+
+fn target_installed(target: &str) -> bool {
     // Through rustup's proxy, if there is one, this is the rustc that the cargo of this task uses.
     output_of(Command::new("rustc").args(["--print", "sysroot"]))
-        .is_some_and(|sysroot| Path::new(&sysroot).join("lib/rustlib").join(TARGET).join("lib").is_dir())
+        .is_some_and(|sysroot| Path::new(&sysroot).join("lib/rustlib").join(target).join("lib").is_dir())
 }
 
 fn debian_pair_is_there() -> bool {
@@ -130,7 +144,7 @@ fn ensure_debian_pair() -> Result<()> {
         return Ok(());
     }
     let elsewhere = format!("Install the target instead: rustup target add {TARGET}");
-    system::install(&DEBIAN_PACKAGES, "build the firmware without rustup's server", &elsewhere)?;
+    system::install(&DEBIAN_PACKAGES, "build for the board and the page without rustup's server", &elsewhere)?;
     if !debian_pair_is_there() {
         bail!("{} are installed, but contain no rustc {OLDEST} or newer with its source", DEBIAN_PACKAGES.join(" "));
     }

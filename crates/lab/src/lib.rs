@@ -7,7 +7,7 @@
 //! - [`study`]: one value of a scene varied over any range; [`trace`]: contraction and TR along the turns;
 //!   [`scene_key`]: one key of a scene by name or by the paper's symbol.
 //! - [`chart`]: speed against accuracy of every method, tier and table form, and where methods fail.
-//! - [`table_report`]: a table's certificate and why this table was chosen; [`report`]: one page with all of it.
+//! - [`table_report`]: a table's certificate and why this table was chosen.
 //! - [`plot`]: pictures as SVG; [`curves`], [`move_figure`] and [`mechanism_figure`]: what is drawn with it.
 //! - [`csv_text`]: data as CSV; [`parallel`]: work on all cores.
 
@@ -22,7 +22,6 @@ pub mod move_figure;
 pub mod parallel;
 pub mod plot;
 pub mod published;
-pub mod report;
 pub mod scene_key;
 pub mod study;
 pub mod table_report;

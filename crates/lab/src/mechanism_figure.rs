@@ -4,12 +4,13 @@ use crate::STANDARD_GRAVITY_M_PER_S2 as GRAVITY;
 use rig_scene::Scene;
 use std::f64::consts::PI;
 use std::fmt::Write as _;
-use tsa_model::{Equilibrium, PRETWIST_RAD, SolveError, twist_from_turns};
+use tsa_model::rod::TipForce;
+use tsa_model::{Equilibrium, Mechanism, PRETWIST_RAD, SolveError, twist_from_turns};
 
 /// Scale of the drawing (px per metre).
 const SCALE: f64 = 6500.0;
-/// Steps along half a rod.
-const ROD_STEPS: usize = 200;
+/// Points along half a rod.
+const ROD_POINTS: usize = 81;
 /// Points of the twisted strings per turn.
 const POINTS_PER_TURN: f64 = 24.0;
 /// Margins, height of one load's row and the space for its text (px).
@@ -27,9 +28,6 @@ pub enum DrawingError {
     #[error(transparent)]
     Solve(#[from] SolveError),
 }
-
-/// A point of half a rod: along the unbent rod from the clamp, and sideways towards the strings (m).
-type Point = [f64; 2];
 
 /// Draws the mechanism of a scene under two loads (kg) after so many motor turns past the half-turn pre-twist, each
 /// above its own outline at the pre-twist. Returns SVG text.
@@ -58,8 +56,8 @@ pub fn mechanism_figure(scene: &Scene, loads_kg: [f64; 2], turns: f64) -> Result
             1e-3 * after.tr_rad_per_m(),
         );
         let axis = top + TEXT + 0.5 * (ROW - TEXT);
-        draw(&mut svg, scene, &before, axis, "#bbbbbb", "#bbbbbb");
-        draw(&mut svg, scene, &after, axis, "#1f4e79", "#c55a11");
+        draw(&mut svg, scene, (&before, &rod_path(&mechanism, &before)?), axis, "#bbbbbb", "#bbbbbb");
+        draw(&mut svg, scene, (&after, &rod_path(&mechanism, &after)?), axis, "#1f4e79", "#c55a11");
         label(&mut svg, &after, axis);
     }
     svg += "</svg>\n";
@@ -67,10 +65,16 @@ pub fn mechanism_figure(scene: &Scene, loads_kg: [f64; 2], turns: f64) -> Result
 }
 
 /// One equilibrium: the left clamp stands still, the right clamp carries the load.
-fn draw(svg: &mut String, scene: &Scene, state: &Equilibrium, axis_px: f64, rod_colour: &str, string_colour: &str) {
+fn draw(
+    svg: &mut String,
+    scene: &Scene,
+    (state, path): (&Equilibrium, &[[f64; 2]]),
+    axis_px: f64,
+    rod_colour: &str,
+    string_colour: &str,
+) {
     let at = |along_m: f64, across_m: f64| (LEFT + SCALE * along_m, axis_px + SCALE * across_m);
     let geometry = &scene.geometry;
-    let path = rod_path(scene, state);
     let rod_px = (2.0 * geometry.rod_radius_m * SCALE).max(2.0);
     let half_clamp_m = 0.5 * geometry.clamp_width_m;
     for (clamp_m, way) in [(0.0, 1.0), (state.gap_m, -1.0)] {
@@ -131,88 +135,12 @@ fn polyline(svg: &mut String, points: impl IntoIterator<Item = (f64, f64)>, colo
     *svg += "\"/>\n";
 }
 
-/// The bent half of a rod, from the clamp to the tip: docs/model.md section 3, integrated from the clamp with the tip's
-/// force and place known from the equilibrium.
-fn rod_path(scene: &Scene, state: &Equilibrium) -> Vec<Point> {
-    let geometry = &scene.geometry;
-    let length_m = 0.5 * (geometry.rod_span_m - geometry.clamp_width_m);
-    let (inwards_n, sideways_n) = (0.5 * state.load_n * state.alpha_rad.tan(), 0.5 * state.load_n);
-    let tip = [length_m + state.u_m, state.w_m];
-    let section = Section::new(geometry.rod_radius_m, scene.material.stress_coefficients_pa);
-    // Slopes of place and rotation by the unbent rod's length.
-    let slopes = |[x, w, rotation]: [f64; 3]| {
-        let (sin, cos) = rotation.sin_cos();
-        let force_n = -inwards_n * cos + sideways_n * sin;
-        let moment_nm = inwards_n * (tip[1] - w) + sideways_n * (tip[0] - x);
-        let (stretch, curvature) = section.strains(force_n, moment_nm);
-        [(1.0 + stretch) * cos, (1.0 + stretch) * sin, curvature]
-    };
-    let step_m = length_m / ROD_STEPS as f64;
-    let ahead = |at: [f64; 3], by: [f64; 3], step: f64| std::array::from_fn(|k| at[k] + step * by[k]);
-    let mut now = [0.0; 3];
-    let mut path = vec![[0.0, 0.0]];
-    for _ in 0..ROD_STEPS {
-        let k1 = slopes(now);
-        let k2 = slopes(ahead(now, k1, 0.5 * step_m));
-        let k3 = slopes(ahead(now, k2, 0.5 * step_m));
-        let k4 = slopes(ahead(now, k3, step_m));
-        now = ahead(now, std::array::from_fn(|k| (k1[k] + 2.0 * k2[k] + 2.0 * k3[k] + k4[k]) / 6.0), step_m);
-        path.push([now[0], now[1]]);
-    }
-    path
-}
-
-/// A round section of the rods' material (eq. 12 integrated over the circle).
-struct Section {
-    area: f64,
-    second: f64,
-    fourth: f64,
-    sixth: f64,
-    stress: [f64; 5],
-}
-
-impl Section {
-    fn new(radius_m: f64, stress: [f64; 5]) -> Self {
-        let r2 = radius_m * radius_m;
-        Self {
-            area: PI * r2,
-            second: PI * r2 * r2 / 4.0,
-            fourth: PI * r2 * r2 * r2 / 8.0,
-            sixth: 5.0 * PI * r2 * r2 * r2 * r2 / 64.0,
-            stress,
-        }
-    }
-
-    /// Normal force (N) and bending moment (N m) at a stretch and a curvature (1/m).
-    fn response(&self, e: f64, k: f64) -> [f64; 2] {
-        let [a1, a2, a3, a4, a5] = self.stress;
-        let k2 = k * k;
-        [
-            self.area * e * (a1 + e * (a2 + e * (a3 + e * (a4 + e * a5))))
-                + self.second * k2 * (a2 + 3.0 * a3 * e + 6.0 * a4 * e * e + 10.0 * a5 * e * e * e)
-                + self.fourth * k2 * k2 * (a4 + 5.0 * a5 * e),
-            k * (self.second * (a1 + e * (2.0 * a2 + e * (3.0 * a3 + e * (4.0 * a4 + e * 5.0 * a5))))
-                + self.fourth * k2 * (a3 + 4.0 * a4 * e + 10.0 * a5 * e * e)
-                + self.sixth * k2 * k2 * a5),
-        ]
-    }
-
-    /// Stretch and curvature (1/m) under a normal force (N) and a moment (N m), by Newton from the linear material.
-    fn strains(&self, force_n: f64, moment_nm: f64) -> (f64, f64) {
-        let (mut e, mut k) = (force_n / (self.area * self.stress[0]), moment_nm / (self.second * self.stress[0]));
-        for _ in 0..20 {
-            let [n, m] = self.response(e, k);
-            let (de, dk) = (1e-7, 1e-4);
-            let [n_e, m_e] = self.response(e + de, k).map(|v| v / de);
-            let [n_k, m_k] = self.response(e, k + dk).map(|v| v / dk);
-            let (n_e, m_e, n_k, m_k) = (n_e - n / de, m_e - m / de, n_k - n / dk, m_k - m / dk);
-            let (miss_n, miss_m) = (force_n - n, moment_nm - m);
-            let determinant = n_e * m_k - n_k * m_e;
-            e += (miss_n * m_k - n_k * miss_m) / determinant;
-            k += (n_e * miss_m - miss_n * m_e) / determinant;
-        }
-        (e, k)
-    }
+/// The bent half of a rod, from the clamp to the tip.
+fn rod_path(mechanism: &Mechanism, state: &Equilibrium) -> Result<Vec<[f64; 2]>, SolveError> {
+    let mut path = vec![[0.0; 2]; ROD_POINTS];
+    let rod = mechanism.rod();
+    rod.path(TipForce::of(state), [rod.length_m + state.u_m, state.w_m], &mut path)?;
+    Ok(path)
 }
 
 #[cfg(test)]
@@ -232,7 +160,7 @@ mod tests {
         for (load_n, turns) in [(1.0, 0.0), (5.0, 3.0), (15.0, 7.0)] {
             let state = mechanism.solve(load_n, twist_from_turns(turns)).unwrap();
             let length_m = 0.5 * (scene.geometry.rod_span_m - scene.geometry.clamp_width_m);
-            let [x, w] = *rod_path(&scene, &state).last().unwrap();
+            let [x, w] = *rod_path(&mechanism, &state).unwrap().last().unwrap();
             assert!((x - length_m - state.u_m).abs() < 1e-9, "{load_n} N: {x} m along the rod");
             assert!((w - state.w_m).abs() < 1e-9, "{load_n} N: {w} m sideways, {} m by the solver", state.w_m);
         }

@@ -6,11 +6,11 @@ use crate::curves::{self, Column, Curve};
 use crate::plot::{Figure, colour};
 use crate::published::numbers::Group;
 use crate::scene_key::{self, KeyError};
-use crate::trace::{self, Trace, finite_tr_rad_per_m, trace};
+use crate::trace::{self, Trace, trace};
 use anyhow::Result;
 use rig_scene::Scene;
 use serde::Serialize;
-use tsa_model::{Mechanism, twist_from_turns};
+use tsa_model::{Equilibrium, Mechanism, twist_from_turns};
 
 /// What is varied, and where it is looked at.
 #[derive(Debug, Clone)]
@@ -82,8 +82,8 @@ impl Point {
             turns_start: *from,
             turns_end: *to,
             contraction_m: end.zip(pretwist.ok()).map(|(end, pretwist)| pretwist.gap_m - end.gap_m),
-            tr_start_rad_per_m: start.as_ref().and_then(finite_tr_rad_per_m),
-            tr_end_rad_per_m: end.as_ref().and_then(finite_tr_rad_per_m),
+            tr_start_rad_per_m: start.as_ref().and_then(Equilibrium::finite_tr_rad_per_m),
+            tr_end_rad_per_m: end.as_ref().and_then(Equilibrium::finite_tr_rad_per_m),
             span_start_m: start.map(|e| e.d_m),
             span_end_m: end.map(|e| e.d_m),
             bending_strain: end.map(|e| e.bending_strain),

@@ -164,6 +164,71 @@ impl TableReport {
         })
     }
 
+    /// The certificate as sentences, for somebody who has never seen the table.
+    pub fn sentences(&self) -> Vec<String> {
+        let e = &self.errors;
+        let [load, twist] = &self.axes;
+        let turns = |twist_rad: f64| (twist_rad - tsa_model::PRETWIST_RAD) / std::f64::consts::TAU;
+        let at = |point: &PointReport| format!("{:.2} N and {:.2} turns", point.load_n, turns(point.twist_rad));
+        vec![
+            format!(
+                "The board does not solve the model: it looks gap, contraction and transmission ratio up in a table of {} \
+                 bytes, which takes about {} instructions.",
+                self.bytes, self.instructions
+            ),
+            format!(
+                "The table covers loads from {} to {} N and twists up to {:.2} turns past the half-turn pre-twist.",
+                load.min,
+                load.max,
+                turns(f64::from(twist.max))
+            ),
+            format!(
+                "The contraction is at most {:.2} µm from that of the full model ({:.2} µm in the root mean square); {:.2} µm \
+                 are allowed. The largest error lies at {}.",
+                e.contraction_max_m * 1e6,
+                e.contraction_rms_m * 1e6,
+                self.accuracy.contraction_m * 1e6,
+                at(&self.worst_contraction_at)
+            ),
+            format!(
+                "The transmission ratio is at most {:.3} % from that of the full model ({:.3} % in the root mean square); {:.3} \
+                 % are allowed. The largest error lies at {}.",
+                e.tr_max_relative * 1e2,
+                e.tr_rms_relative * 1e2,
+                self.accuracy.tr_relative * 1e2,
+                at(&self.worst_tr_at)
+            ),
+            format!(
+                "Both were compared at {} random points off the table's grid, and at the worst points that a search from there \
+                 found.",
+                self.points
+            ),
+            format!(
+                "Rounding to single precision is part of these errors: {:.0} nm by the arithmetic, and up to {:.0} nm because \
+                 load and twist themselves are rounded.",
+                self.rounding.arithmetic_m * 1e9,
+                self.rounding.inputs_m * 1e9
+            ),
+            if self.monotone {
+                "Everywhere in the table the gap falls with the twist and rises with the load, so that a gap belongs to one \
+                 twist."
+                    .into()
+            } else {
+                "The gap does not fall with the twist everywhere in the table: do not build firmware with it.".into()
+            },
+            format!(
+                "Contraction and transmission ratio agree with each other: 1/TR summed over the twist gives the contraction \
+                 to {:.2} µm.",
+                self.closure_m * 1e6
+            ),
+            format!("This table is the {}.", self.why),
+            format!(
+                "Its scene has the hash {}, its numbers have the checksum {}; `rigctl doctor` compares both with the board's.",
+                self.scene_hash, self.table_crc
+            ),
+        ]
+    }
+
     /// The same for people, in lines.
     pub fn text(&self) -> Vec<String> {
         let mut lines = vec![format!(

@@ -78,12 +78,6 @@ pub fn trace(mechanism: &Mechanism, load_n: f64, [from, to]: [f64; 2], steps: u3
     trace
 }
 
-/// TR (rad/m), but none at zero twist, where it is infinite.
-pub fn finite_tr_rad_per_m(e: &Equilibrium) -> Option<f64> {
-    // Turns are decimal and π is not, so "zero twist" is as near as rounding comes to it.
-    Some(e.tr_rad_per_m()).filter(|tr| tr.is_finite() && e.twist_rad.abs() > 1e-12)
-}
-
 /// The warnings of some states, each once.
 pub fn warnings<'a>(states: impl IntoIterator<Item = &'a Equilibrium>) -> Vec<&'static str> {
     let mut names: Vec<&str> = states.into_iter().flat_map(|e| e.warnings.names()).collect();

@@ -11,6 +11,7 @@
 //! - `serve`: a rig for several programs at once, on a Unix socket.
 //! - [`script`]: scripts; [`board_settings`]: settings as text; [`calibration`]: the LVDT by points.
 //! - [`session`]: a conversation with the firmware, emulated or real: connect, home, move.
+//! - [`page`]: the page of `report`, put together from its data and the files in `web/page`.
 //! - [`batch`], [`range`], [`units`], [`scene_file`]: text and files from the operator, checked and in SI.
 //! - [`output`]: lines or JSON, never both on standard output; [`out_file`]: files; [`failure`]: exit codes.
 //!
@@ -62,6 +63,7 @@ pub mod lvdt_points;
 pub mod options;
 pub mod out_file;
 pub mod output;
+pub mod page;
 pub mod play;
 pub mod range;
 pub mod recorded_move;

@@ -52,3 +52,11 @@ impl<T: Scalar> Equilibrium<T> {
         T::of(-1.0) / self.dgap_dtwist_m_per_rad
     }
 }
+
+impl Equilibrium {
+    /// TR (rad/m), but none at zero twist, where it is infinite.
+    pub fn finite_tr_rad_per_m(&self) -> Option<f64> {
+        // Turns are decimal and π is not, so "zero twist" is as near as rounding comes to it.
+        Some(self.tr_rad_per_m()).filter(|tr| tr.is_finite() && self.twist_rad.abs() > 1e-12)
+    }
+}

@@ -9,6 +9,7 @@ mod calibration;
 mod model;
 mod page;
 mod readme;
+mod report;
 mod rigs;
 mod sections;
 

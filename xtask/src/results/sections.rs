@@ -81,6 +81,14 @@ pub(super) const SECTIONS: &[Section] = &[
         measure: super::model::charts,
     },
     Section {
+        name: "report",
+        title: "The page with the mechanism",
+        about: "Size and times of the page that `rigctl report` writes, with the solver inside.",
+        command: "cargo xtask results report",
+        figures: &[],
+        measure: super::report::measure,
+    },
+    Section {
         name: "budget",
         title: "Tables that are worth having",
         about: "The error budget of each scene on each kind of rig: half widths that hold 90 of 100 cases, without the table's own \

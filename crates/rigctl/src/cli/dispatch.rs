@@ -46,7 +46,7 @@ pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
         Command::Sensors { seconds } => status::sensors(global, *seconds, output),
         Command::Chart { out, only } => chart::run(global, out, only, output),
         Command::ChartKernel => Ok(lab::chart::work::kernel(&global.scene()?)?),
-        Command::Report { out } => report::run(global, out, output),
+        Command::Report { out, inputs } => report::run(global, out, inputs, output),
         Command::Record(options) => record::run(global, options, output),
         Command::Sweep(options) => sweep::run(global, options, output),
         Command::Replay(options) => replay::run(global, options, output),

@@ -2,6 +2,7 @@
 
 pub mod dispatch;
 
+use crate::commands::report;
 use crate::options::Global;
 use crate::options::commands::{At, Calibrate, Config, Export, How, Identify, Record, Replay, Sweep};
 use crate::options::values::{gauge_error, load, load_choice, seconds, speed_or_max, target, twist_speed};
@@ -311,11 +312,18 @@ pub enum Command {
         #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = PossibleValuesParser::new(lab::chart::NAMES))]
         only: Vec<String>,
     },
-    /// One self-contained page: model, table certificate, charts, stability map, a recorded move
+    /// One self-contained page: the mechanism drawn and played with, table certificate, charts, a recorded move
+    ///
+    /// The page has the solver inside and needs no network; any browser shows it. What cannot be made (a chart that another
+    /// command measures, a move without firmware) is named in the page.
+    /// Example: `rigctl report --out out/report.html`
     Report {
         /// File to write
         #[arg(long, value_name = "FILE.html")]
         out: PathBuf,
+        /// What it is made from.
+        #[command(flatten)]
+        inputs: report::Inputs,
     },
     /// The program that `chart` runs under callgrind to count instructions
     #[command(hide = true)]

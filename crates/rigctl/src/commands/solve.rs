@@ -6,7 +6,6 @@ use crate::options::Global;
 use crate::options::commands::{At, How};
 use crate::options::values::AUTO;
 use crate::output::Output;
-use lab::trace::finite_tr_rad_per_m;
 use rig_scene::Scene;
 use rival_methods::Method;
 use serde::Serialize;
@@ -144,7 +143,7 @@ impl Way {
 pub fn solve(mechanism: &Mechanism, way: Way, query: Query) -> Result<Solution, SolveError> {
     let (e, start_gap_m, tier, error) = way.solve(mechanism, query)?;
     let mut warnings: Vec<&str> = e.warnings.names().collect();
-    let tr = finite_tr_rad_per_m(&e);
+    let tr = e.finite_tr_rad_per_m();
     if tr.is_none() {
         warnings.push(TR_INFINITE);
     }

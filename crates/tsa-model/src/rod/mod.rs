@@ -9,6 +9,7 @@
 //! Gauss–Legendre converges spectrally, S grows almost in proportion to the rod's length however slender it is,
 //! and no trigonometric function is left.
 
+mod path;
 mod sections;
 mod shape;
 
