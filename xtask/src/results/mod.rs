@@ -12,6 +12,7 @@ mod readme;
 mod report;
 mod rigs;
 mod sections;
+mod speed;
 
 use crate::Folders;
 use crate::process::{foreign, output_of};

@@ -107,6 +107,15 @@ pub(super) const SECTIONS: &[Section] = &[
         measure: in_the_loop,
     },
     Section {
+        name: "speed",
+        title: "As fast as the motor allows",
+        about: "How long a load that has changed at rest takes to come back to its place, and moves at full speed take, by the \
+                firmware's control code on emulated rigs; over what is physically possible.",
+        command: "cargo xtask results speed",
+        figures: &[("charts/speed.svg", "Time to come back over the least possible, by load, place and kind of rig")],
+        measure: super::speed::measure,
+    },
+    Section {
         name: "compare",
         title: "Against other ways to drive the mechanism",
         about: "Every controller drives the same emulated rigs through the same frames along the same set-points; \
