@@ -11,7 +11,7 @@ use rig_control::move_check::{MoveRequest, MoveStart, SPEED_MIN_M_PER_S};
 use rig_control::observer::LoadObserver;
 use rig_control::planner::{Planner, SetPoint};
 use rig_control::position_loop::{GAINS, PositionLoop, gain_share};
-use rig_control::rest::{JUMP_SHARE, Rest, Standing};
+use rig_control::rest::{AT_REST_NOISES, JUMP_SHARE, Rest, Standing};
 use rig_control::time_to_target::time_to_target_s;
 use rig_control::{TICK_S, settings};
 use rig_link::messages::{GapCurve, HomingResult, LoadChoice, Parameter, Refusal, Setting, SettingValues};
@@ -179,7 +179,9 @@ fn a_load_that_stands_beside_its_target_is_told_from_one_that_moves() {
     assert_eq!(stays(&mut rest, 2, 60e-6, &load), Standing::Moves);
     let (mut moving, mut under_way) = (load, Rest::default());
     moving.motion.speed_m_per_s = 2e-3;
-    assert_eq!(stays(&mut under_way, 20, 5e-6, &moving), Standing::Moves);
+    assert_eq!(stays(&mut under_way, 11, 5e-6, &moving), Standing::Moves);
+    // The observer takes a load that sticks for one that moves with its strings: its place tells.
+    assert_eq!(stays(&mut under_way, 1, 5e-6, &moving), Standing::LeftAlone);
     assert_eq!((0..20).map(|_| rest.step(false, 5e-6, &load)).last(), Some(Standing::Moves));
 }
 
@@ -190,13 +192,23 @@ fn half_of_a_jump_is_left_alone_and_no_way_that_the_strings_have_turned_for() {
     stays(&mut rest, 10, 60e-6, &load);
     // Past the target, with the strings where they were.
     stays(&mut rest, 10, -40e-6, &load);
-    assert!((rest.tolerance_m(&load) / (JUMP_SHARE * 100e-6) - 1.0).abs() < 0.05, "{}", rest.tolerance_m(&load));
+    assert!(
+        (rest.tolerance_m(load.jump_m) / (JUMP_SHARE * 100e-6) - 1.0).abs() < 0.05,
+        "{}",
+        rest.tolerance_m(load.jump_m)
+    );
     assert_eq!(stays(&mut rest, 1, -40e-6, &load), Standing::LeftAlone);
+    assert_eq!(
+        rest.left_alone_m(4e-6, 0.0),
+        rest.tolerance_m(0.0),
+        "what stiction leaves is more than what noise does"
+    );
+    assert_eq!(Rest::default().left_alone_m(10e-6, 0.0), 10e-6 * AT_REST_NOISES);
     let mut rest = Rest::default();
     stays(&mut rest, 10, 60e-6, &load);
     let turned = LoadState { twist_rad: 15.0 + 100e-6 * load.observation.point.tr_rad_per_m(), ..load };
     assert!(matches!(stays(&mut rest, 10, -40e-6, &turned), Standing::Beside(_)));
-    assert!(rest.tolerance_m(&load) < 5e-6, "{}", rest.tolerance_m(&load));
+    assert!(rest.tolerance_m(load.jump_m) < 5e-6, "{}", rest.tolerance_m(load.jump_m));
 }
 
 #[test]

@@ -27,6 +27,9 @@ const MOVED_NOISES: f32 = 3.0;
 const STANDS_M_PER_S: f32 = 1e-3;
 const STANDS_NOISES_PER_S: f32 = 80.0;
 const STANDS_TICKS: u8 = 6;
+/// Ticks in which a load has not left its place, after which it stands however fast it is taken for: the observer expects a load
+/// that sticks to go along with its strings.
+const STILL_TICKS: u8 = 12;
 /// Ticks over which the error of a load that stands is averaged at most.
 const MEAN_TICKS: u8 = 30;
 /// Way between two stands that is no noise, over the noise of their means.
@@ -46,10 +49,13 @@ pub enum Standing {
 /// What is known of it.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Rest {
-    /// Error since it stands, averaged (m), of the last tick (m), and for how many ticks.
+    /// Error since it has not left its place, averaged (m), of the last tick (m), and for how many ticks.
     error_m: f32,
     last_m: f32,
     ticks: u8,
+    /// For how many ticks it has been slow.
+    slow_ticks: u8,
+    stands: bool,
     left_alone: bool,
     /// Error (m) where it last stood, and the twist (rad) until then.
     stood: Option<[f32; 2]>,
@@ -60,38 +66,42 @@ pub struct Rest {
 }
 
 impl Rest {
-    /// Error (m) at rest that stiction does not let the loop reduce.
-    pub fn tolerance_m(&self, load: &LoadState<'_>) -> f32 {
+    /// Error (m) at rest that stiction does not let the loop reduce, where homing saw jumps of a load so long (m).
+    pub fn tolerance_m(&self, jump_m: f32) -> f32 {
         let share = if self.comes_again { WHOLE_JUMP_SHARE } else { JUMP_SHARE };
-        share * self.jump_m.unwrap_or(load.jump_m)
+        share * self.jump_m.unwrap_or(jump_m)
+    }
+
+    /// Error (m) below which a load at rest is left alone, with a noise of the gap in one tick (m, rms).
+    pub fn left_alone_m(&self, noise_m: f32, jump_m: f32) -> f32 {
+        AT_REST_M.max(AT_REST_NOISES * noise_m).max(self.tolerance_m(jump_m))
     }
 
     /// One tick; `done` when the set-point is at its target, and the error (m) of the load there.
     pub fn step(&mut self, done: bool, error_m: f32, load: &LoadState<'_>) -> Standing {
         let noise_m = load.gap_noise_m;
-        let near_m = AT_REST_M.max(AT_REST_NOISES * noise_m).max(self.tolerance_m(load));
+        let near_m = self.left_alone_m(noise_m, load.jump_m);
         let recent_m = 0.5 * (error_m + core::mem::replace(&mut self.last_m, error_m));
-        // The observer expects a load that sticks to go along with its strings: once it stands, only its place tells.
-        let stands = if self.ticks < STANDS_TICKS {
-            let slow_m_per_s = STANDS_M_PER_S.max(STANDS_NOISES_PER_S * noise_m);
-            load.observation.moved_m == 0.0 && load.motion.speed_m_per_s.abs() < slow_m_per_s
-        } else {
-            (recent_m - self.error_m).abs() < MOVED_M.max(MOVED_NOISES * noise_m)
-        };
-        if !(done && stands) {
+        let still = self.ticks == 0 || (recent_m - self.error_m).abs() < MOVED_M.max(MOVED_NOISES * noise_m);
+        if !(done && still) {
             let largest_m = LARGEST_JUMP * load.observation.friction_n * load.observation.point.dgap_dload_m_per_n;
             if !done || error_m.abs() > largest_m {
                 self.stood = None;
             }
-            (self.ticks, self.left_alone) = (0, false);
+            (self.ticks, self.slow_ticks, self.stands, self.left_alone) = (0, 0, false, false);
             return Standing::Moves;
         }
         self.ticks = (self.ticks + 1).min(MEAN_TICKS);
         self.error_m += (error_m - self.error_m) / f32::from(self.ticks);
-        if self.ticks < STANDS_TICKS {
+        let slow_m_per_s = STANDS_M_PER_S.max(STANDS_NOISES_PER_S * noise_m);
+        let slow = load.observation.moved_m == 0.0 && load.motion.speed_m_per_s.abs() < slow_m_per_s;
+        self.slow_ticks = if slow { self.slow_ticks.saturating_add(1) } else { 0 };
+        let stood = self.stands;
+        self.stands |= self.slow_ticks >= STANDS_TICKS || self.ticks >= STILL_TICKS;
+        if !self.stands {
             return Standing::Moves;
         }
-        if self.ticks == STANDS_TICKS {
+        if !stood {
             self.see_way(load);
         }
         self.stood = Some([self.error_m, load.twist_rad]);

@@ -192,10 +192,19 @@ fn message() -> impl Strategy<Value = Message> {
 
 fn sensors() -> impl Strategy<Value = Sensors> {
     let maybe = || prop::option::of(float());
-    (maybe(), float(), maybe(), maybe(), any::<[bool; 3]>()).prop_map(
-        |(gap_m, shaft_rad, drive_rad, supply_v, open)| {
+    (maybe(), float(), maybe(), maybe(), any::<[bool; 3]>(), maybe()).prop_map(
+        |(gap_m, shaft_rad, drive_rad, supply_v, open, rest_tolerance_m)| {
             let [estop_open, upper_limit_open, lower_limit_open] = open;
-            Sensors { gap_m, shaft_rad, drive_rad, supply_v, estop_open, upper_limit_open, lower_limit_open }
+            Sensors {
+                gap_m,
+                shaft_rad,
+                drive_rad,
+                supply_v,
+                estop_open,
+                upper_limit_open,
+                lower_limit_open,
+                rest_tolerance_m,
+            }
         },
     )
 }

@@ -81,7 +81,9 @@ pub fn record(options: &SimOptions, load_kg: f64, twist_rad: f64, gear: f64) -> 
         at_rest.map(|p| p - TARGET_M).fold(0.0, |a: f64, b| if b.abs() > a.abs() { b } else { a });
     let covered =
         |error: f64, stated: Option<f32>| stated.is_some_and(|stated| error.abs() <= STATED * f64::from(stated));
-    let floors_met = travel.error_m.abs() <= FLOORS.0
+    // Stiction may leave more than that, which the board tells.
+    let left_m = session.sensors()?.rest_tolerance_m.map_or(0.0, f64::from);
+    let floors_met = travel.error_m.abs() <= FLOORS.0.max(left_m)
         && covered(true_error_at_rest_m - travel.error_m, travel.position_error_m)
         && covered(travel.load_n - load_true_n, travel.load_error_n)
         && home.duration_s <= FLOORS.1

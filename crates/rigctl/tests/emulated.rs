@@ -248,6 +248,7 @@ fn raw_sensors_are_told_before_anything_is_homed() {
         near("drive_rad", 0.0, 0.05);
         near("supply_v", 24.0, 0.5);
         assert!(["estop_open", "upper_limit_open", "lower_limit_open"].iter().all(|key| reading[key] == false));
+        assert!(reading["rest_tolerance_m"].is_null(), "nothing is held");
     }
     // In a fault, when they are wanted most.
     let low = lines(&rigctl(&["sensors", "--plant", "supply_voltage=15V", "--json"]));

@@ -12,7 +12,7 @@ use std::io::{Read, Write};
 use std::os::unix::net::UnixStream;
 use std::process::{Command, Output};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/default.toml");
@@ -28,8 +28,12 @@ const STARTED_S: f64 = 4.0;
 /// Longest wait for what a rig does within seconds: on a busy machine the board falls behind.
 const PATIENCE: Duration = Duration::from_secs(120);
 
+/// One board at a time: several on a busy machine would keep each other from running in real time.
+static ONE_BOARD: Mutex<()> = Mutex::new(());
+
 /// An emulated board behind a device name, until it is dropped.
 struct Board {
+    _alone: MutexGuard<'static, ()>,
     device: String,
     stop: Arc<AtomicBool>,
     /// A tool runs.
@@ -41,6 +45,8 @@ struct Board {
 
 impl Board {
     fn new() -> Self {
+        // A test that failed with it says nothing about the next one.
+        let alone = ONE_BOARD.lock().unwrap_or_else(PoisonError::into_inner);
         let (mut master, slave) = TTYPort::pair().expect("a pseudo-terminal");
         master.set_timeout(Duration::from_millis(1)).expect("a time-out");
         let device = slave.name().expect("a name");
@@ -72,7 +78,7 @@ impl Board {
                 std::thread::sleep(due.saturating_duration_since(now));
             }
         });
-        Self { device, stop, met, truth, thread: Some(thread) }
+        Self { _alone: alone, device, stop, met, truth, thread: Some(thread) }
     }
 
     /// Waits for the rig, and tells how it then is.

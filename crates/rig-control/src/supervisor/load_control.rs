@@ -30,7 +30,7 @@ const PATIENCE_TICKS: u16 = ticks(600);
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LoadControl {
     pub(super) planner: Planner,
-    position_loop: PositionLoop,
+    pub(super) position_loop: PositionLoop,
 }
 
 impl LoadControl {
@@ -144,7 +144,7 @@ impl Move {
         let error_m = self.target_m - load.position_m;
         let sticks = load.jump_m > 0.0
             && error_m.abs() > Self::arrived_m(load)
-            && error_m.abs() < self.control.position_loop.rest.tolerance_m(load)
+            && error_m.abs() < self.control.position_loop.rest.tolerance_m(load.jump_m)
             && load.observation.moved_m == 0.0;
         self.control.position_loop.rest.comes_again = load.jump_m > 0.0 && self.approaches_left > 0;
         if self.approaches_left > 0 && lasts(&mut self.stuck_ticks, sticks, STUCK_TICKS) {
@@ -223,7 +223,11 @@ impl Move {
             self.target_m = self.control.planner.set_point_m();
         }
         let error_m = self.target_m - load.position_m;
-        let near = self.next_aim_m.is_none() && error_m.abs() < Self::arrived_m(load);
+        // What stiction leaves, once the load does not come again.
+        let comes_again = load.jump_m > 0.0 && self.approaches_left > 0;
+        let left_m = self.control.position_loop.rest.left_alone_m(load.gap_noise_m, load.jump_m);
+        let near_m = Self::arrived_m(load).max(if comes_again { 0.0 } else { left_m });
+        let near = self.next_aim_m.is_none() && error_m.abs() < near_m;
         let arrived = lasts(&mut self.near_ticks, near, ARRIVED_TICKS);
         let ended = lasts(&mut self.end_ticks, at_end, END_TICKS);
         self.rest_ticks += 1;

@@ -24,6 +24,9 @@ pub struct Sensors {
     pub upper_limit_open: bool,
     /// The limit switch at the lower end is open.
     pub lower_limit_open: bool,
+    /// How far beside its target a load at rest is left alone (m): by the gap's noise, and where it sticks by how far it jumps
+    /// when it breaks loose. `None` where nothing is held.
+    pub rest_tolerance_m: Option<f32>,
 }
 
 /// State and measurements of the board, every 10 ms.

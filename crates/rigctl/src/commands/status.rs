@@ -89,6 +89,9 @@ pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
     ))?;
     output.line(format!("tick     {} late, the longest took {} us", counters.late_ticks, counters.longest_tick_us))?;
     output.line(format!("sensors  {}", words(&sensors)))?;
+    if let Some(tolerance_m) = sensors.rest_tolerance_m {
+        output.line(format!("at rest  an error below {:.0} um is left alone", tolerance_m * 1e6))?;
+    }
     board_settings::summary(&settings).iter().try_for_each(|line| output.line(line))?;
     if let Some(text) = &id.last_panic {
         output.line(format!("         the run before ended with: {text}"))?;
@@ -137,6 +140,7 @@ fn reading(s: &Sensors) -> Value {
         "estop_open": s.estop_open,
         "upper_limit_open": s.upper_limit_open,
         "lower_limit_open": s.lower_limit_open,
+        "rest_tolerance_m": s.rest_tolerance_m.map(decimal),
     })
 }
 

@@ -21,7 +21,7 @@ const GREETING_S: f64 = 1.0;
 /// Longest wait for a reply (s).
 const REPLY_S: f64 = 3.0;
 /// Longest wait for the first message of a board (s): the start-up of a drive does not hold the link back.
-const HELLO_S: f64 = 3.0;
+const HELLO_S: f64 = 5.0;
 /// Longest wait for flash (s): a sector may have to be erased, or a table that is being made goes first.
 const FLASH_S: f64 = 10.0;
 /// Readings of the gap that are averaged, half a second of them: noise and the resolution of the LVDT fall to a few µm.
