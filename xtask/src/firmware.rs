@@ -23,6 +23,9 @@ const IMAGES: &str = "firmware";
 pub fn build(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
     let image = built(&mut cargo(folders, toolchain, PACKAGE, PACKAGE), folders, toolchain, PACKAGE, IMAGES)?;
     println!("firmware: {}", image.display());
+    let binary = image.with_extension("bin");
+    std::fs::write(&binary, image::binary(&image)?).with_context(|| format!("cannot write {}", binary.display()))?;
+    println!("firmware to drop onto the board's drive: {}", binary.display());
     image::report(&image)
 }
 

@@ -41,7 +41,7 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Task {
-    /// Build the firmware image (target/firmware/tsa-firmware.elf) and print its size
+    /// Build the firmware image (target/firmware/tsa-firmware.elf, and .bin for the board's drive) and print its size
     Firmware {
         /// Compiler to use; `auto` tries the others in this order
         #[arg(long, value_enum, default_value_t)]

@@ -29,6 +29,9 @@ pub enum DrawingError {
     Solve(#[from] SolveError),
 }
 
+/// Two coordinates (m); of half a rod along the unbent rod from the clamp, and sideways towards the strings.
+pub type Point = [f64; 2];
+
 /// Draws the mechanism of a scene under two loads (kg) after so many motor turns past the half-turn pre-twist, each
 /// above its own outline at the pre-twist. Returns SVG text.
 ///
@@ -56,31 +59,67 @@ pub fn mechanism_figure(scene: &Scene, loads_kg: [f64; 2], turns: f64) -> Result
             1e-3 * after.tr_rad_per_m(),
         );
         let axis = top + TEXT + 0.5 * (ROW - TEXT);
-        draw(&mut svg, scene, (&before, &rod_path(&mechanism, &before)?), axis, "#bbbbbb", "#bbbbbb");
-        draw(&mut svg, scene, (&after, &rod_path(&mechanism, &after)?), axis, "#1f4e79", "#c55a11");
+        draw(&mut svg, scene, &outline(scene, &mechanism, &before)?, axis, "#bbbbbb", "#bbbbbb");
+        draw(&mut svg, scene, &outline(scene, &mechanism, &after)?, axis, "#1f4e79", "#c55a11");
         label(&mut svg, &after, axis);
     }
     svg += "</svg>\n";
     Ok(svg)
 }
 
+/// The lines of one equilibrium, by their points along the strings from the first clamp and across from their axis (m).
+#[derive(Debug, Clone)]
+pub struct Outline {
+    /// Two halves of a rod at each clamp, from the clamp to the tip.
+    pub rods: Vec<Vec<Point>>,
+    /// The two strings.
+    pub strings: [Vec<Point>; 2],
+    /// Distance of the clamps (m).
+    pub gap_m: f64,
+}
+
+/// The outline of an equilibrium of a scene's mechanism.
+///
+/// # Errors
+/// [`SolveError::SectionSingular`] of a rod.
+pub fn outline(scene: &Scene, mechanism: &Mechanism, state: &Equilibrium) -> Result<Outline, SolveError> {
+    let path = rod_path(mechanism, state)?;
+    let half_clamp_m = 0.5 * scene.geometry.clamp_width_m;
+    let halves = [(0.0, 1.0), (state.gap_m, -1.0)].into_iter().flat_map(|clamp| [(clamp, -1.0), (clamp, 1.0)]);
+    let rods = halves
+        .map(|((clamp_m, way), side)| {
+            path.iter().map(|[x, w]| [clamp_m + way * w, side * (half_clamp_m + x)]).collect()
+        })
+        .collect();
+    // Eq. 25 unrolled: at the helix angle the strings run from the rods' tips to the axis, and there around each other.
+    let slope = state.alpha_rad.tan();
+    let start_m = state.w_m;
+    let lead_m = 0.5 * state.d_m / slope;
+    let twisted_m = state.x_m - 2.0 * lead_m;
+    let steps = (state.twist_rad / (2.0 * PI) * POINTS_PER_TURN).ceil().max(2.0) as usize;
+    let strings = [-1.0, 1.0].map(|side: f64| {
+        let mut points = vec![[start_m, side * 0.5 * state.d_m]];
+        points.extend((0..=steps).map(|k| {
+            let share = k as f64 / steps as f64;
+            [start_m + lead_m + share * twisted_m, side * state.r_m * (share * state.twist_rad).cos()]
+        }));
+        let end_side = side * state.twist_rad.cos().signum();
+        points.push([start_m + state.x_m, end_side * 0.5 * state.d_m]);
+        points
+    });
+    Ok(Outline { rods, strings, gap_m: state.gap_m })
+}
+
 /// One equilibrium: the left clamp stands still, the right clamp carries the load.
-fn draw(
-    svg: &mut String,
-    scene: &Scene,
-    (state, path): (&Equilibrium, &[[f64; 2]]),
-    axis_px: f64,
-    rod_colour: &str,
-    string_colour: &str,
-) {
+fn draw(svg: &mut String, scene: &Scene, outline: &Outline, axis_px: f64, rod_colour: &str, string_colour: &str) {
     let at = |along_m: f64, across_m: f64| (LEFT + SCALE * along_m, axis_px + SCALE * across_m);
     let geometry = &scene.geometry;
     let rod_px = (2.0 * geometry.rod_radius_m * SCALE).max(2.0);
     let half_clamp_m = 0.5 * geometry.clamp_width_m;
-    for (clamp_m, way) in [(0.0, 1.0), (state.gap_m, -1.0)] {
-        for side in [-1.0, 1.0] {
-            let points = path.iter().map(|[x, w]| at(clamp_m + way * w, side * (half_clamp_m + x)));
-            polyline(svg, points, rod_colour, rod_px);
+    let drawn = |points: &[Point]| points.iter().map(|[along, across]| at(*along, *across)).collect::<Vec<_>>();
+    for (k, clamp_m) in [0.0, outline.gap_m].into_iter().enumerate() {
+        for rod in &outline.rods[2 * k..2 * k + 2] {
+            polyline(svg, drawn(rod), rod_colour, rod_px);
         }
         let (x, y) = at(clamp_m, -half_clamp_m);
         let _ = writeln!(
@@ -90,21 +129,8 @@ fn draw(
             2.0 * half_clamp_m * SCALE
         );
     }
-    // Eq. 25 unrolled: at the helix angle the strings run from the rods' tips to the axis, and there around each other.
-    let slope = state.alpha_rad.tan();
-    let start_m = state.w_m;
-    let lead_m = 0.5 * state.d_m / slope;
-    let twisted_m = state.x_m - 2.0 * lead_m;
-    let steps = (state.twist_rad / (2.0 * PI) * POINTS_PER_TURN).ceil().max(2.0) as usize;
-    for side in [-1.0, 1.0] {
-        let mut points = vec![at(start_m, side * 0.5 * state.d_m)];
-        points.extend((0..=steps).map(|k| {
-            let share = k as f64 / steps as f64;
-            at(start_m + lead_m + share * twisted_m, side * state.r_m * (share * state.twist_rad).cos())
-        }));
-        let end_side = side * state.twist_rad.cos().signum();
-        points.push(at(start_m + state.x_m, end_side * 0.5 * state.d_m));
-        polyline(svg, points, string_colour, 2.0);
+    for string in &outline.strings {
+        polyline(svg, drawn(string), string_colour, 2.0);
     }
 }
 
@@ -136,7 +162,7 @@ fn polyline(svg: &mut String, points: impl IntoIterator<Item = (f64, f64)>, colo
 }
 
 /// The bent half of a rod, from the clamp to the tip.
-fn rod_path(mechanism: &Mechanism, state: &Equilibrium) -> Result<Vec<[f64; 2]>, SolveError> {
+fn rod_path(mechanism: &Mechanism, state: &Equilibrium) -> Result<Vec<Point>, SolveError> {
     let mut path = vec![[0.0; 2]; ROD_POINTS];
     let rod = mechanism.rod();
     rod.path(TipForce::of(state), [rod.length_m + state.u_m, state.w_m], &mut path)?;

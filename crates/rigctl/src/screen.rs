@@ -1,12 +1,15 @@
 //! The live view: the newest telemetry as numbers, the last half minute as plots.
 
 use crate::session::row::Row;
+use lab::mechanism_figure::{Outline, outline};
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::symbols::Marker;
 use ratatui::text::{Line, Span};
+use ratatui::widgets::canvas::{Canvas, Context, Line as Stroke, Rectangle};
 use ratatui::widgets::{Axis, Block, Chart, Dataset, GraphType, Paragraph};
+use rig_scene::Scene;
 use std::collections::VecDeque;
 
 /// Time span of the plots (s).
@@ -20,6 +23,11 @@ const LEAST_N: f64 = 0.5;
 const MESSAGES: usize = 4;
 /// Columns and lines below which there are numbers only.
 const LEAST_AREA: [u16; 2] = [60, 20];
+/// Lines of the terminal below which the mechanism is not drawn, and lines of its drawing.
+const LEAST_DRAWN: u16 = 30;
+const DRAWN: u16 = 9;
+/// Size of the load in the drawing (m).
+const LOAD_M: f64 = 6e-3;
 
 #[derive(Clone, Copy)]
 struct Point {
@@ -39,12 +47,20 @@ pub struct Screen {
     row: Option<Row>,
     points: VecDeque<Point>,
     messages: VecDeque<String>,
+    /// What is drawn; none without a scene that has a mechanism.
+    scene: Option<Scene>,
 }
 
 impl Screen {
-    /// An empty one.
-    pub fn new(title: String) -> Self {
-        Self { title, ..Self::default() }
+    /// An empty one, which draws the mechanism of a scene.
+    pub fn new(title: String, scene: Option<Scene>) -> Self {
+        Self { title, scene, ..Self::default() }
+    }
+
+    /// Where a step of the load begins: the target that it goes to or is held at, or else its position (m).
+    pub fn from_m(&self) -> Option<f64> {
+        let row = self.row.as_ref()?;
+        row.target_m.or(row.position_m).map(f64::from)
     }
 
     /// Takes a row.
@@ -75,21 +91,24 @@ impl Screen {
         }
     }
 
-    /// Draws all of it.
-    pub fn draw(&self, frame: &mut Frame<'_>) {
+    /// Draws all of it, with lines of help.
+    pub fn draw(&self, frame: &mut Frame<'_>, help: &[String; 2]) {
         let (bold, area) = (Style::new().add_modifier(Modifier::BOLD), frame.area());
         if area.width < LEAST_AREA[0] || area.height < LEAST_AREA[1] {
             // No room for plots: the most important lines go first.
             let mut rest = self.numbers();
             let mut lines = rest.split_off(rest.len().min(1));
-            lines.insert(lines.len().min(2), Line::styled("space stop  h hold  c clear  q quit", bold));
+            lines.insert(lines.len().min(2), Line::styled(help[0].as_str(), bold));
             lines.append(&mut rest);
             frame.render_widget(Paragraph::new(lines), area);
             return;
         }
-        let [top, below] = Layout::vertical([Constraint::Min(8), Constraint::Length(MESSAGES as u16 + 3)]).areas(area);
+        let [top, below] = Layout::vertical([Constraint::Min(8), Constraint::Length(MESSAGES as u16 + 4)]).areas(area);
         let [left, right] = Layout::horizontal([Constraint::Length(34), Constraint::Min(20)]).areas(top);
+        let drawn = if self.scene.is_some() && area.height >= LEAST_DRAWN { DRAWN } else { 0 };
+        let [right, mechanism] = Layout::vertical([Constraint::Min(6), Constraint::Length(drawn)]).areas(right);
         let [position, load] = Layout::vertical([Constraint::Percentage(60), Constraint::Percentage(40)]).areas(right);
+        self.mechanism(frame, mechanism);
         frame.render_widget(Paragraph::new(self.numbers()).block(Block::bordered().title(self.title.as_str())), left);
         let position_series = [
             ("set-point", Color::Yellow, self.series(|p| p.setpoint_mm)),
@@ -99,8 +118,35 @@ impl Screen {
         self.plot(frame, load, "load (N)", LEAST_N, &[("load", Color::Green, self.series(|p| p.load_n))]);
         let mut lines: Vec<Line<'_>> = self.messages.iter().map(|m| Line::from(m.as_str())).collect();
         lines.resize(MESSAGES, Line::default());
-        lines.push(Line::styled("space stop   h hold   c clear fault   q quit (stops a motion first)", bold));
+        lines.extend(help.iter().map(|line| Line::styled(line.as_str(), bold)));
         frame.render_widget(Paragraph::new(lines).block(Block::bordered()), below);
+    }
+
+    /// The mechanism at the twist and the estimated load of the newest row, as the model has it.
+    fn mechanism(&self, frame: &mut Frame<'_>, area: Rect) {
+        let Some(scene) = self.scene.as_ref().filter(|_| area.height > 2) else { return };
+        let shape = self.outline(scene);
+        let title = if shape.is_some() { "mechanism (motor left, load right)" } else { "mechanism: shown when homed" };
+        let (length_m, half_m) = (scene.geometry.string_length_m, 0.6 * scene.geometry.rod_span_m);
+        let canvas = Canvas::default()
+            .block(Block::bordered().title(title))
+            .x_bounds([-LOAD_M, 1.3 * length_m])
+            .y_bounds([-half_m, half_m])
+            .marker(Marker::Braille)
+            .paint(|context| {
+                if let Some(shape) = &shape {
+                    paint(shape, context);
+                }
+            });
+        frame.render_widget(canvas, area);
+    }
+
+    /// None while load or twist is not known, or where the model has no equilibrium.
+    fn outline(&self, scene: &Scene) -> Option<Outline> {
+        let row = self.row.as_ref()?;
+        let (load_n, twist_rad) = (f64::from(row.load_n?), f64::from(row.twist_rad?).abs());
+        let mechanism = scene.mechanism().ok()?;
+        outline(scene, &mechanism, &mechanism.solve(load_n, twist_rad).ok()?).ok()
     }
 
     fn numbers(&self) -> Vec<Line<'_>> {
@@ -175,6 +221,19 @@ impl Screen {
     }
 }
 
+/// Draws rods, strings and the load.
+fn paint(shape: &Outline, context: &mut Context<'_>) {
+    let lines = shape.rods.iter().map(|rod| (rod, Color::Blue)).chain(shape.strings.iter().map(|s| (s, Color::Yellow)));
+    for (points, colour) in lines {
+        for pair in points.windows(2) {
+            context.draw(&Stroke::new(pair[0][0], pair[0][1], pair[1][0], pair[1][1], colour));
+        }
+    }
+    let (x, y) = (shape.gap_m, -0.5 * LOAD_M);
+    context.draw(&Rectangle { x, y, width: LOAD_M, height: LOAD_M, color: Color::Green });
+    context.print(shape.gap_m + 1.5 * LOAD_M, 0.0, "load");
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -206,13 +265,39 @@ mod tests {
 
     fn drawn(screen: &Screen, width: u16, height: u16) -> String {
         let mut terminal = Terminal::new(TestBackend::new(width, height)).unwrap();
-        terminal.draw(|frame| screen.draw(frame)).unwrap();
+        let help = ["space stop".to_owned(), "up/down".to_owned()];
+        terminal.draw(|frame| screen.draw(frame, &help)).unwrap();
         format!("{}", terminal.backend())
     }
 
     #[test]
+    fn the_mechanism_is_drawn_and_shortens_with_twist() {
+        let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/default.toml");
+        let mut screen = Screen::new("sim".into(), Some(Scene::load(scene).unwrap()));
+        assert!(drawn(&screen, 120, 40).contains("shown when homed"));
+        let mut load_at = |twist_rad: f32| {
+            let mut told = row(1.0, 0.0, None);
+            told.twist_rad = Some(twist_rad);
+            screen.take(told);
+            let text = drawn(&screen, 120, 40);
+            assert!(text.contains("motor left"), "{text}");
+            // The load's label is farther right than any other.
+            let column = |line: &str| Some(line[..line.rfind("load")?].chars().count());
+            text.lines().filter_map(column).max().unwrap()
+        };
+        let (short, long) = (load_at(40.0), load_at(3.2));
+        assert!(short < long, "{short} {long}");
+        // A state that the model refuses is not drawn.
+        let mut told = row(1.0, 0.0, None);
+        told.twist_rad = Some(1e4);
+        screen.take(told);
+        assert!(drawn(&screen, 120, 40).contains("shown when homed"));
+        assert!(!drawn(&screen, 120, 25).contains("mechanism"));
+    }
+
+    #[test]
     fn everything_is_on_the_screen() {
-        let mut screen = Screen::new("sim".into());
+        let mut screen = Screen::new("sim".into(), None);
         for k in 0..400 {
             screen.take(row(0.1 * f64::from(k), 0.0045, None));
         }

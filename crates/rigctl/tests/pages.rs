@@ -89,6 +89,8 @@ fn works(page: &Path, tasks: &str) {
             }
             // `cargo xtask python` installs it and runs its tests.
             ["pip", "install", package] => {
+                // Without quotes and the name of an optional part.
+                let package = package.trim_matches('"').split('[').next().unwrap_or_default();
                 assert!(root().join(package).join("pyproject.toml").exists(), "{name}: no package {package}");
             }
             // Other programs, named where they are first used.

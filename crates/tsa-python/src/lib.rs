@@ -62,6 +62,14 @@ impl Scene {
         rig_scene::Scene::from_toml_str(text).map(Self).map_err(wrong)
     }
 
+    /// From all keys, as [`Scene::json`] gives them.
+    #[staticmethod]
+    fn from_json(text: &str) -> PyResult<Self> {
+        let scene: rig_scene::Scene = serde_json::from_str(text).map_err(wrong)?;
+        scene.validate().map_err(wrong)?;
+        Ok(Self(scene))
+    }
+
     fn json(&self) -> PyResult<String> {
         serde_json::to_string(&self.0).map_err(wrong)
     }
@@ -145,7 +153,7 @@ mod _core {
     #[pymodule_export]
     use super::rig::Board;
     #[pymodule_export]
-    use super::tool::tool;
+    use super::tool::{refit, tool};
     #[pymodule_export]
     use super::{Scene, Table};
 }

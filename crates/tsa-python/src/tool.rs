@@ -3,10 +3,16 @@
 use clap::Parser;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
+use rig_scene::Scene;
 use rigctl::cli::{Cli, dispatch};
 use rigctl::failure::Failure;
+use rigctl::identify::compete::Candidate;
+use rigctl::identify::constants::Constant;
+use rigctl::identify::laws::Law;
+use rigctl::identify::{bootstrap, data};
 use rigctl::output::Output;
 use std::io::{self, Write};
+use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// What a command prints.
@@ -45,4 +51,30 @@ pub(crate) fn tool(py: Python<'_>, arguments: Vec<String>) -> PyResult<String> {
     .map_err(error)?;
     let bytes = std::mem::take(&mut *printed.0.lock().unwrap_or_else(PoisonError::into_inner));
     String::from_utf8(bytes).map_err(|e| PyRuntimeError::new_err(e.to_string()))
+}
+
+/// All keys (JSON) of the scene with a law and a material fitted to recorded sweeps, or to a resample of them with a seed.
+#[pyfunction]
+#[pyo3(signature = (scene, sweeps, law, material, seed))]
+pub(crate) fn refit(
+    py: Python<'_>,
+    scene: PathBuf,
+    sweeps: Vec<PathBuf>,
+    law: &str,
+    material: &str,
+    seed: Option<u64>,
+) -> PyResult<String> {
+    let unknown = || PyValueError::new_err(format!("no law `{law}` with a material `{material}`"));
+    let law = Law::named(law).ok_or_else(unknown)?;
+    let material = Constant::named(material).ok_or_else(unknown)?;
+    let fitted = py.detach(|| {
+        let scene = Scene::load(scene)?;
+        let data = data::sweeps(&scene, &sweeps, false)?;
+        let candidates = Candidate::all(&scene, Some(law), data.knows_its_zero());
+        let candidate = candidates.into_iter().find(|candidate| candidate.material == Some(material));
+        let fitted = candidate.map(|candidate| bootstrap::refit(&data, &candidate, seed)).transpose();
+        fitted.map_err(|e| Failure::failed(e.to_string()))
+    });
+    let fitted = fitted.map_err(error)?.ok_or_else(unknown)?;
+    serde_json::to_string(&fitted).map_err(|e| PyRuntimeError::new_err(e.to_string()))
 }

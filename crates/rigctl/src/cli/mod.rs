@@ -274,10 +274,11 @@ pub enum Command {
     /// An image of its own, here on the emulated board; `cargo xtask selftest` flashes the same to a real one and shows the same
     /// table (docs/selftest.md). Exit code 1 if a check is not ok.
     Selftest,
-    /// A live view in the terminal: state, position against set-point, load, TR, motor, faults
+    /// A live view in the terminal that moves the rig: state, position, load, TR, motor, faults, the mechanism drawn
     ///
-    /// Keys: space stops, h holds, c clears a fault, q leaves (and stops a motion first). On an emulated board time
-    /// passes as on a real one.
+    /// Keys: space stops, at any time. h homes, up and down move by a step (+ and - change it), m asks for a position, left and
+    /// right jog while they are held, c clears a fault, q leaves and stops a motion first. The first motion of a real rig
+    /// asks for a confirmation. On an emulated board time passes as on a real one.
     Monitor {
         /// Play this script meanwhile (format as for `play`)
         #[arg(long, value_name = "FILE")]

@@ -2,6 +2,7 @@
 
 use crate::failure::Failure;
 use crate::log::write::event;
+use crate::monitor_keys::{Keys, Order, name};
 use crate::options::Global;
 use crate::output::Output;
 use crate::play::play;
@@ -20,6 +21,8 @@ use std::time::{Duration, Instant};
 const PICTURE_S: f64 = 0.05;
 /// Longest wait for a motion to end before leaving (s).
 const LEAVE_S: f64 = 10.0;
+/// Least time that a stop before leaving is given to reach the board and its telemetry (s).
+const STOPPING_S: f64 = 0.2;
 /// The view does not end with its script.
 const FOR_EVER_S: f64 = 1e9;
 
@@ -54,7 +57,10 @@ pub fn run(global: &Global, script: Option<&Path>, output: &Output) -> Result<()
         Place::Emulated(options) => format!(" {options} "),
         Place::Device(device) => format!(" rig at {device} "),
     };
-    let mut view = View { screen: Screen::new(title), leaving: None, drawn_s: f64::MIN };
+    // A scene without a mechanism is not drawn; the check below tells if it is another than the board's.
+    let scene = global.scene().ok();
+    let keys = Keys::new(!target.is_emulated());
+    let mut view = View { screen: Screen::new(title, scene), keys, leaving: None, ordered: false, drawn_s: f64::MIN };
     if let Some(warning) = target.check_scene(&session).err().and_then(|failure| failure.message()) {
         view.screen.say(warning);
     }
@@ -83,6 +89,9 @@ fn still(session: &Session) -> bool {
 
 struct View {
     screen: Screen,
+    keys: Keys,
+    /// Whether the operator has moved the rig from here.
+    ordered: bool,
     /// When the operator wanted to leave (s).
     leaving: Option<f64>,
     drawn_s: f64,
@@ -100,11 +109,18 @@ impl View {
         while terminal_event::poll(Duration::ZERO)? {
             self.key(&terminal_event::read()?, session)?;
         }
+        if let Some(order) = self.keys.released(session.now_s()) {
+            self.obey(order, session)?;
+        }
         if session.now_s() >= self.drawn_s + PICTURE_S {
             self.drawn_s = session.now_s();
-            terminal.draw(|frame| self.screen.draw(frame))?;
+            let help = self.keys.help();
+            terminal.draw(|frame| self.screen.draw(frame, &help))?;
         }
-        let leave = self.leaving.is_some_and(|since_s| still(session) || session.now_s() > since_s + LEAVE_S);
+        let leave = self.leaving.is_some_and(|since_s| {
+            let waited_s = session.now_s() - since_s;
+            (still(session) && (waited_s > STOPPING_S || !self.ordered)) || waited_s > LEAVE_S
+        });
         Ok(if leave { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
     }
 
@@ -114,21 +130,33 @@ impl View {
             return Ok(());
         }
         let interrupt = key.code == KeyCode::Char('c') && key.modifiers.contains(KeyModifiers::CONTROL);
-        let (request, name) = match key.code {
-            _ if interrupt => return self.leave(session),
-            KeyCode::Char('q') | KeyCode::Esc => return self.leave(session),
-            KeyCode::Char(' ') => (Request::Stop, "stop"),
-            KeyCode::Char('h') => (Request::Stop, "hold"),
-            KeyCode::Char('c') => (Request::Clear, "clear"),
-            _ => return Ok(()),
-        };
-        session.post(&request)?;
-        self.screen.say(format!("{:8.2} s  you: {name}", session.now_s()));
+        if interrupt {
+            return self.leave(session);
+        }
+        match self.keys.press(key.code, session.now_s(), self.screen.from_m()) {
+            Some(order) => self.obey(order, session),
+            None => Ok(()),
+        }
+    }
+
+    fn obey(&mut self, order: Order, session: &mut Session) -> Result<(), Failure> {
+        match order {
+            Order::Quit => return self.leave(session),
+            Order::Say(text) => self.screen.say(format!("{:8.2} s  {text}", session.now_s())),
+            // On the way out nothing moves any more.
+            Order::Send(request) if self.leaving.is_none() || request == Request::Stop => {
+                self.ordered = true;
+                session.post(&request)?;
+                self.screen.say(format!("{:8.2} s  you: {}", session.now_s(), name(&request)));
+            }
+            Order::Send(_) => {}
+        }
         Ok(())
     }
 
     fn leave(&mut self, session: &mut Session) -> Result<(), Failure> {
-        if self.leaving.is_none() && !still(session) {
+        // A motion that was ordered just now is not in the telemetry yet.
+        if self.leaving.is_none() && (self.ordered || !still(session)) {
             session.post(&Request::Stop)?;
             self.screen.say(format!("{:8.2} s  stopping the motion before leaving", session.now_s()));
         }

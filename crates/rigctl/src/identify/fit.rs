@@ -357,11 +357,24 @@ fn begin(unknowns: &Unknowns, start: &Parameters, data: &Data) -> Result<(Vec<f6
 /// # Errors
 /// [`IdentifyError`]: what the data cannot tell is refused by name.
 pub fn fit(unknowns: &Unknowns, start: &Parameters, data: &Data) -> Result<Fit, IdentifyError> {
+    fit_about(unknowns, start, data, &[])
+}
+
+/// The same with the expected values shifted, each by so many of its standard deviations.
+pub(super) fn fit_about(
+    unknowns: &Unknowns,
+    start: &Parameters,
+    data: &Data,
+    shifts: &[f64],
+) -> Result<Fit, IdentifyError> {
     let (x, labels) = begin(unknowns, start, data)?;
     let spreads = unknowns.constants.iter().flat_map(|c| vec![c.spread(); c.unknowns()]).enumerate();
     let expected: Vec<Expected> = spreads
         .filter(|_| unknowns.expected)
-        .filter_map(|(unknown, spread)| Some(Expected { unknown, value: x[unknown], spread: spread? }))
+        .filter_map(|(unknown, spread)| {
+            let (spread, shift) = (spread?, shifts.get(unknown).copied().unwrap_or(0.0));
+            Some(Expected { unknown, value: x[unknown] + shift * spread, spread })
+        })
         .collect();
     let used: Vec<usize> = (0..data.rows.len()).filter(|k| !data.rows[*k].held_out).collect();
     let rows = used.iter().map(|k| &data.rows[*k]).collect();

@@ -9,8 +9,9 @@
 //! - [`correction`]: what no law has, as a surface that was measured.
 //! - [`memory`]: what the rods remember of a heavier load, by sweeps before and after it.
 //! - [`tabled`]: the table of the scene. [`hysteresis`]: loops between the way up and the way down.
-//! - [`plan`]: which sweep would tell most.
+//! - [`plan`]: which sweep would tell most. [`bootstrap`]: fits to resampled sweeps.
 
+pub mod bootstrap;
 pub mod compete;
 pub mod consistent;
 pub mod constants;

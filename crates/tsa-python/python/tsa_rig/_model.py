@@ -136,6 +136,18 @@ class Table:
         return Looked(**dict(zip(_LOOKED_UP, columns)), load_n=loads, turns=all_turns, error=error)
 
 
+def _place(keys: dict[str, Any], name: str) -> tuple[str, str]:
+    """Section and key of a constant by its name, with or without the section."""
+    constants = {(section, key) for section, table in keys.items() if isinstance(table, dict) for key in table}
+    found = [place for place in constants if name in (place[1], ".".join(place))]
+    if len(found) == 1:
+        return found[0]
+    if found:
+        raise ValueError(f"`{name}` is ambiguous: " + ", ".join(sorted(".".join(place) for place in found)))
+    known = ", ".join(sorted(".".join(place) for place in constants))
+    raise ValueError(f"a scene has no constant `{name}`; it has {known}")
+
+
 class Scene:
     """What one rig and one task need: constants, load range, travel, accuracy."""
 
@@ -151,6 +163,30 @@ class Scene:
     def parse(cls, text: str) -> Scene:
         """The same from the text of such a file."""
         return cls(_core.Scene.parse(text))
+
+    @classmethod
+    def from_dict(cls, keys: dict[str, Any]) -> Scene:
+        """From all keys, as `as_dict` gives them. Raises ValueError, naming the key, if they are not valid."""
+        return cls(_core.Scene.from_json(json.dumps(keys)))
+
+    def with_constants(self, **values: Any) -> Scene:
+        """The same scene with other constants, named as in the scene file, for example `rod_radius_m=0.0004`.
+
+        A key of a section can be given with it too: `**{"rig.gear_ratio": [30, 1]}`. The measured correction of a scene
+        belongs to the constants that it was measured with, and is left out if one of `geometry`, `string` or `material`
+        changes. Raises ValueError, naming the constant, for an unknown name or a value that no rig can have.
+        """
+        keys = self.as_dict()
+        for name, value in values.items():
+            section, key = _place(keys, name)
+            keys[section][key] = value
+            if section in ("geometry", "string", "material"):
+                keys.pop("correction", None)
+        try:
+            return Scene.from_dict(keys)
+        except ValueError as error:
+            given = ", ".join(f"{name} = {value}" for name, value in values.items())
+            raise ValueError(f"the scene with {given}: {error}") from None
 
     def mechanism(self) -> Mechanism:
         """The mechanism with the scene's constants."""
