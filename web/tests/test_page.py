@@ -225,9 +225,9 @@ def test_the_recorded_move_plays(browser, reports):
                                  s.dispatchEvent(new Event("input")); }""")
         end = page.evaluate("tsa.state.turns")
         assert end != begun
-        # The load of the move is at its target of 12 mm.
+        # The load of the move is at its target of 12 mm. The rig is not its model, and its load is an estimate.
         solved = page.evaluate("tsa.solve(tsa.state.load_n, tsa.state.turns)")
-        assert solved["contraction_m"] == pytest.approx(0.012, abs=5e-4)
+        assert solved["contraction_m"] == pytest.approx(0.012, abs=1e-3)
         page.click("#play")
         page.wait_for_function("Number(document.getElementById('time').value) > 0.2")
         page.click("#play")
