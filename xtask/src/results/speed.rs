@@ -24,7 +24,7 @@ fn table(found: &[Value]) -> Result<Measured> {
         table: vec![text(&[
             "",
             "rigs",
-            "settled, of all; faults",
+            "settled, of all; failed",
             "time: median; worst",
             "over the motor's time",
             "over motor and swing",
@@ -59,7 +59,8 @@ fn table(found: &[Value]) -> Result<Measured> {
     measured.notes.push(
         "A step changes the load at rest at 2, 8 or 14 mm, between 0.2 and 1.2 kg. A move at full speed goes 12 mm up or down, under \
          0.1 to 1.5 kg. The motor's time is that in which its speed and acceleration alone turn the strings as far; that of motor \
-         and swing is the least of any control, by a linear programme with the table's ratio and stiffness at the end."
+         and swing is the least of any control, by a linear programme with the table's ratio and stiffness at the end. One that has \
+         failed did not begin, because homing or a move was refused, or ended in a fault."
             .into(),
     );
     Ok(measured)
