@@ -15,14 +15,16 @@ use crate::load_state::LoadState;
 use crate::planner::SetPoint;
 use crate::rest::{Rest, Standing};
 
-/// Poles `(s + A)(s² + B s + C)` over ω: next to the best of 336 sets that were simulated with the motor's limits, with a damping
-/// ratio of 0.4 (docs/control.md 3).
-const POLES: [f32; 3] = [0.4, 0.72, 0.8];
+/// Poles `(s + A)(s² + B s + C)` over ω, with a damping ratio of 0.41: chosen by load steps on emulated rigs (docs/control.md 3).
+const POLES: [f32; 3] = [0.55, 0.78, 0.9];
 /// Feedback of p, p'/ω and q, over ω, that places them: `s³ + K₂ s² + (1 + K₁) s + (K₀ + K₂)`.
 pub const GAINS: [f32; 3] = {
     let [a, b, c] = POLES;
     [a * c - (a + b), a * b + c - 1.0, a + b]
 };
+/// Share of the strings' greatest speed that damping the swing may use. With more, strings whose load has just become heavier would
+/// turn back and forth to damp its swing instead of taking it back to its place.
+const DAMPING_SHARE: f32 = 0.8;
 /// Frequency of the load's swing (rad/s) from which the gains no longer grow with it, and from which they fall: the observer
 /// is then hardly faster than the load.
 const FULL_PER_S: f32 = 0.5 * OBSERVER_PER_S;
@@ -91,7 +93,10 @@ impl PositionLoop {
         let rest_error_m = wanted_m + acceleration / frequency_squared - rest_m;
         let standing = self.rest.step(set_point.done, set_point.position_m - load.position_m, load);
         let [by_position, by_speed, by_rest] = GAINS;
-        let feedback = frequency * (by_position * error_m + by_rest * rest_error_m) + by_speed * speed_error;
+        // What brings the place of rest to where it is wanted, and what damps the swing about it.
+        let most_m_per_s = DAMPING_SHARE * load.twist_limits.speed / hung.tr_rad_per_m();
+        let damping = frequency * by_position * (error_m - rest_error_m) + by_speed * speed_error;
+        let feedback = frequency * (by_position + by_rest) * rest_error_m + damping.clamp(-most_m_per_s, most_m_per_s);
         // The observer knows no friction: a load that sticks is not where it would come to rest.
         let (feedback, stuck_m) = match standing {
             Standing::LeftAlone => return LoopOutput { twist_speed_rad_per_s: 0.0, error_m },
