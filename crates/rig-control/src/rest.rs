@@ -35,6 +35,10 @@ const MEAN_TICKS: u8 = 30;
 /// Way between two stands that is no noise, over the noise of their means.
 const WAY_NOISES: f32 = 2.0;
 
+/// Share of an error that a way leaves at most if it leads nearer, and how many that do not are enough.
+const NEARER_SHARE: f32 = 0.8;
+const VAIN_WAYS: u8 = 2;
+
 /// What a load at its target does.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Standing {
@@ -61,6 +65,8 @@ pub struct Rest {
     stood: Option<[f32; 2]>,
     /// How far it jumps (m), as seen at rest.
     jump_m: Option<f32>,
+    /// Ways past the target, one after the other, that have led no nearer.
+    vain_ways: u8,
     /// A load that sticks beside its target will be moved back and come again.
     pub comes_again: bool,
 }
@@ -86,7 +92,7 @@ impl Rest {
         if !(done && still) {
             let largest_m = LARGEST_JUMP * load.observation.friction_n * load.observation.point.dgap_dload_m_per_n;
             if !done || error_m.abs() > largest_m {
-                self.stood = None;
+                (self.stood, self.vain_ways) = (None, 0);
             }
             (self.ticks, self.slow_ticks, self.stands, self.left_alone) = (0, 0, false, false);
             return Standing::Moves;
@@ -110,15 +116,25 @@ impl Rest {
     }
 
     /// The load stands again. What it has risen more than its strings have turned for, it has jumped, if that took it past the
-    /// target; short of it, its jumps are no longer than this way.
+    /// target; short of it, its jumps are no longer than this way. After some ways past the target that have led no nearer the
+    /// whole way counts as a jump, whatever made it so long: the next one would lead no nearer either.
     fn see_way(&mut self, load: &LoadState<'_>) {
         let Some([before_m, before_rad]) = self.stood else { return };
         let rise_m = before_m - self.error_m;
         let turned_m = (load.twist_rad - before_rad) / load.observation.point.tr_rad_per_m();
         let jump_m = ((rise_m - turned_m) * libm::copysignf(1.0, rise_m)).clamp(0.0, rise_m.abs());
-        if rise_m.abs() > AT_REST_M.max(WAY_NOISES * load.gap_noise_m) {
-            self.jump_m =
-                if self.error_m * before_m < 0.0 { Some(jump_m) } else { self.jump_m.map(|m| m.min(rise_m.abs())) };
+        if rise_m.abs() < AT_REST_M.max(WAY_NOISES * load.gap_noise_m) {
+            return;
         }
+        let past = self.error_m * before_m < 0.0;
+        let vain = past && self.error_m.abs() > NEARER_SHARE * before_m.abs();
+        self.vain_ways = if vain { self.vain_ways.saturating_add(1) } else { 0 };
+        self.jump_m = if self.vain_ways >= VAIN_WAYS {
+            Some(rise_m.abs())
+        } else if past {
+            Some(jump_m)
+        } else {
+            self.jump_m.map(|m| m.min(rise_m.abs()))
+        };
     }
 }

@@ -13,7 +13,7 @@ use rig_link::messages::Limit;
 /// The loop goes on holding after that.
 const ARRIVED_M: f32 = 25e-6;
 const ARRIVED_NOISES: f32 = 2.5;
-const ARRIVED_JUMP: f32 = 0.12;
+const ARRIVED_JUMP: f32 = 0.15;
 /// A load that sticks farther from its target than that, and nearer than another jump would bring it, is moved back and
 /// comes again, so many times. It goes back by so many jumps, farther than its friction band.
 const APPROACHES: u8 = 2;
@@ -142,12 +142,20 @@ impl Move {
             return;
         }
         let error_m = self.target_m - load.position_m;
+        // Farther away the loop brings it nearer by itself, unless it is held where the last approach has aimed.
+        let left = error_m.abs() < self.control.position_loop.rest.tolerance_m(load.jump_m) || self.approaches_left == 0;
         let sticks = load.jump_m > 0.0
             && error_m.abs() > Self::arrived_m(load)
-            && error_m.abs() < self.control.position_loop.rest.tolerance_m(load.jump_m)
+            && left
             && load.observation.moved_m == 0.0;
         self.control.position_loop.rest.comes_again = load.jump_m > 0.0 && self.approaches_left > 0;
-        if self.approaches_left > 0 && lasts(&mut self.stuck_ticks, sticks, STUCK_TICKS) {
+        if !lasts(&mut self.stuck_ticks, sticks, STUCK_TICKS) {
+            return;
+        }
+        if self.approaches_left == 0 {
+            // The loop takes it from where the last approach has led it.
+            self.control.planner = Planner::at(self.target_m);
+        } else {
             let back_m = (BACK_JUMPS * load.jump_m).min(self.way_m.abs());
             self.approaches_left -= 1;
             self.stuck_ticks = 0;
