@@ -13,6 +13,7 @@
 //! Sweeping both ways cancels what depends on the direction: rail friction, filter delay, gear backlash.
 
 mod centre;
+mod quiet;
 mod stick_slip;
 pub mod weigh;
 
@@ -22,14 +23,14 @@ use crate::planner::Ramp;
 use crate::{RigConstants, TICK_S};
 use centre::Centre;
 use core::f32::consts::{PI, TAU};
+use quiet::Quiet;
 use rig_link::messages::{HomingFailure, HomingResult, LoadChoice};
 use stick_slip::StickSlip;
 use tsa_table::Table;
 use weigh::{Current, Weigh};
 
-/// The load is quiet when its gap (m) stays within this for so long (ticks): a period of its slowest swing.
-const QUIET_M: f32 = 0.1e-3;
-const QUIET_TICKS: u16 = 40;
+/// Share of a new reading in the smoothed gap.
+const SMOOTHING: f32 = 0.25;
 /// A load that still swings after this time (s) is homed all the same; the result is judged at the end.
 const QUIET_PATIENCE_S: f32 = 10.0;
 /// Speed of the probe (rad/s).
@@ -121,7 +122,7 @@ pub enum Progress {
 
 #[derive(Clone, Copy, Debug)]
 enum Phase {
-    Quiet { ticks: u16, low_m: f32, high_m: f32 },
+    Quiet(Quiet),
     Probe { start_rad: f32, gap_m: f32 },
     Seek(Seek),
     CentreRest { ticks: u16 },
@@ -198,7 +199,7 @@ impl Homing {
     /// the load's weight.
     pub const fn new(shaft_rad: f32, gap_m: f32, twist_scale: f32, load: LoadChoice) -> Self {
         Self {
-            phase: Phase::Quiet { ticks: 0, low_m: gap_m, high_m: gap_m },
+            phase: Phase::Quiet(Quiet::NEW),
             ramp: Ramp::at(shaft_rad),
             smooth_gap_m: gap_m,
             direction: 1.0,
@@ -220,14 +221,14 @@ impl Homing {
         if self.ticks as f32 * TICK_S > TIME_OUT_S {
             return Progress::Failed(HomingFailure::TimeOut);
         }
-        self.smooth_gap_m += 0.25 * (inputs.gap_m - self.smooth_gap_m);
+        self.smooth_gap_m += SMOOTHING * (inputs.gap_m - self.smooth_gap_m);
         let limits = TwistLimits {
             speed: SPEED_SHARE * rig.twist_speed_max(),
             acceleration: ACCELERATION.min(rig.twist_acceleration_max()),
         };
         let outcome = match self.phase {
-            Phase::Quiet { ticks, low_m, high_m } => {
-                self.wait_for_quiet(ticks, low_m.min(inputs.gap_m), high_m.max(inputs.gap_m), inputs.gap_m);
+            Phase::Quiet(quiet) => {
+                self.wait_for_quiet(quiet);
                 Ok(())
             }
             Phase::Probe { start_rad, gap_m } => self.probe(start_rad, gap_m, inputs.shaft_rad, &limits),
@@ -258,13 +259,12 @@ impl Homing {
     }
 
     /// A load that has just dropped swings for seconds, farther than the probe can tell from its own doing.
-    fn wait_for_quiet(&mut self, ticks: u16, low_m: f32, high_m: f32, gap_m: f32) {
-        self.phase = if ticks < QUIET_TICKS {
-            Phase::Quiet { ticks: ticks + 1, low_m, high_m }
-        } else if high_m - low_m < QUIET_M || self.ticks as f32 * TICK_S > QUIET_PATIENCE_S {
+    fn wait_for_quiet(&mut self, mut quiet: Quiet) {
+        let ended = quiet.step(self.smooth_gap_m) || self.ticks as f32 * TICK_S > QUIET_PATIENCE_S;
+        self.phase = if ended {
             Phase::Probe { start_rad: self.ramp.position, gap_m: self.smooth_gap_m }
         } else {
-            Phase::Quiet { ticks: 0, low_m: gap_m, high_m: gap_m }
+            Phase::Quiet(quiet)
         };
     }
 

@@ -1,0 +1,61 @@
+//! Whether the load hangs still.
+
+/// A load is quiet when its smoothed gap (m) stays within this for so long (ticks): a period of its slowest swing. The noise of
+/// one reading would be larger.
+const QUIET_M: f32 = 0.1e-3;
+const QUIET_TICKS: u16 = 40;
+
+/// Least and greatest gap (m) since some ticks; `None` before the first one.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Quiet {
+    ticks: u16,
+    range_m: Option<[f32; 2]>,
+}
+
+impl Quiet {
+    pub(super) const NEW: Self = Self { ticks: 0, range_m: None };
+
+    /// Takes the smoothed gap (m) of a tick; whether the load is quiet.
+    pub(super) fn step(&mut self, gap_m: f32) -> bool {
+        let [low_m, high_m] = self.range_m.unwrap_or([gap_m; 2]);
+        let [low_m, high_m] = [low_m.min(gap_m), high_m.max(gap_m)];
+        if high_m - low_m > QUIET_M {
+            *self = Self::NEW;
+            return false;
+        }
+        (self.ticks, self.range_m) = (self.ticks + 1, Some([low_m, high_m]));
+        self.ticks > QUIET_TICKS
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Time (s) until a gap is quiet, smoothed as homing does.
+    fn quiet_after_s(gap: impl Fn(f32) -> f32) -> Option<f32> {
+        let (mut quiet, mut smooth_m) = (Quiet::NEW, gap(0.0));
+        (1..1000u16).map(|k| 0.01 * f32::from(k)).find(|t| {
+            smooth_m += crate::homing::SMOOTHING * (gap(*t) - smooth_m);
+            quiet.step(smooth_m)
+        })
+    }
+
+    #[test]
+    fn noise_is_no_swing() {
+        // Three incommensurable frequencies far above any swing: 45 um rms, 190 um from peak to peak.
+        let noise = |t: f32| 37e-6 * ((191.0 * t).sin() + (233.0 * t).sin() + (307.0 * t).sin());
+        assert!(quiet_after_s(|t| 0.1 + noise(t)).is_some_and(|s| s < 0.5));
+    }
+
+    #[test]
+    fn a_swing_is_waited_for() {
+        for frequency in [8.0f32, 20.0, 60.0] {
+            let swing = |t: f32| 0.1 + 0.3e-3 * (-0.5 * t).exp() * (frequency * t).cos();
+            let seconds = quiet_after_s(swing).expect("it calms down");
+            let left_m = 0.3e-3 * (-0.5 * seconds).exp();
+            assert!(left_m < 0.15e-3 && seconds > 1.0, "{frequency} rad/s: {seconds} s, {left_m} m");
+        }
+        assert_eq!(quiet_after_s(|t| 0.1 + 0.3e-3 * (20.0 * t).cos()), None);
+    }
+}
