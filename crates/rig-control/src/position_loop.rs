@@ -27,7 +27,7 @@ pub const GAINS: [f32; 3] = {
 const DAMPING_SHARE: f32 = 0.8;
 /// Frequency of the load's swing (rad/s) from which the gains no longer grow with it, and from which they fall: the observer
 /// is then hardly faster than the load.
-const FULL_PER_S: f32 = 0.5 * OBSERVER_PER_S;
+pub const FULL_PER_S: f32 = 0.5 * OBSERVER_PER_S;
 const THIN_PER_S: f32 = 0.8 * OBSERVER_PER_S;
 /// Slowest pole of the loop where the gains are full (1/s).
 pub const BANDWIDTH_PER_S: f32 = POLES[0] * FULL_PER_S;
@@ -46,7 +46,7 @@ const FORGOTTEN_S: f32 = 1.0;
 
 /// Share of the gains that is used for a load that swings at a frequency (rad/s): the delay that is not known takes the more
 /// of the phase, the faster the swing.
-pub fn gain_share(frequency: f32) -> f32 {
+pub fn damping_share(frequency: f32) -> f32 {
     let thin = (THIN_PER_S / frequency).min(1.0);
     (FULL_PER_S / frequency).min(1.0) * thin * thin
 }
@@ -94,16 +94,17 @@ impl PositionLoop {
         let standing = self.rest.step(set_point.done, set_point.position_m - load.position_m, load);
         let [by_position, by_speed, by_rest] = GAINS;
         // What brings the place of rest to where it is wanted, and what damps the swing about it.
+        let place = frequency.min(FULL_PER_S) * (by_position + by_rest) * rest_error_m;
         let most_m_per_s = DAMPING_SHARE * load.twist_limits.speed / hung.tr_rad_per_m();
         let damping = frequency * by_position * (error_m - rest_error_m) + by_speed * speed_error;
-        let feedback = frequency * (by_position + by_rest) * rest_error_m + damping.clamp(-most_m_per_s, most_m_per_s);
+        let feedback = place + (damping_share(frequency) * damping).clamp(-most_m_per_s, most_m_per_s);
         // The observer knows no friction: a load that sticks is not where it would come to rest.
         let (feedback, stuck_m) = match standing {
             Standing::LeftAlone => return LoopOutput { twist_speed_rad_per_s: 0.0, error_m },
             Standing::Beside(stuck_m) => (STUCK_PER_S * stuck_m, stuck_m),
             // Neither is one that waits for its friction to be taken up.
             Standing::Moves if setting_out.is_some() => (0.0, 0.0),
-            Standing::Moves => (gain_share(frequency) * feedback, 0.0),
+            Standing::Moves => (feedback, 0.0),
         };
         let takeup_rad_per_s = self.takeup.step(set_point, setting_out, stuck_m, load);
         let speed_m_per_s = wanted_speed + jerk / frequency_squared + feedback;
@@ -142,8 +143,8 @@ mod tests {
 
     #[test]
     fn gains_fall_where_the_load_swings_faster_than_the_observer_sees() {
-        assert_eq!(gain_share(10.0), 1.0);
-        assert!((gain_share(2.0 * FULL_PER_S) - 0.5 * 0.8 * 0.8).abs() < 1e-6);
-        assert!(gain_share(150.0) < 0.02);
+        assert_eq!(damping_share(10.0), 1.0);
+        assert!((damping_share(2.0 * FULL_PER_S) - 0.5 * 0.8 * 0.8).abs() < 1e-6);
+        assert!(damping_share(150.0) < 0.02);
     }
 }
