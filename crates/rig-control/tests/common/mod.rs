@@ -1,0 +1,56 @@
+//! A load that hangs on the default scene's mechanism, as the code that controls it sees it in one tick.
+
+use rig_control::load_motion::MotionObserver;
+use rig_control::load_state::LoadState;
+use rig_control::mechanism::Mechanism;
+use rig_control::observer::Observation;
+use rig_link::messages::GapCurve;
+use rig_scene::Scene;
+use std::path::Path;
+use std::sync::OnceLock;
+use tsa_table::Table;
+use tsa_table::owned::OwnedTable;
+
+fn scene() -> &'static Scene {
+    static SCENE: OnceLock<Scene> = OnceLock::new();
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/default.toml");
+    SCENE.get_or_init(|| Scene::load(path).expect("the default scene is good"))
+}
+
+/// The table of the default scene.
+pub fn table() -> &'static Table<'static> {
+    static OWNED: OnceLock<OwnedTable> = OnceLock::new();
+    static TABLE: OnceLock<Table<'static>> = OnceLock::new();
+    TABLE.get_or_init(|| OWNED.get_or_init(|| scene().fit_table().expect("it has a table").table).table())
+}
+
+/// A load (N) at rest at position 0 with the strings at a twist (rad), on a rail with a friction (N), last moved upwards.
+pub fn hanging(load_n: f32, friction_n: f32, twist_rad: f32) -> LoadState<'static> {
+    let mechanism = Mechanism { table: table(), twist_scale: 1.0, curve: GapCurve::constant(0.0) };
+    let pull_n = load_n + friction_n;
+    let point = mechanism.at(pull_n, twist_rad);
+    let motion = MotionObserver::at_rest(&mechanism, point.gap_m, twist_rad, pull_n).now();
+    let observation = Observation {
+        load_n,
+        friction_n,
+        pull_n,
+        modelled_gap_m: point.gap_m,
+        point,
+        moved_m: 0.0,
+        at_range_end: false,
+        load_error_n: 0.1,
+        changing: false,
+        confirmed: true,
+    };
+    LoadState {
+        mechanism,
+        observation,
+        position_m: 0.0,
+        motion,
+        reference_gap_m: point.gap_m,
+        gap_noise_m: 0.0,
+        jump_m: 0.0,
+        twist_rad,
+        twist_limits: scene().constants().twist_limits(),
+    }
+}

@@ -1,0 +1,107 @@
+//! The friction that is taken up before a load moves, from its contract (docs/control.md 4 and 5).
+
+mod common;
+
+use common::hanging;
+use rig_control::TICK_S;
+use rig_control::friction_takeup::FrictionTakeup;
+use rig_control::load_state::LoadState;
+use rig_control::planner::SetPoint;
+
+const WAITING: SetPoint = SetPoint { done: false, ..SetPoint::at(0.0) };
+const SPEED_M_PER_S: f32 = 2e-3;
+
+/// A load of 6 N with 0.3 N of friction that has come down: its strings pull 5.7 N.
+fn came_down() -> LoadState<'static> {
+    let mut load = hanging(6.0, 0.3, 25.0);
+    load.observation.pull_n = 5.7;
+    load.observation.point = load.mechanism.at(5.7, 25.0);
+    load.observation.modelled_gap_m = load.observation.point.gap_m;
+    load
+}
+
+/// Twist (rad) that takes the strings' pull from 5.7 to 6.3 N at a load that does not move.
+fn band_rad(load: &LoadState<'_>) -> f32 {
+    let high = load.mechanism.at(6.3, load.twist_rad);
+    (high.gap_m - load.observation.modelled_gap_m) * high.tr_rad_per_m()
+}
+
+/// Turns in so many ticks (rad).
+fn turned(takeup: &mut FrictionTakeup, ticks: u32, set_point: &SetPoint, waits: bool, load: &LoadState<'_>) -> f32 {
+    let setting_out = waits.then_some(SPEED_M_PER_S);
+    (0..ticks).map(|_| TICK_S * takeup.step(set_point, setting_out, 0.0, load)).sum()
+}
+
+#[test]
+fn a_move_the_other_way_turns_most_of_the_band_at_once_and_creeps_along_the_rest() {
+    let load = came_down();
+    let mut takeup = FrictionTakeup::default();
+    takeup.set_out(1.0);
+    let first_rad = turned(&mut takeup, 1, &WAITING, true, &load);
+    assert!(first_rad > 0.0 && takeup.is_waiting());
+    let ticks = (takeup.left_s() / TICK_S).ceil() as u32;
+    let planned_rad = first_rad + turned(&mut takeup, ticks, &WAITING, true, &load);
+    let creep_rad = 1e-3 * TICK_S * load.observation.point.tr_rad_per_m();
+    assert!((planned_rad - 0.95 * band_rad(&load)).abs() < 3.0 * creep_rad, "{planned_rad} of {}", band_rad(&load));
+    assert!(takeup.left_s() < TICK_S && takeup.is_waiting());
+    let crept_rad = turned(&mut takeup, 10, &WAITING, true, &load);
+    assert!((crept_rad / (10.0 * creep_rad) - 1.0).abs() < 0.05, "{crept_rad}");
+    // It does not creep for ever: 0.1 mm and half of the band.
+    let rest_rad = turned(&mut takeup, 2000, &WAITING, true, &load);
+    let farthest_rad = 0.1e-3 * load.mechanism.at(6.3, 25.0).tr_rad_per_m() + 0.5 * band_rad(&load);
+    assert!(!takeup.is_waiting() && (crept_rad + rest_rad) < 1.1 * farthest_rad, "{rest_rad} of {farthest_rad}");
+}
+
+#[test]
+fn a_load_that_comes_loose_ends_the_wait() {
+    let mut load = came_down();
+    let mut takeup = FrictionTakeup::default();
+    takeup.set_out(1.0);
+    turned(&mut takeup, 10, &WAITING, true, &load);
+    // Down is not the way.
+    load.position_m = -0.2e-3;
+    turned(&mut takeup, 2, &WAITING, true, &load);
+    assert!(takeup.is_waiting());
+    load.position_m = 0.1e-3;
+    turned(&mut takeup, 2, &WAITING, true, &load);
+    assert!(!takeup.is_waiting());
+    // What was still to be turned is not: it only stops.
+    let after_rad = turned(&mut takeup, 500, &WAITING, false, &load);
+    assert!(after_rad >= 0.0 && after_rad < 0.5 * band_rad(&load), "{after_rad}");
+}
+
+#[test]
+fn a_move_that_goes_on_the_same_way_has_nothing_to_take_up() {
+    let load = hanging(6.0, 0.3, 25.0);
+    let mut takeup = FrictionTakeup::default();
+    takeup.set_out(1.0);
+    turned(&mut takeup, 1, &WAITING, true, &load);
+    assert_eq!(takeup.left_s(), 0.0);
+    let mut takeup = FrictionTakeup::default();
+    takeup.set_out(0.0);
+    assert!(!takeup.is_waiting());
+}
+
+#[test]
+fn a_set_point_that_turns_round_under_way_takes_it_up_the_other_way() {
+    let load = hanging(6.0, 0.3, 25.0);
+    let passing = |speed_m_per_s| SetPoint { speed_m_per_s, ..WAITING };
+    let mut takeup = FrictionTakeup::default();
+    assert_eq!(turned(&mut takeup, 200, &passing(1e-3), false, &load), 0.0);
+    let down_rad = turned(&mut takeup, 200, &passing(-1e-3), false, &load);
+    let low = load.mechanism.at(5.7, load.twist_rad);
+    let expected_rad = 0.95 * (low.gap_m - load.observation.modelled_gap_m) * low.tr_rad_per_m();
+    assert!(down_rad < 0.0 && (down_rad / expected_rad - 1.0).abs() < 0.02, "{down_rad} of {expected_rad}");
+    assert_eq!(turned(&mut takeup, 50, &passing(-1e-3), false, &load), 0.0, "once");
+}
+
+#[test]
+fn at_rest_a_load_that_sticks_beside_its_place_gets_a_smaller_share() {
+    let load = came_down();
+    let mut takeup = FrictionTakeup::default();
+    let rest = SetPoint::at(0.0);
+    let small: f32 = (0..200).map(|_| TICK_S * takeup.step(&rest, None, 19e-6, &load)).sum();
+    assert_eq!(small, 0.0, "within noise");
+    let turned: f32 = (0..200).map(|_| TICK_S * takeup.step(&rest, None, 50e-6, &load)).sum();
+    assert!((turned / (0.8 * band_rad(&load)) - 1.0).abs() < 0.02, "{turned} of {}", band_rad(&load));
+}

@@ -1,0 +1,142 @@
+//! One tick of the position loop, from its equations (docs/control.md 3).
+
+mod common;
+
+use common::hanging;
+use rig_control::load_motion::AHEAD_S;
+use rig_control::load_state::LoadState;
+use rig_control::planner::SetPoint;
+use rig_control::position_loop::{FULL_PER_S, GAINS, LoopOutput, PositionLoop, damping_share};
+
+/// A load of 6 N without friction in the middle of its travel: it swings at some 30 rad/s.
+fn load() -> LoadState<'static> {
+    hanging(6.0, 0.0, 25.0)
+}
+
+/// On its way, so that the load is not taken for one at its target.
+const PASSING: SetPoint = SetPoint { done: false, ..SetPoint::at(0.0) };
+
+fn step(set_point: &SetPoint, load: &LoadState<'_>) -> LoopOutput {
+    PositionLoop::default().step(set_point, None, load)
+}
+
+/// Speed of the load (m/s) for which the strings turn.
+fn load_speed(set_point: &SetPoint, load: &LoadState<'_>) -> f32 {
+    step(set_point, load).twist_speed_rad_per_s / load.observation.point.tr_rad_per_m()
+}
+
+fn same(found: f32, expected: f32) -> bool {
+    (found - expected).abs() <= 0.01 * expected.abs() + 1e-6
+}
+
+#[test]
+fn a_load_on_its_path_is_led_by_feed_forward_alone() {
+    let load = load();
+    let omega2 = load.motion.frequency_squared();
+    assert!(load_speed(&PASSING, &load).abs() < 1e-6);
+    let (speed, jerk) = (3e-3, 0.5);
+    // Where the load will be when the command acts: on the path, with its speed.
+    let mut moving = load;
+    moving.motion.speed_m_per_s = -speed;
+    let set_point = SetPoint { position_m: -AHEAD_S * speed, speed_m_per_s: speed, jerk_m_per_s3: jerk, ..PASSING };
+    let found = load_speed(&set_point, &moving);
+    assert!(same(found, speed + jerk / omega2), "{found}");
+    // An acceleration of the path is a place of rest ahead of it.
+    let acceleration = 0.05;
+    let ahead = SetPoint {
+        position_m: -0.5 * AHEAD_S * AHEAD_S * acceleration,
+        acceleration_m_per_s2: acceleration,
+        ..PASSING
+    };
+    let mut rising = load;
+    rising.motion.speed_m_per_s = -AHEAD_S * acceleration;
+    let [by_position, _, by_rest] = GAINS;
+    let omega = omega2.sqrt();
+    let place = omega.min(FULL_PER_S) * (by_position + by_rest) * acceleration / omega2;
+    let damping = -damping_share(omega) * omega * by_position * acceleration / omega2;
+    let expected = AHEAD_S * acceleration + place + damping;
+    let found = load_speed(&ahead, &rising);
+    assert!(same(found, expected), "{found} instead of {expected}");
+}
+
+#[test]
+fn a_place_of_rest_that_is_off_is_brought_back_by_the_gains() {
+    let load = load();
+    let omega = load.motion.frequency_squared().sqrt();
+    let [by_position, _, by_rest] = GAINS;
+    for error_m in [0.1e-3f32, -0.2e-3] {
+        // Load and place of rest are both below (or above) the set-point.
+        let found = load_speed(&SetPoint { position_m: error_m, ..PASSING }, &load);
+        let expected = omega.min(FULL_PER_S) * (by_position + by_rest) * error_m;
+        assert!(same(found, expected), "{found} instead of {expected}");
+        assert!(same(step(&SetPoint { position_m: error_m, ..PASSING }, &load).error_m, error_m));
+    }
+}
+
+#[test]
+fn a_swing_is_damped_against_its_speed_and_with_the_distance_from_its_middle() {
+    let omega = load().motion.frequency_squared().sqrt();
+    let [by_position, by_speed, _] = GAINS;
+    let share = damping_share(omega);
+    for speed in [2e-3f32, -2e-3] {
+        let mut swings = load();
+        swings.motion.speed_m_per_s = speed;
+        // It sinks: the strings go up.
+        assert!(same(load_speed(&PASSING, &swings), share * by_speed * speed));
+    }
+    for below_m in [0.2e-3f32, -0.2e-3] {
+        let mut swings = load();
+        swings.motion.gap_m += below_m;
+        let found = load_speed(&PASSING, &swings);
+        assert!(same(found, share * omega * by_position * below_m), "{found}");
+    }
+}
+
+#[test]
+fn damping_leaves_a_part_of_the_speed_for_the_way_back() {
+    let mut fallen = load();
+    let fastest = fallen.twist_limits.speed / fallen.observation.point.tr_rad_per_m();
+    fallen.motion.gap_m += 10e-3;
+    let found = load_speed(&PASSING, &fallen);
+    assert!(same(found, -0.8 * fastest), "{found} of {fastest}");
+    // A load that has become heavier comes to rest 2 mm lower, and is just as far below that place: it is led back all the same.
+    fallen = load();
+    fallen.motion.gap_m += 4e-3;
+    fallen.motion.weight_n += 2e-3 / fallen.observation.point.dgap_dload_m_per_n;
+    assert!(load_speed(&PASSING, &fallen) > 0.0);
+}
+
+#[test]
+fn a_load_that_waits_for_its_friction_gets_no_feedback() {
+    let mut beside = hanging(6.0, 0.3, 25.0);
+    beside.motion.gap_m -= 1e-3;
+    let mut control = PositionLoop::default();
+    // The friction of a load that last went up is taken up already; what is left of the way is crept along by 1 mm/s.
+    control.takeup.set_out(1.0);
+    let out = control.step(&PASSING, Some(2e-3), &beside);
+    let found = out.twist_speed_rad_per_s / beside.observation.point.tr_rad_per_m();
+    assert!((found - 1e-3).abs() < 1e-4, "{found}");
+    assert!(load_speed(&PASSING, &beside).abs() > 2e-3, "with feedback");
+}
+
+#[test]
+fn strings_turn_no_further_against_a_jammed_load_but_back() {
+    let mut jammed = load();
+    let mut control = PositionLoop::default();
+    let up = SetPoint { position_m: 1e-3, ..PASSING };
+    assert!(control.step(&up, None, &jammed).twist_speed_rad_per_s > 0.0);
+    // 0.5 N and 0.3 of 6 N more than it weighs.
+    jammed.observation.pull_n = 6.0 + 2.4;
+    assert_eq!(control.step(&up, None, &jammed).twist_speed_rad_per_s, 0.0);
+    let down = SetPoint { position_m: -1e-3, ..PASSING };
+    assert!(control.step(&down, None, &jammed).twist_speed_rad_per_s < 0.0);
+    jammed.observation.pull_n = 6.0 + 2.2;
+    assert!(control.step(&up, None, &jammed).twist_speed_rad_per_s > 0.0);
+    // Slack strings: the other way round.
+    jammed.observation.pull_n = 6.0 - 2.4;
+    assert_eq!(control.step(&down, None, &jammed).twist_speed_rad_per_s, 0.0);
+    // A load that moves is not jammed.
+    jammed.observation.load_n = 3.6;
+    jammed.observation.moved_m = 1e-5;
+    assert!(control.step(&down, None, &jammed).twist_speed_rad_per_s < 0.0);
+}

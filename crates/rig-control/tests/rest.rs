@@ -1,0 +1,124 @@
+//! A load at its target: when it stands, what stiction leaves, and how its jumps are learned (docs/control.md 4).
+
+mod common;
+
+use common::hanging;
+use rig_control::load_state::LoadState;
+use rig_control::rest::{AT_REST_M, JUMP_SHARE, Rest, Standing};
+
+/// 10 N with 2 N of friction: a jump as long as friction over stiffness is some millimetres.
+fn load() -> LoadState<'static> {
+    hanging(10.0, 2.0, 25.0)
+}
+
+/// The load at an error (m) for so many ticks; what it is in the last one.
+fn at(rest: &mut Rest, error_m: f32, ticks: u32, load: &LoadState<'_>) -> Standing {
+    (0..ticks).fold(Standing::Moves, |_, _| rest.step(true, error_m, load))
+}
+
+/// It stands at one error (m) and then, without its strings having turned, at another.
+fn jumps(rest: &mut Rest, errors_m: &[f32], load: &LoadState<'_>) -> Standing {
+    errors_m.iter().fold(Standing::Moves, |_, error_m| at(rest, *error_m, 40, load))
+}
+
+#[test]
+fn a_load_stands_once_it_is_slow_or_has_not_left_its_place() {
+    let mut load = load();
+    let mut rest = Rest::default();
+    assert_eq!(at(&mut rest, 1e-3, 5, &load), Standing::Moves);
+    assert_eq!(at(&mut rest, 1e-3, 1, &load), Standing::Beside(1e-3));
+    // Its observer takes it for one that moves with its strings, but it stays where it is.
+    load.motion.speed_m_per_s = 0.01;
+    let mut rest = Rest::default();
+    assert_eq!(at(&mut rest, 1e-3, 11, &load), Standing::Moves);
+    assert_eq!(at(&mut rest, 1e-3, 1, &load), Standing::Beside(1e-3));
+    // One that has left its place begins anew, and so does one whose set-point moves.
+    assert_eq!(at(&mut rest, 0.9e-3, 2, &load), Standing::Moves);
+    at(&mut rest, 0.9e-3, 20, &load);
+    assert_eq!(rest.step(false, 0.9e-3, &load), Standing::Moves);
+    assert_eq!(at(&mut rest, 0.9e-3, 11, &load), Standing::Moves);
+}
+
+#[test]
+fn noise_of_the_gap_widens_what_is_left_alone() {
+    let mut load = load();
+    assert_eq!(at(&mut Rest::default(), 0.9 * AT_REST_M, 20, &load), Standing::LeftAlone);
+    assert_eq!(at(&mut Rest::default(), 1.1 * AT_REST_M, 20, &load), Standing::Beside(1.1 * AT_REST_M));
+    load.gap_noise_m = 20e-6;
+    assert_eq!(at(&mut Rest::default(), 33e-6, 20, &load), Standing::LeftAlone);
+    assert!(matches!(at(&mut Rest::default(), 35e-6, 20, &load), Standing::Beside(_)));
+}
+
+#[test]
+fn half_of_a_jump_that_homing_saw_is_left_alone_and_a_whole_one_while_the_move_can_come_again() {
+    let mut load = load();
+    load.jump_m = 0.4e-3;
+    assert_eq!(at(&mut Rest::default(), 0.21e-3, 20, &load), Standing::LeftAlone);
+    assert!(matches!(at(&mut Rest::default(), 0.23e-3, 20, &load), Standing::Beside(_)));
+    let mut again = Rest::default();
+    again.comes_again = true;
+    assert_eq!(at(&mut again, -0.33e-3, 20, &load), Standing::LeftAlone);
+    assert!((again.tolerance_m(load.jump_m) / 0.34e-3 - 1.0).abs() < 1e-3);
+}
+
+#[test]
+fn what_is_left_alone_is_taken_care_of_when_it_has_grown_by_a_third() {
+    let mut load = load();
+    load.jump_m = 0.4e-3;
+    let mut rest = Rest::default();
+    assert_eq!(at(&mut rest, 0.2e-3, 40, &load), Standing::LeftAlone);
+    // Slower than what counts as motion.
+    let creep = |rest: &mut Rest, to_m: f32| {
+        (0..400u16).fold(Standing::Moves, |_, k| rest.step(true, 0.2e-3 + (to_m - 0.2e-3) * f32::from(k) / 399.0, &load))
+    };
+    assert_eq!(creep(&mut rest, 0.28e-3), Standing::LeftAlone);
+    assert!(matches!(creep(&mut rest, 0.31e-3), Standing::Beside(_) | Standing::Moves));
+}
+
+#[test]
+fn a_way_past_the_target_is_a_jump_less_what_the_strings_have_turned() {
+    let mut load = load();
+    let mut rest = Rest::default();
+    jumps(&mut rest, &[0.3e-3, -0.1e-3], &load);
+    assert!((rest.tolerance_m(0.0) / (JUMP_SHARE * 0.4e-3) - 1.0).abs() < 1e-3, "{}", rest.tolerance_m(0.0));
+    // The strings have turned for half of the way.
+    let mut rest = Rest::default();
+    at(&mut rest, 0.3e-3, 40, &load);
+    load.twist_rad += 0.2e-3 * load.observation.point.tr_rad_per_m();
+    at(&mut rest, -0.1e-3, 40, &load);
+    assert!((rest.tolerance_m(0.0) / (JUMP_SHARE * 0.2e-3) - 1.0).abs() < 1e-2, "{}", rest.tolerance_m(0.0));
+    // Short of the target it tells that a jump is no longer than that.
+    jumps(&mut rest, &[-0.3e-3, -0.2e-3], &load);
+    assert!((rest.tolerance_m(0.0) / (JUMP_SHARE * 0.1e-3) - 1.0).abs() < 1e-2, "{}", rest.tolerance_m(0.0));
+}
+
+#[test]
+fn a_load_that_comes_no_nearer_is_soon_left_alone_whatever_its_strings_have_done() {
+    let mut load = load();
+    let mut rest = Rest::default();
+    let errors_m = [0.25e-3, -0.24e-3, 0.25e-3, -0.24e-3, 0.25e-3];
+    let stands: Vec<bool> = errors_m
+        .iter()
+        .map(|error_m| {
+            // All of each way was turned, as it is on a load that breaks loose from strings that go on turning.
+            load.twist_rad -= 2.0 * error_m * load.observation.point.tr_rad_per_m();
+            at(&mut rest, *error_m, 40, &load) == Standing::LeftAlone
+        })
+        .collect();
+    assert_eq!(stands[..2], [false, false]);
+    assert!(stands[3], "{stands:?}");
+    // Another target forgets that.
+    rest.step(false, 0.0, &load);
+    load.twist_rad = 25.0;
+    jumps(&mut rest, &[0.25e-3, -0.1e-3], &load);
+    assert!((rest.tolerance_m(0.0) / (JUMP_SHARE * 0.35e-3) - 1.0).abs() < 1e-2, "{}", rest.tolerance_m(0.0));
+}
+
+#[test]
+fn a_way_that_friction_does_not_explain_is_no_jump() {
+    // Another load: with 0.01 N of friction nothing jumps by half a millimetre.
+    let load = hanging(10.0, 0.01, 25.0);
+    let mut rest = Rest::default();
+    jumps(&mut rest, &[0.5e-3, -0.1e-3], &load);
+    assert_eq!(rest.tolerance_m(0.0), 0.0);
+}
