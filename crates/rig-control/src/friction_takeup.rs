@@ -8,7 +8,8 @@
 
 use crate::TICK_S;
 use crate::load_state::LoadState;
-use crate::planner::{Ramp, SetPoint};
+use crate::planner::SetPoint;
+use crate::ramp::Ramp;
 
 /// Share of the way that is turned ahead, as a move begins and at rest: a friction that is known badly must not push the
 /// load, least of all back and forth about its target.

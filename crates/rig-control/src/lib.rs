@@ -30,6 +30,7 @@ pub mod move_check;
 pub mod observer;
 pub mod planner;
 pub mod position_loop;
+pub mod ramp;
 pub mod rest;
 pub mod sensors;
 pub mod settings;

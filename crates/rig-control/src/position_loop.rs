@@ -25,8 +25,8 @@ pub const GAINS: [f32; 3] = {
 /// Share of the strings' greatest speed that damping the swing may use. With more, strings whose load has just become heavier would
 /// turn back and forth to damp its swing instead of taking it back to its place.
 const DAMPING_SHARE: f32 = 0.8;
-/// Frequency of the load's swing (rad/s) from which the gains no longer grow with it, and from which they fall: the observer
-/// is then hardly faster than the load.
+/// Frequency of the load's swing (rad/s) from which the gains no longer grow with it, and from which those that damp it fall: the
+/// observer is then hardly faster than the load.
 pub const FULL_PER_S: f32 = 0.5 * OBSERVER_PER_S;
 const THIN_PER_S: f32 = 0.8 * OBSERVER_PER_S;
 /// Slowest pole of the loop where the gains are full (1/s).
@@ -35,17 +35,17 @@ pub const BANDWIDTH_PER_S: f32 = POLES[0] * FULL_PER_S;
 /// its target.
 const STUCK_PER_S: f32 = 5.0;
 
-/// A load that does not move while the pull of its strings changes by so much is jammed: least (N), since a small friction is not known well, share of the load, and over the friction.
-/// Turned further, the strings would let it spring when it comes loose, or fall slack. The load estimate goes along with the
-/// pull; so it counts from the estimate when the load last moved, which is forgotten within so many seconds, because that may
-/// have been wrong.
+/// A load that does not move while the pull of its strings changes by so much is jammed: the sum of a least change (N), since a small
+/// friction is not known well, of a share of the load, and of a multiple of the friction. Turned further, the strings would let
+/// it spring when it comes loose, or fall slack. The load estimate goes along with the pull; so the change counts from the estimate
+/// when the load last moved, which is forgotten within so many seconds, because that may have been wrong.
 const JAMMED_LEAST_N: f32 = 0.5;
 const JAMMED_SHARE: f32 = 0.3;
 const JAMMED_FRICTIONS: f32 = 2.0;
 const FORGOTTEN_S: f32 = 1.0;
 
-/// Share of the gains that is used for a load that swings at a frequency (rad/s): the delay that is not known takes the more
-/// of the phase, the faster the swing.
+/// Share of the gains that damp the swing of a load at a frequency (rad/s): the faster the swing, the more of its phase the unknown
+/// part of the delay takes.
 pub fn damping_share(frequency: f32) -> f32 {
     let thin = (THIN_PER_S / frequency).min(1.0);
     (FULL_PER_S / frequency).min(1.0) * thin * thin
@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn gains_fall_where_the_load_swings_faster_than_the_observer_sees() {
+    fn damping_falls_where_the_load_swings_faster_than_the_observer_sees() {
         assert_eq!(damping_share(10.0), 1.0);
         assert!((damping_share(2.0 * FULL_PER_S) - 0.5 * 0.8 * 0.8).abs() < 1e-6);
         assert!(damping_share(150.0) < 0.02);

@@ -2,8 +2,8 @@
 //!
 //! A load that breaks loose from stiction jumps by J = 2 (Fs − Fc)/k, and J cannot be made smaller by waiting. An error below
 //! half of a jump is therefore left alone: after another jump it would be no smaller. J is known from homing where the load
-//! stuck and slipped there, and is seen at rest: what it moves from one stand to another, past its
-//! target, without its strings having turned for it, is a jump.
+//! stuck and slipped there, and is seen at rest: what it moves from one stand to another, past its target, without its strings having
+//! turned for it, is a jump.
 
 use crate::load_state::LoadState;
 

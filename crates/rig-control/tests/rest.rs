@@ -69,7 +69,8 @@ fn what_is_left_alone_is_taken_care_of_when_it_has_grown_by_a_third() {
     assert_eq!(at(&mut rest, 0.2e-3, 40, &load), Standing::LeftAlone);
     // Slower than what counts as motion.
     let creep = |rest: &mut Rest, to_m: f32| {
-        (0..400u16).fold(Standing::Moves, |_, k| rest.step(true, 0.2e-3 + (to_m - 0.2e-3) * f32::from(k) / 399.0, &load))
+        (0..400u16)
+            .fold(Standing::Moves, |_, k| rest.step(true, 0.2e-3 + (to_m - 0.2e-3) * f32::from(k) / 399.0, &load))
     };
     assert_eq!(creep(&mut rest, 0.28e-3), Standing::LeftAlone);
     assert!(matches!(creep(&mut rest, 0.31e-3), Standing::Beside(_) | Standing::Moves));

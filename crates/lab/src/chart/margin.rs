@@ -213,7 +213,7 @@ mod tests {
     #[test]
     fn the_firmwares_loop_is_as_fast_as_its_slowest_pole_and_calms_the_swing() {
         let c = Controller::damped();
-        // Poles 0.4 and 0.36 ± 0.82 i times 25 rad/s: the slowest decays with 9 to 10 per second, were the drive without lag.
+        // Poles 0.55 and 0.39 ± 0.86 i times 25 rad/s: the swing decays with 10 per second, were the drive without lag.
         let per_s = -SWINGS.growth(&c).ln() / c.period_s;
         assert!((7.0..14.0).contains(&per_s), "{per_s} per second");
         let swing_alone = SWINGS.growth(&Controller { gain_per_s: 0.0, ..c });

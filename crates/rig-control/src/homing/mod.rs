@@ -19,7 +19,7 @@ pub mod weigh;
 
 use crate::constants::TwistLimits;
 use crate::mechanism::Mechanism;
-use crate::planner::Ramp;
+use crate::ramp::Ramp;
 use crate::{RigConstants, TICK_S};
 use centre::Centre;
 use core::f32::consts::{PI, TAU};

@@ -2,7 +2,7 @@
 
 use super::modes::Mode;
 use super::{Inputs, Rig};
-use crate::planner::Ramp;
+use crate::ramp::Ramp;
 use crate::settings;
 use rig_link::messages::{Accepted, Refusal, Setting, SettingValues, State};
 

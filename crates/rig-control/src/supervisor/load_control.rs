@@ -143,11 +143,10 @@ impl Move {
         }
         let error_m = self.target_m - load.position_m;
         // Farther away the loop brings it nearer by itself, unless it is held where the last approach has aimed.
-        let left = error_m.abs() < self.control.position_loop.rest.tolerance_m(load.jump_m) || self.approaches_left == 0;
-        let sticks = load.jump_m > 0.0
-            && error_m.abs() > Self::arrived_m(load)
-            && left
-            && load.observation.moved_m == 0.0;
+        let left =
+            error_m.abs() < self.control.position_loop.rest.tolerance_m(load.jump_m) || self.approaches_left == 0;
+        let sticks =
+            load.jump_m > 0.0 && error_m.abs() > Self::arrived_m(load) && left && load.observation.moved_m == 0.0;
         self.control.position_loop.rest.comes_again = load.jump_m > 0.0 && self.approaches_left > 0;
         if !lasts(&mut self.stuck_ticks, sticks, STUCK_TICKS) {
             return;

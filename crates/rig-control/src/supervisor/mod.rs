@@ -51,7 +51,7 @@ mod telemetry;
 mod tracking;
 
 use crate::homing::Homed;
-use crate::planner::Ramp;
+use crate::ramp::Ramp;
 use crate::sensors::{DriveReading, LvdtBlock, SupplyReading};
 use crate::{RigConstants, TICK_US};
 use guard::{Guard, Situation};

@@ -8,7 +8,7 @@ use crate::TICK_S;
 use crate::homing::{Homing, HomingInputs, Progress};
 use crate::load_motion::AHEAD_S;
 use crate::load_state::LoadState;
-use crate::planner::Ramp;
+use crate::ramp::Ramp;
 use crate::sensors::{DriveReading, LvdtReading};
 use rig_link::messages::{EventKind, Limit, State};
 

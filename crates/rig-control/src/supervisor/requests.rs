@@ -9,7 +9,7 @@ use super::stream::{HOLDS_FOR_S, Stream, StreamPoint, reach_m};
 use super::{Events, Inputs, JOG_SPEED_MAX, Rig};
 use crate::homing::Homing;
 use crate::move_check::{MoveRequest, MoveStart, check_load, in_range};
-use crate::planner::Ramp;
+use crate::ramp::Ramp;
 use crate::sensors::LvdtReading;
 use rig_link::messages::{
     Accepted, EventKind, Fault, Limit, LoadChoice, Parameter, Refusal, Request, Sensor, Setting, StreamEnd,

@@ -1,5 +1,7 @@
 //! A load that hangs on the default scene's mechanism, as the code that controls it sees it in one tick.
+#![allow(dead_code, reason = "each test uses a part of it")]
 
+use rig_control::RigConstants;
 use rig_control::load_motion::MotionObserver;
 use rig_control::load_state::LoadState;
 use rig_control::mechanism::Mechanism;
@@ -22,6 +24,11 @@ pub fn table() -> &'static Table<'static> {
     static OWNED: OnceLock<OwnedTable> = OnceLock::new();
     static TABLE: OnceLock<Table<'static>> = OnceLock::new();
     TABLE.get_or_init(|| OWNED.get_or_init(|| scene().fit_table().expect("it has a table").table).table())
+}
+
+/// The constants of the default scene's rig.
+pub fn constants() -> RigConstants {
+    scene().constants()
 }
 
 /// A load (N) at rest at position 0 with the strings at a twist (rad), on a rail with a friction (N), last moved upwards.
@@ -51,6 +58,6 @@ pub fn hanging(load_n: f32, friction_n: f32, twist_rad: f32) -> LoadState<'stati
         gap_noise_m: 0.0,
         jump_m: 0.0,
         twist_rad,
-        twist_limits: scene().constants().twist_limits(),
+        twist_limits: constants().twist_limits(),
     }
 }

@@ -21,7 +21,7 @@ use super::sensing::{DriveZero, Readings};
 use super::tracking::LoadTracking;
 use super::{EventKind, Events, HOST_SILENT_US, Inputs, ticks};
 use crate::RigConstants;
-use crate::planner::Ramp;
+use crate::ramp::Ramp;
 use drive::DriveChecks;
 pub(super) use drive::supply_is_off;
 use gap::GapChecks;

@@ -1,0 +1,94 @@
+//! Whether a move is possible, and which parameter of it is refused.
+
+mod common;
+
+use common::{constants, table};
+use rig_control::mechanism::{Mechanism, OUTSIDE_RAD};
+use rig_control::move_check::{MoveRequest, MoveStart, SPEED_MIN_M_PER_S};
+use rig_control::settings;
+use rig_link::messages::{GapCurve, LoadChoice, Parameter, Refusal, Setting, SettingValues};
+use std::f32::consts::PI;
+
+const LOAD_N: f32 = 5.0;
+const FRICTION_N: f32 = 0.2;
+/// Gap (m) that the LVDT shows too much.
+const OFFSET_M: f32 = 1e-3;
+
+fn mechanism() -> Mechanism<'static> {
+    Mechanism { table: table(), twist_scale: 1.0, curve: GapCurve::constant(OFFSET_M) }
+}
+
+/// At the half-turn pre-twist, after homing's way down.
+fn start(settings: &SettingValues) -> MoveStart<'_> {
+    let hangs_m = -settings.get(Setting::PositionZero);
+    MoveStart {
+        mechanism: mechanism(),
+        load_n: LOAD_N,
+        friction_n: FRICTION_N,
+        twist_rad: PI,
+        position_m: hangs_m,
+        zero_gap_m: mechanism().at(LOAD_N - FRICTION_N, PI).gap_m + hangs_m,
+        settings,
+    }
+}
+
+fn request(target_m: f32) -> MoveRequest {
+    MoveRequest { target_m, speed_m_per_s: 0.002, load: LoadChoice::Auto }
+}
+
+fn range_of(result: Result<(), Refusal>) -> (Parameter, f32, f32) {
+    match result {
+        Err(Refusal::OutOfRange { parameter, min, max, .. }) => (parameter, min, max),
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn a_move_is_possible_as_far_as_the_strings_pull_load_and_friction() {
+    let defaults = settings::defaults(&constants());
+    let start = start(&defaults);
+    // Up, the strings pull the load and friction: the gap at the last twist is larger by that.
+    let (m, twist_max_rad) = (mechanism(), table().metadata.twist_max_rad);
+    let highest_m = start.zero_gap_m - m.at(LOAD_N + FRICTION_N, twist_max_rad).gap_m;
+    assert_eq!(start.check(&request(highest_m)), Ok(()));
+    let (parameter, min, max) = range_of(start.check(&request(highest_m + 1e-6)));
+    assert_eq!((parameter, max), (Parameter::Target, highest_m));
+    assert!(min >= 0.0 && start.check(&request(0.0)).is_ok());
+    assert_eq!(range_of(start.check(&request(-1e-6))).0, Parameter::Target, "no load is let down below the pre-twist");
+    let without = MoveStart { friction_n: 0.0, ..start };
+    assert!(without.check(&request(highest_m + 1e-5)).is_ok(), "friction costs travel");
+    // A heavier load cannot be brought up as far.
+    let heavier = MoveRequest { load: LoadChoice::Known(15.0), ..request(highest_m) };
+    assert_eq!(range_of(start.check(&heavier)).0, Parameter::Target);
+    // Where zero is another place, so are the ends.
+    let raised = defaults.with(Setting::PositionZero, 0.002);
+    let raised = self::start(&raised);
+    assert!(raised.check(&request(-0.002)).is_ok() && raised.check(&request(highest_m - 0.0021)).is_ok());
+    assert_eq!(range_of(raised.check(&request(highest_m - 0.0019))).0, Parameter::Target);
+}
+
+#[test]
+fn each_parameter_of_a_move_is_refused_by_name() {
+    let defaults = settings::defaults(&constants()).with(Setting::SpeedMax, 0.01);
+    let start = start(&defaults);
+    let m = &table().metadata;
+    let speed = |speed_m_per_s| start.check(&MoveRequest { speed_m_per_s, ..request(0.005) });
+    assert_eq!(range_of(speed(0.0101)), (Parameter::Speed, SPEED_MIN_M_PER_S, 0.01));
+    assert!(speed(0.01).is_ok() && speed(SPEED_MIN_M_PER_S).is_ok());
+    assert_eq!(speed(f32::NAN), Err(Refusal::NotFinite { parameter: Parameter::Speed }));
+    let load = |load_n| start.check(&MoveRequest { load: LoadChoice::Known(load_n), ..request(0.001) });
+    assert_eq!(range_of(load(0.9 * m.load_min_n)), (Parameter::Load, m.load_min_n, m.load_max_n));
+    assert_eq!(load(f32::INFINITY), Err(Refusal::NotFinite { parameter: Parameter::Load }));
+    for target_m in [f32::NAN, f32::INFINITY] {
+        assert_eq!(start.check(&request(target_m)), Err(Refusal::NotFinite { parameter: Parameter::Target }));
+    }
+    for (twist_rad, possible) in [
+        (m.twist_min_rad - 0.9 * OUTSIDE_RAD, true),
+        (m.twist_min_rad - 1.1 * OUTSIDE_RAD, false),
+        (m.twist_max_rad + 1.1 * OUTSIDE_RAD, false),
+    ] {
+        let checked = MoveStart { twist_rad, ..start }.check(&request(0.005));
+        assert_eq!(checked.is_ok(), possible, "{twist_rad} rad");
+        assert!(possible || range_of(checked).0 == Parameter::Twist);
+    }
+}
