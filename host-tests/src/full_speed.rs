@@ -2,9 +2,10 @@
 //! same turn of the strings.
 
 use crate::ControlBench;
-use crate::load_changes::{Outcome, as_the_sensor_has_it, homed_under, motor_s};
+use crate::load_changes::{Outcome, as_the_sensor_has_it, hang, homed_under, motor_s};
 use crate::rigs::subject::Subject;
 use lab::parallel::parallel_on;
+use rig_control::TICK_S;
 use rig_control::limits::SPEED_MAX_M_PER_S;
 use rig_link::messages::{LoadChoice, Request, State};
 
@@ -12,6 +13,12 @@ use rig_link::messages::{LoadChoice, Request, State};
 pub const LOADS_KG: [f64; 4] = [0.1, 0.5, 1.0, 1.5];
 /// Where the way begins and ends (m).
 pub const ENDS_M: [f32; 2] = [0.001, 0.013];
+/// The same of moves on which the load changes between two weights (kg), how many there are on one rig, and after how many ticks
+/// the load changes in one after the other.
+const STEP_ENDS_M: [f32; 2] = [0.004, 0.012];
+const STEP_LOADS_KG: [f64; 2] = [0.9, 1.2];
+const STEP_MOVES: usize = 34;
+const STEP_TICKS: [u32; 5] = [10, 40, 80, 120, 180];
 /// Rest before each way (s).
 const REST_S: f64 = 2.0;
 
@@ -30,13 +37,38 @@ fn both_ways(subject: &Subject, load_kg: f64) -> [Outcome; 2] {
     [[low_m, high_m], [high_m, low_m]].map(|[from_m, to_m]| {
         let what = format!("seed {} {load_kg} kg, {:2.0} mm -> {:2.0} mm", subject.seed, from_m * 1e3, to_m * 1e3);
         match &mut bench {
-            Ok(bench) => go(bench, to_m, what),
+            Ok(bench) => go(bench, to_m, None, what),
             Err(why) => Outcome::failed(what, why.clone()),
         }
     })
 }
 
-fn go(bench: &mut ControlBench, target_m: f32, what: String) -> Outcome {
+/// Moves up and down on one rig, on each of which the load changes by a third at some time.
+pub fn under_steps(subject: &Subject) -> Vec<Outcome> {
+    let [lighter_kg, heavier_kg] = STEP_LOADS_KG;
+    let mut bench = homed_under(subject, heavier_kg).and_then(|mut bench| {
+        bench.move_to(STEP_ENDS_M[0], 0.004, LoadChoice::Auto)?;
+        Ok(bench)
+    });
+    let moves = (0..STEP_MOVES).map(|k| {
+        let (to_m, to_kg) = (STEP_ENDS_M[(k + 1) % 2], if k / 2 % 2 == 0 { lighter_kg } else { heavier_kg });
+        // The second of two moves takes the load back.
+        let to_kg = if k % 2 == 0 { to_kg } else { lighter_kg + heavier_kg - to_kg };
+        let what = format!("seed {} to {:2.0} mm, to {to_kg} kg", subject.seed, to_m * 1e3);
+        match &mut bench {
+            Ok(bench) => {
+                let outcome = go(bench, to_m, Some((STEP_TICKS[k % STEP_TICKS.len()], to_kg)), what);
+                // It depends on the load that the motor turns against on each part of the way.
+                Outcome { motor_s: f64::NAN, ..outcome }
+            }
+            Err(why) => Outcome::failed(what, why.clone()),
+        }
+    });
+    moves.collect()
+}
+
+/// One move to a target (m), on which the load changes after so many ticks to another weight (kg).
+fn go(bench: &mut ControlBench, target_m: f32, step: Option<(u32, f64)>, what: String) -> Outcome {
     bench.run(REST_S);
     let before_rad = bench.truth().twist_rad;
     let request = Request::Move { target_m, speed_m_per_s: SPEED_MAX_M_PER_S, load: LoadChoice::Auto };
@@ -51,6 +83,15 @@ fn go(bench: &mut ControlBench, target_m: f32, what: String) -> Outcome {
         let position_m = bench.last.as_ref().and_then(|last| last.telemetry.position_m);
         shown_m.extend(position_m.map(|m| f64::from(m) - true_m));
     };
+    if let Some((ticks, to_kg)) = step {
+        bench.until(f64::from(TICK_S) * f64::from(ticks), |bench| {
+            watch(bench);
+            false
+        });
+        if let Err(why) = hang(bench, to_kg) {
+            return Outcome::failed(what, why);
+        }
+    }
     bench.until(20.0, |bench| {
         watch(bench);
         bench.control.state() != State::Moving

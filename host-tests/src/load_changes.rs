@@ -164,7 +164,11 @@ fn begin(bench: &mut ControlBench, step: Step) -> Result<(), String> {
     Ok(())
 }
 
-fn hang(bench: &mut ControlBench, load_kg: f64) -> Result<(), String> {
+/// Hangs another load (kg) on.
+///
+/// # Errors
+/// In words, if the rig cannot carry it.
+pub fn hang(bench: &mut ControlBench, load_kg: f64) -> Result<(), String> {
     bench.rig.set_plant("load", &format!("{load_kg}kg")).map_err(|e| e.to_string())
 }
 

@@ -388,6 +388,26 @@ fn the_board_makes_its_own_table_in_seconds_keeps_it_and_falls_back() {
     broken[words[words.len() / 2]] ^= 4;
     assert_eq!(boots(&broken), built_in);
 
+    // There is room for four between two starts. A fifth is refused before it is made, so that it is not in use after the next start.
+    let mut made = Vec::new();
+    loop {
+        let mut scene = host_tests::scene().clone();
+        scene.string.k2 *= 1.01 + 0.01 * f64::from(made.len() as u8);
+        b.events.clear();
+        b.ask(&Request::Rebuild(constants(&scene))).unwrap();
+        let ended = |e: &EventKind| matches!(e, EventKind::TableRebuilt { .. } | EventKind::TableRefused { .. });
+        assert!(b.until(15.0, |b| b.events.iter().any(ended)), "{:?}", b.events);
+        if b.events.iter().any(|e| matches!(e, EventKind::TableRefused { reason: TableRefusal::NoRoom, .. })) {
+            break;
+        }
+        b.identity = None;
+        b.ask(&Request::Status).unwrap();
+        assert!(b.until(0.1, |b| b.identity.is_some()));
+        made.push(b.identity.clone().unwrap().table);
+    }
+    assert_eq!(made.len(), 3);
+    assert_eq!(Some(&boots(&b.machine.flash_image())), made.last());
+
     // What cannot be made is refused by name, and the table in use stays.
     let mut b = Bench::new(&[], 9);
     b.run(0.05);

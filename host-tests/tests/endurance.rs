@@ -1,16 +1,15 @@
 //! Short forms of `cargo xtask endurance`.
 
 use host_tests::endurance::{moves, noise};
+use sim_link::RigPreset;
 
 #[test]
-fn moves_loads_and_faults_leave_no_trace() {
-    let run = moves(8, 3);
+fn moves_loads_and_incidents_leave_no_trace() {
+    let run = moves(10, RigPreset::Nominal, 3);
     println!("{run}");
-    assert!(run.faults >= 1 && run.resets == 0);
-    assert!(run.worst.error_m.abs() < 60e-6 && run.ticks_missing < 5.0);
+    assert!(run.incidents.values().sum::<u32>() >= 3 && run.resets == 0);
     assert_eq!(run.unannounced.0, 0);
     assert!(run.longest_tick.instructions < 84_000);
-    assert!(run.telemetry_per_s > 95.0);
 }
 
 #[test]

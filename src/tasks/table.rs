@@ -4,7 +4,7 @@
 use crate::flash_store::{self, RECORD_MAX, SharedStore, Store, Unreadable};
 use crate::scene;
 use crate::shared;
-use core::sync::atomic::Ordering;
+use core::sync::atomic::{AtomicUsize, Ordering};
 use embassy_futures::yield_now;
 use embassy_time::Instant;
 use rig_link::messages::{Constants, EventKind, Message, TableRefusal};
@@ -29,18 +29,16 @@ pub async fn load(store: &mut Store) -> Option<&'static Table<'static>> {
     make_static(rebuilt?)
 }
 
+/// How many tables are in static memory.
+static TABLES: AtomicUsize = AtomicUsize::new(0);
+
 /// Moves a table into static memory; `None` if [`TABLES_MAX`] tables are there already.
 fn make_static(rebuilt: Rebuilt) -> Option<&'static Table<'static>> {
-    static NUMBERS: [StaticCell<Rebuilt>; TABLES_MAX] = [const { StaticCell::new() }; TABLES_MAX];
-    static TABLES: [StaticCell<Table<'static>>; TABLES_MAX] = [const { StaticCell::new() }; TABLES_MAX];
-    let mut rebuilt = Some(rebuilt);
-    for (numbers, table) in NUMBERS.iter().zip(&TABLES) {
-        if let Some(cell) = numbers.try_uninit() {
-            let numbers: &'static Rebuilt = cell.write(rebuilt.take()?);
-            return table.try_init(numbers.table()).map(|t| &*t);
-        }
-    }
-    None
+    static CELLS: [(StaticCell<Rebuilt>, StaticCell<Table<'static>>); TABLES_MAX] =
+        [const { (StaticCell::new(), StaticCell::new()) }; TABLES_MAX];
+    let (numbers, table) = CELLS.get(TABLES.fetch_add(1, Ordering::Relaxed))?;
+    let numbers: &'static Rebuilt = numbers.try_init(rebuilt)?;
+    table.try_init(numbers.table()).map(|t| &*t)
 }
 
 #[embassy_executor::task]
@@ -48,7 +46,10 @@ pub async fn run(store: &'static SharedStore) -> ! {
     loop {
         let constants = shared::REBUILD.wait().await;
         let began = Instant::now();
-        let kind = match build(&constants).await {
+        // What has no room is not made, and not saved for the next start either.
+        let room = TABLES.load(Ordering::Relaxed) < TABLES_MAX;
+        let made = if room { build(&constants).await } else { Err(refused(TableRefusal::NoRoom, 0.0, 0.0)) };
+        let kind = match made {
             Err(refused) => refused,
             Ok((rebuilt, states)) => {
                 let took_us = began.elapsed().as_micros();

@@ -1,18 +1,22 @@
-//! `cargo xtask endurance`: a thousand moves with faults, and ten million random bytes, on the emulated board.
+//! `cargo xtask endurance`: a thousand moves with incidents, and ten million random bytes, on the emulated board.
 
 use clap::Parser;
 use host_tests::endurance::{moves, noise};
+use sim_link::RigPreset;
 
 #[derive(Parser)]
 #[command(about = "Long runs on the emulated board", version)]
 struct Arguments {
-    /// Moves, every sixth with a fault on its way
+    /// Moves, every third with an incident: a fault, a power failure, a step of the load, a stream, a new table
     #[arg(long, default_value_t = 1000)]
     moves: u32,
     /// Random bytes on the link; about half as many go in frames on the bus
     #[arg(long, default_value_t = 7_000_000)]
     bytes: u64,
-    /// Of the random numbers
+    /// Which rig: ideal, nominal or hard
+    #[arg(long, default_value = "nominal")]
+    rig: RigPreset,
+    /// Of the random numbers and of the rig
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Print one JSON object for the bytes and one for the moves
@@ -21,13 +25,13 @@ struct Arguments {
 }
 
 fn main() {
-    let Arguments { moves: count, bytes, seed, json } = Arguments::parse();
+    let Arguments { moves: count, bytes, rig, seed, json } = Arguments::parse();
     if bytes > 0 {
         let noise = noise(bytes, seed);
         if json { println!("{}", noise.json()) } else { println!("{noise}") }
     }
     if count > 0 {
-        let moves = moves(count, seed);
+        let moves = moves(count, rig, seed);
         if json { println!("{}", moves.json()) } else { println!("{moves}") }
     }
 }

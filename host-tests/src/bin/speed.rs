@@ -7,6 +7,7 @@ use host_tests::full_speed;
 use host_tests::load_changes::{self, Outcome};
 use host_tests::rigs::subject::Subject;
 use host_tests::speed_figure::{Group, figure};
+use lab::parallel::parallel_on;
 use serde_json::json;
 use sim_link::RigPreset;
 use std::path::PathBuf;
@@ -36,9 +37,13 @@ fn main() -> Result<()> {
         let subjects: Vec<Subject> = (a.seed..a.seed + rigs).map(|seed| Subject::new(rig, seed)).collect();
         let steps: Vec<Outcome> = subjects.iter().flat_map(|subject| load_changes::all(subject, a.jobs)).collect();
         let ways: Vec<Outcome> = subjects.iter().flat_map(|subject| full_speed::all(subject, a.jobs)).collect();
+        let threads = a.jobs.min(subjects.len());
+        let on_the_way =
+            parallel_on(threads, &|_, _| {}, subjects.len(), |k| full_speed::under_steps(&subjects[k])).concat();
         for within_m in within {
             print("load step", rig, rigs, *within_m, &steps);
             print("full speed", rig, rigs, *within_m, &ways);
+            print("load step at full speed", rig, rigs, *within_m, &on_the_way);
         }
         groups.push(Group { rig, within_m: within[0], outcomes: steps });
     }
@@ -51,7 +56,7 @@ fn main() -> Result<()> {
 fn print(test: &str, rig: RigPreset, rigs: u64, within_m: f64, outcomes: &[Outcome]) {
     let settled: Vec<(&Outcome, f64)> = outcomes.iter().filter_map(|o| o.settled_s(within_m).map(|s| (o, s))).collect();
     let spread = |value: &dyn Fn(&Outcome, f64) -> Option<f64>| {
-        let mut values: Vec<f64> = settled.iter().filter_map(|(o, s)| value(o, *s)).collect();
+        let mut values: Vec<f64> = settled.iter().filter_map(|(o, s)| value(o, *s)).filter(|x| x.is_finite()).collect();
         values.sort_by(f64::total_cmp);
         json!({"median": values.get(values.len() / 2), "most": values.last()})
     };

@@ -3,7 +3,7 @@
 
 use crate::{Controller, constants, table};
 use core::f32::consts::PI;
-use rig_control::planner::Ramp;
+use rig_control::ramp::Ramp;
 use rig_control::sensors::Lvdt;
 use rig_control::{DriveCommand, DriveReading, Inputs, LvdtReading, RigConstants, TICK_S};
 use tsa_table::Table;

@@ -1,0 +1,302 @@
+//! What happens between the moves of a long run, and how the rig has to take it.
+
+use crate::board::Bench;
+use rand::seq::IndexedRandom;
+use rand::{Rng, RngExt};
+use rig_link::messages::{EventKind, Kept, LoadChoice, Refusal, Request, Setting, State, StreamEnd, TableRefusal};
+use rig_scene::Scene;
+use rigctl::session::table::constants;
+use sim_link::RigFault as Fault;
+
+/// Something that happens to a rig.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Incident {
+    /// A fault while the load moves, which is cleared.
+    FaultUnderWay,
+    /// The drive restarts while the load hangs still.
+    DriveReset,
+    /// The board loses its power while the load hangs still.
+    PowerCycle,
+    /// The same while the load moves.
+    PowerCycleUnderWay,
+    /// The same while a setting is written to flash.
+    PowerCutInWrite,
+    /// The load changes all at once by up to a quarter.
+    LoadStep,
+    /// Set-points are streamed, and then no longer.
+    Stream,
+    /// The board makes its table anew, for strings a little thicker.
+    Rebuild,
+}
+
+impl Incident {
+    /// Every kind.
+    pub const ALL: [Self; 8] = [
+        Self::FaultUnderWay,
+        Self::DriveReset,
+        Self::PowerCycle,
+        Self::PowerCycleUnderWay,
+        Self::PowerCutInWrite,
+        Self::LoadStep,
+        Self::Stream,
+        Self::Rebuild,
+    ];
+
+    /// In words.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::FaultUnderWay => "faults under way",
+            Self::DriveReset => "restarts of the drive",
+            Self::PowerCycle => "power failures at rest",
+            Self::PowerCycleUnderWay => "power failures under way",
+            Self::PowerCutInWrite => "power failures in a write to flash",
+            Self::LoadStep => "steps of the load",
+            Self::Stream => "streams",
+            Self::Rebuild => "tables made on the board",
+        }
+    }
+}
+
+/// Faults that come while a load moves. All can be cleared; some lose the twist.
+const FAULTS: [Fault; 7] = [
+    Fault::CanSilent,
+    Fault::DriveStall,
+    Fault::EncoderStuck,
+    Fault::LvdtOpen,
+    Fault::LvdtNoisy,
+    Fault::LvdtFrozen,
+    Fault::Estop,
+];
+
+/// A shaft that is not commanded turns by less than this (rad).
+const STANDS_RAD: f64 = 0.05;
+/// Tenths of a second within which a shaft that was stopped stands.
+const STANDS_WITHIN: u32 = 30;
+/// Share by which a load changes at most, all at once.
+const LOAD_STEP: f64 = 0.25;
+/// Amplitude (m) and frequency (rad/s) of a stream, how often its set-points come and how long each holds (s).
+const STREAM_M: f32 = 0.5e-3;
+const STREAM_PER_S: f32 = 3.0;
+const STREAM_EVERY_S: f32 = 0.05;
+const STREAM_HOLDS_S: f32 = 0.15;
+/// Longest that the board takes for a table (s).
+const TABLE_S: f64 = 60.0;
+
+/// A run in which incidents happen.
+pub(super) struct Run<'a, R> {
+    pub(super) board: &'a mut Bench,
+    pub(super) random: &'a mut R,
+    /// Homings so far.
+    pub(super) homings: u32,
+    /// Faults that a step of the load has raised.
+    pub(super) load_faults: u32,
+    /// What hangs there (kg).
+    pub(super) load_kg: f64,
+}
+
+impl<R: Rng> Run<'_, R> {
+    /// Lets it happen, and brings the rig back to where it can move.
+    ///
+    /// # Panics
+    /// Where the rig does not take it as it should.
+    pub(super) fn take(&mut self, incident: Incident) {
+        match incident {
+            Incident::FaultUnderWay => {
+                let fault = *FAULTS.choose(self.random).expect("seven");
+                self.fault(fault);
+            }
+            Incident::DriveReset => self.fault(Fault::DriveReset),
+            Incident::PowerCycle | Incident::PowerCycleUnderWay => self.restart(),
+            Incident::PowerCutInWrite => self.cut_in_a_write(),
+            Incident::LoadStep => self.step_load(),
+            Incident::Stream => self.stream(),
+            Incident::Rebuild => self.rebuild(),
+        }
+    }
+
+    fn twist_rad(&self) -> f64 {
+        self.board.machine.board().truth().twist_rad
+    }
+
+    /// The rig latches it, its shaft stands, it is cleared, and homed again if the twist was lost.
+    fn fault(&mut self, fault: Fault) {
+        let b = &mut *self.board;
+        b.machine.board_mut().set_fault(fault, true);
+        // A restart of the drive cannot be taken back; the others are.
+        let latched = |b: &Bench| matches!(b.state(), State::Fault | State::EStop | State::Unhomed);
+        assert!(b.until(4.0, latched), "{fault:?} not seen: {:?}", b.last);
+        b.run(0.5);
+        if fault != Fault::DriveReset {
+            b.machine.board_mut().set_fault(fault, false);
+        }
+        b.run(0.5);
+        assert!(latched(b), "{fault:?} cleared itself");
+        self.go_on();
+    }
+
+    /// Clears, and homes if the twist was lost.
+    pub(super) fn go_on(&mut self) {
+        let fault = self.board.last.and_then(|t| t.fault);
+        // The shaft may still come to rest at its hold; `clear` is refused until then.
+        let cleared = (0..STANDS_WITHIN).any(|_| {
+            self.board.run(0.1);
+            self.board.ask(&Request::Clear).is_ok()
+        });
+        assert!(cleared, "{fault:?} cannot be cleared: {:?}", self.board.events.last());
+        let idle = |b: &Bench| matches!(b.state(), State::Unhomed | State::Ready | State::Holding);
+        assert!(self.board.until(10.0, idle), "after {fault:?}: {:?}", self.board.last);
+        if self.board.state() == State::Unhomed {
+            self.home(&format!("after {fault:?}"));
+        }
+    }
+
+    /// Homes a rig that nothing has moved.
+    fn home(&mut self, when: &str) {
+        let before_rad = self.twist_rad();
+        self.board.run(0.5);
+        let turned_rad = (self.twist_rad() - before_rad).abs();
+        assert!(turned_rad < STANDS_RAD, "{when} the shaft turns by {turned_rad} rad");
+        let b = &mut *self.board;
+        let (began_s, truth) = (b.machine.now_s(), b.machine.board().truth());
+        let what = format!("{when}, homed from {began_s:.2} s on, {truth:?}");
+        b.ask(&Request::HOME).unwrap_or_else(|e| panic!("{what}: {e}"));
+        assert!(b.until(60.0, |b| b.state() != State::Homing), "homing did not end {what}");
+        assert_eq!(b.state(), State::Ready, "{what}, until {:.2} s: {:?}", b.machine.now_s(), b.events.last());
+        self.homings += 1;
+    }
+
+    /// The power comes back: the board starts, moves nothing, and is homed again.
+    fn restart(&mut self) {
+        self.board.power_cycle();
+        self.board.greet();
+        let waits = |b: &Bench| b.state() == State::Unhomed;
+        assert!(self.board.until(5.0, waits), "after a power failure: {:?}", self.board.last);
+        self.home("after a power failure");
+    }
+
+    /// A setting that is being written has its old value or its new one.
+    fn cut_in_a_write(&mut self) {
+        let before = self.board.settings().values.get(Setting::SpeedMax);
+        let value = self.random.random_range(0.012..0.018f32);
+        self.board.post(&Request::SetSetting { setting: Setting::SpeedMax, value });
+        self.board.run(self.random.random_range(0.0..0.15));
+        self.restart();
+        let report = self.board.settings();
+        let found = report.values.get(Setting::SpeedMax);
+        assert!(found == before || found == value, "{found} instead of {before} or {value}");
+        assert_ne!(report.kept, Kept::Damaged);
+    }
+
+    /// The load is back at its place, or a fault holds it.
+    fn step_load(&mut self) {
+        let share = self.random.random_range(-LOAD_STEP..LOAD_STEP);
+        self.load_kg = (self.load_kg * (1.0 + share)).clamp(0.3, 1.5);
+        let load = format!("{}kg", self.load_kg);
+        self.board.machine.board_mut().set_plant("load", &load).expect("a plant key");
+        self.board.run(4.0);
+        match self.board.state() {
+            State::Fault => {
+                self.load_faults += 1;
+                self.go_on();
+            }
+            state => assert!(matches!(state, State::Holding | State::Ready), "{state:?} after a step of the load"),
+        }
+    }
+
+    /// A stream about the present place, which ends as one that has dried up.
+    fn stream(&mut self) {
+        let Some(place_m) = self.board.last.and_then(|t| t.position_m) else { return };
+        let mut followed = false;
+        for k in 1..=40u8 {
+            let phase = STREAM_PER_S * STREAM_EVERY_S * f32::from(k);
+            // It goes up first, where there is way, and comes back.
+            let position_m = place_m + STREAM_M * (1.0 - phase.cos());
+            let speed_m_per_s = STREAM_M * STREAM_PER_S * phase.sin();
+            let reply = self.board.ask(&Request::Track { position_m, speed_m_per_s, for_s: STREAM_HOLDS_S });
+            if reply.is_err() {
+                break;
+            }
+            followed = true;
+            let next_s = self.board.machine.now_s() + f64::from(STREAM_EVERY_S);
+            while self.board.machine.now_s() < next_s - 0.02 {
+                self.board.step();
+            }
+        }
+        let (before, ended) = (self.board.events.len(), |e: &EventKind| matches!(e, EventKind::StreamEnded(_)));
+        assert!(self.board.until(5.0, |b| matches!(b.state(), State::Holding | State::Ready)), "{:?}", self.board.last);
+        let end = self.board.events.iter().rev().find(|e| ended(e));
+        assert!(!followed || end.is_some(), "no event, {before} before");
+        if followed && let Some(EventKind::StreamEnded(end)) = end {
+            assert!(matches!(end, StreamEnd::Late | StreamEnd::Refused), "{end:?}");
+        }
+    }
+
+    /// Nothing moves while the board makes its table, and it is homed again.
+    fn rebuild(&mut self) {
+        let mut thicker = crate::scene().clone();
+        thicker.string.k2 *= self.random.random_range(1.0..1.02);
+        // The rig's strings are those of the scene.
+        for scene in [&thicker, crate::scene()] {
+            if self.make_table(scene).is_some() {
+                // A board has room for some tables between two starts.
+                self.restart();
+                self.make_table(scene);
+            }
+            assert_eq!(self.board.state(), State::Unhomed, "with a new table");
+            self.home("with a new table");
+        }
+    }
+
+    /// A table for a scene; `NoRoom` if the board has to be restarted first.
+    fn make_table(&mut self, scene: &Scene) -> Option<TableRefusal> {
+        self.board.events.clear();
+        self.board.ask(&Request::Rebuild(constants(scene))).expect("it is at rest");
+        let end = |e: &EventKind| match e {
+            EventKind::TableRebuilt { .. } => Some(None),
+            EventKind::TableRefused { reason, .. } => Some(Some(*reason)),
+            _ => None,
+        };
+        let mut ended = None;
+        self.board.until(TABLE_S, |b| {
+            ended = b.events.iter().find_map(end);
+            ended.is_some()
+        });
+        self.board.run(0.1);
+        let refused = ended.unwrap_or_else(|| panic!("no table: {:?}", self.board.events));
+        assert!(matches!(refused, None | Some(TableRefusal::NoRoom)), "{refused:?}");
+        refused
+    }
+
+    /// Whether a move has so much of its way before it that a fault of the shaft shows.
+    pub(super) fn is_turning(&self) -> bool {
+        self.board.last.is_some_and(|t| {
+            self.board.state() == State::Moving
+                && t.drive_speed_rad_per_s.abs() > TURNS_RAD_PER_S
+                && t.time_left_s.is_some_and(|left_s| left_s > TURNS_S)
+        })
+    }
+
+    /// Asks for a move (m, m/s); where it goes to, if the reach of this load is shorter (m).
+    pub(super) fn begin_move(&mut self, target_m: f32, speed_m_per_s: f32) -> f32 {
+        let mut go = |target_m| self.board.ask(&Request::Move { target_m, speed_m_per_s, load: LoadChoice::Auto });
+        // A load heavier than at homing hangs lower and cannot come up as far, a lighter one not down as far.
+        let first = go(target_m);
+        let target_m = match first {
+            Err(Refusal::OutOfRange { min, max, .. }) => min + 0.8 * (max - min),
+            _ => return target_m,
+        };
+        if let Err(e) = go(target_m) {
+            let truth = self.board.machine.board().truth();
+            panic!(
+                "move to {target_m} m under {} kg: {e}, after {first:?}; {:?}; {truth:?}",
+                self.load_kg, self.board.last
+            );
+        }
+        target_m
+    }
+}
+
+/// Speed of the motor from which the shaft turns (rad/s), and time for which it must go on turning (s): a shaft that stands
+/// shows no fault of its own.
+const TURNS_RAD_PER_S: f32 = 1.0;
+const TURNS_S: f32 = 0.5;
