@@ -9,7 +9,8 @@ use std::fmt::Write;
 use std::path::Path;
 use toml::{Table, Value};
 
-/// The text of a backup: the board's identity and the constants that settings correct, then every setting in SI units.
+/// The text of a backup: the board's identity and the constants that settings correct, then every setting in SI units. One
+/// that is at the scene's default is a comment, because another scene's default may be lower.
 pub fn to_toml(report: &SettingsReport, identity: &Identity) -> String {
     let mut text = format!(
         "# Settings of a board, written by `rigctl config backup`. SI units; text with a unit, as \"1.2mm\", is read too.\n\
@@ -24,7 +25,9 @@ pub fn to_toml(report: &SettingsReport, identity: &Identity) -> String {
     for (setting, value) in report.values.iter() {
         let unit = setting.spec().unit;
         let unit = if unit.is_empty() { String::new() } else { format!("  # {unit}") };
-        let _ = writeln!(text, "{} = {value:?}{unit}", setting.name());
+        let scenes = setting.spec().default.is_none() && value == report.defaults.get(setting);
+        let mark = if scenes { "# the scene's default: " } else { "" };
+        let _ = writeln!(text, "{mark}{} = {value:?}{unit}", setting.name());
     }
     if let Some(curve) = &report.values.lvdt_curve {
         let _ = writeln!(text, "{} = \"{}\"  # m", lvdt_points::NAME, lvdt_points::text(curve));
@@ -249,18 +252,24 @@ mod tests {
             .with(Setting::SpeedMax, 1e-4);
         let lvdt_curve = LvdtCurve::new(&[[0.1000001, 1e-4], [0.11, -2.345e-4], [0.12, 0.0]], 2.1e-5).ok();
         let values = SettingValues { lvdt_curve, ..values };
-        let report = report(values);
+        let of_board = report(values);
         let identity = Identity { protocol_hash: 0xabcd, rig_hash: 0x2345_6789, ..identity("abcdef") };
-        let text = to_toml(&report, &identity);
+        let text = to_toml(&of_board, &identity);
         let backup = from_toml(&text, &defaults()).unwrap_or_else(|e| panic!("{e}\n{text}"));
         let wanted = Backup {
             rig_hash: Some(0x2345_6789),
             constants: Some(RIG),
             protocol_hash: Some(0xabcd),
             values,
-            missing: Vec::new(),
+            missing: vec![Setting::CurrentLimit],
         };
         assert_eq!(backup, wanted, "{text}");
+        let limited = to_toml(&report(values.with(Setting::CurrentLimit, 0.3)), &identity);
+        assert_eq!(from_toml(&limited, &defaults()).map(|backup| backup.missing), Ok(Vec::new()));
+        // A scene with a lower limit, where nobody has set one.
+        let lower = defaults().with(Setting::CurrentLimit, 0.4);
+        let limit_a = from_toml(&text, &lower).map(|backup| backup.values.get(Setting::CurrentLimit));
+        assert_eq!(limit_a, Ok(0.4));
     }
 
     #[test]

@@ -81,8 +81,8 @@ pub fn origin(report: &SettingsReport) -> String {
         Kept::Others => "about to be written to flash".to_owned(),
         Kept::Damaged => "defaults: those in flash are damaged, or for another rig".to_owned(),
         Kept::Partly => format!(
-            "kept in flash, but these are DROPPED and at their defaults: {}; flash has them for another gear or LVDT than \
-             this firmware, or they are not allowed on its rig",
+            "kept in flash, but DROPPED and at their defaults are {}, which flash has for another gear or LVDT than this \
+             firmware's, or which are not allowed on its rig",
             dropped(&report.dropped)
         ),
     }
@@ -97,9 +97,14 @@ pub fn remedy(kept: Kept) -> Option<&'static str> {
     }
 }
 
-/// Both in one sentence.
+/// The warning for who connects to a board that does not use all settings in its flash.
+pub fn warning(report: &SettingsReport) -> Option<String> {
+    remedy(report.kept).map(|_| format!("settings {}", origin_and_remedy(report)))
+}
+
+/// Both in one line.
 pub fn origin_and_remedy(report: &SettingsReport) -> String {
-    let remedy = remedy(report.kept).map_or(String::new(), |remedy| format!(". {remedy}"));
+    let remedy = remedy(report.kept).map_or(String::new(), |remedy| format!(": {remedy}"));
     format!("{}{remedy}", origin(report))
 }
 

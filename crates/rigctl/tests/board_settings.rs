@@ -172,7 +172,7 @@ fn an_update_that_drops_settings_names_them_wherever_the_board_is_asked() {
     let values = &status["settings"];
     assert_eq!((&values["lvdt-gain"], &values["gear-scale"]), (&1.0.into(), &1.02.into()));
     let listed = String::from_utf8_lossy(&updated(&["config", "get"]).stdout).into_owned();
-    assert!(listed.contains("DROPPED\n") && listed.contains("at their defaults: lvdt-gain;"), "{listed}");
+    assert!(listed.contains("DROPPED\n") && listed.contains("at their defaults are lvdt-gain,"), "{listed}");
     let all = lines(&updated(&["config", "get", "--json"]));
     let marks: Vec<_> = all.iter().filter(|s| s["dropped"] == true).map(|s| (&s["name"], &s["kept"])).collect();
     assert_eq!(marks, [(&"lvdt-gain".into(), &false.into())]);

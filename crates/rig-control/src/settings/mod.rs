@@ -1,4 +1,4 @@
-//! The persistent settings ([`Setting`]): how they correct the scene's constants. [`record`]: how flash holds them.
+//! The persistent settings ([`Setting`]): how they correct the scene's constants. `record`: how flash holds them.
 
 mod record;
 

@@ -74,10 +74,8 @@ impl Target {
     pub fn meet(&self) -> Result<Session, Failure> {
         let mut session = self.open()?;
         session.hello()?;
-        if let Some(report) = session.known_settings()
-            && board_settings::remedy(report.kept).is_some()
-        {
-            eprintln!("warning: settings {}", board_settings::origin_and_remedy(report));
+        if let Some(warning) = session.known_settings().and_then(board_settings::warning) {
+            eprintln!("warning: {warning}");
         }
         Ok(session)
     }
