@@ -393,7 +393,7 @@ fn sectors_that_are_full_are_erased_while_it_holds() {
     let (mut longest_s, mut erased, mut values) = (0.0f64, 0, b.settings().values);
     let mut full = 0;
     let mut before_erasing = None;
-    for k in 0..700u16 {
+    for k in 0..1000u16 {
         let zero_m = 1e-3 + 1e-6 * f32::from(k);
         let (before_s, before) = (b.machine.now_s(), (b.machine.flash_image(), values));
         b.set(&set(Setting::SpeedMax, zero_m)).unwrap();
@@ -407,7 +407,7 @@ fn sectors_that_are_full_are_erased_while_it_holds() {
         }
         full = used;
     }
-    println!("700 settings, {erased} erasures, the longest took {longest_s:.2} s");
+    println!("1000 settings, {erased} erasures, the longest took {longest_s:.2} s");
     assert!(erased >= 1 && longest_s < 0.7);
     assert!(b.machine.stats().resets.is_empty());
     assert_eq!((b.state(), b.last.unwrap().fault), (State::Holding, None));
