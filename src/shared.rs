@@ -9,14 +9,17 @@
 //! - [`DRIVE_STALLED`] and [`BUS_OFF`] are set by the drive task and cleared by the control task, in one atomic swap.
 //! - [`UNSENT`] is an atomic counter, and [`OUTBOX`] a queue: any task may add to them.
 
+use crate::scene::RIG;
 use core::cell::Cell;
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex as Raw;
 use embassy_sync::channel::Channel;
 use embassy_sync::signal::Signal;
-use rig_control::{DriveCommand, DriveReading, LvdtBlock, SupplyReading};
-use rig_link::messages::{Constants, Kept, Message, Request, Sensors, SettingValues, SettingsReport, Telemetry};
+use rig_control::{DriveCommand, DriveReading, LvdtBlock, SupplyReading, settings};
+use rig_link::messages::{
+    Constants, Dropped, Kept, Message, Request, Sensors, SettingValues, SettingsReport, Telemetry,
+};
 use tsa_table::Table;
 
 /// A value that is read and written as a whole.
@@ -50,11 +53,11 @@ pub static SUPPLY: Latest<Option<SupplyReading>> = Latest::new(None);
 pub static SETTINGS: Latest<(SettingValues, u32)> = Latest::new((SettingValues::ZERO, 0));
 /// Settings to be saved to flash, with that count.
 pub static SETTINGS_TO_SAVE: Signal<Raw, (SettingValues, u32)> = Signal::new();
-/// What flash holds of the settings, and the count of [`SETTINGS`] to which that applies.
-pub static SAVED_SETTINGS: Latest<(Kept, u32)> = Latest::new((Kept::Nothing, 0));
+/// What flash holds of the settings, which of them are not used, and the count of [`SETTINGS`] to which that applies.
+pub static SAVED_SETTINGS: Latest<(Kept, Dropped, u32)> = Latest::new((Kept::Nothing, Dropped::NONE, 0));
 /// The sensors' readings of the newest tick.
 pub static SENSORS: Latest<Option<Sensors>> = Latest::new(None);
-/// Flash holds settings, or a table, that could not be used.
+/// Flash holds settings, or a table, that cannot be used.
 pub static SETTINGS_CORRUPT: AtomicBool = AtomicBool::new(false);
 /// Newest command for the drive. It replaces an older one that was not sent yet.
 pub static DRIVE_COMMAND: Signal<Raw, DriveCommand> = Signal::new();
@@ -94,9 +97,10 @@ pub fn post(message: Message) {
 /// The report of the settings for the host.
 pub fn settings_report() -> SettingsReport {
     let (values, count) = SETTINGS.get();
-    let (kept, saved_count) = SAVED_SETTINGS.get();
-    let kept = if saved_count == count { kept } else { Kept::Others };
-    SettingsReport { values, defaults: rig_control::settings::defaults(&crate::scene::RIG), kept }
+    let (kept, dropped, saved_count) = SAVED_SETTINGS.get();
+    let (kept, dropped) = if saved_count == count { (kept, dropped) } else { (Kept::Others, Dropped::NONE) };
+    let (defaults, constants) = (settings::defaults(&RIG), settings::corrected(&RIG));
+    SettingsReport { values, defaults, constants, kept, dropped }
 }
 
 /// Replaces the telemetry that is sent to the host next. One that was not sent yet is dropped and counted.

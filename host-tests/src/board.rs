@@ -26,7 +26,18 @@ pub fn firmware() -> &'static [u8] {
 /// The same for a drive on the serial line.
 pub fn uart_firmware() -> &'static [u8] {
     static ELF: OnceLock<Vec<u8>> = OnceLock::new();
-    ELF.get_or_init(|| image("uart/tsa-firmware.elf", &["xtask", "firmware", "--uart"]))
+    ELF.get_or_init(|| image("uart/tsa-firmware.elf", &["xtask", "firmware", "--variant", "uart"]))
+}
+
+/// The same for a rig with another LVDT and a lower current limit, and its scene.
+pub fn other_rig() -> (&'static [u8], &'static Scene) {
+    static BUILT: OnceLock<(Vec<u8>, Scene)> = OnceLock::new();
+    let (elf, scene) = BUILT.get_or_init(|| {
+        let elf = image("other-rig/tsa-firmware.elf", &["xtask", "firmware", "--variant", "other-rig"]);
+        let scene = Scene::load(root().join("target/firmware/other-rig/scene.toml"));
+        (elf, scene.unwrap_or_else(|e| panic!("{e}")))
+    });
+    (elf, scene)
 }
 
 /// The image that tests a board without a rig.

@@ -132,7 +132,8 @@ pub fn stored_settings(data: &[u8]) {
     for (record, witness) in [(Some(record), Some(witness)), (Some(data), None), (None, Some(data))] {
         let loaded = settings::read(record, witness, &rig);
         assert!(loaded.values.check(&defaults).is_ok(), "{loaded:?}");
-        assert!(loaded.kept == Kept::These || loaded.values == defaults, "{loaded:?}");
+        assert!(matches!(loaded.kept, Kept::These | Kept::Partly) || loaded.values == defaults, "{loaded:?}");
+        assert_eq!(loaded.kept == Kept::Partly, !loaded.dropped.is_empty(), "{loaded:?}");
     }
     if let Ok(text) = core::str::from_utf8(data)
         && let Ok(backup) = rigctl::backup::from_toml(text, &defaults)

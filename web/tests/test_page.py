@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import math
 import os
@@ -269,6 +270,38 @@ def test_colours_follow_the_browsers_scheme(browser, reports):
         page.emulate_media(color_scheme="dark")
         frames(page)
         assert colour() != light and page.locator("#drawing").screenshot() != drawn
+
+
+# Least, mean and greatest brightness (0 to 1) of a picture.
+BRIGHTNESS = """async (picture) => {
+  const image = new Image();
+  image.src = "data:image/png;base64," + picture;
+  await image.decode();
+  const canvas = Object.assign(document.createElement("canvas"), { width: image.width, height: image.height });
+  const context = canvas.getContext("2d");
+  context.drawImage(image, 0, 0);
+  const bytes = context.getImageData(0, 0, image.width, image.height).data;
+  let [least, sum, most] = [1, 0, 0];
+  for (let k = 0; k < bytes.length; k += 4) {
+    const value = (0.2126 * bytes[k] + 0.7152 * bytes[k + 1] + 0.0722 * bytes[k + 2]) / 255;
+    [least, sum, most] = [Math.min(least, value), sum + value, Math.max(most, value)];
+  }
+  return [least, sum / (bytes.length / 4), most];
+}"""
+
+
+def test_figures_are_dark_on_light_or_light_on_dark(browser, reports):
+    with Opened(browser, reports["default"]) as page:
+        page.evaluate("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
+        for scheme in ["light", "dark"]:
+            page.emulate_media(color_scheme=scheme)
+            for figure in page.locator(".paper").all():
+                picture = base64.b64encode(figure.screenshot()).decode()
+                least, mean, most = page.evaluate(BRIGHTNESS, picture)
+                if scheme == "light":
+                    assert least < 0.2 and mean > 0.7
+                else:
+                    assert mean < 0.3 and most > 0.7
 
 
 @pytest.mark.parametrize("script", [True, False])

@@ -37,23 +37,54 @@ pub fn flash(folders: &Folders, toolchain: &Toolchain, rest: &[String]) -> Resul
     run(cargo.args(["--package", PACKAGE, "--profile", "firmware", "--"]).args(rest))
 }
 
-/// Builds the firmware of the default scene with the drive on the serial line, for tests, in a folder of its own.
-pub fn build_uart(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
-    let images = Path::new(IMAGES).join("uart");
-    let text = std::fs::read_to_string(folders.root.join("scenes/default.toml")).context("the default scene")?;
-    let [can, uart] = ["can", "uart"].map(|transport| format!("drive_transport = \"{transport}\""));
-    ensure!(text.contains(&can), "the default scene no longer has {can}");
+/// A firmware of the default scene with other numbers in its `[rig]`, for tests.
+#[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Variant {
+    /// The drive on the serial line.
+    Uart,
+    /// Another LVDT, and a lower current limit: what becomes of settings after such an update.
+    OtherRig,
+}
+
+impl Variant {
+    /// Folder of its image and its scene, below that of all images.
+    fn folder(self) -> &'static str {
+        match self {
+            Self::Uart => "uart",
+            Self::OtherRig => "other-rig",
+        }
+    }
+
+    /// Text in the default scene, and what replaces it.
+    fn changes(self) -> &'static [[&'static str; 2]] {
+        match self {
+            Self::Uart => &[["drive_transport = \"can\"", "drive_transport = \"uart\""]],
+            Self::OtherRig => &[
+                ["lvdt_volts_at_stroke = 3.0", "lvdt_volts_at_stroke = 2.8"],
+                ["drive_current_limit_a = 0.5", "drive_current_limit_a = 0.4"],
+            ],
+        }
+    }
+}
+
+/// Builds a variant of the firmware, in a folder of its own with the scene that it was built for.
+pub fn build_variant(folders: &Folders, toolchain: &Toolchain, variant: Variant) -> Result<()> {
+    let images = Path::new(IMAGES).join(variant.folder());
+    let mut text = std::fs::read_to_string(folders.root.join("scenes/default.toml")).context("the default scene")?;
+    for [from, to] in variant.changes() {
+        ensure!(text.contains(from), "the default scene no longer has {from}");
+        text = text.replace(from, to);
+    }
     let folder = folders.target.join(&images);
     std::fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
     let scene = folder.join("scene.toml");
     // Written only when it changes, because cargo compares its time.
-    let text = text.replace(&can, &uart);
     if std::fs::read_to_string(&scene).ok().as_deref() != Some(&text) {
         std::fs::write(&scene, &text).with_context(|| format!("cannot write {}", scene.display()))?;
     }
     let mut cargo = cargo(folders, toolchain, PACKAGE, PACKAGE);
     let image = built(cargo.env("TSA_SCENE", &scene), folders, toolchain, PACKAGE, images)?;
-    println!("firmware, drive on the serial line: {}", image.display());
+    println!("firmware, variant {}: {}", variant.folder(), image.display());
     image::report(&image)
 }
 

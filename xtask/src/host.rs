@@ -46,7 +46,8 @@ fn beside<T>(board: impl FnOnce() -> Result<()> + Send, desktop: impl FnOnce() -
 /// Lints the firmware and builds its images.
 fn board(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
     firmware::lint(folders, toolchain)?;
-    firmware::build_uart(folders, toolchain)?;
+    firmware::build_variant(folders, toolchain, firmware::Variant::Uart)?;
+    firmware::build_variant(folders, toolchain, firmware::Variant::OtherRig)?;
     firmware::build(folders, toolchain)?;
     firmware::build_selftest(folders, toolchain)?;
     firmware::build_cost(folders, toolchain, false)

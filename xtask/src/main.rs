@@ -46,9 +46,9 @@ enum Task {
         /// Compiler to use; `auto` tries the others in this order
         #[arg(long, value_enum, default_value_t)]
         toolchain: toolchain::Choice,
-        /// Build the default scene with the drive on the serial line (target/firmware/uart/tsa-firmware.elf)
-        #[arg(long)]
-        uart: bool,
+        /// Build a variant of the default scene's firmware for tests (target/firmware/VARIANT/tsa-firmware.elf)
+        #[arg(long, value_enum)]
+        variant: Option<firmware::Variant>,
     },
     /// Build the firmware, flash it through the board's ST-LINK with probe-rs, and show its log
     Flash {
@@ -139,8 +139,10 @@ fn run(arguments: Arguments) -> Result<()> {
     ensure!(std::env::var_os("RIGCTL_PORT").is_none(), "RIGCTL_PORT is set: unset it, xtask is for the emulated board");
     let folders = Folders::find()?;
     match arguments.task {
-        Task::Firmware { toolchain, uart: false } => firmware::build(&folders, &toolchain::choose(toolchain)?),
-        Task::Firmware { toolchain, uart: true } => firmware::build_uart(&folders, &toolchain::choose(toolchain)?),
+        Task::Firmware { toolchain, variant: None } => firmware::build(&folders, &toolchain::choose(toolchain)?),
+        Task::Firmware { toolchain, variant: Some(variant) } => {
+            firmware::build_variant(&folders, &toolchain::choose(toolchain)?, variant)
+        }
         Task::Flash { rest } => firmware::flash(&folders, &toolchain::choose(toolchain::Choice::Auto)?, &rest),
         Task::Selftest { emulated: true, .. } => host::selftest(&folders),
         Task::Selftest { rest, .. } => selftest::run(&folders, &toolchain::choose(toolchain::Choice::Auto)?, &rest),

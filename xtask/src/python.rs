@@ -37,7 +37,7 @@ pub fn with(folders: &Folders, packages: &[&str]) -> Result<impl Fn(&Path) -> Co
     Ok(python)
 }
 
-/// Installs the package with what its tests need, checks its types and runs its tests. Tools and firmware must be built.
+/// Installs the package with what its tests need, checks its types and its style, and runs its tests. Tools and firmware must be built.
 pub fn test(folders: &Folders) -> Result<()> {
     let python = interpreter(folders)?;
     let python = python.to_string_lossy();
@@ -45,6 +45,7 @@ pub fn test(folders: &Folders) -> Result<()> {
     let install = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--upgrade", ".[test]"];
     run(python().env("CARGO_TARGET_DIR", &folders.target).args(install))?;
     run(python().args(["-m", "mypy", "--cache-dir"]).arg(folders.target.join("mypy")).args(["python", "tests"]))?;
+    run(python().args(["-m", "ruff", "check", "--quiet", "--no-cache", "."]))?;
     let programs = folders.target.join("release");
     run(python().env("PYTHONDONTWRITEBYTECODE", "1").env("TSA_PROGRAMS", programs).args([
         "-m",

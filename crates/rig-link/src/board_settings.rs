@@ -3,6 +3,9 @@
 use crate::messages::{Refusal, Setting, SettingValues};
 use core::fmt;
 
+/// Name of the points of the LVDT's calibration, which are among the settings but no single number.
+pub const LVDT_POINTS: &str = "lvdt-points";
+
 /// What is fixed about a setting.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spec {

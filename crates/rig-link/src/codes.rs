@@ -57,8 +57,11 @@ named_codes! {
         These = 1, "kept";
         /// Other values: these are about to be written.
         Others = 2, "being written";
-        /// A damaged record, or one for other constants of the rig. These are the defaults.
+        /// A damaged record, or one of an older format for other constants of the rig. These are the defaults.
         Damaged = 3, "damaged";
+        /// These values; and others, which are not used because they were made for other constants of the rig or are not
+        /// allowed on this one. Their settings are at their defaults.
+        Partly = 4, "partly kept";
     }
 }
 
@@ -186,7 +189,7 @@ named_codes! {
         TableCorrupt = 20, "table-corrupt";
         /// A computed value is infinite or not a number.
         NotFinite = 21, "not-finite";
-        /// The settings in flash are damaged, or those of another rig.
+        /// The settings in flash are damaged, or some of them were made for other constants of the rig.
         SettingsCorrupt = 22, "settings-corrupt";
         /// A limit switch opened.
         LimitSwitch = 23, "limit-switch";

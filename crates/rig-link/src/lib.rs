@@ -4,6 +4,7 @@
 //!   number and name, declared by the macro in `names`.
 //! - [`faults`]: sets of faults. [`gap_curve`]: what a rig's gap is beside the table's.
 //! - [`board_settings`]: unit, default and range of every setting of the board.
+//! - [`corrected_constants`]: which settings still mean the same on a rig with other constants.
 //! - [`lvdt_curve`]: the LVDT's correction at several points.
 //! - [`frame`]: how a message becomes bytes on a UART and comes back: sequence number, postcard, CRC-32, COBS.
 //! - [`sequence`]: which requests are new, and which are old ones that arrive again.
@@ -17,6 +18,7 @@
 
 pub mod board_settings;
 pub mod codes;
+pub mod corrected_constants;
 pub mod faults;
 pub mod frame;
 pub mod gap_curve;

@@ -2,10 +2,10 @@
 
 use proptest::prelude::*;
 use rig_link::{
-    Accepted, Clock, Constants, Correction, Counters, CurveFlaw, Decoder, EventKind, Fault, Faults, Frame, GapCurve,
-    HomingFailure, HomingResult, Identity, Kept, LVDT_POINTS_MAX, Limit, LoadChoice, LvdtCurve, MAX_FRAME, Message,
-    Parameter, Refusal, Request, ResetCause, Sensors, Setting, SettingValues, SettingsReport, State, TableIdentity,
-    TableRefusal, Telemetry, Versions, encode,
+    Accepted, Clock, Constants, CorrectedConstants, Correction, Counters, CurveFlaw, Decoder, EventKind, Fault, Faults,
+    Frame, GapCurve, HomingFailure, HomingResult, Identity, Kept, LVDT_POINTS_MAX, Limit, LoadChoice, LvdtCurve,
+    MAX_FRAME, Message, Parameter, Refusal, Request, ResetCause, Sensors, Setting, SettingValues, SettingsReport,
+    State, TableIdentity, TableRefusal, Telemetry, Versions, encode,
 };
 use serde::{Serialize, de::DeserializeOwned};
 
@@ -57,6 +57,15 @@ fn curve() -> impl Strategy<Value = Option<LvdtCurve>> {
         let (corrections, error_m) = curve?;
         let points: Vec<[f32; 2]> = (0..).zip(corrections).map(|(k, c)| [0.08 + 2e-3 * k as f32, c]).collect();
         Some(LvdtCurve::new(&points, error_m).expect("a curve"))
+    })
+}
+
+fn corrected() -> impl Strategy<Value = CorrectedConstants> {
+    prop::array::uniform4(float()).prop_map(|[gear_ratio, counts_per_rad, gap_m, metres_per_code]| CorrectedConstants {
+        gear_ratio,
+        counts_per_rad,
+        lvdt_gap_at_code_zero_m: gap_m,
+        lvdt_metres_per_code: metres_per_code,
     })
 }
 
@@ -182,10 +191,14 @@ fn message() -> impl Strategy<Value = Message> {
         telemetry().prop_map(Message::Telemetry),
         (any::<u64>(), event()).prop_map(|(t_us, kind)| Message::Event { t_us, kind }),
         Just(Message::Identity(longest_identity())),
-        (values(), curve(), values(), one_of(Kept::ALL)).prop_map(|(values, lvdt_curve, defaults, kept)| {
-            let values = SettingValues { lvdt_curve, ..values };
-            Message::Settings(SettingsReport { values, defaults, kept })
-        }),
+        (values(), curve(), values(), one_of(Kept::ALL), corrected()).prop_map(
+            |(values, lvdt_curve, defaults, kept, rig)| {
+                let values = SettingValues { lvdt_curve, ..values };
+                let other = CorrectedConstants { gear_ratio: 2.0 * rig.gear_ratio, ..rig };
+                let (_, dropped) = values.carried_over(&other, &rig, &defaults, &defaults);
+                Message::Settings(SettingsReport { values, defaults, constants: rig, kept, dropped })
+            }
+        ),
         sensors().prop_map(Message::Sensors),
     ]
 }

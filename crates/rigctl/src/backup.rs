@@ -1,26 +1,33 @@
 //! The file of a settings backup.
 
-use crate::board_settings::{named, value};
+use crate::board_settings;
 use crate::failure::Failure;
 use crate::log::{FORMAT, Log};
 use crate::lvdt_points;
-use rig_link::{Identity, PROTOCOL_HASH, Setting, SettingValues, SettingsReport};
+use rig_link::{CorrectedConstants, Dropped, Identity, PROTOCOL_HASH, Setting, SettingValues, SettingsReport};
 use std::fmt::Write;
 use std::path::Path;
 use toml::{Table, Value};
 
-/// The text of a backup: the board's identity, then every setting in SI units.
+/// The text of a backup: the board's identity and the constants that settings correct, then every setting in SI units. One
+/// that is at the scene's default is a comment, because another scene's default may be lower.
 pub fn to_toml(report: &SettingsReport, identity: &Identity) -> String {
     let mut text = format!(
         "# Settings of a board, written by `rigctl config backup`. SI units; text with a unit, as \"1.2mm\", is read too.\n\
-         [board]\nfirmware = \"{} ({})\"\nscene_hash = \"{:08x}\"\nrig_hash = \"{:08x}\"\nprotocol_hash = \"{:08x}\"\n\n[settings]\n",
+         [board]\nfirmware = \"{} ({})\"\nscene_hash = \"{:08x}\"\nrig_hash = \"{:08x}\"\nprotocol_hash = \"{:08x}\"\n\n[constants]\n",
         identity.version, identity.git, identity.scene_hash, identity.rig_hash, identity.protocol_hash
     );
+    for (name, value) in named(&report.constants) {
+        // Writing into a string does not fail. {:?} always has a point or an exponent: a TOML float.
+        let _ = writeln!(text, "{name} = {value:?}");
+    }
+    text.push_str("\n[settings]\n");
     for (setting, value) in report.values.iter() {
         let unit = setting.spec().unit;
         let unit = if unit.is_empty() { String::new() } else { format!("  # {unit}") };
-        // Writing into a string does not fail. {:?} always has a point or an exponent: a TOML float.
-        let _ = writeln!(text, "{} = {value:?}{unit}", setting.name());
+        let scenes = setting.spec().default.is_none() && value == report.defaults.get(setting);
+        let mark = if scenes { "# the scene's default: " } else { "" };
+        let _ = writeln!(text, "{mark}{} = {value:?}{unit}", setting.name());
     }
     if let Some(curve) = &report.values.lvdt_curve {
         let _ = writeln!(text, "{} = \"{}\"  # m", lvdt_points::NAME, lvdt_points::text(curve));
@@ -28,11 +35,24 @@ pub fn to_toml(report: &SettingsReport, identity: &Identity) -> String {
     text
 }
 
+/// The constants that settings correct, each with its name in a file.
+pub fn named(constants: &CorrectedConstants) -> [(&'static str, f32); 4] {
+    let CorrectedConstants { gear_ratio, counts_per_rad, lvdt_gap_at_code_zero_m, lvdt_metres_per_code } = *constants;
+    [
+        ("gear_ratio", gear_ratio),
+        ("counts_per_rad", counts_per_rad),
+        ("lvdt_gap_at_code_zero_m", lvdt_gap_at_code_zero_m),
+        ("lvdt_metres_per_code", lvdt_metres_per_code),
+    ]
+}
+
 /// A backup as read.
 #[derive(Debug, PartialEq)]
 pub struct Backup {
     /// Hash of the `[rig]` that the board was built for, if the file has it.
     pub rig_hash: Option<u32>,
+    /// The constants of the board that its settings correct, if the file has them.
+    pub constants: Option<CorrectedConstants>,
     /// The board's protocol hash, if the file has it.
     pub protocol_hash: Option<u32>,
     /// Every setting; those that the file does not have are the defaults.
@@ -42,20 +62,33 @@ pub struct Backup {
 }
 
 impl Backup {
-    /// The backup itself, if it is for a board with this `[rig]`; notes on `file` go to standard error.
+    /// The backup's settings for a board with this hash of its `[rig]` and this report of its settings; notes on `file` go to
+    /// standard error. A setting that the backup has for other constants than the board's stays as it is on the board and is
+    /// named as dropped, unless `force` takes it all the same.
     ///
     /// # Errors
-    /// Naming both hashes, unless the backup is `force`d on the board.
-    pub fn of_rig(self, ours: u32, file: &Path, force: bool) -> Result<Self, Failure> {
+    /// Naming both hashes, if they differ and the file has no constants.
+    pub fn for_board(
+        &self,
+        rig_hash: u32,
+        board: &SettingsReport,
+        file: &Path,
+        force: bool,
+    ) -> Result<(SettingValues, Dropped), Failure> {
         let name = file.display();
-        if let (Some(theirs), false) = (self.rig_hash, force)
-            && theirs != ours
-        {
-            return Err(Failure::failed(format!(
-                "{name}: written for a [rig] of hash {theirs:08x}, this is {ours:08x}: with other LVDT or gear numbers these \
-                 settings are wrong. `config restore --force` takes them all the same"
-            )));
-        }
+        let result = match (&self.constants, self.rig_hash) {
+            _ if force => (self.values, Dropped::NONE),
+            (Some(constants), _) => {
+                self.values.carried_over(constants, &board.constants, &board.defaults, &board.values)
+            }
+            (None, Some(theirs)) if theirs != rig_hash => {
+                return Err(Failure::failed(format!(
+                    "{name}: written for a [rig] of hash {theirs:08x}, this is {rig_hash:08x}: with other LVDT or gear numbers \
+                     these settings are wrong. `config restore --force` takes them all the same"
+                )));
+            }
+            (None, _) => (self.values, Dropped::NONE),
+        };
         if self.protocol_hash.is_some_and(|theirs| theirs != PROTOCOL_HASH) {
             eprintln!("{name} is of another firmware; settings keep their names, so this is no harm");
         }
@@ -63,8 +96,24 @@ impl Backup {
             let names: Vec<&str> = self.missing.iter().map(|setting| setting.name()).collect();
             eprintln!("not in {name}, so taken as the defaults: {}", names.join(", "));
         }
-        Ok(self)
+        Ok(result)
     }
+}
+
+/// Checks that every setting of a backup could be used.
+///
+/// # Errors
+/// Naming those that could not.
+pub fn require_all(dropped: &Dropped, file: &Path) -> Result<(), Failure> {
+    if dropped.is_empty() {
+        return Ok(());
+    }
+    Err(Failure::failed(format!(
+        "NOT taken from {}, which has them for another gear or LVDT than this rig's: {}. Calibrate anew, or `config set` each \
+         that this rig needs; `config restore --force` takes them all the same",
+        file.display(),
+        board_settings::dropped(dropped)
+    )))
 }
 
 /// Reads the settings in a file for a board with these defaults: a backup, or the head of a recorded log.
@@ -80,7 +129,8 @@ pub fn load(file: &Path, defaults: &SettingValues) -> Result<Backup, Failure> {
     let log = Log::parse(&text).map_err(|e| in_file(e.to_string()))?;
     let (values, missing) = log.settings(defaults).map_err(in_file)?;
     let hash = |key: &str| log.header.get(key).and_then(|text| u32::from_str_radix(text, 16).ok());
-    Ok(Backup { rig_hash: hash("rig_hash"), protocol_hash: hash("protocol_hash"), values, missing })
+    let (rig_hash, protocol_hash) = (hash("rig_hash"), hash("protocol_hash"));
+    Ok(Backup { rig_hash, constants: log.constants(), protocol_hash, values, missing })
 }
 
 fn hash(board: &Table, key: &str, wrong: &mut Vec<String>) -> Option<u32> {
@@ -96,7 +146,7 @@ fn number(setting: Setting, given: &Value) -> Result<f32, String> {
     match given {
         Value::Float(number) => Ok(*number as f32),
         Value::Integer(number) => Ok(*number as f32),
-        Value::String(text) => value(setting, text).map_err(|e| e.to_string()),
+        Value::String(text) => board_settings::value(setting, text).map_err(|e| e.to_string()),
         other => Err(format!("{setting} is a {}, not a number", other.type_str())),
     }
 }
@@ -115,7 +165,9 @@ pub fn from_toml(text: &str, defaults: &SettingValues) -> Result<Backup, String>
     };
     let board = section("board")?.unwrap_or_default();
     let settings = section("settings")?.ok_or("no table [settings]")?;
-    wrong.extend(file.keys().map(|key| format!("no key `{key}`; keys: board, settings")));
+    let constants =
+        section("constants")?.map(|constants| constants.try_into().map_err(|e| format!("[constants]: {e}")));
+    wrong.extend(file.keys().map(|key| format!("no key `{key}`; keys: board, constants, settings")));
     let mut values = *defaults;
     for (name, value) in &settings {
         if name == lvdt_points::NAME {
@@ -126,7 +178,7 @@ pub fn from_toml(text: &str, defaults: &SettingValues) -> Result<Backup, String>
             }
             continue;
         }
-        let checked = named(name).and_then(|setting| {
+        let checked = board_settings::named(name).and_then(|setting| {
             let given = number(setting, value)?;
             setting.check(given, defaults.get(setting)).map_err(|refusal| refusal.to_string())?;
             Ok((setting, given))
@@ -137,11 +189,15 @@ pub fn from_toml(text: &str, defaults: &SettingValues) -> Result<Backup, String>
         }
     }
     let (rig_hash, protocol_hash) = (hash(&board, "rig_hash", &mut wrong), hash(&board, "protocol_hash", &mut wrong));
+    let constants = constants.transpose().unwrap_or_else(|e| {
+        wrong.push(e);
+        None
+    });
     if !wrong.is_empty() {
         return Err(wrong.join("; "));
     }
     let missing = Setting::ALL.iter().copied().filter(|setting| !settings.contains_key(setting.name())).collect();
-    Ok(Backup { rig_hash, protocol_hash, values, missing })
+    Ok(Backup { rig_hash, constants, protocol_hash, values, missing })
 }
 
 #[cfg(test)]
@@ -154,6 +210,39 @@ mod tests {
         Setting::ALL.iter().fold(SettingValues::ZERO, |values, s| values.with(*s, s.spec().default.unwrap_or(0.5)))
     }
 
+    const RIG: CorrectedConstants = CorrectedConstants {
+        gear_ratio: 62.0,
+        counts_per_rad: 40_415.98,
+        lvdt_gap_at_code_zero_m: 0.0,
+        lvdt_metres_per_code: 5.372_405_5e-5,
+    };
+
+    fn report(values: SettingValues) -> SettingsReport {
+        SettingsReport { values, defaults: defaults(), constants: RIG, kept: Kept::These, dropped: Dropped::NONE }
+    }
+
+    #[test]
+    fn for_other_constants_the_rest_is_taken_and_the_boards_own_stays() {
+        let set =
+            defaults().with(Setting::LvdtGain, 1.01).with(Setting::TwistSign, -1.0).with(Setting::GearScale, 1.02);
+        let backup =
+            from_toml(&to_toml(&report(set), &identity("abcdef")), &defaults()).unwrap_or_else(|e| panic!("{e}"));
+        let file = Path::new("b.toml");
+        let present = defaults().with(Setting::LvdtGain, 0.95).with(Setting::LvdtOffset, 2e-3);
+        let other_lvdt = CorrectedConstants { lvdt_metres_per_code: 5e-5, ..RIG };
+        let board = SettingsReport { constants: other_lvdt, ..report(present) };
+        let (values, dropped) = backup.for_board(1, &board, file, false).unwrap_or_else(|_| panic!("refused"));
+        assert_eq!(values, present.with(Setting::TwistSign, -1.0).with(Setting::GearScale, 1.02));
+        assert!(dropped.names().eq(["lvdt-gain"]), "{dropped:?}");
+        assert!(require_all(&dropped, file).is_err() && require_all(&Dropped::NONE, file).is_ok());
+        let forced = backup.for_board(1, &board, file, true).unwrap_or_else(|_| panic!("refused"));
+        assert_eq!(forced, (set, Dropped::NONE));
+        // A file of an older tool has no constants.
+        let old = Backup { rig_hash: Some(7), constants: None, ..backup };
+        assert!(old.for_board(1, &board, file, false).is_err());
+        assert_eq!(old.for_board(7, &board, file, false).ok(), Some((set, Dropped::NONE)));
+    }
+
     #[test]
     fn a_backup_is_read_back_to_the_last_bit() {
         let values = defaults()
@@ -163,12 +252,24 @@ mod tests {
             .with(Setting::SpeedMax, 1e-4);
         let lvdt_curve = LvdtCurve::new(&[[0.1000001, 1e-4], [0.11, -2.345e-4], [0.12, 0.0]], 2.1e-5).ok();
         let values = SettingValues { lvdt_curve, ..values };
-        let report = SettingsReport { values, defaults: defaults(), kept: Kept::These };
+        let of_board = report(values);
         let identity = Identity { protocol_hash: 0xabcd, rig_hash: 0x2345_6789, ..identity("abcdef") };
-        let text = to_toml(&report, &identity);
+        let text = to_toml(&of_board, &identity);
         let backup = from_toml(&text, &defaults()).unwrap_or_else(|e| panic!("{e}\n{text}"));
-        let wanted = Backup { rig_hash: Some(0x2345_6789), protocol_hash: Some(0xabcd), values, missing: Vec::new() };
+        let wanted = Backup {
+            rig_hash: Some(0x2345_6789),
+            constants: Some(RIG),
+            protocol_hash: Some(0xabcd),
+            values,
+            missing: vec![Setting::CurrentLimit],
+        };
         assert_eq!(backup, wanted, "{text}");
+        let limited = to_toml(&report(values.with(Setting::CurrentLimit, 0.3)), &identity);
+        assert_eq!(from_toml(&limited, &defaults()).map(|backup| backup.missing), Ok(Vec::new()));
+        // A scene with a lower limit, where nobody has set one.
+        let lower = defaults().with(Setting::CurrentLimit, 0.4);
+        let limit_a = from_toml(&text, &lower).map(|backup| backup.values.get(Setting::CurrentLimit));
+        assert_eq!(limit_a, Ok(0.4));
     }
 
     #[test]
@@ -192,6 +293,7 @@ mod tests {
             ("[board]\nrig_hash = 12\n[settings]\n", &["board.rig_hash"]),
             ("[settings]\nlvdt-points = \"0.1:0 error 0\"", &["lvdt-points", "2 to 11"]),
             ("[settings]\nlvdt-points = 3", &["lvdt-points is a integer"]),
+            ("[constants]\ngear_ratio = 62.0\n[settings]\n", &["[constants]", "counts_per_rad"]),
             ("[sttings]\n[settings]\n", &["sttings"]),
             ("[settings", &["settings"]),
         ] {

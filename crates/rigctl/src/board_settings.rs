@@ -3,7 +3,7 @@
 use crate::lvdt_points;
 use crate::session::Session;
 use crate::units::{self, Quantity};
-use rig_link::{Fault, Kept, Setting, SettingValues, SettingsReport};
+use rig_link::{Dropped, Fault, Kept, Setting, SettingValues, SettingsReport};
 use serde_json::{Value, json};
 
 /// The setting of this name.
@@ -53,8 +53,14 @@ pub fn object(setting: Setting, report: &SettingsReport) -> Value {
         "default": decimal(default),
         "min": decimal(min),
         "max": decimal(max),
-        "kept": report.kept == Kept::These,
+        "kept": is_kept(report, report.dropped.contains(setting)),
+        "dropped": report.dropped.contains(setting),
     })
+}
+
+/// Whether flash holds the present value of a setting, which was `dropped` or not.
+pub fn is_kept(report: &SettingsReport, dropped: bool) -> bool {
+    matches!(report.kept, Kept::These | Kept::Partly) && !dropped
 }
 
 /// A setting, its default and its range in a line.
@@ -62,19 +68,49 @@ pub fn line(setting: Setting, report: &SettingsReport) -> String {
     let (value, default) = (report.values.get(setting), report.defaults.get(setting));
     let [min, max] = setting.range(default);
     let from = if value == default { String::new() } else { format!("default {}, ", setting.show(default)) };
-    format!("{:14} {:16} {from}allowed {}", setting.name(), setting.show(value).to_string(), setting.allowed(min, max))
+    let mark = if report.dropped.contains(setting) { ", DROPPED" } else { "" };
+    let (name, value) = (setting.name(), setting.show(value).to_string());
+    format!("{name:14} {value:16} {from}allowed {}{mark}", setting.allowed(min, max))
 }
 
-/// Where the values are from, and what to do if flash does not hold them.
-pub fn origin(kept: Kept) -> &'static str {
-    match kept {
-        Kept::These => "kept in flash",
-        Kept::Nothing => "defaults: none are in flash",
-        Kept::Others => "about to be written to flash",
-        Kept::Damaged => {
-            "defaults: those in flash are damaged, or for another rig. `config restore` or `config set` makes them anew"
-        }
+/// Where the values are from.
+pub fn origin(report: &SettingsReport) -> String {
+    match report.kept {
+        Kept::These => "kept in flash".to_owned(),
+        Kept::Nothing => "defaults: none are in flash".to_owned(),
+        Kept::Others => "about to be written to flash".to_owned(),
+        Kept::Damaged => "defaults: those in flash are damaged, or for another rig".to_owned(),
+        Kept::Partly => format!(
+            "kept in flash, but DROPPED and at their defaults are {}, which flash has for another gear or LVDT than this \
+             firmware's, or which are not allowed on its rig",
+            dropped(&report.dropped)
+        ),
     }
+}
+
+/// What to do if settings in flash are not used.
+pub fn remedy(kept: Kept) -> Option<&'static str> {
+    match kept {
+        Kept::These | Kept::Nothing | Kept::Others => None,
+        Kept::Damaged => Some("`config restore` or `config set` makes them anew"),
+        Kept::Partly => Some("calibrate anew, or `config set` each that this rig needs, then `clear`"),
+    }
+}
+
+/// The warning for who connects to a board that does not use all settings in its flash.
+pub fn warning(report: &SettingsReport) -> Option<String> {
+    remedy(report.kept).map(|_| format!("settings {}", origin_and_remedy(report)))
+}
+
+/// Both in one line.
+pub fn origin_and_remedy(report: &SettingsReport) -> String {
+    let remedy = remedy(report.kept).map_or(String::new(), |remedy| format!(": {remedy}"));
+    format!("{}{remedy}", origin(report))
+}
+
+/// The names of settings that were dropped.
+pub fn dropped(dropped: &Dropped) -> String {
+    dropped.names().collect::<Vec<_>>().join(", ")
 }
 
 /// All settings as one object.
@@ -86,7 +122,7 @@ pub fn all(values: &SettingValues) -> Value {
 
 /// Lines of `status`: where the values are from, and every setting that is not its default.
 pub fn summary(report: &SettingsReport) -> Vec<String> {
-    let mut lines = vec![format!("settings {}", origin(report.kept))];
+    let mut lines = vec![format!("settings {}", origin_and_remedy(report))];
     for (setting, value) in report.values.iter().filter(|(s, value)| *value != report.defaults.get(*s)) {
         let default = setting.show(report.defaults.get(setting));
         lines.push(format!("         {setting} {} (default {default})", setting.show(value)));

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use std::path::Path;
 
 /// The name of the points among the settings.
-pub const NAME: &str = "lvdt-points";
+pub const NAME: &str = rig_link::board_settings::LVDT_POINTS;
 /// Half width of the interval that holds 90 of 100 normally distributed errors, over their standard deviation.
 const HALF_WIDTH: f64 = 1.645;
 

@@ -2,8 +2,8 @@
 
 mod common;
 
-use common::{error_of, lines, rigctl};
-use serde_json::Value;
+use common::{error_of, lines, other_rig, rigctl};
+use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
 /// A folder of its own for each test, empty.
@@ -129,9 +129,12 @@ fn a_backup_brings_a_new_board_to_the_same_settings() {
     let restored = &on(&other, &["config", "restore", path])[0];
     assert_eq!((&restored["changed"], &restored["kept"]), (&2.into(), &true.into()), "{text}");
     assert_eq!(on(&flash, &["config", "get"]), on(&other, &["config", "get"]));
-    // For another rig: only when told to. What a file does not have becomes the default, and is named.
+    // For another rig, by a file without its constants: only when told to. What a file does not have becomes the default, and
+    // is named.
     let hash = text.lines().find(|line| line.starts_with("rig_hash")).expect("a hash");
-    let foreign = text.replace(hash, "rig_hash = \"00000001\"").replace("twist-sign = -1.0\n", "");
+    let constants = &text[text.find("[constants]").expect("constants")..text.find("[settings]").expect("settings")];
+    let foreign =
+        text.replace(hash, "rig_hash = \"00000001\"").replace(constants, "").replace("twist-sign = -1.0\n", "");
     std::fs::write(&file, foreign).expect("a file");
     let (code, error) = fails(&other, &["config", "restore", path]);
     assert!(code == Some(1) && error.contains("00000001") && error.contains("--force"), "{error}");
@@ -140,6 +143,53 @@ fn a_backup_brings_a_new_board_to_the_same_settings() {
     let forced = rigctl(&["config", "restore", path, "--force", "--flash", flash]);
     assert!(forced.status.success() && error_of(&forced).contains("twist-sign"), "{}", error_of(&forced));
     assert_eq!((setting(&other, "twist-sign"), setting(&other, "lvdt-gain")), (1.0, 1.0123456));
+}
+
+/// The firmware for another LVDT and a lower current limit, on the flash of the default one.
+#[test]
+fn an_update_that_drops_settings_names_them_wherever_the_board_is_asked() {
+    let folder = folder("update");
+    let (flash, file) = (folder.join("flash.bin"), folder.join("board.toml"));
+    let backup = file.to_str().expect("a path");
+    for (name, value) in [("lvdt-gain", "1.01"), ("gear-scale", "1.02"), ("position-zero", "2mm")] {
+        on(&flash, &["config", "set", name, value]);
+    }
+    on(&flash, &["config", "backup", backup]);
+    let [elf, scene] = other_rig();
+    let updated = |arguments: &[&str]| {
+        let board = ["--firmware", &elf, "--scene", &scene, "--flash", flash.to_str().expect("a path")];
+        rigctl(&[arguments, &board].concat())
+    };
+    let status = updated(&["status", "--json"]);
+    assert!(
+        error_of(&status).contains("warning: settings") && error_of(&status).contains("lvdt-gain"),
+        "{}",
+        error_of(&status)
+    );
+    let status = &lines(&status)[0];
+    assert_eq!((&status["settings_kept"], &status["settings_dropped"]), (&"partly kept".into(), &json!(["lvdt-gain"])));
+    assert_eq!(status["telemetry"]["fault"], "settings-corrupt");
+    let values = &status["settings"];
+    assert_eq!((&values["lvdt-gain"], &values["gear-scale"]), (&1.0.into(), &1.02.into()));
+    let listed = String::from_utf8_lossy(&updated(&["config", "get"]).stdout).into_owned();
+    assert!(listed.contains("DROPPED\n") && listed.contains("at their defaults are lvdt-gain,"), "{listed}");
+    let all = lines(&updated(&["config", "get", "--json"]));
+    let marks: Vec<_> = all.iter().filter(|s| s["dropped"] == true).map(|s| (&s["name"], &s["kept"])).collect();
+    assert_eq!(marks, [(&"lvdt-gain".into(), &false.into())]);
+    let doctor = &lines(&updated(&["doctor", "--json"]))[0];
+    let check = doctor["checks"].as_array().and_then(|checks| checks.iter().find(|c| c["name"] == "settings"));
+    let check = check.expect("a check of the settings");
+    assert!(check["ok"] == false && check["seen"].to_string().contains("lvdt-gain"), "{check}");
+    let home = updated(&["home"]);
+    assert!(home.status.code() == Some(1) && error_of(&home).contains("lvdt-gain"), "{}", error_of(&home));
+    assert!(error_of(&home).contains("settings-corrupt"), "{}", error_of(&home));
+    // A backup for the LVDT before: the rest is restored, and a script does not go on as if all were.
+    let restored = updated(&["config", "restore", backup, "--json"]);
+    assert!(restored.status.code() == Some(1) && error_of(&restored).contains("NOT taken"), "{}", error_of(&restored));
+    assert_eq!(lines(&restored)[0]["dropped"], json!(["lvdt-gain"]));
+    let status = &lines(&updated(&["status", "--json"]))[0];
+    assert_eq!((&status["settings_kept"], &status["telemetry"]["fault"]), (&"kept".into(), &Value::Null));
+    assert_eq!((&status["settings"]["lvdt-gain"], &status["settings"]["position-zero"]), (&1.0.into(), &0.002.into()));
 }
 
 /// Two calls with the load at two gaps, as a person would do it with callipers.

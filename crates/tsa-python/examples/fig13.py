@@ -1,6 +1,8 @@
-"""Homes three emulated rigs, moves them, and redraws the paper's Fig. 13: contraction over turns, measured and computed.
+"""Homes three emulated rigs, moves them, and redraws the paper's Fig. 13: contraction over turns, measured and
+computed.
 
-Run it in the checkout after `cargo xtask build`, `cargo xtask firmware` and `pip install ./crates/tsa-python matplotlib`:
+Run it in the checkout after `cargo xtask build`, `cargo xtask firmware` and
+`pip install ./crates/tsa-python matplotlib`:
 python3 crates/tsa-python/examples/fig13.py fig13.png
 """
 

@@ -1,15 +1,17 @@
 //! A conversation with a board, emulated or real.
 
 use crate::tool::error;
-use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError, PyValueError};
+use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError, PyRuntimeWarning, PyValueError};
 use pyo3::prelude::*;
 use rig_link::{LoadChoice, Request};
+use rigctl::board_settings;
 use rigctl::course::Course;
 use rigctl::failure::Failure;
 use rigctl::session::row::Row;
 use rigctl::session::serial::Serial;
 use rigctl::session::sim::{Sim, SimOptions};
 use rigctl::session::{Place, Port, Session, Target, homing, interrupt, motion, stream};
+use std::ffi::CString;
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -110,6 +112,10 @@ impl Board {
             Place::Device(port.to_owned())
         };
         let session = py.detach(|| connect(&Target { scene, place })).map_err(error)?;
+        if let Some(warning) = session.known_settings().and_then(board_settings::warning) {
+            let text = CString::new(warning).map_err(|e| wrong(&e))?;
+            PyErr::warn(py, &py.get_type::<PyRuntimeWarning>(), &text, 2)?;
+        }
         Ok(Self(Mutex::new(Talk { session: Some(session), rows: Vec::new() })))
     }
 

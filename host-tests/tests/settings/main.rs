@@ -3,10 +3,11 @@
 
 mod effects;
 
-use host_tests::board::Bench;
+use host_tests::board::{Bench, firmware, other_rig};
 use rig_link::messages::{
     Accepted, Fault, Kept, LoadChoice, LvdtCurve, Refusal, Request, Setting, SettingValues, SettingsReport, State,
 };
+use rig_scene::Scene;
 
 const fn set(setting: Setting, value: f32) -> Request {
     Request::SetSetting { setting, value }
@@ -286,6 +287,101 @@ fn after_damage_nothing_moves_until_it_is_cleared_or_set_anew() {
     assert_eq!((b.settings().values, b.settings().kept), (values, Kept::These));
 }
 
+/// Flash of a board whose settings are all set, and those settings.
+fn all_set(current_limit_a: f32) -> (Vec<u8>, SettingValues) {
+    let mut b = standing(&[], 7);
+    let lvdt_curve = LvdtCurve::new(&[[0.09, 1e-4], [0.1, 2e-4], [0.11, 0.0]], 2e-5).ok();
+    let values = SettingValues { numbers: [1e-3, 1.01, 2e-3, -1.0, 1.02, 0.003, current_limit_a, 1.03], lvdt_curve };
+    b.set(&Request::SetSettings(values)).unwrap();
+    (b.machine.flash_image(), values)
+}
+
+/// A board with other firmware on this flash, greeted, and started or in fault.
+fn updated(elf: &[u8], scene: &Scene, image: &[u8]) -> Bench {
+    let mut b = Bench::with(elf, scene, &[], 1);
+    b.machine.set_flash_image(image).unwrap();
+    b.machine.power_cycle();
+    b.greet();
+    b.run(3.0);
+    b
+}
+
+#[test]
+fn an_update_for_another_lvdt_keeps_what_does_not_correct_it_and_waits_for_the_operator() {
+    let (image, old) = all_set(0.45);
+    let (elf, scene) = other_rig();
+    let mut b = updated(elf, scene, &image);
+    let report = b.settings();
+    assert_eq!(report.defaults.get(Setting::CurrentLimit), 0.4, "the new scene's");
+    let dropped: Vec<&str> = report.dropped.names().collect();
+    assert_eq!(dropped, ["lvdt-offset", "lvdt-gain", "current-limit", "lvdt-points"]);
+    let mut expected = SettingValues { lvdt_curve: None, ..old };
+    for setting in [Setting::LvdtOffset, Setting::LvdtGain, Setting::CurrentLimit] {
+        expected = expected.with(setting, report.defaults.get(setting));
+    }
+    assert_eq!((report.kept, report.values), (Kept::Partly, expected));
+    let in_fault = Refusal::InFault { fault: Fault::SettingsCorrupt };
+    assert_eq!(b.ask(&Request::HOME), Err(in_fault));
+    assert_eq!(b.ask(&Request::Jog { twist_speed_rad_per_s: 1.0 }), Err(in_fault));
+    assert_eq!(b.machine.board().truth().motor_energy_j, 0.0, "the drive was told something");
+    // `clear` accepts the defaults for this run only: flash is as it was, and the next start waits again.
+    b.ask(&Request::Clear).unwrap();
+    assert!(b.until(6.0, |b| b.state() == State::Unhomed), "{:?}", b.last);
+    let again = updated(elf, scene, &b.machine.flash_image());
+    assert_eq!(again.last.unwrap().fault, Some(Fault::SettingsCorrupt));
+    // Back on the firmware before, everything is there.
+    let mut back = updated(firmware(), host_tests::scene(), &b.machine.flash_image());
+    assert_eq!((back.settings().values, back.settings().kept, back.state()), (old, Kept::These, State::Unhomed));
+    // Calibrated anew, it is a record for this rig.
+    b.set(&set(Setting::LvdtGain, 0.99)).unwrap();
+    assert!(b.settings().dropped.is_empty());
+    let mut calibrated = updated(elf, scene, &b.machine.flash_image());
+    assert_eq!((calibrated.state(), calibrated.settings().kept), (State::Unhomed, Kept::These));
+    assert_eq!(calibrated.settings().values, expected.with(Setting::LvdtGain, 0.99));
+}
+
+/// What is at its default, or still allowed, is not lost by the same update.
+#[test]
+fn an_update_that_concerns_no_setting_in_flash_is_no_fault() {
+    let (_, values) = all_set(0.3);
+    let mut b = standing(&[], 8);
+    let defaults = b.settings().defaults;
+    let values = [Setting::LvdtOffset, Setting::LvdtGain]
+        .iter()
+        .fold(SettingValues { lvdt_curve: None, ..values }, |values, s| values.with(*s, defaults.get(*s)));
+    b.set(&Request::SetSettings(values)).unwrap();
+    let (elf, scene) = other_rig();
+    let mut b = updated(elf, scene, &b.machine.flash_image());
+    assert_eq!((b.settings().values, b.settings().kept, b.state()), (values, Kept::These, State::Unhomed));
+}
+
+/// Power may fail between record and witness, and the update come before the next start.
+#[test]
+fn an_update_after_a_power_cut_still_names_what_it_drops() {
+    let mut b = standing(&[], 9);
+    let old = b.settings().defaults.with(Setting::LvdtGain, 1.01).with(Setting::SpeedMax, 0.003);
+    b.set(&Request::SetSettings(old)).unwrap();
+    let (image, request) = (b.machine.flash_image(), Request::SetSettings(old.with(Setting::LvdtGain, 1.02)));
+    let (elf, scene) = other_rig();
+    let mut behind = 0;
+    for at_s in times_of_change(&image, &request) {
+        let mut b = ready_to_set(&image, &request);
+        b.machine.run_until(at_s).unwrap();
+        let cut = b.machine.flash_image();
+        let mut b = updated(elf, scene, &cut);
+        behind += usize::from(b.machine.flash_image()[0x4000..0x1_0000] != cut[0x4000..0x1_0000]);
+        for _ in 0..2 {
+            let report = b.settings();
+            assert!(report.dropped.names().eq(["lvdt-gain"]), "cut at {at_s} s: {report:?}");
+            assert_eq!((report.kept, report.values.get(Setting::SpeedMax)), (Kept::Partly, 0.003));
+            assert_eq!(b.last.unwrap().fault, Some(Fault::SettingsCorrupt));
+            b = updated(elf, scene, &b.machine.flash_image());
+        }
+    }
+    println!("{behind} starts wrote the witness again");
+    assert!(behind > 0);
+}
+
 /// Enough writes for a sector to be erased: the values stay, and the watchdog does not bite.
 #[test]
 fn sectors_that_are_full_are_erased_while_it_holds() {
@@ -297,7 +393,7 @@ fn sectors_that_are_full_are_erased_while_it_holds() {
     let (mut longest_s, mut erased, mut values) = (0.0f64, 0, b.settings().values);
     let mut full = 0;
     let mut before_erasing = None;
-    for k in 0..450u16 {
+    for k in 0..1000u16 {
         let zero_m = 1e-3 + 1e-6 * f32::from(k);
         let (before_s, before) = (b.machine.now_s(), (b.machine.flash_image(), values));
         b.set(&set(Setting::SpeedMax, zero_m)).unwrap();
@@ -311,7 +407,7 @@ fn sectors_that_are_full_are_erased_while_it_holds() {
         }
         full = used;
     }
-    println!("450 settings, {erased} erasures, the longest took {longest_s:.2} s");
+    println!("1000 settings, {erased} erasures, the longest took {longest_s:.2} s");
     assert!(erased >= 1 && longest_s < 0.7);
     assert!(b.machine.stats().resets.is_empty());
     assert_eq!((b.state(), b.last.unwrap().fault), (State::Holding, None));

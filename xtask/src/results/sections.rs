@@ -285,7 +285,7 @@ fn image_size(folders: &Folders) -> Result<Measured> {
     };
     firmware::build(folders, &toolchain)?;
     add("drive on CAN (default)", &folders.target.join("firmware/tsa-firmware.elf"))?;
-    firmware::build_uart(folders, &toolchain)?;
+    firmware::build_variant(folders, &toolchain, firmware::Variant::Uart)?;
     add("drive on the serial line", &folders.target.join("firmware/uart/tsa-firmware.elf"))?;
     Ok(measured)
 }

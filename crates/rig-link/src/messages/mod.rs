@@ -22,6 +22,7 @@ mod request;
 mod telemetry;
 
 pub use crate::codes::*;
+pub use crate::corrected_constants::{CorrectedConstants, Dropped};
 pub use crate::faults::Faults;
 pub use crate::gap_curve::GapCurve;
 pub use crate::lvdt_curve::{LVDT_APART_M, LVDT_POINTS_MAX, LvdtCurve};
@@ -73,6 +74,10 @@ pub struct SettingsReport {
     pub values: SettingValues,
     /// The defaults; that of the current limit is the scene's.
     pub defaults: SettingValues,
+    /// The constants that they correct.
+    pub constants: CorrectedConstants,
     /// What flash holds.
     pub kept: Kept,
+    /// With [`Kept::Partly`] the settings in flash that are not used.
+    pub dropped: Dropped,
 }

@@ -36,11 +36,11 @@ fn get(session: &mut Session, name: Option<Setting>, output: &mut Output) -> Res
         output.line(board_settings::line(*setting, &report))?;
     }
     if let (None, Some(curve)) = (name, &report.values.lvdt_curve) {
-        let kept = report.kept == Kept::These;
+        let kept = board_settings::is_kept(&report, false);
         output.object(&json!({"name": lvdt_points::NAME, "value": lvdt_points::object(curve), "kept": kept}))?;
         output.line(format!("{:14} {}", lvdt_points::NAME, lvdt_points::words(curve)))?;
     }
-    output.line(board_settings::origin(report.kept))?;
+    output.line(board_settings::origin_and_remedy(&report))?;
     Ok(())
 }
 
@@ -87,13 +87,16 @@ fn restore(global: &Global, file: &Path, force: bool, output: &mut Output) -> Re
     session.wait_started()?;
     let report = session.settings()?;
     let rig_hash = session.identity().map_or(0, |id| id.rig_hash);
-    let backup = backup::load(file, &report.defaults)?.of_rig(rig_hash, file, force)?;
-    let unhomed = session.set(&Request::SetSettings(backup.values))?;
-    let changed = report.values.iter().filter(|(s, value)| *value != backup.values.get(*s)).count()
-        + usize::from(report.values.lvdt_curve != backup.values.lvdt_curve);
-    output.object(&json!({"file": file, "settings": all(&backup.values), "changed": changed, "kept": true,
-        "unhomed": unhomed}))?;
-    output.line(format!("{} settings restored, {changed} of them changed; kept in flash", Setting::ALL.len()))?;
+    let (values, dropped) = backup::load(file, &report.defaults)?.for_board(rig_hash, &report, file, force)?;
+    let unhomed = session.set(&Request::SetSettings(values))?;
+    let changed = report.values.iter().filter(|(s, value)| *value != values.get(*s)).count()
+        + usize::from(report.values.lvdt_curve != values.lvdt_curve);
+    output.object(&json!({"file": file, "settings": all(&values), "changed": changed, "kept": true,
+        "unhomed": unhomed, "dropped": dropped.names().collect::<Vec<_>>()}))?;
+    let count = Setting::ALL.len() - Setting::ALL.iter().filter(|setting| dropped.contains(**setting)).count();
+    output.line(format!("{count} settings restored, {changed} of them changed; kept in flash"))?;
     let next = board_settings::next_steps(&session, global.flash_lasts(), unhomed);
-    Ok(next.iter().try_for_each(|line| output.line(line))?)
+    next.iter().try_for_each(|line| output.line(line))?;
+    // After the rest has been restored: a script must not go on with a calibration that is missing.
+    backup::require_all(&dropped, file)
 }

@@ -10,7 +10,7 @@ use rig_control::move_check::{MoveRequest, MoveStart};
 use rig_control::planner::Planner;
 use rig_control::{TICK_S, settings as rig_settings};
 use rig_link::gap_curve::GapCurve;
-use rig_link::{LoadChoice, Setting};
+use rig_link::{Dropped, Kept, LoadChoice, Setting, SettingsReport};
 use serde_json::json;
 use std::f32::consts::PI;
 use std::path::Path;
@@ -42,7 +42,18 @@ pub fn run(
     let as_built = scene.constants();
     let defaults = rig_settings::defaults(&as_built);
     let values = match kept {
-        Some(file) => backup::load(file, &defaults)?.of_rig(scene.rig_hash(), file, false)?.values,
+        Some(file) => {
+            let new = SettingsReport {
+                values: defaults,
+                defaults,
+                constants: rig_settings::corrected(&as_built),
+                kept: Kept::Nothing,
+                dropped: Dropped::NONE,
+            };
+            let (values, dropped) = backup::load(file, &defaults)?.for_board(scene.rig_hash(), &new, file, false)?;
+            backup::require_all(&dropped, file)?;
+            values
+        }
         None => defaults,
     };
     let rig = rig_settings::apply(&values, &as_built);

@@ -48,6 +48,7 @@ pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
         },
         "settings": board_settings::all(&settings.values),
         "settings_kept": settings.kept.name(),
+        "settings_dropped": settings.dropped.names().collect::<Vec<_>>(),
         "last_panic": id.last_panic.as_deref(),
         "faults": faults.iter().map(|f| f.name()).collect::<Vec<_>>(),
         "link_errors": counters.link_errors,

@@ -1,8 +1,9 @@
-//! Checks of the board's identity: image, protocol, last reset, clock, scene and table.
+//! Checks of the board's identity: image, protocol, last reset, clock, scene and table; and of its settings.
 
 use super::{Check, check};
+use crate::board_settings;
 use crate::failure::Failure;
-use rig_link::{Clock, Identity, PROTOCOL_HASH, ResetCause};
+use rig_link::{Clock, Identity, PROTOCOL_HASH, ResetCause, SettingsReport};
 use rig_scene::Scene;
 
 /// End of the git id of an image with a table that was not made for the scene's accuracy (`TSA_STUDY`, see build.rs).
@@ -85,6 +86,12 @@ pub fn checks(id: &Identity, scene: &Scene) -> Result<Vec<Check>, Failure> {
             ),
         ),
     ])
+}
+
+/// The settings: whether those in flash are used.
+pub fn settings(report: &SettingsReport) -> Check {
+    let remedy = board_settings::remedy(report.kept);
+    check("settings", remedy.is_none(), board_settings::origin(report), remedy.unwrap_or_default())
 }
 
 /// The image: its version, and that it holds the scene's own table.

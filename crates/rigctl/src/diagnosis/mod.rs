@@ -1,6 +1,6 @@
 //! The checks of `doctor`: is the rig well, and if not, what to do.
 //!
-//! [`board`]: the board's identity and table; [`sensors`]: LVDT, encoder, supply; here: state, drive, ticks and link.
+//! [`board`]: the board's identity, table and settings; [`sensors`]: LVDT, encoder, supply; here: state, drive, ticks and link.
 
 pub mod board;
 pub mod sensors;
@@ -67,6 +67,7 @@ pub fn examine(session: &mut Session, scene: &Scene, home: bool) -> Result<Vec<C
     let id = session.require_identity()?.clone();
     let Some(last) = heard.last().copied() else { return Err(Failure::failed("no telemetry from the board")) };
     let mut all = board::checks(&id, scene)?;
+    all.push(board::settings(&session.settings()?));
     all.append(&mut checks);
     all.push(faults(&last));
     all.push(drive(&heard, scene));

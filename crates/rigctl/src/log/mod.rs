@@ -23,6 +23,7 @@ use crate::failure::Failure;
 use crate::lvdt_points;
 use crate::scene_file;
 use crate::session::{Place, Session, Target};
+use crate::{backup, board_settings};
 use rig_link::PROTOCOL_HASH;
 use std::time::SystemTime;
 
@@ -30,6 +31,8 @@ use std::time::SystemTime;
 pub const FORMAT: &str = "tsa-log 1";
 /// Prefix of a setting's name in the header.
 const SETTINGS: &str = "settings.";
+/// Prefix in the header of the name of a constant that settings correct.
+const CONSTANTS: &str = "constants.";
 
 /// The facts that are known before the first row, in order.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -84,6 +87,12 @@ impl Header {
         header.add("table.load_n", format!("{} to {}", table.load_min_n, table.load_max_n));
         header.add("table.turns", format!("{} to {}", table.turns_min, table.turns_max));
         header.add("settings_kept", settings.kept.name());
+        if !settings.dropped.is_empty() {
+            header.add("settings_dropped", board_settings::dropped(&settings.dropped));
+        }
+        for (name, value) in backup::named(&settings.constants) {
+            header.add(&format!("{CONSTANTS}{name}"), value);
+        }
         for (setting, value) in settings.values.iter() {
             header.add(&format!("{SETTINGS}{setting}"), value);
         }

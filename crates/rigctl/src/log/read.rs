@@ -1,11 +1,11 @@
 //! Reading a log back. Every line is checked; each refusal names the line.
 
 use super::write::HOMED;
-use super::{FORMAT, Header, SETTINGS};
+use super::{CONSTANTS, FORMAT, Header, SETTINGS};
 use crate::board_settings;
 use crate::lvdt_points;
 use crate::script;
-use rig_link::{HomingResult, Request, Setting, SettingValues, State};
+use rig_link::{CorrectedConstants, HomingResult, Request, Setting, SettingValues, State};
 use std::path::Path;
 
 /// The columns of a row that the control code uses. SI units.
@@ -176,6 +176,17 @@ impl Log {
     /// [`LogError::Cut`].
     pub fn whole(self) -> Result<Self, LogError> {
         if self.complete { Ok(self) } else { Err(LogError::Cut { rows: self.rows.len() }) }
+    }
+
+    /// The constants of the board that its settings correct, if the header has all of them.
+    pub fn constants(&self) -> Option<CorrectedConstants> {
+        let number = |name: &str| self.header.get(&format!("{CONSTANTS}{name}"))?.parse().ok();
+        Some(CorrectedConstants {
+            gear_ratio: number("gear_ratio")?,
+            counts_per_rad: number("counts_per_rad")?,
+            lvdt_gap_at_code_zero_m: number("lvdt_gap_at_code_zero_m")?,
+            lvdt_metres_per_code: number("lvdt_metres_per_code")?,
+        })
     }
 
     /// The settings that the board ran with. Those that the header does not have are taken from `defaults`, and named.

@@ -32,12 +32,13 @@ pub enum Config {
         #[arg(value_name = "FILE.toml")]
         file: PathBuf,
     },
-    /// Set all settings from a file: all of them, or none if anything in it is wrong
+    /// Set all settings from a file, or none if anything in it is wrong. Those that correct other constants than this
+    /// rig's stay as they are, and the exit code is then 1
     Restore {
         /// File to read: a backup, or a log of `record` or `sweep`, whose header holds the settings, too
         #[arg(value_name = "FILE")]
         file: PathBuf,
-        /// Also if it was written for a rig with other numbers
+        /// Also those that correct other constants of the rig
         #[arg(long)]
         force: bool,
     },

@@ -3,11 +3,10 @@
 
 use super::Refused;
 use crate::board_settings::decimal;
+use crate::session::client::REPLY_S;
 use rig_link::{Accepted, EventKind, Refusal, Request, State};
 use serde_json::{Value, json};
 
-/// Longest wait for the board's reply (s).
-const REPLY_S: f64 = 1.0;
 /// How long the board may be at rest before a motion counts as ended although its event did not come (s).
 const REST_S: f64 = 0.2;
 
@@ -210,13 +209,13 @@ mod tests {
     #[test]
     fn a_lost_reply_or_event_leaves_nothing_open() {
         let mut flights = flying(&[(1, MOVE, Some(Accepted::Started)), (2, Request::Clear, None)]);
-        flights.pass(State::Moving, 0.9);
+        flights.pass(State::Moving, REPLY_S - 0.1);
         assert!(landed(&mut flights).is_empty());
-        flights.pass(State::Moving, 1.1);
+        flights.pass(State::Moving, REPLY_S + 0.1);
         assert_eq!(landed(&mut flights), [(2, Err("no-reply"))]);
-        flights.pass(State::Holding, 1.2);
+        flights.pass(State::Holding, REPLY_S + 0.2);
         assert!(landed(&mut flights).is_empty(), "its event may still be on the way");
-        flights.pass(State::Holding, 1.4);
+        flights.pass(State::Holding, REPLY_S + 0.4);
         assert_eq!(landed(&mut flights), [(1, Err("stopped"))]);
     }
 }

@@ -19,7 +19,7 @@ const TOOL: Versions = Versions::own(env!("CARGO_PKG_VERSION"), "");
 /// Time between two greetings of a board that has not answered, nor sent anything that can be read (s).
 const GREETING_S: f64 = 1.0;
 /// Longest wait for a reply (s).
-const REPLY_S: f64 = 3.0;
+pub const REPLY_S: f64 = 3.0;
 /// Longest wait for the first message of a board (s): the start-up of a drive does not hold the link back.
 const HELLO_S: f64 = 5.0;
 /// Longest wait for flash (s): a sector may have to be erased, or a table that is being made goes first.
@@ -334,7 +334,7 @@ impl Session {
             match self.settings()?.kept {
                 Kept::These => return Ok(accepted == Accepted::Unhomed),
                 Kept::Nothing => break,
-                Kept::Others | Kept::Damaged => self.until(0.1, |_| false)?,
+                Kept::Others | Kept::Damaged | Kept::Partly => self.until(0.1, |_| false)?,
             };
         }
         Err(Failure::failed("in use, but NOT kept in flash: lost with the next reset. The board's log says why"))

@@ -5,6 +5,7 @@ use super::interrupt;
 use super::port::Port;
 use super::serial::Serial;
 use super::sim::{Sim, SimOptions};
+use crate::board_settings;
 use crate::failure::Failure;
 use crate::scene_file;
 use std::path::PathBuf;
@@ -65,13 +66,17 @@ impl Target {
         Ok(Session::new(port))
     }
 
-    /// Opens the port and greets the board, whatever scene its table is for.
+    /// Opens the port and greets the board, whatever scene its table is for. Standard error shows a warning if the board does
+    /// not use all settings in its flash.
     ///
     /// # Errors
     /// If there is no board, or it was built with another message table.
     pub fn meet(&self) -> Result<Session, Failure> {
         let mut session = self.open()?;
         session.hello()?;
+        if let Some(warning) = session.known_settings().and_then(board_settings::warning) {
+            eprintln!("warning: {warning}");
+        }
         Ok(session)
     }
 

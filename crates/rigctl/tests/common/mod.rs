@@ -11,6 +11,25 @@ pub fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().expect("the project's folder")
 }
 
+/// An image of `cargo xtask firmware` with these arguments, which is built if it is not there.
+fn image(name: &str, arguments: &[&str]) -> PathBuf {
+    let own = Path::new(env!("CARGO_BIN_EXE_rigctl"));
+    let elf = own.parent().expect("a folder").join("../firmware").join(name);
+    if !elf.exists() {
+        let build = [&["xtask", "firmware"], arguments].concat();
+        let status = Command::new("cargo").args(build).current_dir(root()).status();
+        assert!(status.is_ok_and(|s| s.success()), "`cargo xtask firmware` failed");
+    }
+    elf
+}
+
+/// The firmware for a rig with another LVDT and a lower current limit, and its scene.
+pub fn other_rig() -> [String; 2] {
+    let elf = image("other-rig/tsa-firmware.elf", &["--variant", "other-rig"]);
+    let scene = elf.with_file_name("scene.toml");
+    [elf, scene].map(|path| path.to_string_lossy().into_owned())
+}
+
 /// Runs the tool, for a command that needs no firmware.
 pub fn desktop(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_rigctl")).args(arguments).current_dir(root()).output().expect("rigctl runs")
@@ -20,14 +39,7 @@ pub fn desktop(arguments: &[&str]) -> Output {
 /// are about what the tool does and not about the rig.
 pub fn rigctl(arguments: &[&str]) -> Output {
     static FIRMWARE: Once = Once::new();
-    let own = Path::new(env!("CARGO_BIN_EXE_rigctl"));
-    let elf = own.parent().expect("a folder").join("../firmware/tsa-firmware.elf");
-    FIRMWARE.call_once(|| {
-        if !elf.exists() {
-            let status = Command::new("cargo").args(["xtask", "firmware"]).current_dir(root()).status();
-            assert!(status.is_ok_and(|s| s.success()), "`cargo xtask firmware` failed");
-        }
-    });
+    FIRMWARE.call_once(|| drop(image("tsa-firmware.elf", &[])));
     let named = ["--rig", "--port"].iter().any(|option| arguments.contains(option));
     desktop(&[arguments, if named { &[] } else { &["--rig", "ideal"] }].concat())
 }

@@ -31,7 +31,10 @@ def _columns(
 
 @dataclass(frozen=True)
 class Equilibria:
-    """Equilibria of the full model. Arrays of one shape; where a state is refused, numbers are NaN and `error` says why."""
+    """Equilibria of the full model. Arrays of one shape.
+
+    Where a state is refused, numbers are NaN and `error` says why.
+    """
 
     load_n: Array
     """Load (N)."""

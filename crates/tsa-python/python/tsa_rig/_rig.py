@@ -30,8 +30,8 @@ class Rig:
     """A board with its rig: `sim` is an emulated one, `auto` the one behind the only ST-LINK, anything else a
     serial device such as `/dev/ttyACM0`.
 
-    As a context manager it stops the motion on the way out, also after an exception or Ctrl-C. The strings keep the load
-    as long as the drive has power. Time of an emulated rig passes only in `home`, `move`, `wait` and `stop`.
+    As a context manager it stops the motion on the way out, also after an exception or Ctrl-C. The strings keep the
+    load as long as the drive has power. Time of an emulated rig passes only in `home`, `move`, `wait` and `stop`.
 
     Raises RuntimeError if there is no board, or if its table is for another scene.
     """
@@ -46,8 +46,8 @@ class Rig:
         plant: Mapping[str, object] | None = None,
         programs: str | PathLike[str] | None = None,
     ) -> None:
-        """`rig` (ideal, nominal, hard), `seed` and `plant` (keys of docs/plants.md) are of an emulated rig; `programs` is
-        the folder of `rig-emulator`, which is looked for in the checkout otherwise."""
+        """`rig` (ideal, nominal, hard), `seed` and `plant` (keys of docs/plants.md) are of an emulated rig; `programs`
+        is the folder of `rig-emulator`, which is looked for in the checkout otherwise."""
         changes = [f"{key}={value}" for key, value in (plant or {}).items()]
         folder = Path(programs) if programs is not None else _programs(Path(scene))
         if port == "sim" and folder is None:

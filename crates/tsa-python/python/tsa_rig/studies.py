@@ -1,11 +1,12 @@
 """Studies on many cores or machines: designs of the mechanism, the bootstrap of an identification, rigs of many seeds.
 
-Each study is a set of independent tasks that a `distributed.Client` runs: on processes of this machine, or on a cluster.
+Each study is a set of independent tasks that a `distributed.Client` runs: on processes of this machine, or on a
+cluster.
 `pip install "./crates/tsa-python[studies]"` installs what they need besides (dask, pandas); docs/studies.md shows them.
 
-The result of each task is a file in a folder that the caller names. A study that was stopped and is started again with the
-same folder computes only what is missing. Files are found by a hash of the task's inputs, the contents of all files among
-them, so that a changed input is another task.
+The result of each task is a file in a folder that the caller names. A study that was stopped and is started again with
+the same folder computes only what is missing. Files are found by a hash of the task's inputs, the contents of all files
+among them, so that a changed input is another task.
 """
 
 from __future__ import annotations
@@ -99,10 +100,11 @@ def designs(
 ) -> pd.DataFrame:
     """Which rods and strings serve a range of loads (N) and a travel (m)? One row for each combination of a grid.
 
-    `grid` has lists of values by the names of constants, as `Scene.with_constants` takes them. Each design is followed from
-    the half-turn pre-twist up to a number of `turns` under each load. Columns besides the constants:
+    `grid` has lists of values by the names of constants, as `Scene.with_constants` takes them. Each design is followed
+    from the half-turn pre-twist up to a number of `turns` under each load. Columns besides the constants:
 
-    - `reach_m`: the contraction that is reached under every load (m); `limits`: what ended it before `turns`, under any load
+    - `reach_m`: the contraction that is reached under every load (m)
+    - `limits`: what ended it before `turns`, under any load
     - `tr_least_rad_per_m`, `tr_greatest_rad_per_m`: the transmission ratio at half the travel over the loads
     - `speed_m_per_s`: the load's speed there with the motor at its limit of speed and voltage, under the slowest load
     - `current_a`: the greatest current of the motor within the travel, without friction
@@ -167,7 +169,8 @@ def _design(task: Task) -> dict[str, Any]:
             continue
         current_a = np.abs(way["torque_nm"]) / gear / torque_constant
         ratio, torque_a = (
-            float(np.interp(0.5 * travel_m, way["contraction_m"], values)) for values in (way["tr_rad_per_m"], current_a)
+            float(np.interp(0.5 * travel_m, way["contraction_m"], values))
+            for values in (way["tr_rad_per_m"], current_a)
         )
         # The supply drives the current through the winding, and the rest is left for the speed.
         voltage_speed = (rig["supply_voltage_v"] - torque_a * rig["motor_resistance_ohm"]) / torque_constant
@@ -222,10 +225,10 @@ def bootstrap(
 ) -> pd.DataFrame:
     """How far can the constants of an identification be trusted? One row for each constant that the fit changes.
 
-    The law is chosen once, as `identify` does. It is then fitted again to resamples: residuals change places in blocks of
-    twist, and what is expected of the constants beforehand is drawn anew. Columns: `constant`, `value` (fitted to the sweeps
-    themselves), `low` and `high` (between which nine of ten resamples lie), `standard_error`, `resamples` (that had a fit).
-    The workers must find the sweeps under the same paths.
+    The law is chosen once, as `identify` does. It is then fitted again to resamples: residuals change places in blocks
+    of twist, and what is expected of the constants beforehand is drawn anew. Columns: `constant`, `value` (fitted to
+    the sweeps themselves), `low` and `high` (between which nine of ten resamples lie), `standard_error`, `resamples`
+    (that had a fit). The workers must find the sweeps under the same paths.
 
     Raises ValueError for fewer than two resamples or no sweep, RuntimeError if the sweeps cannot tell the constants.
     """
@@ -279,8 +282,10 @@ def _refit(task: Task) -> dict[str, Any]:
     constants = {}
     for section in ("geometry", "string", "material"):
         for key, value in scene[section].items():
-            listed = value if isinstance(value, list) else [value]
-            names = [f"{section}.{key}.{k}" for k in range(len(listed))] if isinstance(value, list) else [f"{section}.{key}"]
+            if isinstance(value, list):
+                listed, names = value, [f"{section}.{key}.{k}" for k in range(len(value))]
+            else:
+                listed, names = [value], [f"{section}.{key}"]
             constants.update({name: number for name, number in zip(names, listed) if isinstance(number, (int, float))})
     return constants
 
@@ -302,7 +307,8 @@ def seeds(
     Each rig of the kind `rig` homes and moves to the targets (m), one after the other, at a `speed` (m/s). `plant` and
     `programs` are those of `Rig`. The workers must find scene and programs under the same paths. Columns:
 
-    - `load_n`, `load_error_n`: the weighed load (N) and the error that the board states; `true_load_n`: the load that hung
+    - `load_n`, `load_error_n`: the weighed load (N) and the error that the board states
+    - `true_load_n`: the load that hung
     - `error_m`: where the board says that the move ended, from its target (m); `true_error_m`: where it did end
     - `refused`: the board's refusal or fault, after which this rig's other columns are empty
 

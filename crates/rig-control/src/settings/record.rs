@@ -1,0 +1,373 @@
+//! The settings' record in flash.
+//!
+//! ```text
+//! settings:  version 2 | generation u32 LE
+//!            | gear ratio, counts per rad, LVDT's gap at code 0 (m), LVDT's metres per code: f32 LE
+//!            | for each that is not at its default: code u8, value f32 LE
+//! version 1: version 1 | generation u32 LE | basis u32 LE | for each: code u8, value f32 LE
+//! witness:   generation u32 LE
+//! ```
+//! The store checks every record and skips a damaged one, so that it then returns an older record of the same key, with
+//! calibration numbers that are out of date, or none. The witness shows this: it is written after the settings, so it is
+//! the newer one of the two only if the settings are damaged.
+//!
+//! The record has the constants for which its settings were made. Firmware with other constants uses the settings that do
+//! not depend on those that differ, and reports the others ([`Kept::Partly`]); the record stays as it is until the settings
+//! are changed. A record of version 1 is still read, but not written. Its basis is a hash of all those constants and of the
+//! current limit's default, so that a difference in one of them makes the whole record useless.
+//!
+//! A setting that a record does not have is at its default, and an unknown one is ignored. The points of the LVDT's
+//! calibration are entries of their own, so that records of firmware without them are read, and the other way round.
+
+use super::{corrected, defaults};
+use crate::RigConstants;
+use heapless::Vec;
+use rig_link::messages::{CorrectedConstants, Dropped, Kept, LVDT_POINTS_MAX, LvdtCurve, Setting, SettingValues};
+
+/// Version of the record.
+const VERSION: u8 = 2;
+/// Version of the record with one hash for all constants.
+const VERSION_WITH_BASIS: u8 = 1;
+/// Bytes of the constants in a record.
+const CONSTANTS: usize = 16;
+const HEAD: usize = 5 + CONSTANTS;
+const ENTRY: usize = 5;
+/// Longest record that is read (bytes): another firmware's may have more settings than ours.
+pub const RECORD_MAX: usize = HEAD + 50 * ENTRY;
+/// Code of the first entry of the LVDT's calibration: for each point its reading and its correction; then, behind the room
+/// for 11 points, the stated error.
+const CURVE: u8 = 200;
+const CURVE_ERROR: u8 = CURVE + 2 * LVDT_POINTS_MAX as u8;
+/// Most bytes of our own record.
+const RECORD: usize = HEAD + (Setting::ALL.len() + 2 * LVDT_POINTS_MAX + 1) * ENTRY;
+
+fn numbers(constants: &CorrectedConstants) -> [f32; CONSTANTS / 4] {
+    let CorrectedConstants { gear_ratio, counts_per_rad, lvdt_gap_at_code_zero_m, lvdt_metres_per_code } = *constants;
+    [gear_ratio, counts_per_rad, lvdt_gap_at_code_zero_m, lvdt_metres_per_code]
+}
+
+/// The hash (FNV-1a) of a record of version 1.
+fn basis(rig: &RigConstants) -> u32 {
+    numbers(&corrected(rig))
+        .iter()
+        .chain([&f32::from(rig.current_limit_ma)])
+        .flat_map(|value| value.to_le_bytes())
+        .fold(0x811c_9dc5, |hash, byte| (hash ^ u32::from(byte)).wrapping_mul(0x0100_0193))
+}
+
+/// The settings that flash had.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Loaded {
+    /// Values to use.
+    pub values: SettingValues,
+    /// [`Kept::Nothing`], [`Kept::These`], [`Kept::Partly`] or [`Kept::Damaged`].
+    pub kept: Kept,
+    /// With [`Kept::Partly`] the settings in flash that are not used.
+    pub dropped: Dropped,
+    /// Of the newest record that was written.
+    pub generation: u32,
+    /// Power failed between record and witness: write both again as they should be.
+    pub witness_behind: bool,
+}
+
+/// The record of values, for a rig with these constants, in a generation.
+pub fn write(values: &SettingValues, rig: &RigConstants, generation: u32) -> Vec<u8, RECORD> {
+    let curve = values.lvdt_curve.iter().flat_map(|curve| {
+        let numbers = (CURVE..).zip(curve.points().iter().flatten().copied());
+        numbers.chain([(CURVE_ERROR, curve.error_m())])
+    });
+    let defaults = defaults(rig);
+    let set = values.iter().filter(|(setting, value)| *value != defaults.get(*setting));
+    let entries = set.map(|(setting, value)| (setting.code(), value)).chain(curve);
+    [VERSION]
+        .into_iter()
+        .chain(generation.to_le_bytes())
+        .chain(numbers(&corrected(rig)).into_iter().flat_map(f32::to_le_bytes))
+        .chain(entries.flat_map(|(code, value)| [code].into_iter().chain(value.to_le_bytes())))
+        .collect()
+}
+
+/// The record of a witness.
+pub fn write_witness(generation: u32) -> [u8; 4] {
+    generation.to_le_bytes()
+}
+
+fn number(bytes: &[u8]) -> Option<u32> {
+    bytes.try_into().ok().map(u32::from_le_bytes)
+}
+
+/// What a record holds for this rig.
+struct Record {
+    generation: u32,
+    values: SettingValues,
+    dropped: Dropped,
+}
+
+/// Reads a record; `None` if it is not one of ours, or if the settings in it cannot be told apart.
+fn parse(record: &[u8], rig: &RigConstants) -> Option<Record> {
+    let (version, rest) = record.split_first()?;
+    let (generation, rest) = rest.split_first_chunk()?;
+    let (generation, defaults) = (u32::from_le_bytes(*generation), defaults(rig));
+    match *version {
+        VERSION => {
+            let (constants, entries) = rest.split_at_checked(CONSTANTS)?;
+            let mut constants = constants.as_chunks().0.iter().map(|bytes| f32::from_le_bytes(*bytes));
+            let from = CorrectedConstants {
+                gear_ratio: constants.next()?,
+                counts_per_rad: constants.next()?,
+                lvdt_gap_at_code_zero_m: constants.next()?,
+                lvdt_metres_per_code: constants.next()?,
+            };
+            let values = parse_entries(entries, &defaults)?;
+            let (values, dropped) = values.carried_over(&from, &corrected(rig), &defaults, &defaults);
+            Some(Record { generation, values, dropped })
+        }
+        VERSION_WITH_BASIS => {
+            let (found, entries) = rest.split_first_chunk()?;
+            let values = parse_entries(entries, &defaults)?;
+            let fits = u32::from_le_bytes(*found) == basis(rig) && values.check(&defaults).is_ok();
+            fits.then_some(Record { generation, values, dropped: Dropped::NONE })
+        }
+        _ => None,
+    }
+}
+
+/// The values of entries. The numbers are not checked; `None` if an entry or the LVDT's curve is not whole.
+fn parse_entries(entries: &[u8], defaults: &SettingValues) -> Option<SettingValues> {
+    let (entries, rest) = entries.as_chunks::<ENTRY>();
+    if !rest.is_empty() {
+        return None;
+    }
+    let mut values = *defaults;
+    let mut curve = Vec::<f32, { 2 * LVDT_POINTS_MAX }>::new();
+    let mut curve_error_m = None;
+    for entry in entries {
+        let value = f32::from_bits(number(&entry[1..])?);
+        match (entry[0], Setting::from_code(entry[0])) {
+            (_, Some(setting)) => values = values.with(setting, value),
+            (CURVE_ERROR, None) => curve_error_m = Some(value),
+            // Its numbers stand in their order; a record where they do not is damaged.
+            (code @ CURVE..CURVE_ERROR, None) if usize::from(code - CURVE) == curve.len() => curve.push(value).ok()?,
+            (CURVE..CURVE_ERROR, None) => return None,
+            _ => {}
+        }
+    }
+    if !curve.is_empty() || curve_error_m.is_some() {
+        let (points, rest) = curve.as_chunks();
+        values.lvdt_curve = Some(LvdtCurve::new(points, curve_error_m.filter(|_| rest.is_empty())?).ok()?);
+    }
+    Some(values)
+}
+
+/// The settings to use on a rig with these constants, from both records. `None` is a record that is missing or damaged.
+pub fn read(record: Option<&[u8]>, witness: Option<&[u8]>, rig: &RigConstants) -> Loaded {
+    let witness = witness.and_then(number);
+    let newest = witness.unwrap_or(0);
+    let without = |kept, generation| Loaded {
+        values: defaults(rig),
+        kept,
+        dropped: Dropped::NONE,
+        generation,
+        witness_behind: false,
+    };
+    match (record.map(|record| parse(record, rig)), witness) {
+        (None, None) => without(Kept::Nothing, 0),
+        (Some(Some(Record { generation, values, dropped })), _) if generation >= newest => {
+            let kept = if dropped.is_empty() { Kept::These } else { Kept::Partly };
+            Loaded { values, kept, dropped, generation, witness_behind: witness != Some(generation) }
+        }
+        // An older record, none, or one that is not for this rig.
+        (record, _) => without(Kept::Damaged, newest.max(record.flatten().map_or(0, |record| record.generation))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use super::*;
+    use crate::constants::tests::RIG;
+    use crate::settings::apply;
+    use proptest::prelude::*;
+
+    /// Values that are allowed.
+    fn values() -> impl Strategy<Value = SettingValues> {
+        let curve = (2..=LVDT_POINTS_MAX, prop::array::uniform11(-1e-4..1e-4f32), 0.0..1e-3f32);
+        (prop::array::uniform8(0.0..=1f32), prop::option::of(curve)).prop_map(|(shares, curve)| {
+            let mut defaults = defaults(&RIG);
+            defaults.lvdt_curve = curve.map(|(count, corrections, error_m)| {
+                let mut points = corrections.map(|correction_m| [0.0, correction_m]);
+                points.iter_mut().enumerate().for_each(|(k, point)| point[0] = 0.08 + 2e-3 * k as f32);
+                LvdtCurve::new(&points[..count], error_m).expect("a curve")
+            });
+            Setting::ALL.iter().fold(defaults, |values, setting| {
+                let ([min, max], share) = (setting.range(defaults.get(*setting)), shares[*setting as usize]);
+                let between = (min + share * (max - min)).clamp(min, max);
+                let ends = if share < 0.5 { min } else { max };
+                values.with(*setting, if setting.spec().ends_only { ends } else { between })
+            })
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_written_is_read(values in values(), generation: u32, behind: bool) {
+            let record = write(&values, &RIG, generation);
+            let witness = write_witness(generation.wrapping_sub(u32::from(behind && generation > 0)));
+            let loaded = read(Some(&record), Some(&witness), &RIG);
+            prop_assert_eq!((loaded.values, loaded.kept, loaded.generation), (values, Kept::These, generation));
+            prop_assert_eq!(loaded.witness_behind, behind && generation > 0);
+        }
+
+        #[test]
+        fn any_bytes_give_allowed_values(record in prop::option::of(prop::collection::vec(any::<u8>(), 0..300)),
+                                         witness in prop::option::of(prop::collection::vec(any::<u8>(), 0..9))) {
+            let loaded = read(record.as_deref(), witness.as_deref(), &RIG);
+            prop_assert!(loaded.values.check(&defaults(&RIG)).is_ok());
+            prop_assert_eq!(loaded.kept == Kept::Nothing, record.is_none() && witness.is_none_or(|w| w.len() != 4));
+            prop_assert_eq!(loaded.kept == Kept::Partly, !loaded.dropped.is_empty());
+        }
+
+        #[test]
+        fn any_entries_give_allowed_values(entries in prop::collection::vec((0..12u8, prop::num::f32::ANY), 0..12), same: bool) {
+            let rig = if same { RIG } else { RigConstants { gear_ratio: 53.0, lvdt_metres_per_code: 5e-5, ..RIG } };
+            let mut record = write(&defaults(&rig), &rig, 7).to_vec();
+            entries.iter().for_each(|(code, value)| record.extend([*code].into_iter().chain(value.to_le_bytes())));
+            let loaded = read(Some(&record), Some(&write_witness(7)), &RIG);
+            prop_assert!(loaded.values.check(&defaults(&RIG)).is_ok());
+            prop_assert_eq!(loaded.kept, if loaded.dropped.is_empty() { Kept::These } else { Kept::Partly });
+            for (setting, value) in loaded.values.iter() {
+                let default = defaults(&RIG).get(setting);
+                let last = entries.iter().rfind(|(code, _)| *code == setting.code()).map_or(default, |(_, given)| *given);
+                let dropped = loaded.dropped.contains(setting);
+                prop_assert_eq!(value, if dropped { default } else { last });
+                prop_assert!(!dropped || last != default);
+            }
+        }
+
+        /// Damage that passes the store's checksum still gives allowed values.
+        #[test]
+        fn a_changed_byte_gives_allowed_values(values in values(), place: prop::sample::Index, change in 1..=255u8) {
+            let mut record = write(&values, &RIG, 7).to_vec();
+            let place = place.index(record.len());
+            record[place] ^= change;
+            let loaded = read(Some(&record), Some(&write_witness(7)), &RIG);
+            prop_assert!(loaded.values.check(&defaults(&RIG)).is_ok());
+            let applied = apply(&loaded.values, &RIG);
+            prop_assert!(applied.counts_per_rad.abs() > 1.0 && applied.lvdt_gain > 0.0);
+            prop_assert!(applied.lvdt_curve.is_none_or(|curve| curve.check().is_ok()));
+        }
+
+        #[test]
+        fn a_record_of_another_firmware_gives_what_both_know(values in values(), keep in 0..8usize, more in 0..30u8) {
+            let written: std::vec::Vec<Setting> =
+                values.iter().filter(|(s, value)| *value != defaults(&RIG).get(*s)).map(|(setting, _)| setting).collect();
+            let both = &written[..keep.min(written.len())];
+            let mut record = write(&values, &RIG, 3)[..HEAD + both.len() * ENTRY].to_vec();
+            (0..more).for_each(|k| record.extend([100 + k, 1, 2, 3, 4]));
+            prop_assert!(record.len() <= RECORD_MAX);
+            let loaded = read(Some(&record), Some(&write_witness(3)), &RIG);
+            prop_assert_eq!(loaded.kept, Kept::These);
+            for (setting, value) in loaded.values.iter() {
+                let source = if both.contains(&setting) { values } else { defaults(&RIG) };
+                prop_assert_eq!(value, source.get(setting));
+            }
+            prop_assert_eq!(loaded.values.lvdt_curve, None);
+        }
+    }
+
+    #[test]
+    fn older_or_missing_records_are_damage() {
+        let values = defaults(&RIG).with(Setting::LvdtGain, 1.01);
+        let (old, new) = (write(&values, &RIG, 1), write_witness(2));
+        for (record, witness) in [(Some(&old[..]), Some(&new[..])), (None, Some(&new)), (Some(&old[..3]), None)] {
+            let loaded = read(record, witness, &RIG);
+            assert_eq!((loaded.kept, loaded.values), (Kept::Damaged, defaults(&RIG)));
+        }
+        assert_eq!(read(None, Some(&new), &RIG).generation, 2, "the next record must be newer than the witness");
+        // What the settings have nothing to do with may change.
+        let same = RigConstants { supply_divider: Some(12.0), ..RIG };
+        assert_eq!(read(Some(&old), Some(&write_witness(1)), &same).values, values);
+        // The first record, cut off from its witness.
+        assert!(read(Some(&old), None, &RIG).witness_behind);
+    }
+
+    /// Firmware with other constants: every setting that does not correct them keeps its value.
+    #[test]
+    fn other_constants_drop_only_what_corrects_them() {
+        let lvdt_curve = LvdtCurve::new(&[[0.06, 1e-4], [0.07, 1e-4]], 2e-5).ok();
+        let set = SettingValues { numbers: [1e-3, 1.01, 4e-3, -1.0, 1.02, 0.03, 0.4, 1.03], lvdt_curve };
+        let record = write(&set, &RIG, 1);
+        for (other, lost) in [
+            (RigConstants { motor_speed_max_rad_per_s: 500.0, current_limit_ma: 900, ..RIG }, &[][..]),
+            (RigConstants { lvdt_metres_per_code: 5e-5, ..RIG }, &["lvdt-offset", "lvdt-gain", "lvdt-points"]),
+            (RigConstants { lvdt_gap_at_code_zero_m: 0.0, ..RIG }, &["lvdt-offset", "lvdt-gain", "lvdt-points"]),
+            (RigConstants { gear_ratio: 53.0, ..RIG }, &["gear-scale", "twist-scale"]),
+            (RigConstants { counts_per_rad: 20_208.0, ..RIG }, &["gear-scale", "twist-scale"]),
+            (RigConstants { counts_per_rad: -RIG.counts_per_rad, ..RIG }, &["twist-sign"]),
+            (RigConstants { current_limit_ma: 300, ..RIG }, &["current-limit"]),
+        ] {
+            // Whether or not power failed before the witness was written.
+            for witness in [Some(&write_witness(1)[..]), None] {
+                let loaded = read(Some(&record), witness, &other);
+                assert!(loaded.dropped.names().eq(lost.iter().copied()), "{lost:?}: {:?}", loaded.dropped);
+                let kept = if lost.is_empty() { Kept::These } else { Kept::Partly };
+                assert_eq!((loaded.kept, loaded.generation), (kept, 1), "{lost:?}");
+                for (setting, value) in loaded.values.iter() {
+                    let source = if lost.contains(&setting.name()) { defaults(&other) } else { set };
+                    assert_eq!(value, source.get(setting), "{setting} without {lost:?}");
+                }
+                assert_eq!(loaded.values.lvdt_curve, set.lvdt_curve.filter(|_| !lost.contains(&"lvdt-points")));
+            }
+        }
+    }
+
+    /// Where nobody has set anything, nothing can be lost, and the new rig's defaults are used.
+    #[test]
+    fn defaults_become_the_new_rigs() {
+        let record = write(&defaults(&RIG).with(Setting::SpeedMax, 0.003), &RIG, 1);
+        for current_limit_ma in [300, 900] {
+            let other = RigConstants { current_limit_ma, gear_ratio: 53.0, lvdt_metres_per_code: 5e-5, ..RIG };
+            let loaded = read(Some(&record), Some(&write_witness(1)), &other);
+            assert_eq!((loaded.kept, loaded.values), (Kept::These, defaults(&other).with(Setting::SpeedMax, 0.003)));
+        }
+    }
+
+    /// Settings as firmware of version 1 wrote them, before there were points of a calibration.
+    #[test]
+    fn a_record_of_version_1_is_read_with_the_same_constants_only() {
+        let mut record = std::vec![1, 5, 0, 0, 0];
+        // The hash of these constants as that firmware computed it.
+        record.extend(0x2090_c0d3u32.to_le_bytes());
+        for (code, value) in (0u8..).zip([1e-3f32, 1.01, 0.0, -1.0, 1.0, 0.03, 0.4, 1.0]) {
+            record.push(code);
+            record.extend(value.to_le_bytes());
+        }
+        let loaded = read(Some(&record), Some(&write_witness(5)), &RIG);
+        assert_eq!((loaded.kept, loaded.generation, loaded.values.lvdt_curve), (Kept::These, 5, None));
+        assert_eq!(loaded.values.numbers, [1e-3, 1.01, 0.0, -1.0, 1.0, 0.03, 0.4, 1.0]);
+        let again = read(Some(&write(&loaded.values, &RIG, 6)), Some(&write_witness(6)), &RIG);
+        assert_eq!((again.kept, again.values), (Kept::These, loaded.values), "and is written in the present version");
+        for other in [
+            RigConstants { lvdt_metres_per_code: 5e-5, ..RIG },
+            RigConstants { gear_ratio: 53.0, ..RIG },
+            RigConstants { current_limit_ma: 900, ..RIG },
+        ] {
+            let loaded = read(Some(&record), Some(&write_witness(5)), &other);
+            assert_eq!((loaded.kept, loaded.values), (Kept::Damaged, defaults(&other)));
+        }
+        // One value that is not allowed.
+        let place = record.len() - 4;
+        record[place..].copy_from_slice(&2f32.to_le_bytes());
+        assert_eq!(read(Some(&record), Some(&write_witness(5)), &RIG).kept, Kept::Damaged);
+    }
+
+    #[test]
+    fn half_of_a_calibration_is_damage() {
+        let lvdt_curve = LvdtCurve::new(&[[0.06, 1e-4], [0.07, 1e-4], [0.08, 0.0]], 2e-5).ok();
+        let record = write(&SettingValues { lvdt_curve, ..defaults(&RIG) }, &RIG, 1);
+        for entries in 1..=6 {
+            let cut = &record[..record.len() - entries * ENTRY];
+            assert_eq!(read(Some(cut), Some(&write_witness(1)), &RIG).kept, Kept::Damaged, "{entries} less");
+        }
+    }
+}
