@@ -1,7 +1,8 @@
 //! `cargo xtask endurance`: a thousand moves with incidents, and ten million random bytes, on the emulated board.
 
 use clap::Parser;
-use host_tests::endurance::{moves, noise};
+use host_tests::endurance::{Endurance, moves, noise};
+use lab::parallel::parallel_on;
 use sim_link::RigPreset;
 
 #[derive(Parser)]
@@ -16,7 +17,10 @@ struct Arguments {
     /// Which rig: ideal, nominal or hard
     #[arg(long, default_value = "nominal")]
     rig: RigPreset,
-    /// Of the random numbers and of the rig
+    /// How many rigs make so many moves each
+    #[arg(long, default_value_t = 1)]
+    rigs: u16,
+    /// Of the random numbers and of the first rig
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Print one JSON object for the bytes and one for the moves
@@ -25,13 +29,15 @@ struct Arguments {
 }
 
 fn main() {
-    let Arguments { moves: count, bytes, rig, seed, json } = Arguments::parse();
+    let Arguments { moves: count, bytes, rig, rigs, seed, json } = Arguments::parse();
     if bytes > 0 {
         let noise = noise(bytes, seed);
         if json { println!("{}", noise.json()) } else { println!("{noise}") }
     }
     if count > 0 {
-        let moves = moves(count, rig, seed);
+        let one = |k: usize| moves(count, rig, seed + k as u64);
+        let all = parallel_on(lab::parallel::cores(), &|_, _| {}, usize::from(rigs), one);
+        let moves = all.into_iter().reduce(Endurance::and).unwrap_or_default();
         if json { println!("{}", moves.json()) } else { println!("{moves}") }
     }
 }

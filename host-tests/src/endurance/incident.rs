@@ -86,8 +86,9 @@ const TABLE_S: f64 = 60.0;
 pub(super) struct Run<'a, R> {
     pub(super) board: &'a mut Bench,
     pub(super) random: &'a mut R,
-    /// Homings so far.
+    /// Homings so far, and power failures.
     pub(super) homings: u32,
+    pub(super) restarts: u32,
     /// Faults that a step of the load has raised.
     pub(super) load_faults: u32,
     /// What hangs there (kg).
@@ -168,6 +169,7 @@ impl<R: Rng> Run<'_, R> {
     /// The power comes back: the board starts, moves nothing, and is homed again.
     fn restart(&mut self) {
         self.board.power_cycle();
+        self.restarts += 1;
         self.board.greet();
         let waits = |b: &Bench| b.state() == State::Unhomed;
         assert!(self.board.until(5.0, waits), "after a power failure: {:?}", self.board.last);

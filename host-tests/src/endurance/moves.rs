@@ -102,11 +102,42 @@ impl fmt::Display for Endurance {
 }
 
 impl Endurance {
+    /// This run and another one, on another rig.
+    #[must_use]
+    pub fn and(mut self, other: Self) -> Self {
+        let farther = |a: Miss, b: Miss| if a.error_m.abs() < b.error_m.abs() { b } else { a };
+        let share = f64::from(other.moves) / f64::from(self.moves + other.moves).max(1.0);
+        let mean = |a: f64, b: f64| a + share * (b - a);
+        for (kind, count) in other.incidents {
+            *self.incidents.entry(kind).or_default() += count;
+        }
+        let ([first, last], [other_first, other_last]) = (self.error_first_last_m, other.error_first_last_m);
+        let longer = self.longest_tick.instructions < other.longest_tick.instructions;
+        Self {
+            moves: self.moves + other.moves,
+            incidents: self.incidents,
+            load_faults: self.load_faults + other.load_faults,
+            homings: self.homings + other.homings,
+            telemetry_per_s: self.telemetry_per_s.min(other.telemetry_per_s),
+            seconds: self.seconds + other.seconds,
+            error_first_last_m: [mean(first, other_first), mean(last, other_last)],
+            worst: farther(self.worst, other.worst),
+            short: (self.short.0 + other.short.0, farther(self.short.1, other.short.1)),
+            unannounced: (self.unannounced.0 + other.unannounced.0, farther(self.unannounced.1, other.unannounced.1)),
+            belief_max_m: self.belief_max_m.max(other.belief_max_m),
+            ticks_missing: self.ticks_missing + other.ticks_missing,
+            longest_tick: if longer { other.longest_tick } else { self.longest_tick },
+            stack_bytes: self.stack_bytes.max(other.stack_bytes),
+            resets: self.resets + other.resets,
+        }
+    }
+
     /// The same as a JSON object; lengths in micrometres.
     pub fn json(&self) -> String {
         let [first, last] = self.error_first_last_m;
         let mut found = serde_json::json!({
             "moves": self.moves,
+            "incidents": self.incidents.values().sum::<u32>(),
             "faults_by_the_load": self.load_faults,
             "homings": self.homings,
             "emulated_s": self.seconds,
@@ -143,7 +174,7 @@ pub fn moves(count: u32, rig: RigPreset, seed: u64) -> Endurance {
     let mut board = Bench::new(&keys, seed);
     let (mut result, mut errors) = (Endurance::default(), Vec::new());
     board.home();
-    let mut run = Run { board: &mut board, random: &mut random, homings: 1, load_faults: 0, load_kg: 0.5 };
+    let mut run = Run { board: &mut board, random: &mut random, homings: 1, restarts: 0, load_faults: 0, load_kg: 0.5 };
     while result.moves < count {
         let number = result.moves;
         hang(&mut run);
@@ -173,6 +204,7 @@ pub fn moves(count: u32, rig: RigPreset, seed: u64) -> Endurance {
         result.moves += 1;
     }
     (result.homings, result.load_faults) = (run.homings, run.load_faults);
+    let restarts = run.restarts;
     let stats = board.machine.stats();
     let tenth = errors.len().div_ceil(10);
     let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len().max(1) as f64;
@@ -182,9 +214,7 @@ pub fn moves(count: u32, rig: RigPreset, seed: u64) -> Endurance {
     result.ticks_missing = result.seconds / 0.01 - stats.tick.count as f64;
     result.longest_tick = board.longest_tick.clone();
     result.stack_bytes = stats.stack_high_water_bytes as u64;
-    let failures = [Incident::PowerCycle, Incident::PowerCycleUnderWay, Incident::PowerCutInWrite];
-    let caused: u32 = failures.iter().filter_map(|kind| result.incidents.get(kind)).sum();
-    result.resets = stats.resets.len().abs_diff(caused as usize);
+    result.resets = stats.resets.len().abs_diff(restarts as usize);
     result
 }
 
