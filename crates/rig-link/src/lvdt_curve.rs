@@ -161,6 +161,13 @@ mod tests {
     }
 
     #[test]
+    fn the_spacing_is_the_mean_distance_of_neighbours_and_the_error_is_kept() {
+        let curve = LvdtCurve::new(&[[0.1, 0.0], [0.102, 0.0], [0.105, 0.0], [0.112, 0.0]], 3e-5).unwrap();
+        assert!((curve.spacing_m() - 0.004).abs() < 1e-7, "{} m", curve.spacing_m());
+        assert_eq!(curve.error_m(), 3e-5);
+    }
+
+    #[test]
     fn the_reading_is_found_back_from_the_gap() {
         let curve = curve();
         for k in 0..=300 {
