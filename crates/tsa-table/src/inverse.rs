@@ -177,6 +177,38 @@ mod tests {
     }
 
     #[test]
+    fn the_second_step_is_exact_where_the_twist_is_a_cubic_of_the_gap() {
+        let twist = |gap: f32| 20.0 - 200.0 * gap + 800.0 * gap * gap - 9000.0 * gap * gap * gap;
+        let slope = |gap: f32| -200.0 + 1600.0 * gap - 27000.0 * gap * gap;
+        let trial = |gap_m| Trial { twist_rad: twist(gap_m), gap_m, slope: slope(gap_m) };
+        for (first, second, wanted_m) in [(-0.05, 0.03, 0.01), (0.05, 0.03, 0.035), (0.04, -0.01, 0.02)] {
+            let (low, high) = (0.0, 60.0);
+            let mut search =
+                Search { gap_m: wanted_m, tolerance_m: 1e-7, low, high, untried: [true, true], last: None };
+            let newton = twist(first) + (wanted_m - first) * slope(first);
+            let next = search.after(trial(first)).unwrap();
+            assert!((next - newton).abs() < 1e-4, "{next} is not Newton's {newton}");
+            let next = search.after(trial(second)).unwrap();
+            assert!((next - twist(wanted_m)).abs() < 1e-4, "{next} is not {}", twist(wanted_m));
+        }
+    }
+
+    #[test]
+    fn a_step_out_of_the_bracket_goes_to_its_untried_end_and_then_to_its_middle() {
+        let search = |gap_m, untried| Search { gap_m, tolerance_m: 1e-7, low: 0.0, high: 40.0, untried, last: None };
+        let trial = |twist_rad, gap_m, slope| Trial { twist_rad, gap_m, slope };
+        let mut above = search(0.2, [true, true]);
+        assert_eq!(above.after(trial(24.0, 0.076, -1e3)), Some(0.0));
+        assert_eq!(above.after(trial(0.0, 0.1, -1e3)), None, "it is no better there");
+        assert_eq!(search(0.01, [true, true]).after(trial(24.0, 0.076, -1e3)), Some(40.0));
+        // The bracket is what the trial left of the range.
+        assert_eq!(search(0.05, [false, false]).after(trial(10.0, 0.09, -1e6)), Some(25.0));
+        assert_eq!(search(0.09, [false, false]).after(trial(10.0, 0.05, -1e6)), Some(5.0));
+        assert_eq!(search(0.05, [true, true]).after(trial(10.0, f32::NAN, -1e3)), Some(5.0), "NaN counts as too small");
+        assert_eq!(search(0.05, [true, true]).after(trial(10.0, 0.05, -1e3)), None, "found");
+    }
+
+    #[test]
     fn the_search_ends_in_few_lookups() {
         // A cubic through two trials is exact here: Newton's step, the cubic's, and the one that meets the tolerance.
         let cubic = |gap: f32| 20.0 - 300.0 * gap - 900.0 * gap * gap * gap;
@@ -198,8 +230,10 @@ mod tests {
         }
         // At the ends of the range, which are tried themselves.
         let line = |twist: f32| [0.1 - 1e-3 * twist, -1e-3];
-        assert_eq!(search(line, 0.1, [0.0, 40.0]), (2, 0.0));
-        assert_eq!(search(line, 0.06, [0.0, 40.0]), (2, 40.0));
+        for (gap_m, end) in [(0.1, 0.0), (0.06, 40.0)] {
+            let (tried, found) = search(line, gap_m, [0.0, 40.0]);
+            assert!(tried == 2 && (found - end).abs() < 1e-4, "{gap_m} m: {found} rad after {tried}");
+        }
         // Beyond them it ends at the end.
         for (gap_m, end) in [(0.2, 0.0), (0.01, 40.0)] {
             let (tried, found) = search(line, gap_m, [0.0, 40.0]);
