@@ -37,16 +37,18 @@ const PROGRAMS: [(&str, &str); 5] = [
 
 /// Builds the archive, unpacks it again, and tries what is in it.
 pub fn make(folders: &Folders) -> Result<()> {
-    let git = |words: &[&str]| output_of(foreign("git", &folders.root).args(words)).context("git does not work here");
-    let changed = git(&["status", "--porcelain"])?;
-    ensure!(changed.is_empty(), "the archive contains the source of a commit: commit these changes first:\n{changed}");
+    let commit = commit(folders)?;
     licences::check(folders)?;
     host::tools_and_firmware(folders)?;
     let name = format!("tsa-rig-{VERSION}-{}", toolchain::host()?);
     let archives = folders.target.join(ARCHIVES);
     let stage = archives.join(&name);
     empty(&stage)?;
-    fill(folders, &stage)?;
+    fill(folders, &stage, &commit)?;
+    ensure!(
+        self::commit(folders)? == commit,
+        "the repository has changed meanwhile: the archive would be of two commits"
+    );
     write(&stage.join(SUMS), &sums(&stage)?)?;
     let archive = archives.join(format!("{name}.tar.gz"));
     run_tar(&archives, &["-czf".as_ref(), archive.as_ref(), name.as_ref()])?;
@@ -55,7 +57,7 @@ pub fn make(folders: &Folders) -> Result<()> {
     let unpacked = archives.join("unpacked");
     empty(&unpacked)?;
     run_tar(&unpacked, &["-xzf".as_ref(), archive.as_ref()])?;
-    check(folders, &unpacked.join(&name))?;
+    check(folders, &unpacked.join(&name), &commit)?;
     for folder in [&unpacked, &stage] {
         std::fs::remove_dir_all(folder).with_context(|| format!("cannot remove {}", folder.display()))?;
     }
@@ -63,13 +65,21 @@ pub fn make(folders: &Folders) -> Result<()> {
     Ok(())
 }
 
+/// The commit that is checked out, if nothing is changed.
+fn commit(folders: &Folders) -> Result<String> {
+    let git = |words: &[&str]| output_of(foreign("git", &folders.root).args(words)).context("git does not work here");
+    let changed = git(&["status", "--porcelain"])?;
+    ensure!(changed.is_empty(), "the archive contains the source of a commit: commit these changes first:\n{changed}");
+    git(&["rev-parse", "HEAD"])
+}
+
 /// Puts everything but the checksums into the folder.
-fn fill(folders: &Folders, stage: &Path) -> Result<()> {
+fn fill(folders: &Folders, stage: &Path, commit: &str) -> Result<()> {
     let documents = stage.join("documents.tar");
     let git = |rest: &[&str], out: &Path| {
         run(foreign("git", &folders.root).args(["archive", "--output"]).arg(out).args(rest))
     };
-    git(&[&["HEAD"], &DOCUMENTS[..]].concat(), &documents)?;
+    git(&[&[commit], &DOCUMENTS[..]].concat(), &documents)?;
     run_tar(stage, &["-xf".as_ref(), documents.as_ref()])?;
     std::fs::remove_file(&documents)?;
 
@@ -97,7 +107,7 @@ fn fill(folders: &Folders, stage: &Path) -> Result<()> {
     let sources = stage.join("source");
     std::fs::create_dir_all(&sources)?;
     let own = sources.join(format!("tsa-rig-{VERSION}.tar.gz"));
-    git(&["--prefix", &format!("tsa-rig-{VERSION}/"), "HEAD"], &own)?;
+    git(&["--prefix", &format!("tsa-rig-{VERSION}/"), commit], &own)?;
     source_of(&packages.linked(licences::EMULATOR)?, &sources.join("rig-emulator-links.tar.gz"))
 }
 
@@ -127,7 +137,7 @@ fn without_unused_code(program: &Path) -> Result<()> {
 }
 
 /// Compares every checksum, and starts the programs of an unpacked archive.
-fn check(folders: &Folders, unpacked: &Path) -> Result<()> {
+fn check(folders: &Folders, unpacked: &Path, commit: &str) -> Result<()> {
     let stated = std::fs::read_to_string(unpacked.join(SUMS)).context("the checksums")?;
     ensure!(stated == sums(unpacked)?, "the files of the unpacked archive do not have the checksums that it states");
 
@@ -145,8 +155,11 @@ fn check(folders: &Folders, unpacked: &Path) -> Result<()> {
     said(in_archive(unpacked, "rigctl").args(["report", "--charts", "docs/charts", "--out"]).arg(&page))?;
     let [stated, again] = [&unpacked.join(PAGE), &page].map(|file| std::fs::read(file).context("the page"));
     ensure!(stated? == again?, "`rigctl report` of the archive does not write the archive's page");
-    // Tool, emulator and firmware find and understand each other.
-    said(in_archive(unpacked, "rigctl").arg("status"))?;
+    // Tool, emulator and firmware find and understand each other, and the firmware is built from this commit as it is.
+    let status = said(in_archive(unpacked, "rigctl").arg("status"))?;
+    let firmware = status.lines().find(|line| line.starts_with("firmware")).unwrap_or_default();
+    let built_from = commit.get(..10).is_some_and(|commit| firmware.contains(commit)) && !firmware.contains("-dirty");
+    ensure!(built_from, "the firmware of the archive is not built from {commit}, it says: {firmware}");
 
     let python = python::with(folders, &["numpy>=1.24"])?;
     let package = unpacked.join("package");

@@ -59,7 +59,8 @@ fn written(entries: &[Entry]) -> String {
     let mut list = String::from(
         "Packages of other authors whose code is in the programs of this archive, with the licences that they state. The\n\
          programs also contain Rust's standard library (MIT OR Apache-2.0; https://github.com/rust-lang/rust). The texts\n\
-         that the packages come with follow the list.\n\n",
+         that the packages come with follow the list. A package without one there comes without one: see LICENSE-MIT and\n\
+         LICENSE-APACHE for the usual texts.\n\n",
     );
     let mut texts: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
     for entry in entries {

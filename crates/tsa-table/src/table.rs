@@ -227,6 +227,13 @@ mod tests {
     }
 
     #[test]
+    fn the_slack_is_a_share_of_the_width_of_the_range() {
+        let of = |value| within("x", value, -1.0, 1.0).map_err(|refused| refused.value);
+        assert_eq!([of(1.000_001), of(-1.000_001)], [Ok(1.0), Ok(-1.0)]);
+        assert_eq!([of(1.000_004), of(-1.000_004)], [Err(1.000_004), Err(-1.000_004)]);
+    }
+
+    #[test]
     fn beyond_the_edges_the_point_of_the_nearest_edge_counts_where_the_caller_asks_for_it() {
         let t = table();
         for (given, nearest) in [
@@ -286,6 +293,22 @@ mod tests {
         // A right checksum does not make up for numbers that do not fit together.
         let short = Table { series: ArcSeries { coefficients: &COEFFICIENTS[..7], ..good.series }, ..good };
         assert!(!Table { crc: short.checksum(), ..short }.is_intact());
+    }
+
+    /// Boards keep tables with their checksums in flash, so it must not change from version to version.
+    #[test]
+    fn the_checksum_is_that_of_these_bytes() {
+        let mut bytes = vec![3];
+        let middles_and_inverse_half_widths = [8.5, 2.0 / 15.0, 21.5, 2.0 / 37.0];
+        let mut floats = |values: &[f32]| bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()));
+        floats(&[0.0, 1.0, 16.0, 3.0, 40.0]);
+        floats(&middles_and_inverse_half_widths);
+        floats(&[5e-6, 2e-3, 0.01, 1e-4, 0.02, 0.1]);
+        bytes.extend([0x78, 0x56, 0x34, 0x12, crate::GENERATOR_VERSION as u8, 0, 3, 2, 2, 2]);
+        let mut floats = |values: &[f32]| bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()));
+        floats(&[1e-3, 0.0, 2.5, 0.01, 4.0, 10.0, 0.01, 16.0, 0.0, 0.0, 0.0, 0.0, 0.0, 4e-4]);
+        floats(&COEFFICIENTS);
+        assert_eq!(table().checksum(), crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(&bytes));
     }
 
     #[test]
