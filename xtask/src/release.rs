@@ -159,7 +159,10 @@ fn check(folders: &Folders, unpacked: &Path, commit: &str) -> Result<()> {
     let status = said(in_archive(unpacked, "rigctl").arg("status"))?;
     let firmware = status.lines().find(|line| line.starts_with("firmware")).unwrap_or_default();
     let built_from = commit.get(..10).is_some_and(|commit| firmware.contains(commit)) && !firmware.contains("-dirty");
-    ensure!(built_from, "the firmware of the archive is not built from {commit}, it says: {firmware}");
+    ensure!(
+        built_from,
+        "the firmware is not of commit {commit} (change the time of build.rs to build it again): {firmware}"
+    );
 
     let python = python::with(folders, &["numpy>=1.24"])?;
     let package = unpacked.join("package");
