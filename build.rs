@@ -24,7 +24,8 @@ fn run() -> Result<(), Box<dyn Error>> {
     println!("cargo:rerun-if-env-changed=TSA_SCENE");
     println!("cargo:rerun-if-changed={scene_path}");
     println!("cargo:rerun-if-changed=memory.x");
-    println!("cargo:rerun-if-changed=.git/HEAD");
+    // A commit leaves HEAD itself as it was.
+    println!("cargo:rerun-if-changed=.git/logs/HEAD");
 
     let scene = Scene::load(&scene_path)?;
     let study = study()?;

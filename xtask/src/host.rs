@@ -3,7 +3,7 @@
 use crate::process::{cargo, run};
 use crate::programs::Program;
 use crate::toolchain::{Choice, Toolchain, choose};
-use crate::{Folders, browser, firmware, programs, python, system, toolchain, unused};
+use crate::{Folders, browser, firmware, licences, programs, python, system, toolchain, unused};
 use anyhow::{Result, bail};
 use std::process::Command;
 
@@ -25,6 +25,8 @@ pub fn test(folders: &Folders) -> Result<()> {
     run(cargo(folders).args(["fmt", "--all", "--check"]))?;
     unused::check(folders)?;
     let tests = beside(|| board(folders, &toolchain), || desktop(folders))?;
+    // After the builds, which have downloaded the packages.
+    licences::check(folders)?;
     // The tests start the images and the tools, so all of them must be built first.
     programs::run(tests)?;
     python::test(folders)?;

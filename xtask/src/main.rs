@@ -7,6 +7,8 @@
 //! - [`mod@bench`]: the speed of the model, beside an independent solver.
 //! - [`closed_loop`]: the effect of a cheaper model or a less accurate table on the closed loop.
 //! - [`python`]: the Python package; [`browser`]: the page of `rigctl report`.
+//! - [`release`]: the release archive; [`third_party`]: the list of other authors' packages in it.
+//! - [`licences`]: the licences of all dependencies; [`packages`]: which packages there are.
 //! - [`unused`]: dependencies that no source file uses.
 //! - [`system`]: checks for programs beside cargo, and installs them where that is allowed.
 //! - [`programs`]: runs test programs, several at a time.
@@ -18,12 +20,16 @@ mod closed_loop;
 mod firmware;
 mod host;
 mod image;
+mod licences;
+mod packages;
 mod process;
 mod programs;
 mod python;
+mod release;
 mod results;
 mod selftest;
 mod system;
+mod third_party;
 mod toolchain;
 mod unused;
 
@@ -99,6 +105,10 @@ enum Task {
         /// Sections to measure again (default: all)
         sections: Vec<String>,
     },
+    /// List the licences of all dependencies, and fail if deny.toml does not allow one
+    Licences,
+    /// Build the release archive of this commit and try what is in it (target/release-archive; docs/release.md)
+    Release,
     /// Build everything and demonstrate homing and moving three loads with the firmware on an emulated board
     Demo {
         /// Arguments for `rigctl demo`
@@ -156,6 +166,8 @@ fn run(arguments: Arguments) -> Result<()> {
         Task::Endurance { rest } => host::endurance(&folders, &rest),
         Task::Compare { rest } => host::compare(&folders, &rest),
         Task::Results { sections } => results::run(&folders, &sections),
+        Task::Licences => licences::check(&folders),
+        Task::Release => release::make(&folders),
         Task::Demo { rest } => host::demo(&folders, &rest),
     }
 }

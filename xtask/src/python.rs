@@ -37,6 +37,17 @@ pub fn with(folders: &Folders, packages: &[&str]) -> Result<impl Fn(&Path) -> Co
     Ok(python)
 }
 
+/// Builds the package as a wheel in a folder, which is empty before.
+pub fn wheel(folders: &Folders, into: &Path) -> Result<()> {
+    let python = interpreter(folders)?;
+    let mut build = foreign(&python.to_string_lossy(), &folders.root.join(PACKAGE));
+    build.env("CARGO_TARGET_DIR", &folders.target);
+    run(build
+        .args(["-m", "pip", "wheel", "--quiet", "--disable-pip-version-check", "--no-deps", "--wheel-dir"])
+        .arg(into)
+        .arg("."))
+}
+
 /// Installs the package with what its tests need, checks its types and its style, and runs its tests. Tools and firmware must be built.
 pub fn test(folders: &Folders) -> Result<()> {
     let python = interpreter(folders)?;

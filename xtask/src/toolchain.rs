@@ -5,7 +5,7 @@
 use crate::Folders;
 use crate::process::{exists, foreign, output_of, run};
 use crate::system;
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 use clap::ValueEnum;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -14,7 +14,7 @@ use std::process::Command;
 pub const TARGET: &str = "thumbv7em-none-eabihf";
 
 /// The target of the solver in the page of `rigctl report`.
-const PAGE_TARGET: &str = "wasm32-unknown-unknown";
+pub const PAGE_TARGET: &str = "wasm32-unknown-unknown";
 
 /// The `rust-version` of this workspace, which Debian's compiler must have.
 const OLDEST: &str = env!("CARGO_PKG_RUST_VERSION");
@@ -117,6 +117,13 @@ pub fn prepare_page_target() {
     if let Err(error) = ensure_debian_pair() {
         eprintln!("no compiler for {PAGE_TARGET}, so `rigctl report` will be missing: {error:#}");
     }
+}
+
+/// The target of the machine that runs this task.
+pub fn host() -> Result<String> {
+    let told = output_of(Command::new("rustc").arg("-vV")).context("rustc does not start")?;
+    let host = told.lines().find_map(|line| line.strip_prefix("host: "));
+    Ok(host.context("rustc does not name its host")?.to_owned())
 }
 
 fn target_installed(target: &str) -> bool {

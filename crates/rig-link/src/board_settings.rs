@@ -128,6 +128,8 @@ impl SettingValues {
 mod tests {
     extern crate std;
     use super::*;
+    use crate::codes::CurveFlaw;
+    use crate::lvdt_curve::LvdtCurve;
     use std::string::ToString;
 
     #[test]
@@ -143,6 +145,40 @@ mod tests {
                 assert!(named(outside).contains(setting.name()), "{}", named(outside));
             }
         }
+    }
+
+    /// Position and twist are computed from these; the others bound or shift what is sent and shown.
+    #[test]
+    fn a_setting_that_changes_the_meaning_of_position_or_twist_unhomes() {
+        let unhome = Setting::ALL.iter().filter(|setting| setting.spec().unhomes);
+        assert!(unhome.eq(&[Setting::LvdtOffset, Setting::LvdtGain, Setting::TwistSign, Setting::GearScale]));
+    }
+
+    #[test]
+    fn values_are_kept_by_setting_and_checked_one_by_one() {
+        let mut defaults = SettingValues::ZERO;
+        for setting in Setting::ALL {
+            defaults = defaults.with(*setting, setting.spec().default.unwrap_or(0.5));
+        }
+        assert_eq!(defaults.check(&defaults), Ok(()));
+        for (place, setting) in Setting::ALL.iter().enumerate() {
+            let marked = SettingValues::ZERO.with(*setting, 7.0);
+            assert!(marked.iter().enumerate().all(|(k, (_, value))| value == if k == place { 7.0 } else { 0.0 }));
+            assert_eq!((marked.get(*setting), marked.iter().nth(place)), (7.0, Some((*setting, 7.0))));
+            let refused = defaults.with(*setting, 1e3).check(&defaults);
+            assert!(matches!(refused, Err(Refusal::SettingOutOfRange { setting: named, .. }) if named == *setting));
+        }
+        let curve = LvdtCurve::new(&[[0.1, 0.0], [0.11, 0.0]], 0.0).unwrap();
+        assert_eq!(SettingValues { lvdt_curve: Some(curve), ..defaults }.check(&defaults), Ok(()));
+        // As it may come over the link.
+        let mut bytes = [0; 128];
+        let length = postcard::to_slice(&curve, &mut bytes).unwrap().len();
+        let count = length - 5;
+        assert_eq!(bytes[count], 2);
+        bytes[count] = 1;
+        let lvdt_curve = Some(postcard::from_bytes(&bytes[..length]).unwrap());
+        let flaw = CurveFlaw::Count;
+        assert_eq!(SettingValues { lvdt_curve, ..defaults }.check(&defaults), Err(Refusal::LvdtPoints { flaw }));
     }
 
     #[test]

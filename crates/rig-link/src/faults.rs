@@ -81,7 +81,9 @@ impl fmt::Display for Faults {
 
 #[cfg(test)]
 mod tests {
+    extern crate std;
     use super::*;
+    use std::string::{String, ToString};
 
     #[test]
     fn every_fault_has_a_bit_of_its_own() {
@@ -93,6 +95,11 @@ mod tests {
         assert!(all.iter().eq(Fault::ALL.iter().copied()));
         let two = Faults::of(&[Fault::LvdtOpen, Fault::DriveStall]);
         assert_eq!(two.without(Faults::of(&[Fault::LvdtOpen])), Faults::NONE.with(Fault::DriveStall));
+        assert_eq!(two.with(Fault::LvdtOpen), two, "twice is once");
+        let other = Faults::of(&[Fault::DriveStall, Fault::Supply]);
+        assert!(two.and(other).iter().eq([Fault::DriveStall, Fault::LvdtOpen, Fault::Supply]));
+        assert!(!two.meets(Faults::of(&[Fault::Supply])) && Faults::NONE.is_empty());
+        assert_eq!((two.to_string(), Faults::NONE.to_string()), ("drive-stall lvdt-open".into(), String::new()));
         assert!(two.meets(Faults::of(&[Fault::DriveStall, Fault::Supply])) && !two.is_empty());
     }
 }

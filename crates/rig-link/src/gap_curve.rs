@@ -56,9 +56,15 @@ mod tests {
     }
 
     #[test]
+    fn the_place_is_zero_in_the_middle_and_one_at_the_ends() {
+        let [c0, c1, c2, c3] = CURVE.coefficients_m;
+        for (twist_rad, value_m) in [(5.0, c0 - c1 + c2 - c3), (20.0, c0), (35.0, c0 + c1 + c2 + c3)] {
+            assert!((CURVE.at(twist_rad).0 - value_m).abs() < 1e-9, "at {twist_rad}");
+        }
+    }
+
+    #[test]
     fn it_ends_flat_where_the_measurement_ends() {
-        let end_m = 1e-3 - 2e-4 + 3e-4 + 5e-5;
-        assert!((CURVE.at(35.0).0 - end_m).abs() < 1e-9);
         assert_eq!(CURVE.at(50.0), (CURVE.at(35.0).0, 0.0));
         assert_eq!(CURVE.at(-50.0), (CURVE.at(5.0).0, 0.0));
         assert_eq!(GapCurve::constant(2e-3).at(9.0), (2e-3, 0.0));

@@ -161,6 +161,13 @@ mod tests {
     }
 
     #[test]
+    fn the_spacing_is_the_mean_distance_of_neighbours_and_the_error_is_kept() {
+        let curve = LvdtCurve::new(&[[0.1, 0.0], [0.102, 0.0], [0.105, 0.0], [0.112, 0.0]], 3e-5).unwrap();
+        assert!((curve.spacing_m() - 0.004).abs() < 1e-7, "{} m", curve.spacing_m());
+        assert_eq!(curve.error_m(), 3e-5);
+    }
+
+    #[test]
     fn the_reading_is_found_back_from_the_gap() {
         let curve = curve();
         for k in 0..=300 {
@@ -180,10 +187,16 @@ mod tests {
         assert_eq!(flaw(&at(&[[0.10, 0.12], [0.11, 0.11], [0.12, 0.10]])), Some(CurveFlaw::WrongSign));
         assert_eq!(flaw(&at(&[[0.10, 0.10], [0.11, 0.12], [0.12, 0.11]])), Some(CurveFlaw::NotMonotonic));
         assert_eq!(flaw(&[[0.11, 0.0], [0.1, 0.0]]), Some(CurveFlaw::NotMonotonic));
+        assert_eq!(flaw(&at(&[[0.11, 0.10], [0.10, 0.12]])), Some(CurveFlaw::NotMonotonic), "readings out of order");
         assert_eq!(flaw(&[[0.1, 0.0], [0.1009, 0.0]]), Some(CurveFlaw::TooClose));
+        // One reading for two gaps, or one gap for two readings.
+        assert_eq!(flaw(&at(&[[0.10, 0.12], [0.10, 0.10]])), Some(CurveFlaw::NotMonotonic));
+        assert_eq!(flaw(&at(&[[0.10, 0.10], [0.10, 0.12]])), Some(CurveFlaw::TooClose));
+        assert_eq!(flaw(&at(&[[0.10, 0.10], [0.12, 0.10]])), Some(CurveFlaw::TooClose));
         assert_eq!(flaw(&[[0.1, 0.0], [0.101, 0.0]]), None, "1 mm");
         assert_eq!(flaw(&at(&[[0.10, 0.10], [0.11, 0.125]])), Some(CurveFlaw::Slope));
         assert_eq!(flaw(&[[0.1, 0.06], [0.11, 0.06]]), Some(CurveFlaw::Correction));
+        assert_eq!(flaw(&[[0.1, 0.05], [0.11, 0.05]]), None, "50 mm");
         for error_m in [-1e-6, 0.011] {
             assert_eq!(LvdtCurve::new(&[[0.1, 0.0], [0.11, 0.0]], error_m).err(), Some(CurveFlaw::Error));
         }

@@ -19,7 +19,7 @@ const fn schema_hash<T: Schema>() -> u32 {
 
 #[cfg(test)]
 mod tests {
-    use super::{Schema, schema_hash};
+    use super::{FRAMING, Message, Request, Schema, hash_ty_path, schema_hash};
 
     macro_rules! hash {
         ($($body:tt)*) => {{
@@ -28,6 +28,13 @@ mod tests {
             $($body)*
             schema_hash::<T>()
         }};
+    }
+
+    #[test]
+    fn both_halves_of_the_long_hash_count() {
+        let long = hash_ty_path::<(Request, Message)>(FRAMING);
+        let folded: [u8; 4] = core::array::from_fn(|k| long[k] ^ long[k + 4]);
+        assert_eq!(schema_hash::<(Request, Message)>().to_le_bytes(), folded);
     }
 
     #[test]

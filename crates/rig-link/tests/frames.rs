@@ -2,10 +2,10 @@
 
 use proptest::prelude::*;
 use rig_link::{
-    Accepted, Clock, Constants, CorrectedConstants, Correction, Counters, CurveFlaw, Decoder, EventKind, Fault, Faults,
-    Frame, GapCurve, HomingFailure, HomingResult, Identity, Kept, LVDT_POINTS_MAX, Limit, LoadChoice, LvdtCurve,
-    MAX_FRAME, Message, Parameter, Refusal, Request, ResetCause, Sensors, Setting, SettingValues, SettingsReport,
-    State, TableIdentity, TableRefusal, Telemetry, Versions, encode,
+    Accepted, Clock, Constants, CorrectedConstants, Correction, Counters, CurveFlaw, Decoder, EncodeError, EventKind,
+    Fault, Faults, Frame, GapCurve, HomingFailure, HomingResult, Identity, Kept, LVDT_POINTS_MAX, Limit, LoadChoice,
+    LvdtCurve, MAX_FRAME, Message, Parameter, Refusal, Request, ResetCause, Sensors, Setting, SettingValues,
+    SettingsReport, State, TableIdentity, TableRefusal, Telemetry, Versions, encode,
 };
 use serde::{Serialize, de::DeserializeOwned};
 
@@ -356,6 +356,28 @@ fn the_longest_messages_fit() {
         },
     };
     assert!(wire(u16::MAX, &Message::Telemetry(telemetry)).len() <= 106, "the rate of telemetry rests on this");
+}
+
+#[test]
+fn the_longest_body_fills_a_frame_and_one_byte_more_is_refused() {
+    // A slice of more than 127 bytes begins with two bytes of length; around the body are 9 bytes.
+    let body = [0x55_u8; MAX_FRAME];
+    let longest = MAX_FRAME - 9 - 2;
+    let mut buffer = [0; 2 * MAX_FRAME];
+    assert_eq!(encode(0, &&body[..longest], &mut buffer).map(<[u8]>::len), Ok(MAX_FRAME));
+    assert_eq!(encode(0, &&body[..=longest], &mut buffer), Err(EncodeError::TooLong));
+}
+
+#[test]
+fn an_error_of_the_line_is_counted_and_costs_the_frame_that_it_hit() {
+    let bytes = wire(5, &Request::Stop);
+    let mut decoder = Decoder::<Request>::new();
+    assert!(bytes[..4].iter().all(|&byte| decoder.push(byte).is_none()));
+    decoder.line_error();
+    assert!(bytes[4..].iter().all(|&byte| decoder.push(byte).is_none()), "the rest of it makes no second error");
+    assert_eq!(decoder.errors(), 1);
+    let next = bytes.iter().find_map(|&byte| decoder.push(byte));
+    assert_eq!(next, Some(Ok(Frame { sequence: 5, body: Request::Stop })));
 }
 
 #[test]

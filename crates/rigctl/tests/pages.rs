@@ -68,7 +68,8 @@ fn works(page: &Path, tasks: &str) {
     for line in commands(&std::fs::read_to_string(page).unwrap()) {
         let words: Vec<&str> = line.split_whitespace().collect();
         match words[..] {
-            ["target/release/rigctl", ref rest @ ..] => {
+            // The second is the tool in a release archive.
+            ["target/release/rigctl" | "bin/rigctl", ref rest @ ..] => {
                 let cli = Cli::try_parse_from(std::iter::once(&"rigctl").chain(rest));
                 assert!(cli.is_ok(), "{name}: {line}: {}", cli.err().map_or(String::new(), |e| e.to_string()));
                 let real = line.contains("--port /dev/");

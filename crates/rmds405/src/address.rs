@@ -16,11 +16,6 @@ impl Group {
         if group > 7 { Err(OutOfRange::Group(group)) } else { Ok(Self(group)) }
     }
 
-    /// 0 to 7.
-    pub const fn get(self) -> u8 {
-        self.0
-    }
-
     /// Identifier of a broadcast to the whole group (number 0).
     pub const fn broadcast_id(self, function: Function) -> u16 {
         (self.0 as u16) << 8 | function as u16
@@ -51,11 +46,6 @@ impl Address {
     /// The group.
     pub const fn group(self) -> Group {
         self.group
-    }
-
-    /// The number within the group, 1 to 15.
-    pub const fn number(self) -> u8 {
-        self.number
     }
 
     /// The 11-bit identifier; no valid address exceeds 0x7FF.

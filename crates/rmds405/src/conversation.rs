@@ -260,7 +260,8 @@ impl Conversation {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::units::{Milliamps, Rpm};
+    use crate::report::{Mixed, MixedRest};
+    use crate::units::{Milliamps, Pwm, Rpm};
 
     const FOLLOW: DriveCommand = DriveCommand::Follow { position_qc: 7, speed_limit_rpm: 100, current_limit_ma: 500 };
     const MOTION: Report = Report::Motion { current: Milliamps(12), speed: Rpm(-30), position: QuadCounts(4000) };
@@ -350,6 +351,34 @@ mod tests {
         assert!(!c.motor_power());
         assert_eq!(c.command(t + 2_600_000, DriveCommand::Restart).unwrap(), Some(reset()));
         assert!(c.motor_power());
+    }
+
+    #[test]
+    fn the_first_question_waits_until_the_drive_has_booted() {
+        let mut c = Conversation::new(address(), None);
+        c.command(0, DriveCommand::Restart).unwrap();
+        let boot_us = 1000 * crate::start_up::POWER_UP_MS;
+        assert_eq!(c.tick(boot_us - 1), None);
+        assert_eq!(c.tick(boot_us), Some(Command::OnlineCheck.encode(address())));
+    }
+
+    #[test]
+    fn the_supply_is_the_analog_input_times_the_divider() {
+        let mixed = |asin_mv| {
+            let rest = Some(MixedRest { dsin: false, asin_mv, chz: false, pwm: Pwm::default() });
+            Report::Mixed(Mixed { ctl1: false, ctl2: false, rest })
+        };
+        let (mut c, t) = ready();
+        assert_eq!(c.supply(), None);
+        c.hear(t + 1, mixed(2000));
+        let supply = c.supply().unwrap();
+        assert_eq!(supply.t_us, t + 1);
+        assert!((supply.volts - 24.0).abs() < 1e-4, "2000 mV behind a divider by 12: {} V", supply.volts);
+        // An older drive does not report it.
+        c.hear(t + 2, Report::Mixed(Mixed { ctl1: false, ctl2: false, rest: None }));
+        assert_eq!(c.supply(), Some(supply));
+        c.command(t + 3, DriveCommand::LetGo).unwrap();
+        assert_eq!(c.supply(), None);
     }
 
     #[test]

@@ -192,3 +192,11 @@ fn serial_frames() {
     let expected = [0x32, 0x0B, 0x03, 0x52, 0xFB, 0x50, 0xFF, 0xFF, 0x8A, 0xD0];
     assert_eq!(encode(&motion.encode(number(2))), expected);
 }
+
+#[test]
+fn a_function_that_does_not_exist_ends_a_serial_frame_at_once() {
+    use rmds405::serial::{Decoder, HEADER};
+    let mut decoder = Decoder::reports();
+    assert_eq!((decoder.push(0, HEADER), decoder.foreign()), (None, 0));
+    assert_eq!((decoder.push(90, 0x10), decoder.foreign()), (None, 2));
+}

@@ -1,6 +1,6 @@
 //! The start-up sequence against a clock of our own.
 
-use rmds405::start_up::{AFTER_MODE_MS, AFTER_RESET_MS, ONLINE_TRIES, POWER_UP_MS};
+use rmds405::start_up::{AFTER_MODE_MS, AFTER_RESET_MS, CONFIG_RETRY_MS, CONFIG_TRIES, ONLINE_TRIES, POWER_UP_MS};
 use rmds405::{
     Action, Address, Command, Event, Milliamps, Mode, OutOfRange, QuadCounts, Report, Rpm, StartError, StartUp,
 };
@@ -70,12 +70,43 @@ fn a_silent_drive_is_a_named_error() {
 
 #[test]
 fn no_reports_is_another() {
-    let (_, end) = play(10_000, |_, command| (command == Command::OnlineCheck).then_some(Report::Online));
+    let (sent, end) = play(10_000, |_, command| (command == Command::OnlineCheck).then_some(Report::Online));
     assert_eq!(end, Action::Failed(StartError::NoFeedback));
+    let asked = sent.iter().filter(|(_, command)| matches!(command, Command::Config { .. }));
+    let asked: Vec<_> = asked.map(|&(now_ms, _)| now_ms).collect();
+    assert_eq!(asked.len(), usize::from(CONFIG_TRIES));
+    assert!(asked.windows(2).all(|pair| pair[1] - pair[0] == CONFIG_RETRY_MS), "{asked:?}");
 }
 
 #[test]
-fn other_reports_do_not_count_as_echo_and_the_end_is_final() {
+fn the_end_stays_whatever_comes_after_it() {
+    let own = Address::new(0, 1).unwrap();
+    for answers in [true, false] {
+        let mut start_up = start_up();
+        let mut event = Event::Tick;
+        let mut now_ms = 0;
+        let end = loop {
+            now_ms += 10;
+            event = match start_up.step(now_ms, event) {
+                Action::Send(frame) => match Command::decode(own, &frame.received()).unwrap() {
+                    Command::OnlineCheck if answers => Event::Report(Report::Online),
+                    Command::Config { .. } => Event::Report(MOTION),
+                    _ => Event::Tick,
+                },
+                Action::Wait => Event::Tick,
+                end => break end,
+            };
+        };
+        assert_eq!(end, if answers { Action::Ready } else { Action::Failed(StartError::NoEcho) });
+        for event in [Event::Tick, Event::Report(MOTION), Event::Report(Report::Online)] {
+            now_ms += 1000;
+            assert_eq!(start_up.step(now_ms, event), end);
+        }
+    }
+}
+
+#[test]
+fn other_reports_do_not_count_as_echo() {
     let mut start_up = start_up();
     start_up.step(0, Event::Tick);
     start_up.step(500, Event::Tick);

@@ -252,6 +252,127 @@ fn evaluate<const ROWS: usize, const COLUMNS: usize>(series: &ArcSeries<'_>, loa
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::arc_growth::arc_at;
+    use crate::reference_f64;
+    use std::f64::consts::PI;
+
+    /// Each power of the twist adds about 1 mm at 20 rad.
+    const POWER_LAW: Growth =
+        Growth { per_load_m_n: 2e-4, powers: [1.6e-11, -3.1e-10, 6.3e-9, -1.25e-7, 2.5e-6, 5e-5], per_log_m: 0.0 };
+    const LOG_LAW: Growth = Growth { per_load_m_n: 2e-4, powers: [0.0, 0.0, 0.0, 0.0, 0.0, 4e-4], per_log_m: 1e-4 };
+
+    /// a(F, θ) = κ θ/F + ρ(θ), as [`Growth`] describes it.
+    fn arc(growth: &Growth, load_n: f64, twist_rad: f64) -> f64 {
+        let powers = (1..).zip(growth.powers.iter().rev());
+        let rho: f64 = powers.map(|(power, c)| f64::from(*c) * twist_rad.powi(power)).sum();
+        let log = f64::from(growth.per_log_m) * twist_rad * (twist_rad / PI).ln();
+        f64::from(growth.per_load_m_n) * twist_rad / load_n + rho + log
+    }
+
+    /// Slope of a function by differences.
+    fn slope(of: impl Fn(f64) -> f64, at: f64) -> f64 {
+        let step = 1e-4 * at;
+        (of(at + step) - of(at - step)) / (2.0 * step)
+    }
+
+    fn close(found: f64, expected: f64, relative: f64) -> bool {
+        (found - expected).abs() <= relative * expected.abs()
+    }
+
+    #[test]
+    fn the_arc_and_its_slopes_are_those_of_the_law() {
+        for growth in [POWER_LAW, LOG_LAW] {
+            for (load_n, twist_rad) in [(0.8, 4.0), (3.0, 20.0), (17.0, 45.0)] {
+                let expected = [
+                    arc(&growth, load_n, twist_rad),
+                    slope(|twist| arc(&growth, load_n, twist), twist_rad),
+                    slope(|load| arc(&growth, load, twist_rad), load_n),
+                ];
+                let found = growth.arc(load_n as f32, twist_rad as f32);
+                for (found, expected) in found.into_iter().zip(expected) {
+                    assert!(
+                        close(f64::from(found), expected, 2e-5),
+                        "{found} {expected} at {load_n} N, {twist_rad} rad"
+                    );
+                }
+                let (value, by_twist) = arc_at(&growth, load_n, twist_rad);
+                assert!(close(value, expected[0], 1e-12) && close(by_twist, expected[1], 1e-7), "{value} {by_twist}");
+            }
+        }
+    }
+
+    const PATCHES: [Patch; 2] =
+        [Patch { load_max_n: 5.0, centre: [3.0, 0.02] }, Patch { load_max_n: 18.0, centre: [11.0, 0.01] }];
+    /// Two ranges of two powers of the load and three of the arc; G² falls with the arc and rises with the load.
+    const COEFFICIENTS: [f32; 12] = [1e-3, -1.0, 2e-3, -6e-2, 1.1e-4, 6e-3, -2e-3, -0.9, 1e-3, -5e-2, 9e-5, 7e-3];
+
+    fn series() -> ArcSeries<'static> {
+        let shape = Shape::of(2, 3).unwrap();
+        ArcSeries { growth: POWER_LAW, shape, patches: &PATCHES, coefficients: &COEFFICIENTS }
+    }
+
+    /// G = √(Σ_j (a − a₀)^j Σ_i c_ij (F − F₀)^i), as [`Patch`] and [`ArcSeries`] describe it.
+    fn gap(patch: usize, load_n: f64, twist_rad: f64) -> f64 {
+        let [load_0, arc_0] = PATCHES[patch].centre.map(f64::from);
+        let arc_m = arc(&POWER_LAW, load_n, twist_rad);
+        let mut square = 0.0;
+        for (k, c) in COEFFICIENTS[6 * patch..][..6].iter().enumerate() {
+            let (j, i) = (2 - k / 2, 1 - k % 2);
+            square += f64::from(*c) * (arc_m - arc_0).powi(j as i32) * (load_n - load_0).powi(i as i32);
+        }
+        square.sqrt()
+    }
+
+    #[test]
+    fn gap_and_gradient_are_those_of_the_polynomial_of_the_load_s_range() {
+        // At the end of a range, and beyond the last one, where rounding may put a load.
+        for (patch, load_n, twist_rad) in
+            [(0, 1.5, 6.0), (0, 5.0, 20.0), (1, 5.01, 20.0), (1, 18.0, 30.0), (1, 18.01, 30.0)]
+        {
+            let expected = [
+                gap(patch, load_n, twist_rad),
+                slope(|twist| gap(patch, load_n, twist), twist_rad),
+                slope(|load| gap(patch, load, twist_rad), load_n),
+            ];
+            let p = series().evaluate(load_n as f32, twist_rad as f32);
+            let found = [p.gap_m, p.dgap_dtwist_m_per_rad, p.dgap_dload_m_per_n].map(f64::from);
+            for (found, expected) in found.into_iter().zip(expected) {
+                assert!(close(found, expected, 3e-5), "{found} {expected} at {load_n} N, {twist_rad} rad");
+            }
+            assert!(close(f64::from(p.tr_rad_per_m()), -1.0 / expected[1], 3e-5));
+            let [gap_m, by_twist] = reference_f64::evaluate(&series(), load_n, twist_rad);
+            assert!(close(gap_m, expected[0], 1e-12) && close(by_twist, expected[1], 1e-6), "{gap_m} {by_twist}");
+        }
+    }
+
+    #[test]
+    fn numbers_that_do_not_fit_together_are_told_and_give_no_gap() {
+        assert!(series().is_consistent());
+        assert_eq!(series().bytes(), 4 * (8 + 2 * 3 + 12), "κ, log, six powers; three for each range; coefficients");
+        let short = ArcSeries { coefficients: &COEFFICIENTS[..11], ..series() };
+        assert!(!short.is_consistent() && !short.evaluate(1.0, 10.0).gap_m.is_nan());
+        for (load_n, twist_rad) in [(6.0, 10.0), (18.0, 40.0)] {
+            assert!(
+                ArcSeries { coefficients: &COEFFICIENTS[..5], ..series() }.evaluate(load_n, twist_rad).gap_m.is_nan()
+            );
+        }
+        assert!(!ArcSeries { patches: &[], coefficients: &[], ..series() }.is_consistent());
+    }
+
+    #[test]
+    fn every_shape_from_2_to_6_and_2_to_9_powers_is_known() {
+        for rows in 0..10 {
+            for columns in 0..12 {
+                let shape = Shape::of(rows, columns);
+                let known = (2..=MAX_ROWS).contains(&rows) && (2..=MAX_COLUMNS).contains(&columns);
+                assert_eq!(shape.is_some(), known, "{rows} {columns}");
+                let Some(shape) = shape else { continue };
+                assert_eq!((shape.terms(), format!("{shape:?}")), (rows * columns, format!("{rows}x{columns}")));
+                assert!(shape == Shape::of(rows, columns).unwrap());
+                assert!(Some(shape) != Shape::of(rows, columns + 1) && Some(shape) != Shape::of(rows + 1, columns));
+            }
+        }
+    }
 
     #[test]
     fn the_logarithm_is_good_to_1e_6_up_to_100_rad() {

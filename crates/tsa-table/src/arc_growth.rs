@@ -42,3 +42,51 @@ pub(crate) fn growth(p: &Parameters, twist_rad: [f64; 2]) -> Option<Growth> {
     let powers = core::array::from_fn(|i| (c[POWERS - 1 - i] / libm::pow(top, (POWERS - 1 - i) as f64)) as f32);
     Some(Growth { per_load_m_n, powers, per_log_m: 0.0 })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PARAMETERS: Parameters = Parameters {
+        string_length_m: 0.1,
+        rod_span_m: 0.02,
+        clamp_width_m: 0.005,
+        rod_radius_m: 0.0005,
+        diameter_m: 0.0007,
+        stiffness_n_per_m: 2e4,
+        k1_per_n: 0.8,
+        k2: 0.4,
+        k3: 0.3,
+        k4: 0.1,
+        twist_exponent: 0.5,
+        stress_coefficients_pa: [1e10, 0.0, 0.0, 0.0, 0.0],
+        radius_law: RadiusLaw::LengthRatio,
+        correction: None,
+    };
+    const TWIST_RAD: [f64; 2] = [PI, 16.0 * PI];
+
+    /// ρ/θ, the radius at an infinite load (m), and its greatest deviation from eq. 6.
+    fn worst(p: &Parameters, radius_m: impl Fn(f64) -> f64) -> f64 {
+        let growth = growth(p, TWIST_RAD).unwrap();
+        assert!((f64::from(growth.per_load_m_n) - p.diameter_m / p.k1_per_n).abs() < 1e-9);
+        let error = |k: i32| {
+            let twist = TWIST_RAD[0] + (TWIST_RAD[1] - TWIST_RAD[0]) * f64::from(k) / 500.0;
+            (arc_at(&growth, f64::INFINITY, twist).0 / twist - radius_m(twist)).abs()
+        };
+        (0..=500).map(error).fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn the_radius_law_becomes_powers_and_a_logarithm_of_the_twist() {
+        let Parameters { diameter_m, k2, k3, k4, twist_exponent, .. } = PARAMETERS;
+        let by_length = worst(&PARAMETERS, |twist| diameter_m * (k2 + k3 + k4 * (twist / PI).ln()));
+        assert!(by_length < 1e-7 * diameter_m, "{by_length:e}: rounding only");
+        let power = Parameters { radius_law: RadiusLaw::TwistPower, k4: 0.0, ..PARAMETERS };
+        let by_power = worst(&power, |twist| diameter_m * (k2 + k3 * (twist / PI).powf(twist_exponent)));
+        assert!(by_power < 0.01 * diameter_m, "{by_power:e}: six powers for a root");
+        // A whole exponent is one of the powers.
+        let square = Parameters { twist_exponent: 2.0, ..power };
+        let by_square = worst(&square, |twist| diameter_m * (k2 + k3 * (twist / PI).powi(2)));
+        assert!(by_square < 1e-4 * diameter_m, "{by_square:e}");
+    }
+}

@@ -168,3 +168,88 @@ fn is_monotone(table: &Table<'_>) -> bool {
         })
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::table::{Metadata, Uncertainty};
+    use crate::{ArcSeries, Growth, Patch, Shape};
+
+    const PATCHES: [Patch; 1] = [Patch { load_max_n: 16.0, centre: [8.0, 0.02] }];
+
+    /// A table with these coefficients: the last one is G² in the middle (m²).
+    fn table(coefficients: &[f32; 6]) -> Table<'_> {
+        let metadata = Metadata {
+            load_min_n: 1.0,
+            load_max_n: 16.0,
+            twist_min_rad: 3.0,
+            twist_max_rad: 60.0,
+            contraction_error_m: 5e-6,
+            tr_relative_error: 2e-3,
+            uncertainty: Uncertainty { radius: 0.01, gap_zero_m: 1e-4, load_shape: 0.02, rod_memory: 0.1 },
+            scene_hash: 0,
+            generator_version: crate::GENERATOR_VERSION,
+        };
+        let growth = Growth { per_load_m_n: 2e-4, powers: [0.0, 0.0, 0.0, 0.0, 0.0, 5e-4], per_log_m: 0.0 };
+        let shape = Shape::of(2, 3).unwrap();
+        Table { metadata, series: ArcSeries { growth, shape, patches: &PATCHES, coefficients }, crc: 0 }
+    }
+
+    const GOOD: [f32; 6] = [0.0, -1.0, 0.0, -0.06, 5e-5, 0.0085];
+
+    #[test]
+    fn a_gap_that_rises_with_the_twist_or_falls_with_the_load_somewhere_is_not_monotone() {
+        assert!(is_monotone(&table(&GOOD)));
+        // Its slope by the arc changes its sign near the least arc, or near the greatest.
+        assert!(!is_monotone(&table(&[0.0, -1.0, 0.0, -0.03, 5e-5, 0.0085])));
+        assert!(!is_monotone(&table(&[0.0, 1.0, 0.0, -0.04, 5e-5, 0.0085])));
+        // It falls with the load where the arc no longer changes with it: at the heavy end.
+        assert!(!is_monotone(&table(&[0.0, -1.0, 0.0, -0.06, -5e-6, 0.0085])));
+    }
+
+    #[test]
+    fn the_gap_is_the_integral_of_its_slope_up_to_rounding() {
+        let closure_m = closure(&table(&GOOD));
+        assert!(closure_m > 1e-9 && closure_m < 2e-7, "{closure_m:e} m");
+    }
+
+    #[test]
+    fn rounding_is_that_of_the_arithmetic_and_of_half_a_unit_in_the_last_place_of_the_inputs() {
+        let t = table(&GOOD);
+        let state = |load_n, twist_rad| Exact { load_n, twist_rad, gap_m: 0.0, by_twist: 0.0, start_gap_m: 0.0 };
+        let gap = |load_n, twist_rad| reference_f64::evaluate(&t.series, load_n, twist_rad)[0];
+        let inputs = |load: f64, twist: f64| {
+            let by_load = (gap(load * 1.0001, twist) - gap(load * 0.9999, twist)) / 0.0002;
+            let by_twist = (gap(load, twist * 1.0001) - gap(load, twist * 0.9999)) / 0.0002;
+            0.5 * f64::from(f32::EPSILON) * (by_load.abs() + by_twist.abs())
+        };
+        let alone = rounding(&t, &[state(4.0, 50.0)]);
+        assert!((alone.inputs_m / inputs(4.0, 50.0) - 1.0).abs() < 1e-3, "{:e}", alone.inputs_m);
+        let states: Vec<Exact> =
+            (0..200).map(|k| state(1.0 + 0.07 * f64::from(k), 4.0 + 0.28 * f64::from(k))).collect();
+        let all = rounding(&t, &states);
+        let worst = states.iter().map(|e| inputs(e.load_n, e.twist_rad)).fold(0.0, f64::max);
+        assert!((all.inputs_m / worst - 1.0).abs() < 1e-3, "{:e} {worst:e}", all.inputs_m);
+        // Some 20 operations on a gap of 0.1 m, each wrong by at most 6e-8 of it.
+        assert!(all.arithmetic_m > 1e-9 && all.arithmetic_m < 2e-7 && all.tr_arithmetic < 1e-5, "{all:?}");
+        assert!(all.tr_arithmetic > 1e-8, "{all:?}");
+    }
+
+    #[test]
+    fn the_search_climbs_to_the_top_inside_the_range_or_on_its_edge() {
+        let (loads, twists) = ([1.0, 16.0], [3.0, 60.0]);
+        for (top, at) in [([5.0, 20.0], [5.0, 20.0]), ([20.0, 30.0], [16.0, 30.0]), ([0.5, 70.0], [1.0, 60.0])] {
+            let error = |load: f64, twist: f64| {
+                assert!((loads[0]..=loads[1]).contains(&load) && (twists[0]..=twists[1]).contains(&twist));
+                Ok(1.0 - ((load / top[0]).ln().powi(2) + ((twist - top[1]) / 50.0).powi(2)))
+            };
+            let start = [3.0, 35.0];
+            let (best, found) = climb((error(start[0], start[1]).unwrap(), start), loads, twists, error).unwrap();
+            assert!((found[0] / at[0] - 1.0).abs() < 2e-3 && (found[1] - at[1]).abs() < 0.05, "{found:?}");
+            assert_eq!(best, error(found[0], found[1]).unwrap());
+        }
+        // From a narrow top it does not go away.
+        let needle = |load: f64, _: f64| Ok(if load == 2.0 { 1.0 } else { 0.0 });
+        assert_eq!(climb((1.0, [2.0, 9.0]), loads, twists, needle).unwrap(), (1.0, [2.0, 9.0]));
+    }
+}

@@ -118,3 +118,21 @@ pub fn fit_tier(mechanism: &Mechanism, demand: &Demand, tier: Tier) -> Result<Fi
     });
     Err(FitError::Accuracy { contraction_m: accuracy.contraction_m, tr_relative: accuracy.tr_relative, best })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{LOOKUP_INSTRUCTIONS, preference};
+
+    #[test]
+    fn what_passes_comes_first_then_the_fast_then_the_small() {
+        let order = [
+            (true, 500, LOOKUP_INSTRUCTIONS - 20),
+            (true, 500, LOOKUP_INSTRUCTIONS),
+            (true, 900, 100),
+            (true, 400, LOOKUP_INSTRUCTIONS + 1),
+            (false, 300, 100),
+        ];
+        let key = |(passes, bytes, instructions)| preference(passes, bytes, instructions);
+        assert!(order.windows(2).all(|pair| key(pair[0]) < key(pair[1])));
+    }
+}

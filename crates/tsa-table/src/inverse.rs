@@ -118,3 +118,146 @@ impl Table<'_> {
         Err(InverseError::Gap { gap_m, min_m: at(m.twist_max_rad).gap_m, max_m: at(m.twist_min_rad).gap_m })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::table::{Metadata, Uncertainty};
+    use crate::{ArcSeries, Growth, Patch, Shape};
+    use std::cell::Cell;
+
+    const PATCHES: [Patch; 1] = [Patch { load_max_n: 16.0, centre: [8.0, 0.02] }];
+    /// G² falls with the arc, the faster the greater it is, as that of strings does.
+    const COEFFICIENTS: [f32; 6] = [0.0, -1.0, 0.0, -0.06, 5e-5, 0.0085];
+
+    fn table() -> Table<'static> {
+        let metadata = Metadata {
+            load_min_n: 1.0,
+            load_max_n: 16.0,
+            twist_min_rad: 3.0,
+            twist_max_rad: 80.0,
+            contraction_error_m: 5e-6,
+            tr_relative_error: 2e-3,
+            uncertainty: Uncertainty { radius: 0.01, gap_zero_m: 1e-4, load_shape: 0.02, rod_memory: 0.1 },
+            scene_hash: 0,
+            generator_version: crate::GENERATOR_VERSION,
+        };
+        let growth = Growth { per_load_m_n: 2e-4, powers: [0.0, 0.0, 0.0, 0.0, 0.0, 5e-4], per_log_m: 0.0 };
+        let shape = Shape::of(2, 3).unwrap();
+        Table { metadata, series: ArcSeries { growth, shape, patches: &PATCHES, coefficients: &COEFFICIENTS }, crc: 0 }
+    }
+
+    /// Lookups of the search for a gap, and where it ends.
+    fn search(gap: impl Fn(f32) -> [f32; 2], gap_m: f32, [low, high]: [f32; 2]) -> (u32, f32) {
+        let mut search = Search { gap_m, tolerance_m: 1e-7, low, high, untried: [true, true], last: None };
+        let mut twist_rad = low + 0.6 * (high - low);
+        let tried = Cell::new(0);
+        while tried.get() < 100 {
+            tried.set(tried.get() + 1);
+            let [at, by_twist] = gap(twist_rad);
+            let Some(next) = search.after(Trial { twist_rad, gap_m: at, slope: 1.0 / by_twist }) else { break };
+            assert!((low..=high).contains(&next), "{next} is outside the range");
+            twist_rad = next;
+        }
+        (tried.get(), twist_rad)
+    }
+
+    #[test]
+    fn every_gap_of_the_range_is_found_within_a_fraction_of_the_table_s_error() {
+        let t = table();
+        for i in 0..=15 {
+            for j in 0..=60 {
+                let (load_n, twist_rad) = (1.0 + i as f32, 3.0 + 77.0 * j as f32 / 60.0);
+                let point = t.look_up(load_n, twist_rad).unwrap();
+                let found = t.twist_from_gap(load_n, point.gap_m).unwrap();
+                let off_m = (found - twist_rad) * point.dgap_dtwist_m_per_rad;
+                assert!(off_m.abs() < 5e-7, "{off_m:e} m at {load_n} N, {twist_rad} rad");
+            }
+        }
+    }
+
+    #[test]
+    fn the_second_step_is_exact_where_the_twist_is_a_cubic_of_the_gap() {
+        let twist = |gap: f32| 20.0 - 200.0 * gap + 800.0 * gap * gap - 9000.0 * gap * gap * gap;
+        let slope = |gap: f32| -200.0 + 1600.0 * gap - 27000.0 * gap * gap;
+        let trial = |gap_m| Trial { twist_rad: twist(gap_m), gap_m, slope: slope(gap_m) };
+        for (first, second, wanted_m) in [(-0.05, 0.03, 0.01), (0.05, 0.03, 0.035), (0.04, -0.01, 0.02)] {
+            let (low, high) = (0.0, 60.0);
+            let mut search =
+                Search { gap_m: wanted_m, tolerance_m: 1e-7, low, high, untried: [true, true], last: None };
+            let newton = twist(first) + (wanted_m - first) * slope(first);
+            let next = search.after(trial(first)).unwrap();
+            assert!((next - newton).abs() < 1e-4, "{next} is not Newton's {newton}");
+            let next = search.after(trial(second)).unwrap();
+            assert!((next - twist(wanted_m)).abs() < 1e-4, "{next} is not {}", twist(wanted_m));
+        }
+    }
+
+    #[test]
+    fn a_step_out_of_the_bracket_goes_to_its_untried_end_and_then_to_its_middle() {
+        let search = |gap_m, untried| Search { gap_m, tolerance_m: 1e-7, low: 0.0, high: 40.0, untried, last: None };
+        let trial = |twist_rad, gap_m, slope| Trial { twist_rad, gap_m, slope };
+        let mut above = search(0.2, [true, true]);
+        assert_eq!(above.after(trial(24.0, 0.076, -1e3)), Some(0.0));
+        assert_eq!(above.after(trial(0.0, 0.1, -1e3)), None, "it is no better there");
+        assert_eq!(search(0.01, [true, true]).after(trial(24.0, 0.076, -1e3)), Some(40.0));
+        // The bracket is what the trial left of the range.
+        assert_eq!(search(0.05, [false, false]).after(trial(10.0, 0.09, -1e6)), Some(25.0));
+        assert_eq!(search(0.09, [false, false]).after(trial(10.0, 0.05, -1e6)), Some(5.0));
+        assert_eq!(search(0.05, [true, true]).after(trial(10.0, f32::NAN, -1e3)), Some(5.0), "NaN counts as too small");
+        assert_eq!(search(0.05, [true, true]).after(trial(10.0, 0.05, -1e3)), None, "found");
+    }
+
+    #[test]
+    fn the_search_ends_in_few_lookups() {
+        // A cubic through two trials is exact here: Newton's step, the cubic's, and the one that meets the tolerance.
+        let cubic = |gap: f32| 20.0 - 300.0 * gap - 900.0 * gap * gap * gap;
+        let by_gap = |gap: f32| -300.0 - 2700.0 * gap * gap;
+        // The gap at a twist, by bisection in f64.
+        let gap_at = |twist: f32| {
+            let (mut low, mut high) = (-0.1f64, 0.1f64);
+            for _ in 0..60 {
+                let middle = 0.5 * (low + high);
+                let at = 20.0 - 300.0 * middle - 900.0 * middle.powi(3);
+                if at > f64::from(twist) { low = middle } else { high = middle }
+            }
+            low as f32
+        };
+        for wanted_m in [-0.05f32, -0.01, 0.02, 0.05] {
+            let (tried, found) = search(|twist| [gap_at(twist), 1.0 / by_gap(gap_at(twist))], wanted_m, [0.0, 40.0]);
+            assert!((found - cubic(wanted_m)).abs() < 1e-4, "{wanted_m} m: {found} rad");
+            assert!(tried <= 4, "{tried} lookups for {wanted_m} m");
+        }
+        // At the ends of the range, which are tried themselves.
+        let line = |twist: f32| [0.1 - 1e-3 * twist, -1e-3];
+        for (gap_m, end) in [(0.1, 0.0), (0.06, 40.0)] {
+            let (tried, found) = search(line, gap_m, [0.0, 40.0]);
+            assert!(tried == 2 && (found - end).abs() < 1e-4, "{gap_m} m: {found} rad after {tried}");
+        }
+        // Beyond them it ends at the end.
+        for (gap_m, end) in [(0.2, 0.0), (0.01, 40.0)] {
+            let (tried, found) = search(line, gap_m, [0.0, 40.0]);
+            assert!(tried <= 30 && (found - end).abs() < 1e-4, "{gap_m} m: {found} rad after {tried}");
+        }
+        // A slope that is wrong by far, as that of a broken table, costs steps, but the bracket closes.
+        let wrong = |twist: f32| [0.1 - 1e-3 * twist, -1e-7];
+        let (tried, found) = search(wrong, 0.09, [0.0, 40.0]);
+        assert!(tried < 40 && (found - 10.0).abs() < 1e-2, "{found} rad after {tried}");
+    }
+
+    #[test]
+    fn a_gap_that_does_not_occur_is_refused_with_those_that_do() {
+        let t = table();
+        let [least, most] = [80.0, 3.0].map(|twist| t.look_up(5.0, twist).unwrap().gap_m);
+        let error_m = t.metadata.contraction_error_m;
+        for gap_m in [least - 3.0 * error_m, most + 3.0 * error_m, 0.0, f32::NAN] {
+            let Err(InverseError::Gap { min_m, max_m, .. }) = t.twist_from_gap(5.0, gap_m) else { panic!("{gap_m}") };
+            assert_eq!([min_m, max_m], [least, most]);
+        }
+        // As far as the table may be wrong, the end of the range is the answer.
+        for (gap_m, end) in [(least - 1.5 * error_m, 80.0), (most + 1.5 * error_m, 3.0)] {
+            assert!((t.twist_from_gap(5.0, gap_m).unwrap() - end).abs() < 1e-3);
+        }
+        assert!(matches!(t.twist_from_gap(0.5, least), Err(InverseError::Load(_))));
+    }
+}

@@ -127,3 +127,127 @@ impl<const N: usize> PatchFit<N> {
         Some(Patch { load_max_n: self.load_max_n, centre: self.centre })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn chebyshev_polynomials_are_cosines_and_their_powers_add_up_to_them() {
+        for at in [-0.9f64, -0.3, 0.0, 0.45, 0.8] {
+            let angle = at.acos();
+            let (values, slopes) = chebyshev::<MAX_COLUMNS>(at);
+            for k in 0..MAX_COLUMNS {
+                let order = k as f64;
+                let value = (order * angle).cos();
+                assert!((values[k] - value).abs() < 1e-12, "T_{k}({at})");
+                assert!((slopes[k] - order * (order * angle).sin() / angle.sin()).abs() < 1e-11, "T_{k}'({at})");
+                let by_powers: f64 = powers_of_chebyshev(k).iter().rev().fold(0.0, |sum, c| sum * at + c);
+                assert!((by_powers - value).abs() < 1e-12, "T_{k}({at}) by powers");
+            }
+        }
+    }
+
+    const LOADS_N: [f64; 2] = [2.0, 10.0];
+    const ARCS_M: [f64; 2] = [0.005, 0.045];
+
+    /// States of a gap G(F, a) with a = 1 mm · θ.
+    fn states(gap_m: impl Fn(f64, f64) -> f64) -> Vec<Sample> {
+        let at = |[low, high]: [f64; 2], k: usize, n: usize| low + (high - low) * k as f64 / n as f64;
+        let state = |k: usize| {
+            let (load_n, arc_m) = (at(LOADS_N, k % 7, 6), at(ARCS_M, k / 7, 11));
+            let step = 1e-7;
+            let by_arc = (gap_m(load_n, arc_m + step) - gap_m(load_n, arc_m - step)) / (2.0 * step);
+            let (arc_by_twist, gap_m) = (1e-3, gap_m(load_n, arc_m));
+            Sample { load_n, twist_rad: arc_m / 1e-3, arc_m, arc_by_twist, gap_m, by_twist: by_arc * arc_by_twist }
+        };
+        (0..84).map(state).collect()
+    }
+
+    /// G² and its derivative by the arc, from coefficients in the order of their evaluation.
+    fn square(shape: Shape, patch: &Patch, c: &[f32], s: &Sample) -> [f64; 2] {
+        let [rows, columns] = [shape.rows, shape.columns].map(usize::from);
+        let [load, arc] = [s.load_n - f64::from(patch.centre[0]), s.arc_m - f64::from(patch.centre[1])];
+        let (mut value, mut slope) = (0.0, 0.0);
+        for (at, c) in c.iter().enumerate() {
+            let (j, i) = (columns - 1 - at / rows, rows - 1 - at % rows);
+            let row = f64::from(*c) * load.powi(i as i32);
+            value += row * arc.powi(j as i32);
+            slope += if j > 0 { row * j as f64 * arc.powi(j as i32 - 1) } else { 0.0 };
+        }
+        [value, slope]
+    }
+
+    fn fitted(shape: Shape, states: &[Sample], tolerance: [f64; 2]) -> (Patch, Vec<f32>) {
+        let mut fit = PatchFit::<MAX_TERMS>::new(MAX_COLUMNS, LOADS_N, ARCS_M, tolerance);
+        states.iter().for_each(|s| fit.add(s));
+        let mut coefficients = vec![0.0; shape.terms()];
+        let patch = fit.solve(shape, &mut coefficients).unwrap();
+        (patch, coefficients)
+    }
+
+    #[test]
+    fn a_square_that_is_a_polynomial_is_found_again() {
+        let of = |load: f64, arc: f64| {
+            0.01 + 1e-4 * load - 2e-6 * load * load - 0.06 * arc - 0.9 * arc * arc * (1.0 - 0.01 * load)
+        };
+        let states = states(|load, arc| of(load, arc).sqrt());
+        let shape = Shape::of(3, 4).unwrap();
+        let (patch, coefficients) = fitted(shape, &states, [5e-6, 2e-3]);
+        assert_eq!(patch, Patch { load_max_n: 10.0, centre: [6.0, 0.025] });
+        for s in &states {
+            let error = square(shape, &patch, &coefficients, s)[0] - of(s.load_n, s.arc_m);
+            assert!(error.abs() < 1e-8, "{error:e} at {} N, {} m", s.load_n, s.arc_m);
+        }
+    }
+
+    /// The errors of gap and slope, each in units of its tolerance, have the least sum of squares.
+    #[test]
+    fn what_no_polynomial_meets_is_met_best_in_units_of_the_tolerances() {
+        let states = states(|load, arc| (0.012 - (0.03 + arc).powi(2)).sqrt() + 1e-3 / (load + arc * 40.0));
+        let shape = Shape::of(2, 3).unwrap();
+        for tolerance in [[5e-6, 2e-3], [1e-3, 2e-3], [5e-6, 1.0]] {
+            let (patch, coefficients) = fitted(shape, &states, tolerance);
+            let cost = |c: &[f32]| -> f64 {
+                let of = |s: &Sample| {
+                    let [value, slope] = square(shape, &patch, c, s);
+                    let by_arc = 2.0 * s.gap_m * s.by_twist / s.arc_by_twist;
+                    let gap = (value - s.gap_m * s.gap_m) / (2.0 * s.gap_m * tolerance[0]);
+                    gap.powi(2) + ((slope - by_arc) / (by_arc * tolerance[1])).powi(2)
+                };
+                states.iter().map(of).sum()
+            };
+            let least = cost(&coefficients);
+            for k in 0..shape.terms() {
+                // A least cost rises with the square of a change: the same to both sides.
+                let changed = |share: f32| {
+                    let mut c = coefficients.clone();
+                    c[k] *= 1.0 + share;
+                    cost(&c) - least
+                };
+                let [up, down] = [changed(0.01), changed(-0.01)];
+                assert!(
+                    up > 0.0 && down > 0.0 && (up - down).abs() < 0.05 * (up + down),
+                    "{tolerance:?} {k}: {up} {down}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn what_does_not_fit_or_is_not_determined_is_none() {
+        let states = states(|load, arc| 0.1 + 1e-3 * load - arc);
+        let solve = |columns: usize, shape: Shape, room: usize| {
+            let mut fit = PatchFit::<12>::new(columns, LOADS_N, ARCS_M, [1e-6, 1e-3]);
+            states.iter().for_each(|s| fit.add(s));
+            fit.solve(shape, &mut vec![0.0; room])
+        };
+        let shape = |rows, columns| Shape::of(rows, columns).unwrap();
+        assert!(solve(4, shape(3, 4), 12).is_some() && solve(4, shape(2, 3), 6).is_some());
+        assert!(solve(4, shape(2, 5), 12).is_none(), "more powers of the arc than equations have");
+        assert!(solve(4, shape(4, 3), 12).is_none(), "more terms than there is room for");
+        assert!(solve(4, shape(3, 4), 11).is_none(), "no room for the result");
+        let empty = PatchFit::<12>::new(4, LOADS_N, ARCS_M, [1e-6, 1e-3]);
+        assert!(empty.solve(shape(2, 2), &mut [0.0; 4]).is_none());
+    }
+}

@@ -177,3 +177,151 @@ impl Table<'_> {
         self.series.is_consistent() && self.crc == self.checksum()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::arc::{Growth, Patch, Shape};
+
+    const KNOWN: Uncertainty = Uncertainty { radius: 0.01, gap_zero_m: 1e-4, load_shape: 0.02, rod_memory: 0.1 };
+    const PATCHES: [Patch; 2] =
+        [Patch { load_max_n: 4.0, centre: [2.5, 0.01] }, Patch { load_max_n: 16.0, centre: [10.0, 0.01] }];
+    /// G² = 0.01 − 0.1 (a − a₀) + 1e-4 (F − F₀) + …, twice.
+    const COEFFICIENTS: [f32; 8] = [1e-4, -0.1, 1e-4, 0.01, 2e-4, -0.09, 1e-4, 0.011];
+
+    /// A table of the arc a = 1 mm · θ/F + 0.4 mm · θ.
+    fn table() -> Table<'static> {
+        let metadata = Metadata {
+            load_min_n: 1.0,
+            load_max_n: 16.0,
+            twist_min_rad: 3.0,
+            twist_max_rad: 40.0,
+            contraction_error_m: 5e-6,
+            tr_relative_error: 2e-3,
+            uncertainty: KNOWN,
+            scene_hash: 0x1234_5678,
+            generator_version: crate::GENERATOR_VERSION,
+        };
+        let growth = Growth { per_load_m_n: 1e-3, powers: [0.0, 0.0, 0.0, 0.0, 0.0, 4e-4], per_log_m: 0.0 };
+        let shape = Shape::of(2, 2).unwrap();
+        let series = ArcSeries { growth, shape, patches: &PATCHES, coefficients: &COEFFICIENTS };
+        let table = Table { metadata, series, crc: 0 };
+        Table { crc: table.checksum(), ..table }
+    }
+
+    #[test]
+    fn the_edges_of_the_range_have_a_slack_for_rounding_and_no_more() {
+        let slack = EDGE_SLACK * 15.0;
+        let t = table();
+        for (load_n, inside) in
+            [(1.0 - 0.5 * slack, 1.0), (1.0, 1.0), (7.0, 7.0), (16.0, 16.0), (16.0 + 0.5 * slack, 16.0)]
+        {
+            assert_eq!(t.load_inside(load_n), Ok(inside));
+        }
+        for load_n in [1.0 - 1.5 * slack, 16.0 + 1.5 * slack, 0.0, -7.0, f32::NAN] {
+            let refused = t.look_up(load_n, 10.0).unwrap_err();
+            assert_eq!((refused.parameter, refused.min, refused.max), ("load_n", 1.0, 16.0));
+        }
+        assert_eq!(t.look_up(7.0, 2.9).unwrap_err().parameter, "twist_rad");
+        assert_eq!(t.look_up(7.0, 40.1).unwrap_err().parameter, "twist_rad");
+    }
+
+    #[test]
+    fn the_slack_is_a_share_of_the_width_of_the_range() {
+        let of = |value| within("x", value, -1.0, 1.0).map_err(|refused| refused.value);
+        assert_eq!([of(1.000_001), of(-1.000_001)], [Ok(1.0), Ok(-1.0)]);
+        assert_eq!([of(1.000_004), of(-1.000_004)], [Err(1.000_004), Err(-1.000_004)]);
+    }
+
+    #[test]
+    fn beyond_the_edges_the_point_of_the_nearest_edge_counts_where_the_caller_asks_for_it() {
+        let t = table();
+        for (given, nearest) in [
+            ([0.5, 20.0], [1.0, 20.0]),
+            ([20.0, 20.0], [16.0, 20.0]),
+            ([7.0, 1.0], [7.0, 3.0]),
+            ([7.0, 50.0], [7.0, 40.0]),
+        ] {
+            assert_eq!(t.point_inside(given[0], given[1]), t.look_up(nearest[0], nearest[1]).unwrap());
+        }
+        assert_eq!(t.point_inside(f32::NAN, f32::NAN), t.look_up(1.0, 3.0).unwrap());
+        assert_eq!(t.point_inside(7.0, 20.0), t.look_up(7.0, 20.0).unwrap());
+    }
+
+    #[test]
+    fn contraction_is_the_gap_lost_since_the_pre_twist() {
+        let t = table();
+        let gap_m = |twist_rad| t.look_up(5.0, twist_rad).unwrap().gap_m;
+        assert_eq!(t.contraction_m(5.0, 30.0), Ok(gap_m(3.0) - gap_m(30.0)));
+        assert!(t.contraction_m(5.0, 30.0).unwrap() > 5e-3);
+        assert!(t.contraction_m(5.0, 50.0).is_err() && t.contraction_m(50.0, 30.0).is_err());
+    }
+
+    #[test]
+    fn the_checksum_covers_every_number() {
+        let good = table();
+        assert!(good.is_intact());
+        let metadata = |change: fn(&mut Metadata)| {
+            let mut changed = good;
+            change(&mut changed.metadata);
+            changed
+        };
+        let series = |change: fn(&mut ArcSeries<'static>)| {
+            let mut changed = good;
+            change(&mut changed.series);
+            changed
+        };
+        let changed = [
+            metadata(|m| m.load_min_n = 1.5),
+            metadata(|m| m.load_max_n = 15.0),
+            metadata(|m| m.twist_min_rad = 3.5),
+            metadata(|m| m.twist_max_rad = 39.0),
+            metadata(|m| m.contraction_error_m = 4e-6),
+            metadata(|m| m.tr_relative_error = 1e-3),
+            metadata(|m| m.uncertainty.rod_memory = 0.2),
+            metadata(|m| m.scene_hash += 1),
+            metadata(|m| m.generator_version += 1),
+            series(|s| s.growth.per_load_m_n = 2e-3),
+            series(|s| s.growth.per_log_m = 1e-4),
+            series(|s| s.growth.powers[2] = 1e-9),
+            series(|s| s.patches = &[PATCHES[1], PATCHES[0]]),
+            series(|s| s.coefficients = &[1e-4, -0.1, 1e-4, 0.01, 2e-4, -0.09, 1e-4, 0.012]),
+        ];
+        for (k, table) in changed.iter().enumerate() {
+            assert!(!table.is_intact() && table.crc != table.checksum(), "change {k}");
+        }
+        // A right checksum does not make up for numbers that do not fit together.
+        let short = Table { series: ArcSeries { coefficients: &COEFFICIENTS[..7], ..good.series }, ..good };
+        assert!(!Table { crc: short.checksum(), ..short }.is_intact());
+    }
+
+    /// Boards keep tables with their checksums in flash, so it must not change from version to version.
+    #[test]
+    fn the_checksum_is_that_of_these_bytes() {
+        let mut bytes = vec![3];
+        let middles_and_inverse_half_widths = [8.5, 2.0 / 15.0, 21.5, 2.0 / 37.0];
+        let mut floats = |values: &[f32]| bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()));
+        floats(&[0.0, 1.0, 16.0, 3.0, 40.0]);
+        floats(&middles_and_inverse_half_widths);
+        floats(&[5e-6, 2e-3, 0.01, 1e-4, 0.02, 0.1]);
+        bytes.extend([0x78, 0x56, 0x34, 0x12, crate::GENERATOR_VERSION as u8, 0, 3, 2, 2, 2]);
+        let mut floats = |values: &[f32]| bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()));
+        floats(&[1e-3, 0.0, 2.5, 0.01, 4.0, 10.0, 0.01, 16.0, 0.0, 0.0, 0.0, 0.0, 0.0, 4e-4]);
+        floats(&COEFFICIENTS);
+        assert_eq!(table().checksum(), crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(&bytes));
+    }
+
+    #[test]
+    fn nothing_is_known_exactly_and_nothing_not_at_all() {
+        assert_eq!(Uncertainty::from_numbers(KNOWN.numbers()), Some(KNOWN));
+        for place in 0..4 {
+            let with = |number| {
+                let mut numbers = KNOWN.numbers();
+                numbers[place] = number;
+                Uncertainty::from_numbers(numbers)
+            };
+            assert!([1e-6, 0.5].into_iter().all(|number| with(number).is_some()));
+            assert!([0.0, 0.9e-6, 0.51, -0.1, f32::NAN].into_iter().all(|number| with(number).is_none()), "{place}");
+        }
+    }
+}

@@ -21,6 +21,10 @@ const STUCK_TICKS: u16 = ticks(20);
 const BACK_JUMPS: f32 = 2.0;
 /// Share of the error that the next approach aims beyond the target.
 const AIM_SHARE: f32 = 0.7;
+/// A set-point waits for strings that are behind it, because the load has changed while they turn as fast as they can: from the first
+/// distance (m) on it is slower, and from the second on it has the least share of the motor's speed.
+const BEHIND_M: [f32; 2] = [0.5e-3, 1.5e-3];
+const LEAST_SHARE: f32 = 0.05;
 /// Time within that error, and time at the end of the strings' travel, after which a move is over; longest wait for either.
 const ARRIVED_TICKS: u16 = ticks(30);
 const END_TICKS: u16 = ticks(100);
@@ -79,6 +83,8 @@ pub(super) struct Move {
     speed_m_per_s: f32,
     /// Those of the last tick.
     limits: Option<Limits>,
+    /// Set-point less the load's place of rest in the last tick (m).
+    rest_error_m: f32,
     pub(super) stopping: bool,
     /// Approaches that are left, and where the next one aims (m) while the load goes back for it.
     approaches_left: u8,
@@ -91,6 +97,12 @@ pub(super) struct Move {
     rest_ticks: u16,
     near_ticks: u16,
     end_ticks: u16,
+}
+
+/// Share of the motor's speed that a set-point may have while the load's place of rest is behind it by so much (m).
+fn speed_share(behind_m: f32) -> f32 {
+    let [slower_m, least_m] = BEHIND_M;
+    (1.0 - (behind_m - slower_m) / (least_m - slower_m)).clamp(LEAST_SHARE, 1.0)
 }
 
 /// One tick of a move.
@@ -111,6 +123,7 @@ impl Move {
             way_m,
             speed_m_per_s,
             limits: None,
+            rest_error_m: 0.0,
             stopping: false,
             approaches_left: APPROACHES,
             next_aim_m: None,
@@ -199,6 +212,9 @@ impl Move {
         let stopping_rad = here.tr_rad_per_m() * limits.stopping_m(control.planner.speed_m_per_s());
         let rest = load.mechanism.at(pull_n, load.twist_rad + stopping_rad);
         let limits = limits.braking_into(&Limits::for_motor(*speed_m_per_s, &rest, pull_n, rig).0);
+        let way = libm::copysignf(1.0, control.planner.target_m() - control.planner.set_point_m());
+        let most_m_per_s = speed_share(way * self.rest_error_m) * rig.twist_speed_max() / here.tr_rad_per_m();
+        let limits = Limits { speed: limits.speed.min(most_m_per_s), ..limits };
         self.limits = Some(limits);
         // Until the strings have taken up friction the load cannot move: the set-point waits for it.
         let waiting = control.position_loop.takeup.is_waiting();
@@ -211,6 +227,7 @@ impl Move {
         let set_point = if waiting { control.planner.wait() } else { control.planner.step(&limits) };
         let setting_out = waiting.then_some(*speed_m_per_s);
         let output = control.position_loop.step(&set_point, setting_out, load);
+        self.rest_error_m = output.rest_error_m;
         if waiting && !control.position_loop.takeup.is_waiting() {
             // The load has broken loose, and may have jumped.
             control.planner.set_out_from(load.position_m);
@@ -239,5 +256,19 @@ impl Move {
         let ended = lasts(&mut self.end_ticks, at_end, END_TICKS);
         self.rest_ticks += 1;
         arrived || ended || self.rest_ticks >= PATIENCE_TICKS
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_set_point_is_slower_the_farther_the_strings_are_behind() {
+        for (behind_m, share) in
+            [(-5e-3, 1.0), (0.0, 1.0), (0.5e-3, 1.0), (1e-3, 0.5), (1.4e-3, 0.1), (3e-3, LEAST_SHARE)]
+        {
+            assert!((speed_share(behind_m) - share).abs() < 1e-5, "{behind_m}");
+        }
     }
 }
