@@ -79,6 +79,8 @@ const STREAM_M: f32 = 0.5e-3;
 const STREAM_PER_S: f32 = 3.0;
 const STREAM_EVERY_S: f32 = 0.05;
 const STREAM_HOLDS_S: f32 = 0.15;
+/// Longest wait for the end of a stream (s): one that ends where the strings' travel does waits 6 s for its place.
+const STREAM_ENDS_S: f64 = 10.0;
 /// Longest that the board takes for a table (s).
 const TABLE_S: f64 = 60.0;
 
@@ -225,7 +227,11 @@ impl<R: Rng> Run<'_, R> {
             }
         }
         let (before, ended) = (self.board.events.len(), |e: &EventKind| matches!(e, EventKind::StreamEnded(_)));
-        assert!(self.board.until(5.0, |b| matches!(b.state(), State::Holding | State::Ready)), "{:?}", self.board.last);
+        assert!(
+            self.board.until(STREAM_ENDS_S, |b| matches!(b.state(), State::Holding | State::Ready)),
+            "{:?}",
+            self.board.last
+        );
         let end = self.board.events.iter().rev().find(|e| ended(e));
         assert!(!followed || end.is_some(), "no event, {before} before");
         if followed && let Some(EventKind::StreamEnded(end)) = end {

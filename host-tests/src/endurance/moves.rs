@@ -135,9 +135,11 @@ impl Endurance {
     /// The same as a JSON object; lengths in micrometres.
     pub fn json(&self) -> String {
         let [first, last] = self.error_first_last_m;
+        let count = |kind: Incident| self.incidents.get(&kind).copied().unwrap_or(0);
         let mut found = serde_json::json!({
             "moves": self.moves,
             "incidents": self.incidents.values().sum::<u32>(),
+            "faults": count(Incident::FaultUnderWay) + count(Incident::DriveReset),
             "faults_by_the_load": self.load_faults,
             "homings": self.homings,
             "emulated_s": self.seconds,
@@ -155,8 +157,7 @@ impl Endurance {
             "telemetry_per_s": self.telemetry_per_s,
         });
         for kind in Incident::ALL {
-            let count = self.incidents.get(&kind).copied().unwrap_or(0);
-            found[kind.name().replace(' ', "_")] = count.into();
+            found[kind.name().replace(' ', "_")] = count(kind).into();
         }
         found.to_string()
     }

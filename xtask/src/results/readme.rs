@@ -107,10 +107,9 @@ fn rows(records: &Records) -> Result<Vec<Vec<String>>> {
         row(
             "endurance",
             format!(
-                "{:.0} moves of ten nominal rigs with {:.0} incidents: {:.0} moves away from their target unannounced, {:.0} resets \
-                 that nobody caused",
+                "{:.0} moves with {:.0} faults on the way: {:.0} moves away from their target unannounced, {:.0} resets",
                 long("moves")?,
-                long("incidents")?,
+                long("faults")?,
                 long("unannounced")?,
                 long("resets")?
             ),
