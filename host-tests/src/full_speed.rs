@@ -58,7 +58,7 @@ pub fn under_steps(subject: &Subject) -> Vec<Outcome> {
         match &mut bench {
             Ok(bench) => {
                 let outcome = go(bench, to_m, Some((STEP_TICKS[k % STEP_TICKS.len()], to_kg)), what);
-                // It depends on the load that the motor turns against on each part of the way.
+                // The motor's own time is not defined here: the turn that it needs changes with the load on the way.
                 Outcome { motor_s: f64::NAN, ..outcome }
             }
             Err(why) => Outcome::failed(what, why.clone()),
