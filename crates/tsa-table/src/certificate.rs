@@ -179,17 +179,7 @@ mod tests {
 
     /// A table with these coefficients: the last one is G² in the middle (m²).
     fn table(coefficients: &[f32; 6]) -> Table<'_> {
-        let metadata = Metadata {
-            load_min_n: 1.0,
-            load_max_n: 16.0,
-            twist_min_rad: 3.0,
-            twist_max_rad: 60.0,
-            contraction_error_m: 5e-6,
-            tr_relative_error: 2e-3,
-            uncertainty: Uncertainty { radius: 0.01, gap_zero_m: 1e-4, load_shape: 0.02, rod_memory: 0.1 },
-            scene_hash: 0,
-            generator_version: crate::GENERATOR_VERSION,
-        };
+        let metadata = Metadata::EXAMPLE;
         let growth = Growth { per_load_m_n: 2e-4, powers: [0.0, 0.0, 0.0, 0.0, 0.0, 5e-4], per_log_m: 0.0 };
         let shape = Shape::of(2, 3).unwrap();
         Table { metadata, series: ArcSeries { growth, shape, patches: &PATCHES, coefficients }, crc: 0 }

@@ -83,17 +83,7 @@ mod tests {
     #[test]
     fn every_number_is_written_by_its_bits_in_its_place() {
         assert_eq!(floats(&[1.0, -0.5]), "f32::from_bits(0x3f800000), f32::from_bits(0xbf000000)");
-        let metadata = Metadata {
-            load_min_n: 1.0,
-            load_max_n: 16.0,
-            twist_min_rad: 3.0,
-            twist_max_rad: 60.0,
-            contraction_error_m: 5e-6,
-            tr_relative_error: 2e-3,
-            uncertainty: Uncertainty { radius: 0.01, gap_zero_m: 1e-4, load_shape: 0.02, rod_memory: 0.1 },
-            scene_hash: 0xabcd,
-            generator_version: 4,
-        };
+        let metadata = Metadata { scene_hash: 0xabcd, generator_version: 4, ..Metadata::EXAMPLE };
         let numbers = OwnedSeries {
             growth: Growth { per_load_m_n: 2e-4, powers: [1.0, 2.0, 3.0, 4.0, 5.0, 6.0], per_log_m: 7.0 },
             shape: Shape::of(2, 3).unwrap(),

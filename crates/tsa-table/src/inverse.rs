@@ -131,17 +131,7 @@ mod tests {
     const COEFFICIENTS: [f32; 6] = [0.0, -1.0, 0.0, -0.06, 5e-5, 0.0085];
 
     fn table() -> Table<'static> {
-        let metadata = Metadata {
-            load_min_n: 1.0,
-            load_max_n: 16.0,
-            twist_min_rad: 3.0,
-            twist_max_rad: 80.0,
-            contraction_error_m: 5e-6,
-            tr_relative_error: 2e-3,
-            uncertainty: Uncertainty { radius: 0.01, gap_zero_m: 1e-4, load_shape: 0.02, rod_memory: 0.1 },
-            scene_hash: 0,
-            generator_version: crate::GENERATOR_VERSION,
-        };
+        let metadata = Metadata { twist_max_rad: 80.0, ..Metadata::EXAMPLE };
         let growth = Growth { per_load_m_n: 2e-4, powers: [0.0, 0.0, 0.0, 0.0, 0.0, 5e-4], per_log_m: 0.0 };
         let shape = Shape::of(2, 3).unwrap();
         Table { metadata, series: ArcSeries { growth, shape, patches: &PATCHES, coefficients: &COEFFICIENTS }, crc: 0 }

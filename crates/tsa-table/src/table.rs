@@ -179,6 +179,22 @@ impl Table<'_> {
 }
 
 #[cfg(test)]
+impl Metadata {
+    /// For the tests of this crate.
+    pub(crate) const EXAMPLE: Self = Self {
+        load_min_n: 1.0,
+        load_max_n: 16.0,
+        twist_min_rad: 3.0,
+        twist_max_rad: 60.0,
+        contraction_error_m: 5e-6,
+        tr_relative_error: 2e-3,
+        uncertainty: Uncertainty { radius: 0.01, gap_zero_m: 1e-4, load_shape: 0.02, rod_memory: 0.1 },
+        scene_hash: 0,
+        generator_version: crate::GENERATOR_VERSION,
+    };
+}
+
+#[cfg(test)]
 mod tests {
     use super::*;
     use crate::arc::{Growth, Patch, Shape};
@@ -191,17 +207,7 @@ mod tests {
 
     /// A table of the arc a = 1 mm · θ/F + 0.4 mm · θ.
     fn table() -> Table<'static> {
-        let metadata = Metadata {
-            load_min_n: 1.0,
-            load_max_n: 16.0,
-            twist_min_rad: 3.0,
-            twist_max_rad: 40.0,
-            contraction_error_m: 5e-6,
-            tr_relative_error: 2e-3,
-            uncertainty: KNOWN,
-            scene_hash: 0x1234_5678,
-            generator_version: crate::GENERATOR_VERSION,
-        };
+        let metadata = Metadata { twist_max_rad: 40.0, scene_hash: 0x1234_5678, ..Metadata::EXAMPLE };
         let growth = Growth { per_load_m_n: 1e-3, powers: [0.0, 0.0, 0.0, 0.0, 0.0, 4e-4], per_log_m: 0.0 };
         let shape = Shape::of(2, 2).unwrap();
         let series = ArcSeries { growth, shape, patches: &PATCHES, coefficients: &COEFFICIENTS };
