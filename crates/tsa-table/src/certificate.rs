@@ -172,7 +172,7 @@ fn is_monotone(table: &Table<'_>) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::table::{Metadata, Uncertainty};
+    use crate::table::Metadata;
     use crate::{ArcSeries, Growth, Patch, Shape};
 
     const PATCHES: [Patch; 1] = [Patch { load_max_n: 16.0, centre: [8.0, 0.02] }];

@@ -78,7 +78,7 @@ pub fn table_source(name: &str, doc: &str, table: &OwnedTable) -> String {
 mod tests {
     use super::*;
     use crate::owned::OwnedSeries;
-    use crate::{Growth, Metadata, Patch, Shape, Uncertainty};
+    use crate::{Growth, Metadata, Patch, Shape};
 
     #[test]
     fn every_number_is_written_by_its_bits_in_its_place() {

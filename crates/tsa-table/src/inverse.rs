@@ -122,7 +122,7 @@ impl Table<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::table::{Metadata, Uncertainty};
+    use crate::table::Metadata;
     use crate::{ArcSeries, Growth, Patch, Shape};
     use std::cell::Cell;
 
