@@ -51,11 +51,11 @@ struct StuckLoad {
 impl StuckLoad {
     const NEW: Self = Self { sum_m: 0.0, count: 0.0, last_m: 0.0, creep_left_rad: 0.0 };
 
-    /// Adds one position (m); whether the load has moved in a direction (±1).
-    fn moved(&mut self, direction: f32, position_m: f32, noise_m: f32) -> bool {
+    /// Adds one position (m); whether the load has moved: along with its strings, or either way because it has changed.
+    fn moved(&mut self, position_m: f32, noise_m: f32) -> bool {
         let moved_m = MOVED_M.max(MOVED_NOISES * noise_m);
         let recent_m = 0.5 * (self.last_m + position_m);
-        let moved = self.count >= LEAST_READINGS && direction * (recent_m - self.sum_m / self.count) > moved_m;
+        let moved = self.count >= LEAST_READINGS && (recent_m - self.sum_m / self.count).abs() > moved_m;
         self.sum_m += position_m;
         self.count += 1.0;
         self.last_m = position_m;
@@ -149,7 +149,7 @@ impl FrictionTakeup {
             self.end_rad = 0.0;
         }
         if let (true, Some(asked_m_per_s)) = (self.waiting, setting_out) {
-            if self.stuck.moved(direction, load.position_m, load.gap_noise_m) {
+            if self.stuck.moved(load.position_m, load.gap_noise_m) {
                 self.end_rad = self.ramp.stopping_point(limits.acceleration);
                 self.waiting = false;
             } else if self.ramp.speed == 0.0 {

@@ -53,21 +53,21 @@ fn a_move_the_other_way_turns_most_of_the_band_at_once_and_creeps_along_the_rest
 }
 
 #[test]
-fn a_load_that_comes_loose_ends_the_wait() {
-    let mut load = came_down();
-    let mut takeup = FrictionTakeup::default();
-    takeup.set_out(1.0);
-    turned(&mut takeup, 10, &WAITING, true, &load);
-    // Down is not the way.
-    load.position_m = -0.2e-3;
-    turned(&mut takeup, 2, &WAITING, true, &load);
-    assert!(takeup.is_waiting());
-    load.position_m = 0.1e-3;
-    turned(&mut takeup, 2, &WAITING, true, &load);
-    assert!(!takeup.is_waiting());
-    // What was still to be turned is not: it only stops.
-    let after_rad = turned(&mut takeup, 500, &WAITING, false, &load);
-    assert!(after_rad >= 0.0 && after_rad < 0.5 * band_rad(&load), "{after_rad}");
+fn a_load_that_moves_ends_the_wait() {
+    // Up along with its strings, and down because it has become heavier.
+    for moved_m in [0.1e-3, -0.1e-3] {
+        let mut load = came_down();
+        let mut takeup = FrictionTakeup::default();
+        takeup.set_out(1.0);
+        turned(&mut takeup, 10, &WAITING, true, &load);
+        assert!(takeup.is_waiting());
+        load.position_m = moved_m;
+        turned(&mut takeup, 2, &WAITING, true, &load);
+        assert!(!takeup.is_waiting(), "{moved_m}");
+        // What was still to be turned is not: it only stops.
+        let after_rad = turned(&mut takeup, 500, &WAITING, false, &load);
+        assert!(after_rad >= 0.0 && after_rad < 0.5 * band_rad(&load), "{after_rad}");
+    }
 }
 
 #[test]
