@@ -15,8 +15,8 @@ const ARRIVED_M: f32 = 25e-6;
 const ARRIVED_NOISES: f32 = 2.5;
 const ARRIVED_JUMP: f32 = 0.15;
 /// A load that sticks farther from its target than that, and nearer than another jump would bring it, is moved back and
-/// comes again, so many times. It goes back by so many jumps, farther than its friction band.
-const APPROACHES: u8 = 2;
+/// comes again, once: on hard rigs a second time leads no nearer (docs/control.md 4). It goes back by so many jumps, farther than its
+/// friction band.
 const STUCK_TICKS: u16 = ticks(20);
 const BACK_JUMPS: f32 = 2.0;
 /// Share of the error that the next approach aims beyond the target.
@@ -86,8 +86,8 @@ pub(super) struct Move {
     /// Set-point less the load's place of rest in the last tick (m).
     rest_error_m: f32,
     pub(super) stopping: bool,
-    /// Approaches that are left, and where the next one aims (m) while the load goes back for it.
-    approaches_left: u8,
+    /// Whether it may still come again, and where it aims then (m) while it goes back for it.
+    may_come_again: bool,
     next_aim_m: Option<f32>,
     stuck_ticks: u16,
     /// Time until the set-point is at its target, friction take-up aside (s); `None` before the first tick and in a stop.
@@ -125,7 +125,7 @@ impl Move {
             limits: None,
             rest_error_m: 0.0,
             stopping: false,
-            approaches_left: APPROACHES,
+            may_come_again: true,
             next_aim_m: None,
             stuck_ticks: 0,
             run_s: None,
@@ -155,21 +155,20 @@ impl Move {
             return;
         }
         let error_m = self.target_m - load.position_m;
-        // Farther away the loop brings it nearer by itself, unless it is held where the last approach has aimed.
-        let left =
-            error_m.abs() < self.control.position_loop.rest.tolerance_m(load.jump_m) || self.approaches_left == 0;
+        // Farther away the loop brings it nearer by itself, unless it is held where it aimed when it came again.
+        let left = error_m.abs() < self.control.position_loop.rest.tolerance_m(load.jump_m) || !self.may_come_again;
         let sticks =
             load.jump_m > 0.0 && error_m.abs() > Self::arrived_m(load) && left && load.observation.moved_m == 0.0;
-        self.control.position_loop.rest.comes_again = load.jump_m > 0.0 && self.approaches_left > 0;
+        self.control.position_loop.rest.comes_again = load.jump_m > 0.0 && self.may_come_again;
         if !lasts(&mut self.stuck_ticks, sticks, STUCK_TICKS) {
             return;
         }
-        if self.approaches_left == 0 {
-            // The loop takes it from where the last approach has led it.
+        if !self.may_come_again {
+            // The loop takes it from where the second approach has led it.
             self.control.planner = Planner::at(self.target_m);
         } else {
             let back_m = (BACK_JUMPS * load.jump_m).min(self.way_m.abs());
-            self.approaches_left -= 1;
+            self.may_come_again = false;
             self.stuck_ticks = 0;
             self.rest_ticks = 0;
             self.next_aim_m = Some(self.control.planner.target_m() + AIM_SHARE * error_m);
@@ -183,7 +182,7 @@ impl Move {
             self.stopping = true;
             self.run_s = None;
             self.next_aim_m = None;
-            self.approaches_left = 0;
+            self.may_come_again = false;
             self.control.position_loop.rest.comes_again = false;
             match &self.limits {
                 Some(limits) => self.control.planner.brake(limits),
@@ -248,7 +247,7 @@ impl Move {
         }
         let error_m = self.target_m - load.position_m;
         // What stiction leaves, once the load does not come again.
-        let comes_again = load.jump_m > 0.0 && self.approaches_left > 0;
+        let comes_again = load.jump_m > 0.0 && self.may_come_again;
         let left_m = self.control.position_loop.rest.left_alone_m(load.gap_noise_m, load.jump_m);
         let near_m = Self::arrived_m(load).max(if comes_again { 0.0 } else { left_m });
         let near = self.next_aim_m.is_none() && error_m.abs() < near_m;
