@@ -10,6 +10,8 @@ pub mod fuzz;
 pub mod load_changes;
 pub mod physical_limit;
 pub mod rigs;
+pub mod rivals;
+pub mod rivals_figure;
 pub mod scenario;
 pub mod speed_figure;
 

@@ -6,6 +6,8 @@
 //! a test here compares both with the file.
 
 mod calibration;
+mod comparison;
+mod limit;
 mod model;
 mod page;
 mod readme;
