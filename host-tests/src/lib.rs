@@ -5,6 +5,7 @@
 pub mod board;
 pub mod compare;
 pub mod endurance;
+pub mod following;
 pub mod full_speed;
 pub mod fuzz;
 pub mod load_changes;

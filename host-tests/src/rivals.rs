@@ -1,8 +1,8 @@
-//! The load steps of [`crate::load_changes`] by the controllers that the firmware's is held against ([`crate::compare`]): on the
-//! same rigs, from rest at the same places, watched as long.
+//! The load steps of [`crate::load_changes`] by the controllers that the firmware's is held against
+//! ([`crate::compare`]): on the same rigs, from rest at the same places, watched as long.
 //!
-//! Their loops are tuned for these very steps, on some of the rigs that are reported. All of them are told the true load, at
-//! once.
+//! Their loops are tuned for these very steps, on some of the rigs that are reported. All of them are told the true
+//! load at once.
 
 use crate::ControlBench;
 use crate::compare::baseline::{Baseline, Law, Loop, PAPER_SPEED, Wanted};
@@ -19,7 +19,7 @@ use std::f32::consts::PI;
 const START_S: f64 = 30.0;
 /// How near the place (m) a constant speed has arrived.
 const ARRIVED_M: f32 = 100e-6;
-/// How long a step is watched while a loop is tuned (s), and every which of the steps is tuned on: of each change one place.
+/// How long a step is watched while a loop is tuned (s), and one of how many steps is tuned on: each change at one place.
 const TUNED_S: f64 = 5.0;
 const TUNED_ON: usize = 3;
 /// What a step that does not settle costs (s): with the most settled steps wanted, and with the least time.

@@ -23,8 +23,8 @@ pub struct Played {
     pub outcomes: Vec<Outcome>,
 }
 
-/// Time (s) to come back over the least that motor and swing allow; `None` if the load did not come back or nothing is known of the
-/// limit.
+/// Time to come back over the least that motor and swing allow; `None` if the load did not come back, or if the limit is
+/// not known.
 pub fn over_limit(outcome: &Outcome, within_m: f64) -> Option<f64> {
     Some(outcome.settled_s(within_m)? / outcome.limit_s(within_m)?)
 }
@@ -44,9 +44,9 @@ pub fn figure(played: &[Played]) -> Figure {
         panel_size: (320, 220),
         blocks: vec![Block { rows: places.chain([never]).collect() }, Block { rows: limits.to_vec() }],
         notes: vec![
-            "The limit is the least time in which any control brings the load to rest there with this motor, its swing included: a \
-             linear programme with the table's ratio and stiffness. Friction is not in it and calms a light load, so that a ratio \
-             can be below 1. All controllers but a are told the true load at once."
+            "The limit is the least time in which any control brings the load to rest there with this motor, its swing \
+             included: a linear programme with the table's ratio and stiffness. Friction is not in it and calms a light \
+             load, so that a ratio can be below 1. All controllers but a are told the true load at once."
                 .into(),
         ],
     }

@@ -11,9 +11,9 @@
 //! identified, every controller has the calibration and the table.
 //!
 //! Every baseline follows the set-points that the firmware's planner made on the same plant, so that all are asked the
-//! same. Moves that the firmware did not make there, because it had failed, count as not settled for it; the baselines make
-//! them along the set-points that it made on the rig of its own model. Errors of tracking are those of the moves that both
-//! made.
+//! same. Moves that the firmware did not make there, because it had failed, count as not settled for it; the baselines
+//! make them along the set-points that it made on the rig of its own model. Errors of tracking are those of the moves
+//! that both made.
 
 pub mod baseline;
 pub mod plants;

@@ -1,5 +1,5 @@
-//! Plants as they might be built: constants off by up to a tenth, friction, noise, play, supply; or rigs of a kind, with all
-//! that such rigs have besides their model.
+//! Plants as they might be built: constants off by up to a tenth, friction, noise, play, supply; or rigs of a kind, with
+//! all that such rigs have besides their model.
 
 use super::score::SETTLED_M;
 use crate::rigs::commission::{Firmware, commission};

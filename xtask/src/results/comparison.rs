@@ -6,7 +6,7 @@ use crate::{Folders, host};
 use anyhow::{Context, Result, ensure};
 use std::path::Path;
 
-/// Random plants, and rigs of each kind: few, because the loops of the others are tuned anew for each kind.
+/// Random plants, and rigs of each kind: few, because the others' loops are tuned anew for each kind.
 const PLANTS: u16 = 50;
 const RIGS: u16 = 4;
 /// Kinds of rigs, and within which distance (µm) of the truth a move has settled there, as `cargo xtask compare` has it.
@@ -48,14 +48,14 @@ pub(super) fn on_rigs(folders: &Folders) -> Result<Measured> {
             }
         }
         measured.notes.push(format!(
-            "{RIGS} {kind} rigs under each of four loads; a move has settled within {settled_um} µm of the true place. Moves that were \
-             not made, without load steps and with, of all: {}.",
+            "{RIGS} {kind} rigs under each of four loads; a move has settled within {settled_um} µm of the true place. \
+             Moves that were not made, without load steps and with, of all: {}.",
             controllers.iter().map(Controller::not_made).collect::<Vec<_>>().join(", ")
         ));
     }
     measured.notes.push(
-        "A move that was not made, because its controller had failed, counts as not settled. Errors are those of the moves that both \
-         this controller and the other made."
+        "A move that was not made, because its controller had failed, counts as not settled. Errors are those of the \
+         moves that both this controller and the other made."
             .into(),
     );
     measured.notes.push(TRACKING.into());

@@ -69,12 +69,12 @@ fn table(found: &[Value]) -> Result<Measured> {
         }
     }
     measured.notes.push(
-        "A step changes the load at rest at 2, 8 or 14 mm, between 0.2 and 1.2 kg. The limit is the least time of any control, by a \
-         linear programme with the table's ratio and stiffness at the end; friction, which calms a light load, is not in it. Medians \
-         are of all steps, and a step that has not settled within 8 s takes longer than any other; the worst is of those that have \
-         settled. The loops of b, b' and e are tuned for a third of these very steps on the first two of the rigs; all but a are \
-         told the true load at once. No move begins here, so that the crossing of b\" has nothing to do; d and d' stand still until \
-         the next move."
+        "A step changes the load at rest at 2, 8 or 14 mm, between 0.2 and 1.2 kg. The limit is the least time of any \
+         control, by a linear programme with the table's ratio and stiffness at the end; friction, which calms a light \
+         load, is not in it. Medians are of all steps, and a step that has not settled within 8 s takes longer than any \
+         other; the worst is of those that have settled. The loops of b, b' and e are tuned for a third of these very \
+         steps on the first two of the rigs; all but a are told the true load at once. No move begins here, so that the \
+         crossing of b\" has nothing to do; d and d' stand still until the next move."
             .into(),
     );
     Ok(measured)

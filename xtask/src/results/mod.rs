@@ -7,6 +7,7 @@
 
 mod calibration;
 mod comparison;
+mod following;
 mod limit;
 mod model;
 mod page;

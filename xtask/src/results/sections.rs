@@ -128,6 +128,15 @@ pub(super) const SECTIONS: &[Section] = &[
         measure: super::limit::measure,
     },
     Section {
+        name: "following",
+        title: "Streamed sines",
+        about: "How the load follows set-points of a sine that are streamed to the board, by the firmware's control code on emulated \
+                rigs as built.",
+        command: "cargo xtask results following",
+        figures: &[("charts/following.svg", "Amplitude ratio and phase of streamed sines over the frequency")],
+        measure: super::following::measure,
+    },
+    Section {
         name: "compare",
         title: "Against other ways to drive the mechanism",
         about: "Every controller drives the same emulated rigs through the same frames along the same set-points; \
