@@ -23,6 +23,10 @@ const SPEED_M_PER_S: f32 = 0.004;
 const PERIODS: usize = 2;
 const LEAST_S: f64 = 4.0;
 
+/// What is drawn: ratios from the first one on, and phases (degrees) from the first one to the second, a turn apart.
+const DRAWN_RATIO: f64 = 0.01;
+const DRAWN_DEGREES: [f64; 2] = [-330.0, 30.0];
+
 /// A rig, a load and an amplitude.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Series {
@@ -114,8 +118,14 @@ pub fn figure(kinds: &[RigPreset], played: &[(Series, Vec<Result<Response, Strin
         let x = Axis::log("frequency, Hz", [0.1, 4.0]);
         Panel { title: format!("{title}, {kind} rig"), x, y, items: of_kind.map(line).collect() }
     };
-    let ratio = |kind| panel(kind, "Amplitude ratio", Axis::log("ratio", [0.1, 2.0]), |r| r.ratio);
-    let phase = |kind| panel(kind, "Phase", Axis::linear("degrees", [-180.0, 10.0]), |r| r.phase_rad.to_degrees());
+    let ratio =
+        |kind| panel(kind, "Amplitude ratio", Axis::log("ratio", [DRAWN_RATIO, 2.0]), |r| r.ratio.max(DRAWN_RATIO));
+    let phase = |kind| {
+        panel(kind, "Phase", Axis::linear("degrees", DRAWN_DEGREES), |r| {
+            let degrees = r.phase_rad.to_degrees();
+            if degrees > DRAWN_DEGREES[1] { degrees - 360.0 } else { degrees }
+        })
+    };
     let loads = LOADS_KG
         .iter()
         .enumerate()

@@ -207,8 +207,8 @@ mod tests {
         let slow = Loop { gain_per_s: 3.0, corner_rad_per_s: 9.0, ..untuned() };
         let [looped, constant] = [Law::Loop(slow), Law::MatchedSpeed].map(|law| field.play(law).remove(0));
         assert_eq!((looped.failure.clone(), looped.errors_m.len()), (None, 800));
-        // The load was at its place, and falls by millimetres.
-        assert!(looped.errors_m[0].abs() < 60e-6, "{}", looped.errors_m[0]);
+        // The load was at its place. In the first 10 ms it falls with two thirds of g at most, then by millimetres.
+        assert!(looped.errors_m[0].abs() < 0.4e-3, "{}", looped.errors_m[0]);
         assert!(looped.errors_m.iter().any(|error_m| *error_m < -2e-3));
         assert!(looped.settled_s(50e-6).is_some_and(|s| s > 0.3), "{:?}", looped.settled_s(50e-6));
         assert_eq!(constant.settled_s(50e-6), None);

@@ -43,8 +43,8 @@ fn table(found: &[Value]) -> Result<Measured> {
         measured.table.push(row);
     }
     measured.notes.push(
-        "Amplitude of the load's true position over that of the set-points; phase. The stream has ended where the load \
-         is too far behind it."
+        "Amplitude of the load's true position over that of the set-points; phase. \"ended\": the board has refused a \
+         set-point of the stream, or has ended it, because the load was too far behind."
             .into(),
     );
     Ok(measured)
