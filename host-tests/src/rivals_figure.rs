@@ -36,6 +36,9 @@ pub fn figure(played: &[Played]) -> Figure {
         KeyRow::sample(Sample::Mark(Shape::Dot, colour(k, POSITIONS_M.len())), format!("at {:.0} mm", at_m * 1e3))
     });
     let never = KeyRow::sample(Sample::Mark(Shape::Cross, GREY), format!("not within {WATCHED_S:.0} s"));
+    let mut within: Vec<String> =
+        played.iter().map(|one| format!("{:.0} µm on {} rigs", one.within_m * 1e6, one.rig)).collect();
+    within.dedup();
     let limits = [("the limit", Pen::solid(INK)), ("twice the limit", Pen::dashed(INK))]
         .map(|(name, pen)| KeyRow::sample(Sample::Line(pen), name));
     Figure {
@@ -48,6 +51,7 @@ pub fn figure(played: &[Played]) -> Figure {
              included: a linear programme with the table's ratio and stiffness. Friction is not in it and calms a light \
              load, so that a ratio can be below 1. All controllers but a are told the true load at once."
                 .into(),
+            format!("A load is back within {}.", within.join(", ")),
         ],
     }
 }
@@ -70,7 +74,7 @@ fn panel(played: &Played) -> Panel {
         });
     }
     Panel {
-        title: format!("{} ({}, to {:.0} µm)", played.name, played.rig, played.within_m * 1e6),
+        title: format!("{}: {}", played.rig, played.name),
         x: Axis::linear("load after the change, kg", [0.1, 1.3]),
         y: Axis::log("time over the limit", [RATIOS[0], 1.1 * NEVER]),
         items,

@@ -1,22 +1,14 @@
 //! The section on streamed sines.
 
 use super::Measured;
-use super::sections::printed;
+use super::sections::drawn;
 use crate::Folders;
-use crate::process::cargo;
 use anyhow::{Context, Result};
 use serde_json::Value;
 
 /// Measures and draws them.
 pub(super) fn measure(folders: &Folders) -> Result<Measured> {
-    let mut command = cargo(folders);
-    command.args(["run", "--release", "--package", "host-tests", "--bin", "following", "--"]);
-    command.arg("--figure").arg(folders.root.join("docs/charts/following.svg"));
-    let mut found = Vec::new();
-    for line in printed(&mut command)?.lines() {
-        found.push(serde_json::from_str(line).with_context(|| format!("no JSON: {line}"))?);
-    }
-    table(&found)
+    table(&drawn(folders, "following")?)
 }
 
 fn table(found: &[Value]) -> Result<Measured> {

@@ -1,22 +1,14 @@
 //! The section on changed loads by several controllers, over the physical limit.
 
 use super::Measured;
-use super::sections::{printed, text};
+use super::sections::{drawn, text};
 use crate::Folders;
-use crate::process::cargo;
 use anyhow::{Context, Result};
 use serde_json::Value;
 
 /// Measures them on rigs of seeds that the firmware was not tuned on, and draws them.
 pub(super) fn measure(folders: &Folders) -> Result<Measured> {
-    let mut command = cargo(folders);
-    command.args(["run", "--release", "--package", "host-tests", "--bin", "limit", "--"]);
-    command.arg("--figure").arg(folders.root.join("docs/charts/limit.svg"));
-    let mut found = Vec::new();
-    for line in printed(&mut command)?.lines() {
-        found.push(serde_json::from_str(line).with_context(|| format!("no JSON: {line}"))?);
-    }
-    table(&found)
+    table(&drawn(folders, "limit")?)
 }
 
 fn table(found: &[Value]) -> Result<Measured> {

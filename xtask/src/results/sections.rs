@@ -216,6 +216,15 @@ pub(super) fn rigctl(folders: &Folders, words: &[&str]) -> Result<Vec<Value>> {
     text.lines().map(|line| serde_json::from_str(line).with_context(|| format!("no JSON: {line}"))).collect()
 }
 
+/// What a program of the host tests prints, each line as JSON; it draws the figure with its own name.
+pub(super) fn drawn(folders: &Folders, program: &str) -> Result<Vec<Value>> {
+    let mut command = cargo(folders);
+    command.args(["run", "--release", "--package", "host-tests", "--bin", program, "--", "--figure"]);
+    command.arg(folders.root.join(format!("docs/charts/{program}.svg")));
+    let text = printed(&mut command)?;
+    text.lines().map(|line| serde_json::from_str(line).with_context(|| format!("no JSON: {line}"))).collect()
+}
+
 pub(super) fn number(value: &Value, at: &str) -> Result<f64> {
     value.pointer(at).and_then(Value::as_f64).with_context(|| format!("{at}: no number"))
 }
