@@ -5,11 +5,14 @@
 pub mod board;
 pub mod compare;
 pub mod endurance;
+pub mod following;
 pub mod full_speed;
 pub mod fuzz;
 pub mod load_changes;
 pub mod physical_limit;
 pub mod rigs;
+pub mod rivals;
+pub mod rivals_figure;
 pub mod scenario;
 pub mod speed_figure;
 

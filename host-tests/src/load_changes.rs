@@ -3,10 +3,10 @@
 
 use crate::physical_limit::Swing;
 use crate::rigs::subject::Subject;
-use crate::{ControlBench, constants, table};
+use crate::{ControlBench, Controller, constants, table};
 use lab::chart::margin::DAMPING;
 use lab::parallel::parallel_on;
-use rig_control::Rig as Control;
+use rig_control::{Rig as Control, TICK_S};
 use rig_link::messages::{LoadChoice, State};
 use sim_link::units::STANDARD_GRAVITY;
 use std::fmt;
@@ -18,9 +18,11 @@ pub const CHANGES_KG: [[f64; 2]; 9] =
     [[0.2, 0.4], [0.4, 0.2], [0.2, 0.6], [0.6, 0.2], [0.6, 1.2], [1.2, 0.6], [1.0, 1.2], [1.2, 0.8], [0.8, 1.0]];
 
 /// Speed of the way to a position (m/s), rest there (s), and how long the changed load is watched (s).
-const SPEED_M_PER_S: f32 = 0.004;
-const REST_S: f64 = 2.0;
-const WATCHED_S: f64 = 8.0;
+pub const SPEED_M_PER_S: f32 = 0.004;
+/// See above.
+pub const REST_S: f64 = 2.0;
+/// See above.
+pub const WATCHED_S: f64 = 8.0;
 
 /// One change of the load.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -113,24 +115,32 @@ pub fn motor_s(turn_rad: f64) -> f64 {
 
 /// Load (kg) under which the rig is homed for a step, so that both can reach the position: the lighter one far down, the heavier one
 /// far up.
-fn homed_under_kg(at_m: f32, [from, to]: [f64; 2]) -> f64 {
-    if at_m < 0.01 { from.min(to) } else { from.max(to) }
+pub fn homed_under_kg(step: &Step) -> f64 {
+    let [from, to] = step.change_kg;
+    if step.at_m < 0.01 { from.min(to) } else { from.max(to) }
+}
+
+/// Every change at every position on the rig of a seed.
+pub fn steps(seed: u64) -> Vec<Step> {
+    let at = |at_m: &f32| CHANGES_KG.map(|change_kg| Step { seed, at_m: *at_m, change_kg });
+    POSITIONS_M.iter().flat_map(at).collect()
+}
+
+/// Every load (kg) of [`CHANGES_KG`] once, ascending.
+pub fn loads_kg() -> Vec<f64> {
+    let mut loads_kg: Vec<f64> = CHANGES_KG.iter().flatten().copied().collect();
+    loads_kg.sort_by(f64::total_cmp);
+    loads_kg.dedup();
+    loads_kg
 }
 
 /// Every change at every position on one rig.
 pub fn all(subject: &Subject, threads: usize) -> Vec<Outcome> {
-    let mut loads_kg: Vec<f64> = CHANGES_KG.iter().flatten().copied().collect();
-    loads_kg.sort_by(f64::total_cmp);
-    loads_kg.dedup();
+    let loads_kg = loads_kg();
     let homed = parallel_on(threads, &|_, _| {}, loads_kg.len(), |k| homed_under(subject, loads_kg[k]));
-    let steps: Vec<Step> = POSITIONS_M
-        .iter()
-        .flat_map(|at_m| {
-            CHANGES_KG.iter().map(|change_kg| Step { seed: subject.seed, at_m: *at_m, change_kg: *change_kg })
-        })
-        .collect();
+    let steps = steps(subject.seed);
     parallel_on(threads, &|_, _| {}, steps.len(), |k| {
-        let load_kg = homed_under_kg(steps[k].at_m, steps[k].change_kg);
+        let load_kg = homed_under_kg(&steps[k]);
         let on = loads_kg.iter().position(|kg| *kg == load_kg).expect("listed");
         play(homed[on].clone(), steps[k])
     })
@@ -168,24 +178,35 @@ fn begin(bench: &mut ControlBench, step: Step) -> Result<(), String> {
 ///
 /// # Errors
 /// In words, if the rig cannot carry it.
-pub fn hang(bench: &mut ControlBench, load_kg: f64) -> Result<(), String> {
+pub fn hang<C: Controller>(bench: &mut ControlBench<C>, load_kg: f64) -> Result<(), String> {
     bench.rig.set_plant("load", &format!("{load_kg}kg")).map_err(|e| e.to_string())
+}
+
+/// Watches a load for a time (s): its distances from its target (m), every tick, as the sensor has them. `tick` moves the bench on
+/// and tells the position (m) that the sensor shows.
+pub fn errors_m<C: Controller>(
+    bench: &mut ControlBench<C>,
+    (target_m, seconds): (f32, f64),
+    mut tick: impl FnMut(&mut ControlBench<C>) -> Option<f32>,
+) -> Vec<f64> {
+    let (mut errors_m, mut shown_m) = (Vec::new(), Vec::new());
+    for _ in 0..(seconds / f64::from(TICK_S)).round() as usize {
+        let shown = tick(bench);
+        let true_m = bench.true_position_m();
+        errors_m.push(true_m - f64::from(target_m));
+        shown_m.extend(shown.map(|m| f64::from(m) - true_m));
+    }
+    as_the_sensor_has_it(&mut errors_m, &shown_m);
+    errors_m
 }
 
 fn watch(mut bench: ControlBench, step: Step) -> Outcome {
     let before_rad = bench.truth().twist_rad;
     let mut failure = hang(&mut bench, step.change_kg[1]).err();
-    let (mut errors_m, mut shown_m) = (Vec::new(), Vec::new());
-    bench.until(WATCHED_S, |bench| {
-        let true_m = bench.true_position_m();
-        errors_m.push(true_m - f64::from(step.at_m));
-        shown_m.extend(bench.last.as_ref().and_then(|last| last.telemetry.position_m).map(|m| f64::from(m) - true_m));
-        false
-    });
+    let errors_m = errors_m(&mut bench, (step.at_m, WATCHED_S), |bench| bench.tick(None).telemetry.position_m);
     if bench.control.state() != State::Holding {
         failure = Some(format!("{:?} {}", bench.control.state(), bench.control.faults()));
     }
-    as_the_sensor_has_it(&mut errors_m, &shown_m);
     let turned_rad = bench.truth().twist_rad - before_rad;
     let tr_rad_per_m = bench.last.as_ref().and_then(|last| last.telemetry.tr_rad_per_m).map_or(f64::NAN, f64::from);
     Outcome {

@@ -1,10 +1,11 @@
 //! The comparison on a few plants, so that it cannot rot: the benchmark proper is `cargo xtask compare`.
 
 use host_tests::compare::baseline::{Law, Loop, PAPER_SPEED};
-use host_tests::compare::plants::RandomPlant;
+use host_tests::compare::plants::{Kind, RandomPlant};
 use host_tests::compare::play;
 use host_tests::compare::score::{Score, Summary};
 use host_tests::compare::{Comparison, Controller, Entry, untuned};
+use host_tests::rigs::commission::Firmware;
 use host_tests::scenario;
 
 /// What `cargo xtask compare` found for the fixed ratio: with the least error, and with the most settled moves.
@@ -38,9 +39,9 @@ fn every_scenario_is_a_script_and_the_comparisons_hold_what_it_needs() {
 #[test]
 fn this_controller_beats_what_is_usual() {
     let scenarios = scenario::comparison().unwrap();
-    let comparison = Comparison::new(&scenarios, &RandomPlant::list(2)).unwrap();
+    let comparison = Comparison::new(&scenarios, &Kind::Random.list(2)).unwrap();
     assert_eq!(comparison.failures, []);
-    let play = |controller| summaries(&comparison.play(controller).unwrap());
+    let play = |controller| summaries(&comparison.play(controller));
     let ours = play(Controller::Firmware);
     println!("a: {ours:#?}");
     assert!(ours.iter().all(|s| s.settled == 1.0), "a settles everywhere, whatever the load does");
@@ -70,7 +71,7 @@ fn this_controller_beats_what_is_usual() {
 #[test]
 fn a_light_load_is_crept_up_to_not_pushed() {
     let light = &scenario::comparison().unwrap()[0];
-    let played = play::firmware(light, &RandomPlant::new(26));
+    let played = play::firmware(light, &RandomPlant::new(26), &Firmware::as_built());
     assert_eq!((played.failure, played.records.len()), (None, light.moves.len()));
     let steady = played.records.iter().filter(|r| !r.changed).map(|r| Score::new(r).max_m);
     let most_m = steady.fold(0.0, f64::max);
@@ -83,10 +84,10 @@ fn without_friction_the_ratio_is_worth_five_times_the_error() {
     let mut scenarios = scenario::comparison().unwrap();
     scenarios.drain(1..3);
     let friction = "friction=0N".parse().unwrap();
-    let plants: Vec<RandomPlant> = RandomPlant::list(2).into_iter().map(|plant| plant.with(friction)).collect();
+    let plants: Vec<RandomPlant> = Kind::Random.list(2).into_iter().map(|plant| plant.with(friction)).collect();
     let comparison = Comparison::new(&scenarios, &plants).unwrap();
     assert_eq!(comparison.failures, []);
-    let rms_m = |controller| summaries(&comparison.play(controller).unwrap())[0].rms_m;
+    let rms_m = |controller| summaries(&comparison.play(controller))[0].rms_m;
     let ours = rms_m(Controller::Firmware);
     for law in [untuned(), MOST_SETTLED, LEAST_ERROR] {
         let theirs = rms_m(Controller::Baseline(Law::Loop(law)));
@@ -99,8 +100,8 @@ fn without_friction_the_ratio_is_worth_five_times_the_error() {
 fn the_same_plants_give_the_same_figures() {
     let scenarios = &scenario::comparison().unwrap()[1..2];
     let run = || {
-        let comparison = Comparison::new(scenarios, &RandomPlant::list(1)).unwrap();
-        summaries(&comparison.play(Controller::Baseline(Law::Loop(LEAST_ERROR))).unwrap())
+        let comparison = Comparison::new(scenarios, &Kind::Random.list(1)).unwrap();
+        summaries(&comparison.play(Controller::Baseline(Law::Loop(LEAST_ERROR))))
     };
     assert_eq!(run(), run());
 }

@@ -93,9 +93,10 @@ enum Task {
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
         rest: Vec<String>,
     },
-    /// Compare this controller with others: play scenarios on random plants (docs/comparison.svg, .csv)
+    /// Compare this controller with others: play scenarios on random plants or on rigs of a kind (docs/comparison.svg,
+    /// .csv)
     Compare {
-        /// Arguments of the comparison: --plants, --plant, --out
+        /// Arguments of the comparison: --plants, --plant, --rig, --out
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
         rest: Vec<String>,
     },

@@ -1,11 +1,12 @@
 //! What the firmware's control is held against: the usual ways to drive a twisted string, over the same drive frames
 //! (mode 8, a position every 10 ms) on the same rig. They need no homing: they are given the true zero of the twist.
 
-use crate::{Controller, constants, table};
+use crate::Controller;
+use crate::rigs::commission::Firmware;
 use core::f32::consts::PI;
 use rig_control::ramp::Ramp;
 use rig_control::sensors::Lvdt;
-use rig_control::{DriveCommand, DriveReading, Inputs, LvdtReading, RigConstants, TICK_S};
+use rig_control::{DriveCommand, DriveReading, Inputs, LvdtReading, RigConstants, TICK_S, settings};
 use tsa_table::Table;
 
 /// How far the shaft stays behind its set-point, in time (s): one over the gain of the drive's position loop. The
@@ -101,6 +102,8 @@ pub struct Baseline {
     pub law: Law,
     /// What it is told.
     pub wanted: Wanted,
+    /// Position (m) that the LVDT shows, from the reference; `None` before that is taken.
+    pub shown_m: Option<f32>,
     table: &'static Table<'static>,
     rig: RigConstants,
     lvdt: Lvdt,
@@ -122,13 +125,15 @@ pub struct Baseline {
 }
 
 impl Baseline {
-    /// Told that the strings were twisted by `twist_at_boot_rad` at power-up.
-    pub fn new(law: Law, twist_at_boot_rad: f32) -> Self {
+    /// With the table, the constants and the settings of a firmware. Told that the strings were twisted by
+    /// `twist_at_boot_rad` at power-up.
+    pub fn new(firmware: &Firmware, law: Law, twist_at_boot_rad: f32) -> Self {
         Self {
             law,
             wanted: Wanted::default(),
-            table: table(),
-            rig: constants(),
+            shown_m: None,
+            table: firmware.table,
+            rig: settings::apply(&firmware.settings, &firmware.constants),
             lvdt: Lvdt::new(),
             phase: Phase::Boot { standing: 0 },
             zero_rad: -twist_at_boot_rad,
@@ -294,7 +299,11 @@ impl Controller for Baseline {
         match self.phase {
             Phase::Boot { standing } => self.boot(standing, inputs.encoder_counts - here, speed_rpm, shaft_rad),
             Phase::Approach { rested, sum_m, count } => self.approach(rested, sum_m, count, gap_m),
-            Phase::Ready => self.follow(self.reference_gap_m - gap_m),
+            Phase::Ready => {
+                let shown_m = self.reference_gap_m - gap_m;
+                self.shown_m = Some(shown_m);
+                self.follow(shown_m);
+            }
         }
         self.command(here)
     }

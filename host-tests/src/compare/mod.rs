@@ -1,16 +1,19 @@
 //! The comparison: what control by the transmission's own ratio gains over what is usual, on the same plants, moves and
 //! drive frames.
 //!
-//! - [`plants`]: random plants. [`play`]: a controller through a scenario on a plant.
+//! - [`plants`]: random plants, and rigs of a kind. [`play`]: a controller through a scenario on a plant.
 //! - [`baseline`]: what the firmware's control is held against. [`tune`]: the best gains for it.
 //! - [`score`]: tracking, settling, overshoot, energy. [`report`]: table, CSV and figure.
 //!
 //! What is fair: a fixed ratio gets the same feedback, set by search on the comparison's own plants, and (b") even a fixed
 //! crossing of the friction band, its size searched for too. What takes the table and the load stays with the firmware: TR
-//! by load and twist, the friction band in twist, and seeing when a load comes free.
+//! by load and twist, the friction band in twist, and seeing when a load comes free. Where a rig has been calibrated and
+//! identified, every controller has the calibration and the table.
 //!
 //! Every baseline follows the set-points that the firmware's planner made on the same plant, so that all are asked the
-//! same. A plant on which the firmware fails has none: its failure is a result, and what it had played is left out.
+//! same. Moves that the firmware did not make there, because it had failed, count as not settled for it; the baselines
+//! make them along the set-points that it made on the rig of its own model. Errors of tracking are those of the moves
+//! that both made.
 
 pub mod baseline;
 pub mod plants;
@@ -22,12 +25,11 @@ pub mod tune;
 use crate::ControlBench;
 use crate::scenario::Scenario;
 use baseline::{Baseline, Law, Loop};
-use plants::RandomPlant;
-use play::Record;
+use lab::parallel::parallel;
+use plants::{Kind, RandomPlant};
+use play::{Played, Record};
 use score::Score;
-use std::num::NonZero;
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use sim_link::RigPreset;
 use tune::{Goal, Tally};
 
 /// Who drives the rig.
@@ -45,10 +47,32 @@ pub struct Case {
     pub scenario: usize,
     /// Seed of the plant.
     pub seed: u64,
-    /// What the firmware did, move by move.
-    pub records: Vec<Record>,
-    /// The baseline, homed.
-    pub ready: ControlBench<Baseline>,
+    /// What the firmware did, move by move; from the one on in which it failed, what it did on the rig of its own model.
+    pub along: Vec<Record>,
+    /// How many of the moves it made here.
+    pub made: usize,
+    /// The baseline at its reference, or why it did not come there.
+    pub ready: Result<ControlBench<Baseline>, String>,
+}
+
+impl Case {
+    /// A baseline's moves, or as many as it made.
+    fn play(&self, law: Law, scenario: &Scenario, along: &[Record]) -> Vec<Record> {
+        self.ready.clone().map_or_else(|_| Vec::new(), |bench| play::baseline(bench, law, scenario, along).records)
+    }
+
+    /// The figures of the first `count` moves, settled within a distance (m).
+    fn scores(&self, records: &[Record], count: usize, settled_m: f64) -> Vec<Score> {
+        let score = |k: usize| match records.get(k) {
+            None => Score::default(),
+            Some(record) if k < self.made => Score::within(record, settled_m),
+            // The firmware has no error here to compare with.
+            Some(record) => {
+                Score { max_m: 0.0, squares_m2: 0.0, ticks: 0, wait_s: 0.0, ..Score::within(record, settled_m) }
+            }
+        };
+        (0..count).map(score).collect()
+    }
 }
 
 /// A scenario on a plant that the firmware did not get through.
@@ -78,96 +102,99 @@ pub struct Entry {
 /// Every scenario on every plant, played by the firmware.
 pub struct Comparison<'s> {
     scenarios: &'s [Scenario],
-    /// What it got through.
+    settled_m: f64,
+    /// All of them.
     pub cases: Vec<Case>,
-    /// What it did not.
+    /// What the firmware did not get through.
     pub failures: Vec<Failure>,
 }
 
 impl<'s> Comparison<'s> {
-    /// Plays the firmware, and brings a baseline to its reference, everywhere.
+    /// Commissions the plants, plays the firmware, and brings a baseline to its reference, everywhere.
     ///
     /// # Errors
-    /// In words, if a baseline does not come to its reference.
+    /// In words, if the firmware fails on a plant and on the rig of its own model as well.
     pub fn new(scenarios: &'s [Scenario], plants: &[RandomPlant]) -> Result<Self, String> {
-        let all: Vec<(usize, &RandomPlant)> =
-            (0..scenarios.len()).flat_map(|s| plants.iter().map(move |p| (s, p))).collect();
-        let played = in_parallel(&all, |(scenario, plant)| {
-            let played = play::firmware(&scenarios[*scenario], plant);
-            let ready = play::ready(&scenarios[*scenario], plant);
-            (played, ready)
+        let kind = plants.first().map_or(Kind::Random, |plant| plant.kind);
+        let firmware = in_parallel(plants, RandomPlant::firmware);
+        let all: Vec<(usize, usize)> =
+            (0..scenarios.len()).flat_map(|s| (0..plants.len()).map(move |p| (s, p))).collect();
+        let played = in_parallel(&all, |(scenario, k)| {
+            let (scenario, plant, firmware) = (&scenarios[*scenario], &plants[*k], &firmware[*k]);
+            (play::firmware(scenario, plant, firmware), play::ready(scenario, plant, firmware))
         });
-        let mut comparison = Self { scenarios, cases: Vec::new(), failures: Vec::new() };
-        for ((scenario, plant), (played, ready)) in all.into_iter().zip(played) {
-            let seed = plant.seed;
-            match played.failure {
-                Some(reason) => comparison.failures.push(Failure { scenario, seed, reason }),
-                None => comparison.cases.push(Case { scenario, seed, records: played.records, ready: ready? }),
+        let mut comparison = Self { scenarios, settled_m: kind.settled_m(), cases: Vec::new(), failures: Vec::new() };
+        for ((scenario, k), (played, ready)) in all.into_iter().zip(played) {
+            let seed = plants[k].seed;
+            let mut along = played.records;
+            let made = along.len();
+            if let Some(reason) = played.failure {
+                along.extend(of_its_own_model(&scenarios[scenario])?.into_iter().skip(made));
+                comparison.failures.push(Failure { scenario, seed, reason });
             }
+            comparison.cases.push(Case { scenario, seed, along, made, ready });
         }
         Ok(comparison)
     }
 
     /// The figures of every move under a controller.
-    ///
-    /// # Errors
-    /// In words, if a plant refuses a change.
-    pub fn play(&self, controller: Controller) -> Result<Vec<Entry>, String> {
-        let cases: Vec<&Case> = self.cases.iter().collect();
-        let entries = in_parallel(&cases, |case| -> Result<Vec<Entry>, String> {
+    pub fn play(&self, controller: Controller) -> Vec<Entry> {
+        let entries = in_parallel(&self.cases, |case| {
+            let count = case.along.len();
             let theirs;
             let records = match controller {
-                Controller::Firmware => &case.records,
+                Controller::Firmware => &case.along[..case.made],
                 Controller::Baseline(law) => {
-                    let scenario = &self.scenarios[case.scenario];
-                    theirs = play::baseline(case.ready.clone(), law, scenario, &case.records)?;
-                    &theirs
+                    theirs = case.play(law, &self.scenarios[case.scenario], &case.along);
+                    &theirs[..]
                 }
             };
-            let entry = |record: &Record| Entry {
+            let scores = case.scores(records, count, self.settled_m);
+            let entry = |(score, along): (Score, &Record)| Entry {
                 scenario: case.scenario,
                 seed: case.seed,
-                changed: record.changed,
-                score: Score::new(record),
+                changed: along.changed,
+                score,
             };
-            Ok(records.iter().map(entry).collect())
+            scores.into_iter().zip(&case.along).map(entry).collect::<Vec<_>>()
         });
-        Ok(entries.into_iter().collect::<Result<Vec<_>, _>>()?.concat())
+        entries.concat()
     }
 
     /// The loop that comes nearest to a goal on the plants with these seeds, searched for from `start`.
-    ///
-    /// # Errors
-    /// As [`Comparison::play`].
-    pub fn tune(&self, start: Loop, goal: Goal, seeds: &[u64]) -> Result<Loop, String> {
+    pub fn tune(&self, start: Loop, goal: Goal, seeds: &[u64]) -> Loop {
         // Heavy loads are the hardest: whoever fails is dropped there.
         let cases: Vec<&Case> = self.cases.iter().rev().filter(|case| seeds.contains(&case.seed)).collect();
-        let steady =
-            |case: &&Case| case.records.iter().filter(|r| !r.changed).map(|r| Score::new(r).ticks).sum::<usize>();
+        let steady = |case: &&Case| {
+            let scores = case.scores(&case.along, case.along.len(), self.settled_m);
+            scores.iter().zip(&case.along).filter(|(_, r)| !r.changed).map(|(score, _)| score.ticks).sum::<usize>()
+        };
         let ticks = cases.iter().map(steady).sum();
-        let mut refused = None;
-        let best = tune::search(start, |candidates, limit| {
+        tune::search(start, |candidates, limit| {
             let mut tallies = vec![Tally::default(); candidates.len()];
             for some in cases.chunks(8) {
                 let alive = (0..candidates.len()).filter(|k| goal.cost(&tallies[*k], ticks) < limit);
                 let runs: Vec<(usize, &Case)> = alive.flat_map(|k| some.iter().map(move |case| (k, *case))).collect();
                 let played = in_parallel(&runs, |(k, case)| {
                     let counts = |r: &&Record| goal == Goal::Settling || !r.changed;
-                    let along = &case.records[..case.records.iter().take_while(counts).count()];
-                    let law = Law::Loop(candidates[*k]);
-                    play::baseline(case.ready.clone(), law, &self.scenarios[case.scenario], along)
+                    let along = &case.along[..case.along.iter().take_while(counts).count()];
+                    let records = case.play(Law::Loop(candidates[*k]), &self.scenarios[case.scenario], along);
+                    case.scores(&records, along.len(), self.settled_m)
                 });
-                for ((k, _), records) in runs.iter().zip(played) {
-                    match records {
-                        Ok(records) => records.iter().for_each(|r| tallies[*k].add(r.changed, &Score::new(r))),
-                        Err(error) => refused = Some(error),
-                    }
+                for ((k, case), scores) in runs.iter().zip(played) {
+                    scores.iter().zip(&case.along).for_each(|(score, r)| tallies[*k].add(r.changed, score));
                 }
             }
             tallies.iter().map(|tally| goal.cost(tally, ticks)).collect()
-        });
-        refused.map_or(Ok(best), Err)
+        })
     }
+}
+
+/// The firmware's moves of a scenario on the rig of its own model.
+fn of_its_own_model(scenario: &Scenario) -> Result<Vec<Record>, String> {
+    let plant = &Kind::Rig(RigPreset::Ideal).list(1)[0];
+    let Played { records, failure } = play::firmware(scenario, plant, &plant.firmware());
+    failure.map_or(Ok(records), |why| Err(format!("{} on the rig of its own model: {why}", scenario.name)))
 }
 
 /// Where the search for a fixed ratio begins: the table's mean ratio over its range, the firmware's gain and corner as
@@ -189,22 +216,41 @@ pub fn untuned() -> Loop {
 
 /// `f` of every item, on all cores, in the items' order.
 fn in_parallel<T: Sync, R: Send>(items: &[T], f: impl Fn(&T) -> R + Sync) -> Vec<R> {
-    let next = AtomicUsize::new(0);
-    let done = Mutex::new(Vec::with_capacity(items.len()));
-    let threads = std::thread::available_parallelism().map_or(1, NonZero::get);
-    std::thread::scope(|scope| {
-        for _ in 0..threads {
-            scope.spawn(|| {
-                while let Some((k, item)) =
-                    Some(next.fetch_add(1, Ordering::Relaxed)).and_then(|k| Some((k, items.get(k)?)))
-                {
-                    let result = f(item);
-                    done.lock().unwrap_or_else(std::sync::PoisonError::into_inner).push((k, result));
-                }
-            });
-        }
-    });
-    let mut done = done.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
-    done.sort_by_key(|(k, _)| *k);
-    done.into_iter().map(|(_, result)| result).collect()
+    parallel(&|_, _| {}, items.len(), |k| f(&items[k]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use score::SETTLED_M;
+
+    /// A move of 1 mm that is followed exactly but for so much (m), and ends at its target.
+    fn record(behind_m: f64) -> Record {
+        let set_points_m: Vec<f32> = (1..=400).map(|k| (k as f32 * 1e-5).min(1e-3)).collect();
+        let positions_m = set_points_m.iter().map(|s| f64::from(*s) - if *s < 1e-3 { behind_m } else { 0.0 });
+        Record { ends_m: [0.0, 1e-3], positions_m: positions_m.collect(), set_points_m, ..Record::default() }
+    }
+
+    #[test]
+    fn a_move_that_the_firmware_did_not_make_has_no_error_for_the_others_but_has_to_settle() {
+        let case = Case { scenario: 0, seed: 1, along: vec![record(0.0); 2], made: 1, ready: Err("stuck".into()) };
+        let ours = case.scores(&case.along[..case.made], 2, SETTLED_M);
+        assert_eq!(
+            ours.iter().map(|s| (s.made, s.settling_s.is_some())).collect::<Vec<_>>(),
+            [(true, true), (false, false)]
+        );
+        let theirs = case.scores(&[record(1e-4), record(1e-4)], 2, SETTLED_M);
+        assert!(theirs.iter().all(|s| s.made && s.settling_s.is_some()));
+        assert!(theirs[0].squares_m2 > 0.0 && theirs[0].ticks > 0);
+        assert_eq!((theirs[1].squares_m2, theirs[1].ticks, theirs[1].max_m), (0.0, 0, 0.0));
+    }
+
+    #[test]
+    fn a_baseline_that_does_not_come_to_its_reference_makes_no_move() {
+        let case = Case { scenario: 0, seed: 1, along: vec![record(0.0)], made: 1, ready: Err("stuck".into()) };
+        let scenario = Scenario { name: String::new(), plant: Vec::new(), moves: Vec::new() };
+        let records = case.play(Law::OpenLoop, &scenario, &case.along);
+        let scores = case.scores(&records, 1, SETTLED_M);
+        assert!(records.is_empty() && !scores[0].made && scores[0].settling_s.is_none());
+    }
 }

@@ -2,6 +2,7 @@
 
 use super::baseline::{Baseline, Law, Wanted};
 use super::plants::RandomPlant;
+use crate::rigs::commission::Firmware;
 use crate::scenario::{Move, Scenario};
 use crate::{ControlBench, Controller};
 use rig_control::TICK_S;
@@ -26,7 +27,7 @@ pub struct Record {
     pub energy_j: f64,
 }
 
-/// A scenario on one plant as the firmware's control played it.
+/// A scenario on one plant as a controller played it.
 #[derive(Clone, Debug)]
 pub struct Played {
     /// Its moves, up to where it failed.
@@ -69,10 +70,9 @@ fn record<C: Controller>(
 }
 
 /// The firmware's control: homes, then every move, the load weighed by itself.
-pub fn firmware(scenario: &Scenario, plant: &RandomPlant) -> Played {
+pub fn firmware(scenario: &Scenario, plant: &RandomPlant, firmware: &Firmware) -> Played {
     let [_, twist] = TWIST_AT_BOOT;
-    let control = rig_control::Rig::new(crate::table(), crate::constants(), None);
-    let mut bench = bench(control, &keys(scenario, plant, twist), plant.seed);
+    let mut bench = bench(firmware.boot(), &keys(scenario, plant, twist), plant.seed);
     let mut records = Vec::new();
     let mut play = || -> Result<(), String> {
         bench.home().map_err(|e| format!("homing: {e}"))?;
@@ -99,9 +99,10 @@ pub fn firmware(scenario: &Scenario, plant: &RandomPlant) -> Played {
 ///
 /// # Errors
 /// In words, if it does not come there.
-pub fn ready(scenario: &Scenario, plant: &RandomPlant) -> Result<ControlBench<Baseline>, String> {
+pub fn ready(scenario: &Scenario, plant: &RandomPlant, firmware: &Firmware) -> Result<ControlBench<Baseline>, String> {
     let [twist, _] = TWIST_AT_BOOT;
-    let mut bench = bench(Baseline::new(Law::OpenLoop, twist), &keys(scenario, plant, twist), plant.seed);
+    let control = Baseline::new(firmware, Law::OpenLoop, twist);
+    let mut bench = bench(control, &keys(scenario, plant, twist), plant.seed);
     bench.control.wanted.load_n = bench.truth().load_n as f32;
     if !bench.until(START_S, |d| d.control.is_ready()) {
         return Err(format!("a baseline does not come to its reference within {START_S} s"));
@@ -110,22 +111,13 @@ pub fn ready(scenario: &Scenario, plant: &RandomPlant) -> Result<ControlBench<Ba
     Ok(bench)
 }
 
-/// A baseline from where [`ready`] left it, along the firmware's set-points.
-///
-/// # Errors
-/// In words, if the plant refuses a change.
-pub fn baseline(
-    mut bench: ControlBench<Baseline>,
-    law: Law,
-    scenario: &Scenario,
-    along: &[Record],
-) -> Result<Vec<Record>, String> {
+/// A baseline from where [`ready`] left it, along the firmware's set-points. It fails where the plant refuses a change.
+pub fn baseline(mut bench: ControlBench<Baseline>, law: Law, scenario: &Scenario, along: &[Record]) -> Played {
     bench.control.law = law;
-    let mut last_m = 0.0;
-    let moves = scenario.moves.iter().zip(along);
-    moves
-        .map(|(m, along)| {
-            record(&mut bench, m, |bench, k| {
+    let (mut records, mut last_m) = (Vec::new(), 0.0);
+    let mut play = || -> Result<(), String> {
+        for (m, along) in scenario.moves.iter().zip(along) {
+            let one = record(&mut bench, m, |bench, k| {
                 let set_point_m = along.set_points_m[k];
                 bench.control.wanted = Wanted {
                     set_point_m,
@@ -138,7 +130,11 @@ pub fn baseline(
                 last_m = set_point_m;
                 bench.tick(None);
                 Ok(set_point_m)
-            })
-        })
-        .collect()
+            });
+            records.push(one?);
+        }
+        Ok(())
+    };
+    let failure = play().err();
+    Played { records, failure }
 }

@@ -4,7 +4,7 @@ use super::play::Record;
 use rig_control::TICK_S;
 use std::ops::Range;
 
-/// How near the target counts as settled (m).
+/// How near the target counts as settled (m), where the sensor allows it.
 pub const SETTLED_M: f64 = 50e-6;
 /// How long it must have stayed there at the end of what was recorded (ticks).
 const STAYED: usize = 50;
@@ -12,6 +12,8 @@ const STAYED: usize = 50;
 /// One move's figures.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Score {
+    /// The move was made. All else is 0 where it was not, and it has not settled.
+    pub made: bool,
     /// Largest error until the set-point arrives (m).
     pub max_m: f64,
     /// Sum of its squares (m²), and of how many ticks.
@@ -20,8 +22,8 @@ pub struct Score {
     pub ticks: usize,
     /// How long the set-point waits before it sets out (s): until friction is taken up.
     pub wait_s: f64,
-    /// From the end of the set-point's travel until the load stays within [`SETTLED_M`] of the target (s); `None` if it
-    /// does not before the next move.
+    /// From the end of the set-point's travel until the load stays near the target (s); `None` if it does not before the
+    /// next move.
     pub settling_s: Option<f64>,
     /// Farthest past the target in the direction of travel, until the next move (m).
     pub overshoot_m: f64,
@@ -30,8 +32,13 @@ pub struct Score {
 }
 
 impl Score {
-    /// Of one move.
+    /// Of one move, settled within [`SETTLED_M`].
     pub fn new(record: &Record) -> Self {
+        Self::within(record, SETTLED_M)
+    }
+
+    /// Of one move, settled within another distance (m).
+    pub fn within(record: &Record, settled_m: f64) -> Self {
         let [from_m, target_m] = record.ends_m;
         let arrives = record.set_points_m.iter().rposition(|s| (f64::from(*s) - target_m).abs() > 1e-9);
         // Where the set-point itself does not arrive nothing can settle.
@@ -45,11 +52,12 @@ impl Score {
         };
         let max_m = errors(0..travel).fold(0.0, f64::max);
         let squares_m2 = errors(waits..travel).map(|e| e * e).sum();
-        let off = |p: &f64| (p - target_m).abs() > SETTLED_M;
+        let off = |p: &f64| (p - target_m).abs() > settled_m;
         let settled = record.positions_m.iter().rposition(off).map_or(0, |last| last + 1);
         let stays = settled + STAYED <= record.positions_m.len() && travel < record.positions_m.len();
         let way = (target_m - from_m).signum();
         Self {
+            made: true,
             max_m,
             squares_m2,
             ticks: travel - waits,
@@ -66,19 +74,21 @@ impl Score {
 pub struct Summary {
     /// How many.
     pub moves: usize,
+    /// How many of them were not made: their controller had failed.
+    pub not_made: usize,
     /// Largest tracking error (m).
     pub max_m: f64,
     /// Root mean square of the tracking error over all ticks of all moves (m).
     pub rms_m: f64,
     /// Settling time that nine moves of ten keep (s); infinite if fewer settled.
     pub settling_s: f64,
-    /// Share of the moves that settled.
+    /// Share of all moves that settled.
     pub settled: f64,
     /// Largest overshoot (m).
     pub overshoot_m: f64,
-    /// Mean energy of a move (J).
+    /// Mean energy of a move that was made (J).
     pub energy_j: f64,
-    /// Mean wait before a set-point sets out (s).
+    /// Mean wait before a set-point sets out (s), of the moves that were made.
     pub wait_s: f64,
 }
 
@@ -93,16 +103,18 @@ impl Summary {
         let sum = |value: fn(&Score) -> f64| scores.iter().map(|s| value(s)).sum::<f64>();
         let mut settling: Vec<f64> = scores.iter().map(|s| s.settling_s.unwrap_or(f64::INFINITY)).collect();
         settling.sort_by(f64::total_cmp);
-        let count = scores.len() as f64;
+        let made = scores.iter().filter(|s| s.made).count();
+        let mean = |value: fn(&Score) -> f64| sum(value) / made.max(1) as f64;
         Self {
             moves: scores.len(),
+            not_made: scores.len() - made,
             max_m: most(|s| s.max_m),
             rms_m: (sum(|s| s.squares_m2) / sum(|s| s.ticks as f64).max(1.0)).sqrt(),
             settling_s: settling[(settling.len() * 9).div_ceil(10) - 1],
-            settled: scores.iter().filter(|s| s.settling_s.is_some()).count() as f64 / count,
+            settled: scores.iter().filter(|s| s.settling_s.is_some()).count() as f64 / scores.len() as f64,
             overshoot_m: most(|s| s.overshoot_m),
-            energy_j: sum(|s| s.energy_j) / count,
-            wait_s: sum(|s| s.wait_s) / count,
+            energy_j: mean(|s| s.energy_j),
+            wait_s: mean(|s| s.wait_s),
         }
     }
 }
@@ -144,6 +156,23 @@ mod tests {
         r.set_points_m = vec![5e-4; 400];
         let score = Score::new(&r);
         assert_eq!((score.settling_s, score.ticks), (None, 400));
+    }
+
+    #[test]
+    fn a_wider_band_is_reached_sooner() {
+        let record = record(0.0, 8e-5, 60);
+        assert_eq!(Score::within(&record, 1e-4).settling_s, Some(0.0));
+        assert!(Score::within(&record, 7e-5).settling_s.unwrap() > 0.5);
+    }
+
+    #[test]
+    fn a_move_that_was_not_made_counts_against_its_controller_but_has_no_error() {
+        let made =
+            Score { made: true, settling_s: Some(0.1), squares_m2: 4e-8, ticks: 1, energy_j: 2.0, ..Score::default() };
+        let summary = Summary::new(&[made, Score::default()]);
+        assert_eq!((summary.moves, summary.not_made, summary.settled), (2, 1, 0.5));
+        assert!((summary.rms_m - 2e-4).abs() < 1e-12);
+        assert_eq!(summary.energy_j, 2.0, "the mean of what was spent");
     }
 
     #[test]

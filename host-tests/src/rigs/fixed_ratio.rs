@@ -1,6 +1,8 @@
-//! The same moves on the same rig by a loop with a fixed ratio: the best of several, chosen on this very rig. It is given
-//! the true zero of the twist and the true load, and the set-points that the firmware made.
+//! The same moves on the same rig by a loop with a fixed ratio: the best of several, chosen on this very rig. It reads the
+//! LVDT with the same calibration, and it is given the true zero of the twist, the true load, and the set-points that the
+//! firmware made.
 
+use super::commission::Firmware;
 use super::floor::{Check, Finding};
 use super::subject::Subject;
 use crate::ControlBench;
@@ -20,14 +22,14 @@ const START_S: f64 = 30.0;
 const SETTLED_S: f64 = 2.0;
 
 /// Rms error of the best fixed ratio over that of the firmware, on the moves of following under every load.
-pub fn compare(subject: &Subject, along: &[(f64, Vec<Record>)]) -> Finding {
+pub fn compare(subject: &Subject, firmware: &Firmware, along: &[(f64, Vec<Record>)]) -> Finding {
     let finding = |value, note: String| Finding { load_kg: None, check: Check::FixedRatio, value, note };
     if along.is_empty() {
         return finding(None, "the firmware followed under no load".into());
     }
     let ours = rms_m(along.iter().flat_map(|(_, records)| records));
     let ready: Result<Vec<_>, String> =
-        along.iter().map(|(load_kg, _)| ready(subject, load_kg * STANDARD_GRAVITY)).collect();
+        along.iter().map(|(load_kg, _)| ready(subject, firmware, load_kg * STANDARD_GRAVITY)).collect();
     let ready = match ready {
         Ok(ready) => ready,
         Err(why) => return finding(None, why),
@@ -61,9 +63,9 @@ fn rms_m<'a>(records: impl IntoIterator<Item = &'a Record>) -> f64 {
 }
 
 /// A loop that stands at the half-turn pre-twist of this rig and has taken its reference.
-fn ready(subject: &Subject, load_n: f64) -> Result<ControlBench<Baseline>, String> {
+fn ready(subject: &Subject, firmware: &Firmware, load_n: f64) -> Result<ControlBench<Baseline>, String> {
     let rig = subject.switched_on_at(load_n, f64::from(PI)).map_err(|e| e.to_string())?;
-    let mut bench = ControlBench::on(rig, Baseline::new(Law::OpenLoop, PI));
+    let mut bench = ControlBench::on(rig, Baseline::new(firmware, Law::OpenLoop, PI));
     bench.control.wanted.load_n = load_n as f32;
     if !bench.until(START_S, |bench| bench.control.is_ready()) {
         return Err(format!("the loop with a fixed ratio does not come to its reference within {START_S} s"));

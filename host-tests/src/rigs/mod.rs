@@ -63,7 +63,7 @@ pub fn score(subject: &Subject, plan: &Plan) -> Scored {
         along.extend(records.map(|records| (*load_kg, records)));
     }
     if plan.against_fixed_ratio {
-        findings.push(fixed_ratio::compare(subject, &along));
+        findings.push(fixed_ratio::compare(subject, &firmware, &along));
     }
     Scored { subject: subject.clone(), as_built: plan.as_built, findings }
 }

@@ -6,6 +6,9 @@
 //! a test here compares both with the file.
 
 mod calibration;
+mod comparison;
+mod following;
+mod limit;
 mod model;
 mod page;
 mod readme;

@@ -116,13 +116,46 @@ pub(super) const SECTIONS: &[Section] = &[
         measure: super::speed::measure,
     },
     Section {
+        name: "limit",
+        title: "Changed loads by other controllers, over the physical limit",
+        about: "The same changes of the load at rest by this controller and by seven others on the same rigs: how long the load \
+                takes to come back to its place, over the least time of any control with this motor.",
+        command: "cargo xtask results limit",
+        figures: &[(
+            "charts/limit.svg",
+            "Time to come back over the least possible, by load, place, controller and kind of rig",
+        )],
+        measure: super::limit::measure,
+    },
+    Section {
+        name: "following",
+        title: "Streamed sines",
+        about: "How the load follows set-points of a sine that are streamed to the board, by the firmware's control code on emulated \
+                rigs as built.",
+        command: "cargo xtask results following",
+        figures: &[("charts/following.svg", "Amplitude ratio and phase of streamed sines over the frequency")],
+        measure: super::following::measure,
+    },
+    Section {
         name: "compare",
         title: "Against other ways to drive the mechanism",
         about: "Every controller drives the same emulated rigs through the same frames along the same set-points; \
                 only this one homes and weighs for itself. Mean over the loads.",
         command: "cargo xtask compare",
         figures: &[("comparison.svg", "Tracking, settling, overshoot and energy of the controllers")],
-        measure: compare,
+        measure: super::comparison::on_random_plants,
+    },
+    Section {
+        name: "compare-rigs",
+        title: "The same on rigs that are not their own model",
+        about: "The same moves by all controllers on nominal and on hard rigs of seeds that nothing was tuned on. Each rig is \
+                calibrated and identified first, and every controller has the calibration and the table.",
+        command: "cargo xtask compare --rig nominal --plants 4",
+        figures: &[
+            ("comparison-nominal.svg", "Tracking, settling, overshoot and energy of the controllers on nominal rigs"),
+            ("comparison-hard.svg", "Tracking, settling, overshoot and energy of the controllers on hard rigs"),
+        ],
+        measure: super::comparison::on_rigs,
     },
     Section {
         name: "rigs",
@@ -182,6 +215,15 @@ pub(super) fn printed(command: &mut Command) -> Result<String> {
 pub(super) fn rigctl(folders: &Folders, words: &[&str]) -> Result<Vec<Value>> {
     let mut command = foreign(&folders.target.join("release/rigctl").to_string_lossy(), &folders.root);
     let text = printed(command.arg("--json").args(words))?;
+    text.lines().map(|line| serde_json::from_str(line).with_context(|| format!("no JSON: {line}"))).collect()
+}
+
+/// What a program of the host tests prints, each line as JSON; it draws the figure with its own name.
+pub(super) fn drawn(folders: &Folders, program: &str) -> Result<Vec<Value>> {
+    let mut command = cargo(folders);
+    command.args(["run", "--release", "--package", "host-tests", "--bin", program, "--", "--figure"]);
+    command.arg(folders.root.join(format!("docs/charts/{program}.svg")));
+    let text = printed(&mut command)?;
     text.lines().map(|line| serde_json::from_str(line).with_context(|| format!("no JSON: {line}"))).collect()
 }
 
@@ -320,71 +362,6 @@ fn in_the_loop(folders: &Folders) -> Result<Measured> {
             row.last().cloned().unwrap_or_default(),
         ]);
     }
-    Ok(measured)
-}
-
-fn compare(folders: &Folders) -> Result<Measured> {
-    const PLANTS: u16 = 50;
-    host::compare(folders, &["--plants".into(), PLANTS.to_string()])?;
-    let rows = csv(&folders.root.join("docs/comparison.csv"))?;
-    let (head, rows) = rows.split_first().context("docs/comparison.csv is empty")?;
-    let mut measured = Measured {
-        table: vec![text(&[
-            "controller: without load steps; with",
-            "rms error, µm",
-            "largest, mm",
-            "settled",
-            "largest overshoot, mm",
-            "energy, J",
-        ])],
-        ..Measured::default()
-    };
-    let word = |row: &[String], column: &str| {
-        head.iter().position(|name| name == column).and_then(|k| row.get(k)).cloned().unwrap_or_default()
-    };
-    // What others have published stands in the same file, with other columns.
-    let own = rows.iter().map(|row| row[0].clone()).filter(|name| !name.starts_with("published"));
-    let mut names: Vec<String> = own.collect();
-    names.dedup();
-    let mut tracking = Vec::new();
-    for name in &names {
-        // Of all loads: the root of the mean square, the mean, or the largest.
-        let of = |steps: &str| -> Result<[f64; 5]> {
-            let rows: Vec<_> = rows.iter().filter(|r| r[0] == *name && word(r, "load_steps") == steps).collect();
-            ensure!(!rows.is_empty(), "comparison.csv has no rows of {name} with load_steps = {steps}");
-            let all = |column: &str| rows.iter().filter_map(|r| cell(head, r, column)).collect::<Vec<_>>();
-            let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
-            let most = |values: &[f64]| values.iter().fold(0.0, |a: f64, b| a.max(*b));
-            let squares: Vec<f64> = all("rms_error_um").iter().map(|e| e * e).collect();
-            Ok([
-                mean(&squares).sqrt(),
-                1e-3 * most(&all("max_error_um")),
-                100.0 * mean(&all("settled_share")),
-                1e-3 * most(&all("overshoot_um")),
-                mean(&all("energy_j")),
-            ])
-        };
-        let (steady, steps) = (of("false")?, of("true")?);
-        tracking.push(steady[0]);
-        let both = |k: usize, digits: usize| format!("{:.digits$}; {:.digits$}", steady[k], steps[k]);
-        measured.table.push(vec![
-            name.clone(),
-            both(0, 0),
-            both(1, 2),
-            format!("{:.0} %; {:.0} %", steady[2], steps[2]),
-            both(3, 2),
-            both(4, 2),
-        ]);
-    }
-    let [ours, fixed, ..] = tracking[..] else { anyhow::bail!("fewer than two controllers") };
-    measured.values.insert("rms_um".into(), ours);
-    measured.values.insert("fixed_ratio_times".into(), fixed / ours);
-    measured.values.insert("plants".into(), PLANTS.into());
-    measured.notes.push(
-        "Tracking counts from where the set-point sets out. A load step itself moves the load by millimetres under any \
-         controller; what differs is the time after it."
-            .into(),
-    );
     Ok(measured)
 }
 

@@ -1,22 +1,14 @@
 //! The section on speed: changed loads and moves at full speed, over what is physically possible.
 
 use super::Measured;
-use super::sections::{printed, text};
+use super::sections::{drawn, text};
 use crate::Folders;
-use crate::process::cargo;
 use anyhow::{Context, Result};
 use serde_json::Value;
 
 /// Measures them on rigs of seeds that nothing was tuned on, and draws them.
 pub(super) fn measure(folders: &Folders) -> Result<Measured> {
-    let mut command = cargo(folders);
-    command.args(["run", "--release", "--package", "host-tests", "--bin", "speed", "--"]);
-    command.arg("--figure").arg(folders.root.join("docs/charts/speed.svg"));
-    let mut found = Vec::new();
-    for line in printed(&mut command)?.lines() {
-        found.push(serde_json::from_str(line).with_context(|| format!("no JSON: {line}"))?);
-    }
-    table(&found)
+    table(&drawn(folders, "speed")?)
 }
 
 fn table(found: &[Value]) -> Result<Measured> {
