@@ -8,7 +8,7 @@ use std::path::Path;
 
 /// Random plants, and rigs of each kind: few, because the others' loops are tuned anew for each kind.
 const PLANTS: u16 = 50;
-const RIGS: u16 = 4;
+const RIGS: u16 = 3;
 /// Kinds of rigs, and within which distance (µm) of the truth a move has settled there, as `cargo xtask compare` has it.
 const KINDS: [(&str, u16); 2] = [("nominal", 150), ("hard", 300)];
 
