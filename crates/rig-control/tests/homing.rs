@@ -97,6 +97,11 @@ fn failure(mut bench: Bench, gap_m: fn(f32, f32) -> f32) -> (HomingFailure, f32)
         }
     }));
     bench.while_in(State::Boot);
+    // From another angle than that of the start.
+    assert_eq!(bench.ask(Request::Jog { twist_speed_rad_per_s: 2.0 }), Ok(Accepted::Started));
+    bench.run(200);
+    assert_eq!(bench.ask(Request::Stop), Ok(Accepted::Done));
+    bench.while_in(State::Moving);
     assert_eq!(bench.ask(Request::HOME), Ok(Accepted::Started));
     let ticks = bench.while_in(State::Homing);
     match bench.events.last() {
@@ -110,7 +115,43 @@ fn a_gap_that_does_not_move_is_probed_over_all_of_the_probes_travel() {
     let (refused, seconds) = failure(Bench::new(5.0, 0.0, 9.0), |_, _| 0.09);
     assert_eq!(refused, HomingFailure::NoPretwist);
     // Quiet for 0.4 s, then 7 rad at 1.5 rad/s and 11 rad at 4 rad/s.
-    near(seconds, 0.4 + 7.0 / 1.5 + 11.0 / 4.0, 0.25);
+    let probe_s = 0.4 + 7.0 / 1.5 + 11.0 / 4.0;
+    near(seconds, probe_s, 0.25);
+    // A tenth of what decides is enough at its end; then 18 rad at 8 rad/s without a rise are too many.
+    let (refused, seconds) = failure(Bench::new(5.0, 0.0, 9.0), |shaft_rad, _| 0.09 + 1.2e-6 * shaft_rad);
+    assert_eq!(refused, HomingFailure::NoPretwist);
+    near(seconds, probe_s, 0.25);
+    let (refused, seconds) = failure(Bench::new(5.0, 0.0, 9.0), |shaft_rad, _| 0.09 + 1.6e-6 * shaft_rad);
+    assert_eq!(refused, HomingFailure::NoPretwist);
+    near(seconds, probe_s + 18.0 / 8.0, 0.4);
+}
+
+#[test]
+fn the_load_is_weighed_over_six_turns_at_two_speeds() {
+    let mut bench = Bench::new(5.0, 0.01, 9.0);
+    bench.while_in(State::Boot);
+    assert_eq!(bench.ask(Request::HOME), Ok(Accepted::Started));
+    let mut twists_rad = vec![bench.twist_rad];
+    while bench.rig.state() == State::Homing && twists_rad.len() < 5000 {
+        bench.tick(None);
+        twists_rad.push(bench.twist_rad);
+    }
+    // From where it is at rest at the half-turn pre-twist before the sweeps.
+    let top = twists_rad.iter().copied().fold(0.0, f32::max);
+    near(top, 13.0 * PI, 0.02);
+    let up = twists_rad.iter().position(|twist_rad| *twist_rad >= top - 1e-3).expect("it is there");
+    let below = twists_rad[..up].iter().rposition(|twist_rad| *twist_rad < PI + 0.02).expect("it starts there");
+    assert!(twists_rad[below - 45..].iter().all(|twist_rad| *twist_rad > PI - 0.03), "rests before, and goes no lower");
+    let speed_at = |ticks: &[f32], share: f32| {
+        let place = PI + 12.0 * PI * share;
+        let pair = ticks.windows(2).find(|pair| (pair[0] - place) * (pair[1] - place) <= 0.0).expect("on its way");
+        (pair[1] - pair[0]) / TICK_S
+    };
+    for ways in [(&twists_rad[below..=up], 1.0), (&twists_rad[up..], -1.0)] {
+        for (share, speed) in [(0.1, 3.4 + 0.8 * 2.8), (0.5, 3.4), (0.75, 3.4 + 0.5 * 2.8)] {
+            near(ways.1 * speed_at(ways.0, share), speed, 0.1);
+        }
+    }
 }
 
 #[test]
