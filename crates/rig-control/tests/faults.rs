@@ -109,7 +109,15 @@ fn own_encoder_and_drive_are_compared() {
             bench.ask(Request::Move { target_m: 0.002, speed_m_per_s: 0.004, load: LoadChoice::Auto }),
             Ok(Accepted::Started)
         );
-        bench.ticks_until_fault(300).map(|(_, fault)| fault)
+        let fault = bench.ticks_until_fault(300).map(|(_, fault)| fault);
+        // The drive holds where it is by its own count.
+        bench.run(50);
+        assert_eq!(bench.rig.faults().iter().count(), 1, "{:?}", bench.events);
+        let DriveCommand::Follow { position_qc, .. } = bench.command else { panic!("{:?}", bench.command) };
+        let sensors = bench.sensors.as_ref().unwrap();
+        let there = (sensors.drive_rad.unwrap() * constants.counts_per_rad) as i32;
+        assert!((position_qc - there).abs() < 4000, "{position_qc} {there}");
+        fault
     };
     assert_eq!(slower(0.0), Some(Fault::EncoderStuck));
     assert_eq!(slower(0.5), Some(Fault::EncoderDisagrees));
@@ -193,6 +201,9 @@ fn late_ticks_are_a_fault_and_explain_what_looks_wrong_beside_them() {
     bench.now_us += 1_000_000;
     bench.run(10);
     assert!(bench.events.is_empty() && bench.rig.late_ticks() == 1, "{:?}", bench.events);
+    bench.now_us += 6_000;
+    bench.tick(None);
+    assert_eq!((bench.rig.late_ticks(), bench.rig.fault()), (2, None));
 }
 
 #[test]
@@ -241,8 +252,23 @@ fn a_shaft_that_does_not_follow_is_a_fault_after_three_tenths_of_a_second() {
         Ok(Accepted::Started)
     );
     bench.closed_at_rad = bench.twist_rad + 1.0;
-    let (_, fault) = bench.ticks_until_fault(300).expect("a fault");
-    assert_eq!(fault, Fault::FollowingError);
+    // Meanwhile the drive is sent no farther from its place than a radian and the way of 0.3 s.
+    let mut farthest = 0f32;
+    for _ in 0..300 {
+        bench.tick(None);
+        if let (DriveCommand::Follow { position_qc, .. }, Some(drive_rad)) =
+            (bench.command, bench.sensors.as_ref().and_then(|sensors| sensors.drive_rad))
+        {
+            farthest = farthest.max(position_qc as f32 / bench.constants.counts_per_rad - drive_rad);
+        }
+        if bench.rig.fault().is_some() {
+            break;
+        }
+    }
+    assert_eq!(bench.rig.fault(), Some(Fault::FollowingError));
+    assert!((1.5..1.0 + 0.3 * bench.constants.twist_speed_max()).contains(&farthest), "{farthest} rad");
+    let to = Request::Move { target_m: 0.002, speed_m_per_s: 0.004, load: LoadChoice::Auto };
+    assert_eq!(bench.ask(to), Err(Refusal::InFault { fault: Fault::FollowingError }));
     // It is held where it stands.
     bench.run(50);
     assert!(matches!(bench.command, DriveCommand::Follow { .. }) && bench.rig.faults().iter().count() == 1);

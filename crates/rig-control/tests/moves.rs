@@ -265,3 +265,105 @@ fn settings_act_at_once_and_those_that_change_the_units_unhome() {
     assert_eq!((bench.rig.fault(), bench.shown().position_m), (None, None));
     near(bench.twist_rad, twist_rad, 0.01);
 }
+
+#[test]
+fn what_is_shown_of_motor_sensors_and_errors_is_what_is() {
+    let mut bench = Bench::homed();
+    let found = bench.rig.homed().unwrap().found;
+    bench.run(20);
+    near(bench.shown().load_error_n.unwrap(), found.load_error_n, 0.3 * found.load_error_n);
+    near(bench.shown().position_error_m.unwrap(), 1.645 * found.gap_noise_m, 1e-7);
+    assert_eq!(bench.ask(to(0.010, 0.004)), Ok(Accepted::Started));
+    bench.run(150);
+    // Twist speed by the gear, in whole rpm; a few milliamperes.
+    let motor_rad_per_s = bench.speed_rad_per_s * bench.constants.gear_ratio;
+    near(bench.shown().drive_speed_rad_per_s, motor_rad_per_s, 0.06);
+    assert!((0.3e-3..5e-3).contains(&bench.shown().drive_current_a), "{}", bench.shown().drive_current_a);
+    bench.while_in(State::Moving);
+    bench.run(50);
+    // The sine of the LVDT's non-linearity has its slope, whose greater part counts, over the way since homing.
+    let rig = constants();
+    let by_lvdt_m = 0.74 * 2.0 * PI * rig.lvdt_linearity_m / rig.lvdt_stroke_m * 0.010;
+    let expected_m = by_lvdt_m.hypot(1.645 * found.gap_noise_m);
+    near(bench.shown().position_error_m.unwrap(), expected_m, 0.02 * expected_m);
+    let sensors = bench.sensors.as_ref().unwrap();
+    let shaft_rad = bench.twist_rad + bench.zero_rad();
+    near(sensors.shaft_rad, shaft_rad, 1e-3);
+    near(sensors.drive_rad.unwrap(), shaft_rad + 3000.0 / bench.constants.counts_per_rad, 1e-3);
+    near(sensors.gap_m.unwrap(), bench.gap_m, 20e-6);
+    near(sensors.rest_tolerance_m.unwrap(), (1.7 * found.gap_noise_m).max(6e-6), 1e-7);
+}
+
+#[test]
+fn strings_are_untwisted_only_a_little_below_the_half_turn() {
+    let mut bench = Bench::homed();
+    bench.move_to(0.001, 0.004);
+    bench.load_n -= 1.5;
+    bench.run(400);
+    near(bench.twist_rad, PI - 0.15, 0.01);
+    assert_eq!((bench.shown().limit, bench.rig.state()), (Some(Limit::Travel), State::Holding));
+}
+
+#[test]
+fn strings_whose_radius_drifts_are_learned_from_long_moves() {
+    for drifted in [1.004f32, 0.996] {
+        let mut bench = Bench::homed();
+        let before = bench.shown().twist_scale.unwrap();
+        bench.twist_scale = drifted;
+        for _ in 0..6 {
+            bench.move_to(0.014, 0.006);
+            bench.move_to(0.001, 0.006);
+        }
+        let learned = (bench.shown().twist_scale.unwrap() - before) / (drifted - 1.0);
+        assert!((0.2..1.3).contains(&learned), "{learned}");
+    }
+}
+
+#[test]
+fn a_load_that_sticks_is_brought_near_its_target_by_a_few_approaches() {
+    let mut bench = Bench::new(1.5, 0.02, 9.0);
+    bench.while_in(State::Boot);
+    assert_eq!(bench.ask(Request::HOME), Ok(Accepted::Started));
+    // Before the load is weighed.
+    bench.run(1250);
+    bench.stiction_n = 0.12;
+    bench.while_in(State::Homing);
+    let found = bench.rig.homed().expect("homed").found;
+    // It jumps by 2 (Fs − Fc)/k.
+    assert!(found.jump_m > 0.0, "{found:?}");
+    for target_m in [0.006f32, 0.002, 0.009, 0.004] {
+        bench.move_to(target_m, 0.001);
+        bench.run(300);
+        let error_m = bench.position_m() - target_m;
+        assert!(error_m.abs() < 0.6 * found.jump_m.max(50e-6), "{error_m} of a jump of {}", found.jump_m);
+    }
+}
+
+#[test]
+fn a_move_goes_on_from_a_stream_and_other_motions_must_end_first() {
+    let mut bench = Bench::homed();
+    bench.move_to(0.006, 0.004);
+    // At 0.85 s it goes down by 2.8 mm/s.
+    follow(&mut bench, 0.85);
+    let before_m = bench.shown().setpoint_m.unwrap();
+    assert_eq!(bench.ask(to(0.002, 0.004)), Ok(Accepted::Started));
+    near(bench.shown().setpoint_m.unwrap() - before_m, -2.8e-5, 0.6e-5);
+    bench.while_in(State::Moving);
+    near(bench.position_m(), 0.002, 30e-6);
+    assert_eq!(bench.ask(Request::Jog { twist_speed_rad_per_s: 1.0 }), Ok(Accepted::Started));
+    assert_eq!(bench.ask(to(0.004, 0.004)), Err(Refusal::Busy { state: State::Moving }));
+    assert_eq!(bench.ask(Request::HOME), Err(Refusal::Busy { state: State::Moving }));
+}
+
+#[test]
+fn another_table_is_taken_while_nothing_moves_and_unhomes() {
+    let mut bench = Bench::new(5.0, 0.01, 9.0);
+    bench.tick(None);
+    assert!(!bench.rig.stands(), "it starts");
+    let mut bench = Bench::homed();
+    assert_eq!(bench.ask(to(0.004, 0.004)), Ok(Accepted::Started));
+    assert!(!bench.rig.use_table(table()) && !bench.rig.stands());
+    bench.while_in(State::Moving);
+    assert!(bench.rig.stands() && bench.rig.use_table(table()));
+    assert_eq!(bench.rig.state(), State::Unhomed);
+}

@@ -43,9 +43,8 @@ fn gap_m(pull_n: f32) -> f32 {
 
 /// So many ticks with strings that pull so much (N); the last observation.
 fn pulls(observer: &mut LoadObserver, pull_n: f32, ticks: u32) -> Observation {
-    let step = |observer: &mut LoadObserver| observer.step(&mechanism(), TWIST_RAD, Some(gap_m(pull_n)));
-    (1..ticks).for_each(|_| drop(step(observer)));
-    step(observer)
+    let step = |_| observer.step(&mechanism(), TWIST_RAD, Some(gap_m(pull_n)));
+    (0..ticks).map(step).last().expect("a tick")
 }
 
 #[track_caller]

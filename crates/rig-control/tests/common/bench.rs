@@ -4,7 +4,7 @@
 use super::{constants, table};
 use rig_control::{DriveCommand, DriveReading, Inputs, LvdtBlock, Outputs, Rig, RigConstants, SupplyReading, TICK_US};
 use rig_link::messages::{
-    Accepted, Counters, EventKind, Fault, HomingResult, LoadChoice, Refusal, Request, State, Telemetry,
+    Accepted, Counters, EventKind, Fault, HomingResult, LoadChoice, Refusal, Request, Sensors, State, Telemetry,
 };
 use std::f32::consts::{PI, TAU};
 use std::sync::{Arc, OnceLock};
@@ -23,6 +23,9 @@ const GRAVITY_M_PER_S2: f32 = 9.806_65;
 const DAMPING_N_S_PER_M: f32 = 1.0;
 /// Ticks that a start of the drive takes.
 const START_TICKS: u8 = 5;
+
+/// What the drive counts where it is started.
+const DRIVE_COUNTS: i64 = 3000;
 
 /// The drive.
 #[derive(Clone, Copy, Debug)]
@@ -47,6 +50,8 @@ pub struct Bench {
     /// Weight of the load and friction of the rail (N).
     pub load_n: f32,
     pub friction_n: f32,
+    /// What it takes more to break the load loose (N).
+    pub stiction_n: f32,
     /// Twist that counts in the table for each of the strings' own.
     pub twist_scale: f32,
     /// What the LVDT shows too much (m).
@@ -69,12 +74,13 @@ pub struct Bench {
     pub tamper: Option<Tamper>,
     pub events: Vec<EventKind>,
     pub telemetry: Option<Telemetry>,
+    pub sensors: Option<Sensors>,
     pub command: DriveCommand,
     boot_twist_rad: f32,
     pull_n: f32,
     seen_gap_m: f32,
     drive: Drive,
-    speed_rad_per_s: f32,
+    pub speed_rad_per_s: f32,
     heard_us: u64,
     random: u32,
     unrounded_ma: f32,
@@ -93,6 +99,7 @@ impl Bench {
             constants,
             load_n,
             friction_n,
+            stiction_n: 0.0,
             twist_scale: 1.0,
             offset_m: 0.0,
             noise_m: 5e-6,
@@ -107,6 +114,7 @@ impl Bench {
             tamper: None,
             events: Vec::new(),
             telemetry: None,
+            sensors: None,
             command: DriveCommand::Silence,
             boot_twist_rad: twist_rad,
             pull_n: load_n,
@@ -161,7 +169,7 @@ impl Bench {
         let mass_kg = self.load_n / GRAVITY_M_PER_S2;
         let push_n = self.load_n - self.pull_n - DAMPING_N_S_PER_M * self.gap_speed_m_per_s;
         let speed = self.gap_speed_m_per_s;
-        if speed == 0.0 && push_n.abs() <= self.friction_n {
+        if speed == 0.0 && push_n.abs() <= self.friction_n + self.stiction_n {
             return;
         }
         let direction = if speed == 0.0 { push_n.signum() } else { speed.signum() };
@@ -261,12 +269,13 @@ impl Bench {
         self.drive = match (outputs.drive, self.drive) {
             (DriveCommand::Restart, _) => Drive::Starting(START_TICKS),
             (DriveCommand::LetGo | DriveCommand::PowerOff, _) => Drive::Off,
-            (_, Drive::Starting(0)) => Drive::On { origin: self.counts() },
+            (_, Drive::Starting(0)) => Drive::On { origin: self.counts() - DRIVE_COUNTS },
             (_, Drive::Starting(left)) => Drive::Starting(left - 1),
             (_, drive) => drive,
         };
         self.events.extend(outputs.events.iter().copied());
         self.telemetry = Some(self.rig.telemetry(&inputs, Counters::default()));
+        self.sensors = Some(self.rig.sensors(&inputs));
         outputs
     }
 
