@@ -7,7 +7,7 @@ use common::{constants, table};
 use rig_control::mechanism::Mechanism;
 use rig_control::{RigConstants, TICK_S};
 use rig_link::messages::{Accepted, EventKind, HomingFailure, LoadChoice, Request, State};
-use std::f32::consts::PI;
+use std::f32::consts::{PI, TAU};
 use std::sync::Arc;
 
 #[track_caller]
@@ -182,7 +182,7 @@ fn a_gap_that_goes_up_and_down_with_the_time_is_waited_for_and_then_probed() {
     bench.tamper = Some(Arc::new(move |inputs| {
         let seconds = 1e-6 * inputs.now_us as f32;
         if let Some(block) = &mut inputs.lvdt {
-            block.mean_code = constants.lvdt_mean_code(0.09 + 1e-3 * (6.283 * seconds).sin());
+            block.mean_code = constants.lvdt_mean_code(0.09 + 1e-3 * (TAU * seconds).sin());
         }
     }));
     bench.while_in(State::Boot);

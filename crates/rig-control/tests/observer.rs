@@ -127,6 +127,33 @@ fn moves_up_and_down_find_the_load_in_the_middle_of_the_band_and_confirm_it() {
 }
 
 #[test]
+fn the_pull_does_not_jump_when_the_load_turns_round() {
+    let mut observer = observer();
+    let before = pulls(&mut observer, LOAD_N - FRICTION_N, 50);
+    let turned = observer.step(&mechanism(), TWIST_RAD, Some(gap_m(LOAD_N - FRICTION_N) - 20e-6));
+    assert!(turned.moved_m > 0.0);
+    near(turned.pull_n, before.pull_n, 0.05);
+    let after = observer.step(&mechanism(), TWIST_RAD, Some(gap_m(LOAD_N - FRICTION_N) - 20e-6));
+    near(after.point.gap_m, gap_m(after.load_n + FRICTION_N), 1e-6);
+}
+
+#[test]
+fn a_fast_load_is_known_less_well() {
+    let mut observer = observer();
+    let still_n = pulls(&mut observer, LOAD_N - FRICTION_N, 50).load_error_n;
+    // Up by 0.5 mm in each tick, which a filter of 50 ms has followed to 89 % after ten.
+    let mut twist_rad = TWIST_RAD;
+    let mut seen_n = 0.0;
+    for _ in 0..10 {
+        twist_rad += 0.5e-3 * mechanism().at(LOAD_N + FRICTION_N, twist_rad).tr_rad_per_m();
+        let gap_m = mechanism().at(LOAD_N + FRICTION_N, twist_rad).gap_m;
+        seen_n = observer.step(&mechanism(), twist_rad, Some(gap_m)).load_error_n;
+    }
+    let expected_n = 2.0 * (0.89 * 0.05 - 0.02) * LOAD_N;
+    near(seen_n - still_n, expected_n, 0.35 * expected_n);
+}
+
+#[test]
 fn without_a_gap_the_estimate_stays_and_a_given_load_is_used_as_it_is() {
     let mut observer = observer();
     pulls(&mut observer, LOAD_N - FRICTION_N, 50);
