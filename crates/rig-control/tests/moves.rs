@@ -52,6 +52,8 @@ fn a_move_brings_the_load_to_its_target_in_the_time_that_is_told() {
             assert_eq!(bench.rig.state(), State::Holding, "{:?}", bench.rig.fault());
             let took_s = TICK_S * f32::from(arrived);
             near(told_s, took_s, 0.1 + 0.05 * took_s);
+            // It has been near for 0.3 s.
+            assert!((29..120).contains(&(ticks - arrived)), "{ticks} {arrived}");
             assert!(fastest < 1.35 * speed_m_per_s, "{fastest}");
             let Some(EventKind::MoveDone { error_m }) = bench.events.last() else { panic!("{:?}", bench.events) };
             assert!(error_m.abs() < 30e-6, "{error_m}");
@@ -366,4 +368,36 @@ fn another_table_is_taken_while_nothing_moves_and_unhomes() {
     bench.while_in(State::Moving);
     assert!(bench.rig.stands() && bench.rig.use_table(table()));
     assert_eq!(bench.rig.state(), State::Unhomed);
+}
+
+#[test]
+fn a_move_whose_load_is_jammed_near_its_target_ends_after_six_seconds_and_tells_how_far_it_is() {
+    let mut bench = Bench::homed();
+    assert_eq!(bench.ask(to(0.006, 0.002)), Ok(Accepted::Started));
+    for _ in 0..1000 {
+        if bench.shown().setpoint_m.unwrap() > 5.9e-3 {
+            break;
+        }
+        bench.tick(None);
+    }
+    bench.friction_n = 100.0;
+    let ticks = bench.while_in(State::Moving);
+    assert!((590..720).contains(&ticks), "{ticks}");
+    let Some(EventKind::MoveDone { error_m }) = bench.events.last() else { panic!("{:?}", bench.events) };
+    near(*error_m, bench.shown().position_m.unwrap() - 0.006, 1e-6);
+    assert!(*error_m < -30e-6, "{error_m}");
+}
+
+#[test]
+fn a_move_ends_where_the_strings_do_when_its_load_becomes_too_heavy_for_the_target() {
+    let mut bench = Bench::homed();
+    let Err(Refusal::OutOfRange { max, .. }) = bench.ask(to(0.1, 0.006)) else { panic!("it is out of range") };
+    assert_eq!(bench.ask(to(max - 0.1e-3, 0.006)), Ok(Accepted::Started));
+    bench.run(100);
+    bench.load_n += 0.6;
+    bench.while_in(State::Moving);
+    assert_eq!((bench.rig.state(), bench.shown().limit), (State::Holding, Some(Limit::Travel)));
+    near(bench.twist_rad, table().metadata.twist_max_rad, 0.02);
+    let Some(EventKind::MoveDone { error_m }) = bench.events.last() else { panic!("{:?}", bench.events) };
+    assert!((-1e-3..-0.1e-3).contains(error_m), "{error_m}");
 }

@@ -138,6 +138,23 @@ fn the_pull_does_not_jump_when_the_load_turns_round() {
 }
 
 #[test]
+fn a_load_that_moves_shows_its_friction_better_than_one_at_rest() {
+    let mut observer = observer();
+    observer.lose();
+    let rest_n = pulls(&mut observer, LOAD_N - FRICTION_N, 2).load_error_n;
+    // Down by 2 rad in 0.5 s, which is more than a third of a millimetre.
+    let mut moved_n = 0.0;
+    for k in 1..=50u8 {
+        let twist_rad = TWIST_RAD - 0.04 * f32::from(k);
+        let gap_m = mechanism().at(LOAD_N - FRICTION_N, twist_rad).gap_m;
+        moved_n = observer.step(&mechanism(), twist_rad, Some(gap_m)).load_error_n;
+    }
+    // 0.6 and 0.3 of the friction.
+    let expected_n2 = (1.645 * FRICTION_N).powi(2) * (0.36 - 0.09);
+    near(rest_n * rest_n - moved_n * moved_n, expected_n2, 0.2 * expected_n2);
+}
+
+#[test]
 fn a_fast_load_is_known_less_well() {
     let mut observer = observer();
     let still_n = pulls(&mut observer, LOAD_N - FRICTION_N, 50).load_error_n;
