@@ -196,6 +196,7 @@ fn late_ticks_are_a_fault_and_explain_what_looks_wrong_beside_them() {
     assert_eq!(bench.rig.late_ticks(), 1);
     assert_eq!(bench.ask(Request::Clear), Ok(Accepted::Done));
     // A pause that is announced is none.
+    bench.run(10);
     bench.events.clear();
     bench.rig.pause();
     bench.now_us += 1_000_000;
