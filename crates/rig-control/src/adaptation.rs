@@ -164,6 +164,16 @@ mod tests {
     }
 
     #[test]
+    fn what_the_rods_remember_is_no_reason_for_doubt() {
+        let agrees = |memory: f32| {
+            let mut a = Adaptation::new(1.0);
+            (0..300u16).for_each(|n| a.record(0.005 * f32::from(n), 1.0 + 0.005 * f32::from(n) * 0.07));
+            a.end_move(1.0, memory).agrees
+        };
+        assert_eq!((agrees(0.0), agrees(0.1)), (Some(false), Some(true)));
+    }
+
+    #[test]
     fn short_moves_and_nonsense_teach_nothing() {
         let mut a = Adaptation::new(1.0);
         (0..1000).for_each(|_| a.record(2.0, 5.0));

@@ -188,9 +188,22 @@ mod tests {
         let slow = RigConstants { motor_acceleration_max_rad_per_s2: 1000.0, ..rig };
         let (steep, limit) = Limits::for_motor(0.004, &at(2000.0), 5.0, &slow);
         assert!(limit == Some(Limit::MotorAcceleration) && steep.acceleration < 0.0042, "{steep:?}");
+        // A pull of 480 N takes 0.8 of the current; half of what is left of 12 000/60 rad/s² is for the move.
+        let (most, limit) = Limits::for_motor(0.02, &at(1000.0), 480.0, &rig);
+        assert!(limit == Some(Limit::MotorCurrent) && (most.acceleration / 0.02 - 1.0).abs() < 1e-3, "{most:?}");
         // 0.6 N m is what half an ampere gives: 560 N at 1000 rad/m leaves less than a tenth.
         let (heavy, limit) = Limits::for_motor(0.02, &at(1000.0), 560.0, &rig);
         assert!(limit == Some(Limit::MotorCurrent) && (heavy.acceleration / 0.01 - 1.0).abs() < 1e-3, "{heavy:?}");
+    }
+
+    #[test]
+    fn a_move_that_is_too_short_for_its_acceleration_takes_the_time_of_its_jerk() {
+        // 0.02 m/s² after 0.1 s. Four parts of T/4 with a jerk j make a way of j T³/32.
+        let limits = Limits::new(0.002, 0.02, 0.2);
+        for distance in [1e-5f32, 1e-4, -1.5e-4] {
+            let expected_s = libm::cbrtf(32.0 * distance.abs() / limits.jerk);
+            assert!((limits.duration_s(distance) / expected_s - 1.0).abs() < 1e-4, "{distance}");
+        }
     }
 
     #[test]

@@ -197,6 +197,34 @@ mod tests {
         assert!((motion.pull_n - 5.0).abs() < 0.02);
     }
 
+    #[test]
+    fn a_tick_in_one_step_is_as_a_tick_in_many() {
+        let start = swinging(20.0, 0.0);
+        let one = start.after(0.01, 20.1);
+        let many = (1..=100u8).fold(start, |motion, k| motion.after(1e-4, 20.0 + 1e-3 * f32::from(k)));
+        let pairs = [(one.speed_m_per_s, many.speed_m_per_s), (one.pull_n - 5.0, many.pull_n - 5.0)];
+        assert!(pairs.iter().all(|(a, b)| (a / b - 1.0).abs() < 0.02), "{pairs:?}");
+        assert!(one.gap_m < start.gap_m && many.gap_m < start.gap_m, "twisted strings draw the load up");
+    }
+
+    #[test]
+    fn an_innovation_corrects_gap_speed_and_weight_by_the_gains() {
+        let (step_s, error_m) = (0.01, 1e-4);
+        let z = libm::expf(-OBSERVER_PER_S * step_s);
+        for frequency in [10.0f32, 40.0, 120.0] {
+            let before = swinging(frequency, 0.0);
+            assert!((before.frequency_squared() / (frequency * frequency) - 1.0).abs() < 1e-5);
+            let mut after = before;
+            after.correct(error_m, step_s);
+            let speed = 1.5 * (1.0 - z * z) * (1.0 - z) / step_s - frequency * frequency * step_s;
+            let weight = 5.0 / STANDARD_GRAVITY_M_PER_S2 * (1.0 - z).powi(3) / (step_s * step_s);
+            let gained = [after.gap_m - before.gap_m, after.speed_m_per_s, after.weight_n - before.weight_n];
+            for (got, gain) in gained.into_iter().zip([1.0 - z.powi(3), speed.max(0.0), weight]) {
+                assert!((got - gain * error_m).abs() < 1e-3 * gain * error_m + 1e-8, "{frequency} rad/s: {got} {gain}");
+            }
+        }
+    }
+
     /// Errors of gap (m) and weight (N) that are left some time (s) after a load has become another.
     fn left_after(frequency: f32, seconds: f32) -> [f32; 2] {
         let mut load = swinging(frequency, 0.0);

@@ -365,14 +365,43 @@ mod tests {
     }
 
     #[test]
+    fn errors_of_scale_and_curve_that_go_together_make_up_for_each_other() {
+        let mut o = observer(0.0);
+        o.covariance = [1e-4, 2e-6, 1e-7];
+        // At 60 rad the scale moves the gap by −60 mm: 3.6e-7 − 2 · 0.06 · 2e-6 + 1e-7 m².
+        let found_n = o.error_n(&POINT, 60.0);
+        assert!(same(found_n, NINETY_PERCENT * together(&[libm::sqrtf(2.2e-7) / 1e-3, DRIFT_N])), "{found_n}");
+    }
+
+    #[test]
+    fn a_confirmed_load_may_drift_by_a_tenth_and_two_ways_must_agree() {
+        let mut o = observer(0.0);
+        for (change_n, confirmed) in [(0.45, true), (0.1, false), (-1.0, true), (-0.1, false)] {
+            o.rescale(change_n);
+            assert_eq!(o.is_confirmed(), confirmed, "{}", o.load_n());
+        }
+        // Up and down differ by 6 %, and then by 4 %.
+        for (up_n, confirmed) in [(1.06 * o.load_n(), false), (1.04 * o.load_n(), true)] {
+            let down_n = o.load_n();
+            (o.direction, o.way_load_n) = (-1.0, [None; 2]);
+            o.end_move(true);
+            (o.direction, o.load_n) = (1.0, up_n);
+            o.end_move(true);
+            assert_eq!(o.confirmed_n == Some(up_n), confirmed);
+            o.load_n = down_n;
+        }
+    }
+
+    #[test]
     fn each_part_of_the_error_adds_its_square() {
         let mut o = observer(0.1);
         o.load_n = 3.0;
         o.friction_n = 0.4;
-        o.peak_n = 3.0;
+        o.peak_n = 10.0;
         o.unsettled_n = 0.7;
         o.gap_speed_m_per_s = -(STATIC_M_PER_S + 0.01);
-        let parts = [0.5 / (5.0 * NINETY_PERCENT) * 3.0, MOVING_BAND * 0.4, 0.1 * 2.0, DRIFT[0] * 3.0];
+        let memory = 0.2 * libm::expf(-3.0 / MEMORY_FALLS_N);
+        let parts = [0.5 / (5.0 * NINETY_PERCENT) * 3.0, MOVING_BAND * 0.4, 0.1 * 2.0, memory * 3.0, DRIFT[0] * 3.0];
         let expected_n = NINETY_PERCENT * together(&parts) + 0.7 + SPEED_SHARE * 0.01 * 3.0;
         let found_n = o.error_n(&POINT, 0.0);
         assert!(same(found_n, expected_n), "{found_n} {expected_n}");

@@ -179,6 +179,10 @@ mod tests {
         assert_eq!(read(f32::NAN, 1.0), LvdtReading::Invalid(Fault::NotFinite));
         assert_eq!(read(2000.0, f32::INFINITY), LvdtReading::Invalid(Fault::NotFinite));
         assert!(matches!(read(2000.0, 150.0), LvdtReading::Valid { .. }));
+        // The limits themselves are healthy.
+        for (mean, variance) in [(OPEN_BELOW, 1.0), (SHORT_ABOVE, 1.0), (2000.0, NOISE_LIMIT * NOISE_LIMIT)] {
+            assert!(matches!(read(mean, variance), LvdtReading::Valid { .. }), "{mean} {variance}");
+        }
         let LvdtReading::Valid { gap_m, .. } = read(2000.0, 1.0) else { panic!() };
         assert!((gap_m - RIG.lvdt_gap_m(2000.0)).abs() < 1e-9);
     }
@@ -202,6 +206,8 @@ mod tests {
         let mut lvdt = Lvdt::new();
         assert_eq!(lvdt.read(1000, None, &RIG), LvdtReading::NotYet);
         assert_eq!(lvdt.read(2_000_000, None, &RIG), LvdtReading::Invalid(Fault::LvdtStalled));
+        assert_eq!(lvdt.read(20 * STALLED_US, None, &RIG), LvdtReading::NotYet);
+        assert!(matches!(lvdt.read(12_000 + STALLED_US, block(12_000, 2000.0, 1.0), &RIG), LvdtReading::Valid { .. }));
         assert!(matches!(lvdt.read(60_000, block(12_000, 2000.0, 1.0), &RIG), LvdtReading::Valid { .. }));
         assert_eq!(lvdt.read(70_000, block(12_000, 2000.0, 1.0), &RIG), LvdtReading::Invalid(Fault::LvdtStalled));
     }

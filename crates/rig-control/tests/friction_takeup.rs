@@ -13,16 +13,21 @@ const SPEED_M_PER_S: f32 = 2e-3;
 
 /// A load of 6 N with 0.3 N of friction that has come down: its strings pull 5.7 N.
 fn came_down() -> LoadState<'static> {
-    let mut load = hanging(6.0, 0.3, 25.0);
-    load.observation.pull_n = 5.7;
-    load.observation.point = load.mechanism.at(5.7, 25.0);
+    came_down_with(0.3)
+}
+
+/// The same with another friction (N).
+fn came_down_with(friction_n: f32) -> LoadState<'static> {
+    let mut load = hanging(6.0, friction_n, 25.0);
+    load.observation.pull_n = 6.0 - friction_n;
+    load.observation.point = load.mechanism.at(6.0 - friction_n, 25.0);
     load.observation.modelled_gap_m = load.observation.point.gap_m;
     load
 }
 
-/// Twist (rad) that takes the strings' pull from 5.7 to 6.3 N at a load that does not move.
+/// Twist (rad) that takes the strings' pull from one end of the friction band to the other at a load that does not move.
 fn band_rad(load: &LoadState<'_>) -> f32 {
-    let high = load.mechanism.at(6.3, load.twist_rad);
+    let high = load.mechanism.at(6.0 + load.observation.friction_n, load.twist_rad);
     (high.gap_m - load.observation.modelled_gap_m) * high.tr_rad_per_m()
 }
 
@@ -52,6 +57,36 @@ fn a_move_the_other_way_turns_most_of_the_band_at_once_and_creeps_along_the_rest
     assert!(!takeup.is_waiting() && (crept_rad + rest_rad) < 1.1 * farthest_rad, "{rest_rad} of {farthest_rad}");
 }
 
+/// What is turned before the strings creep (rad).
+fn planned_rad(load: &LoadState<'_>) -> f32 {
+    let mut takeup = FrictionTakeup::default();
+    takeup.set_out(1.0);
+    let first_rad = turned(&mut takeup, 1, &WAITING, true, load);
+    let ticks = (takeup.left_s() / TICK_S).ceil() as u32;
+    first_rad + turned(&mut takeup, ticks, &WAITING, true, load)
+}
+
+#[test]
+fn less_of_a_light_loads_band_is_turned_at_once_and_no_more_than_the_band_of_a_gap_that_is_off() {
+    let share = |friction_n: f32| {
+        let load = came_down_with(friction_n);
+        planned_rad(&load) / band_rad(&load)
+    };
+    // 15 % of 6 N are 0.9 N. The creep of a tick or two counts as well.
+    let (most, light) = (share(0.88), share(0.92));
+    assert!((most - 0.95).abs() < 0.05 && (light / most - 0.92).abs() < 0.01, "{most} {light}");
+    let mut off = came_down();
+    off.observation.modelled_gap_m -= 10e-3;
+    let (low, high) = (off.observation.point, off.mechanism.at(6.3, 25.0));
+    let band_m = 0.6 * low.dgap_dload_m_per_n.max(high.dgap_dload_m_per_n);
+    let most_rad = 0.95 * 1.25 * band_m * high.tr_rad_per_m();
+    assert!((planned_rad(&off) / most_rad - 1.0).abs() < 0.05, "{} of {most_rad}", planned_rad(&off));
+    // One that has not set out does not wait.
+    let mut takeup = FrictionTakeup::default();
+    turned(&mut takeup, 1, &WAITING, true, &came_down());
+    assert!(!takeup.is_waiting());
+}
+
 #[test]
 fn a_load_that_moves_ends_the_wait() {
     // Up along with its strings, and down because it has become heavier.
@@ -67,6 +102,23 @@ fn a_load_that_moves_ends_the_wait() {
         // What was still to be turned is not: it only stops.
         let after_rad = turned(&mut takeup, 500, &WAITING, false, &load);
         assert!(after_rad >= 0.0 && after_rad < 0.5 * band_rad(&load), "{after_rad}");
+    }
+}
+
+#[test]
+fn motion_is_told_from_the_places_before_wherever_these_are() {
+    for position_m in [5e-3, -3e-3] {
+        let mut load = came_down();
+        load.position_m = position_m;
+        let mut takeup = FrictionTakeup::default();
+        takeup.set_out(1.0);
+        turned(&mut takeup, 10, &WAITING, true, &load);
+        // One reading is half of what counts.
+        load.position_m = position_m + 30e-6;
+        turned(&mut takeup, 1, &WAITING, true, &load);
+        assert!(takeup.is_waiting());
+        turned(&mut takeup, 1, &WAITING, true, &load);
+        assert!(!takeup.is_waiting());
     }
 }
 

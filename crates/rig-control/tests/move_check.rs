@@ -85,6 +85,7 @@ fn each_parameter_of_a_move_is_refused_by_name() {
     for (twist_rad, possible) in [
         (m.twist_min_rad - 0.9 * OUTSIDE_RAD, true),
         (m.twist_min_rad - 1.1 * OUTSIDE_RAD, false),
+        (m.twist_max_rad + 0.9 * OUTSIDE_RAD, true),
         (m.twist_max_rad + 1.1 * OUTSIDE_RAD, false),
     ] {
         let checked = MoveStart { twist_rad, ..start }.check(&request(0.005));

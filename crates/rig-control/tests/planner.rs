@@ -90,6 +90,36 @@ fn a_move_that_is_changed_under_way_takes_the_shortest_time_from_there() {
 }
 
 #[test]
+fn the_time_from_a_motion_is_the_shortest_whether_or_not_it_passes_the_target() {
+    let limits = Limits::new(0.004, 0.02, RISE_S);
+    let from = SetPoint { speed_m_per_s: 0.002, ..SetPoint::at(0.0) };
+    // It needs 0.2 mm to stop.
+    for way in [0.02e-3f32, 0.1e-3, 0.3e-3, 0.6e-3, 1.5e-3, 5e-3, -1e-3] {
+        let told = limits.duration_from_s(way.signum() * 0.002, way.abs(), way.abs() / limits.speed, &limits);
+        let optimum = optimum_s(&from, way, &limits);
+        assert!((f64::from(told) / optimum - 1.0).abs() < 0.01, "{way}: {told} s of {optimum} s");
+    }
+}
+
+#[test]
+fn a_set_point_that_waits_stands_and_is_not_at_its_target() {
+    let mut p = Planner::at(1e-3);
+    assert_eq!((p.setting_out(), p.wait()), (0.0, SetPoint::at(1e-3)));
+    p.go_to(-1e-3);
+    assert_eq!((p.setting_out(), p.wait()), (-1.0, SetPoint { done: false, ..SetPoint::at(1e-3) }));
+    // It goes on from where the load is, if that lies on the way.
+    p.set_out_from(2e-3);
+    assert_eq!(p.set_point_m(), 1e-3);
+    p.set_out_from(0.5e-3);
+    assert_eq!(p.set_point_m(), 0.5e-3);
+    let first = p.step(&Limits::new(0.002, 0.02, RISE_S));
+    assert_eq!(p.setting_out(), 0.0, "under way");
+    assert!(
+        first.jerk_m_per_s3 < 0.0 && (first.acceleration_m_per_s2 / TICK_S / first.jerk_m_per_s3 - 1.0).abs() < 1e-6
+    );
+}
+
+#[test]
 fn braking_stops_where_it_says_and_turning_round_works() {
     let limits = Limits::new(0.004, 0.02, RISE_S);
     let mut p = Planner::at(0.0);

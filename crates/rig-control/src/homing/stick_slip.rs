@@ -70,6 +70,15 @@ mod tests {
     }
 
     #[test]
+    fn the_noise_of_both_ends_of_a_way_is_no_jump() {
+        let mut motion = StickSlip::NEW;
+        (0..2000u16).for_each(|k| motion.add(0.5e-3 * libm::floorf(0.04 * f32::from(k))));
+        // 2 n² over the mean way, which is 0.2 mm in ten ticks.
+        let taken_m = motion.jump_m(0.0) - motion.jump_m(0.1e-3);
+        assert!((taken_m / (2e-8 / 0.2e-3) - 1.0).abs() < 0.05, "{taken_m}");
+    }
+
+    #[test]
     fn a_smooth_motion_has_none() {
         assert_eq!(jump_of(|t| 2e-3 * t), 0.0);
         assert_eq!(jump_of(|t| 2e-3 * t + 1e-4 * (0.5 * t).sin()), 0.0);

@@ -421,7 +421,10 @@ mod tests {
         assert!((mean_a - 2e-3).abs() < 1e-6 && (half_a - 8e-3).abs() < 1e-6, "{mean_a} {half_a}");
         let expected = 0.25 * (4e-6 / 400.0 + 4e-6 / 100.0);
         assert!((variance_a2 / expected - 1.0).abs() < 1e-2, "{variance_a2}");
-        assert!(both_ways(&[Current::NONE; 2]).is_none());
+        let [up, down] = ways;
+        for one_way in [[Current::NONE; 2], [up, Current::NONE], [Current::NONE, down]] {
+            assert!(both_ways(&one_way).is_none());
+        }
     }
 
     #[test]

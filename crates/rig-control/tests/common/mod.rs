@@ -1,6 +1,8 @@
 //! A load that hangs on the default scene's mechanism, as the code that controls it sees it in one tick.
 #![allow(dead_code, reason = "each test uses a part of it")]
 
+pub mod bench;
+
 use rig_control::RigConstants;
 use rig_control::load_motion::MotionObserver;
 use rig_control::load_state::LoadState;

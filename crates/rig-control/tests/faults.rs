@@ -1,0 +1,363 @@
+//! Faults of a rig whose every number is known: when each is raised, what the drive is told then, and what `clear` leads to.
+
+mod common;
+
+use common::bench::{Bench, Tamper};
+use rig_control::{DriveCommand, DriveReading, Inputs, TICK_US};
+use rig_link::messages::{Accepted, EventKind, Fault, LoadChoice, Refusal, Request, State};
+use std::sync::Arc;
+
+fn tamper(change: impl Fn(&mut Inputs) + Send + Sync + 'static) -> Option<Tamper> {
+    Some(Arc::new(change))
+}
+
+/// A homed rig that holds its load at 8 mm.
+fn holding() -> Bench {
+    let mut bench = Bench::homed();
+    bench.move_to(0.008, 0.004);
+    bench.run(50);
+    bench.events.clear();
+    bench
+}
+
+/// The fault that a change of what the control code sees leads to, and after how many ticks.
+fn fault_of(change: impl Fn(&mut Inputs) + Send + Sync + 'static) -> Option<(u32, Fault)> {
+    let mut bench = holding();
+    bench.tamper = tamper(change);
+    bench.ticks_until_fault(500)
+}
+
+fn reports(inputs: &mut Inputs, change: impl Fn(&mut u64, &mut i32, &mut i16)) {
+    if let DriveReading::Reports { t_us, position_qc, speed_rpm, .. } = &mut inputs.drive {
+        change(t_us, position_qc, speed_rpm);
+    }
+}
+
+#[test]
+fn a_healthy_rig_raises_nothing() {
+    assert_eq!(fault_of(|_| {}), None);
+}
+
+#[test]
+fn each_fault_of_drive_and_bus_is_raised_in_its_time() {
+    assert_eq!(fault_of(|inputs| inputs.bus_off = true), Some((1, Fault::CanBusOff)));
+    assert_eq!(fault_of(|inputs| inputs.drive_stalled = true), Some((1, Fault::DriveStall)));
+    assert_eq!(fault_of(|inputs| inputs.drive = DriveReading::Failed), Some((1, Fault::DriveStartUp)));
+    assert_eq!(fault_of(|inputs| inputs.drive = DriveReading::Starting), Some((1, Fault::DriveReset)));
+    assert_eq!(
+        fault_of(|inputs| reports(inputs, |_, position_qc, _| *position_qc = 399)),
+        Some((1, Fault::DriveReset))
+    );
+    let aged = |age_us| move |inputs: &mut Inputs| reports(inputs, |t_us, _, _| *t_us -= age_us);
+    assert_eq!(fault_of(aged(55_001)), Some((1, Fault::DriveSilent)));
+    assert_eq!(fault_of(aged(55_000)), None);
+}
+
+#[test]
+fn the_supply_may_be_off_for_less_than_two_reports() {
+    let volts = |volts: f32, age_us: u64| {
+        move |inputs: &mut Inputs| {
+            if let Some(supply) = &mut inputs.supply {
+                (supply.volts, supply.t_us) = (volts, supply.t_us - age_us);
+            }
+        }
+    };
+    let [least, most] = common::constants().supply_limits_v;
+    assert_eq!(fault_of(volts(least - 0.01, 0)), Some((10, Fault::Supply)));
+    assert_eq!(fault_of(volts(most + 0.01, 149_000)), Some((10, Fault::Supply)));
+    assert_eq!(fault_of(volts(most + 0.01, 150_000)), None, "it is old");
+    assert_eq!(fault_of(volts(least, 0)), None);
+    // It cannot be cleared while it lasts.
+    let mut bench = holding();
+    bench.tamper = tamper(volts(0.0, 0));
+    bench.run(40);
+    assert_eq!(bench.ask(Request::Clear), Err(Refusal::CauseRemains { fault: Fault::Supply }));
+    bench.tamper = None;
+    assert_eq!(bench.ask(Request::Clear), Ok(Accepted::Done));
+    assert_eq!(bench.rig.state(), State::Ready);
+    assert_eq!(bench.events, [EventKind::FaultRaised(Fault::Supply), EventKind::FaultCleared(Fault::Supply)]);
+}
+
+#[test]
+fn own_encoder_and_drive_are_compared() {
+    // 1500 counts at rest are allowed; they must differ for eight ticks.
+    let apart = |counts| move |inputs: &mut Inputs| reports(inputs, |_, position_qc, _| *position_qc += counts);
+    assert_eq!(fault_of(apart(1490)), None);
+    assert_eq!(fault_of(apart(-1490)), None);
+    assert_eq!(fault_of(apart(1510)), Some((8, Fault::EncoderJump)), "it goes on counting alike");
+    assert_eq!(fault_of(apart(-4096)), Some((8, Fault::EncoderJump)));
+    // More than one and a half times the greatest speed and 500 counts.
+    let constants = common::constants();
+    let most = (1.5 * constants.twist_speed_max() * constants.counts_per_rad * 0.01 + 500.0) as i64;
+    let start_us = holding().now_us;
+    let jump = |counts| {
+        move |inputs: &mut Inputs| {
+            let even = (inputs.now_us - start_us) / TICK_US % 2 == 1;
+            inputs.encoder_counts += if even { counts } else { 0 };
+        }
+    };
+    assert_eq!(fault_of(jump(most + 20)), Some((1, Fault::EncoderJump)));
+    assert_ne!(fault_of(jump(most - 20)).map(|(ticks, _)| ticks), Some(1));
+    // An encoder that stands while the drive turns, and one that turns at half the drive's speed.
+    let slower = |share: f32| {
+        let mut bench = holding();
+        let from = (bench.twist_rad + bench.zero_rad()) * constants.counts_per_rad;
+        bench.tamper = tamper(move |inputs| {
+            inputs.encoder_counts = (from + share * (inputs.encoder_counts as f32 - from)) as i64;
+        });
+        assert_eq!(
+            bench.ask(Request::Move { target_m: 0.002, speed_m_per_s: 0.004, load: LoadChoice::Auto }),
+            Ok(Accepted::Started)
+        );
+        let fault = bench.ticks_until_fault(300).map(|(_, fault)| fault);
+        // The drive holds where it is by its own count.
+        bench.run(50);
+        assert_eq!(bench.rig.faults().iter().count(), 1, "{:?}", bench.events);
+        let DriveCommand::Follow { position_qc, .. } = bench.command else { panic!("{:?}", bench.command) };
+        let sensors = bench.sensors.as_ref().unwrap();
+        let there = (sensors.drive_rad.unwrap() * constants.counts_per_rad) as i32;
+        assert!((position_qc - there).abs() < 4000, "{position_qc} {there}");
+        fault
+    };
+    assert_eq!(slower(0.0), Some(Fault::EncoderStuck));
+    assert_eq!(slower(0.5), Some(Fault::EncoderDisagrees));
+}
+
+#[test]
+fn each_fault_of_the_lvdt_is_raised_after_eight_ticks_without_a_gap() {
+    let code = |mean_code: f32, variance: f32| {
+        move |inputs: &mut Inputs| {
+            if let Some(block) = &mut inputs.lvdt {
+                (block.mean_code, block.variance) = (mean_code, variance);
+            }
+        }
+    };
+    assert_eq!(fault_of(code(0.0, 1.0)), Some((8, Fault::LvdtOpen)));
+    assert_eq!(fault_of(code(4095.0, 1.0)), Some((8, Fault::LvdtShort)));
+    assert_eq!(fault_of(code(2000.0, 400.0)), Some((8, Fault::LvdtNoisy)));
+    assert_eq!(fault_of(|inputs| inputs.lvdt = None), Some((8, Fault::LvdtStalled)));
+    let frozen = |inputs: &mut Inputs| {
+        if let Some(block) = &mut inputs.lvdt {
+            block.variance = 0.0;
+        }
+    };
+    assert_eq!(
+        fault_of(frozen),
+        Some((37, Fault::LvdtFrozen)),
+        "30 blocks, of which the last is the first bad reading"
+    );
+    // It is held, and nothing else is reported; when the sensor is back, the position is still known.
+    let mut bench = holding();
+    bench.tamper = tamper(code(0.0, 1.0));
+    bench.run(50);
+    assert_eq!(bench.events, [EventKind::FaultRaised(Fault::LvdtOpen)]);
+    assert!(matches!(bench.command, DriveCommand::Follow { .. }));
+    assert_eq!(bench.ask(Request::Clear), Err(Refusal::CauseRemains { fault: Fault::LvdtOpen }));
+    bench.tamper = None;
+    bench.tick(None);
+    assert_eq!((bench.ask(Request::Clear), bench.rig.state()), (Ok(Accepted::Done), State::Ready));
+    // A sensor that was never there is reported two seconds after the drive is.
+    let mut bench = Bench::new(5.0, 0.01, 9.0);
+    bench.tamper = tamper(|inputs| inputs.lvdt = None);
+    let (ticks, fault) = bench.ticks_until_fault(500).expect("a fault");
+    assert!(fault == Fault::LvdtStalled && (200..215).contains(&ticks), "{fault} after {ticks}");
+}
+
+#[test]
+fn a_load_that_falls_is_a_broken_string_and_a_gap_that_steps_is_the_sensor() {
+    let constants = common::constants();
+    let from_us = holding().now_us;
+    // Falls freely, or as far in fewer steps.
+    let fall = |way_m: fn(f32) -> f32, variance: f32| {
+        fault_of(move |inputs| {
+            let seconds = 1e-6 * (inputs.now_us - from_us) as f32;
+            if let Some(block) = &mut inputs.lvdt {
+                let gap_m = constants.lvdt_gap_m(block.mean_code) + way_m(seconds);
+                (block.mean_code, block.variance) = (constants.lvdt_mean_code(gap_m), variance);
+            }
+        })
+    };
+    let free = fall(|seconds| 4.9 * seconds * seconds, 1.0);
+    assert_eq!(free, Some((6, Fault::StringBreak)), "the first tick with more than 5 mm");
+    assert_eq!(fall(|seconds| 4.9 * seconds * seconds, 900.0), Some((4, Fault::StringBreak)), "the block is blurred");
+    // A millimetre and more in two ticks between calm ones; it is known three ticks later.
+    assert_eq!(fall(|_| 1.1e-3, 1.0), Some((4, Fault::LvdtJump)));
+    assert_eq!(fall(|_| -1.1e-3, 1.0), Some((4, Fault::LvdtJump)));
+    assert_eq!(fall(|_| 5.5e-3, 1.0), Some((4, Fault::LvdtJump)), "no string breaks within one tick");
+}
+
+#[test]
+fn late_ticks_are_a_fault_and_explain_what_looks_wrong_beside_them() {
+    let mut bench = holding();
+    bench.now_us += 51_000;
+    bench.tick(None);
+    assert_eq!(bench.events, [EventKind::FaultRaised(Fault::TickLate)]);
+    bench.run(30);
+    assert_eq!(bench.rig.late_ticks(), 1);
+    assert_eq!(bench.ask(Request::Clear), Ok(Accepted::Done));
+    // A pause that is announced is none.
+    bench.run(10);
+    bench.events.clear();
+    bench.rig.pause();
+    bench.now_us += 1_000_000;
+    bench.run(10);
+    assert!(bench.events.is_empty() && bench.rig.late_ticks() == 1, "{:?}", bench.events);
+    bench.now_us += 6_000;
+    bench.tick(None);
+    assert_eq!((bench.rig.late_ticks(), bench.rig.fault()), (2, None));
+}
+
+#[test]
+fn a_host_that_is_silent_matters_only_while_something_moves() {
+    let mut bench = holding();
+    bench.host_alive = false;
+    bench.run(100);
+    assert_eq!(bench.rig.fault(), None);
+    bench.host_alive = true;
+    bench.tick(Some(Request::Move { target_m: 0.002, speed_m_per_s: 0.001, load: LoadChoice::Auto }));
+    bench.host_alive = false;
+    assert_eq!(bench.ticks_until_fault(100), Some((41, Fault::HostSilent)));
+    let mut bench = Bench::new(5.0, 0.01, 9.0);
+    bench.while_in(State::Boot);
+    assert_eq!(bench.ask(Request::HOME), Ok(Accepted::Started));
+    bench.tamper = tamper(|inputs| inputs.host_heard_us = None);
+    assert_eq!(bench.ticks_until_fault(100), Some((1, Fault::HostSilent)));
+}
+
+#[test]
+fn limit_switches_stop_the_load_and_free_only_the_way_back() {
+    for upper in [true, false] {
+        let open = move |inputs: &mut Inputs| {
+            (inputs.upper_limit_open, inputs.lower_limit_open) = (upper, !upper);
+        };
+        assert_eq!(fault_of(open), Some((2, Fault::LimitSwitch)));
+        let mut bench = holding();
+        bench.tamper = tamper(open);
+        bench.run(40);
+        assert_eq!(bench.ask(Request::Clear), Ok(Accepted::Done));
+        bench.run(40);
+        assert_eq!(bench.rig.fault(), None, "it stays open");
+        let back_m = if upper { 0.006 } else { 0.010 };
+        bench.move_to(back_m, 0.002);
+        let onwards = Request::Move { target_m: 0.016 - back_m, speed_m_per_s: 0.002, load: LoadChoice::Auto };
+        assert_eq!(bench.ask(onwards), Ok(Accepted::Started));
+        assert_eq!(bench.ticks_until_fault(200).map(|(_, fault)| fault), Some(Fault::LimitSwitch));
+    }
+}
+
+#[test]
+fn a_shaft_that_does_not_follow_is_a_fault_after_three_tenths_of_a_second() {
+    let mut bench = Bench::homed();
+    assert_eq!(
+        bench.ask(Request::Move { target_m: 0.010, speed_m_per_s: 0.004, load: LoadChoice::Auto }),
+        Ok(Accepted::Started)
+    );
+    bench.closed_at_rad = bench.twist_rad + 1.0;
+    // Meanwhile the drive is sent no farther from its place than a radian and the way of 0.3 s.
+    let mut farthest = 0f32;
+    for _ in 0..300 {
+        bench.tick(None);
+        if let (DriveCommand::Follow { position_qc, .. }, Some(drive_rad)) =
+            (bench.command, bench.sensors.as_ref().and_then(|sensors| sensors.drive_rad))
+        {
+            farthest = farthest.max(position_qc as f32 / bench.constants.counts_per_rad - drive_rad);
+        }
+        if bench.rig.fault().is_some() {
+            break;
+        }
+    }
+    assert_eq!(bench.rig.fault(), Some(Fault::FollowingError));
+    assert!((1.5..1.0 + 0.3 * bench.constants.twist_speed_max()).contains(&farthest), "{farthest} rad");
+    let to = Request::Move { target_m: 0.002, speed_m_per_s: 0.004, load: LoadChoice::Auto };
+    assert_eq!(bench.ask(to), Err(Refusal::InFault { fault: Fault::FollowingError }));
+    // It is held where it stands.
+    bench.run(50);
+    assert!(matches!(bench.command, DriveCommand::Follow { .. }) && bench.rig.faults().iter().count() == 1);
+}
+
+#[test]
+fn a_load_that_stays_behind_its_set_point_is_a_fault_after_half_a_second() {
+    let mut bench = holding();
+    // The rail is blocked.
+    bench.friction_n = 100.0;
+    assert_eq!(
+        bench.ask(Request::Move { target_m: 0.002, speed_m_per_s: 0.004, load: LoadChoice::Auto }),
+        Ok(Accepted::Started)
+    );
+    let (ticks, fault) = bench.ticks_until_fault(600).expect("a fault");
+    // 2 mm at 4 mm/s and half a second, once friction is taken up.
+    assert!(fault == Fault::FollowingError && (100..250).contains(&ticks), "{fault} after {ticks}");
+}
+
+#[test]
+fn a_held_shaft_that_turns_is_let_go_once() {
+    let mut bench = holding();
+    bench.tamper = tamper(|inputs| inputs.bus_off = true);
+    bench.tick(None);
+    assert_eq!(bench.rig.fault(), Some(Fault::CanBusOff));
+    // The shaft turns by 0.9 rad although it is held; the drive says the same.
+    let counts = (0.9 * bench.constants.counts_per_rad) as i32;
+    bench.tamper = tamper(move |inputs| {
+        inputs.encoder_counts += i64::from(counts);
+        reports(inputs, |_, position_qc, _| *position_qc += counts);
+    });
+    let from_us = bench.now_us;
+    while !bench.rig.faults().contains(Fault::NotHeld) && bench.now_us < from_us + 2_000_000 {
+        bench.tick(None);
+    }
+    assert_eq!((bench.now_us - from_us) / TICK_US, 10);
+    assert_eq!((bench.command, bench.rig.fault()), (DriveCommand::LetGo, Some(Fault::NotHeld)));
+    bench.tamper = None;
+    assert_eq!(bench.ask(Request::Clear), Ok(Accepted::Done));
+    assert_eq!((bench.command, bench.rig.state()), (DriveCommand::Restart, State::Boot));
+    bench.while_in(State::Boot);
+    assert_eq!(bench.rig.state(), State::Unhomed);
+}
+
+#[test]
+fn nothing_is_cleared_while_a_held_shaft_turns() {
+    let mut bench = holding();
+    bench.host_alive = false;
+    bench.tick(Some(Request::Move { target_m: 0.002, speed_m_per_s: 0.004, load: LoadChoice::Auto }));
+    bench.ticks_until_fault(100).expect("the host is silent");
+    bench.host_alive = true;
+    assert_eq!(bench.ask(Request::Clear), Err(Refusal::ShaftTurns));
+    bench.run(25);
+    assert_eq!(bench.ask(Request::Clear), Ok(Accepted::Done));
+    assert_eq!(bench.rig.state(), State::Ready);
+    bench.move_to(0.006, 0.002);
+}
+
+#[test]
+fn a_load_beyond_the_table_is_a_fault_at_the_heavy_end_and_later_at_the_light_one() {
+    for (load_n, ticks) in [(20.0f32, 30..500), (0.1, 200..300)] {
+        let mut bench = Bench::new(if load_n > 5.0 { 10.0 } else { 1.5 }, 0.0, 9.0);
+        bench.home();
+        bench.move_to(0.004, 0.004);
+        bench.load_n = load_n;
+        let found = bench.ticks_until_fault(600);
+        println!("{load_n} {found:?} {:?}", bench.shown());
+        let (took, fault) = found.expect("a fault");
+        assert!(fault == Fault::LoadRange && ticks.contains(&took), "{load_n} N: {fault} after {took}");
+    }
+}
+
+#[test]
+fn the_emergency_stop_takes_power_and_position_away() {
+    let mut bench = holding();
+    bench.tamper = tamper(|inputs| inputs.estop_open = true);
+    bench.tick(None);
+    assert_eq!((bench.rig.state(), bench.command), (State::EStop, DriveCommand::PowerOff));
+    assert_eq!(bench.ask(Request::Clear), Err(Refusal::EStop));
+    assert_eq!(bench.ask(Request::HOME), Err(Refusal::EStop));
+    assert!(bench.rig.homed().is_none());
+    bench.tamper = None;
+    bench.tick(None);
+    assert_eq!(bench.command, DriveCommand::LetGo, "once");
+    bench.tick(None);
+    assert_eq!((bench.command, bench.rig.state()), (DriveCommand::PowerOff, State::EStop));
+    assert_eq!(bench.events, [EventKind::EStopOpened, EventKind::EStopClosed]);
+    assert_eq!(bench.ask(Request::Clear), Ok(Accepted::Done));
+    bench.while_in(State::Boot);
+    assert_eq!(bench.rig.state(), State::Unhomed);
+}

@@ -1,0 +1,224 @@
+//! Homing on a rig whose every number is known: zero twist, load, friction, string radius, the LVDT's zero, the drive's lag.
+
+mod common;
+
+use common::bench::Bench;
+use common::{constants, table};
+use rig_control::mechanism::Mechanism;
+use rig_control::{RigConstants, TICK_S};
+use rig_link::messages::{Accepted, EventKind, HomingFailure, LoadChoice, Request, State};
+use std::f32::consts::{PI, TAU};
+use std::sync::Arc;
+
+#[track_caller]
+fn near(found: f32, expected: f32, error: f32) {
+    assert!((found - expected).abs() <= error, "{found} instead of {expected}, within {error}");
+}
+
+#[test]
+fn all_that_a_move_needs_is_found_from_any_twist() {
+    for (load_n, friction_n, twist_rad, twist_scale, offset_m) in [
+        (5.0, 0.01, 9.0, 1.0, 0.0),
+        (1.5, 0.05, -20.0, 1.0, 0.2e-3),
+        (3.0, 0.02, 1.0, 0.99, 0.0),
+        (1.5, 0.01, -2.0, 1.01, -0.1e-3),
+        (8.0, 0.005, 30.0, 1.0, 0.0),
+    ] {
+        let mut bench = Bench::new(load_n, friction_n, twist_rad);
+        (bench.twist_scale, bench.offset_m, bench.friction_a) = (twist_scale, offset_m, 5e-3);
+        bench.settle();
+        let found = bench.home();
+        let zero_rad = bench.rig.homed().unwrap().zero_rad;
+        near(zero_rad, bench.zero_rad(), 6e-3);
+        assert!((0.05 * friction_n..0.05).contains(&found.zero_error_rad), "{}", found.zero_error_rad);
+        near(bench.twist_rad, PI, 0.01);
+        // The current of so little work is less than a milliampere: load and radius are known within some per cent.
+        near(found.load_n, load_n, 0.065 * load_n);
+        assert!((0.05..0.25).contains(&(found.load_error_n / load_n)), "{}", found.load_error_n);
+        near(found.twist_scale, twist_scale, 6.5e-3);
+        near(found.friction_n, friction_n, 0.03 * friction_n + 2e-3);
+        // What the LVDT shows where the load has come to rest after its way down, and how much that differs from tick to tick.
+        near(found.reference_gap_m, bench.gap_at(load_n - friction_n, PI)[0] + offset_m, 10e-6);
+        near(found.gap_noise_m, bench.noise_m, 0.2 * bench.noise_m);
+        assert_eq!(found.jump_m, 0.0);
+        near(found.drive_lag_s, TICK_S, 1e-4);
+        // Load, scale and curve together give the gap of this rig at each twist.
+        let mechanism = Mechanism { table: table(), twist_scale: found.twist_scale, curve: found.curve };
+        for twist_rad in [4.0f32, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0] {
+            near(mechanism.at(found.load_n, twist_rad).gap_m, bench.gap_at(load_n, twist_rad)[0] + offset_m, 8e-6);
+        }
+        let seconds = 1e-6 * bench.now_us as f32;
+        assert!((25.0..35.0).contains(&seconds), "{seconds} s");
+    }
+}
+
+#[test]
+fn a_weight_that_is_given_leaves_the_radius_to_be_found() {
+    let mut bench = Bench::new(4.0, 0.01, 9.0);
+    bench.twist_scale = 0.99;
+    bench.settle();
+    bench.while_in(State::Boot);
+    assert_eq!(bench.ask(Request::Home { load: LoadChoice::Known(4.0) }), Ok(Accepted::Started));
+    bench.while_in(State::Homing);
+    let found = bench.rig.homed().expect("homed").found;
+    near(found.load_n, 4.0, 0.01);
+    near(found.load_error_n, 1.645 * 0.005 * 4.0, 0.1 * 1.645 * 0.005 * 4.0);
+    near(found.twist_scale, 0.99, 5e-4);
+}
+
+#[test]
+fn a_rig_that_is_wired_the_other_way_round_is_homed_alike() {
+    let turned = RigConstants { counts_per_rad: -constants().counts_per_rad, ..constants() };
+    let mut bench = Bench::of(turned, 3.0, 0.01, 9.0);
+    let found = bench.home();
+    near(bench.rig.homed().unwrap().zero_rad, bench.zero_rad(), 6e-3);
+    near(found.load_n, 3.0, 0.2);
+    near(bench.twist_rad, PI, 0.01);
+}
+
+#[test]
+fn the_lag_of_the_drive_is_measured_and_made_up_for() {
+    let mut bench = Bench::new(5.0, 0.01, 9.0);
+    bench.drive_lag_s = 0.02;
+    let found = bench.home();
+    // Of a first-order lag of 20 ms in steps of a tick, with the tick itself: 1/(1 − exp(−1/2)) ticks.
+    near(found.drive_lag_s, TICK_S / (1.0 - (-0.5f32).exp()), 1e-3);
+    bench.move_to(0.008, 0.002);
+    near(bench.position_m(), 0.008, 30e-6);
+}
+
+/// Homes with a gap (m) that is a function of the shaft's angle (rad) and the time (s) alone; how that fails, and after what time (s).
+fn failure(mut bench: Bench, gap_m: fn(f32, f32) -> f32) -> (HomingFailure, f32) {
+    let constants = bench.constants;
+    bench.tamper = Some(Arc::new(move |inputs| {
+        let shaft_rad = inputs.encoder_counts as f32 / constants.counts_per_rad;
+        if let Some(block) = &mut inputs.lvdt {
+            block.mean_code = constants.lvdt_mean_code(gap_m(shaft_rad, 1e-6 * inputs.now_us as f32));
+        }
+    }));
+    bench.while_in(State::Boot);
+    // From another angle than that of the start.
+    assert_eq!(bench.ask(Request::Jog { twist_speed_rad_per_s: 2.0 }), Ok(Accepted::Started));
+    bench.run(200);
+    assert_eq!(bench.ask(Request::Stop), Ok(Accepted::Done));
+    bench.while_in(State::Moving);
+    assert_eq!(bench.ask(Request::HOME), Ok(Accepted::Started));
+    let ticks = bench.while_in(State::Homing);
+    match bench.events.last() {
+        Some(EventKind::HomingRefused(failure)) => (*failure, TICK_S * ticks as f32),
+        other => panic!("{other:?} {:?}", bench.rig.fault()),
+    }
+}
+
+#[test]
+fn a_gap_that_does_not_move_is_probed_over_all_of_the_probes_travel() {
+    let (refused, seconds) = failure(Bench::new(5.0, 0.0, 9.0), |_, _| 0.09);
+    assert_eq!(refused, HomingFailure::NoPretwist);
+    // Quiet for 0.4 s, then 7 rad at 1.5 rad/s and 11 rad at 4 rad/s.
+    let probe_s = 0.4 + 7.0 / 1.5 + 11.0 / 4.0;
+    near(seconds, probe_s, 0.25);
+    // A tenth of what decides is enough at its end; then 18 rad at 8 rad/s without a rise are too many.
+    let (refused, seconds) = failure(Bench::new(5.0, 0.0, 9.0), |shaft_rad, _| 0.09 + 1.2e-6 * shaft_rad);
+    assert_eq!(refused, HomingFailure::NoPretwist);
+    near(seconds, probe_s, 0.25);
+    let (refused, seconds) = failure(Bench::new(5.0, 0.0, 9.0), |shaft_rad, _| 0.09 + 1.6e-6 * shaft_rad);
+    assert_eq!(refused, HomingFailure::NoPretwist);
+    near(seconds, probe_s + 18.0 / 8.0, 0.4);
+}
+
+#[test]
+fn the_load_is_weighed_over_six_turns_at_two_speeds() {
+    let mut bench = Bench::new(5.0, 0.01, 9.0);
+    bench.while_in(State::Boot);
+    assert_eq!(bench.ask(Request::HOME), Ok(Accepted::Started));
+    let mut twists_rad = vec![bench.twist_rad];
+    while bench.rig.state() == State::Homing && twists_rad.len() < 5000 {
+        bench.tick(None);
+        twists_rad.push(bench.twist_rad);
+    }
+    // From where it is at rest at the half-turn pre-twist before the sweeps.
+    let top = twists_rad.iter().copied().fold(0.0, f32::max);
+    near(top, 13.0 * PI, 0.02);
+    let up = twists_rad.iter().position(|twist_rad| *twist_rad >= top - 1e-3).expect("it is there");
+    let below = twists_rad[..up].iter().rposition(|twist_rad| *twist_rad < PI + 0.02).expect("it starts there");
+    assert!(twists_rad[below - 45..].iter().all(|twist_rad| *twist_rad > PI - 0.03), "rests before, and goes no lower");
+    let speed_at = |ticks: &[f32], share: f32| {
+        let place = PI + 12.0 * PI * share;
+        let pair = ticks.windows(2).find(|pair| (pair[0] - place) * (pair[1] - place) <= 0.0).expect("on its way");
+        (pair[1] - pair[0]) / TICK_S
+    };
+    for ways in [(&twists_rad[below..=up], 1.0), (&twists_rad[up..], -1.0)] {
+        for (share, speed) in [(0.1, 3.4 + 0.8 * 2.8), (0.5, 3.4), (0.75, 3.4 + 0.5 * 2.8)] {
+            near(ways.1 * speed_at(ways.0, share), speed, 0.1);
+        }
+    }
+}
+
+#[test]
+fn a_gap_without_a_maximum_ends_at_the_end_of_the_search() {
+    let (refused, seconds) = failure(Bench::new(5.0, 0.0, 9.0), |shaft_rad, _| 0.08 + 1e-4 * shaft_rad);
+    assert_eq!(refused, HomingFailure::TravelEnd);
+    // Quiet for 0.4 s, 2.6 rad of the probe at 1.5 rad/s, 0.98 of 93.4 rad at 8 rad/s.
+    near(seconds, 0.4 + 2.6 / 1.5 + 0.98 * 93.4 / 8.0, 0.3);
+}
+
+#[test]
+fn a_gap_that_falls_whichever_way_the_strings_turn_is_not_followed_for_long() {
+    // It is never quiet: 10 s of patience, and 0.3 s until the probe has seen a quarter of a millimetre. Then 18 rad at 8 rad/s
+    let (refused, fast_s) = failure(Bench::new(5.0, 0.0, 9.0), |_, seconds| 0.09 - 1e-3 * seconds);
+    assert_eq!(refused, HomingFailure::NoPretwist);
+    near(fast_s, 10.0 + 0.3 + 18.0 / 8.0, 0.3);
+    let (refused, faster_s) = failure(Bench::new(5.0, 0.0, 9.0), |_, seconds| 0.09 - 2e-3 * seconds);
+    assert_eq!(refused, HomingFailure::NoPretwist);
+    // or 3 mm are enough.
+    near(faster_s, 10.0 + 0.15 + 1.5, 0.2);
+}
+
+#[test]
+fn a_gap_that_goes_up_and_down_with_the_time_is_waited_for_and_then_probed() {
+    let mut bench = Bench::new(5.0, 0.0, 9.0);
+    let constants = bench.constants;
+    // 1 mm at 1 Hz is never quiet.
+    bench.tamper = Some(Arc::new(move |inputs| {
+        let seconds = 1e-6 * inputs.now_us as f32;
+        if let Some(block) = &mut inputs.lvdt {
+            block.mean_code = constants.lvdt_mean_code(0.09 + 1e-3 * (TAU * seconds).sin());
+        }
+    }));
+    bench.while_in(State::Boot);
+    assert_eq!(bench.ask(Request::HOME), Ok(Accepted::Started));
+    let still = bench.twist_rad;
+    bench.run(995);
+    assert_eq!(bench.twist_rad, still);
+    bench.run(15);
+    assert!(bench.twist_rad > still);
+}
+
+#[test]
+fn strings_that_are_closed_are_turned_back_at_once() {
+    let mut bench = Bench::new(3.0, 0.01, 9.0);
+    bench.while_in(State::Boot);
+    (bench.friction_n, bench.closed_at_rad) = (100.0, 9.1);
+    assert_eq!(bench.ask(Request::HOME), Ok(Accepted::Started));
+    // Quiet for 0.4 s, then 0.6 rad at 1.5 rad/s; then back.
+    bench.run(100);
+    assert!(bench.twist_rad < 9.1, "{}", bench.twist_rad);
+    bench.run(100);
+    assert!(bench.twist_rad < 8.0, "{}", bench.twist_rad);
+    assert_eq!(bench.rig.state(), State::Homing, "{:?}", bench.rig.fault());
+}
+
+#[test]
+fn a_string_that_slips_after_the_sweeps_is_noticed() {
+    let mut bench = Bench::new(5.0, 0.01, 9.0);
+    bench.while_in(State::Boot);
+    assert_eq!(bench.ask(Request::HOME), Ok(Accepted::Started));
+    // The gap becomes greater by a millimetre, slowly, within the last second.
+    bench.run(2930);
+    for _ in 0..100 {
+        bench.offset_m += 1e-5;
+        bench.tick(None);
+    }
+    bench.while_in(State::Homing);
+    assert_eq!(bench.events, [EventKind::HomingRefused(HomingFailure::Shifted)]);
+}

@@ -1,0 +1,403 @@
+//! Moves, holds, jogs and streams of a homed rig whose every number is known.
+
+mod common;
+
+use common::bench::Bench;
+use common::{constants, table};
+use rig_control::TICK_S;
+use rig_link::messages::{
+    Accepted, EventKind, Limit, LoadChoice, Parameter, Refusal, Request, Setting, State, StreamEnd,
+};
+use std::f32::consts::PI;
+
+#[track_caller]
+fn near(found: f32, expected: f32, error: f32) {
+    assert!((found - expected).abs() <= error, "{found} instead of {expected}, within {error}");
+}
+
+const fn to(target_m: f32, speed_m_per_s: f32) -> Request {
+    Request::Move { target_m, speed_m_per_s, load: LoadChoice::Auto }
+}
+
+#[test]
+fn a_move_brings_the_load_to_its_target_in_the_time_that_is_told() {
+    for (load_n, friction_n) in [(5.0, 0.01), (1.5, 0.03)] {
+        let mut bench = Bench::new(load_n, friction_n, 9.0);
+        bench.home();
+        for (target_m, speed_m_per_s) in [(0.010, 0.002), (0.003, 0.004), (0.0035, 0.002), (0.012, f32::INFINITY)] {
+            let from_m = bench.position_m();
+            assert_eq!(bench.ask(to(target_m, speed_m_per_s)), Ok(Accepted::Started));
+            let told_s = bench.shown().time_left_s.expect("it is planned");
+            assert_eq!(bench.shown().target_m, Some(target_m));
+            let (mut ticks, mut arrived, mut fastest) = (0u16, 0u16, 0f32);
+            while bench.rig.state() == State::Moving && ticks < 3000 {
+                let left_s = bench.shown().time_left_s.unwrap();
+                bench.tick(None);
+                ticks += 1;
+                fastest = fastest.max(bench.gap_speed_m_per_s.abs());
+                let shown = bench.shown();
+                assert!(shown.time_left_s.unwrap() <= left_s + 1e-6);
+                let set_point_m = shown.setpoint_m.unwrap();
+                assert!((from_m.min(target_m) - 0.1e-3..from_m.max(target_m) + 0.1e-3).contains(&set_point_m));
+                if set_point_m != target_m {
+                    arrived = ticks;
+                }
+                // What is shown is what is: the position with the noise of one tick and its 6 ms of age.
+                near(shown.position_m.unwrap(), bench.position_m(), 25e-6 + 7e-3 * bench.gap_speed_m_per_s.abs());
+                near(shown.twist_rad.unwrap(), bench.twist_rad, 7e-3);
+                near(shown.load_n.unwrap(), load_n, 0.07 * load_n);
+                let [_, _, by_twist] = bench.gap_at(load_n, bench.twist_rad);
+                near(shown.tr_rad_per_m.unwrap() * -by_twist, 1.0, 0.02);
+            }
+            assert_eq!(bench.rig.state(), State::Holding, "{:?}", bench.rig.fault());
+            let took_s = TICK_S * f32::from(arrived);
+            near(told_s, took_s, 0.1 + 0.05 * took_s);
+            // It has been near for 0.3 s.
+            assert!((29..120).contains(&(ticks - arrived)), "{ticks} {arrived}");
+            assert!(fastest < 1.35 * speed_m_per_s, "{fastest}");
+            let Some(EventKind::MoveDone { error_m }) = bench.events.last() else { panic!("{:?}", bench.events) };
+            assert!(error_m.abs() < 30e-6, "{error_m}");
+            bench.run(100);
+            near(bench.position_m(), target_m, 25e-6);
+            assert_eq!((bench.shown().time_left_s, bench.shown().target_m), (Some(0.0), Some(target_m)));
+            assert_eq!(bench.shown().setpoint_m, Some(target_m));
+            near(bench.shown().load_n.unwrap(), load_n, 0.07 * load_n);
+        }
+    }
+}
+
+#[test]
+fn as_fast_as_possible_is_as_fast_as_the_motor_turns_and_is_told() {
+    let mut bench = Bench::homed();
+    assert_eq!(bench.ask(to(0.014, f32::INFINITY)), Ok(Accepted::Started));
+    let (mut fastest, mut limits) = (0f32, Vec::new());
+    for _ in 0..3000 {
+        let before_rad = bench.twist_rad;
+        bench.tick(None);
+        fastest = fastest.max((bench.twist_rad - before_rad) / TICK_S);
+        limits.extend(bench.shown().limit);
+        if bench.rig.state() != State::Moving {
+            break;
+        }
+    }
+    let most = constants().twist_speed_max();
+    assert!((0.9 * most..1.001 * most).contains(&fastest), "{fastest} of {most}");
+    assert!(limits.contains(&Limit::MotorSpeed), "{limits:?}");
+    bench.run(50);
+    assert_eq!(bench.shown().limit, None);
+}
+
+#[test]
+fn a_load_that_becomes_heavier_or_lighter_is_brought_back_and_known() {
+    for change_n in [0.6f32, -0.6] {
+        let mut bench = Bench::homed();
+        bench.move_to(0.008, 0.002);
+        bench.run(100);
+        let (before_n, held_m) = (bench.shown().load_n.unwrap(), bench.position_m());
+        bench.load_n += change_n;
+        bench.run(4);
+        assert!((held_m - bench.position_m()) * change_n > 0.0, "it sinks under more");
+        bench.run(296);
+        // Position is counted from the gap at homing, which hung at the old load.
+        let position_m = bench.shown().position_m.unwrap();
+        near(position_m, 0.008, 40e-6);
+        near(bench.shown().load_n.unwrap() - before_n, change_n, 0.15);
+        // It differs by more than a tenth from what homing confirmed.
+        assert_eq!(bench.shown().limit, Some(Limit::LoadUnknown));
+        // A move up and a move down confirm it.
+        bench.move_to(0.012, 0.004);
+        bench.move_to(0.004, 0.004);
+        bench.run(50);
+        assert_eq!(bench.shown().limit, None);
+    }
+}
+
+#[test]
+fn a_stop_brakes_and_the_next_move_goes_on_from_there() {
+    let mut bench = Bench::homed();
+    assert_eq!(bench.ask(to(0.012, 0.004)), Ok(Accepted::Started));
+    bench.run(150);
+    let (at_m, speed) = (bench.position_m(), bench.gap_speed_m_per_s.abs());
+    near(speed, 0.004, 0.4e-3);
+    assert_eq!(bench.ask(Request::Stop), Ok(Accepted::Done));
+    assert_eq!(bench.shown().time_left_s, None, "it is not known how long a stop takes");
+    bench.while_in(State::Moving);
+    assert_eq!(bench.events.last(), Some(&EventKind::Stopped));
+    let braked_m = bench.position_m() - at_m;
+    assert!((0.1e-3..1e-3).contains(&braked_m), "{braked_m}");
+    bench.run(50);
+    near(bench.shown().setpoint_m.unwrap(), bench.position_m(), 30e-6);
+    bench.move_to(0.002, 0.004);
+    near(bench.position_m(), 0.002, 30e-6);
+    // A move that follows another one at once needs no rest between.
+    assert_eq!(bench.ask(to(0.010, 0.004)), Ok(Accepted::Started));
+    bench.run(100);
+    assert_eq!(bench.ask(to(0.004, 0.004)), Ok(Accepted::Started));
+    bench.while_in(State::Moving);
+    near(bench.position_m(), 0.004, 30e-6);
+}
+
+#[test]
+fn a_jog_turns_at_its_speed_within_the_strings_range() {
+    let mut bench = Bench::new(5.0, 0.01, 9.0);
+    bench.while_in(State::Boot);
+    let jog = |twist_speed_rad_per_s| Request::Jog { twist_speed_rad_per_s };
+    assert_eq!(bench.ask(jog(3.0)), Ok(Accepted::Started));
+    assert_eq!(bench.rig.state(), State::Moving);
+    // 20 rad/s²: at speed after 0.15 s.
+    bench.run(100);
+    near(bench.twist_rad, 9.0 + 3.0 * (1.0 - 0.075), 0.06);
+    assert_eq!(bench.ask(jog(-2.0)), Ok(Accepted::Started), "it goes on from its speed");
+    bench.run(50);
+    let from_rad = bench.twist_rad;
+    bench.run(50);
+    near(bench.twist_rad - from_rad, -1.0, 0.01);
+    assert_eq!(bench.ask(Request::Stop), Ok(Accepted::Done));
+    // 2 rad/s at 20 rad/s² are ten ticks, of which that of the request is one.
+    assert_eq!(bench.while_in(State::Moving), 9);
+    assert_eq!((bench.rig.state(), bench.events.last()), (State::Unhomed, Some(&EventKind::Stopped)));
+    for speed in [4.01, f32::NAN] {
+        assert!(bench.ask(jog(speed)).is_err());
+    }
+    // A homed rig knows where its strings' range ends, either way.
+    bench.home();
+    assert_eq!(bench.ask(jog(4.0)), Ok(Accepted::Started));
+    bench.run(2000);
+    near(bench.twist_rad, table().metadata.twist_max_rad, 0.06);
+    assert_eq!((bench.shown().limit, bench.rig.state()), (Some(Limit::Travel), State::Moving));
+    assert_eq!(bench.ask(jog(-4.0)), Ok(Accepted::Started));
+    bench.run(100);
+    near(bench.twist_rad, table().metadata.twist_max_rad - 4.0 * (1.0 - 0.1), 0.1);
+    assert_eq!(bench.shown().limit, None);
+}
+
+/// Set-points of a stream that swings by 1 mm about 6 mm with 0.5 Hz, each 20 ms, for so long (s); the greatest distance.
+fn follow(bench: &mut Bench, seconds: f32) -> f32 {
+    let mut farthest_m = 0f32;
+    for k in 0..(seconds / TICK_S) as u16 {
+        let phase = PI * TICK_S * f32::from(k);
+        let (position_m, speed_m_per_s) = (0.006 + 1e-3 * phase.sin(), 1e-3 * PI * phase.cos());
+        let request = (k % 2 == 0).then_some(Request::Track { position_m, speed_m_per_s, for_s: 0.1 });
+        if let Some(reply) = bench.tick(request).reply {
+            assert_eq!(reply, Ok(Accepted::Started));
+        }
+        if k > 100 {
+            farthest_m = farthest_m.max((bench.position_m() - position_m).abs());
+        }
+    }
+    farthest_m
+}
+
+#[test]
+fn a_stream_is_followed_as_long_as_it_comes() {
+    let mut bench = Bench::homed();
+    bench.move_to(0.006, 0.004);
+    let farthest_m = follow(&mut bench, 4.0);
+    assert!(farthest_m < 0.1e-3, "{farthest_m}");
+    assert_eq!(bench.rig.state(), State::Moving);
+    // The last one holds for 0.1 s.
+    let events = bench.events.len();
+    bench.run(8);
+    assert_eq!(bench.events.len(), events);
+    bench.run(2);
+    assert_eq!(bench.events.last(), Some(&EventKind::StreamEnded(StreamEnd::Late)));
+    bench.while_in(State::Moving);
+    assert_eq!((bench.rig.state(), bench.events.last()), (State::Holding, Some(&EventKind::Stopped)));
+    follow(&mut bench, 1.0);
+    assert_eq!(bench.ask(Request::Stop), Ok(Accepted::Done));
+    bench.while_in(State::Moving);
+    assert_eq!(bench.rig.state(), State::Holding);
+}
+
+#[test]
+fn a_set_point_that_is_refused_or_out_of_reach_ends_a_stream() {
+    let mut bench = Bench::homed();
+    bench.move_to(0.006, 0.004);
+    let at = |position_m, speed_m_per_s, for_s| Request::Track { position_m, speed_m_per_s, for_s };
+    let tr_rad_per_m = bench.shown().tr_rad_per_m.unwrap();
+    // Half a second at the motor's full speed.
+    let reach_m = 0.5 * constants().twist_speed_max() / tr_rad_per_m;
+    let refused = |reply: Result<Accepted, Refusal>| match reply {
+        Err(Refusal::OutOfRange { parameter, .. } | Refusal::NotFinite { parameter }) => parameter,
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(refused(bench.ask(at(0.006 + 1.03 * reach_m, 0.0, 0.1))), Parameter::Target);
+    assert_eq!(refused(bench.ask(at(0.006 - 1.03 * reach_m, 0.0, 0.1))), Parameter::Target);
+    assert_eq!(refused(bench.ask(at(0.006, 0.0, 0.019))), Parameter::HoldsFor);
+    assert_eq!(refused(bench.ask(at(0.006, 0.0, 0.51))), Parameter::HoldsFor);
+    let most = bench.rig.settings().get(Setting::SpeedMax);
+    assert_eq!(refused(bench.ask(at(0.006, -1.01 * most, 0.1))), Parameter::Speed);
+    assert_eq!(bench.rig.state(), State::Holding);
+    assert_eq!(bench.ask(at(0.006 + 0.9 * reach_m, 0.0, 0.5)), Ok(Accepted::Started));
+    bench.run(5);
+    assert_eq!(refused(bench.ask(at(f32::NAN, 0.0, 0.1))), Parameter::Target);
+    assert_eq!(bench.events.last(), Some(&EventKind::StreamEnded(StreamEnd::Refused)));
+    bench.while_in(State::Moving);
+    assert_eq!(bench.rig.state(), State::Holding);
+    // A speed that leads out of reach before the next one comes.
+    let here_m = bench.shown().setpoint_m.unwrap();
+    assert_eq!(bench.ask(at(here_m - 0.98 * reach_m, -most, 0.5)), Ok(Accepted::Started));
+    bench.run(10);
+    assert_eq!(bench.events.last(), Some(&EventKind::StreamEnded(StreamEnd::TooFast)));
+}
+
+#[test]
+fn settings_act_at_once_and_those_that_change_the_units_unhome() {
+    let mut bench = Bench::homed();
+    bench.move_to(0.006, 0.004);
+    let set = |setting, value| Request::SetSetting { setting, value };
+    // Zero is called another height: the load stays.
+    assert_eq!(bench.ask(set(Setting::PositionZero, -0.002)), Ok(Accepted::Started));
+    bench.run(100);
+    near(bench.shown().position_m.unwrap(), 0.008, 30e-6);
+    near(bench.position_m(), 0.006, 30e-6);
+    assert_eq!(bench.rig.state(), State::Holding);
+    assert_eq!(bench.shown().setpoint_m.map(|m| (1e6 * m).round()), Some(8000.0));
+    assert_eq!(bench.ask(set(Setting::SpeedMax, 0.001)), Ok(Accepted::Started));
+    assert!(bench.ask(to(0.010, 0.002)).is_err());
+    assert_eq!(bench.ask(to(0.010, 0.001)), Ok(Accepted::Started));
+    assert_eq!(bench.ask(set(Setting::SpeedMax, 0.002)), Err(Refusal::Busy { state: State::Moving }));
+    bench.while_in(State::Moving);
+    near(bench.position_m(), 0.008, 30e-6);
+    assert!(bench.ask(set(Setting::SpeedMax, -1.0)).is_err());
+    let twist_rad = bench.twist_rad;
+    assert_eq!(bench.ask(set(Setting::LvdtGain, 1.01)), Ok(Accepted::Unhomed));
+    assert_eq!(bench.rig.state(), State::Unhomed);
+    bench.run(100);
+    assert_eq!((bench.rig.fault(), bench.shown().position_m), (None, None));
+    near(bench.twist_rad, twist_rad, 0.01);
+}
+
+#[test]
+fn what_is_shown_of_motor_sensors_and_errors_is_what_is() {
+    let mut bench = Bench::homed();
+    let found = bench.rig.homed().unwrap().found;
+    bench.run(20);
+    near(bench.shown().load_error_n.unwrap(), found.load_error_n, 0.3 * found.load_error_n);
+    near(bench.shown().position_error_m.unwrap(), 1.645 * found.gap_noise_m, 1e-7);
+    assert_eq!(bench.ask(to(0.010, 0.004)), Ok(Accepted::Started));
+    bench.run(150);
+    // Twist speed by the gear, in whole rpm; a few milliamperes.
+    let motor_rad_per_s = bench.speed_rad_per_s * bench.constants.gear_ratio;
+    near(bench.shown().drive_speed_rad_per_s, motor_rad_per_s, 0.06);
+    assert!((0.3e-3..5e-3).contains(&bench.shown().drive_current_a), "{}", bench.shown().drive_current_a);
+    bench.while_in(State::Moving);
+    bench.run(50);
+    // The sine of the LVDT's non-linearity has its slope, whose greater part counts, over the way since homing.
+    let rig = constants();
+    let by_lvdt_m = 0.74 * 2.0 * PI * rig.lvdt_linearity_m / rig.lvdt_stroke_m * 0.010;
+    let expected_m = by_lvdt_m.hypot(1.645 * found.gap_noise_m);
+    near(bench.shown().position_error_m.unwrap(), expected_m, 0.02 * expected_m);
+    let sensors = bench.sensors.as_ref().unwrap();
+    let shaft_rad = bench.twist_rad + bench.zero_rad();
+    near(sensors.shaft_rad, shaft_rad, 1e-3);
+    near(sensors.drive_rad.unwrap(), shaft_rad + 3000.0 / bench.constants.counts_per_rad, 1e-3);
+    near(sensors.gap_m.unwrap(), bench.gap_m, 20e-6);
+    near(sensors.rest_tolerance_m.unwrap(), (1.7 * found.gap_noise_m).max(6e-6), 1e-7);
+}
+
+#[test]
+fn strings_are_untwisted_only_a_little_below_the_half_turn() {
+    let mut bench = Bench::homed();
+    bench.move_to(0.001, 0.004);
+    bench.load_n -= 1.5;
+    bench.run(400);
+    near(bench.twist_rad, PI - 0.15, 0.01);
+    assert_eq!((bench.shown().limit, bench.rig.state()), (Some(Limit::Travel), State::Holding));
+}
+
+#[test]
+fn strings_whose_radius_drifts_are_learned_from_long_moves() {
+    for drifted in [1.004f32, 0.996] {
+        let mut bench = Bench::homed();
+        let before = bench.shown().twist_scale.unwrap();
+        bench.twist_scale = drifted;
+        for _ in 0..6 {
+            bench.move_to(0.014, 0.006);
+            bench.move_to(0.001, 0.006);
+        }
+        let learned = (bench.shown().twist_scale.unwrap() - before) / (drifted - 1.0);
+        assert!((0.2..1.3).contains(&learned), "{learned}");
+    }
+}
+
+#[test]
+fn a_load_that_sticks_is_brought_near_its_target_by_a_few_approaches() {
+    let mut bench = Bench::new(1.5, 0.02, 9.0);
+    bench.while_in(State::Boot);
+    assert_eq!(bench.ask(Request::HOME), Ok(Accepted::Started));
+    // Before the load is weighed.
+    bench.run(1250);
+    bench.stiction_n = 0.12;
+    bench.while_in(State::Homing);
+    let found = bench.rig.homed().expect("homed").found;
+    // It jumps by 2 (Fs − Fc)/k.
+    assert!(found.jump_m > 0.0, "{found:?}");
+    for target_m in [0.006f32, 0.002, 0.009, 0.004] {
+        bench.move_to(target_m, 0.001);
+        bench.run(300);
+        let error_m = bench.position_m() - target_m;
+        assert!(error_m.abs() < 0.6 * found.jump_m.max(50e-6), "{error_m} of a jump of {}", found.jump_m);
+    }
+}
+
+#[test]
+fn a_move_goes_on_from_a_stream_and_other_motions_must_end_first() {
+    let mut bench = Bench::homed();
+    bench.move_to(0.006, 0.004);
+    // At 0.85 s it goes down by 2.8 mm/s.
+    follow(&mut bench, 0.85);
+    let before_m = bench.shown().setpoint_m.unwrap();
+    assert_eq!(bench.ask(to(0.002, 0.004)), Ok(Accepted::Started));
+    near(bench.shown().setpoint_m.unwrap() - before_m, -2.8e-5, 0.6e-5);
+    bench.while_in(State::Moving);
+    near(bench.position_m(), 0.002, 30e-6);
+    assert_eq!(bench.ask(Request::Jog { twist_speed_rad_per_s: 1.0 }), Ok(Accepted::Started));
+    assert_eq!(bench.ask(to(0.004, 0.004)), Err(Refusal::Busy { state: State::Moving }));
+    assert_eq!(bench.ask(Request::HOME), Err(Refusal::Busy { state: State::Moving }));
+}
+
+#[test]
+fn another_table_is_taken_while_nothing_moves_and_unhomes() {
+    let mut bench = Bench::new(5.0, 0.01, 9.0);
+    bench.tick(None);
+    assert!(!bench.rig.stands(), "it starts");
+    let mut bench = Bench::homed();
+    assert_eq!(bench.ask(to(0.004, 0.004)), Ok(Accepted::Started));
+    assert!(!bench.rig.use_table(table()) && !bench.rig.stands());
+    bench.while_in(State::Moving);
+    assert!(bench.rig.stands() && bench.rig.use_table(table()));
+    assert_eq!(bench.rig.state(), State::Unhomed);
+}
+
+#[test]
+fn a_move_whose_load_is_jammed_near_its_target_ends_after_six_seconds_and_tells_how_far_it_is() {
+    let mut bench = Bench::homed();
+    assert_eq!(bench.ask(to(0.006, 0.002)), Ok(Accepted::Started));
+    for _ in 0..1000 {
+        if bench.shown().setpoint_m.unwrap() > 5.9e-3 {
+            break;
+        }
+        bench.tick(None);
+    }
+    bench.friction_n = 100.0;
+    let ticks = bench.while_in(State::Moving);
+    assert!((590..720).contains(&ticks), "{ticks}");
+    let Some(EventKind::MoveDone { error_m }) = bench.events.last() else { panic!("{:?}", bench.events) };
+    near(*error_m, bench.shown().position_m.unwrap() - 0.006, 1e-6);
+    assert!(*error_m < -30e-6, "{error_m}");
+}
+
+#[test]
+fn a_move_ends_where_the_strings_do_when_its_load_becomes_too_heavy_for_the_target() {
+    let mut bench = Bench::homed();
+    let Err(Refusal::OutOfRange { max, .. }) = bench.ask(to(0.1, 0.006)) else { panic!("it is out of range") };
+    assert_eq!(bench.ask(to(max - 0.1e-3, 0.006)), Ok(Accepted::Started));
+    bench.run(100);
+    bench.load_n += 0.6;
+    bench.while_in(State::Moving);
+    assert_eq!((bench.rig.state(), bench.shown().limit), (State::Holding, Some(Limit::Travel)));
+    near(bench.twist_rad, table().metadata.twist_max_rad, 0.02);
+    let Some(EventKind::MoveDone { error_m }) = bench.events.last() else { panic!("{:?}", bench.events) };
+    assert!((-1e-3..-0.1e-3).contains(error_m), "{error_m}");
+}

@@ -1,0 +1,242 @@
+//! The load observer, tick by tick, on the default scene's mechanism.
+
+mod common;
+
+use common::{hanging, table};
+use rig_control::TICK_S;
+use rig_control::load_motion::{Measured, MotionObserver};
+use rig_control::mechanism::Mechanism;
+use rig_control::observer::{LoadObserver, Observation};
+use rig_link::messages::{GapCurve, HomingResult, LoadChoice};
+use tsa_table::Uncertainty;
+
+const TWIST_RAD: f32 = 25.0;
+const LOAD_N: f32 = 5.0;
+const FRICTION_N: f32 = 0.1;
+
+fn mechanism() -> Mechanism<'static> {
+    Mechanism { table: table(), twist_scale: 1.0, curve: GapCurve::constant(0.0) }
+}
+
+/// Homed with 5 N on a rail with 0.1 N of friction, after a way down.
+fn observer() -> LoadObserver {
+    let homed = HomingResult {
+        zero_error_rad: 0.0,
+        load_n: LOAD_N,
+        load_error_n: 0.25,
+        friction_n: FRICTION_N,
+        reference_gap_m: 0.095,
+        gap_noise_m: 0.0,
+        jump_m: 0.0,
+        twist_scale: 1.0,
+        curve: GapCurve::constant(0.0),
+        covariance: [1e-6, 0.0, 0.0],
+        drive_lag_s: 0.01,
+    };
+    let known = Uncertainty { radius: 0.01, gap_zero_m: 1e-4, load_shape: 0.01, rod_memory: 0.1 };
+    LoadObserver::new(&homed, &known)
+}
+
+fn gap_m(pull_n: f32) -> f32 {
+    mechanism().at(pull_n, TWIST_RAD).gap_m
+}
+
+/// So many ticks with strings that pull so much (N); the last observation.
+fn pulls(observer: &mut LoadObserver, pull_n: f32, ticks: u32) -> Observation {
+    let step = |_| observer.step(&mechanism(), TWIST_RAD, Some(gap_m(pull_n)));
+    (0..ticks).map(step).last().expect("a tick")
+}
+
+#[track_caller]
+fn near(found: f32, expected: f32, error: f32) {
+    assert!((found - expected).abs() <= error, "{found} instead of {expected}, within {error}");
+}
+
+#[test]
+fn a_pull_anywhere_in_the_friction_band_says_nothing_of_a_load_at_rest() {
+    for pull_n in [LOAD_N - FRICTION_N, LOAD_N, LOAD_N + FRICTION_N] {
+        let mut observer = observer();
+        let seen = pulls(&mut observer, pull_n, 200);
+        near(seen.load_n, LOAD_N, 0.02);
+        near(seen.pull_n, pull_n, 0.005);
+        near(seen.modelled_gap_m, gap_m(pull_n), 2e-6);
+        assert!(!seen.changing && seen.confirmed && !seen.at_range_end && seen.moved_m == 0.0);
+        assert_eq!(seen.friction_n, FRICTION_N);
+        // Known no better than homing left it, and a little worse for what drifts.
+        near(seen.load_error_n, 0.25, 0.05);
+    }
+}
+
+#[test]
+fn a_pull_beyond_the_band_is_another_load_that_is_followed_in_the_time_constant() {
+    for (load_n, end_n) in [(7.0f32, 7.0 - FRICTION_N), (3.5, 3.5 + FRICTION_N)] {
+        let mut observer = observer();
+        pulls(&mut observer, LOAD_N - FRICTION_N, 50);
+        // The load sinks or rises at once; then nothing moves.
+        let first = pulls(&mut observer, end_n, 1);
+        assert!(first.changing && first.moved_m > 0.0);
+        near(first.moved_m, (gap_m(end_n) - gap_m(LOAD_N - FRICTION_N)).abs(), 31e-6);
+        assert!(first.load_error_n > 0.9 * (load_n - LOAD_N).abs(), "{}", first.load_error_n);
+        // What is left falls by e in 0.15 s.
+        let mut left = [0.0; 2];
+        for left_n in &mut left {
+            *left_n = (pulls(&mut observer, end_n, 15).load_n - load_n).abs();
+        }
+        assert!(left[0] < 0.5 * (load_n - LOAD_N).abs(), "{left:?}");
+        let seen = pulls(&mut observer, end_n, 170);
+        // What is left is no more than noise and a share of the load may make.
+        near(seen.load_n, load_n, 0.3);
+        assert!(!seen.changing && !seen.confirmed, "settled, but not what homing found");
+    }
+}
+
+#[test]
+fn moves_up_and_down_find_the_load_in_the_middle_of_the_band_and_confirm_it() {
+    let mut observer = observer();
+    let load_n = 4.0;
+    // Up and down by 6 rad in a second each; the strings pull the load and friction, or less friction.
+    let sweep = |observer: &mut LoadObserver, up: bool| {
+        let seen = (0..=100u8).map(|k| {
+            let share = f32::from(k) / 100.0;
+            let twist_rad = 20.0 + 6.0 * if up { share } else { 1.0 - share };
+            let pull_n = if up { load_n + FRICTION_N } else { load_n - FRICTION_N };
+            observer.step(&mechanism(), twist_rad, Some(mechanism().at(pull_n, twist_rad).gap_m))
+        });
+        seen.last().expect("a tick")
+    };
+    for up in [true, false, true] {
+        sweep(&mut observer, up);
+    }
+    near(observer.load_n(), load_n, 0.02);
+    assert!(!sweep(&mut observer, false).confirmed);
+    observer.end_move(true);
+    assert!(!sweep(&mut observer, true).confirmed, "one way is not enough");
+    observer.end_move(true);
+    assert!(sweep(&mut observer, false).confirmed);
+    // A move along which the load was not the same takes its way back, and a load outside the table's twists is not known.
+    observer.lose();
+    let lost = sweep(&mut observer, true);
+    assert!(!lost.confirmed);
+    observer.end_move(true);
+    sweep(&mut observer, false);
+    observer.end_move(false);
+    assert!(!sweep(&mut observer, true).confirmed);
+    // The way up pulls more: friction is on the other side.
+    near(lost.pull_n, load_n + FRICTION_N, 0.01);
+    near(lost.point.gap_m, mechanism().at(load_n + FRICTION_N, 26.0).gap_m, 1e-5);
+}
+
+#[test]
+fn the_pull_does_not_jump_when_the_load_turns_round() {
+    let mut observer = observer();
+    let before = pulls(&mut observer, LOAD_N - FRICTION_N, 50);
+    let turned = observer.step(&mechanism(), TWIST_RAD, Some(gap_m(LOAD_N - FRICTION_N) - 20e-6));
+    assert!(turned.moved_m > 0.0);
+    near(turned.pull_n, before.pull_n, 0.05);
+    let after = observer.step(&mechanism(), TWIST_RAD, Some(gap_m(LOAD_N - FRICTION_N) - 20e-6));
+    near(after.point.gap_m, gap_m(after.load_n + FRICTION_N), 1e-6);
+}
+
+#[test]
+fn a_load_that_moves_shows_its_friction_better_than_one_at_rest() {
+    let mut observer = observer();
+    observer.lose();
+    let rest_n = pulls(&mut observer, LOAD_N - FRICTION_N, 2).load_error_n;
+    // Down by 2 rad in 0.5 s, which is more than a third of a millimetre.
+    let mut moved_n = 0.0;
+    for k in 1..=50u8 {
+        let twist_rad = TWIST_RAD - 0.04 * f32::from(k);
+        let gap_m = mechanism().at(LOAD_N - FRICTION_N, twist_rad).gap_m;
+        moved_n = observer.step(&mechanism(), twist_rad, Some(gap_m)).load_error_n;
+    }
+    // 0.6 and 0.3 of the friction.
+    let expected_n2 = (1.645 * FRICTION_N).powi(2) * (0.36 - 0.09);
+    near(rest_n * rest_n - moved_n * moved_n, expected_n2, 0.2 * expected_n2);
+}
+
+#[test]
+fn a_fast_load_is_known_less_well() {
+    let mut observer = observer();
+    let still_n = pulls(&mut observer, LOAD_N - FRICTION_N, 50).load_error_n;
+    // Up by 0.5 mm in each tick, which a filter of 50 ms has followed to 89 % after ten.
+    let mut twist_rad = TWIST_RAD;
+    let mut seen_n = 0.0;
+    for _ in 0..10 {
+        twist_rad += 0.5e-3 * mechanism().at(LOAD_N + FRICTION_N, twist_rad).tr_rad_per_m();
+        let gap_m = mechanism().at(LOAD_N + FRICTION_N, twist_rad).gap_m;
+        seen_n = observer.step(&mechanism(), twist_rad, Some(gap_m)).load_error_n;
+    }
+    let expected_n = 2.0 * (0.89 * 0.05 - 0.02) * LOAD_N;
+    near(seen_n - still_n, expected_n, 0.35 * expected_n);
+}
+
+#[test]
+fn without_a_gap_the_estimate_stays_and_a_given_load_is_used_as_it_is() {
+    let mut observer = observer();
+    pulls(&mut observer, LOAD_N - FRICTION_N, 50);
+    let before_n = observer.load_n();
+    let blind = observer.step(&mechanism(), TWIST_RAD, None);
+    assert_eq!((blind.load_n, blind.moved_m), (before_n, 0.0));
+    observer.rescale(-0.5);
+    near(observer.load_n(), before_n - 0.5, 1e-6);
+    observer.source = LoadChoice::Known(6.0);
+    let given = observer.step(&mechanism(), TWIST_RAD, None);
+    assert_eq!(given.load_n, 6.0);
+    assert_eq!(given.point, mechanism().at(6.0 - FRICTION_N, TWIST_RAD));
+    observer.source = LoadChoice::Known(1e3);
+    assert_eq!(observer.step(&mechanism(), TWIST_RAD, None).load_n, table().metadata.load_max_n);
+}
+
+#[test]
+fn the_ends_of_the_table_are_told_at_once_where_it_is_heavy_and_beyond_the_error_where_it_is_light() {
+    let m = &table().metadata;
+    let beyond = |pull_n: f32| {
+        let inside_n = pull_n.clamp(m.load_min_n, m.load_max_n);
+        let point = mechanism().at(inside_n, TWIST_RAD);
+        point.gap_m + (pull_n - inside_n) * point.dgap_dload_m_per_n
+    };
+    let ends = |pull_n: f32| {
+        let mut observer = observer();
+        (0..400).fold(false, |_, _| observer.step(&mechanism(), TWIST_RAD, Some(beyond(pull_n))).at_range_end)
+    };
+    assert!(ends(m.load_max_n + 1.0) && !ends(m.load_max_n - 0.5));
+    assert!(ends(0.2 * m.load_min_n) && !ends(m.load_min_n + 0.1));
+}
+
+#[test]
+fn the_error_grows_with_the_time_since_homing() {
+    let mut observer = observer();
+    let early = pulls(&mut observer, LOAD_N - FRICTION_N, 2).load_error_n;
+    // Ten minutes.
+    let late = pulls(&mut observer, LOAD_N - FRICTION_N, (600.0 / TICK_S) as u32).load_error_n;
+    let later = pulls(&mut observer, LOAD_N - FRICTION_N, 1000).load_error_n;
+    let drift = |share: f32| (1.645 * share * LOAD_N).powi(2);
+    near(late * late - early * early, drift(0.012) - drift(0.003), 2e-4);
+    near(later, late, 1e-4);
+}
+
+#[test]
+fn a_measurement_that_comes_again_changes_nothing_and_one_after_a_gap_begins_anew() {
+    let load = hanging(LOAD_N, 0.0, TWIST_RAD);
+    let mut observer = MotionObserver::at_rest(&mechanism(), gap_m(LOAD_N), TWIST_RAD, LOAD_N);
+    let measured = |gap_m, step_s| Measured { gap_m, twist_rad: TWIST_RAD, step_s };
+    let before = observer.now();
+    // ω² = k/m = g/(W ∂G/∂F)
+    let expected = 9.806_65 / (LOAD_N * load.observation.point.dgap_dload_m_per_n);
+    near(before.frequency_squared(), expected, 1e-3 * expected);
+    observer.step(&mechanism(), &measured(gap_m(LOAD_N) + 1e-3, 0.0));
+    assert_eq!(observer.now(), before);
+    observer.step(&mechanism(), &measured(gap_m(LOAD_N) + 1e-3, 0.01));
+    assert!(observer.now().speed_m_per_s > 0.0 && observer.now().weight_n > LOAD_N);
+    observer.step(&mechanism(), &measured(gap_m(4.0), 0.051));
+    assert_eq!((observer.now().gap_m, observer.now().speed_m_per_s), (gap_m(4.0), 0.0));
+    near(observer.now().weight_n, 4.0, 0.01);
+    // After no more than 0.05 s it goes on: half a newton more is not taken for granted.
+    observer.step(&mechanism(), &measured(gap_m(4.5), 0.05));
+    assert!((4.0..4.3).contains(&observer.now().weight_n), "{}", observer.now().weight_n);
+    // However light it seems, it has a weight: 0.3 of the table's least load.
+    for _ in 0..200 {
+        observer.step(&mechanism(), &measured(0.05, 0.01));
+    }
+    near(observer.now().weight_n, 0.3 * table().metadata.load_min_n, 1e-6);
+}
