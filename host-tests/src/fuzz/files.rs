@@ -75,7 +75,10 @@ pub fn identification(data: &[u8]) {
     if data.rows.len() > 40 || plausible::impossible(&data, scene.geometry.string_length_m).is_some() {
         return;
     }
-    let _ = plausible::likely(&data, &scene);
+    // As the command: a wrong unit is refused before a fit, which could take minutes.
+    if plausible::wrong_unit(&plausible::likely(&data, &scene), &data).is_some() {
+        return;
+    }
     let candidates = Candidate::all(&scene, Some(Law::of(&scene)), data.knows_its_zero());
     if let Ok(found) = identify(&scene, &data, &candidates[..1]) {
         assert!(found.scene.validate().is_ok());
