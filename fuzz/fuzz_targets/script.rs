@@ -1,3 +1,3 @@
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|data: &[u8]| host_tests::fuzz::script(data));
+libfuzzer_sys::fuzz_target!(|data: &[u8]| host_tests::fuzz::files::script(data));

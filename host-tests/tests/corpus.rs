@@ -5,9 +5,6 @@ use host_tests::root;
 use rand::seq::IndexedRandom;
 use rand::{RngExt, SeedableRng};
 
-/// Changed copies of each door's corpus. The control code takes a hundred ticks each.
-const CHANGED: usize = 20_000;
-
 fn corpus(door: &str) -> Vec<Vec<u8>> {
     let folder = root().join("fuzz/corpus").join(door);
     let mut files: Vec<_> = std::fs::read_dir(&folder)
@@ -20,19 +17,19 @@ fn corpus(door: &str) -> Vec<Vec<u8>> {
 
 #[test]
 fn no_door_breaks_on_what_fuzzing_kept() {
-    for (name, door) in DOORS {
+    for (name, door, copies) in DOORS {
         let corpus = corpus(name);
         assert!(!corpus.is_empty(), "no corpus for {name}");
         corpus.iter().for_each(|data| door(data));
         let mut random = rand_pcg::Pcg64Mcg::seed_from_u64(20);
-        for _ in 0..CHANGED {
+        for _ in 0..*copies {
             let mut data = corpus.choose(&mut random).unwrap().clone();
             for _ in 0..random.random_range(1..6) {
                 change(&mut data, &corpus, &mut random);
             }
             door(&data);
         }
-        println!("{name}: {} files and {CHANGED} changed copies", corpus.len());
+        println!("{name}: {} files and {copies} changed copies", corpus.len());
     }
 }
 

@@ -11,6 +11,12 @@ pub const EVERY_S: f64 = 0.02;
 /// beside the rig does not wait long.
 pub const HOLDS_FOR_S: f32 = 0.2;
 
+/// Longest course (s), greatest position (m) and speed (m/s) that are taken for a rig's: beyond them a unit is wrong, and
+/// set-points between two points could be more than a number of the link can hold.
+const LONGEST_S: f64 = 1e6;
+const MOST_M: f64 = 10.0;
+const MOST_M_PER_S: f64 = 100.0;
+
 /// One point of a course.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CoursePoint {
@@ -66,8 +72,8 @@ impl Course {
     /// slope to both neighbours between.
     ///
     /// # Errors
-    /// Naming what is wrong: fewer than two points, numbers that are not finite, times that do not grow, lists of unlike
-    /// lengths.
+    /// Naming what is wrong: fewer than two points, numbers that are not finite or that no rig can have, times that do not
+    /// grow, lists of unlike lengths.
     pub fn new(times_s: &[f64], positions_m: &[f64], speeds_m_per_s: Option<&[f64]>) -> Result<Self, String> {
         let count = times_s.len();
         if count < 2 {
@@ -92,6 +98,15 @@ impl Course {
             }
             if !later {
                 return Err(format!("point {k}: its time, {} s, is not later than the one before", times_s[k]));
+            }
+            for (name, value, most, unit) in [
+                ("time", p.t_s, LONGEST_S, "s"),
+                ("position", p.position_m, MOST_M, "m"),
+                ("speed", p.speed_m_per_s, MOST_M_PER_S, "m/s"),
+            ] {
+                if value.abs() > most {
+                    return Err(format!("point {k}: its {name} is {value} {unit}, more than {most} {unit}"));
+                }
             }
         }
         Ok(Self(points))
@@ -189,5 +204,14 @@ mod tests {
         }
         assert!(Course::new(&[0.0, 1.0], &[0.0], None).is_err_and(|e| e.contains("2 times, 1 positions")));
         assert!(Course::new(&[0.0, 1.0], &[0.0, f64::INFINITY], None).is_err_and(|e| e.contains("point 1")));
+        // Finite numbers that no single-precision set-point can have.
+        for (times_s, positions_m, speeds_m_per_s, named) in [
+            ([0.0, 1.0], [0.0, 1e300], [0.0; 2], "point 1: its position"),
+            ([0.0, 1.0], [0.0, 0.01], [0.0, -1e39], "point 1: its speed"),
+            ([0.0, 1e39], [0.0, 0.01], [0.0, 0.01], "point 1: its time"),
+        ] {
+            let error = Course::new(&times_s, &positions_m, Some(&speeds_m_per_s)).expect_err(named);
+            assert!(error.contains(named), "{error}");
+        }
     }
 }

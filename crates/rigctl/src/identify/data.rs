@@ -154,6 +154,9 @@ impl Data {
 
 /// Standard deviation of a sweep's rows that do not say their own (m): half a count of a 12-bit converter on 200 mm.
 pub const SIGMA_M: f64 = 25e-6;
+/// Least and greatest one that a row can say (m). No sensor of a rig is as good or as bad, and the squares of errors in
+/// standard deviations stay far from the limits of a number.
+const SIGMAS_M: [f64; 2] = [1e-9, 1.0];
 
 /// The paper's numbers; `held_out` are ids, or `theory`, `experiment`, `tr`, `span`, `contraction`.
 ///
@@ -269,8 +272,9 @@ pub fn sweeps(scene: &Scene, files: &[impl AsRef<Path>], partial: bool) -> Resul
                     }
                 };
                 let sigma = sigma.map_or(Ok(SIGMA_M), number)?;
-                if sigma <= 0.0 {
-                    return Err(format!("sigma_m {sigma} must be above 0"));
+                let [least, most] = SIGMAS_M;
+                if !(least..=most).contains(&sigma) {
+                    return Err(format!("sigma_m {sigma} must be from {least} to {most} m"));
                 }
                 let load_n = number(load)?;
                 if load_n < tsa_model::mechanism::MINIMUM_LOAD_N {
@@ -307,4 +311,24 @@ pub fn sweeps(scene: &Scene, files: &[impl AsRef<Path>], partial: bool) -> Resul
         data.files.push((path.display().to_string(), before..data.rows.len()));
     }
     Ok(data)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// With 1e-300 m squares of errors overflow, and an identification would be certain of constants that are not numbers.
+    #[test]
+    fn a_deviation_that_no_sensor_has_is_refused_by_name() {
+        let scene = Scene::from_toml_str(include_str!("../../../../scenes/default.toml")).expect("a scene");
+        let file = std::env::temp_dir().join(format!("rigctl-sigma-{}.csv", std::process::id()));
+        for (sigma_m, good) in [("2e-5", true), ("0", false), ("-1e-5", false), ("1e-300", false), ("1e300", false)] {
+            let text = format!("load_n,turns,gap_m,sigma_m\n5,3,0.09,2e-5\n5,4,0.08,{sigma_m}\n");
+            std::fs::write(&file, text).expect("a temporary file");
+            let data = sweeps(&scene, &[&file], false).expect("one good row");
+            let named = data.bad.iter().any(|why| why.contains(&format!("{}:3: sigma_m", file.display())));
+            assert_eq!((data.rows.len(), named), (if good { 2 } else { 1 }, !good), "{sigma_m}: {:?}", data.bad);
+        }
+        std::fs::remove_file(&file).expect("a temporary file");
+    }
 }

@@ -52,14 +52,24 @@ pub struct Sweep {
     pub stops: Vec<Stop>,
 }
 
+/// A number of the header; none if it is not there.
+fn number(log: &Log, key: &str) -> Result<Option<f64>, String> {
+    let parse = |text: &str| {
+        let number = text.parse::<f64>().ok().filter(|number| number.is_finite());
+        number.ok_or_else(|| format!("{key} `{text}` is not a number"))
+    };
+    log.header.get(key).map(parse).transpose()
+}
+
 /// The gap at position zero, by the log's last homing and its settings (m).
-fn zero_gap_m(log: &Log) -> Option<f64> {
+fn zero_gap_m(log: &Log) -> Result<Option<f64>, String> {
     let homed = log.marks.iter().rev().find_map(|marked| match marked.mark {
         Mark::Homed(found) => Some(f64::from(found.reference_gap_m)),
         _ => None,
-    })?;
-    let zero = log.header.get(&format!("{SETTINGS}{}", Setting::PositionZero.name()));
-    Some(homed - zero.and_then(|value| value.parse::<f64>().ok()).unwrap_or(0.0))
+    });
+    let Some(homed) = homed else { return Ok(None) };
+    let zero = number(log, &format!("{SETTINGS}{}", Setting::PositionZero.name()))?;
+    Ok(Some(homed - zero.unwrap_or(0.0)))
 }
 
 /// The load that hung, and the equilibria.
@@ -67,12 +77,8 @@ fn zero_gap_m(log: &Log) -> Option<f64> {
 /// # Errors
 /// In words, if the log is not one of a sweep, or has one direction only.
 pub fn reduce(log: &Log) -> Result<Sweep, String> {
-    let number = |key: &str| {
-        let parse = |text: &str| text.parse::<f64>().map_err(|_| format!("{key} `{text}` is not a number"));
-        log.header.get(key).map(parse).transpose()
-    };
-    let load_n = number("sweep.load_n")?.ok_or("is a log, but not of `rigctl sweep`: nobody weighed its load")?;
-    let after_n = number("sweep.after_n")?;
+    let load_n = number(log, "sweep.load_n")?.ok_or("is a log, but not of `rigctl sweep`: nobody weighed its load")?;
+    let after_n = number(log, "sweep.after_n")?;
     let mut bins: BTreeMap<i64, [Sums; 2]> = BTreeMap::new();
     let moving = |r: &LogRow| r.twist_rad.zip(r.position_m).filter(|_| r.state == State::Moving);
     // Where the load stood when the way began, until it has moved away from there.
@@ -109,5 +115,39 @@ pub fn reduce(log: &Log) -> Result<Sweep, String> {
     if stops.is_empty() {
         return Err("has no twist that was passed both up and down".into());
     }
-    Ok(Sweep { load_n, after_n, zero_gap_m: zero_gap_m(log), stops })
+    Ok(Sweep { load_n, after_n, zero_gap_m: zero_gap_m(log)?, stops })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// One equilibrium, passed up and down.
+    const LOG: &str = include_str!("../../../../fuzz/corpus/log/sweep.log");
+
+    fn reduced(from: &str, to: &str) -> Result<Sweep, String> {
+        assert!(LOG.contains(from));
+        reduce(&Log::parse(&LOG.replacen(from, to, 1)).map_err(|e| e.to_string())?)
+    }
+
+    #[test]
+    fn the_gap_at_position_zero_is_that_of_homing_and_settings() {
+        let sweep = reduced("", "").expect("a sweep");
+        assert_eq!((sweep.load_n, sweep.after_n, sweep.stops.len()), (5.0, None, 1));
+        assert!(sweep.zero_gap_m.is_some_and(|gap_m| (gap_m - 0.099).abs() < 1e-6), "{:?}", sweep.zero_gap_m);
+    }
+
+    #[test]
+    fn what_is_no_number_is_named() {
+        for (from, to, named) in [
+            ("sweep.load_n = 5", "sweep.load_n = inf", "sweep.load_n `inf`"),
+            ("sweep.load_n = 5", "sweep.load_n = 5\n# sweep.after_n = nan", "sweep.after_n `nan`"),
+            ("position-zero = 0.001", "position-zero = inf", "settings.position-zero `inf`"),
+            ("position-zero = 0.001", "position-zero = x", "settings.position-zero `x`"),
+            ("\"reference_gap_m\":0.1", "\"reference_gap_m\":1e39", "event homed"),
+        ] {
+            let error = reduced(from, to).expect_err(to);
+            assert!(error.contains(named), "{to}: {error}");
+        }
+    }
 }

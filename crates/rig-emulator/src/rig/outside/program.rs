@@ -9,9 +9,9 @@
 //!
 //! Numbers are separated by blanks and in SI units; the torque acts on the output shaft and is positive towards more twist.
 
-use std::io::{BufRead, BufReader, Write};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::process::{Child, ChildStdin, Command, Stdio};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
@@ -19,6 +19,10 @@ use std::time::Duration;
 const VERSION: u32 = 1;
 /// How long an answer may take.
 pub const PATIENCE: Duration = Duration::from_secs(10);
+/// Longest answer (bytes): three numbers have some tens. A longer one is cut.
+const LONGEST: u64 = 4096;
+/// Lines that a program may be ahead of the questions; then it has to wait.
+const AHEAD: usize = 16;
 /// Greatest gap (m), torque (N m) and pull (N) that are taken for a rig's.
 const MOST_M: f64 = 10.0;
 const MOST_NM: f64 = 100.0;
@@ -130,12 +134,14 @@ impl PlantProgram {
         let (Some(input), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
             return Err(fail(ProgramFailure::Start("it has no standard input or output".to_owned())));
         };
-        let (sender, lines) = channel();
+        let (sender, lines) = sync_channel(AHEAD);
         // Ends with the program's output, or when nobody listens any more.
         std::thread::spawn(move || {
-            for line in BufReader::new(output).lines() {
-                let Ok(line) = line else { return };
-                if sender.send(line).is_err() {
+            let mut output = BufReader::new(output);
+            loop {
+                let mut line = String::new();
+                let read = output.by_ref().take(LONGEST).read_line(&mut line);
+                if !matches!(read, Ok(1..)) || sender.send(line).is_err() {
                     return;
                 }
             }
@@ -217,7 +223,7 @@ impl PlantProgram {
     }
 
     fn wrong(&self, line: &str, answer: &str, wanted: &'static str) -> ProgramError {
-        let answer = answer.chars().take(80).collect();
+        let answer = answer.trim_end().chars().take(80).collect();
         self.fail(ProgramFailure::Answer { line: line.to_owned(), answer, wanted })
     }
 }
@@ -313,6 +319,17 @@ mod tests {
             let error = start(&command).unwrap().step(1.0).unwrap_err().to_string();
             assert!(error.contains(said) && error.contains(&command), "{name}: {error}");
         }
+    }
+
+    #[test]
+    fn a_program_that_prints_without_end_takes_no_more_memory() {
+        let long = script("long", "read -r line; echo ok; read -r line; while :; do printf 0.1; done");
+        let error = start(&long).unwrap().step(1.0).unwrap_err().to_string();
+        assert!(error.contains("answered `step 1` with `0.10.10.1"), "{error}");
+        let mut ahead = start(&script("ahead", "while :; do echo ok; done")).unwrap();
+        std::thread::sleep(Duration::from_millis(200));
+        let kept = ahead.lines.get_mut().unwrap().try_iter().take(1000).count();
+        assert!(kept < 1000, "{kept} lines wait");
     }
 
     #[test]
