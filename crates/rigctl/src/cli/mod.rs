@@ -175,7 +175,7 @@ pub enum Command {
     },
     /// Lead the load along a course: stream set-points from a file
     ///
-    /// The file has the columns `t_s`, `position_m` and, if it likes, `speed_m_per_s`; the load first moves to where it begins.
+    /// The file has the columns `t_s`, `position_m` and optionally `speed_m_per_s`; the load first moves to where it begins.
     /// A set-point is sent every 20 ms. The board follows within the motor's limits (`limit` says when they hold it back), and
     /// ends in a hold when the next one is 0.2 s late, out of reach, or half a second of full speed ahead of the load. On an
     /// emulated board it homes first.
