@@ -107,9 +107,9 @@ fn rows(records: &Records) -> Result<Vec<Vec<String>>> {
         row(
             "endurance",
             format!(
-                "{:.0} moves with {:.0} incidents between them: {:.0} moves away from their target unannounced, {:.0} resets",
+                "{:.0} moves with {:.0} faults on the way: {:.0} moves away from their target unannounced, {:.0} resets",
                 long("moves")?,
-                long("incidents")?,
+                long("faults")?,
                 long("unannounced")?,
                 long("resets")?
             ),
