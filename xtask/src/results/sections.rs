@@ -150,7 +150,7 @@ pub(super) const SECTIONS: &[Section] = &[
         title: "The same on rigs that are not their own model",
         about: "The same moves by all controllers on nominal and on hard rigs of seeds that nothing was tuned on. Each rig is \
                 calibrated and identified first, and every controller has the calibration and the table.",
-        command: "cargo xtask compare --rig nominal --plants 4",
+        command: "cargo xtask compare --rig nominal --plants 3",
         figures: &[
             ("comparison-nominal.svg", "Tracking, settling, overshoot and energy of the controllers on nominal rigs"),
             ("comparison-hard.svg", "Tracking, settling, overshoot and energy of the controllers on hard rigs"),
