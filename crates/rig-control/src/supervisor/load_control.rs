@@ -15,7 +15,7 @@ const ARRIVED_M: f32 = 25e-6;
 const ARRIVED_NOISES: f32 = 2.5;
 const ARRIVED_JUMP: f32 = 0.15;
 /// A load that sticks farther from its target than that, and nearer than another jump would bring it, is moved back and
-/// comes again, once: on hard rigs a second time leads no nearer (docs/control.md 4). It goes back by so many jumps, farther than its
+/// comes again, once: on hard rigs a second time takes longer and is hardly better (docs/control.md 4). It goes back by so many jumps, farther than its
 /// friction band.
 const STUCK_TICKS: u16 = ticks(20);
 const BACK_JUMPS: f32 = 2.0;
