@@ -13,6 +13,7 @@
 //! the rods and strings do when the load has changed since homing, and how long ago that was.
 
 use crate::TICK_S;
+use crate::adaptation::KnownErrors;
 use crate::homing::NINETY_PERCENT;
 use crate::mechanism::Mechanism;
 use rig_link::messages::{HomingResult, LoadChoice};
@@ -196,6 +197,12 @@ impl LoadObserver {
     /// Standard error of the load by what the rods remember, as a share of the load.
     pub fn memory_share(&self) -> f32 {
         self.rod_memory * memory_shape(self.load_n, self.peak_n)
+    }
+
+    /// Errors of the load that a move may show as if the strings had drifted.
+    pub fn known_errors(&self) -> KnownErrors {
+        let change = self.shape_error * (self.load_n - self.homed_n).abs() / self.homed_n;
+        KnownErrors { memory: self.memory_share(), change }
     }
 
     /// Error of a load that hangs still, 90 % (N), at a point of the table and a twist (rad).

@@ -125,7 +125,7 @@ impl LoadTracking {
         } else if !done && observation.moved_m > 0.0 {
             self.adaptation.record(x, self.observer.load_n());
         } else if done {
-            let finding = self.adaptation.end_move(homed.found.twist_scale, self.observer.memory_share());
+            let finding = self.adaptation.end_move(homed.found.twist_scale, self.observer.known_errors());
             if let Some(agrees) = finding.agrees {
                 self.observer.end_move(agrees);
             }
