@@ -4,9 +4,10 @@
 use crate::TICK_S;
 use crate::limits::Limits;
 
-/// Gains (1/s) by which a set-point follows a target that moves: of position, speed and acceleration, each two and more times as
-/// fast as the one before.
-const FOLLOWS_PER_S: [f32; 3] = [12.0, 30.0, 60.0];
+/// Gains (1/s) by which a set-point follows a target that moves: of position, and of speed, more than twice as fast.
+const FOLLOWS_PER_S: [f32; 2] = [8.0, 25.0];
+/// Least share of the acceleration with which it catches up while the target accelerates.
+const LEAST_LEFT: f32 = 0.2;
 /// Distance (m) and speed (m/s) within which a set-point stands at a target that stands.
 const STANDS_M: f32 = 1e-6;
 const STANDS_M_PER_S: f32 = 20e-6;
@@ -82,6 +83,18 @@ impl Motion {
             }
         }
         low
+    }
+}
+
+/// How fast a difference is made up, and by how much faster for each unit of it more: in proportion where it is small, and never
+/// faster than half of the `limit` of how fast that may change can still end it: v² = a |x|. The other half is for the time that it takes
+/// to build up.
+fn made_up(difference: f32, per_s: f32, limit: f32) -> (f32, f32) {
+    let most = libm::sqrtf(limit * difference.abs());
+    if per_s * difference.abs() <= most {
+        (per_s * difference, per_s)
+    } else {
+        (libm::copysignf(most, difference), 0.5 * most / difference.abs())
     }
 }
 
@@ -186,22 +199,25 @@ impl Planner {
     /// their limits; the set-point comes to the target without an overshoot from wherever it is.
     pub fn follow(&mut self, target: &MovingTarget, limits: &Limits) -> (SetPoint, bool) {
         let before = self.now;
-        let [of_position, of_speed, of_acceleration] = FOLLOWS_PER_S;
+        let [of_position, of_speed] = FOLLOWS_PER_S;
         // The target is that of the end of the tick.
         let ahead = before.after(before.acceleration);
-        let behind = target.position_m - ahead.position;
-        // Half of the acceleration is for braking, the rest for the time that it takes to build up: v² = a |x|.
-        let brakes_from = libm::sqrtf(limits.acceleration * behind.abs());
-        let wanted = target.speed_m_per_s + (of_position * behind).clamp(-brakes_from, brakes_from);
+        let behind_m = target.position_m - ahead.position;
+        // What the target's own acceleration leaves of the limit.
+        let left = limits.acceleration - target.acceleration_m_per_s2.abs();
+        let (catches_up, per_s) = made_up(behind_m, of_position, left.max(LEAST_LEFT * limits.acceleration));
+        let wanted = target.speed_m_per_s + catches_up;
         let held_back = wanted.abs() > limits.speed;
-        let given = if held_back { 0.0 } else { target.acceleration_m_per_s2 };
-        let wanted = given + of_speed * (wanted.clamp(-limits.speed, limits.speed) - ahead.speed);
-        let wanted = before.acceleration + of_acceleration * TICK_S * (wanted - before.acceleration);
+        let slower = wanted.clamp(-limits.speed, limits.speed) - ahead.speed;
+        // How the wanted speed itself changes.
+        let rises = target.acceleration_m_per_s2 + per_s * (target.speed_m_per_s - ahead.speed);
+        let given = if held_back { 0.0 } else { rises };
+        let wanted = given + made_up(slower, of_speed, limits.jerk).0;
         let within = wanted.max(before.keeps(-limits.speed, limits)).min(before.keeps(limits.speed, limits));
         let unit = limits.jerk * TICK_S;
         self.now = before.after(within.clamp(before.acceleration - unit, before.acceleration + unit));
         self.target = target.position_m;
-        let near = behind.abs() < STANDS_M && self.now.speed.abs() < STANDS_M_PER_S;
+        let near = behind_m.abs() < STANDS_M && self.now.speed.abs() < STANDS_M_PER_S;
         if near && target.speed_m_per_s == 0.0 {
             *self = Self::at(target.position_m);
         }

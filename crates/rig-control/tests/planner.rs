@@ -156,7 +156,7 @@ fn a_stream_is_followed_within_micrometres_and_a_jump_without_overshoot() {
             assert!(!held_back);
         }
     }
-    assert!(most < 25e-6, "{most}");
+    assert!(most < 3e-6, "{most}");
     let stands = MovingTarget { position_m: 5e-3, speed_m_per_s: 0.0, acceleration_m_per_s2: 0.0 };
     let mut p = Planner::at(0.0);
     let ticks = (0..400).take_while(|_| {
@@ -166,6 +166,31 @@ fn a_stream_is_followed_within_micrometres_and_a_jump_without_overshoot() {
     });
     assert!(ticks.count() < 200, "it arrives, and stands");
     assert!(p.is_at_rest());
+}
+
+/// The set-point begins at rest in the middle of a sine that takes three quarters of the acceleration. It may not get ahead of its
+/// target for good because its jerk does not suffice to catch up at once.
+#[test]
+fn a_sine_near_the_limits_is_not_exaggerated() {
+    let limits = Limits::new(0.008, 0.042, 0.11);
+    let omega = 2.0 * core::f32::consts::TAU;
+    let sine_m = |t: f32| 0.2e-3 * libm::sinf(omega * t);
+    let mut p = Planner::at(0.0);
+    let mut farthest_m = 0f32;
+    for k in 1u16..400 {
+        let t = f32::from(k) * TICK_S;
+        let target = MovingTarget {
+            position_m: sine_m(t),
+            speed_m_per_s: 0.2e-3 * omega * libm::cosf(omega * t),
+            acceleration_m_per_s2: -omega * omega * sine_m(t),
+        };
+        let (s, held_back) = p.follow(&target, &limits);
+        assert!(!held_back && s.acceleration_m_per_s2.abs() < 1.001 * limits.acceleration, "{s:?}");
+        if t > 2.0 {
+            farthest_m = farthest_m.max((s.position_m - sine_m(t)).abs());
+        }
+    }
+    assert!(farthest_m < 5e-6, "{farthest_m}");
 }
 
 proptest! {

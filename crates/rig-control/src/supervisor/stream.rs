@@ -26,8 +26,11 @@ pub(super) struct StreamPoint {
 pub(super) struct Stream {
     pub(super) control: LoadControl,
     target: MovingTarget,
-    /// Speed of the newest set-point (m/s).
+    /// How fast the target's acceleration changes (m/s³).
+    jerk_m_per_s3: f32,
+    /// Speed of the newest set-point (m/s), and mean acceleration of the way to it from the one before (m/s²).
     given_m_per_s: f32,
+    given_m_per_s2: f32,
     /// Time since the newest set-point, how long it holds, and how long its acceleration does (s).
     age_s: f32,
     for_s: f32,
@@ -54,7 +57,9 @@ impl Stream {
         Self {
             control,
             target,
+            jerk_m_per_s3: 0.0,
             given_m_per_s: first.speed_m_per_s,
+            given_m_per_s2: 0.0,
             age_s: 0.0,
             for_s: first.for_s,
             accelerates_s: 0.0,
@@ -63,16 +68,21 @@ impl Stream {
         }
     }
 
-    /// The next set-point. Its speed and that of the one before tell the acceleration.
+    /// The next set-point. The speeds of the last ones tell the mean acceleration of the way to it, and how fast that changes. A
+    /// smooth course goes on changing so; a change faster than the jerk that the load may have is a step of the speed.
     pub(super) fn take(&mut self, next: &StreamPoint) {
         let since_s = self.age_s.max(TICK_S);
+        let acceleration = (next.speed_m_per_s - self.given_m_per_s) / since_s;
+        let jerk = (acceleration - self.given_m_per_s2) / since_s;
+        self.jerk_m_per_s3 = if self.limits.is_some_and(|limits| jerk.abs() < limits.jerk) { jerk } else { 0.0 };
         self.target = MovingTarget {
             position_m: next.position_m,
             speed_m_per_s: next.speed_m_per_s,
-            acceleration_m_per_s2: (next.speed_m_per_s - self.given_m_per_s) / since_s,
+            // The mean is that of the middle of the way.
+            acceleration_m_per_s2: acceleration + 0.5 * since_s * self.jerk_m_per_s3,
         };
+        (self.given_m_per_s, self.given_m_per_s2) = (next.speed_m_per_s, acceleration);
         (self.age_s, self.for_s, self.accelerates_s) = (0.0, next.for_s, since_s);
-        self.given_m_per_s = next.speed_m_per_s;
     }
 
     /// Why the stream ends now, if it does. Call it once in each tick.
@@ -98,16 +108,67 @@ impl Stream {
         let target = &mut self.target;
         // It is known from two set-points, and goes on for as long as lay between them.
         if self.age_s > self.accelerates_s + 0.5 * TICK_S {
-            target.acceleration_m_per_s2 = 0.0;
+            (target.acceleration_m_per_s2, self.jerk_m_per_s3) = (0.0, 0.0);
         }
-        let gained = TICK_S * target.acceleration_m_per_s2;
+        let change = TICK_S * self.jerk_m_per_s3;
+        let gained = TICK_S * (target.acceleration_m_per_s2 + 0.5 * change);
         target.position_m += TICK_S * (target.speed_m_per_s + 0.5 * gained);
         target.speed_m_per_s += gained;
+        target.acceleration_m_per_s2 += change;
         let observation = &load.observation;
         let (limits, _) = Limits::for_motor(self.speed_max_m_per_s, &observation.point, observation.pull_n, rig);
         self.limits = Some(limits);
         let (set_point, held_back) = self.control.planner.follow(target, &limits);
         let output = self.control.follow(&set_point, load);
         (output, held_back.then_some(Limit::MotorSpeed))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LIMITS: Limits = Limits { speed: 0.01, acceleration: 0.05, jerk: 0.8 };
+    const EVERY_TICKS: u8 = 5;
+
+    /// A stream whose speed (m/s) is that of a time (s), a set-point every five ticks, after so many set-points.
+    fn streamed(speed: impl Fn(f32) -> f32, count: u8) -> Stream {
+        let point = |k: u8| {
+            let t_s = f32::from(k * EVERY_TICKS) * TICK_S;
+            StreamPoint { position_m: 0.0, speed_m_per_s: speed(t_s), for_s: 0.2 }
+        };
+        let mut stream = Stream::new(LoadControl::at(0.0), &point(0), LIMITS.speed);
+        stream.limits = Some(LIMITS);
+        for k in 1..count {
+            stream.age_s = f32::from(EVERY_TICKS) * TICK_S;
+            stream.take(&point(k));
+        }
+        stream
+    }
+
+    fn near(found: f32, expected: f32) -> bool {
+        (found - expected).abs() < 1e-5
+    }
+
+    #[test]
+    fn an_even_acceleration_is_that_of_the_speeds() {
+        let stream = streamed(|t_s| 0.02 * t_s, 4);
+        assert!(near(stream.target.acceleration_m_per_s2, 0.02), "{stream:?}");
+        assert!(stream.jerk_m_per_s3.abs() < 1e-3);
+    }
+
+    /// v = j t²/2 has the acceleration j t, of which two set-points show only that of the middle between them.
+    #[test]
+    fn an_acceleration_that_changes_evenly_is_that_of_now_and_goes_on_changing() {
+        let stream = streamed(|t_s| 0.5 * 0.4 * t_s * t_s, 5);
+        assert!(near(stream.target.acceleration_m_per_s2, 0.4 * 0.2), "{stream:?}");
+        assert!((stream.jerk_m_per_s3 - 0.4).abs() < 1e-3);
+    }
+
+    #[test]
+    fn a_step_of_the_speed_is_not_taken_for_the_beginning_of_more() {
+        let stream = streamed(|t_s| if t_s < 0.18 { 0.004 } else { 0.0 }, 5);
+        assert!(near(stream.target.acceleration_m_per_s2, -0.08), "{stream:?}");
+        assert_eq!(stream.jerk_m_per_s3, 0.0);
     }
 }
