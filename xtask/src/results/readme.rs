@@ -107,9 +107,11 @@ fn rows(records: &Records) -> Result<Vec<Vec<String>>> {
         row(
             "endurance",
             format!(
-                "{:.0} moves with {:.0} faults on the way: {:.0} moves away from their target unannounced, {:.0} resets",
+                "{:.0} moves on ten nominal rigs with {:.0} faults, power failures and other incidents: {:.0} faults without a \
+                 cause, {:.0} moves away from their target unannounced, {:.0} resets",
                 long("moves")?,
-                long("faults")?,
+                long("incidents")?,
+                long("faults_without_cause")?,
                 long("unannounced")?,
                 long("resets")?
             ),

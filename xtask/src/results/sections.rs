@@ -190,8 +190,10 @@ pub(super) const SECTIONS: &[Section] = &[
     Section {
         name: "endurance",
         title: "Endurance",
-        about: "Moves under changing loads with faults on the way, and random bytes on the host link and on the bus.",
-        command: "cargo xtask endurance --moves 300 --bytes 2000000",
+        about: "Moves under changing loads on ten nominal rigs as built, with an incident at every third: faults, power failures, \
+                restarts of the drive, steps of the load, streams, tables made anew. Random bytes on the host link and on \
+                the bus.",
+        command: "cargo xtask endurance --moves 100 --rigs 10 --seed 1001 --bytes 2000000",
         figures: &[],
         measure: endurance,
     },
@@ -367,7 +369,7 @@ fn endurance(folders: &Folders) -> Result<Measured> {
     firmware::build(folders, &choose(Choice::Auto)?)?;
     let mut command = cargo(folders);
     command.args(["run", "--release", "--package", "host-tests", "--bin", "endurance", "--"]);
-    command.args(["--json", "--moves", "300", "--bytes", "2000000"]);
+    command.args(["--json", "--moves", "100", "--rigs", "10", "--seed", "1001", "--bytes", "2000000"]);
     let text_lines = printed(&mut command)?;
     let mut measured = Measured { table: vec![text(&["", ""])], ..Measured::default() };
     for line in text_lines.lines() {
