@@ -9,6 +9,7 @@ pub mod following;
 pub mod full_speed;
 pub mod fuzz;
 pub mod load_changes;
+pub mod margins;
 pub mod physical_limit;
 pub mod rigs;
 pub mod rivals;

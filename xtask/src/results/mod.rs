@@ -9,6 +9,7 @@ mod calibration;
 mod comparison;
 mod following;
 mod limit;
+mod margins;
 mod model;
 mod page;
 mod readme;

@@ -128,6 +128,16 @@ pub(super) const SECTIONS: &[Section] = &[
         measure: super::limit::measure,
     },
     Section {
+        name: "margins",
+        title: "Gain and delay that the position loop tolerates",
+        about: "By how much the gain of the open loop may grow, and what delay beyond the known one it tolerates, by the linear \
+                analysis of `rigctl chart --only margin` and by the firmware's control code on emulated rigs, whose measured gap is \
+                made to change by more, or to come later than its time stamp says.",
+        command: "cargo xtask results margins",
+        figures: &[],
+        measure: super::margins::measure,
+    },
+    Section {
         name: "following",
         title: "Streamed sines",
         about: "How the load follows set-points of a sine that are streamed to the board, by the firmware's control code on emulated \

@@ -65,8 +65,8 @@ pub(super) struct Seen {
     pub period_s: f64,
 }
 
-/// One period: the next target of the drive (rad) with a lead (s), and what is kept. `gain` multiplies the feedback.
-pub(super) fn step(kept: &[f64], seen: &Seen, believed: &Hung, gain: f64, lead_s: f64) -> (f64, [f64; KEPT]) {
+/// One period: the next target of the drive (rad) with a lead (s), and what is kept.
+pub(super) fn step(kept: &[f64], seen: &Seen, believed: &Hung, lead_s: f64) -> (f64, [f64; KEPT]) {
     let [shaft_rad, speed] = [kept[0], kept[1]];
     let motion = Motion { gap_m: kept[2], speed: kept[3], weight_n: kept[4], pull_n: kept[5], twist_rad: kept[6] };
     let at_measurement = motion.after(believed, seen.period_s, seen.twist_then_rad);
@@ -80,7 +80,7 @@ pub(super) fn step(kept: &[f64], seen: &Seen, believed: &Hung, gain: f64, lead_s
     let place = frequency.min(f64::from(FULL_PER_S)) * (by_position + by_rest) * rest_m;
     let damping = frequency * by_position * (ahead.gap_m - rest_m) + by_speed * ahead.speed;
     let feedback = place + f64::from(damping_share(frequency as f32)) * damping;
-    let speed = believed.tr_rad_per_m * gain * feedback;
+    let speed = believed.tr_rad_per_m * feedback;
     let shaft_rad = shaft_rad + speed * seen.period_s;
     let kept = [shaft_rad, speed, now.gap_m, now.speed, now.weight_n, now.pull_n, now.twist_rad];
     (shaft_rad + lead_s * speed, kept)

@@ -32,7 +32,7 @@ pub struct Controller {
     pub tr_rad_per_m: Option<f64>,
     /// The same of the stiffness (N/m), which a loop that damps needs.
     pub stiffness_n_per_m: Option<f64>,
-    /// Gain (1/s); of a loop that damps, what multiplies all its gains.
+    /// Gain (1/s); of a loop that damps, a factor on what it measures, which multiplies the gain of the open loop.
     pub gain_per_s: f64,
     /// Corner of its two smoothing poles (rad/s).
     pub corner_rad_per_s: f64,
@@ -145,8 +145,9 @@ impl Hung {
                 // The firmware knows the age of the block, but not a further delay.
                 let (age_s, twist_rad) = (AGE_S.min(period), rig[2]);
                 let twist_then_rad = twist_rad - (twist_rad - state[2]) * age_s / period;
-                let seen = damped::Seen { position_m: -error, twist_then_rad, twist_rad, age_s, period_s: period };
-                let (target, kept) = damped::step(&state[5..kept], &seen, &believed, loop_.gain_per_s, LEAD_S);
+                let position_m = -loop_.gain_per_s * error;
+                let seen = damped::Seen { position_m, twist_then_rad, twist_rad, age_s, period_s: period };
+                let (target, kept) = damped::step(&state[5..kept], &seen, &believed, LEAD_S);
                 return rig.iter().copied().chain([target]).chain(kept).chain(under_way).collect::<Vec<f64>>();
             }
             let first = state[6] + blend * (error - state[6]);
