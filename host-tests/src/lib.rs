@@ -16,6 +16,7 @@ pub mod rivals;
 pub mod rivals_figure;
 pub mod scenario;
 pub mod speed_figure;
+pub mod sweep;
 
 use rig_control::sensors::EncoderCount;
 use rig_control::supervisor::Events;

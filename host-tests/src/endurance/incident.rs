@@ -1,12 +1,16 @@
 //! What happens between the moves of a long run, and how the rig has to take it.
 
 use crate::board::Bench;
+use crate::rigs::commission::calibrate;
+use crate::rigs::subject::Subject;
+use crate::sweep::{identified, swept};
 use rand::seq::IndexedRandom;
 use rand::{Rng, RngExt};
 use rig_link::messages::{EventKind, Kept, LoadChoice, Refusal, Request, Setting, State, StreamEnd, TableRefusal};
 use rig_scene::Scene;
 use rigctl::session::table::constants;
 use sim_link::RigFault as Fault;
+use sim_link::units::STANDARD_GRAVITY;
 
 /// Something that happens to a rig.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -27,11 +31,14 @@ pub enum Incident {
     Stream,
     /// The board makes its table anew, for strings a little thicker.
     Rebuild,
+    /// The LVDT is calibrated, three sweeps are recorded, the constants identified, and the board makes its table of them, with
+    /// which the run goes on. Half an hour's work, so not among the [`Incident::FREQUENT`] ones.
+    Identify,
 }
 
 impl Incident {
-    /// Every kind.
-    pub const ALL: [Self; 8] = [
+    /// Those that come at random.
+    pub const FREQUENT: [Self; 8] = [
         Self::FaultUnderWay,
         Self::DriveReset,
         Self::PowerCycle,
@@ -53,6 +60,7 @@ impl Incident {
             Self::LoadStep => "steps of the load",
             Self::Stream => "streams",
             Self::Rebuild => "tables made on the board",
+            Self::Identify => "identifications",
         }
     }
 }
@@ -84,6 +92,10 @@ const STREAM_ENDS_S: f64 = 10.0;
 /// Longest that the board takes for a table (s).
 const TABLE_S: f64 = 60.0;
 
+/// Loads (kg) and turns past the half-turn pre-twist of the sweeps.
+const SWEEP_LOADS_KG: [f64; 3] = [0.15, 0.6, 1.5];
+const SWEEP_TURNS: f64 = 7.0;
+
 /// A run in which incidents happen.
 pub(super) struct Run<'a, R> {
     pub(super) board: &'a mut Bench,
@@ -95,6 +107,12 @@ pub(super) struct Run<'a, R> {
     pub(super) load_faults: u32,
     /// What hangs there (kg).
     pub(super) load_kg: f64,
+    /// Identified scenes of which the board cannot make a table that is accurate enough.
+    pub(super) too_coarse: u32,
+    /// What the board's table is made for.
+    pub(super) scene: Scene,
+    /// The rig.
+    pub(super) subject: Subject,
 }
 
 impl<R: Rng> Run<'_, R> {
@@ -114,6 +132,7 @@ impl<R: Rng> Run<'_, R> {
             Incident::LoadStep => self.step_load(),
             Incident::Stream => self.stream(),
             Incident::Rebuild => self.rebuild(),
+            Incident::Identify => self.identify(),
         }
     }
 
@@ -155,6 +174,10 @@ impl<R: Rng> Run<'_, R> {
 
     /// Homes a rig that nothing has moved.
     fn home(&mut self, when: &str) {
+        self.home_with(&Request::HOME, when);
+    }
+
+    fn home_with(&mut self, request: &Request, when: &str) {
         let before_rad = self.twist_rad();
         self.board.run(0.5);
         let turned_rad = (self.twist_rad() - before_rad).abs();
@@ -162,7 +185,7 @@ impl<R: Rng> Run<'_, R> {
         let b = &mut *self.board;
         let (began_s, truth) = (b.machine.now_s(), b.machine.board().truth());
         let what = format!("{when}, homed from {began_s:.2} s on, {truth:?}");
-        b.ask(&Request::HOME).unwrap_or_else(|e| panic!("{what}: {e}"));
+        b.ask(request).unwrap_or_else(|e| panic!("{what}: {e}"));
         assert!(b.until(60.0, |b| b.state() != State::Homing), "homing did not end {what}");
         assert_eq!(b.state(), State::Ready, "{what}, until {:.2} s: {:?}", b.machine.now_s(), b.events.last());
         self.homings += 1;
@@ -241,21 +264,75 @@ impl<R: Rng> Run<'_, R> {
 
     /// Nothing moves while the board makes its table, and it is homed again.
     fn rebuild(&mut self) {
-        let mut thicker = crate::scene().clone();
+        let mut thicker = self.scene.clone();
         thicker.string.k2 *= self.random.random_range(1.0..1.02);
-        // The rig's strings are those of the scene.
-        for scene in [&thicker, crate::scene()] {
-            if self.make_table(scene).is_some() {
-                // A board has room for some tables between two starts.
-                self.restart();
-                self.make_table(scene);
-            }
-            assert_eq!(self.board.state(), State::Unhomed, "with a new table");
-            self.home("with a new table");
+        // The rig's strings are those of before.
+        for scene in [thicker, self.scene.clone()] {
+            assert!(self.change_table(&scene), "not accurate enough: {scene:?}");
         }
     }
 
-    /// A table for a scene; `NoRoom` if the board has to be restarted first.
+    /// The board makes a table, and is homed with it. No table if it cannot be as accurate as the scene asks.
+    fn change_table(&mut self, scene: &Scene) -> bool {
+        let mut refused = self.make_table(scene);
+        if refused == Some(TableRefusal::NoRoom) {
+            // A board has room for some tables between two starts.
+            self.restart();
+            refused = self.make_table(scene);
+        }
+        assert!(matches!(refused, None | Some(TableRefusal::Accuracy)), "{refused:?}: {scene:?}");
+        if refused.is_none() {
+            assert_eq!(self.board.state(), State::Unhomed, "with a new table");
+        }
+        self.home("with a new table");
+        refused.is_none()
+    }
+
+    /// The LVDT is calibrated, the rig swept under three weighed loads, and the run goes on with the table of what was identified.
+    fn identify(&mut self) {
+        let values = calibrate(&self.subject).unwrap_or_else(|why| panic!("calibration: {why}"));
+        self.board.ask(&Request::SetSettings(values)).unwrap_or_else(|refusal| panic!("calibration: {refusal}"));
+        self.board.run(0.5);
+        let sweep = |load_kg: f64| {
+            self.lay_on(load_kg);
+            let load_n = load_kg * STANDARD_GRAVITY;
+            self.home_with(&Request::Home { load: LoadChoice::Known(load_n as f32) }, "for a sweep");
+            let homed = self.board.events.iter().rev().find_map(|event| match event {
+                EventKind::Homed(found) => Some(*found),
+                _ => None,
+            });
+            let sweep = swept(&mut *self.board, load_n, SWEEP_TURNS, homed.expect("it is homed"));
+            (format!("{load_kg} kg"), sweep.unwrap_or_else(|why| panic!("sweep under {load_kg} kg: {why}")))
+        };
+        let sweeps: Vec<_> = SWEEP_LOADS_KG.into_iter().map(sweep).collect();
+        let found = identified(&sweeps).unwrap_or_else(|why| panic!("{why}"));
+        if let Some(why) = found.untabled {
+            panic!("no table of the identified scene: {why}");
+        }
+        // The board's form of table may be too coarse; who wants this scene flashes an image with its table.
+        match self.change_table(&found.scene) {
+            true => self.scene = found.scene,
+            false => self.too_coarse += 1,
+        }
+    }
+
+    /// Another load (kg) is laid on by hand, 2 N a second: all at once it would be a broken string, or a load that runs away.
+    pub(super) fn lay_on(&mut self, load_kg: f64) {
+        while f64::abs(load_kg - self.load_kg) > 1e-9 {
+            self.load_kg += f64::clamp(load_kg - self.load_kg, -0.01, 0.01);
+            let load = format!("{}kg", self.load_kg);
+            self.board.machine.board_mut().set_plant("load", &load).expect("a plant key");
+            self.board.run(0.05);
+        }
+        self.board.run(1.0);
+        // A load laid on faster than it can be held leaves its place: that is a fault of its own.
+        if self.board.state() == State::Fault {
+            self.load_faults += 1;
+            self.go_on();
+        }
+    }
+
+    /// A table for a scene, or why there is none.
     fn make_table(&mut self, scene: &Scene) -> Option<TableRefusal> {
         self.board.events.clear();
         self.board.ask(&Request::Rebuild(constants(scene))).expect("it is at rest");
@@ -270,9 +347,7 @@ impl<R: Rng> Run<'_, R> {
             ended.is_some()
         });
         self.board.run(0.1);
-        let refused = ended.unwrap_or_else(|| panic!("no table: {:?}", self.board.events));
-        assert!(matches!(refused, None | Some(TableRefusal::NoRoom)), "{refused:?}");
-        refused
+        ended.unwrap_or_else(|| panic!("no table: {:?}", self.board.events))
     }
 
     /// Whether a move has so much of its way before it that a fault of the shaft shows.

@@ -2,6 +2,7 @@
 
 use super::incident::{Incident, Run};
 use crate::board::{Bench, LongestTick};
+use crate::rigs::subject::Subject;
 use rand::seq::IndexedRandom;
 use rand::{RngExt, SeedableRng};
 use rig_link::messages::{EventKind, Limit, Request, State};
@@ -44,6 +45,8 @@ pub struct Endurance {
     pub incidents: BTreeMap<Incident, u32>,
     /// Faults that a change of the load made by itself.
     pub load_faults: u32,
+    /// Identified scenes of which the board could not make a table as accurate as asked; it went on with the one before.
+    pub too_coarse: u32,
     /// Moves that ended in a fault without a cause.
     pub faults_without_cause: u32,
     /// Homings.
@@ -79,12 +82,13 @@ impl fmt::Display for Endurance {
             self.incidents.iter().map(|(kind, count)| format!("{count} {}", kind.name())).collect();
         write!(
             f,
-            "{} moves, {}, {} faults by the load, {} without a cause, {} homings in {:.0} s of emulated time: error at rest {first:+.1} um in the first tenth, \
+            "{} moves, {}, {} of their tables too coarse for the board, {} faults by the load, {} without a cause, {} homings in {:.0} s of emulated time: error at rest {first:+.1} um in the first tenth, \
              {last:+.1} um in the last, at most {}; {} moves ended with the strings' travel, announced, at most {}; {} away unannounced, at most {}; belief \
              and truth at most {:.1} um apart; {:.0} ticks missing, the longest {}; stack {} bytes; {} resets; {:.1} \
              telemetry frames a second",
             self.moves,
             incidents.join(", "),
+            self.too_coarse,
             self.load_faults,
             self.faults_without_cause,
             self.homings,
@@ -120,6 +124,7 @@ impl Endurance {
             moves: self.moves + other.moves,
             incidents: self.incidents,
             load_faults: self.load_faults + other.load_faults,
+            too_coarse: self.too_coarse + other.too_coarse,
             faults_without_cause: self.faults_without_cause + other.faults_without_cause,
             homings: self.homings + other.homings,
             telemetry_per_s: self.telemetry_per_s.min(other.telemetry_per_s),
@@ -145,6 +150,7 @@ impl Endurance {
             "incidents": self.incidents.values().sum::<u32>(),
             "faults": count(Incident::FaultUnderWay) + count(Incident::DriveReset),
             "faults_by_the_load": self.load_faults,
+            "tables_too_coarse": self.too_coarse,
             "faults_without_cause": self.faults_without_cause,
             "homings": self.homings,
             "emulated_s": self.seconds,
@@ -161,14 +167,15 @@ impl Endurance {
             "resets": self.resets,
             "telemetry_per_s": self.telemetry_per_s,
         });
-        for kind in Incident::ALL {
+        for kind in Incident::FREQUENT.into_iter().chain([Incident::Identify]) {
             found[kind.name().replace(' ', "_")] = count(kind).into();
         }
         found.to_string()
     }
 }
 
-/// So many moves on the rig that a kind and a seed name; every third meets an incident, and the rig goes on after it.
+/// So many moves on the rig that a kind and a seed name; every third meets an incident, and the rig goes on after it. Halfway its
+/// constants are identified anew.
 ///
 /// # Panics
 /// Where something does not go on as it should: with what, and at which move.
@@ -180,12 +187,27 @@ pub fn moves(count: u32, rig: RigPreset, seed: u64) -> Endurance {
     let mut board = Bench::new(&keys, seed);
     let (mut result, mut errors) = (Endurance::default(), Vec::new());
     board.home();
-    let mut run = Run { board: &mut board, random: &mut random, homings: 1, restarts: 0, load_faults: 0, load_kg: 0.5 };
+    let mut run = Run {
+        board: &mut board,
+        random: &mut random,
+        homings: 1,
+        restarts: 0,
+        load_faults: 0,
+        load_kg: 0.5,
+        too_coarse: 0,
+        scene: crate::scene().clone(),
+        subject: Subject::new(rig, seed),
+    };
     while result.moves < count {
         let number = result.moves;
-        hang(&mut run);
+        if result.moves == count / 2 && !result.incidents.contains_key(&Incident::Identify) {
+            run.take(Incident::Identify);
+            result.incidents.insert(Incident::Identify, 1);
+        }
+        let load_kg = run.random.random_range(0.3..1.5);
+        run.lay_on(load_kg);
         let happens = number % 3 == 2 && result.incidents.values().sum::<u32>() <= number / 3;
-        let incident = happens.then(|| *Incident::ALL.choose(run.random).expect("eight"));
+        let incident = happens.then(|| *Incident::FREQUENT.choose(run.random).expect("eight"));
         let under_way = [Incident::FaultUnderWay, Incident::PowerCycleUnderWay];
         if let Some(incident) = incident.filter(|incident| !under_way.contains(incident)) {
             run.take(incident);
@@ -217,7 +239,7 @@ pub fn moves(count: u32, rig: RigPreset, seed: u64) -> Endurance {
         rest(run.board, number, target_m, &mut result, &mut errors);
         result.moves += 1;
     }
-    (result.homings, result.load_faults) = (run.homings, run.load_faults);
+    (result.homings, result.load_faults, result.too_coarse) = (run.homings, run.load_faults, run.too_coarse);
     let restarts = run.restarts;
     let stats = board.machine.stats();
     let tenth = errors.len().div_ceil(10);
@@ -230,23 +252,6 @@ pub fn moves(count: u32, rig: RigPreset, seed: u64) -> Endurance {
     result.stack_bytes = stats.stack_high_water_bytes as u64;
     result.resets = stats.resets.len().abs_diff(restarts as usize);
     result
-}
-
-/// Another load is laid on by hand, 2 N a second: all at once it would be a broken string, or a load that runs away.
-fn hang(run: &mut Run<'_, impl rand::Rng>) {
-    let load_kg = run.random.random_range(0.3..1.5);
-    while f64::abs(load_kg - run.load_kg) > 1e-9 {
-        run.load_kg += f64::clamp(load_kg - run.load_kg, -0.01, 0.01);
-        let load = format!("{}kg", run.load_kg);
-        run.board.machine.board_mut().set_plant("load", &load).expect("a plant key");
-        run.board.run(0.05);
-    }
-    run.board.run(1.0);
-    // A load laid on faster than it can be held leaves its place: that is a fault of its own.
-    if run.board.state() == State::Fault {
-        run.load_faults += 1;
-        run.go_on();
-    }
 }
 
 /// What a move came to: at its target, or where the strings' travel ends and announced as such.

@@ -4,38 +4,31 @@
 use super::floor::{Check, Finding};
 use super::subject::Subject;
 use super::trial::not_homed;
+use crate::sweep::{SPEED_RAD_PER_S, identified, swept};
 use crate::{ControlBench, constants, scene, table};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use rig_control::{Rig as Control, RigConstants, settings};
 use rig_link::messages::{EventKind, LoadChoice, Request, SettingValues, State};
 use rigctl::calibration::{Point, uncalibrated};
-use rigctl::identify::compete::Candidate;
+use rigctl::identify::Identified;
 use rigctl::identify::constants::Constant;
-use rigctl::identify::data::Data;
 use rigctl::identify::laws::Law;
-use rigctl::identify::{Identified, identify, plausible};
-use rigctl::log::sweep::{Sweep, reduce};
-use rigctl::log::{Header, Log, LogRow, Mark, Marked};
+use rigctl::log::sweep::Sweep;
 use rigctl::lvdt_points;
 use sim_link::units::STANDARD_GRAVITY;
 use std::f64::consts::{PI, TAU};
-use tsa_model::{Parameters, twist_from_turns};
+use tsa_model::twist_from_turns;
 use tsa_table::Table;
 
 /// Loads of the sweeps (kg): the ends of what will be lifted, and between.
 pub const SWEEP_LOADS_KG: [f64; 3] = [0.15, 0.6, 1.5];
-/// Turns past the half-turn pre-twist, and speed of the strings (rad/s).
+/// Turns past the half-turn pre-twist.
 const TURNS: f64 = 7.5;
 /// Turns, besides half those of the sweeps, at which predicted contractions are compared with the rig's own.
 const HELD_OUT_TURNS: f64 = 6.5;
-const SPEED_RAD_PER_S: f64 = 4.0;
 /// How often a sweep is tried whose homing or turns fail, each time from another twist.
 const TRIES: u8 = 3;
-/// Rest before each turn (s), as `rigctl sweep` has it.
-const REST_S: f64 = 1.0;
-/// How long before the end of a turn the motor is stopped (s), as `rigctl sweep` has it.
-const TURN_AHEAD_S: f64 = 0.05;
 /// Loads of the calibration (kg), and for each how many points lie on how long a way up from the half-turn pre-twist (m):
 /// together they cover the gaps of all loads and sweeps.
 const CALIBRATION: [(f64, usize, f64); 2] = [(1.5, 3, 0.007), (0.3, 8, 0.026)];
@@ -85,7 +78,7 @@ pub fn commission(subject: &Subject, as_built: bool) -> (Firmware, Vec<Finding>)
     if as_built {
         return (firmware, findings);
     }
-    let built = identified(subject, &firmware).and_then(|found| {
+    let built = sweeps(subject, &firmware).and_then(|sweeps| identified(&sweeps)).and_then(|found| {
         findings.push(finding(Check::HeldOut, held_out_error(subject, &found), String::new()));
         findings.extend(predicted(subject, &found));
         findings.extend(found_constants(subject, &found));
@@ -175,21 +168,6 @@ pub fn sweeps(subject: &Subject, firmware: &Firmware) -> Result<Vec<(String, Swe
     SWEEP_LOADS_KG.iter().map(one).collect()
 }
 
-/// Three recorded sweeps reduced to equilibria, and the scene's constants from them, as `rigctl identify` does it.
-fn identified(subject: &Subject, firmware: &Firmware) -> Result<Identified, String> {
-    let scene = scene();
-    let start = Parameters::new(&scene.geometry, &scene.string, &scene.material).map_err(|e| e.to_string())?;
-    let mut data = Data::default();
-    for (name, sweep) in sweeps(subject, firmware)? {
-        data.add_sweep(&name, &start, &sweep);
-    }
-    if let Some(why) = plausible::impossible(&data, scene.geometry.string_length_m) {
-        return Err(why);
-    }
-    let candidates = Candidate::all(scene, None, data.knows_its_zero());
-    identify(scene, &data, &candidates).map_err(|e| format!("identify: {e}"))
-}
-
 /// Predicted contractions beside those of the rig: at the ends and in the middle of the scene's loads.
 fn predicted(subject: &Subject, found: &Identified) -> Vec<Finding> {
     let law = found.candidate.law.name();
@@ -229,71 +207,17 @@ fn found_constants(subject: &Subject, found: &Identified) -> Vec<Finding> {
     judged.collect()
 }
 
-/// One sweep as `rigctl sweep` records it, from so many turns at power-up, by its equilibria.
+/// One sweep, from so many turns at power-up, by its equilibria.
 fn sweep(subject: &Subject, firmware: &Firmware, load_kg: f64, turns: u8) -> Result<Sweep, String> {
     let load_n = load_kg * STANDARD_GRAVITY;
     let rig = subject.switched_on_at(load_n, 1.0 + TAU * f64::from(turns)).map_err(|e| e.to_string())?;
     let mut bench = ControlBench::on(rig, firmware.boot());
     bench.home_under(LoadChoice::Known(load_n as f32)).map_err(|why| not_homed(&bench, &why))?;
-    let mut log = Log { header: Header::default(), ..Log::default() };
-    log.header.add("sweep.load_n", load_n);
-    for (t_s, event) in &bench.events {
-        if let EventKind::Homed(found) = event {
-            log.marks.push(Marked { row: 0, t_s: *t_s, mark: Mark::Homed(*found) });
-        }
-    }
-    let (bottom, top) = (PI, PI + TAU * TURNS);
-    for ends in [[bottom, top], [top, bottom]] {
-        bench.until(REST_S, |bench| record(bench, &mut log));
-        turn(&mut bench, ends, &mut log)?;
-    }
-    bench.until(REST_S, |bench| record(bench, &mut log));
-    reduce(&log)
-}
-
-/// Turns the strings from one twist to another (rad).
-fn turn(bench: &mut ControlBench, [from, to]: [f64; 2], log: &mut Log) -> Result<(), String> {
-    let sign = (to - from).signum();
-    let reply = bench.tick(Some(Request::Jog { twist_speed_rad_per_s: (sign * SPEED_RAD_PER_S) as f32 })).reply;
-    if !matches!(reply, Some(Ok(_))) {
-        return Err(format!("refused: {reply:?}"));
-    }
-    let limit_s = (to - from).abs() / SPEED_RAD_PER_S + 10.0;
-    let near = |bench: &ControlBench| {
-        let twist_rad = bench.last.as_ref().and_then(|last| last.telemetry.twist_rad).map_or(from, f64::from);
-        sign * (to - twist_rad) < SPEED_RAD_PER_S * TURN_AHEAD_S
-    };
-    bench.until(limit_s, |bench| record(bench, log) || near(bench) || bench.control.state() != State::Moving);
-    bench.tick(Some(Request::Stop));
-    let stands = bench.until(5.0, |bench| record(bench, log) || bench.control.state() != State::Moving);
-    match bench.control.fault() {
-        Some(fault) => Err(format!("fault {fault}")),
-        None if !stands => Err("the strings do not stop".into()),
-        None => Ok(()),
-    }
-}
-
-/// Takes the last tick's telemetry into a log; never says that it is enough.
-fn record(bench: &ControlBench, log: &mut Log) -> bool {
-    if let Some(t) = bench.last.as_ref().map(|last| last.telemetry) {
-        let number = |v: Option<f32>| v.map(f64::from);
-        log.rows.push(LogRow {
-            t_s: bench.time_s(),
-            state: t.state,
-            target_m: number(t.target_m),
-            setpoint_m: number(t.setpoint_m),
-            position_m: number(t.position_m),
-            twist_rad: number(t.twist_rad),
-            load_n: number(t.load_n),
-            load_error_n: number(t.load_error_n),
-            position_error_m: number(t.position_error_m),
-            tr_rad_per_m: number(t.tr_rad_per_m),
-            drive_current_a: f64::from(t.drive_current_a),
-            drive_speed_rad_per_s: f64::from(t.drive_speed_rad_per_s),
-            twist_scale: number(t.twist_scale),
-        });
-    }
-    false
+    let homed = bench.events.iter().rev().find_map(|(_, event)| match event {
+        EventKind::Homed(found) => Some(*found),
+        _ => None,
+    });
+    swept(&mut bench, load_n, TURNS, homed.ok_or("homed, but no event")?)
 }
 
 /// Rms error of contractions under loads between those of the sweeps, as shares of the rig's true ones; none if the law has
