@@ -138,9 +138,7 @@ pub fn identified(sweeps: &[(String, Sweep)]) -> Result<Identified, String> {
     for (name, sweep) in sweeps {
         data.add_sweep(name, &start, sweep);
     }
-    if let Some(why) = plausible::impossible(&data, scene.geometry.string_length_m) {
-        return Err(why);
-    }
+    plausible::checked(&data, scene)?;
     let candidates = Candidate::all(scene, None, data.knows_its_zero());
     identify(scene, &data, &candidates).map_err(|e| format!("identify: {e}"))
 }

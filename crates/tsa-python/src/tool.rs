@@ -9,7 +9,7 @@ use rigctl::failure::Failure;
 use rigctl::identify::compete::Candidate;
 use rigctl::identify::constants::Constant;
 use rigctl::identify::laws::Law;
-use rigctl::identify::{bootstrap, data};
+use rigctl::identify::{bootstrap, data, plausible};
 use rigctl::output::Output;
 use std::io::{self, Write};
 use std::path::PathBuf;
@@ -70,6 +70,7 @@ pub(crate) fn refit(
     let fitted = py.detach(|| {
         let scene = Scene::load(scene)?;
         let data = data::sweeps(&scene, &sweeps, false)?;
+        plausible::checked(&data, &scene).map_err(Failure::failed)?;
         let candidates = Candidate::all(&scene, Some(law), data.knows_its_zero());
         let candidate = candidates.into_iter().find(|candidate| candidate.material == Some(material));
         let fitted = candidate.map(|candidate| bootstrap::refit(&data, &candidate, seed)).transpose();

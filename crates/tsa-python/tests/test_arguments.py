@@ -93,3 +93,10 @@ def test_commands_and_files_of_any_kind_are_refused_in_words(tmp_path: Path) -> 
         material = draw.choice(["modulus", "odd-curve", "curve", ""])
         answer(_core.refit, ROOT / "scenes/default.toml", [str(sweep)], law, material, draw.choice([None, 0, 7]))
         answer(_core.tool, [draw.choice(WORDS) for _ in range(5)])
+
+
+def test_a_sweep_in_millimetres_is_refused_before_it_is_fitted(tmp_path: Path) -> None:
+    sweep = tmp_path / "sweep.csv"
+    sweep.write_text("load_n,turns,gap_m\n" + "".join(f"5,{turns},{90 - turns}\n" for turns in range(8)))
+    with pytest.raises(RuntimeError, match=r"sweep\.csv.*in mm"):
+        _core.refit(ROOT / "scenes/default.toml", [str(sweep)], "twist-power", "modulus", None)

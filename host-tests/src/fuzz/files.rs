@@ -72,11 +72,8 @@ pub fn identification(data: &[u8]) {
     // Without an envelope there is no table to be fitted, which takes longer than all else.
     let scene = Scene { envelope: None, accuracy: None, correction: None, ..scene().clone() };
     let Some(Ok(data)) = with_file("identify", data, |path| sweeps(&scene, &[path], true)) else { return };
-    if data.rows.len() > 40 || plausible::impossible(&data, scene.geometry.string_length_m).is_some() {
-        return;
-    }
     // As the command: a wrong unit is refused before a fit, which could take minutes.
-    if plausible::wrong_unit(&plausible::likely(&data, &scene), &data).is_some() {
+    if data.rows.len() > 40 || plausible::checked(&data, &scene).is_err() {
         return;
     }
     let candidates = Candidate::all(&scene, Some(Law::of(&scene)), data.knows_its_zero());

@@ -40,8 +40,20 @@ fn rise(row: &Row) -> f64 {
     if row.quantity == Quantity::Gap { -row.value } else { row.value }
 }
 
+/// What sweeps that a rig can have given suggest of their units.
+///
+/// # Errors
+/// In words, naming the file, if no rig can have given them or a unit is wrong.
+pub fn checked(data: &Data, scene: &Scene) -> Result<Vec<Hint>, String> {
+    let hints = match impossible(data, scene.geometry.string_length_m) {
+        Some(why) => return Err(why),
+        None => likely(data, scene),
+    };
+    wrong_unit(&hints, data).map_or(Ok(hints), Err)
+}
+
 /// Why no rig with strings of this length can have given these sweeps, whatever its constants; names the file.
-pub fn impossible(data: &Data, string_length_m: f64) -> Option<String> {
+fn impossible(data: &Data, string_length_m: f64) -> Option<String> {
     data.files.iter().find_map(|(name, rows)| {
         let rows = data.rows.get(rows.clone())?;
         let what = too_long(rows, string_length_m).or_else(|| wrong_way(rows))?;
@@ -113,7 +125,7 @@ pub struct Hint {
 }
 
 /// Why the sweeps are not fitted as they stand: every one of them comes much nearer to the scene in the same other unit.
-pub fn wrong_unit(hints: &[Hint], data: &Data) -> Option<String> {
+fn wrong_unit(hints: &[Hint], data: &Data) -> Option<String> {
     let first = hints.first()?;
     let all = hints.len() == data.files.len() && hints.iter().all(|hint| hint.reading == first.reading);
     let texts: Vec<&str> = hints.iter().map(|hint| hint.text.as_str()).collect();
@@ -121,7 +133,7 @@ pub fn wrong_unit(hints: &[Hint], data: &Data) -> Option<String> {
 }
 
 /// Units or signs with which sweeps come much nearer to the scene than as they stand, one for each file at most.
-pub fn likely(data: &Data, scene: &Scene) -> Vec<Hint> {
+fn likely(data: &Data, scene: &Scene) -> Vec<Hint> {
     let Ok(mechanism) = scene.mechanism() else { return Vec::new() };
     let far = |rows: &Range<usize>, load: f64, length: f64| {
         misfit_m(&mechanism, data.rows.get(rows.clone()).unwrap_or_default(), load, length)

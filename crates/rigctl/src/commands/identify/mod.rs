@@ -122,13 +122,7 @@ pub fn run(global: &Global, options: &Identify, output: &mut Output) -> Result<(
             vec![Candidate::with(&scene, options.law.unwrap_or(own), unknowns)]
         }
     };
-    if let Some(why) = plausible::impossible(&data, scene.geometry.string_length_m) {
-        return Err(Failure::failed(why));
-    }
-    let hints = plausible::likely(&data, &scene);
-    if let Some(why) = plausible::wrong_unit(&hints, &data) {
-        return Err(Failure::failed(why));
-    }
+    let hints = plausible::checked(&data, &scene).map_err(Failure::failed)?;
     let found = identify(&scene, &data, &candidates).map_err(|e| hinted(&e.to_string(), &hints))?;
     hints.iter().for_each(|hint| eprintln!("is a unit wrong? {}", hint.text));
     for bad in &data.bad {
