@@ -132,8 +132,8 @@ mod tests {
         let typed = Scene { accuracy: Some(TableAccuracy::Given(worth)), ..scene.clone() };
         assert_eq!((typed.hash(), typed.demand_hash()), (scene.hash(), scene.demand_hash()));
         assert_ne!(Scene::from_toml_str(&file("", NUMBERS)).unwrap().hash(), scene.hash());
-        let hard = Scene::from_toml_str(&file("", "[accuracy]\nbudget = \"hard\"\n")).unwrap();
-        assert!(hard.demand().unwrap().accuracy.tr_relative > worth.tr_relative);
+        let ideal = Scene::from_toml_str(&file("", "[accuracy]\nbudget = \"ideal\"\n")).unwrap();
+        assert!(ideal.demand().unwrap().accuracy.tr_relative < worth.tr_relative);
     }
 
     #[test]

@@ -34,6 +34,9 @@ const NINETY: f64 = rig_control::homing::NINETY_PERCENT as f64;
 const NINETY_SHARE: f64 = 0.9;
 /// Share by which the error of a table, or of a cheaper model, may raise the total of all others.
 pub const WORTH: f64 = 0.05;
+/// Greatest relative error of a table's TR, however little it adds: it is an error of the position loop's gain, and with one that is
+/// a tenth too large every measured rig still comes to rest (docs/control.md 6).
+pub const TR_ERROR_MOST: f64 = 0.1;
 
 /// A part of the rig.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -179,7 +182,7 @@ impl<'a> Budget<'a> {
     }
 
     /// The accuracy of a table beyond which more bytes and instructions buy nothing: its errors raise those of all other
-    /// parts by [`WORTH`]. The errors of a table are taken as even up to its largest. Two digits.
+    /// parts by [`WORTH`]; of TR at most [`TR_ERROR_MOST`]. The errors of a table are taken as even up to its largest. Two digits.
     pub fn worth(&self) -> Accuracy {
         let [position, load] = self.variances(&others());
         let by_gap = |error_m: f64| {
@@ -193,7 +196,7 @@ impl<'a> Budget<'a> {
         let largest = 3f64.sqrt();
         Accuracy {
             contraction_m: two_digits(largest * most_added(&load, by_gap)),
-            tr_relative: two_digits(largest * most_added(&position, by_ratio)),
+            tr_relative: two_digits(largest * most_added(&position, by_ratio)).min(TR_ERROR_MOST),
         }
     }
 

@@ -128,10 +128,12 @@ fn worse_rigs_are_worth_no_better_tables() {
         (budget.worth(), budget.total())
     });
     for [(better, small), (worse, large)] in [[worth[0], worth[1]], [worth[1], worth[2]]] {
-        assert!(worse.tr_relative > better.tr_relative, "{better:?} {worse:?}");
+        assert!(worse.tr_relative >= better.tr_relative, "{better:?} {worse:?}");
         assert!(large.position_m.all > small.position_m.all && large.load.all > small.load.all);
     }
     assert!(worth[1].0.contraction_m > worth[0].0.contraction_m);
+    assert!(worth[0].0.tr_relative < TR_ERROR_MOST, "an ideal rig's position tells a tenth of the ratio");
+    assert_eq!(worth[2].0.tr_relative, TR_ERROR_MOST, "the loop must stay stable on the worst rig");
 }
 
 #[test]
