@@ -8,7 +8,8 @@ use sim_link::RigPreset;
 #[derive(Parser)]
 #[command(about = "Long runs on the emulated board", version)]
 struct Arguments {
-    /// Moves, every third with an incident: a fault, a power failure, a step of the load, a stream, a new table
+    /// Moves, every third with an incident: a fault, a power failure, a step of the load, a stream, a new table; halfway the rig is
+    /// calibrated and identified anew
     #[arg(long, default_value_t = 1000)]
     moves: u32,
     /// Random bytes on the link; about half as many go in frames on the bus
