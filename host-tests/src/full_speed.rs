@@ -19,6 +19,8 @@ const STEP_ENDS_M: [f32; 2] = [0.004, 0.012];
 const STEP_LOADS_KG: [f64; 2] = [0.9, 1.2];
 const STEP_MOVES: usize = 34;
 const STEP_TICKS: [u32; 5] = [10, 40, 80, 120, 180];
+/// A way that begins farther than this from its place is another one (m).
+const AWAY_M: f64 = 1e-3;
 /// Rest before each way (s).
 const REST_S: f64 = 2.0;
 
@@ -37,6 +39,10 @@ fn both_ways(subject: &Subject, load_kg: f64) -> [Outcome; 2] {
     [[low_m, high_m], [high_m, low_m]].map(|[from_m, to_m]| {
         let what = format!("seed {} {load_kg} kg, {:2.0} mm -> {:2.0} mm", subject.seed, from_m * 1e3, to_m * 1e3);
         match &mut bench {
+            // The way before has not ended where this one begins.
+            Ok(bench) if (bench.true_position_m() - f64::from(from_m)).abs() > AWAY_M => {
+                Outcome::failed(what, "it does not begin at its place".into())
+            }
             Ok(bench) => go(bench, to_m, None, what),
             Err(why) => Outcome::failed(what, why.clone()),
         }

@@ -124,7 +124,7 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
         blocks: vec![Block { rows: key }, Block { rows: lines.collect() }],
         notes: vec![
             "Linear analysis of the loop as it is run every 10 ms (drive's lags and rig's damping as in the emulator, assumed), \
-             without friction, which only damps. The curves show each loop at its weakest state; below the dashed line it is \
+             without friction. The curves show each loop at its weakest state; below the dashed line it is \
              unstable as it stands. With a fixed TR a longer control period first helps, because the smoothing becomes slower with it."
                 .into(),
         ],
