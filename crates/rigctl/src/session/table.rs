@@ -6,6 +6,8 @@ use crate::failure::Failure;
 use rig_link::messages::{Constants, Correction, EventKind, Request, TableRefusal};
 use rig_scene::Scene;
 
+/// What to do where the board cannot make the table itself.
+const FLASH: &str = "build and flash for this scene, `TSA_SCENE=FILE cargo xtask flash` (docs/calibration.md 3)";
 /// Longest wait for the board's table (s): seconds for most constants, a minute where states must be followed from the
 /// unloaded one.
 const WAIT_S: f64 = 120.0;
@@ -55,7 +57,7 @@ pub fn check(session: &Session, scene: &Scene, scene_name: &str) -> Result<(), F
         if theirs != ours {
             return Err(Failure::failed(format!(
                 "{scene_name}: {what} is not what the board was built with, and only [geometry], [string], [material] and \
-                 [correction] can be sent: build and flash for this scene"
+                 [correction] can be sent: {FLASH}"
             )));
         }
     }
@@ -106,8 +108,7 @@ fn refusal(reason: TableRefusal, a: f32, b: f32) -> String {
             format!("the envelope reaches past a limit of the model at {a} N and {b} rad; the old table stays")
         }
         TableRefusal::Accuracy => format!(
-            "the table's form reaches {:.2} um and {:.3} % of TR, not the scene's accuracy; the old table stays. Build and \
-             flash for this scene",
+            "the table's form reaches {:.2} um and {:.3} % of TR, not the scene's accuracy; the old table stays: {FLASH}",
             a * 1e6,
             b * 100.0
         ),
