@@ -44,7 +44,7 @@ pub fn figure(played: &[Played]) -> Figure {
     Figure {
         heading: "Time until a changed load is back at its place, over the physical limit (emulated)".into(),
         rows: panels.chunks(COLUMNS).map(<[Panel]>::to_vec).collect(),
-        panel_size: (350, 220),
+        panel_size: (365, 220),
         blocks: vec![Block { rows: places.chain([never]).collect() }, Block { rows: limits.to_vec() }],
         notes: vec![
             "The limit is the least time in which any control brings the load to rest there with this motor, its swing \
