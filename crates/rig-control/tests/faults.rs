@@ -3,8 +3,9 @@
 mod common;
 
 use common::bench::{Bench, Tamper};
-use rig_control::{DriveCommand, DriveReading, Inputs, TICK_US};
-use rig_link::messages::{Accepted, EventKind, Fault, LoadChoice, Refusal, Request, State};
+use common::{constants, table};
+use rig_control::{DriveCommand, DriveReading, Inputs, Rig, TICK_US};
+use rig_link::messages::{Accepted, EventKind, Fault, LoadChoice, Refusal, Request, Setting, State};
 use std::sync::Arc;
 
 fn tamper(change: impl Fn(&mut Inputs) + Send + Sync + 'static) -> Option<Tamper> {
@@ -243,6 +244,34 @@ fn limit_switches_stop_the_load_and_free_only_the_way_back() {
         assert_eq!(bench.ask(onwards), Ok(Accepted::Started));
         assert_eq!(bench.ticks_until_fault(200).map(|(_, fault)| fault), Some(Fault::LimitSwitch));
     }
+}
+
+#[test]
+fn a_switch_that_was_cleared_open_stays_so_when_gaps_mean_something_else() {
+    for (upper, offset_m) in [(true, -1e-3), (false, 1e-3)] {
+        let mut bench = holding();
+        bench.tamper = tamper(move |inputs| {
+            (inputs.upper_limit_open, inputs.lower_limit_open) = (upper, !upper);
+        });
+        bench.run(40);
+        assert_eq!(bench.ask(Request::Clear), Ok(Accepted::Done));
+        // By the new offset the load seems to be 1 mm farther on.
+        let set = Request::SetSetting { setting: Setting::LvdtOffset, value: offset_m };
+        assert_eq!(bench.ask(set), Ok(Accepted::Unhomed));
+        assert_eq!(bench.ticks_until_fault(50), None);
+    }
+}
+
+#[test]
+fn a_damaged_table_is_a_fault_from_the_start_that_nothing_clears() {
+    let mut damaged = *table();
+    damaged.crc ^= 1;
+    let mut bench = Bench::new(5.0, 0.01, 9.0);
+    bench.rig = Rig::new(Box::leak(Box::new(damaged)), constants(), None);
+    bench.tick(None);
+    assert_eq!((bench.rig.state(), bench.rig.fault()), (State::Fault, Some(Fault::TableCorrupt)));
+    assert_eq!(bench.ask(Request::Clear), Err(Refusal::CauseRemains { fault: Fault::TableCorrupt }));
+    assert!(bench.ask(Request::HOME).is_err());
 }
 
 #[test]

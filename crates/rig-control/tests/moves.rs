@@ -265,6 +265,7 @@ fn settings_act_at_once_and_those_that_change_the_units_unhome() {
     let set = |setting, value| Request::SetSetting { setting, value };
     // Zero is called another height: the load stays.
     assert_eq!(bench.ask(set(Setting::PositionZero, -0.002)), Ok(Accepted::Started));
+    near(bench.shown().position_m.unwrap(), 0.008, 30e-6);
     bench.run(100);
     near(bench.shown().position_m.unwrap(), 0.008, 30e-6);
     near(bench.position_m(), 0.006, 30e-6);
