@@ -26,13 +26,13 @@ const VARIANTS: [(&str, &str, [f64; 2]); 10] = [
 const LOADS: [&str; 2] = ["0.5kg", "1.5kg"];
 const SCRIPT: &str = "2.5 home\n47 move 12mm speed=2mm/s\n55.5 move 2mm speed=2mm/s\n63 move 9mm speed=2mm/s\n69 end\n";
 
-/// Result of one run.
+/// Result of one run; `None` where nothing was moved or estimated.
 #[derive(Default)]
 struct Outcome {
-    rms_m: f64,
-    max_m: f64,
-    rest_m: f64,
-    load_error: f64,
+    rms_m: Option<f64>,
+    max_m: Option<f64>,
+    rest_m: Option<f64>,
+    load_error: Option<f64>,
     tick_mean: f64,
     tick_max: f64,
     fault: Option<String>,
@@ -54,24 +54,26 @@ pub fn run(folders: &Folders) -> Result<()> {
         firmware::build_study(folders, &toolchain, &format!("{tier} {contraction_m:e} {tr_relative:e}"), &image)?;
         for load in LOADS {
             let o = play(folders, &image, &script, load)?;
+            let shown = |value: Option<f64>| value.map_or("-".into(), |value| format!("{value:.1}"));
             println!(
-                "{name:<14} {load}: tracking {:6.1} um rms, {:6.0} um at most; at rest {:+6.1} um; load {:+6.1} %; {:.0} instructions a tick, \
+                "{name:<14} {load}: tracking {} um rms, {} um at most; at rest {} um; load {} %; {:.0} instructions a tick, \
                  {:.0} at most{}",
-                o.rms_m * 1e6,
-                o.max_m * 1e6,
-                o.rest_m * 1e6,
-                o.load_error * 1e2,
+                shown(o.rms_m.map(|m| m * 1e6)),
+                shown(o.max_m.map(|m| m * 1e6)),
+                shown(o.rest_m.map(|m| m * 1e6)),
+                shown(o.load_error.map(|error| error * 1e2)),
                 o.tick_mean,
                 o.tick_max,
                 o.fault.as_ref().map_or(String::new(), |f| format!("; {f}"))
             );
+            let cell = |value: Option<f64>| value.map_or(String::new(), |value| format!("{value:.3e}"));
             writeln!(
                 csv,
-                "\"{name}\",{load},{:.3e},{:.3e},{:.3e},{:.3e},{:.0},{:.0},{}",
-                o.rms_m,
-                o.max_m,
-                o.rest_m,
-                o.load_error,
+                "\"{name}\",{load},{},{},{},{},{:.0},{:.0},{}",
+                cell(o.rms_m),
+                cell(o.max_m),
+                cell(o.rest_m),
+                cell(o.load_error),
                 o.tick_mean,
                 o.tick_max,
                 o.fault.unwrap_or_default()
@@ -112,17 +114,17 @@ fn play(folders: &Folders, image: &Path, script: &Path, load: &str) -> Result<Ou
             if state == "moving" {
                 squares += error * error;
                 count += 1;
-                o.max_m = o.max_m.max(error.abs());
+                o.max_m = Some(o.max_m.unwrap_or(0.0).max(error.abs()));
             }
-            o.rest_m = error;
+            o.rest_m = Some(error);
         }
         if let (Some(estimate), Some(truth)) = (number("load_n"), number("true_load_n")) {
-            o.load_error = estimate / truth - 1.0;
+            o.load_error = Some(estimate / truth - 1.0);
         }
         if state == "unhomed" && number("t_s") > Some(46.0) {
             o.fault.get_or_insert("homing refused".into());
         }
     }
-    o.rms_m = (squares / f64::from(count.max(1))).sqrt();
+    o.rms_m = (count > 0).then(|| (squares / f64::from(count)).sqrt());
     Ok(o)
 }

@@ -361,14 +361,15 @@ fn in_the_loop(folders: &Folders) -> Result<Measured> {
         ..Measured::default()
     };
     for row in rows {
-        let get = |column: &str| cell(head, row, column).with_context(|| format!("loop.csv: {column}"));
+        // Empty where nothing was moved.
+        let shown = |column: &str, show: fn(f64) -> String| cell(head, row, column).map_or("-".into(), show);
         measured.table.push(vec![
             row[0].clone(),
             row[1].clone(),
-            format!("{:.1} µm", 1e6 * get("rms_m")?),
-            format!("{:.0} µm", 1e6 * get("max_m")?),
-            format!("{:+.1} µm", 1e6 * get("rest_m")?),
-            format!("{:+.1} %", 1e2 * get("load_relative_error")?),
+            shown("rms_m", |m| format!("{:.1} µm", 1e6 * m)),
+            shown("max_m", |m| format!("{:.0} µm", 1e6 * m)),
+            shown("rest_m", |m| format!("{:+.1} µm", 1e6 * m)),
+            shown("load_relative_error", |error| format!("{:+.1} %", 1e2 * error)),
             row.last().cloned().unwrap_or_default(),
         ]);
     }

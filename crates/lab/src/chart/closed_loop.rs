@@ -11,10 +11,11 @@ use serde::Deserialize;
 struct Run {
     variant: String,
     load: String,
-    rms_m: f64,
-    max_m: f64,
-    rest_m: f64,
-    load_relative_error: f64,
+    /// Nothing where nothing was moved.
+    rms_m: Option<f64>,
+    max_m: Option<f64>,
+    rest_m: Option<f64>,
+    load_relative_error: Option<f64>,
     instructions_mean: f64,
     instructions_max: f64,
     fault: String,
@@ -40,20 +41,20 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
     loads.sort_unstable();
     loads.dedup();
     let names = || Axis::names(variants.iter().map(|v| (*v).to_owned()));
-    let panel = |label: &str, value: fn(&Run) -> f64, first: bool| {
+    let panel = |label: &str, value: fn(&Run) -> Option<f64>, first: bool| {
         let mark = |r: &Run| {
             let row = variants.iter().position(|v| *v == r.variant).unwrap_or_default();
             let load = loads.iter().position(|l| *l == r.load).unwrap_or_default();
             // One above the other, so that neither hides the other.
-            let at = (value(r), 0.12 - row as f64 - 0.24 * load as f64);
-            Item::Mark { at, shape: r.shape(), colour: load_colour(load) }
+            let at = (value(r)?, 0.12 - row as f64 - 0.24 * load as f64);
+            Some(Item::Mark { at, shape: r.shape(), colour: load_colour(load) })
         };
-        let [low, high] = extent(runs.iter().map(value));
+        let [low, high] = extent(runs.iter().filter_map(value));
         Panel {
             title: String::new(),
             x: Axis::linear(label, [low.min(0.0), high]),
             y: if first { names() } else { names().unnamed() },
-            items: runs.iter().map(mark).collect(),
+            items: runs.iter().filter_map(mark).collect(),
         }
     };
     let samples = loads.iter().enumerate();
@@ -65,10 +66,10 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
     let figure = Figure {
         heading: "Closed loop: tables of other models and accuracies in the firmware".into(),
         rows: vec![vec![
-            panel("tracking error, um rms", |r| r.rms_m * 1e6, true),
-            panel("error at rest, um", |r| (r.rest_m * 1e6).abs(), false),
-            panel("load estimate off by, %", |r| r.load_relative_error.abs() * 1e2, false),
-            panel("thousand instructions a tick", |r| r.instructions_mean * 1e-3, false),
+            panel("tracking error, um rms", |r| r.rms_m.map(|m| m * 1e6), true),
+            panel("error at rest, um", |r| r.rest_m.map(|m| m.abs() * 1e6), false),
+            panel("load estimate off by, %", |r| r.load_relative_error.map(|error| error.abs() * 1e2), false),
+            panel("thousand instructions a tick", |r| Some(r.instructions_mean * 1e-3), false),
         ]],
         panel_size: (330, 340),
         blocks,
@@ -80,14 +81,15 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
         ],
     };
     let findings = runs.iter().map(|r| {
+        let shown = |value: Option<f64>, scale: f64| value.map_or("-".into(), |value| format!("{:.1}", scale * value));
         format!(
-            "{:<14} {}: {:5.1} um rms, {:4.0} um at most, at rest {:+6.1} um, load {:+6.1} %, {:.0} instructions a tick, {:.0} at most {}",
+            "{:<14} {}: {} um rms, {} um at most, at rest {} um, load {} %, {:.0} instructions a tick, {:.0} at most {}",
             r.variant,
             r.load,
-            r.rms_m * 1e6,
-            r.max_m * 1e6,
-            r.rest_m * 1e6,
-            r.load_relative_error * 1e2,
+            shown(r.rms_m, 1e6),
+            shown(r.max_m, 1e6),
+            shown(r.rest_m, 1e6),
+            shown(r.load_relative_error, 1e2),
             r.instructions_mean,
             r.instructions_max,
             r.fault
