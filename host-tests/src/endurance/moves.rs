@@ -206,7 +206,8 @@ pub fn moves(count: u32, rig: RigPreset, seed: u64) -> Endurance {
         }
         let load_kg = run.random.random_range(0.3..1.5);
         run.lay_on(load_kg);
-        let happens = number % 3 == 2 && result.incidents.values().sum::<u32>() <= number / 3;
+        let frequent = result.incidents.iter().filter(|(kind, _)| **kind != Incident::Identify);
+        let happens = number % 3 == 2 && frequent.map(|(_, count)| count).sum::<u32>() <= number / 3;
         let incident = happens.then(|| *Incident::FREQUENT.choose(run.random).expect("eight"));
         let under_way = [Incident::FaultUnderWay, Incident::PowerCycleUnderWay];
         if let Some(incident) = incident.filter(|incident| !under_way.contains(incident)) {
