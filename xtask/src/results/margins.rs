@@ -1,7 +1,7 @@
 //! The section on the margins of the position loop.
 
 use super::Measured;
-use super::sections::printed;
+use super::sections::{json_lines, printed};
 use crate::Folders;
 use crate::process::cargo;
 use anyhow::{Context, Result, ensure};
@@ -11,9 +11,7 @@ use serde_json::Value;
 pub(super) fn measure(folders: &Folders) -> Result<Measured> {
     let mut command = cargo(folders);
     command.args(["run", "--release", "--package", "host-tests", "--bin", "margins"]);
-    let text = printed(&mut command)?;
-    let lines = text.lines().map(|line| serde_json::from_str(line).with_context(|| format!("no JSON: {line}")));
-    table(&lines.collect::<Result<Vec<Value>>>()?)
+    table(&json_lines(&printed(&mut command)?)?)
 }
 
 /// A row for each kind of rig and load, a column for each position: gains first, then delays.

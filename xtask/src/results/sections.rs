@@ -221,11 +221,16 @@ pub(super) fn printed(command: &mut Command) -> Result<String> {
     Ok(String::from_utf8_lossy(&output.stdout).into_owned())
 }
 
+/// Each line of a text as JSON.
+pub(super) fn json_lines(text: &str) -> Result<Vec<Value>> {
+    text.lines().map(|line| serde_json::from_str(line).with_context(|| format!("no JSON: {line}"))).collect()
+}
+
 /// The tool with these words, and each line that it prints as JSON.
 pub(super) fn rigctl(folders: &Folders, words: &[&str]) -> Result<Vec<Value>> {
     let mut command = foreign(&folders.target.join("release/rigctl").to_string_lossy(), &folders.root);
     let text = printed(command.arg("--json").args(words))?;
-    text.lines().map(|line| serde_json::from_str(line).with_context(|| format!("no JSON: {line}"))).collect()
+    json_lines(&text)
 }
 
 /// What a program of the host tests prints, each line as JSON; it draws the figure with its own name.
@@ -234,7 +239,7 @@ pub(super) fn drawn(folders: &Folders, program: &str) -> Result<Vec<Value>> {
     command.args(["run", "--release", "--package", "host-tests", "--bin", program, "--", "--figure"]);
     command.arg(folders.root.join(format!("docs/charts/{program}.svg")));
     let text = printed(&mut command)?;
-    text.lines().map(|line| serde_json::from_str(line).with_context(|| format!("no JSON: {line}"))).collect()
+    json_lines(&text)
 }
 
 pub(super) fn number(value: &Value, at: &str) -> Result<f64> {
