@@ -26,7 +26,7 @@ const KEPT: f64 = 0.95;
 const CALM_AFTER_S: f64 = 6.0;
 const WATCHED_S: f64 = 2.0;
 /// A load that still moves by so much (m) swings.
-pub const SWINGS_M: f64 = 300e-6;
+const SWINGS_M: f64 = 300e-6;
 /// Factor from one gain that is tried to the next, and the step of the delay (s); how many of each are tried.
 const GAIN_STEP: f64 = 1.1;
 const DELAY_STEP_S: f64 = 0.004;
@@ -46,10 +46,8 @@ pub struct Loosened {
 impl Loosened {
     /// Puts it into a bench.
     pub fn put_into(self, bench: &mut ControlBench) {
-        let (whole, part) = {
-            let ticks = self.delay_s / f64::from(TICK_S);
-            (ticks.floor(), (ticks - ticks.floor()) as f32)
-        };
+        let ticks = self.delay_s / f64::from(TICK_S);
+        let (whole, part) = (ticks as usize, ticks.fract() as f32);
         let seen = Mutex::new((None::<f32>, VecDeque::new()));
         bench.tamper = Some(Arc::new(move |inputs: &mut Inputs| {
             let Some(block) = inputs.lvdt else { return };
@@ -57,9 +55,9 @@ impl Loosened {
             let centre = *seen.0.get_or_insert(block.mean_code);
             let past = &mut seen.1;
             past.push_front(block.mean_code);
-            past.truncate(whole as usize + 2);
+            past.truncate(whole + 2);
             let at = |age: usize| past.get(age).or(past.back()).copied().unwrap_or(centre);
-            let mean_code = (1.0 - part) * at(whole as usize) + part * at(whole as usize + 1);
+            let mean_code = (1.0 - part) * at(whole) + part * at(whole + 1);
             inputs.lvdt = Some(LvdtBlock { mean_code: centre + self.gain as f32 * (mean_code - centre), ..block });
         }));
     }

@@ -36,7 +36,12 @@ fn main() {
         if json { println!("{}", noise.json()) } else { println!("{noise}") }
     }
     if count > 0 {
-        let one = |k: usize| moves(count, rig, seed + k as u64);
+        // Each rig is reported as it ends: a run takes hours, and a panic on one rig must not lose the others.
+        let one = |k: usize| {
+            let found = moves(count, rig, seed + k as u64);
+            eprintln!("{rig} rig {}: {found}", seed + k as u64);
+            found
+        };
         let all = parallel_on(lab::parallel::cores(), &|_, _| {}, usize::from(rigs), one);
         let moves = all.into_iter().reduce(Endurance::and).unwrap_or_default();
         if json { println!("{}", moves.json()) } else { println!("{moves}") }

@@ -52,7 +52,8 @@ fn table(found: &[Value]) -> Result<Measured> {
         "A step changes the load at rest at 2, 8 or 14 mm, between 0.2 and 1.2 kg. A move at full speed goes 12 mm up or down, under \
          0.1 to 1.5 kg; on one with a load step it goes 8 mm, and the load changes between 0.9 and 1.2 kg on the way. The motor's time is that in which its speed and acceleration alone turn the strings as far; that of motor \
          and swing is the least of any control, by a linear programme with the table's ratio and stiffness at the end. One that has \
-         failed did not begin, because homing or a move was refused, or ended in a fault."
+         failed did not begin, because homing or a move was refused or the load was more than 1 mm off the place where it begins, or \
+         ended in a fault."
             .into(),
     );
     Ok(measured)
