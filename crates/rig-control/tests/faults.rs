@@ -319,6 +319,32 @@ fn a_load_that_stays_behind_its_set_point_is_a_fault_after_half_a_second() {
 }
 
 #[test]
+fn strings_that_are_no_longer_those_of_homing_are_a_fault_after_two_moves() {
+    let mut bench = holding();
+    // They slip: less and less of the twist shortens them, while the load is held.
+    for k in 1..=300u16 {
+        bench.twist_scale = 1.0 - 0.1 * f32::from(k) / 300.0;
+        bench.tick(None);
+    }
+    bench.run(100);
+    // Slowly: what the load seems to weigh then changes no faster than the estimate follows.
+    let goes = |bench: &mut Bench, target_m| {
+        bench.ask(Request::Move { target_m, speed_m_per_s: 0.0015, load: LoadChoice::Auto }).expect("it can");
+        bench.while_in(State::Moving);
+        bench.run(5);
+        bench.rig.fault()
+    };
+    assert_eq!(goes(&mut bench, 0.001), None);
+    assert_eq!(goes(&mut bench, 0.012), Some(Fault::ModelResidual));
+    bench.run(50);
+    assert_eq!(bench.rig.faults().iter().count(), 1, "it is raised once");
+    assert!(matches!(bench.command, DriveCommand::Follow { .. }), "the shaft is held");
+    // The way out of it is to home again.
+    assert_eq!(bench.ask(Request::Clear), Ok(Accepted::Done));
+    assert_eq!(bench.rig.state(), State::Unhomed);
+}
+
+#[test]
 fn a_held_shaft_that_turns_is_let_go_once() {
     let mut bench = holding();
     bench.tamper = tamper(|inputs| inputs.bus_off = true);

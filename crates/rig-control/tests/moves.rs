@@ -340,6 +340,26 @@ fn strings_whose_radius_drifts_are_learned_from_long_moves() {
 }
 
 #[test]
+fn nothing_is_learned_under_a_given_load_or_while_the_load_changes() {
+    let learned = |given: LoadChoice, change_n: f32| {
+        let mut bench = Bench::homed();
+        let before = bench.shown().twist_scale.unwrap();
+        bench.twist_scale = if change_n == 0.0 { 1.004 } else { 1.0 };
+        for target_m in [0.014, 0.001, 0.014, 0.001] {
+            let request = Request::Move { target_m, speed_m_per_s: 0.006, load: given };
+            assert_eq!(bench.ask(request), Ok(Accepted::Started));
+            bench.run(150);
+            bench.load_n += if target_m > 0.01 { change_n } else { -change_n };
+            bench.while_in(State::Moving);
+        }
+        (bench.shown().twist_scale.unwrap() - before, bench.rig.fault())
+    };
+    assert_eq!(learned(LoadChoice::Known(5.0), 0.0), (0.0, None));
+    let (changing, fault) = learned(LoadChoice::Auto, 1.0);
+    assert!(changing.abs() < 5e-4 && fault.is_none(), "{changing} {fault:?}");
+}
+
+#[test]
 fn a_load_that_sticks_is_brought_nearer_by_coming_again() {
     let mut bench = Bench::new(1.5, 0.02, 9.0);
     bench.while_in(State::Boot);

@@ -90,6 +90,18 @@ fn a_pull_beyond_the_band_is_another_load_that_is_followed_in_the_time_constant(
     }
 }
 
+/// Beyond the band by the motion that is noise (15 um of the gap) and a hundredth of the load.
+#[test]
+fn a_pull_beyond_the_band_by_no_more_than_noise_is_no_other_load() {
+    let slack_n = 15e-6 / mechanism().at(LOAD_N, TWIST_RAD).dgap_dload_m_per_n + 0.01 * LOAD_N;
+    assert!(0.01 * LOAD_N < 0.9 * slack_n, "both count");
+    for (share, changing) in [(0.95, false), (1.05, true)] {
+        let mut observer = observer();
+        pulls(&mut observer, LOAD_N - FRICTION_N, 50);
+        assert_eq!(pulls(&mut observer, LOAD_N - FRICTION_N - share * slack_n, 1).changing, changing, "{share}");
+    }
+}
+
 #[test]
 fn moves_up_and_down_find_the_load_in_the_middle_of_the_band_and_confirm_it() {
     let mut observer = observer();

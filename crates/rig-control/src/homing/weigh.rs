@@ -404,39 +404,4 @@ fn below(mechanism: &Mechanism<'_>, load_n: f32, twist_rad: f32) -> Point {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_currents_of_both_ways_count_the_same_and_give_the_error_of_their_mean() {
-        let mut ways = [Current::NONE; 2];
-        // 400 readings up of 10 mA with 2 mA of noise, 100 down of -6 mA with the same.
-        for k in 0..400 {
-            ways[0].add(10e-3 + if k % 2 == 0 { 2e-3 } else { -2e-3 });
-        }
-        for k in 0..100 {
-            ways[1].add(-6e-3 + if k % 2 == 0 { 2e-3 } else { -2e-3 });
-        }
-        let (mean_a, half_a, variance_a2) = both_ways(&ways).unwrap();
-        assert!((mean_a - 2e-3).abs() < 1e-6 && (half_a - 8e-3).abs() < 1e-6, "{mean_a} {half_a}");
-        let expected = 0.25 * (4e-6 / 400.0 + 4e-6 / 100.0);
-        assert!((variance_a2 / expected - 1.0).abs() < 1e-2, "{variance_a2}");
-        let [up, down] = ways;
-        for one_way in [[Current::NONE; 2], [up, Current::NONE], [Current::NONE, down]] {
-            assert!(both_ways(&one_way).is_none());
-        }
-    }
-
-    #[test]
-    fn the_curve_goes_through_a_cubic_rest_and_carries_the_offset() {
-        let rest: [(f32, f32); USED] = core::array::from_fn(|k| {
-            let twist_rad = 8.0 + k as f32;
-            let place = (twist_rad - 19.5) / 11.5;
-            (twist_rad, 1e-4 * place * place * place - 5e-5 * place)
-        });
-        let curve = curve(&rest, 2e-3).unwrap();
-        for (twist_rad, left_m) in rest {
-            assert!((curve.at(twist_rad).0 - left_m - 2e-3).abs() < 1e-7);
-        }
-    }
-}
+mod tests;

@@ -103,8 +103,8 @@ impl Stream {
         Move::braking(self.control, self.limits)
     }
 
-    /// One tick: what the loop turns, and what holds the load back.
-    pub(super) fn step(&mut self, load: &LoadState<'_>, rig: &RigConstants) -> (LoopOutput, Option<Limit>) {
+    /// The target goes on by one tick.
+    fn advance(&mut self) {
         let target = &mut self.target;
         // It is known from two set-points, and goes on for as long as lay between them.
         if self.age_s > self.accelerates_s + 0.5 * TICK_S {
@@ -115,10 +115,15 @@ impl Stream {
         target.position_m += TICK_S * (target.speed_m_per_s + 0.5 * gained);
         target.speed_m_per_s += gained;
         target.acceleration_m_per_s2 += change;
+    }
+
+    /// One tick: what the loop turns, and what holds the load back.
+    pub(super) fn step(&mut self, load: &LoadState<'_>, rig: &RigConstants) -> (LoopOutput, Option<Limit>) {
+        self.advance();
         let observation = &load.observation;
         let (limits, _) = Limits::for_motor(self.speed_max_m_per_s, &observation.point, observation.pull_n, rig);
         self.limits = Some(limits);
-        let (set_point, held_back) = self.control.planner.follow(target, &limits);
+        let (set_point, held_back) = self.control.planner.follow(&self.target, &limits);
         let output = self.control.follow(&set_point, load);
         (output, held_back.then_some(Limit::MotorSpeed))
     }
@@ -163,6 +168,26 @@ mod tests {
         let stream = streamed(|t_s| 0.5 * 0.4 * t_s * t_s, 5);
         assert!(near(stream.target.acceleration_m_per_s2, 0.4 * 0.2), "{stream:?}");
         assert!((stream.jerk_m_per_s3 - 0.4).abs() < 1e-3);
+    }
+
+    /// x = v t + a t²/2 + j t³/6 for as long as lay between the last two set-points; then the speed stays.
+    #[test]
+    fn a_target_goes_on_as_its_set_points_did_for_as_long_as_lay_between_them() {
+        let mut stream = streamed(|t_s| 0.5 * 0.4 * t_s * t_s, 5);
+        let at = |t_s: f32| (0.4 * t_s * t_s * t_s / 6.0, 0.5 * 0.4 * t_s * t_s, 0.4 * t_s);
+        let began_s = 0.2;
+        for tick in 1..=9u8 {
+            stream.age_s = f32::from(tick) * TICK_S;
+            stream.advance();
+            let accelerates_s = f32::from(tick.min(EVERY_TICKS)) * TICK_S;
+            let (position_m, speed_m_per_s, acceleration) = at(began_s + accelerates_s);
+            let coasts_s = f32::from(tick.saturating_sub(EVERY_TICKS)) * TICK_S;
+            let way_m = position_m - at(began_s).0 + coasts_s * speed_m_per_s;
+            assert!((stream.target.position_m - way_m).abs() < 2e-7, "{tick}: {stream:?}");
+            assert!((stream.target.speed_m_per_s - speed_m_per_s).abs() < 1e-6, "{tick}: {stream:?}");
+            let left = if tick > EVERY_TICKS { 0.0 } else { acceleration };
+            assert!((stream.target.acceleration_m_per_s2 - left).abs() < 1e-4, "{tick}: {stream:?}");
+        }
     }
 
     #[test]

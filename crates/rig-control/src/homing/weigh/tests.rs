@@ -1,0 +1,403 @@
+//! The weighing, step by step, on sweeps that the default scene's table makes: against the formulas of work and stated error, and
+//! against the minimum of the fit's sum, found here by differences.
+
+extern crate std;
+
+use super::*;
+use crate::constants::tests::RIG;
+use std::sync::OnceLock;
+use tsa_table::owned::OwnedTable;
+
+/// The table of the default scene.
+fn table() -> &'static Table<'static> {
+    static OWNED: OnceLock<OwnedTable> = OnceLock::new();
+    static TABLE: OnceLock<Table<'static>> = OnceLock::new();
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/default.toml");
+    let fitted = || rig_scene::Scene::load(path).expect("a scene").fit_table().expect("it has a table").table;
+    TABLE.get_or_init(|| OWNED.get_or_init(fitted).table())
+}
+
+/// A rig whose sweeps are made up.
+struct Swept {
+    load_n: f32,
+    friction_n: f32,
+    twist_scale: f32,
+    /// What the gap differs by from the table's (m), at a twist (rad).
+    beside_m: fn(f32) -> f32,
+    /// Current of the ways up and down (A).
+    currents_a: [f32; 2],
+}
+
+const SWEPT: Swept =
+    Swept { load_n: 5.0, friction_n: 0.05, twist_scale: 1.0, beside_m: |_| 0.0, currents_a: [0.03, -0.01] };
+/// Twists (rad) at the ends of the sweeps; readings of each; the way down is measured at other twists than the way up.
+const ENDS_RAD: [f32; 2] = [5.0, 37.0];
+const READINGS: u16 = 320;
+const DOWN_RAD: f32 = 0.2;
+
+impl Swept {
+    /// With the currents that its work takes, by the mean slope of the gap, besides 20 mA of friction and 2 mA of the strings'
+    /// own, which sweeps across zero twist take as well.
+    fn at_work(self) -> Self {
+        let slope = (self.gap_m(self.load_n, 10.0) - self.gap_m(self.load_n, 32.0)) / 22.0;
+        let current_a = self.load_n * slope / (RIG.motor_torque_constant_nm_per_a * RIG.gear_ratio);
+        Self { currents_a: [current_a + 0.022, current_a - 0.018], ..self }
+    }
+
+    fn gap_m(&self, pull_n: f32, twist_rad: f32) -> f32 {
+        table().point_inside(pull_n, self.twist_scale * twist_rad).gap_m + (self.beside_m)(twist_rad)
+    }
+
+    /// Both sweeps, as far as a share of them is recorded.
+    fn recorded(&self, given: LoadChoice, until: f32) -> Weigh {
+        let mut weigh = Weigh::new(1.0, given);
+        for (pass, direction) in [1.0, -1.0].into_iter().enumerate() {
+            for k in 0..READINGS {
+                let share = (f32::from(k) + 0.5) / f32::from(READINGS);
+                let twist_rad =
+                    ENDS_RAD[0] + share * (ENDS_RAD[1] - ENDS_RAD[0]) + if pass == 1 { DOWN_RAD } else { 0.0 };
+                let gap_m = self.gap_m(self.load_n + direction * self.friction_n, twist_rad);
+                // A noise of one milliampere.
+                let current_a = self.currents_a[pass] + if k % 2 == 0 { 1e-3 } else { -1e-3 };
+                if share < until {
+                    weigh.record(share, twist_rad, gap_m, current_a);
+                }
+            }
+            assert_eq!((weigh.pass(), weigh.end_pass()), (pass, pass == 1));
+        }
+        weigh
+    }
+}
+
+/// Sweeps across zero twist with a mean current (A), half of it the other way, and a noise of 1 mA in 100 readings.
+fn zero_currents(mean_a: f32) -> [Current; 2] {
+    [1.5 * mean_a, 0.5 * mean_a].map(|current_a| {
+        let mut current = Current::NONE;
+        (0..100u8).for_each(|k| current.add(current_a + if k % 2 == 0 { 1e-3 } else { -1e-3 }));
+        current
+    })
+}
+
+fn fitted(weigh: &mut Weigh) -> Result<Weighed, HomingFailure> {
+    weigh.begin_fit(table(), &RIG, &zero_currents(2e-3));
+    for _ in 1..STEPS {
+        assert!(weigh.fit_step(table())?.is_none());
+    }
+    weigh.fit_step(table()).map(|found| found.expect("the last step"))
+}
+
+#[track_caller]
+fn near(found: f32, expected: f32, share: f32) {
+    assert!((found - expected).abs() <= share * expected.abs(), "{found} instead of {expected}");
+}
+
+#[test]
+fn the_currents_of_both_ways_count_the_same_and_give_the_error_of_their_mean() {
+    let mut ways = [Current::NONE; 2];
+    // 400 readings up of 10 mA with 2 mA of noise, 100 down of -6 mA with the same.
+    for k in 0..400 {
+        ways[0].add(10e-3 + if k % 2 == 0 { 2e-3 } else { -2e-3 });
+    }
+    for k in 0..100 {
+        ways[1].add(-6e-3 + if k % 2 == 0 { 2e-3 } else { -2e-3 });
+    }
+    let (mean_a, half_a, variance_a2) = both_ways(&ways).unwrap();
+    assert!((mean_a - 2e-3).abs() < 1e-6 && (half_a - 8e-3).abs() < 1e-6, "{mean_a} {half_a}");
+    let expected = 0.25 * (4e-6 / 400.0 + 4e-6 / 100.0);
+    assert!((variance_a2 / expected - 1.0).abs() < 1e-2, "{variance_a2}");
+    let [up, down] = ways;
+    for one_way in [[Current::NONE; 2], [up, Current::NONE], [Current::NONE, down]] {
+        assert!(both_ways(&one_way).is_none());
+    }
+}
+
+#[test]
+fn the_curve_goes_through_a_cubic_rest_and_carries_the_offset() {
+    let rest: [(f32, f32); USED] = core::array::from_fn(|k| {
+        let twist_rad = 8.0 + k as f32;
+        let place = (twist_rad - 19.5) / 11.5;
+        (twist_rad, 1e-4 * place * place * place - 5e-5 * place)
+    });
+    let curve = curve(&rest, 2e-3).unwrap();
+    for (twist_rad, left_m) in rest {
+        assert!((curve.at(twist_rad).0 - left_m - 2e-3).abs() < 1e-7);
+    }
+}
+#[test]
+fn readings_go_where_their_share_of_the_sweep_says_and_currents_only_where_the_speed_is_even() {
+    let mut weigh = Weigh::new(1.0, LoadChoice::Auto);
+    for share in [-0.01, 1.01, f32::NAN] {
+        weigh.record(share, 1.0, 1.0, 1.0);
+    }
+    for (share, place) in [(0.0, 0), (0.99 / 32.0, 0), (1.0 / 32.0, 1), (0.5, 16), (0.999, 31), (1.0, 31)] {
+        let before = weigh.bins[0][place].count;
+        weigh.record(share, 2.0, 0.1, 0.5);
+        assert_eq!(weigh.bins[0][place].count, before + 1, "{share}");
+    }
+    assert_eq!(weigh.bins[0].iter().map(|bin| bin.count).sum::<u16>(), 6);
+    assert_eq!((weigh.bins[0][31].twist_sum, weigh.bins[0][31].gap_sum), (4.0, 0.2));
+    assert_eq!(weigh.currents.map(|current| current.count), [1.0, 0.0]);
+    for (share, counted) in [(3.9 / 32.0, false), (4.1 / 32.0, true), (27.9 / 32.0, true), (28.1 / 32.0, false)] {
+        let before = weigh.currents[0].count;
+        weigh.record(share, 2.0, 0.1, 0.5);
+        assert_eq!(weigh.currents[0].count > before, counted, "{share}");
+    }
+    // A way without readings makes no pair.
+    assert!(weigh.pair(16).is_none());
+}
+
+#[test]
+fn both_ways_of_a_bin_count_the_same_however_many_readings_they_have() {
+    let mut weigh = Weigh::new(1.0, LoadChoice::Auto);
+    (0..3).for_each(|_| weigh.record(0.5, 10.0, 0.09, 0.0));
+    weigh.end_pass();
+    weigh.record(0.5, 12.0, 0.08, 0.0);
+    let pair = weigh.pair(16).expect("both ways");
+    near(pair.twist_rad, 11.0, 1e-6);
+    near(pair.gap_m, 0.085, 1e-6);
+    near(pair.half_twist_rad, -1.0, 1e-6);
+    near(pair.half_gap_m, 0.005, 1e-4);
+}
+
+/// F = I k gear Δθ/ΔG, of the current less that of the sweeps across zero twist.
+#[test]
+fn the_motors_work_weighs_the_load_with_the_error_of_currents_and_data_sheet() {
+    let mut weigh = Swept { load_n: 5.0, ..SWEPT }.recorded(LoadChoice::Auto, 1.0);
+    // A straight line of 1.25 mm/rad.
+    for bin in weigh.bins.iter_mut().flatten() {
+        bin.gap_sum = f32::from(bin.count) * 0.12 - 1.25e-3 * bin.twist_sum;
+    }
+    let newton_per_ampere = RIG.motor_torque_constant_nm_per_a * RIG.gear_ratio / 1.25e-3;
+    let cases = [(zero_currents(2e-3), 2e-3, 1e-6 / 100.0 / 2.0), ([Current::NONE; 2], 0.0, f32::INFINITY)];
+    for (zero, zero_a, zero_variance_a2) in cases {
+        weigh.begin_fit(table(), &RIG, &zero);
+        if zero_variance_a2.is_infinite() {
+            assert!(weigh.by_work.is_none(), "the load's share of the current is not known");
+            continue;
+        }
+        let found = weigh.by_work.expect("a load");
+        // Up 30 and down -10 mA: 10 mA in the mean, 20 mA of friction, of which a fiftieth may not cancel.
+        near(found.load_n, (10e-3 - zero_a) * newton_per_ampere, 1e-3);
+        let noise_a2 = 1e-6 / 240.0 / 2.0 + zero_variance_a2 + (FRICTION_LEFT * 20e-3) * (FRICTION_LEFT * 20e-3);
+        let by_current_n2 = noise_a2 * newton_per_ampere * newton_per_ampere;
+        let by_data_sheet_n = TORQUE_ERROR * found.load_n;
+        near(found.sigma_n, libm::sqrtf(by_current_n2 + by_data_sheet_n * by_data_sheet_n), 2e-3);
+    }
+    // A gap that grows with the twist says nothing of the load.
+    for bin in weigh.bins.iter_mut().flatten() {
+        bin.gap_sum = f32::from(bin.count) * 0.05 + 1e-3 * bin.twist_sum;
+    }
+    weigh.begin_fit(table(), &RIG, &zero_currents(2e-3));
+    assert!(weigh.by_work.is_none());
+}
+
+#[test]
+fn the_fit_begins_with_a_given_weight_or_in_the_middle_of_the_table() {
+    let m = &table().metadata;
+    let begins = |given: LoadChoice| {
+        let mut weigh = SWEPT.recorded(given, 1.0);
+        weigh.begin_fit(table(), &RIG, &zero_currents(2e-3));
+        weigh.unknowns.load_n
+    };
+    near(begins(LoadChoice::Auto), libm::sqrtf(m.load_min_n * m.load_max_n), 1e-6);
+    assert_eq!(begins(LoadChoice::Known(3.0)), 3.0);
+    assert_eq!(begins(LoadChoice::Known(1e3)), m.load_max_n);
+}
+
+#[test]
+fn a_rig_that_is_its_table_is_found_as_it_is() {
+    for (load_n, friction_n) in [(5.0, 0.05), (1.2, 0.02), (14.0, 0.4)] {
+        let swept = Swept { load_n, friction_n, ..SWEPT }.at_work();
+        let found = fitted(&mut swept.recorded(LoadChoice::Auto, 1.0)).expect("a load");
+        near(found.load_n, load_n, 0.02);
+        near(found.friction_n, friction_n, 0.05);
+        near(found.twist_scale, 1.0, 2e-3);
+        for twist_rad in [6.0, 15.0, 25.0, 35.0] {
+            let mechanism = Mechanism { table: table(), twist_scale: found.twist_scale, curve: found.curve };
+            near(mechanism.at(found.load_n, twist_rad).gap_m, swept.gap_m(load_n, twist_rad), 1e-4);
+        }
+    }
+}
+
+/// A rig with another radius, another zero and a gap that no load explains.
+const BESIDE: Swept =
+    Swept { twist_scale: 1.004, beside_m: |twist_rad| 0.1e-3 + 0.08e-3 * libm::sinf(0.7 * twist_rad), ..SWEPT };
+
+/// Residuals (mm) of the fit at its unknowns: logarithm of the load, logarithm of the scale, offset (mm).
+fn residuals(weigh: &Weigh, unknowns: [f32; 3]) -> std::vec::Vec<f64> {
+    let mechanism = Mechanism {
+        table: table(),
+        twist_scale: libm::expf(unknowns[1]),
+        curve: GapCurve::constant(1e-3 * unknowns[2]),
+    };
+    let load_n = libm::expf(unknowns[0]);
+    let left = |pair: Pair| {
+        let up = mechanism.at(load_n + weigh.friction_n, pair.twist_rad + pair.half_twist_rad);
+        let down = mechanism.at(load_n - weigh.friction_n, pair.twist_rad - pair.half_twist_rad);
+        1e3 * (f64::from(pair.gap_m) - 0.5 * (f64::from(up.gap_m) + f64::from(down.gap_m)))
+    };
+    weigh.pairs().map(left).collect()
+}
+
+/// What is fitted ends where the sum of squares has its minimum, and its covariance is the inverse of half the sum's curvature.
+#[test]
+fn the_fit_ends_at_the_minimum_and_states_the_inverse_of_its_curvature() {
+    for given in [LoadChoice::Auto, LoadChoice::Known(5.1)] {
+        let mut weigh = BESIDE.at_work().recorded(given, 1.0);
+        let found = fitted(&mut weigh).expect("a load");
+        let uncertainty = &table().metadata.uncertainty;
+        let Unknowns { load_n, twist_scale, offset_m } = weigh.unknowns;
+        let at = [libm::logf(load_n), libm::logf(twist_scale), 1e3 * offset_m];
+        let left = residuals(&weigh, at);
+        let misfit_mm = (left.iter().map(|r| r * r).sum::<f64>() / left.len() as f64).sqrt();
+        assert!((5e-3..0.2).contains(&misfit_mm), "neither bound of the misfit is met: {misfit_mm}");
+        let weight = f64::from(INDEPENDENT_BINS) / (left.len() as f64 * misfit_mm * misfit_mm);
+        // Derivatives of the residuals by differences.
+        const STEP: f32 = 4e-3;
+        let derivatives: [std::vec::Vec<f64>; 3] = core::array::from_fn(|unknown| {
+            let mut sides = [at; 2];
+            (sides[0][unknown], sides[1][unknown]) = (at[unknown] - STEP, at[unknown] + STEP);
+            let [low, high] = sides.map(|side| residuals(&weigh, side));
+            low.iter().zip(high).map(|(low, high)| (high - low) / f64::from(2.0 * STEP)).collect()
+        });
+        // What is known besides: the scene's radius and zero, the motor's work, a given weight.
+        let mut known = std::vec![
+            (1, f64::from(uncertainty.radius), f64::from(at[1])),
+            (2, f64::from(1e3 * uncertainty.gap_zero_m), f64::from(at[2])),
+        ];
+        let by_work = weigh.by_work.expect("there is a current");
+        known.push((0, f64::from(by_work.sigma_n / load_n), f64::from((load_n - by_work.load_n) / load_n)));
+        if let LoadChoice::Known(given_n) = given {
+            known.push((0, f64::from(GIVEN_ERROR * given_n / load_n), f64::from((load_n - given_n) / load_n)));
+        }
+        let mut information = [[0.0f64; 3]; 3];
+        let mut slope = [0.0f64; 3];
+        for a in 0..3 {
+            slope[a] += weight * derivatives[a].iter().zip(&left).map(|(d, r)| d * r).sum::<f64>();
+            for b in 0..3 {
+                information[a][b] +=
+                    weight * derivatives[a].iter().zip(&derivatives[b]).map(|(a, b)| a * b).sum::<f64>();
+            }
+        }
+        for (unknown, sigma, away) in known {
+            information[unknown][unknown] += 1.0 / (sigma * sigma);
+            slope[unknown] += away / (sigma * sigma);
+        }
+        for unknown in 0..3 {
+            let share = slope[unknown] / information[unknown][unknown].sqrt();
+            assert!(share.abs() < 0.05, "{unknown}: the sum still falls by {share} standard errors");
+        }
+        let inverse = Cholesky::new(information.map(|row| row.map(|x| x as f32))).expect("positive").inverse();
+        let [scale, both, constant] = found.covariance;
+        near(scale, inverse[1][1], 0.02);
+        near(both, 1e-3 * inverse[1][2], 0.02);
+        near(constant, 1e-6 * inverse[2][2], 0.02);
+        let shape = if given == LoadChoice::Auto { uncertainty.load_shape } else { 0.0 };
+        near(found.load_sigma_n, load_n * libm::sqrtf(inverse[0][0] + shape * shape), 0.02);
+    }
+}
+
+/// Half of the difference of the ways is friction.
+#[test]
+fn friction_is_what_the_ways_differ_by_whatever_their_twists() {
+    for friction_n in [0.0, 0.1, 0.6] {
+        let mut weigh = Swept { friction_n, ..SWEPT }.recorded(LoadChoice::Known(5.0), 1.0);
+        let found = fitted(&mut weigh).expect("a load");
+        assert!((found.friction_n - friction_n).abs() < 2e-3 + 0.01 * friction_n, "{} {friction_n}", found.friction_n);
+    }
+    // No more than 0.4 of the load is friction, and never less than none.
+    let found = fitted(&mut Swept { friction_n: 3.0, ..SWEPT }.recorded(LoadChoice::Known(5.0), 1.0));
+    assert!(found.is_err() || found.is_ok_and(|found| found.friction_n <= 0.4 * 5.1));
+    let found = fitted(&mut Swept { friction_n: -0.5, ..SWEPT }.recorded(LoadChoice::Known(5.0), 1.0)).expect("a load");
+    assert_eq!(found.friction_n, 0.0);
+}
+
+#[test]
+fn half_of_the_bins_are_enough() {
+    // Of 32 bins the first four are left out; twelve are half of those that are used.
+    let until = |bins: f32| fitted(&mut SWEPT.recorded(LoadChoice::Known(5.0), (bins - 0.01) / BINS as f32));
+    assert_eq!(until(4.0 + 11.0), Err(HomingFailure::PoorFit));
+    assert!(until(4.0 + 12.0).is_ok());
+}
+
+/// The result of unknowns and a covariance, with a rest that is straight.
+fn result(unknowns: Unknowns, given: LoadChoice, wanted_n: f32, misfit_m: f32) -> Result<Weighed, HomingFailure> {
+    let mut weigh = Weigh::new(1.0, given);
+    (weigh.unknowns, weigh.friction_n) = (unknowns, 0.1);
+    let covariance = [[1e-4, 0.0, 0.0], [2e-5, 4e-6, 0.0], [3e-3, 5e-4, 9e-2]];
+    let rest: [(f32, f32); 8] = core::array::from_fn(|k| (4.0 + k as f32, 0.0));
+    weigh.result(table(), wanted_n, &covariance, &rest, misfit_m)
+}
+
+const EXPECTED: Unknowns = Unknowns { load_n: 5.0, twist_scale: 1.0, offset_m: 0.0 };
+
+#[test]
+fn a_surprise_makes_everything_less_certain() {
+    let uncertainty = table().metadata.uncertainty;
+    let shape = uncertainty.load_shape;
+    let cases = [
+        (EXPECTED, 0.0, 1.0),
+        // Three standard errors of the radius, of the zero, and of the law.
+        (Unknowns { twist_scale: 1.0 + 3.0 * uncertainty.radius, ..EXPECTED }, 0.0, 4.5),
+        (Unknowns { offset_m: -3.0 * uncertainty.gap_zero_m, ..EXPECTED }, 0.0, 4.5),
+        (EXPECTED, 3.0 * LAW_GAP_ERROR_M, 4.5),
+        (Unknowns { offset_m: 2.0 * uncertainty.gap_zero_m, ..EXPECTED }, 2.0 * LAW_GAP_ERROR_M, 4.0),
+    ];
+    for (unknowns, misfit_m, inflation) in cases {
+        let found = result(unknowns, LoadChoice::Auto, 5.0, misfit_m).expect("a load");
+        near(found.load_sigma_n, 5.0 * libm::sqrtf(inflation * 1e-4 + shape * shape), 1e-3);
+        let [scale, both, constant] = found.covariance.map(|x| x / inflation);
+        near(scale, 4e-6, 1e-3);
+        near(both, 5e-7, 1e-3);
+        near(constant, 9e-8, 1e-3);
+        assert_eq!((found.load_n, found.friction_n, found.twist_scale), (5.0, 0.1, unknowns.twist_scale));
+        near(1.0 + found.curve.at(7.0).0, 1.0 + unknowns.offset_m, 1e-6);
+        // A weight that was given has no error of how the radius depends on the load.
+        let given = result(unknowns, LoadChoice::Known(5.0), 5.0, misfit_m).expect("a load");
+        near(given.load_sigma_n, 5.0 * libm::sqrtf(inflation * 1e-4), 1e-3);
+    }
+    assert!(result(EXPECTED, LoadChoice::Auto, 5.0, 0.99 * LARGEST_MISFIT_M).is_ok());
+    assert_eq!(result(EXPECTED, LoadChoice::Auto, 5.0, 1.01 * LARGEST_MISFIT_M), Err(HomingFailure::PoorFit));
+}
+
+#[test]
+fn a_load_is_refused_only_where_it_is_outside_whatever_its_error() {
+    let m = &table().metadata;
+    let sigma_n = |load_n: f32| load_n * 1e-2;
+    for (load_n, edge_n, outwards) in [
+        (m.load_max_n, 1.1 * m.load_max_n + super::super::NINETY_PERCENT * sigma_n(m.load_max_n), 1.0),
+        (m.load_min_n, 0.9 * m.load_min_n - super::super::NINETY_PERCENT * sigma_n(m.load_min_n), -1.0),
+    ] {
+        let at = |wanted_n: f32| result(Unknowns { load_n, ..EXPECTED }, LoadChoice::Known(load_n), wanted_n, 0.0);
+        assert!(at(edge_n - 1e-3 * outwards).is_ok(), "{load_n}");
+        assert_eq!(at(edge_n + 1e-3 * outwards), Err(HomingFailure::LoadOutOfRange), "{load_n}");
+    }
+}
+
+#[test]
+fn a_curve_needs_a_way_along_the_twist() {
+    assert!(curve(&[], 0.0).is_none());
+    assert!(curve(&[(5.0, 1e-4); 8], 0.0).is_none());
+    let found = curve(&core::array::from_fn::<_, 8, _>(|k| (10.0 + 2.0 * k as f32, 0.0)), 1e-3).expect("a curve");
+    assert_eq!((found.middle_rad, found.half_rad), (17.0, 7.0));
+}
+
+/// Below the table's least load F₀ the gap goes on as a + b/F: with the table's slope at F₀, and four times it at F₀/2.
+#[test]
+fn lighter_loads_than_the_tables_are_continued_in_one_over_the_load() {
+    let mechanism = Mechanism { table: table(), twist_scale: 1.0, curve: GapCurve::constant(0.0) };
+    let least_n = table().metadata.load_min_n;
+    let inside = mechanism.at(1.5 * least_n, 20.0);
+    assert_eq!(below(&mechanism, 1.5 * least_n, 20.0), inside);
+    let edge = mechanism.at(least_n, 20.0);
+    let at = |load_n: f32| below(&mechanism, load_n, 20.0);
+    let half = at(0.5 * least_n);
+    near(half.dgap_dload_m_per_n, 4.0 * edge.dgap_dload_m_per_n, 1e-5);
+    near(half.gap_m - edge.gap_m, -edge.dgap_dload_m_per_n * least_n, 1e-4);
+    // Its slope is that of its gap.
+    let by_difference = (at(0.505 * least_n).gap_m - at(0.495 * least_n).gap_m) / (0.01 * least_n);
+    near(by_difference, half.dgap_dload_m_per_n, 1e-3);
+    // A load of nothing, or less, is taken for a tenth of the least.
+    assert_eq!(at(0.0), at(0.1 * least_n));
+    assert_eq!(at(-1.0), at(0.1 * least_n));
+}
