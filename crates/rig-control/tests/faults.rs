@@ -5,7 +5,7 @@ mod common;
 use common::bench::{Bench, Tamper};
 use common::{constants, table};
 use rig_control::{DriveCommand, DriveReading, Inputs, Rig, TICK_US};
-use rig_link::messages::{Accepted, EventKind, Fault, LoadChoice, Refusal, Request, Setting, State};
+use rig_link::messages::{Accepted, EventKind, Fault, Limit, LoadChoice, Refusal, Request, Setting, State};
 use std::sync::Arc;
 
 fn tamper(change: impl Fn(&mut Inputs) + Send + Sync + 'static) -> Option<Tamper> {
@@ -318,30 +318,44 @@ fn a_load_that_stays_behind_its_set_point_is_a_fault_after_half_a_second() {
     assert!(fault == Fault::FollowingError && (100..250).contains(&ticks), "{fault} after {ticks}");
 }
 
-#[test]
-fn strings_that_are_no_longer_those_of_homing_are_a_fault_after_two_moves() {
+/// A rig that holds its load at 8 mm while its strings slip: a share of the twist no longer shortens them.
+fn slipped(share: f32) -> Bench {
     let mut bench = holding();
-    // They slip: less and less of the twist shortens them, while the load is held.
     for k in 1..=300u16 {
-        bench.twist_scale = 1.0 - 0.1 * f32::from(k) / 300.0;
+        bench.twist_scale = 1.0 - share * f32::from(k) / 300.0;
         bench.tick(None);
     }
     bench.run(100);
-    // Slowly: what the load seems to weigh then changes no faster than the estimate follows.
-    let goes = |bench: &mut Bench, target_m| {
-        bench.ask(Request::Move { target_m, speed_m_per_s: 0.0015, load: LoadChoice::Auto }).expect("it can");
-        bench.while_in(State::Moving);
-        bench.run(5);
-        bench.rig.fault()
-    };
-    assert_eq!(goes(&mut bench, 0.001), None);
-    assert_eq!(goes(&mut bench, 0.012), Some(Fault::ModelResidual));
+    bench
+}
+
+fn goes(bench: &mut Bench, target_m: f32, speed_m_per_s: f32) -> Option<Fault> {
+    bench.ask(Request::Move { target_m, speed_m_per_s, load: LoadChoice::Auto }).expect("it can");
+    bench.while_in(State::Moving);
+    bench.run(5);
+    bench.rig.fault()
+}
+
+#[test]
+fn strings_that_are_no_longer_those_of_homing_are_a_fault_after_two_moves() {
+    let mut bench = slipped(0.1);
+    assert_eq!(goes(&mut bench, 0.001, 0.0015), None);
+    assert_eq!(goes(&mut bench, 0.012, 0.0015), Some(Fault::ModelResidual));
     bench.run(50);
     assert_eq!(bench.rig.faults().iter().count(), 1, "it is raised once");
     assert!(matches!(bench.command, DriveCommand::Follow { .. }), "the shaft is held");
     // The way out of it is to home again.
     assert_eq!(bench.ask(Request::Clear), Ok(Accepted::Done));
     assert_eq!(bench.rig.state(), State::Unhomed);
+}
+
+#[test]
+fn a_slip_that_looks_like_a_load_that_changes_is_told_as_a_load_that_is_not_known() {
+    let mut bench = slipped(0.2);
+    for target_m in [0.001, 0.012, 0.001, 0.012] {
+        assert_eq!(goes(&mut bench, target_m, 0.004), None);
+        assert_eq!(bench.shown().limit, Some(Limit::LoadUnknown), "{:?}", bench.shown());
+    }
 }
 
 #[test]
