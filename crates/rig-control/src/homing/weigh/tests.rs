@@ -398,6 +398,7 @@ fn lighter_loads_than_the_tables_are_continued_in_one_over_the_load() {
     let by_difference = (at(0.505 * least_n).gap_m - at(0.495 * least_n).gap_m) / (0.01 * least_n);
     near(by_difference, half.dgap_dload_m_per_n, 1e-3);
     // A load of nothing, or less, is taken for a tenth of the least.
+    near(at(0.0).gap_m - edge.gap_m, -9.0 * edge.dgap_dload_m_per_n * least_n, 1e-4);
     assert_eq!(at(0.0), at(0.1 * least_n));
     assert_eq!(at(-1.0), at(0.1 * least_n));
 }
