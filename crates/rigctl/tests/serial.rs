@@ -120,6 +120,12 @@ fn said(output: &Output) -> String {
     format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
 }
 
+/// The last line that was printed, as JSON.
+fn last_line(output: &Output) -> Value {
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    serde_json::from_str(text.lines().last().unwrap_or_default()).unwrap_or_else(|e| panic!("{e}: {text}"))
+}
+
 #[test]
 fn a_board_on_a_serial_line_is_greeted_homed_and_moved() {
     let board = Board::new();
@@ -129,13 +135,16 @@ fn a_board_on_a_serial_line_is_greeted_homed_and_moved() {
     let refused = board.rigctl(&["--scene", SCENE, "move", "--to", "3mm"]);
     assert_eq!(refused.status.code(), Some(1), "{}", said(&refused));
     assert!(said(&refused).contains("not homed"), "{}", said(&refused));
+    let before_s = board.wait("a time", |_| true).t_s;
     let homed = board.rigctl(&["--scene", SCENE, "home"]);
     assert!(homed.status.success(), "{}", said(&homed));
+    let took_s = board.wait("a time", |_| true).t_s - before_s;
+    // The board has run for longer than the tool, whose clock is another one.
+    let told_s = last_line(&homed)["duration_s"].as_f64().expect("a duration");
+    assert!((took_s - 5.0..took_s).contains(&told_s), "{told_s} s of {took_s} s");
     let moved = board.rigctl(&["--scene", SCENE, "move", "--to", "3mm", "--speed", "2mm/s"]);
     assert!(moved.status.success(), "{}", said(&moved));
-    let text = String::from_utf8_lossy(&moved.stdout).into_owned();
-    let last: Value =
-        serde_json::from_str(text.lines().last().unwrap_or_default()).unwrap_or_else(|e| panic!("{e}: {text}"));
+    let last = last_line(&moved);
     let error = last["error_m"].as_f64().unwrap_or_else(|| panic!("no error in {last}"));
     assert!(error.abs() < 50e-6, "{last}");
 }

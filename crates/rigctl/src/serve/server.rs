@@ -225,7 +225,7 @@ impl Server<'_> {
                 }
             }
         };
-        let t_s = self.session.now_s();
+        let t_s = self.session.board_s();
         self.tell_all(&event(t_s, "writer-gone", &message));
         Ok(())
     }
@@ -256,7 +256,7 @@ impl Server<'_> {
     fn end(&mut self, why: String) {
         self.flights.end_all(&why);
         self.answer_landed();
-        self.tell_all(&event(self.session.now_s(), "server-ended", &why));
+        self.tell_all(&event(self.session.board_s(), "server-ended", &why));
         self.clients.iter().for_each(|client| client.outbox.close());
         let end = Instant::now() + LAST_LINES;
         while Instant::now() < end && !self.clients.iter().all(Client::is_written) {

@@ -85,6 +85,11 @@ impl Session {
         self.link.now_s()
     }
 
+    /// Time on the board's clock (s), of the newest telemetry: that of rows and events. A real port's clock is another one.
+    pub fn board_s(&self) -> f64 {
+        self.last.map_or(0.0, |t| self.boot_s + t.t_us as f64 * 1e-6)
+    }
+
     /// The newest telemetry.
     pub fn telemetry(&self) -> Option<&Telemetry> {
         self.last.as_ref()
@@ -171,7 +176,7 @@ impl Session {
     /// Never for the messages that exist: each fits a frame.
     pub fn post(&mut self, request: &Request) -> Result<u16, Failure> {
         let number = self.link.post(request)?;
-        let t_s = self.last.map_or(0.0, |t| self.boot_s + t.t_us as f64 * 1e-6);
+        let t_s = self.board_s();
         self.note(|| Entry::Request(t_s, *request));
         Ok(number)
     }
