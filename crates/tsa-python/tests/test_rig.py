@@ -76,6 +76,8 @@ def test_an_exception_stops_the_motion() -> None:
 
 
 def test_ctrl_c_stops_the_board_and_python_goes_on() -> None:
+    # A shell starts programs in the background with this signal ignored, and Python then leaves it so.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     with emulated() as rig:
         rig.home()
         threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()
