@@ -123,6 +123,7 @@ fn the_curve_goes_through_a_cubic_rest_and_carries_the_offset() {
         assert!((curve.at(twist_rad).0 - left_m - 2e-3).abs() < 1e-7);
     }
 }
+
 #[test]
 fn readings_go_where_their_share_of_the_sweep_says_and_currents_only_where_the_speed_is_even() {
     let mut weigh = Weigh::new(1.0, LoadChoice::Auto);
@@ -162,27 +163,24 @@ fn both_ways_of_a_bin_count_the_same_however_many_readings_they_have() {
 /// F = I k gear Δθ/ΔG, of the current less that of the sweeps across zero twist.
 #[test]
 fn the_motors_work_weighs_the_load_with_the_error_of_currents_and_data_sheet() {
-    let mut weigh = Swept { load_n: 5.0, ..SWEPT }.recorded(LoadChoice::Auto, 1.0);
+    let mut weigh = SWEPT.recorded(LoadChoice::Auto, 1.0);
     // A straight line of 1.25 mm/rad.
     for bin in weigh.bins.iter_mut().flatten() {
         bin.gap_sum = f32::from(bin.count) * 0.12 - 1.25e-3 * bin.twist_sum;
     }
     let newton_per_ampere = RIG.motor_torque_constant_nm_per_a * RIG.gear_ratio / 1.25e-3;
-    let cases = [(zero_currents(2e-3), 2e-3, 1e-6 / 100.0 / 2.0), ([Current::NONE; 2], 0.0, f32::INFINITY)];
-    for (zero, zero_a, zero_variance_a2) in cases {
-        weigh.begin_fit(table(), &RIG, &zero);
-        if zero_variance_a2.is_infinite() {
-            assert!(weigh.by_work.is_none(), "the load's share of the current is not known");
-            continue;
-        }
-        let found = weigh.by_work.expect("a load");
-        // Up 30 and down -10 mA: 10 mA in the mean, 20 mA of friction, of which a fiftieth may not cancel.
-        near(found.load_n, (10e-3 - zero_a) * newton_per_ampere, 1e-3);
-        let noise_a2 = 1e-6 / 240.0 / 2.0 + zero_variance_a2 + (FRICTION_LEFT * 20e-3) * (FRICTION_LEFT * 20e-3);
-        let by_current_n2 = noise_a2 * newton_per_ampere * newton_per_ampere;
-        let by_data_sheet_n = TORQUE_ERROR * found.load_n;
-        near(found.sigma_n, libm::sqrtf(by_current_n2 + by_data_sheet_n * by_data_sheet_n), 2e-3);
-    }
+    weigh.begin_fit(table(), &RIG, &[Current::NONE; 2]);
+    assert!(weigh.by_work.is_none(), "what the strings' own current is, is not known");
+    weigh.begin_fit(table(), &RIG, &zero_currents(2e-3));
+    let found = weigh.by_work.expect("a load");
+    // Up 30 and down -10 mA: 10 mA in the mean, 20 mA of friction, of which a fiftieth may not cancel.
+    near(found.load_n, (10e-3 - 2e-3) * newton_per_ampere, 1e-3);
+    // Each mean of two ways: 240 readings of each sweep are used, 100 of each across zero.
+    let by_friction_a = FRICTION_LEFT * 20e-3;
+    let noise_a2 = 1e-6 / 240.0 / 2.0 + 1e-6 / 100.0 / 2.0 + by_friction_a * by_friction_a;
+    let by_data_sheet_n = TORQUE_ERROR * found.load_n;
+    let variance_n2 = noise_a2 * newton_per_ampere * newton_per_ampere + by_data_sheet_n * by_data_sheet_n;
+    near(found.sigma_n, libm::sqrtf(variance_n2), 2e-3);
     // A gap that grows with the twist says nothing of the load.
     for bin in weigh.bins.iter_mut().flatten() {
         bin.gap_sum = f32::from(bin.count) * 0.05 + 1e-3 * bin.twist_sum;

@@ -92,7 +92,7 @@ mod tests {
         assert_eq!(is_fault(&[15_000; 100]), (false, 0));
         assert_eq!(is_fault(&[15_001; 4]), (false, 4));
         assert_eq!(is_fault(&[15_001; 5]), (true, 5));
-        // A second in time makes up for four of them.
+        // A quarter of a second without a late tick makes up for one.
         let spread: std::vec::Vec<u64> = (0..9).flat_map(|_| [[15_001].as_slice(), &[10_000; 25]].concat()).collect();
         assert_eq!(is_fault(&spread), (false, 9));
     }
