@@ -76,7 +76,12 @@ pub async fn run(encoder: Qei<'static, TIM3>, mut switches: Switches, mut leds: 
         let began = Instant::now();
         let (outputs, telemetry) = control_tick(rig, &inputs, longest_tick_us);
         longest_tick_us = longest_tick_us.max(began.elapsed().as_micros() as u32);
-        post_mortem::set_driving(matches!(outputs.drive, DriveCommand::Follow { .. }));
+        let driving = match outputs.drive {
+            DriveCommand::Follow { .. } => true,
+            DriveCommand::Voltage { pwm } => pwm != 0,
+            _ => false,
+        };
+        post_mortem::set_driving(driving);
         shared::DRIVE_COMMAND.signal(outputs.drive);
         if let (Some((_, Request::Rebuild(constants))), Some(Ok(_))) = (request, outputs.reply) {
             shared::REBUILD.signal(constants);

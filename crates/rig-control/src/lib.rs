@@ -6,6 +6,7 @@
 //!   in flash.
 //! - [`sensors`]: readings with their time and validity; raw codes to SI.
 //! - [`mechanism`]: the table, with this rig's own scale of the twist and its own gap curve.
+//! - [`direction`]: which way motor and encoders turn, before the drive closes a loop.
 //! - [`homing`]: zero twist without switches, then load, friction, scale of the twist and gap curve, with their errors.
 //! - [`observer`]: the load and its stated error, from twist and gap; [`adaptation`]: slow drift of the strings.
 //! - [`load_motion`]: how the load swings on its strings, and how it will move when a command acts.
@@ -19,6 +20,7 @@
 
 pub mod adaptation;
 pub mod constants;
+pub mod direction;
 pub mod friction_takeup;
 pub mod homing;
 mod least_squares;

@@ -378,7 +378,7 @@ fn a_held_shaft_that_turns_is_let_go_once() {
     assert_eq!((bench.command, bench.rig.fault()), (DriveCommand::LetGo, Some(Fault::NotHeld)));
     bench.tamper = None;
     assert_eq!(bench.ask(Request::Clear), Ok(Accepted::Done));
-    assert_eq!((bench.command, bench.rig.state()), (DriveCommand::Restart, State::Boot));
+    assert_eq!((bench.command, bench.rig.state()), (DriveCommand::RestartOpenLoop, State::Boot));
     bench.while_in(State::Boot);
     assert_eq!(bench.rig.state(), State::Unhomed);
 }

@@ -207,6 +207,18 @@ named_codes! {
         NotHeld = 30, "not-held";
         /// The LVDT's reading stepped as no load can make it: the sensor, its core or its conditioner has shifted.
         LvdtJump = 31, "lvdt-jump";
+        /// The motor turns against the voltage that the drive is told to put on it: its leads are swapped.
+        MotorDirection = 32, "motor-direction";
+        /// A voltage on the motor moves neither encoder: a motor lead, or the encoder's cable or supply.
+        MotorStill = 33, "motor-still";
+        /// The drive's encoder input stands or counts backwards while the shaft turns: its wires. The drive's loop is then open.
+        DriveEncoder = 34, "drive-encoder";
+        /// The rig's own encoder input counts backwards: its channels are swapped.
+        EncoderDirection = 35, "encoder-direction";
+        /// The shaft, or the drive's count of it, does not come to rest after a start.
+        ShaftUnsteady = 36, "shaft-unsteady";
+        /// The board runs on its own oscillator, which is too coarse for the CAN bus.
+        ClockSource = 37, "clock-source";
     }
 }
 
@@ -249,6 +261,8 @@ named_codes! {
         TravelEnd = 7, "travel-end";
         /// The gap shifted during homing: a string slipped, the load was changed, or the LVDT moved.
         Shifted = 8, "shifted";
+        /// The gap changes ever faster towards its supposed maximum: the LVDT's output is reversed.
+        LvdtReversed = 9, "lvdt-reversed";
     }
 }
 

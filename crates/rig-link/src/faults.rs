@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 /// A set of faults, one bit for each code.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Faults(u32);
+pub struct Faults(u64);
 
 impl Faults {
     /// No fault.
@@ -89,7 +89,7 @@ mod tests {
     fn every_fault_has_a_bit_of_its_own() {
         let mut all = Faults::NONE;
         for &fault in Fault::ALL {
-            assert!(fault.code() < 32 && !all.contains(fault), "{fault}");
+            assert!(fault.code() < 64 && !all.contains(fault), "{fault}");
             all.insert(fault);
         }
         assert!(all.iter().eq(Fault::ALL.iter().copied()));

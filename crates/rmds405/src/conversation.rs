@@ -10,7 +10,7 @@ use crate::command::{Command, Mode};
 use crate::frame::Frame;
 use crate::report::Report;
 use crate::start_up::{Action, Event, StartUp};
-use crate::units::{CurrentLimit, OutOfRange, QuadCounts, SpeedLimit};
+use crate::units::{CurrentLimit, OutOfRange, Pwm, QuadCounts, SpeedLimit};
 
 /// Period of the drive's motion reports (ms): its recommended data period (hardware.md 2.5).
 pub const FEEDBACK_MS: u8 = 10;
@@ -29,8 +29,12 @@ const POWER_OFF_US: u64 = 100_000;
 pub enum DriveCommand {
     /// Nothing: it is starting, or there is no target yet.
     Silence,
-    /// Go through the start-up sequence from its beginning, motor power included.
+    /// Go through the start-up sequence from its beginning, motor power included, into the mode that takes
+    /// [`DriveCommand::Follow`].
     Restart,
+    /// The same into open loop, which takes [`DriveCommand::Voltage`]: the drive closes no loop, so that motor leads or
+    /// encoder wires of the wrong sign cannot make it run away.
+    RestartOpenLoop,
     /// Forget the target and give no torque: a Reset, which is repeated as long as the drive goes on reporting. Where
     /// motor power is off it stays off.
     LetGo,
@@ -46,6 +50,12 @@ pub enum DriveCommand {
         speed_limit_rpm: i16,
         /// Current limit (mA).
         current_limit_ma: i16,
+    },
+    /// A voltage on the motor, in 1/5000 of the supply (mode 1). 0 shorts the motor, which brakes it (assumed,
+    /// hardware.md 1).
+    Voltage {
+        /// Share of the supply, -5000 to 5000.
+        pwm: i16,
     },
 }
 
@@ -85,7 +95,7 @@ enum Phase {
     /// Nothing has been sent yet: motor power is off.
     Silent,
     /// The start-up sequence runs, is over or has failed.
-    Started { start_up: StartUp, ready: bool },
+    Started { start_up: StartUp, mode: Mode, ready: bool },
     /// A Reset was sent at this time (µs).
     Released { reset_us: u64 },
     /// The same since this time (µs), and motor power goes off.
@@ -182,17 +192,8 @@ impl Conversation {
     /// [`OutOfRange`] for a limit that the drive does not take.
     pub fn command(&mut self, now_us: u64, command: DriveCommand) -> Result<Option<Frame>, OutOfRange> {
         Ok(match (command, &mut self.phase) {
-            (DriveCommand::Restart, _) => {
-                let start_up = StartUp::new(self.address, Mode::CurrentVelocityPosition, FEEDBACK_MS)?
-                    .with_mixed(if self.supply_divider.is_some() { SUPPLY_MS } else { 0 });
-                self.phase = Phase::Started { start_up, ready: false };
-                self.reading = DriveReading::Starting;
-                self.supply = None;
-                self.stalled = false;
-                let reset = self.start(now_us, Event::Tick);
-                self.motor_power = true;
-                reset
-            }
+            (DriveCommand::Restart, _) => self.restart(now_us, Mode::CurrentVelocityPosition)?,
+            (DriveCommand::RestartOpenLoop, _) => self.restart(now_us, Mode::OpenLoop)?,
             (DriveCommand::LetGo, Phase::Released { .. }) | (DriveCommand::PowerOff, Phase::Off { .. }) => None,
             (DriveCommand::LetGo, Phase::Off { reset_us, .. }) => {
                 *reset_us = now_us;
@@ -202,7 +203,7 @@ impl Conversation {
             (DriveCommand::PowerOff, _) => Some(self.release(Phase::Off { since_us: now_us, reset_us: now_us })),
             (
                 DriveCommand::Follow { position_qc, speed_limit_rpm, current_limit_ma },
-                Phase::Started { ready: true, .. },
+                Phase::Started { mode: Mode::CurrentVelocityPosition, ready: true, .. },
             ) => {
                 let command = Command::CurrentVelocityPosition {
                     current_limit: CurrentLimit::new(current_limit_ma)?,
@@ -211,8 +212,26 @@ impl Conversation {
                 };
                 Some(command.encode(self.address))
             }
-            (DriveCommand::Follow { .. } | DriveCommand::Silence, _) => None,
+            (DriveCommand::Voltage { pwm }, Phase::Started { mode: Mode::OpenLoop, ready: true, .. }) => {
+                Some(Command::OpenLoop { pwm: Pwm::new(pwm)? }.encode(self.address))
+            }
+            (DriveCommand::Follow { .. } | DriveCommand::Voltage { .. } | DriveCommand::Silence, _) => None,
         })
+    }
+
+    fn restart(&mut self, now_us: u64, mode: Mode) -> Result<Option<Frame>, OutOfRange> {
+        let start_up = StartUp::new(self.address, mode, FEEDBACK_MS)?.with_mixed(if self.supply_divider.is_some() {
+            SUPPLY_MS
+        } else {
+            0
+        });
+        self.phase = Phase::Started { start_up, mode, ready: false };
+        self.reading = DriveReading::Starting;
+        self.supply = None;
+        self.stalled = false;
+        let reset = self.start(now_us, Event::Tick);
+        self.motor_power = true;
+        Ok(reset)
     }
 
     fn release(&mut self, phase: Phase) -> Frame {
@@ -224,7 +243,7 @@ impl Conversation {
     }
 
     fn start(&mut self, now_us: u64, event: Event) -> Option<Frame> {
-        let Phase::Started { start_up, ready } = &mut self.phase else { return None };
+        let Phase::Started { start_up, ready, .. } = &mut self.phase else { return None };
         match start_up.step(now_us / 1000, event) {
             Action::Wait => None,
             Action::Send(frame) => Some(frame),
@@ -276,8 +295,12 @@ mod tests {
 
     /// A drive that answers as hardware.md 2.5 says; ready at the returned time (µs).
     fn ready() -> (Conversation, u64) {
+        started_by(DriveCommand::Restart)
+    }
+
+    fn started_by(command: DriveCommand) -> (Conversation, u64) {
         let mut c = Conversation::new(address(), Some(12.0));
-        assert_eq!(c.command(0, DriveCommand::Restart).unwrap(), Some(reset()), "the first frame is a Reset");
+        assert_eq!(c.command(0, command).unwrap(), Some(reset()), "the first frame is a Reset");
         for now_us in (10_000..5_000_000).step_by(10_000) {
             if let Some(frame) = c.tick(now_us) {
                 if frame == Command::OnlineCheck.encode(address()) {
@@ -316,6 +339,18 @@ mod tests {
         assert!(c.take_stall() && !c.take_stall());
         let wrong = DriveCommand::Follow { position_qc: 0, speed_limit_rpm: -1, current_limit_ma: 500 };
         assert!(c.command(now_us, wrong).is_err());
+    }
+
+    #[test]
+    fn each_mode_sends_its_own_data_only() {
+        const VOLTAGE: DriveCommand = DriveCommand::Voltage { pwm: -120 };
+        let (mut c, t) = started_by(DriveCommand::RestartOpenLoop);
+        let frame = Command::OpenLoop { pwm: Pwm::new(-120).unwrap() }.encode(address());
+        assert_eq!(c.command(t, VOLTAGE).unwrap(), Some(frame));
+        assert_eq!(c.command(t, FOLLOW).unwrap(), None, "the drive closes no loop");
+        assert!(c.command(t, DriveCommand::Voltage { pwm: 5001 }).is_err());
+        let (mut c, t) = ready();
+        assert_eq!(c.command(t, VOLTAGE).unwrap(), None);
     }
 
     #[test]

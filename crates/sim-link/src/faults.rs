@@ -45,6 +45,26 @@ named_faults! {
         EncoderSlip = "encoder-slip",
         /// A motor lead is off: the drive turns nothing and measures no current.
         MotorOpen = "motor-open",
+        /// The motor's leads are swapped: it turns against the drive's commands.
+        MotorSwapped = "motor-swapped",
+        /// Channels A and B are swapped at the drive's encoder input, which counts backwards.
+        DriveEncoderSwapped = "drive-encoder-swapped",
+        /// The drive's encoder input stops following; the microcontroller's receiver does not.
+        DriveEncoderStuck = "drive-encoder-stuck",
+        /// One channel of the drive's encoder input is dead: it counts one edge up and down.
+        DriveEncoderChannel = "drive-encoder-channel",
+        /// The drive's encoder input sees edges of noise: its count dithers by 4 in each millisecond.
+        DriveEncoderDither = "drive-encoder-dither",
+        /// The drive is as delivered: set for an encoder of 500 lines.
+        DriveLines = "drive-lines",
+        /// Channels A and B are swapped at the microcontroller's receiver, which counts backwards.
+        EncoderSwapped = "encoder-swapped",
+        /// One channel of the microcontroller's receiver is dead: it counts one edge up and down.
+        EncoderChannel = "encoder-channel",
+        /// The encoder has no supply: neither the drive nor the microcontroller counts.
+        EncoderUnpowered = "encoder-unpowered",
+        /// The LVDT's output is reversed: it falls where it should rise.
+        LvdtReversed = "lvdt-reversed",
         /// LVDT lead open: reads 0 V.
         LvdtOpen = "lvdt-open",
         /// LVDT shorted to the supply: reads full scale.

@@ -19,7 +19,7 @@ const TWISTS: [f32; 5] = [0.02, 0.18, 0.37, 0.64, 0.95];
 /// Largest difference between table and solver (m), as in host-tests/tests/cost.rs.
 const DIFFERENCE_M: f32 = 2e-5;
 /// Control ticks: half a second at rest, then half a second of a jog at this speed (rad/s).
-const TICKS: u64 = 100;
+const TICKS: u64 = 300;
 const JOG_RAD_PER_S: f32 = 2.0;
 
 /// Smallest and largest number of cycles.
@@ -98,11 +98,14 @@ fn solver() -> (Spread, Spread, f32) {
     (lookup, solve, difference_m)
 }
 
-/// Cycles of the control ticks of a healthy rig that is at rest and is then jogged, and its last state. The drive
-/// reaches each commanded position at once, and the encoder with it.
+/// Counts in a tick for each 1/5000 of the supply on the motor: about those of the default rig's motor without load.
+const COUNTS_PER_PWM: i32 = 1;
+
+/// Cycles of the control ticks of a healthy rig that is at rest and is then jogged, and its last state. The drive starts at
+/// once and reaches each commanded position at once, and the encoder with it.
 fn tick() -> (Spread, State) {
     let mut rig = Rig::new(black_box(&TABLE), RIG, None);
-    let (mut spread, mut at_qc) = (Spread::NONE, 0);
+    let (mut spread, mut at_qc, mut starts) = (Spread::NONE, 0, false);
     for tick in 1..=TICKS {
         let now_us = tick * TICK_US;
         let jog = Request::Jog { twist_speed_rad_per_s: JOG_RAD_PER_S };
@@ -111,7 +114,11 @@ fn tick() -> (Spread, State) {
             encoder_counts: i64::from(at_qc),
             // Real codes vary; constant ones would be a fault.
             lvdt: Some(LvdtBlock { t_us: now_us, mean_code: 2048.0 + (tick % 3) as f32 * 0.1, variance: 4.0 }),
-            drive: DriveReading::Reports { t_us: now_us, position_qc: at_qc, speed_rpm: 0, current_ma: 0 },
+            drive: if starts {
+                DriveReading::Starting
+            } else {
+                DriveReading::Reports { t_us: now_us, position_qc: at_qc, speed_rpm: 0, current_ma: 0 }
+            },
             drive_stalled: false,
             bus_off: false,
             supply: Some(SupplyReading { t_us: now_us, volts: 24.0 }),
@@ -126,8 +133,11 @@ fn tick() -> (Spread, State) {
             black_box(rig.telemetry(&inputs, Counters::default()));
             outputs
         });
-        if let DriveCommand::Follow { position_qc, .. } = outputs.drive {
-            at_qc = position_qc;
+        starts = matches!(outputs.drive, DriveCommand::Restart | DriveCommand::RestartOpenLoop);
+        match outputs.drive {
+            DriveCommand::Follow { position_qc, .. } => at_qc = position_qc,
+            DriveCommand::Voltage { pwm } => at_qc += COUNTS_PER_PWM * i32::from(pwm),
+            _ => {}
         }
     }
     (spread, rig.state())

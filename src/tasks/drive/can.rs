@@ -37,15 +37,15 @@ impl CanTransport {
             Timer::after(QUIET_POLL).await;
             shared::alive(Task::Drive);
             match shared::DRIVE_COMMAND.try_take() {
-                Some(DriveCommand::Restart) => {
+                Some(command @ (DriveCommand::Restart | DriveCommand::RestartOpenLoop)) => {
                     shared::DRIVE.set(DriveReading::Starting);
                     since = Instant::now();
-                    commanded = Some(DriveCommand::Restart);
+                    commanded = Some(command);
                 }
                 Some(command @ (DriveCommand::LetGo | DriveCommand::PowerOff)) => commanded = Some(command),
-                Some(DriveCommand::Silence | DriveCommand::Follow { .. }) | None => {}
+                Some(DriveCommand::Silence | DriveCommand::Follow { .. } | DriveCommand::Voltage { .. }) | None => {}
             }
-            if since.elapsed() >= QUIET_WAIT {
+            if Instant::now().saturating_duration_since(since) >= QUIET_WAIT {
                 defmt::warn!(
                     "CAN: the bus does not become quiet; check the power and the termination of the transceiver"
                 );

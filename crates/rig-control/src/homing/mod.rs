@@ -58,6 +58,11 @@ const SEEK_RISE_M: f32 = 0.15e-3;
 const SEEK_ASTRAY_M: f32 = 3e-3;
 /// Turn without such a rise (rad) that no friction explains which the probe can overcome: the load is jammed.
 const SEEK_STUCK: f32 = PROBE_TRAVEL;
+/// Turn (rad) over which the rise of the gap is measured, how often in a row it must have grown, and by how much in all, to show
+/// a reversed LVDT. On the default rig it grows by 12 % and more from window to window; friction makes up to 8 % of it.
+const RISE_WINDOW_RAD: f32 = 4.0;
+const RISE_WINDOWS: u8 = 3;
+const RISE_GROWTH: f32 = 1.3;
 /// Farthest from the power-up twist that the maximum is looked for (rad): 12 turns, and what the probe went astray.
 const SEEK_TRAVEL: f32 = 12.0 * TAU + PROBE_TRAVEL;
 /// Half the width of the sweeps across the maximum (rad).
@@ -142,6 +147,39 @@ struct Seek {
     /// Greatest gap (m), and the shaft angle there (rad).
     top_m: f32,
     top_rad: f32,
+    rises: Rises,
+}
+
+/// How the gap rises towards its supposed maximum. It rises ever more slowly, because it is concave in the twist (model.md 2);
+/// with a reversed LVDT the strings are twisted further instead of untwisted, and it seems to rise ever faster.
+#[derive(Clone, Copy, Debug, Default)]
+struct Rises {
+    /// Shaft angle (rad) and gap (m) where the present window began.
+    from: Option<[f32; 2]>,
+    /// Rise in the last window, and in the first of those that have grown since (m).
+    last_m: f32,
+    first_m: f32,
+    /// How many windows in a row have risen more than the one before.
+    growing: u8,
+}
+
+impl Rises {
+    /// One tick of a gap that rises; whether it rises ever faster.
+    fn step(&mut self, shaft_rad: f32, gap_m: f32) -> bool {
+        let [from_rad, from_m] = *self.from.get_or_insert([shaft_rad, gap_m]);
+        if (shaft_rad - from_rad).abs() < RISE_WINDOW_RAD {
+            return false;
+        }
+        let rise_m = gap_m - from_m;
+        self.from = Some([shaft_rad, gap_m]);
+        if self.last_m > 0.0 && rise_m > self.last_m {
+            self.growing += 1;
+        } else {
+            (self.growing, self.first_m) = (0, rise_m);
+        }
+        self.last_m = rise_m;
+        self.growing >= RISE_WINDOWS && rise_m > RISE_GROWTH * self.first_m
+    }
 }
 
 /// Gaps of a load at rest, from the first one.
@@ -288,6 +326,7 @@ impl Homing {
                 low_m: Some(self.smooth_gap_m.min(gap_m)),
                 top_m: self.smooth_gap_m,
                 top_rad: self.ramp.position,
+                rises: Rises::default(),
             });
         } else if ended {
             return Err(HomingFailure::NoPretwist);
@@ -306,6 +345,9 @@ impl Homing {
         }
         if self.smooth_gap_m > seek.top_m || !ahead || rises {
             (seek.top_m, seek.top_rad) = (self.smooth_gap_m, shaft_rad);
+        }
+        if seek.low_m.is_none() && ahead && seek.rises.step(shaft_rad, self.smooth_gap_m) {
+            return Err(HomingFailure::LvdtReversed);
         }
         let fall_m = seek.top_m - self.smooth_gap_m;
         let turned = (shaft_rad - seek.start_rad).abs();

@@ -2,7 +2,8 @@
 //!
 //! Every fault latches, and several can be latched at a time. The gravest one decides the command to the drive; a graver one
 //! is latched beside it at once. No fault unwinds the strings by itself: each puts in doubt something that a controlled way down needs.
-//! No fault takes the torque away from a drive that holds: the strings would untwist and drop the load.
+//! No fault takes the torque away from a drive that holds: the strings would untwist and drop the load. A drive whose motor or
+//! encoder has the wrong sign, or that does not see the shaft turn, does not hold: it runs away.
 
 use rig_link::messages::{Fault, Faults};
 
@@ -73,6 +74,15 @@ const NO_DRIVE: [Fault; 7] = [
     Fault::LvdtNoisy,
     Fault::LvdtJump,
 ];
+/// What looks wrong when the drive does not see the shaft turn.
+const UNSEEN: [Fault; 6] = [
+    Fault::NotHeld,
+    Fault::EncoderStuck,
+    Fault::EncoderJump,
+    Fault::EncoderDisagrees,
+    Fault::FollowingError,
+    Fault::LvdtJump,
+];
 /// What looks wrong when the LVDT is.
 const NO_LVDT: [Fault; 3] = [Fault::FollowingError, Fault::ModelResidual, Fault::LoadRange];
 
@@ -83,9 +93,15 @@ pub const POLICY: [Policy; Fault::ALL.len()] = [
     row(Fault::Panicked, Response::Wait, After::Restart, &[]),
     row(Fault::WatchdogReset, Response::Wait, After::Restart, &[]),
     row(Fault::UnexpectedReset, Response::Wait, After::Restart, &[]),
+    row(Fault::ClockSource, Response::Wait, After::Restart, &NO_DRIVE),
     row(Fault::DriveStartUp, Response::Wait, After::Restart, &NO_DRIVE),
     row(Fault::DriveStall, Response::LetGo, After::Restart, &NO_DRIVE),
     row(Fault::DriveReset, Response::LetGo, After::Restart, &NO_DRIVE),
+    row(Fault::MotorDirection, Response::LetGo, After::Restart, &NO_DRIVE),
+    row(Fault::MotorStill, Response::LetGo, After::Restart, &NO_DRIVE),
+    row(Fault::EncoderDirection, Response::LetGo, After::Restart, &ENCODER),
+    row(Fault::DriveEncoder, Response::LetGo, After::Restart, &UNSEEN),
+    row(Fault::ShaftUnsteady, Response::LetGo, After::Restart, &NO_DRIVE),
     row(Fault::NotHeld, Response::LetGo, After::Restart, &[Fault::FollowingError, Fault::LvdtNoisy, Fault::LvdtJump]),
     row(Fault::CanBusOff, Response::HoldIfHeard, After::Restart, &[Fault::DriveSilent, Fault::FollowingError]),
     row(Fault::DriveSilent, Response::HoldIfHeard, After::Restart, &[Fault::FollowingError]),

@@ -9,6 +9,9 @@
 //!     ├────────── fault  <── anything wrong, from every state; latched
 //!     └────────── estop  <── emergency stop open, from every state; latched
 //! ```
+//! The first motion after each start of the drive, a homing or a jog, begins with the check of the directions
+//! ([`crate::direction`]), after which the drive starts again in closed loop. Until then the motor is only braked.
+//!
 //! A jog starts from unhomed, ready or holding. It ends in ready if the rig is homed, else in unhomed. A `clear` that does
 //! not restart the drive leads from fault to ready or unhomed in the same way.
 //!
@@ -121,10 +124,22 @@ pub struct Rig<'t> {
     tracking: Option<LoadTracking>,
     /// Set-point of the shaft (rad as the own encoder counts) and its speed (rad/s).
     shaft: Ramp,
+    /// How the drive drives the motor.
+    drive_loop: DriveLoop,
     /// The next command restarts the drive.
     restart_drive: bool,
     /// What held the load or the strings back in this tick.
     limit: Option<Limit>,
+}
+
+/// How the drive drives the motor. It takes a restart of the drive to change it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum DriveLoop {
+    /// By a voltage, 0 but for the check of the directions: a motor or an encoder of the wrong sign cannot run away. The shorted
+    /// motor brakes the load, and does not hold it.
+    Open,
+    /// To a position: the directions are proven since the drive's start.
+    Closed,
 }
 
 /// Motor speed (rpm) below which the shaft counts as standing: three quanta of the drive's speed measurement.
@@ -151,6 +166,7 @@ impl<'t> Rig<'t> {
             guard,
             tracking: None,
             shaft: Ramp::at(0.0),
+            drive_loop: DriveLoop::Open,
             // The drive may still follow the last command of the run before.
             restart_drive: true,
             limit: None,
@@ -230,6 +246,7 @@ impl<'t> Rig<'t> {
             set_point_m: self.mode.load_control().map(|control| control.planner.set_point_m()),
             limit: self.limit,
             tracking: self.tracking.as_ref(),
+            closed_loop: self.drive_loop == DriveLoop::Closed,
         });
         self.raise(found, events)
     }
@@ -252,6 +269,7 @@ impl<'t> Rig<'t> {
     /// Homed, at rest at the half-turn pre-twist: the end of a homing, and the start of a replay.
     pub fn resume(&mut self, homed: Homed) {
         self.shaft = Ramp::at(homed.zero_rad + core::f32::consts::PI);
+        self.drive_loop = DriveLoop::Closed;
         self.tracking = Some(LoadTracking::new(homed, self.table, &self.settings, &self.constants));
         self.mode = Mode::Idle;
     }

@@ -3,17 +3,23 @@
 use super::load_control::{LoadControl, Move, MoveStep};
 use super::sensing::DriveZero;
 use super::stream::Stream;
-use super::{Events, Inputs, Rig, STANDING_RPM, ticks};
-use crate::TICK_S;
+use super::{DriveLoop, Events, Inputs, Rig, ticks};
+use crate::direction::{DirectionCheck, Step, Witnesses};
 use crate::homing::{Homing, HomingInputs, Progress};
 use crate::load_motion::AHEAD_S;
 use crate::load_state::LoadState;
 use crate::ramp::Ramp;
 use crate::sensors::{DriveReading, LvdtReading};
-use rig_link::messages::{EventKind, Limit, State};
+use crate::{TICK_S, whole_counts};
+use rig_link::messages::{EventKind, Fault, Faults, HomingFailure, Limit, LoadChoice, State};
 
 /// How long shaft and LVDT must be steady before the start is over.
 const STANDING_TICKS: u16 = ticks(20);
+/// Motor speed (rad/s) below which it stands during a start: three quanta of the drive's speed measurement (45 rpm). A heavy
+/// load turns a shorted motor at half of it.
+const STANDING_RAD_PER_S: f32 = 4.7;
+/// Longest start, from the drive's first report: fifty times what a shaft takes to come to rest.
+const BOOT_TICKS: u16 = ticks(1000);
 /// How far below the half-turn pre-twist the strings may be untwisted by the loop (rad).
 const BELOW_PRETWIST: f32 = 0.15;
 /// Acceleration of a jog (rad/s²).
@@ -26,6 +32,8 @@ const JOG_ACCELERATION: f32 = 20.0;
 pub(super) enum Mode {
     /// Waits until drive and LVDT are steady.
     Boot(Boot),
+    /// Turns the shaft a little each way in open loop, to see which way motor and encoders go.
+    Proving(Proving),
     /// At rest: unhomed, or ready where the load is tracked.
     Idle,
     /// Looks for zero twist and weighs the load.
@@ -49,7 +57,41 @@ pub(super) enum Mode {
 pub(super) struct Boot {
     /// The drive was told to restart and still reports from before, with another zero.
     awaiting_restart: bool,
+    /// Own and drive's counts where both began to stand.
+    stood_at: [i64; 2],
     standing_ticks: u16,
+    /// Since the drive's first report.
+    ticks: u16,
+    /// What begins after it.
+    pub(super) then: Option<First>,
+}
+
+/// The first motion after a start of the drive, before which the directions are checked.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum First {
+    /// Nothing more.
+    Check,
+    Home(LoadChoice),
+    /// At this twist speed (rad/s).
+    Jog(f32),
+}
+
+impl First {
+    fn state(self) -> State {
+        match self {
+            Self::Check | Self::Jog(_) => State::Moving,
+            Self::Home(_) => State::Homing,
+        }
+    }
+}
+
+/// The check of the directions, and what comes after it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Proving {
+    check: DirectionCheck,
+    /// Voltage on the motor (1/5000 of the supply).
+    pub(super) pwm: i16,
+    pub(super) then: First,
 }
 
 /// A jog.
@@ -87,14 +129,29 @@ impl Mode {
     }
 
     /// A start after the drive was told to restart.
-    pub(super) fn reboot() -> Self {
-        Self::Boot(Boot { awaiting_restart: true, standing_ticks: 0 })
+    pub(super) fn reboot(then: Option<First>) -> Self {
+        Self::Boot(Boot { awaiting_restart: true, then, ..Boot::default() })
+    }
+
+    /// The check of the directions, and then this.
+    pub(super) fn proving(then: First) -> Self {
+        Self::Proving(Proving { check: DirectionCheck::NEW, pwm: 0, then })
+    }
+
+    /// The first motion that waits for a start of the drive, or for the check.
+    pub(super) fn first(&mut self) -> Option<&mut First> {
+        match self {
+            Self::Boot(boot) => boot.then.as_mut(),
+            Self::Proving(proving) => Some(&mut proving.then),
+            _ => None,
+        }
     }
 
     /// As the host sees it.
     pub(super) fn state(&self, homed: bool) -> State {
         match self {
-            Self::Boot(_) => State::Boot,
+            Self::Boot(boot) => boot.then.map_or(State::Boot, First::state),
+            Self::Proving(proving) => proving.then.state(),
             Self::Idle if homed => State::Ready,
             Self::Idle => State::Unhomed,
             Self::Homing(_) => State::Homing,
@@ -111,7 +168,13 @@ impl Mode {
             Self::Moving(planned) => Some(&planned.control),
             Self::Streaming(stream) => Some(&stream.control),
             Self::Holding(control) => Some(control),
-            Self::Boot(_) | Self::Idle | Self::Homing(_) | Self::Jogging(_) | Self::Fault | Self::EStop(_) => None,
+            Self::Boot(_)
+            | Self::Proving(_)
+            | Self::Idle
+            | Self::Homing(_)
+            | Self::Jogging(_)
+            | Self::Fault
+            | Self::EStop(_) => None,
         }
     }
 }
@@ -119,8 +182,13 @@ impl Mode {
 impl Rig<'_> {
     /// One tick of the present mode; what held it back.
     pub(super) fn step_mode(&mut self, inputs: &Inputs, events: &mut Events) -> Option<Limit> {
+        if self.drive_loop == DriveLoop::Open {
+            // Nothing holds it anywhere.
+            self.shaft = Ramp::at(self.sensing.readings.shaft_rad);
+        }
         match self.mode {
-            Mode::Boot(_) => self.step_boot(inputs),
+            Mode::Boot(_) => self.step_boot(inputs, events),
+            Mode::Proving(_) => self.step_proving(inputs, events),
             Mode::Homing(_) => self.step_homing(inputs, events),
             Mode::Moving(_) | Mode::Streaming(_) | Mode::Holding(_) => return self.step_load(events),
             Mode::Jogging(jog) => return self.step_jog(jog, events),
@@ -129,11 +197,11 @@ impl Rig<'_> {
         None
     }
 
-    /// Until its first command the drive gives no torque and a loaded string untwists. So a hold is commanded at once, and
-    /// own and drive's counts are matched only when the shaft stands, because a report is up to 10 ms old.
-    fn step_boot(&mut self, inputs: &Inputs) {
+    /// Own and drive's counts are matched only when the shaft stands, because a report is up to 10 ms old. In closed loop a hold
+    /// is commanded at once, because until its first command the drive gives no torque and a loaded string untwists.
+    fn step_boot(&mut self, inputs: &Inputs, events: &mut Events) {
         let Mode::Boot(boot) = &mut self.mode else { return };
-        let DriveReading::Reports { position_qc, speed_rpm, .. } = inputs.drive else {
+        let DriveReading::Reports { position_qc, .. } = inputs.drive else {
             boot.awaiting_restart = false;
             return;
         };
@@ -141,18 +209,69 @@ impl Rig<'_> {
             return;
         }
         let readings = &self.sensing.readings;
-        let offset = inputs.encoder_counts - i64::from(position_qc);
+        let counts = [inputs.encoder_counts, i64::from(position_qc)];
+        let offset = counts[0] - counts[1];
         if self.sensing.drive_zero == DriveZero::Unknown {
             self.sensing.drive_zero = DriveZero::Rough(offset);
             self.shaft = Ramp::at(readings.shaft_rad);
         }
+        // Counts, not the drive's speed, in which the dither of a few counts looks like motion.
+        let standing_counts = STANDING_RAD_PER_S / self.constants.gear_ratio
+            * self.constants.counts_per_rad.abs()
+            * TICK_S
+            * f32::from(STANDING_TICKS);
+        let stands = counts.iter().zip(boot.stood_at).all(|(now, then)| (now - then).abs() <= whole_counts(standing_counts));
         // The first readings of a sensor after power-up are not relied on.
-        let steady = speed_rpm.unsigned_abs() < STANDING_RPM && matches!(readings.lvdt, LvdtReading::Valid { .. });
-        boot.standing_ticks = if steady { boot.standing_ticks + 1 } else { 0 };
-        if boot.standing_ticks >= STANDING_TICKS {
-            self.sensing.drive_zero = DriveZero::Matched(offset);
-            self.shaft = Ramp::at(readings.shaft_rad);
-            self.mode = Mode::Idle;
+        if stands && matches!(readings.lvdt, LvdtReading::Valid { .. }) {
+            boot.standing_ticks += 1;
+        } else {
+            (boot.stood_at, boot.standing_ticks) = (counts, 0);
+        }
+        boot.ticks = boot.ticks.saturating_add(1);
+        if boot.standing_ticks < STANDING_TICKS {
+            if boot.ticks >= BOOT_TICKS {
+                self.raise(Faults::NONE.with(Fault::ShaftUnsteady), events);
+            }
+            return;
+        }
+        let then = boot.then;
+        self.sensing.drive_zero = DriveZero::Matched(offset);
+        self.shaft = Ramp::at(readings.shaft_rad);
+        self.mode = Mode::Idle;
+        match then {
+            Some(First::Home(load)) => match readings.lvdt.gap_m() {
+                Some(gap_m) => self.begin_homing(gap_m, load),
+                None => {
+                    let _ = events.push(EventKind::HomingRefused(HomingFailure::SensorInvalid));
+                }
+            },
+            Some(First::Jog(speed_rad_per_s)) => self.mode = Mode::Jogging(Jog { speed_rad_per_s }),
+            Some(First::Check) | None => {}
+        }
+    }
+
+    fn step_proving(&mut self, inputs: &Inputs, events: &mut Events) {
+        let (Mode::Proving(proving), DriveReading::Reports { position_qc, .. }, Some(gap_m)) =
+            (&mut self.mode, inputs.drive, self.sensing.readings.lvdt.gap_m())
+        else {
+            // Without a witness nothing turns; a lasting loss of one is a fault of its own.
+            if let Mode::Proving(proving) = &mut self.mode {
+                proving.pwm = 0;
+            }
+            return;
+        };
+        let now = Witnesses::new(&self.constants, position_qc.into(), inputs.encoder_counts, gap_m);
+        match proving.check.step(&now) {
+            Step::Voltage(pwm) => proving.pwm = pwm,
+            Step::Proven => {
+                let then = proving.then;
+                let _ = events.push(EventKind::DirectionProven);
+                self.drive_loop = DriveLoop::Closed;
+                self.start_drive(Some(then));
+            }
+            Step::Wrong(fault) => {
+                self.raise(Faults::NONE.with(fault), events);
+            }
         }
     }
 

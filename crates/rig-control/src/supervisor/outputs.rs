@@ -2,7 +2,7 @@
 
 use super::fault_policy::Response;
 use super::modes::{EStopContact, Mode};
-use super::{Inputs, Rig};
+use super::{DriveLoop, Inputs, Rig};
 use crate::sensors::DriveReading;
 use crate::{TICK_S, whole_counts};
 use rmds405::DriveCommand;
@@ -10,6 +10,10 @@ use rmds405::DriveCommand;
 /// How far from its reported position the drive may be sent (rad, and seconds of its speed): more than a healthy one lags.
 const LEASH_RAD: f32 = 1.0;
 const LEASH_S: f32 = 0.3;
+
+/// Part of the current limit that is allowed before the shaft has been seen to stand: several times what the heaviest load of
+/// the default scene needs.
+const STARTING_CURRENT: f32 = 0.25;
 
 impl Rig<'_> {
     pub(super) fn drive_command(&mut self, inputs: &Inputs) -> DriveCommand {
@@ -20,9 +24,16 @@ impl Rig<'_> {
             (Mode::EStop(EStopContact::Closing), _) => DriveCommand::LetGo,
             (Mode::EStop(EStopContact::Open | EStopContact::Closed), _) => DriveCommand::PowerOff,
             (_, Some(Response::LetGo)) => DriveCommand::LetGo,
-            _ if restart => DriveCommand::Restart,
+            _ if restart => match self.drive_loop {
+                DriveLoop::Open => DriveCommand::RestartOpenLoop,
+                DriveLoop::Closed => DriveCommand::Restart,
+            },
             (_, Some(Response::Wait)) => DriveCommand::Silence,
-            (_, Some(Response::Hold | Response::HoldByDrive | Response::HoldIfHeard) | None) => {
+            (mode, Some(Response::Hold | Response::HoldByDrive | Response::HoldIfHeard) | None) => {
+                if self.drive_loop == DriveLoop::Open {
+                    let pwm = if let Mode::Proving(proving) = mode { proving.pwm } else { 0 };
+                    return DriveCommand::Voltage { pwm };
+                }
                 self.follow(inputs).unwrap_or(DriveCommand::Silence)
             }
         }
@@ -47,10 +58,12 @@ impl Rig<'_> {
         let position = position.clamp(i64::from(i32::MIN), i64::from(i32::MAX));
         // Room to catch up, not more: a wrong target must not be reached at full speed.
         let speed = (1.3 * self.shaft.speed.abs() + 1.0).min(self.constants.twist_speed_max());
+        // The first hold after a start needs no more, and cannot do much.
+        let current = if self.sensing.drive_zero.is_matched() { 1.0 } else { STARTING_CURRENT };
         Some(DriveCommand::Follow {
             position_qc: position as i32,
             speed_limit_rpm: self.constants.motor_rpm(speed),
-            current_limit_ma: self.constants.current_limit_ma,
+            current_limit_ma: (current * f32::from(self.constants.current_limit_ma)) as i16,
         })
     }
 }

@@ -3,10 +3,10 @@
 use super::fault_policy::{After, POLICY, Response};
 use super::guard::STILL_TICKS;
 use super::load_control::{LoadControl, Move};
-use super::modes::{Jog, Mode};
+use super::modes::{Boot, First, Jog, Mode};
 use super::sensing::DriveZero;
 use super::stream::{HOLDS_FOR_S, Stream, StreamPoint, reach_m};
-use super::{Events, Inputs, JOG_SPEED_MAX, Rig};
+use super::{DriveLoop, Events, Inputs, JOG_SPEED_MAX, Rig};
 use crate::homing::Homing;
 use crate::move_check::{MoveRequest, MoveStart, check_load, in_range};
 use crate::ramp::Ramp;
@@ -37,8 +37,9 @@ impl Rig<'_> {
                 self.track(&StreamPoint { position_m, speed_m_per_s, for_s }, events)
             }
             Request::Jog { twist_speed_rad_per_s } => self.start_jog(twist_speed_rad_per_s),
+            Request::CheckDirection => self.check_direction(),
             Request::Stop => {
-                self.stop();
+                self.stop(events);
                 Ok(Accepted::Done)
             }
             Request::Clear => self.clear(inputs, events),
@@ -56,8 +57,8 @@ impl Rig<'_> {
             Mode::Idle | Mode::Holding(_) => Ok(()),
             Mode::Fault => Err(Refusal::InFault { fault: self.fault().unwrap_or(Fault::NotFinite) }),
             Mode::EStop(_) => Err(Refusal::EStop),
-            Mode::Boot(_) => Err(Refusal::DriveNotReady),
-            Mode::Homing(_) | Mode::Moving(_) | Mode::Streaming(_) | Mode::Jogging(_) => {
+            Mode::Boot(Boot { then: None, .. }) => Err(Refusal::DriveNotReady),
+            Mode::Boot(_) | Mode::Proving(_) | Mode::Homing(_) | Mode::Moving(_) | Mode::Streaming(_) | Mode::Jogging(_) => {
                 Err(Refusal::Busy { state: self.state() })
             }
         }
@@ -68,9 +69,28 @@ impl Rig<'_> {
         check_load(load, &self.table.metadata)?;
         let readings = &self.sensing.readings;
         let gap_m = readings.lvdt.gap_m().ok_or(Refusal::SensorInvalid { sensor: Sensor::Lvdt })?;
+        match self.drive_loop {
+            DriveLoop::Open => self.mode = Mode::proving(First::Home(load)),
+            DriveLoop::Closed => self.begin_homing(gap_m, load),
+        }
+        Ok(Accepted::Started)
+    }
+
+    /// From a gap (m), in closed loop.
+    pub(super) fn begin_homing(&mut self, gap_m: f32, load: LoadChoice) {
         self.tracking = None;
         let twist_scale = self.settings.get(Setting::TwistScale);
-        self.mode = Mode::Homing(Homing::new(readings.shaft_rad, gap_m, twist_scale, load));
+        self.mode = Mode::Homing(Homing::new(self.sensing.readings.shaft_rad, gap_m, twist_scale, load));
+    }
+
+    fn check_direction(&mut self) -> Result<Accepted, Refusal> {
+        self.idle()?;
+        if self.drive_loop == DriveLoop::Closed {
+            // Proven since the drive has started; another check would let go of the load.
+            return Ok(Accepted::Done);
+        }
+        self.sensing.readings.lvdt.gap_m().ok_or(Refusal::SensorInvalid { sensor: Sensor::Lvdt })?;
+        self.mode = Mode::proving(First::Check);
         Ok(Accepted::Started)
     }
 
@@ -152,26 +172,40 @@ impl Rig<'_> {
     }
 
     fn start_jog(&mut self, speed_rad_per_s: f32) -> Result<Accepted, Refusal> {
+        let waiting = matches!(self.mode.first(), Some(First::Jog(_)));
         let jogging = matches!(self.mode, Mode::Jogging(_));
-        if !jogging {
+        if !jogging && !waiting {
             self.idle()?;
         }
         in_range(Parameter::TwistSpeed, speed_rad_per_s, -JOG_SPEED_MAX, JOG_SPEED_MAX)?;
-        if !jogging {
-            self.shaft = Ramp::at(self.sensing.readings.shaft_rad);
+        if let Some(first) = self.mode.first() {
+            *first = First::Jog(speed_rad_per_s);
+        } else if self.drive_loop == DriveLoop::Open {
+            self.sensing.readings.lvdt.gap_m().ok_or(Refusal::SensorInvalid { sensor: Sensor::Lvdt })?;
+            self.mode = Mode::proving(First::Jog(speed_rad_per_s));
+        } else {
+            if !jogging {
+                self.shaft = Ramp::at(self.sensing.readings.shaft_rad);
+            }
+            self.mode = Mode::Jogging(Jog { speed_rad_per_s });
         }
-        self.mode = Mode::Jogging(Jog { speed_rad_per_s });
         Ok(Accepted::Started)
     }
 
     /// Ramps down whatever moves. Never refused.
-    fn stop(&mut self) {
+    fn stop(&mut self, events: &mut Events) {
+        if let Some(First::Check | First::Jog(_)) = self.mode.first() {
+            let _ = events.push(EventKind::Stopped);
+        }
         match &mut self.mode {
+            // The motor is shorted at once.
+            Mode::Proving(_) => self.mode = Mode::Idle,
+            Mode::Boot(boot) => boot.then = None,
             Mode::Moving(planned) => planned.stop(),
             Mode::Streaming(stream) => self.mode = Mode::Moving(stream.brake()),
             Mode::Jogging(jog) => jog.speed_rad_per_s = 0.0,
             Mode::Homing(_) => self.end_homing(),
-            Mode::Boot(_) | Mode::Idle | Mode::Holding(_) | Mode::Fault | Mode::EStop(_) => {}
+            Mode::Idle | Mode::Holding(_) | Mode::Fault | Mode::EStop(_) => {}
         }
     }
 
@@ -222,10 +256,17 @@ impl Rig<'_> {
 
     /// Begins again as after power-up, without moving.
     fn restart(&mut self) {
+        // Somebody may have changed the wiring meanwhile.
+        self.drive_loop = DriveLoop::Open;
+        self.start_drive(None);
+    }
+
+    /// Starts the drive again, which forgets its position, and then begins a motion.
+    pub(super) fn start_drive(&mut self, then: Option<First>) {
         self.tracking = None;
         self.sensing.drive_zero = DriveZero::Unknown;
         self.restart_drive = true;
         self.guard.restart();
-        self.mode = Mode::reboot();
+        self.mode = Mode::reboot(then);
     }
 }

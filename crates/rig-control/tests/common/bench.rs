@@ -24,6 +24,9 @@ const DAMPING_N_S_PER_M: f32 = 1.0;
 /// Ticks that a start of the drive takes.
 const START_TICKS: u8 = 5;
 
+/// Speed of the shaft (rad/s) in open loop, for each 1/5000 of the supply.
+const RAD_PER_S_PER_PWM: f32 = 1.7 / 500.0;
+
 /// What the drive counts where it is started.
 const DRIVE_COUNTS: i64 = 3000;
 
@@ -201,6 +204,9 @@ impl Bench {
             let most_rad = tick_s * f32::from(speed_limit_rpm) / 60.0 * TAU / self.constants.gear_ratio;
             turned_rad = (share * way_rad).clamp(-most_rad, most_rad);
         }
+        if let (Drive::On { .. }, DriveCommand::Voltage { pwm }) = (self.drive, self.command) {
+            turned_rad = tick_s * f32::from(pwm) * RAD_PER_S_PER_PWM * self.constants.counts_per_rad.signum();
+        }
         let before_rad = self.twist_rad;
         turned_rad = turned_rad.min(self.closed_at_rad - before_rad);
         for step in 1..=STEPS {
@@ -267,7 +273,7 @@ impl Bench {
         let outputs = self.rig.step(&inputs);
         self.command = outputs.drive;
         self.drive = match (outputs.drive, self.drive) {
-            (DriveCommand::Restart, _) => Drive::Starting(START_TICKS),
+            (DriveCommand::Restart | DriveCommand::RestartOpenLoop, _) => Drive::Starting(START_TICKS),
             (DriveCommand::LetGo | DriveCommand::PowerOff, _) => Drive::Off,
             (_, Drive::Starting(0)) => Drive::On { origin: self.counts() - DRIVE_COUNTS },
             (_, Drive::Starting(left)) => Drive::Starting(left - 1),

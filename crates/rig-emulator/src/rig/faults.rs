@@ -1,6 +1,7 @@
 //! What each fault does to the rig.
 
 use super::Rig;
+use super::encoder::Wires;
 use super::motor::Bridge;
 use crate::board::Stimulus;
 use rmds405::Transport;
@@ -39,6 +40,7 @@ impl Rig {
     /// Switches a fault. Events (stall, reset, jump, break, slip) happen when switched on and cannot be taken back.
     pub fn set_fault(&mut self, fault: RigFault, on: bool) {
         let angle_rad = self.motor.angle_rad;
+        let faulty = |wires| if on { wires } else { Wires::Good };
         match fault {
             RigFault::CanSilent => self.silent = on,
             RigFault::CanBusOff => {
@@ -49,10 +51,23 @@ impl Rig {
             }
             RigFault::DriveStall if on => self.drive.stall(),
             RigFault::DriveReset if on && self.drive.is_powered() => {
-                self.drive.restart(self.now_s(), self.encoder.counts(angle_rad));
+                self.drive.restart(self.now_s(), self.drive_counts());
                 self.bridge = Bridge::Open;
             }
-            RigFault::EncoderStuck => self.encoder.set_stuck(on, angle_rad),
+            RigFault::EncoderStuck => self.encoder.wire_mcu(faulty(Wires::Dead), angle_rad),
+            RigFault::EncoderSwapped => self.encoder.wire_mcu(faulty(Wires::Swapped), angle_rad),
+            RigFault::EncoderChannel => self.encoder.wire_mcu(faulty(Wires::OneChannel), angle_rad),
+            RigFault::DriveEncoderSwapped => self.encoder.wire_drive(faulty(Wires::Swapped), angle_rad),
+            RigFault::DriveEncoderStuck => self.encoder.wire_drive(faulty(Wires::Dead), angle_rad),
+            RigFault::DriveEncoderChannel => self.encoder.wire_drive(faulty(Wires::OneChannel), angle_rad),
+            RigFault::EncoderUnpowered => {
+                self.encoder.wire_mcu(faulty(Wires::Dead), angle_rad);
+                self.encoder.wire_drive(faulty(Wires::Dead), angle_rad);
+            }
+            RigFault::DriveEncoderDither => self.encoder.set_dither(on),
+            RigFault::DriveLines => self.encoder.set_delivered(on),
+            RigFault::MotorSwapped => self.motor_swapped = on,
+            RigFault::LvdtReversed => self.lvdt.faults.reversed = on,
             RigFault::EncoderSlip => self.encoder.set_slipping(on, angle_rad),
             RigFault::EncoderJump if on => self.encoder.jump(),
             RigFault::LvdtOpen => self.lvdt.faults.open = on,

@@ -29,6 +29,8 @@ pub struct LvdtFaults {
     pub noisy: bool,
     /// The same code for ever.
     pub frozen: bool,
+    /// Its output is reversed: mirrored about the middle of its range.
+    pub reversed: bool,
 }
 
 /// The sensor.
@@ -104,6 +106,7 @@ impl Lvdt {
             self.filtered_m + settings.lvdt_offset_m + errors_m + normal * settings.lvdt_noise_m.hypot(fault_noise);
         let gain = self.gain * (1.0 + LVDT_GAIN_PER_K * settings.temperature_k);
         let fraction = (gap_m - self.gap_at_zero_m) / self.stroke_m * gain;
+        let fraction = if self.faults.reversed { 1.0 - fraction } else { fraction };
         let share = (self.volts[0] + fraction * (self.volts[1] - self.volts[0])) / self.reference_v;
         let code = volts_to_code(share + settings.adc_inl / CODES * (TAU * share).sin(), 1.0);
         match self.faults {

@@ -92,6 +92,7 @@ pub struct Rig {
     driven_rad: f64,
     estop: bool,
     motor_open: bool,
+    motor_swapped: bool,
     limit_fault: bool,
     silent: bool,
     can_shorted: bool,
@@ -174,7 +175,7 @@ impl Rig {
         let play = 0.5 * settings.gear_backlash_rad;
         let boot_angle_rad = (twist_rad + play.copysign(twist_rad)) * parameters.gear_ratio;
         let encoder = Encoder::new(parameters.counts_per_turn);
-        let boot_counts = encoder.counts(boot_angle_rad);
+        let boot_counts = encoder.counts_at_mcu(boot_angle_rad);
         let mut rig = Self {
             tier,
             lvdt: Lvdt::new(&parameters, &settings, plant.gap_m(), seed ^ LVDT_SEED),
@@ -188,6 +189,7 @@ impl Rig {
             driven_rad: 0.0,
             estop: false,
             motor_open: false,
+            motor_swapped: false,
             limit_fault: false,
             silent: false,
             can_shorted: false,
@@ -338,6 +340,11 @@ impl Rig {
         geared - geared.clamp(-play, play)
     }
 
+    /// What the drive's encoder input counts now.
+    fn drive_counts(&self) -> i64 {
+        self.encoder.counts(self.motor.angle_rad, self.steps / STEPS_PER_TICK)
+    }
+
     fn supply_v(&self) -> f64 {
         self.settings.supply_voltage_v.unwrap_or(self.parameters.supply_voltage_v)
     }
@@ -353,7 +360,7 @@ impl Rig {
     fn look_at_power(&mut self) {
         let closed = !self.settings.relay_fitted || self.relay_pin || self.now_s() < self.relay_opens_s;
         let on = closed && self.supply_v() >= LEAST_SUPPLY_V;
-        self.drive.set_power(on, self.now_s(), self.encoder.counts(self.motor.angle_rad));
+        self.drive.set_power(on, self.now_s(), self.drive_counts());
         if !on {
             self.bridge = Bridge::Open;
         }
@@ -379,6 +386,7 @@ impl Rig {
         let bridge = match (self.estop, self.motor_open) {
             (true, _) => Bridge::Resistor(self.parameters.brake_ohm),
             (false, true) => Bridge::Open,
+            (false, false) if self.motor_swapped => self.bridge.reversed(),
             (false, false) => self.bridge,
         };
         let torque_nm = self.plant.torque_nm(&conditions) / self.parameters.gear_ratio;
@@ -402,9 +410,10 @@ impl Rig {
         self.look_at_power();
         if self.drive.is_powered() {
             // The e-stop takes the motor off the bridge, so the drive measures no current.
-            let current_a = if self.estop || self.motor_open { 0.0 } else { self.motor.current_a };
+            let sign = if self.motor_swapped { -1.0 } else { 1.0 };
+            let current_a = if self.estop || self.motor_open { 0.0 } else { sign * self.motor.current_a };
             let sensed = Sensed {
-                counts: self.encoder.counts(self.motor.angle_rad),
+                counts: self.drive_counts(),
                 current_a,
                 reported_current_a: self.settings.current_reading.read(current_a, &mut self.current_noise),
                 supply_v: self.supply_v(),

@@ -22,6 +22,18 @@ pub enum Bridge {
     Resistor(f64),
 }
 
+impl Bridge {
+    /// The same with the motor's leads swapped.
+    #[must_use]
+    pub fn reversed(self) -> Self {
+        match self {
+            Self::Voltage(volts) => Self::Voltage(-volts),
+            Self::Current { amps, max_volts } => Self::Current { amps: -amps, max_volts },
+            Self::Open | Self::Resistor(_) => self,
+        }
+    }
+}
+
 /// Friction of motor and gear, as it acts on the motor's shaft.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotorFriction {

@@ -53,7 +53,7 @@ fn hold(position: i32) -> Command {
 pub(super) fn start(rig: &mut Rig) -> f64 {
     send(rig, 0.55, Command::ChooseMode(Mode::CurrentVelocityPosition));
     send(rig, 1.06, Command::Config { motion_ms: 10, mixed_ms: 0 });
-    let counts = rig.encoder.counts(rig.motor.angle_rad) - rig.boot_counts;
+    let counts = rig.drive_counts() - rig.boot_counts;
     send(rig, 1.07, hold(counts as i32));
     1.08
 }
@@ -96,7 +96,7 @@ fn the_drive_runs_on_its_last_command_for_ever_and_reset_forgets_the_position() 
     let t = start(&mut r);
     let target = r.truth().twist_rad + 10.0;
     let counts = (10.0 * 62.0 * 4096.0 / std::f64::consts::TAU) as i64;
-    let now = r.encoder.counts(r.motor.angle_rad) - r.boot_counts;
+    let now = r.drive_counts() - r.boot_counts;
     send(&mut r, t, hold((now + counts) as i32));
     r.poll(t + 20.0);
     assert!((r.truth().twist_rad - target).abs() < 0.5, "{} for {target}", r.truth().twist_rad);
@@ -115,7 +115,7 @@ fn the_drive_runs_on_its_last_command_for_ever_and_reset_forgets_the_position() 
 fn the_drives_speed_comes_in_whole_counts_of_a_millisecond() {
     let mut r = rig(&[("twist_at_boot", "4")]);
     let t = start(&mut r);
-    let now = r.encoder.counts(r.motor.angle_rad) - r.boot_counts;
+    let now = r.drive_counts() - r.boot_counts;
     send(&mut r, t, hold((now + 400_000) as i32));
     for report in listen(&mut r, t + 3.0) {
         if let Report::Motion { speed: Rpm(rpm), .. } = report {
@@ -177,7 +177,7 @@ fn backlash_is_turned_through_before_the_strings_follow_on_the_other_side() {
     let swing = |backlash: &str| {
         let mut r = rig(&[("load", "0.1kg"), ("twist_at_boot", "2"), ("gear_backlash", backlash)]);
         let t = start(&mut r);
-        let here = r.encoder.counts(r.motor.angle_rad) - r.boot_counts;
+        let here = r.drive_counts() - r.boot_counts;
         r.poll(t + 1.0);
         let from = (r.motor.angle_rad, r.truth().twist_rad);
         // Across zero twist, where the strings pull to the other side.
@@ -197,7 +197,7 @@ fn the_supply_bounds_the_motors_speed() {
     let fastest = |supply: &str| {
         let mut r = rig(&[("twist_at_boot", "4"), ("supply_voltage", supply)]);
         let t = start(&mut r);
-        let now = r.encoder.counts(r.motor.angle_rad) - r.boot_counts;
+        let now = r.drive_counts() - r.boot_counts;
         let far = Command::CurrentVelocityPosition {
             current_limit: CurrentLimit::new(500).unwrap_or_else(|e| panic!("{e}")),
             speed_limit: SpeedLimit::new(12_000).unwrap_or_else(|e| panic!("{e}")),

@@ -84,7 +84,7 @@ impl Board for Rig {
             HOST_USART => self.host_bytes.push(byte),
             DRIVE_USART if !self.silent => {
                 self.advance(t_s);
-                self.drive.receive_byte(t_s, byte, self.encoder.counts(self.motor.angle_rad));
+                self.drive.receive_byte(t_s, byte, self.drive_counts());
                 self.collect_reports();
             }
             _ => {}
@@ -102,7 +102,7 @@ impl Board for Rig {
         let length = usize::from(frame.dlc).min(frame.data.len());
         let received =
             Received { id: frame.id, extended: frame.extended, remote: frame.remote, data: &frame.data[..length] };
-        self.drive.receive(t_s, &received, self.encoder.counts(self.motor.angle_rad));
+        self.drive.receive(t_s, &received, self.drive_counts());
         self.collect_reports();
         CanOutcome::Acknowledged
     }

@@ -64,6 +64,9 @@ pub enum Request {
     SetSettings(SettingValues),
     /// Send the present readings of the sensors, homed or not.
     ReadSensors,
+    /// Turn the shaft slowly by less than a tenth of a radian of the strings each way, in open loop, and compare which way
+    /// the drive and the rig's own encoder count. Every first motion after a start of the drive begins with it.
+    CheckDirection,
 }
 
 impl Request {

@@ -135,4 +135,6 @@ pub enum EventKind {
         /// Twist of that state (rad), or TR's relative error.
         twist_rad_or_error: f32,
     },
+    /// Motor, drive's encoder and own encoder turn the same way: the drive's loop may be closed.
+    DirectionProven,
 }

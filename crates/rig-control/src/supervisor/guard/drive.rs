@@ -62,7 +62,7 @@ impl DriveChecks {
     /// Faults that drive and own encoder show, which has moved by so many counts in this tick of a length (s). A drive that
     /// was told to let go is not checked.
     pub(super) fn faults(&mut self, situation: &Situation<'_>, moved_counts: i64, tick_s: f32) -> Faults {
-        let Situation { inputs, constants, drive_zero, .. } = *situation;
+        let Situation { inputs, constants, drive_zero, closed_loop, .. } = *situation;
         let started = drive_zero.is_matched();
         let mut found = Faults::NONE;
         if inputs.bus_off {
@@ -96,7 +96,10 @@ impl DriveChecks {
             found.insert(Fault::Supply);
         }
         let most = JUMP_FACTOR * constants.twist_speed_max() * constants.counts_per_rad.abs() * tick_s;
-        let encoder = if moved_counts.abs() > whole_counts(most + JUMP_COUNTS) {
+        // Before the directions are proven the two may count as they like; the proof compares them.
+        let encoder = if !closed_loop {
+            None
+        } else if moved_counts.abs() > whole_counts(most + JUMP_COUNTS) {
             Some(Fault::EncoderJump)
         } else {
             let counts_per_s =
@@ -123,7 +126,10 @@ impl DriveChecks {
             return None;
         }
         let (own_way, drive_way) = (own - own_then, drive - drive_then);
-        Some(if (own_way - drive_way).abs() < apart / ALIKE_SHARE {
+        Some(if drive_way.abs() < own_way.abs() / STUCK_SHARE && own_way.abs() > DISAGREE_COUNTS / 2 {
+            // The drive does not see what it does, and turns on and on.
+            Fault::DriveEncoder
+        } else if (own_way - drive_way).abs() < apart / ALIKE_SHARE {
             Fault::EncoderJump
         } else if own_way.abs() < drive_way.abs() / STUCK_SHARE {
             Fault::EncoderStuck
@@ -149,6 +155,9 @@ mod tests {
         assert_eq!(first_fault(|k| 300 * k, |k| 300 * k + 4096), Some(Fault::EncoderJump));
         assert_eq!(first_fault(|_| 0, |k| 600 * k), Some(Fault::EncoderStuck));
         assert_eq!(first_fault(|k| 300 * k, |k| 600 * k), Some(Fault::EncoderDisagrees));
+        assert_eq!(first_fault(|k| 600 * k, |k| k % 2), Some(Fault::DriveEncoder));
+        // A jump while the shaft stands is the own encoder's.
+        assert_eq!(first_fault(|k| if k < 10 { 0 } else { 4096 + k % 2 }, |_| 0), Some(Fault::EncoderJump));
         // A disagreement that ends in time is none.
         assert_eq!(first_fault(|k| if k % 8 == 7 { 0 } else { 4096 }, |_| 0), None);
     }

@@ -51,6 +51,8 @@ pub(super) struct Situation<'a> {
     pub(super) limit: Option<Limit>,
     /// What is known of the load, while the rig is homed.
     pub(super) tracking: Option<&'a LoadTracking>,
+    /// The drive follows a position: the directions of motor and encoders are proven.
+    pub(super) closed_loop: bool,
 }
 
 /// The checks with what they remember, and the latched faults.

@@ -1,6 +1,7 @@
 //! The shaft: whether it stands, follows its set-point, is held, and stays within the strings' range.
 
 use super::super::fault_policy::{Latched, Response};
+use super::super::sensing::DriveZero;
 use super::super::{STANDING_RPM, lasts, ticks};
 use super::{Situation, drive, own_encoder_is_wrong};
 use crate::sensors::DriveReading;
@@ -62,10 +63,12 @@ impl ShaftChecks {
         self.still_ticks = if own_turns || drive_turns { 0 } else { self.still_ticks.saturating_add(1) };
     }
 
-    /// Held by a fault, the shaft has gone away all the same.
+    /// Held by a fault, or by the first command after a start, the shaft has gone away all the same.
     pub(super) fn not_held(&mut self, situation: &Situation<'_>, latched: Latched) -> bool {
-        let held = matches!(latched.response(), Some(Response::Hold | Response::HoldByDrive | Response::HoldIfHeard))
+        let by_fault = matches!(latched.response(), Some(Response::Hold | Response::HoldByDrive | Response::HoldIfHeard))
             && situation.drive_zero.is_matched();
+        let by_start = latched.response().is_none() && matches!(situation.drive_zero, DriveZero::Rough(_));
+        let held = situation.closed_loop && (by_fault || by_start);
         let shaft_rad = match (own_encoder_is_wrong(latched), situation.inputs.drive) {
             (false, _) => Some(situation.readings.shaft_rad),
             (true, DriveReading::Reports { position_qc, .. }) => {

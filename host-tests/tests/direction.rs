@@ -1,0 +1,133 @@
+//! A rig whose motor, encoders or LVDT are wired wrong: what turns, for how long, and what the fault says. The emulated drive
+//! closes its loops on what its own encoder input counts, so with a wrong sign it runs away.
+
+use host_tests::ControlBench;
+use rig_link::messages::{EventKind, Fault, HomingFailure, LoadChoice, Request, State};
+use sim_link::RigFault;
+use std::f64::consts::PI;
+
+/// What a first homing of a rig does.
+#[derive(Debug)]
+struct Outcome {
+    fault: Option<Fault>,
+    state: State,
+    /// From the first motion of the shaft until nothing drives it any more (s).
+    torque_s: f64,
+    /// Farthest that the strings have turned from where they were at power-on (rad).
+    turned_rad: f64,
+    ended: Vec<EventKind>,
+}
+
+fn first_homing(faults: &[RigFault], keys: &[(&str, &str)], seed: u64) -> Outcome {
+    // Untwisted strings: a load on twisted ones turns the motor while it has no torque.
+    let mut d = ControlBench::new(&[keys, &[("twist_at_boot", "0rad")]].concat(), seed);
+    faults.iter().for_each(|&fault| d.rig.set_fault(fault, true));
+    let start_rad = d.truth().twist_rad;
+    let (mut turned_rad, mut torque_s, mut first_s) = (0f64, 0f64, None);
+    let mut watch = |d: &ControlBench| {
+        let truth = d.truth();
+        turned_rad = turned_rad.max((truth.twist_rad - start_rad).abs());
+        // A shorted motor brakes, and drives nothing.
+        if truth.motor_current_a * truth.motor_speed_rad_per_s > 0.0 {
+            let first_s = *first_s.get_or_insert(d.time_s());
+            torque_s = d.time_s() - first_s;
+        }
+    };
+    d.until(15.0, |d| {
+        watch(d);
+        matches!(d.control.state(), State::Unhomed | State::Fault)
+    });
+    assert!(turned_before_a_request(&d, start_rad), "nothing turns before somebody asks for it: {faults:?}");
+    if d.control.state() == State::Unhomed {
+        d.tick(Some(Request::HOME));
+    }
+    d.until(60.0, |d| {
+        watch(d);
+        d.control.state() != State::Homing
+    });
+    // The motor may coast.
+    d.until(2.0, |d| {
+        watch(d);
+        false
+    });
+    let ended = d.events.iter().map(|(_, event)| *event).collect();
+    Outcome { fault: d.control.fault(), state: d.control.state(), torque_s, turned_rad, ended }
+}
+
+fn turned_before_a_request(d: &ControlBench, start_rad: f64) -> bool {
+    (d.truth().twist_rad - start_rad).abs() < 0.05
+}
+
+/// Motor, drive's encoder, own encoder and LVDT, each as it should be or reversed.
+const SIGNS: [RigFault; 4] =
+    [RigFault::MotorSwapped, RigFault::DriveEncoderSwapped, RigFault::EncoderSwapped, RigFault::LvdtReversed];
+
+#[test]
+fn no_combination_of_wrong_signs_turns_the_strings_by_more_than_a_radian() {
+    for mask in 0..16u32 {
+        let faults: Vec<RigFault> = (0..4).filter(|k| mask >> k & 1 == 1).map(|k| SIGNS[k as usize]).collect();
+        let outcome = first_homing(&faults, &[("load", "0.5kg")], 7);
+        let expected = match mask & 7 {
+            0b000 | 0b111 => None,
+            0b001 | 0b110 => Some(Fault::MotorDirection),
+            0b010 | 0b101 => Some(Fault::DriveEncoder),
+            _ => Some(Fault::EncoderDirection),
+        };
+        assert_eq!(outcome.fault, expected, "{faults:?} {outcome:?}");
+        if expected.is_some() {
+            assert!(outcome.turned_rad < 1.0 && outcome.torque_s < 0.3, "{faults:?} {outcome:?}");
+        } else if mask & 8 == 0 {
+            assert_eq!(outcome.state, State::Ready, "{faults:?} {outcome:?}");
+        } else {
+            // Motor and encoders are right. That the LVDT is reversed shows in how the gap changes over some turns.
+            let failure = EventKind::HomingRefused(HomingFailure::LvdtReversed);
+            assert_eq!(outcome.ended.last(), Some(&failure), "{faults:?} {outcome:?}");
+            assert!(outcome.turned_rad < 8.0 * PI, "{faults:?} {outcome:?}");
+        }
+    }
+}
+
+#[test]
+fn each_dead_sensor_or_channel_is_named_before_the_strings_have_turned_by_a_radian() {
+    for (fault, expected) in [
+        (RigFault::DriveEncoderStuck, Fault::DriveEncoder),
+        (RigFault::DriveEncoderChannel, Fault::DriveEncoder),
+        (RigFault::DriveLines, Fault::EncoderDisagrees),
+        (RigFault::EncoderStuck, Fault::EncoderStuck),
+        (RigFault::EncoderChannel, Fault::EncoderStuck),
+        (RigFault::EncoderSlip, Fault::EncoderDisagrees),
+        (RigFault::EncoderUnpowered, Fault::MotorStill),
+        (RigFault::MotorOpen, Fault::MotorStill),
+        (RigFault::LvdtOpen, Fault::LvdtOpen),
+        (RigFault::LvdtShort, Fault::LvdtShort),
+    ] {
+        for keys in [&[("load", "0.1kg")][..], &[("load", "1.5kg")]] {
+            let outcome = first_homing(&[fault], keys, 11);
+            assert_eq!(outcome.fault, Some(expected), "{fault:?} {keys:?} {outcome:?}");
+            assert!(outcome.turned_rad < 1.0 && outcome.torque_s < 0.3, "{fault:?} {keys:?} {outcome:?}");
+        }
+    }
+}
+
+/// The drive sees edges of noise at its encoder input: it stands all the same.
+#[test]
+fn a_count_that_dithers_is_no_motion() {
+    let outcome = first_homing(&[RigFault::DriveEncoderDither], &[("load", "0.3kg")], 3);
+    assert_eq!((outcome.fault, outcome.state), (None, State::Ready), "{outcome:?}");
+}
+
+/// A wire of the drive's encoder breaks during a move: the drive would wind up against a count that stands.
+#[test]
+fn a_drive_that_loses_its_encoder_under_way_is_let_go() {
+    for fault in [RigFault::DriveEncoderStuck, RigFault::DriveEncoderChannel] {
+        let mut d = ControlBench::new(&[("load", "0.5kg")], 5);
+        d.home().unwrap();
+        d.tick(Some(Request::Move { target_m: 0.01, speed_m_per_s: 0.004, load: LoadChoice::Auto }));
+        d.run(1.0);
+        d.rig.set_fault(fault, true);
+        let twist_rad = d.truth().twist_rad;
+        assert!(d.until(0.3, |d| d.control.fault().is_some() && d.truth().drive_mode == 0), "{:?}", d.truth());
+        assert_eq!(d.control.fault(), Some(Fault::DriveEncoder));
+        println!("{fault:?}: the strings turned by {:.2} rad", d.truth().twist_rad - twist_rad);
+    }
+}
