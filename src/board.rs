@@ -17,7 +17,7 @@ use static_cell::StaticCell;
 use crate::flash_store::Store;
 use crate::iwdg;
 use crate::post_mortem;
-use crate::scene::RIG;
+use crate::scene::{DRIVE_TRANSPORT, RIG};
 use crate::serial;
 
 bind_interrupts!(pub struct Irqs {
@@ -29,6 +29,9 @@ bind_interrupts!(pub struct Irqs {
     CAN1_TX => can::TxInterruptHandler<peripherals::CAN1>;
     DMA2_STREAM0 => dma::InterruptHandler<peripherals::DMA2_CH0>;
 });
+
+/// Cycles of the core in a microsecond ([`clocks`]).
+pub const CYCLES_PER_US: u32 = 168;
 
 /// Samples in one LVDT block, half of the DMA ring. At 492 ADC clocks of 21 MHz each, a block takes 6.0 ms.
 pub const LVDT_BLOCK: usize = 256;
@@ -202,6 +205,11 @@ fn encoder(
 impl Board {
     pub fn new(p: Peripherals) -> Self {
         speed_up_flash();
+        // For the length of a tick.
+        if let Some(mut core) = cortex_m::Peripherals::take() {
+            core.DCB.enable_trace();
+            core.DWT.enable_cycle_counter();
+        }
         let leds = Leds {
             heartbeat: Output::new(p.PA5, Level::Low, Speed::Low),
             fault: Output::new(p.PC0, Level::Low, Speed::Low),
@@ -273,6 +281,8 @@ impl Start {
     /// The fault with which the firmware starts, if any: nothing moves before the operator has cleared it.
     pub fn fault(&self) -> Option<Fault> {
         match self.cause {
+            // Nothing else matters until it is mended: it cannot be cleared.
+            _ if self.clock == Clock::Hsi && matches!(DRIVE_TRANSPORT, rmds405::Transport::Can) => Some(Fault::ClockSource),
             _ if self.last_panic.is_some() => Some(Fault::Panicked),
             ResetCause::Watchdog => Some(Fault::WatchdogReset),
             // The reset button is pressed on purpose.
@@ -286,18 +296,21 @@ impl Start {
     }
 }
 
-/// Number of checks for the ST-LINK's clock, and cycles of delay between them: 50 to 200 ms in all at 1 to 4 cycles per
-/// turn of the delay loop (a Cortex-M4 takes 3), well within the watchdog's time.
+/// Number of checks for the ST-LINK's clock, after a reset and after power-on, and cycles of delay between them: 50 to
+/// 200 ms, and 0.7 to 2.8 s, at 1 to 4 cycles per turn of the delay loop (a Cortex-M4 takes 3). After power-on from
+/// another source than its USB socket the ST-LINK first has to start.
 const HSE_TRIES: u32 = 100;
+const HSE_TRIES_AT_POWER_ON: u32 = 1400;
 const HSE_PAUSE: u32 = 8_000;
 
 /// The oscillator to use: the ST-LINK's clock if it comes in time, else the chip's own. embassy-stm32 would wait for
-/// the ST-LINK's without limit. The core runs at its own 16 MHz meanwhile.
-pub fn find_clock() -> Clock {
+/// the ST-LINK's without limit. The core runs at its own 16 MHz meanwhile. Feeds the watchdog.
+pub fn find_clock(power_on: bool) -> Clock {
     let rcc = pac::RCC;
     rcc.cr().modify(|w| w.set_hsebyp(true));
     rcc.cr().modify(|w| w.set_hseon(true));
-    for _ in 0..HSE_TRIES {
+    for _ in 0..if power_on { HSE_TRIES_AT_POWER_ON } else { HSE_TRIES } {
+        pac::IWDG.kr().write(|w| w.set_key(Key::RESET));
         if rcc.cr().read().hserdy() {
             return Clock::Hse;
         }
@@ -316,8 +329,11 @@ pub fn brown_out_level() -> u8 {
 /// once, before anything else.
 pub fn start() -> Start {
     // The watchdog stops while a debugger halts the core: a breakpoint must not restart the drive, which drops the
-    // load.
-    pac::DBGMCU.apb1fzr().modify(|w| w.set_iwdg(true));
+    // load. So does the timer of the time driver, which would miss its wraps.
+    pac::DBGMCU.apb1fzr().modify(|w| {
+        w.set_iwdg(true);
+        w.set_tim5(true);
+    });
     // Its time is that of the reset values: 4096 counts of LSI / 4, 0.35 to 0.96 s.
     pac::IWDG.kr().write(|w| w.set_key(Key::START));
     let flags = pac::RCC.csr().read();
@@ -338,9 +354,7 @@ pub fn start() -> Start {
         ResetCause::Unknown
     };
     let previous = post_mortem::start_record(cause == ResetCause::PowerOn);
-    let clock = find_clock();
-    // Fed here, so that the search for the clock does not count.
-    pac::IWDG.kr().write(|w| w.set_key(Key::RESET));
+    let clock = find_clock(matches!(cause, ResetCause::PowerOn | ResetCause::BrownOut));
     let post_mortem::PreviousRun { boot_count, was_driving, panic: last_panic } = previous;
     Start { cause, boot_count, last_panic, was_driving, clock }
 }

@@ -196,3 +196,39 @@ fn a_pulse_on_the_stop_wire_is_no_stop_and_a_stop_is_seen_within_two_ticks() {
     b.run(0.05);
     assert_eq!(b.state(), State::EStop);
 }
+
+/// An erase masks interrupts for a quarter of a second and more. The board's clock must not lose a wrap of its counter.
+#[test]
+fn an_erase_leaves_the_boards_clock_right() {
+    let mut b = Bench::on(Config { slow_flash: true, ..Config::default() }, &[], 6);
+    b.greet();
+    assert!(b.until(6.0, |b| b.state() == State::Unhomed));
+    let behind_us = |b: &Bench| b.last.map_or(0.0, |t| b.machine.now_s() * 1e6 - t.t_us as f64);
+    let before_us = behind_us(&b);
+    // Each writes a record; a sector is erased now and then, at another phase of the counter each time.
+    let mut erases = 0;
+    for k in 0..2000u16 {
+        let began_s = b.machine.now_s();
+        b.set(&Request::SetSetting { setting: Setting::SpeedMax, value: 0.003 + 1e-6 * f32::from(k) }).unwrap();
+        erases += u32::from(b.machine.now_s() - began_s > 0.3);
+        b.run(0.02);
+        let drift_us = behind_us(&b) - before_us;
+        assert!(drift_us.abs() < 11_000.0, "after {erases} erases the board's clock is {drift_us:.0} us behind");
+        if erases == 6 {
+            break;
+        }
+    }
+    assert_eq!(erases, 6, "too few writes for six erases");
+    assert!(b.machine.stats().resets.is_empty() && b.last.unwrap().fault.is_none(), "{:?}", b.last);
+}
+
+/// The drive's CAN controller starts a while after its power: a Reset that is sent again and again until it is acknowledged
+/// would start the drive a second time.
+#[test]
+fn a_drive_that_acknowledges_late_is_started_once() {
+    let mut b = Bench::new(&[], 3);
+    b.greet();
+    assert!(b.until(6.0, |b| b.state() == State::Unhomed));
+    // By power, and by the Reset of the start-up sequence.
+    assert_eq!(b.machine.board().drive().counters.restarts, 2, "{:?}", b.machine.board().drive().counters);
+}

@@ -1,10 +1,11 @@
 //! The control tick, every 10 ms: readings in, commands out. All decisions are `rig_control`'s.
 
-use crate::board::{Leds, Start, Switches};
+use crate::board::{CYCLES_PER_US, Leds, Start, Switches};
 use crate::post_mortem;
 use crate::scene::RIG;
 use crate::shared::{self, Task};
 use core::sync::atomic::Ordering;
+use cortex_m::peripheral::DWT;
 use embassy_stm32::peripherals::TIM3;
 use embassy_stm32::timer::qei::Qei;
 use embassy_time::{Duration, Instant, Ticker};
@@ -73,9 +74,9 @@ pub async fn run(encoder: Qei<'static, TIM3>, mut switches: Switches, mut leds: 
             request: request.map(|(_, request)| request),
         };
         let before = rig.state();
-        let began = Instant::now();
+        let began = DWT::cycle_count();
         let (outputs, telemetry) = control_tick(rig, &inputs, longest_tick_us);
-        longest_tick_us = longest_tick_us.max(began.elapsed().as_micros() as u32);
+        longest_tick_us = longest_tick_us.max(DWT::cycle_count().wrapping_sub(began) / CYCLES_PER_US);
         let driving = match outputs.drive {
             DriveCommand::Follow { .. } => true,
             DriveCommand::Voltage { pwm } => pwm != 0,

@@ -92,6 +92,7 @@ fn take(sequence: u16, request: Request, greeted: &mut bool, newest: &mut Newest
         | Request::Track { .. }
         | Request::Jog { .. }
         | Request::Clear
+        | Request::CheckDirection
         | Request::Rebuild(_)
         | Request::SetSetting { .. }
         | Request::SetSettings(_) => {

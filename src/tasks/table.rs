@@ -52,7 +52,7 @@ pub async fn run(store: &'static SharedStore) -> ! {
         let kind = match made {
             Err(refused) => refused,
             Ok((rebuilt, states)) => {
-                let took_us = began.elapsed().as_micros();
+                let took_us = Instant::now().saturating_duration_since(began).as_micros();
                 let kept = save(store, &rebuilt).await;
                 let m = rebuilt.metadata;
                 match make_static(rebuilt) {

@@ -59,7 +59,7 @@ async fn main(_spawner: Spawner) {
     let flags = registers::reset_flags();
     let panicked = post_mortem::start_record(flags.power_on()).panic;
     let stage = retained::stage(flags);
-    let p = embassy_stm32::init(board::clocks(board::find_clock()));
+    let p = embassy_stm32::init(board::clocks(board::find_clock(true)));
     chip::speed_up_flash(true);
     if let Some(text) = panicked {
         retained::clear();

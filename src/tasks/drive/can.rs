@@ -65,13 +65,17 @@ impl Transport for CanTransport {
     /// Sends the frame now or not at all: a frame without acknowledgement must not be sent seconds later
     /// (docs/hardware.md section 7.1).
     async fn send(&mut self, frame: &Frame) {
+        self.abandon();
+        if let Ok(frame) = CanFrame::new_standard(frame.id, &frame.data) {
+            let _ = self.tx.try_write(&frame);
+        }
+    }
+
+    fn abandon(&mut self) {
         if !self.tx.is_idle() {
             for mailbox in [Mailbox::Mailbox0, Mailbox::Mailbox1, Mailbox::Mailbox2] {
                 self.tx.abort(mailbox);
             }
-        }
-        if let Ok(frame) = CanFrame::new_standard(frame.id, &frame.data) {
-            let _ = self.tx.try_write(&frame);
         }
     }
 

@@ -21,6 +21,9 @@ trait Transport {
     /// Sends a frame at once, or drops it: a late frame could move the drive unexpectedly.
     async fn send(&mut self, frame: &Frame);
 
+    /// Withdraws a frame that nobody has acknowledged. A drive that starts late would take a Reset for a new one.
+    fn abandon(&mut self);
+
     /// The drive's next report; everything else that arrives is counted. Dropping the future at any await loses
     /// nothing.
     async fn next_report(&mut self) -> Report;
@@ -48,6 +51,7 @@ async fn run(mut line: impl Transport, mut motor_power: Output<'static>) -> ! {
         let frame = match news {
             Either3::First(()) => {
                 shared::alive(Task::Drive);
+                line.abandon();
                 // The controller leaves the bus-off state by itself when the bus is quiet; by then the rig holds.
                 if line.bus_off() {
                     shared::BUS_OFF.store(true, Ordering::Relaxed);

@@ -38,6 +38,8 @@ impl Transport for UartTransport {
         self.tx.write_all(&encode(frame)).await;
     }
 
+    fn abandon(&mut self) {}
+
     async fn next_report(&mut self) -> Report {
         loop {
             while let Some(at) = self.pending.next() {

@@ -247,7 +247,7 @@ impl Rig<'_> {
 
     fn cause_remains(&self, fault: Fault, inputs: &Inputs) -> bool {
         match fault {
-            Fault::TableCorrupt => true,
+            Fault::TableCorrupt | Fault::ClockSource => true,
             Fault::CanBusOff => inputs.bus_off,
             Fault::Supply => super::guard::supply_is_off(inputs, &self.constants),
             _ => self.sensing.readings.lvdt == LvdtReading::Invalid(fault),

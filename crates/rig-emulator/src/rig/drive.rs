@@ -2,7 +2,8 @@
 //! for ever, because it has no command time-out (hardware.md 2.6).
 //!
 //! Assumed, because no manual says it:
-//! - it boots for 500 ms after power-up and reset alike, and ignores all frames meanwhile;
+//! - it boots for 500 ms after power-up and reset alike, and ignores all frames meanwhile; but after power-up it acknowledges
+//!   frames from 200 ms on, and a Reset that is then still being sent starts it once more;
 //! - the position counts from the moment of the reset, and a reset clears the feedback periods;
 //! - a mode or data frame in the wrong state makes it beep and send nothing;
 //! - stall is current at its limit without motion for 1 s; it drops the torque and lasts until a reset;
@@ -29,6 +30,8 @@ use super::parameters::RigParameters;
 pub const TICK_S: f64 = 1e-3;
 /// Power-up or reset to ready, s (hardware.md 2.5).
 pub const BOOT_S: f64 = 0.5;
+/// Power-up to the first acknowledged frame, s: its CAN controller starts before its loops. Assumed.
+pub const ACKNOWLEDGES_S: f64 = 0.2;
 /// Mode to ready for data, s (hardware.md 2.5).
 pub const MODE_S: f64 = 0.5;
 /// A frame to its answer, s. Assumed.
@@ -52,7 +55,8 @@ const STANDING_COUNTS: i64 = 1;
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum State {
     Off,
-    Booting { until_s: f64 },
+    /// Until then; it acknowledges frames from the second time on, and then takes a Reset.
+    Booting { until_s: f64, acknowledges_s: f64 },
     Unmoded,
     Moded { mode: Mode, ready_s: f64 },
 }
@@ -144,7 +148,10 @@ impl Drive {
     /// Switches the supply. Without power everything is lost.
     pub fn set_power(&mut self, on: bool, now_s: f64, counts: i64) {
         match (on, self.state) {
-            (true, State::Off) => self.restart(now_s, counts),
+            (true, State::Off) => {
+                self.restart(now_s, counts);
+                self.state = State::Booting { until_s: now_s + BOOT_S, acknowledges_s: now_s + ACKNOWLEDGES_S };
+            }
             (false, _) => {
                 self.forget(counts);
                 self.state = State::Off;
@@ -156,7 +163,7 @@ impl Drive {
     /// Starts over, as on Reset or a brown-out.
     pub fn restart(&mut self, now_s: f64, counts: i64) {
         self.forget(counts);
-        self.state = State::Booting { until_s: now_s + BOOT_S };
+        self.state = State::Booting { until_s: now_s + BOOT_S, acknowledges_s: now_s };
         self.counters.restarts += 1;
     }
 
@@ -175,9 +182,18 @@ impl Drive {
         self.sent.clear();
     }
 
-    /// Whether it has power, and so acknowledges frames.
+    /// Whether it has power.
     pub fn is_powered(&self) -> bool {
         self.state != State::Off
+    }
+
+    /// Whether it acknowledges frames on the bus.
+    pub fn acknowledges(&self, now_s: f64) -> bool {
+        match self.state {
+            State::Off => false,
+            State::Booting { acknowledges_s, .. } => now_s >= acknowledges_s,
+            State::Unmoded | State::Moded { .. } => true,
+        }
     }
 
     /// The mode, once chosen.
@@ -223,7 +239,9 @@ impl Drive {
 
     fn obey(&mut self, now_s: f64, transport: Transport, command: Command, counts: i64) {
         self.wake(now_s);
-        if matches!(self.state, State::Off | State::Booting { .. }) {
+        let late_reset = matches!(self.state, State::Booting { until_s, acknowledges_s }
+            if command == Command::Reset && acknowledges_s > until_s - BOOT_S);
+        if matches!(self.state, State::Off | State::Booting { .. }) && !late_reset {
             self.counters.too_early += 1;
             return;
         }
@@ -269,7 +287,7 @@ impl Drive {
     }
 
     fn wake(&mut self, now_s: f64) {
-        if let State::Booting { until_s } = self.state
+        if let State::Booting { until_s, .. } = self.state
             && now_s >= until_s
         {
             self.state = State::Unmoded;

@@ -96,7 +96,7 @@ impl Board for Rig {
         if self.can_shorted {
             return CanOutcome::BitError;
         }
-        if self.silent || !self.drive.is_powered() {
+        if self.silent || !self.drive.acknowledges(t_s) {
             return CanOutcome::Unacknowledged;
         }
         let length = usize::from(frame.dlc).min(frame.data.len());
