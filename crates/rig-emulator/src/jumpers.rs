@@ -21,11 +21,28 @@ pub enum Jumper {
     EncoderB,
     /// D8 to D2: USART1, TX to RX.
     Serial,
+    /// D6 to D4: motor power to the emergency stop's input.
+    Stop,
+    /// D9 to D7: the limits' inputs, of which each drives the other in turn.
+    Limits,
+    /// The same wire in the other direction, D7 to D9.
+    LimitsBack,
+    /// D14 to D15: CAN1, TX to RX.
+    Can,
 }
 
 impl Jumper {
     /// All of them.
-    pub const ALL: [Self; 4] = [Self::Adc, Self::EncoderA, Self::EncoderB, Self::Serial];
+    pub const ALL: [Self; 8] = [
+        Self::Adc,
+        Self::EncoderA,
+        Self::EncoderB,
+        Self::Serial,
+        Self::Stop,
+        Self::Limits,
+        Self::LimitsBack,
+        Self::Can,
+    ];
 
     fn from(self) -> Pin {
         match self {
@@ -33,6 +50,10 @@ impl Jumper {
             Self::EncoderA => ('A', 5),
             Self::EncoderB => ('B', 6),
             Self::Serial => ('A', 9),
+            Self::Stop => ('B', 10),
+            Self::Limits => ('C', 7),
+            Self::LimitsBack => ('A', 8),
+            Self::Can => ('B', 9),
         }
     }
 
@@ -42,6 +63,10 @@ impl Jumper {
             Self::EncoderA => ('A', 6),
             Self::EncoderB => ('A', 7),
             Self::Serial => ('A', 10),
+            Self::Stop => ('B', 5),
+            Self::Limits => ('A', 8),
+            Self::LimitsBack => ('C', 7),
+            Self::Can => ('B', 8),
         }
     }
 }
@@ -61,6 +86,8 @@ pub struct Broken {
     pub serial_flips: u8,
     /// The encoder's timer misses one edge in this many; 0 for none.
     pub edges_lost: i64,
+    /// Bits come back inverted on CAN1's wire.
+    pub can_inverted: bool,
 }
 
 /// ADC code of VREFINT at 3.3 V, the factory's word in [`crate::machine::Config`].
@@ -71,8 +98,8 @@ const FULL_SCALE: f64 = 4095.0;
 #[derive(Debug)]
 pub struct JumperBoard {
     broken: Broken,
-    /// Levels of the four inputs.
-    levels: [bool; 4],
+    /// Levels of the inputs.
+    levels: [bool; Jumper::ALL.len()],
     /// Edges that the encoder has seen, with their sign.
     quadrature: i64,
     /// Stimuli that the pins have not had yet.
@@ -83,7 +110,8 @@ pub struct JumperBoard {
 impl JumperBoard {
     /// A board with all wires but the broken ones.
     pub fn new(broken: Broken) -> Self {
-        let mut board = Self { broken, levels: [false; 4], quadrature: 0, pending: Vec::new(), now_s: 0.0 };
+        let mut board =
+            Self { broken, levels: [false; Jumper::ALL.len()], quadrature: 0, pending: Vec::new(), now_s: 0.0 };
         for (place, jumper) in Jumper::ALL.into_iter().enumerate() {
             if let Some((_, high)) = broken.stuck.filter(|(stuck, _)| *stuck == jumper) {
                 board.levels[place] = high;
@@ -128,7 +156,7 @@ impl Board for JumperBoard {
     }
 
     fn can_tx(&mut self, _t_s: f64, _frame: &CanFrame) -> CanOutcome {
-        CanOutcome::Unacknowledged
+        if self.broken.can_inverted { CanOutcome::BitError } else { CanOutcome::Unacknowledged }
     }
 
     fn gpio_out(&mut self, t_s: f64, port: char, levels: u16) {

@@ -19,10 +19,10 @@ fn every_check_is_a_row_and_all_are_ok() {
     let done = rigctl(&["--json", "selftest"]);
     assert!(done.status.success(), "{}", error_of(&done));
     let rows = lines(&done);
-    assert_eq!(rows.len(), 16);
+    assert_eq!(rows.len(), 19);
     assert!(rows.iter().all(|row| row["verdict"] == "ok" && row["seen"] != ""), "{rows:?}");
     let text = rigctl(&["selftest"]);
-    assert!(String::from_utf8_lossy(&text.stdout).contains("selftest ended: all 16 checks ok"));
+    assert!(String::from_utf8_lossy(&text.stdout).contains("selftest ended: all 19 checks ok"));
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Self-test of a NUCLEO-F446RE without a rig, with four jumper wires: it checks what the firmware needs of the chip
+//! Self-test of a NUCLEO-F446RE without a rig, with seven jumper wires: it checks what the firmware needs of the chip
 //! (docs/selftest.md). The same image runs on the emulated board in every test run and, by `cargo xtask selftest`, on a
 //! real one.
 //!
@@ -104,6 +104,8 @@ async fn third(mut p: embassy_stm32::Peripherals) {
     pins::adc(&mut table, &mut p).await;
     pins::encoder(&mut table, &mut p);
     pins::serial(&mut table, &mut p).await;
+    pins::safety(&mut table, &mut p);
+    pins::can(&mut table, &mut p).await;
     cycles::rows(&mut table, hclk_hz);
     retained::clear();
     table.print().await;

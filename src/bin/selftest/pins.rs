@@ -7,7 +7,10 @@ use crate::board::Irqs;
 use crate::serial::Transmitter;
 use crate::table::{Table, Verdict};
 use embassy_stm32::adc::{Adc, SampleTime, VrefInt};
+use embassy_stm32::can::{Can, Frame};
 use embassy_stm32::gpio::{Input, Level, Output, Pin, Pull, Speed};
+use embassy_stm32::pac;
+use embassy_stm32::pac::can::vals::Lec;
 use embassy_stm32::timer::qei::{self, Qei};
 use embassy_stm32::usart::{self, BufferedUart};
 use embassy_stm32::{Peri, Peripherals};
@@ -179,4 +182,59 @@ pub async fn serial(table: &mut Table, p: &mut Peripherals) {
     let good = matches!(done, Ok(Some(()))) && same == BYTES.len();
     let why = if matches!(done, Ok(Some(()))) { "" } else { ", not in time" };
     table.row(what, expected, format_args!("{same} came back unchanged{why}"), Verdict::of(good));
+}
+
+/// Rows of the motor-power output and of the three contacts' inputs. The limits' inputs drive each other in turn.
+pub fn safety(table: &mut Table, p: &mut Peripherals) {
+    let stop = wire(&mut Output::new(p.PB10.reborrow(), Level::Low, Speed::Low), &mut p.PB5);
+    let upper = wire(&mut Output::new(p.PC7.reborrow(), Level::Low, Speed::Low), &mut p.PA8);
+    let lower = wire(&mut Output::new(p.PA8.reborrow(), Level::Low, Speed::Low), &mut p.PC7);
+    row_of_wires(table, "power, stop D6 to D4", &[(stop, "D6", "D4")]);
+    row_of_wires(table, "limits D9 and D7", &[(upper, "D9", "D7"), (lower, "D7", "D9")]);
+}
+
+/// Adds the row of pins that are only read and set.
+fn row_of_wires(table: &mut Table, what: &'static str, wires: &[(Wire, &'static str, &'static str)]) {
+    let expected = format_args!("low and high arrive");
+    if !report_bad_wire(table, what, expected, wires) {
+        table.row(what, expected, format_args!("both arrive"), Verdict::Ok);
+    }
+}
+
+/// Time in which the controller repeats a frame often; one frame takes 0.1 ms.
+const REPEATED: Duration = Duration::from_millis(5);
+
+/// Row of CAN1's own pins, TX wired to RX. A controller that reads back every bit it sends gets as far as the
+/// acknowledge bit, which no other node gives: an acknowledgement error shows that both pins work. It does not need a
+/// transceiver.
+pub async fn can(table: &mut Table, p: &mut Peripherals) {
+    let what = "CAN1 D14 to D15";
+    let expected = format_args!("ACK error: its own bits come back");
+    let mut from = Output::new(p.PB9.reborrow(), Level::High, Speed::Low);
+    let wires = [(wire(&mut from, &mut p.PB8), "D14", "D15")];
+    drop(from);
+    if report_bad_wire(table, what, expected, &wires) {
+        return;
+    }
+    let mut can = Can::new(p.CAN1.reborrow(), p.PB8.reborrow(), p.PB9.reborrow(), Irqs);
+    let config = can.modify_config();
+    // Embassy switches on time stamps, which nothing here reads; the chip's errata advise against that mode.
+    pac::CAN1.mcr().modify(|w| w.set_ttcm(false));
+    config.set_bitrate(1_000_000).set_loopback(false).set_silent(false);
+    if with_timeout(TIMEOUT, can.enable()).await.is_err() {
+        return table.row(what, expected, format_args!("stays in initialisation mode"), Verdict::Failed);
+    }
+    // Both bit values in identifier and data. Identifier and length are valid.
+    let Ok(frame) = Frame::new_standard(0x2AA, &[0x55, 0xAA]) else { return };
+    let mailbox = can.write(&frame).await.mailbox();
+    Timer::after(REPEATED).await;
+    let error = pac::CAN1.esr().read().lec();
+    can.abort(mailbox);
+    let seen = match error {
+        Lec::ACK => "ACK error",
+        Lec::BIT_RECESSIVE | Lec::BIT_DOMINANT => "a bit came back inverted",
+        Lec::NO_ERROR => "no error: another node acknowledges",
+        _ => "another error",
+    };
+    table.row(what, expected, format_args!("{seen}"), Verdict::of(error == Lec::ACK));
 }

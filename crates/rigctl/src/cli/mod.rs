@@ -269,7 +269,7 @@ pub enum Command {
         #[arg(long)]
         home: bool,
     },
-    /// The checks of a board without a rig, four jumper wires aside: CAN, ADC, encoder inputs, serial line, flash, watchdog, clocks
+    /// The checks of a board without a rig, seven jumper wires aside: CAN, ADC, encoder inputs, serial line, flash, watchdog, clocks
     ///
     /// An image of its own, here on the emulated board; `cargo xtask selftest` flashes the same to a real one and shows the same
     /// table (docs/selftest.md). Exit code 1 if a check is not ok.
