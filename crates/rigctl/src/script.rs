@@ -168,6 +168,7 @@ fn action(words: &[&str]) -> Result<Action, String> {
         ["home", options @ ..] => Action::Command(home_request(options)?),
         ["stop" | "hold"] => Action::Command(Request::Stop),
         ["clear"] => Action::Command(Request::Clear),
+        ["check-direction"] => Action::Command(Request::CheckDirection),
         ["status"] => Action::Command(Request::Status),
         ["jog", speed] => {
             let speed = units::parse("jog", Quantity::AngularSpeed, speed).map_err(|e| e.to_string())?;
@@ -264,6 +265,7 @@ pub fn text(request: &Request) -> Option<String> {
         Request::Home { load } => format!("home load={}", load_text(*load)),
         Request::Stop => "stop".into(),
         Request::Clear => "clear".into(),
+        Request::CheckDirection => "check-direction".into(),
         Request::Jog { twist_speed_rad_per_s } => format!("jog {twist_speed_rad_per_s}"),
         Request::Move { target_m, speed_m_per_s, load } => {
             let speed = if speed_m_per_s.is_infinite() { "max".into() } else { speed_m_per_s.to_string() };

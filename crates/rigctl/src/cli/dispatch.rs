@@ -51,7 +51,7 @@ pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
         Command::Sweep(options) => sweep::run(global, options, output),
         Command::Replay(options) => replay::run(global, options, output),
         Command::Export(options) => export::run(options, output),
-        Command::Doctor { home } => doctor::run(global, *home, output),
+        Command::Doctor { turn, home } => doctor::run(global, *turn, *home, output),
         Command::Selftest => selftest::run(global, output),
         Command::Monitor { script } => monitor::run(global, script.as_deref(), output),
         Command::Serve { listen, fast } => serve::run(global, listen, *fast, output),

@@ -265,6 +265,9 @@ pub enum Command {
     /// Checks versions, reset cause, last panic, scene, the table's certificate, faults, drive, supply, control ticks, link. The
     /// motor stays where it is; sensors can only be judged fully with --home. A board of another scene is reported, not refused.
     Doctor {
+        /// Turn the shaft slowly by a hundredth of a turn of the strings each way: do motor and both encoders agree?
+        #[arg(long)]
+        turn: bool,
         /// Home, then turn the strings by a third of a turn and back: LVDT noise and range, encoder against drive
         #[arg(long)]
         home: bool,

@@ -10,14 +10,17 @@ use serde_json::json;
 ///
 /// # Errors
 /// If the scene cannot be read or is of a rig that cannot work, or anything is not well.
-pub fn run(global: &Global, home: bool, output: &mut Output) -> Result<(), Failure> {
+pub fn run(global: &Global, turn: bool, home: bool, output: &mut Output) -> Result<(), Failure> {
     let scene = global.rig_scene()?;
+    if turn {
+        output.line("The shaft turns by a hundredth of a turn of the strings each way.")?;
+    }
     // A scene that asks for no table is the scene's fault, not the board's.
     scene.table_demand()?;
     let checks = match global
         .target()
         .and_then(|target| target.meet())
-        .and_then(|mut session| examine(&mut session, &scene, home))
+        .and_then(|mut session| examine(&mut session, &scene, turn, home))
     {
         Ok(checks) => checks,
         Err(failure) => vec![check(

@@ -6,7 +6,7 @@ pub mod board;
 pub mod sensors;
 
 use crate::failure::Failure;
-use crate::session::{Session, homing};
+use crate::session::{Session, homing, motion};
 use rig_control::TICK_US;
 use rig_link::{Fault, Faults, LoadChoice, State, Telemetry};
 use rig_scene::Scene;
@@ -37,14 +37,26 @@ pub fn check(name: &'static str, ok: bool, seen: impl Into<String>, advice: impl
     Check { name, ok, seen: seen.into(), advice: (!ok).then(|| advice.into()) }
 }
 
-/// Examines a board; with `home` it is homed, and its strings are turned by a third of a turn and back.
+/// Examines a board; with `turn` the shaft is turned a little to compare the directions of motor and encoders, with `home` the
+/// rig is homed, and its strings are turned by a third of a turn and back.
 ///
 /// # Errors
 /// If the board does not answer, or the scene has no equilibria to compare with.
-pub fn examine(session: &mut Session, scene: &Scene, home: bool) -> Result<Vec<Check>, Failure> {
+pub fn examine(session: &mut Session, scene: &Scene, turn: bool, home: bool) -> Result<Vec<Check>, Failure> {
     session.until(START_S, |s| s.state() != State::Boot)?;
     let mut checks = Vec::new();
     let mut turned = None;
+    if turn {
+        checks.push(match motion::check_direction(session) {
+            Ok(()) => check("direction", true, "motor, drive's encoder and own encoder turn the same way", ""),
+            Err(failure) => check(
+                "direction",
+                false,
+                failure.message().unwrap_or_default(),
+                "docs/faults.md has the wires to look at for this fault; then `clear`",
+            ),
+        });
+    }
     if home {
         match homing::home(session, LoadChoice::Auto, |_| {}) {
             Ok(_) => turned = Some(sensors::turn(session, scene.rig.gear())?),

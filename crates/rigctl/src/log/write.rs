@@ -93,6 +93,7 @@ pub fn event(kind: &EventKind) -> String {
         EventKind::HomingRefused(failure) => format!("homing-refused {failure}"),
         EventKind::MoveDone { error_m } => format!("move-done error_m={error_m}"),
         EventKind::Stopped => "stopped".into(),
+        EventKind::DirectionProven => "direction-proven".into(),
         EventKind::StreamEnded(end) => format!("stream-ended {end}"),
         EventKind::FaultRaised(fault) => format!("fault-raised {fault}"),
         EventKind::FaultCleared(fault) => format!("fault-cleared {fault}"),

@@ -98,6 +98,9 @@ impl Flights {
                 let done = json!({"error_m": decimal(*error_m)});
                 self.end(|f| f.moves && matches!(f.request, Request::Move { .. }), || Ok(done.clone()));
             }
+            EventKind::DirectionProven => {
+                self.end(|f| f.moves && f.request == Request::CheckDirection, || Ok(json!({})));
+            }
             EventKind::Stopped => {
                 self.end(|f| f.moves && matches!(f.request, Request::Jog { .. }), || Ok(json!({})));
                 self.end(|f| f.moves, error("stopped", "stopped before its end".into()));

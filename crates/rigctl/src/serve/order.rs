@@ -11,7 +11,7 @@ use serde_json::{Map, Value};
 type Build = fn(&mut Fields) -> Result<Request, String>;
 
 /// The orders by their names in `do`.
-const ORDERS: [(&str, Build); 7] = [
+const ORDERS: [(&str, Build); 8] = [
     ("home", |f| Ok(Request::Home { load: f.load()? })),
     ("move", |f| {
         let (target_m, speed) = (f.number("to_m")?, f.number_or("speed_m_per_s", DEFAULT_SPEED_M_PER_S as f32)?);
@@ -25,6 +25,7 @@ const ORDERS: [(&str, Build); 7] = [
     ("stop", |_| Ok(Request::Stop)),
     ("hold", |_| Ok(Request::Stop)),
     ("clear", |_| Ok(Request::Clear)),
+    ("check-direction", |_| Ok(Request::CheckDirection)),
 ];
 
 /// What a client wants.

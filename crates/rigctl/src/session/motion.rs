@@ -17,6 +17,8 @@ const SLOWEST_MAX_M_PER_S: f64 = 1e-4;
 const TURN_SLACK_S: f64 = 10.0;
 /// How long before the end of a turn the motor is stopped (s): the delay of the link and the ramp.
 const TURN_AHEAD_S: f64 = 0.05;
+/// Longest check of the directions, with the start of the drive after it (s).
+const CHECK_S: f64 = 20.0;
 /// Longest ramp down after a stop (s).
 const STOP_S: f64 = 5.0;
 
@@ -149,13 +151,25 @@ fn settle(
     })
 }
 
+/// Turns the shaft by about 0.06 rad of the strings each way and back, to see that motor and encoders turn the same way. Nothing
+/// turns if the board has seen that since the drive has started; the first homing or jog does the same.
+///
+/// # Errors
+/// The board's refusal, or the fault that it found.
+pub fn check_direction(session: &mut Session) -> Result<(), Failure> {
+    session.wait_ready()?;
+    session.take_events();
+    session.request(&Request::CheckDirection)?;
+    session.until(CHECK_S, |s| !s.is_moving())?;
+    session.take_events().iter().try_for_each(|(_, kind)| check_motion(kind, "while the directions were checked"))
+}
+
 /// Turns the strings at a constant speed (rad/s) for a time (s), then ramps down.
 ///
 /// # Errors
 /// The board's refusal or failure in words.
 pub fn jog(session: &mut Session, speed_rad_per_s: f64, seconds: f64) -> Result<(), Failure> {
-    session.wait_ready()?;
-    session.take_events();
+    check_direction(session)?;
     session.request(&Request::Jog { twist_speed_rad_per_s: speed_rad_per_s as f32 })?;
     let end_s = session.now_s() + seconds;
     while session.now_s() < end_s {
