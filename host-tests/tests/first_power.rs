@@ -1,11 +1,13 @@
 //! What a real board meets on its first day and a kind emulated one does not show: wires that are not there, a debugger
 //! that no longer reads, clocks that are missing.
 
+use host_tests::ControlBench;
 use host_tests::board::Bench;
-use rig_emulator::board::Stimulus;
+use rig_emulator::board::{Board, Stimulus};
 use rig_emulator::machine::{Config, ResetCause};
 use rig_emulator::soc::can::Line;
-use rig_link::messages::{Clock, EventKind, Fault, Kept, Refusal, Request, Setting, State};
+use rig_link::messages::{Clock, EventKind, Fault, Kept, LoadChoice, Refusal, Request, Setting, State};
+use sim_link::RigFault;
 
 const DOMINANT: Line = Line { dominant: true, open: false };
 const OPEN: Line = Line { dominant: false, open: true };
@@ -227,4 +229,30 @@ fn a_drive_that_acknowledges_late_is_started_once() {
     assert!(b.until(6.0, |b| b.state() == State::Unhomed));
     // By power, and by the Reset of the start-up sequence.
     assert_eq!(b.machine.board().drive().counters.restarts, 2, "{:?}", b.machine.board().drive().counters);
+}
+
+/// A reset of the board opens the motor-power relay under a turning motor, which then charges the drive's isolated rail.
+#[test]
+fn a_relay_that_opens_under_a_turning_motor_leaves_the_rail_below_what_the_drive_bears() {
+    let highest_v = |clamp: bool| {
+        let mut d = ControlBench::new(&[("load", "1.5kg")], 3);
+        d.home().unwrap();
+        d.move_to(0.012, 0.01, LoadChoice::Auto).unwrap();
+        d.rig.set_fault(RigFault::NoRailClamp, !clamp);
+        d.tick(Some(Request::Move { target_m: 0.0, speed_m_per_s: f32::INFINITY, load: LoadChoice::Auto }));
+        assert!(d.until(1.0, |d| d.truth().motor_speed_rad_per_s.abs() > 800.0), "{:?}", d.truth());
+        let opens_s = d.time_s();
+        d.rig.gpio_out(opens_s, 'B', 0);
+        let mut highest_v = 0f64;
+        for step in 1..2000 {
+            d.rig.poll(opens_s + 2.5e-4 * f64::from(step));
+            highest_v = highest_v.max(d.rig.rail().volts());
+        }
+        assert!(!d.rig.drive().is_powered() && !d.rig.rail().has_destroyed(), "{highest_v} V");
+        highest_v
+    };
+    let [with, without] = [true, false].map(highest_v);
+    println!("rail: {with:.1} V with a clamp, {without:.1} V without");
+    assert!(without > 25.0, "the motor gives energy back: {without} V");
+    assert!(with <= 36.0, "{with} V");
 }

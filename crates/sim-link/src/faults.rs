@@ -77,6 +77,8 @@ named_faults! {
         StringBreak = "string-break",
         /// The string slips 3 mm through its clamp, for good. An event.
         StringSlip = "string-slip",
+        /// The clamp at the drive's supply is missing.
+        NoRailClamp = "no-rail-clamp",
         /// The emergency stop is pressed: PB5 high, motor lead on the brake resistor.
         Estop = "estop",
         /// The upper limit switch opens: PA8 high.

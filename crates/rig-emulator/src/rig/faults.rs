@@ -84,6 +84,7 @@ impl Rig {
                     plant.slip();
                 }
             }
+            RigFault::NoRailClamp => self.rail.clamped = !on,
             RigFault::Estop => self.estop = on,
             RigFault::MotorOpen => self.motor_open = on,
             RigFault::LimitSwitch => self.limit_fault = on,

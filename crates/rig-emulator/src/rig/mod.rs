@@ -6,6 +6,7 @@
 //! - [`plant`]: load and mechanism, [`built_in`] or from [`outside`].
 //! - `hung`: a load hung from its mechanism at the start; [`errors`]: why there is no such rig.
 //! - [`motor`], [`encoder`], [`lvdt`]: the parts that move and measure.
+//! - [`rail`]: the drive's supply while the relay is open.
 //! - [`effects`]: what real rigs have besides.
 //! - [`drive`]: the RMDS-405 on the bus, or on the serial line.
 //! - [`faults`]: what can be broken.
@@ -27,6 +28,7 @@ pub mod outside;
 pub mod parameters;
 pub mod plant;
 pub mod plant_settings;
+pub mod rail;
 pub mod surface;
 pub mod transmission;
 mod wires;
@@ -52,6 +54,7 @@ use outside::{Outside, is_of_the_law, is_of_the_plant};
 use parameters::RigParameters;
 use plant::{Conditions, Plant};
 use plant_settings::PlantSettings;
+use rail::Rail;
 
 /// Time step, s.
 pub const STEP_S: f64 = 2.5e-4;
@@ -86,6 +89,7 @@ pub struct Rig {
     lvdt: Lvdt,
     drive: Drive,
     bridge: Bridge,
+    rail: Rail,
     relay_pin: bool,
     /// When the relay's contact opens, s; it stays closed as long as its pin is high.
     relay_opens_s: f64,
@@ -184,6 +188,7 @@ impl Rig {
             noise: Pcg64Mcg::seed_from_u64(seed),
             current_noise: Pcg64Mcg::seed_from_u64(seed ^ CURRENT_SEED),
             bridge: Bridge::Open,
+            rail: Rail::at(0.0),
             relay_pin: false,
             relay_opens_s: 0.0,
             driven_rad: 0.0,
@@ -214,6 +219,7 @@ impl Rig {
         };
         rig.look_at_tension();
         rig.drive_all_pins();
+        rig.rail.step(0.0, rig.connected_v(), 0.0);
         rig.look_at_power();
         Ok(rig)
     }
@@ -345,6 +351,17 @@ impl Rig {
         self.encoder.counts(self.motor.angle_rad, self.steps / STEPS_PER_TICK)
     }
 
+    /// The drive's supply rail.
+    pub fn rail(&self) -> &Rail {
+        &self.rail
+    }
+
+    /// Voltage of the supply, where the relay connects it to the drive.
+    fn connected_v(&self) -> Option<f64> {
+        let closed = !self.settings.relay_fitted || self.relay_pin || self.now_s() < self.relay_opens_s;
+        closed.then(|| self.supply_v())
+    }
+
     fn supply_v(&self) -> f64 {
         self.settings.supply_voltage_v.unwrap_or(self.parameters.supply_voltage_v)
     }
@@ -354,12 +371,14 @@ impl Rig {
             self.relay_opens_s = self.now_s() + self.settings.relay_release_s;
         }
         self.relay_pin = high;
+        if let Some(volts) = self.connected_v() {
+            self.rail.step(0.0, Some(volts), 0.0);
+        }
         self.look_at_power();
     }
 
     fn look_at_power(&mut self) {
-        let closed = !self.settings.relay_fitted || self.relay_pin || self.now_s() < self.relay_opens_s;
-        let on = closed && self.supply_v() >= LEAST_SUPPLY_V;
+        let on = self.rail.volts() >= LEAST_SUPPLY_V && !self.rail.has_destroyed();
         self.drive.set_power(on, self.now_s(), self.drive_counts());
         if !on {
             self.bridge = Bridge::Open;
@@ -392,6 +411,8 @@ impl Rig {
         let torque_nm = self.plant.torque_nm(&conditions) / self.parameters.gear_ratio;
         let before_rad = self.motor.angle_rad;
         self.motor.step(STEP_S, bridge, torque_nm, &self.settings.motor_friction);
+        let motor_w = if self.drive.is_powered() { self.motor.bridge_w } else { 0.0 };
+        self.rail.step(STEP_S, self.connected_v(), motor_w);
         let on_the_bridge = matches!(bridge, Bridge::Voltage(_) | Bridge::Current { .. });
         if on_the_bridge && self.motor.current_a * self.motor.speed_rad_per_s > 0.0 {
             self.driven_rad += (self.motor.angle_rad - before_rad).abs() / self.parameters.gear_ratio;
@@ -416,7 +437,7 @@ impl Rig {
                 counts: self.drive_counts(),
                 current_a,
                 reported_current_a: self.settings.current_reading.read(current_a, &mut self.current_noise),
-                supply_v: self.supply_v(),
+                supply_v: self.rail.volts(),
                 saturated: !self.estop && !self.motor_open && self.motor.saturated,
             };
             self.bridge = self.drive.tick(self.now_s(), sensed);
