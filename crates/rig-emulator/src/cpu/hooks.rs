@@ -3,16 +3,23 @@
 use super::core::{Core, Trap};
 use super::exceptions::takeable;
 use crate::board::Board;
-use crate::soc::memory::{FLASH_BASE, FLASH_SIZE};
+use crate::soc::memory::{FLASH_BASE, FLASH_SIZE, RAM_SIZE};
 use crate::soc::nvic::exception;
 use std::collections::HashSet;
 use unicorn_engine::{HookType, MemType, RegisterARM, Unicorn, uc_error};
 
-/// Address ranges of peripherals: APB and AHB1, AHB2, the core's own.
-const PERIPHERALS: [(u64, u64); 3] = [(0x4000_0000, 0x8_0000), (0x5000_0000, 0x6_1000), (0xE000_0000, 0x10_0000)];
+/// Address ranges of peripherals: APB and AHB1, AHB2, the core's own; and the bit-band aliases of RAM and of the first.
+const PERIPHERALS: [(u64, u64); 5] = [
+    (0x4000_0000, 0x8_0000),
+    (0x5000_0000, 0x6_1000),
+    (0xE000_0000, 0x10_0000),
+    (0x2200_0000, 32 * RAM_SIZE as u64),
+    (0x4200_0000, 32 * 0x8_0000),
+];
 
-/// unicorn's number of an exception return, and of SVC.
+/// unicorn's number of an exception return, of BKPT, and of SVC.
 const EXCEPTION_EXIT: u32 = 8;
+const BREAKPOINT: u32 = 7;
 const SUPERVISOR_CALL: u32 = 2;
 
 /// SEV.
@@ -137,6 +144,7 @@ fn check<B: Board>(uc: &mut Unicorn<'_, Core<B>>) {
 }
 
 fn on_exception<B: Board>(uc: &mut Unicorn<'_, Core<B>>, number: u32) {
+    let pc = pc(uc);
     let core = uc.get_data_mut();
     match number {
         EXCEPTION_EXIT => core.exception_return = true,
@@ -144,6 +152,7 @@ fn on_exception<B: Board>(uc: &mut Unicorn<'_, Core<B>>, number: u32) {
             core.soc.nvic.pend_system(exception::SVCALL);
             core.attention = true;
         }
+        BREAKPOINT => core.trap = Some(Trap::Breakpoint(pc & !1)),
         other => core.trap = Some(Trap::Exception(other)),
     }
     stop(uc);

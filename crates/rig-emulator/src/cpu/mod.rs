@@ -203,6 +203,23 @@ impl<B: Board + 'static> Cpu<B> {
         self.hung = false;
     }
 
+    /// Number of the BKPT at `pc`, and the exit that it stands for where it is semihosting's: SYS_EXIT with its reason in
+    /// r1, or SYS_EXIT_EXTENDED with a block of reason and code there. Any other BKPT is a program's end.
+    pub fn breakpoint(&self, pc: u32) -> (u8, Option<bool>) {
+        /// ADP_Stopped_ApplicationExit.
+        const EXIT: u32 = 0x2_0026;
+        let memory = &self.core().soc.memory;
+        let number = memory.half(pc).unwrap_or(0) as u8;
+        let reason = self.get(R::R1);
+        let exit = match (number, self.get(R::R0)) {
+            (0xAB, 0x18) => Some(reason == EXIT),
+            (0xAB, 0x20) => Some((memory.word(reason), memory.word(reason.wrapping_add(4))) == (Some(EXIT), Some(0))),
+            (0xAB, _) => None,
+            _ => Some(true),
+        };
+        (number, exit)
+    }
+
     /// Stop executing while the chip's clocks and peripherals go on, as an endless loop with interrupts off would; a
     /// reset ends it.
     pub fn hang(&mut self, hung: bool) {

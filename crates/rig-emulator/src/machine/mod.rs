@@ -305,6 +305,10 @@ impl<B: Board + 'static> Machine<B> {
             CpuError::Trap(Trap::Memory { what, address, pc }) => {
                 MachineError::Memory { what, address, place: self.place(pc) }
             }
+            CpuError::Trap(Trap::Breakpoint(pc)) => {
+                let (number, exit) = self.cpu.breakpoint(pc);
+                MachineError::Breakpoint { number, exit, place: self.place(pc) }
+            }
             CpuError::Trap(Trap::Exception(number)) => {
                 MachineError::Exception { number, place: self.place(self.cpu.core().last_block()) }
             }

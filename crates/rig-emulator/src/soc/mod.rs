@@ -42,7 +42,7 @@ pub mod tim;
 pub mod usart;
 
 use self::clock::{Clock, NEVER};
-use self::fault::Faults;
+use self::fault::{Faults, Lint};
 use self::map::Unit;
 use crate::board::{Board, Stimulus};
 
@@ -204,9 +204,10 @@ impl<B: Board> Soc<B> {
     }
 
     fn tell_outputs(&mut self, port: usize) {
-        if let Some(levels) = self.gpio.changed(port) {
+        if let Some(gpio::Outputs { driven, levels }) = self.gpio.changed(port) {
             self.catch_up_adc(self.clock.now());
             let letter = (b'A' + port as u8) as char;
+            self.board.gpio_drives(self.clock.seconds(), letter, driven);
             self.board.gpio_out(self.clock.seconds(), letter, levels);
         }
     }
@@ -337,20 +338,24 @@ impl<B: Board> Soc<B> {
             Stimulus::Uart { usart: number, bytes } => {
                 match usart::USARTS.iter().position(|kind| kind.number == number) {
                     Some(i) => self.usarts[i].send(at, &bytes, wires!(self)),
-                    None => self.faults.feature("board", "a stimulus for a USART that is not modelled"),
+                    None => self.faults.lint(Lint::BoardUsart),
                 }
             }
-            Stimulus::Pin { port, pin, high } => {
-                let port = (port as usize).wrapping_sub('A' as usize);
-                if port >= gpio::PORTS {
-                    self.faults.feature("board", "a stimulus for a port that is not modelled");
-                    return;
-                }
-                let before = self.gpio.inputs(port);
-                self.gpio.drive(port, pin, high);
-                self.exti.edges(port, before, self.gpio.inputs(port), &mut self.nvic);
-            }
+            Stimulus::Pin { port, pin, high } => self.drive_pin(port, pin, Some(high)),
+            Stimulus::Release { port, pin } => self.drive_pin(port, pin, None),
         }
+    }
+
+    /// The board drives a pin, or no longer does.
+    fn drive_pin(&mut self, port: char, pin: u8, level: Option<bool>) {
+        let port = (port as usize).wrapping_sub('A' as usize);
+        if port >= gpio::PORTS {
+            self.faults.lint(Lint::BoardPort);
+            return;
+        }
+        let before = self.gpio.inputs(port);
+        self.gpio.drive(port, pin, level);
+        self.exti.edges(port, before, self.gpio.inputs(port), &mut self.nvic);
     }
 
     /// Time passes with the core asleep, to the next event but not beyond `limit`. Gives the cycles slept.

@@ -4,7 +4,7 @@
 //! ST-LINK into OSC_IN, so HSE works in bypass only, and starting it as a crystal is a fault.
 
 use super::clock::ClockTree;
-use super::fault::Faults;
+use super::fault::{Faults, Lint};
 
 /// HSI frequency, nominally.
 const HSI_HZ: u64 = 16_000_000;
@@ -188,10 +188,10 @@ impl Rcc {
         self.words[offset as usize / 4] = value;
         match offset {
             0x00 if value & 1 << 16 != 0 && value & 1 << 18 == 0 => {
-                faults.feature("RCC", "HSE switched on without bypass, but the board has no crystal on OSC_IN");
+                faults.lint(Lint::HseCrystal);
             }
             0x04 if before != value && self.words[0] & 1 << 24 != 0 => {
-                faults.feature("RCC", "PLLCFGR written while the PLL runs");
+                faults.lint(Lint::PllRuns);
             }
             0x08 => {
                 let ready = match value & 3 {
@@ -200,11 +200,11 @@ impl Rcc {
                     _ => 1 << 25,
                 };
                 if self.ready() & ready == 0 {
-                    faults.feature("RCC", "system clock switched to a source that is not ready");
+                    faults.lint(Lint::ClockSource);
                 }
                 // DS10693 table 16 at 2.7 V and above: a wait state for every 30 MHz.
                 if (self.tree().hclk_hz - 1) / 30_000_000 > u64::from(wait_states) {
-                    faults.feature("RCC", "HCLK is too fast for the wait states in FLASH_ACR");
+                    faults.lint(Lint::WaitStates);
                 }
             }
             0x74 if value & 1 << 24 != 0 => self.flags &= !reset_flag::ALL,

@@ -135,6 +135,8 @@ fn systick_counts_and_pends() {
 #[test]
 fn the_cycle_counter_counts_hclk() {
     let mut chip = chip();
+    set(&mut chip, 0xE000_EDFC, 1 << 24);
+    set(&mut chip, 0xE000_1000, 1);
     set(&mut chip, 0xE000_1004, 0);
     pass(&mut chip, 1e-3);
     let cycles = get(&mut chip, 0xE000_1004);

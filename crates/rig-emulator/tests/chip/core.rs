@@ -1,6 +1,6 @@
 //! The core: time, sleep, exceptions, resets and stops, with hand-assembled programs (ARMv7-M architecture manual).
 
-use crate::fixture::{Recorder, close};
+use crate::fixture::{Recorder, close, get, pass, set};
 use crate::program::*;
 use rig_emulator::cpu::core::BLOCK_OVERHEAD_CYCLES;
 use rig_emulator::machine::{Config, Machine, MachineError, ResetCause};
@@ -81,6 +81,55 @@ fn flash_must_not_be_written_with_the_data_cache_on() {
     assert_eq!(write(0x300), Ok(()));
     let fault = write(0x700).expect_err("the cache may hold what was there before").to_string();
     assert!(fault.contains("data cache"), "{fault}");
+}
+
+#[test]
+fn the_cycle_counter_counts_only_with_both_of_its_enables() {
+    const DEMCR: u32 = 0xE000_EDFC;
+    const DWT_CTRL: u32 = 0xE000_1000;
+    const CYCCNT: u32 = 0xE000_1004;
+    let mut chip = crate::fixture::chip();
+    let mut passes = |demcr: u32, control: u32| {
+        set(&mut chip, DEMCR, demcr);
+        set(&mut chip, DWT_CTRL, control);
+        let before = get(&mut chip, CYCCNT);
+        pass(&mut chip, 1e-3);
+        get(&mut chip, CYCCNT).wrapping_sub(before)
+    };
+    assert_eq!(passes(0, 0), 0);
+    assert_eq!(passes(1 << 24, 0), 0);
+    assert_eq!(passes(0, 1), 0);
+    let counted = passes(1 << 24, 1);
+    assert!((16_000..16_010).contains(&counted), "{counted}");
+    // It keeps its count where it stops, and goes on from what is written.
+    set(&mut chip, DEMCR, 0);
+    let stopped = get(&mut chip, CYCCNT);
+    pass(&mut chip, 1e-3);
+    assert_eq!(get(&mut chip, CYCCNT), stopped);
+    set(&mut chip, CYCCNT, 1_000_000);
+    set(&mut chip, DEMCR, 1 << 24);
+    pass(&mut chip, 1e-3);
+    let counted = get(&mut chip, CYCCNT) - 1_000_000;
+    assert!((16_000..16_010).contains(&counted), "{counted}");
+}
+
+#[test]
+fn a_breakpoint_ends_the_run_and_semihosting_says_how() {
+    let end = |code: &[Vec<u16>]| machine(&main_only(code)).run_until(1e-3);
+    let breakpoint = |result, number, success| {
+        let Err(MachineError::Breakpoint { number: found, exit, place }) = result else { panic!("{result:?}") };
+        assert_eq!((found, exit, place.function.as_str()), (number, success, "main"));
+    };
+    breakpoint(end(&[vec![NOP, 0xBE00]]), 0, Some(true));
+    breakpoint(end(&[load(0, 0x18), load(1, 0x2_0026), vec![0xBEAB]]), 0xAB, Some(true));
+    breakpoint(end(&[load(0, 0x18), load(1, 0x2_0023), vec![0xBEAB]]), 0xAB, Some(false));
+    breakpoint(end(&[load(0, 0x04), vec![0xBEAB]]), 0xAB, None);
+    let exit = |code| {
+        let block = [poke(RESULT, 0x2_0026), poke(RESULT + 4, code), load(0, 0x20), load(1, RESULT)].concat();
+        end(&[block, vec![0xBEAB]])
+    };
+    breakpoint(exit(0), 0xAB, Some(true));
+    breakpoint(exit(1), 0xAB, Some(false));
 }
 
 #[test]
