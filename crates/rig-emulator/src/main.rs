@@ -134,8 +134,11 @@ fn run_bare(arguments: &Arguments) -> Result<u8> {
     for (what, times) in &stats.warnings {
         eprintln!("allowed, {times} times: {what}");
     }
-    for (t_s, cause) in &stats.resets {
-        eprintln!("reset at {t_s:.6} s: {cause:?}");
+    for t_s in &stats.lock_ups {
+        eprintln!("the core locked up at {t_s:.6} s: a fault in the HardFault handler");
+    }
+    if end != End::Passed {
+        stats.resets.iter().for_each(|(t_s, cause)| eprintln!("reset at {t_s:.6} s: {cause:?}"));
     }
     Ok(match end {
         End::Passed => 0,

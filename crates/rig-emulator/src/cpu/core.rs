@@ -26,6 +26,8 @@ pub enum Trap {
         /// Instruction.
         pc: u32,
     },
+    /// The stack has run past the bottom of RAM: a bus fault at this address.
+    StackOverflow(u32),
     /// A BKPT instruction at this address.
     Breakpoint(u32),
     /// An exception of the emulator that no firmware should cause.

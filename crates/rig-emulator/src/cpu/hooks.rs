@@ -3,7 +3,7 @@
 use super::core::{Core, Trap};
 use super::exceptions::takeable;
 use crate::board::Board;
-use crate::soc::memory::{FLASH_BASE, FLASH_SIZE, RAM_SIZE};
+use crate::soc::memory::{BELOW_RAM, FLASH_BASE, FLASH_SIZE, RAM_SIZE};
 use crate::soc::nvic::exception;
 use std::collections::HashSet;
 use unicorn_engine::{HookType, MemType, RegisterARM, Unicorn, uc_error};
@@ -21,6 +21,9 @@ const PERIPHERALS: [(u64, u64); 5] = [
 const EXCEPTION_EXIT: u32 = 8;
 const BREAKPOINT: u32 = 7;
 const SUPERVISOR_CALL: u32 = 2;
+
+/// Bytes of the largest store with write-back: VPUSH of 32 single registers.
+const LARGEST_PUSH: u32 = 128;
 
 /// SEV.
 const SEV: u16 = 0xBF40;
@@ -174,7 +177,12 @@ fn stray<B: Board>(uc: &mut Unicorn<'_, Core<B>>, kind: MemType, address: u64, _
         _ => "instruction fetch",
     };
     let pc = pc(uc);
-    uc.get_data_mut().trap = Some(Trap::Memory { what, address: address as u32, pc });
+    let address = address as u32;
+    let sp = uc.reg_read(RegisterARM::SP).unwrap_or(0) as u32;
+    // A push below the stack, or an access to a frame that is below it already.
+    let overflow = BELOW_RAM.contains(&address) && (BELOW_RAM.start..BELOW_RAM.end + LARGEST_PUSH).contains(&sp);
+    let trap = if overflow { Trap::StackOverflow(address) } else { Trap::Memory { what, address, pc } };
+    uc.get_data_mut().trap = Some(trap);
     stop(uc);
     false
 }

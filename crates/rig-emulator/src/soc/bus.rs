@@ -19,6 +19,11 @@ impl<B: Board> Soc<B> {
         on
     }
 
+    /// The core's access, or the stacking of an exception, fails.
+    pub fn bus_fault(&mut self, address: u32, stacking: bool) {
+        self.scb.bus_fault(address, stacking);
+    }
+
     /// A load by the core.
     pub fn read(&mut self, address: u32, size: usize) -> u32 {
         self.clock.advance(ACCESS_CYCLES);
@@ -58,7 +63,10 @@ impl<B: Board> Soc<B> {
     fn read_word(&mut self, unit: Unit, address: u32) -> Option<u32> {
         let offset = address & 0x3FF;
         match unit {
-            Unit::Rcc => self.rcc.read(offset),
+            Unit::Rcc => {
+                self.look_at_hse();
+                self.rcc.read(offset)
+            }
             Unit::Pwr => self.pwr.read(offset),
             Unit::Flash => self.flash.read(offset),
             Unit::Gpio(port) => self.gpio.read(port, offset),
@@ -181,6 +189,7 @@ impl<B: Board> Soc<B> {
 
     fn write_rcc(&mut self, offset: u32, value: u32) -> Option<()> {
         self.catch_up_adc(self.clock.now());
+        self.look_at_hse();
         let (register, bits) = self.rcc.write(offset, value, self.flash.wait_states(), &mut self.faults)?;
         for unit in map::RESETTABLE {
             if gate(unit).is_some_and(|gate| gate.offset == register && bits >> gate.bit & 1 == 1) {

@@ -119,7 +119,14 @@ pub struct Soc<B> {
     iwdg: iwdg::Iwdg,
     /// The board is not polled again before this cycle.
     board_asked: u64,
+    /// The ST-LINK is slow to give its clock after power-on.
+    hse_late: bool,
+    /// Time of the last power-on (s).
+    powered_s: f64,
 }
+
+/// How long a slow ST-LINK takes from power-on to its clock (s).
+const HSE_LATE_S: f64 = 0.15;
 
 impl<B: Board> Soc<B> {
     /// The chip at power-up. `lsi_hz` is the watchdog's clock, nominally 32 kHz.
@@ -147,6 +154,8 @@ impl<B: Board> Soc<B> {
             dma: [dma::Dma::new(1), dma::Dma::new(2)],
             iwdg: iwdg::Iwdg::new(lsi_hz),
             board_asked: 0,
+            hse_late: false,
+            powered_s: 0.0,
         }
     }
 
@@ -174,6 +183,7 @@ impl<B: Board> Soc<B> {
         self.rcc.reset();
         match cause {
             ResetCause::PowerCycle => {
+                self.powered_s = self.clock.seconds();
                 self.rcc.power_on();
                 self.memory.ram.fill(memory::RAM_NOISE);
             }
@@ -323,6 +333,16 @@ impl<B: Board> Soc<B> {
     /// Switch the ST-LINK's clock at OSC_IN. `false` if the core was running on the clock that has just gone.
     pub fn feed_hse(&mut self, fed: bool) -> bool {
         self.rcc.feed_hse(fed)
+    }
+
+    /// From the next power-on, or from this one if it was just now, the ST-LINK's clock comes late.
+    pub fn set_hse_late(&mut self, late: bool) {
+        self.hse_late = late;
+    }
+
+    /// What feeds OSC_IN may have come up since the RCC was last looked at.
+    fn look_at_hse(&mut self) {
+        self.rcc.set_hse_up(!self.hse_late || self.clock.seconds() >= self.powered_s + HSE_LATE_S);
     }
 
     /// The board drives its side of the pins, now.

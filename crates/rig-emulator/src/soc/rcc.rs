@@ -59,6 +59,8 @@ pub struct Rcc {
     flags: u32,
     /// Something feeds OSC_IN.
     hse_fed: bool,
+    /// What feeds it has come up since power-on.
+    hse_up: bool,
     /// This chip's HSI.
     hsi_hz: u64,
 }
@@ -69,6 +71,7 @@ impl Default for Rcc {
             words: [0; 0x98 / 4],
             flags: reset_flag::POR | reset_flag::PIN | reset_flag::BOR,
             hse_fed: true,
+            hse_up: true,
             hsi_hz: HSI_HZ,
         };
         rcc.reset();
@@ -118,6 +121,11 @@ impl Rcc {
         fed || !needed
     }
 
+    /// Whether what feeds OSC_IN has come up since power-on.
+    pub fn set_hse_up(&mut self, up: bool) {
+        self.hse_up = up;
+    }
+
     /// This chip's HSI frequency, before the clocks are set up.
     pub fn set_hsi(&mut self, hsi_hz: u64) {
         self.hsi_hz = hsi_hz;
@@ -128,7 +136,7 @@ impl Rcc {
     fn ready(&self) -> u32 {
         let cr = self.words[0];
         let mut on = cr & 0x1501_0001;
-        if !self.hse_fed {
+        if !(self.hse_fed && self.hse_up) {
             on &= !(1 << 16);
         }
         let source = if self.words[1] >> 22 & 1 == 1 { 1 << 16 } else { 1 };

@@ -101,6 +101,20 @@ impl Scb {
         if self.vtor == 0 { super::memory::FLASH_BASE } else { self.vtor }
     }
 
+    /// A bus fault at `address`, taken as a HardFault because BusFaults have their own handler neither here nor, by
+    /// default, on the chip. `stacking`: it came up while an exception was entered.
+    pub fn bus_fault(&mut self, address: u32, stacking: bool) {
+        /// CFSR: PRECISERR and BFARVALID; STKERR. HFSR: FORCED.
+        const PRECISE: u32 = 1 << 9 | 1 << 15;
+        const STACKING: u32 = 1 << 12;
+        const FORCED: u32 = 1 << 30;
+        self.fault_status[0] |= if stacking { STACKING } else { PRECISE };
+        self.fault_status[1] |= FORCED;
+        if !stacking {
+            self.fault_status[4] = address;
+        }
+    }
+
     /// The next SysTick interrupt.
     pub fn next_event(&self) -> u64 {
         let tick = &self.systick;

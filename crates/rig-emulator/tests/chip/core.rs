@@ -263,6 +263,82 @@ fn the_watchdog_resets_a_program_that_hangs() {
     close(resets[0].0, 0.512, 1e-4);
 }
 
+/// Eight bytes are left on the stack; then `code`. A HardFault counts and goes on with `handler`.
+fn stack_at_the_bottom_of_ram(code: &[Vec<u16>], handler: &[Vec<u16>]) -> Program {
+    let mut program = Program::default();
+    // The watchdog bites after 0.512 s. The last one is mov sp, r0.
+    let start = [poke(0x4000_3000, 0xCCCC), load(0, 0x2000_0008), vec![0x4685]].concat();
+    program.function("main", &[start, code.concat(), vec![PARK]]);
+    program.handler(3, "hard_fault", &[bump(RESULT, 1), handler.concat()]);
+    program.handler(15, "tick", &[bump(RESULT + 4, 1)]);
+    program
+}
+
+#[test]
+fn a_stack_that_leaves_ram_is_a_hard_fault_and_a_push_in_its_handler_locks_the_core_up() {
+    const PUSH: u16 = 0xB4FF;
+    let program = stack_at_the_bottom_of_ram(&[vec![PUSH]], &[vec![PUSH], bump(RESULT, 16)]);
+    let mut machine = machine(&program);
+    machine.run_until(0.6).expect("a lock-up is no error: the watchdog ends it");
+    let stats = machine.stats();
+    assert_eq!(stats.resets.iter().map(|r| r.1).collect::<Vec<_>>(), [ResetCause::Watchdog]);
+    close(stats.resets[0].0, 0.512, 1e-4);
+    assert_eq!(stats.lock_ups.len(), 2, "at each start");
+    assert_eq!(ram(&mut machine, RESULT), 0xA5A5_A5A5 + 2, "the handler is entered, and stops at its push");
+    // HFSR.FORCED, and the address in BFAR.
+    assert_eq!(machine.soc_mut().read(0xE000_ED2C, 4), 1 << 30);
+    assert!((0x1FFF_FF00..0x2000_0000).contains(&machine.soc_mut().read(0xE000_ED38, 4)));
+}
+
+#[test]
+fn a_handler_that_does_without_its_stack_can_reset_the_chip() {
+    let reset = [poke(0xE000_ED0C, 0x05FA_0004), vec![PARK]].concat();
+    let mut machine = machine(&stack_at_the_bottom_of_ram(&[vec![0xB4FF]], &[reset]));
+    machine.run_until(1e-4).expect("runs");
+    let stats = machine.stats();
+    assert!(stats.lock_ups.is_empty() && stats.resets.len() > 1, "{stats:?}");
+    assert!(stats.resets.iter().all(|(_, cause)| *cause == ResetCause::Software));
+}
+
+#[test]
+fn a_return_to_a_lost_frame_locks_the_core_up() {
+    let mut machine = machine(&stack_at_the_bottom_of_ram(&[vec![0xB4FF]], &[]));
+    machine.run_until(0.6).expect("runs");
+    let stats = machine.stats();
+    assert_eq!((stats.lock_ups.len(), stats.resets.len()), (2, 1));
+}
+
+#[test]
+fn an_interrupt_that_finds_no_stack_becomes_a_hard_fault() {
+    let tick = [poke(0xE000_E014, 999), poke(0xE000_E018, 0), poke(0xE000_E010, 7), vec![WFI]].concat();
+    let mut machine = machine(&stack_at_the_bottom_of_ram(&[tick], &[vec![PARK]]));
+    machine.run_until(1e-3).expect("runs");
+    assert_eq!(ram(&mut machine, RESULT), 0xA5A5_A5A5 + 1);
+    assert_eq!(ram(&mut machine, RESULT + 4), 0xA5A5_A5A5, "its own handler never runs");
+    assert_eq!(machine.soc_mut().read(0xE000_ED28, 4), 1 << 12, "CFSR.STKERR");
+}
+
+#[test]
+fn the_fault_stack_overflow_moves_the_stack_with_what_is_on_it() {
+    // r4 and r5 are on the stack; they come back as long as nothing is pushed.
+    let keep = [load(4, 0x1234_5678), load(5, 0x9ABC_DEF0), vec![0xB430], load(4, 0), load(5, 0)].concat();
+    let wait = [load(0, 10_000), vec![subtract(0, 1), branch(0xD100, -1), 0xBC30]].concat();
+    let seen = [load(1, RESULT), vec![store(4, 1)], load(1, RESULT + 4), vec![store(5, 1)]].concat();
+    let push_for_ever = vec![0xB4FF, branch(0xE000, -1)];
+    let mut program = Program::default();
+    program.function("main", &[keep, wait, seen, push_for_ever]);
+    program.handler(3, "hard_fault", &[vec![0xB4FF]]);
+    let mut machine = machine(&program);
+    machine.run_until(5e-4).expect("runs");
+    machine.overflow_stack();
+    machine.run_until(2e-2).expect("runs");
+    assert_eq!((ram(&mut machine, RESULT), ram(&mut machine, RESULT + 4)), (0x1234_5678, 0x9ABC_DEF0));
+    assert_eq!(machine.stats().lock_ups.len(), 1);
+    machine.power_cycle();
+    machine.run_until(2.1e-2).expect("runs");
+    assert_eq!(machine.stats().lock_ups.len(), 1, "the next run has its own stack");
+}
+
 #[test]
 fn a_stray_access_stops_and_says_where() {
     let program = main_only(&[load(0, 0x3000_0000), vec![fetch(1, 0), PARK]]);
