@@ -119,6 +119,8 @@ impl<B: Board + 'static> Cpu<B> {
         let Some(handler) = core.soc.memory.word(slot) else {
             return Err(CpuError::Trap(Trap::Memory { what: "vector fetch", address: slot, pc }));
         };
+        // The cycles of the entry have fetched it.
+        core.next = handler & !1;
         self.set(R::PC, handler | 1);
         self.refresh_mode();
         Ok(())
@@ -162,6 +164,7 @@ impl<B: Board + 'static> Cpu<B> {
         if !process_stack {
             self.set(R::SP, after);
         }
+        self.uc.get_data_mut().next = pc & !1;
         self.set(R::PC, pc | 1);
         self.set(R::XPSR, xpsr & !PADDED);
         let select = if process_stack { SPSEL } else { 0 };

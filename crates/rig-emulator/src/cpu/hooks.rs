@@ -105,9 +105,9 @@ fn on_block<B: Board>(uc: &mut Unicorn<'_, Core<B>>, address: u32, size: u32) {
         }
     }
     let core = uc.get_data_mut();
-    let (instructions, watched) = core.count(address, size);
-    if watched || core.watches.running() {
-        watch(uc, address, instructions, watched);
+    let cost = core.count(address, size);
+    if cost.watched || core.watches.running() {
+        watch(uc, address, cost.instructions, cost.watched);
     }
 }
 

@@ -3,7 +3,8 @@
 //! unicorn executes instructions and implements priority masks and the FPU. The rest of a microcontroller's core is
 //! here:
 //! - [`image`]: the firmware's ELF.
-//! - [`core`]: the state that the hooks share; `blocks`: instruction counts; [`watch`]: costs of chosen functions.
+//! - [`core`]: the state that the hooks share; `blocks` and [`timing`]: instructions and cycles; [`watch`]: costs of
+//!   chosen functions.
 //! - `hooks`: time and peripherals from inside the CPU.
 //! - `exceptions`: frames and returns.
 //! - [`debug`]: breakpoints, steps and registers for a debugger; `stops`: where it has stopped the core.
@@ -15,6 +16,7 @@ mod exceptions;
 mod hooks;
 pub mod image;
 mod stops;
+pub mod timing;
 pub mod watch;
 
 use self::core::{Core, Trap};

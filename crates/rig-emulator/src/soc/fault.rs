@@ -40,7 +40,9 @@ pub enum Fault {
         wanted: String,
     },
     /// A DMA stream that does not serve the peripheral it points to.
-    #[error("DMA{controller} stream {stream} channel {channel} does not serve the register at {peripheral:#010x}")]
+    #[error(
+        "DMA{controller} stream {stream} channel {channel} has no modelled request of the register at {peripheral:#010x}"
+    )]
     DmaRequest {
         /// Controller, 1 or 2.
         controller: u8,
@@ -117,7 +119,7 @@ lints! {
     Width = "width", "bus", "a byte or halfword written to a register that takes whole words";
     Unclocked = "unclocked", "bus", "a register of a peripheral whose clock is off: it reads 0 and ignores writes";
     PinFunction = "pin-function", "GPIO", "a signal that is on none of its pins";
-    DmaRequest = "dma-request", "DMA", "a stream that does not serve the register it points to";
+    DmaRequest = "dma-request", "DMA", "a stream that does not serve the register it points to, or serves another than ADC1's";
     DmaMemory = "dma-memory", "DMA", "a stream that points outside RAM";
     DmaEnabled = "dma-enabled", "DMA", "a stream's registers are protected while it is enabled";
     DmaMode = "dma-mode", "DMA", "only direct single transfers from a peripheral to memory are modelled";

@@ -2,7 +2,7 @@
 
 use crate::fixture::{Recorder, close, get, pass, set};
 use crate::program::*;
-use rig_emulator::cpu::core::BLOCK_OVERHEAD_CYCLES;
+use rig_emulator::cpu::timing::TAKEN_BRANCH_CYCLES;
 use rig_emulator::machine::{Config, Machine, MachineError, ResetCause};
 use rig_emulator::soc::fault::Fault;
 
@@ -52,7 +52,18 @@ fn a_loop_takes_its_instructions_and_its_branches() {
     // movw, movt; 1000 times subs and bne; the rest is asleep.
     assert_eq!(stats.instructions, 2 + 2000 + 1);
     let awake = stats.core_busy * 16_000.0;
-    close(awake, (2 + 2000 + 1 + 1001 * BLOCK_OVERHEAD_CYCLES) as f64, 4.0);
+    close(awake, (2 + 2000 + 1 + 1000 * TAKEN_BRANCH_CYCLES) as f64, 4.0);
+}
+
+#[test]
+fn loads_and_pushes_take_time_and_a_branch_that_is_not_taken_takes_none() {
+    // A loop of a push of eight registers, two loads that overlap, a pop, and a branch that is never taken (bcc).
+    let body = vec![0xB4FF, fetch(2, 1), fetch(3, 1), 0xBCFF, subtract(0, 1), branch(0xD300, 0), branch(0xD100, -6)];
+    let program = main_only(&[load(1, RESULT), load(0, 1000), body, vec![WFI, branch(0xE000, -1)]]);
+    let mut machine = machine(&program);
+    machine.run_until(1e-2).expect("runs");
+    let each = (9 + 3 + 9 + 1 + 1 + 1) + TAKEN_BRANCH_CYCLES;
+    close(machine.stats().core_busy * 160_000.0, (4 + 1000 * each) as f64, 6.0);
 }
 
 #[test]
