@@ -50,6 +50,13 @@ pub enum Stimulus {
         /// Level, `true` is high.
         high: bool,
     },
+    /// A GPIO pin is left to the chip's own pull.
+    Release {
+        /// Port letter, 'A' to 'H'.
+        port: char,
+        /// Pin number, 0 to 15.
+        pin: u8,
+    },
     /// The bus is free of disturbance again (bus-off recovery may proceed).
     CanQuiet,
 }
@@ -59,11 +66,18 @@ pub trait Board {
     /// The sample that ADC1 takes on `channel` at `t_s`: 12-bit code, 0 to 4095.
     fn adc(&mut self, t_s: f64, channel: u8) -> u16;
 
+    /// A byte begins on the pin of a USART's transmit line; [`Board::uart_tx`] follows at the end of its stop bit.
+    fn uart_starts(&mut self, _t_s: f64, _pin: (char, u8), _byte: u8) {}
+
     /// A byte has left the transmit line of a USART.
     fn uart_tx(&mut self, t_s: f64, usart: u8, byte: u8);
 
     /// A frame has been sent on CAN1.
     fn can_tx(&mut self, t_s: f64, frame: &CanFrame) -> CanOutcome;
+
+    /// Which pins of a port drive their wires: outputs, and of the open-drain ones those that are low. Comes before
+    /// [`Board::gpio_out`].
+    fn gpio_drives(&mut self, _t_s: f64, _port: char, _driven: u16) {}
 
     /// An output register changed.
     fn gpio_out(&mut self, t_s: f64, port: char, levels: u16);

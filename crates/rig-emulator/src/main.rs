@@ -4,13 +4,14 @@ use anyhow::{Context, Result};
 use clap::Parser;
 use rig_emulator::flash_file::FlashFile;
 use rig_emulator::gdb;
-use rig_emulator::jumpers::{self, Broken, JumperBoard};
-use rig_emulator::machine::{Config, Machine};
+use rig_emulator::jumpers::{self, Broken, End, Ends, Jumper, JumperBoard};
+use rig_emulator::machine::{Config, Machine, MachineError};
 use rig_emulator::rig::Rig;
 use rig_emulator::rig::outside::Outside;
 use rig_emulator::rig::outside::measured::Measured;
 use rig_emulator::rig::plant_settings::PlantSettings;
 use rig_emulator::serve::serve;
+use rig_emulator::soc::fault::Lint;
 use rig_scene::{Scene, files};
 use sim_link::{PlantChange, RigPreset};
 use std::io::{self, BufRead, Write};
@@ -21,9 +22,14 @@ use std::sync::{Arc, mpsc};
 use std::time::Duration;
 
 /// Runs a firmware ELF on an emulated NUCLEO-F446RE with the actuator's rig around it.
-/// Speaks JSON lines on standard input and output; `rigctl` is the tool for people.
+/// Speaks JSON lines on standard input and output; `rigctl` is the tool for people. With `--bare` it runs any program for
+/// this chip without a rig and prints its log: docs/emulator.md.
 #[derive(Parser)]
-#[command(version)]
+#[command(
+    version,
+    after_help = "Exit status with --bare: 0 passed, 1 panic or failure, 2 refused (a lint, or something that is \
+not emulated), 3 time limit."
+)]
 struct Arguments {
     /// The firmware.
     #[arg(long)]
@@ -31,9 +37,25 @@ struct Arguments {
     /// Scene file: the rig's true constants, unless `--plant` changes them.
     #[arg(long, required_unless_present = "bare")]
     scene: Option<PathBuf>,
-    /// A board with jumper wires and no rig, for the self-test: print its log until it has ended.
+    /// A board without a rig, for any program: print its log and what it sends to the ST-LINK's serial port (USART2),
+    /// until a BKPT instruction, a line that ends it, or the time limit.
     #[arg(long, conflicts_with_all = ["scene", "rig", "plant", "plant_program", "plant_surface", "flash"])]
     bare: bool,
+    /// A wire between two pins, for example `PA9-PA10`. Can be repeated.
+    #[arg(long, value_name = "PIN-PIN", requires = "bare")]
+    jumper: Vec<Jumper>,
+    /// Part of a log line that means success. Can be repeated. Without it, a BKPT instruction does.
+    #[arg(long, value_name = "TEXT", requires = "bare")]
+    ok: Vec<String>,
+    /// Part of a log line that means failure, unless the line means success. Can be repeated.
+    #[arg(long, value_name = "TEXT", requires = "bare")]
+    fail: Vec<String>,
+    /// Longest emulated time.
+    #[arg(long, value_name = "SECONDS", default_value_t = 30.0, requires = "bare")]
+    limit: f64,
+    /// Count events of this lint instead of stopping at them. Can be repeated; an unknown name lists all.
+    #[arg(long, value_name = "LINT")]
+    allow: Vec<Lint>,
     /// Rig of the seed: `ideal` is its own model; `nominal` and `hard` have what a well-made and a poor rig have besides.
     #[arg(long, value_name = "RIG", default_value_t = RigPreset::Ideal)]
     rig: RigPreset,
@@ -63,29 +85,84 @@ struct Arguments {
     /// Level of the chip's brown-out reset, an option byte: 0 (off) as delivered, 3 on a board set up as documented.
     #[arg(long, value_name = "LEVEL", default_value_t = 3, value_parser = clap::value_parser!(u8).range(0..=3))]
     brown_out_level: u8,
-    /// Only count what the real chip would not do, instead of stopping there.
+    /// Only count what the real chip would not do or what is not emulated, instead of stopping there: all lints allowed.
     #[arg(long)]
     lenient: bool,
 }
 
+/// Exit status of a bare run.
+mod status {
+    pub const FAILED: u8 = 1;
+    pub const REFUSED: u8 = 2;
+    pub const TIME_LIMIT: u8 = 3;
+}
+
 fn main() -> ExitCode {
-    match run(&Arguments::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
+    let arguments = Arguments::parse();
+    let (ended, status) = if arguments.bare {
+        (run_bare(&arguments), status::REFUSED)
+    } else {
+        (run(&arguments).map(|()| 0), status::FAILED)
+    };
+    ended.map_or_else(
+        |error| {
             eprintln!("error: {error:#}");
-            ExitCode::FAILURE
-        }
+            ExitCode::from(status)
+        },
+        ExitCode::from,
+    )
+}
+
+/// The program and how to run it.
+fn inputs(arguments: &Arguments) -> Result<(Vec<u8>, Config)> {
+    let elf = files::read(&arguments.elf).with_context(|| format!("firmware {}", arguments.elf.display()))?;
+    let config = Config { strict: !arguments.lenient, brown_out_level: arguments.brown_out_level, ..Config::default() };
+    Ok((elf, config))
+}
+
+/// Runs a program without a rig, and says how it ended and what was counted on the way. Gives the exit status.
+fn run_bare(arguments: &Arguments) -> Result<u8> {
+    let (elf, config) = inputs(arguments)?;
+    let mut machine = Machine::new(&elf, JumperBoard::new(&arguments.jumper, Broken::default()), config)?;
+    for lint in &arguments.allow {
+        machine.soc_mut().faults.allow(*lint);
     }
+    let ends = Ends { ok: arguments.ok.clone(), fail: arguments.fail.clone(), limit_s: arguments.limit };
+    // A reader that has gone has read enough.
+    let end = jumpers::run(&mut machine, &ends, |line, _| _ = writeln!(io::stdout(), "{line}"));
+    let stats = machine.stats();
+    for (what, times) in &stats.warnings {
+        eprintln!("allowed, {times} times: {what}");
+    }
+    for t_s in &stats.lock_ups {
+        eprintln!("the core locked up at {t_s:.6} s: a fault in the HardFault handler");
+    }
+    if end != End::Passed {
+        stats.resets.iter().for_each(|(t_s, cause)| eprintln!("reset at {t_s:.6} s: {cause:?}"));
+    }
+    Ok(match end {
+        End::Passed => 0,
+        End::Failed => {
+            eprintln!("failed at {:.6} s", machine.now_s());
+            status::FAILED
+        }
+        End::TimeLimit => {
+            eprintln!("time limit: not ended after {} s of emulated time", arguments.limit);
+            status::TIME_LIMIT
+        }
+        End::Stopped(error) => {
+            eprintln!("error: {error}");
+            match error {
+                MachineError::Undefined { .. } | MachineError::Memory { .. } => status::FAILED,
+                _ => status::REFUSED,
+            }
+        }
+    })
 }
 
 fn run(arguments: &Arguments) -> Result<()> {
-    let elf = files::read(&arguments.elf).with_context(|| format!("firmware {}", arguments.elf.display()))?;
-    let config = Config { strict: !arguments.lenient, brown_out_level: arguments.brown_out_level, ..Config::default() };
-    let Some(scene_file) = &arguments.scene else {
-        let mut machine = Machine::new(&elf, JumperBoard::new(Broken::default()), config)?;
-        // A reader that has gone has read enough.
-        return Ok(jumpers::run(&mut machine, |line, _| _ = writeln!(std::io::stdout(), "{line}"))?);
-    };
+    let (elf, config) = inputs(arguments)?;
+    let scene_file = arguments.scene.as_ref().context("--scene is missing")?;
     let (requests, gone) = requests();
     files::check_regular(scene_file).with_context(|| format!("scene {}", scene_file.display()))?;
     let scene = Scene::load(scene_file)?;
@@ -101,6 +178,9 @@ fn run(arguments: &Arguments) -> Result<()> {
         }
     };
     let mut machine = Machine::new(&elf, rig, config)?;
+    for lint in &arguments.allow {
+        machine.soc_mut().faults.allow(*lint);
+    }
     let flash = arguments.flash.as_ref().map(|path| FlashFile::open(path, &mut machine)).transpose()?;
     if let Some(address) = &arguments.gdb {
         let server = gdb::Server::bind(address, arguments.gdb_wait, gone)?;

@@ -1,4 +1,5 @@
-//! defmt lines from the firmware's RTT buffer, which is read directly from emulated RAM.
+//! Lines from the firmware's RTT buffer, which is read directly from emulated RAM: defmt's, or plain text where the ELF
+//! has no defmt table.
 //!
 //! The RTT control block is found by its symbol; frames are decoded with the table in the ELF.
 
@@ -75,7 +76,7 @@ const BLOCK_IF_FULL: u32 = 2;
 /// Reader of one firmware's output.
 pub struct Rtt {
     control_block: u32,
-    table: Table,
+    table: Option<Table>,
     locations: Option<Locations>,
     /// Bytes behind the last complete frame.
     rest: Vec<u8>,
@@ -84,13 +85,13 @@ pub struct Rtt {
 }
 
 impl Rtt {
-    /// The reader for an ELF whose `_SEGGER_RTT` is at `control_block`; `None` without a (matching) defmt table.
+    /// The reader for an ELF whose `_SEGGER_RTT` is at `control_block`; `None` where its defmt table cannot be read.
     pub fn new(elf: &[u8], control_block: u32) -> Option<Self> {
-        let table = Table::parse(elf).ok().flatten()?;
-        let locations = table
-            .get_locations(elf)
-            .ok()
-            .filter(|locations| table.indices().all(|i| locations.contains_key(&(i as u64))));
+        let table = Table::parse(elf).ok()?;
+        let locations = table.as_ref().and_then(|table| {
+            let locations = table.get_locations(elf).ok()?;
+            table.indices().all(|i| locations.contains_key(&(i as u64))).then_some(locations)
+        });
         Some(Self { control_block, table, locations, rest: Vec::new(), lines: Vec::new(), stalled: false })
     }
 
@@ -131,13 +132,21 @@ impl Rtt {
     }
 
     fn decode(&mut self, t_s: f64) {
+        let Some(table) = &self.table else {
+            while let Some(end) = self.rest.iter().position(|&byte| byte == b'\n') {
+                let bytes: Vec<u8> = self.rest.drain(..=end).collect();
+                let message = String::from_utf8_lossy(&bytes).trim_end().to_owned();
+                self.lines.push(DefmtLine { t_s, timestamp: None, level: None, message, location: None });
+            }
+            return;
+        };
         // A stream decoder borrows the table, so it cannot be kept: feed a fresh one whole frames.
-        let end = match self.table.encoding() {
+        let end = match table.encoding() {
             Encoding::Rzcobs => self.rest.iter().rposition(|&byte| byte == 0).map_or(0, |last| last + 1),
             _ => self.rest.len(),
         };
         let frames: Vec<u8> = self.rest.drain(..end).collect();
-        let mut decoder = self.table.new_stream_decoder();
+        let mut decoder = table.new_stream_decoder();
         decoder.received(&frames);
         loop {
             match decoder.decode() {
@@ -153,7 +162,7 @@ impl Rtt {
                 }
                 Err(DecodeError::UnexpectedEof) => break,
                 // A frame cut by a reset, or overwritten: the next zero byte starts afresh.
-                Err(DecodeError::Malformed) if self.table.encoding().can_recover() => {}
+                Err(DecodeError::Malformed) if table.encoding().can_recover() => {}
                 Err(DecodeError::Malformed) => break,
             }
         }

@@ -89,9 +89,11 @@ fn chip_fault(machine: &mut Machine<Rig>, fault: ChipFault, on: bool) -> Result<
         }
         ChipFault::RttStalled => machine.stall_rtt(on),
         ChipFault::NoHse => machine.feed_hse(!on),
+        ChipFault::HseLate => machine.soc_mut().set_hse_late(on),
+        ChipFault::StackOverflow if on => machine.overflow_stack(),
         ChipFault::BrownOut if on => machine.brown_out(),
         ChipFault::Crash if on => machine.crash()?,
-        ChipFault::BrownOut | ChipFault::Crash => {}
+        ChipFault::BrownOut | ChipFault::Crash | ChipFault::StackOverflow => {}
     }
     Ok(())
 }

@@ -80,6 +80,11 @@ fn works(page: &Path, tasks: &str) {
                 let said = String::from_utf8_lossy(&done.stderr);
                 assert!(done.status.success(), "{name}: {line}: {said}");
             }
+            ["target/release/rig-emulator", ref rest @ ..] => {
+                let built = Path::new(env!("CARGO_BIN_EXE_rigctl")).with_file_name("rig-emulator");
+                let done = Command::new(built).args(rest).current_dir(&folder).output().unwrap();
+                assert!(done.status.success(), "{name}: {line}: {}", String::from_utf8_lossy(&done.stderr));
+            }
             ["cargo", "run", "--release", "-p", "rigctl", "--example", example] => {
                 let built = Path::new(env!("CARGO_BIN_EXE_rigctl")).with_file_name("examples").join(example);
                 let done = Command::new(built).current_dir(&folder).output().unwrap();

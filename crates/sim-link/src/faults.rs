@@ -105,6 +105,10 @@ named_faults! {
         RttStalled = "rtt-stalled",
         /// The ST-LINK gives no 8 MHz clock.
         NoHse = "no-hse",
+        /// The ST-LINK's 8 MHz clock comes only 150 ms after the board's power-on.
+        HseLate = "hse-late",
+        /// The main stack runs past its lowest address. An event.
+        StackOverflow = "stack-overflow",
     }
 }
 

@@ -56,7 +56,7 @@ pub fn rows(table: &mut Table, hclk_hz: u32) {
         (false, ["lookup uncached", "tick uncached", "equilibrium uncached"]),
     ] {
         chip::speed_up_flash(on);
-        let unit = if registers::emulated() { "(emulated: instructions, not cycles)" } else { "cycles" };
+        let unit = if registers::emulated() { "cycles (emulated: timing table)" } else { "cycles" };
         let (lookup, solve, difference_m) = solver();
         let (tick, state) = tick();
         // The cycles of one control period.

@@ -2,17 +2,12 @@
 //!
 //! A hook is called from C and must not unwind: it records here what happened and stops the CPU.
 
-use super::blocks::Blocks;
+use super::blocks::{Blocks, Cost};
 use super::stops::Stops;
+use super::timing::TAKEN_BRANCH_CYCLES;
 use super::watch::Watches;
 use crate::board::Board;
 use crate::soc::Soc;
-
-/// Cycles that a translation block takes in addition to one for each instruction. Most instructions of a Cortex-M4 take
-/// one cycle; the main exception is the taken branch that ends a block (1 + pipeline refill of 1 to 3 cycles). Without
-/// this overhead the emulated core is 1.3 to 1.5 times too fast on code with many branches. Flash wait states are added
-/// to it ([`crate::soc::flash::Flash::fetch_cycles`]).
-pub const BLOCK_OVERHEAD_CYCLES: u64 = 2;
 
 /// Why the core cannot go on.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -26,6 +21,10 @@ pub enum Trap {
         /// Instruction.
         pc: u32,
     },
+    /// The stack has run past the bottom of RAM: a bus fault at this address.
+    StackOverflow(u32),
+    /// A BKPT instruction at this address.
+    Breakpoint(u32),
     /// An exception of the emulator that no firmware should cause.
     Exception(u32),
 }
@@ -67,6 +66,8 @@ pub struct Core<B> {
     pub(super) block: u32,
     /// End of that block.
     pub(super) block_end: u32,
+    /// Where the core goes on without a branch.
+    pub(super) next: u32,
     /// Instruction that made the access a fault was raised for.
     pub(super) fault_pc: Option<u32>,
     /// Where a debugger stops the core.
@@ -89,6 +90,7 @@ impl<B: Board> Core<B> {
             trap: None,
             block: 0,
             block_end: 0,
+            next: 0,
             fault_pc: None,
             stops: Stops::default(),
         }
@@ -99,17 +101,18 @@ impl<B: Board> Core<B> {
         self.block
     }
 
-    /// Count a block that is about to run. Gives its instructions, and whether a watched function starts with it.
-    pub(super) fn count(&mut self, address: u32, bytes: u32) -> (u64, bool) {
+    /// Count a block that is about to run, and the branch that has led to it.
+    pub(super) fn count(&mut self, address: u32, bytes: u32) -> Cost {
         let watches = &self.watches;
-        let (instructions, watched) =
-            self.blocks.look_up(address, bytes, &self.soc.memory.flash, |address| watches.starts_at(address));
+        let cost = self.blocks.look_up(address, bytes, &self.soc.memory.flash, |address| watches.starts_at(address));
+        let branch = if address == self.next { 0 } else { TAKEN_BRANCH_CYCLES };
         self.block = address;
         self.block_end = address.wrapping_add(bytes);
+        self.next = self.block_end;
         self.counters.blocks += 1;
-        self.counters.instructions += instructions;
+        self.counters.instructions += cost.instructions;
         let waits = self.soc.fetch_cycles(address, bytes);
-        self.soc.clock.advance(instructions + BLOCK_OVERHEAD_CYCLES + waits);
-        (instructions, watched)
+        self.soc.clock.advance(cost.cycles + branch + waits);
+        cost
     }
 }

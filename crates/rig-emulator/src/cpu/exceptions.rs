@@ -3,8 +3,9 @@
 //! The floating-point part of a frame is stacked eagerly: firmware cannot distinguish that from lazy stacking.
 
 use super::core::{Core, Trap};
-use super::{Cpu, CpuError};
+use super::{Cpu, CpuError, HARD_FAULT};
 use crate::board::Board;
+use crate::soc::memory::BELOW_RAM;
 use unicorn_engine::{RegisterARM as R, Unicorn};
 
 /// Frame sizes without and with floating-point registers.
@@ -50,6 +51,12 @@ impl<B: Board + 'static> Cpu<B> {
             Some(value) => ram.set_word(address, value).map(|()| 0),
             None => ram.word(address),
         };
+        if done.is_none() && write.is_some() && BELOW_RAM.contains(&address) {
+            // The frame is lost, and the exception is entered nevertheless.
+            self.uc.get_data_mut().soc.bus_fault(address, true);
+            self.frame_lost = true;
+            return Ok(0);
+        }
         let what = if write.is_some() { "stacking" } else { "unstacking" };
         done.ok_or_else(|| CpuError::Trap(Trap::Memory { what, address, pc: self.get(R::PC) }))
     }
@@ -88,6 +95,11 @@ impl<B: Board + 'static> Cpu<B> {
             self.stacked(stack.wrapping_add(0x60), Some(status))?;
         }
 
+        // A frame that runs out of RAM is a bus fault, which takes the place of the exception as a HardFault; that one
+        // waits, pending. A HardFault or NMI is entered all the same (ARMv7-M architecture manual B1.5.15).
+        let lost = std::mem::take(&mut self.frame_lost);
+        let exception = if lost && exception > HARD_FAULT { HARD_FAULT } else { exception };
+
         // SP belongs to the stack in use: first the frame's, then over to the main stack.
         self.set(R::SP, stack);
         self.set(R::CONTROL, control & !(FPCA | if process_stack { SPSEL } else { 0 }));
@@ -107,6 +119,8 @@ impl<B: Board + 'static> Cpu<B> {
         let Some(handler) = core.soc.memory.word(slot) else {
             return Err(CpuError::Trap(Trap::Memory { what: "vector fetch", address: slot, pc }));
         };
+        // The cycles of the entry have fetched it.
+        core.next = handler & !1;
         self.set(R::PC, handler | 1);
         self.refresh_mode();
         Ok(())
@@ -125,6 +139,11 @@ impl<B: Board + 'static> Cpu<B> {
         core.watches.unwind(core.soc.nvic.depth());
         let control = self.get(R::CONTROL);
         let stack = self.get(if process_stack { R::PSP } else { R::SP });
+        if BELOW_RAM.contains(&stack) {
+            // The chip would enter the HardFault again, and so on.
+            self.lock_up();
+            return Ok(());
+        }
         for (i, register) in CORE.into_iter().enumerate() {
             let value = self.stacked(stack.wrapping_add(4 * i as u32), None)?;
             self.set(register, value);
@@ -145,6 +164,7 @@ impl<B: Board + 'static> Cpu<B> {
         if !process_stack {
             self.set(R::SP, after);
         }
+        self.uc.get_data_mut().next = pc & !1;
         self.set(R::PC, pc | 1);
         self.set(R::XPSR, xpsr & !PADDED);
         let select = if process_stack { SPSEL } else { 0 };

@@ -3,17 +3,27 @@
 use super::core::{Core, Trap};
 use super::exceptions::takeable;
 use crate::board::Board;
-use crate::soc::memory::{FLASH_BASE, FLASH_SIZE};
+use crate::soc::memory::{BELOW_RAM, FLASH_BASE, FLASH_SIZE, RAM_SIZE};
 use crate::soc::nvic::exception;
 use std::collections::HashSet;
 use unicorn_engine::{HookType, MemType, RegisterARM, Unicorn, uc_error};
 
-/// Address ranges of peripherals: APB and AHB1, AHB2, the core's own.
-const PERIPHERALS: [(u64, u64); 3] = [(0x4000_0000, 0x8_0000), (0x5000_0000, 0x6_1000), (0xE000_0000, 0x10_0000)];
+/// Address ranges of peripherals: APB and AHB1, AHB2, the core's own; and the bit-band aliases of RAM and of the first.
+const PERIPHERALS: [(u64, u64); 5] = [
+    (0x4000_0000, 0x8_0000),
+    (0x5000_0000, 0x6_1000),
+    (0xE000_0000, 0x10_0000),
+    (0x2200_0000, 32 * RAM_SIZE as u64),
+    (0x4200_0000, 32 * 0x8_0000),
+];
 
-/// unicorn's number of an exception return, and of SVC.
+/// unicorn's number of an exception return, of BKPT, and of SVC.
 const EXCEPTION_EXIT: u32 = 8;
+const BREAKPOINT: u32 = 7;
 const SUPERVISOR_CALL: u32 = 2;
+
+/// Bytes of the largest store with write-back: VPUSH of 32 single registers.
+const LARGEST_PUSH: u32 = 128;
 
 /// SEV.
 const SEV: u16 = 0xBF40;
@@ -95,9 +105,9 @@ fn on_block<B: Board>(uc: &mut Unicorn<'_, Core<B>>, address: u32, size: u32) {
         }
     }
     let core = uc.get_data_mut();
-    let (instructions, watched) = core.count(address, size);
-    if watched || core.watches.running() {
-        watch(uc, address, instructions, watched);
+    let cost = core.count(address, size);
+    if cost.watched || core.watches.running() {
+        watch(uc, address, cost.instructions, cost.watched);
     }
 }
 
@@ -137,6 +147,7 @@ fn check<B: Board>(uc: &mut Unicorn<'_, Core<B>>) {
 }
 
 fn on_exception<B: Board>(uc: &mut Unicorn<'_, Core<B>>, number: u32) {
+    let pc = pc(uc);
     let core = uc.get_data_mut();
     match number {
         EXCEPTION_EXIT => core.exception_return = true,
@@ -144,6 +155,7 @@ fn on_exception<B: Board>(uc: &mut Unicorn<'_, Core<B>>, number: u32) {
             core.soc.nvic.pend_system(exception::SVCALL);
             core.attention = true;
         }
+        BREAKPOINT => core.trap = Some(Trap::Breakpoint(pc & !1)),
         other => core.trap = Some(Trap::Exception(other)),
     }
     stop(uc);
@@ -165,7 +177,12 @@ fn stray<B: Board>(uc: &mut Unicorn<'_, Core<B>>, kind: MemType, address: u64, _
         _ => "instruction fetch",
     };
     let pc = pc(uc);
-    uc.get_data_mut().trap = Some(Trap::Memory { what, address: address as u32, pc });
+    let address = address as u32;
+    let sp = uc.reg_read(RegisterARM::SP).unwrap_or(0) as u32;
+    // A push below the stack, or an access to a frame that is below it already.
+    let overflow = BELOW_RAM.contains(&address) && (BELOW_RAM.start..BELOW_RAM.end + LARGEST_PUSH).contains(&sp);
+    let trap = if overflow { Trap::StackOverflow(address) } else { Trap::Memory { what, address, pc } };
+    uc.get_data_mut().trap = Some(trap);
     stop(uc);
     false
 }

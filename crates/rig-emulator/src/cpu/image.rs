@@ -109,9 +109,11 @@ impl Image {
         self.functions[..after].last().filter(|function| address < function.end)
     }
 
-    /// End of everything that the linker has placed at the bottom of RAM, if the firmware is laid out like
-    /// cortex-m-rt's.
-    pub fn statics_end(&self) -> Option<u32> {
-        ["__sheap", "__euninit", "__ebss", "__edata"].iter().filter_map(|name| self.symbol(name)).max()
+    /// Lowest address of the main stack that starts at `top`, if the firmware is laid out like cortex-m-rt's: where the
+    /// linker says so, or the end of the statics below it.
+    pub fn stack_bottom(&self, top: u32) -> Option<u32> {
+        let below = |address: &u32| *address < top;
+        let statics = ["__sheap", "__euninit", "__ebss", "__edata"].iter().filter_map(|name| self.symbol(name)).max();
+        self.symbol("_stack_end").filter(below).or(statics.filter(below))
     }
 }

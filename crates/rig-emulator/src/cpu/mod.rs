@@ -3,7 +3,8 @@
 //! unicorn executes instructions and implements priority masks and the FPU. The rest of a microcontroller's core is
 //! here:
 //! - [`image`]: the firmware's ELF.
-//! - [`core`]: the state that the hooks share; `blocks`: instruction counts; [`watch`]: costs of chosen functions.
+//! - [`core`]: the state that the hooks share; `blocks` and [`timing`]: instructions and cycles; [`watch`]: costs of
+//!   chosen functions.
 //! - `hooks`: time and peripherals from inside the CPU.
 //! - `exceptions`: frames and returns.
 //! - [`debug`]: breakpoints, steps and registers for a debugger; `stops`: where it has stopped the core.
@@ -15,6 +16,7 @@ mod exceptions;
 mod hooks;
 pub mod image;
 mod stops;
+pub mod timing;
 pub mod watch;
 
 use self::core::{Core, Trap};
@@ -30,6 +32,9 @@ const NOWHERE: u64 = 0xF000_0000;
 
 /// Exception number of the HardFault.
 const HARD_FAULT: u16 = 3;
+
+/// Bytes of the stack that go with a stack pointer that is moved to the bottom.
+const MOVED_STACK: u32 = 512;
 
 const WFI: u16 = 0xBF30;
 const WFE: u16 = 0xBF20;
@@ -104,6 +109,14 @@ pub struct Cpu<B: Board + 'static> {
     sleep: Sleep,
     /// Nothing is executed: the fault `task-hang`.
     hung: bool,
+    /// A fault in the HardFault handler: nothing is executed until a reset (ARMv7-M architecture manual B1.5.15).
+    locked_up: bool,
+    /// When that happened (s).
+    lock_ups: Vec<f64>,
+    /// The frame of the exception that is being entered has run out of RAM.
+    frame_lost: bool,
+    /// The stack pointer goes here when no exception is active: the fault `stack-overflow`.
+    overflow_to: Option<u32>,
     sev_hooks: HashSet<u32>,
     breakpoints: debug::Breakpoints,
 }
@@ -135,6 +148,10 @@ impl<B: Board + 'static> Cpu<B> {
             uc,
             sleep: Sleep::Awake,
             hung: false,
+            locked_up: false,
+            lock_ups: Vec::new(),
+            frame_lost: false,
+            overflow_to: None,
             sev_hooks: HashSet::new(),
             breakpoints: debug::Breakpoints::default(),
         };
@@ -200,13 +217,71 @@ impl<B: Board + 'static> Cpu<B> {
         self.set(R::PC, entry.unwrap_or(0) | 1);
         self.refresh_mode();
         self.sleep = Sleep::Awake;
-        self.hung = false;
+        (self.hung, self.locked_up, self.overflow_to) = (false, false, None);
+    }
+
+    /// Number of the BKPT at `pc`, and the exit that it stands for where it is semihosting's: SYS_EXIT with its reason in
+    /// r1, or SYS_EXIT_EXTENDED with a block of reason and code there. Any other BKPT is a program's end.
+    pub fn breakpoint(&self, pc: u32) -> (u8, Option<bool>) {
+        /// ADP_Stopped_ApplicationExit.
+        const EXIT: u32 = 0x2_0026;
+        let memory = &self.core().soc.memory;
+        let number = memory.half(pc).unwrap_or(0) as u8;
+        let reason = self.get(R::R1);
+        let exit = match (number, self.get(R::R0)) {
+            (0xAB, 0x18) => Some(reason == EXIT),
+            (0xAB, 0x20) => Some((memory.word(reason), memory.word(reason.wrapping_add(4))) == (Some(EXIT), Some(0))),
+            (0xAB, _) => None,
+            _ => Some(true),
+        };
+        (number, exit)
     }
 
     /// Stop executing while the chip's clocks and peripherals go on, as an endless loop with interrupts off would; a
     /// reset ends it.
     pub fn hang(&mut self, hung: bool) {
         self.hung = hung;
+    }
+
+    /// The program outside of all handlers finds its stack at `bottom`, with what was on it copied there as far as it
+    /// fits, as at the end of a recursion: what it pushes next lies below. At once, or when the active handlers return.
+    pub fn overflow_stack(&mut self, bottom: u32) {
+        self.overflow_to = Some(bottom);
+    }
+
+    fn move_stack(&mut self, to: u32) {
+        let from = self.get(R::SP);
+        let memory = &mut self.uc.get_data_mut().soc.memory;
+        let end = memory.ram.end().min(from.saturating_add(MOVED_STACK));
+        let mut live = vec![0; end.saturating_sub(from) as usize];
+        if to < from && memory.ram.read(from, &mut live).is_some() {
+            memory.ram.write(to, &live).expect("it is below where it was read from");
+            self.set(R::SP, to);
+        }
+    }
+
+    /// A bus fault by a stack that has run out of RAM. The core takes it as a HardFault, whose own frame is lost; in a
+    /// handler of that priority it locks up.
+    fn stack_overflow(&mut self, address: u32) -> Result<(), CpuError> {
+        let masked = self.get(R::FAULTMASK) & 1 == 1;
+        let core = self.uc.get_data_mut();
+        core.soc.bus_fault(address, false);
+        core.stops.forget_place();
+        if masked || core.soc.nvic.running_priority() < 0 {
+            self.lock_up();
+            return Ok(());
+        }
+        self.enter(HARD_FAULT)
+    }
+
+    fn lock_up(&mut self) {
+        self.locked_up = true;
+        self.lock_ups.push(self.uc.get_data().soc.clock.seconds());
+    }
+
+    /// When the core has locked up (s).
+    pub fn lock_ups(&self) -> &[f64] {
+        &self.lock_ups
     }
 
     /// The core takes a HardFault where it is, as after a jump to an invalid address or a bus error.
@@ -240,13 +315,18 @@ impl<B: Board + 'static> Cpu<B> {
             if core.soc.faults.pending() {
                 return Err(CpuError::Fault(core.fault_pc.take().unwrap_or(core.block)));
             }
-            if let Some(trap) = core.trap.take() {
-                return Err(CpuError::Trap(trap));
+            match core.trap.take() {
+                None => {}
+                Some(Trap::StackOverflow(address)) => {
+                    self.stack_overflow(address)?;
+                    continue;
+                }
+                Some(trap) => return Err(CpuError::Trap(trap)),
             }
             if let Some(cause) = core.soc.reset_request {
                 return Ok(Outcome::Reset(cause));
             }
-            if self.hung {
+            if self.hung || self.locked_up {
                 let core = self.uc.get_data_mut();
                 if core.soc.clock.now() >= core.limit {
                     return Ok(Outcome::Limit);
@@ -254,6 +334,11 @@ impl<B: Board + 'static> Cpu<B> {
                 let limit = core.limit;
                 core.soc.sleep(limit);
                 continue;
+            }
+            if core.soc.nvic.depth() == 0
+                && let Some(bottom) = self.overflow_to.take()
+            {
+                self.move_stack(bottom);
             }
             if let Some(exception) = takeable(&self.uc) {
                 self.sleep = Sleep::Awake;

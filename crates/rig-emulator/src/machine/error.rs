@@ -28,7 +28,7 @@ pub enum MachineError {
     #[error(transparent)]
     Image(#[from] ImageError),
     /// The firmware did something that the real chip would not do, or that is not modelled.
-    #[error("{fault} ({place})")]
+    #[error("{fault}; `{}` ({place})", fault.lint().name())]
     Fault {
         /// What.
         fault: Fault,
@@ -58,6 +58,16 @@ pub enum MachineError {
     Exception {
         /// unicorn's number.
         number: u32,
+        /// Where.
+        place: Place,
+    },
+    /// A BKPT instruction, which ends a program that a debugger watches.
+    #[error("BKPT {number:#04x}{} ({place})", if *number == 0xAB && exit.is_none() { ": semihosting is not modelled" } else { "" })]
+    Breakpoint {
+        /// The instruction's number.
+        number: u8,
+        /// What it says of success: always yes, but for semihosting (number 0xAB), where only an exit says so.
+        exit: Option<bool>,
         /// Where.
         place: Place,
     },

@@ -32,6 +32,9 @@ pub use crate::soc::ResetCause;
 /// RTT is read this often, so that a firmware that never sleeps does not overflow its buffer.
 const RTT_INTERVAL_S: f64 = 1e-3;
 
+/// Bytes that a stack has left before it overflows.
+const STACK_LEFT: u32 = 16;
+
 /// How to build a machine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Config {
@@ -75,6 +78,8 @@ pub struct Stats {
     pub core_busy: f64,
     /// Resets after the first start: when and why.
     pub resets: Vec<(f64, ResetCause)>,
+    /// When the core has locked up: a fault in the HardFault handler (s).
+    pub lock_ups: Vec<f64>,
     /// Cost of the function that was watched first.
     pub tick: TickStats,
     /// The most that was ever on the main stack, in bytes.
@@ -278,6 +283,15 @@ impl<B: Board + 'static> Machine<B> {
         self.cpu.crash().map_err(|error| self.explain(error))
     }
 
+    /// The main stack runs past its lowest address with the next pushes outside of all handlers: the fault
+    /// `stack-overflow`. Into RAM below it, or, where the stack is at the bottom of RAM, into a lock-up of the core.
+    pub fn overflow_stack(&mut self) {
+        let soc = &self.cpu.core().soc;
+        if let Some(top) = soc.memory.word(soc.vector_table()) {
+            self.cpu.overflow_stack((self.stack_bottom(top) + STACK_LEFT) & !7);
+        }
+    }
+
     /// Switch the supply off and on. Flash keeps its contents, RAM does not; emulated time goes on.
     pub fn power_cycle(&mut self) {
         self.dead = None;
@@ -304,6 +318,14 @@ impl<B: Board + 'static> Machine<B> {
             }
             CpuError::Trap(Trap::Memory { what, address, pc }) => {
                 MachineError::Memory { what, address, place: self.place(pc) }
+            }
+            CpuError::Trap(Trap::Breakpoint(pc)) => {
+                let (number, exit) = self.cpu.breakpoint(pc);
+                MachineError::Breakpoint { number, exit, place: self.place(pc) }
+            }
+            // The run loop handles it.
+            CpuError::Trap(Trap::StackOverflow(address)) => {
+                MachineError::Memory { what: "stack access", address, place: self.place(self.cpu.core().last_block()) }
             }
             CpuError::Trap(Trap::Exception(number)) => {
                 MachineError::Exception { number, place: self.place(self.cpu.core().last_block()) }
@@ -354,17 +376,23 @@ impl<B: Board + 'static> Machine<B> {
             exceptions: core.counters.exceptions,
             core_busy: 1.0 - core.counters.asleep as f64 / total,
             resets: self.resets.clone(),
+            lock_ups: self.cpu.lock_ups().to_vec(),
             tick: self.tick_stats(),
             stack_high_water_bytes: self.stack_high_water(),
             warnings: core.soc.faults.warnings().iter().map(|(what, count)| (what.clone(), *count)).collect(),
         }
     }
 
+    /// Lowest address of the main stack, whose first is `top`.
+    fn stack_bottom(&self, top: u32) -> u32 {
+        self.image.stack_bottom(top).unwrap_or(RAM_BASE)
+    }
+
     /// RAM holds a known byte at power-up: the first other byte above the statics was once on the stack.
     fn stack_high_water(&self) -> u32 {
         let memory = &self.cpu.core().soc.memory;
         let Some(top) = memory.word(self.cpu.core().soc.vector_table()) else { return 0 };
-        let bottom = self.image.statics_end().filter(|&end| end < top).unwrap_or(RAM_BASE);
+        let bottom = self.stack_bottom(top);
         let Some(size) = top.checked_sub(bottom) else { return 0 };
         let mut stack = vec![0; size as usize];
         if memory.ram.read(bottom, &mut stack).is_none() {

@@ -8,6 +8,7 @@
 use super::Wires;
 use super::clock::{Clock, NEVER};
 use super::dma::{Dma, Request, Transfer};
+use super::fault::Lint;
 use super::gpio::{Function, Pin};
 use super::memory::Memory;
 
@@ -128,9 +129,9 @@ impl Adc {
         if let Some(&pin) = PINS.get(usize::from(channel)) {
             wires.gpio.require("ADC1_INx", Function::Analog, &[pin], wires.faults);
         } else if channel == VREFINT && self.ccr & 1 << 23 == 0 {
-            wires.faults.feature("ADC", "VREFINT converted with TSVREFE off");
+            wires.faults.lint(Lint::AdcVrefint);
         } else if channel != VREFINT {
-            wires.faults.feature("ADC", "only channels 0 to 15 and VREFINT are modelled");
+            wires.faults.lint(Lint::AdcChannel);
         }
         let code = wires.board.adc(wires.clock.seconds_at(at), channel).min(0xFFF);
         if self.cr2 & 1 << 11 != 0 { code << 4 } else { code }
@@ -215,9 +216,7 @@ impl Adc {
             0x00 => self.sr &= value,
             0x04 => {
                 if value & 0x03C0_FEC0 != 0 {
-                    wires
-                        .faults
-                        .feature("ADC", "watchdog, injected, discontinuous and short conversions are not modelled");
+                    wires.faults.lint(Lint::AdcMode);
                 }
                 self.cr1 = value;
             }
@@ -227,7 +226,7 @@ impl Adc {
             0x2C..=0x34 => self.sqr[(offset as usize - 0x2C) / 4] = value,
             0x304 => {
                 if value & 0xEF1F != 0 {
-                    wires.faults.feature("ADC", "multi mode is not modelled");
+                    wires.faults.lint(Lint::AdcMulti);
                 }
                 self.ccr = value;
             }
@@ -239,7 +238,7 @@ impl Adc {
 
     fn control(&mut self, value: u32, wires: &mut Wires<'_>) {
         if value & 0x3070_0000 != 0 || (value & DMA_ON != 0 && value & DDS == 0) {
-            wires.faults.feature("ADC", "external and injected triggers, and DMA without DDS, are not modelled");
+            wires.faults.lint(Lint::AdcTrigger);
         }
         let was = std::mem::replace(&mut self.cr2, value & !SWSTART);
         if value & ADON == 0 {
@@ -248,7 +247,7 @@ impl Adc {
         } else if value & SWSTART != 0 && self.running.is_none() && !self.overrun_by_dma() {
             // The first write of ADON only powers it up (RM0390 section 13.3.1).
             if was & ADON == 0 {
-                wires.faults.feature("ADC", "conversion started before the ADC was powered");
+                wires.faults.lint(Lint::AdcPower);
             }
             self.sr |= STRT;
             self.running = Some((wires.clock.now() + self.duration(0, wires.clock), 0));

@@ -1,6 +1,6 @@
 //! Accesses by the core: address decoding, the strict checks, and the effects of a store outside its own peripheral.
 
-use super::fault::Fault;
+use super::fault::{Fault, Lint};
 use super::map::{self, Unit, gate, unit_at};
 use super::memory::{FLASH_BASE, FLASH_SIZE};
 use super::scb::Effect;
@@ -19,10 +19,18 @@ impl<B: Board> Soc<B> {
         on
     }
 
+    /// The core's access, or the stacking of an exception, fails.
+    pub fn bus_fault(&mut self, address: u32, stacking: bool) {
+        self.scb.bus_fault(address, stacking);
+    }
+
     /// A load by the core.
     pub fn read(&mut self, address: u32, size: usize) -> u32 {
         self.clock.advance(ACCESS_CYCLES);
         self.sync();
+        if let Some((word, bit)) = map::bit_band(address) {
+            return self.read_whole(word).map_or(0, |value| value >> bit & 1);
+        }
         let unit = unit_at(address);
         if !self.clocked(unit, address, false) {
             return 0;
@@ -39,10 +47,26 @@ impl<B: Board> Soc<B> {
         }
     }
 
+    /// A word of a peripheral or of RAM, for the bit-band alias.
+    fn read_whole(&mut self, address: u32) -> Option<u32> {
+        if let Some(word) = self.memory.ram.word(address) {
+            return Some(word);
+        }
+        let unit = unit_at(address);
+        let word = self.clocked(unit, address, false).then(|| self.read_word(unit, address))?;
+        if word.is_none() {
+            self.faults.raise(Fault::Unmodelled { address, write: false });
+        }
+        word
+    }
+
     fn read_word(&mut self, unit: Unit, address: u32) -> Option<u32> {
         let offset = address & 0x3FF;
         match unit {
-            Unit::Rcc => self.rcc.read(offset),
+            Unit::Rcc => {
+                self.look_at_hse();
+                self.rcc.read(offset)
+            }
             Unit::Pwr => self.pwr.read(offset),
             Unit::Flash => self.flash.read(offset),
             Unit::Gpio(port) => self.gpio.read(port, offset),
@@ -74,16 +98,49 @@ impl<B: Board> Soc<B> {
     pub fn write(&mut self, address: u32, size: usize, value: u32) {
         self.clock.advance(ACCESS_CYCLES);
         self.sync();
+        if let Some((word, bit)) = map::bit_band(address) {
+            // The bus matrix reads the word, changes the bit and writes the word back (PM0214 section 2.2.5).
+            let Some(old) = self.read_whole(word) else { return };
+            let new = old & !(1 << bit) | (value & 1) << bit;
+            if self.memory.ram.set_word(word, new).is_none() {
+                self.write_at(word, 4, new);
+            }
+            return;
+        }
+        self.write_at(address, size, value);
+    }
+
+    fn write_at(&mut self, address: u32, size: usize, value: u32) {
         let unit = unit_at(address);
         if !self.clocked(unit, address, true) {
             return;
         }
-        if size < 4 && !map::takes_narrow_writes(unit, address) {
+        if size < 4 && !map::takes_narrow_writes(unit, address, size) {
             self.faults.raise(Fault::Width { address, size });
         }
+        let (address, value) = self.widen(unit, address, size, value);
         if self.write_word(unit, address, size, value).is_none() {
             self.faults.raise(Fault::Unmodelled { address, write: true });
         }
+    }
+
+    /// The word that a narrow write amounts to, and its address. RCC, flash interface and GPIO take the bytes that are
+    /// written and keep the others; for the peripherals behind an APB bridge the bridge repeats the bytes over the word
+    /// (RM0390 section 2.1.10), and for the rest the same is assumed. The core's own registers do their own.
+    fn widen(&mut self, unit: Unit, address: u32, size: usize, value: u32) -> (u32, u32) {
+        if size >= 4 || matches!(unit, Unit::Nvic | Unit::Core) {
+            return (address, value);
+        }
+        let mask = if size == 1 { 0xFF } else { 0xFFFF };
+        let value = value & mask;
+        let word = address & !3;
+        if !map::has_byte_lanes(unit) {
+            return (word, value * if size == 1 { 0x0101_0101 } else { 0x0001_0001 });
+        }
+        let shift = 8 * (address & 3);
+        // Zeros change nothing in a register whose bits act when they are written.
+        let old = if map::acts_on_ones(unit, word) { 0 } else { self.read_word(unit, word).unwrap_or(0) };
+        (word, old & !(mask << shift) | value << shift)
     }
 
     fn write_word(&mut self, unit: Unit, address: u32, size: usize, value: u32) -> Option<()> {
@@ -97,9 +154,7 @@ impl<B: Board> Soc<B> {
                 Some(())
             }
             Unit::Gpio(port) => {
-                // A halfword to the upper half of BSRR.
-                let value = value << (8 * (address & 3));
-                self.gpio.write(port, offset & !3, value)?;
+                self.gpio.write(port, offset, value)?;
                 self.tell_outputs(port);
                 Some(())
             }
@@ -134,6 +189,7 @@ impl<B: Board> Soc<B> {
 
     fn write_rcc(&mut self, offset: u32, value: u32) -> Option<()> {
         self.catch_up_adc(self.clock.now());
+        self.look_at_hse();
         let (register, bits) = self.rcc.write(offset, value, self.flash.wait_states(), &mut self.faults)?;
         for unit in map::RESETTABLE {
             if gate(unit).is_some_and(|gate| gate.offset == register && bits >> gate.bit & 1 == 1) {
@@ -179,8 +235,7 @@ impl<B: Board> Soc<B> {
     fn stall(&mut self, seconds: f64) {
         if seconds > 0.0 {
             if self.flash.data_cached() {
-                self.faults
-                    .feature("flash", "programmed or erased with the data cache on, which may then hold old data");
+                self.faults.lint(Lint::FlashDataCache);
             }
             self.flash_changed = true;
             self.clock.advance(self.clock.span(seconds));

@@ -4,7 +4,7 @@
 //! peripheral that makes requests here is ADC1. FIFO mode, bursts, double buffering, memory to memory and memory to
 //! peripheral are not modelled.
 
-use super::fault::{Fault, Faults};
+use super::fault::{Fault, Faults, Lint};
 use super::memory::Memory;
 use super::nvic::Nvic;
 
@@ -188,7 +188,7 @@ impl Dma {
         let running = self.streams.get(index)?.cr & EN != 0;
         let register = (offset - 0x10) % 0x18;
         if running && register != 0 {
-            faults.feature("DMA", "a stream's registers are protected while it is enabled");
+            faults.lint(Lint::DmaEnabled);
             return Some(());
         }
         let stream = &mut self.streams[index];
@@ -226,10 +226,10 @@ impl Dma {
         }
         // DIR, PINC, PFCTRL, DBM, bursts; the FIFO.
         if value & 0x01E4_02E0 != 0 || stream.fcr & 4 != 0 {
-            faults.feature("DMA", "only direct single transfers from a peripheral to memory are modelled");
+            faults.lint(Lint::DmaMode);
         }
         if stream.ndtr == 0 || stream.flags & 0x3D != 0 {
-            faults.feature("DMA", "stream enabled with NDTR 0 or with old flags still set");
+            faults.lint(Lint::DmaStart);
             stream.cr &= !EN;
         }
     }

@@ -1,6 +1,7 @@
 //! General-purpose I/O (RM0390 chapter 7).
 //!
-//! The board sees only pins that are outputs: a pin that a reset has made an input no longer drives its wire.
+//! The board sees only pins that drive their wire: outputs, and of the open-drain ones those that are low. A pin that a
+//! reset has made an input drives no longer.
 
 use super::fault::{Fault, Faults};
 
@@ -23,6 +24,15 @@ pub enum Function {
 /// A pin: port letter and number.
 pub type Pin = (char, u8);
 
+/// The pins of a port that drive their wires.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Outputs {
+    /// Pins that drive.
+    pub driven: u16,
+    /// Those of them that are high.
+    pub levels: u16,
+}
+
 #[derive(Clone, Debug, Default)]
 struct Port {
     moder: u32,
@@ -34,8 +44,8 @@ struct Port {
     /// Pins that the board drives, and their levels.
     driven: u16,
     levels: u16,
-    /// The output levels that the board was last given.
-    reported: u16,
+    /// What the board was last given.
+    reported: Outputs,
 }
 
 impl Port {
@@ -47,14 +57,16 @@ impl Port {
         (0..16).filter(|pin| self.pupdr >> (2 * pin) & 3 == 1).fold(0, |mask, pin| mask | 1 << pin)
     }
 
-    fn outputs(&self) -> u16 {
-        self.odr & self.mask(1)
+    /// An open-drain output that is high leaves its wire to others.
+    fn outputs(&self) -> Outputs {
+        let driven = self.mask(1) & !(self.otyper as u16 & self.odr);
+        Outputs { driven, levels: self.odr & driven }
     }
 
     fn inputs(&self) -> u16 {
-        let (output, analog) = (self.mask(1), self.mask(3));
+        let Outputs { driven, levels } = self.outputs();
         let outside = (self.levels & self.driven) | (self.pulled_up() & !self.driven);
-        ((self.odr & output) | (outside & !output)) & !analog
+        (levels | (outside & !driven)) & !self.mask(3)
     }
 }
 
@@ -115,18 +127,19 @@ impl Gpio {
         self.ports[port].inputs()
     }
 
-    /// The board drives a pin. Nothing happens if there is no such pin.
-    pub fn drive(&mut self, port: usize, pin: u8, high: bool) {
+    /// The board drives a pin, or leaves it alone. Nothing happens if there is no such pin.
+    pub fn drive(&mut self, port: usize, pin: u8, level: Option<bool>) {
         if let Some(port) = self.ports.get_mut(port)
             && pin < 16
         {
-            port.driven |= 1 << pin;
-            port.levels = port.levels & !(1 << pin) | u16::from(high) << pin;
+            let bit = 1 << pin;
+            port.driven = if level.is_some() { port.driven | bit } else { port.driven & !bit };
+            port.levels = if level == Some(true) { port.levels | bit } else { port.levels & !bit };
         }
     }
 
-    /// Output levels, if the board has not been given them yet.
-    pub fn changed(&mut self, port: usize) -> Option<u16> {
+    /// What the port drives, if the board has not been given it yet.
+    pub fn changed(&mut self, port: usize) -> Option<Outputs> {
         let port = &mut self.ports[port];
         let outputs = port.outputs();
         (std::mem::replace(&mut port.reported, outputs) != outputs).then_some(outputs)

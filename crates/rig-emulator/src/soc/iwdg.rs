@@ -3,7 +3,7 @@
 //! It keeps its own time in seconds, because the LSI does not depend on HCLK.
 
 use super::clock::{Clock, NEVER};
-use super::fault::Faults;
+use super::fault::{Faults, Lint};
 
 /// Periods of the LSI that a new prescaler or reload value takes to reach the watchdog (RM0390 section 20.4.4).
 const UPDATE_PERIODS: f64 = 5.0;
@@ -56,7 +56,7 @@ impl Iwdg {
         // An update that is over was cleared when SR was read.
         let done_s = |since_s: f64| since_s + UPDATE_PERIODS / self.lsi_hz;
         if self.update_s[which].is_some_and(|since_s| clock.seconds() < done_s(since_s)) {
-            faults.feature("IWDG", "PR or RLR written while the update before is under way");
+            faults.lint(Lint::IwdgUpdate);
         }
         self.update_s[which] = Some(clock.seconds());
     }
@@ -93,7 +93,7 @@ impl Iwdg {
                 self.reload = value & 0xFFF;
             }
             // Without the key the write has no effect, which no program can intend.
-            0x04 | 0x08 => faults.feature("IWDG", "PR or RLR written without the key"),
+            0x04 | 0x08 => faults.lint(Lint::IwdgKey),
             _ => return None,
         }
         Some(())

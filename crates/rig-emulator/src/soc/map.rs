@@ -133,13 +133,37 @@ pub fn gate(unit: Unit) -> Option<Gate> {
     })
 }
 
-/// Registers that may be written in bytes or halfwords: 16-bit peripherals, priorities, and GPIO's data registers.
-pub fn takes_narrow_writes(unit: Unit, address: u32) -> bool {
+/// What an address in the bit-band alias of SRAM or of the peripherals stands for: a word and a bit in it (PM0214
+/// section 2.2.5).
+pub fn bit_band(address: u32) -> Option<(u32, u32)> {
+    let base = match address {
+        0x2200_0000..=0x23FF_FFFF => 0x2000_0000,
+        0x4200_0000..=0x43FF_FFFF => 0x4000_0000,
+        _ => return None,
+    };
+    let bit = (address & 0x1FF_FFFF) / 4;
+    Some((base + bit / 32 * 4, bit % 32))
+}
+
+/// Registers that may be written in bytes or halfwords, by the manual's chapter of each peripheral: GPIO, RCC and the
+/// flash interface in both, but FLASH_KEYR and FLASH_OPTKEYR in words alone; 16-bit peripherals and priorities.
+pub fn takes_narrow_writes(unit: Unit, address: u32, size: usize) -> bool {
     match unit {
         Unit::Timer(_) | Unit::Usart(_) => address & 3 == 0,
-        Unit::Nvic => true,
+        Unit::Pwr | Unit::Iwdg => address & 3 == 0 && size == 2,
+        Unit::Nvic | Unit::Rcc | Unit::Gpio(_) => true,
+        Unit::Flash => !matches!(address & 0x3FC, 0x04 | 0x08),
         Unit::Core => (0xE000_ED18..0xE000_ED24).contains(&address),
-        Unit::Gpio(_) => matches!(address & 0x3FF, 0x18 | 0x1A),
         _ => false,
     }
+}
+
+/// A narrow write leaves the other bytes of the register as they are.
+pub fn has_byte_lanes(unit: Unit) -> bool {
+    matches!(unit, Unit::Rcc | Unit::Flash | Unit::Gpio(_))
+}
+
+/// A register whose bits act when 1 is written: FLASH_SR, and GPIO's BSRR.
+pub fn acts_on_ones(unit: Unit, word: u32) -> bool {
+    matches!((unit, word & 0x3FF), (Unit::Flash, 0x0C) | (Unit::Gpio(_), 0x18))
 }

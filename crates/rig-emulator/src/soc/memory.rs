@@ -13,6 +13,8 @@ pub const FLASH_SIZE: usize = 512 << 10;
 pub const RAM_BASE: u32 = 0x2000_0000;
 /// Size of SRAM1 and SRAM2 together.
 pub const RAM_SIZE: usize = 128 << 10;
+/// From here up to RAM nothing answers: where a stack at the bottom of RAM overflows to. System memory ends here.
+pub const BELOW_RAM: std::ops::Range<u32> = 0x1FFF_8000..RAM_BASE;
 /// What RAM holds at power-up. Real RAM holds noise; a value that is no useful number exposes code that relies on
 /// zeros.
 pub const RAM_NOISE: u8 = 0xA5;
@@ -35,6 +37,11 @@ impl Region {
     /// Where the bytes are in the host.
     pub(crate) fn host(&self) -> *mut u8 {
         self.start.as_ptr()
+    }
+
+    /// The address behind the last byte.
+    pub fn end(&self) -> u32 {
+        self.base + self.size as u32
     }
 
     /// Size in bytes.

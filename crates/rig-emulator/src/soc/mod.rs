@@ -42,7 +42,7 @@ pub mod tim;
 pub mod usart;
 
 use self::clock::{Clock, NEVER};
-use self::fault::Faults;
+use self::fault::{Faults, Lint};
 use self::map::Unit;
 use crate::board::{Board, Stimulus};
 
@@ -119,7 +119,14 @@ pub struct Soc<B> {
     iwdg: iwdg::Iwdg,
     /// The board is not polled again before this cycle.
     board_asked: u64,
+    /// The ST-LINK is slow to give its clock after power-on.
+    hse_late: bool,
+    /// Time of the last power-on (s).
+    powered_s: f64,
 }
+
+/// How long a slow ST-LINK takes from power-on to its clock (s).
+const HSE_LATE_S: f64 = 0.15;
 
 impl<B: Board> Soc<B> {
     /// The chip at power-up. `lsi_hz` is the watchdog's clock, nominally 32 kHz.
@@ -147,6 +154,8 @@ impl<B: Board> Soc<B> {
             dma: [dma::Dma::new(1), dma::Dma::new(2)],
             iwdg: iwdg::Iwdg::new(lsi_hz),
             board_asked: 0,
+            hse_late: false,
+            powered_s: 0.0,
         }
     }
 
@@ -174,6 +183,7 @@ impl<B: Board> Soc<B> {
         self.rcc.reset();
         match cause {
             ResetCause::PowerCycle => {
+                self.powered_s = self.clock.seconds();
                 self.rcc.power_on();
                 self.memory.ram.fill(memory::RAM_NOISE);
             }
@@ -204,9 +214,10 @@ impl<B: Board> Soc<B> {
     }
 
     fn tell_outputs(&mut self, port: usize) {
-        if let Some(levels) = self.gpio.changed(port) {
+        if let Some(gpio::Outputs { driven, levels }) = self.gpio.changed(port) {
             self.catch_up_adc(self.clock.now());
             let letter = (b'A' + port as u8) as char;
+            self.board.gpio_drives(self.clock.seconds(), letter, driven);
             self.board.gpio_out(self.clock.seconds(), letter, levels);
         }
     }
@@ -324,6 +335,16 @@ impl<B: Board> Soc<B> {
         self.rcc.feed_hse(fed)
     }
 
+    /// From the next power-on, or from this one if it was just now, the ST-LINK's clock comes late.
+    pub fn set_hse_late(&mut self, late: bool) {
+        self.hse_late = late;
+    }
+
+    /// What feeds OSC_IN may have come up since the RCC was last looked at.
+    fn look_at_hse(&mut self) {
+        self.rcc.set_hse_up(!self.hse_late || self.clock.seconds() >= self.powered_s + HSE_LATE_S);
+    }
+
     /// The board drives its side of the pins, now.
     pub fn stimulate(&mut self, stimulus: Stimulus) {
         self.sync();
@@ -337,20 +358,24 @@ impl<B: Board> Soc<B> {
             Stimulus::Uart { usart: number, bytes } => {
                 match usart::USARTS.iter().position(|kind| kind.number == number) {
                     Some(i) => self.usarts[i].send(at, &bytes, wires!(self)),
-                    None => self.faults.feature("board", "a stimulus for a USART that is not modelled"),
+                    None => self.faults.lint(Lint::BoardUsart),
                 }
             }
-            Stimulus::Pin { port, pin, high } => {
-                let port = (port as usize).wrapping_sub('A' as usize);
-                if port >= gpio::PORTS {
-                    self.faults.feature("board", "a stimulus for a port that is not modelled");
-                    return;
-                }
-                let before = self.gpio.inputs(port);
-                self.gpio.drive(port, pin, high);
-                self.exti.edges(port, before, self.gpio.inputs(port), &mut self.nvic);
-            }
+            Stimulus::Pin { port, pin, high } => self.drive_pin(port, pin, Some(high)),
+            Stimulus::Release { port, pin } => self.drive_pin(port, pin, None),
         }
+    }
+
+    /// The board drives a pin, or no longer does.
+    fn drive_pin(&mut self, port: char, pin: u8, level: Option<bool>) {
+        let port = (port as usize).wrapping_sub('A' as usize);
+        if port >= gpio::PORTS {
+            self.faults.lint(Lint::BoardPort);
+            return;
+        }
+        let before = self.gpio.inputs(port);
+        self.gpio.drive(port, pin, level);
+        self.exti.edges(port, before, self.gpio.inputs(port), &mut self.nvic);
     }
 
     /// Time passes with the core asleep, to the next event but not beyond `limit`. Gives the cycles slept.

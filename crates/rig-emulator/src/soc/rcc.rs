@@ -4,7 +4,7 @@
 //! ST-LINK into OSC_IN, so HSE works in bypass only, and starting it as a crystal is a fault.
 
 use super::clock::ClockTree;
-use super::fault::Faults;
+use super::fault::{Faults, Lint};
 
 /// HSI frequency, nominally.
 const HSI_HZ: u64 = 16_000_000;
@@ -59,6 +59,8 @@ pub struct Rcc {
     flags: u32,
     /// Something feeds OSC_IN.
     hse_fed: bool,
+    /// What feeds it has come up since power-on.
+    hse_up: bool,
     /// This chip's HSI.
     hsi_hz: u64,
 }
@@ -69,6 +71,7 @@ impl Default for Rcc {
             words: [0; 0x98 / 4],
             flags: reset_flag::POR | reset_flag::PIN | reset_flag::BOR,
             hse_fed: true,
+            hse_up: true,
             hsi_hz: HSI_HZ,
         };
         rcc.reset();
@@ -118,6 +121,11 @@ impl Rcc {
         fed || !needed
     }
 
+    /// Whether what feeds OSC_IN has come up since power-on.
+    pub fn set_hse_up(&mut self, up: bool) {
+        self.hse_up = up;
+    }
+
     /// This chip's HSI frequency, before the clocks are set up.
     pub fn set_hsi(&mut self, hsi_hz: u64) {
         self.hsi_hz = hsi_hz;
@@ -128,7 +136,7 @@ impl Rcc {
     fn ready(&self) -> u32 {
         let cr = self.words[0];
         let mut on = cr & 0x1501_0001;
-        if !self.hse_fed {
+        if !(self.hse_fed && self.hse_up) {
             on &= !(1 << 16);
         }
         let source = if self.words[1] >> 22 & 1 == 1 { 1 << 16 } else { 1 };
@@ -188,10 +196,10 @@ impl Rcc {
         self.words[offset as usize / 4] = value;
         match offset {
             0x00 if value & 1 << 16 != 0 && value & 1 << 18 == 0 => {
-                faults.feature("RCC", "HSE switched on without bypass, but the board has no crystal on OSC_IN");
+                faults.lint(Lint::HseCrystal);
             }
             0x04 if before != value && self.words[0] & 1 << 24 != 0 => {
-                faults.feature("RCC", "PLLCFGR written while the PLL runs");
+                faults.lint(Lint::PllRuns);
             }
             0x08 => {
                 let ready = match value & 3 {
@@ -200,11 +208,11 @@ impl Rcc {
                     _ => 1 << 25,
                 };
                 if self.ready() & ready == 0 {
-                    faults.feature("RCC", "system clock switched to a source that is not ready");
+                    faults.lint(Lint::ClockSource);
                 }
                 // DS10693 table 16 at 2.7 V and above: a wait state for every 30 MHz.
                 if (self.tree().hclk_hz - 1) / 30_000_000 > u64::from(wait_states) {
-                    faults.feature("RCC", "HCLK is too fast for the wait states in FLASH_ACR");
+                    faults.lint(Lint::WaitStates);
                 }
             }
             0x74 if value & 1 << 24 != 0 => self.flags &= !reset_flag::ALL,

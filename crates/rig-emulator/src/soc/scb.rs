@@ -28,8 +28,37 @@ pub struct Scb {
     demcr: u32,
     fault_status: [u32; 5],
     systick: SysTick,
-    dwt_control: u32,
-    cycle_offset: u64,
+    cycles: CycleCounter,
+}
+
+/// DEMCR.TRCENA: DWT and ITM are on.
+const TRCENA: u32 = 1 << 24;
+const CYCCNTENA: u32 = 1;
+
+/// DWT's cycle counter. It counts only while DEMCR.TRCENA and DWT_CTRL.CYCCNTENA are set (ARMv7-M architecture manual
+/// C1.8.1).
+#[derive(Debug, Default)]
+struct CycleCounter {
+    control: u32,
+    running: bool,
+    /// The count while it stands still; while it runs, what is to be added to the time.
+    offset: u64,
+}
+
+impl CycleCounter {
+    fn count(&self, now: u64) -> u32 {
+        (if self.running { now.wrapping_add(self.offset) } else { self.offset }) as u32
+    }
+
+    fn set(&mut self, count: u32, now: u64) {
+        self.offset = u64::from(count).wrapping_sub(if self.running { now } else { 0 });
+    }
+
+    fn run(&mut self, demcr: u32, now: u64) {
+        let count = self.count(now);
+        self.running = demcr & TRCENA != 0 && self.control & CYCCNTENA != 0;
+        self.set(count, now);
+    }
 }
 
 #[derive(Debug, Default)]
@@ -72,6 +101,20 @@ impl Scb {
         if self.vtor == 0 { super::memory::FLASH_BASE } else { self.vtor }
     }
 
+    /// A bus fault at `address`, taken as a HardFault because BusFaults have their own handler neither here nor, by
+    /// default, on the chip. `stacking`: it came up while an exception was entered.
+    pub fn bus_fault(&mut self, address: u32, stacking: bool) {
+        /// CFSR: PRECISERR and BFARVALID; STKERR. HFSR: FORCED.
+        const PRECISE: u32 = 1 << 9 | 1 << 15;
+        const STACKING: u32 = 1 << 12;
+        const FORCED: u32 = 1 << 30;
+        self.fault_status[0] |= if stacking { STACKING } else { PRECISE };
+        self.fault_status[1] |= FORCED;
+        if !stacking {
+            self.fault_status[4] = address;
+        }
+    }
+
     /// The next SysTick interrupt.
     pub fn next_event(&self) -> u64 {
         let tick = &self.systick;
@@ -86,8 +129,8 @@ impl Scb {
     /// Read at `address`.
     pub fn read(&mut self, address: u32, clock: &Clock, nvic: &mut Nvic) -> Option<u32> {
         Some(match address {
-            0xE000_1000 => self.dwt_control | 0x4000_0000,
-            0xE000_1004 => clock.now().wrapping_sub(self.cycle_offset) as u32,
+            0xE000_1000 => self.cycles.control | 0x4000_0000,
+            0xE000_1004 => self.cycles.count(clock.now()),
             0xE000_E004 => 2,
             0xE000_E010 => {
                 self.systick.sync(clock.now(), nvic);
@@ -125,8 +168,11 @@ impl Scb {
     /// Write at `address`.
     pub fn write(&mut self, address: u32, size: usize, value: u32, clock: &Clock, nvic: &mut Nvic) -> Option<Effect> {
         match address {
-            0xE000_1000 => self.dwt_control = value,
-            0xE000_1004 => self.cycle_offset = clock.now().wrapping_sub(u64::from(value)),
+            0xE000_1000 => {
+                self.cycles.control = value;
+                self.cycles.run(self.demcr, clock.now());
+            }
+            0xE000_1004 => self.cycles.set(value, clock.now()),
             0xE000_E010 => {
                 self.systick.sync(clock.now(), nvic);
                 if self.systick.control & 1 == 0 {
@@ -150,7 +196,10 @@ impl Scb {
             0xE000_ED24 => self.shcsr = value,
             0xE000_ED28..=0xE000_ED3B => self.fault_status[(address - 0xE000_ED28) as usize / 4] &= !value,
             0xE000_ED88 => self.cpacr = value,
-            0xE000_EDFC => self.demcr = value,
+            0xE000_EDFC => {
+                self.demcr = value;
+                self.cycles.run(value, clock.now());
+            }
             0xE000_EF00 => nvic.trigger(value & 0x1FF),
             0xE000_EF34 => {}
             _ => return None,

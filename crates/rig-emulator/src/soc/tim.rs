@@ -1,4 +1,5 @@
 //! Timers TIM2 to TIM7, TIM9 and TIM12 (RM0390 chapters 17 to 19): up-counting with compare flags, and encoder mode 3.
+//! Channels neither drive a pin nor capture; a strict machine stops where one would.
 //!
 //! A counter is never stepped: its value follows from the time since it was last touched. In encoder mode it follows
 //! from the board's quadrature count, which is read when the firmware reads the counter. TIM1, TIM8, TIM10, TIM11,
@@ -6,6 +7,7 @@
 
 use super::Wires;
 use super::clock::{Clock, NEVER};
+use super::fault::Lint;
 use super::gpio::{Function, Pin};
 use super::rcc::{Gate, apb1, apb2};
 
@@ -21,22 +23,23 @@ pub struct TimerKind {
     irq: u8,
     wide: bool,
     apb2: bool,
+    channels: usize,
 }
 
 /// Every modelled timer.
 pub static TIMERS: [TimerKind; 8] = [
-    TimerKind { number: 2, base: 0x4000_0000, gate: apb1(0), irq: 28, wide: true, apb2: false },
-    TimerKind { number: 3, base: 0x4000_0400, gate: apb1(1), irq: 29, wide: false, apb2: false },
-    TimerKind { number: 4, base: 0x4000_0800, gate: apb1(2), irq: 30, wide: false, apb2: false },
-    TimerKind { number: 5, base: 0x4000_0C00, gate: apb1(3), irq: 50, wide: true, apb2: false },
-    TimerKind { number: 6, base: 0x4000_1000, gate: apb1(4), irq: 54, wide: false, apb2: false },
-    TimerKind { number: 7, base: 0x4000_1400, gate: apb1(5), irq: 55, wide: false, apb2: false },
-    TimerKind { number: 9, base: 0x4001_4000, gate: apb2(16), irq: 24, wide: false, apb2: true },
-    TimerKind { number: 12, base: 0x4000_1800, gate: apb1(6), irq: 43, wide: false, apb2: false },
+    TimerKind { number: 2, base: 0x4000_0000, gate: apb1(0), irq: 28, wide: true, apb2: false, channels: 4 },
+    TimerKind { number: 3, base: 0x4000_0400, gate: apb1(1), irq: 29, wide: false, apb2: false, channels: 4 },
+    TimerKind { number: 4, base: 0x4000_0800, gate: apb1(2), irq: 30, wide: false, apb2: false, channels: 4 },
+    TimerKind { number: 5, base: 0x4000_0C00, gate: apb1(3), irq: 50, wide: true, apb2: false, channels: 4 },
+    TimerKind { number: 6, base: 0x4000_1000, gate: apb1(4), irq: 54, wide: false, apb2: false, channels: 0 },
+    TimerKind { number: 7, base: 0x4000_1400, gate: apb1(5), irq: 55, wide: false, apb2: false, channels: 0 },
+    TimerKind { number: 9, base: 0x4001_4000, gate: apb2(16), irq: 24, wide: false, apb2: true, channels: 2 },
+    TimerKind { number: 12, base: 0x4000_1800, gate: apb1(6), irq: 43, wide: false, apb2: false, channels: 2 },
 ];
 
 /// Pins of channels 1 and 2 with their alternate function (DS10693 table 11).
-fn encoder_pins(number: u8) -> Option<(u8, &'static [Pin], &'static [Pin])> {
+pub(crate) fn encoder_pins(number: u8) -> Option<(u8, &'static [Pin], &'static [Pin])> {
     match number {
         2 => Some((1, &[('A', 0), ('A', 5), ('A', 15), ('B', 8)], &[('A', 1), ('B', 3), ('B', 9)])),
         3 => Some((2, &[('A', 6), ('B', 4), ('C', 6)], &[('A', 7), ('B', 5), ('C', 7)])),
@@ -113,6 +116,27 @@ impl Timer {
         self.cr1 & CEN != 0 && !self.encoder()
     }
 
+    /// CCxS of a channel: 0 is an output, all others are inputs.
+    fn selection(&self, channel: usize) -> u32 {
+        self.ccmr[channel / 2] >> (channel % 2 * 8) & 3
+    }
+
+    /// The channels that are outputs, with their CCRx: the flag is set where the count reaches it (RM0390 section 18.4.5).
+    fn compares(&self) -> impl Iterator<Item = (usize, u32)> + use<> {
+        let output = |channel: usize| channel < self.kind.channels && self.selection(channel) == 0;
+        let compares: [_; 4] = std::array::from_fn(|channel| output(channel).then_some((channel, self.ccr[channel])));
+        compares.into_iter().flatten()
+    }
+
+    /// Reports channels whose pins would do something. The encoder's two inputs count and need not capture.
+    fn check_channels(&self, wires: &mut Wires<'_>) {
+        let first = if self.encoder() { 2 } else { 0 };
+        let on = |channel: &usize| self.cr1 & CEN != 0 && self.ccer >> (4 * channel) & 1 == 1;
+        for channel in (first..self.kind.channels).filter(on) {
+            wires.faults.lint(if self.selection(channel) == 0 { Lint::TimOutput } else { Lint::TimCapture });
+        }
+    }
+
     fn period(&self) -> u64 {
         u64::from(self.arr) + 1
     }
@@ -141,7 +165,7 @@ impl Timer {
             if total / period > self.seen / period {
                 self.sr |= 1;
             }
-            for (channel, &match_at) in self.ccr.iter().enumerate() {
+            for (channel, match_at) in self.compares() {
                 let (value, passed) =
                     (u64::from(match_at), |count: u64| (count + period - u64::from(match_at)) / period);
                 if value < period && passed(total) > passed(self.seen) {
@@ -165,7 +189,7 @@ impl Timer {
         }
         let (period, seen) = (self.period(), self.seen);
         let overflow = (waiting & 1 != 0).then(|| (seen / period + 1) * period);
-        let matches = self.ccr.iter().enumerate().filter_map(|(channel, &value)| {
+        let matches = self.compares().filter_map(|(channel, value)| {
             let value = u64::from(value);
             let here = seen / period * period + value;
             (waiting & 2 << channel != 0 && value < period).then(|| if here <= seen { here + period } else { here })
@@ -215,7 +239,7 @@ impl Timer {
             0x24 => (self.total(wires.clock, wires.clock.now()) % self.period()) as u32,
             0x28 => self.psc,
             0x2C => self.arr,
-            0x34..=0x40 => self.ccr[(offset as usize - 0x34) / 4],
+            0x34..=0x40 => *self.ccr[..self.kind.channels].get((offset as usize - 0x34) / 4)?,
             _ => return None,
         })
     }
@@ -227,19 +251,26 @@ impl Timer {
             self.follow_encoder(wires);
         }
         self.sync(now, wires);
+        // The upper half of a 16-bit register does not exist; a bridge that repeats a halfword fills it.
+        let value = if matches!(offset, 0x24 | 0x2C | 0x34..=0x40) { value } else { value & 0xFFFF };
         let limit = if self.kind.wide { u32::MAX } else { 0xFFFF };
         match offset {
             0x00 => {
-                if value & 0x68 != 0 || (value & DIR != 0 && !self.encoder()) {
-                    wires.faults.feature("TIM", "one-pulse, centre-aligned and down-counting modes are not modelled");
+                if value & 0x6A != 0 || (value & DIR != 0 && !self.encoder()) {
+                    wires.faults.lint(Lint::TimCounting);
                 }
                 self.rebase(wires.clock, now);
                 self.cr1 = value;
             }
-            0x04 => self.cr2 = value,
+            0x04 => {
+                if value & 0xF8 != 0 {
+                    wires.faults.lint(Lint::TimTrigger);
+                }
+                self.cr2 = value;
+            }
             0x08 => {
                 if !matches!(value & 7, 0 | 3) || value & 0xFF88 != 0 {
-                    wires.faults.feature("TIM", "no slave mode but encoder mode 3 is modelled");
+                    wires.faults.lint(Lint::TimSlave);
                 }
                 self.rebase(wires.clock, now);
                 self.smcr = value;
@@ -249,13 +280,13 @@ impl Timer {
             }
             0x0C => {
                 if value & 0xFF00 != 0 || (self.encoder() && value & FLAGS != 0) {
-                    wires.faults.feature("TIM", "DMA requests and encoder interrupts are not modelled");
+                    wires.faults.lint(Lint::TimDma);
                 }
                 self.dier = value;
             }
             0x10 => self.sr &= value,
             0x14 if value & 1 == 1 => self.update(now),
-            0x14 => wires.faults.feature("TIM", "no software event but UG is modelled"),
+            0x14 => wires.faults.lint(Lint::TimEvent),
             0x18 | 0x1C => self.ccmr[(offset as usize - 0x18) / 4] = value,
             0x20 => self.ccer = value,
             0x24 => {
@@ -270,8 +301,11 @@ impl Timer {
                 self.base %= self.period();
                 self.seen = self.base;
             }
-            0x34..=0x40 => self.ccr[(offset as usize - 0x34) / 4] = value & limit,
+            0x34..=0x40 => *self.ccr[..self.kind.channels].get_mut((offset as usize - 0x34) / 4)? = value & limit,
             _ => return None,
+        }
+        if matches!(offset, 0x00 | 0x08 | 0x18 | 0x1C | 0x20) {
+            self.check_channels(wires);
         }
         self.line(wires);
         Some(())

@@ -5,6 +5,7 @@
 
 use super::Wires;
 use super::clock::{Clock, NEVER};
+use super::fault::Lint;
 use super::gpio::{Function, Pin};
 use super::rcc::{Gate, apb1, apb2};
 use std::collections::VecDeque;
@@ -22,7 +23,8 @@ pub struct UsartKind {
     apb2: bool,
     af: u8,
     tx: &'static [Pin],
-    rx: &'static [Pin],
+    /// Pins that can carry RX.
+    pub rx: &'static [Pin],
 }
 
 /// Every modelled USART (pins: DS10693 table 11).
@@ -210,7 +212,11 @@ impl Usart {
             return;
         }
         if let Some(byte) = self.transmit.take() {
-            wires.gpio.require("USARTx_TX", Function::Alternate(self.kind.af), self.kind.tx, wires.faults);
+            let function = Function::Alternate(self.kind.af);
+            wires.gpio.require("USARTx_TX", function, self.kind.tx, wires.faults);
+            if let Some(&pin) = self.kind.tx.iter().find(|&&pin| wires.gpio.function(pin) == function) {
+                wires.board.uart_starts(wires.clock.seconds_at(at), pin, byte);
+            }
             self.shifting = Some((at + self.frame(wires.clock), byte));
             self.sr |= TXE;
         }
@@ -257,13 +263,13 @@ impl Usart {
 
     /// Write a register.
     pub fn write(&mut self, offset: u32, value: u32, wires: &mut Wires<'_>) -> Option<()> {
+        // The upper half does not exist; a bridge that repeats a halfword fills it.
+        let value = value & 0xFFFF;
         match offset {
             0x00 => {
                 if value & RXNE == 0 && self.cr1 & RECEIVER_ON == RECEIVER_ON {
                     // A read-modify-write of SR does this (RM0390 section 25.6.1).
-                    wires
-                        .faults
-                        .feature("USART", "a write to SR that takes back RXNE loses a byte that comes meanwhile");
+                    wires.faults.lint(Lint::UsartRxne);
                 }
                 self.sr &= value | !WRITE_ZERO;
             }
@@ -282,7 +288,7 @@ impl Usart {
             0x08 => self.brr = value & 0xFFFF,
             0x0C => {
                 if value & 0x1403 != 0 {
-                    wires.faults.feature("USART", "parity, 9-bit data, mute mode and break are not modelled");
+                    wires.faults.lint(Lint::UsartMode);
                 }
                 self.cr1 = value;
                 self.load(wires.clock.now(), wires);
@@ -290,9 +296,7 @@ impl Usart {
             0x10 => self.cr2 = value,
             0x14 => {
                 if value & 0x07FE & !(1 << 11) != 0 {
-                    wires
-                        .faults
-                        .feature("USART", "DMA, flow control, half duplex, smartcard and IrDA are not modelled");
+                    wires.faults.lint(Lint::UsartDma);
                 }
                 self.cr3 = value;
             }

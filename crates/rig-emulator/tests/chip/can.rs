@@ -23,6 +23,7 @@ const BANKS: u32 = CAN + 0x240;
 
 const TXFP: u32 = 1 << 2;
 const NART: u32 = 1 << 4;
+const AWUM: u32 = 1 << 5;
 pub const ABOM: u32 = 1 << 6;
 const TME: u32 = 7 << 26;
 pub const BIT_S: f64 = 1e-6;
@@ -394,6 +395,47 @@ fn a_full_fifo_overruns_and_keeps_the_newest_or_the_oldest() {
             set(&mut chip, RF0R, 0x20);
         }
     }
+}
+
+#[test]
+fn a_release_takes_full_back() {
+    let mut chip = node(0);
+    for id in 1..=3 {
+        receive(&mut chip, frame(id));
+    }
+    assert_eq!(get(&mut chip, RF0R), 3 | 1 << 3);
+    set(&mut chip, RF0R, 0x20);
+    assert_eq!(get(&mut chip, RF0R), 2);
+    // By software as well, without a release.
+    receive(&mut chip, frame(4));
+    set(&mut chip, RF0R, 1 << 3);
+    assert_eq!(get(&mut chip, RF0R), 3);
+}
+
+#[test]
+fn a_frame_on_the_bus_wakes_a_sleeping_controller_if_it_may() {
+    for (awum, woken) in [(0, false), (AWUM, true)] {
+        let mut chip = node(0);
+        set(&mut chip, MCR, 2 | awum);
+        set(&mut chip, IER, 1 << 1 | 1 << 16);
+        assert_eq!(get(&mut chip, MSR) & 0x1F, 2);
+        receive(&mut chip, frame(1));
+        // WKUI either way, with its interrupt; SLEEP and SLAK only fall with AWUM.
+        assert_eq!(get(&mut chip, MSR) & 0x1F, if woken { 8 } else { 8 | 2 });
+        assert_eq!(get(&mut chip, MCR) & 2 == 0, woken);
+        assert!(pending(&mut chip, 22));
+        assert_eq!(get(&mut chip, RF0R), 0, "the frame that wakes is lost");
+        set(&mut chip, MSR, 8);
+        assert_eq!(get(&mut chip, MSR) & 8, 0);
+        receive(&mut chip, frame(2));
+        assert_eq!(get(&mut chip, RF0R), u32::from(woken));
+    }
+    // A controller whose pins are not set up sees no bus.
+    let mut chip = node(0);
+    set(&mut chip, MCR, 2 | AWUM);
+    mode(&mut chip, GPIOB, 8, 0);
+    receive(&mut chip, frame(1));
+    assert_eq!(get(&mut chip, MSR) & 0x1F, 2);
 }
 
 /// Which of `ids` reach FIFO 0 or 1.

@@ -135,8 +135,33 @@ fn systick_counts_and_pends() {
 #[test]
 fn the_cycle_counter_counts_hclk() {
     let mut chip = chip();
+    set(&mut chip, 0xE000_EDFC, 1 << 24);
+    set(&mut chip, 0xE000_1000, 1);
     set(&mut chip, 0xE000_1004, 0);
     pass(&mut chip, 1e-3);
     let cycles = get(&mut chip, 0xE000_1004);
     assert!((16_000..16_010).contains(&cycles), "{cycles}");
+}
+
+#[test]
+fn a_late_clock_at_osc_in_comes_150_ms_after_power_on() {
+    const HSERDY: u32 = 1 << 17;
+    let mut chip = chip();
+    chip.set_hse_late(true);
+    // HSEON with bypass.
+    let ready_after = |chip: &mut Chip, seconds: f64| {
+        set(chip, RCC, 0x0005_0083);
+        pass(chip, seconds);
+        get(chip, RCC) & HSERDY != 0
+    };
+    assert!(!ready_after(&mut chip, 0.14));
+    assert!(ready_after(&mut chip, 0.02));
+    chip.reset(ResetCause::Software);
+    assert!(ready_after(&mut chip, 0.0), "a reset does not stop the ST-LINK");
+    chip.reset(ResetCause::PowerCycle);
+    assert!(!ready_after(&mut chip, 0.14));
+    assert!(ready_after(&mut chip, 0.02));
+    chip.set_hse_late(false);
+    chip.reset(ResetCause::PowerCycle);
+    assert!(ready_after(&mut chip, 0.0));
 }

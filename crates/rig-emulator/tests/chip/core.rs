@@ -1,8 +1,8 @@
 //! The core: time, sleep, exceptions, resets and stops, with hand-assembled programs (ARMv7-M architecture manual).
 
-use crate::fixture::{Recorder, close};
+use crate::fixture::{Recorder, close, get, pass, set};
 use crate::program::*;
-use rig_emulator::cpu::core::BLOCK_OVERHEAD_CYCLES;
+use rig_emulator::cpu::timing::TAKEN_BRANCH_CYCLES;
 use rig_emulator::machine::{Config, Machine, MachineError, ResetCause};
 use rig_emulator::soc::fault::Fault;
 
@@ -52,7 +52,18 @@ fn a_loop_takes_its_instructions_and_its_branches() {
     // movw, movt; 1000 times subs and bne; the rest is asleep.
     assert_eq!(stats.instructions, 2 + 2000 + 1);
     let awake = stats.core_busy * 16_000.0;
-    close(awake, (2 + 2000 + 1 + 1001 * BLOCK_OVERHEAD_CYCLES) as f64, 4.0);
+    close(awake, (2 + 2000 + 1 + 1000 * TAKEN_BRANCH_CYCLES) as f64, 4.0);
+}
+
+#[test]
+fn loads_and_pushes_take_time_and_a_branch_that_is_not_taken_takes_none() {
+    // A loop of a push of eight registers, two loads that overlap, a pop, and a branch that is never taken (bcc).
+    let body = vec![0xB4FF, fetch(2, 1), fetch(3, 1), 0xBCFF, subtract(0, 1), branch(0xD300, 0), branch(0xD100, -6)];
+    let program = main_only(&[load(1, RESULT), load(0, 1000), body, vec![WFI, branch(0xE000, -1)]]);
+    let mut machine = machine(&program);
+    machine.run_until(1e-2).expect("runs");
+    let each = (9 + 3 + 9 + 1 + 1 + 1) + TAKEN_BRANCH_CYCLES;
+    close(machine.stats().core_busy * 160_000.0, (4 + 1000 * each) as f64, 6.0);
 }
 
 #[test]
@@ -81,6 +92,55 @@ fn flash_must_not_be_written_with_the_data_cache_on() {
     assert_eq!(write(0x300), Ok(()));
     let fault = write(0x700).expect_err("the cache may hold what was there before").to_string();
     assert!(fault.contains("data cache"), "{fault}");
+}
+
+#[test]
+fn the_cycle_counter_counts_only_with_both_of_its_enables() {
+    const DEMCR: u32 = 0xE000_EDFC;
+    const DWT_CTRL: u32 = 0xE000_1000;
+    const CYCCNT: u32 = 0xE000_1004;
+    let mut chip = crate::fixture::chip();
+    let mut passes = |demcr: u32, control: u32| {
+        set(&mut chip, DEMCR, demcr);
+        set(&mut chip, DWT_CTRL, control);
+        let before = get(&mut chip, CYCCNT);
+        pass(&mut chip, 1e-3);
+        get(&mut chip, CYCCNT).wrapping_sub(before)
+    };
+    assert_eq!(passes(0, 0), 0);
+    assert_eq!(passes(1 << 24, 0), 0);
+    assert_eq!(passes(0, 1), 0);
+    let counted = passes(1 << 24, 1);
+    assert!((16_000..16_010).contains(&counted), "{counted}");
+    // It keeps its count where it stops, and goes on from what is written.
+    set(&mut chip, DEMCR, 0);
+    let stopped = get(&mut chip, CYCCNT);
+    pass(&mut chip, 1e-3);
+    assert_eq!(get(&mut chip, CYCCNT), stopped);
+    set(&mut chip, CYCCNT, 1_000_000);
+    set(&mut chip, DEMCR, 1 << 24);
+    pass(&mut chip, 1e-3);
+    let counted = get(&mut chip, CYCCNT) - 1_000_000;
+    assert!((16_000..16_010).contains(&counted), "{counted}");
+}
+
+#[test]
+fn a_breakpoint_ends_the_run_and_semihosting_says_how() {
+    let end = |code: &[Vec<u16>]| machine(&main_only(code)).run_until(1e-3);
+    let breakpoint = |result, number, success| {
+        let Err(MachineError::Breakpoint { number: found, exit, place }) = result else { panic!("{result:?}") };
+        assert_eq!((found, exit, place.function.as_str()), (number, success, "main"));
+    };
+    breakpoint(end(&[vec![NOP, 0xBE00]]), 0, Some(true));
+    breakpoint(end(&[load(0, 0x18), load(1, 0x2_0026), vec![0xBEAB]]), 0xAB, Some(true));
+    breakpoint(end(&[load(0, 0x18), load(1, 0x2_0023), vec![0xBEAB]]), 0xAB, Some(false));
+    breakpoint(end(&[load(0, 0x04), vec![0xBEAB]]), 0xAB, None);
+    let exit = |code| {
+        let block = [poke(RESULT, 0x2_0026), poke(RESULT + 4, code), load(0, 0x20), load(1, RESULT)].concat();
+        end(&[block, vec![0xBEAB]])
+    };
+    breakpoint(exit(0), 0xAB, Some(true));
+    breakpoint(exit(1), 0xAB, Some(false));
 }
 
 #[test]
@@ -212,6 +272,82 @@ fn the_watchdog_resets_a_program_that_hangs() {
     let resets = machine.stats().resets;
     assert_eq!(resets.iter().map(|r| r.1).collect::<Vec<_>>(), [ResetCause::Watchdog; 2]);
     close(resets[0].0, 0.512, 1e-4);
+}
+
+/// Eight bytes are left on the stack; then `code`. A HardFault counts and goes on with `handler`.
+fn stack_at_the_bottom_of_ram(code: &[Vec<u16>], handler: &[Vec<u16>]) -> Program {
+    let mut program = Program::default();
+    // The watchdog bites after 0.512 s. The last one is mov sp, r0.
+    let start = [poke(0x4000_3000, 0xCCCC), load(0, 0x2000_0008), vec![0x4685]].concat();
+    program.function("main", &[start, code.concat(), vec![PARK]]);
+    program.handler(3, "hard_fault", &[bump(RESULT, 1), handler.concat()]);
+    program.handler(15, "tick", &[bump(RESULT + 4, 1)]);
+    program
+}
+
+#[test]
+fn a_stack_that_leaves_ram_is_a_hard_fault_and_a_push_in_its_handler_locks_the_core_up() {
+    const PUSH: u16 = 0xB4FF;
+    let program = stack_at_the_bottom_of_ram(&[vec![PUSH]], &[vec![PUSH], bump(RESULT, 16)]);
+    let mut machine = machine(&program);
+    machine.run_until(0.6).expect("a lock-up is no error: the watchdog ends it");
+    let stats = machine.stats();
+    assert_eq!(stats.resets.iter().map(|r| r.1).collect::<Vec<_>>(), [ResetCause::Watchdog]);
+    close(stats.resets[0].0, 0.512, 1e-4);
+    assert_eq!(stats.lock_ups.len(), 2, "at each start");
+    assert_eq!(ram(&mut machine, RESULT), 0xA5A5_A5A5 + 2, "the handler is entered, and stops at its push");
+    // HFSR.FORCED, and the address in BFAR.
+    assert_eq!(machine.soc_mut().read(0xE000_ED2C, 4), 1 << 30);
+    assert!((0x1FFF_FF00..0x2000_0000).contains(&machine.soc_mut().read(0xE000_ED38, 4)));
+}
+
+#[test]
+fn a_handler_that_does_without_its_stack_can_reset_the_chip() {
+    let reset = [poke(0xE000_ED0C, 0x05FA_0004), vec![PARK]].concat();
+    let mut machine = machine(&stack_at_the_bottom_of_ram(&[vec![0xB4FF]], &[reset]));
+    machine.run_until(1e-4).expect("runs");
+    let stats = machine.stats();
+    assert!(stats.lock_ups.is_empty() && stats.resets.len() > 1, "{stats:?}");
+    assert!(stats.resets.iter().all(|(_, cause)| *cause == ResetCause::Software));
+}
+
+#[test]
+fn a_return_to_a_lost_frame_locks_the_core_up() {
+    let mut machine = machine(&stack_at_the_bottom_of_ram(&[vec![0xB4FF]], &[]));
+    machine.run_until(0.6).expect("runs");
+    let stats = machine.stats();
+    assert_eq!((stats.lock_ups.len(), stats.resets.len()), (2, 1));
+}
+
+#[test]
+fn an_interrupt_that_finds_no_stack_becomes_a_hard_fault() {
+    let tick = [poke(0xE000_E014, 999), poke(0xE000_E018, 0), poke(0xE000_E010, 7), vec![WFI]].concat();
+    let mut machine = machine(&stack_at_the_bottom_of_ram(&[tick], &[vec![PARK]]));
+    machine.run_until(1e-3).expect("runs");
+    assert_eq!(ram(&mut machine, RESULT), 0xA5A5_A5A5 + 1);
+    assert_eq!(ram(&mut machine, RESULT + 4), 0xA5A5_A5A5, "its own handler never runs");
+    assert_eq!(machine.soc_mut().read(0xE000_ED28, 4), 1 << 12, "CFSR.STKERR");
+}
+
+#[test]
+fn the_fault_stack_overflow_moves_the_stack_with_what_is_on_it() {
+    // r4 and r5 are on the stack; they come back as long as nothing is pushed.
+    let keep = [load(4, 0x1234_5678), load(5, 0x9ABC_DEF0), vec![0xB430], load(4, 0), load(5, 0)].concat();
+    let wait = [load(0, 10_000), vec![subtract(0, 1), branch(0xD100, -1), 0xBC30]].concat();
+    let seen = [load(1, RESULT), vec![store(4, 1)], load(1, RESULT + 4), vec![store(5, 1)]].concat();
+    let push_for_ever = vec![0xB4FF, branch(0xE000, -1)];
+    let mut program = Program::default();
+    program.function("main", &[keep, wait, seen, push_for_ever]);
+    program.handler(3, "hard_fault", &[vec![0xB4FF]]);
+    let mut machine = machine(&program);
+    machine.run_until(5e-4).expect("runs");
+    machine.overflow_stack();
+    machine.run_until(2e-2).expect("runs");
+    assert_eq!((ram(&mut machine, RESULT), ram(&mut machine, RESULT + 4)), (0x1234_5678, 0x9ABC_DEF0));
+    assert_eq!(machine.stats().lock_ups.len(), 1);
+    machine.power_cycle();
+    machine.run_until(2.1e-2).expect("runs");
+    assert_eq!(machine.stats().lock_ups.len(), 1, "the next run has its own stack");
 }
 
 #[test]

@@ -57,6 +57,25 @@ fn inputs_show_the_board_or_the_pull() {
 }
 
 #[test]
+fn an_open_drain_output_pulls_low_and_otherwise_leaves_the_pin_alone() {
+    let mut chip = chip();
+    set(&mut chip, GPIOB + 4, 1 << 5);
+    set(&mut chip, GPIOB + 0x18, 1 << 5);
+    mode(&mut chip, GPIOB, 5, 1);
+    assert_eq!(get(&mut chip, GPIOB + 0x10) >> 5 & 1, 0, "nothing pulls it up");
+    set(&mut chip, GPIOB + 0xC, 1 << 10);
+    assert_eq!(get(&mut chip, GPIOB + 0x10) >> 5 & 1, 1, "its own pull-up");
+    drive(&mut chip, 'B', 5, false);
+    assert_eq!(get(&mut chip, GPIOB + 0x10) >> 5 & 1, 0, "another open-drain output on the wire");
+    drive(&mut chip, 'B', 5, true);
+    set(&mut chip, GPIOB + 0x18, 1 << (5 + 16));
+    assert_eq!(get(&mut chip, GPIOB + 0x10) >> 5 & 1, 0);
+    chip.stimulate(Stimulus::Release { port: 'B', pin: 5 });
+    set(&mut chip, GPIOB + 0x18, 1 << 5);
+    assert_eq!(get(&mut chip, GPIOB + 0x10) >> 5 & 1, 1);
+}
+
+#[test]
 fn the_chosen_edge_of_the_chosen_port_interrupts() {
     // PB5 rising, PA8 falling, PC13 both.
     let mut chip = chip();

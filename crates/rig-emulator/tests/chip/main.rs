@@ -2,6 +2,7 @@
 //! programs assembled by hand.
 
 mod adc_dma;
+mod bare;
 mod can;
 mod can_line;
 mod clocks;

@@ -1,6 +1,7 @@
 //! Timers (RM0390 chapters 17 and 18).
 
 use crate::fixture::*;
+use rig_emulator::soc::fault::{Fault, Lint};
 
 const TIM3: u32 = 0x4000_0400;
 const TIM5: u32 = 0x4000_0C00;
@@ -73,7 +74,7 @@ fn half_and_full_overflow_interrupt_at_the_right_time() {
         assert_eq!(get(&mut chip, timer + SR), 2);
         set(&mut chip, timer + SR, !2);
         pass(&mut chip, 0.0328);
-        // CC2 matches at 0 with every overflow, interrupt or not; so do channels 3 and 4.
+        // CC2 matches at 0 with every overflow, interrupt or not.
         assert_eq!(get(&mut chip, timer + SR) & 0b101, 0b101);
     }
 }
@@ -161,4 +162,42 @@ fn a_stopped_encoder_misses_what_passes() {
     set(&mut chip, TIM3 + CR1, 1);
     chip.board.wheel = 11;
     assert_eq!(get(&mut chip, TIM3 + CNT), 1);
+}
+
+#[test]
+fn an_input_channel_has_no_compare_flag_and_neither_has_one_that_does_not_exist() {
+    let mut chip = time_driver(TIM5);
+    // CC1 is an input on TI1, not captured.
+    set(&mut chip, TIM5 + 0x18, 1);
+    set(&mut chip, TIM5 + CCR1, 100);
+    set(&mut chip, TIM5 + CCR2, 200);
+    pass(&mut chip, 0.001);
+    assert_eq!(get(&mut chip, TIM5 + SR), 4);
+    // TIM12 has two channels, so an overflow at 0 sets only theirs.
+    let mut chip = time_driver(TIM12);
+    pass(&mut chip, 0.07);
+    assert_eq!(get(&mut chip, TIM12 + SR), 0b111);
+    chip.write(TIM12 + 0x3C, 4, 1);
+    assert!(matches!(chip.faults.take(), Some(Fault::Unmodelled { write: true, .. })));
+}
+
+#[test]
+fn what_a_channel_would_do_at_its_pin_is_named() {
+    // CCMR1 and CCER: PWM mode 1, toggle, forced high, capture.
+    for (ccmr, lint) in
+        [(0x60, Lint::TimOutput), (0x30, Lint::TimOutput), (0x50, Lint::TimOutput), (0x01, Lint::TimCapture)]
+    {
+        let mut chip = chip();
+        set(&mut chip, TIM3 + 0x18, ccmr);
+        set(&mut chip, TIM3 + CCER, 1);
+        chip.write(TIM3 + CR1, 4, 1);
+        assert_eq!(chip.faults.take(), Some(Fault::Lint(lint)));
+        // In the other order.
+        set(&mut chip, TIM3 + CCER, 0);
+        chip.write(TIM3 + CCER, 4, 1);
+        assert_eq!(chip.faults.take(), Some(Fault::Lint(lint)));
+    }
+    let mut chip = encoder();
+    chip.write(TIM3 + 4, 4, 0x20);
+    assert_eq!(chip.faults.take(), Some(Fault::Lint(Lint::TimTrigger)));
 }

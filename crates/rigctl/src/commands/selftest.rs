@@ -12,6 +12,8 @@ use std::process::{Command, Stdio};
 /// Begin of the last line of the log, and of its rest if all checks are ok (src/bin/selftest/table.rs).
 const END: &str = "selftest ended: ";
 const WELL: &str = "all ";
+/// The jumper wires of docs/selftest.md.
+const WIRES: [&str; 7] = ["PA1-PA0", "PA5-PA6", "PB6-PA7", "PA9-PA10", "PB10-PB5", "PC7-PA8", "PB9-PB8"];
 
 /// Runs the self-test's image on an emulated board with jumper wires, and prints its table.
 ///
@@ -31,7 +33,8 @@ pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
     };
     sim::there(&image, "cargo xtask selftest --emulated")?;
     let mut command = Command::new(&emulator);
-    command.arg("--bare").arg("--elf").arg(&image).stdin(Stdio::null()).stdout(Stdio::piped());
+    command.arg("--bare").arg("--elf").arg(&image).args(["--ok", &format!("{END}{WELL}"), "--fail", END]);
+    command.args(WIRES.iter().flat_map(|wire| ["--jumper", wire])).stdin(Stdio::null()).stdout(Stdio::piped());
     let mut child = command.spawn().with_context(|| format!("starting {}", emulator.display()))?;
     let log = child.stdout.take().context("the emulator has no standard output")?;
     let mut end = None;

@@ -20,7 +20,7 @@ use self::transmit::{End, Mailboxes};
 use self::wire::{PAUSE, arbitration, frame_bits};
 use super::Wires;
 use super::clock::{Clock, NEVER};
-use super::fault::Faults;
+use super::fault::{Faults, Lint};
 use super::gpio::{Function, Pin};
 use super::rcc::{Gate, apb1};
 use crate::board::{CanFrame, CanOutcome};
@@ -41,6 +41,9 @@ const TXFP: u32 = 1 << 2;
 const TTCM: u32 = 1 << 7;
 const RFLM: u32 = 1 << 3;
 const NART: u32 = 1 << 4;
+const AWUM: u32 = 1 << 5;
+/// MSR: a start of frame came while the controller was asleep.
+const WKUI: u32 = 1 << 3;
 const ABOM: u32 = 1 << 6;
 const LBKM: u32 = 1 << 30;
 const SILM: u32 = 1 << 31;
@@ -242,6 +245,7 @@ impl Can {
             (own, Some(frame)) => {
                 self.incoming.pop_front();
                 self.bus = Bus::Other(at + frame_bits(&frame) * bit, frame);
+                self.wake(wires);
                 if self.recovered_at != NEVER {
                     // Of its bits only those from the ACK delimiter to the end of the pause count, once.
                     self.recovered_at += (frame_bits(&frame) + PAUSE - JOIN_BITS) * bit;
@@ -254,6 +258,18 @@ impl Can {
         }
     }
 
+    /// A frame of another node begins: it wakes a controller that is asleep and sees it, and is itself not received
+    /// (RM0390 section 30.4.3).
+    fn wake(&mut self, wires: &mut Wires<'_>) {
+        let asleep = self.mcr & (INRQ | SLEEP) == SLEEP && !self.line.open && !self.line.dominant;
+        if asleep && RX_PINS.iter().any(|&pin| wires.gpio.function(pin) == AF) {
+            self.msr_flags |= WKUI;
+            if self.mcr & AWUM != 0 {
+                self.control(self.mcr & !SLEEP, wires);
+            }
+        }
+    }
+
     /// Silent mode without loop-back: the controller receives, but cannot start a transmission (RM0390 section 30.5).
     fn only_listens(&self) -> bool {
         self.btr & (SILM | LBKM) == SILM
@@ -262,7 +278,7 @@ impl Can {
     /// Reports what would go wrong on the chip with a frame that is received or sent.
     fn check_set_up(&self, wires: &mut Wires<'_>) {
         if self.mcr & TTCM != 0 {
-            wires.faults.feature("CAN1", "time-triggered communication (TTCM), which the errata advise against");
+            wires.faults.lint(Lint::CanTtcm);
         }
         if self.btr & LBKM == 0 {
             wires.gpio.require("CAN1_TX", AF, &TX_PINS, wires.faults);
@@ -430,12 +446,12 @@ impl Can {
             0x01C => self.set_timing(value, wires.faults),
             0x180..=0x1AC => {
                 if !self.mailboxes.write((offset as usize - 0x180) / 16, (offset as usize % 16) / 4, value) {
-                    wires.faults.feature("CAN1", "a mailbox is write-protected while its frame is pending");
+                    wires.faults.lint(Lint::CanMailbox);
                 }
             }
             _ => {
                 if !self.filters.write(offset, value)? {
-                    wires.faults.feature("CAN1", "filters can only be changed in filter initialisation (FINIT)");
+                    wires.faults.lint(Lint::CanFilter);
                 }
             }
         }
@@ -446,7 +462,7 @@ impl Can {
 
     fn set_timing(&mut self, value: u32, faults: &mut Faults) {
         if self.mcr & INRQ == 0 {
-            faults.feature("CAN1", "BTR can only be written in initialisation mode");
+            faults.lint(Lint::CanTiming);
             return;
         }
         self.btr = value;

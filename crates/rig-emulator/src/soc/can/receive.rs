@@ -51,8 +51,10 @@ impl Fifo {
 
     /// A write to RFxR.
     pub fn write_status(&mut self, value: u32) {
-        if value & 0x20 != 0 {
-            self.frames.pop_front();
+        // RM0390 section 30.9.4 has FULL cleared by software alone. On the chip it falls with the release of the output
+        // mailbox as well: the on-device tests of the `bxcan` crate require it and pass on STM32 hardware.
+        if value & 0x20 != 0 && self.frames.pop_front().is_some() {
+            self.full = false;
         }
         self.full &= value & 8 == 0;
         self.overrun &= value & 0x10 == 0;
