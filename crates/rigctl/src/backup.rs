@@ -89,15 +89,6 @@ impl Backup {
         if !self.has_points && board.values.lvdt_curve.is_some() {
             lacks.push(lvdt_points::NAME);
         }
-        if !lacks.is_empty() && !force {
-            return Err(Failure::failed(format!(
-                "{name}: was it cut short? It lacks {}. In a backup each setting has a line, with the value \"{DEFAULT}\" where \
-                 the scene's is wanted, and `{}` has \"{NONE}\" where the LVDT has none. `config restore --force` takes what is \
-                 there, and leaves the rest as it is on the board",
-                lacks.join(", "),
-                lvdt_points::NAME
-            )));
-        }
         let mut values = self.missing.iter().fold(self.values, |v, s| v.with(*s, board.values.get(*s)));
         if !self.has_points {
             values.lvdt_curve = board.values.lvdt_curve;
@@ -113,6 +104,15 @@ impl Backup {
             }
             (None, _) => (values, Dropped::NONE),
         };
+        if !lacks.is_empty() && !force {
+            return Err(Failure::failed(format!(
+                "{name}: was it cut short? It lacks {}. In a backup each setting has a line, with the value \"{DEFAULT}\" where \
+                 the scene's is wanted, and `{}` has \"{NONE}\" where the LVDT has none. `config restore --force` takes what is \
+                 there, and leaves the rest as it is on the board",
+                lacks.join(", "),
+                lvdt_points::NAME
+            )));
+        }
         if self.protocol_hash.is_some_and(|theirs| theirs != PROTOCOL_HASH) {
             eprintln!("{name} is of another firmware; settings keep their names, so this is no harm");
         }
