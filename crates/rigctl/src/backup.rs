@@ -9,8 +9,13 @@ use std::fmt::Write;
 use std::path::Path;
 use toml::{Table, Value};
 
-/// The text of a backup: the board's identity and the constants that settings correct, then every setting in SI units. One
-/// that is at the scene's default is a comment, because another scene's default may be lower.
+/// The value of a setting that is at the scene's default, which may be another one in another scene.
+const DEFAULT: &str = "default";
+/// The value of points that there are none of.
+const NONE: &str = "none";
+
+/// The text of a backup: the board's identity and the constants that settings correct, then every setting in SI units, and
+/// the LVDT's points. It has a line for each, so that one that was cut short is known.
 pub fn to_toml(report: &SettingsReport, identity: &Identity) -> String {
     let mut text = format!(
         "# Settings of a board, written by `rigctl config backup`. SI units; text with a unit, as \"1.2mm\", is read too.\n\
@@ -26,12 +31,13 @@ pub fn to_toml(report: &SettingsReport, identity: &Identity) -> String {
         let unit = setting.spec().unit;
         let unit = if unit.is_empty() { String::new() } else { format!("  # {unit}") };
         let scenes = setting.spec().default.is_none() && value == report.defaults.get(setting);
-        let mark = if scenes { "# the scene's default: " } else { "" };
-        let _ = writeln!(text, "{mark}{} = {value:?}{unit}", setting.name());
+        let _ = match scenes {
+            true => writeln!(text, "{} = \"{DEFAULT}\"  # of the scene: {value:?}", setting.name()),
+            false => writeln!(text, "{} = {value:?}{unit}", setting.name()),
+        };
     }
-    if let Some(curve) = &report.values.lvdt_curve {
-        let _ = writeln!(text, "{} = \"{}\"  # m", lvdt_points::NAME, lvdt_points::text(curve));
-    }
+    let points = report.values.lvdt_curve.as_ref().map_or(NONE.to_owned(), lvdt_points::text);
+    let _ = writeln!(text, "{} = \"{points}\"  # m", lvdt_points::NAME);
     text
 }
 
@@ -59,15 +65,18 @@ pub struct Backup {
     pub values: SettingValues,
     /// Which those are.
     pub missing: Vec<Setting>,
+    /// Whether the file says which points the LVDT has, or that it has none.
+    pub has_points: bool,
 }
 
 impl Backup {
     /// The backup's settings for a board with this hash of its `[rig]` and this report of its settings; notes on `file` go to
     /// standard error. A setting that the backup has for other constants than the board's stays as it is on the board and is
-    /// named as dropped, unless `force` takes it all the same.
+    /// named as dropped, unless `force` takes it all the same. With `force` a backup may lack settings, which stay as they are
+    /// on the board.
     ///
     /// # Errors
-    /// Naming both hashes, if they differ and the file has no constants.
+    /// Naming both hashes, if they differ and the file has no constants; naming what the backup lacks.
     pub fn for_board(
         &self,
         rig_hash: u32,
@@ -76,25 +85,39 @@ impl Backup {
         force: bool,
     ) -> Result<(SettingValues, Dropped), Failure> {
         let name = file.display();
+        let mut lacks: Vec<&str> = self.missing.iter().map(|setting| setting.name()).collect();
+        if !self.has_points && board.values.lvdt_curve.is_some() {
+            lacks.push(lvdt_points::NAME);
+        }
+        let mut values = self.missing.iter().fold(self.values, |v, s| v.with(*s, board.values.get(*s)));
+        if !self.has_points {
+            values.lvdt_curve = board.values.lvdt_curve;
+        }
         let result = match (&self.constants, self.rig_hash) {
-            _ if force => (self.values, Dropped::NONE),
-            (Some(constants), _) => {
-                self.values.carried_over(constants, &board.constants, &board.defaults, &board.values)
-            }
+            _ if force => (values, Dropped::NONE),
+            (Some(constants), _) => values.carried_over(constants, &board.constants, &board.defaults, &board.values),
             (None, Some(theirs)) if theirs != rig_hash => {
                 return Err(Failure::failed(format!(
                     "{name}: written for a [rig] of hash {theirs:08x}, this is {rig_hash:08x}: with other LVDT or gear numbers \
                      these settings are wrong. `config restore --force` takes them all the same"
                 )));
             }
-            (None, _) => (self.values, Dropped::NONE),
+            (None, _) => (values, Dropped::NONE),
         };
+        if !lacks.is_empty() && !force {
+            return Err(Failure::failed(format!(
+                "{name}: was it cut short? It lacks {}. In a backup each setting has a line, with the value \"{DEFAULT}\" where \
+                 the scene's is wanted, and `{}` has \"{NONE}\" where the LVDT has none. `config restore --force` takes what is \
+                 there, and leaves the rest as it is on the board",
+                lacks.join(", "),
+                lvdt_points::NAME
+            )));
+        }
         if self.protocol_hash.is_some_and(|theirs| theirs != PROTOCOL_HASH) {
             eprintln!("{name} is of another firmware; settings keep their names, so this is no harm");
         }
-        if !self.missing.is_empty() {
-            let names: Vec<&str> = self.missing.iter().map(|setting| setting.name()).collect();
-            eprintln!("not in {name}, so taken as the defaults: {}", names.join(", "));
+        if !lacks.is_empty() {
+            eprintln!("not in {name}, so left as on the board: {}", lacks.join(", "));
         }
         Ok(result)
     }
@@ -127,10 +150,15 @@ pub fn load(file: &Path, defaults: &SettingValues) -> Result<Backup, Failure> {
         return from_toml(&text, defaults).map_err(in_file);
     }
     let log = Log::parse(&text).map_err(|e| in_file(e.to_string()))?;
+    if !log.has_head {
+        return Err(in_file("the log was cut short in its head, which holds the settings".into()));
+    }
     let (values, missing) = log.settings(defaults).map_err(in_file)?;
     let hash = |key: &str| log.header.get(key).and_then(|text| u32::from_str_radix(text, 16).ok());
     let (rig_hash, protocol_hash) = (hash("rig_hash"), hash("protocol_hash"));
-    Ok(Backup { rig_hash, constants: log.constants(), protocol_hash, values, missing })
+    // A log has no line for points that there are none of.
+    let has_points = values.lvdt_curve.is_some();
+    Ok(Backup { rig_hash, constants: log.constants(), protocol_hash, values, missing, has_points })
 }
 
 fn hash(board: &Table, key: &str, wrong: &mut Vec<String>) -> Option<u32> {
@@ -170,6 +198,10 @@ pub fn from_toml(text: &str, defaults: &SettingValues) -> Result<Backup, String>
     wrong.extend(file.keys().map(|key| format!("no key `{key}`; keys: board, constants, settings")));
     let mut values = *defaults;
     for (name, value) in &settings {
+        if value.as_str() == Some(NONE) && name == lvdt_points::NAME {
+            values.lvdt_curve = None;
+            continue;
+        }
         if name == lvdt_points::NAME {
             let points = value.as_str().ok_or_else(|| format!("{name} is a {}, not text", value.type_str()));
             match points.and_then(lvdt_points::from_text) {
@@ -179,6 +211,9 @@ pub fn from_toml(text: &str, defaults: &SettingValues) -> Result<Backup, String>
             continue;
         }
         let checked = board_settings::named(name).and_then(|setting| {
+            if value.as_str() == Some(DEFAULT) {
+                return Ok((setting, defaults.get(setting)));
+            }
             let given = number(setting, value)?;
             setting.check(given, defaults.get(setting)).map_err(|refusal| refusal.to_string())?;
             Ok((setting, given))
@@ -197,7 +232,8 @@ pub fn from_toml(text: &str, defaults: &SettingValues) -> Result<Backup, String>
         return Err(wrong.join("; "));
     }
     let missing = Setting::ALL.iter().copied().filter(|setting| !settings.contains_key(setting.name())).collect();
-    Ok(Backup { rig_hash, constants, protocol_hash, values, missing })
+    let has_points = settings.contains_key(lvdt_points::NAME);
+    Ok(Backup { rig_hash, constants, protocol_hash, values, missing, has_points })
 }
 
 #[cfg(test)]
@@ -261,7 +297,8 @@ mod tests {
             constants: Some(RIG),
             protocol_hash: Some(0xabcd),
             values,
-            missing: vec![Setting::CurrentLimit],
+            missing: Vec::new(),
+            has_points: true,
         };
         assert_eq!(backup, wanted, "{text}");
         let limited = to_toml(&report(values.with(Setting::CurrentLimit, 0.3)), &identity);
@@ -277,7 +314,33 @@ mod tests {
         let backup = from_toml("[settings]\nlvdt-offset = \"1.5mm\"\ntwist-sign = -1\n", &defaults());
         let backup = backup.unwrap_or_else(|e| panic!("{e}"));
         assert_eq!(backup.values, defaults().with(Setting::LvdtOffset, 1.5e-3).with(Setting::TwistSign, -1.0));
-        assert_eq!(backup.missing.len(), 6);
+        assert_eq!((backup.missing.len(), backup.has_points), (6, false));
+    }
+
+    #[test]
+    fn a_backup_that_was_cut_anywhere_takes_nothing_from_the_board() {
+        let lvdt_curve = LvdtCurve::new(&[[0.1, 1e-4], [0.12, 0.0]], 2e-5).ok();
+        let set = SettingValues { lvdt_curve, ..defaults().with(Setting::CurrentLimit, 0.3) };
+        let board = report(set.with(Setting::LvdtGain, 1.02));
+        let file = Path::new("b.toml");
+        for wanted in [set, SettingValues { lvdt_curve: None, ..set }, defaults()] {
+            let text = to_toml(&report(wanted), &identity("abcdef"));
+            for end in text.match_indices('\n').map(|(end, _)| end + 1) {
+                let cut = &text[..end];
+                let restored = from_toml(cut, &defaults()).map(|backup| backup.for_board(0, &board, file, false));
+                match restored {
+                    Ok(Ok((values, _))) => assert_eq!((values, end), (wanted, text.len()), "{cut}"),
+                    Ok(Err(refused)) => {
+                        let why = refused.message().unwrap_or_default();
+                        assert!(end < text.len() && why.contains("lvdt-points") && why.contains("--force"), "{why}");
+                    }
+                    Err(why) => assert!(why.contains("[settings]") || why.contains("[constants]"), "{why}"),
+                }
+            }
+        }
+        let empty = from_toml("[settings]\n", &defaults()).expect("a table");
+        let forced = empty.for_board(0, &board, file, true).expect("forced");
+        assert_eq!(forced, (board.values, Dropped::NONE), "what the file lacks stays as it is on the board");
     }
 
     #[test]

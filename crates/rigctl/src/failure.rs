@@ -9,6 +9,42 @@ use rig_link::HomingFailure;
 #[error("homing failed: {0} (docs/faults.md, \"Homing that fails\")")]
 pub struct HomingFailed(pub HomingFailure);
 
+/// Why a conversation with a board was broken off.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Why {
+    /// By the operator.
+    Interrupted,
+    /// No telemetry came any more, on a line that is still open.
+    Silent,
+}
+
+/// The conversation with a board was broken off, and the board was asked to stop.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BrokenOff {
+    /// Why.
+    pub why: Why,
+    /// The board has acknowledged the stop.
+    pub stopped: bool,
+}
+
+impl std::error::Error for BrokenOff {}
+
+impl std::fmt::Display for BrokenOff {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let why = match self.why {
+            Why::Interrupted => "interrupted",
+            Why::Silent => "the board went silent, no telemetry came for half a second",
+        };
+        let end = if self.stopped {
+            "the board was stopped"
+        } else {
+            "the board did NOT acknowledge the stop, and the rig may still move: press the emergency stop, then check the \
+             board's supply and cable (docs/faults.md, \"A silent board\")"
+        };
+        write!(f, "{why}: {end}")
+    }
+}
+
 /// A failed command.
 #[derive(Debug)]
 pub enum Failure {
@@ -61,6 +97,12 @@ impl Failure {
         let HomingFailed(why) = error.downcast_ref()?;
         let error = ErrorBody { kind: "homing-failed".into(), message: error.to_string() };
         Some(serde_json::json!({ "error": error, "homing_failure": why.name() }))
+    }
+
+    /// Why and how the conversation with the board was broken off, if it was.
+    pub fn broken_off(&self) -> Option<BrokenOff> {
+        let Self::Failed(error) = self else { return None };
+        error.downcast_ref().copied()
     }
 
     /// Whether the reader of our standard output has gone, as opposed to a serial line.

@@ -5,7 +5,7 @@
 //! - [`cli`]: the commands with their help; [`commands`]: what each of them does.
 //! - [`options`]: the operator's options as values.
 //! - [`play`]: a script on a board; [`diagnosis`]: the checks of `doctor`; [`recorded_move`], [`figure`]: what `demo`,
-//!   `report` and `chart` make; [`screen`], [`monitor_keys`]: the live view; [`backup`]: the file of a settings backup.
+//!   `report` and `chart` make; [`screen`], [`monitor_input`], [`monitor_keys`]: the live view; [`backup`]: the file of a settings backup.
 //! - [`log`]: a recorded conversation; [`replay`]: a log through the controller again; [`identify`]: constants from logs;
 //!   [`export`]: a log for other tools.
 //! - `serve`: a rig for several programs at once, on a Unix socket.
@@ -60,6 +60,7 @@ mod fixtures;
 pub mod identify;
 pub mod log;
 pub mod lvdt_points;
+pub mod monitor_input;
 pub mod monitor_keys;
 pub mod options;
 pub mod out_file;

@@ -37,6 +37,8 @@ pub struct Keys {
     confirmed: bool,
     /// A motion that waits for the confirmation.
     asked: Option<Request>,
+    /// The operator has seen the question: what was typed before is no answer to it.
+    shown: bool,
     /// When the key of the jog that goes on was pressed last (s).
     jogged_s: Option<f64>,
 }
@@ -44,7 +46,7 @@ pub struct Keys {
 impl Keys {
     /// For a rig on which the first motion needs a confirmation, or an emulated one.
     pub fn new(real: bool) -> Self {
-        Self { step: FIRST_STEP, typed: None, confirmed: !real, asked: None, jogged_s: None }
+        Self { step: FIRST_STEP, typed: None, confirmed: !real, asked: None, shown: false, jogged_s: None }
     }
 
     /// The lines of help, or the question that waits for an answer.
@@ -62,12 +64,24 @@ impl Keys {
         ]
     }
 
+    /// The help was shown to the operator, with the question if there is one.
+    pub fn shown(&mut self) {
+        self.shown = self.asked.is_some();
+    }
+
+    /// The space bar. Nothing comes before the stop: no question, and no text that is being typed.
+    pub fn stop(&mut self) -> Order {
+        (self.typed, self.asked, self.jogged_s) = (None, None, None);
+        Order::Send(Request::Stop)
+    }
+
     /// What a key does at a time (s); `from_m` is the target that is held or approached, or else the position.
     pub fn press(&mut self, key: KeyCode, now_s: f64, from_m: Option<f64>) -> Option<Order> {
-        // Nothing comes before the stop: no question, and no text that is being typed.
         if key == KeyCode::Char(' ') {
-            (self.typed, self.asked, self.jogged_s) = (None, None, None);
-            return Some(Order::Send(Request::Stop));
+            return Some(self.stop());
+        }
+        if self.asked.is_some() && !self.shown {
+            return None;
         }
         if let Some(request) = self.asked.take() {
             self.confirmed = key == KeyCode::Char('y');
@@ -125,7 +139,7 @@ impl Keys {
         if self.confirmed {
             return Some(self.send(request, now_s));
         }
-        self.asked = Some(request);
+        (self.asked, self.shown) = (Some(request), false);
         None
     }
 
@@ -238,6 +252,9 @@ mod tests {
         let keys = &mut Keys::new(true);
         assert_eq!(press(keys, Char('c')), Some(Order::Send(Request::Clear)), "is no motion");
         assert_eq!(press(keys, Char('h')), None);
+        // A pasted sentence, or a key that was pressed too early.
+        assert_eq!(press(keys, Char('y')), None, "the question was not shown yet");
+        keys.shown();
         assert!(keys.help()[0].contains("real rig"));
         assert!(matches!(press(keys, Char('n')), Some(Order::Say(_))));
         for code in [Char('h'), Up, Right] {
@@ -246,6 +263,7 @@ mod tests {
         }
         assert_eq!(press(keys, Char('y')), None, "there is nothing to confirm");
         press(keys, Up);
+        keys.shown();
         assert_eq!(target_mm(press(keys, Char('y'))), 5.5);
         assert_eq!(target_mm(press(keys, Down)), 4.5, "only the first one");
         press(keys, Char('m'));

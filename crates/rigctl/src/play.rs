@@ -15,10 +15,11 @@ const NOISE_BYTES: u32 = 40;
 
 /// Plays a script to its end, or until `each` breaks off, and returns how many commands were refused. `each` is called
 /// after every step with the messages for the operator: refusals, and what has to be done by hand. A command waits until
-/// the board has started, but for `stop`, which also cancels the commands that wait.
+/// the board has started, but for `stop`, which also cancels the commands that wait. A real board that falls silent ends
+/// the script; an emulated one does so for a fault of the script, and starts again.
 ///
 /// # Errors
-/// If the port fails, an event is impossible (all are checked before the first one), or `each` fails.
+/// If the port fails, the board is silent, an event is impossible (all are checked before the first one), or `each` fails.
 pub fn play(
     session: &mut Session,
     script: &Script,
@@ -26,6 +27,7 @@ pub fn play(
     mut each: impl FnMut(&mut Session, Vec<String>) -> Result<ControlFlow<()>, Failure>,
 ) -> Result<usize, Failure> {
     if session.emulated().is_some() {
+        session.bear_silence();
         for event in &script.events {
             if let Action::Plant(change) = event.action {
                 change.check_running().map_err(|error| at_line(event, error.into()))?;
@@ -53,6 +55,7 @@ pub fn play(
             session.link_mut().send_ahead(&noise_bytes(noise));
         }
         session.step()?;
+        messages.extend(player.silence(session));
         messages.extend(player.take_refusals(session));
         match each(session, messages) {
             Ok(ControlFlow::Continue(())) => {}
@@ -63,6 +66,9 @@ pub fn play(
                 return Err(failure);
             }
         }
+    }
+    if session.silent_s().is_some() {
+        return Err(Failure::failed("the board is silent: whether the rig stands still is not known"));
     }
     let never = |event: &&Event| {
         format!("script line {}: refused: the board did not start before the script's end", event.line)
@@ -98,6 +104,7 @@ struct Player<'a> {
     sent: HashMap<u16, usize>,
     /// Noise on the host link, while it is on.
     noise: Option<Pcg64Mcg>,
+    silent: bool,
     refused: usize,
 }
 
@@ -142,6 +149,19 @@ impl Player<'_> {
             }
         }
         Ok(None)
+    }
+
+    /// What to say when the board falls silent, or is heard again.
+    fn silence(&mut self, session: &Session) -> Option<String> {
+        let silent = session.silent_s().is_some();
+        if std::mem::replace(&mut self.silent, silent) == silent {
+            return None;
+        }
+        let t_s = session.now_s();
+        Some(match silent {
+            true => format!("{t_s:.2} s: the board is silent, no telemetry came for half a second"),
+            false => format!("{t_s:.2} s: the board is heard again; {} rows were lost so far", session.lost_rows()),
+        })
     }
 
     /// Refusals since the last step, with the lines of their commands.

@@ -44,6 +44,8 @@ type Series = (&'static str, Color, Vec<(f64, f64)>);
 #[derive(Default)]
 pub struct Screen {
     title: String,
+    /// How long the board has been silent (s), if it is.
+    pub silent_s: Option<f64>,
     row: Option<Row>,
     points: VecDeque<Point>,
     messages: VecDeque<String>,
@@ -158,14 +160,15 @@ impl Screen {
         let turns = row.twist_rad.map(|t| f64::from(t) / std::f64::consts::TAU - 0.5);
         let bold = Style::new().add_modifier(Modifier::BOLD);
         let alarm = bold.fg(Color::Red);
-        let stopped = row.fault.is_some() || row.state == "estop";
+        let state = self.silent_s.map_or(row.state.to_owned(), |silent_s| format!("silent {silent_s:.0} s"));
+        let stopped = row.fault.is_some() || row.state == "estop" || self.silent_s.is_some();
         let line =
             |name: &'static str, value: String, unit: &'static str| Line::from(format!("{name:<13}{value:>10} {unit}"));
         vec![
             line("time", format!("{:.2}", row.t_s), "s"),
             Line::from(vec![
                 Span::raw(format!("{:<13}", "state")),
-                Span::styled(format!("{:>10}", row.state), if stopped { alarm } else { bold }),
+                Span::styled(format!("{state:>10}"), if stopped { alarm } else { bold }),
             ]),
             Line::from(vec![
                 Span::raw(format!("{:<13}", "fault")),

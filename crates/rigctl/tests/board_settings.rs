@@ -129,8 +129,8 @@ fn a_backup_brings_a_new_board_to_the_same_settings() {
     let restored = &on(&other, &["config", "restore", path])[0];
     assert_eq!((&restored["changed"], &restored["kept"]), (&2.into(), &true.into()), "{text}");
     assert_eq!(on(&flash, &["config", "get"]), on(&other, &["config", "get"]));
-    // For another rig, by a file without its constants: only when told to. What a file does not have becomes the default, and
-    // is named.
+    // For another rig, by a file without its constants: only when told to. What a file does not have stays as it is on the
+    // board, and is named.
     let hash = text.lines().find(|line| line.starts_with("rig_hash")).expect("a hash");
     let constants = &text[text.find("[constants]").expect("constants")..text.find("[settings]").expect("settings")];
     let foreign =
@@ -142,7 +142,30 @@ fn a_backup_brings_a_new_board_to_the_same_settings() {
     let flash = other.to_str().expect("a path");
     let forced = rigctl(&["config", "restore", path, "--force", "--flash", flash]);
     assert!(forced.status.success() && error_of(&forced).contains("twist-sign"), "{}", error_of(&forced));
-    assert_eq!((setting(&other, "twist-sign"), setting(&other, "lvdt-gain")), (1.0, 1.0123456));
+    assert_eq!((setting(&other, "twist-sign"), setting(&other, "lvdt-gain")), (-1.0, 1.0123456));
+}
+
+#[test]
+fn a_file_that_was_cut_takes_no_setting_from_the_board() {
+    let folder = folder("cut");
+    let (flash, file) = (folder.join("flash.bin"), folder.join("file"));
+    let path = file.to_str().expect("a path");
+    on(&flash, &["config", "set", "current-limit", "0.3A"]);
+    on(&flash, &["config", "set", "lvdt-gain", "1.01"]);
+    let kept = on(&flash, &["config", "get"]);
+    on(&flash, &["record", "--seconds", "0.1", "--out", path]);
+    let log = std::fs::read_to_string(&file).expect("a log");
+    let head = log.find("t_s,state").expect("its columns");
+    let settings = log.find("# settings.").expect("its settings");
+    for text in [&log[..settings], &log[..head], "[settings]\n", "[settings]\nlvdt-gain = 1.02\n"] {
+        std::fs::write(&file, text).expect("a file");
+        let (code, error) = fails(&flash, &["config", "restore", path]);
+        assert!(code == Some(1) && error.contains("cut short"), "{error}");
+        assert_eq!(on(&flash, &["config", "get"]), kept);
+    }
+    // One that has its head is whole enough.
+    std::fs::write(&file, &log[..log.len() - 20]).expect("a file");
+    assert_eq!(on(&flash, &["config", "restore", path])[0]["changed"], 0);
 }
 
 /// The firmware for another LVDT and a lower current limit, on the flash of the default one.

@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-/// Longest wait for what takes a second or so on an idle machine.
-const PATIENCE: Duration = Duration::from_secs(30);
+/// Longest wait for what takes a second or so on an idle machine, so that a test that hangs ends.
+const PATIENCE: Duration = Duration::from_secs(120);
 
 /// An empty folder of its own for each test.
 fn folder(name: &str) -> PathBuf {

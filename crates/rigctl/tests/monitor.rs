@@ -5,6 +5,8 @@ mod common;
 
 use common::root;
 use nix::pty::{OpenptyResult, Winsize, openpty};
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
 use std::fs::File;
 use std::io::{Read, Write};
 use std::process::{Child, Command, Stdio};
@@ -75,6 +77,24 @@ impl Drop for Terminal {
 fn state(screen: &str) -> Option<&str> {
     let line = screen.lines().find(|line| line.contains("state "))?;
     line.split_whitespace().skip_while(|word| !word.ends_with("state")).nth(1)
+}
+
+/// More keys at once than a terminal is read at a time.
+#[test]
+fn a_stop_behind_thousands_of_keys_stops() {
+    let mut terminal = Terminal::new();
+    terminal.until("the board starts", |screen| state(screen) == Some("unhomed"));
+    terminal.press(b"h");
+    terminal.until("it homes", |screen| state(screen) == Some("homing"));
+    // All of them are there when the tool looks for the first time.
+    let tool = Pid::from_raw(i32::try_from(terminal.child.id()).expect("a process"));
+    kill(tool, Signal::SIGSTOP).expect("it runs");
+    terminal.press(&[b"+".repeat(3000), b" ".to_vec()].concat());
+    kill(tool, Signal::SIGCONT).expect("it is there");
+    terminal.until("it stops", |screen| screen.contains("you: stop") && state(screen) == Some("unhomed"));
+    terminal.press(b"\x1b[200~hymh\x1b[201~");
+    terminal.until("it takes no pasted keys", |screen| screen.contains("pasted text"));
+    assert_eq!(state(&terminal.text()), Some("unhomed"), "{}", terminal.text());
 }
 
 #[test]

@@ -91,10 +91,21 @@ fn restore(global: &Global, file: &Path, force: bool, output: &mut Output) -> Re
     let unhomed = session.set(&Request::SetSettings(values))?;
     let changed = report.values.iter().filter(|(s, value)| *value != values.get(*s)).count()
         + usize::from(report.values.lvdt_curve != values.lvdt_curve);
-    output.object(&json!({"file": file, "settings": all(&values), "changed": changed, "kept": true,
-        "unhomed": unhomed, "dropped": dropped.names().collect::<Vec<_>>()}))?;
+    output.object(
+        &json!({"file": file, "settings": all(&values), "before": all(&report.values), "changed": changed, "kept": true,
+        "unhomed": unhomed, "dropped": dropped.names().collect::<Vec<_>>()}),
+    )?;
     let count = Setting::ALL.len() - Setting::ALL.iter().filter(|setting| dropped.contains(**setting)).count();
     output.line(format!("{count} settings restored, {changed} of them changed; kept in flash"))?;
+    for (setting, before) in report.values.iter().filter(|(setting, before)| *before != values.get(*setting)) {
+        let after = setting.show(values.get(setting));
+        output.line(format!("{setting}: {} -> {after}", setting.show(before)))?;
+    }
+    if report.values.lvdt_curve != values.lvdt_curve {
+        let words = |curve: &Option<_>| curve.as_ref().map_or("none".to_owned(), lvdt_points::words);
+        let (before, after) = (words(&report.values.lvdt_curve), words(&values.lvdt_curve));
+        output.line(format!("{}: {before} -> {after}", lvdt_points::NAME))?;
+    }
     let next = board_settings::next_steps(&session, global.flash_lasts(), unhomed);
     next.iter().try_for_each(|line| output.line(line))?;
     // After the rest has been restored: a script must not go on with a calibration that is missing.

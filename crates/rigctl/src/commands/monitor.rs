@@ -2,6 +2,7 @@
 
 use crate::failure::Failure;
 use crate::log::write::event;
+use crate::monitor_input::{self, Typed};
 use crate::monitor_keys::{Keys, Order, name};
 use crate::options::Global;
 use crate::output::Output;
@@ -10,7 +11,8 @@ use crate::screen::Screen;
 use crate::script::Script;
 use crate::session::{Place, Session};
 use ratatui::DefaultTerminal;
-use ratatui::crossterm::event::{self as terminal_event, Event, KeyCode, KeyEventKind, KeyModifiers};
+use ratatui::crossterm::event::{DisableBracketedPaste, EnableBracketedPaste};
+use ratatui::crossterm::execute;
 use rig_link::{Request, State};
 use std::io::IsTerminal;
 use std::ops::ControlFlow;
@@ -31,6 +33,7 @@ struct Restored(DefaultTerminal);
 
 impl Drop for Restored {
     fn drop(&mut self) {
+        let _ = execute!(std::io::stdout(), DisableBracketedPaste);
         ratatui::restore();
     }
 }
@@ -60,12 +63,23 @@ pub fn run(global: &Global, script: Option<&Path>, output: &Output) -> Result<()
     // A scene without a mechanism is not drawn; the check below tells if it is another than the board's.
     let scene = global.scene().ok();
     let keys = Keys::new(!target.is_emulated());
-    let mut view = View { screen: Screen::new(title, scene), keys, leaving: None, ordered: false, drawn_s: f64::MIN };
+    // A board that is heard again is shown again.
+    session.bear_silence();
+    let mut view = View {
+        screen: Screen::new(title, scene),
+        input: monitor_input::Terminal::new(),
+        keys,
+        leaving: None,
+        ordered: false,
+        drawn_s: f64::MIN,
+    };
     if let Some(warning) = target.check_scene(&session).err().and_then(|failure| failure.message()) {
         view.screen.say(warning);
     }
     // It also gives the terminal back if the tool panics.
     let mut terminal = Restored(ratatui::try_init()?);
+    // What is pasted arrives marked, where the terminal knows how.
+    execute!(std::io::stdout(), EnableBracketedPaste)?;
     let (started, start_s, paced) = (Instant::now(), session.now_s(), target.is_emulated());
     let result = play(&mut session, &script, global.seed, |session, messages| {
         messages.into_iter().for_each(|line| view.screen.say(line));
@@ -80,15 +94,21 @@ pub fn run(global: &Global, script: Option<&Path>, output: &Output) -> Result<()
     if let Some(false) = view.leaving.map(|_| still(&session)) {
         eprintln!("left while the rig still moved: without this tool's heartbeat the board holds within 0.5 s");
     }
-    result.map(drop)
+    result?;
+    if session.silent_s().is_some() {
+        return Err(Failure::failed("left while the board was silent: whether the rig stands still is not known"));
+    }
+    Ok(())
 }
 
 fn still(session: &Session) -> bool {
-    !session.telemetry().is_some_and(|t| matches!(t.state, State::Moving | State::Homing))
+    session.silent_s().is_none()
+        && !session.telemetry().is_some_and(|t| matches!(t.state, State::Moving | State::Homing))
 }
 
 struct View {
     screen: Screen,
+    input: monitor_input::Terminal,
     keys: Keys,
     /// Whether the operator has moved the rig from here.
     ordered: bool,
@@ -106,9 +126,8 @@ impl View {
             self.screen.say(format!("{t_s:8.2} s  {}", event(&kind)));
         }
         session.take_log();
-        while terminal_event::poll(Duration::ZERO)? {
-            self.key(&terminal_event::read()?, session)?;
-        }
+        self.screen.silent_s = session.silent_s();
+        self.typed(session)?;
         if let Some(order) = self.keys.released(session.now_s()) {
             self.obey(order, session)?;
         }
@@ -116,6 +135,7 @@ impl View {
             self.drawn_s = session.now_s();
             let help = self.keys.help();
             terminal.draw(|frame| self.screen.draw(frame, &help))?;
+            self.keys.shown();
         }
         let leave = self.leaving.is_some_and(|since_s| {
             let waited_s = session.now_s() - since_s;
@@ -124,18 +144,23 @@ impl View {
         Ok(if leave { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
     }
 
-    fn key(&mut self, event: &Event, session: &mut Session) -> Result<(), Failure> {
-        let Event::Key(key) = event else { return Ok(()) };
-        if key.kind != KeyEventKind::Press {
-            return Ok(());
-        }
-        let interrupt = key.code == KeyCode::Char('c') && key.modifiers.contains(KeyModifiers::CONTROL);
-        if interrupt {
-            return self.leave(session);
-        }
-        match self.keys.press(key.code, session.now_s(), self.screen.from_m()) {
-            Some(order) => self.obey(order, session),
-            None => Ok(()),
+    /// Does what was typed. A stop is done before everything else.
+    fn typed(&mut self, session: &mut Session) -> Result<(), Failure> {
+        match self.input.typed()? {
+            Typed::Leave => self.leave(session),
+            Typed::Stop => {
+                let order = self.keys.stop();
+                self.obey(order, session)
+            }
+            Typed::Keys(keys, pasted) => {
+                if pasted {
+                    self.screen.say(format!("{:8.2} s  pasted text is no keys", session.now_s()));
+                }
+                keys.into_iter().try_for_each(|key| {
+                    let order = self.keys.press(key, session.now_s(), self.screen.from_m());
+                    order.map_or(Ok(()), |order| self.obey(order, session))
+                })
+            }
         }
     }
 

@@ -59,12 +59,13 @@ pub fn run(global: &Global, options: &Record, output: &mut Output) -> Result<(),
         Ok(ControlFlow::Continue(()))
     });
     let (rows, refused) = recorder.end(&session, result)?;
-    let lost = session.link().lost_frames();
-    let summary = json!({"rows": rows, "lost_frames": lost, "seconds": session.now_s(),
+    let lost = session.lost_rows();
+    let frames = session.link().lost_frames();
+    let summary = json!({"rows": rows, "lost_rows": lost, "lost_frames": frames, "seconds": session.now_s(),
         "file": options.out.as_ref().map(|p| p.display().to_string())});
     output.object(&json!({"summary": summary}))?;
     if let Some(path) = &options.out {
-        output.line(format!("{rows} rows, {lost} frames lost on the way; written: {}", path.display()))?;
+        output.line(format!("{rows} rows, {lost} rows lost on the way; written: {}", path.display()))?;
     }
     check_refused(refused)
 }

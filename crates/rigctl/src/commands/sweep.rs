@@ -89,6 +89,7 @@ pub fn run(global: &Global, options: &Sweep, output: &mut Output) -> Result<(), 
     output.object(&json!({
         "file": options.out.display().to_string(),
         "rows": rows,
+        "lost_rows": session.lost_rows(),
         "lost_frames": session.link().lost_frames(),
         "equilibria": stops.len(),
         "load_n": load_n,

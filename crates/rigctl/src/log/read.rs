@@ -70,6 +70,8 @@ pub struct Log {
     pub rows: Vec<LogRow>,
     /// Requests and events between the rows.
     pub marks: Vec<Marked>,
+    /// Whether the head is whole: the names of the columns are there, which follow it.
+    pub has_head: bool,
     /// Whether the line that ends a log is there.
     pub complete: bool,
 }
@@ -154,6 +156,7 @@ impl Log {
                         return Err(fail(format!("there is no column `{missing}`")));
                     }
                     columns = Some(names);
+                    log.has_head = true;
                 }
                 Some(names) => {
                     let row = row(names, content).map_err(fail)?;

@@ -76,6 +76,7 @@ impl<W: Write> Recorder<W> {
             self.comment(format_args!("broken_off = {}", message.replace(['\r', '\n'], " ")))?;
         }
         self.comment(format_args!("lost_frames = {}", session.link().lost_frames()))?;
+        self.comment(format_args!("lost_rows = {}", session.lost_rows()))?;
         let rows = self.rows;
         self.comment(format_args!("end rows = {rows}"))?;
         self.sink.flush()?;

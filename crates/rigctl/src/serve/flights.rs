@@ -125,9 +125,9 @@ impl Flights {
         self.end(ended, || Err(Refused::new("stopped", format!("the board has ended it: it is {state}"))));
     }
 
-    /// The conversation with the board has ended.
-    pub fn end_all(&mut self, why: &str) {
-        self.end(|_| true, || Err(Refused::new("ended", why)));
+    /// Nobody hears of their ends any more: the conversation with the board has ended, or the board is silent.
+    pub fn end_all(&mut self, kind: &'static str, why: &str) {
+        self.end(|_| true, || Err(Refused::new(kind, why)));
     }
 
     fn end(&mut self, which: impl Fn(&Flight) -> bool, result: impl Fn() -> Result<Value, Refused>) {

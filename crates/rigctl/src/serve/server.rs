@@ -7,7 +7,7 @@ use super::lines::Line;
 use super::order::{self, Command};
 use super::socket::{self, Socket};
 use super::{Refused, answer, event};
-use crate::failure::Failure;
+use crate::failure::{BrokenOff, Failure, Why};
 use crate::log::write;
 use crate::session::{Session, interrupt};
 use rig_link::{EventKind, Request, State};
@@ -22,14 +22,19 @@ use std::time::{Duration, Instant};
 const CLIENTS: usize = 32;
 /// Longest wait for the last lines to go out.
 const LAST_LINES: Duration = Duration::from_millis(300);
+/// What clients are told while the board is silent.
+const SILENT: &str = "no telemetry came for half a second: what the rig does is not known. The board is asked to stop; press \
+                      the emergency stop if the rig may move";
 /// Pause after a connection that could not be accepted.
 const PAUSE: Duration = Duration::from_millis(50);
 
 /// Serves until the operator interrupts. Every client is greeted with `hello`; `paced` lets emulated time pass as real time.
 ///
 /// # Errors
-/// If the port fails, or the emulated board stopped.
+/// If the port fails, the emulated board stopped, or the board did not acknowledge the last stop.
 pub fn serve(session: &mut Session, socket: &Socket, hello: &Value, paced: bool) -> Result<(), Failure> {
+    // A board that is heard again is served again.
+    session.bear_silence();
     let (arrived, arrivals) = mpsc::sync_channel(CLIENTS);
     let listener = socket.listener()?;
     std::thread::Builder::new().spawn(move || accept(&listener, &arrived))?;
@@ -42,6 +47,7 @@ pub fn serve(session: &mut Session, socket: &Socket, hello: &Value, paced: bool)
         next_number: 1,
         writer: None,
         flights: Flights::default(),
+        silent: false,
     };
     let (started, start_s) = (Instant::now(), server.session.now_s());
     let result = loop {
@@ -56,7 +62,8 @@ pub fn serve(session: &mut Session, socket: &Socket, hello: &Value, paced: bool)
     };
     server.end(result.as_ref().err().and_then(Failure::message).unwrap_or_default());
     // The interrupt is how a server ends.
-    if interrupt::wanted() { Ok(()) } else { result }
+    let stopped = BrokenOff { why: Why::Interrupted, stopped: true };
+    result.or_else(|failure| if failure.broken_off() == Some(stopped) { Ok(()) } else { Err(failure) })
 }
 
 /// Hands on the connections of those who may connect.
@@ -91,6 +98,8 @@ struct Server<'a> {
     /// Number of the client that commands the rig.
     writer: Option<u64>,
     flights: Flights,
+    /// The clients were told that the board is silent.
+    silent: bool,
 }
 
 impl Server<'_> {
@@ -114,6 +123,7 @@ impl Server<'_> {
             let line: Arc<str> = serde_json::to_string(&row)?.into();
             self.clients.iter().for_each(|client| client.outbox.offer(&line));
         }
+        self.silence();
         let now_s = self.session.now_s();
         for (number, result) in self.session.take_replies() {
             self.flights.reply(number, result, now_s);
@@ -130,6 +140,21 @@ impl Server<'_> {
         self.session.take_log();
         self.answer_landed();
         Ok(())
+    }
+
+    /// Tells the clients that the board has fallen silent, or is heard again.
+    fn silence(&mut self) {
+        let silent = self.session.silent_s().is_some();
+        if std::mem::replace(&mut self.silent, silent) == silent {
+            return;
+        }
+        if silent {
+            self.flights.end_all("board-silent", SILENT);
+            self.tell_all(&event(self.session.board_s(), "board-silent", SILENT));
+        } else {
+            let message = format!("{} rows of telemetry were lost so far", self.session.lost_rows());
+            self.tell_all(&event(self.session.board_s(), "board-heard", &message));
+        }
     }
 
     /// Greets those who have connected.
@@ -158,6 +183,9 @@ impl Server<'_> {
             Err(refused) => Err(refused),
             Ok(Command::Status) => Ok(self.status(client)),
             Ok(Command::Release) => self.release(client)?,
+            Ok(Command::Order(request)) if self.silent && *request != Request::Stop => {
+                Err(Refused::new("board-silent", SILENT))
+            }
             // Whoever sees the rig go wrong may stop it.
             Ok(Command::Order(request)) if *request == Request::Stop || self.may_write(client) => {
                 let number = self.session.post(&request)?;
@@ -182,10 +210,10 @@ impl Server<'_> {
     fn status(&self, client: u64) -> Value {
         let writer = self.writer.map(|writer| if writer == client { "you" } else { "another" });
         json!({
-            "state": self.session.state().name(),
+            "state": if self.silent { "silent" } else { self.session.state().name() },
             "writer": writer,
             "clients": self.clients.len(),
-            "lost_frames": self.session.link().lost_frames(),
+            "lost_rows": self.session.lost_rows(),
         })
     }
 
@@ -211,7 +239,8 @@ impl Server<'_> {
     /// The writer commands the rig no longer. A motion that nobody answers for is stopped.
     fn lose_writer(&mut self, client: u64, how: &str) -> Result<(), Failure> {
         self.writer = None;
-        let moves = matches!(self.session.state(), State::Moving | State::Homing) || self.flights.any_of(client);
+        let moves =
+            self.silent || matches!(self.session.state(), State::Moving | State::Homing) || self.flights.any_of(client);
         let message = if !moves {
             format!("the writer {how}; the rig was at rest")
         } else {
@@ -254,7 +283,7 @@ impl Server<'_> {
 
     /// Says why the server ends, and gives the clients a moment to read it.
     fn end(&mut self, why: String) {
-        self.flights.end_all(&why);
+        self.flights.end_all("ended", &why);
         self.answer_landed();
         self.tell_all(&event(self.session.board_s(), "server-ended", &why));
         self.clients.iter().for_each(|client| client.outbox.close());

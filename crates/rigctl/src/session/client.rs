@@ -5,8 +5,10 @@ use super::interrupt;
 use super::link::{Heard, Link, STEP_S};
 use super::port::{Emulated, Port};
 use super::row::Row;
+use super::silence::Hearing;
+use super::table::WAIT_S;
 use super::truth::TruthRecords;
-use crate::failure::Failure;
+use crate::failure::{BrokenOff, Failure, Why};
 use rig_link::{
     Accepted, EventKind, HomingFailure, Identity, Kept, Message, Refusal, Request, Sensors, Setting, SettingsReport,
     State, Telemetry, Versions,
@@ -26,8 +28,10 @@ const HELLO_S: f64 = 5.0;
 const FLASH_S: f64 = 10.0;
 /// Readings of the gap that are averaged, half a second of them: noise and the resolution of the LVDT fall to a few µm.
 const GAP_READINGS: u32 = 25;
-/// Exchanges in which a stop reaches the board and its answer comes back.
-const LAST_EXCHANGES: u32 = 5;
+/// How often a stop is sent before the conversation ends, and exchanges in which it reaches the board and its answer comes
+/// back: half a second in all.
+const STOPS: u32 = 5;
+const STOP_EXCHANGES: u32 = 10;
 
 /// A conversation with one board.
 pub struct Session {
@@ -41,8 +45,11 @@ pub struct Session {
     truth: TruthRecords,
     /// Emulated time of the board's last start (s).
     boot_s: f64,
-    /// The board has lost its power, and no telemetry has come since.
+    /// The board loses its power, and has not started again since.
     lost_power: bool,
+    hearing: Hearing,
+    /// The conversation goes on while the board is silent.
+    bears_silence: bool,
     last: Option<Telemetry>,
     /// Versions of the board that has answered a greeting.
     board: Option<Versions>,
@@ -69,6 +76,8 @@ impl Session {
             truth: TruthRecords::default(),
             boot_s: 0.0,
             lost_power: false,
+            hearing: Hearing::default(),
+            bears_silence: false,
             last: None,
             board: None,
             next_greeting_s: GREETING_S,
@@ -170,11 +179,32 @@ impl Session {
         self.greets = true;
     }
 
+    /// Goes on while the board is silent, for who says so to the operator: [`Session::silent_s`]. Meanwhile the board is asked
+    /// to stop, in case that it still hears.
+    pub fn bear_silence(&mut self) {
+        self.bears_silence = true;
+    }
+
+    /// How long the board has sent no telemetry (s), from half a second on. A board without power is not silent, but off.
+    pub fn silent_s(&self) -> Option<f64> {
+        self.hearing.silent_s().filter(|_| !self.lost_power)
+    }
+
+    /// Rows that the board has made and that never came, by their times.
+    pub fn lost_rows(&self) -> u64 {
+        self.hearing.lost()
+    }
+
     /// Queues a request for the next step and returns its number.
     ///
     /// # Errors
     /// Never for the messages that exist: each fits a frame.
     pub fn post(&mut self, request: &Request) -> Result<u16, Failure> {
+        match request {
+            Request::SetSetting { .. } | Request::SetSettings(_) => self.hearing.may_store(FLASH_S),
+            Request::Rebuild(_) => self.hearing.may_store(WAIT_S),
+            _ => {}
+        }
         let number = self.link.post(request)?;
         let t_s = self.board_s();
         self.note(|| Entry::Request(t_s, *request));
@@ -184,22 +214,37 @@ impl Session {
     /// One step: everything queued goes out, everything that came is sorted.
     ///
     /// # Errors
-    /// If the port fails, the emulated board stopped, or the operator interrupts: then the board has been stopped.
+    /// If the port fails, or the emulated board stopped; [`BrokenOff`] if the operator interrupts or the board falls silent.
     pub fn step(&mut self) -> Result<(), Failure> {
-        if !interrupt::wanted() {
-            return self.exchange();
-        }
-        self.stop()?;
-        Err(Failure::failed("interrupted: the board was stopped"))
+        let why = if interrupt::wanted() {
+            Why::Interrupted
+        } else {
+            self.exchange()?;
+            if self.silent_s().is_none() || self.bears_silence {
+                return Ok(());
+            }
+            Why::Silent
+        };
+        Err(BrokenOff { why, stopped: self.stop()? }.into())
     }
 
-    /// Stops the board, before the conversation ends.
+    /// Stops the board, before the conversation ends, and returns whether it has acknowledged that.
     ///
     /// # Errors
     /// If the port fails, or the emulated board stopped.
-    pub fn stop(&mut self) -> Result<(), Failure> {
-        self.post(&Request::Stop)?;
-        (0..LAST_EXCHANGES).try_for_each(|_| self.exchange())
+    pub fn stop(&mut self) -> Result<bool, Failure> {
+        for _ in 0..STOPS {
+            let number = self.post(&Request::Stop)?;
+            // Numbers wrap around: an old reply with the same number must not answer this stop.
+            self.replies.retain(|(to, _)| *to != number);
+            for _ in 0..STOP_EXCHANGES {
+                self.exchange()?;
+                if let Some((_, result)) = self.replies.iter().find(|(to, _)| *to == number) {
+                    return Ok(result.is_ok());
+                }
+            }
+        }
+        Ok(false)
     }
 
     fn exchange(&mut self) -> Result<(), Failure> {
@@ -209,7 +254,9 @@ impl Session {
             self.next_greeting_s = self.now_s() + GREETING_S;
             self.post(&Request::Hello(TOOL))?;
         }
+        self.link.beat_with_stops(self.silent_s().is_some());
         let Heard { messages, truth, log } = self.link.exchange()?;
+        self.hearing.listened(self.link.now_s());
         self.truth.extend(truth);
         self.log.extend(log);
         messages.into_iter().for_each(|message| self.take(message));
@@ -221,7 +268,12 @@ impl Session {
             Message::Hello(board) => self.board = Some(board),
             Message::Reply { to, result } => self.replies.push_back((to, result)),
             Message::Identity(identity) => self.identity = Some(identity),
-            Message::Settings(report) => self.settings = Some(report),
+            Message::Settings(report) => {
+                if report.kept != Kept::Others {
+                    self.hearing.may_store(0.0);
+                }
+                self.settings = Some(report);
+            }
             Message::Sensors(sensors) => self.sensors = Some(sensors),
             Message::Event { t_us, kind } => self.take_event(self.boot_s + t_us as f64 * 1e-6, kind),
             Message::Telemetry(telemetry) => self.take_telemetry(telemetry),
@@ -232,6 +284,7 @@ impl Session {
         match kind {
             EventKind::Homed { .. } => self.truth.homed(t_s),
             EventKind::HomingRefused(failure) => self.homing_failure = Some(failure),
+            EventKind::TableRebuilt { .. } | EventKind::TableRefused { .. } => self.hearing.may_store(0.0),
             _ => {}
         }
         self.note(|| Entry::Event(t_s, kind));
@@ -246,7 +299,9 @@ impl Session {
             self.settings = None;
             self.homing_failure = None;
             self.lost_power = false;
+            self.hearing.restarted();
         }
+        self.hearing.row(telemetry.t_us);
         if telemetry.state == State::Homing {
             self.homing_failure = None;
         }
@@ -393,14 +448,15 @@ impl Session {
         self.lost_power || self.state() == State::Boot
     }
 
-    /// Takes the emulated board's power away for a moment, and returns whether there is an emulated board.
+    /// Takes the emulated board's power away for a moment, or expects that of a real one, and returns whether there is an
+    /// emulated board.
     ///
     /// # Errors
     /// If the emulator is gone.
     pub fn power_cycle(&mut self) -> Result<bool, Failure> {
+        self.lost_power = true;
         let Some(emulated) = self.link.emulated() else { return Ok(false) };
         emulated.power_cycle()?;
-        self.lost_power = true;
         Ok(true)
     }
 

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::time::Duration;
 
 /// Longest time that the tool goes on after the first interrupt, whatever it waits for.
-const GRACE: Duration = Duration::from_millis(1500);
+const GRACE: Duration = Duration::from_secs(5);
 /// Exit code of an interrupted program, as in shells.
 const INTERRUPTED: i32 = 130;
 
@@ -16,7 +16,7 @@ static WANTED: AtomicBool = AtomicBool::new(false);
 static CHILDREN: Mutex<Vec<Weak<Mutex<Child>>>> = Mutex::new(Vec::new());
 
 /// From now on the first interrupt is left to the session, which stops the board. The second one ends the process, and so
-/// does the end of a grace of 1.5 s: the session may be waiting for an emulated board that does not answer.
+/// does the end of a grace of 5 s: the session may be waiting for an emulated board that does not answer.
 pub fn watch() {
     // A second call finds the handler of the first one installed, which does the same.
     let _ = ctrlc::set_handler(|| {
@@ -25,7 +25,7 @@ pub fn watch() {
         }
         std::thread::spawn(|| {
             std::thread::sleep(GRACE);
-            eprintln!("error: interrupted while it waited");
+            eprintln!("error: interrupted while it waited: whether the board was stopped is not known");
             end();
         });
     });

@@ -28,7 +28,8 @@ pub struct Link {
     sequence: u16,
     outgoing: Vec<u8>,
     exchanges: u64,
-    heartbeat: bool,
+    /// What is sent every 0.1 s, so that the board hears from this tool.
+    beat: Option<Request>,
 }
 
 impl Link {
@@ -41,7 +42,7 @@ impl Link {
             sequence: 0,
             outgoing: Vec::new(),
             exchanges: 0,
-            heartbeat: true,
+            beat: Some(Request::Heartbeat),
         }
     }
 
@@ -67,7 +68,14 @@ impl Link {
 
     /// Switches the heartbeats on or off.
     pub fn set_heartbeat(&mut self, on: bool) {
-        self.heartbeat = on;
+        self.beat = on.then_some(Request::Heartbeat);
+    }
+
+    /// Heartbeats are stops from now on, or are none any more: a rig that nobody hears must not be kept in motion, and its
+    /// board may still hear. They stay off where they were.
+    pub fn beat_with_stops(&mut self, on: bool) {
+        let beat = if on { Request::Stop } else { Request::Heartbeat };
+        self.beat = self.beat.is_some().then_some(beat);
     }
 
     /// Queues a request for the next exchange and returns its number.
@@ -92,8 +100,8 @@ impl Link {
     /// # Errors
     /// If the port fails, or the emulated board stopped.
     pub fn exchange(&mut self) -> Result<Heard, Failure> {
-        if self.heartbeat && self.exchanges.is_multiple_of(u64::from(HEARTBEAT_PERIOD_MS) / 10) {
-            self.post(&Request::Heartbeat)?;
+        if let (Some(beat), 0) = (self.beat, self.exchanges % (u64::from(HEARTBEAT_PERIOD_MS) / 10)) {
+            self.post(&beat)?;
         }
         self.exchanges += 1;
         let received = self.port.pass(&std::mem::take(&mut self.outgoing), STEP_S)?;

@@ -6,6 +6,7 @@
 //! - [`port`]: how bytes get there and back; `ports`: which serial port is the board's; [`sim`]: the emulated board, a process that is stepped in emulated time;
 //!   [`serial`]: a real port.
 //! - [`order`]: frames that arrive twice, and restarts of the board.
+//! - [`silence`]: whether the board is heard, and which of its rows were lost.
 //! - [`row`]: one line of telemetry with the [`truth`] beside it; [`entry`]: what a recorder sees.
 //! - [`interrupt`]: Ctrl-C stops the motion first.
 
@@ -21,6 +22,7 @@ pub mod port;
 mod ports;
 pub mod row;
 pub mod serial;
+pub mod silence;
 pub mod sim;
 pub mod status;
 pub mod stream;

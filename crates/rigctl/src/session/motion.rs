@@ -179,7 +179,9 @@ pub fn jog(session: &mut Session, speed_rad_per_s: f64, seconds: f64) -> Result<
         }
     }
     session.request(&Request::Stop)?;
-    session.until(STOP_S, |s| !s.is_moving())?;
+    if !session.until(STOP_S, |s| !s.is_moving())? {
+        return Err(Failure::failed("the strings did not come to rest"));
+    }
     session.take_events().iter().try_for_each(|(_, kind)| check_motion(kind, "while stopping"))
 }
 

@@ -10,7 +10,7 @@ use rig_scene::Scene;
 const FLASH: &str = "build and flash for this scene, `TSA_SCENE=FILE cargo xtask flash` (docs/calibration.md 3)";
 /// Longest wait for the board's table (s): seconds for most constants, a minute where states must be followed from the
 /// unloaded one.
-const WAIT_S: f64 = 120.0;
+pub(super) const WAIT_S: f64 = 120.0;
 
 /// The scene's constants as they go over the link.
 pub fn constants(scene: &Scene) -> Constants {
@@ -70,7 +70,8 @@ pub fn check(session: &Session, scene: &Scene, scene_name: &str) -> Result<(), F
 /// The board's refusal in words.
 pub fn rebuild(session: &mut Session, scene: &Scene) -> Result<Rebuilt, Failure> {
     session.wait_ready()?;
-    session.request(&Request::Rebuild(constants(scene)))?;
+    // Once it is sent the board may begin, whether its reply arrives or not.
+    session.request(&Request::Rebuild(constants(scene))).map_err(|failure| interrupted(session, failure))?;
     let end_s = session.now_s() + WAIT_S;
     while session.now_s() < end_s {
         session.step().map_err(|failure| interrupted(session, failure))?;

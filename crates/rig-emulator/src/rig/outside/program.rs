@@ -273,7 +273,7 @@ mod tests {
     }
 
     fn start(command: &str) -> Result<PlantProgram, ProgramError> {
-        PlantProgram::start_with(command, 1e-3, 1.0, 7, Duration::from_millis(300))
+        PlantProgram::start_with(command, 1e-3, 1.0, 7, Duration::from_secs(60))
     }
 
     const GOOD: &str = r#"while read -r word a b c d; do
@@ -307,7 +307,7 @@ mod tests {
     fn programs_that_die_lie_stall_or_answer_nonsense_are_named_with_the_line() {
         for (name, body, said) in [
             ("dies", "read -r line; echo ok; read -r line; exit 3", "ended instead of answering `step 1`"),
-            ("stalls", "read -r line; echo ok; read -r line; sleep 5", "did not answer `step 1`"),
+            ("stalls", "read -r line; echo ok; read -r line; read -r line", "did not answer `step 1`"),
             ("words", "while read -r line; do echo ok; done", "answered `step 1` with `ok`"),
             ("nan", "read -r line; echo ok; while read -r line; do echo nan 1 2; done", "`nan 1 2`"),
             ("two", "read -r line; echo ok; while read -r line; do echo 1 2; done", "`1 2`"),
@@ -316,7 +316,11 @@ mod tests {
             ("four", "read -r line; echo ok; while read -r line; do echo 1 2 3 4; done", "`1 2 3 4`"),
         ] {
             let command = script(name, body);
-            let error = start(&command).unwrap().step(1.0).unwrap_err().to_string();
+            let mut program = start(&command).unwrap();
+            if name == "stalls" {
+                program.patience = Duration::from_millis(300);
+            }
+            let error = program.step(1.0).unwrap_err().to_string();
             assert!(error.contains(said) && error.contains(&command), "{name}: {error}");
         }
     }
