@@ -282,7 +282,9 @@ impl Start {
     pub fn fault(&self) -> Option<Fault> {
         match self.cause {
             // Nothing else matters until it is mended: it cannot be cleared.
-            _ if self.clock == Clock::Hsi && matches!(DRIVE_TRANSPORT, rmds405::Transport::Can) => Some(Fault::ClockSource),
+            _ if self.clock == Clock::Hsi && matches!(DRIVE_TRANSPORT, rmds405::Transport::Can) => {
+                Some(Fault::ClockSource)
+            }
             _ if self.last_panic.is_some() => Some(Fault::Panicked),
             ResetCause::Watchdog => Some(Fault::WatchdogReset),
             // The reset button is pressed on purpose.

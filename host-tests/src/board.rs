@@ -302,6 +302,12 @@ impl Bench {
         sum / 25.0
     }
 
+    /// Proves the directions of a rig at rest, so that a jog begins at once.
+    pub fn prove(&mut self) {
+        self.ask(&Request::CheckDirection).expect("idle");
+        assert!(self.until(5.0, |b| b.state() == State::Unhomed), "{:?}", self.last);
+    }
+
     /// Greets, waits for the drive, homes; homing time (s).
     pub fn home(&mut self) -> f64 {
         self.greet();

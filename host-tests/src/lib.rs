@@ -308,6 +308,15 @@ impl<C: Controller> ControlBench<C> {
 }
 
 impl ControlBench {
+    /// Proves the directions of a rig at rest, so that a jog begins at once.
+    ///
+    /// # Panics
+    /// If they are wrong.
+    pub fn prove(&mut self) {
+        self.tick(Some(Request::CheckDirection));
+        assert!(self.until(5.0, |d| d.control.state() == State::Unhomed), "{:?}", self.control.fault());
+    }
+
     /// Waits for the drive, homes; homing time (s) or how it failed.
     pub fn home(&mut self) -> Result<f64, String> {
         self.home_under(LoadChoice::Auto)

@@ -235,7 +235,7 @@ fn a_drive_that_acknowledges_late_is_started_once() {
 #[test]
 fn a_relay_that_opens_under_a_turning_motor_leaves_the_rail_below_what_the_drive_bears() {
     let highest_v = |clamp: bool| {
-        let mut d = ControlBench::new(&[("load", "1.5kg")], 3);
+        let mut d = ControlBench::new(&[("load", "1.5kg"), ("relay_release", "0s")], 3);
         d.home().unwrap();
         d.move_to(0.012, 0.01, LoadChoice::Auto).unwrap();
         d.rig.set_fault(RigFault::NoRailClamp, !clamp);

@@ -36,6 +36,7 @@ fn fault(b: &mut Bench, fault: RigFault, on: bool) {
 fn jogging(relay: Relay) -> Bench {
     let mut b = bench(relay, "12");
     assert!(b.until(5.0, |b| b.state() == State::Unhomed), "{:?}", b.last);
+    b.prove();
     b.ask(&Request::Jog { twist_speed_rad_per_s: 3.0 }).unwrap();
     b.run(1.5);
     assert_eq!(b.state(), State::Moving);

@@ -34,6 +34,7 @@ fn a_request_that_comes_once_more_is_not_carried_out_again() {
     let mut b = Bench::new(&[("load", "0.5kg")], 1);
     b.greet();
     assert!(b.until(5.0, |b| b.state() == State::Unhomed), "{:?}", b.last);
+    b.prove();
     let mut buffer = [0; rig_link::MAX_FRAME];
     let jog = Request::Jog { twist_speed_rad_per_s: 2.0 };
     let number = b.post(&jog);

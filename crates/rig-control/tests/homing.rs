@@ -185,7 +185,7 @@ fn a_gap_that_goes_up_and_down_with_the_time_is_waited_for_and_then_probed() {
             block.mean_code = constants.lvdt_mean_code(0.09 + 1e-3 * (TAU * seconds).sin());
         }
     }));
-    bench.while_in(State::Boot);
+    bench.start();
     assert_eq!(bench.ask(Request::HOME), Ok(Accepted::Started));
     let still = bench.twist_rad;
     bench.run(995);
@@ -197,7 +197,7 @@ fn a_gap_that_goes_up_and_down_with_the_time_is_waited_for_and_then_probed() {
 #[test]
 fn strings_that_are_closed_are_turned_back_at_once() {
     let mut bench = Bench::new(3.0, 0.01, 9.0);
-    bench.while_in(State::Boot);
+    bench.start();
     (bench.friction_n, bench.closed_at_rad) = (100.0, 9.1);
     assert_eq!(bench.ask(Request::HOME), Ok(Accepted::Started));
     // Quiet for 0.4 s, then 0.6 rad at 1.5 rad/s; then back.
@@ -211,7 +211,7 @@ fn strings_that_are_closed_are_turned_back_at_once() {
 #[test]
 fn a_string_that_slips_after_the_sweeps_is_noticed() {
     let mut bench = Bench::new(5.0, 0.01, 9.0);
-    bench.while_in(State::Boot);
+    bench.start();
     assert_eq!(bench.ask(Request::HOME), Ok(Accepted::Started));
     // The gap becomes greater by a millimetre, slowly, within the last second.
     bench.run(2930);

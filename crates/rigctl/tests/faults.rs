@@ -57,6 +57,22 @@ fn state_at(rows: &[Value], t_s: f64) -> &str {
 }
 
 #[test]
+fn wrong_wires_are_found_at_the_first_motion() {
+    let (rows, _) = play("faults-wiring");
+    compare(
+        &stops(&rows),
+        &[
+            (3.0, 0.8, "motor-direction"),
+            (8.2, 0.8, "motor-still"),
+            (13.2, 0.8, "drive-encoder"),
+            (18.2, 0.8, "encoder-direction"),
+            (29.0, 3.5, "clock-source"),
+        ],
+    );
+    assert_eq!((state_at(&rows, 27.5), state_at(&rows, 39.5)), ("unhomed", "unhomed"));
+}
+
+#[test]
 fn faults_that_keep_the_position_fire_and_clear_and_near_misses_are_quiet() {
     let (rows, refused) = play("faults-homed");
     compare(
@@ -89,18 +105,18 @@ fn faults_that_lose_the_position_restart_the_drive_and_wait() {
     compare(
         &stops(&rows),
         &[
-            (3.5, 0.5, "encoder-stuck"),
-            (9.5, 0.2, "encoder-jump"),
-            (15.5, 0.2, "drive-stall"),
-            (21.5, 0.2, "drive-silent"),
-            (27.5, 0.2, "drive-silent"),
-            (33.5, 0.1, "can-bus-off"),
-            (39.5, 0.05, "estop"),
-            (46.5, 0.1, "panicked"),
-            (53.5, 1.0, "watchdog-reset"),
-            (66.0, 2.0, "following-error"),
-            (66.0, 3.0, "not-held"),
-            (76.5, 1.0, "string-break"),
+            (6.0, 0.5, "encoder-stuck"),
+            (14.5, 0.2, "encoder-jump"),
+            (23.0, 0.2, "drive-stall"),
+            (31.5, 0.2, "drive-silent"),
+            (40.0, 0.2, "drive-silent"),
+            (48.5, 0.1, "can-bus-off"),
+            (57.0, 0.05, "estop"),
+            (66.5, 0.1, "panicked"),
+            (76.0, 1.0, "watchdog-reset"),
+            (93.5, 2.0, "following-error"),
+            (93.5, 3.0, "not-held"),
+            (106.5, 1.0, "string-break"),
         ],
     );
     for (line, reason) in [
@@ -113,7 +129,7 @@ fn faults_that_lose_the_position_restart_the_drive_and_wait() {
     }
     assert_eq!(refused.matches("refused: ").count(), 4, "{refused}");
     // Each `clear` leads to rest, and to nothing else.
-    for t_s in [8.9, 14.9, 20.9, 26.9, 32.9, 38.9, 45.9, 52.9, 59.9, 64.9, 75.9] {
+    for t_s in [11.4, 19.9, 28.4, 36.9, 45.4, 53.9, 63.4, 72.9, 82.4, 89.9, 103.4] {
         assert_eq!(state_at(&rows, t_s), "unhomed", "{t_s} s");
     }
 }
@@ -128,16 +144,16 @@ fn starts_without_drive_or_sensor_and_resets_wait_and_late_ones_do_not() {
             (3.0, 1.0, "drive-start-up"),
             (8.5, 1.0, "drive-start-up"),
             // The drive's start-up, then 2 s.
-            (26.0, 1.0, "lvdt-open"),
-            (42.5, 0.1, "unexpected-reset"),
-            (48.5, 0.5, "encoder-disagrees"),
-            (54.5, 0.2, "lvdt-stalled"),
+            (28.5, 1.0, "lvdt-open"),
+            (47.5, 0.1, "unexpected-reset"),
+            (56.0, 0.5, "encoder-disagrees"),
+            (64.5, 0.2, "lvdt-stalled"),
         ],
     );
     assert_eq!(refused.matches("refused: ").count(), 1, "{refused}");
     assert!(refused.contains("fault unexpected-reset is latched"), "{refused}");
     // Each `clear`, and each start that was only late, leads to rest.
-    for t_s in [13.9, 22.9, 34.9, 41.9, 47.9, 53.9, 56.9] {
+    for t_s in [13.9, 25.4, 37.4, 44.4, 52.9, 61.4, 66.9] {
         assert_eq!(state_at(&rows, t_s), "unhomed", "{t_s} s");
     }
     assert_eq!(rows.last().expect("rows")["state"], "moving");

@@ -288,7 +288,7 @@ fn an_encoder_that_counts_no_number_stops_the_rig() {
     let mut d = ControlBench::with(Control::new(table(), bad, None), &[], 1);
     d.run(0.1);
     assert_eq!(d.control.fault(), Some(Fault::NotFinite));
-    assert_eq!(d.last.as_ref().unwrap().drive, DriveCommand::Silence);
+    assert_eq!(d.last.as_ref().unwrap().drive, DriveCommand::Voltage { pwm: 0 });
 }
 
 #[test]

@@ -120,6 +120,7 @@ fn another_gear_is_corrected() {
     // The board believes 1.1 times the scene's gear: a half turn is a tenth less of the true one.
     let mut d = bench(|v| v.with(Setting::GearScale, 1.0 / 1.1), &[("twist_at_boot", "6")], 6);
     assert!(d.until(5.0, |d| d.control.state() == State::Unhomed));
+    d.prove();
     let turned = |d: &mut ControlBench| {
         let before = d.truth().twist_rad;
         d.tick(Some(Request::Jog { twist_speed_rad_per_s: 2.0 }));

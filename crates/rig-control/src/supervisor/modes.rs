@@ -15,9 +15,11 @@ use rig_link::messages::{EventKind, Fault, Faults, HomingFailure, Limit, LoadCho
 
 /// How long shaft and LVDT must be steady before the start is over.
 const STANDING_TICKS: u16 = ticks(20);
-/// Motor speed (rad/s) below which it stands during a start: three quanta of the drive's speed measurement (45 rpm). A heavy
-/// load turns a shorted motor at half of it.
+/// Motor speed (rad/s) below which it stands during a start: three quanta of the drive's speed measurement (45 rpm).
 const STANDING_RAD_PER_S: f32 = 4.7;
+/// The same while the motor is only shorted: a heavy load on twisted strings turns it at 11 rad/s. In the 10 ms of a report
+/// the counts then move by less than a fifth of the difference that is a fault.
+const SINKING_RAD_PER_S: f32 = 40.0;
 /// Longest start, from the drive's first report: fifty times what a shaft takes to come to rest.
 const BOOT_TICKS: u16 = ticks(1000);
 /// How far below the half-turn pre-twist the strings may be untwisted by the loop (rad).
@@ -216,11 +218,16 @@ impl Rig<'_> {
             self.shaft = Ramp::at(readings.shaft_rad);
         }
         // Counts, not the drive's speed, in which the dither of a few counts looks like motion.
-        let standing_counts = STANDING_RAD_PER_S / self.constants.gear_ratio
+        let standing_rad_per_s = match self.drive_loop {
+            DriveLoop::Open => SINKING_RAD_PER_S,
+            DriveLoop::Closed => STANDING_RAD_PER_S,
+        };
+        let standing_counts = standing_rad_per_s / self.constants.gear_ratio
             * self.constants.counts_per_rad.abs()
             * TICK_S
             * f32::from(STANDING_TICKS);
-        let stands = counts.iter().zip(boot.stood_at).all(|(now, then)| (now - then).abs() <= whole_counts(standing_counts));
+        let stands =
+            counts.iter().zip(boot.stood_at).all(|(now, then)| (now - then).abs() <= whole_counts(standing_counts));
         // The first readings of a sensor after power-up are not relied on.
         if stands && matches!(readings.lvdt, LvdtReading::Valid { .. }) {
             boot.standing_ticks += 1;

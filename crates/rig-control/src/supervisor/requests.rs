@@ -58,9 +58,12 @@ impl Rig<'_> {
             Mode::Fault => Err(Refusal::InFault { fault: self.fault().unwrap_or(Fault::NotFinite) }),
             Mode::EStop(_) => Err(Refusal::EStop),
             Mode::Boot(Boot { then: None, .. }) => Err(Refusal::DriveNotReady),
-            Mode::Boot(_) | Mode::Proving(_) | Mode::Homing(_) | Mode::Moving(_) | Mode::Streaming(_) | Mode::Jogging(_) => {
-                Err(Refusal::Busy { state: self.state() })
-            }
+            Mode::Boot(_)
+            | Mode::Proving(_)
+            | Mode::Homing(_)
+            | Mode::Moving(_)
+            | Mode::Streaming(_)
+            | Mode::Jogging(_) => Err(Refusal::Busy { state: self.state() }),
         }
     }
 

@@ -313,6 +313,14 @@ impl Bench {
         })
     }
 
+    /// Starts up, and proves the directions.
+    pub fn start(&mut self) {
+        self.while_in(State::Boot);
+        assert_eq!(self.ask(Request::CheckDirection), Ok(Accepted::Started));
+        self.while_in(State::Moving);
+        assert_eq!(core::mem::take(&mut self.events), [EventKind::DirectionProven]);
+    }
+
     /// Starts up and homes.
     pub fn home(&mut self) -> HomingResult {
         if self.rig.state() == State::Boot {

@@ -56,9 +56,15 @@ const STANDING_COUNTS: i64 = 1;
 enum State {
     Off,
     /// Until then; it acknowledges frames from the second time on, and then takes a Reset.
-    Booting { until_s: f64, acknowledges_s: f64 },
+    Booting {
+        until_s: f64,
+        acknowledges_s: f64,
+    },
     Unmoded,
-    Moded { mode: Mode, ready_s: f64 },
+    Moded {
+        mode: Mode,
+        ready_s: f64,
+    },
 }
 
 /// Counts of frames by what became of them, and of restarts.

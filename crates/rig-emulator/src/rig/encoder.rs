@@ -89,8 +89,11 @@ impl Encoder {
         let counts = self.drive.count(self.true_counts(angle_rad));
         // A drive that takes its encoder for one of 500 lines counts its edges all the same; it is its loops and speeds that
         // are then wrong by this factor. Its position is in the units that it is set to.
-        let counts =
-            if self.delivered { (counts as f64 * DELIVERED_COUNTS / self.counts_per_turn).floor() as i64 } else { counts };
+        let counts = if self.delivered {
+            (counts as f64 * DELIVERED_COUNTS / self.counts_per_turn).floor() as i64
+        } else {
+            counts
+        };
         let dither = if self.dithers && !tick.is_multiple_of(2) { DITHER_COUNTS } else { 0 };
         counts + dither
     }

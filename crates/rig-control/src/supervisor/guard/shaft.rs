@@ -65,8 +65,9 @@ impl ShaftChecks {
 
     /// Held by a fault, or by the first command after a start, the shaft has gone away all the same.
     pub(super) fn not_held(&mut self, situation: &Situation<'_>, latched: Latched) -> bool {
-        let by_fault = matches!(latched.response(), Some(Response::Hold | Response::HoldByDrive | Response::HoldIfHeard))
-            && situation.drive_zero.is_matched();
+        let by_fault =
+            matches!(latched.response(), Some(Response::Hold | Response::HoldByDrive | Response::HoldIfHeard))
+                && situation.drive_zero.is_matched();
         let by_start = latched.response().is_none() && matches!(situation.drive_zero, DriveZero::Rough(_));
         let held = situation.closed_loop && (by_fault || by_start);
         let shaft_rad = match (own_encoder_is_wrong(latched), situation.inputs.drive) {

@@ -35,7 +35,8 @@ impl Switches {
     pub(super) fn reached(&mut self, situation: &Situation<'_>) -> bool {
         let inputs = situation.inputs;
         let reached = self.step([inputs.upper_limit_open, inputs.lower_limit_open], situation.readings.lvdt.gap_m());
-        reached && (situation.drive_zero.is_matched() || situation.closed_loop && situation.drive_zero.offset().is_some())
+        reached
+            && (situation.drive_zero.is_matched() || situation.closed_loop && situation.drive_zero.offset().is_some())
     }
 
     fn step(&mut self, open: [bool; 2], gap_m: Option<f32>) -> bool {
