@@ -299,10 +299,10 @@ impl Start {
 }
 
 /// Number of checks for the ST-LINK's clock, after a reset and after power-on, and cycles of delay between them: 50 to
-/// 200 ms, and 0.7 to 2.8 s, at 1 to 4 cycles per turn of the delay loop (a Cortex-M4 takes 3). After power-on from
+/// 200 ms, and 0.6 to 2.2 s, at 1 to 4 cycles per turn of the delay loop (a Cortex-M4 takes 3). After power-on from
 /// another source than its USB socket the ST-LINK first has to start.
 const HSE_TRIES: u32 = 100;
-const HSE_TRIES_AT_POWER_ON: u32 = 1400;
+const HSE_TRIES_AT_POWER_ON: u32 = 1100;
 const HSE_PAUSE: u32 = 8_000;
 
 /// The oscillator to use: the ST-LINK's clock if it comes in time, else the chip's own. embassy-stm32 would wait for

@@ -257,13 +257,23 @@ impl Bench {
     /// Sends a request and waits for its reply.
     pub fn ask(&mut self, request: &Request) -> Result<Accepted, Refusal> {
         let number = self.post(request);
-        assert!(self.until(0.5, |b| b.replies.iter().any(|(to, _)| *to == number)), "no reply to {request:?}");
+        assert!(
+            self.until(1.0, |b| b.replies.iter().any(|(to, _)| *to == number)),
+            "no reply to {request:?}, resets {:?}",
+            self.machine.stats().resets
+        );
         self.replies.iter().find(|(to, _)| *to == number).expect("just seen").1
     }
 
-    /// Greets after a start. Its UART is up after 2 ms; what comes before is lost, as on the real board.
+    /// Greets after a start, again and again as the tool does: what comes before its UART is up, after 2 ms, or while a sector
+    /// of its flash is erased, is lost, as on the real board.
     pub fn greet(&mut self) {
         self.run(0.05);
+        let answered = (0..4).any(|_| {
+            let number = self.post(&HELLO);
+            self.until(0.5, |b| b.replies.iter().any(|(to, _)| *to == number))
+        });
+        assert!(answered, "not answered, resets {:?}", self.machine.stats().resets);
         self.ask(&HELLO).expect("same protocol");
     }
 

@@ -112,10 +112,10 @@ fn each_dead_sensor_or_channel_is_named_before_the_strings_have_turned_by_a_radi
 #[test]
 fn a_shaft_that_never_stands_after_a_start_is_a_fault() {
     let mut d = ControlBench::new(&[("load", "0.1kg"), ("twist_at_boot", "0rad")], 3);
-    // A hand turns it to and fro by a third of a radian, once a second.
+    // A hand turns it to and fro by a third of a radian, twice a second.
     d.tamper = Some(std::sync::Arc::new(|inputs| {
         let seconds = 1e-6 * inputs.now_us as f32;
-        inputs.encoder_counts += (13_000.0 * (2.0 * std::f32::consts::PI * seconds).sin()) as i64;
+        inputs.encoder_counts += (13_000.0 * (4.0 * std::f32::consts::PI * seconds).sin()) as i64;
     }));
     assert!(d.until(15.0, |d| d.control.fault().is_some()));
     assert_eq!(d.control.fault(), Some(Fault::ShaftUnsteady));

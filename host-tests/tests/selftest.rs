@@ -9,8 +9,6 @@ use rig_link::messages::{Request, Setting, State};
 /// Sectors 1 to 3 (src/flash_store.rs).
 const STORE: std::ops::Range<usize> = 0x4000..0x1_0000;
 const CHECKS: usize = 19;
-/// The limits' wire with its other end as the input.
-const LIMITS_BACK: Jumper = Jumper(Jumper::LIMITS.1, Jumper::LIMITS.0);
 
 fn board(broken: Broken, config: Config) -> Machine<JumperBoard> {
     Machine::new(selftest(), JumperBoard::new(&Jumper::SELFTEST, broken), config).unwrap()
@@ -107,7 +105,7 @@ fn an_input_that_is_stuck_is_named() {
         (Jumper::ADC, true, "ADC1 A1 to A0", "A0 is stuck high"),
         (Jumper::SERIAL, false, "USART1 D8 to D2", "D2 is stuck low"),
         (Jumper::STOP, false, "power, stop D6 to D4", "D4 is stuck low"),
-        (LIMITS_BACK, true, "limits D9 and D7", "D9 is stuck high"),
+        (Jumper::LIMITS, true, "limits D9 and D7", "D7 is stuck high"),
         (Jumper::CAN, true, "CAN1 D14 to D15", "D15 is stuck high"),
     ] {
         let stuck = Some((jumper, high));

@@ -172,7 +172,10 @@ mod tests {
             ("[1]", "not a JSON object"),
             ("5", "not a JSON object"),
             ("{}", "neither `do` nor `release`"),
-            ("{\"do\":\"mve\"}", "no order `mve`; there are home, move, track, jog, stop, hold, clear, status"),
+            (
+                "{\"do\":\"mve\"}",
+                "no order `mve`; there are home, move, track, jog, stop, hold, clear, check-direction, status",
+            ),
             ("{\"do\":5}", "do must be a text"),
             ("{\"do\":\"move\"}", "no field `to_m`"),
             ("{\"do\":\"move\",\"to_m\":\"0.012\"}", "to_m is \"0.012\" and must be a number"),
