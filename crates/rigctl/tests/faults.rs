@@ -109,6 +109,8 @@ fn faults_that_lose_the_position_restart_the_drive_and_wait() {
             (14.5, 0.2, "encoder-jump"),
             (23.0, 0.2, "drive-stall"),
             (31.5, 0.2, "drive-silent"),
+            // The drive has let go of strings that were jogged.
+            (31.5, 1.0, "not-held"),
             (40.0, 0.2, "drive-silent"),
             (48.5, 0.1, "can-bus-off"),
             (57.0, 0.05, "estop"),

@@ -16,7 +16,7 @@ fn text(path: &Path) -> &str {
 }
 
 /// Homed at 30 s, a move by then.
-const SCRIPT: &str = "2.5 home\n33 move 8mm speed=3mm/s\n38 move 3mm speed=2mm/s load=0.5kg\n43 end\n";
+const SCRIPT: &str = "2.5 home\n36 move 8mm speed=3mm/s\n41 move 3mm speed=2mm/s load=0.5kg\n46 end\n";
 
 fn recorded(name: &str, plant: &[&str]) -> PathBuf {
     let (script, log) = (file(&format!("{name}.script")), file(&format!("{name}.csv")));
@@ -226,7 +226,7 @@ fn a_log_holds_the_calibration_and_is_replayed_and_restored_with_it() {
         assert!(set.status.success(), "{}", error_of(&set));
     }
     // Below 0, where without its settings nothing could go.
-    std::fs::write(&script, "2.5 home\n33 move 5mm speed=3mm/s\n38 move -1mm speed=3mm/s\n42 end\n").expect("written");
+    std::fs::write(&script, "2.5 home\n36 move 5mm speed=3mm/s\n41 move -1mm speed=3mm/s\n45 end\n").expect("written");
     let output = rigctl(&["record", "--script", text(&script), "--out", text(&log), "--flash", text(&flash)]);
     assert!(output.status.success(), "{}", error_of(&output));
     let first = std::fs::read_to_string(&log).expect("a log");
@@ -243,7 +243,7 @@ fn a_log_holds_the_calibration_and_is_replayed_and_restored_with_it() {
     std::fs::write(&log, without).expect("written");
     // From the homing on, before any move: the gap at position zero is in the homing's own record, and without the setting
     // every recorded position stands for another gap.
-    assert!(parted()["what"] == "load_n" && parted()["t_s"].as_f64().is_some_and(|t_s| t_s < 33.0), "{}", parted());
+    assert!(parted()["what"] == "load_n" && parted()["t_s"].as_f64().is_some_and(|t_s| t_s < 36.0), "{}", parted());
     for (to, named) in [("gian = 1", "lvdt-gian"), ("gain = 3", "lvdt-gain is 3"), ("gain = x", "lvdt-gain")] {
         std::fs::write(&log, first.replace("settings.lvdt-gain = 1.004", &format!("settings.lvdt-{to}")))
             .expect("written");
