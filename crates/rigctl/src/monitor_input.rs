@@ -115,7 +115,7 @@ mod unix {
 
     impl Terminal {
         /// Begins to read.
-        pub fn new() -> Self {
+        pub fn start() -> Self {
             let (read, pieces) = mpsc::channel();
             std::thread::spawn(move || {
                 let mut buffer = [0; 4096];
@@ -153,7 +153,7 @@ mod events {
 
     impl Terminal {
         /// Begins to read.
-        pub fn new() -> Self {
+        pub fn start() -> Self {
             Self
         }
 

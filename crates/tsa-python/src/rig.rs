@@ -82,6 +82,15 @@ fn connect(target: &Target) -> Result<Session, Failure> {
     Ok(session)
 }
 
+/// A stop that the board has not acknowledged may not have arrived.
+fn acknowledged(stopped: bool) -> Result<(), Failure> {
+    if stopped {
+        Ok(())
+    } else {
+        Err(Failure::failed("the board did NOT acknowledge the stop: it may still turn the motor"))
+    }
+}
+
 #[pymethods]
 impl Board {
     /// Connects: `sim` starts an emulated board whose programs are in a folder, anything else is a serial device.
@@ -153,7 +162,7 @@ impl Board {
     }
 
     fn stop(&self, py: Python<'_>) -> PyResult<()> {
-        self.with(py, |session, _| session.stop())
+        self.with(py, |session, _| acknowledged(session.stop()?))
     }
 
     fn clear(&self, py: Python<'_>) -> PyResult<()> {
@@ -179,7 +188,7 @@ impl Board {
         if self.talk().session.is_none() {
             return Ok(());
         }
-        let stopped = self.with(py, |session, _| session.stop());
+        let stopped = self.with(py, |session, _| acknowledged(session.stop()?));
         self.talk().session = None;
         stopped
     }

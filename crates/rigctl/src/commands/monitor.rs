@@ -67,7 +67,7 @@ pub fn run(global: &Global, script: Option<&Path>, output: &Output) -> Result<()
     session.bear_silence();
     let mut view = View {
         screen: Screen::new(title, scene),
-        input: monitor_input::Terminal::new(),
+        input: monitor_input::Terminal::start(),
         keys,
         leaving: None,
         ordered: false,
