@@ -23,7 +23,7 @@ fn run() -> Result<(), Box<dyn Error>> {
     let scene_path = env::var("TSA_SCENE").unwrap_or_else(|_| "scenes/default.toml".into());
     println!("cargo:rerun-if-env-changed=TSA_SCENE");
     println!("cargo:rerun-if-changed={scene_path}");
-    println!("cargo:rerun-if-changed=memory.x");
+    println!("cargo:rerun-if-changed=src/memory.x");
     // A commit leaves HEAD itself as it was.
     println!("cargo:rerun-if-changed=.git/logs/HEAD");
 
@@ -47,7 +47,7 @@ fn run() -> Result<(), Box<dyn Error>> {
     fs::write(out.join("scene.rs"), source)?;
     fs::write(out.join("parameters.rs"), parameters(&scene)?)?;
 
-    fs::write(out.join("memory.x"), include_str!("memory.x"))?;
+    fs::write(out.join("memory.x"), include_str!("src/memory.x"))?;
     println!("cargo:rustc-link-search={}", out.display());
     // The commit goes into the identity that the board reports, so that `rigctl status` and `doctor` show a study
     // image.

@@ -130,8 +130,15 @@ impl Board {
         let mut tool = Command::new(env!("CARGO_BIN_EXE_rigctl"));
         tool.args(["--port", &self.device, "--scene", SCENE]).args(arguments);
         self.met.store(true, Ordering::Relaxed);
-        let tool = tool.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("rigctl runs");
-        self.wait("a turn", |truth| (truth.twist_rad - before.twist_rad).abs() > 1.0);
+        let mut tool = tool.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("rigctl runs");
+        let mut ended = false;
+        self.wait("a turn", |truth| {
+            ended |= tool.try_wait().is_ok_and(|status| status.is_some());
+            ended || (truth.twist_rad - before.twist_rad).abs() > 1.0
+        });
+        if ended {
+            panic!("the tool ended before a turn: {}", said(&tool.wait_with_output().expect("it has ended")));
+        }
         tool
     }
 
@@ -152,7 +159,7 @@ impl Board {
     }
 
     /// Waits for the rig, and tells how it then is.
-    fn wait(&self, what: &str, reached: impl Fn(&Truth) -> bool) -> Truth {
+    fn wait(&self, what: &str, mut reached: impl FnMut(&Truth) -> bool) -> Truth {
         let end = Instant::now() + PATIENCE;
         loop {
             let truth = *self.truth.lock().expect("the board runs");
