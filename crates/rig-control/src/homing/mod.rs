@@ -59,7 +59,8 @@ const SEEK_ASTRAY_M: f32 = 3e-3;
 /// Turn without such a rise (rad) that no friction explains which the probe can overcome: the load is jammed.
 const SEEK_STUCK: f32 = PROBE_TRAVEL;
 /// Turn (rad) over which the rise of the gap is measured, how often in a row it must have grown, and by how much in all, to show
-/// a reversed LVDT. On the default rig it grows by 12 % and more from window to window; friction makes up to 8 % of it.
+/// a reversed LVDT. Estimated for the default rig, not measured: it grows by 12 % and more from window to window, and friction
+/// makes up to 8 % of it.
 const RISE_WINDOW_RAD: f32 = 4.0;
 const RISE_WINDOWS: u8 = 3;
 const RISE_GROWTH: f32 = 1.3;
@@ -465,5 +466,26 @@ impl Homing {
                 drive_lag_s: (self.lag_sum_s / f32::from(self.lag_count.max(1))).clamp(0.0, 0.2),
             },
         }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Turns (rad) after which the gap is taken for that of a reversed LVDT, if it is within 40 rad.
+    fn reversed_after(gap_m: fn(f32) -> f32) -> Option<f32> {
+        let mut rises = Rises::default();
+        (0..4000).map(|k| 0.01 * k as f32).find(|rad| rises.step(*rad, gap_m(*rad)))
+    }
+
+    #[test]
+    fn a_gap_that_rises_ever_faster_is_a_reversed_sensors() {
+        // Near zero twist the gap is a parabola: strings that untwist from 40 rad, and a reversed sensor from 3 rad on.
+        assert_eq!(reversed_after(|rad| -6e-6 * (40.0 - rad) * (40.0 - rad)), None);
+        let after = reversed_after(|rad| 6e-6 * (3.0 + rad) * (3.0 + rad)).expect("it rises ever faster");
+        assert!((15.9..16.2).contains(&after), "four windows of 4 rad: {after}");
+        // A first stretch in which friction holds the load back is followed by even ones.
+        assert_eq!(reversed_after(|rad| 3e-4 * (rad - 3.0).max(0.0)), None);
     }
 }
