@@ -4,7 +4,7 @@
 
 use host_tests::ControlBench;
 use host_tests::board::Bench;
-use rig_link::messages::{Fault, Limit, LoadChoice, Refusal, Request, State};
+use rig_link::messages::{Doubt, Doubts, Fault, LoadChoice, Refusal, Request, State};
 use sim_link::RigFault;
 
 fn go(target_m: f32) -> Request {
@@ -80,7 +80,7 @@ fn no_load_is_told_outside_the_tables_twist() {
         let t = b.last.unwrap();
         let twist_rad = t.twist_rad.unwrap();
         if twist_rad < std::f32::consts::PI - 0.3 {
-            assert!(t.load_n.is_none() && t.limit == Some(Limit::LoadUnknown), "{twist_rad} rad: {t:?}");
+            assert!(t.load_n.is_none() && t.doubts.contains(Doubt::LoadUnknown), "{twist_rad} rad: {t:?}");
         }
     }
     assert_eq!(b.state(), State::Ready);
@@ -96,8 +96,8 @@ fn moved(keys: &[(&str, &str)], target_m: f32) -> ControlBench {
     d
 }
 
-fn limit(d: &ControlBench) -> Option<Limit> {
-    d.last.as_ref().and_then(|o| o.telemetry.limit)
+fn doubts(d: &ControlBench) -> Doubts {
+    d.last.as_ref().map_or(Doubts::NONE, |o| o.telemetry.doubts)
 }
 
 /// Relative error of the load that is told.
@@ -133,12 +133,12 @@ fn a_load_that_cannot_be_told_from_a_slip_is_unknown_until_it_is_confirmed() {
         ("a slip", |d| d.rig.set_fault(RigFault::StringSlip, true)),
     ] {
         let mut d = moved(&[("load", "0.5kg")], 0.005);
-        assert_eq!(limit(&d), None, "{what}");
+        assert_eq!(doubts(&d), Doubts::NONE, "{what}");
         happens(&mut d);
         d.run(2.0);
-        assert_eq!(limit(&d), Some(Limit::LoadUnknown), "{what}: {:+.2}", load_error(&d));
+        assert_eq!(doubts(&d), Doubts::of(&[Doubt::LoadUnknown]), "{what}: {:+.2}", load_error(&d));
         d.run(10.0);
-        assert_eq!(limit(&d), Some(Limit::LoadUnknown), "{what}: it does not become known by waiting");
+        assert_eq!(doubts(&d), Doubts::of(&[Doubt::LoadUnknown]), "{what}: it does not become known by waiting");
         let confirmed = |d: &mut ControlBench| {
             for target_m in [0.011, 0.004, 0.011, 0.004] {
                 if d.move_to(target_m, 0.002, LoadChoice::Auto).is_err() {
@@ -146,13 +146,13 @@ fn a_load_that_cannot_be_told_from_a_slip_is_unknown_until_it_is_confirmed() {
                 }
                 d.run(1.0);
             }
-            limit(d).is_none()
+            doubts(d).is_empty()
         };
         let known = confirmed(&mut d);
         println!("{what}: known {known}, {:+.3}, {:?}", load_error(&d), d.control.fault());
         assert!(!known || load_error(&d).abs() < 0.05, "{what}: known, and {:+.2} off", load_error(&d));
         if what == "another load" {
-            assert!(known, "another load is found: {:?}", limit(&d));
+            assert!(known, "another load is found: {:?}", doubts(&d));
         }
     }
 }
@@ -167,8 +167,8 @@ fn friction_that_changes_under_a_light_load_leaves_it_unknown() {
         }
         d.run(2.0);
         let wrong = load_error(&d).abs();
-        println!("{:+.2} {:?} {:?}", load_error(&d), limit(&d), d.control.fault());
-        assert!(wrong < 0.15 || limit(&d).is_some() || d.control.fault().is_some(), "{wrong:.2} off untold");
+        println!("{:+.2} {:?} {:?}", load_error(&d), doubts(&d), d.control.fault());
+        assert!(wrong < 0.15 || !doubts(&d).is_empty() || d.control.fault().is_some(), "{wrong:.2} off untold");
     }
 }
 
@@ -211,9 +211,9 @@ fn a_sensor_or_strings_far_from_the_scene_leave_the_load_unknown() {
             Err(failure) => println!("{keys:?}: {failure}"),
             Ok(_) => {
                 d.run(1.0);
-                println!("{keys:?}: {:+.2} {:?} {:?}", load_error(&d), limit(&d), d.control.homed());
-                let told = matches!(limit(&d), Some(Limit::LoadUnknown | Limit::LoadRange));
-                assert!(told, "{keys:?}: {:+.2} {:?}", load_error(&d), limit(&d));
+                println!("{keys:?}: {:+.2} {:?} {:?}", load_error(&d), doubts(&d), d.control.homed());
+                let told = !doubts(&d).is_empty();
+                assert!(told, "{keys:?}: {:+.2} {:?}", load_error(&d), doubts(&d));
             }
         }
     }
@@ -224,6 +224,6 @@ fn a_sensor_or_strings_far_from_the_scene_leave_the_load_unknown() {
         let mut d = ControlBench::new(&keys, 3);
         d.home().unwrap();
         d.run(1.0);
-        assert_eq!(limit(&d), None, "{keys:?}");
+        assert_eq!(doubts(&d), Doubts::NONE, "{keys:?}");
     }
 }

@@ -5,7 +5,7 @@ mod common;
 use common::bench::{Bench, Tamper};
 use common::{constants, table};
 use rig_control::{DriveCommand, DriveReading, Inputs, Rig, TICK_US};
-use rig_link::messages::{Accepted, EventKind, Fault, Limit, LoadChoice, Refusal, Request, Setting, State};
+use rig_link::messages::{Accepted, Doubt, Doubts, EventKind, Fault, LoadChoice, Refusal, Request, Setting, State};
 use std::sync::Arc;
 
 fn tamper(change: impl Fn(&mut Inputs) + Send + Sync + 'static) -> Option<Tamper> {
@@ -354,7 +354,7 @@ fn a_slip_that_looks_like_a_load_that_changes_is_told_as_a_load_that_is_not_know
     let mut bench = slipped(0.2);
     for target_m in [0.001, 0.012, 0.001, 0.012] {
         assert_eq!(goes(&mut bench, target_m, 0.004), None);
-        assert_eq!(bench.shown().limit, Some(Limit::LoadUnknown), "{:?}", bench.shown());
+        assert_eq!(bench.shown().doubts, Doubts::of(&[Doubt::LoadUnknown]), "{:?}", bench.shown());
     }
 }
 

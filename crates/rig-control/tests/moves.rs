@@ -6,7 +6,7 @@ use common::bench::Bench;
 use common::{constants, table};
 use rig_control::TICK_S;
 use rig_link::messages::{
-    Accepted, EventKind, Limit, LoadChoice, Parameter, Refusal, Request, Setting, State, StreamEnd,
+    Accepted, Doubt, Doubts, EventKind, Limit, LoadChoice, Parameter, Refusal, Request, Setting, State, StreamEnd,
 };
 use std::f32::consts::PI;
 
@@ -120,13 +120,29 @@ fn a_load_that_becomes_heavier_or_lighter_is_brought_back_and_known() {
         near(position_m, 0.008, 40e-6);
         near(bench.shown().load_n.unwrap() - before_n, change_n, 0.15);
         // It differs by more than a tenth from what homing confirmed.
-        assert_eq!(bench.shown().limit, Some(Limit::LoadUnknown));
+        assert_eq!(bench.shown().doubts, Doubts::of(&[Doubt::LoadUnknown]));
         // A move up and a move down confirm it.
         bench.move_to(0.012, 0.004);
         bench.move_to(0.004, 0.004);
         bench.run(50);
-        assert_eq!(bench.shown().limit, None);
+        assert_eq!(bench.shown().doubts, Doubts::NONE);
     }
+}
+
+#[test]
+fn a_limit_on_the_motion_does_not_hide_a_doubt_about_the_load() {
+    let mut bench = Bench::homed();
+    bench.move_to(0.008, 0.002);
+    bench.load_n += 0.6;
+    bench.run(300);
+    assert_eq!(bench.ask(to(0.014, f32::INFINITY)), Ok(Accepted::Started));
+    let mut both = false;
+    for _ in 0..300 {
+        bench.tick(None);
+        let shown = bench.shown();
+        both |= shown.limit == Some(Limit::MotorSpeed) && shown.doubts.contains(Doubt::LoadUnknown);
+    }
+    assert!(both, "at the motor's limit the load is still said to be unknown");
 }
 
 #[test]

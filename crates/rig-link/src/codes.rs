@@ -231,12 +231,18 @@ named_codes! {
         MotorCurrent = 2, "motor-current";
         /// The set-point is at the end of the travel.
         Travel = 3, "travel";
-        /// The load estimate is at the end of the table's range.
-        LoadRange = 4, "load-range";
         /// The motor is at its greatest acceleration.
         MotorAcceleration = 5, "motor-acceleration";
+    }
+}
+
+named_codes! {
+    /// Why an estimate is not to be relied on.
+    pub enum Doubt {
+        /// The load estimate is at the end of the table's range.
+        LoadRange = 0, "load-range";
         /// The load is not known well: light, fast, or it has just changed.
-        LoadUnknown = 6, "load-unknown";
+        LoadUnknown = 1, "load-unknown";
     }
 }
 

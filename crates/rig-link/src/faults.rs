@@ -1,82 +1,96 @@
-//! Sets of faults: several can be latched at a time.
+//! Sets of codes: several faults can be latched at a time, and several doubts hold.
 
-use crate::codes::Fault;
+use crate::codes::{Doubt, Fault};
 use core::fmt;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-/// A set of faults, one bit for each code.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Faults(u64);
+macro_rules! code_set {
+    ($(#[$doc:meta])* $set:ident($bits:ty) of $code:ident) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
+        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+        pub struct $set($bits);
 
-impl Faults {
-    /// No fault.
-    pub const NONE: Self = Self(0);
+        impl $set {
+            /// The empty set.
+            pub const NONE: Self = Self(0);
 
-    /// The set of these.
-    pub const fn of(faults: &[Fault]) -> Self {
-        let mut set = Self::NONE;
-        let mut i = 0;
-        while i < faults.len() {
-            set = set.with(faults[i]);
-            i += 1;
+            /// The set of these.
+            pub const fn of(codes: &[$code]) -> Self {
+                let mut set = Self::NONE;
+                let mut i = 0;
+                while i < codes.len() {
+                    set = set.with(codes[i]);
+                    i += 1;
+                }
+                set
+            }
+
+            /// This set with one more.
+            #[must_use]
+            pub const fn with(self, code: $code) -> Self {
+                Self(self.0 | 1 << code.code())
+            }
+
+            /// The union of two sets.
+            #[must_use]
+            pub const fn and(self, other: Self) -> Self {
+                Self(self.0 | other.0)
+            }
+
+            /// What is not in `other`.
+            #[must_use]
+            pub const fn without(self, other: Self) -> Self {
+                Self(self.0 & !other.0)
+            }
+
+            /// Adds a code.
+            pub fn insert(&mut self, code: $code) {
+                *self = self.with(code);
+            }
+
+            /// Whether the set contains a code.
+            pub const fn contains(self, code: $code) -> bool {
+                self.0 & 1 << code.code() != 0
+            }
+
+            /// Whether two sets have a code in common.
+            pub const fn meets(self, other: Self) -> bool {
+                self.0 & other.0 != 0
+            }
+
+            /// Whether the set is empty.
+            pub const fn is_empty(self) -> bool {
+                self.0 == 0
+            }
+
+            /// The codes in their order.
+            pub fn iter(self) -> impl Iterator<Item = $code> {
+                $code::ALL.iter().copied().filter(move |code| self.contains(*code))
+            }
         }
-        set
-    }
 
-    /// This set with one more.
-    #[must_use]
-    pub const fn with(self, fault: Fault) -> Self {
-        Self(self.0 | 1 << fault.code())
-    }
-
-    /// The union of two sets.
-    #[must_use]
-    pub const fn and(self, other: Self) -> Self {
-        Self(self.0 | other.0)
-    }
-
-    /// The faults that are not in `other`.
-    #[must_use]
-    pub const fn without(self, other: Self) -> Self {
-        Self(self.0 & !other.0)
-    }
-
-    /// Adds a fault.
-    pub fn insert(&mut self, fault: Fault) {
-        *self = self.with(fault);
-    }
-
-    /// Whether the set contains a fault.
-    pub const fn contains(self, fault: Fault) -> bool {
-        self.0 & 1 << fault.code() != 0
-    }
-
-    /// Whether two sets have a fault in common.
-    pub const fn meets(self, other: Self) -> bool {
-        self.0 & other.0 != 0
-    }
-
-    /// Whether the set is empty.
-    pub const fn is_empty(self) -> bool {
-        self.0 == 0
-    }
-
-    /// The faults in the order of [`Fault::ALL`].
-    pub fn iter(self) -> impl Iterator<Item = Fault> {
-        Fault::ALL.iter().copied().filter(move |fault| self.contains(*fault))
-    }
+        impl fmt::Display for $set {
+            /// The names, separated by blanks.
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                for (k, code) in self.iter().enumerate() {
+                    write!(f, "{}{code}", if k > 0 { " " } else { "" })?;
+                }
+                Ok(())
+            }
+        }
+    };
 }
 
-impl fmt::Display for Faults {
-    /// The names, separated by blanks.
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (k, fault) in self.iter().enumerate() {
-            write!(f, "{}{fault}", if k > 0 { " " } else { "" })?;
-        }
-        Ok(())
-    }
+code_set! {
+    /// A set of faults, one bit for each code.
+    Faults(u64) of Fault
+}
+
+code_set! {
+    /// A set of doubts, one bit for each code.
+    Doubts(u8) of Doubt
 }
 
 #[cfg(test)]
@@ -86,7 +100,10 @@ mod tests {
     use std::string::{String, ToString};
 
     #[test]
-    fn every_fault_has_a_bit_of_its_own() {
+    fn every_code_has_a_bit_of_its_own() {
+        assert!(Doubt::ALL.iter().all(|doubt| doubt.code() < 8));
+        let both = Doubts::of(&[Doubt::LoadUnknown, Doubt::LoadRange]);
+        assert_eq!(both.to_string(), "load-range load-unknown");
         let mut all = Faults::NONE;
         for &fault in Fault::ALL {
             assert!(fault.code() < 64 && !all.contains(fault), "{fault}");

@@ -2,7 +2,7 @@
 //!
 //! - [`messages`]: the table of all messages; [`codes`]: the named codes in them (states, faults, limits …), each with its
 //!   number and name, declared by the macro in `names`.
-//! - [`faults`]: sets of faults. [`gap_curve`]: what a rig's gap is beside the table's.
+//! - [`faults`]: sets of codes. [`gap_curve`]: what a rig's gap is beside the table's.
 //! - [`board_settings`]: unit, default and range of every setting of the board.
 //! - [`corrected_constants`]: which settings still mean the same on a rig with other constants.
 //! - [`lvdt_curve`]: the LVDT's correction at several points.
@@ -37,7 +37,7 @@ pub use protocol::PROTOCOL_HASH;
 pub const BAUD: u32 = 115_200;
 
 /// The board sends one telemetry message every this many milliseconds.
-/// It has at most 106 bytes, with every counter at its greatest: 10.6 kB/s of the 11.5 kB/s that [`BAUD`] carries. As a rule
+/// It has at most 108 bytes, with every counter at its greatest: 10.8 kB/s of the 11.5 kB/s that [`BAUD`] carries. As a rule
 /// it has 80.
 pub const TELEMETRY_PERIOD_MS: u32 = 10;
 

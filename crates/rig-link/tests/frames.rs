@@ -1,11 +1,12 @@
 //! What framing promises: round trips, and no noise, cut or flipped byte ever makes a message that was not sent.
 
 use proptest::prelude::*;
+
 use rig_link::{
-    Accepted, Clock, Constants, CorrectedConstants, Correction, Counters, CurveFlaw, Decoder, EncodeError, EventKind,
-    Fault, Faults, Frame, GapCurve, HomingFailure, HomingResult, Identity, Kept, LVDT_POINTS_MAX, Limit, LoadChoice,
-    LvdtCurve, MAX_FRAME, Message, Parameter, Refusal, Request, ResetCause, Sensors, Setting, SettingValues,
-    SettingsReport, State, TableIdentity, TableRefusal, Telemetry, Versions, encode,
+    Accepted, Clock, Constants, CorrectedConstants, Correction, Counters, CurveFlaw, Decoder, Doubt, Doubts,
+    EncodeError, EventKind, Fault, Faults, Frame, GapCurve, HomingFailure, HomingResult, Identity, Kept,
+    LVDT_POINTS_MAX, Limit, LoadChoice, LvdtCurve, MAX_FRAME, Message, Parameter, Refusal, Request, ResetCause,
+    Sensors, Setting, SettingValues, SettingsReport, State, TableIdentity, TableRefusal, Telemetry, Versions, encode,
 };
 use serde::{Serialize, de::DeserializeOwned};
 
@@ -118,6 +119,7 @@ fn telemetry() -> impl Strategy<Value = Telemetry> {
             fault: s.2,
             faults: s.2.map_or(Faults::NONE, |fault| Faults::NONE.with(fault)),
             limit: s.3,
+            doubts: Doubts::of(Doubt::ALL),
             target_m: v[0],
             setpoint_m: v[1],
             position_m: v[2],
@@ -335,6 +337,7 @@ fn the_longest_messages_fit() {
         fault: Some(Fault::DriveSilent),
         faults: Faults::of(Fault::ALL),
         limit: Some(Limit::MotorSpeed),
+        doubts: Doubts::of(Doubt::ALL),
         target_m: Some(1.0),
         setpoint_m: Some(1.0),
         position_m: Some(1.0),
@@ -355,7 +358,7 @@ fn the_longest_messages_fit() {
             longest_tick_us: 10_000,
         },
     };
-    assert!(wire(u16::MAX, &Message::Telemetry(telemetry)).len() <= 107, "the rate of telemetry rests on this");
+    assert!(wire(u16::MAX, &Message::Telemetry(telemetry)).len() <= 108, "the rate of telemetry rests on this");
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Messages of a board, for tests.
 
-use rig_link::{Clock, Counters, Faults, Identity, PROTOCOL_HASH, ResetCause, State, TableIdentity, Telemetry};
+use rig_link::{Clock, Counters, Doubts, Faults, Identity, PROTOCOL_HASH, ResetCause, State, TableIdentity, Telemetry};
 
 /// The identity of a board of this version, with an image of this git id.
 pub fn identity(git: &str) -> Identity {
@@ -39,6 +39,7 @@ pub fn telemetry(t_us: u64) -> Telemetry {
         fault: None,
         faults: Faults::NONE,
         limit: None,
+        doubts: Doubts::NONE,
         target_m: None,
         setpoint_m: None,
         position_m: None,

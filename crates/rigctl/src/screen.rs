@@ -178,6 +178,7 @@ impl Screen {
                 ),
             ]),
             line("limit", row.limit.unwrap_or("none").to_owned(), ""),
+            line("doubts", row.doubts.clone().unwrap_or_else(|| "none".to_owned()), ""),
             Line::default(),
             line("target", mm(row.target_m), "mm"),
             line("set-point", mm(row.setpoint_m), "mm"),

@@ -5,11 +5,12 @@ mod common;
 use common::{desktop, error_of, lines, rigctl};
 use std::process::Output;
 
-const KEYS: [&str; 18] = [
+const KEYS: [&str; 19] = [
     "t_s",
     "state",
     "fault",
     "limit",
+    "doubts",
     "target_m",
     "setpoint_m",
     "position_m",

@@ -37,7 +37,7 @@ def test_a_served_rig_homes_and_moves_as_the_page_shows(
         exec(TALKS, {})
     finally:
         server.terminate()
-        assert server.wait(timeout=60) == 0
+        assert server.wait(timeout=120) == 0
     said = capsys.readouterr().out
     assert "load_error_n" in said and "error_m" in said and "kind" not in said
     assert not socket.exists()

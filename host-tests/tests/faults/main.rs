@@ -10,7 +10,7 @@ use host_tests::{ControlBench, constants, table};
 use rig_control::sensors::DriveReading;
 use rig_control::supervisor::fault_policy::{After, Response, policy};
 use rig_control::{DriveCommand, Rig as Control};
-use rig_link::messages::{Constants, EventKind, Fault, Limit, LoadChoice, Parameter, Refusal, Request, State};
+use rig_link::messages::{Constants, Doubt, EventKind, Fault, Limit, LoadChoice, Parameter, Refusal, Request, State};
 use sim_link::RigFault;
 
 #[test]
@@ -335,5 +335,5 @@ fn a_load_beyond_the_table_stops_a_motion_but_not_a_rig_at_rest() {
     // At rest weights are changed: it is only said.
     let d = heavy("1.7kg", "2.0kg", false);
     assert_eq!((d.control.state(), d.control.fault()), (State::Ready, None));
-    assert_eq!(d.last.unwrap().telemetry.limit, Some(Limit::LoadRange));
+    assert!(d.last.unwrap().telemetry.doubts.contains(Doubt::LoadRange));
 }

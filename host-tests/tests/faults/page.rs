@@ -1,7 +1,7 @@
 //! `docs/faults.md` says what the code does, and where each fault is tested.
 
 use rig_control::supervisor::fault_policy::{After, Response, policy};
-use rig_link::messages::{Fault, HomingFailure, Limit};
+use rig_link::messages::{Doubt, Fault, HomingFailure, Limit};
 
 /// The page for the person at the bench says of every fault what the code does about it.
 #[test]
@@ -36,8 +36,8 @@ fn every_fault_is_documented_and_the_table_is_what_the_code_does() {
     for failure in HomingFailure::ALL {
         assert!(page.contains(&format!("| `{failure}` |")), "docs/faults.md lacks the failed homing {failure}");
     }
-    for &limit in Limit::ALL {
-        assert!(page.contains(&format!("| `{limit}` |")), "docs/faults.md lacks the limit {limit}");
+    for name in Limit::ALL.iter().map(|l| l.name()).chain(Doubt::ALL.iter().map(|d| d.name())) {
+        assert!(page.contains(&format!("\n| `{name}` | ")), "docs/faults.md lacks the limit or doubt {name}");
     }
 }
 

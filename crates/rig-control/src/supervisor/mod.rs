@@ -212,8 +212,7 @@ impl<'t> Rig<'t> {
             Request::Clear if raised => Some(Err(Refusal::CauseRemains { fault: self.fault()? })),
             request => self.answer(request, inputs, &mut events),
         });
-        let load_limit = self.tracking.as_ref().and_then(LoadTracking::limit);
-        self.limit = self.step_mode(inputs, &mut events).or(load_limit);
+        self.limit = self.step_mode(inputs, &mut events);
         if !(self.shaft.position.is_finite() && self.shaft.speed.is_finite()) {
             self.raise(Faults::NONE.with(Fault::NotFinite), &mut events);
         }

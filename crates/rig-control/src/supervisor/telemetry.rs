@@ -1,10 +1,11 @@
 //! What the host is shown, read from the rig after a step.
 
 use super::modes::Mode;
+use super::tracking::LoadTracking;
 use super::{Inputs, Rig};
 use crate::sensors::DriveReading;
 use core::f32::consts::TAU;
-use rig_link::messages::{Counters, Sensors, Telemetry};
+use rig_link::messages::{Counters, Doubts, Sensors, Telemetry};
 
 impl Rig<'_> {
     /// Telemetry of the tick that these inputs were stepped in.
@@ -25,6 +26,7 @@ impl Rig<'_> {
             fault: self.fault(),
             faults: self.faults(),
             limit: self.limit,
+            doubts: tracking.map_or(Doubts::NONE, LoadTracking::doubts),
             target_m: match &self.mode {
                 Mode::Moving(planned) => Some(planned.target_m),
                 _ => planner.map(|planner| planner.target_m()),

@@ -8,7 +8,7 @@ use crate::homing::{Homed, NINETY_PERCENT};
 use crate::load_motion::{AHEAD_S, LoadMotion, Measured, MotionObserver};
 use crate::mechanism::Mechanism;
 use crate::observer::{LoadObserver, Observation};
-use rig_link::messages::{Limit, LoadChoice, Setting, SettingValues};
+use rig_link::messages::{Doubt, Doubts, LoadChoice, Setting, SettingValues};
 use tsa_table::Table;
 
 /// Error of the load, as a share of it, above which the load is reported as unknown.
@@ -101,16 +101,17 @@ impl LoadTracking {
     }
 
     /// What the observation says against relying on the load.
-    pub(super) fn limit(&self) -> Option<Limit> {
-        match &self.observation {
-            Some(observation) if observation.at_range_end => Some(Limit::LoadRange),
-            Some(observation)
-                if observation.confirmed && observation.load_error_n <= UNKNOWN_SHARE * self.observer.load_n() =>
-            {
-                None
-            }
-            Some(_) | None => Some(Limit::LoadUnknown),
+    pub(super) fn doubts(&self) -> Doubts {
+        let Some(observation) = &self.observation else { return Doubts::NONE.with(Doubt::LoadUnknown) };
+        let known = observation.confirmed && observation.load_error_n <= UNKNOWN_SHARE * self.observer.load_n();
+        let mut doubts = Doubts::NONE;
+        if observation.at_range_end {
+            doubts.insert(Doubt::LoadRange);
         }
+        if !known {
+            doubts.insert(Doubt::LoadUnknown);
+        }
+        doubts
     }
 
     /// Learns the scale of the twist from one tick of a move at a twist (rad); `done` when the set-point has arrived.

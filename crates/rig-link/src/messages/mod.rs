@@ -23,7 +23,7 @@ mod telemetry;
 
 pub use crate::codes::*;
 pub use crate::corrected_constants::{CorrectedConstants, Dropped};
-pub use crate::faults::Faults;
+pub use crate::faults::{Doubts, Faults};
 pub use crate::gap_curve::GapCurve;
 pub use crate::lvdt_curve::{LVDT_APART_M, LVDT_POINTS_MAX, LvdtCurve};
 pub use crate::versions::{VersionMismatch, Versions};

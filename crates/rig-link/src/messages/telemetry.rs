@@ -1,7 +1,7 @@
 //! What the board measures and does.
 
 use crate::codes::{Fault, HomingFailure, Limit, State, StreamEnd, TableRefusal};
-use crate::faults::Faults;
+use crate::faults::{Doubts, Faults};
 use crate::messages::HomingResult;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
@@ -43,6 +43,8 @@ pub struct Telemetry {
     pub faults: Faults,
     /// What limits the motion.
     pub limit: Option<Limit>,
+    /// Which estimates are not to be relied on.
+    pub doubts: Doubts,
     /// Target position (m).
     pub target_m: Option<f32>,
     /// Set-point of the planner (m).

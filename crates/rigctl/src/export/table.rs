@@ -4,7 +4,7 @@ use crate::log::Log;
 use std::collections::HashSet;
 
 /// The columns that hold words; all others hold numbers.
-const WORDS: [&str; 5] = ["state", "fault", "faults", "limit", "homing_failure"];
+const WORDS: [&str; 6] = ["state", "fault", "faults", "limit", "doubts", "homing_failure"];
 /// Times that every format can hold, as nanoseconds in 64 bits (s): 30 years.
 const TIMES_S: std::ops::RangeInclusive<f64> = 0.0..=1e9;
 
@@ -156,7 +156,7 @@ mod tests {
     fn the_columns_of_words_are_those_of_a_row() {
         let mut row = Row::new(0.0, &fixtures::telemetry(0), None, None);
         (row.fault, row.faults, row.limit) = (Some("x"), Some("x y".into()), Some("speed"));
-        row.homing_failure = Some("x");
+        (row.doubts, row.homing_failure) = (Some("x y".into()), Some("x"));
         let serde_json::Value::Object(row) = serde_json::to_value(&row).expect("an object") else { panic!() };
         let words: Vec<&str> = row.iter().filter(|(_, v)| v.is_string()).map(|(name, _)| name.as_str()).collect();
         assert!(words.iter().all(|word| WORDS.contains(word)) && words.len() == WORDS.len(), "{words:?}");

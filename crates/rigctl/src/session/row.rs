@@ -17,6 +17,8 @@ pub struct Row {
     pub faults: Option<String>,
     /// The limit that holds the move back.
     pub limit: Option<&'static str>,
+    /// Why the estimates are not to be relied on, separated by blanks; none without a doubt.
+    pub doubts: Option<String>,
     /// Target of the move.
     pub target_m: Option<f32>,
     /// The planner's set-point.
@@ -62,6 +64,7 @@ impl Row {
             fault: telemetry.fault.map(|f| f.name()),
             faults: telemetry.fault.map(|_| telemetry.faults.to_string()),
             limit: telemetry.limit.map(|l| l.name()),
+            doubts: (!telemetry.doubts.is_empty()).then(|| telemetry.doubts.to_string()),
             target_m: telemetry.target_m,
             setpoint_m: telemetry.setpoint_m,
             position_m: telemetry.position_m,
@@ -87,7 +90,7 @@ impl Row {
         let mm = |v: Option<f64>| v.map_or("      -".into(), |v| format!("{:7.3}", v * 1e3));
         let error = |v: Option<f32>, factor: f32| v.map_or(String::new(), |v| format!(" ± {:.3}", v * factor));
         format!(
-            "{:8.2} s  {:8} position {}{} mm (true {} mm)  set-point {} mm  load {}{} N  TR {} rad/mm{}{}",
+            "{:8.2} s  {:8} position {}{} mm (true {} mm)  set-point {} mm  load {}{} N  TR {} rad/mm{}{}{}",
             self.t_s,
             self.state,
             mm(self.position_m.map(f64::from)),
@@ -99,6 +102,7 @@ impl Row {
             self.tr_rad_per_m.map_or("    -".into(), |v| format!("{:5.2}", v * 1e-3)),
             self.faults.as_ref().map_or(String::new(), |f| format!("  FAULT {f}")),
             self.limit.map_or(String::new(), |l| format!("  limit {l}")),
+            self.doubts.as_ref().map_or(String::new(), |d| format!("  doubt {d}")),
         )
     }
 }
