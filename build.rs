@@ -42,7 +42,6 @@ fn run() -> Result<(), Box<dyn Error>> {
     }
     let mut source = tsa_table::emit::rust_source(&fit);
     source.push_str(&constants(&scene));
-    source.push_str(&demand(&scene, &fit)?);
     source.push_str(&hashes(&scene));
     fs::write(out.join("scene.rs"), source)?;
     fs::write(out.join("parameters.rs"), parameters(&scene)?)?;
@@ -100,38 +99,13 @@ fn parameters(scene: &Scene) -> Result<String, Box<dyn Error>> {
     Ok(format!("/// The scene's constants.\npub const PARAMETERS: tsa_model::Parameters = {parameters};\n"))
 }
 
-/// Hashes with which the host compares its scene.
+/// The hash with which the host compares its `[rig]`.
 fn hashes(scene: &Scene) -> String {
     format!(
         "/// Hash of the scene's `[rig]`.\n\
-         pub const RIG_HASH: u32 = {:#010x};\n\
-         /// Hash of the scene's `[envelope]` and `[accuracy]`.\n\
-         pub const DEMAND_HASH: u32 = {:#010x};\n",
+         pub const RIG_HASH: u32 = {:#010x};\n",
         scene.rig_hash(),
-        scene.demand_hash()
     )
-}
-
-/// The accuracy that a table rebuilt on the board must reach, and the shapes that it may take if the first one misses it:
-/// more powers of the twist, and more of the load, which a measured correction needs.
-fn demand(scene: &Scene, fit: &tsa_table::fit::Fit) -> Result<String, Box<dyn Error>> {
-    let accuracy = scene.table_demand()?.1;
-    let shape = fit.table.numbers.shape;
-    let [rows, columns] = [shape.rows, shape.columns].map(usize::from);
-    let spares = [[rows, columns + 2], [rows + 2, columns.saturating_sub(1)]];
-    let spares = spares.map(|[rows, columns]| {
-        let (rows, columns) = (rows.min(tsa_table::arc::MAX_ROWS), columns.clamp(2, tsa_table::arc::MAX_COLUMNS));
-        format!("tsa_table::Shape::of({rows}, {columns}).unwrap()")
-    });
-    Ok(format!(
-        "/// The scene's accuracy: contraction (m) and TR (relative).\n\
-         pub const ACCURACY: [f32; 2] = [{:?}f32, {:?}f32];\n\
-         /// More powers, for constants that need them.\n\
-         pub const SPARE_SHAPES: &[tsa_table::Shape] = &[{}];\n",
-        accuracy.contraction_m as f32,
-        accuracy.tr_relative as f32,
-        spares.join(", ")
-    ))
 }
 
 /// Short commit, with `-dirty` if the tree had changes; `None` outside a checkout.

@@ -38,9 +38,9 @@ const KEYS: usize = 4;
 pub type SharedStore = Mutex<NoopRawMutex, Store>;
 
 /// Longest record with its key (bytes).
-pub const RECORD_MAX: usize = 1536;
+pub const RECORD_MAX: usize = tsa_table::record::RECORD_MAX + 16;
 
-/// Key of the table made on the board.
+/// Key of the table that the host sent.
 pub const TABLE: u8 = 1;
 /// Key of the settings.
 pub const SETTINGS: u8 = 2;

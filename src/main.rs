@@ -3,7 +3,7 @@
 //! This package holds only pins, clocks and tasks; everything that a desktop can test is in the crates. An executor at
 //! interrupt level runs five tasks: [`tasks::control`] (the tick), [`tasks::drive`] (CAN or UART), [`tasks::lvdt`] (ADC
 //! and DMA), [`tasks::link`] (host) and [`tasks::watchdog`], which feeds the watchdog only while all the others run.
-//! The executor in thread mode runs two more: [`tasks::table`] builds a table for other constants, and
+//! The executor in thread mode runs two more: [`tasks::table`] takes a table from the host, and
 //! [`tasks::settings`] saves the settings.
 //!
 //! [`board`] sets up the hardware, [`serial`] sends bytes, [`shared`] holds what the tasks exchange, [`flash`] and
@@ -30,7 +30,7 @@ use embassy_stm32::interrupt::{InterruptExt, Priority};
 use rmds405::Transport;
 use static_cell::StaticCell;
 
-/// Runs every task that must not wait while a table is built.
+/// Runs every task that must not wait while flash is written.
 static FOREGROUND: InterruptExecutor = InterruptExecutor::new();
 
 #[interrupt]
@@ -56,9 +56,7 @@ async fn main(background: Spawner) {
         defmt::error!("the previous run ended with: {}", text.as_str());
     }
     let mut store = board.store;
-    if let Some(table) = tasks::table::load(&mut store).await {
-        shared::TABLE.set(table);
-    }
+    tasks::table::load(&mut store).await;
     let generation = tasks::settings::load(&mut store).await;
     static STORE: StaticCell<flash_store::SharedStore> = StaticCell::new();
     let store = STORE.init(flash_store::SharedStore::new(store));

@@ -18,9 +18,10 @@ use embassy_sync::channel::Channel;
 use embassy_sync::signal::Signal;
 use rig_control::{DriveCommand, DriveReading, LvdtBlock, SupplyReading, settings};
 use rig_link::messages::{
-    Constants, Dropped, Kept, Message, Request, Sensors, SettingValues, SettingsReport, Telemetry,
+    Dropped, Kept, Message, Request, Sensors, SettingValues, SettingsReport, TablePart, Telemetry,
 };
-use tsa_table::Table;
+use tsa_table::record::StoredTable;
+use tsa_table::{Metadata, Table};
 
 /// A value that is read and written as a whole.
 pub struct Latest<T: Copy>(Mutex<Raw, Cell<T>>);
@@ -71,12 +72,12 @@ pub static OUTBOX: Channel<Raw, Message, 16> = Channel::new();
 pub static UNSENT: AtomicU32 = AtomicU32::new(0);
 /// Newest telemetry for the host.
 pub static TELEMETRY: Signal<Raw, Telemetry> = Signal::new();
-/// The table in use.
-pub static TABLE: Latest<&'static Table<'static>> = Latest::new(&crate::scene::TABLE);
-/// Constants for which a table is to be built.
-pub static REBUILD: Signal<Raw, Constants> = Signal::new();
+/// The table in use; `None` is the built-in one.
+pub static TABLE: Latest<Option<TableInUse>> = Latest::new(None);
+/// Parts of a table from the host. It waits for the reply to each.
+pub static TABLE_PARTS: Channel<Raw, TablePart, 2> = Channel::new();
 /// A table for the control task to use from now on.
-pub static NEW_TABLE: Signal<Raw, &'static Table<'static>> = Signal::new();
+pub static NEW_TABLE: Signal<Raw, StoredTable> = Signal::new();
 /// Flash is to be written, which stalls the core; the control task sets [`PAUSED`] when nothing moves.
 pub static PAUSE_WANTED: AtomicBool = AtomicBool::new(false);
 /// The control task has paused until [`PAUSE_WANTED`] is cleared; the drive holds its position.
@@ -85,6 +86,24 @@ pub static PAUSED: AtomicBool = AtomicBool::new(false);
 pub static LINK_ERRORS: AtomicU32 = AtomicU32::new(0);
 /// Number of CAN frames, or of bytes on the serial line, that are not the drive's.
 pub static FOREIGN_FRAMES: AtomicU32 = AtomicU32::new(0);
+
+/// What the host is told of a table.
+#[derive(Clone, Copy)]
+pub struct TableInUse {
+    /// Range, accuracy and origin.
+    pub metadata: Metadata,
+    /// Size of its numbers (bytes).
+    pub bytes: usize,
+    /// Its checksum.
+    pub crc: u32,
+}
+
+impl TableInUse {
+    /// That of a table.
+    pub fn of(table: &Table<'_>) -> Self {
+        Self { metadata: table.metadata, bytes: table.series.bytes(), crc: table.crc }
+    }
+}
 
 /// Queues a reply or an event for the host. If the queue is full, because the host has not read for a while, the
 /// message is dropped and counted; the host asks again.

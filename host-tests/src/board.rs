@@ -6,13 +6,16 @@ use rig_emulator::machine::{Config, Machine};
 use rig_emulator::rig::Rig;
 use rig_emulator::rig::plant_settings::PlantSettings;
 use rig_link::messages::{
-    EventKind, Identity, Kept, Message, Refusal, Request, Sensors, SettingsReport, State, Telemetry,
+    EventKind, Identity, Kept, Message, Refusal, Request, Sensors, SettingsReport, State, TablePart, TableRefusal,
+    Telemetry,
 };
 use rig_link::{Accepted, Decoder, Versions, encode};
 use rig_scene::{DriveTransport, Scene};
 use std::fmt;
 use std::process::Command;
 use std::sync::OnceLock;
+use tsa_table::Table;
+use tsa_table::record::RECORD_MAX;
 
 /// What these tests greet the board with.
 pub const HELLO: Request = Request::Hello(Versions::own("host-tests", ""));
@@ -263,6 +266,36 @@ impl Bench {
             self.machine.stats().resets
         );
         self.replies.iter().find(|(to, _)| *to == number).expect("just seen").1
+    }
+
+    /// Sends a table and waits until the board uses it; whether it is in flash.
+    ///
+    /// # Errors
+    /// The board's refusal.
+    pub fn send_table(&mut self, table: &Table<'_>) -> Result<bool, TableRefusal> {
+        let mut record = [0; RECORD_MAX];
+        let length = table.write(&mut record).expect("small enough");
+        self.send_record(&record[..length])
+    }
+
+    /// The same of any record.
+    ///
+    /// # Errors
+    /// The board's refusal.
+    pub fn send_record(&mut self, record: &[u8]) -> Result<bool, TableRefusal> {
+        self.events.clear();
+        for part in TablePart::of_record(record) {
+            self.ask(&Request::TablePart(part)).expect("it is at rest");
+        }
+        let end = |e: &EventKind| match e {
+            EventKind::TableStored { kept, .. } => Some(Ok(*kept)),
+            EventKind::TableRefused(reason) => Some(Err(*reason)),
+            _ => None,
+        };
+        self.until(5.0, |b| b.events.iter().any(|e| end(e).is_some()));
+        let ended = self.events.iter().find_map(end).unwrap_or_else(|| panic!("no table: {:?}", self.events));
+        self.run(0.1);
+        ended
     }
 
     /// Greets after a start, again and again as the tool does: what comes before its UART is up, after 2 ms, or while a sector

@@ -93,7 +93,7 @@ pub struct ControlTick {
     pub sensors: Sensors,
 }
 
-impl Controller for Control<'static> {
+impl Controller for Control {
     type Decision = ControlTick;
 
     fn step(&mut self, inputs: &Inputs) -> ControlTick {
@@ -116,7 +116,7 @@ pub type Tamper = Arc<dyn Fn(&mut Inputs) + Send + Sync>;
 
 /// A controller wired to an emulated rig.
 #[derive(Clone)]
-pub struct ControlBench<C: Controller = Control<'static>> {
+pub struct ControlBench<C: Controller = Control> {
     /// The rig.
     pub rig: Rig,
     /// The controller.

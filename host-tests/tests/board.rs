@@ -3,12 +3,10 @@
 use host_tests::board::{Bench, HELLO};
 use rand::{RngExt, SeedableRng};
 use rig_emulator::board::{CanFrame, Stimulus};
-use rig_link::messages::{
-    Constants, Correction, EventKind, Fault, LoadChoice, Refusal, Request, ResetCause, Setting, State, TableRefusal,
-};
+use rig_link::messages::{Fault, LoadChoice, Refusal, Request, ResetCause, Setting, State, TableRefusal};
 use rig_link::{PROTOCOL_HASH, Versions};
-use rigctl::session::table::constants;
 use sim_link::RigFault;
+use tsa_table::record::RECORD_MAX;
 
 const MOVE: Request = Request::Move { target_m: 0.012, speed_m_per_s: 0.002, load: LoadChoice::Auto };
 
@@ -323,55 +321,41 @@ fn the_same_seed_gives_the_same_bytes() {
     assert_ne!(run(9), run(10));
 }
 
-/// The scene's constants with strings a twentieth thicker.
-fn thicker() -> Constants {
-    let mut scene = host_tests::scene().clone();
-    scene.string.k2 *= 1.05;
-    constants(&scene)
-}
-
 #[test]
-fn the_board_makes_its_own_table_in_seconds_keeps_it_and_falls_back() {
+fn the_board_uses_and_keeps_a_table_that_it_is_sent_and_falls_back() {
     let mut b = Bench::new(&[], 9);
     b.home();
     b.ask(&Request::Move { target_m: 0.004, speed_m_per_s: 0.002, load: LoadChoice::Auto }).unwrap();
     assert!(b.until(20.0, |b| b.state() == State::Holding), "{:?}", b.last);
     let (built_in, gap) = (b.identity.clone().unwrap().table, b.machine.board().truth().gap_m);
-    assert!(!built_in.rebuilt);
+    assert!(!built_in.sent);
 
-    // Made in the background, while it holds: no tick is lost until flash is written.
+    // Another law, another envelope and another accuracy, of more powers than the built-in one.
+    let mut scene = host_tests::scene().clone();
+    scene.string.k2 *= 1.05;
+    scene.envelope.as_mut().unwrap().load_n[1] *= 0.8;
+    let fit = scene.fit_table().unwrap();
     let (ticks, start) = (b.machine.stats().tick.count, b.machine.now_s());
-    b.ask(&Request::Rebuild(thicker())).unwrap();
-    assert!(b.until(15.0, |b| b.events.iter().any(|e| matches!(e, EventKind::TableRebuilt { .. }))), "{:?}", b.events);
-    let made = *b.events.last().unwrap();
-    let EventKind::TableRebuilt { contraction_error_m, tr_relative_error, states, took_us, kept } = made else {
-        panic!("{made:?}")
-    };
-    let (late, paused) = (b.machine.now_s() - start, took_us as f64 * 1e-6);
+    assert_eq!(b.send_table(&fit.table.table()), Ok(true));
+    let lost = (b.machine.now_s() - start) / 0.01 - (b.machine.stats().tick.count - ticks) as f64;
     let stats = b.machine.stats();
     println!(
-        "table made in {paused:.2} s ({late:.2} with flash), {states} equilibria, {:.2} um, {:.3} %, core busy {:.0} %, \
-         stack {} B",
-        contraction_error_m * 1e6,
-        tr_relative_error * 100.0,
+        "{lost:.0} ticks lost, core busy {:.0} %, stack {} B",
         stats.core_busy * 100.0,
         stats.stack_high_water_bytes
     );
-    // Making a table needs most: an eighth of the 72 KiB (memory.x) stays free.
-    assert!(stats.stack_high_water_bytes < 63 * 1024, "{} B of stack", stats.stack_high_water_bytes);
-    assert!(kept && paused < 10.0 && contraction_error_m <= 5e-6 && tr_relative_error <= 2e-3);
-    let lost = (b.machine.now_s() - start) / 0.01 - (stats.tick.count - ticks) as f64;
     assert!(lost < 20.0, "{lost} ticks lost");
+    // An eighth of the 72 KiB (memory.x) stays free.
+    assert!(stats.stack_high_water_bytes < 63 * 1024, "{} B of stack", stats.stack_high_water_bytes);
     // Nothing moved, and nothing does before it is homed again.
     assert!((b.machine.board().truth().gap_m - gap).abs() < 30e-6);
-    b.run(0.1);
     assert_eq!(b.state(), State::Unhomed);
     assert_eq!(b.ask(&MOVE), Err(Refusal::NotHomed));
     b.identity = None;
     b.ask(&Request::Status).unwrap();
     assert!(b.until(0.1, |b| b.identity.is_some()));
     let table = b.identity.clone().unwrap().table;
-    assert!(table.rebuilt && table.crc != built_in.crc);
+    assert!(table.sent && table.crc == fit.table.crc && table.load_max_n == fit.table.metadata.load_max_n);
 
     // Still there after a reset, and refused when a bit of it has flipped.
     let image = b.machine.flash_image();
@@ -390,43 +374,32 @@ fn the_board_makes_its_own_table_in_seconds_keeps_it_and_falls_back() {
     broken[words[words.len() / 2]] ^= 4;
     assert_eq!(boots(&broken), built_in);
 
-    // There is room for four between two starts. A fifth is refused before it is made, so that it is not in use after the next start.
-    let mut made = Vec::new();
-    loop {
-        let mut scene = host_tests::scene().clone();
-        scene.string.k2 *= 1.01 + 0.01 * f64::from(made.len() as u8);
-        b.events.clear();
-        b.ask(&Request::Rebuild(constants(&scene))).unwrap();
-        let ended = |e: &EventKind| matches!(e, EventKind::TableRebuilt { .. } | EventKind::TableRefused { .. });
-        assert!(b.until(15.0, |b| b.events.iter().any(ended)), "{:?}", b.events);
-        if b.events.iter().any(|e| matches!(e, EventKind::TableRefused { reason: TableRefusal::NoRoom, .. })) {
-            break;
-        }
-        b.identity = None;
-        b.ask(&Request::Status).unwrap();
-        assert!(b.until(0.1, |b| b.identity.is_some()));
-        made.push(b.identity.clone().unwrap().table);
+    // As often as wanted between two starts; the newest is the one that is kept.
+    for k in 0..5 {
+        scene.string.k2 *= 1.001 + 0.001 * f64::from(k);
+        let sent = scene.fit_table().unwrap().table;
+        assert_eq!(b.send_table(&sent.table()), Ok(true));
+        assert_eq!(boots(&b.machine.flash_image()).crc, sent.crc);
     }
-    assert_eq!(made.len(), 3);
-    assert_eq!(Some(&boots(&b.machine.flash_image())), made.last());
 
-    // What cannot be made is refused by name, and the table in use stays.
-    let mut b = Bench::new(&[], 9);
-    b.run(0.05);
-    b.ask(&HELLO).unwrap();
-    assert!(b.until(5.0, |b| b.state() == State::Unhomed));
-    let no_correction = Correction { load_n: [2.0, 15.0], turns: [0.0, 7.5], coefficients_m: [[f32::NAN; 3]; 3] };
-    for (constants, wanted) in [
-        (Constants { string: [f64::NAN; 6], ..thicker() }, TableRefusal::Constants),
-        (Constants { correction: Some(no_correction), ..thicker() }, TableRefusal::Constants),
-        (Constants { string: thicker().string.map(|v| 1.3 * v), ..thicker() }, TableRefusal::Model),
-    ] {
-        b.ask(&Request::Rebuild(constants)).unwrap();
-        assert!(b.until(15.0, |b| matches!(b.events.last(), Some(EventKind::TableRefused { .. }))));
-        let Some(EventKind::TableRefused { reason, .. }) = b.events.pop() else { panic!("{:?}", b.events) };
-        assert_eq!(reason, wanted);
-    }
+    // What is no table is refused by name, and the one in use stays.
     b.ask(&Request::Status).unwrap();
     b.run(0.1);
-    assert_eq!(b.identity.clone().unwrap().table, built_in);
+    let before = b.identity.clone().unwrap().table;
+    let mut record = [0; RECORD_MAX];
+    let length = host_tests::table().write(&mut record).unwrap();
+    let damaged = |place: usize| {
+        let mut record = record[..length].to_vec();
+        record[place] ^= 4;
+        record
+    };
+    assert_eq!(b.send_record(&damaged(length - 1)), Err(TableRefusal::Damaged));
+    assert_eq!(b.send_record(&damaged(8)), Err(TableRefusal::Version));
+    let mut backwards = *host_tests::table();
+    std::mem::swap(&mut backwards.metadata.load_min_n, &mut backwards.metadata.load_max_n);
+    backwards.crc = backwards.checksum();
+    assert_eq!(b.send_table(&backwards), Err(TableRefusal::Range));
+    b.ask(&Request::Status).unwrap();
+    b.run(0.1);
+    assert_eq!(b.identity.clone().unwrap().table, before);
 }

@@ -2,8 +2,8 @@
 
 use crate::board::{CYCLES_PER_US, Leds, Start, Switches};
 use crate::post_mortem;
-use crate::scene::RIG;
-use crate::shared::{self, Task};
+use crate::scene::{RIG, TABLE};
+use crate::shared::{self, TableInUse, Task};
 use core::sync::atomic::Ordering;
 use cortex_m::peripheral::DWT;
 use embassy_stm32::peripherals::TIM3;
@@ -17,7 +17,7 @@ use static_cell::StaticCell;
 /// One tick: the step, then the telemetry of it. Named and kept apart so that its instructions can be counted.
 #[unsafe(no_mangle)]
 #[inline(never)]
-fn control_tick(rig: &mut Rig<'static>, inputs: &Inputs, longest_tick_us: u32) -> (Outputs, Telemetry) {
+fn control_tick(rig: &mut Rig, inputs: &Inputs, longest_tick_us: u32) -> (Outputs, Telemetry) {
     let outputs = rig.step(inputs);
     let counters = Counters {
         link_errors: shared::LINK_ERRORS.load(Ordering::Relaxed),
@@ -34,9 +34,9 @@ pub async fn run(encoder: Qei<'static, TIM3>, mut switches: Switches, mut leds: 
     let settings = shared::SETTINGS_CORRUPT.load(Ordering::Relaxed).then_some(Fault::SettingsCorrupt);
     // Settings first: the reset cause is also reported in the identity message, corrupt settings only by this fault.
     let reset = settings.or(start.fault());
-    static CONTROL: StaticCell<Rig<'static>> = StaticCell::new();
+    static CONTROL: StaticCell<Rig> = StaticCell::new();
     // The black box keeps the compiler from checking the table's checksum at compile time: the table in flash is checked.
-    let rig = CONTROL.init(Rig::new(core::hint::black_box(shared::TABLE.get()), RIG, reset));
+    let rig = CONTROL.init(Rig::new(core::hint::black_box(&TABLE), RIG, reset));
     let (settings, mut settings_count) = shared::SETTINGS.get();
     rig.set_up(&settings);
     let mut count = EncoderCount::new(encoder.count());
@@ -53,10 +53,12 @@ pub async fn run(encoder: Qei<'static, TIM3>, mut switches: Switches, mut leds: 
             rig.pause();
             continue;
         }
-        if let Some(table) = shared::NEW_TABLE.try_take()
-            && !rig.use_table(table)
-        {
-            shared::NEW_TABLE.signal(table);
+        if let Some(table) = shared::NEW_TABLE.try_take() {
+            if rig.use_table(&table) {
+                shared::TABLE.set(Some(TableInUse::of(&table.table())));
+            } else {
+                shared::NEW_TABLE.signal(table);
+            }
         }
         let request = shared::REQUESTS.try_receive().ok();
         let inputs = Inputs {
@@ -84,8 +86,10 @@ pub async fn run(encoder: Qei<'static, TIM3>, mut switches: Switches, mut leds: 
         };
         post_mortem::set_driving(driving);
         shared::DRIVE_COMMAND.signal(outputs.drive);
-        if let (Some((_, Request::Rebuild(constants))), Some(Ok(_))) = (request, outputs.reply) {
-            shared::REBUILD.signal(constants);
+        if let (Some((_, Request::TablePart(part))), Some(Ok(_))) = (request, outputs.reply)
+            && shared::TABLE_PARTS.try_send(part).is_err()
+        {
+            defmt::error!("a part of a table came before the last one was taken");
         }
         let set = matches!(request, Some((_, Request::SetSetting { .. } | Request::SetSettings(_))));
         if set && matches!(outputs.reply, Some(Ok(_))) {

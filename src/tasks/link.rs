@@ -2,7 +2,7 @@
 
 use crate::board::Start;
 use crate::serial::Transmitter;
-use crate::shared::{self, Task};
+use crate::shared::{self, TableInUse, Task};
 use core::sync::atomic::Ordering;
 use embassy_futures::select::{Either, select};
 use embassy_stm32::usart::BufferedUartRx;
@@ -93,7 +93,7 @@ fn take(sequence: u16, request: Request, greeted: &mut bool, newest: &mut Newest
         | Request::Jog { .. }
         | Request::Clear
         | Request::CheckDirection
-        | Request::Rebuild(_)
+        | Request::TablePart(_)
         | Request::SetSetting { .. }
         | Request::SetSettings(_) => {
             if !*greeted {
@@ -125,7 +125,8 @@ fn text<const N: usize>(value: &str) -> String<N> {
 }
 
 fn identity(start: &Start) -> Identity {
-    let table = shared::TABLE.get();
+    let sent = shared::TABLE.get();
+    let table = sent.unwrap_or_else(|| TableInUse::of(&crate::scene::TABLE));
     let m = &table.metadata;
     let turns = |twist_rad: f32| (twist_rad - core::f32::consts::PI) / core::f32::consts::TAU;
     Identity {
@@ -134,10 +135,9 @@ fn identity(start: &Start) -> Identity {
         protocol_hash: PROTOCOL_HASH,
         scene_hash: m.scene_hash,
         rig_hash: crate::scene::RIG_HASH,
-        demand_hash: crate::scene::DEMAND_HASH,
         table: TableIdentity {
             form: text(tsa_table::FORM),
-            bytes: table.series.bytes() as u16,
+            bytes: table.bytes as u16,
             contraction_error_m: m.contraction_error_m,
             tr_relative_error: m.tr_relative_error,
             load_min_n: m.load_min_n,
@@ -145,7 +145,7 @@ fn identity(start: &Start) -> Identity {
             turns_min: turns(m.twist_min_rad),
             turns_max: turns(m.twist_max_rad),
             crc: table.crc,
-            rebuilt: !core::ptr::eq(table, &raw const crate::scene::TABLE),
+            sent: sent.is_some(),
         },
         reset_cause: start.cause,
         clock: start.clock,

@@ -22,7 +22,7 @@ const TANGENT_RAD: f32 = 0.5;
 #[derive(Clone, Copy, Debug)]
 pub struct Mechanism<'t> {
     /// The table, with its metadata.
-    pub table: &'t Table<'t>,
+    pub table: Table<'t>,
     /// Twist in the table for each twist of this rig's strings.
     pub twist_scale: f32,
     /// Measured less modelled gap.

@@ -267,7 +267,7 @@ fn a_damaged_table_is_a_fault_from_the_start_that_nothing_clears() {
     let mut damaged = *table();
     damaged.crc ^= 1;
     let mut bench = Bench::new(5.0, 0.01, 9.0);
-    bench.rig = Rig::new(Box::leak(Box::new(damaged)), constants(), None);
+    bench.rig = Rig::new(&damaged, constants(), None);
     bench.tick(None);
     assert_eq!((bench.rig.state(), bench.rig.fault()), (State::Fault, Some(Fault::TableCorrupt)));
     assert_eq!(bench.ask(Request::Clear), Err(Refusal::CauseRemains { fault: Fault::TableCorrupt }));

@@ -43,7 +43,7 @@ fn all_that_a_move_needs_is_found_from_any_twist() {
         assert_eq!(found.jump_m, 0.0);
         near(found.drive_lag_s, TICK_S, 1e-4);
         // Load, scale and curve together give the gap of this rig at each twist.
-        let mechanism = Mechanism { table: table(), twist_scale: found.twist_scale, curve: found.curve };
+        let mechanism = Mechanism { table: *table(), twist_scale: found.twist_scale, curve: found.curve };
         for twist_rad in [4.0f32, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0] {
             near(mechanism.at(found.load_n, twist_rad).gap_m, bench.gap_at(load_n, twist_rad)[0] + offset_m, 8e-6);
         }

@@ -11,7 +11,7 @@ const LOAD_N: f32 = 5.0;
 fn scaled(twist_scale: f32) -> Mechanism<'static> {
     // 0.1 mm, and 0.2 mm more at 40 rad than at 20 rad.
     let curve = GapCurve { middle_rad: 20.0, half_rad: 20.0, coefficients_m: [0.1e-3, 0.2e-3, 0.0, 0.0] };
-    Mechanism { table: table(), twist_scale, curve }
+    Mechanism { table: *table(), twist_scale, curve }
 }
 
 #[test]
@@ -28,7 +28,7 @@ fn strings_of_another_radius_act_as_if_they_were_twisted_by_the_scale() {
 
 #[test]
 fn a_tangent_goes_on_at_both_ends_of_the_twist_for_half_a_radian() {
-    let plain = Mechanism { table: table(), twist_scale: 1.0, curve: GapCurve::constant(0.0) };
+    let plain = Mechanism { table: *table(), twist_scale: 1.0, curve: GapCurve::constant(0.0) };
     let m = &table().metadata;
     for (end_rad, outwards) in [(m.twist_min_rad, -1.0), (m.twist_max_rad, 1.0)] {
         let end = plain.at(LOAD_N, end_rad);

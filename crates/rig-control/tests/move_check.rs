@@ -15,7 +15,7 @@ const FRICTION_N: f32 = 0.2;
 const OFFSET_M: f32 = 1e-3;
 
 fn mechanism() -> Mechanism<'static> {
-    Mechanism { table: table(), twist_scale: 1.0, curve: GapCurve::constant(OFFSET_M) }
+    Mechanism { table: *table(), twist_scale: 1.0, curve: GapCurve::constant(OFFSET_M) }
 }
 
 /// At the half-turn pre-twist, after homing's way down.

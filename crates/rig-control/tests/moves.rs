@@ -9,6 +9,7 @@ use rig_link::messages::{
     Accepted, Doubt, Doubts, EventKind, Limit, LoadChoice, Parameter, Refusal, Request, Setting, State, StreamEnd,
 };
 use std::f32::consts::PI;
+use tsa_table::record::StoredTable;
 
 #[track_caller]
 fn near(found: f32, expected: f32, error: f32) {
@@ -445,9 +446,9 @@ fn another_table_is_taken_while_nothing_moves_and_unhomes() {
     assert!(!bench.rig.stands(), "it starts");
     let mut bench = Bench::homed();
     assert_eq!(bench.ask(to(0.004, 0.004)), Ok(Accepted::Started));
-    assert!(!bench.rig.use_table(table()) && !bench.rig.stands());
+    assert!(!bench.rig.use_table(&StoredTable::copy_of(table())) && !bench.rig.stands());
     bench.while_in(State::Moving);
-    assert!(bench.rig.stands() && bench.rig.use_table(table()));
+    assert!(bench.rig.stands() && bench.rig.use_table(&StoredTable::copy_of(table())));
     assert_eq!(bench.rig.state(), State::Unhomed);
 }
 

@@ -15,7 +15,7 @@ const LOAD_N: f32 = 5.0;
 const FRICTION_N: f32 = 0.1;
 
 fn mechanism() -> Mechanism<'static> {
-    Mechanism { table: table(), twist_scale: 1.0, curve: GapCurve::constant(0.0) }
+    Mechanism { table: *table(), twist_scale: 1.0, curve: GapCurve::constant(0.0) }
 }
 
 /// Homed with 5 N on a rail with 0.1 N of friction, after a way down.

@@ -285,22 +285,18 @@ named_codes! {
 }
 
 named_codes! {
-    /// Why a table could not be made on the board.
+    /// Why the board does not use a table that it was sent.
     pub enum TableRefusal {
-        /// A constant is not finite, of the wrong sign, or does not fit the others.
-        Constants = 0, "constants";
-        /// The table in use is of a form that cannot be made on the board.
-        Form = 1, "form";
-        /// The envelope exceeds a limit of the model.
-        Model = 2, "model-limit";
-        /// The fit is not determined.
-        Fit = 3, "fit";
-        /// The table does not reach the scene's accuracy.
-        Accuracy = 4, "accuracy";
+        /// Parts are missing, or it is longer than any table.
+        Incomplete = 0, "incomplete";
+        /// Its checksum is wrong.
+        Damaged = 1, "damaged";
+        /// It was made by another version of the generator.
+        Version = 2, "version";
+        /// A range or a stated error is impossible.
+        Range = 3, "range";
         /// The gap is not monotone.
-        NotMonotone = 5, "not-monotone";
-        /// No memory is left for another one: reset the board.
-        NoRoom = 6, "no-room";
+        NotMonotone = 4, "not-monotone";
     }
 }
 

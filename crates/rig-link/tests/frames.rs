@@ -3,10 +3,10 @@
 use proptest::prelude::*;
 
 use rig_link::{
-    Accepted, Clock, Constants, CorrectedConstants, Correction, Counters, CurveFlaw, Decoder, Doubt, Doubts,
-    EncodeError, EventKind, Fault, Faults, Frame, GapCurve, HomingFailure, HomingResult, Identity, Kept,
-    LVDT_POINTS_MAX, Limit, LoadChoice, LvdtCurve, MAX_FRAME, Message, Parameter, Refusal, Request, ResetCause,
-    Sensors, Setting, SettingValues, SettingsReport, State, TableIdentity, TableRefusal, Telemetry, Versions, encode,
+    Accepted, Clock, CorrectedConstants, Counters, CurveFlaw, Decoder, Doubt, Doubts, EncodeError, EventKind, Fault,
+    Faults, Frame, GapCurve, HomingFailure, HomingResult, Identity, Kept, LVDT_POINTS_MAX, Limit, LoadChoice,
+    LvdtCurve, MAX_FRAME, Message, Parameter, Refusal, Request, ResetCause, Sensors, Setting, SettingValues,
+    SettingsReport, State, TableIdentity, TablePart, TableRefusal, Telemetry, Versions, encode,
 };
 use serde::{Serialize, de::DeserializeOwned};
 
@@ -39,7 +39,7 @@ fn request() -> impl Strategy<Value = Request> {
         Just(Request::Stop),
         Just(Request::Clear),
         Just(Request::Status),
-        constants().prop_map(Request::Rebuild),
+        table_part().prop_map(Request::TablePart),
         Just(Request::GetSettings),
         (one_of(Setting::ALL), float()).prop_map(|(setting, value)| Request::SetSetting { setting, value }),
         (values(), curve())
@@ -70,26 +70,12 @@ fn corrected() -> impl Strategy<Value = CorrectedConstants> {
     })
 }
 
-fn constants() -> impl Strategy<Value = Constants> {
-    let float = || prop::num::f64::NORMAL;
-    let lengths = prop::array::uniform4(float());
-    let (string, material) = (prop::array::uniform6(float()), prop::array::uniform5(float()));
-    let uncertainty = prop::array::uniform4(1e-6..0.5f32);
-    let (pair, row) = (|| prop::array::uniform2(prop::num::f32::NORMAL), prop::array::uniform3(prop::num::f32::NORMAL));
-    let correction = (pair(), pair(), prop::array::uniform3(row))
-        .prop_map(|(load_n, turns, coefficients_m)| Correction { load_n, turns, coefficients_m });
-    let correction = prop::option::of(correction);
-    (any::<u32>(), lengths, string, prop::option::of(float()), material, uncertainty, correction).prop_map(
-        |(scene_hash, geometry_m, string, twist_exponent, stress_coefficients_pa, uncertainty, correction)| Constants {
-            scene_hash,
-            geometry_m,
-            string,
-            twist_exponent,
-            stress_coefficients_pa,
-            uncertainty,
-            correction,
-        },
-    )
+fn table_part() -> impl Strategy<Value = TablePart> {
+    (any::<u16>(), any::<u16>(), prop::array::uniform32(any::<u32>())).prop_map(|(offset, total, words)| TablePart {
+        offset,
+        total,
+        words,
+    })
 }
 
 fn refusal() -> impl Strategy<Value = Refusal> {
@@ -169,18 +155,8 @@ fn event() -> impl Strategy<Value = EventKind> {
         one_of(HomingFailure::ALL).prop_map(EventKind::HomingRefused),
         float().prop_map(|error_m| EventKind::MoveDone { error_m }),
         one_of(Fault::ALL).prop_map(EventKind::FaultRaised),
-        (float(), float(), any::<u32>(), any::<u64>(), any::<bool>()).prop_map(
-            |(contraction_error_m, tr_relative_error, states, took_us, kept)| EventKind::TableRebuilt {
-                contraction_error_m,
-                tr_relative_error,
-                states,
-                took_us,
-                kept,
-            }
-        ),
-        (one_of(TableRefusal::ALL), float(), float()).prop_map(|(reason, load_n_or_error_m, twist_rad_or_error)| {
-            EventKind::TableRefused { reason, load_n_or_error_m, twist_rad_or_error }
-        }),
+        (any::<u32>(), any::<bool>()).prop_map(|(crc, kept)| EventKind::TableStored { crc, kept }),
+        one_of(TableRefusal::ALL).prop_map(EventKind::TableRefused),
     ]
 }
 
@@ -237,7 +213,6 @@ fn longest_identity() -> Identity {
         protocol_hash: u32::MAX,
         scene_hash: u32::MAX,
         rig_hash: u32::MAX,
-        demand_hash: u32::MAX,
         table: TableIdentity {
             form: text(&"x".repeat(32)),
             bytes: u16::MAX,
@@ -248,7 +223,7 @@ fn longest_identity() -> Identity {
             turns_min: 0.0,
             turns_max: 7.5,
             crc: u32::MAX,
-            rebuilt: true,
+            sent: true,
         },
         reset_cause: ResetCause::Watchdog,
         clock: Clock::Hsi,

@@ -10,7 +10,6 @@ pub fn identity(git: &str) -> Identity {
         protocol_hash: PROTOCOL_HASH,
         scene_hash: 0,
         rig_hash: 0,
-        demand_hash: 0,
         table: TableIdentity {
             form: Default::default(),
             bytes: 0,
@@ -21,7 +20,7 @@ pub fn identity(git: &str) -> Identity {
             turns_min: 0.0,
             turns_max: 0.0,
             crc: 0,
-            rebuilt: false,
+            sent: false,
         },
         reset_cause: ResetCause::PowerOn,
         clock: Clock::Hse,

@@ -236,7 +236,7 @@ fn answers(ticks: &[Tick], homed: &Homed, board: &Board<'_>) -> Vec<Answer> {
     rig.set_up(&board.settings);
     let mut now_us = 1_000_000;
     let zero_gap_m = homed.found.reference_gap_m - board.settings.get(Setting::PositionZero);
-    let mut step = |rig: &mut Rig<'_>, twist_rad: f32, position_m: f32, row: &LogRow, request: Option<Request>| {
+    let mut step = |rig: &mut Rig, twist_rad: f32, position_m: f32, row: &LogRow, request: Option<Request>| {
         now_us += TICK_US;
         let encoder_counts = (f64::from(twist_rad) * f64::from(constants.counts_per_rad)).round() as i64;
         let gap_m = zero_gap_m - position_m;

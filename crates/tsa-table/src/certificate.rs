@@ -2,6 +2,7 @@
 
 use crate::demand::FitError;
 use crate::errors::{Errors, error_at, errors_over};
+use crate::record::is_monotone;
 use crate::reference::{Exact, Reference};
 use crate::reference_f64;
 use crate::table::Table;
@@ -9,6 +10,9 @@ use rand::{RngExt, SeedableRng};
 
 /// Random points of a certificate.
 pub const RANDOM_POINTS: usize = 20_000;
+
+/// Intervals of load and twist at whose ends the gradient's signs are checked.
+const SIGNS: u8 = 240;
 
 /// Errors of a table against the full solver, measured with the f32 code that the board runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -121,7 +125,7 @@ pub(crate) fn certify(table: &Table<'_>, reference: &Reference<'_>, points: usiz
         points,
         worst_contraction_at: worst[0],
         worst_tr_at: worst[1],
-        monotone: is_monotone(table),
+        monotone: is_monotone(table, SIGNS),
         closure_m: closure(table),
         rounding: rounding(table, &exact),
     })
@@ -155,20 +159,6 @@ fn climb(
     Ok(best)
 }
 
-fn is_monotone(table: &Table<'_>) -> bool {
-    const N: u32 = 240;
-    let m = &table.metadata;
-    let at = |min: f32, max: f32, k: u32| (min + (max - min) * k as f32 / N as f32).clamp(min, max);
-    (0..=N).all(|i| {
-        let share = (i as f32 / N as f32).powi(2);
-        let load = (m.load_min_n + (m.load_max_n - m.load_min_n) * share).clamp(m.load_min_n, m.load_max_n);
-        (0..=N).all(|j| {
-            let p = table.point_inside(load, at(m.twist_min_rad, m.twist_max_rad, j));
-            p.dgap_dtwist_m_per_rad < 0.0 && p.dgap_dload_m_per_n > 0.0
-        })
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -186,16 +176,6 @@ mod tests {
     }
 
     const GOOD: [f32; 6] = [0.0, -1.0, 0.0, -0.06, 5e-5, 0.0085];
-
-    #[test]
-    fn a_gap_that_rises_with_the_twist_or_falls_with_the_load_somewhere_is_not_monotone() {
-        assert!(is_monotone(&table(&GOOD)));
-        // Its slope by the arc changes its sign near the least arc, or near the greatest.
-        assert!(!is_monotone(&table(&[0.0, -1.0, 0.0, -0.03, 5e-5, 0.0085])));
-        assert!(!is_monotone(&table(&[0.0, 1.0, 0.0, -0.04, 5e-5, 0.0085])));
-        // It falls with the load where the arc no longer changes with it: at the heavy end.
-        assert!(!is_monotone(&table(&[0.0, -1.0, 0.0, -0.06, -5e-6, 0.0085])));
-    }
 
     #[test]
     fn the_gap_is_the_integral_of_its_slope_up_to_rounding() {

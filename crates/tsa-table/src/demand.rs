@@ -4,8 +4,7 @@ use crate::table::Uncertainty;
 use serde::{Deserialize, Serialize};
 use tsa_model::SolveError;
 
-/// Most bytes of numbers that the firmware has room for.
-pub const MAX_BYTES: usize = 4096;
+pub use crate::record::MAX_BYTES;
 
 /// How well a table must reproduce the full model.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

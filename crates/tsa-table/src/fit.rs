@@ -7,6 +7,7 @@ use crate::errors::errors_over;
 use crate::instruction_model::{LOOKUP_INSTRUCTIONS, lookup_instructions};
 pub use crate::owned::{OwnedSeries, OwnedTable};
 use crate::patches::Ranges;
+use crate::record::MAX_PATCHES;
 use crate::reference::{Exact, Reference};
 use crate::table::Metadata;
 use tsa_model::{Mechanism, Tier};
@@ -43,7 +44,9 @@ impl Candidate {
         };
         let table = OwnedTable { metadata, numbers, crc: 0 };
         let errors = errors_over(|load_n, twist_rad| table.table().point_inside(load_n, twist_rad), points);
-        let passes = errors.meets(&demand.accuracy, SELECTION_SHARE) && table.numbers.bytes() <= MAX_BYTES;
+        let passes = errors.meets(&demand.accuracy, SELECTION_SHARE)
+            && table.numbers.bytes() <= MAX_BYTES
+            && table.numbers.patches.len() <= MAX_PATCHES;
         Self { table, errors, passes }
     }
 

@@ -7,8 +7,8 @@
 //! - [`arc`]: the numbers and their evaluation: the strings' arc in closed form, short polynomials for the rest.
 //! - [`table`]: [`Table`], its metadata, forward lookup.
 //! - [`inverse`]: the twist from load and gap, in a bounded number of steps.
-//! - `least_squares`, [`patch_fit`], `arc_growth`: fitting, on a desktop and on the board.
-//! - [`rebuild`]: the board's own table from new constants.
+//! - [`record`]: a table as bytes, on the link and in flash.
+//! - `least_squares`, [`patch_fit`], `arc_growth` (feature `std`): fitting.
 //! - [`demand`], [`mod@reference`], [`errors`], `patches`, [`certificate`], [`fit`] (feature `std`): what a table must
 //!   reach, the solver it is judged by, its candidates, its certificate, and the choice.
 //! - [`instruction_model`], [`emit`] (feature `std`): the predicted cost of a lookup, and the table as Rust source.
@@ -17,6 +17,7 @@
 #![forbid(unsafe_code)]
 
 pub mod arc;
+#[cfg(feature = "std")]
 mod arc_growth;
 #[cfg(feature = "std")]
 pub mod certificate;
@@ -31,14 +32,16 @@ pub mod fit;
 #[cfg(feature = "std")]
 pub mod instruction_model;
 pub mod inverse;
+#[cfg(feature = "std")]
 mod least_squares;
 #[cfg(feature = "std")]
 pub mod owned;
+#[cfg(feature = "std")]
 pub mod patch_fit;
 #[cfg(feature = "std")]
 mod patches;
 pub mod point;
-pub mod rebuild;
+pub mod record;
 #[cfg(feature = "std")]
 pub mod reference;
 #[cfg(feature = "std")]

@@ -6,9 +6,8 @@ use crate::rigs::subject::Subject;
 use crate::sweep::{identified, swept};
 use rand::seq::IndexedRandom;
 use rand::{Rng, RngExt};
-use rig_link::messages::{EventKind, Kept, LoadChoice, Refusal, Request, Setting, State, StreamEnd, TableRefusal};
+use rig_link::messages::{EventKind, Kept, LoadChoice, Refusal, Request, Setting, State, StreamEnd};
 use rig_scene::Scene;
-use rigctl::session::table::constants;
 use sim_link::RigFault as Fault;
 use sim_link::units::STANDARD_GRAVITY;
 
@@ -31,7 +30,7 @@ pub enum Incident {
     Stream,
     /// The board makes its table anew, for strings a little thicker.
     Rebuild,
-    /// The LVDT is calibrated, three sweeps are recorded, the constants identified, and the board makes its table of them, with
+    /// The LVDT is calibrated, three sweeps are recorded, the constants identified, and the board is sent the table of them, with
     /// which the run goes on. Half an hour's work, so not among the [`Incident::FREQUENT`] ones.
     Identify,
 }
@@ -59,7 +58,7 @@ impl Incident {
             Self::PowerCutInWrite => "power failures in a write to flash",
             Self::LoadStep => "steps of the load",
             Self::Stream => "streams",
-            Self::Rebuild => "tables made on the board",
+            Self::Rebuild => "tables sent to the board",
             Self::Identify => "identifications",
         }
     }
@@ -89,8 +88,6 @@ const STREAM_EVERY_S: f32 = 0.05;
 const STREAM_HOLDS_S: f32 = 0.15;
 /// Longest wait for the end of a stream (s): one that ends where the strings' travel does waits 6 s for its place.
 const STREAM_ENDS_S: f64 = 10.0;
-/// Longest that the board takes for a table (s).
-const TABLE_S: f64 = 60.0;
 
 /// Loads (kg) and turns past the half-turn pre-twist of the sweeps.
 const SWEEP_LOADS_KG: [f64; 3] = [0.15, 0.6, 1.5];
@@ -107,8 +104,6 @@ pub(super) struct Run<'a, R> {
     pub(super) load_faults: u32,
     /// What hangs there (kg).
     pub(super) load_kg: f64,
-    /// Identified scenes of which the board cannot make a table that is accurate enough.
-    pub(super) too_coarse: u32,
     /// What the board's table is made for.
     pub(super) scene: Scene,
     /// The rig.
@@ -262,30 +257,22 @@ impl<R: Rng> Run<'_, R> {
         }
     }
 
-    /// Nothing moves while the board makes its table, and it is homed again.
+    /// Nothing moves while the board takes a table, and it is homed again.
     fn rebuild(&mut self) {
         let mut thicker = self.scene.clone();
         thicker.string.k2 *= self.random.random_range(1.0..1.02);
         // The rig's strings are those of before.
         for scene in [thicker, self.scene.clone()] {
-            assert!(self.change_table(&scene), "not accurate enough: {scene:?}");
+            self.change_table(&scene);
         }
     }
 
-    /// The board makes a table, and is homed with it. No table if it cannot be as accurate as the scene asks.
-    fn change_table(&mut self, scene: &Scene) -> bool {
-        let mut refused = self.make_table(scene);
-        if refused == Some(TableRefusal::NoRoom) {
-            // A board has room for some tables between two starts.
-            self.restart();
-            refused = self.make_table(scene);
-        }
-        assert!(matches!(refused, None | Some(TableRefusal::Accuracy)), "{refused:?}: {scene:?}");
-        if refused.is_none() {
-            assert_eq!(self.board.state(), State::Unhomed, "with a new table");
-        }
+    /// The board is sent the scene's table, and is homed with it.
+    fn change_table(&mut self, scene: &Scene) {
+        let fit = scene.fit_table().unwrap_or_else(|why| panic!("{why}: {scene:?}"));
+        assert_eq!(self.board.send_table(&fit.table.table()), Ok(true));
+        assert_eq!(self.board.state(), State::Unhomed, "with a new table");
         self.home("with a new table");
-        refused.is_none()
     }
 
     /// The LVDT is calibrated, the rig swept under three weighed loads, and the run goes on with the table of what was identified.
@@ -309,11 +296,8 @@ impl<R: Rng> Run<'_, R> {
         if let Some(why) = found.untabled {
             panic!("no table of the identified scene: {why}");
         }
-        // The board's form of table may be too coarse; who wants this scene flashes an image with its table.
-        match self.change_table(&found.scene) {
-            true => self.scene = found.scene,
-            false => self.too_coarse += 1,
-        }
+        self.change_table(&found.scene);
+        self.scene = found.scene;
     }
 
     /// Another load (kg) is laid on by hand, 2 N a second: all at once it would be a broken string, or a load that runs away.
@@ -330,24 +314,6 @@ impl<R: Rng> Run<'_, R> {
             self.load_faults += 1;
             self.go_on();
         }
-    }
-
-    /// A table for a scene, or why there is none.
-    fn make_table(&mut self, scene: &Scene) -> Option<TableRefusal> {
-        self.board.events.clear();
-        self.board.ask(&Request::Rebuild(constants(scene))).expect("it is at rest");
-        let end = |e: &EventKind| match e {
-            EventKind::TableRebuilt { .. } => Some(None),
-            EventKind::TableRefused { reason, .. } => Some(Some(*reason)),
-            _ => None,
-        };
-        let mut ended = None;
-        self.board.until(TABLE_S, |b| {
-            ended = b.events.iter().find_map(end);
-            ended.is_some()
-        });
-        self.board.run(0.1);
-        ended.unwrap_or_else(|| panic!("no table: {:?}", self.board.events))
     }
 
     /// Whether a move has so much of its way before it that a fault of the shaft shows.

@@ -45,8 +45,6 @@ pub struct Endurance {
     pub incidents: BTreeMap<Incident, u32>,
     /// Faults that a change of the load made by itself.
     pub load_faults: u32,
-    /// Identified scenes of which the board could not make a table as accurate as asked; it went on with the one before.
-    pub too_coarse: u32,
     /// Moves that ended in a fault without a cause.
     pub faults_without_cause: u32,
     /// Homings.
@@ -82,13 +80,12 @@ impl fmt::Display for Endurance {
             self.incidents.iter().map(|(kind, count)| format!("{count} {}", kind.name())).collect();
         write!(
             f,
-            "{} moves, {}, {} of their tables too coarse for the board, {} faults by the load, {} without a cause, {} homings in {:.0} s of emulated time: error at rest {first:+.1} um in the first tenth, \
+            "{} moves, {}, {} faults by the load, {} without a cause, {} homings in {:.0} s of emulated time: error at rest {first:+.1} um in the first tenth, \
              {last:+.1} um in the last, at most {}; {} moves ended with the strings' travel, announced, at most {}; {} away unannounced, at most {}; belief \
              and truth at most {:.1} um apart; {:.0} ticks missing, the longest {}; stack {} bytes; {} resets; {:.1} \
              telemetry frames a second",
             self.moves,
             incidents.join(", "),
-            self.too_coarse,
             self.load_faults,
             self.faults_without_cause,
             self.homings,
@@ -124,7 +121,6 @@ impl Endurance {
             moves: self.moves + other.moves,
             incidents: self.incidents,
             load_faults: self.load_faults + other.load_faults,
-            too_coarse: self.too_coarse + other.too_coarse,
             faults_without_cause: self.faults_without_cause + other.faults_without_cause,
             homings: self.homings + other.homings,
             telemetry_per_s: self.telemetry_per_s.min(other.telemetry_per_s),
@@ -150,7 +146,6 @@ impl Endurance {
             "incidents": self.incidents.values().sum::<u32>(),
             "faults": count(Incident::FaultUnderWay) + count(Incident::DriveReset),
             "faults_by_the_load": self.load_faults,
-            "tables_too_coarse": self.too_coarse,
             "faults_without_cause": self.faults_without_cause,
             "homings": self.homings,
             "emulated_s": self.seconds,
@@ -194,7 +189,6 @@ pub fn moves(count: u32, rig: RigPreset, seed: u64) -> Endurance {
         restarts: 0,
         load_faults: 0,
         load_kg: 0.5,
-        too_coarse: 0,
         scene: crate::scene().clone(),
         subject: Subject::new(rig, seed),
     };
@@ -240,7 +234,7 @@ pub fn moves(count: u32, rig: RigPreset, seed: u64) -> Endurance {
         rest(run.board, number, target_m, &mut result, &mut errors);
         result.moves += 1;
     }
-    (result.homings, result.load_faults, result.too_coarse) = (run.homings, run.load_faults, run.too_coarse);
+    (result.homings, result.load_faults) = (run.homings, run.load_faults);
     let restarts = run.restarts;
     let stats = board.machine.stats();
     let tenth = errors.len().div_ceil(10);

@@ -53,7 +53,7 @@ impl Firmware {
     }
 
     /// The control code, as after power-up.
-    pub fn boot(&self) -> Control<'static> {
+    pub fn boot(&self) -> Control {
         let mut control = Control::new(self.table, self.constants, None);
         control.set_up(&self.settings);
         control

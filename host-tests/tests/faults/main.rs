@@ -10,8 +10,9 @@ use host_tests::{ControlBench, constants, table};
 use rig_control::sensors::DriveReading;
 use rig_control::supervisor::fault_policy::{After, Response, policy};
 use rig_control::{DriveCommand, Rig as Control};
-use rig_link::messages::{Constants, Doubt, EventKind, Fault, Limit, LoadChoice, Parameter, Refusal, Request, State};
+use rig_link::messages::{Doubt, EventKind, Fault, Limit, LoadChoice, Parameter, Refusal, Request, State, TablePart};
 use sim_link::RigFault;
+use tsa_table::record::StoredTable;
 
 #[test]
 fn each_fault_fires_and_stays_and_its_near_miss_is_quiet() {
@@ -269,22 +270,14 @@ fn a_shaft_that_is_stopped_from_a_fast_move_is_held() {
 }
 
 #[test]
-fn constants_are_not_changed_in_motion() {
-    let constants = Constants {
-        scene_hash: 1,
-        geometry_m: [0.1; 4],
-        string: [1.0; 6],
-        twist_exponent: None,
-        stress_coefficients_pa: [1e10; 5],
-        uncertainty: [0.01; 4],
-        correction: None,
-    };
+fn a_table_is_not_taken_in_motion() {
+    let part = TablePart { offset: 0, total: 1, words: [0; 32] };
     let mut d = moving();
-    assert_eq!(d.tick(Some(Request::Rebuild(constants))).reply, Some(Err(Refusal::Busy { state: State::Moving })));
-    assert!(!d.control.use_table(table()), "nor a table that was made meanwhile");
+    assert_eq!(d.tick(Some(Request::TablePart(part))).reply, Some(Err(Refusal::Busy { state: State::Moving })));
+    assert!(!d.control.use_table(&StoredTable::copy_of(table())), "nor one that was sent before");
     d.tick(Some(Request::Stop));
     assert!(d.until(5.0, |d| d.control.state() == State::Holding));
-    assert!(d.tick(Some(Request::Rebuild(constants))).reply.is_some_and(|r| r.is_ok()));
+    assert!(d.tick(Some(Request::TablePart(part))).reply.is_some_and(|r| r.is_ok()));
 }
 
 #[test]

@@ -444,7 +444,7 @@ impl Homing {
         let Some(w) = fitted.filter(|_| averaged && rest.count > 0.0) else { return Ok(None) };
         let (reference_gap_m, gap_noise_m) = rest.mean_and_noise_m();
         // Where the load hangs after the sweeps must be where the sweeps say that it does, after a way down.
-        let mechanism = Mechanism { table, twist_scale: w.twist_scale, curve: w.curve };
+        let mechanism = Mechanism { table: *table, twist_scale: w.twist_scale, curve: w.curve };
         let there = mechanism.at(w.load_n - w.friction_n, PI);
         let shifted_m = (reference_gap_m - there.gap_m).abs();
         if shifted_m > SHIFTED_M + 2.0 * w.friction_n * there.dgap_dload_m_per_n {

@@ -242,7 +242,7 @@ impl Weigh {
     }
 
     /// The table with the present scale, and its zero where the present offset is.
-    fn mechanism<'t>(&self, table: &'t Table<'t>) -> Mechanism<'t> {
+    fn mechanism<'t>(&self, table: Table<'t>) -> Mechanism<'t> {
         let Unknowns { twist_scale, offset_m, .. } = self.unknowns;
         Mechanism { table, twist_scale, curve: GapCurve::constant(offset_m) }
     }
@@ -258,7 +258,7 @@ impl Weigh {
         let mut right = [0.0f32; 3];
         let (mut half_sum, mut half_squares) = (0.0f32, 0.0f32);
         let mut rest = heapless::Vec::<(f32, f32), USED>::new();
-        let mechanism = self.mechanism(table);
+        let mechanism = self.mechanism(*table);
         for pair in self.pairs() {
             // The way up pulls friction more than the load, the way down as much less. The gap is far from straight
             // in the load when that is light, so each is asked for by itself.

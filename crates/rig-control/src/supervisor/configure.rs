@@ -6,7 +6,7 @@ use crate::ramp::Ramp;
 use crate::settings;
 use rig_link::messages::{Accepted, Refusal, Setting, SettingValues, State};
 
-impl Rig<'_> {
+impl Rig {
     /// The settings in use.
     pub fn settings(&self) -> &SettingValues {
         &self.settings

@@ -64,6 +64,7 @@ use rmds405::DriveCommand;
 use sensing::Sensing;
 use tracking::LoadTracking;
 use tsa_table::Table;
+use tsa_table::record::StoredTable;
 
 /// Inputs of one tick.
 #[derive(Clone, Copy, Debug)]
@@ -110,8 +111,8 @@ pub struct Outputs {
 
 /// The rig.
 #[derive(Clone)]
-pub struct Rig<'t> {
-    table: &'t Table<'t>,
+pub struct Rig {
+    table: StoredTable,
     /// Constants of the scene.
     scene: RigConstants,
     settings: SettingValues,
@@ -150,11 +151,12 @@ pub const HOST_SILENT_US: u64 = 400_000;
 /// Greatest jog speed (rad/s).
 pub const JOG_SPEED_MAX: f32 = 4.0;
 
-impl<'t> Rig<'t> {
+impl Rig {
     /// As after power-up: nothing is known and nothing moves. `reset` is the fault that the last reset amounts to, if the
     /// board was not started by power or by hand.
-    pub fn new(table: &'t Table<'t>, constants: RigConstants, reset: Option<Fault>) -> Self {
-        let corrupt = (!table.is_intact()).then_some(Fault::TableCorrupt);
+    pub fn new(table: &Table<'_>, constants: RigConstants, reset: Option<Fault>) -> Self {
+        let table = StoredTable::copy_of(table);
+        let corrupt = (!table.table().is_intact()).then_some(Fault::TableCorrupt);
         let guard = Guard::with_faults(reset.into_iter().chain(corrupt));
         Self {
             table,
@@ -203,7 +205,7 @@ impl<'t> Rig<'t> {
         let mut events = Events::new();
         self.sensing.read(inputs, &self.constants);
         if let Some(tracking) = &mut self.tracking {
-            tracking.observe(self.table, &self.sensing.readings);
+            tracking.observe(&self.table.table(), &self.sensing.readings);
         }
         self.watch_estop(inputs.estop_open, &mut events);
         let raised = self.watch(inputs, &mut events);
@@ -239,7 +241,7 @@ impl<'t> Rig<'t> {
             readings: &self.sensing.readings,
             drive_zero: self.sensing.drive_zero,
             constants: &self.constants,
-            table: &self.table.metadata,
+            table: self.table.metadata(),
             state: self.mode.state(self.tracking.is_some()),
             shaft: self.shaft,
             set_point_m: self.mode.load_control().map(|control| control.planner.set_point_m()),
@@ -269,16 +271,16 @@ impl<'t> Rig<'t> {
     pub fn resume(&mut self, homed: Homed) {
         self.shaft = Ramp::at(homed.zero_rad + core::f32::consts::PI);
         self.drive_loop = DriveLoop::Closed;
-        self.tracking = Some(LoadTracking::new(homed, self.table, &self.settings, &self.constants));
+        self.tracking = Some(LoadTracking::new(homed, &self.table.table(), &self.settings, &self.constants));
         self.mode = Mode::Idle;
     }
 
     /// Takes another table, for which the rig must be homed again. Returns false while anything moves: ask again later.
-    pub fn use_table(&mut self, table: &'t Table<'t>) -> bool {
+    pub fn use_table(&mut self, table: &StoredTable) -> bool {
         if matches!(self.state(), State::Moving | State::Homing) {
             return false;
         }
-        self.table = table;
+        self.table.clone_from(table);
         self.forget_position();
         true
     }

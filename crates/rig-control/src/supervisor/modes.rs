@@ -181,7 +181,7 @@ impl Mode {
     }
 }
 
-impl Rig<'_> {
+impl Rig {
     /// One tick of the present mode; what held it back.
     pub(super) fn step_mode(&mut self, inputs: &Inputs, events: &mut Events) -> Option<Limit> {
         if self.drive_loop == DriveLoop::Open {
@@ -295,7 +295,7 @@ impl Rig<'_> {
             gap_m,
             current_a,
         };
-        let event = match homing.step(self.table, &self.constants, &inputs) {
+        let event = match homing.step(&self.table.table(), &self.constants, &inputs) {
             Progress::Turning(ramp) => {
                 self.shaft = ramp;
                 return;
@@ -342,7 +342,7 @@ impl Rig<'_> {
             return None;
         };
         let load = LoadState {
-            mechanism: tracking.mechanism(self.table),
+            mechanism: tracking.mechanism(self.table.table()),
             observation,
             position_m: tracking.position_m,
             motion,
@@ -366,7 +366,7 @@ impl Rig<'_> {
         };
         self.shaft.speed = load.twist_limits.after_a_tick(self.shaft.speed, output.twist_speed_rad_per_s);
         let next = self.shaft.position + self.shaft.speed * TICK_S;
-        let table = &self.table.metadata;
+        let table = self.table.metadata();
         let (low, high) = (table.twist_min_rad - BELOW_PRETWIST, table.twist_max_rad);
         let twist = tracking.twist_rad(next).clamp(low, high);
         let at_end = twist != tracking.twist_rad(next);
@@ -392,7 +392,7 @@ impl Rig<'_> {
         // A homed rig knows how far the strings may be twisted, either way.
         let outside = self.tracking.as_ref().is_some_and(|tracking| {
             let twist_rad = tracking.twist_rad(next);
-            twist_rad.abs() > self.table.metadata.twist_max_rad && twist_rad * self.shaft.speed > 0.0
+            twist_rad.abs() > self.table.metadata().twist_max_rad && twist_rad * self.shaft.speed > 0.0
         });
         if outside {
             self.shaft.speed = 0.0;

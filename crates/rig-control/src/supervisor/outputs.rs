@@ -15,7 +15,7 @@ const LEASH_S: f32 = 0.3;
 /// the default scene needs.
 const STARTING_CURRENT: f32 = 0.25;
 
-impl Rig<'_> {
+impl Rig {
     pub(super) fn drive_command(&mut self, inputs: &Inputs) -> DriveCommand {
         let restart = core::mem::take(&mut self.restart_drive);
         match (&self.mode, self.guard.latched.response()) {

@@ -15,7 +15,7 @@ use rig_link::messages::{
     Accepted, EventKind, Fault, Limit, LoadChoice, Parameter, Refusal, Request, Sensor, Setting, StreamEnd,
 };
 
-impl Rig<'_> {
+impl Rig {
     /// Carries a request out or refuses it; `None` for requests that the link answers.
     pub(super) fn answer(
         &mut self,
@@ -43,8 +43,8 @@ impl Rig<'_> {
                 Ok(Accepted::Done)
             }
             Request::Clear => self.clear(inputs, events),
-            // The firmware makes the table; it is used when nothing moves.
-            Request::Rebuild(_) => self.idle().map(|()| Accepted::Started),
+            // The firmware checks and keeps the table; it is used when nothing moves.
+            Request::TablePart(_) => self.idle().map(|()| Accepted::Started),
             // The firmware writes the settings to flash.
             Request::SetSetting { setting, value } => self.configure(&self.settings.with(setting, value), inputs),
             Request::SetSettings(ref values) => self.configure(values, inputs),
@@ -69,7 +69,7 @@ impl Rig<'_> {
 
     fn start_homing(&mut self, load: LoadChoice) -> Result<Accepted, Refusal> {
         self.idle()?;
-        check_load(load, &self.table.metadata)?;
+        check_load(load, self.table.metadata())?;
         let readings = &self.sensing.readings;
         let gap_m = readings.lvdt.gap_m().ok_or(Refusal::SensorInvalid { sensor: Sensor::Lvdt })?;
         match self.drive_loop {
@@ -101,7 +101,7 @@ impl Rig<'_> {
     fn move_start(&self) -> Option<MoveStart<'_>> {
         let tracking = self.tracking.as_ref()?;
         Some(MoveStart {
-            mechanism: tracking.mechanism(self.table),
+            mechanism: tracking.mechanism(self.table.table()),
             load_n: tracking.observer.load_n(),
             friction_n: tracking.homed.found.friction_n,
             twist_rad: tracking.twist_rad(self.shaft.position),

@@ -7,7 +7,7 @@ use crate::sensors::DriveReading;
 use core::f32::consts::TAU;
 use rig_link::messages::{Counters, Doubts, Sensors, Telemetry};
 
-impl Rig<'_> {
+impl Rig {
     /// Telemetry of the tick that these inputs were stepped in.
     pub fn telemetry(&self, inputs: &Inputs, counters: Counters) -> Telemetry {
         let (drive_current_a, drive_speed_rad_per_s) = match inputs.drive {

@@ -49,7 +49,7 @@ impl LoadTracking {
     }
 
     /// The table with these strings' scale of the twist.
-    pub(super) fn mechanism<'t>(&self, table: &'t Table<'t>) -> Mechanism<'t> {
+    pub(super) fn mechanism<'t>(&self, table: Table<'t>) -> Mechanism<'t> {
         Mechanism { table, twist_scale: self.homed.found.twist_scale, curve: self.homed.found.curve }
     }
 
@@ -78,7 +78,7 @@ impl LoadTracking {
         }
         // Twist and gap of the same time belong together.
         let twist_rad = self.twist_rad(readings.shaft_at_gap_rad);
-        let mechanism = self.mechanism(table);
+        let mechanism = self.mechanism(*table);
         self.observation = if mechanism.covers(twist_rad) {
             Some(self.observer.step(&mechanism, twist_rad, gap_m))
         } else {

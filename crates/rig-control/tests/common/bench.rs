@@ -48,7 +48,7 @@ pub type Tamper = Arc<dyn Fn(&mut Inputs) + Send + Sync>;
 /// A rig that is made of numbers.
 #[derive(Clone)]
 pub struct Bench {
-    pub rig: Rig<'static>,
+    pub rig: Rig,
     pub constants: RigConstants,
     /// Weight of the load and friction of the rail (N).
     pub load_n: f32,

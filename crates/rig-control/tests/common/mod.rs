@@ -35,7 +35,7 @@ pub fn constants() -> RigConstants {
 
 /// A load (N) at rest at position 0 with the strings at a twist (rad), on a rail with a friction (N), last moved upwards.
 pub fn hanging(load_n: f32, friction_n: f32, twist_rad: f32) -> LoadState<'static> {
-    let mechanism = Mechanism { table: table(), twist_scale: 1.0, curve: GapCurve::constant(0.0) };
+    let mechanism = Mechanism { table: *table(), twist_scale: 1.0, curve: GapCurve::constant(0.0) };
     let pull_n = load_n + friction_n;
     let point = mechanism.at(pull_n, twist_rad);
     let motion = MotionObserver::at_rest(&mechanism, point.gap_m, twist_rad, pull_n).now();

@@ -19,8 +19,6 @@ pub struct Identity {
     pub scene_hash: u32,
     /// Hash of the `[rig]` that was built in: gear, encoder, motor, drive, LVDT.
     pub rig_hash: u32,
-    /// Hash of the `[envelope]` and `[accuracy]` that were built in.
-    pub demand_hash: u32,
     /// The embedded table.
     pub table: TableIdentity,
     /// Why the board last started.
@@ -57,6 +55,6 @@ pub struct TableIdentity {
     pub turns_max: f32,
     /// Checksum of the table.
     pub crc: u32,
-    /// It was made on the board from constants, and is not the built-in one.
-    pub rebuilt: bool,
+    /// The host sent it; it is not the built-in one.
+    pub sent: bool,
 }

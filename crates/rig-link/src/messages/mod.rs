@@ -30,7 +30,7 @@ pub use crate::versions::{VersionMismatch, Versions};
 pub use homing::HomingResult;
 pub use identity::{Identity, TableIdentity};
 pub use refusal::Refusal;
-pub use request::{Constants, Correction, LoadChoice, Request, SettingValues};
+pub use request::{LoadChoice, Request, SettingValues, TablePart, TableParts};
 pub use telemetry::{Counters, EventKind, Sensors, Telemetry};
 
 use postcard_schema::Schema;

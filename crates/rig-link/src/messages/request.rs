@@ -1,6 +1,6 @@
 //! What the host asks of the board.
 
-use crate::codes::Setting;
+use crate::codes::{Setting, TableRefusal};
 use crate::lvdt_curve::LvdtCurve;
 use crate::versions::Versions;
 use postcard_schema::Schema;
@@ -49,8 +49,9 @@ pub enum Request {
     Clear,
     /// Send the identity again.
     Status,
-    /// Make a table for other constants, use it and keep it in flash. The rig must then be homed again.
-    Rebuild(Constants),
+    /// A part of a table's record. When the record is complete the board checks it, uses the table and keeps it in flash; the
+    /// rig must then be homed again.
+    TablePart(TablePart),
     /// Send the settings.
     GetSettings,
     /// Change one setting at once, and keep it in flash; `Settings` follows when it is there. Refused during a motion.
@@ -84,37 +85,76 @@ pub struct SettingValues {
     pub lvdt_curve: Option<LvdtCurve>,
 }
 
-/// The mechanism's constants as a calibration found them (docs/model.md section 2; SI units).
+/// Words of one [`TablePart`].
+pub const TABLE_PART_WORDS: usize = 32;
+
+/// Consecutive words of a table's record (`tsa_table::record`), which has four bytes a word, little-endian. The parts are sent in
+/// order; the first begins a new record.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, Schema)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Constants {
-    /// Hash of the scene file that holds them.
-    pub scene_hash: u32,
-    /// L0, D0, c, R (m).
-    pub geometry_m: [f64; 4],
-    /// r0 (m), K (N/m), k1 (1/N), k2, k3, k4 of the radius law.
-    pub string: [f64; 6],
-    /// p where the radius follows a power of the twist; `None` where it follows X0/X (eq. 6 as printed).
-    pub twist_exponent: Option<f64>,
-    /// a1 … a5 of eq. 12 (Pa).
-    pub stress_coefficients_pa: [f64; 5],
-    /// Standard errors: of the string radius (relative), of the gap's zero (m), of how the radius depends on the load
-    /// (relative), of a light load on rods that have carried a much heavier one since (relative).
-    pub uncertainty: [f32; 4],
-    /// What the law misses of this rig's gap.
-    pub correction: Option<Correction>,
+pub struct TablePart {
+    /// Place of the first word in the record.
+    pub offset: u16,
+    /// Length of the record in words.
+    pub total: u16,
+    /// The words; beyond the end of the record they do not count.
+    pub words: [u32; TABLE_PART_WORDS],
 }
 
-/// A measured correction of the gap (docs/model.md section 4).
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, Schema)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Correction {
-    /// Least and greatest load of the data (N).
-    pub load_n: [f32; 2],
-    /// Least and greatest turns of the data past the half-turn pre-twist.
-    pub turns: [f32; 2],
-    /// Coefficients (m): a row for each power of the load's logarithm, a column for each power of the twist.
-    pub coefficients_m: [[f32; 3]; 3],
+impl TablePart {
+    /// The parts of a record.
+    ///
+    /// # Panics
+    /// If the record is no whole number of words, or has more than 65535.
+    pub fn of_record(record: &[u8]) -> impl Iterator<Item = Self> {
+        let (words, rest) = record.as_chunks::<4>();
+        let total = u16::try_from(words.len()).ok().filter(|_| rest.is_empty()).expect("a record");
+        words.chunks(TABLE_PART_WORDS).zip((0..).step_by(TABLE_PART_WORDS)).map(move |(part, offset)| {
+            let mut words = [0; TABLE_PART_WORDS];
+            for (word, bytes) in words.iter_mut().zip(part) {
+                *word = u32::from_le_bytes(*bytes);
+            }
+            Self { offset, total, words }
+        })
+    }
+}
+
+/// The record that parts make, on the board. `N` is the most bytes of a record.
+#[derive(Debug, Clone)]
+pub struct TableParts<const N: usize> {
+    bytes: heapless::Vec<u8, N>,
+}
+
+impl<const N: usize> TableParts<N> {
+    /// No part yet.
+    pub const fn new() -> Self {
+        Self { bytes: heapless::Vec::new() }
+    }
+
+    /// Takes the next part; the record when it is complete.
+    ///
+    /// # Errors
+    /// [`TableRefusal::Incomplete`] if a part before it is missing, or the record is longer than `N`. Only a first part is
+    /// taken then.
+    pub fn add(&mut self, part: &TablePart) -> Result<Option<&[u8]>, TableRefusal> {
+        if part.offset == 0 {
+            self.bytes.clear();
+        }
+        let (offset, total) = (4 * usize::from(part.offset), 4 * usize::from(part.total));
+        if offset != self.bytes.len() || offset >= total || total > N {
+            self.bytes.clear();
+            return Err(TableRefusal::Incomplete);
+        }
+        let bytes = part.words.iter().flat_map(|word| word.to_le_bytes());
+        self.bytes.extend(bytes.take(total - offset));
+        Ok((self.bytes.len() == total).then_some(&self.bytes))
+    }
+}
+
+impl<const N: usize> Default for TableParts<N> {
+    fn default() -> Self {
+        Self::new()
+    }
 }
 
 /// Where homing or a move takes the load from.
@@ -125,4 +165,44 @@ pub enum LoadChoice {
     Auto,
     /// The operator's value (N).
     Known(f32),
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use super::*;
+    use std::vec::Vec;
+
+    fn record(words: u8) -> Vec<u8> {
+        (0..words).flat_map(|k| [k, 1, 2, 3]).collect()
+    }
+
+    #[test]
+    fn the_parts_of_a_record_make_it_again() {
+        for words in [1, 31, 32, 33, 64, 100] {
+            let record = record(words);
+            let parts: Vec<TablePart> = TablePart::of_record(&record).collect();
+            assert_eq!(parts.len(), usize::from(words).div_ceil(TABLE_PART_WORDS));
+            let mut board = TableParts::<400>::new();
+            let (last, before) = parts.split_last().unwrap();
+            // A record that was broken off is begun again.
+            for part in before.iter().chain(before) {
+                assert_eq!(board.add(part), Ok(None));
+            }
+            assert_eq!(board.add(last), Ok(Some(&record[..])));
+        }
+    }
+
+    #[test]
+    fn a_part_without_the_one_before_it_or_of_too_long_a_record_is_refused() {
+        let record = record(100);
+        let parts: Vec<TablePart> = TablePart::of_record(&record).collect();
+        let mut board = TableParts::<400>::new();
+        assert_eq!(board.add(&parts[1]), Err(TableRefusal::Incomplete));
+        assert_eq!(board.add(&parts[0]), Ok(None));
+        assert_eq!(board.add(&parts[2]), Err(TableRefusal::Incomplete));
+        assert_eq!(board.add(&parts[1]), Err(TableRefusal::Incomplete), "the first one is forgotten, too");
+        assert_eq!(TableParts::<396>::new().add(&parts[0]), Err(TableRefusal::Incomplete));
+        assert_eq!(board.add(&TablePart { total: 0, ..parts[0] }), Err(TableRefusal::Incomplete));
+    }
 }

@@ -115,28 +115,15 @@ pub enum EventKind {
     EStopOpened,
     /// The emergency stop closed again.
     EStopClosed,
-    /// A table made on the board is in use; home again.
-    TableRebuilt {
-        /// Largest error of the contraction found (m).
-        contraction_error_m: f32,
-        /// Largest relative error of TR found.
-        tr_relative_error: f32,
-        /// Equilibria solved.
-        states: u32,
-        /// Time from request to table (µs).
-        took_us: u64,
+    /// The table that the host sent is in use; home again.
+    TableStored {
+        /// Its checksum.
+        crc: u32,
         /// It is in flash and will be used after a reset.
         kept: bool,
     },
-    /// No table could be made; the one in use stays.
-    TableRefused {
-        /// Why.
-        reason: TableRefusal,
-        /// Load of the first state that broke it (N), or the contraction's error (m).
-        load_n_or_error_m: f32,
-        /// Twist of that state (rad), or TR's relative error.
-        twist_rad_or_error: f32,
-    },
+    /// The table that the host sent cannot be used; the one in use stays.
+    TableRefused(TableRefusal),
     /// Motor, drive's encoder and own encoder turn the same way: the drive's loop may be closed.
     DirectionProven,
 }

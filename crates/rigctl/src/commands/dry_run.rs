@@ -57,8 +57,7 @@ pub fn run(
         None => defaults,
     };
     let rig = rig_settings::apply(&values, &as_built);
-    let mechanism =
-        Mechanism { table: &table, twist_scale: values.get(Setting::TwistScale), curve: GapCurve::constant(0.0) };
+    let mechanism = Mechanism { table, twist_scale: values.get(Setting::TwistScale), curve: GapCurve::constant(0.0) };
     let start = mechanism.at(load_n, PI);
     // Position of the load at the pre-twist, where zero may be another place by the settings. After homing's way down it
     // hangs with the pull of load less friction.

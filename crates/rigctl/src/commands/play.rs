@@ -6,10 +6,9 @@ use crate::log::write::event;
 use crate::options::Global;
 use crate::output::Output;
 use crate::play::{check_refused, play};
-use crate::scene_file;
 use crate::script::Script;
 use crate::session::sim::SimOptions;
-use crate::session::{Place, Session, Target};
+use crate::session::{Place, Session};
 use rig_link::SettingsReport;
 use serde_json::json;
 use std::ops::ControlFlow;
@@ -29,16 +28,15 @@ pub fn run(global: &Global, script: Option<&Path>, seconds: f64, output: &mut Ou
         None if seconds > 0.0 && seconds.is_finite() => Script::idle(seconds),
         None => return Err(Failure::Usage(format!("--seconds {seconds}: must be above 0"))),
     };
-    let target = global.target()?;
+    let (target, _flash) = global.target()?.with_its_table()?;
     let mut session = if target.is_emulated() {
         // From the first instant of the board on: the script's time is the time since its start.
-        scene_file::load_rig(&target.scene)?;
         target.open()?
     } else {
         target.connect()?
     };
     let started = Instant::now();
-    let mut printer = Printer { target: &target, next_line_s: 0.0, scene_checked: false, settings: None };
+    let mut printer = Printer { next_line_s: 0.0, settings: None };
     let refused = play(&mut session, &script, global.seed, |session, messages| {
         messages.iter().for_each(|line| eprintln!("{line}"));
         printer.print(session, output)?;
@@ -51,20 +49,13 @@ pub fn run(global: &Global, script: Option<&Path>, seconds: f64, output: &mut Ou
 }
 
 /// Prints what has passed since the last step.
-struct Printer<'a> {
-    target: &'a Target,
+struct Printer {
     next_line_s: f64,
-    scene_checked: bool,
     settings: Option<SettingsReport>,
 }
 
-impl Printer<'_> {
+impl Printer {
     fn print(&mut self, session: &mut Session, output: &mut Output) -> Result<(), Failure> {
-        // An emulated board may be of another scene, to try that; the operator is warned.
-        if session.identity().is_some() && !std::mem::replace(&mut self.scene_checked, true) {
-            let warning = self.target.check_scene(session).err().and_then(|failure| failure.message());
-            warning.iter().for_each(|line| eprintln!("{line}"));
-        }
         for row in session.take_rows() {
             output.object(&row)?;
             if !output.json() && row.t_s >= self.next_line_s {

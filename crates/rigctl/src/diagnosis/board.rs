@@ -58,7 +58,7 @@ pub fn checks(id: &Identity, scene: &Scene) -> Result<Vec<Check>, Failure> {
         ),
         check(
             "rig",
-            id.rig_hash == scene.rig_hash() && id.demand_hash == scene.demand_hash(),
+            id.rig_hash == scene.rig_hash(),
             format!("built with [rig] {:08x}, --scene has {:08x}", id.rig_hash, scene.rig_hash()),
             "the scene's [rig], [envelope] or [accuracy] is not what this firmware was built with: build and flash",
         ),
@@ -68,7 +68,7 @@ pub fn checks(id: &Identity, scene: &Scene) -> Result<Vec<Check>, Failure> {
             format!(
                 "{}, {}: contraction within {:.2} um, TR within {:.3} %, {} to {} N, {} to {} turns",
                 t.form,
-                if t.rebuilt { "made on the board" } else { "built in" },
+                if t.sent { "sent by the host" } else { "built in" },
                 f64::from(t.contraction_error_m) * 1e6,
                 f64::from(t.tr_relative_error) * 100.0,
                 t.load_min_n,

@@ -81,7 +81,7 @@ impl Header {
         let table = &board.table;
         header.add("table.form", &table.form);
         header.add("table.crc", format!("{:08x}", table.crc));
-        header.add("table.rebuilt", table.rebuilt);
+        header.add("table.sent", table.sent);
         header.add("table.contraction_error_m", table.contraction_error_m);
         header.add("table.tr_relative_error", table.tr_relative_error);
         header.add("table.load_n", format!("{} to {}", table.load_min_n, table.load_max_n));

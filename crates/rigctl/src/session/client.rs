@@ -6,7 +6,6 @@ use super::link::{Heard, Link, STEP_S};
 use super::port::{Emulated, Port};
 use super::row::Row;
 use super::silence::Hearing;
-use super::table::WAIT_S;
 use super::truth::TruthRecords;
 use crate::failure::{BrokenOff, Failure, Why};
 use rig_link::{
@@ -202,7 +201,7 @@ impl Session {
     pub fn post(&mut self, request: &Request) -> Result<u16, Failure> {
         match request {
             Request::SetSetting { .. } | Request::SetSettings(_) => self.hearing.may_store(FLASH_S),
-            Request::Rebuild(_) => self.hearing.may_store(WAIT_S),
+            Request::TablePart(_) => self.hearing.may_store(FLASH_S),
             _ => {}
         }
         let number = self.link.post(request)?;
@@ -284,7 +283,7 @@ impl Session {
         match kind {
             EventKind::Homed { .. } => self.truth.homed(t_s),
             EventKind::HomingRefused(failure) => self.homing_failure = Some(failure),
-            EventKind::TableRebuilt { .. } | EventKind::TableRefused { .. } => self.hearing.may_store(0.0),
+            EventKind::TableStored { .. } | EventKind::TableRefused(_) => self.hearing.may_store(0.0),
             _ => {}
         }
         self.note(|| Entry::Event(t_s, kind));
@@ -369,6 +368,17 @@ impl Session {
         let identity = self.identity.clone().ok_or_else(|| Failure::failed("the board did not send its identity"))?;
         self.settings()?;
         Ok(identity)
+    }
+
+    /// Asks the board for its identity again.
+    ///
+    /// # Errors
+    /// If it does not answer.
+    pub fn identify(&mut self) -> Result<(), Failure> {
+        self.identity = None;
+        self.request(&Request::Status)?;
+        self.until(REPLY_S, |s| s.identity.is_some())?;
+        self.require_identity().map(|_| ())
     }
 
     /// Asks the board for its settings.

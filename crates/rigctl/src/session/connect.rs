@@ -5,10 +5,12 @@ use super::interrupt;
 use super::port::Port;
 use super::serial::Serial;
 use super::sim::{Sim, SimOptions};
+use super::table;
 use crate::board_settings;
 use crate::failure::Failure;
 use crate::scene_file;
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Which board, and the scene that the operator believes it to be built for.
 #[derive(Clone, Debug)]
@@ -80,15 +82,60 @@ impl Target {
         Ok(session)
     }
 
-    /// Opens the port and greets the board; its table must be for the operator's scene.
+    /// Opens the port and greets the board; its table must be for the operator's scene. An emulated board is sent that table.
     ///
     /// # Errors
     /// If the scene is of a rig that cannot work, the port cannot be opened, nobody answers, or the board's scene is
     /// another.
     pub fn connect(&self) -> Result<Session, Failure> {
-        scene_file::load_rig(&self.scene)?;
-        let session = self.meet()?;
+        let scene = scene_file::load_rig(&self.scene)?;
+        let mut session = self.meet()?;
+        if self.is_emulated() && session.identity().is_some_and(|id| id.scene_hash != scene.hash()) {
+            table::send(&mut session, &scene, &self.scene)?;
+            eprintln!("the emulated board was sent the table of {}", self.scene.display());
+        }
         self.check_scene(&session)?;
+        Ok(session)
+    }
+
+    /// An emulated board for commands that begin with its first instant, [`Self::open`] it then: its flash has the table of the
+    /// operator's scene, where the image has another one. The flash is the given file, or one that lasts as long as the result.
+    ///
+    /// # Errors
+    /// As [`Self::connect`].
+    pub fn with_its_table(&self) -> Result<(Self, Option<TemporaryFile>), Failure> {
+        let scene = scene_file::load_rig(&self.scene)?;
+        let mut target = self.clone();
+        let Place::Emulated(options) = &mut target.place else { return Ok((target, None)) };
+        let mut new = None;
+        if options.flash.is_none() {
+            let file = TemporaryFile::new("flash");
+            options.flash = Some(file.path.clone());
+            new = Some(file);
+        }
+        let gdb = options.gdb.take();
+        let sent = {
+            let mut session = target.probe()?;
+            let differs = session.identity().is_some_and(|id| id.scene_hash != scene.hash());
+            if differs {
+                table::send(&mut session, &scene, &self.scene)?;
+            }
+            differs
+        };
+        if !sent {
+            return Ok((self.clone(), None));
+        }
+        if let Place::Emulated(options) = &mut target.place {
+            options.gdb = gdb;
+        }
+        eprintln!("the emulated board was sent the table of {}", self.scene.display());
+        Ok((target, new))
+    }
+
+    fn probe(&self) -> Result<Session, Failure> {
+        let Place::Emulated(options) = &self.place else { return self.meet() };
+        let mut session = Session::new(Box::new(Sim::start(options)?));
+        session.hello()?;
         Ok(session)
     }
 
@@ -103,9 +150,29 @@ impl Target {
             return Ok(());
         }
         Err(Failure::failed(format!(
-            "the board's table is for another scene ({board:08x}) than {} ({scene:08x}): name the board's with --scene, have \
-             it make one for this (`table --board`), or build and flash",
+            "the board's table is for another scene ({board:08x}) than {} ({scene:08x}): name the board's with --scene, or send \
+             it the table of this one (`table --board`)",
             self.scene.display(),
         )))
+    }
+}
+
+/// A file of this process that is removed in the end.
+pub struct TemporaryFile {
+    path: PathBuf,
+}
+
+impl TemporaryFile {
+    fn new(name: &str) -> Self {
+        static COUNT: AtomicU32 = AtomicU32::new(0);
+        let count = COUNT.fetch_add(1, Ordering::Relaxed);
+        Self { path: std::env::temp_dir().join(format!("rigctl-{name}-{}-{count}", std::process::id())) }
+    }
+}
+
+impl Drop for TemporaryFile {
+    fn drop(&mut self) {
+        // It is not there if nothing was written.
+        let _ = std::fs::remove_file(&self.path);
     }
 }

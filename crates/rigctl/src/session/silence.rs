@@ -4,7 +4,9 @@ use super::link::STEP_S;
 use rig_link::TELEMETRY_PERIOD_MS;
 
 /// Time without telemetry after which a board is silent (s): fifty rows.
-pub const SILENT_S: f64 = 0.5;
+const SILENT_S: f64 = 0.5;
+/// The environment variable that names another time (s), for a line that delivers late.
+const SILENT_VARIABLE: &str = "RIGCTL_SILENT_S";
 /// The same while the board may write its flash (s): to erase all three sectors stalls it for up to 2 s.
 const STORING_S: f64 = 3.0;
 /// What one exchange adds at most (s): a longer one was delayed by this machine, and says nothing about the board.
@@ -28,8 +30,9 @@ impl Rows {
 }
 
 /// What was heard of a board so far.
-#[derive(Default)]
 pub struct Hearing {
+    /// Time without telemetry after which the board is silent (s).
+    silent_after_s: f64,
     /// End of the last exchange, on the port's clock (s).
     now_s: f64,
     /// Time spent listening since the last row (s).
@@ -39,6 +42,20 @@ pub struct Hearing {
     lost_before: u64,
     /// Until when the board may be writing its flash (s).
     stores_until_s: f64,
+}
+
+impl Default for Hearing {
+    fn default() -> Self {
+        let named = std::env::var(SILENT_VARIABLE).ok().and_then(|text| text.parse().ok());
+        Self {
+            silent_after_s: named.filter(|seconds| (SILENT_S..=60.0).contains(seconds)).unwrap_or(SILENT_S),
+            now_s: 0.0,
+            quiet_s: 0.0,
+            rows: None,
+            lost_before: 0,
+            stores_until_s: 0.0,
+        }
+    }
 }
 
 impl Hearing {
@@ -69,7 +86,8 @@ impl Hearing {
 
     /// How long a board has been silent that was heard before (s).
     pub fn silent_s(&self) -> Option<f64> {
-        let allowed_s = if self.now_s < self.stores_until_s { STORING_S } else { SILENT_S };
+        let storing_s = if self.now_s < self.stores_until_s { STORING_S } else { 0.0 };
+        let allowed_s = storing_s.max(self.silent_after_s);
         (self.rows.is_some() && self.quiet_s > allowed_s).then_some(self.quiet_s)
     }
 

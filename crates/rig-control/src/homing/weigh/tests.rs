@@ -211,7 +211,7 @@ fn a_rig_that_is_its_table_is_found_as_it_is() {
         near(found.friction_n, friction_n, 0.05);
         near(found.twist_scale, 1.0, 2e-3);
         for twist_rad in [6.0, 15.0, 25.0, 35.0] {
-            let mechanism = Mechanism { table: table(), twist_scale: found.twist_scale, curve: found.curve };
+            let mechanism = Mechanism { table: *table(), twist_scale: found.twist_scale, curve: found.curve };
             near(mechanism.at(found.load_n, twist_rad).gap_m, swept.gap_m(load_n, twist_rad), 1e-4);
         }
     }
@@ -224,7 +224,7 @@ const BESIDE: Swept =
 /// Residuals (mm) of the fit at its unknowns: logarithm of the load, logarithm of the scale, offset (mm).
 fn residuals(weigh: &Weigh, unknowns: [f32; 3]) -> std::vec::Vec<f64> {
     let mechanism = Mechanism {
-        table: table(),
+        table: *table(),
         twist_scale: libm::expf(unknowns[1]),
         curve: GapCurve::constant(1e-3 * unknowns[2]),
     };
@@ -383,7 +383,7 @@ fn a_curve_needs_a_way_along_the_twist() {
 /// Below the table's least load F₀ the gap goes on as a + b/F: with the table's slope at F₀, and four times it at F₀/2.
 #[test]
 fn lighter_loads_than_the_tables_are_continued_in_one_over_the_load() {
-    let mechanism = Mechanism { table: table(), twist_scale: 1.0, curve: GapCurve::constant(0.0) };
+    let mechanism = Mechanism { table: *table(), twist_scale: 1.0, curve: GapCurve::constant(0.0) };
     let least_n = table().metadata.load_min_n;
     let inside = mechanism.at(1.5 * least_n, 20.0);
     assert_eq!(below(&mechanism, 1.5 * least_n, 20.0), inside);
