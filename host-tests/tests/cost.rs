@@ -1,5 +1,5 @@
 //! Instructions on the emulated board for each way to evaluate the mechanism, all in one image
-//! (`crates/lab/cost-image`).
+//! (`lab/cost-image`).
 
 use host_tests::{root, scene};
 use rig_emulator::machine::{Config, Machine};

@@ -86,7 +86,7 @@ fn fill(folders: &Folders, stage: &Path, commit: &str) -> Result<()> {
     let built = |name: &str| folders.target.join("release").join(program(name));
     let emulator = built("rig-emulator");
     without_unused_code(&emulator)?;
-    let licence = folders.root.join("crates/rig-emulator/LICENSE-GPL-2.0");
+    let licence = folders.root.join("emulator/LICENSE-GPL-2.0");
     let firmware = folders.target.join("firmware/tsa-firmware.elf");
     for (from, to) in [
         (built("rigctl"), "bin"),

@@ -10,7 +10,7 @@ use anyhow::Result;
 use rig_scene::Scene;
 
 /// Table 1.
-const PRINTED: &str = include_str!("../../../../scenes/paper-printed.toml");
+const PRINTED: &str = include_str!("../../../scenes/paper-printed.toml");
 
 /// Two contractions that no law meets both.
 #[derive(Debug, Clone, PartialEq)]

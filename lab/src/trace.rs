@@ -109,7 +109,7 @@ mod tests {
     use rig_scene::Scene;
 
     fn scene() -> Scene {
-        Scene::from_toml_str(include_str!("../../../scenes/paper-identified.toml")).unwrap()
+        Scene::from_toml_str(include_str!("../../scenes/paper-identified.toml")).unwrap()
     }
 
     #[test]

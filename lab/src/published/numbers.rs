@@ -11,8 +11,8 @@ use tsa_model::{Equilibrium, Mechanism, SolveError, twist_from_turns};
 /// Turns after which the paper compares (past the half-turn pre-twist).
 pub const TURNS: f64 = 7.5;
 
-const ROWS: &str = include_str!("../../../../host-tests/reference/published.csv");
-const RATIOS: &str = include_str!("../../../../host-tests/reference/published-ratios.csv");
+const ROWS: &str = include_str!("../../../host-tests/reference/published.csv");
+const RATIOS: &str = include_str!("../../../host-tests/reference/published-ratios.csv");
 
 /// A printed number.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -264,7 +264,7 @@ mod tests {
 
     #[test]
     fn changes_reach_the_scene() {
-        let scene = Scene::from_toml_str(include_str!("../../../../scenes/paper-identified.toml")).unwrap();
+        let scene = Scene::from_toml_str(include_str!("../../../scenes/paper-identified.toml")).unwrap();
         assert_eq!(apply(&scene, "").unwrap(), scene);
         let changed = apply(&scene, "geometry.rod_span_m=0.020; K = 10").unwrap();
         assert_eq!((changed.geometry.rod_span_m, changed.string.stiffness_n_per_m), (0.020, 10.0));
@@ -282,7 +282,7 @@ mod tests {
 
     #[test]
     fn a_changed_scene_that_is_impossible_leaves_a_named_limit() {
-        let mut scene = Scene::from_toml_str(include_str!("../../../../scenes/paper-identified.toml")).unwrap();
+        let mut scene = Scene::from_toml_str(include_str!("../../../scenes/paper-identified.toml")).unwrap();
         scene.geometry.clamp_width_m = 0.010;
         let narrow = rows().unwrap().into_iter().find(|r| r.id == "d0-8").unwrap();
         let limit = narrow.compute(&scene).unwrap_err();

@@ -4,8 +4,8 @@ use anyhow::Result;
 use rig_scene::Scene;
 use tsa_model::Mechanism;
 
-const PAPER: &str = include_str!("../../../../scenes/paper-identified.toml");
-const PLATEAU: &str = include_str!("../../../../scenes/niti-plateau.toml");
+const PAPER: &str = include_str!("../../../scenes/paper-identified.toml");
+const PLATEAU: &str = include_str!("../../../scenes/niti-plateau.toml");
 
 /// A rod of the map; everything else is as in its scene.
 #[derive(Debug)]

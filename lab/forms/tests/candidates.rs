@@ -5,7 +5,7 @@ use rival_forms::fit::{Candidate, Numbers, candidates};
 use rival_forms::{Form, LoadMap};
 
 fn candidates_of(scene: &str) -> Vec<Candidate> {
-    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../scenes");
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
     let scene = Scene::load(folder.join(format!("{scene}.toml"))).unwrap();
     candidates(&scene.mechanism().unwrap(), &scene.demand().unwrap()).unwrap()
 }

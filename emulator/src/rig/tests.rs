@@ -9,7 +9,7 @@ use rmds405::{Received, serial};
 use sim_link::RigFault;
 
 fn scene() -> Scene {
-    Scene::load(std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/default.toml"))
+    Scene::load(std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/default.toml"))
         .unwrap_or_else(|e| panic!("{e}"))
 }
 

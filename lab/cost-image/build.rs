@@ -8,7 +8,7 @@ use std::error::Error;
 use std::path::PathBuf;
 use std::{env, fs};
 
-const SCENE: &str = "../../../scenes/default.toml";
+const SCENE: &str = "../../scenes/default.toml";
 /// All of the RAM for one stack: collocation takes more stack than the firmware's layout has.
 const MEMORY: &str =
     "MEMORY {\n  FLASH : ORIGIN = 0x08000000, LENGTH = 512K\n  RAM : ORIGIN = 0x20000000, LENGTH = 128K\n}\n";

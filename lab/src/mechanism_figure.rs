@@ -174,7 +174,7 @@ mod tests {
     use super::*;
 
     fn scene() -> Scene {
-        let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/default.toml");
+        let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/default.toml");
         Scene::load(file).expect("the default scene is good")
     }
 

@@ -6,7 +6,7 @@ use std::collections::HashMap;
 use tsa_model::{Mechanism, SolveError, twist_from_turns};
 
 fn root() -> std::path::PathBuf {
-    std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../..")
+    std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
 
 fn scene(name: &str) -> Scene {
