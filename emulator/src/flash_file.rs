@@ -3,7 +3,7 @@
 use crate::machine::Machine;
 use crate::rig::Rig;
 use anyhow::{Context, Result, bail};
-use rig_scene::files;
+use rig_config::files;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 

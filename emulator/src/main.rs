@@ -2,6 +2,7 @@
 
 use anyhow::{Context, Result};
 use clap::Parser;
+use rig_config::{Scene, files};
 use rig_emulator::flash_file::FlashFile;
 use rig_emulator::gdb;
 use rig_emulator::jumpers::{self, Broken, End, Ends, Jumper, JumperBoard};
@@ -12,8 +13,7 @@ use rig_emulator::rig::outside::measured::Measured;
 use rig_emulator::rig::plant_settings::PlantSettings;
 use rig_emulator::serve::serve;
 use rig_emulator::soc::fault::Lint;
-use rig_scene::{Scene, files};
-use sim_link::{PlantChange, RigPreset};
+use rig_plant::{PlantChange, RigPreset};
 use std::io::{self, BufRead, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;

@@ -1,10 +1,10 @@
-//! The emulator as a process: requests on standard input, answers on standard output ([`sim_link::control`]).
+//! The emulator as a process: requests on standard input, answers on standard output ([`rig_plant::control`]).
 
 use crate::board::Stimulus;
 use crate::flash_file::FlashFile;
 use crate::machine::{Machine, MachineError};
 use crate::rig::{HOST_USART, Rig};
-use sim_link::{Answer, ChipFault, Fault, Request, Run, Stats};
+use rig_plant::{Answer, ChipFault, Fault, Request, Run, Stats};
 use std::io::{self, Write};
 
 /// The firmware's tick, whose instructions are counted.

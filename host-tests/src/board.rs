@@ -1,6 +1,7 @@
 //! The firmware's ELF, unmodified, on the emulated board with the emulated rig.
 
 use crate::{root, scene};
+use rig_config::{DriveTransport, Scene};
 use rig_emulator::board::Stimulus;
 use rig_emulator::machine::{Config, Machine};
 use rig_emulator::rig::Rig;
@@ -9,7 +10,6 @@ use rig_link::messages::{
     EventKind, Identity, Kept, Message, Refusal, Request, Sensors, SettingsReport, State, Telemetry,
 };
 use rig_link::{Accepted, Decoder, Versions, encode};
-use rig_scene::{DriveTransport, Scene};
 use std::fmt;
 use std::process::Command;
 use std::sync::OnceLock;

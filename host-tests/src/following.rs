@@ -6,8 +6,8 @@ use crate::rigs::subject::Subject;
 use lab::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Sample, colour};
 use rig_control::TICK_S;
 use rig_link::messages::{LoadChoice, Request, State};
+use rig_plant::RigPreset;
 use rigctl::course::{EVERY_S, HOLDS_FOR_S};
-use sim_link::RigPreset;
 use std::f64::consts::TAU;
 
 /// Ticks of one period: a whole number of them, so that a sum over whole periods is a Fourier coefficient.

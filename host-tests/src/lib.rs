@@ -18,6 +18,7 @@ pub mod scenario;
 pub mod speed_figure;
 pub mod sweep;
 
+use rig_config::Scene;
 use rig_control::sensors::EncoderCount;
 use rig_control::supervisor::Events;
 use rig_control::{DriveCommand, Inputs, LvdtBlock, Outputs, Rig as Control, RigConstants, TICK_S};
@@ -25,9 +26,8 @@ use rig_emulator::board::{Board, CanFrame, Stimulus};
 use rig_emulator::rig::Rig;
 use rig_emulator::rig::plant_settings::PlantSettings;
 use rig_link::messages::{Accepted, Counters, EventKind, LoadChoice, Refusal, Request, Sensors, State, Telemetry};
-use rig_scene::Scene;
+use rig_plant::Truth;
 use rmds405::{Address, Conversation, Received, Report};
-use sim_link::Truth;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 use tsa_table::Table;

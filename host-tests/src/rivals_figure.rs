@@ -2,7 +2,7 @@
 
 use crate::load_changes::{Outcome, POSITIONS_M, WATCHED_S};
 use lab::plot::{Axis, Block, Figure, GREY, INK, Item, KeyRow, Panel, Pen, Sample, Shape, colour};
-use sim_link::RigPreset;
+use rig_plant::RigPreset;
 
 /// Ratios that are drawn; what is beyond them stands at the edge.
 const RATIOS: [f64; 2] = [0.5, 14.0];

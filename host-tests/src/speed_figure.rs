@@ -2,7 +2,7 @@
 
 use crate::load_changes::{Outcome, POSITIONS_M};
 use lab::plot::{Axis, Block, Figure, Item, KeyRow, Panel, Sample, Shape, colour};
-use sim_link::RigPreset;
+use rig_plant::RigPreset;
 
 /// Ratios that are drawn; what is beyond them stands at the edge.
 const RATIOS: [f64; 2] = [0.5, 10.0];

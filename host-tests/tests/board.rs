@@ -7,8 +7,8 @@ use rig_link::messages::{
     Constants, Correction, EventKind, Fault, LoadChoice, Refusal, Request, ResetCause, Setting, State, TableRefusal,
 };
 use rig_link::{PROTOCOL_HASH, Versions};
+use rig_plant::RigFault;
 use rigctl::session::table::constants;
-use sim_link::RigFault;
 
 const MOVE: Request = Request::Move { target_m: 0.012, speed_m_per_s: 0.002, load: LoadChoice::Auto };
 

@@ -5,10 +5,10 @@
 use host_tests::rigs::commission::Firmware;
 use host_tests::rigs::subject::{EFFECTS, Subject};
 use host_tests::{ControlBench, scene};
+use rig_config::budget::{Budget, Part, Rig, Share};
+use rig_config::{Accuracy, Envelope, Scene, TableAccuracy};
 use rig_link::messages::{LoadChoice, Request, State};
-use rig_scene::budget::{Budget, Part, Rig, Share};
-use rig_scene::{Accuracy, Envelope, Scene, TableAccuracy};
-use sim_link::{PlantKey, RigPreset};
+use rig_plant::{PlantKey, RigPreset};
 use tsa_model::twist_from_turns;
 
 const LOAD_N: f64 = 4.9;

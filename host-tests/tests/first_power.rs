@@ -8,7 +8,7 @@ use rig_emulator::machine::{Config, ResetCause};
 use rig_emulator::rig::rail::DESTROYED_V;
 use rig_emulator::soc::can::Line;
 use rig_link::messages::{Clock, EventKind, Fault, Kept, LoadChoice, Refusal, Request, Setting, State};
-use sim_link::RigFault;
+use rig_plant::RigFault;
 
 const DOMINANT: Line = Line { dominant: true, open: false };
 const OPEN: Line = Line { dominant: false, open: true };

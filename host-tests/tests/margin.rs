@@ -11,8 +11,8 @@ use rig_emulator::rig::built_in::STRUCTURAL_DAMPING_S;
 use rig_emulator::rig::drive::{POSITION_LOOP_PER_S, VELOCITY_LOOP_RAD_PER_S};
 use rig_emulator::rig::plant_settings::PlantSettings;
 use rig_link::messages::LoadChoice;
+use rig_plant::units::STANDARD_GRAVITY;
 use rigctl::script::Script;
-use sim_link::units::STANDARD_GRAVITY;
 use tsa_model::twist_from_turns;
 
 /// Fixed ratio (rad/m) and corner (rad/s) of the loop that is driven to its limit.

@@ -4,8 +4,8 @@
 use host_tests::board::{Bench, HELLO, uart_scene};
 use rig_emulator::board::Stimulus;
 use rig_link::messages::{Fault, LoadChoice, Request, State};
+use rig_plant::RigFault;
 use rmds405::Transport;
-use sim_link::RigFault;
 
 const UP: Request = Request::Move { target_m: 0.008, speed_m_per_s: 0.002, load: LoadChoice::Auto };
 

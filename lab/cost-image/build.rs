@@ -1,7 +1,7 @@
 //! Writes the tables that the image compares as Rust: the default scene's own, the best of every other form, and a grid
 //! for `interpn`.
 
-use rig_scene::Scene;
+use rig_config::Scene;
 use rival_forms::fit::candidates;
 use rival_forms::peers::peers;
 use std::error::Error;

@@ -30,7 +30,7 @@ pub mod trace;
 use serde::Serialize;
 
 /// Standard gravity (m/s²).
-pub use sim_link::units::STANDARD_GRAVITY as STANDARD_GRAVITY_M_PER_S2;
+pub use rig_plant::units::STANDARD_GRAVITY as STANDARD_GRAVITY_M_PER_S2;
 
 /// Why a number could not be computed, as `--json` prints it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]

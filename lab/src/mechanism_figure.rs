@@ -1,7 +1,7 @@
 //! A drawing of the mechanism to scale: rods and strings under a light and a heavy load, as the model computes them.
 
 use crate::STANDARD_GRAVITY_M_PER_S2 as GRAVITY;
-use rig_scene::Scene;
+use rig_config::Scene;
 use std::f64::consts::PI;
 use std::fmt::Write as _;
 use tsa_model::rod::TipForce;

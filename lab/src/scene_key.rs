@@ -1,7 +1,7 @@
 //! One key of a scene, named as in the file (`geometry.rod_span_m`) or by the paper's symbol (`D0`), and changed.
 
-use rig_scene::{Scene, SceneError};
-use sim_link::units::Quantity;
+use rig_config::{Scene, SceneError};
+use rig_plant::units::Quantity;
 use tsa_model::ParameterError;
 
 /// The paper's symbols and the keys that they stand for.

@@ -8,7 +8,7 @@ use crate::published::numbers::Group;
 use crate::scene_key::{self, KeyError};
 use crate::trace::{self, Trace, trace};
 use anyhow::Result;
-use rig_scene::Scene;
+use rig_config::Scene;
 use serde::Serialize;
 use tsa_model::{Equilibrium, Mechanism, twist_from_turns};
 

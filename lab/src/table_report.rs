@@ -1,6 +1,6 @@
 //! A table's certificate and why this table was chosen, for machines and people.
 
-use rig_scene::{Scene, TableError};
+use rig_config::{Scene, TableError};
 use rival_forms::LoadMap;
 use rival_forms::fit::{Considered, considered};
 use serde::Serialize;

@@ -106,7 +106,7 @@ fn last_before(answer: impl Fn(f64) -> Option<Point>, mut good: Point, mut bad_t
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rig_scene::Scene;
+    use rig_config::Scene;
 
     fn scene() -> Scene {
         Scene::from_toml_str(include_str!("../../scenes/paper-identified.toml")).unwrap()

@@ -5,13 +5,13 @@
 
 use anyhow::{Context, Result};
 use lab::plot::{Axis, Block, Figure, Item, KeyRow, Panel, Pen, Sample, Shape, colour};
+use rig_config::Scene;
 use rig_link::LoadChoice;
-use rig_scene::Scene;
+use rig_plant::{PlantChange, PlantKey, RigPreset};
 use rigctl::failure::Failure;
 use rigctl::session::serial::Serial;
 use rigctl::session::sim::{Sim, SimOptions};
 use rigctl::session::{Session, homing, motion};
-use sim_link::{PlantChange, PlantKey, RigPreset};
 use std::f64::consts::{PI, TAU};
 use std::fmt::Write as _;
 use std::path::PathBuf;

@@ -33,7 +33,7 @@ pub struct Query {
 /// # Errors
 /// If the file cannot be read or lacks a column.
 pub fn read(path: &Path) -> Result<Vec<Result<Query, RowError>>, Failure> {
-    let text = rig_scene::files::read_to_string(path)
+    let text = rig_config::files::read_to_string(path)
         .map_err(|e| Failure::failed(format!("batch file {}: {e}", path.display())))?;
     parse(&text).map_err(|e| Failure::failed(format!("batch file {}: {e}", path.display())))
 }

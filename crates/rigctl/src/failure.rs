@@ -154,7 +154,7 @@ mod tests {
 
     #[test]
     fn a_cause_that_an_error_names_itself_is_not_repeated() {
-        let scene = rig_scene::Scene::load("no-such.toml").expect_err("no such file");
+        let scene = rig_config::Scene::load("no-such.toml").expect_err("no such file");
         let message = Failure::from(scene).message().unwrap_or_default();
         assert_eq!(message.matches("os error 2").count(), 1, "{message}");
         assert!(message.contains("no-such.toml"), "{message}");

@@ -3,7 +3,7 @@
 use crate::failure::Failure;
 use crate::output::progress;
 use lab::chart::{self, Inputs, Made};
-use rig_scene::Scene;
+use rig_config::Scene;
 use std::ffi::OsString;
 use std::path::Path;
 

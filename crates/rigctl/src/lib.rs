@@ -22,7 +22,7 @@
 //! use rigctl::failure::Failure;
 //! use rigctl::session::sim::{Sim, SimOptions};
 //! use rigctl::session::{Session, homing, motion};
-//! use sim_link::RigPreset;
+//! use rig_plant::RigPreset;
 //!
 //! fn main() -> anyhow::Result<()> {
 //!     experiment().map_err(Failure::into_error)
@@ -77,7 +77,7 @@ pub mod script;
 pub mod serve;
 pub mod session;
 
-pub use sim_link::units;
+pub use rig_plant::units;
 
 use clap::Parser;
 use failure::Failure;

@@ -9,8 +9,8 @@ use crate::session::sim::{Sim, SimOptions};
 use lab::STANDARD_GRAVITY_M_PER_S2;
 use lab::move_figure::Curve;
 use rig_link::LoadChoice;
+use rig_plant::{PlantChange, PlantKey};
 use serde::Serialize;
-use sim_link::{PlantChange, PlantKey};
 use std::time::Instant;
 
 /// Target of the move (m).

@@ -9,7 +9,7 @@ use ratatui::symbols::Marker;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::canvas::{Canvas, Context, Line as Stroke, Rectangle};
 use ratatui::widgets::{Axis, Block, Chart, Dataset, GraphType, Paragraph};
-use rig_scene::Scene;
+use rig_config::Scene;
 use std::collections::VecDeque;
 
 /// Time span of the plots (s).

@@ -1,6 +1,6 @@
 //! A table rebuilt from other constants, by the code that the board runs.
 
-use rig_scene::Scene;
+use rig_config::Scene;
 use std::sync::OnceLock;
 use tsa_model::{Correction, Mechanism, Parameters};
 use tsa_table::fit::Fit;

@@ -4,8 +4,8 @@ use super::Rig;
 use super::encoder::Wires;
 use super::motor::Bridge;
 use crate::board::Stimulus;
+use rig_plant::RigFault;
 use rmds405::Transport;
-use sim_link::RigFault;
 
 /// Why this rig cannot have a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]

@@ -10,7 +10,7 @@ use super::parameters::RigParameters;
 use super::plant_settings::PlantSettings;
 use super::surface::{SLACK_LOAD_N, Surface};
 use super::transmission::{Tiered, cheapest_tier};
-use rig_scene::Scene;
+use rig_config::Scene;
 use tsa_model::{Mechanism, RadiusLaw, Tier};
 
 /// Greatest load that the surface covers, unless the load or the scene asks for more, N.

@@ -6,7 +6,7 @@ use std::f64::consts::TAU;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::{Rng, SeedableRng};
-use sim_link::effects::LVDT_GAIN_PER_K;
+use rig_plant::effects::LVDT_GAIN_PER_K;
 
 use super::effects::drift::Drift;
 use super::parameters::RigParameters;
@@ -132,7 +132,7 @@ pub fn volts_to_code(volts: f64, reference_v: f64) -> u16 {
 #[cfg(test)]
 mod tests {
     use rand_pcg::rand_core::SeedableRng;
-    use rig_scene::Rig;
+    use rig_config::Rig;
 
     use super::*;
 

@@ -37,8 +37,8 @@ use std::collections::VecDeque;
 
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::SeedableRng;
-use rig_scene::Scene;
-use sim_link::{PlantChange, PlantKey, RigPreset, Truth};
+use rig_config::Scene;
+use rig_plant::{PlantChange, PlantKey, RigPreset, Truth};
 use tsa_model::{Mechanism, Tier};
 
 use crate::board::Stimulus;

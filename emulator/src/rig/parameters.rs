@@ -1,6 +1,6 @@
 //! Constants of the emulated rig, filled from a scene's `[rig]` table in one place.
 
-use rig_scene::{DriveTransport, Rig};
+use rig_config::{DriveTransport, Rig};
 use rmds405::{Address, Transport};
 
 use super::RigError;

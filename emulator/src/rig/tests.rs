@@ -3,10 +3,10 @@
 use super::hung::CLOSED_GIVE_RAD;
 use super::*;
 use crate::board::{Board, CanFrame, CanOutcome};
+use rig_plant::RigFault;
 use rmds405::serial::{BYTE_US, Decoder};
 use rmds405::{Command, CurrentLimit, Milliamps, Mode, QuadCounts, Report, Rpm, SpeedLimit};
 use rmds405::{Received, serial};
-use sim_link::RigFault;
 
 fn scene() -> Scene {
     Scene::load(std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/default.toml"))
@@ -309,7 +309,7 @@ fn the_transport_that_was_used_first_wins_until_a_restart() {
 #[test]
 fn a_rig_without_a_bus_cannot_have_it_shorted() {
     let mut scene = scene();
-    scene.rig.drive_transport = rig_scene::DriveTransport::Uart;
+    scene.rig.drive_transport = rig_config::DriveTransport::Uart;
     let mut r = Rig::new(&scene, PlantSettings::default(), 1).unwrap_or_else(|e| panic!("{e}"));
     let refused = r.try_fault(RigFault::CanBusOff, true).expect_err("no bus").to_string();
     assert!(refused.contains("can-bus-off") && refused.contains("drive_transport"), "{refused}");

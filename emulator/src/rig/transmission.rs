@@ -1,6 +1,6 @@
 //! The relation of load, twist and gap: the gap at which the mechanism balances a load.
 
-use rig_scene::Scene;
+use rig_config::Scene;
 use tsa_model::{Equilibrium, Mechanism, Tier, TierError, twist_from_turns};
 
 /// The equilibrium gap and its slopes.

@@ -3,7 +3,7 @@
 use clap::Parser;
 use host_tests::endurance::{Endurance, moves, noise};
 use lab::parallel::parallel_on;
-use sim_link::RigPreset;
+use rig_plant::RigPreset;
 
 #[derive(Parser)]
 #[command(about = "Long runs on the emulated board", version)]

@@ -8,8 +8,8 @@ use host_tests::load_changes::{self, Outcome};
 use host_tests::rigs::subject::Subject;
 use host_tests::speed_figure::{Group, figure};
 use lab::parallel::parallel_on;
+use rig_plant::RigPreset;
 use serde_json::json;
-use sim_link::RigPreset;
 use std::path::PathBuf;
 
 /// Kind of rig, how many, and the distances (m) within which a load counts as at its place.

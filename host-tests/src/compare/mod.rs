@@ -28,8 +28,8 @@ use baseline::{Baseline, Law, Loop};
 use lab::parallel::parallel;
 use plants::{Kind, RandomPlant};
 use play::{Played, Record};
+use rig_plant::RigPreset;
 use score::Score;
-use sim_link::RigPreset;
 use tune::{Goal, Tally};
 
 /// Who drives the rig.

@@ -8,8 +8,8 @@ use rig_emulator::rig::outside::Outside;
 use rig_emulator::rig::outside::measured::Measured;
 use rig_emulator::rig::transmission::Transmission;
 use rig_link::messages::{Counters, LoadChoice, Request, Setting, Telemetry};
+use rig_plant::RigPreset;
 use rmds405::QuadCounts;
-use sim_link::RigPreset;
 use std::sync::OnceLock;
 
 /// Half a turn of the strings, and what the fastest move covers while the drive answers (motor counts).

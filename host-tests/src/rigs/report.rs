@@ -5,9 +5,9 @@ use super::floor::{Check, Finding, Floor};
 use super::subject::Subject;
 use super::trial::NOT_HOMED;
 use lab::csv_text::{csv_text, optional};
+use rig_plant::RigPreset;
+use rig_plant::units::STANDARD_GRAVITY;
 use serde_json::{Value, json};
-use sim_link::RigPreset;
-use sim_link::units::STANDARD_GRAVITY;
 
 /// A check over all rigs of a kind.
 #[derive(Clone, Debug)]

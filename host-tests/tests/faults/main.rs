@@ -11,7 +11,7 @@ use rig_control::sensors::DriveReading;
 use rig_control::supervisor::fault_policy::{After, Response, policy};
 use rig_control::{DriveCommand, Rig as Control};
 use rig_link::messages::{Constants, EventKind, Fault, Limit, LoadChoice, Parameter, Refusal, Request, State};
-use sim_link::RigFault;
+use rig_plant::RigFault;
 
 #[test]
 fn each_fault_fires_and_stays_and_its_near_miss_is_quiet() {

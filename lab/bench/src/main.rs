@@ -8,7 +8,7 @@ mod timing;
 use anyhow::{Context, Result};
 use clap::{Parser, Subcommand};
 use grid::{Grid, PUBLISHED};
-use rig_scene::Scene;
+use rig_config::Scene;
 use rival_methods::Method;
 use serde::Serialize;
 use std::hint::black_box;

@@ -1,6 +1,6 @@
 //! The other forms on real scenes.
 
-use rig_scene::Scene;
+use rig_config::Scene;
 use rival_forms::fit::{Candidate, Numbers, candidates};
 use rival_forms::{Form, LoadMap};
 

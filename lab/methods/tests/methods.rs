@@ -1,6 +1,6 @@
 //! Methods against each other: where all agree, how fast they converge, and where each fails.
 
-use rig_scene::Scene;
+use rig_config::Scene;
 use rival_methods::Method;
 use std::collections::HashMap;
 use tsa_model::{Mechanism, SolveError, twist_from_turns};

@@ -8,7 +8,7 @@ use crate::parallel::parallel;
 use crate::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Sample, colour};
 use anyhow::Result;
 use plotters::style::RGBColor;
-use rig_scene::Scene;
+use rig_config::Scene;
 use tsa_model::twist_from_turns;
 
 /// Loads and twists of a map.

@@ -5,7 +5,7 @@ use crate::STANDARD_GRAVITY_M_PER_S2;
 use crate::csv_text::csv_text;
 use crate::mechanism_figure::mechanism_figure;
 use anyhow::Result;
-use rig_scene::Scene;
+use rig_config::Scene;
 use tsa_model::twist_from_turns;
 
 /// Loads (kg), and turns past the half-turn pre-twist.

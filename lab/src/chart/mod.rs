@@ -31,7 +31,7 @@ mod work_figure;
 
 use crate::parallel::Progress;
 use anyhow::{Context, Result, bail};
-use rig_scene::Scene;
+use rig_config::Scene;
 use std::ffi::OsString;
 use std::path::Path;
 

@@ -1,7 +1,7 @@
 //! The rods of the stability map. The map is about methods, not about the operator's scene: the same rods everywhere.
 
 use anyhow::Result;
-use rig_scene::Scene;
+use rig_config::Scene;
 use tsa_model::Mechanism;
 
 const PAPER: &str = include_str!("../../../scenes/paper-identified.toml");

@@ -5,7 +5,7 @@ use crate::csv_text::csv_text;
 use crate::parallel::parallel;
 use crate::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Sample, Shape, colour, extent};
 use anyhow::Result;
-use rig_scene::{Accuracy, Scene, TableAccuracy, TableError};
+use rig_config::{Accuracy, Scene, TableAccuracy, TableError};
 use rival_forms::fit::{Considered, considered};
 use tsa_table::FORM;
 use tsa_table::fit::{Errors, Fit, FitError, MAX_BYTES};

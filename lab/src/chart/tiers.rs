@@ -7,7 +7,7 @@ use crate::parallel::{Progress, parallel};
 use crate::plot::{Axis, Block, Figure, Item, KeyRow, Panel, Sample};
 use anyhow::{Context, Result};
 use plotters::style::RGBColor;
-use rig_scene::Scene;
+use rig_config::Scene;
 use std::path::Path;
 use tsa_model::{Mechanism, SolveError, Tier, TierError, twist_from_turns};
 

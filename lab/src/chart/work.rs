@@ -2,7 +2,7 @@
 
 use crate::parallel::Progress;
 use anyhow::{Context, Result, bail};
-use rig_scene::Scene;
+use rig_config::Scene;
 use rival_methods::Method;
 use std::ffi::OsString;
 use std::hint::black_box;

@@ -7,7 +7,7 @@ use crate::csv_text::csv_text;
 use crate::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Sample, Shape, colour};
 use anyhow::{Context, Result};
 use plotters::style::RGBColor;
-use rig_scene::Scene;
+use rig_config::Scene;
 use rival_methods::Method;
 use serde::Deserialize;
 use tsa_model::Tier;

@@ -6,7 +6,7 @@ use crate::ErrorBody;
 use crate::csv_text::{csv_text, optional};
 use crate::trace;
 use anyhow::Result;
-use rig_scene::Scene;
+use rig_config::Scene;
 use serde::Serialize;
 
 /// One scene and what is computed for it.

@@ -7,7 +7,7 @@
 
 use super::numbers::{Group, Kind, Row, apply};
 use anyhow::Result;
-use rig_scene::Scene;
+use rig_config::Scene;
 
 /// Table 1.
 const PRINTED: &str = include_str!("../../../scenes/paper-printed.toml");

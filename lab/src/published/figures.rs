@@ -9,7 +9,7 @@ use crate::plot::{Axis, Block, Figure, GREY, Item, KeyRow, Panel, Pen, RGBColor,
 use crate::scene_key;
 use crate::trace::{End, Trace, trace};
 use anyhow::{Context, Result};
-use rig_scene::Scene;
+use rig_config::Scene;
 use std::f64::consts::TAU;
 use tsa_model::{Mechanism, SolveError, twist_from_turns};
 

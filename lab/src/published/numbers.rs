@@ -3,7 +3,7 @@
 use crate::ErrorBody;
 use crate::scene_key::{self, KeyError};
 use crate::trace;
-use rig_scene::Scene;
+use rig_config::Scene;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 use tsa_model::{Equilibrium, Mechanism, SolveError, twist_from_turns};

@@ -4,10 +4,10 @@
 use crate::failure::Failure;
 use crate::options::Global;
 use crate::output::{Output, progress};
-use rig_scene::budget::{At, Budget, Part, Rig, SESSION_S, SPEED_M_PER_S, Share, Spread, WORTH};
-use rig_scene::{Accuracy, Scene, SceneError, TableAccuracy, TableError};
+use rig_config::budget::{At, Budget, Part, Rig, SESSION_S, SPEED_M_PER_S, Share, Spread, WORTH};
+use rig_config::{Accuracy, Scene, SceneError, TableAccuracy, TableError};
+use rig_plant::RigPreset;
 use serde::Serialize;
-use sim_link::RigPreset;
 use std::path::{Path, PathBuf};
 use tsa_model::Tier;
 use tsa_table::fit::{Fit, FitError};

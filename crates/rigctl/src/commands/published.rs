@@ -5,7 +5,7 @@ use crate::options::Global;
 use crate::out_file::write_file;
 use crate::output::Output;
 use lab::published::{Comparison, SETS};
-use rig_scene::Scene;
+use rig_config::Scene;
 use std::path::Path;
 
 /// Runs the command.

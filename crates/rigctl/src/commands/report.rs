@@ -12,7 +12,7 @@ use crate::page::{self, Page};
 use crate::recorded_move;
 use lab::move_figure::draw;
 use lab::table_report::TableReport;
-use rig_scene::Scene;
+use rig_config::Scene;
 use std::path::{Path, PathBuf};
 
 /// Load of the recorded move (kg) and twist of the strings when the board starts (rad).
@@ -84,7 +84,7 @@ fn figures(
         let content = match charts {
             Some(folder) => {
                 let file = folder.join(format!("{name}.svg"));
-                match rig_scene::files::read_to_string(&file) {
+                match rig_config::files::read_to_string(&file) {
                     Ok(svg) => Ok(Picture { svg: Some(svg), findings: Vec::new() }),
                     // A table has no picture, and the folder may hold only some figures.
                     Err(_) => continue,

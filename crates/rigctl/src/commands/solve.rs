@@ -6,7 +6,7 @@ use crate::options::Global;
 use crate::options::commands::{At, How};
 use crate::options::values::AUTO;
 use crate::output::Output;
-use rig_scene::Scene;
+use rig_config::Scene;
 use rival_methods::Method;
 use serde::Serialize;
 use tsa_model::{Equilibrium, Mechanism, PRETWIST_RAD, SolveError, Tier, TierError, twist_from_turns};

@@ -11,7 +11,7 @@ use serde_json::json;
 /// # Errors
 /// The board's refusal in words.
 pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
-    let scene = global.rig_scene()?;
+    let scene = global.rig_config()?;
     // The board may be built for other constants: to change that is the purpose.
     let mut session = global.target()?.meet()?;
     table::check(&session, &scene, &global.scene.display().to_string())?;

@@ -12,7 +12,7 @@ use super::laws::{LAWS, Law};
 use super::linear::Linear;
 use super::noise::effective;
 use lab::parallel::parallel;
-use rig_scene::Scene;
+use rig_config::Scene;
 use serde::Serialize;
 use tsa_model::Parameters;
 

@@ -10,8 +10,8 @@ use super::noise::half_width;
 use super::predict::Known;
 use super::{Identified, data::SIGMA_M};
 use nalgebra::{DMatrix, DVector};
+use rig_config::Scene;
 use rig_control::observer::MEMORY_COMPLETE_N;
-use rig_scene::Scene;
 use serde::Serialize;
 use tsa_model::twist_from_turns;
 

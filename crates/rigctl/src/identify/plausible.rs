@@ -2,7 +2,7 @@
 
 use super::data::{Data, Quantity, Row};
 use lab::STANDARD_GRAVITY_M_PER_S2 as GRAVITY;
-use rig_scene::Scene;
+use rig_config::Scene;
 use std::f64::consts::TAU;
 use std::ops::Range;
 use tsa_model::{Mechanism, PRETWIST_RAD};

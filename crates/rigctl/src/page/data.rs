@@ -2,7 +2,7 @@
 
 use crate::log::Log;
 use crate::session::row::Row;
-use rig_scene::{Envelope, Scene};
+use rig_config::{Envelope, Scene};
 use serde::Serialize;
 use std::f64::consts::TAU;
 use tsa_model::{Mechanism, PRETWIST_RAD, twist_from_turns};

@@ -3,7 +3,7 @@
 use crate::failure::Failure;
 use lab::scene_key;
 use lab::table_report::TableReport;
-use rig_scene::Scene;
+use rig_config::Scene;
 use serde_json::Value;
 use std::fmt::Write as _;
 

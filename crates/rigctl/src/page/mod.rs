@@ -14,7 +14,7 @@ use base64::engine::general_purpose::STANDARD;
 use data::Data;
 use fragments::{Figure, escaped};
 use lab::table_report::TableReport;
-use rig_scene::Scene;
+use rig_config::Scene;
 
 /// The compiled solver, or why there is none.
 const SOLVER: Result<&[u8], &str> = include!(concat!(env!("OUT_DIR"), "/solver.rs"));

@@ -3,8 +3,8 @@
 use super::client::Session;
 use super::interrupt;
 use crate::failure::Failure;
+use rig_config::Scene;
 use rig_link::messages::{Constants, Correction, EventKind, Request, TableRefusal};
-use rig_scene::Scene;
 
 /// What to do where the board cannot make the table itself.
 const FLASH: &str = "build and flash for this scene, `TSA_SCENE=FILE cargo xtask flash` (docs/calibration.md 3)";

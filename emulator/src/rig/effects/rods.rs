@@ -7,7 +7,7 @@
 
 use super::memory::RodMemory;
 use crate::rig::surface::{SLACK_LOAD_N, Surface};
-use sim_link::effects::{ROD_STRESS_PER_K, rod_onset};
+use rig_plant::effects::{ROD_STRESS_PER_K, rod_onset};
 use tsa_model::scalar::{Dual, Scalar};
 use tsa_model::{Material, Mechanism, Parameters};
 

@@ -116,7 +116,7 @@ impl Strings {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rig_scene::Scene;
+    use rig_config::Scene;
 
     fn model(name: &str) -> Parameters {
         let file = format!("{}/../../scenes/{name}.toml", env!("CARGO_MANIFEST_DIR"));

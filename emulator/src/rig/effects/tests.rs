@@ -5,8 +5,8 @@ use crate::rig::built_in::BuiltIn;
 use crate::rig::plant::{Conditions, Plant};
 use crate::rig::plant_settings::PlantSettings;
 use crate::rig::{Rig, conditions};
-use rig_scene::Scene;
-use sim_link::RigPreset;
+use rig_config::Scene;
+use rig_plant::RigPreset;
 use std::f64::consts::{PI, TAU};
 use tsa_model::Mechanism;
 

@@ -8,7 +8,7 @@ pub mod measured;
 pub mod program;
 pub mod programmed;
 
-use sim_link::PlantKey;
+use rig_plant::PlantKey;
 
 /// Where a plant comes from.
 #[derive(Clone, Debug)]

@@ -3,7 +3,7 @@
 use super::is_of_the_plant;
 use super::program::{Answer, PlantProgram, ProgramError};
 use crate::rig::STEP_S;
-use sim_link::PlantChange;
+use rig_plant::PlantChange;
 use tsa_model::PRETWIST_RAD;
 
 /// The plant. When its program fails it stands still, and says why.

@@ -14,12 +14,12 @@ use rig_control::limits::rise_s;
 use rig_control::position_loop::BANDWIDTH_PER_S;
 use rig_control::rest::{AT_REST_M, AT_REST_NOISES, JUMP_SHARE};
 use rig_link::messages::LVDT_POINTS_MAX;
-use sim_link::PlantKey;
-use sim_link::effects::{
+use rig_plant::PlantKey;
+use rig_plant::effects::{
     BEDDING_CYCLES, CREEP_TIMES_S, LVDT_GAIN_PER_K, LVDT_NOISE_M, RAIL_FRICTION_N, ROD_STRESS_PER_K, ROD_THRESHOLDS,
     TURNS_PER_CYCLE, rod_onset,
 };
-use sim_link::units::STANDARD_GRAVITY;
+use rig_plant::units::STANDARD_GRAVITY;
 use std::f64::consts::{PI, SQRT_2, TAU};
 
 /// Samples of the LVDT in a tick, and how long they take (s): a block of the board's converter.

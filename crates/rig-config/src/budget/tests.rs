@@ -1,6 +1,6 @@
 use super::*;
 use rig_control::position_loop::BANDWIDTH_PER_S;
-use sim_link::RigPreset;
+use rig_plant::RigPreset;
 
 pub(super) fn scene() -> Scene {
     Scene::from_toml_str(include_str!("../../../../scenes/default.toml")).unwrap()

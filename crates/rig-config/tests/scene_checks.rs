@@ -1,7 +1,7 @@
 //! Scenes whose values do not fit each other are refused with their keys and numbers; scenes just inside the limits
 //! pass.
 
-use rig_scene::{Scene, SceneError};
+use rig_config::{Scene, SceneError};
 use std::path::{Path, PathBuf};
 
 fn folder() -> PathBuf {

@@ -3,7 +3,7 @@
 //!
 //! A figure is 1.645 times a standard error, the half width of an interval that is meant to hold the truth in 90 of 100
 //! cases. A case is a rig of the kind at a state of the scene's envelope. The sizes are those from which the emulated rig
-//! draws ([`sim_link::preset`], [`sim_link::effects`]); homing, loop and rest are the firmware's own constants
+//! draws ([`rig_plant::preset`], [`rig_plant::effects`]); homing, loop and rest are the firmware's own constants
 //! ([`rig_control`]).
 //!
 //! The position is measured. So what changes the gap by itself is taken back by the loop, and only what makes the measurement
@@ -21,7 +21,7 @@ use effects::{Direct, Effect, Effects};
 use homing::{Homing, Taken};
 use rig_control::homing::weigh;
 use rig_control::position_loop::BANDWIDTH_PER_S;
-use sim_link::PlantKey;
+use rig_plant::PlantKey;
 use tsa_model::{Mechanism, Tier};
 use tsa_table::{Accuracy, Table};
 
@@ -78,7 +78,7 @@ impl Part {
 
 /// What the budget is computed for.
 pub struct Rig<'a> {
-    /// Standard deviation of each plant key, SI units: [`sim_link::RigPreset::rms`] of a kind of rig.
+    /// Standard deviation of each plant key, SI units: [`rig_plant::RigPreset::rms`] of a kind of rig.
     pub sizes: &'a dyn Fn(PlantKey) -> f64,
     /// Error of the gauges (m, half the width of the interval that holds 90 of 100 readings), where the LVDT is calibrated at
     /// points; else its own non-linearity counts.

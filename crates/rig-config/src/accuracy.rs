@@ -2,11 +2,11 @@
 
 use crate::budget::{Budget, Rig};
 use crate::{Scene, SceneError};
+use rig_plant::RigPreset;
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};
 use serde::ser::SerializeMap;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
-use sim_link::RigPreset;
 use std::fmt;
 use tsa_table::Accuracy;
 

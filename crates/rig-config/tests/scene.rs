@@ -1,6 +1,6 @@
 //! Scene files: an error names the key.
 
-use rig_scene::{Scene, SceneError};
+use rig_config::{Scene, SceneError};
 use tsa_model::twist_from_turns;
 
 fn default_text() -> String {
