@@ -1,9 +1,9 @@
 //! The board's flash in a file, so that its contents outlive the process as those of a real board outlive its supply.
 
 use crate::machine::Machine;
-use crate::rig::Rig;
 use anyhow::{Context, Result, bail};
 use rig_config::files;
+use rig_plant::rig::Rig;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 

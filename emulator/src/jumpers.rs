@@ -4,11 +4,11 @@
 //! A wire carries the level of the end that drives it. Where neither does, each pin follows its own pull. A USART's
 //! bytes go along a wire as whole characters, so a pin that reads such a wire as GPIO sees nothing of them.
 
-use crate::board::{Board, CanFrame, CanOutcome, Stimulus};
 use crate::machine::{Machine, MachineError};
 use crate::soc::gpio::Pin;
 use crate::soc::tim::encoder_pins;
 use crate::soc::usart::USARTS;
+use rig_plant::board::{Board, CanFrame, CanOutcome, Stimulus};
 use std::collections::BTreeMap;
 use std::fmt;
 use std::str::FromStr;

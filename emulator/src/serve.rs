@@ -1,9 +1,9 @@
 //! The emulator as a process: requests on standard input, answers on standard output ([`rig_plant::control`]).
 
-use crate::board::Stimulus;
 use crate::flash_file::FlashFile;
 use crate::machine::{Machine, MachineError};
-use crate::rig::{HOST_USART, Rig};
+use rig_plant::board::Stimulus;
+use rig_plant::rig::{HOST_USART, Rig};
 use rig_plant::{Answer, ChipFault, Fault, Request, Run, Stats};
 use std::io::{self, Write};
 

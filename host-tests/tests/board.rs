@@ -2,12 +2,12 @@
 
 use host_tests::board::{Bench, HELLO};
 use rand::{RngExt, SeedableRng};
-use rig_emulator::board::{CanFrame, Stimulus};
 use rig_link::messages::{
     Constants, Correction, EventKind, Fault, LoadChoice, Refusal, Request, ResetCause, Setting, State, TableRefusal,
 };
 use rig_link::{PROTOCOL_HASH, Versions};
 use rig_plant::RigFault;
+use rig_plant::board::{CanFrame, Stimulus};
 use rigctl::session::table::constants;
 
 const MOVE: Request = Request::Move { target_m: 0.012, speed_m_per_s: 0.002, load: LoadChoice::Auto };

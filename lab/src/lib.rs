@@ -7,12 +7,14 @@
 //! - [`study`]: one value of a scene varied over any range; [`trace`]: contraction and TR along the turns;
 //!   [`scene_key`]: one key of a scene by name or by the paper's symbol.
 //! - [`chart`]: speed against accuracy of every method, tier and table form, and where methods fail.
+//! - [`budget`]: what each part of a rig contributes to the errors of position and load.
 //! - [`table_report`]: a table's certificate and why this table was chosen.
 //! - [`plot`]: pictures as SVG; [`curves`], [`move_figure`] and [`mechanism_figure`]: what is drawn with it.
 //! - [`csv_text`]: data as CSV; [`parallel`]: work on all cores.
 
 #![forbid(unsafe_code)]
 
+pub mod budget;
 pub mod calibration_figure;
 pub mod chart;
 pub mod csv_text;

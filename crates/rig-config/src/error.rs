@@ -38,9 +38,6 @@ pub enum SceneError {
         /// The limit.
         limit: SolveError,
     },
-    /// `accuracy = "budget"`, and the budget cannot be computed.
-    #[error("accuracy = \"budget\": {0}")]
-    Budget(Box<SceneError>),
     /// A table was asked for, but the scene does not say what it must cover.
     #[error("scene: [{table}] is missing, which a table needs")]
     Missing {

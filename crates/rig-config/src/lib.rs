@@ -8,14 +8,11 @@
 //! - [`scene`]: the file, its hashes, the solver and the table that follow from it.
 //! - [`rig`]: `[rig]`, and its conversion to [`rig_control::RigConstants`].
 //! - [`uncertainty`] has the table of that name.
-//! - [`accuracy`] has `[accuracy]`, and what `accuracy = "budget"` stands for; [`budget`]: the error budget behind it.
 //! - [`checks`]: whether the values of a scene fit each other.
 //! - [`files`]: reading and replacing files without losing any.
 
 #![forbid(unsafe_code)]
 
-pub mod accuracy;
-pub mod budget;
 pub mod checks;
 pub mod error;
 pub mod files;
@@ -23,7 +20,6 @@ pub mod rig;
 pub mod scene;
 pub mod uncertainty;
 
-pub use accuracy::TableAccuracy;
 pub use checks::Misfit;
 pub use error::{SceneError, TableError};
 pub use rig::{DriveTransport, Rig};

@@ -1,11 +1,11 @@
 //! A scene: the mechanism's constants, the rig around it, and what a table must cover.
 
-use crate::accuracy::TableAccuracy;
 use crate::error::{SceneError, TableError};
 use crate::rig::Rig;
 use crate::uncertainty::Uncertainty;
 use rig_control::RigConstants;
-use serde::{Deserialize, Serialize};
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize};
 use std::path::Path;
 use tsa_model::{
     Correction, Geometry, Material, Mechanism, ParameterError, Parameters, StringParameters, Tier, twist_from_turns,
@@ -37,8 +37,8 @@ pub struct Scene {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub envelope: Option<Envelope>,
     /// How well a table must do it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub accuracy: Option<TableAccuracy>,
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "accuracy")]
+    pub accuracy: Option<Accuracy>,
 }
 
 /// What a table must cover.
@@ -108,7 +108,7 @@ impl Scene {
                 return refuse("envelope.turns", turns[1], "must end above its start");
             }
         }
-        if let Some(TableAccuracy::Given(Accuracy { contraction_m, tr_relative })) = self.accuracy {
+        if let Some(Accuracy { contraction_m, tr_relative }) = self.accuracy {
             for (parameter, value) in [("accuracy.contraction_m", contraction_m), ("accuracy.tr_relative", tr_relative)]
             {
                 if !(value > 0.0 && value.is_finite()) {
@@ -142,21 +142,13 @@ impl Scene {
         self.envelope.ok_or(SceneError::Missing { table: "envelope" })
     }
 
-    /// The accuracy in numbers, those of the error budget where the scene asks for them; `None` where it says nothing.
-    ///
-    /// # Errors
-    /// [`SceneError::Budget`] if the budget cannot be computed.
-    pub fn accuracy(&self) -> Result<Option<Accuracy>, SceneError> {
-        self.accuracy.map(|asked| asked.of(self)).transpose()
-    }
-
     /// Envelope and accuracy, which a table needs.
     ///
     /// # Errors
-    /// [`SceneError::Missing`] naming the absent one; or as [`Scene::accuracy`].
+    /// [`SceneError::Missing`] naming the absent one.
     pub fn table_demand(&self) -> Result<(Envelope, Accuracy), SceneError> {
         let envelope = self.covered()?;
-        let accuracy = self.accuracy()?.ok_or(SceneError::Missing { table: "accuracy" })?;
+        let accuracy = self.accuracy.ok_or(SceneError::Missing { table: "accuracy" })?;
         Ok((envelope, accuracy))
     }
 
@@ -189,16 +181,9 @@ impl Scene {
         Ok(fit::fit_tier(&self.mechanism()?, &demand, tier)?)
     }
 
-    /// CRC-32 of the scene's canonical form: the same for files that differ only in comments, order or defaults. An accuracy by
-    /// the error budget counts as its numbers, so that the hash names the table that is built.
+    /// CRC-32 of the scene's canonical form: the same for files that differ only in comments, order or defaults.
     pub fn hash(&self) -> u32 {
-        hash(&Self { accuracy: self.in_numbers(), ..self.clone() })
-    }
-
-    /// The accuracy in numbers; as it is written in a scene that has no budget, and therefore no table.
-    fn in_numbers(&self) -> Option<TableAccuracy> {
-        let numbers = self.accuracy().ok().flatten();
-        numbers.map(TableAccuracy::Given).or(self.accuracy)
+        hash(self)
     }
 
     /// The same of `[rig]` alone, which a table does not depend on and a board has built in.
@@ -211,10 +196,19 @@ impl Scene {
         #[derive(Serialize)]
         struct Demand {
             envelope: Option<Envelope>,
-            accuracy: Option<TableAccuracy>,
+            accuracy: Option<Accuracy>,
         }
-        hash(&Demand { envelope: self.envelope, accuracy: self.in_numbers() })
+        hash(&Demand { envelope: self.envelope, accuracy: self.accuracy })
     }
+}
+
+/// `[accuracy]`; a refusal says where its numbers can be had.
+fn accuracy<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Accuracy>, D::Error> {
+    Accuracy::deserialize(deserializer).map(Some).map_err(|error| {
+        D::Error::custom(format!(
+            "{error}: [accuracy] has the numbers contraction_m and tr_relative, and `tsa-lab budget` prints those that are worth having"
+        ))
+    })
 }
 
 fn hash(value: &impl Serialize) -> u32 {

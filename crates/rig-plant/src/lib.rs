@@ -1,8 +1,11 @@
-//! What a host and an emulated rig say to each other.
+//! The emulated rig around the control code: mechanism in motion, motor, drive, sensors, and what a host says to it.
 //!
-//! The emulator (`rig-emulator`, GPL) and the tool (`rigctl`, MIT) are two programs. They share this crate, so that
-//! each name, unit and record is written once.
+//! The emulated board (`rig-emulator`, under the GPL) runs the firmware's ELF against it; [`bench`] runs the control code
+//! itself against it, in one process.
 //!
+//! - [`rig`]: drive, motor, encoder, LVDT and the mechanism itself.
+//! - [`board`]: the seam between microcontroller and wiring.
+//! - [`bench`]: the control code on the rig, hundreds of times faster than the emulated chip.
 //! - [`control`]: requests and answers, one JSON value on each line.
 //! - [`plant`]: what can be changed about the emulated rig without telling the firmware.
 //! - [`preset`]: rigs that differ from their own model, drawn from a seed.
@@ -11,13 +14,16 @@
 //! - [`truth`]: what really happens in the emulated rig.
 //! - [`units`]: numbers with units, as an operator types them.
 
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)]
 
+pub mod bench;
+pub mod board;
 pub mod control;
 pub mod effects;
 pub mod faults;
 pub mod plant;
 pub mod preset;
+pub mod rig;
 pub mod truth;
 pub mod units;
 

@@ -6,8 +6,8 @@ use super::blocks::{Blocks, Cost};
 use super::stops::Stops;
 use super::timing::TAKEN_BRANCH_CYCLES;
 use super::watch::Watches;
-use crate::board::Board;
 use crate::soc::Soc;
+use rig_plant::board::Board;
 
 /// Why the core cannot go on.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -11,7 +11,7 @@ use super::core::Core;
 use super::hooks::stop;
 use super::stops::Step;
 use super::{Cpu, R};
-use crate::board::Board;
+use rig_plant::board::Board;
 use std::collections::BTreeMap;
 use unicorn_engine::{UcHookId, Unicorn, uc_error};
 

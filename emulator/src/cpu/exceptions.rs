@@ -4,8 +4,8 @@
 
 use super::core::{Core, Trap};
 use super::{Cpu, CpuError, HARD_FAULT};
-use crate::board::Board;
 use crate::soc::memory::BELOW_RAM;
+use rig_plant::board::Board;
 use unicorn_engine::{RegisterARM as R, Unicorn};
 
 /// Frame sizes without and with floating-point registers.

@@ -2,9 +2,9 @@
 
 use super::core::{Core, Trap};
 use super::exceptions::takeable;
-use crate::board::Board;
 use crate::soc::memory::{BELOW_RAM, FLASH_BASE, FLASH_SIZE, RAM_SIZE};
 use crate::soc::nvic::exception;
+use rig_plant::board::Board;
 use std::collections::HashSet;
 use unicorn_engine::{HookType, MemType, RegisterARM, Unicorn, uc_error};
 

@@ -21,9 +21,9 @@ pub mod watch;
 
 use self::core::{Core, Trap};
 use self::exceptions::takeable;
-use crate::board::Board;
 use crate::soc::memory::{FLASH_BASE, RAM_BASE};
 use crate::soc::{ResetCause, Soc};
+use rig_plant::board::Board;
 use std::collections::HashSet;
 use unicorn_engine::{Arch, ArmCpuModel, Mode, Prot, RegisterARM as R, Unicorn, uc_error};
 

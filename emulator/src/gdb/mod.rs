@@ -6,13 +6,13 @@
 
 mod target;
 
-use crate::board::Board;
 use crate::machine::{Debugger, Machine, Pause};
 use anyhow::{Context, Result};
 use gdbstub::common::Signal;
 use gdbstub::conn::Connection;
 use gdbstub::stub::state_machine::GdbStubStateMachine;
 use gdbstub::stub::{DisconnectReason, GdbStubBuilder, SingleThreadStopReason};
+use rig_plant::board::Board;
 use std::io::{ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::sync::Arc;

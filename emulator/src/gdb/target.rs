@@ -1,6 +1,5 @@
 //! The machine as `gdbstub` wants it: registers, memory, breakpoints, steps.
 
-use crate::board::Board;
 use crate::cpu::debug::{PC, Registers};
 use crate::machine::Machine;
 use gdbstub::arch::Arch;
@@ -13,6 +12,7 @@ use gdbstub::target::ext::breakpoints::{
     Breakpoints, BreakpointsOps, HwBreakpoint, HwBreakpointOps, SwBreakpoint, SwBreakpointOps,
 };
 use gdbstub::target::{Target, TargetError, TargetResult};
+use rig_plant::board::Board;
 use unicorn_engine::uc_error;
 
 /// A Cortex-M4 with its FPU.

@@ -1,7 +1,8 @@
 //! Boots an ELF on the emulated chip and runs it against a [`Board`] in emulated time.
 //!
 //! ```no_run
-//! # use rig_emulator::{board::Board, machine::{Config, Machine}};
+//! # use rig_emulator::machine::{Config, Machine};
+//! # use rig_plant::board::Board;
 //! # fn run(elf: &[u8], board: impl Board + 'static) -> Result<(), Box<dyn std::error::Error>> {
 //! let mut machine = Machine::new(elf, board, Config::default())?;
 //! machine.watch_function("control_tick");
@@ -18,13 +19,13 @@ mod error;
 
 pub use error::{MachineError, Place};
 
-use crate::board::{Board, Stimulus};
 use crate::cpu::core::Trap;
 use crate::cpu::image::Image;
 use crate::cpu::{Cpu, CpuError, Factory, Outcome};
 use crate::rtt::{DefmtLine, Level, Rtt};
 use crate::soc::Soc;
 use crate::soc::memory::{FLASH_BASE, RAM_BASE, RAM_NOISE};
+use rig_plant::board::{Board, Stimulus};
 
 pub use crate::cpu::watch::TickStats;
 pub use crate::soc::ResetCause;

@@ -5,7 +5,7 @@ use super::map::{self, Unit, gate, unit_at};
 use super::memory::{FLASH_BASE, FLASH_SIZE};
 use super::scb::Effect;
 use super::{ResetCause, Soc, Wires};
-use crate::board::Board;
+use rig_plant::board::Board;
 
 /// Cycles that a peripheral access takes on top of its instruction: AHB-to-APB bridges make the core wait.
 const ACCESS_CYCLES: u64 = 2;

@@ -44,7 +44,7 @@ pub mod usart;
 use self::clock::{Clock, NEVER};
 use self::fault::{Faults, Lint};
 use self::map::Unit;
-use crate::board::{Board, Stimulus};
+use rig_plant::board::{Board, Stimulus};
 
 /// What a peripheral can reach besides its own registers.
 pub struct Wires<'a> {

@@ -2,7 +2,7 @@
 
 pub mod programs;
 
-use rig_emulator::board::{Board, CanFrame, CanOutcome, Stimulus};
+use rig_plant::board::{Board, CanFrame, CanOutcome, Stimulus};
 
 /// A board that answers nothing and drives nothing.
 pub struct Bare;

@@ -1,8 +1,8 @@
 //! bxCAN (RM0390 chapter 30, ISO 11898-1).
 
 use crate::fixture::*;
-use rig_emulator::board::{CanFrame, CanOutcome, Stimulus};
 use rig_emulator::soc::can::wire::frame_bits;
+use rig_plant::board::{CanFrame, CanOutcome, Stimulus};
 
 const CAN: u32 = 0x4000_6400;
 pub const MCR: u32 = CAN;

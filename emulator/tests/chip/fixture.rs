@@ -1,7 +1,7 @@
 //! A board that records what it is told, and a chip to poke at without a core.
 
-use rig_emulator::board::{Board, CanFrame, CanOutcome, Stimulus};
 use rig_emulator::soc::Soc;
+use rig_plant::board::{Board, CanFrame, CanOutcome, Stimulus};
 use std::collections::VecDeque;
 
 /// Remembers everything; insists that time never runs backwards.

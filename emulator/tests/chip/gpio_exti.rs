@@ -1,7 +1,7 @@
 //! GPIO, SYSCFG and EXTI (RM0390 chapters 7, 8, 10).
 
 use crate::fixture::*;
-use rig_emulator::board::Stimulus;
+use rig_plant::board::Stimulus;
 
 const EXTI: u32 = 0x4001_3C00;
 const IMR: u32 = EXTI;

@@ -1,7 +1,7 @@
 //! USART (RM0390 chapter 25).
 
 use crate::fixture::*;
-use rig_emulator::board::Stimulus;
+use rig_plant::board::Stimulus;
 
 const USART2: u32 = 0x4000_4400;
 const SR: u32 = USART2;

@@ -1,8 +1,8 @@
 //! Which rigs are tried.
 
 use rig_config::Scene;
-use rig_emulator::rig::plant_settings::PlantSettings;
-use rig_emulator::rig::{Rig, RigError};
+use rig_plant::rig::plant_settings::PlantSettings;
+use rig_plant::rig::{Rig, RigError};
 use rig_plant::{PlantChange, PlantKey, RigPreset};
 use std::fmt;
 

@@ -5,7 +5,7 @@ use crate::csv_text::csv_text;
 use crate::parallel::parallel;
 use crate::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Sample, Shape, colour, extent};
 use anyhow::Result;
-use rig_config::{Accuracy, Scene, TableAccuracy, TableError};
+use rig_config::{Accuracy, Scene, TableError};
 use rival_forms::fit::{Considered, considered};
 use tsa_table::FORM;
 use tsa_table::fit::{Errors, Fit, FitError, MAX_BYTES};
@@ -45,7 +45,7 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
     let share = accuracy.tr_relative / accuracy.contraction_m;
     let asked = parallel(inputs.progress, ASKED_M.len(), |k| {
         let wanted = Accuracy { contraction_m: ASKED_M[k], tr_relative: share * ASKED_M[k] };
-        let scene = Scene { accuracy: Some(TableAccuracy::Given(wanted)), ..scene.clone() };
+        let scene = Scene { accuracy: Some(wanted), ..scene.clone() };
         Asked { contraction_m: ASKED_M[k], fit: find(&scene) }
     });
     // Anything but an accuracy out of reach is the scene's fault.

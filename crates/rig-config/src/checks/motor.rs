@@ -188,7 +188,7 @@ pub(super) fn supply_reaches_the_torque(s: &Scene, states: &States) -> Verdict {
 }
 
 pub(super) fn count_is_fine_enough(s: &Scene, states: &States) -> Verdict {
-    let Ok(Some(accuracy)) = s.accuracy() else { return Fits };
+    let Some(accuracy) = s.accuracy else { return Fits };
     let step = states.slope_m_per_rad.value / s.rig.counts_per_rad();
     if step <= accuracy.contraction_m {
         return Fits;

@@ -4,8 +4,8 @@
 use crate::failure::Failure;
 use crate::options::Global;
 use crate::output::{Output, progress};
-use rig_config::budget::{At, Budget, Part, Rig, SESSION_S, SPEED_M_PER_S, Share, Spread, WORTH};
-use rig_config::{Accuracy, Scene, SceneError, TableAccuracy, TableError};
+use lab::budget::{At, Budget, Part, Rig, SESSION_S, SPEED_M_PER_S, Share, Spread, WORTH};
+use rig_config::{Accuracy, Scene, SceneError, TableError};
 use rig_plant::RigPreset;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -65,7 +65,7 @@ pub fn run(global: &Global, gauge_m: Option<f64>, output: &mut Output) -> Result
     let mut budget = budget(&scene, kind, gauge_m)?;
     let worth = budget.worth();
     let enough = fit(&scene, worth)?;
-    let used = scene.accuracy()?.map(|accuracy| Ok::<_, Failure>((accuracy, fit(&scene, accuracy)?))).transpose()?;
+    let used = scene.accuracy.map(|accuracy| Ok::<_, Failure>((accuracy, fit(&scene, accuracy)?))).transpose()?;
     // The table that the firmware has; that which is enough where the scene says nothing.
     if let Some(fit) = used.as_ref().map_or(enough.as_ref(), |(_, fit)| fit.as_ref()) {
         budget.set_table(&fit.table.table());
@@ -99,7 +99,7 @@ pub fn all(global: &Global, gauge_m: Option<f64>, output: &mut Output) -> Result
         "scene", "rig", "position", "load", "tier", "enough: table, TR, bytes, lookup"
     ))?;
     for (name, scene) in scenes {
-        let used = match scene.accuracy()? {
+        let used = match scene.accuracy {
             Some(accuracy) => Some(cost(accuracy, fit(&scene, accuracy)?)),
             None => None,
         };
@@ -132,7 +132,7 @@ fn budget(scene: &Scene, kind: RigPreset, gauge_m: Option<f64>) -> Result<Budget
 
 /// The scene's table with another accuracy; none if no table reaches it.
 fn fit(scene: &Scene, accuracy: Accuracy) -> Result<Option<Fit>, Failure> {
-    let scene = Scene { accuracy: Some(TableAccuracy::Given(accuracy)), ..scene.clone() };
+    let scene = Scene { accuracy: Some(accuracy), ..scene.clone() };
     match scene.fit_table() {
         Ok(fit) => Ok(Some(fit)),
         Err(TableError::Fit(FitError::Accuracy { .. })) => Ok(None),

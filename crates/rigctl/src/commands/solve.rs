@@ -103,7 +103,7 @@ impl Way {
             return Err(usage("--tier: only the method first-integral, with its own steps, knows other tiers".into()));
         }
         if how.tier == AUTO {
-            let Some(accuracy) = scene.accuracy().map_err(anyhow::Error::from)? else {
+            let Some(accuracy) = scene.accuracy else {
                 return Err(Failure::failed("--tier auto: the scene has no [accuracy] to meet"));
             };
             return Ok(Self::Within(TierError {

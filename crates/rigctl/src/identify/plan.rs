@@ -125,7 +125,7 @@ pub fn plan(scene: &Scene, found: &Identified) -> Option<Plan> {
     sweeps.sort_by(|a, b| a.largest_half_width_m.total_cmp(&b.largest_half_width_m));
     sweeps.truncate(NAMED);
     let best_m = sweeps.first().map_or(now_m, |next| next.largest_half_width_m);
-    let wanted_m = scene.accuracy().ok().flatten().map_or(0.0, |accuracy| accuracy.contraction_m);
+    let wanted_m = scene.accuracy.map_or(0.0, |accuracy| accuracy.contraction_m);
     let (enough, why) = if now_m <= wanted_m {
         (true, format!("the scene asks for {:.1} um", 1e6 * wanted_m))
     } else if best_m > (1.0 - WORTH) * now_m {

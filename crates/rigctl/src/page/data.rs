@@ -63,7 +63,7 @@ struct Moment {
 impl Data {
     /// Of a scene, its mechanism and its table, if it has one.
     pub fn new(scene: &Scene, mechanism: &Mechanism, table: Option<&Table<'_>>, moved: Option<Move>) -> Self {
-        let accuracy = scene.accuracy().ok().flatten();
+        let accuracy = scene.accuracy;
         Self {
             constants: constants(scene),
             envelope: scene.envelope,

@@ -1,6 +1,6 @@
 //! Acceptance filters: 28 banks, two scales, two modes (RM0390 section 30.7.4).
 
-use crate::board::CanFrame;
+use rig_plant::board::CanFrame;
 
 const BANKS: usize = 28;
 const FINIT: u32 = 1;

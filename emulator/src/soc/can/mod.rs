@@ -23,7 +23,7 @@ use super::clock::{Clock, NEVER};
 use super::fault::{Faults, Lint};
 use super::gpio::{Function, Pin};
 use super::rcc::{Gate, apb1};
-use crate::board::{CanFrame, CanOutcome};
+use rig_plant::board::{CanFrame, CanOutcome};
 use std::collections::VecDeque;
 
 /// RCC gate of CAN1.

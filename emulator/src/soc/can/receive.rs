@@ -1,6 +1,6 @@
 //! Receive FIFOs (RM0390 section 30.7.3).
 
-use crate::board::CanFrame;
+use rig_plant::board::CanFrame;
 use std::collections::VecDeque;
 
 const DEPTH: usize = 3;

@@ -1,7 +1,7 @@
 //! Transmit mailboxes (RM0390 section 30.7.1).
 
 use super::wire::arbitration;
-use crate::board::CanFrame;
+use rig_plant::board::CanFrame;
 
 const TXRQ: u32 = 1;
 const RQCP: u32 = 1;

@@ -1,6 +1,6 @@
 //! A frame's bits on the wire: how long it takes, stuffing included (ISO 11898-1 sections 10.4 and 10.5).
 
-use crate::board::CanFrame;
+use rig_plant::board::CanFrame;
 
 /// CRC delimiter, ACK slot and delimiter, end of frame: bits without stuffing before the pause.
 const TAIL: u64 = 1 + 1 + 1 + 7;

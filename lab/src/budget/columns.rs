@@ -1,6 +1,6 @@
 //! The states that the budget is computed at: loads and twists of the scene's envelope, with the model's sensitivities.
 
-use crate::{Scene, SceneError};
+use rig_config::{Scene, SceneError};
 use std::f64::consts::{PI, TAU};
 use tsa_model::scalar::{Dual, Scalar};
 use tsa_model::{Material, Mechanism, PRETWIST_RAD, Parameters};
@@ -151,7 +151,7 @@ mod tests {
     #[test]
     fn the_sensitivities_are_those_of_a_scene_with_other_constants() {
         // A law with an exponent.
-        let identified = Scene::from_toml_str(include_str!("../../../../scenes/paper-identified.toml")).unwrap();
+        let identified = Scene::from_toml_str(include_str!("../../../scenes/paper-identified.toml")).unwrap();
         let scene = Scene { string: identified.string, ..scene() };
         let states = Column::all(&scene).unwrap();
         let column = &states[4].0;

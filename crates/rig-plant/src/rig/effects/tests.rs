@@ -1,12 +1,12 @@
 //! Each effect on the rig against its own equation, and all of them against the conservation of energy.
 
+use crate::RigPreset;
 use crate::board::{Board, Stimulus};
 use crate::rig::built_in::BuiltIn;
 use crate::rig::plant::{Conditions, Plant};
 use crate::rig::plant_settings::PlantSettings;
 use crate::rig::{Rig, conditions};
 use rig_config::Scene;
-use rig_plant::RigPreset;
 use std::f64::consts::{PI, TAU};
 use tsa_model::Mechanism;
 

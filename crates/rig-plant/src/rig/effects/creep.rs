@@ -3,7 +3,7 @@
 //! A string under the load F is longer by F/2K at once. Each element adds its share of that with its own time:
 //! τ dx/dt = c F − x. A spring and a dashpot beside each other store or lose what the load does to them and create nothing.
 
-use rig_plant::effects::CREEP_TIMES_S as TIMES_S;
+use crate::effects::CREEP_TIMES_S as TIMES_S;
 
 /// Stretch of the strings beyond the elastic one.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -6,8 +6,8 @@
 //! depends on the gap alone, or lags behind it as [`RodMemory`] does, creates no energy. All of it is first order in s.
 
 use super::memory::RodMemory;
+use crate::effects::{ROD_STRESS_PER_K, rod_onset};
 use crate::rig::surface::{SLACK_LOAD_N, Surface};
-use rig_plant::effects::{ROD_STRESS_PER_K, rod_onset};
 use tsa_model::scalar::{Dual, Scalar};
 use tsa_model::{Material, Mechanism, Parameters};
 

@@ -1,9 +1,9 @@
 //! What a test or an operator may change about the rig without telling the firmware: the value of every plant key.
 
+use crate::effects::{LVDT_NOISE_M, RAIL_FRICTION_N};
+use crate::units::STANDARD_GRAVITY;
+use crate::{PlantChange, PlantError, PlantKey, RigPreset};
 use rig_config::Scene;
-use rig_plant::effects::{LVDT_NOISE_M, RAIL_FRICTION_N};
-use rig_plant::units::STANDARD_GRAVITY;
-use rig_plant::{PlantChange, PlantError, PlantKey, RigPreset};
 use tsa_model::RadiusLaw;
 
 use super::effects::current::CurrentReading;

@@ -3,8 +3,8 @@
 use super::Rig;
 use super::encoder::Wires;
 use super::motor::Bridge;
+use crate::RigFault;
 use crate::board::Stimulus;
-use rig_plant::RigFault;
 use rmds405::Transport;
 
 /// Why this rig cannot have a fault.

@@ -5,7 +5,7 @@
 //! turned by twice the thresholds it reaches minus that. A sweep of the twist changes the strain by less than the
 //! thresholds, so that only a change of the load shows the loop.
 
-use rig_plant::effects::ROD_THRESHOLDS as THRESHOLDS;
+use crate::effects::ROD_THRESHOLDS as THRESHOLDS;
 
 /// Extra stress of the rods.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -35,10 +35,10 @@ mod wires;
 
 use std::collections::VecDeque;
 
+use crate::{PlantChange, PlantKey, RigPreset, Truth};
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::SeedableRng;
 use rig_config::Scene;
-use rig_plant::{PlantChange, PlantKey, RigPreset, Truth};
 use tsa_model::{Mechanism, Tier};
 
 use crate::board::Stimulus;

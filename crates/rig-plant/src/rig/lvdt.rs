@@ -3,10 +3,10 @@
 
 use std::f64::consts::TAU;
 
+use crate::effects::LVDT_GAIN_PER_K;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::{Rng, SeedableRng};
-use rig_plant::effects::LVDT_GAIN_PER_K;
 
 use super::effects::drift::Drift;
 use super::parameters::RigParameters;

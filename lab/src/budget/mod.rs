@@ -15,10 +15,10 @@ mod effects;
 mod homing;
 mod linear;
 
-use crate::{Scene, SceneError};
 use columns::{Column, State};
 use effects::{Direct, Effect, Effects};
 use homing::{Homing, Taken};
+use rig_config::{Scene, SceneError};
 use rig_control::homing::weigh;
 use rig_control::position_loop::BANDWIDTH_PER_S;
 use rig_plant::PlantKey;

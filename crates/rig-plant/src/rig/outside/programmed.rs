@@ -2,8 +2,8 @@
 
 use super::is_of_the_plant;
 use super::program::{Answer, PlantProgram, ProgramError};
+use crate::PlantChange;
 use crate::rig::STEP_S;
-use rig_plant::PlantChange;
 use tsa_model::PRETWIST_RAD;
 
 /// The plant. When its program fails it stands still, and says why.

@@ -3,7 +3,7 @@ use rig_control::position_loop::BANDWIDTH_PER_S;
 use rig_plant::RigPreset;
 
 pub(super) fn scene() -> Scene {
-    Scene::from_toml_str(include_str!("../../../../scenes/default.toml")).unwrap()
+    Scene::from_toml_str(include_str!("../../../scenes/default.toml")).unwrap()
 }
 
 /// Parts of a rig of its own model but for some plant keys.
@@ -98,7 +98,7 @@ fn a_table_that_is_worth_having_adds_little() {
     let mut budget = Budget::new(&scene, &Rig { sizes: &|key| RigPreset::Nominal.rms(key), gauge_m: None }).unwrap();
     let without = budget.total();
     let worth = budget.worth();
-    let rough = Scene { accuracy: Some(crate::TableAccuracy::Given(worth)), ..scene.clone() };
+    let rough = Scene { accuracy: Some(worth), ..scene.clone() };
     budget.set_table(&rough.fit_table().unwrap().table.table());
     let with = budget.total();
     for [before, after] in [[without.position_m, with.position_m], [without.load, with.load]] {
@@ -158,7 +158,7 @@ fn a_scene_without_an_envelope_or_beyond_a_limit_is_refused_by_name() {
     let refused =
         |scene: &Scene| Budget::new(scene, &Rig { sizes: &|_| 0.0, gauge_m: None }).err().expect("refused").to_string();
     assert!(refused(&scene).contains("[envelope]"));
-    scene.envelope = Some(crate::Envelope { load_n: [0.5, 18.0], turns: [0.0, 40.0] });
+    scene.envelope = Some(rig_config::Envelope { load_n: [0.5, 18.0], turns: [0.0, 40.0] });
     assert!(refused(&scene).contains("envelope.turns"));
 }
 
@@ -176,7 +176,7 @@ fn the_least_size_that_adds_too_much_is_found() {
 fn a_small_envelope_has_a_budget() {
     let mut scene = scene();
     for (load_n, turns) in [([5.0, 5.01], [0.0, 0.5]), ([0.5, 18.0], [0.0, 0.1]), ([2.0, 3.0], [6.9, 7.0])] {
-        scene.envelope = Some(crate::Envelope { load_n, turns });
+        scene.envelope = Some(rig_config::Envelope { load_n, turns });
         let mut budget = Budget::new(&scene, &Rig { sizes: &|key| RigPreset::Hard.rms(key), gauge_m: None }).unwrap();
         budget.choose_tier();
         let (total, worth) = (budget.total(), budget.worth());

@@ -1,6 +1,6 @@
 //! New strings bed in: their radius falls over the first cycles of twisting.
 
-use rig_plant::effects::{BEDDING_CYCLES as CYCLES, TURNS_PER_CYCLE};
+use crate::effects::{BEDDING_CYCLES as CYCLES, TURNS_PER_CYCLE};
 use std::f64::consts::TAU;
 
 /// Share of the new strings' radius that is left.

@@ -7,7 +7,7 @@
 use super::columns::{Column, State};
 use super::homing::Priors;
 use super::{Part, Rig, SESSION_S, SPEED_M_PER_S};
-use crate::Scene;
+use rig_config::Scene;
 use rig_control::TICK_S;
 use rig_control::homing::{SWEEP_HALF, SWEEP_SPEED, WEIGH_SPEED, WEIGH_TURNS, weigh};
 use rig_control::limits::rise_s;

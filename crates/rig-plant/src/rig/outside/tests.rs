@@ -5,8 +5,8 @@ use super::measured::Measured;
 use crate::board::Board;
 use crate::rig::plant_settings::PlantSettings;
 use crate::rig::{ChangeError, Rig, RigError};
+use crate::{PlantChange, RigFault, RigPreset};
 use rig_config::Scene;
-use rig_plant::{PlantChange, RigFault, RigPreset};
 use std::fmt::Write as _;
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");

@@ -2,7 +2,7 @@
 
 use super::outside::program::ProgramError;
 use super::surface::NoSurface;
-use rig_plant::{PlantError, PlantKey};
+use crate::{PlantError, PlantKey};
 
 /// Why a rig could not be built.
 #[derive(Debug, thiserror::Error)]

@@ -230,6 +230,7 @@ impl PlantProgram {
 
 /// Whoever ends this process without a word (the host tool does) also ends the plant program. Elsewhere than on Linux the
 /// program sees the end of its input.
+#[allow(unsafe_code, reason = "the standard library has no call for it")]
 fn ends_with_us(process: &mut Command) {
     #[cfg(target_os = "linux")]
     {

@@ -2,14 +2,14 @@
 
 use super::hung::CLOSED_GIVE_RAD;
 use super::*;
+use crate::RigFault;
 use crate::board::{Board, CanFrame, CanOutcome};
-use rig_plant::RigFault;
 use rmds405::serial::{BYTE_US, Decoder};
 use rmds405::{Command, CurrentLimit, Milliamps, Mode, QuadCounts, Report, Rpm, SpeedLimit};
 use rmds405::{Received, serial};
 
 fn scene() -> Scene {
-    Scene::load(std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/default.toml"))
+    Scene::load(std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/default.toml"))
         .unwrap_or_else(|e| panic!("{e}"))
 }
 

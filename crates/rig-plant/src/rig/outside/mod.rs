@@ -8,7 +8,7 @@ pub mod measured;
 pub mod program;
 pub mod programmed;
 
-use rig_plant::PlantKey;
+use crate::PlantKey;
 
 /// Where a plant comes from.
 #[derive(Clone, Debug)]

@@ -14,7 +14,7 @@ use super::effects::strings::Strings;
 use super::outside::measured::TwoWays;
 use super::plant::Conditions;
 use super::surface::{Pull, Surface};
-use rig_plant::units::STANDARD_GRAVITY;
+use crate::units::STANDARD_GRAVITY;
 
 /// Damping within string and rods in proportion to stiffness, s. Assumed.
 pub const STRUCTURAL_DAMPING_S: f64 = 2e-3;
