@@ -1,8 +1,8 @@
 //! Panels of contraction and TR against turns, with published points on them and the limits that end them.
 
-use crate::plot::{Axis, Block, GREY, Item, KeyRow, Panel, Pen, RGBColor, Sample, Shape, extent};
 use crate::published::numbers::{Group, Kind};
 use crate::trace::{Point, Trace};
+use rigctl::plot::{Axis, Block, GREY, Item, KeyRow, Panel, Pen, RGBColor, Sample, Shape, extent};
 
 /// Steps of a drawn curve.
 pub(crate) const STEPS: u32 = 150;

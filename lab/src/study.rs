@@ -1,14 +1,14 @@
 //! One value of a scene varied over any range: what contraction and TR become, and where a limit of the model ends them.
 
-use crate::ErrorBody;
-use crate::csv_text::{csv_text, optional};
 use crate::curves::{self, Column, Curve};
-use crate::plot::{Figure, colour};
-use crate::published::numbers::Group;
-use crate::scene_key::{self, KeyError};
-use crate::trace::{self, Trace, trace};
+use crate::published::numbers::{Group, body, warnings};
+use crate::trace::{Trace, trace};
 use anyhow::Result;
 use rig_config::Scene;
+use rigctl::csv_text::{csv_text, optional};
+use rigctl::failure::ErrorBody;
+use rigctl::plot::{Figure, colour};
+use rigctl::scene_key::{self, KeyError};
 use serde::Serialize;
 use tsa_model::{Equilibrium, Mechanism, twist_from_turns};
 
@@ -72,7 +72,7 @@ impl Point {
         let (pretwist, start) = (at(0.0), at(*from).ok());
         let mut limit = way.ends.first().map(|e| Limit { what: e.limit.clone(), turns: e.at.map(|p| p.turns) });
         if let (None, Err(e)) = (&limit, &pretwist) {
-            limit = Some(Limit { what: trace::body(e), turns: None });
+            limit = Some(Limit { what: body(e), turns: None });
         }
         let end = at(*to).ok().filter(|_| limit.is_none());
         Self {
@@ -87,7 +87,7 @@ impl Point {
             span_start_m: start.map(|e| e.d_m),
             span_end_m: end.map(|e| e.d_m),
             bending_strain: end.map(|e| e.bending_strain),
-            warnings: trace::warnings(start.iter().chain(&end)),
+            warnings: warnings(start.iter().chain(&end)),
             limit,
         }
     }

@@ -1,6 +1,7 @@
 //! Contraction and TR of one mechanism at one load, along the turns, and where the model ends.
 
-use crate::ErrorBody;
+use rigctl::failure::ErrorBody;
+use rigctl::published::body;
 use tsa_model::{Equilibrium, Mechanism, SolveError, twist_from_turns};
 
 /// One state.
@@ -76,19 +77,6 @@ pub fn trace(mechanism: &Mechanism, load_n: f64, [from, to]: [f64; 2], steps: u3
         }
     }
     trace
-}
-
-/// The warnings of some states, each once.
-pub fn warnings<'a>(states: impl IntoIterator<Item = &'a Equilibrium>) -> Vec<&'static str> {
-    let mut names: Vec<&str> = states.into_iter().flat_map(|e| e.warnings.names()).collect();
-    names.sort_unstable();
-    names.dedup();
-    names
-}
-
-/// An error of the model as `--json` prints it.
-pub fn body(error: &SolveError) -> ErrorBody {
-    ErrorBody { kind: error.kind().into(), message: error.to_string() }
 }
 
 /// The last point with an answer, by bisection between a point that has one and turns that have none.

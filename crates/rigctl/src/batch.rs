@@ -1,7 +1,7 @@
 //! Files of loads and turns.
 
+use crate::failure::ErrorBody;
 use crate::failure::Failure;
-use lab::ErrorBody;
 use serde::Serialize;
 use std::path::Path;
 

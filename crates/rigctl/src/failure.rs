@@ -1,8 +1,17 @@
 //! How a command fails, and with which exit code.
 
 use crate::output::ReaderGone;
-use lab::ErrorBody;
 use rig_link::HomingFailure;
+use serde::Serialize;
+
+/// Why a number could not be computed, as `--json` prints it.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct ErrorBody {
+    /// Short stable name.
+    pub kind: String,
+    /// In words.
+    pub message: String,
+}
 
 /// A homing that failed, by the name that `docs/faults.md` explains.
 #[derive(Clone, Copy, Debug, thiserror::Error)]

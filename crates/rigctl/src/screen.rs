@@ -1,7 +1,7 @@
 //! The live view: the newest telemetry as numbers, the last half minute as plots.
 
+use crate::mechanism_figure::{Outline, outline};
 use crate::session::row::Row;
-use lab::mechanism_figure::{Outline, outline};
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};

@@ -37,7 +37,7 @@ fn columns<'py, const N: usize>(
         load_n.iter().zip(turns).map(|(&load_n, &turns)| rigctl::batch::Query { load_n, turns }).collect();
     let chunks: Vec<_> = queries.chunks(CHUNK).collect();
     let solved = py.detach(|| {
-        lab::parallel::parallel(&|_, _| {}, chunks.len(), |k| chunks[k].iter().map(|q| f(*q)).collect::<Vec<_>>())
+        rigctl::parallel::parallel(&|_, _| {}, chunks.len(), |k| chunks[k].iter().map(|q| f(*q)).collect::<Vec<_>>())
     });
     let (mut rows, mut refused) = (vec![Vec::with_capacity(queries.len()); N], Vec::new());
     for (k, point) in solved.into_iter().flatten().enumerate() {

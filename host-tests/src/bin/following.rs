@@ -3,8 +3,8 @@
 use anyhow::Result;
 use clap::Parser;
 use host_tests::following::{AMPLITUDES_M, LOADS_KG, PERIOD_TICKS, Response, Series, figure, frequency_hz};
-use lab::parallel::parallel;
 use rig_plant::RigPreset;
+use rigctl::parallel::parallel;
 use serde_json::json;
 use std::path::PathBuf;
 

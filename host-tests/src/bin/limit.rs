@@ -35,7 +35,7 @@ struct Arguments {
     #[arg(long, value_name = "FILE.svg")]
     figure: Option<PathBuf>,
     /// Threads
-    #[arg(long, default_value_t = lab::parallel::cores())]
+    #[arg(long, default_value_t = rigctl::parallel::cores())]
     jobs: usize,
 }
 

@@ -26,7 +26,7 @@ struct Arguments {
     #[arg(long)]
     full_speed: bool,
     /// Threads
-    #[arg(long, default_value_t = lab::parallel::cores())]
+    #[arg(long, default_value_t = rigctl::parallel::cores())]
     jobs: usize,
     /// One line for each step
     #[arg(long)]

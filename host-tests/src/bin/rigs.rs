@@ -28,7 +28,7 @@ struct Arguments {
     #[arg(long, value_name = "KG,KG", value_delimiter = ',', default_values_t = LOADS_KG)]
     loads: Vec<f64>,
     /// Threads
-    #[arg(long, value_name = "N", default_value_t = lab::parallel::cores())]
+    #[arg(long, value_name = "N", default_value_t = rigctl::parallel::cores())]
     jobs: usize,
     /// Leave out the comparison with loops of a fixed ratio
     #[arg(long)]

@@ -25,10 +25,10 @@ pub mod tune;
 use crate::ControlBench;
 use crate::scenario::Scenario;
 use baseline::{Baseline, Law, Loop};
-use lab::parallel::parallel;
 use plants::{Kind, RandomPlant};
 use play::{Played, Record};
 use rig_plant::RigPreset;
+use rigctl::parallel::parallel;
 use score::Score;
 use tune::{Goal, Tally};
 

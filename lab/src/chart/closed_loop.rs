@@ -1,9 +1,9 @@
 //! The effect of a cheaper model or a less accurate table on the closed loop, drawn from the data of `cargo xtask loop`.
 
 use super::{Inputs, Made};
-use crate::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Sample, Shape, colour, extent};
 use anyhow::{Context, Result};
 use plotters::style::RGBColor;
+use rigctl::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Sample, Shape, colour, extent};
 use serde::Deserialize;
 
 /// A line of `loop.csv`.

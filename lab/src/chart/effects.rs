@@ -2,9 +2,9 @@
 
 use super::rigs::{COMMAND, Row, made_with};
 use super::{Inputs, Made};
-use crate::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Sample};
 use anyhow::{Context, Result};
 use plotters::style::RGBColor;
+use rigctl::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Sample};
 
 /// A part of the chain: the checks that tell whether it holds.
 struct Part {

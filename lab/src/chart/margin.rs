@@ -8,8 +8,8 @@
 //! the two lags assumed in hardware.md 2.7 (emulated, not measured). Friction is left out: it only damps.
 
 use super::damped;
-use crate::STANDARD_GRAVITY_M_PER_S2;
 use nalgebra::{DMatrix, DVector};
+use rig_plant::units::STANDARD_GRAVITY as STANDARD_GRAVITY_M_PER_S2;
 use tsa_model::{Mechanism, SolveError};
 
 /// Gain of the drive's position loop and crossover of its velocity loop (1/s), as the emulated drive has them. Assumed.

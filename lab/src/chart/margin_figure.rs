@@ -3,12 +3,12 @@
 use super::grid::Grid;
 use super::margin::{Controller, Hung, MOST};
 use super::{Inputs, Made};
-use crate::csv_text::csv_text;
-use crate::parallel::parallel;
-use crate::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Sample, colour};
 use anyhow::Result;
 use plotters::style::RGBColor;
 use rig_config::Scene;
+use rigctl::csv_text::csv_text;
+use rigctl::parallel::parallel;
+use rigctl::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Sample, colour};
 use tsa_model::twist_from_turns;
 
 /// Loads and twists of a map.
@@ -192,7 +192,7 @@ fn line_panel(title: &str, x: Axis, lines: &[Vec<(f64, f64)>]) -> Panel {
 /// How fast a loop is where: its slowest pole if it damps, else its gain times the ratio it stands on over the true one.
 fn bandwidth_panel(states: &[Option<State>], loops: &[Loop]) -> Panel {
     let turns = states.iter().flatten().map(|s| s.1);
-    let [least, most] = crate::plot::extent(turns);
+    let [least, most] = rigctl::plot::extent(turns);
     let mut items = Vec::new();
     // Colours as those of the curves beside, which have one line more.
     for (l, k) in loops.iter().zip([0, 2, 3]) {
@@ -208,7 +208,7 @@ fn bandwidth_panel(states: &[Option<State>], loops: &[Loop]) -> Panel {
     }
     Panel {
         title: "bandwidth; thick: all turns, thin: none".into(),
-        x: Axis::log("load, N", crate::plot::extent(states.iter().flatten().map(|s| s.0))),
+        x: Axis::log("load, N", rigctl::plot::extent(states.iter().flatten().map(|s| s.0))),
         y: Axis::log("1/s", [0.5, 30.0]),
         items,
     }
@@ -224,7 +224,7 @@ fn findings(
         .iter()
         .zip(maps)
         .map(|(l, map)| {
-            let [least, most] = crate::plot::extent(map.iter().flatten().copied());
+            let [least, most] = rigctl::plot::extent(map.iter().flatten().copied());
             let unstable = map.iter().flatten().filter(|m| **m < 1.0).count();
             format!(
                 "{:<32} gain margin {least:.2} to {most:.1}; unstable at {unstable} of {} states",

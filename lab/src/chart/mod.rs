@@ -29,9 +29,9 @@ pub mod tiers;
 pub mod work;
 mod work_figure;
 
-use crate::parallel::Progress;
 use anyhow::{Context, Result, bail};
 use rig_config::Scene;
+use rigctl::parallel::Progress;
 use std::ffi::OsString;
 use std::path::Path;
 

@@ -1,10 +1,10 @@
 //! Errors of load and position on rigs that are not their own model, drawn from the data of the study of rigs.
 
 use super::{Inputs, Made};
-use crate::csv_text::{csv_text, optional};
-use crate::plot::{Axis, Block, Figure, GREY, INK, Item, KeyRow, Panel, Pen, Sample, Shape, colour, extent};
 use anyhow::{Context, Result};
 use plotters::style::RGBColor;
+use rigctl::csv_text::{csv_text, optional};
+use rigctl::plot::{Axis, Block, Figure, GREY, INK, Item, KeyRow, Panel, Pen, Sample, Shape, colour, extent};
 use serde::{Deserialize, Serialize};
 
 /// The command that measures what is drawn here.

@@ -1,11 +1,11 @@
 //! How many bytes a table needs for an accuracy, form by form.
 
 use super::{Inputs, Made};
-use crate::csv_text::csv_text;
-use crate::parallel::parallel;
-use crate::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Sample, Shape, colour, extent};
 use anyhow::Result;
 use rig_config::{Accuracy, Scene, TableError};
+use rigctl::csv_text::csv_text;
+use rigctl::parallel::parallel;
+use rigctl::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Sample, Shape, colour, extent};
 use rival_forms::fit::{Considered, considered};
 use tsa_table::FORM;
 use tsa_table::fit::{Errors, Fit, FitError, MAX_BYTES};

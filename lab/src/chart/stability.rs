@@ -6,7 +6,7 @@
 
 use super::grid::Grid;
 use super::limits::{self, Limits};
-use crate::parallel::{Progress, parallel};
+use rigctl::parallel::{Progress, parallel};
 use rival_methods::Method;
 use tsa_model::{Equilibrium, Mechanism, SolveError, twist_from_turns};
 

@@ -5,11 +5,11 @@ use super::grid::{Grid, Strip};
 use super::limits::Line;
 use super::rods::{RODS, RodCase};
 use super::stability::{ANOTHER_BRANCH_M, Map, SLOW, map};
-use crate::csv_text::csv_text;
-use crate::parallel::Progress;
-use crate::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Sample};
 use anyhow::Result;
 use plotters::style::{RGBColor, WHITE};
+use rigctl::csv_text::csv_text;
+use rigctl::parallel::Progress;
+use rigctl::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Sample};
 
 const LOAD_N: [f64; 2] = [0.3, 20.0];
 const TURNS: [f64; 2] = [0.0, 8.0];

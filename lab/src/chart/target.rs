@@ -1,9 +1,9 @@
 //! The cost of each table and solver on the board, drawn from the data of `cargo xtask cost`.
 
 use super::{Inputs, Made};
-use crate::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Sample, Shape, colour};
 use anyhow::{Context, Result};
 use plotters::style::RGBColor;
+use rigctl::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Sample, Shape, colour};
 use serde::Deserialize;
 
 /// A line of `cost.csv`.

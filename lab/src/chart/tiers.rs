@@ -2,12 +2,12 @@
 
 use super::grid::Grid;
 use super::{Inputs, Made};
-use crate::csv_text::csv_text;
-use crate::parallel::{Progress, parallel};
-use crate::plot::{Axis, Block, Figure, Item, KeyRow, Panel, Sample};
 use anyhow::{Context, Result};
 use plotters::style::RGBColor;
 use rig_config::Scene;
+use rigctl::csv_text::csv_text;
+use rigctl::parallel::{Progress, parallel};
+use rigctl::plot::{Axis, Block, Figure, Item, KeyRow, Panel, Sample};
 use std::path::Path;
 use tsa_model::{Mechanism, SolveError, Tier, TierError, twist_from_turns};
 

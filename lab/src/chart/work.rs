@@ -1,8 +1,8 @@
 //! Work against precision on the desktop: the cost of an equilibrium by every method and tier, and its error.
 
-use crate::parallel::Progress;
 use anyhow::{Context, Result, bail};
 use rig_config::Scene;
+use rigctl::parallel::Progress;
 use rival_methods::Method;
 use std::ffi::OsString;
 use std::hint::black_box;

@@ -3,11 +3,11 @@
 use super::rods;
 use super::work::{self, Measured, Point, Way};
 use super::{Inputs, Made};
-use crate::csv_text::csv_text;
-use crate::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Sample, Shape, colour};
 use anyhow::{Context, Result};
 use plotters::style::RGBColor;
 use rig_config::Scene;
+use rigctl::csv_text::csv_text;
+use rigctl::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Sample, Shape, colour};
 use rival_methods::Method;
 use serde::Deserialize;
 use tsa_model::Tier;

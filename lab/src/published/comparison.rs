@@ -2,11 +2,10 @@
 
 use super::geometry;
 use super::numbers::{Computed, Group, Kind, Quantity, Ratio, Row, Unit, changed_mechanism};
-use crate::ErrorBody;
-use crate::csv_text::{csv_text, optional};
-use crate::trace;
 use anyhow::Result;
 use rig_config::Scene;
+use rigctl::csv_text::{csv_text, optional};
+use rigctl::failure::ErrorBody;
 use serde::Serialize;
 
 /// One scene and what is computed for it.
@@ -50,7 +49,7 @@ impl Set {
         scene.mechanism()?;
         let ratio = |r: &Ratio| {
             let mechanism = changed_mechanism(&scene, if inferred { geometry::inferred(&r.place) } else { "" })?;
-            r.compute(&mechanism).map_err(|e| trace::body(&e))
+            r.compute(&mechanism).map_err(|e| rigctl::published::body(&e))
         };
         Ok(Self {
             name,

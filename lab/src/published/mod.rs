@@ -8,13 +8,13 @@ mod comparison;
 pub mod contradictions;
 mod figures;
 pub mod geometry;
-pub mod numbers;
 
 use anyhow::Result;
 pub use comparison::Compared;
 use comparison::Set;
 use numbers::{Ratio, Row};
 use rig_config::Scene;
+pub use rigctl::published as numbers;
 
 /// The paper's three parameter sets, as scene files: what was fitted, the same with eq. 6 kept, and Table 1 as printed.
 pub const SETS: [&str; 3] = ["paper-identified", "paper-identified-eq6", "paper-printed"];

@@ -18,7 +18,7 @@ pub(super) fn measure(folders: &Folders) -> Result<Measured> {
     // The tool keeps what the file held before.
     let _ = std::fs::remove_file(folders.root.join(format!("{PAGE}~")));
     let bytes = std::fs::metadata(folders.root.join(PAGE))?.len();
-    let found = printed(browser::driver(folders)?.args(["web/tests/measure.py", PAGE]))?;
+    let found = printed(browser::driver(folders)?.args(["lab/web/tests/measure.py", PAGE]))?;
     let found: Value = serde_json::from_str(found.trim()).with_context(|| format!("no JSON: {found}"))?;
     let mut measured = Measured { table: vec![text(&["", ""])], ..Measured::default() };
     let mut add = |name: &str, shown: &str, value: f64, unit: &str| {

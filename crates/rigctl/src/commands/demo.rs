@@ -1,14 +1,14 @@
 //! `demo`: three loads that the firmware does not know, each on a fresh emulated board, homed and moved to the same
 //! position at the same speed.
 
+use crate::csv_text::{csv_text, optional};
 use crate::failure::Failure;
+use crate::move_figure::draw;
 use crate::options::Global;
 use crate::out_file::{folder, write_file};
 use crate::output::Output;
 use crate::recorded_move::{RecordedMove, SPEED_M_PER_S, TARGET_M, record};
 use crate::session::sim::SimOptions;
-use lab::csv_text::{csv_text, optional};
-use lab::move_figure::draw;
 use rig_plant::PlantKey;
 use std::path::Path;
 

@@ -10,7 +10,7 @@ use super::hysteresis::LOOP_SHARE;
 use crate::failure::Failure;
 use crate::log::sweep::Sweep;
 use crate::log::{self, Log};
-use lab::published::numbers::{self as published, Group, Kind};
+use crate::published::{self, Group, Kind};
 use rig_config::Scene;
 use std::io::Read;
 use std::ops::Range;

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page, sync_playwright
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 RIGCTL = Path(os.environ.get("TSA_PROGRAMS", ROOT / "target/release")) / "rigctl"
 SCENES = ["default", "paper-identified", "paper-printed", "niti-plateau", "finger", "long-string"]
 COMPARED = [

@@ -1,7 +1,7 @@
 //! A drawing of the mechanism to scale: rods and strings under a light and a heavy load, as the model computes them.
 
-use crate::STANDARD_GRAVITY_M_PER_S2 as GRAVITY;
 use rig_config::Scene;
+use rig_plant::units::STANDARD_GRAVITY as GRAVITY;
 use std::f64::consts::PI;
 use std::fmt::Write as _;
 use tsa_model::rod::TipForce;
@@ -174,7 +174,7 @@ mod tests {
     use super::*;
 
     fn scene() -> Scene {
-        let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/default.toml");
+        let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/default.toml");
         Scene::load(file).expect("the default scene is good")
     }
 

@@ -8,29 +8,29 @@
 pub mod data;
 pub mod fragments;
 
-use crate::failure::Failure;
+use crate::table_report::TableReport;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use data::Data;
 use fragments::{Figure, escaped};
-use lab::table_report::TableReport;
 use rig_config::Scene;
+use rigctl::failure::Failure;
 
 /// The compiled solver, or why there is none.
 const SOLVER: Result<&[u8], &str> = include!(concat!(env!("OUT_DIR"), "/solver.rs"));
 
-const LAYOUT: &str = include_str!("../../../../web/page/page.html");
-const STYLE: &str = include_str!("../../../../web/page/page.css");
+const LAYOUT: &str = include_str!("../../web/page/page.html");
+const STYLE: &str = include_str!("../../web/page/page.css");
 /// The parts of the script, in the order in which they need each other.
 const SCRIPT: [&str; 8] = [
-    include_str!("../../../../web/page/solver.js"),
-    include_str!("../../../../web/page/plot.js"),
-    include_str!("../../../../web/page/drawing.js"),
-    include_str!("../../../../web/page/curves.js"),
-    include_str!("../../../../web/page/map.js"),
-    include_str!("../../../../web/page/controls.js"),
-    include_str!("../../../../web/page/playback.js"),
-    include_str!("../../../../web/page/main.js"),
+    include_str!("../../web/page/solver.js"),
+    include_str!("../../web/page/plot.js"),
+    include_str!("../../web/page/drawing.js"),
+    include_str!("../../web/page/curves.js"),
+    include_str!("../../web/page/map.js"),
+    include_str!("../../web/page/controls.js"),
+    include_str!("../../web/page/playback.js"),
+    include_str!("../../web/page/main.js"),
 ];
 
 /// What the page shows.

@@ -1,8 +1,7 @@
 //! A number that the paper prints, and the same number computed for a scene.
 
-use crate::ErrorBody;
+use crate::failure::ErrorBody;
 use crate::scene_key::{self, KeyError};
-use crate::trace;
 use rig_config::Scene;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
@@ -142,14 +141,14 @@ impl Row {
     /// The limit of the model, or the parameter of the changed scene, that leaves no number.
     pub fn compute(&self, scene: &Scene) -> Result<Computed, ErrorBody> {
         let mechanism = changed_mechanism(scene, &self.changes)?;
-        let states = self.states(&mechanism).map_err(|e| trace::body(&e))?;
+        let states = self.states(&mechanism).map_err(|e| body(&e))?;
         let [start, end] = &states;
         let si = match self.quantity.group() {
             Group::Contraction => start.gap_m - end.gap_m,
             Group::Tr => end.tr_rad_per_m(),
             Group::Span => end.d_m,
         };
-        let warnings = trace::warnings(&states);
+        let warnings = warnings(&states);
         Ok(Computed { value: self.unit.of_si(si), warnings })
     }
 
@@ -256,6 +255,19 @@ impl Ratio {
 /// If the file that was compiled in is damaged.
 pub fn ratios() -> Result<Vec<Ratio>, csv::Error> {
     csv::Reader::from_reader(RATIOS.as_bytes()).deserialize().collect()
+}
+
+/// The warnings of some states, each once.
+pub fn warnings<'a>(states: impl IntoIterator<Item = &'a Equilibrium>) -> Vec<&'static str> {
+    let mut names: Vec<&str> = states.into_iter().flat_map(|e| e.warnings.names()).collect();
+    names.sort_unstable();
+    names.dedup();
+    names
+}
+
+/// An error of the model as `--json` prints it.
+pub fn body(error: &SolveError) -> ErrorBody {
+    ErrorBody { kind: error.kind().into(), message: error.to_string() }
 }
 
 #[cfg(test)]

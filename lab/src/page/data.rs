@@ -1,8 +1,8 @@
 //! What the page's script computes with: the solver's constants, the table's errors, the recorded move.
 
-use crate::log::Log;
-use crate::session::row::Row;
 use rig_config::{Envelope, Scene};
+use rigctl::log::Log;
+use rigctl::session::row::Row;
 use serde::Serialize;
 use std::f64::consts::TAU;
 use tsa_model::{Mechanism, PRETWIST_RAD, twist_from_turns};
@@ -193,7 +193,7 @@ mod tests {
 
     #[test]
     fn the_map_has_the_tables_errors_and_they_are_within_its_certificate() {
-        let scene = Scene::from_toml_str(include_str!("../../../../scenes/default.toml")).expect("the scene");
+        let scene = Scene::from_toml_str(include_str!("../../../scenes/default.toml")).expect("the scene");
         let fit = scene.fit_table().expect("a table");
         let data = Data::new(&scene, &scene.mechanism().expect("a mechanism"), Some(&fit.table.table()), None);
         let errors = data.table.expect("errors");

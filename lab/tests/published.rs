@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{desktop as rigctl, error_of, lines, root};
+use common::{error_of, lines, root, tool};
 use serde_json::Value;
 use std::path::Path;
 
@@ -11,7 +11,7 @@ const SETS: [&str; 3] = ["paper-identified", "paper-identified-eq6", "paper-prin
 const FIGURES: [&str; 7] = ["fig06", "fig07", "fig08", "fig09", "fig10", "fig11", "fig13"];
 
 fn objects(arguments: &[&str]) -> Vec<Value> {
-    let output = rigctl(arguments);
+    let output = tool(arguments);
     assert!(output.status.success(), "{arguments:?}: {}", error_of(&output));
     lines(&output)
 }
@@ -127,7 +127,7 @@ fn the_constants_of_the_experiments_meet_load_figure_and_experiments() {
 
 #[test]
 fn people_see_inferred_geometry_and_contradictions() {
-    let text = |arguments: &[&str]| String::from_utf8(rigctl(arguments).stdout).unwrap();
+    let text = |arguments: &[&str]| String::from_utf8(tool(arguments).stdout).unwrap();
     let plain = text(&["published"]);
     assert!(!plain.contains("inferred"));
     let contradicts = |a: &str, b: &str| {
@@ -182,7 +182,7 @@ fn a_refused_row_stays_with_its_limit() {
 
 #[test]
 fn people_see_marks_and_sums() {
-    let output = rigctl(&["published"]);
+    let output = tool(&["published"]);
     let text = String::from_utf8(output.stdout).unwrap();
     for row in reference() {
         assert!(text.lines().any(|l| l.split_whitespace().next() == Some(row[0].as_str())), "{}", row[0]);
@@ -205,7 +205,7 @@ fn figures_show_every_published_point_of_every_set() {
     in_folder("figures", |folder| {
         let out = folder.to_str().unwrap();
         for (arguments, sets) in [(&["published", "--out", out][..], 1), (&["published", "--all", "--out", out], 3)] {
-            assert!(rigctl(arguments).status.success());
+            assert!(tool(arguments).status.success());
             let read = |name: &str| std::fs::read_to_string(folder.join(name)).unwrap();
             let overview = read("published.svg");
             assert!(reference.iter().all(|row| overview.contains(&row[0])));
@@ -303,7 +303,7 @@ fn refusals_have_codes_and_names() {
         (&["--scene", "missing.toml", "published"], 1, "missing.toml"),
         (&["--scene", "missing.toml", "study", "--vary", "D0=8mm..32mm"], 1, "missing.toml"),
     ] {
-        let output = rigctl(arguments);
+        let output = tool(arguments);
         let said = String::from_utf8_lossy(&output.stderr);
         assert_eq!(output.status.code(), Some(code), "{arguments:?}: {said}");
         assert!(said.contains(named), "{arguments:?}: {said}");
@@ -313,7 +313,7 @@ fn refusals_have_codes_and_names() {
 
 #[test]
 fn the_same_command_gives_the_same_bytes() {
-    let run = |arguments: &[&str]| rigctl(arguments).stdout;
+    let run = |arguments: &[&str]| tool(arguments).stdout;
     for arguments in [&["published", "--all"][..], &["study", "--vary", "L0=70mm..230mm:9"]] {
         assert_eq!(run(arguments), run(arguments));
     }

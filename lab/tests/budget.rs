@@ -1,8 +1,8 @@
-//! `budget` and `accuracy = "budget"` as a user runs them.
+//! `budget` as a user runs it.
 
 mod common;
 
-use common::{desktop as rigctl, lines as objects, root};
+use common::{lines as objects, root, tool};
 use std::path::PathBuf;
 
 /// The default scene with other lines in the place of its accuracy, in a file that is removed afterwards.
@@ -32,7 +32,7 @@ impl Drop for Changed {
 
 #[test]
 fn every_part_is_an_object_with_its_three_keys() {
-    let output = rigctl(&["--json", "budget", "--rig", "hard"]);
+    let output = tool(&["--json", "budget", "--rig", "hard"]);
     let parts = objects(&output);
     let names: Vec<&str> = parts.iter().map(|p| p["part"].as_str().unwrap()).collect();
     assert_eq!(names, ["sensor", "friction", "memory", "law", "tier", "table", "loop"]);
@@ -42,18 +42,26 @@ fn every_part_is_an_object_with_its_three_keys() {
             assert!(part[key].as_f64().is_some_and(|x| x >= 0.0 && x.is_finite()), "{part}");
         }
     }
-    let nominal = objects(&rigctl(&["--json", "budget"]));
+    let nominal = objects(&tool(&["--json", "budget"]));
     assert!(parts[1]["position_m"].as_f64() > nominal[1]["position_m"].as_f64(), "friction of a hard rig");
-    let calibrated = objects(&rigctl(&["--json", "budget", "--gauge", "20um"]));
+    let calibrated = objects(&tool(&["--json", "budget", "--gauge", "20um"]));
     assert!(calibrated[0]["position_m"].as_f64() < nominal[0]["position_m"].as_f64());
 }
 
 #[test]
-fn a_scene_by_the_budget_gets_the_table_that_the_budget_names() {
-    let scene = Changed::new("word", "accuracy = \"budget\"\n", "");
-    let text = String::from_utf8(rigctl(&["--scene", scene.path(), "budget"]).stdout).unwrap();
-    let table = objects(&rigctl(&["--json", "--scene", scene.path(), "table"])).remove(0);
-    let typed = objects(&rigctl(&["--json", "table"])).remove(0);
+fn the_accuracy_that_is_worth_having_gets_the_table_that_the_budget_names() {
+    let text = String::from_utf8(tool(&["budget"]).stdout).unwrap();
+    let words: Vec<&str> = text.lines().find(|l| l.starts_with("more than ")).unwrap().split_whitespace().collect();
+    let number = |at: usize| words[at].parse::<f64>().unwrap();
+    // more than 520 um of contraction and 10 % of TR buys nothing
+    let accuracy = format!(
+        "[accuracy]\ncontraction_m = {:e}\ntr_relative = {:e}\n",
+        1e-6 * number(2),
+        1e-2 * number(words.iter().position(|word| *word == "%").unwrap() - 1)
+    );
+    let scene = Changed::new("worth", "", &accuracy);
+    let table = objects(&tool(&["--json", "--scene", scene.path(), "table"])).remove(0);
+    let typed = objects(&tool(&["--json", "table"])).remove(0);
     let bytes = |table: &serde_json::Value| table["bytes"].as_u64().unwrap();
     assert!(text.contains(&format!("that takes {} bytes", bytes(&table))), "{text}");
     assert!(bytes(&table) < bytes(&typed));
@@ -71,18 +79,18 @@ fn a_scene_by_the_budget_gets_the_table_that_the_budget_names() {
 #[test]
 fn what_has_no_budget_is_refused_by_name() {
     let error = |args: &[&str]| {
-        let output = rigctl(args);
+        let output = tool(args);
         assert!(!output.status.success() && output.stdout.is_empty(), "{output:?}");
         String::from_utf8(output.stderr).unwrap()
     };
-    let wrong = Changed::new("wrong", "accuracy = \"best\"\n", "");
+    let wrong = Changed::new("wrong", "accuracy = \"budget\"\n", "");
     let kind = Changed::new("kind", "", "[accuracy]\nbudget = \"good\"\n");
     for (args, named) in [
         (vec!["budget", "--rig", "good"], "good"),
         (vec!["budget", "--gauge", "5mm"], "gauge"),
         (vec!["--scene", "scenes/paper-printed.toml", "budget"], "[envelope]"),
-        (vec!["--scene", wrong.path(), "budget"], "accuracy: `best`"),
-        (vec!["--scene", kind.path(), "table"], "accuracy.budget"),
+        (vec!["--scene", wrong.path(), "budget"], "`tsa-lab budget` prints"),
+        (vec!["--scene", kind.path(), "table"], "budget"),
     ] {
         assert!(error(&args).contains(named), "{args:?}: {}", error(&args));
     }

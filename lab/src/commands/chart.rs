@@ -1,11 +1,11 @@
 //! `chart`: speed against accuracy, and where methods fail.
 
-use crate::failure::Failure;
-use crate::figure::make;
-use crate::options::Global;
-use crate::out_file::{folder, write_file};
-use crate::output::Output;
-use lab::chart::{self, Made};
+use crate::chart::{self, Made};
+use crate::commands::figure::make;
+use rigctl::failure::Failure;
+use rigctl::options::Global;
+use rigctl::out_file::{folder, write_file};
+use rigctl::output::Output;
 use serde::Serialize;
 use std::path::Path;
 use std::time::Instant;

@@ -1,9 +1,9 @@
 //! The parts of the page that need no script, as HTML.
 
-use crate::failure::Failure;
-use lab::scene_key;
-use lab::table_report::TableReport;
+use crate::table_report::TableReport;
 use rig_config::Scene;
+use rigctl::failure::Failure;
+use rigctl::scene_key;
 use serde_json::Value;
 use std::fmt::Write as _;
 
@@ -138,7 +138,7 @@ mod tests {
 
     #[test]
     fn every_constant_of_the_scene_has_its_unit() {
-        let scene = Scene::from_toml_str(include_str!("../../../../scenes/default.toml")).expect("the scene");
+        let scene = Scene::from_toml_str(include_str!("../../../scenes/default.toml")).expect("the scene");
         let text = constants(&scene);
         for part in ["<td>geometry.string_length_m</td><td>L0</td><td>97 mm</td>", "1.37 kN/m", "rig.encoder_lines"] {
             assert!(text.contains(part), "{part} in {text}");
@@ -147,7 +147,7 @@ mod tests {
 
     #[test]
     fn every_figure_of_the_laboratory_has_a_title() {
-        for name in lab::chart::NAMES {
+        for name in crate::chart::NAMES {
             assert_ne!(title(name), name);
         }
     }

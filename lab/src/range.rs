@@ -1,7 +1,7 @@
 //! Ranges from the operator: `D0=8mm..32mm:5`, `K=10..10000:4log`, `0..7.5`.
 
-use crate::units::{self, Quantity};
-use lab::scene_key;
+use rigctl::scene_key;
+use rigctl::units::{self, Quantity};
 use std::str::FromStr;
 
 /// Most values of one study.

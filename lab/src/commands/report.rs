@@ -1,18 +1,18 @@
 //! `report`: one page with the mechanism and its solver, the table's certificate, charts, stability map, a recorded move.
 
-use crate::failure::Failure;
-use crate::figure;
-use crate::log::Log;
-use crate::options::Global;
-use crate::out_file::OutFile;
-use crate::output::Output;
+use crate::commands::figure;
 use crate::page::data::{Data, Move};
 use crate::page::fragments::{Figure, Picture};
 use crate::page::{self, Page};
-use crate::recorded_move;
-use lab::move_figure::draw;
-use lab::table_report::TableReport;
+use crate::table_report::TableReport;
 use rig_config::Scene;
+use rigctl::failure::Failure;
+use rigctl::log::Log;
+use rigctl::move_figure::draw;
+use rigctl::options::Global;
+use rigctl::out_file::OutFile;
+use rigctl::output::Output;
+use rigctl::recorded_move;
 use std::path::{Path, PathBuf};
 
 /// Load of the recorded move (kg) and twist of the strings when the board starts (rad).
@@ -80,7 +80,7 @@ fn figures(
         return Err(Failure::failed(format!("--charts {}: there is no such folder", folder.display())));
     }
     let mut figures = Vec::new();
-    for name in lab::chart::NAMES {
+    for name in crate::chart::NAMES {
         let content = match charts {
             Some(folder) => {
                 let file = folder.join(format!("{name}.svg"));

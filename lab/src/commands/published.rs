@@ -1,11 +1,11 @@
 //! `published`: the paper's numbers beside the same numbers computed.
 
-use crate::failure::Failure;
-use crate::options::Global;
-use crate::out_file::write_file;
-use crate::output::Output;
-use lab::published::{Comparison, SETS};
+use crate::published::{Comparison, SETS};
 use rig_config::Scene;
+use rigctl::failure::Failure;
+use rigctl::options::Global;
+use rigctl::out_file::write_file;
+use rigctl::output::Output;
 use std::path::Path;
 
 /// Runs the command.

@@ -1,9 +1,9 @@
 //! A figure of the laboratory, made with a progress line on standard error.
 
-use crate::failure::Failure;
-use crate::output::progress;
-use lab::chart::{self, Inputs, Made};
+use crate::chart::{self, Inputs, Made};
 use rig_config::Scene;
+use rigctl::failure::Failure;
+use rigctl::output::progress;
 use std::ffi::OsString;
 use std::path::Path;
 

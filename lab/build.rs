@@ -1,7 +1,7 @@
-//! Compiles the solver of the page that `rigctl report` writes (`web/`) to WebAssembly, which goes into the program.
+//! Compiles the solver of the page that `tsa-lab report` writes (`web/`) to WebAssembly, which goes into the program.
 //!
 //! The compiler of this build does it if it has the target; else Debian's, which builds `core` from source, as for the
-//! board (xtask/src/toolchain.rs). A machine with neither still gets the tool; `rigctl report` then says what is missing.
+//! board (xtask/src/toolchain.rs). A machine with neither still gets the tool; `tsa-lab report` then says what is missing.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -19,7 +19,7 @@ fn main() {
     let solver = match solver(&out) {
         Ok(file) => format!("Ok(include_bytes!({:?}))", file.display().to_string()),
         Err(why) => {
-            println!("cargo:warning=`rigctl report` will be missing: {why}");
+            println!("cargo:warning=`tsa-lab report` will be missing: {why}");
             format!("Err({why:?})")
         }
     };
@@ -28,8 +28,8 @@ fn main() {
 
 /// The compiled solver.
 fn solver(out: &Path) -> Result<PathBuf, String> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    for source in ["web/src", "web/Cargo.toml", "crates/tsa-model/src", "crates/tsa-model/Cargo.toml"] {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    for source in ["lab/web/src", "lab/web/Cargo.toml", "crates/tsa-model/src", "crates/tsa-model/Cargo.toml"] {
         println!("cargo:rerun-if-changed={}", root.join(source).display());
     }
     // A folder of its own: cargo has locked the other.

@@ -2,7 +2,6 @@
 //! where it needs a real one or minutes.
 
 use clap::Parser;
-use rigctl::cli::Cli;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -11,7 +10,7 @@ use std::process::Command;
 const LONG: [&str; 7] = ["chart", "report", "demo", "monitor", "study", "play", "serve"];
 
 fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap()
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..").canonicalize().unwrap()
 }
 
 /// Lines of the fenced shell blocks, without their comments.
@@ -70,23 +69,34 @@ fn works(page: &Path, tasks: &str) {
         match words[..] {
             // The second is the tool in a release archive.
             ["target/release/rigctl" | "bin/rigctl", ref rest @ ..] => {
-                let cli = Cli::try_parse_from(std::iter::once(&"rigctl").chain(rest));
+                let cli = rigctl::cli::Cli::try_parse_from(std::iter::once(&"rigctl").chain(rest));
                 assert!(cli.is_ok(), "{name}: {line}: {}", cli.err().map_or(String::new(), |e| e.to_string()));
                 let real = line.contains("--port /dev/");
                 if real || rest.iter().any(|word| LONG.contains(word)) {
                     continue;
                 }
-                let done = Command::new(env!("CARGO_BIN_EXE_rigctl")).args(rest).current_dir(&folder).output().unwrap();
+                let built = Path::new(env!("CARGO_BIN_EXE_tsa-lab")).with_file_name("rigctl");
+                let done = Command::new(built).args(rest).current_dir(&folder).output().unwrap();
                 let said = String::from_utf8_lossy(&done.stderr);
                 assert!(done.status.success(), "{name}: {line}: {said}");
             }
+            ["target/release/tsa-lab", ref rest @ ..] => {
+                let cli = lab::cli::Cli::try_parse_from(std::iter::once(&"tsa-lab").chain(rest));
+                assert!(cli.is_ok(), "{name}: {line}: {}", cli.err().map_or(String::new(), |e| e.to_string()));
+                if rest.iter().any(|word| LONG.contains(word)) {
+                    continue;
+                }
+                let done =
+                    Command::new(env!("CARGO_BIN_EXE_tsa-lab")).args(rest).current_dir(&folder).output().unwrap();
+                assert!(done.status.success(), "{name}: {line}: {}", String::from_utf8_lossy(&done.stderr));
+            }
             ["target/release/rig-emulator", ref rest @ ..] => {
-                let built = Path::new(env!("CARGO_BIN_EXE_rigctl")).with_file_name("rig-emulator");
+                let built = Path::new(env!("CARGO_BIN_EXE_tsa-lab")).with_file_name("rig-emulator");
                 let done = Command::new(built).args(rest).current_dir(&folder).output().unwrap();
                 assert!(done.status.success(), "{name}: {line}: {}", String::from_utf8_lossy(&done.stderr));
             }
             ["cargo", "run", "--release", "-p", "rigctl", "--example", example] => {
-                let built = Path::new(env!("CARGO_BIN_EXE_rigctl")).with_file_name("examples").join(example);
+                let built = Path::new(env!("CARGO_BIN_EXE_tsa-lab")).with_file_name("examples").join(example);
                 let done = Command::new(built).current_dir(&folder).output().unwrap();
                 assert!(done.status.success(), "{name}: {line}: {}", String::from_utf8_lossy(&done.stderr));
             }

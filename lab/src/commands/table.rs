@@ -1,11 +1,11 @@
 //! `table`: fits and certifies the scene's table and says why this one.
 
-use crate::failure::Failure;
-use crate::options::Global;
-use crate::out_file::write_file;
-use crate::output::Output;
-use crate::scene_file;
-use lab::table_report::TableReport;
+use crate::table_report::TableReport;
+use rigctl::failure::Failure;
+use rigctl::options::Global;
+use rigctl::out_file::write_file;
+use rigctl::output::Output;
+use rigctl::scene_file;
 use std::path::Path;
 
 /// Runs the command.

@@ -1,12 +1,12 @@
 //! `budget`: what each part of a rig contributes to the errors of position and load, and how accurate a table is worth
 //! having.
 
-use crate::failure::Failure;
-use crate::options::Global;
-use crate::output::{Output, progress};
-use lab::budget::{At, Budget, Part, Rig, SESSION_S, SPEED_M_PER_S, Share, Spread, WORTH};
+use crate::budget::{At, Budget, Part, Rig, SESSION_S, SPEED_M_PER_S, Share, Spread, WORTH};
 use rig_config::{Accuracy, Scene, SceneError, TableError};
 use rig_plant::RigPreset;
+use rigctl::failure::Failure;
+use rigctl::options::Global;
+use rigctl::output::{Output, progress};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use tsa_model::Tier;
@@ -165,7 +165,7 @@ fn scenes(folder: &Path) -> Result<Vec<(String, Scene)>, Failure> {
     files.sort();
     let mut found = Vec::new();
     for file in files {
-        let scene = crate::scene_file::load(&file)?;
+        let scene = rigctl::scene_file::load(&file)?;
         if scene.envelope.is_some() {
             found.push((file.file_stem().unwrap_or_default().to_string_lossy().into_owned(), scene));
         }
