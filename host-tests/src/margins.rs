@@ -1,5 +1,5 @@
 //! Gain and delay margin of the firmware's loop on emulated rigs, beside those of its linear analysis
-//! (`rigctl chart --only margin`).
+//! (`tsa-lab chart --only margin`).
 //!
 //! The open loop is cut where the gap is measured: what the LVDT shows of a change is made larger, or comes later than its time
 //! stamp says, until the load no longer comes to rest after a small change of its weight.

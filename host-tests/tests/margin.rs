@@ -1,4 +1,4 @@
-//! The linear margins of `rigctl chart --only margin` against the emulated rig with all that is not linear in it.
+//! The linear margins of `tsa-lab chart --only margin` against the emulated rig with all that is not linear in it.
 
 use host_tests::ControlBench;
 use host_tests::compare::baseline::{Law, Loop};

@@ -27,8 +27,9 @@ const PAGE: &str = "docs/report.html";
 const SUMS: &str = "SHA256SUMS";
 
 /// The programs in the archive by their packages, and the names that `THIRD-PARTY.txt` gives them.
-const PROGRAMS: [(&str, &str); 5] = [
+const PROGRAMS: [(&str, &str); 6] = [
     ("rigctl", "rigctl"),
+    ("lab", "tsa-lab"),
     ("tsa-web", "docs/report.html"),
     (licences::EMULATOR, "rig-emulator"),
     ("tsa-firmware", "the firmware"),

@@ -62,7 +62,7 @@ impl Part {
     pub const ALL: [Self; 7] =
         [Self::Sensor, Self::Friction, Self::Memory, Self::Law, Self::Tier, Self::Table, Self::Loop];
 
-    /// The name in the output of `rigctl budget`.
+    /// The name in the output of `tsa-lab budget`.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Sensor => "sensor",

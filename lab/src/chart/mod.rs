@@ -1,4 +1,4 @@
-//! Speed against accuracy, and where methods fail: what `rigctl chart` measures and draws.
+//! Speed against accuracy, and where methods fail: what `tsa-lab chart` measures and draws.
 //!
 //! - [`stability`]: every method over load and twist of some [`rods`]; [`limits`]: what bounds their states; [`grid`]: the
 //!   states; `stability_figure`: all of it as a picture.

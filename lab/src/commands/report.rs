@@ -24,7 +24,7 @@ pub struct Inputs {
     /// Recorded log to play back in the page [default: a move that is made for it on the emulated board]
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
-    /// Folder in which `rigctl chart` has left its figures [default: they are made, which takes minutes]
+    /// Folder in which `tsa-lab chart` has left its figures [default: they are made, which takes minutes]
     #[arg(long, value_name = "DIR")]
     charts: Option<PathBuf>,
 }

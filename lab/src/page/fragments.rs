@@ -9,7 +9,7 @@ use std::fmt::Write as _;
 
 /// A figure of the page.
 pub struct Figure {
-    /// Its name, as `rigctl chart` uses it.
+    /// Its name, as `tsa-lab chart` uses it.
     pub name: &'static str,
     /// Picture and findings, or in words why it is missing.
     pub content: Result<Picture, String>,

@@ -1,4 +1,4 @@
-//! The solver for the page that `rigctl report` writes: [`tsa_model`] behind plain WebAssembly exports.
+//! The solver for the page that `tsa-lab report` writes: [`tsa_model`] behind plain WebAssembly exports.
 //!
 //! The page writes numbers into [`numbers`], calls a function, and reads numbers and text back. No function panics on
 //! any number: what the model refuses comes back as `false` with `kind: message` in [`text`]. The build script of

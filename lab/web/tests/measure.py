@@ -1,4 +1,4 @@
-"""Times of the page of ``rigctl report`` in headless Chromium, as a JSON object: ``measure.py FILE.html``."""
+"""Times of the page of ``tsa-lab report`` in headless Chromium, as a JSON object: ``measure.py FILE.html``."""
 
 from __future__ import annotations
 

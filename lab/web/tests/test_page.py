@@ -1,4 +1,4 @@
-"""The page of ``rigctl report`` in headless Chromium, against ``rigctl solve``."""
+"""The page of ``tsa-lab report`` in headless Chromium, against ``rigctl solve``."""
 
 from __future__ import annotations
 

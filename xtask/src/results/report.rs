@@ -1,4 +1,4 @@
-//! How the section about the page of `rigctl report` is measured; it also makes the copy of the page in `docs`.
+//! How the section about the page of `tsa-lab report` is measured; it also makes the copy of the page in `docs`.
 
 use super::Measured;
 use super::sections::{number, printed, rigctl, significant, text};
@@ -13,7 +13,7 @@ pub(super) fn measure(folders: &Folders) -> Result<Measured> {
     host::tools_and_firmware(folders)?;
     let made = rigctl(folders, &["report", "--out", PAGE, "--charts", "docs/charts"])?;
     let missing =
-        made.first().and_then(|made| made["missing"].as_array()).context("`rigctl report` printed nothing")?;
+        made.first().and_then(|made| made["missing"].as_array()).context("`tsa-lab report` printed nothing")?;
     ensure!(missing.is_empty(), "the page lacks {missing:?}");
     // The tool keeps what the file held before.
     let _ = std::fs::remove_file(folders.root.join(format!("{PAGE}~")));
