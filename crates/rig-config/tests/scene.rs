@@ -121,3 +121,21 @@ fn uncertainty_reaches_the_table_and_linearity_the_control_code() {
     assert_eq!(scene.demand().unwrap().uncertainty.numbers(), [0.01, 2e-4, 0.08, 0.22]);
     assert!((constants.lvdt_linearity_m - 1e-3).abs() < 1e-9);
 }
+
+#[test]
+fn an_accuracy_that_is_not_two_numbers_is_refused_by_name() {
+    let text = include_str!("../../../scenes/default.toml");
+    let numbers = "[accuracy]\ncontraction_m = 5e-6\ntr_relative = 2e-3\n";
+    assert!(text.contains(numbers));
+    for (first, table, named) in [
+        ("accuracy = \"budget\"\n", "", "`tsa-lab budget` prints"),
+        ("", "[accuracy]\nbudget = \"hard\"\n", "budget"),
+        ("", "[accuracy]\ncontraction_m = 5e-6\n", "tr_relative"),
+        ("", "[accuracy]\ntr_relative = 5e-6\n", "contraction_m"),
+        ("", "[accuracy]\ncontraction_m = -1.0\ntr_relative = 2e-3\n", "accuracy.contraction_m"),
+    ] {
+        let file = format!("{first}{}", text.replace(numbers, table));
+        let error = rig_config::Scene::from_toml_str(&file).expect_err(table).to_string();
+        assert!(error.contains(named), "{table}: {error}");
+    }
+}
