@@ -1,6 +1,6 @@
 //! Scene file to firmware: solves the model, fits and certifies the table, writes it and the rig's constants as Rust.
 
-use rig_scene::{Accuracy, Scene};
+use rig_config::{Accuracy, Scene};
 use std::error::Error;
 use std::path::PathBuf;
 use std::process::{Command, ExitCode};

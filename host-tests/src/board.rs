@@ -1,16 +1,16 @@
 //! The firmware's ELF, unmodified, on the emulated board with the emulated rig.
 
 use crate::{root, scene};
-use rig_emulator::board::Stimulus;
+use rig_config::{DriveTransport, Scene};
 use rig_emulator::machine::{Config, Machine};
-use rig_emulator::rig::Rig;
-use rig_emulator::rig::plant_settings::PlantSettings;
 use rig_link::messages::{
     EventKind, Identity, Kept, Message, Refusal, Request, Sensors, SettingsReport, State, TablePart, TableRefusal,
     Telemetry,
 };
 use rig_link::{Accepted, Decoder, Versions, encode};
-use rig_scene::{DriveTransport, Scene};
+use rig_plant::board::Stimulus;
+use rig_plant::rig::Rig;
+use rig_plant::rig::plant_settings::PlantSettings;
 use std::fmt;
 use std::process::Command;
 use std::sync::OnceLock;

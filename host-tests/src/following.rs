@@ -3,11 +3,11 @@
 use crate::ControlBench;
 use crate::load_changes::homed_under;
 use crate::rigs::subject::Subject;
-use lab::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Sample, colour};
 use rig_control::TICK_S;
 use rig_link::messages::{LoadChoice, Request, State};
+use rig_plant::RigPreset;
 use rigctl::course::{EVERY_S, HOLDS_FOR_S};
-use sim_link::RigPreset;
+use rigctl::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Sample, colour};
 use std::f64::consts::TAU;
 
 /// Ticks of one period: a whole number of them, so that a sum over whole periods is a Fourier coefficient.

@@ -4,10 +4,10 @@
 use crate::ControlBench;
 use crate::load_changes::{Outcome, as_the_sensor_has_it, hang, homed_under, motor_s};
 use crate::rigs::subject::Subject;
-use lab::parallel::parallel_on;
 use rig_control::TICK_S;
 use rig_control::limits::SPEED_MAX_M_PER_S;
 use rig_link::messages::{LoadChoice, Request, State};
+use rigctl::parallel::parallel_on;
 
 /// What hangs there (kg).
 pub const LOADS_KG: [f64; 4] = [0.1, 0.5, 1.0, 1.5];

@@ -5,10 +5,10 @@ use crate::physical_limit::Swing;
 use crate::rigs::subject::Subject;
 use crate::{ControlBench, Controller, constants, table};
 use lab::chart::margin::DAMPING;
-use lab::parallel::parallel_on;
 use rig_control::{Rig as Control, TICK_S};
 use rig_link::messages::{LoadChoice, State};
-use sim_link::units::STANDARD_GRAVITY;
+use rig_plant::units::STANDARD_GRAVITY;
+use rigctl::parallel::parallel_on;
 use std::fmt;
 
 /// Positions (m) at which the load is changed.

@@ -1,5 +1,5 @@
 //! Gain and delay margin of the firmware's loop on emulated rigs, beside those of its linear analysis
-//! (`rigctl chart --only margin`).
+//! (`tsa-lab chart --only margin`).
 //!
 //! The open loop is cut where the gap is measured: what the LVDT shows of a change is made larger, or comes later than its time
 //! stamp says, until the load no longer comes to rest after a small change of its weight.
@@ -10,8 +10,8 @@ use crate::{ControlBench, scene};
 use lab::chart::margin::{Controller, Hung};
 use rig_control::{Inputs, LvdtBlock, TICK_S};
 use rig_link::messages::{LoadChoice, State};
-use sim_link::RigPreset;
-use sim_link::units::STANDARD_GRAVITY;
+use rig_plant::RigPreset;
+use rig_plant::units::STANDARD_GRAVITY;
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex};
 use tsa_model::{Mechanism, twist_from_turns};

@@ -10,9 +10,9 @@ use crate::compare::{tune, untuned};
 use crate::load_changes::{Outcome, REST_S, SPEED_M_PER_S, Step, WATCHED_S, errors_m, hang, homed_under_kg, loads_kg};
 use crate::rigs::commission::Firmware;
 use crate::rigs::subject::Subject;
-use lab::parallel::parallel_on;
 use rig_control::TICK_S;
-use sim_link::units::STANDARD_GRAVITY;
+use rig_plant::units::STANDARD_GRAVITY;
+use rigctl::parallel::parallel_on;
 use std::f32::consts::PI;
 
 /// Longest way to the reference (s), and at a constant speed to the place of a step (s).
@@ -187,7 +187,7 @@ fn watch(bench: &mut ControlBench<Baseline>, step: Step, ours: &Outcome, seconds
 mod tests {
     use super::*;
     use crate::load_changes::steps;
-    use sim_link::RigPreset;
+    use rig_plant::RigPreset;
 
     /// The firmware's outcomes are not needed but for their steps.
     fn field(pick: fn(&Step) -> bool) -> Field {

@@ -1,8 +1,8 @@
 //! The figure of how fast a changed load is back at its place by each controller, over the least time of any control.
 
 use crate::load_changes::{Outcome, POSITIONS_M, WATCHED_S};
-use lab::plot::{Axis, Block, Figure, GREY, INK, Item, KeyRow, Panel, Pen, Sample, Shape, colour};
-use sim_link::RigPreset;
+use rig_plant::RigPreset;
+use rigctl::plot::{Axis, Block, Figure, GREY, INK, Item, KeyRow, Panel, Pen, Sample, Shape, colour};
 
 /// Ratios that are drawn; what is beyond them stands at the edge.
 const RATIOS: [f64; 2] = [0.5, 14.0];

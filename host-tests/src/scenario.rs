@@ -4,8 +4,8 @@
 use crate::root;
 use rig_control::TICK_S;
 use rig_link::messages::Request;
+use rig_plant::PlantChange;
 use rigctl::script::{Action, Script, ScriptError};
-use sim_link::PlantChange;
 use std::path::PathBuf;
 
 /// Why a scenario cannot be played here.

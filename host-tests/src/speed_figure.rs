@@ -1,8 +1,8 @@
 //! The figure of how fast changed loads are back at their places, over what is physically possible.
 
 use crate::load_changes::{Outcome, POSITIONS_M};
-use lab::plot::{Axis, Block, Figure, Item, KeyRow, Panel, Sample, Shape, colour};
-use sim_link::RigPreset;
+use rig_plant::RigPreset;
+use rigctl::plot::{Axis, Block, Figure, Item, KeyRow, Panel, Sample, Shape, colour};
 
 /// Ratios that are drawn; what is beyond them stands at the edge.
 const RATIOS: [f64; 2] = [0.5, 10.0];

@@ -2,10 +2,10 @@
 
 use host_tests::board::{Bench, HELLO};
 use rand::{RngExt, SeedableRng};
-use rig_emulator::board::{CanFrame, Stimulus};
 use rig_link::messages::{Fault, LoadChoice, Refusal, Request, ResetCause, Setting, State, TableRefusal};
 use rig_link::{PROTOCOL_HASH, Versions};
-use sim_link::RigFault;
+use rig_plant::RigFault;
+use rig_plant::board::{CanFrame, Stimulus};
 use tsa_table::record::RECORD_MAX;
 
 const MOVE: Request = Request::Move { target_m: 0.012, speed_m_per_s: 0.002, load: LoadChoice::Auto };

@@ -5,10 +5,10 @@
 use host_tests::rigs::commission::Firmware;
 use host_tests::rigs::subject::{EFFECTS, Subject};
 use host_tests::{ControlBench, scene};
+use lab::budget::{Budget, Part, Rig, Share};
+use rig_config::{Accuracy, Envelope, Scene};
 use rig_link::messages::{LoadChoice, Request, State};
-use rig_scene::budget::{Budget, Part, Rig, Share};
-use rig_scene::{Accuracy, Envelope, Scene, TableAccuracy};
-use sim_link::{PlantKey, RigPreset};
+use rig_plant::{PlantKey, RigPreset};
 use tsa_model::twist_from_turns;
 
 const LOAD_N: f64 = 4.9;
@@ -109,7 +109,7 @@ fn stiction_leaves_the_load_where_the_budget_says() {
 fn a_rough_table_makes_the_load_as_wrong_as_the_budget_says() {
     let kind = RigPreset::Nominal;
     let rough = Accuracy { contraction_m: 520e-6, tr_relative: 0.11 };
-    let rough = Scene { accuracy: Some(TableAccuracy::Given(rough)), ..scene().clone() };
+    let rough = Scene { accuracy: Some(rough), ..scene().clone() };
     let fit = rough.fit_table().expect("a table");
     let fine = Firmware::as_built();
     let rough = Firmware { table: Box::leak(Box::new(Box::leak(Box::new(fit.table.clone())).table())), ..fine.clone() };

@@ -3,7 +3,7 @@
 use host_tests::{ControlBench, table};
 use rig_control::homing::Homed;
 use rig_link::messages::{EventKind, Fault, HomingResult, Limit, LoadChoice, Parameter, Refusal, Request, State};
-use sim_link::RigFault;
+use rig_plant::RigFault;
 use std::f64::consts::PI;
 
 fn homed(load: &str, twist: &str, seed: u64) -> ControlBench {

@@ -1,10 +1,10 @@
 //! Instructions on the emulated board for each way to evaluate the mechanism, all in one image
-//! (`crates/lab/cost-image`).
+//! (`lab/cost-image`).
 
 use host_tests::{root, scene};
 use rig_emulator::machine::{Config, Machine};
-use rig_emulator::rig::Rig;
-use rig_emulator::rig::plant_settings::PlantSettings;
+use rig_plant::rig::Rig;
+use rig_plant::rig::plant_settings::PlantSettings;
 use rival_forms::fit::candidates;
 use rival_forms::peers::peers;
 use tsa_table::instruction_model::lookup_instructions;

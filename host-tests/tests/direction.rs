@@ -3,7 +3,7 @@
 
 use host_tests::ControlBench;
 use rig_link::messages::{EventKind, Fault, HomingFailure, LoadChoice, Request, State};
-use sim_link::RigFault;
+use rig_plant::RigFault;
 use std::f64::consts::PI;
 
 /// What a first homing of a rig does.

@@ -1,7 +1,7 @@
 //! Short forms of `cargo xtask endurance`.
 
 use host_tests::endurance::{moves, noise};
-use sim_link::RigPreset;
+use rig_plant::RigPreset;
 
 #[test]
 fn moves_loads_and_incidents_leave_no_trace() {

@@ -3,12 +3,12 @@
 
 use host_tests::ControlBench;
 use host_tests::board::Bench;
-use rig_emulator::board::{Board, Stimulus};
 use rig_emulator::machine::{Config, ResetCause};
-use rig_emulator::rig::rail::DESTROYED_V;
 use rig_emulator::soc::can::Line;
 use rig_link::messages::{Clock, EventKind, Fault, Kept, LoadChoice, Refusal, Request, Setting, State};
-use sim_link::RigFault;
+use rig_plant::RigFault;
+use rig_plant::board::{Board, Stimulus};
+use rig_plant::rig::rail::DESTROYED_V;
 
 const DOMINANT: Line = Line { dominant: true, open: false };
 const OPEN: Line = Line { dominant: false, open: true };

@@ -2,7 +2,7 @@
 
 use host_tests::full_speed;
 use host_tests::rigs::subject::Subject;
-use sim_link::RigPreset;
+use rig_plant::RigPreset;
 
 fn all_arrive(rig: RigPreset, seed: u64) {
     let moves = full_speed::under_steps(&Subject::new(rig, seed));

@@ -1,4 +1,4 @@
-//! The linear margins of `rigctl chart --only margin` against the emulated rig with all that is not linear in it.
+//! The linear margins of `tsa-lab chart --only margin` against the emulated rig with all that is not linear in it.
 
 use host_tests::ControlBench;
 use host_tests::compare::baseline::{Law, Loop};
@@ -7,12 +7,12 @@ use host_tests::compare::{Comparison, play};
 use host_tests::margins::{Loosened, hung_at, swing_m};
 use host_tests::scenario::Scenario;
 use lab::chart::margin::{Controller, DAMPING, DRIVE_PER_S, Hung};
-use rig_emulator::rig::built_in::STRUCTURAL_DAMPING_S;
-use rig_emulator::rig::drive::{POSITION_LOOP_PER_S, VELOCITY_LOOP_RAD_PER_S};
-use rig_emulator::rig::plant_settings::PlantSettings;
 use rig_link::messages::LoadChoice;
+use rig_plant::rig::built_in::STRUCTURAL_DAMPING_S;
+use rig_plant::rig::drive::{POSITION_LOOP_PER_S, VELOCITY_LOOP_RAD_PER_S};
+use rig_plant::rig::plant_settings::PlantSettings;
+use rig_plant::units::STANDARD_GRAVITY;
 use rigctl::script::Script;
-use sim_link::units::STANDARD_GRAVITY;
 use tsa_model::twist_from_turns;
 
 /// Fixed ratio (rad/m) and corner (rad/s) of the loop that is driven to its limit.

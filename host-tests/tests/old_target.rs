@@ -4,7 +4,7 @@
 
 use host_tests::board::Bench;
 use rig_link::messages::{Fault, LoadChoice, Request, State};
-use sim_link::RigFault;
+use rig_plant::RigFault;
 
 /// A load that untwists the strings when nothing holds them, so that the old target is far away when the motor is back.
 const LOAD: (&str, &str) = ("load", "1.8kg");

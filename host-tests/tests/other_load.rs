@@ -5,7 +5,7 @@ use host_tests::load_changes::homed_under;
 use host_tests::rigs::subject::Subject;
 use rig_control::limits::SPEED_MAX_M_PER_S;
 use rig_link::messages::LoadChoice;
-use sim_link::RigPreset;
+use rig_plant::RigPreset;
 
 /// Hangs another load on slowly, as somebody does by hand.
 fn hang_by_hand(bench: &mut ControlBench, loads_kg: impl Iterator<Item = f64>) {

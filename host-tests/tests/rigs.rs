@@ -4,7 +4,7 @@ use host_tests::rigs::floor::Check;
 use host_tests::rigs::report::groups;
 use host_tests::rigs::subject::Subject;
 use host_tests::rigs::{Plan, Scored, study};
-use sim_link::RigPreset;
+use rig_plant::RigPreset;
 
 fn plan() -> Plan {
     Plan { loads_kg: vec![0.5, 0.6], as_built: false, against_fixed_ratio: true, jobs: 2 }

@@ -4,8 +4,8 @@ use host_tests::rigs::subject::Subject;
 use host_tests::{ControlBench, constants, load_changes, table};
 use rig_control::Rig as Control;
 use rig_link::messages::{EventKind, Limit, LoadChoice, Parameter, Refusal, Request, State, StreamEnd};
+use rig_plant::RigPreset;
 use rigctl::course::Course;
-use sim_link::RigPreset;
 use std::path::Path;
 
 /// A rig of its own model, homed under a load (kg), at a position (m).

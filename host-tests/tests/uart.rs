@@ -2,10 +2,10 @@
 //! one start-up and one control serve both ways, and that a line without checksums does no harm.
 
 use host_tests::board::{Bench, HELLO, uart_scene};
-use rig_emulator::board::Stimulus;
 use rig_link::messages::{Fault, LoadChoice, Request, State};
+use rig_plant::RigFault;
+use rig_plant::board::Stimulus;
 use rmds405::Transport;
-use sim_link::RigFault;
 
 const UP: Request = Request::Move { target_m: 0.008, speed_m_per_s: 0.002, load: LoadChoice::Auto };
 

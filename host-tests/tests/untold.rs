@@ -5,7 +5,7 @@
 use host_tests::ControlBench;
 use host_tests::board::Bench;
 use rig_link::messages::{Doubt, Doubts, Fault, LoadChoice, Refusal, Request, State};
-use sim_link::RigFault;
+use rig_plant::RigFault;
 
 fn go(target_m: f32) -> Request {
     Request::Move { target_m, speed_m_per_s: 0.002, load: LoadChoice::Auto }

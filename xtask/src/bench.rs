@@ -113,7 +113,7 @@ fn scipy(folders: &Folders, interpreter: &Path, states: &Path) -> Result<Value> 
     read(command.arg("host-tests/peers/solve_bvp.py").arg(states))
 }
 
-/// Writes the error and time of scipy over its tolerance for `rigctl chart`, measured in turns with the model.
+/// Writes the error and time of scipy over its tolerance for `tsa-lab chart`, measured in turns with the model.
 fn sweep(folders: &Folders, binary: &Path, interpreter: &Path, states_file: &Path) -> Result<()> {
     let states = read(Command::new(binary).current_dir(&folders.root).args(["states", SCENES[0]]))?;
     write(states_file, &states)?;

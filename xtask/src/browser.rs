@@ -1,4 +1,4 @@
-//! The page of `rigctl report`: its tests in headless Chromium, driven from Python.
+//! The page of `tsa-lab report`: its tests in headless Chromium, driven from Python.
 
 use crate::process::{exists, run};
 use crate::{Folders, python, system};
@@ -10,14 +10,14 @@ use std::process::Command;
 const NAMES: [&str; 4] = ["chromium", "chromium-browser", "google-chrome-stable", "google-chrome"];
 
 /// Folder of the tests.
-const TESTS: &str = "web/tests";
+const TESTS: &str = "lab/web/tests";
 
 /// A Chromium that this machine has, or gets from Debian.
 fn chromium() -> Result<&'static str> {
     let found = || NAMES.into_iter().find(|name| exists(name));
     if found().is_none() {
         let elsewhere = "Install Chromium or Chrome with your system's package manager.";
-        system::install(&["chromium"], "test the page of `rigctl report`", elsewhere)?;
+        system::install(&["chromium"], "test the page of `tsa-lab report`", elsewhere)?;
     }
     found().context("chromium is installed, but does not start")
 }

@@ -96,7 +96,7 @@ pub fn build_study(folders: &Folders, toolchain: &Toolchain, study: &str, image:
     Ok(())
 }
 
-/// Builds the image that measures costs (`crates/lab/cost-image`), with the row of `interpn` or without it.
+/// Builds the image that measures costs (`lab/cost-image`), with the row of `interpn` or without it.
 pub fn build_cost(folders: &Folders, toolchain: &Toolchain, interpn: bool) -> Result<()> {
     let mut cargo = cargo(folders, toolchain, COST, COST);
     if interpn {

@@ -10,11 +10,14 @@ use std::process::Command;
 /// Every package except the two that build for the board only.
 const DESKTOP: [&str; 5] = ["--workspace", "--exclude", "tsa-firmware", "--exclude", "tsa-cost"];
 
-/// Builds `rigctl` and `rig-emulator`.
+/// Tool and emulator: what the demo needs.
+const TOOLS: [&str; 4] = ["--package", "rigctl", "--package", "rig-emulator"];
+
+/// Builds `rigctl`, `rig-emulator` and the laboratory's `tsa-lab`.
 pub fn build(folders: &Folders) -> Result<()> {
     system::ensure_emulator_tools()?;
     toolchain::prepare_page_target();
-    run(cargo(folders).args(["build", "--release", "--package", "rigctl", "--package", "rig-emulator"]))
+    run(cargo(folders).args(["build", "--release"]).args(TOOLS).args(["--package", "lab"]))
 }
 
 /// Checks formatting and dependencies, lints, documents and builds everything, and runs all tests.
@@ -108,7 +111,7 @@ pub fn python(folders: &Folders) -> Result<()> {
     python::test(folders)
 }
 
-/// Builds everything and tests the page of `rigctl report`.
+/// Builds everything and tests the page of `tsa-lab report`.
 pub fn page(folders: &Folders) -> Result<()> {
     tools_and_firmware(folders)?;
     browser::test(folders)
@@ -116,6 +119,8 @@ pub fn page(folders: &Folders) -> Result<()> {
 
 /// Builds everything and runs the demo.
 pub fn demo(folders: &Folders, rest: &[String]) -> Result<()> {
-    tools_and_firmware(folders)?;
+    system::ensure_emulator_tools()?;
+    let toolchain = choose(Choice::Auto)?;
+    beside(|| firmware::build(folders, &toolchain), || run(cargo(folders).args(["build", "--release"]).args(TOOLS)))?;
     run(Command::new(folders.target.join("release/rigctl")).current_dir(&folders.root).arg("demo").args(rest))
 }

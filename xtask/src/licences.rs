@@ -9,7 +9,7 @@ use spdx::{Expression, Licensee, ParseMode};
 use std::collections::BTreeMap;
 
 /// What is handed out under this project's MIT or Apache-2.0 licence, and must link no crate that needs an exception.
-pub const PERMISSIVE: [&str; 4] = ["rigctl", "tsa-python", "tsa-firmware", "tsa-web"];
+pub const PERMISSIVE: [&str; 5] = ["rigctl", "lab", "tsa-python", "tsa-firmware", "tsa-web"];
 
 /// The program under GPL-2.0-only.
 pub const EMULATOR: &str = "rig-emulator";

@@ -6,7 +6,7 @@
 //! - [`results`]: every measured number of the README and `docs/results.md`.
 //! - [`mod@bench`]: the speed of the model, beside an independent solver.
 //! - [`closed_loop`]: the effect of a cheaper model or a less accurate table on the closed loop.
-//! - [`python`]: the Python package; [`browser`]: the page of `rigctl report`.
+//! - [`python`]: the Python package; [`browser`]: the page of `tsa-lab report`.
 //! - [`release`]: the release archive; [`third_party`]: the list of other authors' packages in it.
 //! - [`licences`]: the licences of all dependencies; [`packages`]: which packages there are.
 //! - [`unused`]: dependencies that no source file uses.
@@ -72,11 +72,11 @@ enum Task {
         #[arg(trailing_var_arg = true, allow_hyphen_values = true, conflicts_with = "emulated")]
         rest: Vec<String>,
     },
-    /// Build the desktop tools (target/release/rigctl, target/release/rig-emulator)
+    /// Build the desktop tools (target/release/rigctl, rig-emulator, tsa-lab)
     Build,
     /// Build the Python package, check its types and run its tests in a virtual environment (target/python)
     Python,
-    /// Build everything and test the page of `rigctl report` in headless Chromium
+    /// Build everything and test the page of `tsa-lab report` in headless Chromium
     Page,
     /// Check formatting, lint and test everything, including the firmware on the emulated board
     Test,

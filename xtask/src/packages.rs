@@ -69,7 +69,7 @@ pub struct Packages {
 }
 
 impl Packages {
-    /// Those of this machine, the board and the page of `rigctl report`: what other systems need may not be downloaded.
+    /// Those of this machine, the board and the page of `tsa-lab report`: what other systems need may not be downloaded.
     pub fn find(folders: &Folders) -> Result<Self> {
         let mut command = cargo(folders);
         command.args(["metadata", "--locked", "--format-version", "1"]);

@@ -20,15 +20,16 @@ const ARCHIVES: &str = "release-archive";
 const DOCUMENTS: [&str; 8] =
     ["CHANGELOG.md", "CITATION.cff", "LICENSE-APACHE", "LICENSE-MIT", "README.md", "docs", "scenarios", "scenes"];
 
-/// Where the page of `rigctl report` is in the archive.
+/// Where the page of `tsa-lab report` is in the archive.
 const PAGE: &str = "docs/report.html";
 
 /// Name of the file with the checksums.
 const SUMS: &str = "SHA256SUMS";
 
 /// The programs in the archive by their packages, and the names that `THIRD-PARTY.txt` gives them.
-const PROGRAMS: [(&str, &str); 5] = [
+const PROGRAMS: [(&str, &str); 6] = [
     ("rigctl", "rigctl"),
+    ("lab", "tsa-lab"),
     ("tsa-web", "docs/report.html"),
     (licences::EMULATOR, "rig-emulator"),
     ("tsa-firmware", "the firmware"),
@@ -86,10 +87,11 @@ fn fill(folders: &Folders, stage: &Path, commit: &str) -> Result<()> {
     let built = |name: &str| folders.target.join("release").join(program(name));
     let emulator = built("rig-emulator");
     without_unused_code(&emulator)?;
-    let licence = folders.root.join("crates/rig-emulator/LICENSE-GPL-2.0");
+    let licence = folders.root.join("emulator/LICENSE-GPL-2.0");
     let firmware = folders.target.join("firmware/tsa-firmware.elf");
     for (from, to) in [
         (built("rigctl"), "bin"),
+        (built("tsa-lab"), "bin"),
         (emulator, "bin"),
         (licence, "bin"),
         (firmware.with_extension("bin"), "firmware"),
@@ -98,7 +100,7 @@ fn fill(folders: &Folders, stage: &Path, commit: &str) -> Result<()> {
         copy(&from, &stage.join(to))?;
     }
     python::wheel(folders, &stage.join("python"))?;
-    run(in_archive(stage, "rigctl").args(["report", "--charts", "docs/charts", "--out", PAGE]))?;
+    run(in_archive(stage, "tsa-lab").args(["report", "--charts", "docs/charts", "--out", PAGE]))?;
     let previous = stage.join(format!("{PAGE}~"));
     std::fs::remove_file(&previous).with_context(|| format!("no {}", previous.display()))?;
 
@@ -144,7 +146,7 @@ fn check(folders: &Folders, unpacked: &Path, commit: &str) -> Result<()> {
     let said = |command: &mut Command| -> Result<String> {
         output_of(command).with_context(|| format!("failed in the unpacked archive: {}", shown(command)))
     };
-    for name in ["rigctl", "rig-emulator"] {
+    for name in ["rigctl", "rig-emulator", "tsa-lab"] {
         let version = said(in_archive(unpacked, name).arg("--version"))?;
         ensure!(version.contains(VERSION), "{name} of the archive says that it is {version}, not {VERSION}");
     }
@@ -152,9 +154,9 @@ fn check(folders: &Folders, unpacked: &Path, commit: &str) -> Result<()> {
     let solved = said(in_archive(unpacked, "rigctl").args(json))?;
     let solved: serde_json::Value = serde_json::from_str(&solved).with_context(|| format!("`solve` says {solved}"))?;
     let page = unpacked.join("page.html");
-    said(in_archive(unpacked, "rigctl").args(["report", "--charts", "docs/charts", "--out"]).arg(&page))?;
+    said(in_archive(unpacked, "tsa-lab").args(["report", "--charts", "docs/charts", "--out"]).arg(&page))?;
     let [stated, again] = [&unpacked.join(PAGE), &page].map(|file| std::fs::read(file).context("the page"));
-    ensure!(stated? == again?, "`rigctl report` of the archive does not write the archive's page");
+    ensure!(stated? == again?, "`tsa-lab report` of the archive does not write the archive's page");
     // Tool, emulator and firmware find and understand each other, and the firmware is built from this commit as it is.
     let status = said(in_archive(unpacked, "rigctl").arg("status"))?;
     let firmware = status.lines().find(|line| line.starts_with("firmware")).unwrap_or_default();

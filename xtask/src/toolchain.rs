@@ -13,7 +13,7 @@ use std::process::Command;
 /// The board's target.
 pub const TARGET: &str = "thumbv7em-none-eabihf";
 
-/// The target of the solver in the page of `rigctl report`.
+/// The target of the solver in the page of `tsa-lab report`.
 pub const PAGE_TARGET: &str = "wasm32-unknown-unknown";
 
 /// The `rust-version` of this workspace, which Debian's compiler must have.
@@ -108,14 +108,14 @@ pub fn choose(choice: Choice) -> Result<Toolchain> {
     Ok(Toolchain::Debian)
 }
 
-/// Provides a compiler for the solver in the page of `rigctl report`, which the build script of `rigctl` then uses: the
+/// Provides a compiler for the solver in the page of `tsa-lab report`, which the build script of `lab` then uses: the
 /// present one with the target that rustup adds, else Debian's. Without one everything but the page works.
 pub fn prepare_page_target() {
     if target_installed(PAGE_TARGET) || run(Command::new("rustup").args(["target", "add", PAGE_TARGET])).is_ok() {
         return;
     }
     if let Err(error) = ensure_debian_pair() {
-        eprintln!("no compiler for {PAGE_TARGET}, so `rigctl report` will be missing: {error:#}");
+        eprintln!("no compiler for {PAGE_TARGET}, so `tsa-lab report` will be missing: {error:#}");
     }
 }
 

@@ -4,14 +4,14 @@
 //! rig, under the one load that hangs there. Writes `fig13.svg` and `fig13.csv` where it is started.
 
 use anyhow::{Context, Result};
-use lab::plot::{Axis, Block, Figure, Item, KeyRow, Panel, Pen, Sample, Shape, colour};
+use rig_config::Scene;
 use rig_link::LoadChoice;
-use rig_scene::Scene;
+use rig_plant::{PlantChange, PlantKey, RigPreset};
 use rigctl::failure::Failure;
+use rigctl::plot::{Axis, Block, Figure, Item, KeyRow, Panel, Pen, Sample, Shape, colour};
 use rigctl::session::serial::Serial;
 use rigctl::session::sim::{Sim, SimOptions};
 use rigctl::session::{Session, homing, motion};
-use sim_link::{PlantChange, PlantKey, RigPreset};
 use std::f64::consts::{PI, TAU};
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -47,7 +47,7 @@ fn main() -> Result<()> {
         sweeps.push(sweep(&mut session).map_err(Failure::into_error)?);
     } else {
         for kg in LOADS_KG {
-            let plant = vec![PlantChange { key: PlantKey::Load, value: kg * lab::STANDARD_GRAVITY_M_PER_S2 }];
+            let plant = vec![PlantChange { key: PlantKey::Load, value: kg * rig_plant::units::STANDARD_GRAVITY }];
             let options = SimOptions { plant, rig: RigPreset::Ideal, ..SimOptions::new(scene_file.clone()) };
             let mut session = Session::new(Box::new(Sim::start(&options).map_err(Failure::into_error)?));
             let swept = sweep(&mut session).map_err(Failure::into_error);

@@ -145,7 +145,7 @@ pub fn require_all(dropped: &Dropped, file: &Path) -> Result<(), Failure> {
 /// Naming the file and everything that is wrong with it.
 pub fn load(file: &Path, defaults: &SettingValues) -> Result<Backup, Failure> {
     let in_file = |message: String| Failure::failed(format!("{}: {message}", file.display()));
-    let text = rig_scene::files::read_to_string(file).map_err(|e| in_file(e.to_string()))?;
+    let text = rig_config::files::read_to_string(file).map_err(|e| in_file(e.to_string()))?;
     if !text.starts_with(&format!("# format = {FORMAT}")) {
         return from_toml(&text, defaults).map_err(in_file);
     }

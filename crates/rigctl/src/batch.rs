@@ -1,7 +1,7 @@
 //! Files of loads and turns.
 
+use crate::failure::ErrorBody;
 use crate::failure::Failure;
-use lab::ErrorBody;
 use serde::Serialize;
 use std::path::Path;
 
@@ -33,7 +33,7 @@ pub struct Query {
 /// # Errors
 /// If the file cannot be read or lacks a column.
 pub fn read(path: &Path) -> Result<Vec<Result<Query, RowError>>, Failure> {
-    let text = rig_scene::files::read_to_string(path)
+    let text = rig_config::files::read_to_string(path)
         .map_err(|e| Failure::failed(format!("batch file {}: {e}", path.display())))?;
     parse(&text).map_err(|e| Failure::failed(format!("batch file {}: {e}", path.display())))
 }

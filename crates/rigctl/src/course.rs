@@ -38,7 +38,7 @@ impl Course {
     /// # Errors
     /// Naming file and line.
     pub fn load(path: &Path) -> Result<Self, Failure> {
-        let text = rig_scene::files::read_to_string(path).map_err(|e| e.to_string());
+        let text = rig_config::files::read_to_string(path).map_err(|e| e.to_string());
         text.and_then(|text| Self::parse(&text))
             .map_err(|e| Failure::failed(format!("course file {}: {e}", path.display())))
     }

@@ -1,8 +1,17 @@
 //! How a command fails, and with which exit code.
 
 use crate::output::ReaderGone;
-use lab::ErrorBody;
 use rig_link::HomingFailure;
+use serde::Serialize;
+
+/// Why a number could not be computed, as `--json` prints it.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct ErrorBody {
+    /// Short stable name.
+    pub kind: String,
+    /// In words.
+    pub message: String,
+}
 
 /// A homing that failed, by the name that `docs/faults.md` explains.
 #[derive(Clone, Copy, Debug, thiserror::Error)]
@@ -154,7 +163,7 @@ mod tests {
 
     #[test]
     fn a_cause_that_an_error_names_itself_is_not_repeated() {
-        let scene = rig_scene::Scene::load("no-such.toml").expect_err("no such file");
+        let scene = rig_config::Scene::load("no-such.toml").expect_err("no such file");
         let message = Failure::from(scene).message().unwrap_or_default();
         assert_eq!(message.matches("os error 2").count(), 1, "{message}");
         assert!(message.contains("no-such.toml"), "{message}");

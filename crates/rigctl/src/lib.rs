@@ -4,15 +4,16 @@
 //!
 //! - [`cli`]: the commands with their help; [`commands`]: what each of them does.
 //! - [`options`]: the operator's options as values.
-//! - [`play`]: a script on a board; [`diagnosis`]: the checks of `doctor`; [`recorded_move`], [`figure`]: what `demo`,
-//!   `report` and `chart` make; [`screen`], [`monitor_input`], [`monitor_keys`]: the live view; [`backup`]: the file of a settings backup.
+//! - [`play`]: a script on a board; [`diagnosis`]: the checks of `doctor`; [`recorded_move`]: what `demo` makes; [`laboratory`]:
+//!   commands of the laboratory's tool; [`screen`], [`monitor_input`], [`monitor_keys`]: the live view; [`backup`]: the file of a settings backup.
 //! - [`log`]: a recorded conversation; [`replay`]: a log through the controller again; [`identify`]: constants from logs;
 //!   [`export`]: a log for other tools.
 //! - `serve`: a rig for several programs at once, on a Unix socket.
 //! - [`script`]: scripts; [`board_settings`]: settings as text; [`calibration`]: the LVDT by points.
 //! - [`session`]: a conversation with the firmware, emulated or real: connect, home, move.
-//! - [`page`]: the page of `report`, put together from its data and the files in `web/page`.
-//! - [`batch`], [`range`], [`units`], [`scene_file`]: text and files from the operator, checked and in SI.
+//! - [`plot`]: pictures as SVG; [`move_figure`], [`calibration_figure`], [`mechanism_figure`]: what is drawn; [`csv_text`]: data as CSV;
+//!   [`parallel`]: work on all cores; [`published`]: the paper's numbers; [`scene_key`]: one key of a scene by name or symbol.
+//! - [`batch`], [`units`], [`scene_file`]: text and files from the operator, checked and in SI.
 //! - [`output`]: lines or JSON, never both on standard output; [`out_file`]: files; [`failure`]: exit codes.
 //!
 //! An experiment of your own, on the emulated board or (`Serial::open("/dev/ttyACM0")`) a real one:
@@ -22,7 +23,7 @@
 //! use rigctl::failure::Failure;
 //! use rigctl::session::sim::{Sim, SimOptions};
 //! use rigctl::session::{Session, homing, motion};
-//! use sim_link::RigPreset;
+//! use rig_plant::RigPreset;
 //!
 //! fn main() -> anyhow::Result<()> {
 //!     experiment().map_err(Failure::into_error)
@@ -48,36 +49,42 @@ pub mod backup;
 pub mod batch;
 pub mod board_settings;
 pub mod calibration;
+pub mod calibration_figure;
 pub mod cli;
 pub mod commands;
 pub mod course;
+pub mod csv_text;
 pub mod diagnosis;
 pub mod export;
 pub mod failure;
-pub mod figure;
 #[cfg(test)]
 mod fixtures;
 pub mod identify;
+pub mod laboratory;
 pub mod log;
 pub mod lvdt_points;
+pub mod mechanism_figure;
 pub mod monitor_input;
 pub mod monitor_keys;
+pub mod move_figure;
 pub mod options;
 pub mod out_file;
 pub mod output;
-pub mod page;
+pub mod parallel;
 pub mod play;
-pub mod range;
+pub mod plot;
+pub mod published;
 pub mod recorded_move;
 pub mod replay;
 pub mod scene_file;
+pub mod scene_key;
 pub mod screen;
 pub mod script;
 #[cfg(unix)]
 pub mod serve;
 pub mod session;
 
-pub use sim_link::units;
+pub use rig_plant::units;
 
 use clap::Parser;
 use failure::Failure;
@@ -86,7 +93,24 @@ use std::process::ExitCode;
 
 /// Runs the tool with these arguments and returns its exit code: 0, 1 for refused or failed, 2 for wrong usage.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
-    let cli = match cli::Cli::try_parse_from(arguments) {
+    let arguments: Vec<OsString> = arguments.into_iter().collect();
+    started(
+        arguments.clone(),
+        |cli: &cli::Cli| &cli.global,
+        |cli, output| match cli.command.is_of_the_laboratory() {
+            true => laboratory::run(arguments.get(1..).unwrap_or_default()),
+            false => cli::dispatch::run(cli, output),
+        },
+    )
+}
+
+/// Parses the arguments of a tool with these options and runs it; its exit code as of [`run`].
+pub fn started<C: Parser>(
+    arguments: impl IntoIterator<Item = OsString>,
+    global: impl Fn(&C) -> &options::Global,
+    run: impl FnOnce(&C, &mut output::Output) -> Result<(), Failure>,
+) -> ExitCode {
+    let cli = match C::try_parse_from(arguments) {
         Ok(cli) => cli,
         Err(error) => {
             // Help and version go to standard output and are no failure; clap knows which is which.
@@ -94,8 +118,8 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
             return ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(2));
         }
     };
-    let mut output = output::Output::stdout(cli.global.json);
-    let result = cli::dispatch::run(&cli, &mut output).and_then(|()| Ok(output.flush()?));
+    let mut output = output::Output::stdout(global(&cli).json);
+    let result = run(&cli, &mut output).and_then(|()| Ok(output.flush()?));
     match result {
         Ok(()) => ExitCode::SUCCESS,
         // The reader has gone (`rigctl … | head`).

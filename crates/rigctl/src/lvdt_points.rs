@@ -3,8 +3,8 @@
 use crate::batch::columns;
 use crate::calibration::Point;
 use crate::failure::Failure;
+use rig_config::Rig;
 use rig_link::{CurveFlaw, LVDT_POINTS_MAX, LvdtCurve};
-use rig_scene::Rig;
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -20,7 +20,7 @@ const HALF_WIDTH: f64 = 1.645;
 /// Naming the file, and where it can the lines: it cannot be read, is of another kind, or its points are no calibration of
 /// this sensor.
 pub fn load(path: &Path, rig: &Rig, gauge_error_m: f64) -> Result<LvdtCurve, Failure> {
-    let text = rig_scene::files::read_to_string(path).map_err(|e| e.to_string());
+    let text = rig_config::files::read_to_string(path).map_err(|e| e.to_string());
     let curve = text.and_then(|text| parse(&text)).and_then(|points| curve(points, rig, gauge_error_m));
     curve.map_err(|e| Failure::failed(format!("points file {}: {e}", path.display())))
 }

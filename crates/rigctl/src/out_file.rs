@@ -1,7 +1,7 @@
 //! Files that commands write. What a file held before is kept beside it as `FILE~`.
 
 use crate::failure::Failure;
-use rig_scene::files::{self, Replacement};
+use rig_config::files::{self, Replacement};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 

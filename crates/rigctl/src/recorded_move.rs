@@ -1,16 +1,16 @@
 //! A load that the firmware does not know, homed and moved on a fresh emulated board, with its telemetry.
 
 use crate::failure::Failure;
+use crate::move_figure::Curve;
 use crate::session::Session;
 use crate::session::homing::{HomeResult, home};
 use crate::session::motion::{MoveResult, move_to};
 use crate::session::row::Row;
 use crate::session::sim::{Sim, SimOptions};
-use lab::STANDARD_GRAVITY_M_PER_S2;
-use lab::move_figure::Curve;
 use rig_link::LoadChoice;
+use rig_plant::units::STANDARD_GRAVITY as STANDARD_GRAVITY_M_PER_S2;
+use rig_plant::{PlantChange, PlantKey};
 use serde::Serialize;
-use sim_link::{PlantChange, PlantKey};
 use std::time::Instant;
 
 /// Target of the move (m).

@@ -7,10 +7,10 @@
 //! tick sees is taken for healthy: a replay ends where the recorded rig stopped by a fault.
 
 use crate::log::{Log, LogRow, Mark};
+use rig_config::Scene;
 use rig_control::homing::Homed;
 use rig_control::{DriveCommand, DriveReading, Inputs, LvdtBlock, Rig, RigConstants, TICK_S, TICK_US, settings};
 use rig_link::{Counters, HomingResult, Request, Setting, SettingValues, State};
-use rig_scene::Scene;
 use serde::Serialize;
 use std::f32::consts::PI;
 use tsa_table::Table;

@@ -1,7 +1,7 @@
 //! Scene files that the operator names.
 
 use crate::failure::Failure;
-use rig_scene::{Scene, files};
+use rig_config::{Scene, files};
 use std::path::Path;
 
 /// Checks that a scene file is there.

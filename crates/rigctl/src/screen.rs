@@ -1,7 +1,7 @@
 //! The live view: the newest telemetry as numbers, the last half minute as plots.
 
+use crate::mechanism_figure::{Outline, outline};
 use crate::session::row::Row;
-use lab::mechanism_figure::{Outline, outline};
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};
@@ -9,7 +9,7 @@ use ratatui::symbols::Marker;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::canvas::{Canvas, Context, Line as Stroke, Rectangle};
 use ratatui::widgets::{Axis, Block, Chart, Dataset, GraphType, Paragraph};
-use rig_scene::Scene;
+use rig_config::Scene;
 use std::collections::VecDeque;
 
 /// Time span of the plots (s).

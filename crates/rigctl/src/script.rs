@@ -4,7 +4,7 @@ use crate::course::Course;
 use crate::failure::Failure;
 use crate::units::{self, Quantity};
 use rig_link::{LoadChoice, Request};
-use sim_link::{Fault, PlantChange, PlantError};
+use rig_plant::{Fault, PlantChange, PlantError};
 use std::path::Path;
 
 /// Speed of a move that names none (m/s).
@@ -100,7 +100,7 @@ impl Script {
     /// Naming file and line.
     pub fn load(path: &Path) -> Result<(Self, String), Failure> {
         let wrong = |what: String| Failure::failed(format!("script {}: {what}", path.display()));
-        let text = rig_scene::files::read_to_string(path).map_err(|e| wrong(e.to_string()))?;
+        let text = rig_config::files::read_to_string(path).map_err(|e| wrong(e.to_string()))?;
         let folder = path.parent().unwrap_or(Path::new(""));
         Ok((Self::parse_in(folder, &text).map_err(|e| wrong(e.to_string()))?, text))
     }

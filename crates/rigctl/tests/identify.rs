@@ -4,7 +4,7 @@ mod common;
 
 use common::{desktop as rigctl, error_of as said, root};
 use rand::{RngExt, SeedableRng};
-use rig_scene::Scene;
+use rig_config::Scene;
 use rigctl::identify::compete::Candidate;
 use rigctl::identify::data::Data;
 use rigctl::identify::identify;

@@ -4,7 +4,7 @@
 mod common;
 
 use common::{error_of, lines, rigctl};
-use rig_scene::Scene;
+use rig_config::Scene;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use tsa_model::twist_from_turns;

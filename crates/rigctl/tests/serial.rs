@@ -4,12 +4,12 @@
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use rig_link::State;
+use rig_plant::RigPreset;
 use rigctl::log::Log;
 use rigctl::session::sim::{Sim, SimOptions};
 use rigctl::session::{Port, Truth};
 use serde_json::Value;
 use serialport::{SerialPort, TTYPort};
-use sim_link::RigPreset;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::os::unix::net::UnixStream;
 use std::path::Path;

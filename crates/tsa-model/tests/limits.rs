@@ -1,6 +1,6 @@
 //! The limits of the model (docs/model.md section 5): each limit named, and the nearest good case solved.
 
-use rig_scene::Scene;
+use rig_config::Scene;
 use tsa_model::{Material, Mechanism, PRETWIST_RAD, RadiusLaw, SolveError, Warnings, twist_from_turns};
 
 fn scene(name: &str) -> Scene {

@@ -1,6 +1,6 @@
 //! Derivatives, symmetry and limits of the mechanism.
 
-use rig_scene::Scene;
+use rig_config::Scene;
 use tsa_model::scalar::{Dual, Scalar, Single};
 use tsa_model::{Geometry, Mechanism, PRETWIST_RAD, Parameters, twist_from_turns};
 

@@ -9,7 +9,7 @@
 //!
 //! `host-tests/peers/twisted-strings.py` wrote the numbers.
 
-use rig_scene::Scene;
+use rig_config::Scene;
 use tsa_model::{Geometry, Mechanism, PRETWIST_RAD, RadiusLaw, StringParameters};
 
 /// The package computes in doubles; the smallest contraction has lost the last four digits to cancellation.

@@ -1,6 +1,6 @@
 //! Every row and column of the reference equilibria, each computed there by two independent methods.
 
-use rig_scene::Scene;
+use rig_config::Scene;
 use std::collections::HashMap;
 use tsa_model::twist_from_turns;
 

@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 use proptest::test_runner::{RngAlgorithm, TestRng, TestRunner};
-use rig_scene::Scene;
+use rig_config::Scene;
 use std::cell::Cell;
 use tsa_model::helix::State;
 use tsa_model::{Equilibrium, Geometry, Mechanism, RadiusLaw, SolveError, StringParameters};

@@ -1,6 +1,6 @@
 //! Each tier's estimate of its own error against the full tier, over the envelope of every scene.
 
-use rig_scene::Scene;
+use rig_config::Scene;
 use tsa_model::{Tier, TierError, twist_from_turns};
 
 fn scenes() -> Vec<(String, Scene)> {

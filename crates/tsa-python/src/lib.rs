@@ -16,7 +16,7 @@ type Columns<'py> = (Bound<'py, PyArray2<f64>>, Vec<(usize, String)>);
 
 /// A scene, checked.
 #[pyclass(frozen)]
-struct Scene(rig_scene::Scene);
+struct Scene(rig_config::Scene);
 
 fn wrong(error: impl std::fmt::Display) -> PyErr {
     PyValueError::new_err(error.to_string())
@@ -37,7 +37,7 @@ fn columns<'py, const N: usize>(
         load_n.iter().zip(turns).map(|(&load_n, &turns)| rigctl::batch::Query { load_n, turns }).collect();
     let chunks: Vec<_> = queries.chunks(CHUNK).collect();
     let solved = py.detach(|| {
-        lab::parallel::parallel(&|_, _| {}, chunks.len(), |k| chunks[k].iter().map(|q| f(*q)).collect::<Vec<_>>())
+        rigctl::parallel::parallel(&|_, _| {}, chunks.len(), |k| chunks[k].iter().map(|q| f(*q)).collect::<Vec<_>>())
     });
     let (mut rows, mut refused) = (vec![Vec::with_capacity(queries.len()); N], Vec::new());
     for (k, point) in solved.into_iter().flatten().enumerate() {
@@ -54,18 +54,18 @@ fn columns<'py, const N: usize>(
 impl Scene {
     #[staticmethod]
     fn load(path: std::path::PathBuf) -> PyResult<Self> {
-        rig_scene::Scene::load(path).map(Self).map_err(wrong)
+        rig_config::Scene::load(path).map(Self).map_err(wrong)
     }
 
     #[staticmethod]
     fn parse(text: &str) -> PyResult<Self> {
-        rig_scene::Scene::from_toml_str(text).map(Self).map_err(wrong)
+        rig_config::Scene::from_toml_str(text).map(Self).map_err(wrong)
     }
 
     /// From all keys, as [`Scene::json`] gives them.
     #[staticmethod]
     fn from_json(text: &str) -> PyResult<Self> {
-        let scene: rig_scene::Scene = serde_json::from_str(text).map_err(wrong)?;
+        let scene: rig_config::Scene = serde_json::from_str(text).map_err(wrong)?;
         scene.validate().map_err(wrong)?;
         Ok(Self(scene))
     }

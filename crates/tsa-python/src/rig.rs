@@ -171,7 +171,7 @@ impl Board {
 
     /// Changes an emulated rig (`load=0.5kg`).
     fn plant(&self, py: Python<'_>, change: &str) -> PyResult<()> {
-        let change = change.parse().map_err(|e: sim_link::PlantError| PyValueError::new_err(e.to_string()))?;
+        let change = change.parse().map_err(|e: rig_plant::PlantError| PyValueError::new_err(e.to_string()))?;
         self.with(py, |session, _| match session.emulated() {
             Some(emulated) => emulated.plant(change),
             None => Err(Failure::Usage("only an emulated rig has a plant to change".into())),

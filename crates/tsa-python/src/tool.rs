@@ -3,7 +3,7 @@
 use clap::Parser;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
-use rig_scene::Scene;
+use rig_config::Scene;
 use rigctl::cli::{Cli, dispatch};
 use rigctl::failure::Failure;
 use rigctl::identify::compete::Candidate;

@@ -1,7 +1,7 @@
 //! Tables of real scenes against the full solver, through the code that the board runs.
 
-use rig_scene::Scene;
-use rig_scene::TableError;
+use rig_config::Scene;
+use rig_config::TableError;
 use std::sync::OnceLock;
 use tsa_model::twist_from_turns;
 use tsa_table::InverseError;
@@ -118,7 +118,7 @@ fn outside_the_envelope_is_refused_by_name() {
 fn tighter_accuracy_makes_a_larger_table_and_looser_a_smaller_one() {
     let bytes = |contraction_m: f64, tr_relative: f64| {
         let mut s = scene();
-        s.accuracy = Some(rig_scene::TableAccuracy::Given(rig_scene::Accuracy { contraction_m, tr_relative }));
+        s.accuracy = Some(rig_config::Accuracy { contraction_m, tr_relative });
         s.fit_table().unwrap().table.numbers.bytes()
     };
     let (tight, middle, loose) = (bytes(2e-6, 8e-4), bytes(5e-6, 2e-3), bytes(1e-4, 2e-2));
@@ -133,7 +133,7 @@ fn an_envelope_past_a_limit_names_the_limit_and_the_first_point() {
     let mechanism = s.mechanism().unwrap();
     // Under a light load the helix angle runs away before the strings lie side by side.
     for (least_n, most_turns, kind) in [(0.8, 10.0, "no-equilibrium"), (5.0, 12.0, "overtwist")] {
-        s.envelope = Some(rig_scene::Envelope { load_n: [least_n, 18.0], turns: [0.0, most_turns] });
+        s.envelope = Some(rig_config::Envelope { load_n: [least_n, 18.0], turns: [0.0, most_turns] });
         let TableError::Fit(FitError::Envelope { load_n, turns, source }) = s.fit_table().unwrap_err() else {
             panic!("not refused")
         };
@@ -143,7 +143,7 @@ fn an_envelope_past_a_limit_names_the_limit_and_the_first_point() {
         assert_eq!(solved(turns).unwrap_err(), kind);
         assert!(solved(0.7 * turns).is_ok());
     }
-    s.accuracy = Some(rig_scene::TableAccuracy::Given(rig_scene::Accuracy { contraction_m: 1e-12, tr_relative: 1e-3 }));
+    s.accuracy = Some(rig_config::Accuracy { contraction_m: 1e-12, tr_relative: 1e-3 });
     s.envelope = scene().envelope;
     let Err(TableError::Fit(FitError::Accuracy { best, .. })) = s.fit_table() else { panic!("not refused") };
     // The most accurate table that can be fitted, limited by f32.

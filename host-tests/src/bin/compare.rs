@@ -8,8 +8,8 @@ use host_tests::compare::report::{Reached, Results};
 use host_tests::compare::tune::Goal;
 use host_tests::compare::{Comparison, Controller, untuned};
 use host_tests::scenario;
+use rig_plant::{PlantChange, PlantKey, RigPreset};
 use rigctl::out_file::write_file;
-use sim_link::{PlantChange, PlantKey, RigPreset};
 use std::path::PathBuf;
 
 #[derive(Parser)]

@@ -2,8 +2,8 @@
 
 use clap::Parser;
 use host_tests::endurance::{Endurance, moves, noise};
-use lab::parallel::parallel_on;
-use sim_link::RigPreset;
+use rig_plant::RigPreset;
+use rigctl::parallel::parallel_on;
 
 #[derive(Parser)]
 #[command(about = "Long runs on the emulated board", version)]
@@ -42,7 +42,7 @@ fn main() {
             eprintln!("{rig} rig {}: {found}", seed + k as u64);
             found
         };
-        let all = parallel_on(lab::parallel::cores(), &|_, _| {}, usize::from(rigs), one);
+        let all = parallel_on(rigctl::parallel::cores(), &|_, _| {}, usize::from(rigs), one);
         let moves = all.into_iter().reduce(Endurance::and).unwrap_or_default();
         if json { println!("{}", moves.json()) } else { println!("{moves}") }
     }

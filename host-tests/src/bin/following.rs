@@ -3,9 +3,9 @@
 use anyhow::Result;
 use clap::Parser;
 use host_tests::following::{AMPLITUDES_M, LOADS_KG, PERIOD_TICKS, Response, Series, figure, frequency_hz};
-use lab::parallel::parallel;
+use rig_plant::RigPreset;
+use rigctl::parallel::parallel;
 use serde_json::json;
-use sim_link::RigPreset;
 use std::path::PathBuf;
 
 const KINDS: [RigPreset; 2] = [RigPreset::Ideal, RigPreset::Nominal];

@@ -8,8 +8,8 @@ use host_tests::load_changes::{self, Outcome};
 use host_tests::rigs::subject::Subject;
 use host_tests::rivals::Field;
 use host_tests::rivals_figure::{Played, figure, over_limit};
+use rig_plant::RigPreset;
 use serde_json::json;
-use sim_link::RigPreset;
 use std::path::PathBuf;
 
 /// Kind of rig, how many, and the distance (m) within which a load counts as at its place.
@@ -35,7 +35,7 @@ struct Arguments {
     #[arg(long, value_name = "FILE.svg")]
     figure: Option<PathBuf>,
     /// Threads
-    #[arg(long, default_value_t = lab::parallel::cores())]
+    #[arg(long, default_value_t = rigctl::parallel::cores())]
     jobs: usize,
 }
 

@@ -4,7 +4,7 @@ use clap::Parser;
 use host_tests::full_speed;
 use host_tests::load_changes::{self, Outcome};
 use host_tests::rigs::subject::Subject;
-use sim_link::RigPreset;
+use rig_plant::RigPreset;
 use std::ops::Range;
 
 #[derive(Parser)]
@@ -26,7 +26,7 @@ struct Arguments {
     #[arg(long)]
     full_speed: bool,
     /// Threads
-    #[arg(long, default_value_t = lab::parallel::cores())]
+    #[arg(long, default_value_t = rigctl::parallel::cores())]
     jobs: usize,
     /// One line for each step
     #[arg(long)]

@@ -4,7 +4,7 @@ use anyhow::Result;
 use clap::Parser;
 use host_tests::margins::{LOADS_KG, Margins, POSITIONS_M, Place, most, rigs};
 use host_tests::rigs::subject::Subject;
-use lab::parallel::parallel;
+use rigctl::parallel::parallel;
 use serde_json::json;
 
 #[derive(Parser)]

@@ -5,7 +5,7 @@ use clap::{Parser, ValueEnum};
 use host_tests::rigs::report::{Results, csv, groups, summary};
 use host_tests::rigs::subject::{EFFECTS, FACTORS, Subject};
 use host_tests::rigs::{LOADS_KG, Plan, study};
-use sim_link::{PlantChange, RigPreset};
+use rig_plant::{PlantChange, RigPreset};
 use std::ops::Range;
 use std::path::PathBuf;
 
@@ -28,7 +28,7 @@ struct Arguments {
     #[arg(long, value_name = "KG,KG", value_delimiter = ',', default_values_t = LOADS_KG)]
     loads: Vec<f64>,
     /// Threads
-    #[arg(long, value_name = "N", default_value_t = lab::parallel::cores())]
+    #[arg(long, value_name = "N", default_value_t = rigctl::parallel::cores())]
     jobs: usize,
     /// Leave out the comparison with loops of a fixed ratio
     #[arg(long)]
@@ -92,7 +92,7 @@ fn main() -> Result<()> {
         (format!("{name}.json"), json),
     ] {
         let path = arguments.out.join(file);
-        rig_scene::files::replace(&path, text.as_bytes(), false).map_err(|e| anyhow!("{}: {e}", path.display()))?;
+        rig_config::files::replace(&path, text.as_bytes(), false).map_err(|e| anyhow!("{}: {e}", path.display()))?;
     }
     for group in &groups {
         println!("{}", group.table());

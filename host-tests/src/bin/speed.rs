@@ -7,9 +7,9 @@ use host_tests::full_speed;
 use host_tests::load_changes::{self, Outcome};
 use host_tests::rigs::subject::Subject;
 use host_tests::speed_figure::{Group, figure};
-use lab::parallel::parallel_on;
+use rig_plant::RigPreset;
+use rigctl::parallel::parallel_on;
 use serde_json::json;
-use sim_link::RigPreset;
 use std::path::PathBuf;
 
 /// Kind of rig, how many, and the distances (m) within which a load counts as at its place.
@@ -26,7 +26,7 @@ struct Arguments {
     #[arg(long, value_name = "FILE.svg")]
     figure: Option<PathBuf>,
     /// Threads
-    #[arg(long, default_value_t = lab::parallel::cores())]
+    #[arg(long, default_value_t = rigctl::parallel::cores())]
     jobs: usize,
 }
 

@@ -25,11 +25,11 @@ pub mod tune;
 use crate::ControlBench;
 use crate::scenario::Scenario;
 use baseline::{Baseline, Law, Loop};
-use lab::parallel::parallel;
 use plants::{Kind, RandomPlant};
 use play::{Played, Record};
+use rig_plant::RigPreset;
+use rigctl::parallel::parallel;
 use score::Score;
-use sim_link::RigPreset;
 use tune::{Goal, Tally};
 
 /// Who drives the rig.

@@ -6,7 +6,7 @@ use crate::rigs::commission::{Firmware, commission};
 use crate::rigs::subject::Subject;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
-use sim_link::{PlantChange, PlantKey, RigPreset};
+use rig_plant::{PlantChange, PlantKey, RigPreset};
 use std::fmt;
 
 /// How far a constant of the mechanism or the supply may be off.

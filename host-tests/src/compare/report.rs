@@ -4,10 +4,10 @@ use super::plants::Kind;
 use super::score::Summary;
 use super::{Entry, Failure};
 use crate::scenario::Scenario;
-use lab::csv_text::csv_text;
-use lab::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Sample, Shape, colour, extent};
-use sim_link::units::STANDARD_GRAVITY;
-use sim_link::{PlantKey, RigPreset};
+use rig_plant::units::STANDARD_GRAVITY;
+use rig_plant::{PlantKey, RigPreset};
+use rigctl::csv_text::csv_text;
+use rigctl::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Sample, Shape, colour, extent};
 use std::fmt::Write;
 
 /// Largest tracking errors that others publish for closed loops on a twisted string: what, load (kg), errors (mm).

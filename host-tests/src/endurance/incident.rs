@@ -6,10 +6,10 @@ use crate::rigs::subject::Subject;
 use crate::sweep::{identified, swept};
 use rand::seq::IndexedRandom;
 use rand::{Rng, RngExt};
+use rig_config::Scene;
 use rig_link::messages::{EventKind, Kept, LoadChoice, Refusal, Request, Setting, State, StreamEnd};
-use rig_scene::Scene;
-use sim_link::RigFault as Fault;
-use sim_link::units::STANDARD_GRAVITY;
+use rig_plant::RigFault as Fault;
+use rig_plant::units::STANDARD_GRAVITY;
 
 /// Something that happens to a rig.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

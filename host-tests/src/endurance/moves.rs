@@ -6,7 +6,7 @@ use crate::rigs::subject::Subject;
 use rand::seq::IndexedRandom;
 use rand::{RngExt, SeedableRng};
 use rig_link::messages::{EventKind, Limit, Request, State};
-use sim_link::RigPreset;
+use rig_plant::RigPreset;
 use std::collections::BTreeMap;
 use std::fmt;
 

@@ -2,8 +2,8 @@
 
 use crate::board::Bench;
 use rand::{RngExt, SeedableRng};
-use rig_emulator::board::{CanFrame, Stimulus};
 use rig_link::messages::{Request, State};
+use rig_plant::board::{CanFrame, Stimulus};
 use std::fmt;
 
 /// What random bytes came to.

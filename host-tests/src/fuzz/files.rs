@@ -3,10 +3,10 @@
 use super::with_file;
 use crate::{constants, scene, table};
 use clap::Parser;
+use rig_config::Scene;
 use rig_control::settings;
 use rig_link::messages::{CorrectedConstants, Kept, Request};
 use rig_link::{MAX_FRAME, encode};
-use rig_scene::Scene;
 use rigctl::batch::Query;
 use rigctl::course::Course;
 use rigctl::identify::compete::Candidate;

@@ -3,13 +3,13 @@
 use super::with_file;
 use crate::{ControlBench, constants, scene, table};
 use rig_control::{DriveCommand, DriveReading, Inputs, LvdtBlock, Rig, SupplyReading};
-use rig_emulator::rig::Rig as Emulated;
-use rig_emulator::rig::outside::Outside;
-use rig_emulator::rig::outside::measured::Measured;
-use rig_emulator::rig::transmission::Transmission;
 use rig_link::messages::{Counters, LoadChoice, Request, Setting, Telemetry};
+use rig_plant::RigPreset;
+use rig_plant::rig::Rig as Emulated;
+use rig_plant::rig::outside::Outside;
+use rig_plant::rig::outside::measured::Measured;
+use rig_plant::rig::transmission::Transmission;
 use rmds405::QuadCounts;
-use sim_link::RigPreset;
 use std::sync::OnceLock;
 
 /// Half a turn of the strings, and what the fastest move covers while the drive answers (motor counts).

@@ -10,7 +10,7 @@ use crate::compare::baseline::{Baseline, Law, Loop, Wanted};
 use crate::compare::play::Record;
 use crate::compare::score::Score;
 use rig_control::TICK_S;
-use sim_link::units::STANDARD_GRAVITY;
+use rig_plant::units::STANDARD_GRAVITY;
 use std::f32::consts::PI;
 
 /// Ratios (rad/m), and gains (1/s) with corners (rad/s), of which the best are taken: around what `cargo xtask compare`

@@ -1,6 +1,6 @@
 //! What is measured on a rig, and the floors: what is asked of it.
 
-use sim_link::RigPreset;
+use rig_plant::RigPreset;
 
 /// One thing that is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

@@ -17,7 +17,7 @@ pub mod subject;
 pub mod trial;
 
 use floor::Finding;
-use lab::parallel::{Progress, parallel_on};
+use rigctl::parallel::{Progress, parallel_on};
 use subject::Subject;
 
 /// Loads that every rig is tried with (kg).

@@ -4,10 +4,10 @@ use super::Scored;
 use super::floor::{Check, Finding, Floor};
 use super::subject::Subject;
 use super::trial::NOT_HOMED;
-use lab::csv_text::{csv_text, optional};
+use rig_plant::RigPreset;
+use rig_plant::units::STANDARD_GRAVITY;
+use rigctl::csv_text::{csv_text, optional};
 use serde_json::{Value, json};
-use sim_link::RigPreset;
-use sim_link::units::STANDARD_GRAVITY;
 
 /// A check over all rigs of a kind.
 #[derive(Clone, Debug)]

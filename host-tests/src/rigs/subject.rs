@@ -1,9 +1,9 @@
 //! Which rigs are tried.
 
-use rig_emulator::rig::plant_settings::PlantSettings;
-use rig_emulator::rig::{Rig, RigError};
-use rig_scene::Scene;
-use sim_link::{PlantChange, PlantKey, RigPreset};
+use rig_config::Scene;
+use rig_plant::rig::plant_settings::PlantSettings;
+use rig_plant::rig::{Rig, RigError};
+use rig_plant::{PlantChange, PlantKey, RigPreset};
 use std::fmt;
 
 /// One of what real rigs have besides their model.

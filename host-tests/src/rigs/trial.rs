@@ -8,7 +8,7 @@ use crate::compare::play::Record;
 use crate::compare::score::Score;
 use rig_control::TICK_S;
 use rig_link::messages::{EventKind, LoadChoice, Request, State};
-use sim_link::units::STANDARD_GRAVITY;
+use rig_plant::units::STANDARD_GRAVITY;
 
 /// Where the load rests and is changed (m), how fast it goes there (m/s), and how long it rests (s).
 const REST_M: f32 = 0.008;

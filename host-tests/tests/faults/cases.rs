@@ -4,7 +4,7 @@ use host_tests::ControlBench;
 use rig_control::Inputs;
 use rig_control::sensors::DriveReading;
 use rig_link::messages::{Fault, LoadChoice, Request, State};
-use sim_link::RigFault;
+use rig_plant::RigFault;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, OnceLock};
 

@@ -11,7 +11,7 @@ use rig_control::sensors::DriveReading;
 use rig_control::supervisor::fault_policy::{After, Response, policy};
 use rig_control::{DriveCommand, Rig as Control};
 use rig_link::messages::{Doubt, EventKind, Fault, Limit, LoadChoice, Parameter, Refusal, Request, State, TablePart};
-use sim_link::RigFault;
+use rig_plant::RigFault;
 use tsa_table::record::StoredTable;
 
 #[test]

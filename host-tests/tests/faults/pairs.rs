@@ -5,7 +5,7 @@ use super::cases::*;
 use host_tests::ControlBench;
 use rig_control::supervisor::fault_policy::{Response, policy};
 use rig_link::messages::{Fault, LoadChoice, Refusal, Request, State};
-use sim_link::RigFault;
+use rig_plant::RigFault;
 use std::fmt::Write;
 
 /// Requests between the first fault and the second.

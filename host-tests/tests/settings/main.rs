@@ -4,10 +4,10 @@
 mod effects;
 
 use host_tests::board::{Bench, firmware, other_rig};
+use rig_config::Scene;
 use rig_link::messages::{
     Accepted, Fault, Kept, LoadChoice, LvdtCurve, Refusal, Request, Setting, SettingValues, SettingsReport, State,
 };
-use rig_scene::Scene;
 
 const fn set(setting: Setting, value: f32) -> Request {
     Request::SetSetting { setting, value }

@@ -1,4 +1,4 @@
-//! How the section about the page of `rigctl report` is measured; it also makes the copy of the page in `docs`.
+//! How the section about the page of `tsa-lab report` is measured; it also makes the copy of the page in `docs`.
 
 use super::Measured;
 use super::sections::{number, printed, rigctl, significant, text};
@@ -13,12 +13,12 @@ pub(super) fn measure(folders: &Folders) -> Result<Measured> {
     host::tools_and_firmware(folders)?;
     let made = rigctl(folders, &["report", "--out", PAGE, "--charts", "docs/charts"])?;
     let missing =
-        made.first().and_then(|made| made["missing"].as_array()).context("`rigctl report` printed nothing")?;
+        made.first().and_then(|made| made["missing"].as_array()).context("`tsa-lab report` printed nothing")?;
     ensure!(missing.is_empty(), "the page lacks {missing:?}");
     // The tool keeps what the file held before.
     let _ = std::fs::remove_file(folders.root.join(format!("{PAGE}~")));
     let bytes = std::fs::metadata(folders.root.join(PAGE))?.len();
-    let found = printed(browser::driver(folders)?.args(["web/tests/measure.py", PAGE]))?;
+    let found = printed(browser::driver(folders)?.args(["lab/web/tests/measure.py", PAGE]))?;
     let found: Value = serde_json::from_str(found.trim()).with_context(|| format!("no JSON: {found}"))?;
     let mut measured = Measured { table: vec![text(&["", ""])], ..Measured::default() };
     let mut add = |name: &str, shown: &str, value: f64, unit: &str| {

@@ -70,7 +70,7 @@ pub(super) const SECTIONS: &[Section] = &[
         name: "charts",
         title: "Speed, accuracy, stability",
         about: "The cheapest model and table that each scene needs, and where each method fails.",
-        command: "target/release/rigctl chart --out docs/charts",
+        command: "target/release/tsa-lab chart --out docs/charts",
         figures: &[
             ("charts/work-precision.svg", "Work against precision of each method"),
             ("charts/stability.svg", "Which equilibrium each method finds, over load and twist of four rods"),
@@ -83,7 +83,7 @@ pub(super) const SECTIONS: &[Section] = &[
     Section {
         name: "report",
         title: "The page with the mechanism",
-        about: "Size and times of the page that `rigctl report` writes, with the solver inside.",
+        about: "Size and times of the page that `tsa-lab report` writes, with the solver inside.",
         command: "cargo xtask results report",
         figures: &[],
         measure: super::report::measure,
@@ -94,7 +94,7 @@ pub(super) const SECTIONS: &[Section] = &[
         about: "The error budget of each scene on each kind of rig: half widths that hold 90 of 100 cases, without the table's own \
                 error; and the cheapest model and the table that raise them by 5 % at most, beside the table of the accuracy in \
                 the scene. Computed, not emulated ([Error budget](budget.md)).",
-        command: "target/release/rigctl budget --all",
+        command: "target/release/tsa-lab budget --all",
         figures: &[],
         measure: super::model::budget,
     },
@@ -131,7 +131,7 @@ pub(super) const SECTIONS: &[Section] = &[
         name: "margins",
         title: "Gain and delay that the position loop tolerates",
         about: "By how much the gain of the open loop may grow, and what delay beyond the known one it tolerates, by the linear \
-                analysis of `rigctl chart --only margin` and by the firmware's control code on emulated rigs, whose measured gap is \
+                analysis of `tsa-lab chart --only margin` and by the firmware's control code on emulated rigs, whose measured gap is \
                 made to change by more, or to come later than its time stamp says.",
         command: "cargo xtask results margins",
         figures: &[],

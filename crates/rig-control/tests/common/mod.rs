@@ -3,13 +3,13 @@
 
 pub mod bench;
 
+use rig_config::Scene;
 use rig_control::RigConstants;
 use rig_control::load_motion::MotionObserver;
 use rig_control::load_state::LoadState;
 use rig_control::mechanism::Mechanism;
 use rig_control::observer::Observation;
 use rig_link::messages::GapCurve;
-use rig_scene::Scene;
 use std::path::Path;
 use std::sync::OnceLock;
 use tsa_table::Table;

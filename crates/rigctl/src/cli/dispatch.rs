@@ -3,6 +3,7 @@
 use super::{Cli, Command};
 use crate::commands::*;
 use crate::failure::Failure;
+use crate::laboratory;
 use crate::options::Global;
 use crate::output::Output;
 use clap::CommandFactory;
@@ -16,17 +17,11 @@ pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
     let global = &cli.global;
     rig_options(global, &cli.command)?;
     match &cli.command {
-        Command::Solve { at, how } => solve::run(global, at, how, output),
+        Command::Solve { at, how } if !cli.command.is_of_the_laboratory() => solve::run(global, at, how, output),
         Command::Identify(options) => identify::run(global, options, output),
         Command::Lookup { at } => lookup::run(global, at, output),
         Command::Table { board: true, .. } => table_board::run(global, output),
-        Command::Table { out, board: false } => table::run(global, out.as_deref(), output),
-        Command::Budget { gauge, all: false } => budget::run(global, *gauge, output),
-        Command::Budget { gauge, all: true } => budget::all(global, *gauge, output),
-        Command::Published { all, inferred_geometry, out } => {
-            published::run(global, *all, *inferred_geometry, out.as_deref(), output)
-        }
-        Command::Study { vary, load, turns, out } => study::run(global, vary, *load, *turns, out.as_deref(), output),
+        Command::Solve { .. } | Command::Table { .. } | Command::Published { .. } => Err(laboratory::here()),
         Command::Play { script, seconds } | Command::Sim { script, seconds } => {
             play::run(global, script.as_deref(), *seconds, output)
         }
@@ -44,9 +39,6 @@ pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
         Command::Calibrate { what } => calibrate::run(global, what, output),
         Command::Status => status::run(global, output),
         Command::Sensors { seconds } => status::sensors(global, *seconds, output),
-        Command::Chart { out, only } => chart::run(global, out, only, output),
-        Command::ChartKernel => Ok(lab::chart::work::kernel(&global.scene()?)?),
-        Command::Report { out, inputs } => report::run(global, out, inputs, output),
         Command::Record(options) => record::run(global, options, output),
         Command::Sweep(options) => sweep::run(global, options, output),
         Command::Replay(options) => replay::run(global, options, output),
@@ -72,30 +64,18 @@ fn rig_options(global: &Global, command: &Command) -> Result<(), Failure> {
     let port = global.given_device().is_some();
     let given = || [(port, "--port")].into_iter().chain(global.of_emulated_board());
     match command {
-        Command::Sim { .. } | Command::Demo { .. } | Command::Report { .. } if port => Err(Failure::Usage(format!(
+        Command::Sim { .. } | Command::Demo { .. } if port => Err(Failure::Usage(format!(
             "--port {}: this command is always on the emulated board; `play` takes a script to a rig",
             global.port()
         ))),
         Command::Solve { .. }
         | Command::Identify(_)
         | Command::Lookup { .. }
-        | Command::Table { board: false, .. }
-        | Command::Published { .. }
-        | Command::Study { .. }
         | Command::Move { dry_run: true, .. }
-        | Command::Chart { .. }
         | Command::Replay(_)
         | Command::Export(_)
         | Command::Completions { .. } => {
             no_effect(given(), "this command uses no rig");
-            Ok(())
-        }
-        Command::Budget { all: false, .. } => {
-            no_effect(given().filter(|(_, name)| *name != "--rig"), "the budget is computed, and asks for --rig alone");
-            Ok(())
-        }
-        Command::Budget { all: true, .. } => {
-            no_effect(given(), "the budgets of all kinds of rigs are computed");
             Ok(())
         }
         Command::Selftest => {
@@ -106,7 +86,8 @@ fn rig_options(global: &Global, command: &Command) -> Result<(), Failure> {
     }
 }
 
-fn no_effect(given: impl Iterator<Item = (bool, &'static str)>, why: &str) {
+/// Prints which of the given options have no effect, and why.
+pub fn no_effect(given: impl Iterator<Item = (bool, &'static str)>, why: &str) {
     for (_, name) in given.filter(|(given, _)| *given) {
         eprintln!("{name} has no effect: {why}");
     }

@@ -2,15 +2,13 @@
 
 pub mod dispatch;
 
-use crate::commands::report;
 use crate::options::Global;
 use crate::options::commands::{At, Calibrate, Config, Export, How, Identify, Record, Replay, Sweep};
-use crate::options::values::{gauge_error, load, load_choice, seconds, speed_or_max, target, twist_speed};
-use crate::range::{TurnRange, Vary};
+use crate::options::values::{METHODS, load_choice, seconds, speed_or_max, target, twist_speed};
 use crate::script;
-use clap::builder::PossibleValuesParser;
 use clap::{Parser, Subcommand};
 use rig_link::LoadChoice;
+use std::ffi::OsString;
 use std::path::PathBuf;
 
 const FIRST_STEPS: &str = "\
@@ -67,50 +65,6 @@ pub enum Command {
         /// Let the board at --port make, check, use and keep a table for this scene's constants; home again after it
         #[arg(long, conflicts_with = "out")]
         board: bool,
-    },
-    /// What each part of a rig contributes to the errors of position and load, and how accurate a table is worth having
-    ///
-    /// Computed from the scene, the model's sensitivities and the sizes of --rig (docs/budget.md); nothing is emulated. Half
-    /// widths of intervals that hold 90 of 100 cases, a case being a rig of the kind at a state of the scene's envelope. With
-    /// --json one object a part: part, position_m, load_relative.
-    /// Example: `rigctl budget --rig hard`
-    Budget {
-        /// The LVDT is calibrated at points with gauges of this error, as for `calibrate lvdt --points` [default: it is not]
-        #[arg(long, value_name = "E", value_parser = gauge_error)]
-        gauge: Option<f64>,
-        /// The table and tier that are enough, for every scene in the folder of --scene and each kind of rig, beside what is used
-        #[arg(long)]
-        all: bool,
-    },
-    /// The numbers that the paper prints beside the same numbers computed for the scene
-    Published {
-        /// The three parameter sets of the paper's scenes side by side, instead of --scene
-        #[arg(long)]
-        all: bool,
-        /// With the geometry that is inferred for some of the paper's sweeps instead of Table 1's (docs/model.md 6)
-        #[arg(long)]
-        inferred_geometry: bool,
-        /// Also write published.csv, ratios.csv and the paper's figures, redrawn, into this folder
-        #[arg(long, value_name = "DIR")]
-        out: Option<PathBuf>,
-    },
-    /// Vary one value of the scene and print contraction and TR for each
-    ///
-    /// Example: `rigctl study --vary D0=8mm..32mm:5 --out out`
-    Study {
-        /// Which value, between which limits, and how many (default 5); `log` spaces them in equal ratios. KEY is
-        /// D0, R, L0, r0, K, c, k1, k2, k3, k4, p or a key of a scene file
-        #[arg(long, value_name = "KEY=FROM..TO[:COUNT[log]]")]
-        vary: Vary,
-        /// Load on the rods (N or kg)
-        #[arg(long, value_name = "L", default_value = "7.5N", allow_hyphen_values = true, value_parser = load)]
-        load: f64,
-        /// Turns past the half-turn pre-twist
-        #[arg(long, value_name = "FROM..TO", default_value = "0..7.5", allow_hyphen_values = true)]
-        turns: TurnRange,
-        /// Also write study.csv, study-curves.csv and study.svg into this folder
-        #[arg(long, value_name = "DIR")]
-        out: Option<PathBuf>,
     },
     /// Fit the scene's constants to recorded sweeps or to the paper's numbers
     Identify(Identify),
@@ -307,35 +261,28 @@ pub enum Command {
         /// Shell
         shell: clap_complete::Shell,
     },
-    /// Speed against accuracy of every method, tier and table form, and where methods fail: figures and their data
-    Chart {
-        /// Folder for the figures (SVG) and their data (CSV)
-        #[arg(long, value_name = "DIR", default_value = "out")]
-        out: PathBuf,
-        /// Only these figures
-        #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = PossibleValuesParser::new(lab::chart::NAMES))]
-        only: Vec<String>,
+    /// Commands of the laboratory, a program of its own (`tsa-lab`) that this one starts: `tsa-lab --help` lists them
+    #[command(visible_aliases = ["study", "chart", "report", "budget"], disable_help_flag = true)]
+    Published {
+        /// Their arguments
+        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+        arguments: Vec<OsString>,
     },
-    /// One self-contained page: the mechanism drawn and played with, table certificate, charts, a recorded move
-    ///
-    /// The page has the solver inside and needs no network; any browser shows it. What cannot be made (a chart that another
-    /// command measures, a move without firmware) is named in the page.
-    /// Example: `rigctl report --out out/report.html`
-    Report {
-        /// File to write
-        #[arg(long, value_name = "FILE.html")]
-        out: PathBuf,
-        /// What it is made from.
-        #[command(flatten)]
-        inputs: report::Inputs,
-    },
-    /// The program that `chart` runs under callgrind to count instructions
-    #[command(hide = true)]
-    ChartKernel,
     /// Three loads, each on a fresh emulated board, homed and moved alike: a table and a picture
     Demo {
         /// Folder for demo.svg and demo.csv
         #[arg(long, value_name = "DIR", default_value = "out")]
         out: PathBuf,
     },
+}
+
+impl Command {
+    /// Whether the laboratory's tool runs it, with the same arguments ([`crate::laboratory`]).
+    pub fn is_of_the_laboratory(&self) -> bool {
+        match self {
+            Self::Published { .. } | Self::Table { board: false, .. } => true,
+            Self::Solve { how, .. } => how.method != METHODS[0] || how.steps.is_some() || how.tolerance.is_some(),
+            _ => false,
+        }
+    }
 }

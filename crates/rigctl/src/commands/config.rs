@@ -82,7 +82,7 @@ fn backup(session: &mut Session, file: &Path, output: &mut Output) -> Result<(),
 
 fn restore(global: &Global, file: &Path, force: bool, output: &mut Output) -> Result<(), Failure> {
     // Before a board is asked: a file that cannot be read.
-    rig_scene::files::check_regular(file).map_err(|e| Failure::failed(format!("{}: {e}", file.display())))?;
+    rig_config::files::check_regular(file).map_err(|e| Failure::failed(format!("{}: {e}", file.display())))?;
     let mut session = global.target()?.connect()?;
     session.wait_started()?;
     let report = session.settings()?;

@@ -1,15 +1,15 @@
 //! `demo`: three loads that the firmware does not know, each on a fresh emulated board, homed and moved to the same
 //! position at the same speed.
 
+use crate::csv_text::{csv_text, optional};
 use crate::failure::Failure;
+use crate::move_figure::draw;
 use crate::options::Global;
 use crate::out_file::{folder, write_file};
 use crate::output::Output;
 use crate::recorded_move::{RecordedMove, SPEED_M_PER_S, TARGET_M, record};
 use crate::session::sim::SimOptions;
-use lab::csv_text::{csv_text, optional};
-use lab::move_figure::draw;
-use sim_link::PlantKey;
+use rig_plant::PlantKey;
 use std::path::Path;
 
 /// Loads (kg) and the twist that the strings have when the board starts (rad).
@@ -20,7 +20,7 @@ const LOADS: [(f64, f64); 3] = [(0.1, -20.0), (0.5, 8.0), (1.5, 30.0)];
 /// # Errors
 /// If anything fails, or a floor is missed.
 pub fn run(global: &Global, out: &Path, output: &mut Output) -> Result<(), Failure> {
-    let scene = global.rig_scene()?;
+    let scene = global.rig_config()?;
     if let Some(own) = global.plant.iter().find(|s| [PlantKey::Load, PlantKey::TwistAtBoot].contains(&s.key)) {
         return Err(Failure::Usage(format!("--plant {}: the demo has its own", own.key)));
     }

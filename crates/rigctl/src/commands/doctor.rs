@@ -11,7 +11,7 @@ use serde_json::json;
 /// # Errors
 /// If the scene cannot be read or is of a rig that cannot work, or anything is not well.
 pub fn run(global: &Global, turn: bool, home: bool, output: &mut Output) -> Result<(), Failure> {
-    let scene = global.rig_scene()?;
+    let scene = global.rig_config()?;
     if turn {
         output.line("The shaft turns by a hundredth of a turn of the strings each way.")?;
     }

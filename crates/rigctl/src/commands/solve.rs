@@ -4,10 +4,9 @@ use crate::batch::{self, Query, RowError};
 use crate::failure::Failure;
 use crate::options::Global;
 use crate::options::commands::{At, How};
-use crate::options::values::AUTO;
+use crate::options::values::{AUTO, METHODS};
 use crate::output::Output;
-use rig_scene::Scene;
-use rival_methods::Method;
+use rig_config::Scene;
 use serde::Serialize;
 use tsa_model::{Equilibrium, Mechanism, PRETWIST_RAD, SolveError, Tier, TierError, twist_from_turns};
 
@@ -66,44 +65,33 @@ pub struct Effort {
     pub residual: f64,
 }
 
-/// How to solve: by a method with the full model, or by a tier with the default method.
-#[derive(Debug, Clone, Copy)]
-pub enum Way {
-    /// The full model by a method.
-    By(Method),
+/// The equilibrium of a mechanism at a load (N) and a twist (rad), by a method.
+pub type Solver<'a> = &'a dyn Fn(&Mechanism, f64, f64) -> Result<Equilibrium, SolveError>;
+
+/// How to solve: with the full model, or by a tier.
+#[derive(Clone, Copy)]
+pub enum Way<'a> {
+    /// The full model by a method, with its name.
+    By(&'static str, Solver<'a>),
     /// A tier.
     At(Tier),
     /// The cheapest tier that is this accurate.
     Within(TierError),
 }
 
-impl Way {
+impl Way<'_> {
     /// What the command line asks for.
     ///
     /// # Errors
     /// If the options contradict each other, or the scene says nothing about accuracy.
     pub fn new(how: &How, scene: &Scene) -> Result<Self, Failure> {
-        // The command line has checked both names.
+        // The command line has checked the name; other methods are the laboratory's.
         let usage = |text: String| Failure::Usage(text);
-        let method = Method::named(&how.method).ok_or_else(|| usage(format!("method {} is unknown", how.method)))?;
-        let no = |option: &str| usage(format!("--{option}: the method {} has none", how.method));
-        let method = match how.steps {
-            // At most a million: the command line has checked it.
-            Some(steps) => method.with_steps(steps as usize).ok_or_else(|| no("steps"))?,
-            None => method,
-        };
-        let method = match how.tolerance {
-            Some(tolerance) => method.with_tolerance(tolerance).ok_or_else(|| no("tolerance"))?,
-            None => method,
-        };
         if how.tier == Tier::Full.name() {
-            return Ok(Self::By(method));
-        }
-        if method != Method::ALL[0] {
-            return Err(usage("--tier: only the method first-integral, with its own steps, knows other tiers".into()));
+            return Ok(Self::By(METHODS[0], &Mechanism::solve));
         }
         if how.tier == AUTO {
-            let Some(accuracy) = scene.accuracy().map_err(anyhow::Error::from)? else {
+            let Some(accuracy) = scene.accuracy else {
                 return Err(Failure::failed("--tier auto: the scene has no [accuracy] to meet"));
             };
             return Ok(Self::Within(TierError {
@@ -117,9 +105,9 @@ impl Way {
     fn solve(self, mechanism: &Mechanism, query: Query) -> Result<(Equilibrium, f64, Tier, TierError), SolveError> {
         let twist = twist_from_turns(query.turns);
         let tiered = match self {
-            Self::By(method) => {
-                let start = method.solve(mechanism, query.load_n, PRETWIST_RAD)?;
-                let e = method.solve(mechanism, query.load_n, twist)?;
+            Self::By(_, solve) => {
+                let start = solve(mechanism, query.load_n, PRETWIST_RAD)?;
+                let e = solve(mechanism, query.load_n, twist)?;
                 return Ok((e, start.gap_m, Tier::Full, TierError::default()));
             }
             Self::At(tier) => mechanism.solve_tier(tier, query.load_n, twist)?,
@@ -130,8 +118,8 @@ impl Way {
 
     fn method(self) -> &'static str {
         match self {
-            Self::By(method) => method.name(),
-            Self::At(_) | Self::Within(_) => Method::ALL[0].name(),
+            Self::By(name, _) => name,
+            Self::At(_) | Self::Within(_) => METHODS[0],
         }
     }
 }
@@ -140,7 +128,7 @@ impl Way {
 ///
 /// # Errors
 /// The limit of the model that stopped it.
-pub fn solve(mechanism: &Mechanism, way: Way, query: Query) -> Result<Solution, SolveError> {
+pub fn solve(mechanism: &Mechanism, way: Way<'_>, query: Query) -> Result<Solution, SolveError> {
     let (e, start_gap_m, tier, error) = way.solve(mechanism, query)?;
     let mut warnings: Vec<&str> = e.warnings.names().collect();
     let tr = e.finite_tr_rad_per_m();
@@ -174,7 +162,14 @@ pub fn solve(mechanism: &Mechanism, way: Way, query: Query) -> Result<Solution, 
 /// If the scene or the batch file is bad, or the one point cannot be solved.
 pub fn run(global: &Global, at: &At, how: &How, output: &mut Output) -> Result<(), Failure> {
     let scene = global.scene()?;
-    let way = Way::new(how, &scene)?;
+    answer(at, &scene, Way::new(how, &scene)?, output)
+}
+
+/// Solves one way and prints it.
+///
+/// # Errors
+/// If the scene or the batch file is bad, or the one point cannot be solved.
+pub fn answer(at: &At, scene: &Scene, way: Way<'_>, output: &mut Output) -> Result<(), Failure> {
     let mechanism = scene.mechanism()?;
     if let Some(path) = &at.batch {
         output.line(format!(
@@ -236,13 +231,13 @@ pub fn run(global: &Global, at: &At, how: &How, output: &mut Output) -> Result<(
 }
 
 /// Which method and tier, and why, in a sentence.
-fn why(way: Way, s: &Solution) -> String {
+fn why(way: Way<'_>, s: &Solution) -> String {
     let Effort { iterations, evaluations, residual } = s.effort;
     let spent = format!("{iterations} iterations, {evaluations} evaluations, residual {residual:.1e}");
     let TierError { contraction_m, tr_relative } = s.tier_error;
     let own = format!("its own estimate: {:.3} µm, TR {:.4} %", contraction_m * 1e6, tr_relative * 1e2);
     match way {
-        Way::By(_) => format!("full model by {}: {spent}", s.method),
+        Way::By(..) => format!("full model by {}: {spent}", s.method),
         Way::At(_) => format!("tier {} ({own}): {spent}", s.tier),
         Way::Within(wanted) => format!(
             "tier {}, the cheapest within {:.3} µm and TR {:.4} % ({own}): {spent}",

@@ -10,8 +10,8 @@ use crate::session::{Place, STEP_S, Session, homing, motion};
 use rig_control::observer::MEMORY_COMPLETE_N;
 use rig_control::supervisor::JOG_SPEED_MAX;
 use rig_link::LoadChoice;
+use rig_plant::{PlantChange, PlantKey};
 use serde_json::json;
-use sim_link::{PlantChange, PlantKey};
 use std::f64::consts::{PI, TAU};
 use std::io::Write;
 

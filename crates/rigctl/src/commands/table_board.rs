@@ -12,7 +12,7 @@ use tsa_table::Metadata;
 /// # Errors
 /// The board's refusal in words.
 pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
-    let scene = global.rig_scene()?;
+    let scene = global.rig_config()?;
     // The board may be built for other constants: to change that is the purpose.
     let mut session = global.target()?.meet()?;
     let Sent { fit, kept } = table::send(&mut session, &scene, &global.scene)?;

@@ -3,8 +3,8 @@
 use super::{Check, check};
 use crate::board_settings;
 use crate::failure::Failure;
+use rig_config::Scene;
 use rig_link::{Clock, Identity, PROTOCOL_HASH, ResetCause, SettingsReport};
-use rig_scene::Scene;
 
 /// End of the git id of an image with a table that was not made for the scene's accuracy (`TSA_STUDY`, see build.rs).
 const STUDY: &str = "-study";

@@ -7,9 +7,9 @@ pub mod sensors;
 
 use crate::failure::Failure;
 use crate::session::{Session, homing, motion};
+use rig_config::Scene;
 use rig_control::TICK_US;
 use rig_link::{Fault, Faults, LoadChoice, State, Telemetry};
-use rig_scene::Scene;
 use serde::Serialize;
 
 /// How long to listen (s).

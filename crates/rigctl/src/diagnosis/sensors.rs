@@ -4,8 +4,8 @@ use super::{Check, check};
 use crate::failure::Failure;
 use crate::session::Session;
 use crate::session::row::Row;
+use rig_config::Scene;
 use rig_link::{Fault, Faults, Identity, Request, Sensors, Setting, State, Telemetry};
-use rig_scene::Scene;
 
 /// Rms noise of a position at rest (m) that is plausible: a block's is about 4 µm.
 const NOISE_M: f64 = 15e-6;

@@ -11,7 +11,7 @@ use super::data::Data;
 use super::fit::{IdentifyError, fit_about};
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::{Rng, SeedableRng};
-use rig_scene::Scene;
+use rig_config::Scene;
 
 /// A uniform number from 0 to 1.
 fn uniform(random: &mut Pcg64Mcg) -> f64 {

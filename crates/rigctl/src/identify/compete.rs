@@ -11,8 +11,8 @@ use super::fit::{Fit, IdentifyError, fit};
 use super::laws::{LAWS, Law};
 use super::linear::Linear;
 use super::noise::effective;
-use lab::parallel::parallel;
-use rig_scene::Scene;
+use crate::parallel::parallel;
+use rig_config::Scene;
 use serde::Serialize;
 use tsa_model::Parameters;
 

@@ -5,7 +5,7 @@
 //! fall, anywhere.
 
 use super::laws::Law;
-use rig_scene::Scene;
+use rig_config::Scene;
 use tsa_model::scalar::{Dual, Scalar};
 use tsa_model::{Parameters, RadiusLaw};
 

@@ -13,7 +13,7 @@ use super::fit::Fit;
 use super::linear::Linear;
 use super::noise::Noise;
 use nalgebra::{DMatrix, DVector};
-use rig_scene::Scene;
+use rig_config::Scene;
 use serde::Serialize;
 use tsa_model::correction::TERMS;
 use tsa_model::{Correction, PRETWIST_RAD, twist_from_turns};

@@ -10,8 +10,8 @@ use super::hysteresis::LOOP_SHARE;
 use crate::failure::Failure;
 use crate::log::sweep::Sweep;
 use crate::log::{self, Log};
-use lab::published::numbers::{self as published, Group, Kind};
-use rig_scene::Scene;
+use crate::published::{self, Group, Kind};
+use rig_config::Scene;
 use std::io::Read;
 use std::ops::Range;
 use std::path::Path;
@@ -212,7 +212,7 @@ pub fn sweeps(scene: &Scene, files: &[impl AsRef<Path>], partial: bool) -> Resul
     for file in files {
         let path = file.as_ref();
         let wrong = |what: String| Failure::failed(format!("sweep {}: {what}", path.display()));
-        rig_scene::files::check_regular(path).map_err(|e| wrong(e.to_string()))?;
+        rig_config::files::check_regular(path).map_err(|e| wrong(e.to_string()))?;
         let before = data.rows.len();
         if is_log(path) {
             let log = Log::load(path).map_err(wrong)?;

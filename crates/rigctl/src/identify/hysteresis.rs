@@ -78,7 +78,7 @@ pub fn load_share(loops: &[Loop], load_n: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::log::sweep::{Stop, Sweep};
-    use rig_scene::Scene;
+    use rig_config::Scene;
     use std::f64::consts::PI;
     use tsa_model::Parameters;
 

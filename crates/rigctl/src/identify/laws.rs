@@ -1,7 +1,7 @@
 //! The radius laws that compete, simplest first, and where a fit of each begins.
 
 use super::constants::Constant;
-use rig_scene::Scene;
+use rig_config::Scene;
 use tsa_model::RadiusLaw;
 
 /// A law by which the radius of the twisted pair grows (docs/model.md section 6).

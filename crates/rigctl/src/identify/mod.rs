@@ -36,7 +36,7 @@ use fit::{Fit, IdentifyError};
 use memory::Memory;
 use noise::half_width_factor;
 use predict::{Known, Prediction};
-use rig_scene::{Scene, Uncertainty};
+use rig_config::{Scene, Uncertainty};
 use serde::Serialize;
 use tsa_table::fit::Fit as Table;
 

@@ -10,8 +10,8 @@ use super::noise::half_width;
 use super::predict::Known;
 use super::{Identified, data::SIGMA_M};
 use nalgebra::{DMatrix, DVector};
+use rig_config::Scene;
 use rig_control::observer::MEMORY_COMPLETE_N;
-use rig_scene::Scene;
 use serde::Serialize;
 use tsa_model::twist_from_turns;
 
@@ -125,7 +125,7 @@ pub fn plan(scene: &Scene, found: &Identified) -> Option<Plan> {
     sweeps.sort_by(|a, b| a.largest_half_width_m.total_cmp(&b.largest_half_width_m));
     sweeps.truncate(NAMED);
     let best_m = sweeps.first().map_or(now_m, |next| next.largest_half_width_m);
-    let wanted_m = scene.accuracy().ok().flatten().map_or(0.0, |accuracy| accuracy.contraction_m);
+    let wanted_m = scene.accuracy.map_or(0.0, |accuracy| accuracy.contraction_m);
     let (enough, why) = if now_m <= wanted_m {
         (true, format!("the scene asks for {:.1} um", 1e6 * wanted_m))
     } else if best_m > (1.0 - WORTH) * now_m {

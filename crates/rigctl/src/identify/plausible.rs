@@ -1,8 +1,8 @@
 //! What may be wrong with a recorded sweep: numbers that no rig can give, and units that fit better.
 
 use super::data::{Data, Quantity, Row};
-use lab::STANDARD_GRAVITY_M_PER_S2 as GRAVITY;
-use rig_scene::Scene;
+use rig_config::Scene;
+use rig_plant::units::STANDARD_GRAVITY as GRAVITY;
 use std::f64::consts::TAU;
 use std::ops::Range;
 use tsa_model::{Mechanism, PRETWIST_RAD};

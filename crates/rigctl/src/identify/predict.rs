@@ -7,7 +7,7 @@ use super::correction::Surface;
 use super::fit::Fit;
 use super::hysteresis::Loop;
 use super::noise::half_width;
-use rig_scene::Scene;
+use rig_config::Scene;
 use serde::Serialize;
 use tsa_model::{Mechanism, PRETWIST_RAD, Parameters, SolveError, twist_from_turns};
 

@@ -3,7 +3,7 @@
 //! Under light loads and many turns the strings of some rigs have no equilibrium, or a transmission ratio that no table
 //! follows. The envelope then begins at a heavier load.
 
-use rig_scene::{Envelope, Scene};
+use rig_config::{Envelope, Scene};
 use tsa_table::fit::Fit as Table;
 
 /// By how much a limit moves inwards from one attempt to the next, and at most: first the least load, then the turns.

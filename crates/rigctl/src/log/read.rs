@@ -118,7 +118,7 @@ impl Log {
     /// # Errors
     /// In words, without the file's name.
     pub fn text(path: &Path) -> Result<String, String> {
-        let bytes = rig_scene::files::read(path).map_err(|e| e.to_string())?;
+        let bytes = rig_config::files::read(path).map_err(|e| e.to_string())?;
         String::from_utf8(bytes).map_err(|e| format!("is not text from byte {} on", e.utf8_error().valid_up_to()))
     }
 

@@ -11,8 +11,8 @@ use crate::scene_file;
 use crate::session::sim::{Gdb, SimOptions};
 use crate::session::{self, Place, Target};
 use clap::Args;
-use rig_scene::Scene;
-use sim_link::{PlantChange, PlantKey, RigPreset};
+use rig_config::Scene;
+use rig_plant::{PlantChange, PlantKey, RigPreset};
 use std::path::PathBuf;
 
 /// Headings of the options that every command has.
@@ -112,7 +112,7 @@ impl Global {
     ///
     /// # Errors
     /// As [`Global::scene`], or naming the keys that do not fit.
-    pub fn rig_scene(&self) -> Result<Scene, Failure> {
+    pub fn rig_config(&self) -> Result<Scene, Failure> {
         scene_file::load_rig(&self.scene)
     }
 

@@ -5,8 +5,10 @@ use crate::script;
 use crate::units::{self, Quantity};
 use clap::builder::PossibleValuesParser;
 use rig_link::LoadChoice;
-use rival_methods::Method;
 use tsa_model::Tier;
+
+/// Methods of solution: the tool's own, and those of the laboratory.
+pub const METHODS: [&str; 5] = ["first-integral", "paper", "adaptive-shooting", "collocation", "continuation"];
 
 /// `--tier` that leaves the choice to the estimates.
 pub const AUTO: &str = "auto";
@@ -16,7 +18,7 @@ pub(crate) fn radius_law(text: &str) -> Result<Law, String> {
 }
 
 pub(crate) fn methods() -> PossibleValuesParser {
-    PossibleValuesParser::new(Method::ALL.iter().map(Method::name))
+    PossibleValuesParser::new(METHODS)
 }
 
 pub(crate) fn tiers() -> PossibleValuesParser {
@@ -30,7 +32,11 @@ pub(crate) fn tolerance(text: &str) -> Result<f64, String> {
     }
 }
 
-pub(crate) fn load(text: &str) -> Result<f64, units::UnitError> {
+/// A load (N).
+///
+/// # Errors
+/// If it is none.
+pub fn load(text: &str) -> Result<f64, units::UnitError> {
     units::parse("load", Quantity::Load, text)
 }
 
@@ -50,7 +56,11 @@ pub(crate) fn gap(text: &str) -> Result<f64, units::UnitError> {
     units::parse("gap", Quantity::Length, text)
 }
 
-pub(crate) fn gauge_error(text: &str) -> Result<f64, String> {
+/// The error of gauges (m).
+///
+/// # Errors
+/// If it is none, or above 1 mm.
+pub fn gauge_error(text: &str) -> Result<f64, String> {
     match units::parse("gauge-error", Quantity::Length, text) {
         Ok(error_m) if (0.0..=1e-3).contains(&error_m) => Ok(error_m),
         Ok(error_m) => Err(format!("gauge-error is {error_m} m, allowed are 0 to 1 mm")),

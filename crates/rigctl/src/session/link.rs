@@ -4,7 +4,7 @@ use super::order::Order;
 use super::port::{Emulated, Port};
 use crate::failure::Failure;
 use rig_link::{Decoder, HEARTBEAT_PERIOD_MS, MAX_FRAME, Message, Request, encode};
-use sim_link::Truth;
+use rig_plant::Truth;
 
 /// Time that passes in one exchange (s).
 pub const STEP_S: f64 = 0.01;

@@ -34,4 +34,4 @@ pub use connect::{Place, Target};
 pub use link::STEP_S;
 pub use port::Port;
 pub use ports::auto;
-pub use sim_link::Truth;
+pub use rig_plant::Truth;

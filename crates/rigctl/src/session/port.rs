@@ -1,7 +1,7 @@
 //! How bytes get to the board and back.
 
 use crate::failure::Failure;
-use sim_link::{Fault, PlantChange, Stats, Truth};
+use rig_plant::{Fault, PlantChange, Stats, Truth};
 
 /// What came back in one step.
 #[derive(Clone, Debug, Default, PartialEq)]

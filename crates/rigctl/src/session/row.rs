@@ -1,8 +1,8 @@
 //! One line of telemetry: the board's report, and on an emulated rig the truth at the same time.
 
 use rig_link::Telemetry;
+use rig_plant::Truth;
 use serde::Serialize;
-use sim_link::Truth;
 
 /// Keys and order of the host tool's contract. SI units; `None` prints as null.
 #[derive(Clone, Debug, PartialEq, Serialize)]

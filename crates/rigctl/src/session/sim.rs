@@ -5,7 +5,7 @@ use super::interrupt;
 use super::port::{Emulated, Port, Received};
 use crate::failure::Failure;
 use anyhow::{Context, anyhow};
-use sim_link::{Answer, Fault, PlantChange, Request, RigPreset, Stats};
+use rig_plant::{Answer, Fault, PlantChange, Request, RigPreset, Stats};
 use std::fmt;
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};

@@ -2,8 +2,8 @@
 
 use super::client::Session;
 use crate::failure::Failure;
+use rig_config::Scene;
 use rig_link::messages::{EventKind, Request, TablePart, TableRefusal};
-use rig_scene::Scene;
 use std::path::Path;
 use tsa_table::fit::Fit;
 use tsa_table::record::RECORD_MAX;

@@ -1,6 +1,6 @@
 //! What was true in an emulated rig at the time of a message. Nothing on a real rig.
 
-use sim_link::Truth;
+use rig_plant::Truth;
 use std::collections::VecDeque;
 
 /// Records (of 1 ms) that are kept to be paired with telemetry.

@@ -1,13 +1,16 @@
-"""Commands of the tool `rigctl` that need no rig, by its own code."""
+"""Commands that need no rig: of the tool `rigctl`, by its own code, and of the laboratory's `tsa-lab`, a program of its own."""
 
 from __future__ import annotations
 
 import json
+import pathlib
+import subprocess
 from collections.abc import Sequence
 from os import PathLike, fspath
 from typing import Any
 
 from . import _core
+from ._rig import _programs
 
 Path = str | PathLike[str]
 
@@ -16,9 +19,21 @@ def _objects(arguments: list[str]) -> list[dict[str, Any]]:
     return [json.loads(line) for line in _core.tool(arguments).splitlines()]
 
 
+def _laboratory(scene: Path, arguments: list[str]) -> list[dict[str, Any]]:
+    programs = _programs(pathlib.Path(scene))
+    if programs is None or not (programs / "tsa-lab").exists():
+        raise RuntimeError("tsa-lab is not built: run `cargo xtask build` in the checkout that holds the scene")
+    words = [fspath(programs / "tsa-lab"), "--json", "--scene", fspath(scene), *arguments]
+    done = subprocess.run(words, capture_output=True, text=True)
+    if done.returncode != 0:
+        error = ValueError if done.returncode == 2 else RuntimeError
+        raise error(done.stderr.strip())
+    return [json.loads(line) for line in done.stdout.splitlines()]
+
+
 def published(scene: Path) -> list[dict[str, Any]]:
     """The paper's numbers beside those of a scene's model: one dictionary each."""
-    return _objects(["--scene", fspath(scene), "published"])
+    return _laboratory(scene, ["published"])
 
 
 def identify(
@@ -38,4 +53,4 @@ def identify(
 
 def budget(scene: Path, rig: str = "nominal") -> list[dict[str, Any]]:
     """What sensor, friction, memory, law, tier, table and loop contribute to the errors on a kind of rig."""
-    return _objects(["--scene", fspath(scene), "--rig", rig, "budget"])
+    return _laboratory(scene, ["--rig", rig, "budget"])

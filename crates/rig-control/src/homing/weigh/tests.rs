@@ -13,7 +13,7 @@ fn table() -> &'static Table<'static> {
     static OWNED: OnceLock<OwnedTable> = OnceLock::new();
     static TABLE: OnceLock<Table<'static>> = OnceLock::new();
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/default.toml");
-    let fitted = || rig_scene::Scene::load(path).expect("a scene").fit_table().expect("it has a table").table;
+    let fitted = || rig_config::Scene::load(path).expect("a scene").fit_table().expect("it has a table").table;
     TABLE.get_or_init(|| OWNED.get_or_init(fitted).table())
 }
 

@@ -1,10 +1,10 @@
 //! `identify --figure`: contraction before and after, with the measured points on it.
 
+use crate::calibration_figure::{Computed, Sweep, draw};
 use crate::failure::Failure;
 use crate::identify::Identified;
 use crate::identify::data::{Data, Quantity, Row};
-use lab::calibration_figure::{Computed, Sweep, draw};
-use rig_scene::Scene;
+use rig_config::Scene;
 use std::f64::consts::TAU;
 use tsa_model::{Mechanism, PRETWIST_RAD, twist_from_turns};
 

@@ -19,7 +19,7 @@ use crate::options::Global;
 use crate::options::commands::Identify;
 use crate::out_file::OutFile;
 use crate::output::Output;
-use rig_scene::Scene;
+use rig_config::Scene;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use tsa_model::Parameters;

@@ -8,7 +8,7 @@ use crate::identify::plan::Plan;
 use crate::identify::{Errors, Identified};
 use crate::options::commands::Identify;
 use crate::output::Output;
-use rig_scene::Scene;
+use rig_config::Scene;
 use tsa_model::Parameters;
 
 /// The unit of the data's errors.

@@ -1,0 +1,216 @@
+//! Whether motor, drive, gear and encoder are up to the load and the turns.
+
+use super::Verdict::{self, Fits, Impossible, Unusual};
+use super::{States, short};
+use crate::Scene;
+use rig_control::homing::SPEED_SHARE;
+use std::f64::consts::{PI, TAU};
+
+/// Share of the current above which almost nothing remains for friction and acceleration (rig-control, `limits`).
+const HOLDING_SHARE: f64 = 0.9;
+/// Time (s) that homing is given, turns from which it is tried at most, and turns over which it weighs (rig-control,
+/// `homing`).
+const HOMING_S: f64 = 42.0;
+const HOMED_TURNS: f64 = 12.0;
+const WEIGHED_TURNS: f64 = 6.0;
+/// Longest time (s) for the way between the ends of the envelope.
+const WAY_S: f64 = 180.0;
+
+fn rpm(rad_per_s: f64) -> String {
+    format!("{} rpm", short(rad_per_s * 60.0 / TAU))
+}
+
+pub(super) fn supply_reaches_the_speed(s: &Scene) -> Verdict {
+    let rig = &s.rig;
+    let volts = rig.motor_torque_constant_nm_per_a * rig.motor_speed_max_rad_per_s;
+    if volts < rig.supply_voltage_v {
+        return Fits;
+    }
+    Impossible(format!(
+        "at {} rad/s ({}) the motor itself makes {} V, and the supply has {} V: it reaches {} rad/s at most. The torque \
+         constant is in N m/A",
+        short(rig.motor_speed_max_rad_per_s),
+        rpm(rig.motor_speed_max_rad_per_s),
+        short(volts),
+        short(rig.supply_voltage_v),
+        short(rig.supply_voltage_v / rig.motor_torque_constant_nm_per_a)
+    ))
+}
+
+/// Acceleration of the twist (rad/s²) in homing, unless the scene gives the motor less (rig-control, `homing`).
+const HOMING_RAD_PER_S2: f64 = 25.0;
+
+pub(super) fn current_reaches_the_acceleration(s: &Scene) -> Verdict {
+    let rig = &s.rig;
+    let most_nm = rig.motor_torque_constant_nm_per_a * rig.drive_current_limit_a;
+    let why = |acceleration: f64| {
+        format!(
+            "the rotor alone needs {} mN m for {} rad/s², and {} A make {} mN m; the inertia is in kg m² (1 g cm² is 1e-7)",
+            short(1e3 * rig.rotor_inertia_kg_m2 * acceleration),
+            short(acceleration),
+            short(rig.drive_current_limit_a),
+            short(1e3 * most_nm)
+        )
+    };
+    let most = rig.motor_acceleration_max_rad_per_s2;
+    let homing = most.min(HOMING_RAD_PER_S2 * rig.gear());
+    if rig.rotor_inertia_kg_m2 * homing >= most_nm {
+        Impossible(why(homing))
+    } else if rig.rotor_inertia_kg_m2 * most > most_nm {
+        Unusual(why(most))
+    } else {
+        Fits
+    }
+}
+
+/// Share of the greatest speed that a step of the drive's measured speed may be: one count in its window of 1 ms, which
+/// is 60000/(4 lines) rpm (docs/hardware.md section 1).
+const SPEED_STEP_SHARE: f64 = 0.1;
+
+pub(super) fn drive_measures_speed(s: &Scene) -> Verdict {
+    let (lines, speed) = (s.rig.encoder_lines, s.rig.motor_speed_max_rad_per_s);
+    let step = TAU * 1e3 / (4.0 * f64::from(lines));
+    if step <= SPEED_STEP_SHARE * speed {
+        return Fits;
+    }
+    Impossible(format!(
+        "with {lines} lines the drive measures speed in steps of {}, and the motor turns {} at most",
+        rpm(step),
+        rpm(speed)
+    ))
+}
+
+/// Seconds from one reading of the board's 16-bit encoder count to the next (rig-control, `TICK_S`).
+const TICK_S: f64 = 0.01;
+
+pub(super) fn board_follows_the_count(s: &Scene) -> Verdict {
+    let counts = 4.0 * f64::from(s.rig.encoder_lines) * s.rig.motor_speed_max_rad_per_s / TAU * TICK_S;
+    if counts < 32_768.0 {
+        return Fits;
+    }
+    Impossible(format!(
+        "{} lines at {} are {} counts between two readings of the board, whose 16-bit counter tells at most 32767",
+        s.rig.encoder_lines,
+        rpm(s.rig.motor_speed_max_rad_per_s),
+        short(counts)
+    ))
+}
+
+fn planned_rad_per_s(s: &Scene) -> f64 {
+    f64::from(SPEED_SHARE) * s.rig.motor_speed_max_rad_per_s / s.rig.gear()
+}
+
+/// Time (s) that homing from the envelope's last turn takes, with 1 to 2 s more than the emulated rig took where the
+/// motor is slow. Its numbers are rig-control's, `homing`: two sweeps across zero twist, there and back the whole way,
+/// and the rests and the probe.
+fn homing_s(from_turns: f64, weighed_turns: f64, most_rad_per_s: f64) -> f64 {
+    const RESTS_S: f64 = 3.0;
+    const SWEEPS_S: f64 = 12.0 / 2.5;
+    const SEEK_RAD_PER_S: f64 = 8.0;
+    const LIFT_RAD_PER_S: f64 = 6.2;
+    // From 3.4 at the middle to 6.2 rad/s at the ends: this on average.
+    const WEIGH_RAD_PER_S: f64 = 4.66;
+    let seek = PI + TAU * from_turns + 6.0;
+    let there_and_back = 2.0 * TAU * weighed_turns;
+    RESTS_S
+        + SWEEPS_S
+        + seek / most_rad_per_s.min(SEEK_RAD_PER_S)
+        + (3.0 + PI) / most_rad_per_s.min(LIFT_RAD_PER_S)
+        + there_and_back / most_rad_per_s.min(WEIGH_RAD_PER_S)
+}
+
+pub(super) fn speed_covers_the_turns(s: &Scene, states: &States) -> Verdict {
+    let speed = planned_rad_per_s(s);
+    let turning = |what: String, seconds: f64, most: f64| {
+        Impossible(format!(
+            "{} of the motor through a gear of {}:{} turn the strings at {} rad/s with a tenth to spare: {what} would \
+             take {} s, and is given {most} s",
+            rpm(s.rig.motor_speed_max_rad_per_s),
+            s.rig.gear_ratio[0],
+            s.rig.gear_ratio[1],
+            short(speed),
+            short(seconds)
+        ))
+    };
+    let [first, last] = states.turns;
+    let home_s = homing_s(last.min(HOMED_TURNS), (last - first).min(WEIGHED_TURNS), speed);
+    let way_s = (last - first) * TAU / speed;
+    if home_s > HOMING_S {
+        turning(format!("homing from {} turns", short(last.min(HOMED_TURNS))), home_s, HOMING_S)
+    } else if way_s > WAY_S {
+        turning(format!("the way of {} turns", short(last - first)), way_s, WAY_S)
+    } else {
+        Fits
+    }
+}
+
+/// Current (A) that holds the heaviest state, without friction.
+fn holding_a(s: &Scene, states: &States) -> f64 {
+    states.torque_nm.value / (s.rig.gear() * s.rig.motor_torque_constant_nm_per_a)
+}
+
+pub(super) fn motor_lifts_the_load(s: &Scene, states: &States) -> Verdict {
+    let (needed, limit) = (holding_a(s, states), s.rig.drive_current_limit_a);
+    let why = |rest: &str| {
+        format!(
+            "the strings pull back with {} mN m {}, which through a gear of {}:{} takes {} A of the motor, and its limit \
+             is {} A{rest}",
+            short(1e3 * states.torque_nm.value),
+            states.torque_nm,
+            s.rig.gear_ratio[0],
+            s.rig.gear_ratio[1],
+            short(needed),
+            short(limit)
+        )
+    };
+    if needed >= limit {
+        Impossible(why("; the torque constant is in N m/A, the limit in A"))
+    } else if needed > HOLDING_SHARE * limit {
+        Unusual(why(": hardly any is left for friction and acceleration"))
+    } else {
+        Fits
+    }
+}
+
+pub(super) fn supply_reaches_the_torque(s: &Scene, states: &States) -> Verdict {
+    let (needed, least) = (holding_a(s, states) * s.rig.motor_resistance_ohm, s.rig.supply_limits_v()[0]);
+    if needed < least {
+        return Fits;
+    }
+    Impossible(format!(
+        "the {} A that the load needs {} take {} V through {} ohm, and the supply may be as low as {} V",
+        short(holding_a(s, states)),
+        states.torque_nm,
+        short(needed),
+        short(s.rig.motor_resistance_ohm),
+        short(least)
+    ))
+}
+
+pub(super) fn count_is_fine_enough(s: &Scene, states: &States) -> Verdict {
+    let Some(accuracy) = s.accuracy else { return Fits };
+    let step = states.slope_m_per_rad.value / s.rig.counts_per_rad();
+    if step <= accuracy.contraction_m {
+        return Fits;
+    }
+    Impossible(format!(
+        "one count of the encoder moves the load by {} um {}, and {} um are asked for",
+        short(1e6 * step),
+        states.slope_m_per_rad,
+        short(1e6 * accuracy.contraction_m)
+    ))
+}
+
+pub(super) fn drive_counts_the_turns(s: &Scene, states: &States) -> Verdict {
+    let turns = states.turns[1] - states.turns[0];
+    let counts = s.rig.counts_per_rad() * TAU * turns;
+    if counts < f64::from(i32::MAX) {
+        return Fits;
+    }
+    Impossible(format!(
+        "{} turns are {} counts of the encoder, and the drive counts to {}",
+        short(turns),
+        short(counts),
+        i32::MAX
+    ))
+}

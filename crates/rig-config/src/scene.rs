@@ -1,0 +1,225 @@
+//! A scene: the mechanism's constants, the rig around it, and what a table must cover.
+
+use crate::error::{SceneError, TableError};
+use crate::rig::Rig;
+use crate::uncertainty::Uncertainty;
+use rig_control::RigConstants;
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize};
+use std::path::Path;
+use tsa_model::{
+    Correction, Geometry, Material, Mechanism, ParameterError, Parameters, StringParameters, Tier, twist_from_turns,
+};
+use tsa_table::fit::{self, Fit};
+use tsa_table::{Accuracy, Demand};
+
+/// One rig and one task.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Scene {
+    /// Lengths of the mechanism.
+    pub geometry: Geometry,
+    /// The strings.
+    #[serde(rename = "string")]
+    pub string: StringParameters,
+    /// The rods' material.
+    pub material: Material,
+    /// What the law misses of this rig's gap, as measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub correction: Option<Correction>,
+    /// The rig around the mechanism; assumed values where left out.
+    #[serde(default)]
+    pub rig: Rig,
+    /// How well the mechanism's constants are known.
+    #[serde(default, skip_serializing_if = "Uncertainty::is_default")]
+    pub uncertainty: Uncertainty,
+    /// What a table must cover.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub envelope: Option<Envelope>,
+    /// How well a table must do it.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "accuracy")]
+    pub accuracy: Option<Accuracy>,
+}
+
+/// What a table must cover.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Envelope {
+    /// Least and greatest load (N).
+    pub load_n: [f64; 2],
+    /// Least and greatest motor turns past the half-turn pre-twist.
+    pub turns: [f64; 2],
+}
+
+impl Scene {
+    /// Parses and checks a scene.
+    ///
+    /// # Errors
+    /// [`SceneError`] naming the key.
+    pub fn from_toml_str(text: &str) -> Result<Self, SceneError> {
+        let scene: Self = toml::from_str(text)?;
+        scene.validate()?;
+        Ok(scene)
+    }
+
+    /// Reads, parses and checks a scene file.
+    ///
+    /// # Errors
+    /// [`SceneError`] naming the file or the key.
+    pub fn load(path: impl AsRef<Path>) -> Result<Self, SceneError> {
+        let path = path.as_ref();
+        let read = || Self::from_toml_str(&std::fs::read_to_string(path)?);
+        read().map_err(|error| error.in_file(path))
+    }
+
+    /// Checks every value, and against each other those that a solve uses or that could hurt hardware.
+    ///
+    /// # Errors
+    /// [`SceneError`] naming the keys.
+    pub fn validate(&self) -> Result<(), SceneError> {
+        self.values()?;
+        self.check_always()
+    }
+
+    /// Checks every value by itself.
+    fn values(&self) -> Result<(), ParameterError> {
+        self.geometry.validate()?;
+        self.string.validate()?;
+        self.material.validate()?;
+        self.rig.validate()?;
+        self.uncertainty.validate()?;
+        self.correction.as_ref().map_or(Ok(()), Correction::validate)?;
+        let refuse = |parameter, value, reason| Err(ParameterError { parameter, value, reason });
+        if let Some(Envelope { load_n, turns }) = self.envelope {
+            if !(load_n[0] >= tsa_model::mechanism::LIGHT_LOAD_N && load_n[0].is_finite()) {
+                return refuse(
+                    "envelope.load_n",
+                    load_n[0],
+                    "must start at 0.5 N or above, where the radius law holds",
+                );
+            }
+            if !(load_n[1] > load_n[0] && load_n[1].is_finite()) {
+                return refuse("envelope.load_n", load_n[1], "must end above its start");
+            }
+            if turns[0] < 0.0 || turns[0].is_nan() {
+                return refuse("envelope.turns", turns[0], "must start at 0 or above, where the strings touch");
+            }
+            if !(turns[1] > turns[0] && turns[1].is_finite()) {
+                return refuse("envelope.turns", turns[1], "must end above its start");
+            }
+        }
+        if let Some(Accuracy { contraction_m, tr_relative }) = self.accuracy {
+            for (parameter, value) in [("accuracy.contraction_m", contraction_m), ("accuracy.tr_relative", tr_relative)]
+            {
+                if !(value > 0.0 && value.is_finite()) {
+                    return refuse(parameter, value, "must be above 0 and finite");
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The solver for this scene, with the measured correction.
+    ///
+    /// # Errors
+    /// [`ParameterError`] naming the key.
+    pub fn mechanism(&self) -> Result<Mechanism, ParameterError> {
+        let law = Parameters::new(&self.geometry, &self.string, &self.material)?;
+        self.correction.as_ref().map_or(Ok(()), Correction::validate)?;
+        Ok(Mechanism::of(Parameters { correction: self.correction, ..law }))
+    }
+
+    /// The rig's numbers for the control code; the settings on the board correct them later.
+    pub fn constants(&self) -> RigConstants {
+        self.rig.constants()
+    }
+
+    /// What a table must cover.
+    ///
+    /// # Errors
+    /// [`SceneError::Missing`] if the scene does not say it.
+    pub fn covered(&self) -> Result<Envelope, SceneError> {
+        self.envelope.ok_or(SceneError::Missing { table: "envelope" })
+    }
+
+    /// Envelope and accuracy, which a table needs.
+    ///
+    /// # Errors
+    /// [`SceneError::Missing`] naming the absent one.
+    pub fn table_demand(&self) -> Result<(Envelope, Accuracy), SceneError> {
+        let envelope = self.covered()?;
+        let accuracy = self.accuracy.ok_or(SceneError::Missing { table: "accuracy" })?;
+        Ok((envelope, accuracy))
+    }
+
+    /// The same as the fit of a table takes it.
+    ///
+    /// # Errors
+    /// As [`Scene::table_demand`].
+    pub fn demand(&self) -> Result<Demand, SceneError> {
+        let (envelope, accuracy) = self.table_demand()?;
+        let [_, twist_max_rad] = envelope.twist_rad();
+        let uncertainty = self.uncertainty.of_table();
+        Ok(Demand { load_n: envelope.load_n, twist_max_rad, accuracy, uncertainty, scene_hash: self.hash() })
+    }
+
+    /// Fits, chooses and certifies the table of this scene.
+    ///
+    /// # Errors
+    /// [`TableError`]: the scene is wrong or has no envelope or accuracy, the envelope breaks the model, or no table
+    /// reaches the accuracy.
+    pub fn fit_table(&self) -> Result<Fit, TableError> {
+        self.fit_table_of(Tier::Full)
+    }
+
+    /// The same from a cheaper model, which also judges it.
+    ///
+    /// # Errors
+    /// As [`Scene::fit_table`].
+    pub fn fit_table_of(&self, tier: Tier) -> Result<Fit, TableError> {
+        let demand = self.demand()?;
+        Ok(fit::fit_tier(&self.mechanism()?, &demand, tier)?)
+    }
+
+    /// CRC-32 of the scene's canonical form: the same for files that differ only in comments, order or defaults.
+    pub fn hash(&self) -> u32 {
+        hash(self)
+    }
+
+    /// The same of `[rig]` alone, which a table does not depend on and a board has built in.
+    pub fn rig_hash(&self) -> u32 {
+        hash(&self.rig)
+    }
+
+    /// The same of `[envelope]` and `[accuracy]` alone: what any table of a board has to cover.
+    pub fn demand_hash(&self) -> u32 {
+        #[derive(Serialize)]
+        struct Demand {
+            envelope: Option<Envelope>,
+            accuracy: Option<Accuracy>,
+        }
+        hash(&Demand { envelope: self.envelope, accuracy: self.accuracy })
+    }
+}
+
+/// `[accuracy]`; a refusal says where its numbers can be had.
+fn accuracy<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Accuracy>, D::Error> {
+    Accuracy::deserialize(deserializer).map(Some).map_err(|error| {
+        D::Error::custom(format!(
+            "{error}: [accuracy] has the numbers contraction_m and tr_relative, and `tsa-lab budget` prints those that are worth having"
+        ))
+    })
+}
+
+fn hash(value: &impl Serialize) -> u32 {
+    // Serialising plain numbers into a string cannot fail; an empty text would still be a valid hash input.
+    let text = toml::to_string(value).unwrap_or_default();
+    crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(text.as_bytes())
+}
+
+impl Envelope {
+    /// Least and greatest twist (rad).
+    pub fn twist_rad(&self) -> [f64; 2] {
+        self.turns.map(twist_from_turns)
+    }
+}

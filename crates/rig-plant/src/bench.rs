@@ -1,0 +1,338 @@
+//! The control code and the rig in one process, without the emulated chip: [`ControlBench`] plays the microcontroller.
+//! It is hundreds of times faster than the whole board, for scenarios by the dozen. The chip's share (drivers, interrupts,
+//! timing) is tested with the ELF on the emulated board.
+
+use crate::Truth;
+use crate::board::{Board, CanFrame, Stimulus};
+use crate::rig::Rig;
+use crate::rig::plant_settings::PlantSettings;
+use rig_config::Scene;
+use rig_control::sensors::EncoderCount;
+use rig_control::supervisor::Events;
+use rig_control::{DriveCommand, Inputs, LvdtBlock, Outputs, Rig as Control, RigConstants, TICK_S};
+use rig_link::messages::{Accepted, Counters, EventKind, LoadChoice, Refusal, Request, Sensors, State, Telemetry};
+use rmds405::{Address, Conversation, Received, Report};
+use std::sync::{Arc, OnceLock};
+use tsa_table::Table;
+use tsa_table::fit::OwnedTable;
+
+/// The default scene.
+pub fn scene() -> &'static Scene {
+    static SCENE: OnceLock<Scene> = OnceLock::new();
+    SCENE.get_or_init(|| {
+        Scene::from_toml_str(include_str!("../../../scenes/default.toml")).expect("the default scene is good")
+    })
+}
+
+/// Its table, as the firmware has it.
+pub fn table() -> &'static Table<'static> {
+    static OWNED: OnceLock<OwnedTable> = OnceLock::new();
+    static TABLE: OnceLock<Table<'static>> = OnceLock::new();
+    TABLE
+        .get_or_init(|| OWNED.get_or_init(|| scene().fit_table().expect("the default scene has a table").table).table())
+}
+
+/// The rig's constants, as the build script derives them.
+pub fn constants() -> RigConstants {
+    scene().constants()
+}
+
+/// Samples of one LVDT block, and the time between two of them, as on the board.
+const BLOCK: usize = 256;
+const SAMPLE_S: f64 = 492.0 / 21e6;
+
+/// What decides about the rig, once a tick: the firmware's control code, or something to hold it against.
+pub trait Controller {
+    /// What it decided.
+    type Decision: Clone;
+
+    /// One tick.
+    fn step(&mut self, inputs: &Inputs) -> Self::Decision;
+
+    /// What the drive is told.
+    fn drive(decision: &Self::Decision) -> DriveCommand;
+
+    /// What ended or went wrong.
+    fn events(_decision: &Self::Decision) -> &[EventKind] {
+        &[]
+    }
+}
+
+/// One tick of the control code: its [`Outputs`], and the telemetry after it.
+#[derive(Clone, Debug)]
+pub struct ControlTick {
+    /// For the drive.
+    pub drive: DriveCommand,
+    /// Answer to the request.
+    pub reply: Option<Result<Accepted, Refusal>>,
+    /// What ended or went wrong.
+    pub events: Events,
+    /// For the host.
+    pub telemetry: Telemetry,
+    /// What the sensors show, homed or not.
+    pub sensors: Sensors,
+}
+
+impl Controller for Control {
+    type Decision = ControlTick;
+
+    fn step(&mut self, inputs: &Inputs) -> ControlTick {
+        let Outputs { drive, reply, events } = Control::step(self, inputs);
+        let counters = Counters { late_ticks: self.late_ticks(), ..Counters::default() };
+        ControlTick { drive, reply, events, telemetry: self.telemetry(inputs, counters), sensors: self.sensors(inputs) }
+    }
+
+    fn drive(decision: &ControlTick) -> DriveCommand {
+        decision.drive
+    }
+
+    fn events(decision: &ControlTick) -> &[EventKind] {
+        &decision.events
+    }
+}
+
+/// What comes between the rig and what the controller sees of it.
+pub type Tamper = Arc<dyn Fn(&mut Inputs) + Send + Sync>;
+
+/// A controller wired to an emulated rig.
+#[derive(Clone)]
+pub struct ControlBench<C: Controller = Control> {
+    /// The rig.
+    pub rig: Rig,
+    /// The controller.
+    pub control: C,
+    /// What the last tick decided.
+    pub last: Option<C::Decision>,
+    /// Every event so far, with its time (s).
+    pub events: Vec<(f64, EventKind)>,
+    /// True gap when homing ended (m).
+    pub home_gap_m: Option<f64>,
+    /// Whether the host sends heartbeats.
+    pub host_alive: bool,
+    /// Changes what the controller sees, each tick.
+    pub tamper: Option<Tamper>,
+    time_s: f64,
+    next_sample_s: f64,
+    codes: Vec<u16>,
+    block: Option<LvdtBlock>,
+    encoder: EncoderCount,
+    drive: Conversation,
+    estop: bool,
+    limits_open: [bool; 2],
+    heard_us: Option<u64>,
+}
+
+fn address() -> Address {
+    Address::new(scene().rig.drive_group, scene().rig.drive_number).expect("the scene was checked")
+}
+
+impl ControlBench {
+    /// A rig with these plant keys, and control code that has just booted.
+    pub fn new(keys: &[(&str, &str)], seed: u64) -> Self {
+        Self::with(Control::new(table(), constants(), None), keys, seed)
+    }
+
+    /// As [`ControlBench::new`], of a rig whose `[rig]` is not the default scene's, and control code built for it. Address and
+    /// supply divider of the drive must be the default scene's.
+    pub fn of(scene: &Scene, keys: &[(&str, &str)], seed: u64) -> Self {
+        let control = Control::new(table(), scene.constants(), None);
+        Self::in_scene(scene, control, keys, seed)
+    }
+}
+
+impl<C: Controller> ControlBench<C> {
+    /// A rig with these plant keys under another controller.
+    pub fn with(control: C, keys: &[(&str, &str)], seed: u64) -> Self {
+        Self::in_scene(scene(), control, keys, seed)
+    }
+
+    fn in_scene(scene: &Scene, control: C, keys: &[(&str, &str)], seed: u64) -> Self {
+        let mut settings = PlantSettings::default();
+        for (key, value) in keys {
+            settings.set(key, value).unwrap_or_else(|e| panic!("{e}"));
+        }
+        Self::on(Rig::new(scene, settings, seed).unwrap_or_else(|e| panic!("{e}")), control)
+    }
+
+    /// A controller on a rig that has just been switched on.
+    pub fn on(mut rig: Rig, control: C) -> Self {
+        let encoder = EncoderCount::new(rig.quadrature(0.0, 3) as u16);
+        Self {
+            rig,
+            control,
+            last: None,
+            events: Vec::new(),
+            home_gap_m: None,
+            host_alive: true,
+            tamper: None,
+            time_s: 0.0,
+            next_sample_s: SAMPLE_S,
+            codes: Vec::with_capacity(BLOCK),
+            block: None,
+            encoder,
+            drive: Conversation::new(address(), constants().supply_divider),
+            estop: false,
+            limits_open: [false; 2],
+            heard_us: None,
+        }
+    }
+
+    /// Emulated time (s).
+    pub fn time_s(&self) -> f64 {
+        self.time_s
+    }
+
+    /// What really is.
+    pub fn truth(&self) -> Truth {
+        self.rig.truth()
+    }
+
+    /// True position since homing (m).
+    pub fn true_position_m(&self) -> f64 {
+        self.home_gap_m.map_or(f64::NAN, |gap| gap - self.rig.truth().gap_m)
+    }
+
+    fn send(&mut self, frame: Option<rmds405::Frame>) {
+        let Some(frame) = frame else { return };
+        let frame = CanFrame { id: u32::from(frame.id), extended: false, remote: false, dlc: 8, data: frame.data };
+        self.rig.can_tx(self.time_s, &frame);
+    }
+
+    /// As the drive's task does it: motor power after the frame.
+    fn switch_motor_power(&mut self) {
+        self.rig.gpio_out(self.time_s, 'B', u16::from(self.drive.motor_power()) << 10);
+    }
+
+    /// One control tick later.
+    pub fn tick(&mut self, request: Option<Request>) -> C::Decision {
+        self.time_s = ((self.time_s / f64::from(TICK_S)).round() + 1.0) * 0.01;
+        while self.next_sample_s <= self.time_s {
+            self.codes.push(self.rig.adc(self.next_sample_s, 0));
+            if self.codes.len() == BLOCK {
+                self.block = LvdtBlock::from_codes((self.next_sample_s * 1e6) as u64, &self.codes);
+                self.codes.clear();
+            }
+            self.next_sample_s += SAMPLE_S;
+        }
+        for stimulus in self.rig.poll(self.time_s) {
+            match stimulus {
+                Stimulus::Can(frame) => {
+                    let received = Received { id: frame.id, extended: false, remote: false, data: &frame.data };
+                    if let Ok(report) = Report::decode(address(), &received) {
+                        let frame = self.drive.hear((self.time_s * 1e6) as u64, report);
+                        self.send(frame);
+                    }
+                }
+                Stimulus::Pin { port: 'B', pin: 5, high } => self.estop = high,
+                Stimulus::Pin { port: 'A', pin: 8, high } => self.limits_open[0] = high,
+                Stimulus::Pin { port: 'C', pin: 7, high } => self.limits_open[1] = high,
+                _ => {}
+            }
+        }
+        let now_us = (self.time_s * 1e6).round() as u64;
+        let frame = self.drive.tick(now_us);
+        self.send(frame);
+        self.switch_motor_power();
+        if self.host_alive && now_us.is_multiple_of(100_000) {
+            self.heard_us = Some(now_us);
+        }
+        let raw = self.rig.quadrature(self.time_s, 3) as u16;
+        let mut inputs = Inputs {
+            now_us,
+            encoder_counts: self.encoder.update(raw),
+            lvdt: self.block,
+            drive: self.drive.reading(),
+            drive_stalled: self.drive.take_stall(),
+            // No controller to leave the bus: that needs the chip.
+            bus_off: false,
+            supply: self.drive.supply(),
+            upper_limit_open: self.limits_open[0],
+            lower_limit_open: self.limits_open[1],
+            estop_open: self.estop,
+            host_heard_us: self.heard_us,
+            request,
+        };
+        if let Some(tamper) = &self.tamper {
+            tamper(&mut inputs);
+        }
+        let decision = self.control.step(&inputs);
+        let frame = self.drive.command(now_us, C::drive(&decision)).expect("limits from the scene");
+        self.send(frame);
+        self.switch_motor_power();
+        for kind in C::events(&decision) {
+            if matches!(kind, EventKind::Homed { .. }) {
+                self.home_gap_m = Some(self.rig.truth().gap_m);
+            }
+            self.events.push((self.time_s, *kind));
+        }
+        self.last = Some(decision.clone());
+        decision
+    }
+
+    /// Ticks until `done` or `limit_s` more seconds; whether it was done.
+    pub fn until(&mut self, limit_s: f64, mut done: impl FnMut(&Self) -> bool) -> bool {
+        let end = self.time_s + limit_s;
+        while self.time_s < end {
+            self.tick(None);
+            if done(self) {
+                return true;
+            }
+        }
+        false
+    }
+
+    /// For so many seconds.
+    pub fn run(&mut self, seconds: f64) {
+        self.until(seconds, |_| false);
+    }
+}
+
+impl ControlBench {
+    /// Proves the directions of a rig at rest, so that a jog begins at once.
+    ///
+    /// # Panics
+    /// If they are wrong.
+    pub fn prove(&mut self) {
+        self.tick(Some(Request::CheckDirection));
+        assert!(self.until(5.0, |d| d.control.state() == State::Unhomed), "{:?}", self.control.fault());
+    }
+
+    /// Waits for the drive, homes; homing time (s) or how it failed.
+    pub fn home(&mut self) -> Result<f64, String> {
+        self.home_under(LoadChoice::Auto)
+    }
+
+    /// The same under a load that somebody has weighed.
+    pub fn home_under(&mut self, load: LoadChoice) -> Result<f64, String> {
+        let idle = |d: &Self| matches!(d.control.state(), State::Unhomed | State::Ready | State::Holding);
+        if !idle(self) && !self.until(10.0, idle) {
+            return Err(format!("not ready: {:?} {:?}", self.control.state(), self.control.fault()));
+        }
+        let start = self.time_s;
+        let reply = self.tick(Some(Request::Home { load })).reply;
+        if !matches!(reply, Some(Ok(_))) {
+            return Err(format!("refused: {reply:?}"));
+        }
+        self.until(60.0, |d| d.control.state() != State::Homing);
+        if self.control.state() == State::Ready {
+            Ok(self.time_s - start)
+        } else {
+            Err(format!("{:?} {:?} {:?}", self.control.state(), self.control.fault(), self.events.last()))
+        }
+    }
+
+    /// Moves and waits until the load stands; time taken (s) or how it failed.
+    pub fn move_to(&mut self, target_m: f32, speed_m_per_s: f32, load: LoadChoice) -> Result<f64, String> {
+        let start = self.time_s;
+        let reply = self.tick(Some(Request::Move { target_m, speed_m_per_s, load })).reply;
+        if !matches!(reply, Some(Ok(_))) {
+            return Err(format!("refused: {reply:?}"));
+        }
+        self.until(60.0, |d| d.control.state() != State::Moving);
+        if self.control.state() == State::Holding {
+            Ok(self.time_s - start)
+        } else {
+            Err(format!("{:?} {:?} {:?}", self.control.state(), self.control.fault(), self.events.last()))
+        }
+    }
+}

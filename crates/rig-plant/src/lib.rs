@@ -1,0 +1,34 @@
+//! The emulated rig around the control code: mechanism in motion, motor, drive, sensors, and what a host says to it.
+//!
+//! The emulated board (`rig-emulator`, under the GPL) runs the firmware's ELF against it; [`bench`] runs the control code
+//! itself against it, in one process.
+//!
+//! - [`rig`]: drive, motor, encoder, LVDT and the mechanism itself.
+//! - [`board`]: the seam between microcontroller and wiring.
+//! - [`bench`]: the control code on the rig, hundreds of times faster than the emulated chip.
+//! - [`control`]: requests and answers, one JSON value on each line.
+//! - [`plant`]: what can be changed about the emulated rig without telling the firmware.
+//! - [`preset`]: rigs that differ from their own model, drawn from a seed.
+//! - [`effects`]: constants of what real rigs have besides their model.
+//! - [`faults`]: what can be broken in the emulated rig and its board.
+//! - [`truth`]: what really happens in the emulated rig.
+//! - [`units`]: numbers with units, as an operator types them.
+
+#![deny(unsafe_code)]
+
+pub mod bench;
+pub mod board;
+pub mod control;
+pub mod effects;
+pub mod faults;
+pub mod plant;
+pub mod preset;
+pub mod rig;
+pub mod truth;
+pub mod units;
+
+pub use control::{Answer, Request, Run, Stats};
+pub use faults::{ChipFault, Fault, RigFault};
+pub use plant::{PlantChange, PlantError, PlantKey};
+pub use preset::RigPreset;
+pub use truth::Truth;

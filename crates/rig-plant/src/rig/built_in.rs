@@ -1,0 +1,198 @@
+//! The load on its rail, hung from the mechanism.
+//!
+//! `m G'' = W - S(θ, G) - c G' - β k(θ, G) G' - friction`, with the gap G growing as the load sinks, S the force that
+//! the mechanism carries at (θ, G) and k = ∂S/∂G. S is that of the surface with the rods' additional force
+//! ([`Rods`]), θ the twist that the strings really have, and a slow stretch adds to the gap ([`Strings`]). β stands for the damping within string and rods. It is assumed: 2 ms
+//! gives a damping ratio of roughly 0.1 at 15 Hz.
+//!
+//! One step is the implicit mid-point rule on the linearised force, which neither feeds nor eats the energy of an
+//! oscillation at any stiffness, with friction as a set-valued force: what sticks does not creep.
+
+use super::effects::rods::{RodForce, Rods};
+use super::effects::stribeck::Stribeck;
+use super::effects::strings::Strings;
+use super::outside::measured::TwoWays;
+use super::plant::Conditions;
+use super::surface::{Pull, Surface};
+use crate::units::STANDARD_GRAVITY;
+
+/// Damping within string and rods in proportion to stiffness, s. Assumed.
+pub const STRUCTURAL_DAMPING_S: f64 = 2e-3;
+/// Torque by twist past the point where the strings lie side by side, N m/rad. Assumed: stalls any small motor.
+pub const WALL_NM_PER_RAD: f64 = 2.0;
+/// The wall's greatest torque, N m: several times what the default motor can hold.
+pub const WALL_MAX_NM: f64 = 5.0;
+/// Least stiffness that a step is computed with, as a share of the surface's own.
+const LEAST_STIFFNESS: f64 = 0.2;
+/// By how much the string slips through its clamp in the fault `string-slip`, m.
+pub const SLIP_M: f64 = 3e-3;
+
+/// State of the load.
+#[derive(Clone, Debug)]
+pub struct BuiltIn {
+    surface: Surface,
+    strings: Strings,
+    rods: Option<Rods>,
+    /// Measured gaps that differ by the way of the twist, and what they add now, m.
+    two_ways: Option<TwoWays>,
+    way_m: f64,
+    friction: Stribeck,
+    /// Ends of the rail, as gaps, m. The load stops there without a bounce.
+    stops_m: [f64; 2],
+    /// Gap, m.
+    pub gap_m: f64,
+    /// Speed of the gap, m/s; positive sinks.
+    pub speed_m_per_s: f64,
+    /// What the surface carries, without the rods' additional force.
+    law: Pull,
+    rod_force: RodForce,
+    broken: bool,
+    slipped_m: f64,
+}
+
+impl BuiltIn {
+    /// Hanging at rest under a weight.
+    pub fn new(
+        surface: Surface,
+        stops_m: [f64; 2],
+        strings: Strings,
+        rods: Option<Rods>,
+        conditions: &Conditions,
+    ) -> Self {
+        let mut plant = Self {
+            surface,
+            strings,
+            rods,
+            two_ways: None,
+            way_m: 0.0,
+            friction: Stribeck::default(),
+            stops_m,
+            gap_m: 0.0,
+            speed_m_per_s: 0.0,
+            law: Pull::default(),
+            rod_force: RodForce::default(),
+            broken: false,
+            slipped_m: 0.0,
+        };
+        let twist_rad = plant.strings.twist_rad;
+        let law_n = plant.law_under(twist_rad, conditions);
+        plant.gap_m = plant.surface.gap(twist_rad, law_n).gap_m.clamp(stops_m[0], stops_m[1]);
+        plant.law = plant.surface.pull(twist_rad, plant.gap_m, law_n);
+        plant.look_at_rods(conditions);
+        plant
+    }
+
+    /// With gaps that differ by the way of the twist.
+    pub fn with_two_ways(self, two_ways: TwoWays) -> Self {
+        Self { two_ways: Some(two_ways), ..self }
+    }
+
+    /// The interpolant in use.
+    pub fn surface(&self) -> &Surface {
+        &self.surface
+    }
+
+    /// Whether the rods may have stress beyond their law.
+    pub fn has_rods(&self) -> bool {
+        self.rods.is_some()
+    }
+
+    /// Gives the rods stress beyond their law, from now on.
+    pub fn set_rods(&mut self, rods: Option<Rods>) {
+        self.rods = rods;
+    }
+
+    /// What the mechanism does to the load now, N.
+    pub fn pull_n(&self) -> f64 {
+        self.law.force_n + self.rod_force.force_n
+    }
+
+    /// The gap at which the load would hang at a twist of the strings (rad) if it went there now, m.
+    pub fn gap_at(&self, twist_rad: f64, conditions: &Conditions) -> f64 {
+        let (twist_rad, _) = self.strings.model_twist(twist_rad, conditions.weight_n);
+        self.surface.gap(twist_rad, self.law_under(twist_rad, conditions)).gap_m + self.strings.stretch_m()
+    }
+
+    /// What the surface carries when the load hangs at a twist (rad), N.
+    fn law_under(&self, twist_rad: f64, conditions: &Conditions) -> f64 {
+        let Conditions { weight_n, temperature_k, .. } = *conditions;
+        self.rods.as_ref().map_or(weight_n, |rods| rods.law_under(weight_n, twist_rad, temperature_k))
+    }
+
+    fn look_at_rods(&mut self, conditions: &Conditions) {
+        let Pull { force_n, stiffness_n_per_m, .. } = self.law;
+        if let Some(rods) = &mut self.rods
+            && !self.broken
+        {
+            self.rod_force = rods.step(force_n, stiffness_n_per_m, self.strings.twist_rad, conditions.temperature_k);
+        }
+    }
+
+    /// Torque of the string on the output shaft, N m. Lossless: S dG = τ dθ at constant load, so τ = S ∂G/∂θ, which
+    /// untwists. Past the last twist a wall is added, which depends on the true load.
+    pub fn torque_nm(&self, conditions: &Conditions) -> f64 {
+        let pull_n = self.pull_n();
+        if self.broken || pull_n <= 0.0 {
+            return 0.0;
+        }
+        let twist_rad = self.strings.twist_rad;
+        let over = twist_rad.abs() - self.surface.wall_rad(self.law.force_n.max(conditions.weight_n));
+        let wall = (WALL_NM_PER_RAD * over).clamp(0.0, WALL_MAX_NM).copysign(twist_rad);
+        self.strings.torque_nm(pull_n * self.law.by_twist_m_per_rad - wall)
+    }
+
+    /// The string breaks: no pull and no torque from now on.
+    pub fn break_string(&mut self) {
+        self.broken = true;
+        self.law = Pull::default();
+        self.rod_force = RodForce::default();
+    }
+
+    /// The string slips through its clamp by [`SLIP_M`].
+    pub fn slip(&mut self) {
+        self.slipped_m += SLIP_M;
+    }
+
+    /// One step of `h` seconds with the output shaft at `shaft_rad`.
+    pub fn step(&mut self, h: f64, shaft_rad: f64, conditions: &Conditions) {
+        self.strings.turn(shaft_rad, self.pull_n());
+        let pull_n = self.pull_n();
+        if let Some(two_ways) = &mut self.two_ways {
+            self.way_m = two_ways.shift_m(self.strings.twist_rad, pull_n);
+        }
+        self.law = self.law_at(self.gap_m);
+        self.look_at_rods(conditions);
+        let mass = conditions.weight_n / STANDARD_GRAVITY;
+        let law_stiffness = self.law.stiffness_n_per_m;
+        // The law's first order in the additional stress must not turn the mechanism's stiffness around.
+        let k = (law_stiffness + self.rod_force.stiffness_n_per_m).max(LEAST_STIFFNESS * law_stiffness);
+        let inertia = 2.0 * mass / h;
+        // The mean speed over the step; friction may reduce it to zero.
+        let push = inertia * self.speed_m_per_s + conditions.weight_n - self.pull_n();
+        let resistance = inertia + conditions.damping_n_s_per_m + STRUCTURAL_DAMPING_S * k + 0.5 * h * k;
+        let mean = self.friction.mean_speed(h, push, resistance, self.speed_m_per_s, &conditions.friction);
+        self.strings.stretch(h, self.pull_n());
+        let end = 2.0 * mean - self.speed_m_per_s;
+        self.gap_m += h * mean;
+        // A reversal within the step means that the load stood still on the way: it stays there if friction can hold
+        // it.
+        let turned = mean == 0.0 || end * mean < 0.0;
+        self.speed_m_per_s = end;
+        if turned && conditions.friction.coulomb_n > 0.0 {
+            self.speed_m_per_s = 0.0;
+        }
+        let [upper, lower] = self.stops_m;
+        if self.gap_m < upper || self.gap_m > lower {
+            self.gap_m = self.gap_m.clamp(upper, lower);
+            self.speed_m_per_s = 0.0;
+        }
+    }
+
+    fn law_at(&self, gap_m: f64) -> Pull {
+        if self.broken {
+            return Pull::default();
+        }
+        let gap_m = gap_m - self.slipped_m - self.strings.stretch_m() - self.way_m;
+        self.surface.pull(self.strings.twist_rad, gap_m, self.law.force_n)
+    }
+}

@@ -1,0 +1,163 @@
+//! Stress in the rods beyond their law, as a force on the load: what they remember, and what warmth adds.
+//!
+//! At a gap and a twist the rods have a shape, whatever their stress. A stress that is greater by the share s everywhere
+//! bends them as an s greater modulus E would, so that the mechanism carries at that gap the additional force
+//! −(∂G/∂ln E)/(∂G/∂F) s. The share is taken at the clamp, where the strain is greatest: s = Δσ/σ(ε). A force that
+//! depends on the gap alone, or lags behind it as [`RodMemory`] does, creates no energy. All of it is first order in s.
+
+use super::memory::RodMemory;
+use crate::effects::{ROD_STRESS_PER_K, rod_onset};
+use crate::rig::surface::{SLACK_LOAD_N, Surface};
+use tsa_model::scalar::{Dual, Scalar};
+use tsa_model::{Material, Mechanism, Parameters};
+
+/// The strings cannot push: the load never loses more than this share of the force that the law gives.
+const MOST_LOST: f64 = 0.9;
+/// Cells of the table along ln F and along the twist.
+const CELLS: usize = 24;
+/// Share of the last twist up to which the table reaches: nearer to it the slopes grow without a bound.
+const REACH: f64 = 0.98;
+
+/// The rods at a load and a twist.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct RodPoint {
+    /// Bending strain at the clamp.
+    strain: f64,
+    /// ∂ε/∂F at constant twist, 1/N.
+    strain_by_load: f64,
+    /// Force on the load for each Pa of additional stress at the clamp, N/Pa.
+    force_by_stress: f64,
+}
+
+/// [`RodPoint`]s over ln F and the share of the last twist.
+#[derive(Clone, Debug)]
+struct RodTable {
+    u_min: f64,
+    u_step: f64,
+    reach_rad: Vec<f64>,
+    /// ln ε and the force for each Pa.
+    nodes: Vec<[f64; 2]>,
+}
+
+impl RodTable {
+    /// Samples a mechanism over the loads of its surface; `None` where its rods do not bend.
+    fn new(mechanism: &Mechanism, surface: &Surface) -> Option<Self> {
+        if mechanism.is_rigid() {
+            return None;
+        }
+        let material = Material { stress_coefficients_pa: mechanism.parameters().stress_coefficients_pa };
+        let mut parameters = Parameters::<Dual<1>>::constant(mechanism.parameters());
+        let modulus = Dual::parameter(1.0, 0);
+        parameters.stress_coefficients_pa = parameters.stress_coefficients_pa.map(|a| a * modulus);
+        let by_modulus = Mechanism::of(parameters);
+        let u_min = SLACK_LOAD_N.ln();
+        let u_step = (surface.max_load_n().ln() - u_min) / CELLS as f64;
+        let loads: Vec<f64> = (0..=CELLS).map(|i| (u_min + u_step * i as f64).exp()).collect();
+        let reach_rad: Vec<f64> = loads.iter().map(|load| REACH * surface.last_twist_rad(*load)).collect();
+        let mut nodes: Vec<[f64; 2]> = Vec::with_capacity((CELLS + 1) * (CELLS + 1));
+        for (load, reach) in loads.iter().zip(&reach_rad) {
+            for k in 0..=CELLS {
+                let solved = by_modulus.solve(*load, reach * k as f64 / CELLS as f64).ok();
+                let node = solved.map(|e| {
+                    let strain = e.bending_strain.value();
+                    let share = -e.gap_m.by[0] / (e.dgap_dload_m_per_n.value() * material.stress_pa(strain));
+                    [strain.ln(), share]
+                });
+                // A twist that is not reached is as the one before it.
+                nodes.push(node.filter(|n| n.iter().all(|x| x.is_finite())).or(nodes.last().copied())?);
+            }
+        }
+        Some(Self { u_min, u_step, reach_rad, nodes })
+    }
+
+    fn at(&self, load_n: f64, twist_rad: f64) -> RodPoint {
+        let least = self.u_min.exp();
+        let place = |x: f64| {
+            let x = x.clamp(0.0, CELLS as f64);
+            let i = (x as usize).min(CELLS - 1);
+            (i, x - i as f64)
+        };
+        let (i, t) = place((load_n.max(least).ln() - self.u_min) / self.u_step);
+        let reach = self.reach_rad[i] + t * (self.reach_rad[i + 1] - self.reach_rad[i]);
+        let (k, s) = place(twist_rad.abs() / reach * CELLS as f64);
+        let node = |di: usize, dk: usize| self.nodes[(i + di) * (CELLS + 1) + k + dk];
+        let along = |di: usize, which: usize| node(di, 0)[which] * (1.0 - s) + node(di, 1)[which] * s;
+        let [low, high] = [along(0, 0), along(1, 0)];
+        // Slack strings bend nothing: below the table both fall to zero with the load.
+        let slack = (load_n / least).clamp(0.0, 1.0);
+        let strain = slack * (low + t * (high - low)).exp();
+        let by_log = if slack < 1.0 { 1.0 } else { (high - low) / self.u_step };
+        RodPoint {
+            strain,
+            strain_by_load: strain * by_log / load_n.max(1e-9),
+            force_by_stress: slack * (along(0, 1) * (1.0 - t) + along(1, 1) * t),
+        }
+    }
+}
+
+/// What the rods' additional stress does to the load.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct RodForce {
+    /// N.
+    pub force_n: f64,
+    /// Slope by the gap at constant twist, N/m.
+    pub stiffness_n_per_m: f64,
+}
+
+/// The rods of a mechanism.
+#[derive(Clone, Debug)]
+pub struct Rods {
+    table: RodTable,
+    memory: RodMemory,
+}
+
+impl Rods {
+    /// Straight rods that remember with a half width in Pa; `None` where the mechanism's rods do not bend.
+    pub fn new(mechanism: &Mechanism, surface: &Surface, half_width_pa: f64) -> Option<Self> {
+        let table = RodTable::new(mechanism, surface)?;
+        Some(Self { table, memory: RodMemory::new(half_width_pa, 0.0) })
+    }
+
+    /// Brings the rods to where their law carries a load (N) at a twist (rad), `temperature_k` from the calibration.
+    /// `stiffness_n_per_m` is the law's own.
+    pub fn step(&mut self, law_n: f64, stiffness_n_per_m: f64, twist_rad: f64, temperature_k: f64) -> RodForce {
+        let point = self.table.at(law_n, twist_rad);
+        let force_n = force(&point, &mut self.memory, law_n, temperature_k);
+        let slope = self.memory.stiffness_pa() + warmth(point.strain, temperature_k).1;
+        RodForce {
+            force_n,
+            stiffness_n_per_m: point.force_by_stress * slope * point.strain_by_load * stiffness_n_per_m,
+        }
+    }
+
+    /// What their law carries at a twist (rad) when they carry a weight (N) in all, if they went there from where they
+    /// are; N.
+    pub fn law_under(&self, weight_n: f64, twist_rad: f64, temperature_k: f64) -> f64 {
+        let (mut low, mut high) = (0.0, weight_n / (1.0 - MOST_LOST));
+        for _ in 0..50 {
+            let middle = 0.5 * (low + high);
+            let mut memory = self.memory;
+            let there = force(&self.table.at(middle, twist_rad), &mut memory, middle, temperature_k);
+            if middle + there < weight_n {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        0.5 * (low + high)
+    }
+}
+
+/// Force of the additional stress where the law carries a load (N).
+fn force(point: &RodPoint, memory: &mut RodMemory, law_n: f64, temperature_k: f64) -> f64 {
+    let stress_pa = memory.step(point.strain) + warmth(point.strain, temperature_k).0;
+    (point.force_by_stress * stress_pa).max(-MOST_LOST * law_n)
+}
+
+/// Stress that a temperature adds at a strain, Pa, and its slope by the strain, Pa: none before the transformation
+/// begins.
+fn warmth(strain: f64, temperature_k: f64) -> (f64, f64) {
+    let full = ROD_STRESS_PER_K * temperature_k;
+    let [share, slope] = rod_onset(strain);
+    (full * share, full * slope)
+}

@@ -1,0 +1,245 @@
+//! The LVDT with its conditioner and divider: gap to 12-bit code (hardware.md 6.4; everything about the sensor is
+//! assumed).
+
+use std::f64::consts::TAU;
+
+use crate::effects::LVDT_GAIN_PER_K;
+use rand_distr::{Distribution, StandardNormal};
+use rand_pcg::Pcg64Mcg;
+use rand_pcg::rand_core::{Rng, SeedableRng};
+
+use super::effects::drift::Drift;
+use super::parameters::RigParameters;
+use super::plant_settings::PlantSettings;
+
+/// Noise that the `lvdt-noisy` fault adds, m rms: a loose core.
+const FAULT_NOISE_M: f64 = 2e-3;
+
+/// Frequency of the mains, whose hum the long leads pick up (Hz).
+const MAINS_HZ: f64 = 50.0;
+
+/// What can be wrong with it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LvdtFaults {
+    /// Lead open: the divider's pull-down holds 0 V.
+    pub open: bool,
+    /// Shorted to the supply: full scale.
+    pub short: bool,
+    /// Much noise.
+    pub noisy: bool,
+    /// The same code for ever.
+    pub frozen: bool,
+    /// Its output is reversed: mirrored about the middle of its range.
+    pub reversed: bool,
+}
+
+/// The sensor.
+#[derive(Clone, Debug)]
+pub struct Lvdt {
+    stroke_m: f64,
+    volts: [f64; 2],
+    gap_at_zero_m: f64,
+    reference_v: f64,
+    rate_per_s: f64,
+    gain: f64,
+    filtered_m: f64,
+    drift: Drift,
+    drift_m: f64,
+    drift_noise: Pcg64Mcg,
+    /// Phase of the curve over the stroke, rad.
+    curve_phase_rad: f64,
+    last_code: u16,
+    /// Active faults.
+    pub faults: LvdtFaults,
+}
+
+impl Lvdt {
+    /// Settled at a gap. The seed is that of the curve's phase and of the noise inside the band.
+    pub fn new(parameters: &RigParameters, settings: &PlantSettings, gap_m: f64, seed: u64) -> Self {
+        let mut drift_noise = Pcg64Mcg::seed_from_u64(seed);
+        let curve_phase_rad = TAU * f64::from(drift_noise.next_u32()) / f64::from(u32::MAX);
+        Self {
+            drift: Drift::default(),
+            drift_m: 0.0,
+            drift_noise,
+            curve_phase_rad,
+            stroke_m: parameters.lvdt_stroke_m,
+            volts: parameters.lvdt_volts,
+            gap_at_zero_m: parameters.lvdt_gap_at_zero_m,
+            reference_v: parameters.adc_reference_v,
+            rate_per_s: TAU * parameters.lvdt_bandwidth_hz,
+            gain: 1.0 + settings.lvdt_gain_error,
+            filtered_m: gap_m,
+            last_code: 0,
+            faults: LvdtFaults::default(),
+        }
+    }
+
+    /// One step of `h` seconds; exact for a gap that stays where it is.
+    pub fn step(&mut self, h: f64, gap_m: f64, settings: &PlantSettings) {
+        self.filtered_m += (gap_m - self.filtered_m) * -(-h * self.rate_per_s).exp_m1();
+        if settings.lvdt_noise_inband_m > 0.0 {
+            self.drift_m = self.drift.step(h, settings.lvdt_noise_inband_m, &mut self.drift_noise);
+        } else {
+            self.drift_m = 0.0;
+        }
+    }
+
+    /// What its curve adds at a gap, m: one sine over the stroke.
+    fn curve_m(&self, gap_m: f64, settings: &PlantSettings) -> f64 {
+        if settings.lvdt_nonlinearity == 0.0 {
+            return 0.0;
+        }
+        let share = (gap_m - self.gap_at_zero_m) / self.stroke_m;
+        settings.lvdt_nonlinearity * self.stroke_m * (TAU * share + self.curve_phase_rad).sin()
+    }
+
+    /// One sample at `t_s`: the gap with the sensor's curve, offset, noise, hum and drift of the gain, and the converter's error, which goes once up and down
+    /// over its range (`adc_inl` codes at a quarter and at three quarters).
+    pub fn sample(&mut self, t_s: f64, settings: &PlantSettings, noise: &mut Pcg64Mcg) -> u16 {
+        let fault_noise = if self.faults.noisy { FAULT_NOISE_M } else { 0.0 };
+        // Drawn for each sample, also during a fault: a fault does not change the noise that follows it.
+        let normal: f64 = StandardNormal.sample(noise);
+        let hum_m = settings.hum_m * (TAU * MAINS_HZ * t_s).sin();
+        let errors_m = hum_m + self.curve_m(self.filtered_m, settings) + self.drift_m;
+        let gap_m =
+            self.filtered_m + settings.lvdt_offset_m + errors_m + normal * settings.lvdt_noise_m.hypot(fault_noise);
+        let gain = self.gain * (1.0 + LVDT_GAIN_PER_K * settings.temperature_k);
+        let fraction = (gap_m - self.gap_at_zero_m) / self.stroke_m * gain;
+        let fraction = if self.faults.reversed { 1.0 - fraction } else { fraction };
+        let share = (self.volts[0] + fraction * (self.volts[1] - self.volts[0])) / self.reference_v;
+        let code = volts_to_code(share + settings.adc_inl / CODES * (TAU * share).sin(), 1.0);
+        match self.faults {
+            LvdtFaults { open: true, .. } => 0,
+            LvdtFaults { short: true, .. } => 4095,
+            LvdtFaults { frozen: true, .. } => self.last_code,
+            _ => {
+                self.last_code = code;
+                code
+            }
+        }
+    }
+}
+
+/// Codes of a 12-bit converter.
+const CODES: f64 = 4096.0;
+
+/// The code of a 12-bit converter for a voltage.
+pub fn volts_to_code(volts: f64, reference_v: f64) -> u16 {
+    (volts / reference_v * CODES).floor().clamp(0.0, 4095.0) as u16
+}
+
+#[cfg(test)]
+mod tests {
+    use rand_pcg::rand_core::SeedableRng;
+    use rig_config::Rig;
+
+    use super::*;
+
+    fn lvdt(settings: &PlantSettings) -> (Lvdt, Pcg64Mcg) {
+        let parameters = RigParameters::new(&Rig::default()).unwrap();
+        (Lvdt::new(&parameters, settings, 0.1, 1), Pcg64Mcg::seed_from_u64(1))
+    }
+
+    #[test]
+    fn noise_has_the_stated_size_and_no_bias() {
+        let settings = PlantSettings { lvdt_noise_m: 500e-6, ..PlantSettings::default() };
+        let (mut lvdt, mut noise) = lvdt(&settings);
+        let metres = |code: u16| (f64::from(code) + 0.5) / 4096.0 * 3.3 / 3.0 * 0.2;
+        let samples: Vec<f64> = (0..20_000).map(|_| metres(lvdt.sample(0.0, &settings, &mut noise))).collect();
+        let mean = samples.iter().sum::<f64>() / samples.len() as f64;
+        let rms = (samples.iter().map(|s| (s - mean).powi(2)).sum::<f64>() / samples.len() as f64).sqrt();
+        assert!((mean - 0.1).abs() < 15e-6, "{mean}");
+        assert!((rms - 500e-6).abs() < 15e-6, "{rms}");
+    }
+
+    #[test]
+    fn hum_is_a_sine_of_50_hz_about_the_gap() {
+        let settings = PlantSettings { lvdt_noise_m: 0.0, hum_m: 1e-3, ..PlantSettings::default() };
+        let (mut lvdt, mut noise) = lvdt(&settings);
+        let code_m = 0.2 / 3.0 * 3.3 / 4096.0;
+        let middle = 0.1 / code_m;
+        for k in 0..40 {
+            let t_s = f64::from(k) * 1e-3;
+            let wanted = middle + 1e-3 / code_m * (TAU * 50.0 * t_s).sin();
+            let code = f64::from(lvdt.sample(t_s, &settings, &mut noise));
+            assert!((code + 0.5 - wanted).abs() <= 0.501, "{code} at {t_s}, not {wanted}");
+        }
+    }
+
+    #[test]
+    fn the_converters_error_goes_up_and_down_over_its_range() {
+        let settings = PlantSettings { lvdt_noise_m: 0.0, adc_inl: 3.0, ..PlantSettings::default() };
+        let (mut lvdt, mut noise) = lvdt(&settings);
+        for (share, codes) in [(0.0, 0.0), (0.25, 3.0), (0.5, 0.0), (0.75, -3.0), (1.0 / 12.0, 1.5)] {
+            // Slightly more, so that the edge of a code is passed.
+            lvdt.filtered_m = (share + 1e-5) * 3.3 / 3.0 * 0.2;
+            let code = f64::from(lvdt.sample(0.0, &settings, &mut noise));
+            assert_eq!(code, (share * 4096.0 + 0.05 + codes).floor(), "at {share}");
+        }
+    }
+
+    #[test]
+    fn its_curve_is_one_sine_over_the_stroke_with_a_phase_from_the_seed() {
+        let settings = PlantSettings { lvdt_nonlinearity: 0.005, ..PlantSettings::default() };
+        let parameters = RigParameters::new(&Rig::default()).unwrap();
+        let curve = |seed: u64| {
+            let lvdt = Lvdt::new(&parameters, &settings, 0.1, seed);
+            (0..=200).map(|k| lvdt.curve_m(1e-3 * f64::from(k), &settings)).collect::<Vec<_>>()
+        };
+        let errors = curve(1);
+        assert_eq!(errors, curve(1));
+        assert_ne!(errors, curve(2));
+        let most = errors.iter().fold(0.0f64, |most, e| most.max(e.abs()));
+        assert!((most / 1e-3 - 1.0).abs() < 1e-3, "{most}: half a per cent of 200 mm");
+        // A sine over the stroke: half a stroke away it is the opposite, and twice it falls through zero.
+        assert!((0..=100).all(|k| (errors[k] + errors[k + 100]).abs() < 1e-12));
+        assert_eq!(errors.windows(2).filter(|pair| pair[0] * pair[1] < 0.0).count(), 2);
+    }
+
+    #[test]
+    fn warmth_changes_the_gain_and_noise_inside_the_band_stays() {
+        let warm = PlantSettings { lvdt_noise_m: 0.0, temperature_k: 10.0, ..PlantSettings::default() };
+        let (mut lvdt, mut noise) = lvdt(&warm);
+        let code = f64::from(lvdt.sample(0.0, &warm, &mut noise)) + 0.5;
+        let wanted = 0.1 * 1.002 / 0.2 * 3.0 / 3.3 * 4096.0;
+        assert!((code - wanted).abs() <= 0.501, "{code} and {wanted}");
+        let noisy = PlantSettings { lvdt_noise_m: 0.0, lvdt_noise_inband_m: 1e-3, ..PlantSettings::default() };
+        let (mut lvdt, _) = self::lvdt(&noisy);
+        let walk: Vec<f64> = (0..400_000)
+            .map(|_| {
+                lvdt.step(2.5e-4, 0.1, &noisy);
+                lvdt.drift_m
+            })
+            .collect();
+        let rms = (walk.iter().map(|x| x * x).sum::<f64>() / walk.len() as f64).sqrt();
+        assert!((rms / 1e-3 - 1.0).abs() < 0.1, "{rms}");
+    }
+
+    #[test]
+    fn bandwidth() {
+        let settings = PlantSettings { lvdt_noise_m: 0.0, ..PlantSettings::default() };
+        let (mut lvdt, _) = lvdt(&settings);
+        for _ in 0..4 {
+            lvdt.step(2.5e-4, 0.11, &settings);
+        }
+        let expected = 0.11 - 0.01 * (-TAU * 200.0 * 1e-3_f64).exp();
+        assert!((lvdt.filtered_m - expected).abs() < 1e-12);
+    }
+
+    #[test]
+    fn faults() {
+        let settings = PlantSettings::default();
+        let (mut lvdt, mut noise) = lvdt(&settings);
+        lvdt.sample(0.0, &settings, &mut noise);
+        lvdt.faults.frozen = true;
+        let frozen = lvdt.sample(0.0, &settings, &mut noise);
+        assert!((0..100).all(|_| lvdt.sample(0.0, &settings, &mut noise) == frozen));
+        lvdt.faults.open = true;
+        assert_eq!(lvdt.sample(0.0, &settings, &mut noise), 0);
+        lvdt.faults = LvdtFaults { short: true, ..LvdtFaults::default() };
+        assert_eq!(lvdt.sample(0.0, &settings, &mut noise), 4095);
+        assert_eq!(volts_to_code(-1.0, 3.3), 0);
+        assert_eq!(volts_to_code(9.0, 3.3), 4095);
+    }
+}

@@ -1,0 +1,304 @@
+//! A number that the paper prints, and the same number computed for a scene.
+
+use crate::failure::ErrorBody;
+use crate::scene_key::{self, KeyError};
+use rig_config::Scene;
+use serde::{Deserialize, Serialize};
+use std::f64::consts::TAU;
+use tsa_model::{Equilibrium, Mechanism, SolveError, twist_from_turns};
+
+/// Turns after which the paper compares (past the half-turn pre-twist).
+pub const TURNS: f64 = 7.5;
+
+const ROWS: &str = include_str!("../../../host-tests/reference/published.csv");
+const RATIOS: &str = include_str!("../../../host-tests/reference/published-ratios.csv");
+
+/// A printed number.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Row {
+    /// Its name, for example `d0-8`.
+    pub id: String,
+    /// What it measures.
+    pub quantity: Quantity,
+    /// Computed or measured by the authors.
+    pub kind: Kind,
+    /// Load (N).
+    pub load_n: f64,
+    /// Changes of the scene, see [`apply`]; mostly none.
+    pub changes: String,
+    /// The number, in [`Self::unit`].
+    pub value: f64,
+    /// Unit of the number.
+    pub unit: Unit,
+    /// Section or figure of the paper.
+    #[serde(rename = "where")]
+    pub place: String,
+}
+
+/// What a printed number measures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Quantity {
+    /// Gap at the half-turn pre-twist less the gap after 7.5 turns, at the same load.
+    #[serde(rename = "contraction_at_7.5_turns")]
+    Contraction,
+    /// Transmission ratio at the half-turn pre-twist.
+    #[serde(rename = "tr_at_0_turns")]
+    TrStart,
+    /// Transmission ratio after 7.5 turns.
+    #[serde(rename = "tr_at_7.5_turns")]
+    TrEnd,
+    /// Distance D between the rods' tips at the half-turn pre-twist.
+    #[serde(rename = "span_at_0_turns")]
+    SpanStart,
+    /// Distance D between the rods' tips after 7.5 turns.
+    #[serde(rename = "span_at_7.5_turns")]
+    SpanEnd,
+}
+
+impl Quantity {
+    /// Turns past the half-turn pre-twist.
+    pub fn turns(self) -> f64 {
+        match self {
+            Self::TrStart | Self::SpanStart => 0.0,
+            Self::Contraction | Self::TrEnd | Self::SpanEnd => TURNS,
+        }
+    }
+
+    /// Contraction, TR or span, at any number of turns.
+    pub fn group(self) -> Group {
+        match self {
+            Self::Contraction => Group::Contraction,
+            Self::TrStart | Self::TrEnd => Group::Tr,
+            Self::SpanStart | Self::SpanEnd => Group::Span,
+        }
+    }
+}
+
+/// What is measured, at any number of turns.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Group {
+    /// Contraction.
+    Contraction,
+    /// Transmission ratio.
+    Tr,
+    /// Distance between the rods' tips.
+    Span,
+}
+
+/// The authors' source of a number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Kind {
+    /// From their solver.
+    Theory,
+    /// From their rig.
+    Experiment,
+}
+
+/// Unit of a printed number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Unit {
+    /// Millimetres.
+    #[serde(rename = "mm")]
+    Millimetre,
+    /// Radians per millimetre.
+    #[serde(rename = "rad/mm")]
+    RadianPerMillimetre,
+}
+
+impl Unit {
+    /// As printed.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Millimetre => "mm",
+            Self::RadianPerMillimetre => "rad/mm",
+        }
+    }
+
+    /// From SI (m, rad/m).
+    pub fn of_si(self, value: f64) -> f64 {
+        match self {
+            Self::Millimetre => value * 1e3,
+            Self::RadianPerMillimetre => value * 1e-3,
+        }
+    }
+}
+
+/// The computed counterpart of a printed number.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Computed {
+    /// In the unit of the row.
+    pub value: f64,
+    /// Warnings of the model, at either end of the contraction.
+    pub warnings: Vec<&'static str>,
+}
+
+impl Row {
+    /// The number for a scene. An overtwisted state counts, with a warning: the paper prints one ([`Mechanism::formal`]).
+    ///
+    /// # Errors
+    /// The limit of the model, or the parameter of the changed scene, that leaves no number.
+    pub fn compute(&self, scene: &Scene) -> Result<Computed, ErrorBody> {
+        let mechanism = changed_mechanism(scene, &self.changes)?;
+        let states = self.states(&mechanism).map_err(|e| body(&e))?;
+        let [start, end] = &states;
+        let si = match self.quantity.group() {
+            Group::Contraction => start.gap_m - end.gap_m,
+            Group::Tr => end.tr_rad_per_m(),
+            Group::Span => end.d_m,
+        };
+        let warnings = warnings(&states);
+        Ok(Computed { value: self.unit.of_si(si), warnings })
+    }
+
+    /// The two states that the number depends on; the same state twice if it depends on one.
+    fn states(&self, mechanism: &Mechanism) -> Result<[Equilibrium; 2], SolveError> {
+        let at = |turns| mechanism.formal(self.load_n, twist_from_turns(turns));
+        let end = at(self.quantity.turns())?;
+        Ok([if self.quantity == Quantity::Contraction { at(0.0)? } else { end }, end])
+    }
+}
+
+/// Every printed number, in the order of the reference file.
+///
+/// # Errors
+/// If the file that was compiled in is damaged.
+pub fn rows() -> Result<Vec<Row>, csv::Error> {
+    csv::Reader::from_reader(ROWS.as_bytes()).deserialize().collect()
+}
+
+/// The scene with `key=value` changed, or several of them between semicolons; an empty text changes nothing. Keys are
+/// those of scene files or the paper's symbols ([`scene_key::set`]), values as in a scene file.
+///
+/// # Errors
+/// [`KeyError`] naming the key.
+pub fn apply(scene: &Scene, changes: &str) -> Result<Scene, KeyError> {
+    changes.split(';').map(str::trim).filter(|change| !change.is_empty()).try_fold(scene.clone(), |scene, change| {
+        let (key, value) = change.split_once('=').ok_or_else(|| KeyError::Form(change.into()))?;
+        let (key, value) = (key.trim(), value.trim());
+        let value: toml::Value =
+            value.parse().map_err(|e: toml::de::Error| KeyError::Unknown { key: key.into(), reason: e.to_string() })?;
+        scene_key::set(&scene, key, value)
+    })
+}
+
+/// The solver for a scene with changes as in [`apply`].
+///
+/// # Errors
+/// The kind `parameter` and the key in words.
+pub fn changed_mechanism(scene: &Scene, changes: &str) -> Result<Mechanism, ErrorBody> {
+    let refused = |message: String| ErrorBody { kind: "parameter".into(), message };
+    apply(scene, changes).map_err(|e| refused(e.to_string()))?.mechanism().map_err(|e| refused(e.to_string()))
+}
+
+/// A ratio of two loads that the paper's text quotes.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Ratio {
+    /// Its name.
+    pub id: String,
+    /// What is compared.
+    pub quantity: RatioQuantity,
+    /// Computed or measured by the authors.
+    pub kind: Kind,
+    /// Load above the line (N).
+    pub load_n: f64,
+    /// Load below the line (N).
+    pub to_load_n: f64,
+    /// Turns past the half-turn pre-twist.
+    pub turns: f64,
+    /// The quoted ratio.
+    pub value: f64,
+    /// Section or figure of the paper.
+    #[serde(rename = "where")]
+    pub place: String,
+}
+
+/// What a quoted ratio compares.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RatioQuantity {
+    /// Contraction.
+    Contraction,
+    /// Transmission ratio at that number of turns.
+    Tr,
+    /// Average speed of the load up to there, at one motor speed.
+    AverageSpeed,
+    /// Motor speed over that average speed.
+    AverageTr,
+}
+
+impl Ratio {
+    /// The ratio for a scene's mechanism.
+    ///
+    /// # Errors
+    /// The limit of the model that leaves no number.
+    pub fn compute(&self, mechanism: &Mechanism) -> Result<f64, SolveError> {
+        let of = |load_n| {
+            let at = |turns| mechanism.formal(load_n, twist_from_turns(turns));
+            let end = at(self.turns)?;
+            Ok(match self.quantity {
+                RatioQuantity::Tr => end.tr_rad_per_m(),
+                // The time is the same for both loads, so speeds are in the ratio of the contractions.
+                RatioQuantity::Contraction | RatioQuantity::AverageSpeed => at(0.0)?.gap_m - end.gap_m,
+                RatioQuantity::AverageTr => TAU * self.turns / (at(0.0)?.gap_m - end.gap_m),
+            })
+        };
+        Ok(of(self.load_n)? / of(self.to_load_n)?)
+    }
+}
+
+/// Every ratio that the text quotes.
+///
+/// # Errors
+/// If the file that was compiled in is damaged.
+pub fn ratios() -> Result<Vec<Ratio>, csv::Error> {
+    csv::Reader::from_reader(RATIOS.as_bytes()).deserialize().collect()
+}
+
+/// The warnings of some states, each once.
+pub fn warnings<'a>(states: impl IntoIterator<Item = &'a Equilibrium>) -> Vec<&'static str> {
+    let mut names: Vec<&str> = states.into_iter().flat_map(|e| e.warnings.names()).collect();
+    names.sort_unstable();
+    names.dedup();
+    names
+}
+
+/// An error of the model as `--json` prints it.
+pub fn body(error: &SolveError) -> ErrorBody {
+    ErrorBody { kind: error.kind().into(), message: error.to_string() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn changes_reach_the_scene() {
+        let scene = Scene::from_toml_str(include_str!("../../../scenes/paper-identified.toml")).unwrap();
+        assert_eq!(apply(&scene, "").unwrap(), scene);
+        let changed = apply(&scene, "geometry.rod_span_m=0.020; K = 10").unwrap();
+        assert_eq!((changed.geometry.rod_span_m, changed.string.stiffness_n_per_m), (0.020, 10.0));
+        for (changes, named) in [
+            ("string.width_m=1", "width_m"),
+            ("K", "`K`"),
+            ("K=ten", "K"),
+            ("K=-1", "string.stiffness_n_per_m"),
+            ("radius=1", "radius"),
+        ] {
+            let message = apply(&scene, changes).unwrap_err().to_string();
+            assert!(message.contains(named), "{changes}: {message}");
+        }
+    }
+
+    #[test]
+    fn a_changed_scene_that_is_impossible_leaves_a_named_limit() {
+        let mut scene = Scene::from_toml_str(include_str!("../../../scenes/paper-identified.toml")).unwrap();
+        scene.geometry.clamp_width_m = 0.010;
+        let narrow = rows().unwrap().into_iter().find(|r| r.id == "d0-8").unwrap();
+        let limit = narrow.compute(&scene).unwrap_err();
+        assert_eq!(limit.kind, "parameter");
+        assert!(limit.message.contains("geometry.clamp_width_m"), "{}", limit.message);
+    }
+}

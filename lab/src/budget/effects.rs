@@ -1,0 +1,280 @@
+//! What each part of a rig does to the gap, under one load.
+//!
+//! Each effect is a change of the gap at each state, one standard deviation of it: `homed` while the rig is homed, `later`
+//! what it is more when the rig is used ([`SESSION_S`] later, after a visit to the heaviest load). From these follow the
+//! errors of load and transmission ratio ([`super::Budget`]).
+
+use super::columns::{Column, State};
+use super::homing::Priors;
+use super::{Part, Rig, SESSION_S, SPEED_M_PER_S};
+use rig_config::Scene;
+use rig_control::TICK_S;
+use rig_control::homing::{SWEEP_HALF, SWEEP_SPEED, WEIGH_SPEED, WEIGH_TURNS, weigh};
+use rig_control::limits::rise_s;
+use rig_control::position_loop::BANDWIDTH_PER_S;
+use rig_control::rest::{AT_REST_M, AT_REST_NOISES, JUMP_SHARE};
+use rig_link::messages::LVDT_POINTS_MAX;
+use rig_plant::PlantKey;
+use rig_plant::effects::{
+    BEDDING_CYCLES, CREEP_TIMES_S, LVDT_GAIN_PER_K, LVDT_NOISE_M, RAIL_FRICTION_N, ROD_STRESS_PER_K, ROD_THRESHOLDS,
+    TURNS_PER_CYCLE, rod_onset,
+};
+use rig_plant::units::STANDARD_GRAVITY;
+use std::f64::consts::{PI, SQRT_2, TAU};
+
+/// Samples of the LVDT in a tick, and how long they take (s): a block of the board's converter.
+const SAMPLES: f64 = 256.0;
+const BLOCK_S: f64 = 6e-3;
+/// Frequency of the mains (Hz).
+const MAINS_HZ: f64 = 50.0;
+/// How long a load has been creeping when homing weighs it (s).
+const HOMED_S: f64 = 20.0;
+/// Time between a set-point and the shaft (ticks): the drive turns to it in the tick after, and it stands for one.
+const LAG_TICKS: f64 = 1.5;
+/// A change of the gap (m) at each state of a column.
+pub(super) struct Effect {
+    pub part: Part,
+    pub homed: Vec<f64>,
+    pub later: Vec<f64>,
+    /// The gap itself does not change, but the LVDT misreads it: the position is wrong as well.
+    pub misread: bool,
+}
+
+/// Errors that are no change of the gap: of the position (m) and of the load (relative), standard deviations at each state.
+pub(super) struct Direct {
+    pub part: Part,
+    pub position_m: Vec<f64>,
+    pub load: Vec<f64>,
+}
+
+/// What makes up the errors under one load.
+pub(super) struct Effects<'a> {
+    pub scene: &'a Scene,
+    pub rig: &'a Rig<'a>,
+    pub column: &'a Column,
+    /// The states under the heaviest load.
+    pub heaviest: &'a Column,
+    /// Least and greatest gap of all columns (m).
+    pub gaps_m: [f64; 2],
+}
+
+impl Effects<'_> {
+    fn size(&self, key: PlantKey) -> f64 {
+        self.rig.size(key)
+    }
+
+    /// Standard deviation of the LVDT's noise in one tick (m).
+    fn noise_m(&self) -> f64 {
+        let hum = self.size(PlantKey::Hum) / SQRT_2 * (PI * MAINS_HZ * BLOCK_S).sin() / (PI * MAINS_HZ * BLOCK_S);
+        let [white, inband] = [LVDT_NOISE_M / SAMPLES.sqrt(), self.size(PlantKey::LvdtNoiseInband)];
+        (white * white + inband * inband + hum * hum).sqrt()
+    }
+
+    /// Every change of the gap.
+    pub fn gaps(&self) -> Vec<Effect> {
+        let mut all = self.sensor();
+        all.extend(self.memory());
+        let homed = |part, homed| Effect { part, homed, later: self.column.each(|_| 0.0), misread: false };
+        let shift = self.size(PlantKey::TwistExponentShift);
+        all.push(homed(Part::Law, self.column.each(|s| s.by_arc * s.arc_by_exponent * shift)));
+        let warmth = ROD_STRESS_PER_K * self.size(PlantKey::Temperature);
+        all.push(homed(Part::Law, self.column.each(|s| s.by_stress * warmth * rod_onset(s.strain)[0])));
+        all
+    }
+
+    fn sensor(&self) -> Vec<Effect> {
+        let misread = |of: &dyn Fn(f64) -> f64| Effect {
+            part: Part::Sensor,
+            homed: self.column.each(|s| of(s.gap_m)),
+            later: self.column.each(|_| 0.0),
+            misread: true,
+        };
+        let rig = &self.scene.rig;
+        let gain = LVDT_GAIN_PER_K * self.size(PlantKey::Temperature);
+        let mut all = vec![misread(&|gap_m| gain * (gap_m - rig.lvdt_gap_at_zero_m))];
+        if let Some(gauge_m) = self.rig.gauge_m {
+            // Straight between the points, each wrong by itself.
+            let [low_m, high_m] = self.gaps_m;
+            let apart_m = (high_m - low_m) / (LVDT_POINTS_MAX - 1) as f64;
+            all.extend((0..LVDT_POINTS_MAX).map(|k| {
+                let at_m = low_m + k as f64 * apart_m;
+                misread(&|gap_m| gauge_m / super::NINETY * (1.0 - (gap_m - at_m).abs() / apart_m).max(0.0))
+            }));
+            return all;
+        }
+        // A sine of any phase is a sine and a cosine, each of 1/√2 of its size.
+        let size_m = self.size(PlantKey::LvdtNonlinearity) * rig.lvdt_stroke_m / SQRT_2;
+        let phase = |gap_m: f64| TAU * (gap_m - rig.lvdt_gap_at_zero_m) / rig.lvdt_stroke_m;
+        all.push(misread(&|gap_m| size_m * phase(gap_m).sin()));
+        all.push(misread(&|gap_m| size_m * phase(gap_m).cos()));
+        // That of the converter goes once up and down over its range.
+        let inl_m = self.size(PlantKey::AdcInl) * rig.lvdt_metres_per_code();
+        let share = |gap_m: f64| (gap_m - rig.lvdt_gap_at_code_zero_m()) / (4095.0 * rig.lvdt_metres_per_code());
+        all.push(misread(&|gap_m| inl_m * (TAU * share(gap_m)).sin()));
+        all
+    }
+
+    fn memory(&self) -> Vec<Effect> {
+        let column = self.column;
+        let none = column.each(|_| 0.0);
+        let of = |homed, later| Effect { part: Part::Memory, homed, later, misread: false };
+        let width_pa = self.size(PlantKey::RodHysteresis);
+        let at_first = column.each(|s| s.by_stress * width_pa * rod_memory(s.strain, s.strain));
+        let pairs = column.0.iter().zip(&self.heaviest.0);
+        let since = pairs.map(|(s, most)| {
+            let change = rod_memory(s.strain, most.strain) - rod_memory(s.strain, s.strain);
+            s.by_stress * width_pa * change
+        });
+        let rods = of(at_first, since.collect());
+        let compliance = self.size(PlantKey::StringCreep) * 0.5 / self.scene.string.stiffness_n_per_m;
+        let stretch_m = |s: &State, time_s: f64| compliance * s.load_n * crept(time_s);
+        let creep = of(
+            column.each(|s| stretch_m(s, HOMED_S)),
+            column.each(|s| stretch_m(s, HOMED_S + SESSION_S) - stretch_m(s, HOMED_S)),
+        );
+        let last = column.0.len() - 1;
+        let turned_rad =
+            (column.0[last].twist_rad - column.0[0].twist_rad) / column.travel_m() * SPEED_M_PER_S * SESSION_S;
+        let lost =
+            self.size(PlantKey::StringBedding) * -(-turned_rad / (TURNS_PER_CYCLE * TAU * BEDDING_CYCLES)).exp_m1();
+        let bedding = of(none.clone(), column.each(|s| -lost * s.by_arc * s.arc_m));
+        // Half the play on either way, of which homing takes for friction what is the same at every twist.
+        let half_rad = 0.5 * self.size(PlantKey::TwistPlay);
+        let pulls = column.each(|s| half_rad * s.by_twist / s.by_load);
+        let friction_n = pulls.iter().sum::<f64>() / pulls.len() as f64;
+        let play = of(none, column.each(|s| half_rad * s.by_twist - friction_n * s.by_load));
+        vec![rods, creep, bedding, play]
+    }
+
+    /// Standard error of the load by the motor's work, relative, as the fit takes it; and what the work really is wrong by.
+    pub fn work(&self) -> [f64; 2] {
+        let column = &self.column.0;
+        let load_n = column[0].load_n;
+        let motor = &self.scene.rig;
+        let [first, last] = [&column[0], &column[column.len() - 1]];
+        let per_ampere = motor.motor_torque_constant_nm_per_a * motor.gear();
+        let newton_per_ampere = per_ampere * (last.twist_rad - first.twist_rad) / (first.gap_m - last.gap_m);
+        let noise = self.size(PlantKey::CurrentNoise).powi(2) + self.size(PlantKey::CurrentQuantum).powi(2) / 12.0;
+        let edges = 2.0 * weigh::END_BINS as f64 / weigh::BINS as f64;
+        let sweep_rad = TAU * f64::from(WEIGH_TURNS) * (1.0 - edges);
+        let speed = f64::from(0.5 * (WEIGH_SPEED[0] + WEIGH_SPEED[1]));
+        let readings = [sweep_rad / speed, f64::from(2.0 * SWEEP_HALF / SWEEP_SPEED)].map(|s| s / f64::from(TICK_S));
+        // Both ways of the sweep, and both ways across zero twist.
+        let noise_n = (readings.map(|n| 0.5 * noise / n).iter().sum::<f64>()).sqrt() * newton_per_ampere;
+        let torque_nm = column.iter().map(|s| s.torque_nm).sum::<f64>() / column.len() as f64;
+        let loss = self.size(PlantKey::GearEfficiency);
+        let friction_nm = self.size(PlantKey::MotorFriction) + loss / (1.0 - loss) * torque_nm / motor.gear();
+        let left_n =
+            f64::from(weigh::FRICTION_LEFT) * friction_nm / motor.motor_torque_constant_nm_per_a * newton_per_ampere;
+        let constant_n = f64::from(weigh::TORQUE_ERROR) * load_n;
+        let truly_n = (noise_n.powi(2) + (self.size(PlantKey::TorqueConstantScale) * load_n).powi(2)).sqrt();
+        let counted_n = (noise_n.powi(2) + left_n.powi(2) + constant_n.powi(2)).sqrt();
+        [counted_n / load_n, truly_n / load_n]
+    }
+
+    /// Standard errors of what homing takes from elsewhere.
+    pub fn priors(&self) -> Priors {
+        let known = &self.scene.uncertainty;
+        Priors { radius: known.radius, zero_m: known.gap_zero_m, work: self.work()[0] }
+    }
+
+    /// Every error that is no change of the gap.
+    pub fn direct(&self) -> Vec<Direct> {
+        let column = self.column;
+        let noise_m = self.noise_m();
+        let noise = Direct {
+            part: Part::Sensor,
+            position_m: column.each(|_| noise_m),
+            load: column.each(|s| noise_m / (s.by_load * s.load_n)),
+        };
+        vec![noise, self.friction(), self.following(noise_m)]
+    }
+
+    /// Stiction lets the load rest anywhere within a share of its jump; and it makes friction greater where the load moves
+    /// more slowly than while homing.
+    fn friction(&self) -> Direct {
+        let coulomb_n = |s: &State| {
+            let share = self.size(PlantKey::FrictionLoadShare);
+            self.size(PlantKey::Friction) + share * s.load_n
+        };
+        let more = self.size(PlantKey::StictionRatio);
+        let vs = self.size(PlantKey::StribeckSpeed);
+        let falls = |v: f64| if vs > 0.0 { (-(v / vs).powi(2)).exp() } else { 0.0 };
+        let homing_rad_per_s = f64::from(0.5 * (WEIGH_SPEED[0] + WEIGH_SPEED[1]));
+        Direct {
+            part: Part::Friction,
+            position_m: self.column.each(|s| {
+                let jump_m = 2.0 * more * coulomb_n(s) * s.by_load;
+                f64::from(JUMP_SHARE) * jump_m / 3f64.sqrt()
+            }),
+            load: self.column.each(|s| {
+                let homed = falls(homing_rad_per_s * s.by_twist);
+                coulomb_n(s) * more * (falls(SPEED_M_PER_S) - homed).abs() / s.load_n
+            }),
+        }
+    }
+
+    /// The shaft follows its set-point late: while the load gains speed an error builds up, which the loop takes back. At rest
+    /// an error within the noise is left alone.
+    fn following(&self, noise_m: f64) -> Direct {
+        let bandwidth = f64::from(BANDWIDTH_PER_S);
+        let lag_s = LAG_TICKS * f64::from(TICK_S);
+        let move_s = self.column.travel_m() / SPEED_M_PER_S;
+        let resting_m = f64::from(AT_REST_M).max(f64::from(AT_REST_NOISES) * noise_m) / 3f64.sqrt();
+        let rise_s = |s: &State| f64::from(rise_s(s.load_n as f32, s.by_load as f32));
+        // At both ends of a move it decays with the loop: the mean square of two exponentials.
+        let moving_m = |s: &State| {
+            let rise = bandwidth * rise_s(s);
+            SPEED_M_PER_S * lag_s * -(-rise).exp_m1() / rise / (bandwidth * move_s).sqrt()
+        };
+        let swing = |s: &State| {
+            let rise_s = rise_s(s);
+            2.0 * SPEED_M_PER_S / rise_s / STANDARD_GRAVITY * (2.0 * rise_s / move_s).min(1.0).sqrt()
+        };
+        Direct {
+            part: Part::Loop,
+            position_m: self.column.each(|s| moving_m(s).hypot(resting_m)),
+            load: self.column.each(swing),
+        }
+    }
+}
+
+impl Rig<'_> {
+    /// Standard deviation of a plant key, from what a rig of its own model has.
+    fn size(&self, key: PlantKey) -> f64 {
+        let size = (self.sizes)(key);
+        if key == PlantKey::Friction && size == 0.0 { RAIL_FRICTION_N } else { size }
+    }
+}
+
+/// Share of the half width of their loop that rods have as additional stress at a strain, after a greater one.
+fn rod_memory(strain: f64, most: f64) -> f64 {
+    let elements = ROD_THRESHOLDS.map(|slips| (most.min(slips) - (most - strain)).max(-slips) / slips);
+    elements.iter().sum::<f64>() / ROD_THRESHOLDS.len() as f64
+}
+
+/// Share of the slow stretch that is there after a time (s).
+fn crept(time_s: f64) -> f64 {
+    CREEP_TIMES_S.iter().map(|own_s| -(-time_s / own_s).exp_m1()).sum::<f64>() / CREEP_TIMES_S.len() as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rods_on_the_way_up_have_their_loop_and_on_the_way_down_the_opposite() {
+        assert!((rod_memory(0.02, 0.02) - 1.0).abs() < 1e-12);
+        assert!((rod_memory(0.02, 0.04) + 1.0).abs() < 1e-12, "more than twice every threshold below");
+        assert!(
+            (rod_memory(0.034, 0.04) - (1.0 - 0.006 * (1.0 / 0.005 + 1.0 / 0.0065 + 1.0 / 0.008) / 3.0)).abs() < 1e-12
+        );
+        assert!(rod_memory(0.0025, 0.0025) > 0.3 && rod_memory(0.0025, 0.0025) < 0.5);
+    }
+
+    #[test]
+    fn strings_creep_by_all_of_it_in_the_end() {
+        assert!(crept(0.0) == 0.0 && (crept(1e6) - 1.0).abs() < 1e-12);
+        assert!((crept(30.0) - (1.0 + 1.0 - (-0.5f64).exp() + 0.0165) / 3.0).abs() < 1e-3);
+    }
+}

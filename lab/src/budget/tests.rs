@@ -1,0 +1,187 @@
+use super::*;
+use rig_control::position_loop::BANDWIDTH_PER_S;
+use rig_plant::RigPreset;
+
+pub(super) fn scene() -> Scene {
+    Scene::from_toml_str(include_str!("../../../scenes/default.toml")).unwrap()
+}
+
+/// Parts of a rig of its own model but for some plant keys.
+fn of<'a>(scene: &'a Scene, keys: &[(PlantKey, f64)]) -> Budget<'a> {
+    let size = |key| keys.iter().find(|(of, _)| *of == key).map_or(0.0, |(_, size)| *size);
+    Budget::new(scene, &Rig { sizes: &size, gauge_m: None }).unwrap()
+}
+
+fn near(found: f64, wanted: f64, share: f64, what: &str) {
+    assert!((found / wanted - 1.0).abs() < share, "{what}: {found}, not {wanted}");
+}
+
+/// Standard errors of a part at a state: position (m) and load.
+fn at(budget: &Budget<'_>, part: Part, load: usize, twist: usize) -> [f64; 2] {
+    budget.under[load].parts[part as usize][twist].map(f64::sqrt)
+}
+
+/// The gain of a warm LVDT makes a way wrong by its share.
+#[test]
+fn a_wrong_gain_makes_the_way_wrong() {
+    let scene = scene();
+    let (warm, cold) = (of(&scene, &[(PlantKey::Temperature, 10.0)]), of(&scene, &[]));
+    let column = &warm.under[3].column.0;
+    let [with, without] = [&warm, &cold].map(|budget| at(budget, Part::Sensor, 3, 30)[0]);
+    let way_m = column[0].gap_m - column[30].gap_m;
+    near((with * with - without * without).sqrt(), 2e-3 * way_m, 0.02, "way");
+}
+
+/// 90 of 100 LVDTs without a calibration are within what the control code states for them.
+#[test]
+fn the_sensor_is_about_as_wrong_as_the_control_code_states() {
+    let scene = scene();
+    let size = 0.0025 * 0.68;
+    let budget = of(&scene, &[(PlantKey::LvdtNonlinearity, size)]);
+    let column = &budget.under[3].column.0;
+    let way_m = column[0].gap_m - column[30].gap_m;
+    let stated_m = f64::from(scene.constants().lvdt_change_error().of(way_m as f32));
+    near(NINETY * at(&budget, Part::Sensor, 3, 30)[0], stated_m, 0.1, "stated");
+}
+
+/// A jump is twice what stiction exceeds friction by, over the stiffness; the loop leaves 0.55 of it.
+#[test]
+fn a_load_rests_within_a_share_of_its_jump() {
+    let scene = scene();
+    let keys = [(PlantKey::Friction, 0.2), (PlantKey::FrictionLoadShare, 0.02), (PlantKey::StictionRatio, 0.3)];
+    let budget = of(&scene, &keys);
+    let state = budget.under[5].column.0[10];
+    let softer = scene.mechanism().unwrap().solve(state.load_n + 1e-3, state.twist_rad).unwrap().gap_m;
+    let jump_m = 2.0 * 0.3 * (0.2 + 0.02 * state.load_n) * (softer - state.gap_m) / 1e-3;
+    near(at(&budget, Part::Friction, 5, 10)[0], 0.55 * jump_m / 3f64.sqrt(), 0.01, "rest");
+    // Without any key there is the friction of the ideal rig, which has no stiction.
+    assert_eq!(at(&of(&scene, &[]), Part::Friction, 5, 10)[0], 0.0);
+}
+
+/// Strings that stretch by so much look like a load that stretches the gap by as much.
+#[test]
+fn a_stretch_looks_like_a_load() {
+    let scene = scene();
+    let budget = of(&scene, &[(PlantKey::StringCreep, 0.2)]);
+    let state = budget.under[5].column.0[10];
+    // Between 20 s and 620 s: the second of three elements all but exp(-1/3), the third by a third.
+    let crept = (((-20.0f64 / 60.0).exp() - (-620.0f64 / 60.0).exp())
+        + ((-20.0f64 / 1800.0).exp() - (-620.0f64 / 1800.0).exp())
+        + (-20.0f64 / 3.0).exp())
+        / 3.0;
+    let stretch_m = 0.2 * state.load_n / (2.0 * scene.string.stiffness_n_per_m) * crept;
+    let heavier = scene.mechanism().unwrap().solve(state.load_n * 1.001, state.twist_rad).unwrap().gap_m;
+    let load = stretch_m / (heavier - state.gap_m) * 1e-3;
+    // What was there while homing is little, and makes the load lighter.
+    let found = at(&budget, Part::Memory, 5, 10)[1];
+    near(found, load, 0.4, "load");
+    assert!(at(&budget, Part::Memory, 5, 10)[0] < 1e-6, "a stretch is measured");
+}
+
+/// A tier that has no answer changes nothing; the full one makes no error; a rigid rod a large one.
+#[test]
+fn a_tier_is_the_difference_of_its_gap() {
+    let scene = scene();
+    let mut budget = of(&scene, &[]);
+    assert!(budget.set_tier(Tier::Full));
+    assert!(budget.share(Part::Tier).load.worst.error < 1e-12);
+    assert!(budget.set_tier(Tier::Rigid));
+    let rigid = budget.share(Part::Tier).load.all;
+    assert!(budget.set_tier(Tier::Elastica));
+    assert!(rigid > 100.0 * budget.share(Part::Tier).load.all);
+}
+
+/// A table whose errors are as large as is worth raises the total by no more than that; one that is the model not at all.
+#[test]
+fn a_table_that_is_worth_having_adds_little() {
+    let scene = scene();
+    let mut budget = Budget::new(&scene, &Rig { sizes: &|key| RigPreset::Nominal.rms(key), gauge_m: None }).unwrap();
+    let without = budget.total();
+    let worth = budget.worth();
+    let rough = Scene { accuracy: Some(worth), ..scene.clone() };
+    budget.set_table(&rough.fit_table().unwrap().table.table());
+    let with = budget.total();
+    for [before, after] in [[without.position_m, with.position_m], [without.load, with.load]] {
+        assert!(after.all >= before.all && after.all <= (1.0 + WORTH) * before.all, "{before:?} {after:?}");
+    }
+    assert!(budget.share(Part::Table).load.all > 0.0);
+}
+
+/// A gap curve that is wrong by a ramp of 1 mm/rad makes the ratio wrong and the move lag by ε v/K.
+#[test]
+fn a_wrong_ratio_makes_a_move_lag() {
+    let scene = scene();
+    let mut budget = of(&scene, &[]);
+    let under = &mut budget.under[3];
+    let later = under.column.each(|s| 0.1 * s.gap_m);
+    let homed = under.column.each(|_| 0.0);
+    under.clear(Part::Law);
+    under.add_gap(&Effect { part: Part::Law, homed, later, misread: false });
+    near(at(&budget, Part::Law, 3, 15)[0], 0.1 * 2e-3 / f64::from(BANDWIDTH_PER_S), 0.02, "a tenth of the ratio");
+}
+
+#[test]
+fn worse_rigs_are_worth_no_better_tables() {
+    let scene = scene();
+    let worth = RigPreset::ALL.map(|kind| {
+        let budget = Budget::new(&scene, &Rig { sizes: &|key| kind.rms(key), gauge_m: None }).unwrap();
+        (budget.worth(), budget.total())
+    });
+    for [(better, small), (worse, large)] in [[worth[0], worth[1]], [worth[1], worth[2]]] {
+        assert!(worse.tr_relative >= better.tr_relative, "{better:?} {worse:?}");
+        assert!(large.position_m.all > small.position_m.all && large.load.all > small.load.all);
+    }
+    assert!(worth[1].0.contraction_m > worth[0].0.contraction_m);
+    assert!(worth[0].0.tr_relative < TR_ERROR_MOST, "an ideal rig's position tells a tenth of the ratio");
+    assert_eq!(worth[2].0.tr_relative, TR_ERROR_MOST, "the loop must stay stable on the worst rig");
+}
+
+#[test]
+fn ninety_of_a_hundred_lie_within_the_half_width() {
+    near(half_width(&[4.0; 7]), 2.0 * NINETY, 1e-3, "one normal");
+    // Of ten states one is so wide that it holds none, so all of the others must lie inside.
+    assert!(half_width(&[1e-12, 1e-12, 1e-12, 1e-12, 1e-12, 1e-12, 1e-12, 1e-12, 1e-12, 1.0]) < 1e-2);
+    assert_eq!(half_width(&[0.0, 0.0]), 0.0);
+}
+
+#[test]
+fn numbers_are_cut_to_two_digits() {
+    for (value, text) in [(2.97e-5, "0.000029"), (0.1, "0.1"), (123.0, "120"), (0.0999, "0.099")] {
+        assert_eq!(two_digits(value).to_string(), text);
+    }
+}
+
+#[test]
+fn a_scene_without_an_envelope_or_beyond_a_limit_is_refused_by_name() {
+    let mut scene = scene();
+    scene.envelope = None;
+    let refused =
+        |scene: &Scene| Budget::new(scene, &Rig { sizes: &|_| 0.0, gauge_m: None }).err().expect("refused").to_string();
+    assert!(refused(&scene).contains("[envelope]"));
+    scene.envelope = Some(rig_config::Envelope { load_n: [0.5, 18.0], turns: [0.0, 40.0] });
+    assert!(refused(&scene).contains("envelope.turns"));
+}
+
+/// What a rough table adds rises, falls where homing relies less on the gap, and rises again: the first crossing counts.
+#[test]
+fn the_least_size_that_adds_too_much_is_found() {
+    let bump = |size: f64| vec![if size < 2e-3 { 1e3 * size } else { 0.0 } + if size > 0.5 { 10.0 } else { 0.0 }];
+    // 5 % more of a standard error of 1.
+    near(most_added(&[1.0], bump), 1e-3 * (1.05f64.powi(2) - 1.0).sqrt(), 1e-3, "bump");
+    near(most_added(&[100.0], bump), 0.5, 1e-3, "later");
+}
+
+/// Few turns, and one load twice: there are still states enough for the fit.
+#[test]
+fn a_small_envelope_has_a_budget() {
+    let mut scene = scene();
+    for (load_n, turns) in [([5.0, 5.01], [0.0, 0.5]), ([0.5, 18.0], [0.0, 0.1]), ([2.0, 3.0], [6.9, 7.0])] {
+        scene.envelope = Some(rig_config::Envelope { load_n, turns });
+        let mut budget = Budget::new(&scene, &Rig { sizes: &|key| RigPreset::Hard.rms(key), gauge_m: None }).unwrap();
+        budget.choose_tier();
+        let (total, worth) = (budget.total(), budget.worth());
+        for number in [total.position_m.all, total.load.all, worth.contraction_m, worth.tr_relative] {
+            assert!(number > 0.0 && number.is_finite(), "{turns:?}: {total:?} {worth:?}");
+        }
+    }
+}

@@ -1,0 +1,262 @@
+//! Stability in time: how much more gain, delay or sampling time the position loop tolerates before it is unstable.
+//!
+//! The loop is linearised at an equilibrium and taken over one control period exactly: the rig between two ticks by the
+//! matrix exponential, the controller by its own difference equations. The loop is stable while no eigenvalue of that map
+//! is outside the unit circle.
+//!
+//! The rig: `m p'' = −k (p − θ/TR) − (c + β k) p'` for the load's position p, and a drive that follows its target with
+//! the two lags assumed in hardware.md 2.7 (emulated, not measured). Friction is left out: it only damps.
+
+use super::damped;
+use nalgebra::{DMatrix, DVector};
+use rig_plant::units::STANDARD_GRAVITY as STANDARD_GRAVITY_M_PER_S2;
+use tsa_model::{Mechanism, SolveError};
+
+/// Gain of the drive's position loop and crossover of its velocity loop (1/s), as the emulated drive has them. Assumed.
+pub const DRIVE_PER_S: [f64; 2] = [20.0, 150.0];
+/// Gain (1/s) and smoothing (rad/s) of a loop that stays below the load's resonance and does not damp it.
+const BELOW_RESONANCE: [f64; 2] = [3.0, 9.0];
+/// Lead that the firmware gives the drive (s): the lag that homing finds on the emulated drive, 56 ms, less a tick.
+const LEAD_S: f64 = 0.046;
+/// Age of the averaged LVDT block when it is used (s).
+const AGE_S: f64 = 0.006;
+/// Viscous damping of the rail (N s/m) and of string and rods (s of stiffness), as the emulated plant has them. Assumed.
+pub const DAMPING: [f64; 2] = [1.0, 2e-3];
+
+/// The loop as it is run.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Controller {
+    /// The firmware's: it damps the load's swing (docs/control.md). Others multiply the smoothed error by a gain.
+    pub damps: bool,
+    /// Transmission ratio that it assumes (rad/m); `None`: the true one, as the table gives it.
+    pub tr_rad_per_m: Option<f64>,
+    /// The same of the stiffness (N/m), which a loop that damps needs.
+    pub stiffness_n_per_m: Option<f64>,
+    /// Gain (1/s); of a loop that damps, a factor on what it measures, which multiplies the gain of the open loop.
+    pub gain_per_s: f64,
+    /// Corner of its two smoothing poles (rad/s).
+    pub corner_rad_per_s: f64,
+    /// Control period (s).
+    pub period_s: f64,
+    /// Additional delay (s).
+    pub delay_s: f64,
+}
+
+impl Controller {
+    /// The firmware's.
+    pub fn damped() -> Self {
+        Self { damps: true, gain_per_s: 1.0, ..Self::scheduled() }
+    }
+
+    /// With TR at the load, below its resonance.
+    pub fn scheduled() -> Self {
+        Self {
+            damps: false,
+            tr_rad_per_m: None,
+            stiffness_n_per_m: None,
+            gain_per_s: BELOW_RESONANCE[0],
+            corner_rad_per_s: BELOW_RESONANCE[1],
+            period_s: rig_control::TICK_S.into(),
+            delay_s: 0.0,
+        }
+    }
+
+    /// The same with one ratio (rad/m) for everything.
+    pub fn fixed(tr_rad_per_m: f64) -> Self {
+        Self { tr_rad_per_m: Some(tr_rad_per_m), ..Self::scheduled() }
+    }
+}
+
+/// The mechanism with its load at one state.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hung {
+    /// Transmission ratio (rad/m).
+    pub tr_rad_per_m: f64,
+    /// Stiffness ∂F/∂G (N/m).
+    pub stiffness_n_per_m: f64,
+    /// Mass (kg).
+    pub mass_kg: f64,
+}
+
+impl Hung {
+    /// Of the equilibrium under a load (N) at a twist (rad).
+    ///
+    /// # Errors
+    /// If there is none.
+    pub fn at(mechanism: &Mechanism, load_n: f64, twist_rad: f64) -> Result<Self, SolveError> {
+        let e = mechanism.solve(load_n, twist_rad)?;
+        Ok(Self {
+            tr_rad_per_m: e.tr_rad_per_m(),
+            stiffness_n_per_m: 1.0 / e.dgap_dload_m_per_n,
+            mass_kg: load_n / STANDARD_GRAVITY_M_PER_S2,
+        })
+    }
+
+    /// Its natural frequency (rad/s).
+    pub fn resonance_rad_per_s(&self) -> f64 {
+        (self.stiffness_n_per_m / self.mass_kg).sqrt()
+    }
+
+    /// Position, speed, twist and twist speed some time (s) later: their dependence on themselves, and on the drive's
+    /// target.
+    fn flow(&self, seconds: f64) -> (DMatrix<f64>, DVector<f64>) {
+        let [position, velocity] = DRIVE_PER_S;
+        let spring = self.stiffness_n_per_m / self.mass_kg;
+        let damper = (DAMPING[0] + DAMPING[1] * self.stiffness_n_per_m) / self.mass_kg;
+        let rates = [
+            [0.0, 1.0, 0.0, 0.0, 0.0],
+            [-spring, -damper, spring / self.tr_rad_per_m, 0.0, 0.0],
+            [0.0, 0.0, 0.0, 1.0, 0.0],
+            [0.0, 0.0, -velocity * position, -velocity, velocity * position],
+            [0.0; 5],
+        ];
+        let whole = (DMatrix::from_row_slice(5, 5, rates.as_flattened()) * seconds).exp();
+        (whole.view((0, 0), (4, 4)).into(), whole.view((0, 4), (4, 1)).column(0).into())
+    }
+
+    /// Largest eigenvalue of the loop over one control period: below 1 every disturbance decays.
+    pub fn growth(&self, loop_: &Controller) -> f64 {
+        let period = loop_.period_s;
+        let tr = loop_.tr_rad_per_m.unwrap_or(self.tr_rad_per_m);
+        let blend = loop_.corner_rad_per_s * period / (1.0 + loop_.corner_rad_per_s * period);
+        // A block is at most a period old; what is older waits in whole periods.
+        let age = AGE_S.min(period) + loop_.delay_s;
+        let waiting = (age / period).ceil() as usize - 1;
+        let (now, by_target) = self.flow(period);
+        let (seen, seen_by_target) = self.flow((period - (age - waiting as f64 * period)).max(0.0));
+        let believed = Self {
+            tr_rad_per_m: tr,
+            stiffness_n_per_m: loop_.stiffness_n_per_m.unwrap_or(self.stiffness_n_per_m),
+            ..*self
+        };
+        // Rig (4), target of the drive, what the loop keeps (shaft and two smoothed errors, or more), positions under way.
+        let kept = 5 + if loop_.damps { damped::KEPT } else { 3 };
+        let size = kept + waiting;
+        let step = |state: &[f64]| {
+            let rig = DVector::from_column_slice(&state[..4]);
+            let target = state[4];
+            let measured = (seen.row(0) * &rig)[0] + seen_by_target[0] * target;
+            let rig = &now * &rig + &by_target * target;
+            let mut under_way = vec![measured];
+            under_way.extend(&state[kept..]);
+            let error = -under_way[waiting];
+            under_way.truncate(waiting);
+            if loop_.damps {
+                // The firmware knows the age of the block, but not a further delay.
+                let (age_s, twist_rad) = (AGE_S.min(period), rig[2]);
+                let twist_then_rad = twist_rad - (twist_rad - state[2]) * age_s / period;
+                let position_m = -loop_.gain_per_s * error;
+                let seen = damped::Seen { position_m, twist_then_rad, twist_rad, age_s, period_s: period };
+                let (target, kept) = damped::step(&state[5..kept], &seen, &believed, LEAD_S);
+                return rig.iter().copied().chain([target]).chain(kept).chain(under_way).collect::<Vec<f64>>();
+            }
+            let first = state[6] + blend * (error - state[6]);
+            let second = state[7] + blend * (first - state[7]);
+            let speed = tr * loop_.gain_per_s * second;
+            let shaft = state[5] + speed * period;
+            let mut next: Vec<f64> = rig.iter().copied().collect();
+            next.extend([shaft + LEAD_S * speed, shaft, first, second]);
+            next.extend(under_way);
+            next
+        };
+        let mut map = DMatrix::zeros(size, size);
+        for column in 0..size {
+            let mut unit = vec![0.0; size];
+            unit[column] = 1.0;
+            map.set_column(column, &DVector::from_vec(step(&unit)));
+        }
+        map.complex_eigenvalues().iter().map(|value| value.norm()).fold(0.0, f64::max)
+    }
+
+    /// By how much the gain may be multiplied before the loop is unstable; below 1 it already is. At most [`MOST`].
+    pub fn gain_margin(&self, loop_: &Controller) -> f64 {
+        let grows =
+            |factor: f64| self.growth(&Controller { gain_per_s: factor * loop_.gain_per_s, ..*loop_ }) > 1.0 + ROUNDING;
+        last_good(grows, LEAST, MOST)
+    }
+
+    /// Longest additional delay (s) before the loop is unstable; at most `most_s`.
+    pub fn delay_margin(&self, loop_: &Controller, most_s: f64) -> f64 {
+        let grows = |delay_s: f64| self.growth(&Controller { delay_s, ..*loop_ }) > 1.0 + ROUNDING;
+        if grows(0.0) { 0.0 } else { last_good(grows, 1e-3, most_s) }
+    }
+}
+
+/// Least factor that is considered.
+pub const LEAST: f64 = 0.02;
+/// Greatest factor that is considered.
+pub const MOST: f64 = 20.0;
+/// An eigenvalue this far outside the circle is rounding.
+const ROUNDING: f64 = 1e-9;
+/// Steps in which the limit is looked for, each by the same factor; then halved.
+const STEPS: i32 = 24;
+const HALVINGS: usize = 12;
+
+/// The greatest value before the first that is bad, between two limits.
+fn last_good(is_bad: impl Fn(f64) -> bool, least: f64, most: f64) -> f64 {
+    let at = |k: i32| least * (most / least).powf(f64::from(k) / f64::from(STEPS));
+    let Some(first_bad) = (0..=STEPS).find(|k| is_bad(at(*k))) else { return most };
+    let (mut good, mut bad) = (if first_bad == 0 { 0.0 } else { at(first_bad - 1) }, at(first_bad));
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (good + bad);
+        if is_bad(middle) { bad = middle } else { good = middle }
+    }
+    good
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 0.6 kg that swing at 25 rad/s.
+    const SWINGS: Hung = Hung { tr_rad_per_m: 3000.0, stiffness_n_per_m: 375.0, mass_kg: 0.6 };
+
+    #[test]
+    fn the_firmwares_loop_is_as_fast_as_its_slowest_pole_and_calms_the_swing() {
+        let c = Controller::damped();
+        // Poles 0.55 and 0.39 ± 0.86 i times 25 rad/s: the swing decays with 10 per second, were the drive without lag.
+        let per_s = -SWINGS.growth(&c).ln() / c.period_s;
+        assert!((7.0..14.0).contains(&per_s), "{per_s} per second");
+        let swing_alone = SWINGS.growth(&Controller { gain_per_s: 0.0, ..c });
+        assert!((swing_alone - 1.0).abs() < 1e-9, "without feedback the place of the shaft stays");
+        assert!(SWINGS.gain_margin(&c) > 1.9, "{}", SWINGS.gain_margin(&c));
+        assert!(SWINGS.delay_margin(&c, 0.5) > 0.02, "{}", SWINGS.delay_margin(&c, 0.5));
+        // A load that the table takes for half or twice as stiff is still held.
+        for factor in [0.6, 1.6] {
+            let off = Controller { stiffness_n_per_m: Some(factor * SWINGS.stiffness_n_per_m), ..c };
+            assert!(SWINGS.growth(&off) < 1.0, "{factor}");
+        }
+    }
+
+    /// So stiff that the load is where the strings are.
+    const STIFF: Hung = Hung { tr_rad_per_m: 2000.0, stiffness_n_per_m: 1e6, mass_kg: 0.5 };
+
+    #[test]
+    fn a_stiff_rig_has_the_margin_of_its_lags() {
+        // 1/s · 1/(1 + s/a)²: unstable from K = 2 a on; drive and delay take a little of that.
+        let c = Controller { corner_rad_per_s: 2.0, gain_per_s: 1.0, ..Controller::scheduled() };
+        let margin = STIFF.gain_margin(&c);
+        assert!((3.2..4.0).contains(&margin), "{margin}");
+        // A wrong ratio is a wrong gain.
+        let doubled = STIFF.gain_margin(&Controller { tr_rad_per_m: Some(4000.0), ..c });
+        assert!((doubled / margin - 0.5).abs() < 1e-3, "{doubled} {margin}");
+    }
+
+    #[test]
+    fn a_delay_takes_the_phase_that_it_should() {
+        // With poles far off: K e^(−sτ)/s is unstable from τ = π/(2K) on; what is there already counts.
+        let c = Controller { corner_rad_per_s: 2000.0, gain_per_s: 2.0, ..Controller::scheduled() };
+        let delay = STIFF.delay_margin(&c, 2.0);
+        let expected = std::f64::consts::FRAC_PI_2 / 2.0 - AGE_S - 1.5 * c.period_s;
+        assert!((delay - expected).abs() < 0.03, "{delay} {expected}");
+    }
+
+    #[test]
+    fn the_resonance_bounds_the_gain() {
+        let hung = Hung { tr_rad_per_m: 2000.0, stiffness_n_per_m: 600.0, mass_kg: 1.5 };
+        let c = Controller::scheduled();
+        let faster = Controller { corner_rad_per_s: 30.0, ..c };
+        assert!(hung.gain_margin(&c) > 1.5 * hung.gain_margin(&faster), "smoothing below the resonance helps");
+        assert!(hung.growth(&c) < 1.0);
+    }
+}

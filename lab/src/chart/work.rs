@@ -1,0 +1,238 @@
+//! Work against precision on the desktop: the cost of an equilibrium by every method and tier, and its error.
+
+use anyhow::{Context, Result, bail};
+use rig_config::Scene;
+use rigctl::parallel::Progress;
+use rival_methods::Method;
+use std::ffi::OsString;
+use std::hint::black_box;
+use std::path::Path;
+use std::process::Command;
+use std::time::{Duration, Instant};
+use tsa_model::{Equilibrium, Mechanism, SolveError, Tier, twist_from_turns};
+
+/// One way of solving with its effort.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Way {
+    /// The full model by a method.
+    Method(Method),
+    /// A cheaper model.
+    Tier(Tier),
+}
+
+impl Way {
+    /// Name of its line.
+    pub fn line(&self) -> &'static str {
+        match self {
+            Self::Method(method) => method.name(),
+            Self::Tier(tier) => tier.name(),
+        }
+    }
+
+    /// Its steps or its tolerance.
+    pub fn effort(&self) -> String {
+        match *self {
+            Self::Method(Method::FirstIntegral { points: Some(points) }) => format!("{points} nodes"),
+            Self::Method(Method::FirstIntegral { points: None }) => "automatic".into(),
+            Self::Method(Method::Paper { steps, .. }) => format!("{steps} steps"),
+            Self::Method(Method::AdaptiveShooting { tolerance }) => format!("tolerance {tolerance:.0e}"),
+            Self::Method(Method::Collocation { intervals, .. }) => format!("{intervals} intervals"),
+            Self::Method(Method::Continuation { steps }) => format!("{steps} steps"),
+            Self::Tier(_) => String::new(),
+        }
+    }
+
+    fn solve(&self, mechanism: &Mechanism, (load, twist): (f64, f64)) -> Result<Equilibrium, SolveError> {
+        match *self {
+            Self::Method(method) => method.solve(mechanism, load, twist),
+            Self::Tier(tier) => mechanism.formal_tier(tier, load, twist),
+        }
+    }
+
+    /// Whether counting its instructions one by one ends within seconds.
+    fn is_countable(&self) -> bool {
+        !matches!(self, Self::Method(Method::Paper { steps: 65.., .. }))
+    }
+}
+
+/// Every line from coarse to fine.
+pub fn ways() -> Vec<Way> {
+    let mut all = Vec::new();
+    all.extend([2, 3, 4, 6, 8, 12, 16, 24, 48].map(|n| Method::FirstIntegral { points: Some(n) }));
+    all.push(Method::FirstIntegral { points: None });
+    all.extend([4, 8, 16, 32, 64, 128].map(|steps| Method::Paper { steps, relaxation: 0.5, tolerance: 1e-12 }));
+    all.extend([1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13].map(|tolerance| Method::AdaptiveShooting { tolerance }));
+    all.extend([2, 4, 8, 16, 32, 64, 128].map(|intervals| Method::Collocation { intervals, tolerance: 1e-13 }));
+    all.extend([1, 4, 16].map(|steps| Method::Continuation { steps }));
+    let tiers = Tier::ALL.into_iter().filter(|t| *t != Tier::Full).map(Way::Tier);
+    all.into_iter().map(Way::Method).chain(tiers).collect()
+}
+
+/// Loads (N) and twists (rad): the corners, the edges and the inside of the published range.
+pub fn states() -> Vec<(f64, f64)> {
+    let part = |k: u32| f64::from(k) / 3.0;
+    (0..4).flat_map(|i| (0..4).map(move |j| (1.0 + 16.0 * part(i), twist_from_turns(7.5 * part(j))))).collect()
+}
+
+/// A point of a line.
+#[derive(Debug, Clone)]
+pub struct Point {
+    /// The way.
+    pub way: Way,
+    /// Largest error of the gap over the states that were solved (m).
+    pub error_m: f64,
+    /// States without an answer, and the first reason.
+    pub failed: usize,
+    /// The first reason.
+    pub reason: Option<SolveError>,
+    /// Least time for one state, of all rounds, the failed ones included (s).
+    pub seconds: f64,
+    /// Instructions for one state, where they can be counted.
+    pub instructions: Option<f64>,
+}
+
+/// All points of a scene, and how well the reference is known.
+#[derive(Debug, Clone)]
+pub struct Measured {
+    /// The points.
+    pub points: Vec<Point>,
+    /// Largest difference of the reference from itself on a third fewer nodes (m).
+    pub reference_m: f64,
+    /// How many of [`states`] have an equilibrium; the others are left out.
+    pub states: usize,
+}
+
+/// How long a way is repeated in a round.
+const LAP: Duration = Duration::from_millis(20);
+
+/// Measures every way over [`states`]: once, and in so many further rounds in which all ways take turns, so that a
+/// disturbance of some seconds affects one round only.
+///
+/// # Errors
+/// If the reference has no answer.
+pub fn measure(mechanism: &Mechanism, rounds: usize, progress: &Progress<'_>) -> Result<Measured> {
+    let mut states = states();
+    states.retain(|(load, twist)| mechanism.solve(*load, *twist).is_ok());
+    let reference = |nodes: usize| {
+        let way = Way::Method(Method::FirstIntegral { points: Some(nodes) });
+        states.iter().map(|s| Ok(way.solve(mechanism, *s)?.gap_m)).collect::<Result<Vec<f64>, SolveError>>()
+    };
+    let [exact, coarser] = [96, 64].map(reference);
+    let (exact, coarser) = (exact?, coarser?);
+    let reference_m = exact.iter().zip(&coarser).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    let mut points: Vec<Point> = ways().into_iter().map(|way| judged(way, mechanism, &states, &exact)).collect();
+    let count = points.len();
+    for round in 0..rounds {
+        for (k, point) in points.iter_mut().enumerate() {
+            point.seconds = point.seconds.min(lap(point.way, mechanism, &states));
+            progress(round * count + k + 1, rounds * count);
+        }
+    }
+    Ok(Measured { points, reference_m, states: states.len() })
+}
+
+fn judged(way: Way, mechanism: &Mechanism, states: &[(f64, f64)], exact: &[f64]) -> Point {
+    let mut point = Point { way, error_m: 0.0, failed: 0, reason: None, seconds: f64::INFINITY, instructions: None };
+    let begin = Instant::now();
+    for (state, exact) in states.iter().zip(exact) {
+        match way.solve(mechanism, *state) {
+            Ok(e) => point.error_m = point.error_m.max((e.gap_m - exact).abs()),
+            Err(e) => {
+                point.failed += 1;
+                point.reason.get_or_insert(e);
+            }
+        }
+    }
+    point.seconds = begin.elapsed().as_secs_f64() / states.len().max(1) as f64;
+    point
+}
+
+/// Least time of a state over one lap (s).
+fn lap(way: Way, mechanism: &Mechanism, states: &[(f64, f64)]) -> f64 {
+    let begin = Instant::now();
+    let mut least = f64::INFINITY;
+    loop {
+        let before = Instant::now();
+        for state in states {
+            let _ = black_box(way.solve(mechanism, black_box(*state)));
+        }
+        least = least.min(before.elapsed().as_secs_f64() / states.len() as f64);
+        if begin.elapsed() > LAP {
+            return least;
+        }
+    }
+}
+
+/// The diagonal of the states: what is counted one by one.
+fn counted_states() -> Vec<(f64, f64)> {
+    states().into_iter().step_by(5).collect()
+}
+
+/// Callgrind's name of [`counted_pass`]; with a pattern instead it would not write a file after each.
+const COUNTED: &str = "lab::chart::work::counted_pass";
+
+/// Solves what [`count`] counts.
+#[inline(never)]
+fn counted_pass(way: Way, mechanism: &Mechanism, states: &[(f64, f64)]) {
+    for state in states {
+        let _ = black_box(way.solve(black_box(mechanism), black_box(*state)));
+    }
+}
+
+/// The program that [`count`] runs: every countable way once.
+///
+/// # Errors
+/// If the scene allows no mechanism.
+pub fn kernel(scene: &Scene) -> Result<()> {
+    let (mechanism, states) = (scene.mechanism()?, counted_states());
+    for way in ways().into_iter().filter(Way::is_countable) {
+        counted_pass(way, &mechanism, &states);
+    }
+    Ok(())
+}
+
+/// Fills in the instructions: `program` with its arguments and the scene's file runs [`kernel`] under callgrind.
+///
+/// # Errors
+/// If there is no callgrind, or its output cannot be read.
+pub fn count(points: &mut [Point], scene_file: &Path, program: &[OsString]) -> Result<()> {
+    let folder = std::env::temp_dir().join(format!("rigctl-chart-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
+    let counted = counts(scene_file, program, &folder);
+    let _ = std::fs::remove_dir_all(&folder);
+    let counted = counted?;
+    let countable: Vec<&mut Point> = points.iter_mut().filter(|p| p.way.is_countable()).collect();
+    if counted.len() != countable.len() {
+        bail!("callgrind counted {} of {} ways", counted.len(), countable.len());
+    }
+    let states = counted_states().len() as f64;
+    countable.into_iter().zip(counted).for_each(|(p, n)| p.instructions = Some(n / states));
+    Ok(())
+}
+
+fn counts(scene_file: &Path, program: &[OsString], folder: &Path) -> Result<Vec<f64>> {
+    let output = Command::new("valgrind")
+        .arg("--tool=callgrind")
+        .args(["--toggle-collect", "--dump-after"].map(|option| format!("{option}={}", COUNTED)))
+        .arg(format!("--callgrind-out-file={}", folder.join("counted").display()))
+        .args(program)
+        .arg(scene_file)
+        .output()
+        .context("valgrind")?;
+    if !output.status.success() {
+        bail!("valgrind: {}", String::from_utf8_lossy(&output.stderr).lines().last().unwrap_or_default());
+    }
+    let mut counted = Vec::new();
+    // One file for each way, numbered from 1; what follows the last is in the file without a number.
+    for k in 1.. {
+        let file = folder.join(format!("counted.{k}"));
+        let Ok(text) = std::fs::read_to_string(&file) else { break };
+        let line = text.lines().find_map(|l| l.strip_prefix("summary: ").or_else(|| l.strip_prefix("totals: ")));
+        counted.push(line.and_then(|n| n.trim().parse().ok()).with_context(|| format!("{}", file.display()))?);
+    }
+    // The last one may hold nothing.
+    while counted.last() == Some(&0.0) {
+        counted.pop();
+    }
+    Ok(counted)
+}

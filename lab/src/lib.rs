@@ -1,0 +1,25 @@
+//! The laboratory: what the actuator's model and table are compared with, the charts of it, and the page.
+//!
+//! The program `tsa-lab` ([`cli`], [`commands`]) parses its command line as `rigctl` does, and writes what the other modules return:
+//! data, CSV, SVG or text of a scene.
+//!
+//! - [`published`]: the numbers that the paper prints beside the same numbers computed, and the paper's figures redrawn.
+//! - [`study`]: one value of a scene varied over a [`range`]; [`trace`]: contraction and TR along the turns; [`curves`]: drawn.
+//! - [`chart`]: speed against accuracy of every method, tier and table form, and where methods fail.
+//! - [`budget`]: what each part of a rig contributes to the errors of position and load.
+//! - [`table_report`]: a table's certificate and why this table was chosen.
+//! - [`page`]: the page of `report`, put together from its data and the files in `web/page`.
+
+#![forbid(unsafe_code)]
+
+pub mod budget;
+pub mod chart;
+pub mod cli;
+pub mod commands;
+pub mod curves;
+pub mod page;
+pub mod published;
+pub mod range;
+pub mod study;
+pub mod table_report;
+pub mod trace;
