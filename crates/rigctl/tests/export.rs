@@ -22,7 +22,7 @@ fn a_recorded_log_is_exported_whole_in_every_format() {
     let recorded = rigctl(&["record", "--seconds", "1s", "--out", text(&log)]);
     assert!(recorded.status.success(), "{}", error_of(&recorded));
     let rows = Log::load(&log).expect("a log").rows.len();
-    for (format, begins) in [("mcap", &b"\x89MCAP0\r\n"[..]), ("parquet", b"PAR1"), ("csv", b"t_s,state,")] {
+    for (format, begins) in [("mcap", &b"\x89MCAP0\r\n"[..]), ("csv", b"t_s,state,")] {
         let done = desktop(&["export", text(&log), "--to", format, "--out", text(&out), "--json"]);
         assert!(done.status.success(), "{format}: {}", error_of(&done));
         let content = std::fs::read(&out).expect("written");
@@ -38,7 +38,7 @@ fn a_recorded_log_is_exported_whole_in_every_format() {
     assert!(csv.lines().all(|line| !line.starts_with('#') && whole.contains(line)));
     // What a file held before is beside it.
     let kept = file("run.out~");
-    assert!(std::fs::read(&kept).expect("kept").starts_with(b"PAR1"));
+    assert!(std::fs::read(&kept).expect("kept").starts_with(b"\x89MCAP0\r\n"));
     for path in [log, out, kept] {
         std::fs::remove_file(path).expect("was there");
     }
@@ -60,7 +60,7 @@ fn what_cannot_be_exported_is_refused_by_name_and_nothing_is_written() {
         (good, &["export", "LOG", "--to", "csv", "--out", "/no/such/folder/x"], 1, "/no/such/folder/x"),
         (good, &["export", "/no/such.csv", "--to", "csv", "--out", "OUT"], 1, "/no/such.csv"),
         ("", &to("mcap"), 1, "is empty"),
-        ("load_n,turns\n1,2\n", &to("parquet"), 1, "not a log of this tool"),
+        ("load_n,turns\n1,2\n", &to("mcap"), 1, "not a log of this tool"),
         ("PAR1\u{0}\u{1}", &to("csv"), 1, "not a log of this tool"),
         (cut, &to("mcap"), 1, "cut short after 1 rows"),
         (&good[..good.find("0.01").expect("there")], &to("mcap"), 1, "cut short after 0 rows"),

@@ -11,16 +11,15 @@ PAGE = (ROOT / "docs" / "connect.md").read_text(encoding="utf-8")
 READS, TALKS = (block.split("\n```")[0] for block in PAGE.split("```python\n")[1:])
 
 
-def test_a_parquet_file_is_read_as_the_page_shows(
+def test_a_log_is_read_as_the_page_shows(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     rigctl("record", "--seconds", "500ms", "--out", tmp_path / "run.csv")
-    rigctl("export", tmp_path / "run.csv", "--to", "parquet", "--out", tmp_path / "run.parquet")
     exec(READS, {})
     said = capsys.readouterr().out
     assert "position_m" in said and ("unhomed" in said or "boot" in said)
-    assert (tmp_path / "run.csv").read_text().split("scene_hash = ")[1][:8] in said
+    assert (tmp_path / "run.parquet").stat().st_size > 0
 
 
 def test_a_served_rig_homes_and_moves_as_the_page_shows(

@@ -6,9 +6,9 @@ import subprocess
 from pathlib import Path
 
 import pandas as pd
-import pyarrow.parquet as pq
 import pytest
 from mcap.reader import make_reader
+from tsa_rig import read_log
 
 ROOT = Path(__file__).resolve().parents[3]
 # Where `cargo xtask python` has built the tool.
@@ -45,23 +45,31 @@ def test_csv_is_read_without_options(log: Path, rows: pd.DataFrame, tmp_path: Pa
     assert len(read) > 3000 and read["load_n"].isna().iloc[0] and not read["load_n"].isna().iloc[-1]
 
 
-def test_parquet_has_types_nulls_and_the_header(log: Path, rows: pd.DataFrame, tmp_path: Path) -> None:
+def test_a_log_is_read_as_arrays_and_written_as_parquet(log: Path, rows: pd.DataFrame, tmp_path: Path) -> None:
+    columns = read_log(log)
+    assert list(columns) == list(rows.columns)
     out = tmp_path / "run.parquet"
-    rigctl("export", log, "--to", "parquet", "--out", out)
-    table = pq.read_table(out)
-    for field in table.schema:
-        assert str(field.type) == ("string" if field.name in WORDS else "double") and field.nullable, field
-    facts = {key.decode(): value.decode() for key, value in table.schema.metadata.items()}
-    assert facts["seed"] == "3" and facts["rig"] == "nominal" and facts["script.2"] == "2.6 home load=0.5kg"
-    marks = json.loads(facts["marks"])
-    assert [text.split()[1] for _, text in marks if text.startswith("request")] == ["move", "home", "move"]
-    assert any(text.startswith("event homed") for _, text in marks)
+    pd.DataFrame(columns).to_parquet(out)
     read = pd.read_parquet(out)
-    assert list(read.columns) == list(rows.columns)
     for name in rows.columns:
+        assert columns[name].dtype == (object if name in WORDS else float), name
         assert (read[name].isna() == rows[name].isna()).all(), name
         known = rows[name].notna()
         assert (read[name][known] == rows[name][known]).all(), name
+
+
+def test_what_is_no_whole_log_is_refused(log: Path, tmp_path: Path) -> None:
+    text = log.read_text()
+    bad = tmp_path / "bad.csv"
+    for content, said in [
+        ("", "not a log"),
+        ("load_n,turns\n1,2\n", "not a log"),
+        (text[: len(text) // 2], "cut short after"),
+        (text.replace("# end rows = ", "# end rows = 1"), "cut short after"),
+    ]:
+        bad.write_text(content)
+        with pytest.raises(ValueError, match=said):
+            read_log(bad)
 
 
 def test_mcap_is_json_with_schemas_at_the_times_of_the_log(log: Path, rows: pd.DataFrame, tmp_path: Path) -> None:

@@ -207,11 +207,10 @@ pub enum Command {
     /// not show as a difference. The recorded motion
     /// answers to the recorded commands: after a parting the replay is no longer what a rig would have done.
     Replay(Replay),
-    /// A recorded log for other tools: MCAP (Foxglove, PlotJuggler), Parquet (pandas), or CSV without comment lines
+    /// A recorded log for other tools: MCAP (Foxglove, PlotJuggler), or CSV without comment lines
     ///
-    /// Every column of the log, in SI units. An empty cell is null in Parquet, an absent key in MCAP. The header goes along as
-    /// the file's metadata, but not into CSV; requests and events are messages of `/log` in MCAP, and `marks` in Parquet's
-    /// metadata. docs/connect.md shows how to open them.
+    /// Every column of the log, in SI units. In MCAP an empty cell is an absent key, the header is the file's metadata, and
+    /// requests and events are messages of `/log`. docs/connect.md shows how to open the files, and how Python writes Parquet.
     /// Example: `rigctl export run.csv --to mcap --out run.mcap`
     Export(Export),
     /// Is the rig well? One line for each check, `ok` or `CHECK` with what to do; exit code 1 if any needs attention

@@ -1,10 +1,9 @@
-//! A recorded log in the formats of other tools: MCAP for Foxglove and PlotJuggler, Parquet for pandas and its like, and
-//! CSV without the comment lines, which many readers of CSV do not pass over.
+//! A recorded log in the formats of other tools: MCAP for Foxglove and PlotJuggler, and CSV without the comment lines, which many
+//! readers of CSV do not pass over.
 //!
-//! [`table`]: the log by its columns; [`mod@mcap`], [`mod@parquet`]: the formats.
+//! [`table`]: the log by its columns; [`mod@mcap`]: the format.
 
 pub mod mcap;
-pub mod parquet;
 pub mod table;
 
 pub use table::Table;
@@ -16,8 +15,6 @@ use clap::ValueEnum;
 pub enum Format {
     /// For Foxglove and PlotJuggler: JSON messages with schemas, at the times of the log
     Mcap,
-    /// For pandas, Polars, DuckDB: typed columns; the header is the file's metadata
-    Parquet,
     /// The rows alone, under one line of names
     Csv,
 }
@@ -30,7 +27,6 @@ impl Format {
     pub fn encode(self, table: &Table<'_>) -> Result<Vec<u8>, String> {
         match self {
             Self::Mcap => mcap::encode(table).map_err(|e| e.to_string()),
-            Self::Parquet => parquet::encode(table).map_err(|e| e.to_string()),
             Self::Csv => Ok(table.csv()),
         }
     }

@@ -126,7 +126,7 @@ pub struct Export {
     #[arg(value_name = "LOG.csv")]
     pub log: PathBuf,
     /// Format of the file
-    #[arg(long, value_name = "mcap|parquet|csv", hide_possible_values = true)]
+    #[arg(long, value_name = "mcap|csv", hide_possible_values = true)]
     pub to: Format,
     /// File to write
     #[arg(long, value_name = "FILE")]

@@ -9,8 +9,9 @@
 All quantities are in SI units unless their name says otherwise; turns count past the half-turn pre-twist.
 """
 
+from ._log import read_log
 from ._model import Equilibria, Looked, Mechanism, Scene, Table
 from ._rig import Rig
 from ._tools import budget, identify, published
 
-__all__ = ["Equilibria", "Looked", "Mechanism", "Rig", "Scene", "Table", "budget", "identify", "published"]
+__all__ = ["Equilibria", "Looked", "Mechanism", "Rig", "Scene", "Table", "budget", "identify", "published", "read_log"]
