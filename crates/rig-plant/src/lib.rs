@@ -1,11 +1,11 @@
 //! The emulated rig around the control code: mechanism in motion, motor, drive, sensors, and what a host says to it.
 //!
-//! The emulated board (`rig-emulator`, under the GPL) runs the firmware's ELF against it; [`bench`] runs the control code
+//! The emulated board (`rig-emulator`, under the GPL) runs the firmware's ELF against it; [`mod@bench`] runs the control code
 //! itself against it, in one process.
 //!
 //! - [`rig`]: drive, motor, encoder, LVDT and the mechanism itself.
 //! - [`board`]: the seam between microcontroller and wiring.
-//! - [`bench`]: the control code on the rig, hundreds of times faster than the emulated chip.
+//! - [`mod@bench`]: the control code on the rig, hundreds of times faster than the emulated chip.
 //! - [`control`]: requests and answers, one JSON value on each line.
 //! - [`plant`]: what can be changed about the emulated rig without telling the firmware.
 //! - [`preset`]: rigs that differ from their own model, drawn from a seed.
