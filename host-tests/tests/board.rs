@@ -345,7 +345,7 @@ fn the_board_uses_and_keeps_a_table_that_it_is_sent_and_falls_back() {
         stats.stack_high_water_bytes
     );
     assert!(lost < 20.0, "{lost} ticks lost");
-    // A third of the 72 KiB (memory.x) stays free.
+    // A quarter of the 64 KiB (memory.x) stays free.
     assert!(stats.stack_high_water_bytes < 48 * 1024, "{} B of stack", stats.stack_high_water_bytes);
     // Nothing moved, and nothing does before it is homed again.
     assert!((b.machine.board().truth().gap_m - gap).abs() < 30e-6);
