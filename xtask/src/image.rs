@@ -10,7 +10,7 @@ use std::path::Path;
 pub const FLASH_LIMIT: u64 = 256 * 1024;
 
 /// Limit of static data (bytes), of 128 KiB of RAM; the rest is for the stack (memory.x).
-pub const RAM_LIMIT: u64 = 56 * 1024;
+pub const RAM_LIMIT: u64 = 64 * 1024;
 
 /// Addresses of the RAM of the STM32F446.
 const RAM: std::ops::Range<u64> = 0x2000_0000..0x2002_0000;

@@ -22,7 +22,7 @@ pub fn to_toml(report: &SettingsReport, identity: &Identity) -> String {
          [board]\nfirmware = \"{} ({})\"\nscene_hash = \"{:08x}\"\nrig_hash = \"{:08x}\"\nprotocol_hash = \"{:08x}\"\n\n[constants]\n",
         identity.version, identity.git, identity.scene_hash, identity.rig_hash, identity.protocol_hash
     );
-    for (name, value) in named(&report.constants) {
+    for (name, value) in board_settings::named_constants(&report.constants) {
         // Writing into a string does not fail. {:?} always has a point or an exponent: a TOML float.
         let _ = writeln!(text, "{name} = {value:?}");
     }
@@ -39,17 +39,6 @@ pub fn to_toml(report: &SettingsReport, identity: &Identity) -> String {
     let points = report.values.lvdt_curve.as_ref().map_or(NONE.to_owned(), lvdt_points::text);
     let _ = writeln!(text, "{} = \"{points}\"  # m", lvdt_points::NAME);
     text
-}
-
-/// The constants that settings correct, each with its name in a file.
-pub fn named(constants: &CorrectedConstants) -> [(&'static str, f32); 4] {
-    let CorrectedConstants { gear_ratio, counts_per_rad, lvdt_gap_at_code_zero_m, lvdt_metres_per_code } = *constants;
-    [
-        ("gear_ratio", gear_ratio),
-        ("counts_per_rad", counts_per_rad),
-        ("lvdt_gap_at_code_zero_m", lvdt_gap_at_code_zero_m),
-        ("lvdt_metres_per_code", lvdt_metres_per_code),
-    ]
 }
 
 /// A backup as read.

@@ -1,9 +1,10 @@
 //! The board's settings as text: names and values that the operator types, and lines for people.
 
 use crate::lvdt_points;
+use crate::output::decimal;
 use crate::session::Session;
 use crate::units::{self, Quantity};
-use rig_link::{Dropped, Fault, Kept, Setting, SettingValues, SettingsReport};
+use rig_link::{CorrectedConstants, Dropped, Fault, Kept, Setting, SettingValues, SettingsReport};
 use serde_json::{Value, json};
 
 /// The setting of this name.
@@ -37,9 +38,15 @@ pub fn value(setting: Setting, text: &str) -> Result<f32, units::UnitError> {
     units::parse(setting.name(), quantity(setting), text).map(|value| value as f32)
 }
 
-/// An f32 for JSON: its shortest decimal, without the digits that a conversion to f64 would add.
-pub fn decimal(value: f32) -> f64 {
-    value.to_string().parse().unwrap_or(f64::from(value))
+/// The constants that settings correct, each with its name in a file.
+pub fn named_constants(constants: &CorrectedConstants) -> [(&'static str, f32); 4] {
+    let CorrectedConstants { gear_ratio, counts_per_rad, lvdt_gap_at_code_zero_m, lvdt_metres_per_code } = *constants;
+    [
+        ("gear_ratio", gear_ratio),
+        ("counts_per_rad", counts_per_rad),
+        ("lvdt_gap_at_code_zero_m", lvdt_gap_at_code_zero_m),
+        ("lvdt_metres_per_code", lvdt_metres_per_code),
+    ]
 }
 
 /// A setting for machines.

@@ -97,7 +97,7 @@ pub fn from_text(text: &str) -> Result<LvdtCurve, String> {
 
 /// The points for machines.
 pub fn object(curve: &LvdtCurve) -> Value {
-    let decimal = crate::board_settings::decimal;
+    let decimal = crate::output::decimal;
     let points = curve.points().iter().map(
         |[sensor_m, correction_m]| json!({"sensor_m": decimal(*sensor_m), "correction_m": decimal(*correction_m)}),
     );

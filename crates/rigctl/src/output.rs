@@ -145,3 +145,7 @@ pub fn progress(length: u64, text: &'static str) -> ProgressBar {
     bar.set_prefix(text);
     bar
 }
+/// An f32 for JSON: its shortest decimal, without the digits that a conversion to f64 would add.
+pub fn decimal(value: f32) -> f64 {
+    value.to_string().parse().unwrap_or(f64::from(value))
+}

@@ -1,12 +1,13 @@
 //! `calibrate`: the LVDT against callipers, and where position 0 is.
 
-use crate::board_settings::{self, all, decimal};
+use crate::board_settings::{self, all};
 use crate::calibration::{APART_M, Point, corrected, fit, uncalibrated};
 use crate::failure::Failure;
 use crate::lvdt_points;
 use crate::options::Global;
 use crate::options::commands::Calibrate;
 use crate::output::Output;
+use crate::output::decimal;
 use crate::session::{Session, homing};
 use rig_link::{LoadChoice, Request, Setting, SettingValues};
 use serde_json::{Value, json};

@@ -1,13 +1,14 @@
 //! `config`: the board's settings, one by one or all in a file.
 
 use crate::backup::{self, to_toml};
-use crate::board_settings::{self, all, decimal};
+use crate::board_settings::{self, all};
 use crate::failure::Failure;
 use crate::lvdt_points;
 use crate::options::Global;
 use crate::options::commands::Config;
 use crate::out_file::OutFile;
 use crate::output::Output;
+use crate::output::decimal;
 use crate::session::Session;
 use rig_link::{Kept, Request, Setting};
 use serde_json::json;

@@ -1,9 +1,10 @@
 //! `status` and `sensors`: the board's identity, state and readings, homed or not.
 
-use crate::board_settings::{self, decimal};
+use crate::board_settings;
 use crate::failure::Failure;
 use crate::options::Global;
 use crate::output::Output;
+use crate::output::decimal;
 use crate::session::Place;
 use crate::session::status::{Status, status};
 use rig_link::Sensors;

@@ -4,7 +4,6 @@
 //! The stress–strain curve is fitted by the coefficients of its tangent written as sums of squares: no step can make it
 //! fall, anywhere.
 
-use super::laws::Law;
 use rig_config::Scene;
 use tsa_model::scalar::{Dual, Scalar};
 use tsa_model::{Parameters, RadiusLaw};
@@ -218,17 +217,6 @@ pub struct Unknowns {
 }
 
 impl Unknowns {
-    /// What is fitted to recorded sweeps unless the operator says otherwise: the radius law, the rods' curve by `material`,
-    /// and where the gap's zero is `known` the string's length and its stiffness, which creep lowers.
-    pub fn usual(law: Law, material: Constant, known: bool) -> Self {
-        let radius = [Constant::K1, Constant::K2, Constant::K3].into_iter().chain(law.own());
-        let constants = radius.chain([material]);
-        // The gap without its zero tells nothing of a stretch that is the same at every twist.
-        let with_zero = [Constant::Stiffness, Constant::StringLength].into_iter().filter(|_| known);
-        let constants = constants.chain(with_zero).collect();
-        Self { constants, expected: known }
-    }
-
     /// How many.
     pub fn count(&self) -> usize {
         self.constants.iter().map(|c| c.unknowns()).sum()

@@ -6,7 +6,6 @@
 //! rig share the zero of its LVDT, and the string's length is fitted to it. The zero of the gap sensor behind another file
 //! with `gap_m`, or an older log, is not known: each gets an unknown of its own for it.
 
-use super::hysteresis::LOOP_SHARE;
 use crate::failure::Failure;
 use crate::log::sweep::Sweep;
 use crate::log::{self, Log};
@@ -152,6 +151,9 @@ impl Data {
     }
 }
 
+/// Standard error of the load in a sweep that friction leaves, as a share of the friction: the mean of up and down would be
+/// free of it if it were alike both ways and the gap went straight with the load.
+pub const LOOP_SHARE: f64 = 0.1;
 /// Standard deviation of a sweep's rows that do not say their own (m): half a count of a 12-bit converter on 200 mm.
 pub const SIGMA_M: f64 = 25e-6;
 /// Least and greatest one that a row can say (m). No sensor of a rig is as good or as bad, and the squares of errors in

@@ -2,14 +2,11 @@
 //! leaves unknown of the mean of the two ways.
 
 use super::constants::{Unknowns, values};
-use super::data::{Data, Quantity};
+use super::data::{Data, LOOP_SHARE, Quantity};
 use serde::Serialize;
 use tsa_model::Mechanism;
 
-/// Standard error of the load in a sweep that friction leaves, as a share of the friction: the mean of up and down would be
-/// free of it if it were alike both ways and the gap went straight with the load.
-pub const LOOP_SHARE: f64 = 0.1;
-/// The same from what creeps, as a share of the load: no loop shows it. Chosen so that the stated intervals hold the truth on
+/// Standard error of the load in a sweep from what creeps, as a share of the load: no loop shows it. Chosen so that the stated intervals hold the truth on
 /// emulated hard rigs (seeds 3001 to 3012). Rods that were not loaded more heavily before, as in sweeps from the lightest
 /// load to the heaviest, have nothing to remember.
 const CREEP_SHARE: f64 = 0.01;

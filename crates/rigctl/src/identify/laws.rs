@@ -1,6 +1,6 @@
 //! The radius laws that compete, simplest first, and where a fit of each begins.
 
-use super::constants::Constant;
+use super::constants::{Constant, Unknowns};
 use rig_config::Scene;
 use tsa_model::RadiusLaw;
 
@@ -13,6 +13,19 @@ pub enum Law {
     LengthRatioK4,
     /// With a power of the twist.
     TwistPower,
+}
+
+impl Unknowns {
+    /// What is fitted to recorded sweeps unless the operator says otherwise: the radius law, the rods' curve by `material`,
+    /// and where the gap's zero is `known` the string's length and its stiffness, which creep lowers.
+    pub fn usual(law: Law, material: Constant, known: bool) -> Self {
+        let radius = [Constant::K1, Constant::K2, Constant::K3].into_iter().chain(law.own());
+        let constants = radius.chain([material]);
+        // The gap without its zero tells nothing of a stretch that is the same at every twist.
+        let with_zero = [Constant::Stiffness, Constant::StringLength].into_iter().filter(|_| known);
+        let constants = constants.chain(with_zero).collect();
+        Self { constants, expected: known }
+    }
 }
 
 /// Names on the command line and in the answer. A law that is added here takes part.

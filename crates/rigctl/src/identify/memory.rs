@@ -1,9 +1,9 @@
 //! What rods remember of a heavier load: no sweep shows it by itself, but two of the same load do, one before the rods have
 //! carried the heavier load and one after it.
 
+use super::data::LOOP_SHARE;
 use super::data::{Data, SIGMA_M};
 use super::fit::IdentifyError;
-use super::hysteresis::LOOP_SHARE;
 use super::predict::Known;
 use crate::log::sweep::Sweep;
 use rig_control::observer::{MEMORY_COMPLETE_N, memory_shape};

@@ -19,11 +19,11 @@ pub mod write;
 pub use read::{Log, LogError, LogRow, Mark, Marked};
 pub use write::Recorder;
 
+use crate::board_settings;
 use crate::failure::Failure;
 use crate::lvdt_points;
 use crate::scene_file;
 use crate::session::{Place, Session, Target};
-use crate::{backup, board_settings};
 use rig_link::PROTOCOL_HASH;
 use std::time::SystemTime;
 
@@ -90,7 +90,7 @@ impl Header {
         if !settings.dropped.is_empty() {
             header.add("settings_dropped", board_settings::dropped(&settings.dropped));
         }
-        for (name, value) in backup::named(&settings.constants) {
+        for (name, value) in board_settings::named_constants(&settings.constants) {
             header.add(&format!("{CONSTANTS}{name}"), value);
         }
         for (setting, value) in settings.values.iter() {

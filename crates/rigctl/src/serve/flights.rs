@@ -2,7 +2,7 @@
 //! an event.
 
 use super::Refused;
-use crate::board_settings::decimal;
+use crate::output::decimal;
 use crate::session::client::REPLY_S;
 use rig_link::{Accepted, EventKind, Refusal, Request, State};
 use serde_json::{Value, json};
