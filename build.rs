@@ -1,12 +1,10 @@
 //! Scene file to firmware: solves the model, fits and certifies the table, writes it and the rig's constants as Rust.
 
-use rig_config::{Accuracy, Scene};
+use rig_config::Scene;
 use std::error::Error;
 use std::path::PathBuf;
 use std::process::{Command, ExitCode};
 use std::{env, fs};
-use tsa_model::Tier;
-use tsa_table::Demand;
 
 fn main() -> ExitCode {
     match run() {
@@ -28,15 +26,7 @@ fn run() -> Result<(), Box<dyn Error>> {
     println!("cargo:rerun-if-changed=.git/logs/HEAD");
 
     let scene = Scene::load(&scene_path)?;
-    let study = study()?;
-    let fit = match &study {
-        // Under the scene's own hash, so that the tool accepts the board; its git id tells the image apart.
-        Some(study) => {
-            let demand = Demand { accuracy: study.accuracy, ..scene.demand()? };
-            tsa_table::fit::fit_tier(&scene.mechanism()?, &demand, study.tier)?
-        }
-        None => scene.fit_table()?,
-    };
+    let fit = scene.fit_table()?;
     for unusual in scene.check_rig().map_err(|error| error.in_file(&scene_path))? {
         println!("cargo:warning=scene file {scene_path}: {unusual}");
     }
@@ -48,36 +38,9 @@ fn run() -> Result<(), Box<dyn Error>> {
 
     fs::write(out.join("memory.x"), include_str!("src/memory.x"))?;
     println!("cargo:rustc-link-search={}", out.display());
-    // The commit goes into the identity that the board reports, so that `rigctl status` and `doctor` show a study
-    // image.
-    let mark = if study.is_some() { "-study" } else { "" };
-    println!("cargo:rustc-env=TSA_GIT={}{mark}", git().unwrap_or_else(|| "unknown".into()));
+    // The commit goes into the identity that the board reports.
+    println!("cargo:rustc-env=TSA_GIT={}", git().unwrap_or_else(|| "unknown".into()));
     Ok(())
-}
-
-/// A table of a cheaper model or another accuracy, so that its effect on the closed loop can be measured.
-struct Study {
-    tier: Tier,
-    accuracy: Accuracy,
-}
-
-/// The table that `TSA_STUDY` asks for: "tier contraction_m tr_relative". It is refused without the feature `study`,
-/// which only `cargo xtask loop` sets: a variable left over in a shell must not put a worse table under the scene's
-/// name.
-fn study() -> Result<Option<Study>, Box<dyn Error>> {
-    println!("cargo:rerun-if-env-changed=TSA_STUDY");
-    let Ok(text) = env::var("TSA_STUDY") else { return Ok(None) };
-    if !cfg!(feature = "study") {
-        return Err("TSA_STUDY is set, which asks for a table of another model or accuracy than the scene's; \
-                    unset it (only `cargo xtask loop` builds such images)"
-            .into());
-    }
-    let [name, contraction, tr] = text.split(' ').collect::<Vec<_>>()[..] else {
-        return Err(format!("TSA_STUDY: {text:?} is not a tier and two numbers").into());
-    };
-    let tier = Tier::named(name).ok_or_else(|| format!("TSA_STUDY: no tier is called {name:?}"))?;
-    let number = |text: &str| text.parse().map_err(|e| format!("TSA_STUDY: {text:?}: {e}"));
-    Ok(Some(Study { tier, accuracy: Accuracy { contraction_m: number(contraction)?, tr_relative: number(tr)? } }))
 }
 
 fn constants(scene: &Scene) -> String {

@@ -1,6 +1,6 @@
 //! The command line of `tsa-lab`, and which of [`crate::commands`] runs each command. Options of every command are those of `rigctl`.
 
-use crate::commands::{budget, chart, published, report, solve, study, table};
+use crate::commands::{budget, chart, closed_loop, published, report, solve, study, table};
 use crate::range::{TurnRange, Vary};
 use clap::builder::PossibleValuesParser;
 use clap::{Parser, Subcommand};
@@ -68,6 +68,12 @@ pub enum Command {
         #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = PossibleValuesParser::new(crate::chart::NAMES))]
         only: Vec<String>,
     },
+    /// Moves of the emulated board with tables of cheaper models and of other accuracies: loop.csv
+    Loop {
+        /// Folder for loop.csv
+        #[arg(long, value_name = "DIR", default_value = "out")]
+        out: PathBuf,
+    },
     /// One self-contained page: the mechanism drawn and played with, table certificate, charts, a recorded move
     ///
     /// The page has the solver inside and needs no network; any browser shows it. What cannot be made (a chart that another
@@ -129,6 +135,7 @@ pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
             published::run(global, *all, *inferred_geometry, out.as_deref(), output)
         }
         Command::Study { vary, load, turns, out } => study::run(global, vary, *load, *turns, out.as_deref(), output),
+        Command::Loop { out } => closed_loop::run(global, out, output),
         Command::Chart { out, only } => chart::run(global, out, only, output),
         Command::Report { out, inputs } => report::run(global, out, inputs, output),
         Command::Budget { gauge, all: false } => budget::run(global, *gauge, output),

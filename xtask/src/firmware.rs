@@ -88,14 +88,6 @@ pub fn build_variant(folders: &Folders, toolchain: &Toolchain, variant: Variant)
     image::report(&image)
 }
 
-/// Builds the firmware with a table of another model or accuracy (`TSA_STUDY`, see build.rs) and copies it to `image`.
-pub fn build_study(folders: &Folders, toolchain: &Toolchain, study: &str, image: &Path) -> Result<()> {
-    run(cargo(folders, toolchain, PACKAGE, PACKAGE).args(["--features", "study"]).env("TSA_STUDY", study))?;
-    let built = toolchain.target_folder(folders).join(TARGET).join("firmware").join(PACKAGE);
-    std::fs::copy(&built, image).with_context(|| format!("cannot copy {} to {}", built.display(), image.display()))?;
-    Ok(())
-}
-
 /// Builds the image that measures costs (`lab/cost-image`), with the row of `interpn` or without it.
 pub fn build_cost(folders: &Folders, toolchain: &Toolchain, interpn: bool) -> Result<()> {
     let mut cargo = cargo(folders, toolchain, COST, COST);

@@ -68,6 +68,12 @@ fn desktop(folders: &Folders) -> Result<Vec<Program>> {
     programs::build(folders, &DESKTOP)
 }
 
+/// Measures moves with tables of cheaper models and of other accuracies.
+pub fn closed_loop(folders: &Folders) -> Result<()> {
+    tools_and_firmware(folders)?;
+    run(Command::new(folders.target.join("release/tsa-lab")).current_dir(&folders.root).args(["loop", "--out", "out"]))
+}
+
 /// Builds the self-test and runs it on the emulated board.
 pub fn selftest(folders: &Folders) -> Result<()> {
     system::ensure_emulator_tools()?;

@@ -5,7 +5,6 @@
 //! - [`host`]: the desktop tools, the demo, and the tests of the whole workspace.
 //! - [`results`]: every measured number of the README and `docs/results.md`.
 //! - [`mod@bench`]: the speed of the model, beside an independent solver.
-//! - [`closed_loop`]: the effect of a cheaper model or a less accurate table on the closed loop.
 //! - [`python`]: the Python package; [`browser`]: the page of `tsa-lab report`.
 //! - [`release`]: the release archive; [`third_party`]: the list of other authors' packages in it.
 //! - [`licences`]: the licences of all dependencies; [`packages`]: which packages there are.
@@ -16,7 +15,6 @@
 
 mod bench;
 mod browser;
-mod closed_loop;
 mod firmware;
 mod host;
 mod image;
@@ -84,7 +82,7 @@ enum Task {
     Bench,
     /// Count the instructions of each method of evaluating the mechanism on the emulated board
     Cost,
-    /// Measure moves with firmware images that use tables of cheaper models and of other accuracies (out/loop.csv)
+    /// Measure moves with tables of cheaper models and of other accuracies on the emulated board (out/loop.csv)
     Loop,
     /// Make a thousand moves with faults and send ten million random bytes to both links of the emulated board (an
     /// hour)
@@ -163,7 +161,7 @@ fn run(arguments: Arguments) -> Result<()> {
         Task::Test => host::test(&folders),
         Task::Bench => bench::bench(&folders),
         Task::Cost => host::cost(&folders),
-        Task::Loop => closed_loop::run(&folders),
+        Task::Loop => host::closed_loop(&folders),
         Task::Endurance { rest } => host::endurance(&folders, &rest),
         Task::Compare { rest } => host::compare(&folders, &rest),
         Task::Results { sections } => results::run(&folders, &sections),

@@ -321,8 +321,9 @@ fn a_board_that_falls_silent_on_an_open_line_ends_every_command_with_an_error() 
         board.breaks(false, false);
         let status = board.rigctl(&["--scene", SCENE, "status"]);
         let fault = last_line(&status)["telemetry"]["fault"].clone();
-        assert_eq!(fault, if to_board { "host-silent".into() } else { Value::Null }, "{arguments:?}");
-        assert!(!to_board || board.rigctl(&["--scene", SCENE, "clear"]).status.success());
+        // A machine that keeps the tool from running for 0.4 s lets the board stop by itself in either case.
+        assert!(fault == "host-silent" || !to_board && fault.is_null(), "{arguments:?}: {fault}");
+        assert!(fault.is_null() || board.rigctl(&["--scene", SCENE, "clear"]).status.success());
     }
     let whole = Log::load(&log).expect("a log").whole().expect("its end is there");
     assert!(whole.header.get("broken_off").is_some_and(|why| why.contains("silent")), "{:?}", whole.header);

@@ -2,6 +2,7 @@
 
 pub mod budget;
 pub mod chart;
+pub mod closed_loop;
 mod figure;
 pub mod published;
 pub mod report;

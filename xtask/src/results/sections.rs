@@ -3,7 +3,7 @@
 use super::Measured;
 use crate::process::{cargo, foreign, shown};
 use crate::toolchain::{Choice, choose};
-use crate::{Folders, closed_loop, firmware, host, image};
+use crate::{Folders, firmware, host, image};
 use anyhow::{Context, Result, ensure};
 use serde_json::Value;
 use std::path::Path;
@@ -357,8 +357,7 @@ pub(super) fn significant(value: f64) -> String {
 }
 
 fn in_the_loop(folders: &Folders) -> Result<Measured> {
-    closed_loop::run(folders)?;
-    host::build(folders)?;
+    host::closed_loop(folders)?;
     rigctl(folders, &["chart", "--only", "closed-loop", "--out", "docs/charts"])?;
     let rows = csv(&folders.root.join("out/loop.csv"))?;
     let (head, rows) = rows.split_first().context("out/loop.csv is empty")?;

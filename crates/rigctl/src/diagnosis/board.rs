@@ -6,9 +6,6 @@ use crate::failure::Failure;
 use rig_config::Scene;
 use rig_link::{Clock, Identity, PROTOCOL_HASH, ResetCause, SettingsReport};
 
-/// End of the git id of an image with a table that was not made for the scene's accuracy (`TSA_STUDY`, see build.rs).
-const STUDY: &str = "-study";
-
 /// Checks of a board's identity against the tool and the scene.
 ///
 /// # Errors
@@ -94,18 +91,11 @@ pub fn settings(report: &SettingsReport) -> Check {
     check("settings", remedy.is_none(), board_settings::origin(report), remedy.unwrap_or_default())
 }
 
-/// The image: its version, and that it holds the scene's own table.
+/// The image's version.
 fn firmware(id: &Identity) -> Check {
     let tool = env!("CARGO_PKG_VERSION");
-    let is_study = id.git.ends_with(STUDY);
-    let advice = if is_study {
-        "this image holds a study table, made for `cargo xtask loop`: flash the normal image with `cargo xtask firmware`, \
-         then `cargo xtask flash`"
-    } else {
-        "build and flash the firmware that goes with this tool"
-    };
     let seen = format!("{} (git {}), tool {tool}", id.version, id.git);
-    check("firmware", id.version == tool && !is_study, seen, advice)
+    check("firmware", id.version == tool, seen, "build and flash the firmware that goes with this tool")
 }
 
 /// The source of the board's clock.
@@ -136,10 +126,8 @@ mod tests {
     use crate::fixtures::identity;
 
     #[test]
-    fn an_image_with_a_study_table_or_of_another_version_needs_attention() {
+    fn an_image_of_another_version_needs_attention() {
         assert!(firmware(&identity("abcdef0")).ok);
-        let study = firmware(&identity("abcdef0-study"));
-        assert!(!study.ok && study.advice.is_some_and(|advice| advice.contains("cargo xtask firmware")));
         let old = Identity { version: "0.0.1".parse().expect("fits"), ..identity("abcdef0") };
         assert!(!firmware(&old).ok);
     }

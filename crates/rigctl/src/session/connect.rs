@@ -11,6 +11,7 @@ use crate::failure::Failure;
 use crate::scene_file;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU32, Ordering};
+use tsa_table::Table;
 
 /// Which board, and the scene that the operator believes it to be built for.
 #[derive(Clone, Debug)]
@@ -57,12 +58,16 @@ impl Target {
     /// # Errors
     /// If the emulated board does not start, or the device cannot be opened.
     pub fn open(&self) -> Result<Session, Failure> {
+        if let Place::Emulated(options) = &self.place {
+            eprintln!("{options}");
+        }
+        self.start()
+    }
+
+    fn start(&self) -> Result<Session, Failure> {
         interrupt::watch();
         let port: Box<dyn Port> = match &self.place {
-            Place::Emulated(options) => {
-                eprintln!("{options}");
-                Box::new(Sim::start(options)?)
-            }
+            Place::Emulated(options) => Box::new(Sim::start(options)?),
             Place::Device(device) => Box::new(Serial::open(device)?),
         };
         Ok(Session::new(port))
@@ -105,36 +110,40 @@ impl Target {
     /// As [`Self::connect`].
     pub fn with_its_table(&self) -> Result<(Self, Option<TemporaryFile>), Failure> {
         let scene = scene_file::load_rig(&self.scene)?;
-        let mut target = self.clone();
-        let Place::Emulated(options) = &mut target.place else { return Ok((target, None)) };
-        let mut new = None;
-        if options.flash.is_none() {
+        if !self.is_emulated() || self.looked_at()?.identity().is_some_and(|id| id.scene_hash == scene.hash()) {
+            return Ok((self.clone(), None));
+        }
+        let fit = table::fitted(&scene, &self.scene)?;
+        let prepared = self.with_table(&fit.table.table())?;
+        eprintln!("the emulated board was sent the table of {}", self.scene.display());
+        Ok(prepared)
+    }
+
+    /// The same with any table for the scene's `[rig]`.
+    ///
+    /// # Errors
+    /// If the emulated board does not start, or refuses the table.
+    pub fn with_table(&self, table: &Table<'_>) -> Result<(Self, Option<TemporaryFile>), Failure> {
+        let scene = scene_file::load_rig(&self.scene)?;
+        let (mut target, mut new) = (self.clone(), None);
+        if let Place::Emulated(options) = &mut target.place
+            && options.flash.is_none()
+        {
             let file = TemporaryFile::new("flash");
             options.flash = Some(file.path.clone());
             new = Some(file);
         }
-        let gdb = options.gdb.take();
-        let sent = {
-            let mut session = target.probe()?;
-            let differs = session.identity().is_some_and(|id| id.scene_hash != scene.hash());
-            if differs {
-                table::send(&mut session, &scene, &self.scene)?;
-            }
-            differs
-        };
-        if !sent {
-            return Ok((self.clone(), None));
-        }
-        if let Place::Emulated(options) = &mut target.place {
-            options.gdb = gdb;
-        }
-        eprintln!("the emulated board was sent the table of {}", self.scene.display());
+        table::send_table(&mut target.looked_at()?, &scene, &self.scene, table)?;
         Ok((target, new))
     }
 
-    fn probe(&self) -> Result<Session, Failure> {
-        let Place::Emulated(options) = &self.place else { return self.meet() };
-        let mut session = Session::new(Box::new(Sim::start(options)?));
+    /// The emulated board, greeted, without a debugger.
+    fn looked_at(&self) -> Result<Session, Failure> {
+        let mut target = self.clone();
+        if let Place::Emulated(options) = &mut target.place {
+            options.gdb = None;
+        }
+        let mut session = target.start()?;
         session.hello()?;
         Ok(session)
     }

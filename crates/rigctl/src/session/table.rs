@@ -5,6 +5,7 @@ use crate::failure::Failure;
 use rig_config::Scene;
 use rig_link::messages::{EventKind, Request, TablePart, TableRefusal};
 use std::path::Path;
+use tsa_table::Table;
 use tsa_table::fit::Fit;
 use tsa_table::record::RECORD_MAX;
 
@@ -24,20 +25,44 @@ pub struct Sent {
 /// Fits the table of a scene file and sends it. Only the scene's `[rig]` must be the one that the board was built with.
 ///
 /// # Errors
-/// Naming `[rig]` where it differs; if the scene has no table; the board's refusal in words.
+/// As [`send_table`]; if the scene has no table.
 pub fn send(session: &mut Session, scene: &Scene, file: &Path) -> Result<Sent, Failure> {
+    check_rig(session, scene, file)?;
+    let fit = fitted(scene, file)?;
+    let kept = send_table(session, scene, file, &fit.table.table())?;
+    Ok(Sent { fit, kept })
+}
+
+/// The table of a scene file.
+///
+/// # Errors
+/// If it has none; names the file.
+pub fn fitted(scene: &Scene, file: &Path) -> Result<Fit, Failure> {
+    scene.fit_table().map_err(|error| Failure::failed(format!("{}: {error}", file.display())))
+}
+
+fn check_rig(session: &Session, scene: &Scene, file: &Path) -> Result<(), Failure> {
     let name = file.display();
     let (theirs, ours) = (session.require_identity()?.rig_hash, scene.rig_hash());
-    if theirs != ours {
-        return Err(Failure::failed(format!(
-            "{name}: its [rig] ({ours:08x}) is not the one that the board was built with ({theirs:08x}), and a table cannot change \
-             that: build and flash for this scene, `TSA_SCENE={name} cargo xtask flash`"
-        )));
+    if theirs == ours {
+        return Ok(());
     }
-    let fit = scene.fit_table().map_err(|error| Failure::failed(format!("{name}: {error}")))?;
-    let table = fit.table.table();
+    Err(Failure::failed(format!(
+        "{name}: its [rig] ({ours:08x}) is not the one that the board was built with ({theirs:08x}), and a table cannot change \
+         that: build and flash for this scene, `TSA_SCENE={name} cargo xtask flash`"
+    )))
+}
+
+/// Sends a table and waits until the board uses it; whether it is in the board's flash.
+///
+/// # Errors
+/// Naming `[rig]` of the scene's file where the board's differs; the board's refusal in words.
+pub fn send_table(session: &mut Session, scene: &Scene, file: &Path, table: &Table<'_>) -> Result<bool, Failure> {
+    check_rig(session, scene, file)?;
     let mut record = [0; RECORD_MAX];
-    let length = table.write(&mut record).ok_or_else(|| Failure::failed(format!("{name}: its table is too large")))?;
+    let length = table
+        .write(&mut record)
+        .ok_or_else(|| Failure::failed(format!("{}: its table is too large", file.display())))?;
     session.wait_ready()?;
     for part in TablePart::of_record(&record[..length]) {
         session.request(&Request::TablePart(part))?;
@@ -49,7 +74,7 @@ pub fn send(session: &mut Session, scene: &Scene, file: &Path) -> Result<Sent, F
             match kind {
                 EventKind::TableStored { crc, kept } if crc == table.crc => {
                     session.identify()?;
-                    return Ok(Sent { fit, kept });
+                    return Ok(kept);
                 }
                 EventKind::TableRefused(reason) => return Err(refused(reason)),
                 _ => {}
