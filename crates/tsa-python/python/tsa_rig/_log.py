@@ -14,8 +14,8 @@ WORDS = frozenset({"state", "fault", "faults", "limit", "doubts", "homing_failur
 def read_log(path: str | PathLike[str]) -> dict[str, NDArray[np.float64] | NDArray[np.object_]]:
     """The rows of a log: an array for each column, named as the telemetry, in SI units and in the order of the file.
 
-    Numbers are float64, NaN where a value is not known; words are str, None where there is none. `pandas.DataFrame(read_log(path))`
-    is the table, and its `to_parquet` writes Parquet.
+    Numbers are float64, NaN where a value is not known; words are str, None where there is none.
+    `pandas.DataFrame(read_log(path))` is the table, and its `to_parquet` writes Parquet.
 
     Raises ValueError if the file is no log, or was cut short.
     """

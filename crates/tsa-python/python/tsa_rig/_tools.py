@@ -1,4 +1,4 @@
-"""Commands that need no rig: of the tool `rigctl`, by its own code, and of the laboratory's `tsa-lab`, a program of its own."""
+"""Commands that need no rig: of `rigctl`, by its own code, and of the laboratory's `tsa-lab`, a program of its own."""
 
 from __future__ import annotations
 
