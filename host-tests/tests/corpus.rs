@@ -1,18 +1,26 @@
-//! Everything that fuzzing ever found worth keeping (`fuzz/corpus`), and as many changed copies as fit a bounded run.
+//! Everything that fuzzing ever found worth keeping (`fuzz/corpus`, an archive for each door), and as many changed copies as
+//! fit a bounded run.
 
 use host_tests::fuzz::DOORS;
 use host_tests::root;
 use rand::seq::IndexedRandom;
 use rand::{RngExt, SeedableRng};
+use std::io::Read;
 
+/// The files of the door's archive, in its order.
 fn corpus(door: &str) -> Vec<Vec<u8>> {
-    let folder = root().join("fuzz/corpus").join(door);
-    let mut files: Vec<_> = std::fs::read_dir(&folder)
-        .unwrap_or_else(|e| panic!("{}: {e}", folder.display()))
-        .map(|entry| entry.unwrap().path())
-        .collect();
-    files.sort();
-    files.iter().map(|f| std::fs::read(f).unwrap()).collect()
+    let path = root().join("fuzz/corpus").join(format!("{door}.tar"));
+    let file = std::fs::File::open(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+    let mut files = Vec::new();
+    for entry in tar::Archive::new(file).entries().unwrap() {
+        let mut entry = entry.unwrap();
+        if entry.header().entry_type().is_file() {
+            let mut data = Vec::new();
+            entry.read_to_end(&mut data).unwrap();
+            files.push(data);
+        }
+    }
+    files
 }
 
 #[test]

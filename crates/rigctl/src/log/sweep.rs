@@ -123,7 +123,7 @@ mod tests {
     use super::*;
 
     /// One equilibrium, passed up and down.
-    const LOG: &str = include_str!("../../../../fuzz/corpus/log/sweep.log");
+    const LOG: &str = include_str!("sweep.log");
 
     fn reduced(from: &str, to: &str) -> Result<Sweep, String> {
         assert!(LOG.contains(from));
