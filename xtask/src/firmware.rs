@@ -1,14 +1,16 @@
 //! The board's images: the firmware, its variants for tests, the self-test and the cost measurement.
 
 use crate::process::{exists, run};
-use crate::toolchain::{TARGET, Toolchain};
+use crate::toolchain::{Choice, TARGET, Toolchain, choose};
 use crate::{Folders, image};
-use anyhow::{Context, Result, ensure};
+use anyhow::{Result, ensure};
+use clap::ValueEnum;
+use fs_err as fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Name of the root package and of its main image.
-pub const PACKAGE: &str = "tsa-firmware";
+const PACKAGE: &str = "tsa-firmware";
 
 /// The package and image that measures the cost of each method of evaluating the mechanism.
 const COST: &str = "tsa-cost";
@@ -19,26 +21,65 @@ pub const SELFTEST: &str = "tsa-selftest";
 /// Folder below the target folder in which tools and tests expect the images.
 const IMAGES: &str = "firmware";
 
+/// Arguments of `cargo xtask firmware`.
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// Compiler to use; `auto` tries the others in this order
+    #[arg(long, value_enum, default_value_t)]
+    toolchain: Choice,
+    /// Build a variant of the default scene's firmware for tests (target/firmware/VARIANT/tsa-firmware.elf)
+    #[arg(long, value_enum)]
+    variant: Option<Variant>,
+}
+
+impl Arguments {
+    /// Builds what they ask for.
+    pub fn run(self, folders: &Folders) -> Result<()> {
+        let toolchain = choose(self.toolchain)?;
+        match self.variant {
+            None => build(folders, &toolchain),
+            Some(variant) => build_variant(folders, &toolchain, variant),
+        }
+    }
+}
+
+/// Arguments of `cargo xtask flash`.
+#[derive(clap::Args)]
+pub struct Flash {
+    /// Arguments for `probe-rs run`: --probe, --connect-under-reset
+    #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+    rest: Vec<String>,
+}
+
+impl Flash {
+    /// Builds the firmware and starts it with the runner of `.cargo/config.toml`: probe-rs, with the chip's name.
+    pub fn run(self, folders: &Folders) -> Result<()> {
+        let toolchain = choose(Choice::Auto)?;
+        build(folders, &toolchain)?;
+        run(flashing(folders, &toolchain, PACKAGE)?.args(self.rest))
+    }
+}
+
+/// The command that starts an image on a board, to which arguments for probe-rs can be added.
+pub fn flashing(folders: &Folders, toolchain: &Toolchain, image: &str) -> Result<Command> {
+    ensure!(exists("probe-rs"), "probe-rs is missing; install it with: cargo install probe-rs-tools --locked");
+    let mut cargo = toolchain.cargo(folders, "run");
+    cargo.args(["--package", PACKAGE, "--profile", "firmware", "--bin", image, "--"]);
+    Ok(cargo)
+}
+
 /// Builds the firmware, puts it where `rigctl` expects it, and prints its size.
 pub fn build(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
     let image = built(&mut cargo(folders, toolchain, PACKAGE, PACKAGE), folders, toolchain, PACKAGE, IMAGES)?;
     println!("firmware: {}", image.display());
     let binary = image.with_extension("bin");
-    std::fs::write(&binary, image::binary(&image)?).with_context(|| format!("cannot write {}", binary.display()))?;
+    fs::write(&binary, image::binary(&image)?)?;
     println!("firmware to drop onto the board's drive: {}", binary.display());
     image::report(&image)
 }
 
-/// Builds the firmware and starts it with the runner of `.cargo/config.toml`: probe-rs, with the chip's name.
-pub fn flash(folders: &Folders, toolchain: &Toolchain, rest: &[String]) -> Result<()> {
-    build(folders, toolchain)?;
-    ensure!(exists("probe-rs"), "probe-rs is missing; install it with: cargo install probe-rs-tools --locked");
-    let mut cargo = toolchain.cargo(folders, "run");
-    run(cargo.args(["--package", PACKAGE, "--profile", "firmware", "--"]).args(rest))
-}
-
 /// A firmware of the default scene with other numbers in its `[rig]`, for tests.
-#[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Variant {
     /// The drive on the serial line.
     Uart,
@@ -46,45 +87,33 @@ pub enum Variant {
     OtherRig,
 }
 
-impl Variant {
-    /// Folder of its image and its scene, below that of all images.
-    fn folder(self) -> &'static str {
-        match self {
-            Self::Uart => "uart",
-            Self::OtherRig => "other-rig",
-        }
-    }
-
-    /// Text in the default scene, and what replaces it.
-    fn changes(self) -> &'static [[&'static str; 2]] {
-        match self {
-            Self::Uart => &[["drive_transport = \"can\"", "drive_transport = \"uart\""]],
-            Self::OtherRig => &[
+/// Builds a variant of the firmware, in a folder of its own with the scene that it was built for.
+pub fn build_variant(folders: &Folders, toolchain: &Toolchain, variant: Variant) -> Result<()> {
+    let (name, changes): (_, &[[&str; 2]]) = match variant {
+        Variant::Uart => ("uart", &[["drive_transport = \"can\"", "drive_transport = \"uart\""]]),
+        Variant::OtherRig => (
+            "other-rig",
+            &[
                 ["lvdt_volts_at_stroke = 3.0", "lvdt_volts_at_stroke = 2.8"],
                 ["drive_current_limit_a = 0.5", "drive_current_limit_a = 0.4"],
             ],
-        }
-    }
-}
-
-/// Builds a variant of the firmware, in a folder of its own with the scene that it was built for.
-pub fn build_variant(folders: &Folders, toolchain: &Toolchain, variant: Variant) -> Result<()> {
-    let images = Path::new(IMAGES).join(variant.folder());
-    let mut text = std::fs::read_to_string(folders.root.join("scenes/default.toml")).context("the default scene")?;
-    for [from, to] in variant.changes() {
+        ),
+    };
+    let mut text = fs::read_to_string(folders.root.join("scenes/default.toml"))?;
+    for [from, to] in changes {
         ensure!(text.contains(from), "the default scene no longer has {from}");
         text = text.replace(from, to);
     }
-    let folder = folders.target.join(&images);
-    std::fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
-    let scene = folder.join("scene.toml");
+    let images = Path::new(IMAGES).join(name);
+    let scene = folders.target.join(&images).join("scene.toml");
+    fs::create_dir_all(folders.target.join(&images))?;
     // Written only when it changes, because cargo compares its time.
-    if std::fs::read_to_string(&scene).ok().as_deref() != Some(&text) {
-        std::fs::write(&scene, &text).with_context(|| format!("cannot write {}", scene.display()))?;
+    if fs::read_to_string(&scene).ok().as_deref() != Some(&text) {
+        fs::write(&scene, &text)?;
     }
     let mut cargo = cargo(folders, toolchain, PACKAGE, PACKAGE);
     let image = built(cargo.env("TSA_SCENE", &scene), folders, toolchain, PACKAGE, images)?;
-    println!("firmware, variant {}: {}", variant.folder(), image.display());
+    println!("firmware, variant {name}: {}", image.display());
     image::report(&image)
 }
 
@@ -118,11 +147,10 @@ fn built(
     images: impl AsRef<Path>,
 ) -> Result<PathBuf> {
     run(cargo)?;
-    let built = toolchain.target_folder(folders).join(TARGET).join("firmware").join(name);
     let folder = folders.target.join(images);
     let image = folder.join(format!("{name}.elf"));
-    std::fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
-    std::fs::copy(&built, &image).with_context(|| format!("cannot copy {} to {}", built.display(), image.display()))?;
+    fs::create_dir_all(&folder)?;
+    fs::copy(toolchain.target_folder(folders).join(TARGET).join("firmware").join(name), &image)?;
     Ok(image)
 }
 

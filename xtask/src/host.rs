@@ -1,9 +1,10 @@
 //! The desktop tools, the demo, and the tests of the whole workspace.
 
+use crate::packages::{Packages, check_used};
 use crate::process::{cargo, run};
 use crate::programs::Program;
 use crate::toolchain::{Choice, Toolchain, choose};
-use crate::{Folders, browser, firmware, licences, programs, python, system, toolchain, unused};
+use crate::{Folders, browser, firmware, licences, programs, python, system, toolchain};
 use anyhow::{Result, bail};
 use std::process::Command;
 
@@ -26,10 +27,11 @@ pub fn test(folders: &Folders) -> Result<()> {
     toolchain::prepare_page_target();
     let toolchain = choose(Choice::Auto)?;
     run(cargo(folders).args(["fmt", "--all", "--check"]))?;
-    unused::check(folders)?;
     let tests = beside(|| board(folders, &toolchain), || desktop(folders))?;
     // After the builds, which have downloaded the packages.
-    licences::check(folders)?;
+    let packages = Packages::find(folders)?;
+    check_used(&packages)?;
+    licences::check(folders, &packages)?;
     // The tests start the images and the tools, so all of them must be built first.
     programs::run(tests)?;
     python::test(folders)?;

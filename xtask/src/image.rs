@@ -1,6 +1,7 @@
 //! An image on the board: the memory that it takes, and its bytes in flash.
 
 use anyhow::{Context, Result, bail, ensure};
+use fs_err as fs;
 use object::read::elf::{ElfFile32, ProgramHeader};
 use object::{Object, ObjectSection, SectionFlags, SectionKind, elf};
 use std::path::Path;
@@ -20,7 +21,7 @@ const FLASH: std::ops::Range<u64> = 0x0800_0000..0x0808_0000;
 
 /// The bytes of an image from the start of the flash on, with erased flash (0xff) in the gaps.
 pub fn binary(path: &Path) -> Result<Vec<u8>> {
-    let data = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let data = fs::read(path)?;
     let file = ElfFile32::<object::Endianness>::parse(&*data)
         .with_context(|| format!("{} is not a 32-bit ELF file", path.display()))?;
     let endian = file.endian();
@@ -60,7 +61,7 @@ pub struct Size {
 
 /// Sums the sections that are loaded onto the board.
 pub fn size(path: &Path) -> Result<Size> {
-    let data = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let data = fs::read(path)?;
     let file = object::File::parse(&*data).with_context(|| format!("{} is not an ELF file", path.display()))?;
     let mut size = Size { flash: 0, ram: 0 };
     for section in file.sections() {
@@ -87,9 +88,10 @@ pub fn report(path: &Path) -> Result<()> {
     let share =
         |bytes: u64, limit: u64| format!("{bytes} bytes ({:.1} of {} KiB)", bytes as f64 / 1024.0, limit / 1024);
     println!("firmware: flash {}, static RAM {}", share(flash, FLASH_LIMIT), share(ram, RAM_LIMIT));
-    if flash > FLASH_LIMIT || ram > RAM_LIMIT {
-        bail!("the firmware is too large: limits are {FLASH_LIMIT} bytes of flash and {RAM_LIMIT} bytes of RAM");
-    }
+    ensure!(
+        flash <= FLASH_LIMIT && ram <= RAM_LIMIT,
+        "the firmware is too large: limits are {FLASH_LIMIT} bytes of flash and {RAM_LIMIT} bytes of RAM"
+    );
     Ok(())
 }
 

@@ -6,9 +6,8 @@
 //! - [`results`]: every measured number of the README and `docs/results.md`.
 //! - [`mod@bench`]: the speed of the model, beside an independent solver.
 //! - [`python`]: the Python package; [`browser`]: the page of `tsa-lab report`.
-//! - [`release`]: the release archive; [`third_party`]: the list of other authors' packages in it.
-//! - [`licences`]: the licences of all dependencies; [`packages`]: which packages there are.
-//! - [`unused`]: dependencies that no source file uses.
+//! - [`release`]: the release archive.
+//! - [`packages`]: which packages there are, and whether they are used; [`licences`]: what their licences allow.
 //! - [`system`]: checks for programs beside cargo, and installs them where that is allowed.
 //! - [`programs`]: runs test programs, several at a time.
 //! - [`process`]: runs other programs, and names the command that failed.
@@ -27,12 +26,11 @@ mod release;
 mod results;
 mod selftest;
 mod system;
-mod third_party;
 mod toolchain;
-mod unused;
 
 use anyhow::{Context, Result, ensure};
 use clap::{Parser, Subcommand};
+use packages::Packages;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -46,30 +44,12 @@ struct Arguments {
 #[derive(Subcommand)]
 enum Task {
     /// Build the firmware image (target/firmware/tsa-firmware.elf, and .bin for the board's drive) and print its size
-    Firmware {
-        /// Compiler to use; `auto` tries the others in this order
-        #[arg(long, value_enum, default_value_t)]
-        toolchain: toolchain::Choice,
-        /// Build a variant of the default scene's firmware for tests (target/firmware/VARIANT/tsa-firmware.elf)
-        #[arg(long, value_enum)]
-        variant: Option<firmware::Variant>,
-    },
+    Firmware(firmware::Arguments),
     /// Build the firmware, flash it through the board's ST-LINK with probe-rs, and show its log
-    Flash {
-        /// Arguments for `probe-rs run`: --probe, --connect-under-reset
-        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
-        rest: Vec<String>,
-    },
+    Flash(firmware::Flash),
     /// Test a board without a rig: build the self-test, flash it through the ST-LINK, and show its table
     /// (docs/selftest.md)
-    Selftest {
-        /// Use the emulated board instead of a real one
-        #[arg(long)]
-        emulated: bool,
-        /// Arguments for `probe-rs run`: --probe, --connect-under-reset
-        #[arg(trailing_var_arg = true, allow_hyphen_values = true, conflicts_with = "emulated")]
-        rest: Vec<String>,
-    },
+    Selftest(selftest::Arguments),
     /// Build the desktop tools (target/release/rigctl, rig-emulator, tsa-lab)
     Build,
     /// Build the Python package, check its types and run its tests in a virtual environment (target/python)
@@ -148,13 +128,9 @@ fn run(arguments: Arguments) -> Result<()> {
     ensure!(std::env::var_os("RIGCTL_PORT").is_none(), "RIGCTL_PORT is set: unset it, xtask is for the emulated board");
     let folders = Folders::find()?;
     match arguments.task {
-        Task::Firmware { toolchain, variant: None } => firmware::build(&folders, &toolchain::choose(toolchain)?),
-        Task::Firmware { toolchain, variant: Some(variant) } => {
-            firmware::build_variant(&folders, &toolchain::choose(toolchain)?, variant)
-        }
-        Task::Flash { rest } => firmware::flash(&folders, &toolchain::choose(toolchain::Choice::Auto)?, &rest),
-        Task::Selftest { emulated: true, .. } => host::selftest(&folders),
-        Task::Selftest { rest, .. } => selftest::run(&folders, &toolchain::choose(toolchain::Choice::Auto)?, &rest),
+        Task::Firmware(arguments) => arguments.run(&folders),
+        Task::Flash(arguments) => arguments.run(&folders),
+        Task::Selftest(arguments) => arguments.run(&folders),
         Task::Build => host::build(&folders),
         Task::Python => host::python(&folders),
         Task::Page => host::page(&folders),
@@ -165,7 +141,7 @@ fn run(arguments: Arguments) -> Result<()> {
         Task::Endurance { rest } => host::endurance(&folders, &rest),
         Task::Compare { rest } => host::compare(&folders, &rest),
         Task::Results { sections } => results::run(&folders, &sections),
-        Task::Licences => licences::check(&folders),
+        Task::Licences => licences::check(&folders, &Packages::find(&folders)?),
         Task::Release => release::make(&folders),
         Task::Demo { rest } => host::demo(&folders, &rest),
     }

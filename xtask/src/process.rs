@@ -3,10 +3,8 @@
 use crate::Folders;
 use anyhow::{Context, Result, bail};
 use std::ffi::OsStr;
-use std::fs::{self, File};
-use std::path::Path;
-use std::process::{Child, Command, ExitStatus, Stdio};
-use std::time::{Duration, Instant};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
 
 /// Variables that the surrounding `cargo run` sets and that would mislead another toolchain.
 const CARGO_RUN_VARIABLES: [&str; 6] =
@@ -67,70 +65,12 @@ pub fn exists(program: &str) -> bool {
     output_of(Command::new(program).arg("--version")).is_some()
 }
 
-/// Runs the command with its standard output and error in the two files. A command that exceeds the limit is killed,
-/// with everything that it has started; its status is then `None`.
-pub fn run_within(limit: Duration, command: &mut Command, files: [&Path; 2]) -> Result<Option<ExitStatus>> {
-    let create = |file: &Path| File::create(file).with_context(|| format!("cannot write {}", file.display()));
-    let [stdout, stderr] = [create(files[0])?, create(files[1])?];
-    let began = Instant::now();
-    let mut child = command
-        .stdin(Stdio::null())
-        .stdout(stdout)
-        .stderr(stderr)
-        .spawn()
-        .with_context(|| format!("could not start: {}", shown(command)))?;
-    loop {
-        if let Some(status) = child.try_wait()? {
-            return Ok(Some(status));
-        }
-        if began.elapsed() > limit {
-            kill(&mut child);
-            child.wait()?;
-            return Ok(None);
-        }
-        std::thread::sleep(Duration::from_millis(20));
+/// Every file in this folder and in those below it.
+pub fn files_in(folder: &Path) -> Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    for entry in fs_err::read_dir(folder)? {
+        let path = entry?.path();
+        if path.is_dir() { files.extend(files_in(&path)?) } else { files.push(path) }
     }
-}
-
-/// Kills a program and, on Linux, everything that it has started. A process group of its own would be simpler, but
-/// Ctrl-C would then no longer reach the program.
-fn kill(child: &mut Child) {
-    let mut ids = vec![child.id().to_string()];
-    let mut index = 0;
-    while let Some(id) = ids.get(index) {
-        let threads = fs::read_dir(format!("/proc/{id}/task")).into_iter().flatten().flatten();
-        let children: String =
-            threads.filter_map(|thread| fs::read_to_string(thread.path().join("children")).ok()).collect();
-        ids.extend(children.split_whitespace().map(str::to_owned));
-        index += 1;
-    }
-    // The child has ended already if this fails; so have its descendants.
-    let _ = Command::new("sh").args(["-c", &format!("kill -KILL {}", ids.join(" "))]).status();
-    let _ = child.kill();
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// A shell stands for a test program that hangs, with another shell and a `sleep` below it.
-    #[test]
-    fn a_program_that_hangs_is_killed_with_its_children() {
-        let folder = std::env::temp_dir().join(format!("xtask-hang-{}", std::process::id()));
-        fs::create_dir_all(&folder).unwrap();
-        let [out, err] = ["out", "err"].map(|name| folder.join(name));
-        let run = |script: &str| {
-            run_within(Duration::from_secs(2), Command::new("sh").args(["-c", script]), [&out, &err]).unwrap()
-        };
-        assert!(run("echo fine").is_some_and(|status| status.success()));
-        assert!(run("exit 3").is_some_and(|status| status.code() == Some(3)));
-
-        assert_eq!(run("echo begun; sh -c 'while sleep 0.1; do echo running; done'; true"), None);
-        assert!(fs::read_to_string(&out).unwrap().starts_with("begun\nrunning"));
-        std::thread::sleep(Duration::from_millis(200));
-        let length = fs::metadata(&out).unwrap().len();
-        std::thread::sleep(Duration::from_millis(500));
-        assert_eq!(fs::metadata(&out).unwrap().len(), length, "a child still runs");
-        let _ = fs::remove_dir_all(&folder);
-    }
+    Ok(files)
 }

@@ -1,10 +1,10 @@
 //! The self-test on a real board: probe-rs flashes it and shows its log, whose last line gives the result.
 
-use crate::Folders;
-use crate::firmware::{self, PACKAGE, SELFTEST};
-use crate::process::{exists, shown};
-use crate::toolchain::Toolchain;
-use anyhow::{Context, Result, bail, ensure};
+use crate::firmware::{self, SELFTEST};
+use crate::process::shown;
+use crate::toolchain::{Choice, choose};
+use crate::{Folders, host};
+use anyhow::{Context, Result, bail};
 use std::io::{BufRead, BufReader};
 use std::process::Stdio;
 
@@ -13,12 +13,29 @@ const END: &str = "selftest ended: ";
 /// Text that follows it if all checks passed.
 const PASSED: &str = "all ";
 
-/// Builds the image and starts it with the runner of `.cargo/config.toml`, until the test has ended.
-pub fn run(folders: &Folders, toolchain: &Toolchain, rest: &[String]) -> Result<()> {
-    firmware::build_selftest(folders, toolchain)?;
-    ensure!(exists("probe-rs"), "probe-rs is missing; install it with: cargo install probe-rs-tools --locked");
-    let mut cargo = toolchain.cargo(folders, "run");
-    cargo.args(["--package", PACKAGE, "--profile", "firmware", "--bin", SELFTEST, "--"]).args(rest);
+/// Arguments of `cargo xtask selftest`.
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// Use the emulated board instead of a real one
+    #[arg(long)]
+    emulated: bool,
+    /// Arguments for `probe-rs run`: --probe, --connect-under-reset
+    #[arg(trailing_var_arg = true, allow_hyphen_values = true, conflicts_with = "emulated")]
+    rest: Vec<String>,
+}
+
+impl Arguments {
+    /// Builds the image and starts it on the board that they name, until the test has ended.
+    pub fn run(self, folders: &Folders) -> Result<()> {
+        if self.emulated { host::selftest(folders) } else { on_board(folders, &self.rest) }
+    }
+}
+
+fn on_board(folders: &Folders, rest: &[String]) -> Result<()> {
+    let toolchain = choose(Choice::Auto)?;
+    firmware::build_selftest(folders, &toolchain)?;
+    let mut cargo = firmware::flashing(folders, &toolchain, SELFTEST)?;
+    cargo.args(rest);
     eprintln!("> {}", shown(&cargo));
     let mut child =
         cargo.stdout(Stdio::piped()).spawn().with_context(|| format!("could not start: {}", shown(&cargo)))?;

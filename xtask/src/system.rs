@@ -3,7 +3,7 @@
 
 use crate::process::{exists, foreign, output_of, run};
 use anyhow::{Context, Result, bail};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 
 /// Installs Debian packages, or fails with the command that installs them.
@@ -50,31 +50,11 @@ pub fn ensure_emulator_tools() -> Result<()> {
     )
 }
 
-/// Whether libclang is in one of the folders where bindgen searches.
+/// Whether bindgen can be expected to find libclang. Systems without `ldconfig` have it with their compiler.
 fn has_libclang() -> bool {
-    if std::env::var_os("LIBCLANG_PATH").is_some() {
-        return true;
-    }
-    let mut folders: Vec<PathBuf> = ["/usr/lib", "/usr/lib64", "/usr/local/lib", "/opt/homebrew/opt/llvm/lib"]
-        .into_iter()
-        .chain(["/Library/Developer/CommandLineTools/usr/lib"])
-        .map(PathBuf::from)
-        .collect();
-    folders.extend(output_of(Command::new("llvm-config").arg("--libdir")).map(PathBuf::from));
-    // Debian keeps it in /usr/lib/llvm-*/lib and in /usr/lib/<triple>.
-    for inside in entries(Path::new("/usr/lib")) {
-        folders.push(inside.join("lib"));
-        folders.push(inside);
-    }
-    folders.iter().flat_map(|folder| entries(folder)).any(|file| {
-        let name = file.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-        // libclang-cpp is another library.
-        name.starts_with("libclang")
-            && !name.starts_with("libclang-cpp")
-            && (name.contains(".so") || name.ends_with(".dylib"))
-    })
-}
-
-fn entries(folder: &Path) -> Vec<PathBuf> {
-    std::fs::read_dir(folder).map(|dir| dir.flatten().map(|e| e.path()).collect()).unwrap_or_default()
+    let told = std::env::var_os("LIBCLANG_PATH").is_some() || exists("llvm-config");
+    let libraries = || output_of(Command::new("/sbin/ldconfig").arg("-p"));
+    // libclang-cpp is another library.
+    let is_libclang = |line: &str| line.trim().starts_with("libclang") && !line.trim().starts_with("libclang-cpp");
+    told || libraries().is_none_or(|list| list.lines().any(is_libclang))
 }
