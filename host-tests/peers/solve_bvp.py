@@ -1,6 +1,6 @@
 """One rod by scipy, as an independent peer of the model: its time and its answer.
 
-Reads what `model-bench states` prints, writes JSON. The equations are those of the polynomial, extensible rod
+Reads what `tsa-lab bench states` prints, writes JSON. The equations are those of the polynomial, extensible rod
 (crates/tsa-model/src/rod.rs), but solved along the rod, with none of the first integral that the model stands on:
 
     N(e, k) = -Px cos(phi) + Py sin(phi)
@@ -221,7 +221,7 @@ def sweep(rods, repeats):
 
 def main():
     parser = argparse.ArgumentParser(description="One rod by scipy: time, and difference from the model's answer")
-    parser.add_argument("states", help="what `model-bench states` printed")
+    parser.add_argument("states", help="what `tsa-lab bench states` printed")
     parser.add_argument("--repeats", type=int, default=9)
     parser.add_argument("--sweep", action="store_true", help="over the tolerance, instead of at one")
     arguments = parser.parse_args()

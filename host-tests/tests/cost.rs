@@ -5,8 +5,7 @@ use host_tests::{root, scene};
 use rig_emulator::machine::{Config, Machine};
 use rig_plant::rig::Rig;
 use rig_plant::rig::plant_settings::PlantSettings;
-use rival_forms::fit::candidates;
-use rival_forms::peers::peers;
+use rival_forms::considered::peers;
 use tsa_table::instruction_model::lookup_instructions;
 
 /// The quantity that a way computes, and the kind of its error.
@@ -111,8 +110,7 @@ fn no_way_to_evaluate_the_mechanism_becomes_slower() {
         "instructions on the emulated board", "mean", "most", "predicted", "bytes", "error"
     );
     let fit = scene().fit_table().unwrap();
-    let others = candidates(&scene().mechanism().unwrap(), &scene().demand().unwrap()).unwrap();
-    let peers = peers(&fit, &others);
+    let peers = peers(&scene().mechanism().unwrap(), &scene().demand().unwrap(), &fit).unwrap();
     let mut csv = String::from("symbol,name,instructions_mean,instructions_max,bytes,error,error_of,states\n");
     for (way, (symbol, what, answer, peer)) in WAYS.into_iter().enumerate() {
         let Some(cost) = machine.watched(symbol) else { continue };
@@ -121,7 +119,7 @@ fn no_way_to_evaluate_the_mechanism_becomes_slower() {
         let chosen = &fit.table.numbers;
         // Size in words, bytes, predicted instructions.
         let table = match peers.iter().find(|(name, _)| *name == peer) {
-            Some((_, c)) => Some((c.size(), c.bytes(), c.instructions())),
+            Some((_, c)) => Some((c.size.clone(), c.bytes, c.instructions)),
             None => (peer == "TABLE").then(|| (chosen.size(), chosen.bytes(), lookup_instructions(&chosen.series()))),
         };
         let mut bytes = table.as_ref().map(|t| t.1);

@@ -2,8 +2,7 @@
 //! for `interpn`.
 
 use rig_config::Scene;
-use rival_forms::fit::candidates;
-use rival_forms::peers::peers;
+use rival_forms::considered::peers;
 use std::error::Error;
 use std::path::PathBuf;
 use std::{env, fs};
@@ -29,7 +28,7 @@ fn source(scene: &Scene) -> Result<String, Box<dyn Error>> {
     let parameters = parameters.replace("Some(Correction", "Some(tsa_model::Correction");
     let mut source = tsa_table::emit::rust_source(&fit);
     source += &format!("/// The scene's constants.\npub const PARAMETERS: tsa_model::Parameters = {parameters};\n");
-    for (name, peer) in peers(&fit, &candidates(&mechanism, &demand)?) {
+    for (name, peer) in peers(&mechanism, &demand, &fit)? {
         source += &peer.rust_source(name);
     }
     #[cfg(feature = "interpn")]

@@ -2,20 +2,10 @@
 
 use crate::published::numbers::{Group, Kind};
 use crate::trace::{Point, Trace};
-use rigctl::plot::{Axis, Block, GREY, Item, KeyRow, Panel, Pen, RGBColor, Sample, Shape, extent};
+use rigctl::plot::{Axis, Block, GREY, Item, KeyRow, Panel, Pen, RGBColor, Shape, extent};
 
 /// Steps of a drawn curve.
 pub(crate) const STEPS: u32 = 150;
-
-const TURNS_AXIS: &str = "motor turns past the half-turn pre-twist";
-const CONTRACTION_AXIS: &str = "contraction, mm";
-const TR_AXIS: &str = "TR, rad/mm";
-
-/// The curves of one parameter set.
-pub(crate) struct Column {
-    /// One curve for each value.
-    pub curves: Vec<Curve>,
-}
 
 /// One curve.
 pub(crate) struct Curve {
@@ -42,102 +32,81 @@ pub(crate) fn shape(kind: Kind) -> Shape {
     }
 }
 
-/// A coordinate of a point, in the unit of its axis.
-fn value(group: Group, point: &Point) -> f64 {
-    match group {
+/// Where a point stands, in the units of the axes; none where it cannot be drawn.
+fn place(group: Group, point: &Point) -> Option<(f64, f64)> {
+    let value = match group {
         Group::Tr => point.tr_rad_per_m * 1e-3,
         Group::Contraction | Group::Span => point.contraction_m * 1e3,
-    }
+    };
+    (value.is_finite() && (group != Group::Tr || value > 0.0)).then_some((point.turns, value))
 }
 
-/// A panel of this quantity for each column, all on the same axes.
-pub(crate) fn panels(group: Group, columns: &[Column], published: &[PublishedPoint], turns: [f64; 2]) -> Vec<Panel> {
-    let drawn = |p: &Point| value(group, p).is_finite() && (group != Group::Tr || p.tr_rad_per_m > 0.0);
-    let line = |points: &[Point], pen: Pen| Item::Line {
-        points: points.iter().filter(|p| drawn(p)).map(|p| (p.turns, value(group, p))).collect(),
-        pen,
-    };
+/// A panel of this quantity for each column of curves, all on the same axes.
+pub(crate) fn panels(
+    group: Group,
+    columns: &[Vec<Curve>],
+    published: &[PublishedPoint],
+    turns: [f64; 2],
+) -> Vec<Panel> {
+    let line = |points: &[Point], pen: Pen| Item::line(points.iter().filter_map(|p| place(group, p)), pen);
     let published = || published.iter().filter(|p| p.group == group);
-    let points = columns.iter().flat_map(|c| &c.curves).flat_map(|c| c.way.reached.iter().chain(&c.way.formal));
-    let limits = extent(points.filter(|p| drawn(p)).map(|p| value(group, p)).chain(published().map(|p| p.value)));
+    let points = columns.iter().flatten().flat_map(|c| c.way.reached.iter().chain(&c.way.formal));
+    let drawn = points.filter_map(|p| place(group, p)).map(|(_, value)| value);
+    let limits = extent(drawn.chain(published().map(|p| p.value)));
     let y = match group {
-        Group::Tr => Axis::log(TR_AXIS, limits),
-        Group::Contraction | Group::Span => Axis::linear(CONTRACTION_AXIS, limits),
+        Group::Tr => Axis::log("TR, rad/mm", limits),
+        Group::Contraction | Group::Span => Axis::linear("contraction, mm", limits),
     };
-    let panel = |column: &Column| {
-        let curves = || column.curves.iter();
-        let lines = curves()
+    let panel = |curves: &Vec<Curve>| {
+        let lines = curves
+            .iter()
             .flat_map(|c| [line(&c.way.formal, Pen::dashed(c.colour)), line(&c.way.reached, Pen::solid(c.colour))]);
-        let ends = curves().flat_map(|c| c.way.ends.iter().filter_map(|e| e.at).map(|p| (p, c.colour)));
-        let ends = ends.filter(|(p, _)| drawn(p)).map(|(p, colour)| Item::Mark {
-            at: (p.turns, value(group, &p)),
-            shape: Shape::Cross,
-            colour,
-        });
-        let marks = published().map(|p| Item::Mark { at: (p.turns, p.value), shape: shape(p.kind), colour: p.colour });
-        Panel {
-            title: String::new(),
-            x: Axis::linear(TURNS_AXIS, turns),
-            y: y.clone(),
-            items: lines.chain(ends).chain(marks).collect(),
-        }
+        let ends = curves.iter().flat_map(|c| c.way.ends.iter().map(move |end| (c.colour, end)));
+        let ends = ends.filter_map(|(colour, end)| Some(Item::mark(place(group, &end.at?)?, Shape::Cross, colour)));
+        let marks = published().map(|p| Item::mark((p.turns, p.value), shape(p.kind), p.colour));
+        let x = Axis::linear("motor turns past the half-turn pre-twist", turns);
+        Panel::new("", x, y.clone(), lines.chain(ends).chain(marks))
     };
     columns.iter().map(panel).collect()
 }
 
 /// Rows of panels: a row for each quantity, but one row for all if there is one column only.
 pub(crate) fn grid(quantities: Vec<Vec<Panel>>) -> Vec<Vec<Panel>> {
-    if quantities.iter().all(|row| row.len() == 1) {
-        vec![quantities.into_iter().flatten().collect()]
-    } else {
-        quantities
-    }
+    if quantities.iter().all(|row| row.len() == 1) { vec![quantities.concat()] } else { quantities }
 }
 
 /// What the colours mean: the same in each column.
 pub(crate) fn colour_key(heading: &str, curves: &[Curve]) -> Block {
     /// More lines than this tell a reader no more.
     const MOST: usize = 8;
-    let mut rows = vec![KeyRow::text([heading])];
     let step = curves.len().saturating_sub(1).div_ceil(MOST - 1).max(1);
     let last = curves.len().saturating_sub(1);
-    for (k, curve) in curves.iter().enumerate() {
-        // The last line always, and none that crowds it.
-        if k == last || (k % step == 0 && last - k >= step) {
-            rows.push(KeyRow::sample(Sample::Line(Pen::solid(curve.colour)), &curve.label));
-        }
-    }
-    Block { rows }
+    // The last line always, and none that crowds it.
+    let named = curves.iter().enumerate().filter(|(k, _)| *k == last || (k % step == 0 && last - k >= step));
+    let lines = named.map(|(_, curve)| KeyRow::line(Pen::solid(curve.colour), &curve.label));
+    Block::new([KeyRow::text([heading])].into_iter().chain(lines))
 }
 
 /// What the marks mean, and each limit that ends a curve.
-pub(crate) fn limit_key(columns: &[Column]) -> Vec<Block> {
+pub(crate) fn limit_key(columns: &[Vec<Curve>]) -> Option<Block> {
     /// More are counted, not named.
     const MOST: usize = 10;
-    let many = columns.len() > 1;
-    let mut rows = Vec::new();
-    for (number, column) in (1..).zip(columns) {
-        for curve in &column.curves {
-            for end in &curve.way.ends {
-                let set = if many { format!("set {number}, ") } else { String::new() };
-                let place = end.at.map_or("from the start".into(), |p| format!("after {:.2} turns", p.turns));
-                let label = format!("{set}{}: {} {place}", curve.label, end.limit.kind);
-                rows.push(KeyRow::sample(Sample::Mark(Shape::Cross, curve.colour), label));
-            }
+    let mut limits = Vec::new();
+    for (number, curves) in (1..).zip(columns) {
+        let set = if columns.len() > 1 { format!("set {number}, ") } else { String::new() };
+        for (curve, end) in curves.iter().flat_map(|c| c.way.ends.iter().map(move |end| (c, end))) {
+            let place = end.at.map_or("from the start".into(), |p| format!("after {:.2} turns", p.turns));
+            let label = format!("{set}{}: {} {place}", curve.label, end.limit.kind);
+            limits.push(KeyRow::mark(Shape::Cross, curve.colour, label));
         }
     }
-    if rows.is_empty() {
-        return Vec::new();
+    if limits.is_empty() {
+        return None;
     }
-    let more = rows.len().saturating_sub(MOST);
-    rows.truncate(MOST);
-    if more > 0 {
-        rows.push(KeyRow::text([format!("and {more} more")]));
-    }
-    rows.insert(0, KeyRow::text(["limits of the model"]));
-    if columns.iter().flat_map(|c| &c.curves).any(|c| !c.way.formal.is_empty()) {
-        let label = "past overtwist: a root that no strings reach";
-        rows.push(KeyRow::sample(Sample::Line(Pen::dashed(GREY)), label));
-    }
-    vec![Block { rows }]
+    let more = limits.len().saturating_sub(MOST);
+    limits.truncate(MOST);
+    limits.extend((more > 0).then(|| KeyRow::text([format!("and {more} more")])));
+    let formal = columns.iter().flatten().any(|c| !c.way.formal.is_empty());
+    let formal = formal.then(|| KeyRow::line(Pen::dashed(GREY), "past overtwist: a root that no strings reach"));
+    Some(Block::new([KeyRow::text(["limits of the model"])].into_iter().chain(limits).chain(formal)))
 }

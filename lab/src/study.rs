@@ -1,43 +1,46 @@
 //! One value of a scene varied over any range: what contraction and TR become, and where a limit of the model ends them.
 
-use crate::curves::{self, Column, Curve};
+use crate::csv;
+use crate::curves::{self, Curve};
 use crate::published::numbers::{Group, body, warnings};
+use crate::range::{TurnRange, Vary};
 use crate::trace::{Trace, trace};
 use anyhow::Result;
 use rig_config::Scene;
-use rigctl::csv_text::{csv_text, optional};
-use rigctl::failure::ErrorBody;
-use rigctl::plot::{Figure, colour};
+use rigctl::failure::{ErrorBody, Failure};
+use rigctl::options::Global;
+use rigctl::options::values::load;
+use rigctl::out_file::write_file;
+use rigctl::output::Output;
+use rigctl::plot::{Figure, Panel, colour};
 use rigctl::scene_key::{self, KeyError};
 use serde::Serialize;
+use std::path::PathBuf;
 use tsa_model::{Equilibrium, Mechanism, twist_from_turns};
 
-/// What is varied, and where it is looked at.
-#[derive(Debug, Clone)]
-pub struct Options {
-    /// The varied key as in a scene file.
-    pub key: String,
-    /// Its values (SI).
-    pub values: Vec<f64>,
-    /// Load (N).
-    pub load_n: f64,
-    /// First and last number of turns past the half-turn pre-twist.
-    pub turns: [f64; 2],
-}
-
-/// A study with its results.
-pub struct Study {
-    options: Options,
-    points: Vec<Point>,
-    column: Column,
+/// `tsa-lab study`.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// Which value, between which limits, and how many (default 5); `log` spaces them in equal ratios. KEY is
+    /// D0, R, L0, r0, K, c, k1, k2, k3, k4, p or a key of a scene file
+    #[arg(long, value_name = "KEY=FROM..TO[:COUNT[log]]")]
+    vary: Vary,
+    /// Load on the rods (N or kg)
+    #[arg(long, value_name = "L", default_value = "7.5N", allow_hyphen_values = true, value_parser = load)]
+    load: f64,
+    /// Turns past the half-turn pre-twist
+    #[arg(long, value_name = "FROM..TO", default_value = "0..7.5", allow_hyphen_values = true)]
+    turns: TurnRange,
+    /// Also write study.csv, study-curves.csv and study.svg into this folder
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
 }
 
 /// The result for one value. SI units; what a limit of the model leaves unknown is null.
 #[derive(Debug, Serialize)]
-pub struct Point {
+struct Point {
     /// The varied key as in a scene file.
     key: String,
-    /// Its value.
     value: f64,
     load_n: f64,
     turns_start: f64,
@@ -65,22 +68,85 @@ struct Limit {
     turns: Option<f64>,
 }
 
-impl Point {
-    fn new(options: &Options, value: f64, mechanism: &Mechanism, way: &Trace) -> Self {
-        let Options { key, load_n, turns: [from, to], .. } = options;
-        let at = |turns| mechanism.solve(*load_n, twist_from_turns(turns));
-        let (pretwist, start) = (at(0.0), at(*from).ok());
+/// A line of `study-curves.csv`.
+#[derive(Serialize)]
+struct CurveLine<'a> {
+    key: &'a str,
+    value: f64,
+    turns: f64,
+    contraction_m: f64,
+    tr_rad_per_m: Option<f64>,
+}
+
+impl Arguments {
+    /// Runs the command.
+    ///
+    /// # Errors
+    /// If the scene has no such key, one of the values can describe no rig, or the folder cannot be written.
+    pub fn run(&self, global: &Global, output: &mut Output) -> Result<(), Failure> {
+        let (points, curves) = self.solve(&global.scene()?).map_err(|e| match e {
+            KeyError::Value(_) => Failure::failed(format!("vary: {e}")),
+            KeyError::Form(_) | KeyError::Unknown { .. } => Failure::Usage(format!("vary: {e}")),
+        })?;
+        let Self { vary, load: load_n, turns: TurnRange { from, to }, out } = self;
+        let symbol = scene_key::symbol(&vary.key);
+        points.iter().try_for_each(|point| output.object(point))?;
+        output.line(format!("{} at {load_n} N, {from} to {to} turns past the half-turn pre-twist", vary.key))?;
+        output.line(format!(
+            "{symbol:>12}  {:>14}  {:>21}  {:>17}  {:>8}  remarks",
+            "contraction mm", "TR rad/mm", "span mm", "strain %"
+        ))?;
+        points.iter().zip(&curves).try_for_each(|(point, curve)| output.line(point.text(&curve.label)))?;
+        if let Some(folder) = out {
+            let lines = points.iter().zip(&curves).flat_map(|(point, curve)| {
+                curve.way.reached.iter().map(|p| CurveLine {
+                    key: &point.key,
+                    value: point.value,
+                    turns: p.turns,
+                    contraction_m: p.contraction_m,
+                    tr_rad_per_m: Some(p.tr_rad_per_m).filter(|tr| tr.is_finite()),
+                })
+            });
+            let heading = format!("{symbol} varied, {load_n} N, scene {}", global.scene.display());
+            let files = [
+                ("study.csv", values_csv(&points)?),
+                ("study-curves.csv", csv(lines)?),
+                ("study.svg", figure(heading, symbol, &[curves], [*from, *to]).svg()?),
+            ];
+            files.iter().try_for_each(|(name, content)| write_file(folder, name, content))?;
+            output.line(format!("written: {} in {}", files.map(|(name, _)| name).join(", "), folder.display()))?;
+        }
+        Ok(())
+    }
+
+    /// A point and a curve for every value. All values are checked first: one that no rig can have stops the study before it begins.
+    fn solve(&self, scene: &Scene) -> Result<(Vec<Point>, Vec<Curve>), KeyError> {
+        let values = self.vary.values();
+        let mechanism = |value: &f64| Ok(scene_key::set(scene, &self.vary.key, (*value).into())?.mechanism()?);
+        let mechanisms = values.iter().map(mechanism).collect::<Result<Vec<Mechanism>, KeyError>>()?;
+        let solved = values.iter().zip(&mechanisms).enumerate().map(|(k, (value, mechanism))| {
+            let way = trace(mechanism, self.load, [self.turns.from, self.turns.to], curves::STEPS);
+            let point = self.point(*value, mechanism, &way);
+            (point, Curve { label: scene_key::shown(&self.vary.key, *value), colour: colour(k, values.len()), way })
+        });
+        Ok(solved.unzip())
+    }
+
+    fn point(&self, value: f64, mechanism: &Mechanism, way: &Trace) -> Point {
+        let TurnRange { from, to } = self.turns;
+        let at = |turns| mechanism.solve(self.load, twist_from_turns(turns));
+        let (pretwist, start) = (at(0.0), at(from).ok());
         let mut limit = way.ends.first().map(|e| Limit { what: e.limit.clone(), turns: e.at.map(|p| p.turns) });
         if let (None, Err(e)) = (&limit, &pretwist) {
             limit = Some(Limit { what: body(e), turns: None });
         }
-        let end = at(*to).ok().filter(|_| limit.is_none());
-        Self {
-            key: key.clone(),
+        let end = at(to).ok().filter(|_| limit.is_none());
+        Point {
+            key: self.vary.key.clone(),
             value,
-            load_n: *load_n,
-            turns_start: *from,
-            turns_end: *to,
+            load_n: self.load,
+            turns_start: from,
+            turns_end: to,
             contraction_m: end.zip(pretwist.ok()).map(|(end, pretwist)| pretwist.gap_m - end.gap_m),
             tr_start_rad_per_m: start.as_ref().and_then(Equilibrium::finite_tr_rad_per_m),
             tr_end_rad_per_m: end.as_ref().and_then(Equilibrium::finite_tr_rad_per_m),
@@ -91,144 +157,79 @@ impl Point {
             limit,
         }
     }
+}
 
-    fn remark(&self) -> String {
-        match &self.limit {
+impl Point {
+    fn text(&self, value: &str) -> String {
+        let cell = |value: Option<f64>, factor: f64, places: usize| {
+            value.map_or("–".into(), |v| format!("{:.places$}", v * factor))
+        };
+        let way =
+            |start, end, factor, places| format!("{} → {}", cell(start, factor, places), cell(end, factor, places));
+        let remark = match &self.limit {
             None => self.warnings.join(", "),
             Some(Limit { what, turns: Some(turns) }) => format!("{} after {turns:.3} turns", what.kind),
             Some(Limit { what, turns: None }) => format!("{} from the start", what.kind),
-        }
+        };
+        let line = format!(
+            "{value:>12}  {:>14}  {:>21}  {:>17}  {:>8}  {remark}",
+            cell(self.contraction_m, 1e3, 4),
+            way(self.tr_start_rad_per_m, self.tr_end_rad_per_m, 1e-3, 4),
+            way(self.span_start_m, self.span_end_m, 1e3, 2),
+            cell(self.bending_strain, 1e2, 3),
+        );
+        line.trim_end().to_owned()
     }
 }
 
-impl Study {
-    /// Solves for every value. All values are checked first: one that no rig can have stops the study before it begins.
-    ///
-    /// # Errors
-    /// [`KeyError`]: the scene has no such key, or one of the values can describe no rig.
-    pub fn new(scene: &Scene, options: Options) -> Result<Self, KeyError> {
-        let mechanism = |value: &f64| Ok(scene_key::set(scene, &options.key, (*value).into())?.mechanism()?);
-        let mechanisms = options.values.iter().map(mechanism).collect::<Result<Vec<Mechanism>, KeyError>>()?;
-        let (mut points, mut column) = (Vec::new(), Column { curves: Vec::new() });
-        for (k, (value, mechanism)) in options.values.iter().zip(&mechanisms).enumerate() {
-            let way = trace(mechanism, options.load_n, options.turns, curves::STEPS);
-            points.push(Point::new(&options, *value, mechanism, &way));
-            let label = scene_key::shown(&options.key, *value);
-            column.curves.push(Curve { label, colour: colour(k, mechanisms.len()), way });
-        }
-        Ok(Self { options, points, column })
+/// The points as `study.csv`: warnings and limit, which are lists in JSON, as words.
+fn values_csv(points: &[Point]) -> Result<String> {
+    #[derive(Serialize)]
+    struct Line<'a> {
+        key: &'a str,
+        value: f64,
+        load_n: f64,
+        turns_start: f64,
+        turns_end: f64,
+        contraction_m: Option<f64>,
+        tr_start_rad_per_m: Option<f64>,
+        tr_end_rad_per_m: Option<f64>,
+        span_start_m: Option<f64>,
+        span_end_m: Option<f64>,
+        bending_strain: Option<f64>,
+        warnings: String,
+        limit: Option<&'a str>,
+        limit_turns: Option<f64>,
     }
-
-    /// One result for each value, as `--json` prints it.
-    pub fn points(&self) -> &[Point] {
-        &self.points
-    }
-
-    /// A table for people, in lines.
-    pub fn text(&self) -> Vec<String> {
-        let Options { key, load_n, turns: [from, to], .. } = &self.options;
-        let mut lines = vec![
-            format!("{key} at {load_n} N, {from} to {to} turns past the half-turn pre-twist"),
-            format!(
-                "{:>12}  {:>14}  {:>21}  {:>17}  {:>8}  remarks",
-                scene_key::symbol(key),
-                "contraction mm",
-                "TR rad/mm",
-                "span mm",
-                "strain %"
-            ),
-        ];
-        lines.extend(self.points.iter().zip(&self.column.curves).map(|(point, curve)| row(&curve.label, point)));
-        lines
-    }
-
-    /// Data and figure as file names and contents; `scene_name` stands in the figure's heading.
-    ///
-    /// # Errors
-    /// If the figure cannot be drawn.
-    pub fn files(&self, scene_name: &str) -> Result<[(&'static str, String); 3]> {
-        let (symbol, load_n) = (scene_key::symbol(&self.options.key), self.options.load_n);
-        let heading = format!("{symbol} varied, {load_n} N, scene {scene_name}");
-        Ok([
-            ("study.csv", values_csv(&self.points)?),
-            ("study-curves.csv", curves_csv(&self.points, &self.column)?),
-            ("study.svg", figure(heading, symbol, &self.column, self.options.turns).svg()?),
-        ])
-    }
+    csv(points.iter().map(|p| Line {
+        key: &p.key,
+        value: p.value,
+        load_n: p.load_n,
+        turns_start: p.turns_start,
+        turns_end: p.turns_end,
+        contraction_m: p.contraction_m,
+        tr_start_rad_per_m: p.tr_start_rad_per_m,
+        tr_end_rad_per_m: p.tr_end_rad_per_m,
+        span_start_m: p.span_start_m,
+        span_end_m: p.span_end_m,
+        bending_strain: p.bending_strain,
+        warnings: p.warnings.join(" "),
+        limit: p.limit.as_ref().map(|l| l.what.kind.as_str()),
+        limit_turns: p.limit.as_ref().and_then(|l| l.turns),
+    }))
 }
 
-fn row(value: &str, s: &Point) -> String {
-    let cell = |value: Option<f64>, factor: f64, places: usize| {
-        value.map_or("–".into(), |v| format!("{:.places$}", v * factor))
-    };
-    let way = |start, end, factor, places| format!("{} → {}", cell(start, factor, places), cell(end, factor, places));
-    format!(
-        "{value:>12}  {:>14}  {:>21}  {:>17}  {:>8}  {}",
-        cell(s.contraction_m, 1e3, 4),
-        way(s.tr_start_rad_per_m, s.tr_end_rad_per_m, 1e-3, 4),
-        way(s.span_start_m, s.span_end_m, 1e3, 2),
-        cell(s.bending_strain, 1e2, 3),
-        s.remark()
-    )
-    .trim_end()
-    .to_owned()
-}
-
-fn values_csv(studied: &[Point]) -> Result<String> {
-    let header = [
-        "key",
-        "value",
-        "load_n",
-        "turns_start",
-        "turns_end",
-        "contraction_m",
-        "tr_start_rad_per_m",
-        "tr_end_rad_per_m",
-        "span_start_m",
-        "span_end_m",
-        "bending_strain",
-        "warnings",
-        "limit",
-        "limit_turns",
-    ];
-    let line = |s: &Point| {
-        let mut cells = vec![s.key.clone()];
-        cells.extend([s.value, s.load_n, s.turns_start, s.turns_end].map(|v| v.to_string()));
-        let numbers = [s.contraction_m, s.tr_start_rad_per_m, s.tr_end_rad_per_m, s.span_start_m, s.span_end_m];
-        cells.extend(numbers.map(optional));
-        cells.extend([optional(s.bending_strain), s.warnings.join(" ")]);
-        let limit = s.limit.as_ref();
-        cells.extend([limit.map_or(String::new(), |l| l.what.kind.clone()), optional(limit.and_then(|l| l.turns))]);
-        cells
-    };
-    csv_text(&header, studied.iter().map(line))
-}
-
-fn curves_csv(studied: &[Point], column: &Column) -> Result<String> {
-    let lines = studied.iter().zip(&column.curves).flat_map(|(s, curve)| {
-        curve.way.reached.iter().map(|p| {
-            let tr = Some(p.tr_rad_per_m).filter(|tr| tr.is_finite());
-            let [value, turns, contraction] = [s.value, p.turns, p.contraction_m].map(|v| v.to_string());
-            vec![s.key.clone(), value, turns, contraction, optional(tr)]
-        })
-    });
-    csv_text(&["key", "value", "turns", "contraction_m", "tr_rad_per_m"], lines)
-}
-
-fn figure(heading: String, symbol: &str, column: &Column, turns: [f64; 2]) -> Figure {
-    let columns = std::slice::from_ref(column);
+fn figure(heading: String, symbol: &str, columns: &[Vec<Curve>], turns: [f64; 2]) -> Figure {
     let panels = |group, title: &str| {
-        let mut panels = curves::panels(group, columns, &[], turns);
-        panels.iter_mut().for_each(|p| p.title = title.into());
-        panels
+        let panels = curves::panels(group, columns, &[], turns);
+        panels.into_iter().map(|panel| Panel { title: title.into(), ..panel }).collect()
     };
-    let mut blocks = vec![curves::colour_key(symbol, &column.curves)];
-    blocks.extend(curves::limit_key(columns));
+    let key = [curves::colour_key(symbol, &columns[0])];
     Figure {
         heading,
         rows: curves::grid(vec![panels(Group::Contraction, "contraction"), panels(Group::Tr, "transmission ratio")]),
         panel_size: (590, 430),
-        blocks,
+        blocks: key.into_iter().chain(curves::limit_key(columns)).collect(),
         notes: Vec::new(),
     }
 }

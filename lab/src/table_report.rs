@@ -1,98 +1,62 @@
-//! A table's certificate and why this table was chosen, for machines and people.
+//! `tsa-lab table`: a table's certificate and why this table was chosen, for machines and people.
 
-use rig_config::{Scene, TableError};
+use anyhow::Result;
+use rig_config::{Accuracy, Scene, TableError};
+use rigctl::failure::Failure;
+use rigctl::options::Global;
+use rigctl::out_file::write_file;
+use rigctl::output::{Output, decimal};
+use rigctl::scene_file;
 use rival_forms::LoadMap;
-use rival_forms::fit::{Considered, considered};
-use serde::Serialize;
+use rival_forms::considered::{Considered, considered};
+use serde_json::{Value, json};
+use std::path::PathBuf;
+use tsa_model::Tier;
 use tsa_table::FORM;
 use tsa_table::fit::{Errors, Fit, MAX_BYTES};
 use tsa_table::instruction_model::{LOOKUP_INSTRUCTIONS, lookup_instructions};
 
-/// The chosen table and how it was chosen.
-#[derive(Debug, Serialize)]
-pub struct TableReport {
-    form: &'static str,
-    size: String,
-    bytes: usize,
-    instructions: u32,
-    tier: &'static str,
-    axes: [AxisReport; 2],
-    errors: ErrorReport,
-    points: usize,
-    worst_contraction_at: PointReport,
-    worst_tr_at: PointReport,
-    monotone: bool,
-    closure_m: f64,
-    rounding: RoundingReport,
-    accuracy: AccuracyReport,
-    scene_hash: String,
-    table_crc: String,
-    generator_version: u16,
-    candidates: Vec<CandidateReport>,
-    why: String,
+/// `tsa-lab table`.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// Also write table.json and table.rs into this folder
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
 }
 
-#[derive(Debug, Serialize)]
-struct AxisReport {
-    parameter: &'static str,
-    map: String,
-    min: f32,
-    max: f32,
-    unit: &'static str,
-}
-
-#[derive(Debug, Serialize)]
-struct ErrorReport {
-    contraction_max_m: f64,
-    contraction_rms_m: f64,
-    tr_max_relative: f64,
-    tr_rms_relative: f64,
-}
-
-#[derive(Debug, Serialize)]
-struct RoundingReport {
-    arithmetic_m: f64,
-    inputs_m: f64,
-    tr_arithmetic_relative: f64,
-}
-
-#[derive(Debug, Serialize)]
-struct PointReport {
-    load_n: f64,
-    twist_rad: f64,
-}
-
-#[derive(Debug, Serialize)]
-struct AccuracyReport {
-    contraction_m: f64,
-    tr_relative: f64,
-    bytes: usize,
-}
-
-#[derive(Debug, Serialize)]
-struct CandidateReport {
-    tier: &'static str,
-    form: &'static str,
-    size: String,
-    load_map: String,
-    bytes: usize,
-    instructions: u32,
-    errors: ErrorReport,
-    passes: bool,
-}
-
-impl From<Errors> for ErrorReport {
-    fn from(e: Errors) -> Self {
-        Self {
-            contraction_max_m: e.contraction_max_m,
-            contraction_rms_m: e.contraction_rms_m,
-            tr_max_relative: e.tr_max,
-            tr_rms_relative: e.tr_rms,
+impl Arguments {
+    /// Runs the command.
+    ///
+    /// # Errors
+    /// If the scene allows no table, or the folder cannot be written.
+    pub fn run(&self, global: &Global, output: &mut Output) -> Result<(), Failure> {
+        let scene = global.scene()?;
+        // The fit says where an envelope first reaches past the model, the check of the rig only that it does.
+        let fit = scene.fit_table()?;
+        scene_file::check_rig(&global.scene, &scene)?;
+        let report = TableReport::new(&scene, &fit)?;
+        output.object(&report.json())?;
+        report.sentences().into_iter().chain(report.considered()).try_for_each(|line| output.line(line))?;
+        if let Some(folder) = &self.out {
+            write_file(folder, "table.json", &(serde_json::to_string_pretty(&report.json())? + "\n"))?;
+            write_file(folder, "table.rs", &tsa_table::emit::rust_source(&fit))?;
+            output.line(format!("written: table.json, table.rs in {}", folder.display()))?;
         }
+        Ok(())
     }
 }
 
-fn map_name(map: Option<LoadMap>) -> String {
+/// The chosen table and how it was chosen.
+pub struct TableReport<'a> {
+    fit: &'a Fit,
+    accuracy: Accuracy,
+    /// Every table that was considered, in the order of preference.
+    pub candidates: Vec<Considered>,
+    why: String,
+}
+
+/// A map of the load for people.
+pub fn map_name(map: Option<LoadMap>) -> String {
     match map {
         Some(LoadMap::Ratio { knee_n }) => format!("F/(F + {knee_n} N)"),
         Some(LoadMap::Log) => "ln F".into(),
@@ -101,115 +65,133 @@ fn map_name(map: Option<LoadMap>) -> String {
     }
 }
 
-impl TableReport {
+fn errors(e: &Errors) -> Value {
+    json!({
+        "contraction_max_m": e.contraction_max_m,
+        "contraction_rms_m": e.contraction_rms_m,
+        "tr_max_relative": e.tr_max,
+        "tr_rms_relative": e.tr_rms,
+    })
+}
+
+impl<'a> TableReport<'a> {
     /// Of a scene and its table. It fits the other forms too, which the board does not use.
     ///
     /// # Errors
     /// If the scene has no demand on a table, or the envelope breaks the model.
-    pub fn new(scene: &Scene, fit: &Fit) -> Result<Self, TableError> {
-        let (metadata, rounding, demand) = (fit.table.metadata, fit.certificate.rounding, scene.demand()?);
-        let all = considered(&scene.mechanism()?, &demand, fit)?;
-        let passing = all.iter().filter(|c| c.passes).count();
-        let fast = all.iter().filter(|c| c.passes && c.instructions <= LOOKUP_INSTRUCTIONS).count();
-        let point = |[load_n, twist_rad]: [f64; 2]| PointReport { load_n, twist_rad };
-        Ok(Self {
-            form: FORM,
-            size: fit.table.numbers.size(),
-            bytes: fit.table.numbers.bytes(),
-            instructions: lookup_instructions(&fit.table.numbers.series()),
-            tier: tsa_model::Tier::Full.name(),
-            axes: [
-                AxisReport {
-                    parameter: "load_n",
-                    map: map_name(None),
-                    min: metadata.load_min_n,
-                    max: metadata.load_max_n,
-                    unit: "N",
-                },
-                AxisReport {
-                    parameter: "twist_rad",
-                    map: "linear".into(),
-                    min: metadata.twist_min_rad,
-                    max: metadata.twist_max_rad,
-                    unit: "rad",
-                },
+    pub fn new(scene: &Scene, fit: &'a Fit) -> Result<Self, TableError> {
+        let demand = scene.demand()?;
+        let candidates = considered(&scene.mechanism()?, &demand, fit)?;
+        let passing = candidates.iter().filter(|c| c.passes).count();
+        let fast = candidates.iter().filter(|c| c.passes && c.instructions <= LOOKUP_INSTRUCTIONS).count();
+        let why = format!(
+            "smallest of the {fast} candidates that the board looks up within {LOOKUP_INSTRUCTIONS} instructions \
+             (of {passing} that meet the accuracy within {MAX_BYTES} bytes, of {} tried), and its certificate holds; \
+             were there none so fast, the smallest. All are fitted to the full tier: it is solved before the \
+             firmware is built, so a cheaper one would save the board nothing",
+            candidates.len()
+        );
+        Ok(Self { fit, accuracy: demand.accuracy, candidates, why })
+    }
+
+    /// For machines.
+    pub fn json(&self) -> Value {
+        let (certificate, table) = (&self.fit.certificate, &self.fit.table);
+        let (m, rounding) = (&table.metadata, &certificate.rounding);
+        let axis = |parameter, map, [min, max]: [f32; 2], unit| {
+            // As f32 they would be printed with digits that they do not have.
+            json!({ "parameter": parameter, "map": map, "min": decimal(min), "max": decimal(max), "unit": unit })
+        };
+        let point = |[load_n, twist_rad]: [f64; 2]| json!({ "load_n": load_n, "twist_rad": twist_rad });
+        let tier = Tier::Full.name();
+        let candidate = |c: &Considered| {
+            json!({
+                "tier": tier, "form": c.form, "size": c.size, "load_map": map_name(c.load_map), "bytes": c.bytes,
+                "instructions": c.instructions, "errors": errors(&c.errors), "passes": c.passes,
+            })
+        };
+        json!({
+            "form": FORM,
+            "size": table.numbers.size(),
+            "bytes": table.numbers.bytes(),
+            "instructions": lookup_instructions(&table.numbers.series()),
+            "tier": tier,
+            "axes": [
+                axis("load_n", "F", [m.load_min_n, m.load_max_n], "N"),
+                axis("twist_rad", "linear", [m.twist_min_rad, m.twist_max_rad], "rad"),
             ],
-            errors: fit.certificate.errors.into(),
-            points: fit.certificate.points,
-            worst_contraction_at: point(fit.certificate.worst_contraction_at),
-            worst_tr_at: point(fit.certificate.worst_tr_at),
-            monotone: fit.certificate.monotone,
-            closure_m: fit.certificate.closure_m,
-            rounding: RoundingReport {
-                arithmetic_m: rounding.arithmetic_m,
-                inputs_m: rounding.inputs_m,
-                tr_arithmetic_relative: rounding.tr_arithmetic,
+            "errors": errors(&certificate.errors),
+            "points": certificate.points,
+            "worst_contraction_at": point(certificate.worst_contraction_at),
+            "worst_tr_at": point(certificate.worst_tr_at),
+            "monotone": certificate.monotone,
+            "closure_m": certificate.closure_m,
+            "rounding": {
+                "arithmetic_m": rounding.arithmetic_m,
+                "inputs_m": rounding.inputs_m,
+                "tr_arithmetic_relative": rounding.tr_arithmetic,
             },
-            accuracy: AccuracyReport {
-                contraction_m: demand.accuracy.contraction_m,
-                tr_relative: demand.accuracy.tr_relative,
-                bytes: MAX_BYTES,
+            "accuracy": {
+                "contraction_m": self.accuracy.contraction_m,
+                "tr_relative": self.accuracy.tr_relative,
+                "bytes": MAX_BYTES,
             },
-            scene_hash: format!("{:08x}", metadata.scene_hash),
-            table_crc: format!("{:08x}", fit.table.crc),
-            generator_version: metadata.generator_version,
-            why: format!(
-                "smallest of the {fast} candidates that the board looks up within {LOOKUP_INSTRUCTIONS} instructions \
-                 (of {passing} that meet the accuracy within {MAX_BYTES} bytes, of {} tried), and its certificate holds; \
-                 were there none so fast, the smallest. All are fitted to the full tier: it is solved before the \
-                 firmware is built, so a cheaper one would save the board nothing",
-                all.len()
-            ),
-            candidates: all.into_iter().map(CandidateReport::new).collect(),
+            "scene_hash": format!("{:08x}", m.scene_hash),
+            "table_crc": format!("{:08x}", table.crc),
+            "generator_version": m.generator_version,
+            "candidates": self.candidates.iter().map(candidate).collect::<Vec<_>>(),
+            "why": self.why,
         })
     }
 
     /// The certificate as sentences, for somebody who has never seen the table.
     pub fn sentences(&self) -> Vec<String> {
-        let e = &self.errors;
-        let [load, twist] = &self.axes;
+        let (certificate, table, accuracy) = (&self.fit.certificate, &self.fit.table, &self.accuracy);
+        let Errors { contraction_max_m, contraction_rms_m, tr_max, tr_rms } = certificate.errors;
         let turns = |twist_rad: f64| (twist_rad - tsa_model::PRETWIST_RAD) / std::f64::consts::TAU;
-        let at = |point: &PointReport| format!("{:.2} N and {:.2} turns", point.load_n, turns(point.twist_rad));
+        let at = |[load_n, twist_rad]: [f64; 2]| format!("{load_n:.2} N and {:.2} turns", turns(twist_rad));
         vec![
             format!(
                 "The board does not solve the model: it looks gap, contraction and transmission ratio up in a table of {} \
-                 bytes, which takes about {} instructions.",
-                self.bytes, self.instructions
+                 bytes ({FORM}, {}), which takes about {} instructions.",
+                table.numbers.bytes(),
+                table.numbers.size(),
+                lookup_instructions(&table.numbers.series())
             ),
             format!(
                 "The table covers loads from {} to {} N and twists up to {:.2} turns past the half-turn pre-twist.",
-                load.min,
-                load.max,
-                turns(f64::from(twist.max))
+                table.metadata.load_min_n,
+                table.metadata.load_max_n,
+                turns(f64::from(table.metadata.twist_max_rad))
             ),
             format!(
                 "The contraction is at most {:.2} µm from that of the full model ({:.2} µm in the root mean square); {:.2} µm \
                  are allowed. The largest error lies at {}.",
-                e.contraction_max_m * 1e6,
-                e.contraction_rms_m * 1e6,
-                self.accuracy.contraction_m * 1e6,
-                at(&self.worst_contraction_at)
+                contraction_max_m * 1e6,
+                contraction_rms_m * 1e6,
+                accuracy.contraction_m * 1e6,
+                at(certificate.worst_contraction_at)
             ),
             format!(
                 "The transmission ratio is at most {:.3} % from that of the full model ({:.3} % in the root mean square); {:.3} \
                  % are allowed. The largest error lies at {}.",
-                e.tr_max_relative * 1e2,
-                e.tr_rms_relative * 1e2,
-                self.accuracy.tr_relative * 1e2,
-                at(&self.worst_tr_at)
+                tr_max * 1e2,
+                tr_rms * 1e2,
+                accuracy.tr_relative * 1e2,
+                at(certificate.worst_tr_at)
             ),
             format!(
                 "Both were compared at {} random points off the table's grid, and at the worst points that a search from there \
                  found.",
-                self.points
+                certificate.points
             ),
             format!(
                 "Rounding to single precision is part of these errors: {:.0} nm by the arithmetic, and up to {:.0} nm because \
                  load and twist themselves are rounded.",
-                self.rounding.arithmetic_m * 1e9,
-                self.rounding.inputs_m * 1e9
+                certificate.rounding.arithmetic_m * 1e9,
+                certificate.rounding.inputs_m * 1e9
             ),
-            if self.monotone {
+            if certificate.monotone {
                 "Everywhere in the table the gap falls with the twist and rises with the load, so that a gap belongs to one \
                  twist."
                     .into()
@@ -219,79 +201,35 @@ impl TableReport {
             format!(
                 "Contraction and transmission ratio agree with each other: 1/TR summed over the twist gives the contraction \
                  to {:.2} µm.",
-                self.closure_m * 1e6
+                certificate.closure_m * 1e6
             ),
             format!("This table is the {}.", self.why),
             format!(
-                "Its scene has the hash {}, its numbers have the checksum {}; `rigctl doctor` compares both with the board's.",
-                self.scene_hash, self.table_crc
+                "Its scene has the hash {:08x}, its numbers have the checksum {:08x}; `rigctl doctor` compares both with the board's.",
+                table.metadata.scene_hash, table.crc
             ),
         ]
     }
 
-    /// The same for people, in lines.
-    pub fn text(&self) -> Vec<String> {
-        let mut lines = vec![format!(
-            "{} ({}), {} bytes, {} instructions a lookup (predicted), tier {}",
-            self.form, self.size, self.bytes, self.instructions, self.tier
-        )];
-        for a in &self.axes {
-            lines.push(format!("  {:<10} {} to {} {}, map {}", a.parameter, a.min, a.max, a.unit, a.map));
-        }
-        let e = &self.errors;
-        lines.push(format!(
-            "errors against the full solver at {} random points, and the worst searched for from there:\n  \
-             contraction  max {:.3} um, rms {:.3} um (allowed {:.3} um)\n  \
-             TR           max {:.4} %, rms {:.4} % (allowed {:.4} %)",
-            self.points,
-            e.contraction_max_m * 1e6,
-            e.contraction_rms_m * 1e6,
-            self.accuracy.contraction_m * 1e6,
-            e.tr_max_relative * 1e2,
-            e.tr_rms_relative * 1e2,
-            self.accuracy.tr_relative * 1e2,
-        ));
-        lines.push(format!(
-            "  of which rounding: arithmetic {:.0} nm and {:.1e} of TR, load and twist as f32 {:.0} nm",
-            self.rounding.arithmetic_m * 1e9,
-            self.rounding.tr_arithmetic_relative,
-            self.rounding.inputs_m * 1e9
-        ));
-        lines.push(format!("  1/TR summed over the twist gives the contraction to {:.2} um", self.closure_m * 1e6));
-        lines.push(format!("  gap falls with twist and rises with load everywhere: {}", self.monotone));
-        lines.push(format!("why this one: {}", self.why));
-        lines.push(format!(
+    /// The candidates for people, in lines.
+    fn considered(&self) -> impl Iterator<Item = String> {
+        let heading = format!(
             "{:<17} {:<29} {:<16} {:>6} {:>12} {:>10} {:>9}  passes",
             "considered", "size", "load map", "bytes", "instructions", "max um", "TR max %"
-        ));
-        for c in &self.candidates {
-            lines.push(format!(
+        );
+        let line = |c: &Considered| {
+            format!(
                 "{:<17} {:<29} {:<16} {:>6} {:>12} {:>10.3} {:>9.4}  {}",
                 c.form,
                 c.size,
-                c.load_map,
+                map_name(c.load_map),
                 c.bytes,
                 c.instructions,
                 c.errors.contraction_max_m * 1e6,
-                c.errors.tr_max_relative * 1e2,
+                c.errors.tr_max * 1e2,
                 if c.passes { "yes" } else { "no" }
-            ));
-        }
-        lines
-    }
-}
-
-impl CandidateReport {
-    fn new(c: Considered) -> Self {
-        Self {
-            tier: tsa_model::Tier::Full.name(),
-            form: c.form,
-            size: c.size,
-            load_map: map_name(c.load_map),
-            bytes: c.bytes,
-            instructions: c.instructions,
-            errors: c.errors.into(),
-            passes: c.passes,
-        }
+            )
+        };
+        [heading].into_iter().chain(self.candidates.iter().map(line))
     }
 }

@@ -9,12 +9,12 @@ use std::path::PathBuf;
 struct Changed(PathBuf);
 
 impl Changed {
-    fn new(name: &str, first: &str, accuracy: &str) -> Self {
+    fn new(name: &str, accuracy: &str) -> Self {
         let text = std::fs::read_to_string(root().join("scenes/default.toml")).unwrap();
         let numbers = "[accuracy]\ncontraction_m = 5e-6\ntr_relative = 2e-3\n";
         assert!(text.contains(numbers));
         let file = std::env::temp_dir().join(format!("rigctl-budget-{}-{name}.toml", std::process::id()));
-        std::fs::write(&file, format!("{first}{}", text.replace(numbers, accuracy))).unwrap();
+        std::fs::write(&file, text.replace(numbers, accuracy)).unwrap();
         Self(file)
     }
 
@@ -59,7 +59,7 @@ fn the_accuracy_that_is_worth_having_gets_the_table_that_the_budget_names() {
         1e-6 * number(2),
         1e-2 * number(words.iter().position(|word| *word == "%").unwrap() - 1)
     );
-    let scene = Changed::new("worth", "", &accuracy);
+    let scene = Changed::new("worth", &accuracy);
     let table = objects(&tool(&["--json", "--scene", scene.path(), "table"])).remove(0);
     let typed = objects(&tool(&["--json", "table"])).remove(0);
     let bytes = |table: &serde_json::Value| table["bytes"].as_u64().unwrap();
@@ -83,15 +83,11 @@ fn what_has_no_budget_is_refused_by_name() {
         assert!(!output.status.success() && output.stdout.is_empty(), "{output:?}");
         String::from_utf8(output.stderr).unwrap()
     };
-    let wrong = Changed::new("wrong", "accuracy = \"budget\"\n", "");
-    let kind = Changed::new("kind", "", "[accuracy]\nbudget = \"good\"\n");
     for (args, named) in [
-        (vec!["budget", "--rig", "good"], "good"),
-        (vec!["budget", "--gauge", "5mm"], "gauge"),
-        (vec!["--scene", "scenes/paper-printed.toml", "budget"], "[envelope]"),
-        (vec!["--scene", wrong.path(), "budget"], "`tsa-lab budget` prints"),
-        (vec!["--scene", kind.path(), "table"], "budget"),
+        (&["budget", "--rig", "good"][..], "good"),
+        (&["budget", "--gauge", "5mm"], "gauge"),
+        (&["--scene", "scenes/paper-printed.toml", "budget"], "[envelope]"),
     ] {
-        assert!(error(&args).contains(named), "{args:?}: {}", error(&args));
+        assert!(error(args).contains(named), "{args:?}: {}", error(args));
     }
 }

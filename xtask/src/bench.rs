@@ -28,8 +28,8 @@ const ROUNDS: usize = 5;
 pub fn bench(folders: &Folders) -> Result<()> {
     let folder = folders.target.join("bench");
     std::fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
-    run(cargo(folders).args(["build", "--release", "--package", "model-bench"]))?;
-    let binary = folders.target.join("release/model-bench");
+    run(cargo(folders).args(["build", "--release", "--package", "lab"]))?;
+    let binary = folders.target.join("release/tsa-lab");
 
     let interpreter = if_available(python(folders, &folder));
     let valgrind = if_available(system::ensure(&[(exists("valgrind"), "valgrind")], "count instructions", BY_HAND));
@@ -42,7 +42,7 @@ pub fn bench(folders: &Folders) -> Result<()> {
     if let Some(interpreter) = &interpreter {
         sweep(folders, &binary, interpreter, &folder.join("states.json"))?;
     }
-    let times = read(Command::new(&binary).current_dir(&folders.root).arg("time").args(SCENES))?;
+    let times = read(Command::new(&binary).current_dir(&folders.root).args(["bench", "time"]).args(SCENES))?;
     let counted = valgrind
         .map(|()| SCENES.iter().map(|scene| instructions(folders, &binary, scene)).collect::<Result<Vec<_>>>())
         .transpose()?;
@@ -90,7 +90,7 @@ fn python(folders: &Folders, folder: &Path) -> Result<PathBuf> {
 /// One turn of both solvers on the same rods: times (µs) of the model, times and differences of scipy, and their
 /// ratios.
 fn round(folders: &Folders, binary: &Path, interpreter: Option<&Path>, states_file: &Path) -> Result<Value> {
-    let states = read(Command::new(binary).current_dir(&folders.root).args(["states", SCENES[0]]))?;
+    let states = read(Command::new(binary).current_dir(&folders.root).args(["bench", "states", SCENES[0]]))?;
     write(states_file, &states)?;
     let us = number(&states, "/us_per_equilibrium")?;
     let peer = interpreter.map(|interpreter| scipy(folders, interpreter, states_file)).transpose()?;
@@ -115,7 +115,7 @@ fn scipy(folders: &Folders, interpreter: &Path, states: &Path) -> Result<Value> 
 
 /// Writes the error and time of scipy over its tolerance for `tsa-lab chart`, measured in turns with the model.
 fn sweep(folders: &Folders, binary: &Path, interpreter: &Path, states_file: &Path) -> Result<()> {
-    let states = read(Command::new(binary).current_dir(&folders.root).args(["states", SCENES[0]]))?;
+    let states = read(Command::new(binary).current_dir(&folders.root).args(["bench", "states", SCENES[0]]))?;
     write(states_file, &states)?;
     let mut command = foreign(&interpreter.to_string_lossy(), &folders.root);
     command.env("OMP_NUM_THREADS", "1").env("OPENBLAS_NUM_THREADS", "1");
@@ -141,7 +141,7 @@ fn instructions(folders: &Folders, binary: &Path, scene: &str) -> Result<f64> {
     let run = |passes: u64| -> Result<(u64, u64)> {
         let mut command = foreign("valgrind", &folders.root);
         command.args(["--tool=callgrind", "--cache-sim=no", "--callgrind-out-file=/dev/null"]).arg(binary);
-        command.args(["kernel", scene, &passes.to_string()]);
+        command.args(["bench", "kernel", scene, &passes.to_string()]);
         eprintln!("> {}", shown(&command));
         let output = command.output().context("could not start valgrind")?;
         let messages = String::from_utf8_lossy(&output.stderr);
@@ -150,7 +150,7 @@ fn instructions(folders: &Folders, binary: &Path, scene: &str) -> Result<f64> {
         }
         let instructions =
             collected(&messages).with_context(|| format!("no count in the output of valgrind:\n{messages}"))?;
-        let states = String::from_utf8_lossy(&output.stdout).trim().parse().context("model-bench printed no count")?;
+        let states = String::from_utf8_lossy(&output.stdout).trim().parse().context("`tsa-lab bench` printed no count")?;
         Ok((instructions, states))
     };
     let [(few, few_states), (many, many_states)] = [run(PASSES[0])?, run(PASSES[1])?];
@@ -221,20 +221,6 @@ fn print_table(found: &Value, rounds: &[Value]) -> Result<()> {
     line("DOP853's rod in equilibria of the model", middle("/ratio/shooting"), 0, "");
     line("largest difference of u and w: pm", difference(rounds)?.map(|m| m * 1e12), 3, "at most 10000");
 
-    println!("\n{:<28} {:>10} {:>7} {:>10} {:>11} {:>13}", "", "µs", "failed", "residual", "iterations", "evaluations");
-    for kind in ["scenes", "methods", "tiers"] {
-        for row in found["model"][kind].as_array().context("model-bench printed no list")? {
-            println!(
-                "{:<28} {:>10.2} {:>7} {:>10.1e} {:>11.1} {:>13.1}",
-                format!("{}: {}", &kind[..kind.len() - 1], row["name"].as_str().unwrap_or_default()),
-                number(row, "/us")?,
-                number(row, "/failed")?,
-                number(row, "/max_residual")?,
-                number(row, "/mean_iterations")?,
-                number(row, "/mean_evaluations")?
-            );
-        }
-    }
     Ok(())
 }
 

@@ -14,6 +14,7 @@ use tsa_table::Point;
 
 #[allow(missing_docs, reason = "generated")]
 mod tables {
+    use rival_forms::{Axis, Form, LoadMap, Table};
     include!(concat!(env!("OUT_DIR"), "/tables.rs"));
 }
 
@@ -21,35 +22,71 @@ mod tables {
 const LOADS_N: [f32; 6] = [0.91, 1.3, 2.9, 5.3, 9.7, 16.9];
 const TWISTS_RAD: [f32; 5] = [3.9, 11.3, 20.7, 33.1, 47.9];
 
-#[unsafe(no_mangle)]
-#[inline(never)]
-fn cost_lookup(load_n: f32, twist_rad: f32) -> Point {
-    tables::TABLE.point_inside(load_n, twist_rad)
-}
-
-#[unsafe(no_mangle)]
-#[inline(never)]
-fn cost_inverse_twist(load_n: f32, gap_m: f32) -> f32 {
-    tables::TABLE.twist_from_gap(load_n, gap_m).unwrap_or(0.0)
-}
-
-macro_rules! table {
-    ($name:ident, $table:ident) => {
+/// Functions that are counted by their symbols.
+macro_rules! counted {
+    ($(fn $name:ident($($argument:ident: $type:ty),*) -> $answer:ty { $answered:expr })*) => {$(
         #[unsafe(no_mangle)]
         #[inline(never)]
-        fn $name(load_n: f32, twist_rad: f32) -> Point {
-            tables::$table.point_inside(load_n, twist_rad)
+        fn $name($($argument: $type),*) -> $answer {
+            $answered
         }
-    };
+    )*};
 }
 
-table!(cost_arc_few, ARC_FEW);
-table!(cost_arc_many, ARC_MANY);
-table!(cost_series, SERIES);
-table!(cost_series_log, SERIES_LOG);
-table!(cost_series_ratio, SERIES_RATIO);
-table!(cost_hermite, HERMITE);
-table!(cost_bilinear, BILINEAR);
+counted! {
+    fn cost_lookup(load_n: f32, twist_rad: f32) -> Point { tables::TABLE.point_inside(load_n, twist_rad) }
+    fn cost_inverse_twist(load_n: f32, gap_m: f32) -> f32 { tables::TABLE.twist_from_gap(load_n, gap_m).unwrap_or(0.0) }
+    fn cost_arc_few(load_n: f32, twist_rad: f32) -> Point { tables::ARC_FEW.point_inside(load_n, twist_rad) }
+    fn cost_arc_many(load_n: f32, twist_rad: f32) -> Point { tables::ARC_MANY.point_inside(load_n, twist_rad) }
+    fn cost_series(load_n: f32, twist_rad: f32) -> Point { tables::SERIES.point_inside(load_n, twist_rad) }
+    fn cost_series_log(load_n: f32, twist_rad: f32) -> Point { tables::SERIES_LOG.point_inside(load_n, twist_rad) }
+    fn cost_series_ratio(load_n: f32, twist_rad: f32) -> Point { tables::SERIES_RATIO.point_inside(load_n, twist_rad) }
+    fn cost_hermite(load_n: f32, twist_rad: f32) -> Point { tables::HERMITE.point_inside(load_n, twist_rad) }
+    fn cost_bilinear(load_n: f32, twist_rad: f32) -> Point { tables::BILINEAR.point_inside(load_n, twist_rad) }
+    fn cost_full_single(mechanism: &Mechanism<Single>, load_n: f64, twist_rad: f64) -> f32 {
+        mechanism.formal(load_n, twist_rad).map_or(0.0, |e| e.gap_m.0)
+    }
+    fn cost_full(mechanism: &Mechanism, load_n: f64, twist_rad: f64) -> f64 {
+        mechanism.formal(load_n, twist_rad).map_or(0.0, |e| e.gap_m)
+    }
+    fn cost_rigid(mechanism: &Mechanism, load_n: f64, twist_rad: f64) -> f64 {
+        tier(mechanism, Tier::Rigid, load_n, twist_rad)
+    }
+    fn cost_beam_column(mechanism: &Mechanism, load_n: f64, twist_rad: f64) -> f64 {
+        tier(mechanism, Tier::BeamColumn, load_n, twist_rad)
+    }
+    fn cost_pseudo_rigid(mechanism: &Mechanism, load_n: f64, twist_rad: f64) -> f64 {
+        tier(mechanism, Tier::PseudoRigid, load_n, twist_rad)
+    }
+    fn cost_elastica(mechanism: &Mechanism, load_n: f64, twist_rad: f64) -> f64 {
+        tier(mechanism, Tier::Elastica, load_n, twist_rad)
+    }
+    fn cost_inextensible(mechanism: &Mechanism, load_n: f64, twist_rad: f64) -> f64 {
+        tier(mechanism, Tier::Inextensible, load_n, twist_rad)
+    }
+    fn cost_collocation(mechanism: &Mechanism, load_n: f64, twist_rad: f64) -> f64 {
+        by(mechanism, Method::Collocation { intervals: 16, tolerance: 1e-6 }, load_n, twist_rad)
+    }
+    fn cost_continuation(mechanism: &Mechanism, load_n: f64, twist_rad: f64) -> f64 {
+        by(mechanism, Method::Continuation { steps: 1 }, load_n, twist_rad)
+    }
+    fn cost_paper(mechanism: &Mechanism, load_n: f64, twist_rad: f64) -> f64 {
+        by(mechanism, Method::Paper { steps: 8, relaxation: 1.0, tolerance: 1e-5 }, load_n, twist_rad)
+    }
+    fn cost_sqrt_micromath(x: f32) -> f32 { micromath::F32Ext::sqrt(x) }
+    fn cost_sqrt_libm(x: f32) -> f32 { libm::sqrtf(x) }
+}
+
+// Inlined, so that a tier and a method are known where they are called.
+#[inline(always)]
+fn tier(mechanism: &Mechanism, tier: Tier, load_n: f64, twist_rad: f64) -> f64 {
+    mechanism.formal_tier(tier, load_n, twist_rad).map_or(0.0, |e| e.gap_m)
+}
+
+#[inline(always)]
+fn by(mechanism: &Mechanism, method: Method, load_n: f64, twist_rad: f64) -> f64 {
+    method.solve(mechanism, load_n, twist_rad).map_or(0.0, |e| e.gap_m)
+}
 
 /// `interpn`'s cubic interpolation on the smallest grid that gives the same contraction, without a gradient.
 #[cfg(feature = "interpn")]
@@ -65,66 +102,6 @@ fn cost_interpn(load_n: f32, twist_rad: f32) -> f32 {
 #[cfg(not(feature = "interpn"))]
 fn cost_interpn(_: f32, _: f32) -> f32 {
     f32::NAN
-}
-
-#[unsafe(no_mangle)]
-#[inline(never)]
-fn cost_full_single(mechanism: &Mechanism<Single>, load_n: f64, twist_rad: f64) -> f32 {
-    mechanism.formal(load_n, twist_rad).map_or(0.0, |e| e.gap_m.0)
-}
-
-#[unsafe(no_mangle)]
-#[inline(never)]
-fn cost_full(mechanism: &Mechanism, load_n: f64, twist_rad: f64) -> f64 {
-    mechanism.formal(load_n, twist_rad).map_or(0.0, |e| e.gap_m)
-}
-
-macro_rules! tier {
-    ($name:ident, $tier:ident) => {
-        #[unsafe(no_mangle)]
-        #[inline(never)]
-        fn $name(mechanism: &Mechanism, load_n: f64, twist_rad: f64) -> f64 {
-            mechanism.formal_tier(Tier::$tier, load_n, twist_rad).map_or(0.0, |e| e.gap_m)
-        }
-    };
-}
-
-tier!(cost_rigid, Rigid);
-tier!(cost_beam_column, BeamColumn);
-tier!(cost_pseudo_rigid, PseudoRigid);
-tier!(cost_elastica, Elastica);
-tier!(cost_inextensible, Inextensible);
-
-#[unsafe(no_mangle)]
-#[inline(never)]
-fn cost_collocation(mechanism: &Mechanism, load_n: f64, twist_rad: f64) -> f64 {
-    let method = Method::Collocation { intervals: 16, tolerance: 1e-6 };
-    method.solve(mechanism, load_n, twist_rad).map_or(0.0, |e| e.gap_m)
-}
-
-#[unsafe(no_mangle)]
-#[inline(never)]
-fn cost_continuation(mechanism: &Mechanism, load_n: f64, twist_rad: f64) -> f64 {
-    Method::Continuation { steps: 1 }.solve(mechanism, load_n, twist_rad).map_or(0.0, |e| e.gap_m)
-}
-
-#[unsafe(no_mangle)]
-#[inline(never)]
-fn cost_paper(mechanism: &Mechanism, load_n: f64, twist_rad: f64) -> f64 {
-    let method = Method::Paper { steps: 8, relaxation: 1.0, tolerance: 1e-5 };
-    method.solve(mechanism, load_n, twist_rad).map_or(0.0, |e| e.gap_m)
-}
-
-#[unsafe(no_mangle)]
-#[inline(never)]
-fn cost_sqrt_micromath(x: f32) -> f32 {
-    micromath::F32Ext::sqrt(x)
-}
-
-#[unsafe(no_mangle)]
-#[inline(never)]
-fn cost_sqrt_libm(x: f32) -> f32 {
-    libm::sqrtf(x)
 }
 
 // One instruction of the FPU, for which stable Rust without `std` has no function.

@@ -1,13 +1,11 @@
-//! The smallest table of each form on each load map, and all candidates in the order of preference.
+//! The smallest table of each form on each load map.
 
-use crate::axis::{Axis, LoadMap};
-use crate::form::Form;
-use crate::table::Table;
+use crate::form::{Form, MOST_ROWS};
+use crate::table::{Axis, LoadMap, Table};
 use tsa_model::{Mechanism, Tier};
 use tsa_table::Demand;
-use tsa_table::FORM;
 use tsa_table::errors::errors_over;
-use tsa_table::fit::{Errors, Fit, FitError, MAX_BYTES, preference};
+use tsa_table::fit::{Errors, FitError, MAX_BYTES};
 use tsa_table::reference::{Exact, Reference};
 
 /// Load maps that are tried.
@@ -23,7 +21,7 @@ const LOAD_MAPS: [LoadMap; 5] = [
 const SELECTION_SHARE: f64 = 0.8;
 
 /// Sizes that are tried, smallest first: load nodes, twist nodes.
-const HERMITE_SIZES: [(u8, u8); 10] =
+const HERMITE_SIZES: [(u16, u16); 10] =
     [(4, 5), (5, 6), (6, 8), (7, 9), (8, 10), (8, 13), (10, 12), (10, 16), (12, 16), (14, 18)];
 const BILINEAR_SIZES: [(u16, u16); 3] = [(8, 16), (16, 32), (16, 64)];
 /// Cutting thresholds of the series, from coarse to fine, and weights of a term's slope, which decides its effect on
@@ -31,131 +29,15 @@ const BILINEAR_SIZES: [(u16, u16); 3] = [(8, 16), (16, 32), (16, 64)];
 const THRESHOLDS: u32 = 48;
 const SLOPE_WEIGHTS: [f64; 3] = [0.0, 0.02, 0.1];
 
-/// Numbers of a form, owned.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Numbers {
-    /// See [`Form::Series`].
-    Series {
-        /// Coefficients in each row.
-        row_lengths: Vec<u8>,
-        /// All rows.
-        coefficients: Vec<f32>,
-    },
-    /// See [`Form::Hermite`].
-    Hermite {
-        /// Nodes along the load axis.
-        loads: u8,
-        /// Nodes along the twist axis.
-        twists: u8,
-        /// The nodes.
-        nodes: Vec<[f32; 4]>,
-    },
-    /// See [`Form::Bilinear`].
-    Bilinear {
-        /// Nodes along the load axis.
-        loads: u16,
-        /// Nodes along the twist axis.
-        twists: u16,
-        /// G at the nodes (m).
-        nodes: Vec<f32>,
-    },
-}
-
-impl Numbers {
-    /// The numbers for lookups.
-    pub fn form(&self) -> Form<'_> {
-        match self {
-            Self::Series { row_lengths, coefficients } => Form::Series { row_lengths, coefficients },
-            Self::Hermite { loads, twists, nodes } => Form::Hermite { loads: *loads, twists: *twists, nodes },
-            Self::Bilinear { loads, twists, nodes } => Form::Bilinear { loads: *loads, twists: *twists, nodes },
-        }
-    }
-
-    /// Their size in words.
-    pub fn size(&self) -> String {
-        match self {
-            Self::Series { row_lengths, coefficients } => {
-                let longest = row_lengths.iter().max().copied().unwrap_or(0);
-                format!("{} of {}x{} coefficients", coefficients.len(), row_lengths.len(), longest)
-            }
-            Self::Hermite { loads, twists, .. } => format!("{loads}x{twists} nodes"),
-            Self::Bilinear { loads, twists, .. } => format!("{loads}x{twists} nodes"),
-        }
-    }
-}
-
 /// One candidate: the smallest table of its form and load map that passes, or the most accurate one tried.
 #[derive(Clone, Debug)]
 pub struct Candidate {
-    /// Least and greatest load covered (N).
-    pub load_n: [f32; 2],
-    /// Least and greatest twist covered (rad).
-    pub twist_rad: [f32; 2],
-    /// Map of the load.
-    pub load_map: LoadMap,
-    /// The numbers.
-    pub numbers: Numbers,
+    /// The table.
+    pub table: Table<Vec<f32>>,
     /// Errors on the selection grid.
     pub errors: Errors,
     /// Whether it meets the accuracy within [`MAX_BYTES`].
     pub passes: bool,
-}
-
-impl Candidate {
-    /// The table for lookups.
-    pub fn table(&self) -> Table<'_> {
-        let (load_axis, twist_axis) = axes(self.load_n, self.twist_rad, self.load_map);
-        let Self { load_n, twist_rad, load_map, .. } = *self;
-        Table { load_n, twist_rad, load_map, load_axis, twist_axis, form: self.numbers.form() }
-    }
-}
-
-/// A table that was considered, whatever its form.
-#[derive(Clone, Debug)]
-pub struct Considered {
-    /// Name of its form.
-    pub form: &'static str,
-    /// Its size in words.
-    pub size: String,
-    /// Map of the load; `None` for the form that the board uses, which needs none.
-    pub load_map: Option<LoadMap>,
-    /// Bytes of numbers.
-    pub bytes: usize,
-    /// Predicted instructions of a lookup on the board.
-    pub instructions: u32,
-    /// Errors on the selection grid.
-    pub errors: Errors,
-    /// Whether it meets the accuracy within [`MAX_BYTES`].
-    pub passes: bool,
-}
-
-/// The candidates of a fit and those of the other forms, in the order of preference.
-///
-/// # Errors
-/// As [`tsa_table::fit::fit`].
-pub fn considered(mechanism: &Mechanism, demand: &Demand, fit: &Fit) -> Result<Vec<Considered>, FitError> {
-    let others = candidates(mechanism, demand)?;
-    let others = others.iter().map(|c| Considered {
-        form: c.numbers.form().name(),
-        size: c.numbers.size(),
-        load_map: Some(c.load_map),
-        bytes: c.numbers.form().bytes(),
-        instructions: c.table().instructions(),
-        errors: c.errors,
-        passes: c.passes,
-    });
-    let own = fit.candidates.iter().map(|c| Considered {
-        form: FORM,
-        size: c.table.numbers.size(),
-        load_map: None,
-        bytes: c.table.numbers.bytes(),
-        instructions: c.instructions(),
-        errors: c.errors,
-        passes: c.passes,
-    });
-    let mut all: Vec<_> = others.chain(own).collect();
-    all.sort_by_key(|c| preference(c.passes, c.bytes, c.instructions));
-    Ok(all)
 }
 
 /// The best table of every other form on every load map.
@@ -172,6 +54,9 @@ pub fn candidates(mechanism: &Mechanism, demand: &Demand) -> Result<Vec<Candidat
     Ok(all)
 }
 
+/// Numbers, and what they mean.
+type Numbers = (Form, Vec<f32>);
+
 /// The search on one load map.
 struct Search<'a> {
     reference: &'a Reference<'a>,
@@ -183,7 +68,7 @@ struct Search<'a> {
 impl Search<'_> {
     /// The best table of every form.
     fn candidates(&self) -> Result<Vec<Candidate>, FitError> {
-        let coefficients = chebyshev(self.reference, self.map)?;
+        let coefficients = self.chebyshev()?;
         let mut series = None;
         for weight in SLOPE_WEIGHTS {
             let thresholds = (0..THRESHOLDS)
@@ -191,14 +76,9 @@ impl Search<'_> {
                 .map(|threshold| Ok(cut(&coefficients, threshold, weight)));
             self.smallest(thresholds, &mut series)?;
         }
-        let mut hermite = None;
-        let sizes =
-            HERMITE_SIZES.iter().map(|(loads, twists)| hermite_nodes(self.reference, self.map, *loads, *twists));
-        self.smallest(sizes, &mut hermite)?;
-        let mut bilinear = None;
-        let sizes =
-            BILINEAR_SIZES.iter().map(|(loads, twists)| bilinear_nodes(self.reference, self.map, *loads, *twists));
-        self.smallest(sizes, &mut bilinear)?;
+        let [mut hermite, mut bilinear] = [None, None];
+        self.smallest(HERMITE_SIZES.into_iter().map(|size| self.hermite(size)), &mut hermite)?;
+        self.smallest(BILINEAR_SIZES.into_iter().map(|size| self.bilinear(size)), &mut bilinear)?;
         Ok([series, hermite, bilinear].into_iter().flatten().collect())
     }
 
@@ -208,19 +88,14 @@ impl Search<'_> {
         sizes: impl Iterator<Item = Result<Numbers, FitError>>,
         best: &mut Option<Candidate>,
     ) -> Result<(), FitError> {
-        for numbers in sizes {
-            let mut candidate = Candidate {
-                load_n: self.reference.load_n.map(|f| f as f32),
-                twist_rad: self.reference.twist_rad.map(|t| t as f32),
-                load_map: self.map,
-                numbers: numbers?,
-                errors: Errors::default(),
-                passes: false,
-            };
-            let table = candidate.table();
-            let errors = errors_over(|load_n, twist_rad| table.point_inside(load_n, twist_rad), self.points);
-            let passes = errors.meets(&self.demand.accuracy, SELECTION_SHARE) && table.form.bytes() <= MAX_BYTES;
-            (candidate.errors, candidate.passes) = (errors, passes);
+        for size in sizes {
+            let (form, numbers) = size?;
+            let (load_axis, twist_axis) = self.axes();
+            let [load_n, twist_rad] = [self.reference.load_n, self.reference.twist_rad].map(|r| r.map(|v| v as f32));
+            let table = Table { load_n, twist_rad, load_map: self.map, load_axis, twist_axis, form, numbers };
+            let errors = errors_over(|load_n, twist_rad| table.table().point_inside(load_n, twist_rad), self.points);
+            let passes = errors.meets(&self.demand.accuracy, SELECTION_SHARE) && table.bytes() <= MAX_BYTES;
+            let candidate = Candidate { table, errors, passes };
             if best.as_ref().is_none_or(|b| better(&candidate, b)) {
                 *best = Some(candidate);
             }
@@ -230,64 +105,102 @@ impl Search<'_> {
         }
         Ok(())
     }
+
+    /// Axes of the load map and of the twist over the reference's range.
+    fn axes(&self) -> (Axis, Axis) {
+        let [u0, u1] = self.reference.load_n.map(|f| self.map.apply_f64(f64::from(f as f32)) as f32);
+        let [t0, t1] = self.reference.twist_rad.map(|t| t as f32);
+        (Axis::new(u0, u1), Axis::new(t0, t1))
+    }
+
+    /// Load and twist at a position of the table, limited to the range.
+    fn state_at(&self, x: f64, y: f64) -> (f64, f64) {
+        let (load_axis, twist_axis) = self.axes();
+        let ([f0, f1], [t0, t1]) = (self.reference.load_n, self.reference.twist_rad);
+        (self.map.invert(load_axis.invert(x)).clamp(f0, f1), twist_axis.invert(y).clamp(t0, t1))
+    }
+
+    /// Chebyshev coefficients of the gap on an N × N grid of Chebyshev points.
+    fn chebyshev(&self) -> Result<Vec<Vec<f64>>, FitError> {
+        const N: usize = MOST_ROWS;
+        let angle = |i: usize| std::f64::consts::PI * (i as f64 + 0.5) / N as f64;
+        let mut gap = vec![vec![0.0; N]; N];
+        for (i, row) in gap.iter_mut().enumerate() {
+            for (j, g) in row.iter_mut().enumerate() {
+                let (load, twist) = self.state_at(angle(i).cos(), angle(j).cos());
+                *g = self.reference.solve(load, twist)?.gap_m;
+            }
+        }
+        let transform = |values: &[f64]| -> Vec<f64> {
+            (0..N)
+                .map(|k| {
+                    let sum: f64 = values.iter().enumerate().map(|(i, v)| v * (k as f64 * angle(i)).cos()).sum();
+                    sum * if k == 0 { 1.0 } else { 2.0 } / N as f64
+                })
+                .collect()
+        };
+        let along_twist: Vec<Vec<f64>> = gap.iter().map(|row| transform(row)).collect();
+        let mut coefficients = vec![vec![0.0; N]; N];
+        for j in 0..N {
+            let column: Vec<f64> = along_twist.iter().map(|row| row[j]).collect();
+            for (i, c) in transform(&column).into_iter().enumerate() {
+                coefficients[i][j] = c;
+            }
+        }
+        Ok(coefficients)
+    }
+
+    fn hermite(&self, (loads, twists): (u16, u16)) -> Result<Numbers, FitError> {
+        let (load_axis, twist_axis) = self.axes();
+        let (hx, hy) = (2.0 / f64::from(loads - 1), 2.0 / f64::from(twists - 1));
+        let [t0, t1] = self.reference.twist_rad;
+        let mut nodes = Vec::new();
+        for i in 0..loads {
+            for j in 0..twists {
+                let (x, y) = (-1.0 + hx * f64::from(i), -1.0 + hy * f64::from(j));
+                let (load, twist) = self.state_at(x, y);
+                let e = self.reference.solve(load, twist)?;
+                // dF/dx of the map by its own derivative.
+                let step = 1e-6 * load;
+                let slope = (self.map.apply_f64(load + step) - self.map.apply_f64(load - step)) / (2.0 * step);
+                let load_by_x = 1.0 / (f64::from(load_axis.inverse_half) * slope);
+                let twist_by_y = 1.0 / f64::from(twist_axis.inverse_half);
+                // The mixed derivative is the slope of ∂G/∂F along the twist.
+                let (a, b) = ((twist - 1e-3).max(t0), (twist + 1e-3).min(t1));
+                let mixed = (self.reference.solve(load, b)?.dgap_dload_m_per_n
+                    - self.reference.solve(load, a)?.dgap_dload_m_per_n)
+                    / (b - a);
+                nodes.extend([
+                    e.gap_m as f32,
+                    (hx * e.dgap_dload_m_per_n * load_by_x) as f32,
+                    (hy * e.dgap_dtwist_m_per_rad * twist_by_y) as f32,
+                    (hx * hy * mixed * load_by_x * twist_by_y) as f32,
+                ]);
+            }
+        }
+        Ok((Form::Hermite { loads, twists }, nodes))
+    }
+
+    fn bilinear(&self, (loads, twists): (u16, u16)) -> Result<Numbers, FitError> {
+        let at = |k: u16, count: u16| 2.0 * f64::from(k) / f64::from(count - 1) - 1.0;
+        let mut nodes = Vec::new();
+        for i in 0..loads {
+            for j in 0..twists {
+                let (load, twist) = self.state_at(at(i, loads), at(j, twists));
+                nodes.push(self.reference.solve(load, twist)?.gap_m as f32);
+            }
+        }
+        Ok((Form::Bilinear { loads, twists }, nodes))
+    }
 }
 
 /// Passing beats failing; of two that pass the smaller; of two that fail the more accurate.
 fn better(a: &Candidate, b: &Candidate) -> bool {
     match (a.passes, b.passes) {
-        (true, true) => a.numbers.form().bytes() < b.numbers.form().bytes(),
+        (true, true) => a.table.bytes() < b.table.bytes(),
         (false, false) => a.errors.contraction_max_m < b.errors.contraction_max_m,
         (passes, _) => passes,
     }
-}
-
-/// Axes of a load map over a range.
-fn axes(load_n: [f32; 2], twist_rad: [f32; 2], map: LoadMap) -> (Axis, Axis) {
-    let [u0, u1] = load_n.map(|f| map.apply_f64(f64::from(f)) as f32);
-    (Axis::new(u0, u1), Axis::new(twist_rad[0], twist_rad[1]))
-}
-
-/// The axes of a load map over the reference's range.
-fn axes_of(reference: &Reference<'_>, map: LoadMap) -> (Axis, Axis) {
-    axes(reference.load_n.map(|f| f as f32), reference.twist_rad.map(|t| t as f32), map)
-}
-
-/// Load and twist at a position of the table, limited to the range.
-fn state_at(reference: &Reference<'_>, map: LoadMap, x: f64, y: f64) -> (f64, f64) {
-    let (load_axis, twist_axis) = axes_of(reference, map);
-    let [f0, f1] = reference.load_n;
-    let [t0, t1] = reference.twist_rad;
-    (map.invert(load_axis.invert(x)).clamp(f0, f1), twist_axis.invert(y).clamp(t0, t1))
-}
-
-/// Chebyshev coefficients of the gap on an N × N grid of Chebyshev points.
-fn chebyshev(reference: &Reference<'_>, map: LoadMap) -> Result<Vec<Vec<f64>>, FitError> {
-    const N: usize = 30;
-    let angle = |i: usize| std::f64::consts::PI * (i as f64 + 0.5) / N as f64;
-    let mut gap = vec![vec![0.0; N]; N];
-    for (i, row) in gap.iter_mut().enumerate() {
-        for (j, g) in row.iter_mut().enumerate() {
-            let (load, twist) = state_at(reference, map, angle(i).cos(), angle(j).cos());
-            *g = reference.solve(load, twist)?.gap_m;
-        }
-    }
-    let transform = |values: &[f64]| -> Vec<f64> {
-        (0..N)
-            .map(|k| {
-                let sum: f64 = values.iter().enumerate().map(|(i, v)| v * (k as f64 * angle(i)).cos()).sum();
-                sum * if k == 0 { 1.0 } else { 2.0 } / N as f64
-            })
-            .collect()
-    };
-    let along_twist: Vec<Vec<f64>> = gap.iter().map(|row| transform(row)).collect();
-    let mut coefficients = vec![vec![0.0; N]; N];
-    for j in 0..N {
-        let column: Vec<f64> = along_twist.iter().map(|row| row[j]).collect();
-        for (i, c) in transform(&column).into_iter().enumerate() {
-            coefficients[i][j] = c;
-        }
-    }
-    Ok(coefficients)
 }
 
 /// Σ c_k T_k written in powers.
@@ -317,8 +230,8 @@ fn powers(chebyshev: &[f64]) -> Vec<f64> {
 }
 
 /// Converts rows of Chebyshev coefficients, no row longer than the one before, to powers of both axes: down each
-/// column, then along each row. Returns row lengths and coefficients, the highest powers first.
-fn in_powers(rows: &[Vec<f64>]) -> (Vec<u8>, Vec<f32>) {
+/// column, then along each row, the highest powers first.
+fn in_powers(rows: &[Vec<f64>]) -> Numbers {
     let width = rows.iter().map(Vec::len).max().unwrap_or(0);
     let mut in_x = vec![vec![0.0; width]; rows.len()];
     for j in 0..width {
@@ -330,7 +243,9 @@ fn in_powers(rows: &[Vec<f64>]) -> (Vec<u8>, Vec<f32>) {
     let written = in_x.iter().zip(rows).rev();
     let coefficients =
         written.flat_map(|(row, kept)| powers(&row[..kept.len()]).into_iter().rev()).map(|p| p as f32).collect();
-    (rows.iter().rev().map(|row| row.len() as u8).collect(), coefficients)
+    let mut row_lengths = [0; MOST_ROWS];
+    row_lengths.iter_mut().zip(rows.iter().rev()).for_each(|(length, row)| *length = row.len() as u8);
+    (Form::Series { rows: rows.len() as u8, row_lengths }, coefficients)
 }
 
 /// Cuts a Chebyshev array where its terms fall below `threshold`, and writes it in powers.
@@ -354,48 +269,5 @@ fn cut(coefficients: &[Vec<f64>], threshold: f64, slope_weight: f64) -> Numbers 
             rows[i].extend_from_slice(&coefficients[i][have..need]);
         }
     }
-    let (row_lengths, coefficients) = in_powers(&rows);
-    Numbers::Series { row_lengths, coefficients }
-}
-
-fn hermite_nodes(reference: &Reference<'_>, map: LoadMap, loads: u8, twists: u8) -> Result<Numbers, FitError> {
-    let (load_axis, twist_axis) = axes_of(reference, map);
-    let (hx, hy) = (2.0 / f64::from(loads - 1), 2.0 / f64::from(twists - 1));
-    let [t0, t1] = reference.twist_rad;
-    let mut nodes = Vec::new();
-    for i in 0..loads {
-        for j in 0..twists {
-            let (x, y) = (-1.0 + hx * f64::from(i), -1.0 + hy * f64::from(j));
-            let (load, twist) = state_at(reference, map, x, y);
-            let e = reference.solve(load, twist)?;
-            // dF/dx of the map by its own derivative.
-            let step = 1e-6 * load;
-            let slope = (map.apply_f64(load + step) - map.apply_f64(load - step)) / (2.0 * step);
-            let load_by_x = 1.0 / (f64::from(load_axis.inverse_half) * slope);
-            let twist_by_y = 1.0 / f64::from(twist_axis.inverse_half);
-            // The mixed derivative is the slope of ∂G/∂F along the twist.
-            let (a, b) = ((twist - 1e-3).max(t0), (twist + 1e-3).min(t1));
-            let mixed =
-                (reference.solve(load, b)?.dgap_dload_m_per_n - reference.solve(load, a)?.dgap_dload_m_per_n) / (b - a);
-            nodes.push([
-                e.gap_m as f32,
-                (hx * e.dgap_dload_m_per_n * load_by_x) as f32,
-                (hy * e.dgap_dtwist_m_per_rad * twist_by_y) as f32,
-                (hx * hy * mixed * load_by_x * twist_by_y) as f32,
-            ]);
-        }
-    }
-    Ok(Numbers::Hermite { loads, twists, nodes })
-}
-
-fn bilinear_nodes(reference: &Reference<'_>, map: LoadMap, loads: u16, twists: u16) -> Result<Numbers, FitError> {
-    let at = |k: u16, count: u16| 2.0 * f64::from(k) / f64::from(count - 1) - 1.0;
-    let mut nodes = Vec::new();
-    for i in 0..loads {
-        for j in 0..twists {
-            let (load, twist) = state_at(reference, map, at(i, loads), at(j, twists));
-            nodes.push(reference.solve(load, twist)?.gap_m as f32);
-        }
-    }
-    Ok(Numbers::Bilinear { loads, twists, nodes })
+    in_powers(&rows)
 }

@@ -1,4 +1,4 @@
-//! The numbers of each form, with value and gradient in coordinates on [−1, 1]².
+//! The forms, with value and gradient in coordinates on [−1, 1]².
 
 /// Value and derivatives at a position (x along the load axis, y along the twist axis).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,39 +16,38 @@ impl Value {
     const NONE: Self = Self { value: f32::NAN, by_x: f32::NAN, by_y: f32::NAN };
 }
 
-/// A table's numbers.
+/// Most rows of a series.
+pub const MOST_ROWS: usize = 30;
+
+/// What a table's numbers mean.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Form<'a> {
+pub enum Form {
     /// Σ_i x^i Σ_j c_ij y^j: a Chebyshev series, cut row by row where its terms become negligible, written in powers.
     /// Rows descend in i, coefficients within a row in j: in the order in which Horner needs them.
     Series {
+        /// How many rows.
+        rows: u8,
         /// Coefficients in each row.
-        row_lengths: &'a [u8],
-        /// All rows, one after the other.
-        coefficients: &'a [f32],
+        row_lengths: [u8; MOST_ROWS],
     },
     /// Bicubic Hermite patches on a uniform grid: at every node G, h_x ∂G/∂x, h_y ∂G/∂y, h_x h_y ∂²G/∂x∂y, load index
     /// slowest.
     Hermite {
         /// Nodes along the load axis.
-        loads: u8,
+        loads: u16,
         /// Nodes along the twist axis.
-        twists: u8,
-        /// The nodes.
-        nodes: &'a [[f32; 4]],
+        twists: u16,
     },
-    /// Piecewise bilinear on a uniform grid, load index slowest.
+    /// Piecewise bilinear on a uniform grid of G (m), load index slowest.
     Bilinear {
         /// Nodes along the load axis.
         loads: u16,
         /// Nodes along the twist axis.
         twists: u16,
-        /// G at the nodes (m).
-        nodes: &'a [f32],
     },
 }
 
-impl Form<'_> {
+impl Form {
     /// Its name.
     pub fn name(&self) -> &'static str {
         match self {
@@ -58,22 +57,17 @@ impl Form<'_> {
         }
     }
 
-    /// Bytes of numbers.
-    pub fn bytes(&self) -> usize {
-        match self {
-            Self::Series { row_lengths, coefficients } => row_lengths.len() + 4 * coefficients.len(),
-            Self::Hermite { nodes, .. } => 16 * nodes.len(),
-            Self::Bilinear { nodes, .. } => 4 * nodes.len(),
-        }
-    }
-
     /// Value and gradient at a position.
     #[inline]
-    pub(crate) fn evaluate(&self, x: f32, y: f32) -> Value {
-        match *self {
-            Self::Series { row_lengths, coefficients } => series(row_lengths, coefficients, x, y),
-            Self::Hermite { loads, twists, nodes } => hermite(usize::from(loads), usize::from(twists), nodes, x, y),
-            Self::Bilinear { loads, twists, nodes } => bilinear(usize::from(loads), usize::from(twists), nodes, x, y),
+    pub(crate) fn evaluate(&self, numbers: &[f32], x: f32, y: f32) -> Value {
+        match self {
+            Self::Series { rows, row_lengths } => {
+                row_lengths.get(..usize::from(*rows)).map_or(Value::NONE, |rows| series(rows, numbers, x, y))
+            }
+            Self::Hermite { loads, twists } => {
+                hermite(usize::from(*loads), usize::from(*twists), numbers.as_chunks().0, x, y)
+            }
+            Self::Bilinear { loads, twists } => bilinear(usize::from(*loads), usize::from(*twists), numbers, x, y),
         }
     }
 }

@@ -13,7 +13,7 @@
 mod columns;
 mod effects;
 mod homing;
-mod linear;
+pub mod report;
 
 use columns::{Column, State};
 use effects::{Direct, Effect, Effects};

@@ -1,4 +1,6 @@
-//! The states of a map: loads and turns.
+//! The states of a map, and the map as a panel.
+
+use rigctl::plot::{Axis, Item, Panel, RGBColor};
 
 /// Loads (N) in equal ratios and turns in equal steps: the middles of the map's cells.
 #[derive(Debug, Clone)]
@@ -25,40 +27,30 @@ impl Grid {
         }
     }
 
-    /// Rectangles over neighbouring cells of one load that `same` calls equal, by their indices in
-    /// [`Grid::states`].
-    pub fn strips(&self, same: impl Fn(usize, usize) -> bool) -> Vec<Strip> {
-        let (loads, twists) = (self.load_n.len(), self.turns.len());
-        let [(f0, f1), (t0, t1)] = [self.load_range_n, self.turn_range].map(|r| (r[0], r[1]));
-        let load = |k: usize| f0 * (f1 / f0).powf(k as f64 / loads as f64);
-        let turn = |k: usize| t0 + (t1 - t0) * k as f64 / twists as f64;
-        let mut strips = Vec::new();
-        for j in 0..loads {
-            let mut from = 0;
-            for i in 1..=twists {
-                if i == twists || !same(i * loads + j, from * loads + j) {
-                    let cell = from * loads + j;
-                    strips.push(Strip { cell, from: (turn(from), load(j)), to: (turn(i), load(j + 1)) });
-                    from = i;
-                }
-            }
-        }
-        strips
-    }
-
     /// Every state, turns slowest.
     pub fn states(&self) -> Vec<(f64, f64)> {
         self.turns.iter().flat_map(|&turns| self.load_n.iter().map(move |&load| (load, turns))).collect()
     }
-}
 
-/// Neighbouring equal cells as a rectangle over turns and load (N).
-#[derive(Debug, Clone, Copy)]
-pub struct Strip {
-    /// The first of them.
-    pub cell: usize,
-    /// Fewest turns, least load.
-    pub from: (f64, f64),
-    /// Most turns, greatest load.
-    pub to: (f64, f64),
+    /// The map of a colour for each of [`Self::states`]; neighbours of one load with the same colour are one rectangle.
+    pub fn panel(&self, title: impl Into<String>, colour: impl Fn(usize) -> RGBColor) -> Panel {
+        let (loads, twists) = (self.load_n.len(), self.turns.len());
+        let ([f0, f1], [t0, t1]) = (self.load_range_n, self.turn_range);
+        let load = |k: usize| f0 * (f1 / f0).powf(k as f64 / loads as f64);
+        let turn = |k: usize| t0 + (t1 - t0) * k as f64 / twists as f64;
+        let mut items = Vec::new();
+        for j in 0..loads {
+            let mut from = 0;
+            for i in 1..=twists {
+                let here = colour(from * loads + j);
+                if i == twists || colour(i * loads + j) != here {
+                    items.push(Item::Fill { from: (turn(from), load(j)), to: (turn(i), load(j + 1)), colour: here });
+                    from = i;
+                }
+            }
+        }
+        let x = Axis::linear("turns past the pre-twist", self.turn_range).tight(self.turn_range);
+        let ticks = [0.5, 1.0, 2.0, 5.0, 10.0].map(|load| (load, load.to_string()));
+        Panel::new(title, x, Axis::log_named("load, N", self.load_range_n, ticks.to_vec()), items)
+    }
 }

@@ -3,13 +3,13 @@
 use super::grid::Grid;
 use super::margin::{Controller, Hung, MOST};
 use super::{Inputs, Made};
-use anyhow::Result;
-use plotters::style::RGBColor;
+use crate::csv;
+use anyhow::{Context, Result};
 use rig_config::Scene;
-use rigctl::csv_text::csv_text;
-use rigctl::parallel::parallel;
-use rigctl::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Sample, colour};
-use tsa_model::twist_from_turns;
+use rigctl::parallel::{Progress, parallel};
+use rigctl::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, RGBColor, colour, extent};
+use serde::Serialize;
+use tsa_model::{Mechanism, twist_from_turns};
 
 /// Loads and twists of a map.
 const CELLS: (usize, usize) = (24, 24);
@@ -19,6 +19,8 @@ const OFF: f64 = 0.1;
 const SEARCHED: (f64, f64, f64) = (2757.0, 7.5, 21.8);
 /// Longest delay and control period that are drawn (s).
 const LONGEST_S: f64 = 1.0;
+/// Range of the gain margins that are drawn.
+const DRAWN: [f64; 2] = [0.1, MOST];
 
 /// Bands of the gain margin: from below the first it is unstable.
 const BANDS: [(f64, &str, RGBColor); 5] = [
@@ -28,19 +30,43 @@ const BANDS: [(f64, &str, RGBColor); 5] = [
     (4.0, "2 to 4", RGBColor(65, 182, 196)),
     (f64::INFINITY, "4 and more", RGBColor(37, 52, 148)),
 ];
-
-fn band(margin: f64) -> usize {
-    BANDS.iter().position(|(end, ..)| margin < *end).unwrap_or(BANDS.len() - 1)
-}
-
-/// A loop and its name.
-struct Loop {
-    name: &'static str,
-    controller: Controller,
-}
+const NO_EQUILIBRIUM: RGBColor = RGBColor(222, 222, 222);
 
 /// A load (N), a number of turns, and the rig there.
 type State = (f64, f64, Hung);
+
+/// A loop, and where it is weakest.
+struct Loop {
+    name: String,
+    controller: Controller,
+    /// Its gain margin at each state of the grid; none for constants that are off, which are those of many rigs.
+    margins: Option<Vec<Option<f64>>>,
+    weakest: Hung,
+}
+
+/// A margin, a line of `margin.csv`.
+#[derive(Default, Serialize)]
+struct Row {
+    #[serde(rename = "loop")]
+    name: String,
+    kind: &'static str,
+    load_n: Option<String>,
+    turns: Option<String>,
+    tr_rad_per_m: Option<String>,
+    stiffness_n_per_m: Option<String>,
+    delay_s: Option<String>,
+    period_s: Option<String>,
+    gain_margin: Option<String>,
+}
+
+/// The rig at each state of a grid.
+fn hung(mechanism: &Mechanism, grid: &Grid, progress: &Progress<'_>) -> Vec<Option<State>> {
+    let states = grid.states();
+    parallel(progress, states.len(), |k| {
+        let (load, turns) = states[k];
+        Some((load, turns, Hung::at(mechanism, load, twist_from_turns(turns)).ok()?))
+    })
+}
 
 /// Draws the margins over load and twist, delay, sampling time and constants.
 ///
@@ -50,78 +76,52 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
     let (scene, progress) = (inputs.scene, inputs.progress);
     let envelope = scene.table_demand()?.0;
     let grid = Grid::new(envelope.load_n, CELLS.0, envelope.turns, CELLS.1);
-    let mechanism = scene.mechanism()?;
-    let hung = |mechanism: &tsa_model::Mechanism| -> Vec<Option<State>> {
-        let at =
-            |(load, turns): (f64, f64)| Some((load, turns, Hung::at(mechanism, load, twist_from_turns(turns)).ok()?));
-        let states = grid.states();
-        parallel(progress, states.len(), |k| at(states[k]))
-    };
-    let nominal = hung(&mechanism);
+    let nominal = hung(&scene.mechanism()?, &grid, progress);
     let (ratio, gain_per_s, corner_rad_per_s) = SEARCHED;
     let searched = Controller { gain_per_s, corner_rad_per_s, ..Controller::fixed(ratio) };
-    let loops = [
-        Loop { name: "this firmware: it damps the swing", controller: Controller::damped() },
-        Loop { name: "fixed TR, below the resonance", controller: Controller::fixed(ratio) },
-        Loop { name: "fixed TR, tuned for least error", controller: searched },
-    ];
-    let margin = |state: &Option<State>, c: &Controller| state.as_ref().map(|(.., h)| h.gain_margin(c));
-    let maps: Vec<Vec<Option<f64>>> =
-        loops.iter().map(|l| parallel(progress, nominal.len(), |k| margin(&nominal[k], &l.controller))).collect();
-
-    // Where the firmware's loop, which stands on the table's ratio, meets plants that are not the table's.
-    let others = perturbed(scene)?;
-    let mut worst: Option<(f64, State, Controller)> = None;
-    for other in &others {
-        let states = hung(other);
-        let found = parallel(progress, states.len(), |k| {
-            let ((load, turns, hung), (.., table)) = (states[k]?, nominal[k]?);
-            let c = Controller {
-                tr_rad_per_m: Some(table.tr_rad_per_m),
-                stiffness_n_per_m: Some(table.stiffness_n_per_m),
-                ..Controller::damped()
-            };
-            Some((hung.gain_margin(&c), (load, turns, hung), c))
-        });
-        let found = found.into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0));
-        worst = [worst, found].into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0));
+    let mut loops = Vec::new();
+    for (name, controller) in [
+        ("this firmware: it damps the swing", Controller::damped()),
+        ("fixed TR, below the resonance", Controller::fixed(ratio)),
+        ("fixed TR, tuned for least error", searched),
+    ] {
+        let margins = parallel(progress, nominal.len(), |k| Some(nominal[k]?.2.gain_margin(&controller)));
+        let states = nominal.iter().zip(&margins).filter_map(|(state, margin)| Some(((*margin)?, (*state)?.2)));
+        let weakest = states.min_by(|a, b| a.0.total_cmp(&b.0)).context("no state has an equilibrium")?.1;
+        loops.push(Loop { name: name.into(), controller, margins: Some(margins), weakest });
     }
-    let weakest = |k: usize| {
-        let states =
-            nominal.iter().zip(&maps[k]).filter_map(|(state, margin)| Some((*margin.as_ref()?, state.as_ref()?)));
-        states.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, state)| *state)
-    };
-    let mut curves: Vec<(String, Hung, Controller)> =
-        loops.iter().enumerate().filter_map(|(k, l)| Some((l.name.to_owned(), weakest(k)?.2, l.controller))).collect();
-    if let Some((_, (.., hung), off)) = worst {
-        curves.insert(1, (format!("this firmware, constants {:.0} % off", OFF * 100.0), hung, off));
-    }
+    let (off_margin, (load, turns, weakest), controller) = with_constants_off(scene, &grid, &nominal, progress)?;
+    let name = format!("this firmware, constants {:.0} % off", OFF * 100.0);
+    loops.insert(1, Loop { name, controller, margins: None, weakest });
 
-    let mut rows =
-        vec![loops.iter().zip(&maps).enumerate().map(|(k, (l, m))| map_panel(l.name, &grid, m, k == 0)).collect()];
-    let along = |change: &(dyn Fn(&Controller, f64) -> Controller + Sync), times: &[f64]| -> Vec<Vec<(f64, f64)>> {
-        parallel(progress, curves.len(), |k| {
-            let (_, hung, c) = &curves[k];
-            times.iter().map(|t| (*t, hung.gain_margin(&change(c, *t)))).collect()
+    let along = |change: fn(&Controller, f64) -> Controller, time: fn(f64) -> f64| {
+        parallel(progress, loops.len(), |k| {
+            let Loop { weakest, controller, .. } = &loops[k];
+            let at = |t: f64| (t, weakest.gain_margin(&change(controller, t)));
+            (0..=40).map(|step| at(time(f64::from(step) / 40.0))).collect::<Vec<_>>()
         })
     };
-    let delays: Vec<f64> = (0..=40).map(|k| 0.4 * f64::from(k) / 40.0).collect();
-    let periods: Vec<f64> = (0..=40).map(|k| 0.002 * (LONGEST_S / 0.002).powf(f64::from(k) / 40.0)).collect();
-    let by_delay = along(&|c, delay_s| Controller { delay_s, ..*c }, &delays);
-    let by_period = along(&|c, period_s| Controller { period_s, ..*c }, &periods);
-    rows.push(vec![
-        line_panel("further delay", Axis::linear("delay, s", [0.0, 0.4]), &by_delay),
-        line_panel("sampling", Axis::log("control period, s", [0.002, LONGEST_S]), &by_period),
-        bandwidth_panel(&nominal, &loops),
-    ]);
-    let key = BANDS.iter().map(|(_, name, fill)| KeyRow::sample(Sample::Fill(*fill), *name)).collect();
-    let lines = curves.iter().enumerate().map(|(k, (name, ..))| KeyRow::sample(Sample::Line(pen(k)), name.clone()));
-    let findings = findings(&loops, &maps, worst, &curves);
+    let by_delay = along(|c, delay_s| Controller { delay_s, ..*c }, |part| 0.4 * part);
+    let by_period = along(|c, period_s| Controller { period_s, ..*c }, |part| 0.002 * (LONGEST_S / 0.002).powf(part));
+    let maps = loops.iter().filter_map(|l| {
+        let margins = l.margins.as_ref()?;
+        Some(grid.panel(&l.name, |k| margins[k].map_or(NO_EQUILIBRIUM, band)))
+    });
     let figure = Figure {
         heading: "By how much the position loop's gain may grow before it is unstable".into(),
-        rows,
+        rows: vec![
+            Panel::side_by_side(maps),
+            vec![
+                line_panel("further delay", Axis::linear("delay, s", [0.0, 0.4]), &by_delay),
+                line_panel("sampling", Axis::log("control period, s", [0.002, LONGEST_S]), &by_period),
+                bandwidth_panel(&nominal, &loops),
+            ],
+        ],
         panel_size: (420, 340),
-        blocks: vec![Block { rows: key }, Block { rows: lines.collect() }],
+        blocks: vec![
+            Block::new(BANDS.map(|(_, name, colour)| KeyRow::fill(colour, name))),
+            Block::new(loops.iter().enumerate().map(|(k, l)| KeyRow::line(pen(k), &l.name))),
+        ],
         notes: vec![
             "Linear analysis of the loop as it is run every 10 ms (drive's lags and rig's damping as in the emulator, assumed), \
              without friction. The curves show each loop at its weakest state; below the dashed line it is \
@@ -129,28 +129,52 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
                 .into(),
         ],
     };
-    Ok(Made {
-        name: "margin",
-        svg: Some(figure.svg()?),
-        csv: csv(&grid, &nominal, &loops, &maps, &curves, &by_delay, &by_period)?,
-        findings,
-        left_out: Vec::new(),
-    })
+    let mut findings: Vec<String> = loops.iter().filter_map(finding).collect();
+    findings.push(format!(
+        "constants {:.0} % off: at least {off_margin:.2}, at {load:.1} N and {turns:.1} turns",
+        OFF * 100.0
+    ));
+    findings.extend(loops.iter().map(|Loop { name, weakest, controller, .. }| {
+        let delay_ms = 1e3 * weakest.delay_margin(controller, LONGEST_S);
+        let resonance = weakest.resonance_rad_per_s();
+        format!("{name:<32} weakest state: {delay_ms:.0} ms more delay; the load swings at {resonance:.0} rad/s")
+    }));
+    Made::new("margin", &figure, csv(rows(&grid, &nominal, &loops, &by_delay, &by_period))?, findings)
 }
 
-/// Every combination of k2, k3, K and the modulus off by [`OFF`] either way.
-fn perturbed(scene: &Scene) -> Result<Vec<tsa_model::Mechanism>> {
-    (0..16u32)
-        .map(|bits| {
-            let factor = |bit: u32| if bits >> bit & 1 == 0 { 1.0 - OFF } else { 1.0 + OFF };
-            let mut other = scene.clone();
-            other.string.k2 *= factor(0);
-            other.string.k3 *= factor(1);
-            other.string.stiffness_n_per_m *= factor(2);
-            other.material.stress_coefficients_pa.iter_mut().for_each(|a| *a *= factor(3));
-            Ok(other.mechanism()?)
-        })
-        .collect()
+/// Where the firmware's loop, which stands on the table's ratio, is weakest on plants that are not the table's: every combination
+/// of k2, k3, K and the modulus off by [`OFF`] either way. Margin, state and loop.
+fn with_constants_off(
+    scene: &Scene,
+    grid: &Grid,
+    nominal: &[Option<State>],
+    progress: &Progress<'_>,
+) -> Result<(f64, State, Controller)> {
+    let mut worst: Option<(f64, State, Controller)> = None;
+    for bits in 0..16u32 {
+        let factor = |bit: u32| if bits >> bit & 1 == 0 { 1.0 - OFF } else { 1.0 + OFF };
+        let mut other = scene.clone();
+        other.string.k2 *= factor(0);
+        other.string.k3 *= factor(1);
+        other.string.stiffness_n_per_m *= factor(2);
+        other.material.stress_coefficients_pa.iter_mut().for_each(|a| *a *= factor(3));
+        let states = hung(&other.mechanism()?, grid, progress);
+        let found = parallel(progress, states.len(), |k| {
+            let (state, (.., table)) = (states[k]?, nominal[k]?);
+            let c = Controller {
+                tr_rad_per_m: Some(table.tr_rad_per_m),
+                stiffness_n_per_m: Some(table.stiffness_n_per_m),
+                ..Controller::damped()
+            };
+            Some((state.2.gain_margin(&c), state, c))
+        });
+        worst = worst.into_iter().chain(found.into_iter().flatten()).min_by(|a, b| a.0.total_cmp(&b.0));
+    }
+    worst.context("no state has an equilibrium")
+}
+
+fn band(margin: f64) -> RGBColor {
+    BANDS.iter().find(|(end, ..)| margin < *end).unwrap_or(&BANDS[BANDS.len() - 1]).2
 }
 
 fn pen(k: usize) -> Pen {
@@ -158,138 +182,72 @@ fn pen(k: usize) -> Pen {
     if k == 1 { Pen { dashed: true, ..pen } } else { pen }
 }
 
-fn map_panel(title: &str, grid: &Grid, margins: &[Option<f64>], first: bool) -> Panel {
-    let of = |k: usize| margins[k].map(band);
-    let fills = grid.strips(|a, b| of(a) == of(b)).into_iter().map(|s| {
-        let colour = of(s.cell).map_or(RGBColor(222, 222, 222), |b| BANDS[b].2);
-        Item::Fill { from: s.from, to: s.to, colour }
-    });
-    let ticks = [0.5, 1.0, 2.0, 5.0, 10.0].map(|load| (load, load.to_string()));
-    let y = Axis::log_named("load, N", grid.load_range_n, ticks.to_vec());
-    Panel {
-        title: title.into(),
-        x: Axis::linear("turns past the pre-twist", grid.turn_range).tight(grid.turn_range),
-        y: if first { y } else { y.unnamed() },
-        items: fills.collect(),
-    }
-}
-
 fn line_panel(title: &str, x: Axis, lines: &[Vec<(f64, f64)>]) -> Panel {
-    let range = [0.1, MOST];
-    let mut items: Vec<Item> = lines
-        .iter()
-        .enumerate()
-        .map(|(k, line)| {
-            let points = line.iter().map(|(t, m)| (*t, m.clamp(range[0], range[1]))).collect();
-            Item::Line { points, pen: pen(k) }
-        })
-        .collect();
-    let ends = lines.first().map_or((0.0, 1.0), |l| (l[0].0, l[l.len() - 1].0));
-    items.push(Item::Line { points: vec![(ends.0, 1.0), (ends.1, 1.0)], pen: Pen::dashed(INK).wide(1) });
-    Panel { title: title.into(), x, y: Axis::log("gain margin", range), items }
+    let line = |(k, line): (usize, &Vec<(f64, f64)>)| {
+        Item::line(line.iter().map(|(t, m)| (*t, m.clamp(DRAWN[0], DRAWN[1]))), pen(k))
+    };
+    let [least, most] = extent(lines[0].iter().map(|(t, _)| *t));
+    let unstable = Item::line([(least, 1.0), (most, 1.0)], Pen::dashed(INK).wide(1));
+    let items = lines.iter().enumerate().map(line).chain([unstable]);
+    Panel::new(title, x, Axis::log("gain margin", DRAWN), items)
 }
 
 /// How fast a loop is where: its slowest pole if it damps, else its gain times the ratio it stands on over the true one.
 fn bandwidth_panel(states: &[Option<State>], loops: &[Loop]) -> Panel {
-    let turns = states.iter().flatten().map(|s| s.1);
-    let [least, most] = rigctl::plot::extent(turns);
+    let states = || states.iter().flatten();
+    let [least, most] = extent(states().map(|s| s.1));
     let mut items = Vec::new();
-    // Colours as those of the curves beside, which have one line more.
-    for (l, k) in loops.iter().zip([0, 2, 3]) {
-        for (at, pen) in [(least, pen(k)), (most, pen(k).wide(4))] {
-            let of_twist = states.iter().flatten().filter(|s| s.1 == at);
-            let c = &l.controller;
-            let real = |h: &Hung| match c.damps {
-                true => -h.growth(c).ln() / c.period_s,
-                false => c.gain_per_s * c.tr_rad_per_m.map_or(1.0, |tr| tr / h.tr_rad_per_m),
-            };
-            items.push(Item::Line { points: of_twist.map(|(load, _, h)| (*load, real(h))).collect(), pen });
+    for (k, l) in loops.iter().enumerate().filter(|(_, l)| l.margins.is_some()) {
+        let c = &l.controller;
+        let real = |h: &Hung| match c.damps {
+            true => -h.growth(c).ln() / c.period_s,
+            false => c.gain_per_s * c.tr_rad_per_m.map_or(1.0, |tr| tr / h.tr_rad_per_m),
+        };
+        for (at, width) in [(least, pen(k).width), (most, 4)] {
+            let of_twist = states().filter(|s| s.1 == at).map(|(load, _, h)| (*load, real(h)));
+            items.push(Item::line(of_twist, pen(k).wide(width)));
         }
     }
-    Panel {
-        title: "bandwidth; thick: all turns, thin: none".into(),
-        x: Axis::log("load, N", rigctl::plot::extent(states.iter().flatten().map(|s| s.0))),
-        y: Axis::log("1/s", [0.5, 30.0]),
-        items,
-    }
+    let x = Axis::log("load, N", extent(states().map(|s| s.0)));
+    Panel::new("bandwidth; thick: all turns, thin: none", x, Axis::log("1/s", [0.5, 30.0]), items)
 }
 
-fn findings(
-    loops: &[Loop],
-    maps: &[Vec<Option<f64>>],
-    worst: Option<(f64, State, Controller)>,
-    curves: &[(String, Hung, Controller)],
-) -> Vec<String> {
-    let mut findings: Vec<String> = loops
-        .iter()
-        .zip(maps)
-        .map(|(l, map)| {
-            let [least, most] = rigctl::plot::extent(map.iter().flatten().copied());
-            let unstable = map.iter().flatten().filter(|m| **m < 1.0).count();
-            format!(
-                "{:<32} gain margin {least:.2} to {most:.1}; unstable at {unstable} of {} states",
-                l.name,
-                map.iter().flatten().count()
-            )
-        })
-        .collect();
-    if let Some((margin, (load, turns, _), _)) = worst {
-        findings.push(format!(
-            "constants {:.0} % off: at least {margin:.2}, at {load:.1} N and {turns:.1} turns",
-            OFF * 100.0
-        ));
-    }
-    for (name, hung, c) in curves {
-        let delay = hung.delay_margin(c, LONGEST_S);
-        let resonance = hung.resonance_rad_per_s();
-        findings.push(format!(
-            "{name:<32} weakest state: {:.0} ms more delay; the load swings at {resonance:.0} rad/s",
-            delay * 1e3
-        ));
-    }
-    findings
+fn finding(l: &Loop) -> Option<String> {
+    let margins: Vec<f64> = l.margins.as_ref()?.iter().flatten().copied().collect();
+    let [least, most] = extent(margins.iter().copied());
+    let (unstable, count) = (margins.iter().filter(|m| **m < 1.0).count(), margins.len());
+    Some(format!("{:<32} gain margin {least:.2} to {most:.1}; unstable at {unstable} of {count} states", l.name))
 }
 
-fn csv(
+fn rows(
     grid: &Grid,
     nominal: &[Option<State>],
     loops: &[Loop],
-    maps: &[Vec<Option<f64>>],
-    curves: &[(String, Hung, Controller)],
     by_delay: &[Vec<(f64, f64)>],
     by_period: &[Vec<(f64, f64)>],
-) -> Result<String> {
-    let number = |x: f64| format!("{x:.4e}");
-    let mut lines = Vec::new();
-    for (l, map) in loops.iter().zip(maps) {
-        for (((load, turns), state), margin) in grid.states().into_iter().zip(nominal).zip(map) {
-            let hung = state.as_ref().map(|(.., h)| h);
-            let of = |value: fn(&Hung) -> f64| hung.map_or(String::new(), |h| number(value(h)));
-            lines.push(vec![
-                l.name.to_owned(),
-                "map".into(),
-                number(load),
-                number(turns),
-                of(|h| h.tr_rad_per_m),
-                of(|h| h.stiffness_n_per_m),
-                String::new(),
-                String::new(),
-                margin.map_or(String::new(), number),
-            ]);
+) -> Vec<Row> {
+    let number = |x: f64| Some(format!("{x:.4e}"));
+    let (states, mut rows) = (grid.states(), Vec::new());
+    for Loop { name, margins, .. } in loops {
+        for (k, margin) in margins.iter().flatten().enumerate() {
+            let ((load, turns), hung) = (states[k], nominal[k].map(|(.., hung)| hung));
+            rows.push(Row {
+                name: name.clone(),
+                kind: "map",
+                load_n: number(load),
+                turns: number(turns),
+                tr_rad_per_m: hung.and_then(|h| number(h.tr_rad_per_m)),
+                stiffness_n_per_m: hung.and_then(|h| number(h.stiffness_n_per_m)),
+                gain_margin: margin.and_then(number),
+                ..Row::default()
+            });
         }
     }
-    for (curve, (name, ..)) in curves.iter().enumerate() {
-        for (kind, times) in [("delay", &by_delay[curve]), ("period", &by_period[curve])] {
-            for (t, margin) in times {
-                let mut line = vec![name.clone(), kind.into()];
-                line.resize(6, String::new());
-                line.extend(if kind == "delay" { [number(*t), String::new()] } else { [String::new(), number(*t)] });
-                line.push(number(*margin));
-                lines.push(line);
-            }
-        }
+    for (k, Loop { name, .. }) in loops.iter().enumerate() {
+        let row =
+            |kind, gain_margin| Row { name: name.clone(), kind, gain_margin: number(gain_margin), ..Row::default() };
+        rows.extend(by_delay[k].iter().map(|(t, margin)| Row { delay_s: number(*t), ..row("delay", *margin) }));
+        rows.extend(by_period[k].iter().map(|(t, margin)| Row { period_s: number(*t), ..row("period", *margin) }));
     }
-    let header =
-        ["loop", "kind", "load_n", "turns", "tr_rad_per_m", "stiffness_n_per_m", "delay_s", "period_s", "gain_margin"];
-    csv_text(&header, lines)
+    rows
 }

@@ -1,15 +1,17 @@
 //! Speed against accuracy, and where methods fail: what `tsa-lab chart` measures and draws.
 //!
-//! - [`stability`]: every method over load and twist of some [`rods`]; [`limits`]: what bounds their states; [`grid`]: the
-//!   states; `stability_figure`: all of it as a picture.
+//! Each figure is described ([`rigctl::plot`]) by a file of its name, beside its data as rows that serialise:
+//!
 //! - `mechanism`: the mechanism drawn to scale under a light and a heavy load.
-//! - [`work`]: what an equilibrium costs on the desktop; `work_figure` draws it.
+//! - [`work_precision`]: what an equilibrium costs on the desktop; [`work`] measures it.
+//! - `target`: what every way of knowing the mechanism costs on the board.
+//! - `table_size`: bytes of a table against its error.
 //! - `closed_loop`: what a cheaper model or a less accurate table does to the closed loop.
-//! - [`sizes`]: bytes of a table against its error.
-//! - [`target`]: what every way of knowing the mechanism costs on the board.
 //! - `rigs`: errors on rigs that are not their own model; `effects`: where the chain breaks as one effect is turned up.
-//! - [`margin`]: stability of the position loop in time; `margin_figure` draws it.
-//! - [`tiers`]: the cheapest model over load and twist, and which model and table each of five scenes needs.
+//! - `tiers`: the cheapest model over load and twist, and which model and table each of five scenes needs.
+//! - `margin_figure`: stability of the position loop in time, computed by [`margin`].
+//! - `stability_figure`: every method over load and twist of some [`rods`], judged by [`stability`]; [`limits`]: what bounds
+//!   their states; [`grid`]: the states.
 
 mod closed_loop;
 mod damped;
@@ -21,79 +23,76 @@ mod margin_figure;
 mod mechanism;
 mod rigs;
 pub mod rods;
-pub mod sizes;
 pub mod stability;
 mod stability_figure;
-pub mod target;
-pub mod tiers;
+mod table_size;
+mod target;
+mod tiers;
 pub mod work;
-mod work_figure;
+mod work_precision;
 
 use anyhow::{Context, Result, bail};
+use clap::builder::PossibleValuesParser;
 use rig_config::Scene;
+use rigctl::failure::Failure;
+use rigctl::options::Global;
+use rigctl::out_file::{folder, write_file};
+use rigctl::output::{Output, progress};
 use rigctl::parallel::Progress;
-use std::ffi::OsString;
-use std::path::Path;
+use rigctl::plot::Figure;
+use serde::de::DeserializeOwned;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
 
-/// The figures, in the order in which they are made.
-pub const NAMES: [&str; 11] = [
-    "mechanism",
-    "work-precision",
-    "target",
-    "table-size",
-    "closed-loop",
-    "rigs",
-    "effects",
-    "tiers",
-    "scenes",
-    "margin",
-    "stability",
+/// The figures, in the order in which they are made, and what each shows.
+pub const FIGURES: [(&str, &str); 11] = [
+    ("mechanism", "The mechanism under a light and a heavy load"),
+    ("work-precision", "Work against precision of every method"),
+    ("target", "What each way of knowing the mechanism costs on the board"),
+    ("table-size", "Bytes against error of every form of table"),
+    ("closed-loop", "A cheaper model or a coarser table in the closed loop"),
+    ("rigs", "Rigs that are not their own model"),
+    ("effects", "Where the chain breaks as one effect is turned up"),
+    ("tiers", "The cheapest sufficient model over load and twist"),
+    ("scenes", "The model and the table that each scene needs"),
+    ("margin", "Stability in time: gain, delay and sampling"),
+    ("stability", "Which equilibrium each method finds, over load and twist of four rods"),
 ];
 
 /// The figures that draw what another command has measured; they cannot be made before it has been run.
-pub const MEASURED_ELSEWHERE: [&str; 4] = ["target", "closed-loop", "rigs", "effects"];
+const MEASURED_ELSEWHERE: [&str; 4] = ["target", "closed-loop", "rigs", "effects"];
+
+/// `tsa-lab chart`.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// Folder for the figures (SVG) and their data (CSV)
+    #[arg(long, value_name = "DIR", default_value = "out")]
+    out: PathBuf,
+    /// Only these figures
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = PossibleValuesParser::new(FIGURES.map(|f| f.0)))]
+    only: Vec<String>,
+}
 
 /// What figures are made from.
-pub struct Inputs<'a> {
+struct Inputs<'a> {
     /// The operator's scene.
-    pub scene: &'a Scene,
+    scene: &'a Scene,
     /// Its file; other scenes are looked for beside it.
-    pub scene_file: &'a Path,
+    scene_file: &'a Path,
     /// The folder in which the measurements of other commands are looked for, before `out`.
-    pub folder: &'a Path,
-    /// Program and arguments that call [`work::kernel`] for a scene; the scene's file follows as the last argument.
-    pub kernel: &'a [OsString],
+    folder: &'a Path,
     /// Called as the work proceeds.
-    pub progress: &'a Progress<'a>,
+    progress: &'a Progress<'a>,
 }
 
 impl Inputs<'_> {
-    /// Text of a file that another command leaves in the folder or in `out`.
-    fn measured(&self, file: &str, command: &str) -> Result<String> {
+    /// A file that another command leaves in the folder or in `out`: its text, and its lines.
+    fn measured<T: DeserializeOwned>(&self, file: &str, command: &str) -> Result<(String, Vec<T>)> {
         let found = [self.folder, Path::new("out")].map(|f| f.join(file)).into_iter().find(|f| f.exists());
         let found = found.with_context(|| format!("no {file} in the folder or in out; `{command}` makes it"))?;
-        std::fs::read_to_string(&found).with_context(|| format!("cannot read {}", found.display()))
-    }
-}
-
-/// Makes one of [`NAMES`].
-///
-/// # Errors
-/// If something cannot be solved or drawn.
-pub fn make(name: &str, inputs: &Inputs<'_>) -> Result<Made> {
-    match name {
-        "mechanism" => mechanism::make(inputs.scene),
-        "work-precision" => work_figure::make(inputs),
-        "target" => target::make(inputs),
-        "closed-loop" => closed_loop::make(inputs),
-        "rigs" => rigs::make(inputs),
-        "effects" => effects::make(inputs),
-        "tiers" => tiers::maps(inputs),
-        "scenes" => tiers::scenes(inputs),
-        "table-size" => sizes::make(inputs),
-        "margin" => margin_figure::make(inputs),
-        "stability" => stability_figure::make(16, 20, inputs.progress),
-        _ => bail!("chart: no figure is called {name}"),
+        let text = std::fs::read_to_string(&found).with_context(|| format!("cannot read {}", found.display()))?;
+        let rows = csv::Reader::from_reader(text.as_bytes()).deserialize().collect::<Result<_, _>>();
+        Ok((text.clone(), rows.with_context(|| file.to_owned())?))
     }
 }
 
@@ -109,4 +108,100 @@ pub struct Made {
     pub findings: Vec<String>,
     /// What is missing in it, and why.
     pub left_out: Vec<String>,
+}
+
+impl Made {
+    fn new(name: &'static str, figure: &Figure, csv: String, findings: Vec<String>) -> Result<Self> {
+        Ok(Self { name, svg: Some(figure.svg()?), csv, findings, left_out: Vec::new() })
+    }
+}
+
+/// Makes one of [`FIGURES`], with a progress line on standard error; what is missing in it is printed there, too. Measurements of
+/// other commands are looked for in the folder.
+///
+/// # Errors
+/// If something cannot be solved or drawn.
+pub fn make(name: &'static str, scene: &Scene, scene_file: &Path, folder: &Path) -> Result<Made> {
+    let bar = progress(0, name);
+    let advance = |done: usize, count: usize| {
+        bar.set_length(count as u64);
+        bar.set_position(done as u64);
+    };
+    let inputs = Inputs { scene, scene_file, folder, progress: &advance };
+    let made = match name {
+        "mechanism" => mechanism::make(scene),
+        "work-precision" => work_precision::make(&inputs),
+        "target" => target::make(&inputs),
+        "closed-loop" => closed_loop::make(&inputs),
+        "rigs" => rigs::make(&inputs),
+        "effects" => effects::make(&inputs),
+        "tiers" => tiers::maps(&inputs),
+        "scenes" => tiers::scenes(&inputs),
+        "table-size" => table_size::make(&inputs),
+        "margin" => margin_figure::make(&inputs),
+        "stability" => stability_figure::make(16, 20, &advance),
+        _ => bail!("chart: no figure is called {name}"),
+    }?;
+    bar.finish_and_clear();
+    made.left_out.iter().for_each(|what| eprintln!("left out: {what}"));
+    Ok(made)
+}
+
+impl Arguments {
+    /// Runs the command.
+    ///
+    /// # Errors
+    /// If something cannot be solved, drawn or written.
+    pub fn run(&self, global: &Global, output: &mut Output) -> Result<(), Failure> {
+        let scene = global.scene()?;
+        folder(&self.out)?;
+        for (name, _) in FIGURES {
+            if !self.only.is_empty() && self.only.iter().all(|wanted| wanted != name) {
+                continue;
+            }
+            let begin = Instant::now();
+            match make(name, &scene, &global.scene, &self.out).map_err(Failure::from) {
+                Ok(made) => report(&made, begin.elapsed().as_secs_f64(), &self.out, output)?,
+                // What only another program measures may not be there; the rest is of use without it.
+                Err(e) if self.only.is_empty() && MEASURED_ELSEWHERE.contains(&name) => {
+                    eprintln!("left out: {name}: {}", e.message().unwrap_or_default());
+                }
+                Err(e) => return Err(e),
+            }
+            output.flush()?;
+        }
+        Ok(())
+    }
+}
+
+fn report(made: &Made, seconds: f64, out: &Path, output: &mut Output) -> Result<(), Failure> {
+    let Made { name, svg, csv, findings, .. } = made;
+    let written = |kind: &str, content: &String| {
+        let file = format!("{name}.{kind}");
+        write_file(out, &file, content).map(|()| out.join(file).display().to_string())
+    };
+    let svg = svg.as_ref().map(|svg| written("svg", svg)).transpose()?;
+    let csv = written("csv", csv)?;
+    let files = svg.iter().chain([&csv]).map(String::as_str).collect::<Vec<_>>().join(", ");
+    let object = serde_json::json!({ "figure": name, "svg": svg, "csv": csv, "seconds": seconds, "said": findings });
+    output.object(&object)?;
+    output.line(format!("{name}: {files} ({seconds:.1} s)"))?;
+    findings.iter().try_for_each(|line| output.line(format!("  {line}")))?;
+    Ok(())
+}
+
+/// Each value once, in the order of its first appearance.
+fn distinct<T: PartialEq>(values: impl IntoIterator<Item = T>) -> Vec<T> {
+    let mut found = Vec::new();
+    for value in values {
+        if !found.contains(&value) {
+            found.push(value);
+        }
+    }
+    found
+}
+
+/// The name of a scene's file.
+fn stem(file: &Path) -> String {
+    file.file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }

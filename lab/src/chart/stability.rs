@@ -95,22 +95,19 @@ pub struct Named {
 /// change which branch it finds.
 pub fn methods() -> Vec<Named> {
     let paper = |relaxation| Method::Paper { steps: 16, relaxation, tolerance: 1e-6 };
-    Method::ALL
-        .iter()
-        .flat_map(|&method| match method {
-            Method::Paper { .. } => vec![
-                Named { name: "paper, factor 1", method: paper(1.0) },
-                Named { name: "paper, factor 0.5", method: paper(0.5) },
-            ],
-            Method::AdaptiveShooting { .. } => {
-                vec![Named { name: method.name(), method: Method::AdaptiveShooting { tolerance: 1e-6 } }]
-            }
-            Method::Collocation { .. } => {
-                vec![Named { name: method.name(), method: Method::Collocation { intervals: 32, tolerance: 1e-8 } }]
-            }
-            Method::FirstIntegral { .. } | Method::Continuation { .. } => vec![Named { name: method.name(), method }],
-        })
-        .collect()
+    let with_effort = |method: Method| match method {
+        Method::AdaptiveShooting { .. } => Method::AdaptiveShooting { tolerance: 1e-6 },
+        Method::Collocation { .. } => Method::Collocation { intervals: 32, tolerance: 1e-8 },
+        method => method,
+    };
+    let named = |method: &Method| match method {
+        Method::Paper { .. } => vec![
+            Named { name: "paper, factor 1", method: paper(1.0) },
+            Named { name: "paper, factor 0.5", method: paper(0.5) },
+        ],
+        method => vec![Named { name: method.name(), method: with_effort(*method) }],
+    };
+    Method::ALL.iter().flat_map(named).collect()
 }
 
 /// The equilibrium on the branch from the unloaded rig, or the limit that ends the branch.
@@ -130,13 +127,6 @@ pub struct MethodMap {
     pub outcomes: Vec<Outcome>,
     /// Evaluations of each answer; 0 where there is none.
     pub evaluations: Vec<u32>,
-}
-
-impl MethodMap {
-    /// The number of states with this outcome.
-    pub fn count(&self, name: &str) -> usize {
-        self.outcomes.iter().filter(|o| o.name() == name).count()
-    }
 }
 
 /// One rod, every method.

@@ -1,10 +1,8 @@
 //! Work against precision on the desktop: the cost of an equilibrium by every method and tier, and its error.
 
 use anyhow::{Context, Result, bail};
-use rig_config::Scene;
 use rigctl::parallel::Progress;
 use rival_methods::Method;
-use std::ffi::OsString;
 use std::hint::black_box;
 use std::path::Path;
 use std::process::Command;
@@ -68,11 +66,15 @@ pub fn ways() -> Vec<Way> {
     all.into_iter().map(Way::Method).chain(tiers).collect()
 }
 
-/// Loads (N) and twists (rad): the corners, the edges and the inside of the published range.
-pub fn states() -> Vec<(f64, f64)> {
-    let part = |k: u32| f64::from(k) / 3.0;
-    (0..4).flat_map(|i| (0..4).map(move |j| (1.0 + 16.0 * part(i), twist_from_turns(7.5 * part(j))))).collect()
+/// Loads (N) and twists (rad), evenly spaced over the range of the paper's load sweep (section 4.2) with its ends.
+pub fn states(loads: u32, twists: u32) -> Vec<(f64, f64)> {
+    let part = |k: u32, count: u32| f64::from(k) / f64::from(count - 1);
+    let at = |i, j| (1.0 + 16.0 * part(i, loads), twist_from_turns(7.5 * part(j, twists)));
+    (0..loads).flat_map(|i| (0..twists).map(move |j| at(i, j))).collect()
 }
+
+/// Loads and twists at which the ways are compared.
+const COMPARED: (u32, u32) = (4, 4);
 
 /// A point of a line.
 #[derive(Debug, Clone)]
@@ -98,20 +100,20 @@ pub struct Measured {
     pub points: Vec<Point>,
     /// Largest difference of the reference from itself on a third fewer nodes (m).
     pub reference_m: f64,
-    /// How many of [`states`] have an equilibrium; the others are left out.
+    /// How many states have an equilibrium; the others are left out.
     pub states: usize,
 }
 
 /// How long a way is repeated in a round.
 const LAP: Duration = Duration::from_millis(20);
 
-/// Measures every way over [`states`]: once, and in so many further rounds in which all ways take turns, so that a
+/// Measures every way over states of the published range: once, and in so many further rounds in which all ways take turns, so that a
 /// disturbance of some seconds affects one round only.
 ///
 /// # Errors
 /// If the reference has no answer.
 pub fn measure(mechanism: &Mechanism, rounds: usize, progress: &Progress<'_>) -> Result<Measured> {
-    let mut states = states();
+    let mut states = states(COMPARED.0, COMPARED.1);
     states.retain(|(load, twist)| mechanism.solve(*load, *twist).is_ok());
     let reference = |nodes: usize| {
         let way = Way::Method(Method::FirstIntegral { points: Some(nodes) });
@@ -165,7 +167,7 @@ fn lap(way: Way, mechanism: &Mechanism, states: &[(f64, f64)]) -> f64 {
 
 /// The diagonal of the states: what is counted one by one.
 fn counted_states() -> Vec<(f64, f64)> {
-    states().into_iter().step_by(5).collect()
+    states(COMPARED.0, COMPARED.1).into_iter().step_by(5).collect()
 }
 
 /// Callgrind's name of [`counted_pass`]; with a pattern instead it would not write a file after each.
@@ -179,26 +181,20 @@ fn counted_pass(way: Way, mechanism: &Mechanism, states: &[(f64, f64)]) {
     }
 }
 
-/// The program that [`count`] runs: every countable way once.
-///
-/// # Errors
-/// If the scene allows no mechanism.
-pub fn kernel(scene: &Scene) -> Result<()> {
-    let (mechanism, states) = (scene.mechanism()?, counted_states());
-    for way in ways().into_iter().filter(Way::is_countable) {
-        counted_pass(way, &mechanism, &states);
-    }
-    Ok(())
+/// What [`count`] runs under callgrind: every countable way once.
+pub fn kernel(mechanism: &Mechanism) {
+    let states = counted_states();
+    ways().into_iter().filter(Way::is_countable).for_each(|way| counted_pass(way, mechanism, &states));
 }
 
-/// Fills in the instructions: `program` with its arguments and the scene's file runs [`kernel`] under callgrind.
+/// Fills in the instructions: this program again, as `bench kernel`, under callgrind. What is counted must be built as what is timed.
 ///
 /// # Errors
 /// If there is no callgrind, or its output cannot be read.
-pub fn count(points: &mut [Point], scene_file: &Path, program: &[OsString]) -> Result<()> {
+pub fn count(points: &mut [Point], scene_file: &Path) -> Result<()> {
     let folder = std::env::temp_dir().join(format!("rigctl-chart-{}", std::process::id()));
     std::fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
-    let counted = counts(scene_file, program, &folder);
+    let counted = counts(scene_file, &folder);
     let _ = std::fs::remove_dir_all(&folder);
     let counted = counted?;
     let countable: Vec<&mut Point> = points.iter_mut().filter(|p| p.way.is_countable()).collect();
@@ -210,12 +206,13 @@ pub fn count(points: &mut [Point], scene_file: &Path, program: &[OsString]) -> R
     Ok(())
 }
 
-fn counts(scene_file: &Path, program: &[OsString], folder: &Path) -> Result<Vec<f64>> {
+fn counts(scene_file: &Path, folder: &Path) -> Result<Vec<f64>> {
     let output = Command::new("valgrind")
         .arg("--tool=callgrind")
-        .args(["--toggle-collect", "--dump-after"].map(|option| format!("{option}={}", COUNTED)))
+        .args(["--toggle-collect", "--dump-after"].map(|option| format!("{option}={COUNTED}")))
         .arg(format!("--callgrind-out-file={}", folder.join("counted").display()))
-        .args(program)
+        .arg(std::env::current_exe()?)
+        .args(["bench", "kernel"])
         .arg(scene_file)
         .output()
         .context("valgrind")?;

@@ -1,6 +1,6 @@
 //! What the page's script computes with: the solver's constants, the table's errors, the recorded move.
 
-use rig_config::{Envelope, Scene};
+use rig_config::{Accuracy, Envelope, Scene};
 use rigctl::log::Log;
 use rigctl::session::row::Row;
 use serde::Serialize;
@@ -19,15 +19,9 @@ pub struct Data {
     /// In the order of `Page::set_constants` in `web/src/page.rs`; null where a scene has none.
     constants: Vec<f64>,
     envelope: Option<Envelope>,
-    accuracy: Option<Wanted>,
+    accuracy: Option<Accuracy>,
     table: Option<TableErrors>,
     moved: Option<Move>,
-}
-
-#[derive(Debug, Serialize)]
-struct Wanted {
-    contraction_m: f64,
-    tr_relative: f64,
 }
 
 /// Errors of the table against the full model, a row for each load.
@@ -51,23 +45,16 @@ pub struct Move {
     setpoint_m: Vec<Option<f64>>,
 }
 
-/// One time of a recorded move.
-struct Moment {
-    t_s: f64,
-    twist_rad: Option<f64>,
-    load_n: Option<f64>,
-    position_m: Option<f64>,
-    setpoint_m: Option<f64>,
-}
+/// One time (s) of a recorded move: twist (rad), load (N), position and set-point (m).
+type Moment = (f64, [Option<f64>; 4]);
 
 impl Data {
     /// Of a scene, its mechanism and its table, if it has one.
     pub fn new(scene: &Scene, mechanism: &Mechanism, table: Option<&Table<'_>>, moved: Option<Move>) -> Self {
-        let accuracy = scene.accuracy;
         Self {
             constants: constants(scene),
             envelope: scene.envelope,
-            accuracy: accuracy.map(|a| Wanted { contraction_m: a.contraction_m, tr_relative: a.tr_relative }),
+            accuracy: scene.accuracy,
             table: scene.envelope.zip(table).map(|(envelope, table)| TableErrors::new(mechanism, table, envelope)),
             moved,
         }
@@ -123,28 +110,17 @@ fn error_at(mechanism: &Mechanism, table: &Table<'_>, start_gap_m: f64, load_n: 
 impl Move {
     /// Of telemetry; the truth of an emulated rig takes the place of what the board estimates.
     pub fn of_rows(what: String, rows: &[Row]) -> Self {
-        let moment = |r: &Row| Moment {
-            t_s: r.t_s,
-            twist_rad: r.true_twist_rad.or(r.twist_rad.map(f64::from)),
-            load_n: r.true_load_n.or(r.load_n.map(f64::from)),
-            position_m: r.position_m.map(f64::from),
-            setpoint_m: r.setpoint_m.map(f64::from),
+        let moment = |r: &Row| {
+            let [twist_rad, load_n] = [r.twist_rad, r.load_n].map(|v| v.map(f64::from));
+            let [position_m, setpoint_m] = [r.position_m, r.setpoint_m].map(|v| v.map(f64::from));
+            (r.t_s, [r.true_twist_rad.or(twist_rad), r.true_load_n.or(load_n), position_m, setpoint_m])
         };
         Self::new(what, rows.iter().map(moment))
     }
 
     /// Of a recorded log.
     pub fn of_log(what: String, log: &Log) -> Self {
-        Self::new(
-            what,
-            log.rows.iter().map(|r| Moment {
-                t_s: r.t_s,
-                twist_rad: r.twist_rad,
-                load_n: r.load_n,
-                position_m: r.position_m,
-                setpoint_m: r.setpoint_m,
-            }),
-        )
+        Self::new(what, log.rows.iter().map(|r| (r.t_s, [r.twist_rad, r.load_n, r.position_m, r.setpoint_m])))
     }
 
     /// Every so many moments, and the last.
@@ -153,17 +129,17 @@ impl Move {
         let every = count.div_ceil(MOST_ROWS).max(1);
         let mut columns = Self { what, ..Self::default() };
         let rounded = |value: Option<f64>, unit: f64| value.map(|v| (v / unit).round() * unit);
-        let mut start_s = None;
-        for (k, moment) in moments.enumerate() {
-            let start_s = *start_s.get_or_insert(moment.t_s);
+        let mut first_s = None;
+        for (k, (t_s, [twist_rad, load_n, position_m, setpoint_m])) in moments.enumerate() {
+            let start_s = *first_s.get_or_insert(t_s);
             if k % every != 0 && k + 1 != count {
                 continue;
             }
-            columns.t_s.push(((moment.t_s - start_s) * 1e3).round() * 1e-3);
-            columns.turns.push(rounded(moment.twist_rad.map(|t| (t - PRETWIST_RAD) / TAU), 1e-5));
-            columns.load_n.push(rounded(moment.load_n, 1e-4));
-            columns.position_m.push(rounded(moment.position_m, 1e-7));
-            columns.setpoint_m.push(rounded(moment.setpoint_m, 1e-7));
+            columns.t_s.push(((t_s - start_s) * 1e3).round() * 1e-3);
+            columns.turns.push(rounded(twist_rad.map(|t| (t - PRETWIST_RAD) / TAU), 1e-5));
+            columns.load_n.push(rounded(load_n, 1e-4));
+            columns.position_m.push(rounded(position_m, 1e-7));
+            columns.setpoint_m.push(rounded(setpoint_m, 1e-7));
         }
         columns
     }
@@ -175,15 +151,8 @@ mod tests {
 
     #[test]
     fn a_long_record_is_thinned_and_keeps_its_ends() {
-        let moments: Vec<Moment> = (0..2501)
-            .map(|k| Moment {
-                t_s: 7.0 + 0.01 * f64::from(k),
-                twist_rad: Some(twist_from_turns(0.001 * f64::from(k))),
-                load_n: None,
-                position_m: Some(1e-6 * f64::from(k)),
-                setpoint_m: None,
-            })
-            .collect();
+        let at = |k: u16| [Some(twist_from_turns(0.001 * f64::from(k))), None, Some(1e-6 * f64::from(k)), None];
+        let moments: Vec<Moment> = (0..2501).map(|k| (7.0 + 0.01 * f64::from(k), at(k))).collect();
         let columns = Move::new(String::new(), moments.into_iter());
         assert!(columns.t_s.len() <= MOST_ROWS + 1, "{}", columns.t_s.len());
         assert_eq!((columns.t_s[0], columns.t_s.last().copied()), (0.0, Some(25.0)));

@@ -2,11 +2,13 @@
 //!
 //! - [`data`]: what the page's script computes with.
 //! - [`fragments`]: the parts that need no script, as HTML.
+//! - [`report`]: the command.
 //!
 //! Layout, style and script are the files in `web/page`; the solver is compiled by this crate's build script.
 
 pub mod data;
 pub mod fragments;
+pub mod report;
 
 use crate::table_report::TableReport;
 use base64::Engine;
@@ -42,7 +44,7 @@ pub struct Page<'a> {
     /// What the script computes with.
     pub data: &'a Data,
     /// The table's certificate, or why there is no table.
-    pub table: Result<&'a TableReport, String>,
+    pub table: Result<TableReport<'a>, String>,
     /// The charts.
     pub figures: &'a [Figure],
     /// The recorded move.
@@ -65,7 +67,7 @@ pub fn solver() -> Result<String, Failure> {
 /// As [`solver`].
 pub fn html(page: &Page<'_>) -> Result<String, Failure> {
     let certificate = match &page.table {
-        Ok(table) => fragments::certificate(table)?,
+        Ok(table) => fragments::certificate(table),
         Err(why) => format!("<p>There is no table: {}</p>", escaped(why)),
     };
     // `<` starts a tag in a script of data, too.

@@ -1,18 +1,26 @@
 //! The paper's numbers beside the same numbers computed: rows for machines, tables for people, CSV.
 
-use super::geometry;
-use super::numbers::{Computed, Group, Kind, Quantity, Ratio, Row, Unit, changed_mechanism};
+use super::numbers::{self, Computed, Group, Kind, Quantity, Ratio, RatioQuantity, Row, Unit, changed_mechanism};
+use super::{contradictions, geometry};
+use crate::csv;
 use anyhow::Result;
 use rig_config::Scene;
-use rigctl::csv_text::{csv_text, optional};
 use rigctl::failure::ErrorBody;
 use serde::Serialize;
 
+/// Every printed number and quoted ratio, computed for some scenes.
+pub(super) struct Comparison {
+    pub rows: Vec<Row>,
+    pub ratios: Vec<Ratio>,
+    pub sets: Vec<Set>,
+    /// Whether some sweeps have the geometry that is inferred for them.
+    pub inferred: bool,
+}
+
 /// One scene and what is computed for it.
-pub struct Set {
+pub(super) struct Set {
     /// Name for people.
     pub name: String,
-    /// The scene.
     pub scene: Scene,
     /// A number or a limit for each row.
     pub numbers: Vec<Result<Computed, ErrorBody>>,
@@ -22,7 +30,7 @@ pub struct Set {
 
 /// One row as machines read it.
 #[derive(Debug, Serialize)]
-pub struct Compared<'a> {
+pub(super) struct Compared<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     scene: Option<&'a str>,
     id: &'a str,
@@ -40,44 +48,39 @@ pub struct Compared<'a> {
     inferred_geometry: Option<&'static str>,
 }
 
-impl Set {
-    /// Computes every row and ratio for a scene.
-    ///
-    /// # Errors
-    /// If the scene describes no mechanism.
-    pub fn new(name: String, scene: Scene, rows: &[Row], ratios: &[Ratio], inferred: bool) -> Result<Self> {
-        scene.mechanism()?;
-        let ratio = |r: &Ratio| {
-            let mechanism = changed_mechanism(&scene, if inferred { geometry::inferred(&r.place) } else { "" })?;
-            r.compute(&mechanism).map_err(|e| rigctl::published::body(&e))
-        };
-        Ok(Self {
-            name,
-            numbers: rows.iter().map(|row| row.compute(&scene)).collect(),
-            ratios: ratios.iter().map(ratio).collect(),
-            scene,
-        })
-    }
+/// A line of `published.csv`.
+#[derive(Serialize)]
+struct NumberLine<'a> {
+    scene: &'a str,
+    id: &'a str,
+    quantity: Quantity,
+    kind: Kind,
+    load_n: f64,
+    changes: &'a str,
+    published: f64,
+    computed: Option<f64>,
+    error: Option<f64>,
+    limit: Option<&'a str>,
+    unit: Unit,
+    warnings: String,
+    r#where: &'a str,
 }
 
-impl<'a> Compared<'a> {
-    /// Row `k` of a set, named by its scene if there are `several` sets.
-    pub(super) fn new(set: &'a Set, several: bool, k: usize, row: &'a Row, inferred: bool) -> Self {
-        let computed = &set.numbers[k];
-        Self {
-            scene: several.then_some(set.name.as_str()),
-            id: &row.id,
-            quantity: row.quantity,
-            kind: row.kind,
-            published: row.value,
-            computed: computed.as_ref().ok().map(|c| c.value),
-            error: relative_error(row.value, computed),
-            unit: row.unit,
-            warnings: computed.as_ref().map_or(&[][..], |c| &c.warnings),
-            limit: computed.as_ref().err(),
-            inferred_geometry: inferred.then(|| geometry::inferred(&row.place)),
-        }
-    }
+/// A line of `ratios.csv`.
+#[derive(Serialize)]
+struct RatioLine<'a> {
+    scene: &'a str,
+    id: &'a str,
+    quantity: RatioQuantity,
+    kind: Kind,
+    load_n: f64,
+    to_load_n: f64,
+    turns: f64,
+    published: f64,
+    computed: Option<f64>,
+    error: Option<f64>,
+    limit: Option<&'a str>,
+    r#where: &'a str,
 }
 
 /// Computed over published, less one; none where nothing was computed.
@@ -106,194 +109,175 @@ fn name(value: &impl Serialize) -> Result<String> {
     Ok(serde_json::to_value(value)?.as_str().unwrap_or_default().to_owned())
 }
 
-fn number(value: f64, unit: Unit) -> String {
-    match unit {
-        Unit::Millimetre => format!("{value:.3}"),
-        Unit::RadianPerMillimetre => format!("{value:.4}"),
-    }
-}
-
-pub(super) fn table(rows: &[Row], sets: &[Set]) -> Result<Vec<String>> {
-    let mut lines = Vec::new();
-    let mut heading = format!("{:<20} {:<25} {:<10} {:>9} {:<6}", "id", "quantity", "kind", "published", "unit");
-    for (k, set) in (1..).zip(sets) {
-        let title = if sets.len() > 1 { format!("set {k}") } else { "computed".into() };
-        heading += &format!("  {title:>9}  {:>8}  ", "error");
-        if sets.len() > 1 {
-            lines.push(format!("set {k}: {}", set.name));
+impl Comparison {
+    /// Computes all of them for scenes with their names, on request with the [`geometry`] that is `inferred` for some.
+    ///
+    /// # Errors
+    /// If a scene describes no mechanism.
+    pub fn new(scenes: Vec<(String, Scene)>, inferred: bool) -> Result<Self> {
+        let (mut rows, ratios) = (numbers::rows()?, numbers::ratios()?);
+        if inferred {
+            rows.iter_mut().for_each(|row| row.changes = geometry::with(geometry::inferred(&row.place), &row.changes));
         }
+        let set = |(name, scene): (String, Scene)| {
+            scene.mechanism()?;
+            let ratio = |r: &Ratio| {
+                let mechanism = changed_mechanism(&scene, if inferred { geometry::inferred(&r.place) } else { "" })?;
+                r.compute(&mechanism).map_err(|e| numbers::body(&e))
+            };
+            let numbers = rows.iter().map(|row| row.compute(&scene)).collect();
+            Ok(Set { name, numbers, ratios: ratios.iter().map(ratio).collect(), scene })
+        };
+        let sets = scenes.into_iter().map(set).collect::<Result<_>>()?;
+        Ok(Self { rows, ratios, sets, inferred })
     }
-    lines.push(heading.trim_end().to_owned());
-    for (k, row) in rows.iter().enumerate() {
-        let (quantity, kind, unit) = (name(&row.quantity)?, name(&row.kind)?, row.unit.name());
-        let mut line = format!("{:<20} {quantity:<25} {kind:<10} {:>9.2} {unit:<6}", row.id, row.value);
-        for set in sets {
-            let outcome = &set.numbers[k];
-            let value = outcome.as_ref().map_or("refused".into(), |c| number(c.value, row.unit));
-            let mark = if remark(outcome).is_some() { '!' } else { ' ' };
-            line += &format!("  {value:>9}  {:>8} {mark}", per_cent(relative_error(row.value, outcome)));
-        }
-        lines.push(line.trim_end().to_owned());
-    }
-    Ok(lines)
-}
 
-/// The lines behind the marks of the table.
-pub(super) fn remarks(rows: &[Row], sets: &[Set]) -> Vec<String> {
-    let mut lines = Vec::new();
-    for (k, set) in (1..).zip(sets) {
-        for (row, outcome) in rows.iter().zip(&set.numbers) {
-            let place = if sets.len() > 1 { format!("set {k}, ") } else { String::new() };
-            match outcome {
-                Err(limit) => lines.push(format!("! {place}{}: refused, {}: {}", row.id, limit.kind, limit.message)),
-                Ok(c) if c.warnings.is_empty() => (),
-                Ok(c) => lines.push(format!("! {place}{}: {}", row.id, c.warnings.join(", "))),
+    /// Every row of every set, with its number or limit.
+    fn numbers(&self) -> impl Iterator<Item = (&Set, &Row, &Result<Computed, ErrorBody>)> {
+        self.sets.iter().flat_map(|set| self.rows.iter().zip(&set.numbers).map(move |(row, number)| (set, row, number)))
+    }
+
+    /// A row for each printed number and scene.
+    pub fn compared(&self) -> impl Iterator<Item = Compared<'_>> {
+        self.numbers().map(|(set, row, computed)| Compared {
+            scene: (self.sets.len() > 1).then_some(set.name.as_str()),
+            id: &row.id,
+            quantity: row.quantity,
+            kind: row.kind,
+            published: row.value,
+            computed: computed.as_ref().ok().map(|c| c.value),
+            error: relative_error(row.value, computed),
+            unit: row.unit,
+            warnings: computed.as_ref().map_or(&[][..], |c| &c.warnings),
+            limit: computed.as_ref().err(),
+            inferred_geometry: self.inferred.then(|| geometry::inferred(&row.place)),
+        })
+    }
+
+    /// Both as CSV: file names and contents.
+    ///
+    /// # Errors
+    /// Never for the rows that exist.
+    pub fn data(&self) -> Result<Vec<(String, String)>> {
+        let numbers = self.numbers().map(|(set, row, computed)| NumberLine {
+            scene: &set.name,
+            id: &row.id,
+            quantity: row.quantity,
+            kind: row.kind,
+            load_n: row.load_n,
+            changes: &row.changes,
+            published: row.value,
+            computed: computed.as_ref().ok().map(|c| c.value),
+            error: relative_error(row.value, computed),
+            limit: computed.as_ref().err().map(|limit| limit.kind.as_str()),
+            unit: row.unit,
+            warnings: computed.as_ref().map_or(String::new(), |c| c.warnings.join(" ")),
+            r#where: &row.place,
+        });
+        let mut ratios = Vec::new();
+        for set in &self.sets {
+            ratios.extend(self.ratios.iter().zip(&set.ratios).map(|(ratio, computed)| RatioLine {
+                scene: &set.name,
+                id: &ratio.id,
+                quantity: ratio.quantity,
+                kind: ratio.kind,
+                load_n: ratio.load_n,
+                to_load_n: ratio.to_load_n,
+                turns: ratio.turns,
+                published: ratio.value,
+                computed: computed.as_ref().ok().copied(),
+                error: computed.as_ref().ok().map(|v| v / ratio.value - 1.0),
+                limit: computed.as_ref().err().map(|limit| limit.kind.as_str()),
+                r#where: &ratio.place,
+            }));
+        }
+        Ok(vec![("published.csv".into(), csv(numbers)?), ("ratios.csv".into(), csv(ratios)?)])
+    }
+
+    /// Tables, remarks and sums of errors for people, in lines.
+    ///
+    /// # Errors
+    /// Never for the quantities that exist: each has a name.
+    pub fn text(&self) -> Result<Vec<String>> {
+        let mut lines = if self.inferred { geometry::text() } else { Vec::new() };
+        self.table(&mut lines)?;
+        for (k, set) in (1..).zip(&self.sets) {
+            let place = if self.sets.len() > 1 { format!("set {k}, ") } else { String::new() };
+            lines.extend(self.rows.iter().zip(&set.numbers).filter_map(|(row, outcome)| match outcome {
+                Err(limit) => Some(format!("! {place}{}: refused, {}: {}", row.id, limit.kind, limit.message)),
+                Ok(_) => remark(outcome).map(|warnings| format!("! {place}{}: {warnings}", row.id)),
+            }));
+        }
+        self.sets.iter().for_each(|set| self.errors(set, &mut lines));
+        lines.extend([String::new(), "ratios that the text quotes".into()]);
+        for (k, ratio) in self.ratios.iter().enumerate() {
+            let Ratio { id, load_n, to_load_n, turns, value, .. } = ratio;
+            let quantity = name(&ratio.quantity)?;
+            let mut line =
+                format!("{id:<28} {quantity:<14} {load_n:>6} to {to_load_n:<5} N {turns:>5} turns {value:>8}");
+            for set in &self.sets {
+                let computed = set.ratios[k].as_ref();
+                let shown = computed.map_or_else(|limit| limit.kind.clone(), |v| format!("{v:.4}"));
+                line += &format!("  {shown:>9}  {:>8}", per_cent(computed.ok().map(|v| v / value - 1.0)));
+            }
+            lines.push(line);
+        }
+        lines.extend(contradictions::text(&numbers::rows()?)?);
+        Ok(lines)
+    }
+
+    fn table(&self, lines: &mut Vec<String>) -> Result<()> {
+        let several = self.sets.len() > 1;
+        let mut heading = format!("{:<20} {:<25} {:<10} {:>9} {:<6}", "id", "quantity", "kind", "published", "unit");
+        for (k, set) in (1..).zip(&self.sets) {
+            let title = if several { format!("set {k}") } else { "computed".into() };
+            heading += &format!("  {title:>9}  {:>8}  ", "error");
+            if several {
+                lines.push(format!("set {k}: {}", set.name));
+            }
+        }
+        lines.push(heading.trim_end().to_owned());
+        for (k, row) in self.rows.iter().enumerate() {
+            let (quantity, kind, unit) = (name(&row.quantity)?, name(&row.kind)?, row.unit.name());
+            let mut line = format!("{:<20} {quantity:<25} {kind:<10} {:>9.2} {unit:<6}", row.id, row.value);
+            for outcome in self.sets.iter().map(|set| &set.numbers[k]) {
+                let places = if row.unit == Unit::Millimetre { 3 } else { 4 };
+                let value = outcome.as_ref().map_or("refused".into(), |c| format!("{:.places$}", c.value));
+                let mark = if remark(outcome).is_some() { '!' } else { ' ' };
+                line += &format!("  {value:>9}  {:>8} {mark}", per_cent(relative_error(row.value, outcome)));
+            }
+            lines.push(line.trim_end().to_owned());
+        }
+        Ok(())
+    }
+
+    /// Sums of a set's errors.
+    fn errors(&self, set: &Set, lines: &mut Vec<String>) {
+        lines.extend([String::new(), format!("relative errors of {}", set.name)]);
+        for (group, title) in [(Group::Contraction, "contraction"), (Group::Tr, "TR"), (Group::Span, "span")] {
+            for (kind, title) in
+                [(None, title), (Some(Kind::Theory), "  theory"), (Some(Kind::Experiment), "  experiment")]
+            {
+                let belongs = |r: &Row| r.quantity.group() == group && kind.is_none_or(|kind| kind == r.kind);
+                let rows: Vec<_> = self.rows.iter().zip(&set.numbers).filter(|(row, _)| belongs(row)).collect();
+                if kind.is_none() || !rows.is_empty() {
+                    lines.push(errors_line(title, &rows));
+                }
             }
         }
     }
-    lines
 }
 
-/// Errors of some rows.
-struct Errors {
-    count: usize,
-    computed: usize,
-    rms: f64,
-    median: f64,
-    /// Relative error and id.
-    worst: Option<(f64, String)>,
-}
-
-impl Errors {
-    fn of(rows: &[Row], set: &Set, belongs: impl Fn(&Row) -> bool) -> Self {
-        let rows: Vec<_> = rows.iter().zip(&set.numbers).filter(|(row, _)| belongs(row)).collect();
-        let errors = rows.iter().filter_map(|(row, c)| Some((relative_error(row.value, c)?, row.id.clone())));
-        let mut errors: Vec<(f64, String)> = errors.collect();
-        errors.sort_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
-        let n = errors.len();
-        let size = |k: usize| errors.get(k).map_or(f64::NAN, |e| e.0.abs());
-        Self {
-            count: rows.len(),
-            computed: n,
-            rms: (errors.iter().map(|e| e.0 * e.0).sum::<f64>() / n as f64).sqrt(),
-            median: if n.is_multiple_of(2) { 0.5 * (size((n / 2).wrapping_sub(1)) + size(n / 2)) } else { size(n / 2) },
-            worst: errors.pop(),
-        }
-    }
-
-    fn line(&self, title: &str) -> String {
-        let of = if self.computed < self.count { format!(" of {}", self.count) } else { String::new() };
-        let Some((worst, id)) = &self.worst else { return format!("{title:<24} none computed{of}") };
-        let (rms, median) = (100.0 * self.rms, 100.0 * self.median);
-        let worst = per_cent(Some(*worst));
-        format!(
-            "{title:<24} {:>3}{of}   rms {rms:>6.2} %   median {median:>6.2} %   worst {worst} ({id})",
-            self.computed
-        )
-    }
-}
-
-pub(super) fn summary(rows: &[Row], sets: &[Set]) -> Vec<String> {
-    let mut lines = Vec::new();
-    for set in sets {
-        lines.push(String::new());
-        lines.push(format!("relative errors of {}", set.name));
-        for (group, title) in [(Group::Contraction, "contraction"), (Group::Tr, "TR"), (Group::Span, "span")] {
-            let of = |kind: Option<Kind>| {
-                Errors::of(rows, set, |r| r.quantity.group() == group && kind.is_none_or(|kind| kind == r.kind))
-            };
-            lines.push(of(None).line(title));
-            let kinds = [(Kind::Theory, "theory"), (Kind::Experiment, "experiment")];
-            let parts = kinds.map(|(kind, word)| (of(Some(kind)), word));
-            lines.extend(parts.iter().filter(|(e, _)| e.count > 0).map(|(e, word)| e.line(&format!("  {word}"))));
-        }
-    }
-    lines
-}
-
-pub(super) fn ratio_table(ratios: &[Ratio], sets: &[Set]) -> Result<Vec<String>> {
-    let mut lines = Vec::new();
-    for (k, ratio) in ratios.iter().enumerate() {
-        let mut line = format!(
-            "{:<28} {:<14} {:>6} to {:<5} N {:>5} turns {:>8}",
-            ratio.id,
-            name(&ratio.quantity)?,
-            ratio.load_n,
-            ratio.to_load_n,
-            ratio.turns,
-            ratio.value
-        );
-        for set in sets {
-            let value = set.ratios[k].as_ref().map_or_else(|limit| limit.kind.clone(), |v| format!("{v:.4}"));
-            let error = set.ratios[k].as_ref().ok().map(|v| v / ratio.value - 1.0);
-            line += &format!("  {value:>9}  {:>8}", per_cent(error));
-        }
-        lines.push(line);
-    }
-    Ok(lines)
-}
-
-/// Published, computed, error and limit as cells.
-fn outcome_cells(published: f64, computed: Result<f64, &ErrorBody>) -> [String; 4] {
-    let value = computed.ok();
-    let limit = computed.err().map_or(String::new(), |limit| limit.kind.clone());
-    [published.to_string(), optional(value), optional(value.map(|v| v / published - 1.0)), limit]
-}
-
-pub(super) fn rows_csv(rows: &[Row], sets: &[Set]) -> Result<String> {
-    let header = [
-        "scene",
-        "id",
-        "quantity",
-        "kind",
-        "load_n",
-        "changes",
-        "published",
-        "computed",
-        "error",
-        "limit",
-        "unit",
-        "warnings",
-        "where",
-    ];
-    let mut lines = Vec::new();
-    for set in sets {
-        for (row, outcome) in rows.iter().zip(&set.numbers) {
-            let mut line = vec![set.name.clone(), row.id.clone(), name(&row.quantity)?, name(&row.kind)?];
-            line.extend([row.load_n.to_string(), row.changes.clone()]);
-            line.extend(outcome_cells(row.value, outcome.as_ref().map(|c| c.value)));
-            let warnings = outcome.as_ref().map_or(String::new(), |c| c.warnings.join(" "));
-            line.extend([row.unit.name().into(), warnings, row.place.clone()]);
-            lines.push(line);
-        }
-    }
-    csv_text(&header, lines)
-}
-
-pub(super) fn ratios_csv(ratios: &[Ratio], sets: &[Set]) -> Result<String> {
-    let header = [
-        "scene",
-        "id",
-        "quantity",
-        "kind",
-        "load_n",
-        "to_load_n",
-        "turns",
-        "published",
-        "computed",
-        "error",
-        "limit",
-        "where",
-    ];
-    let mut lines = Vec::new();
-    for set in sets {
-        for (ratio, outcome) in ratios.iter().zip(&set.ratios) {
-            let mut line = vec![set.name.clone(), ratio.id.clone(), name(&ratio.quantity)?, name(&ratio.kind)?];
-            line.extend([ratio.load_n, ratio.to_load_n, ratio.turns].map(|v| v.to_string()));
-            line.extend(outcome_cells(ratio.value, outcome.as_ref().copied()));
-            line.push(ratio.place.clone());
-            lines.push(line);
-        }
-    }
-    csv_text(&header, lines)
+/// Count, rms, median and worst of some rows' errors.
+fn errors_line(title: &str, rows: &[(&Row, &Result<Computed, ErrorBody>)]) -> String {
+    let errors = rows.iter().filter_map(|(row, c)| Some((relative_error(row.value, c)?, &row.id)));
+    let mut errors: Vec<(f64, &String)> = errors.collect();
+    errors.sort_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
+    let n = errors.len();
+    let of = if n < rows.len() { format!(" of {}", rows.len()) } else { String::new() };
+    let Some((worst, id)) = errors.last() else { return format!("{title:<24} none computed{of}") };
+    let rms = 100.0 * (errors.iter().map(|e| e.0 * e.0).sum::<f64>() / n as f64).sqrt();
+    let median = 100.0 * 0.5 * (errors[(n - 1) / 2].0.abs() + errors[n / 2].0.abs());
+    let worst = per_cent(Some(*worst));
+    format!("{title:<24} {n:>3}{of}   rms {rms:>6.2} %   median {median:>6.2} %   worst {worst} ({id})")
 }

@@ -3,8 +3,6 @@
 //! Only D0 = 30 mm has the paper's word for it; the lengths are inferred, because with them one law gives all numbers
 //! that the paper computes.
 
-use super::numbers::Row;
-
 /// Place in the paper, what is swept there, and what differs from Table 1, as in [`super::numbers::apply`].
 pub const INFERRED: [(&str, &str, &str); 5] = [
     ("section 4.2", "load", "L0=0.100"),
@@ -22,11 +20,6 @@ pub fn inferred(place: &str) -> &'static str {
 /// The changes of a place with others after them: a sweep may change the same key.
 pub(super) fn with(before: &str, changes: &str) -> String {
     [before, changes].into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(";")
-}
-
-/// The rows with the inferred geometry of their places.
-pub(super) fn put(rows: &mut [Row]) {
-    rows.iter_mut().for_each(|row| row.changes = with(inferred(&row.place), &row.changes));
 }
 
 /// The table for people, in lines.

@@ -9,74 +9,60 @@ pub mod contradictions;
 mod figures;
 pub mod geometry;
 
-use anyhow::Result;
-pub use comparison::Compared;
-use comparison::Set;
-use numbers::{Ratio, Row};
+use comparison::Comparison;
 use rig_config::Scene;
+use rigctl::failure::Failure;
+use rigctl::options::Global;
+use rigctl::out_file::write_file;
+use rigctl::output::Output;
 pub use rigctl::published as numbers;
+use std::path::PathBuf;
 
 /// The paper's three parameter sets, as scene files: what was fitted, the same with eq. 6 kept, and Table 1 as printed.
 pub const SETS: [&str; 3] = ["paper-identified", "paper-identified-eq6", "paper-printed"];
 
-/// Every printed number and quoted ratio, computed for some scenes.
-pub struct Comparison {
-    rows: Vec<Row>,
-    ratios: Vec<Ratio>,
-    sets: Vec<Set>,
-    /// Whether some sweeps have the geometry that is inferred for them.
-    inferred: bool,
+/// `tsa-lab published`.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// The three parameter sets of the paper's scenes side by side, instead of --scene
+    #[arg(long)]
+    all: bool,
+    /// With the geometry that is inferred for some of the paper's sweeps instead of Table 1's (docs/model.md 6)
+    #[arg(long)]
+    inferred_geometry: bool,
+    /// Also write published.csv, ratios.csv and the paper's figures, redrawn, into this folder
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
 }
 
-impl Comparison {
-    /// Computes all of them for scenes with their names, on request with the [`geometry`] that is `inferred` for some.
+impl Arguments {
+    /// Runs the command.
     ///
     /// # Errors
-    /// If a scene describes no mechanism.
-    pub fn new(scenes: Vec<(String, Scene)>, inferred: bool) -> Result<Self> {
-        let (mut rows, ratios) = (numbers::rows()?, numbers::ratios()?);
-        if inferred {
-            geometry::put(&mut rows);
+    /// If a scene cannot be read, or the folder cannot be written.
+    pub fn run(&self, global: &Global, output: &mut Output) -> Result<(), Failure> {
+        let scenes = if self.all {
+            let load = |name: &&str| Ok(((*name).to_owned(), Scene::load(format!("scenes/{name}.toml"))?));
+            SETS.iter().map(load).collect::<Result<_, Failure>>()?
+        } else {
+            vec![(global.scene.display().to_string(), global.scene()?)]
+        };
+        let comparison = Comparison::new(scenes, self.inferred_geometry)?;
+        comparison.compared().try_for_each(|row| output.object(&row))?;
+        comparison.text()?.iter().try_for_each(|line| output.line(line))?;
+        if let Some(folder) = &self.out {
+            let mut files = comparison.data()?;
+            files.extend(
+                comparison
+                    .figures()?
+                    .iter()
+                    .map(|(name, figure)| Ok((name.clone(), figure.svg()?)))
+                    .collect::<anyhow::Result<Vec<_>>>()?,
+            );
+            files.iter().try_for_each(|(name, content)| write_file(folder, name, content))?;
+            let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
+            output.line(format!("written: {} in {}", names.join(", "), folder.display()))?;
         }
-        let set = |(name, scene)| Set::new(name, scene, &rows, &ratios, inferred);
-        let sets = scenes.into_iter().map(set).collect::<Result<_>>()?;
-        Ok(Self { rows, ratios, sets, inferred })
-    }
-
-    /// A row for each printed number and scene.
-    pub fn compared(&self) -> Vec<Compared<'_>> {
-        let several = self.sets.len() > 1;
-        let of_set =
-            |set| self.rows.iter().enumerate().map(move |(k, row)| Compared::new(set, several, k, row, self.inferred));
-        self.sets.iter().flat_map(of_set).collect()
-    }
-
-    /// Tables, remarks and sums of errors for people, in lines.
-    ///
-    /// # Errors
-    /// Never for the quantities that exist: each has a name.
-    pub fn text(&self) -> Result<Vec<String>> {
-        let (rows, sets) = (&self.rows, &self.sets);
-        let mut lines = if self.inferred { geometry::text() } else { Vec::new() };
-        lines.extend(comparison::table(rows, sets)?);
-        lines.extend(comparison::remarks(rows, sets));
-        lines.extend(comparison::summary(rows, sets));
-        lines.extend([String::new(), "ratios that the text quotes".into()]);
-        lines.extend(comparison::ratio_table(&self.ratios, sets)?);
-        lines.extend(contradictions::text(&numbers::rows()?)?);
-        Ok(lines)
-    }
-
-    /// Data and figures as file names and contents.
-    ///
-    /// # Errors
-    /// If a figure cannot be drawn.
-    pub fn files(&self) -> Result<Vec<(String, String)>> {
-        let mut files = vec![
-            ("published.csv".to_owned(), comparison::rows_csv(&self.rows, &self.sets)?),
-            ("ratios.csv".to_owned(), comparison::ratios_csv(&self.ratios, &self.sets)?),
-        ];
-        files.extend(figures::draw(&self.rows, &self.ratios, &self.sets, self.inferred)?);
-        Ok(files)
+        Ok(())
     }
 }

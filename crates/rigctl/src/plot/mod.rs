@@ -157,7 +157,35 @@ pub enum Sample {
     Fill(RGBColor),
 }
 
+impl Panel {
+    /// Axes with a title, and what is drawn in them.
+    pub fn new(title: impl Into<String>, x: Axis, y: Axis, items: impl IntoIterator<Item = Item>) -> Self {
+        Self { title: title.into(), x, y, items: items.into_iter().collect() }
+    }
+
+    /// Panels side by side with the same axis up, which only the first names.
+    pub fn side_by_side(panels: impl IntoIterator<Item = Self>) -> Vec<Self> {
+        let unnamed = |(k, panel): (usize, Self)| if k == 0 { panel } else { Self { y: panel.y.unnamed(), ..panel } };
+        panels.into_iter().enumerate().map(unnamed).collect()
+    }
+}
+
 impl Item {
+    /// A line through points.
+    pub fn line(points: impl IntoIterator<Item = (f64, f64)>, pen: Pen) -> Self {
+        Self::Line { points: points.into_iter().collect(), pen }
+    }
+
+    /// A single point.
+    pub fn mark(at: (f64, f64), shape: Shape, colour: RGBColor) -> Self {
+        Self::Mark { at, shape, colour }
+    }
+
+    /// A few words just right of a point.
+    pub fn label(at: (f64, f64), text: impl Into<String>, colour: RGBColor) -> Self {
+        Self::Label { at, text: text.into(), colour }
+    }
+
     /// Every point that has to be inside the axes.
     pub fn points(&self) -> Vec<(f64, f64)> {
         match self {
@@ -185,7 +213,29 @@ impl Pen {
     }
 }
 
+impl Block {
+    /// Of these lines.
+    pub fn new(rows: impl IntoIterator<Item = KeyRow>) -> Self {
+        Self { rows: rows.into_iter().collect() }
+    }
+}
+
 impl KeyRow {
+    /// What a line stands for.
+    pub fn line(pen: Pen, label: impl Into<String>) -> Self {
+        Self::sample(Sample::Line(pen), label)
+    }
+
+    /// What a mark stands for.
+    pub fn mark(shape: Shape, colour: RGBColor, label: impl Into<String>) -> Self {
+        Self::sample(Sample::Mark(shape, colour), label)
+    }
+
+    /// What a filled area stands for.
+    pub fn fill(colour: RGBColor, label: impl Into<String>) -> Self {
+        Self::sample(Sample::Fill(colour), label)
+    }
+
     /// Columns without a sample.
     pub fn text<T: Into<String>>(cells: impl IntoIterator<Item = T>) -> Self {
         Self { sample: None, cells: cells.into_iter().map(Into::into).collect() }

@@ -1,24 +1,28 @@
-//! `budget`: what each part of a rig contributes to the errors of position and load, and how accurate a table is worth
+//! `tsa-lab budget`: what each part of a rig contributes to the errors of position and load, and how accurate a table is worth
 //! having.
 
-use crate::budget::{At, Budget, Part, Rig, SESSION_S, SPEED_M_PER_S, Share, Spread, WORTH};
+use super::{At, Budget, Part, Rig, SESSION_S, SPEED_M_PER_S, Share, Spread, WORTH};
 use rig_config::{Accuracy, Scene, SceneError, TableError};
 use rig_plant::RigPreset;
 use rigctl::failure::Failure;
 use rigctl::options::Global;
+use rigctl::options::values::gauge_error;
 use rigctl::output::{Output, progress};
 use serde::Serialize;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use tsa_model::Tier;
 use tsa_table::fit::{Fit, FitError};
 use tsa_table::instruction_model::lookup_instructions;
 
-/// A part, for machines.
-#[derive(Serialize)]
-struct PartReport {
-    part: &'static str,
-    position_m: f64,
-    load_relative: f64,
+/// `tsa-lab budget`.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// The LVDT is calibrated at points with gauges of this error, as for `calibrate lvdt --points` [default: it is not]
+    #[arg(long, value_name = "E", value_parser = gauge_error)]
+    gauge: Option<f64>,
+    /// The table and tier that are enough, for every scene in the folder of --scene and each kind of rig, beside what is used
+    #[arg(long)]
+    pub all: bool,
 }
 
 /// A table for an accuracy.
@@ -55,79 +59,80 @@ struct Enough {
     used: Option<TableCost>,
 }
 
-/// The budget of one scene on the kind of rig at --rig.
-///
-/// # Errors
-/// If the scene has no envelope, a state of it has no equilibrium, or no table reaches an accuracy.
-pub fn run(global: &Global, gauge_m: Option<f64>, output: &mut Output) -> Result<(), Failure> {
-    let scene = global.scene()?;
-    let kind = global.rig.unwrap_or_default();
-    let mut budget = budget(&scene, kind, gauge_m)?;
-    let worth = budget.worth();
-    let enough = fit(&scene, worth)?;
-    let used = scene.accuracy.map(|accuracy| Ok::<_, Failure>((accuracy, fit(&scene, accuracy)?))).transpose()?;
-    // The table that the firmware has; that which is enough where the scene says nothing.
-    if let Some(fit) = used.as_ref().map_or(enough.as_ref(), |(_, fit)| fit.as_ref()) {
-        budget.set_table(&fit.table.table());
+impl Arguments {
+    /// Runs the command.
+    ///
+    /// # Errors
+    /// If a scene has no envelope, a state of it has no equilibrium, no table reaches an accuracy, or the folder cannot be read.
+    pub fn run(&self, global: &Global, output: &mut Output) -> Result<(), Failure> {
+        if self.all { self.every_scene(global, output) } else { self.one_scene(global, output) }
     }
-    let tier = budget.choose_tier();
-    let parts = Part::ALL.map(|part| (part.name(), budget.share(part)));
-    for (part, share) in &parts {
-        let Share { position_m, load } = share;
-        output.object(&PartReport { part, position_m: position_m.all, load_relative: load.all })?;
-    }
-    heading(global, &scene, kind, gauge_m)?.iter().try_for_each(|line| output.line(line))?;
-    for (part, share) in parts.iter().chain([&("total", budget.total())]) {
-        output.line(row(part, share))?;
-    }
-    let enough = cost(worth, enough);
-    let used = used.map(|(accuracy, fit)| cost(accuracy, fit));
-    closing(tier, &enough, used.as_ref()).iter().try_for_each(|line| output.line(line))?;
-    Ok(())
-}
 
-/// What is enough, for every scene in the folder of --scene that a table can be made for, on each kind of rig.
-///
-/// # Errors
-/// As [`run`], or if the folder cannot be read.
-pub fn all(global: &Global, gauge_m: Option<f64>, output: &mut Output) -> Result<(), Failure> {
-    let folder = global.scene.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let scenes = scenes(folder)?;
-    let bar = progress(scenes.len() as u64, "budget");
-    output.line(format!(
-        "{:<14} {:<8} {:>9} {:>8}  {:<13} {:<35}   used: typed accuracy",
-        "scene", "rig", "position", "load", "tier", "enough: table, TR, bytes, lookup"
-    ))?;
-    for (name, scene) in scenes {
-        let used = match scene.accuracy {
-            Some(accuracy) => Some(cost(accuracy, fit(&scene, accuracy)?)),
-            None => None,
-        };
-        for kind in RigPreset::ALL {
-            let mut budget = budget(&scene, kind, gauge_m)?;
-            let worth = budget.worth();
-            let Share { position_m, load } = budget.total();
-            let tier = budget.choose_tier();
-            let enough = Enough {
-                scene: name.clone(),
-                rig: kind.name(),
-                position_m: position_m.all,
-                load_relative: load.all,
-                tier: tier.name(),
-                enough: cost(worth, fit(&scene, worth)?),
-                used: used.clone(),
-            };
-            output.object(&enough)?;
-            output.line(enough.text())?;
+    /// The budget of one scene on the kind of rig at --rig.
+    fn one_scene(&self, global: &Global, output: &mut Output) -> Result<(), Failure> {
+        let scene = global.scene()?;
+        let kind = global.rig.unwrap_or_default();
+        let mut budget = self.budget(&scene, kind)?;
+        let worth = budget.worth();
+        let enough = fit(&scene, worth)?;
+        let used = scene.accuracy.map(|accuracy| Ok::<_, Failure>((accuracy, fit(&scene, accuracy)?))).transpose()?;
+        // The table that the firmware has; that which is enough where the scene says nothing.
+        if let Some(fit) = used.as_ref().map_or(enough.as_ref(), |(_, fit)| fit.as_ref()) {
+            budget.set_table(&fit.table.table());
         }
-        bar.inc(1);
+        let tier = budget.choose_tier();
+        let parts = Part::ALL.map(|part| (part.name(), budget.share(part)));
+        for (part, Share { position_m, load }) in &parts {
+            let [position_m, load_relative] = [position_m.all, load.all];
+            let object = serde_json::json!({ "part": part, "position_m": position_m, "load_relative": load_relative });
+            output.object(&object)?;
+        }
+        heading(global, &scene, kind, self.gauge)?.iter().try_for_each(|line| output.line(line))?;
+        parts.iter().chain([&("total", budget.total())]).try_for_each(|(part, share)| output.line(row(part, share)))?;
+        let enough = cost(worth, enough);
+        let used = used.map(|(accuracy, fit)| cost(accuracy, fit));
+        closing(tier, &enough, used.as_ref()).iter().try_for_each(|line| output.line(line))?;
+        Ok(())
     }
-    bar.finish_and_clear();
-    Ok(())
-}
 
-fn budget(scene: &Scene, kind: RigPreset, gauge_m: Option<f64>) -> Result<Budget<'_>, SceneError> {
-    Budget::new(scene, &Rig { sizes: &|key| kind.rms(key), gauge_m })
+    /// What is enough, for every scene in the folder of --scene that a table can be made for, on each kind of rig.
+    fn every_scene(&self, global: &Global, output: &mut Output) -> Result<(), Failure> {
+        let folder = global.scene.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let scenes = scenes(folder)?;
+        let bar = progress(scenes.len() as u64, "budget");
+        output.line(format!(
+            "{:<14} {:<8} {:>9} {:>8}  {:<13} {:<35}   used: typed accuracy",
+            "scene", "rig", "position", "load", "tier", "enough: table, TR, bytes, lookup"
+        ))?;
+        for (name, scene) in scenes {
+            let used =
+                scene.accuracy.map(|accuracy| Ok::<_, Failure>(cost(accuracy, fit(&scene, accuracy)?))).transpose()?;
+            for kind in RigPreset::ALL {
+                let mut budget = self.budget(&scene, kind)?;
+                let worth = budget.worth();
+                let Share { position_m, load } = budget.total();
+                let tier = budget.choose_tier();
+                let enough = Enough {
+                    scene: name.clone(),
+                    rig: kind.name(),
+                    position_m: position_m.all,
+                    load_relative: load.all,
+                    tier: tier.name(),
+                    enough: cost(worth, fit(&scene, worth)?),
+                    used: used.clone(),
+                };
+                output.object(&enough)?;
+                output.line(enough.text())?;
+            }
+            bar.inc(1);
+        }
+        bar.finish_and_clear();
+        Ok(())
+    }
+
+    fn budget<'a>(&self, scene: &'a Scene, kind: RigPreset) -> Result<Budget<'a>, SceneError> {
+        Budget::new(scene, &Rig { sizes: &|key| kind.rms(key), gauge_m: self.gauge })
+    }
 }
 
 /// The scene's table with another accuracy; none if no table reaches it.
@@ -141,15 +146,12 @@ fn fit(scene: &Scene, accuracy: Accuracy) -> Result<Option<Fit>, Failure> {
 }
 
 fn cost(accuracy: Accuracy, fit: Option<Fit>) -> TableCost {
-    let size = |fit: Fit| {
-        let errors = &fit.certificate.errors;
-        TableSize {
-            bytes: fit.table.numbers.bytes(),
-            instructions: lookup_instructions(&fit.table.numbers.series()),
-            size: fit.table.numbers.size(),
-            contraction_error_m: errors.contraction_max_m,
-            tr_relative_error: errors.tr_max,
-        }
+    let size = |fit: Fit| TableSize {
+        bytes: fit.table.numbers.bytes(),
+        instructions: lookup_instructions(&fit.table.numbers.series()),
+        size: fit.table.numbers.size(),
+        contraction_error_m: fit.certificate.errors.contraction_max_m,
+        tr_relative_error: fit.certificate.errors.tr_max,
     };
     TableCost { contraction_m: accuracy.contraction_m, tr_relative: accuracy.tr_relative, table: fit.map(size) }
 }
@@ -157,11 +159,10 @@ fn cost(accuracy: Accuracy, fit: Option<Fit>) -> TableCost {
 /// The scenes of a folder that say what a table must cover, by name.
 fn scenes(folder: &Path) -> Result<Vec<(String, Scene)>, Failure> {
     let failed = |e: std::io::Error| Failure::failed(format!("folder {}: {e}", folder.display()));
-    let mut files = Vec::<PathBuf>::new();
-    for entry in std::fs::read_dir(folder).map_err(failed)? {
-        let path = entry.map_err(failed)?.path();
-        files.extend((path.extension().is_some_and(|end| end == "toml")).then_some(path));
-    }
+    let entries =
+        std::fs::read_dir(folder).and_then(|entries| entries.collect::<Result<Vec<_>, _>>()).map_err(failed)?;
+    let mut files: Vec<_> = entries.into_iter().map(|entry| entry.path()).collect();
+    files.retain(|path| path.extension().is_some_and(|end| end == "toml"));
     files.sort();
     let mut found = Vec::new();
     for file in files {

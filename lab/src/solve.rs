@@ -8,22 +8,36 @@ use rigctl::output::Output;
 use rival_methods::Method;
 use tsa_model::{Mechanism, Tier};
 
-/// Runs the command.
-///
-/// # Errors
-/// If the options contradict each other; as [`solve::answer`].
-pub fn run(global: &Global, at: &At, how: &How, output: &mut Output) -> Result<(), Failure> {
-    let scene = global.scene()?;
-    let method = chosen(how)?;
-    if how.tier != Tier::Full.name() {
-        if method != Method::ALL[0] {
-            let only = "--tier: only the method first-integral, with its own steps, knows other tiers";
-            return Err(Failure::Usage(only.into()));
+/// `tsa-lab solve`.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// Where.
+    #[command(flatten)]
+    at: At,
+    /// How.
+    #[command(flatten)]
+    how: How,
+}
+
+impl Arguments {
+    /// Runs the command.
+    ///
+    /// # Errors
+    /// If the options contradict each other; as [`solve::answer`].
+    pub fn run(&self, global: &Global, output: &mut Output) -> Result<(), Failure> {
+        let Self { at, how } = self;
+        let scene = global.scene()?;
+        let method = chosen(how)?;
+        if how.tier != Tier::Full.name() {
+            if method != Method::ALL[0] {
+                let only = "--tier: only the method first-integral, with its own steps, knows other tiers";
+                return Err(Failure::Usage(only.into()));
+            }
+            return solve::run(global, at, how, output);
         }
-        return solve::run(global, at, how, output);
+        let by = |mechanism: &Mechanism, load_n, twist_rad| method.solve(mechanism, load_n, twist_rad);
+        solve::answer(at, &scene, Way::By(method.name(), &by), output)
     }
-    let by = |mechanism: &Mechanism, load_n, twist_rad| method.solve(mechanism, load_n, twist_rad);
-    solve::answer(at, &scene, Way::By(method.name(), &by), output)
 }
 
 /// The method with its effort.

@@ -1,0 +1,149 @@
+//! How many bytes a table needs for an accuracy, form by form.
+
+use super::{Inputs, Made};
+use crate::csv;
+use anyhow::Result;
+use rig_config::{Accuracy, Scene, TableError};
+use rigctl::parallel::parallel;
+use rigctl::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Shape, colour, extent};
+use rival_forms::considered::{Considered, considered};
+use serde::Serialize;
+use tsa_table::FORM;
+use tsa_table::fit::{Errors, Fit, FitError, MAX_BYTES};
+use tsa_table::instruction_model::LOOKUP_INSTRUCTIONS;
+
+/// Demanded accuracies (m); the error of TR keeps its ratio to that of the scene.
+const ASKED_M: [f64; 7] = [200e-6, 100e-6, 50e-6, 20e-6, 10e-6, 5e-6, 2e-6];
+
+/// In the order of the key.
+const FORMS: [&str; 4] = ["arc-series", "chebyshev-series", "hermite-bicubic", "bilinear"];
+
+/// A fit and the tables of all forms that were considered.
+struct Found {
+    fit: Fit,
+    all: Vec<Considered>,
+}
+
+/// A demanded accuracy (m), and what was found.
+type Asked = (f64, Result<Found, TableError>);
+
+/// A table, a line of `table-size.csv`.
+#[derive(Default, Serialize)]
+struct Row {
+    asked_m: String,
+    form: &'static str,
+    size: String,
+    load_map: String,
+    bytes: Option<usize>,
+    contraction_error_m: String,
+    tr_relative_error: String,
+    predicted_instructions: Option<u32>,
+    passes: bool,
+}
+
+/// Fits the scene's table at several accuracies and draws bytes against error.
+///
+/// # Errors
+/// If the scene says nothing of a table, or the drawing fails.
+pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
+    let scene = inputs.scene;
+    let (_, accuracy) = scene.table_demand()?;
+    let share = accuracy.tr_relative / accuracy.contraction_m;
+    let fits = parallel(inputs.progress, ASKED_M.len(), |k| {
+        let wanted = Accuracy { contraction_m: ASKED_M[k], tr_relative: share * ASKED_M[k] };
+        let scene = Scene { accuracy: Some(wanted), ..scene.clone() };
+        let found = scene.fit_table().and_then(|fit| {
+            let all = considered(&scene.mechanism()?, &scene.demand()?, &fit)?;
+            Ok(Found { fit, all })
+        });
+        match found {
+            // Anything but an accuracy out of reach is the scene's fault.
+            Err(e) if !matches!(e, TableError::Fit(FitError::Accuracy { .. })) => Err(e),
+            found => Ok((ASKED_M[k], found)),
+        }
+    });
+    let fits = fits.into_iter().collect::<Result<Vec<Asked>, _>>()?;
+    let line = |(k, form): (usize, &&str)| KeyRow::line(Pen::solid(colour(k, FORMS.len())), *form);
+    let asked: Vec<String> = ASKED_M.iter().map(|asked_m| format!("{:.0}", asked_m * 1e6)).collect();
+    let mut notes = vec![format!(
+        "Asked for {} um of contraction, TR in proportion as in the scene; at most {MAX_BYTES} bytes. Of equal accuracy the fit prefers \
+         what the board looks up in {LOOKUP_INSTRUCTIONS} instructions. Errors against the \
+         full solver on the grid by which candidates are selected.",
+        asked.join(", ")
+    )];
+    let failed = |(asked_m, found): &Asked| Some(format!("{:.0} um: {}", asked_m * 1e6, found.as_ref().err()?));
+    notes.extend(fits.iter().filter_map(failed));
+    let figure = Figure {
+        heading: "Table form and size against error".into(),
+        rows: vec![vec![
+            panel(&fits, "largest error of the contraction, um", |e| e.contraction_max_m * 1e6),
+            panel(&fits, "largest error of TR, %", |e| e.tr_max * 1e2),
+        ]],
+        panel_size: (560, 400),
+        blocks: vec![
+            Block::new(FORMS.iter().enumerate().map(line)),
+            Block::new([
+                KeyRow::mark(Shape::Dot, INK, "the smallest of its form that is accurate enough"),
+                KeyRow::mark(Shape::Circle, INK, "none is: the most accurate one tried"),
+                KeyRow::mark(Shape::Diamond, INK, "what the fit chooses"),
+            ]),
+        ],
+        notes,
+    };
+    let finding = |(asked_m, found): &Asked| match found {
+        Ok(Found { fit, .. }) => format!(
+            "{:.0} um: {FORM} in {} bytes, {:.2} um certified",
+            asked_m * 1e6,
+            fit.table.numbers.bytes(),
+            fit.certificate.errors.contraction_max_m * 1e6
+        ),
+        Err(e) => e.to_string(),
+    };
+    Made::new("table-size", &figure, csv(fits.iter().flat_map(rows))?, fits.iter().map(finding).collect())
+}
+
+/// The smallest passing candidate of a form, or the best that failed.
+fn best<'a>(found: &'a Found, form: &str) -> Option<&'a Considered> {
+    let of_form = || found.all.iter().filter(|c| c.form == form);
+    let passing = of_form().filter(|c| c.passes).min_by_key(|c| c.bytes);
+    passing.or_else(|| of_form().min_by(|a, b| a.errors.contraction_max_m.total_cmp(&b.errors.contraction_max_m)))
+}
+
+fn panel(fits: &[Asked], label: &str, error: impl Fn(&Errors) -> f64) -> Panel {
+    let found = || fits.iter().filter_map(|(_, found)| found.as_ref().ok());
+    let mut items = Vec::new();
+    for (k, form) in FORMS.iter().enumerate() {
+        let colour = colour(k, FORMS.len());
+        let best: Vec<&Considered> = found().filter_map(|found| best(found, form)).collect();
+        let at = |c: &Considered| (error(&c.errors), c.bytes as f64);
+        items.push(Item::line(best.iter().filter(|c| c.passes).map(|c| at(c)), Pen::solid(colour)));
+        let shape = |c: &Considered| if c.passes { Shape::Dot } else { Shape::Circle };
+        items.extend(best.iter().map(|c| Item::mark(at(c), shape(c), colour)));
+    }
+    for Found { fit, .. } in found() {
+        let chosen = fit.candidates.iter().find(|c| c.table.numbers == fit.table.numbers);
+        let at = chosen.map(|c| (error(&c.errors), c.table.numbers.bytes() as f64));
+        items.extend(at.map(|at| Item::mark(at, Shape::Diamond, INK)));
+    }
+    let across = extent(items.iter().flat_map(Item::points).map(|p| p.0));
+    let up = extent(items.iter().flat_map(Item::points).map(|p| p.1).chain([100.0, MAX_BYTES as f64]));
+    Panel::new("", Axis::log(label, across), Axis::log("bytes of numbers", up), items)
+}
+
+/// The tables that were considered; one line that says so where there is none.
+fn rows((asked_m, found): &Asked) -> Vec<Row> {
+    let asked_m = format!("{asked_m:.1e}");
+    let Ok(Found { all, .. }) = found else { return vec![Row { asked_m, form: "none", ..Row::default() }] };
+    let row = |c: &Considered| Row {
+        asked_m: asked_m.clone(),
+        form: c.form,
+        size: c.size.clone(),
+        load_map: c.load_map.map_or("Linear".into(), |map| format!("{map:?}")),
+        bytes: Some(c.bytes),
+        contraction_error_m: format!("{:.3e}", c.errors.contraction_max_m),
+        tr_relative_error: format!("{:.3e}", c.errors.tr_max),
+        predicted_instructions: Some(c.instructions),
+        passes: c.passes,
+    };
+    all.iter().map(row).collect()
+}

@@ -1,0 +1,262 @@
+//! Work against precision as a picture.
+
+use super::rods;
+use super::work::{self, Measured, Point, Way};
+use super::{Inputs, Made, stem};
+use crate::csv;
+use anyhow::Result;
+use rig_config::Scene;
+use rigctl::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, RGBColor, Shape, colour};
+use rival_methods::Method;
+use serde::{Deserialize, Serialize};
+use tsa_model::Tier;
+
+/// Where an error of nothing at all, or of rounding, is drawn (m).
+const FLOOR_M: f64 = 1e-17;
+/// Further rounds of what is fast.
+const ROUNDS: usize = 3;
+const ERRORS_M: [f64; 2] = [FLOOR_M, 1e-1];
+/// Range of a time over the fastest's.
+const RATIOS: [f64; 2] = [0.7, 3e5];
+
+/// A scene's measurements.
+struct Case {
+    name: String,
+    measured: Measured,
+}
+
+/// One solver of one rod, as `cargo xtask bench` found it.
+#[derive(Debug, Deserialize)]
+struct Peer {
+    solver: String,
+    tolerance: Option<f64>,
+    error_m: Option<f64>,
+    us: Option<f64>,
+    failed: usize,
+}
+
+/// Lines of other people's solvers.
+const PEERS: [(&str, &str); 2] =
+    [("solve_bvp", "one rod: SciPy's solve_bvp"), ("DOP853 shooting", "one rod: SciPy's DOP853, shooting")];
+
+/// A point, a line of `work-precision.csv`.
+#[derive(Default, Serialize)]
+struct Row {
+    scene: String,
+    method: String,
+    effort: String,
+    max_error_m: Option<String>,
+    us: Option<String>,
+    time_ratio: Option<String>,
+    instructions: Option<String>,
+    failed: usize,
+    failed_kind: &'static str,
+}
+
+/// Measures the scene, the one with a plateau beside it and a slender rod, and draws them; beside them what `peers.csv`
+/// in the folder or in `out` holds.
+///
+/// # Errors
+/// If a scene cannot be solved, or the drawing fails.
+pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
+    let plateau = inputs.scene_file.with_file_name("niti-plateau.toml");
+    let mut scenes = vec![(inputs.scene.clone(), inputs.scene_file)];
+    let mut left_out = Vec::new();
+    match Scene::load(&plateau) {
+        Ok(other) => scenes.push((other, &plateau)),
+        Err(e) => left_out.push(e.to_string()),
+    }
+    let mut cases = Vec::new();
+    for (scene, file) in &scenes {
+        let mut measured = work::measure(&scene.mechanism()?, ROUNDS, inputs.progress)?;
+        if let Err(e) = work::count(&mut measured.points, file) {
+            left_out.push(format!("instructions: {e:#}"));
+        }
+        cases.push(Case { name: stem(file), measured });
+    }
+    // Its failures take so long that only their time is of interest.
+    let slender = work::measure(&rods::SLENDER.mechanism()?, 0, inputs.progress)?;
+    cases.push(Case { name: "slender rod".into(), measured: slender });
+    let peers = inputs.measured::<Peer>("peers.csv", "cargo xtask bench");
+    let peers = peers.map_err(|e| left_out.push(format!("{e:#}"))).map(|(_, peers)| peers).unwrap_or_default();
+    let is_counted = |case: &&Case| case.measured.points.iter().any(|p| p.instructions.is_some());
+    let mut second: Vec<Panel> = cases.iter().filter(is_counted).map(instructions).collect();
+    second.extend((!peers.is_empty()).then(|| peers_panel(&peers)));
+    let mut rows = vec![cases.iter().map(times).collect::<Vec<_>>()];
+    rows.extend((!second.is_empty()).then_some(second));
+    let figure = Figure {
+        heading: "Work against precision: one full equilibrium on the desktop".into(),
+        rows,
+        panel_size: (420, 360),
+        blocks: key(!peers.is_empty()),
+        notes: notes(&cases),
+    };
+    let csv = csv(cases.iter().flat_map(Case::rows).chain(peers.iter().map(|peer| peer.row(&peers))))?;
+    Ok(Made { left_out, ..Made::new("work-precision", &figure, csv, cases.iter().flat_map(findings).collect())? })
+}
+
+/// Each method and its colour.
+fn colours() -> impl Iterator<Item = (&'static str, RGBColor)> {
+    Method::ALL.iter().enumerate().map(|(k, method)| (method.name(), colour(k, Method::ALL.len())))
+}
+
+impl Case {
+    /// Least time of all (s).
+    fn fastest_s(&self) -> f64 {
+        self.measured.points.iter().map(|p| p.seconds).fold(f64::INFINITY, f64::min)
+    }
+
+    fn rows(&self) -> impl Iterator<Item = Row> {
+        self.measured.points.iter().map(|p| Row {
+            scene: self.name.clone(),
+            method: p.way.line().into(),
+            effort: p.way.effort(),
+            max_error_m: Some(format!("{:.3e}", p.error_m)),
+            us: Some(format!("{:.3}", p.seconds * 1e6)),
+            time_ratio: Some(format!("{:.2}", p.seconds / self.fastest_s())),
+            instructions: p.instructions.map(|n| format!("{n:.0}")),
+            failed: p.failed,
+            failed_kind: p.reason.map_or("", |e| e.kind()),
+        })
+    }
+}
+
+impl Peer {
+    /// Time of our own rod (µs).
+    fn ours_us(peers: &[Self]) -> Option<f64> {
+        peers.iter().find(|p| p.solver == "first-integral, rod").and_then(|p| p.us)
+    }
+
+    fn row(&self, peers: &[Self]) -> Row {
+        let number = |x: f64| format!("{x:.3e}");
+        Row {
+            scene: "one rod".into(),
+            method: self.solver.clone(),
+            effort: self.tolerance.map_or(String::new(), |t| format!("tolerance {t:.0e}")),
+            max_error_m: self.error_m.map(number),
+            us: self.us.map(|us| format!("{us:.3}")),
+            time_ratio: self.us.zip(Self::ours_us(peers)).map(|(us, ours)| number(us / ours)),
+            failed: self.failed,
+            ..Row::default()
+        }
+    }
+}
+
+fn times(case: &Case) -> Panel {
+    let fastest_s = case.fastest_s();
+    panel(case, "time over the fastest's", RATIOS, |p| Some(p.seconds / fastest_s))
+}
+
+fn instructions(case: &Case) -> Panel {
+    panel(case, "instructions", [1e3, 3e9], |p| p.instructions)
+}
+
+fn panel(case: &Case, label: &str, range: [f64; 2], cost: impl Fn(&Point) -> Option<f64>) -> Panel {
+    let Measured { points, states, .. } = &case.measured;
+    let place = |p: &Point| Some((p.error_m.clamp(FLOOR_M, ERRORS_M[1]), cost(p)?));
+    let mut items = Vec::new();
+    for (name, colour) in colours() {
+        let of_line = || points.iter().filter(|p| p.way.line() == name);
+        let automatic = |p: &Point| p.way == Way::Method(Method::FirstIntegral { points: None });
+        items.push(Item::line(of_line().filter(|p| !automatic(p)).filter_map(place), Pen::solid(colour)));
+        items.extend(of_line().filter_map(|p| {
+            let shape = match p {
+                _ if p.failed > 0 => Shape::Circle,
+                _ if automatic(p) => Shape::Diamond,
+                _ => Shape::Dot,
+            };
+            // What has no answer at all stands at the right edge.
+            let (error, cost) = place(p)?;
+            Some(Item::mark((if p.failed == *states { ERRORS_M[1] } else { error }, cost), shape, colour))
+        }));
+    }
+    for p in points {
+        let (Way::Tier(tier), Some(at)) = (p.way, place(p)) else { continue };
+        if p.failed > 0 {
+            items.push(Item::mark(at, Shape::Square, INK));
+        }
+        items.push(Item::label(at, (1 + tier as usize).to_string(), INK));
+    }
+    let x = Axis::log("largest error of the gap, m", ERRORS_M);
+    Panel::new(format!("{}, {states} states", case.name), x, Axis::log(label, range), items)
+}
+
+/// One rod under a given force, which is what others can be asked for.
+fn peers_panel(peers: &[Peer]) -> Panel {
+    let ours_us = Peer::ours_us(peers).unwrap_or(f64::NAN);
+    let place = |p: &Peer| Some((p.error_m?.clamp(FLOOR_M, ERRORS_M[1]), p.us? / ours_us));
+    let mut items = Vec::new();
+    for (k, (solver, _)) in PEERS.iter().enumerate() {
+        let of_line = || peers.iter().filter(|p| p.solver == *solver);
+        items.push(Item::line(of_line().filter_map(place), Pen::dashed(colour(2 + k, 6))));
+        let shape = |p: &Peer| if p.failed > 0 { Shape::Circle } else { Shape::Dot };
+        items.extend(of_line().filter_map(|p| Some(Item::mark(place(p)?, shape(p), colour(2 + k, 6)))));
+    }
+    // Against itself there is no error: that of the rule that it stops at.
+    items.push(Item::mark((1e-14, 1.0), Shape::Diamond, colour(0, Method::ALL.len())));
+    let x = Axis::log("largest error of the tip, m", ERRORS_M);
+    Panel::new("one of the paper's rods, 12 states", x, Axis::log("time over the first integral's", RATIOS), items)
+}
+
+fn key(with_peers: bool) -> Vec<Block> {
+    let titled = |name| match name {
+        "first-integral" => "first-integral (ours)",
+        "paper" => "paper: RK4 shooting, relaxed",
+        "adaptive-shooting" => "DOP853 of differential-equations 0.7, shooting",
+        other => other,
+    };
+    let line = |(name, colour)| KeyRow::line(Pen::solid(colour), titled(name));
+    let peers = PEERS.iter().enumerate().filter(|_| with_peers);
+    let peers = peers.map(|(k, (_, name))| KeyRow::line(Pen::dashed(colour(2 + k, 6)), *name));
+    let cheaper = Tier::ALL.into_iter().filter(|t| *t != Tier::Full);
+    vec![
+        Block::new(colours().map(line).chain(peers)),
+        Block::new([
+            KeyRow::mark(Shape::Dot, INK, "steps or tolerances of a method"),
+            KeyRow::mark(Shape::Circle, INK, "some or all states failed"),
+            KeyRow::mark(Shape::Diamond, INK, "first integral as it is used"),
+        ]),
+        Block::new(cheaper.map(|t| KeyRow::text([format!("{}  {}, cheaper model", 1 + t as usize, t.name())]))),
+    ]
+}
+
+fn notes(cases: &[Case]) -> Vec<String> {
+    let mut notes = vec![
+        "Loads of 1 to 17 N, 0 to 7.5 turns, one thread; a time is the least of three rounds, instructions are of \
+         four of the states. With a stated number of nodes the first integral makes its rule anew for each state. A \
+         square around a number: the model has no answer for some states."
+            .to_owned(),
+    ];
+    for Case { name, measured } in cases {
+        let mut failed: Vec<String> = Vec::new();
+        for line in measured.points.chunk_by(|a, b| a.way.line() == b.way.line()) {
+            let counts: Vec<usize> = line.iter().map(|p| p.failed).filter(|failed| *failed > 0).collect();
+            let (Some(least), Some(most)) = (counts.iter().min(), counts.iter().max()) else { continue };
+            let kind = line.iter().find_map(|p| p.reason).map_or("", |e| e.kind());
+            let often = if least == most { least.to_string() } else { format!("{least} to {most}") };
+            let who = if counts.len() == line.len() { "every point" } else { "some points" };
+            failed.push(format!("{} ({who}: {often} states, {kind})", line[0].way.line()));
+        }
+        let failed = if failed.is_empty() { "none failed".into() } else { failed.join("; ") };
+        let reference_m = measured.reference_m;
+        notes.push(format!("{name}: reference on 96 nodes, {reference_m:.0e} m from that on 64. Failed: {failed}."));
+    }
+    notes
+}
+
+fn findings(case: &Case) -> Vec<String> {
+    let points = &case.measured.points;
+    let ours = points.iter().find(|p| p.way == Way::Method(Method::FirstIntegral { points: None }));
+    let Some(Point { seconds, error_m, .. }) = ours else { return Vec::new() };
+    let mut lines =
+        vec![format!("{}: the first integral takes {:.1} us for {error_m:.0e} m", case.name, seconds * 1e6)];
+    for (name, _) in colours().skip(1) {
+        let good = points.iter().filter(|p| p.way.line() == name && p.failed == 0 && p.error_m <= 1e-9);
+        let text = match good.min_by(|a, b| a.seconds.total_cmp(&b.seconds)) {
+            Some(p) => format!("{:.0} times as long, {}", p.seconds / seconds, p.way.effort()),
+            None => "not reached at any effort".into(),
+        };
+        lines.push(format!("  {name} for 1e-9 m at every state: {text}"));
+    }
+    lines
+}

@@ -1,0 +1,147 @@
+//! `report`: one page with the mechanism and its solver, the table's certificate, charts, stability map, a recorded move.
+
+use crate::page::data::{Data, Move};
+use crate::page::fragments::{Figure, Picture};
+use crate::page::{self, Page};
+use crate::table_report::TableReport;
+use rig_config::Scene;
+use rigctl::failure::Failure;
+use rigctl::log::Log;
+use rigctl::move_figure::draw;
+use rigctl::options::Global;
+use rigctl::out_file::OutFile;
+use rigctl::output::Output;
+use rigctl::recorded_move;
+use std::path::{Path, PathBuf};
+
+/// Load of the recorded move (kg) and twist of the strings when the board starts (rad).
+const MOVE: (f64, f64) = (0.5, 8.0);
+const MOVED: &str = "Position, motor speed and transmission ratio of the move";
+
+/// `tsa-lab report`: the file, and files of the operator that take the place of what the command would make.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// File to write
+    #[arg(long, value_name = "FILE.html")]
+    out: PathBuf,
+    /// Recorded log to play back in the page [default: a move that is made for it on the emulated board]
+    #[arg(long, value_name = "FILE")]
+    log: Option<PathBuf>,
+    /// Folder in which `tsa-lab chart` has left its figures [default: they are made, which takes minutes]
+    #[arg(long, value_name = "DIR")]
+    charts: Option<PathBuf>,
+}
+
+impl Arguments {
+    /// Runs the command.
+    ///
+    /// # Errors
+    /// If the scene describes no mechanism, this program was built without the page's solver, the log is none, or the page
+    /// cannot be written. What needs another program's results and does not find them is named in the page instead.
+    pub fn run(&self, global: &Global, output: &mut Output) -> Result<(), Failure> {
+        page::solver()?;
+        let file = OutFile::new(&self.out)?;
+        let scene = global.scene()?;
+        let mechanism = scene.mechanism()?;
+        let log = self.log.as_deref().map(|path| Ok::<_, Failure>((path, load(path)?))).transpose()?;
+        let fit = scene.fit_table().map_err(|e| Failure::from(e).message().unwrap_or_default());
+        let report = |fit| TableReport::new(&scene, fit).map_err(|e| e.to_string());
+        let table = fit.as_ref().map_err(String::clone).and_then(report);
+        let figures = self.figures(global, &scene, output)?;
+        let (recorded, moved) = match log {
+            Some((path, log)) => of_log(path, &log, &scene),
+            None => {
+                output.line("a move on the emulated board …")?;
+                output.flush()?;
+                on_the_emulated_board(global, scene.rig.gear())
+            }
+        };
+        let lookup = fit.as_ref().ok().map(|fit| fit.table.table());
+        let data = Data::new(&scene, &mechanism, lookup.as_ref(), moved);
+        let name = global.scene.display().to_string();
+        let page = Page { name: &name, scene: &scene, data: &data, table, figures: &figures, recorded: &recorded };
+        file.write(&page::html(&page)?)?;
+        let missing = figures.iter().chain([&recorded]).filter(|f| f.content.is_err()).map(|f| f.name);
+        output.object(&serde_json::json!({ "report": self.out, "missing": missing.collect::<Vec<_>>() }))?;
+        output.line(format!("written: {}", self.out.display()))?;
+        Ok(())
+    }
+
+    /// The charts: from the folder where they are, or made.
+    fn figures(&self, global: &Global, scene: &Scene, output: &mut Output) -> Result<Vec<Figure>, Failure> {
+        let beside = self.out.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        if let Some(folder) = self.charts.as_ref().filter(|folder| !folder.is_dir()) {
+            return Err(Failure::failed(format!("--charts {}: there is no such folder", folder.display())));
+        }
+        let mut figures = Vec::new();
+        for (name, title) in crate::chart::FIGURES {
+            let content = match &self.charts {
+                Some(folder) => match rig_config::files::read_to_string(&folder.join(format!("{name}.svg"))) {
+                    Ok(svg) => Ok(Picture { svg: Some(svg), findings: Vec::new() }),
+                    // A table has no picture, and the folder may hold only some figures.
+                    Err(_) => continue,
+                },
+                None => {
+                    output.line(format!("{name} …"))?;
+                    output.flush()?;
+                    let made = crate::chart::make(name, scene, &global.scene, beside).map_err(Failure::from);
+                    made.map(|made| Picture { svg: made.svg, findings: made.findings }).map_err(|e| why(name, &e))
+                }
+            };
+            figures.push(Figure { name, title, content });
+        }
+        Ok(figures)
+    }
+}
+
+fn load(path: &Path) -> Result<Log, Failure> {
+    let log = Log::load(path).map_err(|e| Failure::failed(format!("--log {}: {e}", path.display())))?;
+    if log.rows.is_empty() {
+        return Err(Failure::failed(format!("--log {}: holds no telemetry", path.display())));
+    }
+    Ok(log)
+}
+
+/// The log as data. The drawing is of this scene, whatever rig the log is of, so a difference is said in the page.
+fn of_log(path: &Path, log: &Log, scene: &Scene) -> (Figure, Option<Move>) {
+    let mut what = format!("Recorded in {}, {} rows.", path.display(), log.rows.len());
+    if !log.complete {
+        what += " The log was cut short.";
+    }
+    let hash = format!("{:08x}", scene.hash());
+    if log.header.get("scene_hash").is_some_and(|recorded| recorded != hash) {
+        what += " It was recorded with another scene than this page's: the drawing need not agree with the positions.";
+    }
+    let picture = Picture { svg: None, findings: vec![what.clone()] };
+    (Figure { name: "move", title: MOVED, content: Ok(picture) }, Some(Move::of_log(what, log)))
+}
+
+/// A move on the emulated board as a picture with its figures, and as data.
+fn on_the_emulated_board(global: &Global, gear: f64) -> (Figure, Option<Move>) {
+    let (load_kg, twist_rad) = MOVE;
+    let made = || -> Result<(Picture, Move), Failure> {
+        let options = global.emulated()?;
+        let m = recorded_move::record(&options, load_kg, twist_rad, gear)?;
+        let findings = vec![
+            format!("EMULATED: the firmware's ELF on an {options}, {load_kg} kg, unknown to it"),
+            format!(
+                "load estimated {:.3} N, true {:.3} N; homed in {:.1} s",
+                m.travel.load_n, m.load_true_n, m.home.duration_s
+            ),
+            format!("error at rest {:+.1} um; core busy {:.2} %", m.true_error_at_rest_m * 1e6, 100.0 * m.core_busy),
+        ];
+        let what = format!("A move of {load_kg} kg on the emulated board and rig; nothing here has met hardware.");
+        Ok((Picture { svg: Some(draw(&[m.curve()])?), findings }, Move::of_rows(what, &m.rows)))
+    };
+    match made() {
+        Ok((picture, moved)) => (Figure { name: "move", title: MOVED, content: Ok(picture) }, Some(moved)),
+        Err(failure) => (Figure { name: "move", title: MOVED, content: Err(why("move", &failure)) }, None),
+    }
+}
+
+/// Why a part is missing; it is printed at once.
+fn why(name: &str, failure: &Failure) -> String {
+    let why = failure.message().unwrap_or_default();
+    eprintln!("left out: {name}: {why}");
+    why
+}
