@@ -3,6 +3,8 @@
 use crate::ControlBench;
 use crate::load_changes::homed_under;
 use crate::rigs::subject::Subject;
+use crate::study::{Rigs, Study, draw, each};
+use anyhow::Result;
 use rig_control::TICK_S;
 use rig_link::messages::{LoadChoice, Request, State};
 use rig_plant::RigPreset;
@@ -11,11 +13,10 @@ use rigctl::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Sample, c
 use std::f64::consts::TAU;
 
 /// Ticks of one period: a whole number of them, so that a sum over whole periods is a Fourier coefficient.
-pub const PERIOD_TICKS: [usize; 8] = [1000, 500, 250, 125, 80, 50, 40, 25];
-/// Loads (kg) and amplitudes (m).
-pub const LOADS_KG: [f64; 2] = [0.5, 1.2];
-/// See above.
-pub const AMPLITUDES_M: [f64; 2] = [1e-3, 0.2e-3];
+const PERIOD_TICKS: [usize; 8] = [1000, 500, 250, 125, 80, 50, 40, 25];
+/// Loads (kg), and amplitudes (m).
+const LOADS_KG: [f64; 2] = [0.5, 1.2];
+const AMPLITUDES_M: [f64; 2] = [1e-3, 0.2e-3];
 /// About which position (m), and the speed of the way there (m/s).
 const MIDDLE_M: f32 = 0.008;
 const SPEED_M_PER_S: f32 = 0.004;
@@ -26,6 +27,9 @@ const LEAST_S: f64 = 4.0;
 /// What is drawn: ratios from the first one on, and phases (degrees) from the first one to the second, a turn apart.
 const DRAWN_RATIO: f64 = 0.01;
 const DRAWN_DEGREES: [f64; 2] = [-330.0, 30.0];
+
+/// Kinds of rigs, one of each.
+const KINDS: [RigPreset; 2] = [RigPreset::Ideal, RigPreset::Nominal];
 
 /// A rig, a load and an amplitude.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,6 +42,9 @@ pub struct Series {
     pub amplitude_m: f64,
 }
 
+/// A series and its answers.
+type Played = (Series, Vec<Result<Response, String>>);
+
 /// How the load answered a sine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Response {
@@ -48,7 +55,7 @@ pub struct Response {
 }
 
 /// A period (ticks) as a frequency (Hz).
-pub fn frequency_hz(period: usize) -> f64 {
+fn frequency_hz(period: usize) -> f64 {
     1.0 / (period as f64 * f64::from(TICK_S))
 }
 
@@ -102,21 +109,62 @@ fn response(measured: impl Iterator<Item = (f64, f64)>, amplitude_m: f64) -> Res
     Response { ratio: 2.0 * sine.hypot(cosine) / (count * amplitude_m), phase_rad: cosine.atan2(sine) }
 }
 
+/// Plays and draws every series.
+///
+/// # Errors
+/// If the figure cannot be written.
+pub fn study(rigs: &Rigs) -> Result<Study> {
+    let seed = rigs.seeds(1).start;
+    let kinds: Vec<RigPreset> = KINDS.into_iter().filter(|kind| rigs.wants(*kind)).collect();
+    let mut all = Vec::new();
+    for kind in &kinds {
+        for load_kg in LOADS_KG {
+            all.extend(AMPLITUDES_M.map(|amplitude_m| Series { rig: (*kind, seed), load_kg, amplitude_m }));
+        }
+    }
+    let answers = each(rigs.jobs, &all, Series::play);
+    let played: Vec<Played> = all.into_iter().zip(answers).collect();
+    draw(&figure(&kinds, &played), "following")?;
+    Ok(table(&played))
+}
+
+/// A row for each series, a column for each frequency.
+fn table(played: &[Played]) -> Study {
+    let frequencies = PERIOD_TICKS.map(|period| format!("{:.2} Hz", frequency_hz(period)));
+    let mut study = Study::new(["rig, load, amplitude".to_owned()].into_iter().chain(frequencies));
+    for (Series { rig: (rig, _), load_kg, amplitude_m }, answers) in played {
+        let amplitude_mm = 1e3 * amplitude_m;
+        let mut cells = vec![format!("{rig}, {load_kg} kg, {amplitude_mm} mm")];
+        for (period, answer) in PERIOD_TICKS.iter().zip(answers) {
+            let cell = |r: &Response| format!("{:.2}; {:.0}°", r.ratio, r.phase_rad.to_degrees());
+            cells.push(answer.as_ref().map_or("ended".into(), cell));
+            let name = format!("{rig}_{load_kg}kg_{amplitude_mm}mm_{:.2}hz_ratio", frequency_hz(*period));
+            study.value(name, answer.as_ref().ok().map(|r| r.ratio));
+        }
+        study.row(cells);
+    }
+    study.notes.push(
+        "Amplitude of the load's true position over that of the set-points; phase. \"ended\": the board has refused a \
+         set-point of the stream, or has ended it, because the load was too far behind."
+            .into(),
+    );
+    study
+}
+
 /// Ratio and phase over the frequency, for each kind of rig.
-pub fn figure(kinds: &[RigPreset], played: &[(Series, Vec<Result<Response, String>>)]) -> Figure {
+fn figure(kinds: &[RigPreset], played: &[Played]) -> Figure {
     let pens = |series: &Series| {
         let load = LOADS_KG.iter().position(|kg| *kg == series.load_kg).unwrap_or(0);
         Pen { dashed: series.amplitude_m != AMPLITUDES_M[0], ..Pen::solid(colour(load, LOADS_KG.len())) }
     };
     let panel = |kind: &RigPreset, title: &str, y: Axis, value: fn(&Response) -> f64| {
-        let of_kind = played.iter().filter(|(series, _)| series.rig.0 == *kind);
-        let line = |(series, answers): &(Series, Vec<Result<Response, String>>)| {
+        let line = |(series, answers): &Played| {
             let at = PERIOD_TICKS.iter().zip(answers);
             let points = at.filter_map(|(period, answer)| Some((frequency_hz(*period), value(answer.as_ref().ok()?))));
             Item::Line { points: points.collect(), pen: pens(series) }
         };
-        let x = Axis::log("frequency, Hz", [0.1, 4.0]);
-        Panel { title: format!("{title}, {kind} rig"), x, y, items: of_kind.map(line).collect() }
+        let items = played.iter().filter(|(series, _)| series.rig.0 == *kind).map(line).collect();
+        Panel { title: format!("{title}, {kind} rig"), x: Axis::log("frequency, Hz", [0.1, 4.0]), y, items }
     };
     let ratio =
         |kind| panel(kind, "Amplitude ratio", Axis::log("ratio", [DRAWN_RATIO, 2.0]), |r| r.ratio.max(DRAWN_RATIO));
@@ -155,6 +203,17 @@ mod tests {
         let measured = (0..200).map(|k| TAU * f64::from(k) / 50.0).map(|x| (x, 0.008 + 0.7e-3 * (x - 0.4).sin()));
         let found = response(measured, 1e-3);
         assert!((found.ratio - 0.7).abs() < 1e-9 && (found.phase_rad + 0.4).abs() < 1e-9, "{found:?}");
+    }
+
+    #[test]
+    fn a_series_is_a_row_and_a_stream_that_ended_says_so() {
+        let series = Series { rig: (RigPreset::Ideal, 1), load_kg: 0.5, amplitude_m: 1e-3 };
+        let mut answers = vec![Err("too fast".to_owned()); PERIOD_TICKS.len()];
+        answers[0] = Ok(Response { ratio: 0.99, phase_rad: -0.042 });
+        let study = table(&[(series, answers)]);
+        assert_eq!(study.table[0][..2], ["rig, load, amplitude", "0.10 Hz"]);
+        assert_eq!(study.table[1][..3], ["ideal, 0.5 kg, 1 mm", "0.99; -2°", "ended"]);
+        assert_eq!((study.values["ideal_0.5kg_1mm_0.10hz_ratio"], study.values.len()), (0.99, 1));
     }
 
     #[test]

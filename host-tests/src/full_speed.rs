@@ -4,10 +4,10 @@
 use crate::ControlBench;
 use crate::load_changes::{Outcome, as_the_sensor_has_it, hang, homed_under, motor_s};
 use crate::rigs::subject::Subject;
+use crate::study::each;
 use rig_control::TICK_S;
 use rig_control::limits::SPEED_MAX_M_PER_S;
 use rig_link::messages::{LoadChoice, Request, State};
-use rigctl::parallel::parallel_on;
 
 /// What hangs there (kg).
 pub const LOADS_KG: [f64; 4] = [0.1, 0.5, 1.0, 1.5];
@@ -26,8 +26,7 @@ const REST_S: f64 = 2.0;
 
 /// Up and down under every load on one rig.
 pub fn all(subject: &Subject, threads: usize) -> Vec<Outcome> {
-    let ways = parallel_on(threads, &|_, _| {}, LOADS_KG.len(), |k| both_ways(subject, LOADS_KG[k]));
-    ways.into_iter().flatten().collect()
+    each(threads, &LOADS_KG, |load_kg| both_ways(subject, *load_kg)).into_iter().flatten().collect()
 }
 
 fn both_ways(subject: &Subject, load_kg: f64) -> [Outcome; 2] {
@@ -110,5 +109,5 @@ fn go(bench: &mut ControlBench, target_m: f32, step: Option<(u32, f64)>, what: S
     let failure = failed.then(|| format!("{:?} {}", bench.control.state(), bench.control.faults()));
     as_the_sensor_has_it(&mut errors_m, &shown_m);
     let motor_s = motor_s(bench.truth().twist_rad - before_rad);
-    Outcome { what, motor_s, step: None, swing: None, away_m: 0.0, errors_m, failure }
+    Outcome { motor_s, errors_m, failure, ..Outcome::failed(what, String::new()) }
 }

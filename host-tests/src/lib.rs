@@ -1,5 +1,5 @@
-//! Tests across crates, and the experiments on the emulated rig: with the control code alone ([`rig_plant::bench`]) or with the
-//! firmware's ELF on the emulated board ([`board`]).
+//! Tests across crates, and the studies on the emulated rig: with the control code alone ([`rig_plant::bench`]) or with the
+//! firmware's ELF on the emulated board ([`board`]). A study makes a [`study::Study`]; [`results`] keeps it and writes the pages.
 
 pub mod board;
 pub mod compare;
@@ -7,14 +7,16 @@ pub mod endurance;
 pub mod following;
 pub mod full_speed;
 pub mod fuzz;
+pub mod limit;
 pub mod load_changes;
 pub mod margins;
 pub mod physical_limit;
+pub mod results;
 pub mod rigs;
 pub mod rivals;
-pub mod rivals_figure;
 pub mod scenario;
-pub mod speed_figure;
+pub mod speed;
+pub mod study;
 pub mod sweep;
 
 pub use rig_plant::bench::{ControlBench, ControlTick, Controller, Tamper, constants, scene, table};

@@ -3,12 +3,12 @@
 
 use crate::physical_limit::Swing;
 use crate::rigs::subject::Subject;
+use crate::study::each;
 use crate::{ControlBench, Controller, constants, table};
 use lab::chart::margin::DAMPING;
 use rig_control::{Rig as Control, TICK_S};
 use rig_link::messages::{LoadChoice, State};
 use rig_plant::units::STANDARD_GRAVITY;
-use rigctl::parallel::parallel_on;
 use std::fmt;
 
 /// Positions (m) at which the load is changed.
@@ -70,6 +70,12 @@ impl Outcome {
     /// Least time (s) that motor and swing allow to come within a distance (m) of the place.
     pub fn limit_s(&self, within_m: f64) -> Option<f64> {
         self.swing?.least_time_s(self.away_m, within_m)
+    }
+
+    /// Time to come back over the least that motor and swing allow; `None` if the load did not come back, or if the limit is not
+    /// known.
+    pub fn over_limit(&self, within_m: f64) -> Option<f64> {
+        Some(self.settled_s(within_m)? / self.limit_s(within_m)?)
     }
 
     /// Time after which the load stays within a distance (m) of its target (s); `None` if it does not.
@@ -137,12 +143,11 @@ pub fn loads_kg() -> Vec<f64> {
 /// Every change at every position on one rig.
 pub fn all(subject: &Subject, threads: usize) -> Vec<Outcome> {
     let loads_kg = loads_kg();
-    let homed = parallel_on(threads, &|_, _| {}, loads_kg.len(), |k| homed_under(subject, loads_kg[k]));
-    let steps = steps(subject.seed);
-    parallel_on(threads, &|_, _| {}, steps.len(), |k| {
-        let load_kg = homed_under_kg(&steps[k]);
+    let homed = each(threads, &loads_kg, |load_kg| homed_under(subject, *load_kg));
+    each(threads, &steps(subject.seed), |step| {
+        let load_kg = homed_under_kg(step);
         let on = loads_kg.iter().position(|kg| *kg == load_kg).expect("listed");
-        play(homed[on].clone(), steps[k])
+        play(homed[on].clone(), *step)
     })
 }
 

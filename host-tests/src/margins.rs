@@ -6,20 +6,21 @@
 
 use crate::load_changes::{hang, homed_under};
 use crate::rigs::subject::Subject;
+use crate::study::{Rigs, Study, each};
 use crate::{ControlBench, scene};
+use anyhow::{Result, anyhow};
 use lab::chart::margin::{Controller, Hung};
 use rig_control::{Inputs, LvdtBlock, TICK_S};
 use rig_link::messages::{LoadChoice, State};
-use rig_plant::RigPreset;
 use rig_plant::units::STANDARD_GRAVITY;
+use rig_plant::{PlantChange, PlantKey, RigPreset};
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex};
 use tsa_model::{Mechanism, twist_from_turns};
 
 /// Loads (kg) and positions (m) at which the margins are measured.
-pub const LOADS_KG: [f64; 3] = [0.2, 0.6, 1.2];
-/// See above.
-pub const POSITIONS_M: [f32; 3] = [0.002, 0.008, 0.014];
+const LOADS_KG: [f64; 3] = [0.2, 0.6, 1.2];
+const POSITIONS_M: [f32; 3] = [0.002, 0.008, 0.014];
 /// Share of its weight that the load keeps.
 const KEPT: f64 = 0.95;
 /// How long the load may swing after that, and how long it is then watched (s).
@@ -101,39 +102,96 @@ pub fn swing_m(mut bench: ControlBench, load_kg: f64, kept: f64, loosened: Loose
 
 /// Rig, load and place.
 #[derive(Clone, Debug)]
-pub struct Place {
+struct Place {
     /// The rig, and its kind in words.
-    pub rig: (Subject, String),
+    rig: (Subject, String),
     /// Load (kg).
-    pub load_kg: f64,
+    load_kg: f64,
     /// Position (m).
-    pub at_m: f32,
+    at_m: f32,
+}
+
+/// Measures all of them.
+///
+/// # Errors
+/// If a rig fails.
+pub fn study(rigs: &Rigs) -> Result<Study> {
+    let mut places = Vec::new();
+    for rig in self::rigs(rigs) {
+        for load_kg in LOADS_KG {
+            places.extend(POSITIONS_M.map(|at_m| Place { rig: rig.clone(), load_kg, at_m }));
+        }
+    }
+    let margins = each(rigs.jobs, &places, Place::margins);
+    let of = |(place, margins): (Place, Result<Margins, String>)| {
+        let margins = margins.map_err(|why| anyhow!("{}, {} kg: {why}", place.rig.0, place.load_kg))?;
+        Ok((format!("{}, {} kg", place.rig.1, place.load_kg), place.at_m, margins))
+    };
+    Ok(table(&places.into_iter().zip(margins).map(of).collect::<Result<Vec<_>>>()?))
+}
+
+/// A row for each kind of rig and load, a column for each position: gains first, then delays.
+fn table(found: &[(String, f32, Margins)]) -> Study {
+    let head = |what: &str| POSITIONS_M.map(|at_m| format!("{what} at {:.0} mm", 1e3 * at_m)).to_vec();
+    let mut study = Study::new([vec!["rig, load".into()], head("gain"), head("delay")].concat());
+    for (k, (name, ..)) in found.iter().enumerate() {
+        if found[..k].iter().any(|(before, ..)| before == name) {
+            continue;
+        }
+        let mut cells = vec![name.clone()];
+        for (what, scale, unit, digits) in [("gain", 1.0, "", 2), ("delay_s", 1e3, " ms", 0)] {
+            for at_m in POSITIONS_M {
+                let here = found.iter().filter(|(of, at, _)| of == name && *at == at_m);
+                let margins = here.map(|(.., m)| if what == "gain" { m.gain } else { m.delay_s }).collect::<Vec<_>>();
+                let Some((computed, _)) = margins.first() else { continue };
+                // None is less than any.
+                let measured = margins.iter().map(|(_, measured)| *measured);
+                let by_value = |a: &Option<f64>, b: &Option<f64>| a.unwrap_or(0.0).total_cmp(&b.unwrap_or(0.0));
+                let [least, most] = [measured.clone().min_by(by_value), measured.max_by(by_value)].map(Option::flatten);
+                let shown = |value: Option<f64>| value.map_or("none".into(), |v| format!("{:.digits$}", scale * v));
+                let range = if least == most { shown(least) } else { format!("{} to {}", shown(least), shown(most)) };
+                cells.push(format!("{:.digits$}: {range}{unit}", scale * computed));
+                let key = format!("{}_{:.0}mm_{what}", name.replace(", ", "_").replace(' ', "_"), 1e3 * at_m);
+                study.value(format!("{key}_computed"), *computed);
+                study.value(format!("{key}_least"), least);
+            }
+        }
+        study.row(cells);
+    }
+    study.notes.push(format!(
+        "In front of the colon computed, without friction; after it measured: the last step of 10 % or of 4 ms with which a \
+         load that loses a twentieth of its weight comes to rest, least and most of the rigs. No more than {:.1} and {:.0} ms were \
+         tried. \"none\": the load swings without a change of the loop.",
+        most().gain,
+        1e3 * most().delay_s
+    ));
+    study
 }
 
 /// The margins at a place: computed, with the table's mechanism and no friction, and measured. Of those measured the last with
 /// which the load came to rest: the next step was too much, unless it is the greatest that was tried. `None` if the load swings
 /// without a change of the loop.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Margins {
+struct Margins {
     /// By how much the gain of the open loop may grow.
-    pub gain: (f64, Option<f64>),
+    gain: (f64, Option<f64>),
     /// What further delay it tolerates (s).
-    pub delay_s: (f64, Option<f64>),
+    delay_s: (f64, Option<f64>),
 }
 
 /// The greatest values that are tried.
-pub fn most() -> Loosened {
+fn most() -> Loosened {
     Loosened { gain: by_gain(TRIED).gain, ..by_delay(TRIED) }
 }
 
-/// The rigs on which the margins are measured: the linear analysis' own, which has no friction, and those of the presets, so many
-/// of each kind from a seed on; of the ideal one there is only one.
-pub fn rigs(seed: u64, count: u64) -> Vec<(Subject, String)> {
-    let mut smooth = Subject::new(RigPreset::Ideal, seed);
-    smooth.changes.push("friction=0N".parse().expect("a plant key"));
-    let presets = RigPreset::ALL.into_iter().flat_map(|kind| {
-        let count = if kind == RigPreset::Ideal { 1 } else { count };
-        (seed..seed + count).map(move |seed| (Subject::new(kind, seed), kind.to_string()))
+/// The rigs on which the margins are measured: the linear analysis' own, which has no friction, and those of the presets; of the
+/// ideal one there is only one.
+fn rigs(rigs: &Rigs) -> Vec<(Subject, String)> {
+    let mut smooth = Subject::new(RigPreset::Ideal, rigs.seeds(1).start);
+    smooth.changes.push(PlantChange { key: PlantKey::Friction, value: 0.0 });
+    let presets = RigPreset::ALL.into_iter().filter(|kind| rigs.wants(*kind)).flat_map(|kind| {
+        let count = if kind == RigPreset::Ideal { 1 } else { usize::MAX };
+        rigs.seeds(3).take(count).map(move |seed| (Subject::new(kind, seed), kind.to_string()))
     });
     [(smooth, "without friction".to_owned())].into_iter().chain(presets).collect()
 }
@@ -168,4 +226,20 @@ fn by_gain(step: i32) -> Loosened {
 
 fn by_delay(step: i32) -> Loosened {
     Loosened { gain: 1.0, delay_s: f64::from(step) * DELAY_STEP_S }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rigs_of_a_kind_share_a_row_and_a_swing_without_a_change_says_so() {
+        let one =
+            |gain| ("hard, 0.6 kg".to_owned(), 0.008, Margins { gain: (1.96, gain), delay_s: (0.048, Some(0.1)) });
+        let study = table(&[one(Some(1.77)), one(Some(1.46))]);
+        assert_eq!(study.table[0][..3], ["rig, load", "gain at 2 mm", "gain at 8 mm"]);
+        assert_eq!(study.table[1], ["hard, 0.6 kg", "1.96: 1.46 to 1.77", "48: 100 ms"]);
+        assert_eq!(study.values["hard_0.6_kg_8mm_gain_least"], 1.46);
+        assert_eq!(table(&[one(Some(1.5)), one(None)]).table[1][1], "1.96: none to 1.50");
+    }
 }

@@ -5,18 +5,18 @@
 //! load at once.
 
 use crate::ControlBench;
-use crate::compare::baseline::{Baseline, Law, Loop, PAPER_SPEED, Wanted};
+use crate::compare::baseline::{self, Baseline, Law, Loop, PAPER_SPEED};
 use crate::compare::{tune, untuned};
 use crate::load_changes::{Outcome, REST_S, SPEED_M_PER_S, Step, WATCHED_S, errors_m, hang, homed_under_kg, loads_kg};
 use crate::rigs::commission::Firmware;
 use crate::rigs::subject::Subject;
+use crate::study::each;
 use rig_control::TICK_S;
 use rig_plant::units::STANDARD_GRAVITY;
-use rigctl::parallel::parallel_on;
 use std::f32::consts::PI;
 
-/// Longest way to the reference (s), and at a constant speed to the place of a step (s).
-const START_S: f64 = 30.0;
+/// Longest way at a constant speed to the place of a step (s).
+const ARRIVES_S: f64 = 30.0;
 /// How near the place (m) a constant speed has arrived.
 const ARRIVED_M: f32 = 100e-6;
 /// How long a step is watched while a loop is tuned (s), and one of how many steps is tuned on: each change at one place.
@@ -27,15 +27,6 @@ const MOST_SETTLED_S: f64 = 1000.0;
 const LEAST_TIME_S: f64 = TUNED_S;
 /// Crossing of friction (rad) where a move begins. No move begins at a load step, so that its size does not matter.
 const CROSSING_RAD: f32 = 0.3;
-
-/// A controller that was tuned, or has nothing to tune.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Rival {
-    /// As a letter and in words.
-    pub name: &'static str,
-    /// What it does.
-    pub law: Law,
-}
 
 /// A rig, and the baseline at its reference under each load (kg), or why it did not come there.
 type Ready = Vec<(f64, Result<ControlBench<Baseline>, String>)>;
@@ -51,14 +42,14 @@ impl Field {
     pub fn new(rigs: Vec<(Subject, Vec<Outcome>)>, threads: usize) -> Self {
         let loads_kg = loads_kg();
         let of = |(subject, ours): (Subject, Vec<Outcome>)| {
-            let ready = parallel_on(threads, &|_, _| {}, loads_kg.len(), |k| ready(&subject, loads_kg[k]));
+            let ready = each(threads, &loads_kg, |load_kg| ready(&subject, *load_kg));
             (loads_kg.iter().copied().zip(ready).collect(), ours)
         };
         Self { rigs: rigs.into_iter().map(of).collect(), threads }
     }
 
-    /// All seven, tuned on the first so many of the rigs for loads that are back within a distance (m).
-    pub fn rivals(&self, tuned_on: usize, within_m: f64) -> [Rival; 7] {
+    /// All seven by name, tuned on the first so many of the rigs for loads that are back within a distance (m).
+    pub fn rivals(&self, tuned_on: usize, within_m: f64) -> [(&'static str, Law); 7] {
         // Begins near what earlier searches found, which only saves time: its first steps are wide.
         let fixed = Loop { gain_per_s: 6.0, corner_rad_per_s: 30.0, ..untuned() };
         let tune = |start: Loop, unsettled_s: f64| self.tuned(start, unsettled_s, tuned_on, within_m);
@@ -73,19 +64,17 @@ impl Field {
             ("d  constant speed, matched", Law::MatchedSpeed),
             ("d' constant 12.5 rpm (paper)", Law::ConstantSpeed(PAPER_SPEED)),
         ]
-        .map(|(name, law)| Rival { name, law })
     }
 
     /// Every step of every rig by a law, beside the limits of the firmware's.
     pub fn play(&self, law: Law) -> Vec<Outcome> {
         let all: Vec<(&Ready, &Outcome)> =
             self.rigs.iter().flat_map(|(ready, ours)| ours.iter().map(move |one| (ready, one))).collect();
-        parallel_on(self.threads, &|_, _| {}, all.len(), |k| {
-            let (ready, ours) = all[k];
+        each(self.threads, &all, |(ready, ours)| {
             let Some(step) = ours.step else { return Outcome::failed(ours.what.clone(), "no step".into()) };
             match standing(ready, law, &step) {
                 Ok(mut bench) => watch(&mut bench, step, ours, WATCHED_S),
-                Err(why) => Outcome { failure: Some(why), errors_m: Vec::new(), ..ours.clone() },
+                Err(why) => Outcome { failure: Some(why), errors_m: Vec::new(), ..(*ours).clone() },
             }
         })
     }
@@ -100,8 +89,7 @@ impl Field {
         let chosen: Vec<(&Ready, &Outcome, Step)> =
             chosen.filter_map(|(ready, ours)| Some((ready, ours, ours.step?))).collect();
         // All candidates begin where the same loop has brought the load.
-        let standing = parallel_on(self.threads, &|_, _| {}, chosen.len(), |k| {
-            let (ready, ours, step) = &chosen[k];
+        let standing = each(self.threads, &chosen, |(ready, ours, step)| {
             standing(ready, Law::Loop(start), step).ok().map(|bench| (bench, *ours, *step))
         });
         let standing: Vec<_> = standing.into_iter().flatten().collect();
@@ -110,8 +98,7 @@ impl Field {
             for some in standing.chunks(6) {
                 let alive: Vec<usize> = (0..candidates.len()).filter(|k| costs[*k] < limit).collect();
                 let runs: Vec<_> = alive.iter().flat_map(|k| some.iter().map(move |one| (*k, one))).collect();
-                let played = parallel_on(self.threads, &|_, _| {}, runs.len(), |run| {
-                    let (k, (bench, ours, step)) = &runs[run];
+                let played = each(self.threads, &runs, |(k, (bench, ours, step))| {
                     let mut bench = bench.clone();
                     bench.control.law = Law::Loop(candidates[*k]);
                     watch(&mut bench, *step, ours, TUNED_S).settled_s(within_m).unwrap_or(unsettled_s)
@@ -126,27 +113,12 @@ impl Field {
 /// A baseline at its reference under a load (kg).
 fn ready(subject: &Subject, load_kg: f64) -> Result<ControlBench<Baseline>, String> {
     let rig = subject.switched_on_at(load_kg * STANDARD_GRAVITY, f64::from(PI)).map_err(|e| e.to_string())?;
-    let mut bench = ControlBench::on(rig, Baseline::new(&Firmware::as_built(), Law::OpenLoop, PI));
-    bench.control.wanted.load_n = bench.truth().load_n as f32;
-    if !bench.until(START_S, |bench| bench.control.is_ready()) {
-        return Err(format!("does not come to its reference within {START_S} s"));
-    }
-    bench.home_gap_m = Some(bench.truth().gap_m);
-    Ok(bench)
+    baseline::ready(ControlBench::on(rig, Baseline::new(&Firmware::as_built(), Law::OpenLoop, PI)))
 }
 
 /// One tick with a set-point; the position that the sensor shows (m).
 fn tick(bench: &mut ControlBench<Baseline>, set_point_m: f32, target_m: f32) -> Option<f32> {
-    let last_m = bench.control.wanted.set_point_m;
-    bench.control.wanted = Wanted {
-        set_point_m,
-        speed_m_per_s: (set_point_m - last_m) / TICK_S,
-        done: set_point_m == target_m,
-        target_m,
-        asked_m_per_s: SPEED_M_PER_S,
-        load_n: bench.truth().load_n as f32,
-    };
-    bench.tick(None);
+    baseline::follow(bench, set_point_m, target_m, SPEED_M_PER_S);
     bench.control.shown_m
 }
 
@@ -166,7 +138,7 @@ fn standing(ready: &Ready, law: Law, step: &Step) -> Result<ControlBench<Baselin
         tick(&mut bench, set_point_m, step.at_m);
     }
     if matches!(law, Law::ConstantSpeed(_) | Law::MatchedSpeed) {
-        let ticks = (START_S / f64::from(TICK_S)) as usize;
+        let ticks = (ARRIVES_S / f64::from(TICK_S)) as usize;
         let far = |shown_m: Option<f32>| shown_m.is_none_or(|shown_m| (shown_m - step.at_m).abs() > ARRIVED_M);
         (0..ticks).take_while(|_| far(tick(&mut bench, step.at_m, step.at_m))).for_each(drop);
     }

@@ -2,59 +2,25 @@
 //! the control code alone.
 
 use crate::root;
+use anyhow::{Context, Result, anyhow};
 use rig_control::TICK_S;
 use rig_link::messages::Request;
 use rig_plant::PlantChange;
-use rigctl::script::{Action, Script, ScriptError};
-use std::path::PathBuf;
-
-/// Why a scenario cannot be played here.
-#[derive(Debug, thiserror::Error)]
-pub enum ScenarioError {
-    /// The folder or a file in it.
-    #[error("{}: {source}", path.display())]
-    Read {
-        /// Which.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
-    /// Not a script.
-    #[error("{name}: {source}")]
-    Script {
-        /// Which.
-        name: String,
-        /// What is wrong with it.
-        source: ScriptError,
-    },
-    /// A script, but not homing and moves.
-    #[error("{name}, line {line}: {what}")]
-    NotMoves {
-        /// Which.
-        name: String,
-        /// Line in the file, from 1.
-        line: usize,
-        /// What is in the way.
-        what: &'static str,
-    },
-}
+use rigctl::script::{Action, Script};
 
 /// Every script of the folder by its name without the ending, in alphabetical order.
 ///
 /// # Errors
-/// [`ScenarioError`] naming the file.
-pub fn scripts() -> Result<Vec<(String, Script)>, ScenarioError> {
+/// Naming the file that cannot be read, or is no script.
+pub fn scripts() -> Result<Vec<(String, Script)>> {
     let folder = root().join("scenarios");
-    let read = |path: PathBuf| move |source| ScenarioError::Read { path, source };
     let mut found = Vec::new();
-    for entry in std::fs::read_dir(&folder).map_err(read(folder.clone()))? {
-        let path = entry.map_err(read(folder.clone()))?.path();
+    for entry in std::fs::read_dir(&folder).with_context(|| folder.display().to_string())? {
+        let path = entry?.path();
         if path.extension().is_some_and(|e| e == "script") {
             let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-            let text = std::fs::read_to_string(&path).map_err(read(path))?;
-            let script = Script::parse_in(&folder, &text)
-                .map_err(|source| ScenarioError::Script { name: name.clone(), source })?;
-            found.push((name, script));
+            let text = std::fs::read_to_string(&path).with_context(|| path.display().to_string())?;
+            found.push((name.clone(), Script::parse_in(&folder, &text).context(name)?));
         }
     }
     found.sort_by(|a, b| a.0.cmp(&b.0));
@@ -91,14 +57,14 @@ impl Scenario {
     /// From a script that sets up the plant, homes and moves, and does nothing else.
     ///
     /// # Errors
-    /// [`ScenarioError::NotMoves`] naming the line.
-    pub fn new(name: &str, script: &Script) -> Result<Self, ScenarioError> {
+    /// Naming the line that is something else.
+    pub fn new(name: &str, script: &Script) -> Result<Self> {
         let mut scenario = Self { name: name.into(), plant: Vec::new(), moves: Vec::new() };
         let mut homes = false;
         let mut starts_s: Vec<f64> = Vec::new();
         let ticks = |seconds: f64| (seconds / f64::from(TICK_S)).round() as usize;
         for event in &script.events {
-            let fail = |what| ScenarioError::NotMoves { name: name.into(), line: event.line, what };
+            let fail = |what: &str| anyhow!("{name}, line {}: {what}", event.line);
             match (&event.action, starts_s.last()) {
                 (Action::Plant(change), None) if event.t_s == 0.0 => scenario.plant.push(*change),
                 (Action::Plant(change), Some(start_s)) => {
@@ -125,7 +91,7 @@ impl Scenario {
 /// The scenarios of the comparison, in order of load.
 ///
 /// # Errors
-/// [`ScenarioError`] naming file and line.
-pub fn comparison() -> Result<Vec<Scenario>, ScenarioError> {
+/// Naming file and line.
+pub fn comparison() -> Result<Vec<Scenario>> {
     scripts()?.iter().filter(|(name, _)| name.starts_with("compare-")).map(|(n, s)| Scenario::new(n, s)).collect()
 }

@@ -4,7 +4,7 @@ use crate::packages::{Packages, check_used};
 use crate::process::{cargo, run};
 use crate::programs::Program;
 use crate::toolchain::{Choice, Toolchain, choose};
-use crate::{Folders, browser, firmware, licences, programs, python, system, toolchain};
+use crate::{Folders, browser, firmware, licences, programs, python, results, system, toolchain};
 use anyhow::{Result, bail};
 use std::process::Command;
 
@@ -96,14 +96,14 @@ pub fn cost(folders: &Folders) -> Result<()> {
 pub fn compare(folders: &Folders, rest: &[String]) -> Result<()> {
     // The comparison needs only the emulated rig, but the emulated chip is in the same package.
     system::ensure_emulator_tools()?;
-    run(cargo(folders).args(["run", "--release", "--package", "host-tests", "--bin", "compare", "--"]).args(rest))
+    results::study(folders, &[&["compare".into()], rest].concat())
 }
 
 /// Builds the firmware and runs the endurance test.
 pub fn endurance(folders: &Folders, rest: &[String]) -> Result<()> {
     system::ensure_emulator_tools()?;
     firmware::build(folders, &choose(Choice::Auto)?)?;
-    run(cargo(folders).args(["run", "--release", "--package", "host-tests", "--bin", "endurance", "--"]).args(rest))
+    results::study(folders, &[&["endurance".into()], rest].concat())
 }
 
 /// Builds the tools and the firmware.

@@ -140,7 +140,7 @@ fn run(arguments: Arguments) -> Result<()> {
         Task::Loop => host::closed_loop(&folders),
         Task::Endurance { rest } => host::endurance(&folders, &rest),
         Task::Compare { rest } => host::compare(&folders, &rest),
-        Task::Results { sections } => results::run(&folders, &sections),
+        Task::Results { sections } => results::results(&folders, &sections),
         Task::Licences => licences::check(&folders, &Packages::find(&folders)?),
         Task::Release => release::make(&folders),
         Task::Demo { rest } => host::demo(&folders, &rest),

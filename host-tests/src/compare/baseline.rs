@@ -1,13 +1,16 @@
 //! What the firmware's control is held against: the usual ways to drive a twisted string, over the same drive frames
 //! (mode 8, a position every 10 ms) on the same rig. They need no homing: they are given the true zero of the twist.
 
-use crate::Controller;
 use crate::rigs::commission::Firmware;
+use crate::{ControlBench, Controller};
 use core::f32::consts::PI;
 use rig_control::ramp::Ramp;
 use rig_control::sensors::Lvdt;
 use rig_control::{DriveCommand, DriveReading, Inputs, LvdtReading, RigConstants, TICK_S, settings};
 use tsa_table::Table;
+
+/// Longest way to the reference (s).
+const START_S: f64 = 30.0;
 
 /// How far the shaft stays behind its set-point, in time (s): one over the gain of the drive's position loop. The
 /// firmware measures it when homing; the baselines are given it.
@@ -282,6 +285,33 @@ impl Baseline {
             current_limit_ma: self.rig.current_limit_ma,
         }
     }
+}
+
+/// Brings a baseline that has just been switched on to its reference, under the true load.
+///
+/// # Errors
+/// In words, if it does not come there.
+pub fn ready(mut bench: ControlBench<Baseline>) -> Result<ControlBench<Baseline>, String> {
+    bench.control.wanted.load_n = bench.truth().load_n as f32;
+    if !bench.until(START_S, |bench| bench.control.is_ready()) {
+        return Err(format!("a baseline does not come to its reference within {START_S} s"));
+    }
+    bench.home_gap_m = Some(bench.truth().gap_m);
+    Ok(bench)
+}
+
+/// One tick with a set-point (m) on a move to a target (m) that was asked for at a speed (m/s).
+pub fn follow(bench: &mut ControlBench<Baseline>, set_point_m: f32, target_m: f32, asked_m_per_s: f32) {
+    let last_m = bench.control.wanted.set_point_m;
+    bench.control.wanted = Wanted {
+        set_point_m,
+        speed_m_per_s: (set_point_m - last_m) / TICK_S,
+        done: set_point_m == target_m,
+        target_m,
+        asked_m_per_s,
+        load_n: bench.truth().load_n as f32,
+    };
+    bench.tick(None);
 }
 
 impl Controller for Baseline {

@@ -3,7 +3,7 @@
 //!
 //! - [`plants`]: random plants, and rigs of a kind. [`play`]: a controller through a scenario on a plant.
 //! - [`baseline`]: what the firmware's control is held against. [`tune`]: the best gains for it.
-//! - [`score`]: tracking, settling, overshoot, energy. [`report`]: table, CSV and figure.
+//! - [`score`]: tracking, settling, overshoot, energy. [`report`]: table, CSV and figure. [`study`]: all of it.
 //!
 //! What is fair: a fixed ratio gets the same feedback, set by search on the comparison's own plants, and (b") even a fixed
 //! crossing of the friction band, its size searched for too. What takes the table and the load stays with the firmware: TR
@@ -20,15 +20,17 @@ pub mod plants;
 pub mod play;
 pub mod report;
 pub mod score;
+pub mod study;
 pub mod tune;
 
 use crate::ControlBench;
 use crate::scenario::Scenario;
+use crate::study::each;
 use baseline::{Baseline, Law, Loop};
 use plants::{Kind, RandomPlant};
 use play::{Played, Record};
 use rig_plant::RigPreset;
-use rigctl::parallel::parallel;
+use rigctl::parallel::cores;
 use score::Score;
 use tune::{Goal, Tally};
 
@@ -116,10 +118,10 @@ impl<'s> Comparison<'s> {
     /// In words, if the firmware fails on a plant and on the rig of its own model as well.
     pub fn new(scenarios: &'s [Scenario], plants: &[RandomPlant]) -> Result<Self, String> {
         let kind = plants.first().map_or(Kind::Random, |plant| plant.kind);
-        let firmware = in_parallel(plants, RandomPlant::firmware);
+        let firmware = each(cores(), plants, RandomPlant::firmware);
         let all: Vec<(usize, usize)> =
             (0..scenarios.len()).flat_map(|s| (0..plants.len()).map(move |p| (s, p))).collect();
-        let played = in_parallel(&all, |(scenario, k)| {
+        let played = each(cores(), &all, |(scenario, k)| {
             let (scenario, plant, firmware) = (&scenarios[*scenario], &plants[*k], &firmware[*k]);
             (play::firmware(scenario, plant, firmware), play::ready(scenario, plant, firmware))
         });
@@ -139,7 +141,7 @@ impl<'s> Comparison<'s> {
 
     /// The figures of every move under a controller.
     pub fn play(&self, controller: Controller) -> Vec<Entry> {
-        let entries = in_parallel(&self.cases, |case| {
+        let entries = each(cores(), &self.cases, |case| {
             let count = case.along.len();
             let theirs;
             let records = match controller {
@@ -175,7 +177,7 @@ impl<'s> Comparison<'s> {
             for some in cases.chunks(8) {
                 let alive = (0..candidates.len()).filter(|k| goal.cost(&tallies[*k], ticks) < limit);
                 let runs: Vec<(usize, &Case)> = alive.flat_map(|k| some.iter().map(move |case| (k, *case))).collect();
-                let played = in_parallel(&runs, |(k, case)| {
+                let played = each(cores(), &runs, |(k, case)| {
                     let counts = |r: &&Record| goal == Goal::Settling || !r.changed;
                     let along = &case.along[..case.along.iter().take_while(counts).count()];
                     let records = case.play(Law::Loop(candidates[*k]), &self.scenarios[case.scenario], along);
@@ -212,11 +214,6 @@ pub fn untuned() -> Loop {
     });
     let mean = ratios.sum::<f32>() / f32::from(STEPS * STEPS);
     Loop { tr_rad_per_m: Some(mean), gain_per_s: 3.0, corner_rad_per_s: 9.0, crossing_rad: 0.0 }
-}
-
-/// `f` of every item, on all cores, in the items' order.
-fn in_parallel<T: Sync, R: Send>(items: &[T], f: impl Fn(&T) -> R + Sync) -> Vec<R> {
-    parallel(&|_, _| {}, items.len(), |k| f(&items[k]))
 }
 
 #[cfg(test)]

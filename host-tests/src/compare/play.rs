@@ -1,14 +1,12 @@
 //! A controller through a scenario on a plant, and what was recorded of it.
 
-use super::baseline::{Baseline, Law, Wanted};
+use super::baseline::{self, Baseline, Law};
 use super::plants::RandomPlant;
 use crate::rigs::commission::Firmware;
 use crate::scenario::{Move, Scenario};
 use crate::{ControlBench, Controller};
 use rig_control::TICK_S;
 
-/// Longest way of a baseline to its reference (s).
-const START_S: f64 = 30.0;
 /// Twist at power-up (rad): of the baselines, whose zero is given, and of the firmware, which has to find it.
 const TWIST_AT_BOOT: [f32; 2] = [std::f32::consts::PI, 1.0];
 
@@ -102,33 +100,18 @@ pub fn firmware(scenario: &Scenario, plant: &RandomPlant, firmware: &Firmware) -
 pub fn ready(scenario: &Scenario, plant: &RandomPlant, firmware: &Firmware) -> Result<ControlBench<Baseline>, String> {
     let [twist, _] = TWIST_AT_BOOT;
     let control = Baseline::new(firmware, Law::OpenLoop, twist);
-    let mut bench = bench(control, &keys(scenario, plant, twist), plant.seed);
-    bench.control.wanted.load_n = bench.truth().load_n as f32;
-    if !bench.until(START_S, |d| d.control.is_ready()) {
-        return Err(format!("a baseline does not come to its reference within {START_S} s"));
-    }
-    bench.home_gap_m = Some(bench.truth().gap_m);
-    Ok(bench)
+    baseline::ready(bench(control, &keys(scenario, plant, twist), plant.seed))
 }
 
 /// A baseline from where [`ready`] left it, along the firmware's set-points. It fails where the plant refuses a change.
 pub fn baseline(mut bench: ControlBench<Baseline>, law: Law, scenario: &Scenario, along: &[Record]) -> Played {
     bench.control.law = law;
-    let (mut records, mut last_m) = (Vec::new(), 0.0);
+    let mut records = Vec::new();
     let mut play = || -> Result<(), String> {
         for (m, along) in scenario.moves.iter().zip(along) {
             let one = record(&mut bench, m, |bench, k| {
                 let set_point_m = along.set_points_m[k];
-                bench.control.wanted = Wanted {
-                    set_point_m,
-                    speed_m_per_s: (set_point_m - last_m) / TICK_S,
-                    done: set_point_m == m.target_m,
-                    target_m: m.target_m,
-                    asked_m_per_s: m.speed_m_per_s,
-                    load_n: bench.truth().load_n as f32,
-                };
-                last_m = set_point_m;
-                bench.tick(None);
+                baseline::follow(bench, set_point_m, m.target_m, m.speed_m_per_s);
                 Ok(set_point_m)
             });
             records.push(one?);

@@ -1,14 +1,15 @@
-//! The comparison's figures as a table, a CSV and a picture.
+//! The comparison's figures as rows of a CSV, as a study, and as a picture.
 
 use super::plants::Kind;
 use super::score::Summary;
-use super::{Entry, Failure};
+use super::{Comparison, Entry};
 use crate::scenario::Scenario;
+use crate::study::Study;
+use anyhow::{Context, Result};
 use rig_plant::units::STANDARD_GRAVITY;
 use rig_plant::{PlantKey, RigPreset};
-use rigctl::csv_text::csv_text;
 use rigctl::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Sample, Shape, colour, extent};
-use std::fmt::Write;
+use serde::Serialize;
 
 /// Largest tracking errors that others publish for closed loops on a twisted string: what, load (kg), errors (mm).
 /// JCSE 2016, 5864918: a dual actuator, other moves than here.
@@ -16,313 +17,353 @@ const PUBLISHED: [(&str, f64, [f64; 2]); 2] =
     [("published: dual TSA, PID", 0.5, [11.6, 12.6]), ("published: dual TSA, LQR", 0.5, [4.3, 5.0])];
 
 /// What else there is, in other measures.
-const ELSEWHERE: &str = "Published beside these, on other rigs and moves: closed loop on a dual TSA under 500 g, largest \
+pub const ELSEWHERE: &str = "Published beside these, on other rigs and moves: closed loop on a dual TSA under 500 g, largest \
     error 11.6 and 12.6 mm by PID, 4.3 and 5.0 mm by LQR (JCSE 2016, 5864918); open loop by an inverse model on a TSA \
     soft arm, 3.68 % (ASME JMR 16(4) 041007, 2024).";
 
 /// What the measures mean.
 const HOW: &str = "Tracking counts while the set-point travels, settling from its arrival until the next move. A load \
-    step moves the load by itself under any controller, by up to 5 mm. No settling time where fewer than nine moves of ten \
-    settle. A move that was not made, because its controller had failed, counts as not settled.";
+    step moves the load by itself under any controller, by up to 5 mm. A move that was not made, because its controller had failed, \
+    counts as not settled.";
+const TRACKING: &str = "Tracking counts from where the set-point sets out. A load step itself moves the load by millimetres \
+    under any controller; what differs is the time after it.";
+const NOT_MADE: &str = "A move that was not made, because its controller had failed, counts as not settled. Errors are those of the \
+    moves that both this controller and the other made.";
 
-/// One row of the picture.
-struct Quantity {
-    title: &'static str,
-    label: &'static str,
-    log: bool,
-    /// Others publish it.
-    published: bool,
-    value: fn(&Summary) -> f64,
+/// A row of the CSV: a controller under one load, or under all. Of what others have published there is only an error. An empty settling time means
+/// that fewer than nine moves of ten settled.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Row {
+    controller: String,
+    load_kg: String,
+    load_steps: Option<bool>,
+    moves: Option<usize>,
+    not_made: Option<usize>,
+    max_error_um: f64,
+    rms_error_um: f64,
+    settling_s: Option<f64>,
+    settled_share: f64,
+    overshoot_um: f64,
+    energy_j: f64,
 }
 
-const QUANTITIES: [Quantity; 5] = [
-    Quantity { title: "Tracking, rms", label: "error, mm", log: true, published: false, value: |s| s.rms_m * 1e3 },
-    Quantity { title: "Tracking, largest", label: "error, mm", log: true, published: true, value: |s| s.max_m * 1e3 },
-    Quantity { title: "Settled", label: "moves, %", log: false, published: false, value: |s| s.settled * 100.0 },
-    Quantity {
-        title: "Largest overshoot",
-        label: "past target, mm",
-        log: true,
-        published: false,
-        value: |s| s.overshoot_m * 1e3,
-    },
-    Quantity {
-        title: "Electrical energy of a move",
-        label: "energy, J",
-        log: false,
-        published: false,
-        value: |s| s.energy_j,
-    },
-];
+/// Instead of a load: all of them.
+const ALL: &str = "all";
 
-/// What one controller reached.
-pub struct Reached {
-    /// Whose, as a letter and in words.
-    pub name: String,
-    /// Every move's figures.
-    pub entries: Vec<Entry>,
+/// A number with so many digits after the point.
+fn rounded(value: f64, digits: i32) -> f64 {
+    (value * 10f64.powi(digits)).round() / 10f64.powi(digits)
 }
 
-/// One line of the table: whose, where, and what.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Line {
-    /// The controller, as a letter and in words.
-    pub name: String,
-    /// Load (kg); `None` is all of them.
-    pub load_kg: Option<f64>,
-    /// Moves with a load step on the way.
-    pub steps: bool,
-    /// The figures.
-    pub summary: Summary,
+impl Row {
+    fn new(name: &str, load_kg: Option<f64>, steps: bool, s: &Summary) -> Self {
+        let um = |m: f64| rounded(m * 1e6, 1);
+        Self {
+            controller: name.into(),
+            load_kg: load_kg.map_or(ALL.into(), |kg| format!("{kg:.1}")),
+            load_steps: Some(steps),
+            moves: Some(s.moves),
+            not_made: Some(s.not_made),
+            max_error_um: um(s.max_m),
+            rms_error_um: um(s.rms_m),
+            settling_s: s.settling_s.is_finite().then(|| rounded(s.settling_s, 2)),
+            settled_share: rounded(s.settled, 3),
+            overshoot_um: um(s.overshoot_m),
+            energy_j: rounded(s.energy_j, 4),
+        }
+    }
+}
+
+/// What a controller did under all loads: the root of the mean square, the mean, or the largest.
+struct OverLoads {
+    rms_um: f64,
+    largest_mm: f64,
+    settled_percent: f64,
+    overshoot_mm: f64,
+    energy_j: f64,
+    moves: usize,
+    not_made: usize,
+}
+
+impl OverLoads {
+    fn new(rows: &[&Row]) -> Self {
+        let mean = |of: fn(&Row) -> f64| rows.iter().map(|row| of(row)).sum::<f64>() / rows.len() as f64;
+        let most = |of: fn(&Row) -> f64| rows.iter().map(|row| of(row)).fold(0.0, f64::max);
+        Self {
+            rms_um: mean(|row| row.rms_error_um * row.rms_error_um).sqrt(),
+            largest_mm: 1e-3 * most(|row| row.max_error_um),
+            settled_percent: 100.0 * mean(|row| row.settled_share),
+            overshoot_mm: 1e-3 * most(|row| row.overshoot_um),
+            energy_j: mean(|row| row.energy_j),
+            moves: rows.iter().filter_map(|row| row.moves).sum(),
+            not_made: rows.iter().filter_map(|row| row.not_made).sum(),
+        }
+    }
 }
 
 /// Everything that was found.
 pub struct Results {
-    lines: Vec<Line>,
+    rows: Vec<Row>,
+    names: Vec<String>,
     kind: Kind,
     plants: usize,
-    failures: Vec<String>,
+    /// How the baselines were set.
     notes: Vec<String>,
+    /// What is said beside the study.
+    pub remarks: Vec<String>,
 }
 
 impl Results {
-    /// Sums up; `notes` say how the baselines were set.
+    /// Sums up what each controller did, ours first; `notes` say how the baselines were set.
     pub fn new(
         scenarios: &[Scenario],
         (kind, plants): (Kind, usize),
-        failures: &[Failure],
-        reached: &[Reached],
+        comparison: &Comparison<'_>,
+        reached: &[(String, Vec<Entry>)],
         notes: Vec<String>,
     ) -> Self {
-        let loads: Vec<f64> = scenarios.iter().map(load_kg).collect();
-        let mut lines = Vec::new();
-        for r in reached {
-            for steps in [false, true] {
-                let mut line = |scenario: Option<usize>| {
-                    let here = |s: usize| scenario.is_none_or(|only| only == s);
-                    let entries = r.entries.iter().filter(|e| here(e.scenario) && e.changed == steps);
-                    lines.push(Line {
-                        name: r.name.clone(),
-                        load_kg: scenario.map(|s| loads[s]),
-                        steps,
-                        summary: Summary::new(entries.map(|e| &e.score)),
-                    });
-                };
-                (0..scenarios.len()).for_each(|s| line(Some(s)));
-                line(None);
-            }
-        }
-        let failures =
-            failures.iter().map(|f| format!("{}, plant {}: {}", scenarios[f.scenario].name, f.seed, f.reason));
-        Self { lines, kind, plants, failures: failures.collect(), notes }
-    }
-
-    /// The lines.
-    pub fn lines(&self) -> &[Line] {
-        &self.lines
-    }
-
-    /// The figures over all loads.
-    pub fn over_all_loads(&self, name: &str, steps: bool) -> Option<&Summary> {
-        let all = |l: &&Line| l.load_kg.is_none() && l.steps == steps && l.name == name;
-        self.lines.iter().find(all).map(|l| &l.summary)
-    }
-
-    /// The controllers' names, in order.
-    fn names(&self) -> Vec<&str> {
-        let mut names: Vec<&str> = self.lines.iter().map(|l| l.name.as_str()).collect();
-        names.dedup();
-        names
-    }
-
-    /// For people.
-    pub fn table(&self) -> String {
-        let mut text = String::new();
-        let mut put = |line: String| {
-            let _ = writeln!(text, "{line}");
+        let summary = |entries: &[Entry], steps: bool, scenario: Option<usize>| {
+            let here = entries.iter().filter(|e| e.changed == steps && scenario.is_none_or(|only| only == e.scenario));
+            Summary::new(here.map(|e| &e.score))
         };
-        put(format!(
-            "{} {} under each load ({}); settled is to {:.0} um; all EMULATED",
-            self.plants,
-            self.kind,
-            drawn(self.kind),
-            1e6 * self.kind.settled_m()
-        ));
-        for steps in [false, true] {
-            put(String::new());
-            put(format!(
-                "{:<30} {:>6} {:>6} {:>8} {:>9} {:>9} {:>13} {:>8} {:>12} {:>9}",
-                if steps { "load steps on the way" } else { "no load steps" },
-                "load",
-                "moves",
-                "not made",
-                "max um",
-                "rms um",
-                "settling 90 %",
-                "settled",
-                "overshoot um",
-                "energy J"
-            ));
-            for line in self.lines.iter().filter(|l| l.steps == steps) {
-                let s = &line.summary;
-                put(format!(
-                    "{:<30} {:>6} {:>6} {:>8} {:>9.0} {:>9.1} {:>13} {:>6.0} % {:>12.0} {:>9.3}",
-                    line.name,
-                    line.load_kg.map_or("all".into(), |kg| format!("{kg:.1}")),
-                    s.moves,
-                    s.not_made,
-                    s.max_m * 1e6,
-                    s.rms_m * 1e6,
-                    if s.settling_s.is_finite() { format!("{:.2}", s.settling_s) } else { "–".into() },
-                    100.0 * s.settled,
-                    s.overshoot_m * 1e6,
-                    s.energy_j
-                ));
+        let mut rows = Vec::new();
+        for (name, entries) in reached {
+            for steps in [false, true] {
+                let loads = (0..scenarios.len()).map(Some).chain([None]);
+                rows.extend(
+                    loads
+                        .map(|k| Row::new(name, k.map(|k| load_kg(&scenarios[k])), steps, &summary(entries, steps, k))),
+                );
             }
         }
-        put(String::new());
-        let names = self.names();
-        for name in names.iter().skip(1) {
-            let times = |steps| {
-                let [theirs, ours] = [name, &names[0]].map(|n| self.over_all_loads(n, steps).map_or(0.0, |s| s.rms_m));
-                theirs / ours
-            };
-            put(format!(
-                "rms error over that of a: {name:<30} {:6.2} {:6.2} with load steps",
-                times(false),
-                times(true)
-            ));
-        }
-        if self.kind == Kind::Random {
-            put("(wanted: b and b' at least 5 without load steps)".into());
-        }
-        let waits = [false, true].map(|steps| self.over_all_loads(names[0], steps).map_or(0.0, |s| s.wait_s));
-        put(format!(
-            "before the set-point sets out it waits for the strings to take up friction: {:.2} s on average, {:.2} s with load steps",
-            waits[0], waits[1]
-        ));
-        self.notes.iter().for_each(|note| put(note.clone()));
-        for failure in &self.failures {
-            put(format!("a failed: {failure}"));
-        }
-        put(ELSEWHERE.into());
-        text
+        let all = |k: usize| [false, true].map(|steps| summary(&reached[k].1, steps, None));
+        let ours = all(0);
+        let times = (1..reached.len()).map(|k| {
+            let [steady, steps] = all(k);
+            let [steady, steps] = [steady.rms_m / ours[0].rms_m, steps.rms_m / ours[1].rms_m];
+            format!("{} {steady:.2} and {steps:.2}", letter(&reached[k].0))
+        });
+        let mut remarks = vec![
+            format!("Over the rms error of a, without load steps and with: {}.", times.collect::<Vec<_>>().join(", ")),
+            format!(
+                "Before the set-point sets out it waits for the strings to take up friction: {:.2} s on average, {:.2} s with load \
+                 steps.",
+                ours[0].wait_s, ours[1].wait_s
+            ),
+        ];
+        remarks.extend(notes.iter().cloned());
+        let failures = comparison.failures.iter();
+        remarks.extend(
+            failures.map(|f| format!("a failed: {}, plant {}: {}", scenarios[f.scenario].name, f.seed, f.reason)),
+        );
+        remarks.push(ELSEWHERE.into());
+        Self { rows, names: reached.iter().map(|(name, _)| name.clone()).collect(), kind, plants, notes, remarks }
     }
 
-    /// For machines. Lengths in um; an empty settling time means that fewer than nine moves of ten settled.
+    fn rows(&self, name: &str, steps: bool) -> Vec<&Row> {
+        let wanted = |row: &&Row| row.controller == name && row.load_steps == Some(steps) && row.load_kg != ALL;
+        self.rows.iter().filter(wanted).collect()
+    }
+
+    /// A row for each controller: over all loads, without load steps and with.
+    ///
+    /// # Errors
+    /// If there are not two controllers.
+    pub fn study(&self) -> Result<Study> {
+        let mut study = Study::new([
+            "controller: without load steps; with",
+            "rms error, µm",
+            "largest, mm",
+            "settled",
+            "largest overshoot, mm",
+            "energy, J",
+        ]);
+        let over_loads = |name: &String| [false, true].map(|steps| OverLoads::new(&self.rows(name, steps)));
+        let all: Vec<[OverLoads; 2]> = self.names.iter().map(over_loads).collect();
+        let [ours, fixed, ..] = &all[..] else { anyhow::bail!("fewer than two controllers") };
+        let rig = match self.kind {
+            Kind::Rig(rig) => Some(rig),
+            Kind::Random => None,
+        };
+        for (name, found) in self.names.iter().zip(&all) {
+            let both = |of: fn(&OverLoads) -> f64, digits: usize| {
+                let [without, with] = found.each_ref().map(of);
+                format!("{without:.digits$}; {with:.digits$}")
+            };
+            study.row([
+                rig.map_or(name.clone(), |rig| format!("{rig}: {name}")),
+                both(|f| f.rms_um, 0),
+                both(|f| f.largest_mm, 2),
+                format!("{:.0} %; {:.0} %", found[0].settled_percent, found[1].settled_percent),
+                both(|f| f.overshoot_mm, 2),
+                both(|f| f.energy_j, 2),
+            ]);
+            for (steps, theirs, ours) in [("steady", &found[0], &ours[0]), ("steps", &found[1], &ours[1])] {
+                let Some(rig) = rig else { continue };
+                let key = format!("{rig}_{}_{steps}", letter(name));
+                study.value(format!("{key}_rms_times"), theirs.rms_um / ours.rms_um);
+                study.value(format!("{key}_settled_percent"), theirs.settled_percent);
+                study.value(format!("{key}_not_made"), theirs.not_made as f64);
+            }
+        }
+        match rig {
+            None => {
+                study.value("rms_um", ours[0].rms_um);
+                study.value("fixed_ratio_times", fixed[0].rms_um / ours[0].rms_um);
+                study.value("plants", self.plants as f64);
+            }
+            Some(rig) => {
+                let not_made = self.names.iter().zip(&all).map(|(name, found)| {
+                    let [without, with] = found.each_ref().map(|f| format!("{} of {}", f.not_made, f.moves));
+                    format!("{}: {without} and {with}", letter(name))
+                });
+                study.notes.push(format!(
+                    "{} {rig} rigs under each of four loads; a move has settled within {:.0} µm of the true place. \
+                     Moves that were not made, without load steps and with, of all: {}.",
+                    self.plants,
+                    1e6 * self.kind.settled_m(),
+                    not_made.collect::<Vec<_>>().join(", ")
+                ));
+                study.notes.push(NOT_MADE.into());
+            }
+        }
+        study.notes.push(TRACKING.into());
+        Ok(study)
+    }
+
+    /// For machines. Lengths in µm.
     ///
     /// # Errors
     /// If it cannot be written.
-    pub fn csv(&self) -> anyhow::Result<String> {
-        let header = [
-            "controller",
-            "load_kg",
-            "load_steps",
-            "moves",
-            "not_made",
-            "max_error_um",
-            "rms_error_um",
-            "settling_s",
-            "settled_share",
-            "overshoot_um",
-            "energy_j",
-        ];
-        let ours = self.lines.iter().map(|line| {
-            let s = &line.summary;
-            let um = |m: f64| format!("{:.1}", m * 1e6);
-            let settling = if s.settling_s.is_finite() { format!("{:.2}", s.settling_s) } else { String::new() };
-            vec![
-                line.name.clone(),
-                line.load_kg.map_or("all".into(), |kg| format!("{kg:.1}")),
-                line.steps.to_string(),
-                s.moves.to_string(),
-                s.not_made.to_string(),
-                um(s.max_m),
-                um(s.rms_m),
-                settling,
-                format!("{:.3}", s.settled),
-                um(s.overshoot_m),
-                format!("{:.4}", s.energy_j),
-            ]
-        });
-        let theirs = PUBLISHED.iter().flat_map(|(what, kg, errors)| {
-            errors.iter().map(move |mm| {
-                let known = [(*what).to_owned(), format!("{kg:.1}"), String::new(), String::new(), String::new()];
-                let mut cells = known.to_vec();
-                cells.push(format!("{:.1}", mm * 1e3));
-                cells.resize(header.len(), String::new());
-                cells
-            })
-        });
-        csv_text(&header, ours.chain(theirs))
+    pub fn csv(&self) -> Result<String> {
+        let mut writer = csv::Writer::from_writer(Vec::new());
+        self.rows.iter().try_for_each(|row| writer.serialize(row))?;
+        for (what, kg, errors) in PUBLISHED {
+            for mm in errors {
+                let cells = [
+                    what.to_owned(),
+                    kg.to_string(),
+                    String::new(),
+                    String::new(),
+                    String::new(),
+                    (mm * 1e3).to_string(),
+                ];
+                writer.write_record(cells.into_iter().chain(std::iter::repeat_n(String::new(), 5)))?;
+            }
+        }
+        String::from_utf8(writer.into_inner().map_err(|e| e.into_error())?).context("the CSV is no text")
     }
 
     /// The picture.
-    ///
-    /// # Errors
-    /// If the drawing library fails.
-    pub fn figure(&self) -> anyhow::Result<String> {
-        let names = self.names();
+    pub fn figure(&self) -> Figure {
         // Black is the seventh of the colours that are told apart.
         let colour = |k: usize| if k < 6 { colour(k, 6) } else { INK };
         let pen = |k: usize| Pen { dashed: k > 6, ..Pen::solid(colour(k)) };
-        let panel = |quantity: &Quantity, steps: bool| {
-            let value = |l: &Line| Some((l.load_kg?, (quantity.value)(&l.summary)));
-            let drawable = |(_, v): &(f64, f64)| v.is_finite() && (!quantity.log || *v > 0.0);
-            let points = |lines: &mut dyn Iterator<Item = &Line>| lines.filter_map(value).filter(drawable).collect();
+        let panel = |(title, label, log, value): &Quantity, steps: bool| {
+            let published: Vec<(f64, f64)> = PUBLISHED
+                .iter()
+                .filter(|_| *title == LARGEST && !steps)
+                .flat_map(|(_, kg, errors)| errors.iter().map(move |mm| (*kg, *mm)))
+                .collect();
+            let points = |rows: Vec<&Row>| -> Vec<(f64, f64)> {
+                let points = rows.into_iter().filter_map(|row| Some((row.load_kg.parse().ok()?, value(row))));
+                points.filter(|(_, v)| v.is_finite() && (!log || *v > 0.0)).collect()
+            };
             let mut items = Vec::new();
-            for (k, name) in names.iter().enumerate() {
-                let line: Vec<(f64, f64)> =
-                    points(&mut self.lines.iter().filter(|l| l.name == *name && l.steps == steps));
+            for (k, name) in self.names.iter().enumerate() {
+                let line = points(self.rows(name, steps));
                 items.push(Item::Line { points: line.clone(), pen: pen(k) });
                 items.extend(line.into_iter().map(|at| Item::Mark { at, shape: Shape::Circle, colour: colour(k) }));
             }
-            let published: Vec<(f64, f64)> = PUBLISHED
-                .iter()
-                .filter(|_| quantity.published && !steps)
-                .flat_map(|(_, kg, errors)| errors.iter().map(move |mm| (*kg, *mm)))
-                .collect();
             items.extend(published.iter().map(|at| Item::Mark { at: *at, shape: Shape::Cross, colour: INK }));
             // Both columns have the same axes.
-            let all: Vec<(f64, f64)> = points(&mut self.lines.iter());
-            let heights = extent(all.iter().chain(&published).map(|p| p.1));
-            let x = Axis::linear("load, kg", extent(self.lines.iter().filter_map(|l| l.load_kg)));
-            let y =
-                if quantity.log { Axis::log(quantity.label, heights) } else { Axis::linear(quantity.label, heights) };
-            let title = format!("{}, {} load steps", quantity.title, if steps { "with" } else { "without" });
-            Panel { title, x, y, items }
+            let heights = extent(points(self.rows.iter().collect()).iter().chain(&published).map(|p| p.1));
+            let x = Axis::linear("load, kg", extent(self.rows.iter().filter_map(|row| row.load_kg.parse().ok())));
+            let y = if *log { Axis::log(*label, heights) } else { Axis::linear(*label, heights) };
+            Panel { title: format!("{title}, {} load steps", if steps { "with" } else { "without" }), x, y, items }
         };
-        let sample = |k: usize, name: &str| KeyRow::sample(Sample::Line(pen(k)), name);
-        let whose = names.iter().enumerate().map(|(k, name)| sample(k, name)).collect();
+        let sample = |(k, name): (usize, &String)| KeyRow::sample(Sample::Line(pen(k)), name);
         let published = KeyRow::sample(Sample::Mark(Shape::Cross, INK), "published: dual TSA, 500 g, LQR and PID");
-        let figure = Figure {
+        let mut notes =
+            vec![format!("Settled: within {:.0} µm. {HOW}", 1e6 * self.kind.settled_m()), drawn(self.kind).into()];
+        notes.extend(self.notes.iter().cloned().chain([ELSEWHERE.to_owned()]));
+        Figure {
             heading: format!("Ways to drive the same rig: {} {} under each load (emulated)", self.plants, self.kind),
             rows: QUANTITIES.iter().map(|q| [false, true].map(|steps| panel(q, steps)).into()).collect(),
             panel_size: (640, 290),
-            blocks: vec![Block { rows: whose }, Block { rows: vec![published] }],
-            notes: [format!("Settled: within {:.0} µm. {HOW}", 1e6 * self.kind.settled_m())]
-                .into_iter()
-                .chain(self.notes.iter().cloned())
-                .chain([ELSEWHERE.to_owned()])
-                .collect(),
-        };
-        figure.svg()
+            blocks: vec![
+                Block { rows: self.names.iter().enumerate().map(sample).collect() },
+                Block { rows: vec![published] },
+            ],
+            notes,
+        }
     }
+}
+
+/// A row of the picture: title, label, whether its axis is logarithmic, and what it shows.
+type Quantity = (&'static str, &'static str, bool, fn(&Row) -> f64);
+
+/// What others publish.
+const LARGEST: &str = "Tracking, largest";
+const QUANTITIES: [Quantity; 5] = [
+    ("Tracking, rms", "error, mm", true, |row| 1e-3 * row.rms_error_um),
+    (LARGEST, "error, mm", true, |row| 1e-3 * row.max_error_um),
+    ("Settled", "moves, %", false, |row| 100.0 * row.settled_share),
+    ("Largest overshoot", "past target, mm", true, |row| 1e-3 * row.overshoot_um),
+    ("Electrical energy of a move", "energy, J", false, |row| row.energy_j),
+];
+
+/// A controller's letter.
+fn letter(name: &str) -> &str {
+    name.split_whitespace().next().unwrap_or_default()
 }
 
 /// How plants of a kind differ from the firmware's model.
 fn drawn(kind: Kind) -> &'static str {
     match kind {
         Kind::Random => {
-            "constants and supply ±10 %, friction 0 to 0.3 N, LVDT noise 30 to 120 um, play of the gear 0 to 20 mrad, but for \
-             what is said below"
+            "Plants: constants and supply ±10 %, friction 0 to 0.3 N, LVDT noise 30 to 120 µm, play of the gear 0 to 20 mrad, but for \
+             what is said below."
         }
-        Kind::Rig(RigPreset::Ideal) => "rigs of their own model",
-        Kind::Rig(_) => "each calibrated and identified first, for all controllers",
+        Kind::Rig(RigPreset::Ideal) => "Rigs of their own model.",
+        Kind::Rig(_) => "Each rig calibrated and identified first, for all controllers.",
     }
 }
 
 /// The load that a scenario starts with (kg).
 fn load_kg(scenario: &Scenario) -> f64 {
     scenario.plant.iter().find(|s| s.key == PlantKey::Load).map_or(f64::NAN, |s| s.value / STANDARD_GRAVITY)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn figures_are_over_the_loads_and_count_what_was_not_made() {
+        let row = |moves, not_made, [max_error_um, rms_error_um, settled_share]: [f64; 3]| Row {
+            moves: Some(moves),
+            not_made: Some(not_made),
+            max_error_um,
+            rms_error_um,
+            settled_share,
+            ..Row::default()
+        };
+        let found = OverLoads::new(&[&row(4, 0, [1000.0, 30.0, 1.0]), &row(4, 3, [2000.0, 40.0, 0.25])]);
+        assert!((found.rms_um - (0.5f64 * (900.0 + 1600.0)).sqrt()).abs() < 1e-9, "{}", found.rms_um);
+        assert_eq!((found.moves, found.not_made, found.settled_percent, found.largest_mm), (8, 3, 62.5, 2.0));
+    }
+
+    #[test]
+    fn a_row_is_kept_as_it_is_written() {
+        let summary = Summary {
+            moves: 4,
+            max_m: 1.234_56e-4,
+            settled: 2.0 / 3.0,
+            settling_s: f64::INFINITY,
+            ..Summary::default()
+        };
+        let row = Row::new("a", Some(0.1499), true, &summary);
+        assert_eq!((&*row.load_kg, row.max_error_um, row.settled_share, row.settling_s), ("0.1", 123.5, 0.667, None));
+    }
 }

@@ -1,6 +1,7 @@
 //! What a record is worth: tracking, settling, overshoot, energy.
 
 use super::play::Record;
+use crate::study::Sorted;
 use rig_control::TICK_S;
 use std::ops::Range;
 
@@ -101,8 +102,7 @@ impl Summary {
         }
         let most = |value: fn(&Score) -> f64| scores.iter().map(|s| value(s)).fold(0.0, f64::max);
         let sum = |value: fn(&Score) -> f64| scores.iter().map(|s| value(s)).sum::<f64>();
-        let mut settling: Vec<f64> = scores.iter().map(|s| s.settling_s.unwrap_or(f64::INFINITY)).collect();
-        settling.sort_by(f64::total_cmp);
+        let settling = Sorted::new(scores.iter().map(|s| s.settling_s.unwrap_or(f64::INFINITY)));
         let made = scores.iter().filter(|s| s.made).count();
         let mean = |value: fn(&Score) -> f64| sum(value) / made.max(1) as f64;
         Self {
@@ -110,7 +110,7 @@ impl Summary {
             not_made: scores.len() - made,
             max_m: most(|s| s.max_m),
             rms_m: (sum(|s| s.squares_m2) / sum(|s| s.ticks as f64).max(1.0)).sqrt(),
-            settling_s: settling[(settling.len() * 9).div_ceil(10) - 1],
+            settling_s: settling.quantile(0.9).unwrap_or(f64::INFINITY),
             settled: scores.iter().filter(|s| s.settling_s.is_some()).count() as f64 / scores.len() as f64,
             overshoot_m: most(|s| s.overshoot_m),
             energy_j: mean(|s| s.energy_j),

@@ -6,7 +6,7 @@ use super::commission::Firmware;
 use super::floor::{Check, Finding};
 use super::subject::Subject;
 use crate::ControlBench;
-use crate::compare::baseline::{Baseline, Law, Loop, Wanted};
+use crate::compare::baseline::{self, Baseline, Law, Loop};
 use crate::compare::play::Record;
 use crate::compare::score::Score;
 use rig_control::TICK_S;
@@ -17,8 +17,7 @@ use std::f32::consts::PI;
 /// finds over many rigs.
 const RATIOS: [f32; 4] = [2100.0, 1200.0, 1600.0, 2757.0];
 const GAINS: [[f32; 2]; 3] = [[4.7, 30.0], [7.5, 21.8], [12.0, 30.0]];
-/// Longest way to the reference, and time to come to rest where the moves begin (s).
-const START_S: f64 = 30.0;
+/// Time to come to rest where the moves begin (s).
 const SETTLED_S: f64 = 2.0;
 
 /// Rms error of the best fixed ratio over that of the firmware, on the moves of following under every load.
@@ -65,46 +64,26 @@ fn rms_m<'a>(records: impl IntoIterator<Item = &'a Record>) -> f64 {
 /// A loop that stands at the half-turn pre-twist of this rig and has taken its reference.
 fn ready(subject: &Subject, firmware: &Firmware, load_n: f64) -> Result<ControlBench<Baseline>, String> {
     let rig = subject.switched_on_at(load_n, f64::from(PI)).map_err(|e| e.to_string())?;
-    let mut bench = ControlBench::on(rig, Baseline::new(firmware, Law::OpenLoop, PI));
-    bench.control.wanted.load_n = load_n as f32;
-    if !bench.until(START_S, |bench| bench.control.is_ready()) {
-        return Err(format!("the loop with a fixed ratio does not come to its reference within {START_S} s"));
-    }
-    bench.home_gap_m = Some(bench.truth().gap_m);
-    Ok(bench)
+    baseline::ready(ControlBench::on(rig, Baseline::new(firmware, Law::OpenLoop, PI)))
 }
 
 /// The loop along the firmware's set-points, after a move to where these begin.
 fn play(mut bench: ControlBench<Baseline>, law: Loop, along: &[Record]) -> Vec<Record> {
     bench.control.law = Law::Loop(law);
-    let load_n = bench.truth().load_n as f32;
     let begin_m = along.first().and_then(|record| record.set_points_m.first()).copied().unwrap_or(0.0);
     let step_m = along.iter().flat_map(|r| r.set_points_m.windows(2)).map(|w| (w[1] - w[0]).abs()).fold(0.0, f32::max);
-    let asked_m_per_s = step_m / TICK_S;
     let ramp = (1..).map(|k| (k as f32 * step_m).min(begin_m)).take_while(|s| *s < begin_m && step_m > 0.0);
     let rest = std::iter::repeat_n(begin_m, (SETTLED_S / f64::from(TICK_S)) as usize);
-    let mut last_m = 0.0;
     let mut tick = |set_point_m: f32, target_m: f32| {
-        bench.control.wanted = Wanted {
-            set_point_m,
-            speed_m_per_s: (set_point_m - last_m) / TICK_S,
-            done: set_point_m == target_m,
-            target_m,
-            asked_m_per_s,
-            load_n,
-        };
-        last_m = set_point_m;
-        bench.tick(None);
+        baseline::follow(&mut bench, set_point_m, target_m, step_m / TICK_S);
         bench.true_position_m()
     };
-    for set_point_m in ramp.chain(rest) {
+    ramp.chain(rest).for_each(|set_point_m| {
         tick(set_point_m, begin_m);
-    }
-    along
-        .iter()
-        .map(|record| Record {
-            positions_m: record.set_points_m.iter().map(|s| tick(*s, record.ends_m[1] as f32)).collect(),
-            ..record.clone()
-        })
-        .collect()
+    });
+    let played = along.iter().map(|record| Record {
+        positions_m: record.set_points_m.iter().map(|s| tick(*s, record.ends_m[1] as f32)).collect(),
+        ..record.clone()
+    });
+    played.collect()
 }

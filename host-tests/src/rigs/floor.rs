@@ -1,9 +1,10 @@
 //! What is measured on a rig, and the floors: what is asked of it.
 
 use rig_plant::RigPreset;
+use serde::{Serialize, Serializer};
 
 /// One thing that is measured.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Check {
     /// The stated error of the LVDT's calibration (m).
     Calibration,
@@ -64,6 +65,12 @@ pub enum Check {
     FixedRatio,
 }
 
+impl Serialize for Check {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.name())
+    }
+}
+
 /// What is asked of the values of a check.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Floor {
@@ -84,115 +91,63 @@ pub enum Floor {
     Per200Moves(f64),
 }
 
+/// Every check: its name in CSV and JSON, the row of the table that it belongs to (empty if nothing is asked of it), and factor and
+/// unit with which its values are shown.
+const CHECKS: [(Check, &str, &str, f64, &str); 28] = [
+    (Check::Calibration, "calibration_error_m", "", 1e6, "um"),
+    (Check::Zero, "zero_error_rad", "homing succeeds, zero", 1.0, "rad"),
+    (Check::HomingTime, "homing_s", "", 1.0, "s"),
+    (Check::LoadHomed, "load_after_homing", "load after homing", 100.0, "%"),
+    (Check::LoadStep, "load_after_step", "load after a step of load", 100.0, "%"),
+    (Check::LoadCover, "load_covered", "stated error covers: load", 100.0, "%"),
+    (Check::LoadStated, "load_error_stated", "", 100.0, "%"),
+    (Check::Certain, "load_error_over_stated", "load error over the stated one", 1.0, "times"),
+    (Check::PositionCover, "position_covered", "stated error covers: position", 100.0, "%"),
+    (Check::PositionStated, "position_error_stated_m", "", 1e6, "um"),
+    (Check::RestMeasured, "rest_measured_m", "at rest against the LVDT", 1e6, "um"),
+    (Check::RestRms, "rest_measured_rms_m", "", 1e6, "um"),
+    (Check::RestRaw, "rest_measured_unaveraged_m", "", 1e6, "um"),
+    (Check::Hunting, "rest_reversals", "at rest, reversals", 1.0, ""),
+    (Check::Travel, "rest_travel_rad", "", 1.0, "rad"),
+    (Check::RestTrue, "rest_true_m", "at rest against the truth", 1e3, "mm"),
+    (Check::FollowRms, "following_rms_m", "following at 2 mm/s, rms", 1e3, "mm"),
+    (Check::FollowMost, "following_most_m", "following at 2 mm/s, most", 1e3, "mm"),
+    (Check::Faults, "faults", "faults without a cause", 1.0, ""),
+    (Check::StepFaults, "faults_at_load_steps", "", 1.0, ""),
+    (Check::Moves, "moves", "", 1.0, ""),
+    (Check::Sank, "sank_after_fault_m", "load sinks after a fault", 1e3, "mm"),
+    (Check::HeldOut, "held_out_contraction", "contraction between the sweeps", 100.0, "%"),
+    (Check::PredictionCover, "prediction_covered", "stated error covers: contraction", 100.0, "%"),
+    (Check::PredictionStated, "prediction_error_stated", "contraction, stated error", 100.0, "%"),
+    (Check::PredictionOverStated, "prediction_error_over_stated", "contraction error over the stated", 1.0, "times"),
+    (Check::ConstantCover, "constant_covered", "stated error covers: constants", 100.0, "%"),
+    (Check::FixedRatio, "times_better_than_fixed_ratio", "times better than a fixed ratio", 1.0, "times"),
+];
+
 impl Check {
-    /// Every check.
-    pub const ALL: [Self; 28] = [
-        Self::Calibration,
-        Self::Zero,
-        Self::HomingTime,
-        Self::LoadHomed,
-        Self::LoadStep,
-        Self::LoadCover,
-        Self::LoadStated,
-        Self::Certain,
-        Self::PositionCover,
-        Self::PositionStated,
-        Self::RestMeasured,
-        Self::RestRms,
-        Self::RestRaw,
-        Self::Hunting,
-        Self::Travel,
-        Self::RestTrue,
-        Self::FollowRms,
-        Self::FollowMost,
-        Self::Faults,
-        Self::StepFaults,
-        Self::Moves,
-        Self::Sank,
-        Self::HeldOut,
-        Self::PredictionCover,
-        Self::PredictionStated,
-        Self::PredictionOverStated,
-        Self::ConstantCover,
-        Self::FixedRatio,
-    ];
+    /// Every check, in the order of the table.
+    pub fn all() -> impl Iterator<Item = Self> {
+        CHECKS.into_iter().map(|(check, ..)| check)
+    }
+
+    fn described(self) -> (&'static str, &'static str, (f64, &'static str)) {
+        let (_, name, row, factor, unit) = CHECKS[self as usize];
+        (name, row, (factor, unit))
+    }
 
     /// Its name in the CSV and in JSON.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Calibration => "calibration_error_m",
-            Self::Zero => "zero_error_rad",
-            Self::HomingTime => "homing_s",
-            Self::LoadHomed => "load_after_homing",
-            Self::LoadStep => "load_after_step",
-            Self::LoadCover => "load_covered",
-            Self::LoadStated => "load_error_stated",
-            Self::Certain => "load_error_over_stated",
-            Self::PositionCover => "position_covered",
-            Self::PositionStated => "position_error_stated_m",
-            Self::RestMeasured => "rest_measured_m",
-            Self::RestRms => "rest_measured_rms_m",
-            Self::RestRaw => "rest_measured_unaveraged_m",
-            Self::Hunting => "rest_reversals",
-            Self::Travel => "rest_travel_rad",
-            Self::RestTrue => "rest_true_m",
-            Self::FollowRms => "following_rms_m",
-            Self::FollowMost => "following_most_m",
-            Self::Faults => "faults",
-            Self::StepFaults => "faults_at_load_steps",
-            Self::Moves => "moves",
-            Self::Sank => "sank_after_fault_m",
-            Self::HeldOut => "held_out_contraction",
-            Self::PredictionCover => "prediction_covered",
-            Self::PredictionStated => "prediction_error_stated",
-            Self::PredictionOverStated => "prediction_error_over_stated",
-            Self::ConstantCover => "constant_covered",
-            Self::FixedRatio => "times_better_than_fixed_ratio",
-        }
+    pub fn name(self) -> &'static str {
+        self.described().0
     }
 
     /// The row of the table that it belongs to; none if nothing is asked of it.
-    pub const fn row(self) -> Option<&'static str> {
-        Some(match self {
-            Self::Zero => "homing succeeds, zero",
-            Self::LoadHomed => "load after homing",
-            Self::LoadStep => "load after a step of load",
-            Self::LoadCover => "stated error covers: load",
-            Self::Certain => "load error over the stated one",
-            Self::PositionCover => "stated error covers: position",
-            Self::RestMeasured => "at rest against the LVDT",
-            Self::Hunting => "at rest, reversals",
-            Self::RestTrue => "at rest against the truth",
-            Self::FollowRms => "following at 2 mm/s, rms",
-            Self::FollowMost => "following at 2 mm/s, most",
-            Self::Faults => "faults without a cause",
-            Self::Sank => "load sinks after a fault",
-            Self::HeldOut => "contraction between the sweeps",
-            Self::PredictionCover => "stated error covers: contraction",
-            Self::PredictionStated => "contraction, stated error",
-            Self::PredictionOverStated => "contraction error over the stated",
-            Self::ConstantCover => "stated error covers: constants",
-            Self::FixedRatio => "times better than a fixed ratio",
-            _ => return None,
-        })
+    pub fn row(self) -> Option<&'static str> {
+        Some(self.described().1).filter(|row| !row.is_empty())
     }
 
     /// Factor and unit with which its values are shown.
-    pub const fn unit(self) -> (f64, &'static str) {
-        match self {
-            Self::Zero | Self::Travel => (1.0, "rad"),
-            Self::HomingTime => (1.0, "s"),
-            Self::LoadHomed | Self::LoadStep | Self::LoadStated | Self::HeldOut | Self::PredictionStated => {
-                (100.0, "%")
-            }
-            Self::LoadCover | Self::PositionCover | Self::PredictionCover | Self::ConstantCover => (100.0, "%"),
-            Self::Calibration | Self::RestMeasured | Self::RestRms | Self::RestRaw | Self::PositionStated => {
-                (1e6, "um")
-            }
-            Self::RestTrue | Self::FollowRms | Self::FollowMost | Self::Sank => (1e3, "mm"),
-            Self::Hunting | Self::Faults | Self::StepFaults | Self::Moves => (1.0, ""),
-            Self::FixedRatio | Self::Certain | Self::PredictionOverStated => (1.0, "times"),
-        }
+    pub fn unit(self) -> (f64, &'static str) {
+        self.described().2
     }
 
     /// What is asked of it on this kind of rig; `as_built` without identification, where the load's error is free.
@@ -281,6 +236,13 @@ pub struct Finding {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn every_check_is_described_in_its_place() {
+        for (k, (check, ..)) in CHECKS.into_iter().enumerate() {
+            assert_eq!(check as usize, k, "{check:?}");
+        }
+    }
 
     #[test]
     fn a_floor_is_met_up_to_its_limit() {

@@ -4,17 +4,20 @@
 //! - [`subject`]: which rigs. [`commission`]: what a user does first (calibrate the LVDT, record sweeps, identify).
 //! - [`trial`]: one boot of a rig under one load, from homing to the last move. [`fixed_ratio`]: the same moves by a loop
 //!   with a fixed ratio.
-//! - [`floor`]: what is measured, and what is asked of it. [`report`]: the table, JSON and CSV.
+//! - [`floor`]: what is measured, and what is asked of it. [`report`]: the tables, JSON and CSV. [`measured`]: all of it.
 //!
 //! Anything may be tuned on the rigs with seeds 1 to 40. What is reported is of seeds from 1001 on, at most to 1040, which
 //! nothing was tuned on.
 
+mod arguments;
 pub mod commission;
 pub mod fixed_ratio;
 pub mod floor;
 pub mod report;
 pub mod subject;
 pub mod trial;
+
+pub use arguments::{Arguments, measured};
 
 use floor::Finding;
 use rigctl::parallel::{Progress, parallel_on};

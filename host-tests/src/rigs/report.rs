@@ -1,44 +1,68 @@
-//! What the study found, as a table, JSON and CSV.
+//! What the study found: rows of CSV and JSON, and the tables.
 
 use super::Scored;
 use super::floor::{Check, Finding, Floor};
-use super::subject::Subject;
 use super::trial::NOT_HOMED;
+use crate::study::{Sorted, Study};
+use anyhow::{Context, Result};
 use rig_plant::RigPreset;
 use rig_plant::units::STANDARD_GRAVITY;
-use rigctl::csv_text::{csv_text, optional};
-use serde_json::{Value, json};
+use serde::Serialize;
 
-/// A check over all rigs of a kind.
-#[derive(Clone, Debug)]
+/// A check over all rigs of a group. SI units.
+#[derive(Clone, Debug, Serialize)]
 pub struct Line {
+    rig: RigName,
+    effect: Option<String>,
+    factor: Option<f64>,
+    table: &'static str,
     /// What.
     pub check: Check,
+    #[serde(skip)]
+    asked: Option<Floor>,
     /// What is asked; none where nothing is.
-    pub floor: Option<Floor>,
-    /// How often it was measured, and how often it should have been but could not.
-    pub cases: [usize; 2],
-    /// Median, 95th percentile and greatest of the magnitudes; of [`Floor::AtLeast`] the other end.
-    pub spread: Option<[f64; 3]>,
+    floor: Option<String>,
+    /// How often it was measured.
+    pub cases: usize,
+    /// How often it should have been but could not.
+    pub missing: usize,
+    /// Of the magnitudes; of [`Floor::AtLeast`] towards the other end.
+    median: Option<f64>,
+    p95: Option<f64>,
+    worst: Option<f64>,
     /// Share of the cases that meet the floor; the mean, or the number for every 200 moves, where the floor is one of that.
-    pub met: Option<f64>,
+    met: Option<f64>,
     /// Whether the floor holds.
     pub holds: Option<bool>,
+    /// The first case that misses it.
+    failure: Option<String>,
 }
 
-/// A case that does not meet its floor.
-#[derive(Clone, Debug)]
-pub struct Failed<'a> {
-    /// Which rig.
-    pub subject: &'a Subject,
-    /// What.
-    pub finding: &'a Finding,
+/// One value on one rig. SI units.
+#[derive(Clone, Debug, Serialize)]
+pub struct Case {
+    rig: RigName,
+    seed: u64,
+    effect: Option<String>,
+    factor: Option<f64>,
+    table: &'static str,
+    load_kg: Option<f64>,
+    check: Check,
+    value: Option<f64>,
+    meets_floor: Option<bool>,
+    /// When, or why there is no value.
+    pub note: String,
+    #[serde(skip)]
+    what: String,
 }
+
+type RigName = &'static str;
 
 /// The rigs of one kind, with the same effects, all commissioned or all as built.
 pub struct Results<'a> {
     scored: Vec<&'a Scored>,
-    kind: RigPreset,
+    /// Whose floors they are held against.
+    pub kind: RigPreset,
     as_built: bool,
 }
 
@@ -59,70 +83,97 @@ pub fn groups(scored: &[Scored]) -> Vec<Results<'_>> {
     results.map(|scored| Results { kind: scored[0].subject.kind, as_built: scored[0].as_built, scored }).collect()
 }
 
-impl<'a> Results<'a> {
-    fn findings(&self, check: Check) -> impl Iterator<Item = &'a Finding> {
-        self.scored.iter().flat_map(move |s| s.findings.iter().filter(move |f| f.check == check))
+impl Results<'_> {
+    /// How many rigs.
+    pub fn rigs(&self) -> usize {
+        self.scored.len()
+    }
+
+    fn table(&self) -> &'static str {
+        if self.as_built { "as-built" } else { "identified" }
     }
 
     /// One row.
     pub fn line(&self, check: Check) -> Line {
-        let floor = check.floor(self.kind, self.as_built);
-        let all: Vec<&Finding> = self.findings(check).collect();
-        let mut values: Vec<f64> = all.iter().filter_map(|f| f.value).map(f64::abs).collect();
-        let best_last = matches!(floor, Some(Floor::AtLeast(_)));
-        values.sort_by(|a, b| if best_last { b.total_cmp(a) } else { a.total_cmp(b) });
-        let sum: f64 = values.iter().sum();
-        let (count, asked) = (values.len(), all.len());
-        // Rank k of n lies at (k - 1/2)/n; the nearest one above is taken.
-        let at = |share: f64| values[((share * count as f64).ceil() as usize).clamp(1, count) - 1];
-        let spread = (count > 0).then(|| [at(0.5), at(0.95), values[count - 1]]);
-        let share = || {
-            let met = all.iter().filter(|f| floor.and_then(|l| l.is_met(f.value, load_n(f))).unwrap_or(false)).count();
-            (asked > 0).then(|| met as f64 / asked as f64)
-        };
-        let (met, holds) = match floor {
+        let asked = check.floor(self.kind, self.as_built);
+        let findings = |check: Check| self.scored.iter().flat_map(|s| &s.findings).filter(move |f| f.check == check);
+        let all: Vec<&Finding> = findings(check).collect();
+        // The worst comes last.
+        let sign = if matches!(asked, Some(Floor::AtLeast(_))) { -1.0 } else { 1.0 };
+        let values = Sorted::new(all.iter().filter_map(|f| f.value).map(|value| sign * value.abs()));
+        let cases = values.count();
+        let at = |share: f64| values.quantile(share).map(|value| sign * value);
+        let met_by = |f: &Finding| asked.and_then(|floor| floor.is_met(f.value, load_n(f))).unwrap_or(false);
+        let share = || (!all.is_empty()).then(|| all.iter().filter(|f| met_by(f)).count() as f64 / all.len() as f64);
+        let (met, holds) = match asked {
             None => (None, None),
             Some(Floor::Within { share: wanted, .. }) => (share(), share().map(|share| share >= wanted)),
             Some(Floor::AtLeast(_)) => (share(), share().map(|share| share >= 1.0)),
             Some(Floor::Mean([low, high])) => {
-                let mean = (count > 0).then(|| sum / count as f64);
+                let mean = (cases > 0).then(|| values.sum() / cases as f64);
                 (mean, mean.map(|mean| (low..=high).contains(&mean)))
             }
             Some(Floor::Per200Moves(most)) => {
-                let moves: f64 = self.findings(Check::Moves).filter_map(|f| f.value).sum();
-                let rate = (moves > 0.0).then(|| 200.0 * sum / moves);
+                let moves: f64 = findings(Check::Moves).filter_map(|f| f.value).sum();
+                let rate = (moves > 0.0).then(|| 200.0 * values.sum() / moves);
                 (rate, rate.map(|rate| rate <= most))
             }
         };
-        Line { check, floor, cases: [count, asked - count], spread, met, holds }
+        let first = &self.scored[0].subject;
+        let failed = self.failed().into_iter().find(|case| case.check == check);
+        Line {
+            rig: self.kind.name(),
+            effect: first.effect.clone(),
+            factor: first.factor,
+            table: self.table(),
+            check,
+            asked,
+            floor: asked.map(|floor| floor.text(check)),
+            cases,
+            missing: all.len() - cases,
+            median: at(0.5),
+            p95: at(0.95),
+            worst: at(1.0),
+            met,
+            holds,
+            failure: failed.map(|case| format!("rig {}{}: {} {}", case.seed, case.under(), case.shown(), case.note)),
+        }
     }
 
     /// The rows of the table.
     pub fn lines(&self) -> Vec<Line> {
-        Check::ALL.into_iter().filter(|check| check.row().is_some()).map(|check| self.line(check)).collect()
+        Check::all().filter(|check| check.row().is_some()).map(|check| self.line(check)).collect()
+    }
+
+    /// Everything that was measured.
+    fn cases(&self) -> Vec<Case> {
+        let of = |scored: &Scored, f: &Finding| Case {
+            rig: self.kind.name(),
+            seed: scored.subject.seed,
+            effect: scored.subject.effect.clone(),
+            factor: scored.subject.factor,
+            table: self.table(),
+            load_kg: f.load_kg,
+            check: f.check,
+            value: f.value,
+            meets_floor: f.check.floor(self.kind, self.as_built).and_then(|floor| floor.is_met(f.value, load_n(f))),
+            note: f.note.clone(),
+            what: scored.subject.to_string(),
+        };
+        self.scored.iter().flat_map(|scored| scored.findings.iter().map(move |f| of(scored, f))).collect()
     }
 
     /// Every case that does not meet its floor.
-    pub fn failed(&self) -> Vec<Failed<'a>> {
-        let mut failed = Vec::new();
-        for scored in &self.scored {
-            for finding in &scored.findings {
-                let Some(floor) = finding.check.floor(scored.subject.kind, self.as_built) else { continue };
-                let missed = match floor {
-                    Floor::Per200Moves(_) => finding.value.is_some_and(|faults| faults > 0.0),
-                    Floor::Mean(_) => false,
-                    _ => floor.is_met(finding.value, load_n(finding)) == Some(false),
-                };
-                if missed {
-                    failed.push(Failed { subject: &scored.subject, finding });
-                }
-            }
-        }
-        failed
+    pub fn failed(&self) -> Vec<Case> {
+        let missed = |case: &Case| match case.check.floor(self.kind, self.as_built) {
+            Some(Floor::Per200Moves(_)) => case.value.is_some_and(|faults| faults > 0.0),
+            _ => case.meets_floor == Some(false),
+        };
+        self.cases().into_iter().filter(missed).collect()
     }
 
     /// What the rigs are, in words.
-    pub fn title(&self) -> String {
+    fn title(&self) -> String {
         let first = &self.scored[0].subject;
         let what = match (&first.effect, first.factor) {
             (Some(effect), Some(factor)) => format!("{effect}, {factor} times its nominal size, against the floors of"),
@@ -130,102 +181,48 @@ impl<'a> Results<'a> {
             _ => "all effects:".to_owned(),
         };
         let how = if self.as_built { "default table" } else { "constants identified" };
-        format!("{what} {} rigs; {} rigs, {how}, all EMULATED", self.kind, self.scored.len())
+        format!("{what} {} rigs; {} rigs, {how}, all EMULATED", self.kind, self.rigs())
     }
 
-    /// For people: the rows, then every case that misses its floor. Of a boot that could not be homed only that is listed.
-    pub fn table(&self) -> String {
-        let mut lines = vec![
-            self.title(),
-            format!(
-                "{:<32} {:<24} {:>6} {:>5} {:>10} {:>10} {:>10} {:>10}  holds",
-                "", "floor", "cases", "none", "median", "95 %", "worst", "met"
-            ),
-        ];
-        lines.extend(self.lines().iter().map(Line::text));
+    /// The rows, then every case that misses its floor. Of a boot that could not be homed only that is listed.
+    pub fn study(&self) -> Study {
+        let mut study = Study::new(["", "floor", "cases", "without a value", "median; 95 %; worst", "met", "holds"]);
+        for line in self.lines() {
+            study.row([
+                line.check.row().unwrap_or_default().to_owned(),
+                line.floor.clone().unwrap_or("-".into()),
+                line.cases.to_string(),
+                line.missing.to_string(),
+                line.spread(),
+                line.met(),
+                line.holds.map_or("-", |holds| if holds { "yes" } else { "NO" }).to_owned(),
+            ]);
+        }
         let failed = self.failed();
-        lines.push(format!("{} cases miss their floor{}", failed.len(), if failed.is_empty() { "" } else { ":" }));
-        lines.extend(failed.iter().filter(|f| f.finding.note != NOT_HOMED).map(|f| format!("  {f}")));
-        lines.iter().map(|line| format!("{}\n", line.trim_end())).collect()
-    }
-
-    /// For machines: the rows of the table, and what failed.
-    pub fn json(&self) -> Value {
-        let first = &self.scored[0].subject;
-        let failed: Vec<Value> = self.failed().iter().map(Failed::json).collect();
-        let rows: Vec<Value> = self.lines().iter().map(Line::json).collect();
-        json!({
-            "rig": self.kind.name(), "effect": first.effect, "factor": first.factor, "as_built": self.as_built,
-            "rigs": self.scored.len(), "rows": rows, "failed": failed,
-        })
+        study.notes = vec![self.title(), format!("{} cases miss their floor.", failed.len())];
+        study.notes.extend(failed.iter().filter(|case| case.note != NOT_HOMED).map(ToString::to_string));
+        study
     }
 }
 
-/// Header of [`summary`].
-const SUMMARY: [&str; 14] = [
-    "rig", "effect", "factor", "table", "check", "floor", "cases", "missing", "median", "p95", "worst", "met", "holds",
-    "failure",
-];
-
-/// One row for each group of rigs and each check that has a floor; SI units.
+/// The three files of some groups: rows of a table as CSV, every case as CSV, and as JSON the rows with what failed.
 ///
 /// # Errors
-/// If it cannot be written.
-pub fn summary(scored: &[Scored]) -> anyhow::Result<String> {
-    let groups = groups(scored);
-    let rows = groups.iter().flat_map(|group| {
-        let (first, failed) = (&group.scored[0].subject, group.failed());
-        group.lines().into_iter().map(move |line| {
-            let at = |k: usize| optional(line.spread.map(|spread| spread[k]));
-            vec![
-                group.kind.name().into(),
-                first.effect.clone().unwrap_or_default(),
-                optional(first.factor),
-                if group.as_built { "as-built" } else { "identified" }.into(),
-                line.check.name().into(),
-                line.floor.map_or(String::new(), |floor| floor.text(line.check)),
-                line.cases[0].to_string(),
-                line.cases[1].to_string(),
-                at(0),
-                at(1),
-                at(2),
-                optional(line.met),
-                line.holds.map_or(String::new(), |holds| holds.to_string()),
-                failed.iter().find(|f| f.finding.check == line.check).map_or(String::new(), Failed::case),
-            ]
-        })
-    });
-    csv_text(&SUMMARY, rows)
+/// If one cannot be written.
+pub fn files(groups: &[Results<'_>]) -> Result<[(&'static str, String); 3]> {
+    let lines = groups.iter().flat_map(Results::lines);
+    let json = groups.iter().map(|group| serde_json::json!({"rows": group.lines(), "failed": group.failed()}));
+    Ok([
+        ("-summary.csv", csv(lines)?),
+        (".csv", csv(groups.iter().flat_map(Results::cases))?),
+        (".json", serde_json::to_string_pretty(&json.collect::<Vec<_>>())?),
+    ])
 }
 
-/// Header of [`csv`].
-const HEADER: [&str; 10] =
-    ["rig", "seed", "effect", "factor", "table", "load_kg", "check", "value", "meets_floor", "note"];
-
-/// One row for each rig, load and check; SI units.
-///
-/// # Errors
-/// If it cannot be written.
-pub fn csv(scored: &[Scored]) -> anyhow::Result<String> {
-    let rows = scored.iter().flat_map(|s| {
-        s.findings.iter().map(|f| {
-            let floor = f.check.floor(s.subject.kind, s.as_built);
-            let met = floor.and_then(|floor| floor.is_met(f.value, load_n(f)));
-            vec![
-                s.subject.kind.name().into(),
-                s.subject.seed.to_string(),
-                s.subject.effect.clone().unwrap_or_default(),
-                optional(s.subject.factor),
-                if s.as_built { "as-built" } else { "identified" }.into(),
-                optional(f.load_kg),
-                f.check.name().into(),
-                optional(f.value),
-                met.map_or(String::new(), |met| met.to_string()),
-                f.note.clone(),
-            ]
-        })
-    });
-    csv_text(&HEADER, rows)
+fn csv(rows: impl Iterator<Item = impl Serialize>) -> Result<String> {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    rows.into_iter().try_for_each(|row| writer.serialize(row))?;
+    String::from_utf8(writer.into_inner().map_err(|e| e.into_error())?).context("the CSV is no text")
 }
 
 fn load_n(finding: &Finding) -> f64 {
@@ -233,77 +230,131 @@ fn load_n(finding: &Finding) -> f64 {
 }
 
 impl Line {
-    /// Median, 95th percentile and worst as people read them, and how much meets the floor.
-    fn shown(&self) -> [String; 4] {
+    /// Median, 95th percentile and worst as people read them, and how many cases have no value. Of what is 1 or 0 only the mean says
+    /// anything.
+    pub fn spread(&self) -> String {
         let (by, unit) = self.check.unit();
-        let digits = if by >= 1e6 || unit.is_empty() {
-            0
-        } else if unit == "rad" || unit == "mm" {
-            3
-        } else {
-            1
+        let digits = match unit {
+            "" | "um" => 0,
+            "rad" | "mm" => 3,
+            _ => 1,
         };
-        let shown =
-            |v: Option<f64>| v.map_or("-".into(), |v| format!("{:.digits$} {unit}", by * v).trim_end().to_owned());
-        // Of what is 1 or 0 only the mean says anything.
-        let spread = self.spread.filter(|_| !matches!(self.floor, Some(Floor::Mean(_))));
-        let [median, high, worst] = [0, 1, 2].map(|k| shown(spread.map(|s| s[k])));
-        let met = match self.floor {
-            Some(Floor::Per200Moves(_)) => self.met.map_or("-".into(), |rate| format!("{rate:.1} / 200")),
-            _ => self.met.map_or("-".into(), |share| format!("{:.1} %", 100.0 * share)),
-        };
-        [median, high, worst, met]
+        let only_mean = matches!(self.asked, Some(Floor::Mean(_)));
+        let [median, p95, worst] = [self.median, self.p95, self.worst].map(|value| {
+            let value = value.filter(|_| !only_mean);
+            value.map_or("-".into(), |v| format!("{:.digits$} {unit}", by * v).trim_end().to_owned())
+        });
+        let all = self.cases + self.missing;
+        match self.missing {
+            _ if all == 0 => "-".into(),
+            0 => format!("{median}; {p95}; {worst}"),
+            missing => format!("{median}; {p95}; {worst} ({missing} of {all} without a value)"),
+        }
     }
 
-    fn text(&self) -> String {
-        let [median, high, worst, met] = self.shown();
-        let holds = self.holds.map_or("-", |holds| if holds { "yes" } else { "NO" });
-        format!(
-            "{:<32} {:<24} {:>6} {:>5} {median:>10} {high:>10} {worst:>10} {met:>10}  {holds}",
-            self.check.row().unwrap_or(self.check.name()),
-            self.floor.map_or("-".into(), |floor| floor.text(self.check)),
-            self.cases[0],
-            self.cases[1],
-        )
-    }
-
-    fn json(&self) -> Value {
-        let at = |k: usize| self.spread.map(|s| s[k]);
-        json!({
-            "check": self.check.name(), "row": self.check.row(),
-            "floor": self.floor.map(|floor| floor.text(self.check)),
-            "cases": self.cases[0], "missing": self.cases[1],
-            "shown": self.shown(), "median": at(0), "p95": at(1), "worst": at(2), "met": self.met, "holds": self.holds,
+    /// How much meets the floor.
+    pub fn met(&self) -> String {
+        self.met.map_or("-".into(), |met| match self.asked {
+            Some(Floor::Per200Moves(_)) => format!("{met:.1} / 200"),
+            _ => format!("{:.1} %", 100.0 * met),
         })
     }
 }
 
-impl Failed<'_> {
-    /// Where and why, in a few words.
-    fn case(&self) -> String {
-        let load = self.finding.load_kg.map_or(String::new(), |kg| format!(", {kg} kg"));
-        format!("rig {}{load}: {} {}", self.subject.seed, self.value(), self.finding.note).trim_end().to_owned()
+impl Case {
+    fn under(&self) -> String {
+        self.load_kg.map_or(String::new(), |kg| format!(", {kg} kg"))
     }
 
-    fn value(&self) -> String {
-        let (by, unit) = self.finding.check.unit();
-        self.finding.value.map_or("none".into(), |v| format!("{:.3} {unit}", by * v)).trim_end().to_owned()
-    }
-
-    fn json(&self) -> Value {
-        json!({
-            "rig": self.subject.kind.name(), "seed": self.subject.seed, "effect": self.subject.effect,
-            "factor": self.subject.factor, "load_kg": self.finding.load_kg, "check": self.finding.check.name(),
-            "value": self.finding.value, "note": self.finding.note,
-        })
+    fn shown(&self) -> String {
+        let (by, unit) = self.check.unit();
+        self.value.map_or("none".into(), |v| format!("{:.3} {unit}", by * v)).trim_end().to_owned()
     }
 }
 
-impl std::fmt::Display for Failed<'_> {
+/// Where and what, in a few words.
+impl std::fmt::Display for Case {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let load = self.finding.load_kg.map_or(String::new(), |kg| format!(", {kg} kg"));
-        let what = self.finding.check.row().unwrap_or(self.finding.check.name());
-        let text = format!("{}{load}: {what}: {} {}", self.subject, self.value(), self.finding.note);
-        write!(f, "{}", text.trim_end())
+        let check = self.check.row().unwrap_or(self.check.name());
+        write!(f, "{}{}: {check}: {} {}", self.what, self.under(), self.shown(), self.note)
+    }
+}
+
+/// Floors and measured values of both kinds of rigs: identified, as built, and compared with a fixed ratio.
+///
+/// # Errors
+/// If a kind of rig is missing.
+pub fn page([identified, as_built, ratio]: [&[Results<'_>]; 3]) -> Result<Study> {
+    let mut study = Study::new(["", "rigs", "floor", "identified: median; 95 %; worst", "met", "as built", "met"]);
+    for kind in [RigPreset::Nominal, RigPreset::Hard] {
+        let group = |groups: &'_ [Results<'_>]| {
+            groups.iter().position(|group| group.kind == kind).context("a kind of rig is missing")
+        };
+        let (ours, theirs, compared) =
+            (&identified[group(identified)?], &as_built[group(as_built)?], &ratio[group(ratio)?]);
+        for line in ours.lines() {
+            // It takes several times as long as all others, so that fewer rigs have it.
+            let line = if line.check == Check::FixedRatio { compared.line(line.check) } else { line };
+            let built = theirs.line(line.check);
+            let met = |line: &Line| line.met() + if line.holds == Some(false) { ", missed" } else { "" };
+            study.row([
+                line.check.row().unwrap_or_default().into(),
+                kind.to_string(),
+                line.floor.clone().unwrap_or("-".into()),
+                line.spread(),
+                met(&line),
+                built.spread(),
+                met(&built),
+            ]);
+            for (how, line) in [("identified", &line), ("as_built", &built)] {
+                let name = format!("{kind}_{how}_{}", line.check.name());
+                study.value(format!("{name}_met"), line.met);
+                study.value(format!("{name}_median"), line.median);
+                study.value(format!("{name}_p95"), line.p95);
+                study.value(format!("{name}_worst"), line.worst);
+            }
+        }
+        for (how, group) in [("identified", ours), ("as built", theirs), ("compared with a fixed ratio", compared)] {
+            let (rigs, failed) = (group.rigs(), group.failed().len());
+            study.notes.push(format!("{kind} rigs, {how}: {rigs} rigs, {failed} cases miss their floor."));
+        }
+    }
+    study.notes.push(
+        "A case without a value (homing or a move refused, or a fault) misses its floor; its number stands in brackets. `out/rigs.json` \
+         and `out/rigs-as-built.json` list every case that misses its floor, by seed, load and check."
+            .into(),
+    );
+    Ok(study)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rigs::subject::Subject;
+
+    #[test]
+    fn a_missed_floor_and_missing_cases_are_said() {
+        let finding = |value| Finding { load_kg: Some(0.5), check: Check::Zero, value, note: String::new() };
+        let scored = |kind| Scored {
+            subject: Subject::new(kind, 1),
+            as_built: false,
+            findings: [Some(0.01), Some(-0.02), Some(0.03), None].map(finding).to_vec(),
+        };
+        let scored = [RigPreset::Nominal, RigPreset::Hard].map(scored);
+        let groups = groups(&scored);
+        let study = page([&groups, &groups, &groups]).unwrap();
+        assert_eq!(
+            study.table[1][3..5],
+            ["0.020 rad; 0.030 rad; 0.030 rad (1 of 4 without a value)", "75.0 %, missed"]
+        );
+        assert_eq!(study.values["hard_as_built_zero_error_rad_worst"], 0.03);
+        assert!(study.notes[0].contains("1 cases miss"), "{}", study.notes[0]);
+        assert!(page([&groups[..1], &groups, &groups]).is_err(), "hard rigs are missing");
+        let [(_, summary), (_, cases), _] = files(&groups).unwrap();
+        assert!(
+            summary
+                .starts_with("rig,effect,factor,table,check,floor,cases,missing,median,p95,worst,met,holds,failure\n")
+        );
+        assert!(cases.contains("nominal,1,,,identified,0.5,zero_error_rad,-0.02,true,\n"), "{cases}");
     }
 }

@@ -43,6 +43,7 @@ def main(file: str) -> None:
         solve_us = page.evaluate(SOLVES)
         frames = page.evaluate(FRAMES)
         print(json.dumps({
+            "kilobytes": Path(file).stat().st_size * 1e-3,
             "chromium": browser.version,
             "load_ms": load_ms,
             "map_ms": map_ms,

@@ -1,20 +1,19 @@
-//! `cargo xtask compare`: every controller through the scenarios of the comparison on random plants, or on rigs of a kind.
+//! The study: every controller through the scenarios of the comparison on random plants, or on rigs of a kind.
 
+use super::baseline::{Law, Loop, PAPER_SPEED};
+use super::plants::{Kind, RandomPlant};
+use super::report::Results;
+use super::tune::Goal;
+use super::{Comparison, Controller, untuned};
+use crate::scenario;
+use crate::study::{Study, write};
 use anyhow::{Result, anyhow, bail};
-use clap::Parser;
-use host_tests::compare::baseline::{Law, Loop, PAPER_SPEED};
-use host_tests::compare::plants::{Kind, RandomPlant};
-use host_tests::compare::report::{Reached, Results};
-use host_tests::compare::tune::Goal;
-use host_tests::compare::{Comparison, Controller, untuned};
-use host_tests::scenario;
 use rig_plant::{PlantChange, PlantKey, RigPreset};
-use rigctl::out_file::write_file;
 use std::path::PathBuf;
 
-#[derive(Parser)]
-#[command(about = "The firmware's control beside the usual ways to drive a twisted string", version)]
-struct Arguments {
+/// Of `cargo xtask compare`.
+#[derive(clap::Args, Debug)]
+pub struct Arguments {
     /// How many plants, each under every load of the scenarios
     #[arg(long, default_value_t = 50, value_parser = clap::value_parser!(u16).range(1..))]
     plants: u16,
@@ -36,8 +35,11 @@ const OTHERS: [(&str, Law); 3] = [
     ("d' constant 12.5 rpm (paper)", Law::ConstantSpeed(PAPER_SPEED)),
 ];
 
-fn main() -> Result<()> {
-    let arguments = Arguments::parse();
+/// Plays everybody, the baselines tuned; writes the figure and its data.
+///
+/// # Errors
+/// If the firmware fails on the rig of its own model, or a file cannot be written.
+pub fn study(arguments: &Arguments) -> Result<Study> {
     if let Some(s) = arguments.plant.iter().find(|s| [PlantKey::Load, PlantKey::TwistAtBoot].contains(&s.key)) {
         bail!("--plant {}: the scenarios say that", s.key);
     }
@@ -47,40 +49,34 @@ fn main() -> Result<()> {
     let plants: Vec<RandomPlant> = kind.list(arguments.plants.into()).into_iter().map(fixed).collect();
     eprintln!("{} scenarios on {} {kind} by the firmware's control …", scenarios.len(), plants.len());
     let comparison = Comparison::new(&scenarios, &plants).map_err(|e| anyhow!(e))?;
-    let contestants = contestants(&comparison, kind, &RandomPlant::extremes(&plants));
     let same = arguments.plant.iter().map(|s| format!("On every plant {} = {} (SI units).", s.key, s.value));
-    let notes = same.chain(contestants.iter().filter_map(|c| c.note.clone())).collect();
-    let mut reached = Vec::new();
-    for Contestant { name, controller, .. } in contestants {
+    let mut notes: Vec<String> = same.collect();
+    let mut reached = vec![("a  this controller".into(), comparison.play(Controller::Firmware))];
+    for (name, law) in baselines(&comparison, kind, &RandomPlant::extremes(&plants), &mut notes) {
         eprintln!("{name} …");
-        reached.push(Reached { name: name.into(), entries: comparison.play(controller) });
+        reached.push((name.into(), comparison.play(Controller::Baseline(law))));
     }
-    let results = Results::new(&scenarios, (kind, plants.len()), &comparison.failures, &reached, notes);
-    print!("{}", results.table());
+    let results = Results::new(&scenarios, (kind, plants.len()), &comparison, &reached, notes);
+    results.remarks.iter().for_each(|remark| eprintln!("{remark}"));
     let name = arguments.rig.map_or("comparison".into(), |rig| format!("comparison-{rig}"));
-    for (end, text) in [("csv", results.csv()?), ("svg", results.figure()?)] {
-        write_file(&arguments.out, &format!("{name}.{end}"), &text)
-            .map_err(|e| anyhow!(e.message().unwrap_or_default()))?;
-    }
-    println!("\n{0}/{name}.svg   {0}/{name}.csv", arguments.out.display());
-    Ok(())
+    write(&arguments.out, &format!("{name}.csv"), &results.csv()?)?;
+    write(&arguments.out, &format!("{name}.svg"), &results.figure().svg()?)?;
+    eprintln!("{0}/{name}.svg   {0}/{name}.csv", arguments.out.display());
+    results.study()
 }
 
-/// Whoever drives the rig.
-struct Contestant {
-    name: &'static str,
-    controller: Controller,
-    /// How a tuned one came to its settings.
-    note: Option<String>,
-}
-
-/// Everybody, the baselines tuned.
-fn contestants(comparison: &Comparison<'_>, kind: Kind, tuned_on: &[u64]) -> Vec<Contestant> {
+/// All but the firmware's; `notes` get how the tuned ones came to their settings.
+fn baselines(
+    comparison: &Comparison<'_>,
+    kind: Kind,
+    tuned_on: &[u64],
+    notes: &mut Vec<String>,
+) -> Vec<(&'static str, Law)> {
     // Begins near what earlier searches found, which only saves time: its first steps are wide.
     let fixed = Loop { gain_per_s: 6.0, corner_rad_per_s: 24.0, ..untuned() };
     let by_table = Loop { tr_rad_per_m: None, ..fixed };
     let crossing = Loop { crossing_rad: 1.0, ..fixed };
-    let mut all = vec![Contestant { name: "a  this controller", controller: Controller::Firmware, note: None }];
+    let mut all = Vec::new();
     for (name, start, goal, wanted) in [
         ("b  fixed ratio, most settled", fixed, Goal::Settling, "the most settled moves, then the least rms error"),
         ("b' fixed ratio, least error", fixed, Goal::LeastError, "the least rms error without load steps"),
@@ -94,7 +90,7 @@ fn contestants(comparison: &Comparison<'_>, kind: Kind, tuned_on: &[u64]) -> Vec
             0.0 => String::new(),
             rad => format!(", crossing {rad:.2} rad"),
         };
-        let note = format!(
+        notes.push(format!(
             "{}: TR {ratio}, gain {:.2} 1/s, corner {:.1} rad/s{crossing}, searched for {wanted} on the {} {kind} with the least or \
              the most {}.",
             name[..2].trim(),
@@ -102,9 +98,9 @@ fn contestants(comparison: &Comparison<'_>, kind: Kind, tuned_on: &[u64]) -> Vec
             tuned.corner_rad_per_s,
             tuned_on.len(),
             kind.felt_in_words()
-        );
-        all.push(Contestant { name, controller: Controller::Baseline(Law::Loop(tuned)), note: Some(note) });
+        ));
+        all.push((name, Law::Loop(tuned)));
     }
-    all.extend(OTHERS.map(|(name, law)| Contestant { name, controller: Controller::Baseline(law), note: None }));
+    all.extend(OTHERS);
     all
 }

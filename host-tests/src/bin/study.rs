@@ -1,0 +1,98 @@
+//! One study after the other: `study NAME` measures and prints it, `study record NAME …` writes it into docs/results.md.
+//!
+//! `host-tests/studies.toml` lists the studies of that page. Tools and firmware must be built: `cargo xtask results` sees to it.
+
+use anyhow::{Context, Result, bail};
+use clap::Parser;
+use host_tests::results::{List, Section};
+use host_tests::study::{Rigs, Study};
+use host_tests::{compare, endurance, following, limit, margins, rigs, speed};
+
+#[derive(Parser)]
+#[command(version)]
+enum Task {
+    /// Measure studies of docs/results.md anew, and write it
+    Record {
+        /// Which (default: all)
+        names: Vec<String>,
+    },
+    /// How fast changed loads are back at their places, and moves at full speed take
+    Speed(speed::Arguments),
+    /// Changed loads by this controller and by seven others, over the least time of any control
+    Limit(Rigs),
+    /// Gain and delay that the position loop tolerates
+    Margins(Rigs),
+    /// How streamed sines are followed, over the frequency
+    Following(Rigs),
+    /// The firmware's control beside the usual ways to drive a twisted string
+    Compare(compare::study::Arguments),
+    /// The control code on emulated rigs that are not their own model
+    Rigs(rigs::Arguments),
+    /// Long runs on the emulated board
+    Endurance(endurance::Arguments),
+}
+
+fn main() -> Result<()> {
+    match Task::parse() {
+        Task::Record { names } => record(&names),
+        task => {
+            print!("{}", measured(&task)?);
+            Ok(())
+        }
+    }
+}
+
+fn measured(task: &Task) -> Result<Study> {
+    match task {
+        Task::Record { .. } => bail!("not a study"),
+        Task::Speed(arguments) => speed::study(arguments),
+        Task::Limit(rigs) => limit::study(rigs),
+        Task::Margins(rigs) => margins::study(rigs),
+        Task::Following(rigs) => following::study(rigs),
+        Task::Compare(arguments) => compare::study::study(arguments),
+        Task::Rigs(arguments) => rigs::measured(arguments),
+        Task::Endurance(arguments) => Ok(endurance::study(arguments)),
+    }
+}
+
+fn record(names: &[String]) -> Result<()> {
+    let list = List::read()?;
+    let known: Vec<&str> = list.sections.iter().map(|section| section.name.as_str()).collect();
+    if let Some(wrong) = names.iter().find(|name| !known.contains(&name.as_str())) {
+        bail!("no section is called {wrong:?}; there are {}", known.join(", "));
+    }
+    for section in list.sections.iter().filter(|section| names.is_empty() || names.contains(&section.name)) {
+        eprintln!("measuring {}: {}", section.name, section.command);
+        let study = recorded(section).with_context(|| format!("section {}", section.name))?;
+        list.keep(&section.name, study)?;
+    }
+    println!("docs/results.md, docs/results.json, README.md");
+    Ok(())
+}
+
+/// A study of the page.
+fn recorded(section: &Section) -> Result<Study> {
+    let studies = section.study.iter().map(|line| measured(&Task::try_parse_from(words(line))?));
+    let studies = studies.reduce(|one, other| Ok(one?.and(other?))).transpose()?;
+    let printed = section.tools.run()?;
+    // Of what a study has measured the tools only draw a figure.
+    studies.map_or_else(|| section.tools.study(&printed), Ok)
+}
+
+fn words(line: &str) -> impl Iterator<Item = &str> {
+    std::iter::once("study").chain(line.split_whitespace())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_study_of_the_page_can_be_called() {
+        for section in List::read().unwrap().sections {
+            for line in section.study {
+                assert!(Task::try_parse_from(words(&line)).is_ok(), "{line}");
+            }
+        }
+    }
+}

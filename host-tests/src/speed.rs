@@ -1,0 +1,204 @@
+//! The study of speed: how fast changed loads are back at their places and moves at full speed take, on rigs of all kinds, over what
+//! is physically possible.
+
+use crate::full_speed;
+use crate::load_changes::{self, Outcome, POSITIONS_M, WATCHED_S};
+use crate::rigs::subject::Subject;
+use crate::study::{Rigs, Sorted, Study, draw, each};
+use anyhow::Result;
+use rig_plant::RigPreset;
+use rigctl::plot::{Axis, Block, Figure, GREY, INK, Item, KeyRow, Panel, Pen, Sample, Shape, colour};
+
+/// Kind of rig, how many, and the distances (m) within which a load counts as at its place.
+const KINDS: [(RigPreset, u64, &[f64]); 3] =
+    [(RigPreset::Ideal, 2, &[50e-6]), (RigPreset::Nominal, 6, &[50e-6]), (RigPreset::Hard, 6, &[150e-6, 250e-6])];
+
+/// Of this study.
+#[derive(clap::Args, Debug)]
+pub struct Arguments {
+    #[command(flatten)]
+    rigs: Rigs,
+    /// Also print each step and move
+    #[arg(long)]
+    each: bool,
+}
+
+const NOTE: &str = "A step changes the load at rest at 2, 8 or 14 mm, between 0.2 and 1.2 kg. A move at full speed goes 12 mm up or \
+    down, under 0.1 to 1.5 kg; on one with a load step it goes 8 mm, and the load changes between 0.9 and 1.2 kg on the way. The \
+    motor's time is that in which its speed and acceleration alone turn the strings as far; that of motor and swing is the least of \
+    any control, by a linear programme with the table's ratio and stiffness at the end. One that has failed did not begin, because \
+    homing or a move was refused or the load was more than 1 mm off the place where it begins, or ended in a fault.";
+
+/// Measures and draws it.
+///
+/// # Errors
+/// If the figure cannot be written.
+pub fn study(Arguments { rigs, each: print }: &Arguments) -> Result<Study> {
+    let mut study = Study::new([
+        "",
+        "rigs",
+        "settled, of all; failed",
+        "time: median; worst",
+        "over the motor's time",
+        "over motor and swing",
+    ]);
+    let mut rows = [Vec::new(), Vec::new()];
+    for (rig, count, within) in KINDS.into_iter().filter(|(rig, ..)| rigs.wants(*rig)) {
+        let subjects: Vec<Subject> = rigs.seeds(count).map(|seed| Subject::new(rig, seed)).collect();
+        let steps: Vec<Outcome> = subjects.iter().flat_map(|subject| load_changes::all(subject, rigs.jobs)).collect();
+        let ways: Vec<Outcome> = subjects.iter().flat_map(|subject| full_speed::all(subject, rigs.jobs)).collect();
+        let on_the_way = each(rigs.jobs, &subjects, full_speed::under_steps).concat();
+        for within_m in within {
+            let tests = [("load step", &steps), ("full speed", &ways), ("load step at full speed", &on_the_way)];
+            for (test, outcomes) in tests {
+                row(&mut study, (test, rig, subjects.len()), *within_m, outcomes);
+                outcomes
+                    .iter()
+                    .filter(|_| *print)
+                    .for_each(|outcome| eprintln!("{test}: {}", line(outcome, *within_m)));
+            }
+        }
+        let title = format!("{rig}, to {:.0} µm", within[0] * 1e6);
+        let over_motor = |o: &Outcome| Some(o.settled_s(within[0])? / o.motor_s);
+        rows[0].push(panel(title.clone(), "time over the limit: motor alone", &steps, over_motor));
+        rows[1].push(panel(title, "time over the limit: motor and swing", &steps, |o| o.over_limit(within[0])));
+    }
+    study.notes.push(NOTE.into());
+    let figure = Figure {
+        heading: "How fast a changed load is back at its place, over what is physically possible (emulated)".into(),
+        rows: rows.into(),
+        panel_size: (380, 300),
+        blocks: key(),
+        notes: vec![
+            "Upper row: over the time in which the motor's speed and acceleration alone turn the strings as far. Lower row: over the \
+             least time in which any control brings the load to rest there, its swing included (a linear programme with the \
+             table's ratio and stiffness at the end; friction calms a light load faster)."
+                .into(),
+        ],
+    };
+    draw(&figure, "speed")?;
+    Ok(study)
+}
+
+/// A row, and its numbers.
+fn row(study: &mut Study, (test, rig, rigs): (&str, RigPreset, usize), within_m: f64, outcomes: &[Outcome]) {
+    let settled: Vec<(&Outcome, f64)> = outcomes.iter().filter_map(|o| o.settled_s(within_m).map(|s| (o, s))).collect();
+    let sorted = |value: &dyn Fn(&Outcome, f64) -> Option<f64>| {
+        Sorted::new(settled.iter().filter_map(|(o, s)| value(o, *s)).filter(|x| x.is_finite()))
+    };
+    let over_limit = |o: &Outcome, s: f64| o.limit_s(within_m).map(|least_s| s / least_s);
+    let within_um = format!("{:.0}", within_m * 1e6);
+    let mut cells = vec![
+        format!("{test}, to {within_um} µm"),
+        format!("{rigs} {rig}"),
+        format!(
+            "{}, of {}; {}",
+            settled.len(),
+            outcomes.len(),
+            outcomes.iter().filter(|o| o.failure.is_some()).count()
+        ),
+    ];
+    for (what, unit, sorted) in [
+        ("time_s", " s", sorted(&|_, s| Some(s))),
+        ("over_motor", "", sorted(&|o, s| Some(s / o.motor_s))),
+        ("over_limit", "", sorted(&over_limit)),
+    ] {
+        cells.push(sorted.median().map_or("-".into(), |_| sorted.spread() + unit));
+        let name = format!("{rig}_{}_{within_um}um_{what}", test.replace(' ', "_"));
+        study.value(format!("{name}_median"), sorted.median());
+        study.value(format!("{name}_most"), sorted.most());
+    }
+    study.row(cells);
+}
+
+/// One step or move in words.
+fn line(o: &Outcome, within_m: f64) -> String {
+    let took = o.settled_s(within_m).map_or("-".into(), |s| format!("{s:.2} s, {:.2} times", s / o.motor_s));
+    let last_um = 1e6 * o.errors_m.last().copied().unwrap_or(f64::NAN);
+    let why = o.failure.as_deref().unwrap_or_default();
+    format!("{}: motor {:.2} s, {took}; ends {last_um:+.0} µm {why}", o.what, o.motor_s)
+}
+
+/// Ratios that are drawn; what is beyond them stands at the edge.
+const RATIOS: [f64; 2] = [0.5, 14.0];
+/// Height of those that did not settle.
+const NEVER: f64 = 18.0;
+
+/// A ratio of times against the load that hangs there in the end, by place.
+pub fn panel(title: String, label: &str, outcomes: &[Outcome], ratio: impl Fn(&Outcome) -> Option<f64>) -> Panel {
+    let level = |ratio: f64, pen: Pen| Item::Line { points: vec![(0.1, ratio), (1.3, ratio)], pen };
+    let mut items = vec![level(1.0, Pen::solid(INK).wide(1)), level(2.0, Pen::dashed(INK).wide(1))];
+    for outcome in outcomes {
+        let Some(step) = outcome.step else { continue };
+        let place = POSITIONS_M.iter().position(|at_m| *at_m == step.at_m).unwrap_or(0);
+        let ratio = ratio(outcome);
+        items.push(Item::Mark {
+            // Beside each other, not on top of each other.
+            at: (
+                step.change_kg[1] + 0.03 * (place as f64 - 1.0),
+                ratio.map_or(NEVER, |ratio| ratio.clamp(RATIOS[0], RATIOS[1])),
+            ),
+            shape: if ratio.is_some() { Shape::Dot } else { Shape::Cross },
+            colour: colour(place, POSITIONS_M.len()),
+        });
+    }
+    let (x, y) = (Axis::linear("load after the change, kg", [0.1, 1.3]), Axis::log(label, [RATIOS[0], 1.1 * NEVER]));
+    Panel { title, x, y, items }
+}
+
+/// What the marks and lines of a panel are.
+pub fn key() -> Vec<Block> {
+    let places = POSITIONS_M.iter().enumerate().map(|(k, at_m)| {
+        KeyRow::sample(Sample::Mark(Shape::Dot, colour(k, POSITIONS_M.len())), format!("at {:.0} mm", at_m * 1e3))
+    });
+    let never = KeyRow::sample(Sample::Mark(Shape::Cross, GREY), format!("not within {WATCHED_S:.0} s"));
+    let limits = [("the limit", Pen::solid(INK)), ("twice the limit", Pen::dashed(INK))]
+        .map(|(name, pen)| KeyRow::sample(Sample::Line(pen), name));
+    vec![Block { rows: places.chain([never]).collect() }, Block { rows: limits.to_vec() }]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::load_changes::Step;
+    use crate::physical_limit::Swing;
+
+    /// Back after 2 s of 8, never back, and failed.
+    fn outcomes() -> (Swing, [Outcome; 3]) {
+        let swing = Swing { frequency: 20.0, damping_per_s: 2.0, speed_m_per_s: 0.005, acceleration_m_per_s2: 0.1 };
+        let outcome = |errors_m: Vec<f64>| Outcome {
+            step: Some(Step { seed: 1, at_m: POSITIONS_M[0], change_kg: [0.2, 0.4] }),
+            swing: Some(swing),
+            away_m: -2e-3,
+            motor_s: 1.0,
+            errors_m,
+            failure: None,
+            ..Outcome::failed(String::new(), String::new())
+        };
+        let back = outcome((0..800).map(|k| if k < 200 { -1e-3 } else { 0.0 }).collect());
+        let failed = Outcome { failure: Some("fault".into()), ..back.clone() };
+        (swing, [back, outcome(vec![-1e-3; 800]), failed])
+    }
+
+    #[test]
+    fn what_does_not_settle_is_drawn_as_a_cross_and_nothing_is_left_out() {
+        let (swing, outcomes) = outcomes();
+        let ratio = outcomes[0].over_limit(50e-6).unwrap();
+        assert!((ratio - 2.0 / swing.least_time_s(-2e-3, 50e-6).unwrap()).abs() < 1e-9 && ratio > 1.0, "{ratio}");
+        let panel = panel("a".into(), "ratio", &outcomes, |outcome| outcome.over_limit(50e-6));
+        let mark = |item: &Item| if let Item::Mark { at, shape, .. } = item { Some((at.1, *shape)) } else { None };
+        let marks: Vec<(f64, Shape)> = panel.items.iter().filter_map(mark).collect();
+        assert_eq!(marks, [(ratio, Shape::Dot), (NEVER, Shape::Cross), (NEVER, Shape::Cross)]);
+    }
+
+    #[test]
+    fn a_row_counts_what_settled_and_what_failed_and_shows_what_is_missing() {
+        let (_, outcomes) = outcomes();
+        let mut study = Study::new([""]);
+        row(&mut study, ("load step", RigPreset::Hard, 1), 150e-6, &outcomes);
+        assert_eq!(study.table[1][..4], ["load step, to 150 µm", "1 hard", "1, of 3; 1", "2.00; 2.00 s"]);
+        assert_eq!(study.values["hard_load_step_150um_over_motor_most"], 2.0);
+        row(&mut study, ("full speed", RigPreset::Hard, 1), 150e-6, &outcomes[1..]);
+        assert_eq!(study.table[2][2..], ["0, of 2; 1", "-", "-", "-"]);
+    }
+}
