@@ -2,8 +2,8 @@
 
 /// Declares an enum with, for each variant, a stable number and the name that tools and documents use.
 ///
-/// It has `ALL`, `code()`, `name()`, `from_code()`, `from_name()`, `Display`, and the derives that the link needs: serde,
-/// the schema and (with the feature) defmt.
+/// It has `ALL`, `code()`, `name()`, `from_code()`, `from_name()`, `Display`, and the derives that the link needs: serde (by
+/// place on the wire, by name in text formats), the schema and (with the feature) defmt.
 macro_rules! named_codes {
     ($(#[$doc:meta])* pub enum $name:ident { $($(#[$variant_doc:meta])* $variant:ident = $code:literal, $text:literal;)+ }) => {
         $(#[$doc])*
@@ -11,7 +11,7 @@ macro_rules! named_codes {
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         #[repr(u8)]
         pub enum $name {
-            $($(#[$variant_doc])* $variant = $code,)+
+            $($(#[$variant_doc])* #[serde(rename = $text)] $variant = $code,)+
         }
 
         impl $name {

@@ -1,6 +1,7 @@
 //! `loop`: what a cheaper model, or a less accurate table, does in the closed loop. The emulated board is sent each table under the
 //! scene's own name; then it homes and moves two loads.
 
+use rig_link::{Fault, State};
 use rigctl::failure::Failure;
 use rigctl::options::Global;
 use rigctl::out_file::write_file;
@@ -50,10 +51,10 @@ struct Outcome {
 impl Outcome {
     /// One row more; `squares` sums the squared errors under way, and counts them.
     fn take(&mut self, row: &Row, squares: &mut (f64, u32)) {
-        self.fault = self.fault.or(row.fault);
+        self.fault = self.fault.or(row.fault.map(Fault::name));
         if let (Some(set_m), Some(position_m)) = (row.setpoint_m, row.true_position_m) {
             let error_m = position_m - f64::from(set_m);
-            if row.state == "moving" {
+            if row.state == State::Moving {
                 *squares = (squares.0 + error_m * error_m, squares.1 + 1);
                 self.max_m = Some(self.max_m.unwrap_or(0.0).max(error_m.abs()));
             }
@@ -62,7 +63,7 @@ impl Outcome {
         if let (Some(found_n), Some(truth_n)) = (row.load_n, row.true_load_n) {
             self.load_relative_error = Some(f64::from(found_n) / truth_n - 1.0);
         }
-        if row.state == "unhomed" && row.t_s > HOMED_S {
+        if row.state == State::Unhomed && row.t_s > HOMED_S {
             self.fault = self.fault.or(Some("homing refused"));
         }
     }

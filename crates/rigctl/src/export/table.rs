@@ -129,6 +129,7 @@ mod tests {
     use super::*;
     use crate::fixtures;
     use crate::session::row::Row;
+    use rig_link::{Fault, HomingFailure, Limit};
 
     const LOG: &str = "# format = tsa-log 1\n# seed = 3\nt_s,state,position_m,twist_rad,limit,new_one\n\
         # at 0.01 request home\n0.02,ready,0.001,3.2,,\n# at 0.02 event stopped\n0.03,moving,-1e-7,3.3,speed,4\n\
@@ -155,8 +156,8 @@ mod tests {
     #[test]
     fn the_columns_of_words_are_those_of_a_row() {
         let mut row = Row::new(0.0, &fixtures::telemetry(0), None, None);
-        (row.fault, row.faults, row.limit) = (Some("x"), Some("x y".into()), Some("speed"));
-        (row.doubts, row.homing_failure) = (Some("x y".into()), Some("x"));
+        (row.fault, row.faults, row.limit) = (Some(Fault::Supply), Some("x y".into()), Some(Limit::Travel));
+        (row.doubts, row.homing_failure) = (Some("x y".into()), Some(HomingFailure::Stopped));
         let serde_json::Value::Object(row) = serde_json::to_value(&row).expect("an object") else { panic!() };
         let words: Vec<&str> = row.iter().filter(|(_, v)| v.is_string()).map(|(name, _)| name.as_str()).collect();
         assert!(words.iter().all(|word| WORDS.contains(word)) && words.len() == WORDS.len(), "{words:?}");

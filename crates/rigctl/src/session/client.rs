@@ -314,7 +314,7 @@ impl Session {
         let zero_m = self.settings.map_or(0.0, |s| f64::from(s.values.get(Setting::PositionZero)));
         let zero_gap_m = self.truth.home_gap_m().map(|gap_m| gap_m - zero_m);
         let mut row = Row::new(t_s, &telemetry, self.truth.at(t_s).as_ref(), zero_gap_m);
-        row.homing_failure = self.homing_failure.map(|failure| failure.name());
+        row.homing_failure = self.homing_failure;
         self.note(|| Entry::Row(row.clone()));
         self.rows.push_back(row);
         self.last = Some(telemetry);

@@ -1,22 +1,22 @@
 //! One line of telemetry: the board's report, and on an emulated rig the truth at the same time.
 
-use rig_link::Telemetry;
+use rig_link::{Fault, HomingFailure, Limit, State, Telemetry};
 use rig_plant::Truth;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
-/// Keys and order of the host tool's contract. SI units; `None` prints as null.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+/// Keys and order of the host tool's contract, in JSON and as the columns of a log. SI units; `None` is null, or an empty cell.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     /// Time (s): emulated time, or since the port was opened.
     pub t_s: f64,
     /// State of the rig.
-    pub state: &'static str,
+    pub state: State,
     /// The gravest of the faults that stopped it.
-    pub fault: Option<&'static str>,
+    pub fault: Option<Fault>,
     /// All faults, separated by blanks; none without a fault.
     pub faults: Option<String>,
     /// The limit that holds the move back.
-    pub limit: Option<&'static str>,
+    pub limit: Option<Limit>,
     /// Why the estimates are not to be relied on, separated by blanks; none without a doubt.
     pub doubts: Option<String>,
     /// Target of the move.
@@ -36,15 +36,17 @@ pub struct Row {
     /// Transmission ratio at this twist and load.
     pub tr_rad_per_m: Option<f32>,
     /// Motor current as the drive reports it.
+    #[serde(default)]
     pub drive_current_a: f32,
     /// Speed of the motor shaft as the drive reports it.
+    #[serde(default)]
     pub drive_speed_rad_per_s: f32,
     /// Time until the set-point is at its target.
     pub time_left_s: Option<f32>,
     /// Learned scale of the twist.
     pub twist_scale: Option<f32>,
     /// Why the last homing failed, until the next one begins or the board restarts.
-    pub homing_failure: Option<&'static str>,
+    pub homing_failure: Option<HomingFailure>,
     /// The same position, of the plant's true gap.
     pub true_position_m: Option<f64>,
     /// True twist.
@@ -60,10 +62,10 @@ impl Row {
     pub fn new(t_s: f64, telemetry: &Telemetry, truth: Option<&Truth>, home_gap_m: Option<f64>) -> Self {
         Self {
             t_s,
-            state: telemetry.state.name(),
-            fault: telemetry.fault.map(|f| f.name()),
+            state: telemetry.state,
+            fault: telemetry.fault,
             faults: telemetry.fault.map(|_| telemetry.faults.to_string()),
-            limit: telemetry.limit.map(|l| l.name()),
+            limit: telemetry.limit,
             doubts: (!telemetry.doubts.is_empty()).then(|| telemetry.doubts.to_string()),
             target_m: telemetry.target_m,
             setpoint_m: telemetry.setpoint_m,

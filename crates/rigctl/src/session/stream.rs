@@ -6,7 +6,7 @@ use super::row::Row;
 use crate::course::{Course, HOLDS_FOR_S};
 use crate::failure::Failure;
 use crate::output::progress;
-use rig_link::{EventKind, LoadChoice, Request, State};
+use rig_link::{EventKind, Limit, LoadChoice, Request, State};
 use serde::Serialize;
 
 /// Speed of the way to where a course begins (m/s).
@@ -50,7 +50,7 @@ impl Distances {
         self.square += distance_m * distance_m;
         self.most_m = self.most_m.max(distance_m.abs());
         self.true_square += row.true_position_m.map_or(f64::NAN, |m| (m - f64::from(target_m)).powi(2));
-        self.held_back += f64::from(u8::from(row.limit.is_some_and(|limit| limit == "motor-speed")));
+        self.held_back += f64::from(u8::from(row.limit == Some(Limit::MotorSpeed)));
         self.count += 1.0;
     }
 }
@@ -89,7 +89,7 @@ pub fn track(session: &mut Session, course: &Course, mut each: impl FnMut(&Row))
         }
         session.step()?;
         for row in session.take_rows() {
-            if row.state == State::Moving.name() && t_s < course.duration_s() {
+            if row.state == State::Moving && t_s < course.duration_s() {
                 found.add(&row);
             }
             each(&row);
