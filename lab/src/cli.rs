@@ -4,11 +4,11 @@ use crate::commands::{budget, chart, closed_loop, published, report, solve, stud
 use crate::range::{TurnRange, Vary};
 use clap::builder::PossibleValuesParser;
 use clap::{Parser, Subcommand};
-use rigctl::cli::dispatch::no_effect;
+use rigctl::batch::At;
+use rigctl::commands::solve::How;
 use rigctl::failure::Failure;
-use rigctl::options::Global;
-use rigctl::options::commands::{At, How};
 use rigctl::options::values::{gauge_error, load};
+use rigctl::options::{Global, no_effect};
 use rigctl::output::Output;
 use std::path::PathBuf;
 

@@ -28,7 +28,7 @@ struct Sweep {
 }
 
 fn sweep(session: &mut Session) -> Result<Sweep, Failure> {
-    session.hello()?;
+    session.greet()?;
     let homed = homing::home(session, LoadChoice::Auto, |_| {})?;
     session.take_rows();
     motion::turn(session, [PRETWIST_RAD, twist_from_turns(TURNS)], SPEED_RAD_PER_S, |_| Ok(()))?;
@@ -48,7 +48,7 @@ fn main() -> Result<()> {
     } else {
         for kg in LOADS_KG {
             let plant = vec![PlantChange { key: PlantKey::Load, value: kg * rig_plant::units::STANDARD_GRAVITY }];
-            let options = SimOptions { plant, rig: RigPreset::Ideal, ..SimOptions::new(scene_file.clone()) };
+            let options = SimOptions { plant, rig: Some(RigPreset::Ideal), ..SimOptions::new(scene_file.clone()) };
             let mut session = Session::new(Box::new(Sim::start(&options).map_err(Failure::into_error)?));
             let swept = sweep(&mut session).map_err(Failure::into_error);
             sweeps.push(swept.with_context(|| format!("{kg} kg"))?);

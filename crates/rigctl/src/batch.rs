@@ -1,9 +1,10 @@
 //! Files of loads and turns.
 
-use crate::failure::ErrorBody;
-use crate::failure::Failure;
+use crate::failure::{ErrorBody, Failure};
+use crate::options::values::{load, turns};
+use clap::Args;
 use serde::Serialize;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// A row that failed, as machines read it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -17,6 +18,22 @@ impl RowError {
     pub fn new(kind: &str, message: impl ToString) -> Self {
         Self { error: ErrorBody { kind: kind.into(), message: message.to_string() } }
     }
+}
+
+/// One load and number of turns, or a file of them.
+#[derive(Debug, Clone, Args)]
+pub struct At {
+    /// Load on the rods (N or kg)
+    #[arg(long, value_name = "L", allow_hyphen_values = true, value_parser = load,
+        required_unless_present = "batch", conflicts_with = "batch")]
+    pub load: Option<f64>,
+    /// Turns past the half-turn pre-twist
+    #[arg(long, value_name = "T", allow_hyphen_values = true, value_parser = turns,
+        required_unless_present = "batch", conflicts_with = "batch")]
+    pub turns: Option<f64>,
+    /// A CSV file with the columns load_n and turns
+    #[arg(long, value_name = "FILE.csv")]
+    pub batch: Option<PathBuf>,
 }
 
 /// One load and number of turns.

@@ -67,7 +67,7 @@ pub fn record(options: &SimOptions, load_kg: f64, twist_rad: f64, gear: f64) -> 
     options.plant.push(PlantChange { key: PlantKey::TwistAtBoot, value: twist_rad });
     let started = Instant::now();
     let mut session = Session::new(Box::new(Sim::start(&options)?));
-    session.hello()?;
+    session.greet()?;
     let home = home(&mut session, LoadChoice::Auto, |_| {})?;
     let mut rows = Vec::new();
     let travel = move_to(&mut session, TARGET_M, SPEED_M_PER_S, LoadChoice::Auto, |row| rows.push(row.clone()))?;

@@ -4,7 +4,7 @@ use clap::Parser;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use rig_config::Scene;
-use rigctl::cli::{Cli, dispatch};
+use rigctl::cli::{self, Cli};
 use rigctl::failure::Failure;
 use rigctl::identify::compete::Candidate;
 use rigctl::identify::constants::Constant;
@@ -46,7 +46,7 @@ pub(crate) fn tool(py: Python<'_>, arguments: Vec<String>) -> PyResult<String> {
     let printed = Printed::default();
     py.detach(|| {
         let mut output = Output::new(true, Box::new(printed.clone()));
-        dispatch::run(&cli, &mut output)
+        cli::run(&cli, &mut output)
     })
     .map_err(error)?;
     let bytes = std::mem::take(&mut *printed.0.lock().unwrap_or_else(PoisonError::into_inner));

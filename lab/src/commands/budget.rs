@@ -61,7 +61,7 @@ struct Enough {
 /// If the scene has no envelope, a state of it has no equilibrium, or no table reaches an accuracy.
 pub fn run(global: &Global, gauge_m: Option<f64>, output: &mut Output) -> Result<(), Failure> {
     let scene = global.scene()?;
-    let kind = global.rig.unwrap_or_default();
+    let kind = global.board.rig.unwrap_or_default();
     let mut budget = budget(&scene, kind, gauge_m)?;
     let worth = budget.worth();
     let enough = fit(&scene, worth)?;

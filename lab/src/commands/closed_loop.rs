@@ -9,7 +9,7 @@ use rigctl::output::Output;
 use rigctl::play::play;
 use rigctl::script::Script;
 use rigctl::session::row::Row;
-use rigctl::session::{Place, Target};
+use rigctl::session::{Place, Target, Wanted};
 use serde::Serialize;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -87,7 +87,7 @@ pub fn run(global: &Global, out: &Path, output: &mut Output) -> Result<(), Failu
                 return Err(Failure::Usage("loop: only on an emulated board, --port sim".into()));
             };
             // What a table does is told best by a rig that has nothing else.
-            options.rig = rig_plant::RigPreset::Ideal;
+            options.rig = Some(rig_plant::RigPreset::Ideal);
             options.plant.push(format!("load={load}").parse().map_err(failed)?);
             let (target, _flash) = target.with_table(&fit.table.table())?;
             let outcome = measure(&target, &script, variant, load)?;
@@ -107,7 +107,7 @@ fn failed(error: impl std::fmt::Display) -> Failure {
 }
 
 fn measure(target: &Target, script: &Script, variant: &'static str, load: &'static str) -> Result<Outcome, Failure> {
-    let mut session = target.open()?;
+    let mut session = target.connect(Wanted::FromItsStart)?;
     let (mut outcome, mut squares) = (Outcome { variant, load, ..Outcome::default() }, (0.0, 0));
     play(&mut session, script, 1, |session, _| {
         session.take_rows().iter().for_each(|row| outcome.take(row, &mut squares));

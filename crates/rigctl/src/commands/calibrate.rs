@@ -8,7 +8,7 @@ use crate::options::Global;
 use crate::options::commands::Calibrate;
 use crate::output::Output;
 use crate::output::decimal;
-use crate::session::{Session, homing};
+use crate::session::{Session, Wanted, homing};
 use rig_link::{LoadChoice, Request, Setting, SettingValues};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -30,7 +30,7 @@ pub fn run(global: &Global, what: &Calibrate, output: &mut Output) -> Result<(),
 }
 
 fn lvdt(global: &Global, gap: Option<f64>, other: Option<Point>, output: &mut Output) -> Result<(), Failure> {
-    let mut session = global.target()?.connect()?;
+    let mut session = global.target()?.connect(Wanted::OfScene)?;
     session.wait_started()?;
     let values = session.settings()?.values;
     let shown_m = session.gap_m()?;
@@ -89,7 +89,7 @@ fn lvdt(global: &Global, gap: Option<f64>, other: Option<Point>, output: &mut Ou
 /// Stores the points of a file.
 fn points(global: &Global, file: &Path, gauge_error_m: f64, output: &mut Output) -> Result<(), Failure> {
     let curve = lvdt_points::load(file, &global.scene()?.rig, gauge_error_m)?;
-    let mut session = global.target()?.connect()?;
+    let mut session = global.target()?.connect(Wanted::OfScene)?;
     session.wait_started()?;
     let values = session.settings()?.values.with(Setting::LvdtOffset, 0.0).with(Setting::LvdtGain, 1.0);
     let new = SettingValues { lvdt_curve: Some(curve), ..values };
@@ -98,7 +98,7 @@ fn points(global: &Global, file: &Path, gauge_error_m: f64, output: &mut Output)
 
 /// Forgets the points.
 fn no_points(global: &Global, output: &mut Output) -> Result<(), Failure> {
-    let mut session = global.target()?.connect()?;
+    let mut session = global.target()?.connect(Wanted::OfScene)?;
     session.wait_started()?;
     let new = SettingValues { lvdt_curve: None, ..session.settings()?.values };
     change_curve(&mut session, &new, json!({"points": []}), "none", global, output)
@@ -147,7 +147,7 @@ fn position(session: &mut Session) -> Result<f64, Failure> {
 }
 
 fn zero(global: &Global, output: &mut Output) -> Result<(), Failure> {
-    let mut session = global.target()?.connect()?;
+    let mut session = global.target()?.connect(Wanted::OfScene)?;
     session.wait_ready()?;
     if global.is_emulated() {
         eprintln!("the emulated board starts afresh and is not homed: homing first");

@@ -9,19 +9,29 @@ use crate::out_file::{folder, write_file};
 use crate::output::Output;
 use crate::recorded_move::{RecordedMove, SPEED_M_PER_S, TARGET_M, record};
 use crate::session::sim::SimOptions;
+use clap::Args;
 use rig_plant::PlantKey;
-use std::path::Path;
+use std::path::PathBuf;
 
 /// Loads (kg) and the twist that the strings have when the board starts (rad).
 const LOADS: [(f64, f64); 3] = [(0.1, -20.0), (0.5, 8.0), (1.5, 30.0)];
+
+/// Three loads, each on a fresh emulated board, homed and moved alike: a table and a picture
+#[derive(Debug, Args)]
+pub struct Demo {
+    /// Folder for demo.svg and demo.csv
+    #[arg(long, value_name = "DIR", default_value = "out")]
+    out: PathBuf,
+}
 
 /// Runs the command.
 ///
 /// # Errors
 /// If anything fails, or a floor is missed.
-pub fn run(global: &Global, out: &Path, output: &mut Output) -> Result<(), Failure> {
+pub fn run(global: &Global, Demo { out }: &Demo, output: &mut Output) -> Result<(), Failure> {
+    global.never_a_device()?;
     let scene = global.rig_config()?;
-    if let Some(own) = global.plant.iter().find(|s| [PlantKey::Load, PlantKey::TwistAtBoot].contains(&s.key)) {
+    if let Some(own) = global.board.plant.iter().find(|s| [PlantKey::Load, PlantKey::TwistAtBoot].contains(&s.key)) {
         return Err(Failure::Usage(format!("--plant {}: the demo has its own", own.key)));
     }
     let options = global.emulated()?;

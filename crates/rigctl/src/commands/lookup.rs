@@ -1,10 +1,10 @@
 //! `lookup`: what the firmware would answer.
 
-use crate::batch::{self, Query, RowError};
+use crate::batch::{self, At, Query, RowError};
 use crate::failure::Failure;
 use crate::options::Global;
-use crate::options::commands::At;
 use crate::output::Output;
+use clap::Args;
 use serde::Serialize;
 use tsa_model::twist_from_turns;
 use tsa_table::Table;
@@ -54,11 +54,20 @@ pub fn look_up(table: &Table<'_>, query: Query) -> Result<Answer, RowError> {
     })
 }
 
+/// The firmware's answer at a load and number of turns, by the same code and table
+///
+/// Example: `rigctl lookup --load 0.5kg --turns 3`
+#[derive(Debug, Args)]
+pub struct Lookup {
+    #[command(flatten)]
+    at: At,
+}
+
 /// Runs the command.
 ///
 /// # Errors
 /// If the scene has no table, the batch file is bad, or the one point is outside the table.
-pub fn run(global: &Global, at: &At, output: &mut Output) -> Result<(), Failure> {
+pub fn run(global: &Global, Lookup { at }: &Lookup, output: &mut Output) -> Result<(), Failure> {
     let queries = match (&at.batch, at.load, at.turns) {
         (Some(path), _, _) => batch::read(path)?,
         (None, Some(load_n), Some(turns)) => vec![Ok(Query { load_n, turns })],

@@ -4,7 +4,7 @@ use super::write::HOMED;
 use super::{CONSTANTS, FORMAT, Header, SETTINGS};
 use crate::board_settings;
 use crate::lvdt_points;
-use crate::script;
+use crate::request;
 use rig_link::{CorrectedConstants, HomingResult, Request, Setting, SettingValues, State};
 use std::path::Path;
 
@@ -227,7 +227,7 @@ impl Log {
                 .filter(|t: &f64| t.is_finite())
                 .ok_or_else(|| format!("time `{time}` is not a number"))?;
             let mark = if let Some(request) = what.strip_prefix("request ") {
-                Mark::Request(script::request(request)?)
+                Mark::Request(request::from_text(request)?)
             } else if let Some(event) = what.strip_prefix("event ") {
                 event_mark(event)?
             } else {

@@ -1,8 +1,24 @@
-//! One line of telemetry: the board's report, and on an emulated rig the truth at the same time.
+//! What passes between host and board. A line of telemetry is the board's report, and on an emulated rig the truth at the same
+//! time.
 
-use rig_link::{Fault, HomingFailure, Limit, State, Telemetry};
+use rig_link::{EventKind, Fault, HomingFailure, Limit, Request, State, Telemetry};
 use rig_plant::Truth;
 use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
+
+/// Records of the truth (of 1 ms) that are kept to be paired with telemetry.
+const RECORDS: usize = 500;
+
+/// One thing that passed.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Entry {
+    /// The host sent a request, after the telemetry of this time (s).
+    Request(f64, Request),
+    /// The board reported an event of this time (s).
+    Event(f64, EventKind),
+    /// Telemetry.
+    Row(Row),
+}
 
 /// Keys and order of the host tool's contract, in JSON and as the columns of a log. SI units; `None` is null, or an empty cell.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -106,5 +122,48 @@ impl Row {
             self.limit.map_or(String::new(), |l| format!("  limit {l}")),
             self.doubts.as_ref().map_or(String::new(), |d| format!("  doubt {d}")),
         )
+    }
+}
+
+/// What was true in an emulated rig, newest last, and the true gap where the position is zero.
+#[derive(Default)]
+pub struct TruthRecords {
+    records: VecDeque<Truth>,
+    home_gap_m: Option<f64>,
+}
+
+impl TruthRecords {
+    /// Takes new records.
+    pub fn extend(&mut self, records: Vec<Truth>) {
+        self.records.extend(records);
+        while self.records.len() > RECORDS {
+            self.records.pop_front();
+        }
+    }
+
+    /// The newest record.
+    pub fn newest(&self) -> Option<&Truth> {
+        self.records.back()
+    }
+
+    /// The record nearest to a time (s).
+    pub fn at(&self, t_s: f64) -> Option<Truth> {
+        let distance = |t: &&Truth| (t.t_s - t_s).abs();
+        self.records.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).copied()
+    }
+
+    /// The rig was homed at this time (s).
+    pub fn homed(&mut self, t_s: f64) {
+        self.home_gap_m = self.at(t_s).map(|t| t.gap_m);
+    }
+
+    /// The board was reset: its position is not known any more.
+    pub fn restarted(&mut self) {
+        self.home_gap_m = None;
+    }
+
+    /// The true gap (m) when the rig was homed.
+    pub fn home_gap_m(&self) -> Option<f64> {
+        self.home_gap_m
     }
 }
