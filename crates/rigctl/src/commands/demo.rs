@@ -82,8 +82,8 @@ pub fn run(global: &Global, Demo { out }: &Demo, output: &mut Output) -> Result<
         "± is the error that the board states: it holds the truth in 90 of 100 cases. Constants and LVDT are not calibrated \
          on this rig; docs/calibration.md does that.",
     )?;
-    let curves: Vec<_> = outcomes.iter().map(RecordedMove::curve).collect();
-    write_file(out, "demo.svg", &draw(&curves)?)?;
+    let moves: Vec<_> = outcomes.iter().map(|outcome| (outcome.load_kg, &outcome.rows[..])).collect();
+    write_file(out, "demo.svg", &draw(&moves)?)?;
     write_file(out, "demo.csv", &csv(&outcomes, &options)?)?;
     output.line(format!("picture: {}   data: {}", out.join("demo.svg").display(), out.join("demo.csv").display()))?;
     if outcomes.iter().all(|o| o.floors_met) {
