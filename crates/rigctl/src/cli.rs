@@ -49,8 +49,9 @@ pub enum Command {
     Identify(Identify),
     #[command(after_long_help = script::help())]
     Play(play::Play),
+    /// The same as `play`, always on the emulated board
     #[command(after_long_help = script::help())]
-    Sim(play::Sim),
+    Sim(play::Play),
     Home(motion::Home),
     Move(motion::Move),
     Track(motion::Track),
@@ -163,7 +164,7 @@ pub fn run(Cli { global, command }: &Cli, output: &mut Output) -> Result<(), Fai
         Command::Lookup(options) => lookup::run(global, options, output),
         Command::Table(_) | Command::Published { .. } => table::send(global, output),
         Command::Play(options) => options.run(global, output),
-        Command::Sim(options) => options.run(global, output),
+        Command::Sim(options) => global.never_a_device().and_then(|()| options.run(global, output)),
         Command::Home(options) => options.run(global, output),
         Command::Move(options) => options.run(global, output),
         Command::Track(options) => options.run(global, output),

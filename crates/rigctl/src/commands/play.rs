@@ -30,34 +30,14 @@ const HUMAN_INTERVAL_S: f64 = 0.25;
 pub struct Play {
     /// Events, one a line: `<seconds> <event>`, the last `<seconds> end` [default: none, for --seconds]
     #[arg(value_name = "FILE")]
+    file: Option<PathBuf>,
+    /// The same file as an option
+    #[arg(long, value_name = "FILE", conflicts_with = "file")]
     script: Option<PathBuf>,
     /// How long to run without a script (s)
     #[arg(long, value_name = "S", default_value = "5s", allow_hyphen_values = true, value_parser = seconds,
-        conflicts_with = "script")]
+        conflicts_with_all = ["file", "script"])]
     seconds: f64,
-}
-
-/// The same as `play` on the emulated board, with the script as an option
-#[derive(Debug, Args)]
-pub struct Sim {
-    /// Events, one a line: `<seconds since boot> <event>`, the last `<seconds> end`
-    #[arg(long, value_name = "FILE")]
-    script: Option<PathBuf>,
-    /// How long to run without a script (s)
-    #[arg(long, value_name = "S", default_value = "5s", allow_hyphen_values = true, value_parser = seconds,
-        conflicts_with = "script")]
-    seconds: f64,
-}
-
-impl Sim {
-    /// Runs the command.
-    ///
-    /// # Errors
-    /// As [`Play::run`], or if another port is given.
-    pub fn run(&self, global: &Global, output: &mut Output) -> Result<(), Failure> {
-        global.never_a_device()?;
-        Play { script: self.script.clone(), seconds: self.seconds }.run(global, output)
-    }
 }
 
 impl Play {
@@ -67,7 +47,7 @@ impl Play {
     /// If the script is wrong, nobody answers, the port fails, or a command of the script was refused.
     pub fn run(&self, global: &Global, output: &mut Output) -> Result<(), Failure> {
         let seconds = self.seconds;
-        let script = match &self.script {
+        let script = match self.file.as_ref().or(self.script.as_ref()) {
             Some(path) => Script::load(path)?.0,
             None if seconds > 0.0 && seconds.is_finite() => Script::idle(seconds),
             None => return Err(Failure::Usage(format!("--seconds {seconds}: must be above 0"))),
