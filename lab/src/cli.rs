@@ -7,7 +7,7 @@ use clap::{Parser, Subcommand};
 use rigctl::cli::dispatch::no_effect;
 use rigctl::failure::Failure;
 use rigctl::options::Global;
-use rigctl::options::commands::{At, How};
+use rigctl::options::commands::{At, How, Identify};
 use rigctl::options::values::{gauge_error, load};
 use rigctl::output::Output;
 use std::path::PathBuf;
@@ -118,6 +118,8 @@ pub enum Command {
         #[command(flatten)]
         how: How,
     },
+    /// Fit the scene's constants to the paper's numbers (`--published`), or to recorded sweeps as `rigctl` does
+    Identify(Identify),
     /// The program that `chart` runs under callgrind to count instructions
     #[command(hide = true)]
     ChartKernel,
@@ -142,6 +144,7 @@ pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
         Command::Budget { gauge, all: true } => budget::all(global, *gauge, output),
         Command::Table { out } => table::run(global, out.as_deref(), output),
         Command::Solve { at, how } => solve::run(global, at, how, output),
+        Command::Identify(options) => crate::published::identify::run(global, options, output),
         Command::ChartKernel => Ok(crate::chart::work::kernel(&global.scene()?)?),
     }
 }

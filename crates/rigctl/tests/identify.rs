@@ -472,7 +472,7 @@ fn what_rods_remember_is_measured_by_a_sweep_before_and_one_after_a_heavier_load
     data.after.push(("after".into(), sweep(HUNG[1], 1.1 * HUNG[1], Some(15.0))));
     let candidates = Candidate::all(&scene, Some(Law::LengthRatioK4), data.knows_its_zero());
     let found = identify(&scene, &data, &candidates[..1]).unwrap();
-    let memory = &found.memories[0];
+    let memory = &found.rod_memory[0];
     assert!((memory.share - 0.1).abs() < 0.01, "{memory:?}");
     let stated = found.scene.uncertainty.rod_memory;
     assert!((stated - memory.share * (HUNG[1] / 7.0).exp()).abs() < 1e-4, "{stated}");

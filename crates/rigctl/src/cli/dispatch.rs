@@ -18,10 +18,12 @@ pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
     rig_options(global, &cli.command)?;
     match &cli.command {
         Command::Solve { at, how } if !cli.command.is_of_the_laboratory() => solve::run(global, at, how, output),
-        Command::Identify(options) => identify::run(global, options, output),
+        Command::Identify(options) if !options.published => identify::run(global, options, output),
         Command::Lookup { at } => lookup::run(global, at, output),
         Command::Table { board: true, .. } => table_board::run(global, output),
-        Command::Solve { .. } | Command::Table { .. } | Command::Published { .. } => Err(laboratory::here()),
+        Command::Solve { .. } | Command::Identify(_) | Command::Table { .. } | Command::Published { .. } => {
+            Err(laboratory::here())
+        }
         Command::Play { script, seconds } | Command::Sim { script, seconds } => {
             play::run(global, script.as_deref(), *seconds, output)
         }

@@ -280,6 +280,7 @@ impl Command {
     pub fn is_of_the_laboratory(&self) -> bool {
         match self {
             Self::Published { .. } | Self::Table { board: false, .. } => true,
+            Self::Identify(options) => options.published,
             Self::Solve { how, .. } => how.method != METHODS[0] || how.steps.is_some() || how.tolerance.is_some(),
             _ => false,
         }
