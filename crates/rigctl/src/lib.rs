@@ -11,7 +11,7 @@
 //! - `serve`: a rig for several programs at once, on a Unix socket.
 //! - [`script`]: scripts; [`board_settings`]: settings as text; [`calibration`]: the LVDT by points.
 //! - [`session`]: a conversation with the firmware, emulated or real: connect, home, move.
-//! - [`plot`]: pictures as SVG; [`move_figure`], [`calibration_figure`], [`outline`]: what is drawn; [`csv_text`]: CSV read and written;
+//! - [`plot`]: pictures as SVG; [`move_figure`], [`outline`]: what is drawn; [`csv_text`]: CSV read and written;
 //!   [`parallel`]: work on all cores; [`statistics`]: sizes of errors.
 //! - [`batch`], [`units`], [`scene_file`]: text and files from the operator, checked and in SI.
 //! - [`output`]: lines or JSON, never both on standard output; [`out_file`]: files; [`failure`]: exit codes.
@@ -49,7 +49,6 @@ pub mod backup;
 pub mod batch;
 pub mod board_settings;
 pub mod calibration;
-pub mod calibration_figure;
 pub mod cli;
 pub mod commands;
 pub mod course;

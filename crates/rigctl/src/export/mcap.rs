@@ -101,9 +101,7 @@ fn log_message(t_s: f64, text: &str) -> Value {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ::mcap::MessageStream;
-    use ::mcap::records::Record;
-    use ::mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader};
+    use ::mcap::{MessageStream, Summary};
 
     const TEXT: &str = "# format = tsa-log 1\n# seed = 3\nt_s,state,position_m,twist_rad,limit\n\
         # at 0.01 request home\n0.02,ready,,3.2,\n# at 0.02 event stopped\n0.03,moving,-1e-7,3.3,travel\n\
@@ -136,29 +134,8 @@ mod tests {
         assert_eq!(last["timestamp"], json!({"sec": 0, "nsec": 40 * ms}));
         let schema = messages[0].channel.schema.as_ref().expect("a schema");
         assert_eq!((schema.name.as_str(), schema.encoding.as_str()), ("foxglove.Log", "jsonschema"));
-    }
-
-    #[test]
-    fn the_header_is_a_metadata_record() {
-        let file = encode(&Table::read(TEXT, false).expect("a log")).expect("a file");
-        let mut reader = LinearReader::new();
-        let (mut rest, mut found) = (&file[..], None);
-        while let Some(event) = reader.next_event() {
-            match event.expect("MCAP") {
-                LinearReadEvent::ReadRequest(count) => {
-                    let count = count.min(rest.len());
-                    reader.insert(count).copy_from_slice(&rest[..count]);
-                    reader.notify_read(count);
-                    rest = &rest[count..];
-                }
-                LinearReadEvent::Record { data, opcode } => {
-                    if let Record::Metadata(metadata) = ::mcap::parse_record(opcode, data).expect("a record") {
-                        found = Some(metadata);
-                    }
-                }
-            }
-        }
-        let found = found.expect("a metadata record");
+        let summary = Summary::read(&file).expect("MCAP").expect("a summary");
+        let found = ::mcap::read::metadata(&file, &summary.metadata_indexes[0]).expect("a record");
         assert_eq!((found.name.as_str(), found.metadata.get("seed").map(String::as_str)), (METADATA, Some("3")));
     }
 }

@@ -98,7 +98,7 @@ mod tests {
         let marks: Vec<_> = table.marks().collect();
         assert_eq!(marks, [(0.01, "request home"), (0.02, "event stopped")]);
         assert_eq!(table.log.header.get("lost_frames"), Some("0"));
-        let csv = String::from_utf8(table.csv()).expect("text");
+        let csv = String::from_utf8(table.csv().expect("CSV")).expect("text");
         assert_eq!(
             csv,
             "t_s,state,position_m,twist_rad,limit,new_one\n0.02,ready,0.001,3.2,,\n0.03,moving,-1e-7,3.3,travel,4\n"

@@ -23,19 +23,9 @@ const REFUSED: f64 = 10.0;
 /// Why there is no fit.
 #[derive(Debug, thiserror::Error)]
 pub enum IdentifyError {
-    /// A starting value, or too many constants.
+    /// A starting value, too many constants, or fewer numbers than unknowns.
     #[error("{0}")]
     Start(String),
-    /// Fewer numbers than unknowns.
-    #[error("{rows} numbers cannot tell {unknowns} unknowns: {labels}")]
-    TooFew {
-        /// Numbers fitted.
-        rows: usize,
-        /// Unknowns.
-        unknowns: usize,
-        /// Their names.
-        labels: String,
-    },
     /// The data leave a combination of constants open.
     #[error(
         "the data cannot tell {constants}: {why}; leave out one of them with --fit, or record other loads and turns"
@@ -359,7 +349,7 @@ pub fn fit(unknowns: &Unknowns, start: &Parameters, data: &Data, shifts: &[f64])
     let problem = Problem::new(unknowns, rows, expected, DVector::from_vec(x), first);
     let (n, m) = (problem.residuals.len(), problem.x.len());
     if n <= m {
-        return Err(IdentifyError::TooFew { rows: n, unknowns: m, labels: labels.join(", ") });
+        return Err(IdentifyError::Start(format!("{n} numbers cannot tell {m} unknowns: {}", labels.join(", "))));
     }
     // Constants that the data leave open at the start stay open to the end, and would lead the fit astray.
     determined(&problem.derivatives(), &labels)?;

@@ -232,21 +232,16 @@ mod tests {
     }
 
     #[test]
-    fn stated_errors_are_read() {
+    fn other_columns_and_homings_of_other_versions() {
         let text = GOOD
             .replace("twist_rad,load_n\n", "twist_rad,load_n,load_error_n,position_error_m\n")
             .replace("3.2,\n", "3.2,,,\n")
             .replace("3.3,4.9\n", "3.3,4.9,0.2,0.0001\n");
-        let log = Log::parse(&text).and_then(Log::whole).unwrap();
-        let errors = |k: usize| [log.rows[k].load_error_n, log.rows[k].position_error_m];
-        assert_eq!((errors(0), errors(1)), ([None; 2], [Some(0.2), Some(0.0001)]));
-    }
-
-    #[test]
-    fn the_homing_of_an_older_log_is_another_event() {
         let homed = GOOD.lines().find(|line| line.contains("homed")).unwrap();
         let older = "# at 0.02 event homed twist_error_estimate_rad=0.001 load_n=4.9 gap_offset_m=0.0001";
-        let log = Log::parse(&GOOD.replace(homed, older)).and_then(Log::whole).unwrap();
+        let log = Log::parse(&text.replace(homed, older)).and_then(Log::whole).unwrap();
+        let errors = |k: usize| [log.rows[k].load_error_n, log.rows[k].position_error_m];
+        assert_eq!((errors(0), errors(1)), ([None; 2], [Some(0.2), Some(0.0001)]));
         assert!(matches!(log.marks[1].mark, Mark::Event(_)));
     }
 
