@@ -7,6 +7,7 @@ use clap::{Parser, Subcommand};
 use rigctl::batch::At;
 use rigctl::commands::solve::How;
 use rigctl::failure::Failure;
+use rigctl::options::commands::Identify;
 use rigctl::options::values::{gauge_error, load};
 use rigctl::options::{Global, no_effect};
 use rigctl::output::Output;
@@ -118,6 +119,8 @@ pub enum Command {
         #[command(flatten)]
         how: How,
     },
+    /// Fit the scene's constants to the paper's numbers (`--published`), or to recorded sweeps as `rigctl` does
+    Identify(Identify),
     /// The program that `chart` runs under callgrind to count instructions
     #[command(hide = true)]
     ChartKernel,
@@ -142,6 +145,7 @@ pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
         Command::Budget { gauge, all: true } => budget::all(global, *gauge, output),
         Command::Table { out } => table::run(global, out.as_deref(), output),
         Command::Solve { at, how } => solve::run(global, at, how, output),
+        Command::Identify(options) => crate::published::identify::run(global, options, output),
         Command::ChartKernel => Ok(crate::chart::work::kernel(&global.scene()?)?),
     }
 }

@@ -4,6 +4,7 @@
 //! data, CSV, SVG or text of a scene.
 //!
 //! - [`published`]: the numbers that the paper prints beside the same numbers computed, and the paper's figures redrawn.
+//! - [`scene_key`]: one key of a scene by name or symbol.
 //! - [`study`]: one value of a scene varied over a [`range`]; [`trace`]: contraction and TR along the turns; [`curves`]: drawn.
 //! - [`chart`]: speed against accuracy of every method, tier and table form, and where methods fail.
 //! - [`budget`]: what each part of a rig contributes to the errors of position and load.
@@ -20,6 +21,7 @@ pub mod curves;
 pub mod page;
 pub mod published;
 pub mod range;
+pub mod scene_key;
 pub mod study;
 pub mod table_report;
 pub mod trace;

@@ -2,13 +2,13 @@
 
 use crate::curves::{self, Column, Curve};
 use crate::published::numbers::{Group, body, warnings};
+use crate::scene_key::{self, KeyError};
 use crate::trace::{Trace, trace};
 use anyhow::Result;
 use rig_config::Scene;
 use rigctl::csv_text::{csv_text, optional};
 use rigctl::failure::ErrorBody;
 use rigctl::plot::{Figure, colour};
-use rigctl::scene_key::{self, KeyError};
 use serde::Serialize;
 use tsa_model::{Equilibrium, Mechanism, twist_from_turns};
 

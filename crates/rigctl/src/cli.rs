@@ -134,6 +134,7 @@ impl Command {
     pub fn is_of_the_laboratory(&self) -> bool {
         match self {
             Self::Published { .. } | Self::Table(table::Table { board: false, .. }) => true,
+            Self::Identify(options) => options.published,
             Self::Solve(solve) => solve.is_of_the_laboratory(),
             _ => false,
         }

@@ -11,8 +11,8 @@
 //! - `serve`: a rig for several programs at once, on a Unix socket.
 //! - [`request`]: requests in words and as objects; [`script`]: scripts; [`board_settings`]: settings as text; [`calibration`]: the LVDT by points.
 //! - [`session`]: a conversation with the firmware, emulated or real: connect, home, move.
-//! - [`plot`]: pictures as SVG; [`move_figure`], [`calibration_figure`], [`mechanism_figure`]: what is drawn; [`csv_text`]: data as CSV;
-//!   [`parallel`]: work on all cores; [`published`]: the paper's numbers; [`scene_key`]: one key of a scene by name or symbol.
+//! - [`plot`]: pictures as SVG; [`move_figure`], [`outline`]: what is drawn; [`csv_text`]: CSV read and written;
+//!   [`parallel`]: work on all cores; [`statistics`]: sizes of errors.
 //! - [`batch`], [`units`], [`scene_file`]: text and files from the operator, checked and in SI.
 //! - [`output`]: lines or JSON, never both on standard output; [`out_file`]: files; [`failure`]: exit codes.
 //!
@@ -49,7 +49,6 @@ pub mod backup;
 pub mod batch;
 pub mod board_settings;
 pub mod calibration;
-pub mod calibration_figure;
 pub mod cli;
 pub mod commands;
 pub mod course;
@@ -63,27 +62,26 @@ pub mod identify;
 pub mod laboratory;
 pub mod log;
 pub mod lvdt_points;
-pub mod mechanism_figure;
 pub mod monitor_input;
 pub mod monitor_keys;
 pub mod move_figure;
 pub mod options;
 pub mod out_file;
+pub mod outline;
 pub mod output;
 pub mod parallel;
 pub mod play;
 pub mod plot;
-pub mod published;
 pub mod recorded_move;
 pub mod replay;
 pub mod request;
 pub mod scene_file;
-pub mod scene_key;
 pub mod screen;
 pub mod script;
 #[cfg(unix)]
 pub mod serve;
 pub mod session;
+pub mod statistics;
 
 pub use rig_plant::units;
 

@@ -1,6 +1,6 @@
 //! The live view: the newest telemetry as numbers, the last half minute as plots.
 
-use crate::mechanism_figure::{Outline, outline};
+use crate::outline::{Outline, outline};
 use crate::session::row::Row;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};

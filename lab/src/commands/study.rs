@@ -1,12 +1,12 @@
 //! `study`: one value of the scene varied over any range.
 
 use crate::range::{TurnRange, Vary};
+use crate::scene_key::KeyError;
 use crate::study::{Options, Study};
 use rigctl::failure::Failure;
 use rigctl::options::Global;
 use rigctl::out_file::write_file;
 use rigctl::output::Output;
-use rigctl::scene_key::KeyError;
 use std::path::Path;
 
 /// Runs the command.

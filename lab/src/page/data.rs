@@ -139,10 +139,10 @@ impl Move {
             what,
             log.rows.iter().map(|r| Moment {
                 t_s: r.t_s,
-                twist_rad: r.twist_rad,
-                load_n: r.load_n,
-                position_m: r.position_m,
-                setpoint_m: r.setpoint_m,
+                twist_rad: r.twist_rad.map(f64::from),
+                load_n: r.load_n.map(f64::from),
+                position_m: r.position_m.map(f64::from),
+                setpoint_m: r.setpoint_m.map(f64::from),
             }),
         )
     }

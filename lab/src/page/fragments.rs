@@ -1,9 +1,9 @@
 //! The parts of the page that need no script, as HTML.
 
+use crate::scene_key;
 use crate::table_report::TableReport;
 use rig_config::Scene;
 use rigctl::failure::Failure;
-use rigctl::scene_key;
 use serde_json::Value;
 use std::fmt::Write as _;
 

@@ -49,7 +49,7 @@ impl Set {
         scene.mechanism()?;
         let ratio = |r: &Ratio| {
             let mechanism = changed_mechanism(&scene, if inferred { geometry::inferred(&r.place) } else { "" })?;
-            r.compute(&mechanism).map_err(|e| rigctl::published::body(&e))
+            r.compute(&mechanism).map_err(|e| super::numbers::body(&e))
         };
         Ok(Self {
             name,

@@ -2,19 +2,21 @@
 //!
 //! - [`numbers`]: the printed numbers and quoted ratios, each with its computation.
 //! - [`geometry`]: geometry of some sweeps that the paper does not state; [`contradictions`]: what no law can meet.
+//! - [`identify`]: constants fitted to them.
 //! - `comparison`: both as rows, tables and CSV; `figures`: the paper's Figs 6 to 11 and 13 redrawn.
 
 mod comparison;
 pub mod contradictions;
 mod figures;
 pub mod geometry;
+pub mod identify;
+pub mod numbers;
 
 use anyhow::Result;
 pub use comparison::Compared;
 use comparison::Set;
 use numbers::{Ratio, Row};
 use rig_config::Scene;
-pub use rigctl::published as numbers;
 
 /// The paper's three parameter sets, as scene files: what was fitted, the same with eq. 6 kept, and Table 1 as printed.
 pub const SETS: [&str; 3] = ["paper-identified", "paper-identified-eq6", "paper-printed"];

@@ -45,9 +45,7 @@ pub fn run(options: &Export, output: &mut Output) -> Result<(), Failure> {
     let table = Table::read(&text, options.partial).map_err(wrong)?;
     let content = options.to.encode(&table).map_err(wrong)?;
     file.write(&content)?;
-    let (rows, bytes) = (table.t_s.len(), content.len());
-    output.object(
-        &json!({"file": out.display().to_string(), "rows": rows, "marks": table.marks.len(), "bytes": bytes}),
-    )?;
+    let (rows, marks, bytes) = (table.log.rows.len(), table.marks().count(), content.len());
+    output.object(&json!({"file": out.display().to_string(), "rows": rows, "marks": marks, "bytes": bytes}))?;
     Ok(output.line(format!("{rows} rows, {bytes} bytes; written: {}", out.display()))?)
 }

@@ -207,37 +207,25 @@ pub fn run(global: &Global, Solve { at, how }: &Solve, output: &mut Output) -> R
 pub fn answer(at: &At, scene: &Scene, way: Way<'_>, output: &mut Output) -> Result<(), Failure> {
     let mechanism = scene.mechanism()?;
     if let Some(path) = &at.batch {
-        output.line(format!(
+        let heading = format!(
             "{:>10} {:>8} {:>12} {:>14} {:>12} {:>12} {:>14}  warnings",
             "load N", "turns", "helix rad", "contraction mm", "sag mm", "TR rad/mm", "tier"
-        ))?;
-        let rows = batch::read(path)?;
-        let (count, mut failed) = (rows.len(), 0);
-        for row in rows {
-            let solved = row.and_then(|query| solve(&mechanism, way, query).map_err(|e| RowError::new(e.kind(), e)));
-            match solved {
-                Ok(s) => {
-                    output.object(&s)?;
-                    output.line(format!(
-                        "{:>10.4} {:>8.3} {:>12.6} {:>14.5} {:>12.5} {:>12} {:>14}  {}",
-                        s.load_n,
-                        s.turns,
-                        s.alpha_rad,
-                        s.contraction_m * 1e3,
-                        s.load_sag_m * 1e3,
-                        per_mm(s.tr_rad_per_m),
-                        s.tier,
-                        s.warnings.join(", ")
-                    ))?;
-                }
-                Err(error) => {
-                    failed += 1;
-                    output.object(&error)?;
-                    output.line(serde_json::to_string(&error)?)?;
-                }
-            }
-        }
-        return batch::all_failed(path, count, failed);
+        );
+        let line = |s: &Solution| {
+            format!(
+                "{:>10.4} {:>8.3} {:>12.6} {:>14.5} {:>12.5} {:>12} {:>14}  {}",
+                s.load_n,
+                s.turns,
+                s.alpha_rad,
+                s.contraction_m * 1e3,
+                s.load_sag_m * 1e3,
+                per_mm(s.tr_rad_per_m),
+                s.tier,
+                s.warnings.join(", ")
+            )
+        };
+        let solve = |query| solve(&mechanism, way, query).map_err(|e| RowError::new(e.kind(), e));
+        return batch::answer(path, output, &heading, solve, line);
     }
     let (Some(load_n), Some(turns)) = (at.load, at.turns) else {
         return Err(Failure::Usage("solve needs --load and --turns, or --batch".into()));
