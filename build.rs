@@ -34,7 +34,6 @@ fn run() -> Result<(), Box<dyn Error>> {
     source.push_str(&constants(&scene));
     source.push_str(&hashes(&scene));
     fs::write(out.join("scene.rs"), source)?;
-    fs::write(out.join("parameters.rs"), parameters(&scene)?)?;
 
     fs::write(out.join("memory.x"), include_str!("src/memory.x"))?;
     println!("cargo:rustc-link-search={}", out.display());
@@ -52,14 +51,6 @@ fn constants(scene: &Scene) -> String {
         scene.constants(),
         scene.rig.drive_transport,
     )
-}
-
-/// The solver's constants, for the images beside the firmware (`src/bin`).
-fn parameters(scene: &Scene) -> Result<String, Box<dyn Error>> {
-    let parameters = format!("tsa_model::{:?}", scene.mechanism()?.parameters());
-    let parameters = parameters.replace("radius_law: ", "radius_law: tsa_model::RadiusLaw::");
-    let parameters = parameters.replace("Some(Correction", "Some(tsa_model::Correction");
-    Ok(format!("/// The scene's constants.\npub const PARAMETERS: tsa_model::Parameters = {parameters};\n"))
 }
 
 /// The hash with which the host compares its `[rig]`.

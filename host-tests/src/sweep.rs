@@ -8,7 +8,8 @@ use rigctl::identify::compete::Candidate;
 use rigctl::identify::data::Data;
 use rigctl::identify::{Identified, identify, plausible};
 use rigctl::log::sweep::{Sweep, reduce};
-use rigctl::log::{Header, Log, LogRow, Mark, Marked};
+use rigctl::log::{Header, Log, Mark, Marked};
+use rigctl::session::row::Row;
 use std::f64::consts::{PI, TAU};
 use tsa_model::Parameters;
 
@@ -104,22 +105,7 @@ fn turn(rig: &mut impl Swept, [from, to]: [f64; 2], log: &mut Log) -> Result<(),
 fn record(rig: &mut impl Swept, log: &mut Log, seconds: f64, mut done: impl FnMut(&Telemetry) -> bool) -> bool {
     for _ in 0..(seconds * 100.0).round() as usize {
         let (t_s, Some(t)) = rig.tick() else { continue };
-        let number = |v: Option<f32>| v.map(f64::from);
-        log.rows.push(LogRow {
-            t_s,
-            state: t.state,
-            target_m: number(t.target_m),
-            setpoint_m: number(t.setpoint_m),
-            position_m: number(t.position_m),
-            twist_rad: number(t.twist_rad),
-            load_n: number(t.load_n),
-            load_error_n: number(t.load_error_n),
-            position_error_m: number(t.position_error_m),
-            tr_rad_per_m: number(t.tr_rad_per_m),
-            drive_current_a: f64::from(t.drive_current_a),
-            drive_speed_rad_per_s: f64::from(t.drive_speed_rad_per_s),
-            twist_scale: number(t.twist_scale),
-        });
+        log.rows.push(Row::new(t_s, &t, None, None));
         if done(&t) {
             return true;
         }

@@ -3,9 +3,11 @@
 
 use crate::{bench, budget, chart, closed_loop, page, published, solve, study, table_report};
 use clap::{Parser, Subcommand};
-use rigctl::cli::dispatch::no_effect;
+use rigctl::batch::At;
+use rigctl::commands::solve::How;
 use rigctl::failure::Failure;
-use rigctl::options::Global;
+use rigctl::options::commands::Identify;
+use rigctl::options::{Global, no_effect};
 use rigctl::output::Output;
 
 /// The laboratory of a twisted-string actuator: methods, tables and models compared, the paper's numbers, error budget, figures.
@@ -57,6 +59,8 @@ pub enum Command {
     /// What an equilibrium costs, for `cargo xtask bench` and for `chart`
     #[command(hide = true, subcommand)]
     Bench(bench::Task),
+    /// Fit the scene's constants to the paper's numbers (`--published`), or to recorded sweeps as `rigctl` does
+    Identify(Identify),
 }
 
 /// Runs the command.
@@ -76,6 +80,7 @@ pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
         Command::Table(arguments) => arguments.run(global, output),
         Command::Solve(arguments) => arguments.run(global, output),
         Command::Bench(task) => task.run(),
+        Command::Identify(options) => published::identify::run(global, options, output),
     }
 }
 

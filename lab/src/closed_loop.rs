@@ -2,6 +2,7 @@
 //! scene's own name; then it homes and moves two loads.
 
 use crate::csv;
+use rig_link::{Fault, State};
 use rigctl::failure::Failure;
 use rigctl::options::Global;
 use rigctl::out_file::write_file;
@@ -9,7 +10,7 @@ use rigctl::output::Output;
 use rigctl::play::play;
 use rigctl::script::Script;
 use rigctl::session::row::Row;
-use rigctl::session::{Place, Target};
+use rigctl::session::{Place, Target, Wanted};
 use serde::{Deserialize, Serialize};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -68,12 +69,12 @@ pub struct Outcome {
 impl Outcome {
     /// One row more; `squares` sums the squared errors under way, and counts them.
     fn take(&mut self, row: &Row, squares: &mut (f64, u32)) {
-        let refused = row.state == "unhomed" && row.t_s > HOMED_S;
-        let fault = row.fault.or(refused.then_some("homing refused"));
+        let refused = row.state == State::Unhomed && row.t_s > HOMED_S;
+        let fault = row.fault.map(Fault::name).or(refused.then_some("homing refused"));
         self.fault = self.fault.take().or(fault.map(str::to_owned));
         if let (Some(set_m), Some(position_m)) = (row.setpoint_m, row.true_position_m) {
             let error_m = position_m - f64::from(set_m);
-            if row.state == "moving" {
+            if row.state == State::Moving {
                 *squares = (squares.0 + error_m * error_m, squares.1 + 1);
                 self.max_m = Some(self.max_m.unwrap_or(0.0).max(error_m.abs()));
             }
@@ -121,7 +122,7 @@ impl Arguments {
                     return Err(Failure::Usage("loop: only on an emulated board, --port sim".into()));
                 };
                 // What a table does is told best by a rig that has nothing else.
-                options.rig = rig_plant::RigPreset::Ideal;
+                options.rig = Some(rig_plant::RigPreset::Ideal);
                 options.plant.push(format!("load={load}").parse().map_err(failed)?);
                 let (target, _flash) = target.with_table(&fit.table.table())?;
                 let outcome = measure(&target, &script, variant, load)?;
@@ -141,7 +142,7 @@ fn failed(error: impl std::fmt::Display) -> Failure {
 }
 
 fn measure(target: &Target, script: &Script, variant: &str, load: &str) -> Result<Outcome, Failure> {
-    let mut session = target.open()?;
+    let mut session = target.connect(Wanted::FromItsStart)?;
     let (mut outcome, mut squares) =
         (Outcome { variant: variant.into(), load: load.into(), ..Outcome::default() }, (0.0, 0));
     play(&mut session, script, 1, |session, _| {

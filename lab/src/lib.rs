@@ -4,6 +4,7 @@
 //! `run`, which prints and writes what the rest of the module computes: data, CSV, SVG or text of a scene.
 //!
 //! - [`published`]: the numbers that the paper prints beside the same numbers computed, and the paper's figures redrawn.
+//! - [`scene_key`]: one key of a scene by name or symbol.
 //! - [`study`]: one value of a scene varied over a [`range`]; [`trace`]: contraction and TR along the turns; [`curves`]: drawn.
 //! - [`chart`]: speed against accuracy of every method, tier and table form, and where methods fail.
 //! - [`closed_loop`]: moves of the emulated board with cheaper models and less accurate tables.
@@ -23,6 +24,7 @@ pub mod curves;
 pub mod page;
 pub mod published;
 pub mod range;
+pub mod scene_key;
 pub mod solve;
 pub mod study;
 pub mod table_report;

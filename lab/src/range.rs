@@ -1,6 +1,6 @@
 //! Ranges from the operator: `D0=8mm..32mm:5`, `K=10..10000:4log`, `0..7.5`.
 
-use rigctl::scene_key;
+use crate::scene_key;
 use rigctl::units::{self, Quantity};
 use std::str::FromStr;
 

@@ -1,9 +1,9 @@
 //! `solve` by other methods than the tool's own.
 
-use rigctl::commands::solve::{self, Way};
+use rigctl::batch::At;
+use rigctl::commands::solve::{self, How, Way};
 use rigctl::failure::Failure;
 use rigctl::options::Global;
-use rigctl::options::commands::{At, How};
 use rigctl::output::Output;
 use rival_methods::Method;
 use tsa_model::{Mechanism, Tier};
@@ -33,7 +33,7 @@ impl Arguments {
                 let only = "--tier: only the method first-integral, with its own steps, knows other tiers";
                 return Err(Failure::Usage(only.into()));
             }
-            return solve::run(global, at, how, output);
+            return solve::answer(at, &scene, Way::new(how, &scene)?, output);
         }
         let by = |mechanism: &Mechanism, load_n, twist_rad| method.solve(mechanism, load_n, twist_rad);
         solve::answer(at, &scene, Way::By(method.name(), &by), output)

@@ -1,7 +1,7 @@
 //! Contraction and TR of one mechanism at one load, along the turns, and where the model ends.
 
+use crate::published::numbers::body;
 use rigctl::failure::ErrorBody;
-use rigctl::published::body;
 use tsa_model::{Equilibrium, Mechanism, SolveError, twist_from_turns};
 
 /// One state.

@@ -95,11 +95,6 @@ fn works(page: &Path, tasks: &str) {
                 let done = Command::new(built).args(rest).current_dir(&folder).output().unwrap();
                 assert!(done.status.success(), "{name}: {line}: {}", String::from_utf8_lossy(&done.stderr));
             }
-            ["cargo", "run", "--release", "-p", "rigctl", "--example", example] => {
-                let built = Path::new(env!("CARGO_BIN_EXE_tsa-lab")).with_file_name("examples").join(example);
-                let done = Command::new(built).current_dir(&folder).output().unwrap();
-                assert!(done.status.success(), "{name}: {line}: {}", String::from_utf8_lossy(&done.stderr));
-            }
             ["cargo", "xtask", task, ..] | [_, "cargo", "xtask", task, ..] => {
                 assert!(tasks.contains(&format!("\n    {task}")), "{name}: no task {task}");
             }

@@ -115,13 +115,7 @@ fn queue(sequence: u16, request: Request) {
 
 /// The part of a text that fits.
 fn text<const N: usize>(value: &str) -> String<N> {
-    let mut out = String::new();
-    for c in value.chars() {
-        if out.push(c).is_err() {
-            break;
-        }
-    }
-    out
+    String::try_from(value.get(..N).unwrap_or(value)).unwrap_or_default()
 }
 
 fn identity(start: &Start) -> Identity {

@@ -1,7 +1,7 @@
 //! The messages between the host tool and the firmware.
 //!
 //! - [`messages`]: the table of all messages; [`codes`]: the named codes in them (states, faults, limits …), each with its
-//!   number and name, declared by the macro in `names`.
+//!   number and name.
 //! - [`faults`]: sets of codes. [`gap_curve`]: what a rig's gap is beside the table's.
 //! - [`board_settings`]: unit, default and range of every setting of the board.
 //! - [`corrected_constants`]: which settings still mean the same on a rig with other constants.
@@ -24,7 +24,6 @@ pub mod frame;
 pub mod gap_curve;
 pub mod lvdt_curve;
 pub mod messages;
-mod names;
 pub mod protocol;
 pub mod sequence;
 pub mod versions;

@@ -77,7 +77,7 @@ impl Controller for Control {
     type Decision = ControlTick;
 
     fn step(&mut self, inputs: &Inputs) -> ControlTick {
-        let Outputs { drive, reply, events } = Control::step(self, inputs);
+        let Outputs { drive, reply, events, .. } = Control::step(self, inputs);
         let counters = Counters { late_ticks: self.late_ticks(), ..Counters::default() };
         ControlTick { drive, reply, events, telemetry: self.telemetry(inputs, counters), sensors: self.sensors(inputs) }
     }

@@ -1,18 +1,14 @@
 //! The file of a settings backup.
 
-use crate::board_settings;
+use crate::board_settings::{self, DEFAULT, NONE};
 use crate::failure::Failure;
 use crate::log::{FORMAT, Log};
 use crate::lvdt_points;
 use rig_link::{CorrectedConstants, Dropped, Identity, PROTOCOL_HASH, Setting, SettingValues, SettingsReport};
+use serde::{Deserialize, Deserializer, de};
 use std::fmt::Write;
 use std::path::Path;
 use toml::{Table, Value};
-
-/// The value of a setting that is at the scene's default, which may be another one in another scene.
-const DEFAULT: &str = "default";
-/// The value of points that there are none of.
-const NONE: &str = "none";
 
 /// The text of a backup: the board's identity and the constants that settings correct, then every setting in SI units, and
 /// the LVDT's points. It has a line for each, so that one that was cut short is known.
@@ -150,78 +146,55 @@ pub fn load(file: &Path, defaults: &SettingValues) -> Result<Backup, Failure> {
     Ok(Backup { rig_hash, constants: log.constants(), protocol_hash, values, missing, has_points })
 }
 
-fn hash(board: &Table, key: &str, wrong: &mut Vec<String>) -> Option<u32> {
-    let value = board.get(key)?;
-    let hash = value.as_str().and_then(|text| u32::from_str_radix(text, 16).ok());
-    if hash.is_none() {
-        wrong.push(format!("board.{key} is {value}, not eight hexadecimal digits in quotes"));
-    }
-    hash
+/// The file of a backup as it stands.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    #[serde(default)]
+    board: Board,
+    constants: Option<CorrectedConstants>,
+    settings: Table,
 }
 
-fn number(setting: Setting, given: &Value) -> Result<f32, String> {
-    match given {
-        Value::Float(number) => Ok(*number as f32),
-        Value::Integer(number) => Ok(*number as f32),
-        Value::String(text) => board_settings::value(setting, text).map_err(|e| e.to_string()),
-        other => Err(format!("{setting} is a {}, not a number", other.type_str())),
-    }
+/// What of the board's identity matters.
+#[derive(Default, Deserialize)]
+#[serde(default)]
+struct Board {
+    #[serde(deserialize_with = "hash")]
+    rig_hash: Option<u32>,
+    #[serde(deserialize_with = "hash")]
+    protocol_hash: Option<u32>,
+}
+
+fn hash<'de, D: Deserializer<'de>>(value: D) -> Result<Option<u32>, D::Error> {
+    let wrong = |_| de::Error::custom("not eight hexadecimal digits in quotes");
+    u32::from_str_radix(&String::deserialize(value)?, 16).map(Some).map_err(wrong)
 }
 
 /// Reads the file of a backup for a board with these defaults.
 ///
 /// # Errors
-/// Everything that is wrong with it, each named.
+/// What is wrong with its form, or every setting that is wrong, each named.
 pub fn from_toml(text: &str, defaults: &SettingValues) -> Result<Backup, String> {
-    let mut file: Table = text.parse().map_err(|e: toml::de::Error| e.to_string())?;
-    let mut wrong = Vec::new();
-    let mut section = |name: &str| match file.remove(name) {
-        Some(Value::Table(table)) => Ok(Some(table)),
-        Some(other) => Err(format!("`{name}` is a {}, not a table", other.type_str())),
-        None => Ok(None),
-    };
-    let board = section("board")?.unwrap_or_default();
-    let settings = section("settings")?.ok_or("no table [settings]")?;
-    let constants =
-        section("constants")?.map(|constants| constants.try_into().map_err(|e| format!("[constants]: {e}")));
-    wrong.extend(file.keys().map(|key| format!("no key `{key}`; keys: board, constants, settings")));
-    let mut values = *defaults;
-    for (name, value) in &settings {
-        if value.as_str() == Some(NONE) && name == lvdt_points::NAME {
-            values.lvdt_curve = None;
-            continue;
-        }
-        if name == lvdt_points::NAME {
-            let points = value.as_str().ok_or_else(|| format!("{name} is a {}, not text", value.type_str()));
-            match points.and_then(lvdt_points::from_text) {
-                Ok(curve) => values.lvdt_curve = Some(curve),
-                Err(message) => wrong.push(message),
-            }
-            continue;
-        }
-        let checked = board_settings::named(name).and_then(|setting| {
-            if value.as_str() == Some(DEFAULT) {
-                return Ok((setting, defaults.get(setting)));
-            }
-            let given = number(setting, value)?;
-            setting.check(given, defaults.get(setting)).map_err(|refusal| refusal.to_string())?;
-            Ok((setting, given))
-        });
-        match checked {
-            Ok((setting, value)) => values = values.with(setting, value),
+    let File { board, constants, settings } = toml::from_str(text).map_err(|e| e.to_string())?;
+    let (mut values, mut wrong) = (*defaults, Vec::new());
+    for (name, given) in &settings {
+        let text = match given {
+            Value::String(text) => Ok(text.clone()),
+            Value::Integer(_) | Value::Float(_) if name != lvdt_points::NAME => Ok(given.to_string()),
+            other => Err(format!("{name} is a {}", other.type_str())),
+        };
+        match text.and_then(|text| board_settings::put(&values, defaults, name, &text)) {
+            Ok(with) => values = with,
             Err(message) => wrong.push(message),
         }
     }
-    let (rig_hash, protocol_hash) = (hash(&board, "rig_hash", &mut wrong), hash(&board, "protocol_hash", &mut wrong));
-    let constants = constants.transpose().unwrap_or_else(|e| {
-        wrong.push(e);
-        None
-    });
     if !wrong.is_empty() {
         return Err(wrong.join("; "));
     }
     let missing = Setting::ALL.iter().copied().filter(|setting| !settings.contains_key(setting.name())).collect();
     let has_points = settings.contains_key(lvdt_points::NAME);
+    let Board { rig_hash, protocol_hash } = board;
     Ok(Backup { rig_hash, constants, protocol_hash, values, missing, has_points })
 }
 
@@ -323,7 +296,7 @@ mod tests {
                         let why = refused.message().unwrap_or_default();
                         assert!(end < text.len() && why.contains("lvdt-points") && why.contains("--force"), "{why}");
                     }
-                    Err(why) => assert!(why.contains("[settings]") || why.contains("[constants]"), "{why}"),
+                    Err(why) => assert!(why.contains("settings") || why.contains("[constants]"), "{why}"),
                 }
             }
         }
@@ -335,14 +308,14 @@ mod tests {
     #[test]
     fn everything_that_is_wrong_is_named() {
         for (text, named) in [
-            ("settings = 3", &["`settings` is a integer"][..]),
-            ("[board]\nscene_hash = \"12\"", &["[settings]"]),
+            ("settings = 3", &["settings = 3", "line 1"][..]),
+            ("[board]\nscene_hash = \"12\"", &["`settings`"]),
             ("[settings]\nlvdt-gian = 1.0", &["lvdt-gian", "lvdt-gain"]),
             ("[settings]\nlvdt-gain = true\nspeed-max = \"2mm\"", &["lvdt-gain is a boolean", "speed-max", "mm/s"]),
             ("[settings]\nlvdt-gain = 3.0\ntwist-sign = 0", &["lvdt-gain is 3, allowed are 0.8", "-1 or 1"]),
             ("[settings]\nlvdt-gain = nan", &["lvdt-gain is not a finite number"]),
             ("[settings]\ncurrent-limit = 0.6", &["current-limit is 0.6 A", "to 0.5 A"]),
-            ("[board]\nrig_hash = 12\n[settings]\n", &["board.rig_hash"]),
+            ("[board]\nrig_hash = 12\n[settings]\n", &["rig_hash = 12", "line 2"]),
             ("[settings]\nlvdt-points = \"0.1:0 error 0\"", &["lvdt-points", "2 to 11"]),
             ("[settings]\nlvdt-points = 3", &["lvdt-points is a integer"]),
             ("[constants]\ngear_ratio = 62.0\n[settings]\n", &["[constants]", "counts_per_rad"]),

@@ -38,6 +38,30 @@ pub fn value(setting: Setting, text: &str) -> Result<f32, units::UnitError> {
     units::parse(setting.name(), quantity(setting), text).map(|value| value as f32)
 }
 
+/// In a file of settings: the value of a setting that is at the scene's default, which may be another one in another scene, and
+/// that of points that there are none of.
+pub const DEFAULT: &str = "default";
+/// As [`DEFAULT`].
+pub const NONE: &str = "none";
+
+/// The settings with one of them, or the LVDT's points, as a file of settings or the head of a log has it.
+///
+/// # Errors
+/// Naming a setting that this tool does not know, or a value that is out of range.
+pub fn put(values: &SettingValues, defaults: &SettingValues, name: &str, text: &str) -> Result<SettingValues, String> {
+    if name == lvdt_points::NAME {
+        let lvdt_curve = (text != NONE).then(|| lvdt_points::from_text(text)).transpose()?;
+        return Ok(SettingValues { lvdt_curve, ..*values });
+    }
+    let setting = named(name)?;
+    if text == DEFAULT {
+        return Ok(values.with(setting, defaults.get(setting)));
+    }
+    let value = value(setting, text).map_err(|e| e.to_string())?;
+    let value = setting.check(value, defaults.get(setting)).map_err(|refusal| refusal.to_string())?;
+    Ok(values.with(setting, value))
+}
+
 /// The constants that settings correct, each with its name in a file.
 pub fn named_constants(constants: &CorrectedConstants) -> [(&'static str, f32); 4] {
     let CorrectedConstants { gear_ratio, counts_per_rad, lvdt_gap_at_code_zero_m, lvdt_metres_per_code } = *constants;

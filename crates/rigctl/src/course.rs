@@ -1,6 +1,6 @@
 //! A course of the load over time, which is streamed to the board as set-points.
 
-use crate::batch::columns;
+use crate::csv_text::columns;
 use crate::failure::Failure;
 use rig_link::Request;
 use std::path::Path;

@@ -2,17 +2,17 @@
 //!
 //! From the command line down; no layer knows one above it:
 //!
-//! - [`cli`]: the commands with their help; [`commands`]: what each of them does.
+//! - [`cli`]: the list of commands; [`commands`]: each with its arguments, its help and what it does.
 //! - [`options`]: the operator's options as values.
 //! - [`play`]: a script on a board; [`diagnosis`]: the checks of `doctor`; [`recorded_move`]: what `demo` makes; [`laboratory`]:
 //!   commands of the laboratory's tool; [`screen`], [`monitor_input`], [`monitor_keys`]: the live view; [`backup`]: the file of a settings backup.
 //! - [`log`]: a recorded conversation; [`replay`]: a log through the controller again; [`identify`]: constants from logs;
 //!   [`export`]: a log for other tools.
 //! - `serve`: a rig for several programs at once, on a Unix socket.
-//! - [`script`]: scripts; [`board_settings`]: settings as text; [`calibration`]: the LVDT by points.
+//! - [`request`]: requests in words and as objects; [`script`]: scripts; [`board_settings`]: settings as text; [`calibration`]: the LVDT by points.
 //! - [`session`]: a conversation with the firmware, emulated or real: connect, home, move.
-//! - [`plot`]: pictures as SVG; [`move_figure`], [`calibration_figure`], [`mechanism_figure`]: what is drawn; [`csv_text`]: data as CSV;
-//!   [`parallel`]: work on all cores; [`published`]: the paper's numbers; [`scene_key`]: one key of a scene by name or symbol.
+//! - [`plot`]: pictures as SVG; [`move_figure`], [`outline`]: what is drawn; [`csv_text`]: CSV read and written;
+//!   [`parallel`]: work on all cores; [`statistics`]: sizes of errors.
 //! - [`batch`], [`units`], [`scene_file`]: text and files from the operator, checked and in SI.
 //! - [`output`]: lines or JSON, never both on standard output; [`out_file`]: files; [`failure`]: exit codes.
 //!
@@ -33,7 +33,7 @@
 //!     let plant = vec!["load=1kg".parse()?];
 //!     let options = SimOptions { plant, ..SimOptions::new("scenes/default.toml".into()) };
 //!     let mut session = Session::new(Box::new(Sim::start(&options)?));
-//!     session.hello()?;
+//!     session.greet()?;
 //!     let homed = homing::home(&mut session, LoadChoice::Auto, |_| {})?;
 //!     for to_m in [0.002, 0.004, 0.008] {
 //!         let end = motion::move_to(&mut session, to_m, 2e-3, LoadChoice::Auto, |_row| {})?;
@@ -49,7 +49,6 @@ pub mod backup;
 pub mod batch;
 pub mod board_settings;
 pub mod calibration;
-pub mod calibration_figure;
 pub mod cli;
 pub mod commands;
 pub mod course;
@@ -63,26 +62,26 @@ pub mod identify;
 pub mod laboratory;
 pub mod log;
 pub mod lvdt_points;
-pub mod mechanism_figure;
 pub mod monitor_input;
 pub mod monitor_keys;
 pub mod move_figure;
 pub mod options;
 pub mod out_file;
+pub mod outline;
 pub mod output;
 pub mod parallel;
 pub mod play;
 pub mod plot;
-pub mod published;
 pub mod recorded_move;
 pub mod replay;
+pub mod request;
 pub mod scene_file;
-pub mod scene_key;
 pub mod screen;
 pub mod script;
 #[cfg(unix)]
 pub mod serve;
 pub mod session;
+pub mod statistics;
 
 pub use rig_plant::units;
 
@@ -99,7 +98,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         |cli: &cli::Cli| &cli.global,
         |cli, output| match cli.command.is_of_the_laboratory() {
             true => laboratory::run(arguments.get(1..).unwrap_or_default()),
-            false => cli::dispatch::run(cli, output),
+            false => cli::run(cli, output),
         },
     )
 }

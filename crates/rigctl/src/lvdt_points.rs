@@ -1,7 +1,7 @@
 //! The LVDT's calibration at several points: from a file with gauges' gaps, and as text in files of settings.
 
-use crate::batch::columns;
 use crate::calibration::Point;
+use crate::csv_text::columns;
 use crate::failure::Failure;
 use rig_config::Rig;
 use rig_link::{CurveFlaw, LVDT_POINTS_MAX, LvdtCurve};

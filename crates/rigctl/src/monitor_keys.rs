@@ -172,17 +172,6 @@ fn say(text: &str) -> Option<Order> {
     Some(Order::Say(text.into()))
 }
 
-/// What was sent, in words.
-pub fn name(request: &Request) -> String {
-    match request {
-        Request::Home { .. } => "home".into(),
-        Request::Move { target_m, .. } => format!("move to {:.3} mm", f64::from(*target_m) * 1e3),
-        Request::Jog { twist_speed_rad_per_s } => format!("jog at {twist_speed_rad_per_s} rad/s"),
-        Request::Clear => "clear".into(),
-        _ => "stop".into(),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

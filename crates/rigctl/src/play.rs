@@ -2,7 +2,8 @@
 //! by hand.
 
 use crate::failure::Failure;
-use crate::script::{self, Action, Event, Script, ScriptFault};
+use crate::request;
+use crate::script::{Action, Event, Script, ScriptFault};
 use crate::session::{STEP_S, Session};
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::{Rng, SeedableRng};
@@ -116,7 +117,7 @@ impl Player<'_> {
                 self.waiting.clear();
                 false
             }
-            Action::Command(request) => script::text(request).is_some() && session.is_starting(),
+            Action::Command(request) => request::text(request).is_some() && session.is_starting(),
             _ => false,
         }
     }
@@ -182,7 +183,7 @@ impl Player<'_> {
 /// The first word of a command.
 fn name(event: &Event) -> String {
     let text = match &event.action {
-        Action::Command(request) => script::text(request),
+        Action::Command(request) => request::text(request),
         _ => None,
     };
     text.and_then(|text| text.split_whitespace().next().map(str::to_owned)).unwrap_or_default()
@@ -205,8 +206,9 @@ fn noise_bytes(random: &mut Pcg64Mcg) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::session::port::{Port, Received};
+    use crate::session::Port;
     use rig_link::Decoder;
+    use rig_plant::Run;
     use std::sync::{Arc, Mutex};
 
     /// A port without an emulator behind it.
@@ -217,10 +219,10 @@ mod tests {
     }
 
     impl Port for Wire {
-        fn pass(&mut self, bytes: &[u8], seconds: f64) -> Result<Received, Failure> {
+        fn pass(&mut self, bytes: &[u8], seconds: f64) -> Result<Run, Failure> {
             self.sent.lock().expect("one thread").extend(bytes);
             self.now_s += seconds;
-            Ok(Received::default())
+            Ok(Run::default())
         }
 
         fn now_s(&self) -> f64 {

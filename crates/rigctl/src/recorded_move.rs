@@ -1,7 +1,6 @@
 //! A load that the firmware does not know, homed and moved on a fresh emulated board, with its telemetry.
 
 use crate::failure::Failure;
-use crate::move_figure::Curve;
 use crate::session::Session;
 use crate::session::homing::{HomeResult, home};
 use crate::session::motion::{MoveResult, move_to};
@@ -67,7 +66,7 @@ pub fn record(options: &SimOptions, load_kg: f64, twist_rad: f64, gear: f64) -> 
     options.plant.push(PlantChange { key: PlantKey::TwistAtBoot, value: twist_rad });
     let started = Instant::now();
     let mut session = Session::new(Box::new(Sim::start(&options)?));
-    session.hello()?;
+    session.greet()?;
     let home = home(&mut session, LoadChoice::Auto, |_| {})?;
     let mut rows = Vec::new();
     let travel = move_to(&mut session, TARGET_M, SPEED_M_PER_S, LoadChoice::Auto, |row| rows.push(row.clone()))?;
@@ -102,27 +101,4 @@ pub fn record(options: &SimOptions, load_kg: f64, twist_rad: f64, gear: f64) -> 
         floors_met,
         rows,
     })
-}
-
-impl RecordedMove {
-    /// The move as curves of a picture.
-    pub fn curve(&self) -> Curve {
-        let start_s = self.rows.first().map_or(0.0, |r| r.t_s);
-        let t = |r: &Row| r.t_s - start_s;
-        Curve {
-            label: format!("{} kg", self.load_kg),
-            position_mm: self.rows.iter().filter_map(|r| r.true_position_m.map(|p| (t(r), p * 1e3))).collect(),
-            set_point_mm: self.rows.iter().filter_map(|r| r.setpoint_m.map(|p| (t(r), f64::from(p) * 1e3))).collect(),
-            motor_rpm: self
-                .rows
-                .iter()
-                .map(|r| (t(r), f64::from(r.drive_speed_rad_per_s) * 60.0 / std::f64::consts::TAU))
-                .collect(),
-            tr_rad_per_mm: self
-                .rows
-                .iter()
-                .filter_map(|r| r.tr_rad_per_m.map(|v| (t(r), f64::from(v) * 1e-3)))
-                .collect(),
-        }
-    }
 }

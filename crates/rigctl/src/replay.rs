@@ -6,7 +6,9 @@
 //! drive's lag is found from the log, as the delay at which the twist follows the commands best. Everything else that a
 //! tick sees is taken for healthy: a replay ends where the recorded rig stopped by a fault.
 
-use crate::log::{Log, LogRow, Mark};
+use crate::log::{Log, Mark};
+use crate::session::row::Row;
+use crate::statistics::Errors;
 use rig_config::Scene;
 use rig_control::homing::Homed;
 use rig_control::{DriveCommand, DriveReading, Inputs, LvdtBlock, Rig, RigConstants, TICK_S, TICK_US, settings};
@@ -24,8 +26,8 @@ const FILLED: u32 = 10;
 /// Rows in which a request shows.
 const SHOWS_ROWS: usize = 10;
 /// What no rig reports: farther off the counts would not fit their numbers.
-const TWIST_MAX_RAD: f64 = 1000.0;
-const POSITION_MAX_M: f64 = 10.0;
+const TWIST_MAX_RAD: f32 = 1000.0;
+const POSITION_MAX_M: f32 = 10.0;
 /// Longest lag of the drive that is looked for (quarters of a tick).
 const LAG_QUARTERS: u32 = 40;
 /// What twist speeds are taken over (ticks): in a single one they are the drive's own ripple.
@@ -47,13 +49,8 @@ pub struct Difference {
 
 impl Difference {
     fn of(differences: impl Iterator<Item = f64>) -> Self {
-        let (mut largest, mut sum, mut count) = (0f64, 0.0, 0.0);
-        for d in differences {
-            largest = largest.max(d.abs());
-            sum += d * d;
-            count += 1.0;
-        }
-        Self { largest, rms: if count > 0.0 { f64::sqrt(sum / count) } else { 0.0 } }
+        let all = Errors::over(differences);
+        Self { largest: all.worst, rms: all.rms }
     }
 }
 
@@ -99,22 +96,17 @@ pub struct Stretch {
 
 /// A tick of the log, and what is asked in it.
 #[derive(Clone, Copy)]
-struct Tick {
-    row: LogRow,
+struct Tick<'a> {
+    row: &'a Row,
     twist_rad: f32,
     position_m: f32,
     request: Option<Request>,
 }
 
-/// What the controller made of a tick.
-#[derive(Clone, Copy, Default)]
+/// What the controller made of a tick, and where it wants the shaft (rad).
 struct Answer {
-    load_n: Option<f32>,
-    load_error_n: Option<f32>,
-    position_error_m: Option<f32>,
-    setpoint_m: Option<f32>,
+    row: Row,
     shaft_rad: Option<f64>,
-    fault: Option<rig_link::Fault>,
 }
 
 /// Who replays: the scene's constants, the settings that the log's head tells, and the table.
@@ -161,19 +153,19 @@ fn stretch(log: &Log, at: usize, mark: &Mark, board: &Board<'_>) -> Option<Stret
         filled,
         ended_by,
         drive_lag_s: lag * f64::from(TICK_S),
-        load_n: loads(&ticks, &answers),
-        load_error_n: difference(&ticks, &answers, |t| t.load_error_n, |a| a.load_error_n),
-        position_error_m: difference(&ticks, &answers, |t| t.position_error_m, |a| a.position_error_m),
-        setpoint_m: difference(&ticks, &answers, |t| t.setpoint_m, |a| a.setpoint_m),
+        load_n: difference(&ticks, &answers, |row| row.load_n),
+        load_error_n: difference(&ticks, &answers, |row| row.load_error_n),
+        position_error_m: difference(&ticks, &answers, |row| row.position_error_m),
+        setpoint_m: difference(&ticks, &answers, |row| row.setpoint_m),
         twist_speed_rad_per_s: twist_speed,
         parted: parting(&ticks, &answers, parted_speed),
     })
 }
 
 /// The ticks after a homing, how many of them are filled in, and what ended them.
-fn ticks(log: &Log, mark: usize) -> (Vec<Tick>, usize, String) {
+fn ticks(log: &Log, mark: usize) -> (Vec<Tick<'_>>, usize, String) {
     // The tick that ended the homing does not know TR yet.
-    let known = |r: &LogRow| r.twist_rad.is_some() && r.tr_rad_per_m.is_some();
+    let known = |r: &Row| r.twist_rad.is_some() && r.tr_rad_per_m.is_some();
     let start = log.marks[mark].row;
     let start = start + log.rows[start..].iter().take_while(|r| !known(r)).count();
     // A request shows in the first row in which state or target change after it. A jog that is stopped shows only when it
@@ -183,14 +175,14 @@ fn ticks(log: &Log, mark: usize) -> (Vec<Tick>, usize, String) {
     for m in &log.marks[mark..] {
         let Mark::Request(request) = m.mark else { continue };
         let stops = request == Request::Stop;
-        let seen = |k: usize| log.rows.get(k).map(|r| (r.state, r.target_m.map(f64::to_bits)));
+        let seen = |k: usize| log.rows.get(k).map(|r| (r.state, r.target_m.map(f32::to_bits)));
         let before = m.row.checked_sub(1).and_then(seen);
         let jogged = stops && before.is_some_and(|(state, target)| state == State::Moving && target.is_none());
         let shows = (m.row..m.row + SHOWS_ROWS).find(|k| !jogged && seen(*k) != before);
         late = shows.map_or(late, |k| k - m.row);
         asked.push((m.row + late, request));
     }
-    let mut ticks: Vec<Tick> = Vec::new();
+    let mut ticks: Vec<Tick<'_>> = Vec::new();
     let (mut filled, mut ended_by) = (0, "the log's end".to_owned());
     for (k, row) in log.rows.iter().enumerate().skip(start) {
         let (Some(twist_rad), Some(position_m)) = (row.twist_rad, row.position_m) else {
@@ -206,7 +198,7 @@ fn ticks(log: &Log, mark: usize) -> (Vec<Tick>, usize, String) {
             break;
         }
         let request = asked.iter().find(|(shows, _)| *shows == k).map(|(_, request)| *request);
-        let tick = Tick { row: *row, twist_rad: twist_rad as f32, position_m: position_m as f32, request };
+        let tick = Tick { row, twist_rad, position_m, request };
         if let Some(last) = ticks.last().copied() {
             let missing = ((row.t_s - last.row.t_s) / f64::from(TICK_S)).round() as u32;
             if missing > FILLED + 1 {
@@ -230,17 +222,17 @@ fn ticks(log: &Log, mark: usize) -> (Vec<Tick>, usize, String) {
     (ticks, filled, ended_by)
 }
 
-fn answers(ticks: &[Tick], homed: &Homed, board: &Board<'_>) -> Vec<Answer> {
+fn answers(ticks: &[Tick<'_>], homed: &Homed, board: &Board<'_>) -> Vec<Answer> {
     let constants = &board.constants;
     let mut rig = Rig::new(board.table, board.scene, None);
     rig.set_up(&board.settings);
     let mut now_us = 1_000_000;
     let zero_gap_m = homed.found.reference_gap_m - board.settings.get(Setting::PositionZero);
-    let mut step = |rig: &mut Rig, twist_rad: f32, position_m: f32, row: &LogRow, request: Option<Request>| {
+    let mut step = |rig: &mut Rig, twist_rad: f32, position_m: f32, row: &Row, request: Option<Request>| {
         now_us += TICK_US;
         let encoder_counts = (f64::from(twist_rad) * f64::from(constants.counts_per_rad)).round() as i64;
         let gap_m = zero_gap_m - position_m;
-        let rpm = row.drive_speed_rad_per_s * 60.0 / std::f64::consts::TAU;
+        let rpm = f64::from(row.drive_speed_rad_per_s) * 60.0 / std::f64::consts::TAU;
         let inputs = Inputs {
             now_us,
             encoder_counts,
@@ -254,7 +246,7 @@ fn answers(ticks: &[Tick], homed: &Homed, board: &Board<'_>) -> Vec<Answer> {
                 t_us: now_us,
                 position_qc: encoder_counts as i32,
                 speed_rpm: rpm.round() as i16,
-                current_ma: (row.drive_current_a * 1e3).round() as i16,
+                current_ma: (f64::from(row.drive_current_a) * 1e3).round() as i16,
             },
             drive_stalled: false,
             bus_off: false,
@@ -269,49 +261,36 @@ fn answers(ticks: &[Tick], homed: &Homed, board: &Board<'_>) -> Vec<Answer> {
         (outputs.drive, rig.telemetry(&inputs, Counters::default()))
     };
     let Some(first) = ticks.first() else { return Vec::new() };
-    let standing = LogRow { drive_speed_rad_per_s: 0.0, ..first.row };
+    let standing = Row { drive_speed_rad_per_s: 0.0, ..first.row.clone() };
     for _ in 0..BOOT_TICKS {
         step(&mut rig, PI, first.position_m, &standing, None);
     }
     rig.resume(*homed);
-    let answer = |tick: &Tick| {
-        let (drive, telemetry) = step(&mut rig, tick.twist_rad, tick.position_m, &tick.row, tick.request);
+    let answer = |tick: &Tick<'_>| {
+        let (drive, telemetry) = step(&mut rig, tick.twist_rad, tick.position_m, tick.row, tick.request);
         let shaft_rad = match drive {
             DriveCommand::Follow { position_qc, .. } => {
                 Some(f64::from(position_qc) / f64::from(constants.counts_per_rad))
             }
             _ => None,
         };
-        Answer {
-            load_n: telemetry.load_n,
-            load_error_n: telemetry.load_error_n,
-            position_error_m: telemetry.position_error_m,
-            setpoint_m: telemetry.setpoint_m,
-            shaft_rad,
-            fault: telemetry.fault,
-        }
+        Answer { row: Row::new(tick.row.t_s, &telemetry, None, None), shaft_rad }
     };
     ticks.iter().map(answer).collect()
 }
 
 /// Difference of one value over the ticks in which both are known.
-fn difference(
-    ticks: &[Tick],
-    answers: &[Answer],
-    recorded: impl Fn(&LogRow) -> Option<f64>,
-    replayed: impl Fn(&Answer) -> Option<f32>,
-) -> Difference {
+fn difference(ticks: &[Tick<'_>], answers: &[Answer], value: impl Fn(&Row) -> Option<f32>) -> Difference {
     let pairs = ticks.iter().zip(answers);
-    Difference::of(pairs.filter_map(|(tick, answer)| Some(f64::from(replayed(answer)?) - recorded(&tick.row)?)))
-}
-
-fn loads(ticks: &[Tick], answers: &[Answer]) -> Difference {
-    difference(ticks, answers, |t| t.load_n, |a| a.load_n)
+    Difference::of(pairs.filter_map(|(tick, answer)| {
+        let (replayed, recorded) = value(&answer.row).zip(value(tick.row))?;
+        Some(f64::from(replayed) - f64::from(recorded))
+    }))
 }
 
 /// Twist speed, commanded `lag` ticks before against turned, each over [`SPEED_TICKS`]; and the first tick in which they
 /// have parted, with both.
-fn speeds(ticks: &[Tick], answers: &[Answer], lag: f64) -> (Difference, Option<(usize, [f64; 2])>) {
+fn speeds(ticks: &[Tick<'_>], answers: &[Answer], lag: f64) -> (Difference, Option<(usize, [f64; 2])>) {
     let told_at = |k: usize| {
         let at = k as f64 - lag;
         let before = answers.get(at.floor() as usize).filter(|_| at >= 0.0)?.shaft_rad?;
@@ -329,24 +308,26 @@ fn speeds(ticks: &[Tick], answers: &[Answer], lag: f64) -> (Difference, Option<(
     (Difference::of(both.iter().map(|(_, [turned, told])| told - turned)), parted)
 }
 
-fn parting(ticks: &[Tick], answers: &[Answer], speed: Option<(usize, [f64; 2])>) -> Option<Parting> {
+fn parting(ticks: &[Tick<'_>], answers: &[Answer], speed: Option<(usize, [f64; 2])>) -> Option<Parting> {
     for (k, (tick, answer)) in ticks.iter().zip(answers).enumerate() {
         let part = |what: &str, values| Some(Parting { t_s: tick.row.t_s, what: what.into(), values });
-        if let Some(fault) = answer.fault {
+        let both = |value: fn(&Row) -> Option<f32>| {
+            let (recorded, replayed) = value(tick.row).zip(value(&answer.row))?;
+            Some([f64::from(recorded), f64::from(replayed)])
+        };
+        if let Some(fault) = answer.row.fault {
             return part(&format!("fault {fault}"), None);
         }
-        let load = tick.row.load_n.zip(answer.load_n.map(f64::from));
-        if let Some((recorded, replayed)) = load.filter(|(a, b)| (a - b).abs() > PARTED.0 * a.abs()) {
-            return part("load_n", Some([recorded, replayed]));
+        if let Some(both) = both(|row| row.load_n).filter(|[a, b]| (a - b).abs() > PARTED.0 * a.abs()) {
+            return part("load_n", Some(both));
         }
-        let setpoint = tick.row.setpoint_m.zip(answer.setpoint_m.map(f64::from));
         // Rounding can end the friction take-up of a move a tick earlier or later, and the set-point follows.
         let near = &ticks[k.saturating_sub(1)..ticks.len().min(k + 2)];
-        let near = near.iter().filter_map(|t| t.row.setpoint_m);
+        let near = near.iter().filter_map(|t| t.row.setpoint_m.map(f64::from));
         let [low, high] = near.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], m| [l.min(m), h.max(m)]);
-        let apart = |replayed: &f64| (low - replayed).max(replayed - high) > PARTED.1;
-        if let Some((recorded, replayed)) = setpoint.filter(|(_, replayed)| apart(replayed)) {
-            return part("setpoint_m", Some([recorded, replayed]));
+        let apart = |[_, replayed]: &[f64; 2]| (low - replayed).max(replayed - high) > PARTED.1;
+        if let Some(both) = both(|row| row.setpoint_m).filter(apart) {
+            return part("setpoint_m", Some(both));
         }
         if let Some((_, both)) = speed.filter(|(at, _)| *at == k) {
             return part("twist_speed_rad_per_s", Some(both));

@@ -1,6 +1,6 @@
 //! The live view: the newest telemetry as numbers, the last half minute as plots.
 
-use crate::mechanism_figure::{Outline, outline};
+use crate::outline::{Outline, outline};
 use crate::session::row::Row;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
@@ -10,6 +10,7 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::canvas::{Canvas, Context, Line as Stroke, Rectangle};
 use ratatui::widgets::{Axis, Block, Chart, Dataset, GraphType, Paragraph};
 use rig_config::Scene;
+use rig_link::{Fault, Limit, State};
 use std::collections::VecDeque;
 
 /// Time span of the plots (s).
@@ -160,8 +161,8 @@ impl Screen {
         let turns = row.twist_rad.map(|t| f64::from(t) / std::f64::consts::TAU - 0.5);
         let bold = Style::new().add_modifier(Modifier::BOLD);
         let alarm = bold.fg(Color::Red);
-        let state = self.silent_s.map_or(row.state.to_owned(), |silent_s| format!("silent {silent_s:.0} s"));
-        let stopped = row.fault.is_some() || row.state == "estop" || self.silent_s.is_some();
+        let state = self.silent_s.map_or(row.state.to_string(), |silent_s| format!("silent {silent_s:.0} s"));
+        let stopped = row.fault.is_some() || row.state == State::EStop || self.silent_s.is_some();
         let line =
             |name: &'static str, value: String, unit: &'static str| Line::from(format!("{name:<13}{value:>10} {unit}"));
         vec![
@@ -173,11 +174,11 @@ impl Screen {
             Line::from(vec![
                 Span::raw(format!("{:<13}", "fault")),
                 Span::styled(
-                    format!("{:>10}", row.fault.unwrap_or("none")),
+                    format!("{:>10}", row.fault.map_or("none", Fault::name)),
                     if stopped { alarm } else { Style::new() },
                 ),
             ]),
-            line("limit", row.limit.unwrap_or("none").to_owned(), ""),
+            line("limit", row.limit.map_or("none", Limit::name).to_owned(), ""),
             line("doubts", row.doubts.clone().unwrap_or_else(|| "none".to_owned()), ""),
             Line::default(),
             line("target", mm(row.target_m), "mm"),
@@ -244,7 +245,7 @@ mod tests {
     use crate::fixtures;
     use ratatui::Terminal;
     use ratatui::backend::TestBackend;
-    use rig_link::{Fault, Faults, State, Telemetry};
+    use rig_link::{Faults, Telemetry};
 
     fn row(t_s: f64, position_m: f32, fault: Option<Fault>) -> Row {
         let telemetry = Telemetry {

@@ -2,13 +2,11 @@
 
 use crate::course::Course;
 use crate::failure::Failure;
+use crate::request;
 use crate::units::{self, Quantity};
-use rig_link::{LoadChoice, Request};
+use rig_link::Request;
 use rig_plant::{Fault, PlantChange, PlantError};
 use std::path::Path;
-
-/// Speed of a move that names none (m/s).
-pub const DEFAULT_SPEED_M_PER_S: f64 = 2e-3;
 
 /// Time for the load to come to rest after the last set-point of a stream, before it is stopped (s): shorter than the board goes
 /// on without another one.
@@ -164,23 +162,10 @@ impl Script {
 }
 
 fn action(words: &[&str]) -> Result<Action, String> {
+    if let Some(request) = request::from_words(words) {
+        return request.map(Action::Command);
+    }
     Ok(match words {
-        ["home", options @ ..] => Action::Command(home_request(options)?),
-        ["stop" | "hold"] => Action::Command(Request::Stop),
-        ["clear"] => Action::Command(Request::Clear),
-        ["check-direction"] => Action::Command(Request::CheckDirection),
-        ["status"] => Action::Command(Request::Status),
-        ["jog", speed] => {
-            let speed = units::parse("jog", Quantity::AngularSpeed, speed).map_err(|e| e.to_string())?;
-            Action::Command(Request::Jog { twist_speed_rad_per_s: speed as f32 })
-        }
-        ["set-point", position, speed, for_s] => Action::Command(set_point(position, speed, for_s)?),
-        ["move", target, options @ ..] => Action::Command(move_request(target, options)?),
-        ["config", "set", name, value] => {
-            let setting = crate::board_settings::named(name)?;
-            let value = crate::board_settings::value(setting, value).map_err(|e| e.to_string())?;
-            Action::Command(Request::SetSetting { setting, value })
-        }
         ["plant", change] => Action::Plant(change.parse().map_err(|e: PlantError| e.to_string())?),
         ["fault", name] => Action::Fault { fault: fault(name)?, on: true },
         ["fault", name, "off"] => match fault(name)? {
@@ -191,111 +176,6 @@ fn action(words: &[&str]) -> Result<Action, String> {
             return Err(format!("no event `{}`; events: {EVENTS}", words.join(" ")));
         }
     })
-}
-
-fn home_request(options: &[&str]) -> Result<Request, String> {
-    match options {
-        [] => Ok(Request::HOME),
-        [option] if option.starts_with("load=") => Ok(Request::Home { load: load_choice(&option["load=".len()..])? }),
-        options => Err(format!("home has no option `{}`; options: load=auto|L", options.join(" "))),
-    }
-}
-
-/// One set-point of a stream, as a log has it.
-fn set_point(position: &str, speed: &str, for_s: &str) -> Result<Request, String> {
-    let number = |name: &str, quantity: Quantity, text: &str| {
-        units::parse(name, quantity, text).map(|value| value as f32).map_err(|e| e.to_string())
-    };
-    let option = |name: &str, text: &str| {
-        text.strip_prefix(name)
-            .and_then(|text| text.strip_prefix('='))
-            .map(str::to_owned)
-            .ok_or_else(|| format!("`{text}`: a set-point is `set-point P speed=V for=S`"))
-    };
-    Ok(Request::Track {
-        position_m: number("set-point", Quantity::Length, position)?,
-        speed_m_per_s: number("speed", Quantity::Speed, &option("speed", speed)?)?,
-        for_s: number("for", Quantity::Time, &option("for", for_s)?)?,
-    })
-}
-
-fn move_request(target: &str, options: &[&str]) -> Result<Request, String> {
-    let target = units::parse("move", Quantity::Length, target).map_err(|e| e.to_string())?;
-    let mut speed = DEFAULT_SPEED_M_PER_S;
-    let mut load = LoadChoice::Auto;
-    for (k, option) in options.iter().enumerate() {
-        let name = option.split_once('=').map(|(name, _)| name);
-        if options[..k].iter().any(|o| o.split_once('=').map(|(name, _)| name) == name) {
-            return Err(format!("`{option}`: {} is given twice", name.unwrap_or_default()));
-        }
-        match option.split_once('=') {
-            Some(("speed", text)) => {
-                speed = self::speed(text).map_err(|e| e.to_string())?;
-            }
-            Some(("load", text)) => load = load_choice(text)?,
-            _ => return Err(format!("move has no option `{option}`; options: speed=V|max, load=auto|L")),
-        }
-    }
-    Ok(Request::Move { target_m: target as f32, speed_m_per_s: speed as f32, load })
-}
-
-/// A speed (m/s), or `max`: infinite, as fast as the motor allows.
-///
-/// # Errors
-/// If it is neither.
-pub fn speed(text: &str) -> Result<f64, units::UnitError> {
-    if text.trim() == "max" { Ok(f64::INFINITY) } else { units::parse("speed", Quantity::Speed, text) }
-}
-
-/// The request that an event of a script names.
-///
-/// # Errors
-/// If it names none, in words.
-pub fn request(text: &str) -> Result<Request, String> {
-    match action(&text.split_whitespace().collect::<Vec<_>>())? {
-        Action::Command(request) => Ok(request),
-        _ => Err(format!("`{text}` is not a request")),
-    }
-}
-
-/// A request as an event of a script; none for requests that a script does not have.
-pub fn text(request: &Request) -> Option<String> {
-    Some(match request {
-        Request::Home { load: LoadChoice::Auto } => "home".into(),
-        Request::Home { load } => format!("home load={}", load_text(*load)),
-        Request::Stop => "stop".into(),
-        Request::Clear => "clear".into(),
-        Request::CheckDirection => "check-direction".into(),
-        Request::Jog { twist_speed_rad_per_s } => format!("jog {twist_speed_rad_per_s}"),
-        Request::Move { target_m, speed_m_per_s, load } => {
-            let speed = if speed_m_per_s.is_infinite() { "max".into() } else { speed_m_per_s.to_string() };
-            format!("move {target_m} speed={speed} load={}", load_text(*load))
-        }
-        Request::Track { position_m, speed_m_per_s, for_s } => {
-            format!("set-point {position_m} speed={speed_m_per_s} for={for_s}")
-        }
-        Request::SetSetting { setting, value } => format!("config set {setting} {value}"),
-        _ => return None,
-    })
-}
-
-fn load_text(load: LoadChoice) -> String {
-    match load {
-        LoadChoice::Auto => "auto".into(),
-        LoadChoice::Known(load_n) => load_n.to_string(),
-    }
-}
-
-/// `auto` or a load.
-///
-/// # Errors
-/// If it is neither, in words.
-pub fn load_choice(text: &str) -> Result<LoadChoice, String> {
-    if text == "auto" {
-        return Ok(LoadChoice::Auto);
-    }
-    let load = units::parse("load", Quantity::Load, text).map_err(|e| format!("{e}; or `auto`"))?;
-    Ok(LoadChoice::Known(load as f32))
 }
 
 fn fault(name: &str) -> Result<ScriptFault, String> {
@@ -311,6 +191,7 @@ fn fault_names() -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rig_link::LoadChoice;
 
     #[test]
     fn a_script() {
@@ -331,25 +212,6 @@ mod tests {
     }
 
     #[test]
-    fn requests_come_back_from_their_own_words() {
-        for words in [
-            "home",
-            "home load=4.903325",
-            "stop",
-            "hold",
-            "clear",
-            "jog -1.309",
-            "move 0.0123456 speed=0.0007 load=4.903325",
-            "move 0.0123456 speed=max load=auto",
-            "set-point 0.0123456 speed=-0.0007 for=0.2",
-        ] {
-            let one = request(words).unwrap_or_else(|e| panic!("{e}"));
-            assert_eq!(text(&one).as_deref().map(request), Some(Ok(one)), "{words}");
-        }
-        assert!(request("plant load=1").is_err() && text(&Request::Heartbeat).is_none());
-    }
-
-    #[test]
     fn errors_name_line_and_thing() {
         for (text, line, named) in [
             ("", 1, "end"),
@@ -364,8 +226,8 @@ mod tests {
             ("1 move 5mm speed=2\n2 move 5mm sped=1\n3 end", 2, "sped"),
             ("1 move 5mm load=x\n2 end", 1, "auto"),
             ("1 home load=5mm\n2 end", 1, "load"),
-            ("1 home 0.5kg\n2 end", 1, "load=auto|L"),
-            ("1 home load=1kg load=2kg\n2 end", 1, "home has no option"),
+            ("1 home 0.5kg\n2 end", 1, "load=auto|VALUE"),
+            ("1 home load=1kg load=2kg\n2 end", 1, "load is given twice"),
             ("1 move 5mm speed=2mm/s speed=3mm/s\n2 end", 1, "speed is given twice"),
             ("1 plant weight=5\n2 end", 1, "weight"),
             ("1 fault fire\n2 end", 1, "fire"),

@@ -6,92 +6,68 @@ fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap()
 }
 
-/// A page that a line names, and the numbers of the sections that follow the name.
-#[derive(Debug, PartialEq)]
-struct Citation {
-    line: usize,
-    page: String,
-    sections: Vec<String>,
-}
-
 const ENDING: &str = ".md";
 
-/// Every page named in a text. A name that ends its line has its section at the start of the next one.
-fn citations(text: &str) -> Vec<Citation> {
-    let lines: Vec<&str> = text.lines().collect();
+/// Every page named in a text: its line, its name, and the numbers of the sections that follow the name, if need be on the next
+/// line: `2.6`, `section 6`, `sections 2.2, 2.4 and 6`.
+fn citations(text: &str) -> Vec<(usize, String, Vec<String>)> {
+    let lines = (1..).zip(text.lines());
+    let words: Vec<(usize, &str)> = lines
+        .flat_map(|(line, text)| {
+            let text = text.trim_start_matches([' ', '/', '!', '#', '*']);
+            text.split_whitespace().map(move |word| (line, word))
+        })
+        .collect();
     let mut found = Vec::new();
-    for (index, line) in lines.iter().enumerate() {
-        for (at, _) in line.match_indices(ENDING) {
+    for (at, (line, word)) in words.iter().enumerate() {
+        for (end, _) in word.match_indices(ENDING) {
             let in_a_name = |c: char| c.is_ascii_alphanumeric() || "-_./".contains(c);
-            let start = line[..at]
-                .rfind(|c| !in_a_name(c))
-                .map_or(0, |before| before + line[before..].chars().next().map_or(1, char::len_utf8));
-            let rest = &line[at + ENDING.len()..];
+            let name = &word[word[..end].rfind(|c| !in_a_name(c)).map_or(0, |k| k + 1)..end];
+            let rest = &word[end + ENDING.len()..];
             // A longer word, or a name that a program puts together.
-            if start == at || rest.starts_with(|c: char| c.is_ascii_alphanumeric()) {
+            if name.is_empty() || rest.starts_with(|c: char| c.is_ascii_alphanumeric()) {
                 continue;
             }
-            let rest = rest.trim_start_matches(['`', ')', '"']);
-            let rest = match lines.get(index + 1) {
-                Some(next) if rest.trim().is_empty() => {
-                    format!(" {}", next.trim_start_matches([' ', '/', '!', '#', '*']))
-                }
-                _ => rest.to_owned(),
-            };
-            found.push(Citation {
-                line: index + 1,
-                page: line[start..at + ENDING.len()].to_owned(),
-                sections: sections(&rest),
-            });
+            let follow = words[at + 1..].iter().map(|(_, word)| *word).skip_while(|word| word.starts_with("section"));
+            let sections = if rest.trim_matches(['`', ')', '"']).is_empty() { numbers(follow) } else { Vec::new() };
+            found.push((*line, format!("{name}{ENDING}"), sections));
         }
     }
     found
 }
 
-/// The numbers at the start of a text: ` 2.6`, ` section 6`, ` sections 2.2, 2.4 and 6`.
-fn sections(text: &str) -> Vec<String> {
+/// The numbers that words begin with. One with a unit at its end is no section.
+fn numbers<'a>(mut words: impl Iterator<Item = &'a str>) -> Vec<String> {
     let mut found = Vec::new();
-    let Some(mut rest) = text.strip_prefix(' ') else { return found };
-    for word in ["sections ", "section "] {
-        rest = rest.strip_prefix(word).unwrap_or(rest);
-    }
-    loop {
-        let end = rest.find(|c: char| !(c.is_ascii_digit() || c == '.')).unwrap_or(rest.len());
-        let number = rest[..end].trim_end_matches('.');
-        // A number with a unit or a word behind it is no section.
-        if number.is_empty() || rest[end..].starts_with(|c: char| c.is_alphanumeric()) {
-            return found;
+    while let Some(word) = words.next() {
+        let number = word.trim_end_matches([',', '.', ';', ':', ')', '"', '`', '?']);
+        if number.is_empty() || !number.chars().all(|c| c.is_ascii_digit() || c == '.') {
+            break;
         }
         found.push(number.to_owned());
-        let after = &rest[number.len()..];
-        match [", ", " and ", " to "].iter().find_map(|joint| after.strip_prefix(joint)) {
-            Some(more) => rest = more,
-            None => return found,
+        let more =
+            word.ends_with(',') || word == number && words.next().is_some_and(|word| word == "and" || word == "to");
+        if !more {
+            break;
         }
     }
-}
-
-/// Whether a page has a heading with this number.
-fn has_section(page: &str, number: &str) -> bool {
-    page.lines().filter_map(|line| line.strip_prefix('#')).any(|heading| {
-        heading
-            .trim_start_matches('#')
-            .split_whitespace()
-            .next()
-            .is_some_and(|first| first.trim_end_matches('.') == number)
-    })
+    found
 }
 
 /// What is wrong with the citations of a text; `file` is for the message.
 fn wrong(file: &str, text: &str) -> Vec<String> {
     let mut wrong = Vec::new();
-    for Citation { line, page, sections } in citations(text) {
+    for (line, page, sections) in citations(text) {
         let places = [root().join("docs").join(&page), root().join(&page)];
         let Some(text) = places.iter().find_map(|place| std::fs::read_to_string(place).ok()) else {
             wrong.push(format!("{file}:{line}: {page} is neither in docs/ nor at the root"));
             continue;
         };
-        for number in sections.iter().filter(|number| !has_section(&text, number)) {
+        let headings = text.lines().filter(|line| line.starts_with('#'));
+        let headed: Vec<&str> = headings.filter_map(|line| line.split_whitespace().nth(1)).collect();
+        for number in
+            sections.iter().filter(|number| !headed.iter().any(|first| first.trim_end_matches('.') == **number))
+        {
             wrong.push(format!("{file}:{line}: {page} has no section {number}"));
         }
     }
@@ -104,10 +80,8 @@ fn files(folder: &Path, found: &mut Vec<PathBuf>) {
         let path = entry.unwrap().path();
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let ending = path.extension().unwrap_or_default();
-        if path.is_dir() {
-            if name != "target" && !name.starts_with('.') {
-                files(&path, found);
-            }
+        if path.is_dir() && name != "target" && !name.starts_with('.') {
+            files(&path, found);
         } else if ending == "rs" || ending == "toml" || ending == "md" && (folder == root() || folder.ends_with("docs"))
         {
             found.push(path);
@@ -119,14 +93,12 @@ fn files(folder: &Path, found: &mut Vec<PathBuf>) {
 fn every_cited_section_exists() {
     let mut paths = Vec::new();
     files(&root(), &mut paths);
-    paths.sort();
     let (mut cited, mut problems) = (0, Vec::new());
     for path in paths {
-        let name = path.strip_prefix(root()).unwrap().display().to_string();
         // The fuzzers' corpus may hold anything.
         let Ok(text) = std::fs::read_to_string(&path) else { continue };
-        cited += citations(&text).iter().map(|c| c.sections.len()).sum::<usize>();
-        problems.extend(wrong(&name, &text));
+        cited += citations(&text).iter().map(|(.., sections)| sections.len()).sum::<usize>();
+        problems.extend(wrong(&path.display().to_string(), &text));
     }
     assert!(problems.is_empty(), "\n{}", problems.join("\n"));
     // A walk that finds nothing proves nothing.
@@ -134,15 +106,9 @@ fn every_cited_section_exists() {
 }
 
 #[test]
-fn citations_are_read_as_people_write_them() {
-    let read = |text: &str| {
-        // Put together here, so that the other test does not read these lines as citations.
-        citations(&text.replace("PAGE", &format!("page{ENDING}")))
-            .into_iter()
-            .map(|c| (c.line, c.sections))
-            .collect::<Vec<_>>()
-    };
-    let sections = |numbers: &[&str]| numbers.iter().map(|n| (*n).to_owned()).collect::<Vec<_>>();
+fn citations_are_read_as_people_write_them_and_named_where_they_are_wrong() {
+    // Put together here, so that the other test does not read these lines as citations.
+    let page = format!("faults{ENDING}");
     for (text, numbers) in [
         ("// at least 500 ms (PAGE 2.5).", &["2.5"][..]),
         ("/// PAGE section 8; the table", &["8"]),
@@ -155,20 +121,13 @@ fn citations_are_read_as_people_write_them() {
         ("// PAGE 3mm", &[]),
         ("// docs/PAGE lacks a row", &[]),
     ] {
-        assert_eq!(read(text), [(1, sections(numbers))], "{text}");
+        let found = citations(&text.replace("PAGE", &page));
+        assert!(found.len() == 1 && found[0].0 == 1 && found[0].2 == numbers, "{text}: {found:?}");
     }
-    assert_eq!(read(&format!("*{ENDING} {{}}{ENDING} PAGEx")), []);
-    assert_eq!(read("one\nPAGE 1, PAGE 2"), [(2, sections(&["1"])), (2, sections(&["2"]))]);
-}
-
-#[test]
-fn what_does_not_exist_is_named_with_file_and_line() {
-    let named = |page: &str| format!("nothing\n// {page}{ENDING} 0.5 and 99");
-    assert_eq!(
-        wrong("a.rs", &named("nowhere")),
-        [format!("a.rs:2: nowhere{ENDING} is neither in docs/ nor at the root")]
-    );
-    let expected = ["0.5", "99"].map(|number| format!("a.rs:2: faults{ENDING} has no section {number}"));
-    assert_eq!(wrong("a.rs", &named("faults")), expected);
-    assert!(has_section("text\n### 2.6 Name\n", "2.6") && !has_section("### 2.61 Name\n2.6\n", "2.6"));
+    assert!(citations(&format!("*{ENDING} {{}}{ENDING} {page}x")).is_empty());
+    let expected = ["0.5", "99"].map(|number| format!("a.rs:2: {page} has no section {number}"));
+    assert_eq!(wrong("a.rs", &format!("nothing\n// {page} 0.5 and 99")), expected);
+    let nowhere = format!("nowhere{ENDING}");
+    let expected = [format!("a.rs:1: {nowhere} is neither in docs/ nor at the root")];
+    assert_eq!(wrong("a.rs", &format!("{nowhere} 1")), expected);
 }

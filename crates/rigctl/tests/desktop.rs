@@ -81,6 +81,18 @@ fn refusals_have_codes_and_names() {
         (&["solve", "--load", "5", "--turns", "1", "--tier", "9"], 2, "full"),
         (&["solve", "--load", "5mm", "--turns", "1"], 2, "load"),
         (&["solve", "--load", "5"], 2, "--turns"),
+        // Options that contradict each other.
+        (&["solve", "--load", "1", "--turns", "1", "--method", "guess"], 2, "guess"),
+        (&["solve", "--load", "1", "--turns", "1", "--tier", "cheap"], 2, "cheap"),
+        (&["solve", "--load", "1", "--turns", "1", "--method", "adaptive-shooting", "--steps", "5"], 2, "--steps"),
+        (
+            &["solve", "--load", "1", "--turns", "1", "--method", "continuation", "--tolerance", "1e-6"],
+            2,
+            "--tolerance",
+        ),
+        (&["solve", "--load", "1", "--turns", "1", "--method", "paper", "--tolerance", "2"], 2, "tolerance"),
+        (&["solve", "--load", "1", "--turns", "1", "--tier", "rigid", "--method", "paper"], 2, "--tier"),
+        (&["solve", "--load", "1", "--turns", "1", "--steps", "0"], 2, "steps"),
         (&["solve", "--load", "0", "--turns", "1"], 1, "load"),
         (&["lookup", "--load", "40N", "--turns", "1"], 1, "load_n"),
         (&["lookup", "--load", "5N", "--turns", "9"], 1, "turns 9"),
@@ -92,6 +104,9 @@ fn refusals_have_codes_and_names() {
         assert!(said.contains(named), "{arguments:?}: {said}");
         assert!(output.stdout.is_empty());
     }
+    // Without effect, and said so.
+    let solved = rigctl(&["solve", "--load", "1", "--turns", "1", "--plant", "load=1kg"]);
+    assert!(solved.status.success() && String::from_utf8_lossy(&solved.stderr).contains("--plant has no effect"));
 }
 
 #[test]
@@ -138,25 +153,4 @@ fn methods_agree_and_tiers_say_how_wrong_they_are() {
     let auto = solve(&["--tier", "auto"]);
     assert_ne!(auto["tier"], "full");
     assert!((contraction(&auto) - full).abs() <= 5e-6, "{auto}");
-}
-
-#[test]
-fn contradicting_options_are_wrong_usage() {
-    for (more, named) in [
-        (&["--method", "guess"][..], "guess"),
-        (&["--tier", "cheap"], "cheap"),
-        (&["--method", "adaptive-shooting", "--steps", "5"], "--steps"),
-        (&["--method", "continuation", "--tolerance", "1e-6"], "--tolerance"),
-        (&["--method", "paper", "--tolerance", "2"], "tolerance"),
-        (&["--tier", "rigid", "--method", "paper"], "--tier"),
-        (&["--steps", "0"], "steps"),
-    ] {
-        let output = rigctl(&[&["solve", "--load", "1", "--turns", "1"], more].concat());
-        assert_eq!(output.status.code(), Some(2), "{more:?}");
-        let said = String::from_utf8_lossy(&output.stderr);
-        assert!(said.contains(named), "{more:?}: {said}");
-    }
-    // Without effect, and said so.
-    let solved = rigctl(&["solve", "--load", "1", "--turns", "1", "--plant", "load=1kg"]);
-    assert!(solved.status.success() && String::from_utf8_lossy(&solved.stderr).contains("--plant has no effect"));
 }

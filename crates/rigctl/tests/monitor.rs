@@ -106,7 +106,7 @@ fn it_jogs_refuses_homes_and_stops_before_it_leaves() {
     terminal.until("a step needs a position", |screen| screen.contains("home first"));
     terminal.press(b"m8\r");
     terminal.until("the board refuses a move before homing", |screen| {
-        screen.contains("you: move to 8.000 mm") && screen.contains("refused")
+        screen.contains("you: move 0.008") && screen.contains("refused")
     });
     terminal.press(b"\x1b[C");
     terminal.until("it jogs", |screen| state(screen) == Some("moving"));

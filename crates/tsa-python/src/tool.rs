@@ -4,13 +4,15 @@ use clap::Parser;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use rig_config::Scene;
-use rigctl::cli::{Cli, dispatch};
+use rigctl::cli::{self, Cli};
 use rigctl::failure::Failure;
 use rigctl::identify::compete::Candidate;
 use rigctl::identify::constants::Constant;
+use rigctl::identify::fit::{IdentifyError, fit};
 use rigctl::identify::laws::Law;
-use rigctl::identify::{bootstrap, data, plausible};
+use rigctl::identify::{data, plausible};
 use rigctl::output::Output;
+use serde_json::json;
 use std::io::{self, Write};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -46,23 +48,26 @@ pub(crate) fn tool(py: Python<'_>, arguments: Vec<String>) -> PyResult<String> {
     let printed = Printed::default();
     py.detach(|| {
         let mut output = Output::new(true, Box::new(printed.clone()));
-        dispatch::run(&cli, &mut output)
+        cli::run(&cli, &mut output)
     })
     .map_err(error)?;
     let bytes = std::mem::take(&mut *printed.0.lock().unwrap_or_else(PoisonError::into_inner));
     String::from_utf8(bytes).map_err(|e| PyRuntimeError::new_err(e.to_string()))
 }
 
-/// All keys (JSON) of the scene with a law and a material fitted to recorded sweeps, or to a resample of them with a seed.
+/// A law and a material fitted to recorded sweeps, or to other values of their rows and with what is expected of the unknowns
+/// shifted (in standard deviations): as JSON the scene's keys, of each row the value, the computed one and its standard deviation,
+/// which rows are a sweep, and how many unknowns there are.
 #[pyfunction]
-#[pyo3(signature = (scene, sweeps, law, material, seed))]
+#[pyo3(signature = (scene, sweeps, law, material, values=None, shifts=vec![]))]
 pub(crate) fn refit(
     py: Python<'_>,
     scene: PathBuf,
     sweeps: Vec<PathBuf>,
     law: &str,
     material: &str,
-    seed: Option<u64>,
+    values: Option<Vec<f64>>,
+    shifts: Vec<f64>,
 ) -> PyResult<String> {
     let unknown = || PyValueError::new_err(format!("no law `{law}` with a material `{material}`"));
     let law = Law::named(law).ok_or_else(unknown)?;
@@ -72,10 +77,22 @@ pub(crate) fn refit(
         let data = data::sweeps(&scene, &sweeps, false)?;
         plausible::checked(&data, &scene).map_err(Failure::failed)?;
         let candidates = Candidate::all(&scene, Some(law), data.knows_its_zero());
-        let candidate = candidates.into_iter().find(|candidate| candidate.material == Some(material));
-        let fitted = candidate.map(|candidate| bootstrap::refit(&data, &candidate, seed)).transpose();
-        fitted.map_err(|e| Failure::failed(e.to_string()))
+        let Some(candidate) = candidates.into_iter().find(|candidate| candidate.material == Some(material)) else {
+            return Ok(None);
+        };
+        let refused = |e: IdentifyError| Failure::failed(e.to_string());
+        let (unknowns, start) = (&candidate.unknowns, candidate.start().map_err(refused)?);
+        let mut data = data.based_on(&start);
+        data.rows.iter_mut().zip(values.into_iter().flatten()).for_each(|(row, value)| row.value = value);
+        let fit = fit(unknowns, &start, &data, &shifts).map_err(refused)?;
+        Ok(Some(json!({
+            "scene": unknowns.scene(&candidate.scene, &start, &fit.x),
+            "values": data.rows.iter().map(|row| row.value).collect::<Vec<_>>(),
+            "computed": fit.rows.iter().map(|row| row.computed).collect::<Vec<_>>(),
+            "deviations": data.rows.iter().map(|row| row.sigma).collect::<Vec<_>>(),
+            "sweeps": data.runs(),
+            "unknowns": unknowns.count(),
+        })))
     });
-    let fitted = fitted.map_err(error)?.ok_or_else(unknown)?;
-    serde_json::to_string(&fitted).map_err(|e| PyRuntimeError::new_err(e.to_string()))
+    Ok(fitted.map_err(error)?.ok_or_else(unknown)?.to_string())
 }

@@ -108,7 +108,7 @@ pub fn operator(data: &[u8]) {
     let Ok(text) = core::str::from_utf8(data) else { return };
     let (first, rest) = text.split_once('=').unwrap_or((text, ""));
     let _ = rig_plant::rig::plant_settings::PlantSettings::default().set(first, rest);
-    let _ = rigctl::script::load_choice(text);
+    let _ = rigctl::request::load_choice(text);
     for quantity in [rigctl::units::Quantity::Length, rigctl::units::Quantity::Load, rigctl::units::Quantity::Speed] {
         if let Ok(value) = rigctl::units::parse("--to", quantity, text) {
             assert!(value.is_finite(), "{text} became {value}");

@@ -71,7 +71,7 @@ impl Arguments {
     /// The budget of one scene on the kind of rig at --rig.
     fn one_scene(&self, global: &Global, output: &mut Output) -> Result<(), Failure> {
         let scene = global.scene()?;
-        let kind = global.rig.unwrap_or_default();
+        let kind = global.board.rig.unwrap_or_default();
         let mut budget = self.budget(&scene, kind)?;
         let worth = budget.worth();
         let enough = fit(&scene, worth)?;

@@ -1,11 +1,11 @@
 //! The mechanism under a light and a heavy load, drawn to scale.
 
 use super::Made;
+use super::mechanism_drawing::mechanism_figure;
 use crate::csv;
 use anyhow::Result;
 use rig_config::Scene;
 use rig_plant::units::STANDARD_GRAVITY as STANDARD_GRAVITY_M_PER_S2;
-use rigctl::mechanism_figure::mechanism_figure;
 use serde::Serialize;
 use tsa_model::twist_from_turns;
 

@@ -21,6 +21,7 @@ pub mod limits;
 pub mod margin;
 mod margin_figure;
 mod mechanism;
+mod mechanism_drawing;
 mod rigs;
 pub mod rods;
 pub mod stability;

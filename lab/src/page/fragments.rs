@@ -1,8 +1,8 @@
 //! The parts of the page that need no script, as HTML.
 
+use crate::scene_key;
 use crate::table_report::{TableReport, map_name};
 use rig_config::Scene;
-use rigctl::scene_key;
 use serde_json::Value;
 use std::fmt::Write as _;
 

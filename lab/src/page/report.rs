@@ -131,7 +131,7 @@ fn on_the_emulated_board(global: &Global, gear: f64) -> (Figure, Option<Move>) {
             format!("error at rest {:+.1} um; core busy {:.2} %", m.true_error_at_rest_m * 1e6, 100.0 * m.core_busy),
         ];
         let what = format!("A move of {load_kg} kg on the emulated board and rig; nothing here has met hardware.");
-        Ok((Picture { svg: Some(draw(&[m.curve()])?), findings }, Move::of_rows(what, &m.rows)))
+        Ok((Picture { svg: Some(draw(&[(m.load_kg, &m.rows)])?), findings }, Move::of_rows(what, &m.rows)))
     };
     match made() {
         Ok((picture, moved)) => (Figure { name: "move", title: MOVED, content: Ok(picture) }, Some(moved)),

@@ -9,7 +9,6 @@ use anyhow::{Context, Result};
 use rig_config::Scene;
 use rig_plant::units::STANDARD_GRAVITY as STANDARD_GRAVITY_M_PER_S2;
 use rigctl::plot::{Axis, Block, Figure, GREY, Item, KeyRow, Panel, Pen, RGBColor, Sample, Shape, colour, extent};
-use rigctl::scene_key;
 use std::f64::consts::TAU;
 use tsa_model::{Mechanism, SolveError, twist_from_turns};
 

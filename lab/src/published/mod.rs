@@ -2,12 +2,15 @@
 //!
 //! - [`numbers`]: the printed numbers and quoted ratios, each with its computation.
 //! - [`geometry`]: geometry of some sweeps that the paper does not state; [`contradictions`]: what no law can meet.
+//! - [`identify`]: constants fitted to them.
 //! - `comparison`: both as rows, tables and CSV; `figures`: the paper's Figs 6 to 11 and 13 redrawn.
 
 mod comparison;
 pub mod contradictions;
 mod figures;
 pub mod geometry;
+pub mod identify;
+pub mod numbers;
 
 use comparison::Comparison;
 use rig_config::Scene;
@@ -15,7 +18,6 @@ use rigctl::failure::Failure;
 use rigctl::options::Global;
 use rigctl::out_file::write_file;
 use rigctl::output::Output;
-pub use rigctl::published as numbers;
 use std::path::PathBuf;
 
 /// The paper's three parameter sets, as scene files: what was fitted, the same with eq. 6 kept, and Table 1 as printed.

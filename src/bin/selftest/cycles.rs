@@ -1,5 +1,4 @@
-//! Measures a lookup, a control tick and an equilibrium with the core's cycle counter. The emulated board can only
-//! count instructions.
+//! Measures a lookup and a control tick with the core's cycle counter. The emulated board can only count instructions.
 
 use crate::scene::{RIG, TABLE};
 use crate::table::{Table, Verdict};
@@ -8,16 +7,10 @@ use core::hint::black_box;
 use cortex_m::peripheral::DWT;
 use rig_control::{DriveCommand, DriveReading, Inputs, LvdtBlock, Rig, SupplyReading, TICK_US};
 use rig_link::messages::{Counters, Request, State};
-use tsa_model::scalar::Single;
-use tsa_model::{Mechanism, Parameters};
-
-include!(concat!(env!("OUT_DIR"), "/parameters.rs"));
 
 /// Where the loads and the twists lie in the table's range, 0 to 1.
 const LOADS: [f32; 6] = [0.01, 0.05, 0.13, 0.28, 0.53, 0.94];
 const TWISTS: [f32; 5] = [0.02, 0.18, 0.37, 0.64, 0.95];
-/// Largest difference between table and solver (m), as in host-tests/tests/cost.rs.
-const DIFFERENCE_M: f32 = 2e-5;
 /// Control ticks: half a second at rest, then half a second of a jog at this speed (rad/s).
 const TICKS: u64 = 300;
 const JOG_RAD_PER_S: f32 = 2.0;
@@ -51,13 +44,10 @@ pub fn rows(table: &mut Table, hclk_hz: u32) {
     let mut core = unsafe { cortex_m::Peripherals::steal() };
     core.DCB.enable_trace();
     core.DWT.enable_cycle_counter();
-    for (on, rows) in [
-        (true, ["lookup cached", "tick cached", "equilibrium cached"]),
-        (false, ["lookup uncached", "tick uncached", "equilibrium uncached"]),
-    ] {
+    for (on, rows) in [(true, ["lookup cached", "tick cached"]), (false, ["lookup uncached", "tick uncached"])] {
         chip::speed_up_flash(on);
         let unit = if registers::emulated() { "cycles (emulated: timing table)" } else { "cycles" };
-        let (lookup, solve, difference_m) = solver();
+        let lookup = lookup();
         let (tick, state) = tick();
         // The cycles of one control period.
         let limit = hclk_hz / 1_000_000 * TICK_US as u32;
@@ -69,33 +59,22 @@ pub fn rows(table: &mut Table, hclk_hz: u32) {
             format_args!("{state}, {} to {} {unit}", tick.least, tick.most),
             Verdict::of(state == State::Moving && tick.most < limit),
         );
-        table.row(
-            rows[2],
-            format_args!("the table's gap within {:.0} um", DIFFERENCE_M * 1e6),
-            format_args!("{:.1} um; {} to {} {unit}", difference_m * 1e6, solve.least, solve.most),
-            Verdict::of(difference_m <= DIFFERENCE_M),
-        );
     }
     chip::speed_up_flash(true);
 }
 
-/// Cycles of lookups and of equilibria, solved as for a table built on the board, and their largest difference (m).
-fn solver() -> (Spread, Spread, f32) {
-    let single = Mechanism::of(Parameters::<Single>::constant(&PARAMETERS));
-    let (mut lookup, mut solve, mut difference_m) = (Spread::NONE, Spread::NONE, 0f32);
+/// Cycles of lookups.
+fn lookup() -> Spread {
+    let mut lookup = Spread::NONE;
     let m = &TABLE.metadata;
     let within = |least: f32, most: f32, place: f32| least + place * (most - least);
     for load_n in LOADS.map(|place| within(m.load_min_n, m.load_max_n, place)) {
         for twist_rad in TWISTS.map(|place| within(m.twist_min_rad, m.twist_max_rad, place)) {
             let (load_n, twist_rad) = (black_box(load_n), black_box(twist_rad));
-            let found_m = lookup.count(|| TABLE.point_inside(load_n, twist_rad)).gap_m;
-            let solved = solve.count(|| single.gap_and_slope(f64::from(load_n), f64::from(twist_rad)));
-            // A missing equilibrium counts as an infinite difference.
-            let solved_m = solved.map_or(f32::INFINITY, |[gap_m, _]| gap_m as f32);
-            difference_m = difference_m.max((found_m - solved_m).abs());
+            lookup.count(|| TABLE.point_inside(load_n, twist_rad));
         }
     }
-    (lookup, solve, difference_m)
+    lookup
 }
 
 /// Counts in a tick for each 1/5000 of the supply on the motor: about those of the default rig's motor without load.

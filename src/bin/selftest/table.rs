@@ -7,7 +7,7 @@ use heapless::{String, Vec};
 /// Longest line (bytes); the rest is cut off.
 const LINE: usize = 220;
 /// Room for this many checks.
-const ROWS: usize = 19;
+const ROWS: usize = 17;
 /// Pause after each line (ms): the log holds 1 KiB, and the host reads it about ten times a second.
 const PAUSE_MS: u64 = 30;
 

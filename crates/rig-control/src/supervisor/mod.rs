@@ -59,7 +59,9 @@ use crate::sensors::{DriveReading, LvdtBlock, SupplyReading};
 use crate::{RigConstants, TICK_US};
 use guard::{Guard, Situation};
 use modes::{EStopContact, Mode};
-use rig_link::messages::{Accepted, EventKind, Fault, Faults, Limit, Refusal, Request, SettingValues, State};
+use rig_link::messages::{
+    Accepted, EventKind, Fault, Faults, Limit, Refusal, Request, SettingValues, State, TablePart,
+};
 use rmds405::DriveCommand;
 use sensing::Sensing;
 use tracking::LoadTracking;
@@ -107,6 +109,17 @@ pub struct Outputs {
     pub reply: Option<Result<Accepted, Refusal>>,
     /// What ended or went wrong.
     pub events: Events,
+    /// What the request, which was accepted, has to leave in flash.
+    pub keep: Option<Keep>,
+}
+
+/// What the board keeps without power.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Keep {
+    /// The settings as they are now.
+    Settings,
+    /// The table of which this is a part.
+    Table(TablePart),
 }
 
 /// The rig.
@@ -218,7 +231,12 @@ impl Rig {
         if !(self.shaft.position.is_finite() && self.shaft.speed.is_finite()) {
             self.raise(Faults::NONE.with(Fault::NotFinite), &mut events);
         }
-        Outputs { drive: self.drive_command(inputs), reply, events }
+        let keep = match inputs.request.filter(|_| matches!(reply, Some(Ok(_)))) {
+            Some(Request::SetSetting { .. } | Request::SetSettings(_)) => Some(Keep::Settings),
+            Some(Request::TablePart(part)) => Some(Keep::Table(part)),
+            _ => None,
+        };
+        Outputs { drive: self.drive_command(inputs), reply, events, keep }
     }
 
     fn watch_estop(&mut self, open: bool, events: &mut Events) {

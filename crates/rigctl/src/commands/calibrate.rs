@@ -8,10 +8,9 @@ use crate::options::Global;
 use crate::options::commands::Calibrate;
 use crate::output::Output;
 use crate::output::decimal;
-use crate::session::{Session, homing};
-use rig_link::{LoadChoice, Request, Setting, SettingValues};
-use serde_json::{Value, json};
-use std::path::Path;
+use crate::session::{Session, Wanted, homing};
+use rig_link::{LoadChoice, LvdtCurve, Request, Setting, SettingValues};
+use serde_json::json;
 
 /// Telemetry messages over which the present position is averaged.
 const POSITIONS: f64 = 30.0;
@@ -22,16 +21,18 @@ const POSITIONS: f64 = 30.0;
 /// The board's refusal in words, or points that make no calibration.
 pub fn run(global: &Global, what: &Calibrate, output: &mut Output) -> Result<(), Failure> {
     match what {
-        Calibrate::Lvdt { points: Some(file), gauge_error, .. } => points(global, file, *gauge_error, output),
-        Calibrate::Lvdt { no_points: true, .. } => no_points(global, output),
+        Calibrate::Lvdt { points: Some(file), gauge_error, .. } => {
+            let curve = lvdt_points::load(file, &global.scene()?.rig, *gauge_error)?;
+            points(global, Some(curve), output)
+        }
+        Calibrate::Lvdt { no_points: true, .. } => points(global, None, output),
         Calibrate::Lvdt { gap, point, .. } => lvdt(global, *gap, *point, output),
         Calibrate::Zero => zero(global, output),
     }
 }
 
 fn lvdt(global: &Global, gap: Option<f64>, other: Option<Point>, output: &mut Output) -> Result<(), Failure> {
-    let mut session = global.target()?.connect()?;
-    session.wait_started()?;
+    let mut session = started(global)?;
     let values = session.settings()?.values;
     let shown_m = session.gap_m()?;
     let sensor_m = uncalibrated(shown_m, &values);
@@ -82,40 +83,21 @@ fn lvdt(global: &Global, gap: Option<f64>, other: Option<Point>, output: &mut Ou
             sensor_m
         ))?;
     }
-    let next = board_settings::next_steps(&session, global.flash_lasts(), unhomed);
-    Ok(next.iter().try_for_each(|line| output.line(line))?)
+    next_steps(&session, global, unhomed, output)
 }
 
-/// Stores the points of a file.
-fn points(global: &Global, file: &Path, gauge_error_m: f64, output: &mut Output) -> Result<(), Failure> {
-    let curve = lvdt_points::load(file, &global.scene()?.rig, gauge_error_m)?;
-    let mut session = global.target()?.connect()?;
-    session.wait_started()?;
-    let values = session.settings()?.values.with(Setting::LvdtOffset, 0.0).with(Setting::LvdtGain, 1.0);
-    let new = SettingValues { lvdt_curve: Some(curve), ..values };
-    change_curve(&mut session, &new, lvdt_points::object(&curve), &lvdt_points::words(&curve), global, output)
-}
-
-/// Forgets the points.
-fn no_points(global: &Global, output: &mut Output) -> Result<(), Failure> {
-    let mut session = global.target()?.connect()?;
-    session.wait_started()?;
-    let new = SettingValues { lvdt_curve: None, ..session.settings()?.values };
-    change_curve(&mut session, &new, json!({"points": []}), "none", global, output)
-}
-
-fn change_curve(
-    session: &mut Session,
-    new: &SettingValues,
-    mut object: Value,
-    words: &str,
-    global: &Global,
-    output: &mut Output,
-) -> Result<(), Failure> {
+/// Stores points, or forgets them.
+fn points(global: &Global, curve: Option<LvdtCurve>, output: &mut Output) -> Result<(), Failure> {
+    let mut session = started(global)?;
+    let mut values = session.settings()?.values;
+    if curve.is_some() {
+        values = values.with(Setting::LvdtOffset, 0.0).with(Setting::LvdtGain, 1.0);
+    }
     let before_m = session.gap_m()?;
-    let unhomed = session.set(&Request::SetSettings(*new))?;
+    let unhomed = session.set(&Request::SetSettings(SettingValues { lvdt_curve: curve, ..values }))?;
     let after_m = session.gap_m()?;
     let truth_m = session.truth().newest().map(|t| t.gap_m);
+    let mut object = curve.as_ref().map_or(json!({"points": []}), lvdt_points::object);
     for (key, value) in [
         ("gap_before_m", json!(before_m)),
         ("gap_m", json!(after_m)),
@@ -127,11 +109,22 @@ fn change_curve(
     }
     output.object(&object)?;
     output.line(format!(
-        "{}: {words}; kept in flash. The board showed {:.3} mm, now {:.3} mm",
+        "{}: {}; kept in flash. The board showed {:.3} mm, now {:.3} mm",
         lvdt_points::NAME,
+        curve.as_ref().map_or("none".to_owned(), lvdt_points::words),
         before_m * 1e3,
         after_m * 1e3
     ))?;
+    next_steps(&session, global, unhomed, output)
+}
+
+fn started(global: &Global) -> Result<Session, Failure> {
+    let mut session = global.target()?.connect(Wanted::OfScene)?;
+    session.wait_started()?;
+    Ok(session)
+}
+
+fn next_steps(session: &Session, global: &Global, unhomed: bool, output: &mut Output) -> Result<(), Failure> {
     let next = board_settings::next_steps(session, global.flash_lasts(), unhomed);
     Ok(next.iter().try_for_each(|line| output.line(line))?)
 }
@@ -147,7 +140,7 @@ fn position(session: &mut Session) -> Result<f64, Failure> {
 }
 
 fn zero(global: &Global, output: &mut Output) -> Result<(), Failure> {
-    let mut session = global.target()?.connect()?;
+    let mut session = global.target()?.connect(Wanted::OfScene)?;
     session.wait_ready()?;
     if global.is_emulated() {
         eprintln!("the emulated board starts afresh and is not homed: homing first");

@@ -5,17 +5,53 @@ use crate::board_settings::{self, all};
 use crate::failure::Failure;
 use crate::lvdt_points;
 use crate::options::Global;
-use crate::options::commands::Config;
 use crate::out_file::OutFile;
 use crate::output::Output;
 use crate::output::decimal;
-use crate::session::Session;
+use crate::session::{Session, Wanted};
+use clap::Subcommand;
 use rig_link::{Kept, Request, Setting};
 use serde_json::json;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The value of `twist-scale` that stands for the scale that the board has learned.
 const LEARNED: &str = "learned";
+
+/// The board's settings: kept in its flash, changed only while nothing moves
+#[derive(Debug, Clone, Subcommand)]
+pub enum Config {
+    /// Show all settings, or one, with default and range
+    Get {
+        /// Which; all if none is named
+        #[arg(value_name = "NAME", value_parser = board_settings::named)]
+        name: Option<Setting>,
+    },
+    /// Change one setting and keep it
+    Set {
+        /// Which
+        #[arg(value_name = "NAME", value_parser = board_settings::named, long_help = board_settings::help())]
+        name: Setting,
+        /// Its value, with or without a unit; `learned` for twist-scale takes the scale that the board has learned
+        #[arg(value_name = "VALUE", allow_hyphen_values = true)]
+        value: String,
+    },
+    /// Write all settings to a file
+    Backup {
+        /// File to write
+        #[arg(value_name = "FILE.toml")]
+        file: PathBuf,
+    },
+    /// Set all settings from a file, or none if anything in it is wrong. Those that correct other constants than this
+    /// rig's stay as they are, and the exit code is then 1
+    Restore {
+        /// File to read: a backup, or a log of `record` or `sweep`, whose header holds the settings, too
+        #[arg(value_name = "FILE")]
+        file: PathBuf,
+        /// Also those that correct other constants of the rig
+        #[arg(long)]
+        force: bool,
+    },
+}
 
 /// Runs the command.
 ///
@@ -23,9 +59,9 @@ const LEARNED: &str = "learned";
 /// The board's refusal in words, or what is wrong with the value or the file.
 pub fn run(global: &Global, what: &Config, output: &mut Output) -> Result<(), Failure> {
     match what {
-        Config::Get { name } => get(&mut global.target()?.meet()?, *name, output),
+        Config::Get { name } => get(&mut global.target()?.connect(Wanted::Any)?, *name, output),
         Config::Set { name, value } => set(global, *name, value, output),
-        Config::Backup { file } => backup(&mut global.target()?.meet()?, file, output),
+        Config::Backup { file } => backup(&mut global.target()?.connect(Wanted::Any)?, file, output),
         Config::Restore { file, force } => restore(global, file, *force, output),
     }
 }
@@ -50,7 +86,7 @@ fn set(global: &Global, setting: Setting, text: &str, output: &mut Output) -> Re
     // Before a board is asked: a value that the setting cannot have is wrong usage.
     let typed = if learned { None } else { Some(board_settings::value(setting, text)) };
     let typed = typed.transpose().map_err(|e| Failure::Usage(e.to_string()))?;
-    let mut session = global.target()?.connect()?;
+    let mut session = global.target()?.connect(Wanted::OfScene)?;
     session.wait_started()?;
     let before = session.settings()?.values.get(setting);
     let value = match typed {
@@ -84,7 +120,7 @@ fn backup(session: &mut Session, file: &Path, output: &mut Output) -> Result<(),
 fn restore(global: &Global, file: &Path, force: bool, output: &mut Output) -> Result<(), Failure> {
     // Before a board is asked: a file that cannot be read.
     rig_config::files::check_regular(file).map_err(|e| Failure::failed(format!("{}: {e}", file.display())))?;
-    let mut session = global.target()?.connect()?;
+    let mut session = global.target()?.connect(Wanted::OfScene)?;
     session.wait_started()?;
     let report = session.settings()?;
     let rig_hash = session.identity().map_or(0, |id| id.rig_hash);

@@ -1,7 +1,6 @@
 //! `demo`: three loads that the firmware does not know, each on a fresh emulated board, homed and moved to the same
 //! position at the same speed.
 
-use crate::csv_text::{csv_text, optional};
 use crate::failure::Failure;
 use crate::move_figure::draw;
 use crate::options::Global;
@@ -9,19 +8,29 @@ use crate::out_file::{folder, write_file};
 use crate::output::Output;
 use crate::recorded_move::{RecordedMove, SPEED_M_PER_S, TARGET_M, record};
 use crate::session::sim::SimOptions;
+use clap::Args;
 use rig_plant::PlantKey;
-use std::path::Path;
+use std::path::PathBuf;
 
 /// Loads (kg) and the twist that the strings have when the board starts (rad).
 const LOADS: [(f64, f64); 3] = [(0.1, -20.0), (0.5, 8.0), (1.5, 30.0)];
+
+/// Three loads, each on a fresh emulated board, homed and moved alike: a table and a picture
+#[derive(Debug, Args)]
+pub struct Demo {
+    /// Folder for demo.svg and demo.csv
+    #[arg(long, value_name = "DIR", default_value = "out")]
+    out: PathBuf,
+}
 
 /// Runs the command.
 ///
 /// # Errors
 /// If anything fails, or a floor is missed.
-pub fn run(global: &Global, out: &Path, output: &mut Output) -> Result<(), Failure> {
+pub fn run(global: &Global, Demo { out }: &Demo, output: &mut Output) -> Result<(), Failure> {
+    global.never_a_device()?;
     let scene = global.rig_config()?;
-    if let Some(own) = global.plant.iter().find(|s| [PlantKey::Load, PlantKey::TwistAtBoot].contains(&s.key)) {
+    if let Some(own) = global.board.plant.iter().find(|s| [PlantKey::Load, PlantKey::TwistAtBoot].contains(&s.key)) {
         return Err(Failure::Usage(format!("--plant {}: the demo has its own", own.key)));
     }
     let options = global.emulated()?;
@@ -72,8 +81,8 @@ pub fn run(global: &Global, out: &Path, output: &mut Output) -> Result<(), Failu
         "± is the error that the board states: it holds the truth in 90 of 100 cases. Constants and LVDT are not calibrated \
          on this rig; docs/calibration.md does that.",
     )?;
-    let curves: Vec<_> = outcomes.iter().map(RecordedMove::curve).collect();
-    write_file(out, "demo.svg", &draw(&curves)?)?;
+    let moves: Vec<_> = outcomes.iter().map(|outcome| (outcome.load_kg, &outcome.rows[..])).collect();
+    write_file(out, "demo.svg", &draw(&moves)?)?;
     write_file(out, "demo.csv", &csv(&outcomes, &options)?)?;
     output.line(format!("picture: {}   data: {}", out.join("demo.svg").display(), out.join("demo.csv").display()))?;
     if outcomes.iter().all(|o| o.floors_met) {
@@ -84,32 +93,12 @@ pub fn run(global: &Global, out: &Path, output: &mut Output) -> Result<(), Failu
 }
 
 fn csv(outcomes: &[RecordedMove], options: &SimOptions) -> Result<String, Failure> {
-    let header = [
-        "load_kg",
-        "t_s",
-        "setpoint_m",
-        "position_m",
-        "true_position_m",
-        "twist_rad",
-        "load_n",
-        "tr_rad_per_m",
-        "drive_speed_rad_per_s",
-    ];
-    let number = |v: Option<f32>| optional(v.map(f64::from));
-    let lines = outcomes.iter().flat_map(|o| {
-        o.rows.iter().map(move |r| {
-            vec![
-                o.load_kg.to_string(),
-                format!("{:.6}", r.t_s),
-                number(r.setpoint_m),
-                number(r.position_m),
-                optional(r.true_position_m),
-                number(r.twist_rad),
-                number(r.load_n),
-                number(r.tr_rad_per_m),
-                r.drive_speed_rad_per_s.to_string(),
-            ]
-        })
-    });
-    Ok(format!("# emulated: firmware ELF on an {options}\n{}", csv_text(&header, lines)?))
+    let mut rows = csv::Writer::from_writer(Vec::new());
+    for (load_kg, r) in outcomes.iter().flat_map(|o| o.rows.iter().map(|r| (o.load_kg, r))) {
+        let (t_s, measured) = (format!("{:.6}", r.t_s), (r.setpoint_m, r.position_m, r.true_position_m, r.twist_rad));
+        rows.serialize((load_kg, t_s, measured, r.load_n, r.tr_rad_per_m, r.drive_speed_rad_per_s))?;
+    }
+    let rows = String::from_utf8(rows.into_inner().map_err(csv::IntoInnerError::into_error)?)?;
+    let names = "load_kg,t_s,setpoint_m,position_m,true_position_m,twist_rad,load_n,tr_rad_per_m,drive_speed_rad_per_s";
+    Ok(format!("# emulated: firmware ELF on an {options}\n{names}\n{rows}"))
 }

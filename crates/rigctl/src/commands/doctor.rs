@@ -4,13 +4,29 @@ use crate::diagnosis::{check, examine};
 use crate::failure::Failure;
 use crate::options::Global;
 use crate::output::Output;
+use crate::session::Wanted;
+use clap::Args;
 use serde_json::json;
+
+/// Is the rig well? One line for each check, `ok` or `CHECK` with what to do; exit code 1 if any needs attention
+///
+/// Checks versions, reset cause, last panic, scene, the table's certificate, faults, drive, supply, control ticks, link. The
+/// motor stays where it is; sensors can only be judged fully with --home. A board of another scene is reported, not refused.
+#[derive(Debug, Args)]
+pub struct Doctor {
+    /// Turn the shaft slowly by a hundredth of a turn of the strings each way: do motor and both encoders agree?
+    #[arg(long)]
+    turn: bool,
+    /// Home, then turn the strings by a third of a turn and back: LVDT noise and range, encoder against drive
+    #[arg(long)]
+    home: bool,
+}
 
 /// Runs the command.
 ///
 /// # Errors
 /// If the scene cannot be read or is of a rig that cannot work, or anything is not well.
-pub fn run(global: &Global, turn: bool, home: bool, output: &mut Output) -> Result<(), Failure> {
+pub fn run(global: &Global, &Doctor { turn, home }: &Doctor, output: &mut Output) -> Result<(), Failure> {
     let scene = global.rig_config()?;
     if turn {
         output.line("The shaft turns by a hundredth of a turn of the strings each way.")?;
@@ -19,7 +35,7 @@ pub fn run(global: &Global, turn: bool, home: bool, output: &mut Output) -> Resu
     scene.table_demand()?;
     let checks = match global
         .target()
-        .and_then(|target| target.meet())
+        .and_then(|target| target.connect(Wanted::Any))
         .and_then(|mut session| examine(&mut session, &scene, turn, home))
     {
         Ok(checks) => checks,
@@ -33,7 +49,7 @@ pub fn run(global: &Global, turn: bool, home: bool, output: &mut Output) -> Resu
     let well = checks.iter().all(|c| c.ok);
     let emulated = global.is_emulated().then(|| global.emulated()).transpose()?;
     let port = emulated.as_ref().map_or(global.port(), |options| format!("sim (a fresh {options})"));
-    let rig = emulated.map(|options| options.rig.name());
+    let rig = emulated.map(|options| options.preset().name());
     output.object(&json!({"ok": well, "port": global.port(), "rig": rig, "checks": checks}))?;
     output.line(format!("rigctl {} looking at {port}", env!("CARGO_PKG_VERSION")))?;
     for c in &checks {

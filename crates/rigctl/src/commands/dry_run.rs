@@ -1,5 +1,6 @@
 //! `move --dry-run`: the plan of a move as the board would make it, without a board.
 
+use super::motion::Move;
 use crate::backup;
 use crate::failure::Failure;
 use crate::options::Global;
@@ -13,7 +14,6 @@ use rig_link::gap_curve::GapCurve;
 use rig_link::{Dropped, Kept, LoadChoice, Setting, SettingsReport};
 use serde_json::json;
 use std::f32::consts::PI;
-use std::path::Path;
 
 /// Ticks between two printed rows.
 const EVERY: u32 = 25;
@@ -21,18 +21,12 @@ const EVERY: u32 = 25;
 /// homing.
 const FRICTION_N: f32 = 0.05;
 
-/// Runs the command. Starts at the half-turn pre-twist; `kept` is a backup or a log with the settings of a board.
+/// Runs the command. Starts at the half-turn pre-twist.
 ///
 /// # Errors
 /// If the load is not given, the settings are wrong, or target or speed are outside what table and settings allow.
-pub fn run(
-    global: &Global,
-    to: f64,
-    speed: f64,
-    load: LoadChoice,
-    kept: Option<&Path>,
-    output: &mut Output,
-) -> Result<(), Failure> {
+pub fn run(global: &Global, options: &Move, output: &mut Output) -> Result<(), Failure> {
+    let Move { to, speed, load, ref settings, .. } = *options;
     let LoadChoice::Known(load_n) = load else {
         return Err(Failure::Usage("--dry-run has no device to weigh the load with: give --load L".into()));
     };
@@ -41,7 +35,7 @@ pub fn run(
     let table = fit.table.table();
     let as_built = scene.constants();
     let defaults = rig_settings::defaults(&as_built);
-    let values = match kept {
+    let values = match settings {
         Some(file) => {
             let new = SettingsReport {
                 values: defaults,

@@ -1,12 +1,34 @@
 //! `export`: a recorded log in the format of another tool.
 
-use crate::export::Table;
+use crate::export::{Format, Table};
 use crate::failure::Failure;
 use crate::log::Log;
-use crate::options::commands::Export;
 use crate::out_file::OutFile;
 use crate::output::Output;
+use clap::Args;
 use serde_json::json;
+use std::path::PathBuf;
+
+/// A recorded log for other tools: MCAP (Foxglove, PlotJuggler), or CSV without comment lines
+///
+/// Every column of the log, in SI units. In MCAP an empty cell is an absent key, the header is the file's metadata, and
+/// requests and events are messages of `/log`. docs/connect.md shows how to open the files, and how Python writes Parquet.
+/// Example: `rigctl export run.csv --to mcap --out run.mcap`
+#[derive(Debug, Clone, Args)]
+pub struct Export {
+    /// Log of `record` or `sweep`
+    #[arg(value_name = "LOG.csv")]
+    pub log: PathBuf,
+    /// Format of the file
+    #[arg(long, value_name = "mcap|csv", hide_possible_values = true)]
+    pub to: Format,
+    /// File to write
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// Also if the log was cut short: its whole rows
+    #[arg(long)]
+    pub partial: bool,
+}
 
 /// Runs the command.
 ///
@@ -23,9 +45,7 @@ pub fn run(options: &Export, output: &mut Output) -> Result<(), Failure> {
     let table = Table::read(&text, options.partial).map_err(wrong)?;
     let content = options.to.encode(&table).map_err(wrong)?;
     file.write(&content)?;
-    let (rows, bytes) = (table.t_s.len(), content.len());
-    output.object(
-        &json!({"file": out.display().to_string(), "rows": rows, "marks": table.marks.len(), "bytes": bytes}),
-    )?;
+    let (rows, marks, bytes) = (table.log.rows.len(), table.marks().count(), content.len());
+    output.object(&json!({"file": out.display().to_string(), "rows": rows, "marks": marks, "bytes": bytes}))?;
     Ok(output.line(format!("{rows} rows, {bytes} bytes; written: {}", out.display()))?)
 }

@@ -1,10 +1,10 @@
 //! `lookup`: what the firmware would answer.
 
-use crate::batch::{self, Query, RowError};
+use crate::batch::{self, At, Query, RowError};
 use crate::failure::Failure;
 use crate::options::Global;
-use crate::options::commands::At;
 use crate::output::Output;
+use clap::Args;
 use serde::Serialize;
 use tsa_model::twist_from_turns;
 use tsa_table::Table;
@@ -54,47 +54,45 @@ pub fn look_up(table: &Table<'_>, query: Query) -> Result<Answer, RowError> {
     })
 }
 
+/// The firmware's answer at a load and number of turns, by the same code and table
+///
+/// Example: `rigctl lookup --load 0.5kg --turns 3`
+#[derive(Debug, Args)]
+pub struct Lookup {
+    #[command(flatten)]
+    at: At,
+}
+
 /// Runs the command.
 ///
 /// # Errors
 /// If the scene has no table, the batch file is bad, or the one point is outside the table.
-pub fn run(global: &Global, at: &At, output: &mut Output) -> Result<(), Failure> {
-    let queries = match (&at.batch, at.load, at.turns) {
-        (Some(path), _, _) => batch::read(path)?,
-        (None, Some(load_n), Some(turns)) => vec![Ok(Query { load_n, turns })],
-        _ => return Err(Failure::Usage("lookup needs --load and --turns, or --batch".into())),
-    };
+pub fn run(global: &Global, Lookup { at }: &Lookup, output: &mut Output) -> Result<(), Failure> {
     let fit = global.scene()?.fit_table()?;
     let table = fit.table.table();
-    let answers: Vec<_> = queries.into_iter().map(|query| query.and_then(|query| look_up(&table, query))).collect();
-    // A refused point prints nothing on standard output, no heading either.
-    if let (None, [Err(error)]) = (&at.batch, &answers[..]) {
-        return Err(Failure::failed(error.error.message.clone()));
-    }
-    output.line(format!(
+    let heading = format!(
         "{:>10} {:>8} {:>14} {:>11} {:>11} {:>12}",
         "load N", "turns", "contraction mm", "gap mm", "TR rad/mm", "sag mm/N"
-    ))?;
-    let (count, failed) = (answers.len(), answers.iter().filter(|answer| answer.is_err()).count());
-    for answer in answers {
-        match answer {
-            Ok(a) => {
-                output.object(&a)?;
-                output.line(format!(
-                    "{:>10.4} {:>8.3} {:>14.5} {:>11.5} {:>11.5} {:>12.6}",
-                    a.load_n,
-                    a.turns,
-                    a.contraction_m * 1e3,
-                    a.gap_m * 1e3,
-                    a.tr_rad_per_m * 1e-3,
-                    a.dgap_dload_m_per_n * 1e3
-                ))?;
-            }
-            Err(error) => {
-                output.object(&error)?;
-                output.line(serde_json::to_string(&error)?)?;
-            }
-        }
+    );
+    let line = |a: &Answer| {
+        format!(
+            "{:>10.4} {:>8.3} {:>14.5} {:>11.5} {:>11.5} {:>12.6}",
+            a.load_n,
+            a.turns,
+            a.contraction_m * 1e3,
+            a.gap_m * 1e3,
+            a.tr_rad_per_m * 1e-3,
+            a.dgap_dload_m_per_n * 1e3
+        )
+    };
+    if let Some(path) = &at.batch {
+        return batch::answer(path, output, &heading, |query| look_up(&table, query), line);
     }
-    at.batch.as_deref().map_or(Ok(()), |path| batch::all_failed(path, count, failed))
+    let (Some(load_n), Some(turns)) = (at.load, at.turns) else {
+        return Err(Failure::Usage("lookup needs --load and --turns, or --batch".into()));
+    };
+    let answer = look_up(&table, Query { load_n, turns }).map_err(|refused| Failure::failed(refused.error.message))?;
+    output.object(&answer)?;
+    output.line(heading)?;
+    Ok(output.line(line(&answer))?)
 }

@@ -3,20 +3,22 @@
 use crate::failure::Failure;
 use crate::log::write::event;
 use crate::monitor_input::{self, Typed};
-use crate::monitor_keys::{Keys, Order, name};
+use crate::monitor_keys::{Keys, Order};
 use crate::options::Global;
 use crate::output::Output;
 use crate::play::play;
+use crate::request::text;
 use crate::screen::Screen;
 use crate::script::Script;
-use crate::session::{Place, Session};
+use crate::session::{Place, Session, Wanted};
+use clap::Args;
 use ratatui::DefaultTerminal;
 use ratatui::crossterm::event::{DisableBracketedPaste, EnableBracketedPaste};
 use ratatui::crossterm::execute;
 use rig_link::{Request, State};
 use std::io::IsTerminal;
 use std::ops::ControlFlow;
-use std::path::Path;
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 /// Time between two pictures (s).
@@ -38,11 +40,23 @@ impl Drop for Restored {
     }
 }
 
+/// A live view in the terminal that moves the rig: state, position, load, TR, motor, faults, the mechanism drawn
+///
+/// Keys: space stops, at any time. h homes, up and down move by a step (+ and - change it), m asks for a position, left and
+/// right jog while they are held, c clears a fault, q leaves and stops a motion first. The first motion of a real rig
+/// asks for a confirmation. On an emulated board time passes as on a real one.
+#[derive(Debug, Args)]
+pub struct Monitor {
+    /// Play this script meanwhile (format as for `play`)
+    #[arg(long, value_name = "FILE")]
+    script: Option<PathBuf>,
+}
+
 /// Runs the command.
 ///
 /// # Errors
 /// Without a terminal, if nobody answers, or the port fails.
-pub fn run(global: &Global, script: Option<&Path>, output: &Output) -> Result<(), Failure> {
+pub fn run(global: &Global, Monitor { script }: &Monitor, output: &Output) -> Result<(), Failure> {
     if output.json() {
         return Err(Failure::Usage("monitor has no --json: `record --json` prints telemetry".into()));
     }
@@ -55,14 +69,14 @@ pub fn run(global: &Global, script: Option<&Path>, output: &Output) -> Result<()
     };
     script.end_s = FOR_EVER_S;
     let target = global.target()?;
-    let mut session = target.meet()?;
+    let mut session = target.connect(Wanted::Any)?;
     let title = match &target.place {
         Place::Emulated(options) => format!(" {options} "),
         Place::Device(device) => format!(" rig at {device} "),
     };
     // A scene without a mechanism is not drawn; the check below tells if it is another than the board's.
     let scene = global.scene().ok();
-    let keys = Keys::new(!target.is_emulated());
+    let keys = Keys::new(!global.is_emulated());
     // A board that is heard again is shown again.
     session.bear_silence();
     let mut view = View {
@@ -80,8 +94,8 @@ pub fn run(global: &Global, script: Option<&Path>, output: &Output) -> Result<()
     let mut terminal = Restored(ratatui::try_init()?);
     // What is pasted arrives marked, where the terminal knows how.
     execute!(std::io::stdout(), EnableBracketedPaste)?;
-    let (started, start_s, paced) = (Instant::now(), session.now_s(), target.is_emulated());
-    let result = play(&mut session, &script, global.seed, |session, messages| {
+    let (started, start_s, paced) = (Instant::now(), session.now_s(), global.is_emulated());
+    let result = play(&mut session, &script, global.board.seed, |session, messages| {
         messages.into_iter().for_each(|line| view.screen.say(line));
         if paced {
             // Emulated time may run ahead; it may also be slower than real time, then nothing waits.
@@ -172,7 +186,8 @@ impl View {
             Order::Send(request) if self.leaving.is_none() || request == Request::Stop => {
                 self.ordered = true;
                 session.post(&request)?;
-                self.screen.say(format!("{:8.2} s  you: {}", session.now_s(), name(&request)));
+                let what = text(&request).unwrap_or_default();
+                self.screen.say(format!("{:8.2} s  you: {what}", session.now_s()));
             }
             Order::Send(_) => {}
         }

@@ -4,48 +4,70 @@ use crate::board_settings;
 use crate::failure::Failure;
 use crate::log::write::event;
 use crate::options::Global;
+use crate::options::values::seconds;
 use crate::output::Output;
 use crate::play::{check_refused, play};
 use crate::script::Script;
 use crate::session::sim::SimOptions;
-use crate::session::{Place, Session};
+use crate::session::{Session, Wanted};
+use clap::Args;
 use rig_link::SettingsReport;
 use serde_json::json;
 use std::ops::ControlFlow;
-use std::path::Path;
+use std::path::PathBuf;
 use std::time::Instant;
 
 /// People get a line every this many seconds; `--json` prints every telemetry message.
 const HUMAN_INTERVAL_S: f64 = 0.25;
 
-/// Plays a script, or lets `seconds` pass without one.
+/// Play a script on whatever is at the port, and print telemetry
 ///
-/// # Errors
-/// If the script is wrong, nobody answers, the port fails, or a command of the script was refused.
-pub fn run(global: &Global, script: Option<&Path>, seconds: f64, output: &mut Output) -> Result<(), Failure> {
-    let script = match script {
-        Some(path) => Script::load(path)?.0,
-        None if seconds > 0.0 && seconds.is_finite() => Script::idle(seconds),
-        None => return Err(Failure::Usage(format!("--seconds {seconds}: must be above 0"))),
-    };
-    let (target, _flash) = global.target()?.with_its_table()?;
-    let mut session = if target.is_emulated() {
-        // From the first instant of the board on: the script's time is the time since its start.
-        target.open()?
-    } else {
-        target.connect()?
-    };
-    let started = Instant::now();
-    let mut printer = Printer { next_line_s: 0.0, settings: None };
-    let refused = play(&mut session, &script, global.seed, |session, messages| {
-        messages.iter().for_each(|line| eprintln!("{line}"));
-        printer.print(session, output)?;
-        Ok(ControlFlow::Continue(()))
-    })?;
-    if let Place::Emulated(options) = &target.place {
-        summary(&mut session, started.elapsed().as_secs_f64(), options, output)?;
+/// On the emulated board the script's time is the time since the board's start; on a real rig it is the time since the
+/// script's start, and changes of the plant and faults are announced, to be made by hand. Commands wait until the board
+/// has started. Exit code 1 if a command was refused; the last line counts them.
+/// Example: `rigctl play scenarios/example.script`
+#[derive(Debug, Args)]
+pub struct Play {
+    /// Events, one a line: `<seconds> <event>`, the last `<seconds> end` [default: none, for --seconds]
+    #[arg(value_name = "FILE")]
+    file: Option<PathBuf>,
+    /// The same file as an option
+    #[arg(long, value_name = "FILE", conflicts_with = "file")]
+    script: Option<PathBuf>,
+    /// How long to run without a script (s)
+    #[arg(long, value_name = "S", default_value = "5s", allow_hyphen_values = true, value_parser = seconds,
+        conflicts_with_all = ["file", "script"])]
+    seconds: f64,
+}
+
+impl Play {
+    /// Plays the script, or lets `seconds` pass without one.
+    ///
+    /// # Errors
+    /// If the script is wrong, nobody answers, the port fails, or a command of the script was refused.
+    pub fn run(&self, global: &Global, output: &mut Output) -> Result<(), Failure> {
+        let seconds = self.seconds;
+        let script = match self.file.as_ref().or(self.script.as_ref()) {
+            Some(path) => Script::load(path)?.0,
+            None if seconds > 0.0 && seconds.is_finite() => Script::idle(seconds),
+            None => return Err(Failure::Usage(format!("--seconds {seconds}: must be above 0"))),
+        };
+        let (target, _flash) = global.target()?.with_its_table()?;
+        // On an emulated board the script's time is the time since its start.
+        let wanted = if global.is_emulated() { Wanted::FromItsStart } else { Wanted::OfScene };
+        let mut session = target.connect(wanted)?;
+        let started = Instant::now();
+        let mut printer = Printer { next_line_s: 0.0, settings: None };
+        let refused = play(&mut session, &script, global.board.seed, |session, messages| {
+            messages.iter().for_each(|line| eprintln!("{line}"));
+            printer.print(session, output)?;
+            Ok(ControlFlow::Continue(()))
+        })?;
+        if let Some(options) = target.emulated() {
+            summary(&mut session, started.elapsed().as_secs_f64(), options, output)?;
+        }
+        check_refused(refused)
     }
-    check_refused(refused)
 }
 
 /// Prints what has passed since the last step.
@@ -92,7 +114,7 @@ fn summary(session: &mut Session, wall_s: f64, options: &SimOptions, output: &mu
         "core_busy": stats.core_busy,
         "plant_tier": stats.plant_tier,
         "realtime_factor": emulated_s / wall_s,
-        "rig": options.rig.name(),
+        "rig": options.preset().name(),
         "seed": options.seed,
         "settings": settings,
         "stack_high_water_bytes": stats.stack_high_water_bytes,

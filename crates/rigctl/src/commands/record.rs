@@ -8,7 +8,8 @@ use crate::out_file::OutFile;
 use crate::output::{Output, stdout};
 use crate::play::{check_refused, play};
 use crate::script::Script;
-use crate::session::entry::Entry;
+use crate::session::Wanted;
+use crate::session::row::Entry;
 use serde_json::{Map, Value, json};
 use std::io::{self, Write};
 use std::ops::ControlFlow;
@@ -25,7 +26,7 @@ pub fn run(global: &Global, options: &Record, output: &mut Output) -> Result<(),
     let (script, text) = options.script.as_deref().map(Script::load).transpose()?.unzip();
     let out = options.out.as_deref().map(OutFile::new).transpose()?;
     let target = global.target()?;
-    let mut session = target.connect()?;
+    let mut session = target.connect(Wanted::OfScene)?;
     let mut head = Header::new(&target, &session, "record")?;
     if let Some(path) = &options.script {
         head.add("script", path.display());
@@ -45,7 +46,7 @@ pub fn run(global: &Global, options: &Record, output: &mut Output) -> Result<(),
     let mut recorder = Recorder::new(sink, &head, &mut session)?;
     let script = script.unwrap_or_else(|| Script::idle(session.now_s() + seconds));
     let rows_out = output.json() && options.out.is_none();
-    let result = play(&mut session, &script, global.seed, |session, messages| {
+    let result = play(&mut session, &script, global.board.seed, |session, messages| {
         messages.iter().for_each(|line| eprintln!("{line}"));
         for entry in recorder.take()? {
             if let (Entry::Row(row), true) = (entry, rows_out) {

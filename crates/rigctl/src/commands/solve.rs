@@ -1,17 +1,52 @@
 //! `solve`: equilibria, by any method and tier of the model.
 
-use crate::batch::{self, Query, RowError};
+use crate::batch::{self, At, Query, RowError};
 use crate::failure::Failure;
 use crate::options::Global;
-use crate::options::commands::{At, How};
-use crate::options::values::{AUTO, METHODS};
+use crate::options::values::{AUTO, METHODS, methods, tiers, tolerance};
 use crate::output::Output;
+use clap::Args;
 use rig_config::Scene;
 use serde::Serialize;
 use tsa_model::{Equilibrium, Mechanism, PRETWIST_RAD, SolveError, Tier, TierError, twist_from_turns};
 
 /// At zero twist the gap has its maximum: no motion of the load for a small turn.
 const TR_INFINITE: &str = "tr-infinite";
+
+/// One equilibrium by the full model, or one for each row of a file
+///
+/// Example: `rigctl solve --load 0.5kg --turns 3`
+#[derive(Debug, Args)]
+pub struct Solve {
+    #[command(flatten)]
+    at: At,
+    #[command(flatten)]
+    how: How,
+}
+
+impl Solve {
+    /// Whether it asks for what only the laboratory has.
+    pub fn is_of_the_laboratory(&self) -> bool {
+        self.how.method != METHODS[0] || self.how.steps.is_some() || self.how.tolerance.is_some()
+    }
+}
+
+/// Method of solution and tier of the model.
+#[derive(Debug, Clone, Args)]
+pub struct How {
+    /// Method of solution
+    #[arg(long, default_value = "first-integral", value_parser = methods())]
+    pub method: String,
+    /// Steps of the method: quadrature nodes, Runge–Kutta steps, intervals, load steps [default: about 1e-9 m]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    pub steps: Option<u32>,
+    /// Tolerance of the method's iteration, or of its integrator
+    #[arg(long, value_name = "X", value_parser = tolerance)]
+    pub tolerance: Option<f64>,
+    /// Tier of the model; `auto` takes the cheapest that meets the scene's accuracy
+    #[arg(long, default_value = "full", value_parser = tiers())]
+    pub tier: String,
+}
 
 /// One equilibrium. Keys as the columns of the reference file.
 #[derive(Debug, Clone, Serialize)]
@@ -160,7 +195,7 @@ pub fn solve(mechanism: &Mechanism, way: Way<'_>, query: Query) -> Result<Soluti
 ///
 /// # Errors
 /// If the scene or the batch file is bad, or the one point cannot be solved.
-pub fn run(global: &Global, at: &At, how: &How, output: &mut Output) -> Result<(), Failure> {
+pub fn run(global: &Global, Solve { at, how }: &Solve, output: &mut Output) -> Result<(), Failure> {
     let scene = global.scene()?;
     answer(at, &scene, Way::new(how, &scene)?, output)
 }
@@ -172,37 +207,25 @@ pub fn run(global: &Global, at: &At, how: &How, output: &mut Output) -> Result<(
 pub fn answer(at: &At, scene: &Scene, way: Way<'_>, output: &mut Output) -> Result<(), Failure> {
     let mechanism = scene.mechanism()?;
     if let Some(path) = &at.batch {
-        output.line(format!(
+        let heading = format!(
             "{:>10} {:>8} {:>12} {:>14} {:>12} {:>12} {:>14}  warnings",
             "load N", "turns", "helix rad", "contraction mm", "sag mm", "TR rad/mm", "tier"
-        ))?;
-        let rows = batch::read(path)?;
-        let (count, mut failed) = (rows.len(), 0);
-        for row in rows {
-            let solved = row.and_then(|query| solve(&mechanism, way, query).map_err(|e| RowError::new(e.kind(), e)));
-            match solved {
-                Ok(s) => {
-                    output.object(&s)?;
-                    output.line(format!(
-                        "{:>10.4} {:>8.3} {:>12.6} {:>14.5} {:>12.5} {:>12} {:>14}  {}",
-                        s.load_n,
-                        s.turns,
-                        s.alpha_rad,
-                        s.contraction_m * 1e3,
-                        s.load_sag_m * 1e3,
-                        per_mm(s.tr_rad_per_m),
-                        s.tier,
-                        s.warnings.join(", ")
-                    ))?;
-                }
-                Err(error) => {
-                    failed += 1;
-                    output.object(&error)?;
-                    output.line(serde_json::to_string(&error)?)?;
-                }
-            }
-        }
-        return batch::all_failed(path, count, failed);
+        );
+        let line = |s: &Solution| {
+            format!(
+                "{:>10.4} {:>8.3} {:>12.6} {:>14.5} {:>12.5} {:>12} {:>14}  {}",
+                s.load_n,
+                s.turns,
+                s.alpha_rad,
+                s.contraction_m * 1e3,
+                s.load_sag_m * 1e3,
+                per_mm(s.tr_rad_per_m),
+                s.tier,
+                s.warnings.join(", ")
+            )
+        };
+        let solve = |query| solve(&mechanism, way, query).map_err(|e| RowError::new(e.kind(), e));
+        return batch::answer(path, output, &heading, solve, line);
     }
     let (Some(load_n), Some(turns)) = (at.load, at.turns) else {
         return Err(Failure::Usage("solve needs --load and --turns, or --batch".into()));

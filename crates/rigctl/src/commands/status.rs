@@ -3,13 +3,15 @@
 use crate::board_settings;
 use crate::failure::Failure;
 use crate::options::Global;
+use crate::options::values::seconds;
 use crate::output::Output;
 use crate::output::decimal;
-use crate::session::Place;
-use crate::session::status::{Status, status};
-use rig_link::Sensors;
+use crate::session::Wanted;
+use clap::Args;
 use serde_json::{Value, json};
 
+/// How long `status` listens to the telemetry (s).
+const LISTEN_S: f64 = 1.0;
 /// Time between two readings of `sensors` (s).
 const READING_S: f64 = 0.2;
 
@@ -19,11 +21,18 @@ const READING_S: f64 = 0.2;
 /// If nobody answers; or, after everything is printed, if the board's scene is another.
 pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
     let target = global.target()?;
-    let mut session = target.meet()?;
+    let mut session = target.connect(Wanted::Any)?;
     if global.is_emulated() {
         session.wait_started()?;
     }
-    let Status { identity: id, settings, sensors, row, counters, faults, telemetry_hz } = status(&mut session)?;
+    session.take_rows();
+    session.until(LISTEN_S, |_| false)?;
+    let mut rows = session.take_rows();
+    let telemetry_hz = rows.len() as f64 / LISTEN_S;
+    let row = rows.pop().ok_or_else(|| Failure::failed("no telemetry from the board"))?;
+    let id = session.require_identity()?.clone();
+    let (settings, sensors) = (session.settings()?, session.sensors()?);
+    let (counters, faults) = session.telemetry().map(|t| (t.counters, t.faults)).unwrap_or_default();
     let same_scene = target.check_scene(&session);
     let (lost, damaged) = (session.link().lost_frames(), session.link().damaged_frames());
     output.object(&json!({
@@ -62,7 +71,7 @@ pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
         "sensors": reading(&sensors),
         "telemetry": row,
     }))?;
-    if let Place::Emulated(options) = &target.place {
+    if let Some(options) = target.emulated() {
         output.line(format!("rig      {options}"))?;
     }
     output.line(format!(
@@ -99,41 +108,52 @@ pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
         output.line(format!("         the run before ended with: {text}"))?;
     }
     output.line(row.text())?;
-    for fault in faults {
+    for fault in faults.iter() {
         output.line(format!("fault    {fault}: docs/faults.md, `{fault}`"))?;
     }
     same_scene
 }
 
-/// `sensors`: one reading, or one every 0.2 s for `seconds`, whatever the board's scene.
-///
-/// # Errors
-/// If nobody answers.
-pub fn sensors(global: &Global, seconds: f64, output: &mut Output) -> Result<(), Failure> {
-    if !(0.0..=86_400.0).contains(&seconds) {
-        return Err(Failure::Usage(format!("--seconds {seconds}: must be from 0 to 86400")));
-    }
-    let mut session = global.target()?.meet()?;
-    if global.is_emulated() {
-        session.wait_started()?;
-    }
-    let end_s = session.now_s() + seconds;
-    loop {
-        let t_s = session.now_s();
-        let sensors = session.sensors()?;
-        let mut object = reading(&sensors);
-        object["t_s"] = json!(t_s);
-        output.object(&object)?;
-        output.line(format!("{t_s:8.2} s  {}", words(&sensors)))?;
-        output.flush()?;
-        if session.now_s() + READING_S > end_s {
-            return Ok(());
+/// The sensors' readings, homed or not: gap, encoder, drive, supply, contacts. For wiring a rig
+#[derive(Debug, Args)]
+pub struct Sensors {
+    /// One reading every 0.2 s for this time [default: one reading]
+    #[arg(long, value_name = "S", default_value = "0s", hide_default_value = true, allow_hyphen_values = true,
+        value_parser = seconds)]
+    seconds: f64,
+}
+
+impl Sensors {
+    /// Runs the command, whatever the board's scene.
+    ///
+    /// # Errors
+    /// If nobody answers.
+    pub fn run(&self, global: &Global, output: &mut Output) -> Result<(), Failure> {
+        if !(0.0..=86_400.0).contains(&self.seconds) {
+            return Err(Failure::Usage(format!("--seconds {}: must be from 0 to 86400", self.seconds)));
         }
-        session.until(READING_S - (session.now_s() - t_s), |_| false)?;
+        let mut session = global.target()?.connect(Wanted::Any)?;
+        if global.is_emulated() {
+            session.wait_started()?;
+        }
+        let end_s = session.now_s() + self.seconds;
+        loop {
+            let t_s = session.now_s();
+            let sensors = session.sensors()?;
+            let mut object = reading(&sensors);
+            object["t_s"] = json!(t_s);
+            output.object(&object)?;
+            output.line(format!("{t_s:8.2} s  {}", words(&sensors)))?;
+            output.flush()?;
+            if session.now_s() + READING_S > end_s {
+                return Ok(());
+            }
+            session.until(READING_S - (session.now_s() - t_s), |_| false)?;
+        }
     }
 }
 
-fn reading(s: &Sensors) -> Value {
+fn reading(s: &rig_link::Sensors) -> Value {
     json!({
         "gap_m": s.gap_m.map(decimal),
         "shaft_rad": decimal(s.shaft_rad),
@@ -146,7 +166,7 @@ fn reading(s: &Sensors) -> Value {
     })
 }
 
-fn words(s: &Sensors) -> String {
+fn words(s: &rig_link::Sensors) -> String {
     let number = |value: Option<f32>, factor: f32, digits: usize, unit: &str| {
         value.map_or("not read".to_owned(), |v| format!("{:.digits$} {unit}", v * factor))
     };

@@ -6,7 +6,7 @@ use crate::options::Global;
 use crate::options::commands::Sweep;
 use crate::out_file::OutFile;
 use crate::output::Output;
-use crate::session::{Place, STEP_S, Session, homing, motion};
+use crate::session::{Place, STEP_S, Session, Wanted, homing, motion};
 use rig_control::observer::MEMORY_COMPLETE_N;
 use rig_control::supervisor::JOG_SPEED_MAX;
 use rig_link::LoadChoice;
@@ -49,7 +49,7 @@ pub fn run(global: &Global, options: &Sweep, output: &mut Output) -> Result<(), 
         emulated.plant.push(hangs(options.after.unwrap_or(load_n)));
     }
     let out = OutFile::new(&options.out)?;
-    let mut session = target.connect()?;
+    let mut session = target.connect(Wanted::OfScene)?;
     let table = session.require_identity()?.table.clone();
     for (name, value, unit, [least, most]) in [
         ("--load", load_n, "N", [table.load_min_n, table.load_max_n]),

@@ -4,7 +4,7 @@
 //! may be a number or null.
 
 use super::Table;
-use super::table::Cells;
+use super::table::WORDS;
 use ::mcap::records::{MessageHeader, Metadata};
 use ::mcap::{McapResult, WriteOptions, Writer};
 use serde_json::{Map, Value, json};
@@ -30,16 +30,19 @@ pub fn encode(table: &Table<'_>) -> McapResult<Vec<u8>> {
     let mut writer = WriteOptions::new().compression(None).library(library).create(&mut file)?;
     let telemetry = channel(&mut writer, TELEMETRY, "tsa.Telemetry", telemetry_schema(table))?;
     let log = channel(&mut writer, LOG, "foxglove.Log", log_schema())?;
-    writer.write_metadata(&Metadata { name: METADATA.into(), metadata: table.facts.iter().cloned().collect() })?;
-    let mut marks = table.marks.iter().peekable();
-    for (row, &t_s) in table.t_s.iter().enumerate() {
-        while let Some(mark) = marks.next_if(|mark| mark.t_s <= t_s) {
-            send(&mut writer, log, mark.t_s, &log_message(mark.t_s, mark.text))?;
+    let metadata = table.log.header.0.iter().cloned().collect();
+    writer.write_metadata(&Metadata { name: METADATA.into(), metadata })?;
+    let mut marks = table.marks().peekable();
+    for (row, (_, cells)) in table.log.rows.iter().zip(&table.cells.rows) {
+        while let Some((t_s, text)) = marks.next_if(|(t_s, _)| *t_s <= row.t_s) {
+            send(&mut writer, log, t_s, &log_message(t_s, text))?;
         }
-        send(&mut writer, telemetry, t_s, &telemetry_message(table, row))?;
+        let cells = table.cells.names.1.iter().zip(cells).filter(|(_, cell)| !cell.is_empty());
+        let message: Map<String, Value> = cells.map(|(name, cell)| (name.to_owned(), value(name, cell))).collect();
+        send(&mut writer, telemetry, row.t_s, &message.into())?;
     }
-    for mark in marks {
-        send(&mut writer, log, mark.t_s, &log_message(mark.t_s, mark.text))?;
+    for (t_s, text) in marks {
+        send(&mut writer, log, t_s, &log_message(t_s, text))?;
     }
     writer.finish()?;
     drop(writer);
@@ -66,20 +69,16 @@ fn nanoseconds(t_s: f64) -> u64 {
 }
 
 fn telemetry_schema(table: &Table<'_>) -> Value {
-    let kind = |cells: &Cells<'_>| match cells {
-        Cells::Numbers(_) => json!({"type": "number"}),
-        Cells::Words(_) => json!({"type": "string"}),
-    };
-    let properties: Map<String, Value> = table.columns.iter().map(|c| (c.name.to_owned(), kind(&c.cells))).collect();
+    let kind = |name: &str| json!({"type": if WORDS.contains(&name) { "string" } else { "number" }});
+    let properties: Map<String, Value> = table.cells.names.1.iter().map(|name| (name.to_owned(), kind(name))).collect();
     json!({"type": "object", "title": "tsa.Telemetry", "properties": properties})
 }
 
-fn telemetry_message(table: &Table<'_>, row: usize) -> Value {
-    let cell = |cells: &Cells<'_>| match cells {
-        Cells::Numbers(numbers) => numbers[row].map(Value::from),
-        Cells::Words(words) => words[row].map(Value::from),
-    };
-    table.columns.iter().filter_map(|c| Some((c.name.to_owned(), cell(&c.cells)?))).collect::<Map<_, _>>().into()
+fn value(name: &str, cell: &str) -> Value {
+    match cell.parse::<f64>() {
+        Ok(number) if !WORDS.contains(&name) => number.into(),
+        _ => cell.into(),
+    }
 }
 
 /// The schema that Foxglove publishes for its log panel.
@@ -102,12 +101,10 @@ fn log_message(t_s: f64, text: &str) -> Value {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ::mcap::MessageStream;
-    use ::mcap::records::Record;
-    use ::mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader};
+    use ::mcap::{MessageStream, Summary};
 
     const TEXT: &str = "# format = tsa-log 1\n# seed = 3\nt_s,state,position_m,twist_rad,limit\n\
-        # at 0.01 request home\n0.02,ready,,3.2,\n# at 0.02 event stopped\n0.03,moving,-1e-7,3.3,speed\n\
+        # at 0.01 request home\n0.02,ready,,3.2,\n# at 0.02 event stopped\n0.03,moving,-1e-7,3.3,travel\n\
         # at 0.04 event move-done error_m=1e-6\n# end rows = 2\n";
 
     #[test]
@@ -130,36 +127,15 @@ mod tests {
         assert_eq!(*rows[0], json!({"t_s": 0.02, "state": "ready", "twist_rad": 3.2}), "no key without a value");
         assert_eq!(
             *rows[1],
-            json!({"t_s": 0.03, "state": "moving", "position_m": -1e-7, "twist_rad": 3.3, "limit": "speed"})
+            json!({"t_s": 0.03, "state": "moving", "position_m": -1e-7, "twist_rad": 3.3, "limit": "travel"})
         );
         let last = &heard.last().expect("there").2;
         assert_eq!((&last["name"], &last["message"]), (&json!("event"), &json!("move-done error_m=1e-6")));
         assert_eq!(last["timestamp"], json!({"sec": 0, "nsec": 40 * ms}));
         let schema = messages[0].channel.schema.as_ref().expect("a schema");
         assert_eq!((schema.name.as_str(), schema.encoding.as_str()), ("foxglove.Log", "jsonschema"));
-    }
-
-    #[test]
-    fn the_header_is_a_metadata_record() {
-        let file = encode(&Table::read(TEXT, false).expect("a log")).expect("a file");
-        let mut reader = LinearReader::new();
-        let (mut rest, mut found) = (&file[..], None);
-        while let Some(event) = reader.next_event() {
-            match event.expect("MCAP") {
-                LinearReadEvent::ReadRequest(count) => {
-                    let count = count.min(rest.len());
-                    reader.insert(count).copy_from_slice(&rest[..count]);
-                    reader.notify_read(count);
-                    rest = &rest[count..];
-                }
-                LinearReadEvent::Record { data, opcode } => {
-                    if let Record::Metadata(metadata) = ::mcap::parse_record(opcode, data).expect("a record") {
-                        found = Some(metadata);
-                    }
-                }
-            }
-        }
-        let found = found.expect("a metadata record");
+        let summary = Summary::read(&file).expect("MCAP").expect("a summary");
+        let found = ::mcap::read::metadata(&file, &summary.metadata_indexes[0]).expect("a record");
         assert_eq!((found.name.as_str(), found.metadata.get("seed").map(String::as_str)), (METADATA, Some("3")));
     }
 }

@@ -27,7 +27,7 @@ impl Format {
     pub fn encode(self, table: &Table<'_>) -> Result<Vec<u8>, String> {
         match self {
             Self::Mcap => mcap::encode(table).map_err(|e| e.to_string()),
-            Self::Csv => Ok(table.csv()),
+            Self::Csv => table.csv(),
         }
     }
 }

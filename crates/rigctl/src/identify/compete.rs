@@ -4,14 +4,13 @@
 //! bends. A whole sweep would have to be predicted from two others where there are three, which no law does well enough to
 //! be told from another. All candidates are fitted to the same thinned rows, and the one that is chosen then to all.
 
-use super::Errors;
 use super::constants::{Constant, Unknowns};
 use super::data::Data;
 use super::fit::{Fit, IdentifyError, fit};
 use super::laws::{LAWS, Law};
 use super::linear::Linear;
-use super::noise::effective;
 use crate::parallel::parallel;
+use crate::statistics::{Errors, effective, mean};
 use rig_config::Scene;
 use serde::Serialize;
 use tsa_model::Parameters;
@@ -78,7 +77,7 @@ impl Candidate {
     /// As [`fit`].
     pub fn fit(&self, data: &Data) -> Result<Fit, IdentifyError> {
         let start = self.start()?;
-        fit(&self.unknowns, &start, &data.based_on(&start))
+        fit(&self.unknowns, &start, &data.based_on(&start), &[])
     }
 }
 
@@ -123,24 +122,40 @@ pub struct Scored {
     pub fit: Option<Fit>,
 }
 
+/// A law and a material.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct Named {
+    law: &'static str,
+    material: &'static str,
+}
+
 /// The outcome.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize)]
 pub struct Competition {
     /// How each did.
+    #[serde(rename = "candidates")]
     pub scored: Vec<Scored>,
     /// Which is chosen.
+    #[serde(rename = "chosen")]
+    named: Named,
+    /// Which others are not worse than the best.
+    indistinguishable: Vec<Named>,
+    /// The place of the chosen one.
+    #[serde(skip)]
     pub chosen: usize,
     /// The rows compared.
+    #[serde(skip)]
     pub data: Data,
     /// Constants where the chosen one's fit started.
+    #[serde(skip)]
     pub base: Parameters,
 }
 
 impl Competition {
-    /// Which are not worse than the best, the chosen one among them.
-    pub fn equals(&self) -> Vec<usize> {
-        let equal = |k: &usize| matches!(self.scored[*k].verdict, Verdict::Chosen | Verdict::Indistinguishable);
-        (0..self.scored.len()).filter(equal).collect()
+    /// The fits of those that are not worse than the best, beside the chosen one, by their places.
+    pub fn others(&self) -> impl Iterator<Item = (usize, &Fit)> {
+        let others = self.scored.iter().enumerate().filter(|(_, s)| s.verdict == Verdict::Indistinguishable);
+        others.filter_map(|(k, s)| Some((k, s.fit.as_ref()?)))
     }
 
     /// Errors of the chosen one on what was held out.
@@ -179,7 +194,7 @@ fn predicted(candidate: &Candidate, data: &Data, whole: &Fit, folds: &[Vec<usize
             let (inside, outside): (Vec<usize>, Vec<usize>) =
                 (0..data.rows.len()).filter(|k| data.rows[*k].zero == Some(zero)).partition(|k| held_out.contains(k));
             if outside.is_empty() {
-                let mean = inside.iter().map(|k| errors[*k]).sum::<f64>() / inside.len().max(1) as f64;
+                let mean = mean(&inside.iter().map(|k| errors[*k]).collect::<Vec<_>>());
                 inside.iter().for_each(|k| errors[*k] -= mean);
             }
         }
@@ -190,7 +205,7 @@ fn predicted(candidate: &Candidate, data: &Data, whole: &Fit, folds: &[Vec<usize
 fn score(candidate: &Candidate, data: &Data, folds: &[Vec<usize>]) -> Result<Scored, IdentifyError> {
     let start = candidate.start()?;
     let data = data.based_on(&start);
-    let whole = fit(&candidate.unknowns, &start, &data);
+    let whole = fit(&candidate.unknowns, &start, &data, &[]);
     let name = candidate.material.map_or("as in the scene", Constant::symbol);
     let mut scored = Scored {
         law: candidate.law.name(),
@@ -208,7 +223,7 @@ fn score(candidate: &Candidate, data: &Data, folds: &[Vec<usize>]) -> Result<Sco
         Ok(whole) => {
             let singular = || IdentifyError::NotConverged("what is not held out cannot tell the constants".into());
             scored.errors = predicted(candidate, &data, &whole, folds).ok_or_else(singular)?;
-            scored.weighed = scored.errors.iter().zip(&data.rows).map(|(error, row)| error / row.sigma).collect();
+            scored.weighed = data.in_deviations(&scored.errors);
             scored.fitted_rms = Some(whole.fitted.rms);
             scored.held_out_rms = Some(Errors::over(scored.errors.iter().copied()).rms);
             scored.fit = Some(whole);
@@ -224,8 +239,7 @@ fn score(candidate: &Candidate, data: &Data, folds: &[Vec<usize>]) -> Result<Sco
 pub(super) fn worse(errors: &[f64], best: &[f64], runs: &[Vec<usize>]) -> bool {
     let squares = |errors: &[f64]| errors.iter().map(|e| e * e).sum::<f64>();
     let independent = |errors: &[f64]| {
-        let each: Vec<Vec<f64>> = runs.iter().map(|run| run.iter().map(|k| errors[*k]).collect()).collect();
-        effective(&each)
+        effective(&runs.iter().map(|run| run.iter().map(|k| errors[*k]).collect()).collect::<Vec<_>>())
     };
     let spread = (2.0 / independent(errors) + 2.0 / independent(best)).sqrt();
     squares(errors) > squares(best) * (NOISE * spread).exp()
@@ -256,7 +270,9 @@ pub fn compete(candidates: &[Candidate], data: &Data) -> Result<Competition, Ide
     let chosen = enough.min_by(simplest).unwrap_or(0);
     scored[chosen].verdict = Verdict::Chosen;
     let base = candidates[chosen].start()?;
-    Ok(Competition { scored, chosen, data, base })
+    let named = |s: &Scored| Named { law: s.law, material: s.material };
+    let others = scored.iter().filter(|s| s.verdict == Verdict::Indistinguishable).map(named).collect();
+    Ok(Competition { named: named(&scored[chosen]), indistinguishable: others, scored, chosen, data, base })
 }
 
 #[cfg(test)]

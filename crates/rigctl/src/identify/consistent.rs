@@ -8,6 +8,7 @@ use super::constants::Unknowns;
 use super::data::{Data, Quantity};
 use super::hysteresis::slopes;
 use super::linear::Linear;
+use crate::statistics::{mean, median, rms};
 use std::f64::consts::TAU;
 
 /// The load on the way down hangs above that on the way up, by friction. So far below (m) it cannot, whatever the noise.
@@ -70,11 +71,11 @@ fn steps(data: &Data, run: &[usize]) -> Option<String> {
     let uneven: Vec<f64> = (0..pairs.len())
         .map(|k| {
             let beside = (k.saturating_sub(BESIDE)..(k + BESIDE + 1).min(pairs.len())).filter(|j| *j != k);
-            let slope = median(beside.map(|j| pairs[j].1 / pairs[j].0).collect());
+            let slope = median(&mut beside.map(|j| pairs[j].1 / pairs[j].0).collect::<Vec<_>>());
             pairs[k].1 - slope * pairs[k].0
         })
         .collect();
-    let usual_m = median(uneven.iter().map(|m| m.abs()).collect());
+    let usual_m = median(&mut uneven.iter().map(|m| m.abs()).collect::<Vec<_>>());
     let beside = |k: usize| {
         let at = |j: Option<usize>| j.and_then(|j| uneven.get(j)).map_or(0.0, |m| m.abs());
         at(k.checked_sub(1)).max(at(Some(k + 1)))
@@ -89,16 +90,6 @@ fn steps(data: &Data, run: &[usize]) -> Option<String> {
         "at {turns:.1} turns there is a step of {:.2} mm between neighbouring rows",
         1e3 * uneven[found].abs()
     ))
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
-}
-
-fn rms<'a>(errors: &[f64], rows: impl Iterator<Item = &'a usize>) -> f64 {
-    let squares: Vec<f64> = rows.map(|k| errors[*k].powi(2)).collect();
-    (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
 }
 
 /// A sweep that does not belong to the others by the chosen law, in words.
@@ -118,7 +109,7 @@ pub fn apart(unknowns: &Unknowns, competition: &Competition) -> Option<String> {
         let mut by = vec![0.0; data.rows.len()];
         run.iter().filter(|k| slopes[**k].is_finite()).for_each(|k| by[*k] = load_n * slopes[*k]);
         let (errors, change) = linear.with(&by)?;
-        Some((rms(&errors, (0..errors.len()).collect::<Vec<_>>().iter()), change, run[0]))
+        Some((rms(&errors), change, run[0]))
     };
     let best = runs.iter().filter_map(reload).min_by(|a, b| a.0.total_cmp(&b.0))?;
     let (left_m, change, row) = best;
@@ -133,21 +124,21 @@ pub fn apart(unknowns: &Unknowns, competition: &Competition) -> Option<String> {
         ));
     }
     // Without one sweep.
-    let rest = |run: &Vec<usize>| {
+    let rest = |at: usize| {
+        let run = &runs[at];
         let errors = linear.without(run)?;
-        let others: Vec<usize> = (0..errors.len()).filter(|k| !run.contains(k)).collect();
-        Some((rms(&errors, others.iter()), rms(&errors, run.iter()), run[0]))
+        let others = (0..errors.len()).filter(|k| !run.contains(k)).map(|k| &errors[k]);
+        Some((rms(others), rms(run.iter().map(|k| &errors[*k])), at))
     };
-    let all: Vec<(f64, f64, usize)> = runs.iter().filter_map(rest).collect();
-    let (left_m, off_m, row) = all.iter().min_by(|a, b| a.0.total_cmp(&b.0)).copied()?;
+    let (left_m, off_m, at) = (0..runs.len()).filter_map(rest).min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let run = &runs[at];
     // Friction that is not alike on both ways moves the mean of them by as much as half the loop.
-    let run = runs.iter().find(|run| run[0] == row)?;
-    let halves = run.iter().filter_map(|k| data.rows[*k].half_difference_m);
-    let loop_m = halves.clone().sum::<f64>() / halves.count().max(1) as f64;
+    let halves_m: Vec<f64> = run.iter().filter_map(|k| data.rows[*k].half_difference_m).collect();
+    let loop_m = if halves_m.is_empty() { 0.0 } else { mean(&halves_m) };
     (CLEARER * left_m < missed_m && off_m > loop_m).then(|| {
         let who = match runs.len() {
             2 => format!("sweeps {} and {}: they do not fit each other", data.file_of(runs[0][0]), data.file_of(runs[1][0])),
-            _ => format!("sweep {}: the others fit each other and not this one", data.file_of(row)),
+            _ => format!("sweep {}: the others fit each other and not this one", data.file_of(run[0])),
         };
         format!(
             "{who} ({:.2} mm off; the rest is within {:.2} mm rms): is it of another rig, or was the LVDT or a string moved in \

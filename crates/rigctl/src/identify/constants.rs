@@ -41,19 +41,22 @@ pub enum Constant {
     Curve,
 }
 
-/// Names, the scene-file key first, then the paper's symbol or a word.
-const NAMES: [(Constant, &str, &str); 11] = [
-    (Constant::K1, "string.k1_per_n", "k1"),
-    (Constant::K2, "string.k2", "k2"),
-    (Constant::K3, "string.k3", "k3"),
-    (Constant::K4, "string.k4", "k4"),
-    (Constant::Exponent, "string.twist_exponent", "p"),
-    (Constant::Stiffness, "string.stiffness_n_per_m", "K"),
-    (Constant::RodRadius, "geometry.rod_radius_m", "R"),
-    (Constant::StringLength, "geometry.string_length_m", "L0"),
-    (Constant::Modulus, "material.modulus", "modulus"),
-    (Constant::OddCurve, "material.odd", "odd-curve"),
-    (Constant::Curve, "material.stress_coefficients_pa", "curve"),
+/// The scene-file key, the paper's symbol or a word, and the standard deviation of the logarithm about the scene's value that
+/// is expected of a rig of the scene's kind: 30 % of the radius law, 15 % of the rods' curve (docs/model.md 6), 30 % of the
+/// strings' stiffness (creep adds up to that share to their stretch, docs/plants.md), 2 mm of the string's length, and an
+/// odd curve whose tangent at a strain of 0.05 is between a half and twice that of a straight line. A curve has none.
+const CONSTANTS: [(Constant, &str, &str, Option<f64>); 11] = [
+    (Constant::K1, "string.k1_per_n", "k1", Some(0.3)),
+    (Constant::K2, "string.k2", "k2", Some(0.3)),
+    (Constant::K3, "string.k3", "k3", Some(0.3)),
+    (Constant::K4, "string.k4", "k4", Some(0.3)),
+    (Constant::Exponent, "string.twist_exponent", "p", Some(0.3)),
+    (Constant::Stiffness, "string.stiffness_n_per_m", "K", Some(0.3)),
+    (Constant::RodRadius, "geometry.rod_radius_m", "R", Some(0.02)),
+    (Constant::StringLength, "geometry.string_length_m", "L0", Some(0.02)),
+    (Constant::Modulus, "material.modulus", "modulus", Some(0.15)),
+    (Constant::OddCurve, "material.odd", "odd-curve", Some(0.5)),
+    (Constant::Curve, "material.stress_coefficients_pa", "curve", None),
 ];
 
 /// Strain at which the two ends of a tangent's terms count alike.
@@ -62,36 +65,32 @@ const STRAIN: f64 = 0.05;
 impl Constant {
     /// By key or symbol.
     pub fn named(name: &str) -> Option<Self> {
-        NAMES.iter().find(|(_, key, symbol)| *key == name || *symbol == name).map(|(constant, ..)| *constant)
+        CONSTANTS.iter().find(|(_, key, symbol, _)| *key == name || *symbol == name).map(|(constant, ..)| *constant)
     }
 
     /// What `--fit` takes.
     pub fn names() -> String {
-        NAMES.map(|(_, _, symbol)| symbol).join(", ")
+        CONSTANTS.map(|(_, _, symbol, _)| symbol).join(", ")
+    }
+
+    fn entry(self) -> (Self, &'static str, &'static str, Option<f64>) {
+        // In the order of the variants.
+        CONSTANTS[self as usize]
     }
 
     /// Key in a scene file.
     pub fn key(self) -> &'static str {
-        NAMES.iter().find(|(c, ..)| *c == self).map_or("", |(_, key, _)| key)
+        self.entry().1
     }
 
     /// How it is called in a table.
     pub fn symbol(self) -> &'static str {
-        NAMES.iter().find(|(c, ..)| *c == self).map_or("", |(.., symbol)| symbol)
+        self.entry().2
     }
 
-    /// Standard deviation of the logarithm about the scene's value that is expected of a rig of the scene's kind: 30 % of
-    /// the radius law, 15 % of the rods' curve (docs/model.md 6), 30 % of the
-    /// strings' stiffness (creep adds up to that share to their stretch, docs/plants.md), 2 mm of the string's length, and
-    /// an odd curve whose tangent at a strain of 0.05 is between a half and twice that of a straight line. A curve has none.
+    /// Standard deviation of the logarithm about the scene's value that is expected beforehand.
     pub fn spread(self) -> Option<f64> {
-        match self {
-            Self::K1 | Self::K2 | Self::K3 | Self::K4 | Self::Exponent | Self::Stiffness => Some(0.3),
-            Self::Modulus => Some(0.15),
-            Self::RodRadius | Self::StringLength => Some(0.02),
-            Self::OddCurve => Some(0.5),
-            Self::Curve => None,
-        }
+        self.entry().3
     }
 
     /// Whether it is a way to fit the rods' curve.
@@ -108,69 +107,61 @@ impl Constant {
         }
     }
 
+    /// Where a positive constant stands.
+    fn place<T>(self, p: &mut Parameters<T>) -> Option<&mut T> {
+        match self {
+            Self::K1 => Some(&mut p.k1_per_n),
+            Self::K2 => Some(&mut p.k2),
+            Self::K3 => Some(&mut p.k3),
+            Self::K4 => Some(&mut p.k4),
+            Self::Exponent => Some(&mut p.twist_exponent),
+            Self::Stiffness => Some(&mut p.stiffness_n_per_m),
+            Self::RodRadius => Some(&mut p.rod_radius_m),
+            Self::StringLength => Some(&mut p.string_length_m),
+            Self::Modulus | Self::OddCurve | Self::Curve => None,
+        }
+    }
+
     /// Unknowns at the scene's own values.
     ///
     /// # Errors
     /// In words, if a fit cannot start there.
     pub fn start(self, p: &Parameters) -> Result<Vec<f64>, String> {
-        let a = p.stress_coefficients_pa;
-        let positive = |value: f64| {
-            if value > 0.0 {
-                Ok(vec![value.ln()])
-            } else {
-                Err(format!("{}: the scene has {value}, and a fit starts above 0", self.key()))
-            }
-        };
-        match self {
-            Self::K1 => positive(p.k1_per_n),
-            Self::K2 => positive(p.k2),
-            Self::K3 => positive(p.k3),
-            Self::K4 if p.radius_law == RadiusLaw::TwistPower => {
-                Err("string.k4: the radius law twist-power has none (see --law)".into())
-            }
-            Self::K4 => positive(p.k4),
-            Self::Exponent if p.radius_law == RadiusLaw::LengthRatio => {
-                Err("string.twist_exponent: the radius law length-ratio has none (see --law)".into())
-            }
-            Self::Exponent => positive(p.twist_exponent),
-            Self::Stiffness => positive(p.stiffness_n_per_m),
-            Self::RodRadius => positive(p.rod_radius_m),
-            Self::StringLength => positive(p.string_length_m),
-            Self::Modulus => Ok(vec![0.0]),
+        let without = |law| Err(format!("{}: the radius law {law} has none (see --law)", self.key()));
+        match (self, p.radius_law) {
+            (Self::K4, RadiusLaw::TwistPower) => return without("twist-power"),
+            (Self::Exponent, RadiusLaw::LengthRatio) => return without("length-ratio"),
+            _ => {}
+        }
+        let a1 = p.stress_coefficients_pa[0];
+        match self.place(&mut p.clone()) {
+            Some(value) if *value > 0.0 => Ok(vec![value.ln()]),
+            Some(value) => Err(format!("{}: the scene has {value}, and a fit starts above 0", self.key())),
             // σ'/a1 = (u + v z)² + w² z with z = (ε/0.05)²: every tangent that is not negative for z ≥ 0.
-            Self::OddCurve => Ok(vec![a[0].ln(), 0.02, 0.02]),
+            None if self == Self::OddCurve => Ok(vec![a1.ln(), 0.02, 0.02]),
             // σ'/a1 = (1 + c1 x + c2 x²)² share + (1 + d1 x)² (1 − share), x = ε/0.05.
-            Self::Curve => Ok(vec![a[0].ln(), 0.01, 0.01, -0.01, 0.0]),
+            None if self == Self::Curve => Ok(vec![a1.ln(), 0.01, 0.01, -0.01, 0.0]),
+            None => Ok(vec![0.0]),
         }
     }
 
     /// Puts the unknowns into the constants.
-    fn put(self, x: &[Number], p: &mut Parameters<Number>) {
-        let exp = |k: usize| x.get(k).map_or(Number::of(1.0), |x| x.exp_m1() + 1.0);
-        let raw = |k: usize| x.get(k).copied().unwrap_or(Number::of(0.0));
+    fn put<T: Scalar>(self, x: &[T], p: &mut Parameters<T>) {
+        let raw = |k: usize| x.get(k).copied().unwrap_or(T::of(0.0));
+        let scale = raw(0).exp_m1() + 1.0;
+        if let Some(place) = self.place(p) {
+            *place = scale;
+        }
         match self {
-            Self::K1 => p.k1_per_n = exp(0),
-            Self::K2 => p.k2 = exp(0),
-            Self::K3 => p.k3 = exp(0),
-            Self::K4 => p.k4 = exp(0),
-            Self::Exponent => p.twist_exponent = exp(0),
-            Self::Stiffness => p.stiffness_n_per_m = exp(0),
-            Self::RodRadius => p.rod_radius_m = exp(0),
-            Self::StringLength => p.string_length_m = exp(0),
-            Self::Modulus => p.stress_coefficients_pa = p.stress_coefficients_pa.map(|a| a * exp(0)),
+            Self::Modulus => p.stress_coefficients_pa = p.stress_coefficients_pa.map(|a| a * scale),
             Self::OddCurve => {
-                let (a1, v, w) = (exp(0), raw(1), raw(2));
-                let z = STRAIN * STRAIN;
-                p.stress_coefficients_pa = [
-                    a1,
-                    Number::of(0.0),
-                    a1 * (v * 2.0 + w * w) / (3.0 * z),
-                    Number::of(0.0),
-                    a1 * v * v / (5.0 * z * z),
-                ];
+                let (a1, v, w) = (scale, raw(1), raw(2));
+                let (z, none) = (STRAIN * STRAIN, T::of(0.0));
+                p.stress_coefficients_pa =
+                    [a1, none, a1 * (v * 2.0 + w * w) / (3.0 * z), none, a1 * v * v / (5.0 * z * z)];
             }
             Self::Curve => {
-                let (a1, c1, c2, d1) = (exp(0), raw(1), raw(2), raw(3));
+                let (a1, c1, c2, d1) = (scale, raw(1), raw(2), raw(3));
                 // A share between 0 and 1.
                 let (sin, cos) = (raw(4) + std::f64::consts::FRAC_PI_4).sin_cos();
                 let (first, second) = (sin * sin, cos * cos);
@@ -182,27 +173,8 @@ impl Constant {
                     a1 * first * c2 * c2 / (5.0 * STRAIN.powi(4)),
                 ];
             }
+            _ => {}
         }
-    }
-}
-
-/// The constants without their derivatives.
-pub fn values(p: &Parameters<Number>) -> Parameters {
-    Parameters {
-        string_length_m: p.string_length_m.value,
-        rod_span_m: p.rod_span_m.value,
-        clamp_width_m: p.clamp_width_m.value,
-        rod_radius_m: p.rod_radius_m.value,
-        diameter_m: p.diameter_m.value,
-        stiffness_n_per_m: p.stiffness_n_per_m.value,
-        k1_per_n: p.k1_per_n.value,
-        k2: p.k2.value,
-        k3: p.k3.value,
-        k4: p.k4.value,
-        twist_exponent: p.twist_exponent.value,
-        stress_coefficients_pa: p.stress_coefficients_pa.map(|a| a.value),
-        radius_law: p.radius_law,
-        correction: p.correction,
     }
 }
 
@@ -234,15 +206,20 @@ impl Unknowns {
             .collect()
     }
 
-    /// Constants of a scene with the unknowns in their places, except what a row fixes for itself (`fixed`, by key).
-    pub fn parameters(&self, base: &Parameters, x: &[f64], fixed: &str) -> Parameters<Number> {
-        let mut p = Parameters::<Number>::constant(base);
-        let mut at = 0;
+    /// Constants of a scene with the unknowns in their places, except what a row fixes for itself (`fixed`, by key); `number`
+    /// makes the kind of number of a constant's unknown and its place.
+    pub fn put<T: Scalar>(
+        &self,
+        base: &Parameters,
+        x: &[f64],
+        fixed: &str,
+        number: impl Fn(f64, usize) -> T,
+    ) -> Parameters<T> {
+        let (mut p, mut at) = (Parameters::<T>::constant(base), 0);
         for constant in &self.constants {
-            let n = constant.unknowns();
-            let part: Vec<Number> =
-                (at..at + n).map(|k| Number::parameter(x.get(k).copied().unwrap_or(0.0), k)).collect();
-            at += n;
+            let places = at..at + constant.unknowns();
+            at = places.end;
+            let part: Vec<T> = places.map(|k| number(x.get(k).copied().unwrap_or(0.0), k)).collect();
             if !fixed.contains(constant.key()) {
                 constant.put(&part, &mut p);
             }
@@ -252,18 +229,15 @@ impl Unknowns {
 
     /// The scene with the fitted constants, without a correction: it belonged to the constants before.
     pub fn scene(&self, scene: &Scene, base: &Parameters, x: &[f64]) -> Scene {
-        let p = self.parameters(base, x, "");
-        let mut fitted = scene.clone();
-        fitted.geometry.string_length_m = p.string_length_m.value;
-        fitted.geometry.rod_radius_m = p.rod_radius_m.value;
-        fitted.string.stiffness_n_per_m = p.stiffness_n_per_m.value;
-        fitted.string.k1_per_n = p.k1_per_n.value;
-        (fitted.string.k2, fitted.string.k3, fitted.string.k4) = (p.k2.value, p.k3.value, p.k4.value);
-        if fitted.string.twist_exponent.is_some() {
-            fitted.string.twist_exponent = Some(p.twist_exponent.value);
-        }
-        fitted.correction = None;
-        fitted.material.stress_coefficients_pa = p.stress_coefficients_pa.map(|a| a.value);
+        let p = self.put(base, x, "", |value, _| value);
+        let mut fitted = Scene { correction: None, ..scene.clone() };
+        fitted.geometry.string_length_m = p.string_length_m;
+        fitted.geometry.rod_radius_m = p.rod_radius_m;
+        fitted.material.stress_coefficients_pa = p.stress_coefficients_pa;
+        let string = &mut fitted.string;
+        (string.stiffness_n_per_m, string.k1_per_n) = (p.stiffness_n_per_m, p.k1_per_n);
+        (string.k2, string.k3, string.k4) = (p.k2, p.k3, p.k4);
+        string.twist_exponent = string.twist_exponent.map(|_| p.twist_exponent);
         fitted
     }
 }

@@ -5,13 +5,12 @@
 //! alone predicts worse by more than the noise of that comparison. (The laws compete on blocks of all sweeps together, which
 //! tell how a law goes on beyond its data. A surface does not go on there.)
 
-use super::Errors;
 use super::compete::{BLOCKS, worse};
 use super::constants::Unknowns;
 use super::data::Data;
 use super::fit::Fit;
 use super::linear::Linear;
-use super::noise::Noise;
+use crate::statistics::{Noise, rms};
 use nalgebra::{DMatrix, DVector};
 use rig_config::Scene;
 use serde::Serialize;
@@ -123,9 +122,7 @@ pub fn corrected(
         um(best),
         um(&alone)
     );
-    let weighed =
-        |errors: &[f64]| errors.iter().zip(&data.rows).map(|(error, row)| error / row.sigma).collect::<Vec<_>>();
-    let helps = |errors: &[f64]| worse(&weighed(&alone), &weighed(errors), &data.runs());
+    let helps = |errors: &[f64]| worse(&data.in_deviations(&alone), &data.in_deviations(errors), &data.runs());
     let errors = linear.without(&[]).ok_or_else(undetermined)?;
     let all: Vec<usize> = (0..data.rows.len()).collect();
     for (order, predicted) in candidates.iter().filter(|(_, errors)| helps(errors)) {
@@ -155,10 +152,6 @@ pub fn corrected(
 /// Blocks of twist of one sweep.
 fn blocks(run: &[usize]) -> impl Iterator<Item = Vec<usize>> {
     run.chunks(run.len().div_ceil(BLOCKS).max(1)).map(<[_]>::to_vec)
-}
-
-fn rms(errors: &[f64]) -> f64 {
-    Errors::over(errors.iter().copied()).rms
 }
 
 /// What a surface leaves of a law's errors (computed less measured, m).
@@ -215,13 +208,11 @@ fn surface(scene: &Scene, data: &Data, errors: &[f64], rows: &[usize], order: [u
         return None;
     }
     let solved = svd.solve(&right, 0.0).ok()?;
-    for ([i, j], c) in terms.into_iter().zip(solved.iter()) {
-        correction.coefficients_m[i][j] = (c * DIGITS_PER_M).round() / DIGITS_PER_M;
+    for ([i, j], c) in terms.iter().zip(solved.iter()) {
+        correction.coefficients_m[*i][*j] = (c * DIGITS_PER_M).round() / DIGITS_PER_M;
     }
     let rest = left(&correction, data, errors);
-    let in_deviations = |run: Vec<usize>| run.iter().map(|k| rest[*k] / data.rows[*k].sigma).collect();
-    let runs: Vec<Vec<f64>> = data.runs().into_iter().map(in_deviations).collect();
-    let noise = Noise::of(&runs, (order[0] * order[1]) as f64);
+    let noise = Noise::of(&data.by_run(&data.in_deviations(&rest)), terms.len() as f64);
     let covariance = (matrix.transpose() * matrix).try_inverse()? * noise.inflation;
     let share = (rms(&rest) / rms(errors)).powi(2);
     Some(Surface { correction, order, covariance, share })

@@ -6,12 +6,11 @@
 //! rig share the zero of its LVDT, and the string's length is fitted to it. The zero of the gap sensor behind another file
 //! with `gap_m`, or an older log, is not known: each gets an unknown of its own for it.
 
+use crate::csv_text::{Table, no_number};
 use crate::failure::Failure;
 use crate::log::sweep::Sweep;
-use crate::log::{self, Log};
-use crate::published::{self, Group, Kind};
+use crate::log::{self, Log, LogError};
 use rig_config::Scene;
-use std::io::Read;
 use std::ops::Range;
 use std::path::Path;
 use tsa_model::{Parameters, twist_from_turns};
@@ -56,6 +55,25 @@ pub struct Row {
     pub held_out: bool,
 }
 
+impl Row {
+    /// A number from which the fit may deviate by its own size.
+    pub fn new(id: String, quantity: Quantity, load_n: f64, twist_rad: f64, value: f64, base: &Parameters) -> Self {
+        Self {
+            id,
+            quantity,
+            load_n,
+            twist_rad,
+            value,
+            sigma: value,
+            base: *base,
+            fixed: String::new(),
+            zero: None,
+            half_difference_m: None,
+            held_out: false,
+        }
+    }
+}
+
 /// Rows, and what could not be read.
 #[derive(Debug, Clone, Default)]
 pub struct Data {
@@ -77,24 +95,80 @@ impl Data {
         self.rows.iter().all(|row| row.quantity == Quantity::Gap && row.zero.is_none())
     }
 
+    /// Adds what a log of `rigctl sweep` recorded.
+    fn add_log(&mut self, name: &str, base: &Parameters, log: &Log, partial: bool) -> Result<(), String> {
+        let broken_off = log.header.get("broken_off").map(|why| format!("was broken off ({why})"));
+        let cut = (!log.complete).then(|| LogError::Cut { rows: log.rows.len() }.to_string());
+        if let Some(why) = cut.or(broken_off).filter(|_| !partial) {
+            return Err(format!("{why}; --partial takes what is there"));
+        }
+        let sweep = log::sweep::reduce(log)?;
+        taut("sweep.load_n", sweep.load_n)?;
+        match sweep.after_n {
+            Some(_) => self.after.push((name.to_owned(), sweep)),
+            None => self.add_sweep(name, base, &sweep),
+        }
+        Ok(())
+    }
+
+    /// Adds the rows of a file with columns of its own.
+    fn add_file(&mut self, name: &str, base: &Parameters, text: &str) -> Result<(), String> {
+        let table = Table::parse(text)?;
+        let either = |[first, second]: [&'static str; 2]| {
+            let missing = || format!("has neither a column `{first}` nor `{second}`");
+            [first, second].into_iter().find(|name| table.has(name)).ok_or_else(missing)
+        };
+        if !table.has("load_n") {
+            return Err("has no column `load_n`".into());
+        }
+        let (twist, length) = (either(["turns", "twist_rad"])?, either(["gap_m", "contraction_m"])?);
+        let quantity = if length == "gap_m" { Quantity::Gap } else { Quantity::Contraction };
+        let zero = (quantity == Quantity::Gap).then_some(self.zeros);
+        let before = self.rows.len();
+        for (line, record) in &table.rows {
+            let id = format!("{name}:{line}");
+            let number = |name: &str| match table.number(record, name)? {
+                number if number.is_finite() => Ok(number),
+                number => Err(no_number(name, &number.to_string())),
+            };
+            let row = || {
+                let sigma = if table.has("sigma_m") { number("sigma_m")? } else { SIGMA_M };
+                let [least, most] = SIGMAS_M;
+                if !(least..=most).contains(&sigma) {
+                    return Err(format!("sigma_m {sigma} must be from {least} to {most} m"));
+                }
+                let (load_n, turned) = (taut("load_n", number("load_n")?)?, number(twist)?);
+                let twist_rad = if twist == "turns" { twist_from_turns(turned) } else { turned };
+                let value = number(length)?;
+                Ok(Row { zero, sigma, ..Row::new(id.clone(), quantity, load_n, twist_rad, value, base) })
+            };
+            match row() {
+                Ok(row) => self.rows.push(row),
+                Err(what) => self.bad.push(format!("{id}: {what}")),
+            }
+        }
+        if self.rows.len() == before {
+            let why = self.bad.last().map_or(String::new(), |bad| format!(" ({bad})"));
+            return Err(format!("has no good row{why}"));
+        }
+        self.zeros += usize::from(zero.is_some());
+        self.files.push((name.to_owned(), before..self.rows.len()));
+        Ok(())
+    }
+
     /// Adds the equilibria of one recorded sweep under a known load.
     pub fn add_sweep(&mut self, name: &str, base: &Parameters, sweep: &Sweep) {
         let before = self.rows.len();
         let zero = sweep.zero_gap_m.is_none().then_some(self.zeros);
         for stop in &sweep.stops {
+            let id = format!("{name} at {:.2} turns", stop.twist_rad / std::f64::consts::TAU - 0.5);
+            // Up is where the gap is smaller.
+            let value = sweep.zero_gap_m.unwrap_or(0.0) - stop.position_m;
             self.rows.push(Row {
                 half_difference_m: Some(stop.half_difference_m),
-                held_out: false,
-                id: format!("{name} at {:.2} turns", stop.twist_rad / std::f64::consts::TAU - 0.5),
-                quantity: Quantity::Gap,
-                load_n: sweep.load_n,
-                twist_rad: stop.twist_rad,
-                // Up is where the gap is smaller.
-                value: sweep.zero_gap_m.unwrap_or(0.0) - stop.position_m,
                 sigma: SIGMA_M.hypot(LOOP_SHARE * stop.half_difference_m),
-                base: *base,
-                fixed: String::new(),
                 zero,
+                ..Row::new(id, Quantity::Gap, sweep.load_n, stop.twist_rad, value, base)
             });
         }
         self.zeros += usize::from(zero.is_some());
@@ -145,6 +219,16 @@ impl Data {
         thin
     }
 
+    /// Errors of all rows (m) in standard deviations of each.
+    pub fn in_deviations(&self, errors: &[f64]) -> Vec<f64> {
+        errors.iter().zip(&self.rows).map(|(error, row)| error / row.sigma).collect()
+    }
+
+    /// Some values of the rows, sweep by sweep.
+    pub fn by_run(&self, values: &[f64]) -> Vec<Vec<f64>> {
+        self.runs().iter().map(|run| run.iter().map(|k| values[*k]).collect()).collect()
+    }
+
     /// The file that a row is of.
     pub fn file_of(&self, row: usize) -> &str {
         self.files.iter().find(|(_, rows)| rows.contains(&row)).map_or("", |(name, _)| name)
@@ -160,50 +244,6 @@ pub const SIGMA_M: f64 = 25e-6;
 /// standard deviations stay far from the limits of a number.
 const SIGMAS_M: [f64; 2] = [1e-9, 1.0];
 
-/// The paper's numbers; `held_out` are ids, or `theory`, `experiment`, `tr`, `span`, `contraction`.
-///
-/// # Errors
-/// If an id does not occur, or a change cannot be made.
-pub fn published(scene: &Scene, held_out: &[String]) -> Result<Data, Failure> {
-    let rows = published::rows()?;
-    for name in held_out {
-        let kinds = ["theory", "experiment", "tr", "span", "contraction"];
-        if !kinds.contains(&name.as_str()) && !rows.iter().any(|r| r.id == *name) {
-            return Err(Failure::Usage(format!("--hold-out: no published number is called `{name}`")));
-        }
-    }
-    let mut data = Data::default();
-    for r in rows {
-        let (quantity, group, si) = match r.quantity.group() {
-            Group::Contraction => (Quantity::Contraction, "contraction", 1e-3),
-            Group::Tr => (Quantity::Tr, "tr", 1e3),
-            Group::Span => (Quantity::Span, "span", 1e-3),
-        };
-        let kind = if r.kind == Kind::Theory { "theory" } else { "experiment" };
-        let changed = published::apply(scene, &r.changes).map_err(|e| Failure::failed(format!("{}: {e}", r.id)))?;
-        data.rows.push(Row {
-            half_difference_m: None,
-            held_out: held_out.iter().any(|h| *h == r.id || h == kind || h == group),
-            id: r.id,
-            quantity,
-            load_n: r.load_n,
-            twist_rad: twist_from_turns(r.quantity.turns()),
-            value: r.value * si,
-            sigma: r.value * si,
-            base: Parameters::new(&changed.geometry, &changed.string, &changed.material)?,
-            fixed: r.changes,
-            zero: None,
-        });
-    }
-    Ok(data)
-}
-
-/// Whether a file begins as a log does.
-fn is_log(path: &Path) -> bool {
-    let mut start = [0; 10];
-    std::fs::File::open(path).and_then(|mut f| f.read_exact(&mut start)).is_ok() && &start == b"# format ="
-}
-
 /// Recorded sweeps. A log that was cut or broken off is taken only if `partial`.
 ///
 /// # Errors
@@ -211,108 +251,23 @@ fn is_log(path: &Path) -> bool {
 pub fn sweeps(scene: &Scene, files: &[impl AsRef<Path>], partial: bool) -> Result<Data, Failure> {
     let base = Parameters::new(&scene.geometry, &scene.string, &scene.material)?;
     let mut data = Data::default();
-    for file in files {
-        let path = file.as_ref();
-        let wrong = |what: String| Failure::failed(format!("sweep {}: {what}", path.display()));
-        rig_config::files::check_regular(path).map_err(|e| wrong(e.to_string()))?;
-        let before = data.rows.len();
-        if is_log(path) {
-            let log = Log::load(path).map_err(wrong)?;
-            if !partial {
-                let whole = log.clone().whole().map_err(|e| e.to_string());
-                let ended = whole.and_then(|log| match log.header.get("broken_off") {
-                    Some(why) => Err(format!("was broken off ({why})")),
-                    None => Ok(()),
-                });
-                ended.map_err(|e| wrong(format!("{e}; --partial takes what is there")))?;
-            }
-            let sweep = log::sweep::reduce(&log).map_err(wrong)?;
-            let load_n = sweep.load_n;
-            if !(load_n >= tsa_model::mechanism::MINIMUM_LOAD_N && load_n.is_finite()) {
-                return Err(wrong(format!(
-                    "sweep.load_n {load_n}: a slack string has no law (the column is in newtons)"
-                )));
-            }
-            let name = path.display().to_string();
-            match sweep.after_n {
-                Some(_) => data.after.push((name, sweep)),
-                None => data.add_sweep(&name, &base, &sweep),
-            }
-            continue;
-        }
-        let mut reader = csv::ReaderBuilder::new()
-            .comment(Some(b'#'))
-            .trim(csv::Trim::All)
-            .flexible(true)
-            .from_path(path)
-            .map_err(|e| wrong(e.to_string()))?;
-        let header = reader.headers().map_err(|e| wrong(e.to_string()))?.clone();
-        let column = |name: &str| header.iter().position(|h| h == name);
-        let load = column("load_n").ok_or_else(|| wrong("has no column `load_n`".into()))?;
-        let (turn, turns) = match (column("turns"), column("twist_rad")) {
-            (Some(k), _) => (k, true),
-            (None, Some(k)) => (k, false),
-            _ => return Err(wrong("has neither a column `turns` nor `twist_rad`".into())),
-        };
-        let (value, quantity) = match (column("gap_m"), column("contraction_m")) {
-            (Some(k), _) => (k, Quantity::Gap),
-            (None, Some(k)) => (k, Quantity::Contraction),
-            _ => return Err(wrong("has neither a column `gap_m` nor `contraction_m`".into())),
-        };
-        let sigma = column("sigma_m");
-        let zero = (quantity == Quantity::Gap).then_some(data.zeros);
-        for record in reader.records() {
-            let line = record.as_ref().ok().and_then(|r| r.position()).map_or(0, |p| p.line());
-            let id = format!("{}:{line}", path.display());
-            let row = record.map_err(|e| e.to_string()).and_then(|record| {
-                let number = |k: usize| {
-                    let cell = record.get(k).unwrap_or("");
-                    let name = header.get(k).unwrap_or("");
-                    match cell.parse::<f64>() {
-                        Ok(x) if x.is_finite() => Ok(x),
-                        _ => Err(format!("{name} `{cell}` is not a number")),
-                    }
-                };
-                let sigma = sigma.map_or(Ok(SIGMA_M), number)?;
-                let [least, most] = SIGMAS_M;
-                if !(least..=most).contains(&sigma) {
-                    return Err(format!("sigma_m {sigma} must be from {least} to {most} m"));
-                }
-                let load_n = number(load)?;
-                if load_n < tsa_model::mechanism::MINIMUM_LOAD_N {
-                    return Err(format!("load_n {load_n}: a slack string has no law (the column is in newtons)"));
-                }
-                let twist = number(turn)?;
-                let twist_rad = if turns { twist_from_turns(twist) } else { twist };
-                Ok((load_n, twist_rad, number(value)?, sigma))
-            });
-            match row {
-                Ok((load_n, twist_rad, value, sigma)) => data.rows.push(Row {
-                    half_difference_m: None,
-                    held_out: false,
-                    id,
-                    quantity,
-                    load_n,
-                    twist_rad,
-                    value,
-                    sigma,
-                    base,
-                    fixed: String::new(),
-                    zero,
-                }),
-                Err(what) => data.bad.push(format!("{id}: {what}")),
-            }
-        }
-        if data.rows.len() == before {
-            return Err(wrong(format!(
-                "has no good row{}",
-                data.bad.last().map_or(String::new(), |b| format!(" ({b})"))
-            )));
-        }
-        data.zeros += usize::from(zero.is_some());
-        data.files.push((path.display().to_string(), before..data.rows.len()));
+    for path in files.iter().map(AsRef::as_ref) {
+        let name = path.display().to_string();
+        let content = rig_config::files::read(path).map_err(|e| e.to_string());
+        let read = content.and_then(|bytes| match Log::is_one(&bytes) {
+            true => data.add_log(&name, &base, &Log::load(path)?, partial),
+            false => data.add_file(&name, &base, &String::from_utf8_lossy(&bytes)),
+        });
+        read.map_err(|what| Failure::failed(format!("sweep {name}: {what}")))?;
     }
     Ok(data)
+}
+
+/// Checks that a string is not slack, which has no law.
+fn taut(name: &str, load_n: f64) -> Result<f64, String> {
+    let taut = load_n >= tsa_model::mechanism::MINIMUM_LOAD_N && load_n.is_finite();
+    let why = || format!("{name} {load_n}: a slack string has no law (the column is in newtons)");
+    taut.then_some(load_n).ok_or_else(why)
 }
 
 #[cfg(test)]

@@ -1,10 +1,9 @@
 //! The least squares, and what the data can tell of the unknowns.
 
-use super::Errors;
-use super::constants::{MOST, Number, Unknowns, values};
+use super::constants::{MOST, Number, Unknowns};
 use super::data::{Data, Quantity, Row};
 use super::hysteresis::{Loop, load_share, loops, slopes};
-use super::noise::{Noise, half_width};
+use crate::statistics::{Errors, Noise, half_width};
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::{DMatrix, DVector, Dyn, Owned};
 use serde::Serialize;
@@ -24,19 +23,9 @@ const REFUSED: f64 = 10.0;
 /// Why there is no fit.
 #[derive(Debug, thiserror::Error)]
 pub enum IdentifyError {
-    /// A starting value, or too many constants.
+    /// A starting value, too many constants, or fewer numbers than unknowns.
     #[error("{0}")]
     Start(String),
-    /// Fewer numbers than unknowns.
-    #[error("{rows} numbers cannot tell {unknowns} unknowns: {labels}")]
-    TooFew {
-        /// Numbers fitted.
-        rows: usize,
-        /// Unknowns.
-        unknowns: usize,
-        /// Their names.
-        labels: String,
-    },
     /// The data leave a combination of constants open.
     #[error(
         "the data cannot tell {constants}: {why}; leave out one of them with --fit, or record other loads and turns"
@@ -149,12 +138,12 @@ pub(super) struct Problem<'a> {
 
 /// The row's number with its derivatives by the constants.
 fn predict(unknowns: &Unknowns, row: &Row, x: &[f64]) -> Result<Number, SolveError> {
-    number(Mechanism::of(unknowns.parameters(&row.base, x, &row.fixed)), row)
+    number(Mechanism::of(unknowns.put(&row.base, x, &row.fixed, Number::parameter)), row)
 }
 
 /// The row's number alone.
 fn value(unknowns: &Unknowns, row: &Row, x: &[f64]) -> Result<f64, SolveError> {
-    number(Mechanism::of(values(&unknowns.parameters(&row.base, x, &row.fixed))), row)
+    number(Mechanism::of(unknowns.put(&row.base, x, &row.fixed, |value, _| value)), row)
 }
 
 fn number<T: Scalar>(m: Mechanism<T>, row: &Row) -> Result<T, SolveError> {
@@ -240,21 +229,12 @@ impl<'a> Problem<'a> {
         (problem, report.number_of_evaluations, end)
     }
 
-    /// The same from where it is, with the rows' variances multiplied.
-    fn inflated(self, inflation: f64) -> Self {
-        Self::new(self.unknowns, self.rows, self.expected, self.x, inflation)
-    }
-
     /// The inverse of the information, with the rows' variances multiplied.
     fn covariance(&self, jacobian: &DMatrix<f64>, inflation: f64) -> Option<DMatrix<f64>> {
         let mut weighted = jacobian.clone();
         let by = self.wider / inflation.sqrt();
         weighted.rows_mut(0, self.rows.len()).iter_mut().for_each(|x| *x *= by);
-        // Scaled, so that constants of different sizes do not count as nearly dependent.
-        let norms: Vec<f64> = weighted.column_iter().map(|c| c.norm()).collect();
-        for (mut column, norm) in weighted.column_iter_mut().zip(&norms) {
-            column /= *norm;
-        }
+        let norms = scale(&mut weighted);
         let inverse = (weighted.transpose() * &weighted).try_inverse()?;
         Some(DMatrix::from_fn(norms.len(), norms.len(), |i, j| inverse[(i, j)] / (norms[i] * norms[j])))
     }
@@ -340,33 +320,20 @@ fn begin(unknowns: &Unknowns, start: &Parameters, data: &Data) -> Result<(Vec<f6
     let mut labels = unknowns.labels();
     for zero in 0..data.zeros {
         // A first guess of each sensor's zero: what the model's gap misses on average.
-        let misses: Vec<f64> = data
-            .rows
-            .iter()
-            .filter(|r| r.zero == Some(zero))
-            .filter_map(|r| Some(r.value - value(unknowns, r, &x).ok()?))
-            .collect();
+        let of_zero = data.rows.iter().filter(|r| r.zero == Some(zero));
+        let misses: Vec<f64> = of_zero.filter_map(|r| Some(r.value - value(unknowns, r, &x).ok()?)).collect();
         x.push(misses.iter().sum::<f64>() / misses.len().max(1) as f64);
         labels.push(format!("zero of sweep {}", zero + 1));
     }
     Ok((x, labels))
 }
 
-/// Fits the unknowns to the data.
+/// Fits the unknowns to the data; the values that are expected of them beforehand are shifted each by so many of its standard
+/// deviations, which is none unless it is said.
 ///
 /// # Errors
 /// [`IdentifyError`]: what the data cannot tell is refused by name.
-pub fn fit(unknowns: &Unknowns, start: &Parameters, data: &Data) -> Result<Fit, IdentifyError> {
-    fit_about(unknowns, start, data, &[])
-}
-
-/// The same with the expected values shifted, each by so many of its standard deviations.
-pub(super) fn fit_about(
-    unknowns: &Unknowns,
-    start: &Parameters,
-    data: &Data,
-    shifts: &[f64],
-) -> Result<Fit, IdentifyError> {
+pub fn fit(unknowns: &Unknowns, start: &Parameters, data: &Data, shifts: &[f64]) -> Result<Fit, IdentifyError> {
     let (x, labels) = begin(unknowns, start, data)?;
     let spreads = unknowns.constants.iter().flat_map(|c| vec![c.spread(); c.unknowns()]).enumerate();
     let expected: Vec<Expected> = spreads
@@ -382,7 +349,7 @@ pub(super) fn fit_about(
     let problem = Problem::new(unknowns, rows, expected, DVector::from_vec(x), first);
     let (n, m) = (problem.residuals.len(), problem.x.len());
     if n <= m {
-        return Err(IdentifyError::TooFew { rows: n, unknowns: m, labels: labels.join(", ") });
+        return Err(IdentifyError::Start(format!("{n} numbers cannot tell {m} unknowns: {}", labels.join(", "))));
     }
     // Constants that the data leave open at the start stay open to the end, and would lead the fit astray.
     determined(&problem.derivatives(), &labels)?;
@@ -395,7 +362,9 @@ pub(super) fn fit_about(
     let mut noise = problem.noise(&jacobian, &runs);
     if unknowns.expected {
         // What is expected counts beside the rows for what they are worth.
-        let (again, more, _) = problem.inflated(noise.inflation.max(1.0)).minimised();
+        let Problem { rows, expected, x, .. } = problem;
+        let again = Problem::new(unknowns, rows, expected, x, noise.inflation.max(1.0));
+        let (again, more, _) = again.minimised();
         (problem, evaluations) = (again, evaluations + more);
         jacobian = problem.derivatives();
         noise = problem.noise(&jacobian, &runs);
@@ -460,18 +429,26 @@ fn fitted(unknowns: &Unknowns, row: &Row, x: &[f64]) -> Fitted {
     }
 }
 
+/// Scales the columns to a norm of 1, so that constants of different sizes do not count as nearly dependent; returns what the
+/// norms were.
+fn scale(jacobian: &mut DMatrix<f64>) -> Vec<f64> {
+    let normalised = |mut column: nalgebra::DVectorViewMut<'_, f64>| {
+        let norm = column.norm();
+        column /= norm;
+        norm
+    };
+    jacobian.column_iter_mut().map(normalised).collect()
+}
+
 /// Whether every direction of the unknowns is determined.
 fn determined(jacobian: &DMatrix<f64>, labels: &[String]) -> Result<(), IdentifyError> {
-    let norms: Vec<f64> = jacobian.column_iter().map(|c| c.norm()).collect();
+    let mut scaled = jacobian.clone();
+    let norms = scale(&mut scaled);
     let silent: Vec<&str> =
         norms.iter().zip(labels).filter(|(n, _)| **n == 0.0).map(|(_, label)| label.as_str()).collect();
     if !silent.is_empty() {
         let why = "no number depends on it".to_owned();
         return Err(IdentifyError::Undetermined { constants: silent.join(", "), why });
-    }
-    let mut scaled = jacobian.clone();
-    for (mut column, norm) in scaled.column_iter_mut().zip(&norms) {
-        column /= *norm;
     }
     let lost = || IdentifyError::NotConverged("the Jacobian has no singular values".into());
     let svd = scaled.svd(false, true);

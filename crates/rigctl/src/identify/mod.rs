@@ -1,17 +1,14 @@
 //! Fitting a scene's constants to what was measured, with exact derivatives from the solver, and saying how far the result
 //! can be trusted.
 //!
-//! - [`data`]: recorded sweeps and the paper's numbers. [`constants`]: what can be fitted. [`laws`]: the radius laws.
+//! - [`data`]: recorded sweeps. [`constants`]: what can be fitted. [`laws`]: the radius laws.
 //! - [`mod@fit`]: the least squares, and what the data can tell. [`linear`]: the same without some rows.
-//! - [`noise`]: how much correlated residuals tell.
-//! - [`mod@compete`]: laws and materials predict held-out sweeps. [`predict`]: contractions with their errors.
+//! - [`mod@compete`]: laws and materials predict held-out sweeps. [`predict`]: contractions with their errors. [`plan`]: which
+//!   further sweep would tell most.
 //! - [`plausible`], [`consistent`]: numbers that no rig gives, wrong units, sweeps that do not belong together.
-//! - [`correction`]: what no law has, as a surface that was measured.
-//! - [`memory`]: what the rods remember of a heavier load, by sweeps before and after it.
-//! - [`tabled`]: the table of the scene. [`hysteresis`]: loops between the way up and the way down.
-//! - [`plan`]: which sweep would tell most. [`bootstrap`]: fits to resampled sweeps.
+//! - [`correction`]: what no law has, as a surface that was measured. [`hysteresis`]: loops between up and down, and what the rods
+//!   remember of a heavier load.
 
-pub mod bootstrap;
 pub mod compete;
 pub mod consistent;
 pub mod constants;
@@ -21,52 +18,21 @@ pub mod fit;
 pub mod hysteresis;
 pub mod laws;
 pub mod linear;
-pub mod memory;
-pub mod noise;
 pub mod plan;
 pub mod plausible;
 pub mod predict;
-pub mod tabled;
 
+use crate::statistics::{half_width_factor, rms};
 use compete::{Candidate, Competition, compete};
 use constants::Unknowns;
 use correction::{Corrected, corrected};
 use data::Data;
 use fit::{Fit, IdentifyError};
-use memory::Memory;
-use noise::half_width_factor;
+use hysteresis::{Memory, memories, rod_memory};
 use predict::{Known, Prediction};
-use rig_config::{Scene, Uncertainty};
+use rig_config::{Envelope, Scene, Uncertainty};
 use serde::Serialize;
 use tsa_table::fit::Fit as Table;
-
-/// Errors over some rows: relative for the paper's numbers, in metres for sweeps.
-#[derive(Debug, Clone, Copy, Default, Serialize)]
-pub struct Errors {
-    /// Rows.
-    pub count: usize,
-    /// Root mean square.
-    pub rms: f64,
-    /// Median of the absolute values.
-    pub median: f64,
-    /// Greatest absolute value.
-    pub worst: f64,
-}
-
-impl Errors {
-    /// Of these errors.
-    pub fn over(errors: impl Iterator<Item = f64>) -> Self {
-        let mut all: Vec<f64> = errors.map(f64::abs).collect();
-        all.sort_by(f64::total_cmp);
-        let count = all.len();
-        if count == 0 {
-            return Self::default();
-        }
-        let rms = (all.iter().map(|e| e * e).sum::<f64>() / count as f64).sqrt();
-        let median = 0.5 * (all[(count - 1) / 2] + all[count / 2]);
-        Self { count, rms, median, worst: all[count - 1] }
-    }
-}
 
 /// Least standard errors of an identified scene: strings bed in, creep and warm up between the sweeps and later use
 /// (docs/plants.md), which no sweep shows. Radius (relative), gap's zero (m), change of the load (relative).
@@ -93,7 +59,8 @@ fn contraction_by_load_m(unknowns: &Unknowns, data: &Data, x: &[f64]) -> f64 {
         let first = slopes[run[0]];
         run.into_iter().map(|k| data.rows[k].load_n * (slopes[k] - first)).collect::<Vec<_>>()
     };
-    Errors::over(data.runs().into_iter().flat_map(of_run).filter(|by_load_m| by_load_m.is_finite())).rms
+    let all: Vec<f64> = data.runs().into_iter().flat_map(of_run).filter(|by_load_m| by_load_m.is_finite()).collect();
+    rms(&all)
 }
 
 /// Whether a law describes the sweeps as well as they were measured.
@@ -111,8 +78,7 @@ pub struct Misfit {
 
 impl Misfit {
     fn of(data: &Data, fit: &Fit) -> Self {
-        let explained = |row: &data::Row| row.sigma.powi(2);
-        let explained_m = (data.rows.iter().map(explained).sum::<f64>() / data.rows.len().max(1) as f64).sqrt();
+        let explained_m = rms(data.rows.iter().map(|row| &row.sigma));
         let rms_m = fit.fitted.rms;
         // A mean square of n independent values has a relative standard error of sqrt(2/n).
         let most = 1.0 + half_width_factor(fit.noise.freedom) * (2.0 / fit.noise.effective).sqrt();
@@ -121,31 +87,44 @@ impl Misfit {
     }
 }
 
-/// An identified rig.
-#[derive(Debug, Clone)]
+/// An identified rig, as `--json` prints it.
+#[derive(Debug, Clone, Serialize)]
 pub struct Identified {
+    /// The chosen candidate fitted to all rows; its held-out errors are those of the competition.
+    #[serde(flatten)]
+    pub fit: Fit,
+    /// How all of them did.
+    #[serde(flatten)]
+    pub competition: Competition,
+    /// Whether the chosen law holds.
+    pub law_holds: bool,
+    /// How far it does.
+    pub misfit: Misfit,
+    /// What it misses, as a surface that the scene has; none if the law holds.
+    pub correction: Option<Corrected>,
+    /// Why the scene has none, though no law holds.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub uncorrected: Option<String>,
+    /// Predicted contractions.
+    pub predictions: Vec<Prediction>,
+    /// What the rods remember of a heavier load; empty without sweeps that show it.
+    pub rod_memory: Vec<Memory>,
+    /// Size of the scene's table (bytes); none if it has none, or asks for none.
+    pub table_bytes: Option<usize>,
+    /// Why the scene has no table, if so.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub untabled: Option<String>,
     /// The scene with the chosen law and its constants.
     pub scene: Scene,
     /// The chosen candidate.
+    #[serde(skip)]
     pub candidate: Candidate,
-    /// How all of them did.
-    pub competition: Competition,
-    /// The chosen one fitted to all rows; its held-out errors are those of the competition.
-    pub fit: Fit,
     /// What follows for predictions.
+    #[serde(skip)]
     pub known: Known,
-    /// Whether the chosen law holds.
-    pub misfit: Misfit,
-    /// What it misses, as a surface that the scene has, or why the scene has none; none if the law holds.
-    pub corrected: Option<Result<Corrected, String>>,
-    /// What the rods remember of a heavier load, where sweeps show it.
-    pub memories: Vec<Memory>,
-    /// Predicted contractions.
-    pub predictions: Vec<Prediction>,
-    /// The table of the scene; none if the scene does not say what a table has to cover, or has none.
+    /// The table of the scene.
+    #[serde(skip)]
     pub table: Option<Table>,
-    /// Why the scene has no table, if so.
-    pub untabled: Option<String>,
 }
 
 /// Lets the candidates compete on recorded sweeps, and fits the chosen one to all rows. Where it does not hold, what it
@@ -154,20 +133,16 @@ pub struct Identified {
 /// # Errors
 /// If the sweeps cannot tell the constants of any candidate, do not belong together, or a scene with them is not valid.
 pub fn identify(scene: &Scene, data: &Data, candidates: &[Candidate]) -> Result<Identified, IdentifyError> {
-    if let Some(why) = consistent::slipped(data) {
-        return Err(IdentifyError::Apart(why));
-    }
+    consistent::slipped(data).map_or(Ok(()), |why| Err(IdentifyError::Apart(why)))?;
     let competition = compete(candidates, data)?;
     let candidate = candidates[competition.chosen].clone();
-    if let Some(why) = consistent::apart(&candidate.unknowns, &competition) {
-        return Err(IdentifyError::Apart(why));
-    }
+    consistent::apart(&candidate.unknowns, &competition).map_or(Ok(()), |why| Err(IdentifyError::Apart(why)))?;
     let mut fit = candidate.fit(data)?;
     let start = candidate.start()?;
     let mut identified = candidate.unknowns.scene(&candidate.scene, &start, &fit.x);
     let mut known = Known::new(candidates, &competition, &fit)
         .ok_or_else(|| IdentifyError::NotConverged("the chosen law has no start".into()))?;
-    let memories = memory::memories(data, &known)?;
+    let memories = memories(data, &known)?;
     let misfit = Misfit::of(data, &fit);
     fit.held_out = competition.held_out();
     let based = data.based_on(&start);
@@ -180,33 +155,81 @@ pub fn identify(scene: &Scene, data: &Data, candidates: &[Candidate]) -> Result<
             rod_memory: scene.uncertainty.rod_memory,
         };
     }
-    if let Some(share) = memory::rod_memory(&memories) {
+    if let Some(share) = rod_memory(&memories) {
         identified.uncertainty.rod_memory = share;
     }
     identified.validate().map_err(|e| IdentifyError::NotConverged(format!("the identified scene: {e}")))?;
-    let (mut table, untabled) = match tabled::table(&mut identified) {
+    let (mut table, untabled) = match tabled(&mut identified) {
         Ok(table) => (table, None),
         Err(why) => (None, Some(why)),
     };
     let corrected = (!misfit.holds).then(|| corrected(&identified, &candidate.unknowns, &based, &fit, by_load_m));
-    if let Some(Ok(found)) = &corrected {
-        (identified, table) = (found.scene.clone(), found.table.clone());
-        known.surface = Some(found.surface.clone());
-    }
-    let predictions = known.predictions(scene);
+    let (correction, uncorrected) = match corrected {
+        Some(Ok(found)) => {
+            (identified, table) = (found.scene.clone(), found.table.clone());
+            known.surface = Some(found.surface.clone());
+            (Some(found), None)
+        }
+        Some(Err(why)) => (None, Some(why)),
+        None => (None, None),
+    };
     Ok(Identified {
+        fit,
+        competition,
+        law_holds: misfit.holds,
+        misfit,
+        correction,
+        uncorrected,
+        predictions: known.predictions(scene),
+        rod_memory: memories,
+        table_bytes: table.as_ref().map(|fit| fit.table.numbers.bytes()),
+        untabled,
         scene: identified,
         candidate,
-        competition,
-        fit,
         known,
-        misfit,
-        memories,
-        corrected,
-        predictions,
         table,
-        untabled,
     })
+}
+
+/// Under light loads and many turns the strings of some rigs have no equilibrium, or a transmission ratio that no table
+/// follows. The envelope then begins at a heavier load: by how much a limit moves inwards from one attempt to the next, and at most: first the least load, then the turns.
+const STEP: f64 = 1.05;
+const MOST: f64 = 2.0;
+
+/// The table of a scene, without which it is of no use to a board; `None` if the scene does not say what a table has to cover and how well. Where there is no table
+/// over the whole envelope, its least load rises to the first at which there is one, at most to twice; if that is not
+/// enough, its turns become fewer too, at most by half.
+///
+/// # Errors
+/// Why there is no table over the whole envelope, in words, if there is none over a smaller one either. The scene then stays
+/// as it is.
+fn tabled(scene: &mut Scene) -> Result<Option<Table>, String> {
+    let (Some(envelope), Some(_)) = (scene.envelope, scene.accuracy) else { return Ok(None) };
+    let why = match scene.fit_table() {
+        Ok(table) => return Ok(Some(table)),
+        Err(e) => e.to_string(),
+    };
+    let steps = (MOST.ln() / STEP.ln()).round() as i32;
+    let ([least_n, most_n], [first, last]) = (envelope.load_n, envelope.turns);
+    for step in 1..=2 * steps {
+        let (up, back) = (STEP.powi(step.min(steps)), STEP.powi((step - steps).max(0)));
+        let narrowed =
+            Envelope { load_n: [three_digits(up * least_n), most_n], turns: [first, three_digits(last / back)] };
+        let narrowed = Scene { envelope: Some(narrowed), ..scene.clone() };
+        if narrowed.validate().is_ok()
+            && let Ok(table) = narrowed.fit_table()
+        {
+            *scene = narrowed;
+            return Ok(Some(table));
+        }
+    }
+    Err(why)
+}
+
+/// As a person would write it.
+fn three_digits(value: f64) -> f64 {
+    let digits = 10f64.powf(2.0 - value.log10().floor());
+    (value * digits).round() / digits
 }
 
 #[cfg(test)]
@@ -219,5 +242,41 @@ mod tests {
         assert!((shape_error(0.2e-3, 2e-3) - 0.1f64.hypot(CHANGE_ERROR)).abs() < 1e-12);
         assert_eq!(shape_error(0.0, 2e-3), CHANGE_ERROR);
         assert_eq!(shape_error(1.0, 2e-3), 0.5, "more than a scene may state");
+    }
+
+    fn scene(least_n: f64) -> Scene {
+        let mut scene = Scene::from_toml_str(include_str!("../../../../scenes/default.toml")).expect("a scene");
+        scene.envelope.as_mut().expect("an envelope").load_n[0] = least_n;
+        scene
+    }
+
+    #[test]
+    fn the_least_load_rises_to_the_first_that_has_a_table() {
+        // At 0.5 N and 7.5 turns the strings have no equilibrium.
+        let mut narrowed = scene(0.5);
+        assert!(tabled(&mut narrowed).expect("a table").is_some());
+        let least_n = narrowed.envelope.expect("an envelope").load_n[0];
+        assert!(narrowed.fit_table().is_ok() && least_n < 0.75, "{least_n}");
+        assert!(scene(least_n / STEP / STEP).fit_table().is_err());
+        assert_eq!(Scene { envelope: scene(0.5).envelope, ..narrowed }, scene(0.5));
+    }
+
+    #[test]
+    fn the_turns_become_fewer_where_twice_the_least_load_has_no_table_either() {
+        let mut narrowed = scene(0.5);
+        narrowed.envelope.as_mut().expect("an envelope").turns[1] = 10.0;
+        assert!(tabled(&mut narrowed).expect("a table").is_some());
+        let envelope = narrowed.envelope.expect("an envelope");
+        assert!(envelope.load_n[0] > 0.98 && (7.5..9.6).contains(&envelope.turns[1]), "{envelope:?}");
+    }
+
+    #[test]
+    fn a_scene_that_has_a_table_asks_for_none_or_can_have_none_stays_as_it_is() {
+        let (mut sound, mut without) = (scene(1.0), Scene { accuracy: None, ..scene(0.5) });
+        assert!(tabled(&mut sound).expect("a table").is_some());
+        assert!(tabled(&mut without).expect("nothing is asked for").is_none());
+        let mut hopeless = scene(0.05);
+        assert!(tabled(&mut hopeless).expect_err("no equilibrium").contains("past a limit of the model"));
+        assert_eq!([sound, without, hopeless], [scene(1.0), Scene { accuracy: None, ..scene(0.5) }, scene(0.05)]);
     }
 }

@@ -6,9 +6,9 @@
 //! there are.
 
 use super::hysteresis::load_share;
-use super::noise::half_width;
 use super::predict::Known;
 use super::{Identified, data::SIGMA_M};
+use crate::statistics::half_width;
 use nalgebra::{DMatrix, DVector};
 use rig_config::Scene;
 use rig_control::observer::MEMORY_COMPLETE_N;
@@ -139,7 +139,7 @@ pub fn plan(scene: &Scene, found: &Identified) -> Option<Plan> {
         found.competition.data.runs().iter().map(|run| found.competition.data.rows[run[0]].load_n).collect();
     swept_n.sort_by(f64::total_cmp);
     let pair = [swept_n.get(swept_n.len() / 2), swept_n.last()].map(|load_n| load_n.copied().unwrap_or(0.0));
-    let memory = (found.memories.is_empty() && pair[0] + f64::from(MEMORY_COMPLETE_N) <= pair[1]).then_some(pair);
+    let memory = (found.rod_memory.is_empty() && pair[0] + f64::from(MEMORY_COMPLETE_N) <= pair[1]).then_some(pair);
     Some(Plan { largest_half_width_m: now_m, at, floor_m, enough, why, sweeps, memory })
 }
 

@@ -1,6 +1,7 @@
 //! What may be wrong with a recorded sweep: numbers that no rig can give, and units that fit better.
 
 use super::data::{Data, Quantity, Row};
+use crate::statistics::{mean, rms};
 use rig_config::Scene;
 use rig_plant::units::STANDARD_GRAVITY as GRAVITY;
 use std::f64::consts::TAU;
@@ -93,9 +94,9 @@ fn wrong_way(rows: &[Row]) -> Option<String> {
         let twist = |r: &Row| r.twist_rad.abs();
         let by_twist = |a: &&&Row, b: &&&Row| twist(a).total_cmp(&twist(b));
         let (low, high) = (same.iter().min_by(by_twist)?, same.iter().max_by(by_twist)?);
-        let mean = |f: &dyn Fn(&Row) -> f64| same.iter().map(|r| f(r)).sum::<f64>() / same.len() as f64;
-        let (mean_twist, mean_rise) = (mean(&twist), mean(&rise));
-        let together = mean(&|r| (twist(r) - mean_twist) * (rise(r) - mean_rise));
+        let over = |f: &dyn Fn(&Row) -> f64| mean(&same.iter().map(|r| f(r)).collect::<Vec<_>>());
+        let (mean_twist, mean_rise) = (over(&twist), over(&rise));
+        let together = over(&|r| (twist(r) - mean_twist) * (rise(r) - mean_rise));
         let span_rad = twist(high) - twist(low);
         // Ends and slope have to agree: one wild row must not suggest a wrong sign.
         let falls_m = rise(low) - rise(high);
@@ -170,8 +171,7 @@ fn misfit_m(mechanism: &Mechanism, rows: &[Row], load_factor: f64, length_factor
     };
     let missed: Vec<Option<f64>> = rows.iter().step_by(rows.len() / LOOKED_AT + 1).map(computed).collect();
     let known: Vec<f64> = missed.iter().copied().flatten().collect();
-    let free = rows.first().is_some_and(|r| r.quantity == Quantity::Gap);
-    let zero_m = if free { known.iter().sum::<f64>() / known.len().max(1) as f64 } else { 0.0 };
-    let squares: f64 = missed.iter().map(|m| m.map_or(lost_m, |m| m - zero_m).powi(2)).sum();
-    (squares / missed.len().max(1) as f64).sqrt()
+    let free = rows.first().is_some_and(|r| r.quantity == Quantity::Gap) && !known.is_empty();
+    let zero_m = if free { mean(&known) } else { 0.0 };
+    rms(&missed.iter().map(|m| m.map_or(lost_m, |m| m - zero_m)).collect::<Vec<_>>())
 }

@@ -6,7 +6,8 @@ use super::constants::{Number, Unknowns};
 use super::correction::Surface;
 use super::fit::Fit;
 use super::hysteresis::Loop;
-use super::noise::half_width;
+use crate::statistics::half_width;
+use nalgebra::DMatrix;
 use rig_config::Scene;
 use serde::Serialize;
 use tsa_model::{Mechanism, PRETWIST_RAD, Parameters, SolveError, twist_from_turns};
@@ -39,12 +40,16 @@ pub struct Fitted {
 }
 
 impl Fitted {
+    fn parameters(&self) -> Parameters<Number> {
+        self.unknowns.put(&self.base, &self.x, "", Number::parameter)
+    }
+
     /// Contraction since the pre-twist (m), with its derivatives by the unknowns.
     ///
     /// # Errors
     /// If the model refuses one of the two states.
     pub fn contraction(&self, load_n: f64, turns: f64) -> Result<Number, SolveError> {
-        contraction(self.unknowns.parameters(&self.base, &self.x, ""), load_n, turns)
+        contraction(self.parameters(), load_n, turns)
     }
 
     /// Gap (m) at a load (N) and a twist (rad), with its derivatives by the unknowns, and its slope by the load (m/N).
@@ -52,13 +57,13 @@ impl Fitted {
     /// # Errors
     /// If the model refuses the state.
     pub fn gap(&self, load_n: f64, twist_rad: f64) -> Result<(Number, f64), SolveError> {
-        let e = Mechanism::of(self.unknowns.parameters(&self.base, &self.x, "")).formal(load_n, twist_rad)?;
+        let e = Mechanism::of(self.parameters()).formal(load_n, twist_rad)?;
         Ok((e.gap_m, e.dgap_dload_m_per_n.value))
     }
 
     /// What a relative change of the strings' radius adds to the contraction (m).
     fn by_radius(&self, load_n: f64, turns: f64, share: f64) -> Result<f64, SolveError> {
-        let mut p = self.unknowns.parameters(&self.base, &self.x, "");
+        let mut p = self.parameters();
         // All terms of the radius by one factor, which no string's own size takes part in.
         (p.k2, p.k3, p.k4) = (p.k2 * (1.0 + share), p.k3 * (1.0 + share), p.k4 * (1.0 + share));
         p.k1_per_n = p.k1_per_n / (1.0 + share);
@@ -79,9 +84,9 @@ pub struct Known {
     /// Those that cannot be told from it.
     pub others: Vec<Fitted>,
     /// Covariance of the chosen law's unknowns.
-    pub covariance: nalgebra::DMatrix<f64>,
+    pub covariance: DMatrix<f64>,
     /// The part of it that was estimated from the residuals.
-    pub estimated: nalgebra::DMatrix<f64>,
+    pub estimated: DMatrix<f64>,
     /// Variance of what the chosen law misses at one end of a contraction (m2).
     pub missed_m2: f64,
     /// Degrees of freedom of what was estimated from the residuals.
@@ -100,8 +105,7 @@ impl Known {
             let base = candidate.start().ok()?;
             Some(Fitted { unknowns: candidate.unknowns.clone(), base, x: fit.x.clone() })
         };
-        let others = competition.equals().into_iter().filter(|k| *k != competition.chosen);
-        let others = others.filter_map(|k| fitted(k, competition.scored[k].fit.as_ref()?)).collect();
+        let others = competition.others().filter_map(|(k, fit)| fitted(k, fit)).collect();
         let noise = fit.noise;
         Some(Self {
             chosen: fitted(competition.chosen, fit)?,
@@ -133,7 +137,7 @@ impl Known {
     }
 
     /// Variance (m2) that the errors of the constants give a predicted contraction.
-    pub fn constants_m2(&self, contraction: &Number, covariance: &nalgebra::DMatrix<f64>) -> f64 {
+    pub fn constants_m2(&self, contraction: &Number, covariance: &DMatrix<f64>) -> f64 {
         let count = self.chosen.unknowns.count();
         let pairs = (0..count).flat_map(|i| (0..count).map(move |j| (i, j)));
         pairs.map(|(i, j)| contraction.by[i] * contraction.by[j] * covariance[(i, j)]).sum()

@@ -16,14 +16,14 @@ pub mod read;
 pub mod sweep;
 pub mod write;
 
-pub use read::{Log, LogError, LogRow, Mark, Marked};
+pub use read::{Log, LogError, Mark, Marked};
 pub use write::Recorder;
 
 use crate::board_settings;
 use crate::failure::Failure;
 use crate::lvdt_points;
 use crate::scene_file;
-use crate::session::{Place, Session, Target};
+use crate::session::{Session, Target};
 use rig_link::PROTOCOL_HASH;
 use std::time::SystemTime;
 
@@ -56,8 +56,8 @@ impl Header {
         header.add("scene", target.scene.display());
         header.add("scene_hash", format!("{scene_hash:08x}"));
         header.add("port", target.port());
-        if let Place::Emulated(options) = &target.place {
-            header.add("rig", options.rig);
+        if let Some(options) = target.emulated() {
+            header.add("rig", options.preset());
             header.add("seed", options.seed);
             if options.scene != target.scene {
                 header.add("plant_scene", options.scene.display());

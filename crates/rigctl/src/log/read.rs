@@ -3,41 +3,11 @@
 use super::write::HOMED;
 use super::{CONSTANTS, FORMAT, Header, SETTINGS};
 use crate::board_settings;
-use crate::lvdt_points;
-use crate::script;
-use rig_link::{CorrectedConstants, HomingResult, Request, Setting, SettingValues, State};
+use crate::csv_text::{Table, no_number};
+use crate::request;
+use crate::session::row::Row;
+use rig_link::{CorrectedConstants, HomingResult, Request, Setting, SettingValues};
 use std::path::Path;
-
-/// The columns of a row that the control code uses. SI units.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LogRow {
-    /// Time (s).
-    pub t_s: f64,
-    /// State of the rig.
-    pub state: State,
-    /// Target of the move.
-    pub target_m: Option<f64>,
-    /// The planner's set-point.
-    pub setpoint_m: Option<f64>,
-    /// Position measured by the LVDT.
-    pub position_m: Option<f64>,
-    /// Twist of the strings.
-    pub twist_rad: Option<f64>,
-    /// Estimated load.
-    pub load_n: Option<f64>,
-    /// Stated error of `load_n`; older logs do not have it.
-    pub load_error_n: Option<f64>,
-    /// Stated error of `position_m`; older logs do not have it.
-    pub position_error_m: Option<f64>,
-    /// Transmission ratio.
-    pub tr_rad_per_m: Option<f64>,
-    /// Motor current.
-    pub drive_current_a: f64,
-    /// Speed of the motor shaft.
-    pub drive_speed_rad_per_s: f64,
-    /// Learned scale of the twist.
-    pub twist_scale: Option<f64>,
-}
 
 /// A request or event between two rows.
 #[derive(Debug, Clone, PartialEq)]
@@ -66,8 +36,8 @@ pub struct Marked {
 pub struct Log {
     /// The facts before the first row.
     pub header: Header,
-    /// Telemetry in order of time.
-    pub rows: Vec<LogRow>,
+    /// Telemetry in order of time. What an older log has no column for is not known.
+    pub rows: Vec<Row>,
     /// Requests and events between the rows.
     pub marks: Vec<Marked>,
     /// Whether the head is whole: the names of the columns are there, which follow it.
@@ -104,6 +74,11 @@ pub enum LogError {
 /// Columns that every log has.
 const NEEDED: [&str; 4] = ["t_s", "state", "position_m", "twist_rad"];
 
+/// A text as far as its last whole line: a last line without a line end was cut in the middle.
+pub fn whole_lines(text: &str) -> &str {
+    text.rfind('\n').map_or("", |end| &text[..end])
+}
+
 impl Log {
     /// Reads a file.
     ///
@@ -122,6 +97,11 @@ impl Log {
         String::from_utf8(bytes).map_err(|e| format!("is not text from byte {} on", e.utf8_error().valid_up_to()))
     }
 
+    /// Whether a file begins as a log does.
+    pub fn is_one(content: &[u8]) -> bool {
+        content.starts_with(b"# format =")
+    }
+
     /// Reads a text. A log that was cut short is read as far as it goes; see [`Log::whole`].
     ///
     /// # Errors
@@ -130,45 +110,35 @@ impl Log {
         if text.trim().is_empty() {
             return Err(LogError::Empty);
         }
-        let mut log = Self::default();
-        let mut columns: Option<Vec<&str>> = None;
-        // A last line without a line end was cut in the middle.
-        let whole = text.rfind('\n').map_or("", |end| &text[..end]);
-        for (line, content) in (1..).zip(whole.lines()) {
-            let fail = |message: String| LogError::Line { line, message };
-            if log.complete && !content.trim().is_empty() {
-                return Err(fail("comes after the log's end".into()));
-            }
-            if let Some(comment) = content.strip_prefix('#') {
-                log.comment(comment.trim()).map_err(fail)?;
-                if line == 1 && log.header.get("format") != Some(FORMAT) {
-                    return Err(LogError::Format);
-                }
-                continue;
-            }
-            if line == 1 {
-                return Err(LogError::Format);
-            }
-            match &columns {
-                None => {
-                    let names: Vec<&str> = content.split(',').map(str::trim).collect();
-                    if let Some(missing) = NEEDED.iter().find(|n| !names.contains(n)) {
-                        return Err(fail(format!("there is no column `{missing}`")));
-                    }
-                    columns = Some(names);
-                    log.has_head = true;
-                }
-                Some(names) => {
-                    let row = row(names, content).map_err(fail)?;
-                    if log.rows.last().is_some_and(|last| row.t_s < last.t_s) {
-                        return Err(fail(format!("t_s {} lies before the row above", row.t_s)));
-                    }
-                    log.rows.push(row);
-                }
-            }
-        }
-        if log.header.get("format").is_none() {
+        let text = whole_lines(text);
+        let first = text.lines().next().and_then(|line| line.strip_prefix('#')?.split_once(" = "));
+        if first.is_none_or(|(key, value)| (key.trim(), value.trim()) != ("format", FORMAT)) {
             return Err(LogError::Format);
+        }
+        let fail = |line: usize, message: String| LogError::Line { line, message };
+        let table = Table::parse(text).map_err(|message| fail(1, message))?;
+        let mut log = Self { has_head: !table.names.1.is_empty(), ..Self::default() };
+        if log.has_head {
+            table.require(&NEEDED).map_err(|message| fail(table.names.0, message))?;
+        }
+        for (line, record) in &table.rows {
+            let row: Row = table.row(record).map_err(|message| fail(*line, message))?;
+            let infinite = |cell: &&str| cell.parse::<f32>().is_ok_and(|number| !number.is_finite());
+            if let Some(k) = record.iter().position(|cell| infinite(&cell)) {
+                return Err(fail(*line, no_number(&table.names.1[k], &record[k])));
+            }
+            if log.rows.last().is_some_and(|last| row.t_s < last.t_s) {
+                return Err(fail(*line, format!("t_s {} lies before the row above", row.t_s)));
+            }
+            log.rows.push(row);
+        }
+        for (line, comment) in &table.comments {
+            let rows = table.rows.partition_point(|(row, _)| row < line);
+            log.comment(comment.trim_start_matches('#').trim(), rows).map_err(|message| fail(*line, message))?;
+            let last = table.rows.last().map_or(0, |(row, _)| *row).max(table.comments.last().map_or(0, |(at, _)| *at));
+            if log.complete && *line < last {
+                return Err(fail(last, "comes after the log's end".into()));
+            }
         }
         Ok(log)
     }
@@ -200,83 +170,41 @@ impl Log {
         let (mut values, mut missing) = (*defaults, Setting::ALL.to_vec());
         for (key, text) in &self.header.0 {
             let Some(name) = key.strip_prefix(SETTINGS) else { continue };
-            if name == lvdt_points::NAME {
-                values.lvdt_curve = Some(lvdt_points::from_text(text)?);
-                continue;
-            }
-            let setting = board_settings::named(name)?;
-            let value = board_settings::value(setting, text).map_err(|e| e.to_string())?;
-            let value = setting.check(value, defaults.get(setting)).map_err(|refusal| refusal.to_string())?;
-            values = values.with(setting, value);
-            missing.retain(|other| *other != setting);
+            values = board_settings::put(&values, defaults, name, text)?;
+            missing.retain(|setting| setting.name() != name);
         }
         Ok((values, missing))
     }
 
-    fn comment(&mut self, text: &str) -> Result<(), String> {
+    /// Takes a comment that follows so many rows.
+    fn comment(&mut self, text: &str, row: usize) -> Result<(), String> {
         if let Some(count) = text.strip_prefix("end rows = ") {
-            if count.parse() != Ok(self.rows.len()) {
-                return Err(format!("the log's end counts {count} rows, there are {}", self.rows.len()));
+            if count.parse() != Ok(row) {
+                return Err(format!("the log's end counts {count} rows, there are {row}"));
             }
             self.complete = true;
         } else if let Some(mark) = text.strip_prefix("at ") {
             let (time, what) = mark.split_once(' ').ok_or("a mark without a time and what happened")?;
-            let t_s = time
-                .parse()
-                .ok()
-                .filter(|t: &f64| t.is_finite())
-                .ok_or_else(|| format!("time `{time}` is not a number"))?;
+            let t_s: f64 = time.parse().map_err(|_| no_number("time", time))?;
+            if !t_s.is_finite() {
+                return Err(no_number("time", time));
+            }
             let mark = if let Some(request) = what.strip_prefix("request ") {
-                Mark::Request(script::request(request)?)
+                Mark::Request(request::from_text(request)?)
             } else if let Some(event) = what.strip_prefix("event ") {
-                event_mark(event)?
+                match event.strip_prefix(HOMED).filter(|result| result.starts_with('{')) {
+                    Some(result) => Mark::Homed(serde_json::from_str(result).map_err(|e| format!("event homed: {e}"))?),
+                    None => Mark::Event(event.to_owned()),
+                }
             } else {
                 return Err(format!("`{what}` is neither a request nor an event"));
             };
-            self.marks.push(Marked { row: self.rows.len(), t_s, mark });
+            self.marks.push(Marked { row, t_s, mark });
         } else if let Some((key, value)) = text.split_once(" = ") {
             self.header.add(key.trim(), value.trim());
         }
         Ok(())
     }
-}
-
-fn event_mark(text: &str) -> Result<Mark, String> {
-    match text.strip_prefix(HOMED).filter(|result| result.starts_with('{')) {
-        Some(result) => serde_json::from_str(result).map(Mark::Homed).map_err(|e| format!("event homed: {e}")),
-        None => Ok(Mark::Event(text.to_owned())),
-    }
-}
-
-fn row(names: &[&str], content: &str) -> Result<LogRow, String> {
-    let cells: Vec<&str> = content.split(',').map(str::trim).collect();
-    if cells.len() != names.len() {
-        return Err(format!("has {} cells under {} names", cells.len(), names.len()));
-    }
-    let cell = |name: &str| names.iter().position(|n| *n == name).map_or("", |k| cells[k]);
-    let number = |name: &str| match cell(name) {
-        "" => Ok(None),
-        text => match text.parse::<f64>() {
-            Ok(x) if x.is_finite() => Ok(Some(x)),
-            _ => Err(format!("{name} `{text}` is not a number")),
-        },
-    };
-    let state = cell("state");
-    Ok(LogRow {
-        t_s: number("t_s")?.ok_or("t_s is empty")?,
-        state: State::from_name(state).ok_or_else(|| format!("there is no state `{state}`"))?,
-        target_m: number("target_m")?,
-        setpoint_m: number("setpoint_m")?,
-        position_m: number("position_m")?,
-        twist_rad: number("twist_rad")?,
-        load_n: number("load_n")?,
-        load_error_n: number("load_error_n")?,
-        position_error_m: number("position_error_m")?,
-        tr_rad_per_m: number("tr_rad_per_m")?,
-        drive_current_a: number("drive_current_a")?.unwrap_or(0.0),
-        drive_speed_rad_per_s: number("drive_speed_rad_per_s")?.unwrap_or(0.0),
-        twist_scale: number("twist_scale")?,
-    })
 }
 
 #[cfg(test)]
@@ -304,21 +232,16 @@ mod tests {
     }
 
     #[test]
-    fn stated_errors_are_read() {
+    fn other_columns_and_homings_of_other_versions() {
         let text = GOOD
             .replace("twist_rad,load_n\n", "twist_rad,load_n,load_error_n,position_error_m\n")
             .replace("3.2,\n", "3.2,,,\n")
             .replace("3.3,4.9\n", "3.3,4.9,0.2,0.0001\n");
-        let log = Log::parse(&text).and_then(Log::whole).unwrap();
-        let errors = |k: usize| [log.rows[k].load_error_n, log.rows[k].position_error_m];
-        assert_eq!((errors(0), errors(1)), ([None; 2], [Some(0.2), Some(0.0001)]));
-    }
-
-    #[test]
-    fn the_homing_of_an_older_log_is_another_event() {
         let homed = GOOD.lines().find(|line| line.contains("homed")).unwrap();
         let older = "# at 0.02 event homed twist_error_estimate_rad=0.001 load_n=4.9 gap_offset_m=0.0001";
-        let log = Log::parse(&GOOD.replace(homed, older)).and_then(Log::whole).unwrap();
+        let log = Log::parse(&text.replace(homed, older)).and_then(Log::whole).unwrap();
+        let errors = |k: usize| [log.rows[k].load_error_n, log.rows[k].position_error_m];
+        assert_eq!((errors(0), errors(1)), ([None; 2], [Some(0.2), Some(0.0001)]));
         assert!(matches!(log.marks[1].mark, Mark::Event(_)));
     }
 

@@ -3,7 +3,8 @@
 //! The load moves slowly, so each row is an equilibrium but for two effects that depend on the direction: rail friction and
 //! the age of the gap. The mean of the way up and the way down at the same twist is free of both.
 
-use super::{Log, LogRow, Mark, SETTINGS};
+use super::{Log, Mark, SETTINGS};
+use crate::session::row::Row;
 use rig_link::{Setting, State};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
@@ -80,7 +81,10 @@ pub fn reduce(log: &Log) -> Result<Sweep, String> {
     let load_n = number(log, "sweep.load_n")?.ok_or("is a log, but not of `rigctl sweep`: nobody weighed its load")?;
     let after_n = number(log, "sweep.after_n")?;
     let mut bins: BTreeMap<i64, [Sums; 2]> = BTreeMap::new();
-    let moving = |r: &LogRow| r.twist_rad.zip(r.position_m).filter(|_| r.state == State::Moving);
+    let moving = |row: &Row| {
+        let (twist_rad, position_m) = row.twist_rad.zip(row.position_m).filter(|_| row.state == State::Moving)?;
+        Some((f64::from(twist_rad), f64::from(position_m)))
+    };
     // Where the load stood when the way began, until it has moved away from there.
     let mut stood_m: Option<f64> = None;
     for pair in log.rows.windows(2) {

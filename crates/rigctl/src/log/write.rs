@@ -2,10 +2,9 @@
 
 use super::Header;
 use crate::failure::Failure;
-use crate::script;
+use crate::request;
 use crate::session::Session;
-use crate::session::entry::Entry;
-use crate::session::row::Row;
+use crate::session::row::{Entry, Row};
 use rig_link::EventKind;
 use std::io::Write;
 use std::sync::mpsc::Receiver;
@@ -39,7 +38,7 @@ impl<W: Write> Recorder<W> {
             match entry {
                 Entry::Row(row) => self.row(row)?,
                 Entry::Request(t_s, request) => {
-                    if let Some(text) = script::text(request) {
+                    if let Some(text) = request::text(request) {
                         self.comment(format_args!("at {t_s} request {text}"))?;
                     }
                 }

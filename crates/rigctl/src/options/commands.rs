@@ -1,48 +1,10 @@
 //! Options of the commands that have many.
 
-use super::values::{gap, gauge_error, load, methods, radius_law, seconds, tiers, tolerance, turns, twist_speed};
-use crate::board_settings;
+use super::values::{gap, gauge_error, load, radius_law, seconds, turns, twist_speed};
 use crate::calibration::Point;
-use crate::export::Format;
 use crate::identify::laws::Law;
 use clap::{Args, Subcommand};
 use std::path::PathBuf;
-
-/// What to do with the settings.
-#[derive(Debug, Clone, Subcommand)]
-pub enum Config {
-    /// Show all settings, or one, with default and range
-    Get {
-        /// Which; all if none is named
-        #[arg(value_name = "NAME", value_parser = board_settings::named)]
-        name: Option<rig_link::Setting>,
-    },
-    /// Change one setting and keep it
-    Set {
-        /// Which
-        #[arg(value_name = "NAME", value_parser = board_settings::named, long_help = board_settings::help())]
-        name: rig_link::Setting,
-        /// Its value, with or without a unit; `learned` for twist-scale takes the scale that the board has learned
-        #[arg(value_name = "VALUE", allow_hyphen_values = true)]
-        value: String,
-    },
-    /// Write all settings to a file
-    Backup {
-        /// File to write
-        #[arg(value_name = "FILE.toml")]
-        file: PathBuf,
-    },
-    /// Set all settings from a file, or none if anything in it is wrong. Those that correct other constants than this
-    /// rig's stay as they are, and the exit code is then 1
-    Restore {
-        /// File to read: a backup, or a log of `record` or `sweep`, whose header holds the settings, too
-        #[arg(value_name = "FILE")]
-        file: PathBuf,
-        /// Also those that correct other constants of the rig
-        #[arg(long)]
-        force: bool,
-    },
-}
 
 /// What to calibrate.
 #[derive(Debug, Clone, Subcommand)]
@@ -119,23 +81,6 @@ pub struct Replay {
     pub partial: bool,
 }
 
-/// The log to export, and the file.
-#[derive(Debug, Clone, Args)]
-pub struct Export {
-    /// Log of `record` or `sweep`
-    #[arg(value_name = "LOG.csv")]
-    pub log: PathBuf,
-    /// Format of the file
-    #[arg(long, value_name = "mcap|csv", hide_possible_values = true)]
-    pub to: Format,
-    /// File to write
-    #[arg(long, value_name = "FILE")]
-    pub out: PathBuf,
-    /// Also if the log was cut short: its whole rows
-    #[arg(long)]
-    pub partial: bool,
-}
-
 /// The constants to fit, and the data.
 #[derive(Debug, Clone, Args)]
 pub struct Identify {
@@ -169,37 +114,4 @@ pub struct Identify {
     /// Also say which further sweep would tell most, and whether any is worth its time
     #[arg(long, conflicts_with = "published")]
     pub next: bool,
-}
-
-/// Method of solution and tier of the model.
-#[derive(Debug, Clone, Args)]
-pub struct How {
-    /// Method of solution
-    #[arg(long, default_value = "first-integral", value_parser = methods())]
-    pub method: String,
-    /// Steps of the method: quadrature nodes, Runge–Kutta steps, intervals, load steps [default: about 1e-9 m]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
-    pub steps: Option<u32>,
-    /// Tolerance of the method's iteration, or of its integrator
-    #[arg(long, value_name = "X", value_parser = tolerance)]
-    pub tolerance: Option<f64>,
-    /// Tier of the model; `auto` takes the cheapest that meets the scene's accuracy
-    #[arg(long, default_value = "full", value_parser = tiers())]
-    pub tier: String,
-}
-
-/// One load and number of turns, or a file of them.
-#[derive(Debug, Clone, Args)]
-pub struct At {
-    /// Load on the rods (N or kg)
-    #[arg(long, value_name = "L", allow_hyphen_values = true, value_parser = load,
-        required_unless_present = "batch", conflicts_with = "batch")]
-    pub load: Option<f64>,
-    /// Turns past the half-turn pre-twist
-    #[arg(long, value_name = "T", allow_hyphen_values = true, value_parser = turns,
-        required_unless_present = "batch", conflicts_with = "batch")]
-    pub turns: Option<f64>,
-    /// A CSV file with the columns load_n and turns
-    #[arg(long, value_name = "FILE.csv")]
-    pub batch: Option<PathBuf>,
 }

@@ -8,11 +8,10 @@ pub mod values;
 
 use crate::failure::Failure;
 use crate::scene_file;
-use crate::session::sim::{Gdb, SimOptions};
+use crate::session::sim::SimOptions;
 use crate::session::{self, Place, Target};
 use clap::Args;
 use rig_config::Scene;
-use rig_plant::{PlantChange, PlantKey, RigPreset};
 use std::path::PathBuf;
 
 /// Headings of the options that every command has.
@@ -20,16 +19,6 @@ const EVERYWHERE: &str = "Everywhere";
 /// The port of an emulated board, and the environment variable that names another default.
 const SIM: &str = "sim";
 const PORT_VARIABLE: &str = "RIGCTL_PORT";
-const EMULATED: &str = "Emulated board (--port sim)";
-
-/// The help of `--plant`.
-fn plant_help() -> String {
-    format!(
-        "Changes of the emulated plant that the firmware does not know, for example load=1.2kg,friction=0.1. Keys and their \
-         units:\n{}",
-        PlantKey::help()
-    )
-}
 
 /// Options of every command.
 #[derive(Debug, Clone, Args)]
@@ -44,38 +33,9 @@ pub struct Global {
     /// serial device [default: RIGCTL_PORT of the environment, else sim]
     #[arg(long, global = true, help_heading = EVERYWHERE)]
     pub port: Option<String>,
-    /// Emulated rig of the seed: `ideal` is its own model, for testing arithmetic; `nominal` has what a well-made real rig has
-    /// besides, `hard` what the worst in ten has [default: nominal]
-    #[arg(long, global = true, help_heading = EMULATED, value_name = "ideal|nominal|hard", hide_possible_values = true)]
-    pub rig: Option<RigPreset>,
-    /// Changes of the emulated plant that the firmware does not know, for example load=1.2kg,friction=0.1
-    #[arg(long, global = true, help_heading = EMULATED, value_name = "KEY=VALUE", value_delimiter = ',',
-        long_help = plant_help())]
-    pub plant: Vec<PlantChange>,
-    /// Scene that the emulated plant is built from, if it differs from the operator's --scene [default: --scene]
-    #[arg(long, global = true, help_heading = EMULATED, value_name = "FILE")]
-    pub plant_scene: Option<PathBuf>,
-    /// Program and arguments that stand in for the emulated mechanism and load: docs/plants.md
-    #[arg(long, global = true, help_heading = EMULATED, value_name = "CMD ARGS", conflicts_with = "plant_surface")]
-    pub plant_program: Option<String>,
-    /// Measured gaps that stand in for the emulated mechanism, one file or those of either way of the twist: docs/plants.md
-    #[arg(long, global = true, help_heading = EMULATED, value_name = "FILE")]
-    pub plant_surface: Vec<PathBuf>,
-    /// Seed of the emulated rig's noise, and of the rig that --rig draws
-    #[arg(long, global = true, help_heading = EMULATED, default_value_t = 1)]
-    pub seed: u64,
-    /// File that keeps the emulated board's flash from one call to the next [default: each call has a new board]
-    #[arg(long, global = true, help_heading = EMULATED, value_name = "FILE")]
-    pub flash: Option<PathBuf>,
-    /// Firmware for the emulated board [default: what `cargo xtask firmware` made]
-    #[arg(long, global = true, help_heading = EMULATED, value_name = "ELF")]
-    pub firmware: Option<PathBuf>,
-    /// Let a GDB connect to the emulated board there, for example 127.0.0.1:1234; see docs/debugging.md
-    #[arg(long, global = true, help_heading = EMULATED, value_name = "ADDR:PORT")]
-    pub gdb: Option<String>,
-    /// Start the emulated board when it has
-    #[arg(long, global = true, help_heading = EMULATED, requires = "gdb")]
-    pub gdb_wait: bool,
+    /// Options of the emulated board.
+    #[command(flatten)]
+    pub board: SimOptions,
 }
 
 impl Global {
@@ -97,7 +57,7 @@ impl Global {
 
     /// Whether the board's flash outlives this call of the tool.
     pub fn flash_lasts(&self) -> bool {
-        !self.is_emulated() || self.flash.is_some()
+        !self.is_emulated() || self.board.flash.is_some()
     }
 
     /// The operator's scene.
@@ -121,20 +81,10 @@ impl Global {
     /// # Errors
     /// If there is no such scene file.
     pub fn emulated(&self) -> Result<SimOptions, Failure> {
-        let scene = self.plant_scene.as_ref().unwrap_or(&self.scene);
-        scene_file::check(scene)?;
-        Ok(SimOptions {
-            programs: None,
-            firmware: self.firmware.clone(),
-            scene: scene.clone(),
-            rig: self.rig.unwrap_or_default(),
-            plant: self.plant.clone(),
-            plant_program: self.plant_program.clone(),
-            plant_surface: self.plant_surface.clone(),
-            seed: self.seed,
-            flash: self.flash.clone(),
-            gdb: self.gdb.clone().map(|address| Gdb { address, wait: self.gdb_wait }),
-        })
+        let mut options = self.board.clone();
+        options.scene = self.board.plant_scene.clone().unwrap_or_else(|| self.scene.clone());
+        scene_file::check(&options.scene)?;
+        Ok(options)
     }
 
     /// The board at `--port`. A real one that only the environment names is told on standard error.
@@ -158,15 +108,42 @@ impl Global {
 
     /// The options of the emulated board alone, and whether each was given.
     pub fn of_emulated_board(&self) -> [(bool, &'static str); 8] {
+        let board = &self.board;
         [
-            (self.rig.is_some(), "--rig"),
-            (!self.plant.is_empty(), "--plant"),
-            (self.plant_scene.is_some(), "--plant-scene"),
-            (self.plant_program.is_some(), "--plant-program"),
-            (!self.plant_surface.is_empty(), "--plant-surface"),
-            (self.flash.is_some(), "--flash"),
-            (self.firmware.is_some(), "--firmware"),
-            (self.gdb.is_some(), "--gdb"),
+            (board.rig.is_some(), "--rig"),
+            (!board.plant.is_empty(), "--plant"),
+            (board.plant_scene.is_some(), "--plant-scene"),
+            (board.plant_program.is_some(), "--plant-program"),
+            (!board.plant_surface.is_empty(), "--plant-surface"),
+            (board.flash.is_some(), "--flash"),
+            (board.firmware.is_some(), "--firmware"),
+            (board.gdb.is_some(), "--gdb"),
         ]
+    }
+
+    /// Prints which options of a rig have no effect, because this command uses none.
+    pub fn uses_no_rig(&self) {
+        let port = (self.given_device().is_some(), "--port");
+        no_effect([port].into_iter().chain(self.of_emulated_board()), "this command uses no rig");
+    }
+
+    /// For a command that is always on the emulated board.
+    ///
+    /// # Errors
+    /// If another port is given.
+    pub fn never_a_device(&self) -> Result<(), Failure> {
+        match self.given_device() {
+            None => Ok(()),
+            Some(port) => Err(Failure::Usage(format!(
+                "--port {port}: this command is always on the emulated board; `play` takes a script to a rig"
+            ))),
+        }
+    }
+}
+
+/// Prints which of the given options have no effect, and why.
+pub fn no_effect(given: impl Iterator<Item = (bool, &'static str)>, why: &str) {
+    for (_, name) in given.filter(|(given, _)| *given) {
+        eprintln!("{name} has no effect: {why}");
     }
 }

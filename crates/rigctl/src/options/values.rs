@@ -1,10 +1,9 @@
 //! Values of options, read from text. Each error names the option.
 
 use crate::identify::laws::{LAWS, Law};
-use crate::script;
+use crate::request;
 use crate::units::{self, Quantity};
 use clap::builder::PossibleValuesParser;
-use rig_link::LoadChoice;
 use tsa_model::Tier;
 
 /// Methods of solution: the tool's own, and those of the laboratory.
@@ -69,14 +68,10 @@ pub fn gauge_error(text: &str) -> Result<f64, String> {
 }
 
 /// A speed, or `max`: infinite.
-pub(crate) fn speed_or_max(text: &str) -> Result<f64, units::UnitError> {
-    script::speed(text)
+pub(crate) fn speed_or_max(text: &str) -> Result<f64, String> {
+    request::SPEED.parse("speed", text)
 }
 
 pub(crate) fn twist_speed(text: &str) -> Result<f64, units::UnitError> {
     units::parse("speed", Quantity::AngularSpeed, text)
-}
-
-pub(crate) fn load_choice(text: &str) -> Result<LoadChoice, String> {
-    script::load_choice(text)
 }

@@ -4,6 +4,7 @@
 use super::Refused;
 use crate::output::decimal;
 use crate::session::client::REPLY_S;
+use crate::session::motion::end_of;
 use rig_link::{Accepted, EventKind, Refusal, Request, State};
 use serde_json::{Value, json};
 
@@ -22,12 +23,6 @@ struct Flight {
     since_s: f64,
     /// Whether the board has accepted it and has begun a motion.
     moves: bool,
-}
-
-impl Flight {
-    fn is_set_point(&self) -> bool {
-        matches!(self.request, Request::Track { .. })
-    }
 }
 
 /// The end of an order.
@@ -66,52 +61,40 @@ impl Flights {
 
     /// The board has replied to a request.
     pub fn reply(&mut self, number: u16, result: Result<Accepted, Refusal>, now_s: f64) {
-        let Some(place) = self.flights.iter().position(|flight| flight.number == number) else { return };
         match result {
             Ok(Accepted::Started) => {
-                // A motion that is given anew takes the place of the one before.
-                let end = || Err(Refused::new("replaced", "a later order has taken its place"));
-                self.end(|flight| flight.moves, end);
-                // A set-point of a stream has no end of its own.
-                if matches!(self.flights.iter().find(|f| f.number == number), Some(f) if f.is_set_point()) {
-                    self.end(|flight| flight.number == number, || Ok(json!({})));
-                }
+                // A motion that is given anew takes the place of the one before. A set-point of a stream has no end of its own.
+                let known = self.flights.iter().any(|flight| flight.number == number);
+                self.end(|flight| match &flight.request {
+                    Request::Track { .. } if flight.number == number => Some(Ok(json!({}))),
+                    _ => (known && flight.moves)
+                        .then(|| Err(Refused::new("replaced", "a later order has taken its place"))),
+                });
                 if let Some(flight) = self.flights.iter_mut().find(|flight| flight.number == number) {
                     (flight.moves, flight.since_s) = (true, now_s);
                 }
             }
-            Ok(Accepted::Done | Accepted::Unhomed) => self.land(place, Ok(json!({}))),
-            Err(refusal) => self.land(place, Err(Refused::new("refused", refusal.to_string()))),
+            result => self.end(|flight| {
+                let refused = |refusal: &Refusal| Refused::new("refused", refusal.to_string());
+                (flight.number == number).then(|| result.as_ref().map(|_| json!({})).map_err(refused))
+            }),
         }
     }
 
     /// The board has reported an event.
-    pub fn event(&mut self, kind: &EventKind) {
-        let error = |kind, message: String| move || Err(Refused::new(kind, message.clone()));
-        match kind {
+    pub fn event(&mut self, event: &EventKind) {
+        let done = match event {
             EventKind::Homed(found) => {
-                let done = json!({"load_n": decimal(found.load_n), "load_error_n": decimal(found.load_error_n),
-                    "friction_n": decimal(found.friction_n), "zero_error_rad": decimal(found.zero_error_rad)});
-                self.end(|f| f.moves && matches!(f.request, Request::Home { .. }), || Ok(done.clone()));
+                json!({"load_n": decimal(found.load_n), "load_error_n": decimal(found.load_error_n),
+                "friction_n": decimal(found.friction_n), "zero_error_rad": decimal(found.zero_error_rad)})
             }
-            EventKind::MoveDone { error_m } => {
-                let done = json!({"error_m": decimal(*error_m)});
-                self.end(|f| f.moves && matches!(f.request, Request::Move { .. }), || Ok(done.clone()));
-            }
-            EventKind::DirectionProven => {
-                self.end(|f| f.moves && f.request == Request::CheckDirection, || Ok(json!({})));
-            }
-            EventKind::Stopped => {
-                self.end(|f| f.moves && matches!(f.request, Request::Jog { .. }), || Ok(json!({})));
-                self.end(|f| f.moves, error("stopped", "stopped before its end".into()));
-            }
-            EventKind::HomingRefused(failure) => {
-                self.end(|f| f.moves, error("homing-failed", failure.to_string()));
-            }
-            EventKind::FaultRaised(fault) => self.end(|f| f.moves, error("fault", fault.to_string())),
-            EventKind::EStopOpened => self.end(|f| f.moves, error("estop", "the emergency stop was pressed".into())),
-            _ => {}
-        }
+            EventKind::MoveDone { error_m } => json!({"error_m": decimal(*error_m)}),
+            _ => json!({}),
+        };
+        self.end(|flight| {
+            let end = end_of(&flight.request, event).filter(|_| flight.moves)?;
+            Some(end.map(|()| done.clone()).map_err(|cut| Refused::new(cut.kind(), cut.to_string())))
+        });
     }
 
     /// Time has passed: a lost reply or event does not leave an order open for ever.
@@ -119,26 +102,30 @@ impl Flights {
         if matches!(state, State::Moving | State::Homing) {
             self.flights.iter_mut().filter(|flight| flight.moves).for_each(|flight| flight.since_s = now_s);
         }
-        let silent = |f: &Flight| !f.moves && now_s > f.since_s + REPLY_S;
-        self.end(silent, || Err(Refused::new("no-reply", format!("no reply from the board within {REPLY_S} s"))));
-        let ended = |f: &Flight| f.moves && now_s > f.since_s + REST_S;
-        self.end(ended, || Err(Refused::new("stopped", format!("the board has ended it: it is {state}"))));
+        self.end(|flight| match flight.moves {
+            false if now_s > flight.since_s + REPLY_S => {
+                Some(Err(Refused::new("no-reply", format!("no reply from the board within {REPLY_S} s"))))
+            }
+            true if now_s > flight.since_s + REST_S => {
+                Some(Err(Refused::new("stopped", format!("the board has ended it: it is {state}"))))
+            }
+            _ => None,
+        });
     }
 
     /// Nobody hears of their ends any more: the conversation with the board has ended, or the board is silent.
     pub fn end_all(&mut self, kind: &'static str, why: &str) {
-        self.end(|_| true, || Err(Refused::new(kind, why)));
+        self.end(|_| Some(Err(Refused::new(kind, why))));
     }
 
-    fn end(&mut self, which: impl Fn(&Flight) -> bool, result: impl Fn() -> Result<Value, Refused>) {
-        while let Some(place) = self.flights.iter().position(&which) {
-            self.land(place, result());
+    /// Ends the orders that have a result.
+    fn end(&mut self, result: impl Fn(&Flight) -> Option<Result<Value, Refused>>) {
+        for flight in std::mem::take(&mut self.flights) {
+            match result(&flight) {
+                Some(result) => self.landed.push(Landed { client: flight.client, id: flight.id, result }),
+                None => self.flights.push(flight),
+            }
         }
-    }
-
-    fn land(&mut self, place: usize, result: Result<Value, Refused>) {
-        let Flight { client, id, .. } = self.flights.remove(place);
-        self.landed.push(Landed { client, id, result });
     }
 }
 

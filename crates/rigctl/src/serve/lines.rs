@@ -1,6 +1,6 @@
 //! Lines of bounded length from a client, whatever it sends.
 
-use std::io::{self, BufRead, ErrorKind};
+use std::io::{self, BufRead, Read};
 
 /// Longest line of a client (bytes, without its end). The longest order that makes sense has about 150.
 pub const LONGEST: usize = 4096;
@@ -19,26 +19,12 @@ pub enum Line {
 /// # Errors
 /// If the input fails.
 pub fn next(input: &mut impl BufRead) -> io::Result<Option<Line>> {
-    let (mut line, mut too_long) = (Vec::new(), false);
-    loop {
-        let chunk = match input.fill_buf() {
-            Ok([]) => return Ok(None),
-            Ok(chunk) => chunk,
-            Err(e) if e.kind() == ErrorKind::Interrupted => continue,
-            Err(e) => return Err(e),
-        };
-        let end = chunk.iter().position(|byte| *byte == b'\n');
-        let part = &chunk[..end.unwrap_or(chunk.len())];
-        too_long |= line.len() + part.len() > LONGEST;
-        if !too_long {
-            line.extend_from_slice(part);
-        }
-        let used = part.len() + usize::from(end.is_some());
-        input.consume(used);
-        if end.is_some() {
-            return Ok(Some(if too_long { Line::TooLong } else { Line::Whole(line) }));
-        }
+    let mut line = Vec::new();
+    Read::by_ref(input).take(LONGEST as u64 + 1).read_until(b'\n', &mut line)?;
+    if line.pop_if(|byte| *byte == b'\n').is_some() {
+        return Ok(Some(Line::Whole(line)));
     }
+    Ok((line.len() > LONGEST && input.skip_until(b'\n')? > 0).then_some(Line::TooLong))
 }
 
 #[cfg(test)]

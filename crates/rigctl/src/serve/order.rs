@@ -1,32 +1,10 @@
-//! What a line of a client means. Each order of the board is one line of the table `ORDERS`.
+//! What a line of a client means.
 
 use super::Refused;
 use super::lines::LONGEST;
-use crate::course::HOLDS_FOR_S;
-use crate::script::DEFAULT_SPEED_M_PER_S;
-use rig_link::{LoadChoice, Request};
+use crate::request;
+use rig_link::Request;
 use serde_json::{Map, Value};
-
-/// The request of an order, from its fields.
-type Build = fn(&mut Fields) -> Result<Request, String>;
-
-/// The orders by their names in `do`.
-const ORDERS: [(&str, Build); 8] = [
-    ("home", |f| Ok(Request::Home { load: f.load()? })),
-    ("move", |f| {
-        let (target_m, speed) = (f.number("to_m")?, f.number_or("speed_m_per_s", DEFAULT_SPEED_M_PER_S as f32)?);
-        Ok(Request::Move { target_m, speed_m_per_s: speed, load: f.load()? })
-    }),
-    ("track", |f| {
-        let (position_m, speed_m_per_s) = (f.number("position_m")?, f.number_or("speed_m_per_s", 0.0)?);
-        Ok(Request::Track { position_m, speed_m_per_s, for_s: f.number_or("for_s", HOLDS_FOR_S)? })
-    }),
-    ("jog", |f| Ok(Request::Jog { twist_speed_rad_per_s: f.number("speed_rad_per_s")? })),
-    ("stop", |_| Ok(Request::Stop)),
-    ("hold", |_| Ok(Request::Stop)),
-    ("clear", |_| Ok(Request::Clear)),
-    ("check-direction", |_| Ok(Request::CheckDirection)),
-];
 
 /// What a client wants.
 #[derive(Debug, Clone, PartialEq)]
@@ -58,11 +36,11 @@ impl Line {
     pub fn read(bytes: &[u8]) -> Self {
         let bad = |message: String| Refused::new("bad-request", message);
         let mut fields = match serde_json::from_slice::<Value>(bytes) {
-            Ok(Value::Object(fields)) => Fields(fields),
+            Ok(Value::Object(fields)) => fields,
             Ok(_) => return Self { id: None, command: Err(bad("not a JSON object".into())) },
             Err(e) => return Self { id: None, command: Err(bad(format!("not JSON: {e}"))) },
         };
-        let id = match fields.0.remove("id") {
+        let id = match fields.remove("id") {
             Some(Value::Object(_) | Value::Array(_)) => {
                 return Self { id: None, command: Err(bad("id must be a number or a text".into())) };
             }
@@ -72,58 +50,27 @@ impl Line {
     }
 }
 
-fn command(fields: &mut Fields) -> Result<Command, String> {
-    let command = match (fields.0.remove("do"), fields.0.remove("release")) {
+fn command(fields: &mut Map<String, Value>) -> Result<Command, String> {
+    let command = match (fields.remove("do"), fields.remove("release")) {
         (Some(Value::String(name)), None) if name == "status" => Command::Status,
-        (Some(Value::String(name)), None) => {
-            let order = ORDERS.iter().find(|(known, _)| *known == name);
-            let (_, build) = order.ok_or_else(|| format!("there is no order `{name}`; there are {}", names()))?;
-            Command::Order(Box::new(build(fields)?))
-        }
+        (Some(Value::String(name)), None) => Command::Order(Box::new(request::from_object(&name, fields)?)),
         (None, Some(Value::Bool(true))) => Command::Release,
         (None, Some(_)) => return Err("release can only be true".into()),
-        (Some(_), None) => return Err(format!("do must be a text: one of {}", names())),
+        (Some(_), None) => return Err(format!("do must be a text: one of {}", request::names())),
         (None, None) => return Err("there is neither `do` nor `release`".into()),
         (Some(_), Some(_)) => return Err("there are both `do` and `release`".into()),
     };
-    match fields.0.keys().next() {
+    match fields.keys().next() {
         None => Ok(command),
         Some(unknown) => Err(format!("there is no field `{unknown}` in this order")),
-    }
-}
-
-fn names() -> String {
-    ORDERS.iter().map(|(name, _)| *name).chain(["status"]).collect::<Vec<_>>().join(", ")
-}
-
-/// The fields of an order. Those that it has taken are gone, so that an unknown one is found.
-struct Fields(Map<String, Value>);
-
-impl Fields {
-    fn optional(&mut self, name: &str) -> Result<Option<f32>, String> {
-        let Some(value) = self.0.remove(name) else { return Ok(None) };
-        let number = value.as_f64().ok_or_else(|| format!("{name} is {value} and must be a number in SI units"))?;
-        let single = number as f32;
-        if single.is_finite() { Ok(Some(single)) } else { Err(format!("{name} is {value}: too large")) }
-    }
-
-    fn number(&mut self, name: &str) -> Result<f32, String> {
-        self.optional(name)?.ok_or_else(|| format!("there is no field `{name}`, which this order needs"))
-    }
-
-    fn number_or(&mut self, name: &str, default: f32) -> Result<f32, String> {
-        Ok(self.optional(name)?.unwrap_or(default))
-    }
-
-    /// The load as the operator knows it; without the field the board weighs it.
-    fn load(&mut self) -> Result<LoadChoice, String> {
-        Ok(self.optional("load_n")?.map_or(LoadChoice::Auto, LoadChoice::Known))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::course::HOLDS_FOR_S;
+    use rig_link::LoadChoice;
     use serde_json::json;
 
     fn order(request: Request) -> Command {
@@ -132,7 +79,7 @@ mod tests {
 
     #[test]
     fn orders_and_their_fields() {
-        let speed_m_per_s = DEFAULT_SPEED_M_PER_S as f32;
+        let speed_m_per_s = 2e-3;
         for (text, command) in [
             ("{\"do\":\"home\"}", order(Request::HOME)),
             ("{\"do\":\"home\",\"load_n\":5}", order(Request::Home { load: LoadChoice::Known(5.0) })),

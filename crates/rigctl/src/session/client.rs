@@ -1,12 +1,10 @@
 //! Requests with replies, events, telemetry: the conversation with one board.
 
-use super::entry::Entry;
 use super::interrupt;
-use super::link::{Heard, Link, STEP_S};
-use super::port::{Emulated, Port};
-use super::row::Row;
+use super::link::{Heard, Link, Port, STEP_S};
+use super::row::{Entry, Row, TruthRecords};
 use super::silence::Hearing;
-use super::truth::TruthRecords;
+use super::sim::Sim;
 use crate::failure::{BrokenOff, Failure, Why};
 use rig_link::{
     Accepted, EventKind, HomingFailure, Identity, Kept, Message, Refusal, Request, Sensors, Setting, SettingsReport,
@@ -137,7 +135,7 @@ impl Session {
     }
 
     /// The emulated rig behind the port, if it is one.
-    pub fn emulated(&mut self) -> Option<&mut dyn Emulated> {
+    pub fn emulated(&mut self) -> Option<&mut Sim> {
         self.link.emulated()
     }
 
@@ -200,8 +198,9 @@ impl Session {
     /// Never for the messages that exist: each fits a frame.
     pub fn post(&mut self, request: &Request) -> Result<u16, Failure> {
         match request {
-            Request::SetSetting { .. } | Request::SetSettings(_) => self.hearing.may_store(FLASH_S),
-            Request::TablePart(_) => self.hearing.may_store(FLASH_S),
+            Request::SetSetting { .. } | Request::SetSettings(_) | Request::TablePart(_) => {
+                self.hearing.may_store(FLASH_S)
+            }
             _ => {}
         }
         let number = self.link.post(request)?;
@@ -233,13 +232,11 @@ impl Session {
     /// If the port fails, or the emulated board stopped.
     pub fn stop(&mut self) -> Result<bool, Failure> {
         for _ in 0..STOPS {
-            let number = self.post(&Request::Stop)?;
-            // Numbers wrap around: an old reply with the same number must not answer this stop.
-            self.replies.retain(|(to, _)| *to != number);
+            let number = self.post_anew(&Request::Stop)?;
             for _ in 0..STOP_EXCHANGES {
                 self.exchange()?;
-                if let Some((_, result)) = self.replies.iter().find(|(to, _)| *to == number) {
-                    return Ok(result.is_ok());
+                if let Some(place) = self.reply_to(number) {
+                    return Ok(self.replies[place].1.is_ok());
                 }
             }
         }
@@ -314,7 +311,7 @@ impl Session {
         let zero_m = self.settings.map_or(0.0, |s| f64::from(s.values.get(Setting::PositionZero)));
         let zero_gap_m = self.truth.home_gap_m().map(|gap_m| gap_m - zero_m);
         let mut row = Row::new(t_s, &telemetry, self.truth.at(t_s).as_ref(), zero_gap_m);
-        row.homing_failure = self.homing_failure.map(|failure| failure.name());
+        row.homing_failure = self.homing_failure;
         self.note(|| Entry::Row(row.clone()));
         self.rows.push_back(row);
         self.last = Some(telemetry);
@@ -340,34 +337,58 @@ impl Session {
     /// # Errors
     /// The board's refusal, in words, or that no reply came.
     pub fn request(&mut self, request: &Request) -> Result<Accepted, Failure> {
-        let number = self.post(request)?;
-        // Numbers wrap around: an old reply with the same number must not answer this request.
-        self.replies.retain(|(to, _)| *to != number);
-        self.until(REPLY_S, |s| s.replies.iter().any(|(to, _)| *to == number))?;
-        match self.replies.iter().position(|(to, _)| *to == number).and_then(|i| self.replies.remove(i)) {
+        let number = self.post_anew(request)?;
+        self.until(REPLY_S, |s| s.reply_to(number).is_some())?;
+        match self.reply_to(number).and_then(|place| self.replies.remove(place)) {
             Some((_, Ok(accepted))) => Ok(accepted),
             Some((_, Err(refusal))) => Err(Failure::failed(format!("refused: {refusal}"))),
             None => Err(Failure::failed(format!("no reply from the board within {REPLY_S} s"))),
         }
     }
 
-    /// Greets the board and returns its identity.
+    /// As [`Session::post`]. Numbers wrap around: an old reply with the same number must not answer this request.
+    fn post_anew(&mut self, request: &Request) -> Result<u16, Failure> {
+        let number = self.post(request)?;
+        self.replies.retain(|(to, _)| *to != number);
+        Ok(number)
+    }
+
+    fn reply_to(&self, number: u16) -> Option<usize> {
+        self.replies.iter().position(|(to, _)| *to == number)
+    }
+
+    /// Asks for something that the board sends after its reply, and waits for it.
+    fn ask<T: Clone>(
+        &mut self,
+        request: &Request,
+        what: &str,
+        newest: fn(&mut Self) -> &mut Option<T>,
+    ) -> Result<T, Failure> {
+        *newest(self) = None;
+        self.request(request)?;
+        let end_s = self.now_s() + REPLY_S;
+        while self.now_s() < end_s {
+            self.step()?;
+            if let Some(sent) = newest(self) {
+                return Ok(sent.clone());
+            }
+        }
+        Err(Failure::failed(format!("the board did not send its {what}")))
+    }
+
+    /// Greets the board, which sends its identity, and asks for its settings.
     ///
     /// # Errors
     /// If nobody answers, or board and tool have different protocols.
-    pub fn hello(&mut self) -> Result<Identity, Failure> {
+    pub fn greet(&mut self) -> Result<(), Failure> {
         // A board of another protocol may send no telemetry that this tool can read: it is greeted all the same.
         let heard = self.until(HELLO_S, |s| s.last.is_some())?;
-        self.identity = None;
-        let greeted = self.request(&Request::Hello(TOOL));
+        let greeted = self.ask(&Request::Hello(TOOL), "identity", |s| &mut s.identity);
         if !heard && self.board.is_none() {
             return Err(Failure::failed(format!("no telemetry within {HELLO_S} s: is the board on, is it this port?")));
         }
         greeted?;
-        self.until(REPLY_S, |s| s.identity.is_some())?;
-        let identity = self.identity.clone().ok_or_else(|| Failure::failed("the board did not send its identity"))?;
-        self.settings()?;
-        Ok(identity)
+        self.settings().map(drop)
     }
 
     /// Asks the board for its identity again.
@@ -375,10 +396,7 @@ impl Session {
     /// # Errors
     /// If it does not answer.
     pub fn identify(&mut self) -> Result<(), Failure> {
-        self.identity = None;
-        self.request(&Request::Status)?;
-        self.until(REPLY_S, |s| s.identity.is_some())?;
-        self.require_identity().map(|_| ())
+        self.ask(&Request::Status, "identity", |s| &mut s.identity).map(drop)
     }
 
     /// Asks the board for its settings.
@@ -386,10 +404,7 @@ impl Session {
     /// # Errors
     /// If it does not answer.
     pub fn settings(&mut self) -> Result<SettingsReport, Failure> {
-        self.settings = None;
-        self.request(&Request::GetSettings)?;
-        self.until(REPLY_S, |s| s.settings.is_some())?;
-        self.settings.ok_or_else(|| Failure::failed("the board did not send its settings"))
+        self.ask(&Request::GetSettings, "settings", |s| &mut s.settings)
     }
 
     /// Changes settings, waits until they are in flash, and returns whether the board lost its position by that.
@@ -415,10 +430,16 @@ impl Session {
     /// # Errors
     /// If the board does not answer.
     pub fn sensors(&mut self) -> Result<Sensors, Failure> {
-        self.sensors = None;
-        self.request(&Request::ReadSensors)?;
-        self.until(REPLY_S, |s| s.sensors.is_some())?;
-        self.sensors.ok_or_else(|| Failure::failed("the board did not send its sensor readings"))
+        self.ask(&Request::ReadSensors, "sensor readings", |s| &mut s.sensors)
+    }
+
+    /// The newest telemetry, after a few more messages.
+    ///
+    /// # Errors
+    /// As [`Session::step`].
+    pub fn newest_row(&mut self) -> Result<Option<Row>, Failure> {
+        self.until(10.0 * STEP_S, |_| false)?;
+        Ok(self.take_rows().pop())
     }
 
     /// Gaps as the LVDT measures them (m), over half a second, homed or not.

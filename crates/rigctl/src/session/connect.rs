@@ -2,7 +2,6 @@
 
 use super::client::Session;
 use super::interrupt;
-use super::port::Port;
 use super::serial::Serial;
 use super::sim::{Sim, SimOptions};
 use super::table;
@@ -31,6 +30,17 @@ pub enum Place {
     Device(String),
 }
 
+/// Which board a command can use.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wanted {
+    /// One whose table is for the operator's scene. An emulated board is sent that table.
+    OfScene,
+    /// Any, whatever its table is for.
+    Any,
+    /// Any, from its first instant on: it is not greeted.
+    FromItsStart,
+}
+
 impl Target {
     /// The place as `--port` names it.
     pub fn port(&self) -> &str {
@@ -40,77 +50,69 @@ impl Target {
         }
     }
 
-    /// Whether the board is an emulated one.
-    pub fn is_emulated(&self) -> bool {
-        matches!(self.place, Place::Emulated(_))
-    }
-
-    /// The emulated rig's name, if it is one.
-    pub fn rig(&self) -> Option<&'static str> {
+    /// The options of the emulated board, if it is one.
+    pub fn emulated(&self) -> Option<&SimOptions> {
         match &self.place {
-            Place::Emulated(options) => Some(options.rig.name()),
+            Place::Emulated(options) => Some(options),
             Place::Device(_) => None,
         }
     }
 
-    /// Opens the port without a greeting. What an emulated board is goes to standard error.
+    /// The emulated rig's name, if it is one.
+    pub fn rig(&self) -> Option<&'static str> {
+        self.emulated().map(|options| options.preset().name())
+    }
+
+    /// Connects to the board and greets it. Standard error says what an emulated board is, and warns if a board does not use
+    /// all settings in its flash.
+    ///
+    /// # Errors
+    /// If the port cannot be opened, nobody answers, or the board has other messages; for [`Wanted::OfScene`] if the scene is
+    /// of a rig that cannot work, or the board's is another.
+    pub fn connect(&self, wanted: Wanted) -> Result<Session, Failure> {
+        // A rig that cannot work is refused before anything starts.
+        let scene = (wanted == Wanted::OfScene).then(|| scene_file::load_rig(&self.scene)).transpose()?;
+        if let Some(options) = self.emulated() {
+            eprintln!("{options}");
+        }
+        interrupt::watch();
+        let mut session = self.open()?;
+        if wanted == Wanted::FromItsStart {
+            return Ok(session);
+        }
+        session.greet()?;
+        if let Some(warning) = session.known_settings().and_then(board_settings::warning) {
+            eprintln!("warning: {warning}");
+        }
+        if let Some(scene) = scene {
+            if self.emulated().is_some() && session.require_identity()?.scene_hash != scene.hash() {
+                table::send(&mut session, &scene, &self.scene)?;
+                eprintln!("the emulated board was sent the table of {}", self.scene.display());
+            }
+            self.check_scene(&session)?;
+        }
+        Ok(session)
+    }
+
+    /// A session with a board that has not been greeted, for a program that hears of interrupts itself and says what it does.
     ///
     /// # Errors
     /// If the emulated board does not start, or the device cannot be opened.
     pub fn open(&self) -> Result<Session, Failure> {
-        if let Place::Emulated(options) = &self.place {
-            eprintln!("{options}");
-        }
-        self.start()
-    }
-
-    fn start(&self) -> Result<Session, Failure> {
-        interrupt::watch();
-        let port: Box<dyn Port> = match &self.place {
+        Ok(Session::new(match &self.place {
             Place::Emulated(options) => Box::new(Sim::start(options)?),
             Place::Device(device) => Box::new(Serial::open(device)?),
-        };
-        Ok(Session::new(port))
+        }))
     }
 
-    /// Opens the port and greets the board, whatever scene its table is for. Standard error shows a warning if the board does
-    /// not use all settings in its flash.
-    ///
-    /// # Errors
-    /// If there is no board, or it was built with another message table.
-    pub fn meet(&self) -> Result<Session, Failure> {
-        let mut session = self.open()?;
-        session.hello()?;
-        if let Some(warning) = session.known_settings().and_then(board_settings::warning) {
-            eprintln!("warning: {warning}");
-        }
-        Ok(session)
-    }
-
-    /// Opens the port and greets the board; its table must be for the operator's scene. An emulated board is sent that table.
-    ///
-    /// # Errors
-    /// If the scene is of a rig that cannot work, the port cannot be opened, nobody answers, or the board's scene is
-    /// another.
-    pub fn connect(&self) -> Result<Session, Failure> {
-        let scene = scene_file::load_rig(&self.scene)?;
-        let mut session = self.meet()?;
-        if self.is_emulated() && session.identity().is_some_and(|id| id.scene_hash != scene.hash()) {
-            table::send(&mut session, &scene, &self.scene)?;
-            eprintln!("the emulated board was sent the table of {}", self.scene.display());
-        }
-        self.check_scene(&session)?;
-        Ok(session)
-    }
-
-    /// An emulated board for commands that begin with its first instant, [`Self::open`] it then: its flash has the table of the
-    /// operator's scene, where the image has another one. The flash is the given file, or one that lasts as long as the result.
+    /// An emulated board for [`Wanted::FromItsStart`]: its flash has the table of the operator's scene, where the image has
+    /// another one. The flash is the given file, or one that lasts as long as the result.
     ///
     /// # Errors
     /// As [`Self::connect`].
     pub fn with_its_table(&self) -> Result<(Self, Option<TemporaryFile>), Failure> {
         let scene = scene_file::load_rig(&self.scene)?;
-        if !self.is_emulated() || self.looked_at()?.identity().is_some_and(|id| id.scene_hash == scene.hash()) {
+        if self.emulated().is_none() || self.looked_at()?.require_identity()?.scene_hash == scene.hash() {
             return Ok((self.clone(), None));
         }
         let fit = table::fitted(&scene, &self.scene)?;
@@ -141,10 +143,11 @@ impl Target {
     fn looked_at(&self) -> Result<Session, Failure> {
         let mut target = self.clone();
         if let Place::Emulated(options) = &mut target.place {
-            options.gdb = None;
+            (options.gdb, options.gdb_wait) = (None, false);
         }
-        let mut session = target.start()?;
-        session.hello()?;
+        interrupt::watch();
+        let mut session = target.open()?;
+        session.greet()?;
         Ok(session)
     }
 

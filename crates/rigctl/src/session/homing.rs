@@ -1,9 +1,9 @@
 //! Homing, from the request to its result.
 
 use super::client::Session;
-use super::motion::check_motion;
+use super::motion::ended;
 use super::row::Row;
-use crate::failure::{Failure, HomingFailed};
+use crate::failure::Failure;
 use crate::output::progress;
 use rig_link::{EventKind, LoadChoice, Request};
 use serde::Serialize;
@@ -46,28 +46,23 @@ impl HomeResult {
 pub fn home(session: &mut Session, load: LoadChoice, mut each: impl FnMut(&Row)) -> Result<HomeResult, Failure> {
     session.wait_ready()?;
     let start_s = session.board_s();
-    session.request(&Request::Home { load })?;
+    let request = Request::Home { load };
+    session.request(&request)?;
     let bar = progress(45, "homing");
     while session.board_s() < start_s + HOMING_S {
         session.step()?;
         bar.set_position((session.board_s() - start_s) as u64);
         session.take_rows().iter().for_each(&mut each);
-        for (t_s, kind) in session.take_events() {
-            match kind {
-                EventKind::Homed(found) => {
-                    bar.finish_and_clear();
-                    return Ok(HomeResult {
-                        duration_s: t_s - start_s,
-                        load_n: found.load_n,
-                        load_error_n: found.load_error_n,
-                        friction_n: found.friction_n,
-                        zero_error_rad: found.zero_error_rad,
-                        reference_gap_m: found.reference_gap_m,
-                    });
-                }
-                EventKind::HomingRefused(failure) => return Err(HomingFailed(failure).into()),
-                kind => check_motion(&kind, "while homing")?,
-            }
+        if let Some((t_s, EventKind::Homed(found))) = ended(session, &request, "while homing")? {
+            bar.finish_and_clear();
+            return Ok(HomeResult {
+                duration_s: t_s - start_s,
+                load_n: found.load_n,
+                load_error_n: found.load_error_n,
+                friction_n: found.friction_n,
+                zero_error_rad: found.zero_error_rad,
+                reference_gap_m: found.reference_gap_m,
+            });
         }
     }
     Err(Failure::failed(format!("homing did not end within {HOMING_S} s")))
@@ -77,9 +72,10 @@ pub fn home(session: &mut Session, load: LoadChoice, mut each: impl FnMut(&Row))
 mod tests {
     use super::*;
     use crate::fixtures::telemetry;
-    use crate::session::port::{Port, Received};
+    use crate::session::link::Port;
     use rig_link::messages::GapCurve;
     use rig_link::{Accepted, Decoder, HomingResult, MAX_FRAME, Message, encode};
+    use rig_plant::Run;
 
     /// Time (µs) for which the board has been on, and how much of it passes in a step of 10 ms on the port's clock.
     const ON_US: u64 = 3_600_000_000;
@@ -109,7 +105,7 @@ mod tests {
     }
 
     impl Port for Slow {
-        fn pass(&mut self, bytes: &[u8], seconds: f64) -> Result<Received, Failure> {
+        fn pass(&mut self, bytes: &[u8], seconds: f64) -> Result<Run, Failure> {
             let mut messages = Vec::new();
             for frame in bytes.iter().filter_map(|byte| self.decoder.push(*byte)?.ok()) {
                 if matches!(frame.body, Request::Home { .. }) {
@@ -126,10 +122,10 @@ mod tests {
             if self.asked_us.is_none() || self.homes_in_us.is_some() {
                 messages.push(Message::Telemetry(telemetry(self.board_us)));
             }
-            let mut received = Received::default();
+            let mut received = Run::default();
             for message in messages {
                 self.sequence = self.sequence.wrapping_add(1);
-                received.bytes.extend(encode(self.sequence, &message, &mut [0; MAX_FRAME]).expect("it fits"));
+                received.uart.extend(encode(self.sequence, &message, &mut [0; MAX_FRAME]).expect("it fits"));
             }
             Ok(received)
         }

@@ -1,13 +1,30 @@
 //! Frames over a [`Port`]: numbered and encoded on the way out, decoded and put in order on the way in.
 
 use super::order::Order;
-use super::port::{Emulated, Port};
+use super::sim::Sim;
 use crate::failure::Failure;
 use rig_link::{Decoder, HEARTBEAT_PERIOD_MS, MAX_FRAME, Message, Request, encode};
-use rig_plant::Truth;
+use rig_plant::{Run, Truth};
 
 /// Time that passes in one exchange (s).
 pub const STEP_S: f64 = 0.01;
+
+/// A connection to the board.
+pub trait Port: Send {
+    /// Sends `bytes`, lets `seconds` pass, and returns what came back. On a real rig that is bytes alone.
+    ///
+    /// # Errors
+    /// If the connection is lost, or the emulated board stopped.
+    fn pass(&mut self, bytes: &[u8], seconds: f64) -> Result<Run, Failure>;
+
+    /// Time on this connection's clock (s): emulated time, or time since it was opened.
+    fn now_s(&self) -> f64;
+
+    /// The emulated rig at its end, if it is one.
+    fn emulated(&mut self) -> Option<&mut Sim> {
+        None
+    }
+}
 
 /// What came back in one exchange.
 #[derive(Default)]
@@ -52,7 +69,7 @@ impl Link {
     }
 
     /// The emulated rig behind the port, if it is one.
-    pub fn emulated(&mut self) -> Option<&mut dyn Emulated> {
+    pub fn emulated(&mut self) -> Option<&mut Sim> {
         self.port.emulated()
     }
 
@@ -106,7 +123,7 @@ impl Link {
         self.exchanges += 1;
         let received = self.port.pass(&std::mem::take(&mut self.outgoing), STEP_S)?;
         let mut messages = Vec::new();
-        for byte in received.bytes {
+        for byte in received.uart {
             if let Some(Ok(frame)) = self.decoder.push(byte) {
                 messages.extend(self.order.take(frame));
             }

@@ -1,11 +1,11 @@
-//! Motions: a move to a position, a jog, a turn to a twist.
+//! Motions: when one has ended, a move to a position, a jog, a turn to a twist.
 
 use super::client::Session;
 use super::link::STEP_S;
 use super::row::Row;
-use crate::failure::Failure;
+use crate::failure::{Failure, HomingFailed};
 use crate::output::progress;
-use rig_link::{EventKind, LoadChoice, Request};
+use rig_link::{EventKind, Fault, HomingFailure, LoadChoice, Request, StreamEnd};
 use serde::Serialize;
 use std::f64::consts::{PI, TAU};
 
@@ -22,16 +22,77 @@ const CHECK_S: f64 = 20.0;
 /// Longest ramp down after a stop (s).
 const STOP_S: f64 = 5.0;
 
-/// Passes over events that end no motion.
+/// Why a motion ended before its end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Cut {
+    /// By a stop.
+    #[error("stopped before its end")]
+    Stopped,
+    /// Homing failed.
+    #[error("{0}")]
+    Homing(HomingFailure),
+    /// By a fault.
+    #[error("{0}")]
+    Fault(Fault),
+    /// A stream of set-points ended by itself.
+    #[error("the stream ended ({0}); the load is held")]
+    Stream(StreamEnd),
+    /// By the emergency stop.
+    #[error("the emergency stop was pressed")]
+    EStop,
+}
+
+impl Cut {
+    /// The kind that clients of `serve` compare.
+    pub fn kind(self) -> &'static str {
+        match self {
+            Self::Homing(_) => "homing-failed",
+            Self::Fault(_) => "fault",
+            Self::EStop => "estop",
+            Self::Stopped | Self::Stream(_) => "stopped",
+        }
+    }
+
+    /// The failure of a command; `when` is part of the message.
+    pub fn failure(self, when: &str) -> Failure {
+        match self {
+            Self::Stopped => Failure::failed("stopped before the target"),
+            Self::Homing(failure) => HomingFailed(failure).into(),
+            Self::Stream(_) => Failure::failed(self.to_string()),
+            Self::Fault(fault) => Failure::failed(format!("fault {fault} {when}")),
+            Self::EStop => Failure::failed(format!("emergency stop {when}")),
+        }
+    }
+}
+
+/// What an event means for the motion that a request has begun: nothing, its end, or why it has ended early.
+pub fn end_of(request: &Request, event: &EventKind) -> Option<Result<(), Cut>> {
+    match (event, request) {
+        (EventKind::Homed(_), Request::Home { .. })
+        | (EventKind::MoveDone { .. }, Request::Move { .. })
+        | (EventKind::DirectionProven, Request::CheckDirection)
+        // A jog has no other end.
+        | (EventKind::Stopped, Request::Jog { .. }) => Some(Ok(())),
+        (EventKind::Stopped, _) => Some(Err(Cut::Stopped)),
+        (EventKind::StreamEnded(end), Request::Track { .. }) => Some(Err(Cut::Stream(*end))),
+        (EventKind::HomingRefused(failure), _) => Some(Err(Cut::Homing(*failure))),
+        (EventKind::FaultRaised(fault), _) => Some(Err(Cut::Fault(*fault))),
+        (EventKind::EStopOpened, _) => Some(Err(Cut::EStop)),
+        _ => None,
+    }
+}
+
+/// The event with which a motion has ended, and its time (s), if it has.
 ///
 /// # Errors
-/// The fault or emergency stop that ended it; `when` is part of the message.
-pub fn check_motion(kind: &EventKind, when: &str) -> Result<(), Failure> {
-    match kind {
-        EventKind::FaultRaised(fault) => Err(Failure::failed(format!("fault {fault} {when}"))),
-        EventKind::EStopOpened => Err(Failure::failed(format!("emergency stop {when}"))),
-        _ => Ok(()),
+/// What has ended it early; `when` is part of the message.
+pub fn ended(session: &mut Session, request: &Request, when: &str) -> Result<Option<(f64, EventKind)>, Failure> {
+    for (t_s, event) in session.take_events() {
+        if let Some(end) = end_of(request, &event) {
+            return end.map(|()| Some((t_s, event))).map_err(|cut| cut.failure(when));
+        }
     }
+    Ok(None)
 }
 
 /// How a move ended.
@@ -97,15 +158,9 @@ pub fn move_to(
             }
             each(&row);
         }
-        for (_, kind) in session.take_events() {
-            match kind {
-                EventKind::MoveDone { .. } => {
-                    bar.finish_and_clear();
-                    return settle(session, to_m, start_s, before, &mut each);
-                }
-                EventKind::Stopped => return Err(Failure::failed("stopped before the target")),
-                kind => check_motion(&kind, "on the way")?,
-            }
+        if ended(session, &request, "on the way")?.is_some() {
+            bar.finish_and_clear();
+            return settle(session, to_m, start_s, before, &mut each);
         }
     }
     Err(Failure::failed("the move did not end"))
@@ -161,7 +216,7 @@ pub fn check_direction(session: &mut Session) -> Result<(), Failure> {
     session.take_events();
     session.request(&Request::CheckDirection)?;
     session.until(CHECK_S, |s| !s.is_moving())?;
-    session.take_events().iter().try_for_each(|(_, kind)| check_motion(kind, "while the directions were checked"))
+    ended(session, &Request::CheckDirection, "while the directions were checked").map(drop)
 }
 
 /// Turns the strings at a constant speed (rad/s) for a time (s), then ramps down.
@@ -170,19 +225,18 @@ pub fn check_direction(session: &mut Session) -> Result<(), Failure> {
 /// The board's refusal or failure in words.
 pub fn jog(session: &mut Session, speed_rad_per_s: f64, seconds: f64) -> Result<(), Failure> {
     check_direction(session)?;
-    session.request(&Request::Jog { twist_speed_rad_per_s: speed_rad_per_s as f32 })?;
+    let request = Request::Jog { twist_speed_rad_per_s: speed_rad_per_s as f32 };
+    session.request(&request)?;
     let end_s = session.now_s() + seconds;
     while session.now_s() < end_s {
         session.step()?;
-        for (_, kind) in session.take_events() {
-            check_motion(&kind, "while turning")?;
-        }
+        ended(session, &request, "while turning")?;
     }
     session.request(&Request::Stop)?;
     if !session.until(STOP_S, |s| !s.is_moving())? {
         return Err(Failure::failed("the strings did not come to rest"));
     }
-    session.take_events().iter().try_for_each(|(_, kind)| check_motion(kind, "while stopping"))
+    ended(session, &request, "while stopping").map(drop)
 }
 
 /// Turns the strings from one twist to another (rad) at a constant speed (rad/s); `each` is called after every step.
@@ -197,7 +251,8 @@ pub fn turn(
 ) -> Result<(), Failure> {
     let sign = (to - from).signum();
     session.take_events();
-    session.request(&Request::Jog { twist_speed_rad_per_s: (sign * speed_rad_per_s) as f32 })?;
+    let request = Request::Jog { twist_speed_rad_per_s: (sign * speed_rad_per_s) as f32 };
+    session.request(&request)?;
     let end_s = session.now_s() + (to - from).abs() / speed_rad_per_s + TURN_SLACK_S;
     let bar = progress(1000, if sign > 0.0 { "turning up" } else { "turning back" });
     let mut stopping = false;
@@ -211,9 +266,7 @@ pub fn turn(
             session.request(&Request::Stop)?;
             stopping = true;
         }
-        for (_, kind) in session.take_events() {
-            check_motion(&kind, "while turning")?;
-        }
+        ended(session, &request, "while turning")?;
         if stopping && !session.is_moving() {
             bar.finish_and_clear();
             return Ok(());

@@ -2,72 +2,89 @@
 //! the same seed and the same requests give the same bytes.
 
 use super::interrupt;
-use super::port::{Emulated, Port, Received};
+use super::link::Port;
 use crate::failure::Failure;
 use anyhow::{Context, anyhow};
-use rig_plant::{Answer, Fault, PlantChange, Request, RigPreset, Stats};
+use clap::Args;
+use rig_plant::{Answer, Fault, PlantChange, PlantKey, Request, RigPreset, Run, Stats};
+use std::ffi::OsStr;
 use std::fmt;
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::sync::{Arc, Mutex};
 
-/// How to start an emulated board.
-#[derive(Clone, Debug)]
+/// Heading of the options in the tool's help.
+const HEADING: &str = "Emulated board (--port sim)";
+
+/// The help of `--plant`.
+fn plant_help() -> String {
+    format!(
+        "Changes of the emulated plant that the firmware does not know, for example load=1.2kg,friction=0.1. Keys and their \
+         units:\n{}",
+        PlantKey::help()
+    )
+}
+
+/// How to start an emulated board: the tool's options for it.
+#[derive(Clone, Debug, Default, Args)]
 pub struct SimOptions {
     /// Folder of the emulator; `None` is that of the running program. The firmware is in `../firmware`.
+    #[arg(skip)]
     pub programs: Option<PathBuf>,
-    /// The firmware; `None` is the one that `cargo xtask firmware` made.
-    pub firmware: Option<PathBuf>,
     /// Scene that the rig is built by.
+    #[arg(skip)]
     pub scene: PathBuf,
-    /// What the rig has besides its own model.
-    pub rig: RigPreset,
-    /// Changes of the plant that the firmware does not know.
+    /// Emulated rig of the seed: `ideal` is its own model, for testing arithmetic; `nominal` has what a well-made real rig has
+    /// besides, `hard` what the worst in ten has [default: nominal]
+    #[arg(long, global = true, help_heading = HEADING, value_name = "ideal|nominal|hard", hide_possible_values = true)]
+    pub rig: Option<RigPreset>,
+    /// Changes of the emulated plant that the firmware does not know, for example load=1.2kg,friction=0.1
+    #[arg(long, global = true, help_heading = HEADING, value_name = "KEY=VALUE", value_delimiter = ',',
+        long_help = plant_help())]
     pub plant: Vec<PlantChange>,
-    /// Program and arguments in the place of mechanism and load.
+    /// Scene that the emulated plant is built from, if it differs from the operator's --scene [default: --scene]
+    #[arg(long, global = true, help_heading = HEADING, value_name = "FILE")]
+    pub plant_scene: Option<PathBuf>,
+    /// Program and arguments that stand in for the emulated mechanism and load: docs/plants.md
+    #[arg(long, global = true, help_heading = HEADING, value_name = "CMD ARGS", conflicts_with = "plant_surface")]
     pub plant_program: Option<String>,
-    /// Files of measured gaps in the place of the mechanism.
+    /// Measured gaps that stand in for the emulated mechanism, one file or those of either way of the twist: docs/plants.md
+    #[arg(long, global = true, help_heading = HEADING, value_name = "FILE")]
     pub plant_surface: Vec<PathBuf>,
-    /// Seed of all noise, and of the rig.
+    /// Seed of the emulated rig's noise, and of the rig that --rig draws
+    #[arg(long, global = true, help_heading = HEADING, default_value_t = 1)]
     pub seed: u64,
-    /// File that keeps the board's flash; without it the board is a new one.
+    /// File that keeps the emulated board's flash from one call to the next [default: each call has a new board]
+    #[arg(long, global = true, help_heading = HEADING, value_name = "FILE")]
     pub flash: Option<PathBuf>,
-    /// A debugger of the board.
-    pub gdb: Option<Gdb>,
+    /// Firmware for the emulated board [default: what `cargo xtask firmware` made]
+    #[arg(long, global = true, help_heading = HEADING, value_name = "ELF")]
+    pub firmware: Option<PathBuf>,
+    /// Let a GDB connect to the emulated board there, for example 127.0.0.1:1234; see docs/debugging.md
+    #[arg(long, global = true, help_heading = HEADING, value_name = "ADDR:PORT")]
+    pub gdb: Option<String>,
+    /// Start the emulated board when it has
+    #[arg(long, global = true, help_heading = HEADING, requires = "gdb")]
+    pub gdb_wait: bool,
 }
 
 impl fmt::Display for SimOptions {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "emulated board, {} rig, seed {}", self.rig, self.seed)
+        write!(f, "emulated board, {} rig, seed {}", self.preset(), self.seed)
     }
 }
 
 impl SimOptions {
     /// The firmware of `cargo xtask firmware` on a new board with the nominal rig of a scene.
     pub fn new(scene: PathBuf) -> Self {
-        Self {
-            programs: None,
-            firmware: None,
-            scene,
-            rig: RigPreset::default(),
-            plant: Vec::new(),
-            plant_program: None,
-            plant_surface: Vec::new(),
-            seed: 1,
-            flash: None,
-            gdb: None,
-        }
+        Self { scene, seed: 1, ..Self::default() }
     }
-}
 
-/// A GDB that may connect to the board.
-#[derive(Clone, Debug)]
-pub struct Gdb {
-    /// Where, as `127.0.0.1:1234`.
-    pub address: String,
-    /// The board starts when it has.
-    pub wait: bool,
+    /// What the rig has besides its own model.
+    pub fn preset(&self) -> RigPreset {
+        self.rig.unwrap_or_default()
+    }
 }
 
 /// A running emulated board.
@@ -121,25 +138,13 @@ impl Sim {
         there(&firmware, "cargo xtask firmware")?;
         let mut command = Command::new(&emulator);
         command.arg("--elf").arg(&firmware).arg("--scene").arg(&options.scene);
-        command.arg("--rig").arg(options.rig.name()).arg("--seed").arg(options.seed.to_string());
-        if let Some(flash) = &options.flash {
-            command.arg("--flash").arg(flash);
-        }
-        if let Some(gdb) = &options.gdb {
-            command.arg("--gdb").arg(&gdb.address);
-            if gdb.wait {
-                command.arg("--gdb-wait");
-            }
-        }
-        for change in &options.plant {
-            command.arg("--plant").arg(change.to_string());
-        }
-        if let Some(program) = &options.plant_program {
-            command.arg("--plant-program").arg(program);
-        }
-        for surface in &options.plant_surface {
-            command.arg("--plant-surface").arg(surface);
-        }
+        command.args(["--rig", options.preset().name(), "--seed", &options.seed.to_string()]);
+        command.args(options.flash.iter().flat_map(|file| [OsStr::new("--flash"), file.as_os_str()]));
+        command.args(options.gdb.iter().flat_map(|address| ["--gdb", address]));
+        command.args(options.gdb_wait.then_some("--gdb-wait"));
+        command.args(options.plant.iter().flat_map(|change| ["--plant".to_owned(), change.to_string()]));
+        command.args(options.plant_program.iter().flat_map(|program| ["--plant-program", program]));
+        command.args(options.plant_surface.iter().flat_map(|f| [OsStr::new("--plant-surface"), f.as_os_str()]));
         // Ctrl-C is for this tool, which stops the emulated board as it would a real one.
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
@@ -157,6 +162,41 @@ impl Sim {
         // Its answer tells at once whether scene, plant and ELF were accepted.
         sim.stats()?;
         Ok(sim)
+    }
+
+    /// Changes the plant.
+    ///
+    /// # Errors
+    /// If the key cannot change while the rig runs, or the emulator is gone.
+    pub fn plant(&mut self, change: PlantChange) -> Result<(), Failure> {
+        self.ask(&Request::Plant(change)).map(drop)
+    }
+
+    /// Begins or ends a fault.
+    ///
+    /// # Errors
+    /// If the rig cannot have it, or the emulator is gone.
+    pub fn fault(&mut self, fault: Fault, on: bool) -> Result<(), Failure> {
+        self.ask(&Request::Fault { fault, on }).map(drop)
+    }
+
+    /// Takes the board's power away for a moment.
+    ///
+    /// # Errors
+    /// If the emulator is gone.
+    pub fn power_cycle(&mut self) -> Result<(), Failure> {
+        self.ask(&Request::PowerCycle).map(drop)
+    }
+
+    /// What the firmware cost so far.
+    ///
+    /// # Errors
+    /// If the emulator is gone.
+    pub fn stats(&mut self) -> Result<Stats, Failure> {
+        match self.ask(&Request::Stats)? {
+            Answer::Stats(stats) => Ok(stats),
+            answer => Err(unexpected(&answer)),
+        }
     }
 
     fn ask(&mut self, request: &Request) -> Result<Answer, Failure> {
@@ -181,11 +221,11 @@ fn unexpected(answer: &Answer) -> Failure {
 }
 
 impl Port for Sim {
-    fn pass(&mut self, bytes: &[u8], seconds: f64) -> Result<Received, Failure> {
+    fn pass(&mut self, bytes: &[u8], seconds: f64) -> Result<Run, Failure> {
         match self.ask(&Request::Run { until_s: self.now_s + seconds, uart: bytes.to_vec() })? {
             Answer::Run(run) => {
                 self.now_s = run.t_s;
-                Ok(Received { bytes: run.uart, truth: run.truth, log: run.log })
+                Ok(run)
             }
             answer => Err(unexpected(&answer)),
         }
@@ -195,29 +235,8 @@ impl Port for Sim {
         self.now_s
     }
 
-    fn emulated(&mut self) -> Option<&mut dyn Emulated> {
+    fn emulated(&mut self) -> Option<&mut Sim> {
         Some(self)
-    }
-}
-
-impl Emulated for Sim {
-    fn plant(&mut self, change: PlantChange) -> Result<(), Failure> {
-        self.ask(&Request::Plant(change)).map(drop)
-    }
-
-    fn fault(&mut self, fault: Fault, on: bool) -> Result<(), Failure> {
-        self.ask(&Request::Fault { fault, on }).map(drop)
-    }
-
-    fn power_cycle(&mut self) -> Result<(), Failure> {
-        self.ask(&Request::PowerCycle).map(drop)
-    }
-
-    fn stats(&mut self) -> Result<Stats, Failure> {
-        match self.ask(&Request::Stats)? {
-            Answer::Stats(stats) => Ok(stats),
-            answer => Err(unexpected(&answer)),
-        }
     }
 }
 

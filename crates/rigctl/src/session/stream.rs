@@ -1,12 +1,12 @@
 //! A course that is streamed to the board as set-points.
 
 use super::client::Session;
-use super::motion::{check_motion, move_to};
+use super::motion::{ended, move_to};
 use super::row::Row;
 use crate::course::{Course, HOLDS_FOR_S};
 use crate::failure::Failure;
 use crate::output::progress;
-use rig_link::{EventKind, LoadChoice, Request, State};
+use rig_link::{Limit, LoadChoice, Request, State};
 use serde::Serialize;
 
 /// Speed of the way to where a course begins (m/s).
@@ -50,7 +50,7 @@ impl Distances {
         self.square += distance_m * distance_m;
         self.most_m = self.most_m.max(distance_m.abs());
         self.true_square += row.true_position_m.map_or(f64::NAN, |m| (m - f64::from(target_m)).powi(2));
-        self.held_back += f64::from(u8::from(row.limit.is_some_and(|limit| limit == "motor-speed")));
+        self.held_back += f64::from(u8::from(row.limit == Some(Limit::MotorSpeed)));
         self.count += 1.0;
     }
 }
@@ -65,6 +65,8 @@ pub fn track(session: &mut Session, course: &Course, mut each: impl FnMut(&Row))
     session.take_events();
     let bar = progress(1000, "tracking");
     let mut found = Distances::default();
+    let (end_m, _) = course.at(course.duration_s());
+    let rest = Request::Track { position_m: end_m as f32, speed_m_per_s: 0.0, for_s: HOLDS_FOR_S };
     let mut points = course.set_points().peekable();
     let start_s = session.now_s();
     while session.now_s() < start_s + course.duration_s() + REST_S {
@@ -77,19 +79,12 @@ pub fn track(session: &mut Session, course: &Course, mut each: impl FnMut(&Row))
         match due {
             Some(point) => _ = session.post(&point)?,
             // The last one holds until the load is at rest.
-            None if points.peek().is_none() => {
-                let (position_m, _) = course.at(course.duration_s());
-                session.post(&Request::Track {
-                    position_m: position_m as f32,
-                    speed_m_per_s: 0.0,
-                    for_s: HOLDS_FOR_S,
-                })?;
-            }
+            None if points.peek().is_none() => _ = session.post(&rest)?,
             None => {}
         }
         session.step()?;
         for row in session.take_rows() {
-            if row.state == State::Moving.name() && t_s < course.duration_s() {
+            if row.state == State::Moving && t_s < course.duration_s() {
                 found.add(&row);
             }
             each(&row);
@@ -98,12 +93,7 @@ pub fn track(session: &mut Session, course: &Course, mut each: impl FnMut(&Row))
         for (_, reply) in session.take_replies() {
             reply.map_err(|refusal| Failure::failed(format!("refused: {refusal}")))?;
         }
-        for (_, kind) in session.take_events() {
-            if let EventKind::StreamEnded(end) = kind {
-                return Err(Failure::failed(format!("the stream ended ({end}); the load is held")));
-            }
-            check_motion(&kind, "on the way")?;
-        }
+        ended(session, &rest, "on the way")?;
     }
     bar.finish_and_clear();
     session.request(&Request::Stop)?;
@@ -118,6 +108,6 @@ pub fn track(session: &mut Session, course: &Course, mut each: impl FnMut(&Row))
         following_most_m: found.most_m,
         true_following_rms_m: Some(true_rms_m).filter(|m| m.is_finite()),
         held_back_share: found.held_back / found.count,
-        error_m: position_m - course.at(course.duration_s()).0,
+        error_m: position_m - end_m,
     })
 }

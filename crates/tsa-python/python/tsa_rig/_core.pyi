@@ -45,5 +45,10 @@ class Board:
 
 def tool(arguments: list[str]) -> str: ...
 def refit(
-    scene: str | PathLike[str], sweeps: list[str], law: str, material: str, seed: int | None
+    scene: str | PathLike[str],
+    sweeps: list[str],
+    law: str,
+    material: str,
+    values: list[float] | None = None,
+    shifts: list[float] = ...,
 ) -> str: ...

@@ -271,14 +271,44 @@ def _identify(task: Task) -> dict[str, str]:
     return {"law": chosen["law"], "material": chosen["material"]}
 
 
+BLOCKS = 4
+"""Blocks of each sweep's residuals: as many as the laws compete on."""
+
+
+def _resampled(fit: dict[str, Any], random: np.random.Generator) -> list[float]:
+    """The rows' values with the residuals of each sweep in other places.
+
+    Those of neighbouring rows are alike, because what a law leaves is smooth. They are therefore drawn in blocks of
+    twist (moving blocks: Künsch, "The jackknife and the bootstrap for general stationary observations", 1989).
+    """
+    values, deviations = np.array(fit["values"]), np.array(fit["deviations"])
+    computed = np.array(fit["computed"], dtype=float)
+    for sweep in fit["sweeps"]:
+        rows = [row for row in sweep if np.isfinite(computed[row])]
+        residuals = (values[rows] - computed[rows]) / deviations[rows]
+        length = max(1, -(-residuals.size // BLOCKS))
+        starts = random.integers(0, residuals.size - length + 1, BLOCKS) if rows else np.zeros(0, dtype=int)
+        drawn = np.concatenate([residuals[start : start + length] for start in starts]) if rows else residuals
+        values[rows] = computed[rows] + drawn[: residuals.size] * deviations[rows]
+    return values.tolist()
+
+
 def _refit(task: Task) -> dict[str, Any]:
-    """The constants of the mechanism by their keys."""
+    """The constants of the mechanism by their keys.
+
+    For a resample, what is expected of the constants beforehand is drawn anew from its own spread, too: otherwise a
+    constant that only the expectation tells would not vary (Bardsley and others, "Randomize-then-optimize", 2014).
+    """
+    arguments = task["scene"], task["sweeps"], task["law"], task["material"]
     try:
-        scene = json.loads(
-            _core.refit(task["scene"], task["sweeps"], task["law"], task["material"], task["seed"])
-        )
+        fit = json.loads(_core.refit(*arguments))
+        if task["seed"] is not None:
+            random = np.random.default_rng(task["seed"])
+            values = _resampled(fit, random)
+            fit = json.loads(_core.refit(*arguments, values, random.standard_normal(fit["unknowns"]).tolist()))
     except RuntimeError as error:
         return {"refused": str(error)}
+    scene = fit["scene"]
     constants = {}
     for section in ("geometry", "string", "material"):
         for key, value in scene[section].items():

@@ -1,13 +1,13 @@
 //! What `identify` prints, and the scene file that it writes.
 
 use crate::failure::Failure;
+use crate::identify::Identified;
 use crate::identify::compete::Verdict;
 use crate::identify::constants::{Constant, Unknowns};
 use crate::identify::fit::Fit;
 use crate::identify::plan::Plan;
-use crate::identify::{Errors, Identified};
-use crate::options::commands::Identify;
 use crate::output::Output;
+use crate::statistics::Errors;
 use rig_config::Scene;
 use tsa_model::Parameters;
 
@@ -34,16 +34,6 @@ fn summary(name: &str, e: &Errors, unit: Unit) -> String {
     format!("{name:<10} {:>4} numbers: rms {rms}, median {median}, worst {worst}", e.count)
 }
 
-/// Every published number.
-pub fn rows(fit: &Fit, output: &mut Output) -> Result<(), Failure> {
-    for r in &fit.rows {
-        let mark = if r.held_out { "held out" } else { "" };
-        let error = r.error.map_or_else(|| r.refused.clone().unwrap_or_default(), |e| format!("{:+.2} %", e * 1e2));
-        output.line(format!("{:<20} {error:>10}  {mark}", r.id).trim_end())?;
-    }
-    Ok(())
-}
-
 /// The fit and its constants.
 pub fn fit(
     fit: &Fit,
@@ -55,8 +45,8 @@ pub fn fit(
 ) -> Result<(), Failure> {
     output.line(summary("fitted", &fit.fitted, unit))?;
     output.line(summary("held out", &fit.held_out, unit))?;
-    for r in fit.rows.iter().filter_map(|r| r.refused.as_ref().map(|why| (r, why))) {
-        output.line(format!("refused: {} ({})", r.0.id, r.1))?;
+    for row in &fit.rows {
+        row.refused.iter().try_for_each(|why| output.line(format!("refused: {} ({why})", row.id)))?;
     }
     let s = &fitted.string;
     output.line(format!(
@@ -91,13 +81,10 @@ pub fn fit(
 }
 
 /// The scene file, with a head that says where its constants come from.
-pub fn file(fit: &Fit, fitted: &Scene, options: &Identify, unit: Unit) -> Result<String, Failure> {
-    let source = if options.published {
-        "the paper's numbers".to_owned()
-    } else {
-        let names = options.sweeps.iter().filter_map(|p| p.file_name()).map(|n| n.to_string_lossy().into_owned());
-        names.collect::<Vec<_>>().join(", ")
-    };
+///
+/// # Errors
+/// If the scene cannot be written as text.
+pub fn file(fit: &Fit, fitted: &Scene, source: &str, unit: Unit) -> Result<String, Failure> {
     let mut text = format!("# Identified by rigctl {} from {source}.\n", env!("CARGO_PKG_VERSION"));
     for line in [summary("fitted", &fit.fitted, unit), summary("held out", &fit.held_out, unit)] {
         text += &format!("# {line}\n");
@@ -130,14 +117,13 @@ pub fn table(before: &Scene, found: &Identified, output: &mut Output) -> Result<
 
 /// The competition, and what follows from it.
 pub fn judged(found: &Identified, output: &mut Output) -> Result<(), Failure> {
-    let competition = &found.competition;
     let um = |m: Option<f64>| m.map_or_else(|| "-".to_owned(), |m| format!("{:.1} um", m * 1e6));
     output.line("laws, each fitted to a part of the sweeps and predicting the rest:")?;
     output.line(format!(
         "  {:<16} {:<10} {:>9} {:>12} {:>12}",
         "radius law", "material", "constants", "fitted", "held out"
     ))?;
-    for s in &competition.scored {
+    for s in &found.competition.scored {
         let verdict = match s.verdict {
             Verdict::Chosen => "enough: written",
             Verdict::Indistinguishable => "cannot be told from the best",
@@ -159,20 +145,18 @@ pub fn judged(found: &Identified, output: &mut Output) -> Result<(), Failure> {
             format!("no law holds: {rms}; {:.1} um are left (the best law is taken all the same)", m.excess_m * 1e6)
         }
     })?;
-    if let Some(corrected) = &found.corrected {
-        output.line(match corrected {
-            Ok(c) => format!(
-                "corrected by {} terms in the load times {} in the twist: {:.1} um rms are left; of what is held out the law \
-                 alone misses {:.1} um, the corrected one {:.1} um",
-                c.order[0],
-                c.order[1],
-                c.rms_m * 1e6,
-                c.held_out_without_m * 1e6,
-                c.held_out_m * 1e6
-            ),
-            Err(why) => format!("no correction: {why}"),
-        })?;
+    if let Some(c) = &found.correction {
+        output.line(format!(
+            "corrected by {} terms in the load times {} in the twist: {:.1} um rms are left; of what is held out the law \
+             alone misses {:.1} um, the corrected one {:.1} um",
+            c.order[0],
+            c.order[1],
+            c.rms_m * 1e6,
+            c.held_out_without_m * 1e6,
+            c.held_out_m * 1e6
+        ))?;
     }
+    found.uncorrected.iter().try_for_each(|why| output.line(format!("no correction: {why}")))?;
     for l in &found.fit.loops {
         output.line(format!(
             "up and down lie {:.1} um either side of their mean at {:.2} N, as with {:.3} N of friction ({})",
@@ -182,7 +166,7 @@ pub fn judged(found: &Identified, output: &mut Output) -> Result<(), Failure> {
             l.sweep
         ))?;
     }
-    for m in &found.memories {
+    for m in &found.rod_memory {
         output.line(format!(
             "after {:.2} N, {:.2} N seem {:+.1} +- {:.1} % heavier ({}): the rods remember",
             m.after_n,

@@ -103,7 +103,7 @@ mod tests {
     use super::*;
 
     fn scene() -> Scene {
-        Scene::from_toml_str(include_str!("../../../scenes/default.toml")).unwrap()
+        Scene::from_toml_str(include_str!("../../scenes/default.toml")).unwrap()
     }
 
     #[test]
@@ -117,7 +117,7 @@ mod tests {
     #[test]
     fn every_symbol_is_a_key() {
         // No law has both p and k4.
-        let power = Scene::from_toml_str(include_str!("../../../scenes/paper-identified.toml")).unwrap();
+        let power = Scene::from_toml_str(include_str!("../../scenes/paper-identified.toml")).unwrap();
         for (symbol, key) in SYMBOLS {
             let (table, name) = key.split_once('.').unwrap();
             let scene = if symbol == "p" { power.clone() } else { scene() };

@@ -1,8 +1,8 @@
 //! A number that the paper prints, and the same number computed for a scene.
 
-use crate::failure::ErrorBody;
 use crate::scene_key::{self, KeyError};
 use rig_config::Scene;
+use rigctl::failure::ErrorBody;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 use tsa_model::{Equilibrium, Mechanism, SolveError, twist_from_turns};

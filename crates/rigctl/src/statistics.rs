@@ -1,4 +1,48 @@
-//! How much residuals tell: those of neighbouring rows are alike, because what a law or a sensor leaves is smooth.
+//! Statistics of errors: their size, and how much residuals tell. Those of neighbouring rows are alike, because what a law or a
+//! sensor leaves is smooth.
+
+use serde::Serialize;
+
+/// Errors over some rows.
+#[derive(Debug, Clone, Copy, Default, Serialize)]
+pub struct Errors {
+    /// Rows.
+    pub count: usize,
+    /// Root mean square.
+    pub rms: f64,
+    /// Median of the absolute values.
+    pub median: f64,
+    /// Greatest absolute value.
+    pub worst: f64,
+}
+
+impl Errors {
+    /// Of these errors.
+    pub fn over(errors: impl IntoIterator<Item = f64>) -> Self {
+        let mut all: Vec<f64> = errors.into_iter().map(f64::abs).collect();
+        all.sort_by(f64::total_cmp);
+        let Some(&worst) = all.last() else { return Self::default() };
+        let rms = (all.iter().map(|e| e * e).sum::<f64>() / all.len() as f64).sqrt();
+        Self { count: all.len(), rms, median: median(&mut all), worst }
+    }
+}
+
+/// Root mean square; 0 of none.
+pub fn rms<'a>(errors: impl IntoIterator<Item = &'a f64>) -> f64 {
+    Errors::over(errors.into_iter().copied()).rms
+}
+
+/// Mean; not a number of none.
+pub fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+/// Median, of an even number the mean of the two in the middle; 0 of none.
+pub fn median(values: &mut [f64]) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let count = values.len();
+    if count == 0 { 0.0 } else { 0.5 * (values[(count - 1) / 2] + values[count / 2]) }
+}
 
 /// What a fit leaves, in standard deviations of its rows.
 #[derive(Debug, Clone, Copy)]
@@ -93,10 +137,6 @@ mod tests {
         let alike = effective(&[run(0.8, 2000, 3), run(0.8, 2000, 4)]);
         assert!((300.0..600.0).contains(&alike), "{alike}");
         assert_eq!(effective(&[vec![1.0; 50]]).round(), 1.0, "one value fifty times");
-    }
-
-    #[test]
-    fn correlated_rows_are_inflated_to_their_effective_number() {
         let runs = [run(0.8, 2000, 5)];
         let noise = Noise::of(&runs, 4.0);
         let squares: f64 = runs[0].iter().map(|r| r * r).sum();
@@ -105,17 +145,16 @@ mod tests {
     }
 
     #[test]
-    fn what_is_known_beforehand_does_not_widen_by_the_fewness_of_the_residuals() {
-        assert!((half_width(4.0, 0.0, 5.0) - 2.0 * half_width_factor(5.0)).abs() < 1e-12);
-        assert!((half_width(0.0, 4.0, 5.0) - 2.0 * 1.644_854).abs() < 1e-12);
-        // Halves of one variance: four times the degrees of freedom.
-        assert!((half_width(2.0, 2.0, 5.0) - 2.0 * half_width_factor(20.0)).abs() < 1e-12);
-    }
-
-    #[test]
-    fn half_widths_are_those_of_students_distribution() {
+    fn half_widths_are_those_of_students_distribution_by_the_degrees_of_freedom() {
         for (freedom, tabled) in [(5.0, 2.015), (10.0, 1.812), (30.0, 1.697), (1e9, 1.645)] {
             assert!((half_width_factor(freedom) - tabled).abs() < 2e-3, "{freedom}: {}", half_width_factor(freedom));
+        }
+        // What is known beforehand does not widen by the fewness of the residuals; halves of one variance have four times the
+        // degrees of freedom.
+        for (estimated, known, wanted) in
+            [(4.0, 0.0, half_width_factor(5.0)), (0.0, 4.0, 1.644_854), (2.0, 2.0, half_width_factor(20.0))]
+        {
+            assert!((half_width(estimated, known, 5.0) - 2.0 * wanted).abs() < 1e-12);
         }
     }
 }

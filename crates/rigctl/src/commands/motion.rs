@@ -1,0 +1,184 @@
+//! `home`, `move`, `track`, `jog`, `stop`, `clear`: what moves the rig, or stops it.
+
+use super::dry_run;
+use crate::course::Course;
+use crate::failure::Failure;
+use crate::options::Global;
+use crate::options::values::{seconds, speed_or_max, target, twist_speed};
+use crate::output::Output;
+use crate::request::load_choice;
+use crate::session::{Session, Wanted, homing, motion, stream};
+use clap::Args;
+use rig_link::{LoadChoice, Request};
+use std::path::PathBuf;
+
+/// Find zero twist, weigh the load, stop at the half-turn pre-twist
+///
+/// From any twist at power-up, in 45 s at most: looks for the greatest gap, turns across it, then six turns up and down.
+/// That lifts the load by 10 to 23 mm (default scene): leave it room. Position 0 is where it hangs at the end.
+/// Example: `rigctl home --load 0.5kg`
+#[derive(Debug, Args)]
+pub struct Home {
+    /// `auto` (the board weighs the load) or the load as you weighed it
+    #[arg(long, value_name = "auto|L", default_value = "auto", value_parser = load_choice)]
+    load: LoadChoice,
+}
+
+impl Home {
+    /// Runs the command.
+    ///
+    /// # Errors
+    /// The board's refusal or failure in words.
+    pub fn run(&self, global: &Global, output: &mut Output) -> Result<(), Failure> {
+        let mut session = global.target()?.connect(Wanted::OfScene)?;
+        let result = homing::home(&mut session, self.load, |_| {})?;
+        output.object(&result)?;
+        Ok(output.line(result.text())?)
+    }
+}
+
+/// Bring the load to a position above where it hung when homed
+///
+/// Ends with the measured error at rest. What holds a move back (the motor's speed, acceleration or current) is shown as
+/// `limit`; a target out of reach is refused with the range that is in reach. On an emulated board it homes first.
+/// Example: `rigctl move --to 8mm --speed 2mm/s`
+#[derive(Debug, Args)]
+pub struct Move {
+    /// Target position (m, mm, um)
+    #[arg(long, value_name = "P", allow_hyphen_values = true, value_parser = target)]
+    pub(super) to: f64,
+    /// Speed of the load (m/s, mm/s), or `max`: as fast as the motor allows under this load
+    #[arg(long, value_name = "V|max", default_value = "2mm/s", allow_hyphen_values = true, value_parser = speed_or_max)]
+    pub(super) speed: f64,
+    /// `auto` (the board's own estimate) or a load
+    #[arg(long, value_name = "auto|L", default_value = "auto", value_parser = load_choice)]
+    pub(super) load: LoadChoice,
+    /// Print the planned trajectory and the table's answers, without a device; needs a load
+    #[arg(long)]
+    pub(crate) dry_run: bool,
+    /// With --dry-run: the settings of a board, in a file of `config backup` or a log [default: a new board's]
+    #[arg(long, value_name = "FILE", requires = "dry_run")]
+    pub(super) settings: Option<PathBuf>,
+}
+
+impl Move {
+    /// Runs the command.
+    ///
+    /// # Errors
+    /// The board's refusal or failure in words.
+    pub fn run(&self, global: &Global, output: &mut Output) -> Result<(), Failure> {
+        if self.dry_run {
+            return dry_run::run(global, self, output);
+        }
+        let mut session = connect_homed(global, self.load, output)?;
+        let r = motion::move_to(&mut session, self.to, self.speed, self.load, |_| {})?;
+        output.object(&r)?;
+        output.line(format!("target        {:9.4} mm", r.target_m * 1e3))?;
+        let position_error = r.position_error_m.map_or(String::new(), |e| format!(" ± {:.4} mm", e * 1e3));
+        let (position_mm, error_um) = (r.position_m * 1e3, r.error_m * 1e6);
+        output.line(format!("measured      {position_mm:9.4} mm{position_error}   error {error_um:+.1} um"))?;
+        if let Some(error) = r.true_error_m {
+            output.line(format!("true (emulated rig)         error {:+.1} um", error * 1e6))?;
+        }
+        let load_error = r.load_error_n.map_or(String::new(), |e| format!(" ± {e:.3} N"));
+        output.line(format!("load          {:9.3} N{load_error}", r.load_n))?;
+        let [start, end] = [r.tr_start_rad_per_m, r.tr_end_rad_per_m].map(|tr| tr * 1e-3);
+        output.line(format!("TR            {start:9.3} -> {end:.3} rad/mm"))?;
+        output.line(format!("turns         {:9.3}", r.turns))?;
+        Ok(output.line(format!("time          {:9.2} s", r.duration_s))?)
+    }
+}
+
+/// Connects to the board. An emulated one starts afresh, and is homed first.
+fn connect_homed(global: &Global, load: LoadChoice, output: &mut Output) -> Result<Session, Failure> {
+    let mut session = global.target()?.connect(Wanted::OfScene)?;
+    if global.is_emulated() {
+        eprintln!("the emulated board starts afresh and is not homed: homing first");
+        output.line(homing::home(&mut session, load, |_| {})?.text())?;
+    }
+    Ok(session)
+}
+
+/// Lead the load along a course: stream set-points from a file
+///
+/// The file has the columns `t_s`, `position_m` and optionally `speed_m_per_s`; the load first moves to where it begins.
+/// A set-point is sent every 20 ms. The board follows within the motor's limits (`limit` says when they hold it back), and
+/// ends in a hold when the next one is 0.2 s late, out of reach, or half a second of full speed ahead of the load. On an
+/// emulated board it homes first.
+/// Example: `rigctl track scenarios/sine.csv`
+#[derive(Debug, Args)]
+pub struct Track {
+    /// The course
+    file: PathBuf,
+}
+
+impl Track {
+    /// Runs the command.
+    ///
+    /// # Errors
+    /// What is wrong with the file, or the board's refusal, or why it ended the stream, in words.
+    pub fn run(&self, global: &Global, output: &mut Output) -> Result<(), Failure> {
+        let course = Course::load(&self.file)?;
+        let mut session = connect_homed(global, LoadChoice::Auto, output)?;
+        let r = stream::track(&mut session, &course, |_| {})?;
+        output.object(&r)?;
+        output.line(format!("course        {:9.2} s", r.duration_s))?;
+        let [rms_um, most_um] = [r.following_rms_m, r.following_most_m].map(|m| m * 1e6);
+        output.line(format!("followed      {rms_um:9.1} um rms, {most_um:.1} um at most (measured)"))?;
+        if let Some(true_rms_m) = r.true_following_rms_m {
+            output.line(format!("true (emulated rig)    {:9.1} um rms", true_rms_m * 1e6))?;
+        }
+        if r.held_back_share > 0.0 {
+            output.line(format!("limit         motor-speed on {:.0} % of the way", r.held_back_share * 100.0))?;
+        }
+        Ok(output.line(format!("at rest       {:+9.1} um from its end", r.error_m * 1e6))?)
+    }
+}
+
+/// Turn the strings at a constant speed for a while, homed or not
+///
+/// Example: `rigctl jog --speed 2rad/s --seconds 1.5s`
+#[derive(Debug, Args)]
+pub struct Jog {
+    /// Twist speed (rad/s, deg/s, rpm of the strings), positive twists up
+    #[arg(long, value_name = "W", allow_hyphen_values = true, value_parser = twist_speed)]
+    speed: f64,
+    /// How long (s)
+    #[arg(long, value_name = "S", default_value = "1s", allow_hyphen_values = true, value_parser = seconds)]
+    seconds: f64,
+}
+
+impl Jog {
+    /// Runs the command.
+    ///
+    /// # Errors
+    /// The board's refusal or failure in words.
+    pub fn run(&self, global: &Global, output: &mut Output) -> Result<(), Failure> {
+        if !(0.0..=600.0).contains(&self.seconds) {
+            return Err(Failure::Usage(format!("--seconds {}: must be from 0 to 600", self.seconds)));
+        }
+        let mut session = global.target()?.connect(Wanted::OfScene)?;
+        motion::jog(&mut session, self.speed, self.seconds)?;
+        newest_row(&mut session, output)
+    }
+}
+
+/// `stop`, `hold`, `clear`: one request to any board, whatever scene it is for, in any fault.
+///
+/// # Errors
+/// The board's refusal in words.
+pub fn request(global: &Global, request: &Request, output: &mut Output) -> Result<(), Failure> {
+    let mut session = global.target()?.connect(Wanted::Any)?;
+    if global.is_emulated() {
+        session.wait_started()?;
+    }
+    session.request(request)?;
+    session.until(0.2, |_| false)?;
+    newest_row(&mut session, output)
+}
+
+fn newest_row(session: &mut Session, output: &mut Output) -> Result<(), Failure> {
+    let Some(row) = session.newest_row()? else { return Ok(()) };
+    output.object(&row)?;
+    Ok(output.line(row.text())?)
+}
