@@ -5,7 +5,8 @@
 //! bytes go along a wire as whole characters, so a pin that reads such a wire as GPIO sees nothing of them.
 
 use crate::machine::{Machine, MachineError};
-use crate::soc::gpio::Pin;
+use crate::soc::adc;
+use crate::soc::gpio::{Outputs, Pin};
 use crate::soc::tim::encoder_pins;
 use crate::soc::usart::USARTS;
 use rig_plant::board::{Board, CanFrame, CanOutcome, Stimulus};
@@ -93,13 +94,6 @@ const VREFINT_CODE: f64 = 1501.0;
 const FULL_SCALE: f64 = 4095.0;
 /// The USART that the NUCLEO wires to its ST-LINK, whose virtual serial port it is.
 const CONSOLE: u8 = 2;
-
-/// What a port drives.
-#[derive(Clone, Copy, Debug, Default)]
-struct Outputs {
-    driven: u16,
-    levels: u16,
-}
 
 /// A board with jumper wires alone.
 #[derive(Debug)]
@@ -193,22 +187,12 @@ fn encoder_place(timer: u8, levels: &BTreeMap<Pin, bool>) -> i64 {
     }
 }
 
-/// The pin of an ADC channel (DS10693 table 10).
-fn adc_pin(channel: u8) -> Option<Pin> {
-    match channel {
-        0..=7 => Some(('A', channel)),
-        8..=9 => Some(('B', channel - 8)),
-        10..=15 => Some(('C', channel - 10)),
-        _ => None,
-    }
-}
-
 impl Board for JumperBoard {
     fn adc(&mut self, _t_s: f64, channel: u8) -> u16 {
         if channel == 17 {
             return (VREFINT_CODE * (1.0 + self.broken.vrefint_gain)) as u16;
         }
-        let high = adc_pin(channel).is_some_and(|pin| self.given.get(&pin) == Some(&true));
+        let high = adc::pin(channel).is_some_and(|pin| self.given.get(&pin) == Some(&true));
         if high { (FULL_SCALE * (1.0 + self.broken.adc_gain)).clamp(0.0, FULL_SCALE) as u16 } else { 0 }
     }
 
@@ -328,14 +312,14 @@ pub fn run(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::soc::Soc;
+    use crate::soc::{Config, Soc};
 
     const GPIOA: u32 = 0x4002_0000;
     const USART1: u32 = 0x4001_1000;
 
     fn chip(wires: &[&str]) -> Soc<JumperBoard> {
         let wires: Vec<Jumper> = wires.iter().map(|text| text.parse().expect("two pins")).collect();
-        let mut chip = Soc::new(JumperBoard::new(&wires, Broken::default()), true, 32_000.0);
+        let mut chip = Soc::new(JumperBoard::new(&wires, Broken::default()), &Config::default());
         chip.write(0x4002_3830, 4, 0x87);
         chip.write(0x4002_3844, 4, 1 << 4);
         chip

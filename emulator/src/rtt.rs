@@ -5,35 +5,8 @@
 
 use crate::soc::memory::Memory;
 use defmt_decoder::{DecodeError, Encoding, Locations, Table};
+pub use defmt_parser::Level;
 use std::fmt;
-
-/// Severity of a line.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Level {
-    /// `trace!`
-    Trace,
-    /// `debug!`
-    Debug,
-    /// `info!`
-    Info,
-    /// `warn!`
-    Warn,
-    /// `error!`, and panics
-    Error,
-}
-
-impl Level {
-    fn parse(name: &str) -> Option<Self> {
-        Some(match name {
-            "trace" => Self::Trace,
-            "debug" => Self::Debug,
-            "info" => Self::Info,
-            "warn" => Self::Warn,
-            "error" => Self::Error,
-            _ => return None,
-        })
-    }
-}
 
 /// A decoded line.
 #[derive(Clone, Debug, PartialEq)]
@@ -155,7 +128,7 @@ impl Rtt {
                     self.lines.push(DefmtLine {
                         t_s,
                         timestamp: frame.display_timestamp().map(|stamp| stamp.to_string()),
-                        level: frame.level().and_then(|level| Level::parse(level.as_str())),
+                        level: frame.level(),
                         message: frame.display_message().to_string(),
                         location: location.map(|l| format!("{}:{}", l.file.display(), l.line)),
                     });

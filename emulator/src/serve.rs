@@ -83,13 +83,13 @@ fn chip_fault(machine: &mut Machine<Rig>, fault: ChipFault, on: bool) -> Result<
         ChipFault::TaskHang => machine.hang(on),
         ChipFault::AdcStall => machine.soc_mut().stall_adc(on),
         ChipFault::CanDominant | ChipFault::CanOpen => {
-            let mut line = machine.soc_mut().can_line();
+            let mut line = machine.soc_mut().can.line();
             *(if fault == ChipFault::CanOpen { &mut line.open } else { &mut line.dominant }) = on;
             machine.soc_mut().set_can_line(line);
         }
         ChipFault::RttStalled => machine.stall_rtt(on),
         ChipFault::NoHse => machine.feed_hse(!on),
-        ChipFault::HseLate => machine.soc_mut().set_hse_late(on),
+        ChipFault::HseLate => machine.soc_mut().hse_late = on,
         ChipFault::StackOverflow if on => machine.overflow_stack(),
         ChipFault::BrownOut if on => machine.brown_out(),
         ChipFault::Crash if on => machine.crash()?,

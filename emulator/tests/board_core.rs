@@ -66,7 +66,7 @@ fn an_elf_that_is_cut_off_anywhere_is_refused_or_boots_but_never_panics() {
 
 #[test]
 fn a_line_that_stays_high_cannot_be_unpended_and_comes_back_after_its_handler() {
-    let mut soc = Soc::new(Bare, true, 32_000.0);
+    let mut soc = Soc::new(Bare, &Config::default());
     let (tim5, pending, unpend) = (0x4000_0C00, 0xE000_E204, 0xE000_E284);
     soc.write(0x4002_3840, 4, 1 << 3);
     soc.write(tim5 + 0xC, 4, 1);

@@ -74,7 +74,7 @@ fn a_log_that_nobody_reads_stops_nothing() {
 #[test]
 fn the_board_says_what_it_runs_on_and_what_watches_its_supply() {
     let mut b = Bench::new(&[], 3);
-    b.machine.soc_mut().set_brown_out_level(2);
+    b.machine.soc_mut().flash.set_brown_out_level(2);
     b.greet();
     assert!(b.until(0.2, |b| b.identity.is_some()));
     let identity = b.identity.clone().unwrap();
@@ -277,7 +277,7 @@ fn a_stack_that_overflows_stops_the_core_and_leaves_the_variables() {
 #[test]
 fn a_clock_that_comes_late_is_waited_for() {
     let mut b = Bench::new(&[], 3);
-    b.machine.soc_mut().set_hse_late(true);
+    b.machine.soc_mut().hse_late = true;
     b.machine.power_cycle();
     b.run(0.5);
     b.greet();

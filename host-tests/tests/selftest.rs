@@ -148,7 +148,7 @@ fn a_watchdog_that_does_not_bite_is_named_and_the_lsi_with_it() {
 #[test]
 fn a_can_controller_that_hears_nothing_is_named() {
     let mut machine = sound();
-    machine.soc_mut().numb_can();
+    machine.soc_mut().can.numb();
     names(&log(&mut machine, |_, _| {}), &[("CAN1 loop-back", "FAILED", "0 came back")]);
 }
 

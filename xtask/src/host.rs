@@ -1,7 +1,7 @@
 //! The desktop tools, the demo, and the tests of the whole workspace.
 
 use crate::packages::{Packages, check_used};
-use crate::process::{cargo, run};
+use crate::process::{cargo, run, step};
 use crate::programs::Program;
 use crate::toolchain::{Choice, Toolchain, choose};
 use crate::{Folders, browser, firmware, licences, programs, python, results, system, toolchain};
@@ -32,10 +32,14 @@ pub fn test(folders: &Folders) -> Result<()> {
     let packages = Packages::find(folders)?;
     check_used(&packages)?;
     licences::check(folders, &packages)?;
+    step("tests; those that play on the emulated board take minutes each");
     // The tests start the images and the tools, so all of them must be built first.
     programs::run(tests)?;
+    step("Python package: built and tested");
     python::test(folders)?;
+    step("page of `tsa-lab report` in Chromium");
     browser::test(folders)?;
+    step("examples in the documentation");
     run(cargo(folders).args(["test", "--release", "--doc"]).args(DESKTOP))
 }
 
@@ -62,11 +66,14 @@ fn board(folders: &Folders, toolchain: &Toolchain) -> Result<()> {
 
 /// Lints and documents the desktop packages, and builds the tools and the tests.
 fn desktop(folders: &Folders) -> Result<Vec<Program>> {
+    step("lints, with the emulator's C library before them: some minutes the first time");
     // In the tests' profile, so that the emulator's C code is built once.
     run(cargo(folders).args(["clippy", "--release", "--all-targets"]).args(DESKTOP).args(["--", "-D", "warnings"]))?;
+    step("documentation");
     let doc = ["doc", "--release", "--no-deps"];
     run(cargo(folders).env("RUSTDOCFLAGS", "-D warnings").args(doc).args(DESKTOP))?;
-    build(folders)?;
+    // The tools are built with the tests that start them.
+    step("tools and tests: the longest step of building");
     programs::build(folders, &DESKTOP)
 }
 
@@ -129,6 +136,7 @@ pub fn page(folders: &Folders) -> Result<()> {
 pub fn demo(folders: &Folders, rest: &[String]) -> Result<()> {
     system::ensure_emulator_tools()?;
     let toolchain = choose(Choice::Auto)?;
+    step("firmware and tools, with the emulator's C library: some minutes the first time");
     beside(|| firmware::build(folders, &toolchain), || run(cargo(folders).args(["build", "--release"]).args(TOOLS)))?;
     run(Command::new(folders.target.join("release/rigctl")).current_dir(&folders.root).arg("demo").args(rest))
 }

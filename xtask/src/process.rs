@@ -44,6 +44,11 @@ fn quoted(word: &OsStr) -> String {
     if word.contains([' ', '"', '[']) { format!("'{word}'") } else { word.into_owned() }
 }
 
+/// Says what comes next, and whether it takes long.
+pub fn step(what: &str) {
+    eprintln!("\n== {what}");
+}
+
 /// Runs the command with the output streams of this program.
 pub fn run(command: &mut Command) -> Result<()> {
     eprintln!("> {}", shown(command));

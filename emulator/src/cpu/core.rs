@@ -8,10 +8,11 @@ use super::timing::TAKEN_BRANCH_CYCLES;
 use super::watch::Watches;
 use crate::soc::Soc;
 use rig_plant::board::Board;
+use unicorn_engine::{RegisterARM as R, Unicorn, uc_error};
 
 /// Why the core cannot go on.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Trap {
+pub enum Halt {
     /// An access to an address that nothing is mapped to.
     Memory {
         /// What was tried.
@@ -27,6 +28,18 @@ pub enum Trap {
     Breakpoint(u32),
     /// An exception of the emulator that no firmware should cause.
     Exception(u32),
+    /// Undefined instruction at this address: on the chip a HardFault. `panic-probe` ends like this.
+    Undefined(u32),
+    /// A strict peripheral has raised a fault, which waits in the chip. The address is that of the instruction.
+    Fault(u32),
+    /// unicorn itself failed.
+    Unicorn(uc_error),
+}
+
+impl From<uc_error> for Halt {
+    fn from(error: uc_error) -> Self {
+        Self::Unicorn(error)
+    }
 }
 
 /// Counters of the core.
@@ -61,7 +74,7 @@ pub struct Core<B> {
     pub(super) exception_return: bool,
     /// A hook has stopped the CPU.
     pub(super) stopped: bool,
-    pub(super) trap: Option<Trap>,
+    pub(super) halt: Option<Halt>,
     /// Start of the block that ran last.
     pub(super) block: u32,
     /// End of that block.
@@ -87,7 +100,7 @@ impl<B: Board> Core<B> {
             attention: true,
             exception_return: false,
             stopped: false,
-            trap: None,
+            halt: None,
             block: 0,
             block_end: 0,
             next: 0,
@@ -115,4 +128,19 @@ impl<B: Board> Core<B> {
         self.soc.clock.advance(cost.cycles + branch + waits);
         cost
     }
+}
+
+/// The exception that the core would take now, masks considered.
+pub fn takeable<B: Board>(uc: &Unicorn<'_, Core<B>>) -> Option<u16> {
+    let nvic = &uc.get_data().soc.nvic;
+    let (exception, priority) = nvic.best()?;
+    if priority >= nvic.running_priority() {
+        return None;
+    }
+    let mask = |register| uc.reg_read(register).unwrap_or(0) as i32;
+    if (priority >= 0 && mask(R::PRIMASK) & 1 == 1) || (priority >= -1 && mask(R::FAULTMASK) & 1 == 1) {
+        return None;
+    }
+    let base = mask(R::BASEPRI);
+    (base == 0 || priority < base).then_some(exception)
 }

@@ -9,19 +9,10 @@
 
 use super::core::Core;
 use super::hooks::stop;
+use super::run::{Cpu, SYSTEM_MEMORY};
 use super::stops::Step;
-use super::{Cpu, R};
 use rig_plant::board::Board;
-use std::collections::BTreeMap;
-use unicorn_engine::{UcHookId, Unicorn, uc_error};
-
-/// Hooks in unicorn.
-#[derive(Default)]
-pub(super) struct Breakpoints {
-    at: BTreeMap<u32, UcHookId>,
-    /// On every instruction, while the core is stepped.
-    step: Option<UcHookId>,
-}
+use unicorn_engine::{RegisterARM as R, UcHookId, Unicorn, uc_error};
 
 /// Core registers as a debugger sees them.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -39,26 +30,21 @@ pub struct Registers {
 /// Index of PC in [`Registers::core`].
 pub const PC: usize = 15;
 
-const CORE: [R; 16] =
-    [R::R0, R::R1, R::R2, R::R3, R::R4, R::R5, R::R6, R::R7, R::R8, R::R9, R::R10, R::R11, R::R12, R::SP, R::LR, R::PC];
-const DOUBLE: [R; 16] = [
-    R::D0,
-    R::D1,
-    R::D2,
-    R::D3,
-    R::D4,
-    R::D5,
-    R::D6,
-    R::D7,
-    R::D8,
-    R::D9,
-    R::D10,
-    R::D11,
-    R::D12,
-    R::D13,
-    R::D14,
-    R::D15,
-];
+/// unicorn's number of a core register.
+fn core_register(index: usize) -> i32 {
+    match index {
+        0..=12 => R::R0 as i32 + index as i32,
+        13 => R::SP as i32,
+        14 => R::LR as i32,
+        _ => R::PC as i32,
+    }
+}
+
+/// unicorn's number of a double-precision register.
+fn double_register(index: usize) -> i32 {
+    R::D0 as i32 + index as i32
+}
+
 /// Condition flags of xPSR, which a debugger may change.
 const FLAGS: u32 = 0xF800_0000;
 
@@ -156,12 +142,12 @@ impl<B: Board + 'static> Cpu<B> {
 
     /// The registers.
     pub fn registers(&self) -> Registers {
-        let mut core = CORE.map(|register| self.get(register));
+        let mut core = std::array::from_fn(|i| self.get(core_register(i)));
         core[PC] &= !1;
         Registers {
             core,
             xpsr: self.get(R::XPSR),
-            double: DOUBLE.map(|register| self.uc.reg_read(register).unwrap_or(0)),
+            double: std::array::from_fn(|i| self.uc.reg_read(double_register(i)).unwrap_or(0)),
             fpscr: self.get(R::FPSCR),
         }
     }
@@ -172,14 +158,14 @@ impl<B: Board + 'static> Cpu<B> {
     /// An error of unicorn.
     pub fn set_registers(&mut self, new: &Registers) -> Result<(), uc_error> {
         let old = self.registers();
-        for (i, register) in CORE.into_iter().enumerate().filter(|(i, _)| new.core[*i] != old.core[*i]) {
-            self.set(register, if i == PC { new.core[i] | 1 } else { new.core[i] });
+        for i in (0..16).filter(|i| new.core[*i] != old.core[*i]) {
+            self.set(core_register(i), if i == PC { new.core[i] | 1 } else { new.core[i] });
         }
         if new.core[PC] != old.core[PC] {
             self.uc.get_data_mut().stops.forget_place();
         }
-        for (i, register) in DOUBLE.into_iter().enumerate().filter(|(i, _)| new.double[*i] != old.double[*i]) {
-            self.uc.reg_write(register, new.double[i])?;
+        for i in (0..16).filter(|i| new.double[*i] != old.double[*i]) {
+            self.uc.reg_write(double_register(i), new.double[i])?;
         }
         if new.fpscr != old.fpscr {
             self.set(R::FPSCR, new.fpscr);
@@ -198,7 +184,7 @@ impl<B: Board + 'static> Cpu<B> {
         let memory = &core.soc.memory;
         let system = |into: &mut [u8]| {
             let last = u64::from(address) + into.len() as u64;
-            (u64::from(address) >= super::SYSTEM_MEMORY && last <= super::SYSTEM_MEMORY + 0x1000)
+            (u64::from(address) >= SYSTEM_MEMORY && last <= SYSTEM_MEMORY + 0x1000)
                 .then(|| self.uc.mem_read(address.into(), into).ok())
                 .flatten()
         };

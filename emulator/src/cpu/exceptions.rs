@@ -2,11 +2,12 @@
 //!
 //! The floating-point part of a frame is stacked eagerly: firmware cannot distinguish that from lazy stacking.
 
-use super::core::{Core, Trap};
-use super::{Cpu, CpuError, HARD_FAULT};
+use super::core::Halt;
+use super::run::Cpu;
 use crate::soc::memory::BELOW_RAM;
+use crate::soc::nvic::exception;
 use rig_plant::board::Board;
-use unicorn_engine::{RegisterARM as R, Unicorn};
+use unicorn_engine::RegisterARM as R;
 
 /// Frame sizes without and with floating-point registers.
 const FRAME: u32 = 0x20;
@@ -26,26 +27,10 @@ const IPSR: u32 = 0x1FF;
 /// What a handler inherits of xPSR: condition, saturation and GE flags.
 const KEPT: u32 = 0xF80F_0000;
 
-const FP: [R; 8] = [R::D0, R::D1, R::D2, R::D3, R::D4, R::D5, R::D6, R::D7];
 const CORE: [R; 6] = [R::R0, R::R1, R::R2, R::R3, R::R12, R::LR];
 
-/// The exception that the core would take now, masks considered.
-pub fn takeable<B: Board>(uc: &Unicorn<'_, Core<B>>) -> Option<u16> {
-    let nvic = &uc.get_data().soc.nvic;
-    let (exception, priority) = nvic.best()?;
-    if priority >= nvic.running_priority() {
-        return None;
-    }
-    let mask = |register| uc.reg_read(register).unwrap_or(0) as i32;
-    if (priority >= 0 && mask(R::PRIMASK) & 1 == 1) || (priority >= -1 && mask(R::FAULTMASK) & 1 == 1) {
-        return None;
-    }
-    let base = mask(R::BASEPRI);
-    (base == 0 || priority < base).then_some(exception)
-}
-
 impl<B: Board + 'static> Cpu<B> {
-    fn stacked(&mut self, address: u32, write: Option<u32>) -> Result<u32, CpuError> {
+    fn stacked(&mut self, address: u32, write: Option<u32>) -> Result<u32, Halt> {
         let ram = &mut self.uc.get_data_mut().soc.memory.ram;
         let done = match write {
             Some(value) => ram.set_word(address, value).map(|()| 0),
@@ -58,7 +43,7 @@ impl<B: Board + 'static> Cpu<B> {
             return Ok(0);
         }
         let what = if write.is_some() { "stacking" } else { "unstacking" };
-        done.ok_or_else(|| CpuError::Trap(Trap::Memory { what, address, pc: self.get(R::PC) }))
+        done.ok_or_else(|| Halt::Memory { what, address, pc: self.get(R::PC) })
     }
 
     /// unicorn caches the mode of the core. Of all register writes only one to the flags refreshes that cache.
@@ -68,7 +53,7 @@ impl<B: Board + 'static> Cpu<B> {
     }
 
     /// Take an exception.
-    pub(super) fn enter(&mut self, exception: u16) -> Result<(), CpuError> {
+    pub(super) fn enter(&mut self, exception: u16) -> Result<(), Halt> {
         let xpsr = self.get(R::XPSR) | THUMB;
         let control = self.get(R::CONTROL);
         let fp = control & FPCA != 0;
@@ -86,8 +71,8 @@ impl<B: Board + 'static> Cpu<B> {
         self.stacked(stack.wrapping_add(24), Some(pc))?;
         self.stacked(stack.wrapping_add(28), Some(xpsr | if padding != 0 { PADDED } else { 0 }))?;
         if fp {
-            for (i, register) in FP.into_iter().enumerate() {
-                let value = self.uc.reg_read(register)?;
+            for i in 0..8 {
+                let value = self.uc.reg_read(R::D0 as i32 + i)?;
                 self.stacked(stack.wrapping_add(FRAME + 8 * i as u32), Some(value as u32))?;
                 self.stacked(stack.wrapping_add(FRAME + 8 * i as u32 + 4), Some((value >> 32) as u32))?;
             }
@@ -98,7 +83,7 @@ impl<B: Board + 'static> Cpu<B> {
         // A frame that runs out of RAM is a bus fault, which takes the place of the exception as a HardFault; that one
         // waits, pending. A HardFault or NMI is entered all the same (ARMv7-M architecture manual B1.5.15).
         let lost = std::mem::take(&mut self.frame_lost);
-        let exception = if lost && exception > HARD_FAULT { HARD_FAULT } else { exception };
+        let exception = if lost && exception > exception::HARD_FAULT { exception::HARD_FAULT } else { exception };
 
         // SP belongs to the stack in use: first the frame's, then over to the main stack.
         self.set(R::SP, stack);
@@ -117,7 +102,7 @@ impl<B: Board + 'static> Cpu<B> {
         core.counters.exceptions += 1;
         let slot = core.soc.vector_table() + 4 * u32::from(exception);
         let Some(handler) = core.soc.memory.word(slot) else {
-            return Err(CpuError::Trap(Trap::Memory { what: "vector fetch", address: slot, pc }));
+            return Err(Halt::Memory { what: "vector fetch", address: slot, pc });
         };
         // The cycles of the entry have fetched it.
         core.next = handler & !1;
@@ -127,12 +112,12 @@ impl<B: Board + 'static> Cpu<B> {
     }
 
     /// Return from an exception: PC holds EXC_RETURN.
-    pub(super) fn leave(&mut self) -> Result<(), CpuError> {
+    pub(super) fn leave(&mut self) -> Result<(), Halt> {
         let code = self.get(R::PC) | 1;
         let (fp, process_stack) = (code & 0x10 == 0, code & 0xF == 0xD);
         let core = self.uc.get_data_mut();
         if core.soc.nvic.leave().is_none() {
-            return Err(CpuError::Trap(Trap::Memory { what: "exception return", address: code, pc: core.block }));
+            return Err(Halt::Memory { what: "exception return", address: code, pc: core.block });
         }
         core.soc.clock.advance(if fp { RETURN.1 } else { RETURN.0 });
         core.attention = true;
@@ -151,10 +136,10 @@ impl<B: Board + 'static> Cpu<B> {
         let pc = self.stacked(stack.wrapping_add(24), None)?;
         let xpsr = self.stacked(stack.wrapping_add(28), None)?;
         if fp {
-            for (i, register) in FP.into_iter().enumerate() {
+            for i in 0..8 {
                 let low = self.stacked(stack.wrapping_add(FRAME + 8 * i as u32), None)?;
                 let high = self.stacked(stack.wrapping_add(FRAME + 8 * i as u32 + 4), None)?;
-                self.uc.reg_write(register, u64::from(low) | u64::from(high) << 32)?;
+                self.uc.reg_write(R::D0 as i32 + i, u64::from(low) | u64::from(high) << 32)?;
             }
             let status = self.stacked(stack.wrapping_add(0x60), None)?;
             self.set(R::FPSCR, status);

@@ -1,7 +1,6 @@
 //! Hooks in unicorn: time at block starts, peripheral accesses, exceptions, SEV, writes to flash, stray accesses.
 
-use super::core::{Core, Trap};
-use super::exceptions::takeable;
+use super::core::{Core, Halt, takeable};
 use crate::soc::memory::{BELOW_RAM, FLASH_BASE, FLASH_SIZE, RAM_SIZE};
 use crate::soc::nvic::exception;
 use rig_plant::board::Board;
@@ -155,8 +154,8 @@ fn on_exception<B: Board>(uc: &mut Unicorn<'_, Core<B>>, number: u32) {
             core.soc.nvic.pend_system(exception::SVCALL);
             core.attention = true;
         }
-        BREAKPOINT => core.trap = Some(Trap::Breakpoint(pc & !1)),
-        other => core.trap = Some(Trap::Exception(other)),
+        BREAKPOINT => core.halt = Some(Halt::Breakpoint(pc & !1)),
+        other => core.halt = Some(Halt::Exception(other)),
     }
     stop(uc);
 }
@@ -181,8 +180,8 @@ fn stray<B: Board>(uc: &mut Unicorn<'_, Core<B>>, kind: MemType, address: u64, _
     let sp = uc.reg_read(RegisterARM::SP).unwrap_or(0) as u32;
     // A push below the stack, or an access to a frame that is below it already.
     let overflow = BELOW_RAM.contains(&address) && (BELOW_RAM.start..BELOW_RAM.end + LARGEST_PUSH).contains(&sp);
-    let trap = if overflow { Trap::StackOverflow(address) } else { Trap::Memory { what, address, pc } };
-    uc.get_data_mut().trap = Some(trap);
+    let trap = if overflow { Halt::StackOverflow(address) } else { Halt::Memory { what, address, pc } };
+    uc.get_data_mut().halt = Some(trap);
     stop(uc);
     false
 }

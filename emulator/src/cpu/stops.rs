@@ -1,6 +1,17 @@
 //! State of a debugger's stops. Time is counted by blocks, at their start, so a core that has stopped in the middle of
 //! one must not count the rest of it again.
 
+use std::collections::BTreeMap;
+use unicorn_engine::UcHookId;
+
+/// Hooks in unicorn.
+#[derive(Default)]
+pub(super) struct Breakpoints {
+    pub(super) at: BTreeMap<u32, UcHookId>,
+    /// On every instruction, while the core is stepped.
+    pub(super) step: Option<UcHookId>,
+}
+
 /// Where a debugger wants the core to stop, and where it has stopped it.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Stops {

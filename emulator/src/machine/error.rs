@@ -28,7 +28,7 @@ pub enum MachineError {
     #[error(transparent)]
     Image(#[from] ImageError),
     /// The firmware did something that the real chip would not do, or that is not modelled.
-    #[error("{fault}; `{}` ({place})", fault.lint().name())]
+    #[error("{fault}; `{}` ({place})", fault.lint.name())]
     Fault {
         /// What.
         fault: Fault,

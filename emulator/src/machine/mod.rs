@@ -19,52 +19,22 @@ mod error;
 
 pub use error::{MachineError, Place};
 
-use crate::cpu::core::Trap;
+use crate::cpu::core::Halt;
 use crate::cpu::image::Image;
-use crate::cpu::{Cpu, CpuError, Factory, Outcome};
+use crate::cpu::{Cpu, Outcome};
 use crate::rtt::{DefmtLine, Level, Rtt};
 use crate::soc::Soc;
 use crate::soc::memory::{FLASH_BASE, RAM_BASE, RAM_NOISE};
 use rig_plant::board::{Board, Stimulus};
 
 pub use crate::cpu::watch::TickStats;
-pub use crate::soc::ResetCause;
+pub use crate::soc::{Config, ResetCause};
 
 /// RTT is read this often, so that a firmware that never sleeps does not overflow its buffer.
 const RTT_INTERVAL_S: f64 = 1e-3;
 
 /// Bytes that a stack has left before it overflows.
 const STACK_LEFT: u32 = 16;
-
-/// How to build a machine.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Config {
-    /// Stop at anything that the real chip would not do or that is not modelled; otherwise only count it.
-    pub strict: bool,
-    /// Frequency of the LSI, the watchdog's clock: nominally 32 kHz, 17 to 47 kHz by the datasheet.
-    pub lsi_hz: f64,
-    /// Factory calibration word of VREFINT: its ADC code at 3.3 V. 1.21 V is typical.
-    pub vrefint_cal: u16,
-    /// Erasing flash takes the longest time that the chip's maker allows, not the typical one.
-    pub slow_flash: bool,
-    /// Option byte: level of the brown-out reset, 1 to 3; 0 is off, as the factory delivers the chip.
-    pub brown_out_level: u8,
-    /// Unique device id.
-    pub unique_id: [u8; 12],
-}
-
-impl Default for Config {
-    fn default() -> Self {
-        Self {
-            strict: true,
-            lsi_hz: 32_000.0,
-            vrefint_cal: 1501,
-            slow_flash: false,
-            brown_out_level: 0,
-            unique_id: *b"emulated-rig",
-        }
-    }
-}
 
 /// What the machine has done since it was built.
 #[derive(Clone, Debug, PartialEq)]
@@ -127,12 +97,9 @@ impl<B: Board + 'static> Machine<B> {
     /// [`MachineError::Image`] if the ELF cannot be loaded.
     pub fn new(elf: &[u8], board: B, config: Config) -> Result<Self, MachineError> {
         let image = Image::parse(elf)?;
-        let mut soc = Soc::new(board, config.strict, config.lsi_hz);
-        soc.set_brown_out_level(config.brown_out_level);
-        soc.set_slow_flash(config.slow_flash);
+        let mut soc = Soc::new(board, &config);
         program(&mut soc, &image);
-        let factory = Factory { unique_id: config.unique_id, vrefint_cal: config.vrefint_cal };
-        let mut cpu = Cpu::new(soc, factory).map_err(|error| MachineError::Emulator(format!("{error:?}")))?;
+        let mut cpu = Cpu::new(soc, &config).map_err(|error| MachineError::Emulator(format!("{error:?}")))?;
         cpu.reset(ResetCause::PowerCycle);
         let rtt = image.symbol("_SEGGER_RTT").and_then(|address| Rtt::new(elf, address));
         Ok(Self {
@@ -265,7 +232,7 @@ impl<B: Board + 'static> Machine<B> {
     /// The ST-LINK feeds its 8 MHz into OSC_IN, or no longer does; a core that runs on it stands still until a reset.
     /// The other clocks of the chip go on here, as with [`Machine::hang`].
     pub fn feed_hse(&mut self, fed: bool) {
-        if !self.soc_mut().feed_hse(fed) {
+        if !self.soc_mut().rcc.feed_hse(fed) {
             self.hang(true);
         }
     }
@@ -304,36 +271,31 @@ impl<B: Board + 'static> Machine<B> {
         Place { pc: pc & !1, function, t_s: self.now_s() }
     }
 
-    fn explain(&mut self, error: CpuError) -> MachineError {
+    fn explain(&mut self, error: Halt) -> MachineError {
+        let last_block = self.cpu.core().last_block();
         match error {
-            CpuError::Fault(pc) => {
+            Halt::Fault(pc) => {
                 let place = self.place(pc);
                 match self.cpu.core_mut().soc.faults.take() {
                     Some(fault) => MachineError::Fault { fault, place },
                     None => MachineError::Emulator("a fault without a cause".into()),
                 }
             }
-            CpuError::Undefined(pc) => {
+            Halt::Undefined(pc) => {
                 let said = self.lines.iter().rev().find(|line| line.level == Some(Level::Error));
                 MachineError::Undefined { said: said.map(ToString::to_string), place: self.place(pc) }
             }
-            CpuError::Trap(Trap::Memory { what, address, pc }) => {
-                MachineError::Memory { what, address, place: self.place(pc) }
-            }
-            CpuError::Trap(Trap::Breakpoint(pc)) => {
+            Halt::Memory { what, address, pc } => MachineError::Memory { what, address, place: self.place(pc) },
+            Halt::Breakpoint(pc) => {
                 let (number, exit) = self.cpu.breakpoint(pc);
                 MachineError::Breakpoint { number, exit, place: self.place(pc) }
             }
             // The run loop handles it.
-            CpuError::Trap(Trap::StackOverflow(address)) => {
-                MachineError::Memory { what: "stack access", address, place: self.place(self.cpu.core().last_block()) }
+            Halt::StackOverflow(address) => {
+                MachineError::Memory { what: "stack access", address, place: self.place(last_block) }
             }
-            CpuError::Trap(Trap::Exception(number)) => {
-                MachineError::Exception { number, place: self.place(self.cpu.core().last_block()) }
-            }
-            CpuError::Unicorn(error) => {
-                MachineError::Emulator(format!("{error:?} {}", self.place(self.cpu.core().last_block())))
-            }
+            Halt::Exception(number) => MachineError::Exception { number, place: self.place(last_block) },
+            Halt::Unicorn(error) => MachineError::Emulator(format!("{error:?} {}", self.place(last_block))),
         }
     }
 

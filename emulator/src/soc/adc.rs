@@ -5,12 +5,12 @@
 //! in order of time with every other call of the board. Injected sequences, external triggers, the analog watchdog and
 //! resolutions below 12 bits are not modelled.
 
-use super::Wires;
 use super::clock::{Clock, NEVER};
-use super::dma::{Dma, Request, Transfer};
+use super::dma::{Dma, Transfer};
 use super::fault::Lint;
 use super::gpio::{Function, Pin};
 use super::memory::Memory;
+use super::peripheral::{Registers, Wires};
 
 const EOC: u32 = 1 << 1;
 const STRT: u32 = 1 << 4;
@@ -30,43 +30,55 @@ const CONVERSION: u64 = 12;
 /// Channel of the internal reference.
 const VREFINT: u8 = 17;
 
-/// Pins of channels 0 to 15.
-const PINS: [Pin; 16] = [
-    ('A', 0),
-    ('A', 1),
-    ('A', 2),
-    ('A', 3),
-    ('A', 4),
-    ('A', 5),
-    ('A', 6),
-    ('A', 7),
-    ('B', 0),
-    ('B', 1),
-    ('C', 0),
-    ('C', 1),
-    ('C', 2),
-    ('C', 3),
-    ('C', 4),
-    ('C', 5),
-];
+/// The pin of a channel from 0 to 15 (DS10693 table 10).
+pub fn pin(channel: u8) -> Option<Pin> {
+    match channel {
+        0..=7 => Some(('A', channel)),
+        8..=9 => Some(('B', channel - 8)),
+        10..=15 => Some(('C', channel - 10)),
+        _ => None,
+    }
+}
+
+const SR: u32 = 0x00;
+const CR1: u32 = 0x04;
+const CR2: u32 = 0x08;
+const SMPR1: u32 = 0x0C;
+const SMPR2: u32 = 0x10;
+const HTR: u32 = 0x24;
+const LTR: u32 = 0x28;
+const SQR1: u32 = 0x2C;
+const SQR2: u32 = 0x30;
+const SQR3: u32 = 0x34;
+const DR: u32 = 0x4C;
+/// Common registers, at their offset from ADC1.
+const CSR: u32 = 0x300;
+const CCR: u32 = 0x304;
 
 /// ADC1 and the common registers.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Adc {
-    sr: u32,
-    cr1: u32,
-    cr2: u32,
-    smpr: [u32; 2],
-    sqr: [u32; 3],
-    htr_ltr: [u32; 2],
+    registers: Registers<20>,
     ccr: u32,
-    dr: u32,
     /// The conversion in progress: when it completes, and its place in the sequence.
     running: Option<(u64, usize)>,
     /// The sample of that conversion, once its sampling window has closed.
     held: Option<u16>,
     /// Requests to the DMA are lost.
     stalled: bool,
+}
+
+impl Default for Adc {
+    fn default() -> Self {
+        let all = [SR, CR1, CR2, SMPR1, SMPR2, HTR, LTR, SQR1, SQR2, SQR3, DR];
+        Self {
+            registers: Registers::new(&all.map(|offset| (offset, 0))),
+            ccr: 0,
+            running: None,
+            held: None,
+            stalled: false,
+        }
+    }
 }
 
 impl Adc {
@@ -82,11 +94,11 @@ impl Adc {
     }
 
     fn length(&self) -> usize {
-        if self.cr1 & SCAN == 0 { 1 } else { (self.sqr[0] >> 20 & 0xF) as usize + 1 }
+        if self.registers[CR1] & SCAN == 0 { 1 } else { (self.registers[SQR1] >> 20 & 0xF) as usize + 1 }
     }
 
     fn channel(&self, place: usize) -> u8 {
-        (self.sqr[2 - place / 6] >> (5 * (place % 6)) & 0x1F) as u8
+        (self.registers[SQR3 - 4 * (place as u32 / 6)] >> (5 * (place % 6)) & 0x1F) as u8
     }
 
     /// HCLK cycles in an ADC clock cycle.
@@ -96,7 +108,8 @@ impl Adc {
 
     fn duration(&self, place: usize, clock: &Clock) -> u64 {
         let channel = u32::from(self.channel(place));
-        let code = if channel < 10 { self.smpr[1] >> (3 * channel) } else { self.smpr[0] >> (3 * (channel - 10)) };
+        let smpr = self.registers[if channel < 10 { SMPR2 } else { SMPR1 }];
+        let code = smpr >> (3 * (channel % 10));
         ([3, 15, 28, 56, 84, 112, 144, 480][(code & 7) as usize] + CONVERSION) * self.adc_cycle(clock)
     }
 
@@ -112,13 +125,13 @@ impl Adc {
             }
             let next = place + 1;
             let last = next >= self.length();
-            self.dr = self.held.take().unwrap_or(0).into();
+            self.registers[DR] = self.held.take().unwrap_or(0).into();
             self.deliver(last, dma, memory, wires);
             if self.overrun_by_dma() {
                 self.running = None;
                 break;
             }
-            let follows = if !last { Some(next) } else { (self.cr2 & CONT != 0).then_some(0) };
+            let follows = if !last { Some(next) } else { (self.registers[CR2] & CONT != 0).then_some(0) };
             self.running = follows.map(|place| (done + self.duration(place, wires.clock), place));
         }
         self.line(wires);
@@ -126,7 +139,7 @@ impl Adc {
 
     fn sample(&self, place: usize, at: u64, wires: &mut Wires<'_>) -> u16 {
         let channel = self.channel(place);
-        if let Some(&pin) = PINS.get(usize::from(channel)) {
+        if let Some(pin) = pin(channel) {
             wires.gpio.require("ADC1_INx", Function::Analog, &[pin], wires.faults);
         } else if channel == VREFINT && self.ccr & 1 << 23 == 0 {
             wires.faults.lint(Lint::AdcVrefint);
@@ -134,47 +147,48 @@ impl Adc {
             wires.faults.lint(Lint::AdcChannel);
         }
         let code = wires.board.adc(wires.clock.seconds_at(at), channel).min(0xFFF);
-        if self.cr2 & 1 << 11 != 0 { code << 4 } else { code }
+        if self.registers[CR2] & 1 << 11 != 0 { code << 4 } else { code }
     }
 
     fn deliver(&mut self, last: bool, dma: &mut Dma, memory: &mut Memory, wires: &mut Wires<'_>) {
-        if self.cr2 & DMA_ON == 0 {
-            if self.sr & EOC != 0 && self.cr2 & EOCS != 0 {
-                self.sr |= OVR;
+        if self.registers[CR2] & DMA_ON == 0 {
+            if self.registers[SR] & EOC != 0 && self.registers[CR2] & EOCS != 0 {
+                self.registers[SR] |= OVR;
             }
-            if last || self.cr2 & EOCS != 0 {
-                self.sr |= EOC;
+            if last || self.registers[CR2] & EOCS != 0 {
+                self.registers[SR] |= EOC;
             }
-        } else if self.sr & OVR == 0
+        } else if self.registers[SR] & OVR == 0
             && (self.stalled
-                || dma.transfer(Request::Adc1, self.dr, memory, wires.nvic, wires.faults) == Transfer::Unserved)
+                || dma.transfer(self.registers[DR], memory, wires.nvic, wires.faults) == Transfer::Unserved)
         {
             // An item that is not fetched: requests and conversions stop until software clears OVR (RM0390 section
             // 13.8.1).
-            self.sr |= EOC | OVR;
+            self.registers[SR] |= EOC | OVR;
         }
     }
 
     /// Conversions are aborted and triggers ignored.
     fn overrun_by_dma(&self) -> bool {
-        self.cr2 & DMA_ON != 0 && self.sr & OVR != 0
+        self.registers[CR2] & DMA_ON != 0 && self.registers[SR] & OVR != 0
     }
 
     fn line(&self, wires: &mut Wires<'_>) {
-        let high = (self.sr & EOC != 0 && self.cr1 >> 5 & 1 == 1) || (self.sr & OVR != 0 && self.cr1 >> 26 & 1 == 1);
+        let high = (self.registers[SR] & EOC != 0 && self.registers[CR1] >> 5 & 1 == 1)
+            || (self.registers[SR] & OVR != 0 && self.registers[CR1] >> 26 & 1 == 1);
         wires.nvic.set_line(IRQ, high);
     }
 
     /// When an interrupt of the ADC, or of the DMA stream behind it, may next be due.
     pub fn next_event(&self, dma: &Dma, clock: &Clock) -> u64 {
         let Some((done, place)) = self.running else { return NEVER };
-        if self.cr2 & DMA_ON == 0 {
-            return if self.cr1 >> 5 & 1 == 1 || self.cr1 >> 26 & 1 == 1 { done } else { NEVER };
+        if self.registers[CR2] & DMA_ON == 0 {
+            return if self.registers[CR1] >> 5 & 1 == 1 || self.registers[CR1] >> 26 & 1 == 1 { done } else { NEVER };
         }
         if self.stalled {
             return done;
         }
-        match dma.items_until_interrupt(Request::Adc1) {
+        match dma.items_until_interrupt() {
             Some(u64::MAX) => NEVER,
             Some(items) => done + self.span(place, items - 1, clock),
             // No stream: an overrun is about to be reported.
@@ -192,45 +206,32 @@ impl Adc {
 
     /// Read a register; the caller has caught up.
     pub fn read(&mut self, offset: u32, wires: &mut Wires<'_>) -> Option<u32> {
-        Some(match offset {
-            0x00 => self.sr,
-            0x04 => self.cr1,
-            0x08 => self.cr2,
-            0x0C | 0x10 => self.smpr[(offset as usize - 0x0C) / 4],
-            0x24 | 0x28 => self.htr_ltr[(offset as usize - 0x24) / 4],
-            0x2C..=0x34 => self.sqr[(offset as usize - 0x2C) / 4],
-            0x4C => {
-                self.sr &= !EOC;
+        match offset {
+            DR => {
+                self.registers[SR] &= !EOC;
                 self.line(wires);
-                self.dr
             }
-            0x300 => self.sr & 0x3F,
-            0x304 => self.ccr,
-            _ => return None,
-        })
+            CSR => return Some(self.registers[SR] & 0x3F),
+            CCR => return Some(self.ccr),
+            _ => {}
+        }
+        self.registers.get(offset)
     }
 
     /// Write a register; the caller has caught up.
     pub fn write(&mut self, offset: u32, value: u32, wires: &mut Wires<'_>) -> Option<()> {
         match offset {
-            0x00 => self.sr &= value,
-            0x04 => {
-                if value & 0x03C0_FEC0 != 0 {
-                    wires.faults.lint(Lint::AdcMode);
-                }
-                self.cr1 = value;
-            }
-            0x08 => self.control(value, wires),
-            0x0C | 0x10 => self.smpr[(offset as usize - 0x0C) / 4] = value,
-            0x24 | 0x28 => self.htr_ltr[(offset as usize - 0x24) / 4] = value,
-            0x2C..=0x34 => self.sqr[(offset as usize - 0x2C) / 4] = value,
-            0x304 => {
-                if value & 0xEF1F != 0 {
-                    wires.faults.lint(Lint::AdcMulti);
-                }
-                self.ccr = value;
-            }
-            _ => return None,
+            CR1 if value & 0x03C0_FEC0 != 0 => wires.faults.lint(Lint::AdcMode),
+            CCR if value & 0xEF1F != 0 => wires.faults.lint(Lint::AdcMulti),
+            _ => {}
+        }
+        match offset {
+            SR => self.registers[SR] &= value,
+            CR2 => self.control(value, wires),
+            CCR => self.ccr = value,
+            // Read-only.
+            DR => return None,
+            _ => self.registers.set(offset, value)?,
         }
         self.line(wires);
         Some(())
@@ -240,7 +241,7 @@ impl Adc {
         if value & 0x3070_0000 != 0 || (value & DMA_ON != 0 && value & DDS == 0) {
             wires.faults.lint(Lint::AdcTrigger);
         }
-        let was = std::mem::replace(&mut self.cr2, value & !SWSTART);
+        let was = std::mem::replace(&mut self.registers[CR2], value & !SWSTART);
         if value & ADON == 0 {
             self.running = None;
             self.held = None;
@@ -249,7 +250,7 @@ impl Adc {
             if was & ADON == 0 {
                 wires.faults.lint(Lint::AdcPower);
             }
-            self.sr |= STRT;
+            self.registers[SR] |= STRT;
             self.running = Some((wires.clock.now() + self.duration(0, wires.clock), 0));
         }
     }

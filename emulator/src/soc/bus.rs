@@ -1,22 +1,32 @@
 //! Accesses by the core: address decoding, the strict checks, and the effects of a store outside its own peripheral.
 
-use super::fault::{Fault, Lint};
+use super::fault::Lint;
 use super::map::{self, Unit, gate, unit_at};
 use super::memory::{FLASH_BASE, FLASH_SIZE};
-use super::scb::Effect;
-use super::{ResetCause, Soc, Wires};
+use super::peripheral::Wires;
+use super::{ResetCause, Soc};
 use rig_plant::board::Board;
 
 /// Cycles that a peripheral access takes on top of its instruction: AHB-to-APB bridges make the core wait.
 const ACCESS_CYCLES: u64 = 2;
 
+fn verb(write: bool) -> &'static str {
+    if write { "write" } else { "read" }
+}
+
 impl<B: Board> Soc<B> {
     fn clocked(&mut self, unit: Unit, address: u32, write: bool) -> bool {
         let on = gate(unit).is_none_or(|gate| self.rcc.enabled(gate));
         if !on {
-            self.faults.raise(Fault::Unclocked { unit: unit.to_string(), address, write });
+            let what = format!("{} at {address:#010x}: the clock of {unit} is not enabled in the RCC", verb(write));
+            self.faults.raise(Lint::Unclocked, what);
         }
         on
+    }
+
+    fn unmodelled(&mut self, address: u32, write: bool) {
+        let what = format!("{} of an unmodelled register at {address:#010x}", verb(write));
+        self.faults.raise(Lint::Unmodelled, what);
     }
 
     /// The core's access, or the stacking of an exception, fails.
@@ -31,15 +41,7 @@ impl<B: Board> Soc<B> {
         if let Some((word, bit)) = map::bit_band(address) {
             return self.read_whole(word).map_or(0, |value| value >> bit & 1);
         }
-        let unit = unit_at(address);
-        if !self.clocked(unit, address, false) {
-            return 0;
-        }
-        let Some(word) = self.read_word(unit, address & !3) else {
-            self.faults.raise(Fault::Unmodelled { address, write: false });
-            return 0;
-        };
-        let shifted = word >> (8 * (address & 3));
+        let shifted = self.read_register(address).unwrap_or(0) >> (8 * (address & 3));
         match size {
             1 => shifted & 0xFF,
             2 => shifted & 0xFFFF,
@@ -47,46 +49,49 @@ impl<B: Board> Soc<B> {
         }
     }
 
-    /// A word of a peripheral or of RAM, for the bit-band alias.
+    /// A word of RAM or of a peripheral, for the bit-band alias.
     fn read_whole(&mut self, address: u32) -> Option<u32> {
-        if let Some(word) = self.memory.ram.word(address) {
-            return Some(word);
-        }
+        self.memory.ram.word(address).or_else(|| self.read_register(address))
+    }
+
+    /// The register around an address, if it is there and clocked.
+    fn read_register(&mut self, address: u32) -> Option<u32> {
         let unit = unit_at(address);
-        let word = self.clocked(unit, address, false).then(|| self.read_word(unit, address))?;
+        if !self.clocked(unit, address, false) {
+            return None;
+        }
+        let word = self.read_word(unit, address & !3);
         if word.is_none() {
-            self.faults.raise(Fault::Unmodelled { address, write: false });
+            self.unmodelled(address, false);
         }
         word
     }
 
+    /// What the access would find or change must be as it is now.
+    fn catch_up(&mut self, unit: Unit) {
+        match unit {
+            Unit::Rcc => self.look_at_hse(),
+            Unit::Timer(_) | Unit::Adc | Unit::Dma(_) => self.catch_up_adc(self.clock.now()),
+            _ => {}
+        }
+    }
+
     fn read_word(&mut self, unit: Unit, address: u32) -> Option<u32> {
         let offset = address & 0x3FF;
+        self.catch_up(unit);
         match unit {
-            Unit::Rcc => {
-                self.look_at_hse();
-                self.rcc.read(offset)
-            }
+            Unit::Rcc => self.rcc.read(offset),
             Unit::Pwr => self.pwr.read(offset),
             Unit::Flash => self.flash.read(offset),
             Unit::Gpio(port) => self.gpio.read(port, offset),
             Unit::Exti => self.exti.read(offset),
             Unit::Syscfg => self.exti.read_syscfg(offset),
             Unit::Iwdg => self.iwdg.read(offset, &self.clock, self.rcc.lsi_on()),
-            Unit::Timer(i) => {
-                self.catch_up_adc(self.clock.now());
-                self.timers[i].read(offset, wires!(self))
-            }
+            Unit::Timer(i) => self.timers[i].read(offset, wires!(self)),
             Unit::Usart(i) => self.usarts[i].read(offset, wires!(self)),
             Unit::Can => self.can.read(offset, &self.clock),
-            Unit::Adc => {
-                self.catch_up_adc(self.clock.now());
-                self.adc.read(offset, wires!(self))
-            }
-            Unit::Dma(i) => {
-                self.catch_up_adc(self.clock.now());
-                self.dma[i].read(offset)
-            }
+            Unit::Adc => self.adc.read(offset, wires!(self)),
+            Unit::Dma(i) => self.dma[i].read(offset),
             Unit::Debug => self.debug.read(offset),
             Unit::Nvic => self.nvic.read(address - map::NVIC),
             Unit::Core => self.scb.read(address, &self.clock, &mut self.nvic),
@@ -116,11 +121,12 @@ impl<B: Board> Soc<B> {
             return;
         }
         if size < 4 && !map::takes_narrow_writes(unit, address, size) {
-            self.faults.raise(Fault::Width { address, size });
+            let what = format!("{size}-byte write at {address:#010x}: this register takes whole words");
+            self.faults.raise(Lint::Width, what);
         }
         let (address, value) = self.widen(unit, address, size, value);
         if self.write_word(unit, address, size, value).is_none() {
-            self.faults.raise(Fault::Unmodelled { address, write: true });
+            self.unmodelled(address, true);
         }
     }
 
@@ -145,6 +151,7 @@ impl<B: Board> Soc<B> {
 
     fn write_word(&mut self, unit: Unit, address: u32, size: usize, value: u32) -> Option<()> {
         let offset = address & 0x3FF;
+        self.catch_up(unit);
         match unit {
             Unit::Rcc => self.write_rcc(offset, value),
             Unit::Pwr => self.pwr.write(offset, value),
@@ -161,24 +168,15 @@ impl<B: Board> Soc<B> {
             Unit::Exti => self.exti.write(offset, value, &mut self.nvic),
             Unit::Syscfg => self.exti.write_syscfg(offset, value),
             Unit::Iwdg => self.iwdg.write(offset, value, &self.clock, &mut self.faults),
-            Unit::Timer(i) => {
-                self.catch_up_adc(self.clock.now());
-                self.timers[i].write(offset, value, wires!(self))
-            }
+            Unit::Timer(i) => self.timers[i].write(offset, value, wires!(self)),
             Unit::Usart(i) => self.usarts[i].write(offset, value, wires!(self)),
             Unit::Can => self.can.write(offset, value, wires!(self)),
-            Unit::Adc => {
-                self.catch_up_adc(self.clock.now());
-                self.adc.write(offset, value, wires!(self))
-            }
-            Unit::Dma(i) => {
-                self.catch_up_adc(self.clock.now());
-                self.dma[i].write(offset, value, &mut self.nvic, &mut self.faults)
-            }
+            Unit::Adc => self.adc.write(offset, value, wires!(self)),
+            Unit::Dma(i) => self.dma[i].write(offset, value, &mut self.nvic, &mut self.faults),
             Unit::Debug => self.debug.write(offset, value),
             Unit::Nvic => self.nvic.write(address - map::NVIC, size, value),
             Unit::Core => {
-                if self.scb.write(address, size, value, &self.clock, &mut self.nvic)? == Effect::Reset {
+                if self.scb.write(address, size, value, &self.clock, &mut self.nvic)? {
                     self.reset_request = Some(ResetCause::Software);
                 }
                 Some(())
@@ -189,9 +187,8 @@ impl<B: Board> Soc<B> {
 
     fn write_rcc(&mut self, offset: u32, value: u32) -> Option<()> {
         self.catch_up_adc(self.clock.now());
-        self.look_at_hse();
         let (register, bits) = self.rcc.write(offset, value, self.flash.wait_states(), &mut self.faults)?;
-        for unit in map::RESETTABLE {
+        for unit in map::resettable() {
             if gate(unit).is_some_and(|gate| gate.offset == register && bits >> gate.bit & 1 == 1) {
                 self.reset_unit(unit);
             }

@@ -4,36 +4,13 @@
 //! peripheral that makes requests here is ADC1. FIFO mode, bursts, double buffering, memory to memory and memory to
 //! peripheral are not modelled.
 
-use super::fault::{Fault, Faults, Lint};
+use super::fault::{Faults, Lint};
 use super::memory::Memory;
 use super::nvic::Nvic;
+use super::peripheral::Registers;
 
 /// Data register of ADC1.
 const ADC1_DR: u32 = 0x4001_204C;
-
-/// A peripheral that can request a transfer.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Request {
-    /// A conversion of ADC1 is complete.
-    Adc1,
-}
-
-impl Request {
-    /// Register that PAR has to point to.
-    fn register(self) -> u32 {
-        match self {
-            Self::Adc1 => ADC1_DR,
-        }
-    }
-
-    /// The request that a stream serves with a channel selection.
-    fn of(controller: u8, stream: u8, channel: u8) -> Option<Self> {
-        match (controller, stream, channel) {
-            (2, 0 | 4, 0) => Some(Self::Adc1),
-            _ => None,
-        }
-    }
-}
 
 const EN: u32 = 1;
 const CIRC: u32 = 1 << 8;
@@ -41,19 +18,31 @@ const MINC: u32 = 1 << 10;
 const HTIF: u32 = 1 << 4;
 const TCIF: u32 = 1 << 5;
 
-#[derive(Clone, Copy, Debug, Default)]
+const CR: u32 = 0x00;
+const NDTR: u32 = 0x04;
+const PAR: u32 = 0x08;
+const M0AR: u32 = 0x0C;
+const M1AR: u32 = 0x10;
+const FCR: u32 = 0x14;
+
+#[derive(Clone, Copy, Debug)]
 struct Stream {
-    cr: u32,
-    ndtr: u32,
-    par: u32,
-    m0ar: u32,
-    m1ar: u32,
-    fcr: u32,
+    registers: Registers<6>,
     /// NDTR and M0AR as they were when the stream was enabled.
     length: u32,
     memory: u32,
     /// Flags at their place for stream 0.
     flags: u32,
+}
+
+impl Stream {
+    fn on(&self) -> bool {
+        self.registers[CR] & EN != 0
+    }
+
+    fn channel(&self) -> u8 {
+        (self.registers[CR] >> 25 & 7) as u8
+    }
 }
 
 /// One of the two controllers.
@@ -79,7 +68,8 @@ const SHIFT: [u32; 4] = [0, 6, 16, 22];
 impl Dma {
     /// A controller after a reset.
     pub fn new(controller: u8) -> Self {
-        Self { controller, streams: [Stream { fcr: 0x21, ..Stream::default() }; 8] }
+        let registers = Registers::new(&[(CR, 0), (NDTR, 0), (PAR, 0), (M0AR, 0), (M1AR, 0), (FCR, 0x21)]);
+        Self { controller, streams: [Stream { registers, length: 0, memory: 0, flags: 0 }; 8] }
     }
 
     /// Reset through the RCC.
@@ -89,60 +79,54 @@ impl Dma {
     }
 
     fn line(&self, stream: usize, nvic: &mut Nvic) {
-        let Stream { cr, flags, .. } = self.streams[stream];
-        let high = (flags & HTIF != 0 && cr & 8 != 0)
-            || (flags & TCIF != 0 && cr & 16 != 0)
-            || (flags & 8 != 0 && cr & 4 != 0);
+        let Stream { registers, flags, .. } = &self.streams[stream];
+        // HTIE and TCIE stand a bit below their flags, TEIE too.
+        let high = flags & (registers[CR] << 1) & (HTIF | TCIF | 1 << 3) != 0;
         nvic.set_line(IRQ[usize::from(self.controller - 1)][stream], high);
     }
 
-    fn serving(&self, request: Request) -> Option<usize> {
-        (0..8).find(|&i| {
-            let stream = &self.streams[i];
-            stream.cr & EN != 0
-                && stream.par == request.register()
-                && Request::of(self.controller, i as u8, channel(stream.cr)) == Some(request)
-        })
+    /// Whether ADC1 requests transfers of this stream with its channel selection, and PAR points to its data.
+    fn serves_adc(&self, index: usize) -> bool {
+        let stream = &self.streams[index];
+        matches!((self.controller, index, stream.channel()), (2, 0 | 4, 0)) && stream.registers[PAR] == ADC1_DR
     }
 
-    /// How many more items until an enabled half- or full-transfer interrupt of the stream that serves `request`; a
-    /// stream without either gives `u64::MAX`, no stream `None`.
-    pub fn items_until_interrupt(&self, request: Request) -> Option<u64> {
-        let stream = &self.streams[self.serving(request)?];
-        let half = stream.length / 2;
-        let to_half = if stream.ndtr > half { stream.ndtr - half } else { stream.ndtr + stream.length - half };
-        let full = (stream.cr & 16 != 0).then_some(stream.ndtr);
-        let half = (stream.cr & 8 != 0).then_some(to_half);
+    fn serving(&self) -> Option<usize> {
+        (0..8).find(|&i| self.streams[i].on() && self.serves_adc(i))
+    }
+
+    /// How many more items until an enabled half- or full-transfer interrupt of the stream that serves ADC1; a stream
+    /// without either gives `u64::MAX`, no stream `None`.
+    pub fn items_until_interrupt(&self) -> Option<u64> {
+        let Stream { registers, length, .. } = &self.streams[self.serving()?];
+        let (left, half) = (registers[NDTR], length / 2);
+        let to_half = if left > half { left - half } else { left + length - half };
+        let full = (registers[CR] & 16 != 0).then_some(left);
+        let half = (registers[CR] & 8 != 0).then_some(to_half);
         Some(full.into_iter().chain(half).min().map_or(u64::MAX, u64::from))
     }
 
-    /// Move one item from a peripheral to memory.
-    pub fn transfer(
-        &mut self,
-        request: Request,
-        item: u32,
-        memory: &mut Memory,
-        nvic: &mut Nvic,
-        faults: &mut Faults,
-    ) -> Transfer {
-        let Some(index) = self.serving(request) else { return Transfer::Unserved };
-        let stream = &mut self.streams[index];
-        let size = 1u32 << (stream.cr >> 13 & 3);
-        let done = stream.length - stream.ndtr;
-        let address = if stream.cr & MINC != 0 { stream.memory + done * size } else { stream.memory };
+    /// Move one item from ADC1 to memory.
+    pub fn transfer(&mut self, item: u32, memory: &mut Memory, nvic: &mut Nvic, faults: &mut Faults) -> Transfer {
+        let Some(index) = self.serving() else { return Transfer::Unserved };
+        let Stream { registers, length, memory: first, flags } = &mut self.streams[index];
+        let size = 1u32 << (registers[CR] >> 13 & 3);
+        let done = *length - registers[NDTR];
+        let address = if registers[CR] & MINC != 0 { *first + done * size } else { *first };
         if memory.ram.write(address, &item.to_le_bytes()[..size.min(4) as usize]).is_none() {
-            faults.raise(Fault::DmaMemory { controller: self.controller, stream: index as u8, address });
+            let what = format!("DMA{} stream {index}: bad memory address {address:#010x}", self.controller);
+            faults.raise(Lint::DmaMemory, what);
         }
-        stream.ndtr -= 1;
-        if stream.ndtr == stream.length / 2 {
-            stream.flags |= HTIF;
+        registers[NDTR] -= 1;
+        if registers[NDTR] == *length / 2 {
+            *flags |= HTIF;
         }
-        if stream.ndtr == 0 {
-            stream.flags |= TCIF;
-            if stream.cr & CIRC != 0 {
-                stream.ndtr = stream.length;
+        if registers[NDTR] == 0 {
+            *flags |= TCIF;
+            if registers[CR] & CIRC != 0 {
+                registers[NDTR] = *length;
             } else {
-                stream.cr &= !EN;
+                registers[CR] &= !EN;
             }
         }
         self.line(index, nvic);
@@ -153,20 +137,11 @@ impl Dma {
     pub fn read(&self, offset: u32) -> Option<u32> {
         let half = |first: usize| (0..4).fold(0, |bits, i| bits | self.streams[first + i].flags << SHIFT[i]);
         match offset {
-            0x00 => return Some(half(0)),
-            0x04 => return Some(half(4)),
-            0x08 | 0x0C => return Some(0),
-            _ => {}
+            0x00 => Some(half(0)),
+            0x04 => Some(half(4)),
+            0x08 | 0x0C => Some(0),
+            _ => self.streams.get((offset as usize - 0x10) / 0x18)?.registers.get((offset - 0x10) % 0x18),
         }
-        let stream = self.streams.get((offset as usize - 0x10) / 0x18)?;
-        Some(match (offset - 0x10) % 0x18 {
-            0x00 => stream.cr,
-            0x04 => stream.ndtr,
-            0x08 => stream.par,
-            0x0C => stream.m0ar,
-            0x10 => stream.m1ar,
-            _ => stream.fcr,
-        })
     }
 
     /// Write a register.
@@ -184,57 +159,43 @@ impl Dma {
             }
             _ => {}
         }
-        let index = (offset as usize - 0x10) / 0x18;
-        let running = self.streams.get(index)?.cr & EN != 0;
-        let register = (offset - 0x10) % 0x18;
-        if running && register != 0 {
-            faults.lint(Lint::DmaEnabled);
-            return Some(());
-        }
-        let stream = &mut self.streams[index];
+        let (index, register) = ((offset as usize - 0x10) / 0x18, (offset - 0x10) % 0x18);
+        let stream = self.streams.get_mut(index)?;
         match register {
-            0x00 => self.control(index, value, faults),
-            0x04 => stream.ndtr = value & 0xFFFF,
-            0x08 => stream.par = value,
-            0x0C => stream.m0ar = value,
-            0x10 => stream.m1ar = value,
-            _ => stream.fcr = value,
+            _ if stream.on() && register != CR => faults.lint(Lint::DmaEnabled),
+            CR => self.control(index, value, faults),
+            NDTR => stream.registers[NDTR] = value & 0xFFFF,
+            _ => stream.registers.set(register, value)?,
         }
         self.line(index, nvic);
         Some(())
     }
 
     fn control(&mut self, index: usize, value: u32, faults: &mut Faults) {
-        let controller = self.controller;
         let stream = &mut self.streams[index];
-        let was = std::mem::replace(&mut stream.cr, value);
-        if value & EN == 0 {
-            // Switching a running stream off counts as the end of its transfer (RM0390 section 9.3.14).
-            if was & EN != 0 {
-                stream.flags |= TCIF;
-            }
+        let was = std::mem::replace(&mut stream.registers[CR], value);
+        // Switching a running stream off counts as the end of its transfer (RM0390 section 9.3.14).
+        if was & !value & EN != 0 {
+            stream.flags |= TCIF;
+        }
+        if value & !was & EN == 0 {
             return;
         }
-        if was & EN != 0 {
-            return;
-        }
-        (stream.length, stream.memory) = (stream.ndtr, stream.m0ar);
-        let request = Request::of(controller, index as u8, channel(value));
-        if request.map(Request::register) != Some(stream.par) {
-            let (stream_number, peripheral) = (index as u8, stream.par);
-            faults.raise(Fault::DmaRequest { controller, stream: stream_number, channel: channel(value), peripheral });
-        }
+        (stream.length, stream.memory) = (stream.registers[NDTR], stream.registers[M0AR]);
+        let (channel, par) = (stream.channel(), stream.registers[PAR]);
         // DIR, PINC, PFCTRL, DBM, bursts; the FIFO.
-        if value & 0x01E4_02E0 != 0 || stream.fcr & 4 != 0 {
+        let mode = value & 0x01E4_02E0 != 0 || stream.registers[FCR] & 4 != 0;
+        let bad_start = stream.length == 0 || stream.flags & 0x3D != 0;
+        if !self.serves_adc(index) {
+            let stream = format!("DMA{} stream {index} channel {channel}", self.controller);
+            faults.raise(Lint::DmaRequest, format!("{stream} has no modelled request of the register at {par:#010x}"));
+        }
+        if mode {
             faults.lint(Lint::DmaMode);
         }
-        if stream.ndtr == 0 || stream.flags & 0x3D != 0 {
+        if bad_start {
             faults.lint(Lint::DmaStart);
-            stream.cr &= !EN;
+            self.streams[index].registers[CR] &= !EN;
         }
     }
-}
-
-fn channel(cr: u32) -> u8 {
-    (cr >> 25 & 7) as u8
 }

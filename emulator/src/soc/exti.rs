@@ -1,36 +1,49 @@
 //! External interrupts (RM0390 chapter 10) and the port selection in SYSCFG (chapter 8).
 
 use super::nvic::Nvic;
+use super::peripheral::Registers;
+
+const IMR: u32 = 0x00;
+const EMR: u32 = 0x04;
+const RTSR: u32 = 0x08;
+const FTSR: u32 = 0x0C;
+const SWIER: u32 = 0x10;
+const PR: u32 = 0x14;
+
+/// EXTICR1, in SYSCFG.
+const EXTICR1: u32 = 0x08;
 
 /// EXTI and SYSCFG registers.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Exti {
-    imr: u32,
-    emr: u32,
-    rtsr: u32,
-    ftsr: u32,
-    swier: u32,
-    pr: u32,
-    exticr: [u32; 4],
-    memrmp: u32,
-    pmc: u32,
+    registers: Registers<6>,
+    syscfg: Registers<9>,
+}
+
+impl Default for Exti {
+    fn default() -> Self {
+        Self {
+            registers: Registers::new(&[IMR, EMR, RTSR, FTSR, SWIER, PR].map(|offset| (offset, 0))),
+            syscfg: Registers::new(&[0x00, 0x04, 0x08, 0x0C, 0x10, 0x14, 0x20].map(|offset| (offset, 0))),
+        }
+    }
 }
 
 impl Exti {
     /// Pins of `port` went from `before` to `after`.
     pub fn edges(&mut self, port: usize, before: u16, after: u16, nvic: &mut Nvic) {
         for line in (0..16).filter(|line| (before ^ after) >> line & 1 == 1) {
-            let selected = self.exticr[line / 4] >> (4 * (line % 4)) & 0xF;
-            let trigger = if after >> line & 1 == 1 { self.rtsr } else { self.ftsr };
+            let selected = self.syscfg[EXTICR1 + line / 4 * 4] >> (4 * (line % 4)) & 0xF;
+            let trigger = self.registers[if after >> line & 1 == 1 { RTSR } else { FTSR }];
             if selected as usize == port && trigger >> line & 1 == 1 {
-                self.pr |= 1 << line;
+                self.registers[PR] |= 1 << line;
             }
         }
         self.lines(nvic);
     }
 
     fn lines(&self, nvic: &mut Nvic) {
-        let requests = self.pr & self.imr;
+        let requests = self.registers[PR] & self.registers[IMR];
         for line in 0..5 {
             nvic.set_line(6 + line, requests >> line & 1 == 1);
         }
@@ -40,40 +53,26 @@ impl Exti {
 
     /// Reset of SYSCFG.
     pub fn reset_syscfg(&mut self) {
-        self.exticr = [0; 4];
-        self.memrmp = 0;
-        self.pmc = 0;
+        self.syscfg = Self::default().syscfg;
     }
 
     /// Read an EXTI register.
     pub fn read(&self, offset: u32) -> Option<u32> {
-        Some(match offset {
-            0x00 => self.imr,
-            0x04 => self.emr,
-            0x08 => self.rtsr,
-            0x0C => self.ftsr,
-            0x10 => self.swier,
-            0x14 => self.pr,
-            _ => return None,
-        })
+        self.registers.get(offset)
     }
 
     /// Write an EXTI register.
     pub fn write(&mut self, offset: u32, value: u32, nvic: &mut Nvic) -> Option<()> {
         match offset {
-            0x00 => self.imr = value,
-            0x04 => self.emr = value,
-            0x08 => self.rtsr = value,
-            0x0C => self.ftsr = value,
-            0x10 => {
-                self.pr |= value & !self.swier;
-                self.swier = value;
+            SWIER => {
+                self.registers[PR] |= value & !self.registers[SWIER];
+                self.registers[SWIER] = value;
             }
-            0x14 => {
-                self.pr &= !value;
-                self.swier &= !value;
+            PR => {
+                self.registers[PR] &= !value;
+                self.registers[SWIER] &= !value;
             }
-            _ => return None,
+            _ => self.registers.set(offset, value)?,
         }
         self.lines(nvic);
         Some(())
@@ -81,23 +80,16 @@ impl Exti {
 
     /// Read a SYSCFG register.
     pub fn read_syscfg(&self, offset: u32) -> Option<u32> {
-        Some(match offset {
-            0x00 => self.memrmp,
-            0x04 => self.pmc,
-            0x08..=0x14 => self.exticr[offset as usize / 4 - 2],
-            0x20 => 0,
-            _ => return None,
-        })
+        self.syscfg.get(offset)
     }
 
     /// Write a SYSCFG register.
     pub fn write_syscfg(&mut self, offset: u32, value: u32) -> Option<()> {
         match offset {
-            0x00 => self.memrmp = value,
-            0x04 => self.pmc = value,
-            0x08..=0x14 => self.exticr[offset as usize / 4 - 2] = value & 0xFFFF,
-            _ => return None,
+            // CMPCR is read-only here.
+            0x20 => None,
+            EXTICR1..=0x14 => self.syscfg.set(offset, value & 0xFFFF),
+            _ => self.syscfg.set(offset, value),
         }
-        Some(())
     }
 }

@@ -4,83 +4,12 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// Something that the real chip would not do, or that this one does not model.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Fault {
-    /// A register that is not modelled.
-    #[error("{} of an unmodelled register at {address:#010x}", verb(*write))]
-    Unmodelled {
-        /// Address of the access.
-        address: u32,
-        /// A write, not a read.
-        write: bool,
-    },
-    /// An access of a width that the register does not take.
-    #[error("{size}-byte write at {address:#010x}: this register takes whole words")]
-    Width {
-        /// Address of the access.
-        address: u32,
-        /// Width in bytes.
-        size: usize,
-    },
-    /// A peripheral whose clock is off.
-    #[error("{} at {address:#010x}: the clock of {unit} is not enabled in the RCC", verb(*write))]
-    Unclocked {
-        /// Name of the peripheral.
-        unit: String,
-        /// Address of the access.
-        address: u32,
-        /// A write, not a read.
-        write: bool,
-    },
-    /// A pin that does not carry the function that a peripheral needs there.
-    #[error("{signal} is not on a pin: {wanted}")]
-    PinFunction {
-        /// Signal name.
-        signal: &'static str,
-        /// What would have been right.
-        wanted: String,
-    },
-    /// A DMA stream that does not serve the peripheral it points to.
-    #[error(
-        "DMA{controller} stream {stream} channel {channel} has no modelled request of the register at {peripheral:#010x}"
-    )]
-    DmaRequest {
-        /// Controller, 1 or 2.
-        controller: u8,
-        /// Stream, 0 to 7.
-        stream: u8,
-        /// CHSEL.
-        channel: u8,
-        /// PAR.
-        peripheral: u32,
-    },
-    /// A DMA stream that points outside RAM.
-    #[error("DMA{controller} stream {stream}: bad memory address {address:#010x}")]
-    DmaMemory {
-        /// Controller, 1 or 2.
-        controller: u8,
-        /// Stream, 0 to 7.
-        stream: u8,
-        /// Memory address.
-        address: u32,
-    },
-    /// A mode or bit that is not modelled, or that the chip forbids.
-    #[error("{}: {}", .0.unit(), .0.what())]
-    Lint(Lint),
-}
-
-impl Fault {
+#[error("{what}")]
+pub struct Fault {
     /// The name under which it can be allowed.
-    pub fn lint(&self) -> Lint {
-        match self {
-            Self::Unmodelled { .. } => Lint::Unmodelled,
-            Self::Width { .. } => Lint::Width,
-            Self::Unclocked { .. } => Lint::Unclocked,
-            Self::PinFunction { .. } => Lint::PinFunction,
-            Self::DmaRequest { .. } => Lint::DmaRequest,
-            Self::DmaMemory { .. } => Lint::DmaMemory,
-            Self::Lint(lint) => *lint,
-        }
-    }
+    pub lint: Lint,
+    /// What the firmware did.
+    pub what: String,
 }
 
 /// Declares [`Lint`]: variant, name for `--allow`, peripheral, and what is wrong.
@@ -171,10 +100,6 @@ impl std::str::FromStr for Lint {
     }
 }
 
-fn verb(write: bool) -> &'static str {
-    if write { "write" } else { "read" }
-}
-
 /// Faults raised so far.
 #[derive(Debug, Default)]
 pub struct Faults {
@@ -195,18 +120,18 @@ impl Faults {
         self.allowed.insert(lint);
     }
 
-    /// Report a fault.
-    pub fn raise(&mut self, fault: Fault) {
-        if self.strict && !self.allowed.contains(&fault.lint()) {
-            self.first.get_or_insert(fault);
+    /// Report what the firmware did.
+    pub fn raise(&mut self, lint: Lint, what: String) {
+        if self.strict && !self.allowed.contains(&lint) {
+            self.first.get_or_insert(Fault { lint, what });
         } else {
-            *self.warnings.entry(format!("{} ({})", fault, fault.lint().name())).or_insert(0) += 1;
+            *self.warnings.entry(format!("{what} ({})", lint.name())).or_insert(0) += 1;
         }
     }
 
-    /// Report a mode or bit.
+    /// Report a mode or bit that is not modelled, or that the chip forbids.
     pub fn lint(&mut self, lint: Lint) {
-        self.raise(Fault::Lint(lint));
+        self.raise(lint, format!("{}: {}", lint.unit(), lint.what()));
     }
 
     /// A fault waits to be reported.

@@ -57,21 +57,16 @@ pub struct Flash {
     slow: bool,
 }
 
-impl Default for Flash {
-    fn default() -> Self {
-        Self { acr: 0, sr: 0, cr: LOCK, half_open: false, jammed: false, brown_out_level: 0, slow: false }
-    }
-}
-
 impl Flash {
+    /// The interface after a reset of a chip with this option byte, which takes the longest time to erase or the typical
+    /// one.
+    pub fn new(brown_out_level: u8, slow: bool) -> Self {
+        Self { acr: 0, sr: 0, cr: LOCK, half_open: false, jammed: false, brown_out_level, slow }
+    }
+
     /// System reset: the option bytes stay.
     pub fn reset(&mut self) {
-        *self = Self { brown_out_level: self.brown_out_level, slow: self.slow, ..Self::default() };
-    }
-
-    /// Erasing takes the longest time that the chip's maker allows, or the typical one.
-    pub fn set_slow(&mut self, slow: bool) {
-        self.slow = slow;
+        *self = Self::new(self.brown_out_level, self.slow);
     }
 
     /// Level of the brown-out reset, 0 (off, as delivered) to 3.

@@ -3,7 +3,8 @@
 //! The board sees only pins that drive their wire: outputs, and of the open-drain ones those that are low. A pin that a
 //! reset has made an input drives no longer.
 
-use super::fault::{Fault, Faults};
+use super::fault::{Faults, Lint};
+use super::peripheral::Registers;
 
 /// Ports A to H.
 pub const PORTS: usize = 8;
@@ -33,14 +34,19 @@ pub struct Outputs {
     pub levels: u16,
 }
 
-#[derive(Clone, Debug, Default)]
+const MODER: u32 = 0x00;
+const OTYPER: u32 = 0x04;
+const OSPEEDR: u32 = 0x08;
+const PUPDR: u32 = 0x0C;
+const IDR: u32 = 0x10;
+const ODR: u32 = 0x14;
+const BSRR: u32 = 0x18;
+const AFRL: u32 = 0x20;
+const AFRH: u32 = 0x24;
+
+#[derive(Clone, Debug)]
 struct Port {
-    moder: u32,
-    otyper: u32,
-    ospeedr: u32,
-    pupdr: u32,
-    odr: u16,
-    afr: [u32; 2],
+    registers: Registers<10>,
     /// Pins that the board drives, and their levels.
     driven: u16,
     levels: u16,
@@ -49,24 +55,39 @@ struct Port {
 }
 
 impl Port {
-    fn mask(&self, mode: u32) -> u16 {
-        (0..16).filter(|pin| self.moder >> (2 * pin) & 3 == mode).fold(0, |mask, pin| mask | 1 << pin)
+    /// The port after a reset: of A and B, the pins of the debugger are in use.
+    fn new(port: usize) -> Self {
+        let (moder, ospeedr, pupdr) = match port {
+            0 => (0xA800_0000, 0x0C00_0000, 0x6400_0000),
+            1 => (0x0000_0280, 0x0000_00C0, 0x0000_0100),
+            _ => (0, 0, 0),
+        };
+        let others = [OTYPER, IDR, ODR, BSRR, AFRL, AFRH].map(|offset| (offset, 0));
+        let registers = [&[(MODER, moder), (OSPEEDR, ospeedr), (PUPDR, pupdr)], others.as_slice()].concat();
+        Self { registers: Registers::new(&registers), driven: 0, levels: 0, reported: Outputs::default() }
+    }
+
+    /// Pins whose field of two bits has this value.
+    fn pins(&self, register: u32, value: u32) -> u16 {
+        let is = |pin: &u32| self.registers[register] >> (2 * pin) & 3 == value;
+        (0..16).filter(is).fold(0, |mask, pin| mask | 1 << pin)
     }
 
     fn pulled_up(&self) -> u16 {
-        (0..16).filter(|pin| self.pupdr >> (2 * pin) & 3 == 1).fold(0, |mask, pin| mask | 1 << pin)
+        self.pins(PUPDR, 1)
     }
 
     /// An open-drain output that is high leaves its wire to others.
     fn outputs(&self) -> Outputs {
-        let driven = self.mask(1) & !(self.otyper as u16 & self.odr);
-        Outputs { driven, levels: self.odr & driven }
+        let odr = self.registers[ODR] as u16;
+        let driven = self.pins(MODER, 1) & !(self.registers[OTYPER] as u16 & odr);
+        Outputs { driven, levels: odr & driven }
     }
 
     fn inputs(&self) -> u16 {
         let Outputs { driven, levels } = self.outputs();
         let outside = (self.levels & self.driven) | (self.pulled_up() & !self.driven);
-        (levels | (outside & !driven)) & !self.mask(3)
+        (levels | (outside & !driven)) & !self.pins(MODER, 3)
     }
 }
 
@@ -78,32 +99,23 @@ pub struct Gpio {
 
 impl Default for Gpio {
     fn default() -> Self {
-        let mut gpio = Self { ports: Default::default() };
-        (0..PORTS).for_each(|port| gpio.reset(port));
-        gpio
+        Self { ports: std::array::from_fn(Port::new) }
     }
 }
 
 impl Gpio {
     /// Reset values of a port; what the board drives stays.
     pub fn reset(&mut self, port: usize) {
-        let old = std::mem::take(&mut self.ports[port]);
-        let (moder, ospeedr, pupdr) = match port {
-            0 => (0xA800_0000, 0x0C00_0000, 0x6400_0000),
-            1 => (0x0000_0280, 0x0000_00C0, 0x0000_0100),
-            _ => (0, 0, 0),
-        };
-        let Port { driven, levels, reported, .. } = old;
-        self.ports[port] = Port { moder, ospeedr, pupdr, driven, levels, reported, ..Port::default() };
+        self.ports[port].registers = Port::new(port).registers;
     }
 
     /// What a pin does.
     pub fn function(&self, (port, pin): Pin) -> Function {
-        let port = &self.ports[port as usize - 'A' as usize];
-        match port.moder >> (2 * pin) & 3 {
+        let registers = &self.ports[port as usize - 'A' as usize].registers;
+        match registers[MODER] >> (2 * pin) & 3 {
             0 => Function::Input,
             1 => Function::Output,
-            2 => Function::Alternate((port.afr[usize::from(pin / 8)] >> (4 * (pin % 8)) & 0xF) as u8),
+            2 => Function::Alternate((registers[AFRL + u32::from(pin / 8 * 4)] >> (4 * (pin % 8)) & 0xF) as u8),
             _ => Function::Analog,
         }
     }
@@ -117,8 +129,8 @@ impl Gpio {
     pub fn require(&self, signal: &'static str, function: Function, pins: &[Pin], faults: &mut Faults) {
         if !pins.iter().any(|&pin| self.function(pin) == function) {
             let names: Vec<String> = pins.iter().map(|(port, pin)| format!("P{port}{pin}")).collect();
-            let wanted = format!("{} as {function:?}", names.join(" or "));
-            faults.raise(Fault::PinFunction { signal, wanted });
+            let what = format!("{signal} is not on a pin: {} as {function:?}", names.join(" or "));
+            faults.raise(Lint::PinFunction, what);
         }
     }
 
@@ -148,34 +160,19 @@ impl Gpio {
     /// Read a register of a port.
     pub fn read(&self, port: usize, offset: u32) -> Option<u32> {
         let port = &self.ports[port];
-        Some(match offset {
-            0x00 => port.moder,
-            0x04 => port.otyper,
-            0x08 => port.ospeedr,
-            0x0C => port.pupdr,
-            0x10 => port.inputs().into(),
-            0x14 => port.odr.into(),
-            0x18 => 0,
-            0x20 => port.afr[0],
-            0x24 => port.afr[1],
-            _ => return None,
-        })
+        if offset == IDR { Some(port.inputs().into()) } else { port.registers.get(offset) }
     }
 
     /// Write a register of a port.
     pub fn write(&mut self, port: usize, offset: u32, value: u32) -> Option<()> {
-        let port = &mut self.ports[port];
+        let registers = &mut self.ports[port].registers;
         match offset {
-            0x00 => port.moder = value,
-            0x04 => port.otyper = value,
-            0x08 => port.ospeedr = value,
-            0x0C => port.pupdr = value,
-            0x14 => port.odr = value as u16,
+            // Read-only.
+            IDR => return None,
+            ODR => registers[ODR] = value & 0xFFFF,
             // Setting wins over resetting.
-            0x18 => port.odr = port.odr & !((value >> 16) as u16) | value as u16,
-            0x20 => port.afr[0] = value,
-            0x24 => port.afr[1] = value,
-            _ => return None,
+            BSRR => registers[ODR] = registers[ODR] & !(value >> 16) | value & 0xFFFF,
+            _ => registers.set(offset, value)?,
         }
         Some(())
     }

@@ -1,7 +1,7 @@
 //! Address map (RM0390 table 1) and which RCC bits belong to which peripheral.
 
 use super::rcc::{Gate, ahb1, apb1, apb2};
-use super::{can, tim, usart};
+use super::{can, gpio, tim, usart};
 use std::fmt;
 
 /// A peripheral, with its index among its kind.
@@ -61,34 +61,12 @@ impl fmt::Display for Unit {
 pub const NVIC: u32 = 0xE000_E100;
 
 /// Peripherals that the RCC, and every reset of the chip, can reset.
-pub const RESETTABLE: [Unit; 26] = [
-    Unit::Gpio(0),
-    Unit::Gpio(1),
-    Unit::Gpio(2),
-    Unit::Gpio(3),
-    Unit::Gpio(4),
-    Unit::Gpio(5),
-    Unit::Gpio(6),
-    Unit::Gpio(7),
-    Unit::Timer(0),
-    Unit::Timer(1),
-    Unit::Timer(2),
-    Unit::Timer(3),
-    Unit::Timer(4),
-    Unit::Timer(5),
-    Unit::Timer(6),
-    Unit::Timer(7),
-    Unit::Usart(0),
-    Unit::Usart(1),
-    Unit::Usart(2),
-    Unit::Usart(3),
-    Unit::Can,
-    Unit::Adc,
-    Unit::Dma(0),
-    Unit::Dma(1),
-    Unit::Syscfg,
-    Unit::Pwr,
-];
+pub fn resettable() -> impl Iterator<Item = Unit> {
+    let timers = (0..tim::TIMERS.len()).map(Unit::Timer);
+    let usarts = (0..usart::USARTS.len()).map(Unit::Usart);
+    let others = [Unit::Can, Unit::Adc, Unit::Dma(0), Unit::Dma(1), Unit::Syscfg, Unit::Pwr];
+    (0..gpio::PORTS).map(Unit::Gpio).chain(timers).chain(usarts).chain(others)
+}
 
 /// The peripheral at an address.
 pub fn unit_at(address: u32) -> Unit {

@@ -4,7 +4,7 @@
 //! advance to a given cycle; it does not know the CPU. [`Soc`] is the bus between them: it decodes addresses, checks
 //! clocks, and processes events in order of time, so that the board sees them in the order in which they happen.
 //!
-//! - [`clock`]: cycles and seconds. - [`memory`]: flash and RAM. - [`fault`]: what a strict board refuses.
+//! - [`peripheral`]: registers and wires. - [`clock`]: cycles and seconds. - [`memory`]: flash and RAM. - [`fault`]: what a strict board refuses.
 //! - [`rcc`], [`pwr`], [`flash`], [`gpio`], [`exti`], [`iwdg`]: infrastructure.
 //! - [`tim`], [`usart`], [`can`], [`adc`], [`dma`]: what firmware reaches the outside through.
 //! - [`nvic`], [`scb`]: the core's own peripherals. - `map`, `bus`: addresses, and accesses by the core.
@@ -35,6 +35,7 @@ pub mod iwdg;
 mod map;
 pub mod memory;
 pub mod nvic;
+pub mod peripheral;
 pub mod pwr;
 pub mod rcc;
 pub mod scb;
@@ -44,20 +45,37 @@ pub mod usart;
 use self::clock::{Clock, NEVER};
 use self::fault::{Faults, Lint};
 use self::map::Unit;
+use self::peripheral::Wires;
 use rig_plant::board::{Board, Stimulus};
 
-/// What a peripheral can reach besides its own registers.
-pub struct Wires<'a> {
-    /// Time.
-    pub clock: &'a Clock,
-    /// Interrupt lines.
-    pub nvic: &'a mut nvic::Nvic,
-    /// Pin functions.
-    pub gpio: &'a gpio::Gpio,
-    /// The board around the chip.
-    pub board: &'a mut dyn Board,
-    /// Where faults are reported.
-    pub faults: &'a mut Faults,
+/// The chip, and how strict it is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Config {
+    /// Stop at anything that the real chip would not do or that is not modelled; otherwise only count it.
+    pub strict: bool,
+    /// Frequency of the LSI, the watchdog's clock: nominally 32 kHz, 17 to 47 kHz by the datasheet.
+    pub lsi_hz: f64,
+    /// Factory calibration word of VREFINT: its ADC code at 3.3 V. 1.21 V is typical.
+    pub vrefint_cal: u16,
+    /// Erasing flash takes the longest time that the chip's maker allows, not the typical one.
+    pub slow_flash: bool,
+    /// Option byte: level of the brown-out reset, 1 to 3; 0 is off, as the factory delivers the chip.
+    pub brown_out_level: u8,
+    /// Unique device id.
+    pub unique_id: [u8; 12],
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        Self {
+            strict: true,
+            lsi_hz: 32_000.0,
+            vrefint_cal: 1501,
+            slow_flash: false,
+            brown_out_level: 0,
+            unique_id: *b"emulated-rig",
+        }
+    }
 }
 
 /// Why the microcontroller was reset.
@@ -105,22 +123,25 @@ pub struct Soc<B> {
     /// The contents that the words must have into which the core has just stored, whether the store was allowed or not.
     programmed: Vec<(u32, Vec<u8>)>,
     scb: scb::Scb,
-    rcc: rcc::Rcc,
+    /// Clocks.
+    pub rcc: rcc::Rcc,
     pwr: pwr::Pwr,
-    flash: flash::Flash,
+    /// Flash interface.
+    pub flash: flash::Flash,
     debug: pwr::DebugMcu,
     gpio: gpio::Gpio,
     exti: exti::Exti,
     timers: [tim::Timer; 8],
     usarts: [usart::Usart; 4],
-    can: can::Can,
+    /// CAN1.
+    pub can: can::Can,
     adc: adc::Adc,
     dma: [dma::Dma; 2],
     iwdg: iwdg::Iwdg,
     /// The board is not polled again before this cycle.
     board_asked: u64,
-    /// The ST-LINK is slow to give its clock after power-on.
-    hse_late: bool,
+    /// From the next power-on, or from this one if it was just now, the ST-LINK's clock comes late.
+    pub hse_late: bool,
     /// Time of the last power-on (s).
     powered_s: f64,
 }
@@ -129,21 +150,21 @@ pub struct Soc<B> {
 const HSE_LATE_S: f64 = 0.15;
 
 impl<B: Board> Soc<B> {
-    /// The chip at power-up. `lsi_hz` is the watchdog's clock, nominally 32 kHz.
-    pub fn new(board: B, strict: bool, lsi_hz: f64) -> Self {
+    /// The chip at power-up.
+    pub fn new(board: B, config: &Config) -> Self {
         Self {
             board,
             clock: Clock::default(),
             nvic: nvic::Nvic::default(),
             memory: memory::Memory::default(),
-            faults: Faults::new(strict),
+            faults: Faults::new(config.strict),
             reset_request: None,
             flash_changed: false,
             programmed: Vec::new(),
             scb: scb::Scb::default(),
             rcc: rcc::Rcc::default(),
             pwr: pwr::Pwr::default(),
-            flash: flash::Flash::default(),
+            flash: flash::Flash::new(config.brown_out_level, config.slow_flash),
             debug: pwr::DebugMcu::default(),
             gpio: gpio::Gpio::default(),
             exti: exti::Exti::default(),
@@ -152,7 +173,7 @@ impl<B: Board> Soc<B> {
             can: can::Can::default(),
             adc: adc::Adc::default(),
             dma: [dma::Dma::new(1), dma::Dma::new(2)],
-            iwdg: iwdg::Iwdg::new(lsi_hz),
+            iwdg: iwdg::Iwdg::new(config.lsi_hz),
             board_asked: 0,
             hse_late: false,
             powered_s: 0.0,
@@ -170,7 +191,7 @@ impl<B: Board> Soc<B> {
         // Conversions up to here were made with the pins as they were.
         let now = self.clock.now();
         self.catch_up_adc(now);
-        for unit in map::RESETTABLE {
+        for unit in map::resettable() {
             self.reset_unit(unit);
         }
         self.scb = scb::Scb::default();
@@ -290,21 +311,11 @@ impl<B: Board> Soc<B> {
         self.adc.catch_up(at, dma, memory, wires!(self));
     }
 
-    /// CAN1 breaks: it receives nothing any more, not even its own frames.
-    pub fn numb_can(&mut self) {
-        self.can.numb();
-    }
-
     /// The ADC's requests to its DMA stream are lost from now on, as if none of them had been served in time.
     pub fn stall_adc(&mut self, stalled: bool) {
         self.sync();
         self.catch_up_adc(self.clock.now());
         self.adc.stall(stalled);
-    }
-
-    /// Program the option byte of the brown-out reset: 0 (off, as delivered) to 3.
-    pub fn set_brown_out_level(&mut self, level: u8) {
-        self.flash.set_brown_out_level(level);
     }
 
     /// This chip's HSI frequency (Hz), nominally 16 MHz.
@@ -314,30 +325,10 @@ impl<B: Board> Soc<B> {
         self.clock.retune(self.rcc.tree());
     }
 
-    /// Erasing flash takes the longest time that the chip's maker allows, or the typical one.
-    pub fn set_slow_flash(&mut self, slow: bool) {
-        self.flash.set_slow(slow);
-    }
-
     /// What is wrong with the wire from the CAN transceiver, from now on.
     pub fn set_can_line(&mut self, line: can::Line) {
         self.sync();
         self.can.set_line(line, self.clock.now(), wires!(self));
-    }
-
-    /// What is wrong with the wire from the CAN transceiver.
-    pub fn can_line(&self) -> can::Line {
-        self.can.line()
-    }
-
-    /// Switch the ST-LINK's clock at OSC_IN. `false` if the core was running on the clock that has just gone.
-    pub fn feed_hse(&mut self, fed: bool) -> bool {
-        self.rcc.feed_hse(fed)
-    }
-
-    /// From the next power-on, or from this one if it was just now, the ST-LINK's clock comes late.
-    pub fn set_hse_late(&mut self, late: bool) {
-        self.hse_late = late;
     }
 
     /// What feeds OSC_IN may have come up since the RCC was last looked at.

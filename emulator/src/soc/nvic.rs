@@ -7,6 +7,8 @@
 pub mod exception {
     /// Non-maskable interrupt.
     pub const NMI: u16 = 2;
+    /// A fault that no other handler takes.
+    pub const HARD_FAULT: u16 = 3;
     /// Supervisor call.
     pub const SVCALL: u16 = 11;
     /// Pendable service request.

@@ -36,6 +36,13 @@ pub struct Gate {
     pub bit: u8,
 }
 
+impl Gate {
+    /// Its peripheral is on APB2, and runs on that bus's clock.
+    pub fn on_apb2(self) -> bool {
+        self.offset == apb2(0).offset
+    }
+}
+
 /// A gate in AHB1ENR.
 pub const fn ahb1(bit: u8) -> Gate {
     Gate { offset: 0x00, bit }
@@ -171,20 +178,7 @@ impl Rcc {
             0x08 => (word & !0xC) | (word & 3) << 2,
             0x70 => (word & !2) | (word & 1) << 1,
             0x74 => (word & 1) | (word & 1) << 1 | self.flags,
-            0x04
-            | 0x0C
-            | 0x10
-            | 0x14
-            | 0x18
-            | 0x20
-            | 0x24
-            | 0x30
-            | 0x34
-            | 0x38
-            | 0x40
-            | 0x44
-            | 0x50..=0x64
-            | 0x80..=0x94 => word,
+            0x04 | 0x0C..=0x18 | 0x20 | 0x24 | 0x30..=0x38 | 0x40 | 0x44 | 0x50..=0x64 | 0x80..=0x94 => word,
             _ => return None,
         })
     }

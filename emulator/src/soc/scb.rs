@@ -2,33 +2,41 @@
 
 use super::clock::{Clock, NEVER};
 use super::nvic::{Nvic, exception};
+use super::peripheral::Registers;
 
 /// CPUID of the Cortex-M4 r0p1.
 const CPUID: u32 = 0x410F_C241;
 /// FPCCR with ASPEN and LSPEN, their reset value. The emulator stacks eagerly, which firmware cannot observe.
 const FPCCR: u32 = 0xC000_0000;
 
-/// What a write to the core's registers requests of the machine.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Effect {
-    /// Nothing more.
-    None,
-    /// SYSRESETREQ.
-    Reset,
-}
+/// Start of the system control block, and offsets in it.
+const BLOCK: u32 = 0xE000_ED00;
+const VTOR: u32 = 0x08;
+const SCR: u32 = 0x10;
+const CCR: u32 = 0x14;
+const SHCSR: u32 = 0x24;
+const CFSR: u32 = 0x28;
+const HFSR: u32 = 0x2C;
+const DFSR: u32 = 0x30;
+const MMFAR: u32 = 0x34;
+const BFAR: u32 = 0x38;
+const CPACR: u32 = 0x88;
 
 /// Registers of the core other than the NVIC.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Scb {
-    vtor: u32,
-    scr: u32,
-    ccr: u32,
-    shcsr: u32,
-    cpacr: u32,
+    registers: Registers<36>,
     demcr: u32,
-    fault_status: [u32; 5],
     systick: SysTick,
     cycles: CycleCounter,
+}
+
+impl Default for Scb {
+    fn default() -> Self {
+        let present = [VTOR, SCR, CCR, SHCSR, CFSR, HFSR, DFSR, MMFAR, BFAR, CPACR].map(|offset| (offset, 0));
+        let registers = Registers::new(&present);
+        Self { registers, demcr: 0, systick: SysTick::default(), cycles: CycleCounter::default() }
+    }
 }
 
 /// DEMCR.TRCENA: DWT and ITM are on.
@@ -98,7 +106,7 @@ impl SysTick {
 impl Scb {
     /// Address of the vector table. 0 is the alias of flash from which the chip boots.
     pub fn vector_table(&self) -> u32 {
-        if self.vtor == 0 { super::memory::FLASH_BASE } else { self.vtor }
+        if self.registers[VTOR] == 0 { super::memory::FLASH_BASE } else { self.registers[VTOR] }
     }
 
     /// A bus fault at `address`, taken as a HardFault because BusFaults have their own handler neither here nor, by
@@ -108,10 +116,10 @@ impl Scb {
         const PRECISE: u32 = 1 << 9 | 1 << 15;
         const STACKING: u32 = 1 << 12;
         const FORCED: u32 = 1 << 30;
-        self.fault_status[0] |= if stacking { STACKING } else { PRECISE };
-        self.fault_status[1] |= FORCED;
+        self.registers[CFSR] |= if stacking { STACKING } else { PRECISE };
+        self.registers[HFSR] |= FORCED;
         if !stacking {
-            self.fault_status[4] = address;
+            self.registers[BFAR] = address;
         }
     }
 
@@ -149,24 +157,19 @@ impl Scb {
             0xE000_E01C => 0x4000_0000 | 2_624,
             0xE000_ED00 => CPUID,
             0xE000_ED04 => nvic.icsr(),
-            0xE000_ED08 => self.vtor,
             0xE000_ED0C => 0xFA05_0000,
-            0xE000_ED10 => self.scr,
-            0xE000_ED14 => self.ccr | 0x200,
+            0xE000_ED14 => self.registers[CCR] | 0x200,
             0xE000_ED18..=0xE000_ED23 => nvic.system_priorities(address - 0xE000_ED18),
-            0xE000_ED24 => self.shcsr,
-            0xE000_ED28..=0xE000_ED3B => self.fault_status[(address - 0xE000_ED28) as usize / 4],
-            0xE000_ED88 => self.cpacr,
             0xE000_ED90 => 0x800,
             0xE000_EDF0 => 0,
             0xE000_EDFC => self.demcr,
             0xE000_EF34 => FPCCR,
-            _ => return None,
+            _ => return self.registers.get(address.checked_sub(BLOCK)?),
         })
     }
 
-    /// Write at `address`.
-    pub fn write(&mut self, address: u32, size: usize, value: u32, clock: &Clock, nvic: &mut Nvic) -> Option<Effect> {
+    /// Write at `address`. Says whether it requests a reset (SYSRESETREQ).
+    pub fn write(&mut self, address: u32, size: usize, value: u32, clock: &Clock, nvic: &mut Nvic) -> Option<bool> {
         match address {
             0xE000_1000 => {
                 self.cycles.control = value;
@@ -186,24 +189,20 @@ impl Scb {
                 self.systick.wrapped = false;
             }
             0xE000_ED04 => nvic.write_icsr(value),
-            0xE000_ED08 => self.vtor = value,
             // Writes count only with the key, and PRIGROUP is not kept.
-            0xE000_ED0C if value >> 16 == 0x5FA && value & 4 != 0 => return Some(Effect::Reset),
+            0xE000_ED0C if value >> 16 == 0x5FA && value & 4 != 0 => return Some(true),
             0xE000_ED0C => {}
-            0xE000_ED10 => self.scr = value,
-            0xE000_ED14 => self.ccr = value,
             0xE000_ED18..=0xE000_ED23 => nvic.set_system_priorities(address - 0xE000_ED18, size, value),
-            0xE000_ED24 => self.shcsr = value,
-            0xE000_ED28..=0xE000_ED3B => self.fault_status[(address - 0xE000_ED28) as usize / 4] &= !value,
-            0xE000_ED88 => self.cpacr = value,
+            // Their flags are cleared by ones.
+            0xE000_ED28..=0xE000_ED3B => self.registers[address - BLOCK] &= !value,
             0xE000_EDFC => {
                 self.demcr = value;
                 self.cycles.run(value, clock.now());
             }
             0xE000_EF00 => nvic.trigger(value & 0x1FF),
             0xE000_EF34 => {}
-            _ => return None,
+            _ => self.registers.set(address.checked_sub(BLOCK)?, value)?,
         }
-        Some(Effect::None)
+        Some(false)
     }
 }

@@ -5,10 +5,10 @@
 //! from the board's quadrature count, which is read when the firmware reads the counter. TIM1, TIM8, TIM10, TIM11,
 //! TIM13 and TIM14, which share interrupt lines, are not modelled.
 
-use super::Wires;
 use super::clock::{Clock, NEVER};
 use super::fault::Lint;
 use super::gpio::{Function, Pin};
+use super::peripheral::{Registers, Wires};
 use super::rcc::{Gate, apb1, apb2};
 
 /// Fixed properties of a timer.
@@ -22,20 +22,26 @@ pub struct TimerKind {
     pub gate: Gate,
     irq: u8,
     wide: bool,
-    apb2: bool,
-    channels: usize,
+    channels: u32,
+}
+
+impl TimerKind {
+    /// The greatest count.
+    fn limit(&self) -> u32 {
+        if self.wide { u32::MAX } else { 0xFFFF }
+    }
 }
 
 /// Every modelled timer.
 pub static TIMERS: [TimerKind; 8] = [
-    TimerKind { number: 2, base: 0x4000_0000, gate: apb1(0), irq: 28, wide: true, apb2: false, channels: 4 },
-    TimerKind { number: 3, base: 0x4000_0400, gate: apb1(1), irq: 29, wide: false, apb2: false, channels: 4 },
-    TimerKind { number: 4, base: 0x4000_0800, gate: apb1(2), irq: 30, wide: false, apb2: false, channels: 4 },
-    TimerKind { number: 5, base: 0x4000_0C00, gate: apb1(3), irq: 50, wide: true, apb2: false, channels: 4 },
-    TimerKind { number: 6, base: 0x4000_1000, gate: apb1(4), irq: 54, wide: false, apb2: false, channels: 0 },
-    TimerKind { number: 7, base: 0x4000_1400, gate: apb1(5), irq: 55, wide: false, apb2: false, channels: 0 },
-    TimerKind { number: 9, base: 0x4001_4000, gate: apb2(16), irq: 24, wide: false, apb2: true, channels: 2 },
-    TimerKind { number: 12, base: 0x4000_1800, gate: apb1(6), irq: 43, wide: false, apb2: false, channels: 2 },
+    TimerKind { number: 2, base: 0x4000_0000, gate: apb1(0), irq: 28, wide: true, channels: 4 },
+    TimerKind { number: 3, base: 0x4000_0400, gate: apb1(1), irq: 29, wide: false, channels: 4 },
+    TimerKind { number: 4, base: 0x4000_0800, gate: apb1(2), irq: 30, wide: false, channels: 4 },
+    TimerKind { number: 5, base: 0x4000_0C00, gate: apb1(3), irq: 50, wide: true, channels: 4 },
+    TimerKind { number: 6, base: 0x4000_1000, gate: apb1(4), irq: 54, wide: false, channels: 0 },
+    TimerKind { number: 7, base: 0x4000_1400, gate: apb1(5), irq: 55, wide: false, channels: 0 },
+    TimerKind { number: 9, base: 0x4001_4000, gate: apb2(16), irq: 24, wide: false, channels: 2 },
+    TimerKind { number: 12, base: 0x4000_1800, gate: apb1(6), irq: 43, wide: false, channels: 2 },
 ];
 
 /// Pins of channels 1 and 2 with their alternate function (DS10693 table 11).
@@ -49,6 +55,20 @@ pub(crate) fn encoder_pins(number: u8) -> Option<(u8, &'static [Pin], &'static [
     }
 }
 
+const CR1: u32 = 0x00;
+const CR2: u32 = 0x04;
+const SMCR: u32 = 0x08;
+const DIER: u32 = 0x0C;
+const SR: u32 = 0x10;
+const EGR: u32 = 0x14;
+const CCMR1: u32 = 0x18;
+const CCMR2: u32 = 0x1C;
+const CCER: u32 = 0x20;
+const CNT: u32 = 0x24;
+const PSC: u32 = 0x28;
+const ARR: u32 = 0x2C;
+const CCR1: u32 = 0x34;
+
 const CEN: u32 = 1;
 const URS: u32 = 1 << 2;
 const DIR: u32 = 1 << 4;
@@ -58,16 +78,7 @@ const FLAGS: u32 = 0x1F;
 #[derive(Debug)]
 pub struct Timer {
     kind: &'static TimerKind,
-    cr1: u32,
-    cr2: u32,
-    smcr: u32,
-    dier: u32,
-    sr: u32,
-    ccmr: [u32; 2],
-    ccer: u32,
-    psc: u32,
-    arr: u32,
-    ccr: [u32; 4],
+    registers: Registers<17>,
     /// The prescaler in force: PSC is taken over at an update event.
     active_psc: u32,
     /// The count at cycle `start`, without the overflows before it.
@@ -82,24 +93,11 @@ pub struct Timer {
 impl Timer {
     /// The timer after a reset.
     pub fn new(kind: &'static TimerKind) -> Self {
-        Self {
-            kind,
-            cr1: 0,
-            cr2: 0,
-            smcr: 0,
-            dier: 0,
-            sr: 0,
-            ccmr: [0; 2],
-            ccer: 0,
-            psc: 0,
-            arr: if kind.wide { u32::MAX } else { 0xFFFF },
-            ccr: [0; 4],
-            active_psc: 0,
-            base: 0,
-            start: 0,
-            seen: 0,
-            quadrature: 0,
-        }
+        let all = [CR1, CR2, SMCR, DIER, SR, EGR, CCMR1, CCMR2, CCER, CNT, PSC].map(|offset| (offset, 0));
+        let compares = (0..kind.channels).map(|channel| (CCR1 + 4 * channel, 0));
+        let present: Vec<_> = all.into_iter().chain([(ARR, kind.limit())]).chain(compares).collect();
+        let registers = Registers::new(&present);
+        Self { kind, registers, active_psc: 0, base: 0, start: 0, seen: 0, quadrature: 0 }
     }
 
     /// Reset through the RCC.
@@ -109,41 +107,41 @@ impl Timer {
     }
 
     fn encoder(&self) -> bool {
-        self.smcr & 7 == 3
+        self.registers[SMCR] & 7 == 3
     }
 
     fn counting(&self) -> bool {
-        self.cr1 & CEN != 0 && !self.encoder()
+        self.registers[CR1] & CEN != 0 && !self.encoder()
     }
 
     /// CCxS of a channel: 0 is an output, all others are inputs.
-    fn selection(&self, channel: usize) -> u32 {
-        self.ccmr[channel / 2] >> (channel % 2 * 8) & 3
+    fn selection(&self, channel: u32) -> u32 {
+        self.registers[CCMR1 + channel / 2 * 4] >> (channel % 2 * 8) & 3
     }
 
     /// The channels that are outputs, with their CCRx: the flag is set where the count reaches it (RM0390 section 18.4.5).
-    fn compares(&self) -> impl Iterator<Item = (usize, u32)> + use<> {
-        let output = |channel: usize| channel < self.kind.channels && self.selection(channel) == 0;
-        let compares: [_; 4] = std::array::from_fn(|channel| output(channel).then_some((channel, self.ccr[channel])));
-        compares.into_iter().flatten()
+    fn compares(&self) -> impl Iterator<Item = (u32, u64)> {
+        let outputs = (0..self.kind.channels).filter(|&channel| self.selection(channel) == 0);
+        outputs.map(|channel| (channel, self.registers[CCR1 + 4 * channel].into()))
     }
 
     /// Reports channels whose pins would do something. The encoder's two inputs count and need not capture.
     fn check_channels(&self, wires: &mut Wires<'_>) {
         let first = if self.encoder() { 2 } else { 0 };
-        let on = |channel: &usize| self.cr1 & CEN != 0 && self.ccer >> (4 * channel) & 1 == 1;
+        let enabled = self.registers[CR1] & CEN != 0;
+        let on = |channel: &u32| enabled && self.registers[CCER] >> (4 * channel) & 1 == 1;
         for channel in (first..self.kind.channels).filter(on) {
             wires.faults.lint(if self.selection(channel) == 0 { Lint::TimOutput } else { Lint::TimCapture });
         }
     }
 
     fn period(&self) -> u64 {
-        u64::from(self.arr) + 1
+        u64::from(self.registers[ARR]) + 1
     }
 
     /// HCLK cycles in a count.
     fn tick(&self, clock: &Clock) -> u64 {
-        clock.timer_divider(self.kind.apb2) * (u64::from(self.active_psc) + 1)
+        clock.timer_divider(self.kind.gate.on_apb2()) * (u64::from(self.active_psc) + 1)
     }
 
     fn total(&self, clock: &Clock, at: u64) -> u64 {
@@ -163,34 +161,30 @@ impl Timer {
         if total != self.seen {
             let period = self.period();
             if total / period > self.seen / period {
-                self.sr |= 1;
+                self.registers[SR] |= 1;
             }
-            for (channel, match_at) in self.compares() {
-                let (value, passed) =
-                    (u64::from(match_at), |count: u64| (count + period - u64::from(match_at)) / period);
-                if value < period && passed(total) > passed(self.seen) {
-                    self.sr |= 2 << channel;
-                }
-            }
+            let passed = |value: u64, count: u64| (count + period - value) / period;
+            let reached = |&(_, value): &(u32, u64)| value < period && passed(value, total) > passed(value, self.seen);
+            let flags = self.compares().filter(reached).fold(0, |flags, (channel, _)| flags | 2 << channel);
+            self.registers[SR] |= flags;
             self.seen = total;
         }
         self.line(wires);
     }
 
     fn line(&self, wires: &mut Wires<'_>) {
-        wires.nvic.set_line(self.kind.irq, self.sr & self.dier & FLAGS != 0);
+        wires.nvic.set_line(self.kind.irq, self.registers[SR] & self.registers[DIER] & FLAGS != 0);
     }
 
     /// When a flag with its interrupt enabled will next be set.
     pub fn next_event(&self, clock: &Clock) -> u64 {
-        let waiting = self.dier & !self.sr & FLAGS;
+        let waiting = self.registers[DIER] & !self.registers[SR] & FLAGS;
         if waiting == 0 || !self.counting() {
             return NEVER;
         }
         let (period, seen) = (self.period(), self.seen);
         let overflow = (waiting & 1 != 0).then(|| (seen / period + 1) * period);
         let matches = self.compares().filter_map(|(channel, value)| {
-            let value = u64::from(value);
             let here = seen / period * period + value;
             (waiting & 2 << channel != 0 && value < period).then(|| if here <= seen { here + period } else { here })
         });
@@ -205,10 +199,10 @@ impl Timer {
     fn follow_encoder(&mut self, wires: &mut Wires<'_>) {
         let now = wires.board.quadrature(wires.clock.seconds(), self.kind.number);
         // CC1P or CC2P alone swaps the direction; both leave it.
-        let inverted = (self.ccer >> 1 ^ self.ccer >> 5) & 1 == 1;
+        let inverted = (self.registers[CCER] >> 1 ^ self.registers[CCER] >> 5) & 1 == 1;
         let step = if inverted { self.quadrature.wrapping_sub(now) } else { now.wrapping_sub(self.quadrature) };
         self.quadrature = now;
-        if self.cr1 & CEN == 0 || step == 0 {
+        if self.registers[CR1] & CEN == 0 || step == 0 {
             return;
         }
         if let Some((af, first, second)) = encoder_pins(self.kind.number) {
@@ -216,32 +210,21 @@ impl Timer {
             wires.gpio.require("encoder B (TIMx_CH2)", Function::Alternate(af), second, wires.faults);
         }
         self.base = (self.base as i64 + step).rem_euclid(self.period() as i64) as u64;
-        self.cr1 = if step < 0 { self.cr1 | DIR } else { self.cr1 & !DIR };
+        let cr1 = self.registers[CR1] & !DIR;
+        self.registers[CR1] = if step < 0 { cr1 | DIR } else { cr1 };
     }
 
     /// Read a register.
     pub fn read(&mut self, offset: u32, wires: &mut Wires<'_>) -> Option<u32> {
-        if self.encoder() && matches!(offset, 0x00 | 0x24) {
+        if self.encoder() && matches!(offset, CR1 | CNT) {
             self.follow_encoder(wires);
         }
-        Some(match offset {
-            0x00 => self.cr1,
-            0x04 => self.cr2,
-            0x08 => self.smcr,
-            0x0C => self.dier,
-            0x10 => {
-                self.sync(wires.clock.now(), wires);
-                self.sr
-            }
-            0x14 => 0,
-            0x18 | 0x1C => self.ccmr[(offset as usize - 0x18) / 4],
-            0x20 => self.ccer,
-            0x24 => (self.total(wires.clock, wires.clock.now()) % self.period()) as u32,
-            0x28 => self.psc,
-            0x2C => self.arr,
-            0x34..=0x40 => *self.ccr[..self.kind.channels].get((offset as usize - 0x34) / 4)?,
-            _ => return None,
-        })
+        match offset {
+            SR => self.sync(wires.clock.now(), wires),
+            CNT => return Some((self.total(wires.clock, wires.clock.now()) % self.period()) as u32),
+            _ => {}
+        }
+        self.registers.get(offset)
     }
 
     /// Write a register.
@@ -252,59 +235,37 @@ impl Timer {
         }
         self.sync(now, wires);
         // The upper half of a 16-bit register does not exist; a bridge that repeats a halfword fills it.
-        let value = if matches!(offset, 0x24 | 0x2C | 0x34..=0x40) { value } else { value & 0xFFFF };
-        let limit = if self.kind.wide { u32::MAX } else { 0xFFFF };
-        match offset {
-            0x00 => {
-                if value & 0x6A != 0 || (value & DIR != 0 && !self.encoder()) {
-                    wires.faults.lint(Lint::TimCounting);
-                }
-                self.rebase(wires.clock, now);
-                self.cr1 = value;
-            }
-            0x04 => {
-                if value & 0xF8 != 0 {
-                    wires.faults.lint(Lint::TimTrigger);
-                }
-                self.cr2 = value;
-            }
-            0x08 => {
-                if !matches!(value & 7, 0 | 3) || value & 0xFF88 != 0 {
-                    wires.faults.lint(Lint::TimSlave);
-                }
-                self.rebase(wires.clock, now);
-                self.smcr = value;
-                if self.encoder() {
-                    self.quadrature = wires.board.quadrature(wires.clock.seconds(), self.kind.number);
-                }
-            }
-            0x0C => {
-                if value & 0xFF00 != 0 || (self.encoder() && value & FLAGS != 0) {
-                    wires.faults.lint(Lint::TimDma);
-                }
-                self.dier = value;
-            }
-            0x10 => self.sr &= value,
-            0x14 if value & 1 == 1 => self.update(now),
-            0x14 => wires.faults.lint(Lint::TimEvent),
-            0x18 | 0x1C => self.ccmr[(offset as usize - 0x18) / 4] = value,
-            0x20 => self.ccer = value,
-            0x24 => {
-                self.rebase(wires.clock, now);
-                self.base = u64::from(value & limit) % self.period();
-                self.seen = self.base;
-            }
-            0x28 => self.psc = value & 0xFFFF,
-            0x2C => {
-                self.rebase(wires.clock, now);
-                self.arr = value & limit;
-                self.base %= self.period();
-                self.seen = self.base;
-            }
-            0x34..=0x40 => *self.ccr[..self.kind.channels].get_mut((offset as usize - 0x34) / 4)? = value & limit,
-            _ => return None,
+        let value = value & if matches!(offset, CNT | ARR) || offset >= CCR1 { self.kind.limit() } else { 0xFFFF };
+        let encoder = if offset == SMCR { value & 7 == 3 } else { self.encoder() };
+        let lint = match offset {
+            CR1 if value & 0x6A != 0 || (value & DIR != 0 && !encoder) => Some(Lint::TimCounting),
+            CR2 if value & 0xF8 != 0 => Some(Lint::TimTrigger),
+            SMCR if !matches!(value & 7, 0 | 3) || value & 0xFF88 != 0 => Some(Lint::TimSlave),
+            DIER if value & 0xFF00 != 0 || (encoder && value & FLAGS != 0) => Some(Lint::TimDma),
+            EGR if value & 1 == 0 => Some(Lint::TimEvent),
+            _ => None,
+        };
+        if let Some(lint) = lint {
+            wires.faults.lint(lint);
         }
-        if matches!(offset, 0x00 | 0x08 | 0x18 | 0x1C | 0x20) {
+        if matches!(offset, CR1 | SMCR | CNT | ARR) {
+            self.rebase(wires.clock, now);
+        }
+        match offset {
+            SR => self.registers[SR] &= value,
+            EGR if value & 1 == 1 => self.update(now),
+            EGR => {}
+            CNT => self.base = u64::from(value) % self.period(),
+            _ => self.registers.set(offset, value)?,
+        }
+        if matches!(offset, CNT | ARR) {
+            self.base %= self.period();
+            self.seen = self.base;
+        }
+        if offset == SMCR && encoder {
+            self.quadrature = wires.board.quadrature(wires.clock.seconds(), self.kind.number);
+        }
+        if matches!(offset, CR1 | SMCR | CCMR1 | CCMR2 | CCER) {
             self.check_channels(wires);
         }
         self.line(wires);
@@ -313,10 +274,10 @@ impl Timer {
 
     /// Update event by software: restart the count, take the prescaler over.
     fn update(&mut self, now: u64) {
-        self.active_psc = self.psc;
+        self.active_psc = self.registers[PSC];
         (self.base, self.seen, self.start) = (0, 0, now);
-        if self.cr1 & URS == 0 {
-            self.sr |= 1;
+        if self.registers[CR1] & URS == 0 {
+            self.registers[SR] |= 1;
         }
     }
 }

@@ -1,7 +1,6 @@
 //! ADC1 and DMA2 (RM0390 chapters 13 and 9).
 
 use crate::fixture::*;
-use rig_emulator::soc::fault::Fault;
 
 const ADC: u32 = 0x4001_2000;
 const SR: u32 = ADC;
@@ -191,7 +190,8 @@ fn the_stream_must_belong_to_the_adc() {
     set(&mut chip, S0NDTR, 8);
     set(&mut chip, S0CR + 0x14, 0);
     chip.write(S0CR, 4, 1 << 25 | 1 << 13 | 1 << 11 | 1 << 10 | 1);
-    assert_eq!(chip.faults.take(), Some(Fault::DmaRequest { controller: 2, stream: 0, channel: 1, peripheral: DR }));
+    let wanted = "DMA2 stream 0 channel 1 has no modelled request of the register at 0x4001204c";
+    assert_eq!(refused(&mut chip), wanted);
 }
 
 #[test]

@@ -70,7 +70,7 @@ fn hse_needs_bypass_on_this_board() {
 #[test]
 fn without_a_clock_on_osc_in_neither_hse_nor_its_pll_becomes_ready() {
     let mut chip = chip();
-    assert!(chip.feed_hse(false), "the core runs on HSI");
+    assert!(chip.rcc.feed_hse(false), "the core runs on HSI");
     set(&mut chip, PLLCFGR, 7 << 24 | 1 << 22 | 168 << 6 | 4);
     set(&mut chip, CR, 0x0105_0083);
     pass(&mut chip, 1.0);
@@ -86,7 +86,7 @@ fn without_a_clock_on_osc_in_neither_hse_nor_its_pll_becomes_ready() {
     set(&mut chip, FLASH_ACR, 5);
     set(&mut chip, CFGR, 4 << 13 | 5 << 10 | 2);
     assert_eq!(chip.clock.tree().hclk_hz, 168_000_000);
-    assert!(chip.feed_hse(false), "nor on HSE now");
+    assert!(chip.rcc.feed_hse(false), "nor on HSE now");
 }
 
 #[test]
@@ -147,7 +147,7 @@ fn the_cycle_counter_counts_hclk() {
 fn a_late_clock_at_osc_in_comes_150_ms_after_power_on() {
     const HSERDY: u32 = 1 << 17;
     let mut chip = chip();
-    chip.set_hse_late(true);
+    chip.hse_late = true;
     // HSEON with bypass.
     let ready_after = |chip: &mut Chip, seconds: f64| {
         set(chip, RCC, 0x0005_0083);
@@ -161,7 +161,7 @@ fn a_late_clock_at_osc_in_comes_150_ms_after_power_on() {
     chip.reset(ResetCause::PowerCycle);
     assert!(!ready_after(&mut chip, 0.14));
     assert!(ready_after(&mut chip, 0.02));
-    chip.set_hse_late(false);
+    chip.hse_late = false;
     chip.reset(ResetCause::PowerCycle);
     assert!(ready_after(&mut chip, 0.0));
 }

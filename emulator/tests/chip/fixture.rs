@@ -1,6 +1,6 @@
 //! A board that records what it is told, and a chip to poke at without a core.
 
-use rig_emulator::soc::Soc;
+pub use rig_emulator::soc::{Config, Soc};
 use rig_plant::board::{Board, CanFrame, CanOutcome, Stimulus};
 use std::collections::VecDeque;
 
@@ -87,7 +87,12 @@ pub const GPIOC: u32 = 0x4002_0800;
 
 /// A strict chip at power-up, on its 16 MHz HSI, with every modelled peripheral's clock on.
 pub fn chip() -> Chip {
-    let mut chip = Soc::new(Recorder::default(), true, 32_000.0);
+    chip_of(&Config::default())
+}
+
+/// The same of another configuration.
+pub fn chip_of(config: &Config) -> Chip {
+    let mut chip = Soc::new(Recorder::default(), config);
     set(&mut chip, RCC + 0x30, 0x0060_00FF);
     set(&mut chip, RCC + 0x40, 0x1206_007F);
     set(&mut chip, RCC + 0x44, 0x0001_4130);
@@ -98,6 +103,11 @@ pub fn chip() -> Chip {
 pub fn set(chip: &mut Chip, address: u32, value: u32) {
     chip.write(address, 4, value);
     assert_eq!(chip.faults.take(), None);
+}
+
+/// What a strict chip has refused since the last call, in words; empty if nothing.
+pub fn refused(chip: &mut Chip) -> String {
+    chip.faults.take().map_or_else(String::new, |fault| fault.to_string())
 }
 
 /// Load a word; no fault may come of it.

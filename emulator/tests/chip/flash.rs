@@ -17,7 +17,11 @@ const PGPERR: u32 = 1 << 6;
 const PGSERR: u32 = 1 << 7;
 
 fn unlocked() -> Chip {
-    let mut chip = chip();
+    unlocked_of(&Config::default())
+}
+
+fn unlocked_of(config: &Config) -> Chip {
+    let mut chip = chip_of(config);
     set(&mut chip, KEYR, 0x4567_0123);
     set(&mut chip, KEYR, 0xCDEF_89AB);
     chip
@@ -107,12 +111,11 @@ fn a_sector_erases_alone_and_takes_its_time() {
         (4, 0x0801_0000, 0x1_0000, WORDWISE, false, 0.55),
         (7, 0x0806_0000, 0x2_0000, WORDWISE, false, 1.0),
     ] {
-        let mut chip = unlocked();
+        let mut chip = unlocked_of(&Config { slow_flash: slow, ..Config::default() });
         set(&mut chip, CR, 1 | WORDWISE);
         chip.program_flash(start - 4, 4, 0x1111_1111);
         chip.program_flash(start, 4, 0x2222_2222);
         chip.program_flash(start + size - 4, 4, 0x3333_3333);
-        chip.set_slow_flash(slow);
         set(&mut chip, CR, 2 | sector << 3 | width);
         let start_s = chip.clock.seconds();
         set(&mut chip, CR, 2 | sector << 3 | width | 1 << 16);
@@ -183,7 +186,7 @@ fn the_brown_out_reset_is_off_as_delivered_and_outlives_a_reset() {
     let mut chip = chip();
     assert_eq!(get(&mut chip, 0x4002_3C14), 0x0FFF_AAED);
     for (level, code) in [(1, 2), (2, 1), (3, 0)] {
-        chip.set_brown_out_level(level);
+        chip.flash.set_brown_out_level(level);
         chip.reset(ResetCause::PowerCycle);
         assert_eq!(get(&mut chip, 0x4002_3C14) >> 2 & 3, code);
     }
