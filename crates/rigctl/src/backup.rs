@@ -313,7 +313,7 @@ mod tests {
             ("[settings]\nlvdt-gian = 1.0", &["lvdt-gian", "lvdt-gain"]),
             ("[settings]\nlvdt-gain = true\nspeed-max = \"2mm\"", &["lvdt-gain is a boolean", "speed-max", "mm/s"]),
             ("[settings]\nlvdt-gain = 3.0\ntwist-sign = 0", &["lvdt-gain is 3, allowed are 0.8", "-1 or 1"]),
-            ("[settings]\nlvdt-gain = nan", &["lvdt-gain is not a finite number"]),
+            ("[settings]\nlvdt-gain = nan", &["lvdt-gain", "not a finite number"]),
             ("[settings]\ncurrent-limit = 0.6", &["current-limit is 0.6 A", "to 0.5 A"]),
             ("[board]\nrig_hash = 12\n[settings]\n", &["rig_hash = 12", "line 2"]),
             ("[settings]\nlvdt-points = \"0.1:0 error 0\"", &["lvdt-points", "2 to 11"]),

@@ -48,7 +48,7 @@ pub fn run(global: &Global, options: &Identify, output: &mut Output) -> Result<(
         let error = r.error.map_or_else(|| r.refused.clone().unwrap_or_default(), |e| format!("{:+.2} %", e * 1e2));
         output.line(format!("{:<20} {error:>10}  {mark}", r.id).trim_end())?;
     }
-    print::fit(&fit, &unknowns, &start, &fitted, print::Unit::Relative, output)?;
+    print::fit(&fit, &fitted, print::Unit::Relative, output)?;
     write(out, &print::file(&fit, &fitted, "the paper's numbers", print::Unit::Relative)?, output)?;
     let mut report = serde_json::to_value(&fit)?;
     let more = [("error_unit", json!("relative")), ("scene", serde_json::to_value(&fitted)?), ("bad_rows", json!([]))];

@@ -3,8 +3,7 @@
 //! A key is left out where its cell is empty, and the schema names plain types: Foxglove refuses a schema in which a field
 //! may be a number or null.
 
-use super::Table;
-use super::table::WORDS;
+use super::{Table, WORDS};
 use ::mcap::records::{MessageHeader, Metadata};
 use ::mcap::{McapResult, WriteOptions, Writer};
 use serde_json::{Map, Value, json};

@@ -146,16 +146,12 @@ pub struct Competition {
     /// The rows compared.
     #[serde(skip)]
     pub data: Data,
-    /// Constants where the chosen one's fit started.
-    #[serde(skip)]
-    pub base: Parameters,
 }
 
 impl Competition {
-    /// The fits of those that are not worse than the best, beside the chosen one, by their places.
-    pub fn others(&self) -> impl Iterator<Item = (usize, &Fit)> {
-        let others = self.scored.iter().enumerate().filter(|(_, s)| s.verdict == Verdict::Indistinguishable);
-        others.filter_map(|(k, s)| Some((k, s.fit.as_ref()?)))
+    /// The fits of those that are not worse than the best, beside the chosen one.
+    pub fn others(&self) -> impl Iterator<Item = &Fit> {
+        self.scored.iter().filter(|s| s.verdict == Verdict::Indistinguishable).filter_map(|s| s.fit.as_ref())
     }
 
     /// Errors of the chosen one on what was held out.
@@ -183,8 +179,8 @@ fn folds(data: &Data) -> Vec<Vec<usize>> {
 }
 
 /// Errors of every row, predicted from the rows that are not held out with it (m).
-fn predicted(candidate: &Candidate, data: &Data, whole: &Fit, folds: &[Vec<usize>]) -> Option<Vec<f64>> {
-    let linear = Linear::about(&candidate.unknowns, data, whole);
+fn predicted(data: &Data, whole: &Fit, folds: &[Vec<usize>]) -> Option<Vec<f64>> {
+    let linear = Linear::about(data, whole);
     let mut errors = vec![0.0; data.rows.len()];
     for held_out in folds {
         let all = linear.without(held_out)?;
@@ -222,7 +218,7 @@ fn score(candidate: &Candidate, data: &Data, folds: &[Vec<usize>]) -> Result<Sco
     match whole {
         Ok(whole) => {
             let singular = || IdentifyError::NotConverged("what is not held out cannot tell the constants".into());
-            scored.errors = predicted(candidate, &data, &whole, folds).ok_or_else(singular)?;
+            scored.errors = predicted(&data, &whole, folds).ok_or_else(singular)?;
             scored.weighed = data.in_deviations(&scored.errors);
             scored.fitted_rms = Some(whole.fitted.rms);
             scored.held_out_rms = Some(Errors::over(scored.errors.iter().copied()).rms);
@@ -269,10 +265,9 @@ pub fn compete(candidates: &[Candidate], data: &Data) -> Result<Competition, Ide
     };
     let chosen = enough.min_by(simplest).unwrap_or(0);
     scored[chosen].verdict = Verdict::Chosen;
-    let base = candidates[chosen].start()?;
     let named = |s: &Scored| Named { law: s.law, material: s.material };
     let others = scored.iter().filter(|s| s.verdict == Verdict::Indistinguishable).map(named).collect();
-    Ok(Competition { named: named(&scored[chosen]), indistinguishable: others, scored, chosen, data, base })
+    Ok(Competition { named: named(&scored[chosen]), indistinguishable: others, scored, chosen, data })
 }
 
 #[cfg(test)]

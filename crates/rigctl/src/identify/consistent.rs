@@ -4,7 +4,6 @@
 //! at all.
 
 use super::compete::Competition;
-use super::constants::Unknowns;
 use super::data::{Data, Quantity};
 use super::hysteresis::slopes;
 use super::linear::Linear;
@@ -93,16 +92,16 @@ fn steps(data: &Data, run: &[usize]) -> Option<String> {
 }
 
 /// A sweep that does not belong to the others by the chosen law, in words.
-pub fn apart(unknowns: &Unknowns, competition: &Competition) -> Option<String> {
+pub fn apart(competition: &Competition) -> Option<String> {
     let (data, fit) = (&competition.data, competition.scored[competition.chosen].fit.as_ref()?);
     let runs = data.runs();
     let missed_m = fit.fitted.rms;
     if missed_m < MISSED_M || runs.len() < 2 {
         return None;
     }
-    let base = data.based_on(&competition.base);
-    let linear = Linear::about(unknowns, &base, fit);
-    let slopes = slopes(unknowns, &base, &fit.x);
+    let base = data.based_on(&fit.base);
+    let linear = Linear::about(&base, fit);
+    let slopes = slopes(&fit.unknowns, &base, &fit.x);
     // With another load of one sweep.
     let reload = |run: &Vec<usize>| {
         let load_n = data.rows[run[0]].load_n;

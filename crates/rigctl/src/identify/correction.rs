@@ -6,7 +6,6 @@
 //! tell how a law goes on beyond its data. A surface does not go on there.)
 
 use super::compete::{BLOCKS, worse};
-use super::constants::Unknowns;
 use super::data::Data;
 use super::fit::Fit;
 use super::linear::Linear;
@@ -81,18 +80,12 @@ pub struct Corrected {
 ///
 /// # Errors
 /// Why there is none, in words.
-pub fn corrected(
-    scene: &Scene,
-    unknowns: &Unknowns,
-    data: &Data,
-    fit: &Fit,
-    by_load_m: f64,
-) -> Result<Corrected, String> {
+pub fn corrected(scene: &Scene, data: &Data, fit: &Fit, by_load_m: f64) -> Result<Corrected, String> {
     let undetermined = || "the sweeps do not determine one".to_owned();
     if data.zeros > 0 {
         return Err("the zero of the LVDT is not known for every sweep".into());
     }
-    let linear = Linear::about(unknowns, data, fit);
+    let linear = Linear::about(data, fit);
     let folds: Vec<Vec<usize>> = data.runs().iter().flat_map(|run| blocks(run)).collect();
     let laws: Option<Vec<Vec<f64>>> = folds.iter().map(|fold| linear.without(fold)).collect();
     let laws = laws.ok_or_else(undetermined)?;
@@ -130,7 +123,7 @@ pub fn corrected(
         surface.correction.validate().map_err(|e| e.to_string())?;
         let rms_m = rms(&left(&surface.correction, data, &errors));
         let mut with = Scene { correction: Some(surface.correction), ..scene.clone() };
-        if unknowns.expected {
+        if fit.unknowns.expected {
             with.uncertainty.gap_zero_m = super::zero_error_m(rms_m);
             with.uncertainty.load_shape = super::shape_error(rms(predicted), by_load_m);
         }
@@ -258,7 +251,7 @@ mod tests {
         let fit = candidate.fit(&data).expect("a fit");
         let start = candidate.start().expect("constants");
         let identified = candidate.unknowns.scene(&candidate.scene, &start, &fit.x);
-        corrected(&identified, &candidate.unknowns, &data.based_on(&start), &fit, 2e-3)
+        corrected(&identified, &data.based_on(&start), &fit, 2e-3)
     }
 
     #[test]

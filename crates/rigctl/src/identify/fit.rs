@@ -91,7 +91,13 @@ pub struct Fit {
     pub evaluations: usize,
     /// How many of the residuals count as independent.
     pub effective_rows: f64,
-    /// The unknowns.
+    /// What was fitted, and from which constants.
+    #[serde(skip)]
+    pub unknowns: Unknowns,
+    /// The constants where it started.
+    #[serde(skip)]
+    pub base: Parameters,
+    /// The values of the unknowns.
     #[serde(skip)]
     pub x: Vec<f64>,
     /// Their covariance, with correlated residuals counted.
@@ -405,6 +411,8 @@ pub fn fit(unknowns: &Unknowns, start: &Parameters, data: &Data, shifts: &[f64])
         rows,
         evaluations,
         effective_rows: noise.effective,
+        unknowns: unknowns.clone(),
+        base: *start,
         x,
         covariance,
         estimated,

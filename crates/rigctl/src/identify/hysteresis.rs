@@ -102,7 +102,7 @@ pub struct Memory {
 /// # Errors
 /// If such a sweep has no partner, its zero is not known, or the heavier load was hardly heavier.
 pub fn memories(data: &Data, known: &Known) -> Result<Vec<Memory>, IdentifyError> {
-    let slope = |load_n: f64, twist_rad: f64| known.chosen.gap(load_n, twist_rad).ok().map(|(_, slope)| slope);
+    let slope = |load_n: f64, twist_rad: f64| known.fit.gap(load_n, twist_rad).ok().map(|(_, slope)| slope);
     let one = |(name, sweep): &(String, Sweep)| {
         memory(data, slope, name, sweep).map_err(|why| IdentifyError::Apart(format!("sweep {name}: {why}")))
     };

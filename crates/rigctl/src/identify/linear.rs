@@ -1,6 +1,5 @@
 //! A fit without some of its rows, or with one more unknown, to first order.
 
-use super::constants::Unknowns;
 use super::data::Data;
 use super::fit::{Fit, Problem};
 use nalgebra::{DMatrix, DVector};
@@ -20,11 +19,11 @@ pub struct Linear {
 
 impl Linear {
     /// About a fit; rows that the model refuses do not count.
-    pub fn about(unknowns: &Unknowns, data: &Data, whole: &Fit) -> Self {
+    pub fn about(data: &Data, whole: &Fit) -> Self {
         let count = whole.x.len();
         let inflation = whole.noise.inflation.max(f64::MIN_POSITIVE);
         let x = DVector::from_vec(whole.x.clone());
-        let problem = Problem::new(unknowns, data.rows.iter().collect(), Vec::new(), x, inflation);
+        let problem = Problem::new(&whole.unknowns, data.rows.iter().collect(), Vec::new(), x, inflation);
         let mut expected = (DMatrix::zeros(count, count), DVector::zeros(count));
         for e in &whole.expected {
             expected.0[(e.unknown, e.unknown)] = e.spread.powi(-2);

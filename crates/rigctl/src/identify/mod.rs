@@ -24,7 +24,6 @@ pub mod predict;
 
 use crate::statistics::{half_width_factor, rms};
 use compete::{Candidate, Competition, compete};
-use constants::Unknowns;
 use correction::{Corrected, corrected};
 use data::Data;
 use fit::{Fit, IdentifyError};
@@ -53,8 +52,8 @@ fn shape_error(missed_m: f64, by_load_m: f64) -> f64 {
 }
 
 /// How far a contraction goes with a relative change of the load, rms over the rows of the sweeps (m).
-fn contraction_by_load_m(unknowns: &Unknowns, data: &Data, x: &[f64]) -> f64 {
-    let slopes = hysteresis::slopes(unknowns, data, x);
+fn contraction_by_load_m(data: &Data, fit: &Fit) -> f64 {
+    let slopes = hysteresis::slopes(&fit.unknowns, data, &fit.x);
     let of_run = |run: Vec<usize>| {
         let first = slopes[run[0]];
         run.into_iter().map(|k| data.rows[k].load_n * (slopes[k] - first)).collect::<Vec<_>>()
@@ -136,18 +135,16 @@ pub fn identify(scene: &Scene, data: &Data, candidates: &[Candidate]) -> Result<
     consistent::slipped(data).map_or(Ok(()), |why| Err(IdentifyError::Apart(why)))?;
     let competition = compete(candidates, data)?;
     let candidate = candidates[competition.chosen].clone();
-    consistent::apart(&candidate.unknowns, &competition).map_or(Ok(()), |why| Err(IdentifyError::Apart(why)))?;
+    consistent::apart(&competition).map_or(Ok(()), |why| Err(IdentifyError::Apart(why)))?;
     let mut fit = candidate.fit(data)?;
-    let start = candidate.start()?;
-    let mut identified = candidate.unknowns.scene(&candidate.scene, &start, &fit.x);
-    let mut known = Known::new(candidates, &competition, &fit)
-        .ok_or_else(|| IdentifyError::NotConverged("the chosen law has no start".into()))?;
+    let mut identified = fit.unknowns.scene(&candidate.scene, &fit.base, &fit.x);
+    let mut known = Known { fit: fit.clone(), others: competition.others().cloned().collect(), surface: None };
     let memories = memories(data, &known)?;
     let misfit = Misfit::of(data, &fit);
     fit.held_out = competition.held_out();
-    let based = data.based_on(&start);
-    let by_load_m = contraction_by_load_m(&candidate.unknowns, &based, &fit.x);
-    if candidate.unknowns.expected {
+    let based = data.based_on(&fit.base);
+    let by_load_m = contraction_by_load_m(&based, &fit);
+    if fit.unknowns.expected {
         identified.uncertainty = Uncertainty {
             radius: LEAST_RADIUS_ERROR,
             gap_zero_m: zero_error_m(fit.fitted.rms),
@@ -163,7 +160,7 @@ pub fn identify(scene: &Scene, data: &Data, candidates: &[Candidate]) -> Result<
         Ok(table) => (table, None),
         Err(why) => (None, Some(why)),
     };
-    let corrected = (!misfit.holds).then(|| corrected(&identified, &candidate.unknowns, &based, &fit, by_load_m));
+    let corrected = (!misfit.holds).then(|| corrected(&identified, &based, &fit, by_load_m));
     let (correction, uncorrected) = match corrected {
         Some(Ok(found)) => {
             (identified, table) = (found.scene.clone(), found.table.clone());

@@ -5,8 +5,9 @@
 //! Donev and Tobias, "Optimum Experimental Designs", 2007). What the law misses and ageing strings stay, however many sweeps
 //! there are.
 
+use super::fit::Fit;
 use super::hysteresis::load_share;
-use super::predict::Known;
+use super::predict::{Known, variance};
 use super::{Identified, data::SIGMA_M};
 use crate::statistics::half_width;
 use nalgebra::{DMatrix, DVector};
@@ -72,27 +73,25 @@ fn loads([least, most]: [f64; 2], count: usize) -> Vec<f64> {
 /// is taken for that of any covariance.
 fn largest(known: &Known, states: &[State], covariance: &DMatrix<f64>) -> (f64, [f64; 2]) {
     let half = |s: &State| {
-        let by = |part: &DMatrix<f64>| (s.by.transpose() * part * &s.by)[(0, 0)];
-        let all_m2 = by(covariance);
-        let estimated_m2 = all_m2 * by(&known.estimated) / by(&known.covariance).max(f64::MIN_POSITIVE);
-        half_width(estimated_m2 + 2.0 * known.missed_m2, all_m2 - estimated_m2 + s.floor_m2, known.freedom)
+        let by = |part: &DMatrix<f64>| variance(&s.by, part);
+        let (all_m2, fit) = (by(covariance), &known.fit);
+        let estimated_m2 = all_m2 * by(&fit.estimated) / by(&fit.covariance).max(f64::MIN_POSITIVE);
+        half_width(estimated_m2 + 2.0 * known.missed_m2(), all_m2 - estimated_m2 + s.floor_m2, fit.noise.freedom)
     };
     let widths = states.iter().map(|s| (half(s), [s.load_n, s.turns]));
     widths.max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((0.0, [0.0; 2]))
 }
 
 /// Information of a sweep about the unknowns: rows of independent noise, and one load for all of them.
-fn information(known: &Known, inflation: f64, per_sweep: f64, load_n: f64, turns: f64) -> Option<DMatrix<f64>> {
-    let count = known.covariance.nrows();
-    let variance = SIGMA_M.powi(2) * inflation * ROWS as f64 / per_sweep;
-    let (mut rows, mut block) = (DMatrix::zeros(ROWS, count), DMatrix::identity(ROWS, ROWS) * variance);
-    let mut by_load = DVector::zeros(ROWS);
+fn information(fit: &Fit, per_sweep: f64, load_n: f64, turns: f64) -> Option<DMatrix<f64>> {
+    let variance = SIGMA_M.powi(2) * fit.noise.inflation * ROWS as f64 / per_sweep;
+    let (mut rows, mut by_load) = (DMatrix::zeros(ROWS, fit.x.len()), DVector::zeros(ROWS));
     for k in 0..ROWS {
-        let (gap, slope) = known.chosen.gap(load_n, twist_from_turns(turns * k as f64 / (ROWS - 1) as f64)).ok()?;
-        (0..known.chosen.unknowns.count()).for_each(|j| rows[(k, j)] = gap.by[j]);
-        by_load[k] = slope * load_n * load_share(&known.loops, load_n);
+        let (gap, slope) = fit.gap(load_n, twist_from_turns(turns * k as f64 / (ROWS - 1) as f64)).ok()?;
+        rows.set_row(k, &fit.by_unknowns(&gap).transpose());
+        by_load[k] = slope * load_n * load_share(&fit.loops, load_n);
     }
-    block += &by_load * by_load.transpose();
+    let block = DMatrix::identity(ROWS, ROWS) * variance + &by_load * by_load.transpose();
     Some(rows.transpose() * block.try_inverse()? * rows)
 }
 
@@ -100,24 +99,21 @@ fn information(known: &Known, inflation: f64, per_sweep: f64, load_n: f64, turns
 pub fn plan(scene: &Scene, found: &Identified) -> Option<Plan> {
     let (envelope, known) = (scene.envelope?, &found.known);
     let most_turns = envelope.turns[1];
-    let unknowns = known.covariance.nrows();
-    let state = |load_n: f64, turns: f64| {
-        let contraction = known.chosen.contraction(load_n, turns).ok()?;
-        let floor_m2 = known.floor_m2(load_n, turns).ok()?;
-        let of = |j: usize| if j < known.chosen.unknowns.count() { contraction.by[j] } else { 0.0 };
-        Some(State { load_n, turns, by: DVector::from_fn(unknowns, |j, _| of(j)), floor_m2 })
+    let state = |(load_n, turns): (f64, f64)| {
+        let by = known.fit.by_unknowns(&known.fit.contraction(load_n, turns).ok()?);
+        Some(State { load_n, turns, by, floor_m2: known.floor_m2(load_n, turns).ok()? })
     };
     let places = |count: usize| {
         let turns = [0.5 * most_turns, most_turns];
         loads(envelope.load_n, count).into_iter().flat_map(move |load_n| turns.map(|turns| (load_n, turns)))
     };
-    let states: Vec<State> = places(STATES).filter_map(|(load_n, turns)| state(load_n, turns)).collect();
-    let (now_m, at) = largest(known, &states, &known.covariance);
-    let (floor_m, _) = largest(known, &states, &DMatrix::zeros(unknowns, unknowns));
-    let inverse = known.covariance.clone().try_inverse()?;
+    let states: Vec<State> = places(STATES).filter_map(state).collect();
+    let (now_m, at) = largest(known, &states, &known.fit.covariance);
+    let (floor_m, _) = largest(known, &states, &(0.0 * &known.fit.covariance));
+    let inverse = known.fit.covariance.clone().try_inverse()?;
     let per_sweep = found.fit.fitted.count as f64 / found.competition.data.runs().len().max(1) as f64;
     let after = |(load_n, turns): (f64, f64)| {
-        let more = information(known, found.fit.noise.inflation, per_sweep, load_n, turns)?;
+        let more = information(&known.fit, per_sweep, load_n, turns)?;
         let covariance = (&inverse + more).try_inverse()?;
         Some(Next { load_n, turns, largest_half_width_m: largest(known, &states, &covariance).0 })
     };

@@ -1,13 +1,11 @@
 //! Contractions as the identified constants predict them, with their errors.
 
 use super::LEAST_RADIUS_ERROR;
-use super::compete::{Candidate, Competition};
-use super::constants::{Number, Unknowns};
+use super::constants::Number;
 use super::correction::Surface;
 use super::fit::Fit;
-use super::hysteresis::Loop;
 use crate::statistics::half_width;
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 use rig_config::Scene;
 use serde::Serialize;
 use tsa_model::{Mechanism, PRETWIST_RAD, Parameters, SolveError, twist_from_turns};
@@ -28,20 +26,16 @@ pub struct Prediction {
     pub half_width_m: Option<f64>,
 }
 
-/// A law with fitted constants.
-#[derive(Debug, Clone)]
-pub struct Fitted {
-    /// What was fitted.
-    pub unknowns: Unknowns,
-    /// Where it started.
-    pub base: Parameters,
-    /// The unknowns.
-    pub x: Vec<f64>,
-}
-
-impl Fitted {
+/// What a fitted law predicts.
+impl Fit {
     fn parameters(&self) -> Parameters<Number> {
         self.unknowns.put(&self.base, &self.x, "", Number::parameter)
+    }
+
+    /// Derivatives of a number by all unknowns, zeros of sensors included.
+    pub(super) fn by_unknowns(&self, number: &Number) -> DVector<f64> {
+        let count = self.unknowns.count();
+        DVector::from_fn(self.x.len(), |j, _| if j < count { number.by[j] } else { 0.0 })
     }
 
     /// Contraction since the pre-twist (m), with its derivatives by the unknowns.
@@ -79,44 +73,24 @@ fn contraction(p: Parameters<Number>, load_n: f64, turns: f64) -> Result<Number,
 /// What is known after an identification.
 #[derive(Debug, Clone)]
 pub struct Known {
-    /// The chosen law.
-    pub chosen: Fitted,
+    /// The chosen law's fit to all rows.
+    pub fit: Fit,
     /// Those that cannot be told from it.
-    pub others: Vec<Fitted>,
-    /// Covariance of the chosen law's unknowns.
-    pub covariance: DMatrix<f64>,
-    /// The part of it that was estimated from the residuals.
-    pub estimated: DMatrix<f64>,
-    /// Variance of what the chosen law misses at one end of a contraction (m2).
-    pub missed_m2: f64,
-    /// Degrees of freedom of what was estimated from the residuals.
-    pub freedom: f64,
-    /// Loops between the way up and the way down.
-    pub loops: Vec<Loop>,
+    pub others: Vec<Fit>,
     /// What the chosen law misses, as measured.
     pub surface: Option<Surface>,
 }
 
+/// Variance (m2) that a covariance of the unknowns gives a number with these derivatives.
+pub(super) fn variance(by: &DVector<f64>, covariance: &DMatrix<f64>) -> f64 {
+    by.dot(&(covariance * by))
+}
+
 impl Known {
-    /// From the chosen candidate's fit to all rows, and the competition; without a correction.
-    pub fn new(candidates: &[Candidate], competition: &Competition, fit: &Fit) -> Option<Self> {
-        let fitted = |k: usize, fit: &Fit| {
-            let candidate = &candidates[k];
-            let base = candidate.start().ok()?;
-            Some(Fitted { unknowns: candidate.unknowns.clone(), base, x: fit.x.clone() })
-        };
-        let others = competition.others().filter_map(|(k, fit)| fitted(k, fit)).collect();
-        let noise = fit.noise;
-        Some(Self {
-            chosen: fitted(competition.chosen, fit)?,
-            others,
-            covariance: fit.covariance.clone(),
-            estimated: fit.estimated.clone(),
-            missed_m2: fit.fitted.rms.powi(2) * noise.effective / noise.freedom,
-            freedom: noise.freedom,
-            loops: fit.loops.clone(),
-            surface: None,
-        })
+    /// Variance of what the chosen law misses at one end of a contraction (m2).
+    pub fn missed_m2(&self) -> f64 {
+        let noise = self.fit.noise;
+        self.fit.fitted.rms.powi(2) * noise.effective / noise.freedom
     }
 
     /// Variance of a predicted contraction (m2) that no sweep takes away and no residual shows: strings that go on changing,
@@ -128,33 +102,27 @@ impl Known {
     /// # Errors
     /// If the model refuses the state.
     pub fn floor_m2(&self, load_n: f64, turns: f64) -> Result<f64, SolveError> {
-        let here = self.chosen.contraction(load_n, turns)?.value;
-        let aged_m = self.chosen.by_radius(load_n, turns, LEAST_RADIUS_ERROR)?;
+        let here = self.fit.contraction(load_n, turns)?.value;
+        let aged_m = self.fit.by_radius(load_n, turns, LEAST_RADIUS_ERROR)?;
         let apart = self.others.iter().filter_map(|other| other.contraction(load_n, turns).ok());
         let apart: Vec<f64> = apart.map(|other| (other.value - here).powi(2)).collect();
         let apart_m2 = apart.iter().sum::<f64>() / apart.len().max(1) as f64;
         Ok(aged_m.powi(2) + apart_m2)
     }
 
-    /// Variance (m2) that the errors of the constants give a predicted contraction.
-    pub fn constants_m2(&self, contraction: &Number, covariance: &DMatrix<f64>) -> f64 {
-        let count = self.chosen.unknowns.count();
-        let pairs = (0..count).flat_map(|i| (0..count).map(move |j| (i, j)));
-        pairs.map(|(i, j)| contraction.by[i] * contraction.by[j] * covariance[(i, j)]).sum()
-    }
-
     /// The contraction at a load and so many turns, with the correction. Where that was measured, the errors that the law's
     /// residuals give are those of what it leaves; outside they go over into those of the law alone.
     pub fn predict(&self, load_n: f64, turns: f64) -> Prediction {
-        let computed = self.chosen.contraction(load_n, turns).ok();
+        let computed = self.fit.contraction(load_n, turns).ok();
         let (added_m, added_m2, left) = self.surface.as_ref().map_or((0.0, 0.0, 1.0), |surface| {
             let (added_m, added_m2, size) = surface.contraction(load_n, turns);
             (added_m, added_m2, 1.0 - size * (1.0 - surface.share))
         });
         let half_width_m = computed.as_ref().and_then(|contraction| {
-            let [all, estimated] = [&self.covariance, &self.estimated].map(|part| self.constants_m2(contraction, part));
+            let by = self.fit.by_unknowns(contraction);
+            let [all, estimated] = [&self.fit.covariance, &self.fit.estimated].map(|part| variance(&by, part));
             let known_m2 = all - estimated + self.floor_m2(load_n, turns).ok()?;
-            Some(half_width(left * (estimated + 2.0 * self.missed_m2) + added_m2, known_m2, self.freedom))
+            Some(half_width(left * (estimated + 2.0 * self.missed_m2()) + added_m2, known_m2, self.fit.noise.freedom))
         });
         Prediction { load_n, turns, contraction_m: computed.map(|law| law.value + added_m), half_width_m }
     }

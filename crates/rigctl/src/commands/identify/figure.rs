@@ -72,8 +72,8 @@ fn contraction_m(row: &Row, found: &Identified) -> Option<f64> {
     match row.quantity {
         Quantity::Contraction => Some(row.value),
         Quantity::Gap => {
-            let zero_m = row.zero.map_or(0.0, |zero| found.fit.x[found.candidate.unknowns.count() + zero]);
-            let (pretwist, _) = found.known.chosen.gap(row.load_n, PRETWIST_RAD).ok()?;
+            let zero_m = row.zero.map_or(0.0, |zero| found.fit.x[found.fit.unknowns.count() + zero]);
+            let (pretwist, _) = found.known.fit.gap(row.load_n, PRETWIST_RAD).ok()?;
             let added_m = found.scene.correction.map_or(0.0, |c| c.at(row.load_n, PRETWIST_RAD).gap_m);
             Some(pretwist.value + added_m - (row.value - zero_m))
         }

@@ -57,8 +57,7 @@ pub fn run(global: &Global, options: &Identify, output: &mut Output) -> Result<(
     let found = identify(&scene, &data, &candidates).map_err(|e| hinted(&e.to_string(), &hints))?;
     hints.iter().for_each(|hint| eprintln!("is a unit wrong? {}", hint.text));
     data.bad.iter().for_each(|bad| eprintln!("passed over: {bad}"));
-    let start = found.candidate.start().map_err(|e| Failure::failed(e.to_string()))?;
-    print::fit(&found.fit, &found.candidate.unknowns, &start, &found.scene, print::Unit::Metres, output)?;
+    print::fit(&found.fit, &found.scene, print::Unit::Metres, output)?;
     print::judged(&found, output)?;
     print::table(&scene, &found, output)?;
     let next = options.next.then(|| plan(&scene, &found)).flatten();

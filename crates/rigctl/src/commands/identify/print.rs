@@ -3,13 +3,12 @@
 use crate::failure::Failure;
 use crate::identify::Identified;
 use crate::identify::compete::Verdict;
-use crate::identify::constants::{Constant, Unknowns};
+use crate::identify::constants::Constant;
 use crate::identify::fit::Fit;
 use crate::identify::plan::Plan;
 use crate::output::Output;
 use crate::statistics::Errors;
 use rig_config::Scene;
-use tsa_model::Parameters;
 
 /// The unit of the data's errors.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -35,14 +34,7 @@ fn summary(name: &str, e: &Errors, unit: Unit) -> String {
 }
 
 /// The fit and its constants.
-pub fn fit(
-    fit: &Fit,
-    unknowns: &Unknowns,
-    start: &Parameters,
-    fitted: &Scene,
-    unit: Unit,
-    output: &mut Output,
-) -> Result<(), Failure> {
+pub fn fit(fit: &Fit, fitted: &Scene, unit: Unit, output: &mut Output) -> Result<(), Failure> {
     output.line(summary("fitted", &fit.fitted, unit))?;
     output.line(summary("held out", &fit.held_out, unit))?;
     for row in &fit.rows {
@@ -56,14 +48,14 @@ pub fn fit(
     ))?;
     for e in &fit.estimates {
         let value = match Constant::named(&e.name) {
-            Some(Constant::Modulus) => start.stress_coefficients_pa[0] * e.unknown.exp(),
+            Some(Constant::Modulus) => fit.base.stress_coefficients_pa[0] * e.unknown.exp(),
             Some(_) => e.unknown.exp(),
             None => e.unknown,
         };
         output.line(format!("  {:<18} {value:>14.6e}  +- {:.3} %", e.name, e.half_width_90 * 1e2))?;
     }
     let curves = [Constant::OddCurve, Constant::Curve];
-    if unknowns.constants.iter().any(|c| curves.contains(c)) {
+    if fit.unknowns.constants.iter().any(|c| curves.contains(c)) {
         let a = fitted.material.stress_coefficients_pa.map(|a| format!("{a:.4e}")).join(", ");
         output.line(format!("  a1..a5 = {a} Pa: a tangent written as sums of squares is nowhere negative"))?;
     }
