@@ -31,7 +31,10 @@ def output(*words):
     print(">", *words, file=sys.stderr)
     # The model uses one thread too.
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-    return subprocess.run(words, env=environment, check=True, capture_output=True, text=True)
+    run = subprocess.run(words, env=environment, capture_output=True, text=True)
+    if run.returncode:
+        sys.exit(f"failed ({run.returncode}): {' '.join(words)}\n{run.stderr}")
+    return run
 
 
 def peer(model, states_file, *options):

@@ -93,20 +93,13 @@ impl Field {
             standing(ready, Law::Loop(start), step).ok().map(|bench| (bench, *ours, *step))
         });
         let standing: Vec<_> = standing.into_iter().flatten().collect();
-        tune::search(start, |candidates, limit| {
-            let mut costs = vec![0.0; candidates.len()];
-            for some in standing.chunks(6) {
-                let alive: Vec<usize> = (0..candidates.len()).filter(|k| costs[*k] < limit).collect();
-                let runs: Vec<_> = alive.iter().flat_map(|k| some.iter().map(move |one| (*k, one))).collect();
-                let played = each(self.threads, &runs, |(k, (bench, ours, step))| {
-                    let mut bench = bench.clone();
-                    bench.control.law = Law::Loop(candidates[*k]);
-                    watch(&mut bench, *step, ours, TUNED_S).settled_s(within_m).unwrap_or(unsettled_s)
-                });
-                runs.iter().zip(played).for_each(|((k, _), cost)| costs[*k] += cost);
-            }
-            costs
-        })
+        let play = |(bench, ours, step): &(ControlBench<Baseline>, &Outcome, Step), candidate: Loop| {
+            let mut bench = bench.clone();
+            bench.control.law = Law::Loop(candidate);
+            watch(&mut bench, *step, ours, TUNED_S).settled_s(within_m).unwrap_or(unsettled_s)
+        };
+        let chunks = standing.chunks(6);
+        tune::search_in((self.threads, start), chunks, play, |cost: &mut f64, _, more| *cost += more, |cost| *cost)
     }
 }
 

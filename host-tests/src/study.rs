@@ -158,12 +158,12 @@ pub fn each<T: Sync, R: Send>(jobs: usize, items: &[T], f: impl Fn(&T) -> R + Sy
     parallel_on(jobs, &|_, _| {}, items.len(), |k| f(&items[k]))
 }
 
-/// Writes a figure below `docs/charts`.
+/// Writes a figure into the folder `out`.
 ///
 /// # Errors
 /// If it cannot be drawn or written.
 pub fn draw(figure: &Figure, name: &str) -> Result<()> {
-    write(&crate::root().join("docs/charts"), &format!("{name}.svg"), &figure.svg()?)
+    write(&crate::root().join("out"), &format!("{name}.svg"), &figure.svg()?)
 }
 
 /// Writes a file into a folder, which is made if it is not there.

@@ -3,13 +3,22 @@
 //! `host-tests/studies.toml` lists the studies of that page. Tools and firmware must be built: `cargo xtask results` sees to it.
 
 use anyhow::{Context, Result, bail};
-use clap::Parser;
+use clap::{Parser, Subcommand};
 use host_tests::results::{List, Section};
 use host_tests::study::{Rigs, Study};
 use host_tests::{compare, endurance, following, limit, margins, rigs, speed};
 
 #[derive(Parser)]
 #[command(version)]
+struct Arguments {
+    /// Print the study as JSON, as docs/results.json keeps it
+    #[arg(long, global = true)]
+    json: bool,
+    #[command(subcommand)]
+    task: Task,
+}
+
+#[derive(Subcommand)]
 enum Task {
     /// Measure studies of docs/results.md anew, and write it
     Record {
@@ -33,13 +42,17 @@ enum Task {
 }
 
 fn main() -> Result<()> {
-    match Task::parse() {
-        Task::Record { names } => record(&names),
-        task => {
-            print!("{}", measured(&task)?);
-            Ok(())
-        }
+    let Arguments { json, task } = Arguments::parse();
+    if let Task::Record { names } = task {
+        return record(&names);
     }
+    let study = measured(&task)?;
+    if json {
+        println!("{}", serde_json::to_string(&study)?)
+    } else {
+        print!("{study}")
+    }
+    Ok(())
 }
 
 fn measured(task: &Task) -> Result<Study> {
@@ -72,7 +85,7 @@ fn record(names: &[String]) -> Result<()> {
 
 /// A study of the page.
 fn recorded(section: &Section) -> Result<Study> {
-    let studies = section.study.iter().map(|line| measured(&Task::try_parse_from(words(line))?));
+    let studies = section.study.iter().map(|line| measured(&Arguments::try_parse_from(words(line))?.task));
     let studies = studies.reduce(|one, other| Ok(one?.and(other?))).transpose()?;
     let printed = section.tools.run()?;
     // Of what a study has measured the tools only draw a figure.
@@ -91,7 +104,7 @@ mod tests {
     fn every_study_of_the_page_can_be_called() {
         for section in List::read().unwrap().sections {
             for line in section.study {
-                assert!(Task::try_parse_from(words(&line)).is_ok(), "{line}");
+                assert!(Arguments::try_parse_from(words(&line)).is_ok(), "{line}");
             }
         }
     }

@@ -172,23 +172,16 @@ impl<'s> Comparison<'s> {
             scores.iter().zip(&case.along).filter(|(_, r)| !r.changed).map(|(score, _)| score.ticks).sum::<usize>()
         };
         let ticks = cases.iter().map(steady).sum();
-        tune::search(start, |candidates, limit| {
-            let mut tallies = vec![Tally::default(); candidates.len()];
-            for some in cases.chunks(8) {
-                let alive = (0..candidates.len()).filter(|k| goal.cost(&tallies[*k], ticks) < limit);
-                let runs: Vec<(usize, &Case)> = alive.flat_map(|k| some.iter().map(move |case| (k, *case))).collect();
-                let played = each(cores(), &runs, |(k, case)| {
-                    let counts = |r: &&Record| goal == Goal::Settling || !r.changed;
-                    let along = &case.along[..case.along.iter().take_while(counts).count()];
-                    let records = case.play(Law::Loop(candidates[*k]), &self.scenarios[case.scenario], along);
-                    case.scores(&records, along.len(), self.settled_m)
-                });
-                for ((k, case), scores) in runs.iter().zip(played) {
-                    scores.iter().zip(&case.along).for_each(|(score, r)| tallies[*k].add(r.changed, score));
-                }
-            }
-            tallies.iter().map(|tally| goal.cost(tally, ticks)).collect()
-        })
+        let play = |case: &&Case, candidate: Loop| {
+            let counts = |r: &&Record| goal == Goal::Settling || !r.changed;
+            let along = &case.along[..case.along.iter().take_while(counts).count()];
+            let records = case.play(Law::Loop(candidate), &self.scenarios[case.scenario], along);
+            case.scores(&records, along.len(), self.settled_m)
+        };
+        let add = |tally: &mut Tally, case: &&Case, scores: Vec<Score>| {
+            scores.iter().zip(&case.along).for_each(|(score, r)| tally.add(r.changed, score));
+        };
+        tune::search_in((cores(), start), cases.chunks(8), play, add, |tally| goal.cost(tally, ticks))
     }
 }
 

@@ -3,6 +3,7 @@
 
 use super::baseline::Loop;
 use super::score::Score;
+use crate::study::each;
 
 /// Steps of the search, as ratios of a parameter: wide first.
 const STEPS: [f32; 3] = [1.6, 1.25, 1.1];
@@ -45,10 +46,31 @@ impl Goal {
     }
 }
 
+/// [`search`] for the loop that costs least in all cases together, so many of them at a time: whoever costs more than the best so far
+/// plays no further ones. A tally costs something; `play` a case, then `add` what came of it.
+pub fn search_in<C: Sync, P: Send, T: Clone + Default>(
+    (jobs, start): (usize, Loop),
+    cases: std::slice::Chunks<'_, C>,
+    play: impl Fn(&C, Loop) -> P + Sync,
+    add: impl Fn(&mut T, &C, P),
+    cost: impl Fn(&T) -> f64,
+) -> Loop {
+    search(start, |candidates, limit| {
+        let mut tallies = vec![T::default(); candidates.len()];
+        for some in cases.clone() {
+            let alive = (0..candidates.len()).filter(|k| cost(&tallies[*k]) < limit);
+            let runs: Vec<(usize, &C)> = alive.flat_map(|k| some.iter().map(move |case| (k, case))).collect();
+            let played = each(jobs, &runs, |(k, case)| play(case, candidates[*k]));
+            runs.iter().zip(played).for_each(|((k, case), played)| add(&mut tallies[*k], case, played));
+        }
+        tallies.iter().map(&cost).collect()
+    })
+}
+
 /// Coordinate search from `start` for the least `cost`: each parameter up and down by a ratio as long as that helps,
 /// then by a smaller one. `cost` gets all new candidates of a round at once, and what they have to stay below: above
 /// that any number will do.
-pub fn search(start: Loop, mut cost: impl FnMut(&[Loop], f64) -> Vec<f64>) -> Loop {
+fn search(start: Loop, mut cost: impl FnMut(&[Loop], f64) -> Vec<f64>) -> Loop {
     let mut tried = vec![start];
     let mut best = (start, cost(&tried, f64::INFINITY).first().copied().unwrap_or(f64::INFINITY));
     for step in STEPS {

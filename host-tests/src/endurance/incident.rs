@@ -31,38 +31,24 @@ pub enum Incident {
     /// The board makes its table anew, for strings a little thicker.
     Rebuild,
     /// The LVDT is calibrated, three sweeps are recorded, the constants identified, and the board is sent the table of them, with
-    /// which the run goes on. Half an hour's work, so not among the [`Incident::FREQUENT`] ones.
+    /// which the run goes on. Half an hour's work, so not at random.
     Identify,
 }
 
-impl Incident {
-    /// Those that come at random.
-    pub const FREQUENT: [Self; 8] = [
-        Self::FaultUnderWay,
-        Self::DriveReset,
-        Self::PowerCycle,
-        Self::PowerCycleUnderWay,
-        Self::PowerCutInWrite,
-        Self::LoadStep,
-        Self::Stream,
-        Self::Rebuild,
-    ];
-
-    /// In words.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::FaultUnderWay => "faults under way",
-            Self::DriveReset => "restarts of the drive",
-            Self::PowerCycle => "power failures at rest",
-            Self::PowerCycleUnderWay => "power failures under way",
-            Self::PowerCutInWrite => "power failures in a write to flash",
-            Self::LoadStep => "steps of the load",
-            Self::Stream => "streams",
-            Self::Rebuild => "tables sent to the board",
-            Self::Identify => "identifications",
-        }
-    }
-}
+/// Each in words; those that come at random first.
+pub const INCIDENTS: [(Incident, &str); 9] = [
+    (Incident::FaultUnderWay, "faults under way"),
+    (Incident::DriveReset, "restarts of the drive"),
+    (Incident::PowerCycle, "power failures at rest"),
+    (Incident::PowerCycleUnderWay, "power failures under way"),
+    (Incident::PowerCutInWrite, "power failures in a write to flash"),
+    (Incident::LoadStep, "steps of the load"),
+    (Incident::Stream, "streams"),
+    (Incident::Rebuild, "tables sent to the board"),
+    (Incident::Identify, "identifications"),
+];
+/// How many come at random.
+pub const FREQUENT: usize = 8;
 
 /// Faults that come while a load moves. All can be cleared; some lose the twist.
 const FAULTS: [Fault; 7] = [

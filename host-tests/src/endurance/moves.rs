@@ -1,6 +1,6 @@
 //! Random moves under random loads with incidents between them.
 
-use super::incident::{Incident, Run};
+use super::incident::{FREQUENT, INCIDENTS, Incident, Run};
 use crate::board::Bench;
 use crate::rigs::subject::Subject;
 use rand::seq::IndexedRandom;
@@ -92,7 +92,7 @@ pub fn moves(count: u32, rig: RigPreset, seed: u64) -> Numbers {
         run.lay_on(load_kg);
         let frequent = incidents.iter().filter(|(kind, _)| **kind != Incident::Identify);
         let happens = made % 3 == 2 && frequent.map(|(_, count)| count).sum::<u32>() <= made / 3;
-        let incident = happens.then(|| *Incident::FREQUENT.choose(run.random).expect("eight"));
+        let incident = happens.then(|| INCIDENTS[..FREQUENT].choose(run.random).expect("eight").0);
         let under_way = [Incident::FaultUnderWay, Incident::PowerCycleUnderWay];
         if let Some(incident) = incident.filter(|incident| !under_way.contains(incident)) {
             run.take(incident);
@@ -158,8 +158,7 @@ pub fn moves(count: u32, rig: RigPreset, seed: u64) -> Numbers {
         // 100 are sent.
         ("telemetry_per_s", board.frames as f64 / seconds),
     ];
-    let kinds = Incident::FREQUENT.into_iter().chain([Incident::Identify]);
-    let kinds = kinds.map(|kind| (kind.name().replace(' ', "_"), of(kind)));
+    let kinds = INCIDENTS.map(|(kind, name)| (name.replace(' ', "_"), of(kind)));
     numbers.into_iter().map(|(name, value)| (name.to_owned(), value)).chain(kinds).collect()
 }
 

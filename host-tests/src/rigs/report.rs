@@ -136,7 +136,7 @@ impl Results<'_> {
             worst: at(1.0),
             met,
             holds,
-            failure: failed.map(|case| format!("rig {}{}: {} {}", case.seed, case.under(), case.shown(), case.note)),
+            failure: failed.map(|case| format!("rig {}{}: {}", case.seed, case.under(), case.shown())),
         }
     }
 
@@ -172,34 +172,26 @@ impl Results<'_> {
         self.cases().into_iter().filter(missed).collect()
     }
 
-    /// What the rigs are, in words.
-    fn title(&self) -> String {
-        let first = &self.scored[0].subject;
-        let what = match (&first.effect, first.factor) {
-            (Some(effect), Some(factor)) => format!("{effect}, {factor} times its nominal size, against the floors of"),
-            (Some(effect), None) => format!("{effect} alone, as large as in"),
-            _ => "all effects:".to_owned(),
-        };
-        let how = if self.as_built { "default table" } else { "constants identified" };
-        format!("{what} {} rigs; {} rigs, {how}, all EMULATED", self.kind, self.rigs())
-    }
-
     /// The rows, then every case that misses its floor. Of a boot that could not be homed only that is listed.
     pub fn study(&self) -> Study {
-        let mut study = Study::new(["", "floor", "cases", "without a value", "median; 95 %; worst", "met", "holds"]);
+        let mut study = Study::new(["", "rigs", "floor", "cases", "median; 95 %; worst", "met"]);
         for line in self.lines() {
-            study.row([
-                line.check.row().unwrap_or_default().to_owned(),
-                line.floor.clone().unwrap_or("-".into()),
-                line.cases.to_string(),
-                line.missing.to_string(),
-                line.spread(),
-                line.met(),
-                line.holds.map_or("-", |holds| if holds { "yes" } else { "NO" }).to_owned(),
-            ]);
+            let what = match (&line.effect, line.factor) {
+                (Some(effect), Some(factor)) => format!("{effect} × {factor}, by the floors of {}", self.kind),
+                (Some(effect), None) => format!("{}, {effect} alone", self.kind),
+                _ => self.kind.to_string(),
+            };
+            let cases = line.cases.to_string();
+            study.row([line.name(), what, line.floor(), cases, line.spread(), line.met()]);
         }
         let failed = self.failed();
-        study.notes = vec![self.title(), format!("{} cases miss their floor.", failed.len())];
+        study.notes = vec![format!(
+            "{} {} rigs, {}: {} cases miss their floor.",
+            self.rigs(),
+            self.kind,
+            self.table(),
+            failed.len()
+        )];
         study.notes.extend(failed.iter().filter(|case| case.note != NOT_HOMED).map(ToString::to_string));
         study
     }
@@ -232,7 +224,7 @@ fn load_n(finding: &Finding) -> f64 {
 impl Line {
     /// Median, 95th percentile and worst as people read them, and how many cases have no value. Of what is 1 or 0 only the mean says
     /// anything.
-    pub fn spread(&self) -> String {
+    fn spread(&self) -> String {
         let (by, unit) = self.check.unit();
         let digits = match unit {
             "" | "um" => 0,
@@ -252,12 +244,21 @@ impl Line {
         }
     }
 
+    fn name(&self) -> String {
+        self.check.row().unwrap_or(self.check.name()).to_owned()
+    }
+
+    fn floor(&self) -> String {
+        self.floor.clone().unwrap_or("-".into())
+    }
+
     /// How much meets the floor.
-    pub fn met(&self) -> String {
-        self.met.map_or("-".into(), |met| match self.asked {
+    fn met(&self) -> String {
+        let met = self.met.map_or("-".into(), |met| match self.asked {
             Some(Floor::Per200Moves(_)) => format!("{met:.1} / 200"),
             _ => format!("{:.1} %", 100.0 * met),
-        })
+        });
+        met + if self.holds == Some(false) { ", missed" } else { "" }
     }
 }
 
@@ -268,7 +269,8 @@ impl Case {
 
     fn shown(&self) -> String {
         let (by, unit) = self.check.unit();
-        self.value.map_or("none".into(), |v| format!("{:.3} {unit}", by * v)).trim_end().to_owned()
+        let value = self.value.map_or("none".into(), |v| format!("{:.3} {unit}", by * v));
+        format!("{} {}", value.trim_end(), self.note).trim_end().to_owned()
     }
 }
 
@@ -276,7 +278,7 @@ impl Case {
 impl std::fmt::Display for Case {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let check = self.check.row().unwrap_or(self.check.name());
-        write!(f, "{}{}: {check}: {} {}", self.what, self.under(), self.shown(), self.note)
+        write!(f, "{}{}: {check}: {}", self.what, self.under(), self.shown())
     }
 }
 
@@ -296,16 +298,8 @@ pub fn page([identified, as_built, ratio]: [&[Results<'_>]; 3]) -> Result<Study>
             // It takes several times as long as all others, so that fewer rigs have it.
             let line = if line.check == Check::FixedRatio { compared.line(line.check) } else { line };
             let built = theirs.line(line.check);
-            let met = |line: &Line| line.met() + if line.holds == Some(false) { ", missed" } else { "" };
-            study.row([
-                line.check.row().unwrap_or_default().into(),
-                kind.to_string(),
-                line.floor.clone().unwrap_or("-".into()),
-                line.spread(),
-                met(&line),
-                built.spread(),
-                met(&built),
-            ]);
+            let rigs = kind.to_string();
+            study.row([line.name(), rigs, line.floor(), line.spread(), line.met(), built.spread(), built.met()]);
             for (how, line) in [("identified", &line), ("as_built", &built)] {
                 let name = format!("{kind}_{how}_{}", line.check.name());
                 study.value(format!("{name}_met"), line.met);

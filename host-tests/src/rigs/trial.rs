@@ -216,10 +216,9 @@ impl Trial {
     }
 
     fn rest(&mut self) {
+        const AT_REST: [Check; 3] = [Check::RestMeasured, Check::Hunting, Check::RestTrue];
         if let Err(why) = self.go(REST_M) {
-            for check in [Check::RestMeasured, Check::Hunting, Check::RestTrue] {
-                self.found(check, None, &why);
-            }
+            AT_REST.into_iter().for_each(|check| self.found(check, None, &why));
             return;
         }
         let target_m = f64::from(REST_M);
@@ -238,9 +237,7 @@ impl Trial {
                 State::Fault => self.fault("at rest"),
                 state => format!("at rest: ends as {state}"),
             };
-            for check in [Check::RestMeasured, Check::Hunting, Check::RestTrue] {
-                self.found(check, None, &why);
-            }
+            AT_REST.into_iter().for_each(|check| self.found(check, None, &why));
             return;
         }
         let count = measured_m.len().max(1) as f64;
