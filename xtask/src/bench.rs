@@ -150,7 +150,8 @@ fn instructions(folders: &Folders, binary: &Path, scene: &str) -> Result<f64> {
         }
         let instructions =
             collected(&messages).with_context(|| format!("no count in the output of valgrind:\n{messages}"))?;
-        let states = String::from_utf8_lossy(&output.stdout).trim().parse().context("`tsa-lab bench` printed no count")?;
+        let states =
+            String::from_utf8_lossy(&output.stdout).trim().parse().context("`tsa-lab bench` printed no count")?;
         Ok((instructions, states))
     };
     let [(few, few_states), (many, many_states)] = [run(PASSES[0])?, run(PASSES[1])?];
