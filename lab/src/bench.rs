@@ -12,8 +12,8 @@ use serde::Serialize;
 use std::hint::black_box;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
-use tsa_model::rod::TipForce;
 use tsa_model::Mechanism;
+use tsa_model::rod::TipForce;
 
 /// Longest time for one row; a slow row gets fewer passes, but at least three.
 const LONGEST: Duration = Duration::from_secs(6);

@@ -6,15 +6,16 @@ use crate::published::numbers::{Group, body, warnings};
 use crate::range::{TurnRange, Vary};
 use crate::scene_key::{self, KeyError};
 use crate::trace::{Trace, trace};
-use anyhow::Result;
+use anyhow::{Context, Result};
 use rig_config::Scene;
-use rigctl::failure::{ErrorBody, Failure};
+use rigctl::failure::Failure;
 use rigctl::options::Global;
 use rigctl::options::values::load;
 use rigctl::out_file::write_file;
 use rigctl::output::Output;
 use rigctl::plot::{Figure, Panel, colour};
 use serde::Serialize;
+use serde_json::{Value, json};
 use std::path::PathBuf;
 use tsa_model::{Equilibrium, Mechanism, twist_from_turns};
 
@@ -36,7 +37,7 @@ pub struct Arguments {
     out: Option<PathBuf>,
 }
 
-/// The result for one value. SI units; what a limit of the model leaves unknown is null.
+/// The result for one value, a line of `study.csv`. SI units; nothing where a limit of the model leaves it unknown.
 #[derive(Debug, Serialize)]
 struct Point {
     /// The varied key as in a scene file.
@@ -54,18 +55,13 @@ struct Point {
     span_end_m: Option<f64>,
     /// At the clamp, at the last turn.
     bending_strain: Option<f64>,
-    warnings: Vec<&'static str>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    limit: Option<Limit>,
-}
-
-/// What ends the curve before its last turn.
-#[derive(Debug, Serialize)]
-struct Limit {
-    #[serde(flatten)]
-    what: ErrorBody,
-    /// The last turns before it; null if already the first are refused.
-    turns: Option<f64>,
+    warnings: String,
+    /// Kind of what ends the curve before its last turn, and the last turns before it; none if already the first are refused.
+    limit: Option<String>,
+    limit_turns: Option<f64>,
+    /// The limit in words.
+    #[serde(skip)]
+    limit_message: String,
 }
 
 /// A line of `study-curves.csv`.
@@ -90,7 +86,9 @@ impl Arguments {
         })?;
         let Self { vary, load: load_n, turns: TurnRange { from, to }, out } = self;
         let symbol = scene_key::symbol(&vary.key);
-        points.iter().try_for_each(|point| output.object(point))?;
+        for point in &points {
+            output.object(&point.json()?)?;
+        }
         output.line(format!("{} at {load_n} N, {from} to {to} turns past the half-turn pre-twist", vary.key))?;
         output.line(format!(
             "{symbol:>12}  {:>14}  {:>21}  {:>17}  {:>8}  remarks",
@@ -109,7 +107,7 @@ impl Arguments {
             });
             let heading = format!("{symbol} varied, {load_n} N, scene {}", global.scene.display());
             let files = [
-                ("study.csv", values_csv(&points)?),
+                ("study.csv", csv(&points)?),
                 ("study-curves.csv", csv(lines)?),
                 ("study.svg", figure(heading, symbol, &[curves], [*from, *to]).svg()?),
             ];
@@ -136,10 +134,8 @@ impl Arguments {
         let TurnRange { from, to } = self.turns;
         let at = |turns| mechanism.solve(self.load, twist_from_turns(turns));
         let (pretwist, start) = (at(0.0), at(from).ok());
-        let mut limit = way.ends.first().map(|e| Limit { what: e.limit.clone(), turns: e.at.map(|p| p.turns) });
-        if let (None, Err(e)) = (&limit, &pretwist) {
-            limit = Some(Limit { what: body(e), turns: None });
-        }
+        let ends = way.ends.first().map(|e| (e.limit.clone(), e.at.map(|p| p.turns)));
+        let limit = ends.or_else(|| pretwist.as_ref().err().map(|e| (body(e), None)));
         let end = at(to).ok().filter(|_| limit.is_none());
         Point {
             key: self.vary.key.clone(),
@@ -153,23 +149,38 @@ impl Arguments {
             span_start_m: start.map(|e| e.d_m),
             span_end_m: end.map(|e| e.d_m),
             bending_strain: end.map(|e| e.bending_strain),
-            warnings: warnings(start.iter().chain(&end)),
-            limit,
+            warnings: warnings(start.iter().chain(&end)).join(" "),
+            limit_turns: limit.as_ref().and_then(|(_, turns)| *turns),
+            limit_message: limit.as_ref().map_or(String::new(), |(what, _)| what.message.clone()),
+            limit: limit.map(|(what, _)| what.kind),
         }
     }
 }
 
 impl Point {
+    /// As `--json` prints it: the warnings as a list, the limit with its words.
+    fn json(&self) -> Result<Value> {
+        let mut point = serde_json::to_value(self)?;
+        point["warnings"] = self.warnings.split_whitespace().collect();
+        let fields = point.as_object_mut().context("a point is an object")?;
+        let turns = fields.remove("limit_turns");
+        if let Some(Value::String(kind)) = fields.remove("limit") {
+            let limit = json!({ "kind": kind, "message": self.limit_message, "turns": turns });
+            fields.insert("limit".into(), limit);
+        }
+        Ok(point)
+    }
+
     fn text(&self, value: &str) -> String {
         let cell = |value: Option<f64>, factor: f64, places: usize| {
             value.map_or("–".into(), |v| format!("{:.places$}", v * factor))
         };
         let way =
             |start, end, factor, places| format!("{} → {}", cell(start, factor, places), cell(end, factor, places));
-        let remark = match &self.limit {
-            None => self.warnings.join(", "),
-            Some(Limit { what, turns: Some(turns) }) => format!("{} after {turns:.3} turns", what.kind),
-            Some(Limit { what, turns: None }) => format!("{} from the start", what.kind),
+        let remark = match (&self.limit, self.limit_turns) {
+            (None, _) => self.warnings.replace(' ', ", "),
+            (Some(kind), Some(turns)) => format!("{kind} after {turns:.3} turns"),
+            (Some(kind), None) => format!("{kind} from the start"),
         };
         let line = format!(
             "{value:>12}  {:>14}  {:>21}  {:>17}  {:>8}  {remark}",
@@ -180,43 +191,6 @@ impl Point {
         );
         line.trim_end().to_owned()
     }
-}
-
-/// The points as `study.csv`: warnings and limit, which are lists in JSON, as words.
-fn values_csv(points: &[Point]) -> Result<String> {
-    #[derive(Serialize)]
-    struct Line<'a> {
-        key: &'a str,
-        value: f64,
-        load_n: f64,
-        turns_start: f64,
-        turns_end: f64,
-        contraction_m: Option<f64>,
-        tr_start_rad_per_m: Option<f64>,
-        tr_end_rad_per_m: Option<f64>,
-        span_start_m: Option<f64>,
-        span_end_m: Option<f64>,
-        bending_strain: Option<f64>,
-        warnings: String,
-        limit: Option<&'a str>,
-        limit_turns: Option<f64>,
-    }
-    csv(points.iter().map(|p| Line {
-        key: &p.key,
-        value: p.value,
-        load_n: p.load_n,
-        turns_start: p.turns_start,
-        turns_end: p.turns_end,
-        contraction_m: p.contraction_m,
-        tr_start_rad_per_m: p.tr_start_rad_per_m,
-        tr_end_rad_per_m: p.tr_end_rad_per_m,
-        span_start_m: p.span_start_m,
-        span_end_m: p.span_end_m,
-        bending_strain: p.bending_strain,
-        warnings: p.warnings.join(" "),
-        limit: p.limit.as_ref().map(|l| l.what.kind.as_str()),
-        limit_turns: p.limit.as_ref().and_then(|l| l.turns),
-    }))
 }
 
 fn figure(heading: String, symbol: &str, columns: &[Vec<Curve>], turns: [f64; 2]) -> Figure {

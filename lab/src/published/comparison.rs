@@ -7,6 +7,7 @@ use anyhow::Result;
 use rig_config::Scene;
 use rigctl::failure::ErrorBody;
 use serde::Serialize;
+use serde_json::Value;
 
 /// Every printed number and quoted ratio, computed for some scenes.
 pub(super) struct Comparison {
@@ -28,26 +29,6 @@ pub(super) struct Set {
     pub ratios: Vec<Result<f64, ErrorBody>>,
 }
 
-/// One row as machines read it.
-#[derive(Debug, Serialize)]
-pub(super) struct Compared<'a> {
-    #[serde(skip_serializing_if = "Option::is_none")]
-    scene: Option<&'a str>,
-    id: &'a str,
-    quantity: Quantity,
-    kind: Kind,
-    published: f64,
-    computed: Option<f64>,
-    error: Option<f64>,
-    unit: Unit,
-    warnings: &'a [&'static str],
-    #[serde(skip_serializing_if = "Option::is_none")]
-    limit: Option<&'a ErrorBody>,
-    /// What differs from Table 1 where the geometry is inferred.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    inferred_geometry: Option<&'static str>,
-}
-
 /// A line of `published.csv`.
 #[derive(Serialize)]
 struct NumberLine<'a> {
@@ -64,6 +45,9 @@ struct NumberLine<'a> {
     unit: Unit,
     warnings: String,
     r#where: &'a str,
+    /// The limit in words.
+    #[serde(skip)]
+    body: Option<&'a ErrorBody>,
 }
 
 /// A line of `ratios.csv`.
@@ -132,34 +116,10 @@ impl Comparison {
         Ok(Self { rows, ratios, sets, inferred })
     }
 
-    /// Every row of every set, with its number or limit.
-    fn numbers(&self) -> impl Iterator<Item = (&Set, &Row, &Result<Computed, ErrorBody>)> {
-        self.sets.iter().flat_map(|set| self.rows.iter().zip(&set.numbers).map(move |(row, number)| (set, row, number)))
-    }
-
-    /// A row for each printed number and scene.
-    pub fn compared(&self) -> impl Iterator<Item = Compared<'_>> {
-        self.numbers().map(|(set, row, computed)| Compared {
-            scene: (self.sets.len() > 1).then_some(set.name.as_str()),
-            id: &row.id,
-            quantity: row.quantity,
-            kind: row.kind,
-            published: row.value,
-            computed: computed.as_ref().ok().map(|c| c.value),
-            error: relative_error(row.value, computed),
-            unit: row.unit,
-            warnings: computed.as_ref().map_or(&[][..], |c| &c.warnings),
-            limit: computed.as_ref().err(),
-            inferred_geometry: self.inferred.then(|| geometry::inferred(&row.place)),
-        })
-    }
-
-    /// Both as CSV: file names and contents.
-    ///
-    /// # Errors
-    /// Never for the rows that exist.
-    pub fn data(&self) -> Result<Vec<(String, String)>> {
-        let numbers = self.numbers().map(|(set, row, computed)| NumberLine {
+    /// Every row of every set.
+    fn lines(&self) -> impl Iterator<Item = NumberLine<'_>> {
+        let rows = self.sets.iter().flat_map(|set| self.rows.iter().zip(&set.numbers).map(move |row| (set, row)));
+        rows.map(|(set, (row, computed))| NumberLine {
             scene: &set.name,
             id: &row.id,
             quantity: row.quantity,
@@ -173,7 +133,42 @@ impl Comparison {
             unit: row.unit,
             warnings: computed.as_ref().map_or(String::new(), |c| c.warnings.join(" ")),
             r#where: &row.place,
-        });
+            body: computed.as_ref().err(),
+        })
+    }
+
+    /// A row for each printed number and scene as `--json` prints it: the scene if there are several, the warnings as a list, the
+    /// limit with its words, and what differs from Table 1 where the geometry is inferred.
+    ///
+    /// # Errors
+    /// Never for the rows that exist.
+    pub fn json(&self) -> Result<Vec<Value>> {
+        let object = |line: NumberLine<'_>| {
+            let mut object = serde_json::to_value(&line)?;
+            object["warnings"] = line.warnings.split_whitespace().collect();
+            object["limit"] = serde_json::to_value(line.body)?;
+            if self.inferred {
+                object["inferred_geometry"] = geometry::inferred(line.r#where).into();
+            }
+            if let Some(fields) = object.as_object_mut() {
+                let several = self.sets.len() > 1;
+                fields.retain(|key, value| match key.as_str() {
+                    "scene" => several,
+                    "limit" => !value.is_null(),
+                    "load_n" | "changes" | "where" => false,
+                    _ => true,
+                });
+            }
+            Ok(object)
+        };
+        self.lines().map(object).collect()
+    }
+
+    /// Both as CSV: file names and contents.
+    ///
+    /// # Errors
+    /// Never for the rows that exist.
+    pub fn data(&self) -> Result<Vec<(String, String)>> {
         let mut ratios = Vec::new();
         for set in &self.sets {
             ratios.extend(self.ratios.iter().zip(&set.ratios).map(|(ratio, computed)| RatioLine {
@@ -191,7 +186,7 @@ impl Comparison {
                 r#where: &ratio.place,
             }));
         }
-        Ok(vec![("published.csv".into(), csv(numbers)?), ("ratios.csv".into(), csv(ratios)?)])
+        Ok(vec![("published.csv".into(), csv(self.lines())?), ("ratios.csv".into(), csv(ratios)?)])
     }
 
     /// Tables, remarks and sums of errors for people, in lines.

@@ -50,17 +50,13 @@ impl Arguments {
             vec![(global.scene.display().to_string(), global.scene()?)]
         };
         let comparison = Comparison::new(scenes, self.inferred_geometry)?;
-        comparison.compared().try_for_each(|row| output.object(&row))?;
+        comparison.json()?.iter().try_for_each(|row| output.object(row))?;
         comparison.text()?.iter().try_for_each(|line| output.line(line))?;
         if let Some(folder) = &self.out {
             let mut files = comparison.data()?;
-            files.extend(
-                comparison
-                    .figures()?
-                    .iter()
-                    .map(|(name, figure)| Ok((name.clone(), figure.svg()?)))
-                    .collect::<anyhow::Result<Vec<_>>>()?,
-            );
+            for (name, figure) in comparison.figures()? {
+                files.push((name, figure.svg()?));
+            }
             files.iter().try_for_each(|(name, content)| write_file(folder, name, content))?;
             let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
             output.line(format!("written: {} in {}", names.join(", "), folder.display()))?;

@@ -51,23 +51,15 @@ pub struct Page {
 }
 
 /// Why there is no answer.
+#[derive(Debug, thiserror::Error)]
 enum Refusal {
-    Parameter(ParameterError),
-    Solve(SolveError),
+    #[error("parameter: {0}")]
+    Parameter(#[from] ParameterError),
+    #[error("{kind}: {0}", kind = .0.kind())]
+    Solve(#[from] SolveError),
     /// No constants have been accepted, or there is no such tier.
+    #[error("{0}")]
     Call(&'static str),
-}
-
-impl From<ParameterError> for Refusal {
-    fn from(error: ParameterError) -> Self {
-        Self::Parameter(error)
-    }
-}
-
-impl From<SolveError> for Refusal {
-    fn from(error: SolveError) -> Self {
-        Self::Solve(error)
-    }
 }
 
 impl Page {
@@ -164,13 +156,10 @@ impl Page {
     /// Keeps the text of a refusal.
     fn answered(&mut self, answer: Result<(), Refusal>) -> bool {
         self.text.length = 0;
-        // A text that is too long is cut.
-        let _ = match &answer {
-            Ok(()) => Ok(()),
-            Err(Refusal::Parameter(error)) => write!(self.text, "parameter: {error}"),
-            Err(Refusal::Solve(error)) => write!(self.text, "{}: {error}", error.kind()),
-            Err(Refusal::Call(why)) => write!(self.text, "{why}"),
-        };
+        if let Err(refusal) = &answer {
+            // A text that is too long is cut.
+            let _ = write!(self.text, "{refusal}");
+        }
         answer.is_ok()
     }
 }
