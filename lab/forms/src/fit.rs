@@ -132,7 +132,7 @@ pub struct Considered {
 /// The candidates of a fit and those of the other forms, in the order of preference.
 ///
 /// # Errors
-/// As [`tsa_table::fit::fit`].
+/// As [`tsa_table::fit::fit_tier`].
 pub fn considered(mechanism: &Mechanism, demand: &Demand, fit: &Fit) -> Result<Vec<Considered>, FitError> {
     let others = candidates(mechanism, demand)?;
     let others = others.iter().map(|c| Considered {

@@ -60,17 +60,13 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
     Ok(Made { name: "target", svg: Some(figure.svg()?), csv, findings: findings.collect(), left_out: Vec::new() })
 }
 
-/// Tables, the solver in single precision, everything in double.
+/// Tables, and the models in double precision.
 fn kind(way: &Way) -> usize {
-    match way.symbol.as_str() {
-        _ if way.bytes.is_some() => 0,
-        "cost_full_single" => 1,
-        _ => 2,
-    }
+    usize::from(way.bytes.is_none())
 }
 
 fn kind_colour(kind: usize) -> RGBColor {
-    colour([0, 4, 2][kind], 6)
+    colour([0, 2][kind], 6)
 }
 
 /// Numbered as in the key.

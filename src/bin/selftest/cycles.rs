@@ -8,8 +8,7 @@ use core::hint::black_box;
 use cortex_m::peripheral::DWT;
 use rig_control::{DriveCommand, DriveReading, Inputs, LvdtBlock, Rig, SupplyReading, TICK_US};
 use rig_link::messages::{Counters, Request, State};
-use tsa_model::scalar::Single;
-use tsa_model::{Mechanism, Parameters};
+use tsa_model::Mechanism;
 
 include!(concat!(env!("OUT_DIR"), "/parameters.rs"));
 
@@ -79,9 +78,9 @@ pub fn rows(table: &mut Table, hclk_hz: u32) {
     chip::speed_up_flash(true);
 }
 
-/// Cycles of lookups and of equilibria, solved as for a table built on the board, and their largest difference (m).
+/// Cycles of lookups and of equilibria, and their largest difference (m).
 fn solver() -> (Spread, Spread, f32) {
-    let single = Mechanism::of(Parameters::<Single>::constant(&PARAMETERS));
+    let mechanism = Mechanism::of(PARAMETERS);
     let (mut lookup, mut solve, mut difference_m) = (Spread::NONE, Spread::NONE, 0f32);
     let m = &TABLE.metadata;
     let within = |least: f32, most: f32, place: f32| least + place * (most - least);
@@ -89,9 +88,9 @@ fn solver() -> (Spread, Spread, f32) {
         for twist_rad in TWISTS.map(|place| within(m.twist_min_rad, m.twist_max_rad, place)) {
             let (load_n, twist_rad) = (black_box(load_n), black_box(twist_rad));
             let found_m = lookup.count(|| TABLE.point_inside(load_n, twist_rad)).gap_m;
-            let solved = solve.count(|| single.gap_and_slope(f64::from(load_n), f64::from(twist_rad)));
+            let solved = solve.count(|| mechanism.solve(f64::from(load_n), f64::from(twist_rad)));
             // A missing equilibrium counts as an infinite difference.
-            let solved_m = solved.map_or(f32::INFINITY, |[gap_m, _]| gap_m as f32);
+            let solved_m = solved.map_or(f32::INFINITY, |found| found.gap_m as f32);
             difference_m = difference_m.max((found_m - solved_m).abs());
         }
     }
