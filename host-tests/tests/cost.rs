@@ -22,7 +22,7 @@ use Answer::{Gap, Root, Twist};
 
 /// Symbol, description, computed quantity, and the table whose lookup is predicted, in the order of the board's
 /// results: first in f32, then in f64.
-const WAYS: [(&str, &str, Answer, &str); 23] = [
+const WAYS: [(&str, &str, Answer, &str); 22] = [
     ("cost_lookup", "table: gap and gradient", Gap, "TABLE"),
     ("cost_inverse_twist", "table: twist from load and gap", Twist, ""),
     ("cost_arc_few", "table with few ranges", Gap, "ARC_FEW"),
@@ -33,7 +33,6 @@ const WAYS: [(&str, &str, Answer, &str); 23] = [
     ("cost_hermite", "bicubic Hermite grid", Gap, "HERMITE"),
     ("cost_bilinear", "bilinear grid", Gap, "BILINEAR"),
     ("cost_interpn", "interpn, cubic, gap only", Gap, ""),
-    ("cost_full_single", "full solver, f32", Gap, ""),
     ("cost_sqrt_micromath", "square root by micromath", Root, ""),
     ("cost_sqrt_libm", "square root by libm", Root, ""),
     ("cost_sqrt_fpu", "square root by the FPU", Root, ""),
@@ -174,38 +173,4 @@ fn no_way_to_evaluate_the_mechanism_becomes_slower() {
     for (symbol, limit) in [("cost_lookup", 260), ("cost_inverse_twist", 1500)] {
         assert!(most(symbol) <= limit, "{symbol}: {}", most(symbol));
     }
-}
-
-/// Bytes that a bilinear grid in F^(-1/2) and twist needs for the scene's contraction, by doubling.
-#[test]
-fn a_bilinear_grid_of_equal_accuracy_is_hundreds_of_times_larger() {
-    let mechanism = scene().mechanism().unwrap();
-    let demand = scene().demand().unwrap();
-    let [f0, f1] = demand.load_n;
-    let [u0, u1] = [f1, f0].map(|f| f.powf(-0.5));
-    let [t0, t1] = [std::f64::consts::PI, demand.twist_max_rad];
-    let gap = |u: f64, t: f64| mechanism.solve(u.powi(-2).clamp(f0, f1), t).unwrap().gap_m;
-    let mut cells = 16;
-    let bytes = loop {
-        let (h, k) = ((u1 - u0) / f64::from(cells), (t1 - t0) / f64::from(2 * cells));
-        // A cell's worst is near its middle; 12 x 24 of them show the grid's.
-        let mut worst = 0f64;
-        for i in 0..12 {
-            for j in 0..24 {
-                let (u, t) = (u0 + h * f64::from(i * cells / 12), t0 + k * f64::from(j * cells / 12));
-                let mean = |t: f64| 0.5 * (gap(u, t) + gap(u + h, t));
-                let error = |t: f64, estimate: f64| estimate - gap(u + 0.5 * h, t);
-                let contraction = error(t + 0.5 * k, 0.5 * (mean(t) + mean(t + k))) - error(t0, mean(t0));
-                worst = worst.max(contraction.abs());
-            }
-        }
-        let bytes = 4 * (cells + 1) * (2 * cells + 1);
-        println!("bilinear, {}x{} nodes, {bytes} bytes: contraction within {worst:.1e} m", cells + 1, 2 * cells + 1);
-        if worst <= demand.accuracy.contraction_m {
-            break bytes;
-        }
-        cells *= 2;
-    };
-    let table = scene().fit_table().unwrap().table;
-    assert!(bytes as usize > 100 * table.numbers.bytes());
 }

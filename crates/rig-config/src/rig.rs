@@ -3,7 +3,7 @@
 use rig_control::RigConstants;
 use serde::{Deserialize, Serialize};
 use tsa_model::ParameterError;
-use tsa_model::error::positive;
+use tsa_model::error::{positive, require};
 
 /// The rig: motor, gear, drive, sensors. All defaults are assumed, not measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -145,7 +145,6 @@ impl Rig {
     }
 
     pub(crate) fn validate(&self) -> Result<(), ParameterError> {
-        let refuse = |parameter, value, reason| Err(ParameterError { parameter, value, reason });
         if let Some(divider) = self.supply_divider {
             positive(&[("rig.supply_divider", divider)])?;
         }
@@ -162,40 +161,36 @@ impl Rig {
             ("rig.lvdt_stroke_m", self.lvdt_stroke_m),
             ("rig.adc_reference_v", self.adc_reference_v),
         ])?;
-        if self.encoder_lines > 65_536 {
-            return refuse("rig.encoder_lines", f64::from(self.encoder_lines), "must be at most 65536");
-        }
+        let (lines, group, number) = (self.encoder_lines, self.drive_group, self.drive_number);
+        let (speed, current) = (self.motor_speed_max_rad_per_s, self.drive_current_limit_a);
+        let [at_zero, at_stroke] = [self.lvdt_volts_at_zero, self.lvdt_volts_at_stroke];
+        let volts = |volts: f64| volts >= 0.0 && volts.is_finite();
+        let (span, gap, linearity) = ((at_stroke - at_zero).abs(), self.lvdt_gap_at_zero_m, self.lvdt_linearity);
+        let rpm = speed * 60.0 / std::f64::consts::TAU;
         // The command carries an i16 in rpm, the limit an i16 in mA (docs/hardware.md section 1).
-        if self.motor_speed_max_rad_per_s * 60.0 / std::f64::consts::TAU > 32_767.0 {
-            let value = self.motor_speed_max_rad_per_s;
-            return refuse("rig.motor_speed_max_rad_per_s", value, "must be below 32767 rpm, the drive's range");
-        }
-        if self.drive_current_limit_a > 32.767 {
-            return refuse("rig.drive_current_limit_a", self.drive_current_limit_a, "must be at most 32.767 A");
-        }
-        if self.drive_group > 7 {
-            return refuse("rig.drive_group", f64::from(self.drive_group), "must be from 0 to 7");
-        }
-        if !(1..=15).contains(&self.drive_number) {
-            return refuse("rig.drive_number", f64::from(self.drive_number), "must be from 1 to 15");
-        }
-        for (parameter, value) in [
-            ("rig.lvdt_volts_at_zero", self.lvdt_volts_at_zero),
-            ("rig.lvdt_volts_at_stroke", self.lvdt_volts_at_stroke),
+        for (good, parameter, value, reason) in [
+            (lines <= 65_536, "rig.encoder_lines", f64::from(lines), "must be at most 65536"),
+            (rpm <= 32_767.0, "rig.motor_speed_max_rad_per_s", speed, "must be below 32767 rpm, the drive's range"),
+            (current <= 32.767, "rig.drive_current_limit_a", current, "must be at most 32.767 A"),
+            (group <= 7, "rig.drive_group", f64::from(group), "must be from 0 to 7"),
+            ((1..=15).contains(&number), "rig.drive_number", f64::from(number), "must be from 1 to 15"),
+            (volts(at_zero), "rig.lvdt_volts_at_zero", at_zero, "must be at least 0 and finite"),
+            (volts(at_stroke), "rig.lvdt_volts_at_stroke", at_stroke, "must be at least 0 and finite"),
+            (
+                span >= 0.1 * self.adc_reference_v,
+                "rig.lvdt_volts_at_stroke",
+                span,
+                "the stroke must use at least a tenth of the ADC's range",
+            ),
+            (gap.is_finite(), "rig.lvdt_gap_at_zero_m", gap, "must be finite"),
+            (
+                (0.0..=0.05).contains(&linearity),
+                "rig.lvdt_linearity",
+                linearity,
+                "must be from 0 to 0.05, a share of the stroke",
+            ),
         ] {
-            if !(value >= 0.0 && value.is_finite()) {
-                return refuse(parameter, value, "must be at least 0 and finite");
-            }
-        }
-        let span = (self.lvdt_volts_at_stroke - self.lvdt_volts_at_zero).abs();
-        if span < 0.1 * self.adc_reference_v {
-            return refuse("rig.lvdt_volts_at_stroke", span, "the stroke must use at least a tenth of the ADC's range");
-        }
-        if !self.lvdt_gap_at_zero_m.is_finite() {
-            return refuse("rig.lvdt_gap_at_zero_m", self.lvdt_gap_at_zero_m, "must be finite");
-        }
-        if !(0.0..=0.05).contains(&self.lvdt_linearity) {
-            return refuse("rig.lvdt_linearity", self.lvdt_linearity, "must be from 0 to 0.05, a share of the stroke");
+            require(good, parameter, value, reason)?;
         }
         Ok(())
     }

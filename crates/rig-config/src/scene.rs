@@ -7,6 +7,8 @@ use rig_control::RigConstants;
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
 use std::path::Path;
+use tsa_model::error::{positive, require};
+use tsa_model::mechanism::LIGHT_LOAD_N;
 use tsa_model::{
     Correction, Geometry, Material, Mechanism, ParameterError, Parameters, StringParameters, Tier, twist_from_turns,
 };
@@ -89,34 +91,17 @@ impl Scene {
         self.rig.validate()?;
         self.uncertainty.validate()?;
         self.correction.as_ref().map_or(Ok(()), Correction::validate)?;
-        let refuse = |parameter, value, reason| Err(ParameterError { parameter, value, reason });
-        if let Some(Envelope { load_n, turns }) = self.envelope {
-            if !(load_n[0] >= tsa_model::mechanism::LIGHT_LOAD_N && load_n[0].is_finite()) {
-                return refuse(
-                    "envelope.load_n",
-                    load_n[0],
-                    "must start at 0.5 N or above, where the radius law holds",
-                );
-            }
-            if !(load_n[1] > load_n[0] && load_n[1].is_finite()) {
-                return refuse("envelope.load_n", load_n[1], "must end above its start");
-            }
-            if turns[0] < 0.0 || turns[0].is_nan() {
-                return refuse("envelope.turns", turns[0], "must start at 0 or above, where the strings touch");
-            }
-            if !(turns[1] > turns[0] && turns[1].is_finite()) {
-                return refuse("envelope.turns", turns[1], "must end above its start");
-            }
+        if let Some(Envelope { load_n: [least_n, most_n], turns: [first, last] }) = self.envelope {
+            let (loads, turns, end) = ("envelope.load_n", "envelope.turns", "must end above its start");
+            let supported = least_n >= LIGHT_LOAD_N && least_n.is_finite();
+            require(supported, loads, least_n, "must start at 0.5 N or above, where the radius law holds")?;
+            require(most_n > least_n && most_n.is_finite(), loads, most_n, end)?;
+            require(first >= 0.0, turns, first, "must start at 0 or above, where the strings touch")?;
+            require(last > first && last.is_finite(), turns, last, end)?;
         }
-        if let Some(Accuracy { contraction_m, tr_relative }) = self.accuracy {
-            for (parameter, value) in [("accuracy.contraction_m", contraction_m), ("accuracy.tr_relative", tr_relative)]
-            {
-                if !(value > 0.0 && value.is_finite()) {
-                    return refuse(parameter, value, "must be above 0 and finite");
-                }
-            }
-        }
-        Ok(())
+        self.accuracy.map_or(Ok(()), |Accuracy { contraction_m, tr_relative }| {
+            positive(&[("accuracy.contraction_m", contraction_m), ("accuracy.tr_relative", tr_relative)])
+        })
     }
 
     /// The solver for this scene, with the measured correction.
@@ -169,16 +154,8 @@ impl Scene {
     /// [`TableError`]: the scene is wrong or has no envelope or accuracy, the envelope breaks the model, or no table
     /// reaches the accuracy.
     pub fn fit_table(&self) -> Result<Fit, TableError> {
-        self.fit_table_of(Tier::Full)
-    }
-
-    /// The same from a cheaper model, which also judges it.
-    ///
-    /// # Errors
-    /// As [`Scene::fit_table`].
-    pub fn fit_table_of(&self, tier: Tier) -> Result<Fit, TableError> {
         let demand = self.demand()?;
-        Ok(fit::fit_tier(&self.mechanism()?, &demand, tier)?)
+        Ok(fit::fit_tier(&self.mechanism()?, &demand, Tier::Full)?)
     }
 
     /// CRC-32 of the scene's canonical form: the same for files that differ only in comments, order or defaults.

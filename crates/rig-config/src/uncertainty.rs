@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 use tsa_model::ParameterError;
+use tsa_model::error::require;
 
 /// Standard errors of what the constants say of the strings (docs/scene.md). The control code computes from them how
 /// well it knows load and position.
@@ -51,9 +52,7 @@ impl Uncertainty {
             ("uncertainty.rod_memory", self.rod_memory),
         ] {
             // Nothing is known exactly, and the fit divides by each of them.
-            if !(1e-6..=0.5).contains(&value) {
-                return Err(ParameterError { parameter, value, reason: "must be from 0.000001 to 0.5" });
-            }
+            require((1e-6..=0.5).contains(&value), parameter, value, "must be from 0.000001 to 0.5")?;
         }
         Ok(())
     }

@@ -71,7 +71,7 @@ impl<T: Scalar> Mechanism<T> {
             }
             let newton = alpha - miss / slope;
             let step = (newton - alpha).value();
-            if residual <= precision || step.abs() <= 2.0 * T::EPSILON * alpha.value() {
+            if residual <= precision || step.abs() <= 2.0 * f64::EPSILON * alpha.value() {
                 if left == 0 {
                     let mut found = self.finish(state, alpha, &response)?;
                     found.iterations = iterations;

@@ -1,8 +1,8 @@
 //! What a law misses of one rig's gap, as measured: a smooth surface over load and twist (docs/model.md section 4).
 
-use crate::error::ParameterError;
-use crate::helix::MINIMUM_LOAD_N;
+use crate::error::{ParameterError, require};
 use crate::scalar::ln;
+use crate::string::MINIMUM_LOAD_N;
 use crate::twist_from_turns;
 use core::f64::consts::LN_2;
 
@@ -44,34 +44,20 @@ impl Correction {
     /// # Errors
     /// [`ParameterError`] naming the scene-file key.
     pub fn validate(&self) -> Result<(), ParameterError> {
-        let refuse = |parameter, value, reason| Err(ParameterError { parameter, value, reason });
         let [least_n, most_n] = self.load_n;
-        if !(least_n >= MINIMUM_LOAD_N && least_n.is_finite()) {
-            return refuse("correction.load_n", least_n, "must start at 0.05 N or above");
-        }
-        if !(most_n >= least_n && most_n.is_finite()) {
-            return refuse("correction.load_n", most_n, "must not end below its start");
-        }
+        let (loads, twists, sizes) = ("correction.load_n", "correction.turns", "correction.coefficients_m");
+        // NaN fails every comparison.
+        require(least_n >= MINIMUM_LOAD_N && least_n.is_finite(), loads, least_n, "must start at 0.05 N or above")?;
+        require(most_n >= least_n && most_n.is_finite(), loads, most_n, "must not end below its start")?;
         let [first, last] = self.turns;
-        if !(first > -0.5 && first.is_finite()) {
-            return refuse("correction.turns", first, "must start above -0.5, which is zero twist");
-        }
-        if !(last > first && last.is_finite()) {
-            return refuse("correction.turns", last, "must end above its start");
-        }
+        let reason = "must start above -0.5, which is zero twist";
+        require(first > -0.5 && first.is_finite(), twists, first, reason)?;
+        require(last > first && last.is_finite(), twists, last, "must end above its start")?;
         let sum: f64 = self.coefficients_m.as_flattened().iter().map(|c| c.abs()).sum();
-        // NaN is not in the range.
-        if !(0.0..=LARGEST_M).contains(&sum) {
-            return refuse("correction.coefficients_m", sum, "must be finite and 5 mm or less in sum");
-        }
-        if least_n == most_n && self.coefficients_m.iter().skip(1).any(|row| *row != [0.0; TERMS]) {
-            return refuse(
-                "correction.coefficients_m",
-                sum,
-                "must have one row that is not zero where there is one load",
-            );
-        }
-        Ok(())
+        require((0.0..=LARGEST_M).contains(&sum), sizes, sum, "must be finite and 5 mm or less in sum")?;
+        let curve = self.coefficients_m.iter().skip(1).all(|row| *row == [0.0; TERMS]);
+        let reason = "must have one row that is not zero where there is one load";
+        require(least_n < most_n || curve, sizes, sum, reason)
     }
 
     /// The correction at a load (N) and a twist |θ| (rad).

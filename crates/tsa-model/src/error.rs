@@ -14,15 +14,23 @@ pub struct ParameterError {
     pub reason: &'static str,
 }
 
+/// Refuses a value that is not good.
+///
+/// # Errors
+/// [`ParameterError`] with these parts.
+pub fn require(good: bool, parameter: &'static str, value: f64, reason: &'static str) -> Result<(), ParameterError> {
+    if good { Ok(()) } else { Err(ParameterError { parameter, value, reason }) }
+}
+
 /// Refuses the first value that is not above 0 and finite.
 ///
 /// # Errors
 /// [`ParameterError`] naming that value's key.
 pub fn positive(values: &[(&'static str, f64)]) -> Result<(), ParameterError> {
-    match values.iter().find(|(_, value)| !(*value > 0.0 && value.is_finite())) {
-        Some(&(parameter, value)) => Err(ParameterError { parameter, value, reason: "must be above 0 and finite" }),
-        None => Ok(()),
-    }
+    let good = |value: f64| value > 0.0 && value.is_finite();
+    values
+        .iter()
+        .try_for_each(|&(parameter, value)| require(good(value), parameter, value, "must be above 0 and finite"))
 }
 
 /// The limit of the model that stopped a solve (docs/model.md section 5).

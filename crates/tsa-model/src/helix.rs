@@ -4,10 +4,9 @@ use crate::error::SolveError;
 use crate::parameters::{Parameters, Radius};
 use crate::rod::{RodResponse, TipForce};
 use crate::scalar::Scalar;
+use crate::string::MINIMUM_LOAD_N;
 use core::f64::consts::{FRAC_PI_2, PI};
 
-/// Least load that is solved (N): below it 1/(k1 F) alone would make the string thicker than it is long.
-pub const MINIMUM_LOAD_N: f64 = 0.05;
 /// Largest helix angle that is tried (rad), tan α ≈ 30: beyond it only the stretch of eq. 9 gives the equation a root.
 pub const ALPHA_LIMIT: f64 = FRAC_PI_2 - 1.0 / 30.0;
 

@@ -15,9 +15,9 @@
 //!   follows the solution from the unloaded state.
 //! - [`tiers`]: cheaper models of the rod, each with an estimate of its error.
 //! - [`quadrature`]: the rules by which the rod is integrated.
-//! - [`scalar`]: f64, f32, or numbers with derivatives: `Mechanism<Dual<N>>` gives how results depend on constants.
+//! - [`scalar`]: f64, or numbers with derivatives: `Mechanism<Dual<N>>` gives how results depend on constants.
 //!
-//! Builds without `std` (on `libm`), so that the board can run the same solver.
+//! Builds without `std` (on `libm`), so that the board's self-test can compare its table with the same solver.
 
 #![cfg_attr(not(feature = "std"), no_std)]
 #![forbid(unsafe_code)]

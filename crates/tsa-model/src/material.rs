@@ -1,6 +1,6 @@
 //! Stress–strain law of the rods (eq. 12).
 
-use crate::error::ParameterError;
+use crate::error::{ParameterError, require};
 
 /// σ(ε) = Σ a_i ε^i, i = 1…5 (eq. 12).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -17,24 +17,13 @@ pub const FIT_RANGE: f64 = 0.08;
 impl Material {
     /// Checks that the coefficients are finite and the modulus at zero strain is positive.
     pub fn validate(&self) -> Result<(), ParameterError> {
+        let parameter = "material.stress_coefficients_pa";
         for value in self.stress_coefficients_pa {
-            if !value.is_finite() {
-                return Err(ParameterError {
-                    parameter: "material.stress_coefficients_pa",
-                    value,
-                    reason: "must be finite",
-                });
-            }
+            require(value.is_finite(), parameter, value, "must be finite")?;
         }
-        let value = self.stress_coefficients_pa[0];
-        if value <= 0.0 {
-            return Err(ParameterError {
-                parameter: "material.stress_coefficients_pa",
-                value,
-                reason: "the first one, Young's modulus at zero strain, must be above 0",
-            });
-        }
-        Ok(())
+        let modulus_pa = self.stress_coefficients_pa[0];
+        let reason = "the first one, Young's modulus at zero strain, must be above 0";
+        require(modulus_pa > 0.0, parameter, modulus_pa, reason)
     }
 
     /// Stress at a strain (Pa), eq. 12.

@@ -7,13 +7,13 @@
 
 use crate::equilibrium::Equilibrium;
 use crate::error::{ParameterError, SolveError, Warnings};
-pub use crate::helix::MINIMUM_LOAD_N;
 use crate::helix::{ALPHA_LIMIT, Helix, State, rigid_angle};
 use crate::material::Material;
 use crate::parameters::{Geometry, Parameters, touches};
 use crate::quadrature::{LEVELS, Rule};
 use crate::rod::{Rod, RodResponse, RodShape, TipForce, outside_fit};
-use crate::scalar::{Scalar, Single};
+use crate::scalar::{LAST_STEP_TOLERANCE, PRECISION, RESIDUAL, Scalar};
+pub use crate::string::MINIMUM_LOAD_N;
 use crate::string::StringParameters;
 use core::f64::consts::PI;
 
@@ -21,6 +21,9 @@ use core::f64::consts::PI;
 pub const LIGHT_LOAD_N: f64 = 0.5;
 /// Largest fibre strain that is accepted: the polynomial of eq. 12 is fitted up to two thirds of it.
 pub const STRAIN_LIMIT: f64 = 0.12;
+
+/// Largest residual that half the nodes may leave: the error of all nodes falls with its square.
+const HALF_NODES_TOLERANCE: f64 = 1e-6;
 
 /// The mechanism of one scene, ready to be solved.
 #[derive(Clone, Debug)]
@@ -67,26 +70,6 @@ impl Mechanism {
     }
 }
 
-macro_rules! gap_and_slope {
-    ($number:ty) => {
-        impl Mechanism<$number> {
-            /// Gap (m) and ∂G/∂θ (m/rad) as [`Mechanism::solve`] finds them. It is not generic, so that an image
-            /// contains the solver's code once, compiled with this crate's options.
-            ///
-            /// # Errors
-            /// As [`Mechanism::solve`].
-            #[inline(never)]
-            pub fn gap_and_slope(&self, load_n: f64, twist_rad: f64) -> Result<[f64; 2], SolveError> {
-                let e = self.solve(load_n, twist_rad)?;
-                Ok([e.gap_m.value(), e.dgap_dtwist_m_per_rad.value()])
-            }
-        }
-    };
-}
-
-gap_and_slope!(f64);
-gap_and_slope!(Single);
-
 impl<T: Scalar> Mechanism<T> {
     /// The mechanism with these constants, which must have been checked (by [`Parameters::new`] and
     /// [`crate::Correction::validate`]).
@@ -126,7 +109,7 @@ impl<T: Scalar> Mechanism<T> {
     pub fn formal(&self, load_n: f64, twist_rad: f64) -> Result<Equilibrium<T>, SolveError> {
         let state = State::new(load_n, twist_rad)?;
         if self.is_rigid() {
-            return self.balance(&state, None, T::PRECISION, &mut |_| Ok(RodResponse::rigid(self.rod.length_m)));
+            return self.balance(&state, None, PRECISION, &mut |_| Ok(RodResponse::rigid(self.rod.length_m)));
         }
         let direct = match self.settle(&state, self.first_guess(&state)) {
             Some(found) => self.complete(&state, found),
@@ -147,7 +130,7 @@ impl<T: Scalar> Mechanism<T> {
     }
 
     pub(crate) fn complete(&self, state: &State, found: Found<T>) -> Result<Equilibrium<T>, SolveError> {
-        if found.missed > T::HALF_NODES_TOLERANCE {
+        if found.missed > HALF_NODES_TOLERANCE {
             let nodes = LEVELS[LEVELS.len() - 1].count();
             return Err(SolveError::Unresolved { load_n: state.load_n, nodes, missed: found.missed });
         }
@@ -202,7 +185,7 @@ impl<T: Scalar> Mechanism<T> {
             Quadrature::Automatic => &LEVELS,
             Quadrature::Fixed(rule) => core::slice::from_ref(rule),
         };
-        self.settle_on(state, start, rules, T::RESIDUAL)
+        self.settle_on(state, start, rules, RESIDUAL)
     }
 
     /// As [`Self::settle`], with these rules and to this residual.
@@ -236,7 +219,7 @@ impl<T: Scalar> Mechanism<T> {
                 // The first residual on twice the nodes is the error of the fewer nodes.
                 if k > 0 && step == 0 {
                     missed = residual;
-                    enough |= missed <= T::LAST_STEP_TOLERANCE;
+                    enough |= missed <= LAST_STEP_TOLERANCE;
                 }
                 let (a, b) = (shape.length.by_amplitude, shape.length.by_inward * helix.inward_by_alpha);
                 let c = -(shape.reach.by_amplitude * (2.0 * state.span_factor));
@@ -273,7 +256,7 @@ impl<T: Scalar> Mechanism<T> {
             Quadrature::Fixed(rule) => rule,
         };
         let (mut evaluations, mut at) = (0, None);
-        let balanced = self.balance(state, Some(SCAN), T::PRECISION, &mut |force| {
+        let balanced = self.balance(state, Some(SCAN), PRECISION, &mut |force| {
             let (amplitude, shape, steps) = self.rod.amplitude(force, rule)?;
             evaluations += steps * shape.evaluations;
             let residual = ((shape.length.value / self.rod.length_m).value() - 1.0).abs();
@@ -364,7 +347,7 @@ const SCAN: u32 = 48;
 /// Refuses a solution whose residual is too large.
 fn converged<T: Scalar>(found: Equilibrium<T>) -> Result<Equilibrium<T>, SolveError> {
     // NaN fails this comparison too.
-    if found.residual <= T::RESIDUAL {
+    if found.residual <= RESIDUAL {
         return Ok(found);
     }
     let Equilibrium { load_n, twist_rad, residual, .. } = found;

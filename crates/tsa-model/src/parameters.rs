@@ -1,7 +1,7 @@
 //! The mechanism's constants: as a scene gives them, and as the solver takes them.
 
 use crate::correction::Correction;
-use crate::error::{ParameterError, positive};
+use crate::error::{ParameterError, positive, require};
 use crate::material::Material;
 use crate::scalar::{Scalar, ln};
 use crate::string::{RadiusLaw, StringParameters};
@@ -33,19 +33,13 @@ impl Geometry {
             ("geometry.rod_span_m", self.rod_span_m),
             ("geometry.rod_radius_m", self.rod_radius_m),
         ])?;
-        let (parameter, value) = ("geometry.string_length_m", self.string_length_m);
-        if value > LONGEST_M {
-            return Err(ParameterError { parameter, value, reason: "must be at most 10 m" });
-        }
-        let (parameter, value) = ("geometry.clamp_width_m", self.clamp_width_m);
-        if !(value >= 0.0 && value <= self.rod_span_m) {
-            return Err(ParameterError { parameter, value, reason: "must be from 0 to geometry.rod_span_m" });
-        }
-        let (parameter, value) = ("geometry.rod_span_m", self.rod_span_m);
-        if value >= self.string_length_m {
-            return Err(ParameterError { parameter, value, reason: "must be below geometry.string_length_m" });
-        }
-        Ok(())
+        let Self { string_length_m, rod_span_m, clamp_width_m, .. } = *self;
+        let longest = string_length_m <= LONGEST_M;
+        require(longest, "geometry.string_length_m", string_length_m, "must be at most 10 m")?;
+        let clamped = (0.0..=rod_span_m).contains(&clamp_width_m);
+        require(clamped, "geometry.clamp_width_m", clamp_width_m, "must be from 0 to geometry.rod_span_m")?;
+        let shorter = rod_span_m < string_length_m;
+        require(shorter, "geometry.rod_span_m", rod_span_m, "must be below geometry.string_length_m")
     }
 }
 

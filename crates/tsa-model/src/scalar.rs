@@ -1,7 +1,6 @@
-//! The numbers that the solver computes with: f64, f64 with its derivatives by some parameters ([`Dual`]), or f32
-//! ([`Single`]), which the board has an arithmetic unit for.
+//! The numbers that the solver computes with: f64, or f64 with its derivatives by some parameters ([`Dual`]).
 //!
-//! Elementary functions are std's on a desktop and libm's on the board; in f32 libm's everywhere.
+//! Elementary functions are std's on a desktop and libm's on the board.
 
 use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
@@ -34,6 +33,13 @@ mod imp {
 
 pub(crate) use imp::ln;
 
+/// Scaled residual of an equilibrium that counts as solved.
+pub const RESIDUAL: f64 = 1e-12;
+/// Scaled residual below which there is only rounding.
+pub const PRECISION: f64 = 1e-14;
+/// Relative step, or residual at twice the nodes, after which one more Newton step leaves only rounding.
+pub(crate) const LAST_STEP_TOLERANCE: f64 = 3e-8;
+
 /// Coefficients of x², x⁴ … in sinh² x, 2²ᵏ⁻¹/(2k)!, as many as f64 resolves for x ≤ 1.
 const SINH_SQUARED: [f64; 12] = {
     let mut all = [1.0; 12];
@@ -65,16 +71,6 @@ pub trait Scalar:
 {
     /// Newton steps after the value has settled until the derivatives have, too.
     const EXTRA_STEPS: u32;
-    /// Relative distance between neighbouring numbers.
-    const EPSILON: f64;
-    /// Scaled residual of an equilibrium that counts as solved.
-    const RESIDUAL: f64;
-    /// Scaled residual below which there is only rounding.
-    const PRECISION: f64;
-    /// Relative step, or residual at twice the nodes, after which one more Newton step leaves only rounding.
-    const LAST_STEP_TOLERANCE: f64;
-    /// Largest residual that half the nodes may leave: the error of all nodes falls with its square.
-    const HALF_NODES_TOLERANCE: f64;
     /// A constant.
     fn of(value: f64) -> Self;
     /// The number without its derivatives.
@@ -111,11 +107,6 @@ pub trait Scalar:
 
 impl Scalar for f64 {
     const EXTRA_STEPS: u32 = 0;
-    const EPSILON: f64 = f64::EPSILON;
-    const RESIDUAL: f64 = 1e-12;
-    const PRECISION: f64 = 1e-14;
-    const LAST_STEP_TOLERANCE: f64 = 3e-8;
-    const HALF_NODES_TOLERANCE: f64 = 1e-6;
     fn of(value: f64) -> Self {
         value
     }
@@ -172,11 +163,6 @@ impl<const N: usize> Dual<N> {
 
 impl<const N: usize> Scalar for Dual<N> {
     const EXTRA_STEPS: u32 = 1;
-    const EPSILON: f64 = <f64 as Scalar>::EPSILON;
-    const RESIDUAL: f64 = f64::RESIDUAL;
-    const PRECISION: f64 = f64::PRECISION;
-    const LAST_STEP_TOLERANCE: f64 = f64::LAST_STEP_TOLERANCE;
-    const HALF_NODES_TOLERANCE: f64 = f64::HALF_NODES_TOLERANCE;
     fn of(value: f64) -> Self {
         Self { value, by: [0.0; N] }
     }
@@ -281,80 +267,6 @@ impl<const N: usize> AddAssign for Dual<N> {
 impl<const N: usize> SubAssign for Dual<N> {
     fn sub_assign(&mut self, other: Self) {
         *self = *self - other;
-    }
-}
-
-/// A number in single precision, for the board. It is a separate type because [`Scalar`] also computes with f64.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Single(pub f32);
-
-impl Scalar for Single {
-    const EXTRA_STEPS: u32 = 0;
-    const EPSILON: f64 = f32::EPSILON as f64;
-    const RESIDUAL: f64 = 1e-5;
-    const PRECISION: f64 = 1e-6;
-    const LAST_STEP_TOLERANCE: f64 = 3e-4;
-    const HALF_NODES_TOLERANCE: f64 = 1e-3;
-    fn of(value: f64) -> Self {
-        Self(value as f32)
-    }
-    fn value(self) -> f64 {
-        f64::from(self.0)
-    }
-    fn sqrt(self) -> Self {
-        Self(libm::sqrtf(self.0))
-    }
-    fn sin_cos(self) -> (Self, Self) {
-        let (sin, cos) = libm::sincosf(self.0);
-        (Self(sin), Self(cos))
-    }
-    fn asin(self) -> Self {
-        Self(libm::asinf(self.0))
-    }
-    fn exp_m1(self) -> Self {
-        Self(libm::expm1f(self.0))
-    }
-    fn powf(self, exponent: Self) -> Self {
-        Self(libm::powf(self.0, exponent.0))
-    }
-}
-
-impl Neg for Single {
-    type Output = Self;
-    fn neg(self) -> Self {
-        Self(-self.0)
-    }
-}
-
-macro_rules! single {
-    ($($operation:ident $name:ident $sign:tt,)*) => {$(
-        impl $operation for Single {
-            type Output = Self;
-            fn $name(self, other: Self) -> Self {
-                Self(self.0 $sign other.0)
-            }
-        }
-
-        impl $operation<f64> for Single {
-            type Output = Self;
-            fn $name(self, other: f64) -> Self {
-                Self(self.0 $sign other as f32)
-            }
-        }
-    )*};
-}
-
-single!(Add add +, Sub sub -, Mul mul *, Div div /,);
-
-impl AddAssign for Single {
-    fn add_assign(&mut self, other: Self) {
-        self.0 += other.0;
-    }
-}
-
-impl SubAssign for Single {
-    fn sub_assign(&mut self, other: Self) {
-        self.0 -= other.0;
     }
 }
 

@@ -6,7 +6,7 @@
 //! 3). y rather than κ is the unknown: near the rod's tip κ vanishes like a square root, y linearly.
 
 use crate::error::SolveError;
-use crate::scalar::Scalar;
+use crate::scalar::{LAST_STEP_TOLERANCE, PRECISION, Scalar};
 
 /// A round section, normalised by its modulus at zero strain.
 #[derive(Clone, Copy, Debug)]
@@ -102,7 +102,7 @@ impl<T: Scalar> Section<T> {
             }
             let step = (stress - n) / tangent;
             e -= step;
-            if step.value().abs() <= 4.0 * T::EPSILON * e.value().abs() {
+            if step.value().abs() <= 4.0 * f64::EPSILON * e.value().abs() {
                 if left == 0 {
                     return Ok(e);
                 }
@@ -111,7 +111,7 @@ impl<T: Scalar> Section<T> {
         }
         // Rounding may prevent convergence to the last bit; a larger error means a flat curve.
         let miss = self.taylor(e)[0] - n;
-        if miss.value().abs() <= T::PRECISION * n.value().abs() { Ok(e) } else { Err(singular(0.0)) }
+        if miss.value().abs() <= PRECISION * n.value().abs() { Ok(e) } else { Err(singular(0.0)) }
     }
 
     /// Stretch e and bending strain b = κR at an axial force (over A·E) and a bending moment (over A·E·R), as an
@@ -138,7 +138,7 @@ impl<T: Scalar> Section<T> {
             let (de, db) = ((r1 * m_b - r2 * n_b) / det, (n_e * r2 - n_b * r1) / det);
             e += de;
             b += db;
-            if de.value().abs() + db.value().abs() <= T::LAST_STEP_TOLERANCE * (e.value().abs() + b.value().abs()) {
+            if de.value().abs() + db.value().abs() <= LAST_STEP_TOLERANCE * (e.value().abs() + b.value().abs()) {
                 if left == 0 {
                     return Ok((e, b, [n_e, n_b, n_b, m_b]));
                 }

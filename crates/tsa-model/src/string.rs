@@ -1,6 +1,9 @@
 //! The strings' constants (eqs 5, 6) and the law by which their radius grows.
 
-use crate::error::{ParameterError, positive};
+use crate::error::{ParameterError, positive, require};
+
+/// Least load that is solved (N): below it 1/(k1 F) alone would make the string thicker than it is long (eq. 6).
+pub const MINIMUM_LOAD_N: f64 = 0.05;
 
 /// How the radius of the twisted pair grows with twist (eq. 6 and docs/model.md section 6).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -47,16 +50,9 @@ fn is_zero(value: &f64) -> bool {
 }
 
 impl StringParameters {
-    /// r0 (m), K (N/m), k1 (1/N), k2, k3 and k4: the order in which a message carries them to the board.
+    /// r0 (m), K (N/m), k1 (1/N), k2, k3 and k4.
     pub fn constants(&self) -> [f64; 6] {
         [self.diameter_m, self.stiffness_n_per_m, self.k1_per_n, self.k2, self.k3, self.k4]
-    }
-
-    /// The parameters from [`Self::constants`] and the exponent p, which only [`RadiusLaw::TwistPower`] has.
-    pub fn from_constants(constants: [f64; 6], twist_exponent: Option<f64>) -> Self {
-        let [diameter_m, stiffness_n_per_m, k1_per_n, k2, k3, k4] = constants;
-        let radius_law = if twist_exponent.is_some() { RadiusLaw::TwistPower } else { RadiusLaw::LengthRatio };
-        Self { diameter_m, stiffness_n_per_m, k1_per_n, k2, k3, k4, radius_law, twist_exponent }
     }
 
     /// Checks signs and finiteness.
@@ -67,27 +63,17 @@ impl StringParameters {
             ("string.k1_per_n", self.k1_per_n),
         ])?;
         for (parameter, value) in [("string.k2", self.k2), ("string.k3", self.k3), ("string.k4", self.k4)] {
-            if !(value >= 0.0 && value.is_finite()) {
-                return Err(ParameterError { parameter, value, reason: "must be at least 0 and finite" });
-            }
+            require(value >= 0.0 && value.is_finite(), parameter, value, "must be at least 0 and finite")?;
         }
-        if self.radius_law == RadiusLaw::TwistPower && self.k4 != 0.0 {
-            let (parameter, value) = ("string.k4", self.k4);
-            return Err(ParameterError { parameter, value, reason: "only with radius_law = \"length-ratio\"" });
-        }
-        match (self.radius_law, self.twist_exponent) {
-            (RadiusLaw::TwistPower, Some(p)) if (0.0..=2.0).contains(&p) => Ok(()),
-            (RadiusLaw::TwistPower, p) => Err(ParameterError {
-                parameter: "string.twist_exponent",
-                value: p.unwrap_or(f64::NAN),
-                reason: "radius_law \"twist-power\" needs an exponent from 0 to 2",
-            }),
-            (RadiusLaw::LengthRatio, None) => Ok(()),
-            (RadiusLaw::LengthRatio, Some(value)) => Err(ParameterError {
-                parameter: "string.twist_exponent",
-                value,
-                reason: "only with radius_law = \"twist-power\"",
-            }),
-        }
+        let by_power = self.radius_law == RadiusLaw::TwistPower;
+        require(!by_power || self.k4 == 0.0, "string.k4", self.k4, "only with radius_law = \"length-ratio\"")?;
+        let (good, reason) = match self.twist_exponent {
+            p if by_power => (
+                p.is_some_and(|p| (0.0..=2.0).contains(&p)),
+                "radius_law \"twist-power\" needs an exponent from 0 to 2",
+            ),
+            p => (p.is_none(), "only with radius_law = \"twist-power\""),
+        };
+        require(good, "string.twist_exponent", self.twist_exponent.unwrap_or(f64::NAN), reason)
     }
 }

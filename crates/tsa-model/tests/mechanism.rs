@@ -1,8 +1,8 @@
 //! Derivatives, symmetry and limits of the mechanism.
 
 use rig_config::Scene;
-use tsa_model::scalar::{Dual, Scalar, Single};
-use tsa_model::{Geometry, Mechanism, PRETWIST_RAD, Parameters, twist_from_turns};
+use tsa_model::scalar::{Dual, Scalar};
+use tsa_model::{Geometry, Mechanism, PRETWIST_RAD, Parameters, Warnings, twist_from_turns};
 
 fn scene(name: &str) -> Scene {
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
@@ -43,23 +43,26 @@ fn derivatives_agree_with_high_order_differences() {
 
 #[test]
 fn the_gap_is_even_in_twist_and_greatest_at_zero_with_no_cusp() {
-    let m = scene("paper-identified").mechanism().unwrap();
-    for load in [0.98, 4.9, 14.7] {
-        let top = m.solve(load, 0.0).unwrap();
-        assert!(top.dgap_dtwist_m_per_rad.abs() < 1e-15);
-        assert_eq!(top.warnings.names().collect::<Vec<_>>(), ["open-strings"]);
-        let mut last = top.gap_m;
-        for k in 1..120 {
-            let (up, down) =
-                (m.solve(load, 0.05 * f64::from(k)).unwrap(), m.solve(load, -0.05 * f64::from(k)).unwrap());
-            assert_eq!(up.gap_m, down.gap_m);
-            assert_eq!(up.dgap_dtwist_m_per_rad, -down.dgap_dtwist_m_per_rad);
-            assert!(up.gap_m < last, "{load} N: gap rises at {k}");
-            last = up.gap_m;
+    for name in ["paper-identified", "default", "paper-printed", "niti-plateau"] {
+        let m = scene(name).mechanism().unwrap();
+        for load in [0.98, 4.9, 14.7] {
+            let top = m.solve(load, 0.0).unwrap();
+            assert!(top.dgap_dtwist_m_per_rad.abs() < 1e-15);
+            let mut last = top.gap_m;
+            for twist in [1e-3, 0.1, 0.5, 1.0, 2.0, 3.0, PRETWIST_RAD, 3.3, 4.0, 5.9, 10.0, 40.0] {
+                let (up, down) = (m.solve(load, twist).unwrap(), m.solve(load, -twist).unwrap());
+                assert_eq!((up.gap_m, up.alpha_rad, up.w_m), (down.gap_m, down.alpha_rad, down.w_m));
+                assert_eq!(up.dgap_dtwist_m_per_rad, -down.dgap_dtwist_m_per_rad);
+                assert_eq!(up.torque_nm, -down.torque_nm);
+                assert_eq!(up.warnings.contains(Warnings::OPEN_STRINGS), twist < PRETWIST_RAD, "{twist}");
+                assert!(up.gap_m < last, "{name} {load} N: gap rises at {twist} rad");
+                last = up.gap_m;
+            }
+            // k4 makes the slope jump there.
+            let slope = |twist: f64| m.solve(load, twist).unwrap().dgap_dtwist_m_per_rad;
+            let jump = slope(PRETWIST_RAD - 1e-8) / slope(PRETWIST_RAD + 1e-8) - 1.0;
+            assert!(name != "paper-identified" || jump.abs() < 1e-6, "{jump}");
         }
-        let (before, after) =
-            (m.solve(load, PRETWIST_RAD - 1e-8).unwrap(), m.solve(load, PRETWIST_RAD + 1e-8).unwrap());
-        assert!((before.dgap_dtwist_m_per_rad / after.dgap_dtwist_m_per_rad - 1.0).abs() < 1e-6);
     }
 }
 
@@ -173,36 +176,5 @@ fn dual_numbers_give_the_derivatives_by_every_constant() {
                 }
             }
         }
-    }
-}
-
-/// The accuracy of the solver in f32, as the board's arithmetic unit computes it.
-#[test]
-fn single_precision_is_good_to_a_tenth_of_a_micrometre_but_not_on_a_plateau() {
-    // A section whose tangent almost vanishes magnifies the rounding of its strains.
-    for (name, most_gap, most_tr) in [
-        ("default", 1e-7, 1e-5),
-        ("paper-printed", 1e-7, 1e-5),
-        ("paper-computed", 1e-7, 1e-5),
-        ("niti-plateau", 2e-6, 4e-3),
-    ] {
-        let scene = scene(name);
-        let exact = scene.mechanism().unwrap();
-        let single = Mechanism::of(Parameters::<Single>::constant(exact.parameters()));
-        let (mut gap, mut tr, mut refused) = (0f64, 0f64, 0);
-        for i in 0..12 {
-            for j in 0..12 {
-                let (load, twist) = (0.6 * 30f64.powf(f64::from(i) / 11.0), 3.2 + 4.2 * f64::from(j));
-                let Ok(e) = exact.formal(load, twist) else { continue };
-                let Ok(s) = single.formal(load, twist) else {
-                    refused += 1;
-                    continue;
-                };
-                gap = gap.max((s.gap_m.value() - e.gap_m).abs());
-                tr = tr.max((s.tr_rad_per_m().value() / e.tr_rad_per_m() - 1.0).abs());
-            }
-        }
-        println!("{name}: gap within {gap:.2e} m, TR within {tr:.2e}, {refused} refused");
-        assert!(gap < most_gap && tr < most_tr && refused == 0, "{name}");
     }
 }

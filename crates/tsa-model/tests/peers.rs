@@ -15,7 +15,7 @@ use tsa_model::{Geometry, Mechanism, PRETWIST_RAD, RadiusLaw, StringParameters};
 /// The package computes in doubles; the smallest contraction has lost the last four digits to cancellation.
 const RELATIVE: f64 = 1e-9;
 
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, serde::Deserialize)]
 struct Row {
     length_m: f64,
     radius_m: f64,
@@ -31,16 +31,7 @@ fn root() -> std::path::PathBuf {
 
 fn rows() -> Vec<Row> {
     let mut reader = csv::Reader::from_path(root().join("host-tests/reference/twisted-strings.csv")).unwrap();
-    let numbers = reader.deserialize::<[f64; 6]>().map(Result::unwrap);
-    let row = |[length_m, radius_m, angle_rad, contraction_m, jacobian_m_per_rad, torque_nm_per_n]: [f64; 6]| Row {
-        length_m,
-        radius_m,
-        angle_rad,
-        contraction_m,
-        jacobian_m_per_rad,
-        torque_nm_per_n,
-    };
-    numbers.map(row).collect()
+    reader.deserialize().map(Result::unwrap).collect()
 }
 
 /// Strings of the row on rigid rods of this span.

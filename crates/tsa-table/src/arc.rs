@@ -5,7 +5,24 @@
 //! 1/F of a light load nor the power or logarithm of the radius law, and its square is smoother still:
 //! G² ≈ L0² − (D + a)². So G² is a short polynomial in F and a on each of a few ranges of the load.
 
-use crate::point::Point;
+/// The mechanism at a load and a twist.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Point {
+    /// Gap G between the clamps (m).
+    pub gap_m: f32,
+    /// ∂G/∂θ at constant load (m/rad), negative.
+    pub dgap_dtwist_m_per_rad: f32,
+    /// ∂G/∂F at constant twist (m/N), positive.
+    pub dgap_dload_m_per_n: f32,
+}
+
+impl Point {
+    /// TR = −1/(∂G/∂θ) (rad/m), eq. 29.
+    #[inline]
+    pub fn tr_rad_per_m(&self) -> f32 {
+        -1.0 / self.dgap_dtwist_m_per_rad
+    }
+}
 
 /// Name of this form of table in messages and reports.
 pub const FORM: &str = "arc-series";
@@ -252,8 +269,7 @@ fn evaluate<const ROWS: usize, const COLUMNS: usize>(series: &ArcSeries<'_>, loa
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::arc_growth::arc_at;
-    use crate::reference_f64;
+    use crate::arc_growth::{self, arc_at};
     use std::f64::consts::PI;
 
     /// Each power of the twist adds about 1 mm at 20 rad.
@@ -340,7 +356,7 @@ mod tests {
                 assert!(close(found, expected, 3e-5), "{found} {expected} at {load_n} N, {twist_rad} rad");
             }
             assert!(close(f64::from(p.tr_rad_per_m()), -1.0 / expected[1], 3e-5));
-            let [gap_m, by_twist] = reference_f64::evaluate(&series(), load_n, twist_rad);
+            let [gap_m, by_twist] = arc_growth::evaluate(&series(), load_n, twist_rad);
             assert!(close(gap_m, expected[0], 1e-12) && close(by_twist, expected[1], 1e-6), "{gap_m} {by_twist}");
         }
     }

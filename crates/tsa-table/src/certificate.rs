@@ -1,10 +1,10 @@
 //! The certificate of a table: its errors at random points off any grid, and at the worst point that a search finds.
 
+use crate::arc_growth;
 use crate::demand::FitError;
 use crate::errors::{Errors, error_at, errors_over};
 use crate::record::is_monotone;
 use crate::reference::{Exact, Reference};
-use crate::reference_f64;
 use crate::table::Table;
 use rand::{RngExt, SeedableRng};
 
@@ -50,7 +50,7 @@ fn rounding(table: &Table<'_>, at: &[Exact]) -> Rounding {
     for e in at {
         let (load, twist) = (e.load_n as f32, e.twist_rad as f32);
         let single = table.point_inside(load, twist);
-        let [gap, slope] = reference_f64::evaluate(&table.series, f64::from(load), f64::from(twist));
+        let [gap, slope] = arc_growth::evaluate(&table.series, f64::from(load), f64::from(twist));
         worst.arithmetic_m = worst.arithmetic_m.max((f64::from(single.gap_m) - gap).abs());
         worst.tr_arithmetic = worst.tr_arithmetic.max((f64::from(single.dgap_dtwist_m_per_rad) / slope - 1.0).abs());
         let half = 0.5 * f64::from(f32::EPSILON);
@@ -162,32 +162,19 @@ fn climb(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::table::Metadata;
-    use crate::{ArcSeries, Growth, Patch, Shape};
-
-    const PATCHES: [Patch; 1] = [Patch { load_max_n: 16.0, centre: [8.0, 0.02] }];
-
-    /// A table with these coefficients: the last one is G² in the middle (m²).
-    fn table(coefficients: &[f32; 6]) -> Table<'_> {
-        let metadata = Metadata::EXAMPLE;
-        let growth = Growth { per_load_m_n: 2e-4, powers: [0.0, 0.0, 0.0, 0.0, 0.0, 5e-4], per_log_m: 0.0 };
-        let shape = Shape::of(2, 3).unwrap();
-        Table { metadata, series: ArcSeries { growth, shape, patches: &PATCHES, coefficients }, crc: 0 }
-    }
-
-    const GOOD: [f32; 6] = [0.0, -1.0, 0.0, -0.06, 5e-5, 0.0085];
+    use crate::table::example::{COEFFICIENTS, PATCHES, table};
 
     #[test]
     fn the_gap_is_the_integral_of_its_slope_up_to_rounding() {
-        let closure_m = closure(&table(&GOOD));
+        let closure_m = closure(&table(&PATCHES, &COEFFICIENTS));
         assert!(closure_m > 1e-9 && closure_m < 2e-7, "{closure_m:e} m");
     }
 
     #[test]
     fn rounding_is_that_of_the_arithmetic_and_of_half_a_unit_in_the_last_place_of_the_inputs() {
-        let t = table(&GOOD);
+        let t = table(&PATCHES, &COEFFICIENTS);
         let state = |load_n, twist_rad| Exact { load_n, twist_rad, gap_m: 0.0, by_twist: 0.0, start_gap_m: 0.0 };
-        let gap = |load_n, twist_rad| reference_f64::evaluate(&t.series, load_n, twist_rad)[0];
+        let gap = |load_n, twist_rad| arc_growth::evaluate(&t.series, load_n, twist_rad)[0];
         let inputs = |load: f64, twist: f64| {
             let by_load = (gap(load * 1.0001, twist) - gap(load * 0.9999, twist)) / 0.0002;
             let by_twist = (gap(load, twist * 1.0001) - gap(load, twist * 0.9999)) / 0.0002;

@@ -1,4 +1,4 @@
-//! A table written out as Rust source, bit for bit.
+//! A table written out as Rust source, bit for bit: at its start the board compares the checksum, which covers every number.
 
 use crate::arc::FORM;
 use crate::fit::Fit;
@@ -72,43 +72,4 @@ pub fn table_source(name: &str, doc: &str, table: &OwnedTable) -> String {
         coefficients = floats(&numbers.coefficients),
         crc = table.crc,
     )
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::owned::OwnedSeries;
-    use crate::{Growth, Metadata, Patch, Shape};
-
-    #[test]
-    fn every_number_is_written_by_its_bits_in_its_place() {
-        assert_eq!(floats(&[1.0, -0.5]), "f32::from_bits(0x3f800000), f32::from_bits(0xbf000000)");
-        let metadata = Metadata { scene_hash: 0xabcd, generator_version: 4, ..Metadata::EXAMPLE };
-        let numbers = OwnedSeries {
-            growth: Growth { per_load_m_n: 2e-4, powers: [1.0, 2.0, 3.0, 4.0, 5.0, 6.0], per_log_m: 7.0 },
-            shape: Shape::of(2, 3).unwrap(),
-            patches: vec![Patch { load_max_n: 16.0, centre: [8.0, 0.02] }],
-            coefficients: vec![0.0, -1.0, 0.0, -0.06, 5e-5, 0.0085],
-        };
-        assert_eq!((numbers.size().as_str(), numbers.bytes()), ("1 ranges of 2x3 coefficients", 32 + 12 + 24));
-        let source =
-            table_source("OTHER", "What it is.", &OwnedTable { metadata, numbers: numbers.clone(), crc: 0x77 });
-        assert!(source.starts_with("/// What it is.\npub static OTHER: tsa_table::Table<'static> = "));
-        for part in [
-            format!("load_min_n: {}, load_max_n: {}, twist_min_rad: {}", float(1.0), float(16.0), float(3.0)),
-            format!("contraction_error_m: {}, tr_relative_error: {}", float(5e-6), float(2e-3)),
-            "scene_hash: 0x0000abcd, generator_version: 4".into(),
-            format!("powers: [{}], per_log_m: {} }}", floats(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]), float(7.0)),
-            "shape: tsa_table::Shape::of(2, 3).unwrap()".into(),
-            format!(
-                "patches: &[tsa_table::Patch {{ load_max_n: {}, centre: [{}] }}]",
-                float(16.0),
-                floats(&[8.0, 0.02])
-            ),
-            format!("coefficients: &[{}]", floats(&numbers.coefficients)),
-            "crc: 0x00000077".into(),
-        ] {
-            assert!(source.contains(&part), "{part} is not in {source}");
-        }
-    }
 }

@@ -1,7 +1,7 @@
 //! Errors of a lookup against the solver.
 
+use crate::arc::Point;
 use crate::demand::Accuracy;
-use crate::point::Point;
 use crate::reference::Exact;
 use tsa_model::PRETWIST_RAD;
 

@@ -77,18 +77,11 @@ pub struct Fit {
 /// in every table than its own points show, as with a measured correction that bends at the edge of its data.
 const FITTED_SHARES: [f64; 2] = [1.0, 0.5];
 
-/// Fits, chooses and certifies a table of the mechanism.
+/// Fits, chooses and certifies a table of the mechanism by a tier of the model, which also judges it: a cheaper one than
+/// the full shows what control by it would be like.
 ///
 /// # Errors
 /// [`FitError`]: the first point at which the envelope breaks the model, or an accuracy out of reach.
-pub fn fit(mechanism: &Mechanism, demand: &Demand) -> Result<Fit, FitError> {
-    fit_tier(mechanism, demand, Tier::Full)
-}
-
-/// The same from a cheaper model, by which it is then also judged: shows what control by that model would be like.
-///
-/// # Errors
-/// As [`fit`].
 pub fn fit_tier(mechanism: &Mechanism, demand: &Demand, tier: Tier) -> Result<Fit, FitError> {
     let reference = Reference::new(mechanism, tier, demand);
     let accuracy = &demand.accuracy;

@@ -122,19 +122,12 @@ impl Table<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::table::Metadata;
-    use crate::{ArcSeries, Growth, Patch, Shape};
+    use crate::table::example::{COEFFICIENTS, METADATA, PATCHES};
     use std::cell::Cell;
 
-    const PATCHES: [Patch; 1] = [Patch { load_max_n: 16.0, centre: [8.0, 0.02] }];
-    /// G² falls with the arc, the faster the greater it is, as that of strings does.
-    const COEFFICIENTS: [f32; 6] = [0.0, -1.0, 0.0, -0.06, 5e-5, 0.0085];
-
     fn table() -> Table<'static> {
-        let metadata = Metadata { twist_max_rad: 80.0, ..Metadata::EXAMPLE };
-        let growth = Growth { per_load_m_n: 2e-4, powers: [0.0, 0.0, 0.0, 0.0, 0.0, 5e-4], per_log_m: 0.0 };
-        let shape = Shape::of(2, 3).unwrap();
-        Table { metadata, series: ArcSeries { growth, shape, patches: &PATCHES, coefficients: &COEFFICIENTS }, crc: 0 }
+        let metadata = crate::Metadata { twist_max_rad: 80.0, ..METADATA };
+        Table { metadata, ..crate::table::example::table(&PATCHES, &COEFFICIENTS) }
     }
 
     /// Lookups of the search for a gap, and where it ends.
@@ -163,23 +156,6 @@ mod tests {
                 let off_m = (found - twist_rad) * point.dgap_dtwist_m_per_rad;
                 assert!(off_m.abs() < 5e-7, "{off_m:e} m at {load_n} N, {twist_rad} rad");
             }
-        }
-    }
-
-    #[test]
-    fn the_second_step_is_exact_where_the_twist_is_a_cubic_of_the_gap() {
-        let twist = |gap: f32| 20.0 - 200.0 * gap + 800.0 * gap * gap - 9000.0 * gap * gap * gap;
-        let slope = |gap: f32| -200.0 + 1600.0 * gap - 27000.0 * gap * gap;
-        let trial = |gap_m| Trial { twist_rad: twist(gap_m), gap_m, slope: slope(gap_m) };
-        for (first, second, wanted_m) in [(-0.05, 0.03, 0.01), (0.05, 0.03, 0.035), (0.04, -0.01, 0.02)] {
-            let (low, high) = (0.0, 60.0);
-            let mut search =
-                Search { gap_m: wanted_m, tolerance_m: 1e-7, low, high, untried: [true, true], last: None };
-            let newton = twist(first) + (wanted_m - first) * slope(first);
-            let next = search.after(trial(first)).unwrap();
-            assert!((next - newton).abs() < 1e-4, "{next} is not Newton's {newton}");
-            let next = search.after(trial(second)).unwrap();
-            assert!((next - twist(wanted_m)).abs() < 1e-4, "{next} is not {}", twist(wanted_m));
         }
     }
 

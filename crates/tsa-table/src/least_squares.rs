@@ -1,4 +1,4 @@
-//! Weighted least squares by the normal equations: small, without a heap, the same code on a desktop and on the board.
+//! Weighted least squares by the normal equations.
 
 /// Normal equations of a linear fit with up to N unknowns: Σ w² v vᵀ and Σ w² v t.
 #[derive(Clone)]

@@ -8,7 +8,7 @@
 //! - [`table`]: [`Table`], its metadata, forward lookup.
 //! - [`inverse`]: the twist from load and gap, in a bounded number of steps.
 //! - [`record`]: a table as bytes, on the link and in flash.
-//! - `least_squares`, [`patch_fit`], `arc_growth` (feature `std`): fitting.
+//! - `least_squares`, `patch_fit`, `arc_growth` (feature `std`): fitting.
 //! - [`demand`], [`mod@reference`], [`errors`], `patches`, [`certificate`], [`fit`] (feature `std`): what a table must
 //!   reach, the solver it is judged by, its candidates, its certificate, and the choice.
 //! - [`instruction_model`], [`emit`] (feature `std`): the predicted cost of a lookup, and the table as Rust source.
@@ -37,22 +37,18 @@ mod least_squares;
 #[cfg(feature = "std")]
 pub mod owned;
 #[cfg(feature = "std")]
-pub mod patch_fit;
+mod patch_fit;
 #[cfg(feature = "std")]
 mod patches;
-pub mod point;
 pub mod record;
 #[cfg(feature = "std")]
 pub mod reference;
-#[cfg(feature = "std")]
-mod reference_f64;
 pub mod table;
 
-pub use arc::{ArcSeries, FORM, Growth, Patch, Shape};
+pub use arc::{ArcSeries, FORM, Growth, Patch, Point, Shape};
 #[cfg(feature = "std")]
 pub use demand::{Accuracy, Demand};
 pub use inverse::InverseError;
-pub use point::Point;
 pub use table::{Metadata, OutOfRange, Table, Uncertainty};
 
 /// Version of the generator and of the format; part of every table's metadata.

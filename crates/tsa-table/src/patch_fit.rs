@@ -1,14 +1,11 @@
-//! Fitting one patch by least squares: on a desktop when the firmware is built, on the board after a calibration.
+//! Fitting one patch by least squares.
 
 use crate::arc::{MAX_COLUMNS, MAX_ROWS, Patch, Shape};
 use crate::least_squares::Normal;
 
-/// Most coefficients of a patch.
-pub const MAX_TERMS: usize = MAX_ROWS * MAX_COLUMNS;
-
 /// A solved state and its arc.
 #[derive(Clone, Copy, Debug)]
-pub struct Sample {
+pub(crate) struct Sample {
     /// Load (N).
     pub load_n: f64,
     /// Twist (rad).
@@ -23,11 +20,9 @@ pub struct Sample {
     pub by_twist: f64,
 }
 
-/// The equations of a patch with up to N coefficients: `columns` powers of the arc and as many powers of the load as
-/// fit.
-pub struct PatchFit<const N: usize> {
-    normal: Normal<N>,
-    columns: usize,
+/// The equations of a patch: products of Chebyshev polynomials, [`MAX_COLUMNS`] of the arc for each of the load.
+pub(crate) struct PatchFit {
+    normal: Normal<{ MAX_ROWS * MAX_COLUMNS }>,
     load_max_n: f32,
     centre: [f32; 2],
     half: [f64; 2],
@@ -65,55 +60,40 @@ fn powers_of_chebyshev(k: usize) -> [f64; MAX_COLUMNS] {
     current
 }
 
-impl<const N: usize> PatchFit<N> {
+impl PatchFit {
     /// A patch over these ranges of load (N) and arc (m); `tolerance` of gap (m) and TR (relative) weights the
     /// equations.
-    pub fn new(columns: usize, load_n: [f64; 2], arc_m: [f64; 2], tolerance: [f64; 2]) -> Self {
-        let (mut centre, mut half) = ([0.0; 2], [0.0; 2]);
-        for (k, [low, high]) in [load_n, arc_m].into_iter().enumerate() {
-            centre[k] = (0.5 * (low + high)) as f32;
-            half[k] = 0.5 * (high - low);
-        }
-        Self { normal: Normal::default(), columns, load_max_n: load_n[1] as f32, centre, half, tolerance }
+    pub(crate) fn new(load_n: [f64; 2], arc_m: [f64; 2], tolerance: [f64; 2]) -> Self {
+        let ranges = [load_n, arc_m];
+        let centre = ranges.map(|[low, high]| (0.5 * (low + high)) as f32);
+        let half = ranges.map(|[low, high]| 0.5 * (high - low));
+        Self { normal: Normal::default(), load_max_n: load_n[1] as f32, centre, half, tolerance }
     }
 
     /// Adds the equations of a state: its gap and its slope.
-    pub fn add(&mut self, s: &Sample) {
+    pub(crate) fn add(&mut self, s: &Sample) {
         let position = |k: usize, at: f64| (at - f64::from(self.centre[k])) / self.half[k];
         let (tx, _) = chebyshev::<MAX_ROWS>(position(0, s.load_n));
         let (ty, dy) = chebyshev::<MAX_COLUMNS>(position(1, s.arc_m));
         let by_arc = 2.0 * s.gap_m * s.by_twist / s.arc_by_twist;
         let weight = 0.5 / (s.gap_m * self.tolerance[0]);
         let slope_weight = 1.0 / (by_arc.abs() * self.tolerance[1]);
-        let (mut value, mut slope) = ([0.0; N], [0.0; N]);
-        for (k, (v, d)) in value.iter_mut().zip(&mut slope).enumerate() {
-            let (i, j) = (k / self.columns, k % self.columns);
-            if i >= MAX_ROWS {
-                break;
-            }
-            *v = weight * tx[i] * ty[j];
-            *d = slope_weight / self.half[1] * tx[i] * dy[j];
-        }
+        let place = |k: usize| (k / MAX_COLUMNS, k % MAX_COLUMNS);
+        let value = std::array::from_fn(|k| weight * tx[place(k).0] * ty[place(k).1]);
+        let slope = std::array::from_fn(|k| slope_weight / self.half[1] * tx[place(k).0] * dy[place(k).1]);
         self.normal.add(&value, weight * s.gap_m * s.gap_m);
         self.normal.add(&slope, slope_weight * by_arc);
     }
 
-    /// Solves for the patch of this shape and writes its coefficients to `out` in the order of their evaluation. `None`
-    /// if the states do not determine them or the sizes do not fit.
-    pub fn solve(&self, shape: Shape, out: &mut [f32]) -> Option<Patch> {
+    /// The patch of this shape and its coefficients in the order of their evaluation. `None` if the states do not
+    /// determine them.
+    pub(crate) fn solve(&self, shape: Shape) -> Option<(Patch, Vec<f32>)> {
         let [rows, columns] = [shape.rows, shape.columns].map(usize::from);
-        if rows > MAX_ROWS || columns > self.columns || rows * self.columns > N {
-            return None;
-        }
-        let mut kept = heapless::Vec::<usize, N>::new();
-        for k in 0..rows * columns {
-            kept.push(k / columns * self.columns + k % columns).ok()?;
-        }
+        let kept: Vec<usize> = (0..rows * columns).map(|k| k / columns * MAX_COLUMNS + k % columns).collect();
         let solution = self.normal.solve(&kept)?;
-        let out = out.get_mut(..rows * columns)?;
         // From Chebyshev polynomials on [−1, 1] to powers of the offsets in N and m.
         let scale = |k: usize, power: usize| libm::pow(self.half[k], -(power as f64));
-        for (at, c) in out.iter_mut().enumerate() {
+        let coefficient = |at: usize| {
             let (j, i) = (columns - 1 - at / rows, rows - 1 - at % rows);
             let mut sum = 0.0;
             for a in i..rows {
@@ -122,9 +102,10 @@ impl<const N: usize> PatchFit<N> {
                     sum += solution[a * columns + b] * along * powers_of_chebyshev(b)[j];
                 }
             }
-            *c = (sum * scale(0, i) * scale(1, j)) as f32;
-        }
-        Some(Patch { load_max_n: self.load_max_n, centre: self.centre })
+            (sum * scale(0, i) * scale(1, j)) as f32
+        };
+        let patch = Patch { load_max_n: self.load_max_n, centre: self.centre };
+        Some((patch, (0..rows * columns).map(coefficient).collect()))
     }
 }
 
@@ -179,11 +160,9 @@ mod tests {
     }
 
     fn fitted(shape: Shape, states: &[Sample], tolerance: [f64; 2]) -> (Patch, Vec<f32>) {
-        let mut fit = PatchFit::<MAX_TERMS>::new(MAX_COLUMNS, LOADS_N, ARCS_M, tolerance);
+        let mut fit = PatchFit::new(LOADS_N, ARCS_M, tolerance);
         states.iter().for_each(|s| fit.add(s));
-        let mut coefficients = vec![0.0; shape.terms()];
-        let patch = fit.solve(shape, &mut coefficients).unwrap();
-        (patch, coefficients)
+        fit.solve(shape).unwrap()
     }
 
     #[test]
@@ -235,19 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_fit_or_is_not_determined_is_none() {
-        let states = states(|load, arc| 0.1 + 1e-3 * load - arc);
-        let solve = |columns: usize, shape: Shape, room: usize| {
-            let mut fit = PatchFit::<12>::new(columns, LOADS_N, ARCS_M, [1e-6, 1e-3]);
-            states.iter().for_each(|s| fit.add(s));
-            fit.solve(shape, &mut vec![0.0; room])
-        };
-        let shape = |rows, columns| Shape::of(rows, columns).unwrap();
-        assert!(solve(4, shape(3, 4), 12).is_some() && solve(4, shape(2, 3), 6).is_some());
-        assert!(solve(4, shape(2, 5), 12).is_none(), "more powers of the arc than equations have");
-        assert!(solve(4, shape(4, 3), 12).is_none(), "more terms than there is room for");
-        assert!(solve(4, shape(3, 4), 11).is_none(), "no room for the result");
-        let empty = PatchFit::<12>::new(4, LOADS_N, ARCS_M, [1e-6, 1e-3]);
-        assert!(empty.solve(shape(2, 2), &mut [0.0; 4]).is_none());
+    fn what_is_not_determined_is_none() {
+        assert!(PatchFit::new(LOADS_N, ARCS_M, [1e-6, 1e-3]).solve(Shape::of(2, 2).unwrap()).is_none());
     }
 }

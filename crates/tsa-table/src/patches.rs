@@ -4,7 +4,7 @@ use crate::arc::{ArcSeries, Growth, MAX_COLUMNS, MAX_ROWS, Patch, Shape};
 use crate::arc_growth::{arc_at, growth};
 use crate::demand::{Accuracy, FitError};
 use crate::owned::OwnedSeries;
-use crate::patch_fit::{MAX_TERMS, PatchFit, Sample};
+use crate::patch_fit::{PatchFit, Sample};
 use crate::reference::{Exact, Reference};
 use std::collections::BTreeMap;
 
@@ -49,10 +49,7 @@ fn grid(reference: &Reference<'_>, cut: &dyn Fn(f64) -> f64, check: bool) -> Res
 }
 
 /// A patch and its coefficients.
-struct Fitted {
-    patch: Patch,
-    coefficients: Vec<f32>,
-}
+type Fitted = (Patch, Vec<f32>);
 
 /// The solved states, cut by cut, and the equations of every range of cuts tried so far.
 pub(crate) struct Ranges {
@@ -61,7 +58,7 @@ pub(crate) struct Ranges {
     checks: Vec<Vec<Sample>>,
     cuts: Vec<f64>,
     tolerance: [f64; 2],
-    equations: BTreeMap<[usize; 2], PatchFit<MAX_TERMS>>,
+    equations: BTreeMap<[usize; 2], PatchFit>,
 }
 
 impl Ranges {
@@ -128,7 +125,7 @@ impl Ranges {
     }
 
     fn series(&self, shape: Shape, all: Vec<Fitted>) -> OwnedSeries {
-        let (patches, coefficients): (Vec<_>, Vec<_>) = all.into_iter().map(|f| (f.patch, f.coefficients)).unzip();
+        let (patches, coefficients): (Vec<_>, Vec<_>) = all.into_iter().unzip();
         OwnedSeries { growth: self.growth, shape, patches, coefficients: coefficients.concat() }
     }
 
@@ -142,20 +139,18 @@ impl Ranges {
         if !self.equations.contains_key(&range) {
             let arcs = || self.states(range).map(|s| s.arc_m);
             let arc_m = [arcs().fold(f64::INFINITY, f64::min), arcs().fold(f64::NEG_INFINITY, f64::max)];
-            let mut new = PatchFit::new(MAX_COLUMNS, range.map(|k| self.cuts[k]), arc_m, self.tolerance);
+            let mut new = PatchFit::new(range.map(|k| self.cuts[k]), arc_m, self.tolerance);
             self.fits[range[0]..range[1]].iter().flatten().for_each(|s| new.add(s));
             self.equations.insert(range, new);
         }
-        let mut coefficients = vec![0.0; shape.terms()];
-        let patch = self.equations.get(&range)?.solve(shape, &mut coefficients)?;
-        Some(Fitted { patch, coefficients })
+        self.equations.get(&range)?.solve(shape)
     }
 
     /// The patch over a range of cuts, if it meets the accuracy at every state there.
     fn accurate(&mut self, range: [usize; 2], shape: Shape) -> Option<Fitted> {
         let fitted = self.fitted(range, shape)?;
-        let (patches, coefficients) = (&[fitted.patch], fitted.coefficients.as_slice());
-        let series = ArcSeries { growth: self.growth, shape, patches, coefficients };
+        let (patch, coefficients) = &fitted;
+        let series = ArcSeries { growth: self.growth, shape, patches: &[*patch], coefficients };
         let good = |s: &Sample| {
             let at = series.evaluate(s.load_n as f32, s.twist_rad as f32);
             let tr = s.by_twist / f64::from(at.dgap_dtwist_m_per_rad) - 1.0;

@@ -195,17 +195,7 @@ pub(crate) fn is_monotone(table: &Table<'_>, intervals: u8) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    const PATCHES: [Patch; 1] = [Patch { load_max_n: 16.0, centre: [8.0, 0.02] }];
-    const GOOD: [f32; 6] = [0.0, -1.0, 0.0, -0.06, 5e-5, 0.0085];
-
-    /// A table with these coefficients: the last one is G² in the middle (m²).
-    fn table<'a>(patches: &'a [Patch], coefficients: &'a [f32]) -> Table<'a> {
-        let growth = Growth { per_load_m_n: 2e-4, powers: [0.0, 0.0, 0.0, 0.0, 0.0, 5e-4], per_log_m: 0.0 };
-        let series = ArcSeries { growth, shape: Shape::of(2, 3).unwrap(), patches, coefficients };
-        let table = Table { metadata: Metadata::EXAMPLE, series, crc: 0 };
-        Table { crc: table.checksum(), ..table }
-    }
+    use crate::table::example::{COEFFICIENTS, PATCHES, table};
 
     fn record(table: &Table<'_>) -> Vec<u8> {
         let mut out = [0; RECORD_MAX];
@@ -215,7 +205,7 @@ mod tests {
 
     #[test]
     fn a_record_is_read_back_bit_for_bit() {
-        let table = table(&PATCHES, &GOOD);
+        let table = table(&PATCHES, &COEFFICIENTS);
         let bytes = record(&table);
         let read = StoredTable::read(&bytes).unwrap();
         assert_eq!(Some(&read), StoredTable::of(&table).as_ref());
@@ -224,7 +214,7 @@ mod tests {
 
     #[test]
     fn a_record_that_is_damaged_anywhere_cut_or_too_long_is_refused() {
-        let bytes = record(&table(&PATCHES, &GOOD));
+        let bytes = record(&table(&PATCHES, &COEFFICIENTS));
         // The fourth byte is not used.
         for place in (0..bytes.len()).filter(|place| *place != 3) {
             let mut broken = bytes.clone();
@@ -240,7 +230,7 @@ mod tests {
 
     #[test]
     fn a_table_of_another_version_without_a_range_or_not_monotone_is_refused_although_intact() {
-        let good = table(&PATCHES, &GOOD);
+        let good = table(&PATCHES, &COEFFICIENTS);
         let changed = |change: fn(&mut Metadata)| {
             let mut table = good;
             change(&mut table.metadata);
@@ -277,7 +267,7 @@ mod tests {
         assert!(StoredTable::of(&table(&patches, &coefficients)).is_none());
         let none = StoredTable::copy_of(&table(&patches, &coefficients));
         assert!(!none.table().is_intact() && none.table().point_inside(5.0, 10.0).gap_m.is_nan());
-        assert!(StoredTable::copy_of(&table(&PATCHES, &GOOD)).table().is_intact());
-        assert!(table(&PATCHES, &GOOD).write(&mut [0; 80]).is_none());
+        assert!(StoredTable::copy_of(&table(&PATCHES, &COEFFICIENTS)).table().is_intact());
+        assert!(table(&PATCHES, &COEFFICIENTS).write(&mut [0; 80]).is_none());
     }
 }

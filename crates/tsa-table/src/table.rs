@@ -1,7 +1,6 @@
 //! A table with its metadata, and the forward lookup.
 
-use crate::arc::ArcSeries;
-use crate::point::Point;
+use crate::arc::{ArcSeries, Point};
 
 /// What a table covers and how good it is. The generator writes it with the numbers; a consumer repeats none of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -178,10 +177,13 @@ impl Table<'_> {
     }
 }
 
+/// A table for the tests of this crate.
 #[cfg(test)]
-impl Metadata {
-    /// For the tests of this crate.
-    pub(crate) const EXAMPLE: Self = Self {
+pub(crate) mod example {
+    use super::*;
+    use crate::arc::{Growth, Patch, Shape};
+
+    pub(crate) const METADATA: Metadata = Metadata {
         load_min_n: 1.0,
         load_max_n: 16.0,
         twist_min_rad: 3.0,
@@ -192,6 +194,17 @@ impl Metadata {
         scene_hash: 0,
         generator_version: crate::GENERATOR_VERSION,
     };
+    pub(crate) const PATCHES: [Patch; 1] = [Patch { load_max_n: 16.0, centre: [8.0, 0.02] }];
+    /// G² falls with the arc, the faster the greater it is, as that of strings does; the last one is G² in the middle (m²).
+    pub(crate) const COEFFICIENTS: [f32; 6] = [0.0, -1.0, 0.0, -0.06, 5e-5, 0.0085];
+
+    /// Of two powers of the load and three of the arc.
+    pub(crate) fn table<'a>(patches: &'a [Patch], coefficients: &'a [f32]) -> Table<'a> {
+        let growth = Growth { per_load_m_n: 2e-4, powers: [0.0, 0.0, 0.0, 0.0, 0.0, 5e-4], per_log_m: 0.0 };
+        let series = ArcSeries { growth, shape: Shape::of(2, 3).unwrap(), patches, coefficients };
+        let table = Table { metadata: METADATA, series, crc: 0 };
+        Table { crc: table.checksum(), ..table }
+    }
 }
 
 #[cfg(test)]
@@ -207,7 +220,7 @@ mod tests {
 
     /// A table of the arc a = 1 mm · θ/F + 0.4 mm · θ.
     fn table() -> Table<'static> {
-        let metadata = Metadata { twist_max_rad: 40.0, scene_hash: 0x1234_5678, ..Metadata::EXAMPLE };
+        let metadata = Metadata { twist_max_rad: 40.0, scene_hash: 0x1234_5678, ..example::METADATA };
         let growth = Growth { per_load_m_n: 1e-3, powers: [0.0, 0.0, 0.0, 0.0, 0.0, 4e-4], per_log_m: 0.0 };
         let shape = Shape::of(2, 2).unwrap();
         let series = ArcSeries { growth, shape, patches: &PATCHES, coefficients: &COEFFICIENTS };

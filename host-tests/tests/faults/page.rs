@@ -56,7 +56,11 @@ fn is_tested(cell: &str, fault: Fault, fires: bool) -> bool {
     }
     let Some(named) = cell.strip_prefix('`').and_then(|rest| rest.split('`').next()) else { return false };
     if let Some((file, name)) = named.split_once("::") {
-        let source = read(&format!("host-tests/tests/{file}.rs"));
+        // Of rig-control where it says so, else of host-tests.
+        let source = match file.strip_prefix("rig-control/") {
+            Some(file) => read(&format!("crates/rig-control/tests/{file}.rs")),
+            None => read(&format!("host-tests/tests/{file}.rs")),
+        };
         return item(&source, name).is_some_and(|body| body.contains(&format!("Fault::{fault:?}")));
     }
     let tests = read("crates/rigctl/tests/faults.rs");

@@ -8,8 +8,7 @@ use core::hint::black_box;
 use defmt_rtt as _;
 use panic_probe as _;
 use rival_methods::Method;
-use tsa_model::scalar::Single;
-use tsa_model::{Mechanism, Parameters, Tier};
+use tsa_model::{Mechanism, Tier};
 use tsa_table::Point;
 
 #[allow(missing_docs, reason = "generated")]
@@ -125,7 +124,6 @@ unsafe extern "C" {
 #[cortex_m_rt::entry]
 fn main() -> ! {
     let mechanism = Mechanism::of(tables::PARAMETERS);
-    let single = Mechanism::of(Parameters::<Single>::constant(&tables::PARAMETERS));
     for load in LOADS_N {
         for twist in TWISTS_RAD {
             let (load, twist) = (black_box(load), black_box(twist));
@@ -143,7 +141,6 @@ fn main() -> ! {
                 cost_hermite(load, twist).gap_m,
                 cost_bilinear(load, twist).gap_m,
                 cost_interpn(load, twist),
-                cost_full_single(&single, f, t),
                 cost_sqrt_micromath(load),
                 cost_sqrt_libm(load),
                 cost_sqrt_fpu(load),

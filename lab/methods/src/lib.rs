@@ -22,7 +22,7 @@ mod shooting;
 
 use tsa_model::helix::State;
 use tsa_model::quadrature::MAX_NODES;
-use tsa_model::scalar::Scalar;
+use tsa_model::scalar::{PRECISION, Scalar};
 use tsa_model::{Equilibrium, Mechanism, SolveError};
 
 pub use collocation::MAX_INTERVALS;
@@ -139,12 +139,12 @@ impl Method {
             #[cfg(feature = "ode")]
             Self::AdaptiveShooting { tolerance } => {
                 let mut rod = |force| adaptive::respond(m.rod(), force, tolerance, &mut evaluations);
-                let found = m.balance(&state()?, None, tolerance.max(f64::PRECISION), &mut rod)?;
+                let found = m.balance(&state()?, None, tolerance.max(PRECISION), &mut rod)?;
                 Equilibrium { evaluations, ..found }
             }
             Self::Collocation { intervals, tolerance } => {
                 let mut rod = |force| collocation::respond(m.rod(), force, intervals, tolerance, &mut evaluations);
-                let found = m.balance(&state()?, None, tolerance.max(f64::PRECISION), &mut rod)?;
+                let found = m.balance(&state()?, None, tolerance.max(PRECISION), &mut rod)?;
                 Equilibrium { evaluations, ..found }
             }
         };

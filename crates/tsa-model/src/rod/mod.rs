@@ -16,7 +16,7 @@ mod shape;
 use crate::error::SolveError;
 use crate::material::FIT_RANGE;
 use crate::quadrature::{LEVELS, Rule};
-use crate::scalar::Scalar;
+use crate::scalar::{RESIDUAL, Scalar};
 use crate::section::{Section, Strain};
 
 /// Force on the tip of half a rod (N): `inward` compresses (Px ≥ 0), `sideways` bends (Py > 0), eq. 11.
@@ -108,7 +108,7 @@ impl<T: Scalar> RodResponse<T> {
 }
 
 /// The model of the rod.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RodModel {
     /// Stretch and the whole stress–strain law.
     Full,
@@ -116,22 +116,6 @@ pub enum RodModel {
     Inextensible,
     /// No stretch and a straight-line law: Euler's elastica.
     Elastica,
-    /// No stretch and Ludwick's law, M = ¼ AER (κR)^exponent: for comparison with published rods.
-    PowerLaw {
-        /// Above 0, at most 1.
-        exponent: f64,
-    },
-}
-
-impl RodModel {
-    /// κ grows from the tip like h^(2/(m+1)) under a power law, so that dψ/κ is not smooth in h: with h = S t^q it is
-    /// t^15 and smoother. For every other law q = 1.
-    fn grading(self) -> f64 {
-        match self {
-            Self::PowerLaw { exponent: m } => 8.0 * (m + 1.0) / m,
-            _ => 1.0,
-        }
-    }
 }
 
 /// Half a rod.
@@ -289,8 +273,8 @@ impl<T: Scalar> Rod<T> {
             }
             let newton = amplitude - error * self.length_m / shape.length.by_amplitude;
             let inside = newton.value() > low && newton.value() < high;
-            let settled =
-                (newton - amplitude).value().abs() <= 5.0 * T::EPSILON * high || error.value().abs() < 5.0 * T::EPSILON;
+            let settled = (newton - amplitude).value().abs() <= 5.0 * f64::EPSILON * high
+                || error.value().abs() < 5.0 * f64::EPSILON;
             if settled {
                 if left == 0 {
                     break;
@@ -315,7 +299,7 @@ impl<T: Scalar> Rod<T> {
             let (amplitude, _, steps) = self.amplitude(force, &pair[0])?;
             total += steps;
             let finer = self.shape(force, amplitude, &pair[1], true)?;
-            if ((finer.length.value / self.length_m).value() - 1.0).abs() < T::RESIDUAL {
+            if ((finer.length.value / self.length_m).value() - 1.0).abs() < RESIDUAL {
                 return Ok((self.response(force, amplitude, &finer), pair[1].count(), total));
             }
         }

@@ -6,16 +6,13 @@
 
 use super::{Rod, RodModel};
 use crate::error::SolveError;
-use crate::scalar::Scalar;
+use crate::scalar::{LAST_STEP_TOLERANCE, Scalar};
 use crate::section::{Strain, singular};
 
 /// How a section is solved.
 enum Law {
     /// In closed form.
     Straight,
-    Power {
-        exponent: f64,
-    },
     Polynomial,
 }
 
@@ -66,7 +63,6 @@ impl<T: Scalar> Sections<T> {
     pub fn new(rod: &Rod<T>, tip_force: T, exact: bool) -> Result<Self, SolveError> {
         let full = rod.model == RodModel::Full;
         let law = match rod.model {
-            RodModel::PowerLaw { exponent } => Law::Power { exponent },
             RodModel::Elastica => Law::Straight,
             _ if rod.section.is_straight() => Law::Straight,
             RodModel::Full | RodModel::Inextensible => Law::Polynomial,
@@ -84,7 +80,6 @@ impl<T: Scalar> Sections<T> {
     pub fn next(&mut self, x: T) -> Result<Solved<T>, SolveError> {
         match self.law {
             Law::Straight => Ok(self.straight(x)),
-            Law::Power { exponent } => Ok(self.power(x, exponent)),
             Law::Polynomial => self.polynomial(x),
         }
     }
@@ -104,24 +99,6 @@ impl<T: Scalar> Sections<T> {
             ratio_by_tip: over * self.axial,
             stretch_by_tip: T::of(self.axial),
             stretch_by_x: T::of(-self.axial),
-        }
-    }
-
-    /// κM − W = m/(m+1) κM under a power law, so that (κR)² = (4 (m+1)/m x)^(2/(m+1)).
-    fn power(&mut self, x: T, exponent: f64) -> Solved<T> {
-        self.evaluations += 1;
-        let power = 2.0 / (exponent + 1.0);
-        let bending_squared = (x * (8.0 / (2.0 - power))).powf(T::of(power));
-        let zero = T::of(0.0);
-        Solved {
-            strain: Strain { axial: zero, bending_squared },
-            stretch: zero,
-            less_stretch: zero,
-            ratio: bending_squared / x,
-            growth: T::of(power),
-            ratio_by_tip: zero,
-            stretch_by_tip: zero,
-            stretch_by_x: zero,
         }
     }
 
@@ -211,10 +188,10 @@ impl<T: Scalar> Sections<T> {
             y += dy;
             self.evaluations += 1;
             let size = dy.value().abs().max(de.value().abs());
-            if !leaves && size <= T::LAST_STEP_TOLERANCE * y.value() {
+            if !leaves && size <= LAST_STEP_TOLERANCE * y.value() {
                 if left == 0 {
                     // After a step of rounding the derivatives are as good as after another one.
-                    if !self.exact || T::EXTRA_STEPS == 0 && size <= 4.0 * T::EPSILON * y.value() {
+                    if !self.exact || T::EXTRA_STEPS == 0 && size <= 4.0 * f64::EPSILON * y.value() {
                         return Ok(self.solved(x, (d, y), &now, over));
                     }
                     settled = true;

@@ -35,14 +35,7 @@ impl<T: Scalar> Rod<T> {
         let (mut length, mut length_by_p, mut length_by_drop) = (zero, zero, zero);
         let (mut along, mut along_by_p, mut along_by_drop) = (zero, zero, zero);
         let (mut length_by_h, mut along_by_h) = (zero, zero);
-        let grading = self.model.grading();
-        for (node, share) in rule.iter() {
-            let (t, weight) = if grading == 1.0 {
-                (node, share)
-            } else {
-                let t = Scalar::powf(node, grading);
-                (t, share * grading * t / node)
-            };
+        for (t, weight) in rule.iter() {
             let g = (amplitude * t).sinh_squared();
             let x = drop * g;
             let s = sections.next(x)?;
@@ -75,7 +68,6 @@ impl<T: Scalar> Rod<T> {
         let bending = clamp.strain.bending_squared.sqrt();
         // The moment over A·E·R.
         let moment = match self.model {
-            RodModel::PowerLaw { exponent: m } => drop * growth * ((m + 1.0) / m) / bending,
             RodModel::Elastica => bending * 0.25,
             RodModel::Full | RodModel::Inextensible => self.section.moment(clamp.strain),
         };

@@ -20,7 +20,7 @@ use crate::error::SolveError;
 use crate::helix::State;
 use crate::mechanism::Mechanism;
 use crate::rod::{RodModel, RodResponse, TipForce};
-use crate::scalar::Scalar;
+use crate::scalar::{PRECISION, Scalar};
 
 /// A model of the rod, from cheap to full.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -143,7 +143,7 @@ impl Mechanism {
             Tier::Rigid | Tier::BeamColumn | Tier::PseudoRigid => {
                 let state = State::new(load_n, twist_rad)?;
                 let mut evaluations = 0;
-                let mut e = self.balance(&state, None, f64::PRECISION, &mut |force| {
+                let mut e = self.balance(&state, None, PRECISION, &mut |force| {
                     evaluations += 1;
                     self.closed(tier, force)
                 })?;

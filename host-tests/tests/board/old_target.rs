@@ -2,8 +2,9 @@
 //! may still hold one when the board no longer means it, on the emulated board: in the ten seconds after each, the drive
 //! turns the strings by nothing, whatever becomes of the load.
 
+use super::{go, stands};
 use host_tests::board::Bench;
-use rig_link::messages::{Fault, LoadChoice, Request, State};
+use rig_link::messages::{Fault, Request, State};
 use rig_plant::RigFault;
 
 /// A load that untwists the strings when nothing holds them, so that the old target is far away when the motor is back.
@@ -35,7 +36,7 @@ fn fault(b: &mut Bench, fault: RigFault, on: bool) {
 
 fn jogging(relay: Relay) -> Bench {
     let mut b = bench(relay, "12");
-    assert!(b.until(5.0, |b| b.state() == State::Unhomed), "{:?}", b.last);
+    stands(&mut b);
     b.prove();
     b.ask(&Request::Jog { twist_speed_rad_per_s: 3.0 }).unwrap();
     b.run(1.5);
@@ -70,13 +71,13 @@ const STATES: [Reach; 6] = [
     }),
     ("unhomed", || {
         let mut b = bench(Relay::Absent, "12");
-        assert!(b.until(5.0, |b| b.state() == State::Unhomed));
+        stands(&mut b);
         b
     }),
     ("jogging", || jogging(Relay::Absent)),
     ("homing", || {
         let mut b = bench(Relay::Slow, "12");
-        assert!(b.until(5.0, |b| b.state() == State::Unhomed));
+        stands(&mut b);
         b.ask(&Request::HOME).unwrap();
         b.run(3.0);
         assert_eq!(b.state(), State::Homing);
@@ -85,7 +86,7 @@ const STATES: [Reach; 6] = [
     ("a move", || {
         let mut b = bench(Relay::Absent, "5");
         b.home();
-        b.ask(&Request::Move { target_m: 0.008, speed_m_per_s: 0.002, load: LoadChoice::Auto }).unwrap();
+        b.ask(&go(0.008)).unwrap();
         b.run(2.0);
         assert_eq!(b.state(), State::Moving);
         b
@@ -187,23 +188,26 @@ fn a_board_that_restarts_beside_a_drive_that_goes_on_moves_nothing() {
 /// What becomes of the drive alone, and of the host.
 #[test]
 fn a_drive_that_restarts_and_a_host_that_vanishes_move_nothing() {
-    let mut b = jogging(Relay::Absent);
-    fault(&mut b, RigFault::DriveReset, true);
-    b.run(0.2);
-    let driven_rad = driven_in_ten_seconds(&mut b);
-    assert!(driven_rad < STILL_RAD, "drive's brown-out: {driven_rad} rad");
-
-    let mut b = jogging(Relay::Absent);
-    b.machine.board_mut().set_plant("supply_voltage", "0V").unwrap();
-    b.run(1.0);
-    b.machine.board_mut().set_plant("supply_voltage", "24V").unwrap();
-    let driven_rad = driven_in_ten_seconds(&mut b);
-    assert!(driven_rad < STILL_RAD, "drive restarted by hand: {driven_rad} rad");
-
-    let mut b = jogging(Relay::Absent);
-    b.heartbeat = false;
-    b.run(0.8);
-    assert_eq!(b.state(), State::Fault);
-    let driven_rad = driven_in_ten_seconds(&mut b);
-    assert!(driven_rad < STILL_RAD, "host gone: {driven_rad} rad");
+    let happens: [Happens; 3] = [
+        ("drive's brown-out", |b| {
+            fault(b, RigFault::DriveReset, true);
+            b.run(0.2);
+        }),
+        ("drive restarted by hand", |b| {
+            b.machine.board_mut().set_plant("supply_voltage", "0V").unwrap();
+            b.run(1.0);
+            b.machine.board_mut().set_plant("supply_voltage", "24V").unwrap();
+        }),
+        ("host gone", |b| {
+            b.heartbeat = false;
+            b.run(0.8);
+            assert_eq!(b.state(), State::Fault);
+        }),
+    ];
+    for (name, happens) in happens {
+        let mut b = jogging(Relay::Absent);
+        happens(&mut b);
+        let driven_rad = driven_in_ten_seconds(&mut b);
+        assert!(driven_rad < STILL_RAD, "{name}: {driven_rad} rad");
+    }
 }

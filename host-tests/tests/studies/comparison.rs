@@ -95,13 +95,3 @@ fn without_friction_the_ratio_is_worth_five_times_the_error() {
         assert!(theirs > 5.0 * ours, "{ours} against {theirs} of {law:?}");
     }
 }
-
-#[test]
-fn the_same_plants_give_the_same_figures() {
-    let scenarios = &scenario::comparison().unwrap()[1..2];
-    let run = || {
-        let comparison = Comparison::new(scenarios, &Kind::Random.list(1)).unwrap();
-        summaries(&comparison.play(Controller::Baseline(Law::Loop(LEAST_ERROR))))
-    };
-    assert_eq!(run(), run());
-}

@@ -1,0 +1,234 @@
+//! How well the load is known, and what must not go unreported: another load, a slip, friction that changes, a sensor
+//! that is far from its scene.
+
+use super::{Keys, homed, load_error, load_n, track};
+use host_tests::ControlBench;
+use host_tests::load_changes::homed_under;
+use host_tests::rigs::subject::Subject;
+use rig_control::limits::SPEED_MAX_M_PER_S;
+use rig_link::messages::{Doubt, Doubts, Fault, LoadChoice, Refusal, Request, State};
+use rig_plant::{RigFault, RigPreset};
+
+/// Constants 10 % off, one at a time and all together, with twice the usual friction.
+const PLANTS: [Keys; 12] = [
+    &[("k2_scale", "0.9")],
+    &[("k2_scale", "1.1")],
+    &[("k3_scale", "0.9")],
+    &[("k3_scale", "1.1")],
+    &[("k4_scale", "0.9")],
+    &[("k4_scale", "1.1")],
+    &[("stiffness_scale", "0.9")],
+    &[("stiffness_scale", "1.1")],
+    &[("modulus_scale", "0.9")],
+    &[("modulus_scale", "1.1")],
+    &[("k2_scale", "0.9"), ("k3_scale", "1.1"), ("stiffness_scale", "1.1"), ("modulus_scale", "0.9")],
+    &[("k2_scale", "1.1"), ("k3_scale", "0.9"), ("stiffness_scale", "0.9"), ("modulus_scale", "1.1")],
+];
+
+#[test]
+fn tracks_and_rests_and_weighs_on_plants_that_are_10_percent_off() {
+    let (mut covered, mut cases) = (0, 0);
+    for (seed, keys) in PLANTS.iter().enumerate() {
+        for (k, load) in ["0.1kg", "0.15kg", "0.5kg", "1.5kg"].iter().enumerate() {
+            // One constant alone: two of the loads, the others with its opposite.
+            if keys.len() == 1 && (seed + k) % 2 == 1 {
+                continue;
+            }
+            let mut d = homed(keys, load, "0.1", seed as u64);
+            for target in [0.012f32, 0.003, 0.011, 0.0] {
+                let apart = track(&mut d, target);
+                d.run(1.0);
+                let rest = d.true_position_m() - f64::from(target);
+                let stated_n = d.last.as_ref().unwrap().telemetry.load_error_n.unwrap();
+                let (off, stated) = (load_error(&d).abs(), f64::from(stated_n) / d.truth().load_n);
+                let of = format!("{keys:?}, {load} to {target} m");
+                println!("{of}: {apart:.1e} m on the way, {rest:.1e} m at rest, load {off:.3}, stated {stated:.3}");
+                assert!(apart < 150e-6, "{of}: {apart} m from the set-point");
+                assert!(rest.abs() < 50e-6, "{of}: {rest} m at rest");
+                assert!(off < (3.0 * stated).max(0.12), "{of}: load {off}, {stated} stated");
+                covered += u32::from(off <= stated);
+                cases += 1;
+            }
+        }
+    }
+    // Meant to hold in 90 of 100 cases, 85 to 95.
+    assert!(20 * covered >= 17 * cases, "the stated error holds the truth in {covered} of {cases} cases");
+}
+
+#[test]
+fn at_rest_the_nominal_load_is_known_to_3_percent_or_a_twentieth_of_a_newton() {
+    for load in ["0.1kg", "0.15kg", "0.3kg", "0.5kg", "1.0kg", "1.5kg"] {
+        for seed in 1..=2 {
+            let mut d = homed(&[], load, "0.05", seed);
+            for target in [0.012f32, 0.003] {
+                track(&mut d, target);
+                d.run(1.0);
+                let (error_n, allowed_n) = (load_n(&d) - d.truth().load_n, f64::max(0.05, 0.03 * d.truth().load_n));
+                assert!(error_n.abs() < allowed_n, "{load} seed {seed} at {target} m: {error_n} N");
+            }
+        }
+    }
+}
+
+#[test]
+fn half_a_kilogram_more_or_less_is_known_in_a_second() {
+    for (from, to, seed) in [("0.5kg", "1.0kg", 1), ("1.0kg", "0.5kg", 2), ("1.0kg", "1.5kg", 3), ("0.2kg", "0.7kg", 4)]
+    {
+        let mut rests = homed(&[], from, "0.05", seed);
+        track(&mut rests, 0.006);
+        let mut moves = rests.clone();
+        moves.tick(Some(super::go(0.010, 0.001)));
+        moves.run(1.0);
+        for mut d in [rests, moves] {
+            d.rig.set_plant("load", to).unwrap();
+            d.run(1.0);
+            d.until(1.0, |d| {
+                let error = load_error(d);
+                assert!(error.abs() < 0.05, "{from} to {to}, {:?}: {error}", d.control.state());
+                false
+            });
+        }
+    }
+}
+
+#[test]
+fn nothing_swings_or_hunts_at_rest() {
+    for (load, friction) in [("0.1kg", "0.1"), ("0.5kg", "0.05"), ("1.5kg", "0"), ("1.5kg", "0.1")] {
+        let mut d = homed(&[], load, friction, 9);
+        track(&mut d, 0.008);
+        d.run(3.0);
+        let (mut least, mut most) = (f64::MAX, f64::MIN);
+        d.until(20.0, |d| {
+            (least, most) = (least.min(d.true_position_m()), most.max(d.true_position_m()));
+            false
+        });
+        assert!(most - least < 50e-6, "{load}, {friction} N: {} m peak to peak", most - least);
+        assert_eq!(d.control.state(), State::Holding);
+    }
+}
+
+fn doubts(d: &ControlBench) -> Doubts {
+    d.last.as_ref().map_or(Doubts::NONE, |o| o.telemetry.doubts)
+}
+
+/// Moves until one is refused or ends in a fault; whether all went well.
+fn moves(d: &mut ControlBench, targets_m: &[f32], mut after: impl FnMut(&ControlBench)) -> bool {
+    targets_m.iter().all(|target_m| {
+        let well = d.move_to(*target_m, 0.002, LoadChoice::Auto).is_ok();
+        if well {
+            d.run(1.0);
+            after(d);
+        }
+        well
+    })
+}
+
+/// Another load, a slip and a change of friction look alike at rest: the load is then reported as unknown, until a way up
+/// and a way down have found the same.
+#[test]
+fn a_load_that_cannot_be_told_from_a_slip_is_unknown_until_it_is_confirmed() {
+    for slips in [false, true] {
+        let mut d = homed(&[], "0.5kg", "0.05", 1);
+        moves(&mut d, &[0.005], |_| ());
+        assert_eq!(doubts(&d), Doubts::NONE);
+        if slips {
+            d.rig.set_fault(RigFault::StringSlip, true);
+        } else {
+            d.rig.set_plant("load", "0.7kg").unwrap();
+        }
+        // It does not become known by waiting.
+        for seconds in [2.0, 10.0] {
+            d.run(seconds);
+            assert_eq!(doubts(&d), Doubts::of(&[Doubt::LoadUnknown]), "slips: {slips}, {:+.2}", load_error(&d));
+        }
+        let known = moves(&mut d, &[0.011, 0.004, 0.011, 0.004], |_| ()) && doubts(&d).is_empty();
+        assert!(!known || load_error(&d).abs() < 0.05, "slips: {slips}, known, and {:+.2} off", load_error(&d));
+        assert!(known || slips, "another load is found: {:?}", doubts(&d));
+    }
+}
+
+#[test]
+fn friction_that_changes_under_a_light_load_leaves_it_unknown() {
+    let mut d = homed(&[], "0.1kg", "0", 1);
+    moves(&mut d, &[0.004], |_| ());
+    d.rig.set_plant("friction", "0.3N").unwrap();
+    moves(&mut d, &[0.008, 0.004, 0.009, 0.005], |d| {
+        let wrong = load_error(d).abs();
+        assert!(wrong < 0.15 || !doubts(d).is_empty() || d.control.fault().is_some(), "{wrong:.2} off unreported");
+    });
+}
+
+/// No move can show these: the load agrees with itself, and is wrong. What calibration is for is no doubt: 10 % of the
+/// radius, 1 mm and 1 % of the LVDT.
+#[test]
+fn a_sensor_or_strings_far_from_the_scene_leave_the_load_unknown() {
+    let all = |scale| ["k2_scale", "k3_scale", "k4_scale", "stiffness_scale", "modulus_scale"].map(|key| (key, scale));
+    let (thin, thick) = (all("0.75"), all("1.25"));
+    let far = [&[("lvdt_gain_error", "-15%")][..], &[("lvdt_gain_error", "15%")], &thin, &thick];
+    let near =
+        [&[("k2_scale", "1.1")][..], &[("k2_scale", "0.9")], &[("lvdt_gain_error", "1%"), ("lvdt_offset", "1mm")]];
+    let far = ["0.1kg", "0.5kg", "1.5kg"].into_iter().flat_map(|load| far.map(|keys| (load, keys, true)));
+    for (load, keys, is_far) in far.chain(near.map(|keys| ("0.5kg", keys, false))) {
+        let mut d = ControlBench::new(&[keys, &[("load", load)]].concat(), 3);
+        match d.home() {
+            Err(failure) => assert!(is_far, "{keys:?}: {failure}"),
+            Ok(_) => {
+                d.run(1.0);
+                assert_eq!(doubts(&d) != Doubts::NONE, is_far, "{load} {keys:?}: {:+.2}", load_error(&d));
+            }
+        }
+    }
+}
+
+/// The scale of the twist that homing found under 0.3 kg does not fit under 1.4 kg. On these rigs the firmware took that
+/// for a string that had slipped, and stopped.
+#[test]
+fn a_load_much_heavier_than_the_homed_one_is_no_fault() {
+    for seed in [73, 87] {
+        let mut bench = homed_under(&Subject::new(RigPreset::Nominal, seed), 0.3).expect("it can be homed");
+        super::hang(&mut bench, 0.3, 1.4);
+        bench.run(1.0);
+        for (target_mm, speed_m_per_s) in
+            [(2.0f32, 0.004), (5.0, SPEED_MAX_M_PER_S), (3.0, 0.004), (5.0, 0.004), (1.0, 0.004)]
+        {
+            bench
+                .move_to(1e-3 * target_mm, speed_m_per_s, LoadChoice::Auto)
+                .unwrap_or_else(|e| panic!("seed {seed}, {target_mm} mm: {e}"));
+            bench.run(0.5);
+        }
+    }
+}
+
+/// Below the table's least twist no load is known, and no move begins.
+#[test]
+fn no_load_is_reported_outside_the_tables_twist() {
+    let mut d = homed(&[], "1.7kg", "0.05", 1);
+    d.tick(Some(Request::Jog { twist_speed_rad_per_s: -4.0 }));
+    d.until(10.0, |d| {
+        let t = d.last.as_ref().unwrap().telemetry;
+        let below = t.twist_rad.unwrap() < std::f32::consts::PI - 0.3;
+        assert!(!below || t.load_n.is_none() && t.doubts.contains(Doubt::LoadUnknown), "{t:?}");
+        false
+    });
+    d.tick(Some(Request::Stop));
+    d.run(5.0);
+    assert_eq!(d.control.state(), State::Ready);
+    let reply = d.tick(Some(super::go(0.003, 0.002))).reply;
+    assert!(matches!(reply, Some(Err(Refusal::OutOfRange { .. }))), "{reply:?}");
+}
+
+#[test]
+fn strings_that_are_jogged_closed_and_let_go_are_reported() {
+    let mut d = ControlBench::new(&[("load", "1.7kg")], 1);
+    assert!(d.until(5.0, |d| d.control.state() == State::Unhomed));
+    d.prove();
+    d.tick(Some(Request::Jog { twist_speed_rad_per_s: 4.0 }));
+    assert!(d.until(30.0, |d| d.control.state() == State::Fault), "{:?}", d.control.state());
+    let twist_rad = d.truth().twist_rad;
+    d.until(10.0, |d| {
+        let (fallen_rad, faults) = (twist_rad - d.truth().twist_rad, d.control.faults());
+        let reported = faults.contains(Fault::DriveStall) || faults.contains(Fault::NotHeld);
+        assert!(fallen_rad < 2.0 || reported, "fallen by {fallen_rad} rad: {faults}");
+        false
+    });
+}
