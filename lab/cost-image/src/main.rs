@@ -42,9 +42,6 @@ counted! {
     fn cost_series_ratio(load_n: f32, twist_rad: f32) -> Point { tables::SERIES_RATIO.point_inside(load_n, twist_rad) }
     fn cost_hermite(load_n: f32, twist_rad: f32) -> Point { tables::HERMITE.point_inside(load_n, twist_rad) }
     fn cost_bilinear(load_n: f32, twist_rad: f32) -> Point { tables::BILINEAR.point_inside(load_n, twist_rad) }
-    fn cost_full_single(mechanism: &Mechanism<Single>, load_n: f64, twist_rad: f64) -> f32 {
-        mechanism.formal(load_n, twist_rad).map_or(0.0, |e| e.gap_m.0)
-    }
     fn cost_full(mechanism: &Mechanism, load_n: f64, twist_rad: f64) -> f64 {
         mechanism.formal(load_n, twist_rad).map_or(0.0, |e| e.gap_m)
     }

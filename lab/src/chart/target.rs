@@ -25,18 +25,9 @@ impl Way {
         self.bytes.map_or(String::new(), |b| format!(", {b} {unit}"))
     }
 
-    /// Tables, the solver in single precision, everything in double.
+    /// Tables, and the models in double precision.
     fn colour(&self) -> RGBColor {
-        colour(
-            if self.bytes.is_some() {
-                0
-            } else if self.symbol == "cost_full_single" {
-                4
-            } else {
-                2
-            },
-            6,
-        )
+        colour(if self.bytes.is_some() { 0 } else { 2 }, 6)
     }
 }
 
