@@ -3,8 +3,6 @@
 
 use crate::{bench, budget, chart, closed_loop, page, published, solve, study, table_report};
 use clap::{Parser, Subcommand};
-use rigctl::batch::At;
-use rigctl::commands::solve::How;
 use rigctl::failure::Failure;
 use rigctl::options::commands::Identify;
 use rigctl::options::{Global, no_effect};

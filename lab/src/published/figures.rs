@@ -4,6 +4,7 @@ use super::comparison::{Comparison, Set, per_cent, relative_error, remark};
 use super::geometry;
 use super::numbers::{Group, Kind, Row, TURNS, changed_mechanism};
 use crate::curves::{self, Curve, PublishedPoint};
+use crate::scene_key;
 use crate::trace::{End, Trace, trace};
 use anyhow::{Context, Result};
 use rig_config::Scene;
