@@ -10,8 +10,8 @@ use embassy_stm32::peripherals::TIM3;
 use embassy_stm32::timer::qei::Qei;
 use embassy_time::{Duration, Instant, Ticker};
 use rig_control::sensors::EncoderCount;
-use rig_control::{DriveCommand, Inputs, Keep, Outputs, Rig, TICK_US};
-use rig_link::messages::{Counters, Fault, Message, State, Telemetry};
+use rig_control::{DriveCommand, Inputs, Outputs, Rig, TICK_US};
+use rig_link::messages::{Counters, Fault, Message, Request, State, Telemetry};
 use static_cell::StaticCell;
 
 /// One tick: the step, then the telemetry of it. Named and kept apart so that its instructions can be counted.
@@ -86,17 +86,16 @@ pub async fn run(encoder: Qei<'static, TIM3>, mut switches: Switches, mut leds: 
         };
         post_mortem::set_driving(driving);
         shared::DRIVE_COMMAND.signal(outputs.drive);
-        match outputs.keep {
-            Some(Keep::Table(part)) if shared::TABLE_PARTS.try_send(part).is_err() => {
-                defmt::error!("a part of a table came before the last one was taken");
-            }
-            Some(Keep::Settings) => {
-                settings_count += 1;
-                let settings = (*rig.settings(), settings_count);
-                shared::SETTINGS.set(settings);
-                shared::SETTINGS_TO_SAVE.signal(settings);
-            }
-            Some(Keep::Table(_)) | None => {}
+        if let (Some((_, Request::TablePart(part))), Some(Ok(_))) = (request, outputs.reply)
+            && shared::TABLE_PARTS.try_send(part).is_err()
+        {
+            defmt::error!("a part of a table came before the last one was taken");
+        }
+        if outputs.save_settings {
+            settings_count += 1;
+            let settings = (*rig.settings(), settings_count);
+            shared::SETTINGS.set(settings);
+            shared::SETTINGS_TO_SAVE.signal(settings);
         }
         if let (Some((to, _)), Some(result)) = (request, outputs.reply) {
             shared::post(Message::Reply { to, result });

@@ -42,7 +42,7 @@ pub mod time_to_target;
 pub use constants::RigConstants;
 pub use rmds405::DriveCommand;
 pub use sensors::{DriveReading, LvdtBlock, LvdtReading, SupplyReading};
-pub use supervisor::{Inputs, Keep, Outputs, Rig};
+pub use supervisor::{Inputs, Outputs, Rig};
 
 /// Control period (s): one tick, one drive command, one telemetry message. The drive's recommended data period
 /// (hardware.md 2.5) and its feedback period.

@@ -11,8 +11,8 @@ use serde_json::{Map, Value};
 pub struct Field {
     /// Its key in an object.
     key: &'static str,
-    /// What stands before its `=` in a script; the one value without it stands alone.
-    word: &'static str,
+    /// What stands before its `=` in a script, and what after it; the one value without it stands alone.
+    word: [&'static str; 2],
     quantity: Quantity,
     /// None where the value is needed.
     default: Option<f32>,
@@ -20,53 +20,77 @@ pub struct Field {
     other: Option<(&'static str, f32)>,
 }
 
+/// No word.
+const ALONE: [&str; 2] = [""; 2];
 /// A load that the board weighs itself is no number.
 const AUTO: f32 = f32::NAN;
 /// The load of a homing or a move.
-pub const LOAD: Field =
-    Field { key: "load_n", word: "load", quantity: Quantity::Load, default: Some(AUTO), other: Some(("auto", AUTO)) };
+pub const LOAD: Field = Field {
+    key: "load_n",
+    word: ["load", "auto|L"],
+    quantity: Quantity::Load,
+    default: Some(AUTO),
+    other: Some(("auto", AUTO)),
+};
 /// The speed of a move; `max` is as fast as the motor allows.
 pub const SPEED: Field = Field {
     key: "speed_m_per_s",
-    word: "speed",
+    word: ["speed", "V|max"],
     quantity: Quantity::Speed,
     default: Some(2e-3),
     other: Some(("max", f32::INFINITY)),
 };
 
-const fn field(key: &'static str, word: &'static str, quantity: Quantity, default: Option<f32>) -> Field {
+const fn field(key: &'static str, word: [&'static str; 2], quantity: Quantity, default: Option<f32>) -> Field {
     Field { key, word, quantity, default, other: None }
 }
 
-/// A kind of request: its name in a script, that in an object, its values, and the request with them.
-struct Form(&'static str, Option<&'static str>, &'static [Field], fn(&[f32]) -> Request);
+/// A kind of request.
+struct Form {
+    /// Its name in a script.
+    script: &'static str,
+    /// Its name in an object; none where a client of `serve` has no such order.
+    object: Option<&'static str>,
+    fields: &'static [Field],
+    /// The request with these values.
+    request: fn(&[f32]) -> Request,
+}
+
+const fn form(
+    script: &'static str,
+    object: Option<&'static str>,
+    fields: &'static [Field],
+    request: fn(&[f32]) -> Request,
+) -> Form {
+    Form { script, object, fields, request }
+}
 
 const FORMS: [Form; 9] = [
-    Form("home", Some("home"), &[LOAD], |v| Request::Home { load: load(v[0]) }),
-    Form("move", Some("move"), &[field("to_m", "", Quantity::Length, None), SPEED, LOAD], |v| Request::Move {
+    form("home", Some("home"), &[LOAD], |v| Request::Home { load: load(v[0]) }),
+    form("move", Some("move"), &[field("to_m", ALONE, Quantity::Length, None), SPEED, LOAD], |v| Request::Move {
         target_m: v[0],
         speed_m_per_s: v[1],
         load: load(v[2]),
     }),
-    Form(
+    form(
         "set-point",
         Some("track"),
         &[
-            field("position_m", "", Quantity::Length, None),
-            field("speed_m_per_s", "speed", Quantity::Speed, Some(0.0)),
-            field("for_s", "for", Quantity::Time, Some(HOLDS_FOR_S)),
+            field("position_m", ALONE, Quantity::Length, None),
+            field("speed_m_per_s", ["speed", "V"], Quantity::Speed, Some(0.0)),
+            field("for_s", ["for", "S"], Quantity::Time, Some(HOLDS_FOR_S)),
         ],
         |v| Request::Track { position_m: v[0], speed_m_per_s: v[1], for_s: v[2] },
     ),
-    Form("jog", Some("jog"), &[field("speed_rad_per_s", "", Quantity::AngularSpeed, None)], |v| Request::Jog {
+    form("jog", Some("jog"), &[field("speed_rad_per_s", ALONE, Quantity::AngularSpeed, None)], |v| Request::Jog {
         twist_speed_rad_per_s: v[0],
     }),
-    Form("stop", Some("stop"), &[], |_| Request::Stop),
-    Form("hold", Some("hold"), &[], |_| Request::Stop),
-    Form("clear", Some("clear"), &[], |_| Request::Clear),
-    Form("check-direction", Some("check-direction"), &[], |_| Request::CheckDirection),
+    form("stop", Some("stop"), &[], |_| Request::Stop),
+    form("hold", Some("hold"), &[], |_| Request::Stop),
+    form("clear", Some("clear"), &[], |_| Request::Clear),
+    form("check-direction", Some("check-direction"), &[], |_| Request::CheckDirection),
     // What a client of `serve` calls status is the server's.
-    Form("status", None, &[], |_| Request::Status),
+    form("status", None, &[], |_| Request::Status),
 ];
 
 fn load(load_n: f32) -> LoadChoice {
@@ -106,7 +130,7 @@ impl Field {
     fn text(&self, value: f32) -> String {
         let other = self.other.filter(|(_, other)| other.total_cmp(&value).is_eq());
         let value = other.map_or_else(|| value.to_string(), |(word, _)| word.into());
-        if self.word.is_empty() { value } else { format!("{}={value}", self.word) }
+        if self.word[0].is_empty() { value } else { format!("{}={value}", self.word[0]) }
     }
 
     fn number(&self, value: &Value) -> Result<f32, String> {
@@ -143,31 +167,29 @@ pub fn from_words(words: &[&str]) -> Option<Result<Request, String>> {
         return Some(setting(name, value));
     }
     let (name, words) = words.split_first()?;
-    let form = FORMS.iter().find(|form| form.0 == *name)?;
+    let form = FORMS.iter().find(|form| form.script == *name)?;
     let values = match given(form, words) {
         Ok(values) => values,
         Err(wrong) => return Some(Err(wrong)),
     };
     let values: Option<Vec<f32>> =
-        values.into_iter().zip(form.2).map(|(value, field)| value.or(field.default)).collect();
-    Some(Ok((form.3)(&values?)))
+        values.into_iter().zip(form.fields).map(|(value, field)| value.or(field.default)).collect();
+    Some(Ok((form.request)(&values?)))
 }
 
-fn given(Form(name, _, fields, _): &Form, words: &[&str]) -> Result<Vec<Option<f32>>, String> {
+fn given(Form { script: name, fields, .. }: &Form, words: &[&str]) -> Result<Vec<Option<f32>>, String> {
     let mut values = vec![None; fields.len()];
     for word in words {
         let (before, text) = word.split_once('=').unwrap_or(("", word));
-        match fields.iter().position(|field| field.word == before).map(|place| (&fields[place], &mut values[place])) {
+        match fields.iter().position(|field| field.word[0] == before).map(|place| (&fields[place], &mut values[place]))
+        {
             Some((field, value @ None)) => {
                 *value = Some(field.parse(if before.is_empty() { name } else { before }, text)? as f32)
             }
             Some(_) if !before.is_empty() => return Err(format!("`{word}`: {before} is given twice")),
             _ => {
-                let option = |field: &Field| match field.other {
-                    Some((other, _)) => format!("{}={other}|VALUE", field.word),
-                    None => format!("{}=VALUE", field.word),
-                };
-                let options: Vec<String> = fields.iter().filter(|field| !field.word.is_empty()).map(option).collect();
+                let options = fields.iter().map(|field| field.word).filter(|word| *word != ALONE);
+                let options: Vec<String> = options.map(|word| word.join("=")).collect();
                 return Err(format!("{name} has no option `{word}`; options: {}", options.join(", ")));
             }
         }
@@ -187,8 +209,8 @@ pub fn text(request: &Request) -> Option<String> {
         return Some(format!("config set {setting} {value}"));
     }
     let (name, values) = values(request)?;
-    let form = FORMS.iter().find(|form| form.0 == name)?;
-    let words = form.2.iter().zip(values).map(|(field, value)| field.text(value));
+    let form = FORMS.iter().find(|form| form.script == name)?;
+    let words = form.fields.iter().zip(values).map(|(field, value)| field.text(value));
     Some(std::iter::once(name.to_owned()).chain(words).collect::<Vec<_>>().join(" "))
 }
 
@@ -197,19 +219,19 @@ pub fn text(request: &Request) -> Option<String> {
 /// # Errors
 /// In words, naming the field.
 pub fn from_object(name: &str, object: &mut Map<String, Value>) -> Result<Request, String> {
-    let form = FORMS.iter().find(|form| form.1 == Some(name));
+    let form = FORMS.iter().find(|form| form.object == Some(name));
     let form = form.ok_or_else(|| format!("there is no order `{name}`; there are {}", names()))?;
     let value = |field: &Field| match object.remove(field.key) {
         Some(value) => field.number(&value),
         None => field.default.ok_or_else(|| format!("there is no field `{}`, which this order needs", field.key)),
     };
-    let values: Vec<f32> = form.2.iter().map(value).collect::<Result<_, _>>()?;
-    Ok((form.3)(&values))
+    let values: Vec<f32> = form.fields.iter().map(value).collect::<Result<_, _>>()?;
+    Ok((form.request)(&values))
 }
 
 /// The names that objects have.
 pub fn names() -> String {
-    FORMS.iter().filter_map(|form| form.1).chain(["status"]).collect::<Vec<_>>().join(", ")
+    FORMS.iter().filter_map(|form| form.object).chain(["status"]).collect::<Vec<_>>().join(", ")
 }
 
 #[cfg(test)]

@@ -226,7 +226,7 @@ mod tests {
             ("1 move 5mm speed=2\n2 move 5mm sped=1\n3 end", 2, "sped"),
             ("1 move 5mm load=x\n2 end", 1, "auto"),
             ("1 home load=5mm\n2 end", 1, "load"),
-            ("1 home 0.5kg\n2 end", 1, "load=auto|VALUE"),
+            ("1 home 0.5kg\n2 end", 1, "load=auto|L"),
             ("1 home load=1kg load=2kg\n2 end", 1, "load is given twice"),
             ("1 move 5mm speed=2mm/s speed=3mm/s\n2 end", 1, "speed is given twice"),
             ("1 plant weight=5\n2 end", 1, "weight"),

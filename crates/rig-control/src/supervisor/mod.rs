@@ -59,9 +59,7 @@ use crate::sensors::{DriveReading, LvdtBlock, SupplyReading};
 use crate::{RigConstants, TICK_US};
 use guard::{Guard, Situation};
 use modes::{EStopContact, Mode};
-use rig_link::messages::{
-    Accepted, EventKind, Fault, Faults, Limit, Refusal, Request, SettingValues, State, TablePart,
-};
+use rig_link::messages::{Accepted, EventKind, Fault, Faults, Limit, Refusal, Request, SettingValues, State};
 use rmds405::DriveCommand;
 use sensing::Sensing;
 use tracking::LoadTracking;
@@ -109,17 +107,8 @@ pub struct Outputs {
     pub reply: Option<Result<Accepted, Refusal>>,
     /// What ended or went wrong.
     pub events: Events,
-    /// What the request, which was accepted, has to leave in flash.
-    pub keep: Option<Keep>,
-}
-
-/// What the board keeps without power.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Keep {
-    /// The settings as they are now.
-    Settings,
-    /// The table of which this is a part.
-    Table(TablePart),
+    /// The settings have been set: they are to be saved.
+    pub save_settings: bool,
 }
 
 /// The rig.
@@ -231,12 +220,9 @@ impl Rig {
         if !(self.shaft.position.is_finite() && self.shaft.speed.is_finite()) {
             self.raise(Faults::NONE.with(Fault::NotFinite), &mut events);
         }
-        let keep = match inputs.request.filter(|_| matches!(reply, Some(Ok(_)))) {
-            Some(Request::SetSetting { .. } | Request::SetSettings(_)) => Some(Keep::Settings),
-            Some(Request::TablePart(part)) => Some(Keep::Table(part)),
-            _ => None,
-        };
-        Outputs { drive: self.drive_command(inputs), reply, events, keep }
+        let sets = matches!(inputs.request, Some(Request::SetSetting { .. } | Request::SetSettings(_)));
+        let save_settings = sets && matches!(reply, Some(Ok(_)));
+        Outputs { drive: self.drive_command(inputs), reply, events, save_settings }
     }
 
     fn watch_estop(&mut self, open: bool, events: &mut Events) {
