@@ -22,7 +22,7 @@ mod shooting;
 
 use tsa_model::helix::State;
 use tsa_model::quadrature::MAX_NODES;
-use tsa_model::scalar::{PRECISION, Scalar};
+use tsa_model::scalar::PRECISION;
 use tsa_model::{Equilibrium, Mechanism, SolveError};
 
 pub use collocation::MAX_INTERVALS;
