@@ -1,7 +1,7 @@
 //! Host link and the drive's lines: noise, strangers, another tool, stops and repeated requests; and the drive on the serial
 //! line, whose framing is assumed: what is tested is that a line without checksums does no harm.
 
-use super::{JOG, fault, go, moves, noise, standing, stands};
+use super::{JOG, fault, moves, noise, standing, stands};
 use host_tests::board::{Bench, HELLO};
 use rig_link::messages::{Fault, Refusal, Request, ResetCause, State};
 use rig_link::{PROTOCOL_HASH, Versions};

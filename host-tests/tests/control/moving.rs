@@ -5,6 +5,7 @@ use host_tests::rigs::subject::Subject;
 use host_tests::{ControlBench, full_speed};
 use rand::{RngExt, SeedableRng};
 use rig_link::messages::{EventKind, Limit, LoadChoice, Parameter, Refusal, Request, State};
+use rig_plant::board::Board;
 use rig_plant::rig::rail::DESTROYED_V;
 use rig_plant::{RigFault, RigPreset};
 
