@@ -126,8 +126,8 @@ impl Play {
         self.output
     }
 
-    /// Share of a pull at the output that reaches the input: 1 at the ends of the play, 0 between them. It rises over
-    /// [`CONTACT`] of half the play, as a contact that gives: its rise at one end takes what its rise at the other gives.
+    /// Share of a pull at the output that reaches the input: 1 at the ends of the play, 0 between them. It rises over a
+    /// share of half the play, as a contact that gives: its rise at one end takes what its rise at the other gives.
     pub fn contact(&self, input: f64) -> f64 {
         if self.half_width <= 0.0 {
             return 1.0;
