@@ -12,7 +12,7 @@ use super::{Identified, data::SIGMA_M};
 use crate::statistics::half_width;
 use nalgebra::{DMatrix, DVector};
 use rig_config::Scene;
-use rig_control::observer::MEMORY_COMPLETE_N;
+use rig_control::hysteresis::MEMORY_COMPLETE_N;
 use serde::Serialize;
 use tsa_model::twist_from_turns;
 
