@@ -15,8 +15,5 @@ pub fn bench(folders: &Folders) -> Result<()> {
         eprintln!("left out: {why:#}");
     }
     let python = python::with(folders, &["--requirement", "host-tests/peers/requirements.txt"])?;
-    run(python(&folders.root)
-        .arg("host-tests/peers/bench.py")
-        .arg(folders.target.join("release/tsa-lab"))
-        .arg(file))
+    run(python(&folders.root).arg("host-tests/peers/bench.py").arg(folders.target.join("release/tsa-lab")).arg(file))
 }

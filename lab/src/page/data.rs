@@ -120,7 +120,12 @@ impl Move {
 
     /// Of a recorded log.
     pub fn of_log(what: String, log: &Log) -> Self {
-        Self::new(what, log.rows.iter().map(|r| (r.t_s, [r.twist_rad, r.load_n, r.position_m, r.setpoint_m].map(|v| v.map(f64::from)))))
+        Self::new(
+            what,
+            log.rows
+                .iter()
+                .map(|r| (r.t_s, [r.twist_rad, r.load_n, r.position_m, r.setpoint_m].map(|v| v.map(f64::from)))),
+        )
     }
 
     /// Every so many moments, and the last.

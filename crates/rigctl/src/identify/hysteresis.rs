@@ -8,7 +8,7 @@ use super::fit::IdentifyError;
 use super::predict::Known;
 use crate::log::sweep::{Stop, Sweep};
 use crate::statistics::mean;
-use rig_control::observer::{MEMORY_COMPLETE_N, memory_shape};
+use rig_control::hysteresis::{MEMORY_COMPLETE_N, memory_shape};
 use serde::Serialize;
 use tsa_model::Mechanism;
 
