@@ -67,13 +67,15 @@ enum State {
     },
 }
 
-/// Counts of frames by what became of them.
+/// Counts of frames by what became of them, and of restarts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DriveCounters {
     /// Frames for another drive, malformed, or on the transport that is not in use.
     pub ignored: u64,
     /// Frames that did not fit the state: the drive "reports an error" (V-CAN p7-16), which here is a beep.
     pub error_beeps: u64,
+    /// Restarts, by power, command or brown-out.
+    pub restarts: u64,
 }
 
 /// The drive.
@@ -164,6 +166,7 @@ impl Drive {
     pub fn restart(&mut self, now_s: f64, counts: i64) {
         self.forget(counts);
         self.state = State::Booting { until_s: now_s + BOOT_S, acknowledges_s: now_s };
+        self.counters.restarts += 1;
     }
 
     fn forget(&mut self, counts: i64) {
