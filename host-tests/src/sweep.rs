@@ -3,7 +3,7 @@
 
 use crate::board::Bench;
 use crate::{ControlBench, scene};
-use rig_link::messages::{HomingResult, Request, State, Telemetry};
+use rig_link::messages::{EventKind, HomingResult, Request, State, Telemetry};
 use rigctl::identify::compete::Candidate;
 use rigctl::identify::data::Data;
 use rigctl::identify::{Identified, identify, plausible};
@@ -32,6 +32,13 @@ pub trait Swept {
     /// # Errors
     /// Its refusal, in words.
     fn request(&mut self, request: Request) -> Result<(), String>;
+
+    /// What the last homing found.
+    fn homed(&self) -> Option<HomingResult>;
+}
+
+fn last_homing<'e>(events: impl DoubleEndedIterator<Item = &'e EventKind>) -> Option<HomingResult> {
+    events.rev().find_map(|event| if let EventKind::Homed(found) = event { Some(*found) } else { None })
 }
 
 impl Swept for ControlBench {
@@ -45,6 +52,10 @@ impl Swept for ControlBench {
             Some(Ok(_)) => Ok(()),
             reply => Err(format!("refused: {reply:?}")),
         }
+    }
+
+    fn homed(&self) -> Option<HomingResult> {
+        last_homing(self.events.iter().map(|(_, event)| event))
     }
 }
 
@@ -60,13 +71,18 @@ impl Swept for Bench {
         self.run(0.02);
         Ok(())
     }
+
+    fn homed(&self) -> Option<HomingResult> {
+        last_homing(self.events.iter())
+    }
 }
 
 /// One sweep of a homed rig under a known load (N) over so many turns, by its equilibria.
 ///
 /// # Errors
 /// In words.
-pub fn swept(rig: &mut impl Swept, load_n: f64, turns: f64, homed: HomingResult) -> Result<Sweep, String> {
+pub fn swept(rig: &mut impl Swept, load_n: f64, turns: f64) -> Result<Sweep, String> {
+    let homed = rig.homed().ok_or("not homed")?;
     let mut log = Log { header: Header::default(), ..Log::default() };
     log.header.add("sweep.load_n", load_n);
     log.marks.push(Marked { row: 0, t_s: 0.0, mark: Mark::Homed(homed) });

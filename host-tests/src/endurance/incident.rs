@@ -1,7 +1,7 @@
 //! What happens between the moves of a long run, and how the rig has to take it.
 
 use crate::board::Bench;
-use crate::rigs::commission::calibrate;
+use crate::rigs::commission::{SWEEP_LOADS_KG, calibrate};
 use crate::rigs::subject::Subject;
 use crate::sweep::{identified, swept};
 use rand::seq::IndexedRandom;
@@ -75,8 +75,7 @@ const STREAM_HOLDS_S: f32 = 0.15;
 /// Longest wait for the end of a stream (s): one that ends where the strings' travel does waits 6 s for its place.
 const STREAM_ENDS_S: f64 = 10.0;
 
-/// Loads (kg) and turns past the half-turn pre-twist of the sweeps.
-const SWEEP_LOADS_KG: [f64; 3] = [0.15, 0.6, 1.5];
+/// Turns past the half-turn pre-twist of the sweeps.
 const SWEEP_TURNS: f64 = 7.0;
 
 /// A run in which incidents happen.
@@ -270,11 +269,7 @@ impl<R: Rng> Run<'_, R> {
             self.lay_on(load_kg);
             let load_n = load_kg * STANDARD_GRAVITY;
             self.home_with(&Request::Home { load: LoadChoice::Known(load_n as f32) }, "for a sweep");
-            let homed = self.board.events.iter().rev().find_map(|event| match event {
-                EventKind::Homed(found) => Some(*found),
-                _ => None,
-            });
-            let sweep = swept(&mut *self.board, load_n, SWEEP_TURNS, homed.expect("it is homed"));
+            let sweep = swept(&mut *self.board, load_n, SWEEP_TURNS);
             (format!("{load_kg} kg"), sweep.unwrap_or_else(|why| panic!("sweep under {load_kg} kg: {why}")))
         };
         let sweeps: Vec<_> = SWEEP_LOADS_KG.into_iter().map(sweep).collect();

@@ -9,7 +9,7 @@ use crate::{ControlBench, constants, scene, table};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use rig_control::{Rig as Control, RigConstants, settings};
-use rig_link::messages::{EventKind, LoadChoice, Request, SettingValues, State};
+use rig_link::messages::{LoadChoice, Request, SettingValues, State};
 use rig_plant::units::STANDARD_GRAVITY;
 use rigctl::calibration::{Point, uncalibrated};
 use rigctl::identify::Identified;
@@ -213,11 +213,7 @@ fn sweep(subject: &Subject, firmware: &Firmware, load_kg: f64, turns: u8) -> Res
     let rig = subject.switched_on_at(load_n, 1.0 + TAU * f64::from(turns)).map_err(|e| e.to_string())?;
     let mut bench = ControlBench::on(rig, firmware.boot());
     bench.home_under(LoadChoice::Known(load_n as f32)).map_err(|why| not_homed(&bench, &why))?;
-    let homed = bench.events.iter().rev().find_map(|(_, event)| match event {
-        EventKind::Homed(found) => Some(*found),
-        _ => None,
-    });
-    swept(&mut bench, load_n, TURNS, homed.ok_or("homed, but no event")?)
+    swept(&mut bench, load_n, TURNS)
 }
 
 /// Rms error of contractions under loads between those of the sweeps, as shares of the rig's true ones; none if the law has
