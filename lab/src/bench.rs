@@ -1,7 +1,7 @@
 //! What an equilibrium costs: `cargo xtask bench` runs `tsa-lab bench` beside an independent solver and under callgrind, `tsa-lab chart`
 //! runs its kernel under callgrind.
 //!
-//! One thread. A state at which the solver fails is counted, and its time included. Times are medians of many passes: other load on
+//! One thread. The time of a state at which the solver fails is included. Times are medians of many passes: other load on
 //! the machine disturbs some of them, but not most.
 
 use crate::chart::work::{self, states};
@@ -46,22 +46,11 @@ pub enum Task {
     },
 }
 
-/// What [`Task::Time`] prints.
-#[derive(Serialize)]
-struct Times {
-    repeats: usize,
-    scenes: Vec<Cost>,
-}
-
 /// Cost of a scene's grid.
 #[derive(Serialize)]
 struct Cost {
     name: String,
     states: usize,
-    /// States without a solution.
-    failed: usize,
-    /// Passes over the grid.
-    passes: usize,
     /// Median time of a pass (s).
     seconds: f64,
     /// The same per state (µs).
@@ -100,8 +89,8 @@ impl Task {
     pub fn run(&self) -> Result<(), Failure> {
         match self {
             Self::Time { scenes, repeats } => {
-                let scenes = scenes.iter().map(|scene| cost(scene, *repeats)).collect::<Result<_>>()?;
-                print(&Times { repeats: *repeats, scenes })?;
+                let scenes = scenes.iter().map(|scene| cost(scene, *repeats)).collect::<Result<Vec<Cost>>>()?;
+                print(&serde_json::json!({ "scenes": scenes }))?;
             }
             Self::Kernel { scene, passes: None } => work::kernel(&mechanism(scene)?),
             Self::Kernel { scene, passes: Some(passes) } => {
@@ -129,20 +118,13 @@ fn mechanism(scene: &Path) -> Result<Mechanism> {
 
 fn cost(scene: &Path, repeats: usize) -> Result<Cost> {
     let (mechanism, states) = (mechanism(scene)?, states(64, 128));
-    let failed = states.iter().filter(|(load, twist)| mechanism.solve(*load, *twist).is_err()).count();
-    let (seconds, passes) = median(repeats, || {
+    let seconds = median(repeats, || {
         for (load, twist) in &states {
             let _ = black_box(mechanism.solve(black_box(*load), black_box(*twist)));
         }
     });
-    Ok(Cost {
-        name: scene.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
-        states: states.len(),
-        failed,
-        passes,
-        seconds,
-        us: seconds * 1e6 / states.len() as f64,
-    })
+    let name = scene.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    Ok(Cost { name, states: states.len(), seconds, us: seconds * 1e6 / states.len() as f64 })
 }
 
 fn rods(mechanism: &Mechanism) -> Result<Rods> {
@@ -174,15 +156,13 @@ fn rods(mechanism: &Mechanism) -> Result<Rods> {
 fn typical_us(states: &[RodState], solve: impl Fn(RodState)) -> f64 {
     // A single solution takes little more than the clock's resolution.
     const ROUNDS: usize = 50;
-    let each = |state: &RodState| {
-        let (seconds, _) = median(25, || (0..ROUNDS).for_each(|_| solve(black_box(*state))));
-        seconds * 1e6 / ROUNDS as f64
-    };
+    let each =
+        |state: &RodState| 1e6 * median(25, || (0..ROUNDS).for_each(|_| solve(black_box(*state)))) / ROUNDS as f64;
     middle(states.iter().map(each).collect())
 }
 
-/// Median time of a pass (s), and of how many.
-fn median(repeats: usize, pass: impl Fn()) -> (f64, usize) {
+/// Median time of a pass (s).
+fn median(repeats: usize, pass: impl Fn()) -> f64 {
     let mut times = Vec::with_capacity(repeats);
     let start = Instant::now();
     while times.len() < FEWEST || (times.len() < repeats && start.elapsed() < LONGEST) {
@@ -190,8 +170,7 @@ fn median(repeats: usize, pass: impl Fn()) -> (f64, usize) {
         pass();
         times.push(before.elapsed().as_secs_f64());
     }
-    let passes = times.len();
-    (middle(times), passes)
+    middle(times)
 }
 
 /// The middle one of an odd number of values, the upper of the two middle ones of an even number.

@@ -98,11 +98,12 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
         parallel(progress, loops.len(), |k| {
             let Loop { weakest, controller, .. } = &loops[k];
             let at = |t: f64| (t, weakest.gain_margin(&change(controller, t)));
-            (0..=40).map(|step| at(time(f64::from(step) / 40.0))).collect::<Vec<_>>()
+            (0..=40).map(|step| at(time(f64::from(step)))).collect::<Vec<_>>()
         })
     };
-    let by_delay = along(|c, delay_s| Controller { delay_s, ..*c }, |part| 0.4 * part);
-    let by_period = along(|c, period_s| Controller { period_s, ..*c }, |part| 0.002 * (LONGEST_S / 0.002).powf(part));
+    let by_delay = along(|c, delay_s| Controller { delay_s, ..*c }, |step| 0.4 * step / 40.0);
+    let by_period =
+        along(|c, period_s| Controller { period_s, ..*c }, |step| 0.002 * (LONGEST_S / 0.002).powf(step / 40.0));
     let maps = loops.iter().filter_map(|l| {
         let margins = l.margins.as_ref()?;
         Some(grid.panel(&l.name, |k| margins[k].map_or(NO_EQUILIBRIUM, band)))
