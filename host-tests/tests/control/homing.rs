@@ -49,7 +49,7 @@ fn homes_within_20_mrad_from_any_twist_under_any_load() {
 fn homes_from_the_farthest_twist_that_the_strings_can_have() {
     for (seed, load) in ["0.8", "0.9", "0.1kg", "2", "5", "18"].iter().enumerate() {
         let nominal = ControlBench::new(&[("load", load)], 1);
-        let last_rad = nominal.rig.plant().surface().expect("built in").last_twist_rad(nominal.truth().load_n);
+        let last_rad = nominal.rig.plant().built_in().expect("built in").surface.last_twist_rad(nominal.truth().load_n);
         let most = (10.0 * last_rad).floor() / 10.0;
         for (k, twist) in [most, -most, most - 2.0, 2.0 - most, 0.9 * most, -0.9 * most].iter().enumerate() {
             let friction = if (k + seed) % 2 == 0 { "0.02" } else { "0.1" };
