@@ -23,8 +23,8 @@ pub const ELSEWHERE: &str = "Published beside these, on other rigs and moves: cl
 
 /// What the measures mean.
 const HOW: &str = "Tracking counts while the set-point travels, settling from its arrival until the next move. A load \
-    step moves the load by itself under any controller, by up to 5 mm. A move that was not made, because its controller had failed, \
-    counts as not settled.";
+    step moves the load by itself under any controller, by up to 5 mm. No settling time where fewer than nine moves of ten \
+    settle. A move that was not made, because its controller had failed, counts as not settled.";
 const TRACKING: &str = "Tracking counts from where the set-point sets out. A load step itself moves the load by millimetres \
     under any controller; what differs is the time after it.";
 const NOT_MADE: &str = "A move that was not made, because its controller had failed, counts as not settled. Errors are those of the \
@@ -51,8 +51,8 @@ pub struct Row {
 const ALL: &str = "all";
 
 /// A number with so many digits after the point.
-fn rounded(value: f64, digits: i32) -> f64 {
-    (value * 10f64.powi(digits)).round() / 10f64.powi(digits)
+fn rounded(value: f64, digits: usize) -> f64 {
+    format!("{value:.digits$}").parse().unwrap_or(value)
 }
 
 impl Row {
@@ -144,6 +144,7 @@ impl Results {
             format!("{} {steady:.2} and {steps:.2}", letter(&reached[k].0))
         });
         let mut remarks = vec![
+            drawn(kind).to_owned(),
             format!("Over the rms error of a, without load steps and with: {}.", times.collect::<Vec<_>>().join(", ")),
             format!(
                 "Before the set-point sets out it waits for the strings to take up friction: {:.2} s on average, {:.2} s with load \
@@ -284,8 +285,7 @@ impl Results {
         };
         let sample = |(k, name): (usize, &String)| KeyRow::sample(Sample::Line(pen(k)), name);
         let published = KeyRow::sample(Sample::Mark(Shape::Cross, INK), "published: dual TSA, 500 g, LQR and PID");
-        let mut notes =
-            vec![format!("Settled: within {:.0} µm. {HOW}", 1e6 * self.kind.settled_m()), drawn(self.kind).into()];
+        let mut notes = vec![format!("Settled: within {:.0} µm. {HOW}", 1e6 * self.kind.settled_m())];
         notes.extend(self.notes.iter().cloned().chain([ELSEWHERE.to_owned()]));
         Figure {
             heading: format!("Ways to drive the same rig: {} {} under each load (emulated)", self.plants, self.kind),

@@ -130,7 +130,11 @@ pub fn filled(row: &Value, template: &str) -> Result<String, String> {
 fn guarded<'t>(row: &Value, template: &'t str) -> Option<&'t str> {
     let Some((guard, rest)) = template.split_once("? ") else { return Some(template) };
     let (at, word) = guard.split_once('=')?;
-    (whole(row, at).unwrap_or_else(|| "null".into()) == word).then_some(rest)
+    let found = match row.pointer(at) {
+        None | Some(Value::Null) => "null".to_owned(),
+        Some(_) => whole(row, at).unwrap_or_default(),
+    };
+    (found == word).then_some(rest)
 }
 
 /// A cell as it is.
