@@ -8,6 +8,7 @@ use crate::chart::work::{self, states};
 use anyhow::{Context, Result};
 use rig_config::Scene;
 use rigctl::failure::Failure;
+use rigctl::output::Output;
 use serde::Serialize;
 use std::hint::black_box;
 use std::path::{Path, PathBuf};
@@ -86,11 +87,11 @@ impl Task {
     ///
     /// # Errors
     /// If a scene describes no mechanism, or a state of it has no equilibrium.
-    pub fn run(&self) -> Result<(), Failure> {
+    pub fn run(&self, output: &mut Output) -> Result<(), Failure> {
         match self {
             Self::Time { scenes, repeats } => {
                 let scenes = scenes.iter().map(|scene| cost(scene, *repeats)).collect::<Result<Vec<Cost>>>()?;
-                print(&serde_json::json!({ "scenes": scenes }))?;
+                output.line(serde_json::to_string_pretty(&serde_json::json!({ "scenes": scenes }))?)?;
             }
             Self::Kernel { scene, passes: None } => work::kernel(&mechanism(scene)?),
             Self::Kernel { scene, passes: Some(passes) } => {
@@ -98,17 +99,12 @@ impl Task {
                 for (load, twist) in (0..*passes).flat_map(|_| &states) {
                     black_box(mechanism.solve(black_box(*load), black_box(*twist))?);
                 }
-                println!("{}", passes * states.len());
+                output.line((passes * states.len()).to_string())?;
             }
-            Self::States { scene } => print(&rods(&mechanism(scene)?)?)?,
+            Self::States { scene } => output.line(serde_json::to_string_pretty(&rods(&mechanism(scene)?)?)?)?,
         }
         Ok(())
     }
-}
-
-fn print(found: &impl Serialize) -> Result<()> {
-    println!("{}", serde_json::to_string_pretty(found)?);
-    Ok(())
 }
 
 fn mechanism(scene: &Path) -> Result<Mechanism> {

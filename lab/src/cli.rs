@@ -77,7 +77,7 @@ pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
         Command::Budget(arguments) => arguments.run(global, output),
         Command::Table(arguments) => arguments.run(global, output),
         Command::Solve(arguments) => arguments.run(global, output),
-        Command::Bench(task) => task.run(),
+        Command::Bench(task) => task.run(output),
         Command::Identify(options) => published::identify::run(global, options, output),
     }
 }

@@ -14,7 +14,7 @@ const SET_POINT: Pen = Pen { colour: GREY, width: 1, dashed: true };
 pub fn draw(moves: &[(f64, &[Row])]) -> Result<String> {
     let pen = |k| Pen::solid(colour(k, moves.len()));
     let load =
-        |(k, (load_kg, _)): (usize, &(f64, &[Row]))| KeyRow::sample(Sample::Line(pen(k)), &format!("{load_kg} kg"));
+        |(k, (load_kg, _)): (usize, &(f64, &[Row]))| KeyRow::sample(Sample::Line(pen(k)), format!("{load_kg} kg"));
     let mut key: Vec<KeyRow> = moves.iter().enumerate().map(load).collect();
     key.push(KeyRow::sample(Sample::Line(SET_POINT), "set-point"));
     // Time from the start of the move.
