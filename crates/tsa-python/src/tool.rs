@@ -83,7 +83,12 @@ pub(crate) fn refit(
         let refused = |e: IdentifyError| Failure::failed(e.to_string());
         let (unknowns, start) = (&candidate.unknowns, candidate.start().map_err(refused)?);
         let mut data = data.based_on(&start);
-        data.rows.iter_mut().zip(values.into_iter().flatten()).for_each(|(row, value)| row.value = value);
+        let wanted = data.rows.len();
+        let values = values.unwrap_or_else(|| data.rows.iter().map(|row| row.value).collect());
+        if values.len() != wanted || !values.iter().chain(&shifts).all(|number| number.is_finite()) {
+            return Err(Failure::Usage(format!("values must be {wanted} finite numbers, and shifts finite")));
+        }
+        data.rows.iter_mut().zip(values).for_each(|(row, value)| row.value = value);
         let fit = fit(unknowns, &start, &data, &shifts).map_err(refused)?;
         Ok(Some(json!({
             "scene": unknowns.scene(&candidate.scene, &start, &fit.x),

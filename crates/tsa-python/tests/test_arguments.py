@@ -91,7 +91,7 @@ def test_commands_and_files_of_any_kind_are_refused_in_words(tmp_path: Path) -> 
         sweep.write_text("load_n,turns,gap_m\n" + "".join(f"{a},{b},{c}\n" for a, b, c in rows))
         law = draw.choice(["length-ratio", "twist-power", "", "none"])
         material = draw.choice(["modulus", "odd-curve", "curve", ""])
-        answer(_core.refit, ROOT / "scenes/default.toml", [str(sweep)], law, material, draw.choice([None, 0, 7]))
+        answer(_core.refit, ROOT / "scenes/default.toml", [str(sweep)], law, material, draw.choice([None, [], [7.0]]))
         answer(_core.tool, [draw.choice(WORDS) for _ in range(5)])
 
 
