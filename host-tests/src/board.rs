@@ -10,7 +10,6 @@ use rig_link::messages::{
 use rig_link::{Accepted, Decoder, Versions, encode};
 use rig_plant::board::Stimulus;
 use rig_plant::rig::Rig;
-use rig_plant::rig::plant_settings::PlantSettings;
 use std::fmt;
 use std::process::Command;
 use std::sync::OnceLock;
@@ -143,11 +142,7 @@ impl Bench {
     }
 
     fn boot(elf: &[u8], scene: &Scene, config: Config, keys: &[(&str, &str)], seed: u64) -> Self {
-        let mut settings = PlantSettings::default();
-        for (key, value) in keys {
-            settings.set(key, value).unwrap_or_else(|e| panic!("{e}"));
-        }
-        let rig = Rig::new(scene, settings, seed).unwrap_or_else(|e| panic!("{e}"));
+        let rig = Rig::new(scene, rig_plant::bench::settings(keys), seed).unwrap_or_else(|e| panic!("{e}"));
         let mut machine = Machine::new(elf, rig, config).unwrap_or_else(|e| panic!("{e}"));
         assert!(machine.watch_function("control_tick"), "the ELF has no control_tick");
         Self {

@@ -188,8 +188,9 @@ fn homes_from_the_farthest_twist_that_the_strings_can_have() {
     let mut worst = (0.0f64, 0.0f64, 0.0f64);
     for (seed, load) in ["0.8", "0.9", "0.1kg", "2", "5", "18"].iter().enumerate() {
         let nominal = ControlBench::new(&[("load", load)], 1);
-        let most = (10.0 * nominal.rig.plant().surface().expect("built in").last_twist_rad(nominal.truth().load_n))
-            .floor()
+        let most = (10.0
+            * nominal.rig.plant().built_in().expect("built in").surface.last_twist_rad(nominal.truth().load_n))
+        .floor()
             / 10.0;
         for twist in [most, -most, most - 2.0, 2.0 - most, 0.9 * most, -0.9 * most] {
             for friction in ["0.02", "0.1"] {

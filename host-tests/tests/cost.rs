@@ -3,8 +3,8 @@
 
 use host_tests::{root, scene};
 use rig_emulator::machine::{Config, Machine};
+use rig_plant::PlantSettings;
 use rig_plant::rig::Rig;
-use rig_plant::rig::plant_settings::PlantSettings;
 use rival_forms::fit::candidates;
 use rival_forms::peers::peers;
 use tsa_table::instruction_model::lookup_instructions;

@@ -2,10 +2,9 @@
 //! It is hundreds of times faster than the whole board, for scenarios by the dozen. The chip's share (drivers, interrupts,
 //! timing) is tested with the ELF on the emulated board.
 
-use crate::Truth;
 use crate::board::{Board, CanFrame, Stimulus};
 use crate::rig::Rig;
-use crate::rig::plant_settings::PlantSettings;
+use crate::{PlantSettings, Truth};
 use rig_config::Scene;
 use rig_control::sensors::EncoderCount;
 use rig_control::supervisor::Events;
@@ -35,6 +34,18 @@ pub fn table() -> &'static Table<'static> {
 /// The rig's constants, as the build script derives them.
 pub fn constants() -> RigConstants {
     scene().constants()
+}
+
+/// The rig with these plant keys.
+///
+/// # Panics
+/// If there is no such rig.
+pub fn settings(keys: &[(&str, &str)]) -> PlantSettings {
+    let mut settings = PlantSettings::default();
+    for (key, value) in keys {
+        settings.set(key, value).unwrap_or_else(|e| panic!("{e}"));
+    }
+    settings
 }
 
 /// Samples of one LVDT block, and the time between two of them, as on the board.
@@ -77,7 +88,7 @@ impl Controller for Control {
     type Decision = ControlTick;
 
     fn step(&mut self, inputs: &Inputs) -> ControlTick {
-        let Outputs { drive, reply, events } = Control::step(self, inputs);
+        let Outputs { drive, reply, events, .. } = Control::step(self, inputs);
         let counters = Counters { late_ticks: self.late_ticks(), ..Counters::default() };
         ControlTick { drive, reply, events, telemetry: self.telemetry(inputs, counters), sensors: self.sensors(inputs) }
     }
@@ -147,11 +158,7 @@ impl<C: Controller> ControlBench<C> {
     }
 
     fn in_scene(scene: &Scene, control: C, keys: &[(&str, &str)], seed: u64) -> Self {
-        let mut settings = PlantSettings::default();
-        for (key, value) in keys {
-            settings.set(key, value).unwrap_or_else(|e| panic!("{e}"));
-        }
-        Self::on(Rig::new(scene, settings, seed).unwrap_or_else(|e| panic!("{e}")), control)
+        Self::on(Rig::new(scene, settings(keys), seed).unwrap_or_else(|e| panic!("{e}")), control)
     }
 
     /// A controller on a rig that has just been switched on.
@@ -308,28 +315,23 @@ impl ControlBench {
         if !idle(self) && !self.until(10.0, idle) {
             return Err(format!("not ready: {:?} {:?}", self.control.state(), self.control.fault()));
         }
-        let start = self.time_s;
-        let reply = self.tick(Some(Request::Home { load })).reply;
-        if !matches!(reply, Some(Ok(_))) {
-            return Err(format!("refused: {reply:?}"));
-        }
-        self.until(60.0, |d| d.control.state() != State::Homing);
-        if self.control.state() == State::Ready {
-            Ok(self.time_s - start)
-        } else {
-            Err(format!("{:?} {:?} {:?}", self.control.state(), self.control.fault(), self.events.last()))
-        }
+        self.play(Request::Home { load }, State::Homing, State::Ready)
     }
 
     /// Moves and waits until the load stands; time taken (s) or how it failed.
     pub fn move_to(&mut self, target_m: f32, speed_m_per_s: f32, load: LoadChoice) -> Result<f64, String> {
+        self.play(Request::Move { target_m, speed_m_per_s, load }, State::Moving, State::Holding)
+    }
+
+    /// Asks for something and waits as long as it is under way; the time it took (s), or how it failed.
+    fn play(&mut self, request: Request, under_way: State, done: State) -> Result<f64, String> {
         let start = self.time_s;
-        let reply = self.tick(Some(Request::Move { target_m, speed_m_per_s, load })).reply;
+        let reply = self.tick(Some(request)).reply;
         if !matches!(reply, Some(Ok(_))) {
             return Err(format!("refused: {reply:?}"));
         }
-        self.until(60.0, |d| d.control.state() != State::Moving);
-        if self.control.state() == State::Holding {
+        self.until(60.0, |d| d.control.state() != under_way);
+        if self.control.state() == done {
             Ok(self.time_s - start)
         } else {
             Err(format!("{:?} {:?} {:?}", self.control.state(), self.control.fault(), self.events.last()))

@@ -1,41 +1,35 @@
-//! Plant keys: what can be changed about the emulated rig without telling the firmware, as `KEY=VALUE`.
+//! Plant keys: what can be changed about the emulated rig without telling the firmware, as `KEY=VALUE`. One table says all
+//! that is fixed about each.
 
-use crate::units::{self, Quantity, UnitError};
+use crate::units::{self, Quantity, STANDARD_GRAVITY, UnitError};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// Declares the enum of keys with the table of what is fixed about each.
-macro_rules! plant_keys {
-    ($($(#[$doc:meta])* $key:ident = $name:literal, $quantity:ident, $range:expr, $when:ident;)+) => {
-        /// What can be changed about the emulated rig.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        pub enum PlantKey {
-            $($(#[$doc])* $key,)+
-        }
-
-        impl PlantKey {
-            /// Every key.
-            pub const ALL: &'static [Self] = &[$(Self::$key),+];
-
-            /// What is fixed about it.
-            const fn spec(self) -> Spec {
-                match self {
-                    $(Self::$key => {
-                        Spec { name: $name, quantity: Quantity::$quantity, range: $range, when: When::$when }
-                    })+
-                }
-            }
-        }
-    };
+/// How a rig that a seed names draws a value for a size s ([`crate::preset`]).
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Draw {
+    /// From −s to s.
+    Either,
+    /// From 0.3 s to s: friction, noise and the like are never absent.
+    Present,
+    /// 1 plus what [`Draw::Either`] gives.
+    ScaleEither,
+    /// 1 plus what [`Draw::Present`] gives.
+    ScaleAbove,
+    /// 1 less what [`Draw::Present`] gives.
+    ScaleBelow,
 }
 
 /// What is fixed about a key.
 struct Spec {
     name: &'static str,
     quantity: Quantity,
-    /// Least and greatest value, SI. Wide: it excludes what makes no rig at all, and not what makes a bad one.
+    /// Minimum and maximum, SI. Wide: it excludes what makes no rig at all, and not what makes a bad one.
     range: [f64; 2],
     when: When,
+    part: Part,
+    /// How it is drawn, its size on nominal and on hard rigs; nothing where all rigs have the default.
+    sizes: &'static [(Draw, f64, f64)],
 }
 
 /// When a key can change.
@@ -45,81 +39,165 @@ enum When {
     AtStart,
 }
 
+/// What a key belongs to, where a plant from outside takes the place of the built-in one.
+#[derive(PartialEq)]
+enum Part {
+    /// The mechanism's law, for which measured gaps stand.
+    Law,
+    /// Mechanism, load or rail: with the law what a plant program has in the emulator's place.
+    Plant,
+    /// Motor, drive, sensors and board, which stay.
+    Rig,
+}
+
+/// Declares keys and settings from the table of what is fixed about each key.
+macro_rules! plant_keys {
+    ($($(#[$doc:meta])* $key:ident = $name:literal, $field:ident: $type:ty = $default:expr,
+       $quantity:ident, $range:expr, $when:ident, $part:ident $(, $draw:ident [$nominal:expr, $hard:expr])?;)+) => {
+        /// What can be changed about the emulated rig.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum PlantKey {
+            $($(#[$doc])* $key,)+
+        }
+
+        /// The value of every plant key, in SI units.
+        #[derive(Clone, Debug, PartialEq)]
+        pub struct PlantSettings {
+            $($(#[$doc])* pub $field: $type,)+
+        }
+
+        impl Default for PlantSettings {
+            fn default() -> Self {
+                Self { $($field: $default,)+ }
+            }
+        }
+
+        impl PlantSettings {
+            pub(crate) fn put(&mut self, PlantChange { key, value }: PlantChange) {
+                match key {
+                    $(PlantKey::$key => self.$field = value.into(),)+
+                }
+            }
+        }
+
+        impl PlantKey {
+            /// Every key.
+            pub const ALL: &'static [Self] = &[$(Self::$key),+];
+
+            const fn spec(self) -> Spec {
+                match self {
+                    $(Self::$key => Spec {
+                        name: $name,
+                        quantity: Quantity::$quantity,
+                        range: $range,
+                        when: When::$when,
+                        part: Part::$part,
+                        sizes: &[$((Draw::$draw, $nominal, $hard))?],
+                    },)+
+                }
+            }
+        }
+    };
+}
+
+/// rad.
+const DEGREE: f64 = std::f64::consts::PI / 180.0;
+
+// Key, field and default; quantity, range, when, what it belongs to; then how rigs draw it, and the sizes on nominal and hard
+// ones, whose sources stand in docs/plants.md.
 plant_keys! {
-    /// Weight on the rail.
-    Load = "load", Load, [0.01, 200.0], Always;
+    /// Weight on the rail (N); its inertia is load / g.
+    Load = "load", load_n: f64 = 0.5 * STANDARD_GRAVITY, Load, [0.01, 200.0], Always, Plant;
     /// Coulomb friction on the rail.
-    Friction = "friction", Force, [0.0, 100.0], Always;
+    Friction = "friction", friction_n: f64 = 0.05, Force, [0.0, 100.0], Always, Plant, Present [0.15, 0.4];
     /// Friction on the rail that grows with the load, as a share of the load.
-    FrictionLoadShare = "friction_load_share", Fraction, [0.0, 1.0], Always;
+    FrictionLoadShare = "friction_load_share", friction_load_share: f64 = 0.0, Fraction, [0.0, 1.0], Always, Plant,
+        Present [0.01, 0.03];
     /// Static friction on the rail over Coulomb friction.
-    StictionRatio = "stiction_ratio", Number, [1.0, 10.0], Always;
+    StictionRatio = "stiction_ratio", stiction_ratio: f64 = 1.0, Number, [1.0, 10.0], Always, Plant,
+        ScaleAbove [0.2, 0.5];
     /// Speed at which the rail's friction has fallen from static to Coulomb friction by 63 %; 0 is only at standstill.
-    StribeckSpeed = "stribeck_speed", Speed, [0.0, 1.0], Always;
+    StribeckSpeed = "stribeck_speed", stribeck_speed_m_per_s: f64 = 0.0, Speed, [0.0, 1.0], Always, Plant,
+        Present [2e-3, 2e-3];
     /// How far the rail gives before it breaks loose.
-    Presliding = "presliding", Length, [0.0, 1e-3], Always;
+    Presliding = "presliding", presliding_m: f64 = 0.0, Length, [0.0, 1e-3], Always, Plant, Present [10e-6, 10e-6];
     /// Viscous damping on the rail.
-    Damping = "damping", Damping, [0.0, 1e4], Always;
+    Damping = "damping", damping_n_s_per_m: f64 = 1.0, Damping, [0.0, 1e4], Always, Plant;
     /// LVDT noise of one sample, rms.
-    LvdtNoise = "lvdt_noise", Length, [0.0, 0.1], Always;
+    LvdtNoise = "lvdt_noise", lvdt_noise_m: f64 = 60e-6, Length, [0.0, 0.1], Always, Rig;
     /// LVDT offset.
-    LvdtOffset = "lvdt_offset", Length, [-0.2, 0.2], Always;
+    LvdtOffset = "lvdt_offset", lvdt_offset_m: f64 = 0.0, Length, [-0.2, 0.2], Always, Rig;
     /// LVDT gain error.
-    LvdtGainError = "lvdt_gain_error", Fraction, [-0.9, 9.0], AtStart;
+    LvdtGainError = "lvdt_gain_error", lvdt_gain_error: f64 = 0.0, Fraction, [-0.9, 9.0], AtStart, Rig;
     /// Curve of the LVDT: amplitude of an error that is one sine over the stroke, as a share of the stroke.
-    LvdtNonlinearity = "lvdt_nonlinearity", Fraction, [0.0, 0.1], Always;
+    LvdtNonlinearity = "lvdt_nonlinearity", lvdt_nonlinearity: f64 = 0.0, Fraction, [0.0, 0.1], Always, Rig,
+        Present [0.0025, 0.005];
     /// LVDT noise that averaging over a block of samples leaves, rms.
-    LvdtNoiseInband = "lvdt_noise_inband", Length, [0.0, 0.1], Always;
+    LvdtNoiseInband = "lvdt_noise_inband", lvdt_noise_inband_m: f64 = 0.0, Length, [0.0, 0.1], Always, Rig,
+        Present [10e-6, 30e-6];
     /// Hum of the mains in the LVDT's signal, peak.
-    Hum = "hum", Length, [0.0, 0.1], Always;
+    Hum = "hum", hum_m: f64 = 0.0, Length, [0.0, 0.1], Always, Rig, Present [10e-6, 50e-6];
     /// Integral non-linearity of the converter, codes, peak.
-    AdcInl = "adc_inl", Number, [0.0, 100.0], Always;
+    AdcInl = "adc_inl", adc_inl: f64 = 0.0, Number, [0.0, 100.0], Always, Rig, Present [1.5, 3.0];
     /// Twist of the strings at power-up.
-    TwistAtBoot = "twist_at_boot", Angle, [-75.0, 75.0], AtStart;
+    TwistAtBoot = "twist_at_boot", twist_at_boot_rad: f64 = 1.0, Angle, [-75.0, 75.0], AtStart, Rig;
     /// Scales k2 of the string's radius law.
-    K2Scale = "k2_scale", Fraction, [0.1, 10.0], AtStart;
+    K2Scale = "k2_scale", k2_scale: f64 = 1.0, Fraction, [0.1, 10.0], AtStart, Law;
     /// Scales k3.
-    K3Scale = "k3_scale", Fraction, [0.1, 10.0], AtStart;
+    K3Scale = "k3_scale", k3_scale: f64 = 1.0, Fraction, [0.1, 10.0], AtStart, Law;
     /// Scales k4.
-    K4Scale = "k4_scale", Fraction, [0.1, 10.0], AtStart;
+    K4Scale = "k4_scale", k4_scale: f64 = 1.0, Fraction, [0.1, 10.0], AtStart, Law;
     /// Scales the string's stiffness K.
-    StiffnessScale = "stiffness_scale", Fraction, [0.1, 100.0], AtStart;
+    StiffnessScale = "stiffness_scale", stiffness_scale: f64 = 1.0, Fraction, [0.1, 100.0], AtStart, Law;
     /// Scales all coefficients of the rods' stress-strain law.
-    ModulusScale = "modulus_scale", Fraction, [0.1, 100.0], AtStart;
+    ModulusScale = "modulus_scale", modulus_scale: f64 = 1.0, Fraction, [0.1, 100.0], AtStart, Law;
     /// Added to the exponent of the string's radius law.
-    TwistExponentShift = "twist_exponent_shift", Number, [-0.4, 0.4], AtStart;
+    TwistExponentShift = "twist_exponent_shift", twist_exponent_shift: f64 = 0.0, Number, [-0.4, 0.4], AtStart, Law,
+        Either [0.05, 0.05];
     /// Half width of the loop of the rods' stress over strain.
-    RodHysteresis = "rod_hysteresis", Stress, [0.0, 1e9], AtStart;
+    RodHysteresis = "rod_hysteresis", rod_hysteresis_pa: f64 = 0.0, Stress, [0.0, 1e9], AtStart, Law,
+        Present [60e6, 90e6];
     /// What the strings stretch slowly, as a share of their elastic stretch.
-    StringCreep = "string_creep", Fraction, [0.0, 10.0], AtStart;
+    StringCreep = "string_creep", string_creep: f64 = 0.0, Fraction, [0.0, 10.0], AtStart, Plant, Present [0.10, 0.30];
     /// Share of their radius that new strings lose over their first cycles.
-    StringBedding = "string_bedding", Fraction, [0.0, 0.5], AtStart;
+    StringBedding = "string_bedding", string_bedding: f64 = 0.0, Fraction, [0.0, 0.5], AtStart, Plant,
+        Present [0.02, 0.05];
     /// Width of the loop between the twist of the shaft and that of the strings.
-    TwistPlay = "twist_play", Angle, [0.0, 3.0], AtStart;
+    TwistPlay = "twist_play", twist_play_rad: f64 = 0.0, Angle, [0.0, 3.0], AtStart, Plant, Present [0.19, 0.57];
     /// Temperature of rods and LVDT, less that of the calibration.
-    Temperature = "temperature", Temperature, [-100.0, 100.0], Always;
-    /// Coulomb friction at the motor's shaft.
-    MotorFriction = "motor_friction", Torque, [0.0, 0.1], Always;
+    Temperature = "temperature", temperature_k: f64 = 0.0, Temperature, [-100.0, 100.0], Always, Plant,
+        Either [5.0, 10.0];
+    /// Coulomb friction at the motor's shaft (N m). By default so little that a load of 0.5 kg drives the motor back. Assumed.
+    MotorFriction = "motor_friction", motor_friction_nm: f64 = 2e-5, Torque, [0.0, 0.1], Always, Rig,
+        Present [0.2e-3, 0.5e-3];
     /// Share by which that friction is greater towards more twist, and smaller towards less.
-    MotorFrictionAsymmetry = "motor_friction_asymmetry", Fraction, [-0.9, 0.9], Always;
+    MotorFrictionAsymmetry = "motor_friction_asymmetry", motor_friction_asymmetry: f64 = 0.0, Fraction, [-0.9, 0.9], Always, Rig,
+        Either [0.025, 0.10];
     /// Efficiency of the gear.
-    GearEfficiency = "gear_efficiency", Fraction, [0.05, 1.0], Always;
+    GearEfficiency = "gear_efficiency", gear_efficiency: f64 = 1.0, Fraction, [0.05, 1.0], Always, Rig,
+        ScaleBelow [0.25, 0.40];
     /// True torque constant over the scene's.
-    TorqueConstantScale = "torque_constant_scale", Fraction, [0.1, 10.0], AtStart;
+    TorqueConstantScale = "torque_constant_scale", torque_constant_scale: f64 = 1.0, Fraction, [0.1, 10.0], AtStart, Rig,
+        ScaleEither [0.05, 0.10];
     /// Offset of the drive's current reading.
-    CurrentOffset = "current_offset", Current, [-1.0, 1.0], Always;
+    CurrentOffset = "current_offset", current_offset_a: f64 = 0.0, Current, [-1.0, 1.0], Always, Rig,
+        Either [5e-3, 20e-3];
     /// Noise of one current reading, rms.
-    CurrentNoise = "current_noise", Current, [0.0, 1.0], Always;
+    CurrentNoise = "current_noise", current_noise_a: f64 = 0.0, Current, [0.0, 1.0], Always, Rig,
+        Present [10e-3, 30e-3];
     /// Quantum of the current reading; 0 is none.
-    CurrentQuantum = "current_quantum", Current, [0.0, 1.0], Always;
+    CurrentQuantum = "current_quantum", current_quantum_a: f64 = 0.0, Current, [0.0, 1.0], Always, Rig,
+        Present [10e-3, 50e-3];
     /// Play of the gear at its output.
-    GearBacklash = "gear_backlash", Angle, [0.0, 1.0], AtStart;
-    /// Supply of the drive.
-    SupplyVoltage = "supply_voltage", Voltage, [0.0, 58.0], Always;
-    /// Whether a motor-power relay is fitted: 1 is yes, 0 is no.
-    RelayFitted = "relay_fitted", Number, [0.0, 1.0], AtStart;
-    /// How long that relay goes on feeding the drive once its pin is low.
-    RelayRelease = "relay_release", Time, [0.0, 10.0], Always;
+    GearBacklash = "gear_backlash", gear_backlash_rad: f64 = 0.0, Angle, [0.0, 1.0], AtStart, Rig,
+        Present [0.9 * DEGREE, 2.0 * DEGREE];
+    /// Supply of the drive (V); `None` is the scene's.
+    SupplyVoltage = "supply_voltage", supply_voltage_v: Option<f64> = None, Voltage, [0.0, 58.0], Always, Rig;
+    /// Whether a motor-power relay is fitted: 1 is yes, 0 is no, and then the drive has power whatever the board does.
+    RelayFitted = "relay_fitted", relay_fitted: f64 = 1.0, Number, [0.0, 1.0], AtStart, Rig;
+    /// How long that relay goes on feeding the drive once its pin is low (s). By default that of a small power relay with a
+    /// flyback diode. Assumed.
+    RelayRelease = "relay_release", relay_release_s: f64 = 0.02, Time, [0.0, 10.0], Always, Rig;
 }
 
 impl PlantKey {
@@ -133,9 +211,25 @@ impl PlantKey {
         self.spec().quantity
     }
 
-    /// Least and greatest value (SI units).
+    /// Minimum and maximum (SI units).
     pub const fn range(self) -> [f64; 2] {
         self.spec().range
+    }
+
+    /// How rigs that a seed names draw it, and its size on nominal and on hard ones; `None` where all have the default.
+    pub(crate) fn drawn(self) -> Option<&'static (Draw, f64, f64)> {
+        self.spec().sizes.first()
+    }
+
+    /// Whether it is one of the built-in mechanism's constants, for which measured gaps stand.
+    pub fn is_of_the_law(self) -> bool {
+        self.spec().part == Part::Law
+    }
+
+    /// Whether it is one of mechanism, load or rail, which a plant program has in the emulator's place. The temperature is
+    /// the LVDT's as well.
+    pub fn is_of_the_plant(self) -> bool {
+        self.spec().part != Part::Rig
     }
 
     fn names() -> String {
@@ -219,6 +313,26 @@ impl PlantChange {
             When::AtStart => Err(PlantError::OnlyAtStart(self.key)),
             When::Always => self.check(),
         }
+    }
+}
+
+impl PlantSettings {
+    /// Changes one of them.
+    ///
+    /// # Errors
+    /// [`PlantError::OutOfRange`] if no rig can have the value.
+    pub fn apply(&mut self, change: PlantChange) -> Result<(), PlantError> {
+        change.check()?;
+        self.put(change);
+        Ok(())
+    }
+
+    /// Changes one of them as an operator types it: a number with or without a unit.
+    ///
+    /// # Errors
+    /// [`PlantError`] naming the key and what it takes.
+    pub fn set(&mut self, key: &str, value: &str) -> Result<(), PlantError> {
+        self.apply(PlantChange::read(key, value)?)
     }
 }
 

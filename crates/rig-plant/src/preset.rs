@@ -2,7 +2,7 @@
 //!
 //! Each key draws from a stream of its own, so that a key that is added later does not change the others.
 
-use crate::{PlantChange, PlantKey};
+use crate::plant::{Draw, PlantChange, PlantKey, PlantSettings};
 use std::fmt;
 
 /// A kind of rig.
@@ -17,51 +17,8 @@ pub enum RigPreset {
     Hard,
 }
 
-/// How a value is drawn for a size s from a column of the table.
-#[derive(Clone, Copy, Debug)]
-enum Draw {
-    /// From −s to s.
-    Either,
-    /// From 0.3 s to s: friction, noise and the like are never absent.
-    Present,
-    /// 1 plus what [`Draw::Either`] gives.
-    ScaleEither,
-    /// 1 plus what [`Draw::Present`] gives.
-    ScaleAbove,
-    /// 1 less what [`Draw::Present`] gives.
-    ScaleBelow,
-}
-
 /// Least share of a size that is never absent.
 const LEAST_SHARE: f64 = 0.3;
-/// The sizes: key, how it is drawn, nominal, hard. SI units. Their sources stand in docs/plants.md.
-const SIZES: [(PlantKey, Draw, f64, f64); 23] = [
-    (PlantKey::CurrentOffset, Draw::Either, 5e-3, 20e-3),
-    (PlantKey::CurrentNoise, Draw::Present, 10e-3, 30e-3),
-    (PlantKey::CurrentQuantum, Draw::Present, 10e-3, 50e-3),
-    (PlantKey::TorqueConstantScale, Draw::ScaleEither, 0.05, 0.10),
-    (PlantKey::MotorFriction, Draw::Present, 0.2e-3, 0.5e-3),
-    (PlantKey::MotorFrictionAsymmetry, Draw::Either, 0.025, 0.10),
-    (PlantKey::GearEfficiency, Draw::ScaleBelow, 0.25, 0.40),
-    (PlantKey::GearBacklash, Draw::Present, 0.9 * DEGREE, 2.0 * DEGREE),
-    (PlantKey::Friction, Draw::Present, 0.15, 0.4),
-    (PlantKey::FrictionLoadShare, Draw::Present, 0.01, 0.03),
-    (PlantKey::StictionRatio, Draw::ScaleAbove, 0.2, 0.5),
-    (PlantKey::StribeckSpeed, Draw::Present, 2e-3, 2e-3),
-    (PlantKey::Presliding, Draw::Present, 10e-6, 10e-6),
-    (PlantKey::RodHysteresis, Draw::Present, 60e6, 90e6),
-    (PlantKey::StringCreep, Draw::Present, 0.10, 0.30),
-    (PlantKey::StringBedding, Draw::Present, 0.02, 0.05),
-    (PlantKey::TwistPlay, Draw::Present, 0.19, 0.57),
-    (PlantKey::LvdtNonlinearity, Draw::Present, 0.0025, 0.005),
-    (PlantKey::AdcInl, Draw::Present, 1.5, 3.0),
-    (PlantKey::LvdtNoiseInband, Draw::Present, 10e-6, 30e-6),
-    (PlantKey::Hum, Draw::Present, 10e-6, 50e-6),
-    (PlantKey::Temperature, Draw::Either, 5.0, 10.0),
-    (PlantKey::TwistExponentShift, Draw::Either, 0.05, 0.05),
-];
-/// rad.
-const DEGREE: f64 = std::f64::consts::PI / 180.0;
 
 impl Draw {
     /// The value for a size, from a number that is uniform in 0..1.
@@ -101,15 +58,20 @@ impl RigPreset {
         }
     }
 
+    /// How a key is drawn, and its size on rigs of this kind; `None` where it has its default.
+    fn size(self, key: PlantKey) -> Option<(Draw, f64)> {
+        let (draw, nominal, hard) = *key.drawn()?;
+        match self {
+            Self::Ideal => None,
+            Self::Nominal => Some((draw, nominal)),
+            Self::Hard => Some((draw, hard)),
+        }
+    }
+
     /// One key as large as its column allows, or `factor` times that, as far as a rig can have it; none for keys that are the
     /// same in every rig. A negative factor is the other sign where a key has two.
     pub fn extreme(self, key: PlantKey, factor: f64) -> Option<PlantChange> {
-        let (_, draw, nominal, hard) = SIZES.iter().find(|size| size.0 == key)?;
-        let size = match self {
-            Self::Ideal => return None,
-            Self::Nominal => *nominal,
-            Self::Hard => *hard,
-        };
+        let (draw, size) = self.size(key)?;
         let value = match draw {
             Draw::Either => factor * size,
             Draw::Present => factor.abs() * size,
@@ -125,26 +87,25 @@ impl RigPreset {
     /// Root mean square of what the rigs of this kind have in a key, or differ by from 1 where it scales or divides something;
     /// 0 for keys that are the same in every rig. SI units.
     pub fn rms(self, key: PlantKey) -> f64 {
-        let found = SIZES.iter().find(|size| size.0 == key);
-        found.map_or(0.0, |(_, draw, nominal, hard)| match self {
-            Self::Ideal => 0.0,
-            Self::Nominal => draw.rms(*nominal),
-            Self::Hard => draw.rms(*hard),
-        })
+        self.size(key).map_or(0.0, |(draw, size)| draw.rms(size))
     }
 
     /// The plant keys of the rig that a seed names, in a fixed order; none for the ideal rig.
     pub fn changes(self, seed: u64) -> Vec<PlantChange> {
-        let column = |nominal, hard| match self {
-            Self::Ideal => None,
-            Self::Nominal => Some(nominal),
-            Self::Hard => Some(hard),
+        let change = |&key: &PlantKey| {
+            let (draw, size) = self.size(key)?;
+            Some(PlantChange { key, value: draw.value(size, uniform(seed, key.name())) })
         };
-        let change = |&(key, draw, nominal, hard): &(PlantKey, Draw, f64, f64)| {
-            let value = draw.value(column(nominal, hard)?, uniform(seed, key.name()));
-            Some(PlantChange { key, value })
-        };
-        SIZES.iter().filter_map(change).collect()
+        PlantKey::ALL.iter().filter_map(change).collect()
+    }
+}
+
+impl PlantSettings {
+    /// The rig of a preset that a seed names.
+    pub fn preset(preset: RigPreset, seed: u64) -> Self {
+        let mut settings = Self::default();
+        preset.changes(seed).into_iter().for_each(|change| settings.put(change));
+        settings
     }
 }
 
@@ -189,6 +150,10 @@ fn mix(state: u64) -> u64 {
 mod tests {
     use super::*;
 
+    fn drawn() -> impl Iterator<Item = (PlantKey, Draw, f64, f64)> {
+        PlantKey::ALL.iter().filter_map(|&key| key.drawn().map(|&(draw, nominal, hard)| (key, draw, nominal, hard)))
+    }
+
     fn column(preset: RigPreset, key: PlantKey) -> Vec<f64> {
         let of = |seed| preset.changes(seed).into_iter().find(|change| change.key == key).unwrap().value;
         (0..200).map(of).collect()
@@ -197,7 +162,7 @@ mod tests {
     #[test]
     fn every_value_lies_in_its_column_and_fills_it() {
         for (preset, hard) in [(RigPreset::Nominal, false), (RigPreset::Hard, true)] {
-            for (key, draw, nominal, worst) in SIZES {
+            for (key, draw, nominal, worst) in drawn() {
                 let size = if hard { worst } else { nominal };
                 let (low, high) = match draw {
                     Draw::Either => (-size, size),
@@ -219,7 +184,7 @@ mod tests {
 
     #[test]
     fn the_root_mean_square_is_that_of_the_rigs() {
-        for (key, draw, ..) in SIZES {
+        for (key, draw, ..) in drawn() {
             let from = f64::from(u8::from(matches!(draw, Draw::ScaleEither | Draw::ScaleAbove | Draw::ScaleBelow)));
             let squares: f64 = column(RigPreset::Hard, key).iter().map(|value| (value - from).powi(2)).sum();
             let rms = (squares / 200.0).sqrt();
@@ -248,7 +213,7 @@ mod tests {
         assert_eq!(value(PlantKey::TwistPlay, 1e3), Some(PlantKey::TwistPlay.range()[1]));
         assert_eq!(value(PlantKey::Load, 1.0), None);
         assert_eq!(RigPreset::Ideal.extreme(PlantKey::Friction, 1.0), None);
-        assert!(SIZES.iter().all(|size| RigPreset::Hard.extreme(size.0, 8.0).is_some_and(|c| c.check().is_ok())));
+        assert!(drawn().all(|(key, ..)| RigPreset::Hard.extreme(key, 8.0).is_some_and(|c| c.check().is_ok())));
     }
 
     #[test]

@@ -2,31 +2,10 @@
 
 use crate::units::OutOfRange;
 
-/// A group of up to 15 drives, 0 to 7.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Group(u8);
-
-impl Group {
-    /// Checks the range 0 to 7.
-    ///
-    /// # Errors
-    /// [`OutOfRange::Group`] outside it.
-    pub const fn new(group: u8) -> Result<Self, OutOfRange> {
-        if group > 7 { Err(OutOfRange::Group(group)) } else { Ok(Self(group)) }
-    }
-
-    /// Identifier of a broadcast to the whole group (number 0).
-    pub const fn broadcast_id(self, function: Function) -> u16 {
-        (self.0 as u16) << 8 | function as u16
-    }
-}
-
 /// One drive: group 0 to 7, number 1 to 15. Factory default is group 0, number 1 (V-CAN p6).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Address {
-    group: Group,
+    group: u8,
     number: u8,
 }
 
@@ -36,21 +15,21 @@ impl Address {
     /// # Errors
     /// [`OutOfRange::Group`] or [`OutOfRange::Number`] outside them.
     pub const fn new(group: u8, number: u8) -> Result<Self, OutOfRange> {
-        match Group::new(group) {
-            Ok(group) if number >= 1 && number <= 15 => Ok(Self { group, number }),
-            Ok(_) => Err(OutOfRange::Number(number)),
-            Err(error) => Err(error),
+        match (group, number) {
+            (8.., _) => Err(OutOfRange::Group(group)),
+            (_, 0 | 16..) => Err(OutOfRange::Number(number)),
+            _ => Ok(Self { group, number }),
         }
-    }
-
-    /// The group.
-    pub const fn group(self) -> Group {
-        self.group
     }
 
     /// The 11-bit identifier; no valid address exceeds 0x7FF.
     pub const fn id(self, function: Function) -> u16 {
-        self.group.broadcast_id(function) | (self.number as u16) << 4
+        self.broadcast_id(function) | (self.number as u16) << 4
+    }
+
+    /// Identifier of a broadcast to the drive's whole group (number 0).
+    pub(crate) const fn broadcast_id(self, function: Function) -> u16 {
+        (self.group as u16) << 8 | function as u16
     }
 
     /// Identifiers of everything that the drive sends (functions B, C, D, F): one bank of CAN filters.
@@ -61,7 +40,6 @@ impl Address {
 
 /// The low four bits of the identifier (hardware.md 2.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[repr(u8)]
 pub enum Function {
     /// Restart the drive.

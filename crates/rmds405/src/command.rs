@@ -1,12 +1,11 @@
 //! Host to drive (hardware.md 2.2, functions 0x0 to 0xA, 0xE and 0xF).
 
-use crate::address::{Address, Function, Group};
-use crate::frame::{Frame, Ignored, PAD, Received, accept, i16_at, i32_tail};
+use crate::address::{Address, Function};
+use crate::frame::{Frame, Ignored, PAD, Received, accept, i16_at, position_of, words};
 use crate::units::{CurrentLimit, Milliamps, OutOfRange, Pwm, PwmLimit, QuadCounts, Rpm, SpeedLimit};
 
 /// The eight ways to run a motor (hardware.md 2.3). Only the `Current…` modes bound the torque.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[repr(u8)]
 pub enum Mode {
     /// A voltage.
@@ -38,23 +37,22 @@ impl TryFrom<u8> for Mode {
     type Error = OutOfRange;
 
     fn try_from(code: u8) -> Result<Self, OutOfRange> {
-        Ok(match code {
-            1 => Self::OpenLoop,
-            2 => Self::Current,
-            3 => Self::Velocity,
-            4 => Self::Position,
-            5 => Self::VelocityPosition,
-            6 => Self::CurrentVelocity,
-            7 => Self::CurrentPosition,
-            8 => Self::CurrentVelocityPosition,
-            _ => return Err(OutOfRange::Mode(code)),
-        })
+        const MODES: [Mode; 8] = [
+            Mode::OpenLoop,
+            Mode::Current,
+            Mode::Velocity,
+            Mode::Position,
+            Mode::VelocityPosition,
+            Mode::CurrentVelocity,
+            Mode::CurrentPosition,
+            Mode::CurrentVelocityPosition,
+        ];
+        MODES.into_iter().find(|mode| *mode as u8 == code).ok_or(OutOfRange::Mode(code))
     }
 }
 
 /// What to do with an opto-coupled output. The wire is inverted: 0x00 is on (V-CAN p22).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Output {
     /// Opto-coupler lit.
     On,
@@ -84,7 +82,6 @@ impl Output {
 
 /// Every command to a drive. Data commands work only in their own mode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Command {
     /// Restart: un-moded, position 0, no torque. Valid in any state.
     Reset,
@@ -167,13 +164,6 @@ pub enum Command {
     OnlineCheck,
 }
 
-/// Config and OnlineCheck are never broadcast: the answers would collide, and old and new manuals disagree (hardware.md
-/// 4).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[error("function {0:?} is not for a broadcast")]
-pub struct NotForBroadcast(pub Function);
-
 impl Command {
     /// The function that carries it.
     pub const fn function(&self) -> Function {
@@ -199,47 +189,26 @@ impl Command {
         Frame { id: to.id(self.function()), data: self.data() }
     }
 
-    /// The frame for a whole group.
-    ///
-    /// # Errors
-    /// [`NotForBroadcast`] for Config and OnlineCheck.
-    pub fn encode_broadcast(&self, to: Group) -> Result<Frame, NotForBroadcast> {
-        match self {
-            Self::Config { .. } | Self::OnlineCheck => Err(NotForBroadcast(self.function())),
-            _ => Ok(Frame { id: to.broadcast_id(self.function()), data: self.data() }),
-        }
-    }
-
     fn data(&self) -> [u8; 8] {
-        let mut data = [PAD; 8];
-        let mut words = |first: i16, second: Option<i16>, tail: Option<QuadCounts>| {
-            data[..2].copy_from_slice(&first.to_be_bytes());
-            if let Some(second) = second {
-                data[2..4].copy_from_slice(&second.to_be_bytes());
-            }
-            if let Some(tail) = tail {
-                data[4..].copy_from_slice(&tail.0.to_be_bytes());
-            }
-        };
+        let bytes = |first: u8, second: u8| [first, second, PAD, PAD, PAD, PAD, PAD, PAD];
         match *self {
-            Self::Reset | Self::OnlineCheck => {}
-            Self::ChooseMode(mode) => data[0] = mode as u8,
+            Self::Reset | Self::OnlineCheck => [PAD; 8],
+            Self::ChooseMode(mode) => bytes(mode as u8, PAD),
             Self::OpenLoop { pwm } => words(pwm.get(), None, None),
             Self::Current { pwm_limit, current } => words(pwm_limit.get(), Some(current.0), None),
             Self::Velocity { pwm_limit, speed } => words(pwm_limit.get(), Some(speed.0), None),
             Self::Position { pwm_limit, position } => words(pwm_limit.get(), None, Some(position)),
             Self::VelocityPosition { pwm_limit, speed_limit, position } => {
-                words(pwm_limit.get(), Some(speed_limit.get()), Some(position));
+                words(pwm_limit.get(), Some(speed_limit.get()), Some(position))
             }
             Self::CurrentVelocity { current_limit, speed } => words(current_limit.get(), Some(speed.0), None),
             Self::CurrentPosition { current_limit, position } => words(current_limit.get(), None, Some(position)),
             Self::CurrentVelocityPosition { current_limit, speed_limit, position } => {
-                words(current_limit.get(), Some(speed_limit.get()), Some(position));
+                words(current_limit.get(), Some(speed_limit.get()), Some(position))
             }
-            Self::Config { motion_ms, mixed_ms } => [data[0], data[1]] = [motion_ms, mixed_ms],
-            Self::Outputs { out1, out2 } => [data[0], data[1]] = [out1.byte(), out2.byte()],
+            Self::Config { motion_ms, mixed_ms } => bytes(motion_ms, mixed_ms),
+            Self::Outputs { out1, out2 } => bytes(out1.byte(), out2.byte()),
         }
-        data
     }
 
     /// The command in a frame that the drive at `own` receives, broadcasts to its group included. Padding is not
@@ -262,7 +231,7 @@ impl Command {
         let pwm_limit = || PwmLimit::new(first).map_err(|_| Ignored::Field(0));
         let current_limit = || CurrentLimit::new(first).map_err(|_| Ignored::Field(0));
         let speed_limit = || SpeedLimit::new(second).map_err(|_| Ignored::Field(2));
-        let position = QuadCounts(i32_tail(data));
+        let position = position_of(data);
         Ok(match function {
             Function::Reset => Self::Reset,
             Function::ChooseMode => Self::ChooseMode(Mode::try_from(data[0]).map_err(|_| Ignored::Field(0))?),

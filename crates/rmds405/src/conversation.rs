@@ -9,7 +9,7 @@ use crate::address::Address;
 use crate::command::{Command, Mode};
 use crate::frame::Frame;
 use crate::report::Report;
-use crate::start_up::{Action, Event, StartUp};
+use crate::start_up::{Action, StartUp};
 use crate::units::{CurrentLimit, OutOfRange, Pwm, QuadCounts, SpeedLimit};
 
 /// Period of the drive's motion reports (ms): its recommended data period (hardware.md 2.5).
@@ -153,7 +153,7 @@ impl Conversation {
     pub fn tick(&mut self, now_us: u64) -> Option<Frame> {
         match &mut self.phase {
             Phase::Silent | Phase::Released { .. } => None,
-            Phase::Started { .. } => self.start(now_us, Event::Tick),
+            Phase::Started { .. } => self.start(now_us, None),
             Phase::Off { since_us, reset_us } => {
                 if now_us.saturating_sub(*since_us) >= POWER_OFF_US {
                     self.motor_power = false;
@@ -169,7 +169,7 @@ impl Conversation {
     /// The drive has reported. Gives the frame to send, if any.
     pub fn hear(&mut self, now_us: u64, report: Report) -> Option<Frame> {
         let frame = match &mut self.phase {
-            Phase::Started { ready: false, .. } => self.start(now_us, Event::Report(report)),
+            Phase::Started { ready: false, .. } => self.start(now_us, Some(report)),
             Phase::Released { reset_us } | Phase::Off { reset_us, .. } => {
                 let unheard = matches!(report, Report::Motion { .. } | Report::Error(_))
                     && now_us.saturating_sub(*reset_us) >= UNHEARD_RESET_US;
@@ -192,8 +192,8 @@ impl Conversation {
     /// [`OutOfRange`] for a limit that the drive does not take.
     pub fn command(&mut self, now_us: u64, command: DriveCommand) -> Result<Option<Frame>, OutOfRange> {
         Ok(match (command, &mut self.phase) {
-            (DriveCommand::Restart, _) => self.restart(now_us, Mode::CurrentVelocityPosition)?,
-            (DriveCommand::RestartOpenLoop, _) => self.restart(now_us, Mode::OpenLoop)?,
+            (DriveCommand::Restart, _) => self.restart(now_us, Mode::CurrentVelocityPosition),
+            (DriveCommand::RestartOpenLoop, _) => self.restart(now_us, Mode::OpenLoop),
             (DriveCommand::LetGo, Phase::Released { .. }) | (DriveCommand::PowerOff, Phase::Off { .. }) => None,
             (DriveCommand::LetGo, Phase::Off { reset_us, .. }) => {
                 *reset_us = now_us;
@@ -219,39 +219,35 @@ impl Conversation {
         })
     }
 
-    fn restart(&mut self, now_us: u64, mode: Mode) -> Result<Option<Frame>, OutOfRange> {
-        let start_up = StartUp::new(self.address, mode, FEEDBACK_MS)?.with_mixed(if self.supply_divider.is_some() {
-            SUPPLY_MS
-        } else {
-            0
-        });
-        self.phase = Phase::Started { start_up, mode, ready: false };
-        self.reading = DriveReading::Starting;
-        self.supply = None;
-        self.stalled = false;
-        let reset = self.start(now_us, Event::Tick);
+    fn restart(&mut self, now_us: u64, mode: Mode) -> Option<Frame> {
+        let mixed_ms = if self.supply_divider.is_some() { SUPPLY_MS } else { 0 };
+        let start_up = StartUp::new(self.address, mode, FEEDBACK_MS, mixed_ms);
+        self.enter(Phase::Started { start_up, mode, ready: false }, DriveReading::Starting);
+        let reset = self.start(now_us, None);
         self.motor_power = true;
-        Ok(reset)
+        reset
     }
 
     fn release(&mut self, phase: Phase) -> Frame {
-        self.phase = phase;
-        self.reading = DriveReading::Released;
-        self.supply = None;
-        self.stalled = false;
+        self.enter(phase, DriveReading::Released);
         Command::Reset.encode(self.address)
     }
 
-    fn start(&mut self, now_us: u64, event: Event) -> Option<Frame> {
+    /// What the drive has reported before does not hold any more.
+    fn enter(&mut self, phase: Phase, reading: DriveReading) {
+        (self.phase, self.reading, self.supply, self.stalled) = (phase, reading, None, false);
+    }
+
+    fn start(&mut self, now_us: u64, report: Option<Report>) -> Option<Frame> {
         let Phase::Started { start_up, ready, .. } = &mut self.phase else { return None };
-        match start_up.step(now_us / 1000, event) {
+        match start_up.step(now_us / 1000, report) {
             Action::Wait => None,
             Action::Send(frame) => Some(frame),
             Action::Ready => {
                 *ready = true;
                 None
             }
-            Action::Failed(_) => {
+            Action::Failed => {
                 self.reading = DriveReading::Failed;
                 None
             }
@@ -335,7 +331,7 @@ mod tests {
         assert_eq!(t_us, now_us);
         assert!(c.command(now_us, FOLLOW).unwrap().is_some_and(|frame| frame != reset()));
         assert!(!c.take_stall());
-        c.hear(now_us, Report::Error(crate::report::DriveError::Stall));
+        c.hear(now_us, Report::Error(crate::report::STALL));
         assert!(c.take_stall() && !c.take_stall());
         let wrong = DriveCommand::Follow { position_qc: 0, speed_limit_rpm: -1, current_limit_ma: 500 };
         assert!(c.command(now_us, wrong).is_err());

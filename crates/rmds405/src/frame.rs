@@ -1,13 +1,13 @@
 //! Frames as values: one to send, one received, and why a received one is ignored.
 
 use crate::address::{Address, Function};
+use crate::units::QuadCounts;
 
 /// Fills the bytes that a function does not use (hardware.md 1).
 pub const PAD: u8 = 0x55;
 
 /// A frame to send: standard identifier, data frame, always 8 bytes (hardware.md 1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Frame {
     /// 11-bit identifier.
     pub id: u16,
@@ -37,7 +37,6 @@ pub struct Received<'a> {
 
 /// Why a frame was ignored. The receiver counts these: the protocol has no checksum and no sequence number of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Ignored {
     /// A 29-bit identifier; the drive knows only 11 bits.
     #[error("29-bit identifier")]
@@ -73,7 +72,7 @@ pub(crate) fn accept(
     }
     let id = u16::try_from(received.id).map_err(|_| Ignored::OtherDrive(received.id))?;
     let function = Function::of_id(id);
-    if id != address.id(function) && !(broadcast && id == address.group().broadcast_id(function)) {
+    if id != address.id(function) && !(broadcast && id == address.broadcast_id(function)) {
         return Err(Ignored::OtherDrive(received.id));
     }
     let length = received.data.len();
@@ -82,12 +81,25 @@ pub(crate) fn accept(
     Ok((function, data))
 }
 
+/// Eight bytes of big-endian fields: an `i16` at byte 0, one at byte 2, an `i32` in the last four.
+pub(crate) fn words(first: i16, second: Option<i16>, tail: Option<QuadCounts>) -> [u8; 8] {
+    let mut data = [PAD; 8];
+    data[..2].copy_from_slice(&first.to_be_bytes());
+    if let Some(second) = second {
+        data[2..4].copy_from_slice(&second.to_be_bytes());
+    }
+    if let Some(QuadCounts(tail)) = tail {
+        data[4..].copy_from_slice(&tail.to_be_bytes());
+    }
+    data
+}
+
 /// Big-endian `i16` at byte `at` (0 to 6).
 pub(crate) fn i16_at(data: &[u8; 8], at: usize) -> i16 {
     i16::from_be_bytes([data[at], data[at + 1]])
 }
 
-/// Big-endian `i32` in the last four bytes.
-pub(crate) fn i32_tail(data: &[u8; 8]) -> i32 {
-    i32::from_be_bytes([data[4], data[5], data[6], data[7]])
+/// Big-endian position in the last four bytes.
+pub(crate) fn position_of(data: &[u8; 8]) -> QuadCounts {
+    QuadCounts(i32::from_be_bytes([data[4], data[5], data[6], data[7]]))
 }

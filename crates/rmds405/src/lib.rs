@@ -24,18 +24,17 @@ pub mod serial;
 pub mod start_up;
 pub mod units;
 
-pub use address::{Address, Function, Group};
+pub use address::{Address, Function};
 pub use command::{Command, Mode, Output};
 pub use conversation::{Conversation, DriveCommand, DriveReading, SupplyReading};
 pub use frame::{Frame, Ignored, Received};
-pub use report::{DriveError, Mixed, Report};
-pub use start_up::{Action, Event, StartError, StartUp};
+pub use report::{Mixed, Report};
+pub use start_up::{Action, StartUp};
 pub use units::{CurrentLimit, Milliamps, OutOfRange, Pwm, PwmLimit, QuadCounts, Rpm, SpeedLimit};
 
 /// The lines to a drive. They exclude each other: the drive uses the one that it was first addressed on, until it loses
 /// power or is reset (V-FAQ p24).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Transport {
     /// CAN.
     Can,

@@ -1,37 +1,15 @@
 //! Drive to host (hardware.md 2.2 and 2.4, functions 0xB, 0xC, 0xD and 0xF).
 
 use crate::address::{Address, Function};
-use crate::frame::{Frame, Ignored, PAD, Received, accept, i16_at, i32_tail};
+use crate::frame::{Frame, Ignored, PAD, Received, accept, i16_at, position_of, words};
 use crate::units::{Milliamps, Pwm, QuadCounts, Rpm};
 
-/// The error code in byte 0 of an error report.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum DriveError {
-    /// 0x01: stall protection (V-CAN p21). Assume that only a reset clears it (hardware.md 10).
-    Stall,
-    /// A code that no manual defines; never 0x01.
-    Unknown(u8),
-}
-
-impl DriveError {
-    /// The error with this code.
-    pub const fn of_code(code: u8) -> Self {
-        if code == 0x01 { Self::Stall } else { Self::Unknown(code) }
-    }
-
-    /// The code.
-    pub const fn code(self) -> u8 {
-        match self {
-            Self::Stall => 0x01,
-            Self::Unknown(code) => code,
-        }
-    }
-}
+/// Code of stall protection in an error report (V-CAN p21). Assume that only a reset clears it (hardware.md 10). No manual
+/// defines another one.
+pub const STALL: u8 = 0x01;
 
 /// Inputs and present output of the drive (V-CAN p20-21). `true` is high or lit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Mixed {
     /// Input CTL1.
     pub ctl1: bool,
@@ -43,7 +21,6 @@ pub struct Mixed {
 
 /// What the 2018 manual added to the mixed report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct MixedRest {
     /// Digital input.
     pub dsin: bool,
@@ -57,7 +34,6 @@ pub struct MixedRest {
 
 /// Every report of a drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Report {
     /// Sent every T1 once a mode is chosen.
     Motion {
@@ -70,8 +46,8 @@ pub enum Report {
     },
     /// Sent every T2 once a mode is chosen.
     Mixed(Mixed),
-    /// Sent every 100 ms while the error lasts.
-    Error(DriveError),
+    /// Sent every 100 ms while the error lasts: its code.
+    Error(u8),
     /// The echo to an online check. A host with loop-back on receives its own question as this too.
     Online,
 }
@@ -110,7 +86,7 @@ impl Report {
             Function::Motion => Self::Motion {
                 current: Milliamps(i16_at(data, 0)),
                 speed: Rpm(i16_at(data, 2)),
-                position: QuadCounts(i32_tail(data)),
+                position: position_of(data),
             },
             Function::Mixed => Self::Mixed(Mixed {
                 ctl1: level(0)?,
@@ -122,7 +98,7 @@ impl Report {
                     _ => None,
                 },
             }),
-            Function::Error => Self::Error(DriveError::of_code(data[0])),
+            Function::Error => Self::Error(data[0]),
             // The echo is identical to the question, and ours is all padding.
             Function::OnlineCheck => match data.iter().position(|&byte| byte != PAD) {
                 None => Self::Online,
@@ -141,11 +117,7 @@ impl Report {
     pub fn data(&self) -> [u8; 8] {
         let mut data = [PAD; 8];
         match *self {
-            Self::Motion { current, speed, position } => {
-                data[..2].copy_from_slice(&current.0.to_be_bytes());
-                data[2..4].copy_from_slice(&speed.0.to_be_bytes());
-                data[4..].copy_from_slice(&position.0.to_be_bytes());
-            }
+            Self::Motion { current, speed, position } => return words(current.0, Some(speed.0), Some(position)),
             Self::Mixed(Mixed { ctl1, ctl2, rest }) => {
                 data[0] = u8::from(ctl1);
                 data[1] = u8::from(ctl2);
@@ -156,7 +128,7 @@ impl Report {
                     data[6..].copy_from_slice(&rest.pwm.get().to_be_bytes());
                 }
             }
-            Self::Error(error) => data[0] = error.code(),
+            Self::Error(code) => data[0] = code,
             Self::Online => {}
         }
         data

@@ -12,7 +12,6 @@ use crate::address::Address;
 use crate::command::{Command, Mode};
 use crate::frame::Frame;
 use crate::report::Report;
-use crate::units::OutOfRange;
 
 /// From power-up to the first frame that the drive must understand: at least 500 ms (hardware.md 2.5).
 pub const POWER_UP_MS: u64 = 500;
@@ -22,25 +21,15 @@ pub const AFTER_RESET_MS: u64 = 600;
 pub const AFTER_MODE_MS: u64 = 600;
 /// Between online checks. Our choice: the answer takes well under 1 ms, a booting drive up to 500 ms.
 pub const ONLINE_RETRY_MS: u64 = 100;
-/// Online checks before [`StartError::NoEcho`]. Our choice: 3 s, six times a drive's boot.
+/// Online checks before the start-up has failed: no power, no bus, other bit rate or address. Our choice: 3 s, six times a drive's boot.
 pub const ONLINE_TRIES: u8 = 30;
 /// Between Config frames while no report comes. Our choice: longer than any sensible period.
 pub const CONFIG_RETRY_MS: u64 = 300;
-/// Config frames before [`StartError::NoFeedback`]. Our choice.
+/// Config frames before it has failed, because the drive has not taken the mode. Our choice.
 pub const CONFIG_TRIES: u8 = 4;
-
-/// What happened since the last step.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Event {
-    /// Time passed. Step at least every 10 ms.
-    Tick,
-    /// The drive reported.
-    Report(Report),
-}
 
 /// What to do now.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Action {
     /// Nothing yet.
     Wait,
@@ -49,19 +38,7 @@ pub enum Action {
     /// The drive is in its mode and reports; data frames may follow.
     Ready,
     /// The start-up has failed; begin again with a new [`StartUp`].
-    Failed(StartError),
-}
-
-/// Why a start-up failed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum StartError {
-    /// No echo to [`ONLINE_TRIES`] online checks: no power, no bus, other bit rate or address.
-    #[error("the drive does not answer the online check")]
-    NoEcho,
-    /// No motion report after [`CONFIG_TRIES`] Config frames: the drive has not taken the mode.
-    #[error("the drive answers but sends no motion reports")]
-    NoFeedback,
+    Failed,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -73,7 +50,7 @@ enum State {
     AfterMode { since_ms: u64 },
     Configured { sent_ms: u64, tries: u8 },
     Ready,
-    Failed(StartError),
+    Failed,
 }
 
 /// The start-up of one drive. The drive's position is 0 where the motor stood at the last Reset before
@@ -88,25 +65,15 @@ pub struct StartUp {
 }
 
 impl StartUp {
-    /// For the drive at `address`, to run in `mode` and report every `feedback_period_ms` (1 to 255).
-    ///
-    /// # Errors
-    /// [`OutOfRange::FeedbackPeriod`] for a period of 0.
-    pub const fn new(address: Address, mode: Mode, feedback_period_ms: u8) -> Result<Self, OutOfRange> {
-        if feedback_period_ms == 0 {
-            return Err(OutOfRange::FeedbackPeriod);
-        }
-        Ok(Self { address, mode, motion_ms: feedback_period_ms, mixed_ms: 0, state: State::Begin })
+    /// For the drive at `address`, to run in `mode` and report its motion every `motion_ms` (1 to 255), and inputs and output
+    /// every `mixed_ms` as well (0: not at all).
+    pub const fn new(address: Address, mode: Mode, motion_ms: u8, mixed_ms: u8) -> Self {
+        Self { address, mode, motion_ms, mixed_ms, state: State::Begin }
     }
 
-    /// The same, with inputs and output reported every `mixed_ms` as well (0: not at all).
-    #[must_use]
-    pub const fn with_mixed(self, mixed_ms: u8) -> Self {
-        Self { mixed_ms, ..self }
-    }
-
-    /// One step. `now_ms` never runs backwards; the first call counts as power-up.
-    pub fn step(&mut self, now_ms: u64, event: Event) -> Action {
+    /// One step, at least every 10 ms, with what the drive has reported since the last one. `now_ms` never runs backwards; the
+    /// first call counts as power-up.
+    pub fn step(&mut self, now_ms: u64, report: Option<Report>) -> Action {
         let passed = |since_ms: u64, wait_ms: u64| now_ms.saturating_sub(since_ms) >= wait_ms;
         match self.state {
             State::Begin => {
@@ -117,13 +84,13 @@ impl StartUp {
                 self.state = State::Online { sent_ms: now_ms, tries: 1 };
                 self.send(Command::OnlineCheck)
             }
-            State::Online { .. } if event == Event::Report(Report::Online) => {
+            State::Online { .. } if report == Some(Report::Online) => {
                 self.state = State::AfterReset { since_ms: now_ms };
                 self.send(Command::Reset)
             }
             State::Online { sent_ms, tries } if passed(sent_ms, ONLINE_RETRY_MS) => {
                 if tries >= ONLINE_TRIES {
-                    return self.fail(StartError::NoEcho);
+                    return self.fail();
                 }
                 self.state = State::Online { sent_ms: now_ms, tries: tries + 1 };
                 self.send(Command::OnlineCheck)
@@ -136,19 +103,19 @@ impl StartUp {
                 self.state = State::Configured { sent_ms: now_ms, tries: 1 };
                 self.configure()
             }
-            State::Configured { .. } if matches!(event, Event::Report(Report::Motion { .. })) => {
+            State::Configured { .. } if matches!(report, Some(Report::Motion { .. })) => {
                 self.state = State::Ready;
                 Action::Ready
             }
             State::Configured { sent_ms, tries } if passed(sent_ms, CONFIG_RETRY_MS) => {
                 if tries >= CONFIG_TRIES {
-                    return self.fail(StartError::NoFeedback);
+                    return self.fail();
                 }
                 self.state = State::Configured { sent_ms: now_ms, tries: tries + 1 };
                 self.configure()
             }
             State::Ready => Action::Ready,
-            State::Failed(error) => Action::Failed(error),
+            State::Failed => Action::Failed,
             _ => Action::Wait,
         }
     }
@@ -161,8 +128,8 @@ impl StartUp {
         Action::Send(command.encode(self.address))
     }
 
-    fn fail(&mut self, error: StartError) -> Action {
-        self.state = State::Failed(error);
-        Action::Failed(error)
+    fn fail(&mut self) -> Action {
+        self.state = State::Failed;
+        Action::Failed
     }
 }

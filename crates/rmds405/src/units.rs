@@ -4,7 +4,6 @@
 
 /// A value outside the range of its field; the variant names the parameter and holds what was given.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum OutOfRange {
     /// Group is 0 to 7 (V-CAN p6).
     #[error("drive group {0} is not within 0 to 7")]
@@ -27,33 +26,26 @@ pub enum OutOfRange {
     /// Speed limit is 0 to 32767 RPM.
     #[error("speed limit {0} RPM is negative")]
     SpeedLimit(i16),
-    /// Feedback period is 1 to 255 ms: without reports the position of the motor is unknown.
-    #[error("feedback period 0 ms means no feedback")]
-    FeedbackPeriod,
 }
 
 /// Winding current in mA, any `i16` (V-FAQ p6: not the supply current).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Milliamps(pub i16);
 
 /// Speed of the motor shaft in revolutions per minute, any `i16`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Rpm(pub i16);
 
 /// Position of the motor shaft in quadrature counts, 4 for each encoder line (V-FAQ p9); 0 is the position at
 /// the last reset.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct QuadCounts(pub i32);
 
 macro_rules! ranged {
     ($(#[$doc:meta])* $name:ident, $error:ident, $min:expr, $max:expr) => {
         $(#[$doc])*
         #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-        pub struct $name(i16);
+                pub struct $name(i16);
 
         impl $name {
             /// The greatest value.
@@ -70,14 +62,6 @@ macro_rules! ranged {
             /// The value as the wire carries it.
             pub const fn get(self) -> i16 {
                 self.0
-            }
-        }
-
-        impl TryFrom<i16> for $name {
-            type Error = OutOfRange;
-
-            fn try_from(value: i16) -> Result<Self, OutOfRange> {
-                Self::new(value)
             }
         }
     };

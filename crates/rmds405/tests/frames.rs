@@ -1,104 +1,80 @@
 //! Every frame and identifier of hardware.md 3.
 
-use rmds405::report::MixedRest;
+use rmds405::report::{MixedRest, STALL};
 use rmds405::{
-    Address, Command, CurrentLimit, DriveError, Frame, Function, Group, Ignored, Milliamps, Mixed, Mode, OutOfRange,
-    Output, Pwm, PwmLimit, QuadCounts, Received, Report, Rpm, SpeedLimit,
+    Address, Command, CurrentLimit, Frame, Function, Ignored, Milliamps, Mixed, Mode, OutOfRange, Output, Pwm,
+    PwmLimit, QuadCounts, Received, Report, Rpm, SpeedLimit, serial,
 };
 
 const P: u8 = 0x55;
+
+fn six() -> Address {
+    Address::new(6, 2).unwrap()
+}
 
 fn number(number: u8) -> Address {
     Address::new(0, number).unwrap()
 }
 
+/// The frame that begins so, with its other bytes unused.
+fn frame(id: u16, used: &[u8]) -> Frame {
+    let mut data = [P; 8];
+    data[..used.len()].copy_from_slice(used);
+    Frame { id, data }
+}
+
 /// Encodes to exactly this frame, and back.
-fn command(from: Command, to: Address, id: u16, data: [u8; 8]) {
-    let frame = from.encode(to);
-    assert_eq!(frame, Frame { id, data }, "{from:?}");
-    assert_eq!(Command::decode(to, &frame.received()), Ok(from));
+fn command(from: Command, to: Address, id: u16, used: &[u8]) {
+    assert_eq!(from.encode(to), frame(id, used), "{from:?}");
+    assert_eq!(Command::decode(to, &from.encode(to).received()), Ok(from));
 }
 
-fn report(of: Report, from: Address, id: u16, data: [u8; 8]) {
-    let frame = Frame { id, data };
-    assert_eq!(Report::decode(from, &frame.received()), Ok(of));
-    assert_eq!(of.encode(from), frame);
+fn report(of: Report, from: Address, id: u16, used: &[u8]) {
+    assert_eq!(Report::decode(from, &frame(id, used).received()), Ok(of));
+    assert_eq!(of.encode(from), frame(id, used));
 }
 
 #[test]
-fn the_eighteen_frames() {
+fn every_frame_is_as_documented() {
     let one = number(1);
-    let full = PwmLimit::MAX;
-    command(Command::Reset, one, 0x010, [P; 8]);
-    let all = Command::Reset.encode_broadcast(Group::new(0).unwrap()).unwrap();
-    assert_eq!(all, Frame { id: 0x000, data: [P; 8] });
-    assert_eq!(Command::decode(one, &all.received()), Ok(Command::Reset));
-    command(Command::ChooseMode(Mode::OpenLoop), one, 0x011, [1, P, P, P, P, P, P, P]);
+    let (pwm_limit, position) = (PwmLimit::MAX, QuadCounts(-30000));
+    let current_limit = CurrentLimit::new(800).unwrap();
+    let speed_limit = |rpm| SpeedLimit::new(rpm).unwrap();
+    command(Command::Reset, one, 0x010, &[]);
+    assert_eq!(Command::decode(one, &frame(0x000, &[]).received()), Ok(Command::Reset), "to the whole group");
+    command(Command::ChooseMode(Mode::OpenLoop), one, 0x011, &[1]);
     let pwm = |value| Command::OpenLoop { pwm: Pwm::new(value).unwrap() };
-    command(pwm(500), one, 0x012, [0x01, 0xF4, P, P, P, P, P, P]);
-    command(pwm(-500), one, 0x012, [0xFE, 0x0C, P, P, P, P, P, P]);
-    command(pwm(0), one, 0x012, [0, 0, P, P, P, P, P, P]);
-    command(Command::Config { motion_ms: 10, mixed_ms: 10 }, number(2), 0x02A, [0x0A, 0x0A, P, P, P, P, P, P]);
-    command(Command::OnlineCheck, one, 0x01F, [P; 8]);
-    report(Report::Online, one, 0x01F, [P; 8]);
-    let speed = |rpm| Command::Velocity { pwm_limit: full, speed: Rpm(rpm) };
-    command(speed(1000), one, 0x014, [0x13, 0x88, 0x03, 0xE8, P, P, P, P]);
-    command(speed(-1000), one, 0x014, [0x13, 0x88, 0xFC, 0x18, P, P, P, P]);
-    let position = Command::Position { pwm_limit: PwmLimit::new(2500).unwrap(), position: QuadCounts(-30000) };
-    command(position, one, 0x015, [0x09, 0xC4, P, P, 0xFF, 0xFF, 0x8A, 0xD0]);
-    let velocity_position = Command::VelocityPosition {
-        pwm_limit: full,
-        speed_limit: SpeedLimit::new(1200).unwrap(),
-        position: QuadCounts(32000),
-    };
-    command(velocity_position, one, 0x016, [0x13, 0x88, 0x04, 0xB0, 0x00, 0x00, 0x7D, 0x00]);
-    let current_limit = CurrentLimit::new(800).unwrap();
-    command(
-        Command::CurrentVelocity { current_limit, speed: Rpm(-100) },
-        one,
-        0x017,
-        [0x03, 0x20, 0xFF, 0x9C, P, P, P, P],
-    );
-    let speed_limit = SpeedLimit::new(300).unwrap();
-    command(
-        Command::CurrentVelocityPosition { current_limit, speed_limit, position: QuadCounts(-30000) },
-        one,
-        0x019,
-        [0x03, 0x20, 0x01, 0x2C, 0xFF, 0xFF, 0x8A, 0xD0],
-    );
-    report(
-        Report::Motion { current: Milliamps(850), speed: Rpm(-1200), position: QuadCounts(-30000) },
-        number(2),
-        0x02B,
-        [0x03, 0x52, 0xFB, 0x50, 0xFF, 0xFF, 0x8A, 0xD0],
-    );
+    command(pwm(500), one, 0x012, &[0x01, 0xF4]);
+    command(pwm(-500), one, 0x012, &[0xFE, 0x0C]);
+    command(pwm(0), one, 0x012, &[0, 0]);
+    command(Command::Config { motion_ms: 10, mixed_ms: 10 }, number(2), 0x02A, &[0x0A, 0x0A]);
+    command(Command::OnlineCheck, one, 0x01F, &[]);
+    report(Report::Online, one, 0x01F, &[]);
+    command(Command::Current { pwm_limit, current: Milliamps(-100) }, one, 0x013, &[0x13, 0x88, 0xFF, 0x9C]);
+    command(Command::Velocity { pwm_limit, speed: Rpm(1000) }, one, 0x014, &[0x13, 0x88, 0x03, 0xE8]);
+    command(Command::Velocity { pwm_limit, speed: Rpm(-1000) }, one, 0x014, &[0x13, 0x88, 0xFC, 0x18]);
+    let half = Command::Position { pwm_limit: PwmLimit::new(2500).unwrap(), position };
+    command(half, one, 0x015, &[0x09, 0xC4, P, P, 0xFF, 0xFF, 0x8A, 0xD0]);
+    let bounded = Command::VelocityPosition { pwm_limit, speed_limit: speed_limit(1200), position: QuadCounts(32000) };
+    command(bounded, one, 0x016, &[0x13, 0x88, 0x04, 0xB0, 0x00, 0x00, 0x7D, 0x00]);
+    command(Command::CurrentVelocity { current_limit, speed: Rpm(-100) }, one, 0x017, &[0x03, 0x20, 0xFF, 0x9C]);
+    let bounded = Command::CurrentPosition { current_limit, position };
+    command(bounded, one, 0x018, &[0x03, 0x20, P, P, 0xFF, 0xFF, 0x8A, 0xD0]);
+    let bounded = Command::CurrentVelocityPosition { current_limit, speed_limit: speed_limit(300), position };
+    command(bounded, one, 0x019, &[0x03, 0x20, 0x01, 0x2C, 0xFF, 0xFF, 0x8A, 0xD0]);
+    let motion = Report::Motion { current: Milliamps(850), speed: Rpm(-1200), position };
+    report(motion, number(2), 0x02B, &[0x03, 0x52, 0xFB, 0x50, 0xFF, 0xFF, 0x8A, 0xD0]);
     let rest = Some(MixedRest { dsin: false, asin_mv: 5000, chz: true, pwm: Pwm::new(-500).unwrap() });
-    report(
-        Report::Mixed(Mixed { ctl1: true, ctl2: false, rest }),
-        number(10),
-        0x0AC,
-        [0x01, 0x00, 0x00, 0x13, 0x88, 0x01, 0xFE, 0x0C],
-    );
-    report(Report::Error(DriveError::Stall), one, 0x01D, [1, P, P, P, P, P, P, P]);
-    command(Command::Outputs { out1: Output::On, out2: Output::Off }, one, 0x01E, [0, 1, P, P, P, P, P, P]);
-}
-
-#[test]
-fn the_frames_without_an_example() {
-    let one = number(1);
-    let current_limit = CurrentLimit::new(800).unwrap();
-    command(
-        Command::Current { pwm_limit: PwmLimit::MAX, current: Milliamps(-100) },
-        one,
-        0x013,
-        [0x13, 0x88, 0xFF, 0x9C, P, P, P, P],
-    );
-    command(
-        Command::CurrentPosition { current_limit, position: QuadCounts(-30000) },
-        one,
-        0x018,
-        [0x03, 0x20, P, P, 0xFF, 0xFF, 0x8A, 0xD0],
-    );
+    let mixed = |rest| Report::Mixed(Mixed { ctl1: true, ctl2: false, rest });
+    report(mixed(rest), number(10), 0x0AC, &[0x01, 0x00, 0x00, 0x13, 0x88, 0x01, 0xFE, 0x0C]);
+    // Of an older drive.
+    report(mixed(None), one, 0x01C, &[1, 0]);
+    report(Report::Error(STALL), one, 0x01D, &[1]);
+    command(Command::Outputs { out1: Output::On, out2: Output::Off }, one, 0x01E, &[0, 1]);
+    // What the serial variant assumes, byte by byte.
+    assert_eq!(serial::encode(&Command::Reset.encode(number(3))), [0x32, 0x00, P, P, P, P, P, P, P, P]);
+    let expected = [0x32, 0x0B, 0x03, 0x52, 0xFB, 0x50, 0xFF, 0xFF, 0x8A, 0xD0];
+    assert_eq!(serial::encode(&motion.encode(number(2))), expected);
 }
 
 #[test]
@@ -107,11 +83,8 @@ fn identifiers() {
     let ten = number(10);
     let ids = [Reset, ChooseMode, Velocity, CurrentVelocityPosition, Config, Error].map(|f| ten.id(f));
     assert_eq!(ids, [0x0A0, 0x0A1, 0x0A4, 0x0A9, 0x0AA, 0x0AD]);
-    let six = Address::new(6, 2).unwrap();
     let ids = [Reset, ChooseMode, Velocity, CurrentVelocityPosition, Config, Mixed, Error, OnlineCheck];
-    assert_eq!(ids.map(|f| six.id(f)), [0x620, 0x621, 0x624, 0x629, 0x62A, 0x62C, 0x62D, 0x62F]);
-    let group = Group::new(6).unwrap();
-    assert_eq!([Reset, ChooseMode, Config, OnlineCheck].map(|f| group.broadcast_id(f)), [0x600, 0x601, 0x60A, 0x60F]);
+    assert_eq!(ids.map(|f| six().id(f)), [0x620, 0x621, 0x624, 0x629, 0x62A, 0x62C, 0x62D, 0x62F]);
     assert_eq!(number(1).report_ids(), [0x01B, 0x01C, 0x01D, 0x01F]);
     assert_eq!(Address::new(7, 15).unwrap().id(OnlineCheck), 0x7FF);
     assert_eq!(Address::new(0, 1).unwrap().id(Outputs), 0x01E);
@@ -158,17 +131,12 @@ fn foreign_and_short_frames_are_ignored_with_a_reason() {
     assert_eq!(decode(Received { data: &good.data[..7], ..base }), Err(Ignored::Length(7)));
     assert_eq!(decode(Received { id: 0x014, ..base }), Err(Ignored::WrongDirection(Function::Velocity)));
     assert_eq!(decode(Received { data: &[P, P, 0, P, P, P, P, P], ..base }), Err(Ignored::Field(2)));
+    assert_eq!(Command::decode(six(), &Received { id: 0x600, ..base }), Ok(Command::Reset), "a broadcast to its group");
+    assert_eq!(Command::decode(one, &Received { id: 0x600, ..base }), Err(Ignored::OtherDrive(0x600)));
     // A broadcast is for drives, never from one.
     assert_eq!(decode(Received { id: 0x00F, ..base }), Err(Ignored::OtherDrive(0x00F)));
     let motion = Received { id: 0x01B, ..base };
     assert_eq!(Command::decode(one, &motion), Err(Ignored::WrongDirection(Function::Motion)));
-}
-
-#[test]
-fn mixed_report_of_an_older_drive() {
-    let frame = Frame { id: 0x01C, data: [1, 0, P, P, P, P, P, P] };
-    let expected = Report::Mixed(Mixed { ctl1: true, ctl2: false, rest: None });
-    assert_eq!(Report::decode(number(1), &frame.received()), Ok(expected));
 }
 
 #[test]
@@ -178,19 +146,6 @@ fn ranges() {
     assert_eq!(PwmLimit::new(-1), Err(OutOfRange::PwmLimit(-1)));
     assert_eq!(CurrentLimit::new(-1), Err(OutOfRange::CurrentLimit(-1)));
     assert_eq!(SpeedLimit::new(-1), Err(OutOfRange::SpeedLimit(-1)));
-    let group = Group::new(0).unwrap();
-    assert!(Command::OnlineCheck.encode_broadcast(group).is_err());
-    assert!(Command::Config { motion_ms: 1, mixed_ms: 0 }.encode_broadcast(group).is_err());
-}
-
-/// What the serial variant assumes, byte by byte.
-#[test]
-fn serial_frames() {
-    use rmds405::serial::encode;
-    assert_eq!(encode(&Command::Reset.encode(number(3))), [0x32, 0x00, P, P, P, P, P, P, P, P]);
-    let motion = Report::Motion { current: Milliamps(850), speed: Rpm(-1200), position: QuadCounts(-30000) };
-    let expected = [0x32, 0x0B, 0x03, 0x52, 0xFB, 0x50, 0xFF, 0xFF, 0x8A, 0xD0];
-    assert_eq!(encode(&motion.encode(number(2))), expected);
 }
 
 #[test]

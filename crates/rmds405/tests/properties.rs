@@ -5,8 +5,8 @@ use proptest::test_runner::RngSeed;
 use rmds405::report::MixedRest;
 use rmds405::serial::{BYTE_US, Decoder, HEADER, LENGTH, QUIET_US, encode};
 use rmds405::{
-    Address, Command, CurrentLimit, DriveError, Function, Milliamps, Mixed, Mode, Output, Pwm, PwmLimit, QuadCounts,
-    Received, Report, Rpm, SpeedLimit,
+    Address, Command, CurrentLimit, Function, Milliamps, Mixed, Mode, Output, Pwm, PwmLimit, QuadCounts, Received,
+    Report, Rpm, SpeedLimit,
 };
 
 fn address() -> impl Strategy<Value = Address> {
@@ -57,7 +57,7 @@ fn report() -> impl Strategy<Value = Report> {
         }),
         (any::<bool>(), any::<bool>(), proptest::option::of(rest))
             .prop_map(|(ctl1, ctl2, rest)| Report::Mixed(Mixed { ctl1, ctl2, rest })),
-        any::<u8>().prop_map(|code| Report::Error(DriveError::of_code(code))),
+        any::<u8>().prop_map(Report::Error),
         Just(Report::Online),
     ]
 }
@@ -74,12 +74,14 @@ proptest! {
         let frame = command.encode(address);
         prop_assert!(frame.id <= 0x7FF);
         prop_assert_eq!(Command::decode(address, &frame.received()), Ok(command));
+        prop_assert_eq!(Line::default().send(&mut Decoder::commands(), &encode(&frame)), vec![command]);
     }
 
     #[test]
     fn reports_round_trip(address in address(), report in report()) {
         let frame = report.encode(address);
         prop_assert_eq!(Report::decode(address, &frame.received()), Ok(report));
+        prop_assert_eq!(encode(&frame), encode(&report.encode(own())), "the serial line has no address");
     }
 
     #[test]
@@ -165,17 +167,6 @@ proptest! {
         let all: usize = pieces.iter().map(Vec::len).sum();
         prop_assert!(last.is_empty());
         prop_assert_eq!(found * LENGTH + decoder.foreign() as usize, all);
-    }
-
-    #[test]
-    fn serial_commands_round_trip(command in command()) {
-        let mut decoder = Decoder::commands();
-        prop_assert_eq!(Line::default().send(&mut decoder, &encode(&command.encode(own()))), vec![command]);
-    }
-
-    #[test]
-    fn serial_has_no_address(address in address(), report in report()) {
-        prop_assert_eq!(encode(&report.encode(address)), encode(&report.encode(own())));
     }
 
     /// A report with a wrong header, another function's number or a byte that should be padding is none.

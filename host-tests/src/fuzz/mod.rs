@@ -9,7 +9,7 @@ pub mod rigs;
 
 use rig_link::messages::{Message, Request};
 use rig_link::{Decoder, MAX_FRAME, encode};
-use rmds405::{Address, Event, Mode, Received, Report, StartUp, serial};
+use rmds405::{Address, Mode, Received, Report, StartUp, serial};
 use std::path::{Path, PathBuf};
 
 /// Takes whatever comes.
@@ -77,7 +77,7 @@ pub fn link(data: &[u8]) {
 /// Frames on the bus: ids, lengths and data of any kind, through both transports and the start-up sequence.
 pub fn drive(data: &[u8]) {
     let address = Address::new(0, 1).expect("the default scene's");
-    let mut start_up = StartUp::new(address, Mode::CurrentVelocityPosition, 10).expect("a period above 0");
+    let mut start_up = StartUp::new(address, Mode::CurrentVelocityPosition, 10, 0);
     for (k, chunk) in data.chunks(11).enumerate() {
         let (head, body) = chunk.split_at(chunk.len().min(3));
         let at = |i: usize| head.get(i).copied().unwrap_or(0);
@@ -86,9 +86,9 @@ pub fn drive(data: &[u8]) {
         if let Ok(report) = Report::decode(address, &received) {
             let again = report.encode(address);
             assert_eq!(Report::decode(address, &again.received()), Ok(report), "a report changes when sent again");
-            let _ = start_up.step(k as u64, Event::Report(report));
+            let _ = start_up.step(k as u64, Some(report));
         }
-        let _ = start_up.step(k as u64, Event::Tick);
+        let _ = start_up.step(k as u64, None);
     }
     // Over the serial line: every byte at any distance from the one before.
     let mut reports = serial::Decoder::reports();
@@ -107,7 +107,7 @@ pub fn drive(data: &[u8]) {
 pub fn operator(data: &[u8]) {
     let Ok(text) = core::str::from_utf8(data) else { return };
     let (first, rest) = text.split_once('=').unwrap_or((text, ""));
-    let _ = rig_plant::rig::plant_settings::PlantSettings::default().set(first, rest);
+    let _ = rig_plant::PlantSettings::default().set(first, rest);
     let _ = rigctl::script::load_choice(text);
     for quantity in [rigctl::units::Quantity::Length, rigctl::units::Quantity::Load, rigctl::units::Quantity::Speed] {
         if let Ok(value) = rigctl::units::parse("--to", quantity, text) {

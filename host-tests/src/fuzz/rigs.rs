@@ -8,7 +8,6 @@ use rig_plant::RigPreset;
 use rig_plant::rig::Rig as Emulated;
 use rig_plant::rig::outside::Outside;
 use rig_plant::rig::outside::measured::Measured;
-use rig_plant::rig::transmission::Transmission;
 use rmds405::QuadCounts;
 use std::sync::OnceLock;
 

@@ -1,7 +1,7 @@
 //! Which rigs are tried.
 
 use rig_config::Scene;
-use rig_plant::rig::plant_settings::PlantSettings;
+use rig_plant::PlantSettings;
 use rig_plant::rig::{Rig, RigError};
 use rig_plant::{PlantChange, PlantKey, RigPreset};
 use std::fmt;

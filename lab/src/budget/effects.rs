@@ -14,12 +14,11 @@ use rig_control::limits::rise_s;
 use rig_control::position_loop::BANDWIDTH_PER_S;
 use rig_control::rest::{AT_REST_M, AT_REST_NOISES, JUMP_SHARE};
 use rig_link::messages::LVDT_POINTS_MAX;
-use rig_plant::PlantKey;
-use rig_plant::effects::{
-    BEDDING_CYCLES, CREEP_TIMES_S, LVDT_GAIN_PER_K, LVDT_NOISE_M, RAIL_FRICTION_N, ROD_STRESS_PER_K, ROD_THRESHOLDS,
-    TURNS_PER_CYCLE, rod_onset,
+use rig_plant::rig::effects::{
+    BEDDING_CYCLES, CREEP_TIMES_S, LVDT_GAIN_PER_K, ROD_STRESS_PER_K, ROD_THRESHOLDS, TURNS_PER_CYCLE, rod_onset,
 };
 use rig_plant::units::STANDARD_GRAVITY;
+use rig_plant::{PlantKey, PlantSettings};
 use std::f64::consts::{PI, SQRT_2, TAU};
 
 /// Samples of the LVDT in a tick, and how long they take (s): a block of the board's converter.
@@ -66,7 +65,8 @@ impl Effects<'_> {
     /// Standard deviation of the LVDT's noise in one tick (m).
     fn noise_m(&self) -> f64 {
         let hum = self.size(PlantKey::Hum) / SQRT_2 * (PI * MAINS_HZ * BLOCK_S).sin() / (PI * MAINS_HZ * BLOCK_S);
-        let [white, inband] = [LVDT_NOISE_M / SAMPLES.sqrt(), self.size(PlantKey::LvdtNoiseInband)];
+        let [white, inband] =
+            [PlantSettings::default().lvdt_noise_m / SAMPLES.sqrt(), self.size(PlantKey::LvdtNoiseInband)];
         (white * white + inband * inband + hum * hum).sqrt()
     }
 
@@ -243,7 +243,7 @@ impl Rig<'_> {
     /// Standard deviation of a plant key, from what a rig of its own model has.
     fn size(&self, key: PlantKey) -> f64 {
         let size = (self.sizes)(key);
-        if key == PlantKey::Friction && size == 0.0 { RAIL_FRICTION_N } else { size }
+        if key == PlantKey::Friction && size == 0.0 { PlantSettings::default().friction_n } else { size }
     }
 }
 

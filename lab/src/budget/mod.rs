@@ -3,7 +3,7 @@
 //!
 //! A figure is 1.645 times a standard error, the half width of an interval that is meant to hold the truth in 90 of 100
 //! cases. A case is a rig of the kind at a state of the scene's envelope. The sizes are those from which the emulated rig
-//! draws ([`rig_plant::preset`], [`rig_plant::effects`]); homing, loop and rest are the firmware's own constants
+//! draws ([`rig_plant::preset`], [`rig_plant::rig::effects`]); homing, loop and rest are the firmware's own constants
 //! ([`rig_control`]).
 //!
 //! The position is measured. So what changes the gap by itself is taken back by the loop, and only what makes the measurement

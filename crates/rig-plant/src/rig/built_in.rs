@@ -9,11 +9,11 @@
 //! oscillation at any stiffness, with friction as a set-valued force: what sticks does not creep.
 
 use super::effects::rods::{RodForce, Rods};
-use super::effects::stribeck::Stribeck;
+use super::effects::stribeck::{RailFriction, Stribeck};
 use super::effects::strings::Strings;
 use super::outside::measured::TwoWays;
-use super::plant::Conditions;
 use super::surface::{Pull, Surface};
+use crate::PlantSettings;
 use crate::units::STANDARD_GRAVITY;
 
 /// Damping within string and rods in proportion to stiffness, s. Assumed.
@@ -27,14 +27,47 @@ const LEAST_STIFFNESS: f64 = 0.2;
 /// By how much the string slips through its clamp in the fault `string-slip`, m.
 pub const SLIP_M: f64 = 3e-3;
 
+/// What acts on load and mechanism from outside.
+#[derive(Clone, Copy, Debug)]
+pub struct Conditions {
+    /// Weight, N; the inertia is weight / g.
+    pub weight_n: f64,
+    /// Friction of the rail.
+    pub friction: RailFriction,
+    /// Viscous damping, N s/m.
+    pub damping_n_s_per_m: f64,
+    /// Temperature of the rods, less that of the calibration, K.
+    pub temperature_k: f64,
+}
+
+impl From<&PlantSettings> for Conditions {
+    fn from(settings: &PlantSettings) -> Self {
+        Self {
+            weight_n: settings.load_n,
+            friction: RailFriction {
+                coulomb_n: settings.friction_n + settings.friction_load_share * settings.load_n,
+                stiction_ratio: settings.stiction_ratio,
+                stribeck_m_per_s: settings.stribeck_speed_m_per_s,
+                presliding_m: settings.presliding_m,
+            },
+            damping_n_s_per_m: settings.damping_n_s_per_m,
+            temperature_k: settings.temperature_k,
+        }
+    }
+}
+
 /// State of the load.
 #[derive(Clone, Debug)]
 pub struct BuiltIn {
-    surface: Surface,
+    /// What acts on it; may change at any time.
+    pub conditions: Conditions,
+    /// The interpolant in use.
+    pub surface: Surface,
     strings: Strings,
-    rods: Option<Rods>,
+    /// Stress of the rods beyond their law, where there may be any.
+    pub rods: Option<Rods>,
     /// Measured gaps that differ by the way of the twist, and what they add now, m.
-    two_ways: Option<TwoWays>,
+    pub two_ways: Option<TwoWays>,
     way_m: f64,
     friction: Stribeck,
     /// Ends of the rail, as gaps, m. The load stops there without a bounce.
@@ -57,9 +90,10 @@ impl BuiltIn {
         stops_m: [f64; 2],
         strings: Strings,
         rods: Option<Rods>,
-        conditions: &Conditions,
+        conditions: Conditions,
     ) -> Self {
         let mut plant = Self {
+            conditions,
             surface,
             strings,
             rods,
@@ -75,31 +109,11 @@ impl BuiltIn {
             slipped_m: 0.0,
         };
         let twist_rad = plant.strings.twist_rad;
-        let law_n = plant.law_under(twist_rad, conditions);
+        let law_n = plant.law_under(twist_rad);
         plant.gap_m = plant.surface.gap(twist_rad, law_n).gap_m.clamp(stops_m[0], stops_m[1]);
         plant.law = plant.surface.pull(twist_rad, plant.gap_m, law_n);
-        plant.look_at_rods(conditions);
+        plant.look_at_rods();
         plant
-    }
-
-    /// With gaps that differ by the way of the twist.
-    pub fn with_two_ways(self, two_ways: TwoWays) -> Self {
-        Self { two_ways: Some(two_ways), ..self }
-    }
-
-    /// The interpolant in use.
-    pub fn surface(&self) -> &Surface {
-        &self.surface
-    }
-
-    /// Whether the rods may have stress beyond their law.
-    pub fn has_rods(&self) -> bool {
-        self.rods.is_some()
-    }
-
-    /// Gives the rods stress beyond their law, from now on.
-    pub fn set_rods(&mut self, rods: Option<Rods>) {
-        self.rods = rods;
     }
 
     /// What the mechanism does to the load now, N.
@@ -108,35 +122,36 @@ impl BuiltIn {
     }
 
     /// The gap at which the load would hang at a twist of the strings (rad) if it went there now, m.
-    pub fn gap_at(&self, twist_rad: f64, conditions: &Conditions) -> f64 {
-        let (twist_rad, _) = self.strings.model_twist(twist_rad, conditions.weight_n);
-        self.surface.gap(twist_rad, self.law_under(twist_rad, conditions)).gap_m + self.strings.stretch_m()
+    pub fn gap_at(&self, twist_rad: f64) -> f64 {
+        let (twist_rad, _) = self.strings.model_twist(twist_rad, self.conditions.weight_n);
+        self.surface.gap(twist_rad, self.law_under(twist_rad)).gap_m + self.strings.stretch_m()
     }
 
     /// What the surface carries when the load hangs at a twist (rad), N.
-    fn law_under(&self, twist_rad: f64, conditions: &Conditions) -> f64 {
-        let Conditions { weight_n, temperature_k, .. } = *conditions;
+    fn law_under(&self, twist_rad: f64) -> f64 {
+        let Conditions { weight_n, temperature_k, .. } = self.conditions;
         self.rods.as_ref().map_or(weight_n, |rods| rods.law_under(weight_n, twist_rad, temperature_k))
     }
 
-    fn look_at_rods(&mut self, conditions: &Conditions) {
+    fn look_at_rods(&mut self) {
         let Pull { force_n, stiffness_n_per_m, .. } = self.law;
         if let Some(rods) = &mut self.rods
             && !self.broken
         {
-            self.rod_force = rods.step(force_n, stiffness_n_per_m, self.strings.twist_rad, conditions.temperature_k);
+            self.rod_force =
+                rods.step(force_n, stiffness_n_per_m, self.strings.twist_rad, self.conditions.temperature_k);
         }
     }
 
     /// Torque of the string on the output shaft, N m. Lossless: S dG = τ dθ at constant load, so τ = S ∂G/∂θ, which
     /// untwists. Past the last twist a wall is added, which depends on the true load.
-    pub fn torque_nm(&self, conditions: &Conditions) -> f64 {
+    pub fn torque_nm(&self) -> f64 {
         let pull_n = self.pull_n();
         if self.broken || pull_n <= 0.0 {
             return 0.0;
         }
         let twist_rad = self.strings.twist_rad;
-        let over = twist_rad.abs() - self.surface.wall_rad(self.law.force_n.max(conditions.weight_n));
+        let over = twist_rad.abs() - self.surface.wall_rad(self.law.force_n.max(self.conditions.weight_n));
         let wall = (WALL_NM_PER_RAD * over).clamp(0.0, WALL_MAX_NM).copysign(twist_rad);
         self.strings.torque_nm(pull_n * self.law.by_twist_m_per_rad - wall)
     }
@@ -154,23 +169,23 @@ impl BuiltIn {
     }
 
     /// One step of `h` seconds with the output shaft at `shaft_rad`.
-    pub fn step(&mut self, h: f64, shaft_rad: f64, conditions: &Conditions) {
+    pub fn step(&mut self, h: f64, shaft_rad: f64) {
         self.strings.turn(shaft_rad, self.pull_n());
         let pull_n = self.pull_n();
         if let Some(two_ways) = &mut self.two_ways {
             self.way_m = two_ways.shift_m(self.strings.twist_rad, pull_n);
         }
         self.law = self.law_at(self.gap_m);
-        self.look_at_rods(conditions);
-        let mass = conditions.weight_n / STANDARD_GRAVITY;
+        self.look_at_rods();
+        let mass = self.conditions.weight_n / STANDARD_GRAVITY;
         let law_stiffness = self.law.stiffness_n_per_m;
         // The law's first order in the additional stress must not turn the mechanism's stiffness around.
         let k = (law_stiffness + self.rod_force.stiffness_n_per_m).max(LEAST_STIFFNESS * law_stiffness);
         let inertia = 2.0 * mass / h;
         // The mean speed over the step; friction may reduce it to zero.
-        let push = inertia * self.speed_m_per_s + conditions.weight_n - self.pull_n();
-        let resistance = inertia + conditions.damping_n_s_per_m + STRUCTURAL_DAMPING_S * k + 0.5 * h * k;
-        let mean = self.friction.mean_speed(h, push, resistance, self.speed_m_per_s, &conditions.friction);
+        let push = inertia * self.speed_m_per_s + self.conditions.weight_n - self.pull_n();
+        let resistance = inertia + self.conditions.damping_n_s_per_m + STRUCTURAL_DAMPING_S * k + 0.5 * h * k;
+        let mean = self.friction.mean_speed(h, push, resistance, self.speed_m_per_s, &self.conditions.friction);
         self.strings.stretch(h, self.pull_n());
         let end = 2.0 * mean - self.speed_m_per_s;
         self.gap_m += h * mean;
@@ -178,7 +193,7 @@ impl BuiltIn {
         // it.
         let turned = mean == 0.0 || end * mean < 0.0;
         self.speed_m_per_s = end;
-        if turned && conditions.friction.coulomb_n > 0.0 {
+        if turned && self.conditions.friction.coulomb_n > 0.0 {
             self.speed_m_per_s = 0.0;
         }
         let [upper, lower] = self.stops_m;

@@ -16,15 +16,15 @@
 
 use std::f64::consts::TAU;
 
-use rmds405::report::MixedRest;
+use rmds405::report::{MixedRest, STALL};
 use rmds405::serial::Decoder;
-use rmds405::{
-    Address, Command, DriveError, Frame, Function, Milliamps, Mixed, Mode, Output, Pwm, QuadCounts, Received, Report,
-    Rpm, Transport,
-};
+use rmds405::{Address, Command, Frame, Milliamps, Mixed, Mode, Pwm, QuadCounts, Received, Report, Rpm, Transport};
 
 use super::motor::Bridge;
 use super::parameters::RigParameters;
+use crate::PlantSettings;
+use rand_distr::{Distribution, StandardNormal};
+use rand_pcg::Pcg64Mcg;
 
 /// Period of the internal loops, s: also the window of the speed measurement (V-FAQ p3).
 pub const TICK_S: f64 = 1e-3;
@@ -72,8 +72,6 @@ enum State {
 pub struct DriveCounters {
     /// Frames for another drive, malformed, or on the transport that is not in use.
     pub ignored: u64,
-    /// Frames that came while the drive was booting or waiting.
-    pub too_early: u64,
     /// Frames that did not fit the state: the drive "reports an error" (V-CAN p7-16), which here is a beep.
     pub error_beeps: u64,
     /// Restarts, by power, command or brown-out.
@@ -96,7 +94,6 @@ pub struct Drive {
     command: Option<Command>,
     integral_a: f64,
     pwm: i16,
-    outputs: [bool; 2],
     standing_s: f64,
     stalled: bool,
     since_error_s: f64,
@@ -140,7 +137,6 @@ impl Drive {
             command: None,
             integral_a: 0.0,
             pwm: 0,
-            outputs: [false; 2],
             standing_s: 0.0,
             stalled: false,
             since_error_s: 0.0,
@@ -180,7 +176,6 @@ impl Drive {
         self.command = None;
         self.integral_a = 0.0;
         self.pwm = 0;
-        self.outputs = [false; 2];
         self.standing_s = 0.0;
         self.stalled = false;
         self.transport = None;
@@ -215,11 +210,6 @@ impl Drive {
         self.stalled
     }
 
-    /// OUT1 and OUT2: opto-coupler lit.
-    pub fn outputs(&self) -> [bool; 2] {
-        self.outputs
-    }
-
     /// Goes into stall protection at once.
     pub fn stall(&mut self) {
         if matches!(self.state, State::Moded { .. }) {
@@ -248,7 +238,6 @@ impl Drive {
         let late_reset = matches!(self.state, State::Booting { until_s, acknowledges_s }
             if command == Command::Reset && acknowledges_s > until_s - BOOT_S);
         if matches!(self.state, State::Off | State::Booting { .. }) && !late_reset {
-            self.counters.too_early += 1;
             return;
         }
         if *self.transport.get_or_insert(transport) != transport {
@@ -262,15 +251,8 @@ impl Drive {
                 self.periods_ms = [motion_ms, mixed_ms];
                 self.elapsed_ms = [0; 2];
             }
-            Command::Outputs { out1, out2 } => {
-                for (output, wanted) in self.outputs.iter_mut().zip([out1, out2]) {
-                    match wanted {
-                        Output::On => *output = true,
-                        Output::Off => *output = false,
-                        Output::Unchanged => {}
-                    }
-                }
-            }
+            // Nothing is wired to its outputs.
+            Command::Outputs { .. } => {}
             Command::ChooseMode(mode) => match self.state {
                 State::Unmoded => self.state = State::Moded { mode, ready_s: now_s + MODE_S },
                 _ => self.counters.error_beeps += 1,
@@ -282,9 +264,8 @@ impl Drive {
     fn receive_data(&mut self, now_s: f64, data: Command) {
         match self.state {
             State::Moded { mode, ready_s } if mode.data_function() == data.function() => {
-                if now_s < ready_s {
-                    self.counters.too_early += 1;
-                } else {
+                // Earlier it is not listening yet.
+                if now_s >= ready_s {
                     self.command = Some(data);
                 }
             }
@@ -396,7 +377,7 @@ impl Drive {
             self.since_error_s += TICK_S;
             if self.since_error_s >= ERROR_PERIOD_S {
                 self.since_error_s = 0.0;
-                self.send(now_s + LATENCY_S, &Report::Error(DriveError::Stall));
+                self.send(now_s + LATENCY_S, &Report::Error(STALL));
             }
         }
     }
@@ -430,9 +411,61 @@ impl Drive {
     pub fn take_sent(&mut self) -> Vec<(f64, Frame)> {
         std::mem::take(&mut self.sent)
     }
+}
 
-    /// The function whose data frames it follows now.
-    pub fn data_function(&self) -> Option<Function> {
-        self.mode().map(Mode::data_function)
+/// How the drive's reading of the motor's current is wrong, A: I' = q round((I + offset + noise) / q).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct CurrentReading {
+    /// Offset.
+    pub offset_a: f64,
+    /// Noise of one reading, rms.
+    pub noise_a: f64,
+    /// Quantum; 0 for none.
+    pub quantum_a: f64,
+}
+
+impl From<&PlantSettings> for CurrentReading {
+    fn from(settings: &PlantSettings) -> Self {
+        Self {
+            offset_a: settings.current_offset_a,
+            noise_a: settings.current_noise_a,
+            quantum_a: settings.current_quantum_a,
+        }
+    }
+}
+
+impl CurrentReading {
+    /// What the drive reports of a current, A. Draws one number of the noise, whatever its size.
+    pub fn read(&self, current_a: f64, noise: &mut Pcg64Mcg) -> f64 {
+        let normal: f64 = StandardNormal.sample(noise);
+        let shown_a = current_a + self.offset_a + self.noise_a * normal;
+        if self.quantum_a > 0.0 { self.quantum_a * (shown_a / self.quantum_a).round() } else { shown_a }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand_pcg::rand_core::SeedableRng;
+
+    #[test]
+    fn the_readings_lie_on_the_quantum_about_the_offset() {
+        let reading = CurrentReading { offset_a: 5e-3, noise_a: 10e-3, quantum_a: 10e-3 };
+        let mut noise = Pcg64Mcg::seed_from_u64(1);
+        let readings: Vec<f64> = (0..20_000).map(|_| reading.read(0.0123, &mut noise)).collect();
+        assert!(readings.iter().all(|r| ((r / 10e-3).round() - r / 10e-3).abs() < 1e-9));
+        let mean = readings.iter().sum::<f64>() / readings.len() as f64;
+        let rms = (readings.iter().map(|r| (r - mean).powi(2)).sum::<f64>() / readings.len() as f64).sqrt();
+        assert!((mean - 0.0173).abs() < 3e-4, "{mean}");
+        // Sheppard: the quantum adds q²/12.
+        assert!((rms - (1e-4f64 + 1e-4 / 12.0).sqrt()).abs() < 3e-4, "{rms}");
+    }
+
+    #[test]
+    fn an_exact_reading_is_the_current_and_draws_the_same_numbers() {
+        let (mut one, mut other) = (Pcg64Mcg::seed_from_u64(1), Pcg64Mcg::seed_from_u64(1));
+        assert_eq!(CurrentReading::default().read(0.123, &mut one), 0.123);
+        CurrentReading { noise_a: 1.0, ..CurrentReading::default() }.read(0.123, &mut other);
+        assert_eq!(one, other);
     }
 }

@@ -1,11 +1,178 @@
-//! What each fault does to the rig.
+//! What can be broken in an emulated rig, by the names that scripts use (docs/cli.md), and what that does to the rig.
 
 use super::Rig;
 use super::encoder::Wires;
 use super::motor::Bridge;
-use crate::RigFault;
+use super::plant::Plant;
 use crate::board::Stimulus;
 use rmds405::Transport;
+use serde::{Deserialize, Serialize};
+
+/// Declares an enum with one name for each variant, and the list of all of them.
+macro_rules! named_faults {
+    ($(#[$doc:meta])* pub enum $name:ident { $($(#[$variant_doc:meta])* $variant:ident = $text:literal,)+ }) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum $name {
+            $($(#[$variant_doc])* $variant,)+
+        }
+
+        impl $name {
+            /// Every fault.
+            pub const ALL: &'static [Self] = &[$(Self::$variant),+];
+
+            /// The name as scripts write it.
+            pub const fn name(self) -> &'static str {
+                match self {
+                    $(Self::$variant => $text,)+
+                }
+            }
+        }
+    };
+}
+
+named_faults! {
+    /// A fault of the rig around the board. An event happens when it is switched on and cannot be taken back.
+    pub enum RigFault {
+        /// The drive's bus or serial wires are off: no acknowledge and no reports, while it goes on doing its last
+        /// command.
+        CanSilent = "can-silent",
+        /// The bus is shorted. A rig whose drive is on the serial line has none.
+        CanBusOff = "can-bus-off",
+        /// The drive goes into stall protection at once. An event.
+        DriveStall = "drive-stall",
+        /// Brown-out: the drive restarts. An event.
+        DriveReset = "drive-reset",
+        /// The microcontroller's encoder receiver stops following; the drive's own input does not.
+        EncoderStuck = "encoder-stuck",
+        /// The microcontroller's encoder receiver gains one motor turn. An event.
+        EncoderJump = "encoder-jump",
+        /// The microcontroller's encoder receiver loses every fifth count; the drive's own input does not.
+        EncoderSlip = "encoder-slip",
+        /// A motor lead is off: the drive turns nothing and measures no current.
+        MotorOpen = "motor-open",
+        /// The motor's leads are swapped: it turns against the drive's commands.
+        MotorSwapped = "motor-swapped",
+        /// Channels A and B are swapped at the drive's encoder input, which counts backwards.
+        DriveEncoderSwapped = "drive-encoder-swapped",
+        /// The drive's encoder input stops following; the microcontroller's receiver does not.
+        DriveEncoderStuck = "drive-encoder-stuck",
+        /// One channel of the drive's encoder input is dead: it counts one edge up and down.
+        DriveEncoderChannel = "drive-encoder-channel",
+        /// The drive's encoder input sees edges of noise: its count dithers by 4 in each millisecond.
+        DriveEncoderDither = "drive-encoder-dither",
+        /// The drive is as delivered: set for an encoder of 500 lines.
+        DriveLines = "drive-lines",
+        /// Channels A and B are swapped at the microcontroller's receiver, which counts backwards.
+        EncoderSwapped = "encoder-swapped",
+        /// One channel of the microcontroller's receiver is dead: it counts one edge up and down.
+        EncoderChannel = "encoder-channel",
+        /// The encoder has no supply: neither the drive nor the microcontroller counts.
+        EncoderUnpowered = "encoder-unpowered",
+        /// The LVDT's output is reversed: it falls where it should rise.
+        LvdtReversed = "lvdt-reversed",
+        /// LVDT lead open: reads 0 V.
+        LvdtOpen = "lvdt-open",
+        /// LVDT shorted to the supply: reads full scale.
+        LvdtShort = "lvdt-short",
+        /// LVDT with 2 mm rms of noise.
+        LvdtNoisy = "lvdt-noisy",
+        /// LVDT reads the same code for ever.
+        LvdtFrozen = "lvdt-frozen",
+        /// The string breaks, for good. An event.
+        StringBreak = "string-break",
+        /// The string slips 3 mm through its clamp, for good. An event.
+        StringSlip = "string-slip",
+        /// The clamp at the drive's supply is missing.
+        NoRailClamp = "no-rail-clamp",
+        /// The emergency stop is pressed: PB5 high, motor lead on the brake resistor.
+        Estop = "estop",
+        /// The upper limit switch opens: PA8 high.
+        LimitSwitch = "limit-switch",
+    }
+}
+
+named_faults! {
+    /// A fault of the microcontroller and its board.
+    pub enum ChipFault {
+        /// A task never ends, and those below it do not run any more.
+        TaskHang = "task-hang",
+        /// The core runs into a fault and its handler. An event.
+        Crash = "crash",
+        /// The converter delivers no more samples.
+        AdcStall = "adc-stall",
+        /// The board's supply dips below the brown-out level. An event.
+        BrownOut = "brown-out",
+        /// The CAN transceiver's RX is dominant for ever.
+        CanDominant = "can-dominant",
+        /// The CAN transceiver's RX is not connected.
+        CanOpen = "can-open",
+        /// The host does not read the log any more.
+        RttStalled = "rtt-stalled",
+        /// The ST-LINK gives no 8 MHz clock.
+        NoHse = "no-hse",
+        /// The ST-LINK's 8 MHz clock comes only 150 ms after the board's power-on.
+        HseLate = "hse-late",
+        /// The main stack runs past its lowest address. An event.
+        StackOverflow = "stack-overflow",
+    }
+}
+
+/// Any fault that an emulated rig can have. It is serialized as its name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(into = "&'static str", try_from = "String")]
+pub enum Fault {
+    /// Of the rig around the board.
+    Rig(RigFault),
+    /// Of the microcontroller and its board.
+    Chip(ChipFault),
+}
+
+/// No fault has this name.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("no fault `{name}`; faults: {}", Fault::all().map(Fault::name).collect::<Vec<_>>().join(", "))]
+pub struct UnknownFault {
+    /// What was given.
+    pub name: String,
+}
+
+impl Fault {
+    /// Every fault, those of the rig first.
+    pub fn all() -> impl Iterator<Item = Self> {
+        let rig = RigFault::ALL.iter().copied().map(Self::Rig);
+        rig.chain(ChipFault::ALL.iter().copied().map(Self::Chip))
+    }
+
+    /// The name as scripts write it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Rig(fault) => fault.name(),
+            Self::Chip(fault) => fault.name(),
+        }
+    }
+}
+
+impl std::str::FromStr for Fault {
+    type Err = UnknownFault;
+
+    fn from_str(name: &str) -> Result<Self, UnknownFault> {
+        Self::all().find(|fault| fault.name() == name).ok_or_else(|| UnknownFault { name: name.to_owned() })
+    }
+}
+
+impl From<Fault> for &'static str {
+    fn from(fault: Fault) -> Self {
+        fault.name()
+    }
+}
+
+impl TryFrom<String> for Fault {
+    type Error = UnknownFault;
+
+    fn try_from(name: String) -> Result<Self, UnknownFault> {
+        name.parse()
+    }
+}
 
 /// Why this rig cannot have a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -74,16 +241,11 @@ impl Rig {
             RigFault::LvdtShort => self.lvdt.faults.short = on,
             RigFault::LvdtNoisy => self.lvdt.faults.noisy = on,
             RigFault::LvdtFrozen => self.lvdt.faults.frozen = on,
-            RigFault::StringBreak if on => {
-                if let Some(plant) = self.plant.built_in_mut() {
-                    plant.break_string();
-                }
-            }
-            RigFault::StringSlip if on => {
-                if let Some(plant) = self.plant.built_in_mut() {
-                    plant.slip();
-                }
-            }
+            RigFault::StringBreak | RigFault::StringSlip if on => match (&mut self.plant, fault) {
+                (Plant::BuiltIn(plant), RigFault::StringBreak) => plant.break_string(),
+                (Plant::BuiltIn(plant), _) => plant.slip(),
+                (Plant::Program(_), _) => {}
+            },
             RigFault::NoRailClamp => self.rail.clamped = !on,
             RigFault::Estop => self.estop = on,
             RigFault::MotorOpen => self.motor_open = on,
@@ -95,5 +257,19 @@ impl Rig {
             | RigFault::StringSlip => {}
         }
         self.look_at_pins();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_unique_and_come_back() {
+        for fault in Fault::all() {
+            assert_eq!(fault.name().parse(), Ok(fault));
+        }
+        let message = "lvdt".parse::<Fault>().expect_err("no fault").to_string();
+        assert!(message.contains("`lvdt`") && message.contains("lvdt-open") && message.contains("no-hse"), "{message}");
     }
 }

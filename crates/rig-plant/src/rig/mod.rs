@@ -1,9 +1,8 @@
 //! The rig around the microcontroller: a [`Board`](crate::board::Board) whose wires lead to a drive, a motor, an
 //! encoder, an LVDT and the twisted string itself.
 //!
-//! - [`plant_settings`] and [`parameters`]: what a test may change, what the scene says.
-//! - [`transmission`] and [`surface`]: the mechanism's equilibria, exactly and fast.
-//! - [`plant`]: load and mechanism, [`built_in`] or from [`outside`].
+//! - [`parameters`]: what the scene says of its parts.
+//! - [`plant`]: load and mechanism, [`built_in`] or from [`outside`]; [`surface`]: the mechanism's equilibria, fast.
 //! - `hung`: a load hung from its mechanism at the start; [`errors`]: why there is no such rig.
 //! - [`motor`], [`encoder`], [`lvdt`]: the parts that move and measure.
 //! - [`rail`]: the drive's supply while the relay is open.
@@ -27,33 +26,31 @@ pub mod motor;
 pub mod outside;
 pub mod parameters;
 pub mod plant;
-pub mod plant_settings;
 pub mod rail;
 pub mod surface;
-pub mod transmission;
 mod wires;
 
 use std::collections::VecDeque;
 
-use crate::{PlantChange, PlantKey, RigPreset, Truth};
+use crate::{PlantChange, PlantKey, PlantSettings, RigPreset, Truth};
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::SeedableRng;
 use rig_config::Scene;
 use tsa_model::{Mechanism, Tier};
 
 use crate::board::Stimulus;
-use drive::{Drive, LEAST_SUPPLY_V, Sensed};
+use built_in::Conditions;
+use drive::{CurrentReading, Drive, LEAST_SUPPLY_V, Sensed};
 use encoder::Encoder;
 pub use errors::{ChangeError, RigError};
-use hung::{hung, measured, rods_of, stops_of, strings_of, surface_for};
+use hung::{built_in, measured, rods_of, stops_of};
 use lvdt::Lvdt;
-use motor::{Bridge, Motor};
+use motor::{Bridge, Motor, MotorFriction};
+use outside::Outside;
 use outside::program::ProgramError;
 use outside::programmed::Programmed;
-use outside::{Outside, is_of_the_law, is_of_the_plant};
 use parameters::RigParameters;
-use plant::{Conditions, Plant};
-use plant_settings::PlantSettings;
+use plant::{Plant, PlantState};
 use rail::Rail;
 
 /// Time step, s.
@@ -120,13 +117,7 @@ impl Rig {
     /// # Errors
     /// [`RigError`] if the scene is no rig, or the mechanism cannot carry the load or have the twist.
     pub fn new(scene: &Scene, settings: PlantSettings, seed: u64) -> Result<Self, RigError> {
-        let real = settings.distort(scene);
-        let mechanism = Mechanism::new(&real.geometry, &real.string, &real.material)?;
-        let (surface, tier) = surface_for(&mechanism, &real, settings.load_n)?;
-        let rods = rods_of(&mechanism, &settings, &surface);
-        let strings = strings_of(&mechanism, &real, &settings);
-        let stops_m = stops_of(&RigParameters::new(&scene.rig)?);
-        let plant = hung(surface, stops_m, strings, rods, &settings)?;
+        let (plant, mechanism, tier) = built_in(scene, &settings)?;
         Self::around(scene, settings, seed, Plant::BuiltIn(Box::new(plant)), Some(mechanism), tier)
     }
 
@@ -155,7 +146,7 @@ impl Rig {
                 Plant::Program(Box::new(program.map_err(ChangeError::from)?))
             }
             Outside::Measured(data) => {
-                if let Some(change) = given.iter().find(|change| is_of_the_law(change.key)) {
+                if let Some(change) = given.iter().find(|change| change.key.is_of_the_law()) {
                     return Err(ChangeError::Measured(change.key).into());
                 }
                 Plant::BuiltIn(Box::new(measured(scene, data, &settings)?))
@@ -175,7 +166,7 @@ impl Rig {
         let parameters = RigParameters::new(&scene.rig)?;
         let stops_m = stops_of(&parameters);
         let twist_rad = settings.twist_at_boot_rad;
-        let boot_pretwist_gap_m = plant.built_in().map(|_| plant.pretwist_gap_m(&conditions(&settings)));
+        let boot_pretwist_gap_m = plant.built_in().map(|_| plant.pretwist_gap_m());
         let play = 0.5 * settings.gear_backlash_rad;
         let boot_angle_rad = (twist_rad + play.copysign(twist_rad)) * parameters.gear_ratio;
         let encoder = Encoder::new(parameters.counts_per_turn);
@@ -230,18 +221,18 @@ impl Rig {
     /// [`ChangeError`] if the key makes another mechanism, no rig can have the value, or a plant from outside refuses it.
     pub fn change_plant(&mut self, change: PlantChange) -> Result<(), ChangeError> {
         match &mut self.plant {
-            Plant::Program(program) if is_of_the_plant(change.key) => {
+            Plant::Program(program) if change.key.is_of_the_plant() => {
                 change.check()?;
                 program.set(change)?;
             }
             _ => change.check_running()?,
         }
         self.settings.apply(change)?;
-        if let (Some(mechanism), Some(plant)) = (&self.mechanism, self.plant.built_in_mut())
-            && !plant.has_rods()
-        {
-            let rods = rods_of(mechanism, &self.settings, plant.surface());
-            plant.set_rods(rods);
+        if let Plant::BuiltIn(plant) = &mut self.plant {
+            plant.conditions = Conditions::from(&self.settings);
+            if let (Some(mechanism), None) = (&self.mechanism, &plant.rods) {
+                plant.rods = rods_of(mechanism, &self.settings, &plant.surface);
+            }
         }
         self.look_at_power();
         Ok(())
@@ -315,20 +306,19 @@ impl Rig {
 
     /// What really happens now.
     pub fn truth(&self) -> Truth {
-        let pull_n = self.plant.pull_n();
-        let conditions = conditions(&self.settings);
-        let pretwist_gap_m = self.plant.pretwist_gap_m(&conditions);
+        let PlantState { gap_m, speed_m_per_s, pull_n, torque_nm } = self.plant.state();
+        let pretwist_gap_m = self.plant.pretwist_gap_m();
         Truth {
             t_s: self.now_s(),
-            position_m: self.boot_pretwist_gap_m.unwrap_or(pretwist_gap_m) - self.plant.gap_m(),
-            gap_m: self.plant.gap_m(),
+            position_m: self.boot_pretwist_gap_m.unwrap_or(pretwist_gap_m) - gap_m,
+            gap_m,
             pretwist_gap_m,
-            gap_speed_m_per_s: self.plant.speed_m_per_s(),
+            gap_speed_m_per_s: speed_m_per_s,
             twist_rad: self.twist_rad(),
             load_n: self.settings.load_n,
             pull_n,
             string_tension_n: pull_n * self.tension_share,
-            string_torque_nm: self.plant.torque_nm(&conditions),
+            string_torque_nm: torque_nm,
             motor_angle_rad: self.motor.angle_rad - self.boot_angle_rad,
             motor_speed_rad_per_s: self.motor.speed_rad_per_s,
             motor_current_a: self.motor.current_a,
@@ -358,7 +348,7 @@ impl Rig {
 
     /// Voltage of the supply, where the relay connects it to the drive.
     fn connected_v(&self) -> Option<f64> {
-        let closed = !self.settings.relay_fitted || self.relay_pin || self.now_s() < self.relay_opens_s;
+        let closed = self.settings.relay_fitted < 0.5 || self.relay_pin || self.now_s() < self.relay_opens_s;
         closed.then(|| self.supply_v())
     }
 
@@ -386,7 +376,7 @@ impl Rig {
     }
 
     fn look_at_tension(&mut self) {
-        let force_n = self.plant.pull_n();
+        let force_n = self.plant.state().pull_n;
         // Of a plant from outside nobody knows the strings' angle: half the pull each.
         let solved = self.mechanism.as_ref().map(|mechanism| mechanism.solve(force_n, self.twist_rad()));
         if let Some(Ok(solved)) = solved {
@@ -401,16 +391,15 @@ impl Rig {
     }
 
     fn step(&mut self) {
-        let conditions = conditions(&self.settings);
         let bridge = match (self.estop, self.motor_open) {
             (true, _) => Bridge::Resistor(self.parameters.brake_ohm),
             (false, true) => Bridge::Open,
             (false, false) if self.motor_swapped => self.bridge.reversed(),
             (false, false) => self.bridge,
         };
-        let torque_nm = self.plant.torque_nm(&conditions) / self.parameters.gear_ratio;
+        let torque_nm = self.plant.state().torque_nm / self.parameters.gear_ratio;
         let before_rad = self.motor.angle_rad;
-        self.motor.step(STEP_S, bridge, torque_nm, &self.settings.motor_friction);
+        self.motor.step(STEP_S, bridge, torque_nm, &MotorFriction::from(&self.settings));
         let motor_w = if self.drive.is_powered() { self.motor.bridge_w } else { 0.0 };
         self.rail.step(STEP_S, self.connected_v(), motor_w);
         let on_the_bridge = matches!(bridge, Bridge::Voltage(_) | Bridge::Current { .. });
@@ -418,7 +407,7 @@ impl Rig {
             self.driven_rad += (self.motor.angle_rad - before_rad).abs() / self.parameters.gear_ratio;
         }
         let twist_rad = self.twist_rad();
-        self.plant.step(STEP_S, twist_rad, &conditions);
+        self.plant.step(STEP_S, twist_rad);
         self.lvdt.step(STEP_S, self.plant.gap_m(), &self.settings);
         self.steps += 1;
         if self.steps.is_multiple_of(STEPS_PER_TICK) {
@@ -436,7 +425,7 @@ impl Rig {
             let sensed = Sensed {
                 counts: self.drive_counts(),
                 current_a,
-                reported_current_a: self.settings.current_reading.read(current_a, &mut self.current_noise),
+                reported_current_a: CurrentReading::from(&self.settings).read(current_a, &mut self.current_noise),
                 supply_v: self.rail.volts(),
                 saturated: !self.estop && !self.motor_open && self.motor.saturated,
             };
@@ -451,16 +440,6 @@ impl Rig {
         if self.record {
             self.records.push(self.truth());
         }
-    }
-}
-
-/// What acts on load and mechanism from outside.
-fn conditions(settings: &PlantSettings) -> Conditions {
-    Conditions {
-        weight_n: settings.load_n,
-        friction: settings.rail_friction(),
-        damping_n_s_per_m: settings.damping_n_s_per_m,
-        temperature_k: settings.temperature_k,
     }
 }
 

@@ -3,6 +3,7 @@
 //! The winding's inductance is left out: its time constant, about 0.1 ms, is below the time step.
 
 use super::parameters::RigParameters;
+use crate::PlantSettings;
 
 /// What the motor's leads are connected to.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,10 +47,13 @@ pub struct MotorFriction {
     pub gear_efficiency: f64,
 }
 
-impl Default for MotorFriction {
-    /// A lossless gear, and so little friction that a load of 0.5 kg drives the motor back. Assumed.
-    fn default() -> Self {
-        Self { coulomb_nm: 2e-5, asymmetry: 0.0, gear_efficiency: 1.0 }
+impl From<&PlantSettings> for MotorFriction {
+    fn from(settings: &PlantSettings) -> Self {
+        Self {
+            coulomb_nm: settings.motor_friction_nm,
+            asymmetry: settings.motor_friction_asymmetry,
+            gear_efficiency: settings.gear_efficiency,
+        }
     }
 }
 
@@ -152,6 +156,9 @@ impl Motor {
 mod tests {
     use super::*;
 
+    /// A lossless gear, and the friction that a rig of its own model has.
+    const FRICTION: MotorFriction = MotorFriction { coulomb_nm: 2e-5, asymmetry: 0.0, gear_efficiency: 1.0 };
+
     fn motor() -> Motor {
         Motor {
             torque_constant: 0.0229,
@@ -171,10 +178,10 @@ mod tests {
     fn friction_holds_and_lets_go() {
         let mut motor = motor();
         for _ in 0..4000 {
-            motor.step(2.5e-4, Bridge::Open, 1.9e-5, &MotorFriction::default());
+            motor.step(2.5e-4, Bridge::Open, 1.9e-5, &FRICTION);
         }
         assert_eq!((motor.angle_rad, motor.speed_rad_per_s), (0.0, 0.0));
-        motor.step(2.5e-4, Bridge::Open, 2.1e-5, &MotorFriction::default());
+        motor.step(2.5e-4, Bridge::Open, 2.1e-5, &FRICTION);
         assert!(motor.speed_rad_per_s > 0.0);
     }
 
@@ -200,7 +207,7 @@ mod tests {
     fn no_load_speed_and_voltage_bound() {
         let mut motor = motor();
         for _ in 0..4000 {
-            motor.step(2.5e-4, Bridge::Current { amps: 0.5, max_volts: 24.0 }, 0.0, &MotorFriction::default());
+            motor.step(2.5e-4, Bridge::Current { amps: 0.5, max_volts: 24.0 }, 0.0, &FRICTION);
             let volts = motor.current_a * 10.0 + 0.0229 * motor.speed_rad_per_s;
             assert!(volts.abs() <= 24.0 + 0.0229 * 30.0, "{volts}");
         }
@@ -216,7 +223,7 @@ mod tests {
         let mut spent_j = 0.0;
         for _ in 0..2000 {
             let angle = motor.angle_rad;
-            motor.step(2.5e-4, Bridge::Current { amps, max_volts: 24.0 }, load_nm, &MotorFriction::default());
+            motor.step(2.5e-4, Bridge::Current { amps, max_volts: 24.0 }, load_nm, &FRICTION);
             let turned = motor.angle_rad - angle;
             let lost_w = 10.0 * motor.current_a.powi(2) + 1e-8 * motor.speed_rad_per_s.powi(2);
             spent_j += lost_w * 2.5e-4 + turned * (2e-5 - load_nm);
@@ -226,8 +233,8 @@ mod tests {
         // Driven by its load the motor gives energy back, which does not count.
         let before = motor.energy_j;
         motor.speed_rad_per_s = 900.0;
-        motor.step(2.5e-4, Bridge::Current { amps: -0.2, max_volts: 24.0 }, 0.0, &MotorFriction::default());
-        motor.step(2.5e-4, Bridge::Resistor(10.0), 0.0, &MotorFriction::default());
+        motor.step(2.5e-4, Bridge::Current { amps: -0.2, max_volts: 24.0 }, 0.0, &FRICTION);
+        motor.step(2.5e-4, Bridge::Resistor(10.0), 0.0, &FRICTION);
         assert_eq!(motor.energy_j, before);
     }
 
@@ -237,8 +244,8 @@ mod tests {
         coasting.speed_rad_per_s = 500.0;
         let mut braked = coasting.clone();
         for _ in 0..40 {
-            coasting.step(2.5e-4, Bridge::Open, 0.0, &MotorFriction::default());
-            braked.step(2.5e-4, Bridge::Resistor(10.0), 0.0, &MotorFriction::default());
+            coasting.step(2.5e-4, Bridge::Open, 0.0, &FRICTION);
+            braked.step(2.5e-4, Bridge::Resistor(10.0), 0.0, &FRICTION);
         }
         assert!(coasting.speed_rad_per_s > 490.0);
         assert!(braked.speed_rad_per_s < 100.0);

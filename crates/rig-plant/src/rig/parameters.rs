@@ -1,9 +1,8 @@
 //! Constants of the emulated rig, filled from a scene's `[rig]` table in one place.
 
+use super::RigError;
 use rig_config::{DriveTransport, Rig};
 use rmds405::{Address, Transport};
-
-use super::RigError;
 
 /// Motor, drive, gear and sensors. A value that no source gives is assumed, and its comment says so.
 #[derive(Clone, Debug)]

@@ -11,8 +11,6 @@
 
 use std::f64::consts::PI;
 
-use super::transmission::{GapPoint, Transmission};
-
 /// Least load of the surface, N; below it the pull falls linearly to zero with the gap.
 pub const SLACK_LOAD_N: f64 = 0.3;
 /// Greatest twist of the surface: eleven turns past the half-turn pre-twist.
@@ -30,6 +28,17 @@ const TWISTED_CELLS: usize = 144;
 const STEEPEST_M_PER_RAD: f64 = 5e-3;
 /// How far past the last twist the gap continues, rad.
 const RUN_ON_RAD: f64 = 2.0;
+
+/// The gap at which the mechanism balances a load, and its slopes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GapPoint {
+    /// Gap G between the clamps, m.
+    pub gap_m: f64,
+    /// ∂G/∂θ at constant load, m/rad; 0 at zero twist, negative above.
+    pub by_twist_m_per_rad: f64,
+    /// ∂G/∂F at constant twist, m/N; positive.
+    pub by_load_m_per_n: f64,
+}
 
 /// Why no surface can be made.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -82,15 +91,16 @@ pub struct Surface {
 }
 
 impl Surface {
-    /// Samples `exact` from [`SLACK_LOAD_N`] to `max_load_n`.
+    /// Samples `exact`, the gap at a twist of at least 0 rad and a load in N where there is one, from [`SLACK_LOAD_N`] to
+    /// `max_load_n`.
     ///
     /// # Errors
     /// [`NoSurface`] where the mechanism has no equilibrium.
-    pub fn new(exact: &impl Transmission, max_load_n: f64) -> Result<Self, NoSurface> {
+    pub fn new(exact: impl Fn(f64, f64) -> Option<GapPoint>, max_load_n: f64) -> Result<Self, NoSurface> {
         let u_min = SLACK_LOAD_N.ln();
         let u_step = (max_load_n.ln() - u_min) / LOAD_CELLS as f64;
         let loads: Vec<f64> = (0..=LOAD_CELLS).map(|i| (u_min + u_step * i as f64).exp()).collect();
-        let last: Vec<f64> = loads.iter().map(|&load| last_twist(exact, load)).collect::<Result<_, _>>()?;
+        let last: Vec<f64> = loads.iter().map(|&load| last_twist(&exact, load)).collect::<Result<_, _>>()?;
         let slopes = differences(&last, u_step);
         let ends: Vec<_> = last.iter().copied().zip(slopes).collect();
         // Where a greater load ends earlier it is the rods' strain that ends it: no wall for the motor.
@@ -101,7 +111,7 @@ impl Surface {
                 Some(*most)
             })
             .collect();
-        let sample = |load: f64, twist: f64| exact.gap(twist, load).ok_or(NoSurface { load_n: load, twist_rad: twist });
+        let sample = |load: f64, twist: f64| exact(twist, load).ok_or(NoSurface { load_n: load, twist_rad: twist });
         let open = Grid::new(OPEN_CELLS, &loads, u_step, |i, x| {
             let point = sample(loads[i], (PI * x).min(OPEN_END_RAD))?;
             Ok((point.gap_m, PI * point.by_twist_m_per_rad, loads[i] * point.by_load_m_per_n))
@@ -300,9 +310,8 @@ fn differences(values: &[f64], step: f64) -> Vec<f64> {
 }
 
 /// The last twist, at most [`MAX_TWIST_RAD`], up to which every twist has an equilibrium.
-fn last_twist(exact: &impl Transmission, load_n: f64) -> Result<f64, NoSurface> {
-    let exists =
-        |twist: f64| exact.gap(twist, load_n).is_some_and(|point| point.by_twist_m_per_rad >= -STEEPEST_M_PER_RAD);
+fn last_twist(exact: &impl Fn(f64, f64) -> Option<GapPoint>, load_n: f64) -> Result<f64, NoSurface> {
+    let exists = |twist: f64| exact(twist, load_n).is_some_and(|point| point.by_twist_m_per_rad >= -STEEPEST_M_PER_RAD);
     let mut low = PI;
     if !exists(low) {
         return Err(NoSurface { load_n, twist_rad: low });

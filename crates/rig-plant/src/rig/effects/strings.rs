@@ -4,13 +4,14 @@
 //! Twist and radius enter the mechanism as the arc θ r alone, so strings of another radius are those of the model at the
 //! twist where these have the same arc.
 
-use super::bedding::Bedding;
-use super::creep::Creep;
-use super::play::Play;
+use super::{BEDDING_CYCLES, CREEP_TIMES_S, TURNS_PER_CYCLE};
+use crate::PlantSettings;
 use crate::rig::surface::SLACK_LOAD_N;
-use std::f64::consts::PI;
-use tsa_model::Parameters;
+use std::f64::consts::{PI, TAU};
+use tsa_model::{Parameters, RadiusLaw};
 
+/// Share of half the play over which the contact gives. Assumed.
+const CONTACT: f64 = 0.02;
 /// Share of their torque that strings with play give back when they untwist. A contact that gives is closed under a small
 /// torque and opened under a greater one, which returns a little more than it took; this is less than that. Assumed.
 const RETURNED: f64 = 0.98;
@@ -25,6 +26,7 @@ pub struct Strings {
     creep: Creep,
     /// Share of the new strings' radius that is left.
     radius_share: f64,
+    /// Exponent p of a factor (|θ|/π)^p on the radius beyond the half-turn pre-twist.
     exponent_shift: f64,
     /// Twist of the model that these strings have now, rad.
     pub twist_rad: f64,
@@ -33,34 +35,24 @@ pub struct Strings {
     contact: f64,
 }
 
-/// What makes strings differ; zeros make those of the model.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct StringSizes {
-    /// Width of the loop between the twist of the shaft and that of the strings, rad.
-    pub play_rad: f64,
-    /// Share of their radius that new strings lose.
-    pub bedding: f64,
-    /// Slow stretch as a share of the elastic stretch.
-    pub creep: f64,
-    /// Exponent p of a factor (|θ|/π)^p on the radius beyond the half-turn pre-twist.
-    pub exponent_shift: f64,
-}
-
 impl Strings {
-    /// New strings on a mechanism, twisted to an angle (rad) under a load (N).
-    pub fn new(model: &Parameters, sizes: &StringSizes, twist_rad: f64, load_n: f64) -> Self {
+    /// New strings on a mechanism, at the twist and under the load of the start.
+    pub fn new(model: &Parameters, settings: &PlantSettings) -> Self {
+        let twist_rad = settings.twist_at_boot_rad;
+        // The law by the twist has an exponent of its own, which `PlantSettings::distort` shifts.
+        let by_length = model.radius_law == RadiusLaw::LengthRatio;
         let mut strings = Self {
             model: *model,
-            play: Play::new(sizes.play_rad, twist_rad),
-            bedding: Bedding::new(sizes.bedding, twist_rad),
-            creep: Creep::new(sizes.creep, 0.5 / model.stiffness_n_per_m),
+            play: Play::new(settings.twist_play_rad, twist_rad),
+            bedding: Bedding::new(settings.string_bedding, twist_rad),
+            creep: Creep::new(settings.string_creep, 0.5 / model.stiffness_n_per_m),
             radius_share: 1.0,
-            exponent_shift: sizes.exponent_shift,
+            exponent_shift: if by_length { settings.twist_exponent_shift } else { 0.0 },
             twist_rad: 0.0,
             slope: 1.0,
             contact: 1.0,
         };
-        strings.turn(twist_rad, load_n);
+        strings.turn(twist_rad, settings.load_n);
         strings
     }
 
@@ -113,6 +105,92 @@ impl Strings {
     }
 }
 
+/// Play between an input and an output, in the unit of both: the output follows the input at a distance of at most half the
+/// play. What pulls at the output reaches the input only where the two touch, at either end of the play. If it did in
+/// between, where the output stands, it would do work on the input for nothing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Play {
+    half_width: f64,
+    output: f64,
+}
+
+impl Play {
+    /// Play of a whole width, its output in the middle at `at`.
+    pub fn new(width: f64, at: f64) -> Self {
+        Self { half_width: 0.5 * width, output: at }
+    }
+
+    /// Takes the input to a new value and returns the output.
+    pub fn step(&mut self, input: f64) -> f64 {
+        self.output = self.output.clamp(input - self.half_width, input + self.half_width);
+        self.output
+    }
+
+    /// Share of a pull at the output that reaches the input: 1 at the ends of the play, 0 between them. It rises over a
+    /// share of half the play, as a contact that gives: its rise at one end takes what its rise at the other gives.
+    pub fn contact(&self, input: f64) -> f64 {
+        if self.half_width <= 0.0 {
+            return 1.0;
+        }
+        let open = 1.0 - (input - self.output).abs() / self.half_width;
+        (1.0 - open / CONTACT).clamp(0.0, 1.0)
+    }
+}
+
+/// Run-in of new strings: the share of their radius that is left falls over the first cycles of twisting.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bedding {
+    /// Share of the radius that is lost in the end.
+    share: f64,
+    turned_rad: f64,
+    last_rad: f64,
+}
+
+impl Bedding {
+    /// New strings, twisted to an angle (rad), that lose a share of their radius in the end.
+    pub fn new(share: f64, twist_rad: f64) -> Self {
+        Self { share, turned_rad: 0.0, last_rad: twist_rad }
+    }
+
+    /// Takes the twist (rad) to a new value and returns the radius as a share of the new one.
+    pub fn step(&mut self, twist_rad: f64) -> f64 {
+        self.turned_rad += (twist_rad - self.last_rad).abs();
+        self.last_rad = twist_rad;
+        let cycles = self.turned_rad / (TURNS_PER_CYCLE * TAU);
+        1.0 + self.share * (-cycles / BEDDING_CYCLES).exp_m1()
+    }
+}
+
+/// Stretch of the strings beyond the elastic one: Kelvin elements in series with it. A string under the load F is longer by
+/// F/2K at once. Each element adds its share of that with its own time: τ dx/dt = c F − x. A spring and a dashpot beside each
+/// other store or lose what the load does to them and create nothing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Creep {
+    /// Compliance of each element, m/N.
+    compliance: f64,
+    stretch_m: [f64; CREEP_TIMES_S.len()],
+}
+
+impl Creep {
+    /// Elements that in the end add `share` of the elastic compliance 1/2K (m/N), and have added nothing yet.
+    pub fn new(share: f64, elastic_m_per_n: f64) -> Self {
+        Self { compliance: share * elastic_m_per_n / CREEP_TIMES_S.len() as f64, stretch_m: [0.0; CREEP_TIMES_S.len()] }
+    }
+
+    /// One step of `h` seconds under a load (N); exact for a load that stays. Returns the stretch, m.
+    pub fn step(&mut self, h: f64, load_n: f64) -> f64 {
+        for (stretch, time_s) in self.stretch_m.iter_mut().zip(CREEP_TIMES_S) {
+            *stretch += (self.compliance * load_n - *stretch) * -(-h / time_s).exp_m1();
+        }
+        self.stretch_m()
+    }
+
+    /// The stretch now, m.
+    pub fn stretch_m(&self) -> f64 {
+        self.stretch_m.iter().sum()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -123,13 +201,16 @@ mod tests {
         *Scene::load(file).unwrap().mechanism().unwrap().parameters()
     }
 
-    fn strings(name: &str, sizes: StringSizes) -> Strings {
-        Strings::new(&model(name), &sizes, 0.0, 5.0)
+    const IDEAL: fn() -> PlantSettings =
+        || PlantSettings { twist_at_boot_rad: 0.0, load_n: 5.0, ..PlantSettings::default() };
+
+    fn strings(name: &str, settings: &PlantSettings) -> Strings {
+        Strings::new(&model(name), settings)
     }
 
     #[test]
     fn strings_without_sizes_are_those_of_the_model() {
-        let mut strings = strings("default", StringSizes::default());
+        let mut strings = strings("default", &IDEAL());
         for shaft in [4.0, -30.0, 12.3] {
             strings.turn(shaft, 5.0);
             strings.stretch(1e-3, 10.0);
@@ -139,7 +220,7 @@ mod tests {
 
     #[test]
     fn thinner_strings_have_their_arc_at_a_smaller_twist_of_the_model() {
-        let mut strings = strings("default", StringSizes { bedding: 0.05, ..StringSizes::default() });
+        let mut strings = strings("default", &PlantSettings { string_bedding: 0.05, ..IDEAL() });
         for k in 0..2_000_000 {
             strings.turn(f64::from(k % 2) * 40.0, 5.0);
         }
@@ -153,11 +234,112 @@ mod tests {
 
     #[test]
     fn an_exponent_that_is_shifted_acts_beyond_the_pre_twist() {
-        let strings = strings("paper-printed", StringSizes { exponent_shift: 0.05, ..StringSizes::default() });
+        let strings = strings("paper-printed", &PlantSettings { twist_exponent_shift: 0.05, ..IDEAL() });
         assert_eq!(strings.model_twist(3.0, 5.0), (3.0, 1.0));
         let (twist, slope) = strings.model_twist(15.0 * PI, 5.0);
         assert!((twist / (15.0 * PI) - 15f64.powf(0.05)).abs() < 1e-12, "{twist}");
         let (near, _) = strings.model_twist(15.0 * PI + 1e-6, 5.0);
         assert!(((near - twist) / 1e-6 - slope).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_sweep_up_and_down_shows_a_loop_of_its_width() {
+        let mut play = Play::new(0.2, 0.0);
+        let up = (0..=100).map(|k| play.step(f64::from(k) * 0.01)).last().unwrap();
+        assert!((up - 0.9).abs() < 1e-12, "{up}");
+        assert!((play.step(0.85) - 0.9).abs() < 1e-12, "within the play the output stands");
+        let half_way_down = play.step(0.5);
+        assert!((half_way_down - 0.6).abs() < 1e-12, "{half_way_down}: 0.2 above the way up");
+    }
+
+    #[test]
+    fn a_pull_reaches_the_input_at_the_ends_only_and_gives_no_work_in_a_loop() {
+        let mut play = Play::new(0.2, 0.0);
+        let (mut work, mut last, mut shares) = (0.0, 0.0, Vec::new());
+        // From one end of the play's loop back to it, against a pull of -1.
+        for k in 0..=40_000 {
+            let input = f64::from(if k <= 20_000 { k } else { 40_000 - k }) * 1e-4;
+            let before = play.contact(last);
+            play.step(input);
+            if k > 10_000 {
+                shares.push(play.contact(input));
+            }
+            work += 0.5 * (before + play.contact(input)) * (input - last);
+            last = input;
+        }
+        let standing = shares.iter().filter(|share| **share == 0.0).count() as f64 * 1e-4;
+        assert!((standing - 0.2 * (1.0 - CONTACT)).abs() < 1e-3, "{standing} of 0.2 without a pull");
+        // The first way up starts in the middle of the play; a second loop is closed.
+        let first = work;
+        for k in 0..=40_000 {
+            let input = f64::from(if k <= 20_000 { k } else { 40_000 - k }) * 1e-4;
+            let before = play.contact(last);
+            play.step(input);
+            work += 0.5 * (before + play.contact(input)) * (input - last);
+            last = input;
+        }
+        assert!((work - first).abs() < 1e-6, "{}", work - first);
+    }
+
+    #[test]
+    fn without_a_width_the_output_is_the_input() {
+        let mut play = Play::new(0.0, 3.0);
+        assert_eq!([1.0, -2.0, 0.5].map(|input| play.step(input)), [1.0, -2.0, 0.5]);
+    }
+
+    #[test]
+    fn the_radius_falls_over_twenty_cycles_and_never_rises() {
+        let mut bedding = Bedding::new(0.05, 0.0);
+        let cycle = |bedding: &mut Bedding| {
+            bedding.step(7.5 * TAU);
+            bedding.step(0.0)
+        };
+        let first = cycle(&mut bedding);
+        assert!((first - (1.0 - 0.05 * (1.0 - (-0.05f64).exp()))).abs() < 1e-12, "{first}");
+        let mut last = first;
+        for _ in 1..20 {
+            let now = cycle(&mut bedding);
+            assert!(now < last);
+            last = now;
+        }
+        assert!((last - (1.0 - 0.05 * (1.0 - (-1f64).exp()))).abs() < 1e-12, "{last}");
+        assert!((0..1000).map(|_| cycle(&mut bedding)).last().unwrap() > 0.95 - 1e-9);
+    }
+
+    #[test]
+    fn a_shaft_that_stands_changes_nothing() {
+        let mut bedding = Bedding::new(0.05, 4.0);
+        assert_eq!((bedding.step(4.0), bedding.step(4.0)), (1.0, 1.0));
+    }
+
+    #[test]
+    fn it_takes_its_times_and_reaches_its_share() {
+        let (load_n, elastic) = (5.0, 1.0 / (2.0 * 1370.0));
+        let mut creep = Creep::new(0.3, elastic);
+        let mut at = |seconds: u32| {
+            (0..seconds * 100).for_each(|_| {
+                creep.step(0.01, load_n);
+            });
+            creep.stretch_m() / (0.1 * elastic * load_n)
+        };
+        let expected = |t: f64| CREEP_TIMES_S.iter().map(|time| 1.0 - (-t / time).exp()).sum::<f64>();
+        assert!((at(3) - expected(3.0)).abs() < 1e-9);
+        assert!((at(57) - expected(60.0)).abs() < 1e-9);
+        assert!((at(20_000) - 3.0).abs() < 1e-4, "a third each");
+    }
+
+    #[test]
+    fn a_released_string_gives_back_less_than_was_put_in() {
+        let mut creep = Creep::new(0.3, 4e-4);
+        let (mut energy_j, mut last_m) = (0.0, 0.0);
+        for k in 0..400_000u32 {
+            let load_n = if k < 20_000 { 10.0 } else { 2.0 };
+            let now_m = creep.step(0.01, load_n);
+            energy_j += load_n * (now_m - last_m);
+            last_m = now_m;
+        }
+        // What stays stored under 2 N is c F²/2 for each element.
+        let stored = 0.5 * 0.3 * 4e-4 * 4.0;
+        assert!(energy_j > stored, "{energy_j} J put in, {stored} J stored");
     }
 }

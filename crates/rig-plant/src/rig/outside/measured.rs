@@ -5,8 +5,8 @@
 //! surface is a guess that keeps a simulation sane: below the least twist a parabola that is level at zero twist, above the
 //! greatest one nothing (the strings meet their wall there), and outside the loads a straight line in ln F.
 
-use crate::rig::transmission::{GapPoint, Transmission};
-use std::collections::BTreeMap;
+use crate::rig::surface::GapPoint;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Least number of loads and of twists.
 const LEAST: usize = 3;
@@ -113,19 +113,16 @@ impl Measured {
     }
 
     fn of([up, down]: &[Grid; 2], directed: bool) -> Result<Self, SurfaceError> {
-        let axis = |of: fn(&(u64, u64)) -> u64| {
-            let mut values: Vec<u64> = up.keys().chain(down.keys()).map(of).collect();
-            values.sort_unstable();
-            values.dedup();
-            values
-        };
-        let (loads, twists) = (axis(|key| key.0), axis(|key| key.1));
+        let keys = || up.keys().chain(down.keys());
+        let loads: Vec<u64> = keys().map(|key| key.0).collect::<BTreeSet<_>>().into_iter().collect();
+        let twists: Vec<u64> = keys().map(|key| key.1).collect::<BTreeSet<_>>().into_iter().collect();
         for (what, found) in [("load_n", loads.len()), ("twist_rad", twists.len())] {
             if found < LEAST {
                 return Err(SurfaceError::Few { what, found });
             }
         }
-        let last_rad = twists.last().map_or(0.0, |bits| f64::from_bits(*bits));
+        let twists_rad: Vec<f64> = twists.iter().map(|bits| f64::from_bits(*bits)).collect();
+        let last_rad = twists_rad[twists.len() - 1];
         if last_rad < LEAST_TWIST_RAD {
             return Err(SurfaceError::Short(last_rad));
         }
@@ -136,30 +133,24 @@ impl Measured {
                 }
             }
         }
-        let spline = |gap: &dyn Fn(&(u64, u64)) -> f64| {
-            let twists_rad: Vec<f64> = twists.iter().map(|bits| f64::from_bits(*bits)).collect();
+        let spline = |down_share: f64| {
             let row = |load: &u64| {
-                let gaps: Vec<f64> = twists.iter().map(|twist| gap(&(*load, *twist))).collect();
+                let gap = |twist: &u64| 0.5 * (up[&(*load, *twist)] + down_share * down[&(*load, *twist)]);
+                let gaps: Vec<f64> = twists.iter().map(gap).collect();
                 let bends = second_derivatives(&twists_rad, &gaps);
                 (gaps, bends)
             };
-            Spline {
-                log_loads: loads.iter().map(|bits| f64::from_bits(*bits).ln()).collect(),
-                rows: loads.iter().map(row).collect(),
-                twists_rad,
-            }
+            let log_loads = loads.iter().map(|bits| f64::from_bits(*bits).ln()).collect();
+            Spline { log_loads, twists_rad: twists_rad.clone(), rows: loads.iter().map(row).collect() }
         };
-        let mean = spline(&|key| 0.5 * (up[key] + down[key]));
-        for (k, twist_rad) in mean.twists_rad.iter().enumerate() {
-            for i in 1..mean.rows.len() {
-                if mean.rows[i].0[k] <= mean.rows[i - 1].0[k] {
-                    let loads_n = [mean.log_loads[i - 1].exp(), mean.log_loads[i].exp()];
-                    return Err(SurfaceError::Falls { loads_n, twist_rad: *twist_rad });
-                }
+        let mean = spline(1.0);
+        for (k, twist_rad) in twists_rad.iter().enumerate() {
+            if let Some(i) = mean.rows.windows(2).position(|pair| pair[1].0[k] <= pair[0].0[k]) {
+                let loads_n = [mean.log_loads[i].exp(), mean.log_loads[i + 1].exp()];
+                return Err(SurfaceError::Falls { loads_n, twist_rad: *twist_rad });
             }
         }
-        let half_difference = directed.then(|| spline(&|key| 0.5 * (up[key] - down[key])));
-        Ok(Self { mean, half_difference })
+        Ok(Self { mean, half_difference: directed.then(|| spline(-1.0)) })
     }
 
     /// Greatest load of the data, N.
@@ -170,17 +161,40 @@ impl Measured {
     /// Half of what the gap differs by between a twist that grows and one that falls, m.
     pub fn half_difference_m(&self, twist_rad: f64, load_n: f64) -> f64 {
         let Some(spline) = &self.half_difference else { return 0.0 };
-        let ends = [spline.twists_rad[0], spline.twists_rad[spline.twists_rad.len() - 1]];
-        spline.at(twist_rad.abs().clamp(ends[0], ends[1]), load_n)[0]
+        let [first, last] = ends(&spline.twists_rad);
+        spline.at(twist_rad.abs().clamp(first, last), load_n)[0]
     }
+
+    /// The mean of both ways at a twist of at least 0 rad and a load in N; `None` past the data.
+    pub fn gap(&self, twist_rad: f64, load_n: f64) -> Option<GapPoint> {
+        let [first, last] = ends(&self.mean.twists_rad);
+        if twist_rad > last || load_n <= 0.0 {
+            return None;
+        }
+        let [gap, by_twist, by_log] = self.mean.at(twist_rad.max(first), load_n);
+        // Below the data: level at zero twist, and as steep as the data where they begin.
+        let below = if twist_rad < first { by_twist / (2.0 * first) } else { 0.0 };
+        Some(GapPoint {
+            gap_m: gap - below * (first * first - twist_rad * twist_rad),
+            by_twist_m_per_rad: if twist_rad < first { 2.0 * below * twist_rad } else { by_twist },
+            by_load_m_per_n: by_log / load_n,
+        })
+    }
+}
+
+/// The first and the last of places in their order.
+fn ends(places: &[f64]) -> [f64; 2] {
+    [places[0], places[places.len() - 1]]
 }
 
 /// Reads a file's points into the grids of both ways; with a way, into that one alone. Returns whether they differ.
 fn read(text: &str, way: Option<usize>, grids: &mut [Grid; 2]) -> Result<bool, SurfaceError> {
+    const COLUMNS: [&str; 3] = ["load_n", "twist_rad", "gap_m"];
     let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty() && !line.starts_with('#'));
     let head: Vec<&str> = lines.next().map_or(Vec::new(), |(_, line)| line.split(',').map(str::trim).collect());
     let column = |name: &'static str| head.iter().position(|c| *c == name).ok_or(SurfaceError::Column(name));
-    let columns = [column("load_n")?, column("twist_rad")?, column("gap_m")?];
+    let [load, twist, gap] = COLUMNS.map(column);
+    let columns = [load?, twist?, gap?];
     let direction = column("direction").ok();
     if direction.is_some() && way.is_some() {
         return Err(SurfaceError::TwoDirections);
@@ -192,26 +206,25 @@ fn read(text: &str, way: Option<usize>, grids: &mut [Grid; 2]) -> Result<bool, S
         let wrong =
             |column, text: &str, reason| SurfaceError::Cell { line: index + 1, column, text: text.into(), reason };
         let mut numbers = [0f64; 3];
-        for ((number, at), name) in numbers.iter_mut().zip(columns).zip(["load_n", "twist_rad", "gap_m"]) {
-            let text = cell(at);
-            *number = text.parse().map_err(|_| wrong(name, text, "is no number"))?;
+        for ((number, at), name) in numbers.iter_mut().zip(columns).zip(COLUMNS) {
+            *number = cell(at).parse().map_err(|_| wrong(name, cell(at), "is no number"))?;
             let good = number.is_finite() && (name == "gap_m" || *number >= 0.0) && (name != "load_n" || *number > 0.0);
             if !good {
-                return Err(wrong(name, text, "must be finite; a load above 0, a twist at least 0"));
+                return Err(wrong(name, cell(at), "must be finite; a load above 0, a twist at least 0"));
             }
         }
-        let [load_n, twist_rad, gap_m] = numbers;
-        let ways: &[usize] = match (way, direction.map(cell)) {
-            (None, None) => &[0, 1],
-            (Some(0), _) | (_, Some("up")) => &[0],
-            (Some(_), _) | (_, Some("down")) => &[1],
-            (_, Some(text)) => return Err(wrong("direction", text, "is neither `up` nor `down`")),
+        let ways = match (way, direction.map(cell)) {
+            (Some(way), _) => way..way + 1,
+            (None, None) => 0..2,
+            (None, Some("up")) => 0..1,
+            (None, Some("down")) => 1..2,
+            (None, Some(text)) => return Err(wrong("direction", text, "is neither `up` nor `down`")),
         };
         // The bits of numbers that are not negative are ordered as the numbers are.
-        let key = (load_n.to_bits(), twist_rad.to_bits());
+        let key = (numbers[0].to_bits(), numbers[1].to_bits());
         for way in ways {
-            if grids[*way].insert(key, gap_m).is_some() {
-                return Err(point(key, directed, *way, "given twice"));
+            if grids[way].insert(key, numbers[2]).is_some() {
+                return Err(point(key, directed, way, "given twice"));
             }
         }
     }
@@ -248,24 +261,6 @@ impl TwoWays {
     }
 }
 
-impl Transmission for Measured {
-    fn gap(&self, twist_rad: f64, load_n: f64) -> Option<GapPoint> {
-        let spline = &self.mean;
-        let (first, last) = (spline.twists_rad[0], spline.twists_rad[spline.twists_rad.len() - 1]);
-        if twist_rad > last || load_n <= 0.0 {
-            return None;
-        }
-        let [gap, by_twist, by_log] = spline.at(twist_rad.max(first), load_n);
-        // Below the data: level at zero twist, and as steep as the data where they begin.
-        let below = if twist_rad < first { by_twist / (2.0 * first) } else { 0.0 };
-        Some(GapPoint {
-            gap_m: gap - below * (first * first - twist_rad * twist_rad),
-            by_twist_m_per_rad: if twist_rad < first { 2.0 * below * twist_rad } else { by_twist },
-            by_load_m_per_n: by_log / load_n,
-        })
-    }
-}
-
 impl Spline {
     /// Gap (m), ∂G/∂θ (m/rad) and ∂G/∂ln F (m) at a twist within the data.
     fn at(&self, twist_rad: f64, load_n: f64) -> [f64; 3] {
@@ -275,9 +270,10 @@ impl Spline {
             let column: Vec<f64> = values.iter().map(|v| v[k]).collect();
             let bends = second_derivatives(&self.log_loads, &column);
             let log = load_n.ln();
-            let (low, high) = (self.log_loads[0], self.log_loads[self.log_loads.len() - 1]);
-            let [value, slope] = cubic(&self.log_loads, &column, &bends, log.clamp(low, high));
-            [value + slope * (log - log.clamp(low, high)), slope]
+            let [low, high] = ends(&self.log_loads);
+            let inside = log.clamp(low, high);
+            let [value, slope] = cubic(&self.log_loads, &column, &bends, inside);
+            [value + slope * (log - inside), slope]
         };
         let [gap, by_log] = along(0);
         [gap, along(1)[0], by_log]

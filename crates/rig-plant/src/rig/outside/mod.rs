@@ -8,8 +8,6 @@ pub mod measured;
 pub mod program;
 pub mod programmed;
 
-use crate::PlantKey;
-
 /// Where a plant comes from.
 #[derive(Clone, Debug)]
 pub enum Outside {
@@ -17,40 +15,6 @@ pub enum Outside {
     Program(String),
     /// Measured gaps.
     Measured(measured::Measured),
-}
-
-/// Whether a key is one of the built-in mechanism's constants, for which measured gaps stand.
-pub fn is_of_the_law(key: PlantKey) -> bool {
-    matches!(
-        key,
-        PlantKey::K2Scale
-            | PlantKey::K3Scale
-            | PlantKey::K4Scale
-            | PlantKey::StiffnessScale
-            | PlantKey::ModulusScale
-            | PlantKey::TwistExponentShift
-            | PlantKey::RodHysteresis
-    )
-}
-
-/// Whether a key is one of mechanism, load or rail, which a plant program has in the emulator's place. The temperature is
-/// the LVDT's as well.
-pub fn is_of_the_plant(key: PlantKey) -> bool {
-    is_of_the_law(key)
-        || matches!(
-            key,
-            PlantKey::Load
-                | PlantKey::Friction
-                | PlantKey::FrictionLoadShare
-                | PlantKey::StictionRatio
-                | PlantKey::StribeckSpeed
-                | PlantKey::Presliding
-                | PlantKey::Damping
-                | PlantKey::StringCreep
-                | PlantKey::StringBedding
-                | PlantKey::TwistPlay
-                | PlantKey::Temperature
-        )
 }
 
 #[cfg(test)]

@@ -109,15 +109,12 @@ pub struct PlantProgram {
 }
 
 impl PlantProgram {
-    /// Starts `command` (a program and its arguments, separated by blanks) for steps of `step_s` seconds from a twist (rad).
+    /// Starts `command` (a program and its arguments, separated by blanks) for steps of `step_s` seconds from a twist (rad);
+    /// an answer may take as long as `patience`.
     ///
     /// # Errors
     /// [`ProgramError`]: it cannot be started, or does not answer `ok`.
-    pub fn start(command: &str, step_s: f64, twist_rad: f64, seed: u64) -> Result<Self, ProgramError> {
-        Self::start_with(command, step_s, twist_rad, seed, PATIENCE)
-    }
-
-    fn start_with(
+    pub fn start(
         command: &str,
         step_s: f64,
         twist_rad: f64,
@@ -274,7 +271,7 @@ mod tests {
     }
 
     fn start(command: &str) -> Result<PlantProgram, ProgramError> {
-        PlantProgram::start_with(command, 1e-3, 1.0, 7, Duration::from_secs(60))
+        PlantProgram::start(command, 1e-3, 1.0, 7, Duration::from_secs(60))
     }
 
     const GOOD: &str = r#"while read -r word a b c d; do

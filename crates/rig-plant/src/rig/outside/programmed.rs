@@ -1,7 +1,6 @@
 //! A plant that a program computes, as the rig sees it.
 
-use super::is_of_the_plant;
-use super::program::{Answer, PlantProgram, ProgramError};
+use super::program::{Answer, PATIENCE, PlantProgram, ProgramError};
 use crate::PlantChange;
 use crate::rig::STEP_S;
 use tsa_model::PRETWIST_RAD;
@@ -11,8 +10,10 @@ use tsa_model::PRETWIST_RAD;
 pub struct Programmed {
     /// Its program, or why that cannot go on.
     program: Result<PlantProgram, ProgramError>,
-    now: Answer,
-    speed_m_per_s: f64,
+    /// Its last answer.
+    pub now: Answer,
+    /// Speed of the gap over the last step, m/s.
+    pub speed_m_per_s: f64,
     shaft_rad: f64,
     pretwist_gap_m: f64,
 }
@@ -41,13 +42,11 @@ impl Programmed {
         offered: &[PlantChange],
         given: &[PlantChange],
     ) -> Result<Self, ProgramError> {
-        let mut program = PlantProgram::start(command, STEP_S, twist_rad, seed)?;
-        let own = |changes: &[PlantChange]| changes.iter().copied().filter(|c| is_of_the_plant(c.key)).collect();
-        let (offered, given): (Vec<PlantChange>, Vec<PlantChange>) = (own(offered), own(given));
-        for change in offered {
+        let mut program = PlantProgram::start(command, STEP_S, twist_rad, seed, PATIENCE)?;
+        for change in offered.iter().filter(|change| change.key.is_of_the_plant()) {
             program.offer(change.key.name(), change.value)?;
         }
-        for change in given {
+        for change in given.iter().filter(|change| change.key.is_of_the_plant()) {
             program.set(change.key.name(), change.value)?;
         }
         let now = program.step(twist_rad)?;
@@ -89,21 +88,6 @@ impl Programmed {
     /// Why its program cannot go on.
     pub fn failure(&self) -> Option<&ProgramError> {
         self.program.as_ref().err()
-    }
-
-    /// Gap, m.
-    pub fn gap_m(&self) -> f64 {
-        self.now.gap_m
-    }
-
-    /// Speed of the gap over the last step, m/s.
-    pub fn speed_m_per_s(&self) -> f64 {
-        self.speed_m_per_s
-    }
-
-    /// Pull on the load, N.
-    pub fn pull_n(&self) -> f64 {
-        self.now.pull_n
     }
 
     /// Torque on the output shaft, N m; none once the program has failed.

@@ -2,22 +2,18 @@
 
 use super::Outside;
 use super::measured::Measured;
+use crate::bench::scene;
 use crate::board::Board;
-use crate::rig::plant_settings::PlantSettings;
+use crate::rig::motor::MotorFriction;
 use crate::rig::{ChangeError, Rig, RigError};
-use crate::{PlantChange, RigFault, RigPreset};
-use rig_config::Scene;
+use crate::{PlantChange, PlantSettings, RigFault, RigPreset};
 use std::fmt::Write as _;
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 
-fn scene() -> Scene {
-    Scene::load(format!("{ROOT}/scenes/default.toml")).unwrap_or_else(|e| panic!("{e}"))
-}
-
 fn from(outside: &Outside, preset: RigPreset, given: &[&str]) -> Result<Rig, RigError> {
     let given: Vec<PlantChange> = given.iter().map(|text| text.parse().unwrap()).collect();
-    Rig::from_outside(&scene(), preset, &given, 1, outside)
+    Rig::from_outside(scene(), preset, &given, 1, outside)
 }
 
 fn spring() -> Outside {
@@ -52,7 +48,6 @@ fn strings_between_leaf_springs_lose_a_little_work_in_a_cycle_and_gain_none() {
     let program = Outside::Program(format!("python3 {ROOT}/docs/plants/leaf_springs.py"));
     let keys = ["load=5N", "twist_at_boot=10"];
     let mut rig = from(&program, RigPreset::Ideal, &keys).unwrap_or_else(|e| panic!("{e}"));
-    let conditions = crate::rig::conditions(&rig.settings);
     // What shaft and load put into it on the way from one twist to another (J): what the shaft did, and both.
     let mut work = |load: &str, from: f64, to: f64| {
         rig.set_plant("load", load).unwrap_or_else(|e| panic!("{e}"));
@@ -61,9 +56,9 @@ fn strings_between_leaf_springs_lose_a_little_work_in_a_cycle_and_gain_none() {
         let (mut by_shaft, mut by_load) = (0.0, 0.0);
         for k in 1..=steps {
             let before_m = rig.plant.gap_m();
-            rig.plant.step(crate::rig::STEP_S, from + f64::from(k) * by, &conditions);
-            by_shaft -= by * rig.plant.torque_nm(&conditions);
-            by_load += rig.plant.pull_n() * (rig.plant.gap_m() - before_m);
+            rig.plant.step(crate::rig::STEP_S, from + f64::from(k) * by);
+            by_shaft -= by * rig.plant.state().torque_nm;
+            by_load += rig.plant.state().pull_n * (rig.plant.gap_m() - before_m);
         }
         (by_shaft, by_shaft + by_load)
     };
@@ -82,9 +77,9 @@ fn strings_between_leaf_springs_lose_a_little_work_in_a_cycle_and_gain_none() {
 fn keys_are_told_to_the_program_and_faults_of_the_strings_refused() {
     // The preset's keys need not be known; a given one must.
     let mut rig = from(&spring(), RigPreset::Hard, &["current_offset=1mA"]).unwrap_or_else(|e| panic!("{e}"));
-    assert_eq!(rig.settings().current_reading.offset_a, 1e-3);
+    assert_eq!(rig.settings().current_offset_a, 1e-3);
     let own = PlantSettings::preset(RigPreset::Hard, 1);
-    assert_eq!(rig.settings().motor_friction, own.motor_friction, "motor and sensors are the emulator's");
+    assert_eq!(MotorFriction::from(rig.settings()), MotorFriction::from(&own), "motor and sensors are the emulator's");
     let error = from(&spring(), RigPreset::Ideal, &["string_creep=10%"]).err().unwrap().to_string();
     assert!(error.contains("`string_creep`") && error.contains("linear_spring.py"), "{error}");
     assert!(matches!(rig.set_plant("friction", "0.1"), Err(ChangeError::Program(_))));
@@ -156,11 +151,10 @@ fn two_ways_of_measured_gaps_are_a_loop() {
     let outside = Outside::Measured(Measured::parse(&data(50e-6)).unwrap());
     let mut rig = from(&outside, RigPreset::Ideal, &["load=5N", "twist_at_boot=10", "friction=0"])
         .unwrap_or_else(|e| panic!("{e}"));
-    let conditions = crate::rig::conditions(&rig.settings);
     let mut at = |path: &[f64]| {
         for twist_rad in path {
             for _ in 0..4000 {
-                rig.plant.step(1e-3, *twist_rad, &conditions);
+                rig.plant.step(1e-3, *twist_rad);
             }
         }
         rig.plant.gap_m()

@@ -1,11 +1,12 @@
 //! Each effect on the rig against its own equation, and all of them against the conservation of energy.
 
-use crate::RigPreset;
+use crate::bench::settings;
 use crate::board::{Board, Stimulus};
+use crate::rig::Rig;
 use crate::rig::built_in::BuiltIn;
-use crate::rig::plant::{Conditions, Plant};
-use crate::rig::plant_settings::PlantSettings;
-use crate::rig::{Rig, conditions};
+use crate::rig::motor::MotorFriction;
+use crate::rig::plant::Plant;
+use crate::{PlantSettings, RigPreset};
 use rig_config::Scene;
 use std::f64::consts::{PI, TAU};
 use tsa_model::Mechanism;
@@ -18,14 +19,6 @@ fn scene(name: &str) -> Scene {
     Scene::load(file).unwrap_or_else(|e| panic!("{e}"))
 }
 
-fn settings(keys: &[(&str, &str)]) -> PlantSettings {
-    let mut settings = PlantSettings::default();
-    for (key, value) in keys {
-        settings.set(key, value).unwrap_or_else(|e| panic!("{e}"));
-    }
-    settings
-}
-
 fn rig(keys: &[(&str, &str)]) -> Rig {
     Rig::new(&scene(SCENE), settings(keys), 1).unwrap_or_else(|e| panic!("{e}"))
 }
@@ -33,7 +26,6 @@ fn rig(keys: &[(&str, &str)]) -> Rig {
 /// The load and its mechanism by themselves, without friction unless the keys give it.
 struct Hung {
     plant: BuiltIn,
-    conditions: Conditions,
     shaft_rad: f64,
     /// Work of shaft and weight on the mechanism, J.
     work_j: f64,
@@ -48,18 +40,17 @@ impl Hung {
     }
 
     fn of(rig: Rig) -> Self {
-        let conditions = conditions(&rig.settings);
         let shaft_rad = rig.settings.twist_at_boot_rad;
         let Plant::BuiltIn(plant) = rig.plant else { panic!("built in") };
-        Self { conditions, shaft_rad, plant: *plant, work_j: 0.0 }
+        Self { shaft_rad, plant: *plant, work_j: 0.0 }
     }
 
     fn step(&mut self, h: f64, shaft_rad: f64) {
-        let (before_nm, before_m) = (self.plant.torque_nm(&self.conditions), self.plant.gap_m);
-        self.plant.step(h, shaft_rad, &self.conditions);
-        let mean_nm = 0.5 * (before_nm + self.plant.torque_nm(&self.conditions));
+        let (before_nm, before_m) = (self.plant.torque_nm(), self.plant.gap_m);
+        self.plant.step(h, shaft_rad);
+        let mean_nm = 0.5 * (before_nm + self.plant.torque_nm());
         self.work_j +=
-            self.conditions.weight_n * (self.plant.gap_m - before_m) - mean_nm * (shaft_rad - self.shaft_rad);
+            self.plant.conditions.weight_n * (self.plant.gap_m - before_m) - mean_nm * (shaft_rad - self.shaft_rad);
         self.shaft_rad = shaft_rad;
     }
 
@@ -69,17 +60,18 @@ impl Hung {
     }
 
     fn load_to(&mut self, load_n: f64, seconds: f64) {
-        let (from, steps) = (self.conditions.weight_n, (seconds / H) as u32);
+        let (from, steps) = (self.plant.conditions.weight_n, (seconds / H) as u32);
         for k in 1..=steps {
-            self.conditions.weight_n = from + (load_n - from) * f64::from(k) / f64::from(steps);
+            self.plant.conditions.weight_n = from + (load_n - from) * f64::from(k) / f64::from(steps);
             self.step(H, self.shaft_rad);
         }
     }
 
     /// By how much the load would be taken wrong from gap and twist, N.
     fn wrong_n(&self) -> f64 {
-        let surface = self.plant.surface();
-        surface.pull(self.shaft_rad, self.plant.gap_m, self.conditions.weight_n).force_n - self.conditions.weight_n
+        let surface = &self.plant.surface;
+        surface.pull(self.shaft_rad, self.plant.gap_m, self.plant.conditions.weight_n).force_n
+            - self.plant.conditions.weight_n
     }
 }
 
@@ -210,16 +202,16 @@ fn play_in_the_twist_is_a_loop_of_its_width() {
     hung.turn_to(30.0, 5.0);
     hung.turn_to(20.0, 5.0);
     hung.turn_to(20.0, 4.0);
-    let ideal = |twist: f64| hung.plant.surface().gap(twist, 5.0).gap_m;
+    let ideal = |twist: f64| hung.plant.surface.gap(twist, 5.0).gap_m;
     assert!((hung.plant.gap_m - ideal(20.2)).abs() < 1e-6, "on the way down the strings are behind by half the play");
     hung.turn_to(19.0, 1.0);
     hung.turn_to(19.2, 1.0);
-    assert_eq!(hung.plant.torque_nm(&hung.conditions), 0.0, "within the play the strings do not pull at the shaft");
+    assert_eq!(hung.plant.torque_nm(), 0.0, "within the play the strings do not pull at the shaft");
     hung.turn_to(20.0, 1.0);
     hung.turn_to(20.0, 4.0);
-    let ideal = hung.plant.surface().gap(19.8, 5.0).gap_m;
+    let ideal = hung.plant.surface.gap(19.8, 5.0).gap_m;
     assert!((hung.plant.gap_m - ideal).abs() < 1e-6, "on the way up, too");
-    assert!(hung.plant.torque_nm(&hung.conditions) < -1e-3);
+    assert!(hung.plant.torque_nm() < -1e-3);
 }
 
 #[test]
@@ -296,7 +288,7 @@ fn a_stronger_magnet_turns_slower_at_the_same_voltage() {
     let volts = |scale: &str| {
         let mut rig = rig(&[("torque_constant_scale", scale)]);
         let bridge = crate::rig::motor::Bridge::Voltage(12.0);
-        (0..4000).for_each(|_| rig.motor.step(2.5e-4, bridge, 0.0, &rig.settings.motor_friction));
+        (0..4000).for_each(|_| rig.motor.step(2.5e-4, bridge, 0.0, &MotorFriction::from(&rig.settings)));
         rig.motor.speed_rad_per_s * rig.parameters.torque_constant_nm_per_a
     };
     assert!((volts("1.1") * 1.1 - volts("1")).abs() < 0.02, "{} and {} V", volts("1.1"), volts("1"));

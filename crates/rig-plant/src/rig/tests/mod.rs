@@ -3,23 +3,15 @@
 use super::hung::CLOSED_GIVE_RAD;
 use super::*;
 use crate::RigFault;
+use crate::bench::{scene, settings};
 use crate::board::{Board, CanFrame, CanOutcome};
 use rmds405::serial::{BYTE_US, Decoder};
 use rmds405::{Command, CurrentLimit, Milliamps, Mode, QuadCounts, Report, Rpm, SpeedLimit};
 use rmds405::{Received, serial};
 
-fn scene() -> Scene {
-    Scene::load(std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/default.toml"))
-        .unwrap_or_else(|e| panic!("{e}"))
-}
-
 /// A rig whose motor-power relay is on since power-up.
 fn rig(keys: &[(&str, &str)]) -> Rig {
-    let mut settings = PlantSettings::default();
-    for (key, value) in keys {
-        settings.set(key, value).unwrap_or_else(|e| panic!("{e}"));
-    }
-    let mut rig = Rig::new(&scene(), settings, 1).unwrap_or_else(|e| panic!("{e}"));
+    let mut rig = Rig::new(scene(), settings(keys), 1).unwrap_or_else(|e| panic!("{e}"));
     rig.gpio_out(0.0, 'B', 1 << 10);
     rig
 }
@@ -308,7 +300,7 @@ fn the_transport_that_was_used_first_wins_until_a_restart() {
 
 #[test]
 fn a_rig_without_a_bus_cannot_have_it_shorted() {
-    let mut scene = scene();
+    let mut scene = scene().clone();
     scene.rig.drive_transport = rig_config::DriveTransport::Uart;
     let mut r = Rig::new(&scene, PlantSettings::default(), 1).unwrap_or_else(|e| panic!("{e}"));
     let refused = r.try_fault(RigFault::CanBusOff, true).expect_err("no bus").to_string();
@@ -333,7 +325,7 @@ fn sensors_show_what_they_should_and_their_faults() {
 #[test]
 fn the_same_seed_samples_the_same_noise() {
     let sample = |seed| {
-        let mut r = Rig::new(&scene(), PlantSettings::default(), seed).unwrap_or_else(|e| panic!("{e}"));
+        let mut r = Rig::new(scene(), PlantSettings::default(), seed).unwrap_or_else(|e| panic!("{e}"));
         (1..200).map(|k| r.adc(2e-5 * f64::from(k), 0)).collect::<Vec<_>>()
     };
     assert_eq!(sample(3), sample(3));
@@ -352,7 +344,7 @@ fn a_running_rig_takes_what_makes_no_other_mechanism() {
 #[test]
 fn a_twist_that_the_strings_cannot_have_is_refused_with_its_limit() {
     let new = |load_n, twist_at_boot_rad| {
-        Rig::new(&scene(), PlantSettings { load_n, twist_at_boot_rad, ..PlantSettings::default() }, 1)
+        Rig::new(scene(), PlantSettings { load_n, twist_at_boot_rad, ..PlantSettings::default() }, 1)
     };
     for (load_n, sign) in [(0.05, 1.0), (0.5, -1.0), (1.0, 1.0), (18.0, -1.0), (40.0, 1.0)] {
         let error = new(load_n, sign * 75.0).err().expect("past eleven turns").to_string();
@@ -396,7 +388,7 @@ fn the_plant_runs_on_the_cheapest_model_that_its_scene_needs() {
         let gap = |load: f64, turns: f64| {
             let twist = tsa_model::twist_from_turns(turns);
             let solved = exact.solve(load, twist).unwrap_or_else(|e| panic!("{e}"));
-            (rig.plant.surface().expect("built in").gap(twist, load).gap_m, solved.gap_m)
+            (rig.plant.built_in().expect("built in").surface.gap(twist, load).gap_m, solved.gap_m)
         };
         for k in 0..60 {
             let part = f64::from(k) / 59.0;
