@@ -91,8 +91,7 @@ pub async fn run(encoder: Qei<'static, TIM3>, mut switches: Switches, mut leds: 
         {
             defmt::error!("a part of a table came before the last one was taken");
         }
-        let set = matches!(request, Some((_, Request::SetSetting { .. } | Request::SetSettings(_))));
-        if set && matches!(outputs.reply, Some(Ok(_))) {
+        if outputs.save_settings {
             settings_count += 1;
             let settings = (*rig.settings(), settings_count);
             shared::SETTINGS.set(settings);

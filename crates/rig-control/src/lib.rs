@@ -8,10 +8,11 @@
 //! - [`mechanism`]: the table, with this rig's own scale of the twist and its own gap curve.
 //! - [`direction`]: which way motor and encoders turn, before the drive closes a loop.
 //! - [`homing`]: zero twist without switches, then load, friction, scale of the twist and gap curve, with their errors.
-//! - [`observer`]: the load and its stated error, from twist and gap; [`adaptation`]: slow drift of the strings.
+//! - [`observer`]: the load and its stated error, from twist and gap; [`hysteresis`]: what the rods remember; [`adaptation`]: slow
+//!   drift of the strings.
 //! - [`load_motion`]: how the load swings on its strings, and how it will move when a command acts.
 //! - [`move_check`]: whether a move is possible.
-//! - [`limits`]: what the motor allows of a move; [`planner`]: acceleration- and jerk-limited motion; [`time_to_target`].
+//! - [`limits`]: what the motor allows of a move; [`planner`]: acceleration- and jerk-limited motion, and how long it will take.
 //! - [`position_loop`]: set-point and motion of the load to twist speed, damping the swing; [`friction_takeup`]: the rail's friction
 //!   before a move and at rest; [`rest`]: when a load is left alone, and which error stiction leaves. All work on a [`load_state`].
 
@@ -23,6 +24,7 @@ pub mod constants;
 pub mod direction;
 pub mod friction_takeup;
 pub mod homing;
+pub mod hysteresis;
 mod least_squares;
 pub mod limits;
 pub mod load_motion;
@@ -37,7 +39,6 @@ pub mod rest;
 pub mod sensors;
 pub mod settings;
 pub mod supervisor;
-pub mod time_to_target;
 
 pub use constants::RigConstants;
 pub use rmds405::DriveCommand;

@@ -1,9 +1,14 @@
 //! The load in one tick, as the code that controls it sees it.
 
+use crate::TICK_S;
 use crate::constants::TwistLimits;
 use crate::load_motion::LoadMotion;
 use crate::mechanism::Mechanism;
 use crate::observer::Observation;
+use crate::ramp::Ramp;
+
+/// How far below the half-turn pre-twist the strings may be untwisted by the loop (rad).
+const BELOW_PRETWIST: f32 = 0.15;
 
 /// The load in one tick.
 #[derive(Clone, Copy, Debug)]
@@ -26,4 +31,17 @@ pub struct LoadState<'t> {
     pub twist_rad: f32,
     /// What the motor can do.
     pub twist_limits: TwistLimits,
+}
+
+impl LoadState<'_> {
+    /// Set-point of the shaft one tick later, with strings that are to turn at a speed (rad/s), as far as the motor can follow and
+    /// the strings' travel goes; and whether they are at the end of it. `zero_rad` is where the shaft has zero twist (rad).
+    pub fn turned(&self, shaft: Ramp, zero_rad: f32, twist_speed_rad_per_s: f32) -> (Ramp, bool) {
+        let speed = self.twist_limits.after_a_tick(shaft.speed, twist_speed_rad_per_s);
+        let wanted_rad = shaft.position + speed * TICK_S - zero_rad;
+        let table = &self.mechanism.table.metadata;
+        let twist_rad = wanted_rad.clamp(table.twist_min_rad - BELOW_PRETWIST, table.twist_max_rad);
+        let at_end = twist_rad != wanted_rad;
+        (Ramp { position: zero_rad + twist_rad, speed: if at_end { 0.0 } else { speed } }, at_end)
+    }
 }

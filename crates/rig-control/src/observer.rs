@@ -13,8 +13,8 @@
 //! the rods and strings do when the load has changed since homing, and how long ago that was.
 
 use crate::TICK_S;
-use crate::adaptation::KnownErrors;
 use crate::homing::NINETY_PERCENT;
+use crate::hysteresis::memory_shape;
 use crate::mechanism::Mechanism;
 use rig_link::messages::{HomingResult, LoadChoice};
 use tsa_table::{Point, Uncertainty};
@@ -40,18 +40,6 @@ const UNSETTLED_S: f32 = 0.3;
 const MOVING_BAND: f32 = 0.3;
 /// Standard deviation of a load that is anywhere within the friction band, as a share of the friction.
 const RESTING_BAND: f32 = 0.6;
-/// Rods that have carried a heavier load remember it: on the way down their stress is lower, which looks like 0.4, 1.3 and
-/// 1.0 N at 1, 5 and 10 N (docs/plants.md). The load (N) over which the share of a light load falls.
-const MEMORY_FALLS_N: f32 = 7.0;
-/// How far below the heaviest load (N) what the rods remember is complete.
-pub const MEMORY_COMPLETE_N: f32 = 4.0;
-
-/// How large the rods' memory is under a load (N) after a heavier one (N), over that of a light load after a much heavier
-/// one; 0 if no heavier load has hung.
-pub fn memory_shape(load_n: f32, heaviest_n: f32) -> f32 {
-    ((heaviest_n - load_n) / MEMORY_COMPLETE_N).clamp(0.0, 1.0) * libm::expf(-load_n / MEMORY_FALLS_N)
-}
-
 /// Standard error by creep and warming up, as a share of the load, at once and in the end; and the time that it takes (s).
 const DRIFT: [f32; 2] = [0.003, 0.012];
 const DRIFT_S: f32 = 600.0;
@@ -63,6 +51,15 @@ const SAME_SHARE: f32 = 0.05;
 const SPEED_SHARE: f32 = 2.0;
 /// Speed (m/s) of the gap below which a balance is static.
 const STATIC_M_PER_S: f32 = 20e-3;
+
+/// Standard errors of the load that change along a move as a drift does, without being one.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct KnownErrors {
+    /// By what the rods remember, as a share of the load.
+    pub memory: f32,
+    /// By a load that differs from the homed one, as a share of the homed one.
+    pub change: f32,
+}
 
 /// The load observer.
 #[derive(Clone, Copy, Debug)]
@@ -407,22 +404,10 @@ mod tests {
         o.peak_n = 10.0;
         o.unsettled_n = 0.7;
         o.gap_speed_m_per_s = -(STATIC_M_PER_S + 0.01);
-        let memory = 0.2 * libm::expf(-3.0 / MEMORY_FALLS_N);
+        let memory = 0.2 * memory_shape(3.0, 10.0);
         let parts = [0.5 / (5.0 * NINETY_PERCENT) * 3.0, MOVING_BAND * 0.4, 0.1 * 2.0, memory * 3.0, DRIFT[0] * 3.0];
         let expected_n = NINETY_PERCENT * together(&parts) + 0.7 + SPEED_SHARE * 0.01 * 3.0;
         let found_n = o.error_n(&POINT, 0.0);
         assert!(same(found_n, expected_n), "{found_n} {expected_n}");
-    }
-
-    #[test]
-    fn rods_remember_only_a_load_that_was_heavier() {
-        let mut o = observer(0.0);
-        assert_eq!(o.memory_share(), 0.0);
-        o.load_n = 1.0;
-        let complete = 0.2 * libm::expf(-1.0 / MEMORY_FALLS_N);
-        assert!(same(o.memory_share(), complete));
-        o.load_n = 3.0;
-        let half = 0.5 * 0.2 * libm::expf(-3.0 / MEMORY_FALLS_N);
-        assert!(same(o.memory_share(), half));
     }
 }

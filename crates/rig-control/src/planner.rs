@@ -1,8 +1,10 @@
 //! Motion of the load under limits of speed, acceleration and jerk. Target and limits may change at any time: each tick is planned
 //! from the present motion.
 
-use crate::TICK_S;
 use crate::limits::Limits;
+use crate::load_state::LoadState;
+use crate::{RigConstants, TICK_S};
+use tsa_table::Point;
 
 /// Gains (1/s) by which a set-point follows a target that moves: of position, and of speed, more than twice as fast.
 const FOLLOWS_PER_S: [f32; 2] = [8.0, 25.0];
@@ -12,6 +14,8 @@ const LEAST_LEFT: f32 = 0.2;
 const STANDS_M: f32 = 1e-6;
 const STANDS_M_PER_S: f32 = 20e-6;
 
+/// Pieces of the way for which its time is told.
+const PIECES: u8 = 16;
 /// Steps of the search for the acceleration that just still stops at the target.
 const SEARCH_STEPS: u8 = 7;
 /// Position, speed and acceleration of the set-point.
@@ -188,6 +192,29 @@ impl Planner {
     /// Sets another target (m).
     pub fn go_to(&mut self, target_m: f32) {
         self.target = target_m;
+    }
+
+    /// How long (s) until the set-point is at its target, at a speed (m/s) at most, before the move has begun. Where the motor
+    /// limits the speed, the speed follows TR along the way, which no closed formula gives. So the way is divided into pieces;
+    /// TR at the middle of each piece gives its speed limit and the twist at its end.
+    pub fn time_to_target_s(&self, asked_m_per_s: f32, load: &LoadState<'_>, rig: &RigConstants) -> f32 {
+        let way_m = self.target_m() - self.set_point_m();
+        let direction = libm::copysignf(1.0, way_m);
+        let piece_m = way_m.abs() / f32::from(PIECES);
+        // What the strings pull on the way: they carry friction upwards, and friction carries the load downwards.
+        let load_n = load.observation.load_n + direction * load.observation.friction_n;
+        let limits = |point: &Point| Limits::for_motor(asked_m_per_s, point, load_n, rig).0;
+        let mut twist_rad = load.twist_rad;
+        let mut point = load.observation.point;
+        let first = limits(&point);
+        let mut cruise_s = 0.0;
+        for _ in 0..PIECES {
+            let middle_rad = twist_rad + direction * 0.5 * piece_m * point.tr_rad_per_m();
+            point = load.mechanism.at(load_n, middle_rad);
+            twist_rad += direction * piece_m * point.tr_rad_per_m();
+            cruise_s += piece_m / limits(&point).speed;
+        }
+        first.duration_from_s(direction * self.speed_m_per_s(), way_m.abs(), cruise_s, &limits(&point))
     }
 
     /// Comes to rest as soon as the limits allow.

@@ -67,8 +67,6 @@ pub struct PositionLoop {
 pub struct LoopOutput {
     /// Twist speed (rad/s).
     pub twist_speed_rad_per_s: f32,
-    /// Set-point less position (m).
-    pub error_m: f32,
     /// Set-point less the place at which the load would come to rest (m).
     pub rest_error_m: f32,
 }
@@ -103,7 +101,7 @@ impl PositionLoop {
         // The observer knows no friction: a load that sticks is not where it would come to rest.
         let (feedback, stuck_m) = match standing {
             Standing::LeftAlone => {
-                return LoopOutput { twist_speed_rad_per_s: 0.0, error_m, rest_error_m };
+                return LoopOutput { twist_speed_rad_per_s: 0.0, rest_error_m };
             }
             Standing::Beside(stuck_m) => (STUCK_PER_S * stuck_m, stuck_m),
             // Neither is one that waits for its friction to be taken up.
@@ -114,7 +112,7 @@ impl PositionLoop {
         let speed_m_per_s = wanted_speed + jerk / frequency_squared + feedback;
         let twist_speed_rad_per_s = hung.tr_rad_per_m() * speed_m_per_s + takeup_rad_per_s;
         let further = self.jammed(load) * twist_speed_rad_per_s > 0.0;
-        LoopOutput { twist_speed_rad_per_s: if further { 0.0 } else { twist_speed_rad_per_s }, error_m, rest_error_m }
+        LoopOutput { twist_speed_rad_per_s: if further { 0.0 } else { twist_speed_rad_per_s }, rest_error_m }
     }
 
     /// By how much the strings pull a jammed load more than its weight (N); 0 for one that is not jammed.

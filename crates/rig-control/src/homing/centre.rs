@@ -1,5 +1,6 @@
 //! The middle of an even curve, from two sweeps across it in opposite directions.
 
+use super::sweeps::{Bin, Sweeps};
 use micromath::F32Ext;
 use rig_link::messages::HomingFailure;
 
@@ -12,61 +13,26 @@ const LEAST_HEIGHT_M: f32 = 0.5e-3;
 /// Largest disagreement between the two directions, as a share of half the sweep: beyond it the load hardly follows.
 const LARGEST_SPLIT: f32 = 0.9;
 
-#[derive(Clone, Copy, Debug)]
-struct Bin {
-    shaft_sum: f32,
-    gap_sum: f32,
-    count: u16,
-}
-
-impl Bin {
-    const EMPTY: Self = Self { shaft_sum: 0.0, gap_sum: 0.0, count: 0 };
-}
-
 /// Two sweeps, binned by shaft angle. Angles are kept relative to the rough middle.
 #[derive(Clone, Debug)]
 pub(super) struct Centre {
-    bins: [[Bin; BINS]; 2],
-    pass: usize,
-    middle_rad: f32,
+    pub(super) sweeps: Sweeps<BINS>,
+    pub(super) middle_rad: f32,
     half_rad: f32,
 }
 
 impl Centre {
-    pub(super) const fn new() -> Self {
-        Self { bins: [[Bin::EMPTY; BINS]; 2], pass: 0, middle_rad: 0.0, half_rad: 1.0 }
-    }
-
-    /// Starts the first sweep.
-    pub(super) fn begin(&mut self, middle_rad: f32, half_rad: f32) {
-        self.bins.iter_mut().for_each(|bins| bins.fill(Bin::EMPTY));
-        (self.middle_rad, self.half_rad) = (middle_rad, half_rad);
-        self.pass = 0;
-    }
-
-    pub(super) fn middle_rad(&self) -> f32 {
-        self.middle_rad
-    }
-
-    pub(super) fn pass(&self) -> usize {
-        self.pass
+    /// Sweeps across a rough middle (rad) to half a width (rad) on both sides of it.
+    pub(super) const fn new(middle_rad: f32, half_rad: f32) -> Self {
+        Self { sweeps: Sweeps::NEW, middle_rad, half_rad }
     }
 
     pub(super) fn record(&mut self, shaft_rad: f32, gap_m: f32) {
         let relative = shaft_rad - self.middle_rad;
-        let at = (relative / self.half_rad + 1.0) * 0.5 * BINS as f32;
-        if let (true, Some(bins)) = ((0.0..BINS as f32).contains(&at), self.bins.get_mut(self.pass)) {
-            let bin = &mut bins[(at as usize).min(BINS - 1)];
-            bin.shaft_sum += relative;
-            bin.gap_sum += gap_m;
-            bin.count = bin.count.saturating_add(1);
+        let place = (relative / self.half_rad + 1.0) * 0.5 * BINS as f32;
+        if place < BINS as f32 {
+            self.sweeps.record(place, relative, gap_m);
         }
-    }
-
-    /// Ends a sweep; true after the second.
-    pub(super) fn end_pass(&mut self) -> bool {
-        self.pass += 1;
-        self.pass >= 2
     }
 
     /// The middle (rad) and its estimated error (rad). Friction makes the two directions differ. Half of that difference
@@ -76,7 +42,7 @@ impl Centre {
     /// # Errors
     /// [`HomingFailure::NoPretwist`] if a sweep shows no maximum, [`HomingFailure::PoorFit`] if the two disagree.
     pub(super) fn solve(&self) -> Result<(f32, f32), HomingFailure> {
-        let [first, second] = &self.bins;
+        let [first, second] = &self.sweeps.bins;
         let (first, second) = (middle_of_sweep(first)?, middle_of_sweep(second)?);
         if (first.0 - second.0).abs() > LARGEST_SPLIT * self.half_rad {
             return Err(HomingFailure::PoorFit);
@@ -95,7 +61,7 @@ fn middle_of_sweep(bins: &[Bin; BINS]) -> Result<(f32, f32), HomingFailure> {
     for bin in bins.iter().filter(|b| b.count > 0) {
         let per = 1.0 / f32::from(bin.count);
         // There are as many places as bins, so this cannot fail.
-        let _ = curve.push((bin.shaft_sum * per, bin.gap_sum * per));
+        let _ = curve.push((bin.angle_sum * per, bin.gap_sum * per));
     }
     let top_at = (1..curve.len()).fold(0, |top, k| if curve[k].1 > curve[top].1 { k } else { top });
     let (Some(left), Some(right), Some(top)) = (curve.first(), curve.last(), curve.get(top_at)) else {
@@ -141,16 +107,15 @@ mod tests {
     use super::*;
 
     fn sweep(zero: f32, lag: f32, height: f32) -> Centre {
-        let mut c = Centre::new();
-        c.begin(10.0, 3.0);
+        let mut c = Centre::new(10.0, 3.0);
         for (pass, sign) in [(0, 1.0f32), (1, -1.0)] {
-            assert_eq!(c.pass(), pass);
+            assert_eq!(c.sweeps.pass, pass);
             for k in 0..=600 {
                 let shaft = 10.0 + sign * (k as f32 / 100.0 - 3.0);
                 let twist = shaft - lag * sign - zero;
                 c.record(shaft, 0.1 - height * (1.0 - libm::cosf(twist / 2.0)));
             }
-            assert_eq!(c.end_pass(), pass == 1);
+            assert_eq!(c.sweeps.end_pass(), pass == 1);
         }
         c
     }
@@ -169,6 +134,6 @@ mod tests {
         assert_eq!(sweep(10.0, 0.0, 1e-5).solve(), Err(HomingFailure::NoPretwist));
         assert_eq!(sweep(14.0, 0.0, 0.004).solve(), Err(HomingFailure::NoPretwist));
         assert_eq!(sweep(10.0, 1.4, 0.02).solve(), Err(HomingFailure::PoorFit));
-        assert_eq!(Centre::new().solve(), Err(HomingFailure::NoPretwist));
+        assert_eq!(Centre::new(0.0, 1.0).solve(), Err(HomingFailure::NoPretwist));
     }
 }

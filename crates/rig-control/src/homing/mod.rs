@@ -15,6 +15,7 @@
 mod centre;
 mod quiet;
 mod stick_slip;
+mod sweeps;
 pub mod weigh;
 
 use crate::constants::TwistLimits;
@@ -136,6 +137,7 @@ enum Phase {
     WeighRest { ticks: u16 },
     Weigh,
     Settle { ticks: u16, rest: Rest },
+    Done(Homed),
 }
 
 /// The search for the greatest gap.
@@ -243,7 +245,7 @@ impl Homing {
             smooth_gap_m: gap_m,
             direction: 1.0,
             ticks: 0,
-            centre: Centre::new(),
+            centre: Centre::new(0.0, 1.0),
             zero_currents: [Current::NONE; 2],
             weigh: Weigh::new(twist_scale, load),
             stick_slip: StickSlip::NEW,
@@ -265,49 +267,43 @@ impl Homing {
             speed: SPEED_SHARE * rig.twist_speed_max(),
             acceleration: ACCELERATION.min(rig.twist_acceleration_max()),
         };
-        let outcome = match self.phase {
-            Phase::Quiet(quiet) => {
-                self.wait_for_quiet(quiet);
-                Ok(())
-            }
+        let next = match self.phase {
+            Phase::Quiet(quiet) => Ok(self.wait_for_quiet(quiet)),
             Phase::Probe { start_rad, gap_m } => self.probe(start_rad, gap_m, inputs.shaft_rad, &limits),
             Phase::Seek(seek) => self.seek(seek, inputs.shaft_rad, &limits),
-            Phase::CentreRest { ticks } => {
-                self.rest_before_centre(ticks, &limits);
-                Ok(())
-            }
+            Phase::CentreRest { ticks } => Ok(self.rest_before_centre(ticks, &limits)),
             Phase::Centre => self.sweep_centre(inputs, &limits),
-            Phase::WeighRest { ticks } => {
-                self.rest_before_weigh(ticks, &limits);
-                Ok(())
-            }
-            Phase::Weigh => {
-                self.sweep_weigh(table, rig, inputs, &limits);
-                Ok(())
-            }
-            Phase::Settle { ticks, rest } => match self.settle(table, ticks, rest, inputs.gap_m, &limits) {
-                Ok(Some(homed)) => return Progress::Done(homed),
-                Ok(None) => Ok(()),
-                Err(failure) => Err(failure),
-            },
+            Phase::WeighRest { ticks } => Ok(self.rest_before_weigh(ticks, &limits)),
+            Phase::Weigh => Ok(self.sweep_weigh(table, rig, inputs, &limits)),
+            Phase::Settle { ticks, rest } => self.settle(table, ticks, rest, inputs.gap_m, &limits),
+            Phase::Done(homed) => Ok(Phase::Done(homed)),
         };
-        match outcome {
-            Ok(()) => Progress::Turning(self.ramp),
+        match next {
+            Ok(Phase::Done(homed)) => Progress::Done(homed),
+            Ok(phase) => {
+                self.phase = phase;
+                Progress::Turning(self.ramp)
+            }
             Err(failure) => Progress::Failed(failure),
         }
     }
 
     /// A load that has just dropped swings for seconds, farther than the probe can tell from its own doing.
-    fn wait_for_quiet(&mut self, mut quiet: Quiet) {
-        let ended = quiet.step(self.smooth_gap_m) || self.ticks as f32 * TICK_S > QUIET_PATIENCE_S;
-        self.phase = if ended {
+    fn wait_for_quiet(&self, mut quiet: Quiet) -> Phase {
+        if quiet.step(self.smooth_gap_m) || self.ticks as f32 * TICK_S > QUIET_PATIENCE_S {
             Phase::Probe { start_rad: self.ramp.position, gap_m: self.smooth_gap_m }
         } else {
             Phase::Quiet(quiet)
-        };
+        }
     }
 
-    fn probe(&mut self, start_rad: f32, gap_m: f32, shaft_rad: f32, limits: &TwistLimits) -> Result<(), HomingFailure> {
+    fn probe(
+        &mut self,
+        start_rad: f32,
+        gap_m: f32,
+        shaft_rad: f32,
+        limits: &TwistLimits,
+    ) -> Result<Phase, HomingFailure> {
         let goal = start_rad + PROBE_TRAVEL;
         let slow = (self.ramp.position - start_rad).abs() < PROBE_SLOW;
         let speed = if slow { PROBE_SPEED } else { PROBE_FAST_SPEED.min(limits.speed) };
@@ -321,21 +317,19 @@ impl Homing {
         }
         if closed || change.abs() > PROBE_CHANGE_M || (ended && change.abs() > 0.1 * PROBE_CHANGE_M) {
             self.direction = if closed { -1.0 } else { libm::copysignf(1.0, change) };
-            self.phase = Phase::Seek(Seek {
+            return Ok(Phase::Seek(Seek {
                 start_rad: self.ramp.position,
                 goal_rad: self.ramp.position + self.direction * SEEK_TRAVEL,
                 low_m: Some(self.smooth_gap_m.min(gap_m)),
                 top_m: self.smooth_gap_m,
                 top_rad: self.ramp.position,
                 rises: Rises::default(),
-            });
-        } else if ended {
-            return Err(HomingFailure::NoPretwist);
+            }));
         }
-        Ok(())
+        if ended { Err(HomingFailure::NoPretwist) } else { Ok(Phase::Probe { start_rad, gap_m }) }
     }
 
-    fn seek(&mut self, mut seek: Seek, shaft_rad: f32, limits: &TwistLimits) -> Result<(), HomingFailure> {
+    fn seek(&mut self, mut seek: Seek, shaft_rad: f32, limits: &TwistLimits) -> Result<Phase, HomingFailure> {
         self.ramp.step(seek.goal_rad, SEEK_SPEED.min(limits.speed), limits.acceleration);
         // The probe may have left the motor going the other way: only what lies ahead counts.
         let ahead = (shaft_rad - seek.start_rad) * self.direction > -0.05;
@@ -354,15 +348,14 @@ impl Homing {
         let turned = (shaft_rad - seek.start_rad).abs();
         if seek.low_m.is_none() && fall_m > SEEK_FALL_M {
             self.zero_rad = seek.top_rad;
-            self.phase = Phase::CentreRest { ticks: 0 };
+            Ok(Phase::CentreRest { ticks: 0 })
         } else if seek.low_m.is_some() && (fall_m > SEEK_ASTRAY_M || turned > SEEK_STUCK) {
-            return Err(HomingFailure::NoPretwist);
+            Err(HomingFailure::NoPretwist)
         } else if turned > 0.98 * SEEK_TRAVEL {
-            return Err(HomingFailure::TravelEnd);
+            Err(HomingFailure::TravelEnd)
         } else {
-            self.phase = Phase::Seek(seek);
+            Ok(Phase::Seek(seek))
         }
-        Ok(())
     }
 
     /// Runs the ramp to `goal` and counts ticks of rest there.
@@ -371,43 +364,49 @@ impl Homing {
         if self.ramp == Ramp::at(goal) { ticks + 1 } else { 0 }
     }
 
-    fn rest_before_centre(&mut self, ticks: u16, limits: &TwistLimits) {
+    fn rest_before_centre(&mut self, ticks: u16, limits: &TwistLimits) -> Phase {
         // From the far side, where the seek came to rest, so that nothing is travelled twice.
         let goal = self.zero_rad + self.direction * SWEEP_HALF;
         let ticks = self.rest_at(goal, SEEK_SPEED, limits, ticks);
-        self.phase = Phase::CentreRest { ticks };
-        if f32::from(ticks) * TICK_S >= CENTRE_REST_S {
-            self.centre.begin(self.zero_rad, SWEEP_HALF);
-            self.phase = Phase::Centre;
+        if f32::from(ticks) * TICK_S < CENTRE_REST_S {
+            return Phase::CentreRest { ticks };
         }
+        self.centre = Centre::new(self.zero_rad, SWEEP_HALF);
+        Phase::Centre
     }
 
-    fn sweep_centre(&mut self, inputs: &HomingInputs, limits: &TwistLimits) -> Result<(), HomingFailure> {
+    fn sweep_centre(&mut self, inputs: &HomingInputs, limits: &TwistLimits) -> Result<Phase, HomingFailure> {
         // First pass away from the seek's side, second pass back.
-        let side = if self.centre.pass() == 0 { -self.direction } else { self.direction };
-        let goal = self.centre.middle_rad() + side * SWEEP_HALF;
+        let side = if self.centre.sweeps.pass == 0 { -self.direction } else { self.direction };
+        let goal = self.centre.middle_rad + side * SWEEP_HALF;
         self.ramp.step(goal, SWEEP_SPEED, limits.acceleration);
         self.centre.record(inputs.shaft_at_gap_rad, inputs.gap_m);
         if self.ramp.speed.abs() > 0.9 * SWEEP_SPEED {
             self.zero_currents[usize::from(side * self.direction > 0.0)].add(inputs.current_a);
         }
-        if self.ramp == Ramp::at(goal) && self.centre.end_pass() {
+        if self.ramp == Ramp::at(goal) && self.centre.sweeps.end_pass() {
             (self.zero_rad, self.zero_error_rad) = self.centre.solve()?;
-            self.phase = Phase::WeighRest { ticks: 0 };
+            return Ok(Phase::WeighRest { ticks: 0 });
         }
-        Ok(())
+        Ok(Phase::Centre)
     }
 
-    fn rest_before_weigh(&mut self, ticks: u16, limits: &TwistLimits) {
+    fn rest_before_weigh(&mut self, ticks: u16, limits: &TwistLimits) -> Phase {
         let ticks = self.rest_at(self.zero_rad + PI, WEIGH_SPEED[1], limits, ticks);
         let rested = f32::from(ticks) * TICK_S >= WEIGH_REST_S;
-        self.phase = if rested { Phase::Weigh } else { Phase::WeighRest { ticks } };
+        if rested { Phase::Weigh } else { Phase::WeighRest { ticks } }
     }
 
-    fn sweep_weigh(&mut self, table: &Table<'_>, rig: &RigConstants, inputs: &HomingInputs, limits: &TwistLimits) {
+    fn sweep_weigh(
+        &mut self,
+        table: &Table<'_>,
+        rig: &RigConstants,
+        inputs: &HomingInputs,
+        limits: &TwistLimits,
+    ) -> Phase {
         let start = self.zero_rad + PI;
         let travel = (TAU * WEIGH_TURNS).min(table.metadata.twist_max_rad - table.metadata.twist_min_rad);
-        let goal = if self.weigh.pass() == 0 { start + travel } else { start };
+        let goal = if self.weigh.sweeps.pass == 0 { start + travel } else { start };
         let off_middle = ((self.ramp.position - start) / travel * 2.0 - 1.0).abs();
         let speed = (WEIGH_SPEED[0] + (WEIGH_SPEED[1] - WEIGH_SPEED[0]) * off_middle).min(limits.speed);
         self.ramp.step(goal, speed, limits.acceleration);
@@ -420,10 +419,11 @@ impl Homing {
         }
         let shaft_rad = inputs.shaft_at_gap_rad;
         self.weigh.record((shaft_rad - start) / travel, shaft_rad - self.zero_rad, inputs.gap_m, inputs.current_a);
-        if self.ramp == Ramp::at(goal) && self.weigh.end_pass() {
+        if self.ramp == Ramp::at(goal) && self.weigh.sweeps.end_pass() {
             self.weigh.begin_fit(table, rig, &self.zero_currents);
-            self.phase = Phase::Settle { ticks: 0, rest: Rest::NONE };
+            return Phase::Settle { ticks: 0, rest: Rest::NONE };
         }
+        Phase::Weigh
     }
 
     fn settle(
@@ -433,15 +433,16 @@ impl Homing {
         mut rest: Rest,
         gap_m: f32,
         limits: &TwistLimits,
-    ) -> Result<Option<Homed>, HomingFailure> {
+    ) -> Result<Phase, HomingFailure> {
         let ticks = self.rest_at(self.zero_rad + PI, SWEEP_SPEED, limits, ticks);
         let fitted = self.weigh.fit_step(table)?;
         if f32::from(ticks) * TICK_S > SETTLE_S {
             rest.add(gap_m);
         }
-        self.phase = Phase::Settle { ticks, rest };
         let averaged = f32::from(ticks) * TICK_S > SETTLE_S + REFERENCE_S;
-        let Some(w) = fitted.filter(|_| averaged && rest.count > 0.0) else { return Ok(None) };
+        let Some(w) = fitted.filter(|_| averaged && rest.count > 0.0) else {
+            return Ok(Phase::Settle { ticks, rest });
+        };
         let (reference_gap_m, gap_noise_m) = rest.mean_and_noise_m();
         // Where the load hangs after the sweeps must be where the sweeps say that it does, after a way down.
         let mechanism = Mechanism { table: *table, twist_scale: w.twist_scale, curve: w.curve };
@@ -450,7 +451,7 @@ impl Homing {
         if shifted_m > SHIFTED_M + 2.0 * w.friction_n * there.dgap_dload_m_per_n {
             return Err(HomingFailure::Shifted);
         }
-        Ok(Some(Homed {
+        Ok(Phase::Done(Homed {
             zero_rad: self.zero_rad,
             found: HomingResult {
                 zero_error_rad: self.zero_error_rad,

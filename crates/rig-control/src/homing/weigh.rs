@@ -7,6 +7,7 @@
 //! was measured; and the operator's weight, if one was given. Friction is half of what the ways up and down differ by. One
 //! Gauss–Newton step is taken in each tick. The inverse of the last step's matrix is the covariance of the result.
 
+use super::sweeps::{Bin, Sweeps};
 use crate::RigConstants;
 use crate::least_squares::Cholesky;
 use crate::mechanism::{Mechanism, TWIST_SCALE};
@@ -77,17 +78,6 @@ fn both_ways([up, down]: &[Current; 2]) -> Option<(f32, f32, f32)> {
     (up.count > 0.0 && down.count > 0.0).then(|| (mean_a, half_a, 0.25 * (up.variance_a2() + down.variance_a2())))
 }
 
-#[derive(Clone, Copy, Debug)]
-struct Bin {
-    twist_sum: f32,
-    gap_sum: f32,
-    count: u16,
-}
-
-impl Bin {
-    const EMPTY: Self = Self { twist_sum: 0.0, gap_sum: 0.0, count: 0 };
-}
-
 /// A bin's means over both directions, each counting the same so that friction cancels, and half the differences up
 /// less down.
 #[derive(Clone, Copy, Debug)]
@@ -130,8 +120,7 @@ struct Weight {
 /// The weighing.
 #[derive(Clone, Debug)]
 pub(super) struct Weigh {
-    bins: [[Bin; BINS]; 2],
-    pass: usize,
+    pub(super) sweeps: Sweeps<BINS>,
     unknowns: Unknowns,
     friction_n: f32,
     /// Currents of both ways over the bins that are used.
@@ -149,8 +138,7 @@ impl Weigh {
     /// Before the first sweep, expecting a scale of the twist, and the weight that the operator gives.
     pub(super) const fn new(expected_scale: f32, given: LoadChoice) -> Self {
         Self {
-            bins: [[Bin::EMPTY; BINS]; 2],
-            pass: 0,
+            sweeps: Sweeps::NEW,
             unknowns: Unknowns { load_n: 0.0, twist_scale: expected_scale, offset_m: 0.0 },
             friction_n: 0.0,
             currents: [Current::NONE; 2],
@@ -162,28 +150,17 @@ impl Weigh {
         }
     }
 
-    pub(super) fn pass(&self) -> usize {
-        self.pass
-    }
-
     /// `share` of the sweep travelled, 0 to 1; the current is positive towards more twist.
     pub(super) fn record(&mut self, share: f32, twist_rad: f32, gap_m: f32, current_a: f32) {
-        let place = (share * BINS as f32) as usize;
-        if let (true, Some(bins)) = ((0.0..=1.0).contains(&share), self.bins.get_mut(self.pass)) {
-            let bin = &mut bins[place.min(BINS - 1)];
-            bin.twist_sum += twist_rad;
-            bin.gap_sum += gap_m;
-            bin.count = bin.count.saturating_add(1);
-            if (END_BINS..BINS - END_BINS).contains(&place) {
-                self.currents[self.pass].add(current_a);
-            }
+        let place = share * BINS as f32;
+        if share <= 1.0 {
+            self.sweeps.record(place, twist_rad, gap_m);
         }
-    }
-
-    /// Ends a sweep; true after the second.
-    pub(super) fn end_pass(&mut self) -> bool {
-        self.pass += 1;
-        self.pass >= 2
+        if let (true, Some(current)) =
+            ((END_BINS..BINS - END_BINS).contains(&(place as usize)), self.currents.get_mut(self.sweeps.pass))
+        {
+            current.add(current_a);
+        }
     }
 
     /// Begins in the (geometric) middle of the table's range. `zero_currents` are those of the sweeps across zero twist.
@@ -198,16 +175,16 @@ impl Weigh {
     }
 
     fn pair(&self, i: usize) -> Option<Pair> {
-        let [up, down] = [&self.bins[0][i], &self.bins[1][i]];
+        let [up, down] = [&self.sweeps.bins[0][i], &self.sweeps.bins[1][i]];
         if up.count == 0 || down.count == 0 {
             return None;
         }
         let (n_up, n_down) = (f32::from(up.count), f32::from(down.count));
         let half = |sum: fn(&Bin) -> f32, sign: f32| 0.5 * (sum(up) / n_up + sign * sum(down) / n_down);
         Some(Pair {
-            twist_rad: half(|b| b.twist_sum, 1.0),
+            twist_rad: half(|b| b.angle_sum, 1.0),
             gap_m: half(|b| b.gap_sum, 1.0),
-            half_twist_rad: half(|b| b.twist_sum, -1.0),
+            half_twist_rad: half(|b| b.angle_sum, -1.0),
             half_gap_m: half(|b| b.gap_sum, -1.0),
         })
     }

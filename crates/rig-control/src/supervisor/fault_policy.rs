@@ -52,7 +52,7 @@ const fn row(fault: Fault, response: Response, after: After, explains: &[Fault])
 }
 
 /// Faults of the rig's own encoder: one of them shows itself in the others' checks as well.
-pub const ENCODER: [Fault; 3] = [Fault::EncoderStuck, Fault::EncoderJump, Fault::EncoderDisagrees];
+const ENCODER: [Fault; 3] = [Fault::EncoderStuck, Fault::EncoderJump, Fault::EncoderDisagrees];
 /// What looks wrong when control ticks are missing.
 const MISSED: [Fault; 8] = [
     Fault::EncoderStuck,
@@ -168,6 +168,11 @@ impl Latched {
     /// What the drive is told, if anything is latched.
     pub fn response(self) -> Option<Response> {
         self.gravest.map(|fault| policy(fault).response)
+    }
+
+    /// Whether one of them says that the own encoder is wrong.
+    pub fn own_encoder_is_wrong(self) -> bool {
+        self.all.meets(Faults::of(&ENCODER))
     }
 
     /// Latches a fault.

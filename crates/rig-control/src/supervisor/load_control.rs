@@ -5,7 +5,6 @@ use crate::limits::Limits;
 use crate::load_state::LoadState;
 use crate::planner::{Planner, SetPoint};
 use crate::position_loop::{LoopOutput, PositionLoop};
-use crate::time_to_target::time_to_target_s;
 use crate::{RigConstants, TICK_S};
 use rig_link::messages::Limit;
 
@@ -218,7 +217,7 @@ impl Move {
         // Until the strings have taken up friction the load cannot move: the set-point waits for it.
         let waiting = control.position_loop.takeup.is_waiting();
         if !self.stopping {
-            let run_s = self.run_s.get_or_insert_with(|| time_to_target_s(&control.planner, *speed_m_per_s, load, rig));
+            let run_s = self.run_s.get_or_insert_with(|| control.planner.time_to_target_s(*speed_m_per_s, load, rig));
             if !waiting {
                 *run_s = (*run_s - TICK_S).max(0.0);
             }

@@ -20,15 +20,15 @@
 //! - `tracking`: what is known of load and position since homing, with the stated errors, and what this tick's readings add.
 //! - `guard`: what is wrong. [`fault_policy`] is the table of what is done about it.
 //! - `requests` and `configure`: what the host asks.
-//! - `modes`: what each mode does in a tick; `load_control` is a move of the load, its further approaches where the load
-//!   sticks, and the hold after it.
+//! - `modes`: what each mode does in a tick. `controller` is what moves and holds the load: planner, position loop, set-point
+//!   of the shaft, adaptation; `load_control` is a move, its further approaches where the load sticks, and the hold after it.
 //! - `outputs`: the command to the drive. `telemetry` is put together after the step.
 //!
 //! **An LVDT sample**: `LvdtBlock` in [`Inputs`] → [`crate::sensors::Lvdt::read`] → `Readings` → `LoadTracking::observe`
 //! (position, load, TR) → `Guard::check` → `LoadControl` (error of the position) → set-point of the shaft → drive command.
 //!
-//! **A `move`**: `Rig::answer` → `Rig::start_move` → [`crate::move_check`] → `Mode::Moving` → `Move::step` each tick:
-//! planner, position loop, friction take-up → `Mode::Holding`.
+//! **A `move`**: `Rig::answer` → `Rig::start_move` → [`crate::move_check`] → `Mode::Moving` → `Rig::control_load` each
+//! tick: planner, position loop, friction take-up, set-point of the shaft → `Mode::Holding`.
 //!
 //! **A stream** of set-points (`track`): `Rig::track` for each of them → `Mode::Streaming` → `Stream::step` each tick. It
 //! ends in a `Move` that brakes, and so in a hold.
@@ -42,6 +42,7 @@
 //! it no longer holds anything back.
 
 mod configure;
+mod controller;
 pub mod fault_policy;
 mod guard;
 mod load_control;
@@ -107,6 +108,8 @@ pub struct Outputs {
     pub reply: Option<Result<Accepted, Refusal>>,
     /// What ended or went wrong.
     pub events: Events,
+    /// The settings have been set: they are to be saved.
+    pub save_settings: bool,
 }
 
 /// The rig.
@@ -197,7 +200,7 @@ impl Rig {
 
     /// Control ticks that came late since boot.
     pub fn late_ticks(&self) -> u32 {
-        self.guard.late_ticks()
+        self.guard.timing.late_ticks
     }
 
     /// One control tick. Call every [`TICK_US`].
@@ -218,7 +221,9 @@ impl Rig {
         if !(self.shaft.position.is_finite() && self.shaft.speed.is_finite()) {
             self.raise(Faults::NONE.with(Fault::NotFinite), &mut events);
         }
-        Outputs { drive: self.drive_command(inputs), reply, events }
+        let sets = matches!(inputs.request, Some(Request::SetSetting { .. } | Request::SetSettings(_)));
+        let save_settings = sets && matches!(reply, Some(Ok(_)));
+        Outputs { drive: self.drive_command(inputs), reply, events, save_settings }
     }
 
     fn watch_estop(&mut self, open: bool, events: &mut Events) {
@@ -260,8 +265,9 @@ impl Rig {
         // A shaft that is held already stays where the first fault stopped it.
         if !matches!(self.mode, Mode::Fault) {
             self.mode = Mode::Fault;
-            let by_drive = self.guard.drive_counts().filter(|_| self.guard.own_encoder_is_wrong());
-            let by_drive_rad = by_drive.and_then(|counts| self.sensing.drive_zero.shaft_rad(counts, &self.constants));
+            let by_drive = self.guard.drive.last_drive_qc.filter(|_| self.guard.latched.own_encoder_is_wrong());
+            let by_drive_rad =
+                by_drive.and_then(|counts| self.sensing.drive_zero.shaft_rad(counts.into(), &self.constants));
             self.shaft = Ramp::at(by_drive_rad.unwrap_or(self.sensing.readings.shaft_rad));
         }
         true
@@ -300,7 +306,7 @@ impl Rig {
 
     /// Announces that no tick will come for a while: the next one is not late.
     pub fn pause(&mut self) {
-        self.guard.pause();
+        self.guard.timing.pause();
     }
 }
 

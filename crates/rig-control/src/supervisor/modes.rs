@@ -1,13 +1,11 @@
 //! The modes of the rig, and what each does in a tick.
 
-use super::load_control::{LoadControl, Move, MoveStep};
+use super::load_control::{LoadControl, Move};
 use super::sensing::DriveZero;
 use super::stream::Stream;
 use super::{DriveLoop, Events, Inputs, Rig, ticks};
 use crate::direction::{DirectionCheck, Step, Witnesses};
 use crate::homing::{Homing, HomingInputs, Progress};
-use crate::load_motion::AHEAD_S;
-use crate::load_state::LoadState;
 use crate::ramp::Ramp;
 use crate::sensors::{DriveReading, LvdtReading};
 use crate::{TICK_S, whole_counts};
@@ -22,8 +20,6 @@ const STANDING_RAD_PER_S: f32 = 4.7;
 const SINKING_RAD_PER_S: f32 = 40.0;
 /// Longest start, from the drive's first report: fifty times what a shaft takes to come to rest.
 const BOOT_TICKS: u16 = ticks(1000);
-/// How far below the half-turn pre-twist the strings may be untwisted by the loop (rad).
-const BELOW_PRETWIST: f32 = 0.15;
 /// Acceleration of a jog (rad/s²).
 const JOG_ACCELERATION: f32 = 20.0;
 
@@ -170,13 +166,7 @@ impl Mode {
             Self::Moving(planned) => Some(&planned.control),
             Self::Streaming(stream) => Some(&stream.control),
             Self::Holding(control) => Some(control),
-            Self::Boot(_)
-            | Self::Proving(_)
-            | Self::Idle
-            | Self::Homing(_)
-            | Self::Jogging(_)
-            | Self::Fault
-            | Self::EStop(_) => None,
+            _ => None,
         }
     }
 }
@@ -192,7 +182,7 @@ impl Rig {
             Mode::Boot(_) => self.step_boot(inputs, events),
             Mode::Proving(_) => self.step_proving(inputs, events),
             Mode::Homing(_) => self.step_homing(inputs, events),
-            Mode::Moving(_) | Mode::Streaming(_) | Mode::Holding(_) => return self.step_load(events),
+            Mode::Moving(_) | Mode::Streaming(_) | Mode::Holding(_) => return self.control_load(events),
             Mode::Jogging(jog) => return self.step_jog(jog, events),
             Mode::Idle | Mode::Fault | Mode::EStop(_) => self.shaft.speed = 0.0,
         }
@@ -245,15 +235,9 @@ impl Rig {
         self.sensing.drive_zero = DriveZero::Matched(offset);
         self.shaft = Ramp::at(readings.shaft_rad);
         self.mode = Mode::Idle;
-        match then {
-            Some(First::Home(load)) => match readings.lvdt.gap_m() {
-                Some(gap_m) => self.begin_homing(gap_m, load),
-                None => {
-                    let _ = events.push(EventKind::HomingRefused(HomingFailure::SensorInvalid));
-                }
-            },
-            Some(First::Jog(speed_rad_per_s)) => self.mode = Mode::Jogging(Jog { speed_rad_per_s }),
-            Some(First::Check) | None => {}
+        // The gap may have been lost since the motion was asked for; a jog needs none.
+        if then.is_some_and(|first| self.begin(first).is_err()) {
+            let _ = events.push(EventKind::HomingRefused(HomingFailure::SensorInvalid));
         }
     }
 
@@ -287,7 +271,7 @@ impl Rig {
         let (Mode::Homing(homing), Some(gap_m)) = (&mut self.mode, readings.lvdt.gap_m()) else { return };
         let current_a = match inputs.drive {
             DriveReading::Reports { current_ma, .. } => f32::from(current_ma) * 1e-3 * self.constants.twist_sign(),
-            DriveReading::Starting | DriveReading::Failed | DriveReading::Released => 0.0,
+            _ => 0.0,
         };
         let inputs = HomingInputs {
             shaft_rad: readings.shaft_rad,
@@ -316,73 +300,6 @@ impl Rig {
     pub(super) fn end_homing(&mut self) {
         self.shaft = Ramp::at(self.sensing.readings.shaft_rad);
         self.mode = Mode::Idle;
-    }
-
-    /// One tick of a move or a hold; what held the load back.
-    fn step_load(&mut self, events: &mut Events) -> Option<Limit> {
-        let readings = &self.sensing.readings;
-        let (Some(tracking), Some(_)) = (&mut self.tracking, readings.lvdt.gap_m()) else {
-            // The strings are kept still without a gap; a lasting loss is a fault of its own.
-            self.shaft.speed = 0.0;
-            return None;
-        };
-        let Some(observation) = tracking.observation else {
-            self.shaft.speed = 0.0;
-            return None;
-        };
-        if let Mode::Streaming(stream) = &mut self.mode
-            && let Some(end) = stream.ends(observation.point.tr_rad_per_m(), &self.constants)
-        {
-            let _ = events.push(EventKind::StreamEnded(end));
-            self.mode = Mode::Moving(stream.brake());
-        }
-        let twist_rad = tracking.twist_rad(self.shaft.position + AHEAD_S * self.shaft.speed);
-        let Some(motion) = tracking.motion_ahead(readings, twist_rad) else {
-            self.shaft.speed = 0.0;
-            return None;
-        };
-        let load = LoadState {
-            mechanism: tracking.mechanism(self.table.table()),
-            observation,
-            position_m: tracking.position_m,
-            motion,
-            reference_gap_m: tracking.homed.found.reference_gap_m,
-            gap_noise_m: tracking.homed.found.gap_noise_m,
-            jump_m: tracking.homed.found.jump_m,
-            twist_rad,
-            twist_limits: self.constants.twist_limits(),
-        };
-        let (output, limit, planned) = match &mut self.mode {
-            Mode::Moving(planned) => {
-                let MoveStep { output, set_point, limit } = planned.step(&load, &self.constants);
-                (output, limit, Some((planned, set_point)))
-            }
-            Mode::Streaming(stream) => {
-                let (output, limit) = stream.step(&load, &self.constants);
-                (output, limit, None)
-            }
-            Mode::Holding(control) => (control.hold(&load), None, None),
-            _ => return None,
-        };
-        self.shaft.speed = load.twist_limits.after_a_tick(self.shaft.speed, output.twist_speed_rad_per_s);
-        let next = self.shaft.position + self.shaft.speed * TICK_S;
-        let table = self.table.metadata();
-        let (low, high) = (table.twist_min_rad - BELOW_PRETWIST, table.twist_max_rad);
-        let twist = tracking.twist_rad(next).clamp(low, high);
-        let at_end = twist != tracking.twist_rad(next);
-        if at_end {
-            self.shaft.speed = 0.0;
-        }
-        self.shaft.position = tracking.homed.zero_rad + twist;
-        let limit = at_end.then_some(Limit::Travel).or(limit);
-        let Some((planned, set_point)) = planned else { return limit };
-        tracking.learn(&observation, twist_rad, set_point.done);
-        if set_point.done && planned.is_over(&load, at_end) {
-            let error_m = load.position_m - planned.target_m;
-            let _ = events.push(if planned.stopping { EventKind::Stopped } else { EventKind::MoveDone { error_m } });
-            self.mode = Mode::Holding(planned.hold());
-        }
-        limit
     }
 
     fn step_jog(&mut self, jog: Jog, events: &mut Events) -> Option<Limit> {

@@ -58,42 +58,42 @@ impl Rig {
             Mode::Fault => Err(Refusal::InFault { fault: self.fault().unwrap_or(Fault::NotFinite) }),
             Mode::EStop(_) => Err(Refusal::EStop),
             Mode::Boot(Boot { then: None, .. }) => Err(Refusal::DriveNotReady),
-            Mode::Boot(_)
-            | Mode::Proving(_)
-            | Mode::Homing(_)
-            | Mode::Moving(_)
-            | Mode::Streaming(_)
-            | Mode::Jogging(_) => Err(Refusal::Busy { state: self.state() }),
+            _ => Err(Refusal::Busy { state: self.state() }),
         }
     }
 
     fn start_homing(&mut self, load: LoadChoice) -> Result<Accepted, Refusal> {
         self.idle()?;
         check_load(load, self.table.metadata())?;
-        let readings = &self.sensing.readings;
-        let gap_m = readings.lvdt.gap_m().ok_or(Refusal::SensorInvalid { sensor: Sensor::Lvdt })?;
-        match self.drive_loop {
-            DriveLoop::Open => self.mode = Mode::proving(First::Home(load)),
-            DriveLoop::Closed => self.begin_homing(gap_m, load),
-        }
-        Ok(Accepted::Started)
-    }
-
-    /// From a gap (m), in closed loop.
-    pub(super) fn begin_homing(&mut self, gap_m: f32, load: LoadChoice) {
-        self.tracking = None;
-        let twist_scale = self.settings.get(Setting::TwistScale);
-        self.mode = Mode::Homing(Homing::new(self.sensing.readings.shaft_rad, gap_m, twist_scale, load));
+        self.begin(First::Home(load))
     }
 
     fn check_direction(&mut self) -> Result<Accepted, Refusal> {
         self.idle()?;
-        if self.drive_loop == DriveLoop::Closed {
+        self.begin(First::Check)
+    }
+
+    /// Begins a motion from rest: in open loop with the check of the directions, in closed loop at once.
+    pub(super) fn begin(&mut self, first: First) -> Result<Accepted, Refusal> {
+        let readings = &self.sensing.readings;
+        let gap_m = readings.lvdt.gap_m().ok_or(Refusal::SensorInvalid { sensor: Sensor::Lvdt });
+        match (self.drive_loop, first) {
+            (DriveLoop::Open, _) => {
+                gap_m?;
+                self.mode = Mode::proving(first);
+            }
             // Proven since the drive has started; another check would let go of the load.
-            return Ok(Accepted::Done);
+            (DriveLoop::Closed, First::Check) => return Ok(Accepted::Done),
+            (DriveLoop::Closed, First::Home(load)) => {
+                let twist_scale = self.settings.get(Setting::TwistScale);
+                self.mode = Mode::Homing(Homing::new(readings.shaft_rad, gap_m?, twist_scale, load));
+                self.tracking = None;
+            }
+            (DriveLoop::Closed, First::Jog(speed_rad_per_s)) => {
+                self.shaft = Ramp::at(readings.shaft_rad);
+                self.mode = Mode::Jogging(Jog { speed_rad_per_s });
+            }
         }
-        self.sensing.readings.lvdt.gap_m().ok_or(Refusal::SensorInvalid { sensor: Sensor::Lvdt })?;
-        self.mode = Mode::proving(First::Check);
         Ok(Accepted::Started)
     }
 
@@ -175,22 +175,17 @@ impl Rig {
     }
 
     fn start_jog(&mut self, speed_rad_per_s: f32) -> Result<Accepted, Refusal> {
-        let waiting = matches!(self.mode.first(), Some(First::Jog(_)));
-        let jogging = matches!(self.mode, Mode::Jogging(_));
-        if !jogging && !waiting {
+        let jogs = matches!(self.mode, Mode::Jogging(_)) || matches!(self.mode.first(), Some(First::Jog(_)));
+        if !jogs {
             self.idle()?;
         }
         in_range(Parameter::TwistSpeed, speed_rad_per_s, -JOG_SPEED_MAX, JOG_SPEED_MAX)?;
-        if let Some(first) = self.mode.first() {
+        if let Mode::Jogging(jog) = &mut self.mode {
+            jog.speed_rad_per_s = speed_rad_per_s;
+        } else if let Some(first) = self.mode.first() {
             *first = First::Jog(speed_rad_per_s);
-        } else if self.drive_loop == DriveLoop::Open {
-            self.sensing.readings.lvdt.gap_m().ok_or(Refusal::SensorInvalid { sensor: Sensor::Lvdt })?;
-            self.mode = Mode::proving(First::Jog(speed_rad_per_s));
         } else {
-            if !jogging {
-                self.shaft = Ramp::at(self.sensing.readings.shaft_rad);
-            }
-            self.mode = Mode::Jogging(Jog { speed_rad_per_s });
+            return self.begin(First::Jog(speed_rad_per_s));
         }
         Ok(Accepted::Started)
     }
@@ -225,7 +220,7 @@ impl Rig {
         }
         // By its gravest fault the load is held. A shaft that turns says otherwise, and that must be reported first.
         let should_hold = latched.response().is_some_and(|response| response < Response::LetGo);
-        if should_hold && self.guard.still_ticks() < STILL_TICKS {
+        if should_hold && self.guard.shaft.still_ticks < STILL_TICKS {
             return Err(Refusal::ShaftTurns);
         }
         for row in rows {

@@ -14,7 +14,7 @@ impl Rig {
             DriveReading::Reports { speed_rpm, current_ma, .. } => {
                 (f32::from(current_ma) * 1e-3, f32::from(speed_rpm) * (TAU / 60.0))
             }
-            DriveReading::Starting | DriveReading::Failed | DriveReading::Released => (0.0, 0.0),
+            _ => (0.0, 0.0),
         };
         let planner = self.mode.load_control().map(|control| &control.planner);
         let tracking = self.tracking.as_ref();
@@ -58,7 +58,7 @@ impl Rig {
             shaft_rad: self.sensing.readings.shaft_rad,
             drive_rad: match inputs.drive {
                 DriveReading::Reports { position_qc, .. } => Some(position_qc as f32 / self.constants.counts_per_rad),
-                DriveReading::Starting | DriveReading::Failed | DriveReading::Released => None,
+                _ => None,
             },
             supply_v: inputs.supply.map(|supply| supply.volts),
             estop_open: inputs.estop_open,

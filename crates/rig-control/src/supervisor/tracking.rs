@@ -8,7 +8,7 @@ use crate::homing::{Homed, NINETY_PERCENT};
 use crate::load_motion::{AHEAD_S, LoadMotion, Measured, MotionObserver};
 use crate::mechanism::Mechanism;
 use crate::observer::{LoadObserver, Observation};
-use rig_link::messages::{Doubt, Doubts, LoadChoice, Setting, SettingValues};
+use rig_link::messages::{Doubt, Doubts, Setting, SettingValues};
 use tsa_table::Table;
 
 /// Error of the load, as a share of it, above which the load is reported as unknown.
@@ -116,25 +116,7 @@ impl LoadTracking {
 
     /// Learns the scale of the twist from one tick of a move at a twist (rad); `done` when the set-point has arrived.
     pub(super) fn learn(&mut self, observation: &Observation, twist_rad: f32, done: bool) {
-        let homed = &mut self.homed;
-        // Change of the load estimate (N) for a change of the scale by 1: (∂G/∂s)/(∂G/∂F).
-        let x = observation.point.dgap_dtwist_m_per_rad * twist_rad
-            / homed.found.twist_scale
-            / observation.point.dgap_dload_m_per_n;
-        if observation.changing || self.observer.source != LoadChoice::Auto {
-            self.adaptation.forget_move();
-        } else if !done && observation.moved_m > 0.0 {
-            self.adaptation.record(x, self.observer.load_n());
-        } else if done {
-            let finding = self.adaptation.end_move(homed.found.twist_scale, self.observer.known_errors());
-            if let Some(agrees) = finding.agrees {
-                self.observer.end_move(agrees);
-            }
-            if finding.scale_change != 0.0 {
-                homed.found.twist_scale += finding.scale_change;
-                self.observer.rescale(-x * finding.scale_change);
-            }
-        }
+        self.adaptation.step(&mut self.homed.found.twist_scale, &mut self.observer, observation, twist_rad, done);
     }
 
     /// Position 0 is called another height: every position is `higher_m` greater.

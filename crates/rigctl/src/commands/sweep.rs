@@ -7,7 +7,7 @@ use crate::options::commands::Sweep;
 use crate::out_file::OutFile;
 use crate::output::Output;
 use crate::session::{Place, STEP_S, Session, homing, motion};
-use rig_control::observer::MEMORY_COMPLETE_N;
+use rig_control::hysteresis::MEMORY_COMPLETE_N;
 use rig_control::supervisor::JOG_SPEED_MAX;
 use rig_link::LoadChoice;
 use rig_plant::{PlantChange, PlantKey};

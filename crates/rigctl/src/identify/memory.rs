@@ -6,7 +6,7 @@ use super::data::{Data, SIGMA_M};
 use super::fit::IdentifyError;
 use super::predict::Known;
 use crate::log::sweep::Sweep;
-use rig_control::observer::{MEMORY_COMPLETE_N, memory_shape};
+use rig_control::hysteresis::{MEMORY_COMPLETE_N, memory_shape};
 use serde::Serialize;
 
 /// Twists of two sweeps (rad) within which their equilibria are compared: both are means over the same bins.

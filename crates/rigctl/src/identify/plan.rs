@@ -11,7 +11,7 @@ use super::predict::Known;
 use super::{Identified, data::SIGMA_M};
 use nalgebra::{DMatrix, DVector};
 use rig_config::Scene;
-use rig_control::observer::MEMORY_COMPLETE_N;
+use rig_control::hysteresis::MEMORY_COMPLETE_N;
 use serde::Serialize;
 use tsa_model::twist_from_turns;
 

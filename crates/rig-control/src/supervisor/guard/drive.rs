@@ -32,11 +32,12 @@ const SUPPLY_OLD_US: u64 = 150_000;
 
 /// What the drive's checks remember.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct DriveChecks {
+pub(in crate::supervisor) struct DriveChecks {
     disagree_ticks: u16,
     /// Own and drive's counts when they began to disagree.
     disagreed_at: Option<[i64; 2]>,
-    last_drive_qc: Option<i32>,
+    /// Last reported position (the drive's own counts).
+    pub(in crate::supervisor) last_drive_qc: Option<i32>,
     supply_ticks: u16,
 }
 
@@ -54,11 +55,6 @@ pub(in crate::supervisor) fn supply_is_off(inputs: &Inputs, constants: &RigConst
 }
 
 impl DriveChecks {
-    /// Last reported position (the drive's own counts).
-    pub(super) fn last_counts(&self) -> Option<i64> {
-        self.last_drive_qc.map(i64::from)
-    }
-
     /// Faults that drive and own encoder show, which has moved by so many counts in this tick of a length (s). A drive that
     /// was told to let go is not checked.
     pub(super) fn faults(&mut self, situation: &Situation<'_>, moved_counts: i64, tick_s: f32) -> Faults {

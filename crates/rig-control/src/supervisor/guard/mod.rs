@@ -16,7 +16,7 @@ mod shaft;
 mod switches;
 mod timing;
 
-use super::fault_policy::{ENCODER, Latched, POLICY};
+use super::fault_policy::{Latched, POLICY};
 use super::sensing::{DriveZero, Readings};
 use super::tracking::LoadTracking;
 use super::{EventKind, Events, HOST_SILENT_US, Inputs, ticks};
@@ -59,9 +59,9 @@ pub(super) struct Situation<'a> {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Guard {
     pub(super) latched: Latched,
-    timing: TickTiming,
-    drive: DriveChecks,
-    shaft: ShaftChecks,
+    pub(super) timing: TickTiming,
+    pub(super) drive: DriveChecks,
+    pub(super) shaft: ShaftChecks,
     load: LoadChecks,
     gap: GapChecks,
     switches: Switches,
@@ -93,7 +93,7 @@ impl Guard {
         if state == State::EStop {
             return Faults::NONE;
         }
-        let mut found = self.drive.faults(situation, self.shaft.moved_counts(), tick_s);
+        let mut found = self.drive.faults(situation, self.shaft.moved_counts, tick_s);
         let disagrees = situation.tracking.is_some_and(|tracking| tracking.adaptation.disagrees());
         for (fault, is_found) in [
             (Fault::TickLate, late && state != State::Boot),
@@ -143,35 +143,6 @@ impl Guard {
         self.gap = GapChecks::new();
         self.switches.forget_places();
     }
-
-    /// The next tick is not late, however long it takes to come.
-    pub(super) fn pause(&mut self) {
-        self.timing.pause();
-    }
-
-    /// Ticks that came late since boot.
-    pub(super) fn late_ticks(&self) -> u32 {
-        self.timing.late_ticks()
-    }
-
-    /// How long the shaft has stood, by the own encoder and by the drive (ticks).
-    pub(super) fn still_ticks(&self) -> u16 {
-        self.shaft.still_ticks()
-    }
-
-    /// Last reported position of the drive (its own counts).
-    pub(super) fn drive_counts(&self) -> Option<i64> {
-        self.drive.last_counts()
-    }
-
-    /// Whether a latched fault says that the own encoder is wrong.
-    pub(super) fn own_encoder_is_wrong(&self) -> bool {
-        own_encoder_is_wrong(self.latched)
-    }
-}
-
-fn own_encoder_is_wrong(latched: Latched) -> bool {
-    latched.all().meets(Faults::of(&ENCODER))
 }
 
 fn host_is_silent(situation: &Situation<'_>) -> bool {

@@ -3,7 +3,7 @@
 use super::super::fault_policy::{Latched, Response};
 use super::super::sensing::DriveZero;
 use super::super::{STANDING_RPM, lasts, ticks};
-use super::{Situation, drive, own_encoder_is_wrong};
+use super::{Situation, drive};
 use crate::sensors::DriveReading;
 use crate::whole_counts;
 use core::f32::consts::TAU;
@@ -22,10 +22,12 @@ const PAST_TWIST_RAD: f32 = 0.3;
 
 /// What the shaft's checks remember.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct ShaftChecks {
+pub(in crate::supervisor) struct ShaftChecks {
     last_counts: Option<i64>,
-    moved_counts: i64,
-    still_ticks: u16,
+    /// Own counts in this tick.
+    pub(super) moved_counts: i64,
+    /// How long the shaft has stood, by the own encoder and by the drive.
+    pub(in crate::supervisor) still_ticks: u16,
     lag_ticks: u16,
     away_ticks: u16,
     /// Twist beyond which it is out of range again, after a `clear` outside the range (rad).
@@ -37,16 +39,6 @@ impl ShaftChecks {
     pub(super) fn cleared(twist_rad: Option<f32>) -> Self {
         let cleared_twist_rad = twist_rad.map_or(0.0, |twist_rad| twist_rad.abs() + PAST_TWIST_RAD);
         Self { cleared_twist_rad, ..Self::default() }
-    }
-
-    /// Own counts in this tick.
-    pub(super) fn moved_counts(&self) -> i64 {
-        self.moved_counts
-    }
-
-    /// How long the shaft has stood (ticks).
-    pub(super) fn still_ticks(&self) -> u16 {
-        self.still_ticks
     }
 
     /// Watches whether the shaft stands, by the own encoder and, where the drive reports, by the drive as well.
@@ -70,7 +62,7 @@ impl ShaftChecks {
                 && situation.drive_zero.is_matched();
         let by_start = latched.response().is_none() && matches!(situation.drive_zero, DriveZero::Rough(_));
         let held = situation.closed_loop && (by_fault || by_start);
-        let shaft_rad = match (own_encoder_is_wrong(latched), situation.inputs.drive) {
+        let shaft_rad = match (latched.own_encoder_is_wrong(), situation.inputs.drive) {
             (false, _) => Some(situation.readings.shaft_rad),
             (true, DriveReading::Reports { position_qc, .. }) => {
                 situation.drive_zero.shaft_rad(position_qc.into(), situation.constants)

@@ -13,7 +13,7 @@ const LATE_MOST: u16 = 4 * LATE_COST;
 
 /// When ticks came.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct TickTiming {
+pub(in crate::supervisor) struct TickTiming {
     /// Time between this tick and the one before (µs).
     apart_us: u64,
     last_tick_us: Option<u64>,
@@ -21,7 +21,7 @@ pub(super) struct TickTiming {
     since_late_us: u64,
     late_cost: u16,
     /// Since boot.
-    late_ticks: u32,
+    pub(in crate::supervisor) late_ticks: u32,
 }
 
 impl TickTiming {
@@ -49,7 +49,7 @@ impl TickTiming {
     }
 
     /// The next tick is not late, however long it takes to come.
-    pub(super) fn pause(&mut self) {
+    pub(in crate::supervisor) fn pause(&mut self) {
         self.last_tick_us = None;
     }
 
@@ -61,10 +61,6 @@ impl TickTiming {
     /// Whether ticks were missing so lately that drive and sensors may not have been heard since.
     pub(super) fn ticks_missed_lately(&self) -> bool {
         self.since_late_us <= LATE_AT_ONCE_US
-    }
-
-    pub(super) fn late_ticks(&self) -> u32 {
-        self.late_ticks
     }
 }
 
@@ -82,7 +78,7 @@ mod tests {
             now_us += apart_us;
             fault = timing.step(now_us);
         }
-        (fault, timing.late_ticks())
+        (fault, timing.late_ticks)
     }
 
     #[test]
@@ -102,9 +98,9 @@ mod tests {
         let mut timing = TickTiming::new();
         timing.step(0);
         timing.pause();
-        assert!(!timing.step(10_000_000) && timing.late_ticks() == 0);
+        assert!(!timing.step(10_000_000) && timing.late_ticks == 0);
         assert!(timing.step(20_000_000) && timing.ticks_missed_lately());
         let restarted = timing.restarted();
-        assert!(restarted.late_ticks() == 1 && !restarted.ticks_missed_lately());
+        assert!(restarted.late_ticks == 1 && !restarted.ticks_missed_lately());
     }
 }

@@ -1,8 +1,6 @@
 //! The load observer, tick by tick, on the default scene's mechanism.
 
-mod common;
-
-use common::{hanging, table};
+use crate::fixture::{hanging, near, table};
 use rig_control::TICK_S;
 use rig_control::load_motion::{Measured, MotionObserver};
 use rig_control::mechanism::Mechanism;
@@ -45,11 +43,6 @@ fn gap_m(pull_n: f32) -> f32 {
 fn pulls(observer: &mut LoadObserver, pull_n: f32, ticks: u32) -> Observation {
     let step = |_| observer.step(&mechanism(), TWIST_RAD, Some(gap_m(pull_n)));
     (0..ticks).map(step).last().expect("a tick")
-}
-
-#[track_caller]
-fn near(found: f32, expected: f32, error: f32) {
-    assert!((found - expected).abs() <= error, "{found} instead of {expected}, within {error}");
 }
 
 #[test]

@@ -1,24 +1,13 @@
 //! Moves, holds, jogs and streams of a homed rig whose every number is known.
 
-mod common;
-
-use common::bench::Bench;
-use common::{constants, table};
+use crate::bench::{Bench, to};
+use crate::fixture::{constants, near, table};
 use rig_control::TICK_S;
 use rig_link::messages::{
     Accepted, Doubt, Doubts, EventKind, Limit, LoadChoice, Parameter, Refusal, Request, Setting, State, StreamEnd,
 };
 use std::f32::consts::PI;
 use tsa_table::record::StoredTable;
-
-#[track_caller]
-fn near(found: f32, expected: f32, error: f32) {
-    assert!((found - expected).abs() <= error, "{found} instead of {expected}, within {error}");
-}
-
-const fn to(target_m: f32, speed_m_per_s: f32) -> Request {
-    Request::Move { target_m, speed_m_per_s, load: LoadChoice::Auto }
-}
 
 #[test]
 fn a_move_brings_the_load_to_its_target_in_the_time_that_is_told() {
@@ -27,7 +16,7 @@ fn a_move_brings_the_load_to_its_target_in_the_time_that_is_told() {
         bench.home();
         for (target_m, speed_m_per_s) in [(0.010, 0.002), (0.003, 0.004), (0.0035, 0.002), (0.012, f32::INFINITY)] {
             let from_m = bench.position_m();
-            assert_eq!(bench.ask(to(target_m, speed_m_per_s)), Ok(Accepted::Started));
+            bench.begin(to(target_m, speed_m_per_s));
             let told_s = bench.shown().time_left_s.expect("it is planned");
             assert_eq!(bench.shown().target_m, Some(target_m));
             let (mut ticks, mut arrived, mut fastest) = (0u16, 0u16, 0f32);
@@ -70,7 +59,7 @@ fn a_move_brings_the_load_to_its_target_in_the_time_that_is_told() {
 #[test]
 fn as_fast_as_possible_is_as_fast_as_the_motor_turns_and_is_told() {
     let mut bench = Bench::homed();
-    assert_eq!(bench.ask(to(0.014, f32::INFINITY)), Ok(Accepted::Started));
+    bench.begin(to(0.014, f32::INFINITY));
     let (mut fastest, mut limits) = (0f32, Vec::new());
     for _ in 0..3000 {
         let before_rad = bench.twist_rad;
@@ -95,7 +84,7 @@ fn a_fast_way_down_brakes_for_the_ratio_at_its_end() {
         let mut bench = Bench::new(load_n, 0.01, 9.0);
         bench.home();
         bench.move_to(0.014, 0.004);
-        assert_eq!(bench.ask(to(0.001, f32::INFINITY)), Ok(Accepted::Started));
+        bench.begin(to(0.001, f32::INFINITY));
         let mut past_m = 0f32;
         while bench.rig.state() == State::Moving {
             bench.tick(None);
@@ -136,7 +125,7 @@ fn a_limit_on_the_motion_does_not_hide_a_doubt_about_the_load() {
     bench.move_to(0.008, 0.002);
     bench.load_n += 0.6;
     bench.run(300);
-    assert_eq!(bench.ask(to(0.014, f32::INFINITY)), Ok(Accepted::Started));
+    bench.begin(to(0.014, f32::INFINITY));
     let mut both = false;
     for _ in 0..300 {
         bench.tick(None);
@@ -149,7 +138,7 @@ fn a_limit_on_the_motion_does_not_hide_a_doubt_about_the_load() {
 #[test]
 fn a_stop_brakes_and_the_next_move_goes_on_from_there() {
     let mut bench = Bench::homed();
-    assert_eq!(bench.ask(to(0.012, 0.004)), Ok(Accepted::Started));
+    bench.begin(to(0.012, 0.004));
     bench.run(150);
     let (at_m, speed) = (bench.position_m(), bench.gap_speed_m_per_s.abs());
     near(speed, 0.004, 0.4e-3);
@@ -164,9 +153,9 @@ fn a_stop_brakes_and_the_next_move_goes_on_from_there() {
     bench.move_to(0.002, 0.004);
     near(bench.position_m(), 0.002, 30e-6);
     // A move that follows another one at once needs no rest between.
-    assert_eq!(bench.ask(to(0.010, 0.004)), Ok(Accepted::Started));
+    bench.begin(to(0.010, 0.004));
     bench.run(100);
-    assert_eq!(bench.ask(to(0.004, 0.004)), Ok(Accepted::Started));
+    bench.begin(to(0.004, 0.004));
     bench.while_in(State::Moving);
     near(bench.position_m(), 0.004, 30e-6);
 }
@@ -177,12 +166,12 @@ fn a_jog_turns_at_its_speed_within_the_strings_range() {
     bench.start();
     let from_rad = bench.twist_rad;
     let jog = |twist_speed_rad_per_s| Request::Jog { twist_speed_rad_per_s };
-    assert_eq!(bench.ask(jog(3.0)), Ok(Accepted::Started));
+    bench.begin(jog(3.0));
     assert_eq!(bench.rig.state(), State::Moving);
     // 20 rad/s²: at speed after 0.15 s.
     bench.run(100);
     near(bench.twist_rad, from_rad + 3.0 * (1.0 - 0.075), 0.06);
-    assert_eq!(bench.ask(jog(-2.0)), Ok(Accepted::Started), "it goes on from its speed");
+    bench.begin(jog(-2.0));
     bench.run(50);
     let from_rad = bench.twist_rad;
     bench.run(50);
@@ -196,11 +185,11 @@ fn a_jog_turns_at_its_speed_within_the_strings_range() {
     }
     // A homed rig knows where its strings' range ends, either way.
     bench.home();
-    assert_eq!(bench.ask(jog(4.0)), Ok(Accepted::Started));
+    bench.begin(jog(4.0));
     bench.run(2000);
     near(bench.twist_rad, table().metadata.twist_max_rad, 0.06);
     assert_eq!((bench.shown().limit, bench.rig.state()), (Some(Limit::Travel), State::Moving));
-    assert_eq!(bench.ask(jog(-4.0)), Ok(Accepted::Started));
+    bench.begin(jog(-4.0));
     bench.run(100);
     near(bench.twist_rad, table().metadata.twist_max_rad - 4.0 * (1.0 - 0.1), 0.1);
     assert_eq!(bench.shown().limit, None);
@@ -263,7 +252,7 @@ fn a_set_point_that_is_refused_or_out_of_reach_ends_a_stream() {
     let most = bench.rig.settings().get(Setting::SpeedMax);
     assert_eq!(refused(bench.ask(at(0.006, -1.01 * most, 0.1))), Parameter::Speed);
     assert_eq!(bench.rig.state(), State::Holding);
-    assert_eq!(bench.ask(at(0.006 + 0.9 * reach_m, 0.0, 0.5)), Ok(Accepted::Started));
+    bench.begin(at(0.006 + 0.9 * reach_m, 0.0, 0.5));
     bench.run(5);
     assert_eq!(refused(bench.ask(at(f32::NAN, 0.0, 0.1))), Parameter::Target);
     assert_eq!(bench.events.last(), Some(&EventKind::StreamEnded(StreamEnd::Refused)));
@@ -271,7 +260,7 @@ fn a_set_point_that_is_refused_or_out_of_reach_ends_a_stream() {
     assert_eq!(bench.rig.state(), State::Holding);
     // A speed that leads out of reach before the next one comes.
     let here_m = bench.shown().setpoint_m.unwrap();
-    assert_eq!(bench.ask(at(here_m - 0.98 * reach_m, -most, 0.5)), Ok(Accepted::Started));
+    bench.begin(at(here_m - 0.98 * reach_m, -most, 0.5));
     bench.run(10);
     assert_eq!(bench.events.last(), Some(&EventKind::StreamEnded(StreamEnd::TooFast)));
 }
@@ -282,17 +271,22 @@ fn settings_act_at_once_and_those_that_change_the_units_unhome() {
     bench.move_to(0.006, 0.004);
     let set = |setting, value| Request::SetSetting { setting, value };
     // Zero is called another height: the load stays.
-    assert_eq!(bench.ask(set(Setting::PositionZero, -0.002)), Ok(Accepted::Started));
+    bench.begin(set(Setting::PositionZero, -0.002));
     near(bench.shown().position_m.unwrap(), 0.008, 30e-6);
     bench.run(100);
     near(bench.shown().position_m.unwrap(), 0.008, 30e-6);
     near(bench.position_m(), 0.006, 30e-6);
     assert_eq!(bench.rig.state(), State::Holding);
     assert_eq!(bench.shown().setpoint_m.map(|m| (1e6 * m).round()), Some(8000.0));
-    assert_eq!(bench.ask(set(Setting::SpeedMax, 0.001)), Ok(Accepted::Started));
+    bench.begin(set(Setting::SpeedMax, 0.001));
     assert!(bench.ask(to(0.010, 0.002)).is_err());
-    assert_eq!(bench.ask(to(0.010, 0.001)), Ok(Accepted::Started));
-    assert_eq!(bench.ask(set(Setting::SpeedMax, 0.002)), Err(Refusal::Busy { state: State::Moving }));
+    bench.begin(to(0.010, 0.001));
+    let refused = bench.tick(Some(set(Setting::SpeedMax, 0.002)));
+    assert_eq!(refused.reply, Some(Err(Refusal::Busy { state: State::Moving })));
+    assert!(!refused.save_settings && !bench.tick(Some(Request::Stop)).save_settings);
+    bench.while_in(State::Moving);
+    assert!(bench.tick(Some(set(Setting::SpeedMax, 0.001))).save_settings, "what is taken is to be saved");
+    bench.begin(to(0.010, 0.001));
     bench.while_in(State::Moving);
     near(bench.position_m(), 0.008, 30e-6);
     assert!(bench.ask(set(Setting::SpeedMax, -1.0)).is_err());
@@ -311,7 +305,7 @@ fn what_is_shown_of_motor_sensors_and_errors_is_what_is() {
     bench.run(20);
     near(bench.shown().load_error_n.unwrap(), found.load_error_n, 0.3 * found.load_error_n);
     near(bench.shown().position_error_m.unwrap(), 1.645 * found.gap_noise_m, 1e-7);
-    assert_eq!(bench.ask(to(0.010, 0.004)), Ok(Accepted::Started));
+    bench.begin(to(0.010, 0.004));
     bench.run(150);
     // Twist speed by the gear, in whole rpm; a few milliamperes.
     let motor_rad_per_s = bench.speed_rad_per_s * bench.constants.gear_ratio;
@@ -365,7 +359,7 @@ fn nothing_is_learned_under_a_given_load_or_while_the_load_changes() {
         bench.twist_scale = if change_n == 0.0 { 1.004 } else { 1.0 };
         for target_m in [0.014, 0.001, 0.014, 0.001] {
             let request = Request::Move { target_m, speed_m_per_s: 0.006, load: given };
-            assert_eq!(bench.ask(request), Ok(Accepted::Started));
+            bench.begin(request);
             bench.run(150);
             bench.load_n += if target_m > 0.01 { change_n } else { -change_n };
             bench.while_in(State::Moving);
@@ -381,7 +375,7 @@ fn nothing_is_learned_under_a_given_load_or_while_the_load_changes() {
 fn a_load_that_sticks_is_brought_nearer_by_coming_again() {
     let mut bench = Bench::new(1.5, 0.02, 9.0);
     bench.while_in(State::Boot);
-    assert_eq!(bench.ask(Request::HOME), Ok(Accepted::Started));
+    bench.begin(Request::HOME);
     // Before the load is weighed.
     bench.run(1250);
     bench.stiction_n = 0.12;
@@ -392,7 +386,7 @@ fn a_load_that_sticks_is_brought_nearer_by_coming_again() {
     let mut came_again = 0;
     for target_m in [0.006f32, 0.002, 0.009, 0.004] {
         let up = (target_m - bench.position_m()).signum();
-        assert_eq!(bench.ask(to(target_m, 0.001)), Ok(Accepted::Started));
+        bench.begin(to(target_m, 0.001));
         // How far the set-point has gone back from the target and come past it, once it has been there, and how far short of the
         // target the load stuck before.
         let (mut was_there, mut back_m, mut past_m, mut stuck_m) = (false, 0f32, 0f32, 0f32);
@@ -430,11 +424,11 @@ fn a_move_goes_on_from_a_stream_and_other_motions_must_end_first() {
     // At 0.85 s it goes down by 2.8 mm/s.
     follow(&mut bench, 0.85);
     let before_m = bench.shown().setpoint_m.unwrap();
-    assert_eq!(bench.ask(to(0.002, 0.004)), Ok(Accepted::Started));
+    bench.begin(to(0.002, 0.004));
     near(bench.shown().setpoint_m.unwrap() - before_m, -2.8e-5, 0.6e-5);
     bench.while_in(State::Moving);
     near(bench.position_m(), 0.002, 30e-6);
-    assert_eq!(bench.ask(Request::Jog { twist_speed_rad_per_s: 1.0 }), Ok(Accepted::Started));
+    bench.begin(Request::Jog { twist_speed_rad_per_s: 1.0 });
     assert_eq!(bench.ask(to(0.004, 0.004)), Err(Refusal::Busy { state: State::Moving }));
     assert_eq!(bench.ask(Request::HOME), Err(Refusal::Busy { state: State::Moving }));
 }
@@ -445,7 +439,7 @@ fn another_table_is_taken_while_nothing_moves_and_unhomes() {
     bench.tick(None);
     assert!(!bench.rig.stands(), "it starts");
     let mut bench = Bench::homed();
-    assert_eq!(bench.ask(to(0.004, 0.004)), Ok(Accepted::Started));
+    bench.begin(to(0.004, 0.004));
     assert!(!bench.rig.use_table(&StoredTable::copy_of(table())) && !bench.rig.stands());
     bench.while_in(State::Moving);
     assert!(bench.rig.stands() && bench.rig.use_table(&StoredTable::copy_of(table())));
@@ -455,7 +449,7 @@ fn another_table_is_taken_while_nothing_moves_and_unhomes() {
 #[test]
 fn a_move_whose_load_is_jammed_near_its_target_ends_after_six_seconds_and_tells_how_far_it_is() {
     let mut bench = Bench::homed();
-    assert_eq!(bench.ask(to(0.006, 0.002)), Ok(Accepted::Started));
+    bench.begin(to(0.006, 0.002));
     for _ in 0..1000 {
         if bench.shown().setpoint_m.unwrap() > 5.9e-3 {
             break;
@@ -474,7 +468,7 @@ fn a_move_whose_load_is_jammed_near_its_target_ends_after_six_seconds_and_tells_
 fn a_move_ends_where_the_strings_do_when_its_load_becomes_too_heavy_for_the_target() {
     let mut bench = Bench::homed();
     let Err(Refusal::OutOfRange { max, .. }) = bench.ask(to(0.1, 0.006)) else { panic!("it is out of range") };
-    assert_eq!(bench.ask(to(max - 0.1e-3, 0.006)), Ok(Accepted::Started));
+    bench.begin(to(max - 0.1e-3, 0.006));
     bench.run(100);
     bench.load_n += 0.6;
     bench.while_in(State::Moving);

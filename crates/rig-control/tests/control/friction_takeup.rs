@@ -1,8 +1,6 @@
 //! The friction that is taken up before a load moves, from its contract (docs/control.md 4 and 5).
 
-mod common;
-
-use common::hanging;
+use crate::fixture::hanging;
 use rig_control::TICK_S;
 use rig_control::friction_takeup::FrictionTakeup;
 use rig_control::load_state::LoadState;

@@ -1,5 +1,6 @@
 //! The planner against its limits, and against the shortest time that these allow.
 
+use crate::fixture::{constants, hanging};
 use proptest::prelude::*;
 use rig_control::TICK_S;
 use rig_control::limits::Limits;
@@ -191,6 +192,28 @@ fn a_sine_near_the_limits_is_not_exaggerated() {
         }
     }
     assert!(farthest_m < 5e-6, "{farthest_m}");
+}
+
+#[test]
+fn the_time_to_the_target_is_that_of_the_plan_step_by_step() {
+    let rig = constants();
+    for (from_rad, way_m, asked) in [(4.0, 0.012, 0.002), (4.0, 0.012, 0.02), (40.0, -0.008, 0.02), (30.0, 5e-4, 0.01)]
+    {
+        let load = hanging(5.0, 0.0, from_rad);
+        let mut planner = Planner::at(0.0);
+        planner.go_to(way_m);
+        let expected_s = planner.time_to_target_s(asked, &load, &rig);
+        let (mut twist_rad, mut ticks, mut last_m) = (from_rad, 0u16, 0.0);
+        while !planner.is_at_rest() {
+            let point = load.mechanism.at(5.0, twist_rad);
+            let set_point = planner.step(&Limits::for_motor(asked, &point, 5.0, &rig).0);
+            twist_rad += (set_point.position_m - last_m) * point.tr_rad_per_m();
+            last_m = set_point.position_m;
+            ticks += 1;
+        }
+        let took_s = f32::from(ticks) * TICK_S;
+        assert!((expected_s - took_s).abs() < 0.05 + 0.02 * took_s, "{expected_s} s expected, {took_s} s taken");
+    }
 }
 
 proptest! {

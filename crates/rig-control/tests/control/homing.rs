@@ -1,19 +1,12 @@
 //! Homing on a rig whose every number is known: zero twist, load, friction, string radius, the LVDT's zero, the drive's lag.
 
-mod common;
-
-use common::bench::Bench;
-use common::{constants, table};
+use crate::bench::Bench;
+use crate::fixture::{constants, near, table};
 use rig_control::mechanism::Mechanism;
 use rig_control::{RigConstants, TICK_S};
 use rig_link::messages::{Accepted, EventKind, HomingFailure, LoadChoice, Request, State};
 use std::f32::consts::{PI, TAU};
 use std::sync::Arc;
-
-#[track_caller]
-fn near(found: f32, expected: f32, error: f32) {
-    assert!((found - expected).abs() <= error, "{found} instead of {expected}, within {error}");
-}
 
 #[test]
 fn all_that_a_move_needs_is_found_from_any_twist() {
@@ -58,7 +51,7 @@ fn a_weight_that_is_given_leaves_the_radius_to_be_found() {
     bench.twist_scale = 0.99;
     bench.settle();
     bench.while_in(State::Boot);
-    assert_eq!(bench.ask(Request::Home { load: LoadChoice::Known(4.0) }), Ok(Accepted::Started));
+    bench.begin(Request::Home { load: LoadChoice::Known(4.0) });
     bench.while_in(State::Homing);
     let found = bench.rig.homed().expect("homed").found;
     near(found.load_n, 4.0, 0.01);
@@ -98,11 +91,11 @@ fn failure(mut bench: Bench, gap_m: fn(f32, f32) -> f32) -> (HomingFailure, f32)
     }));
     bench.while_in(State::Boot);
     // From another angle than that of the start.
-    assert_eq!(bench.ask(Request::Jog { twist_speed_rad_per_s: 2.0 }), Ok(Accepted::Started));
+    bench.begin(Request::Jog { twist_speed_rad_per_s: 2.0 });
     bench.run(200);
     assert_eq!(bench.ask(Request::Stop), Ok(Accepted::Done));
     bench.while_in(State::Moving);
-    assert_eq!(bench.ask(Request::HOME), Ok(Accepted::Started));
+    bench.begin(Request::HOME);
     let ticks = bench.while_in(State::Homing);
     match bench.events.last() {
         Some(EventKind::HomingRefused(failure)) => (*failure, TICK_S * ticks as f32),
@@ -111,26 +104,10 @@ fn failure(mut bench: Bench, gap_m: fn(f32, f32) -> f32) -> (HomingFailure, f32)
 }
 
 #[test]
-fn a_gap_that_does_not_move_is_probed_over_all_of_the_probes_travel() {
-    let (refused, seconds) = failure(Bench::new(5.0, 0.0, 9.0), |_, _| 0.09);
-    assert_eq!(refused, HomingFailure::NoPretwist);
-    // Quiet for 0.4 s, then 7 rad at 1.5 rad/s and 11 rad at 4 rad/s.
-    let probe_s = 0.4 + 7.0 / 1.5 + 11.0 / 4.0;
-    near(seconds, probe_s, 0.25);
-    // A tenth of what decides is enough at its end; then 18 rad at 8 rad/s without a rise are too many.
-    let (refused, seconds) = failure(Bench::new(5.0, 0.0, 9.0), |shaft_rad, _| 0.09 + 1.2e-6 * shaft_rad);
-    assert_eq!(refused, HomingFailure::NoPretwist);
-    near(seconds, probe_s, 0.25);
-    let (refused, seconds) = failure(Bench::new(5.0, 0.0, 9.0), |shaft_rad, _| 0.09 + 1.6e-6 * shaft_rad);
-    assert_eq!(refused, HomingFailure::NoPretwist);
-    near(seconds, probe_s + 18.0 / 8.0, 0.4);
-}
-
-#[test]
 fn the_load_is_weighed_over_six_turns_at_two_speeds() {
     let mut bench = Bench::new(5.0, 0.01, 9.0);
     bench.while_in(State::Boot);
-    assert_eq!(bench.ask(Request::HOME), Ok(Accepted::Started));
+    bench.begin(Request::HOME);
     let mut twists_rad = vec![bench.twist_rad];
     while bench.rig.state() == State::Homing && twists_rad.len() < 5000 {
         bench.tick(None);
@@ -155,23 +132,27 @@ fn the_load_is_weighed_over_six_turns_at_two_speeds() {
 }
 
 #[test]
-fn a_gap_without_a_maximum_ends_at_the_end_of_the_search() {
-    let (refused, seconds) = failure(Bench::new(5.0, 0.0, 9.0), |shaft_rad, _| 0.08 + 1e-4 * shaft_rad);
-    assert_eq!(refused, HomingFailure::TravelEnd);
-    // Quiet for 0.4 s, 2.6 rad of the probe at 1.5 rad/s, 0.98 of 93.4 rad at 8 rad/s.
-    near(seconds, 0.4 + 2.6 / 1.5 + 0.98 * 93.4 / 8.0, 0.3);
-}
-
-#[test]
-fn a_gap_that_falls_whichever_way_the_strings_turn_is_not_followed_for_long() {
-    // It is never quiet: 10 s of patience, and 0.3 s until the probe has seen a quarter of a millimetre. Then 18 rad at 8 rad/s
-    let (refused, fast_s) = failure(Bench::new(5.0, 0.0, 9.0), |_, seconds| 0.09 - 1e-3 * seconds);
-    assert_eq!(refused, HomingFailure::NoPretwist);
-    near(fast_s, 10.0 + 0.3 + 18.0 / 8.0, 0.3);
-    let (refused, faster_s) = failure(Bench::new(5.0, 0.0, 9.0), |_, seconds| 0.09 - 2e-3 * seconds);
-    assert_eq!(refused, HomingFailure::NoPretwist);
-    // or 3 mm are enough.
-    near(faster_s, 10.0 + 0.15 + 1.5, 0.2);
+fn a_gap_that_is_no_mechanisms_is_refused_after_as_much_probing_and_searching_as_there_is_to_it() {
+    // Quiet for 0.4 s, then 7 rad at 1.5 rad/s and 11 rad at 4 rad/s.
+    let probe_s = 0.4 + 7.0 / 1.5 + 11.0 / 4.0;
+    type Gap = fn(f32, f32) -> f32;
+    let cases: [(Gap, HomingFailure, f32, f32); 6] = [
+        (|_, _| 0.09, HomingFailure::NoPretwist, probe_s, 0.25),
+        // A tenth of what decides is enough at the probe's end; then 18 rad at 8 rad/s without a rise are too many.
+        (|shaft_rad, _| 0.09 + 1.2e-6 * shaft_rad, HomingFailure::NoPretwist, probe_s, 0.25),
+        (|shaft_rad, _| 0.09 + 1.6e-6 * shaft_rad, HomingFailure::NoPretwist, probe_s + 18.0 / 8.0, 0.4),
+        // No maximum: 2.6 rad of the probe at 1.5 rad/s, and 0.98 of 93.4 rad at 8 rad/s.
+        (|shaft_rad, _| 0.08 + 1e-4 * shaft_rad, HomingFailure::TravelEnd, 0.4 + 2.6 / 1.5 + 0.98 * 93.4 / 8.0, 0.3),
+        // A gap that falls whichever way the strings turn is never quiet: 10 s of patience, and 0.3 s until the probe has seen
+        // a quarter of a millimetre. Then 18 rad at 8 rad/s, or 3 mm are enough.
+        (|_, seconds| 0.09 - 1e-3 * seconds, HomingFailure::NoPretwist, 10.0 + 0.3 + 18.0 / 8.0, 0.3),
+        (|_, seconds| 0.09 - 2e-3 * seconds, HomingFailure::NoPretwist, 10.0 + 0.15 + 1.5, 0.2),
+    ];
+    for (gap_m, refused, seconds, error_s) in cases {
+        let found = failure(Bench::new(5.0, 0.0, 9.0), gap_m);
+        assert_eq!(found.0, refused);
+        near(found.1, seconds, error_s);
+    }
 }
 
 #[test]
@@ -186,7 +167,7 @@ fn a_gap_that_goes_up_and_down_with_the_time_is_waited_for_and_then_probed() {
         }
     }));
     bench.start();
-    assert_eq!(bench.ask(Request::HOME), Ok(Accepted::Started));
+    bench.begin(Request::HOME);
     let still = bench.twist_rad;
     bench.run(995);
     assert_eq!(bench.twist_rad, still);
@@ -199,7 +180,7 @@ fn strings_that_are_closed_are_turned_back_at_once() {
     let mut bench = Bench::new(3.0, 0.01, 9.0);
     bench.start();
     (bench.friction_n, bench.closed_at_rad) = (100.0, 9.1);
-    assert_eq!(bench.ask(Request::HOME), Ok(Accepted::Started));
+    bench.begin(Request::HOME);
     // Quiet for 0.4 s, then 0.6 rad at 1.5 rad/s; then back.
     bench.run(100);
     assert!(bench.twist_rad < 9.1, "{}", bench.twist_rad);
@@ -212,7 +193,7 @@ fn strings_that_are_closed_are_turned_back_at_once() {
 fn a_string_that_slips_after_the_sweeps_is_noticed() {
     let mut bench = Bench::new(5.0, 0.01, 9.0);
     bench.start();
-    assert_eq!(bench.ask(Request::HOME), Ok(Accepted::Started));
+    bench.begin(Request::HOME);
     // The gap becomes greater by a millimetre, slowly, within the last second.
     bench.run(2930);
     for _ in 0..100 {

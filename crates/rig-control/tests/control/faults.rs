@@ -1,9 +1,7 @@
 //! Faults of a rig whose every number is known: when each is raised, what the drive is told then, and what `clear` leads to.
 
-mod common;
-
-use common::bench::{Bench, Tamper};
-use common::{constants, table};
+use crate::bench::{Bench, Tamper, to};
+use crate::fixture::{constants, table};
 use rig_control::{DriveCommand, DriveReading, Inputs, Rig, TICK_US};
 use rig_link::messages::{Accepted, Doubt, Doubts, EventKind, Fault, LoadChoice, Refusal, Request, Setting, State};
 use std::sync::Arc;
@@ -35,11 +33,6 @@ fn reports(inputs: &mut Inputs, change: impl Fn(&mut u64, &mut i32, &mut i16)) {
 }
 
 #[test]
-fn a_healthy_rig_raises_nothing() {
-    assert_eq!(fault_of(|_| {}), None);
-}
-
-#[test]
 fn each_fault_of_drive_and_bus_is_raised_in_its_time() {
     assert_eq!(fault_of(|inputs| inputs.bus_off = true), Some((1, Fault::CanBusOff)));
     assert_eq!(fault_of(|inputs| inputs.drive_stalled = true), Some((1, Fault::DriveStall)));
@@ -63,7 +56,7 @@ fn the_supply_may_be_off_for_less_than_two_reports() {
             }
         }
     };
-    let [least, most] = common::constants().supply_limits_v;
+    let [least, most] = constants().supply_limits_v;
     assert_eq!(fault_of(volts(least - 0.01, 0)), Some((10, Fault::Supply)));
     assert_eq!(fault_of(volts(most + 0.01, 149_000)), Some((10, Fault::Supply)));
     assert_eq!(fault_of(volts(most + 0.01, 150_000)), None, "it is old");
@@ -88,7 +81,7 @@ fn own_encoder_and_drive_are_compared() {
     assert_eq!(fault_of(apart(1510)), Some((8, Fault::EncoderJump)), "it goes on counting alike");
     assert_eq!(fault_of(apart(-4096)), Some((8, Fault::EncoderJump)));
     // More than one and a half times the greatest speed and 500 counts.
-    let constants = common::constants();
+    let constants = constants();
     let most = (1.5 * constants.twist_speed_max() * constants.counts_per_rad * 0.01 + 500.0) as i64;
     let start_us = holding().now_us;
     let jump = |counts| {
@@ -106,10 +99,7 @@ fn own_encoder_and_drive_are_compared() {
         bench.tamper = tamper(move |inputs| {
             inputs.encoder_counts = (from + share * (inputs.encoder_counts as f32 - from)) as i64;
         });
-        assert_eq!(
-            bench.ask(Request::Move { target_m: 0.002, speed_m_per_s: 0.004, load: LoadChoice::Auto }),
-            Ok(Accepted::Started)
-        );
+        bench.begin(to(0.002, 0.004));
         let fault = bench.ticks_until_fault(300).map(|(_, fault)| fault);
         // The drive holds where it is by its own count.
         bench.run(50);
@@ -166,7 +156,7 @@ fn each_fault_of_the_lvdt_is_raised_after_eight_ticks_without_a_gap() {
 
 #[test]
 fn a_load_that_falls_is_a_broken_string_and_a_gap_that_steps_is_the_sensor() {
-    let constants = common::constants();
+    let constants = constants();
     let from_us = holding().now_us;
     // Falls freely, or as far in fewer steps.
     let fall = |way_m: fn(f32) -> f32, variance: f32| {
@@ -215,12 +205,12 @@ fn a_host_that_is_silent_matters_only_while_something_moves() {
     bench.run(100);
     assert_eq!(bench.rig.fault(), None);
     bench.host_alive = true;
-    bench.tick(Some(Request::Move { target_m: 0.002, speed_m_per_s: 0.001, load: LoadChoice::Auto }));
+    bench.tick(Some(to(0.002, 0.001)));
     bench.host_alive = false;
     assert_eq!(bench.ticks_until_fault(100), Some((41, Fault::HostSilent)));
     let mut bench = Bench::new(5.0, 0.01, 9.0);
     bench.while_in(State::Boot);
-    assert_eq!(bench.ask(Request::HOME), Ok(Accepted::Started));
+    bench.begin(Request::HOME);
     bench.tamper = tamper(|inputs| inputs.host_heard_us = None);
     assert_eq!(bench.ticks_until_fault(100), Some((1, Fault::HostSilent)));
 }
@@ -240,8 +230,8 @@ fn limit_switches_stop_the_load_and_free_only_the_way_back() {
         assert_eq!(bench.rig.fault(), None, "it stays open");
         let back_m = if upper { 0.006 } else { 0.010 };
         bench.move_to(back_m, 0.002);
-        let onwards = Request::Move { target_m: 0.016 - back_m, speed_m_per_s: 0.002, load: LoadChoice::Auto };
-        assert_eq!(bench.ask(onwards), Ok(Accepted::Started));
+        let onwards = to(0.016 - back_m, 0.002);
+        bench.begin(onwards);
         assert_eq!(bench.ticks_until_fault(200).map(|(_, fault)| fault), Some(Fault::LimitSwitch));
     }
 }
@@ -277,10 +267,7 @@ fn a_damaged_table_is_a_fault_from_the_start_that_nothing_clears() {
 #[test]
 fn a_shaft_that_does_not_follow_is_a_fault_after_three_tenths_of_a_second() {
     let mut bench = Bench::homed();
-    assert_eq!(
-        bench.ask(Request::Move { target_m: 0.010, speed_m_per_s: 0.004, load: LoadChoice::Auto }),
-        Ok(Accepted::Started)
-    );
+    bench.begin(to(0.010, 0.004));
     bench.closed_at_rad = bench.twist_rad + 1.0;
     // Meanwhile the drive is sent no farther from its place than a radian and the way of 0.3 s.
     let mut farthest = 0f32;
@@ -297,7 +284,7 @@ fn a_shaft_that_does_not_follow_is_a_fault_after_three_tenths_of_a_second() {
     }
     assert_eq!(bench.rig.fault(), Some(Fault::FollowingError));
     assert!((1.5..1.0 + 0.3 * bench.constants.twist_speed_max()).contains(&farthest), "{farthest} rad");
-    let to = Request::Move { target_m: 0.002, speed_m_per_s: 0.004, load: LoadChoice::Auto };
+    let to = to(0.002, 0.004);
     assert_eq!(bench.ask(to), Err(Refusal::InFault { fault: Fault::FollowingError }));
     // It is held where it stands.
     bench.run(50);
@@ -309,10 +296,7 @@ fn a_load_that_stays_behind_its_set_point_is_a_fault_after_half_a_second() {
     let mut bench = holding();
     // The rail is blocked.
     bench.friction_n = 100.0;
-    assert_eq!(
-        bench.ask(Request::Move { target_m: 0.002, speed_m_per_s: 0.004, load: LoadChoice::Auto }),
-        Ok(Accepted::Started)
-    );
+    bench.begin(to(0.002, 0.004));
     let (ticks, fault) = bench.ticks_until_fault(600).expect("a fault");
     // 2 mm at 4 mm/s and half a second, once friction is taken up.
     assert!(fault == Fault::FollowingError && (100..250).contains(&ticks), "{fault} after {ticks}");
@@ -387,7 +371,7 @@ fn a_held_shaft_that_turns_is_let_go_once() {
 fn nothing_is_cleared_while_a_held_shaft_turns() {
     let mut bench = holding();
     bench.host_alive = false;
-    bench.tick(Some(Request::Move { target_m: 0.002, speed_m_per_s: 0.004, load: LoadChoice::Auto }));
+    bench.tick(Some(to(0.002, 0.004)));
     bench.ticks_until_fault(100).expect("the host is silent");
     bench.host_alive = true;
     assert_eq!(bench.ask(Request::Clear), Err(Refusal::ShaftTurns));

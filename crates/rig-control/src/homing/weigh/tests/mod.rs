@@ -63,7 +63,7 @@ impl Swept {
                     weigh.record(share, twist_rad, gap_m, current_a);
                 }
             }
-            assert_eq!((weigh.pass(), weigh.end_pass()), (pass, pass == 1));
+            assert_eq!((weigh.sweeps.pass, weigh.sweeps.end_pass()), (pass, pass == 1));
         }
         weigh
     }
@@ -131,12 +131,12 @@ fn readings_go_where_their_share_of_the_sweep_says_and_currents_only_where_the_s
         weigh.record(share, 1.0, 1.0, 1.0);
     }
     for (share, place) in [(0.0, 0), (0.99 / 32.0, 0), (1.0 / 32.0, 1), (0.5, 16), (0.999, 31), (1.0, 31)] {
-        let before = weigh.bins[0][place].count;
+        let before = weigh.sweeps.bins[0][place].count;
         weigh.record(share, 2.0, 0.1, 0.5);
-        assert_eq!(weigh.bins[0][place].count, before + 1, "{share}");
+        assert_eq!(weigh.sweeps.bins[0][place].count, before + 1, "{share}");
     }
-    assert_eq!(weigh.bins[0].iter().map(|bin| bin.count).sum::<u16>(), 6);
-    assert_eq!((weigh.bins[0][31].twist_sum, weigh.bins[0][31].gap_sum), (4.0, 0.2));
+    assert_eq!(weigh.sweeps.bins[0].iter().map(|bin| bin.count).sum::<u16>(), 6);
+    assert_eq!((weigh.sweeps.bins[0][31].angle_sum, weigh.sweeps.bins[0][31].gap_sum), (4.0, 0.2));
     assert_eq!(weigh.currents.map(|current| current.count), [1.0, 0.0]);
     for (share, counted) in [(3.9 / 32.0, false), (4.1 / 32.0, true), (27.9 / 32.0, true), (28.1 / 32.0, false)] {
         let before = weigh.currents[0].count;
@@ -151,7 +151,7 @@ fn readings_go_where_their_share_of_the_sweep_says_and_currents_only_where_the_s
 fn both_ways_of_a_bin_count_the_same_however_many_readings_they_have() {
     let mut weigh = Weigh::new(1.0, LoadChoice::Auto);
     (0..3).for_each(|_| weigh.record(0.5, 10.0, 0.09, 0.0));
-    weigh.end_pass();
+    weigh.sweeps.end_pass();
     weigh.record(0.5, 12.0, 0.08, 0.0);
     let pair = weigh.pair(16).expect("both ways");
     near(pair.twist_rad, 11.0, 1e-6);
@@ -165,8 +165,8 @@ fn both_ways_of_a_bin_count_the_same_however_many_readings_they_have() {
 fn the_motors_work_weighs_the_load_with_the_error_of_currents_and_data_sheet() {
     let mut weigh = SWEPT.recorded(LoadChoice::Auto, 1.0);
     // A straight line of 1.25 mm/rad.
-    for bin in weigh.bins.iter_mut().flatten() {
-        bin.gap_sum = f32::from(bin.count) * 0.12 - 1.25e-3 * bin.twist_sum;
+    for bin in weigh.sweeps.bins.iter_mut().flatten() {
+        bin.gap_sum = f32::from(bin.count) * 0.12 - 1.25e-3 * bin.angle_sum;
     }
     let newton_per_ampere = RIG.motor_torque_constant_nm_per_a * RIG.gear_ratio / 1.25e-3;
     weigh.begin_fit(table(), &RIG, &[Current::NONE; 2]);
@@ -182,8 +182,8 @@ fn the_motors_work_weighs_the_load_with_the_error_of_currents_and_data_sheet() {
     let variance_n2 = noise_a2 * newton_per_ampere * newton_per_ampere + by_data_sheet_n * by_data_sheet_n;
     near(found.sigma_n, libm::sqrtf(variance_n2), 2e-3);
     // A gap that grows with the twist says nothing of the load.
-    for bin in weigh.bins.iter_mut().flatten() {
-        bin.gap_sum = f32::from(bin.count) * 0.05 + 1e-3 * bin.twist_sum;
+    for bin in weigh.sweeps.bins.iter_mut().flatten() {
+        bin.gap_sum = f32::from(bin.count) * 0.05 + 1e-3 * bin.angle_sum;
     }
     weigh.begin_fit(table(), &RIG, &zero_currents(2e-3));
     assert!(weigh.by_work.is_none());

@@ -1,12 +1,12 @@
 //! One tick of the position loop, from its equations (docs/control.md 3).
 
-mod common;
-
-use common::hanging;
+use crate::fixture::hanging;
+use rig_control::TICK_S;
 use rig_control::load_motion::AHEAD_S;
 use rig_control::load_state::LoadState;
 use rig_control::planner::SetPoint;
 use rig_control::position_loop::{FULL_PER_S, GAINS, LoopOutput, PositionLoop, damping_share};
+use rig_control::ramp::Ramp;
 
 /// A load of 6 N without friction in the middle of its travel: it swings at some 30 rad/s.
 fn load() -> LoadState<'static> {
@@ -69,7 +69,7 @@ fn a_place_of_rest_that_is_off_is_brought_back_by_the_gains() {
         let found = load_speed(&SetPoint { position_m: error_m, ..PASSING }, &load);
         let expected = omega.min(FULL_PER_S) * (by_position + by_rest) * error_m;
         assert!(same(found, expected), "{found} instead of {expected}");
-        assert!(same(step(&SetPoint { position_m: error_m, ..PASSING }, &load).error_m, error_m));
+        assert!(same(step(&SetPoint { position_m: error_m, ..PASSING }, &load).rest_error_m, error_m));
     }
 }
 
@@ -139,4 +139,23 @@ fn strings_turn_no_further_against_a_jammed_load_but_back() {
     jammed.observation.load_n = 3.6;
     jammed.observation.moved_m = 1e-5;
     assert!(control.step(&down, None, &jammed).twist_speed_rad_per_s < 0.0);
+}
+
+#[test]
+fn the_shaft_turns_as_the_motor_can_and_as_far_as_the_strings_go() {
+    let (load, zero_rad) = (load(), 7.0);
+    let m = load.mechanism.table.metadata;
+    let at = |twist_rad: f32, speed| Ramp { position: zero_rad + twist_rad, speed };
+    // From rest no faster than its acceleration allows, and then no faster than its speed.
+    let limits = load.twist_limits;
+    let (first, at_end) = load.turned(at(20.0, 0.0), zero_rad, 1e3);
+    assert_eq!((first.speed, at_end), (limits.acceleration * TICK_S, false));
+    assert!((first.position - zero_rad - 20.0 - first.speed * TICK_S).abs() < 1e-5);
+    assert_eq!(load.turned(at(20.0, limits.speed), zero_rad, 1e3).0.speed, limits.speed);
+    for (end_rad, outwards) in [(m.twist_max_rad, 1.0), (m.twist_min_rad - 0.15, -1.0)] {
+        let (shaft, at_end) = load.turned(at(end_rad, outwards), zero_rad, outwards);
+        assert!(at_end && shaft.speed == 0.0 && (shaft.position - zero_rad - end_rad).abs() < 1e-5, "{shaft:?}");
+        let (shaft, at_end) = load.turned(at(end_rad, -outwards), zero_rad, -outwards);
+        assert!(!at_end && shaft.speed == -outwards, "back: {shaft:?}");
+    }
 }

@@ -1,8 +1,6 @@
 //! A load at its target: when it stands, what stiction leaves, and how its jumps are learned (docs/control.md 4).
 
-mod common;
-
-use common::hanging;
+use crate::fixture::hanging;
 use rig_control::load_state::LoadState;
 use rig_control::rest::{AT_REST_M, JUMP_SHARE, Rest, Standing};
 

@@ -1,8 +1,6 @@
 //! The table with a rig's own scale and curve, within its range and a little beyond.
 
-mod common;
-
-use common::table;
+use crate::fixture::table;
 use rig_control::mechanism::{Mechanism, OUTSIDE_RAD};
 use rig_link::gap_curve::GapCurve;
 

@@ -1,7 +1,7 @@
 //! The whole rig of the control code on a load that hangs by the default scene's table: no chip, and a drive that follows its
 //! target. All of it is known exactly, so that what the control code finds out can be compared.
 
-use super::{constants, table};
+use crate::fixture::{constants, table};
 use rig_control::{DriveCommand, DriveReading, Inputs, LvdtBlock, Outputs, Rig, RigConstants, SupplyReading, TICK_US};
 use rig_link::messages::{
     Accepted, Counters, EventKind, Fault, HomingResult, LoadChoice, Refusal, Request, Sensors, State, Telemetry,
@@ -40,6 +40,11 @@ enum Drive {
     On {
         origin: i64,
     },
+}
+
+/// A move to a position (m) at a speed (m/s) at most.
+pub const fn to(target_m: f32, speed_m_per_s: f32) -> Request {
+    Request::Move { target_m, speed_m_per_s, load: LoadChoice::Auto }
 }
 
 /// Changes what the control code sees.
@@ -305,6 +310,12 @@ impl Bench {
         self.tick(Some(request)).reply.expect("an answer")
     }
 
+    /// Asks for a motion that begins at once.
+    #[track_caller]
+    pub fn begin(&mut self, request: Request) {
+        assert_eq!(self.ask(request), Ok(Accepted::Started));
+    }
+
     /// Ticks until a fault; how many, if it comes within a limit.
     pub fn ticks_until_fault(&mut self, most: u32) -> Option<(u32, Fault)> {
         (1..=most).find_map(|tick| {
@@ -316,7 +327,7 @@ impl Bench {
     /// Starts up, and proves the directions.
     pub fn start(&mut self) {
         self.while_in(State::Boot);
-        assert_eq!(self.ask(Request::CheckDirection), Ok(Accepted::Started));
+        self.begin(Request::CheckDirection);
         self.while_in(State::Moving);
         assert_eq!(core::mem::take(&mut self.events), [EventKind::DirectionProven]);
     }
@@ -326,7 +337,7 @@ impl Bench {
         if self.rig.state() == State::Boot {
             self.while_in(State::Boot);
         }
-        assert_eq!(self.ask(Request::Home { load: LoadChoice::Auto }), Ok(Accepted::Started));
+        self.begin(Request::Home { load: LoadChoice::Auto });
         self.while_in(State::Homing);
         assert_eq!(self.rig.state(), State::Ready, "{:?} {:?}", self.rig.fault(), self.events);
         self.rig.homed().expect("homed").found
@@ -334,8 +345,7 @@ impl Bench {
 
     /// Moves to a position (m) at a speed (m/s) at most, until the move is over; the time that took (s).
     pub fn move_to(&mut self, target_m: f32, speed_m_per_s: f32) -> f32 {
-        let reply = self.ask(Request::Move { target_m, speed_m_per_s, load: LoadChoice::Auto });
-        assert_eq!(reply, Ok(Accepted::Started));
+        self.begin(to(target_m, speed_m_per_s));
         let ticks = self.while_in(State::Moving);
         assert_eq!(self.rig.state(), State::Holding, "{:?} {:?}", self.rig.fault(), self.events);
         0.01 * ticks as f32

@@ -1,8 +1,6 @@
 //! Whether a move is possible, and which parameter of it is refused.
 
-mod common;
-
-use common::{constants, table};
+use crate::fixture::{constants, table};
 use rig_control::mechanism::{Mechanism, OUTSIDE_RAD};
 use rig_control::move_check::{MoveRequest, MoveStart, SPEED_MIN_M_PER_S};
 use rig_control::settings;

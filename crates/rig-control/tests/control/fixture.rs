@@ -1,7 +1,4 @@
 //! A load that hangs on the default scene's mechanism, as the code that controls it sees it in one tick.
-#![allow(dead_code, reason = "each test uses a part of it")]
-
-pub mod bench;
 
 use rig_config::Scene;
 use rig_control::RigConstants;
@@ -14,6 +11,12 @@ use std::path::Path;
 use std::sync::OnceLock;
 use tsa_table::Table;
 use tsa_table::owned::OwnedTable;
+
+/// Two numbers are the same, within an error.
+#[track_caller]
+pub fn near(found: f32, expected: f32, error: f32) {
+    assert!((found - expected).abs() <= error, "{found} instead of {expected}, within {error}");
+}
 
 fn scene() -> &'static Scene {
     static SCENE: OnceLock<Scene> = OnceLock::new();
