@@ -93,14 +93,14 @@ impl Rtt {
         if read == write || size == 0 || read >= size || write >= size {
             return;
         }
-        let (first, second) = if read < write { (write - read, 0) } else { (size - read, write) };
-        let mut bytes = vec![0; (first + second) as usize];
-        let (head, tail) = bytes.split_at_mut(first as usize);
-        if memory.ram.read(buffer + read, head).and_then(|()| memory.ram.read(buffer, tail)).is_none() {
+        let mut ring = vec![0; size as usize];
+        if memory.ram.read(buffer, &mut ring).is_none() {
             return;
         }
+        ring.rotate_left(read as usize);
+        ring.truncate(((write + size - read) % size) as usize);
         memory.ram.set_word(self.control_block + offset::READ, write);
-        self.rest.extend(bytes);
+        self.rest.extend(ring);
         self.decode(t_s);
     }
 

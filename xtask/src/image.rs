@@ -6,8 +6,7 @@ use object::read::elf::{ElfFile32, ProgramHeader};
 use object::{Object, ObjectSection, SectionFlags, SectionKind, elf};
 use std::path::Path;
 
-/// Limit of the firmware's flash (bytes), of the 448 KiB that the flash store leaves. The solver, which is there in f32
-/// and in f64, takes half of it.
+/// Limit of the firmware's flash (bytes), of the 448 KiB that the flash store leaves.
 pub const FLASH_LIMIT: u64 = 256 * 1024;
 
 /// Limit of static data (bytes), of 128 KiB of RAM; the rest is for the stack (memory.x).

@@ -23,12 +23,12 @@ pub enum ImageError {
     },
 }
 
-/// A function.
 #[derive(Clone, Debug)]
-struct Function {
-    start: u32,
-    end: u32,
+struct Symbol {
     name: String,
+    address: u32,
+    /// Bytes of a function; 0 of anything else.
+    size: u32,
 }
 
 /// What the machine needs of an ELF.
@@ -36,8 +36,9 @@ struct Function {
 pub struct Image {
     /// Address and bytes of each segment in flash.
     pub segments: Vec<(u32, Vec<u8>)>,
-    functions: Vec<Function>,
-    symbols: Vec<(String, u32)>,
+    symbols: Vec<Symbol>,
+    /// Functions by their start.
+    functions: Vec<Symbol>,
 }
 
 impl Image {
@@ -66,24 +67,20 @@ impl Image {
         if segments.is_empty() {
             return Err(ImageError::NoFlash);
         }
-        let mut functions = Vec::new();
-        let mut symbols = Vec::new();
-        for symbol in file.symbols() {
-            let Ok(name) = symbol.name() else { continue };
-            let address = symbol.address() as u32;
-            symbols.push((name.to_owned(), address));
-            if symbol.kind() == SymbolKind::Text && symbol.size() > 0 {
-                let start = address & !1;
-                functions.push(Function { start, end: start + symbol.size() as u32, name: name.to_owned() });
-            }
-        }
-        functions.sort_by_key(|function| function.start);
-        Ok(Self { segments, functions, symbols })
+        let symbols = file.symbols().filter_map(|symbol| {
+            let size = if symbol.kind() == SymbolKind::Text { symbol.size() as u32 } else { 0 };
+            Some(Symbol { name: symbol.name().ok()?.to_owned(), address: symbol.address() as u32, size })
+        });
+        let symbols: Vec<Symbol> = symbols.collect();
+        let functions = symbols.iter().filter(|symbol| symbol.size > 0).cloned();
+        let mut functions: Vec<_> = functions.map(|f| Symbol { address: f.address & !1, ..f }).collect();
+        functions.sort_by_key(|function| function.address);
+        Ok(Self { segments, symbols, functions })
     }
 
     /// Address of a symbol.
     pub fn symbol(&self, name: &str) -> Option<u32> {
-        self.symbols.iter().find(|(n, _)| n == name).map(|(_, address)| *address)
+        self.symbols.iter().find(|symbol| symbol.name == name).map(|symbol| symbol.address)
     }
 
     /// Start of a function, by its whole name or by its last path segment in a mangled one.
@@ -91,7 +88,7 @@ impl Image {
         let segment = format!("{}{name}", name.len());
         let exact = self.functions.iter().find(|function| function.name == name);
         let mangled = || self.functions.iter().find(|function| function.name.contains(&segment));
-        exact.or_else(mangled).map(|function| function.start)
+        exact.or_else(mangled).map(|function| function.address)
     }
 
     /// Name of the function at an address.
@@ -101,12 +98,12 @@ impl Image {
 
     /// Start of the function at an address.
     pub fn start_of_function_at(&self, address: u32) -> Option<u32> {
-        self.around(address).map(|function| function.start)
+        self.around(address).map(|function| function.address)
     }
 
-    fn around(&self, address: u32) -> Option<&Function> {
-        let after = self.functions.partition_point(|function| function.start <= address);
-        self.functions[..after].last().filter(|function| address < function.end)
+    fn around(&self, address: u32) -> Option<&Symbol> {
+        let after = self.functions.partition_point(|function| function.address <= address);
+        self.functions[..after].last().filter(|function| address < function.address + function.size)
     }
 
     /// Lowest address of the main stack that starts at `top`, if the firmware is laid out like cortex-m-rt's: where the

@@ -6,7 +6,7 @@
 //! resolutions below 12 bits are not modelled.
 
 use super::clock::{Clock, NEVER};
-use super::dma::{Dma, Transfer};
+use super::dma::Dma;
 use super::fault::Lint;
 use super::gpio::{Function, Pin};
 use super::memory::Memory;
@@ -159,8 +159,7 @@ impl Adc {
                 self.registers[SR] |= EOC;
             }
         } else if self.registers[SR] & OVR == 0
-            && (self.stalled
-                || dma.transfer(self.registers[DR], memory, wires.nvic, wires.faults) == Transfer::Unserved)
+            && (self.stalled || !dma.transfer(self.registers[DR], memory, wires.nvic, wires.faults))
         {
             // An item that is not fetched: requests and conversions stop until software clears OVR (RM0390 section
             // 13.8.1).

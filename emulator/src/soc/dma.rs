@@ -52,15 +52,6 @@ pub struct Dma {
     streams: [Stream; 8],
 }
 
-/// How a transfer ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Transfer {
-    /// The item has been stored.
-    Done,
-    /// No enabled stream serves the request.
-    Unserved,
-}
-
 const IRQ: [[u8; 8]; 2] = [[11, 12, 13, 14, 15, 16, 17, 47], [56, 57, 58, 59, 60, 68, 69, 70]];
 /// Place of a stream's flags in LISR or HISR.
 const SHIFT: [u32; 4] = [0, 6, 16, 22];
@@ -106,9 +97,9 @@ impl Dma {
         Some(full.into_iter().chain(half).min().map_or(u64::MAX, u64::from))
     }
 
-    /// Move one item from ADC1 to memory.
-    pub fn transfer(&mut self, item: u32, memory: &mut Memory, nvic: &mut Nvic, faults: &mut Faults) -> Transfer {
-        let Some(index) = self.serving() else { return Transfer::Unserved };
+    /// Move one item from ADC1 to memory. `false` if no enabled stream serves it.
+    pub fn transfer(&mut self, item: u32, memory: &mut Memory, nvic: &mut Nvic, faults: &mut Faults) -> bool {
+        let Some(index) = self.serving() else { return false };
         let Stream { registers, length, memory: first, flags } = &mut self.streams[index];
         let size = 1u32 << (registers[CR] >> 13 & 3);
         let done = *length - registers[NDTR];
@@ -130,7 +121,7 @@ impl Dma {
             }
         }
         self.line(index, nvic);
-        Transfer::Done
+        true
     }
 
     /// Read a register.

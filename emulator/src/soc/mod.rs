@@ -92,18 +92,6 @@ pub enum ResetCause {
     BrownOut,
 }
 
-/// Something that will happen by itself.
-#[derive(Clone, Copy, Debug)]
-enum Source {
-    Board,
-    Timer(usize),
-    Usart(usize),
-    Can,
-    Adc,
-    SysTick,
-    Iwdg,
-}
-
 /// The microcontroller without its core.
 pub struct Soc<B> {
     /// What is wired to the pins.
@@ -250,25 +238,20 @@ impl<B: Board> Soc<B> {
         self.next_source().0
     }
 
-    fn next_source(&self) -> (u64, Source) {
-        let board = self.clock.cycle_at(self.board.next_event_s()).max(self.board_asked);
-        let mut next = (board, Source::Board);
-        let mut consider = |due: u64, source: Source| {
-            if due < next.0 {
-                next = (due, source);
-            }
-        };
-        for (i, timer) in self.timers.iter().enumerate() {
-            consider(timer.next_event(&self.clock), Source::Timer(i));
-        }
-        for (i, usart) in self.usarts.iter().enumerate() {
-            consider(usart.next_event(), Source::Usart(i));
-        }
-        consider(self.can.next_event(), Source::Can);
-        consider(self.adc.next_event(&self.dma[1], &self.clock), Source::Adc);
-        consider(self.scb.next_event(), Source::SysTick);
-        consider(self.iwdg.next_event(&self.clock), Source::Iwdg);
-        next
+    /// That cycle, and the peripheral; `Unit::None` is the board.
+    fn next_source(&self) -> (u64, Unit) {
+        let timers = self.timers.iter().enumerate().map(|(i, timer)| (timer.next_event(&self.clock), Unit::Timer(i)));
+        let usarts = self.usarts.iter().enumerate().map(|(i, usart)| (usart.next_event(), Unit::Usart(i)));
+        let others = [
+            (self.can.next_event(), Unit::Can),
+            (self.adc.next_event(&self.dma[1], &self.clock), Unit::Adc),
+            (self.scb.next_event(), Unit::Core),
+            (self.iwdg.next_event(&self.clock), Unit::Iwdg),
+        ];
+        let board = (self.clock.cycle_at(self.board.next_event_s()).max(self.board_asked), Unit::None);
+        // Of several at the same cycle the first.
+        let earlier = |first: (u64, Unit), other: (u64, Unit)| if other.0 < first.0 { other } else { first };
+        timers.chain(usarts).chain(others).fold(board, earlier)
     }
 
     /// Process everything that is due, in order of time. Gives the next event.
@@ -282,27 +265,23 @@ impl<B: Board> Soc<B> {
         }
     }
 
-    fn happen(&mut self, due: u64, source: Source) {
+    fn happen(&mut self, due: u64, source: Unit) {
+        if !matches!(source, Unit::Timer(_) | Unit::Core | Unit::Iwdg) {
+            self.catch_up_adc(due);
+        }
         match source {
-            Source::Timer(i) => self.timers[i].sync(due, wires!(self)),
-            Source::SysTick => self.scb.sync(due, &mut self.nvic),
-            Source::Adc => self.catch_up_adc(due),
-            Source::Iwdg => self.reset_request = Some(ResetCause::Watchdog),
-            Source::Usart(i) => {
-                self.catch_up_adc(due);
-                self.usarts[i].sync(due, wires!(self));
-            }
-            Source::Can => {
-                self.catch_up_adc(due);
-                self.can.sync(due, wires!(self));
-            }
-            Source::Board => {
-                self.catch_up_adc(due);
+            Unit::Timer(i) => self.timers[i].sync(due, wires!(self)),
+            Unit::Core => self.scb.sync(due, &mut self.nvic),
+            Unit::Iwdg => self.reset_request = Some(ResetCause::Watchdog),
+            Unit::Usart(i) => self.usarts[i].sync(due, wires!(self)),
+            Unit::Can => self.can.sync(due, wires!(self)),
+            Unit::None => {
                 self.board_asked = due + 1;
                 for stimulus in self.board.poll(self.clock.seconds_at(due)) {
                     self.apply(stimulus, due);
                 }
             }
+            _ => {}
         }
     }
 

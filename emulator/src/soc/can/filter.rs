@@ -119,8 +119,8 @@ impl Entry {
     }
 }
 
-/// STID, EXID, IDE, RTR as a 32-bit filter sees them.
-fn wide_bits(frame: &CanFrame) -> u32 {
+/// STID, EXID, IDE, RTR as RIxR and TIxR hold them, and a 32-bit filter sees them.
+pub fn wide_bits(frame: &CanFrame) -> u32 {
     let id = if frame.extended { frame.id << 3 | 1 << 2 } else { frame.id << 21 };
     id | u32::from(frame.remote) << 1
 }

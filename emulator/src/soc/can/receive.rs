@@ -1,5 +1,6 @@
 //! Receive FIFOs (RM0390 section 30.7.3).
 
+use super::filter::wide_bits;
 use rig_plant::board::CanFrame;
 use std::collections::VecDeque;
 
@@ -65,16 +66,10 @@ impl Fifo {
         let Some(Received { frame, match_index, time }) = self.frames.front() else { return 0 };
         let bytes = |first: usize| u32::from_le_bytes([0, 1, 2, 3].map(|i| frame.data[first + i]));
         match word {
-            0 => identifier(frame),
+            0 => wide_bits(frame),
             1 => u32::from(frame.dlc) | u32::from(*match_index) << 8 | u32::from(*time) << 16,
             2 => bytes(0),
             _ => bytes(4),
         }
     }
-}
-
-/// STID, EXID, IDE and RTR as RIxR and TIxR hold them.
-fn identifier(frame: &CanFrame) -> u32 {
-    let id = if frame.extended { frame.id << 3 | 1 << 2 } else { frame.id << 21 };
-    id | u32::from(frame.remote) << 1
 }
