@@ -8,7 +8,7 @@ use rig_link::messages::{Request, Setting, State};
 
 /// Sectors 1 to 3 (src/flash_store.rs).
 const STORE: std::ops::Range<usize> = 0x4000..0x1_0000;
-const CHECKS: usize = 19;
+const CHECKS: usize = 17;
 
 fn board(broken: Broken, config: Config) -> Machine<JumperBoard> {
     Machine::new(selftest(), JumperBoard::new(&Jumper::SELFTEST, broken), config).unwrap()
