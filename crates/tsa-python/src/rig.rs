@@ -109,7 +109,7 @@ impl Board {
                 programs,
                 ..SimOptions::new(scene.clone())
             };
-            Place::Emulated(emulated)
+            Place::Emulated(Box::new(emulated))
         } else if port == "auto" {
             Place::Device(rigctl::session::auto().map_err(error)?)
         } else {

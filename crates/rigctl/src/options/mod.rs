@@ -93,7 +93,7 @@ impl Global {
     /// If there is no such scene file, no ST-LINK or several for `auto`, or an option of the emulated board is given for a device.
     pub fn target(&self) -> Result<Target, Failure> {
         if self.is_emulated() {
-            return Ok(Target { scene: self.scene.clone(), place: Place::Emulated(self.emulated()?) });
+            return Ok(Target { scene: self.scene.clone(), place: Place::Emulated(Box::new(self.emulated()?)) });
         }
         if let Some((_, name)) = self.of_emulated_board().into_iter().find(|(given, _)| *given) {
             return Err(Failure::Usage(format!("{name} is for the emulated board, not for --port {}", self.port())));

@@ -25,7 +25,7 @@ pub struct Target {
 #[derive(Clone, Debug)]
 pub enum Place {
     /// An emulated board, started afresh.
-    Emulated(SimOptions),
+    Emulated(Box<SimOptions>),
     /// A serial device.
     Device(String),
 }
