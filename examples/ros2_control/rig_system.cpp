@@ -2,7 +2,7 @@
 //
 // One prismatic joint: state interfaces `position` (m), `velocity` (m/s) and `effort` (estimated load, N); command interfaces
 // `position` (m) and, if a controller claims it, `velocity` (m/s, with its sign). Written for Humble and Jazzy, and compiled
-// against stand-ins of their headers only. A test reads the orders in `R"(...)"` and sends them to the server.
+// against stand-ins of their headers only. A test reads the orders in its raw strings and sends them to the server.
 
 #include <sys/socket.h>
 #include <sys/un.h>
