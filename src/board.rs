@@ -1,4 +1,5 @@
-//! Pins, clocks and peripherals of the NUCLEO-F446RE, and the cause of its reset (docs/hardware.md section 8).
+//! Pins, clocks and peripherals of the NUCLEO-F446RE, and the cause of its reset (docs/reference/hardware.md section
+//! 3).
 
 use core::num::{NonZeroU8, NonZeroU16};
 use embassy_stm32::adc::{self, Adc, AdcChannel, RingBufferedAdc, SampleTime};
@@ -148,9 +149,9 @@ pub struct Board {
     pub store: Store,
 }
 
-/// 168 MHz from the ST-LINK's 8 MHz clock, which gives exact CAN and UART rates (docs/hardware.md section 8). From the
-/// chip's own oscillator all rates are off by up to 1 %, and by more when the chip is warm: that suffices for the host
-/// link, but is not guaranteed on the CAN bus.
+/// 168 MHz from the ST-LINK's 8 MHz clock, which gives exact CAN and UART rates (docs/reference/hardware.md section 3).
+/// From the chip's own oscillator all rates are off by up to 1 %, and by more when the chip is warm: that suffices for
+/// the host link, but is not guaranteed on the CAN bus.
 ///
 /// 168 MHz does not need the over-drive mode, but embassy-stm32 0.6.0 switches it on, while the core still runs from
 /// its own oscillator, as it must (RM0390 section 5.1.4). Here it only costs some supply current, because no stop mode

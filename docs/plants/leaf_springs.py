@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
 """A plant program: a twisted pair of strings held apart by leaf springs. Run by `rigctl ... --plant-program`.
 
-It has the size of the default scene's rig and none of its equations (docs/model.md): the strings are squeezed thinner
-by what they press on each other, instead of growing with the twist; they stiffen as they stretch; the leaf springs
-soften as they bend. All forces but friction are derivatives of one energy, and each part follows its force with a
-damper.
-Lines come on standard input and are answered on standard output, one for one, numbers in SI units (docs/plants.md).
+It has the size of the default scene's rig and none of its equations (docs/explanation/model.md): the strings are
+squeezed thinner by what they press on each other, instead of growing with the twist; they stiffen as they stretch; the
+leaf springs soften as they bend. All forces but friction are derivatives of one energy, and each part follows its force
+with a damper.
+Lines come on standard input and are answered on standard output, one for one, numbers in SI units
+(crates/rig-plant/README.md).
 """
 
 import sys

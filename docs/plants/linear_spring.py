@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """A plant program: a load on a linear spring that twisting makes shorter. Run by `rigctl ... --plant-program`.
 
-Lines come on standard input and are answered on standard output, one for one, numbers in SI units (docs/plants.md).
+Lines come on standard input and are answered on standard output, one for one, numbers in SI units
+(crates/rig-plant/README.md).
 """
 
 import sys

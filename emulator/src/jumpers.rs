@@ -1,5 +1,5 @@
-//! A NUCLEO without a rig: jumper wires from pin to pin, for the self-test (docs/selftest.md) and for any other program
-//! (docs/emulator.md). Each wire can be missing, and parts can be broken on purpose.
+//! A NUCLEO without a rig: jumper wires from pin to pin, for the self-test (src/bin/selftest/README.md) and for any
+//! other program (emulator/own-program.md). Each wire can be missing, and parts can be broken on purpose.
 //!
 //! A wire carries the level of the end that drives it. Where neither does, each pin follows its own pull. A USART's
 //! bytes go along a wire as whole characters, so a pin that reads such a wire as GPIO sees nothing of them.

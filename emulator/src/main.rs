@@ -23,7 +23,7 @@ use std::time::Duration;
 
 /// Runs a firmware ELF on an emulated NUCLEO-F446RE with the actuator's rig around it.
 /// Speaks JSON lines on standard input and output; `rigctl` is the tool for people. With `--bare` it runs any program for
-/// this chip without a rig and prints its log: docs/emulator.md.
+/// this chip without a rig and prints its log: docs/how-to/port-debug.md.
 #[derive(Parser)]
 #[command(
     version,
@@ -62,11 +62,11 @@ struct Arguments {
     /// A change of the plant that the firmware does not know of, for example `load=1.2kg`.
     #[arg(long, value_name = "KEY=VALUE")]
     plant: Vec<PlantChange>,
-    /// Program and arguments that stand in for mechanism and load: docs/plants.md.
+    /// Program and arguments that stand in for mechanism and load: docs/reference/simulator.md.
     #[arg(long, value_name = "CMD ARGS", conflicts_with = "plant_surface")]
     plant_program: Option<String>,
-    /// Measured gaps that stand in for the mechanism: docs/plants.md. Two files are those of a growing and of a falling
-    /// twist.
+    /// Measured gaps that stand in for the mechanism: docs/reference/simulator.md. Two files are those of a growing and
+    /// of a falling twist.
     #[arg(long, value_name = "FILE.csv")]
     plant_surface: Vec<PathBuf>,
     /// Seed of all noise, and of the rig that `--rig` draws.

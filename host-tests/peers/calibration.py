@@ -1,4 +1,4 @@
-"""The study of a new rig's calibration, as JSON: the six commands of docs/calibration.md on emulated rigs, and
+"""The study of a new rig's calibration, as JSON: the six commands of docs/how-to/calibrate.md on emulated rigs, and
 contractions and a move before and after them. It calls the tool, as a user does; tool and firmware must be built. Needs nothing but
 Python's own library.
 """

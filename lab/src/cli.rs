@@ -43,8 +43,9 @@ pub enum Command {
     Report(page::report::Arguments),
     /// What each part of a rig contributes to the errors of position and load, and how accurate a table is worth having
     ///
-    /// Computed from the scene, the model's sensitivities and the sizes of --rig (docs/budget.md); nothing is emulated. Half
-    /// widths of intervals that hold 90 of 100 cases, a case being a rig of the kind at a state of the scene's envelope. With
+    /// Computed from the scene, the model's sensitivities and the sizes of --rig (docs/explanation/accuracy.md);
+    /// nothing is emulated. Half widths of intervals that hold 90 of 100 cases, a case being a rig of the kind at a
+    /// state of the scene's envelope. With
     /// --json one object a part: part, position_m, load_relative.
     /// Example: `tsa-lab budget --rig hard`
     Budget(budget::report::Arguments),

@@ -44,7 +44,7 @@ fn the_constants_of_the_experiments_are_a_fit_with_k1_and_k2_as_printed() {
 
 #[test]
 fn the_papers_numbers_are_fitted_at_least_as_well_as_known() {
-    // model.md section 6: 26 numbers to 3.2 % rms, worst 7.2 %; l0-70, r0-2.5, k-0.01 to −19, −14 and 0 %.
+    // lab/paper.md: 26 numbers to 3.2 % rms, worst 7.2 %; l0-70, r0-2.5, k-0.01 to −19, −14 and 0 %.
     for scene in ["scenes/paper-identified.toml", "scenes/paper-printed.toml"] {
         let fit = fit(scene, &["--law", "twist-power"]);
         assert_eq!(fit["fitted"]["count"], 26);

@@ -33,12 +33,15 @@ fn commands(page: &str) -> Vec<String> {
 
 fn pages() -> Vec<PathBuf> {
     let mut pages = vec![root().join("README.md")];
-    for entry in std::fs::read_dir(root().join("docs")).unwrap() {
-        let path = entry.unwrap().path();
-        if path.extension().is_some_and(|e| e == "md") {
-            pages.push(path);
+    for folder in ["", "tutorial", "how-to", "reference", "explanation"] {
+        for entry in std::fs::read_dir(root().join("docs").join(folder)).unwrap() {
+            let path = entry.unwrap().path();
+            if path.extension().is_some_and(|e| e == "md") {
+                pages.push(path);
+            }
         }
     }
+    pages.extend(["emulator/own-program.md", "emulator/debugger.md", "lab/paper.md"].map(|page| root().join(page)));
     pages.sort();
     pages
 }

@@ -48,7 +48,7 @@ enum Task {
     /// Build the firmware, flash it through the board's ST-LINK with probe-rs, and show its log
     Flash(firmware::Flash),
     /// Test a board without a rig: build the self-test, flash it through the ST-LINK, and show its table
-    /// (docs/selftest.md)
+    /// (docs/tutorial/first-board.md)
     Selftest(selftest::Arguments),
     /// Build the desktop tools (target/release/rigctl, rig-emulator, tsa-lab)
     Build,
@@ -86,7 +86,7 @@ enum Task {
     },
     /// List the licences of all dependencies, and fail if deny.toml does not allow one
     Licences,
-    /// Build the release archive of this commit and try what is in it (target/release-archive; docs/release.md)
+    /// Build the release archive of this commit and try what is in it (target/release-archive; xtask/README.md)
     Release,
     /// Build everything and demonstrate homing and moving three loads with the firmware on an emulated board
     Demo {

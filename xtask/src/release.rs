@@ -1,5 +1,5 @@
 //! The release archive: tools, firmware, Python package, page, documents, sources and licences, with checksums.
-//! `docs/release.md` says what is in it for whom.
+//! `docs/how-to/release.md` says what is in it for whom.
 
 use crate::packages::Packages;
 use crate::process::{files_in, foreign, output_of, run, shown};

@@ -1,8 +1,8 @@
 //! Scene files: what one rig and one task need, in TOML.
 //!
 //! `[geometry]`, `[string]` and `[material]` are the mechanism's constants. `[rig]` holds what the paper leaves open
-//! about the rig; its defaults are assumptions (docs/hardware.md sections 6 and 8) and every key may be left out.
-//! `[uncertainty]` says how well the mechanism's constants are known; it may be left out as well.
+//! about the rig; its defaults are assumptions (docs/reference/hardware.md sections 2 and 3) and every key may be left
+//! out. `[uncertainty]` says how well the mechanism's constants are known; it may be left out as well.
 //! `[envelope]` and `[accuracy]` say what a table must cover and how well: optional for a solve, required for a table.
 //!
 //! - [`scene`]: the file, its hashes, the solver and the table that follow from it.

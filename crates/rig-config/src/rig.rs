@@ -55,7 +55,7 @@ pub struct Rig {
 pub enum DriveTransport {
     /// CAN1 at 1 Mbit/s, which the vendor's manual describes.
     Can,
-    /// USART1 over RS232. Experimental: the framing is assumed (docs/hardware.md section 5).
+    /// USART1 over RS232. Experimental: the framing is assumed (crates/rmds405/README.md section 5).
     Uart,
 }
 
@@ -91,7 +91,8 @@ impl Rig {
         f64::from(self.gear_ratio[0]) / f64::from(self.gear_ratio[1])
     }
 
-    /// Quadrature counts per radian of twist: 4 for each encoder line (docs/hardware.md section 1), times the gear.
+    /// Quadrature counts per radian of twist: 4 for each encoder line (crates/rmds405/README.md section 1), times the
+    /// gear.
     pub fn counts_per_rad(&self) -> f64 {
         4.0 * f64::from(self.encoder_lines) * self.gear() / std::f64::consts::TAU
     }
@@ -167,7 +168,7 @@ impl Rig {
         let volts = |volts: f64| volts >= 0.0 && volts.is_finite();
         let (span, gap, linearity) = ((at_stroke - at_zero).abs(), self.lvdt_gap_at_zero_m, self.lvdt_linearity);
         let rpm = speed * 60.0 / std::f64::consts::TAU;
-        // The command carries an i16 in rpm, the limit an i16 in mA (docs/hardware.md section 1).
+        // The command carries an i16 in rpm, the limit an i16 in mA (crates/rmds405/README.md section 1).
         for (good, parameter, value, reason) in [
             (lines <= 65_536, "rig.encoder_lines", f64::from(lines), "must be at most 65536"),
             (rpm <= 32_767.0, "rig.motor_speed_max_rad_per_s", speed, "must be below 32767 rpm, the drive's range"),

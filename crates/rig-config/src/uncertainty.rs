@@ -4,8 +4,8 @@ use serde::{Deserialize, Serialize};
 use tsa_model::ParameterError;
 use tsa_model::error::require;
 
-/// Standard errors of what the constants say of the strings (docs/scene.md). The control code computes from them how
-/// well it knows load and position.
+/// Standard errors of what the constants say of the strings (docs/reference/config.md). The control code computes from
+/// them how well it knows load and position.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Uncertainty {
@@ -22,7 +22,7 @@ pub struct Uncertainty {
 
 impl Default for Uncertainty {
     /// Constants from the paper for a rig of its kind that nobody has identified, an LVDT that is mounted by callipers, and
-    /// rods whose stress in transformation has a loop of 60 MPa to either side (docs/plants.md).
+    /// rods whose stress in transformation has a loop of 60 MPa to either side (crates/rig-plant/README.md).
     fn default() -> Self {
         Self { radius: 0.03, gap_zero_m: 1e-3, load_shape: 0.08, rod_memory: 0.22 }
     }

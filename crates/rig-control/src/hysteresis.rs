@@ -1,7 +1,7 @@
 //! Hysteresis of the rods: by how much a load is taken wrong after a heavier one has hung.
 
 /// Rods that have carried a heavier load remember it: on the way down their stress is lower, which looks like 0.4, 1.3 and
-/// 1.0 N at 1, 5 and 10 N (docs/plants.md). The load (N) over which the share of a light load falls.
+/// 1.0 N at 1, 5 and 10 N (crates/rig-plant/README.md). The load (N) over which the share of a light load falls.
 const MEMORY_FALLS_N: f32 = 7.0;
 /// How far below the heaviest load (N) what the rods remember is complete.
 pub const MEMORY_COMPLETE_N: f32 = 4.0;

@@ -46,7 +46,7 @@ pub use sensors::{DriveReading, LvdtBlock, LvdtReading, SupplyReading};
 pub use supervisor::{Inputs, Outputs, Rig};
 
 /// Control period (s): one tick, one drive command, one telemetry message. The drive's recommended data period
-/// (hardware.md 2.5) and its feedback period.
+/// (crates/rmds405/README.md 2.5) and its feedback period.
 pub const TICK_S: f32 = 0.01;
 
 /// [`TICK_S`] in microseconds.

@@ -6,7 +6,7 @@
 //! ([`crate::observer`]).
 //!
 //! The innovation e, measured less expected gap at the time of the measurement, corrects all three. With a step Δt since the
-//! measurement before and z = exp(−λ Δt) (docs/control.md 2):
+//! measurement before and z = exp(−λ Δt) (docs/explanation/control.md 2):
 //! `G += (1 − z³) e`, `G' += (1.5 (1 − z²)(1 − z)/Δt − ω² Δt) e`, `W += m (1 − z)³/Δt² e`.
 
 use crate::TICK_S;
@@ -17,8 +17,8 @@ pub const OBSERVER_PER_S: f32 = 50.0;
 /// Standard gravity (m/s²): weight over mass.
 pub(crate) const STANDARD_GRAVITY_M_PER_S2: f32 = 9.806_65;
 /// Time from the readings of a tick to the middle of what its command does (s): half of the tick for which a speed holds, and
-/// what bus and speed loop of the drive take (docs/hardware.md 2.7, assumed). The lag of its position loop is measured while
-/// homing and made up for in the command.
+/// what bus and speed loop of the drive take (crates/rmds405/README.md 2.7, assumed). The lag of its position loop is
+/// measured while homing and made up for in the command.
 pub const AHEAD_S: f32 = 0.5 * TICK_S + 4e-3;
 /// Least weight that a load seems to have, as a share of the table's lightest load: on the way down friction carries a part of it.
 const LIGHTEST_SHARE: f32 = 0.3;

@@ -1,9 +1,9 @@
 //! The mechanism as this rig's strings really are: the table, corrected by a scale of the twist.
 //!
-//! Twist acts through the arc θ r of the strings (model.md 2), so a string a little thicker or thinner than the scene
-//! says acts as one that is twisted a little more or less: G(F, s θ). This one number s stands for everything that makes
-//! the radius wrong: spread of the braid, creep, temperature. What is left at the homed load is a curve over the twist
-//! ([`rig_link::gap_curve`]), so that gap and TR are those that this rig showed.
+//! Twist acts through the arc θ r of the strings (docs/explanation/model.md 2), so a string a little thicker or thinner
+//! than the scene says acts as one that is twisted a little more or less: G(F, s θ). This one number s stands for
+//! everything that makes the radius wrong: spread of the braid, creep, temperature. What is left at the homed load is a
+//! curve over the twist ([`rig_link::gap_curve`]), so that gap and TR are those that this rig showed.
 
 use rig_link::messages::{GapCurve, Setting};
 use tsa_table::{Point, Table};

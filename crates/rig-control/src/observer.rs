@@ -1,4 +1,4 @@
-//! The load, from twist and gap (model.md section 4): rods and strings are the rig's own load cell.
+//! The load, from twist and gap (docs/explanation/model.md section 4): rods and strings are the rig's own load cell.
 //!
 //! They measure their pull S, which at rest is anywhere within the rail's friction f of the load W: W − f ≤ S ≤ W + f.
 //! While the load moves, the pull is at one end of that band: S = W + f on the way up, W − f on the way down. So

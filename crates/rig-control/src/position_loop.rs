@@ -2,9 +2,9 @@
 //!
 //! In coordinates of the load the strings set where it would come to rest, q, and the load swings about that:
 //! `p'' = ω² (q − p)`, `q' = u`, with ω² = k/m at this load and twist, and u turned into twist speed by TR. Feedback of p, p'
-//! and q places the three poles of this plant ([`GAINS`], docs/control.md 3): the swing is damped, and a motor that is at its
-//! limit for most of the way still brings the load to rest without an overshoot. A wanted motion r of the load needs
-//! `q = r + r''/ω²`: the resonance is fed forward, so that following needs no feedback.
+//! and q places the three poles of this plant ([`GAINS`], docs/explanation/control.md 3): the swing is damped, and a
+//! motor that is at its limit for most of the way still brings the load to rest without an overshoot. A wanted motion r
+//! of the load needs `q = r + r''/ω²`: the resonance is fed forward, so that following needs no feedback.
 //!
 //! What friction holds back is not left to the error either, see [`crate::friction_takeup`].
 
@@ -15,7 +15,8 @@ use crate::load_state::LoadState;
 use crate::planner::SetPoint;
 use crate::rest::{Rest, Standing};
 
-/// Poles `(s + A)(s² + B s + C)` over ω, with a damping ratio of 0.41: chosen by load steps on emulated rigs (docs/control.md 3).
+/// Poles `(s + A)(s² + B s + C)` over ω, with a damping ratio of 0.41: chosen by load steps on emulated rigs
+/// (docs/explanation/control.md 3).
 const POLES: [f32; 3] = [0.55, 0.78, 0.9];
 /// Feedback of p, p'/ω and q, over ω, that places them: `s³ + K₂ s² + (1 + K₁) s + (K₀ + K₂)`.
 pub const GAINS: [f32; 3] = {

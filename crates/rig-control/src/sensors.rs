@@ -65,7 +65,8 @@ impl LvdtReading {
     }
 }
 
-/// Code below which a wire is taken for broken: 1 % of the range; a pull-down takes an open lead there (hardware.md 6.4).
+/// Code below which a wire is taken for broken: 1 % of the range; a pull-down takes an open lead there
+/// (docs/reference/hardware.md 2.2).
 const OPEN_BELOW: f32 = 41.0;
 /// Code above which the signal is taken for shorted to the supply: 99 % of the range.
 const SHORT_ABOVE: f32 = 4054.0;
@@ -77,7 +78,7 @@ const FROZEN_BLOCKS: u32 = 30;
 const STALLED_US: u64 = 50_000;
 
 /// Age of a block's mean at the end of the block (s): half the block (256 samples in 6 ms) and the sensor's own first-order
-/// delay at 200 Hz (hardware.md 6.4, assumed).
+/// delay at 200 Hz (docs/reference/hardware.md 2.2, assumed).
 pub const GAP_DELAY_S: f32 = 3.8e-3;
 
 /// Watches the LVDT's health and converts its codes.
@@ -130,7 +131,7 @@ impl Lvdt {
     }
 }
 
-/// Extends the timer's 16-bit count. At 12 000 rpm half a wrap takes 40 ms (hardware.md 6.2), so call every 10 ms.
+/// Extends the timer's 16-bit count. At 12 000 rpm half a wrap takes 40 ms (src/README.md 3), so call every 10 ms.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct EncoderCount {
     last: u16,

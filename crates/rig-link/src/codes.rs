@@ -194,8 +194,8 @@ named_codes! {
 }
 
 named_codes! {
-    /// A fault, which stops the rig. It is latched until cleared; `docs/faults.md` has an entry for each. The numbers never
-    /// change and are never reused (24 was in use once).
+    /// A fault, which stops the rig. It is latched until cleared; `docs/reference/faults.md` has an entry for each. The
+    /// numbers never change and are never reused (24 was in use once).
     pub enum Fault {
         /// No heartbeat from the host during a motion.
         HostSilent = 1, "host-silent";

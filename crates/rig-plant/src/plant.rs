@@ -104,7 +104,7 @@ macro_rules! plant_keys {
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
 
 // Key, field and default; quantity, range, when, what it belongs to; then how rigs draw it, and the sizes on nominal and hard
-// ones, whose sources stand in docs/plants.md.
+// ones, whose sources stand in docs/reference/simulator.md.
 plant_keys! {
     /// Weight on the rail (N); its inertia is load / g.
     Load = "load", load_n: f64 = 0.5 * STANDARD_GRAVITY, Load, [0.01, 200.0], Always, Plant;

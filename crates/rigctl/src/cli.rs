@@ -110,7 +110,7 @@ pub enum Command {
     /// The checks of a board without a rig, seven jumper wires aside: CAN, ADC, encoder inputs, serial line, flash, watchdog, clocks
     ///
     /// An image of its own, here on the emulated board; `cargo xtask selftest` flashes the same to a real one and shows the same
-    /// table (docs/selftest.md). Exit code 1 if a check is not ok.
+    /// table (docs/tutorial/first-board.md). Exit code 1 if a check is not ok.
     Selftest,
     Monitor(monitor::Monitor),
     Serve(serve::Serve),

@@ -13,9 +13,9 @@ pub struct ErrorBody {
     pub message: String,
 }
 
-/// A homing that failed, by the name that `docs/faults.md` explains.
+/// A homing that failed, by the name that `docs/reference/faults.md` explains.
 #[derive(Clone, Copy, Debug, thiserror::Error)]
-#[error("homing failed: {0} (docs/faults.md, \"Homing that fails\")")]
+#[error("homing failed: {0} (docs/reference/faults.md, \"Homing that fails\")")]
 pub struct HomingFailed(pub HomingFailure);
 
 /// Why a conversation with a board was broken off.
@@ -48,7 +48,7 @@ impl std::fmt::Display for BrokenOff {
             "the board was stopped"
         } else {
             "the board did NOT acknowledge the stop, and the rig may still move: press the emergency stop, then check the \
-             board's supply and cable (docs/faults.md, \"A silent board\")"
+             board's supply and cable (docs/reference/faults.md, \"A silent board\")"
         };
         write!(f, "{why}: {end}")
     }

@@ -58,9 +58,10 @@ fn numbers<'a>(mut words: impl Iterator<Item = &'a str>) -> Vec<String> {
 fn wrong(file: &str, text: &str) -> Vec<String> {
     let mut wrong = Vec::new();
     for (line, page, sections) in citations(text) {
-        let places = [root().join("docs").join(&page), root().join(&page)];
+        let beside = root().join(file).with_file_name(&page);
+        let places = [root().join("docs").join(&page), root().join(&page), beside];
         let Some(text) = places.iter().find_map(|place| std::fs::read_to_string(place).ok()) else {
-            wrong.push(format!("{file}:{line}: {page} is neither in docs/ nor at the root"));
+            wrong.push(format!("{file}:{line}: {page} is neither in docs/ nor at the root nor beside the file"));
             continue;
         };
         let headings = text.lines().filter(|line| line.starts_with('#'));
@@ -82,7 +83,9 @@ fn files(folder: &Path, found: &mut Vec<PathBuf>) {
         let ending = path.extension().unwrap_or_default();
         if path.is_dir() && name != "target" && !name.starts_with('.') {
             files(&path, found);
-        } else if ending == "rs" || ending == "toml" || ending == "md" && (folder == root() || folder.ends_with("docs"))
+        } else if ending == "rs"
+            || ending == "toml"
+            || ending == "md" && (folder == root() || folder.starts_with(root().join("docs")))
         {
             found.push(path);
         }
@@ -108,7 +111,7 @@ fn every_cited_section_exists() {
 #[test]
 fn citations_are_read_as_people_write_them_and_named_where_they_are_wrong() {
     // Put together here, so that the other test does not read these lines as citations.
-    let page = format!("faults{ENDING}");
+    let page = format!("reference/faults{ENDING}");
     for (text, numbers) in [
         ("// at least 500 ms (PAGE 2.5).", &["2.5"][..]),
         ("/// PAGE section 8; the table", &["8"]),
@@ -128,6 +131,6 @@ fn citations_are_read_as_people_write_them_and_named_where_they_are_wrong() {
     let expected = ["0.5", "99"].map(|number| format!("a.rs:2: {page} has no section {number}"));
     assert_eq!(wrong("a.rs", &format!("nothing\n// {page} 0.5 and 99")), expected);
     let nowhere = format!("nowhere{ENDING}");
-    let expected = [format!("a.rs:1: {nowhere} is neither in docs/ nor at the root")];
+    let expected = [format!("a.rs:1: {nowhere} is neither in docs/ nor at the root nor beside the file")];
     assert_eq!(wrong("a.rs", &format!("{nowhere} 1")), expected);
 }

@@ -331,8 +331,8 @@ fn a_homing_that_fails_says_why_by_its_documented_name() {
     let told = lines(&output).pop().unwrap_or_else(|| panic!("nothing: {}", error_of(&output)));
     let why = told["homing_failure"].as_str().unwrap_or_else(|| panic!("{told}")).to_owned();
     assert_eq!(told["error"]["kind"], "homing-failed");
-    let page = std::fs::read_to_string(common::root().join("docs/faults.md")).expect("the page");
-    assert!(page.contains(&format!("\n| `{why}` |")), "{why} is not in docs/faults.md");
+    let page = std::fs::read_to_string(common::root().join("docs/reference/faults.md")).expect("the page");
+    assert!(page.contains(&format!("\n| `{why}` |")), "{why} is not in docs/reference/faults.md");
     assert!(error_of(&output).contains(&format!("homing failed: {why}")), "{}", error_of(&output));
     let text = play("why", "2.5 home\n60 end\n", &plant);
     let text = String::from_utf8_lossy(&text.stdout).into_owned();

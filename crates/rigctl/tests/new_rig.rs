@@ -1,5 +1,5 @@
-//! A new rig becomes a calibrated one, by the commands of `docs/calibration.md` and on one emulated board: LVDT, sweeps,
-//! constants, table, move; and what each of it was good for.
+//! A new rig becomes a calibrated one, by the commands of `docs/how-to/calibrate.md` and on one emulated board: LVDT,
+//! sweeps, constants, table, move; and what each of it was good for.
 
 mod common;
 

@@ -307,7 +307,7 @@ fn an_interrupt_stops_the_rig_and_removes_the_socket() {
 
 /// The text of the page's fenced blocks of this language.
 fn blocks(language: &str) -> Vec<String> {
-    let page = std::fs::read_to_string(root().join("docs/connect.md")).expect("the page");
+    let page = std::fs::read_to_string(root().join("docs/how-to/integrate.md")).expect("the page");
     let fence = format!("```{language}\n");
     page.split(&fence).skip(1).filter_map(|rest| Some(rest.split_once("\n```")?.0.to_owned())).collect()
 }
@@ -354,7 +354,7 @@ fn what_the_bridge_of_the_page_sends_and_reads_moves_the_rig() {
     assert!(client.ask(json!({"id": 1, "do": "home"}))["done"].is_object());
     // The tick that ended the homing does not know the load yet.
     client.row("a load", |row| row["load_n"].is_number());
-    let source = &blocks("cpp")[0];
+    let source = std::fs::read_to_string(root().join("examples/ros2_control/rig_system.cpp")).expect("the bridge");
     let sent: Vec<&str> = source.split("R\"(").skip(1).filter_map(|rest| Some(rest.split_once(")\"")?.0)).collect();
     let [stop, order] = sent[..] else { panic!("{sent:?}") };
     let gear_ratio = client.hello["hello"]["gear_ratio"].as_f64().expect("a number");

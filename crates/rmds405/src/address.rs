@@ -1,4 +1,4 @@
-//! The address of a frame: `id = group << 8 | number << 4 | function` (hardware.md 2.1).
+//! The address of a frame: `id = group << 8 | number << 4 | function` (crates/rmds405/README.md 2.1).
 
 use crate::units::OutOfRange;
 
@@ -38,7 +38,7 @@ impl Address {
     }
 }
 
-/// The low four bits of the identifier (hardware.md 2.2).
+/// The low four bits of the identifier (crates/rmds405/README.md 2.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Function {

@@ -1,10 +1,10 @@
-//! Host to drive (hardware.md 2.2, functions 0x0 to 0xA, 0xE and 0xF).
+//! Host to drive (crates/rmds405/README.md 2.2, functions 0x0 to 0xA, 0xE and 0xF).
 
 use crate::address::{Address, Function};
 use crate::frame::{Frame, Ignored, PAD, Received, accept, i16_at, position_of, words};
 use crate::units::{CurrentLimit, Milliamps, OutOfRange, Pwm, PwmLimit, QuadCounts, Rpm, SpeedLimit};
 
-/// The eight ways to run a motor (hardware.md 2.3). Only the `Current…` modes bound the torque.
+/// The eight ways to run a motor (crates/rmds405/README.md 2.3). Only the `Current…` modes bound the torque.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Mode {
@@ -150,7 +150,7 @@ pub enum Command {
     Config {
         /// Of the motion report (T1).
         motion_ms: u8,
-        /// Of the mixed report (T2). 0 also means "off" to firmware older than 2018-07-28 (hardware.md 4).
+        /// Of the mixed report (T2). 0 also means "off" to firmware older than 2018-07-28 (crates/rmds405/README.md 4).
         mixed_ms: u8,
     },
     /// The two outputs.

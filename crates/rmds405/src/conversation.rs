@@ -1,9 +1,9 @@
 //! The whole conversation with one drive, as pure steps: start-up, a target every tick, letting go, and whether the
 //! drive's motor power may be on. The firmware and the tests on a desktop run the same code.
 //!
-//! The drive keeps its last target for ever (hardware.md 2.6). So the first frame after every start of the board is a
-//! Reset, motor power is switched on only after that frame, and a target that is no longer valid is withdrawn by a
-//! Reset.
+//! The drive keeps its last target for ever (crates/rmds405/README.md 2.6). So the first frame after every start of the
+//! board is a Reset, motor power is switched on only after that frame, and a target that is no longer valid is
+//! withdrawn by a Reset.
 
 use crate::address::Address;
 use crate::command::{Command, Mode};
@@ -12,7 +12,7 @@ use crate::report::Report;
 use crate::start_up::{Action, StartUp};
 use crate::units::{CurrentLimit, OutOfRange, Pwm, QuadCounts, SpeedLimit};
 
-/// Period of the drive's motion reports (ms): its recommended data period (hardware.md 2.5).
+/// Period of the drive's motion reports (ms): its recommended data period (crates/rmds405/README.md 2.5).
 pub const FEEDBACK_MS: u8 = 10;
 /// Period of the drive's reports of its supply (ms), where the supply is wired to the drive's analog input.
 pub const SUPPLY_MS: u8 = 50;
@@ -39,10 +39,11 @@ pub enum DriveCommand {
     /// motor power is off it stays off.
     LetGo,
     /// The same with a Reset every second, and motor power off. For the emergency stop, whose contact has taken the
-    /// motor off the drive, so that the drive's supply is not cut while the motor feeds it (hardware.md 1).
+    /// motor off the drive, so that the drive's supply is not cut while the motor feeds it (docs/reference/hardware.md
+    /// 1).
     PowerOff,
     /// Go to a position in the drive's own counts, at most this fast, with at most this current (mode 8). If the next
-    /// command never comes, the motor stops there: the drive has no time-out of its own (hardware.md 2.6).
+    /// command never comes, the motor stops there: the drive has no time-out of its own (crates/rmds405/README.md 2.6).
     Follow {
         /// Position (drive counts).
         position_qc: i32,
@@ -52,7 +53,7 @@ pub enum DriveCommand {
         current_limit_ma: i16,
     },
     /// A voltage on the motor, in 1/5000 of the supply (mode 1). 0 shorts the motor, which brakes it (assumed,
-    /// hardware.md 1).
+    /// docs/reference/hardware.md 1).
     Voltage {
         /// Share of the supply, -5000 to 5000.
         pwm: i16,
@@ -68,7 +69,7 @@ pub enum DriveReading {
     Failed,
     /// The drive has been let go; its reports have no meaning any more.
     Released,
-    /// Its last motion report (hardware.md 2.4).
+    /// Its last motion report (crates/rmds405/README.md 2.4).
     Reports {
         /// When it came (µs since boot).
         t_us: u64,
@@ -289,7 +290,7 @@ mod tests {
         Command::Reset.encode(address())
     }
 
-    /// A drive that answers as hardware.md 2.5 says; ready at the returned time (µs).
+    /// A drive that answers as crates/rmds405/README.md 2.5 says; ready at the returned time (µs).
     fn ready() -> (Conversation, u64) {
         started_by(DriveCommand::Restart)
     }

@@ -3,10 +3,10 @@
 use crate::address::{Address, Function};
 use crate::units::QuadCounts;
 
-/// Fills the bytes that a function does not use (hardware.md 1).
+/// Fills the bytes that a function does not use (crates/rmds405/README.md 1).
 pub const PAD: u8 = 0x55;
 
-/// A frame to send: standard identifier, data frame, always 8 bytes (hardware.md 1).
+/// A frame to send: standard identifier, data frame, always 8 bytes (crates/rmds405/README.md 1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Frame {
     /// 11-bit identifier.

@@ -1,8 +1,8 @@
 //! The protocol of the RoboModule RMDS-405 motor drive: its frames in both directions, and the order in which they go.
 //!
 //! There is no hardware and no clock in here: CAN frames are plain values, and time is an argument. The facts stand in
-//! `docs/hardware.md` (the doc comments name the section), which quotes the vendor's CAN manual as V-CAN and its FAQ as
-//! V-FAQ.
+//! `crates/rmds405/README.md` (the doc comments name the section), which quotes the vendor's CAN manual as V-CAN and
+//! its FAQ as V-FAQ.
 //!
 //! - [`address`]: group, number and function, which together make the CAN identifier.
 //! - [`units`]: newtypes for what the wire carries, each with its range.

@@ -1,11 +1,11 @@
-//! Drive to host (hardware.md 2.2 and 2.4, functions 0xB, 0xC, 0xD and 0xF).
+//! Drive to host (crates/rmds405/README.md 2.2 and 2.4, functions 0xB, 0xC, 0xD and 0xF).
 
 use crate::address::{Address, Function};
 use crate::frame::{Frame, Ignored, PAD, Received, accept, i16_at, position_of, words};
 use crate::units::{Milliamps, Pwm, QuadCounts, Rpm};
 
-/// Code of stall protection in an error report (V-CAN p21). Assume that only a reset clears it (hardware.md 10). No manual
-/// defines another one.
+/// Code of stall protection in an error report (V-CAN p21). Assume that only a reset clears it
+/// (docs/reference/hardware.md 4). No manual defines another one.
 pub const STALL: u8 = 0x01;
 
 /// Inputs and present output of the drive (V-CAN p20-21). `true` is high or lit.
@@ -15,7 +15,7 @@ pub struct Mixed {
     pub ctl1: bool,
     /// Input CTL2.
     pub ctl2: bool,
-    /// The rest; drives older than 2018-07-28 fill in only the first two bytes (hardware.md 4).
+    /// The rest; drives older than 2018-07-28 fill in only the first two bytes (crates/rmds405/README.md 4).
     pub rest: Option<MixedRest>,
 }
 

@@ -1,7 +1,8 @@
 //! The same frames over RS232. **Experimental: no public text of the vendor's RS232 manual was found.**
 //!
-//! Known (hardware.md 5): RS232 levels, 115 200 baud 8N1, the command set of CAN, RS232 and CAN exclusive. Assumed, by
-//! analogy with the vendor's older RS485 frame (0x48, number and function, the same eight bytes, no checksum):
+//! Known (crates/rmds405/README.md 5): RS232 levels, 115 200 baud 8N1, the command set of CAN, RS232 and CAN exclusive.
+//! Assumed, by analogy with the vendor's older RS485 frame (0x48, number and function, the same eight bytes, no
+//! checksum):
 //!
 //! - ten bytes: the header 0x32, the function, the eight data bytes of the CAN frame padded with 0x55;
 //! - no address: the line has one drive at its end;
@@ -16,7 +17,7 @@ use crate::command::Command;
 use crate::frame::Frame;
 use crate::report::Report;
 
-/// Baud of the drive as it is delivered (hardware.md 5), 8N1.
+/// Baud of the drive as it is delivered (crates/rmds405/README.md 5), 8N1.
 pub const BAUD: u32 = 115_200;
 
 /// Length of a frame on the line.

@@ -1,23 +1,23 @@
-//! From power-up to the first data frame (hardware.md 2.5), as a pure state machine.
+//! From power-up to the first data frame (crates/rmds405/README.md 2.5), as a pure state machine.
 //!
 //! ```text
 //! Reset at once -> 500 ms -> online check until echo -> Reset -> 600 ms -> Mode -> 600 ms -> Config
 //!     -> first motion report -> Ready
 //! ```
 //! The first Reset is for a drive that kept its power while the microcontroller restarted: it carries out its last
-//! command for ever (hardware.md 2.6), so the microcontroller stops it before anything else. A drive that is still
-//! booting ignores the Reset.
+//! command for ever (crates/rmds405/README.md 2.6), so the microcontroller stops it before anything else. A drive that
+//! is still booting ignores the Reset.
 
 use crate::address::Address;
 use crate::command::{Command, Mode};
 use crate::frame::Frame;
 use crate::report::Report;
 
-/// From power-up to the first frame that the drive must understand: at least 500 ms (hardware.md 2.5).
+/// From power-up to the first frame that the drive must understand: at least 500 ms (crates/rmds405/README.md 2.5).
 pub const POWER_UP_MS: u64 = 500;
-/// From Reset to Mode: at least 500 ms, 600 ms recommended (hardware.md 4).
+/// From Reset to Mode: at least 500 ms, 600 ms recommended (crates/rmds405/README.md 4).
 pub const AFTER_RESET_MS: u64 = 600;
-/// From Mode to the first data: at least 500 ms, 600 ms recommended (hardware.md 4).
+/// From Mode to the first data: at least 500 ms, 600 ms recommended (crates/rmds405/README.md 4).
 pub const AFTER_MODE_MS: u64 = 600;
 /// Between online checks. Our choice: the answer takes well under 1 ms, a booting drive up to 500 ms.
 pub const ONLINE_RETRY_MS: u64 = 100;

@@ -1,6 +1,6 @@
 //! The values that the wire carries, as newtypes: a current cannot be sent as a speed, and no limit can be negative.
 //!
-//! Ranges and units are those of docs/hardware.md section 1, "Units and conventions".
+//! Ranges and units are those of crates/rmds405/README.md section 1, "Units and conventions".
 
 /// A value outside the range of its field; the variant names the parameter and holds what was given.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -11,7 +11,7 @@ pub enum OutOfRange {
     /// Number is 1 to 15; 0 is the broadcast (V-CAN p6).
     #[error("drive number {0} is not within 1 to 15")]
     Number(u8),
-    /// Mode code is 1 to 8 (hardware.md 2.3).
+    /// Mode code is 1 to 8 (crates/rmds405/README.md 2.3).
     #[error("mode code {0} is not within 1 to 8")]
     Mode(u8),
     /// PWM is -5000 to 5000.

@@ -1,4 +1,4 @@
-//! Every frame and identifier of hardware.md 3.
+//! Every frame and identifier of crates/rmds405/README.md 3.
 
 use rmds405::report::{MixedRest, STALL};
 use rmds405::{

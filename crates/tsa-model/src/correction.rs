@@ -1,4 +1,5 @@
-//! What a law misses of one rig's gap, as measured: a smooth surface over load and twist (docs/model.md section 4).
+//! What a law misses of one rig's gap, as measured: a smooth surface over load and twist (docs/explanation/model.md
+//! section 4).
 
 use crate::error::{ParameterError, require};
 use crate::scalar::ln;

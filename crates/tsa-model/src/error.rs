@@ -33,7 +33,7 @@ pub fn positive(values: &[(&'static str, f64)]) -> Result<(), ParameterError> {
         .try_for_each(|&(parameter, value)| require(good(value), parameter, value, "must be above 0 and finite"))
 }
 
-/// The limit of the model that stopped a solve (docs/model.md section 5).
+/// The limit of the model that stopped a solve (docs/explanation/model.md section 5).
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum SolveError {
     /// The load or the twist is NaN or infinite.
@@ -157,7 +157,7 @@ impl Warnings {
     /// |n| l²/EI ≥ π²/4 with the softest bending stiffness that occurs: more than one equilibrium may exist; the one
     /// connected to zero load is returned.
     pub const NOT_UNIQUE: Self = Self(4);
-    /// |θ| < π: the strings do not touch yet; the paper says nothing there (docs/model.md section 5).
+    /// |θ| < π: the strings do not touch yet; the paper says nothing there (docs/explanation/model.md section 5).
     pub const OPEN_STRINGS: Self = Self(8);
 
     /// X < r0 |θ|/π: two strings laid side by side would be longer. Only from [`crate::Mechanism::formal`].

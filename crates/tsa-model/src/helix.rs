@@ -19,7 +19,7 @@ pub struct State {
     pub twist_rad: f64,
     /// Sign of θ: the mechanism is symmetric.
     pub sign: f64,
-    /// S = sin(min(|θ|, π)/2): how much of D the open strings span (docs/model.md section 5).
+    /// S = sin(min(|θ|, π)/2): how much of D the open strings span (docs/explanation/model.md section 5).
     pub span_factor: f64,
     span_factor_by_twist: f64,
     /// Share of the load that bends the rods; below 1 only on the way of a continuation.

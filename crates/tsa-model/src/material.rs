@@ -11,7 +11,7 @@ pub struct Material {
     pub stress_coefficients_pa: [f64; 5],
 }
 
-/// Strain up to which eq. 12 was fitted (docs/model.md section 5).
+/// Strain up to which eq. 12 was fitted (docs/explanation/model.md section 5).
 pub const FIT_RANGE: f64 = 0.08;
 
 impl Material {

@@ -136,8 +136,8 @@ impl<T: Scalar> Parameters<T> {
         (self.string_length_m * self.string_length_m - self.rod_span_m * self.rod_span_m).sqrt()
     }
 
-    /// Radius r of the twisted pair and its derivatives, as H = |θ| r needs them (eq. 6 and docs/model.md section 2).
-    /// `twist_rad` is |θ|, `length_m` is X, `start_length_m` is X0.
+    /// Radius r of the twisted pair and its derivatives, as H = |θ| r needs them (eq. 6 and docs/explanation/model.md
+    /// section 2). `twist_rad` is |θ|, `length_m` is X, `start_length_m` is X0.
     pub fn radius(&self, load_n: f64, twist_rad: f64, length_m: T, start_length_m: T) -> Radius<T> {
         let by_k1 = T::of(1.0) / (self.k1_per_n * load_n);
         let base = by_k1 + self.k2;

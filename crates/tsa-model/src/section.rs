@@ -2,8 +2,9 @@
 //!
 //! Stresses are divided by Young's modulus at zero strain, forces by A·E. With b = κR and y = b², the energy of the
 //! section is w(e, y) = w0(e) + w2(e) y + w4(e) y² + w6 y³, where integrating eq. 12 over the circle gives
-//! w2 = σ'/8, w4 = (a3 + 4 a4 e + 10 a5 e²)/32, w6 = 5 a5/384 (the paper's B0, B1, I0, I1 are misprinted; docs/model.md
-//! 3). y rather than κ is the unknown: near the rod's tip κ vanishes like a square root, y linearly.
+//! w2 = σ'/8, w4 = (a3 + 4 a4 e + 10 a5 e²)/32, w6 = 5 a5/384 (the paper's B0, B1, I0, I1 are misprinted;
+//! docs/explanation/model.md 3). y rather than κ is the unknown: near the rod's tip κ vanishes like a square root, y
+//! linearly.
 
 use crate::error::SolveError;
 use crate::scalar::{LAST_STEP_TOLERANCE, PRECISION, Scalar};
@@ -157,7 +158,7 @@ impl<T: Scalar> Section<T> {
         if vertex > 0.0 && vertex < bending_squared { ends.min(at(vertex)) } else { ends }
     }
 
-    /// κM + (1 + e)N − W over A·E: constant along the rod (docs/model.md section 3).
+    /// κM + (1 + e)N − W over A·E: constant along the rod (docs/explanation/model.md section 3).
     pub fn first_integral(&self, strain: Strain<T>) -> T {
         let b = strain.bending_squared.sqrt();
         b * self.moment(strain) + (strain.axial + 1.0) * self.axial_force(strain) - self.energy(strain)

@@ -1,4 +1,4 @@
-//! The limits of the model (docs/model.md section 5): each limit named, and the nearest good case solved.
+//! The limits of the model (docs/explanation/model.md section 5): each limit named, and the nearest good case solved.
 
 use rig_config::Scene;
 use tsa_model::{Material, Mechanism, RadiusLaw, SolveError, Warnings, twist_from_turns};
@@ -58,7 +58,7 @@ fn overtwist() {
 
 #[test]
 fn no_equilibrium() {
-    // The printed law at 1 N: the helix runs away; at 31π of twist none exists (docs/numerics.md 2.6).
+    // The printed law at 1 N: the helix runs away; at 31π of twist none exists (crates/tsa-model/README.md 3).
     let m = scene("paper-printed").mechanism().unwrap();
     assert!(matches!(m.formal(1.0, 40.0 * std::f64::consts::TAU), Err(SolveError::NoEquilibrium { .. })));
     assert!(m.solve(1.0, twist_from_turns(7.5)).is_ok());

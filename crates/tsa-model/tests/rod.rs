@@ -1,4 +1,4 @@
-//! The rod against numbers that others computed by other means (docs/numerics.md section 2).
+//! The rod against numbers that others computed by other means (crates/tsa-model/README.md section 2).
 
 use tsa_model::rod::{Rod, TipForce};
 

@@ -1,4 +1,4 @@
-"""The Python of docs/connect.md, run as it stands: on an exported log, and on a served rig."""
+"""The Python of docs/how-to/integrate.md, run as it stands: on an exported log, and on a served rig."""
 
 import subprocess
 import time
@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from test_export import ROOT, TOOL, rigctl
 
-PAGE = (ROOT / "docs" / "connect.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "how-to" / "integrate.md").read_text(encoding="utf-8")
 READS, TALKS = (block.split("\n```")[0] for block in PAGE.split("```python\n")[1:])
 
 

@@ -14,7 +14,7 @@ pub struct Effect {
     pub keys: &'static [PlantKey],
 }
 
-/// All of them, as docs/plants.md has them.
+/// All of them, as crates/rig-plant/README.md has them.
 pub const EFFECTS: [Effect; 10] = [
     Effect {
         name: "current reading",

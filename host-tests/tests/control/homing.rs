@@ -25,7 +25,7 @@ fn homes_within_20_mrad_from_any_twist_under_any_load() {
     let mut random = rand_pcg::Pcg64Mcg::seed_from_u64(20);
     for seed in 0..24 {
         let load_kg = 0.1 * 15f64.powf(random.random());
-        // Light strings side by side end before ten turns (model.md 5).
+        // Light strings side by side end before ten turns (docs/explanation/model.md 5).
         let most_rad = TAU * if load_kg < 0.2 { 9.0 } else { 10.0 };
         // Near zero twist a random one seldom is.
         let twist_rad = [0.0, -0.01, 0.7, -1.3, 3.1, -3.0]

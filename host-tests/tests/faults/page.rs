@@ -1,4 +1,4 @@
-//! `docs/faults.md` says what the code does, and where each fault is tested.
+//! `docs/reference/faults.md` says what the code does, and `tested.md` where each fault is tested.
 
 use rig_control::supervisor::fault_policy::{After, Response, policy};
 use rig_link::messages::{Doubt, Fault, HomingFailure, Limit};
@@ -6,7 +6,7 @@ use rig_link::messages::{Doubt, Fault, HomingFailure, Limit};
 /// The page for the person at the bench says of every fault what the code does about it.
 #[test]
 fn every_fault_is_documented_and_the_table_is_what_the_code_does() {
-    let page = std::fs::read_to_string(host_tests::root().join("docs/faults.md")).unwrap();
+    let page = std::fs::read_to_string(host_tests::root().join("docs/reference/faults.md")).unwrap();
     for &fault in Fault::ALL {
         let told = match policy(fault).response {
             Response::Hold => "hold",
@@ -21,9 +21,9 @@ fn every_fault_is_documented_and_the_table_is_what_the_code_does() {
             After::Restart => "the drive starts anew; `home`",
         };
         let row = format!("| `{fault}` | {} | {told} | {after} |", fault.code());
-        assert!(page.contains(&row), "docs/faults.md lacks the row {row}");
+        assert!(page.contains(&row), "docs/reference/faults.md lacks the row {row}");
         let entry = page.split("\n### ").find(|e| e.starts_with(&format!("`{fault}`\n")));
-        let entry = entry.unwrap_or_else(|| panic!("docs/faults.md has no entry for {fault}"));
+        let entry = entry.unwrap_or_else(|| panic!("docs/reference/faults.md has no entry for {fault}"));
         for part in ["- **Means** ", "- **The rig** ", "- **Check** ", "- **Clear** "] {
             let text = entry.lines().find_map(|line| line.strip_prefix(part));
             assert!(text.is_some_and(|text| text.len() > 10), "{fault}: `{part}` is missing");
@@ -31,13 +31,16 @@ fn every_fault_is_documented_and_the_table_is_what_the_code_does() {
     }
     let named = |line: &str| line.strip_prefix("### `").and_then(|rest| rest.strip_suffix('`')).map(String::from);
     for name in page.lines().filter_map(named) {
-        assert!(Fault::from_name(&name).is_some(), "docs/faults.md explains {name}, which is no fault");
+        assert!(Fault::from_name(&name).is_some(), "docs/reference/faults.md explains {name}, which is no fault");
     }
     for failure in HomingFailure::ALL {
-        assert!(page.contains(&format!("| `{failure}` |")), "docs/faults.md lacks the failed homing {failure}");
+        assert!(
+            page.contains(&format!("| `{failure}` |")),
+            "docs/reference/faults.md lacks the failed homing {failure}"
+        );
     }
     for name in Limit::ALL.iter().map(|l| l.name()).chain(Doubt::ALL.iter().map(|d| d.name())) {
-        assert!(page.contains(&format!("\n| `{name}` | ")), "docs/faults.md lacks the limit or doubt {name}");
+        assert!(page.contains(&format!("\n| `{name}` | ")), "docs/reference/faults.md lacks the limit or doubt {name}");
     }
 }
 
@@ -71,8 +74,7 @@ fn is_tested(cell: &str, fault: Fault, fires: bool) -> bool {
 
 #[test]
 fn the_page_says_of_every_fault_where_it_is_tested() {
-    let page = std::fs::read_to_string(host_tests::root().join("docs/faults.md")).unwrap();
-    let (_, table) = page.split_once("## Where each is tested").unwrap();
+    let table = std::fs::read_to_string(host_tests::root().join("host-tests/tests/faults/tested.md")).unwrap();
     for &fault in Fault::ALL {
         let row = table.lines().find_map(|line| line.strip_prefix(&format!("| `{fault}` | ")));
         let row = row.unwrap_or_else(|| panic!("{fault} has no row"));

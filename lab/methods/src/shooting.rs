@@ -121,7 +121,7 @@ mod tests {
 
     #[test]
     fn the_first_integral_is_conserved_along_the_rod() {
-        // The heaviest of the full polynomial rods (docs/numerics.md 2.4): 8.5 N at 40°.
+        // The heaviest of the full polynomial rods (crates/tsa-model/README.md 2.4): 8.5 N at 40°.
         let rod = Rod::new(0.013, 0.0005, &[2e10; 5]);
         let force = TipForce { inward_n: 8.5 * 40f64.to_radians().tan(), sideways_n: 8.5 };
         let moment = {

@@ -103,8 +103,8 @@ fn the_papers_relaxation_stops_converging_where_the_solution_exists() {
 
 #[test]
 fn shooting_finds_another_branch_without_an_error() {
-    // The shooting equation has three solutions or more; which one Newton's method finds is chance (docs/numerics.md
-    // 2.6).
+    // The shooting equation has three solutions or more; which one Newton's method finds is chance
+    // (crates/tsa-model/README.md 3).
     let m = slender(0.06, 0.0003);
     let solution = m.solve(2.0, 50.0).unwrap();
     let wrong = Method::Paper { steps: 60, relaxation: 0.5, tolerance: 1e-9 }.solve(&m, 2.0, 50.0).unwrap();
@@ -116,7 +116,7 @@ fn shooting_finds_another_branch_without_an_error() {
 
 #[test]
 fn shooting_from_a_straight_guess_fails_on_slender_rods() {
-    // Load number 15 and more: three and more solutions of the shooting equation (docs/numerics.md 2.6).
+    // Load number 15 and more: three and more solutions of the shooting equation (crates/tsa-model/README.md 3).
     let m = slender(0.09, 0.0004);
     let (load, twist) = (10.0, 4.0);
     let solution = m.solve(load, twist).unwrap();

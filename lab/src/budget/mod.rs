@@ -1,5 +1,5 @@
 //! The error budget: what each part of a rig contributes to the errors of position and load in a scene, and how accurate a
-//! table is worth having (docs/budget.md has the equations).
+//! table is worth having (docs/explanation/accuracy.md has the equations).
 //!
 //! A figure is 1.645 times a standard error, the half width of an interval that is meant to hold the truth in 90 of 100
 //! cases. A case is a rig of the kind at a state of the scene's envelope. The sizes are those from which the emulated rig
@@ -35,7 +35,7 @@ const NINETY_SHARE: f64 = 0.9;
 /// Share by which the error of a table, or of a cheaper model, may raise the total of all others.
 pub const WORTH: f64 = 0.05;
 /// Greatest relative error of a table's TR, however little it adds: it is an error of the position loop's gain, and with one that is
-/// a tenth too large every measured rig still comes to rest (docs/control.md 6).
+/// a tenth too large every measured rig still comes to rest (docs/explanation/control.md 6).
 pub const TR_ERROR_MOST: f64 = 0.1;
 
 /// A part of the rig.

@@ -1,6 +1,7 @@
 //! One period of the firmware's loop, linearised: the observer of gap, speed and weight, the prediction to when a command acts,
-//! and the feedback that places three poles (docs/control.md). The equations are those of `rig_control::load_motion` and
-//! `rig_control::position_loop` in deviations from an equilibrium, in double precision and without limits or friction.
+//! and the feedback that places three poles (docs/explanation/control.md). The equations are those of
+//! `rig_control::load_motion` and `rig_control::position_loop` in deviations from an equilibrium, in double precision
+//! and without limits or friction.
 //!
 //! Differences of the real step would not do in its place: in single precision some derivatives are wrong by a percent whatever the
 //! step, while a loop is told from an unstable one by the last digits of an eigenvalue; and it rests, takes up friction and looks

@@ -5,7 +5,7 @@
 //! is outside the unit circle.
 //!
 //! The rig: `m p'' = −k (p − θ/TR) − (c + β k) p'` for the load's position p, and a drive that follows its target with
-//! the two lags assumed in hardware.md 2.7 (emulated, not measured). Friction is left out: it only damps.
+//! the two lags assumed in crates/rmds405/README.md 2.7 (emulated, not measured). Friction is left out: it only damps.
 
 use super::damped;
 use nalgebra::{DMatrix, DVector};
@@ -26,7 +26,8 @@ pub const DAMPING: [f64; 2] = [1.0, 2e-3];
 /// The loop as it is run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Controller {
-    /// The firmware's: it damps the load's swing (docs/control.md). Others multiply the smoothed error by a gain.
+    /// The firmware's: it damps the load's swing (docs/explanation/control.md). Others multiply the smoothed error by a
+    /// gain.
     pub damps: bool,
     /// Transmission ratio that it assumes (rad/m); `None`: the true one, as the table gives it.
     pub tr_rad_per_m: Option<f64>,

@@ -1,4 +1,4 @@
-//! The geometry that some of the paper's sweeps seem to have used instead of Table 1's (docs/model.md 6).
+//! The geometry that some of the paper's sweeps seem to have used instead of Table 1's (lab/paper.md).
 //!
 //! Only D0 = 30 mm has the paper's word for it; the lengths are inferred, because with them one law gives all numbers
 //! that the paper computes.

@@ -14,7 +14,7 @@ use rigctl::output::Output;
 use serde_json::{Value, json};
 use tsa_model::{Parameters, twist_from_turns};
 
-/// What model.md section 6 left out of its fit: the rows that the default scene predicts.
+/// What lab/paper.md left out of its fit: the rows that the default scene predicts.
 const HELD_OUT: [&str; 5] = ["l0-70", "r0-2.5", "k-0.01", "experiment", "span"];
 /// Kinds of numbers that `--hold-out` takes beside their ids.
 const KINDS: [&str; 5] = ["theory", "experiment", "tr", "span", "contraction"];

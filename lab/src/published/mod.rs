@@ -29,7 +29,7 @@ pub struct Arguments {
     /// The three parameter sets of the paper's scenes side by side, instead of --scene
     #[arg(long)]
     all: bool,
-    /// With the geometry that is inferred for some of the paper's sweeps instead of Table 1's (docs/model.md 6)
+    /// With the geometry that is inferred for some of the paper's sweeps instead of Table 1's (lab/paper.md)
     #[arg(long)]
     inferred_geometry: bool,
     /// Also write published.csv, ratios.csv and the paper's figures, redrawn, into this folder

@@ -1,6 +1,6 @@
 //! Self-test of a NUCLEO-F446RE without a rig, with seven jumper wires: it checks what the firmware needs of the chip
-//! (docs/selftest.md). The same image runs on the emulated board in every test run and, by `cargo xtask selftest`, on a
-//! real one.
+//! (src/bin/selftest/README.md). The same image runs on the emulated board in every test run and, by `cargo xtask
+//! selftest`, on a real one.
 //!
 //! It takes three runs with a reset after the first two: the first writes a record to flash and resets by software; the
 //! second reads it and waits for the watchdog's reset, which also measures the LSI; the third checks everything else

@@ -63,7 +63,7 @@ impl CanTransport {
 
 impl Transport for CanTransport {
     /// Sends the frame now or not at all: a frame without acknowledgement must not be sent seconds later
-    /// (docs/hardware.md section 7.1).
+    /// (src/README.md section 1.1).
     async fn send(&mut self, frame: &Frame) {
         self.abandon();
         if let Ok(frame) = CanFrame::new_standard(frame.id, &frame.data) {

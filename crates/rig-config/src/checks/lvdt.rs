@@ -22,7 +22,7 @@ pub(super) fn resolves_homing(s: &Scene) -> Verdict {
 
 /// Shares of the ADC's range outside of which the board takes the lead for broken or shorted (rig-control, `sensors`).
 const CODES: [f64; 2] = [0.01, 0.99];
-/// Middle of the stroke that a sensor should be used in (docs/hardware.md section 6.4).
+/// Middle of the stroke that a sensor should be used in (docs/reference/hardware.md section 2.2).
 const MIDDLE: [f64; 2] = [0.05, 0.95];
 
 pub(super) fn sees_the_gaps(s: &Scene, states: &States) -> Verdict {

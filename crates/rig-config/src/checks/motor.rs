@@ -64,7 +64,7 @@ pub(super) fn current_reaches_the_acceleration(s: &Scene) -> Verdict {
 }
 
 /// Share of the greatest speed that a step of the drive's measured speed may be: one count in its window of 1 ms, which
-/// is 60000/(4 lines) rpm (docs/hardware.md section 1).
+/// is 60000/(4 lines) rpm (crates/rmds405/README.md section 1).
 const SPEED_STEP_SHARE: f64 = 0.1;
 
 pub(super) fn drive_measures_speed(s: &Scene) -> Verdict {

@@ -4,9 +4,9 @@ use super::Verdict::{self, Fits, Impossible, Unusual};
 use super::short;
 use crate::Scene;
 
-/// Supply range of the drive (docs/hardware.md section 1).
+/// Supply range of the drive (docs/reference/hardware.md section 1).
 const SUPPLY_V: [f64; 2] = [10.0, 58.0];
-/// Greatest voltage of the drive's analog input ASIN, and its step (docs/hardware.md section 2.4).
+/// Greatest voltage of the drive's analog input ASIN, and its step (crates/rmds405/README.md section 2.4).
 const ASIN_V: f64 = 5.0;
 const ASIN_STEP_V: f64 = 1e-3;
 /// Largest step of ASIN as a share of the supply: a quarter of the fifth at which the board reports a fault.

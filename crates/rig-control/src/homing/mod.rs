@@ -1,4 +1,4 @@
-//! Homing without switches: the gap is even in the twist and greatest at zero (model.md section 5).
+//! Homing without switches: the gap is even in the twist and greatest at zero (docs/explanation/model.md section 5).
 //!
 //! ```text
 //! Quiet ── the load has stopped swinging ──> Probe
@@ -153,8 +153,9 @@ struct Seek {
     rises: Rises,
 }
 
-/// How the gap rises towards its supposed maximum. It rises ever more slowly, because it is concave in the twist (model.md 2);
-/// with a reversed LVDT the strings are twisted further instead of untwisted, and it seems to rise ever faster.
+/// How the gap rises towards its supposed maximum. It rises ever more slowly, because it is concave in the twist
+/// (docs/explanation/model.md 2); with a reversed LVDT the strings are twisted further instead of untwisted, and it
+/// seems to rise ever faster.
 #[derive(Clone, Copy, Debug, Default)]
 struct Rises {
     /// Shaft angle (rad) and gap (m) where the present window began.

@@ -28,7 +28,8 @@ pub const STEPS: u8 = 10;
 pub const INDEPENDENT_BINS: f32 = 4.0;
 /// Least error of a bin's gap (m): a tenth of the converter's code, which averaging over a moving load resolves.
 pub const LEAST_GAP_ERROR_M: f32 = 5e-6;
-/// Greatest error of a bin's gap (m) that the fit takes for the law's own: the radius laws of docs/model.md 6 differ by less.
+/// Greatest error of a bin's gap (m) that the fit takes for the law's own: the radius laws of docs/explanation/model.md
+/// 6 differ by less.
 pub const LAW_GAP_ERROR_M: f32 = 0.2e-3;
 /// Standard error of motor constant and gear together: data sheets allow 5 to 10 %.
 pub const TORQUE_ERROR: f32 = 0.05;
@@ -367,8 +368,8 @@ fn curve(rest: &[(f32, f32)], offset_m: f32) -> Option<GapCurve> {
     Some(GapCurve { middle_rad, half_rad, coefficients_m })
 }
 
-/// As [`Mechanism::at`], continued below the table's least load in 1/F, as the strings' radius goes (model.md 2): the
-/// lightest load less friction is there.
+/// As [`Mechanism::at`], continued below the table's least load in 1/F, as the strings' radius goes
+/// (docs/explanation/model.md 2): the lightest load less friction is there.
 fn below(mechanism: &Mechanism<'_>, load_n: f32, twist_rad: f32) -> Point {
     let least_n = mechanism.table.metadata.load_min_n;
     let mut point = mechanism.at(load_n, twist_rad);

@@ -1,4 +1,5 @@
-//! One table: what is done about each fault, and which fault outranks which. `docs/faults.md` explains it to the operator.
+//! One table: what is done about each fault, and which fault outranks which. `docs/reference/faults.md` explains it to
+//! the operator.
 //!
 //! Every fault latches, and several can be latched at a time. The gravest one decides the command to the drive; a graver one
 //! is latched beside it at once. No fault unwinds the strings by itself: each puts in doubt something that a controlled way down needs.

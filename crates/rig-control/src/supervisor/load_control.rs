@@ -14,8 +14,8 @@ const ARRIVED_M: f32 = 25e-6;
 const ARRIVED_NOISES: f32 = 2.5;
 const ARRIVED_JUMP: f32 = 0.15;
 /// A load that sticks farther from its target than that, and nearer than another jump would bring it, is moved back and
-/// comes again, once: on hard rigs a second time takes longer and is hardly better (docs/control.md 4). It goes back by so many jumps, farther than its
-/// friction band.
+/// comes again, once: on hard rigs a second time takes longer and is hardly better (docs/explanation/control.md 4). It
+/// goes back by so many jumps, farther than its friction band.
 const STUCK_TICKS: u16 = ticks(20);
 const BACK_JUMPS: f32 = 2.0;
 /// Share of the error that the next approach aims beyond the target.

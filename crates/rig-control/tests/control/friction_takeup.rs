@@ -1,4 +1,4 @@
-//! The friction that is taken up before a load moves, from its contract (docs/control.md 4 and 5).
+//! The friction that is taken up before a load moves, from its contract (docs/explanation/control.md 4 and 5).
 
 use crate::fixture::hanging;
 use rig_control::TICK_S;

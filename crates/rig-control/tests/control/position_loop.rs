@@ -1,4 +1,4 @@
-//! One tick of the position loop, from its equations (docs/control.md 3).
+//! One tick of the position loop, from its equations (docs/explanation/control.md 3).
 
 use crate::fixture::hanging;
 use rig_control::TICK_S;

@@ -1,4 +1,5 @@
-//! A load at its target: when it stands, what stiction leaves, and how its jumps are learned (docs/control.md 4).
+//! A load at its target: when it stands, what stiction leaves, and how its jumps are learned
+//! (docs/explanation/control.md 4).
 
 use crate::fixture::hanging;
 use rig_control::load_state::LoadState;

@@ -1,5 +1,5 @@
-//! An RMDS-405 as docs/hardware.md describes it: strict about order and waiting times. It carries out its last command
-//! for ever, because it has no command time-out (hardware.md 2.6).
+//! An RMDS-405 as crates/rmds405/README.md describes it: strict about order and waiting times. It carries out its last
+//! command for ever, because it has no command time-out (crates/rmds405/README.md 2.6).
 //!
 //! Assumed, because no manual says it:
 //! - it boots for 500 ms after power-up and reset alike, and ignores all frames meanwhile; but after power-up it acknowledges
@@ -28,11 +28,11 @@ use rand_pcg::Pcg64Mcg;
 
 /// Period of the internal loops, s: also the window of the speed measurement (V-FAQ p3).
 pub const TICK_S: f64 = 1e-3;
-/// Power-up or reset to ready, s (hardware.md 2.5).
+/// Power-up or reset to ready, s (crates/rmds405/README.md 2.5).
 pub const BOOT_S: f64 = 0.5;
 /// Power-up to the first acknowledged frame, s: its CAN controller starts before its loops. Assumed.
 pub const ACKNOWLEDGES_S: f64 = 0.2;
-/// Mode to ready for data, s (hardware.md 2.5).
+/// Mode to ready for data, s (crates/rmds405/README.md 2.5).
 pub const MODE_S: f64 = 0.5;
 /// A frame to its answer, s. Assumed.
 pub const LATENCY_S: f64 = 2e-4;

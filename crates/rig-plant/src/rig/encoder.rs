@@ -1,4 +1,5 @@
-//! Quadrature counts of the encoder on the motor shaft. Drive and microcontroller share its lines (hardware.md 6.1).
+//! Quadrature counts of the encoder on the motor shaft. Drive and microcontroller share its lines
+//! (docs/reference/hardware.md 2.1).
 
 use std::f64::consts::TAU;
 

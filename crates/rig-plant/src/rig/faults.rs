@@ -1,4 +1,5 @@
-//! What can be broken in an emulated rig, by the names that scripts use (docs/cli.md), and what that does to the rig.
+//! What can be broken in an emulated rig, by the names that scripts use (docs/reference/simulator.md), and what that
+//! does to the rig.
 
 use super::Rig;
 use super::encoder::Wires;

@@ -1,5 +1,5 @@
-//! The LVDT with its conditioner and divider: gap to 12-bit code (hardware.md 6.4; everything about the sensor is
-//! assumed).
+//! The LVDT with its conditioner and divider: gap to 12-bit code (docs/reference/hardware.md 2.2; everything about the
+//! sensor is assumed).
 
 use std::f64::consts::TAU;
 

@@ -65,7 +65,7 @@ const TENSION_TICKS: u64 = 10;
 const LVDT_SEED: u64 = 0x6c76_6474_0000_0000;
 /// As [`LVDT_SEED`].
 const CURRENT_SEED: u64 = 0x616d_7065_0000_0000;
-/// USART of the host link (hardware.md 8).
+/// USART of the host link (docs/reference/hardware.md 3).
 pub const HOST_USART: u8 = 2;
 
 /// Drive, motor, mechanism and sensors on the microcontroller's pins.

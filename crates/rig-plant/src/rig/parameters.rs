@@ -9,7 +9,7 @@ use rmds405::{Address, Transport};
 pub struct RigParameters {
     /// Motor turns for one turn of the output.
     pub gear_ratio: f64,
-    /// Quadrature counts for one motor turn, 4 for each line (hardware.md 1).
+    /// Quadrature counts for one motor turn, 4 for each line (crates/rmds405/README.md 1).
     pub counts_per_turn: u32,
     /// Torque constant, N m/A; also the back-EMF constant, V s/rad.
     pub torque_constant_nm_per_a: f64,
@@ -35,7 +35,7 @@ pub struct RigParameters {
     pub lvdt_volts: [f64; 2],
     /// Gap at the start of the stroke, m.
     pub lvdt_gap_at_zero_m: f64,
-    /// LVDT bandwidth (first order, -3 dB), Hz. Assumed: DC types have 100 to 500 Hz (hardware.md 6.4).
+    /// LVDT bandwidth (first order, -3 dB), Hz. Assumed: DC types have 100 to 500 Hz (docs/reference/hardware.md 2.2).
     pub lvdt_bandwidth_hz: f64,
     /// ADC full scale, V.
     pub adc_reference_v: f64,

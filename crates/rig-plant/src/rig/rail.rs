@@ -8,9 +8,9 @@
 const CAPACITANCE_F: f64 = 470e-6;
 /// What the drive takes without motor current, W.
 const DRIVE_W: f64 = 1.0;
-/// Voltage at which the clamp at the drive takes all that comes, V (docs/wiring.md).
+/// Voltage at which the clamp at the drive takes all that comes, V (docs/how-to/build.md).
 const CLAMP_V: f64 = 36.0;
-/// Above this the drive is destroyed, V (hardware.md 1).
+/// Above this the drive is destroyed, V (docs/reference/hardware.md 1).
 pub const DESTROYED_V: f64 = 58.0;
 
 /// The rail.

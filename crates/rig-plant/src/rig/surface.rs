@@ -23,8 +23,8 @@ const OPEN_CELLS: usize = 24;
 const OPEN_END_RAD: f64 = PI * (1.0 - 1e-9);
 /// Cells from θ = π to the last twist.
 const TWISTED_CELLS: usize = 144;
-/// Where the gap falls faster with twist than this, m/rad, the equilibrium is about to run away (model.md 5), and no
-/// patch and no straight line follows it: the last twist is before that.
+/// Where the gap falls faster with twist than this, m/rad, the equilibrium is about to run away
+/// (docs/explanation/model.md 5), and no patch and no straight line follows it: the last twist is before that.
 const STEEPEST_M_PER_RAD: f64 = 5e-3;
 /// How far past the last twist the gap continues, rad.
 const RUN_ON_RAD: f64 = 2.0;

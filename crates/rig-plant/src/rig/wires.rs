@@ -5,9 +5,9 @@ use super::{HOST_USART, Rig, SAME_TIME_S, STEP_S, STEPS_PER_TICK};
 use crate::board::{Board, CanFrame, CanOutcome, Stimulus};
 use rmds405::{Frame, Received, Transport, serial};
 
-/// USART of the drive's serial line (hardware.md 8).
+/// USART of the drive's serial line (docs/reference/hardware.md 3).
 const DRIVE_USART: u8 = 1;
-/// Motor-power relay, PB10: low is off (hardware.md 8).
+/// Motor-power relay, PB10: low is off (docs/reference/hardware.md 3).
 const RELAY: (char, u8) = ('B', 10);
 
 /// E-stop sense, PB5: high is stop.

@@ -79,7 +79,7 @@ pub fn run(global: &Global, Demo { out }: &Demo, output: &mut Output) -> Result<
     }
     output.line(
         "± is the error that the board states: it holds the truth in 90 of 100 cases. Constants and LVDT are not calibrated \
-         on this rig; docs/calibration.md does that.",
+         on this rig; docs/how-to/calibrate.md does that.",
     )?;
     let moves: Vec<_> = outcomes.iter().map(|outcome| (outcome.load_kg, &outcome.rows[..])).collect();
     write_file(out, "demo.svg", &draw(&moves)?)?;

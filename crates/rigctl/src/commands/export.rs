@@ -12,8 +12,8 @@ use std::path::PathBuf;
 /// A recorded log for other tools: MCAP (Foxglove, PlotJuggler), or CSV without comment lines
 ///
 /// Every column of the log, in SI units. In MCAP an empty cell is an absent key, the header is the file's metadata, and
-/// requests and events are messages of `/log`. docs/connect.md shows how to open the files, and how Python writes Parquet.
-/// Example: `rigctl export run.csv --to mcap --out run.mcap`
+/// requests and events are messages of `/log`. docs/how-to/integrate.md shows how to open the files, and how Python
+/// writes Parquet. Example: `rigctl export run.csv --to mcap --out run.mcap`
 #[derive(Debug, Clone, Args)]
 pub struct Export {
     /// Log of `record` or `sweep`

@@ -12,7 +12,7 @@ use std::process::{Command, Stdio};
 /// Begin of the last line of the log, and of its rest if all checks are ok (src/bin/selftest/table.rs).
 const END: &str = "selftest ended: ";
 const WELL: &str = "all ";
-/// The jumper wires of docs/selftest.md.
+/// The jumper wires of docs/tutorial/first-board.md.
 const WIRES: [&str; 7] = ["PA1-PA0", "PA5-PA6", "PB6-PA7", "PA9-PA10", "PB10-PB5", "PC7-PA8", "PB9-PB8"];
 
 /// Runs the self-test's image on an emulated board with jumper wires, and prints its table.

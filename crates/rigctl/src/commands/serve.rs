@@ -9,8 +9,8 @@ use clap::Args;
 ///
 /// Every client gets the telemetry, one object a line as `play --json` prints it. The first one that sends an order, such as
 /// {"id": 1, "do": "move", "to_m": 0.008}, is the writer until it disconnects or sends {"release": true}; a motion that
-/// then goes on is stopped. Only the owner of the socket and root can connect. docs/connect.md has the protocol. On an emulated
-/// board time passes as on a real one. Ctrl-C stops the rig and ends.
+/// then goes on is stopped. Only the owner of the socket and root can connect. docs/how-to/integrate.md has the
+/// protocol. On an emulated board time passes as on a real one. Ctrl-C stops the rig and ends.
 /// Example: `rigctl serve --listen rig.sock`
 #[derive(Debug, Args)]
 pub struct Serve {

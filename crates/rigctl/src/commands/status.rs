@@ -109,7 +109,7 @@ pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
     }
     output.line(row.text())?;
     for fault in faults.iter() {
-        output.line(format!("fault    {fault}: docs/faults.md, `{fault}`"))?;
+        output.line(format!("fault    {fault}: docs/reference/faults.md, `{fault}`"))?;
     }
     same_scene
 }

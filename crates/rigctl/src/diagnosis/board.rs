@@ -115,8 +115,7 @@ fn brown_out(level: u8) -> Check {
         0 => "the reset by a dip of the supply is off".to_owned(),
         level => format!("reset by a dip of the supply at level {level} of 3"),
     };
-    let advice =
-        "below 2.7 V the chip may do anything, and a dip passes for power-on: set level 3 (docs/first-hour.md)";
+    let advice = "below 2.7 V the chip may do anything, and a dip passes for power-on: set level 3 (docs/tutorial/first-board.md)";
     check("brown-out", level == 3, seen, advice)
 }
 

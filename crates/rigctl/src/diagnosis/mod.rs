@@ -53,7 +53,7 @@ pub fn examine(session: &mut Session, scene: &Scene, turn: bool, home: bool) -> 
                 "direction",
                 false,
                 failure.message().unwrap_or_default(),
-                "docs/faults.md has the wires to look at for this fault; then `clear`",
+                "docs/reference/faults.md has the wires to look at for this fault; then `clear`",
             ),
         });
     }
@@ -64,7 +64,7 @@ pub fn examine(session: &mut Session, scene: &Scene, turn: bool, home: bool) -> 
                 "homing",
                 false,
                 failure.message().unwrap_or_default(),
-                "see docs/faults.md; is the load hung, does it move freely?",
+                "see docs/reference/faults.md; is the load hung, does it move freely?",
             )),
         }
         session.until(1.0, |_| false)?;
@@ -95,7 +95,7 @@ fn faults(last: &Telemetry) -> Check {
     let fault = last.fault.map_or("no fault".to_owned(), |_| format!("fault {}", last.faults));
     let advice = match (last.state, last.fault) {
         (State::EStop, _) => "release the emergency stop, then `clear` and `home`".to_owned(),
-        (_, Some(fault)) => format!("docs/faults.md, `{fault}`: remove the cause, then `clear`"),
+        (_, Some(fault)) => format!("docs/reference/faults.md, `{fault}`: remove the cause, then `clear`"),
         _ => "the drive does not start: see `drive`".to_owned(),
     };
     let well = last.fault.is_none() && !matches!(last.state, State::EStop | State::Boot);
@@ -119,7 +119,7 @@ fn drive(heard: &[Telemetry], scene: &Scene) -> Check {
     let advice = if online {
         "the motor is at its current limit at rest: is the load too heavy, or stuck?"
     } else {
-        "power, CAN wiring and termination, group and number of the drive (docs/faults.md)"
+        "power, CAN wiring and termination, group and number of the drive (docs/reference/faults.md)"
     };
     check("drive", online && most_a < limit_a, seen, advice)
 }

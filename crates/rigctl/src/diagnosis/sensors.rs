@@ -45,7 +45,7 @@ pub fn lvdt(heard: &[Telemetry], id: &Identity, scene: &Scene, session: &mut Ses
             "LVDT",
             false,
             format!("{fault}"),
-            "wiring, supply and mounting of the LVDT (docs/faults.md)",
+            "wiring, supply and mounting of the LVDT (docs/reference/faults.md)",
         ));
     }
     // Exactly no noise is as wrong as too much.
@@ -61,7 +61,12 @@ pub fn lvdt(heard: &[Telemetry], id: &Identity, scene: &Scene, session: &mut Ses
         heard.iter().filter(at_rest).filter_map(|t| Some(f64::from(t.position_m?) + zero_m)).collect();
     if positions.len() < 20 {
         let Ok(gaps_m) = session.gaps_m() else {
-            return Ok(check("LVDT", false, "no valid reading", "wiring and supply of the LVDT (docs/faults.md)"));
+            return Ok(check(
+                "LVDT",
+                false,
+                "no valid reading",
+                "wiring and supply of the LVDT (docs/reference/faults.md)",
+            ));
         };
         let (mean, rms) = mean_rms(&gaps_m);
         // Untwisted strings end their rods farther apart than the pre-twist leaves them, by less than the allowance.
@@ -119,7 +124,7 @@ pub fn turn(session: &mut Session, gear: f64) -> Result<[f64; 2], Failure> {
 
 /// The encoder, against the drive if the strings were turned.
 pub fn encoder(turned: Option<[f64; 2]>, last: &Telemetry, sensors: &Sensors) -> Check {
-    let advice = "coupling, gear ratio and encoder lines of the scene, A and B swapped (docs/faults.md)";
+    let advice = "coupling, gear ratio and encoder lines of the scene, A and B swapped (docs/reference/faults.md)";
     let bad = [Fault::EncoderStuck, Fault::EncoderJump, Fault::EncoderDisagrees];
     if let Some(fault) = last.fault.filter(|f| bad.contains(f)) {
         return check("encoder", false, fault.name(), advice);

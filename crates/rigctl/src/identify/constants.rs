@@ -42,9 +42,10 @@ pub enum Constant {
 }
 
 /// The scene-file key, the paper's symbol or a word, and the standard deviation of the logarithm about the scene's value that
-/// is expected of a rig of the scene's kind: 30 % of the radius law, 15 % of the rods' curve (docs/model.md 6), 30 % of the
-/// strings' stiffness (creep adds up to that share to their stretch, docs/plants.md), 2 mm of the string's length, and an
-/// odd curve whose tangent at a strain of 0.05 is between a half and twice that of a straight line. A curve has none.
+/// is expected of a rig of the scene's kind: 30 % of the radius law, 15 % of the rods' curve (docs/explanation/model.md
+/// 6), 30 % of the strings' stiffness (creep adds up to that share to their stretch, crates/rig-plant/README.md), 2 mm
+/// of the string's length, and an odd curve whose tangent at a strain of 0.05 is between a half and twice that of a
+/// straight line. A curve has none.
 const CONSTANTS: [(Constant, &str, &str, Option<f64>); 11] = [
     (Constant::K1, "string.k1_per_n", "k1", Some(0.3)),
     (Constant::K2, "string.k2", "k2", Some(0.3)),

@@ -4,7 +4,7 @@ use super::constants::{Constant, Unknowns};
 use rig_config::Scene;
 use tsa_model::RadiusLaw;
 
-/// A law by which the radius of the twisted pair grows (docs/model.md section 6).
+/// A law by which the radius of the twisted pair grows (docs/explanation/model.md section 6).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Law {
     /// With the length alone: eq. 6 as printed.

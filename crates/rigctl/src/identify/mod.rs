@@ -34,7 +34,8 @@ use serde::Serialize;
 use tsa_table::fit::Fit as Table;
 
 /// Least standard errors of an identified scene: strings bed in, creep and warm up between the sweeps and later use
-/// (docs/plants.md), which no sweep shows. Radius (relative), gap's zero (m), change of the load (relative).
+/// (crates/rig-plant/README.md), which no sweep shows. Radius (relative), gap's zero (m), change of the load
+/// (relative).
 const LEAST_RADIUS_ERROR: f64 = 0.004;
 const LEAST_ZERO_ERROR_M: f64 = 50e-6;
 const CHANGE_ERROR: f64 = 0.01;

@@ -1,5 +1,5 @@
-//! A rig for several programs at once: JSON lines on a Unix socket, one writer, many readers. `docs/connect.md` states the
-//! protocol.
+//! A rig for several programs at once: JSON lines on a Unix socket, one writer, many readers. `crates/rigctl/serve.md`
+//! states the protocol.
 //!
 //! - [`server`]: the loop between the board and the clients.
 //! - [`order`]: what a line of a client means; [`flights`]: orders that were given and have not ended.
@@ -26,7 +26,7 @@ pub const PROTOCOL: &str = "tsa-serve 1";
 /// A refusal or failure: its kind, which programs compare, and words for people.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Refused {
-    /// One of the kinds that `docs/connect.md` lists.
+    /// One of the kinds that `crates/rigctl/serve.md` lists.
     pub kind: &'static str,
     /// In words.
     pub message: String,

@@ -46,10 +46,11 @@ pub struct SimOptions {
     /// Scene that the emulated plant is built from, if it differs from the operator's --scene [default: --scene]
     #[arg(long, global = true, help_heading = HEADING, value_name = "FILE")]
     pub plant_scene: Option<PathBuf>,
-    /// Program and arguments that stand in for the emulated mechanism and load: docs/plants.md
+    /// Program and arguments that stand in for the emulated mechanism and load: docs/reference/simulator.md
     #[arg(long, global = true, help_heading = HEADING, value_name = "CMD ARGS", conflicts_with = "plant_surface")]
     pub plant_program: Option<String>,
-    /// Measured gaps that stand in for the emulated mechanism, one file or those of either way of the twist: docs/plants.md
+    /// Measured gaps that stand in for the emulated mechanism, one file or those of either way of the twist:
+    /// docs/reference/simulator.md
     #[arg(long, global = true, help_heading = HEADING, value_name = "FILE")]
     pub plant_surface: Vec<PathBuf>,
     /// Seed of the emulated rig's noise, and of the rig that --rig draws
@@ -61,7 +62,7 @@ pub struct SimOptions {
     /// Firmware for the emulated board [default: what `cargo xtask firmware` made]
     #[arg(long, global = true, help_heading = HEADING, value_name = "ELF")]
     pub firmware: Option<PathBuf>,
-    /// Let a GDB connect to the emulated board there, for example 127.0.0.1:1234; see docs/debugging.md
+    /// Let a GDB connect to the emulated board there, for example 127.0.0.1:1234; see emulator/debugger.md
     #[arg(long, global = true, help_heading = HEADING, value_name = "ADDR:PORT")]
     pub gdb: Option<String>,
     /// Start the emulated board when it has

@@ -1,10 +1,10 @@
 //! One free half of a rod (eqs 13–24), without shooting.
 //!
 //! A cantilever of reference length l is pulled at its tip by Px inward and Py sideways. Both are constant along the
-//! rod and x does not appear, so H = κM + (1 + e)N − W is constant (docs/model.md section 3), and each section follows
-//! pointwise from N and H. Let ψ be the angle between the rod's tangent and the line of the force: N = P cos ψ, from
-//! ψ_0 = π/2 + atan(Px/Py) at the clamp to ψ_l at the tip, where κ vanishes. With the substitution of the elastica's
-//! elliptic integrals, sin(ψ/2) = sin(ψ_l/2) cosh h, everything is an integral over h from 0 (tip) to the
+//! rod and x does not appear, so H = κM + (1 + e)N − W is constant (docs/explanation/model.md section 3), and each
+//! section follows pointwise from N and H. Let ψ be the angle between the rod's tangent and the line of the force: N =
+//! P cos ψ, from ψ_0 = π/2 + atan(Px/Py) at the clamp to ψ_l at the tip, where κ vanishes. With the substitution of the
+//! elastica's elliptic integrals, sin(ψ/2) = sin(ψ_l/2) cosh h, everything is an integral over h from 0 (tip) to the
 //! *amplitude* S (clamp), where cosh S = sin(ψ_0/2)/sin(ψ_l/2). The integrands are smooth and even in h, so that
 //! Gauss–Legendre converges spectrally, S grows almost in proportion to the rod's length however slender it is,
 //! and no trigonometric function is left.
@@ -173,7 +173,7 @@ impl<T: Scalar> Rod<T> {
         self.stiffness_n * self.radius_m * self.radius_m * 0.25
     }
 
-    /// |n| l²/EI: below π²/4 the equilibrium is unique (docs/numerics.md 2.6).
+    /// |n| l²/EI: below π²/4 the equilibrium is unique (crates/tsa-model/README.md 3).
     pub fn load_number(&self, force: TipForce<T>) -> T {
         let TipForce { inward_n: px, sideways_n: py } = force;
         (px * px + py * py).sqrt() * self.length_m * self.length_m / self.bending_stiffness_nm2()

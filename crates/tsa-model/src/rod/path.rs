@@ -18,9 +18,9 @@ impl TipForce {
 
 impl Rod {
     /// Points of the bent half of a rod from the clamp to the tip, at equal steps of the unbent rod: along the clamp's
-    /// direction, and sideways towards the strings (m). It integrates the equations of docs/model.md section 3 from the
-    /// clamp, with the tip's force and place known from the equilibrium: another way than the solver's, so that the last
-    /// point also checks the solver.
+    /// direction, and sideways towards the strings (m). It integrates the equations of docs/explanation/model.md
+    /// section 3 from the clamp, with the tip's force and place known from the equilibrium: another way than the
+    /// solver's, so that the last point also checks the solver.
     ///
     /// # Errors
     /// [`SolveError::SectionSingular`].

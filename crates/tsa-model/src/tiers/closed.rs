@@ -66,7 +66,8 @@ pub(super) fn beam_column(rod: &Rod, force: TipForce) -> Result<RodResponse, Sol
     Ok(response_of(rod, reach, w, angle, vv * reach.value + zv * w.value))
 }
 
-/// Distance of the pseudo-rigid body's pivot from the tip, and its spring (Howell's γ and K_Θ; docs/numerics.md 5.1).
+/// Distance of the pseudo-rigid body's pivot from the tip, and its spring (Howell's γ and K_Θ;
+/// docs/explanation/model.md 8).
 const PIVOT: f64 = 0.85;
 const SPRING: f64 = 2.65;
 

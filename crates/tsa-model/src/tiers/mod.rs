@@ -7,7 +7,7 @@
 //! | `pseudo-rigid` | a stiff link on a spring | 0.5 % of the deflection, the law's curvature, stretch |
 //! | `elastica` | inextensible, straight-line law, by its elliptic integrals | the law's curvature, stretch |
 //! | `inextensible` | the polynomial moment–curvature law | stretch |
-//! | `full` | docs/model.md section 3 | |
+//! | `full` | docs/explanation/model.md section 3 | |
 //!
 //! A tier's estimate of its error is the first-order effect of what it neglects, times a factor that holds over every
 //! scene in `scenes/` (the test `tiers` checks it against the full tier).

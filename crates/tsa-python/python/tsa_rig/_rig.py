@@ -46,8 +46,8 @@ class Rig:
         plant: Mapping[str, object] | None = None,
         programs: str | PathLike[str] | None = None,
     ) -> None:
-        """`rig` (ideal, nominal, hard), `seed` and `plant` (keys of docs/plants.md) are of an emulated rig; `programs`
-        is the folder of `rig-emulator`, which is looked for in the checkout otherwise."""
+        """`rig` (ideal, nominal, hard), `seed` and `plant` (keys of docs/reference/simulator.md) are of an emulated
+        rig; `programs` is the folder of `rig-emulator`, which is looked for in the checkout otherwise."""
         changes = [f"{key}={value}" for key, value in (plant or {}).items()]
         folder = Path(programs) if programs is not None else _programs(Path(scene))
         if port == "sim" and folder is None:

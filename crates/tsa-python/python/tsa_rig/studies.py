@@ -2,7 +2,8 @@
 
 Each study is a set of independent tasks that a `distributed.Client` runs: on processes of this machine, or on a
 cluster.
-`pip install "./crates/tsa-python[studies]"` installs what they need besides (dask, pandas); docs/studies.md shows them.
+`pip install "./crates/tsa-python[studies]"` installs what they need besides (dask, pandas); docs/how-to/python.md shows
+them.
 
 The result of each task is a file in a folder that the caller names. A study that was stopped and is started again with
 the same folder computes only what is missing. Files are found by a hash of the task's inputs, the contents of all files

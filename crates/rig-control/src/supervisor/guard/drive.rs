@@ -7,10 +7,10 @@ use crate::{RigConstants, seconds, whole_counts};
 use core::f32::consts::TAU;
 use rig_link::messages::{Fault, Faults};
 
-/// Age (µs) at which the drive's reports count as missing: five of its 10 ms periods (hardware.md 2.6).
+/// Age (µs) at which the drive's reports count as missing: five of its 10 ms periods (crates/rmds405/README.md 2.6).
 const DRIVE_SILENT_US: u64 = 55_000;
 /// Most that own encoder and drive may differ (counts), at rest and for each count per second of speed, once the report
-/// has been brought forward by its age (hardware.md 6.3): what is left is the bus, both tasks, and the drive's coarse
+/// has been brought forward by its age (src/README.md 3): what is left is the bus, both tasks, and the drive's coarse
 /// speed. A slipped motor turn, 4096 counts, must show.
 const DISAGREE_COUNTS: i64 = 1500;
 const DISAGREE_S: f32 = 0.012;

@@ -6,7 +6,7 @@
 //! - [`stribeck`]: friction of the rail that sticks, gives a little, and slips.
 //!
 //! The constants here belong to no rig, so that no preset draws them. The error budget computes with them as well. Their
-//! sources stand in docs/plants.md.
+//! sources stand in docs/reference/simulator.md.
 
 pub mod rods;
 pub mod stribeck;

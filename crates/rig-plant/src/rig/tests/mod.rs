@@ -111,7 +111,7 @@ fn the_drives_speed_comes_in_whole_counts_of_a_millisecond() {
     send(&mut r, t, hold((now + 400_000) as i32));
     for report in listen(&mut r, t + 3.0) {
         if let Report::Motion { speed: Rpm(rpm), .. } = report {
-            // 60 000/4096 rpm for one count, rounded to whole rpm on the wire (hardware.md 1).
+            // 60 000/4096 rpm for one count, rounded to whole rpm on the wire (docs/reference/hardware.md 1).
             let quanta = f64::from(rpm) * 4096.0 / 60_000.0;
             assert!((quanta - quanta.round()).abs() < 0.06, "{rpm} rpm");
         }
