@@ -115,7 +115,7 @@ fn queue(sequence: u16, request: Request) {
 
 /// The part of a text that fits.
 fn text<const N: usize>(value: &str) -> String<N> {
-    String::try_from(value.get(..N).unwrap_or(value)).unwrap_or_default()
+    String::try_from(&value[..value.floor_char_boundary(N)]).unwrap_or_default()
 }
 
 fn identity(start: &Start) -> Identity {

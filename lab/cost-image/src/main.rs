@@ -11,7 +11,7 @@ use rival_methods::Method;
 use tsa_model::{Mechanism, Tier};
 use tsa_table::Point;
 
-#[allow(missing_docs, reason = "generated")]
+#[allow(missing_docs, clippy::approx_constant, reason = "generated")]
 mod tables {
     use rival_forms::{Axis, Form, LoadMap, Table};
     include!(concat!(env!("OUT_DIR"), "/tables.rs"));
