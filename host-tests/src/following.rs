@@ -60,7 +60,7 @@ fn frequency_hz(period: usize) -> f64 {
 }
 
 impl Series {
-    /// The answer to a sine of each of [`PERIOD_TICKS`], or how the stream ended early.
+    /// The answer to a sine of each of `PERIOD_TICKS`, or how the stream ended early.
     pub fn play(&self) -> Vec<Result<Response, String>> {
         let (rig, seed) = self.rig;
         let at_rest = homed_under(&Subject::new(rig, seed), self.load_kg).and_then(|mut bench| {

@@ -11,7 +11,7 @@
 //! - [`budget`]: what each part of a rig contributes to the errors of position and load.
 //! - [`table_report`]: a table's certificate and why this table was chosen.
 //! - [`page`]: the page of `report`, put together from its data and the files in `web/page`.
-//! - [`solve`]: one equilibrium by any method; [`bench`]: what it costs.
+//! - [`solve`]: one equilibrium by any method; [`mod@bench`]: what it costs.
 
 #![forbid(unsafe_code)]
 

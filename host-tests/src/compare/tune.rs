@@ -46,7 +46,7 @@ impl Goal {
     }
 }
 
-/// [`search`] for the loop that costs least in all cases together, so many of them at a time: whoever costs more than the best so far
+/// `search` for the loop that costs least in all cases together, so many of them at a time: whoever costs more than the best so far
 /// plays no further ones. A tally costs something; `play` a case, then `add` what came of it.
 pub fn search_in<C: Sync, P: Send, T: Clone + Default>(
     (jobs, start): (usize, Loop),

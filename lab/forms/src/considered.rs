@@ -69,7 +69,7 @@ fn all(mechanism: &Mechanism, demand: &Demand, fit: &Fit) -> Result<Vec<Consider
 /// The candidates of a fit and those of the other forms, in the order of preference.
 ///
 /// # Errors
-/// As [`tsa_table::fit::fit`].
+/// As [`tsa_table::fit::fit_tier`].
 pub fn considered(mechanism: &Mechanism, demand: &Demand, fit: &Fit) -> Result<Vec<Considered>, FitError> {
     let mut all = all(mechanism, demand, fit)?;
     all.sort_by_key(|c| preference(c.passes, c.bytes, c.instructions));
@@ -81,7 +81,7 @@ pub fn considered(mechanism: &Mechanism, demand: &Demand, fit: &Fit) -> Result<V
 /// over their whole range.
 ///
 /// # Errors
-/// As [`tsa_table::fit::fit`].
+/// As [`tsa_table::fit::fit_tier`].
 pub fn peers(mechanism: &Mechanism, demand: &Demand, fit: &Fit) -> Result<Vec<(&'static str, Considered)>, FitError> {
     let all = all(mechanism, demand, fit)?;
     let ranges = |c: &&Considered| if let AnyTable::Own(own) = &c.table { own.numbers.patches.len() } else { 0 };

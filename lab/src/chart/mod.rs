@@ -3,7 +3,7 @@
 //! Each figure is described ([`rigctl::plot`]) by a file of its name, beside its data as rows that serialise:
 //!
 //! - `mechanism`: the mechanism drawn to scale under a light and a heavy load.
-//! - [`work_precision`]: what an equilibrium costs on the desktop; [`work`] measures it.
+//! - `work_precision`: what an equilibrium costs on the desktop; [`work`] measures it.
 //! - `target`: what every way of knowing the mechanism costs on the board.
 //! - `table_size`: bytes of a table against its error.
 //! - `closed_loop`: what a cheaper model or a less accurate table does to the closed loop.
