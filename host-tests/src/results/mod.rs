@@ -199,6 +199,9 @@ mod tests {
         let refused = |text: &str| list.readme(text, &Records::new()).unwrap_err().to_string();
         assert!(refused("# Title\n").contains("README.md has no line"));
         let missing = refused(&format!("x\n{BEGIN}{END}"));
-        assert!(missing.contains("/table/load_min_n") && missing.contains("cargo xtask results"), "{missing}");
+        assert!(
+            missing.contains("/demo/tr_start_light_rad_per_mm") && missing.contains("cargo xtask results"),
+            "{missing}"
+        );
     }
 }

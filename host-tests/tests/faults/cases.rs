@@ -1,4 +1,4 @@
-//! What causes each fault of a rig that moves. What is near and must not is in `crates/rig-control/tests/faults.rs` and,
+//! What causes each fault of a rig that moves. What is near and must not is in `crates/rig-control/tests/control/faults.rs` and,
 //! on the board, in the scripts of `crates/rigctl/tests/faults.rs`.
 
 use host_tests::ControlBench;

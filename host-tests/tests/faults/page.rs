@@ -61,7 +61,7 @@ fn is_tested(cell: &str, fault: Fault, fires: bool) -> bool {
     if let Some((file, name)) = named.split_once("::") {
         // Of rig-control where it says so, else of host-tests.
         let source = match file.strip_prefix("rig-control/") {
-            Some(file) => read(&format!("crates/rig-control/tests/{file}.rs")),
+            Some(file) => read(&format!("crates/rig-control/tests/control/{file}.rs")),
             None => read(&format!("host-tests/tests/{file}.rs")),
         };
         return item(&source, name).is_some_and(|body| body.contains(&format!("Fault::{fault:?}")));

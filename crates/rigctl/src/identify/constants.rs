@@ -43,7 +43,7 @@ pub enum Constant {
 
 /// The scene-file key, the paper's symbol or a word, and the standard deviation of the logarithm about the scene's value that
 /// is expected of a rig of the scene's kind: 30 % of the radius law, 15 % of the rods' curve (docs/explanation/model.md
-/// 6), 30 % of the strings' stiffness (creep adds up to that share to their stretch, crates/rig-plant/README.md), 2 mm
+/// 6); of the strings' stiffness 30 % (creep adds up to that share to their stretch, crates/rig-plant/README.md), 2 mm
 /// of the string's length, and an odd curve whose tangent at a strain of 0.05 is between a half and twice that of a
 /// straight line. A curve has none.
 const CONSTANTS: [(Constant, &str, &str, Option<f64>); 11] = [
