@@ -5,7 +5,7 @@ use super::link::STEP_S;
 use super::row::Row;
 use crate::failure::{Failure, HomingFailed};
 use crate::output::progress;
-use rig_link::{EventKind, Fault, HomingFailure, LoadChoice, Request, StreamEnd};
+use rig_link::{Accepted, EventKind, Fault, HomingFailure, LoadChoice, Request, StreamEnd};
 use serde::Serialize;
 use std::f64::consts::{PI, TAU};
 
@@ -214,9 +214,22 @@ fn settle(
 pub fn check_direction(session: &mut Session) -> Result<(), Failure> {
     session.wait_ready()?;
     session.take_events();
-    session.request(&Request::CheckDirection)?;
-    session.until(CHECK_S, |s| !s.is_moving())?;
-    ended(session, &Request::CheckDirection, "while the directions were checked").map(drop)
+    if matches!(session.request(&Request::CheckDirection)?, Accepted::Done) {
+        return Ok(());
+    }
+    // The newest row may be older than the check, and this machine may be busy: the board's event and its clock count.
+    let (end_s, mut proven_s) = (session.board_s() + CHECK_S, None);
+    while session.board_s() < end_s {
+        session.step()?;
+        if let Some((t_s, _)) = ended(session, &Request::CheckDirection, "while the directions were checked")? {
+            proven_s = Some(t_s);
+        }
+        // The drive has started again when the motion is over.
+        if proven_s.is_some_and(|t_s| session.board_s() > t_s) && !session.is_moving() {
+            return Ok(());
+        }
+    }
+    Err(Failure::failed(format!("the check of the directions did not end within {CHECK_S} s")))
 }
 
 /// Turns the strings at a constant speed (rad/s) for a time (s), then ramps down.
