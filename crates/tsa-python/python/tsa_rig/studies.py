@@ -291,7 +291,8 @@ def _resampled(fit: dict[str, Any], random: np.random.Generator) -> list[float]:
         starts = random.integers(0, residuals.size - length + 1, BLOCKS) if rows else np.zeros(0, dtype=int)
         drawn = np.concatenate([residuals[start : start + length] for start in starts]) if rows else residuals
         values[rows] = computed[rows] + drawn[: residuals.size] * deviations[rows]
-    return values.tolist()
+    drawn_values: list[float] = values.tolist()
+    return drawn_values
 
 
 def _refit(task: Task) -> dict[str, Any]:
