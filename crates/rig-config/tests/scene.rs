@@ -1,20 +1,53 @@
 //! Scene files: an error names the key.
 
 use rig_config::{Scene, SceneError};
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
 use tsa_model::twist_from_turns;
 
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
 fn default_text() -> String {
-    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/default.toml");
-    std::fs::read_to_string(root).unwrap()
+    std::fs::read_to_string(root().join("scenes/default.toml")).unwrap()
 }
 
 #[test]
 fn every_scene_in_the_folder_is_good() {
-    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
-    for entry in std::fs::read_dir(folder).unwrap() {
+    for entry in std::fs::read_dir(root().join("scenes")).unwrap() {
         let path = entry.unwrap().path();
         Scene::load(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display())).mechanism().unwrap();
     }
+}
+
+/// The words in backquotes of a text.
+fn quoted(text: &str) -> BTreeSet<String> {
+    text.split('`').skip(1).step_by(2).map(ToOwned::to_owned).collect()
+}
+
+#[test]
+fn the_page_about_configuration_has_every_key_and_no_other() {
+    let page = std::fs::read_to_string(root().join("docs/reference/config.md")).unwrap();
+    // The first column of the tables of keys.
+    let tables = page.split("\n## Scenes").next().unwrap().lines();
+    let rows = tables.filter(|line| line.starts_with("| `")).filter_map(|line| line.split('|').nth(1));
+    let written: BTreeSet<_> = rows.flat_map(quoted).collect();
+    let mut known = BTreeSet::new();
+    for section in ["geometry", "string", "material", "correction", "rig", "uncertainty", "envelope", "accuracy"] {
+        let mut scene: toml::Table = toml::from_str(&default_text()).unwrap();
+        let keys = scene.entry(section).or_insert(toml::Table::new().into()).as_table_mut().unwrap();
+        keys.insert("no_such_key".into(), 1.into());
+        // The refusal lists all keys.
+        let refusal = Scene::from_toml_str(&toml::to_string(&scene).unwrap()).unwrap_err().to_string();
+        let (_, expected) = refusal.split_once("expected ").unwrap_or_else(|| panic!("{section}: {refusal}"));
+        // A key is one word; a command that the refusal names is not.
+        for key in quoted(expected).into_iter().filter(|word| !word.contains(' ')) {
+            let full = format!("{section}.{key}");
+            known.insert(if written.contains(&full) { full } else { key });
+        }
+    }
+    assert_eq!(written, known);
 }
 
 /// A measured correction with these ranges and first row of coefficients, before the next part of the scene.
