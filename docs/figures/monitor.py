@@ -113,8 +113,8 @@ def run(rigctl: str) -> Screen:
 
 def main() -> None:
     screen = run(sys.argv[1] if len(sys.argv) > 1 else str(ROOT / "target/release/rigctl"))
-    advance, height, left, top = 13, 24, 20, 96
-    width, tall = 2 * left + COLUMNS * advance, top + LINES * height + 4
+    advance, height, left, top = 12.04, 24, 20, 96
+    width, tall = round(2 * left + COLUMNS * advance), top + LINES * height + 4
     title = "rigctl monitor: an 8 mm move after homing"
     svg = f"""<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {tall}" width="{width}" height="{tall}" role="img">
 <title>{title}</title>
@@ -132,7 +132,7 @@ def main() -> None:
             first, text = (found := list(cells))[0][0], "".join(char for _, (char, _) in found)
             weight = ' font-weight="bold"' if style[1] else ""
             svg += (
-                f'<text x="{left + first * advance}" y="{top + number * height}" textLength="{len(text) * advance}" '
+                f'<text x="{left + first * advance:.1f}" y="{top + number * height}" textLength="{len(text) * advance:.1f}" '
                 f'lengthAdjust="spacingAndGlyphs" style="fill:{style[0]}"{weight}>{escape(text)}</text>\n'
             )
     Path(__file__).with_name("monitor.svg").write_text(svg + "</svg>\n")
