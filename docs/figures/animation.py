@@ -100,7 +100,12 @@ def string_path(state: dict[str, float], side: float) -> str:
 
     path = line([(side * 0.5 * state["D_m"] * math.cos(twist), state["w_m"]), at(0)]) + "C"
     for k in range(SEGMENTS):
-        (x0, y0), (u0, v0), (x1, y1), (u1, v1) = at(k * step), third(k * step), at((k + 1) * step), third((k + 1) * step)
+        (x0, y0), (u0, v0), (x1, y1), (u1, v1) = (
+            at(k * step),
+            third(k * step),
+            at((k + 1) * step),
+            third((k + 1) * step),
+        )
         path += " ".join(f"{px(x)} {px(y)}" for x, y in ((x0 + u0, y0 + v0), (x1 - u1, y1 - v1), (x1, y1))) + " "
     return path + f"L{px(side * 0.5 * state['D_m'])} {px(state['w_m'] + state['X_m'])}"
 
@@ -150,9 +155,7 @@ def counter(x: float, y: float, style: str, texts: list[str]) -> str:
 def weight(load_kg: float) -> str:
     """A weight below the clamp; its size grows with the cube root of its mass."""
     size = 62 * (load_kg / max(LOADS_KG)) ** (1 / 3)
-    return (
-        f'<path d="M0,0V16" class="w"/><rect x="{-size / 2:.1f}" y="16" width="{size:.1f}" height="{size:.1f}" rx="4" class="f"/>'
-    )
+    return f'<path d="M0,0V16" class="w"/><rect x="{-size / 2:.1f}" y="16" width="{size:.1f}" height="{size:.1f}" rx="4" class="f"/>'
 
 
 def mechanism(axis: float, load_kg: float, solved: list[dict[str, float]], scene: dict) -> str:
@@ -194,7 +197,9 @@ def mechanism(axis: float, load_kg: float, solved: list[dict[str, float]], scene
     lines = ["rods bent inwards by", f"{1e3 * last['w_m']:.1f} mm, strings", f"{1e3 * last['D_m']:.1f} mm apart there"]
     svg += f'<text x="90" y="60" class="b">{load_kg:g} kg</text>'
     svg += "".join(f'<text x="90" y="{82 + 19 * k}" class="n">{text}</text>' for k, text in enumerate(lines))
-    svg += f'\n<text x="90" y="164" class="n">lift</text>{counter(130, 164, "c", [f"{value:.1f} mm" for value in lift])}'
+    svg += (
+        f'\n<text x="90" y="164" class="n">lift</text>{counter(130, 164, "c", [f"{value:.1f} mm" for value in lift])}'
+    )
     ratios = [f"{1e-3 * state['tr_rad_per_m']:.2f} rad/mm" for state in solved]
     svg += f'<text x="90" y="192" class="n">TR</text>{counter(130, 192, "c", ratios)}</g>\n'
     return svg
@@ -224,7 +229,9 @@ def main() -> None:
     svg += "</svg>\n"
     out = Path(__file__).with_name("animation.svg")
     out.write_text(svg)
-    print(f"{out.name}: {len(svg.encode()) / 1000:.0f} kB; {LOADS_KG[0]} kg {light:.1f} mm, {LOADS_KG[1]} kg {heavy:.1f} mm")
+    print(
+        f"{out.name}: {len(svg.encode()) / 1000:.0f} kB; {LOADS_KG[0]} kg {light:.1f} mm, {LOADS_KG[1]} kg {heavy:.1f} mm"
+    )
 
 
 if __name__ == "__main__":

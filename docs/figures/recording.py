@@ -41,8 +41,8 @@ def record(rigctl: str) -> tuple[list[dict[str, str]], dict[str, float], dict[st
         script, log = Path(folder, "figure.script"), Path(folder, "figure.csv")
         script.write_text(SCRIPT)
         kind, seed = PLANT
-        options = ["--script", script, "--out", log, "--rig", kind, "--seed", str(seed), "--scene", ROOT / "scenes/default.toml"]
-        subprocess.run([rigctl, "record", *options], check=True, cwd=ROOT)
+        options = f"--script {script} --out {log} --rig {kind} --seed {seed}".split()
+        subprocess.run([rigctl, "record", *options], check=True, cwd=ROOT, stderr=subprocess.DEVNULL)
         lines = log.read_text().splitlines()
     events, homed = {}, {}
     for words in (line.split(maxsplit=5) for line in lines if line.startswith("# at ")):
@@ -87,7 +87,9 @@ class Figure:
         for tick in ticks:
             y = self.y(tick)
             self.svg += f'<path class="g" d="M{LEFT},{y:.1f}H{RIGHT}"/><text x="{LEFT - 8}" y="{y + 5:.1f}" class="n e">{tick:g}</text>\n'
-        self.svg += f'<path class="a" d="M{LEFT},{top}V{bottom}"/><text x="{LEFT}" y="{top - 10}" class="b">{name}</text>\n'
+        self.svg += (
+            f'<path class="a" d="M{LEFT},{top}V{bottom}"/><text x="{LEFT}" y="{top - 10}" class="b">{name}</text>\n'
+        )
 
     def line(self, points: Curve, colour: str, style: str = "") -> None:
         # More points than pixels say no more.
@@ -100,7 +102,9 @@ class Figure:
         self.svg += f'<polygon fill="{colour}" opacity=".22" points="{path}"/>\n'
 
     def text(self, t: float, value: float, text: str, colour: str = "#111", style: str = "") -> None:
-        self.svg += f'<text x="{self.x(t):.1f}" y="{self.y(value):.1f}" class="{style}" style="fill:{colour}">{text}</text>\n'
+        self.svg += (
+            f'<text x="{self.x(t):.1f}" y="{self.y(value):.1f}" class="{style}" style="fill:{colour}">{text}</text>\n'
+        )
 
     def mark(self, t: float, top: int, bottom: int) -> None:
         self.svg += f'<path class="d" stroke="#888" d="M{self.x(t):.1f},{top}V{bottom}"/>\n'
@@ -148,7 +152,9 @@ def homing(rigctl: str, rows: list[dict[str, str]], events: dict[str, float], no
             figure.mark(begin_s, 82, 570)
     figure.panel("twist of the strings (rad)", 150, 300, -8, 44, [0, 20, 40])
     figure.line(twist, BLUE)
-    figure.panel("gap less that at the pre-twist, by the model for this twist (mm)", 344, 444, -17, 8, [-15, -10, -5, 0])
+    figure.panel(
+        "gap less that at the pre-twist, by the model for this twist (mm)", 344, 444, -17, 8, [-15, -10, -5, 0]
+    )
     figure.line(gaps(rigctl, twist[::5], float(rows[0]["true_load_n"])), ORANGE)
     figure.panel("drive current (A)", 488, 570, -0.07, 0.07, [-0.05, 0, 0.05])
     figure.line(curve(rows, "drive_current_a"), GREEN)
@@ -167,7 +173,10 @@ def follow(rows: list[dict[str, str]], events: dict[str, float], note: str) -> N
     fall = min(after, key=lambda point: point[1])
     loads = sorted({float(row["true_load_n"]) / 9.80665 for row in rows})
     requests = [float(a["t_s"]) for a, b in zip(rows, rows[1:]) if a["state"] != "moving" and b["state"] == "moving"]
-    for t, word in zip((requests[0], changed, requests[1]), ("move to 8 mm", f"load {loads[0]:.1f} → {loads[1]:.1f} kg", "move to 4 mm")):
+    for t, word in zip(
+        (requests[0], changed, requests[1]),
+        ("move to 8 mm", f"load {loads[0]:.1f} → {loads[1]:.1f} kg", "move to 4 mm"),
+    ):
         figure.mark(t, 82, 570)
         figure.svg += f'<text x="{figure.x(t) + 6:.1f}" y="94" class="b">{word}</text>\n'
     figure.panel("position (mm)", 134, 270, 0, 9, [0, 4, 8])
@@ -178,7 +187,9 @@ def follow(rows: list[dict[str, str]], events: dict[str, float], note: str) -> N
     figure.text(fall[0] + 0.25, fall[1] - 0.6, f"falls {before - fall[1]:.1f} mm, returns", BLUE)
     load, error = curve(rows, "load_n"), curve(rows, "load_error_n")
     figure.panel("load (N)", 314, 430, 2, 10.5, [2, 6, 10])
-    figure.band([(t, a + b) for (t, a), (_, b) in zip(load, error)], [(t, a - b) for (t, a), (_, b) in zip(load, error)], ORANGE)
+    figure.band(
+        [(t, a + b) for (t, a), (_, b) in zip(load, error)], [(t, a - b) for (t, a), (_, b) in zip(load, error)], ORANGE
+    )
     figure.line(load, ORANGE)
     figure.line(curve(rows, "true_load_n"), "#111", "d")
     figure.text(35.2, 7.2, "estimated, with its 90 % uncertainty", ORANGE)
@@ -194,7 +205,9 @@ def main() -> None:
     plant = f"Emulated board and plant ({PLANT[0]}, seed {PLANT[1]})"
     homing(rigctl, rows, events, f"{plant}; the twist is the plant's, the current the drive's")
     follow(rows, events, f"{plant}; homed with the load given, LVDT not calibrated")
-    print(f"homed in {events['event homed'] - events['request home']:.1f} s: {homed['load_n']:.2f} ± {homed['load_error_n']:.2f} N")
+    print(
+        f"homed in {events['event homed'] - events['request home']:.1f} s: {homed['load_n']:.2f} ± {homed['load_error_n']:.2f} N"
+    )
 
 
 if __name__ == "__main__":

@@ -69,8 +69,12 @@ def main() -> None:
             svg += f'<path stroke="#b3261e" stroke-width="2.5" d="M{bound:.1f},{y - 14}v28"/>\n'
     y = 570
     svg += f'<circle cx="120" cy="{y}" r="7" fill="#555"/><text x="136" y="{y + 5}">median</text>'
-    svg += f'<path stroke="#555" stroke-width="7" d="M240,{y}h40"/><text x="290" y="{y + 5}">to the 95th percentile</text>'
-    svg += f'<path stroke="#555" stroke-width="1.6" d="M520,{y}h40m0,-5v10"/><text x="572" y="{y + 5}">to the worst</text>'
+    svg += (
+        f'<path stroke="#555" stroke-width="7" d="M240,{y}h40"/><text x="290" y="{y + 5}">to the 95th percentile</text>'
+    )
+    svg += (
+        f'<path stroke="#555" stroke-width="1.6" d="M520,{y}h40m0,-5v10"/><text x="572" y="{y + 5}">to the worst</text>'
+    )
     svg += f'<path stroke="#b3261e" stroke-width="2.5" d="M730,{y - 14}v28"/><text x="742" y="{y + 5}">acceptance limit</text>\n'
     svg += f'<text x="110" y="{y + 36}" class="n">All axes are logarithmic. Of a limit such as 5 % + 0.05 N the first part is drawn.</text>\n</svg>\n'
     Path(__file__).with_name("spread.svg").write_text(svg)
