@@ -220,7 +220,7 @@ def main() -> None:
 <rect width="{WIDTH}" height="{HEIGHT}" fill="#fff"/>
 <text x="24" y="32" class="h">{title}</text>
 """
-    svg += f'<text x="{middle - 70:.0f}" y="{TOP - 20}" class="n">turns</text>'
+    svg += f'<text x="{middle - 28:.0f}" y="{TOP - 20}" class="n" text-anchor="end">string turns</text>'
     svg += counter(middle - 20, TOP - 20, "c", [f"{state['turns']:.2f}" for state in both[0]])
     hand = animated("rotate", [str(round(360 * state["turns"])) for state in both[0]])
     svg += f'<g transform="translate({middle + 46:.0f} {TOP - 26})"><circle r="17" class="f"/><path class="r" stroke-width="3" d="M0,0V-14">{hand}</path></g>\n'
