@@ -1,11 +1,11 @@
 //! The desktop tools, the demo, and the tests of the whole workspace.
 
 use crate::packages::{Packages, check_used};
-use crate::process::{cargo, run, step};
+use crate::process::{cargo, exists, run, step};
 use crate::programs::Program;
 use crate::toolchain::{Choice, Toolchain, choose};
 use crate::{Folders, browser, firmware, licences, programs, python, results, system, toolchain};
-use anyhow::{Result, bail};
+use anyhow::{Result, bail, ensure};
 use std::process::Command;
 
 /// Every package except the two that build for the board only.
@@ -39,6 +39,10 @@ pub fn test(folders: &Folders) -> Result<()> {
     python::test(folders)?;
     step("page of `tsa-lab report` in Chromium");
     browser::test(folders)?;
+    if exists("mdbook") {
+        step("book of the documentation");
+        book(folders)?;
+    }
     step("examples in the documentation");
     run(cargo(folders).args(["test", "--release", "--doc"]).args(DESKTOP))
 }
@@ -132,6 +136,12 @@ pub fn page(folders: &Folders) -> Result<()> {
     browser::test(folders)
 }
 
+/// Writes the pages as a book (target/book).
+pub fn book(folders: &Folders) -> Result<()> {
+    ensure!(exists("mdbook"), "mdbook is missing; install it with: cargo install mdbook --locked");
+    run(Command::new("mdbook").current_dir(&folders.root).args(["build", "docs"]))
+}
+
 /// Builds everything and runs the demo.
 pub fn demo(folders: &Folders, rest: &[String]) -> Result<()> {
     system::ensure_emulator_tools()?;
@@ -139,4 +149,24 @@ pub fn demo(folders: &Folders, rest: &[String]) -> Result<()> {
     step("firmware and tools, with the emulator's C library: some minutes the first time");
     beside(|| firmware::build(folders, &toolchain), || run(cargo(folders).args(["build", "--release"]).args(TOOLS)))?;
     run(Command::new(folders.target.join("release/rigctl")).current_dir(&folders.root).arg("demo").args(rest))
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::process::files_in;
+    use std::collections::BTreeSet;
+    use std::path::Path;
+
+    #[test]
+    fn the_book_has_every_page_once() {
+        let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs");
+        let summary = std::fs::read_to_string(docs.join("SUMMARY.md")).unwrap();
+        let listed: Vec<_> =
+            summary.split("](").skip(1).map(|rest| docs.join(rest.split(')').next().unwrap())).collect();
+        let pages = files_in(&docs).unwrap().into_iter();
+        let pages: BTreeSet<_> =
+            pages.filter(|path| path.extension().is_some_and(|e| e == "md") && !path.ends_with("SUMMARY.md")).collect();
+        assert_eq!(listed.iter().cloned().collect::<BTreeSet<_>>(), pages);
+        assert_eq!(listed.len(), pages.len());
+    }
 }

@@ -58,6 +58,8 @@ enum Task {
     Page,
     /// Check formatting, lint and test everything, including the firmware on the emulated board
     Test,
+    /// Write the pages as a book with mdBook (target/book)
+    Book,
     /// Measure an equilibrium: time, instructions (callgrind), and a rod solved by scipy (target/bench/model.json)
     Bench,
     /// Count the instructions of each method of evaluating the mechanism on the emulated board
@@ -135,6 +137,7 @@ fn run(arguments: Arguments) -> Result<()> {
         Task::Python => host::python(&folders),
         Task::Page => host::page(&folders),
         Task::Test => host::test(&folders),
+        Task::Book => host::book(&folders),
         Task::Bench => bench::bench(&folders),
         Task::Cost => host::cost(&folders),
         Task::Loop => host::closed_loop(&folders),
