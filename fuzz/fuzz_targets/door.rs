@@ -1,7 +1,10 @@
 //! The door that the environment variable `DOOR` names ([`DOORS`]).
 #![no_main]
 
-use host_tests::fuzz::{DOORS, Door};
+#[path = "../doors/mod.rs"]
+mod doors;
+
+use doors::{DOORS, Door};
 use std::sync::LazyLock;
 
 static DOOR: LazyLock<Door> = LazyLock::new(|| {

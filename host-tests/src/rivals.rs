@@ -42,7 +42,10 @@ impl Field {
     pub fn new(rigs: Vec<(Subject, Vec<Outcome>)>, threads: usize) -> Self {
         let loads_kg = loads_kg();
         let of = |(subject, ours): (Subject, Vec<Outcome>)| {
-            let ready = each(threads, &loads_kg, |load_kg| ready(&subject, *load_kg));
+            let firmware = Firmware::as_built();
+            let ready = each(threads, &loads_kg, |load_kg| {
+                baseline::at_reference(&subject, &firmware, [load_kg * STANDARD_GRAVITY, f64::from(PI)])
+            });
             (loads_kg.iter().copied().zip(ready).collect(), ours)
         };
         Self { rigs: rigs.into_iter().map(of).collect(), threads }
@@ -101,12 +104,6 @@ impl Field {
         let chunks = standing.chunks(6);
         tune::search_in((self.threads, start), chunks, play, |cost: &mut f64, _, more| *cost += more, |cost| *cost)
     }
-}
-
-/// A baseline at its reference under a load (kg).
-fn ready(subject: &Subject, load_kg: f64) -> Result<ControlBench<Baseline>, String> {
-    let rig = subject.switched_on_at(load_kg * STANDARD_GRAVITY, f64::from(PI)).map_err(|e| e.to_string())?;
-    baseline::ready(ControlBench::on(rig, Baseline::new(&Firmware::as_built(), Law::OpenLoop, PI)))
 }
 
 /// One tick with a set-point; the position that the sensor shows (m).

@@ -1,7 +1,10 @@
 //! Everything that fuzzing ever found worth keeping (`fuzz/corpus.tar`, a folder for each door), and as many changed copies as
 //! fit a bounded run.
 
-use host_tests::fuzz::DOORS;
+#[path = "../../../fuzz/doors/mod.rs"]
+mod doors;
+
+use doors::DOORS;
 use host_tests::root;
 use rand::seq::IndexedRandom;
 use rand::{RngExt, SeedableRng};
