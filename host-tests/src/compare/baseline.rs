@@ -74,6 +74,13 @@ pub enum Law {
     MatchedSpeed,
 }
 
+/// Those without anything to tune.
+pub const OTHERS: [(&str, Law); 3] = [
+    ("c  open loop by table", Law::OpenLoop),
+    ("d  constant speed, matched", Law::MatchedSpeed),
+    ("d' constant 12.5 rpm (paper)", Law::ConstantSpeed(PAPER_SPEED)),
+];
+
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Phase {
     /// Waits until the drive reports and the shaft stands.

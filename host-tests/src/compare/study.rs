@@ -1,6 +1,6 @@
 //! The study: every controller through the scenarios of the comparison on random plants, or on rigs of a kind.
 
-use super::baseline::{Law, Loop, PAPER_SPEED};
+use super::baseline::{Law, Loop, OTHERS};
 use super::report::Results;
 use super::tune::Goal;
 use super::{Comparison, untuned};
@@ -27,13 +27,6 @@ pub struct Arguments {
     #[arg(long, value_name = "DIR", default_value = "docs")]
     out: PathBuf,
 }
-
-/// Those without anything to tune.
-const OTHERS: [(&str, Law); 3] = [
-    ("c  open loop by table", Law::OpenLoop),
-    ("d  constant speed, matched", Law::MatchedSpeed),
-    ("d' constant 12.5 rpm (paper)", Law::ConstantSpeed(PAPER_SPEED)),
-];
 
 /// The first so many of the list that every run uses, and what they are called. Nothing was tuned on rigs of these seeds
 /// ([`crate::rigs`]).

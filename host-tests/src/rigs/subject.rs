@@ -16,43 +16,32 @@ pub struct Effect {
     pub keys: &'static [PlantKey],
 }
 
+const fn effect(name: &'static str, keys: &'static [PlantKey]) -> Effect {
+    Effect { name, keys }
+}
+
 /// All of them, as crates/rig-plant/README.md has them.
-pub const EFFECTS: [Effect; 10] = [
-    Effect {
-        name: "current reading",
-        keys: &[PlantKey::CurrentOffset, PlantKey::CurrentNoise, PlantKey::CurrentQuantum],
-    },
-    Effect {
-        name: "motor and gear",
-        keys: &[
-            PlantKey::TorqueConstantScale,
-            PlantKey::MotorFriction,
-            PlantKey::MotorFrictionAsymmetry,
-            PlantKey::GearEfficiency,
-            PlantKey::GearBacklash,
-        ],
-    },
-    Effect {
-        name: "rail friction",
-        keys: &[
-            PlantKey::Friction,
-            PlantKey::FrictionLoadShare,
-            PlantKey::StictionRatio,
-            PlantKey::StribeckSpeed,
-            PlantKey::Presliding,
-        ],
-    },
-    Effect { name: "rod hysteresis", keys: &[PlantKey::RodHysteresis] },
-    Effect { name: "string creep", keys: &[PlantKey::StringCreep] },
-    Effect { name: "string bedding", keys: &[PlantKey::StringBedding] },
-    Effect { name: "twist play", keys: &[PlantKey::TwistPlay] },
-    Effect {
-        name: "LVDT and converter",
-        keys: &[PlantKey::LvdtNonlinearity, PlantKey::AdcInl, PlantKey::LvdtNoiseInband, PlantKey::Hum],
-    },
-    Effect { name: "radius law", keys: &[PlantKey::TwistExponentShift] },
-    Effect { name: "temperature", keys: &[PlantKey::Temperature] },
-];
+pub const EFFECTS: [Effect; 10] = {
+    use PlantKey as K;
+    [
+        effect("current reading", &[K::CurrentOffset, K::CurrentNoise, K::CurrentQuantum]),
+        effect(
+            "motor and gear",
+            &[K::TorqueConstantScale, K::MotorFriction, K::MotorFrictionAsymmetry, K::GearEfficiency, K::GearBacklash],
+        ),
+        effect(
+            "rail friction",
+            &[K::Friction, K::FrictionLoadShare, K::StictionRatio, K::StribeckSpeed, K::Presliding],
+        ),
+        effect("rod hysteresis", &[K::RodHysteresis]),
+        effect("string creep", &[K::StringCreep]),
+        effect("string bedding", &[K::StringBedding]),
+        effect("twist play", &[K::TwistPlay]),
+        effect("LVDT and converter", &[K::LvdtNonlinearity, K::AdcInl, K::LvdtNoiseInband, K::Hum]),
+        effect("radius law", &[K::TwistExponentShift]),
+        effect("temperature", &[K::Temperature]),
+    ]
+};
 
 /// How far a single effect is turned up, in nominal sizes.
 pub const FACTORS: [f64; 5] = [0.5, 1.0, 2.0, 4.0, 8.0];
