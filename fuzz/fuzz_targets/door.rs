@@ -8,9 +8,10 @@ use doors::{DOORS, Door};
 use std::sync::LazyLock;
 
 static DOOR: LazyLock<Door> = LazyLock::new(|| {
-    let name = std::env::var("DOOR").unwrap_or_default();
-    let found = DOORS.iter().find(|(known, ..)| *known == name);
-    found.unwrap_or_else(|| panic!("DOOR={name} is none of {:?}", DOORS.iter().map(|(name, ..)| name))).1
+    let wanted = std::env::var("DOOR").unwrap_or_default();
+    let names: Vec<&str> = DOORS.iter().map(|(name, ..)| *name).collect();
+    let found = DOORS.iter().find(|(name, ..)| *name == wanted);
+    found.unwrap_or_else(|| panic!("DOOR={wanted} is none of {}", names.join(", "))).1
 });
 
-libfuzzer_sys::fuzz_target!(|data: &[u8]| DOOR(data));
+libfuzzer_sys::fuzz_target!(|data: &[u8]| (*DOOR)(data));
