@@ -10,42 +10,28 @@ use rig_link::messages::{
 use rig_link::{Accepted, Decoder, Versions, encode};
 use rig_plant::board::Stimulus;
 use rig_plant::rig::Rig;
-use std::fmt;
 use std::process::Command;
-use std::sync::OnceLock;
 use tsa_table::Table;
 use tsa_table::record::RECORD_MAX;
 
 /// What these tests greet the board with.
 pub const HELLO: Request = Request::Hello(Versions::own("host-tests", ""));
 
-/// The firmware that would be flashed. Built first if it is not there.
-pub fn firmware() -> &'static [u8] {
-    static ELF: OnceLock<Vec<u8>> = OnceLock::new();
-    ELF.get_or_init(|| image("tsa-firmware.elf", &["xtask", "firmware"]))
-}
-
-/// The same for a drive on the serial line.
-pub fn uart_firmware() -> &'static [u8] {
-    static ELF: OnceLock<Vec<u8>> = OnceLock::new();
-    ELF.get_or_init(|| image("uart/tsa-firmware.elf", &["xtask", "firmware", "--variant", "uart"]))
+/// The firmware that would be flashed. Built first if it is not there, like the others.
+pub fn firmware() -> Vec<u8> {
+    image("tsa-firmware.elf", &["xtask", "firmware"])
 }
 
 /// The same for a rig with another LVDT and a lower current limit, and its scene.
-pub fn other_rig() -> (&'static [u8], &'static Scene) {
-    static BUILT: OnceLock<(Vec<u8>, Scene)> = OnceLock::new();
-    let (elf, scene) = BUILT.get_or_init(|| {
-        let elf = image("other-rig/tsa-firmware.elf", &["xtask", "firmware", "--variant", "other-rig"]);
-        let scene = Scene::load(root().join("target/firmware/other-rig/scene.toml"));
-        (elf, scene.unwrap_or_else(|e| panic!("{e}")))
-    });
-    (elf, scene)
+pub fn other_rig() -> (Vec<u8>, Scene) {
+    let elf = image("other-rig/tsa-firmware.elf", &["xtask", "firmware", "--variant", "other-rig"]);
+    let scene = Scene::load(root().join("target/firmware/other-rig/scene.toml"));
+    (elf, scene.unwrap_or_else(|e| panic!("{e}")))
 }
 
 /// The image that tests a board without a rig.
-pub fn selftest() -> &'static [u8] {
-    static ELF: OnceLock<Vec<u8>> = OnceLock::new();
-    ELF.get_or_init(|| image("tsa-selftest.elf", &["xtask", "selftest", "--emulated"]))
+pub fn selftest() -> Vec<u8> {
+    image("tsa-selftest.elf", &["xtask", "selftest", "--emulated"])
 }
 
 fn image(name: &str, cargo: &[&str]) -> Vec<u8> {
@@ -71,17 +57,10 @@ pub struct LongestTick {
     pub instructions: u64,
     /// Emulated time (s).
     pub t_s: f64,
-    /// Telemetry of the tick before.
-    pub before: Option<Telemetry>,
+    /// State before it.
+    pub state: Option<State>,
     /// What was asked last.
     pub asked: Option<Request>,
-}
-
-impl fmt::Display for LongestTick {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let state = self.before.map_or(State::Boot, |t| t.state);
-        write!(f, "{} instructions at {:.2} s, {state:?}, asked {:?}", self.instructions, self.t_s, self.asked)
-    }
 }
 
 /// A host on one side, the emulated board on the other.
@@ -112,8 +91,6 @@ pub struct Bench {
     pub longest_tick: LongestTick,
     /// Newest request, heartbeats aside.
     asked: Option<Request>,
-    /// Bytes of every telemetry frame, to compare runs.
-    pub bytes: Vec<u8>,
     decoder: Decoder<Message>,
     damaged: usize,
     sequence: u16,
@@ -123,17 +100,18 @@ pub struct Bench {
 impl Bench {
     /// Boots a fresh board. Strict: anything that the real chip would not do stops it.
     pub fn new(keys: &[(&str, &str)], seed: u64) -> Self {
-        Self::with(firmware(), scene(), keys, seed)
+        Self::with(&firmware(), scene(), keys, seed)
     }
 
     /// The same with the drive on the serial line.
     pub fn over_uart(keys: &[(&str, &str)], seed: u64) -> Self {
-        Self::with(uart_firmware(), &uart_scene(), keys, seed)
+        let elf = image("uart/tsa-firmware.elf", &["xtask", "firmware", "--variant", "uart"]);
+        Self::with(&elf, &uart_scene(), keys, seed)
     }
 
     /// The same on a chip of one's own.
     pub fn on(config: Config, keys: &[(&str, &str)], seed: u64) -> Self {
-        Self::boot(firmware(), scene(), config, keys, seed)
+        Self::boot(&firmware(), scene(), config, keys, seed)
     }
 
     /// An image of one's own on the rig of a scene.
@@ -159,7 +137,6 @@ impl Bench {
             frames: 0,
             longest_tick: LongestTick::default(),
             asked: None,
-            bytes: Vec::new(),
             decoder: Decoder::new(),
             damaged: 0,
             sequence: 0,
@@ -198,11 +175,10 @@ impl Bench {
         self.machine.defmt_lines();
         let instructions = self.machine.tick_stats().instructions_max;
         if instructions > self.longest_tick.instructions {
-            let (before, asked) = (self.last, self.asked);
-            self.longest_tick = LongestTick { instructions, t_s: self.machine.now_s(), before, asked };
+            let (t_s, state, asked) = (self.machine.now_s(), self.last.map(|t| t.state), self.asked);
+            self.longest_tick = LongestTick { instructions, t_s, state, asked };
         }
         for byte in self.machine.board_mut().take_host_bytes() {
-            self.bytes.push(byte);
             let Some(frame) = self.decoder.push(byte) else { continue };
             let Ok(frame) = frame else {
                 self.damaged += 1;

@@ -6,7 +6,6 @@ pub mod compare;
 pub mod endurance;
 pub mod following;
 pub mod full_speed;
-pub mod fuzz;
 pub mod limit;
 pub mod load_changes;
 pub mod margins;

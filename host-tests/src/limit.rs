@@ -55,7 +55,7 @@ pub fn study(rigs: &Rigs) -> Result<Study> {
         let ours: Vec<Outcome> = played.iter().flat_map(|(_, outcomes)| outcomes.clone()).collect();
         let on = (rig, played.len(), within_m);
         let field = Field::new(played, rigs.jobs);
-        let rivals = field.rivals(TUNED_ON, within_m).map(|(name, law)| {
+        let rivals = field.rivals(TUNED_ON, within_m).into_iter().map(|(name, law)| {
             eprintln!("{rig}: {name}: {law:?}");
             (name, field.play(law))
         });

@@ -5,7 +5,7 @@
 //! load at once.
 
 use crate::ControlBench;
-use crate::compare::baseline::{self, Baseline, Law, Loop, PAPER_SPEED};
+use crate::compare::baseline::{self, Baseline, Law, Loop, OTHERS};
 use crate::compare::{tune, untuned};
 use crate::load_changes::{Outcome, REST_S, SPEED_M_PER_S, Step, WATCHED_S, errors_m, hang, homed_under_kg, loads_kg};
 use crate::rigs::commission::Firmware;
@@ -42,28 +42,29 @@ impl Field {
     pub fn new(rigs: Vec<(Subject, Vec<Outcome>)>, threads: usize) -> Self {
         let loads_kg = loads_kg();
         let of = |(subject, ours): (Subject, Vec<Outcome>)| {
-            let ready = each(threads, &loads_kg, |load_kg| ready(&subject, *load_kg));
+            let firmware = Firmware::as_built();
+            let ready = each(threads, &loads_kg, |load_kg| {
+                baseline::at_reference(&subject, &firmware, [load_kg * STANDARD_GRAVITY, f64::from(PI)])
+            });
             (loads_kg.iter().copied().zip(ready).collect(), ours)
         };
         Self { rigs: rigs.into_iter().map(of).collect(), threads }
     }
 
     /// All seven by name, tuned on the first so many of the rigs for loads that are back within a distance (m).
-    pub fn rivals(&self, tuned_on: usize, within_m: f64) -> [(&'static str, Law); 7] {
+    pub fn rivals(&self, tuned_on: usize, within_m: f64) -> Vec<(&'static str, Law)> {
         // Begins near what earlier searches found, which only saves time: its first steps are wide.
         let fixed = Loop { gain_per_s: 6.0, corner_rad_per_s: 30.0, ..untuned() };
         let tune = |start: Loop, unsettled_s: f64| self.tuned(start, unsettled_s, tuned_on, within_m);
         let (settled, least) = (tune(fixed, MOST_SETTLED_S), tune(fixed, LEAST_TIME_S));
         let by_table = tune(Loop { tr_rad_per_m: None, ..fixed }, LEAST_TIME_S);
-        [
+        let tuned = [
             ("b  fixed ratio, most settled", Law::Loop(settled)),
             ("b' fixed ratio, least time", Law::Loop(least)),
             ("b\" fixed ratio and crossing", Law::Loop(Loop { crossing_rad: CROSSING_RAD, ..least })),
             ("e  b' by the table's ratio", Law::Loop(by_table)),
-            ("c  open loop by table", Law::OpenLoop),
-            ("d  constant speed, matched", Law::MatchedSpeed),
-            ("d' constant 12.5 rpm (paper)", Law::ConstantSpeed(PAPER_SPEED)),
-        ]
+        ];
+        tuned.into_iter().chain(OTHERS).collect()
     }
 
     /// Every step of every rig by a law, beside the limits of the firmware's.
@@ -101,12 +102,6 @@ impl Field {
         let chunks = standing.chunks(6);
         tune::search_in((self.threads, start), chunks, play, |cost: &mut f64, _, more| *cost += more, |cost| *cost)
     }
-}
-
-/// A baseline at its reference under a load (kg).
-fn ready(subject: &Subject, load_kg: f64) -> Result<ControlBench<Baseline>, String> {
-    let rig = subject.switched_on_at(load_kg * STANDARD_GRAVITY, f64::from(PI)).map_err(|e| e.to_string())?;
-    baseline::ready(ControlBench::on(rig, Baseline::new(&Firmware::as_built(), Law::OpenLoop, PI)))
 }
 
 /// One tick with a set-point; the position that the sensor shows (m).

@@ -5,7 +5,7 @@ use crate::root;
 use anyhow::{Context, Result, anyhow};
 use rig_control::TICK_S;
 use rig_link::messages::Request;
-use rig_plant::PlantChange;
+use rig_plant::{PlantChange, PlantKey, PlantSettings};
 use rigctl::script::{Action, Script};
 
 /// Every script of the folder by its name without the ending, in alphabetical order.
@@ -47,26 +47,28 @@ pub struct Move {
 pub struct Scenario {
     /// The script's name.
     pub name: String,
-    /// The plant at boot.
-    pub plant: Vec<PlantChange>,
+    /// The load at boot (N).
+    pub load_n: f64,
     /// The moves. The first follows homing at once: there is nothing to see while the script waits for it.
     pub moves: Vec<Move>,
 }
 
 impl Scenario {
-    /// From a script that sets up the plant, homes and moves, and does nothing else.
+    /// From a script that hangs a load on, homes and moves, and does nothing else.
     ///
     /// # Errors
     /// Naming the line that is something else.
     pub fn new(name: &str, script: &Script) -> Result<Self> {
-        let mut scenario = Self { name: name.into(), plant: Vec::new(), moves: Vec::new() };
+        let mut scenario = Self { name: name.into(), load_n: PlantSettings::default().load_n, moves: Vec::new() };
         let mut homes = false;
         let mut starts_s: Vec<f64> = Vec::new();
         let ticks = |seconds: f64| (seconds / f64::from(TICK_S)).round() as usize;
         for event in &script.events {
             let fail = |what: &str| anyhow!("{name}, line {}: {what}", event.line);
             match (&event.action, starts_s.last()) {
-                (Action::Plant(change), None) if event.t_s == 0.0 => scenario.plant.push(*change),
+                (Action::Plant(PlantChange { key: PlantKey::Load, value }), None) if event.t_s == 0.0 => {
+                    scenario.load_n = *value;
+                }
                 (Action::Plant(change), Some(start_s)) => {
                     let change = (ticks(event.t_s - start_s), *change);
                     scenario.moves.last_mut().ok_or_else(|| fail("comes before any move"))?.changes.push(change);
@@ -77,7 +79,7 @@ impl Scenario {
                     scenario.moves.push(Move { request, target_m, speed_m_per_s, ticks: 0, changes: Vec::new() });
                     starts_s.push(event.t_s);
                 }
-                _ => return Err(fail("only the plant at 0 s, one homing, moves and the plant during them")),
+                _ => return Err(fail("only the load at 0 s, one homing, moves and the plant during them")),
             }
         }
         let ends_s = starts_s.iter().skip(1).copied().chain([script.end_s]);

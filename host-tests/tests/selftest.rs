@@ -11,7 +11,7 @@ const STORE: std::ops::Range<usize> = 0x4000..0x1_0000;
 const CHECKS: usize = 17;
 
 fn board(broken: Broken, config: Config) -> Machine<JumperBoard> {
-    Machine::new(selftest(), JumperBoard::new(&Jumper::SELFTEST, broken), config).unwrap()
+    Machine::new(&selftest(), JumperBoard::new(&Jumper::SELFTEST, broken), config).unwrap()
 }
 
 fn sound() -> Machine<JumperBoard> {
@@ -167,7 +167,7 @@ fn a_damaged_table_is_named() {
     // The solver finds the gap that the damaged table does not.
     let rig_table = host_tests::table();
     let bytes: Vec<u8> = rig_table.series.coefficients.iter().flat_map(|c| c.to_le_bytes()).collect();
-    let mut elf = selftest().to_vec();
+    let mut elf = selftest();
     let at = elf.windows(bytes.len()).position(|w| w == bytes).expect("the table stands in the ELF");
     // A power of two in the coefficient that the gap depends on most.
     let sizes = rig_table.series.coefficients.iter().map(|c| c.abs());

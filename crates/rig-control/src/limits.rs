@@ -155,22 +155,9 @@ mod tests {
     fn the_motor_limits_a_move_by_ratio_and_pull() {
         let rig = RigConstants {
             gear_ratio: 60.0,
-            counts_per_rad: 40_000.0,
             motor_speed_max_rad_per_s: 1000.0,
-            motor_acceleration_max_rad_per_s2: 12_000.0,
             motor_torque_constant_nm_per_a: 0.02,
-            current_limit_ma: 500,
-            lvdt_gap_at_code_zero_m: 0.0,
-            lvdt_metres_per_code: 5e-5,
-            lvdt_curve: None,
-            lvdt_gain: 1.0,
-            lvdt_offset_m: 0.0,
-            lvdt_linearity_m: 0.5e-3,
-            lvdt_stroke_m: 0.2,
-            drive_group: 0,
-            drive_number: 1,
-            supply_limits_v: [20.0, 28.0],
-            supply_divider: None,
+            ..crate::constants::tests::RIG
         };
         // Half a kilogram on 1 N/mm swings at 44 rad/s.
         let at = |tr_rad_per_m: f32| Point {

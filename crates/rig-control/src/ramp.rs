@@ -87,21 +87,13 @@ mod tests {
     #[test]
     fn a_ramp_that_brakes_stops_where_it_says() {
         let mut ramp = Ramp::at(0.0);
-        for _ in 0..30 {
-            ramp.step(100.0, 8.0, 25.0);
-        }
+        (0..30).for_each(|_| ramp.step(100.0, 8.0, 25.0));
         let stop = ramp.stopping_point(25.0);
         let (ticks, _) = run(&mut ramp, stop, 8.0, 25.0);
         // 7.5 rad/s at 25 rad/s² is 0.3 s.
         assert!((29..=33).contains(&ticks) && ramp.position == stop, "{ticks}");
-    }
-
-    #[test]
-    fn a_ramp_turns_round_without_a_jump() {
-        let mut ramp = Ramp::at(0.0);
-        for _ in 0..30 {
-            ramp.step(100.0, 8.0, 25.0);
-        }
+        // It turns round without a jump.
+        (0..30).for_each(|_| ramp.step(100.0, 8.0, 25.0));
         run(&mut ramp, -1.0, 8.0, 25.0);
     }
 }

@@ -2,6 +2,7 @@
 //! (mode 8, a position every 10 ms) on the same rig. They need no homing: they are given the true zero of the twist.
 
 use crate::rigs::commission::Firmware;
+use crate::rigs::subject::Subject;
 use crate::{ControlBench, Controller};
 use core::f32::consts::PI;
 use rig_control::ramp::Ramp;
@@ -73,6 +74,13 @@ pub enum Law {
     MatchedSpeed,
 }
 
+/// Those without anything to tune.
+pub const OTHERS: [(&str, Law); 3] = [
+    ("c  open loop by table", Law::OpenLoop),
+    ("d  constant speed, matched", Law::MatchedSpeed),
+    ("d' constant 12.5 rpm (paper)", Law::ConstantSpeed(PAPER_SPEED)),
+];
+
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Phase {
     /// Waits until the drive reports and the shaft stands.
@@ -128,18 +136,17 @@ pub struct Baseline {
 }
 
 impl Baseline {
-    /// With the table, the constants and the settings of a firmware. Told that the strings were twisted by
-    /// `twist_at_boot_rad` at power-up.
-    pub fn new(firmware: &Firmware, law: Law, twist_at_boot_rad: f32) -> Self {
+    /// With the table, the constants and the settings of a firmware. Told that the strings had the half-turn pre-twist at power-up.
+    fn new(firmware: &Firmware) -> Self {
         Self {
-            law,
+            law: Law::OpenLoop,
             wanted: Wanted::default(),
             shown_m: None,
             table: firmware.table,
             rig: settings::apply(&firmware.settings, &firmware.constants),
             lvdt: Lvdt::new(),
             phase: Phase::Boot { standing: 0 },
-            zero_rad: -twist_at_boot_rad,
+            zero_rad: -PI,
             shaft: Ramp::at(0.0),
             drive_offset: 0,
             reference_gap_m: 0.0,
@@ -151,11 +158,6 @@ impl Baseline {
             course: None,
             started: false,
         }
-    }
-
-    /// Whether it stands at the half-turn pre-twist and has taken its reference.
-    pub fn is_ready(&self) -> bool {
-        self.phase == Phase::Ready
     }
 
     fn boot(&mut self, standing: u16, offset: i64, speed_rpm: i16, shaft_rad: f32) {
@@ -287,13 +289,20 @@ impl Baseline {
     }
 }
 
-/// Brings a baseline that has just been switched on to its reference, under the true load.
+/// A baseline on a rig that was switched on under a load (N) with the strings at a twist (rad), the half-turn pre-twist: it stands
+/// there and has taken its reference.
 ///
 /// # Errors
 /// In words, if it does not come there.
-pub fn ready(mut bench: ControlBench<Baseline>) -> Result<ControlBench<Baseline>, String> {
+pub fn at_reference(
+    subject: &Subject,
+    firmware: &Firmware,
+    [load_n, twist_rad]: [f64; 2],
+) -> Result<ControlBench<Baseline>, String> {
+    let rig = subject.switched_on_at(load_n, twist_rad).map_err(|e| e.to_string())?;
+    let mut bench = ControlBench::on(rig, Baseline::new(firmware));
     bench.control.wanted.load_n = bench.truth().load_n as f32;
-    if !bench.until(START_S, |bench| bench.control.is_ready()) {
+    if !bench.until(START_S, |bench| bench.control.phase == Phase::Ready) {
         return Err(format!("a baseline does not come to its reference within {START_S} s"));
     }
     bench.home_gap_m = Some(bench.truth().gap_m);

@@ -1,14 +1,14 @@
 //! A controller through a scenario on a plant, and what was recorded of it.
 
 use super::baseline::{self, Baseline, Law};
-use super::plants::RandomPlant;
 use crate::rigs::commission::Firmware;
+use crate::rigs::subject::Subject;
 use crate::scenario::{Move, Scenario};
 use crate::{ControlBench, Controller};
 use rig_control::TICK_S;
 
-/// Twist at power-up (rad): of the baselines, whose zero is given, and of the firmware, which has to find it.
-const TWIST_AT_BOOT: [f32; 2] = [std::f32::consts::PI, 1.0];
+/// Twist at power-up (rad), from which the firmware has to find zero.
+const TWIST_AT_BOOT_RAD: f64 = 1.0;
 
 /// What one move was like, tick by tick.
 #[derive(Clone, Debug, Default)]
@@ -32,16 +32,6 @@ pub struct Played {
     pub records: Vec<Record>,
     /// How it failed, if it did.
     pub failure: Option<String>,
-}
-
-fn keys(scenario: &Scenario, plant: &RandomPlant, twist_at_boot: f32) -> Vec<(&'static str, String)> {
-    let own = scenario.plant.iter().chain(&plant.keys).map(|s| (s.key.name(), s.value.to_string()));
-    own.chain([("twist_at_boot", twist_at_boot.to_string())]).collect()
-}
-
-fn bench<C: Controller>(control: C, keys: &[(&'static str, String)], seed: u64) -> ControlBench<C> {
-    let keys: Vec<(&str, &str)> = keys.iter().map(|(key, value)| (*key, value.as_str())).collect();
-    ControlBench::with(control, &keys, seed)
 }
 
 /// Plays one move: before each tick `tick` moves the bench on and says where the load should be.
@@ -68,11 +58,11 @@ fn record<C: Controller>(
 }
 
 /// The firmware's control: homes, then every move, the load weighed by itself.
-pub fn firmware(scenario: &Scenario, plant: &RandomPlant, firmware: &Firmware) -> Played {
-    let [_, twist] = TWIST_AT_BOOT;
-    let mut bench = bench(firmware.boot(), &keys(scenario, plant, twist), plant.seed);
+pub fn firmware(scenario: &Scenario, plant: &Subject, firmware: &Firmware) -> Played {
     let mut records = Vec::new();
     let mut play = || -> Result<(), String> {
+        let rig = plant.switched_on_at(scenario.load_n, TWIST_AT_BOOT_RAD).map_err(|e| e.to_string())?;
+        let mut bench = ControlBench::on(rig, firmware.boot());
         bench.home().map_err(|e| format!("homing: {e}"))?;
         for (number, m) in scenario.moves.iter().enumerate() {
             let one = record(&mut bench, m, |bench, k| {
@@ -93,31 +83,16 @@ pub fn firmware(scenario: &Scenario, plant: &RandomPlant, firmware: &Firmware) -
     Played { records, failure }
 }
 
-/// A baseline that stands at its reference.
-///
-/// # Errors
-/// In words, if it does not come there.
-pub fn ready(scenario: &Scenario, plant: &RandomPlant, firmware: &Firmware) -> Result<ControlBench<Baseline>, String> {
-    let [twist, _] = TWIST_AT_BOOT;
-    let control = Baseline::new(firmware, Law::OpenLoop, twist);
-    baseline::ready(bench(control, &keys(scenario, plant, twist), plant.seed))
-}
-
-/// A baseline from where [`ready`] left it, along the firmware's set-points. It fails where the plant refuses a change.
-pub fn baseline(mut bench: ControlBench<Baseline>, law: Law, scenario: &Scenario, along: &[Record]) -> Played {
+/// A baseline that stands at its reference, along the firmware's set-points, as far as the plant takes its changes.
+pub fn baseline(mut bench: ControlBench<Baseline>, law: Law, scenario: &Scenario, along: &[Record]) -> Vec<Record> {
     bench.control.law = law;
-    let mut records = Vec::new();
-    let mut play = || -> Result<(), String> {
-        for (m, along) in scenario.moves.iter().zip(along) {
-            let one = record(&mut bench, m, |bench, k| {
-                let set_point_m = along.set_points_m[k];
-                baseline::follow(bench, set_point_m, m.target_m, m.speed_m_per_s);
-                Ok(set_point_m)
-            });
-            records.push(one?);
-        }
-        Ok(())
+    let one = |(m, along): (&Move, &Record)| {
+        record(&mut bench, m, |bench, k| {
+            let set_point_m = along.set_points_m[k];
+            baseline::follow(bench, set_point_m, m.target_m, m.speed_m_per_s);
+            Ok(set_point_m)
+        })
+        .ok()
     };
-    let failure = play().err();
-    Played { records, failure }
+    scenario.moves.iter().zip(along).map_while(one).collect()
 }

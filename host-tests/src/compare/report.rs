@@ -1,23 +1,21 @@
 //! The comparison's figures as rows of a CSV, as a study, and as a picture.
 
-use super::plants::Kind;
 use super::score::Summary;
-use super::{Comparison, Entry};
+use super::{Entry, settled_m};
 use crate::scenario::Scenario;
 use crate::study::Study;
 use anyhow::{Context, Result};
+use rig_plant::RigPreset;
 use rig_plant::units::STANDARD_GRAVITY;
-use rig_plant::{PlantKey, RigPreset};
 use rigctl::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Sample, Shape, colour, extent};
 use serde::Serialize;
 
-/// Largest tracking errors that others publish for closed loops on a twisted string: what, load (kg), errors (mm).
+/// Largest tracking errors that others publish for closed loops on a twisted string, by PID and by LQR, as load (kg) and error (mm).
 /// JCSE 2016, 5864918: a dual actuator, other moves than here.
-const PUBLISHED: [(&str, f64, [f64; 2]); 2] =
-    [("published: dual TSA, PID", 0.5, [11.6, 12.6]), ("published: dual TSA, LQR", 0.5, [4.3, 5.0])];
+const PUBLISHED: [(f64, f64); 4] = [(0.5, 11.6), (0.5, 12.6), (0.5, 4.3), (0.5, 5.0)];
 
 /// What else there is, in other measures.
-pub const ELSEWHERE: &str = "Published beside these, on other rigs and moves: closed loop on a dual TSA under 500 g, largest \
+const ELSEWHERE: &str = "Published beside these, on other rigs and moves: closed loop on a dual TSA under 500 g, largest \
     error 11.6 and 12.6 mm by PID, 4.3 and 5.0 mm by LQR (JCSE 2016, 5864918); open loop by an inverse model on a TSA \
     soft arm, 3.68 % (ASME JMR 16(4) 041007, 2024).";
 
@@ -30,15 +28,14 @@ const TRACKING: &str = "Tracking counts from where the set-point sets out. A loa
 const NOT_MADE: &str = "A move that was not made, because its controller had failed, counts as not settled. Errors are those of the \
     moves that both this controller and the other made.";
 
-/// A row of the CSV: a controller under one load, or under all. Of what others have published there is only an error. An empty settling time means
-/// that fewer than nine moves of ten settled.
+/// A row of the CSV: a controller under one load. An empty settling time means that fewer than nine moves of ten settled.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Row {
-    controller: String,
-    load_kg: String,
-    load_steps: Option<bool>,
-    moves: Option<usize>,
-    not_made: Option<usize>,
+struct Row {
+    controller: &'static str,
+    load_kg: f64,
+    load_steps: bool,
+    moves: usize,
+    not_made: usize,
     max_error_um: f64,
     rms_error_um: f64,
     settling_s: Option<f64>,
@@ -47,23 +44,20 @@ pub struct Row {
     energy_j: f64,
 }
 
-/// Instead of a load: all of them.
-const ALL: &str = "all";
-
 /// A number with so many digits after the point.
 fn rounded(value: f64, digits: usize) -> f64 {
     format!("{value:.digits$}").parse().unwrap_or(value)
 }
 
 impl Row {
-    fn new(name: &str, load_kg: Option<f64>, steps: bool, s: &Summary) -> Self {
+    fn new(controller: &'static str, load_n: f64, load_steps: bool, s: &Summary) -> Self {
         let um = |m: f64| rounded(m * 1e6, 1);
         Self {
-            controller: name.into(),
-            load_kg: load_kg.map_or(ALL.into(), |kg| format!("{kg:.1}")),
-            load_steps: Some(steps),
-            moves: Some(s.moves),
-            not_made: Some(s.not_made),
+            controller,
+            load_kg: rounded(load_n / STANDARD_GRAVITY, 1),
+            load_steps,
+            moves: s.moves,
+            not_made: s.not_made,
             max_error_um: um(s.max_m),
             rms_error_um: um(s.rms_m),
             settling_s: s.settling_s.is_finite().then(|| rounded(s.settling_s, 2)),
@@ -95,8 +89,8 @@ impl OverLoads {
             settled_percent: 100.0 * mean(|row| row.settled_share),
             overshoot_mm: 1e-3 * most(|row| row.overshoot_um),
             energy_j: mean(|row| row.energy_j),
-            moves: rows.iter().filter_map(|row| row.moves).sum(),
-            not_made: rows.iter().filter_map(|row| row.not_made).sum(),
+            moves: rows.iter().map(|row| row.moves).sum(),
+            not_made: rows.iter().map(|row| row.not_made).sum(),
         }
     }
 }
@@ -104,66 +98,40 @@ impl OverLoads {
 /// Everything that was found.
 pub struct Results {
     rows: Vec<Row>,
-    names: Vec<String>,
-    kind: Kind,
-    plants: usize,
+    names: Vec<&'static str>,
+    rig: Option<RigPreset>,
+    /// How many plants, and what they are called.
+    plants: (usize, String),
     /// How the baselines were set.
     notes: Vec<String>,
-    /// What is said beside the study.
-    pub remarks: Vec<String>,
 }
 
 impl Results {
     /// Sums up what each controller did, ours first; `notes` say how the baselines were set.
     pub fn new(
         scenarios: &[Scenario],
-        (kind, plants): (Kind, usize),
-        comparison: &Comparison<'_>,
-        reached: &[(String, Vec<Entry>)],
+        (rig, plants): (Option<RigPreset>, (usize, String)),
+        reached: &[(&'static str, Vec<Entry>)],
         notes: Vec<String>,
     ) -> Self {
-        let summary = |entries: &[Entry], steps: bool, scenario: Option<usize>| {
-            let here = entries.iter().filter(|e| e.changed == steps && scenario.is_none_or(|only| only == e.scenario));
-            Summary::new(here.map(|e| &e.score))
-        };
         let mut rows = Vec::new();
         for (name, entries) in reached {
             for steps in [false, true] {
-                let loads = (0..scenarios.len()).map(Some).chain([None]);
-                rows.extend(
-                    loads
-                        .map(|k| Row::new(name, k.map(|k| load_kg(&scenarios[k])), steps, &summary(entries, steps, k))),
-                );
+                rows.extend(scenarios.iter().enumerate().map(|(k, scenario)| {
+                    let here = entries.iter().filter(|e| e.changed == steps && e.scenario == k);
+                    Row::new(name, scenario.load_n, steps, &Summary::new(here.map(|e| &e.score)))
+                }));
             }
         }
-        let all = |k: usize| [false, true].map(|steps| summary(&reached[k].1, steps, None));
-        let ours = all(0);
-        let times = (1..reached.len()).map(|k| {
-            let [steady, steps] = all(k);
-            let [steady, steps] = [steady.rms_m / ours[0].rms_m, steps.rms_m / ours[1].rms_m];
-            format!("{} {steady:.2} and {steps:.2}", letter(&reached[k].0))
-        });
-        let mut remarks = vec![
-            drawn(kind).to_owned(),
-            format!("Over the rms error of a, without load steps and with: {}.", times.collect::<Vec<_>>().join(", ")),
-            format!(
-                "Before the set-point sets out it waits for the strings to take up friction: {:.2} s on average, {:.2} s with load \
-                 steps.",
-                ours[0].wait_s, ours[1].wait_s
-            ),
-        ];
-        remarks.extend(notes.iter().cloned());
-        let failures = comparison.failures.iter();
-        remarks.extend(
-            failures.map(|f| format!("a failed: {}, plant {}: {}", scenarios[f.scenario].name, f.seed, f.reason)),
-        );
-        remarks.push(ELSEWHERE.into());
-        Self { rows, names: reached.iter().map(|(name, _)| name.clone()).collect(), kind, plants, notes, remarks }
+        Self { rows, names: reached.iter().map(|(name, _)| *name).collect(), rig, plants, notes }
     }
 
     fn rows(&self, name: &str, steps: bool) -> Vec<&Row> {
-        let wanted = |row: &&Row| row.controller == name && row.load_steps == Some(steps) && row.load_kg != ALL;
-        self.rows.iter().filter(wanted).collect()
+        self.rows.iter().filter(|row| row.controller == name && row.load_steps == steps).collect()
+    }
+
+    fn settled_um(&self) -> f64 {
+        1e6 * settled_m(self.rig.unwrap_or(RigPreset::Ideal))
     }
 
     /// A row for each controller: over all loads, without load steps and with.
@@ -179,20 +147,17 @@ impl Results {
             "largest overshoot, mm",
             "energy, J",
         ]);
-        let over_loads = |name: &String| [false, true].map(|steps| OverLoads::new(&self.rows(name, steps)));
+        let over_loads = |name: &&str| [false, true].map(|steps| OverLoads::new(&self.rows(name, steps)));
         let all: Vec<[OverLoads; 2]> = self.names.iter().map(over_loads).collect();
         let [ours, fixed, ..] = &all[..] else { anyhow::bail!("fewer than two controllers") };
-        let rig = match self.kind {
-            Kind::Rig(rig) => Some(rig),
-            Kind::Random => None,
-        };
+        let rig = self.rig;
         for (name, found) in self.names.iter().zip(&all) {
             let both = |of: fn(&OverLoads) -> f64, digits: usize| {
                 let [without, with] = found.each_ref().map(of);
                 format!("{without:.digits$}; {with:.digits$}")
             };
             study.row([
-                rig.map_or(name.clone(), |rig| format!("{rig}: {name}")),
+                rig.map_or((*name).to_owned(), |rig| format!("{rig}: {name}")),
                 both(|f| f.rms_um, 0),
                 both(|f| f.largest_mm, 2),
                 format!("{:.0} %; {:.0} %", found[0].settled_percent, found[1].settled_percent),
@@ -211,18 +176,18 @@ impl Results {
             None => {
                 study.value("rms_um", ours[0].rms_um);
                 study.value("fixed_ratio_times", fixed[0].rms_um / ours[0].rms_um);
-                study.value("plants", self.plants as f64);
+                study.value("plants", self.plants.0 as f64);
             }
-            Some(rig) => {
+            Some(_) => {
                 let not_made = self.names.iter().zip(&all).map(|(name, found)| {
                     let [without, with] = found.each_ref().map(|f| format!("{} of {}", f.not_made, f.moves));
                     format!("{}: {without} and {with}", letter(name))
                 });
+                let (count, kind) = &self.plants;
                 study.notes.push(format!(
-                    "{} {rig} rigs under each of four loads; a move has settled within {:.0} µm of the true place. \
+                    "{count} {kind} under each of four loads; a move has settled within {:.0} µm of the true place. \
                      Moves that were not made, without load steps and with, of all: {}.",
-                    self.plants,
-                    1e6 * self.kind.settled_m(),
+                    self.settled_um(),
                     not_made.collect::<Vec<_>>().join(", ")
                 ));
                 study.notes.push(NOT_MADE.into());
@@ -239,19 +204,6 @@ impl Results {
     pub fn csv(&self) -> Result<String> {
         let mut writer = csv::Writer::from_writer(Vec::new());
         self.rows.iter().try_for_each(|row| writer.serialize(row))?;
-        for (what, kg, errors) in PUBLISHED {
-            for mm in errors {
-                let cells = [
-                    what.to_owned(),
-                    kg.to_string(),
-                    String::new(),
-                    String::new(),
-                    String::new(),
-                    (mm * 1e3).to_string(),
-                ];
-                writer.write_record(cells.into_iter().chain(std::iter::repeat_n(String::new(), 5)))?;
-            }
-        }
         String::from_utf8(writer.into_inner().map_err(|e| e.into_error())?).context("the CSV is no text")
     }
 
@@ -261,13 +213,9 @@ impl Results {
         let colour = |k: usize| if k < 6 { colour(k, 6) } else { INK };
         let pen = |k: usize| Pen { dashed: k > 6, ..Pen::solid(colour(k)) };
         let panel = |(title, label, log, value): &Quantity, steps: bool| {
-            let published: Vec<(f64, f64)> = PUBLISHED
-                .iter()
-                .filter(|_| *title == LARGEST && !steps)
-                .flat_map(|(_, kg, errors)| errors.iter().map(move |mm| (*kg, *mm)))
-                .collect();
+            let published = if *title == LARGEST && !steps { &PUBLISHED[..] } else { &[] };
             let points = |rows: Vec<&Row>| -> Vec<(f64, f64)> {
-                let points = rows.into_iter().filter_map(|row| Some((row.load_kg.parse().ok()?, value(row))));
+                let points = rows.into_iter().map(|row| (row.load_kg, value(row)));
                 points.filter(|(_, v)| v.is_finite() && (!log || *v > 0.0)).collect()
             };
             let mut items = Vec::new();
@@ -278,17 +226,18 @@ impl Results {
             }
             items.extend(published.iter().map(|at| Item::Mark { at: *at, shape: Shape::Cross, colour: INK }));
             // Both columns have the same axes.
-            let heights = extent(points(self.rows.iter().collect()).iter().chain(&published).map(|p| p.1));
-            let x = Axis::linear("load, kg", extent(self.rows.iter().filter_map(|row| row.load_kg.parse().ok())));
+            let heights = extent(points(self.rows.iter().collect()).iter().chain(published).map(|p| p.1));
+            let x = Axis::linear("load, kg", extent(self.rows.iter().map(|row| row.load_kg)));
             let y = if *log { Axis::log(*label, heights) } else { Axis::linear(*label, heights) };
             Panel { title: format!("{title}, {} load steps", if steps { "with" } else { "without" }), x, y, items }
         };
-        let sample = |(k, name): (usize, &String)| KeyRow::sample(Sample::Line(pen(k)), name);
+        let sample = |(k, name): (usize, &&str)| KeyRow::sample(Sample::Line(pen(k)), *name);
         let published = KeyRow::sample(Sample::Mark(Shape::Cross, INK), "published: dual TSA, 500 g, LQR and PID");
-        let mut notes = vec![format!("Settled: within {:.0} µm. {HOW}", 1e6 * self.kind.settled_m())];
+        let mut notes = vec![format!("Settled: within {:.0} µm. {HOW}", self.settled_um())];
         notes.extend(self.notes.iter().cloned().chain([ELSEWHERE.to_owned()]));
+        let (count, kind) = &self.plants;
         Figure {
-            heading: format!("Ways to drive the same rig: {} {} under each load (emulated)", self.plants, self.kind),
+            heading: format!("Ways to drive the same rig: {count} {kind} under each load (emulated)"),
             rows: QUANTITIES.iter().map(|q| [false, true].map(|steps| panel(q, steps)).into()).collect(),
             panel_size: (640, 290),
             blocks: vec![
@@ -318,23 +267,6 @@ fn letter(name: &str) -> &str {
     name.split_whitespace().next().unwrap_or_default()
 }
 
-/// How plants of a kind differ from the firmware's model.
-fn drawn(kind: Kind) -> &'static str {
-    match kind {
-        Kind::Random => {
-            "Plants: constants and supply ±10 %, friction 0 to 0.3 N, LVDT noise 30 to 120 µm, play of the gear 0 to 20 mrad, but for \
-             what is said below."
-        }
-        Kind::Rig(RigPreset::Ideal) => "Rigs of their own model.",
-        Kind::Rig(_) => "Each rig calibrated and identified first, for all controllers.",
-    }
-}
-
-/// The load that a scenario starts with (kg).
-fn load_kg(scenario: &Scenario) -> f64 {
-    scenario.plant.iter().find(|s| s.key == PlantKey::Load).map_or(f64::NAN, |s| s.value / STANDARD_GRAVITY)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -342,8 +274,8 @@ mod tests {
     #[test]
     fn figures_are_over_the_loads_and_count_what_was_not_made() {
         let row = |moves, not_made, [max_error_um, rms_error_um, settled_share]: [f64; 3]| Row {
-            moves: Some(moves),
-            not_made: Some(not_made),
+            moves,
+            not_made,
             max_error_um,
             rms_error_um,
             settled_share,
@@ -363,7 +295,7 @@ mod tests {
             settling_s: f64::INFINITY,
             ..Summary::default()
         };
-        let row = Row::new("a", Some(0.1499), true, &summary);
-        assert_eq!((&*row.load_kg, row.max_error_um, row.settled_share, row.settling_s), ("0.1", 123.5, 0.667, None));
+        let row = Row::new("a", 0.1499 * STANDARD_GRAVITY, true, &summary);
+        assert_eq!((row.load_kg, row.max_error_um, row.settled_share, row.settling_s), (0.1, 123.5, 0.667, None));
     }
 }

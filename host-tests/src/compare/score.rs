@@ -21,8 +21,6 @@ pub struct Score {
     pub squares_m2: f64,
     /// Ticks of travel.
     pub ticks: usize,
-    /// How long the set-point waits before it sets out (s): until friction is taken up.
-    pub wait_s: f64,
     /// From the end of the set-point's travel until the load stays near the target (s); `None` if it does not before the
     /// next move.
     pub settling_s: Option<f64>,
@@ -62,7 +60,6 @@ impl Score {
             max_m,
             squares_m2,
             ticks: travel - waits,
-            wait_s: waits as f64 * f64::from(TICK_S),
             settling_s: stays.then(|| settled.saturating_sub(travel) as f64 * f64::from(TICK_S)),
             overshoot_m: record.positions_m.iter().map(|p| (p - target_m) * way).fold(0.0, f64::max),
             energy_j: record.energy_j,
@@ -89,8 +86,6 @@ pub struct Summary {
     pub overshoot_m: f64,
     /// Mean energy of a move that was made (J).
     pub energy_j: f64,
-    /// Mean wait before a set-point sets out (s), of the moves that were made.
-    pub wait_s: f64,
 }
 
 impl Summary {
@@ -104,7 +99,6 @@ impl Summary {
         let sum = |value: fn(&Score) -> f64| scores.iter().map(|s| value(s)).sum::<f64>();
         let settling = Sorted::new(scores.iter().map(|s| s.settling_s.unwrap_or(f64::INFINITY)));
         let made = scores.iter().filter(|s| s.made).count();
-        let mean = |value: fn(&Score) -> f64| sum(value) / made.max(1) as f64;
         Self {
             moves: scores.len(),
             not_made: scores.len() - made,
@@ -113,8 +107,7 @@ impl Summary {
             settling_s: settling.quantile(0.9).unwrap_or(f64::INFINITY),
             settled: scores.iter().filter(|s| s.settling_s.is_some()).count() as f64 / scores.len() as f64,
             overshoot_m: most(|s| s.overshoot_m),
-            energy_j: mean(|s| s.energy_j),
-            wait_s: mean(|s| s.wait_s),
+            energy_j: sum(|s| s.energy_j) / made.max(1) as f64,
         }
     }
 }

@@ -1,10 +1,10 @@
 //! The study: every controller through the scenarios of the comparison on random plants, or on rigs of a kind.
 
-use super::baseline::{Law, Loop, PAPER_SPEED};
-use super::plants::{Kind, RandomPlant};
+use super::baseline::{Law, Loop, OTHERS};
 use super::report::Results;
 use super::tune::Goal;
-use super::{Comparison, Controller, untuned};
+use super::{Comparison, untuned};
+use crate::rigs::subject::Subject;
 use crate::scenario;
 use crate::study::{Study, write};
 use anyhow::{Result, anyhow, bail};
@@ -28,12 +28,40 @@ pub struct Arguments {
     out: PathBuf,
 }
 
-/// Those without anything to tune.
-const OTHERS: [(&str, Law); 3] = [
-    ("c  open loop by table", Law::OpenLoop),
-    ("d  constant speed, matched", Law::MatchedSpeed),
-    ("d' constant 12.5 rpm (paper)", Law::ConstantSpeed(PAPER_SPEED)),
-];
+/// The first so many of the list that every run uses, and what they are called. Nothing was tuned on rigs of these seeds
+/// ([`crate::rigs`]).
+pub fn plants(rig: Option<RigPreset>, count: u16) -> (Vec<Subject>, String) {
+    let seeds = 1..=u64::from(count);
+    match rig {
+        None => (seeds.map(Subject::random).collect(), "random plants".into()),
+        Some(rig) => (seeds.map(|k| Subject::new(rig, 1000 + k)).collect(), format!("{rig} rigs")),
+    }
+}
+
+/// What plants differ in that a loop feels, and how that is called. On rigs of a kind every further key would add two, and the
+/// searches would take as much longer.
+fn felt(rig: Option<RigPreset>) -> (&'static [PlantKey], &'static str) {
+    use PlantKey::{Damping, Friction, GearBacklash, K2Scale, LvdtNoise, ModulusScale};
+    match rig {
+        None => (
+            &[Friction, Damping, K2Scale, ModulusScale, GearBacklash, LvdtNoise],
+            "friction, damping, k2, modulus, backlash or noise",
+        ),
+        Some(_) => (&[Friction], "friction"),
+    }
+}
+
+/// Seeds of the plants that have the least or the greatest of one of these keys: whoever manages these should manage the others.
+fn extremes(plants: &[Subject], keys: &[PlantKey]) -> Vec<u64> {
+    let ends = keys.iter().flat_map(|key| {
+        let by_value = |a: &&Subject, b: &&Subject| a.value(*key).total_cmp(&b.value(*key));
+        [plants.iter().min_by(by_value), plants.iter().max_by(by_value)]
+    });
+    let mut seeds: Vec<u64> = ends.flatten().map(|plant| plant.seed).collect();
+    seeds.sort_unstable();
+    seeds.dedup();
+    seeds
+}
 
 /// Plays everybody, the baselines tuned; writes the figure and its data.
 ///
@@ -44,20 +72,26 @@ pub fn study(arguments: &Arguments) -> Result<Study> {
         bail!("--plant {}: the scenarios say that", s.key);
     }
     let scenarios = scenario::comparison()?;
-    let fixed = |plant: RandomPlant| arguments.plant.iter().fold(plant, |plant, change| plant.with(*change));
-    let kind = arguments.rig.map_or(Kind::Random, Kind::Rig);
-    let plants: Vec<RandomPlant> = kind.list(arguments.plants.into()).into_iter().map(fixed).collect();
+    let fixed = |plant: Subject| arguments.plant.iter().fold(plant, |plant, change| plant.with(*change));
+    let (plants, kind) = plants(arguments.rig, arguments.plants);
+    let plants: Vec<Subject> = plants.into_iter().map(fixed).collect();
     eprintln!("{} scenarios on {} {kind} by the firmware's control …", scenarios.len(), plants.len());
     let comparison = Comparison::new(&scenarios, &plants).map_err(|e| anyhow!(e))?;
     let same = arguments.plant.iter().map(|s| format!("On every plant {} = {} (SI units).", s.key, s.value));
     let mut notes: Vec<String> = same.collect();
-    let mut reached = vec![("a  this controller".into(), comparison.play(Controller::Firmware))];
-    for (name, law) in baselines(&comparison, kind, &RandomPlant::extremes(&plants), &mut notes) {
+    comparison.failures.iter().for_each(|failure| eprintln!("a failed: {failure}"));
+    let (keys, felt) = felt(arguments.rig);
+    let mut reached = vec![("a  this controller", comparison.play(None))];
+    for (name, law) in baselines(
+        &comparison,
+        &format!("{kind} with the least or the most {felt}"),
+        &extremes(&plants, keys),
+        &mut notes,
+    ) {
         eprintln!("{name} …");
-        reached.push((name.into(), comparison.play(Controller::Baseline(law))));
+        reached.push((name, comparison.play(Some(law))));
     }
-    let results = Results::new(&scenarios, (kind, plants.len()), &comparison, &reached, notes);
-    results.remarks.iter().for_each(|remark| eprintln!("{remark}"));
+    let results = Results::new(&scenarios, (arguments.rig, (plants.len(), kind)), &reached, notes);
     let name = arguments.rig.map_or("comparison".into(), |rig| format!("comparison-{rig}"));
     write(&arguments.out, &format!("{name}.csv"), &results.csv()?)?;
     write(&arguments.out, &format!("{name}.svg"), &results.figure().svg()?)?;
@@ -68,7 +102,7 @@ pub fn study(arguments: &Arguments) -> Result<Study> {
 /// All but the firmware's; `notes` get how the tuned ones came to their settings.
 fn baselines(
     comparison: &Comparison<'_>,
-    kind: Kind,
+    chosen: &str,
     tuned_on: &[u64],
     notes: &mut Vec<String>,
 ) -> Vec<(&'static str, Law)> {
@@ -91,16 +125,31 @@ fn baselines(
             rad => format!(", crossing {rad:.2} rad"),
         };
         notes.push(format!(
-            "{}: TR {ratio}, gain {:.2} 1/s, corner {:.1} rad/s{crossing}, searched for {wanted} on the {} {kind} with the least or \
-             the most {}.",
+            "{}: TR {ratio}, gain {:.2} 1/s, corner {:.1} rad/s{crossing}, searched for {wanted} on the {} {chosen}.",
             name[..2].trim(),
             tuned.gain_per_s,
             tuned.corner_rad_per_s,
-            tuned_on.len(),
-            kind.felt_in_words()
+            tuned_on.len()
         ));
         all.push((name, Law::Loop(tuned)));
     }
     all.extend(OTHERS);
     all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_searches_use_the_plants_with_the_least_and_the_most_of_what_a_loop_feels() {
+        let (random, _) = plants(None, 50);
+        let chosen = extremes(&random, felt(None).0);
+        assert!((6..=12).contains(&chosen.len()), "{chosen:?}");
+        let most = random.iter().max_by(|a, b| a.value(PlantKey::Friction).total_cmp(&b.value(PlantKey::Friction)));
+        assert!(chosen.contains(&most.unwrap().seed));
+        let (hard, kind) = plants(Some(RigPreset::Hard), 4);
+        assert_eq!((hard[0].seed, &hard[0].changes, &*kind), (1001, &RigPreset::Hard.changes(1001), "hard rigs"));
+        assert_eq!(extremes(&hard, felt(Some(RigPreset::Hard)).0).len(), 2, "the least and the most friction");
+    }
 }

@@ -126,7 +126,7 @@ pub fn moves(count: u32, rig: RigPreset, seed: u64) -> Numbers {
     }
     let Run { homings, load_faults, restarts, .. } = run;
     let stats = board.machine.stats();
-    eprintln!("the longest tick: {}", board.longest_tick);
+    eprintln!("the longest tick: {:?}", board.longest_tick);
     let errors_m = &rests.errors_m;
     let tenth = errors_m.len().div_ceil(10);
     let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len().max(1) as f64;

@@ -37,7 +37,7 @@ pub struct Arguments {
     /// Rigs of their own model but for these plant keys
     #[arg(long, value_name = "KEY=VALUE", num_args = 1..)]
     effect: Vec<PlantChange>,
-    /// Folder for NAME.csv, NAME-summary.csv and NAME.json
+    /// Folder for NAME-summary.csv and NAME.json
     #[arg(long, value_name = "DIR", default_value = "out")]
     out: PathBuf,
     /// Begin of the files' names

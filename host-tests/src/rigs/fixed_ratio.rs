@@ -8,7 +8,7 @@ use super::subject::Subject;
 use crate::ControlBench;
 use crate::compare::baseline::{self, Baseline, Law, Loop};
 use crate::compare::play::Record;
-use crate::compare::score::Score;
+use crate::compare::score::{Score, Summary};
 use rig_control::TICK_S;
 use rig_plant::units::STANDARD_GRAVITY;
 use std::f32::consts::PI;
@@ -27,8 +27,9 @@ pub fn compare(subject: &Subject, firmware: &Firmware, along: &[(f64, Vec<Record
         return finding(None, "the firmware followed under no load".into());
     }
     let ours = rms_m(along.iter().flat_map(|(_, records)| records));
+    let ready = |load_and_twist| baseline::at_reference(subject, firmware, load_and_twist);
     let ready: Result<Vec<_>, String> =
-        along.iter().map(|(load_kg, _)| ready(subject, firmware, load_kg * STANDARD_GRAVITY)).collect();
+        along.iter().map(|(load_kg, _)| [load_kg * STANDARD_GRAVITY, f64::from(PI)]).map(ready).collect();
     let ready = match ready {
         Ok(ready) => ready,
         Err(why) => return finding(None, why),
@@ -56,15 +57,7 @@ pub fn compare(subject: &Subject, firmware: &Firmware, along: &[(f64, Vec<Record
 }
 
 fn rms_m<'a>(records: impl IntoIterator<Item = &'a Record>) -> f64 {
-    let scores: Vec<Score> = records.into_iter().map(Score::new).collect();
-    let sum = |of: fn(&Score) -> f64| scores.iter().map(of).sum::<f64>();
-    (sum(|s| s.squares_m2) / sum(|s| s.ticks as f64).max(1.0)).sqrt()
-}
-
-/// A loop that stands at the half-turn pre-twist of this rig and has taken its reference.
-fn ready(subject: &Subject, firmware: &Firmware, load_n: f64) -> Result<ControlBench<Baseline>, String> {
-    let rig = subject.switched_on_at(load_n, f64::from(PI)).map_err(|e| e.to_string())?;
-    baseline::ready(ControlBench::on(rig, Baseline::new(firmware, Law::OpenLoop, PI)))
+    Summary::new(&records.into_iter().map(Score::new).collect::<Vec<_>>()).rms_m
 }
 
 /// The loop along the firmware's set-points, after a move to where these begin.

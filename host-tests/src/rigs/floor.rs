@@ -130,24 +130,20 @@ impl Check {
         CHECKS.into_iter().map(|(check, ..)| check)
     }
 
-    fn described(self) -> (&'static str, &'static str, (f64, &'static str)) {
-        let (_, name, row, factor, unit) = CHECKS[self as usize];
-        (name, row, (factor, unit))
-    }
-
     /// Its name in the CSV and in JSON.
     pub fn name(self) -> &'static str {
-        self.described().0
+        CHECKS[self as usize].1
     }
 
     /// The row of the table that it belongs to; none if nothing is asked of it.
     pub fn row(self) -> Option<&'static str> {
-        Some(self.described().1).filter(|row| !row.is_empty())
+        Some(CHECKS[self as usize].2).filter(|row| !row.is_empty())
     }
 
     /// Factor and unit with which its values are shown.
     pub fn unit(self) -> (f64, &'static str) {
-        self.described().2
+        let (.., factor, unit) = CHECKS[self as usize];
+        (factor, unit)
     }
 
     /// What is asked of it on this kind of rig; `as_built` without identification, where the load's error is free.
@@ -194,7 +190,9 @@ impl Floor {
                 Some(value.is_some_and(|v| v.abs() <= limit + per_load_n / load_n))
             }
             Self::AtLeast(least) => Some(value.is_some_and(|v| v >= least)),
-            Self::Mean(_) | Self::Per200Moves(_) => None,
+            Self::Mean(_) => None,
+            // How many there may be is asked of all of them together.
+            Self::Per200Moves(_) => Some(value.is_none_or(|faults| faults <= 0.0)),
         }
     }
 

@@ -12,7 +12,7 @@ use serde::Serialize;
 /// A check over all rigs of a group. SI units.
 #[derive(Clone, Debug, Serialize)]
 pub struct Line {
-    rig: RigName,
+    rig: &'static str,
     effect: Option<String>,
     factor: Option<f64>,
     table: &'static str,
@@ -20,7 +20,7 @@ pub struct Line {
     pub check: Check,
     #[serde(skip)]
     asked: Option<Floor>,
-    /// What is asked; none where nothing is.
+    /// What is asked.
     floor: Option<String>,
     /// How often it was measured.
     pub cases: usize,
@@ -37,26 +37,6 @@ pub struct Line {
     /// The first case that misses it.
     failure: Option<String>,
 }
-
-/// One value on one rig. SI units.
-#[derive(Clone, Debug, Serialize)]
-pub struct Case {
-    rig: RigName,
-    seed: u64,
-    effect: Option<String>,
-    factor: Option<f64>,
-    table: &'static str,
-    load_kg: Option<f64>,
-    check: Check,
-    value: Option<f64>,
-    meets_floor: Option<bool>,
-    /// When, or why there is no value.
-    pub note: String,
-    #[serde(skip)]
-    what: String,
-}
-
-type RigName = &'static str;
 
 /// The rigs of one kind, with the same effects, all commissioned or all as built.
 pub struct Results<'a> {
@@ -120,7 +100,7 @@ impl Results<'_> {
             }
         };
         let first = &self.scored[0].subject;
-        let failed = self.failed().into_iter().find(|case| case.check == check);
+        let failed = self.failed().find(|(_, f)| f.check == check);
         Line {
             rig: self.kind.name(),
             effect: first.effect.clone(),
@@ -136,7 +116,7 @@ impl Results<'_> {
             worst: at(1.0),
             met,
             holds,
-            failure: failed.map(|case| format!("rig {}{}: {}", case.seed, case.under(), case.shown())),
+            failure: failed.map(|(scored, f)| format!("rig {}{}: {}", scored.subject.seed, under(f), shown(f))),
         }
     }
 
@@ -145,31 +125,19 @@ impl Results<'_> {
         Check::all().filter(|check| check.row().is_some()).map(|check| self.line(check)).collect()
     }
 
-    /// Everything that was measured.
-    fn cases(&self) -> Vec<Case> {
-        let of = |scored: &Scored, f: &Finding| Case {
-            rig: self.kind.name(),
-            seed: scored.subject.seed,
-            effect: scored.subject.effect.clone(),
-            factor: scored.subject.factor,
-            table: self.table(),
-            load_kg: f.load_kg,
-            check: f.check,
-            value: f.value,
-            meets_floor: f.check.floor(self.kind, self.as_built).and_then(|floor| floor.is_met(f.value, load_n(f))),
-            note: f.note.clone(),
-            what: scored.subject.to_string(),
-        };
-        self.scored.iter().flat_map(|scored| scored.findings.iter().map(move |f| of(scored, f))).collect()
+    /// Every finding that does not meet its floor, and on which rig.
+    pub fn failed(&self) -> impl Iterator<Item = (&Scored, &Finding)> {
+        let floor = |f: &Finding| f.check.floor(self.kind, self.as_built);
+        let findings = self.scored.iter().flat_map(|scored| scored.findings.iter().map(move |f| (*scored, f)));
+        findings.filter(move |(_, f)| floor(f).is_some_and(|floor| floor.is_met(f.value, load_n(f)) == Some(false)))
     }
 
-    /// Every case that does not meet its floor.
-    pub fn failed(&self) -> Vec<Case> {
-        let missed = |case: &Case| match case.check.floor(self.kind, self.as_built) {
-            Some(Floor::Per200Moves(_)) => case.value.is_some_and(|faults| faults > 0.0),
-            _ => case.meets_floor == Some(false),
+    /// The same in words: where, what, and when or why.
+    pub fn failures(&self, wanted: impl Fn(&Finding) -> bool) -> Vec<String> {
+        let words = |(scored, f): (&Scored, &Finding)| {
+            format!("{}{}: {}: {}", scored.subject, under(f), f.check.row().unwrap_or(f.check.name()), shown(f))
         };
-        self.cases().into_iter().filter(missed).collect()
+        self.failed().filter(|(_, f)| wanted(f)).map(words).collect()
     }
 
     /// The rows, then every case that misses its floor. Of a boot that could not be homed only that is listed.
@@ -182,43 +150,42 @@ impl Results<'_> {
                 _ => self.kind.to_string(),
             };
             let cases = line.cases.to_string();
-            study.row([line.name(), what, line.floor(), cases, line.spread(), line.met()]);
+            study.row([line.name(), what, line.floor.clone().unwrap_or("-".into()), cases, line.spread(), line.met()]);
         }
-        let failed = self.failed();
-        study.notes = vec![format!(
-            "{} {} rigs, {}: {} cases miss their floor.",
-            self.rigs(),
-            self.kind,
-            self.table(),
-            failed.len()
-        )];
-        study.notes.extend(failed.iter().filter(|case| case.note != NOT_HOMED).map(ToString::to_string));
+        let (rigs, kind, table, failed) = (self.rigs(), self.kind, self.table(), self.failed().count());
+        study.notes = vec![format!("{rigs} {kind} rigs, {table}: {failed} cases miss their floor.")];
+        study.notes.extend(self.failures(|f| f.note != NOT_HOMED));
         study
     }
 }
 
-/// The three files of some groups: rows of a table as CSV, every case as CSV, and as JSON the rows with what failed.
+/// The two files of some groups: rows of a table as CSV, and as JSON the rows with what failed.
 ///
 /// # Errors
 /// If one cannot be written.
-pub fn files(groups: &[Results<'_>]) -> Result<[(&'static str, String); 3]> {
-    let lines = groups.iter().flat_map(Results::lines);
-    let json = groups.iter().map(|group| serde_json::json!({"rows": group.lines(), "failed": group.failed()}));
-    Ok([
-        ("-summary.csv", csv(lines)?),
-        (".csv", csv(groups.iter().flat_map(Results::cases))?),
-        (".json", serde_json::to_string_pretty(&json.collect::<Vec<_>>())?),
-    ])
-}
-
-fn csv(rows: impl Iterator<Item = impl Serialize>) -> Result<String> {
+pub fn files(groups: &[Results<'_>]) -> Result<[(&'static str, String); 2]> {
+    let json =
+        groups.iter().map(|group| serde_json::json!({"rows": group.lines(), "failed": group.failures(|_| true)}));
+    let json = serde_json::to_string_pretty(&json.collect::<Vec<_>>())?;
     let mut writer = csv::Writer::from_writer(Vec::new());
-    rows.into_iter().try_for_each(|row| writer.serialize(row))?;
-    String::from_utf8(writer.into_inner().map_err(|e| e.into_error())?).context("the CSV is no text")
+    groups.iter().flat_map(Results::lines).try_for_each(|row| writer.serialize(row))?;
+    let summary = String::from_utf8(writer.into_inner().map_err(|e| e.into_error())?).context("the CSV is no text")?;
+    Ok([("-summary.csv", summary), (".json", json)])
 }
 
 fn load_n(finding: &Finding) -> f64 {
     finding.load_kg.unwrap_or(1.0) * STANDARD_GRAVITY
+}
+
+fn under(finding: &Finding) -> String {
+    finding.load_kg.map_or(String::new(), |kg| format!(", {kg} kg"))
+}
+
+/// A value, and when, or why there is none.
+fn shown(finding: &Finding) -> String {
+    let (by, unit) = finding.check.unit();
+    let value = finding.value.map_or("none".into(), |v| format!("{:.3} {unit}", by * v));
+    format!("{} {}", value.trim_end(), finding.note).trim_end().to_owned()
 }
 
 impl Line {
@@ -248,10 +215,6 @@ impl Line {
         self.check.row().unwrap_or(self.check.name()).to_owned()
     }
 
-    fn floor(&self) -> String {
-        self.floor.clone().unwrap_or("-".into())
-    }
-
     /// How much meets the floor.
     fn met(&self) -> String {
         let met = self.met.map_or("-".into(), |met| match self.asked {
@@ -259,26 +222,6 @@ impl Line {
             _ => format!("{:.1} %", 100.0 * met),
         });
         met + if self.holds == Some(false) { ", missed" } else { "" }
-    }
-}
-
-impl Case {
-    fn under(&self) -> String {
-        self.load_kg.map_or(String::new(), |kg| format!(", {kg} kg"))
-    }
-
-    fn shown(&self) -> String {
-        let (by, unit) = self.check.unit();
-        let value = self.value.map_or("none".into(), |v| format!("{:.3} {unit}", by * v));
-        format!("{} {}", value.trim_end(), self.note).trim_end().to_owned()
-    }
-}
-
-/// Where and what, in a few words.
-impl std::fmt::Display for Case {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let check = self.check.row().unwrap_or(self.check.name());
-        write!(f, "{}{}: {check}: {}", self.what, self.under(), self.shown())
     }
 }
 
@@ -299,7 +242,15 @@ pub fn page([identified, as_built, ratio]: [&[Results<'_>]; 3]) -> Result<Study>
             let line = if line.check == Check::FixedRatio { compared.line(line.check) } else { line };
             let built = theirs.line(line.check);
             let rigs = kind.to_string();
-            study.row([line.name(), rigs, line.floor(), line.spread(), line.met(), built.spread(), built.met()]);
+            study.row([
+                line.name(),
+                rigs,
+                line.floor.clone().unwrap_or("-".into()),
+                line.spread(),
+                line.met(),
+                built.spread(),
+                built.met(),
+            ]);
             for (how, line) in [("identified", &line), ("as_built", &built)] {
                 let name = format!("{kind}_{how}_{}", line.check.name());
                 study.value(format!("{name}_met"), line.met);
@@ -309,7 +260,7 @@ pub fn page([identified, as_built, ratio]: [&[Results<'_>]; 3]) -> Result<Study>
             }
         }
         for (how, group) in [("identified", ours), ("as built", theirs), ("compared with a fixed ratio", compared)] {
-            let (rigs, failed) = (group.rigs(), group.failed().len());
+            let (rigs, failed) = (group.rigs(), group.failed().count());
             study.notes.push(format!("{kind} rigs, {how}: {rigs} rigs, {failed} cases miss their floor."));
         }
     }
@@ -344,11 +295,11 @@ mod tests {
         assert_eq!(study.values["hard_as_built_zero_error_rad_worst"], 0.03);
         assert!(study.notes[0].contains("1 cases miss"), "{}", study.notes[0]);
         assert!(page([&groups[..1], &groups, &groups]).is_err(), "hard rigs are missing");
-        let [(_, summary), (_, cases), _] = files(&groups).unwrap();
+        let [(_, summary), (_, json)] = files(&groups).unwrap();
         assert!(
             summary
                 .starts_with("rig,effect,factor,table,check,floor,cases,missing,median,p95,worst,met,holds,failure\n")
         );
-        assert!(cases.contains("nominal,1,,,identified,0.5,zero_error_rad,-0.02,true,\n"), "{cases}");
+        assert!(json.contains("hard rig 1, 0.5 kg: homing succeeds, zero: none"), "{json}");
     }
 }

@@ -1,5 +1,7 @@
-//! Which rigs are tried.
+//! Which rigs the studies are made on: of a kind, with a single effect, or drawn by chance.
 
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
 use rig_config::Scene;
 use rig_plant::PlantSettings;
 use rig_plant::rig::{Rig, RigError};
@@ -14,48 +16,40 @@ pub struct Effect {
     pub keys: &'static [PlantKey],
 }
 
+const fn effect(name: &'static str, keys: &'static [PlantKey]) -> Effect {
+    Effect { name, keys }
+}
+
 /// All of them, as crates/rig-plant/README.md has them.
-pub const EFFECTS: [Effect; 10] = [
-    Effect {
-        name: "current reading",
-        keys: &[PlantKey::CurrentOffset, PlantKey::CurrentNoise, PlantKey::CurrentQuantum],
-    },
-    Effect {
-        name: "motor and gear",
-        keys: &[
-            PlantKey::TorqueConstantScale,
-            PlantKey::MotorFriction,
-            PlantKey::MotorFrictionAsymmetry,
-            PlantKey::GearEfficiency,
-            PlantKey::GearBacklash,
-        ],
-    },
-    Effect {
-        name: "rail friction",
-        keys: &[
-            PlantKey::Friction,
-            PlantKey::FrictionLoadShare,
-            PlantKey::StictionRatio,
-            PlantKey::StribeckSpeed,
-            PlantKey::Presliding,
-        ],
-    },
-    Effect { name: "rod hysteresis", keys: &[PlantKey::RodHysteresis] },
-    Effect { name: "string creep", keys: &[PlantKey::StringCreep] },
-    Effect { name: "string bedding", keys: &[PlantKey::StringBedding] },
-    Effect { name: "twist play", keys: &[PlantKey::TwistPlay] },
-    Effect {
-        name: "LVDT and converter",
-        keys: &[PlantKey::LvdtNonlinearity, PlantKey::AdcInl, PlantKey::LvdtNoiseInband, PlantKey::Hum],
-    },
-    Effect { name: "radius law", keys: &[PlantKey::TwistExponentShift] },
-    Effect { name: "temperature", keys: &[PlantKey::Temperature] },
-];
+pub const EFFECTS: [Effect; 10] = {
+    use PlantKey as K;
+    [
+        effect("current reading", &[K::CurrentOffset, K::CurrentNoise, K::CurrentQuantum]),
+        effect(
+            "motor and gear",
+            &[K::TorqueConstantScale, K::MotorFriction, K::MotorFrictionAsymmetry, K::GearEfficiency, K::GearBacklash],
+        ),
+        effect(
+            "rail friction",
+            &[K::Friction, K::FrictionLoadShare, K::StictionRatio, K::StribeckSpeed, K::Presliding],
+        ),
+        effect("rod hysteresis", &[K::RodHysteresis]),
+        effect("string creep", &[K::StringCreep]),
+        effect("string bedding", &[K::StringBedding]),
+        effect("twist play", &[K::TwistPlay]),
+        effect("LVDT and converter", &[K::LvdtNonlinearity, K::AdcInl, K::LvdtNoiseInband, K::Hum]),
+        effect("radius law", &[K::TwistExponentShift]),
+        effect("temperature", &[K::Temperature]),
+    ]
+};
 
 /// How far a single effect is turned up, in nominal sizes.
 pub const FACTORS: [f64; 5] = [0.5, 1.0, 2.0, 4.0, 8.0];
 
-/// One rig.
+/// How far a constant of the mechanism or the supply of a random plant may be off.
+const TOLERANCE: f64 = 0.1;
+
+/// One rig. The firmware is told none of it.
 #[derive(Clone, Debug)]
 pub struct Subject {
     /// Whose floors it is held against.
@@ -77,6 +71,40 @@ impl Subject {
     /// The rig of a kind that a seed names, with all effects.
     pub fn new(kind: RigPreset, seed: u64) -> Self {
         Self { kind, seed, effect: None, factor: None, changes: kind.changes(seed) }
+    }
+
+    /// A plant with constants off by up to a tenth, friction, noise, play and damping: the same for the same seed. Friction is in N;
+    /// noise of one LVDT sample in m rms, half to twice the default; play of the gear at its output in rad, up to about 1°, what
+    /// planetary gears of this size have (assumed); damping on the rail in N s/m (assumed).
+    pub fn random(seed: u64) -> Self {
+        let mut random = Pcg64Mcg::seed_from_u64(seed);
+        let around = |value: f64| [value * (1.0 - TOLERANCE), value * (1.0 + TOLERANCE)];
+        let changes = [
+            (PlantKey::K2Scale, around(1.0)),
+            (PlantKey::K3Scale, around(1.0)),
+            (PlantKey::StiffnessScale, around(1.0)),
+            (PlantKey::ModulusScale, around(1.0)),
+            (PlantKey::Friction, [0.0, 0.3]),
+            (PlantKey::Damping, [0.5, 2.0]),
+            (PlantKey::LvdtNoise, [30e-6, 120e-6]),
+            (PlantKey::GearBacklash, [0.0, 0.02]),
+            (PlantKey::SupplyVoltage, around(crate::scene().rig.supply_voltage_v)),
+        ];
+        let changes = changes.map(|(key, [low, high])| PlantChange { key, value: random.random_range(low..=high) });
+        Self { changes: changes.into(), ..Self::new(RigPreset::Ideal, seed) }
+    }
+
+    /// The same rig but for this key.
+    #[must_use]
+    pub fn with(mut self, change: PlantChange) -> Self {
+        self.changes.retain(|s| s.key != change.key);
+        self.changes.push(change);
+        self
+    }
+
+    /// One of its keys.
+    pub fn value(&self, key: PlantKey) -> f64 {
+        self.changes.iter().find(|s| s.key == key).map_or(f64::NAN, |s| s.value)
     }
 
     /// The rig of its own model but for one effect, `factor` times as large as a kind of rig has it at most. Rigs with even
@@ -158,6 +186,17 @@ impl fmt::Display for Subject {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn random_plants_keep_to_their_ranges_and_differ() {
+        for plant in (1..=50).map(Subject::random) {
+            assert!((0.9..=1.1).contains(&plant.value(PlantKey::K2Scale)));
+            assert!((0.0..=0.3).contains(&plant.value(PlantKey::Friction)));
+            assert!((21.6..=26.4).contains(&plant.value(PlantKey::SupplyVoltage)));
+        }
+        assert_eq!(Subject::random(1).changes, Subject::random(1).changes);
+        assert_ne!(Subject::random(1).changes, Subject::random(2).changes);
+    }
 
     #[test]
     fn every_key_of_a_preset_belongs_to_one_effect() {

@@ -5,7 +5,7 @@ use super::floor::{Check, Finding};
 use super::subject::Subject;
 use crate::ControlBench;
 use crate::compare::play::Record;
-use crate::compare::score::Score;
+use crate::compare::score::{Score, Summary};
 use rig_control::TICK_S;
 use rig_link::messages::{EventKind, LoadChoice, Request, State};
 use rig_plant::units::STANDARD_GRAVITY;
@@ -257,11 +257,9 @@ impl Trial {
         let result = self.go(low_m).and_then(|()| Ok(vec![self.recorded(high_m)?, self.recorded(low_m)?]));
         match result {
             Ok(records) => {
-                let scores: Vec<Score> = records.iter().map(Score::new).collect();
-                let ticks: usize = scores.iter().map(|score| score.ticks).sum();
-                let squares_m2: f64 = scores.iter().map(|score| score.squares_m2).sum();
-                self.found(Check::FollowRms, (squares_m2 / ticks.max(1) as f64).sqrt(), "");
-                self.found(Check::FollowMost, scores.iter().map(|score| score.max_m).fold(0.0, f64::max), "");
+                let summary = Summary::new(&records.iter().map(Score::new).collect::<Vec<_>>());
+                self.found(Check::FollowRms, summary.rms_m, "");
+                self.found(Check::FollowMost, summary.max_m, "");
                 Some(records)
             }
             Err(why) => {

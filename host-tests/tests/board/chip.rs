@@ -96,8 +96,8 @@ fn ticks_stay_short_whatever_is_asked() {
         b.step();
         wait_s -= 0.01;
     }
-    println!("{refused} requests refused; longest: {}", b.longest_tick);
-    assert!(refused > 10 && b.longest_tick.instructions < MOST_INSTRUCTIONS, "{}", b.longest_tick);
+    println!("{refused} requests refused; longest: {:?}", b.longest_tick);
+    assert!(refused > 10 && b.longest_tick.instructions < MOST_INSTRUCTIONS, "{:?}", b.longest_tick);
 }
 
 /// A core that hangs or whose stack leaves the RAM (it lies below the variables, memory.x) is reset by the watchdog; one with

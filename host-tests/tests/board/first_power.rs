@@ -55,7 +55,8 @@ fn without_a_transceiver_the_board_joins_the_bus_and_hears_nobody() {
 fn a_log_that_nobody_reads_stops_nothing() {
     let mut b = Bench::new(&[], 2);
     b.machine.stall_rtt(true);
-    b.home();
+    stands(&mut b);
+    b.prove();
     // A line every 40 ms: more than the buffer holds.
     b.machine.soc_mut().stall_adc(true);
     b.run(12.0);
@@ -66,7 +67,7 @@ fn a_log_that_nobody_reads_stops_nothing() {
     b.ask(&Request::Clear).unwrap();
     // Read again, it goes on.
     b.machine.stall_rtt(false);
-    assert!(b.until(1.0, |b| b.state() == State::Ready), "{:?}", b.last);
+    assert!(b.until(1.0, |b| b.state() == State::Unhomed), "{:?}", b.last);
 }
 
 #[test]
@@ -96,8 +97,7 @@ fn without_the_st_links_clock_the_board_runs_on_its_own_and_says_so() {
     assert_eq!((b.state(), fault(&b)), (State::Fault, Some(Fault::ClockSource)));
     assert_eq!(b.ask(&Request::Clear), Err(Refusal::CauseRemains { fault: Fault::ClockSource }));
     // Lost while it runs: the watchdog restarts it on its own.
-    let mut b = Bench::new(&[], 3);
-    b.home();
+    let mut b = standing(&[], 3);
     b.machine.feed_hse(false);
     b.run(1.5);
     assert_eq!(b.machine.stats().resets.iter().map(|r| r.1).collect::<Vec<_>>(), [ResetCause::Watchdog]);

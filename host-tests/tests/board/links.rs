@@ -1,7 +1,7 @@
 //! Host link and the drive's lines: noise, strangers, another tool, stops and repeated requests; and the drive on the serial
 //! line, whose framing is assumed: what is tested is that a line without checksums does no harm.
 
-use super::{JOG, fault, moves, noise, standing, stands};
+use super::{JOG, fault, noise, standing, stands};
 use host_tests::board::{Bench, HELLO};
 use rig_link::messages::{Fault, Refusal, Request, ResetCause, State};
 use rig_link::{PROTOCOL_HASH, Versions};
@@ -10,8 +10,8 @@ use rig_plant::board::{CanFrame, Stimulus};
 
 #[test]
 fn noise_on_the_link_and_strangers_on_the_bus_are_ignored_and_counted() {
-    let mut b = Bench::new(&[], 3);
-    b.home();
+    let mut b = standing(&[], 3);
+    b.prove();
     let before = b.machine.board().truth().twist_rad;
     let mut x = 0x2545_f491;
     for k in 0..300 {
@@ -30,9 +30,18 @@ fn noise_on_the_link_and_strangers_on_the_bus_are_ignored_and_counted() {
     let counters = b.last.unwrap().counters;
     assert!(counters.link_errors > 10, "{counters:?}");
     assert!(counters.foreign_frames >= 250, "{counters:?}");
-    assert_eq!(b.state(), State::Ready);
+    assert_eq!(b.state(), State::Unhomed);
     assert!((b.machine.board().truth().twist_rad - before).abs() < 0.01, "something moved");
-    moves(&mut b, 0.012);
+    turns(&mut b);
+}
+
+/// Drive and link still do what they are asked.
+fn turns(b: &mut Bench) {
+    let before = b.machine.board().truth().twist_rad;
+    b.ask(&JOG).unwrap();
+    b.run(1.0);
+    let turned_rad = b.machine.board().truth().twist_rad - before;
+    assert!(b.state() == State::Moving && (turned_rad - 2.0).abs() < 0.3, "{turned_rad} rad: {:?}", b.last);
 }
 
 #[test]
@@ -107,7 +116,8 @@ fn a_request_that_comes_once_more_is_not_carried_out_again() {
 #[test]
 fn noise_on_the_line_moves_nothing_and_reports_are_still_heard() {
     let mut b = Bench::over_uart(&[], 3);
-    b.home();
+    stands(&mut b);
+    b.prove();
     let before = b.machine.board().truth().twist_rad;
     let mut x = 0x2545_f491;
     let mut sent = 0;
@@ -120,7 +130,7 @@ fn noise_on_the_line_moves_nothing_and_reports_are_still_heard() {
         sent += bytes.len();
         b.machine.send(Stimulus::Uart { usart: 1, bytes });
         b.step();
-        assert_eq!(b.state(), State::Ready, "{:?}", b.last);
+        assert_eq!(b.state(), State::Unhomed, "{:?}", b.last);
     }
     b.run(0.1);
     let foreign = b.last.unwrap().counters.foreign_frames as usize;
@@ -128,7 +138,7 @@ fn noise_on_the_line_moves_nothing_and_reports_are_still_heard() {
     // All of the noise, and the reports that it ran into.
     assert!((sent - 12..2 * sent).contains(&foreign), "{foreign} of {sent}");
     assert!((b.machine.board().truth().twist_rad - before).abs() < 0.01, "something moved");
-    moves(&mut b, 0.008);
+    turns(&mut b);
 }
 
 /// A cut line and a restarted drive are a silent drive, and one that is not there fails its start.
@@ -173,7 +183,8 @@ fn after_a_crash_the_first_thing_that_the_drive_hears_is_a_reset() {
         assert_eq!(b.machine.stats().resets.len(), 1 + step as usize);
         let drive = b.machine.board().drive();
         assert!(drive.counters.restarts > restarts && drive.mode().is_none(), "{step}: {:?}", drive.counters);
-        b.run(3.0);
+        // The drive is left alone until somebody clears what has happened.
+        b.run(0.3);
         b.ask(&HELLO).unwrap();
         b.ask(&Request::Clear).unwrap();
     }

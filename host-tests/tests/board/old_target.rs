@@ -2,7 +2,7 @@
 //! way in which it may still hold one when the board no longer means it, on the emulated board: in the ten seconds
 //! after each, the drive turns the strings by nothing, whatever becomes of the load.
 
-use super::{go, stands};
+use super::stands;
 use host_tests::board::Bench;
 use rig_link::messages::{Fault, Request, State};
 use rig_plant::RigFault;
@@ -23,19 +23,13 @@ enum Relay {
 
 const RELAYS: [Relay; 2] = [Relay::Slow, Relay::Absent];
 
-fn bench(relay: Relay, twist: &str) -> Bench {
-    let fitted = if relay == Relay::Absent { "0" } else { "1" };
-    let mut b = Bench::new(&[LOAD, ("twist_at_boot", twist), ("relay_fitted", fitted)], 3);
-    b.greet();
-    b
-}
-
 fn fault(b: &mut Bench, fault: RigFault, on: bool) {
     b.machine.board_mut().set_fault(fault, on);
 }
 
 fn jogging(relay: Relay) -> Bench {
-    let mut b = bench(relay, "12");
+    let fitted = if relay == Relay::Absent { "0" } else { "1" };
+    let mut b = Bench::new(&[LOAD, ("twist_at_boot", "12"), ("relay_fitted", fitted)], 3);
     stands(&mut b);
     b.prove();
     b.ask(&Request::Jog { twist_speed_rad_per_s: 3.0 }).unwrap();
@@ -56,64 +50,21 @@ fn driven_in_ten_seconds(b: &mut Bench) -> f64 {
     driven_rad(b) - before_rad
 }
 
-/// A name, and how a board is brought there.
-type Reach = (&'static str, fn() -> Bench);
 /// A name, and what happens to a board.
 type Happens = (&'static str, fn(&mut Bench));
 
-/// The states in which the emergency stop is pressed, and how each is reached.
-const STATES: [Reach; 6] = [
-    ("boot", || {
-        let mut b = bench(Relay::Absent, "12");
-        b.run(1.0);
-        assert_eq!(b.state(), State::Boot);
-        b
-    }),
-    ("unhomed", || {
-        let mut b = bench(Relay::Absent, "12");
-        stands(&mut b);
-        b
-    }),
-    ("jogging", || jogging(Relay::Absent)),
-    ("homing", || {
-        let mut b = bench(Relay::Slow, "12");
-        stands(&mut b);
-        b.ask(&Request::HOME).unwrap();
-        b.run(3.0);
-        assert_eq!(b.state(), State::Homing);
-        b
-    }),
-    ("a move", || {
-        let mut b = bench(Relay::Absent, "5");
-        b.home();
-        b.ask(&go(0.008)).unwrap();
-        b.run(2.0);
-        assert_eq!(b.state(), State::Moving);
-        b
-    }),
-    ("a fault", || {
-        let mut b = jogging(Relay::Absent);
-        fault(&mut b, RigFault::LimitSwitch, true);
-        assert!(b.until(0.2, |b| b.state() == State::Fault));
-        b.run(1.0);
-        b
-    }),
-];
-
+/// While the strings turn; `control/estop.rs` has every state.
 #[test]
 fn the_emergency_stop_released_moves_nothing() {
-    for (state, reach) in STATES {
-        for pressed_s in [0.05, 6.0] {
-            let mut b = reach();
-            fault(&mut b, RigFault::Estop, true);
-            b.run(pressed_s);
-            assert_eq!(b.state(), State::EStop, "pressed in {state}");
-            fault(&mut b, RigFault::Estop, false);
-            let driven_rad = driven_in_ten_seconds(&mut b);
-            println!("pressed in {state:8} for {pressed_s} s: driven by {driven_rad:.4} rad after the release");
-            assert!(driven_rad < STILL_RAD, "pressed in {state} for {pressed_s} s: driven by {driven_rad} rad");
-            assert_eq!(b.state(), State::EStop, "only `clear` ends it");
-        }
+    for pressed_s in [0.05, 6.0] {
+        let mut b = jogging(Relay::Absent);
+        fault(&mut b, RigFault::Estop, true);
+        b.run(pressed_s);
+        assert_eq!(b.state(), State::EStop);
+        fault(&mut b, RigFault::Estop, false);
+        let driven_rad = driven_in_ten_seconds(&mut b);
+        assert!(driven_rad < STILL_RAD, "pressed for {pressed_s} s: driven by {driven_rad} rad");
+        assert_eq!(b.state(), State::EStop, "only `clear` ends it");
     }
 }
 

@@ -1,6 +1,7 @@
 //! The control code alone against the emulated rig: homing, moving, the estimated load and wrong wires over many plants.
 //! What needs no plant is in `crates/rig-control/tests/`.
 
+mod estop;
 mod homing;
 mod load;
 mod moving;

@@ -6,6 +6,7 @@ use host_tests::ControlBench;
 use rig_control::supervisor::fault_policy::{Response, policy};
 use rig_link::messages::{Fault, Refusal, Request, State};
 use rig_plant::RigFault;
+use rigctl::parallel::parallel;
 
 /// Requests that every fault refuses alike; one of them, in turn, between the first fault and the second.
 const REFUSED: [(&str, Request); 3] =
@@ -37,7 +38,7 @@ fn causes() -> Vec<(Fault, f64, Happens)> {
 }
 
 /// What is watched in every tick of a run.
-#[derive(Default)]
+#[derive(Clone, Default)]
 struct Watch {
     /// Since when (s) the drive really gives no torque, or cannot be heard, while the board says that it holds.
     unheld_since_s: Option<f64>,
@@ -111,22 +112,24 @@ impl Watch {
     }
 }
 
-/// What went wrong in a run.
-fn play(first: (Fault, f64, Happens), second: (Fault, f64, Happens), request: Request) -> Vec<String> {
-    let mut watch = Watch::default();
-    let mut d = moving();
-    (first.2)(&mut d);
-    let told = d.until(first.1, |d| {
+/// A rig that has been in a fault for 0.3 s.
+fn first_fault((fault, within_s, cause): (Fault, f64, Happens)) -> (ControlBench, Watch) {
+    let (mut watch, mut d) = (Watch::default(), moving());
+    cause(&mut d);
+    let told = d.until(within_s, |d| {
         watch.look(d);
         d.control.fault().is_some()
     });
     if !told {
-        watch.say(format!("{} is not told", first.0));
+        watch.say(format!("{fault} is not told"));
     }
     watch.run(&mut d, 0.3);
-    watch.ask(&mut d, request);
-    watch.run(&mut d, 0.2);
-    (second.2)(&mut d);
+    (d, watch)
+}
+
+/// What went wrong, once there is a second fault, and after `clear`.
+fn second_fault(mut d: ControlBench, mut watch: Watch, cause: Happens) -> Vec<String> {
+    cause(&mut d);
     watch.run(&mut d, 1.0);
     let driven_rad = d.truth().driven_rad;
     for _ in 0..5 {
@@ -144,27 +147,23 @@ fn play(first: (Fault, f64, Happens), second: (Fault, f64, Happens), request: Re
 #[test]
 fn what_is_said_of_holding_is_so_for_every_pair_of_faults() {
     let causes = causes();
-    let workers = std::thread::available_parallelism().map_or(2, usize::from);
-    let next = std::sync::atomic::AtomicUsize::new(0);
-    let mut wrong = Vec::new();
-    std::thread::scope(|scope| {
-        let work = || {
-            let mut done = Vec::new();
-            loop {
-                let row = next.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
-                let Some(&first) = causes.get(row) else { return done };
-                for (k, &second) in causes.iter().enumerate().filter(|(k, _)| *k != row) {
-                    for (name, request) in [("clear", Request::Clear), ("stop", Request::Stop), REFUSED[(row + k) % 3]]
-                    {
-                        done.push((first.0, second.0, name, play(first, second, request)));
-                    }
-                }
+    let rows = parallel(&|_, _| {}, causes.len(), |row| {
+        let (first, mut wrong) = (causes[row], Vec::new());
+        let in_fault = first_fault(first);
+        let requests = [("clear", Request::Clear), ("stop", Request::Stop)].into_iter().chain(REFUSED);
+        for (k, (name, request)) in requests.enumerate() {
+            let (mut d, mut watch) = in_fault.clone();
+            watch.ask(&mut d, request);
+            watch.run(&mut d, 0.2);
+            // Each of those that every fault refuses comes before a third of the others.
+            let others = causes.iter().enumerate().filter(|(other, _)| *other != row);
+            for (_, (second, _, cause)) in others.filter(|(other, _)| k < 2 || (row + other) % 3 == k - 2) {
+                let said = second_fault(d.clone(), watch.clone(), *cause);
+                wrong.extend(said.into_iter().map(|what| format!("{}, {name}, {second}: {what}", first.0)));
             }
-        };
-        let handles: Vec<_> = (0..workers).map(|_| scope.spawn(work)).collect();
-        for (first, second, name, what) in handles.into_iter().flat_map(|h| h.join().expect("no panic")) {
-            wrong.extend(what.into_iter().map(|what| format!("{first}, {name}, {second}: {what}")));
         }
+        wrong
     });
+    let wrong = rows.concat();
     assert!(wrong.is_empty(), "{} of the runs:\n{}", wrong.len(), wrong.join("\n"));
 }

@@ -2,16 +2,16 @@
 
 use host_tests::ControlBench;
 use host_tests::compare::baseline::{Law, Loop};
-use host_tests::compare::plants::RandomPlant;
 use host_tests::compare::{Comparison, play};
 use host_tests::margins::{Loosened, hung_at, swing_m};
+use host_tests::rigs::subject::Subject;
 use host_tests::scenario::Scenario;
 use lab::chart::margin::{Controller, DAMPING, DRIVE_PER_S, Hung};
 use rig_link::messages::LoadChoice;
-use rig_plant::PlantSettings;
 use rig_plant::rig::built_in::STRUCTURAL_DAMPING_S;
 use rig_plant::rig::drive::{POSITION_LOOP_PER_S, VELOCITY_LOOP_RAD_PER_S};
 use rig_plant::units::STANDARD_GRAVITY;
+use rig_plant::{PlantSettings, RigPreset};
 use rigctl::script::Script;
 use tsa_model::twist_from_turns;
 
@@ -29,19 +29,9 @@ fn the_linear_rig_is_the_emulated_one() {
 }
 
 /// As the table's, but for what the wire and the sensor add.
-fn nominal() -> RandomPlant {
-    let settings = [
-        "k2_scale=1",
-        "k3_scale=1",
-        "stiffness_scale=1",
-        "modulus_scale=1",
-        "friction=0N",
-        "damping=1",
-        "gear_backlash=0",
-        "lvdt_noise=30um",
-        "supply_voltage=24V",
-    ];
-    settings.iter().fold(RandomPlant::new(1), |plant, s| plant.with(s.parse().unwrap()))
+fn nominal() -> Subject {
+    let changes = ["friction=0N", "lvdt_noise=30um"].map(|change| change.parse().unwrap());
+    Subject { changes: changes.into(), ..Subject::new(RigPreset::Ideal, 1) }
 }
 
 /// How far the load still swings, 20 s after the set-point has arrived (m).
@@ -53,7 +43,7 @@ fn fixed_swing_m(comparison: &Comparison<'_>, scenario: &Scenario, gain_per_s: f
         crossing_rad: 0.0,
     });
     let case = &comparison.cases[0];
-    let records = play::baseline(case.ready.clone().unwrap(), law, scenario, &case.along).records;
+    let records = play::baseline(case.ready.clone().unwrap(), law, scenario, &case.along);
     let last = records.last().unwrap();
     let end = &last.positions_m[last.positions_m.len() - 200..];
     let [low, high] = end.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], p| [l.min(*p), h.max(*p)]);
@@ -69,7 +59,7 @@ fn a_fixed_ratio_swings_from_the_gain_on_at_which_it_should() {
         let script = format!("0 plant load={load}\n2.5 home\n50 move {TARGET_M} speed=2mm/s\n80 end\n");
         let scenario = [Scenario::new(load, &Script::parse(&script).unwrap()).unwrap()];
         let comparison = Comparison::new(&scenario, &[nominal()]).unwrap();
-        assert_eq!(comparison.failures, []);
+        assert!(comparison.failures.is_empty(), "{:?}", comparison.failures);
         let [below, above] = [0.9, 1.1].map(|part| fixed_swing_m(&comparison, &scenario[0], part * limit));
         println!("{load}: limit {limit:.2} 1/s; swing {:.0} um below it, {:.0} um above", below * 1e6, above * 1e6);
         assert!(below < 60e-6, "{load}: {below} m at 0.9 of {limit} 1/s");

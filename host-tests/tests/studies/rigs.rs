@@ -20,7 +20,7 @@ fn scored() -> Vec<Scored> {
 fn a_good_run_meets_every_floor_and_a_wrong_load_is_noticed() {
     let mut scored = scored();
     let results = groups(&scored).remove(0);
-    let before = results.failed().len();
+    let before = results.failed().count();
     for check in [Check::Zero, Check::RestMeasured, Check::RestTrue, Check::FollowRms, Check::FollowMost, Check::Faults]
     {
         assert_eq!(results.line(check).holds, Some(true), "{check:?}");
@@ -35,7 +35,7 @@ fn a_good_run_meets_every_floor_and_a_wrong_load_is_noticed() {
     let results = groups(&scored).remove(0);
     let line = results.line(Check::LoadHomed);
     assert_eq!(line.holds, Some(false));
-    let failed: Vec<String> = results.failed().iter().map(ToString::to_string).collect();
+    let failed = results.failures(|_| true);
     assert_eq!(failed.len(), before + 1);
     let named =
         |text: &&String| text.contains("rig 2") && text.contains("0.5 kg") && text.contains("load after homing");
@@ -54,5 +54,5 @@ fn a_rig_that_cannot_be_homed_misses_its_floors_by_name() {
         let line = results.line(check);
         assert_eq!((line.cases, line.missing, line.holds), (0, 2, Some(false)), "{check:?}");
     }
-    assert!(results.failed().iter().any(|f| f.note.contains("homing")), "{:?}", scored[0].findings);
+    assert!(results.failed().any(|(_, f)| f.note.contains("homing")), "{:?}", scored[0].findings);
 }

@@ -1,5 +1,5 @@
-//! Doors to the outside, each as a function of arbitrary bytes: what `fuzz/` searches with, and what
-//! `tests/corpus.rs` plays again in every run. Each returns, or panics: that is the finding.
+//! Doors to the outside, each as a function of arbitrary bytes: what `fuzz_targets/door.rs` searches
+//! with, and `host-tests/tests/studies/corpus.rs` plays again in every run. Each returns, or panics: that is the finding.
 //!
 //! - [`files`]: files, command lines and numbers that the host tool and the Python package are given.
 //! - [`rigs`]: sensors, set-points and outside plants. The doors to wires and sockets are here.

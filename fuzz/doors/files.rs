@@ -1,12 +1,12 @@
 //! Doors of the host tool: files, command lines, numbers of a Python program.
 
 use super::with_file;
-use crate::{constants, scene, table};
 use clap::Parser;
 use rig_config::Scene;
 use rig_control::settings;
 use rig_link::messages::{CorrectedConstants, Kept, Request};
 use rig_link::{MAX_FRAME, encode};
+use rig_plant::bench::{constants, scene, table};
 use rigctl::batch::Query;
 use rigctl::course::Course;
 use rigctl::identify::compete::Candidate;

@@ -1,10 +1,10 @@
 //! Doors that lead to a rig: what sensors and drive say, what a host asks, what an outside plant answers.
 
 use super::with_file;
-use crate::{ControlBench, constants, scene, table};
 use rig_control::{DriveCommand, DriveReading, Inputs, LvdtBlock, Rig, SupplyReading};
 use rig_link::messages::{Counters, LoadChoice, Request, Setting, Telemetry};
 use rig_plant::RigPreset;
+use rig_plant::bench::{ControlBench, constants, scene, table};
 use rig_plant::rig::Rig as Emulated;
 use rig_plant::rig::outside::Outside;
 use rig_plant::rig::outside::measured::Measured;
