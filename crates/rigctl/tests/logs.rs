@@ -15,23 +15,18 @@ fn text(path: &Path) -> &str {
     path.to_str().expect("a name in Unicode")
 }
 
-/// Homed at 30 s, a move by then.
-const SCRIPT: &str = "2.5 home\n36 move 8mm speed=3mm/s\n41 move 3mm speed=2mm/s load=0.5kg\n46 end\n";
-
-fn recorded(name: &str, plant: &[&str]) -> PathBuf {
-    let (script, log) = (file(&format!("{name}.script")), file(&format!("{name}.csv")));
-    std::fs::write(&script, SCRIPT).expect("the script is written");
-    let mut arguments = vec!["record", "--script", text(&script), "--out", text(&log), "--seed", "3"];
-    plant.iter().for_each(|p| arguments.extend(["--plant", p]));
-    let output = rigctl(&arguments);
-    assert!(output.status.success(), "{}", error_of(&output));
-    std::fs::remove_file(script).expect("the script was there");
-    log
-}
-
 #[test]
-fn a_record_says_what_it_takes_to_run_it_again() {
-    let path = recorded("again", &["load=0.7kg", "friction=0.05N"]);
+fn a_record_says_what_it_takes_to_run_it_again_and_is_replayed() {
+    let (script, path, again) = (file("again.script"), file("again.csv"), file("rerun.csv"));
+    // Homed at 30 s, a move by then.
+    let events = "2.5 home\n36 move 8mm speed=3mm/s\n41 move 3mm speed=2mm/s load=0.5kg\n46 end\n";
+    std::fs::write(&script, events).expect("the script is written");
+    let record = |out: &Path, more: &[&str]| {
+        let arguments = ["record", "--script", text(&script), "--out", text(out)];
+        let output = rigctl(&[&arguments[..], more].concat());
+        assert!(output.status.success(), "{}", error_of(&output));
+    };
+    record(&path, &["--seed", "3", "--plant", "load=0.7kg,friction=0.05N"]);
     let first = Log::load(&path).expect("a log").whole().expect("all of it");
     for key in
         ["scene", "scene_hash", "port", "rig", "seed", "firmware", "git", "protocol_hash", "table.crc", "host_time"]
@@ -49,27 +44,11 @@ fn a_record_says_what_it_takes_to_run_it_again() {
     // Run again by what its head says.
     let head = |key: &str| first.header.get(key).expect("in the head").to_owned();
     let lines: Vec<String> = (1..=4).map(|k| head(&format!("script.{k}"))).collect();
-    let (script, again) = (file("rerun.script"), file("rerun.csv"));
     std::fs::write(&script, lines.join("\n")).expect("the script is written");
-    let (scene, seed) = (head("scene"), head("seed"));
-    let plant = ["load", "friction"].map(|key| format!("{key}={}", head(&format!("plant.{key}"))));
-    let output = rigctl(&[
-        "record",
-        "--out",
-        text(&again),
-        "--script",
-        text(&script),
-        "--scene",
-        &scene,
-        "--seed",
-        &seed,
-        "--plant",
-        &plant[0],
-        "--plant",
-        &plant[1],
-    ]);
-    assert!(output.status.success(), "{}", error_of(&output));
+    let [load, friction] = ["load", "friction"].map(|key| format!("{key}={}", head(&format!("plant.{key}"))));
+    record(&again, &["--scene", &head("scene"), "--seed", &head("seed"), "--plant", &load, "--plant", &friction]);
     assert_eq!(Log::load(&again).expect("a log").rows, first.rows);
+    is_replayed_until_it_says_otherwise(&path);
     for path in [path, script, again] {
         std::fs::remove_file(path).expect("was there");
     }
@@ -146,11 +125,10 @@ fn a_file_that_is_there_is_not_lost_to_a_new_one() {
     }
 }
 
-#[test]
-fn a_replay_agrees_until_the_log_says_otherwise() {
-    let path = recorded("replay", &["load=0.7kg"]);
+/// A recorded homing with moves.
+fn is_replayed_until_it_says_otherwise(path: &Path) {
     let replayed = |arguments: &[&str]| rigctl(&[&["replay", "--json"], arguments].concat());
-    let output = replayed(&[text(&path)]);
+    let output = replayed(&[text(path)]);
     assert!(output.status.success(), "{}", error_of(&output));
     let whole = &lines(&output)[0];
     println!("{whole:#}");
@@ -162,7 +140,7 @@ fn a_replay_agrees_until_the_log_says_otherwise() {
     assert!(largest("load_n") < 0.01 && largest("setpoint_m") < 1e-6, "{one}");
     assert!(largest("twist_speed_rad_per_s") < 1.0 && one["ended_by"] == "the log's end", "{one}");
     // Another estimate from 36 s on: by 3 %.
-    let log = std::fs::read_to_string(&path).expect("the log");
+    let log = std::fs::read_to_string(path).expect("the log");
     let header = log.lines().find(|l| l.starts_with("t_s,")).expect("the columns' names");
     let column = header.split(',').position(|name| name == "load_n").expect("a column");
     let changed = log.lines().map(|line| {
@@ -209,9 +187,7 @@ fn a_replay_agrees_until_the_log_says_otherwise() {
         let taken = rigctl(&["identify", "--partial", text(&other)]);
         assert!(error_of(&taken).contains("not of `rigctl sweep`"), "{}", error_of(&taken));
     }
-    for path in [path, other] {
-        std::fs::remove_file(path).expect("was there");
-    }
+    std::fs::remove_file(other).expect("was there");
 }
 
 #[test]

@@ -49,7 +49,7 @@ fn an_outside_plant_with_strings_is_homed() {
     let of = |key: &str| homed[key].as_f64().unwrap_or_else(|| panic!("no `{key}` in {homed}"));
     assert!((of("load_n") - 5.0).abs() < 0.2 && of("zero_error_rad") < 0.05, "{homed}");
     // The program's own friction, and the part that its play looks like.
-    assert!((0.02..0.3).contains(&of("friction_n")), "{homed}");
+    assert!((0.02..0.3).contains(&of("friction_n")) && (0.0..1.0).contains(&of("load_error_n")), "{homed}");
 }
 
 #[test]

@@ -186,6 +186,8 @@ fn one_client_commands_and_all_see_the_rig() {
     let jogged = second.until("the jog's end", |line| line["id"] == 6);
     assert_eq!(jogged["done"], json!({}));
     assert!(second.ask(json!({"id": 8, "do": "clear"}))["done"].is_object());
+    second.row("rest", |row| row["state"] == "holding");
+    the_bridge_of_the_page_moves_the_rig(&mut second);
 }
 
 #[test]
@@ -347,13 +349,8 @@ fn the_conversation_of_the_page_is_what_is_said() {
     assert!(page.lines().count() > 10);
 }
 
-#[test]
-fn what_the_bridge_of_the_page_sends_and_reads_moves_the_rig() {
-    let server = Server::start("bridge", &["--fast"]);
-    let mut client = server.client();
-    assert!(client.ask(json!({"id": 1, "do": "home"}))["done"].is_object());
-    // The tick that ended the homing does not know the load yet.
-    client.row("a load", |row| row["load_n"].is_number());
+/// By what it sends and reads, from a homed rig at rest on.
+fn the_bridge_of_the_page_moves_the_rig(client: &mut Client) {
     let source = std::fs::read_to_string(root().join("examples/ros2_control/rig_system.cpp")).expect("the bridge");
     let sent: Vec<&str> = source.split("R\"(").skip(1).filter_map(|rest| Some(rest.split_once(")\"")?.0)).collect();
     let [stop, order] = sent[..] else { panic!("{sent:?}") };
