@@ -1,9 +1,7 @@
 //! `serve` on the emulated board: one writer, many readers, and what careless or hostile clients do.
 #![cfg(unix)]
 
-mod common;
-
-use common::{error_of, root};
+use crate::common::{error_of, root};
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, ErrorKind, Write};
 use std::net::Shutdown;
@@ -408,7 +406,9 @@ fn another_user_is_refused_even_where_the_file_is_open() {
     for (mode, named) in [(0o600, "PermissionDenied"), (0o666, "not-owner")] {
         std::fs::set_permissions(&server.path, std::fs::Permissions::from_mode(mode)).expect("ours");
         let mut other = Command::new(std::env::current_exe().expect("this test"));
-        other.args(["--exact", "connects_as_another_user", "--ignored", "--nocapture"]).env(SOCKET, &server.path);
+        other
+            .args(["--exact", "serve::connects_as_another_user", "--ignored", "--nocapture"])
+            .env(SOCKET, &server.path);
         // Only root may become another user, and that user must be able to run this file.
         let Ok(output) = other.uid(65_534).gid(65_534).output() else {
             println!("not tested: this user cannot become another one");

@@ -1,18 +1,8 @@
 //! `config` and `calibrate` as a user calls them, on the emulated board with its flash in a file.
 
-mod common;
-
-use common::{error_of, lines, other_rig, rigctl};
+use crate::common::{error_of, folder, lines, other_rig, rigctl};
 use serde_json::{Value, json};
-use std::path::{Path, PathBuf};
-
-/// A folder of its own for each test, empty.
-fn folder(name: &str) -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
-    let _ = std::fs::remove_dir_all(&folder);
-    std::fs::create_dir_all(&folder).expect("a folder");
-    folder
-}
+use std::path::Path;
 
 /// Runs with `--json` on a board whose flash is this file; the objects that it prints.
 fn on(flash: &Path, arguments: &[&str]) -> Vec<Value> {

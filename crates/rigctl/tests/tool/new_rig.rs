@@ -1,9 +1,7 @@
 //! A new rig becomes a calibrated one, by the commands of `docs/how-to/calibrate.md` and on one emulated board: LVDT,
 //! sweeps, constants, table, move; and what each of it was good for.
 
-mod common;
-
-use common::{error_of, lines, rigctl};
+use crate::common::{error_of, folder, lines, rigctl};
 use rig_config::Scene;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -74,9 +72,7 @@ impl Board {
 
 #[test]
 fn a_rig_15_percent_off_its_scene_is_calibrated_on_its_own_board() {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("new-rig");
-    let _ = std::fs::remove_dir_all(&folder);
-    std::fs::create_dir_all(&folder).expect("a folder");
+    let folder = folder("new-rig");
     let path = |name: &str| folder.join(name).to_str().expect("a path").to_owned();
     let mut board = Board { flash: folder.join("flash.bin"), scene: SCENE.into() };
     let before = board.moved();

@@ -1,19 +1,8 @@
 //! `record`, `sweep` with `identify`, `replay`: what is kept of a run, and what can be made of it afterwards.
 
-mod common;
-
-use common::{error_of, lines, rigctl};
+use crate::common::{error_of, file, folder, lines, rigctl, text};
 use rigctl::log::{Log, Mark};
-use std::path::{Path, PathBuf};
-
-/// A file of its own for each test.
-fn file(name: &str) -> PathBuf {
-    std::env::temp_dir().join(format!("rigctl-logs-{}-{name}", std::process::id()))
-}
-
-fn text(path: &Path) -> &str {
-    path.to_str().expect("a name in Unicode")
-}
+use std::path::Path;
 
 #[test]
 fn a_record_says_what_it_takes_to_run_it_again_and_is_replayed() {
@@ -49,9 +38,6 @@ fn a_record_says_what_it_takes_to_run_it_again_and_is_replayed() {
     record(&again, &["--scene", &head("scene"), "--seed", &head("seed"), "--plant", &load, "--plant", &friction]);
     assert_eq!(Log::load(&again).expect("a log").rows, first.rows);
     is_replayed_until_it_says_otherwise(&path);
-    for path in [path, script, again] {
-        std::fs::remove_file(path).expect("was there");
-    }
 }
 
 #[test]
@@ -91,9 +77,6 @@ fn a_record_whose_script_was_refused_is_whole_and_fails() {
             || error_of(&output).ends_with(" of the script was refused\n")
     );
     Log::load(&log).and_then(|log| log.whole().map_err(|e| e.to_string())).expect("a whole log");
-    for path in [script, log] {
-        std::fs::remove_file(path).expect("was there");
-    }
 }
 
 #[test]
@@ -120,9 +103,6 @@ fn a_file_that_is_there_is_not_lost_to_a_new_one() {
     let none = file("none.csv");
     assert_eq!(rigctl(&["sweep", "--load", "500N", "--out", text(&none)]).status.code(), Some(1));
     assert!(!none.exists());
-    for path in [kept, beside] {
-        std::fs::remove_file(path).expect("was there");
-    }
 }
 
 /// A recorded homing with moves.
@@ -187,12 +167,12 @@ fn is_replayed_until_it_says_otherwise(path: &Path) {
         let taken = rigctl(&["identify", "--partial", text(&other)]);
         assert!(error_of(&taken).contains("not of `rigctl sweep`"), "{}", error_of(&taken));
     }
-    std::fs::remove_file(other).expect("was there");
 }
 
 #[test]
 fn a_log_holds_the_calibration_and_is_replayed_and_restored_with_it() {
-    let (flash, other, script, log) = (file("cal.bin"), file("cal-2.bin"), file("cal.script"), file("cal.csv"));
+    let folder = folder("calibrated");
+    let [flash, other, script, log] = ["one.bin", "two.bin", "script", "log.csv"].map(|name| folder.join(name));
     for (name, value) in [("position-zero", "2mm"), ("lvdt-gain", "1.004"), ("speed-max", "4mm/s")] {
         let set = rigctl(&["config", "set", name, value, "--flash", text(&flash)]);
         assert!(set.status.success(), "{}", error_of(&set));
@@ -237,8 +217,5 @@ fn a_log_holds_the_calibration_and_is_replayed_and_restored_with_it() {
     {
         let refused = rigctl(arguments);
         assert!(!refused.status.success() && error_of(&refused).contains(named), "{}", error_of(&refused));
-    }
-    for path in [flash, other, script, log] {
-        std::fs::remove_file(path).expect("was there");
     }
 }
