@@ -1,9 +1,8 @@
 //! `calibrate`: the LVDT against callipers, and where position 0 is.
 
 use crate::board_settings::{self, all};
-use crate::calibration::{APART_M, Point, corrected, fit, uncalibrated};
 use crate::failure::Failure;
-use crate::lvdt_points;
+use crate::lvdt_points::{self, APART_M, Point, corrected, fit, uncalibrated};
 use crate::options::Global;
 use crate::options::values::{gap, gauge_error};
 use crate::output::Output;

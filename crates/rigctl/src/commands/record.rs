@@ -78,7 +78,7 @@ pub fn run(global: &Global, options: &Record, output: &mut Output) -> Result<(),
     });
     let (rows, refused) = recorder.end(&session, result)?;
     let lost = session.lost_rows();
-    let frames = session.link().lost_frames();
+    let frames = session.link.lost_frames();
     let summary = json!({"rows": rows, "lost_rows": lost, "lost_frames": frames, "seconds": session.now_s(),
         "file": options.out.as_ref().map(|p| p.display().to_string())});
     output.object(&json!({"summary": summary}))?;

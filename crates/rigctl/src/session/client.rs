@@ -32,7 +32,8 @@ const STOP_EXCHANGES: u32 = 10;
 
 /// A conversation with one board.
 pub struct Session {
-    link: Link,
+    /// The frames below the messages: damaged and lost ones, heartbeats.
+    pub link: Link,
     /// Greets the board by itself whenever it has started.
     greets: bool,
     replies: VecDeque<(u16, Result<Accepted, Refusal>)>,
@@ -122,16 +123,6 @@ impl Session {
     /// What was true in the rig; empty on a real one.
     pub fn truth(&self) -> &TruthRecords {
         &self.truth
-    }
-
-    /// The frames below the messages: damaged and lost ones, heartbeats.
-    pub fn link(&self) -> &Link {
-        &self.link
-    }
-
-    /// The same, to change it.
-    pub fn link_mut(&mut self) -> &mut Link {
-        &mut self.link
     }
 
     /// The emulated rig behind the port, if it is one.

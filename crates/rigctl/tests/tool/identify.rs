@@ -289,7 +289,15 @@ fn identified(
 
 #[test]
 fn the_simplest_law_that_predicts_what_is_held_out_is_chosen() {
-    let fit = object(&identified("chosen", "gap_m", 5e-6, &["--next"], |k, _, gap| (HUNG[k], gap)));
+    let figure = file("chosen.svg");
+    let more = ["--next", "--figure", figure.to_str().unwrap()];
+    let fit = object(&identified("chosen", "gap_m", 5e-6, &more, |k, _, gap| (HUNG[k], gap)));
+    // Every second of 31 points of 5 sweeps on both panels, and one in the key; a mark is a circle with a rim.
+    let svg = std::fs::read_to_string(figure).unwrap();
+    assert_eq!(svg.matches("<circle").count(), 2 * (2 * 5 * 16 + 1));
+    for text in ["1 N", "15 N", "before and after", "stated error", "Difference"] {
+        assert!(svg.contains(text), "{text}");
+    }
     let candidates = fit["candidates"].as_array().unwrap();
     assert_eq!(candidates.len(), 6);
     let of = |law: &str, material: &str| {
