@@ -1,7 +1,7 @@
 //! Requests with replies, events, telemetry: the conversation with one board.
 
 use super::interrupt;
-use super::link::{Heard, Link, Port, STEP_S};
+use super::link::{Link, Port, STEP_S};
 use super::row::{Entry, Row, TruthRecords};
 use super::silence::Hearing;
 use super::sim::Sim;
@@ -10,6 +10,7 @@ use rig_link::{
     Accepted, EventKind, HomingFailure, Identity, Kept, Message, Refusal, Request, Sensors, Setting, SettingsReport,
     State, Telemetry, Versions,
 };
+use rig_plant::Run;
 use std::collections::VecDeque;
 use std::sync::mpsc::{self, Receiver, Sender};
 
@@ -242,7 +243,7 @@ impl Session {
             self.post(&Request::Hello(TOOL))?;
         }
         self.link.beat_with_stops(self.silent_s().is_some());
-        let Heard { messages, truth, log } = self.link.exchange()?;
+        let (messages, Run { truth, log, .. }) = self.link.exchange()?;
         self.hearing.listened(self.link.now_s());
         self.truth.extend(truth);
         self.log.extend(log);
