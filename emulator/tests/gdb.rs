@@ -1,7 +1,7 @@
 //! GDB's remote protocol against programs assembled by hand: whatever the debugger does, the run stays the same.
 
 mod board_support;
-#[path = "../../crates/rigctl/tests/common/gdb.rs"]
+#[path = "board_support/gdb.rs"]
 mod gdb;
 
 use board_support::{Bare, Program, programs};

@@ -119,16 +119,16 @@ pub fn operator(data: &[u8]) {
 /// Lines that a program sends to `rigctl serve`: bounded, and each an order that a frame can hold, or an answer of one line.
 #[cfg(unix)]
 pub fn serve(data: &[u8]) {
-    use rigctl::serve::{answer, lines, order};
+    use rigctl::serve::{answer, client, order};
     // A buffer smaller than a line, so that lines come in pieces.
     let mut input = std::io::BufReader::with_capacity(64, data);
-    while let Ok(Some(line)) = lines::next(&mut input) {
+    while let Ok(Some(line)) = client::next(&mut input) {
         let order::Line { id, command } = match line {
-            lines::Line::Whole(bytes) => {
-                assert!(bytes.len() <= lines::LONGEST);
+            client::Line::Whole(bytes) => {
+                assert!(bytes.len() <= client::LONGEST);
                 order::Line::read(&bytes)
             }
-            lines::Line::TooLong => order::Line::too_long(),
+            client::Line::TooLong => order::Line::too_long(),
         };
         match command {
             Ok(order::Command::Order(request)) => assert!(encode(1, &*request, &mut [0; MAX_FRAME]).is_ok()),

@@ -20,7 +20,7 @@ pub fn scripts() -> Result<Vec<(String, Script)>> {
         if path.extension().is_some_and(|e| e == "script") {
             let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
             let text = std::fs::read_to_string(&path).with_context(|| path.display().to_string())?;
-            found.push((name.clone(), Script::parse_in(&folder, &text).context(name)?));
+            found.push((name.clone(), Script::parse_in(&folder, &text).map_err(anyhow::Error::msg).context(name)?));
         }
     }
     found.sort_by(|a, b| a.0.cmp(&b.0));

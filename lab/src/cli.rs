@@ -3,8 +3,8 @@
 
 use crate::{bench, budget, chart, closed_loop, page, published, solve, study, table_report};
 use clap::{Parser, Subcommand};
+use rigctl::commands::identify::Identify;
 use rigctl::failure::Failure;
-use rigctl::options::commands::Identify;
 use rigctl::options::{Global, no_effect};
 use rigctl::output::Output;
 

@@ -134,7 +134,7 @@ pub fn load(file: &Path, defaults: &SettingValues) -> Result<Backup, Failure> {
     if !text.starts_with(&format!("# format = {FORMAT}")) {
         return from_toml(&text, defaults).map_err(in_file);
     }
-    let log = Log::parse(&text).map_err(|e| in_file(e.to_string()))?;
+    let log = Log::parse(&text).map_err(in_file)?;
     if !log.has_head {
         return Err(in_file("the log was cut short in its head, which holds the settings".into()));
     }

@@ -7,7 +7,6 @@ use crate::commands::{
 use crate::failure::Failure;
 use crate::laboratory;
 use crate::options::Global;
-use crate::options::commands::{Calibrate, Identify, Record, Replay, Sweep};
 use crate::output::Output;
 use crate::script;
 use clap::{CommandFactory, Parser, Subcommand};
@@ -46,7 +45,7 @@ pub enum Command {
     Lookup(lookup::Lookup),
     Table(table::Table),
     /// Fit the scene's constants to recorded sweeps or to the paper's numbers
-    Identify(Identify),
+    Identify(identify::Identify),
     #[command(after_long_help = script::help())]
     Play(play::Play),
     /// The same as `play`, always on the emulated board
@@ -72,7 +71,7 @@ pub enum Command {
     /// Measure what the board cannot know by itself, and keep it on the board
     Calibrate {
         #[command(subcommand)]
-        what: Calibrate,
+        what: calibrate::Calibrate,
     },
     /// Record telemetry with everything that is needed to run the experiment again
     ///
@@ -82,14 +81,14 @@ pub enum Command {
     /// `replay` plays such a file through the controller again, `identify` reads those of `sweep`. A log ends with `# end rows = …`, also when Ctrl-C or a
     /// fault ended it (`# broken_off = …` says so); one that lacks it was cut, and `replay` and `identify` take it with --partial only.
     /// What the file held before is kept beside it as FILE.csv~.
-    Record(Record),
+    Record(record::Record),
     /// The paper's experiment, recorded: turn the strings of a known load up and down
     ///
     /// Homes, then turns the strings at a constant speed from the half-turn pre-twist up and back, and records it all as
     /// `record` does. `identify FILE… --out SCENE.toml` fits the scene's constants to such files; take at least three loads, spread
     /// over the range. The load is what you weighed: nothing of the board's estimate goes into the fit. On an emulated
     /// rig this load is hung, unless --plant load=… says another.
-    Sweep(Sweep),
+    Sweep(sweep::Sweep),
     /// Play a recorded log through the controller's own code and print where it would have differed
     ///
     /// Takes what `record` or `sweep` wrote and feeds it, tick by tick, to the same code that runs on the board. Says how much
@@ -104,7 +103,7 @@ pub enum Command {
     /// homing found is taken from the log. The drive's lag is found from the motion and printed, so what it explains does
     /// not show as a difference. The recorded motion
     /// answers to the recorded commands: after a parting the replay is no longer what a rig would have done.
-    Replay(Replay),
+    Replay(replay::Replay),
     Export(export::Export),
     Doctor(doctor::Doctor),
     /// The checks of a board without a rig, seven jumper wires aside: CAN, ADC, encoder inputs, serial line, flash, watchdog, clocks

@@ -4,14 +4,14 @@
 //!
 //! - [`cli`]: the list of commands; [`commands`]: each with its arguments, its help and what it does.
 //! - [`options`]: the operator's options as values.
-//! - [`play`]: a script on a board; [`diagnosis`]: the checks of `doctor`; [`recorded_move`]: what `demo` makes; [`laboratory`]:
+//! - [`play`]: a script on a board; [`diagnosis`]: the checks of `doctor`; [`recorded_move`]: what `demo` makes and draws; [`laboratory`]:
 //!   commands of the laboratory's tool; [`screen`], [`monitor_input`], [`monitor_keys`]: the live view; [`backup`]: the file of a settings backup.
 //! - [`log`]: a recorded conversation; [`replay`]: a log through the controller again; [`identify`]: constants from logs;
 //!   [`export`]: a log for other tools.
 //! - `serve`: a rig for several programs at once, on a Unix socket.
-//! - [`request`]: requests in words and as objects; [`script`]: scripts; [`board_settings`]: settings as text; [`calibration`]: the LVDT by points.
+//! - [`request`]: requests in words and as objects; [`script`]: scripts; [`board_settings`]: settings as text; [`lvdt_points`]: the LVDT by points.
 //! - [`session`]: a conversation with the firmware, emulated or real: connect, home, move.
-//! - [`plot`]: pictures as SVG; [`move_figure`], [`outline`]: what is drawn; [`csv_text`]: CSV read and written;
+//! - [`plot`]: pictures as SVG; [`outline`]: the mechanism drawn; [`csv_text`]: CSV read and written;
 //!   [`parallel`]: work on all cores; [`statistics`]: sizes of errors.
 //! - [`batch`], [`units`], [`scene_file`]: text and files from the operator, checked and in SI.
 //! - [`output`]: lines or JSON, never both on standard output; [`out_file`]: files; [`failure`]: exit codes.
@@ -48,7 +48,6 @@
 pub mod backup;
 pub mod batch;
 pub mod board_settings;
-pub mod calibration;
 pub mod cli;
 pub mod commands;
 pub mod course;
@@ -64,7 +63,6 @@ pub mod log;
 pub mod lvdt_points;
 pub mod monitor_input;
 pub mod monitor_keys;
-pub mod move_figure;
 pub mod options;
 pub mod out_file;
 pub mod outline;

@@ -53,7 +53,7 @@ pub fn play(
             messages.extend(player.perform(event, session)?);
         }
         if let Some(noise) = &mut player.noise {
-            session.link_mut().send_ahead(&noise_bytes(noise));
+            session.link.send_ahead(&noise_bytes(noise));
         }
         session.step()?;
         messages.extend(player.silence(session));
@@ -139,7 +139,7 @@ impl Player<'_> {
                 Some(emulated) => emulated.fault(*fault, *on).map_err(at_line)?,
                 None => return by_hand(format!("fault {} {}", fault.name(), if *on { "begins" } else { "ends" })),
             },
-            Action::Fault { fault: ScriptFault::HostSilent, on } => session.link_mut().set_heartbeat(!on),
+            Action::Fault { fault: ScriptFault::HostSilent, on } => session.link.set_heartbeat(!on),
             Action::Fault { fault: ScriptFault::LinkNoise, on } => {
                 self.noise = on.then(|| Pcg64Mcg::seed_from_u64(self.seed));
             }

@@ -76,16 +76,6 @@ pub struct Script {
     pub end_s: f64,
 }
 
-/// What is wrong, and where.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("line {line}: {message}")]
-pub struct ScriptError {
-    /// Line in the file, from 1.
-    pub line: usize,
-    /// What is wrong with it.
-    pub message: String,
-}
-
 impl Script {
     /// A script without events.
     pub fn idle(end_s: f64) -> Self {
@@ -100,28 +90,28 @@ impl Script {
         let wrong = |what: String| Failure::failed(format!("script {}: {what}", path.display()));
         let text = rig_config::files::read_to_string(path).map_err(|e| wrong(e.to_string()))?;
         let folder = path.parent().unwrap_or(Path::new(""));
-        Ok((Self::parse_in(folder, &text).map_err(|e| wrong(e.to_string()))?, text))
+        Ok((Self::parse_in(folder, &text).map_err(wrong)?, text))
     }
 
     /// Reads a script that needs no other file.
     ///
     /// # Errors
-    /// [`ScriptError`] naming the line.
-    pub fn parse(text: &str) -> Result<Self, ScriptError> {
+    /// In words, naming the line.
+    pub fn parse(text: &str) -> Result<Self, String> {
         Self::parse_in(Path::new(""), text)
     }
 
     /// Reads a script whose courses (`track FILE`) lie in a folder.
     ///
     /// # Errors
-    /// [`ScriptError`] naming the line.
-    pub fn parse_in(folder: &Path, text: &str) -> Result<Self, ScriptError> {
+    /// In words, naming the line.
+    pub fn parse_in(folder: &Path, text: &str) -> Result<Self, String> {
         let mut events: Vec<Event> = Vec::new();
         let mut previous_s = 0.0;
         let mut end_s = None;
         // Editors put a byte-order mark in front.
         for (line, content) in (1..).zip(text.trim_start_matches('\u{feff}').lines()) {
-            let fail = |message: String| ScriptError { line, message };
+            let fail = |message: String| format!("line {line}: {message}");
             let words: Vec<&str> =
                 content.split_once('#').map_or(content, |(before, _)| before).split_whitespace().collect();
             let Some((time, event)) = words.split_first() else { continue };
@@ -152,12 +142,9 @@ impl Script {
         }
         // A stream goes on while later lines happen.
         events.sort_by(|a, b| a.t_s.total_cmp(&b.t_s));
-        match end_s {
-            Some(end_s) => Ok(Self { events, end_s }),
-            None => {
-                Err(ScriptError { line: text.lines().count().max(1), message: "no `<seconds> end` follows".into() })
-            }
-        }
+        let last = text.lines().count().max(1);
+        let end_s = end_s.ok_or_else(|| format!("line {last}: no `<seconds> end` follows"))?;
+        Ok(Self { events, end_s })
     }
 }
 
@@ -238,8 +225,7 @@ mod tests {
             ("1 end\n2 home", 2, "after"),
         ] {
             let error = Script::parse(text).expect_err(text);
-            assert_eq!(error.line, line, "{text}: {error}");
-            assert!(error.message.contains(named), "{text}: {error}");
+            assert!(error.starts_with(&format!("line {line}: ")) && error.contains(named), "{text}: {error}");
         }
     }
 }

@@ -15,7 +15,7 @@ use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/default.toml");
@@ -41,8 +41,18 @@ fn patient(mut tool: Command) -> Command {
     tool
 }
 
-/// One board at a time: several on a busy machine would keep each other from running in real time.
-static ONE_BOARD: Mutex<()> = Mutex::new(());
+/// The board that a test has handed on to the next one: started, not homed, at rest and without a fault.
+static HANDED_ON: Mutex<Option<Board>> = Mutex::new(None);
+
+/// A test on a board that has started, which it may hand on. One at a time: several boards on a busy machine would keep each
+/// other from running in real time.
+fn on_a_board(test: impl FnOnce(Board) -> Option<Board>) {
+    // A test that fails takes its board along.
+    let mut handed_on = HANDED_ON.lock().unwrap_or_else(PoisonError::into_inner);
+    let board = handed_on.take().unwrap_or_else(Board::new);
+    board.wait("the drive's start", |truth| truth.t_s > STARTED_S);
+    *handed_on = test(board);
+}
 
 /// What is broken of a line that stays open.
 #[derive(Default)]
@@ -53,7 +63,6 @@ struct Wires {
 
 /// An emulated board behind a device name, until it is dropped.
 struct Board {
-    _alone: MutexGuard<'static, ()>,
     device: String,
     stop: Arc<AtomicBool>,
     /// A tool runs.
@@ -66,8 +75,6 @@ struct Board {
 
 impl Board {
     fn new() -> Self {
-        // A test that failed with it says nothing about the next one.
-        let alone = ONE_BOARD.lock().unwrap_or_else(PoisonError::into_inner);
         let (mut master, slave) = TTYPort::pair().expect("a pseudo-terminal");
         master.set_timeout(Duration::from_millis(1)).expect("a time-out");
         let device = slave.name().expect("a name");
@@ -104,7 +111,7 @@ impl Board {
                 std::thread::sleep(due.saturating_duration_since(now));
             }
         });
-        Self { _alone: alone, device, stop, met, truth, wires, thread: Some(thread) }
+        Self { device, stop, met, truth, wires, thread: Some(thread) }
     }
 
     /// Breaks the wires from and to the board, or mends them. The line stays open.
@@ -115,7 +122,7 @@ impl Board {
 
     /// Starts the tool, which turns the strings, and waits for a turn of one radian.
     fn turning(&self, arguments: &[&str]) -> Child {
-        let before = self.wait("a time", |_| true);
+        let before = self.now();
         let mut tool = rigctl();
         tool.args(["--port", &self.device, "--scene", SCENE]).args(arguments);
         self.met.store(true, Ordering::Relaxed);
@@ -140,7 +147,7 @@ impl Board {
 
     /// The rig stands still, some time after the present one.
     fn stands(&self) {
-        let now = self.wait("a time", |_| true);
+        let now = self.now();
         let stopped = self.wait("the stop", |truth| truth.t_s > now.t_s + 2.0);
         let later = self.wait("a later time", |truth| truth.t_s > stopped.t_s + 1.0);
         let [stopped_rad, later_rad] = [stopped, later].map(|truth| truth.twist_rad);
@@ -160,8 +167,9 @@ impl Board {
         }
     }
 
-    fn wait_started(&self) -> Truth {
-        self.wait("the drive's start", |truth| truth.t_s > STARTED_S)
+    /// The rig as it is now.
+    fn now(&self) -> Truth {
+        self.wait("a time", |_| true)
     }
 
     fn rigctl(&self, arguments: &[&str]) -> Output {
@@ -173,10 +181,10 @@ impl Board {
         let mut command = rigctl();
         command.args(["--json", "--port", &self.device]).args(arguments);
         self.met.store(true, Ordering::Relaxed);
-        let before_s = self.wait("a time", |_| true).t_s;
+        let before_s = self.now().t_s;
         let output = command.output().expect("rigctl runs");
         // The board still waits for a tool, so that its time does not go on while this machine does something else.
-        let took_s = self.wait("a time", |_| true).t_s - before_s;
+        let took_s = self.now().t_s - before_s;
         self.met.store(false, Ordering::Relaxed);
         (output, took_s)
     }
@@ -205,162 +213,171 @@ fn last_line(output: &Output) -> Value {
 
 #[test]
 fn a_board_on_a_serial_line_is_greeted_homed_and_moved() {
-    let board = Board::new();
-    board.wait_started();
-    let status = board.rigctl(&["--scene", SCENE, "status"]);
-    assert!(status.status.success(), "{}", said(&status));
-    let refused = board.rigctl(&["--scene", SCENE, "move", "--to", "3mm"]);
-    assert_eq!(refused.status.code(), Some(1), "{}", said(&refused));
-    assert!(said(&refused).contains("not homed"), "{}", said(&refused));
-    let (homed, took_s) = board.timed(&["--scene", SCENE, "home"]);
-    assert!(homed.status.success(), "{}", said(&homed));
-    // The board has run for longer than the tool, whose clock is another one.
-    let told_s = last_line(&homed)["duration_s"].as_f64().expect("a duration");
-    assert!((took_s - 5.0..took_s).contains(&told_s), "{told_s} s of {took_s} s");
-    let moved = board.rigctl(&["--scene", SCENE, "move", "--to", "3mm", "--speed", "2mm/s"]);
-    assert!(moved.status.success(), "{}", said(&moved));
-    let last = last_line(&moved);
-    let error = last["error_m"].as_f64().unwrap_or_else(|| panic!("no error in {last}"));
-    assert!(error.abs() < 50e-6, "{last}");
+    on_a_board(|board| {
+        let status = board.rigctl(&["--scene", SCENE, "status"]);
+        assert!(status.status.success(), "{}", said(&status));
+        let refused = board.rigctl(&["--scene", SCENE, "move", "--to", "3mm"]);
+        assert_eq!(refused.status.code(), Some(1), "{}", said(&refused));
+        assert!(said(&refused).contains("not homed"), "{}", said(&refused));
+        let (homed, took_s) = board.timed(&["--scene", SCENE, "home"]);
+        assert!(homed.status.success(), "{}", said(&homed));
+        // The board has run for longer than the tool, whose clock is another one.
+        let told_s = last_line(&homed)["duration_s"].as_f64().expect("a duration");
+        assert!((took_s - 5.0..took_s).contains(&told_s), "{told_s} s of {took_s} s");
+        let moved = board.rigctl(&["--scene", SCENE, "move", "--to", "3mm", "--speed", "2mm/s"]);
+        assert!(moved.status.success(), "{}", said(&moved));
+        let last = last_line(&moved);
+        let error = last["error_m"].as_f64().unwrap_or_else(|| panic!("no error in {last}"));
+        assert!(error.abs() < 50e-6, "{last}");
+        None
+    });
 }
 
 #[test]
 fn an_interrupted_tool_stops_the_board_and_ends_its_log() {
-    let board = Board::new();
-    let log = std::env::temp_dir().join(format!("rigctl-interrupted-{}.csv", std::process::id()));
-    let script = log.with_extension("script");
-    std::fs::write(&script, "0.5 jog 1rad/s\n60 end\n").expect("written");
-    board.wait_started();
-    let [log_text, script_text] = [&log, &script].map(|path| path.to_str().expect("a path"));
-    let tool = board.turning(&["record", "--out", log_text, "--script", script_text]);
-    interrupts(tool.id());
-    let ended = board.end_of(tool);
-    assert!(ended.status.code() == Some(1) && said(&ended).contains("interrupted"), "{}", said(&ended));
-    let whole = Log::load(&log).expect("a log").whole().expect("its end is there");
-    assert!(whole.header.get("broken_off").is_some_and(|why| why.contains("interrupted")));
-    assert!(whole.rows.iter().any(|row| row.state == State::Moving), "it turned");
-    let status = board.rigctl(&["--scene", SCENE, "status"]);
-    let text = String::from_utf8_lossy(&status.stdout).into_owned();
-    let status: Value = serde_json::from_str(text.trim()).unwrap_or_else(|e| panic!("{e}: {text}"));
-    let telemetry = &status["telemetry"];
-    assert!(telemetry["state"] == "unhomed" && telemetry["fault"].is_null(), "{telemetry}");
-    for path in [log, script] {
-        std::fs::remove_file(path).expect("was there");
-    }
+    on_a_board(|board| {
+        let log = std::env::temp_dir().join(format!("rigctl-interrupted-{}.csv", std::process::id()));
+        let script = log.with_extension("script");
+        std::fs::write(&script, "0.5 jog 1rad/s\n60 end\n").expect("written");
+        let [log_text, script_text] = [&log, &script].map(|path| path.to_str().expect("a path"));
+        let tool = board.turning(&["record", "--out", log_text, "--script", script_text]);
+        interrupts(tool.id());
+        let ended = board.end_of(tool);
+        assert!(ended.status.code() == Some(1) && said(&ended).contains("interrupted"), "{}", said(&ended));
+        let whole = Log::load(&log).expect("a log").whole().expect("its end is there");
+        assert!(whole.header.get("broken_off").is_some_and(|why| why.contains("interrupted")));
+        assert!(whole.rows.iter().any(|row| row.state == State::Moving), "it turned");
+        let status = board.rigctl(&["--scene", SCENE, "status"]);
+        let text = String::from_utf8_lossy(&status.stdout).into_owned();
+        let status: Value = serde_json::from_str(text.trim()).unwrap_or_else(|e| panic!("{e}: {text}"));
+        let telemetry = &status["telemetry"];
+        assert!(telemetry["state"] == "unhomed" && telemetry["fault"].is_null(), "{telemetry}");
+        for path in [log, script] {
+            std::fs::remove_file(path).expect("was there");
+        }
+        Some(board)
+    });
 }
 
 #[test]
 fn a_board_of_another_scene_is_refused_until_it_is_sent_the_table() {
-    let board = Board::new();
-    board.wait_started();
-    let scene = std::env::temp_dir().join(format!("rigctl-sent-table-{}.toml", std::process::id()));
-    let default = std::fs::read_to_string(SCENE).expect("the default scene");
-    assert!(default.contains("\nk2 = 0.127\n"));
-    std::fs::write(&scene, default.replace("\nk2 = 0.127\n", "\nk2 = 0.13\n")).expect("written");
-    board.met.store(true, Ordering::Relaxed);
-    let run = |arguments: &[&str]| {
-        let mut tool = rigctl();
-        tool.args(["--port", &board.device, "--scene"]).arg(&scene).args(arguments).output().expect("rigctl runs")
-    };
-    let refused = run(&["config", "set", "speed-max", "3mm/s"]);
-    assert!(refused.status.code() == Some(1) && said(&refused).contains("another scene"), "{}", said(&refused));
-    let sent = run(&["table", "--board"]);
-    assert!(sent.status.success(), "{}", said(&sent));
-    let taken = run(&["config", "set", "speed-max", "3mm/s"]);
-    assert!(taken.status.success(), "{}", said(&taken));
-    board.met.store(false, Ordering::Relaxed);
-    std::fs::remove_file(scene).expect("was there");
+    on_a_board(|board| {
+        let scene = std::env::temp_dir().join(format!("rigctl-sent-table-{}.toml", std::process::id()));
+        let default = std::fs::read_to_string(SCENE).expect("the default scene");
+        assert!(default.contains("\nk2 = 0.127\n"));
+        std::fs::write(&scene, default.replace("\nk2 = 0.127\n", "\nk2 = 0.13\n")).expect("written");
+        board.met.store(true, Ordering::Relaxed);
+        let run = |arguments: &[&str]| {
+            let mut tool = rigctl();
+            tool.args(["--port", &board.device, "--scene"]).arg(&scene).args(arguments).output().expect("rigctl runs")
+        };
+        let refused = run(&["config", "set", "speed-max", "3mm/s"]);
+        assert!(refused.status.code() == Some(1) && said(&refused).contains("another scene"), "{}", said(&refused));
+        let sent = run(&["table", "--board"]);
+        assert!(sent.status.success(), "{}", said(&sent));
+        let taken = run(&["config", "set", "speed-max", "3mm/s"]);
+        assert!(taken.status.success(), "{}", said(&taken));
+        board.met.store(false, Ordering::Relaxed);
+        std::fs::remove_file(scene).expect("was there");
+        None
+    });
 }
 
 #[test]
 fn a_board_that_vanishes_in_mid_motion_is_told() {
-    let board = Board::new();
-    let before = board.wait_started();
-    // The pseudo-terminal lives as long as anybody has its other end, and a child of this process would have it.
-    let mut tool = patient(Command::new("bash"));
-    let closed = "for fd in /proc/self/fd/*; do fd=${fd##*/}; ((fd > 2)) && eval \"exec $fd>&-\"; done; exec \"$@\"";
-    tool.args(["-c", closed, "bash", env!("CARGO_BIN_EXE_rigctl")]);
-    tool.args(["--port", &board.device, "--scene", SCENE, "jog", "--speed", "1", "--seconds", "600"]);
-    board.met.store(true, Ordering::Relaxed);
-    let mut child = tool.stderr(Stdio::piped()).spawn().expect("rigctl runs");
-    board.wait("a turn", |truth| (truth.twist_rad - before.twist_rad).abs() > 0.5);
-    // The cable is pulled.
-    drop(board);
-    let end = Instant::now() + PATIENCE;
-    while child.try_wait().expect("a child").is_none() {
-        assert!(Instant::now() < end, "it goes on without a board: {:?}", child.kill());
-        std::thread::sleep(Duration::from_millis(5));
-    }
-    let ended = child.wait_with_output().expect("its output");
-    assert!(ended.status.code() == Some(1) && said(&ended).contains("serial port"), "{}", said(&ended));
+    on_a_board(|board| {
+        let before = board.now();
+        // The pseudo-terminal lives as long as anybody has its other end, and a child of this process would have it.
+        let mut tool = patient(Command::new("bash"));
+        let closed =
+            "for fd in /proc/self/fd/*; do fd=${fd##*/}; ((fd > 2)) && eval \"exec $fd>&-\"; done; exec \"$@\"";
+        tool.args(["-c", closed, "bash", env!("CARGO_BIN_EXE_rigctl")]);
+        tool.args(["--port", &board.device, "--scene", SCENE, "jog", "--speed", "1", "--seconds", "600"]);
+        board.met.store(true, Ordering::Relaxed);
+        let mut child = tool.stderr(Stdio::piped()).spawn().expect("rigctl runs");
+        board.wait("a turn", |truth| (truth.twist_rad - before.twist_rad).abs() > 0.5);
+        // The cable is pulled.
+        drop(board);
+        let end = Instant::now() + PATIENCE;
+        while child.try_wait().expect("a child").is_none() {
+            assert!(Instant::now() < end, "it goes on without a board: {:?}", child.kill());
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        let ended = child.wait_with_output().expect("its output");
+        assert!(ended.status.code() == Some(1) && said(&ended).contains("serial port"), "{}", said(&ended));
+        None
+    });
 }
 
 #[test]
 fn a_board_that_falls_silent_on_an_open_line_ends_every_command_with_an_error() {
-    let board = Board::new();
-    board.wait_started();
-    let log = std::env::temp_dir().join(format!("rigctl-silent-{}.csv", std::process::id()));
-    let script = log.with_extension("script");
-    std::fs::write(&script, "0.5 jog 1rad/s\n600 end\n").expect("written");
-    let [log_text, script_text] = [&log, &script].map(|path| path.to_str().expect("a path"));
-    let record = ["record", "--out", log_text, "--script", script_text];
-    for (arguments, to_board) in [
-        (&["jog", "--speed", "1", "--seconds", "600"][..], false),
-        (&["jog", "--speed=-1", "--seconds", "600"], true),
-        (&["play", script_text], false),
-        (&record, false),
-    ] {
-        let tool = board.turning(arguments);
-        board.breaks(true, to_board);
-        let ended = board.end_of(tool);
-        let said = String::from_utf8_lossy(&ended.stderr).into_owned();
-        let words = said.contains("the board went silent") && said.contains("did NOT acknowledge the stop");
-        assert!(ended.status.code() == Some(1) && words, "{arguments:?}: {said}");
-        // Where it still hears it was stopped, and else it has stopped by itself.
-        board.stands();
-        board.breaks(false, false);
-        let status = board.rigctl(&["--scene", SCENE, "status"]);
-        let fault = last_line(&status)["telemetry"]["fault"].clone();
-        // A machine that keeps the tool from running for 0.4 s lets the board stop by itself in either case.
-        assert!(fault == "host-silent" || !to_board && fault.is_null(), "{arguments:?}: {fault}");
-        assert!(fault.is_null() || board.rigctl(&["--scene", SCENE, "clear"]).status.success());
-    }
-    let whole = Log::load(&log).expect("a log").whole().expect("its end is there");
-    assert!(whole.header.get("broken_off").is_some_and(|why| why.contains("silent")), "{:?}", whole.header);
-    for path in [log, script] {
-        std::fs::remove_file(path).expect("was there");
-    }
+    on_a_board(|board| {
+        let log = std::env::temp_dir().join(format!("rigctl-silent-{}.csv", std::process::id()));
+        let script = log.with_extension("script");
+        std::fs::write(&script, "0.5 jog 1rad/s\n600 end\n").expect("written");
+        let [log_text, script_text] = [&log, &script].map(|path| path.to_str().expect("a path"));
+        let record = ["record", "--out", log_text, "--script", script_text];
+        for (arguments, to_board) in [
+            (&["jog", "--speed", "1", "--seconds", "600"][..], false),
+            (&["jog", "--speed=-1", "--seconds", "600"], true),
+            (&record, false),
+        ] {
+            let tool = board.turning(arguments);
+            board.breaks(true, to_board);
+            let ended = board.end_of(tool);
+            let said = String::from_utf8_lossy(&ended.stderr).into_owned();
+            let words = said.contains("the board went silent") && said.contains("did NOT acknowledge the stop");
+            assert!(ended.status.code() == Some(1) && words, "{arguments:?}: {said}");
+            // Where it still hears it was stopped, and else it has stopped by itself.
+            board.stands();
+            board.breaks(false, false);
+            let status = board.rigctl(&["--scene", SCENE, "status"]);
+            let fault = last_line(&status)["telemetry"]["fault"].clone();
+            // A machine that keeps the tool from running for 0.4 s lets the board stop by itself in either case.
+            assert!(fault == "host-silent" || !to_board && fault.is_null(), "{arguments:?}: {fault}");
+            assert!(fault.is_null() || board.rigctl(&["--scene", SCENE, "clear"]).status.success());
+        }
+        let whole = Log::load(&log).expect("a log").whole().expect("its end is there");
+        assert!(whole.header.get("broken_off").is_some_and(|why| why.contains("silent")), "{:?}", whole.header);
+        for path in [log, script] {
+            std::fs::remove_file(path).expect("was there");
+        }
+        Some(board)
+    });
 }
 
 #[test]
 fn an_interrupt_says_whether_the_stop_has_arrived() {
-    let board = Board::new();
-    board.wait_started();
-    let tool = board.turning(&["jog", "--speed", "1", "--seconds", "600"]);
-    board.breaks(true, true);
-    interrupts(tool.id());
-    let ended = board.end_of(tool);
-    let said = said(&ended);
-    assert!(ended.status.code() == Some(1) && said.contains("did NOT acknowledge the stop"), "{said}");
-    assert!(!said.contains("was stopped"), "{said}");
+    on_a_board(|board| {
+        let tool = board.turning(&["jog", "--speed", "1", "--seconds", "600"]);
+        board.breaks(true, true);
+        interrupts(tool.id());
+        let ended = board.end_of(tool);
+        let said = said(&ended);
+        assert!(ended.status.code() == Some(1) && said.contains("did NOT acknowledge the stop"), "{said}");
+        assert!(!said.contains("was stopped"), "{said}");
+        None
+    });
 }
 
 #[test]
 fn a_reader_that_stops_to_read_does_not_keep_the_tool_from_its_heartbeats() {
-    let board = Board::new();
-    let before = board.wait_started();
-    let script = std::env::temp_dir().join(format!("rigctl-slow-{}.script", std::process::id()));
-    std::fs::write(&script, "600 end\n").expect("written");
-    let mut tool = rigctl();
-    tool.args(["--json", "--port", &board.device, "--scene", SCENE, "play"]).arg(&script);
-    board.met.store(true, Ordering::Relaxed);
-    // Nobody reads: a pipe of 64 KiB is full after some 200 rows, 2 s.
-    let mut child = tool.stdout(Stdio::piped()).spawn().expect("rigctl runs");
-    // Without heartbeats the board's time stands still.
-    board.wait("the time of 800 rows", |truth| truth.t_s > before.t_s + 8.0);
-    child.kill().expect("killed");
-    child.wait().expect("ended");
-    std::fs::remove_file(script).expect("was there");
+    on_a_board(|board| {
+        let before = board.now();
+        let script = std::env::temp_dir().join(format!("rigctl-slow-{}.script", std::process::id()));
+        std::fs::write(&script, "600 end\n").expect("written");
+        let mut tool = rigctl();
+        tool.args(["--json", "--port", &board.device, "--scene", SCENE, "play"]).arg(&script);
+        board.met.store(true, Ordering::Relaxed);
+        // Nobody reads: a pipe of 64 KiB is full after some 200 rows, 2 s.
+        let mut child = tool.stdout(Stdio::piped()).spawn().expect("rigctl runs");
+        // Without heartbeats the board's time stands still.
+        board.wait("the time of 800 rows", |truth| truth.t_s > before.t_s + 8.0);
+        child.kill().expect("killed");
+        child.wait().expect("ended");
+        std::fs::remove_file(script).expect("was there");
+        Some(board)
+    });
 }
 
 /// A client of a server on this socket, as soon as there is one.
@@ -377,67 +394,74 @@ fn client(socket: &Path) -> UnixStream {
 
 #[test]
 fn clients_of_a_server_are_told_that_the_board_is_silent_and_that_it_is_back() {
-    let board = Board::new();
-    let before = board.wait_started();
-    let socket = std::env::temp_dir().join(format!("rigctl-silent-{}.sock", std::process::id()));
-    let mut tool = rigctl();
-    tool.args(["--port", &board.device, "--scene", SCENE, "serve", "--listen"]).arg(&socket);
-    board.met.store(true, Ordering::Relaxed);
-    let server = tool.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("rigctl runs");
-    let mut client = client(&socket);
-    client.set_read_timeout(Some(PATIENCE)).expect("a time-out");
-    let mut lines = BufReader::new(client.try_clone().expect("a handle")).lines();
-    let mut next = |what: &str, is: &dyn Fn(&Value) -> bool| {
-        lines
-            .by_ref()
-            .map(|line| serde_json::from_str::<Value>(&line.expect("a line")).expect("JSON"))
-            .find(|line| is(line))
-            .unwrap_or_else(|| panic!("the connection ended before {what}"))
-    };
-    let mut send = |line: &str| client.write_all(format!("{line}\n").as_bytes()).expect("sent");
-    send("{\"id\":1,\"do\":\"jog\",\"speed_rad_per_s\":1.0}");
-    board.wait("a turn", |truth| (truth.twist_rad - before.twist_rad).abs() > 1.0);
-    board.breaks(true, false);
-    next("the news", &|line| line["event"]["kind"] == "board-silent");
-    let end = next("the jog's end", &|line| line["id"] == 1);
-    assert_eq!(end["error"]["kind"], "board-silent");
-    send("{\"id\":2,\"do\":\"status\"}");
-    assert_eq!(next("an answer", &|line| line["id"] == 2)["done"]["state"], "silent");
-    send("{\"id\":3,\"do\":\"jog\",\"speed_rad_per_s\":1.0}");
-    assert_eq!(next("an answer", &|line| line["id"] == 3)["error"]["kind"], "board-silent");
-    // The board still hears, and was stopped.
-    board.stands();
-    board.breaks(false, false);
-    next("the news", &|line| line["event"]["kind"] == "board-heard");
-    send("{\"id\":4,\"do\":\"status\"}");
-    let status = next("an answer", &|line| line["id"] == 4)["done"].clone();
-    // It was silent for more than three of its seconds.
-    assert!(status["state"] == "unhomed" && status["lost_rows"].as_u64().is_some_and(|rows| rows > 300), "{status}");
-    // A server whose last stop is not acknowledged has not ended well.
-    board.breaks(true, true);
-    interrupts(server.id());
-    let ended = board.end_of(server);
-    assert!(ended.status.code() == Some(1) && said(&ended).contains("did NOT acknowledge"), "{}", said(&ended));
+    on_a_board(|board| {
+        let before = board.now();
+        let socket = std::env::temp_dir().join(format!("rigctl-silent-{}.sock", std::process::id()));
+        let mut tool = rigctl();
+        tool.args(["--port", &board.device, "--scene", SCENE, "serve", "--listen"]).arg(&socket);
+        board.met.store(true, Ordering::Relaxed);
+        let server = tool.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("rigctl runs");
+        let mut client = client(&socket);
+        client.set_read_timeout(Some(PATIENCE)).expect("a time-out");
+        let mut lines = BufReader::new(client.try_clone().expect("a handle")).lines();
+        let mut next = |what: &str, is: &dyn Fn(&Value) -> bool| {
+            lines
+                .by_ref()
+                .map(|line| serde_json::from_str::<Value>(&line.expect("a line")).expect("JSON"))
+                .find(|line| is(line))
+                .unwrap_or_else(|| panic!("the connection ended before {what}"))
+        };
+        let mut send = |line: &str| client.write_all(format!("{line}\n").as_bytes()).expect("sent");
+        send("{\"id\":1,\"do\":\"jog\",\"speed_rad_per_s\":1.0}");
+        board.wait("a turn", |truth| (truth.twist_rad - before.twist_rad).abs() > 1.0);
+        board.breaks(true, false);
+        next("the news", &|line| line["event"]["kind"] == "board-silent");
+        let end = next("the jog's end", &|line| line["id"] == 1);
+        assert_eq!(end["error"]["kind"], "board-silent");
+        send("{\"id\":2,\"do\":\"status\"}");
+        assert_eq!(next("an answer", &|line| line["id"] == 2)["done"]["state"], "silent");
+        send("{\"id\":3,\"do\":\"jog\",\"speed_rad_per_s\":1.0}");
+        assert_eq!(next("an answer", &|line| line["id"] == 3)["error"]["kind"], "board-silent");
+        // The board still hears, and was stopped.
+        board.stands();
+        board.breaks(false, false);
+        next("the news", &|line| line["event"]["kind"] == "board-heard");
+        send("{\"id\":4,\"do\":\"status\"}");
+        let status = next("an answer", &|line| line["id"] == 4)["done"].clone();
+        // It was silent for more than three of its seconds.
+        assert!(
+            status["state"] == "unhomed" && status["lost_rows"].as_u64().is_some_and(|rows| rows > 300),
+            "{status}"
+        );
+        // A server whose last stop is not acknowledged has not ended well.
+        board.breaks(true, true);
+        interrupts(server.id());
+        let ended = board.end_of(server);
+        assert!(ended.status.code() == Some(1) && said(&ended).contains("did NOT acknowledge"), "{}", said(&ended));
+        None
+    });
 }
 
 #[test]
 fn a_board_whose_server_dies_in_mid_motion_stops_by_itself() {
-    let board = Board::new();
-    let before = board.wait_started();
-    let socket = std::env::temp_dir().join(format!("rigctl-serial-{}.sock", std::process::id()));
-    let mut tool = rigctl();
-    tool.args(["--port", &board.device, "--scene", SCENE, "serve", "--listen"]).arg(&socket);
-    board.met.store(true, Ordering::Relaxed);
-    let mut server = tool.stdout(Stdio::null()).spawn().expect("rigctl runs");
-    let mut client = client(&socket);
-    client.write_all(b"{\"do\":\"jog\",\"speed_rad_per_s\":1.0}\n").expect("sent");
-    board.wait("a turn", |truth| (truth.twist_rad - before.twist_rad).abs() > 1.0);
-    server.kill().expect("killed");
-    server.wait().expect("ended");
-    board.met.store(false, Ordering::Relaxed);
-    // Half a second of silence, and a ramp.
-    board.stands();
-    std::fs::remove_file(socket).expect("the dead server left it");
+    on_a_board(|board| {
+        let before = board.now();
+        let socket = std::env::temp_dir().join(format!("rigctl-serial-{}.sock", std::process::id()));
+        let mut tool = rigctl();
+        tool.args(["--port", &board.device, "--scene", SCENE, "serve", "--listen"]).arg(&socket);
+        board.met.store(true, Ordering::Relaxed);
+        let mut server = tool.stdout(Stdio::null()).spawn().expect("rigctl runs");
+        let mut client = client(&socket);
+        client.write_all(b"{\"do\":\"jog\",\"speed_rad_per_s\":1.0}\n").expect("sent");
+        board.wait("a turn", |truth| (truth.twist_rad - before.twist_rad).abs() > 1.0);
+        server.kill().expect("killed");
+        server.wait().expect("ended");
+        board.met.store(false, Ordering::Relaxed);
+        // Half a second of silence, and a ramp.
+        board.stands();
+        std::fs::remove_file(socket).expect("the dead server left it");
+        None
+    });
 }
 
 #[test]

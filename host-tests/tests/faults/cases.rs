@@ -1,5 +1,5 @@
 //! What causes each fault of a rig that moves. What is near and must not is in `crates/rig-control/tests/control/faults.rs` and,
-//! on the board, in the scripts of `crates/rigctl/tests/faults.rs`.
+//! on the board, in the scripts of `crates/rigctl/tests/tool/faults.rs`.
 
 use host_tests::ControlBench;
 use rig_control::Inputs;

@@ -1,5 +1,5 @@
 //! Every fault against the emulated rig: it fires, it stays until cleared, and what follows is as the table of policies says.
-//! `crates/rig-control/tests/control/faults.rs` has thresholds and near misses; `crates/rigctl/tests/faults.rs` plays faults on the
+//! `crates/rig-control/tests/control/faults.rs` has thresholds and near misses; `crates/rigctl/tests/tool/faults.rs` plays faults on the
 //! emulated board.
 
 mod cases;

@@ -66,7 +66,7 @@ fn is_tested(cell: &str, fault: Fault, fires: bool) -> bool {
         };
         return item(&source, name).is_some_and(|body| body.contains(&format!("Fault::{fault:?}")));
     }
-    let tests = read("crates/rigctl/tests/faults.rs");
+    let tests = read("crates/rigctl/tests/tool/faults.rs");
     let played = |body: &str| body.contains(&format!("play(\"{named}\")"));
     // What fires stands in the list of the test that plays the script; what is near may be near in several ways.
     tests.split("\n#[test]\n").any(|body| played(body) && (!fires || body.contains(&format!(", \"{fault}\")"))))

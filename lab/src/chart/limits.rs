@@ -1,8 +1,8 @@
 //! The limits of a rod's states: the zone in which the equilibrium is known to be unique, and the physical limits.
 
+use super::contour::{self, Field};
 use super::grid::Grid;
 use rigctl::parallel::{Progress, parallel};
-use rigctl::plot::contour::{self, Field};
 use std::f64::consts::PI;
 use tsa_model::material::FIT_RANGE;
 use tsa_model::rod::TipForce;

@@ -14,6 +14,7 @@
 //!   their states; [`grid`]: the states.
 
 mod closed_loop;
+mod contour;
 mod damped;
 mod effects;
 pub mod grid;

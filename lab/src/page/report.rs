@@ -7,11 +7,10 @@ use crate::table_report::TableReport;
 use rig_config::Scene;
 use rigctl::failure::Failure;
 use rigctl::log::Log;
-use rigctl::move_figure::draw;
 use rigctl::options::Global;
 use rigctl::out_file::OutFile;
 use rigctl::output::Output;
-use rigctl::recorded_move;
+use rigctl::recorded_move::{self, draw};
 use std::path::{Path, PathBuf};
 
 /// Load of the recorded move (kg) and twist of the strings when the board starts (rad).

@@ -2,14 +2,13 @@
 
 use super::numbers::{self, Group, Kind};
 use rig_config::Scene;
-use rigctl::commands::identify::{self, given, place, print, write};
+use rigctl::commands::identify::{self, Identify, given, place, print, write};
 use rigctl::failure::Failure;
 use rigctl::identify::constants::{Constant, Unknowns};
 use rigctl::identify::data::{Data, Quantity, Row};
 use rigctl::identify::fit::fit;
 use rigctl::identify::laws::{K4, Law};
 use rigctl::options::Global;
-use rigctl::options::commands::Identify;
 use rigctl::output::Output;
 use serde_json::{Value, json};
 use tsa_model::{Parameters, twist_from_turns};

@@ -1,19 +1,48 @@
 //! `calibrate`: the LVDT against callipers, and where position 0 is.
 
 use crate::board_settings::{self, all};
-use crate::calibration::{APART_M, Point, corrected, fit, uncalibrated};
 use crate::failure::Failure;
-use crate::lvdt_points;
+use crate::lvdt_points::{self, APART_M, Point, corrected, fit, uncalibrated};
 use crate::options::Global;
-use crate::options::commands::Calibrate;
+use crate::options::values::{gap, gauge_error};
 use crate::output::Output;
 use crate::output::decimal;
 use crate::session::{Session, Wanted, homing};
+use clap::Subcommand;
 use rig_link::{LoadChoice, LvdtCurve, Request, Setting, SettingValues};
 use serde_json::json;
+use std::path::PathBuf;
 
 /// Telemetry messages over which the present position is averaged.
 const POSITIONS: f64 = 30.0;
+
+/// What to calibrate.
+#[derive(Debug, Clone, Subcommand)]
+pub enum Calibrate {
+    /// The LVDT, by the gap between the clamps as callipers measure it: one gap gives the offset, a second one the gain;
+    /// or by up to 11 gaps in a file. Without options it only prints the reading
+    Lvdt {
+        /// The true gap now (m, mm)
+        #[arg(long, value_name = "GAP", value_parser = gap)]
+        gap: Option<f64>,
+        /// A gap that was measured before (m, mm), and the uncalibrated reading of the sensor there: the first call prints both
+        #[arg(long, value_name = "GAP:SENSOR", requires = "gap")]
+        point: Option<Point>,
+        /// Gauges' gaps at 2 to 11 places, at least 1 mm apart: a file with the columns gap_m and sensor_m (uncalibrated, as
+        /// this command prints it without options). Between them the board interpolates; offset and gain become 0 and 1
+        #[arg(long, value_name = "FILE.csv", conflicts_with = "gap")]
+        points: Option<PathBuf>,
+        /// How far a gap of --points may be from the true one: half the width of the interval that holds the truth in 90 of
+        /// 100 cases (m, mm, um)
+        #[arg(long, value_name = "E", default_value = "20um", requires = "points", value_parser = gauge_error)]
+        gauge_error: f64,
+        /// Forget the points of --points
+        #[arg(long, conflicts_with_all = ["gap", "points"])]
+        no_points: bool,
+    },
+    /// The present position becomes 0, now and whenever the rig is homed
+    Zero,
+}
 
 /// Runs the command.
 ///

@@ -2,11 +2,10 @@
 //! position at the same speed.
 
 use crate::failure::Failure;
-use crate::move_figure::draw;
 use crate::options::Global;
 use crate::out_file::{folder, write_file};
 use crate::output::Output;
-use crate::recorded_move::{RecordedMove, SPEED_M_PER_S, TARGET_M, record};
+use crate::recorded_move::{RecordedMove, SPEED_M_PER_S, TARGET_M, draw, record};
 use crate::session::sim::SimOptions;
 use clap::Args;
 use rig_plant::PlantKey;

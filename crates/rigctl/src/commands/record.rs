@@ -3,16 +3,33 @@
 use crate::failure::Failure;
 use crate::log::{Header, Recorder};
 use crate::options::Global;
-use crate::options::commands::Record;
+use crate::options::values::seconds;
 use crate::out_file::OutFile;
 use crate::output::{Output, stdout};
 use crate::play::{check_refused, play};
 use crate::script::Script;
 use crate::session::Wanted;
 use crate::session::row::Entry;
+use clap::Args;
 use serde_json::{Map, Value, json};
 use std::io::{self, Write};
 use std::ops::ControlFlow;
+use std::path::PathBuf;
+
+/// What to record, and the file.
+#[derive(Debug, Clone, Args)]
+pub struct Record {
+    /// File to write [default: standard output]
+    #[arg(long, value_name = "FILE.csv")]
+    pub out: Option<PathBuf>,
+    /// How long to record without a script (s)
+    #[arg(long, value_name = "S", default_value = "10s", allow_hyphen_values = true, value_parser = seconds,
+        conflicts_with = "script")]
+    pub seconds: f64,
+    /// Play this script meanwhile (format as for `play`); exit code 1 if a command of it was refused
+    #[arg(long, value_name = "FILE")]
+    pub script: Option<PathBuf>,
+}
 
 /// Runs the command.
 ///
@@ -61,7 +78,7 @@ pub fn run(global: &Global, options: &Record, output: &mut Output) -> Result<(),
     });
     let (rows, refused) = recorder.end(&session, result)?;
     let lost = session.lost_rows();
-    let frames = session.link().lost_frames();
+    let frames = session.link.lost_frames();
     let summary = json!({"rows": rows, "lost_rows": lost, "lost_frames": frames, "seconds": session.now_s(),
         "file": options.out.as_ref().map(|p| p.display().to_string())});
     output.object(&json!({"summary": summary}))?;

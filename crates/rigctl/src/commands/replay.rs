@@ -3,10 +3,22 @@
 use crate::failure::Failure;
 use crate::log::Log;
 use crate::options::Global;
-use crate::options::commands::Replay;
 use crate::output::Output;
 use crate::replay::replay;
+use clap::Args;
 use serde_json::json;
+use std::path::PathBuf;
+
+/// The log to replay.
+#[derive(Debug, Clone, Args)]
+pub struct Replay {
+    /// Log of `record` or `sweep`, recorded with --scene
+    #[arg(value_name = "FILE.csv")]
+    pub file: PathBuf,
+    /// Also if the log was cut short
+    #[arg(long)]
+    pub partial: bool,
+}
 
 /// Runs the command.
 ///

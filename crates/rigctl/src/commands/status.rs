@@ -34,7 +34,7 @@ pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
     let (settings, sensors) = (session.settings()?, session.sensors()?);
     let (counters, faults) = session.telemetry().map(|t| (t.counters, t.faults)).unwrap_or_default();
     let same_scene = target.check_scene(&session);
-    let (lost, damaged) = (session.link().lost_frames(), session.link().damaged_frames());
+    let (lost, damaged) = (session.link.lost_frames(), session.link.damaged_frames());
     output.object(&json!({
         "rig": target.rig(),
         "firmware": id.version.as_str(),

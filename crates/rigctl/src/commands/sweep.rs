@@ -3,10 +3,11 @@
 use crate::failure::Failure;
 use crate::log::{Header, Log, Recorder, sweep as reduced};
 use crate::options::Global;
-use crate::options::commands::Sweep;
+use crate::options::values::{load, turns, twist_speed};
 use crate::out_file::OutFile;
 use crate::output::Output;
 use crate::session::{Place, STEP_S, Session, Wanted, homing, motion};
+use clap::Args;
 use rig_control::hysteresis::MEMORY_COMPLETE_N;
 use rig_control::supervisor::JOG_SPEED_MAX;
 use rig_link::LoadChoice;
@@ -14,6 +15,7 @@ use rig_plant::{PlantChange, PlantKey};
 use serde_json::json;
 use std::f64::consts::{PI, TAU};
 use std::io::Write;
+use std::path::PathBuf;
 
 /// Rest before each turn (s), for the load to stop swinging.
 const REST_S: f64 = 1.0;
@@ -21,6 +23,27 @@ const REST_S: f64 = 1.0;
 /// hand takes the load off (N/s), since the board takes a sudden change for a broken string.
 const CARRIED_S: f64 = 3.0;
 const TAKEN_OFF_N_PER_S: f64 = 2.0;
+
+/// A load and how far to turn.
+#[derive(Debug, Clone, Args)]
+pub struct Sweep {
+    /// Load that hangs on the rail, as weighed (N or kg)
+    #[arg(long, value_name = "L", allow_hyphen_values = true, value_parser = load)]
+    pub load: f64,
+    /// Heavier load that the rods have just carried (N or kg): such a sweep shows what they remember of it, beside one of the
+    /// same load without it. On an emulated rig it is hung first
+    #[arg(long, value_name = "L", allow_hyphen_values = true, value_parser = load)]
+    pub after: Option<f64>,
+    /// Turns past the half-turn pre-twist
+    #[arg(long, value_name = "T", default_value = "7.5", allow_hyphen_values = true, value_parser = turns)]
+    pub turns: f64,
+    /// Speed of the strings (rad/s, deg/s, rpm)
+    #[arg(long, value_name = "W", default_value = "12.5rpm", allow_hyphen_values = true, value_parser = twist_speed)]
+    pub speed: f64,
+    /// File to write
+    #[arg(long, value_name = "FILE.csv")]
+    pub out: PathBuf,
+}
 
 /// Runs the command.
 ///
@@ -90,7 +113,7 @@ pub fn run(global: &Global, options: &Sweep, output: &mut Output) -> Result<(), 
         "file": options.out.display().to_string(),
         "rows": rows,
         "lost_rows": session.lost_rows(),
-        "lost_frames": session.link().lost_frames(),
+        "lost_frames": session.link.lost_frames(),
         "equilibria": stops.len(),
         "load_n": load_n,
         "contraction_m": contraction_m,

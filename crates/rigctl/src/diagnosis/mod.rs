@@ -129,8 +129,8 @@ fn timing(last: &Telemetry, session: &Session, messages: usize) -> [Check; 2] {
     let c = last.counters;
     let share = f64::from(c.longest_tick_us) / TICK_US as f64;
     let rate_hz = messages as f64 / LISTEN_S;
-    let damaged = session.link().damaged_frames();
-    let lost = session.link().lost_frames();
+    let damaged = session.link.damaged_frames();
+    let lost = session.link.lost_frames();
     [
         check(
             "ticks",

@@ -4,6 +4,7 @@ use super::{Check, check};
 use crate::failure::Failure;
 use crate::session::Session;
 use crate::session::row::Row;
+use crate::statistics::{Errors, mean};
 use rig_config::Scene;
 use rig_link::{Fault, Faults, Identity, Request, Sensors, Setting, State, Telemetry};
 
@@ -21,9 +22,8 @@ const TURN_SHARE: f64 = 0.1;
 
 /// Mean and rms about it.
 fn mean_rms(values: &[f64]) -> (f64, f64) {
-    let count = values.len() as f64;
-    let mean = values.iter().sum::<f64>() / count;
-    (mean, (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / count).sqrt())
+    let mean = mean(values);
+    (mean, Errors::over(values.iter().map(|v| v - mean)).rms)
 }
 
 /// The LVDT: its noise, and where it sees the load.

@@ -30,7 +30,7 @@ impl<'a> Table<'a> {
     /// # Errors
     /// In words, naming the line: if the text is not a log, was cut short, or has no rows.
     pub fn read(text: &'a str, partial: bool) -> Result<Self, String> {
-        let log = Log::parse(text).map_err(|e| e.to_string())?;
+        let log = Log::parse(text)?;
         let log = if partial { log } else { log.whole().map_err(|e| format!("{e}; --partial exports the rest"))? };
         if log.rows.is_empty() {
             return Err("has no rows: there is nothing to export".into());

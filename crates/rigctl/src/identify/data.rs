@@ -9,7 +9,7 @@
 use crate::csv_text::{Table, no_number};
 use crate::failure::Failure;
 use crate::log::sweep::Sweep;
-use crate::log::{self, Log, LogError};
+use crate::log::{self, Log};
 use rig_config::Scene;
 use std::ops::Range;
 use std::path::Path;
@@ -98,8 +98,7 @@ impl Data {
     /// Adds what a log of `rigctl sweep` recorded.
     fn add_log(&mut self, name: &str, base: &Parameters, log: &Log, partial: bool) -> Result<(), String> {
         let broken_off = log.header.get("broken_off").map(|why| format!("was broken off ({why})"));
-        let cut = (!log.complete).then(|| LogError::Cut { rows: log.rows.len() }.to_string());
-        if let Some(why) = cut.or(broken_off).filter(|_| !partial) {
+        if let Some(why) = log.cut().or(broken_off).filter(|_| !partial) {
             return Err(format!("{why}; --partial takes what is there"));
         }
         let sweep = log::sweep::reduce(log)?;

@@ -16,7 +16,7 @@ pub mod read;
 pub mod sweep;
 pub mod write;
 
-pub use read::{Log, LogError, Mark, Marked};
+pub use read::{Log, Mark, Marked};
 pub use write::Recorder;
 
 use crate::board_settings;

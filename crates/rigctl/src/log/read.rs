@@ -46,31 +46,6 @@ pub struct Log {
     pub complete: bool,
 }
 
-/// Why a text is not a log.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum LogError {
-    /// The text is empty.
-    #[error("is empty")]
-    Empty,
-    /// Another kind of file.
-    #[error("is not a log of this tool: its first line is not `# format = {FORMAT}`")]
-    Format,
-    /// A line is wrong.
-    #[error("line {line}: {message}")]
-    Line {
-        /// From 1.
-        line: usize,
-        /// What is wrong.
-        message: String,
-    },
-    /// The last line is missing.
-    #[error("was cut short after {rows} rows: its last line, `# end rows = …`, is missing")]
-    Cut {
-        /// Rows that are there.
-        rows: usize,
-    },
-}
-
 /// Columns that every log has.
 const NEEDED: [&str; 4] = ["t_s", "state", "position_m", "twist_rad"];
 
@@ -85,7 +60,7 @@ impl Log {
     /// # Errors
     /// In words, without the file's name.
     pub fn load(path: &Path) -> Result<Self, String> {
-        Self::parse(&Self::text(path)?).map_err(|e| e.to_string())
+        Self::parse(&Self::text(path)?)
     }
 
     /// The text of a file.
@@ -105,17 +80,17 @@ impl Log {
     /// Reads a text. A log that was cut short is read as far as it goes; see [`Log::whole`].
     ///
     /// # Errors
-    /// [`LogError`], naming the line.
-    pub fn parse(text: &str) -> Result<Self, LogError> {
+    /// In words, naming the line.
+    pub fn parse(text: &str) -> Result<Self, String> {
         if text.trim().is_empty() {
-            return Err(LogError::Empty);
+            return Err("is empty".into());
         }
         let text = whole_lines(text);
         let first = text.lines().next().and_then(|line| line.strip_prefix('#')?.split_once(" = "));
         if first.is_none_or(|(key, value)| (key.trim(), value.trim()) != ("format", FORMAT)) {
-            return Err(LogError::Format);
+            return Err(format!("is not a log of this tool: its first line is not `# format = {FORMAT}`"));
         }
-        let fail = |line: usize, message: String| LogError::Line { line, message };
+        let fail = |line: usize, message: String| format!("line {line}: {message}");
         let table = Table::parse(text).map_err(|message| fail(1, message))?;
         let mut log = Self { has_head: !table.names.1.is_empty(), ..Self::default() };
         if log.has_head {
@@ -146,9 +121,16 @@ impl Log {
     /// The log itself, if it is complete.
     ///
     /// # Errors
-    /// [`LogError::Cut`].
-    pub fn whole(self) -> Result<Self, LogError> {
-        if self.complete { Ok(self) } else { Err(LogError::Cut { rows: self.rows.len() }) }
+    /// As [`Log::cut`].
+    pub fn whole(self) -> Result<Self, String> {
+        self.cut().map_or(Ok(self), Err)
+    }
+
+    /// Where the log was cut short, in words, if it was.
+    pub fn cut(&self) -> Option<String> {
+        let rows = self.rows.len();
+        let cut = || format!("was cut short after {rows} rows: its last line, `# end rows = …`, is missing");
+        (!self.complete).then(cut)
     }
 
     /// The constants of the board that its settings correct, if the header has all of them.
@@ -247,11 +229,11 @@ mod tests {
 
     #[test]
     fn a_cut_log_is_known_wherever_it_was_cut() {
-        let mut seen = [0; 3];
+        let mut seen = [0; 2];
         for end in 0..GOOD.len() {
             match Log::parse(&GOOD[..end]).and_then(Log::whole) {
-                Err(LogError::Empty | LogError::Format) => seen[0] += 1,
-                Err(LogError::Cut { .. }) => seen[1] += 1,
+                Err(why) if why.contains("is empty") || why.contains("not a log") => seen[0] += 1,
+                Err(why) if why.contains("cut short") => seen[1] += 1,
                 other => panic!("cut at {end}: {other:?}"),
             }
         }
@@ -273,11 +255,15 @@ mod tests {
             ("end rows = 2", "end rows = 3", 9, "3 rows"),
         ] {
             let text = GOOD.replace(from, to);
-            let Err(LogError::Line { line: at, message }) = Log::parse(&text) else { panic!("{to}") };
-            assert!(at == line && message.contains(named), "{to}: line {at}: {message}");
+            let message = Log::parse(&text).expect_err(to);
+            assert!(message.starts_with(&format!("line {line}: ")) && message.contains(named), "{to}: {message}");
         }
-        assert_eq!(Log::parse(""), Err(LogError::Empty));
-        assert_eq!(Log::parse("load_n,turns\n1,2\n"), Err(LogError::Format));
-        assert_eq!(Log::parse(&GOOD.replace("tsa-log 1", "tsa-log 2")), Err(LogError::Format));
+        for (text, named) in [
+            (String::new(), "is empty"),
+            ("load_n,turns\n1,2\n".into(), "not a log"),
+            (GOOD.replace("tsa-log 1", "tsa-log 2"), "not a log"),
+        ] {
+            assert!(Log::parse(&text).is_err_and(|why| why.contains(named)), "{text}");
+        }
     }
 }

@@ -131,7 +131,7 @@ mod tests {
 
     fn reduced(from: &str, to: &str) -> Result<Sweep, String> {
         assert!(LOG.contains(from));
-        reduce(&Log::parse(&LOG.replacen(from, to, 1)).map_err(|e| e.to_string())?)
+        reduce(&Log::parse(&LOG.replacen(from, to, 1))?)
     }
 
     #[test]

@@ -74,7 +74,7 @@ impl<W: Write> Recorder<W> {
         if let Some(message) = result.as_ref().err().and_then(Failure::message) {
             self.comment(format_args!("broken_off = {}", message.replace(['\r', '\n'], " ")))?;
         }
-        self.comment(format_args!("lost_frames = {}", session.link().lost_frames()))?;
+        self.comment(format_args!("lost_frames = {}", session.link.lost_frames()))?;
         self.comment(format_args!("lost_rows = {}", session.lost_rows()))?;
         let rows = self.rows;
         self.comment(format_args!("end rows = {rows}"))?;
@@ -100,5 +100,22 @@ pub fn event(kind: &EventKind) -> String {
         EventKind::EStopOpened => "estop-opened".into(),
         EventKind::EStopClosed => "estop-closed".into(),
         other => format!("{other:?}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rig_link::{Fault, HomingFailure};
+
+    #[test]
+    fn events_have_their_words() {
+        for (kind, words) in [
+            (EventKind::HomingRefused(HomingFailure::PoorFit), format!("homing-refused {}", HomingFailure::PoorFit)),
+            (EventKind::FaultRaised(Fault::DriveStall), "fault-raised drive-stall".into()),
+            (EventKind::MoveDone { error_m: 0.5 }, "move-done error_m=0.5".into()),
+        ] {
+            assert_eq!(event(&kind), words);
+        }
     }
 }

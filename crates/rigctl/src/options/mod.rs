@@ -1,9 +1,7 @@
 //! The options that the operator types, as values.
 //!
-//! [`Global`]: the options of every command; [`commands`]: those of the commands that have many; [`values`]: texts with
-//! units, each error naming its option.
+//! [`Global`]: the options of every command; [`values`]: texts with units, each error naming its option.
 
-pub mod commands;
 pub mod values;
 
 use crate::failure::Failure;

@@ -1,10 +1,9 @@
 //! Pictures: a grid of panels over one key, as SVG.
 //!
 //! A [`Figure`] is described, then drawn by [`Figure::svg`]; what is drawn twice looks the same everywhere.
-//! [`Axis`] chooses ticks, [`contour`] finds lines of equal value on a grid.
+//! [`Axis`] chooses ticks.
 
 mod axis;
-pub mod contour;
 mod draw;
 
 pub use axis::Axis;

@@ -1,23 +1,110 @@
 //! One connection: a thread that reads its lines, and one that writes what is queued for it.
+//!
+//! A client that reads too slowly loses whole lines and is told how many; neither the rig nor the other clients wait for it.
 
-use super::lines::{self, Line};
-use super::outbox::Outbox;
-use std::io::{self, BufReader, Write};
+use serde_json::json;
+use std::io::{self, BufRead, BufReader, Read, Write};
 use std::net::Shutdown;
 use std::os::unix::net::UnixStream;
 use std::sync::Arc;
-use std::sync::mpsc::{self, Receiver, TryRecvError};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc::{self, Receiver, SyncSender, TryRecvError};
 use std::thread::JoinHandle;
 
 /// Lines of a client that wait for the server; then the client waits. No client can keep the server from the others.
 const INBOX: usize = 16;
+/// Lines of telemetry that wait for a client: two and a half seconds of them. The socket's own buffer holds more.
+const TELEMETRY: usize = 256;
+/// Lines of any kind. A client that does not even read the answers to its own orders is disconnected.
+const ALL: usize = 2 * TELEMETRY;
+/// Longest line of a client (bytes, without its end). The longest order that makes sense has about 150.
+pub const LONGEST: usize = 4096;
+
+/// What came up to the end of a line.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Line {
+    /// A line without its end.
+    Whole(Vec<u8>),
+    /// More than [`LONGEST`] bytes, which are gone.
+    TooLong,
+}
+
+/// Reads up to the next line end. `None` is the end of the input; a last line without a line end was cut and is dropped.
+///
+/// # Errors
+/// If the input fails.
+pub fn next(input: &mut impl BufRead) -> io::Result<Option<Line>> {
+    let mut line = Vec::new();
+    Read::by_ref(input).take(LONGEST as u64 + 1).read_until(b'\n', &mut line)?;
+    if line.pop_if(|byte| *byte == b'\n').is_some() {
+        return Ok(Some(Line::Whole(line)));
+    }
+    Ok((line.len() > LONGEST && input.skip_until(b'\n')? > 0).then_some(Line::TooLong))
+}
+
+/// Lines that wait for one client.
+pub struct Outbox {
+    /// None once it is closed; what is queued still goes out.
+    lines: Option<SyncSender<Arc<str>>>,
+    waiting: Arc<AtomicUsize>,
+    /// Lines that were lost since the last one that was queued.
+    lost: u64,
+}
+
+/// The other end of an [`Outbox`].
+struct Queue {
+    lines: Receiver<Arc<str>>,
+    waiting: Arc<AtomicUsize>,
+}
+
+impl Queue {
+    /// Waits for a line; `None` once the outbox is closed and empty.
+    fn next(&self) -> Option<Arc<str>> {
+        let line = self.lines.recv().ok()?;
+        self.waiting.fetch_sub(1, Ordering::Relaxed);
+        Some(line)
+    }
+}
+
+impl Outbox {
+    fn new() -> (Self, Queue) {
+        let ((sender, lines), waiting) = (mpsc::sync_channel(ALL), Arc::new(AtomicUsize::new(0)));
+        (Self { lines: Some(sender), waiting: Arc::clone(&waiting), lost: 0 }, Queue { lines, waiting })
+    }
+
+    /// Queues a line that may be lost. `{"lost": n}` goes ahead of the first one after `n` lost ones.
+    pub fn offer(&mut self, line: &Arc<str>) {
+        if self.waiting.load(Ordering::Relaxed) >= TELEMETRY {
+            self.lost += 1;
+            return;
+        }
+        let lost = std::mem::take(&mut self.lost);
+        if lost > 0 {
+            self.send(json!({"lost": lost}).to_string());
+        }
+        self.send(Arc::clone(line));
+    }
+
+    /// Queues a line that must not be lost: an answer or an event. A client that has no room for it is disconnected.
+    pub fn send(&mut self, line: impl Into<Arc<str>>) {
+        self.waiting.fetch_add(1, Ordering::Relaxed);
+        if self.lines.as_ref().is_some_and(|lines| lines.try_send(line.into()).is_err()) {
+            self.close();
+        }
+    }
+
+    /// Nothing more is queued; what is queued still goes out.
+    pub fn close(&mut self) {
+        self.lines = None;
+    }
+}
 
 /// A connected client.
 pub struct Client {
     /// Its number, never used again.
     pub number: u64,
     /// Lines to it.
-    pub outbox: Arc<Outbox>,
+    pub outbox: Outbox,
     /// Lines from it; none once it sends no more.
     inbox: Option<Receiver<Line>>,
     stream: UnixStream,
@@ -34,26 +121,15 @@ impl Client {
         let (to_inbox, inbox) = mpsc::sync_channel(INBOX);
         std::thread::Builder::new().spawn(move || {
             let mut input = BufReader::new(reading);
-            while let Ok(Some(line)) = lines::next(&mut input) {
+            while let Ok(Some(line)) = next(&mut input) {
                 if to_inbox.send(line).is_err() {
                     return;
                 }
             }
         })?;
-        let outbox = Arc::new(Outbox::default());
-        let queue = Arc::clone(&outbox);
+        let (outbox, queue) = Outbox::new();
         let writing = std::thread::Builder::new().spawn(move || {
-            while let Some(lines) = queue.take() {
-                let mut text = String::new();
-                lines.iter().for_each(|line| {
-                    text.push_str(line);
-                    text.push('\n');
-                });
-                if sink.write_all(text.as_bytes()).is_err() {
-                    queue.close();
-                    return;
-                }
-            }
+            while queue.next().is_some_and(|line| sink.write_all(format!("{line}\n").as_bytes()).is_ok()) {}
         })?;
         Ok(Self { number, outbox, inbox: Some(inbox), stream, writing })
     }
@@ -79,6 +155,11 @@ impl Client {
         self.inbox.is_none()
     }
 
+    /// Whether nothing more can go to it.
+    pub fn is_gone(&self) -> bool {
+        self.outbox.lines.is_none() || self.is_written()
+    }
+
     /// Whether everything that was queued is out, or cannot go out.
     pub fn is_written(&self) -> bool {
         self.writing.is_finished()
@@ -90,5 +171,50 @@ impl Drop for Client {
         // Both threads may wait for the other end.
         self.outbox.close();
         let _ = self.stream.shutdown(Shutdown::Both);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_are_bounded_and_a_long_one_loses_only_itself() {
+        let long = "x".repeat(LONGEST + 1);
+        let fits = "y".repeat(LONGEST);
+        let text = format!("one\n\n{long}\n{fits}\n{}\ntwo\nthree without an end", long.repeat(100));
+        // A buffer smaller than a line, so that lines come in pieces.
+        let mut input = BufReader::with_capacity(7, text.as_bytes());
+        let mut lines = Vec::new();
+        while let Some(line) = next(&mut input).expect("text") {
+            lines.push(line);
+        }
+        let whole = |text: &str| Line::Whole(text.into());
+        assert_eq!(lines, [whole("one"), whole(""), Line::TooLong, whole(&fits), Line::TooLong, whole("two")]);
+    }
+
+    fn offer(outbox: &mut Outbox, numbers: std::ops::Range<usize>) {
+        numbers.for_each(|k| outbox.offer(&k.to_string().into()));
+    }
+
+    #[test]
+    fn a_slow_reader_loses_whole_lines_and_is_told_how_many() {
+        let (mut outbox, queue) = Outbox::new();
+        offer(&mut outbox, 0..TELEMETRY + 17);
+        (0..TELEMETRY).for_each(|k| assert_eq!(queue.next().as_deref(), Some(&*k.to_string()), "the first are kept"));
+        offer(&mut outbox, 1000..1002);
+        ["{\"lost\":17}", "1000", "1001"].iter().for_each(|line| assert_eq!(queue.next().as_deref(), Some(*line)));
+    }
+
+    #[test]
+    fn answers_go_out_beside_lost_telemetry_until_nobody_reads_at_all() {
+        let (mut outbox, queue) = Outbox::new();
+        offer(&mut outbox, 0..2 * TELEMETRY);
+        (TELEMETRY..ALL).for_each(|_| outbox.send("answer"));
+        assert!(outbox.lines.is_some());
+        outbox.send("one too many");
+        assert!(outbox.lines.is_none());
+        // What was queued before the end goes out.
+        assert_eq!(std::iter::from_fn(|| queue.next()).count(), ALL);
     }
 }

@@ -3,15 +3,12 @@
 //!
 //! - [`server`]: the loop between the board and the clients.
 //! - [`order`]: what a line of a client means; [`flights`]: orders that were given and have not ended.
-//! - [`client`]: one connection with its two threads; [`lines`]: lines of bounded length; [`outbox`]: lines that wait for a
-//!   slow reader, or are lost.
+//! - [`client`]: one connection with its two threads: lines of bounded length, and lines that wait for a slow reader, or are lost.
 //! - [`socket`]: the socket file and who may connect.
 
 pub mod client;
 pub mod flights;
-pub mod lines;
 pub mod order;
-pub mod outbox;
 pub mod server;
 pub mod socket;
 

@@ -1,9 +1,8 @@
 //! The loop between the board and its clients. It never waits for a client: each has a queue of bounded length in either
 //! direction.
 
-use super::client::Client;
+use super::client::{Client, Line};
 use super::flights::{Flights, Landed};
-use super::lines::Line;
 use super::order::{self, Command};
 use super::socket::{self, Socket};
 use super::{Refused, answer, event};
@@ -121,7 +120,7 @@ impl Server<'_> {
         self.session.step()?;
         for row in self.session.take_rows() {
             let line: Arc<str> = serde_json::to_string(&row)?.into();
-            self.clients.iter().for_each(|client| client.outbox.offer(&line));
+            self.clients.iter_mut().for_each(|client| client.outbox.offer(&line));
         }
         self.silence();
         let now_s = self.session.now_s();
@@ -165,7 +164,7 @@ impl Server<'_> {
                 continue;
             }
             // Without a handle or thread left the connection is dropped, and its other end sees that.
-            if let Ok(client) = Client::start(self.next_number, stream) {
+            if let Ok(mut client) = Client::start(self.next_number, stream) {
                 client.outbox.send(Arc::clone(&self.hello));
                 self.next_number += 1;
                 self.clients.push(client);
@@ -227,12 +226,11 @@ impl Server<'_> {
 
     /// Parts from the clients that have gone. A writer that sends no more is none.
     fn part(&mut self) -> Result<(), Failure> {
-        let gone = |client: &Client| client.outbox.is_closed();
-        let silent = self.clients.iter().find(|c| Some(c.number) == self.writer && (c.is_silent() || gone(c)));
+        let silent = self.clients.iter().find(|c| Some(c.number) == self.writer && (c.is_silent() || c.is_gone()));
         if let Some(number) = silent.map(|client| client.number) {
             self.lose_writer(number, "disconnected")?;
         }
-        self.clients.retain(|client| !gone(client));
+        self.clients.retain(|client| !client.is_gone());
         Ok(())
     }
 
@@ -270,15 +268,15 @@ impl Server<'_> {
     }
 
     /// To one client, if it is still there.
-    fn tell(&self, client: u64, line: &str) {
-        if let Some(client) = self.clients.iter().find(|other| other.number == client) {
+    fn tell(&mut self, client: u64, line: &str) {
+        if let Some(client) = self.clients.iter_mut().find(|other| other.number == client) {
             client.outbox.send(line);
         }
     }
 
-    fn tell_all(&self, line: &str) {
+    fn tell_all(&mut self, line: &str) {
         let line: Arc<str> = line.into();
-        self.clients.iter().for_each(|client| client.outbox.send(Arc::clone(&line)));
+        self.clients.iter_mut().for_each(|client| client.outbox.send(Arc::clone(&line)));
     }
 
     /// Says why the server ends, and gives the clients a moment to read it.
@@ -286,7 +284,7 @@ impl Server<'_> {
         self.flights.end_all("ended", &why);
         self.answer_landed();
         self.tell_all(&event(self.session.board_s(), "server-ended", &why));
-        self.clients.iter().for_each(|client| client.outbox.close());
+        self.clients.iter_mut().for_each(|client| client.outbox.close());
         let end = Instant::now() + LAST_LINES;
         while Instant::now() < end && !self.clients.iter().all(Client::is_written) {
             std::thread::sleep(Duration::from_millis(5));

@@ -1,7 +1,7 @@
 //! Requests with replies, events, telemetry: the conversation with one board.
 
 use super::interrupt;
-use super::link::{Heard, Link, Port, STEP_S};
+use super::link::{Link, Port, STEP_S};
 use super::row::{Entry, Row, TruthRecords};
 use super::silence::Hearing;
 use super::sim::Sim;
@@ -10,6 +10,7 @@ use rig_link::{
     Accepted, EventKind, HomingFailure, Identity, Kept, Message, Refusal, Request, Sensors, Setting, SettingsReport,
     State, Telemetry, Versions,
 };
+use rig_plant::Run;
 use std::collections::VecDeque;
 use std::sync::mpsc::{self, Receiver, Sender};
 
@@ -32,7 +33,8 @@ const STOP_EXCHANGES: u32 = 10;
 
 /// A conversation with one board.
 pub struct Session {
-    link: Link,
+    /// The frames below the messages: damaged and lost ones, heartbeats.
+    pub link: Link,
     /// Greets the board by itself whenever it has started.
     greets: bool,
     replies: VecDeque<(u16, Result<Accepted, Refusal>)>,
@@ -122,16 +124,6 @@ impl Session {
     /// What was true in the rig; empty on a real one.
     pub fn truth(&self) -> &TruthRecords {
         &self.truth
-    }
-
-    /// The frames below the messages: damaged and lost ones, heartbeats.
-    pub fn link(&self) -> &Link {
-        &self.link
-    }
-
-    /// The same, to change it.
-    pub fn link_mut(&mut self) -> &mut Link {
-        &mut self.link
     }
 
     /// The emulated rig behind the port, if it is one.
@@ -251,7 +243,7 @@ impl Session {
             self.post(&Request::Hello(TOOL))?;
         }
         self.link.beat_with_stops(self.silent_s().is_some());
-        let Heard { messages, truth, log } = self.link.exchange()?;
+        let (messages, Run { truth, log, .. }) = self.link.exchange()?;
         self.hearing.listened(self.link.now_s());
         self.truth.extend(truth);
         self.log.extend(log);

@@ -4,7 +4,7 @@ use super::order::Order;
 use super::sim::Sim;
 use crate::failure::Failure;
 use rig_link::{Decoder, HEARTBEAT_PERIOD_MS, MAX_FRAME, Message, Request, encode};
-use rig_plant::{Run, Truth};
+use rig_plant::Run;
 
 /// Time that passes in one exchange (s).
 pub const STEP_S: f64 = 0.01;
@@ -24,17 +24,6 @@ pub trait Port: Send {
     fn emulated(&mut self) -> Option<&mut Sim> {
         None
     }
-}
-
-/// What came back in one exchange.
-#[derive(Default)]
-pub struct Heard {
-    /// The board's messages, in order.
-    pub messages: Vec<Message>,
-    /// What happened in an emulated rig.
-    pub truth: Vec<Truth>,
-    /// The emulated firmware's own log.
-    pub log: Vec<String>,
 }
 
 /// The frames of one conversation.
@@ -112,22 +101,22 @@ impl Link {
         self.outgoing.splice(0..0, bytes.iter().copied());
     }
 
-    /// Sends everything that is queued, lets [`STEP_S`] pass, and returns what came.
+    /// Sends everything that is queued, lets [`STEP_S`] pass, and returns the board's messages, in order, and what else came.
     ///
     /// # Errors
     /// If the port fails, or the emulated board stopped.
-    pub fn exchange(&mut self) -> Result<Heard, Failure> {
+    pub fn exchange(&mut self) -> Result<(Vec<Message>, Run), Failure> {
         if let (Some(beat), 0) = (self.beat, self.exchanges % (u64::from(HEARTBEAT_PERIOD_MS) / 10)) {
             self.post(&beat)?;
         }
         self.exchanges += 1;
         let received = self.port.pass(&std::mem::take(&mut self.outgoing), STEP_S)?;
         let mut messages = Vec::new();
-        for byte in received.uart {
+        for &byte in &received.uart {
             if let Some(Ok(frame)) = self.decoder.push(byte) {
                 messages.extend(self.order.take(frame));
             }
         }
-        Ok(Heard { messages, truth: received.truth, log: received.log })
+        Ok((messages, received))
     }
 }

@@ -6,6 +6,7 @@ use super::row::Row;
 use crate::course::{Course, HOLDS_FOR_S};
 use crate::failure::Failure;
 use crate::output::progress;
+use crate::statistics::Errors;
 use rig_link::{Limit, LoadChoice, Request, State};
 use serde::Serialize;
 
@@ -33,28 +34,6 @@ pub struct StreamResult {
     pub error_m: f64,
 }
 
-/// Distances from the course.
-#[derive(Default)]
-struct Distances {
-    square: f64,
-    true_square: f64,
-    most_m: f64,
-    held_back: f64,
-    count: f64,
-}
-
-impl Distances {
-    fn add(&mut self, row: &Row) {
-        let (Some(target_m), Some(position_m)) = (row.target_m, row.position_m) else { return };
-        let distance_m = f64::from(position_m) - f64::from(target_m);
-        self.square += distance_m * distance_m;
-        self.most_m = self.most_m.max(distance_m.abs());
-        self.true_square += row.true_position_m.map_or(f64::NAN, |m| (m - f64::from(target_m)).powi(2));
-        self.held_back += f64::from(u8::from(row.limit == Some(Limit::MotorSpeed)));
-        self.count += 1.0;
-    }
-}
-
 /// Brings the load to where a course begins, then leads it along; `each` gets every row of telemetry. It ends at rest.
 ///
 /// # Errors
@@ -64,7 +43,7 @@ pub fn track(session: &mut Session, course: &Course, mut each: impl FnMut(&Row))
     session.take_replies();
     session.take_events();
     let bar = progress(1000, "tracking");
-    let mut found = Distances::default();
+    let (mut measured_m, mut true_m, mut held_back) = (Vec::new(), Vec::new(), 0);
     let (end_m, _) = course.at(course.duration_s());
     let rest = Request::Track { position_m: end_m as f32, speed_m_per_s: 0.0, for_s: HOLDS_FOR_S };
     let mut points = course.set_points().peekable();
@@ -84,8 +63,14 @@ pub fn track(session: &mut Session, course: &Course, mut each: impl FnMut(&Row))
         }
         session.step()?;
         for row in session.take_rows() {
-            if row.state == State::Moving && t_s < course.duration_s() {
-                found.add(&row);
+            if row.state == State::Moving
+                && t_s < course.duration_s()
+                && let Some((target_m, position_m)) = row.target_m.zip(row.position_m)
+            {
+                let distance_m = |position_m: f64| position_m - f64::from(target_m);
+                measured_m.push(distance_m(position_m.into()));
+                true_m.extend(row.true_position_m.map(distance_m));
+                held_back += usize::from(row.limit == Some(Limit::MotorSpeed));
             }
             each(&row);
         }
@@ -101,13 +86,13 @@ pub fn track(session: &mut Session, course: &Course, mut each: impl FnMut(&Row))
         return Err(Failure::failed("the load did not come to rest"));
     }
     let position_m = session.telemetry().and_then(|t| t.position_m).map_or(f64::NAN, f64::from);
-    let true_rms_m = (found.true_square / found.count).sqrt();
+    let (followed, truly) = (Errors::over(measured_m), Errors::over(true_m));
     Ok(StreamResult {
         duration_s: course.duration_s(),
-        following_rms_m: (found.square / found.count).sqrt(),
-        following_most_m: found.most_m,
-        true_following_rms_m: Some(true_rms_m).filter(|m| m.is_finite()),
-        held_back_share: found.held_back / found.count,
+        following_rms_m: followed.rms,
+        following_most_m: followed.worst,
+        true_following_rms_m: (truly.count > 0).then_some(truly.rms),
+        held_back_share: held_back as f64 / followed.count as f64,
         error_m: position_m - end_m,
     })
 }

@@ -12,9 +12,10 @@ use crate::identify::plan::{Plan, plan};
 use crate::identify::plausible::Hint;
 use crate::identify::{Identified, identify, plausible};
 use crate::options::Global;
-use crate::options::commands::Identify;
+use crate::options::values::radius_law;
 use crate::out_file::OutFile;
 use crate::output::Output;
+use clap::Args;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -27,6 +28,41 @@ struct Report<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     next: Option<Plan>,
     bad_rows: &'a [String],
+}
+
+/// The constants to fit, and the data.
+#[derive(Debug, Clone, Args)]
+pub struct Identify {
+    /// Recorded sweeps: CSV with load_n, turns (or twist_rad), gap_m (from an unknown zero) or contraction_m, and if
+    /// known sigma_m, lines that begin with # passed over; or what `sweep` wrote
+    #[arg(value_name = "SWEEP.csv", conflicts_with = "published")]
+    pub sweeps: Vec<PathBuf>,
+    /// The paper's 37 numbers instead, errors taken relative
+    #[arg(long)]
+    pub published: bool,
+    /// Scene file to write
+    #[arg(long, value_name = "SCENE.toml")]
+    pub out: Option<PathBuf>,
+    /// Picture to write: contraction by the scene before and by the identified one, with the measured points on it
+    #[arg(long, value_name = "FILE.svg", conflicts_with = "published")]
+    pub figure: Option<PathBuf>,
+    /// Constants to fit, by symbol or key: k1, k2, k3, p, k4, K, R, L0, modulus, odd-curve (a1, a3, a5), curve (a1 to
+    /// a5) [default: those of each radius law, with modulus and with odd-curve in turn; k1,k2,k3,modulus for --published]
+    #[arg(long, value_name = "KEYS", value_delimiter = ',')]
+    pub fit: Vec<String>,
+    /// The one radius law to fit with, instead of letting all of them compete on held-out sweeps
+    #[arg(long, value_parser = radius_law, value_name = "length-ratio|length-ratio-k4|twist-power")]
+    pub law: Option<Law>,
+    /// Also logs of sweeps that were cut short or broken off
+    #[arg(long)]
+    pub partial: bool,
+    /// Which of the published numbers are only predicted, by their ids or kinds
+    /// [default: l0-70,r0-2.5,k-0.01,experiment,span]; `none` fits everything
+    #[arg(long, value_name = "WHAT", value_delimiter = ',')]
+    pub hold_out: Vec<String>,
+    /// Also say which further sweep would tell most, and whether any is worth its time
+    #[arg(long, conflicts_with = "published")]
+    pub next: bool,
 }
 
 /// Runs the command.

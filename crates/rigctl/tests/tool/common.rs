@@ -1,5 +1,4 @@
 //! The tool as a user calls it, with the firmware made first if it is not there.
-#![allow(dead_code, reason = "each test file uses a part of it")]
 
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -9,6 +8,24 @@ use std::sync::Once;
 /// The folder of the project.
 pub fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().expect("the project's folder")
+}
+
+/// A path of this name in a folder of the tests' own; names are as different as the tests.
+pub fn file(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_TARGET_TMPDIR")).join(name)
+}
+
+/// The same for a folder, which is empty.
+pub fn folder(name: &str) -> PathBuf {
+    let folder = file(name);
+    let _ = std::fs::remove_dir_all(&folder);
+    std::fs::create_dir_all(&folder).expect("a folder");
+    folder
+}
+
+/// A path in Unicode.
+pub fn text(path: &Path) -> &str {
+    path.to_str().expect("a name in Unicode")
 }
 
 /// An image of `cargo xtask firmware` with these arguments, which is built if it is not there.

@@ -1,9 +1,7 @@
 //! `serve` on the emulated board: one writer, many readers, and what careless or hostile clients do.
 #![cfg(unix)]
 
-mod common;
-
-use common::{error_of, root};
+use crate::common::{error_of, root};
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, ErrorKind, Write};
 use std::net::Shutdown;
@@ -186,6 +184,8 @@ fn one_client_commands_and_all_see_the_rig() {
     let jogged = second.until("the jog's end", |line| line["id"] == 6);
     assert_eq!(jogged["done"], json!({}));
     assert!(second.ask(json!({"id": 8, "do": "clear"}))["done"].is_object());
+    second.row("rest", |row| row["state"] != "moving");
+    the_bridge_of_the_page_moves_the_rig(&mut second);
 }
 
 #[test]
@@ -347,13 +347,8 @@ fn the_conversation_of_the_page_is_what_is_said() {
     assert!(page.lines().count() > 10);
 }
 
-#[test]
-fn what_the_bridge_of_the_page_sends_and_reads_moves_the_rig() {
-    let server = Server::start("bridge", &["--fast"]);
-    let mut client = server.client();
-    assert!(client.ask(json!({"id": 1, "do": "home"}))["done"].is_object());
-    // The tick that ended the homing does not know the load yet.
-    client.row("a load", |row| row["load_n"].is_number());
+/// By what it sends and reads, from a homed rig at rest on.
+fn the_bridge_of_the_page_moves_the_rig(client: &mut Client) {
     let source = std::fs::read_to_string(root().join("examples/ros2_control/rig_system.cpp")).expect("the bridge");
     let sent: Vec<&str> = source.split("R\"(").skip(1).filter_map(|rest| Some(rest.split_once(")\"")?.0)).collect();
     let [stop, order] = sent[..] else { panic!("{sent:?}") };
@@ -411,7 +406,9 @@ fn another_user_is_refused_even_where_the_file_is_open() {
     for (mode, named) in [(0o600, "PermissionDenied"), (0o666, "not-owner")] {
         std::fs::set_permissions(&server.path, std::fs::Permissions::from_mode(mode)).expect("ours");
         let mut other = Command::new(std::env::current_exe().expect("this test"));
-        other.args(["--exact", "connects_as_another_user", "--ignored", "--nocapture"]).env(SOCKET, &server.path);
+        other
+            .args(["--exact", "serve::connects_as_another_user", "--ignored", "--nocapture"])
+            .env(SOCKET, &server.path);
         // Only root may become another user, and that user must be able to run this file.
         let Ok(output) = other.uid(65_534).gid(65_534).output() else {
             println!("not tested: this user cannot become another one");

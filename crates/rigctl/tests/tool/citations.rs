@@ -1,10 +1,7 @@
 //! What code and pages cite stands in this repository: the page exists, and so does the section.
 
+use crate::common::root;
 use std::path::{Path, PathBuf};
-
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap()
-}
 
 const ENDING: &str = ".md";
 

@@ -1,18 +1,8 @@
 //! `config` and `calibrate` as a user calls them, on the emulated board with its flash in a file.
 
-mod common;
-
-use common::{error_of, lines, other_rig, rigctl};
+use crate::common::{error_of, folder, lines, other_rig, rigctl};
 use serde_json::{Value, json};
-use std::path::{Path, PathBuf};
-
-/// A folder of its own for each test, empty.
-fn folder(name: &str) -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
-    let _ = std::fs::remove_dir_all(&folder);
-    std::fs::create_dir_all(&folder).expect("a folder");
-    folder
-}
+use std::path::Path;
 
 /// Runs with `--json` on a board whose flash is this file; the objects that it prints.
 fn on(flash: &Path, arguments: &[&str]) -> Vec<Value> {
@@ -157,12 +147,12 @@ fn a_file_that_was_cut_takes_no_setting_from_the_board() {
     let log = std::fs::read_to_string(&file).expect("a log");
     let head = log.find("t_s,state").expect("its columns");
     let settings = log.find("# settings.").expect("its settings");
-    for text in [&log[..settings], &log[..head], "[settings]\n", "[settings]\nlvdt-gain = 1.02\n"] {
+    for text in [&log[..settings], &log[..head], "[settings]\nlvdt-gain = 1.02\n"] {
         std::fs::write(&file, text).expect("a file");
         let (code, error) = fails(&flash, &["config", "restore", path]);
         assert!(code == Some(1) && error.contains("cut short"), "{error}");
-        assert_eq!(on(&flash, &["config", "get"]), kept);
     }
+    assert_eq!(on(&flash, &["config", "get"]), kept);
     // One that has its head is whole enough.
     std::fs::write(&file, &log[..log.len() - 20]).expect("a file");
     assert_eq!(on(&flash, &["config", "restore", path])[0]["changed"], 0);
@@ -276,12 +266,12 @@ fn a_bent_sensor_is_calibrated_at_11_points_and_the_points_go_with_the_board() {
     assert_eq!((set["points"].as_array().map(Vec::len), &set["kept"]), (Some(11), &true.into()), "{set}");
     let stated_m = number(&set, "lvdt_error_m");
     assert!((10e-6..40e-6).contains(&stated_m), "{stated_m} m");
-    let between = [7.0, 20.0, 32.0, 41.0, 44.0];
+    let between = [7.0, 32.0, 44.0];
     let after = between.map(|twist| error(&at(&flash, twist, &[])));
     on(&flash, &["config", "backup", backup_text]);
     assert_eq!(on(&other, &["config", "restore", backup_text])[0]["changed"], 1);
     assert_eq!(on(&flash, &["config", "get"]), on(&other, &["config", "get"]));
-    assert_eq!(error(&at(&other, 32.0, &[])), after[2], "the same board");
+    assert_eq!(error(&at(&other, 32.0, &[])), after[1], "the same board");
     let status = &on(&flash, &["status"])[0];
     assert_eq!(status["settings"]["lvdt-points"]["points"], set["points"]);
     // The offset goes on top of it, and the points go without it.

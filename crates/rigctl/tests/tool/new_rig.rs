@@ -1,15 +1,15 @@
 //! A new rig becomes a calibrated one, by the commands of `docs/how-to/calibrate.md` and on one emulated board: LVDT,
 //! sweeps, constants, table, move; and what each of it was good for.
 
-mod common;
-
-use common::{error_of, lines, rigctl};
+use crate::common::{error_of, folder, lines, rigctl};
 use rig_config::Scene;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use tsa_model::twist_from_turns;
 
 const SCENE: &str = "scenes/default.toml";
+/// Load of the moves (N), between those of the sweeps.
+const LOAD_N: f64 = 10.0;
 /// How the rig differs from the scene, and its LVDT from its data sheet.
 const RIG: &str =
     "k2_scale=1.15,k3_scale=0.85,stiffness_scale=1.15,modulus_scale=0.85,lvdt_offset=1mm,lvdt_gain_error=1%";
@@ -56,11 +56,11 @@ impl Board {
         found[key].as_f64().unwrap_or_else(|| panic!("no {key} in {found}"))
     }
 
-    /// Errors after a move under a load (N): of the position (m), and of the load estimate as a share.
-    fn moved(&self, load_n: f64) -> [f64; 2] {
-        let end = self.runs(&["move", "--to", "12mm", "--plant", &format!("load={load_n}N")]);
+    /// Errors after a move: of the position (m), and of the load estimate as a share.
+    fn moved(&self) -> [f64; 2] {
+        let end = self.runs(&["move", "--to", "12mm", "--plant", &format!("load={LOAD_N}N")]);
         let number = |key: &str| end[key].as_f64().unwrap_or_else(|| panic!("no {key} in {end}"));
-        [number("true_error_m"), number("load_n") / load_n - 1.0]
+        [number("true_error_m"), number("load_n") / LOAD_N - 1.0]
     }
 
     /// Gap by callipers, which read to 20 um, with the strings twisted so far at power-up.
@@ -70,22 +70,12 @@ impl Board {
     }
 }
 
-/// Both at once: a move keeps nothing in flash either.
-fn both_moved(board: &Board, loads: [f64; 2]) -> [[f64; 2]; 2] {
-    std::thread::scope(|scope| {
-        loads.map(|load_n| scope.spawn(move || board.moved(load_n))).map(|moved| moved.join().expect("it moves"))
-    })
-}
-
 #[test]
 fn a_rig_15_percent_off_its_scene_is_calibrated_on_its_own_board() {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("new-rig");
-    let _ = std::fs::remove_dir_all(&folder);
-    std::fs::create_dir_all(&folder).expect("a folder");
+    let folder = folder("new-rig");
     let path = |name: &str| folder.join(name).to_str().expect("a path").to_owned();
     let mut board = Board { flash: folder.join("flash.bin"), scene: SCENE.into() };
-    let loads = [10.0, 15.0];
-    let before = both_moved(&board, loads);
+    let before = board.moved();
 
     let (wide, narrow) = ("twist_at_boot=1", "twist_at_boot=40");
     let first_m = board.measured(wide);
@@ -100,8 +90,11 @@ fn a_rig_15_percent_off_its_scene_is_calibrated_on_its_own_board() {
         for (load_n, sweep) in ["2N", "7N", "15N"].iter().zip(&sweeps) {
             let twin = Board { flash: folder.join(format!("{load_n}.bin")), scene: board.scene.clone() };
             std::fs::copy(&board.flash, &twin.flash).expect("calibrated by now");
-            scope
-                .spawn(move || assert!(twin.number(&["sweep", "--load", load_n, "--out", sweep], "equilibria") > 65.0));
+            scope.spawn(move || {
+                assert!(
+                    twin.number(&["sweep", "--load", load_n, "--speed", "25rpm", "--out", sweep], "equilibria") > 65.0
+                )
+            });
         }
     });
     let found = path("found.toml");
@@ -113,7 +106,7 @@ fn a_rig_15_percent_off_its_scene_is_calibrated_on_its_own_board() {
     let [was_m, is_m] = [Path::new("../..").join(SCENE), folder.join("found.toml")]
         .map(|scene| contraction_error_m(&Scene::load(scene).expect("a scene")));
     let table_m = board.number(&["table", "--board"], "contraction_error_m");
-    let after = both_moved(&board, loads);
+    let after = board.moved();
 
     println!("{fit:#}");
     println!(
@@ -122,16 +115,12 @@ fn a_rig_15_percent_off_its_scene_is_calibrated_on_its_own_board() {
         is_m * 1e6,
         table_m * 1e6
     );
-    for (load_n, (before, after)) in loads.iter().zip(before.iter().zip(&after)) {
-        let [a, b] = [before, after].map(|[m, share]| format!("{:+.1} um, load {:+.2} %", m * 1e6, share * 100.0));
-        println!("12 mm under {load_n} N: {a} before; {b} after");
-    }
+    let [a, b] = [before, after].map(|[m, share]| format!("{:+.1} um, load {:+.2} %", m * 1e6, share * 100.0));
+    println!("12 mm under {LOAD_N} N: {a} before; {b} after");
     assert!(was_m > 0.5e-3 && is_m < 60e-6, "{was_m} m before, {is_m} m after");
     assert!(table_m < 5e-6);
-    for (before, after) in before.iter().zip(&after) {
-        assert!(before[0].abs() > 60e-6 && after[0].abs() < 30e-6, "{before:?} {after:?}");
-        // Of the load itself: from one seed of the noise to the next homing weighs 1.6 % rms otherwise, so that a single
-        // load tells nothing finer.
-        assert!(after[1].abs() < 0.05, "{before:?} {after:?}");
-    }
+    assert!(before[0].abs() > 60e-6 && after[0].abs() < 30e-6, "{before:?} {after:?}");
+    // Of the load itself: from one seed of the noise to the next homing weighs 1.6 % rms otherwise, so that a single load
+    // tells nothing finer.
+    assert!(after[1].abs() < 0.05, "{before:?} {after:?}");
 }

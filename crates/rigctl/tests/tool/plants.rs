@@ -1,14 +1,12 @@
 //! Plants from outside, as a user gives them to the tool.
 #![cfg(unix)]
 
-mod common;
-
-use common::{desktop, error_of, lines, rigctl};
+use crate::common::{desktop, error_of, file, lines, rigctl};
 use std::path::PathBuf;
 
-/// A file of this test run.
-fn file(name: &str, text: &str) -> PathBuf {
-    let path = std::env::temp_dir().join(format!("rigctl-plants-{}-{name}", std::process::id()));
+/// A file of this name and text.
+fn written(name: &str, text: &str) -> PathBuf {
+    let path = file(&format!("plants-{name}"));
     std::fs::write(&path, text).expect("a file");
     path
 }
@@ -49,14 +47,14 @@ fn an_outside_plant_with_strings_is_homed() {
     let of = |key: &str| homed[key].as_f64().unwrap_or_else(|| panic!("no `{key}` in {homed}"));
     assert!((of("load_n") - 5.0).abs() < 0.2 && of("zero_error_rad") < 0.05, "{homed}");
     // The program's own friction, and the part that its play looks like.
-    assert!((0.02..0.3).contains(&of("friction_n")), "{homed}");
+    assert!((0.02..0.3).contains(&of("friction_n")) && (0.0..1.0).contains(&of("load_error_n")), "{homed}");
 }
 
 #[test]
 fn a_program_that_ends_ends_the_run_with_its_name_and_line() {
     let script = "n=0\nwhile read -r word rest; do case $word in start|set) echo ok ;; quit) exit ;;\n\
                   step) n=$((n + 1)); [ $n -gt 4000 ] && exit; echo 0.1 0 5 ;; esac; done";
-    let command = format!("sh {}", file("ends.sh", script).display());
+    let command = format!("sh {}", written("ends.sh", script).display());
     refused(&["status", "--plant-program", &command], &[&command, "ended instead of answering `step "]);
     refused(&["status", "--plant-program", "no-such-plant"], &["`no-such-plant`"]);
     let key = ["status", "--plant-program", "python3 docs/plants/linear_spring.py", "--plant", "k2_scale=1.1"];
@@ -66,13 +64,13 @@ fn a_program_that_ends_ends_the_run_with_its_name_and_line() {
 #[cfg(target_os = "linux")]
 #[test]
 fn a_program_that_heeds_nothing_does_not_outlive_the_tool() {
-    let id = file("deaf.id", "");
+    let id = written("deaf.id", "");
     let script = format!(
         "trap '' TERM INT HUP\necho $$ >{}\nwhile :; do\n\
          if read -r word rest; then case $word in step) echo 0.1 0 5 ;; *) echo ok ;; esac; else sleep 0.1; fi\ndone",
         id.display()
     );
-    let command = format!("sh {}", file("deaf.sh", &script).display());
+    let command = format!("sh {}", written("deaf.sh", &script).display());
     let output = rigctl(&["status", "--plant-program", &command]);
     assert!(output.status.success(), "{}", error_of(&output));
     let id = std::fs::read_to_string(id).expect("its process");
@@ -87,7 +85,7 @@ fn a_program_that_heeds_nothing_does_not_outlive_the_tool() {
 
 #[test]
 fn files_and_options_that_make_no_plant_are_named() {
-    let bad = file("bad.csv", "load_n,twist_rad,gap_m\n1,0,0.1\n1,five,0.1\n");
+    let bad = written("bad.csv", "load_n,twist_rad,gap_m\n1,0,0.1\n1,five,0.1\n");
     let bad = bad.to_str().expect("a path");
     refused(&["status", "--plant-surface", bad], &[bad, "line 3, column `twist_rad`: `five`"]);
     refused(&["status", "--plant-surface", "no-such.csv"], &["no-such.csv"]);

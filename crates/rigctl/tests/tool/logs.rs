@@ -1,37 +1,21 @@
 //! `record`, `sweep` with `identify`, `replay`: what is kept of a run, and what can be made of it afterwards.
 
-mod common;
-
-use common::{error_of, lines, rigctl};
+use crate::common::{error_of, file, folder, lines, rigctl, text};
 use rigctl::log::{Log, Mark};
-use std::path::{Path, PathBuf};
-
-/// A file of its own for each test.
-fn file(name: &str) -> PathBuf {
-    std::env::temp_dir().join(format!("rigctl-logs-{}-{name}", std::process::id()))
-}
-
-fn text(path: &Path) -> &str {
-    path.to_str().expect("a name in Unicode")
-}
-
-/// Homed at 30 s, a move by then.
-const SCRIPT: &str = "2.5 home\n36 move 8mm speed=3mm/s\n41 move 3mm speed=2mm/s load=0.5kg\n46 end\n";
-
-fn recorded(name: &str, plant: &[&str]) -> PathBuf {
-    let (script, log) = (file(&format!("{name}.script")), file(&format!("{name}.csv")));
-    std::fs::write(&script, SCRIPT).expect("the script is written");
-    let mut arguments = vec!["record", "--script", text(&script), "--out", text(&log), "--seed", "3"];
-    plant.iter().for_each(|p| arguments.extend(["--plant", p]));
-    let output = rigctl(&arguments);
-    assert!(output.status.success(), "{}", error_of(&output));
-    std::fs::remove_file(script).expect("the script was there");
-    log
-}
+use std::path::Path;
 
 #[test]
-fn a_record_says_what_it_takes_to_run_it_again() {
-    let path = recorded("again", &["load=0.7kg", "friction=0.05N"]);
+fn a_record_says_what_it_takes_to_run_it_again_and_is_replayed() {
+    let (script, path, again) = (file("again.script"), file("again.csv"), file("rerun.csv"));
+    // Homed at 30 s, a move by then.
+    let events = "2.5 home\n36 move 8mm speed=3mm/s\n41 move 3mm speed=2mm/s load=0.5kg\n46 end\n";
+    std::fs::write(&script, events).expect("the script is written");
+    let record = |out: &Path, more: &[&str]| {
+        let arguments = ["record", "--script", text(&script), "--out", text(out)];
+        let output = rigctl(&[&arguments[..], more].concat());
+        assert!(output.status.success(), "{}", error_of(&output));
+    };
+    record(&path, &["--seed", "3", "--plant", "load=0.7kg,friction=0.05N"]);
     let first = Log::load(&path).expect("a log").whole().expect("all of it");
     for key in
         ["scene", "scene_hash", "port", "rig", "seed", "firmware", "git", "protocol_hash", "table.crc", "host_time"]
@@ -49,30 +33,11 @@ fn a_record_says_what_it_takes_to_run_it_again() {
     // Run again by what its head says.
     let head = |key: &str| first.header.get(key).expect("in the head").to_owned();
     let lines: Vec<String> = (1..=4).map(|k| head(&format!("script.{k}"))).collect();
-    let (script, again) = (file("rerun.script"), file("rerun.csv"));
     std::fs::write(&script, lines.join("\n")).expect("the script is written");
-    let (scene, seed) = (head("scene"), head("seed"));
-    let plant = ["load", "friction"].map(|key| format!("{key}={}", head(&format!("plant.{key}"))));
-    let output = rigctl(&[
-        "record",
-        "--out",
-        text(&again),
-        "--script",
-        text(&script),
-        "--scene",
-        &scene,
-        "--seed",
-        &seed,
-        "--plant",
-        &plant[0],
-        "--plant",
-        &plant[1],
-    ]);
-    assert!(output.status.success(), "{}", error_of(&output));
+    let [load, friction] = ["load", "friction"].map(|key| format!("{key}={}", head(&format!("plant.{key}"))));
+    record(&again, &["--scene", &head("scene"), "--seed", &head("seed"), "--plant", &load, "--plant", &friction]);
     assert_eq!(Log::load(&again).expect("a log").rows, first.rows);
-    for path in [path, script, again] {
-        std::fs::remove_file(path).expect("was there");
-    }
+    is_replayed_until_it_says_otherwise(&path);
 }
 
 #[test]
@@ -112,9 +77,6 @@ fn a_record_whose_script_was_refused_is_whole_and_fails() {
             || error_of(&output).ends_with(" of the script was refused\n")
     );
     Log::load(&log).and_then(|log| log.whole().map_err(|e| e.to_string())).expect("a whole log");
-    for path in [script, log] {
-        std::fs::remove_file(path).expect("was there");
-    }
 }
 
 #[test]
@@ -141,16 +103,12 @@ fn a_file_that_is_there_is_not_lost_to_a_new_one() {
     let none = file("none.csv");
     assert_eq!(rigctl(&["sweep", "--load", "500N", "--out", text(&none)]).status.code(), Some(1));
     assert!(!none.exists());
-    for path in [kept, beside] {
-        std::fs::remove_file(path).expect("was there");
-    }
 }
 
-#[test]
-fn a_replay_agrees_until_the_log_says_otherwise() {
-    let path = recorded("replay", &["load=0.7kg"]);
+/// A recorded homing with moves.
+fn is_replayed_until_it_says_otherwise(path: &Path) {
     let replayed = |arguments: &[&str]| rigctl(&[&["replay", "--json"], arguments].concat());
-    let output = replayed(&[text(&path)]);
+    let output = replayed(&[text(path)]);
     assert!(output.status.success(), "{}", error_of(&output));
     let whole = &lines(&output)[0];
     println!("{whole:#}");
@@ -162,7 +120,7 @@ fn a_replay_agrees_until_the_log_says_otherwise() {
     assert!(largest("load_n") < 0.01 && largest("setpoint_m") < 1e-6, "{one}");
     assert!(largest("twist_speed_rad_per_s") < 1.0 && one["ended_by"] == "the log's end", "{one}");
     // Another estimate from 36 s on: by 3 %.
-    let log = std::fs::read_to_string(&path).expect("the log");
+    let log = std::fs::read_to_string(path).expect("the log");
     let header = log.lines().find(|l| l.starts_with("t_s,")).expect("the columns' names");
     let column = header.split(',').position(|name| name == "load_n").expect("a column");
     let changed = log.lines().map(|line| {
@@ -209,14 +167,12 @@ fn a_replay_agrees_until_the_log_says_otherwise() {
         let taken = rigctl(&["identify", "--partial", text(&other)]);
         assert!(error_of(&taken).contains("not of `rigctl sweep`"), "{}", error_of(&taken));
     }
-    for path in [path, other] {
-        std::fs::remove_file(path).expect("was there");
-    }
 }
 
 #[test]
 fn a_log_holds_the_calibration_and_is_replayed_and_restored_with_it() {
-    let (flash, other, script, log) = (file("cal.bin"), file("cal-2.bin"), file("cal.script"), file("cal.csv"));
+    let folder = folder("calibrated");
+    let [flash, other, script, log] = ["one.bin", "two.bin", "script", "log.csv"].map(|name| folder.join(name));
     for (name, value) in [("position-zero", "2mm"), ("lvdt-gain", "1.004"), ("speed-max", "4mm/s")] {
         let set = rigctl(&["config", "set", name, value, "--flash", text(&flash)]);
         assert!(set.status.success(), "{}", error_of(&set));
@@ -261,8 +217,5 @@ fn a_log_holds_the_calibration_and_is_replayed_and_restored_with_it() {
     {
         let refused = rigctl(arguments);
         assert!(!refused.status.success() && error_of(&refused).contains(named), "{}", error_of(&refused));
-    }
-    for path in [flash, other, script, log] {
-        std::fs::remove_file(path).expect("was there");
     }
 }

@@ -1,27 +1,13 @@
 //! What a careless or hostile surrounding does to files and processes: FIFOs, links, full disks, interrupts, stuck children.
 #![cfg(unix)]
 
-mod common;
-
-use common::{error_of, lines, rigctl, root};
-use std::path::{Path, PathBuf};
+use crate::common::{error_of, folder, lines, rigctl, root, text};
+use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 /// Longest wait for what takes a second or so on an idle machine, so that a test that hangs ends.
 const PATIENCE: Duration = Duration::from_secs(120);
-
-/// An empty folder of its own for each test.
-fn folder(name: &str) -> PathBuf {
-    let folder = std::env::temp_dir().join(format!("rigctl-hostile-{name}-{}", std::process::id()));
-    let _ = std::fs::remove_dir_all(&folder);
-    std::fs::create_dir_all(&folder).expect("made");
-    folder
-}
-
-fn text(path: &Path) -> &str {
-    path.to_str().expect("a name in Unicode")
-}
 
 fn names(folder: &Path) -> Vec<String> {
     let entries = std::fs::read_dir(folder).expect("a folder").flatten();
@@ -118,7 +104,6 @@ fn what_is_no_regular_file_is_refused_by_name_at_once() {
     let output = rigctl(&["replay", text(&folder)]);
     assert!(error_of(&output).contains("is a directory, not a regular file"), "{}", error_of(&output));
     assert_eq!(names(&folder), ["pipe"]);
-    std::fs::remove_dir_all(folder).expect("was there");
 }
 
 #[test]
@@ -142,7 +127,6 @@ fn flash_files_neither_delete_nor_share_nor_unlink_anything() {
         assert_eq!(lines(&got)[0]["value"], value, "{}", flash.display());
     }
     assert_eq!(names(&folder), ["board.any", "board.bin", "board.bin~", "board.new", "link"]);
-    std::fs::remove_dir_all(folder).expect("was there");
 }
 
 /// Runs the tool in a process that can write no more than so many blocks of 512 bytes into a file.
@@ -187,7 +171,6 @@ fn a_full_disk_loses_nothing_and_leaves_nothing() {
     assert!(full.status.code() == Some(1) && error_of(&full).contains("board.bin"), "{}", error_of(&full));
     assert!(std::fs::read(&flash).expect("there") == before, "the old flash is lost");
     assert_eq!(names(&folder), ["board.bin", "chart", "old"]);
-    std::fs::remove_dir_all(folder).expect("was there");
 }
 
 #[test]
@@ -214,7 +197,6 @@ fn what_a_link_points_to_is_replaced_and_kept() {
     let study = rigctl(&["study", "--vary", "D0=0.015..0.02:2", "--turns", "0..1", "--out", text(&folder)]);
     assert!(study.status.success(), "{}", error_of(&study));
     assert!(held(&kept) == "precious" && held(&other) != "precious");
-    std::fs::remove_dir_all(folder).expect("was there");
 }
 
 #[test]
@@ -250,7 +232,6 @@ fn an_interrupt_ends_the_tool_and_its_emulated_board_whatever_they_do() {
         assert!(!output.status.success() && (output.status.code().is_none() || for_its_sake), "{what}: {said}");
         wait_until(&format!("{what}: the emulator's end"), || !runs(emulator));
     }
-    std::fs::remove_dir_all(folder).expect("was there");
 }
 
 #[test]
@@ -287,5 +268,4 @@ fn a_scene_that_is_not_there_is_told_with_what_to_do() {
         assert_eq!(output.status.code(), Some(1), "{arguments:?}: {said}");
         assert!(said.contains("scenes/default.toml") && said.contains("--scene FILE"), "{arguments:?}: {said}");
     }
-    std::fs::remove_dir_all(folder).expect("was there");
 }

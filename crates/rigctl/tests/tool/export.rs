@@ -1,24 +1,12 @@
 //! `export`: a recorded log in other formats, and what is refused. Their own Python readers read the files in
 //! `crates/tsa-python/tests/test_export.py`.
 
-mod common;
-
-use common::{desktop, error_of, lines, rigctl};
+use crate::common::{desktop, error_of, file, lines, rigctl, text};
 use rigctl::log::Log;
-use std::path::{Path, PathBuf};
-
-/// A file of its own for each test.
-fn file(name: &str) -> PathBuf {
-    std::env::temp_dir().join(format!("rigctl-export-{}-{name}", std::process::id()))
-}
-
-fn text(path: &Path) -> &str {
-    path.to_str().expect("a name in Unicode")
-}
 
 #[test]
 fn a_recorded_log_is_exported_whole_in_every_format() {
-    let (log, out) = (file("run.csv"), file("run.out"));
+    let (log, out) = (file("export.csv"), file("export.out"));
     let recorded = rigctl(&["record", "--seconds", "1s", "--out", text(&log)]);
     assert!(recorded.status.success(), "{}", error_of(&recorded));
     let rows = Log::load(&log).expect("a log").rows.len();
@@ -37,16 +25,13 @@ fn a_recorded_log_is_exported_whole_in_every_format() {
     let whole = std::fs::read_to_string(&log).expect("the log");
     assert!(csv.lines().all(|line| !line.starts_with('#') && whole.contains(line)));
     // What a file held before is beside it.
-    let kept = file("run.out~");
+    let kept = file("export.out~");
     assert!(std::fs::read(&kept).expect("kept").starts_with(b"\x89MCAP0\r\n"));
-    for path in [log, out, kept] {
-        std::fs::remove_file(path).expect("was there");
-    }
 }
 
 #[test]
 fn what_cannot_be_exported_is_refused_by_name_and_nothing_is_written() {
-    let (log, out) = (file("log.csv"), file("never"));
+    let (log, out) = (file("export-wrong.csv"), file("export.never"));
     let good =
         "# format = tsa-log 1\nt_s,state,position_m,twist_rad\n0.01,ready,,3.1\n0.02,ready,0.5,3.1\n# end rows = 2\n";
     let cut = &good[..good.find("0.5,3.1").expect("there") + 2];
@@ -77,11 +62,9 @@ fn what_cannot_be_exported_is_refused_by_name_and_nothing_is_written() {
     }
     // The whole rows of a log that was cut.
     std::fs::write(&log, cut).expect("written");
+    let out = file("export-partial.csv");
     let taken = desktop(&["export", text(&log), "--to", "csv", "--out", text(&out), "--partial"]);
     assert!(taken.status.success(), "{}", error_of(&taken));
     let held = std::fs::read_to_string(&out).expect("written");
     assert_eq!(held, "t_s,state,position_m,twist_rad\n0.01,ready,,3.1\n");
-    for path in [log, out] {
-        std::fs::remove_file(path).expect("was there");
-    }
 }

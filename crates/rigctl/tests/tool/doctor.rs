@@ -1,8 +1,6 @@
 //! `doctor`, `monitor`, `completions`: what a newcomer meets.
 
-mod common;
-
-use common::{error_of, lines, rigctl};
+use crate::common::{error_of, file, lines, rigctl, text};
 use serde_json::Value;
 
 fn looked(arguments: &[&str]) -> (Value, i32) {
@@ -55,12 +53,11 @@ fn what_is_wrong_is_named_with_what_to_do() {
 #[test]
 fn a_board_of_another_scene_is_looked_at_all_the_same() {
     // Another scene with the same firmware: the default's text with one number changed.
-    let text = std::fs::read_to_string("../../scenes/default.toml").expect("the default scene");
-    let path = std::env::temp_dir().join(format!("rigctl-doctor-{}.toml", std::process::id()));
-    std::fs::write(&path, text.replace("k2 = 0.127", "k2 = 0.128")).expect("written");
-    let (report, code) = looked(&["--scene", path.to_str().expect("a name in Unicode")]);
+    let scene = std::fs::read_to_string("../../scenes/default.toml").expect("the default scene");
+    let path = file("doctor.toml");
+    std::fs::write(&path, scene.replace("k2 = 0.127", "k2 = 0.128")).expect("written");
+    let (report, code) = looked(&["--scene", text(&path)]);
     assert_eq!((bad(&report), code), (vec!["scene"], 1), "{report:#}");
-    std::fs::remove_file(path).expect("was there");
 }
 
 #[test]

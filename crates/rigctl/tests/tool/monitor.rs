@@ -1,9 +1,7 @@
 //! The live view on a pseudo-terminal, with the emulated board.
 #![cfg(unix)]
 
-mod common;
-
-use common::root;
+use crate::common::root;
 use nix::pty::{OpenptyResult, Winsize, openpty};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;

@@ -1,8 +1,6 @@
 //! Scenes of rigs that cannot work: refused before anything is built, started or spoken to.
 
-mod common;
-
-use common::{error_of, lines, rigctl, root};
+use crate::common::{error_of, file, lines, rigctl, root, text};
 use std::path::PathBuf;
 use std::process::Output;
 
@@ -11,21 +9,15 @@ struct Changed(PathBuf);
 
 impl Changed {
     fn new(key: &str, value: &str) -> Self {
-        let text = std::fs::read_to_string(root().join("scenes/default.toml")).expect("the default scene");
-        let line = text.lines().find(|line| line.starts_with(&format!("{key} = "))).expect("a key of it");
-        let path = std::env::temp_dir().join(format!("rigctl-scenes-{}-{key}.toml", std::process::id()));
-        std::fs::write(&path, text.replace(line, &format!("{key} = {value}"))).expect("written");
+        let scene = std::fs::read_to_string(root().join("scenes/default.toml")).expect("the default scene");
+        let line = scene.lines().find(|line| line.starts_with(&format!("{key} = "))).expect("a key of it");
+        let path = file(&format!("scene-{key}.toml"));
+        std::fs::write(&path, scene.replace(line, &format!("{key} = {value}"))).expect("written");
         Self(path)
     }
 
     fn run(&self, arguments: &[&str]) -> Output {
-        rigctl(&[arguments, &["--scene", self.0.to_str().expect("a name in Unicode")]].concat())
-    }
-}
-
-impl Drop for Changed {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_file(&self.0);
+        rigctl(&[arguments, &["--scene", text(&self.0)]].concat())
     }
 }
 
@@ -44,14 +36,14 @@ fn a_rig_that_cannot_work_is_refused_wherever_a_rig_is_meant() {
         let refused = weak.run(arguments);
         let said = error_of(&refused);
         assert_eq!(refused.status.code(), Some(1), "{arguments:?}: {said}");
-        for named in ["rig.drive_current_limit_a", "0.001 A", weak.0.to_str().expect("a name in Unicode")] {
+        for named in ["rig.drive_current_limit_a", "0.001 A", text(&weak.0)] {
             assert!(said.contains(named), "{arguments:?} does not name {named}: {said}");
         }
     }
     // A solve has nothing to do with the motor.
     assert!(weak.run(&["solve", "--load", "5N", "--turns", "3"]).status.success());
     // The emulated board is told of the same rig as of any other: it refuses by itself.
-    let plant = weak.0.to_str().expect("a name in Unicode");
+    let plant = text(&weak.0);
     let refused = rigctl(&["home", "--plant-scene", plant]);
     assert!(error_of(&refused).contains("rig.drive_current_limit_a"), "{}", error_of(&refused));
 }

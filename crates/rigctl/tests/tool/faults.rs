@@ -1,8 +1,6 @@
 //! Every fault that a script can cause, on the real firmware on the emulated board.
 
-mod common;
-
-use common::{error_of, lines, rigctl};
+use crate::common::{error_of, lines, rigctl};
 use serde_json::Value;
 
 /// Each time that fault or emergency stop began: when (s), and which.

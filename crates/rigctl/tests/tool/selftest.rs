@@ -1,8 +1,6 @@
 //! `rigctl selftest` on the emulated board.
 
-mod common;
-
-use common::{error_of, lines, rigctl, root};
+use crate::common::{error_of, lines, rigctl, root};
 use std::process::Command;
 
 /// The image, made first if it is not there.
