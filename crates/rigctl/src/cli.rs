@@ -15,9 +15,9 @@ use std::ffi::OsString;
 
 const FIRST_STEPS: &str = "\
 First steps, on an emulated board as they stand, or with --port /dev/ttyACM0 (COM3) on yours:
-  rigctl doctor              what is well, and what to do where it is not
-  rigctl home                find zero twist, weigh the load, stop at the half-turn pre-twist
-  rigctl move --to 8mm       bring the load up by 8 mm from where it hung then
+  rigctl doctor              check board and actuator; print a fix for each failure
+  rigctl home                find zero twist, estimate the load, stop at the half-turn pre-twist
+  rigctl move --to 8mm       raise the load by 8 mm from where it hung when homed
   rigctl monitor             watch it
 
 Without torque the strings untwist and the load falls: rest it on something before power goes on or off.
@@ -48,7 +48,7 @@ pub enum Command {
     Identify(identify::Identify),
     #[command(after_long_help = script::help())]
     Play(play::Play),
-    /// The same as `play`, always on the emulated board
+    /// Play a script, always on the emulated board
     #[command(after_long_help = script::help())]
     Sim(play::Play),
     Home(motion::Home),
@@ -61,19 +61,19 @@ pub enum Command {
     Hold,
     /// Clear a latched fault whose cause has gone
     Clear,
-    /// The board's identity, state and readings
+    /// Print the board's identity, state and readings
     Status,
     Sensors(status::Sensors),
     Config {
         #[command(subcommand)]
         what: config::Config,
     },
-    /// Measure what the board cannot know by itself, and keep it on the board
+    /// Calibrate the LVDT or the zero, and store the result on the board
     Calibrate {
         #[command(subcommand)]
         what: calibrate::Calibrate,
     },
-    /// Record telemetry with everything that is needed to run the experiment again
+    /// Record telemetry to a CSV file, with all that is needed to repeat the experiment
     ///
     /// Writes CSV: one row for each telemetry message (100 a second, columns as `play --json` names them, SI units), under
     /// `# key = value` lines: scene and its hash, firmware, git commit and protocol hash, the table and its certificate, the
@@ -82,17 +82,17 @@ pub enum Command {
     /// fault ended it (`# broken_off = …` says so); one that lacks it was cut, and `replay` and `identify` take it with --partial only.
     /// What the file held before is kept beside it as FILE.csv~.
     Record(record::Record),
-    /// The paper's experiment, recorded: turn the strings of a known load up and down
+    /// Record the paper's experiment: turn the strings of a known load up and down
     ///
     /// Homes, then turns the strings at a constant speed from the half-turn pre-twist up and back, and records it all as
     /// `record` does. `identify FILE… --out SCENE.toml` fits the scene's constants to such files; take at least three loads, spread
     /// over the range. The load is what you weighed: nothing of the board's estimate goes into the fit. On an emulated
     /// rig this load is hung, unless --plant load=… says another.
     Sweep(sweep::Sweep),
-    /// Play a recorded log through the controller's own code and print where it would have differed
+    /// Replay a log through the controller's code and print where it differs
     ///
     /// Takes what `record` or `sweep` wrote and feeds it, tick by tick, to the same code that runs on the board. Says how much
-    /// load estimate, set-point and twist speed differ (largest and rms), and when they first part: by 1 % of the load, 10 um of
+    /// load estimate, set-point and twist speed differ (largest and rms), and when they first differ: by 1 % of the load, 10 µm of
     /// the set-point, 1 rad/s of twist speed, or by a fault that only one of them raised.
     ///
     /// Replayed: load observer, planner, position loop, adaptation and their supervision, with the settings in the log's head,
@@ -102,23 +102,27 @@ pub enum Command {
     /// LVDT, the drive's own count, supply, limit switches and the host's silence (all taken for healthy). What
     /// homing found is taken from the log. The drive's lag is found from the motion and printed, so what it explains does
     /// not show as a difference. The recorded motion
-    /// answers to the recorded commands: after a parting the replay is no longer what a rig would have done.
+    /// answers to the recorded commands: after a difference the replay is no longer what a rig would have done.
     Replay(replay::Replay),
     Export(export::Export),
     Doctor(doctor::Doctor),
-    /// The checks of a board without a rig, seven jumper wires aside: CAN, ADC, encoder inputs, serial line, flash, watchdog, clocks
+    /// Test a board without an actuator: CAN, ADC, encoder inputs, flash, watchdog
     ///
-    /// An image of its own, here on the emulated board; `cargo xtask selftest` flashes the same to a real one and shows the same
+    /// It needs seven jumper wires. An image of its own, here on the emulated board; `cargo xtask selftest` flashes the same to a real one and shows the same
     /// table (docs/tutorial/first-board.md). Exit code 1 if a check is not ok.
     Selftest,
     Monitor(monitor::Monitor),
     Serve(serve::Serve),
-    /// A script that lets a shell complete commands and options: `rigctl completions bash > rigctl.bash`, then source it
+    /// Print a shell's completion script
+    ///
+    /// Example: `rigctl completions bash > rigctl.bash`, then source it.
     Completions {
         /// Shell
         shell: clap_complete::Shell,
     },
-    /// Commands of the laboratory, a program of its own (`tsa-lab`) that this one starts: `tsa-lab --help` lists them
+    /// Print the paper's numbers beside the computed ones, by `tsa-lab`
+    ///
+    /// `tsa-lab` is a program of its own, which this one starts; `tsa-lab --help` lists its commands.
     #[command(visible_aliases = ["study", "chart", "report", "budget"], disable_help_flag = true)]
     Published {
         /// Their arguments

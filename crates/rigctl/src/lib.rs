@@ -57,6 +57,7 @@ pub mod export;
 pub mod failure;
 #[cfg(test)]
 mod fixtures;
+pub mod help;
 pub mod identify;
 pub mod laboratory;
 pub mod log;
@@ -83,7 +84,7 @@ pub mod statistics;
 
 pub use rig_plant::units;
 
-use clap::Parser;
+use clap::{CommandFactory, Parser};
 use failure::Failure;
 use std::ffi::OsString;
 use std::process::ExitCode;
@@ -92,6 +93,7 @@ use std::process::ExitCode;
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let arguments: Vec<OsString> = arguments.into_iter().collect();
     started(
+        help::grouped(cli::Cli::command(), &help::GROUPS),
         arguments.clone(),
         |cli: &cli::Cli| &cli.global,
         |cli, output| match cli.command.is_of_the_laboratory() {
@@ -103,11 +105,13 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
 
 /// Parses the arguments of a tool with these options and runs it; its exit code as of [`run`].
 pub fn started<C: Parser>(
+    tool: clap::Command,
     arguments: impl IntoIterator<Item = OsString>,
     global: impl Fn(&C) -> &options::Global,
     run: impl FnOnce(&C, &mut output::Output) -> Result<(), Failure>,
 ) -> ExitCode {
-    let cli = match C::try_parse_from(arguments) {
+    let parsed = tool.try_get_matches_from(arguments).and_then(|matches| C::from_arg_matches(&matches));
+    let cli = match parsed {
         Ok(cli) => cli,
         Err(error) => {
             // Help and version go to standard output and are no failure; clap knows which is which.

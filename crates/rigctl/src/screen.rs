@@ -48,6 +48,8 @@ pub struct Screen {
     /// How long the board has been silent (s), if it is.
     pub silent_s: Option<f64>,
     row: Option<Row>,
+    /// When the board came into its present state (s).
+    since_s: f64,
     points: VecDeque<Point>,
     messages: VecDeque<String>,
     /// What is drawn; none without a scene that has a mechanism.
@@ -82,6 +84,9 @@ impl Screen {
             while self.points.front().is_some_and(|first| row.t_s - first.t_s > SPAN_S) {
                 self.points.pop_front();
             }
+        }
+        if self.row.as_ref().is_none_or(|last| last.state != row.state || row.t_s < last.t_s) {
+            self.since_s = row.t_s;
         }
         self.row = Some(row);
     }
@@ -156,23 +161,30 @@ impl Screen {
         let Some(row) = &self.row else { return vec![Line::from("no telemetry yet")] };
         let number = |v: Option<f64>, digits: usize| v.map_or("-".to_owned(), |v| format!("{v:.digits$}"));
         let mm = |v: Option<f32>| number(v.map(|v| f64::from(v) * 1e3), 3);
-        let error = |v: Option<f32>, digits: usize| v.map_or("-".to_owned(), |v| format!("± {v:.digits$}"));
+        // A number takes ten columns, and its error stands behind it.
+        let error = |v: Option<f32>| v.map_or(String::new(), |v| format!(" ± {v:.3}"));
         let error_um = row.setpoint_m.zip(row.position_m).map(|(s, p)| (f64::from(p) - f64::from(s)) * 1e6);
         let turns = row.twist_rad.map(|t| f64::from(t) / std::f64::consts::TAU - 0.5);
         let bold = Style::new().add_modifier(Modifier::BOLD);
         let alarm = bold.fg(Color::Red);
-        let state = self.silent_s.map_or(row.state.to_string(), |silent_s| format!("silent {silent_s:.0} s"));
+        let state = match self.silent_s {
+            Some(silent_s) => format!("silent {silent_s:.0} s"),
+            None if row.state == State::Homing => format!("homing {:.0} s", row.t_s - self.since_s),
+            None => row.state.to_string(),
+        };
         let stopped = row.fault.is_some() || row.state == State::EStop || self.silent_s.is_some();
-        let line =
-            |name: &'static str, value: String, unit: &'static str| Line::from(format!("{name:<13}{value:>10} {unit}"));
+        let line = |name: &'static str, value: String, unit: &'static str| {
+            let (number, error) =
+                value.split_once(" ± ").map_or((&*value, String::new()), |(n, e)| (n, format!(" ± {e}")));
+            Line::from(format!("{name:<10}{number:>10}{error} {unit}"))
+        };
         vec![
-            line("time", format!("{:.2}", row.t_s), "s"),
             Line::from(vec![
-                Span::raw(format!("{:<13}", "state")),
+                Span::raw(format!("{:<10}", "state")),
                 Span::styled(format!("{state:>10}"), if stopped { alarm } else { bold }),
             ]),
             Line::from(vec![
-                Span::raw(format!("{:<13}", "fault")),
+                Span::raw(format!("{:<10}", "fault")),
                 Span::styled(
                     format!("{:>10}", row.fault.map_or("none", Fault::name)),
                     if stopped { alarm } else { Style::new() },
@@ -180,16 +192,12 @@ impl Screen {
             ]),
             line("limit", row.limit.map_or("none", Limit::name).to_owned(), ""),
             line("doubts", row.doubts.clone().unwrap_or_else(|| "none".to_owned()), ""),
-            Line::default(),
             line("target", mm(row.target_m), "mm"),
             line("set-point", mm(row.setpoint_m), "mm"),
-            line("position", mm(row.position_m), "mm"),
-            line("", error(row.position_error_m.map(|v| v * 1e3), 3), "mm"),
-            line("error", number(error_um, 1), "um"),
+            line("position", mm(row.position_m) + &error(row.position_error_m.map(|v| v * 1e3)), "mm"),
+            line("error", number(error_um, 1), "µm"),
             line("time left", number(row.time_left_s.map(f64::from), 1), "s"),
-            Line::default(),
-            line("load", number(row.load_n.map(f64::from), 3), "N"),
-            line("", error(row.load_error_n, 3), "N"),
+            line("load", number(row.load_n.map(f64::from), 3) + &error(row.load_error_n), "N"),
             line("TR", number(row.tr_rad_per_m.map(|t| f64::from(t) * 1e-3), 3), "rad/mm"),
             line("twist", number(turns, 3), "turns"),
             line("motor", number(Some(f64::from(row.drive_speed_rad_per_s) * 60.0 / std::f64::consts::TAU), 0), "rpm"),
@@ -331,6 +339,30 @@ mod tests {
         assert!(screen.points.len() <= 601 && screen.points[0].t_s >= 10.0);
         screen.take(row(0.1, 0.0, None));
         assert_eq!(screen.points.len(), 1);
+    }
+
+    #[test]
+    fn a_terminal_of_80_by_24_shows_every_number() {
+        let mut screen = Screen::new("sim".into(), None);
+        screen.take(row(40.0, 0.0045, None));
+        let text = drawn(&screen, 80, 24);
+        for seen in [
+            "state",
+            "± 0.130 mm",
+            "-500.0 µm",
+            "± 0.210 N",
+            "2.500 rad/mm",
+            "1.410 turns",
+            "1000 rpm",
+            "100 mA",
+            "space stop",
+        ] {
+            assert!(text.contains(seen), "{seen} in\n{text}");
+        }
+        for t_s in [41.0, 53.2] {
+            screen.take(Row { state: State::Homing, ..row(t_s, 0.0, None) });
+        }
+        assert!(drawn(&screen, 80, 24).contains("homing 12 s"), "how long it has homed");
     }
 
     #[test]

@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 /// The value of `twist-scale` that stands for the scale that the board has learned.
 const LEARNED: &str = "learned";
 
-/// The board's settings: kept in its flash, changed only while nothing moves
+/// Print, change, back up and restore the board's settings
 #[derive(Debug, Clone, Subcommand)]
 pub enum Config {
     /// Show all settings, or one, with default and range

@@ -14,7 +14,7 @@ use std::path::PathBuf;
 /// Loads (kg) and the twist that the strings have when the board starts (rad).
 const LOADS: [(f64, f64); 3] = [(0.1, -20.0), (0.5, 8.0), (1.5, 30.0)];
 
-/// Three loads, each on a fresh emulated board, homed and moved alike: a table and a picture
+/// Home and move three loads, each on an emulated board: a table and a picture
 #[derive(Debug, Args)]
 pub struct Demo {
     /// Folder for demo.svg and demo.csv

@@ -8,8 +8,9 @@ use crate::session::Wanted;
 use clap::Args;
 use serde_json::json;
 
-/// Is the rig well? One line for each check, `ok` or `CHECK` with what to do; exit code 1 if any needs attention
+/// Diagnose board and actuator; print a fix for each failure
 ///
+/// One line for each check, `ok` or `CHECK` with what to do; exit code 1 if any needs attention.
 /// Checks versions, reset cause, last panic, scene, the table's certificate, faults, drive, supply, control ticks, link. The
 /// motor stays where it is; sensors can only be judged fully with --home. A board of another scene is reported, not refused.
 #[derive(Debug, Args)]

@@ -9,7 +9,7 @@ use clap::Args;
 use serde_json::json;
 use std::path::PathBuf;
 
-/// A recorded log for other tools: MCAP (Foxglove, PlotJuggler), or CSV without comment lines
+/// Convert a log to MCAP (Foxglove, PlotJuggler) or to CSV without comment lines
 ///
 /// Every column of the log, in SI units. In MCAP an empty cell is an absent key, the header is the file's metadata, and
 /// requests and events are messages of `/log`. docs/how-to/integrate.md shows how to open the files, and how Python

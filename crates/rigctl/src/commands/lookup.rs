@@ -54,7 +54,7 @@ pub fn look_up(table: &Table<'_>, query: Query) -> Result<Answer, RowError> {
     })
 }
 
-/// The firmware's answer at a load and number of turns, by the same code and table
+/// Print the firmware's answer for a load and turns, by the same code and table
 ///
 /// Example: `rigctl lookup --load 0.5kg --turns 3`
 #[derive(Debug, Args)]

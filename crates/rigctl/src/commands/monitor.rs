@@ -40,7 +40,9 @@ impl Drop for Restored {
     }
 }
 
-/// A live view in the terminal that moves the rig: state, position, load, TR, motor, faults, the mechanism drawn
+/// Show and move the actuator live in the terminal
+///
+/// It shows state, position, load, TR, motor and faults, and draws the mechanism.
 ///
 /// Keys: space stops, at any time. h homes, up and down move by a step (+ and - change it), m asks for a position, left and
 /// right jog while they are held, c clears a fault, q leaves and stops a motion first. The first motion of a real rig
@@ -168,7 +170,7 @@ impl View {
             }
             Typed::Keys(keys, pasted) => {
                 if pasted {
-                    self.screen.say(format!("{:8.2} s  pasted text is no keys", session.now_s()));
+                    self.screen.say(format!("{:8.2} s  pasted text is ignored", session.now_s()));
                 }
                 keys.into_iter().try_for_each(|key| {
                     let order = self.keys.press(key, session.now_s(), self.screen.from_m());

@@ -12,7 +12,7 @@ use clap::Args;
 use rig_link::{LoadChoice, Request};
 use std::path::PathBuf;
 
-/// Find zero twist, weigh the load, stop at the half-turn pre-twist
+/// Find zero twist, estimate the load, stop at the half-turn pre-twist
 ///
 /// From any twist at power-up, in 45 s at most: looks for the greatest gap, turns across it, then six turns up and down.
 /// That lifts the load by 10 to 23 mm (default scene): leave it room. Position 0 is where it hangs at the end.
@@ -37,7 +37,7 @@ impl Home {
     }
 }
 
-/// Bring the load to a position above where it hung when homed
+/// Move the load to a position, measured from where it hung when homed
 ///
 /// Ends with the measured error at rest. What holds a move back (the motor's speed, acceleration or current) is shown as
 /// `limit`; a target out of reach is refused with the range that is in reach. On an emulated board it homes first.
@@ -99,7 +99,7 @@ fn connect_homed(global: &Global, load: LoadChoice, output: &mut Output) -> Resu
     Ok(session)
 }
 
-/// Lead the load along a course: stream set-points from a file
+/// Follow a trajectory from a CSV file
 ///
 /// The file has the columns `t_s`, `position_m` and optionally `speed_m_per_s`; the load first moves to where it begins.
 /// A set-point is sent every 20 ms. The board follows within the motor's limits (`limit` says when they hold it back), and
@@ -135,7 +135,7 @@ impl Track {
     }
 }
 
-/// Turn the strings at a constant speed for a while, homed or not
+/// Turn the strings at a constant speed for a time, homed or not
 ///
 /// Example: `rigctl jog --speed 2rad/s --seconds 1.5s`
 #[derive(Debug, Args)]

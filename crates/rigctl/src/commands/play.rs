@@ -20,7 +20,7 @@ use std::time::Instant;
 /// People get a line every this many seconds; `--json` prints every telemetry message.
 const HUMAN_INTERVAL_S: f64 = 0.25;
 
-/// Play a script on whatever is at the port, and print telemetry
+/// Play a script at the port and print telemetry
 ///
 /// On the emulated board the script's time is the time since the board's start; on a real rig it is the time since the
 /// script's start, and changes of the plant and faults are announced, to be made by hand. Commands wait until the board

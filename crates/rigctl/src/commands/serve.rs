@@ -5,7 +5,7 @@ use crate::options::Global;
 use crate::output::Output;
 use clap::Args;
 
-/// Let several programs use the rig at once: JSON lines on a Unix socket, one writer, many readers
+/// Share the actuator on a local socket: one controlling client, many readers
 ///
 /// Every client gets the telemetry, one object a line as `play --json` prints it. The first one that sends an order, such as
 /// {"id": 1, "do": "move", "to_m": 0.008}, is the writer until it disconnects or sends {"release": true}; a motion that

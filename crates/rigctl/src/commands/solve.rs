@@ -13,7 +13,7 @@ use tsa_model::{Equilibrium, Mechanism, PRETWIST_RAD, SolveError, Tier, TierErro
 /// At zero twist the gap has its maximum: no motion of the load for a small turn.
 const TR_INFINITE: &str = "tr-infinite";
 
-/// One equilibrium by the full model, or one for each row of a file
+/// Solve one equilibrium by the full model, or one for each row of a file
 ///
 /// Example: `rigctl solve --load 0.5kg --turns 3`
 #[derive(Debug, Args)]

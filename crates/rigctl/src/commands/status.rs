@@ -114,7 +114,7 @@ pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
     same_scene
 }
 
-/// The sensors' readings, homed or not: gap, encoder, drive, supply, contacts. For wiring a rig
+/// Print the raw readings, homed or not: gap, encoder, drive, supply, contacts
 #[derive(Debug, Args)]
 pub struct Sensors {
     /// One reading every 0.2 s for this time [default: one reading]

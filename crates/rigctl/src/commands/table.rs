@@ -10,7 +10,7 @@ use serde_json::json;
 use std::path::PathBuf;
 use tsa_table::Metadata;
 
-/// Fit and certify the scene's table, and print why this one was chosen
+/// Fit the scene's table and print its error bounds; --board sends it
 #[derive(Debug, Args)]
 pub struct Table {
     /// Also write table.json and table.rs into this folder
