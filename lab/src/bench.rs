@@ -1,10 +1,9 @@
-//! What an equilibrium costs: `cargo xtask bench` runs `tsa-lab bench` beside an independent solver and under callgrind, `tsa-lab chart`
-//! runs its kernel under callgrind.
+//! What an equilibrium costs: `cargo xtask bench` runs `tsa-lab bench` beside an independent solver and under callgrind.
 //!
 //! One thread. The time of a state at which the solver fails is included. Times are medians of many passes: other load on
 //! the machine disturbs some of them, but not most.
 
-use crate::chart::work::{self, states};
+use crate::chart::work::states;
 use anyhow::{Context, Result};
 use rig_config::Scene;
 use rigctl::failure::Failure;
@@ -32,13 +31,13 @@ pub enum Task {
         #[arg(long, default_value_t = 25)]
         repeats: usize,
     },
-    /// Every method and tier once, for `tsa-lab chart`; or a coarse grid several times, which prints the number of states: the
-    /// difference of two runs under an instruction counter is the cost of the additional states
+    /// A coarse grid several times, which prints the number of states: the difference of two runs under an instruction counter is
+    /// the cost of the additional states
     Kernel {
         /// Scene file
         scene: PathBuf,
         /// Passes over the grid
-        passes: Option<usize>,
+        passes: usize,
     },
     /// Rods for an independent solver: constants, tip forces, and the tip displacements found here
     States {
@@ -93,8 +92,7 @@ impl Task {
                 let scenes = scenes.iter().map(|scene| cost(scene, *repeats)).collect::<Result<Vec<Cost>>>()?;
                 output.line(serde_json::to_string_pretty(&serde_json::json!({ "scenes": scenes }))?)?;
             }
-            Self::Kernel { scene, passes: None } => work::kernel(&mechanism(scene)?),
-            Self::Kernel { scene, passes: Some(passes) } => {
+            Self::Kernel { scene, passes } => {
                 let (mechanism, states) = (mechanism(scene)?, states(8, 8));
                 for (load, twist) in (0..*passes).flat_map(|_| &states) {
                     black_box(mechanism.solve(black_box(*load), black_box(*twist))?);

@@ -8,6 +8,7 @@ use rigctl::parallel::parallel;
 use rigctl::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Shape, colour, extent};
 use rival_forms::considered::{Considered, considered};
 use serde::Serialize;
+use std::cmp::Ordering;
 use tsa_table::FORM;
 use tsa_table::fit::{Errors, Fit, FitError, MAX_BYTES};
 use tsa_table::instruction_model::LOOKUP_INSTRUCTIONS;
@@ -18,14 +19,8 @@ const ASKED_M: [f64; 7] = [200e-6, 100e-6, 50e-6, 20e-6, 10e-6, 5e-6, 2e-6];
 /// In the order of the key.
 const FORMS: [&str; 4] = ["arc-series", "chebyshev-series", "hermite-bicubic", "bilinear"];
 
-/// A fit and the tables of all forms that were considered.
-struct Found {
-    fit: Fit,
-    all: Vec<Considered>,
-}
-
-/// A demanded accuracy (m), and what was found.
-type Asked = (f64, Result<Found, TableError>);
+/// A demanded accuracy (m); the fit to it, and the tables of all forms that were considered.
+type Asked = (f64, Result<(Fit, Vec<Considered>), TableError>);
 
 /// A table, a line of `table-size.csv`.
 #[derive(Default, Serialize)]
@@ -54,7 +49,7 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
         let scene = Scene { accuracy: Some(wanted), ..scene.clone() };
         let found = scene.fit_table().and_then(|fit| {
             let all = considered(&scene.mechanism()?, &scene.demand()?, &fit)?;
-            Ok(Found { fit, all })
+            Ok((fit, all))
         });
         match found {
             // Anything but an accuracy out of reach is the scene's fault.
@@ -91,7 +86,7 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
         notes,
     };
     let finding = |(asked_m, found): &Asked| match found {
-        Ok(Found { fit, .. }) => format!(
+        Ok((fit, _)) => format!(
             "{:.0} um: {FORM} in {} bytes, {:.2} um certified",
             asked_m * 1e6,
             fit.table.numbers.bytes(),
@@ -99,14 +94,7 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
         ),
         Err(e) => e.to_string(),
     };
-    Made::new("table-size", &figure, csv(fits.iter().flat_map(rows))?, fits.iter().map(finding).collect())
-}
-
-/// The smallest passing candidate of a form, or the best that failed.
-fn best<'a>(found: &'a Found, form: &str) -> Option<&'a Considered> {
-    let of_form = || found.all.iter().filter(|c| c.form == form);
-    let passing = of_form().filter(|c| c.passes).min_by_key(|c| c.bytes);
-    passing.or_else(|| of_form().min_by(|a, b| a.errors.contraction_max_m.total_cmp(&b.errors.contraction_max_m)))
+    Made::new(&figure, csv(fits.iter().flat_map(rows))?, fits.iter().map(finding).collect())
 }
 
 fn panel(fits: &[Asked], label: &str, error: impl Fn(&Errors) -> f64) -> Panel {
@@ -114,13 +102,20 @@ fn panel(fits: &[Asked], label: &str, error: impl Fn(&Errors) -> f64) -> Panel {
     let mut items = Vec::new();
     for (k, form) in FORMS.iter().enumerate() {
         let colour = colour(k, FORMS.len());
-        let best: Vec<&Considered> = found().filter_map(|found| best(found, form)).collect();
-        let at = |c: &Considered| (error(&c.errors), c.bytes as f64);
-        items.push(Item::line(best.iter().filter(|c| c.passes).map(|c| at(c)), Pen::solid(colour)));
         let shape = |c: &Considered| if c.passes { Shape::Dot } else { Shape::Circle };
+        let at = |c: &Considered| (error(&c.errors), c.bytes as f64);
+        // The smallest that passes, or the most accurate one that failed.
+        let order = |c: &&Considered| (!c.passes, if c.passes { c.bytes as f64 } else { c.errors.contraction_max_m });
+        let best = found().filter_map(|(_, all)| {
+            all.iter()
+                .filter(|c| c.form == *form)
+                .min_by(|a, b| order(a).partial_cmp(&order(b)).unwrap_or(Ordering::Equal))
+        });
+        let best: Vec<&Considered> = best.collect();
+        items.push(Item::line(best.iter().filter(|c| c.passes).map(|c| at(c)), Pen::solid(colour)));
         items.extend(best.iter().map(|c| Item::mark(at(c), shape(c), colour)));
     }
-    for Found { fit, .. } in found() {
+    for (fit, _) in found() {
         let chosen = fit.candidates.iter().find(|c| c.table.numbers == fit.table.numbers);
         let at = chosen.map(|c| (error(&c.errors), c.table.numbers.bytes() as f64));
         items.extend(at.map(|at| Item::mark(at, Shape::Diamond, INK)));
@@ -133,7 +128,7 @@ fn panel(fits: &[Asked], label: &str, error: impl Fn(&Errors) -> f64) -> Panel {
 /// The tables that were considered; one line that says so where there is none.
 fn rows((asked_m, found): &Asked) -> Vec<Row> {
     let asked_m = format!("{asked_m:.1e}");
-    let Ok(Found { all, .. }) = found else { return vec![Row { asked_m, form: "none", ..Row::default() }] };
+    let Ok((_, all)) = found else { return vec![Row { asked_m, form: "none", ..Row::default() }] };
     let row = |c: &Considered| Row {
         asked_m: asked_m.clone(),
         form: c.form,
