@@ -2,13 +2,14 @@
 
 use crate::csv;
 use crate::curves::{self, Curve};
-use crate::published::numbers::{Group, body, warnings};
+use crate::published::numbers::{body, warnings};
 use crate::range::{TurnRange, Vary};
 use crate::scene_key::{self, KeyError};
 use crate::trace::{Trace, trace};
 use anyhow::{Context, Result};
 use rig_config::Scene;
 use rigctl::failure::Failure;
+use rigctl::identify::data::Quantity;
 use rigctl::options::Global;
 use rigctl::options::values::load;
 use rigctl::out_file::write_file;
@@ -201,7 +202,10 @@ fn figure(heading: String, symbol: &str, columns: &[Vec<Curve>], turns: [f64; 2]
     let key = [curves::colour_key(symbol, &columns[0])];
     Figure {
         heading,
-        rows: curves::grid(vec![panels(Group::Contraction, "contraction"), panels(Group::Tr, "transmission ratio")]),
+        rows: curves::grid(vec![
+            panels(Quantity::Contraction, "contraction"),
+            panels(Quantity::Tr, "transmission ratio"),
+        ]),
         panel_size: (590, 430),
         blocks: key.into_iter().chain(curves::limit_key(columns)).collect(),
         notes: Vec::new(),

@@ -1,5 +1,6 @@
 //! `tsa-lab table`: a table's certificate and why this table was chosen, for machines and people.
 
+use crate::page::filled;
 use anyhow::Result;
 use rig_config::{Accuracy, Scene, TableError};
 use rigctl::failure::Failure;
@@ -15,6 +16,9 @@ use tsa_model::Tier;
 use tsa_table::FORM;
 use tsa_table::fit::{Errors, Fit, MAX_BYTES};
 use tsa_table::instruction_model::{LOOKUP_INSTRUCTIONS, lookup_instructions};
+
+/// The certificate for people, a sentence a line.
+const CERTIFICATE: &str = include_str!("certificate.txt");
 
 /// `tsa-lab table`.
 #[derive(Debug, clap::Args)]
@@ -152,57 +156,42 @@ impl<'a> TableReport<'a> {
     /// The certificate as sentences, for somebody who has never seen the table.
     pub fn sentences(&self) -> Vec<String> {
         let (certificate, table, m) = (&self.fit.certificate, &self.fit.table, &self.fit.table.metadata);
-        let turns = |twist_rad: f64| (twist_rad - tsa_model::PRETWIST_RAD) / std::f64::consts::TAU;
-        let at = |[load_n, twist_rad]: [f64; 2]| format!("{load_n:.2} N and {:.2} turns", turns(twist_rad));
-        let error = |what: &str, [max, rms, allowed]: [f64; 3], unit: &str, at: String| {
-            let places = if unit == "%" { 3 } else { 2 };
-            format!(
-                "The {what} is at most {max:.places$} {unit} from that of the full model ({rms:.places$} {unit} in the root mean \
-                 square); {allowed:.places$} {unit} are allowed. The largest error lies at {at}."
-            )
-        };
-        let e = &certificate.errors;
-        let contraction = [e.contraction_max_m, e.contraction_rms_m, self.accuracy.contraction_m].map(|v| 1e6 * v);
-        let tr = [e.tr_max, e.tr_rms, self.accuracy.tr_relative].map(|v| 1e2 * v);
-        let (bytes, size) = (table.numbers.bytes(), table.numbers.size());
-        let (instructions, points) = (lookup_instructions(&table.numbers.series()), certificate.points);
-        let (low, high, last) = (m.load_min_n, m.load_max_n, turns(f64::from(m.twist_max_rad)));
-        let [arithmetic, inputs] = [certificate.rounding.arithmetic_m, certificate.rounding.inputs_m].map(|v| 1e9 * v);
-        let (hash, crc, closure) = (m.scene_hash, table.crc, certificate.closure_m * 1e6);
+        let turns = |twist_rad: f64| format!("{:.2}", (twist_rad - tsa_model::PRETWIST_RAD) / std::f64::consts::TAU);
+        let at = |[load_n, twist_rad]: [f64; 2]| format!("{load_n:.2} N and {} turns", turns(twist_rad));
+        let (e, um, percent) =
+            (&certificate.errors, |m: f64| format!("{:.2}", 1e6 * m), |v: f64| format!("{:.3}", 1e2 * v));
+        let nm = |m: f64| format!("{:.0}", 1e9 * m);
         let monotone = if certificate.monotone {
             "Everywhere in the table the gap falls with the twist and rises with the load, so that a gap belongs to one twist."
         } else {
             "The gap does not fall with the twist everywhere in the table: do not build firmware with it."
         };
-        vec![
-            format!(
-                "The board does not solve the model: it looks gap, contraction and transmission ratio up in a table of {bytes} \
-                 bytes ({FORM}, {size}), which takes about {instructions} instructions."
-            ),
-            format!(
-                "The table covers loads from {low} to {high} N and twists up to {last:.2} turns past the half-turn pre-twist."
-            ),
-            error("contraction", contraction, "µm", at(certificate.worst_contraction_at)),
-            error("transmission ratio", tr, "%", at(certificate.worst_tr_at)),
-            format!(
-                "Both were compared at {points} random points off the table's grid, and at the worst points that a search from \
-                 there found."
-            ),
-            format!(
-                "Rounding to single precision is part of these errors: {arithmetic:.0} nm by the arithmetic, and up to \
-                 {inputs:.0} nm because load and twist themselves are rounded."
-            ),
-            monotone.into(),
-            format!(
-                "Contraction and transmission ratio agree with each other: 1/TR summed over the twist gives the contraction \
-                 to {closure:.2} µm."
-            ),
-            format!("This table is the {}.", self.why),
-            format!(
-                "Its scene has the hash {hash:08x}, its numbers have the checksum {crc:08x}; `rigctl doctor` compares both with \
-                 the board's."
-            ),
-        ]
+        let parts = [
+            ("bytes", table.numbers.bytes().to_string()),
+            ("form", FORM.into()),
+            ("size", table.numbers.size()),
+            ("instructions", lookup_instructions(&table.numbers.series()).to_string()),
+            ("low", m.load_min_n.to_string()),
+            ("high", m.load_max_n.to_string()),
+            ("last", turns(m.twist_max_rad.into())),
+            ("contraction", um(e.contraction_max_m)),
+            ("contraction rms", um(e.contraction_rms_m)),
+            ("contraction allowed", um(self.accuracy.contraction_m)),
+            ("contraction at", at(certificate.worst_contraction_at)),
+            ("tr", percent(e.tr_max)),
+            ("tr rms", percent(e.tr_rms)),
+            ("tr allowed", percent(self.accuracy.tr_relative)),
+            ("tr at", at(certificate.worst_tr_at)),
+            ("points", certificate.points.to_string()),
+            ("arithmetic", nm(certificate.rounding.arithmetic_m)),
+            ("inputs", nm(certificate.rounding.inputs_m)),
+            ("monotone", monotone.into()),
+            ("closure", um(certificate.closure_m)),
+            ("why", self.why.clone()),
+            ("hash", format!("{:08x}", m.scene_hash)),
+            ("crc", format!("{:08x}", table.crc)),
+        ];
+        filled(CERTIFICATE, &parts).lines().map(str::to_owned).collect()
     }
 
     /// Every table that was considered, for people: head and rows.

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Kinds of commands that are run elsewhere, and where. Options of every command (`--scene`, `--plant`, `--flash` …) do not count.
-const RUN_ELSEWHERE: [(&str, &str); 31] = [
+const RUN_ELSEWHERE: [(&str, &str); 32] = [
     ("rigctl calibrate lvdt", "crates/rigctl/tests/board_settings.rs"),
     ("rigctl calibrate lvdt --points --gauge-error", "crates/rigctl/tests/board_settings.rs"),
     ("rigctl config set", "crates/rigctl/tests/board_settings.rs"),
@@ -42,6 +42,7 @@ const RUN_ELSEWHERE: [(&str, &str); 31] = [
     ("rigctl table", "crates/rigctl/tests/scenes.rs"),
     ("rigctl table --board", "crates/rigctl/tests/new_rig.rs"),
     ("tsa-lab budget", "lab/tests/budget.rs"),
+    ("tsa-lab budget --all", "lab/tests/budget.rs"),
     ("tsa-lab chart --out", "host-tests/studies.toml"),
     ("tsa-lab published", "lab/tests/published.rs"),
     ("tsa-lab published --inferred-geometry --out", "lab/tests/published.rs"),

@@ -5,7 +5,7 @@
 //! more than one equilibrium may exist.
 
 use super::grid::Grid;
-use super::limits::{self, Limits, Line};
+use super::limits::{self, Line};
 use super::rods::RODS;
 use super::{Inputs, Made};
 use crate::csv;
@@ -133,15 +133,18 @@ fn judged(
     outcomes
 }
 
-const SAFE: Pen = Pen { colour: INK, width: 3, dashed: false };
-const OVERTWIST: Pen = Pen { colour: RGBColor(0, 90, 60), width: 3, dashed: true };
-const PLATEAU: Pen = Pen { colour: RGBColor(120, 30, 110), width: 3, dashed: true };
-const STRAIN: Pen = Pen { colour: RGBColor(190, 0, 0), width: 2, dashed: false };
+/// Pen and meaning of each of [`limits::lines`].
+const LIMITS: [(Pen, &str); 4] = [
+    (Pen { colour: INK, width: 3, dashed: false }, "|n| l²/EI = π²/4: one equilibrium below and left"),
+    (Pen { colour: RGBColor(0, 90, 60), width: 3, dashed: true }, "overtwist: no room for the strings beyond"),
+    (Pen { colour: RGBColor(120, 30, 110), width: 3, dashed: true }, "bending strain in the middle of the plateau"),
+    (Pen { colour: RGBColor(190, 0, 0), width: 2, dashed: false }, "bending strain 8 %: end of the stress–strain fit"),
+];
 
 /// Draws a limit so that it is visible on light and dark cells.
-fn limit<'a>((line, pen): (&'a Line, Pen)) -> impl Iterator<Item = Item> + use<'a> {
+fn limit<'a>((line, (pen, _)): (&'a Line, &(Pen, &str))) -> impl Iterator<Item = Item> + use<'a> {
     let under = Pen { colour: RGBColor(255, 255, 255), width: pen.width + 3, dashed: false };
-    [under, pen].into_iter().flat_map(|pen| line.iter().map(move |points| Item::line(points.clone(), pen)))
+    [under, *pen].into_iter().flat_map(|pen| line.iter().map(move |points| Item::line(points.clone(), pen)))
 }
 
 /// One method at one state of one rod, a line of `stability.csv`.
@@ -172,13 +175,12 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
         let mechanism = rod.mechanism()?;
         let truths = parallel(progress, states.len(), |k| truth(&mechanism, states[k].0, states[k].1));
         let safe: Vec<bool> = states.iter().map(|(load, twist)| limits::is_safe(&mechanism, *load, *twist)).collect();
-        let l = Limits::new(&mechanism, &grid, progress);
+        let lines = limits::lines(&mechanism, &grid, progress);
         for (m, (name, method)) in methods.iter().enumerate() {
             let outcomes = judged(&mechanism, *method, &states, &truths, progress);
             let title = if m == 0 { format!("{}, l/R {:.0}", rod.title, rod.slenderness()) } else { String::new() };
             let mut panel = grid.panel(title, |k| outcomes[k].0.look().1);
-            let limits = [(&l.strain, STRAIN), (&l.plateau, PLATEAU), (&l.overtwist, OVERTWIST), (&l.safe, SAFE)];
-            panel.items.extend(limits.into_iter().flat_map(limit));
+            panel.items.extend(lines.iter().zip(&LIMITS).rev().flat_map(limit));
             let ticks = [0.5, 2.0, 5.0, 10.0].map(|load| (load, format!("{load} N")));
             let x = if m + 1 == methods.len() { panel.x } else { panel.x.unnamed() };
             panels[m].push(Panel { x, y: Axis::log_named(*name, LOAD_N, ticks.to_vec()), ..panel });
@@ -210,12 +212,7 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
         panel_size: (320, 230),
         blocks: vec![
             Block::new(OUTCOMES.map(|(_, colour, meaning)| KeyRow::fill(colour, meaning))),
-            Block::new([
-                KeyRow::line(SAFE, "|n| l²/EI = π²/4: one equilibrium below and left"),
-                KeyRow::line(OVERTWIST, "overtwist: no room for the strings beyond"),
-                KeyRow::line(PLATEAU, "bending strain in the middle of the plateau"),
-                KeyRow::line(STRAIN, "bending strain 8 %: end of the stress–strain fit"),
-            ]),
+            Block::new(LIMITS.map(|(pen, meaning)| KeyRow::line(pen, meaning))),
         ],
         notes: vec![format!(
             "{} x {} states in each panel. The truth is the branch that the unloaded rig leads to, followed in 64 \

@@ -50,8 +50,8 @@ fn html(parts: Vec<(&str, String)>) -> Result<String, Failure> {
     Ok(filled(LAYOUT, &own.into_iter().chain(parts).collect::<Vec<_>>()))
 }
 
-/// The layout with each `{{name}}` replaced. What is put in is not searched again.
-fn filled(layout: &str, parts: &[(&str, String)]) -> String {
+/// A layout with each `{{name}}` replaced. What is put in is not searched again.
+pub fn filled(layout: &str, parts: &[(&str, String)]) -> String {
     let mut text = String::new();
     let mut pieces = layout.split("{{");
     text += pieces.next().unwrap_or_default();

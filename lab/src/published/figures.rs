@@ -2,13 +2,14 @@
 
 use super::comparison::{Comparison, Set, per_cent, relative_error, remark};
 use super::geometry;
-use super::numbers::{Group, Kind, Row, TURNS, changed_mechanism};
+use super::numbers::{Kind, Row, TURNS, changed_mechanism};
 use crate::curves::{self, Curve, PublishedPoint};
 use crate::scene_key;
 use crate::trace::{End, Trace, trace};
 use anyhow::{Context, Result};
 use rig_config::Scene;
 use rig_plant::units::STANDARD_GRAVITY as STANDARD_GRAVITY_M_PER_S2;
+use rigctl::identify::data::Quantity;
 use rigctl::plot::{Axis, Block, Figure, GREY, Item, KeyRow, Panel, Pen, RGBColor, Sample, Shape, colour, extent};
 use std::f64::consts::TAU;
 use tsa_model::{Mechanism, twist_from_turns};
@@ -104,7 +105,7 @@ impl Comparison {
         // Each point in the colour of its curve.
         let marks = self.rows.iter().filter(|row| row.place == place).filter_map(|row| {
             let k = members.iter().position(|m| m.prints(row))?;
-            let (group, turns) = (row.quantity.group(), row.quantity.turns());
+            let (group, turns) = (row.group(), row.turns());
             Some(PublishedPoint { group, kind: row.kind, turns, value: row.value, colour: colour(k, members.len()) })
         });
         let marks: Vec<PublishedPoint> = marks.collect();
@@ -120,8 +121,8 @@ impl Comparison {
                 _ => title.into(),
             },
             rows: curves::grid(vec![
-                self.titled('a', "contraction", panels(Group::Contraction)),
-                self.titled('b', "transmission ratio", panels(Group::Tr)),
+                self.titled('a', "contraction", panels(Quantity::Contraction)),
+                self.titled('b', "transmission ratio", panels(Quantity::Tr)),
             ]),
             panel_size: if self.sets.len() > 1 { (430, 370) } else { (590, 430) },
             blocks,
@@ -154,7 +155,7 @@ impl Comparison {
                 let mark = if remark(&set.numbers[k]).is_some() { " !" } else { "" };
                 format!("{}{mark}", per_cent(relative_error(row.value, &set.numbers[k])))
             };
-            let first = [row.id.clone(), format!("{:.2} {}", row.value, row.unit.name())];
+            let first = [row.id.clone(), format!("{:.2} {}", row.value, row.unit)];
             let cells = first.into_iter().chain(self.sets.iter().map(cell)).collect();
             KeyRow { sample: Some(Sample::Mark(curves::shape(row.kind), GREY)), cells }
         });
@@ -281,7 +282,7 @@ fn against_load(mechanism: &Mechanism, [low, high]: [f64; 2], turns: f64) -> Aga
 
 /// Panels of a mean over the first turns, of the contraction (mm) over them, against load, one for each set.
 fn averages(label: &str, mean: fn(f64, f64) -> f64, curves: &[[AgainstLoad; 2]], printed: &[&Row]) -> Vec<Panel> {
-    let measured = printed.iter().map(|r| (r.load_n, mean(r.value, r.quantity.turns())));
+    let measured = printed.iter().map(|r| (r.load_n, mean(r.value, r.turns())));
     let measured: Vec<(f64, f64)> = measured.collect();
     let panel_items = |curves: &[AgainstLoad; 2]| {
         let mut items = Vec::new();
