@@ -3,12 +3,11 @@
 use super::grid::Grid;
 use super::margin::{Controller, Hung, MOST};
 use super::{Inputs, Made};
-use crate::csv;
+use crate::table;
 use anyhow::{Context, Result};
 use rig_config::Scene;
 use rigctl::parallel::{Progress, parallel};
 use rigctl::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, RGBColor, colour, extent};
-use serde::Serialize;
 use tsa_model::{Mechanism, twist_from_turns};
 
 /// Loads and twists of a map.
@@ -36,19 +35,6 @@ const NO_EQUILIBRIUM: RGBColor = RGBColor(222, 222, 222);
 type State = (f64, f64, Hung);
 /// A loop, where it is weakest, and its gain margin there.
 type Weakest = (f64, State, Controller);
-
-/// A margin, a line of `margin.csv`.
-#[derive(Default, Serialize)]
-struct Row {
-    #[serde(rename = "loop")]
-    name: String,
-    kind: &'static str,
-    load_n: Option<String>,
-    turns: Option<String>,
-    delay_s: Option<String>,
-    period_s: Option<String>,
-    gain_margin: Option<String>,
-}
 
 /// The rig at each state of a grid.
 fn hung(mechanism: &Mechanism, grid: &Grid, progress: &Progress<'_>) -> Vec<Option<State>> {
@@ -82,13 +68,8 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
             nominal.iter().zip(&margins).filter_map(|(state, margin)| Some(((*margin)?, (*state)?, controller)));
         let weakest = least(states).context("no state has an equilibrium")?;
         maps.push(grid.panel(name, |k| margins[k].map_or(NO_EQUILIBRIUM, band)));
-        rows.extend(grid.states().iter().zip(&margins).map(|((load_n, turns), margin)| Row {
-            name: name.into(),
-            kind: "map",
-            load_n: number(*load_n),
-            turns: number(*turns),
-            gain_margin: margin.and_then(number),
-            ..Row::default()
+        rows.extend(grid.states().iter().zip(&margins).map(|((load_n, turns), margin)| {
+            (name.to_owned(), "map", [number(*load_n), number(*turns), None, None, margin.and_then(number)])
         }));
         let solved = || margins.iter().flatten().copied();
         let [least, most] = extent(solved());
@@ -118,9 +99,10 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
     let by_period =
         along(|c, period_s| Controller { period_s, ..*c }, |step| 0.002 * (LONGEST_S / 0.002).powf(step / 40.0));
     for (k, (name, _)) in loops.iter().enumerate() {
-        let row = |kind, margin| Row { name: name.clone(), kind, gain_margin: number(margin), ..Row::default() };
-        rows.extend(by_delay[k].iter().map(|(t, margin)| Row { delay_s: number(*t), ..row("delay", *margin) }));
-        rows.extend(by_period[k].iter().map(|(t, margin)| Row { period_s: number(*t), ..row("period", *margin) }));
+        let delays = by_delay[k].iter().map(|(t, margin)| ("delay", [None, None, number(*t), None, number(*margin)]));
+        let periods =
+            by_period[k].iter().map(|(t, margin)| ("period", [None, None, None, number(*t), number(*margin)]));
+        rows.extend(delays.chain(periods).map(|(kind, numbers)| (name.clone(), kind, numbers)));
     }
     let figure = Figure {
         heading: "By how much the position loop's gain may grow before it is unstable".into(),
@@ -143,7 +125,8 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
                 .into(),
         ],
     };
-    Made::new(&figure, csv(rows)?, findings)
+    let header = "loop,kind,load_n,turns,delay_s,period_s,gain_margin";
+    Made::new(&figure, table(header, rows)?, findings)
 }
 
 /// Where the firmware's loop, which stands on the table's ratio, is weakest on plants that are not the table's: every combination

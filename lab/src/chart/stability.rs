@@ -8,12 +8,11 @@ use super::grid::Grid;
 use super::limits::{self, Line};
 use super::rods::RODS;
 use super::{Inputs, Made};
-use crate::csv;
+use crate::table;
 use anyhow::Result;
 use rigctl::parallel::{Progress, parallel};
 use rigctl::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, RGBColor};
 use rival_methods::Method;
-use serde::Serialize;
 use tsa_model::{Equilibrium, Mechanism, SolveError, twist_from_turns};
 
 const LOAD_N: [f64; 2] = [0.3, 20.0];
@@ -147,21 +146,6 @@ fn limit<'a>((line, (pen, _)): (&'a Line, &(Pen, &str))) -> impl Iterator<Item =
     [under, *pen].into_iter().flat_map(|pen| line.iter().map(move |points| Item::line(points.clone(), pen)))
 }
 
-/// One method at one state of one rod, a line of `stability.csv`.
-#[derive(Serialize)]
-struct Row {
-    rod: &'static str,
-    rod_span_m: f64,
-    rod_radius_m: f64,
-    method: &'static str,
-    load_n: String,
-    turns: String,
-    outcome: &'static str,
-    error_kind: &'static str,
-    safe_zone: bool,
-    evaluations: u32,
-}
-
 /// Judges every method on every rod and draws it.
 ///
 /// # Errors
@@ -184,20 +168,24 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
             let ticks = [0.5, 2.0, 5.0, 10.0].map(|load| (load, format!("{load} N")));
             let x = if m + 1 == methods.len() { panel.x } else { panel.x.unnamed() };
             panels[m].push(Panel { x, y: Axis::log_named(*name, LOAD_N, ticks.to_vec()), ..panel });
-            rows.extend(grid.states().iter().enumerate().map(|(k, (load, turns))| Row {
-                rod: rod.title,
-                rod_span_m: rod.rod_span_m,
-                rod_radius_m: rod.rod_radius_m,
-                method: name,
-                load_n: format!("{load:.5}"),
-                turns: format!("{turns:.5}"),
-                outcome: outcomes[k].0.look().0,
-                error_kind: match outcomes[k].0 {
+            rows.extend(grid.states().iter().enumerate().map(|(k, (load, turns))| {
+                let (outcome, evaluations) = outcomes[k];
+                let kind = match outcome {
                     Outcome::Diverged(e) | Outcome::Refused(e) | Outcome::Limit(e) => e.kind(),
                     _ => "",
-                },
-                safe_zone: safe[k],
-                evaluations: outcomes[k].1,
+                };
+                let state = (format!("{load:.5}"), format!("{turns:.5}"));
+                (
+                    rod.title,
+                    rod.rod_span_m,
+                    rod.rod_radius_m,
+                    *name,
+                    state,
+                    outcome.look().0,
+                    kind,
+                    safe[k],
+                    evaluations,
+                )
             }));
             let count = |name: &str| outcomes.iter().filter(|(o, _)| o.look().0 == name).count();
             let counts = OUTCOMES.iter().map(|(name, ..)| (count(name), name)).filter(|(n, _)| *n > 0);
@@ -223,5 +211,6 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
             ANOTHER_BRANCH_M * 1e6
         )],
     };
-    Made::new(&figure, csv(rows)?, findings)
+    let header = "rod,rod_span_m,rod_radius_m,method,load_n,turns,outcome,error_kind,safe_zone,evaluations";
+    Made::new(&figure, table(header, rows)?, findings)
 }

@@ -1,7 +1,7 @@
 //! How many bytes a table needs for an accuracy, form by form.
 
 use super::{Inputs, Made};
-use crate::csv;
+use crate::table;
 use anyhow::Result;
 use rig_config::{Accuracy, Scene, TableError};
 use rigctl::parallel::parallel;
@@ -21,20 +21,6 @@ const FORMS: [&str; 4] = ["arc-series", "chebyshev-series", "hermite-bicubic", "
 
 /// A demanded accuracy (m); the fit to it, and the tables of all forms that were considered.
 type Asked = (f64, Result<(Fit, Vec<Considered>), TableError>);
-
-/// A table, a line of `table-size.csv`.
-#[derive(Default, Serialize)]
-struct Row {
-    asked_m: String,
-    form: &'static str,
-    size: String,
-    load_map: String,
-    bytes: Option<usize>,
-    contraction_error_m: String,
-    tr_relative_error: String,
-    predicted_instructions: Option<u32>,
-    passes: bool,
-}
 
 /// Fits the scene's table at several accuracies and draws bytes against error.
 ///
@@ -94,7 +80,10 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
         ),
         Err(e) => e.to_string(),
     };
-    Made::new(&figure, csv(fits.iter().flat_map(rows))?, fits.iter().map(finding).collect())
+    let header = "asked_m,form,size,load_map,bytes,contraction_error_m,tr_relative_error,predicted_instructions,\
+         passes";
+    let csv = table(header, fits.iter().flat_map(rows))?;
+    Made::new(&figure, csv, fits.iter().map(finding).collect())
 }
 
 fn panel(fits: &[Asked], label: &str, error: impl Fn(&Errors) -> f64) -> Panel {
@@ -125,20 +114,24 @@ fn panel(fits: &[Asked], label: &str, error: impl Fn(&Errors) -> f64) -> Panel {
     Panel::new("", Axis::log(label, across), Axis::log("bytes of numbers", up), items)
 }
 
-/// The tables that were considered; one line that says so where there is none.
-fn rows((asked_m, found): &Asked) -> Vec<Row> {
+/// A line for each table that was considered: the accuracy that was asked for, and the table where there is one.
+fn rows((asked_m, found): &Asked) -> Vec<impl Serialize> {
     let asked_m = format!("{asked_m:.1e}");
-    let Ok((_, all)) = found else { return vec![Row { asked_m, form: "none", ..Row::default() }] };
-    let row = |c: &Considered| Row {
-        asked_m: asked_m.clone(),
-        form: c.form,
-        size: c.size.clone(),
-        load_map: c.load_map.map_or("Linear".into(), |map| format!("{map:?}")),
-        bytes: Some(c.bytes),
-        contraction_error_m: format!("{:.3e}", c.errors.contraction_max_m),
-        tr_relative_error: format!("{:.3e}", c.errors.tr_max),
-        predicted_instructions: Some(c.instructions),
-        passes: c.passes,
+    let Ok((_, all)) = found else {
+        return vec![(
+            asked_m,
+            "none",
+            (String::new(), String::new()),
+            None,
+            (String::new(), String::new()),
+            None,
+            false,
+        )];
+    };
+    let row = |c: &Considered| {
+        let map = c.load_map.map_or("Linear".into(), |map| format!("{map:?}"));
+        let errors = (format!("{:.3e}", c.errors.contraction_max_m), format!("{:.3e}", c.errors.tr_max));
+        (asked_m.clone(), c.form, (c.size.clone(), map), Some(c.bytes), errors, Some(c.instructions), c.passes)
     };
     all.iter().map(row).collect()
 }

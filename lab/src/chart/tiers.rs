@@ -2,7 +2,7 @@
 
 use super::grid::Grid;
 use super::{Inputs, Made, stem};
-use crate::csv;
+use crate::{csv, table};
 use anyhow::{Context, Result};
 use rig_config::Scene;
 use rigctl::parallel::parallel;
@@ -47,18 +47,6 @@ fn shares(tiers: &[Tier]) -> String {
     shares.collect::<Vec<_>>().join(", ")
 }
 
-/// A state of a map, a line of `tiers.csv`.
-#[derive(Serialize)]
-struct Row {
-    scene: String,
-    wanted_m: String,
-    load_n: String,
-    turns: String,
-    /// Or why the state has none.
-    tier: &'static str,
-    contraction_error_m: Option<String>,
-}
-
 /// Draws the cheapest tiers of the scene and of the one with a plateau.
 ///
 /// # Errors
@@ -86,13 +74,12 @@ pub fn maps(inputs: &Inputs<'_>) -> Result<Made> {
             findings.push(format!("{title}: {}; worst {:.2} um", shares(&tiers), worst_m * 1e6));
             let colour = |k: usize| cells[k].as_ref().map_or(NO_EQUILIBRIUM, |(tier, _)| COLOURS[*tier as usize]);
             maps.push(grid.panel(title, colour));
-            rows.extend(states.iter().zip(&cells).map(|((load_n, turns), cell)| Row {
-                scene: name.clone(),
-                wanted_m: format!("{wanted_m:.0e}"),
-                load_n: format!("{load_n:.5}"),
-                turns: format!("{turns:.5}"),
-                tier: cell.as_ref().map_or_else(SolveError::kind, |(tier, _)| tier.name()),
-                contraction_error_m: cell.as_ref().ok().map(|(_, error)| format!("{error:.3e}")),
+            rows.extend(states.iter().zip(&cells).map(|((load_n, turns), cell)| {
+                // Or why the state has none.
+                let tier = cell.as_ref().map_or_else(SolveError::kind, |(tier, _)| tier.name());
+                let error_m = cell.as_ref().ok().map(|(_, error)| format!("{error:.3e}"));
+                let state = (format!("{wanted_m:.0e}"), format!("{load_n:.5}"), format!("{turns:.5}"));
+                (name.clone(), state, tier, error_m)
             }));
         }
         panels.push(Panel::side_by_side(maps));
@@ -109,7 +96,8 @@ pub fn maps(inputs: &Inputs<'_>) -> Result<Made> {
                 .into(),
         ],
     };
-    Made::new(&figure, csv(rows)?, findings)
+    let header = "scene,wanted_m,load_n,turns,tier,contraction_error_m";
+    Made::new(&figure, table(header, rows)?, findings)
 }
 
 /// The model and table of one scene, a line of `scenes.csv`.

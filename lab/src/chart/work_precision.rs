@@ -3,12 +3,12 @@
 use super::rods;
 use super::work::{self, Measured, Point, Way};
 use super::{Inputs, Made, stem};
-use crate::csv;
+use crate::table;
 use anyhow::Result;
 use rig_config::Scene;
 use rigctl::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, RGBColor, Shape, colour};
 use rival_methods::Method;
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 use tsa_model::Tier;
 
 /// Where an error of nothing at all, or of rounding, is drawn (m).
@@ -39,18 +39,9 @@ struct Peer {
 const PEERS: [(&str, &str); 2] =
     [("solve_bvp", "one rod: SciPy's solve_bvp"), ("DOP853 shooting", "one rod: SciPy's DOP853, shooting")];
 
-/// A point, a line of `work-precision.csv`.
-#[derive(Default, Serialize)]
-struct Row {
-    scene: String,
-    method: String,
-    effort: String,
-    max_error_m: Option<String>,
-    us: Option<String>,
-    time_ratio: Option<String>,
-    failed: usize,
-    failed_kind: &'static str,
-}
+/// Scene, method and effort, error (m), time (µs) and its ratio, how many states failed and why: a line of `work-precision.csv`.
+type Row = ([String; 3], [Option<String>; 3], usize, &'static str);
+const HEADER: &str = "scene,method,effort,max_error_m,us,time_ratio,failed,failed_kind";
 
 /// Measures the scene, the one with a plateau beside it and a slender rod, and draws them; beside them what `peers.csv`
 /// in the folder or in `out` holds.
@@ -81,7 +72,8 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
         blocks: key(!peers.is_empty()),
         notes: vec![notes(&cases)],
     };
-    let csv = csv(cases.iter().flat_map(Case::rows).chain(peers.iter().map(|peer| peer.row(&peers))))?;
+    let rows = cases.iter().flat_map(Case::rows).chain(peers.iter().map(|peer| peer.row(&peers)));
+    let csv = table(HEADER, rows)?;
     Ok(Made { left_out, ..Made::new(&figure, csv, cases.iter().flat_map(findings).collect())? })
 }
 
@@ -97,15 +89,11 @@ impl Case {
     }
 
     fn rows(&self) -> impl Iterator<Item = Row> {
-        self.measured.points.iter().map(|p| Row {
-            scene: self.name.clone(),
-            method: p.way.line().into(),
-            effort: p.way.effort(),
-            max_error_m: Some(format!("{:.3e}", p.error_m)),
-            us: Some(format!("{:.3}", p.seconds * 1e6)),
-            time_ratio: Some(format!("{:.2}", p.seconds / self.fastest_s())),
-            failed: p.failed,
-            failed_kind: p.reason.map_or("", |e| e.kind()),
+        self.measured.points.iter().map(|p| {
+            let ratio = p.seconds / self.fastest_s();
+            let numbers = [format!("{:.3e}", p.error_m), format!("{:.3}", p.seconds * 1e6), format!("{ratio:.2}")];
+            let what = [self.name.clone(), p.way.line().into(), p.way.effort()];
+            (what, numbers.map(Some), p.failed, p.reason.map_or("", |e| e.kind()))
         })
     }
 }
@@ -118,16 +106,10 @@ impl Peer {
 
     fn row(&self, peers: &[Self]) -> Row {
         let number = |x: f64| format!("{x:.3e}");
-        Row {
-            scene: "one rod".into(),
-            method: self.solver.clone(),
-            effort: self.tolerance.map_or(String::new(), |t| format!("tolerance {t:.0e}")),
-            max_error_m: self.error_m.map(number),
-            us: self.us.map(|us| format!("{us:.3}")),
-            time_ratio: self.us.zip(Self::ours_us(peers)).map(|(us, ours)| number(us / ours)),
-            failed: self.failed,
-            ..Row::default()
-        }
+        let ratio = self.us.zip(Self::ours_us(peers)).map(|(us, ours)| number(us / ours));
+        let effort = self.tolerance.map_or(String::new(), |t| format!("tolerance {t:.0e}"));
+        let numbers = [self.error_m.map(number), self.us.map(|us| format!("{us:.3}")), ratio];
+        (["one rod".into(), self.solver.clone(), effort], numbers, self.failed, "")
     }
 }
 

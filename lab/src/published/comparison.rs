@@ -1,8 +1,8 @@
 //! The paper's numbers beside the same numbers computed: rows for machines, tables for people, CSV.
 
-use super::numbers::{self, Computed, Kind, Ratio, RatioQuantity, Row, changed_mechanism};
+use super::numbers::{self, Computed, Kind, Ratio, Row, changed_mechanism};
 use super::{contradictions, geometry};
-use crate::csv;
+use crate::{csv, table};
 use anyhow::Result;
 use rig_config::Scene;
 use rigctl::failure::ErrorBody;
@@ -50,23 +50,6 @@ struct NumberLine<'a> {
     /// The limit in words.
     #[serde(skip)]
     body: Option<&'a ErrorBody>,
-}
-
-/// A line of `ratios.csv`.
-#[derive(Serialize)]
-struct RatioLine<'a> {
-    scene: &'a str,
-    id: &'a str,
-    quantity: RatioQuantity,
-    kind: Kind,
-    load_n: f64,
-    to_load_n: f64,
-    turns: f64,
-    published: f64,
-    computed: Option<f64>,
-    error: Option<f64>,
-    limit: Option<&'a str>,
-    r#where: &'a str,
 }
 
 /// Computed over published, less one; none where nothing was computed.
@@ -173,22 +156,15 @@ impl Comparison {
     pub fn data(&self) -> Result<Vec<(String, String)>> {
         let mut ratios = Vec::new();
         for set in &self.sets {
-            ratios.extend(self.ratios.iter().zip(&set.ratios).map(|(ratio, computed)| RatioLine {
-                scene: &set.name,
-                id: &ratio.id,
-                quantity: ratio.quantity,
-                kind: ratio.kind,
-                load_n: ratio.load_n,
-                to_load_n: ratio.to_load_n,
-                turns: ratio.turns,
-                published: ratio.value,
-                computed: computed.as_ref().ok().copied(),
-                error: computed.as_ref().ok().map(|v| v / ratio.value - 1.0),
-                limit: computed.as_ref().err().map(|limit| limit.kind.as_str()),
-                r#where: &ratio.place,
+            ratios.extend(self.ratios.iter().zip(&set.ratios).map(|(r, computed)| {
+                let (value, limit) = (computed.as_ref().ok(), computed.as_ref().err().map(|limit| &limit.kind));
+                let error = value.map(|v| v / r.value - 1.0);
+                let what = (&set.name, &r.id, r.quantity, r.kind, r.load_n, r.to_load_n, r.turns);
+                (what, r.value, value, error, limit, &r.place)
             }));
         }
-        Ok(vec![("published.csv".into(), csv(self.lines())?), ("ratios.csv".into(), csv(ratios)?)])
+        let header = "scene,id,quantity,kind,load_n,to_load_n,turns,published,computed,error,limit,where";
+        Ok(vec![("published.csv".into(), csv(self.lines())?), ("ratios.csv".into(), table(header, ratios)?)])
     }
 
     /// Tables, remarks and sums of errors for people, in lines.
