@@ -101,13 +101,6 @@ def show(found, difference_m):
         ("largest difference of u and w: pm", difference_m * 1e12, 3, "at most 10000"),
     ]:
         print(f"{what:<48} {'–' if value is None else format(value, f'.{digits}f'):>12}  {wanted}")
-    print(f"\n{'':<28} {'µs':>10} {'failed':>7} {'residual':>10} {'iterations':>11} {'evaluations':>13}")
-    for kind in "scenes", "methods", "tiers":
-        for row in found["model"][kind]:
-            print(
-                f"{kind[:-1] + ': ' + row['name']:<28} {row['us']:10.2f} {row['failed']:7} {row['max_residual']:10.1e}"
-                f" {row['mean_iterations']:11.1f} {row['mean_evaluations']:13.1f}"
-            )
 
 
 def main(laboratory, file):

@@ -1,20 +1,20 @@
-//! What an equilibrium costs: `cargo xtask bench` runs `tsa-lab bench` beside an independent solver and under callgrind, `tsa-lab chart`
-//! runs its kernel under callgrind.
+//! What an equilibrium costs: `cargo xtask bench` runs `tsa-lab bench` beside an independent solver and under callgrind.
 //!
 //! One thread. The time of a state at which the solver fails is included. Times are medians of many passes: other load on
 //! the machine disturbs some of them, but not most.
 
-use crate::chart::work::{self, states};
+use crate::chart::work::states;
 use anyhow::{Context, Result};
 use rig_config::Scene;
 use rigctl::failure::Failure;
 use rigctl::output::Output;
-use serde::Serialize;
+use rigctl::statistics::median;
+use serde_json::{Value, json};
 use std::hint::black_box;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
-use tsa_model::Mechanism;
 use tsa_model::rod::TipForce;
+use tsa_model::{Equilibrium, Mechanism};
 
 /// Longest time for one row; a slow row gets fewer passes, but at least three.
 const LONGEST: Duration = Duration::from_secs(6);
@@ -32,54 +32,19 @@ pub enum Task {
         #[arg(long, default_value_t = 25)]
         repeats: usize,
     },
-    /// Every method and tier once, for `tsa-lab chart`; or a coarse grid several times, which prints the number of states: the
-    /// difference of two runs under an instruction counter is the cost of the additional states
+    /// A coarse grid several times, which prints the number of states: the difference of two runs under an instruction counter is
+    /// the cost of the additional states
     Kernel {
         /// Scene file
         scene: PathBuf,
         /// Passes over the grid
-        passes: Option<usize>,
+        passes: usize,
     },
     /// Rods for an independent solver: constants, tip forces, and the tip displacements found here
     States {
         /// Scene file
         scene: PathBuf,
     },
-}
-
-/// Cost of a scene's grid.
-#[derive(Serialize)]
-struct Cost {
-    name: String,
-    states: usize,
-    /// Median time of a pass (s).
-    seconds: f64,
-    /// The same per state (µs).
-    us: f64,
-}
-
-/// What [`Task::States`] prints. SI units.
-#[derive(Serialize)]
-struct Rods {
-    length_m: f64,
-    radius_m: f64,
-    stress_coefficients_pa: [f64; 5],
-    /// Median time of the equilibrium of one of these states (µs).
-    us_per_equilibrium: f64,
-    /// Median time of one of these rods alone, without the helix around it (µs).
-    us_per_rod: f64,
-    states: Vec<RodState>,
-}
-
-/// One rod of [`Rods`].
-#[derive(Clone, Copy, Serialize)]
-struct RodState {
-    load_n: f64,
-    twist_rad: f64,
-    inward_n: f64,
-    sideways_n: f64,
-    u_m: f64,
-    w_m: f64,
 }
 
 impl Task {
@@ -90,11 +55,10 @@ impl Task {
     pub fn run(&self, output: &mut Output) -> Result<(), Failure> {
         match self {
             Self::Time { scenes, repeats } => {
-                let scenes = scenes.iter().map(|scene| cost(scene, *repeats)).collect::<Result<Vec<Cost>>>()?;
-                output.line(serde_json::to_string_pretty(&serde_json::json!({ "scenes": scenes }))?)?;
+                let scenes = scenes.iter().map(|scene| cost(scene, *repeats)).collect::<Result<Vec<Value>>>()?;
+                output.line(serde_json::to_string_pretty(&json!({ "scenes": scenes }))?)?;
             }
-            Self::Kernel { scene, passes: None } => work::kernel(&mechanism(scene)?),
-            Self::Kernel { scene, passes: Some(passes) } => {
+            Self::Kernel { scene, passes } => {
                 let (mechanism, states) = (mechanism(scene)?, states(8, 8));
                 for (load, twist) in (0..*passes).flat_map(|_| &states) {
                     black_box(mechanism.solve(black_box(*load), black_box(*twist))?);
@@ -112,53 +76,58 @@ fn mechanism(scene: &Path) -> Result<Mechanism> {
     Scene::load(scene).with_context(in_file)?.mechanism().with_context(in_file)
 }
 
-fn cost(scene: &Path, repeats: usize) -> Result<Cost> {
+/// Cost of a scene's grid: median time of a pass, and of a state of it.
+fn cost(scene: &Path, repeats: usize) -> Result<Value> {
     let (mechanism, states) = (mechanism(scene)?, states(64, 128));
-    let seconds = median(repeats, || {
+    let seconds = median_s(repeats, || {
         for (load, twist) in &states {
             let _ = black_box(mechanism.solve(black_box(*load), black_box(*twist)));
         }
     });
-    let name = scene.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    Ok(Cost { name, states: states.len(), seconds, us: seconds * 1e6 / states.len() as f64 })
+    let name = scene.file_stem().unwrap_or_default().to_string_lossy();
+    let (count, us) = (states.len(), seconds * 1e6 / states.len() as f64);
+    Ok(json!({ "name": name, "states": count, "seconds": seconds, "us": us }))
 }
 
-fn rods(mechanism: &Mechanism) -> Result<Rods> {
-    let parameters = mechanism.parameters();
+/// The rods of some states, and the median times of an equilibrium and of one rod alone, without the helix around it. SI units
+/// and µs.
+fn rods(mechanism: &Mechanism) -> Result<Value> {
     // From nearly straight to bent as far as anything published, at little and much helix angle.
-    let states = states(4, 3).into_iter().map(|(load_n, twist_rad)| {
-        let e = mechanism.solve(load_n, twist_rad)?;
-        let sideways_n = 0.5 * load_n;
-        let inward_n = sideways_n * e.alpha_rad.tan();
-        Ok(RodState { load_n, twist_rad, inward_n, sideways_n, u_m: e.u_m, w_m: e.w_m })
+    let solved = states(4, 3).into_iter().map(|(load, twist)| Ok((load, twist, mechanism.solve(load, twist)?)));
+    let solved = solved.collect::<Result<Vec<(f64, f64, Equilibrium)>>>()?;
+    let (parameters, rod) = (mechanism.parameters(), mechanism.rod());
+    let us_per_equilibrium = typical_us(&solved, |(load, twist, _)| {
+        let _ = black_box(mechanism.solve(*load, *twist));
     });
-    let states = states.collect::<Result<Vec<_>>>()?;
-    let rod = mechanism.rod();
-    Ok(Rods {
-        length_m: parameters.free_length_m(),
-        radius_m: parameters.rod_radius_m,
-        stress_coefficients_pa: parameters.stress_coefficients_pa,
-        us_per_equilibrium: typical_us(&states, |s| {
-            let _ = black_box(mechanism.solve(s.load_n, s.twist_rad));
-        }),
-        us_per_rod: typical_us(&states, |s| {
-            let _ = black_box(rod.respond(TipForce { inward_n: s.inward_n, sideways_n: s.sideways_n }));
-        }),
-        states,
-    })
+    let us_per_rod = typical_us(&solved, |(.., e)| {
+        let _ = black_box(rod.respond(TipForce::of(e)));
+    });
+    let state = |(load_n, twist_rad, e): &(f64, f64, Equilibrium)| {
+        let TipForce { inward_n, sideways_n } = TipForce::of(e);
+        json!({
+            "load_n": load_n, "twist_rad": twist_rad, "inward_n": inward_n, "sideways_n": sideways_n, "u_m": e.u_m, "w_m": e.w_m,
+        })
+    };
+    Ok(json!({
+        "length_m": parameters.free_length_m(),
+        "radius_m": parameters.rod_radius_m,
+        "stress_coefficients_pa": parameters.stress_coefficients_pa,
+        "us_per_equilibrium": us_per_equilibrium,
+        "us_per_rod": us_per_rod,
+        "states": solved.iter().map(state).collect::<Vec<_>>(),
+    }))
 }
 
-/// Median over `states` of the time that solving one takes (µs).
-fn typical_us(states: &[RodState], solve: impl Fn(RodState)) -> f64 {
+/// Median over states of the time that solving one takes (µs).
+fn typical_us<T>(states: &[T], solve: impl Fn(&T)) -> f64 {
     // A single solution takes little more than the clock's resolution.
     const ROUNDS: usize = 50;
-    let each =
-        |state: &RodState| 1e6 * median(25, || (0..ROUNDS).for_each(|_| solve(black_box(*state)))) / ROUNDS as f64;
-    middle(states.iter().map(each).collect())
+    let each = |state| 1e6 * median_s(25, || (0..ROUNDS).for_each(|_| solve(black_box(state)))) / ROUNDS as f64;
+    median(&mut states.iter().map(each).collect::<Vec<_>>())
 }
 
 /// Median time of a pass (s).
-fn median(repeats: usize, pass: impl Fn()) -> f64 {
+fn median_s(repeats: usize, pass: impl Fn()) -> f64 {
     let mut times = Vec::with_capacity(repeats);
     let start = Instant::now();
     while times.len() < FEWEST || (times.len() < repeats && start.elapsed() < LONGEST) {
@@ -166,11 +135,5 @@ fn median(repeats: usize, pass: impl Fn()) -> f64 {
         pass();
         times.push(before.elapsed().as_secs_f64());
     }
-    middle(times)
-}
-
-/// The middle one of an odd number of values, the upper of the two middle ones of an even number.
-fn middle(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
+    median(&mut times)
 }

@@ -55,7 +55,7 @@ pub enum Command {
     ///
     /// Example: `tsa-lab solve --load 0.5kg --turns 3 --method paper`
     Solve(solve::Arguments),
-    /// What an equilibrium costs, for `cargo xtask bench` and for `chart`
+    /// What an equilibrium costs, for `cargo xtask bench`
     #[command(hide = true, subcommand)]
     Bench(bench::Task),
     /// Fit the scene's constants to the paper's numbers (`--published`), or to recorded sweeps as `rigctl` does

@@ -110,12 +110,11 @@ impl Arguments {
     /// If a variant has no table, the emulated board does not start, or the folder cannot be written.
     pub fn run(&self, global: &Global, output: &mut Output) -> Result<(), Failure> {
         let scene = global.scene()?;
-        let script = Script::parse(SCRIPT).map_err(failed)?;
+        let (mechanism, demand, script) = (scene.mechanism()?, scene.demand()?, Script::parse(SCRIPT)?);
         let mut outcomes = Vec::new();
         for (variant, tier, [contraction_m, tr_relative]) in VARIANTS {
-            let demand =
-                Demand { accuracy: Accuracy { contraction_m, tr_relative }, ..scene.demand().map_err(failed)? };
-            let fit = tsa_table::fit::fit_tier(&scene.mechanism().map_err(failed)?, &demand, tier).map_err(failed)?;
+            let accuracy = Accuracy { contraction_m, tr_relative };
+            let fit = tsa_table::fit::fit_tier(&mechanism, &Demand { accuracy, ..demand }, tier)?;
             for load in LOADS {
                 let mut target = global.target()?;
                 let Place::Emulated(options) = &mut target.place else {
@@ -123,7 +122,7 @@ impl Arguments {
                 };
                 // What a table does is told best by a rig that has nothing else.
                 options.rig = Some(rig_plant::RigPreset::Ideal);
-                options.plant.push(format!("load={load}").parse().map_err(failed)?);
+                options.plant.push(format!("load={load}").parse()?);
                 let (target, _flash) = target.with_table(&fit.table.table())?;
                 let outcome = measure(&target, &script, variant, load)?;
                 output.object(&outcome)?;
@@ -135,10 +134,6 @@ impl Arguments {
         output.line(format!("written: loop.csv in {}", self.out.display()))?;
         Ok(())
     }
-}
-
-fn failed(error: impl std::fmt::Display) -> Failure {
-    Failure::failed(error.to_string())
 }
 
 fn measure(target: &Target, script: &Script, variant: &str, load: &str) -> Result<Outcome, Failure> {

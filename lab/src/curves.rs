@@ -1,7 +1,8 @@
 //! Panels of contraction and TR against turns, with published points on them and the limits that end them.
 
-use crate::published::numbers::{Group, Kind};
+use crate::published::numbers::Kind;
 use crate::trace::{Point, Trace};
+use rigctl::identify::data::Quantity;
 use rigctl::plot::{Axis, Block, GREY, Item, KeyRow, Panel, Pen, RGBColor, Shape, extent};
 
 /// Steps of a drawn curve.
@@ -16,7 +17,7 @@ pub(crate) struct Curve {
 
 /// A published point.
 pub(crate) struct PublishedPoint {
-    pub group: Group,
+    pub group: Quantity,
     pub kind: Kind,
     pub turns: f64,
     /// In mm or rad/mm.
@@ -33,17 +34,17 @@ pub(crate) fn shape(kind: Kind) -> Shape {
 }
 
 /// Where a point stands, in the units of the axes; none where it cannot be drawn.
-fn place(group: Group, point: &Point) -> Option<(f64, f64)> {
+fn place(group: Quantity, point: &Point) -> Option<(f64, f64)> {
     let value = match group {
-        Group::Tr => point.tr_rad_per_m * 1e-3,
-        Group::Contraction | Group::Span => point.contraction_m * 1e3,
+        Quantity::Tr => point.tr_rad_per_m * 1e-3,
+        _ => point.contraction_m * 1e3,
     };
-    (value.is_finite() && (group != Group::Tr || value > 0.0)).then_some((point.turns, value))
+    (value.is_finite() && (group != Quantity::Tr || value > 0.0)).then_some((point.turns, value))
 }
 
 /// A panel of this quantity for each column of curves, all on the same axes.
 pub(crate) fn panels(
-    group: Group,
+    group: Quantity,
     columns: &[Vec<Curve>],
     published: &[PublishedPoint],
     turns: [f64; 2],
@@ -54,8 +55,8 @@ pub(crate) fn panels(
     let drawn = points.filter_map(|p| place(group, p)).map(|(_, value)| value);
     let limits = extent(drawn.chain(published().map(|p| p.value)));
     let y = match group {
-        Group::Tr => Axis::log("TR, rad/mm", limits),
-        Group::Contraction | Group::Span => Axis::linear("contraction, mm", limits),
+        Quantity::Tr => Axis::log("TR, rad/mm", limits),
+        _ => Axis::linear("contraction, mm", limits),
     };
     let panel = |curves: &Vec<Curve>| {
         let lines = curves

@@ -32,7 +32,20 @@ pub mod trace;
 
 /// Rows as CSV; their fields' names are the header.
 pub(crate) fn csv(rows: impl IntoIterator<Item = impl serde::Serialize>) -> anyhow::Result<String> {
-    let mut writer = csv::Writer::from_writer(Vec::new());
+    written(csv::Writer::from_writer(Vec::new()), rows)
+}
+
+/// Rows as CSV below a header, as tuples of as many cells.
+pub(crate) fn table(header: &str, rows: impl IntoIterator<Item = impl serde::Serialize>) -> anyhow::Result<String> {
+    let mut writer = csv::WriterBuilder::new().has_headers(false).from_writer(Vec::new());
+    writer.write_record(header.split(','))?;
+    written(writer, rows)
+}
+
+fn written(
+    mut writer: csv::Writer<Vec<u8>>,
+    rows: impl IntoIterator<Item = impl serde::Serialize>,
+) -> anyhow::Result<String> {
     for row in rows {
         writer.serialize(row)?;
     }

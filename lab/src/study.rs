@@ -1,14 +1,15 @@
 //! One value of a scene varied over any range: what contraction and TR become, and where a limit of the model ends them.
 
-use crate::csv;
 use crate::curves::{self, Curve};
-use crate::published::numbers::{Group, body, warnings};
+use crate::published::numbers::{body, warnings};
 use crate::range::{TurnRange, Vary};
 use crate::scene_key::{self, KeyError};
-use crate::trace::{Trace, trace};
+use crate::trace::{self, Trace, trace};
+use crate::{csv, table};
 use anyhow::{Context, Result};
 use rig_config::Scene;
 use rigctl::failure::Failure;
+use rigctl::identify::data::Quantity;
 use rigctl::options::Global;
 use rigctl::options::values::load;
 use rigctl::out_file::write_file;
@@ -64,16 +65,6 @@ struct Point {
     limit_message: String,
 }
 
-/// A line of `study-curves.csv`.
-#[derive(Serialize)]
-struct CurveLine<'a> {
-    key: &'a str,
-    value: f64,
-    turns: f64,
-    contraction_m: f64,
-    tr_rad_per_m: Option<f64>,
-}
-
 impl Arguments {
     /// Runs the command.
     ///
@@ -97,18 +88,15 @@ impl Arguments {
         points.iter().zip(&curves).try_for_each(|(point, curve)| output.line(point.text(&curve.label)))?;
         if let Some(folder) = out {
             let lines = points.iter().zip(&curves).flat_map(|(point, curve)| {
-                curve.way.reached.iter().map(|p| CurveLine {
-                    key: &point.key,
-                    value: point.value,
-                    turns: p.turns,
-                    contraction_m: p.contraction_m,
-                    tr_rad_per_m: Some(p.tr_rad_per_m).filter(|tr| tr.is_finite()),
-                })
+                let finite = |tr: f64| Some(tr).filter(|tr| tr.is_finite());
+                let line = move |p: &trace::Point| (point.value, p.turns, p.contraction_m, finite(p.tr_rad_per_m));
+                curve.way.reached.iter().map(move |p| (&point.key, line(p)))
             });
+            let header = "key,value,turns,contraction_m,tr_rad_per_m";
             let heading = format!("{symbol} varied, {load_n} N, scene {}", global.scene.display());
             let files = [
                 ("study.csv", csv(&points)?),
-                ("study-curves.csv", csv(lines)?),
+                ("study-curves.csv", table(header, lines)?),
                 ("study.svg", figure(heading, symbol, &[curves], [*from, *to]).svg()?),
             ];
             files.iter().try_for_each(|(name, content)| write_file(folder, name, content))?;
@@ -201,7 +189,10 @@ fn figure(heading: String, symbol: &str, columns: &[Vec<Curve>], turns: [f64; 2]
     let key = [curves::colour_key(symbol, &columns[0])];
     Figure {
         heading,
-        rows: curves::grid(vec![panels(Group::Contraction, "contraction"), panels(Group::Tr, "transmission ratio")]),
+        rows: curves::grid(vec![
+            panels(Quantity::Contraction, "contraction"),
+            panels(Quantity::Tr, "transmission ratio"),
+        ]),
         panel_size: (590, 430),
         blocks: key.into_iter().chain(curves::limit_key(columns)).collect(),
         notes: Vec::new(),

@@ -1,5 +1,6 @@
 //! `tsa-lab table`: a table's certificate and why this table was chosen, for machines and people.
 
+use crate::page::filled;
 use anyhow::Result;
 use rig_config::{Accuracy, Scene, TableError};
 use rigctl::failure::Failure;
@@ -15,6 +16,9 @@ use tsa_model::Tier;
 use tsa_table::FORM;
 use tsa_table::fit::{Errors, Fit, MAX_BYTES};
 use tsa_table::instruction_model::{LOOKUP_INSTRUCTIONS, lookup_instructions};
+
+/// The certificate for people, a sentence a line.
+const CERTIFICATE: &str = include_str!("certificate.txt");
 
 /// `tsa-lab table`.
 #[derive(Debug, clap::Args)]
@@ -36,7 +40,12 @@ impl Arguments {
         scene_file::check_rig(&global.scene, &scene)?;
         let report = TableReport::new(&scene, &fit)?;
         output.object(&report.json())?;
-        report.sentences().into_iter().chain(report.considered()).try_for_each(|line| output.line(line))?;
+        report.sentences().iter().try_for_each(|line| output.line(line))?;
+        for [form, size, map, bytes, instructions, error, tr, passes] in report.considered() {
+            output.line(format!(
+                "{form:<17} {size:<29} {map:<16} {bytes:>6} {instructions:>12} {error:>10} {tr:>9}  {passes}"
+            ))?;
+        }
         if let Some(folder) = &self.out {
             write_file(folder, "table.json", &(serde_json::to_string_pretty(&report.json())? + "\n"))?;
             write_file(folder, "table.rs", &tsa_table::emit::rust_source(&fit))?;
@@ -51,12 +60,12 @@ pub struct TableReport<'a> {
     fit: &'a Fit,
     accuracy: Accuracy,
     /// Every table that was considered, in the order of preference.
-    pub candidates: Vec<Considered>,
+    candidates: Vec<Considered>,
     why: String,
 }
 
 /// A map of the load for people.
-pub fn map_name(map: Option<LoadMap>) -> String {
+fn map_name(map: Option<LoadMap>) -> String {
     match map {
         Some(LoadMap::Ratio { knee_n }) => format!("F/(F + {knee_n} N)"),
         Some(LoadMap::Log) => "ln F".into(),
@@ -146,90 +155,60 @@ impl<'a> TableReport<'a> {
 
     /// The certificate as sentences, for somebody who has never seen the table.
     pub fn sentences(&self) -> Vec<String> {
-        let (certificate, table, accuracy) = (&self.fit.certificate, &self.fit.table, &self.accuracy);
-        let Errors { contraction_max_m, contraction_rms_m, tr_max, tr_rms } = certificate.errors;
-        let turns = |twist_rad: f64| (twist_rad - tsa_model::PRETWIST_RAD) / std::f64::consts::TAU;
-        let at = |[load_n, twist_rad]: [f64; 2]| format!("{load_n:.2} N and {:.2} turns", turns(twist_rad));
-        vec![
-            format!(
-                "The board does not solve the model: it looks gap, contraction and transmission ratio up in a table of {} \
-                 bytes ({FORM}, {}), which takes about {} instructions.",
-                table.numbers.bytes(),
-                table.numbers.size(),
-                lookup_instructions(&table.numbers.series())
-            ),
-            format!(
-                "The table covers loads from {} to {} N and twists up to {:.2} turns past the half-turn pre-twist.",
-                table.metadata.load_min_n,
-                table.metadata.load_max_n,
-                turns(f64::from(table.metadata.twist_max_rad))
-            ),
-            format!(
-                "The contraction is at most {:.2} µm from that of the full model ({:.2} µm in the root mean square); {:.2} µm \
-                 are allowed. The largest error lies at {}.",
-                contraction_max_m * 1e6,
-                contraction_rms_m * 1e6,
-                accuracy.contraction_m * 1e6,
-                at(certificate.worst_contraction_at)
-            ),
-            format!(
-                "The transmission ratio is at most {:.3} % from that of the full model ({:.3} % in the root mean square); {:.3} \
-                 % are allowed. The largest error lies at {}.",
-                tr_max * 1e2,
-                tr_rms * 1e2,
-                accuracy.tr_relative * 1e2,
-                at(certificate.worst_tr_at)
-            ),
-            format!(
-                "Both were compared at {} random points off the table's grid, and at the worst points that a search from there \
-                 found.",
-                certificate.points
-            ),
-            format!(
-                "Rounding to single precision is part of these errors: {:.0} nm by the arithmetic, and up to {:.0} nm because \
-                 load and twist themselves are rounded.",
-                certificate.rounding.arithmetic_m * 1e9,
-                certificate.rounding.inputs_m * 1e9
-            ),
-            if certificate.monotone {
-                "Everywhere in the table the gap falls with the twist and rises with the load, so that a gap belongs to one \
-                 twist."
-                    .into()
-            } else {
-                "The gap does not fall with the twist everywhere in the table: do not build firmware with it.".into()
-            },
-            format!(
-                "Contraction and transmission ratio agree with each other: 1/TR summed over the twist gives the contraction \
-                 to {:.2} µm.",
-                certificate.closure_m * 1e6
-            ),
-            format!("This table is the {}.", self.why),
-            format!(
-                "Its scene has the hash {:08x}, its numbers have the checksum {:08x}; `rigctl doctor` compares both with the board's.",
-                table.metadata.scene_hash, table.crc
-            ),
-        ]
+        let (certificate, table, m) = (&self.fit.certificate, &self.fit.table, &self.fit.table.metadata);
+        let turns = |twist_rad: f64| format!("{:.2}", (twist_rad - tsa_model::PRETWIST_RAD) / std::f64::consts::TAU);
+        let at = |[load_n, twist_rad]: [f64; 2]| format!("{load_n:.2} N and {} turns", turns(twist_rad));
+        let (e, um, percent) =
+            (&certificate.errors, |m: f64| format!("{:.2}", 1e6 * m), |v: f64| format!("{:.3}", 1e2 * v));
+        let nm = |m: f64| format!("{:.0}", 1e9 * m);
+        let monotone = if certificate.monotone {
+            "Everywhere in the table the gap falls with the twist and rises with the load, so that a gap belongs to one twist."
+        } else {
+            "The gap does not fall with the twist everywhere in the table: do not build firmware with it."
+        };
+        let parts = [
+            ("bytes", table.numbers.bytes().to_string()),
+            ("form", FORM.into()),
+            ("size", table.numbers.size()),
+            ("instructions", lookup_instructions(&table.numbers.series()).to_string()),
+            ("low", m.load_min_n.to_string()),
+            ("high", m.load_max_n.to_string()),
+            ("last", turns(m.twist_max_rad.into())),
+            ("contraction", um(e.contraction_max_m)),
+            ("contraction rms", um(e.contraction_rms_m)),
+            ("contraction allowed", um(self.accuracy.contraction_m)),
+            ("contraction at", at(certificate.worst_contraction_at)),
+            ("tr", percent(e.tr_max)),
+            ("tr rms", percent(e.tr_rms)),
+            ("tr allowed", percent(self.accuracy.tr_relative)),
+            ("tr at", at(certificate.worst_tr_at)),
+            ("points", certificate.points.to_string()),
+            ("arithmetic", nm(certificate.rounding.arithmetic_m)),
+            ("inputs", nm(certificate.rounding.inputs_m)),
+            ("monotone", monotone.into()),
+            ("closure", um(certificate.closure_m)),
+            ("why", self.why.clone()),
+            ("hash", format!("{:08x}", m.scene_hash)),
+            ("crc", format!("{:08x}", table.crc)),
+        ];
+        filled(CERTIFICATE, &parts).lines().map(str::to_owned).collect()
     }
 
-    /// The candidates for people, in lines.
-    fn considered(&self) -> impl Iterator<Item = String> {
-        let heading = format!(
-            "{:<17} {:<29} {:<16} {:>6} {:>12} {:>10} {:>9}  passes",
-            "considered", "size", "load map", "bytes", "instructions", "max um", "TR max %"
-        );
-        let line = |c: &Considered| {
-            format!(
-                "{:<17} {:<29} {:<16} {:>6} {:>12} {:>10.3} {:>9.4}  {}",
-                c.form,
-                c.size,
+    /// Every table that was considered, for people: head and rows.
+    pub fn considered(&self) -> impl Iterator<Item = [String; 8]> {
+        let head = ["considered", "size", "load map", "bytes", "instructions", "max um", "TR max %", "passes"];
+        let row = |c: &Considered| {
+            [
+                c.form.into(),
+                c.size.clone(),
                 map_name(c.load_map),
-                c.bytes,
-                c.instructions,
-                c.errors.contraction_max_m * 1e6,
-                c.errors.tr_max * 1e2,
-                if c.passes { "yes" } else { "no" }
-            )
+                c.bytes.to_string(),
+                c.instructions.to_string(),
+                format!("{:.3}", c.errors.contraction_max_m * 1e6),
+                format!("{:.4}", c.errors.tr_max * 1e2),
+                if c.passes { "yes" } else { "no" }.into(),
+            ]
         };
-        [heading].into_iter().chain(self.candidates.iter().map(line))
+        [head.map(str::to_owned)].into_iter().chain(self.candidates.iter().map(row))
     }
 }

@@ -1,17 +1,54 @@
-//! Every command of the README and of `docs/`: run on the emulated board where it can be, read by the tool's own parser
-//! where it needs a real one or minutes.
+//! Every command of the README and of `docs/` is read by the tool's own parser, and the files of the project that it names exist and
+//! can be read. Of each kind of command, a subcommand with the set of its options, one is run, unless another test runs that kind:
+//! homing alone takes seven seconds of computing.
 
-use clap::Parser;
+mod common;
+
+use clap::parser::ValueSource;
+use clap::{Arg, CommandFactory};
+use common::root;
+use rig_config::Scene;
+use rigctl::course::Course;
+use rigctl::script::Script;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Commands that only have to be understood here: they have tests of their own, and take minutes, a terminal or
-/// an interrupt.
-const LONG: [&str; 7] = ["chart", "report", "demo", "monitor", "study", "play", "serve"];
-
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("..").canonicalize().unwrap()
-}
+/// Kinds of commands that are run elsewhere, and where. Options of every command (`--scene`, `--plant`, `--flash` …) do not count.
+const RUN_ELSEWHERE: [(&str, &str); 32] = [
+    ("rigctl calibrate lvdt", "crates/rigctl/tests/board_settings.rs"),
+    ("rigctl calibrate lvdt --points --gauge-error", "crates/rigctl/tests/board_settings.rs"),
+    ("rigctl config set", "crates/rigctl/tests/board_settings.rs"),
+    ("rigctl demo", "crates/rigctl/tests/emulated.rs"),
+    ("rigctl export --to --out", "crates/rigctl/tests/export.rs"),
+    ("rigctl home", "crates/rigctl/tests/serial.rs"),
+    ("rigctl home --load", "crates/rigctl/tests/emulated.rs"),
+    ("rigctl identify --out --figure", "crates/rigctl/tests/new_rig.rs"),
+    ("rigctl identify --published --out", "crates/rigctl/tests/hostile.rs"),
+    ("rigctl lookup --load --turns", "crates/rigctl/tests/desktop.rs"),
+    ("rigctl monitor", "crates/rigctl/tests/monitor.rs"),
+    ("rigctl move --to", "crates/rigctl/tests/new_rig.rs"),
+    ("rigctl move --to --load --dry-run", "crates/rigctl/tests/emulated.rs"),
+    ("rigctl move --to --speed", "crates/rigctl/tests/emulated.rs"),
+    ("rigctl play", "crates/rigctl/tests/emulated.rs"),
+    ("rigctl record --out --seconds", "crates/rigctl/tests/export.rs"),
+    ("rigctl record --out --script", "crates/rigctl/tests/logs.rs"),
+    ("rigctl replay", "crates/rigctl/tests/logs.rs"),
+    ("rigctl serve --listen", "crates/rigctl/tests/serve.rs"),
+    ("rigctl solve --load --turns", "crates/rigctl/tests/desktop.rs"),
+    ("rigctl solve --load --turns --tier", "crates/rigctl/tests/desktop.rs"),
+    ("rigctl status", "crates/rigctl/tests/plants.rs"),
+    ("rigctl sweep --load --out", "crates/rigctl/tests/new_rig.rs"),
+    ("rigctl table", "crates/rigctl/tests/scenes.rs"),
+    ("rigctl table --board", "crates/rigctl/tests/new_rig.rs"),
+    ("tsa-lab budget", "lab/tests/budget.rs"),
+    ("tsa-lab budget --all", "lab/tests/budget.rs"),
+    ("tsa-lab chart --out", "host-tests/studies.toml"),
+    ("tsa-lab published", "lab/tests/published.rs"),
+    ("tsa-lab published --inferred-geometry --out", "lab/tests/published.rs"),
+    ("tsa-lab report --out --log --charts", "lab/web/tests/test_page.py"),
+    ("tsa-lab study --vary --out", "lab/tests/published.rs"),
+];
 
 /// Lines of the fenced shell blocks, without their comments.
 fn commands(page: &str) -> Vec<String> {
@@ -46,73 +83,98 @@ fn pages() -> Vec<PathBuf> {
     pages
 }
 
-#[test]
-fn every_command_of_the_pages_works() {
-    let tasks = std::fs::read_to_string(root().join("xtask/src/main.rs")).unwrap().to_lowercase();
-    // The commands of a page in their order, the pages beside each other.
-    std::thread::scope(|scope| {
-        for page in pages() {
-            let tasks = &tasks;
-            scope.spawn(move || works(&page, tasks));
-        }
-    });
+/// The subcommand with its own options, as the tool's parser reads the words.
+fn kind(mut command: clap::Command, words: &[&str]) -> Result<String, clap::Error> {
+    command.build();
+    let matches = command.clone().try_get_matches_from([&[command.get_name()], words].concat())?;
+    let everywhere: Vec<_> = command.get_arguments().map(Arg::get_id).collect();
+    let (mut kind, mut command, mut matches) = (command.get_name().to_owned(), &command, &matches);
+    while let Some((name, inner)) = matches.subcommand() {
+        kind += &format!(" {name}");
+        (command, matches) = (command.find_subcommand(name).unwrap(), inner);
+    }
+    let given = |arg: &&Arg| matches.value_source(arg.get_id().as_str()) == Some(ValueSource::CommandLine);
+    let own = command.get_arguments().filter(|arg| !everywhere.contains(&arg.get_id())).filter(given);
+    own.filter_map(Arg::get_long).for_each(|name| kind += &format!(" --{name}"));
+    Ok(kind)
 }
 
-fn works(page: &Path, tasks: &str) {
-    let name = page.strip_prefix(root()).unwrap().display().to_string();
-    // What one command writes the next may read; nothing lands in the project.
-    let folder = std::env::temp_dir().join(format!("rigctl-pages-{}-{}", std::process::id(), name.replace('/', "-")));
+/// Reads a file of the project that a command names.
+fn read(file: &Path) -> Result<(), String> {
+    let text = |e: rigctl::failure::Failure| format!("{e:?}");
+    match file.extension().and_then(|end| end.to_str()) {
+        Some("toml") => Scene::load(file).map(drop).map_err(|e| e.to_string()),
+        Some("script") => Script::load(file).map(drop).map_err(text),
+        Some("csv") if file.starts_with(root().join("scenarios")) => Course::load(file).map(drop).map_err(text),
+        _ if file.exists() => Ok(()),
+        _ => Err("is not there".into()),
+    }
+}
+
+fn run(program: &str, words: &[&str]) {
+    let folder = std::env::temp_dir().join(format!("rigctl-pages-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
+    // What a command writes must not land in the project.
     for shared in ["docs", "scenes", "scenarios", "target"] {
         #[cfg(unix)]
         let _ = std::os::unix::fs::symlink(root().join(shared), folder.join(shared));
     }
-    for line in commands(&std::fs::read_to_string(page).unwrap()) {
-        let words: Vec<&str> = line.split_whitespace().collect();
-        match words[..] {
-            // The second is the tool in a release archive.
-            ["target/release/rigctl" | "bin/rigctl", ref rest @ ..] => {
-                let cli = rigctl::cli::Cli::try_parse_from(std::iter::once(&"rigctl").chain(rest));
-                assert!(cli.is_ok(), "{name}: {line}: {}", cli.err().map_or(String::new(), |e| e.to_string()));
-                let real = line.contains("--port /dev/");
-                if real || rest.iter().any(|word| LONG.contains(word)) {
+    let built = Path::new(env!("CARGO_BIN_EXE_tsa-lab")).with_file_name(program);
+    let done = Command::new(built).args(words).current_dir(&folder).output().unwrap();
+    let _ = std::fs::remove_dir_all(&folder);
+    assert!(done.status.success(), "{program} {words:?}: {}", String::from_utf8_lossy(&done.stderr));
+}
+
+#[test]
+fn every_command_of_the_pages_works() {
+    let tasks = std::fs::read_to_string(root().join("xtask/src/main.rs")).unwrap().to_lowercase();
+    let (mut met, mut here) = (BTreeSet::new(), BTreeSet::new());
+    for page in pages() {
+        let name = page.strip_prefix(root()).unwrap().display().to_string();
+        for line in commands(&std::fs::read_to_string(&page).unwrap()) {
+            let words: Vec<&str> = line.split_whitespace().collect();
+            let folders = ["docs/", "scenes/", "scenarios/"];
+            for file in words.iter().filter(|word| folders.iter().any(|folder| word.starts_with(folder))) {
+                read(&root().join(file)).unwrap_or_else(|e| panic!("{name}: {line}: {file}: {e}"));
+            }
+            let kind = match words[..] {
+                // The second is the tool in a release archive.
+                ["target/release/rigctl" | "bin/rigctl", ref rest @ ..] => kind(rigctl::cli::Cli::command(), rest),
+                ["target/release/tsa-lab", ref rest @ ..] => kind(lab::cli::Cli::command(), rest),
+                ["target/release/rig-emulator", ..] => Ok("rig-emulator".into()),
+                ["cargo", "xtask", task, ..] | [_, "cargo", "xtask", task, ..] => {
+                    assert!(tasks.contains(&format!("\n    {task}")), "{name}: no task {task}");
                     continue;
                 }
-                let built = Path::new(env!("CARGO_BIN_EXE_tsa-lab")).with_file_name("rigctl");
-                let done = Command::new(built).args(rest).current_dir(&folder).output().unwrap();
-                let said = String::from_utf8_lossy(&done.stderr);
-                assert!(done.status.success(), "{name}: {line}: {said}");
-            }
-            ["target/release/tsa-lab", ref rest @ ..] => {
-                let cli = lab::cli::Cli::try_parse_from(std::iter::once(&"tsa-lab").chain(rest));
-                assert!(cli.is_ok(), "{name}: {line}: {}", cli.err().map_or(String::new(), |e| e.to_string()));
-                if rest.iter().any(|word| LONG.contains(word)) {
+                // `cargo xtask python` installs it and runs its tests.
+                ["pip", "install", package] => {
+                    // Without quotes and the name of an optional part.
+                    let package = package.trim_matches('"').split('[').next().unwrap_or_default();
+                    assert!(root().join(package).join("pyproject.toml").exists(), "{name}: no package {package}");
                     continue;
                 }
-                let done =
-                    Command::new(env!("CARGO_BIN_EXE_tsa-lab")).args(rest).current_dir(&folder).output().unwrap();
-                assert!(done.status.success(), "{name}: {line}: {}", String::from_utf8_lossy(&done.stderr));
+                // Other programs, named where they are first used.
+                ["cargo", "install", ..] | ["probe-rs", ..] => continue,
+                _ => panic!("{name}: what is {line:?}?"),
+            };
+            let kind = kind.unwrap_or_else(|e| panic!("{name}: {line}: {e}"));
+            // A real board is not there.
+            if line.contains("--port /dev/") || !met.insert(kind.clone()) {
+                continue;
             }
-            ["target/release/rig-emulator", ref rest @ ..] => {
-                let built = Path::new(env!("CARGO_BIN_EXE_tsa-lab")).with_file_name("rig-emulator");
-                let done = Command::new(built).args(rest).current_dir(&folder).output().unwrap();
-                assert!(done.status.success(), "{name}: {line}: {}", String::from_utf8_lossy(&done.stderr));
+            if RUN_ELSEWHERE.iter().all(|(run, _)| *run != kind) {
+                run(words[0].rsplit('/').next().unwrap(), &words[1..]);
+                here.insert(kind);
             }
-            ["cargo", "xtask", task, ..] | [_, "cargo", "xtask", task, ..] => {
-                assert!(tasks.contains(&format!("\n    {task}")), "{name}: no task {task}");
-            }
-            // `cargo xtask python` installs it and runs its tests.
-            ["pip", "install", package] => {
-                // Without quotes and the name of an optional part.
-                let package = package.trim_matches('"').split('[').next().unwrap_or_default();
-                assert!(root().join(package).join("pyproject.toml").exists(), "{name}: no package {package}");
-            }
-            // Other programs, named where they are first used.
-            ["cargo", "install", ..] | ["probe-rs", ..] => {}
-            _ => panic!("{name}: what is {line:?}?"),
         }
     }
-    let _ = std::fs::remove_dir_all(&folder);
+    println!("run here: {here:?}");
+    for (kind, file) in RUN_ELSEWHERE {
+        assert!(met.contains(kind), "no page has `{kind}`");
+        let subcommand = kind.split(' ').nth(1).unwrap();
+        let text = std::fs::read_to_string(root().join(file)).unwrap();
+        assert!(text.contains(subcommand), "{file} does not run `{kind}`");
+    }
 }
 
 #[test]

@@ -5,7 +5,8 @@
 //! δG of the gap the fit moves by x = N⁻¹ (Jᵀ W δG + p), with J the derivatives of the gap by the three unknowns, N = Jᵀ W J
 //! + P, and p what a prior is wrong by.
 
-use super::columns::Column;
+use super::columns::{Column, State};
+use nalgebra::{Matrix3, Matrix4, Vector3, Vector4};
 use rig_control::homing::{WEIGH_TURNS, weigh};
 use std::f64::consts::TAU;
 use std::ops::RangeInclusive;
@@ -28,12 +29,12 @@ pub(super) struct Homing {
     /// Places of the states that are weighed.
     weighed: RangeInclusive<usize>,
     /// Of each state: derivatives of the gap by the logarithm of the load, that of the scale, and the zero (m).
-    jacobian: Vec<[f64; 3]>,
+    jacobian: Vec<Vector3<f64>>,
     /// Twist of each state, from −1 to 1 over those that are weighed; beyond them the cubic is level.
     place: Vec<f64>,
     /// Weight of a state (1/m²).
     weight: f64,
-    inverse: [[f64; 3]; 3],
+    inverse: Matrix3<f64>,
     pub priors: Priors,
 }
 
@@ -58,49 +59,40 @@ impl Homing {
         let first = (0..states.len()).find(inside).unwrap_or(0);
         let last = (0..states.len()).rfind(inside).unwrap_or(states.len() - 1);
         let [from, to] = [first, last].map(|k| states[k].twist_rad);
-        let jacobian: Vec<[f64; 3]> =
-            states.iter().map(|s| [s.load_n * s.by_load, s.by_twist * s.twist_rad, 1.0]).collect();
+        let by = |s: &State| Vector3::new(s.load_n * s.by_load, s.by_twist * s.twist_rad, 1.0);
+        let jacobian: Vec<Vector3<f64>> = states.iter().map(by).collect();
         let place = |twist_rad: f64| (2.0 * (twist_rad - from) / (to - from) - 1.0).clamp(-1.0, 1.0);
         let error_m = misfit_m.clamp(f64::from(weigh::LEAST_GAP_ERROR_M), f64::from(weigh::LAW_GAP_ERROR_M));
         let weight = f64::from(weigh::INDEPENDENT_BINS) / ((last - first + 1) as f64 * error_m * error_m);
-        let mut normal = [[0.0; 3]; 3];
-        for row in &jacobian[first..=last] {
-            for (a, line) in normal.iter_mut().enumerate() {
-                for (b, cell) in line.iter_mut().enumerate() {
-                    *cell += weight * row[a] * row[b];
-                }
-            }
-        }
-        for (k, sigma) in [priors.work, priors.radius, priors.zero_m].into_iter().enumerate() {
-            normal[k][k] += 1.0 / (sigma * sigma);
-        }
-        let unit = |k: usize| std::array::from_fn(|a| if a == k { 1.0 } else { 0.0 });
+        let known = Vector3::new(priors.work, priors.radius, priors.zero_m).map(|sigma| 1.0 / (sigma * sigma));
+        let seen: Matrix3<f64> = jacobian[first..=last].iter().map(|j| j * j.transpose() * weight).sum();
         Self {
             weighed: first..=last,
             place: states.iter().map(|s| place(s.twist_rad)).collect(),
             jacobian,
             weight,
-            inverse: std::array::from_fn(|k| solve(normal, unit(k))),
+            // The priors make it regular.
+            inverse: (seen + Matrix3::from_diagonal(&known)).lu().try_inverse().unwrap_or_default(),
             priors,
         }
     }
 
     /// A gap that differs by `change_m` at each state.
     pub fn gap(&self, change_m: &[f64]) -> Taken {
-        self.taken(change_m, [0.0; 3])
+        self.taken(change_m, Vector3::zeros())
     }
 
     /// A prior that is wrong by its standard error: 0 for the work, 1 the radius, 2 the LVDT's zero.
     pub fn prior(&self, which: usize) -> Taken {
         let sigma = [self.priors.work, self.priors.radius, self.priors.zero_m][which];
-        let mut right = [0.0; 3];
+        let mut right = Vector3::zeros();
         right[which] = 1.0 / sigma;
         self.taken(&vec![0.0; self.place.len()], right)
     }
 
     /// Work that gives the load wrong by a share of it.
     pub fn work(&self, share: f64) -> f64 {
-        self.inverse[0][0] * share / (self.priors.work * self.priors.work)
+        self.inverse[(0, 0)] * share / (self.priors.work * self.priors.work)
     }
 
     /// Relative error of the load for gaps that are wrong by 1 m rms, in as many independent stretches as the fit counts on.
@@ -120,68 +112,35 @@ impl Homing {
 
     /// Rms over the weighed states of what the fit leaves of a change of the gap, before the cubic (m).
     pub fn misfit_m(&self, change_m: &[f64]) -> f64 {
-        let rest = self.rest(change_m, self.step(change_m, [0.0; 3]));
+        let rest = self.rest(change_m, self.step(change_m, Vector3::zeros()));
         let weighed = &rest[self.weighed.clone()];
         (weighed.iter().map(|r| r * r).sum::<f64>() / weighed.len() as f64).sqrt()
     }
 
-    fn step(&self, change_m: &[f64], mut right: [f64; 3]) -> [f64; 3] {
-        for k in self.weighed.clone() {
-            for (r, j) in right.iter_mut().zip(self.jacobian[k]) {
-                *r += self.weight * j * change_m[k];
-            }
-        }
-        self.inverse.map(|row| row.iter().zip(right).map(|(a, b)| a * b).sum())
+    fn step(&self, change_m: &[f64], right: Vector3<f64>) -> Vector3<f64> {
+        let seen: Vector3<f64> = self.weighed.clone().map(|k| self.jacobian[k] * (self.weight * change_m[k])).sum();
+        self.inverse * (right + seen)
     }
 
-    fn rest(&self, change_m: &[f64], step: [f64; 3]) -> Vec<f64> {
-        let fitted = |j: &[f64; 3]| j.iter().zip(step).map(|(a, b)| a * b).sum::<f64>();
-        change_m.iter().zip(&self.jacobian).map(|(change, j)| change - fitted(j)).collect()
+    fn rest(&self, change_m: &[f64], step: Vector3<f64>) -> Vec<f64> {
+        change_m.iter().zip(&self.jacobian).map(|(change, j)| change - j.dot(&step)).collect()
     }
 
-    fn taken(&self, change_m: &[f64], right: [f64; 3]) -> Taken {
+    fn taken(&self, change_m: &[f64], right: Vector3<f64>) -> Taken {
         let step = self.step(change_m, right);
         let rest = self.rest(change_m, step);
-        let (mut normal, mut sums) = ([[0.0; 4]; 4], [0.0; 4]);
-        for k in self.weighed.clone() {
-            let x = powers(self.place[k]);
-            for a in 0..4 {
-                sums[a] += x[a] * rest[k];
-                for b in 0..4 {
-                    normal[a][b] += x[a] * x[b];
-                }
-            }
-        }
-        let cubic = solve(normal, sums);
-        let curve = |place: f64| powers(place).iter().zip(cubic).map(|(a, b)| a * b).sum::<f64>();
-        let left_m = rest.iter().zip(&self.place).map(|(rest, place)| rest - curve(*place)).collect();
+        let normal: Matrix4<f64> =
+            self.weighed.clone().map(|k| powers(self.place[k]) * powers(self.place[k]).transpose()).sum();
+        let sums: Vector4<f64> = self.weighed.clone().map(|k| powers(self.place[k]) * rest[k]).sum();
+        let cubic = normal.lu().solve(&sums).unwrap_or_default();
+        let left_m = rest.iter().zip(&self.place).map(|(rest, place)| rest - powers(*place).dot(&cubic)).collect();
         Taken { load: step[0], left_m }
     }
 }
 
 /// 1, x, x², x³.
-fn powers(x: f64) -> [f64; 4] {
-    [1.0, x, x * x, x * x * x]
-}
-
-/// Solves a x = b by elimination with the greatest pivot of each column.
-fn solve<const N: usize>(mut a: [[f64; N]; N], mut b: [f64; N]) -> [f64; N] {
-    for k in 0..N {
-        let pivot = (k..N).max_by(|i, j| a[*i][k].abs().total_cmp(&a[*j][k].abs())).unwrap_or(k);
-        a.swap(k, pivot);
-        b.swap(k, pivot);
-        for i in k + 1..N {
-            let share = a[i][k] / a[k][k];
-            let row = a[k];
-            a[i].iter_mut().zip(row).for_each(|(cell, above)| *cell -= share * above);
-            b[i] -= share * b[k];
-        }
-    }
-    for k in (0..N).rev() {
-        let known: f64 = (k + 1..N).map(|j| a[k][j] * b[j]).sum();
-        b[k] = (b[k] - known) / a[k][k];
-    }
-    b
+fn powers(x: f64) -> Vector4<f64> {
+    Vector4::new(1.0, x, x * x, x * x * x)
 }
 
 #[cfg(test)]
@@ -236,13 +195,5 @@ mod tests {
         let sure = Homing::new(&column, 0.1e-3, Priors { work: 1e-4, ..homing.priors });
         assert!((sure.work(0.05) - 0.05).abs() < 1e-5 && homing.work(0.05) < 0.01);
         assert!((homing.prior(0).load - homing.work(0.5)).abs() < 1e-12);
-    }
-
-    #[test]
-    fn equations_are_solved_whatever_their_order() {
-        let a = [[0.0, 2.0, 1.0], [1.0, -1.0, 0.0], [3.0, 0.0, -2.0]];
-        let x = [1.0, 2.0, 3.0];
-        let b = a.map(|row| row.iter().zip(x).map(|(a, x)| a * x).sum());
-        assert!(solve(a, b).iter().zip(x).all(|(found, x)| (found - x).abs() < 1e-12));
     }
 }

@@ -64,15 +64,7 @@ impl Part {
 
     /// The name in the output of `tsa-lab budget`.
     pub const fn name(self) -> &'static str {
-        match self {
-            Self::Sensor => "sensor",
-            Self::Friction => "friction",
-            Self::Memory => "memory",
-            Self::Law => "law",
-            Self::Tier => "tier",
-            Self::Table => "table",
-            Self::Loop => "loop",
-        }
+        ["sensor", "friction", "memory", "law", "tier", "table", "loop"][self as usize]
     }
 }
 

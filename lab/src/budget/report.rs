@@ -10,7 +10,6 @@ use rigctl::options::values::gauge_error;
 use rigctl::output::{Output, progress};
 use serde::Serialize;
 use std::path::Path;
-use tsa_model::Tier;
 use tsa_table::fit::{Fit, FitError};
 use tsa_table::instruction_model::lookup_instructions;
 
@@ -45,17 +44,16 @@ struct TableSize {
 
 /// What is enough in a scene on a kind of rig.
 #[derive(Serialize)]
-struct Enough {
-    scene: String,
+struct Enough<'a> {
+    scene: &'a str,
     rig: &'static str,
     /// 90 % half widths of all parts but tier and table.
     position_m: f64,
     load_relative: f64,
     /// Cheapest tier of the model that is enough.
     tier: &'static str,
-    /// The table that is enough, and that of the accuracy in the scene.
     enough: TableCost,
-    /// None where the scene has none.
+    /// The table of the accuracy in the scene; none where it has none.
     used: Option<TableCost>,
 }
 
@@ -80,18 +78,42 @@ impl Arguments {
         if let Some(fit) = used.as_ref().map_or(enough.as_ref(), |(_, fit)| fit.as_ref()) {
             budget.set_table(&fit.table.table());
         }
-        let tier = budget.choose_tier();
+        let tier = budget.choose_tier().name();
         let parts = Part::ALL.map(|part| (part.name(), budget.share(part)));
         for (part, Share { position_m, load }) in &parts {
             let [position_m, load_relative] = [position_m.all, load.all];
             let object = serde_json::json!({ "part": part, "position_m": position_m, "load_relative": load_relative });
             output.object(&object)?;
         }
-        heading(global, &scene, kind, self.gauge)?.iter().try_for_each(|line| output.line(line))?;
+        let ([[from_n, to_n], [from, to]], speed) =
+            (scene.covered().map(|e| [e.load_n, e.turns])?, 1e3 * SPEED_M_PER_S);
+        let lvdt = match self.gauge {
+            Some(gauge_m) => format!("calibrated at points with gauges of {} um", 1e6 * gauge_m),
+            None => "not calibrated at points".into(),
+        };
+        let (file, minutes) = (global.scene.display(), SESSION_S / 60.0);
+        output
+            .line(format!("error budget of {file} on a rig that is {kind}: half widths that hold 90 of 100 cases"))?;
+        output.line(format!(
+            "  {from_n} to {to_n} N, {from} to {to} turns; moves at {speed} mm/s, {minutes} min after homing; LVDT {lvdt}"
+        ))?;
+        let at = "worst; typical (N, turns)";
+        output.line(format!("{:<9} {:>11}   {at:<34} {:>8}   {at}", "part", "position", "load"))?;
         parts.iter().chain([&("total", budget.total())]).try_for_each(|(part, share)| output.line(row(part, share)))?;
-        let enough = cost(worth, enough);
-        let used = used.map(|(accuracy, fit)| cost(accuracy, fit));
-        closing(tier, &enough, used.as_ref()).iter().try_for_each(|line| output.line(line))?;
+        let (enough, percent) = (TableCost::new(worth, enough), 1e2 * WORTH);
+        output.line(format!(
+            "more than {} buys nothing: the total of the other parts rises by {percent} % at most",
+            enough.wanted()
+        ))?;
+        output.line(format!("  that takes {}", enough.takes()))?;
+        output.line(format!(
+            "  tier {tier} is the cheapest model that is enough by itself, and the one that `tier` counts; tables are fitted to \
+             the full one, which costs the board nothing"
+        ))?;
+        if let Some((accuracy, fit)) = used {
+            let used = TableCost::new(accuracy, fit);
+            output.line(format!("  the scene asks for {}: {}", used.wanted(), used.takes()))?;
+        }
         Ok(())
     }
 
@@ -105,22 +127,14 @@ impl Arguments {
             "scene", "rig", "position", "load", "tier", "enough: table, TR, bytes, lookup"
         ))?;
         for (name, scene) in scenes {
-            let used =
-                scene.accuracy.map(|accuracy| Ok::<_, Failure>(cost(accuracy, fit(&scene, accuracy)?))).transpose()?;
+            let cost = |accuracy| Ok::<_, Failure>(TableCost::new(accuracy, fit(&scene, accuracy)?));
+            let used = scene.accuracy.map(cost).transpose()?;
             for kind in RigPreset::ALL {
                 let mut budget = self.budget(&scene, kind)?;
-                let worth = budget.worth();
-                let Share { position_m, load } = budget.total();
-                let tier = budget.choose_tier();
-                let enough = Enough {
-                    scene: name.clone(),
-                    rig: kind.name(),
-                    position_m: position_m.all,
-                    load_relative: load.all,
-                    tier: tier.name(),
-                    enough: cost(worth, fit(&scene, worth)?),
-                    used: used.clone(),
-                };
+                let (Share { position_m, load }, enough) = (budget.total(), cost(budget.worth())?);
+                let (tier, rig, used) = (budget.choose_tier().name(), kind.name(), used.clone());
+                let [position_m, load_relative] = [position_m.all, load.all];
+                let enough = Enough { scene: &name, rig, position_m, load_relative, tier, enough, used };
                 output.object(&enough)?;
                 output.line(enough.text())?;
             }
@@ -145,17 +159,6 @@ fn fit(scene: &Scene, accuracy: Accuracy) -> Result<Option<Fit>, Failure> {
     }
 }
 
-fn cost(accuracy: Accuracy, fit: Option<Fit>) -> TableCost {
-    let size = |fit: Fit| TableSize {
-        bytes: fit.table.numbers.bytes(),
-        instructions: lookup_instructions(&fit.table.numbers.series()),
-        size: fit.table.numbers.size(),
-        contraction_error_m: fit.certificate.errors.contraction_max_m,
-        tr_relative_error: fit.certificate.errors.tr_max,
-    };
-    TableCost { contraction_m: accuracy.contraction_m, tr_relative: accuracy.tr_relative, table: fit.map(size) }
-}
-
 /// The scenes of a folder that say what a table must cover, by name.
 fn scenes(folder: &Path) -> Result<Vec<(String, Scene)>, Failure> {
     let failed = |e: std::io::Error| Failure::failed(format!("folder {}: {e}", folder.display()));
@@ -164,91 +167,53 @@ fn scenes(folder: &Path) -> Result<Vec<(String, Scene)>, Failure> {
     let mut files: Vec<_> = entries.into_iter().map(|entry| entry.path()).collect();
     files.retain(|path| path.extension().is_some_and(|end| end == "toml"));
     files.sort();
-    let mut found = Vec::new();
-    for file in files {
-        let scene = rigctl::scene_file::load(&file)?;
-        if scene.envelope.is_some() {
-            found.push((file.file_stem().unwrap_or_default().to_string_lossy().into_owned(), scene));
-        }
-    }
+    let load = |file: &std::path::PathBuf| {
+        Ok((file.file_stem().unwrap_or_default().to_string_lossy().into_owned(), rigctl::scene_file::load(file)?))
+    };
+    let mut found = files.iter().map(load).collect::<Result<Vec<(String, Scene)>, Failure>>()?;
+    found.retain(|(_, scene)| scene.envelope.is_some());
     Ok(found)
 }
 
-fn heading(global: &Global, scene: &Scene, kind: RigPreset, gauge_m: Option<f64>) -> Result<[String; 3], Failure> {
-    let envelope = scene.covered()?;
-    let [[from_n, to_n], [from, to]] = [envelope.load_n, envelope.turns];
-    let lvdt = match gauge_m {
-        Some(gauge_m) => format!("calibrated at points with gauges of {} um", 1e6 * gauge_m),
-        None => "not calibrated at points".into(),
-    };
-    Ok([
-        format!(
-            "error budget of {} on a rig that is {kind}: half widths that hold 90 of 100 cases",
-            global.scene.display()
-        ),
-        format!(
-            "  {from_n} to {to_n} N, {from} to {to} turns; moves at {} mm/s, {} min after homing; LVDT {lvdt}",
-            1e3 * SPEED_M_PER_S,
-            SESSION_S / 60.0
-        ),
-        format!(
-            "{:<9} {:>11}   {:<34} {:>8}   {}",
-            "part", "position", "worst; typical (N, turns)", "load", "worst; typical (N, turns)"
-        ),
-    ])
-}
-
-fn row(part: &str, share: &Share) -> String {
-    let places = |spread: &Spread, scale: f64, unit: &str| {
+fn row(part: &str, Share { position_m, load }: &Share) -> String {
+    let places = |Spread { worst, typical, .. }: &Spread, scale: f64, unit: &str| {
         let place = |at: &At| format!("{:.1}, {:.2}", at.load_n, at.turns);
-        format!("{:.1} {unit} at {}; {}", scale * spread.worst.error, place(&spread.worst), place(&spread.typical))
+        format!("{:.1} {unit} at {}; {}", scale * worst.error, place(worst), place(typical))
     };
-    let Share { position_m, load } = share;
-    format!(
-        "{part:<9} {:>8.1} um   {:<34} {:>6.2} %   {}",
-        1e6 * position_m.all,
-        places(position_m, 1e6, "um"),
-        1e2 * load.all,
-        places(load, 1e2, "%")
-    )
-}
-
-/// Which table and tier are enough, and what is used.
-fn closing(tier: Tier, enough: &TableCost, used: Option<&TableCost>) -> Vec<String> {
-    let mut lines = vec![
-        format!(
-            "more than {} buys nothing: the total of the other parts rises by {} % at most",
-            enough.wanted(),
-            1e2 * WORTH
-        ),
-        format!("  that takes {}", enough.takes()),
-        format!(
-            "  tier {} is the cheapest model that is enough by itself, and the one that `tier` counts; tables are fitted to the \
-             full one, which costs the board nothing",
-            tier.name()
-        ),
-    ];
-    if let Some(used) = used {
-        lines.push(format!("  the scene asks for {}: {}", used.wanted(), used.takes()));
-    }
-    lines
+    let [positions, loads] = [places(position_m, 1e6, "um"), places(load, 1e2, "%")];
+    format!("{part:<9} {:>8.1} um   {positions:<34} {:>6.2} %   {loads}", 1e6 * position_m.all, 1e2 * load.all)
 }
 
 impl TableCost {
+    fn new(Accuracy { contraction_m, tr_relative }: Accuracy, fit: Option<Fit>) -> Self {
+        let table = fit.map(|fit| TableSize {
+            bytes: fit.table.numbers.bytes(),
+            instructions: lookup_instructions(&fit.table.numbers.series()),
+            size: fit.table.numbers.size(),
+            contraction_error_m: fit.certificate.errors.contraction_max_m,
+            tr_relative_error: fit.certificate.errors.tr_max,
+        });
+        Self { contraction_m, tr_relative, table }
+    }
+
+    /// Errors of contraction (µm) and TR (%), in the two digits that they have.
+    fn digits(&self) -> [f64; 2] {
+        [1e6 * self.contraction_m, 1e2 * self.tr_relative].map(|value| (value * 1e6).round() / 1e6)
+    }
+
     fn wanted(&self) -> String {
-        format!("{} um of contraction and {} % of TR", digits(1e6 * self.contraction_m), digits(1e2 * self.tr_relative))
+        let [contraction, tr] = self.digits();
+        format!("{contraction} um of contraction and {tr} % of TR")
     }
 
     fn takes(&self) -> String {
         let Some(table) = &self.table else { return "no table reaches it".into() };
+        let TableSize { bytes, instructions, size, contraction_error_m, tr_relative_error } = table;
         format!(
-            "{} bytes, {} instructions a lookup (predicted), {} ({}); its errors: {:.2} um, {:.3} %",
-            table.bytes,
-            table.instructions,
+            "{bytes} bytes, {instructions} instructions a lookup (predicted), {} ({size}); its errors: {:.2} um, {:.3} %",
             tsa_table::FORM,
-            table.size,
-            1e6 * table.contraction_error_m,
-            1e2 * table.tr_relative_error
+            1e6 * contraction_error_m,
+            1e2 * tr_relative_error
         )
     }
 
@@ -258,27 +223,18 @@ impl TableCost {
     }
 }
 
-/// A number of two digits after it was scaled.
-fn digits(value: f64) -> String {
-    ((value * 1e6).round() / 1e6).to_string()
-}
-
-impl Enough {
+impl Enough<'_> {
     fn text(&self) -> String {
         let used = self.used.as_ref().map_or("-".into(), |used| {
-            let TableCost { contraction_m, tr_relative, .. } = used;
-            format!("{} um, {} %: {}", digits(1e6 * contraction_m), digits(1e2 * tr_relative), used.brief())
+            let [contraction, tr] = used.digits();
+            format!("{contraction} um, {tr} %: {}", used.brief())
         });
+        let Self { scene, rig, tier, .. } = self;
+        let ([contraction, tr], brief) = (self.enough.digits(), self.enough.brief());
+        let [position_um, load_percent] = [1e6 * self.position_m, 1e2 * self.load_relative];
         format!(
-            "{:<14} {:<8} {:>6.0} um {:>6.1} %  {:<13} {:>6} um, {:>5} %: {:<11}   {used}",
-            self.scene,
-            self.rig,
-            1e6 * self.position_m,
-            1e2 * self.load_relative,
-            self.tier,
-            digits(1e6 * self.enough.contraction_m),
-            digits(1e2 * self.enough.tr_relative),
-            self.enough.brief()
+            "{scene:<14} {rig:<8} {position_um:>6.0} um {load_percent:>6.1} %  {tier:<13} {contraction:>6} um, {tr:>5} %: \
+             {brief:<11}   {used}"
         )
     }
 }

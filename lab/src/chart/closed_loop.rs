@@ -43,7 +43,7 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
                 .into(),
         ],
     };
-    Made::new("closed-loop", &figure, csv, runs.iter().map(Outcome::text).collect())
+    Made::new(&figure, csv, Vec::new())
 }
 
 fn load_colour(k: usize) -> RGBColor {

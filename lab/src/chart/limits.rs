@@ -14,40 +14,25 @@ const NODES: usize = 60;
 /// A line over turns (across) and load (N, up), in pieces.
 pub type Line = Vec<Vec<(f64, f64)>>;
 
-/// The limits as lines.
-#[derive(Debug, Clone, Default)]
-pub struct Limits {
-    /// |n| l²/EI = π²/4, EI the softest bending stiffness that occurs: below it there is one equilibrium.
-    pub safe: Line,
-    /// X = r0 θ/π: past it two strings of diameter r0 have no room.
-    pub overtwist: Line,
-    /// The clamp's bending strain is where the stress–strain curve is flattest, if it has a plateau.
-    pub plateau: Line,
-    /// The clamp's bending strain leaves the range of the stress–strain fit.
-    pub strain: Line,
-}
-
-impl Limits {
-    /// The limits over the grid's range, computed on a finer grid.
-    pub fn new(mechanism: &Mechanism, grid: &Grid, progress: &Progress<'_>) -> Self {
-        let part = |k: usize| k as f64 / (NODES - 1) as f64;
-        let [t0, t1] = grid.turn_range;
-        let [f0, f1] = grid.load_range_n;
-        let turns: Vec<f64> = (0..NODES).map(|k| t0 + (t1 - t0) * part(k)).collect();
-        let loads: Vec<f64> = (0..NODES).map(|k| f0 * (f1 / f0).powf(part(k))).collect();
-        let nodes =
-            parallel(progress, NODES * NODES, |k| at(mechanism, loads[k % NODES], twist_from_turns(turns[k / NODES])));
-        let line = |which: usize, level: f64| {
-            let values: Vec<f64> = nodes.iter().map(|node| node[which]).collect();
-            contour::lines(&Field { x: &turns, y: &loads, values: &values }, level)
-        };
-        Self {
-            safe: line(0, 1.0),
-            overtwist: line(1, 1.0),
-            plateau: plateau_strain(&mechanism.parameters().stress_coefficients_pa).map_or(vec![], |e| line(2, e)),
-            strain: line(2, FIT_RANGE),
-        }
-    }
+/// The limits over the grid's range, computed on a finer grid:
+///
+/// - |n| l²/EI = π²/4, EI the softest bending stiffness that occurs: below it there is one equilibrium.
+/// - X = r0 θ/π: past it two strings of diameter r0 have no room.
+/// - The clamp's bending strain is where the stress–strain curve is flattest, if it has a plateau.
+/// - The clamp's bending strain leaves the range of the stress–strain fit.
+pub fn lines(mechanism: &Mechanism, grid: &Grid, progress: &Progress<'_>) -> [Line; 4] {
+    let part = |k: usize| k as f64 / (NODES - 1) as f64;
+    let ([t0, t1], [f0, f1]) = (grid.turn_range, grid.load_range_n);
+    let turns: Vec<f64> = (0..NODES).map(|k| t0 + (t1 - t0) * part(k)).collect();
+    let loads: Vec<f64> = (0..NODES).map(|k| f0 * (f1 / f0).powf(part(k))).collect();
+    let nodes =
+        parallel(progress, NODES * NODES, |k| at(mechanism, loads[k % NODES], twist_from_turns(turns[k / NODES])));
+    let line = |which: usize, level: f64| {
+        let values: Vec<f64> = nodes.iter().map(|node| node[which]).collect();
+        contour::lines(&Field { x: &turns, y: &loads, values: &values }, level)
+    };
+    let plateau = plateau_strain(&mechanism.parameters().stress_coefficients_pa).map_or(vec![], |e| line(2, e));
+    [line(0, 1.0), line(1, 1.0), plateau, line(2, FIT_RANGE)]
 }
 
 /// Whether one equilibrium is known to exist at a state: its load number is below π²/4.
@@ -60,10 +45,9 @@ pub fn is_safe(mechanism: &Mechanism, load_n: f64, twist_rad: f64) -> bool {
 fn at(mechanism: &Mechanism, load_n: f64, twist_rad: f64) -> [f64; 3] {
     let Ok(e) = mechanism.formal(load_n, twist_rad) else { return [f64::NAN; 3] };
     let rod = mechanism.rod();
-    let force = TipForce { inward_n: 0.5 * load_n * e.alpha_rad.tan(), sideways_n: 0.5 * load_n };
     let softest = rod.section.softest(e.bending_strain * e.bending_strain);
     let side_by_side_m = mechanism.parameters().diameter_m * twist_rad / PI;
-    [rod.load_number(force) * 4.0 / (PI * PI * softest), e.x_m / side_by_side_m, e.bending_strain]
+    [rod.load_number(TipForce::of(&e)) * 4.0 / (PI * PI * softest), e.x_m / side_by_side_m, e.bending_strain]
 }
 
 /// The strain within the fit at which a fibre's tangent modulus is least, if that is under a quarter of its first.

@@ -3,12 +3,11 @@
 use super::grid::Grid;
 use super::margin::{Controller, Hung, MOST};
 use super::{Inputs, Made};
-use crate::csv;
+use crate::table;
 use anyhow::{Context, Result};
 use rig_config::Scene;
 use rigctl::parallel::{Progress, parallel};
 use rigctl::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, RGBColor, colour, extent};
-use serde::Serialize;
 use tsa_model::{Mechanism, twist_from_turns};
 
 /// Loads and twists of a map.
@@ -34,30 +33,8 @@ const NO_EQUILIBRIUM: RGBColor = RGBColor(222, 222, 222);
 
 /// A load (N), a number of turns, and the rig there.
 type State = (f64, f64, Hung);
-
-/// A loop, and where it is weakest.
-struct Loop {
-    name: String,
-    controller: Controller,
-    /// Its gain margin at each state of the grid; none for constants that are off, which are those of many rigs.
-    margins: Option<Vec<Option<f64>>>,
-    weakest: Hung,
-}
-
-/// A margin, a line of `margin.csv`.
-#[derive(Default, Serialize)]
-struct Row {
-    #[serde(rename = "loop")]
-    name: String,
-    kind: &'static str,
-    load_n: Option<String>,
-    turns: Option<String>,
-    tr_rad_per_m: Option<String>,
-    stiffness_n_per_m: Option<String>,
-    delay_s: Option<String>,
-    period_s: Option<String>,
-    gain_margin: Option<String>,
-}
+/// A loop, where it is weakest, and its gain margin there.
+type Weakest = (f64, State, Controller);
 
 /// The rig at each state of a grid.
 fn hung(mechanism: &Mechanism, grid: &Grid, progress: &Progress<'_>) -> Vec<Option<State>> {
@@ -79,49 +56,67 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
     let nominal = hung(&scene.mechanism()?, &grid, progress);
     let (ratio, gain_per_s, corner_rad_per_s) = SEARCHED;
     let searched = Controller { gain_per_s, corner_rad_per_s, ..Controller::fixed(ratio) };
-    let mut loops = Vec::new();
+    let number = |x: f64| Some(format!("{x:.4e}"));
+    let (mut loops, mut maps, mut rows, mut findings) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for (name, controller) in [
         ("this firmware: it damps the swing", Controller::damped()),
         ("fixed TR, below the resonance", Controller::fixed(ratio)),
         ("fixed TR, tuned for least error", searched),
     ] {
         let margins = parallel(progress, nominal.len(), |k| Some(nominal[k]?.2.gain_margin(&controller)));
-        let states = nominal.iter().zip(&margins).filter_map(|(state, margin)| Some(((*margin)?, (*state)?.2)));
-        let weakest = states.min_by(|a, b| a.0.total_cmp(&b.0)).context("no state has an equilibrium")?.1;
-        loops.push(Loop { name: name.into(), controller, margins: Some(margins), weakest });
+        let states =
+            nominal.iter().zip(&margins).filter_map(|(state, margin)| Some(((*margin)?, (*state)?, controller)));
+        let weakest = least(states).context("no state has an equilibrium")?;
+        maps.push(grid.panel(name, |k| margins[k].map_or(NO_EQUILIBRIUM, band)));
+        rows.extend(grid.states().iter().zip(&margins).map(|((load_n, turns), margin)| {
+            (name.to_owned(), "map", [number(*load_n), number(*turns), None, None, margin.and_then(number)])
+        }));
+        let solved = || margins.iter().flatten().copied();
+        let [least, most] = extent(solved());
+        let (unstable, count) = (solved().filter(|m| *m < 1.0).count(), solved().count());
+        findings
+            .push(format!("{name:<32} gain margin {least:.2} to {most:.1}; unstable at {unstable} of {count} states"));
+        loops.push((name.to_owned(), weakest));
     }
-    let (off_margin, (load, turns, weakest), controller) = with_constants_off(scene, &grid, &nominal, progress)?;
+    let off = with_constants_off(scene, &grid, &nominal, progress)?;
     let name = format!("this firmware, constants {:.0} % off", OFF * 100.0);
-    loops.insert(1, Loop { name, controller, margins: None, weakest });
+    findings.push(format!("{name}: at least {:.2}, at {:.1} N and {:.1} turns", off.0, off.1.0, off.1.1));
+    loops.insert(1, (name, off));
+    findings.extend(loops.iter().map(|(name, (_, (.., hung), controller))| {
+        let delay_ms = 1e3 * hung.delay_margin(controller, LONGEST_S);
+        let resonance = hung.resonance_rad_per_s();
+        format!("{name:<32} weakest state: {delay_ms:.0} ms more delay; the load swings at {resonance:.0} rad/s")
+    }));
 
     let along = |change: fn(&Controller, f64) -> Controller, time: fn(f64) -> f64| {
         parallel(progress, loops.len(), |k| {
-            let Loop { weakest, controller, .. } = &loops[k];
-            let at = |t: f64| (t, weakest.gain_margin(&change(controller, t)));
+            let (_, (.., hung), controller) = &loops[k].1;
+            let at = |t: f64| (t, hung.gain_margin(&change(controller, t)));
             (0..=40).map(|step| at(time(f64::from(step)))).collect::<Vec<_>>()
         })
     };
     let by_delay = along(|c, delay_s| Controller { delay_s, ..*c }, |step| 0.4 * step / 40.0);
     let by_period =
         along(|c, period_s| Controller { period_s, ..*c }, |step| 0.002 * (LONGEST_S / 0.002).powf(step / 40.0));
-    let maps = loops.iter().filter_map(|l| {
-        let margins = l.margins.as_ref()?;
-        Some(grid.panel(&l.name, |k| margins[k].map_or(NO_EQUILIBRIUM, band)))
-    });
+    for (k, (name, _)) in loops.iter().enumerate() {
+        let delays = by_delay[k].iter().map(|(t, margin)| ("delay", [None, None, number(*t), None, number(*margin)]));
+        let periods =
+            by_period[k].iter().map(|(t, margin)| ("period", [None, None, None, number(*t), number(*margin)]));
+        rows.extend(delays.chain(periods).map(|(kind, numbers)| (name.clone(), kind, numbers)));
+    }
     let figure = Figure {
         heading: "By how much the position loop's gain may grow before it is unstable".into(),
         rows: vec![
             Panel::side_by_side(maps),
-            vec![
+            Panel::side_by_side([
                 line_panel("further delay", Axis::linear("delay, s", [0.0, 0.4]), &by_delay),
                 line_panel("sampling", Axis::log("control period, s", [0.002, LONGEST_S]), &by_period),
-                bandwidth_panel(&nominal, &loops),
-            ],
+            ]),
         ],
         panel_size: (420, 340),
         blocks: vec![
             Block::new(BANDS.map(|(_, name, colour)| KeyRow::fill(colour, name))),
-            Block::new(loops.iter().enumerate().map(|(k, l)| KeyRow::line(pen(k), &l.name))),
+            Block::new(loops.iter().enumerate().map(|(k, (name, _))| KeyRow::line(pen(k), name))),
         ],
         notes: vec![
             "Linear analysis of the loop as it is run every 10 ms (drive's lags and rig's damping as in the emulator, assumed), \
@@ -130,28 +125,19 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
                 .into(),
         ],
     };
-    let mut findings: Vec<String> = loops.iter().filter_map(finding).collect();
-    findings.push(format!(
-        "constants {:.0} % off: at least {off_margin:.2}, at {load:.1} N and {turns:.1} turns",
-        OFF * 100.0
-    ));
-    findings.extend(loops.iter().map(|Loop { name, weakest, controller, .. }| {
-        let delay_ms = 1e3 * weakest.delay_margin(controller, LONGEST_S);
-        let resonance = weakest.resonance_rad_per_s();
-        format!("{name:<32} weakest state: {delay_ms:.0} ms more delay; the load swings at {resonance:.0} rad/s")
-    }));
-    Made::new("margin", &figure, csv(rows(&grid, &nominal, &loops, &by_delay, &by_period))?, findings)
+    let header = "loop,kind,load_n,turns,delay_s,period_s,gain_margin";
+    Made::new(&figure, table(header, rows)?, findings)
 }
 
 /// Where the firmware's loop, which stands on the table's ratio, is weakest on plants that are not the table's: every combination
-/// of k2, k3, K and the modulus off by [`OFF`] either way. Margin, state and loop.
+/// of k2, k3, K and the modulus off by [`OFF`] either way.
 fn with_constants_off(
     scene: &Scene,
     grid: &Grid,
     nominal: &[Option<State>],
     progress: &Progress<'_>,
-) -> Result<(f64, State, Controller)> {
-    let mut worst: Option<(f64, State, Controller)> = None;
+) -> Result<Weakest> {
+    let mut worst: Option<Weakest> = None;
     for bits in 0..16u32 {
         let factor = |bit: u32| if bits >> bit & 1 == 0 { 1.0 - OFF } else { 1.0 + OFF };
         let mut other = scene.clone();
@@ -169,9 +155,13 @@ fn with_constants_off(
             };
             Some((state.2.gain_margin(&c), state, c))
         });
-        worst = worst.into_iter().chain(found.into_iter().flatten()).min_by(|a, b| a.0.total_cmp(&b.0));
+        worst = least(worst.into_iter().chain(found.into_iter().flatten()));
     }
     worst.context("no state has an equilibrium")
+}
+
+fn least(margins: impl Iterator<Item = Weakest>) -> Option<Weakest> {
+    margins.min_by(|a, b| a.0.total_cmp(&b.0))
 }
 
 fn band(margin: f64) -> RGBColor {
@@ -179,8 +169,7 @@ fn band(margin: f64) -> RGBColor {
 }
 
 fn pen(k: usize) -> Pen {
-    let pen = Pen::solid(colour(k, 4));
-    if k == 1 { Pen { dashed: true, ..pen } } else { pen }
+    Pen { dashed: k == 1, ..Pen::solid(colour(k, 4)) }
 }
 
 fn line_panel(title: &str, x: Axis, lines: &[Vec<(f64, f64)>]) -> Panel {
@@ -191,64 +180,4 @@ fn line_panel(title: &str, x: Axis, lines: &[Vec<(f64, f64)>]) -> Panel {
     let unstable = Item::line([(least, 1.0), (most, 1.0)], Pen::dashed(INK).wide(1));
     let items = lines.iter().enumerate().map(line).chain([unstable]);
     Panel::new(title, x, Axis::log("gain margin", DRAWN), items)
-}
-
-/// How fast a loop is where: its slowest pole if it damps, else its gain times the ratio it stands on over the true one.
-fn bandwidth_panel(states: &[Option<State>], loops: &[Loop]) -> Panel {
-    let states = || states.iter().flatten();
-    let [least, most] = extent(states().map(|s| s.1));
-    let mut items = Vec::new();
-    for (k, l) in loops.iter().enumerate().filter(|(_, l)| l.margins.is_some()) {
-        let c = &l.controller;
-        let real = |h: &Hung| match c.damps {
-            true => -h.growth(c).ln() / c.period_s,
-            false => c.gain_per_s * c.tr_rad_per_m.map_or(1.0, |tr| tr / h.tr_rad_per_m),
-        };
-        for (at, width) in [(least, pen(k).width), (most, 4)] {
-            let of_twist = states().filter(|s| s.1 == at).map(|(load, _, h)| (*load, real(h)));
-            items.push(Item::line(of_twist, pen(k).wide(width)));
-        }
-    }
-    let x = Axis::log("load, N", extent(states().map(|s| s.0)));
-    Panel::new("bandwidth; thick: all turns, thin: none", x, Axis::log("1/s", [0.5, 30.0]), items)
-}
-
-fn finding(l: &Loop) -> Option<String> {
-    let margins: Vec<f64> = l.margins.as_ref()?.iter().flatten().copied().collect();
-    let [least, most] = extent(margins.iter().copied());
-    let (unstable, count) = (margins.iter().filter(|m| **m < 1.0).count(), margins.len());
-    Some(format!("{:<32} gain margin {least:.2} to {most:.1}; unstable at {unstable} of {count} states", l.name))
-}
-
-fn rows(
-    grid: &Grid,
-    nominal: &[Option<State>],
-    loops: &[Loop],
-    by_delay: &[Vec<(f64, f64)>],
-    by_period: &[Vec<(f64, f64)>],
-) -> Vec<Row> {
-    let number = |x: f64| Some(format!("{x:.4e}"));
-    let (states, mut rows) = (grid.states(), Vec::new());
-    for Loop { name, margins, .. } in loops {
-        for (k, margin) in margins.iter().flatten().enumerate() {
-            let ((load, turns), hung) = (states[k], nominal[k].map(|(.., hung)| hung));
-            rows.push(Row {
-                name: name.clone(),
-                kind: "map",
-                load_n: number(load),
-                turns: number(turns),
-                tr_rad_per_m: hung.and_then(|h| number(h.tr_rad_per_m)),
-                stiffness_n_per_m: hung.and_then(|h| number(h.stiffness_n_per_m)),
-                gain_margin: margin.and_then(number),
-                ..Row::default()
-            });
-        }
-    }
-    for (k, Loop { name, .. }) in loops.iter().enumerate() {
-        let row =
-            |kind, gain_margin| Row { name: name.clone(), kind, gain_margin: number(gain_margin), ..Row::default() };
-        rows.extend(by_delay[k].iter().map(|(t, margin)| Row { delay_s: number(*t), ..row("delay", *margin) }));
-        rows.extend(by_period[k].iter().map(|(t, margin)| Row { period_s: number(*t), ..row("period", *margin) }));
-    }
-    rows
 }

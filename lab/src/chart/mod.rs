@@ -7,33 +7,29 @@
 //! - `target`: what every way of knowing the mechanism costs on the board.
 //! - `table_size`: bytes of a table against its error.
 //! - `closed_loop`: what a cheaper model or a less accurate table does to the closed loop.
-//! - `rigs`: errors on rigs that are not their own model; `effects`: where the chain breaks as one effect is turned up.
+//! - `rigs`: errors on rigs that are not their own model, and where the chain breaks as one effect is turned up.
 //! - `tiers`: the cheapest model over load and twist, and which model and table each of five scenes needs.
 //! - `margin_figure`: stability of the position loop in time, computed by [`margin`].
-//! - `stability_figure`: every method over load and twist of some [`rods`], judged by [`stability`]; [`limits`]: what bounds
-//!   their states; [`grid`]: the states.
+//! - `stability`: every method over load and twist of some [`rods`]; [`limits`]: what bounds their states; [`grid`]: the states.
 
 mod closed_loop;
 mod contour;
 mod damped;
-mod effects;
 pub mod grid;
 pub mod limits;
 pub mod margin;
 mod margin_figure;
 mod mechanism;
-mod mechanism_drawing;
 mod rigs;
 pub mod rods;
 pub mod stability;
-mod stability_figure;
 mod table_size;
 mod target;
 mod tiers;
 pub mod work;
 mod work_precision;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use clap::builder::PossibleValuesParser;
 use rig_config::Scene;
 use rigctl::failure::Failure;
@@ -46,23 +42,23 @@ use serde::de::DeserializeOwned;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// The figures, in the order in which they are made, and what each shows.
-pub const FIGURES: [(&str, &str); 11] = [
-    ("mechanism", "The mechanism under a light and a heavy load"),
-    ("work-precision", "Work against precision of every method"),
-    ("target", "What each way of knowing the mechanism costs on the board"),
-    ("table-size", "Bytes against error of every form of table"),
-    ("closed-loop", "A cheaper model or a coarser table in the closed loop"),
-    ("rigs", "Rigs that are not their own model"),
-    ("effects", "Where the chain breaks as one effect is turned up"),
-    ("tiers", "The cheapest sufficient model over load and twist"),
-    ("scenes", "The model and the table that each scene needs"),
-    ("margin", "Stability in time: gain, delay and sampling"),
-    ("stability", "Which equilibrium each method finds, over load and twist of four rods"),
-];
+/// A figure: its name, what it shows, whether it draws what another command has measured, and how it is made.
+type Kind = (&'static str, &'static str, bool, fn(&Inputs<'_>) -> Result<Made>);
 
-/// The figures that draw what another command has measured; they cannot be made before it has been run.
-const MEASURED_ELSEWHERE: [&str; 4] = ["target", "closed-loop", "rigs", "effects"];
+/// The figures, in the order in which they are made.
+pub const FIGURES: [Kind; 11] = [
+    ("mechanism", "The mechanism under a light and a heavy load", false, mechanism::make),
+    ("work-precision", "Work against precision of every method", false, work_precision::make),
+    ("target", "What each way of knowing the mechanism costs on the board", true, target::make),
+    ("table-size", "Bytes against error of every form of table", false, table_size::make),
+    ("closed-loop", "A cheaper model or a coarser table in the closed loop", true, closed_loop::make),
+    ("rigs", "Rigs that are not their own model", true, rigs::make),
+    ("effects", "Where the chain breaks as one effect is turned up", true, rigs::effects),
+    ("tiers", "The cheapest sufficient model over load and twist", false, tiers::maps),
+    ("scenes", "The model and the table that each scene needs", false, tiers::scenes),
+    ("margin", "Stability in time: gain, delay and sampling", false, margin_figure::make),
+    ("stability", "Which equilibrium each method finds, over load and twist of four rods", false, stability::make),
+];
 
 /// `tsa-lab chart`.
 #[derive(Debug, clap::Args)]
@@ -76,7 +72,7 @@ pub struct Arguments {
 }
 
 /// What figures are made from.
-struct Inputs<'a> {
+pub struct Inputs<'a> {
     /// The operator's scene.
     scene: &'a Scene,
     /// Its file; other scenes are looked for beside it.
@@ -99,22 +95,21 @@ impl Inputs<'_> {
 }
 
 /// A figure with its data.
+#[derive(Default)]
 pub struct Made {
-    /// Its name: the files are `NAME.svg` and `NAME.csv`.
-    pub name: &'static str,
     /// The picture; a table has none.
     pub svg: Option<String>,
     /// What is drawn.
     pub csv: String,
-    /// What it shows, in a few lines.
+    /// What it shows, in a few lines, where that is more than the data says.
     pub findings: Vec<String>,
     /// What is missing in it, and why.
-    pub left_out: Vec<String>,
+    left_out: Vec<String>,
 }
 
 impl Made {
-    fn new(name: &'static str, figure: &Figure, csv: String, findings: Vec<String>) -> Result<Self> {
-        Ok(Self { name, svg: Some(figure.svg()?), csv, findings, left_out: Vec::new() })
+    fn new(figure: &Figure, csv: String, findings: Vec<String>) -> Result<Self> {
+        Ok(Self { svg: Some(figure.svg()?), csv, findings, left_out: Vec::new() })
     }
 }
 
@@ -123,27 +118,13 @@ impl Made {
 ///
 /// # Errors
 /// If something cannot be solved or drawn.
-pub fn make(name: &'static str, scene: &Scene, scene_file: &Path, folder: &Path) -> Result<Made> {
+pub fn make((name, _, _, figure): Kind, scene: &Scene, scene_file: &Path, folder: &Path) -> Result<Made> {
     let bar = progress(0, name);
     let advance = |done: usize, count: usize| {
         bar.set_length(count as u64);
         bar.set_position(done as u64);
     };
-    let inputs = Inputs { scene, scene_file, folder, progress: &advance };
-    let made = match name {
-        "mechanism" => mechanism::make(scene),
-        "work-precision" => work_precision::make(&inputs),
-        "target" => target::make(&inputs),
-        "closed-loop" => closed_loop::make(&inputs),
-        "rigs" => rigs::make(&inputs),
-        "effects" => effects::make(&inputs),
-        "tiers" => tiers::maps(&inputs),
-        "scenes" => tiers::scenes(&inputs),
-        "table-size" => table_size::make(&inputs),
-        "margin" => margin_figure::make(&inputs),
-        "stability" => stability_figure::make(16, 20, &advance),
-        _ => bail!("chart: no figure is called {name}"),
-    }?;
+    let made = figure(&Inputs { scene, scene_file, folder, progress: &advance })?;
     bar.finish_and_clear();
     made.left_out.iter().for_each(|what| eprintln!("left out: {what}"));
     Ok(made)
@@ -157,15 +138,16 @@ impl Arguments {
     pub fn run(&self, global: &Global, output: &mut Output) -> Result<(), Failure> {
         let scene = global.scene()?;
         folder(&self.out)?;
-        for (name, _) in FIGURES {
+        for kind in FIGURES {
+            let (name, _, measured_elsewhere, _) = kind;
             if !self.only.is_empty() && self.only.iter().all(|wanted| wanted != name) {
                 continue;
             }
             let begin = Instant::now();
-            match make(name, &scene, &global.scene, &self.out).map_err(Failure::from) {
-                Ok(made) => report(&made, begin.elapsed().as_secs_f64(), &self.out, output)?,
+            match make(kind, &scene, &global.scene, &self.out).map_err(Failure::from) {
+                Ok(made) => self.write(name, &made, begin.elapsed().as_secs_f64(), output)?,
                 // What only another program measures may not be there; the rest is of use without it.
-                Err(e) if self.only.is_empty() && MEASURED_ELSEWHERE.contains(&name) => {
+                Err(e) if self.only.is_empty() && measured_elsewhere => {
                     eprintln!("left out: {name}: {}", e.message().unwrap_or_default());
                 }
                 Err(e) => return Err(e),
@@ -174,22 +156,22 @@ impl Arguments {
         }
         Ok(())
     }
-}
 
-fn report(made: &Made, seconds: f64, out: &Path, output: &mut Output) -> Result<(), Failure> {
-    let Made { name, svg, csv, findings, .. } = made;
-    let written = |kind: &str, content: &String| {
-        let file = format!("{name}.{kind}");
-        write_file(out, &file, content).map(|()| out.join(file).display().to_string())
-    };
-    let svg = svg.as_ref().map(|svg| written("svg", svg)).transpose()?;
-    let csv = written("csv", csv)?;
-    let files = svg.iter().chain([&csv]).map(String::as_str).collect::<Vec<_>>().join(", ");
-    let object = serde_json::json!({ "figure": name, "svg": svg, "csv": csv, "seconds": seconds, "said": findings });
-    output.object(&object)?;
-    output.line(format!("{name}: {files} ({seconds:.1} s)"))?;
-    findings.iter().try_for_each(|line| output.line(format!("  {line}")))?;
-    Ok(())
+    fn write(&self, name: &str, made: &Made, seconds: f64, output: &mut Output) -> Result<(), Failure> {
+        let written = |kind: &str, content: &String| {
+            let file = format!("{name}.{kind}");
+            write_file(&self.out, &file, content).map(|()| self.out.join(file).display().to_string())
+        };
+        let svg = made.svg.as_ref().map(|svg| written("svg", svg)).transpose()?;
+        let csv = written("csv", &made.csv)?;
+        let files = svg.iter().chain([&csv]).map(String::as_str).collect::<Vec<_>>().join(", ");
+        let object =
+            serde_json::json!({ "figure": name, "svg": svg, "csv": csv, "seconds": seconds, "said": made.findings });
+        output.object(&object)?;
+        output.line(format!("{name}: {files} ({seconds:.1} s)"))?;
+        made.findings.iter().try_for_each(|line| output.line(format!("  {line}")))?;
+        Ok(())
+    }
 }
 
 /// Each value once, in the order of its first appearance.

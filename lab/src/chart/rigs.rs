@@ -1,4 +1,5 @@
-//! Errors of load and position on rigs that are not their own model, drawn from the data of the study of rigs.
+//! Rigs that are not their own model, drawn from the data of the study of rigs: errors of load and position, and where the chain from
+//! homing to following breaks as one effect is turned up.
 
 use super::{Inputs, Made, distinct};
 use anyhow::Result;
@@ -6,24 +7,23 @@ use rigctl::plot::{Axis, Block, Figure, GREY, INK, Item, KeyRow, Panel, Pen, RGB
 use serde::Deserialize;
 
 /// The command that measures what is drawn here.
-pub(super) const COMMAND: &str = "cargo xtask results rigs";
+const COMMAND: &str = "cargo xtask results rigs";
 /// The files that it leaves, in the order of the rows: the rig of its own model, single effects, all of them together.
 const FILES: [&str; 3] = ["ideal-summary.csv", "each-summary.csv", "rigs-summary.csv"];
 
 /// A line of a summary: one check over the rigs of a group. SI units.
 #[derive(Debug, Deserialize)]
-pub(super) struct Row {
-    pub rig: String,
-    pub effect: String,
-    pub factor: Option<f64>,
-    pub table: String,
-    pub check: String,
-    pub cases: usize,
-    pub missing: usize,
-    pub median: Option<f64>,
-    pub worst: Option<f64>,
-    pub holds: Option<bool>,
-    pub failure: String,
+struct Row {
+    rig: String,
+    effect: String,
+    factor: Option<f64>,
+    table: String,
+    check: String,
+    cases: usize,
+    missing: usize,
+    median: Option<f64>,
+    worst: Option<f64>,
+    holds: Option<bool>,
 }
 
 impl Row {
@@ -37,7 +37,7 @@ impl Row {
 }
 
 /// Which tables the rigs of these rows had, and how many cases each kind of rig has.
-pub(super) fn made_with<'a>(rows: impl Iterator<Item = &'a Row>) -> String {
+fn made_with<'a>(rows: impl Iterator<Item = &'a Row>) -> String {
     let homed: Vec<&Row> = rows.filter(|r| r.check == "zero_error_rad").collect();
     let identified = homed.iter().filter(|r| r.table == "identified").count();
     let how = match identified {
@@ -95,21 +95,7 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
             made_with(rows.iter().filter(|r| !r.effect.is_empty())),
         )],
     };
-    let findings = rows.iter().filter(|r| CHECKS.iter().any(|check| check.0 == r.check)).map(|r| {
-        let shown = |v: Option<f64>| v.map_or("-".into(), |v| format!("{v:.3e}"));
-        format!(
-            "{:<20} {:<8} {:<18} median {}, worst {}, {} of {} without a value {}",
-            r.name(),
-            r.rig,
-            r.check,
-            shown(r.median),
-            shown(r.worst),
-            r.missing,
-            r.cases + r.missing,
-            r.failure
-        )
-    });
-    Made::new("rigs", &figure, csv, findings.collect())
+    Made::new(&figure, csv, Vec::new())
 }
 
 fn panel(rows: &[Row], names: &[String], (check, label, by): &(&str, &str, f64)) -> Panel {
@@ -146,18 +132,86 @@ fn kind_colour(kind: &str) -> RGBColor {
     }
 }
 
+/// A part of the chain: its name, the checks that tell whether it holds, and its colour.
+type Part = (&'static str, &'static [&'static str], RGBColor);
+
+/// From the gravest to the mildest; the first that breaks colours a cell.
+const PARTS: [Part; 5] = [
+    ("homing", &["zero_error_rad"], RGBColor(70, 70, 70)),
+    ("faults", &["faults", "sank_after_fault_m"], RGBColor(204, 121, 167)),
+    ("rest", &["rest_measured_m", "rest_reversals", "rest_true_m"], RGBColor(213, 94, 0)),
+    ("following", &["following_rms_m", "following_most_m"], RGBColor(230, 159, 0)),
+    (
+        "load",
+        &["load_after_homing", "load_after_step", "load_error_over_stated", "held_out_contraction"],
+        RGBColor(240, 220, 120),
+    ),
+];
+const HOLDS: RGBColor = RGBColor(190, 225, 245);
+const WHITE: RGBColor = RGBColor(255, 255, 255);
+
+/// Draws the ramp of this folder, or of `out`.
+///
+/// # Errors
+/// If it is not there, or cannot be read.
+pub fn effects(inputs: &Inputs<'_>) -> Result<Made> {
+    let (csv, rows) = inputs.measured::<Row>("effects-summary.csv", COMMAND)?;
+    let mut effects = distinct(rows.iter().map(|r| r.effect.clone()));
+    effects.sort_unstable();
+    let mut factors = distinct(rows.iter().filter_map(|r| r.factor));
+    factors.sort_by(f64::total_cmp);
+    let mut items = Vec::new();
+    for (row, effect) in effects.iter().enumerate() {
+        for (column, factor) in factors.iter().enumerate() {
+            let broken = broken(rows.iter().filter(|r| r.effect == *effect && r.factor == Some(*factor)));
+            let (x, y) = (column as f64, -(row as f64));
+            let colour = broken.first().map_or(HOLDS, |(.., colour)| *colour);
+            items.push(Item::Fill { from: (x - 0.48, y - 0.42), to: (x + 0.48, y + 0.42), colour });
+            let ink = if colour == PARTS[0].2 { WHITE } else { INK };
+            for (line, parts) in broken.chunks(3).enumerate() {
+                let names: Vec<&str> = parts.iter().map(|(name, ..)| *name).collect();
+                items.push(Item::label((x - 0.47, y + 0.2 - 0.4 * line as f64), names.join(", "), ink));
+            }
+        }
+    }
+    let last = factors.len() as f64 - 0.5;
+    let columns = factors.iter().enumerate().map(|(k, factor)| (k as f64, format!("{factor}")));
+    let x = Axis::linear("size of the effect, in nominal sizes", [-0.5, last]).tight([-0.5, last]).ticked(columns);
+    let key = PARTS.iter().map(|(name, _, colour)| KeyRow::fill(*colour, format!("broken: {name}")));
+    let figure = Figure {
+        heading: "Where the chain breaks as one effect is turned up".into(),
+        rows: vec![vec![Panel::new("", x, Axis::names(effects), items)]],
+        panel_size: (1500, 620),
+        blocks: vec![Block::new([KeyRow::fill(HOLDS, "everything holds")].into_iter().chain(key))],
+        notes: vec![format!(
+            "Emulated rigs of their own model but for one effect, both signs: {}. A case is a rig under one load. A part \
+             breaks where one case misses the floor for hard rigs. The words name every part that breaks, the colour \
+             the gravest of them.",
+            made_with(rows.iter())
+        )],
+    };
+    Made::new(&figure, csv, Vec::new())
+}
+
+/// The parts whose floors do not hold, the gravest first.
+fn broken<'a>(rows: impl Iterator<Item = &'a Row> + Clone) -> Vec<Part> {
+    let misses = |check: &&str| rows.clone().find(|r| r.check == **check).is_some_and(|r| r.holds == Some(false));
+    PARTS.into_iter().filter(|(_, checks, _)| checks.iter().any(misses)).collect()
+}
+
 #[cfg(test)]
 mod tests {
-    use super::Row;
+    use super::*;
+
+    fn rows(lines: &[&str]) -> Vec<Row> {
+        let header = "rig,effect,factor,table,check,floor,cases,missing,median,p95,worst,met,holds,failure\n";
+        let text = header.to_owned() + &lines.join("\n");
+        csv::Reader::from_reader(text.as_bytes()).deserialize().map(Result::unwrap).collect()
+    }
 
     #[test]
     fn a_note_says_what_the_rows_were_made_with() {
-        let said = |lines: &[&str]| {
-            let header = "rig,effect,factor,table,check,floor,cases,missing,median,p95,worst,met,holds,failure\n";
-            let text = header.to_owned() + &lines.join("\n");
-            let rows: Vec<Row> = csv::Reader::from_reader(text.as_bytes()).deserialize().map(Result::unwrap).collect();
-            super::made_with(rows.iter())
-        };
+        let said = |lines: &[&str]| made_with(rows(lines).iter());
         let identified =
             ["hard,,,identified,zero_error_rad,,76,4,,,,,,", "hard,,,identified,zero_error_rad,,80,0,,,,,,"];
         assert!(said(&identified).ends_with("fails, 80 cases of each"));
@@ -165,5 +219,15 @@ mod tests {
             ["hard,,2,as-built,zero_error_rad,,1,0,,,0.5,,true,", "hard,,,as-built,zero_error_rad,,2,1,,,,,,"];
         assert_eq!(said(&as_built), "the default scene's table, 1 to 3 cases of each");
         assert!(said(&[as_built[0], identified[0]]).contains("some rigs"));
+    }
+
+    #[test]
+    fn the_gravest_broken_part_comes_first_and_is_named() {
+        let rows = rows(&[
+            "hard,e,2,identified,load_after_homing,x,3,1,1,1,1,0.5,false,too light",
+            "hard,e,2,identified,zero_error_rad,x,3,1,,,,0.5,false,poor-fit",
+            "hard,e,2,identified,rest_true_m,x,3,0,1,1,1,1,true,",
+        ]);
+        assert_eq!(broken(rows.iter()).into_iter().map(|(name, ..)| name).collect::<Vec<_>>(), ["homing", "load"]);
     }
 }

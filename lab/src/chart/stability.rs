@@ -1,21 +1,30 @@
-//! Where each method finds the right equilibrium, and how it fails elsewhere.
+//! Where each method finds the right equilibrium, and how it fails elsewhere: a row of maps for each method, a column for each rod.
 //!
 //! The true state is on the branch that begins at the unloaded, untwisted rig and is followed in many small steps. The
 //! default method does it otherwise: it solves at the state directly, and follows the branch, in large steps, only where
 //! more than one equilibrium may exist.
 
 use super::grid::Grid;
-use super::limits::{self, Limits};
+use super::limits::{self, Line};
+use super::rods::RODS;
+use super::{Inputs, Made};
+use crate::table;
+use anyhow::Result;
 use rigctl::parallel::{Progress, parallel};
+use rigctl::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, RGBColor};
 use rival_methods::Method;
 use tsa_model::{Equilibrium, Mechanism, SolveError, twist_from_turns};
 
+const LOAD_N: [f64; 2] = [0.3, 20.0];
+const TURNS: [f64; 2] = [0.0, 8.0];
+/// Loads and twists of a map.
+const CELLS: (usize, usize) = (16, 20);
 /// Steps of load and of twist in which the truth is followed, at least.
 const STEPS: usize = 64;
 /// An answer further from the true state than this (m) is another equilibrium: every method's own error is far smaller.
-pub const ANOTHER_BRANCH_M: f64 = 1e-5;
+const ANOTHER_BRANCH_M: f64 = 1e-5;
 /// An answer that takes this many times a method's usual effort is slow.
-pub const SLOW: f64 = 5.0;
+const SLOW: f64 = 5.0;
 
 /// The outcome at one state.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,47 +33,40 @@ pub enum Outcome {
     Right,
     /// The right one, for more than [`SLOW`] times the method's usual effort.
     Slow,
-    /// Another equilibrium, without an error.
-    Wrong {
-        /// How far its gap is from the right one (m).
-        off_m: f64,
-    },
-    /// The iteration ends without an answer although there is an equilibrium.
-    Diverged(SolveError),
-    /// The method reports a limit of the model where there is none.
-    Refused(SolveError),
     /// The method reports a limit of the model where there is one.
     Limit(SolveError),
+    /// The method reports a limit of the model where there is none.
+    Refused(SolveError),
+    /// The iteration ends without an answer although there is an equilibrium.
+    Diverged(SolveError),
+    /// Another equilibrium, without an error.
+    WrongBranch,
     /// An answer where the branch from the unloaded state has ended.
     BeyondLimit,
 }
+
+/// Name, colour and meaning of every outcome, from good to bad.
+const OUTCOMES: [(&str, RGBColor, &str); 7] = [
+    ("right", RGBColor(190, 225, 245), "right branch"),
+    ("slow", RGBColor(0, 114, 178), "right, but slow"),
+    ("limit", RGBColor(222, 222, 222), "no equilibrium, reported"),
+    ("refused", RGBColor(240, 200, 60), "refused by a limit that is not there"),
+    ("diverged", RGBColor(70, 70, 70), "diverged, reported"),
+    ("wrong-branch", RGBColor(213, 94, 0), "another branch, no error"),
+    ("beyond-limit", RGBColor(204, 121, 167), "an answer past the end of the branch"),
+];
 
 impl Outcome {
     /// The outcome of a method's answer, given the true state.
     pub fn judge(truth: &Result<Equilibrium, SolveError>, answer: &Result<Equilibrium, SolveError>) -> Self {
         match (truth, answer) {
-            (Ok(truth), Ok(e)) => {
-                let off_m = (e.gap_m - truth.gap_m).abs();
-                // Not `>`: NaN must not count as right.
-                if off_m <= ANOTHER_BRANCH_M { Self::Right } else { Self::Wrong { off_m } }
-            }
+            // NaN must not count as right.
+            (Ok(truth), Ok(e)) if (e.gap_m - truth.gap_m).abs() <= ANOTHER_BRANCH_M => Self::Right,
+            (Ok(_), Ok(_)) => Self::WrongBranch,
             (Ok(_), Err(e @ (SolveError::Diverged { .. } | SolveError::NotConverged { .. }))) => Self::Diverged(*e),
             (Ok(_), Err(e)) => Self::Refused(*e),
             (Err(_), Err(e)) => Self::Limit(*e),
             (Err(_), Ok(_)) => Self::BeyondLimit,
-        }
-    }
-
-    /// Its name in the data.
-    pub fn name(&self) -> &'static str {
-        match self {
-            Self::Right => "right",
-            Self::Slow => "slow",
-            Self::Wrong { .. } => "wrong-branch",
-            Self::Diverged(_) => "diverged",
-            Self::Refused(_) => "refused",
-            Self::Limit(_) => "limit",
-            Self::BeyondLimit => "beyond-limit",
         }
     }
 
@@ -73,39 +75,28 @@ impl Outcome {
         !matches!(self, Self::Right | Self::Slow | Self::Limit(_))
     }
 
-    /// The error's name, where there is one.
-    pub fn kind(&self) -> &'static str {
-        match self {
-            Self::Diverged(e) | Self::Refused(e) | Self::Limit(e) => e.kind(),
-            _ => "",
-        }
+    fn look(&self) -> &'static (&'static str, RGBColor, &'static str) {
+        &OUTCOMES[match self {
+            Self::Right => 0,
+            Self::Slow => 1,
+            Self::Limit(_) => 2,
+            Self::Refused(_) => 3,
+            Self::Diverged(_) => 4,
+            Self::WrongBranch => 5,
+            Self::BeyondLimit => 6,
+        }]
     }
 }
 
-/// A method of the map, under its own name where one method appears twice.
-#[derive(Debug, Clone, Copy)]
-pub struct Named {
-    /// Name.
-    pub name: &'static str,
-    /// Method.
-    pub method: Method,
-}
-
-/// Every method, the paper's also without damping, each with the effort that gives about 1e-6 m: more effort does not
-/// change which branch it finds.
-pub fn methods() -> Vec<Named> {
+/// Every method under its name, the paper's also without damping, each with the effort that gives about 1e-6 m: more effort does
+/// not change which branch it finds.
+pub fn methods() -> Vec<(&'static str, Method)> {
     let paper = |relaxation| Method::Paper { steps: 16, relaxation, tolerance: 1e-6 };
-    let with_effort = |method: Method| match method {
-        Method::AdaptiveShooting { .. } => Method::AdaptiveShooting { tolerance: 1e-6 },
-        Method::Collocation { .. } => Method::Collocation { intervals: 32, tolerance: 1e-8 },
-        method => method,
-    };
     let named = |method: &Method| match method {
-        Method::Paper { .. } => vec![
-            Named { name: "paper, factor 1", method: paper(1.0) },
-            Named { name: "paper, factor 0.5", method: paper(0.5) },
-        ],
-        method => vec![Named { name: method.name(), method: with_effort(*method) }],
+        Method::Paper { .. } => vec![("paper, factor 1", paper(1.0)), ("paper, factor 0.5", paper(0.5))],
+        Method::AdaptiveShooting { .. } => vec![(method.name(), Method::AdaptiveShooting { tolerance: 1e-6 })],
+        Method::Collocation { .. } => vec![(method.name(), Method::Collocation { intervals: 32, tolerance: 1e-8 })],
+        method => vec![(method.name(), *method)],
     };
     Method::ALL.iter().flat_map(named).collect()
 }
@@ -118,55 +109,108 @@ pub fn truth(mechanism: &Mechanism, load_n: f64, twist_rad: f64) -> Result<Equil
     Method::Continuation { steps: STEPS }.solve(mechanism, load_n, twist_rad)
 }
 
-/// One method over one rod.
-#[derive(Debug, Clone)]
-pub struct MethodMap {
-    /// The method.
-    pub name: &'static str,
-    /// In the order of [`Grid::states`].
-    pub outcomes: Vec<Outcome>,
-    /// Evaluations of each answer; 0 where there is none.
-    pub evaluations: Vec<u32>,
-}
-
-/// One rod, every method.
-#[derive(Debug, Clone)]
-pub struct Map {
-    /// The limits of the rod's states.
-    pub limits: Limits,
-    /// Whether each state is known to have one equilibrium only.
-    pub safe: Vec<bool>,
-    /// The methods.
-    pub methods: Vec<MethodMap>,
-}
-
-/// Judges every method on every state of the grid.
-pub fn map(mechanism: &Mechanism, grid: &Grid, progress: &Progress<'_>) -> Map {
-    let states = grid.states();
-    let at = |k: usize| (states[k].0, twist_from_turns(states[k].1));
-    let truths = parallel(progress, states.len(), |k| truth(mechanism, at(k).0, at(k).1));
-    let mut methods: Vec<MethodMap> = methods()
-        .into_iter()
-        .map(|Named { name, method }| {
-            let answers = parallel(progress, states.len(), |k| method.solve(mechanism, at(k).0, at(k).1));
-            let outcomes = truths.iter().zip(&answers).map(|(t, a)| Outcome::judge(t, a)).collect();
-            let evaluations = answers.iter().map(|a| a.as_ref().map_or(0, |e| e.evaluations)).collect();
-            MethodMap { name, outcomes, evaluations }
-        })
-        .collect();
-    methods.iter_mut().for_each(mark_slow);
-    let safe = (0..states.len()).map(|k| limits::is_safe(mechanism, at(k).0, at(k).1)).collect();
-    Map { limits: Limits::new(mechanism, grid, progress), safe, methods }
-}
-
-fn mark_slow(map: &mut MethodMap) {
-    let right = map.outcomes.iter().zip(&map.evaluations).filter(|(o, _)| **o == Outcome::Right);
-    let mut effort: Vec<u32> = right.map(|(_, evaluations)| *evaluations).collect();
+/// The outcomes of one method at some states, given the truths, each with its evaluations (0 where there is no answer).
+fn judged(
+    mechanism: &Mechanism,
+    method: Method,
+    states: &[(f64, f64)],
+    truths: &[Result<Equilibrium, SolveError>],
+    progress: &Progress<'_>,
+) -> Vec<(Outcome, u32)> {
+    let mut outcomes = parallel(progress, states.len(), |k| {
+        let answer = method.solve(mechanism, states[k].0, states[k].1);
+        (Outcome::judge(&truths[k], &answer), answer.map_or(0, |e| e.evaluations))
+    });
+    let mut effort: Vec<u32> = outcomes.iter().filter(|(o, _)| *o == Outcome::Right).map(|(_, n)| *n).collect();
     effort.sort_unstable();
-    let Some(&usual) = effort.get(effort.len() / 2) else { return };
-    for (outcome, evaluations) in map.outcomes.iter_mut().zip(&map.evaluations) {
+    let usual = effort.get(effort.len() / 2).copied().unwrap_or(0);
+    for (outcome, evaluations) in &mut outcomes {
         if *outcome == Outcome::Right && f64::from(*evaluations) > SLOW * f64::from(usual) {
             *outcome = Outcome::Slow;
         }
     }
+    outcomes
+}
+
+/// Pen and meaning of each of [`limits::lines`].
+const LIMITS: [(Pen, &str); 4] = [
+    (Pen { colour: INK, width: 3, dashed: false }, "|n| l²/EI = π²/4: one equilibrium below and left"),
+    (Pen { colour: RGBColor(0, 90, 60), width: 3, dashed: true }, "overtwist: no room for the strings beyond"),
+    (Pen { colour: RGBColor(120, 30, 110), width: 3, dashed: true }, "bending strain in the middle of the plateau"),
+    (Pen { colour: RGBColor(190, 0, 0), width: 2, dashed: false }, "bending strain 8 %: end of the stress–strain fit"),
+];
+
+/// Draws a limit so that it is visible on light and dark cells.
+fn limit<'a>((line, (pen, _)): (&'a Line, &(Pen, &str))) -> impl Iterator<Item = Item> + use<'a> {
+    let under = Pen { colour: RGBColor(255, 255, 255), width: pen.width + 3, dashed: false };
+    [under, *pen].into_iter().flat_map(|pen| line.iter().map(move |points| Item::line(points.clone(), pen)))
+}
+
+/// Judges every method on every rod and draws it.
+///
+/// # Errors
+/// If a rod cannot be solved at all, or the drawing fails.
+pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
+    let (progress, methods) = (inputs.progress, methods());
+    let grid = Grid::new(LOAD_N, CELLS.0, TURNS, CELLS.1);
+    let states: Vec<_> = grid.states().iter().map(|(load, turns)| (*load, twist_from_turns(*turns))).collect();
+    let (mut panels, mut rows, mut findings) = (vec![Vec::new(); methods.len()], Vec::new(), Vec::new());
+    for rod in &RODS {
+        let mechanism = rod.mechanism()?;
+        let truths = parallel(progress, states.len(), |k| truth(&mechanism, states[k].0, states[k].1));
+        let safe: Vec<bool> = states.iter().map(|(load, twist)| limits::is_safe(&mechanism, *load, *twist)).collect();
+        let lines = limits::lines(&mechanism, &grid, progress);
+        for (m, (name, method)) in methods.iter().enumerate() {
+            let outcomes = judged(&mechanism, *method, &states, &truths, progress);
+            let title = if m == 0 { format!("{}, l/R {:.0}", rod.title, rod.slenderness()) } else { String::new() };
+            let mut panel = grid.panel(title, |k| outcomes[k].0.look().1);
+            panel.items.extend(lines.iter().zip(&LIMITS).rev().flat_map(limit));
+            let ticks = [0.5, 2.0, 5.0, 10.0].map(|load| (load, format!("{load} N")));
+            let x = if m + 1 == methods.len() { panel.x } else { panel.x.unnamed() };
+            panels[m].push(Panel { x, y: Axis::log_named(*name, LOAD_N, ticks.to_vec()), ..panel });
+            rows.extend(grid.states().iter().enumerate().map(|(k, (load, turns))| {
+                let (outcome, evaluations) = outcomes[k];
+                let kind = match outcome {
+                    Outcome::Diverged(e) | Outcome::Refused(e) | Outcome::Limit(e) => e.kind(),
+                    _ => "",
+                };
+                let state = (format!("{load:.5}"), format!("{turns:.5}"));
+                (
+                    rod.title,
+                    rod.rod_span_m,
+                    rod.rod_radius_m,
+                    *name,
+                    state,
+                    outcome.look().0,
+                    kind,
+                    safe[k],
+                    evaluations,
+                )
+            }));
+            let count = |name: &str| outcomes.iter().filter(|(o, _)| o.look().0 == name).count();
+            let counts = OUTCOMES.iter().map(|(name, ..)| (count(name), name)).filter(|(n, _)| *n > 0);
+            let counts = counts.map(|(n, name)| format!("{n} {name}")).collect::<Vec<_>>().join(", ");
+            let inside = outcomes.iter().zip(&safe).filter(|((o, _), safe)| **safe && o.is_failure()).count();
+            findings.push(format!("{:<18} {name:<18} {counts}; {inside} failures in the safe zone", rod.title));
+        }
+    }
+    let figure = Figure {
+        heading: "Which equilibrium each method finds, over load and twist".into(),
+        rows: panels.into_iter().map(Panel::side_by_side).collect(),
+        panel_size: (320, 230),
+        blocks: vec![
+            Block::new(OUTCOMES.map(|(_, colour, meaning)| KeyRow::fill(colour, meaning))),
+            Block::new(LIMITS.map(|(pen, meaning)| KeyRow::line(pen, meaning))),
+        ],
+        notes: vec![format!(
+            "{} x {} states in each panel. The truth is the branch that the unloaded rig leads to, followed in 64 \
+             and more steps of load and of twist. Another branch: more than {:.0} um away. Slow: more than {SLOW} times \
+             the method's usual effort.",
+            CELLS.0,
+            CELLS.1,
+            ANOTHER_BRANCH_M * 1e6
+        )],
+    };
+    let header = "rod,rod_span_m,rod_radius_m,method,load_n,turns,outcome,error_kind,safe_zone,evaluations";
+    Made::new(&figure, table(header, rows)?, findings)
 }

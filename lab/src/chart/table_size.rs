@@ -1,13 +1,14 @@
 //! How many bytes a table needs for an accuracy, form by form.
 
 use super::{Inputs, Made};
-use crate::csv;
+use crate::table;
 use anyhow::Result;
 use rig_config::{Accuracy, Scene, TableError};
 use rigctl::parallel::parallel;
 use rigctl::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Shape, colour, extent};
 use rival_forms::considered::{Considered, considered};
 use serde::Serialize;
+use std::cmp::Ordering;
 use tsa_table::FORM;
 use tsa_table::fit::{Errors, Fit, FitError, MAX_BYTES};
 use tsa_table::instruction_model::LOOKUP_INSTRUCTIONS;
@@ -18,28 +19,8 @@ const ASKED_M: [f64; 7] = [200e-6, 100e-6, 50e-6, 20e-6, 10e-6, 5e-6, 2e-6];
 /// In the order of the key.
 const FORMS: [&str; 4] = ["arc-series", "chebyshev-series", "hermite-bicubic", "bilinear"];
 
-/// A fit and the tables of all forms that were considered.
-struct Found {
-    fit: Fit,
-    all: Vec<Considered>,
-}
-
-/// A demanded accuracy (m), and what was found.
-type Asked = (f64, Result<Found, TableError>);
-
-/// A table, a line of `table-size.csv`.
-#[derive(Default, Serialize)]
-struct Row {
-    asked_m: String,
-    form: &'static str,
-    size: String,
-    load_map: String,
-    bytes: Option<usize>,
-    contraction_error_m: String,
-    tr_relative_error: String,
-    predicted_instructions: Option<u32>,
-    passes: bool,
-}
+/// A demanded accuracy (m); the fit to it, and the tables of all forms that were considered.
+type Asked = (f64, Result<(Fit, Vec<Considered>), TableError>);
 
 /// Fits the scene's table at several accuracies and draws bytes against error.
 ///
@@ -54,7 +35,7 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
         let scene = Scene { accuracy: Some(wanted), ..scene.clone() };
         let found = scene.fit_table().and_then(|fit| {
             let all = considered(&scene.mechanism()?, &scene.demand()?, &fit)?;
-            Ok(Found { fit, all })
+            Ok((fit, all))
         });
         match found {
             // Anything but an accuracy out of reach is the scene's fault.
@@ -91,7 +72,7 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
         notes,
     };
     let finding = |(asked_m, found): &Asked| match found {
-        Ok(Found { fit, .. }) => format!(
+        Ok((fit, _)) => format!(
             "{:.0} um: {FORM} in {} bytes, {:.2} um certified",
             asked_m * 1e6,
             fit.table.numbers.bytes(),
@@ -99,14 +80,10 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
         ),
         Err(e) => e.to_string(),
     };
-    Made::new("table-size", &figure, csv(fits.iter().flat_map(rows))?, fits.iter().map(finding).collect())
-}
-
-/// The smallest passing candidate of a form, or the best that failed.
-fn best<'a>(found: &'a Found, form: &str) -> Option<&'a Considered> {
-    let of_form = || found.all.iter().filter(|c| c.form == form);
-    let passing = of_form().filter(|c| c.passes).min_by_key(|c| c.bytes);
-    passing.or_else(|| of_form().min_by(|a, b| a.errors.contraction_max_m.total_cmp(&b.errors.contraction_max_m)))
+    let header = "asked_m,form,size,load_map,bytes,contraction_error_m,tr_relative_error,predicted_instructions,\
+         passes";
+    let csv = table(header, fits.iter().flat_map(rows))?;
+    Made::new(&figure, csv, fits.iter().map(finding).collect())
 }
 
 fn panel(fits: &[Asked], label: &str, error: impl Fn(&Errors) -> f64) -> Panel {
@@ -114,13 +91,20 @@ fn panel(fits: &[Asked], label: &str, error: impl Fn(&Errors) -> f64) -> Panel {
     let mut items = Vec::new();
     for (k, form) in FORMS.iter().enumerate() {
         let colour = colour(k, FORMS.len());
-        let best: Vec<&Considered> = found().filter_map(|found| best(found, form)).collect();
-        let at = |c: &Considered| (error(&c.errors), c.bytes as f64);
-        items.push(Item::line(best.iter().filter(|c| c.passes).map(|c| at(c)), Pen::solid(colour)));
         let shape = |c: &Considered| if c.passes { Shape::Dot } else { Shape::Circle };
+        let at = |c: &Considered| (error(&c.errors), c.bytes as f64);
+        // The smallest that passes, or the most accurate one that failed.
+        let order = |c: &&Considered| (!c.passes, if c.passes { c.bytes as f64 } else { c.errors.contraction_max_m });
+        let best = found().filter_map(|(_, all)| {
+            all.iter()
+                .filter(|c| c.form == *form)
+                .min_by(|a, b| order(a).partial_cmp(&order(b)).unwrap_or(Ordering::Equal))
+        });
+        let best: Vec<&Considered> = best.collect();
+        items.push(Item::line(best.iter().filter(|c| c.passes).map(|c| at(c)), Pen::solid(colour)));
         items.extend(best.iter().map(|c| Item::mark(at(c), shape(c), colour)));
     }
-    for Found { fit, .. } in found() {
+    for (fit, _) in found() {
         let chosen = fit.candidates.iter().find(|c| c.table.numbers == fit.table.numbers);
         let at = chosen.map(|c| (error(&c.errors), c.table.numbers.bytes() as f64));
         items.extend(at.map(|at| Item::mark(at, Shape::Diamond, INK)));
@@ -130,20 +114,24 @@ fn panel(fits: &[Asked], label: &str, error: impl Fn(&Errors) -> f64) -> Panel {
     Panel::new("", Axis::log(label, across), Axis::log("bytes of numbers", up), items)
 }
 
-/// The tables that were considered; one line that says so where there is none.
-fn rows((asked_m, found): &Asked) -> Vec<Row> {
+/// A line for each table that was considered: the accuracy that was asked for, and the table where there is one.
+fn rows((asked_m, found): &Asked) -> Vec<impl Serialize> {
     let asked_m = format!("{asked_m:.1e}");
-    let Ok(Found { all, .. }) = found else { return vec![Row { asked_m, form: "none", ..Row::default() }] };
-    let row = |c: &Considered| Row {
-        asked_m: asked_m.clone(),
-        form: c.form,
-        size: c.size.clone(),
-        load_map: c.load_map.map_or("Linear".into(), |map| format!("{map:?}")),
-        bytes: Some(c.bytes),
-        contraction_error_m: format!("{:.3e}", c.errors.contraction_max_m),
-        tr_relative_error: format!("{:.3e}", c.errors.tr_max),
-        predicted_instructions: Some(c.instructions),
-        passes: c.passes,
+    let Ok((_, all)) = found else {
+        return vec![(
+            asked_m,
+            "none",
+            (String::new(), String::new()),
+            None,
+            (String::new(), String::new()),
+            None,
+            false,
+        )];
+    };
+    let row = |c: &Considered| {
+        let map = c.load_map.map_or("Linear".into(), |map| format!("{map:?}"));
+        let errors = (format!("{:.3e}", c.errors.contraction_max_m), format!("{:.3e}", c.errors.tr_max));
+        (asked_m.clone(), c.form, (c.size.clone(), map), Some(c.bytes), errors, Some(c.instructions), c.passes)
     };
     all.iter().map(row).collect()
 }

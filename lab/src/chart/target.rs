@@ -11,7 +11,6 @@ struct Way {
     symbol: String,
     name: String,
     instructions_mean: f64,
-    instructions_max: u64,
     bytes: Option<u64>,
     error: f64,
     error_of: String,
@@ -21,10 +20,6 @@ struct Way {
 const ROUNDING: f64 = 3e-8;
 
 impl Way {
-    fn bytes(&self, unit: &str) -> String {
-        self.bytes.map_or(String::new(), |b| format!(", {b} {unit}"))
-    }
-
     /// Tables, and the models in double precision.
     fn colour(&self) -> RGBColor {
         colour(if self.bytes.is_some() { 0 } else { 2 }, 6)
@@ -39,10 +34,11 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
     let (csv, ways) = inputs.measured::<Way>("cost.csv", "cargo xtask cost")?;
     // Numbered as in the key.
     let gaps: Vec<(usize, &Way)> = (1..).zip(ways.iter().filter(|w| w.error_of == "gap_m")).collect();
-    let key = gaps
-        .iter()
-        .map(|(k, way)| KeyRow::mark(Shape::Dot, way.colour(), format!("{k}  {}{}", way.name, way.bytes("B"))));
-    let key: Vec<KeyRow> = key.collect();
+    let row = |(k, way): &(usize, &Way)| {
+        let bytes = way.bytes.map_or(String::new(), |bytes| format!(", {bytes} B"));
+        KeyRow::mark(Shape::Dot, way.colour(), format!("{k}  {}{bytes}", way.name))
+    };
+    let key: Vec<KeyRow> = gaps.iter().map(row).collect();
     let figure = Figure {
         heading: "On the board: instructions against error".into(),
         rows: vec![vec![
@@ -58,14 +54,7 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
                 .into(),
         ],
     };
-    let findings = ways.iter().map(|w| {
-        let Way { name, instructions_mean, instructions_max, error, error_of, .. } = w;
-        let bytes = w.bytes("bytes");
-        format!(
-            "{name}: {instructions_mean:.0} instructions, at most {instructions_max}{bytes}, {error:.1e} ({error_of})"
-        )
-    });
-    Made::new("target", &figure, csv, findings.collect())
+    Made::new(&figure, csv, Vec::new())
 }
 
 fn gap_panel<'a>(

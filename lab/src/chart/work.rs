@@ -1,11 +1,9 @@
 //! Work against precision on the desktop: the cost of an equilibrium by every method and tier, and its error.
 
-use anyhow::{Context, Result, bail};
+use anyhow::Result;
 use rigctl::parallel::Progress;
 use rival_methods::Method;
 use std::hint::black_box;
-use std::path::Path;
-use std::process::Command;
 use std::time::{Duration, Instant};
 use tsa_model::{Equilibrium, Mechanism, SolveError, Tier, twist_from_turns};
 
@@ -46,11 +44,6 @@ impl Way {
             Self::Tier(tier) => mechanism.formal_tier(tier, load, twist),
         }
     }
-
-    /// Whether counting its instructions one by one ends within seconds.
-    fn is_countable(&self) -> bool {
-        !matches!(self, Self::Method(Method::Paper { steps: 65.., .. }))
-    }
 }
 
 /// Every line from coarse to fine.
@@ -89,8 +82,6 @@ pub struct Point {
     pub reason: Option<SolveError>,
     /// Least time for one state, of all rounds, the failed ones included (s).
     pub seconds: f64,
-    /// Instructions for one state, where they can be counted.
-    pub instructions: Option<f64>,
 }
 
 /// All points of a scene, and how well the reference is known.
@@ -134,7 +125,7 @@ pub fn measure(mechanism: &Mechanism, rounds: usize, progress: &Progress<'_>) ->
 }
 
 fn judged(way: Way, mechanism: &Mechanism, states: &[(f64, f64)], exact: &[f64]) -> Point {
-    let mut point = Point { way, error_m: 0.0, failed: 0, reason: None, seconds: f64::INFINITY, instructions: None };
+    let mut point = Point { way, error_m: 0.0, failed: 0, reason: None, seconds: f64::INFINITY };
     let begin = Instant::now();
     for (state, exact) in states.iter().zip(exact) {
         match way.solve(mechanism, *state) {
@@ -163,73 +154,4 @@ fn lap(way: Way, mechanism: &Mechanism, states: &[(f64, f64)]) -> f64 {
             return least;
         }
     }
-}
-
-/// The diagonal of the states: what is counted one by one.
-fn counted_states() -> Vec<(f64, f64)> {
-    states(COMPARED.0, COMPARED.1).into_iter().step_by(5).collect()
-}
-
-/// Callgrind's name of [`counted_pass`]; with a pattern instead it would not write a file after each.
-const COUNTED: &str = "lab::chart::work::counted_pass";
-
-/// Solves what [`count`] counts.
-#[inline(never)]
-fn counted_pass(way: Way, mechanism: &Mechanism, states: &[(f64, f64)]) {
-    for state in states {
-        let _ = black_box(way.solve(black_box(mechanism), black_box(*state)));
-    }
-}
-
-/// What [`count`] runs under callgrind: every countable way once.
-pub fn kernel(mechanism: &Mechanism) {
-    let states = counted_states();
-    ways().into_iter().filter(Way::is_countable).for_each(|way| counted_pass(way, mechanism, &states));
-}
-
-/// Fills in the instructions: this program again, as `bench kernel`, under callgrind. What is counted must be built as what is timed.
-///
-/// # Errors
-/// If there is no callgrind, or its output cannot be read.
-pub fn count(points: &mut [Point], scene_file: &Path) -> Result<()> {
-    let folder = std::env::temp_dir().join(format!("rigctl-chart-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
-    let counted = counts(scene_file, &folder);
-    let _ = std::fs::remove_dir_all(&folder);
-    let counted = counted?;
-    let countable: Vec<&mut Point> = points.iter_mut().filter(|p| p.way.is_countable()).collect();
-    if counted.len() != countable.len() {
-        bail!("callgrind counted {} of {} ways", counted.len(), countable.len());
-    }
-    let states = counted_states().len() as f64;
-    countable.into_iter().zip(counted).for_each(|(p, n)| p.instructions = Some(n / states));
-    Ok(())
-}
-
-fn counts(scene_file: &Path, folder: &Path) -> Result<Vec<f64>> {
-    let output = Command::new("valgrind")
-        .arg("--tool=callgrind")
-        .args(["--toggle-collect", "--dump-after"].map(|option| format!("{option}={COUNTED}")))
-        .arg(format!("--callgrind-out-file={}", folder.join("counted").display()))
-        .arg(std::env::current_exe()?)
-        .args(["bench", "kernel"])
-        .arg(scene_file)
-        .output()
-        .context("valgrind")?;
-    if !output.status.success() {
-        bail!("valgrind: {}", String::from_utf8_lossy(&output.stderr).lines().last().unwrap_or_default());
-    }
-    let mut counted = Vec::new();
-    // One file for each way, numbered from 1; what follows the last is in the file without a number.
-    for k in 1.. {
-        let file = folder.join(format!("counted.{k}"));
-        let Ok(text) = std::fs::read_to_string(&file) else { break };
-        let line = text.lines().find_map(|l| l.strip_prefix("summary: ").or_else(|| l.strip_prefix("totals: ")));
-        counted.push(line.and_then(|n| n.trim().parse().ok()).with_context(|| format!("{}", file.display()))?);
-    }
-    // The last one may hold nothing.
-    while counted.last() == Some(&0.0) {
-        counted.pop();
-    }
-    Ok(counted)
 }

@@ -3,12 +3,12 @@
 use super::rods;
 use super::work::{self, Measured, Point, Way};
 use super::{Inputs, Made, stem};
-use crate::csv;
+use crate::table;
 use anyhow::Result;
 use rig_config::Scene;
 use rigctl::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, RGBColor, Shape, colour};
 use rival_methods::Method;
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 use tsa_model::Tier;
 
 /// Where an error of nothing at all, or of rounding, is drawn (m).
@@ -39,19 +39,9 @@ struct Peer {
 const PEERS: [(&str, &str); 2] =
     [("solve_bvp", "one rod: SciPy's solve_bvp"), ("DOP853 shooting", "one rod: SciPy's DOP853, shooting")];
 
-/// A point, a line of `work-precision.csv`.
-#[derive(Default, Serialize)]
-struct Row {
-    scene: String,
-    method: String,
-    effort: String,
-    max_error_m: Option<String>,
-    us: Option<String>,
-    time_ratio: Option<String>,
-    instructions: Option<String>,
-    failed: usize,
-    failed_kind: &'static str,
-}
+/// Scene, method and effort, error (m), time (µs) and its ratio, how many states failed and why: a line of `work-precision.csv`.
+type Row = ([String; 3], [Option<String>; 3], usize, &'static str);
+const HEADER: &str = "scene,method,effort,max_error_m,us,time_ratio,failed,failed_kind";
 
 /// Measures the scene, the one with a plateau beside it and a slender rod, and draws them; beside them what `peers.csv`
 /// in the folder or in `out` holds.
@@ -60,39 +50,31 @@ struct Row {
 /// If a scene cannot be solved, or the drawing fails.
 pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
     let plateau = inputs.scene_file.with_file_name("niti-plateau.toml");
-    let mut scenes = vec![(inputs.scene.clone(), inputs.scene_file)];
+    let mut scenes = vec![(inputs.scene.mechanism()?, stem(inputs.scene_file), ROUNDS)];
     let mut left_out = Vec::new();
     match Scene::load(&plateau) {
-        Ok(other) => scenes.push((other, &plateau)),
+        Ok(other) => scenes.push((other.mechanism()?, stem(&plateau), ROUNDS)),
         Err(e) => left_out.push(e.to_string()),
     }
-    let mut cases = Vec::new();
-    for (scene, file) in &scenes {
-        let mut measured = work::measure(&scene.mechanism()?, ROUNDS, inputs.progress)?;
-        if let Err(e) = work::count(&mut measured.points, file) {
-            left_out.push(format!("instructions: {e:#}"));
-        }
-        cases.push(Case { name: stem(file), measured });
-    }
     // Its failures take so long that only their time is of interest.
-    let slender = work::measure(&rods::SLENDER.mechanism()?, 0, inputs.progress)?;
-    cases.push(Case { name: "slender rod".into(), measured: slender });
+    scenes.push((rods::SLENDER.mechanism()?, "slender rod".into(), 0));
+    let case = |(mechanism, name, rounds): (_, String, usize)| {
+        Ok(Case { name, measured: work::measure(&mechanism, rounds, inputs.progress)? })
+    };
+    let cases = scenes.into_iter().map(case).collect::<Result<Vec<Case>>>()?;
     let peers = inputs.measured::<Peer>("peers.csv", "cargo xtask bench");
     let peers = peers.map_err(|e| left_out.push(format!("{e:#}"))).map(|(_, peers)| peers).unwrap_or_default();
-    let is_counted = |case: &&Case| case.measured.points.iter().any(|p| p.instructions.is_some());
-    let mut second: Vec<Panel> = cases.iter().filter(is_counted).map(instructions).collect();
-    second.extend((!peers.is_empty()).then(|| peers_panel(&peers)));
-    let mut rows = vec![cases.iter().map(times).collect::<Vec<_>>()];
-    rows.extend((!second.is_empty()).then_some(second));
+    let panels = cases.iter().map(times).chain((!peers.is_empty()).then(|| peers_panel(&peers))).collect::<Vec<_>>();
     let figure = Figure {
         heading: "Work against precision: one full equilibrium on the desktop".into(),
-        rows,
-        panel_size: (420, 360),
+        rows: panels.chunks(2).map(<[Panel]>::to_vec).collect(),
+        panel_size: (560, 380),
         blocks: key(!peers.is_empty()),
-        notes: notes(&cases),
+        notes: vec![notes(&cases)],
     };
-    let csv = csv(cases.iter().flat_map(Case::rows).chain(peers.iter().map(|peer| peer.row(&peers))))?;
-    Ok(Made { left_out, ..Made::new("work-precision", &figure, csv, cases.iter().flat_map(findings).collect())? })
+    let rows = cases.iter().flat_map(Case::rows).chain(peers.iter().map(|peer| peer.row(&peers)));
+    let csv = table(HEADER, rows)?;
+    Ok(Made { left_out, ..Made::new(&figure, csv, cases.iter().flat_map(findings).collect())? })
 }
 
 /// Each method and its colour.
@@ -107,16 +89,11 @@ impl Case {
     }
 
     fn rows(&self) -> impl Iterator<Item = Row> {
-        self.measured.points.iter().map(|p| Row {
-            scene: self.name.clone(),
-            method: p.way.line().into(),
-            effort: p.way.effort(),
-            max_error_m: Some(format!("{:.3e}", p.error_m)),
-            us: Some(format!("{:.3}", p.seconds * 1e6)),
-            time_ratio: Some(format!("{:.2}", p.seconds / self.fastest_s())),
-            instructions: p.instructions.map(|n| format!("{n:.0}")),
-            failed: p.failed,
-            failed_kind: p.reason.map_or("", |e| e.kind()),
+        self.measured.points.iter().map(|p| {
+            let ratio = p.seconds / self.fastest_s();
+            let numbers = [format!("{:.3e}", p.error_m), format!("{:.3}", p.seconds * 1e6), format!("{ratio:.2}")];
+            let what = [self.name.clone(), p.way.line().into(), p.way.effort()];
+            (what, numbers.map(Some), p.failed, p.reason.map_or("", |e| e.kind()))
         })
     }
 }
@@ -129,56 +106,42 @@ impl Peer {
 
     fn row(&self, peers: &[Self]) -> Row {
         let number = |x: f64| format!("{x:.3e}");
-        Row {
-            scene: "one rod".into(),
-            method: self.solver.clone(),
-            effort: self.tolerance.map_or(String::new(), |t| format!("tolerance {t:.0e}")),
-            max_error_m: self.error_m.map(number),
-            us: self.us.map(|us| format!("{us:.3}")),
-            time_ratio: self.us.zip(Self::ours_us(peers)).map(|(us, ours)| number(us / ours)),
-            failed: self.failed,
-            ..Row::default()
-        }
+        let ratio = self.us.zip(Self::ours_us(peers)).map(|(us, ours)| number(us / ours));
+        let effort = self.tolerance.map_or(String::new(), |t| format!("tolerance {t:.0e}"));
+        let numbers = [self.error_m.map(number), self.us.map(|us| format!("{us:.3}")), ratio];
+        (["one rod".into(), self.solver.clone(), effort], numbers, self.failed, "")
     }
 }
 
 fn times(case: &Case) -> Panel {
-    let fastest_s = case.fastest_s();
-    panel(case, "time over the fastest's", RATIOS, |p| Some(p.seconds / fastest_s))
-}
-
-fn instructions(case: &Case) -> Panel {
-    panel(case, "instructions", [1e3, 3e9], |p| p.instructions)
-}
-
-fn panel(case: &Case, label: &str, range: [f64; 2], cost: impl Fn(&Point) -> Option<f64>) -> Panel {
     let Measured { points, states, .. } = &case.measured;
-    let place = |p: &Point| Some((p.error_m.clamp(FLOOR_M, ERRORS_M[1]), cost(p)?));
+    let fastest_s = case.fastest_s();
+    let place = |p: &Point| (p.error_m.clamp(FLOOR_M, ERRORS_M[1]), p.seconds / fastest_s);
     let mut items = Vec::new();
     for (name, colour) in colours() {
         let of_line = || points.iter().filter(|p| p.way.line() == name);
         let automatic = |p: &Point| p.way == Way::Method(Method::FirstIntegral { points: None });
-        items.push(Item::line(of_line().filter(|p| !automatic(p)).filter_map(place), Pen::solid(colour)));
-        items.extend(of_line().filter_map(|p| {
+        items.push(Item::line(of_line().filter(|p| !automatic(p)).map(place), Pen::solid(colour)));
+        items.extend(of_line().map(|p| {
             let shape = match p {
                 _ if p.failed > 0 => Shape::Circle,
                 _ if automatic(p) => Shape::Diamond,
                 _ => Shape::Dot,
             };
             // What has no answer at all stands at the right edge.
-            let (error, cost) = place(p)?;
-            Some(Item::mark((if p.failed == *states { ERRORS_M[1] } else { error }, cost), shape, colour))
+            let (error, cost) = place(p);
+            Item::mark((if p.failed == *states { ERRORS_M[1] } else { error }, cost), shape, colour)
         }));
     }
     for p in points {
-        let (Way::Tier(tier), Some(at)) = (p.way, place(p)) else { continue };
+        let (Way::Tier(tier), at) = (p.way, place(p)) else { continue };
         if p.failed > 0 {
             items.push(Item::mark(at, Shape::Square, INK));
         }
         items.push(Item::label(at, (1 + tier as usize).to_string(), INK));
     }
     let x = Axis::log("largest error of the gap, m", ERRORS_M);
-    Panel::new(format!("{}, {states} states", case.name), x, Axis::log(label, range), items)
+    Panel::new(format!("{}, {states} states", case.name), x, Axis::log("time over the fastest's", RATIOS), items)
 }
 
 /// One rod under a given force, which is what others can be asked for.
@@ -220,28 +183,14 @@ fn key(with_peers: bool) -> Vec<Block> {
     ]
 }
 
-fn notes(cases: &[Case]) -> Vec<String> {
-    let mut notes = vec![
-        "Loads of 1 to 17 N, 0 to 7.5 turns, one thread; a time is the least of three rounds, instructions are of \
-         four of the states. With a stated number of nodes the first integral makes its rule anew for each state. A \
-         square around a number: the model has no answer for some states."
-            .to_owned(),
-    ];
-    for Case { name, measured } in cases {
-        let mut failed: Vec<String> = Vec::new();
-        for line in measured.points.chunk_by(|a, b| a.way.line() == b.way.line()) {
-            let counts: Vec<usize> = line.iter().map(|p| p.failed).filter(|failed| *failed > 0).collect();
-            let (Some(least), Some(most)) = (counts.iter().min(), counts.iter().max()) else { continue };
-            let kind = line.iter().find_map(|p| p.reason).map_or("", |e| e.kind());
-            let often = if least == most { least.to_string() } else { format!("{least} to {most}") };
-            let who = if counts.len() == line.len() { "every point" } else { "some points" };
-            failed.push(format!("{} ({who}: {often} states, {kind})", line[0].way.line()));
-        }
-        let failed = if failed.is_empty() { "none failed".into() } else { failed.join("; ") };
-        let reference_m = measured.reference_m;
-        notes.push(format!("{name}: reference on 96 nodes, {reference_m:.0e} m from that on 64. Failed: {failed}."));
-    }
-    notes
+fn notes(cases: &[Case]) -> String {
+    let reference = |case: &Case| format!("{}: {:.0e} m", case.name, case.measured.reference_m);
+    format!(
+        "Loads of 1 to 17 N, 0 to 7.5 turns, one thread; a time is the least of three rounds. With a stated number of nodes \
+         the first integral makes its rule anew for each state. A square around a number: the model has no answer for some \
+         states. How many states failed, and why, is in the data. The reference has 96 nodes; it differs from that on 64 by: {}.",
+        cases.iter().map(reference).collect::<Vec<_>>().join(", ")
+    )
 }
 
 fn findings(case: &Case) -> Vec<String> {

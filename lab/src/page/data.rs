@@ -1,7 +1,6 @@
 //! What the page's script computes with: the solver's constants, the table's errors, the recorded move.
 
 use rig_config::{Accuracy, Envelope, Scene};
-use rigctl::log::Log;
 use rigctl::session::row::Row;
 use serde::Serialize;
 use std::f64::consts::TAU;
@@ -44,9 +43,6 @@ pub struct Move {
     position_m: Vec<Option<f64>>,
     setpoint_m: Vec<Option<f64>>,
 }
-
-/// One time (s) of a recorded move: twist (rad), load (N), position and set-point (m).
-type Moment = (f64, [Option<f64>; 4]);
 
 impl Data {
     /// Of a scene, its mechanism and its table, if it has one.
@@ -108,43 +104,18 @@ fn error_at(mechanism: &Mechanism, table: &Table<'_>, start_gap_m: f64, load_n: 
 }
 
 impl Move {
-    /// Of telemetry; the truth of an emulated rig takes the place of what the board estimates.
-    pub fn of_rows(what: String, rows: &[Row]) -> Self {
-        let moment = |r: &Row| {
-            let [twist_rad, load_n] = [r.twist_rad, r.load_n].map(|v| v.map(f64::from));
-            let [position_m, setpoint_m] = [r.position_m, r.setpoint_m].map(|v| v.map(f64::from));
-            (r.t_s, [r.true_twist_rad.or(twist_rad), r.true_load_n.or(load_n), position_m, setpoint_m])
-        };
-        Self::new(what, rows.iter().map(moment))
-    }
-
-    /// Of a recorded log.
-    pub fn of_log(what: String, log: &Log) -> Self {
-        Self::new(
-            what,
-            log.rows
-                .iter()
-                .map(|r| (r.t_s, [r.twist_rad, r.load_n, r.position_m, r.setpoint_m].map(|v| v.map(f64::from)))),
-        )
-    }
-
-    /// Every so many moments, and the last.
-    fn new(what: String, moments: impl ExactSizeIterator<Item = Moment>) -> Self {
-        let count = moments.len();
-        let every = count.div_ceil(MOST_ROWS).max(1);
+    /// Every so many rows of telemetry, and the last; the truth of an emulated rig takes the place of what the board estimates.
+    pub fn new(what: String, rows: &[Row]) -> Self {
+        let every = rows.len().div_ceil(MOST_ROWS).max(1);
         let mut columns = Self { what, ..Self::default() };
         let rounded = |value: Option<f64>, unit: f64| value.map(|v| (v / unit).round() * unit);
-        let mut first_s = None;
-        for (k, (t_s, [twist_rad, load_n, position_m, setpoint_m])) in moments.enumerate() {
-            let start_s = *first_s.get_or_insert(t_s);
-            if k % every != 0 && k + 1 != count {
-                continue;
-            }
-            columns.t_s.push(((t_s - start_s) * 1e3).round() * 1e-3);
+        for (_, row) in rows.iter().enumerate().filter(|(k, _)| k % every == 0 || k + 1 == rows.len()) {
+            let twist_rad = row.true_twist_rad.or(row.twist_rad.map(f64::from));
+            columns.t_s.push(((row.t_s - rows[0].t_s) * 1e3).round() * 1e-3);
             columns.turns.push(rounded(twist_rad.map(|t| (t - PRETWIST_RAD) / TAU), 1e-5));
-            columns.load_n.push(rounded(load_n, 1e-4));
-            columns.position_m.push(rounded(position_m, 1e-7));
-            columns.setpoint_m.push(rounded(setpoint_m, 1e-7));
+            columns.load_n.push(rounded(row.true_load_n.or(row.load_n.map(f64::from)), 1e-4));
+            columns.position_m.push(rounded(row.position_m.map(f64::from), 1e-7));
+            columns.setpoint_m.push(rounded(row.setpoint_m.map(f64::from), 1e-7));
         }
         columns
     }
@@ -156,9 +127,12 @@ mod tests {
 
     #[test]
     fn a_long_record_is_thinned_and_keeps_its_ends() {
-        let at = |k: u16| [Some(twist_from_turns(0.001 * f64::from(k))), None, Some(1e-6 * f64::from(k)), None];
-        let moments: Vec<Moment> = (0..2501).map(|k| (7.0 + 0.01 * f64::from(k), at(k))).collect();
-        let columns = Move::new(String::new(), moments.into_iter());
+        let row = |k: u16| {
+            let (t_s, twist_rad) = (7.0 + 0.01 * f64::from(k), twist_from_turns(0.001 * f64::from(k)));
+            serde_json::from_value(serde_json::json!({ "t_s": t_s, "state": "ready", "true_twist_rad": twist_rad }))
+        };
+        let rows = (0..2501).map(row).collect::<Result<Vec<Row>, _>>().unwrap();
+        let columns = Move::new(String::new(), &rows);
         assert!(columns.t_s.len() <= MOST_ROWS + 1, "{}", columns.t_s.len());
         assert_eq!((columns.t_s[0], columns.t_s.last().copied()), (0.0, Some(25.0)));
         let last = columns.turns.last().copied().flatten().expect("turns");

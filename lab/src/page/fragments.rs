@@ -1,7 +1,7 @@
 //! The parts of the page that need no script, as HTML.
 
 use crate::scene_key;
-use crate::table_report::{TableReport, map_name};
+use crate::table_report::TableReport;
 use rig_config::Scene;
 use serde_json::Value;
 use std::fmt::Write as _;
@@ -12,17 +12,8 @@ pub struct Figure {
     pub name: &'static str,
     /// What it shows.
     pub title: &'static str,
-    /// Picture and findings, or in words why it is missing.
-    pub content: Result<Picture, String>,
-}
-
-/// A picture, if there is one, and what it shows in a few lines.
-#[derive(Default)]
-pub struct Picture {
-    /// SVG.
-    pub svg: Option<String>,
-    /// What it shows.
-    pub findings: Vec<String>,
+    /// SVG, if there is a picture, and what it shows in a few lines; or in words why it is missing.
+    pub content: Result<(Option<String>, Vec<String>), String>,
 }
 
 /// Text that HTML shows as it is.
@@ -34,7 +25,7 @@ pub fn escaped(text: &str) -> String {
 pub fn figure(figure: &Figure) -> String {
     let title = escaped(figure.title);
     match &figure.content {
-        Ok(Picture { svg, findings }) => {
+        Ok((svg, findings)) => {
             let mut text = format!("<details class=\"figure\"><summary>{title}</summary>\n");
             if let Some(svg) = svg {
                 // The declaration of an XML file has no place inside a page.
@@ -76,24 +67,12 @@ pub fn certificate(table: &TableReport<'_>) -> String {
     for sentence in table.sentences() {
         let _ = writeln!(text, "<li>{}</li>", escaped(&sentence));
     }
-    text += "</ul>\n<details><summary>Every table that was considered</summary><div class=\"wide\"><table><thead><tr>\
-             <th>Form</th><th>Size</th><th>Load map</th><th>Bytes</th><th>Instructions</th><th>Largest error</th>\
-             <th>TR</th><th>Passes</th></tr></thead><tbody>\n";
-    for c in &table.candidates {
-        let _ = writeln!(
-            text,
-            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{:.3} µm</td><td>{:.3} %</td><td>{}</td></tr>",
-            escaped(c.form),
-            escaped(&c.size),
-            escaped(&map_name(c.load_map)),
-            c.bytes,
-            c.instructions,
-            c.errors.contraction_max_m * 1e6,
-            c.errors.tr_max * 1e2,
-            if c.passes { "yes" } else { "no" },
-        );
+    text += "</ul>\n<details><summary>Every table that was considered</summary><div class=\"wide\"><table>\n";
+    for (row, tag) in table.considered().zip(["th"].into_iter().chain(std::iter::repeat("td"))) {
+        let cells = row.map(|cell| format!("<{tag}>{}</{tag}>", escaped(&cell)));
+        let _ = writeln!(text, "<tr>{}</tr>", cells.concat());
     }
-    text + "</tbody></table></div></details>\n"
+    text + "</table></div></details>\n"
 }
 
 #[cfg(test)]
@@ -102,7 +81,7 @@ mod tests {
 
     #[test]
     fn nothing_from_outside_becomes_markup() {
-        let picture = Picture { svg: Some("<?xml?><svg></svg>".into()), findings: vec!["1 & <script>".into()] };
+        let picture = (Some("<?xml?><svg></svg>".into()), vec!["1 & <script>".into()]);
         let text = figure(&Figure { name: "margin", title: "Margin", content: Ok(picture) });
         assert!(
             text.contains("<div class=\"paper\"><svg></svg></div>") && text.contains("1 &amp; &lt;script&gt;"),

@@ -10,12 +10,8 @@ pub mod data;
 pub mod fragments;
 pub mod report;
 
-use crate::table_report::TableReport;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use data::Data;
-use fragments::{Figure, escaped};
-use rig_config::Scene;
 use rigctl::failure::Failure;
 
 /// The compiled solver, or why there is none.
@@ -35,59 +31,27 @@ const SCRIPT: [&str; 8] = [
     include_str!("../../web/page/main.js"),
 ];
 
-/// What the page shows.
-pub struct Page<'a> {
-    /// The scene's file, for the title.
-    pub name: &'a str,
-    /// The scene.
-    pub scene: &'a Scene,
-    /// What the script computes with.
-    pub data: &'a Data,
-    /// The table's certificate, or why there is no table.
-    pub table: Result<TableReport<'a>, String>,
-    /// The charts.
-    pub figures: &'a [Figure],
-    /// The recorded move.
-    pub recorded: &'a Figure,
-}
-
 /// The solver, in the form in which it goes into a page.
 ///
 /// # Errors
 /// What was missing when this program was built.
-pub fn solver() -> Result<String, Failure> {
+fn solver() -> Result<String, Failure> {
     let bytes =
         SOLVER.map_err(|why| Failure::failed(format!("this rigctl was built without the page's solver: {why}")))?;
     Ok(STANDARD.encode(bytes))
 }
 
-/// The page as HTML.
+/// The page as HTML, of what belongs in the places of the layout.
 ///
 /// # Errors
 /// As [`solver`].
-pub fn html(page: &Page<'_>) -> Result<String, Failure> {
-    let certificate = match &page.table {
-        Ok(table) => fragments::certificate(table),
-        Err(why) => format!("<p>There is no table: {}</p>", escaped(why)),
-    };
-    // `<` starts a tag in a script of data, too.
-    let data = serde_json::to_string(page.data)?.replace('<', "\\u003c");
-    let parts = [
-        ("title", escaped(page.name)),
-        ("style", STYLE.into()),
-        ("constants", fragments::constants(page.scene)),
-        ("certificate", certificate),
-        ("figures", page.figures.iter().map(fragments::figure).collect()),
-        ("recorded", fragments::figure(page.recorded)),
-        ("data", data),
-        ("solver", solver()?),
-        ("script", SCRIPT.join("\n")),
-    ];
-    Ok(filled(LAYOUT, &parts))
+fn html(parts: Vec<(&str, String)>) -> Result<String, Failure> {
+    let own = [("style", STYLE.into()), ("solver", solver()?), ("script", SCRIPT.join("\n"))];
+    Ok(filled(LAYOUT, &own.into_iter().chain(parts).collect::<Vec<_>>()))
 }
 
-/// The layout with each `{{name}}` replaced. What is put in is not searched again.
-fn filled(layout: &str, parts: &[(&str, String)]) -> String {
+/// A layout with each `{{name}}` replaced. What is put in is not searched again.
+pub fn filled(layout: &str, parts: &[(&str, String)]) -> String {
     let mut text = String::new();
     let mut pieces = layout.split("{{");
     text += pieces.next().unwrap_or_default();

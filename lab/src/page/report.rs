@@ -1,8 +1,8 @@
 //! `report`: one page with the mechanism and its solver, the table's certificate, charts, stability map, a recorded move.
 
+use crate::page;
 use crate::page::data::{Data, Move};
-use crate::page::fragments::{Figure, Picture};
-use crate::page::{self, Page};
+use crate::page::fragments::{self, Figure, escaped};
 use crate::table_report::TableReport;
 use rig_config::Scene;
 use rigctl::failure::Failure;
@@ -57,9 +57,19 @@ impl Arguments {
         };
         let lookup = fit.as_ref().ok().map(|fit| fit.table.table());
         let data = Data::new(&scene, &mechanism, lookup.as_ref(), moved);
-        let name = global.scene.display().to_string();
-        let page = Page { name: &name, scene: &scene, data: &data, table, figures: &figures, recorded: &recorded };
-        file.write(&page::html(&page)?)?;
+        let certificate = match &table {
+            Ok(table) => fragments::certificate(table),
+            Err(why) => format!("<p>There is no table: {}</p>", escaped(why)),
+        };
+        file.write(&page::html(vec![
+            ("title", escaped(&global.scene.display().to_string())),
+            ("constants", fragments::constants(&scene)),
+            ("certificate", certificate),
+            ("figures", figures.iter().map(fragments::figure).collect()),
+            ("recorded", fragments::figure(&recorded)),
+            // `<` starts a tag in a script of data, too.
+            ("data", serde_json::to_string(&data)?.replace('<', "\\u003c")),
+        ])?)?;
         let missing = figures.iter().chain([&recorded]).filter(|f| f.content.is_err()).map(|f| f.name);
         output.object(&serde_json::json!({ "report": self.out, "missing": missing.collect::<Vec<_>>() }))?;
         output.line(format!("written: {}", self.out.display()))?;
@@ -73,18 +83,19 @@ impl Arguments {
             return Err(Failure::failed(format!("--charts {}: there is no such folder", folder.display())));
         }
         let mut figures = Vec::new();
-        for (name, title) in crate::chart::FIGURES {
+        for kind in crate::chart::FIGURES {
+            let (name, title, ..) = kind;
             let content = match &self.charts {
                 Some(folder) => match rig_config::files::read_to_string(&folder.join(format!("{name}.svg"))) {
-                    Ok(svg) => Ok(Picture { svg: Some(svg), findings: Vec::new() }),
+                    Ok(svg) => Ok((Some(svg), Vec::new())),
                     // A table has no picture, and the folder may hold only some figures.
                     Err(_) => continue,
                 },
                 None => {
                     output.line(format!("{name} …"))?;
                     output.flush()?;
-                    let made = crate::chart::make(name, scene, &global.scene, beside).map_err(Failure::from);
-                    made.map(|made| Picture { svg: made.svg, findings: made.findings }).map_err(|e| why(name, &e))
+                    let made = crate::chart::make(kind, scene, &global.scene, beside).map_err(Failure::from);
+                    made.map(|made| (made.svg, made.findings)).map_err(|e| why(name, &e))
                 }
             };
             figures.push(Figure { name, title, content });
@@ -111,14 +122,14 @@ fn of_log(path: &Path, log: &Log, scene: &Scene) -> (Figure, Option<Move>) {
     if log.header.get("scene_hash").is_some_and(|recorded| recorded != hash) {
         what += " It was recorded with another scene than this page's: the drawing need not agree with the positions.";
     }
-    let picture = Picture { svg: None, findings: vec![what.clone()] };
-    (Figure { name: "move", title: MOVED, content: Ok(picture) }, Some(Move::of_log(what, log)))
+    let content = Ok((None, vec![what.clone()]));
+    (Figure { name: "move", title: MOVED, content }, Some(Move::new(what, &log.rows)))
 }
 
 /// A move on the emulated board as a picture with its figures, and as data.
 fn on_the_emulated_board(global: &Global, gear: f64) -> (Figure, Option<Move>) {
     let (load_kg, twist_rad) = MOVE;
-    let made = || -> Result<(Picture, Move), Failure> {
+    let made = || -> Result<_, Failure> {
         let options = global.emulated()?;
         let m = recorded_move::record(&options, load_kg, twist_rad, gear)?;
         let findings = vec![
@@ -130,12 +141,13 @@ fn on_the_emulated_board(global: &Global, gear: f64) -> (Figure, Option<Move>) {
             format!("error at rest {:+.1} um; core busy {:.2} %", m.true_error_at_rest_m * 1e6, 100.0 * m.core_busy),
         ];
         let what = format!("A move of {load_kg} kg on the emulated board and rig; nothing here has met hardware.");
-        Ok((Picture { svg: Some(draw(&[(m.load_kg, &m.rows)])?), findings }, Move::of_rows(what, &m.rows)))
+        Ok(((Some(draw(&[(m.load_kg, &m.rows)])?), findings), Move::new(what, &m.rows)))
     };
-    match made() {
-        Ok((picture, moved)) => (Figure { name: "move", title: MOVED, content: Ok(picture) }, Some(moved)),
-        Err(failure) => (Figure { name: "move", title: MOVED, content: Err(why("move", &failure)) }, None),
-    }
+    let (content, moved) = match made() {
+        Ok((picture, moved)) => (Ok(picture), Some(moved)),
+        Err(failure) => (Err(why("move", &failure)), None),
+    };
+    (Figure { name: "move", title: MOVED, content }, moved)
 }
 
 /// Why a part is missing; it is printed at once.

@@ -1,11 +1,13 @@
 //! The paper's numbers beside the same numbers computed: rows for machines, tables for people, CSV.
 
-use super::numbers::{self, Computed, Group, Kind, Quantity, Ratio, RatioQuantity, Row, Unit, changed_mechanism};
+use super::numbers::{self, Computed, Kind, Ratio, Row, changed_mechanism};
 use super::{contradictions, geometry};
-use crate::csv;
+use crate::{csv, table};
 use anyhow::Result;
 use rig_config::Scene;
 use rigctl::failure::ErrorBody;
+use rigctl::identify::data::Quantity;
+use rigctl::statistics::Errors;
 use serde::Serialize;
 use serde_json::Value;
 
@@ -34,7 +36,7 @@ pub(super) struct Set {
 struct NumberLine<'a> {
     scene: &'a str,
     id: &'a str,
-    quantity: Quantity,
+    quantity: &'a str,
     kind: Kind,
     load_n: f64,
     changes: &'a str,
@@ -42,29 +44,12 @@ struct NumberLine<'a> {
     computed: Option<f64>,
     error: Option<f64>,
     limit: Option<&'a str>,
-    unit: Unit,
+    unit: &'a str,
     warnings: String,
     r#where: &'a str,
     /// The limit in words.
     #[serde(skip)]
     body: Option<&'a ErrorBody>,
-}
-
-/// A line of `ratios.csv`.
-#[derive(Serialize)]
-struct RatioLine<'a> {
-    scene: &'a str,
-    id: &'a str,
-    quantity: RatioQuantity,
-    kind: Kind,
-    load_n: f64,
-    to_load_n: f64,
-    turns: f64,
-    published: f64,
-    computed: Option<f64>,
-    error: Option<f64>,
-    limit: Option<&'a str>,
-    r#where: &'a str,
 }
 
 /// Computed over published, less one; none where nothing was computed.
@@ -122,7 +107,7 @@ impl Comparison {
         rows.map(|(set, (row, computed))| NumberLine {
             scene: &set.name,
             id: &row.id,
-            quantity: row.quantity,
+            quantity: &row.quantity,
             kind: row.kind,
             load_n: row.load_n,
             changes: &row.changes,
@@ -130,7 +115,7 @@ impl Comparison {
             computed: computed.as_ref().ok().map(|c| c.value),
             error: relative_error(row.value, computed),
             limit: computed.as_ref().err().map(|limit| limit.kind.as_str()),
-            unit: row.unit,
+            unit: &row.unit,
             warnings: computed.as_ref().map_or(String::new(), |c| c.warnings.join(" ")),
             r#where: &row.place,
             body: computed.as_ref().err(),
@@ -171,22 +156,15 @@ impl Comparison {
     pub fn data(&self) -> Result<Vec<(String, String)>> {
         let mut ratios = Vec::new();
         for set in &self.sets {
-            ratios.extend(self.ratios.iter().zip(&set.ratios).map(|(ratio, computed)| RatioLine {
-                scene: &set.name,
-                id: &ratio.id,
-                quantity: ratio.quantity,
-                kind: ratio.kind,
-                load_n: ratio.load_n,
-                to_load_n: ratio.to_load_n,
-                turns: ratio.turns,
-                published: ratio.value,
-                computed: computed.as_ref().ok().copied(),
-                error: computed.as_ref().ok().map(|v| v / ratio.value - 1.0),
-                limit: computed.as_ref().err().map(|limit| limit.kind.as_str()),
-                r#where: &ratio.place,
+            ratios.extend(self.ratios.iter().zip(&set.ratios).map(|(r, computed)| {
+                let (value, limit) = (computed.as_ref().ok(), computed.as_ref().err().map(|limit| &limit.kind));
+                let error = value.map(|v| v / r.value - 1.0);
+                let what = (&set.name, &r.id, r.quantity, r.kind, r.load_n, r.to_load_n, r.turns);
+                (what, r.value, value, error, limit, &r.place)
             }));
         }
-        Ok(vec![("published.csv".into(), csv(self.lines())?), ("ratios.csv".into(), csv(ratios)?)])
+        let header = "scene,id,quantity,kind,load_n,to_load_n,turns,published,computed,error,limit,where";
+        Ok(vec![("published.csv".into(), csv(self.lines())?), ("ratios.csv".into(), table(header, ratios)?)])
     }
 
     /// Tables, remarks and sums of errors for people, in lines.
@@ -233,10 +211,10 @@ impl Comparison {
         }
         lines.push(heading.trim_end().to_owned());
         for (k, row) in self.rows.iter().enumerate() {
-            let (quantity, kind, unit) = (name(&row.quantity)?, name(&row.kind)?, row.unit.name());
-            let mut line = format!("{:<20} {quantity:<25} {kind:<10} {:>9.2} {unit:<6}", row.id, row.value);
+            let (Row { id, quantity, value, unit, .. }, kind) = (row, name(&row.kind)?);
+            let mut line = format!("{id:<20} {quantity:<25} {kind:<10} {value:>9.2} {unit:<6}");
             for outcome in self.sets.iter().map(|set| &set.numbers[k]) {
-                let places = if row.unit == Unit::Millimetre { 3 } else { 4 };
+                let places = if row.group() == Quantity::Tr { 4 } else { 3 };
                 let value = outcome.as_ref().map_or("refused".into(), |c| format!("{:.places$}", c.value));
                 let mark = if remark(outcome).is_some() { '!' } else { ' ' };
                 line += &format!("  {value:>9}  {:>8} {mark}", per_cent(relative_error(row.value, outcome)));
@@ -249,11 +227,11 @@ impl Comparison {
     /// Sums of a set's errors.
     fn errors(&self, set: &Set, lines: &mut Vec<String>) {
         lines.extend([String::new(), format!("relative errors of {}", set.name)]);
-        for (group, title) in [(Group::Contraction, "contraction"), (Group::Tr, "TR"), (Group::Span, "span")] {
+        for (group, title) in [(Quantity::Contraction, "contraction"), (Quantity::Tr, "TR"), (Quantity::Span, "span")] {
             for (kind, title) in
                 [(None, title), (Some(Kind::Theory), "  theory"), (Some(Kind::Experiment), "  experiment")]
             {
-                let belongs = |r: &Row| r.quantity.group() == group && kind.is_none_or(|kind| kind == r.kind);
+                let belongs = |r: &Row| r.group() == group && kind.is_none_or(|kind| kind == r.kind);
                 let rows: Vec<_> = self.rows.iter().zip(&set.numbers).filter(|(row, _)| belongs(row)).collect();
                 if kind.is_none() || !rows.is_empty() {
                     lines.push(errors_line(title, &rows));
@@ -265,14 +243,12 @@ impl Comparison {
 
 /// Count, rms, median and worst of some rows' errors.
 fn errors_line(title: &str, rows: &[(&Row, &Result<Computed, ErrorBody>)]) -> String {
-    let errors = rows.iter().filter_map(|(row, c)| Some((relative_error(row.value, c)?, &row.id)));
-    let mut errors: Vec<(f64, &String)> = errors.collect();
-    errors.sort_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
-    let n = errors.len();
-    let of = if n < rows.len() { format!(" of {}", rows.len()) } else { String::new() };
-    let Some((worst, id)) = errors.last() else { return format!("{title:<24} none computed{of}") };
-    let rms = 100.0 * (errors.iter().map(|e| e.0 * e.0).sum::<f64>() / n as f64).sqrt();
-    let median = 100.0 * 0.5 * (errors[(n - 1) / 2].0.abs() + errors[n / 2].0.abs());
-    let worst = per_cent(Some(*worst));
-    format!("{title:<24} {n:>3}{of}   rms {rms:>6.2} %   median {median:>6.2} %   worst {worst} ({id})")
+    let errors = || rows.iter().filter_map(|(row, c)| Some((relative_error(row.value, c)?, &row.id)));
+    let of = |n: usize| if n < rows.len() { format!(" of {}", rows.len()) } else { String::new() };
+    let Some((worst, id)) = errors().max_by(|a, b| a.0.abs().total_cmp(&b.0.abs())) else {
+        return format!("{title:<24} none computed{}", of(0));
+    };
+    let Errors { count, rms, median, .. } = Errors::over(errors().map(|(error, _)| error));
+    let ([rms, median], worst) = ([100.0 * rms, 100.0 * median], per_cent(Some(worst)));
+    format!("{title:<24} {count:>3}{}   rms {rms:>6.2} %   median {median:>6.2} %   worst {worst} ({id})", of(count))
 }

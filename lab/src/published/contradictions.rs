@@ -5,9 +5,10 @@
 //! less. A number v that stands for two printed ones a > b has at least the relative error (a − b)/(a + b) to one of
 //! them. For several numbers in such an order the largest of these errors is also enough.
 
-use super::numbers::{Group, Kind, Row, apply};
+use super::numbers::{Kind, Row, apply};
 use anyhow::Result;
 use rig_config::Scene;
+use rigctl::identify::data::Quantity;
 
 /// Table 1.
 const PRINTED: &str = include_str!("../../../scenes/paper-printed.toml");
@@ -29,7 +30,7 @@ pub struct Contradiction<'a> {
 /// If Table 1 or a row's changes cannot be read.
 pub fn contradictions(rows: &[Row]) -> Result<Vec<Contradiction<'_>>> {
     let table = Scene::from_toml_str(PRINTED)?;
-    let contractions = rows.iter().filter(|row| row.quantity.group() == Group::Contraction);
+    let contractions = rows.iter().filter(|row| row.group() == Quantity::Contraction);
     let scenes = contractions.map(|row| Ok((row, apply(&table, &row.changes)?))).collect::<Result<Vec<_>>>()?;
     let mut found = Vec::new();
     for (k, first) in scenes.iter().enumerate() {
@@ -83,7 +84,7 @@ pub(super) fn text(rows: &[Row]) -> Result<Vec<String>> {
             .into(),
     ];
     for Contradiction { rows: [more, less], why, error } in &found {
-        let named = |row: &Row| format!("{} ({:.2} {} at {} N)", row.id, row.value, row.unit.name(), row.load_n);
+        let named = |row: &Row| format!("{} ({:.2} {} at {} N)", row.id, row.value, row.unit, row.load_n);
         lines.push(format!("{:>6.2} %  {:<35} and {:<27}  {why}", 100.0 * error, named(more), named(less)));
     }
     let computed = least(&found, |c| c.rows.iter().all(|row| row.kind == Kind::Theory));

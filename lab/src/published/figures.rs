@@ -2,16 +2,17 @@
 
 use super::comparison::{Comparison, Set, per_cent, relative_error, remark};
 use super::geometry;
-use super::numbers::{Group, Kind, Row, TURNS, changed_mechanism};
+use super::numbers::{Kind, Row, TURNS, changed_mechanism};
 use crate::curves::{self, Curve, PublishedPoint};
 use crate::scene_key;
 use crate::trace::{End, Trace, trace};
 use anyhow::{Context, Result};
 use rig_config::Scene;
 use rig_plant::units::STANDARD_GRAVITY as STANDARD_GRAVITY_M_PER_S2;
+use rigctl::identify::data::Quantity;
 use rigctl::plot::{Axis, Block, Figure, GREY, Item, KeyRow, Panel, Pen, RGBColor, Sample, Shape, colour, extent};
 use std::f64::consts::TAU;
-use tsa_model::{Mechanism, SolveError, twist_from_turns};
+use tsa_model::{Mechanism, twist_from_turns};
 
 /// Loads of Fig. 6 (N): the text names the first and the last.
 const LOADS: [f64; 5] = [1.0, 5.0, 9.0, 13.0, 17.0];
@@ -104,7 +105,7 @@ impl Comparison {
         // Each point in the colour of its curve.
         let marks = self.rows.iter().filter(|row| row.place == place).filter_map(|row| {
             let k = members.iter().position(|m| m.prints(row))?;
-            let (group, turns) = (row.quantity.group(), row.quantity.turns());
+            let (group, turns) = (row.group(), row.turns());
             Some(PublishedPoint { group, kind: row.kind, turns, value: row.value, colour: colour(k, members.len()) })
         });
         let marks: Vec<PublishedPoint> = marks.collect();
@@ -120,8 +121,8 @@ impl Comparison {
                 _ => title.into(),
             },
             rows: curves::grid(vec![
-                self.titled('a', "contraction", panels(Group::Contraction)),
-                self.titled('b', "transmission ratio", panels(Group::Tr)),
+                self.titled('a', "contraction", panels(Quantity::Contraction)),
+                self.titled('b', "transmission ratio", panels(Quantity::Tr)),
             ]),
             panel_size: if self.sets.len() > 1 { (430, 370) } else { (590, 430) },
             blocks,
@@ -154,7 +155,7 @@ impl Comparison {
                 let mark = if remark(&set.numbers[k]).is_some() { " !" } else { "" };
                 format!("{}{mark}", per_cent(relative_error(row.value, &set.numbers[k])))
             };
-            let first = [row.id.clone(), format!("{:.2} {}", row.value, row.unit.name())];
+            let first = [row.id.clone(), format!("{:.2} {}", row.value, row.unit)];
             let cells = first.into_iter().chain(self.sets.iter().map(cell)).collect();
             KeyRow { sample: Some(Sample::Mark(curves::shape(row.kind), GREY)), cells }
         });
@@ -186,7 +187,7 @@ impl Comparison {
         let mut curves = Vec::new();
         for set in &self.sets {
             let mechanism = set.scene.mechanism()?;
-            curves.push(AVERAGED.map(|(turns, colour)| AgainstLoad::new(&mechanism, loads, turns, colour)));
+            curves.push(AVERAGED.map(|(turns, _)| against_load(&mechanism, loads, turns)));
         }
         let mut key = vec![
             KeyRow::text(["averages at 12.5 rpm"]),
@@ -194,12 +195,8 @@ impl Comparison {
         ];
         let computed = |(turns, colour)| KeyRow::line(Pen::solid(colour), format!("computed, over {turns} turns"));
         key.extend(AVERAGED.map(computed));
-        for (number, curves) in (1..).zip(&curves) {
-            let set = if self.sets.len() > 1 { format!("set {number}, ") } else { String::new() };
-            for (curve, (at, kind)) in curves.iter().flat_map(|c| c.ends.iter().map(move |end| (c, end))) {
-                let place = at.map_or("everywhere".into(), |(load_n, _)| format!("at {load_n:.2} N"));
-                key.push(KeyRow::mark(Shape::Cross, curve.colour, format!("{set}{kind} {place}")));
-            }
+        if curves.iter().flatten().flatten().any(|(_, contraction)| contraction.is_none()) {
+            key.push(KeyRow::mark(Shape::Cross, GREY, "limit of the model"));
         }
         let mut figure = self.against_turns("Fig. 13: the experiment's loads", "load", place, &members);
         figure.blocks.insert(1, Block { rows: key });
@@ -273,59 +270,28 @@ fn titled_with(title: &str, changes: &str) -> String {
     if changes.is_empty() { title.to_owned() } else { format!("{title}, with {changes} m (inferred)") }
 }
 
-/// Contraction (mm) against load (N) over so many turns, in pieces where the model allows it, and its limits with their places.
-struct AgainstLoad {
-    turns: f64,
-    colour: RGBColor,
-    pieces: Vec<Vec<(f64, f64)>>,
-    ends: Vec<(Option<(f64, f64)>, &'static str)>,
-}
+/// Contraction (mm) over so many turns against load (N), where the model allows it.
+type AgainstLoad = Vec<(f64, Option<f64>)>;
 
-impl AgainstLoad {
-    fn new(mechanism: &Mechanism, [low, high]: [f64; 2], turns: f64, colour: RGBColor) -> Self {
-        const STEPS: u32 = 60;
-        let contraction_mm = |load_n| -> Result<f64, SolveError> {
-            let gap = |turns| mechanism.solve(load_n, twist_from_turns(turns)).map(|e| e.gap_m);
-            Ok(1e3 * (gap(0.0)? - gap(turns)?))
-        };
-        let (mut pieces, mut ends) = (vec![Vec::new()], Vec::new());
-        let mut refused = None;
-        for k in 0..=STEPS {
-            let load_n = low + (high - low) * f64::from(k) / f64::from(STEPS);
-            match contraction_mm(load_n) {
-                Ok(value) => {
-                    let point = (load_n, value);
-                    ends.extend(refused.take().map(|kind| (Some(point), kind)));
-                    pieces.last_mut().into_iter().for_each(|piece: &mut Vec<_>| piece.push(point));
-                }
-                Err(error) => {
-                    if let Some(last) = pieces.last().and_then(|piece| piece.last()).copied() {
-                        ends.push((Some(last), error.kind()));
-                        pieces.push(Vec::new());
-                    }
-                    refused = Some(error.kind());
-                }
-            }
-        }
-        // Refused from the first load to the last: a limit with no place to mark.
-        if pieces.iter().all(Vec::is_empty) {
-            ends.extend(refused.map(|kind| (None, kind)));
-        }
-        Self { turns, colour, pieces, ends }
-    }
+fn against_load(mechanism: &Mechanism, [low, high]: [f64; 2], turns: f64) -> AgainstLoad {
+    const STEPS: u32 = 60;
+    let loads = (0..=STEPS).map(|k| low + (high - low) * f64::from(k) / f64::from(STEPS));
+    let gap_m = |load_n, turns| Some(mechanism.solve(load_n, twist_from_turns(turns)).ok()?.gap_m);
+    loads.map(|load_n| (load_n, gap_m(load_n, 0.0).zip(gap_m(load_n, turns)).map(|(a, b)| 1e3 * (a - b)))).collect()
 }
 
 /// Panels of a mean over the first turns, of the contraction (mm) over them, against load, one for each set.
 fn averages(label: &str, mean: fn(f64, f64) -> f64, curves: &[[AgainstLoad; 2]], printed: &[&Row]) -> Vec<Panel> {
-    let measured = printed.iter().map(|r| (r.load_n, mean(r.value, r.quantity.turns())));
+    let measured = printed.iter().map(|r| (r.load_n, mean(r.value, r.turns())));
     let measured: Vec<(f64, f64)> = measured.collect();
     let panel_items = |curves: &[AgainstLoad; 2]| {
         let mut items = Vec::new();
-        for c in curves {
-            let at = |(load_n, contraction_mm): &(f64, f64)| (*load_n, mean(*contraction_mm, c.turns));
-            items.extend(c.pieces.iter().map(|piece| Item::line(piece.iter().map(at), Pen::solid(c.colour))));
-            let ends = c.ends.iter().filter_map(|(end, _)| end.as_ref());
-            items.extend(ends.map(|end| Item::mark(at(end), Shape::Cross, c.colour)));
+        for (curve, (turns, colour)) in curves.iter().zip(AVERAGED) {
+            let at = |(load_n, contraction_mm): &(f64, Option<f64>)| Some((*load_n, mean((*contraction_mm)?, turns)));
+            let pieces = curve.chunk_by(|a, b| a.1.is_some() == b.1.is_some());
+            items.extend(pieces.map(|piece| Item::line(piece.iter().filter_map(at), Pen::solid(colour))));
+            let ends = curve.windows(2).filter(|pair| pair[0].1.is_some() != pair[1].1.is_some());
+            items.extend(ends.flatten().filter_map(at).map(|end| Item::mark(end, Shape::Cross, colour)));
         }
         items.extend(measured.iter().map(|at| Item::mark(*at, Shape::Diamond, AVERAGED[1].1)));
         items

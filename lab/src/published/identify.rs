@@ -1,6 +1,6 @@
 //! `identify --published`: a scene's constants from the paper's numbers instead of recorded sweeps.
 
-use super::numbers::{self, Group, Kind};
+use super::numbers::{self, Kind};
 use rig_config::Scene;
 use rigctl::commands::identify::{self, Identify, given, place, print, write};
 use rigctl::failure::Failure;
@@ -65,15 +65,16 @@ fn data(scene: &Scene, held_out: &[String]) -> Result<Data, Failure> {
     }
     let mut data = Data::default();
     for r in rows {
-        let (quantity, group, si) = match r.quantity.group() {
-            Group::Contraction => (Quantity::Contraction, "contraction", 1e-3),
-            Group::Tr => (Quantity::Tr, "tr", 1e3),
-            Group::Span => (Quantity::Span, "span", 1e-3),
+        let quantity = r.group();
+        let (group, si) = match quantity {
+            Quantity::Tr => ("tr", 1e3),
+            Quantity::Span => ("span", 1e-3),
+            Quantity::Contraction | Quantity::Gap => ("contraction", 1e-3),
         };
         let kind = if r.kind == Kind::Theory { "theory" } else { "experiment" };
         let changed = numbers::apply(scene, &r.changes).map_err(|e| Failure::failed(format!("{}: {e}", r.id)))?;
         let base = Parameters::new(&changed.geometry, &changed.string, &changed.material)?;
-        let twist_rad = twist_from_turns(r.quantity.turns());
+        let twist_rad = twist_from_turns(r.turns());
         data.rows.push(Row {
             held_out: held_out.iter().any(|name| *name == r.id || name == kind || name == group),
             fixed: r.changes,

@@ -34,13 +34,13 @@ pub extern "C" fn numbers() -> *mut f64 {
 /// The text of the last call in UTF-8: the error, or the names of the warnings with commas between them.
 #[unsafe(no_mangle)]
 pub extern "C" fn text() -> *const u8 {
-    page().text.bytes().as_ptr()
+    page().text.as_ptr()
 }
 
 /// Bytes of [`text`].
 #[unsafe(no_mangle)]
 pub extern "C" fn text_length() -> usize {
-    page().text.bytes().len()
+    page().text.len()
 }
 
 /// Takes the mechanism's constants from [`numbers`]; the order is that of `page::Page::set_constants`.

@@ -97,10 +97,12 @@ fn a_rig_15_percent_off_its_scene_is_calibrated_on_its_own_board() {
             });
         }
     });
-    let found = path("found.toml");
+    let [found, figure] = ["found.toml", "found.svg"].map(path);
     let files = sweeps.iter().map(String::as_str);
-    let identify: Vec<&str> =
-        ["identify", "--fit", "k2,k3,K,modulus", "--out", &found].into_iter().chain(files).collect();
+    let identify: Vec<&str> = ["identify", "--fit", "k2,k3,K,modulus", "--out", &found, "--figure", &figure]
+        .into_iter()
+        .chain(files)
+        .collect();
     let fit = board.runs(&identify);
     board.scene = found;
     let [was_m, is_m] = [Path::new("../..").join(SCENE), folder.join("found.toml")]

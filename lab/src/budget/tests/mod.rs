@@ -3,7 +3,7 @@ use rig_control::position_loop::BANDWIDTH_PER_S;
 use rig_plant::RigPreset;
 
 pub(super) fn scene() -> Scene {
-    Scene::from_toml_str(include_str!("../../../scenes/default.toml")).unwrap()
+    Scene::from_toml_str(include_str!("../../../../scenes/default.toml")).unwrap()
 }
 
 /// Parts of a rig of its own model but for some plant keys.
