@@ -133,7 +133,7 @@ pub struct ControlBench<C: Controller = Control> {
     heard_us: Option<u64>,
 }
 
-fn address() -> Address {
+pub(crate) fn address() -> Address {
     Address::new(scene().rig.drive_group, scene().rig.drive_number).expect("the scene was checked")
 }
 

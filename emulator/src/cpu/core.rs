@@ -2,7 +2,7 @@
 //!
 //! A hook is called from C and must not unwind: it records here what happened and stops the CPU.
 
-use super::blocks::{Blocks, Cost};
+use super::blocks::{Block, Blocks};
 use super::stops::Stops;
 use super::timing::TAKEN_BRANCH_CYCLES;
 use super::watch::Watches;
@@ -63,7 +63,7 @@ pub struct Core<B> {
     pub counters: Counters,
     /// Watched functions.
     pub watches: Watches,
-    pub(super) blocks: Blocks,
+    pub(crate) blocks: Blocks,
     /// The run ends at this cycle.
     pub(super) limit: u64,
     /// The next event or the limit: until then the block hook only counts.
@@ -75,8 +75,8 @@ pub struct Core<B> {
     /// A hook has stopped the CPU.
     pub(super) stopped: bool,
     pub(super) halt: Option<Halt>,
-    /// Start of the block that ran last.
-    pub(super) block: u32,
+    /// Start of the block that ran last: the best estimate of PC within a hook.
+    pub(crate) block: u32,
     /// End of that block.
     pub(super) block_end: u32,
     /// Where the core goes on without a branch.
@@ -109,13 +109,8 @@ impl<B: Board> Core<B> {
         }
     }
 
-    /// Start of the block that ran last: the best estimate of PC within a hook.
-    pub fn last_block(&self) -> u32 {
-        self.block
-    }
-
     /// Count a block that is about to run, and the branch that has led to it.
-    pub(super) fn count(&mut self, address: u32, bytes: u32) -> Cost {
+    pub(super) fn count(&mut self, address: u32, bytes: u32) -> Block {
         let watches = &self.watches;
         let cost = self.blocks.look_up(address, bytes, &self.soc.memory.flash, |address| watches.starts_at(address));
         let branch = if address == self.next { 0 } else { TAKEN_BRANCH_CYCLES };
@@ -123,9 +118,9 @@ impl<B: Board> Core<B> {
         self.block_end = address.wrapping_add(bytes);
         self.next = self.block_end;
         self.counters.blocks += 1;
-        self.counters.instructions += cost.instructions;
+        self.counters.instructions += u64::from(cost.instructions);
         let waits = self.soc.fetch_cycles(address, bytes);
-        self.soc.clock.advance(cost.cycles + branch + waits);
+        self.soc.clock.advance(u64::from(cost.cycles) + branch + waits);
         cost
     }
 }

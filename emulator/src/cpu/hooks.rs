@@ -106,7 +106,7 @@ fn on_block<B: Board>(uc: &mut Unicorn<'_, Core<B>>, address: u32, size: u32) {
     let core = uc.get_data_mut();
     let cost = core.count(address, size);
     if cost.watched || core.watches.running() {
-        watch(uc, address, cost.instructions, cost.watched);
+        watch(uc, address, cost.instructions.into(), cost.watched);
     }
 }
 

@@ -59,16 +59,18 @@ enum Ended {
 pub struct Cpu<B: Board + 'static> {
     pub(super) uc: Unicorn<'static, Core<B>>,
     sleep: Sleep,
-    /// Nothing is executed: the fault `task-hang`.
-    hung: bool,
+    /// Nothing is executed while the chip's clocks and peripherals go on, as in an endless loop with interrupts off, until
+    /// a reset: the fault `task-hang`.
+    pub(crate) hung: bool,
     /// A fault in the HardFault handler: nothing is executed until a reset (ARMv7-M architecture manual B1.5.15).
     locked_up: bool,
     /// When that happened (s).
-    lock_ups: Vec<f64>,
+    pub(crate) lock_ups: Vec<f64>,
     /// The frame of the exception that is being entered has run out of RAM.
     pub(super) frame_lost: bool,
-    /// The stack pointer goes here when no exception is active: the fault `stack-overflow`.
-    overflow_to: Option<u32>,
+    /// The program outside of all handlers finds its stack here, with what was on it copied as far as it fits, as at the
+    /// end of a recursion, once no exception is active: the fault `stack-overflow`.
+    pub(crate) overflow_to: Option<u32>,
     sev_hooks: HashSet<u32>,
     pub(super) breakpoints: Breakpoints,
 }
@@ -140,11 +142,6 @@ impl<B: Board + 'static> Cpu<B> {
         self.uc.ctl_flush_tb()
     }
 
-    /// A function's watch has been added.
-    pub fn watches_changed(&mut self) {
-        self.uc.get_data_mut().blocks.clear();
-    }
-
     /// Reset the chip and the core.
     pub fn reset(&mut self, cause: ResetCause) {
         let core = self.uc.get_data_mut();
@@ -189,18 +186,6 @@ impl<B: Board + 'static> Cpu<B> {
         (number, exit)
     }
 
-    /// Stop executing while the chip's clocks and peripherals go on, as an endless loop with interrupts off would; a
-    /// reset ends it.
-    pub fn hang(&mut self, hung: bool) {
-        self.hung = hung;
-    }
-
-    /// The program outside of all handlers finds its stack at `bottom`, with what was on it copied there as far as it
-    /// fits, as at the end of a recursion: what it pushes next lies below. At once, or when the active handlers return.
-    pub fn overflow_stack(&mut self, bottom: u32) {
-        self.overflow_to = Some(bottom);
-    }
-
     fn move_stack(&mut self, to: u32) {
         let from = self.get(R::SP);
         let memory = &mut self.uc.get_data_mut().soc.memory;
@@ -229,11 +214,6 @@ impl<B: Board + 'static> Cpu<B> {
     pub(super) fn lock_up(&mut self) {
         self.locked_up = true;
         self.lock_ups.push(self.uc.get_data().soc.clock.seconds());
-    }
-
-    /// When the core has locked up (s).
-    pub fn lock_ups(&self) -> &[f64] {
-        &self.lock_ups
     }
 
     /// The core takes a HardFault where it is, as after a jump to an invalid address or a bus error.

@@ -219,7 +219,7 @@ impl<B: Board + 'static> Machine<B> {
     /// The core stops executing, as in an endless loop with interrupts off, until a reset (for example the watchdog's)
     /// or until this is called with `false`. Peripherals and DMA go on.
     pub fn hang(&mut self, hung: bool) {
-        self.cpu.hang(hung);
+        self.cpu.hung = hung;
     }
 
     /// A debugger is attached that has asked for blocking RTT and no longer reads it.
@@ -256,7 +256,7 @@ impl<B: Board + 'static> Machine<B> {
     pub fn overflow_stack(&mut self) {
         let soc = &self.cpu.core().soc;
         if let Some(top) = soc.memory.word(soc.vector_table()) {
-            self.cpu.overflow_stack((self.stack_bottom(top) + STACK_LEFT) & !7);
+            self.cpu.overflow_to = Some((self.stack_bottom(top) + STACK_LEFT) & !7);
         }
     }
 
@@ -272,7 +272,7 @@ impl<B: Board + 'static> Machine<B> {
     }
 
     fn explain(&mut self, error: Halt) -> MachineError {
-        let last_block = self.cpu.core().last_block();
+        let last_block = self.cpu.core().block;
         match error {
             Halt::Fault(pc) => {
                 let place = self.place(pc);
@@ -309,8 +309,9 @@ impl<B: Board + 'static> Machine<B> {
     /// if the ELF has no such function.
     pub fn watch_function(&mut self, symbol: &str) -> bool {
         let Some(entry) = self.image.function(symbol) else { return false };
-        self.cpu.core_mut().watches.add(symbol, entry);
-        self.cpu.watches_changed();
+        let core = self.cpu.core_mut();
+        core.watches.add(symbol, entry);
+        core.blocks.clear();
         true
     }
 
@@ -339,7 +340,7 @@ impl<B: Board + 'static> Machine<B> {
             exceptions: core.counters.exceptions,
             core_busy: 1.0 - core.counters.asleep as f64 / total,
             resets: self.resets.clone(),
-            lock_ups: self.cpu.lock_ups().to_vec(),
+            lock_ups: self.cpu.lock_ups.clone(),
             tick: self.tick_stats(),
             stack_high_water_bytes: self.stack_high_water(),
             warnings: core.soc.faults.warnings().iter().map(|(what, count)| (what.clone(), *count)).collect(),

@@ -10,7 +10,7 @@ use super::dma::Dma;
 use super::fault::Lint;
 use super::gpio::{Function, Pin};
 use super::memory::Memory;
-use super::peripheral::{Registers, Wires};
+use super::peripheral::{Registers, Wires, registers};
 
 const EOC: u32 = 1 << 1;
 const STRT: u32 = 1 << 4;
@@ -40,17 +40,10 @@ pub fn pin(channel: u8) -> Option<Pin> {
     }
 }
 
-const SR: u32 = 0x00;
-const CR1: u32 = 0x04;
-const CR2: u32 = 0x08;
-const SMPR1: u32 = 0x0C;
-const SMPR2: u32 = 0x10;
-const HTR: u32 = 0x24;
-const LTR: u32 = 0x28;
-const SQR1: u32 = 0x2C;
-const SQR2: u32 = 0x30;
-const SQR3: u32 = 0x34;
-const DR: u32 = 0x4C;
+registers! {
+    SR = 0x00, CR1 = 0x04, CR2 = 0x08, SMPR1 = 0x0C, SMPR2 = 0x10, HTR = 0x24, LTR = 0x28,
+    SQR1 = 0x2C, SQR2 = 0x30, SQR3 = 0x34, DR = 0x4C,
+}
 /// Common registers, at their offset from ADC1.
 const CSR: u32 = 0x300;
 const CCR: u32 = 0x304;
@@ -70,14 +63,7 @@ pub struct Adc {
 
 impl Default for Adc {
     fn default() -> Self {
-        let all = [SR, CR1, CR2, SMPR1, SMPR2, HTR, LTR, SQR1, SQR2, SQR3, DR];
-        Self {
-            registers: Registers::new(&all.map(|offset| (offset, 0))),
-            ccr: 0,
-            running: None,
-            held: None,
-            stalled: false,
-        }
+        Self { registers: Registers::new(REGISTERS), ccr: 0, running: None, held: None, stalled: false }
     }
 }
 

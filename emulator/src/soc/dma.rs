@@ -7,7 +7,7 @@
 use super::fault::{Faults, Lint};
 use super::memory::Memory;
 use super::nvic::Nvic;
-use super::peripheral::Registers;
+use super::peripheral::{Registers, registers};
 
 /// Data register of ADC1.
 const ADC1_DR: u32 = 0x4001_204C;
@@ -18,12 +18,7 @@ const MINC: u32 = 1 << 10;
 const HTIF: u32 = 1 << 4;
 const TCIF: u32 = 1 << 5;
 
-const CR: u32 = 0x00;
-const NDTR: u32 = 0x04;
-const PAR: u32 = 0x08;
-const M0AR: u32 = 0x0C;
-const M1AR: u32 = 0x10;
-const FCR: u32 = 0x14;
+registers! { CR = 0x00, NDTR = 0x04, PAR = 0x08, M0AR = 0x0C, M1AR = 0x10, FCR = 0x14 reset 0x21 }
 
 #[derive(Clone, Copy, Debug)]
 struct Stream {
@@ -59,8 +54,8 @@ const SHIFT: [u32; 4] = [0, 6, 16, 22];
 impl Dma {
     /// A controller after a reset.
     pub fn new(controller: u8) -> Self {
-        let registers = Registers::new(&[(CR, 0), (NDTR, 0), (PAR, 0), (M0AR, 0), (M1AR, 0), (FCR, 0x21)]);
-        Self { controller, streams: [Stream { registers, length: 0, memory: 0, flags: 0 }; 8] }
+        let stream = Stream { registers: Registers::new(REGISTERS), length: 0, memory: 0, flags: 0 };
+        Self { controller, streams: [stream; 8] }
     }
 
     /// Reset through the RCC.

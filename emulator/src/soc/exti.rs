@@ -1,14 +1,9 @@
 //! External interrupts (RM0390 chapter 10) and the port selection in SYSCFG (chapter 8).
 
 use super::nvic::Nvic;
-use super::peripheral::Registers;
+use super::peripheral::{Registers, registers};
 
-const IMR: u32 = 0x00;
-const EMR: u32 = 0x04;
-const RTSR: u32 = 0x08;
-const FTSR: u32 = 0x0C;
-const SWIER: u32 = 0x10;
-const PR: u32 = 0x14;
+registers! { IMR = 0x00, EMR = 0x04, RTSR = 0x08, FTSR = 0x0C, SWIER = 0x10, PR = 0x14 }
 
 /// EXTICR1, in SYSCFG.
 const EXTICR1: u32 = 0x08;
@@ -23,7 +18,7 @@ pub struct Exti {
 impl Default for Exti {
     fn default() -> Self {
         Self {
-            registers: Registers::new(&[IMR, EMR, RTSR, FTSR, SWIER, PR].map(|offset| (offset, 0))),
+            registers: Registers::new(REGISTERS),
             syscfg: Registers::new(&[0x00, 0x04, 0x08, 0x0C, 0x10, 0x14, 0x20].map(|offset| (offset, 0))),
         }
     }

@@ -4,7 +4,7 @@
 //! reset has made an input drives no longer.
 
 use super::fault::{Faults, Lint};
-use super::peripheral::Registers;
+use super::peripheral::{Registers, registers};
 
 /// Ports A to H.
 pub const PORTS: usize = 8;
@@ -34,15 +34,9 @@ pub struct Outputs {
     pub levels: u16,
 }
 
-const MODER: u32 = 0x00;
-const OTYPER: u32 = 0x04;
-const OSPEEDR: u32 = 0x08;
-const PUPDR: u32 = 0x0C;
-const IDR: u32 = 0x10;
-const ODR: u32 = 0x14;
-const BSRR: u32 = 0x18;
-const AFRL: u32 = 0x20;
-const AFRH: u32 = 0x24;
+registers! {
+    MODER = 0x00, OTYPER = 0x04, OSPEEDR = 0x08, PUPDR = 0x0C, IDR = 0x10, ODR = 0x14, BSRR = 0x18, AFRL = 0x20, AFRH = 0x24,
+}
 
 #[derive(Clone, Debug)]
 struct Port {
@@ -57,14 +51,13 @@ struct Port {
 impl Port {
     /// The port after a reset: of A and B, the pins of the debugger are in use.
     fn new(port: usize) -> Self {
-        let (moder, ospeedr, pupdr) = match port {
+        let mut registers = Registers::new(REGISTERS);
+        (registers[MODER], registers[OSPEEDR], registers[PUPDR]) = match port {
             0 => (0xA800_0000, 0x0C00_0000, 0x6400_0000),
             1 => (0x0000_0280, 0x0000_00C0, 0x0000_0100),
             _ => (0, 0, 0),
         };
-        let others = [OTYPER, IDR, ODR, BSRR, AFRL, AFRH].map(|offset| (offset, 0));
-        let registers = [&[(MODER, moder), (OSPEEDR, ospeedr), (PUPDR, pupdr)], others.as_slice()].concat();
-        Self { registers: Registers::new(&registers), driven: 0, levels: 0, reported: Outputs::default() }
+        Self { registers, driven: 0, levels: 0, reported: Outputs::default() }
     }
 
     /// Pins whose field of two bits has this value.

@@ -21,6 +21,17 @@ pub struct Wires<'a> {
     pub faults: &'a mut Faults,
 }
 
+/// A peripheral's registers by their offsets, and the value after a reset where it is not 0: a constant for each, and the
+/// list `REGISTERS`.
+macro_rules! registers {
+    ($($name:ident = $offset:literal $(reset $reset:expr)?),+ $(,)?) => {
+        $(const $name: u32 = $offset;)+
+        const REGISTERS: &[(u32, u32)] = &[$(($name, [$($reset,)? 0][0])),+];
+    };
+}
+
+pub(super) use registers;
+
 /// Registers that hold what is written to them, each a word, by their offsets. A peripheral says itself what more a
 /// register does.
 #[derive(Clone, Copy, Debug)]

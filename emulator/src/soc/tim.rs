@@ -8,7 +8,7 @@
 use super::clock::{Clock, NEVER};
 use super::fault::Lint;
 use super::gpio::{Function, Pin};
-use super::peripheral::{Registers, Wires};
+use super::peripheral::{Registers, Wires, registers};
 use super::rcc::{Gate, apb1, apb2};
 
 /// Fixed properties of a timer.
@@ -55,17 +55,11 @@ pub(crate) fn encoder_pins(number: u8) -> Option<(u8, &'static [Pin], &'static [
     }
 }
 
-const CR1: u32 = 0x00;
-const CR2: u32 = 0x04;
-const SMCR: u32 = 0x08;
-const DIER: u32 = 0x0C;
-const SR: u32 = 0x10;
-const EGR: u32 = 0x14;
-const CCMR1: u32 = 0x18;
-const CCMR2: u32 = 0x1C;
-const CCER: u32 = 0x20;
-const CNT: u32 = 0x24;
-const PSC: u32 = 0x28;
+registers! {
+    CR1 = 0x00, CR2 = 0x04, SMCR = 0x08, DIER = 0x0C, SR = 0x10, EGR = 0x14,
+    CCMR1 = 0x18, CCMR2 = 0x1C, CCER = 0x20, CNT = 0x24, PSC = 0x28,
+}
+/// Those that depend on the timer.
 const ARR: u32 = 0x2C;
 const CCR1: u32 = 0x34;
 
@@ -93,10 +87,9 @@ pub struct Timer {
 impl Timer {
     /// The timer after a reset.
     pub fn new(kind: &'static TimerKind) -> Self {
-        let all = [CR1, CR2, SMCR, DIER, SR, EGR, CCMR1, CCMR2, CCER, CNT, PSC].map(|offset| (offset, 0));
         let compares = (0..kind.channels).map(|channel| (CCR1 + 4 * channel, 0));
-        let present: Vec<_> = all.into_iter().chain([(ARR, kind.limit())]).chain(compares).collect();
-        let registers = Registers::new(&present);
+        let own = [(ARR, kind.limit())].into_iter().chain(compares);
+        let registers = Registers::new(&REGISTERS.iter().copied().chain(own).collect::<Vec<_>>());
         Self { kind, registers, active_psc: 0, base: 0, start: 0, seen: 0, quadrature: 0 }
     }
 

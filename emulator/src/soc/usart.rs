@@ -6,7 +6,7 @@
 use super::clock::{Clock, NEVER};
 use super::fault::Lint;
 use super::gpio::{Function, Pin};
-use super::peripheral::{Registers, Wires};
+use super::peripheral::{Registers, Wires, registers};
 use super::rcc::{Gate, apb1, apb2};
 use std::collections::VecDeque;
 
@@ -46,13 +46,9 @@ const fn kind(number: u8, base: u32, gate: Gate, irq: u8, af: u8, tx: &'static [
     UsartKind { number, base, gate, irq, af, tx, rx }
 }
 
-const SR: u32 = 0x00;
-const DR: u32 = 0x04;
-const BRR: u32 = 0x08;
-const CR1: u32 = 0x0C;
-const CR2: u32 = 0x10;
-const CR3: u32 = 0x14;
-const GTPR: u32 = 0x18;
+registers! {
+    SR = 0x00 reset TXE | TC, DR = 0x04, BRR = 0x08, CR1 = 0x0C, CR2 = 0x10, CR3 = 0x14, GTPR = 0x18,
+}
 
 const ORE: u32 = 1 << 3;
 const IDLE: u32 = 1 << 4;
@@ -87,7 +83,7 @@ impl Usart {
     pub fn new(kind: &'static UsartKind) -> Self {
         Self {
             kind,
-            registers: Registers::new(&[(SR, TXE | TC), (DR, 0), (BRR, 0), (CR1, 0), (CR2, 0), (CR3, 0), (GTPR, 0)]),
+            registers: Registers::new(REGISTERS),
             transmit: None,
             shifting: None,
             sr_read: false,

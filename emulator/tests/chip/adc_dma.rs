@@ -124,14 +124,6 @@ fn samples_are_asked_for_in_order_with_everything_else() {
 }
 
 #[test]
-fn ndtr_moves_with_time() {
-    let mut chip = adc();
-    continuous(&mut chip, 100);
-    pass(&mut chip, 10.5 * SLOW_S);
-    assert_eq!(get(&mut chip, S0NDTR), 90);
-}
-
-#[test]
 fn a_sequence_takes_its_channels_in_turn() {
     let mut chip = adc();
     set(&mut chip, SQR1, 1 << 20);
@@ -180,29 +172,6 @@ fn a_stalled_adc_overruns_as_if_its_stream_were_gone() {
     chip.stall_adc(false);
     pass(&mut chip, 4.0 * SLOW_S);
     assert_eq!(get(&mut chip, S0NDTR), 6, "the overrun outlives its cause");
-}
-
-#[test]
-fn the_stream_must_belong_to_the_adc() {
-    let mut chip = adc();
-    set(&mut chip, S0CR + 8, DR);
-    set(&mut chip, S0CR + 0xC, BUFFER);
-    set(&mut chip, S0NDTR, 8);
-    set(&mut chip, S0CR + 0x14, 0);
-    chip.write(S0CR, 4, 1 << 25 | 1 << 13 | 1 << 11 | 1 << 10 | 1);
-    let wanted = "DMA2 stream 0 channel 1 has no modelled request of the register at 0x4001204c";
-    assert_eq!(refused(&mut chip), wanted);
-}
-
-#[test]
-fn the_pin_must_be_analog() {
-    let mut chip = adc();
-    mode(&mut chip, GPIOA, 0, 0);
-    set(&mut chip, CR2, 1 | SWSTART);
-    let end = chip.clock.now() + 2_000;
-    chip.sleep(end);
-    chip.read(SR, 4);
-    assert!(chip.faults.take().is_some_and(|fault| fault.to_string().contains("PA0")));
 }
 
 #[test]

@@ -209,12 +209,8 @@ fn silent_it_hears_the_bus_and_cannot_send() {
 
 #[test]
 fn in_loop_back_it_hears_itself_and_needs_no_acknowledgement() {
-    let mut chip = node(0);
+    let mut chip = test_mode(LOOP_BACK);
     chip.board.outcome = CanOutcome::Unacknowledged;
-    set(&mut chip, MCR, 1);
-    set(&mut chip, BTR, 1 << 30 | 1 << 20 | 4 << 16 | 1);
-    set(&mut chip, MCR, 0);
-    pass(&mut chip, 12.0 * BIT_S);
     transmit(&mut chip, 0, 0x123);
     pass(&mut chip, 300.0 * BIT_S);
     assert_eq!(get(&mut chip, TSR), TME | 3);
@@ -455,63 +451,41 @@ fn passed(chip: &mut Chip, ids: &[CanFrame]) -> Vec<(u32, u32)> {
 }
 
 #[test]
-fn sixteen_bit_list() {
-    let mut chip = node(0);
-    filter(&mut chip, |chip| {
-        set(chip, FS1R, 0);
-        set(chip, FM1R, 1);
-        set(chip, BANKS, 0x1C << 21 | 0x1B << 5);
-        set(chip, BANKS + 4, 0x1F << 21 | 0x1D << 5);
-    });
-    let remote = CanFrame { remote: true, ..frame(0x1B) };
-    let ids = [frame(0x1A), frame(0x1B), frame(0x1C), frame(0x1D), frame(0x1E), frame(0x1F), remote];
-    assert_eq!(passed(&mut chip, &ids), [(0, 0x1B), (0, 0x1C), (0, 0x1D), (0, 0x1F)]);
-}
-
-#[test]
-fn sixteen_bit_masks() {
-    let mut chip = node(0);
-    filter(&mut chip, |chip| {
-        set(chip, FS1R, 0);
-        // 0x100 to 0x10F; 0x200 exactly.
-        set(chip, BANKS, (0x7F0 << 5) << 16 | 0x100 << 5);
-        set(chip, BANKS + 4, (0x7FF << 5) << 16 | 0x200 << 5);
-    });
-    let ids = [frame(0x100), frame(0x10F), frame(0x110), frame(0x200), frame(0x201)];
-    assert_eq!(passed(&mut chip, &ids), [(0, 0x100), (0, 0x10F), (0, 0x200)]);
-}
-
-#[test]
-fn thirty_two_bit_list_and_mask_and_the_second_fifo() {
-    let mut chip = node(0);
+fn filters_of_both_widths_by_list_and_by_mask() {
     let long = |id| CanFrame { extended: true, ..frame(id) };
-    filter(&mut chip, |chip| {
-        set(chip, FS1R, 0b11);
-        set(chip, FM1R, 0b01);
-        set(chip, FFA1R, 0b10);
-        set(chip, BANKS, 0x55 << 21);
-        set(chip, BANKS + 4, 0x1234_5678 << 3 | 4);
-        // Extended identifiers from 0x0AB00000 to 0x0ABFFFFF.
-        set(chip, BANKS + 8, 0x0AB0_0000 << 3 | 4);
-        set(chip, BANKS + 12, 0x1FF0_0000 << 3 | 4);
-        set(chip, FA1R, 0b11);
-    });
-    let ids = [frame(0x55), frame(0x56), long(0x1234_5678), long(0x0ABC_DEF0), long(0x0AC0_0000), frame(0x2AC)];
-    assert_eq!(passed(&mut chip, &ids), [(0, 0x55), (0, 0x1234_5678), (1, 0x0ABC_DEF0)]);
-}
-
-#[test]
-fn no_active_bank_lets_nothing_in() {
-    let mut chip = node(0);
-    filter(&mut chip, |chip| set(chip, FA1R, 0));
-    assert_eq!(passed(&mut chip, &[frame(1), frame(2)]), []);
-}
-
-#[test]
-fn the_pins_must_carry_can() {
-    let mut chip = node(0);
-    mode(&mut chip, GPIOB, 9, 0);
-    let base = CAN + 0x180;
-    chip.write(base, 4, 0x123 << 21 | 1);
-    assert!(chip.faults.take().is_some_and(|fault| fault.to_string().contains("PB9")));
+    let remote = CanFrame { remote: true, ..frame(0x1B) };
+    for (set_up, ids, wanted) in [
+        // A list of 16 bits.
+        (
+            &[(FS1R, 0), (FM1R, 1), (BANKS, 0x1C << 21 | 0x1B << 5), (BANKS + 4, 0x1F << 21 | 0x1D << 5)][..],
+            &[0x1A, 0x1B, 0x1C, 0x1D, 0x1E, 0x1F].map(frame).into_iter().chain([remote]).collect::<Vec<_>>(),
+            &[(0, 0x1B), (0, 0x1C), (0, 0x1D), (0, 0x1F)][..],
+        ),
+        // Masks of 16 bits: 0x100 to 0x10F; 0x200 exactly.
+        (
+            &[(FS1R, 0), (BANKS, (0x7F0 << 5) << 16 | 0x100 << 5), (BANKS + 4, (0x7FF << 5) << 16 | 0x200 << 5)],
+            &[0x100, 0x10F, 0x110, 0x200, 0x201].map(frame).to_vec(),
+            &[(0, 0x100), (0, 0x10F), (0, 0x200)],
+        ),
+        // A list of 32 bits, and a mask for extended identifiers from 0x0AB00000 to 0x0ABFFFFF into the second FIFO.
+        (
+            &[
+                (FS1R, 0b11),
+                (FM1R, 0b01),
+                (FFA1R, 0b10),
+                (BANKS, 0x55 << 21),
+                (BANKS + 4, 0x1234_5678 << 3 | 4),
+                (BANKS + 8, 0x0AB0_0000 << 3 | 4),
+                (BANKS + 12, 0x1FF0_0000 << 3 | 4),
+                (FA1R, 0b11),
+            ],
+            &[frame(0x55), frame(0x56), long(0x1234_5678), long(0x0ABC_DEF0), long(0x0AC0_0000), frame(0x2AC)].to_vec(),
+            &[(0, 0x55), (0, 0x1234_5678), (1, 0x0ABC_DEF0)],
+        ),
+        (&[(FA1R, 0)], &[frame(1), frame(2)].to_vec(), &[]),
+    ] {
+        let mut chip = node(0);
+        filter(&mut chip, |chip| set_up.iter().for_each(|(register, value)| set(chip, *register, *value)));
+        assert_eq!(passed(&mut chip, ids), wanted);
+    }
 }

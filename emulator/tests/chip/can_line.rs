@@ -85,11 +85,3 @@ fn a_clock_that_is_off_is_followed_as_far_as_the_bit_timing_allows() {
     receive(&mut chip, frame(0x123));
     assert_eq!(get(&mut chip, RF0R) & 3, 0);
 }
-
-#[test]
-fn time_triggered_communication_is_a_fault() {
-    let mut chip = node(0);
-    set(&mut chip, MCR, 1 << 7);
-    receive(&mut chip, frame(0x123));
-    assert!(chip.faults.take().is_some_and(|fault| fault.to_string().contains("TTCM")));
-}

@@ -1,5 +1,6 @@
 //! A board that records what it is told, and a chip to poke at without a core.
 
+use rig_emulator::machine::Machine;
 pub use rig_emulator::soc::{Config, Soc};
 use rig_plant::board::{Board, CanFrame, CanOutcome, Stimulus};
 use std::collections::VecDeque;
@@ -97,6 +98,16 @@ pub fn chip_of(config: &Config) -> Chip {
     set(&mut chip, RCC + 0x40, 0x1206_007F);
     set(&mut chip, RCC + 0x44, 0x0001_4130);
     chip
+}
+
+/// A machine that has just been switched on.
+pub fn machine(elf: &[u8]) -> Machine<Recorder> {
+    Machine::new(elf, Recorder::default(), Config::default()).expect("a machine")
+}
+
+/// A word of its memory.
+pub fn word(machine: &mut Machine<Recorder>, address: u32) -> u32 {
+    machine.soc_mut().memory.word(address).expect("in memory")
 }
 
 /// Store a word; no fault may come of it.

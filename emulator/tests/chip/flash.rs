@@ -32,18 +32,6 @@ fn word(chip: &Chip, address: u32) -> u32 {
 }
 
 #[test]
-fn it_is_locked_until_both_keys_came() {
-    let mut chip = chip();
-    assert_eq!(get(&mut chip, CR) >> 31, 1);
-    set(&mut chip, CR, 1);
-    assert_eq!(get(&mut chip, CR), 1 << 31);
-    let mut chip = unlocked();
-    assert_eq!(get(&mut chip, CR), 0);
-    set(&mut chip, CR, 1 << 31);
-    assert_eq!(get(&mut chip, CR) >> 31, 1);
-}
-
-#[test]
 fn a_wrong_key_locks_until_reset() {
     let mut chip = chip();
     set(&mut chip, KEYR, 1);
@@ -59,10 +47,13 @@ fn a_wrong_key_locks_until_reset() {
 #[test]
 fn the_keys_come_in_order_and_a_lock_needs_them_anew() {
     let mut chip = chip();
+    set(&mut chip, CR, 1);
+    assert_eq!(get(&mut chip, CR), 1 << 31);
     set(&mut chip, KEYR, 0xCDEF_89AB);
     set(&mut chip, KEYR, 0x4567_0123);
     assert_eq!(get(&mut chip, CR) >> 31, 1);
     let mut chip = unlocked();
+    assert_eq!(get(&mut chip, CR), 0);
     set(&mut chip, CR, 1 | WORDWISE | 1 << 31);
     // Locked, the register takes nothing, nor does the memory.
     set(&mut chip, CR, 2 | 3 << 3);
@@ -87,18 +78,6 @@ fn programming_clears_bits_and_takes_time() {
     assert_eq!(word(&chip, SECTOR_3), 0x00FF_0F0F);
     close(chip.clock.seconds() - start_s, 32e-6, 1e-6);
     assert_eq!(get(&mut chip, SR), 0);
-}
-
-#[test]
-fn programming_without_pg_or_with_another_width_fails() {
-    let mut chip = unlocked();
-    chip.program_flash(SECTOR_3, 4, 0);
-    assert_eq!(get(&mut chip, SR), 1 << 7);
-    set(&mut chip, SR, 1 << 7);
-    set(&mut chip, CR, 1);
-    chip.program_flash(SECTOR_3, 4, 0);
-    assert_eq!(get(&mut chip, SR), 1 << 6);
-    assert_eq!(word(&chip, SECTOR_3), 0xFFFF_FFFF);
 }
 
 #[test]
@@ -127,23 +106,17 @@ fn a_sector_erases_alone_and_takes_its_time() {
 }
 
 #[test]
-fn an_erase_of_64_bits_at_a_time_needs_a_voltage_that_is_not_there() {
-    let mut chip = unlocked();
-    set(&mut chip, CR, 2 | 3 << 3 | 3 << 8 | 1 << 16);
-    assert_eq!(get(&mut chip, SR), PGPERR);
-}
-
-#[test]
-fn an_erase_that_cannot_be_is_a_sequence_error_and_erases_nothing() {
-    // While programming is on; a sector that is not there; without SER.
-    for cr in [1 | 2 | 3 << 3, 2 | 8 << 3, 3 << 3] {
+fn an_erase_that_cannot_be_is_an_error_and_erases_nothing() {
+    // While programming is on; a sector that is not there; without SER; by 64 bits, for which there is no voltage.
+    for (cr, error) in [(1 | 2 | 3 << 3, PGSERR), (2 | 8 << 3, PGSERR), (3 << 3, PGSERR), (2 | 3 << 3 | 3 << 8, PGPERR)]
+    {
         let mut chip = unlocked();
         set(&mut chip, CR, 1 | WORDWISE);
         chip.program_flash(SECTOR_3, 4, 0x1234_5678);
         set(&mut chip, CR, cr);
         let start_s = chip.clock.seconds();
         set(&mut chip, CR, cr | 1 << 16);
-        assert_eq!((get(&mut chip, SR), word(&chip, SECTOR_3)), (PGSERR, 0x1234_5678), "CR {cr:#x}");
+        assert_eq!((get(&mut chip, SR), word(&chip, SECTOR_3)), (error, 0x1234_5678), "CR {cr:#x}");
         close(chip.clock.seconds() - start_s, 0.0, 1e-6);
     }
 }
@@ -184,16 +157,11 @@ fn errors_name_themselves_and_show_as_operation_errors_only_with_their_interrupt
 #[test]
 fn the_brown_out_reset_is_off_as_delivered_and_outlives_a_reset() {
     let mut chip = chip();
+    // No sector is write-protected either (nWRP).
     assert_eq!(get(&mut chip, 0x4002_3C14), 0x0FFF_AAED);
     for (level, code) in [(1, 2), (2, 1), (3, 0)] {
         chip.flash.set_brown_out_level(level);
         chip.reset(ResetCause::PowerCycle);
         assert_eq!(get(&mut chip, 0x4002_3C14) >> 2 & 3, code);
     }
-}
-
-#[test]
-fn no_sector_is_write_protected_as_delivered() {
-    // OPTCR: nWRP of all eight sectors set, so WRPERR never comes.
-    assert_eq!(get(&mut chip(), 0x4002_3C14) >> 16 & 0xFF, 0xFF);
 }

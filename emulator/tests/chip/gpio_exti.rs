@@ -24,13 +24,8 @@ fn set_and_reset_reach_the_board_only_through_outputs() {
     set(&mut chip, GPIOB + 0x18, 1 << (10 + 16));
     let levels: Vec<_> = chip.board.outputs.iter().map(|(_, port, levels)| (*port, *levels)).collect();
     assert_eq!(levels, [('B', 1 << 10), ('B', 0)]);
-}
-
-#[test]
-fn setting_wins_over_resetting() {
-    let mut chip = chip();
     set(&mut chip, GPIOC + 0x18, 0x0001_0001);
-    assert_eq!(get(&mut chip, GPIOC + 0x14), 1);
+    assert_eq!(get(&mut chip, GPIOC + 0x14), 1, "setting wins over resetting");
 }
 
 #[test]

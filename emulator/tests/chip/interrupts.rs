@@ -1,8 +1,7 @@
 //! Which interrupt is taken when (PM0214 sections 2.3 and 4.3, ARMv7-M B1.5), with programs on the core.
 
-use crate::fixture::Recorder;
+use crate::fixture::{chip, get, machine, set, word};
 use crate::program::*;
-use rig_emulator::machine::{Config, Machine};
 
 /// What ran, one hexadecimal digit each, the first leftmost.
 const LOG: u32 = 0x2000_0100;
@@ -31,10 +30,9 @@ fn set_up(sixth: u32) -> Vec<u16> {
 }
 
 fn logged(program: &Program) -> (u32, u64) {
-    let mut machine = Machine::new(&program.elf(), Recorder::default(), Config::default()).expect("a machine");
+    let mut machine = machine(&program.elf());
     machine.run_until(1e-3).expect("runs");
-    let log = machine.soc_mut().memory.ram.word(LOG).expect("in RAM");
-    (log, machine.stats().exceptions)
+    (word(&mut machine, LOG), machine.stats().exceptions)
 }
 
 /// `main`, and handlers of interrupts 5, 6 and 7 that log themselves, or what is given for 5.
@@ -57,13 +55,8 @@ fn of_several_the_most_urgent_goes_first_and_the_lower_number_among_equals() {
     assert_eq!(pend(0x20), (0x1675, 3));
     assert_eq!(pend(0x40), (0x1756, 3));
     assert_eq!(pend(0xF0), (0x1756, 3));
-}
-
-#[test]
-fn only_the_upper_four_bits_of_a_priority_are_there() {
-    // 0x2F is 0x20, as urgent as interrupt 7.
-    let main = [vec![MASK], set_up(0x2F), poke(ISPR, 0b111 << 5), vec![UNMASK], let_in()];
-    assert_eq!(logged(&program(&main, None)).0, 0x675);
+    // Only the upper four bits of a priority are there: as urgent as interrupt 7.
+    assert_eq!(pend(0x2F), (0x1675, 3));
 }
 
 #[test]
@@ -131,4 +124,22 @@ fn a_line_that_is_still_high_comes_again_and_a_low_one_does_not() {
     // The third time takes the enable back.
     program.handler(16 + 38, "usart2", &[bump(LOG, 1), vec![subtract(3, 3), branch(0xD100, 10)], poke(cr1, 0)]);
     assert_eq!(logged(&program), (3, 3));
+}
+
+#[test]
+fn a_line_that_stays_high_cannot_be_unpended_and_comes_back_after_its_handler() {
+    let mut soc = chip();
+    let (tim5, pending, unpend) = (0x4000_0C00, 0xE000_E204, 0xE000_E284);
+    set(&mut soc, tim5 + 0xC, 1);
+    set(&mut soc, tim5 + 0x14, 1);
+    assert_eq!(get(&mut soc, pending), 1 << 18);
+    set(&mut soc, unpend, 1 << 18);
+    assert_eq!(get(&mut soc, pending), 1 << 18);
+    soc.nvic.enter(16 + 50);
+    assert_eq!(get(&mut soc, pending), 0);
+    assert_eq!(soc.nvic.leave(), Some(16 + 50));
+    assert_eq!(get(&mut soc, pending), 1 << 18);
+    set(&mut soc, tim5 + 0x10, 0);
+    set(&mut soc, unpend, 1 << 18);
+    assert_eq!(get(&mut soc, pending), 0);
 }

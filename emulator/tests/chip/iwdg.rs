@@ -32,26 +32,6 @@ fn it_bites_when_it_is_not_fed() {
 }
 
 #[test]
-fn it_starts_from_the_counters_reset_value() {
-    let mut chip = watchdog();
-    set(&mut chip, KR, 0xCCCC);
-    let start_s = chip.clock.seconds();
-    pass(&mut chip, 1.0);
-    close(chip.clock.seconds() - start_s, 4096.0 * 4.0 / 32_000.0, 1e-4);
-}
-
-#[test]
-fn nothing_happens_before_the_start_and_without_the_key() {
-    let mut chip = watchdog();
-    set(&mut chip, KR, 0xAAAA);
-    chip.write(RLR, 4, 1);
-    assert!(chip.faults.take().is_some_and(|fault| fault.to_string().contains("without the key")));
-    assert_eq!(get(&mut chip, RLR), 3999);
-    pass(&mut chip, 5.0);
-    assert_eq!(chip.reset_request, None);
-}
-
-#[test]
 fn a_reset_stops_it_and_sets_its_flag() {
     let mut chip = watchdog();
     set(&mut chip, KR, 0xCCCC);
@@ -91,6 +71,8 @@ fn any_other_key_closes_the_registers_again() {
             assert!(chip.faults.take().is_some(), "key {key:#x}");
         }
         assert_eq!((get(&mut chip, PR), get(&mut chip, RLR)), (0, 3999), "key {key:#x}");
+        pass(&mut chip, 5.0);
+        assert_eq!(chip.reset_request.is_some(), key == 0xCCCC, "nothing else starts it");
     }
 }
 
@@ -130,13 +112,6 @@ fn an_update_takes_five_periods_of_an_lsi_that_runs() {
     set(&mut chip, KR, 0xCCCC);
     pass(&mut chip, 6.0 / 32_000.0);
     assert_eq!(get(&mut chip, SR), 0);
-}
-
-#[test]
-fn a_second_update_before_the_first_is_done_is_a_fault() {
-    let mut chip = watchdog();
-    chip.write(RLR, 4, 1);
-    assert!(chip.faults.take().is_some_and(|fault| fault.to_string().contains("under way")));
 }
 
 #[test]

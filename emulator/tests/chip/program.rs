@@ -85,6 +85,11 @@ impl Program {
     /// Append the handler of an exception.
     pub fn handler(&mut self, exception: usize, name: &'static str, code: &[Vec<u16>]) {
         let address = self.function(name, &[code.concat(), vec![BX_LR]]);
+        self.vector(exception, address);
+    }
+
+    /// An exception's handler is at this address.
+    pub fn vector(&mut self, exception: usize, address: u32) {
         self.vectors.push((exception, address | 1));
     }
 

@@ -1,7 +1,6 @@
 //! Timers (RM0390 chapters 17 and 18).
 
 use crate::fixture::*;
-use rig_emulator::soc::fault::Lint;
 
 const TIM3: u32 = 0x4000_0400;
 const TIM5: u32 = 0x4000_0C00;
@@ -30,14 +29,6 @@ fn time_driver(timer: u32) -> Chip {
     set(&mut chip, timer + DIER, 3);
     set(&mut chip, timer + CR1, 1);
     chip
-}
-
-#[test]
-fn counts_at_the_prescaled_clock() {
-    let mut chip = time_driver(TIM5);
-    pass(&mut chip, 1e-3);
-    assert_eq!(get(&mut chip, TIM5 + CNT), 1000);
-    assert_eq!(get(&mut chip, TIM5 + SR), 0);
 }
 
 #[test]
@@ -86,18 +77,13 @@ fn flags_come_without_their_interrupt() {
     pass(&mut chip, 600e-6);
     assert_eq!(get(&mut chip, TIM5 + SR), 4);
     assert!(!pending(&mut chip, 50));
+    assert_eq!(get(&mut chip, TIM5 + CNT), 600, "at the prescaled clock");
     set(&mut chip, TIM5 + DIER, 7);
     assert!(pending(&mut chip, 50));
-}
-
-#[test]
-fn status_is_cleared_by_zeros_only() {
-    let mut chip = time_driver(TIM5);
-    set(&mut chip, TIM5 + CCR2, 500);
     pass(&mut chip, 0.04);
     assert_eq!(get(&mut chip, TIM5 + SR), 6);
     set(&mut chip, TIM5 + SR, !4);
-    assert_eq!(get(&mut chip, TIM5 + SR), 2);
+    assert_eq!(get(&mut chip, TIM5 + SR), 2, "zeros clear");
 }
 
 #[test]
@@ -134,23 +120,13 @@ fn the_encoder_follows_the_wheel_both_ways_and_wraps() {
     chip.board.wheel = 0x1_0005;
     assert_eq!(get(&mut chip, TIM3 + CNT), 5);
     assert_eq!(get(&mut chip, TIM3 + CR1) & 0x10, 0);
-}
-
-#[test]
-fn the_encoder_starts_from_what_is_written() {
-    let mut chip = encoder();
-    chip.board.wheel = 77;
     set(&mut chip, TIM3 + CNT, 0);
-    chip.board.wheel = 80;
-    assert_eq!(get(&mut chip, TIM3 + CNT), 3);
-}
-
-#[test]
-fn one_inverted_channel_reverses_the_encoder() {
-    let mut chip = encoder();
+    chip.board.wheel += 3;
+    assert_eq!(get(&mut chip, TIM3 + CNT), 3, "from what is written");
+    // One inverted channel reverses it.
     set(&mut chip, TIM3 + CCER, 0x13);
-    chip.board.wheel = 10;
-    assert_eq!(get(&mut chip, TIM3 + CNT), 0xFFF6);
+    chip.board.wheel += 10;
+    assert_eq!(get(&mut chip, TIM3 + CNT), 0xFFF9);
 }
 
 #[test]
@@ -179,25 +155,4 @@ fn an_input_channel_has_no_compare_flag_and_neither_has_one_that_does_not_exist(
     assert_eq!(get(&mut chip, TIM12 + SR), 0b111);
     chip.write(TIM12 + 0x3C, 4, 1);
     assert_eq!(refused(&mut chip), "write of an unmodelled register at 0x4000183c");
-}
-
-#[test]
-fn what_a_channel_would_do_at_its_pin_is_named() {
-    // CCMR1 and CCER: PWM mode 1, toggle, forced high, capture.
-    for (ccmr, lint) in
-        [(0x60, Lint::TimOutput), (0x30, Lint::TimOutput), (0x50, Lint::TimOutput), (0x01, Lint::TimCapture)]
-    {
-        let mut chip = chip();
-        set(&mut chip, TIM3 + 0x18, ccmr);
-        set(&mut chip, TIM3 + CCER, 1);
-        chip.write(TIM3 + CR1, 4, 1);
-        assert_eq!(chip.faults.take().map(|fault| fault.lint), Some(lint));
-        // In the other order.
-        set(&mut chip, TIM3 + CCER, 0);
-        chip.write(TIM3 + CCER, 4, 1);
-        assert_eq!(chip.faults.take().map(|fault| fault.lint), Some(lint));
-    }
-    let mut chip = encoder();
-    chip.write(TIM3 + 4, 4, 0x20);
-    assert_eq!(chip.faults.take().map(|fault| fault.lint), Some(Lint::TimTrigger));
 }

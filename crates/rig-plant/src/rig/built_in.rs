@@ -9,7 +9,7 @@
 //! oscillation at any stiffness, with friction as a set-valued force: what sticks does not creep.
 
 use super::effects::rods::{RodForce, Rods};
-use super::effects::stribeck::{RailFriction, Stribeck};
+use super::effects::stribeck::{Stribeck, coulomb_n};
 use super::effects::strings::Strings;
 use super::outside::measured::TwoWays;
 use super::surface::{Pull, Surface};
@@ -27,40 +27,11 @@ const LEAST_STIFFNESS: f64 = 0.2;
 /// By how much the string slips through its clamp in the fault `string-slip`, m.
 pub const SLIP_M: f64 = 3e-3;
 
-/// What acts on load and mechanism from outside.
-#[derive(Clone, Copy, Debug)]
-pub struct Conditions {
-    /// Weight, N; the inertia is weight / g.
-    pub weight_n: f64,
-    /// Friction of the rail.
-    pub friction: RailFriction,
-    /// Viscous damping, N s/m.
-    pub damping_n_s_per_m: f64,
-    /// Temperature of the rods, less that of the calibration, K.
-    pub temperature_k: f64,
-}
-
-impl From<&PlantSettings> for Conditions {
-    fn from(settings: &PlantSettings) -> Self {
-        Self {
-            weight_n: settings.load_n,
-            friction: RailFriction {
-                coulomb_n: settings.friction_n + settings.friction_load_share * settings.load_n,
-                stiction_ratio: settings.stiction_ratio,
-                stribeck_m_per_s: settings.stribeck_speed_m_per_s,
-                presliding_m: settings.presliding_m,
-            },
-            damping_n_s_per_m: settings.damping_n_s_per_m,
-            temperature_k: settings.temperature_k,
-        }
-    }
-}
-
 /// State of the load.
 #[derive(Clone, Debug)]
 pub struct BuiltIn {
-    /// What acts on it; may change at any time.
-    pub conditions: Conditions,
+    /// What acts on it: load, friction, damping and temperature may change at any time.
+    pub settings: PlantSettings,
     /// The interpolant in use.
     pub surface: Surface,
     strings: Strings,
@@ -90,10 +61,10 @@ impl BuiltIn {
         stops_m: [f64; 2],
         strings: Strings,
         rods: Option<Rods>,
-        conditions: Conditions,
+        settings: &PlantSettings,
     ) -> Self {
         let mut plant = Self {
-            conditions,
+            settings: settings.clone(),
             surface,
             strings,
             rods,
@@ -123,13 +94,13 @@ impl BuiltIn {
 
     /// The gap at which the load would hang at a twist of the strings (rad) if it went there now, m.
     pub fn gap_at(&self, twist_rad: f64) -> f64 {
-        let (twist_rad, _) = self.strings.model_twist(twist_rad, self.conditions.weight_n);
+        let (twist_rad, _) = self.strings.model_twist(twist_rad, self.settings.load_n);
         self.surface.gap(twist_rad, self.law_under(twist_rad)).gap_m + self.strings.stretch_m()
     }
 
     /// What the surface carries when the load hangs at a twist (rad), N.
     fn law_under(&self, twist_rad: f64) -> f64 {
-        let Conditions { weight_n, temperature_k, .. } = self.conditions;
+        let PlantSettings { load_n: weight_n, temperature_k, .. } = self.settings;
         self.rods.as_ref().map_or(weight_n, |rods| rods.law_under(weight_n, twist_rad, temperature_k))
     }
 
@@ -138,8 +109,7 @@ impl BuiltIn {
         if let Some(rods) = &mut self.rods
             && !self.broken
         {
-            self.rod_force =
-                rods.step(force_n, stiffness_n_per_m, self.strings.twist_rad, self.conditions.temperature_k);
+            self.rod_force = rods.step(force_n, stiffness_n_per_m, self.strings.twist_rad, self.settings.temperature_k);
         }
     }
 
@@ -151,7 +121,7 @@ impl BuiltIn {
             return 0.0;
         }
         let twist_rad = self.strings.twist_rad;
-        let over = twist_rad.abs() - self.surface.wall_rad(self.law.force_n.max(self.conditions.weight_n));
+        let over = twist_rad.abs() - self.surface.wall_rad(self.law.force_n.max(self.settings.load_n));
         let wall = (WALL_NM_PER_RAD * over).clamp(0.0, WALL_MAX_NM).copysign(twist_rad);
         self.strings.torque_nm(pull_n * self.law.by_twist_m_per_rad - wall)
     }
@@ -177,15 +147,15 @@ impl BuiltIn {
         }
         self.law = self.law_at(self.gap_m);
         self.look_at_rods();
-        let mass = self.conditions.weight_n / STANDARD_GRAVITY;
+        let mass = self.settings.load_n / STANDARD_GRAVITY;
         let law_stiffness = self.law.stiffness_n_per_m;
         // The law's first order in the additional stress must not turn the mechanism's stiffness around.
         let k = (law_stiffness + self.rod_force.stiffness_n_per_m).max(LEAST_STIFFNESS * law_stiffness);
         let inertia = 2.0 * mass / h;
         // The mean speed over the step; friction may reduce it to zero.
-        let push = inertia * self.speed_m_per_s + self.conditions.weight_n - self.pull_n();
-        let resistance = inertia + self.conditions.damping_n_s_per_m + STRUCTURAL_DAMPING_S * k + 0.5 * h * k;
-        let mean = self.friction.mean_speed(h, push, resistance, self.speed_m_per_s, &self.conditions.friction);
+        let push = inertia * self.speed_m_per_s + self.settings.load_n - self.pull_n();
+        let resistance = inertia + self.settings.damping_n_s_per_m + STRUCTURAL_DAMPING_S * k + 0.5 * h * k;
+        let mean = self.friction.mean_speed(h, push, resistance, self.speed_m_per_s, &self.settings);
         self.strings.stretch(h, self.pull_n());
         let end = 2.0 * mean - self.speed_m_per_s;
         self.gap_m += h * mean;
@@ -193,7 +163,7 @@ impl BuiltIn {
         // it.
         let turned = mean == 0.0 || end * mean < 0.0;
         self.speed_m_per_s = end;
-        if turned && self.conditions.friction.coulomb_n > 0.0 {
+        if turned && coulomb_n(&self.settings) > 0.0 {
             self.speed_m_per_s = 0.0;
         }
         let [upper, lower] = self.stops_m;

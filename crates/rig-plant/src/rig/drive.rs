@@ -20,11 +20,12 @@ use rmds405::report::{MixedRest, STALL};
 use rmds405::serial::Decoder;
 use rmds405::{Address, Command, Frame, Milliamps, Mixed, Mode, Pwm, QuadCounts, Received, Report, Rpm, Transport};
 
+use super::encoder::counts_per_turn;
 use super::motor::Bridge;
-use super::parameters::RigParameters;
 use crate::PlantSettings;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
+use rig_config::Rig as Parameters;
 
 /// Period of the internal loops, s: also the window of the speed measurement (V-FAQ p3).
 pub const TICK_S: f64 = 1e-3;
@@ -121,12 +122,12 @@ pub struct Sensed {
 
 impl Drive {
     /// Without power.
-    pub fn new(parameters: &RigParameters) -> Self {
-        let kt = parameters.torque_constant_nm_per_a;
+    pub fn new(parameters: &Parameters, address: Address) -> Self {
+        let kt = parameters.motor_torque_constant_nm_per_a;
         Self {
-            address: parameters.drive,
-            counts_per_turn: f64::from(parameters.counts_per_turn),
-            velocity_gain: VELOCITY_LOOP_RAD_PER_S * parameters.inertia_kg_m2 / kt,
+            address,
+            counts_per_turn: f64::from(counts_per_turn(parameters)),
+            velocity_gain: VELOCITY_LOOP_RAD_PER_S * parameters.rotor_inertia_kg_m2 / kt,
             supply_divider: parameters.supply_divider,
             state: State::Off,
             zero_counts: 0,
@@ -413,34 +414,13 @@ impl Drive {
     }
 }
 
-/// How the drive's reading of the motor's current is wrong, A: I' = q round((I + offset + noise) / q).
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct CurrentReading {
-    /// Offset.
-    pub offset_a: f64,
-    /// Noise of one reading, rms.
-    pub noise_a: f64,
-    /// Quantum; 0 for none.
-    pub quantum_a: f64,
-}
-
-impl From<&PlantSettings> for CurrentReading {
-    fn from(settings: &PlantSettings) -> Self {
-        Self {
-            offset_a: settings.current_offset_a,
-            noise_a: settings.current_noise_a,
-            quantum_a: settings.current_quantum_a,
-        }
-    }
-}
-
-impl CurrentReading {
-    /// What the drive reports of a current, A. Draws one number of the noise, whatever its size.
-    pub fn read(&self, current_a: f64, noise: &mut Pcg64Mcg) -> f64 {
-        let normal: f64 = StandardNormal.sample(noise);
-        let shown_a = current_a + self.offset_a + self.noise_a * normal;
-        if self.quantum_a > 0.0 { self.quantum_a * (shown_a / self.quantum_a).round() } else { shown_a }
-    }
+/// What the drive reports of a motor current, A: q round((I + offset + noise) / q). Draws one number of the noise, whatever
+/// its size.
+pub fn read_current(current_a: f64, settings: &PlantSettings, noise: &mut Pcg64Mcg) -> f64 {
+    let normal: f64 = StandardNormal.sample(noise);
+    let shown_a = current_a + settings.current_offset_a + settings.current_noise_a * normal;
+    let quantum_a = settings.current_quantum_a;
+    if quantum_a > 0.0 { quantum_a * (shown_a / quantum_a).round() } else { shown_a }
 }
 
 #[cfg(test)]
@@ -450,9 +430,14 @@ mod tests {
 
     #[test]
     fn the_readings_lie_on_the_quantum_about_the_offset() {
-        let reading = CurrentReading { offset_a: 5e-3, noise_a: 10e-3, quantum_a: 10e-3 };
+        let settings = PlantSettings {
+            current_offset_a: 5e-3,
+            current_noise_a: 10e-3,
+            current_quantum_a: 10e-3,
+            ..PlantSettings::default()
+        };
         let mut noise = Pcg64Mcg::seed_from_u64(1);
-        let readings: Vec<f64> = (0..20_000).map(|_| reading.read(0.0123, &mut noise)).collect();
+        let readings: Vec<f64> = (0..20_000).map(|_| read_current(0.0123, &settings, &mut noise)).collect();
         assert!(readings.iter().all(|r| ((r / 10e-3).round() - r / 10e-3).abs() < 1e-9));
         let mean = readings.iter().sum::<f64>() / readings.len() as f64;
         let rms = (readings.iter().map(|r| (r - mean).powi(2)).sum::<f64>() / readings.len() as f64).sqrt();
@@ -464,8 +449,8 @@ mod tests {
     #[test]
     fn an_exact_reading_is_the_current_and_draws_the_same_numbers() {
         let (mut one, mut other) = (Pcg64Mcg::seed_from_u64(1), Pcg64Mcg::seed_from_u64(1));
-        assert_eq!(CurrentReading::default().read(0.123, &mut one), 0.123);
-        CurrentReading { noise_a: 1.0, ..CurrentReading::default() }.read(0.123, &mut other);
+        assert_eq!(read_current(0.123, &PlantSettings::default(), &mut one), 0.123);
+        read_current(0.123, &PlantSettings { current_noise_a: 1.0, ..PlantSettings::default() }, &mut other);
         assert_eq!(one, other);
     }
 }

@@ -1,6 +1,7 @@
 //! Quadrature counts of the encoder on the motor shaft. Drive and microcontroller share its lines
 //! (docs/reference/hardware.md 2.1).
 
+use rig_config::Rig as Parameters;
 use std::f64::consts::TAU;
 
 /// What [`Encoder::jump`] adds: one turn of the default encoder.
@@ -11,6 +12,11 @@ const LOST_SHARE: i64 = 5;
 const DITHER_COUNTS: i64 = 4;
 /// Quadrature counts of a motor turn for which a drive is set when it is delivered (500 lines).
 const DELIVERED_COUNTS: f64 = 2000.0;
+
+/// Quadrature counts for one motor turn, 4 for each line (crates/rmds405/README.md 1).
+pub fn counts_per_turn(parameters: &Parameters) -> u32 {
+    parameters.encoder_lines.saturating_mul(4)
+}
 
 /// What is wrong with the wires of one counting input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -61,8 +67,9 @@ pub struct Encoder {
     drive: Input,
     mcu: Input,
     /// The drive is set for the encoder that it is delivered for.
-    delivered: bool,
-    dithers: bool,
+    pub delivered: bool,
+    /// The drive's input counts edges of noise.
+    pub dithers: bool,
     slipping_from: Option<i64>,
     jumped: i64,
 }
@@ -126,16 +133,6 @@ impl Encoder {
         self.drive.rewire(wires, self.true_counts(angle_rad));
     }
 
-    /// The drive is set for the encoder that it is delivered for, or for this one.
-    pub fn set_delivered(&mut self, delivered: bool) {
-        self.delivered = delivered;
-    }
-
-    /// The drive's input counts edges of noise.
-    pub fn set_dither(&mut self, dithers: bool) {
-        self.dithers = dithers;
-    }
-
     /// The microcontroller's receiver gains a turn, once.
     pub fn jump(&mut self) {
         self.jumped += JUMP_COUNTS;
@@ -171,8 +168,7 @@ mod tests {
         encoder.wire_drive(Wires::OneChannel, turns(3.0));
         assert!((0..100).all(|k| (encoder.counts(turns(3.0 + f64::from(k) * 1e-3), 0) + 4096).abs() <= 1));
         let mut encoder = Encoder::new(4096);
-        encoder.set_delivered(true);
-        encoder.set_dither(true);
+        (encoder.delivered, encoder.dithers) = (true, true);
         assert_eq!([0, 1, 2].map(|tick| encoder.counts(turns(2.0), tick)), [4000, 4004, 4000]);
         assert_eq!(encoder.counts_at_mcu(turns(2.0)), 8192);
     }

@@ -6,7 +6,7 @@ use super::encoder::Wires;
 use super::motor::Bridge;
 use super::plant::Plant;
 use crate::board::Stimulus;
-use rmds405::Transport;
+use rig_config::DriveTransport;
 use serde::{Deserialize, Serialize};
 
 /// Declares an enum with one name for each variant, and the list of all of them.
@@ -195,7 +195,7 @@ impl Rig {
     /// [`FaultError`] for a fault of the bus where the scene's drive is on the serial line, and for one of the strings where
     /// a plant program has them.
     pub fn try_fault(&mut self, fault: RigFault, on: bool) -> Result<(), FaultError> {
-        if fault == RigFault::CanBusOff && self.parameters.transport == Transport::Uart {
+        if fault == RigFault::CanBusOff && self.parameters.drive_transport == DriveTransport::Uart {
             return Err(FaultError::NoCanBus);
         }
         if matches!(fault, RigFault::StringBreak | RigFault::StringSlip) && self.plant.built_in().is_none() {
@@ -232,8 +232,8 @@ impl Rig {
                 self.encoder.wire_mcu(faulty(Wires::Dead), angle_rad);
                 self.encoder.wire_drive(faulty(Wires::Dead), angle_rad);
             }
-            RigFault::DriveEncoderDither => self.encoder.set_dither(on),
-            RigFault::DriveLines => self.encoder.set_delivered(on),
+            RigFault::DriveEncoderDither => self.encoder.dithers = on,
+            RigFault::DriveLines => self.encoder.delivered = on,
             RigFault::MotorSwapped => self.motor_swapped = on,
             RigFault::LvdtReversed => self.lvdt.faults.reversed = on,
             RigFault::EncoderSlip => self.encoder.set_slipping(on, angle_rad),

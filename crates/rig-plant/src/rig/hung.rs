@@ -1,14 +1,13 @@
 //! A load hung from its mechanism at the start: surface, rods and strings.
 
 use super::RigError;
-use super::built_in::{BuiltIn, Conditions};
+use super::built_in::BuiltIn;
 use super::effects::rods::Rods;
 use super::effects::strings::Strings;
 use super::outside::measured::{Measured, TwoWays};
-use super::parameters::RigParameters;
 use super::surface::{GapPoint, SLACK_LOAD_N, Surface};
 use crate::PlantSettings;
-use rig_config::Scene;
+use rig_config::{Rig as Parameters, Scene};
 use tsa_model::{Equilibrium, Mechanism, RadiusLaw, Tier, TierError, twist_from_turns};
 
 /// Greatest load that the surface covers, unless the load or the scene asks for more, N.
@@ -48,7 +47,7 @@ pub(super) fn rods_of(mechanism: &Mechanism, settings: &PlantSettings, surface: 
 }
 
 /// Ends of the rail, as gaps, m: those of the LVDT's stroke.
-pub(super) fn stops_of(parameters: &RigParameters) -> [f64; 2] {
+pub(super) fn stops_of(parameters: &Parameters) -> [f64; 2] {
     let stop = parameters.lvdt_gap_at_zero_m;
     [stop, stop + parameters.lvdt_stroke_m]
 }
@@ -94,8 +93,7 @@ fn hung(
     if twist_rad.abs() > most_rad {
         return Err(RigError::Twist { twist_rad, load_n, most_rad });
     }
-    let stops_m = stops_of(&RigParameters::new(&scene.rig)?);
-    Ok(BuiltIn::new(surface, stops_m, strings, rods, Conditions::from(settings)))
+    Ok(BuiltIn::new(surface, stops_of(&scene.rig), strings, rods, settings))
 }
 
 /// The widest surface that the mechanism allows, by the cheapest model that the scene allows: rods at their strain

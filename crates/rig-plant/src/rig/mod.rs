@@ -1,7 +1,6 @@
 //! The rig around the microcontroller: a [`Board`](crate::board::Board) whose wires lead to a drive, a motor, an
 //! encoder, an LVDT and the twisted string itself.
 //!
-//! - [`parameters`]: what the scene says of its parts.
 //! - [`plant`]: load and mechanism, [`built_in`] or from [`outside`]; [`surface`]: the mechanism's equilibria, fast.
 //! - `hung`: a load hung from its mechanism at the start; [`errors`]: why there is no such rig.
 //! - [`motor`], [`encoder`], [`lvdt`]: the parts that move and measure.
@@ -24,7 +23,6 @@ mod hung;
 pub mod lvdt;
 pub mod motor;
 pub mod outside;
-pub mod parameters;
 pub mod plant;
 pub mod rail;
 pub mod surface;
@@ -35,21 +33,20 @@ use std::collections::VecDeque;
 use crate::{PlantChange, PlantKey, PlantSettings, RigPreset, Truth};
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::SeedableRng;
-use rig_config::Scene;
+use rig_config::{Rig as Parameters, Scene};
+use rmds405::Address;
 use tsa_model::{Mechanism, Tier};
 
 use crate::board::Stimulus;
-use built_in::Conditions;
-use drive::{CurrentReading, Drive, LEAST_SUPPLY_V, Sensed};
-use encoder::Encoder;
+use drive::{Drive, LEAST_SUPPLY_V, Sensed, read_current};
+use encoder::{Encoder, counts_per_turn};
 pub use errors::{ChangeError, RigError};
 use hung::{built_in, measured, rods_of, stops_of};
 use lvdt::Lvdt;
-use motor::{Bridge, Motor, MotorFriction};
+use motor::{BRAKE_OHM, Bridge, Motor};
 use outside::Outside;
 use outside::program::ProgramError;
 use outside::programmed::Programmed;
-use parameters::RigParameters;
 use plant::{Plant, PlantState};
 use rail::Rail;
 
@@ -71,7 +68,8 @@ pub const HOST_USART: u8 = 2;
 /// Drive, motor, mechanism and sensors on the microcontroller's pins.
 #[derive(Clone)]
 pub struct Rig {
-    parameters: RigParameters,
+    /// What the scene says of its parts.
+    parameters: Parameters,
     settings: PlantSettings,
     /// The scene's mechanism; `None` where the plant is from outside.
     mechanism: Option<Mechanism>,
@@ -163,19 +161,20 @@ impl Rig {
         mechanism: Option<Mechanism>,
         tier: Tier,
     ) -> Result<Self, RigError> {
-        let parameters = RigParameters::new(&scene.rig)?;
+        let parameters = scene.rig.clone();
+        let address = Address::new(parameters.drive_group, parameters.drive_number)?;
         let stops_m = stops_of(&parameters);
         let twist_rad = settings.twist_at_boot_rad;
         let boot_pretwist_gap_m = plant.built_in().map(|_| plant.pretwist_gap_m());
         let play = 0.5 * settings.gear_backlash_rad;
-        let boot_angle_rad = (twist_rad + play.copysign(twist_rad)) * parameters.gear_ratio;
-        let encoder = Encoder::new(parameters.counts_per_turn);
+        let boot_angle_rad = (twist_rad + play.copysign(twist_rad)) * parameters.gear();
+        let encoder = Encoder::new(counts_per_turn(&parameters));
         let boot_counts = encoder.counts_at_mcu(boot_angle_rad);
         let mut rig = Self {
             tier,
             lvdt: Lvdt::new(&parameters, &settings, plant.gap_m(), seed ^ LVDT_SEED),
             motor: Motor::new(&parameters, settings.torque_constant_scale, boot_angle_rad),
-            drive: Drive::new(&parameters),
+            drive: Drive::new(&parameters, address),
             noise: Pcg64Mcg::seed_from_u64(seed),
             current_noise: Pcg64Mcg::seed_from_u64(seed ^ CURRENT_SEED),
             bridge: Bridge::Open,
@@ -229,7 +228,7 @@ impl Rig {
         }
         self.settings.apply(change)?;
         if let Plant::BuiltIn(plant) = &mut self.plant {
-            plant.conditions = Conditions::from(&self.settings);
+            plant.settings = self.settings.clone();
             if let (Some(mechanism), None) = (&self.mechanism, &plant.rods) {
                 plant.rods = rods_of(mechanism, &self.settings, &plant.surface);
             }
@@ -331,7 +330,7 @@ impl Rig {
     /// The output shaft is light and the strings pull it towards zero twist: it leans on the gear's near face, and
     /// within the play it stands at zero twist.
     fn twist_rad(&self) -> f64 {
-        let geared = self.motor.angle_rad / self.parameters.gear_ratio;
+        let geared = self.motor.angle_rad / self.parameters.gear();
         let play = 0.5 * self.settings.gear_backlash_rad;
         geared - geared.clamp(-play, play)
     }
@@ -392,19 +391,19 @@ impl Rig {
 
     fn step(&mut self) {
         let bridge = match (self.estop, self.motor_open) {
-            (true, _) => Bridge::Resistor(self.parameters.brake_ohm),
+            (true, _) => Bridge::Resistor(BRAKE_OHM),
             (false, true) => Bridge::Open,
             (false, false) if self.motor_swapped => self.bridge.reversed(),
             (false, false) => self.bridge,
         };
-        let torque_nm = self.plant.state().torque_nm / self.parameters.gear_ratio;
+        let torque_nm = self.plant.state().torque_nm / self.parameters.gear();
         let before_rad = self.motor.angle_rad;
-        self.motor.step(STEP_S, bridge, torque_nm, &MotorFriction::from(&self.settings));
+        self.motor.step(STEP_S, bridge, torque_nm, &self.settings);
         let motor_w = if self.drive.is_powered() { self.motor.bridge_w } else { 0.0 };
         self.rail.step(STEP_S, self.connected_v(), motor_w);
         let on_the_bridge = matches!(bridge, Bridge::Voltage(_) | Bridge::Current { .. });
         if on_the_bridge && self.motor.current_a * self.motor.speed_rad_per_s > 0.0 {
-            self.driven_rad += (self.motor.angle_rad - before_rad).abs() / self.parameters.gear_ratio;
+            self.driven_rad += (self.motor.angle_rad - before_rad).abs() / self.parameters.gear();
         }
         let twist_rad = self.twist_rad();
         self.plant.step(STEP_S, twist_rad);
@@ -425,7 +424,7 @@ impl Rig {
             let sensed = Sensed {
                 counts: self.drive_counts(),
                 current_a,
-                reported_current_a: CurrentReading::from(&self.settings).read(current_a, &mut self.current_noise),
+                reported_current_a: read_current(current_a, &self.settings, &mut self.current_noise),
                 supply_v: self.rail.volts(),
                 saturated: !self.estop && !self.motor_open && self.motor.saturated,
             };

@@ -2,8 +2,13 @@
 //!
 //! The winding's inductance is left out: its time constant, about 0.1 ms, is below the time step.
 
-use super::parameters::RigParameters;
 use crate::PlantSettings;
+use rig_config::Rig as Parameters;
+
+/// Viscous friction at the motor shaft, N m s/rad. Assumed.
+const VISCOUS_NM_S_PER_RAD: f64 = 1e-8;
+/// Brake resistor across the motor while the e-stop is open, ohm (V-FAQ p20).
+pub const BRAKE_OHM: f64 = 10.0;
 
 /// What the motor's leads are connected to.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,34 +40,13 @@ impl Bridge {
     }
 }
 
-/// Friction of motor and gear, as it acts on the motor's shaft.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MotorFriction {
-    /// Coulomb friction, N m.
-    pub coulomb_nm: f64,
-    /// Share by which it is greater towards positive angles, and smaller towards negative ones.
-    pub asymmetry: f64,
-    /// Efficiency η of the gear when it lifts a load: the teeth rub with (1/η − 1) times the load's torque, in either
-    /// direction. Below 0.5 no load drives the motor back.
-    pub gear_efficiency: f64,
-}
-
-impl From<&PlantSettings> for MotorFriction {
-    fn from(settings: &PlantSettings) -> Self {
-        Self {
-            coulomb_nm: settings.motor_friction_nm,
-            asymmetry: settings.motor_friction_asymmetry,
-            gear_efficiency: settings.gear_efficiency,
-        }
-    }
-}
-
-impl MotorFriction {
-    /// Most friction (N m) under a load's torque (N m), against motion to positive and to negative angles.
-    pub fn limits_nm(&self, load_nm: f64) -> [f64; 2] {
-        let rubbing = (1.0 / self.gear_efficiency - 1.0) * load_nm.abs();
-        [1.0, -1.0].map(|direction| self.coulomb_nm * (1.0 + direction * self.asymmetry) + rubbing)
-    }
+/// Most friction of motor and gear (N m) at the motor's shaft under a load's torque (N m), against motion to positive and to
+/// negative angles. When the gear with its efficiency η lifts a load, the teeth rub with (1/η − 1) times the load's torque, in
+/// either direction: below 0.5 no load drives the motor back.
+fn friction_limits_nm(settings: &PlantSettings, load_nm: f64) -> [f64; 2] {
+    let rubbing = (1.0 / settings.gear_efficiency - 1.0) * load_nm.abs();
+    [1.0, -1.0]
+        .map(|direction| settings.motor_friction_nm * (1.0 + direction * settings.motor_friction_asymmetry) + rubbing)
 }
 
 /// Rotor and winding.
@@ -71,7 +55,6 @@ pub struct Motor {
     torque_constant: f64,
     resistance: f64,
     inertia: f64,
-    viscous: f64,
     /// Angle of the shaft, rad.
     pub angle_rad: f64,
     /// Speed of the shaft, rad/s.
@@ -89,12 +72,11 @@ pub struct Motor {
 
 impl Motor {
     /// At rest at an angle, its torque constant the scene's times a factor.
-    pub fn new(parameters: &RigParameters, torque_constant_scale: f64, angle_rad: f64) -> Self {
+    pub fn new(parameters: &Parameters, torque_constant_scale: f64, angle_rad: f64) -> Self {
         Self {
-            torque_constant: parameters.torque_constant_nm_per_a * torque_constant_scale,
-            resistance: parameters.resistance_ohm,
-            inertia: parameters.inertia_kg_m2,
-            viscous: parameters.viscous_nm_s_per_rad,
+            torque_constant: parameters.motor_torque_constant_nm_per_a * torque_constant_scale,
+            resistance: parameters.motor_resistance_ohm,
+            inertia: parameters.rotor_inertia_kg_m2,
             angle_rad,
             speed_rad_per_s: 0.0,
             current_a: 0.0,
@@ -105,8 +87,8 @@ impl Motor {
     }
 
     /// One step of `h` seconds with `torque_nm` from the load at the shaft.
-    pub fn step(&mut self, h: f64, bridge: Bridge, torque_nm: f64, friction: &MotorFriction) {
-        let limits = friction.limits_nm(torque_nm);
+    pub fn step(&mut self, h: f64, bridge: Bridge, torque_nm: f64, settings: &PlantSettings) {
+        let limits = friction_limits_nm(settings, torque_nm);
         self.saturated = false;
         match bridge {
             Bridge::Open => {
@@ -147,7 +129,7 @@ impl Motor {
         let push = self.inertia * self.speed_rad_per_s / h + torque_nm;
         let limit = limits[usize::from(push < 0.0)];
         let free = (push.abs() - limit).max(0.0).copysign(push);
-        self.speed_rad_per_s = free / (self.inertia / h + self.viscous + damping);
+        self.speed_rad_per_s = free / (self.inertia / h + VISCOUS_NM_S_PER_RAD + damping);
         self.angle_rad += h * self.speed_rad_per_s;
     }
 }
@@ -156,40 +138,36 @@ impl Motor {
 mod tests {
     use super::*;
 
-    /// A lossless gear, and the friction that a rig of its own model has.
-    const FRICTION: MotorFriction = MotorFriction { coulomb_nm: 2e-5, asymmetry: 0.0, gear_efficiency: 1.0 };
-
     fn motor() -> Motor {
-        Motor {
-            torque_constant: 0.0229,
-            resistance: 10.0,
-            inertia: 1.2e-7,
-            viscous: 1e-8,
-            angle_rad: 0.0,
-            speed_rad_per_s: 0.0,
-            current_a: 0.0,
-            energy_j: 0.0,
-            bridge_w: 0.0,
-            saturated: false,
-        }
+        Motor::new(&Parameters::default(), 1.0, 0.0)
+    }
+
+    /// A lossless gear, and 0.02 mN m of friction.
+    fn ideal() -> PlantSettings {
+        PlantSettings::default()
     }
 
     #[test]
     fn friction_holds_and_lets_go() {
         let mut motor = motor();
         for _ in 0..4000 {
-            motor.step(2.5e-4, Bridge::Open, 1.9e-5, &FRICTION);
+            motor.step(2.5e-4, Bridge::Open, 1.9e-5, &ideal());
         }
         assert_eq!((motor.angle_rad, motor.speed_rad_per_s), (0.0, 0.0));
-        motor.step(2.5e-4, Bridge::Open, 2.1e-5, &FRICTION);
+        motor.step(2.5e-4, Bridge::Open, 2.1e-5, &ideal());
         assert!(motor.speed_rad_per_s > 0.0);
     }
 
     #[test]
     fn friction_grows_with_the_load_and_differs_by_direction() {
-        let friction = MotorFriction { coulomb_nm: 2e-4, asymmetry: 0.1, gear_efficiency: 0.75 };
+        let friction = PlantSettings {
+            motor_friction_nm: 2e-4,
+            motor_friction_asymmetry: 0.1,
+            gear_efficiency: 0.75,
+            ..PlantSettings::default()
+        };
         // Lifting takes the load over the efficiency; 1/0.75 - 1 is a third.
-        let [up, down] = friction.limits_nm(-6e-5);
+        let [up, down] = friction_limits_nm(&friction, -6e-5);
         assert!((up - (2.2e-4 + 2e-5)).abs() < 1e-12 && (down - (1.8e-4 + 2e-5)).abs() < 1e-12, "{up} {down}");
         for (drive_nm, moves) in [(up + 6e-5 + 1e-6, true), (up + 6e-5 - 1e-6, false), (6e-5 - down + 1e-6, false)] {
             let mut motor = motor();
@@ -207,7 +185,7 @@ mod tests {
     fn no_load_speed_and_voltage_bound() {
         let mut motor = motor();
         for _ in 0..4000 {
-            motor.step(2.5e-4, Bridge::Current { amps: 0.5, max_volts: 24.0 }, 0.0, &FRICTION);
+            motor.step(2.5e-4, Bridge::Current { amps: 0.5, max_volts: 24.0 }, 0.0, &ideal());
             let volts = motor.current_a * 10.0 + 0.0229 * motor.speed_rad_per_s;
             assert!(volts.abs() <= 24.0 + 0.0229 * 30.0, "{volts}");
         }
@@ -217,13 +195,23 @@ mod tests {
     }
 
     #[test]
+    fn a_stronger_magnet_turns_slower_at_the_same_voltage() {
+        let speed = |scale: f64| {
+            let mut motor = Motor::new(&Parameters::default(), scale, 0.0);
+            (0..4000).for_each(|_| motor.step(2.5e-4, Bridge::Voltage(12.0), 0.0, &ideal()));
+            motor.speed_rad_per_s
+        };
+        assert!((speed(1.1) * 1.1 - speed(1.0)).abs() < 1.0, "{} and {} rad/s", speed(1.1), speed(1.0));
+    }
+
+    #[test]
     fn energy_goes_into_the_winding_the_load_and_friction() {
         let mut motor = motor();
         let (amps, load_nm) = (0.2, -2e-3);
         let mut spent_j = 0.0;
         for _ in 0..2000 {
             let angle = motor.angle_rad;
-            motor.step(2.5e-4, Bridge::Current { amps, max_volts: 24.0 }, load_nm, &FRICTION);
+            motor.step(2.5e-4, Bridge::Current { amps, max_volts: 24.0 }, load_nm, &ideal());
             let turned = motor.angle_rad - angle;
             let lost_w = 10.0 * motor.current_a.powi(2) + 1e-8 * motor.speed_rad_per_s.powi(2);
             spent_j += lost_w * 2.5e-4 + turned * (2e-5 - load_nm);
@@ -233,8 +221,8 @@ mod tests {
         // Driven by its load the motor gives energy back, which does not count.
         let before = motor.energy_j;
         motor.speed_rad_per_s = 900.0;
-        motor.step(2.5e-4, Bridge::Current { amps: -0.2, max_volts: 24.0 }, 0.0, &FRICTION);
-        motor.step(2.5e-4, Bridge::Resistor(10.0), 0.0, &FRICTION);
+        motor.step(2.5e-4, Bridge::Current { amps: -0.2, max_volts: 24.0 }, 0.0, &ideal());
+        motor.step(2.5e-4, Bridge::Resistor(10.0), 0.0, &ideal());
         assert_eq!(motor.energy_j, before);
     }
 
@@ -244,8 +232,8 @@ mod tests {
         coasting.speed_rad_per_s = 500.0;
         let mut braked = coasting.clone();
         for _ in 0..40 {
-            coasting.step(2.5e-4, Bridge::Open, 0.0, &FRICTION);
-            braked.step(2.5e-4, Bridge::Resistor(10.0), 0.0, &FRICTION);
+            coasting.step(2.5e-4, Bridge::Open, 0.0, &ideal());
+            braked.step(2.5e-4, Bridge::Resistor(10.0), 0.0, &ideal());
         }
         assert!(coasting.speed_rad_per_s > 490.0);
         assert!(braked.speed_rad_per_s < 100.0);

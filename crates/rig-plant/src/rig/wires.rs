@@ -19,6 +19,10 @@ const LIMIT_HIGH: (char, u8) = ('A', 8);
 const BUTTON: (char, u8) = ('C', 13);
 /// The limit switches open this far before the ends of the rail, m. Assumed.
 const LIMIT_MARGIN_M: f64 = 2e-3;
+/// Divided LVDT excitation on ADC channel 1, V. Assumed.
+const EXCITATION_V: f64 = 3.0;
+/// Internal reference on ADC channel 17, V (typical value of the STM32F446 data sheet).
+const VREFINT_V: f64 = 1.21;
 
 impl Rig {
     /// Drives every pin anew: after power-up the microcontroller knows none of the levels.
@@ -73,8 +77,8 @@ impl Board for Rig {
         let reference_v = self.parameters.adc_reference_v;
         match channel {
             0 => self.lvdt.sample(t_s, &self.settings, &mut self.noise),
-            1 => volts_to_code(self.parameters.excitation_v, reference_v),
-            17 => volts_to_code(self.parameters.vrefint_v, reference_v),
+            1 => volts_to_code(EXCITATION_V, reference_v),
+            17 => volts_to_code(VREFINT_V, reference_v),
             _ => 0,
         }
     }

@@ -1,5 +1,5 @@
 //! A debugger on the emulated board that the tool starts: it leaves the run as it is, nothing is left when the tool has gone, and
-//! what cannot be is refused. `emulator/tests/gdb.rs` has what a debugger can do.
+//! what cannot be is refused. `emulator/tests/chip/gdb.rs` has what a debugger can do.
 
 use crate::common::{error_of, lines, rigctl, root};
 use std::io::{BufRead, BufReader, Read, Write};

@@ -243,10 +243,4 @@ mod tests {
         let expected: f64 = ROD_THRESHOLDS.iter().map(|t| 4.0 * 20e6 * (0.015 - t)).sum();
         assert!((lost(0.03) / expected - 1.0).abs() < 1e-3, "{} and {expected} J/m3", lost(0.03));
     }
-
-    #[test]
-    fn without_a_width_there_is_no_stress() {
-        let mut memory = RodMemory::new(0.0, 0.02);
-        assert_eq!(memory.step(0.05), 0.0);
-    }
 }

@@ -284,16 +284,10 @@ mod tests {
     done"#;
 
     #[test]
-    fn a_good_program_is_started_set_and_stepped() {
+    fn a_good_program_is_started_set_and_stepped_and_refuses_keys_by_their_names() {
         let mut program = start(&script("good", GOOD)).unwrap();
         program.set("load", 4.9).unwrap();
-        let answer = program.step(2.5).unwrap();
-        assert_eq!(answer, Answer { gap_m: 0.1, torque_nm: -0.001, pull_n: 2.5 });
-    }
-
-    #[test]
-    fn keys_that_it_does_not_take_are_refused_by_their_names() {
-        let mut program = start(&script("keys", GOOD)).unwrap();
+        assert_eq!(program.step(2.5).unwrap(), Answer { gap_m: 0.1, torque_nm: -0.001, pull_n: 2.5 });
         let unknown = program.set("weight", 1.0).unwrap_err().to_string();
         assert!(unknown.contains("`weight`") && unknown.contains("does not know"), "{unknown}");
         let refused = program.set("heavy", 1.0).unwrap_err().to_string();

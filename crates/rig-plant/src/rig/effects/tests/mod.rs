@@ -4,7 +4,6 @@ use crate::bench::settings;
 use crate::board::{Board, Stimulus};
 use crate::rig::Rig;
 use crate::rig::built_in::BuiltIn;
-use crate::rig::motor::MotorFriction;
 use crate::rig::plant::Plant;
 use crate::{PlantSettings, RigPreset};
 use rig_config::Scene;
@@ -50,7 +49,7 @@ impl Hung {
         self.plant.step(h, shaft_rad);
         let mean_nm = 0.5 * (before_nm + self.plant.torque_nm());
         self.work_j +=
-            self.plant.conditions.weight_n * (self.plant.gap_m - before_m) - mean_nm * (shaft_rad - self.shaft_rad);
+            self.plant.settings.load_n * (self.plant.gap_m - before_m) - mean_nm * (shaft_rad - self.shaft_rad);
         self.shaft_rad = shaft_rad;
     }
 
@@ -60,9 +59,9 @@ impl Hung {
     }
 
     fn load_to(&mut self, load_n: f64, seconds: f64) {
-        let (from, steps) = (self.plant.conditions.weight_n, (seconds / H) as u32);
+        let (from, steps) = (self.plant.settings.load_n, (seconds / H) as u32);
         for k in 1..=steps {
-            self.plant.conditions.weight_n = from + (load_n - from) * f64::from(k) / f64::from(steps);
+            self.plant.settings.load_n = from + (load_n - from) * f64::from(k) / f64::from(steps);
             self.step(H, self.shaft_rad);
         }
     }
@@ -70,8 +69,7 @@ impl Hung {
     /// By how much the load would be taken wrong from gap and twist, N.
     fn wrong_n(&self) -> f64 {
         let surface = &self.plant.surface;
-        surface.pull(self.shaft_rad, self.plant.gap_m, self.plant.conditions.weight_n).force_n
-            - self.plant.conditions.weight_n
+        surface.pull(self.shaft_rad, self.plant.gap_m, self.plant.settings.load_n).force_n - self.plant.settings.load_n
     }
 }
 
@@ -120,7 +118,8 @@ fn warm_rods_are_stiffer_under_a_heavy_load_only() {
         let hung = Hung::new(&[("load", load), ("temperature", kelvin)]);
         hung.plant.gap_m
     };
-    assert!((gap("8N", "0") - gap("8N", "10")).abs() < 1e-9, "{}", gap("8N", "0") - gap("8N", "10"));
+    let light_m = gap("8N", "0") - gap("8N", "10");
+    assert!(light_m.abs() < 1e-9, "{light_m}");
     // As much as a modulus that is greater by the share of the stress: 6.5 MPa/K of the law's at the clamp.
     let stress_pa = {
         let scene = scene(SCENE);
@@ -130,14 +129,15 @@ fn warm_rods_are_stiffer_under_a_heavy_load_only() {
     let share = 6.5e6 * 5.0 / stress_pa;
     let stiffer =
         |share: f64| Hung::new(&[("load", "15N"), ("modulus_scale", &format!("{}", 1.0 + share))]).plant.gap_m;
-    let (by_warmth, by_modulus) = (gap("15N", "-5") - gap("15N", "5"), stiffer(-share) - stiffer(share));
+    let warm_m = gap("15N", "5");
+    let (by_warmth, by_modulus) = (gap("15N", "-5") - warm_m, stiffer(-share) - stiffer(share));
     assert!((by_warmth / by_modulus - 1.0).abs() < 0.05, "{by_warmth} and {by_modulus} m");
     // A change in the run does the same.
     let mut r = rig(&[("load", "15N"), ("friction", "0"), ("twist_at_boot", "3.2")]);
     r.set_plant("temperature", "5").unwrap_or_else(|e| panic!("{e}"));
     let mut hung = Hung::of(r);
     hung.turn_to(3.2, 5.0);
-    assert!((hung.plant.gap_m - gap("15N", "5")).abs() < 5e-6, "{} {}", hung.plant.gap_m, gap("15N", "5"));
+    assert!((hung.plant.gap_m - warm_m).abs() < 5e-6, "{} {warm_m}", hung.plant.gap_m);
 }
 
 #[test]
@@ -146,7 +146,7 @@ fn strings_creep_as_a_softer_string_would_stretch() {
     let start_m = hung.plant.gap_m;
     (0..300).for_each(|_| hung.step(1e-2, 3.2));
     let after_3s = hung.plant.gap_m - start_m;
-    (0..1_000_000).for_each(|_| hung.step(1e-2, 3.2));
+    (0..200_000).for_each(|_| hung.step(5e-2, 3.2));
     let end = hung.plant.gap_m - start_m;
     let softer = Hung::new(&[("stiffness_scale", &format!("{}", 1.0 / 1.3)), ("load", "5N")]).plant.gap_m - start_m;
     // Their pull is a little more than half the load each, because they are inclined.
@@ -227,34 +227,12 @@ fn the_rail_holds_by_its_static_friction_with_the_loads_share() {
     ];
     let mut hung = Hung::new(&keys);
     let start_m = hung.plant.gap_m;
-    // (0.2 + 2 % of 5) x 1.5 N, which the give takes up over 10 um.
-    hung.load_to(5.43, 5.0);
+    // (0.2 + 2 % of 5.46) x 1.5 N, which the give takes up over 10 um.
+    hung.load_to(5.45, 5.0);
     let give_m = hung.plant.gap_m - start_m;
     assert!(give_m > 1e-6 && give_m < 12e-6, "{give_m} m below static friction");
-    hung.load_to(5.5, 5.0);
+    hung.load_to(5.52, 5.0);
     assert!(hung.plant.gap_m - start_m > 50e-6, "{} m above it", hung.plant.gap_m - start_m);
-}
-
-#[test]
-fn a_light_load_sticks_and_slips() {
-    let jumps = |ratio: &str| {
-        let mut hung = Hung::new(&[
-            ("friction", "0.3"),
-            ("stiction_ratio", ratio),
-            ("stribeck_speed", "2mm/s"),
-            ("presliding", "10um"),
-            ("load", "1N"),
-            ("twist_at_boot", "20"),
-        ]);
-        let mut fastest = 0f64;
-        for _ in 0..8000 {
-            hung.step(H, hung.shaft_rad + 0.5 * H);
-            fastest = fastest.max(-hung.plant.speed_m_per_s);
-        }
-        fastest
-    };
-    let (smooth, jerky) = (jumps("1"), jumps("1.5"));
-    assert!(jerky > 2.0 * smooth, "{jerky} and {smooth} m/s");
 }
 
 /// What the drive reports of the current while it holds still, A.
@@ -281,17 +259,6 @@ fn the_reported_current_has_offset_noise_and_quantum_and_its_noise_is_no_stall()
     assert!((mean(&wrong) - mean(&exact) - 0.02).abs() < 0.08, "{}", mean(&wrong) - mean(&exact));
     let rms = (wrong.iter().map(|a| (a - mean(&wrong)).powi(2)).sum::<f64>() / wrong.len() as f64).sqrt();
     assert!((0.25..0.35).contains(&rms), "{rms} A");
-}
-
-#[test]
-fn a_stronger_magnet_turns_slower_at_the_same_voltage() {
-    let volts = |scale: &str| {
-        let mut rig = rig(&[("torque_constant_scale", scale)]);
-        let bridge = crate::rig::motor::Bridge::Voltage(12.0);
-        (0..4000).for_each(|_| rig.motor.step(2.5e-4, bridge, 0.0, &MotorFriction::from(&rig.settings)));
-        rig.motor.speed_rad_per_s * rig.parameters.torque_constant_nm_per_a
-    };
-    assert!((volts("1.1") * 1.1 - volts("1")).abs() < 0.02, "{} and {} V", volts("1.1"), volts("1"));
 }
 
 /// Keys of each effect of the mechanism, as large as on a hard rig.
@@ -341,7 +308,6 @@ fn no_effect_creates_energy_alone_or_with_the_others() {
     let [damped_twist_j, damped_load_j] = cycles(&[]);
     for (name, keys) in EFFECTS {
         let [twist_j, load_j] = cycles(keys);
-        eprintln!("{name}: {twist_j} {load_j}");
         let (twist_j, load_j) = (twist_j - damped_twist_j, load_j - damped_load_j);
         assert!(twist_j > -OFF_J && load_j > -OFF_J, "{name}: {twist_j} J by the twist, {load_j} J by the load");
         match name {
@@ -366,10 +332,7 @@ fn a_seed_names_one_rig_to_the_last_bit() {
         let pins = rig.poll(0.5).iter().filter(|s| matches!(s, Stimulus::Pin { .. })).count();
         format!("{codes:?} {pins} {:?}", rig.take_records())
     };
-    for preset in [RigPreset::Nominal, RigPreset::Hard] {
-        assert_eq!(run(preset, 3), run(preset, 3));
-        assert_ne!(run(preset, 3), run(preset, 4));
-    }
-    assert_ne!(run(RigPreset::Nominal, 3), run(RigPreset::Hard, 3));
+    let hard = run(RigPreset::Hard, 3);
+    assert!(hard == run(RigPreset::Hard, 3) && hard != run(RigPreset::Hard, 4) && hard != run(RigPreset::Nominal, 3));
     assert_eq!(PlantSettings::preset(RigPreset::Ideal, 9), PlantSettings::default());
 }

@@ -1,13 +1,11 @@
 //! GDB's remote protocol against programs assembled by hand: whatever the debugger does, the run stays the same.
 
-mod board_support;
-#[path = "board_support/gdb.rs"]
-mod gdb;
-
-use board_support::{Bare, Program, programs};
-use gdb::Gdb;
+use crate::gdb_client::Gdb;
+use crate::fixture::{Recorder, machine};
+use crate::listings::{CONDITIONS, Listing, PROCESS_STACK, SYSTICK};
+use crate::program::START;
 use rig_emulator::gdb::Server;
-use rig_emulator::machine::{Config, Machine};
+use rig_emulator::machine::Machine;
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::sync::Arc;
@@ -15,40 +13,16 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 const RAM: u32 = 0x2000_0000;
 const FLASH: u32 = 0x0800_0000;
-/// First instruction of `programs`.
-const CODE: u32 = FLASH + 0x48;
-
-/// ```text
-/// ldr r0,=0x20000000
-/// 1: adds r1,#1
-/// tst r1,#1
-/// itete eq
-/// addeq r2,#1
-/// addne r3,#1
-/// addeq r4,#1
-/// addne r5,#1
-/// str r2,[r0]
-/// b 1b
-/// handler: b .
-/// ```
-const CONDITIONS: Program = Program {
-    code: &[0xF04F, 0x5000, 0x3101, 0xF011, 0x0F01, 0xBF0B, 0x3201, 0x3301, 0x3401, 0x3501, 0x6002, 0xE7F5, 0xE7FE],
-    handler: 0x60,
-};
-
-fn machine(program: &Program) -> Machine<Bare> {
-    Machine::new(&program.elf(), Bare, Config::default()).expect("a good ELF")
-}
 
 /// What a run leaves: instructions, exceptions and all of RAM.
-fn result(machine: &mut Machine<Bare>) -> (u64, u64, Vec<u8>) {
+fn result(machine: &mut Machine<Recorder>) -> (u64, u64, Vec<u8>) {
     let stats = machine.stats();
     (stats.instructions, stats.exceptions, machine.soc_mut().memory.ram.to_vec())
 }
 
 /// A run that a debugger is there for from the first instruction, and what it leaves.
-fn debugged(program: &Program, t_s: f64, debugger: impl FnOnce(&str) + Send) -> (u64, u64, Vec<u8>) {
-    let mut machine = machine(program);
+fn debugged(program: &Listing, t_s: f64, debugger: impl FnOnce(&str) + Send) -> (u64, u64, Vec<u8>) {
+    let mut machine = machine(&program.elf());
     let server = Server::bind("127.0.0.1:0", true, Arc::default()).expect("a free port");
     let address = server.address().expect("an address").to_string();
     machine.attach(Box::new(server));
@@ -60,20 +34,20 @@ fn debugged(program: &Program, t_s: f64, debugger: impl FnOnce(&str) + Send) -> 
     result(&mut machine)
 }
 
-fn undisturbed(program: &Program, t_s: f64) -> (u64, u64, Vec<u8>) {
-    let mut machine = machine(program);
+fn undisturbed(program: &Listing, t_s: f64) -> (u64, u64, Vec<u8>) {
+    let mut machine = machine(&program.elf());
     machine.run_until(t_s).expect("it runs");
     result(&mut machine)
 }
 
 #[test]
 fn breakpoints_and_steps_change_nothing() {
-    let program = &programs::SYSTICK;
-    let handler = FLASH + program.handler;
+    let program = &SYSTICK;
+    let handler = program.handler();
     let after = debugged(program, 20e-3, |address| {
         let mut gdb = Gdb::connect(address);
         assert!(gdb.ask("?").starts_with(['S', 'T']));
-        assert_eq!(gdb.pc(), CODE);
+        assert_eq!(gdb.pc(), START);
         assert_eq!(gdb.ask(&format!("Z0,{handler:x},2")), "OK");
         // In the middle of a block, too.
         assert_eq!(gdb.ask(&format!("Z1,{:x},2", handler + 4)), "OK");
@@ -91,7 +65,7 @@ fn breakpoints_and_steps_change_nothing() {
                 assert!(gdb.ask("s").starts_with(['S', 'T']));
                 steps.push(gdb.pc());
             }
-            assert_eq!(steps, [handler + 6, CODE + 24, CODE + 22, handler], "round {round}");
+            assert_eq!(steps, [handler + 6, START + 24, START + 22, handler], "round {round}");
             // A breakpoint that the core stands at has been reached.
             assert!(gdb.ask("s").starts_with(['S', 'T']));
             assert_eq!(gdb.pc(), handler + 2);
@@ -112,7 +86,7 @@ fn breakpoints_and_steps_change_nothing() {
 
 #[test]
 fn a_program_stepped_from_end_to_end_takes_the_same_time() {
-    for (program, steps) in [(&programs::SYSTICK, 150), (&CONDITIONS, 150), (&programs::PROCESS_STACK, 15)] {
+    for (program, steps) in [(&SYSTICK, 150), (&CONDITIONS, 150), (&PROCESS_STACK, 15)] {
         let after = debugged(program, 50e-3, |address| {
             let mut gdb = Gdb::connect(address);
             for _ in 0..steps {
@@ -126,7 +100,7 @@ fn a_program_stepped_from_end_to_end_takes_the_same_time() {
 
 #[test]
 fn a_breakpoint_inside_an_it_block_stops_at_the_it() {
-    let it = CODE + 10;
+    let it = START + 10;
     let after = debugged(&CONDITIONS, 1e-4, |address| {
         let mut gdb = Gdb::connect(address);
         assert_eq!(gdb.ask(&format!("Z0,{:x},2", it + 6)), "OK");
@@ -160,7 +134,7 @@ fn registers_and_memory_are_read_and_written() {
         assert_eq!(gdb.registers()[1], 0xDEAD_BEEF);
         gdb.ask("s");
         assert_eq!(gdb.registers()[1], 0xDEAD_BEF0, "the core goes on with what was written");
-        assert_eq!(gdb.memory(FLASH, 2), [0x2002_0000, CODE + 1]);
+        assert_eq!(gdb.memory(FLASH, 2), [0x2002_0000, START + 1]);
         assert_eq!(gdb.ask(&format!("M{:x},4:78563412", RAM + 0x40)), "OK");
         assert_eq!(gdb.memory(RAM + 0x40, 1), [0x1234_5678]);
         // Flash is not written, a peripheral not read, and nothing is where nothing is.
@@ -173,21 +147,21 @@ fn registers_and_memory_are_read_and_written() {
 
 #[test]
 fn ctrl_c_stops_a_run_and_a_client_that_vanishes_leaves_nothing_behind() {
-    let after = debugged(&programs::SYSTICK, 1.0, |address| {
+    let after = debugged(&SYSTICK, 1.0, |address| {
         let mut gdb = Gdb::connect(address);
         gdb.send("c");
         gdb.interrupt();
         assert!(gdb.answer().contains("02"), "SIGINT");
-        assert_eq!(gdb.ask(&format!("Z0,{:x},2", FLASH + programs::SYSTICK.handler)), "OK");
+        assert_eq!(gdb.ask(&format!("Z0,{:x},2", SYSTICK.handler())), "OK");
         assert!(gdb.ask("c").starts_with('T'));
         // And gone, at a breakpoint.
     });
-    assert_eq!(after, undisturbed(&programs::SYSTICK, 1.0));
+    assert_eq!(after, undisturbed(&SYSTICK, 1.0));
 }
 
 #[test]
 fn garbage_and_silence_hold_nothing_up() {
-    let mut machine = machine(&programs::SYSTICK);
+    let mut machine = machine(&SYSTICK.elf());
     let server = Server::bind("127.0.0.1:0", false, Arc::default()).expect("a free port");
     let address = server.address().expect("an address").to_string();
     machine.attach(Box::new(server));
@@ -217,12 +191,12 @@ fn garbage_and_silence_hold_nothing_up() {
     let _silent = TcpStream::connect(address).expect("somebody listens");
     machine.run_until(machine.now_s() + 0.1).expect("it runs");
     let t_s = machine.now_s();
-    assert_eq!(result(&mut machine), undisturbed(&programs::SYSTICK, t_s));
+    assert_eq!(result(&mut machine), undisturbed(&SYSTICK, t_s));
 }
 
 #[test]
 fn a_failure_can_be_looked_at() {
-    let mut machine = machine(&programs::SYSTICK);
+    let mut machine = machine(&SYSTICK.elf());
     let server = Server::bind("127.0.0.1:0", true, Arc::default()).expect("a free port");
     let address = server.address().expect("an address").to_string();
     machine.attach(Box::new(server));
@@ -244,13 +218,13 @@ fn a_failure_can_be_looked_at() {
 #[test]
 fn a_port_that_is_taken_is_named_and_a_host_that_has_gone_ends_the_wait() {
     let gone = Arc::new(AtomicBool::new(false));
-    let server = Server::<Bare>::bind("127.0.0.1:0", true, gone.clone()).expect("a free port");
+    let server = Server::<Recorder>::bind("127.0.0.1:0", true, gone.clone()).expect("a free port");
     let address = server.address().expect("an address").to_string();
     for bad in [address.as_str(), "127.0.0.1", "nonsense:x"] {
-        let error = Server::<Bare>::bind(bad, false, Arc::default()).err().expect("refused");
+        let error = Server::<Recorder>::bind(bad, false, Arc::default()).err().expect("refused");
         assert!(format!("{error:#}").contains(bad), "{error:#}");
     }
-    let mut machine = machine(&programs::SYSTICK);
+    let mut machine = machine(&SYSTICK.elf());
     machine.attach(Box::new(server));
     gone.store(true, Ordering::Relaxed);
     machine.run_until(0.1).expect("it runs without");
