@@ -110,7 +110,8 @@ impl Arguments {
     /// If a variant has no table, the emulated board does not start, or the folder cannot be written.
     pub fn run(&self, global: &Global, output: &mut Output) -> Result<(), Failure> {
         let scene = global.scene()?;
-        let (mechanism, demand, script) = (scene.mechanism()?, scene.demand()?, Script::parse(SCRIPT)?);
+        let script = Script::parse(SCRIPT).map_err(Failure::failed)?;
+        let (mechanism, demand) = (scene.mechanism()?, scene.demand()?);
         let mut outcomes = Vec::new();
         for (variant, tier, [contraction_m, tr_relative]) in VARIANTS {
             let accuracy = Accuracy { contraction_m, tr_relative };
