@@ -9,7 +9,7 @@ use std::io::{self, Write};
 
 /// The firmware's tick, whose instructions are counted.
 const TICK_FUNCTION: &str = "control_tick";
-/// Longest run in one request (s): a typing error must not hang the caller for ever.
+/// Longest run in one request (s): a typing error must not hang the caller indefinitely.
 const LONGEST_RUN_S: f64 = 3600.0;
 
 /// How often a run looks whether the plant's program goes on (s).

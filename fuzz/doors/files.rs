@@ -8,10 +8,10 @@ use rig_link::messages::{CorrectedConstants, Kept, Request};
 use rig_link::{MAX_FRAME, encode};
 use rig_plant::bench::{constants, scene, table};
 use rigctl::batch::Query;
-use rigctl::course::Course;
 use rigctl::identify::compete::Candidate;
 use rigctl::identify::laws::Law;
 use rigctl::identify::{data::sweeps, identify, plausible};
+use rigctl::trajectory::Trajectory;
 use tsa_model::{Mechanism, twist_from_turns};
 
 /// A mechanism answers with finite numbers, or refuses by name.
@@ -27,7 +27,7 @@ pub fn scene_file(data: &[u8]) {
     let Ok(text) = core::str::from_utf8(data) else { return };
     let json = || serde_json::from_str::<Scene>(text).ok().filter(|scene| scene.validate().is_ok());
     let Some(scene) = Scene::from_toml_str(text).ok().or_else(json) else { return };
-    let _ = (scene.hash(), scene.table_demand(), scene.check_rig());
+    let _ = (scene.hash(), scene.table_requirement(), scene.check_rig());
     if let Ok(mechanism) = scene.mechanism() {
         for (load_n, twist_rad) in [(0.5, 3.2), (5.0, 20.0), (17.0, 50.0)] {
             solve(&mechanism, load_n, twist_rad);
@@ -114,27 +114,27 @@ pub fn stored_settings(data: &[u8]) {
     });
 }
 
-/// Every set-point of a course can be sent, and its numbers are finite.
-fn check_course(course: &Course) {
+/// Every set-point of a trajectory can be sent, and its numbers are finite.
+fn check_trajectory(trajectory: &Trajectory) {
     // The iterator is lazy: a long course is no problem of its own.
-    for (t_s, request) in course.set_points().take(1000) {
+    for (t_s, request) in trajectory.set_points().take(1000) {
         let Request::Track { position_m, speed_m_per_s, for_s } = request else { panic!("{request:?}") };
         assert!(t_s.is_finite() && [position_m, speed_m_per_s, for_s].into_iter().all(f32::is_finite), "{request:?}");
         assert!(encode(1, &request, &mut [0; MAX_FRAME]).is_ok());
     }
 }
 
-/// A course for `rigctl track`: refused, or one that can be streamed.
-pub fn course(data: &[u8]) {
+/// A trajectory for `rigctl track`: refused, or one that can be streamed.
+pub fn trajectory(data: &[u8]) {
     if let Ok(text) = core::str::from_utf8(data)
-        && let Ok(course) = Course::parse(text)
+        && let Ok(trajectory) = Trajectory::parse(text)
     {
-        check_course(&course);
+        check_trajectory(&trajectory);
     }
 }
 
 /// Numbers of any kind and lists of any length, as a Python program may pass them: a load and a number of turns, constants
-/// of the scene (zero leaves one as it is), and the lists of a course, whose lengths are in the first byte.
+/// of the scene (zero leaves one as it is), and the lists of a trajectory, whose lengths are in the first byte.
 pub fn python(data: &[u8]) {
     let Some((lengths, data)) = data.split_first() else { return };
     let (numbers, _) = data.as_chunks();
@@ -143,8 +143,8 @@ pub fn python(data: &[u8]) {
     let (times, rest) = numbers.split_at((third + usize::from(lengths & 3)).min(numbers.len()));
     let (positions, speeds) = rest.split_at((third + usize::from((lengths >> 2) & 3)).min(rest.len()));
     for speeds in [None, Some(speeds)] {
-        if let Ok(course) = Course::new(times, positions, speeds) {
-            check_course(&course);
+        if let Ok(trajectory) = Trajectory::new(times, positions, speeds) {
+            check_trajectory(&trajectory);
         }
     }
     let &[load_n, turns, ref constants @ ..] = numbers.as_slice() else { return };

@@ -33,7 +33,7 @@ pub const DOORS: &[(&str, Door, usize)] = &[
     ("command_line", files::command_line, SOME),
     ("log", files::log, MANY),
     ("stored_settings", files::stored_settings, MANY),
-    ("course", files::course, MANY),
+    ("course", files::trajectory, MANY),
     ("python", files::python, SOME),
     ("control", rigs::control, MANY),
     ("stream", rigs::stream, SOME),

@@ -12,7 +12,7 @@ use rmds405::QuadCounts;
 use std::sync::OnceLock;
 
 /// Half a turn of the strings, and what the fastest move covers while the drive answers (motor counts).
-fn leash() -> i64 {
+fn max_lag() -> i64 {
     (constants().counts_per_rad * 30.0) as i64
 }
 
@@ -74,7 +74,7 @@ pub fn control(data: &[u8]) {
         let outputs = rig.step(&inputs);
         if let DriveCommand::Follow { position_qc, speed_limit_rpm, current_limit_ma } = outputs.drive {
             assert!(
-                (i64::from(position_qc) - i64::from(position)).abs() <= leash(),
+                (i64::from(position_qc) - i64::from(position)).abs() <= max_lag(),
                 "sent {position_qc} from {position}"
             );
             assert!(speed_limit_rpm >= 0 && (50..=constants().current_limit_ma).contains(&current_limit_ma));

@@ -8,8 +8,8 @@ use anyhow::Result;
 use rig_control::TICK_S;
 use rig_link::messages::{LoadChoice, Request, State};
 use rig_plant::RigPreset;
-use rigctl::course::{EVERY_S, HOLDS_FOR_S};
 use rigctl::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Sample, colour};
+use rigctl::trajectory::{EVERY_S, HOLDS_FOR_S};
 use std::f64::consts::TAU;
 
 /// Ticks of one period: a whole number of them, so that a sum over whole periods is a Fourier coefficient.
@@ -22,7 +22,7 @@ const MIDDLE_M: f32 = 0.008;
 const SPEED_M_PER_S: f32 = 0.004;
 /// Periods, but so many seconds at least, before the sine is measured and while it is.
 const PERIODS: usize = 2;
-const LEAST_S: f64 = 4.0;
+const MIN_S: f64 = 4.0;
 
 /// What is drawn: ratios from the first one on, and phases (degrees) from the first one to the second, a turn apart.
 const DRAWN_RATIO: f64 = 0.01;
@@ -75,7 +75,7 @@ impl Series {
         let tick_s = f64::from(TICK_S);
         let every = (EVERY_S / tick_s).round() as usize;
         let phase = |ticks: usize| TAU * ticks as f64 / period as f64;
-        let count = period * PERIODS.max((LEAST_S / (tick_s * period as f64)).ceil() as usize);
+        let count = period * PERIODS.max((MIN_S / (tick_s * period as f64)).ceil() as usize);
         let mut positions_m = Vec::new();
         for k in 0..2 * count {
             let request = (k % every == 0).then(|| Request::Track {

@@ -1,8 +1,8 @@
 //! The study of changed loads by this controller and by seven others, over the least time of any control.
 
+use crate::baselines::Field;
 use crate::load_changes::{self, Outcome};
 use crate::rigs::subject::Subject;
-use crate::rivals::Field;
 use crate::speed::{key, panel};
 use crate::study::{Rigs, Sorted, Study, draw, shown};
 use anyhow::Result;
@@ -55,11 +55,11 @@ pub fn study(rigs: &Rigs) -> Result<Study> {
         let ours: Vec<Outcome> = played.iter().flat_map(|(_, outcomes)| outcomes.clone()).collect();
         let on = (rig, played.len(), within_m);
         let field = Field::new(played, rigs.jobs);
-        let rivals = field.rivals(TUNED_ON, within_m).into_iter().map(|(name, law)| {
+        let baselines = field.baselines(TUNED_ON, within_m).into_iter().map(|(name, law)| {
             eprintln!("{rig}: {name}: {law:?}");
             (name, field.play(law))
         });
-        for (name, outcomes) in [(OURS, ours.clone())].into_iter().chain(rivals) {
+        for (name, outcomes) in [(OURS, ours.clone())].into_iter().chain(baselines) {
             row(&mut study, name, on, &outcomes, &ours);
             panels.push(panel(format!("{rig}: {name}"), "time over the limit", &outcomes, |o| o.over_limit(within_m)));
         }
@@ -117,7 +117,7 @@ fn row(
     ]);
     let key = format!("{rig}_{}", name.split_whitespace().next().unwrap_or_default());
     study.value(format!("{key}_over_limit_median"), over_limit.median());
-    study.value(format!("{key}_over_limit_most"), over_limit.most());
+    study.value(format!("{key}_over_limit_most"), over_limit.max());
     study.value(format!("{key}_not_settled"), missed.len() as f64);
     study.value(format!("{key}_over_ours_median"), over_ours.median());
     if name == OURS {
@@ -130,13 +130,14 @@ fn row(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::physical_limit::Swing;
+    use crate::physical_limit::Oscillation;
 
     #[test]
     fn what_has_not_settled_is_counted_and_slow_steps_are_named() {
-        let swing = Swing { frequency: 20.0, damping_per_s: 2.0, speed_m_per_s: 0.005, acceleration_m_per_s2: 0.1 };
+        let oscillation =
+            Oscillation { frequency: 20.0, damping_per_s: 2.0, speed_m_per_s: 0.005, acceleration_m_per_s2: 0.1 };
         let outcome = |what: &str, ticks: usize| Outcome {
-            swing: Some(swing),
+            oscillation: Some(oscillation),
             away_m: -2e-3,
             errors_m: (0..800).map(|k| if k < ticks { -1e-3 } else { 0.0 }).collect(),
             failure: None,

@@ -1,7 +1,7 @@
 //! How fast a load that is changed at rest is back at its place, held against what the motor's speed and acceleration alone
 //! would need for the same turn of the strings.
 
-use crate::physical_limit::Swing;
+use crate::physical_limit::Oscillation;
 use crate::rigs::subject::Subject;
 use crate::study::each;
 use crate::{ControlBench, Controller, constants, table};
@@ -52,7 +52,7 @@ pub struct Outcome {
     /// The change; `None` for a move.
     pub step: Option<Step>,
     /// What the load's swing and the motor allow; `None` for a move.
-    pub swing: Option<Swing>,
+    pub oscillation: Option<Oscillation>,
     /// Where the strings stood when the load had changed, from its place (m).
     pub away_m: f64,
     /// Distance from the target over time (m), every tick, as the sensor has it without its noise.
@@ -64,12 +64,20 @@ pub struct Outcome {
 impl Outcome {
     /// One that did not come about.
     pub fn failed(what: String, why: String) -> Self {
-        Self { what, motor_s: f64::NAN, step: None, swing: None, away_m: 0.0, errors_m: Vec::new(), failure: Some(why) }
+        Self {
+            what,
+            motor_s: f64::NAN,
+            step: None,
+            oscillation: None,
+            away_m: 0.0,
+            errors_m: Vec::new(),
+            failure: Some(why),
+        }
     }
 
-    /// Least time (s) that motor and swing allow to come within a distance (m) of the place.
+    /// Minimum time (s) that motor and swing allow to come within a distance (m) of the place.
     pub fn limit_s(&self, within_m: f64) -> Option<f64> {
-        self.swing?.least_time_s(self.away_m, within_m)
+        self.oscillation?.min_time_s(self.away_m, within_m)
     }
 
     /// Time to come back over the least that motor and swing allow; `None` if the load did not come back, or if the limit is not
@@ -93,18 +101,18 @@ pub fn as_the_sensor_has_it(errors_m: &mut [f64], shown_m: &[f64]) {
 }
 
 /// A load (kg) on its strings as they are now.
-fn swing(bench: &ControlBench, load_kg: f64, tr_rad_per_m: f64) -> Option<Swing> {
+fn oscillation(bench: &ControlBench, load_kg: f64, tr_rad_per_m: f64) -> Option<Oscillation> {
     let load_n = load_kg * STANDARD_GRAVITY;
     let point = table().point_inside(load_n as f32, bench.truth().twist_rad as f32);
     let limits = constants().twist_limits();
     let stiffness_n_per_m = 1.0 / f64::from(point.dgap_dload_m_per_n);
-    Some(Swing {
+    Some(Oscillation {
         frequency: (stiffness_n_per_m / load_kg).sqrt(),
         damping_per_s: (DAMPING[0] + DAMPING[1] * stiffness_n_per_m) / load_kg,
         speed_m_per_s: f64::from(limits.speed) / tr_rad_per_m,
         acceleration_m_per_s2: f64::from(limits.acceleration) / tr_rad_per_m,
     })
-    .filter(|swing| swing.frequency.is_finite() && swing.speed_m_per_s.is_finite())
+    .filter(|oscillation| oscillation.frequency.is_finite() && oscillation.speed_m_per_s.is_finite())
 }
 
 /// Shortest time (s) for a turn of the strings (rad) from rest to rest.
@@ -218,7 +226,7 @@ fn watch(mut bench: ControlBench, step: Step) -> Outcome {
         what: step.to_string(),
         motor_s: motor_s(turned_rad),
         step: Some(step),
-        swing: swing(&bench, step.change_kg[1], tr_rad_per_m),
+        oscillation: oscillation(&bench, step.change_kg[1], tr_rad_per_m),
         away_m: -turned_rad / tr_rad_per_m,
         errors_m,
         failure,

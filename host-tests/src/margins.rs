@@ -21,13 +21,13 @@ use tsa_model::{Mechanism, twist_from_turns};
 /// Loads (kg) and positions (m) at which the margins are measured.
 const LOADS_KG: [f64; 3] = [0.2, 0.6, 1.2];
 const POSITIONS_M: [f32; 3] = [0.002, 0.008, 0.014];
-/// Share of its weight that the load keeps.
+/// Fraction of its weight that the load keeps.
 const KEPT: f64 = 0.95;
 /// How long the load may swing after that, and how long it is then watched (s).
 const CALM_AFTER_S: f64 = 6.0;
 const WATCHED_S: f64 = 2.0;
 /// A load that still moves by so much (m) swings.
-const SWINGS_M: f64 = 300e-6;
+const OSCILLATIONS_M: f64 = 300e-6;
 /// Factor from one gain that is tried to the next, and the step of the delay (s); how many of each are tried.
 const GAIN_STEP: f64 = 1.1;
 const DELAY_STEP_S: f64 = 0.004;
@@ -79,11 +79,11 @@ pub fn hung_at(mechanism: &Mechanism, load_n: f64, height_m: f64) -> Result<Hung
     Hung::at(mechanism, load_n, low).map_err(|e| e.to_string())
 }
 
-/// How far the load still swings (m), some time after it has kept only a share of its weight.
+/// How far the load still swings (m), some time after it has kept only a fraction of its weight.
 ///
 /// # Errors
 /// In words, if the board no longer holds the load.
-pub fn swing_m(mut bench: ControlBench, load_kg: f64, kept: f64, loosened: Loosened) -> Result<f64, String> {
+pub fn oscillation_m(mut bench: ControlBench, load_kg: f64, kept: f64, loosened: Loosened) -> Result<f64, String> {
     loosened.put_into(&mut bench);
     bench.run(0.5);
     hang(&mut bench, kept * load_kg)?;
@@ -147,13 +147,13 @@ fn table(found: &[(String, f32, Margins)]) -> Study {
                 // None is less than any.
                 let measured = margins.iter().map(|(_, measured)| *measured);
                 let by_value = |a: &Option<f64>, b: &Option<f64>| a.unwrap_or(0.0).total_cmp(&b.unwrap_or(0.0));
-                let [least, most] = [measured.clone().min_by(by_value), measured.max_by(by_value)].map(Option::flatten);
+                let [min, max] = [measured.clone().min_by(by_value), measured.max_by(by_value)].map(Option::flatten);
                 let shown = |value: Option<f64>| value.map_or("none".into(), |v| format!("{:.digits$}", scale * v));
-                let range = if least == most { shown(least) } else { format!("{} to {}", shown(least), shown(most)) };
+                let range = if min == max { shown(min) } else { format!("{} to {}", shown(min), shown(max)) };
                 cells.push(format!("{:.digits$}: {range}{unit}", scale * computed));
                 let key = format!("{}_{:.0}mm_{what}", name.replace(", ", "_").replace(' ', "_"), 1e3 * at_m);
                 study.value(format!("{key}_computed"), *computed);
-                study.value(format!("{key}_least"), least);
+                study.value(format!("{key}_least"), min);
             }
         }
         study.row(cells);
@@ -162,14 +162,14 @@ fn table(found: &[(String, f32, Margins)]) -> Study {
         "In front of the colon computed, without friction; after it measured: the last step of 10 % or of 4 ms with which a \
          load that loses a twentieth of its weight comes to rest, least and most of the rigs. No more than {:.1} and {:.0} ms were \
          tried. \"none\": the load swings without a change of the loop.",
-        most().gain,
-        1e3 * most().delay_s
+        max().gain,
+        1e3 * max().delay_s
     ));
     study
 }
 
 /// The margins at a place: computed, with the table's mechanism and no friction, and measured. Of those measured the last with
-/// which the load came to rest: the next step was too much, unless it is the greatest that was tried. `None` if the load swings
+/// which the load came to rest: the next step was too much, unless it is the maximum that was tried. `None` if the load swings
 /// without a change of the loop.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Margins {
@@ -179,8 +179,8 @@ struct Margins {
     delay_s: (f64, Option<f64>),
 }
 
-/// The greatest values that are tried.
-fn most() -> Loosened {
+/// The maximum values that are tried.
+fn max() -> Loosened {
     Loosened { gain: by_gain(TRIED).gain, ..by_delay(TRIED) }
 }
 
@@ -206,7 +206,8 @@ impl Place {
         bench.move_to(self.at_m, SPEED_M_PER_S, LoadChoice::Auto)?;
         bench.run(1.0);
         let rests = |loosened: Loosened| {
-            swing_m(bench.clone(), self.load_kg, KEPT, loosened).is_ok_and(|swing_m| swing_m < SWINGS_M)
+            oscillation_m(bench.clone(), self.load_kg, KEPT, loosened)
+                .is_ok_and(|oscillation_m| oscillation_m < OSCILLATIONS_M)
         };
         // The last with which it comes to rest before the first with which it does not.
         let last = |at: fn(i32) -> Loosened| (0..=TRIED).map(at).take_while(|loosened| rests(*loosened)).last();
@@ -215,7 +216,7 @@ impl Place {
         let firmware = Controller::damped();
         Ok(Margins {
             gain: (hung.gain_margin(&firmware), last(by_gain).map(|loosened| loosened.gain)),
-            delay_s: (hung.delay_margin(&firmware, most().delay_s), last(by_delay).map(|loosened| loosened.delay_s)),
+            delay_s: (hung.delay_margin(&firmware, max().delay_s), last(by_delay).map(|loosened| loosened.delay_s)),
         })
     }
 }

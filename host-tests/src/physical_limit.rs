@@ -3,7 +3,7 @@
 //! In the load's coordinates (docs/explanation/control.md 1) the strings set where the load would rest, q, by the speed
 //! u, which the motor limits with its change; the load swings about it, p'' = ω² (q − p) − d p'. With u constant in
 //! each tick everything is linear in the u of the ticks, and whether the load can be at rest after so many ticks is a
-//! linear programme. Coulomb friction is left out: it calms a swing as well, so that a light load may be faster than
+//! linear programme. Coulomb friction is left out: it calms an oscillation as well, so that a light load may be faster than
 //! this.
 
 use clarabel::algebra::CscMatrix;
@@ -18,14 +18,14 @@ const LONGEST: usize = 400;
 
 /// The load on its strings.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Swing {
+pub struct Oscillation {
     /// ω (rad/s).
     pub frequency: f64,
     /// d (1/s).
     pub damping_per_s: f64,
-    /// Greatest speed of q (m/s).
+    /// Maximum speed of q (m/s).
     pub speed_m_per_s: f64,
-    /// Greatest change of it (m/s²).
+    /// Maximum change of it (m/s²).
     pub acceleration_m_per_s2: f64,
 }
 
@@ -36,7 +36,7 @@ type Row = (Vec<(usize, f64)>, f64, f64);
 /// p, p', q.
 type State = [f64; 3];
 
-impl Swing {
+impl Oscillation {
     /// A tick later, with q moving evenly: classical Runge-Kutta.
     fn after_a_tick(&self, state: State, u: f64) -> State {
         let slope = |[p, v, q]: State| [v, self.frequency * self.frequency * (q - p) - self.damping_per_s * v, u];
@@ -52,9 +52,9 @@ impl Swing {
         })
     }
 
-    /// Least time (s) to come to rest within a distance (m) of 0, from rest at 0 with q that far away (m): a load that has just
+    /// Minimum time (s) to come to rest within a distance (m) of 0, from rest at 0 with q that far away (m): a load that has just
     /// changed. `None` where 4 s are not enough.
-    pub fn least_time_s(&self, q_m: f64, within_m: f64) -> Option<f64> {
+    pub fn min_time_s(&self, q_m: f64, within_m: f64) -> Option<f64> {
         let (mut low, mut high) = (0, LONGEST);
         if !self.can_rest(q_m, within_m, high) {
             return None;
@@ -70,7 +70,7 @@ impl Swing {
     /// widths: 0 where it can.
     fn can_rest(&self, q_m: f64, within_m: f64, ticks: usize) -> bool {
         let mut rows: Vec<Row> = (0..ticks).map(|k| (vec![(k, 1.0)], 0.0, 1.0)).collect();
-        // In units of the greatest speed, so that all numbers are near 1. It begins and ends with none.
+        // In units of the maximum speed, so that all numbers are near 1. It begins and ends with none.
         let unit = self.speed_m_per_s;
         let change = self.acceleration_m_per_s2 * TICK_S / unit;
         for k in 0..=ticks {
@@ -90,7 +90,7 @@ impl Swing {
     }
 }
 
-/// Least excess of rows over their widths.
+/// Minimum excess of rows over their widths.
 fn excess(variables: usize, rows: &[Row]) -> Option<f64> {
     // ±(sum − middle)/width − excess ≤ 1, and −excess ≤ 0.
     let (mut at, mut bounds) = ((Vec::new(), Vec::new(), Vec::new()), Vec::new());
@@ -125,33 +125,34 @@ fn excess(variables: usize, rows: &[Row]) -> Option<f64> {
 mod tests {
     use super::*;
 
-    const SOFT: Swing = Swing { frequency: 20.0, damping_per_s: 2.0, speed_m_per_s: 0.005, acceleration_m_per_s2: 0.1 };
+    const SOFT: Oscillation =
+        Oscillation { frequency: 20.0, damping_per_s: 2.0, speed_m_per_s: 0.005, acceleration_m_per_s2: 0.1 };
 
     #[test]
     fn a_load_needs_the_motors_time_and_that_of_its_swing() {
         // Calmed by itself, it needs the motor's time: 5 mm at 5 mm/s, and 50 ms to get up to that.
-        let calm = Swing { frequency: 100.0, damping_per_s: 140.0, ..SOFT };
-        let stiff = calm.least_time_s(-0.005, 20e-6).unwrap();
+        let calm = Oscillation { frequency: 100.0, damping_per_s: 140.0, ..SOFT };
+        let stiff = calm.min_time_s(-0.005, 20e-6).unwrap();
         assert!((stiff - 1.05).abs() < 0.04, "{stiff}");
-        let soft = SOFT.least_time_s(-0.005, 20e-6).unwrap();
+        let soft = SOFT.min_time_s(-0.005, 20e-6).unwrap();
         assert!(soft > stiff + 0.1 && soft < 2.0, "{soft}");
-        // A little way is as long as half a swing.
-        assert!(SOFT.least_time_s(-1e-4, 1e-6).unwrap() > 2.0 / 20.0);
-        assert_eq!(SOFT.least_time_s(-0.1, 20e-6), None);
+        // A little way is as long as half an oscillation.
+        assert!(SOFT.min_time_s(-1e-4, 1e-6).unwrap() > 2.0 / 20.0);
+        assert_eq!(SOFT.min_time_s(-0.1, 20e-6), None);
     }
 
     #[test]
     fn a_tick_is_that_of_the_equation() {
         // Without damping: the distance from q swings freely.
-        let swing = Swing { frequency: 60.0, damping_per_s: 0.0, ..SOFT };
+        let oscillation = Oscillation { frequency: 60.0, damping_per_s: 0.0, ..SOFT };
         let ([p, v, q], u) = ([1e-3, -0.02, -2e-3], 0.01);
         let (sin, cos) = (60.0 * TICK_S).sin_cos();
         let (away, speed, later) = (p - q, v - u, q + u * TICK_S);
         let exact = [later + away * cos + speed / 60.0 * sin, u - away * 60.0 * sin + speed * cos, later];
-        for (a, b) in swing.after_a_tick([p, v, q], u).into_iter().zip(exact) {
+        for (a, b) in oscillation.after_a_tick([p, v, q], u).into_iter().zip(exact) {
             assert!((a - b).abs() < 1e-4 * b.abs(), "{a} {b}");
         }
-        let damped = Swing { frequency: 1e-3, damping_per_s: 20.0, ..SOFT }.after_a_tick([0.0, 1.0, 0.0], 0.0);
+        let damped = Oscillation { frequency: 1e-3, damping_per_s: 20.0, ..SOFT }.after_a_tick([0.0, 1.0, 0.0], 0.0);
         assert!((damped[1] / (-20.0 * TICK_S).exp() - 1.0).abs() < 1e-6, "{damped:?}");
     }
 }

@@ -86,7 +86,7 @@ fn row(study: &mut Study, (test, rig, rigs): (&str, RigPreset, usize), within_m:
     let sorted = |value: &dyn Fn(&Outcome, f64) -> Option<f64>| {
         Sorted::new(settled.iter().filter_map(|(o, s)| value(o, *s)).filter(|x| x.is_finite()))
     };
-    let over_limit = |o: &Outcome, s: f64| o.limit_s(within_m).map(|least_s| s / least_s);
+    let over_limit = |o: &Outcome, s: f64| o.limit_s(within_m).map(|min_s| s / min_s);
     let within_um = format!("{:.0}", within_m * 1e6);
     let mut cells = vec![
         format!("{test}, to {within_um} µm"),
@@ -106,7 +106,7 @@ fn row(study: &mut Study, (test, rig, rigs): (&str, RigPreset, usize), within_m:
         cells.push(sorted.median().map_or("-".into(), |_| sorted.spread() + unit));
         let name = format!("{rig}_{}_{within_um}um_{what}", test.replace(' ', "_"));
         study.value(format!("{name}_median"), sorted.median());
-        study.value(format!("{name}_most"), sorted.most());
+        study.value(format!("{name}_most"), sorted.max());
     }
     study.row(cells);
 }
@@ -161,14 +161,15 @@ pub fn key() -> Vec<Block> {
 mod tests {
     use super::*;
     use crate::load_changes::Step;
-    use crate::physical_limit::Swing;
+    use crate::physical_limit::Oscillation;
 
     /// Back after 2 s of 8, never back, and failed.
-    fn outcomes() -> (Swing, [Outcome; 3]) {
-        let swing = Swing { frequency: 20.0, damping_per_s: 2.0, speed_m_per_s: 0.005, acceleration_m_per_s2: 0.1 };
+    fn outcomes() -> (Oscillation, [Outcome; 3]) {
+        let oscillation =
+            Oscillation { frequency: 20.0, damping_per_s: 2.0, speed_m_per_s: 0.005, acceleration_m_per_s2: 0.1 };
         let outcome = |errors_m: Vec<f64>| Outcome {
             step: Some(Step { seed: 1, at_m: POSITIONS_M[0], change_kg: [0.2, 0.4] }),
-            swing: Some(swing),
+            oscillation: Some(oscillation),
             away_m: -2e-3,
             motor_s: 1.0,
             errors_m,
@@ -177,14 +178,14 @@ mod tests {
         };
         let back = outcome((0..800).map(|k| if k < 200 { -1e-3 } else { 0.0 }).collect());
         let failed = Outcome { failure: Some("fault".into()), ..back.clone() };
-        (swing, [back, outcome(vec![-1e-3; 800]), failed])
+        (oscillation, [back, outcome(vec![-1e-3; 800]), failed])
     }
 
     #[test]
     fn what_does_not_settle_is_drawn_as_a_cross_and_nothing_is_left_out() {
-        let (swing, outcomes) = outcomes();
+        let (oscillation, outcomes) = outcomes();
         let ratio = outcomes[0].over_limit(50e-6).unwrap();
-        assert!((ratio - 2.0 / swing.least_time_s(-2e-3, 50e-6).unwrap()).abs() < 1e-9 && ratio > 1.0, "{ratio}");
+        assert!((ratio - 2.0 / oscillation.min_time_s(-2e-3, 50e-6).unwrap()).abs() < 1e-9 && ratio > 1.0, "{ratio}");
         let panel = panel("a".into(), "ratio", &outcomes, |outcome| outcome.over_limit(50e-6));
         let mark = |item: &Item| if let Item::Mark { at, shape, .. } = item { Some((at.1, *shape)) } else { None };
         let marks: Vec<(f64, Shape)> = panel.items.iter().filter_map(mark).collect();

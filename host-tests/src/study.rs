@@ -91,9 +91,9 @@ impl Sorted {
         Self(values)
     }
 
-    /// The value that a share of them does not exceed: rank k of n lies at (k - 1/2)/n, and the nearest one above is taken.
-    pub fn quantile(&self, share: f64) -> Option<f64> {
-        let rank = (share * self.0.len() as f64).ceil() as usize;
+    /// The value that a fraction of them does not exceed: rank k of n lies at (k - 1/2)/n, and the nearest one above is taken.
+    pub fn quantile(&self, fraction: f64) -> Option<f64> {
+        let rank = (fraction * self.0.len() as f64).ceil() as usize;
         self.0.get(rank.saturating_sub(1)).copied()
     }
 
@@ -112,14 +112,14 @@ impl Sorted {
         self.0.get(self.0.len() / 2).copied().filter(|value| value.is_finite())
     }
 
-    /// The greatest that is finite.
-    pub fn most(&self) -> Option<f64> {
+    /// The maximum that is finite.
+    pub fn max(&self) -> Option<f64> {
         self.0.iter().rev().copied().find(|value| value.is_finite())
     }
 
-    /// Median and greatest as text.
+    /// Median and maximum as text.
     pub fn spread(&self) -> String {
-        format!("{}; {}", shown(self.median(), 2), shown(self.most(), 2))
+        format!("{}; {}", shown(self.median(), 2), shown(self.max(), 2))
     }
 }
 
@@ -197,7 +197,7 @@ mod tests {
     fn ranks_are_whole_and_what_never_ended_is_the_last() {
         let four = Sorted::new([3.0, f64::INFINITY, 1.0, 2.0]);
         assert_eq!([four.quantile(0.5), four.quantile(0.75), four.median()], [Some(2.0), Some(3.0), Some(3.0)]);
-        assert_eq!((four.most(), four.quantile(0.95)), (Some(3.0), Some(f64::INFINITY)));
+        assert_eq!((four.max(), four.quantile(0.95)), (Some(3.0), Some(f64::INFINITY)));
         let none = Sorted::new([]);
         assert_eq!((none.median(), none.quantile(0.95), none.spread()), (None, None, "-; -".into()));
         assert_eq!(Sorted::new([1.0, f64::INFINITY]).median(), None);

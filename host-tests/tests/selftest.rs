@@ -171,8 +171,8 @@ fn a_damaged_table_is_named() {
     let at = elf.windows(bytes.len()).position(|w| w == bytes).expect("the table stands in the ELF");
     // A power of two in the coefficient that the gap depends on most.
     let sizes = rig_table.series.coefficients.iter().map(|c| c.abs());
-    let (most, _) = sizes.enumerate().max_by(|a, b| a.1.total_cmp(&b.1)).expect("coefficients");
-    elf[at + 4 * most + 3] ^= 0x01;
+    let (max, _) = sizes.enumerate().max_by(|a, b| a.1.total_cmp(&b.1)).expect("coefficients");
+    elf[at + 4 * max + 3] ^= 0x01;
     let mut machine =
         Machine::new(&elf, JumperBoard::new(&Jumper::SELFTEST, Broken::default()), Config::default()).unwrap();
     let lines = log(&mut machine, |_, _| {});

@@ -2,10 +2,10 @@
 //! for `interpn`.
 
 use rig_config::Scene;
-use rival_forms::considered::peers;
 use std::error::Error;
 use std::path::PathBuf;
 use std::{env, fs};
+use table_forms::considered::peers;
 
 const SCENE: &str = "../../scenes/default.toml";
 /// All of the RAM for one stack: collocation takes more stack than the firmware's layout has.
@@ -22,18 +22,18 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 fn source(scene: &Scene) -> Result<String, Box<dyn Error>> {
-    let (mechanism, demand, fit) = (scene.mechanism()?, scene.demand()?, scene.fit_table()?);
+    let (mechanism, table_spec, fit) = (scene.mechanism()?, scene.table_spec()?, scene.fit_table()?);
     let parameters = format!("tsa_model::{:?}", mechanism.parameters());
     let parameters = parameters.replace("radius_law: ", "radius_law: tsa_model::RadiusLaw::");
     let parameters = parameters.replace("Some(Correction", "Some(tsa_model::Correction");
     let mut source = tsa_table::emit::rust_source(&fit);
     source += &format!("/// The scene's constants.\npub const PARAMETERS: tsa_model::Parameters = {parameters};\n");
-    for (name, peer) in peers(&mechanism, &demand, &fit)? {
+    for (name, peer) in peers(&mechanism, &table_spec, &fit)? {
         source += &peer.rust_source(name);
     }
     #[cfg(feature = "interpn")]
     {
-        source += &interpn_grid(&mechanism, &fit.table.metadata, demand.accuracy.contraction_m)?;
+        source += &interpn_grid(&mechanism, &fit.table.metadata, table_spec.accuracy.contraction_m)?;
     }
     Ok(source)
 }

@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use tsa_model::Tier;
-use tsa_table::{Accuracy, Demand};
+use tsa_table::{Accuracy, TableSpec};
 
 /// Name, tier, and accuracy of the table's fit to that tier: contraction (m) and TR.
 const VARIANTS: [(&str, Tier, [f64; 2]); 10] = [
@@ -111,11 +111,11 @@ impl Arguments {
     pub fn run(&self, global: &Global, output: &mut Output) -> Result<(), Failure> {
         let scene = global.scene()?;
         let script = Script::parse(SCRIPT).map_err(Failure::failed)?;
-        let (mechanism, demand) = (scene.mechanism()?, scene.demand()?);
+        let (mechanism, table_spec) = (scene.mechanism()?, scene.table_spec()?);
         let mut outcomes = Vec::new();
         for (variant, tier, [contraction_m, tr_relative]) in VARIANTS {
             let accuracy = Accuracy { contraction_m, tr_relative };
-            let fit = tsa_table::fit::fit_tier(&mechanism, &Demand { accuracy, ..demand }, tier)?;
+            let fit = tsa_table::fit::fit_tier(&mechanism, &TableSpec { accuracy, ..table_spec }, tier)?;
             for load in LOADS {
                 let mut target = global.target()?;
                 let Place::Emulated(options) = &mut target.place else {

@@ -79,8 +79,8 @@ pub(crate) fn grid(quantities: Vec<Vec<Panel>>) -> Vec<Vec<Panel>> {
 /// What the colours mean: the same in each column.
 pub(crate) fn colour_key(heading: &str, curves: &[Curve]) -> Block {
     /// More lines than this tell a reader no more.
-    const MOST: usize = 8;
-    let step = curves.len().saturating_sub(1).div_ceil(MOST - 1).max(1);
+    const MAX: usize = 8;
+    let step = curves.len().saturating_sub(1).div_ceil(MAX - 1).max(1);
     let last = curves.len().saturating_sub(1);
     // The last line always, and none that crowds it.
     let named = curves.iter().enumerate().filter(|(k, _)| *k == last || (k % step == 0 && last - k >= step));
@@ -91,7 +91,7 @@ pub(crate) fn colour_key(heading: &str, curves: &[Curve]) -> Block {
 /// What the marks mean, and each limit that ends a curve.
 pub(crate) fn limit_key(columns: &[Vec<Curve>]) -> Option<Block> {
     /// More are counted, not named.
-    const MOST: usize = 10;
+    const MAX: usize = 10;
     let mut limits = Vec::new();
     for (number, curves) in (1..).zip(columns) {
         let set = if columns.len() > 1 { format!("set {number}, ") } else { String::new() };
@@ -104,8 +104,8 @@ pub(crate) fn limit_key(columns: &[Vec<Curve>]) -> Option<Block> {
     if limits.is_empty() {
         return None;
     }
-    let more = limits.len().saturating_sub(MOST);
-    limits.truncate(MOST);
+    let more = limits.len().saturating_sub(MAX);
+    limits.truncate(MAX);
     limits.extend((more > 0).then(|| KeyRow::text([format!("and {more} more")])));
     let formal = columns.iter().flatten().any(|c| !c.way.formal.is_empty());
     let formal = formal.then(|| KeyRow::line(Pen::dashed(GREY), "past overtwist: a root that no strings reach"));

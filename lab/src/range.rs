@@ -4,8 +4,8 @@ use crate::scene_key;
 use rigctl::units::{self, Quantity};
 use std::str::FromStr;
 
-/// Most values of one study.
-const MOST: u32 = 1000;
+/// Maximum values of one study.
+const MAX: u32 = 1000;
 /// Number of values if the operator gives none.
 const USUAL: u32 = 5;
 
@@ -67,8 +67,8 @@ impl FromStr for Vary {
 }
 
 fn count(name: &str, text: &str) -> Result<u32, String> {
-    let count = text.parse::<u32>().ok().filter(|count| (1..=MOST).contains(count));
-    count.ok_or_else(|| format!("{name}: `{text}` is not a number of values from 1 to {MOST}"))
+    let count = text.parse::<u32>().ok().filter(|count| (1..=MAX).contains(count));
+    count.ok_or_else(|| format!("{name}: `{text}` is not a number of values from 1 to {MAX}"))
 }
 
 /// The two limits; `Err(None)` if there are not two.

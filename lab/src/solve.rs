@@ -1,11 +1,11 @@
 //! `solve` by other methods than the tool's own.
 
+use baseline_methods::Method;
 use rigctl::batch::At;
 use rigctl::commands::solve::{self, How, Way};
 use rigctl::failure::Failure;
 use rigctl::options::Global;
 use rigctl::output::Output;
-use rival_methods::Method;
 use tsa_model::{Mechanism, Tier};
 
 /// `tsa-lab solve`.
@@ -58,8 +58,8 @@ fn chosen(how: &How) -> Result<Method, Failure> {
 
 #[cfg(test)]
 mod tests {
+    use baseline_methods::Method;
     use rigctl::options::values::METHODS;
-    use rival_methods::Method;
 
     #[test]
     fn the_tool_names_every_method() {

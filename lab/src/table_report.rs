@@ -8,10 +8,10 @@ use rigctl::options::Global;
 use rigctl::out_file::write_file;
 use rigctl::output::{Output, decimal};
 use rigctl::scene_file;
-use rival_forms::LoadMap;
-use rival_forms::considered::{Considered, considered};
 use serde_json::{Value, json};
 use std::path::PathBuf;
+use table_forms::LoadMap;
+use table_forms::considered::{Considered, considered};
 use tsa_model::Tier;
 use tsa_table::FORM;
 use tsa_table::fit::{Errors, Fit, MAX_BYTES};
@@ -89,8 +89,8 @@ impl<'a> TableReport<'a> {
     /// # Errors
     /// If the scene has no demand on a table, or the envelope breaks the model.
     pub fn new(scene: &Scene, fit: &'a Fit) -> Result<Self, TableError> {
-        let demand = scene.demand()?;
-        let candidates = considered(&scene.mechanism()?, &demand, fit)?;
+        let table_spec = scene.table_spec()?;
+        let candidates = considered(&scene.mechanism()?, &table_spec, fit)?;
         let passing = candidates.iter().filter(|c| c.passes).count();
         let fast = candidates.iter().filter(|c| c.passes && c.instructions <= LOOKUP_INSTRUCTIONS).count();
         let why = format!(
@@ -100,13 +100,13 @@ impl<'a> TableReport<'a> {
              firmware is built, so a cheaper one would save the board nothing",
             candidates.len()
         );
-        Ok(Self { fit, accuracy: demand.accuracy, candidates, why })
+        Ok(Self { fit, accuracy: table_spec.accuracy, candidates, why })
     }
 
     /// For machines.
     pub fn json(&self) -> Value {
-        let (certificate, table) = (&self.fit.certificate, &self.fit.table);
-        let (m, rounding) = (&table.metadata, &certificate.rounding);
+        let (error_bounds, table) = (&self.fit.error_bounds, &self.fit.table);
+        let (m, rounding) = (&table.metadata, &error_bounds.rounding);
         let axis = |parameter, map, [min, max]: [f32; 2], unit| {
             // As f32 they would be printed with digits that they do not have.
             json!({ "parameter": parameter, "map": map, "min": decimal(min), "max": decimal(max), "unit": unit })
@@ -129,12 +129,12 @@ impl<'a> TableReport<'a> {
                 axis("load_n", "F", [m.load_min_n, m.load_max_n], "N"),
                 axis("twist_rad", "linear", [m.twist_min_rad, m.twist_max_rad], "rad"),
             ],
-            "errors": errors(&certificate.errors),
-            "points": certificate.points,
-            "worst_contraction_at": point(certificate.worst_contraction_at),
-            "worst_tr_at": point(certificate.worst_tr_at),
-            "monotone": certificate.monotone,
-            "closure_m": certificate.closure_m,
+            "errors": errors(&error_bounds.errors),
+            "points": error_bounds.points,
+            "worst_contraction_at": point(error_bounds.worst_contraction_at),
+            "worst_tr_at": point(error_bounds.worst_tr_at),
+            "monotone": error_bounds.monotone,
+            "closure_m": error_bounds.closure_m,
             "rounding": {
                 "arithmetic_m": rounding.arithmetic_m,
                 "inputs_m": rounding.inputs_m,
@@ -155,13 +155,13 @@ impl<'a> TableReport<'a> {
 
     /// The certificate as sentences, for somebody who has never seen the table.
     pub fn sentences(&self) -> Vec<String> {
-        let (certificate, table, m) = (&self.fit.certificate, &self.fit.table, &self.fit.table.metadata);
+        let (error_bounds, table, m) = (&self.fit.error_bounds, &self.fit.table, &self.fit.table.metadata);
         let turns = |twist_rad: f64| format!("{:.2}", (twist_rad - tsa_model::PRETWIST_RAD) / std::f64::consts::TAU);
         let at = |[load_n, twist_rad]: [f64; 2]| format!("{load_n:.2} N and {} turns", turns(twist_rad));
         let (e, um, percent) =
-            (&certificate.errors, |m: f64| format!("{:.2}", 1e6 * m), |v: f64| format!("{:.3}", 1e2 * v));
+            (&error_bounds.errors, |m: f64| format!("{:.2}", 1e6 * m), |v: f64| format!("{:.3}", 1e2 * v));
         let nm = |m: f64| format!("{:.0}", 1e9 * m);
-        let monotone = if certificate.monotone {
+        let monotone = if error_bounds.monotone {
             "Everywhere in the table the gap falls with the twist and rises with the load, so that a gap belongs to one twist."
         } else {
             "The gap does not fall with the twist everywhere in the table: do not build firmware with it."
@@ -177,16 +177,16 @@ impl<'a> TableReport<'a> {
             ("contraction", um(e.contraction_max_m)),
             ("contraction rms", um(e.contraction_rms_m)),
             ("contraction allowed", um(self.accuracy.contraction_m)),
-            ("contraction at", at(certificate.worst_contraction_at)),
+            ("contraction at", at(error_bounds.worst_contraction_at)),
             ("tr", percent(e.tr_max)),
             ("tr rms", percent(e.tr_rms)),
             ("tr allowed", percent(self.accuracy.tr_relative)),
-            ("tr at", at(certificate.worst_tr_at)),
-            ("points", certificate.points.to_string()),
-            ("arithmetic", nm(certificate.rounding.arithmetic_m)),
-            ("inputs", nm(certificate.rounding.inputs_m)),
+            ("tr at", at(error_bounds.worst_tr_at)),
+            ("points", error_bounds.points.to_string()),
+            ("arithmetic", nm(error_bounds.rounding.arithmetic_m)),
+            ("inputs", nm(error_bounds.rounding.inputs_m)),
             ("monotone", monotone.into()),
-            ("closure", um(certificate.closure_m)),
+            ("closure", um(error_bounds.closure_m)),
             ("why", self.why.clone()),
             ("hash", format!("{:08x}", m.scene_hash)),
             ("crc", format!("{:08x}", table.crc)),

@@ -8,8 +8,8 @@ use clap::parser::ValueSource;
 use clap::{Arg, CommandFactory};
 use common::root;
 use rig_config::Scene;
-use rigctl::course::Course;
 use rigctl::script::Script;
+use rigctl::trajectory::Trajectory;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -105,7 +105,7 @@ fn read(file: &Path) -> Result<(), String> {
     match file.extension().and_then(|end| end.to_str()) {
         Some("toml") => Scene::load(file).map(drop).map_err(|e| e.to_string()),
         Some("script") => Script::load(file).map(drop).map_err(text),
-        Some("csv") if file.starts_with(root().join("scenarios")) => Course::load(file).map(drop).map_err(text),
+        Some("csv") if file.starts_with(root().join("scenarios")) => Trajectory::load(file).map(drop).map_err(text),
         _ if file.exists() => Ok(()),
         _ => Err("is not there".into()),
     }

@@ -70,7 +70,7 @@ fn each_parameter_set_meets_the_contractions_as_well_as_it_can() {
     let identified = contraction_errors("paper-identified");
     let median = 0.5 * (identified[13].abs() + identified[14].abs());
     assert!(rms(&identified) < 0.060 && median < 0.030, "rms {}, median {median}", rms(&identified));
-    // The printed radius law refitted comes close; the printed constants miss every contraction by half or more.
+    // The printed radius model refitted comes close; the printed constants miss every contraction by half or more.
     let refitted = rms(&contraction_errors("paper-identified-eq6"));
     assert!(refitted < 0.067, "{refitted}");
     let printed = contraction_errors("paper-printed");

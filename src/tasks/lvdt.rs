@@ -9,7 +9,7 @@ use embassy_time::{Duration, Instant, Timer, with_timeout};
 use rig_control::LvdtBlock;
 
 /// Time after which the ADC counts as stalled; several block times. embassy-stm32 0.6.0 does not detect an ADC overrun:
-/// its read would wait for ever.
+/// its read would wait indefinitely.
 const STALLED: Duration = Duration::from_millis(40);
 
 /// DMA2's stream for the ADC's samples ([`crate::board`]).

@@ -84,9 +84,9 @@ pub fn size(path: &Path) -> Result<Size> {
 /// Prints the size of the firmware; fails if it exceeds the limits.
 pub fn report(path: &Path) -> Result<()> {
     let Size { flash, ram } = size(path)?;
-    let share =
+    let fraction =
         |bytes: u64, limit: u64| format!("{bytes} bytes ({:.1} of {} KiB)", bytes as f64 / 1024.0, limit / 1024);
-    println!("firmware: flash {}, static RAM {}", share(flash, FLASH_LIMIT), share(ram, RAM_LIMIT));
+    println!("firmware: flash {}, static RAM {}", fraction(flash, FLASH_LIMIT), fraction(ram, RAM_LIMIT));
     ensure!(
         flash <= FLASH_LIMIT && ram <= RAM_LIMIT,
         "the firmware is too large: limits are {FLASH_LIMIT} bytes of flash and {RAM_LIMIT} bytes of RAM"

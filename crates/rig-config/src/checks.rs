@@ -16,7 +16,7 @@ use tsa_model::SolveError;
 /// Values that do not fit each other.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{}: {why}", keys.join(", "))]
-pub struct Misfit {
+pub struct Residual {
     /// The keys, as in a scene file.
     pub keys: &'static [&'static str],
     /// Their numbers, and why these do not go together.
@@ -137,7 +137,7 @@ impl Scene {
     /// [`SceneError::Impossible`] with all that cannot work or would hurt hardware, each with its keys and numbers;
     /// [`SceneError::Value`] for what is wrong by itself; [`SceneError::Unsolvable`] where an edge of the envelope has
     /// no equilibrium.
-    pub fn check_rig(&self) -> Result<Vec<Misfit>, SceneError> {
+    pub fn check_rig(&self) -> Result<Vec<Residual>, SceneError> {
         // Values that describe no mechanism cannot be solved.
         self.validate()?;
         let states = States::of(self)?;
@@ -151,13 +151,13 @@ impl Scene {
 }
 
 /// The unusual values, or all impossible ones.
-fn sort<'a>(found: impl Iterator<Item = (&'a Check, Verdict)>) -> Result<Vec<Misfit>, SceneError> {
+fn sort<'a>(found: impl Iterator<Item = (&'a Check, Verdict)>) -> Result<Vec<Residual>, SceneError> {
     let (mut unusual, mut impossible) = (Vec::new(), Vec::new());
     for (check, verdict) in found {
         match verdict {
             Fits => {}
-            Unusual(why) => unusual.push(Misfit { keys: check.keys, why }),
-            Impossible(why) => impossible.push(Misfit { keys: check.keys, why }),
+            Unusual(why) => unusual.push(Residual { keys: check.keys, why }),
+            Impossible(why) => impossible.push(Residual { keys: check.keys, why }),
         }
     }
     if impossible.is_empty() { Ok(unusual) } else { Err(SceneError::Impossible(impossible)) }
@@ -173,15 +173,15 @@ struct At {
 
 /// The extremes that the rig must reach in the scene's envelope and in homing.
 struct States {
-    /// Least and greatest gap (m).
+    /// Minimum and maximum gap (m).
     gap_m: [At; 2],
-    /// Greatest torque of the strings (N m).
+    /// Maximum torque of the strings (N m).
     torque_nm: At,
-    /// Greatest change of the gap with twist (m/rad).
+    /// Maximum change of the gap with twist (m/rad).
     slope_m_per_rad: At,
     /// First and last turn of the envelope.
     turns: [f64; 2],
-    /// Greatest load (N).
+    /// Maximum load (N).
     load_n: f64,
 }
 
@@ -193,27 +193,27 @@ impl States {
         let Some(envelope) = scene.envelope else { return Ok(None) };
         let mechanism = scene.mechanism()?;
         let solve = |load_n: f64, turns: f64| {
-            // Zero twist, where the gap is greatest and which homing passes, is half a turn before the first.
+            // Zero twist, where the gap is maximum and which homing passes, is half a turn before the first.
             let twist = if turns < 0.0 { 0.0 } else { tsa_model::twist_from_turns(turns) };
             let failed = |limit: SolveError| SceneError::Unsolvable { load_n, turns, limit };
             mechanism.solve(load_n, twist).map_err(failed)
         };
         let along =
             |[from, to]: [f64; 2]| (0..=STEPS).map(move |k| from + (to - from) * f64::from(k) / f64::from(STEPS));
-        let [least_n, most_n] = envelope.load_n;
-        // The gap falls with the twist and rises with the load; torque and slope are greatest at the last twist or
+        let [min_n, max_n] = envelope.load_n;
+        // The gap falls with the twist and rises with the load; torque and slope are maximum at the last twist or
         // load.
         let edges = along(envelope.load_n)
             .map(|load_n| (load_n, envelope.turns[1]))
-            .chain(along(envelope.turns).flat_map(|turns| [(least_n, turns), (most_n, turns)]))
-            .chain([(most_n, -0.5)]);
-        let start = At { value: 0.0, load_n: most_n, turns: -0.5 };
+            .chain(along(envelope.turns).flat_map(|turns| [(min_n, turns), (max_n, turns)]))
+            .chain([(max_n, -0.5)]);
+        let start = At { value: 0.0, load_n: max_n, turns: -0.5 };
         let mut states = Self {
             gap_m: [At { value: f64::INFINITY, ..start }, start],
             torque_nm: start,
             slope_m_per_rad: start,
             turns: envelope.turns,
-            load_n: most_n,
+            load_n: max_n,
         };
         for (load_n, turns) in edges {
             let found = solve(load_n, turns)?;
@@ -221,13 +221,13 @@ impl States {
             if found.gap_m < states.gap_m[0].value {
                 states.gap_m[0] = at(found.gap_m);
             }
-            for (most, value) in [
+            for (max, value) in [
                 (&mut states.gap_m[1], found.gap_m),
                 (&mut states.torque_nm, found.torque_nm.abs()),
                 (&mut states.slope_m_per_rad, found.dgap_dtwist_m_per_rad.abs()),
             ] {
-                if value > most.value {
-                    *most = at(value);
+                if value > max.value {
+                    *max = at(value);
                 }
             }
         }

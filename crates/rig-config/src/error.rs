@@ -1,6 +1,6 @@
 //! Why a scene was refused, or has no table.
 
-use crate::checks::Misfit;
+use crate::checks::Residual;
 use std::path::PathBuf;
 use tsa_model::{ParameterError, SolveError};
 use tsa_table::fit::FitError;
@@ -27,7 +27,7 @@ pub enum SceneError {
     Value(#[from] ParameterError),
     /// Values that cannot go together, or would hurt hardware.
     #[error("{}", one_a_line(.0))]
-    Impossible(Vec<Misfit>),
+    Impossible(Vec<Residual>),
     /// The envelope reaches past a limit of the model.
     #[error("envelope.load_n, envelope.turns: {limit}, at {load_n} N and {turns} turns")]
     Unsolvable {
@@ -53,8 +53,8 @@ impl SceneError {
     }
 }
 
-fn one_a_line(misfits: &[Misfit]) -> String {
-    misfits.iter().map(Misfit::to_string).collect::<Vec<_>>().join("\n  ")
+fn one_a_line(residuals: &[Residual]) -> String {
+    residuals.iter().map(Residual::to_string).collect::<Vec<_>>().join("\n  ")
 }
 
 /// Why a scene has no table.

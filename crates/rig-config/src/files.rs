@@ -9,7 +9,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 /// Longest chain of symbolic links that is followed, as Linux has it.
-const MOST_LINKS: usize = 40;
+const MAX_LINKS: usize = 40;
 
 /// The kind of a file that is not regular, in words.
 fn kind(file: FileType) -> &'static str {
@@ -62,7 +62,7 @@ pub fn read_to_string(path: &Path) -> io::Result<String> {
 /// The file behind symbolic links; behind a dangling link, the path at which its file would be created.
 fn behind_links(path: &Path) -> io::Result<PathBuf> {
     let mut path = path.to_path_buf();
-    for _ in 0..MOST_LINKS {
+    for _ in 0..MAX_LINKS {
         if !std::fs::symlink_metadata(&path).is_ok_and(|m| m.is_symlink()) {
             return Ok(path);
         }

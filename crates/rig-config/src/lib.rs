@@ -20,7 +20,7 @@ pub mod rig;
 pub mod scene;
 pub mod uncertainty;
 
-pub use checks::Misfit;
+pub use checks::Residual;
 pub use error::{SceneError, TableError};
 pub use rig::{DriveTransport, Rig};
 pub use scene::{Envelope, Scene};

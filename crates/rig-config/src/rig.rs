@@ -13,9 +13,9 @@ pub struct Rig {
     pub gear_ratio: [u32; 2],
     /// Encoder lines per motor turn (ENX16 EASY: 1024); quadrature counts are four times as many.
     pub encoder_lines: u32,
-    /// Greatest motor speed (rad/s at the motor shaft).
+    /// Maximum motor speed (rad/s at the motor shaft).
     pub motor_speed_max_rad_per_s: f64,
-    /// Greatest motor acceleration (rad/s² at the motor shaft).
+    /// Maximum motor acceleration (rad/s² at the motor shaft).
     pub motor_acceleration_max_rad_per_s2: f64,
     /// Torque constant (N m/A).
     pub motor_torque_constant_nm_per_a: f64,
@@ -43,7 +43,7 @@ pub struct Rig {
     pub lvdt_volts_at_stroke: f64,
     /// Gap between the clamps at the start of the stroke (m).
     pub lvdt_gap_at_zero_m: f64,
-    /// Linearity error of the LVDT by its data sheet: greatest deviation from a straight line, as a share of the stroke.
+    /// Linearity error of the LVDT by its data sheet: maximum deviation from a straight line, as a fraction of the stroke.
     pub lvdt_linearity: f64,
     /// ADC reference (V).
     pub adc_reference_v: f64,
@@ -117,7 +117,7 @@ impl Rig {
         (self.drive_current_limit_a * 1000.0).round() as i16
     }
 
-    /// Least and greatest supply without a fault (V): a fifth either side, within the drive's range (10 to 58 V).
+    /// Minimum and maximum supply without a fault (V): a fifth either side, within the drive's range (10 to 58 V).
     pub fn supply_limits_v(&self) -> [f64; 2] {
         [(0.8 * self.supply_voltage_v).max(10.0), (1.2 * self.supply_voltage_v).min(58.0)]
     }

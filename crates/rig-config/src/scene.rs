@@ -13,7 +13,7 @@ use tsa_model::{
     Correction, Geometry, Material, Mechanism, ParameterError, Parameters, StringParameters, Tier, twist_from_turns,
 };
 use tsa_table::fit::{self, Fit};
-use tsa_table::{Accuracy, Demand};
+use tsa_table::{Accuracy, TableSpec};
 
 /// One rig and one task.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -47,9 +47,9 @@ pub struct Scene {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Envelope {
-    /// Least and greatest load (N).
+    /// Minimum and maximum load (N).
     pub load_n: [f64; 2],
-    /// Least and greatest motor turns past the half-turn pre-twist.
+    /// Minimum and maximum motor turns past the half-turn pre-twist.
     pub turns: [f64; 2],
 }
 
@@ -91,11 +91,11 @@ impl Scene {
         self.rig.validate()?;
         self.uncertainty.validate()?;
         self.correction.as_ref().map_or(Ok(()), Correction::validate)?;
-        if let Some(Envelope { load_n: [least_n, most_n], turns: [first, last] }) = self.envelope {
+        if let Some(Envelope { load_n: [min_n, max_n], turns: [first, last] }) = self.envelope {
             let (loads, turns, end) = ("envelope.load_n", "envelope.turns", "must end above its start");
-            let supported = least_n >= LIGHT_LOAD_N && least_n.is_finite();
-            require(supported, loads, least_n, "must start at 0.5 N or above, where the radius law holds")?;
-            require(most_n > least_n && most_n.is_finite(), loads, most_n, end)?;
+            let supported = min_n >= LIGHT_LOAD_N && min_n.is_finite();
+            require(supported, loads, min_n, "must start at 0.5 N or above, where the radius law holds")?;
+            require(max_n > min_n && max_n.is_finite(), loads, max_n, end)?;
             require(first >= 0.0, turns, first, "must start at 0 or above, where the strings touch")?;
             require(last > first && last.is_finite(), turns, last, end)?;
         }
@@ -131,7 +131,7 @@ impl Scene {
     ///
     /// # Errors
     /// [`SceneError::Missing`] naming the absent one.
-    pub fn table_demand(&self) -> Result<(Envelope, Accuracy), SceneError> {
+    pub fn table_requirement(&self) -> Result<(Envelope, Accuracy), SceneError> {
         let envelope = self.covered()?;
         let accuracy = self.accuracy.ok_or(SceneError::Missing { table: "accuracy" })?;
         Ok((envelope, accuracy))
@@ -140,12 +140,12 @@ impl Scene {
     /// The same as the fit of a table takes it.
     ///
     /// # Errors
-    /// As [`Scene::table_demand`].
-    pub fn demand(&self) -> Result<Demand, SceneError> {
-        let (envelope, accuracy) = self.table_demand()?;
+    /// As [`Scene::table_requirement`].
+    pub fn table_spec(&self) -> Result<TableSpec, SceneError> {
+        let (envelope, accuracy) = self.table_requirement()?;
         let [_, twist_max_rad] = envelope.twist_rad();
         let uncertainty = self.uncertainty.of_table();
-        Ok(Demand { load_n: envelope.load_n, twist_max_rad, accuracy, uncertainty, scene_hash: self.hash() })
+        Ok(TableSpec { load_n: envelope.load_n, twist_max_rad, accuracy, uncertainty, scene_hash: self.hash() })
     }
 
     /// Fits, chooses and certifies the table of this scene.
@@ -154,8 +154,8 @@ impl Scene {
     /// [`TableError`]: the scene is wrong or has no envelope or accuracy, the envelope breaks the model, or no table
     /// reaches the accuracy.
     pub fn fit_table(&self) -> Result<Fit, TableError> {
-        let demand = self.demand()?;
-        Ok(fit::fit_tier(&self.mechanism()?, &demand, Tier::Full)?)
+        let table_spec = self.table_spec()?;
+        Ok(fit::fit_tier(&self.mechanism()?, &table_spec, Tier::Full)?)
     }
 
     /// CRC-32 of the scene's canonical form: the same for files that differ only in comments, order or defaults.
@@ -169,13 +169,13 @@ impl Scene {
     }
 
     /// The same of `[envelope]` and `[accuracy]` alone: what any table of a board has to cover.
-    pub fn demand_hash(&self) -> u32 {
+    pub fn spec_hash(&self) -> u32 {
         #[derive(Serialize)]
-        struct Demand {
+        struct TableSpec {
             envelope: Option<Envelope>,
             accuracy: Option<Accuracy>,
         }
-        hash(&Demand { envelope: self.envelope, accuracy: self.accuracy })
+        hash(&TableSpec { envelope: self.envelope, accuracy: self.accuracy })
     }
 }
 
@@ -195,7 +195,7 @@ fn hash(value: &impl Serialize) -> u32 {
 }
 
 impl Envelope {
-    /// Least and greatest twist (rad).
+    /// Minimum and maximum twist (rad).
     pub fn twist_rad(&self) -> [f64; 2] {
         self.turns.map(twist_from_turns)
     }

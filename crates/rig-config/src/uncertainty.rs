@@ -16,7 +16,7 @@ pub struct Uncertainty {
     /// Standard error of how the radius depends on the load: of a load that is weighed, and of a change of the load, as a
     /// share of it.
     pub load_shape: f64,
-    /// Standard error of a light load on rods that have carried a much heavier one since, as a share of it.
+    /// Standard error of a light load on rods that have carried a much heavier one since, as a fraction of it.
     pub rod_memory: f64,
 }
 

@@ -11,26 +11,26 @@ use crate::mechanism::TWIST_SCALE;
 use crate::observer::{KnownErrors, LoadObserver, Observation};
 use rig_link::messages::LoadChoice;
 
-/// Greatest drift of the scale from that of homing.
+/// Maximum drift of the scale from that of homing.
 pub const LARGEST_DRIFT: f32 = 0.03;
-/// Share of a move's slope that is learned, and the most at once.
-const SHARE: f32 = 0.3;
+/// Fraction of a move's slope that is learned, and the most at once.
+const FRACTION: f32 = 0.3;
 const LARGEST_STEP: f32 = 0.004;
-/// Least spread (rms, N) of x along a move to learn from: 1 % of scale is then 0.015 N.
-const LEAST_SPREAD_N: f32 = 1.5;
-/// Least spread (rms, N) to judge whether the bound is kept: on healthy rigs the slope of a move is then within 0.016, after
+/// Minimum spread (rms, N) of x along a move to learn from: 1 % of scale is then 0.015 N.
+const MIN_SPREAD_N: f32 = 1.5;
+/// Minimum spread (rms, N) to judge whether the bound is kept: on healthy rigs the slope of a move is then within 0.016, after
 /// a slip of 3 mm it is 0.04 and more.
-const LEAST_SPREAD_TO_JUDGE_N: f32 = 0.3;
+const MIN_SPREAD_TO_JUDGE_N: f32 = 0.3;
 /// Moves in a row beyond the bound that are neither chance nor a load that somebody goes on filling.
 const DOUBTFUL_MOVES: u8 = 2;
-/// Share of the error by memory that shows as a slope of a move.
-const MEMORY_SHARE: f32 = 0.5;
+/// Fraction of the error by memory that shows as a slope of a move.
+const MEMORY_FRACTION: f32 = 0.5;
 /// The same of the error by a load that has changed since homing. Chosen on 200 nominal rigs that were homed under 0.3 kg and moved
 /// 1.4 kg without calibration: their slopes come to 0.11. A slip of 3 mm on such a rig looks like another load too, and its slope
 /// stays beyond the bound.
-const CHANGE_SHARE: f32 = 0.4;
-/// Least readings.
-const LEAST_COUNT: f32 = 100.0;
+const CHANGE_FRACTION: f32 = 0.4;
+/// Minimum readings.
+const MIN_COUNT: f32 = 100.0;
 
 /// Result of one move.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -107,22 +107,22 @@ impl Adaptation {
     /// Ends a move at a scale; its result.
     fn end_move(&mut self, twist_scale: f32, known: KnownErrors) -> Finding {
         let slope = self.together / self.spread;
-        let spread = |least_n: f32| self.count >= LEAST_COUNT && self.spread >= self.count * least_n * least_n;
-        let (can_learn, can_judge) = (spread(LEAST_SPREAD_N), spread(LEAST_SPREAD_TO_JUDGE_N));
+        let spread = |min_n: f32| self.count >= MIN_COUNT && self.spread >= self.count * min_n * min_n;
+        let (can_learn, can_judge) = (spread(MIN_SPREAD_N), spread(MIN_SPREAD_TO_JUDGE_N));
         self.forget_move();
         if !can_judge || !slope.is_finite() {
             return Finding { scale_change: 0.0, agrees: None };
         }
         let drift = (twist_scale + slope - self.homed_scale).abs();
-        let bound = LARGEST_DRIFT + MEMORY_SHARE * known.memory;
+        let bound = LARGEST_DRIFT + MEMORY_FRACTION * known.memory;
         // Another load than the homed one explains a greater slope. It is no fault then, but it confirms no load either.
-        let doubtful = drift > bound + CHANGE_SHARE * known.change;
+        let doubtful = drift > bound + CHANGE_FRACTION * known.change;
         self.doubtful = if doubtful { self.doubtful.saturating_add(1) } else { 0 };
         let agrees = Some(drift <= bound);
         if !can_learn {
             return Finding { scale_change: 0.0, agrees };
         }
-        let scale = self.bounded(twist_scale + (SHARE * slope).clamp(-LARGEST_STEP, LARGEST_STEP));
+        let scale = self.bounded(twist_scale + (FRACTION * slope).clamp(-LARGEST_STEP, LARGEST_STEP));
         Finding { scale_change: scale - twist_scale, agrees }
     }
 

@@ -5,8 +5,8 @@ use core::f32::consts::{SQRT_2, TAU};
 use rig_link::messages::LvdtCurve;
 
 /// 90 % of the LVDTs whose non-linearity is a sine over the stroke, of any phase and of any size up to the data sheet's,
-/// have a smaller slope error than this share of the greatest that the data sheet allows.
-const SLOPE_SHARE: f32 = 0.74;
+/// have a smaller slope error than this fraction of the maximum that the data sheet allows.
+const SLOPE_FRACTION: f32 = 0.74;
 
 /// Half the width of the interval around a change of the gap that holds the true change in 90 of 100 cases.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -14,13 +14,13 @@ pub struct ChangeError {
     /// For each metre of the change, where that is small.
     slope: f32,
     /// Of any change, however large (m).
-    most_m: f32,
+    max_m: f32,
 }
 
 impl ChangeError {
     /// Of a change (m), in metres.
     pub fn of(&self, change_m: f32) -> f32 {
-        (self.slope * change_m.abs()).min(self.most_m)
+        (self.slope * change_m.abs()).min(self.max_m)
     }
 }
 
@@ -32,9 +32,9 @@ pub struct RigConstants {
     /// Quadrature counts per radian of twist: 4 × lines × gear ratio / 2π; negative where the strings are twisted against
     /// the encoder's count.
     pub counts_per_rad: f32,
-    /// Greatest motor speed (rad/s at the motor shaft).
+    /// Maximum motor speed (rad/s at the motor shaft).
     pub motor_speed_max_rad_per_s: f32,
-    /// Greatest motor acceleration (rad/s² at the motor shaft).
+    /// Maximum motor acceleration (rad/s² at the motor shaft).
     pub motor_acceleration_max_rad_per_s2: f32,
     /// Motor torque for each ampere (N m/A).
     pub motor_torque_constant_nm_per_a: f32,
@@ -52,13 +52,13 @@ pub struct RigConstants {
     pub lvdt_offset_m: f32,
     /// Stroke of the LVDT (m).
     pub lvdt_stroke_m: f32,
-    /// Linearity error of the LVDT by its data sheet: greatest deviation of the gap from a straight line over the stroke (m).
+    /// Linearity error of the LVDT by its data sheet: maximum deviation of the gap from a straight line over the stroke (m).
     pub lvdt_linearity_m: f32,
     /// RMDS group.
     pub drive_group: u8,
     /// RMDS number.
     pub drive_number: u8,
-    /// Least and greatest supply of the drive that is no fault (V).
+    /// Minimum and maximum supply of the drive that is no fault (V).
     pub supply_limits_v: [f32; 2],
     /// Ratio of the divider between the supply and the drive's analog input; `None` where it is not wired.
     pub supply_divider: Option<f32>,
@@ -67,9 +67,9 @@ pub struct RigConstants {
 /// Limits of the strings' twist.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TwistLimits {
-    /// Greatest speed (rad/s).
+    /// Maximum speed (rad/s).
     pub speed: f32,
-    /// Greatest acceleration (rad/s²).
+    /// Maximum acceleration (rad/s²).
     pub acceleration: f32,
 }
 
@@ -80,10 +80,10 @@ impl TwistLimits {
         wanted.clamp(now - change, now + change).clamp(-self.speed, self.speed)
     }
 
-    /// A share of both.
+    /// A fraction of both.
     #[must_use]
-    pub fn share(self, share: f32) -> Self {
-        Self { speed: share * self.speed, acceleration: share * self.acceleration }
+    pub fn fraction(self, fraction: f32) -> Self {
+        Self { speed: fraction * self.speed, acceleration: fraction * self.acceleration }
     }
 }
 
@@ -93,17 +93,17 @@ impl RigConstants {
         1f32.copysign(self.counts_per_rad)
     }
 
-    /// Greatest speed of the strings' twist (rad/s).
+    /// Maximum speed of the strings' twist (rad/s).
     pub fn twist_speed_max(&self) -> f32 {
         self.motor_speed_max_rad_per_s / self.gear_ratio
     }
 
-    /// Greatest acceleration of the strings' twist (rad/s²).
+    /// Maximum acceleration of the strings' twist (rad/s²).
     pub fn twist_acceleration_max(&self) -> f32 {
         self.motor_acceleration_max_rad_per_s2 / self.gear_ratio
     }
 
-    /// Greatest speed and acceleration of the strings' twist.
+    /// Maximum speed and acceleration of the strings' twist.
     pub fn twist_limits(&self) -> TwistLimits {
         TwistLimits { speed: self.twist_speed_max(), acceleration: self.twist_acceleration_max() }
     }
@@ -130,12 +130,12 @@ impl RigConstants {
     pub fn lvdt_change_error(&self) -> ChangeError {
         match self.lvdt_curve {
             None => ChangeError {
-                slope: SLOPE_SHARE * TAU * self.lvdt_linearity_m / self.lvdt_stroke_m,
-                most_m: f32::INFINITY,
+                slope: SLOPE_FRACTION * TAU * self.lvdt_linearity_m / self.lvdt_stroke_m,
+                max_m: f32::INFINITY,
             },
             Some(curve) => {
-                let most_m = SQRT_2 * curve.error_m();
-                ChangeError { slope: most_m / curve.spacing_m(), most_m }
+                let max_m = SQRT_2 * curve.error_m();
+                ChangeError { slope: max_m / curve.spacing_m(), max_m }
             }
         }
     }
@@ -189,7 +189,7 @@ pub(crate) mod tests {
 
     #[test]
     fn limits_and_gap_follow_from_the_constants() {
-        let limits = RIG.twist_limits().share(0.5);
+        let limits = RIG.twist_limits().fraction(0.5);
         assert!((limits.speed - 0.5 * 1047.0 / 62.0).abs() < 1e-5);
         assert!((limits.acceleration - 0.5 * 12_000.0 / 62.0).abs() < 1e-4);
         assert!((RIG.lvdt_gap_m(1000.0) - 0.06372).abs() < 1e-7);

@@ -21,16 +21,16 @@
 use crate::RigConstants;
 use rig_link::messages::Fault;
 
-/// Greatest voltage on the motor, in 1/5000 of the supply: 2.4 V of 24 V. Without load it makes 1.7 rad/s of the strings on
+/// Maximum voltage on the motor, in 1/5000 of the supply: 2.4 V of 24 V. Without load it makes 1.7 rad/s of the strings on
 /// the default rig; a stiff gear with 1 mN m of friction breaks away at 0.5 V.
 const PWM_MAX: i16 = 500;
 /// Ticks in which the voltage rises to [`PWM_MAX`].
 const RISE_TICKS: i16 = 20;
 /// Turn (rad of the strings) that ends a pulse: many times the play of an encoder's edges, and too little to be felt.
-const SEEN_RAD: f32 = 0.05;
+const MEASURED_RAD: f32 = 0.05;
 /// Ticks for the shorted motor to stop (J R / k² is 2.3 ms for the default one), and for the drive to report it.
 const STOP_TICKS: i16 = 6;
-/// Greatest difference of the two counts, as a part of the greater one: a channel that loses every fifth count, or a drive that
+/// Maximum difference of the two counts, as a part of the greater one: a channel that loses every fifth count, or a drive that
 /// is set for another encoder, must show.
 const ALIKE: f32 = 0.1;
 /// Turn below which an encoder stands, as a part of the other's.
@@ -86,7 +86,7 @@ impl DirectionCheck {
         match &mut self.stopped {
             None => {
                 self.ticks += 1;
-                if moved.turned() >= SEEN_RAD || self.ticks > RISE_TICKS {
+                if moved.turned() >= MEASURED_RAD || self.ticks > RISE_TICKS {
                     self.stopped = Some(0);
                     return Step::Voltage(0);
                 }
@@ -123,7 +123,7 @@ impl Witnesses {
     fn wrong(&self) -> Option<Fault> {
         let Self { drive_rad, own_rad, gap_m } = *self;
         let turned = self.turned();
-        if turned < STANDS * SEEN_RAD {
+        if turned < STANDS * MEASURED_RAD {
             return Some(if gap_m.abs() > GAP_MOVED_M { Fault::EncoderStuck } else { Fault::MotorStill });
         }
         let stands = |rad: f32| rad.abs() < STANDS * turned;

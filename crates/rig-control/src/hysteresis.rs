@@ -1,7 +1,7 @@
 //! Hysteresis of the rods: by how much a load is taken wrong after a heavier one has hung.
 
 /// Rods that have carried a heavier load remember it: on the way down their stress is lower, which looks like 0.4, 1.3 and
-/// 1.0 N at 1, 5 and 10 N (crates/rig-plant/README.md). The load (N) over which the share of a light load falls.
+/// 1.0 N at 1, 5 and 10 N (crates/rig-plant/README.md). The load (N) over which the fraction of a light load falls.
 const MEMORY_FALLS_N: f32 = 7.0;
 /// How far below the heaviest load (N) what the rods remember is complete.
 pub const MEMORY_COMPLETE_N: f32 = 4.0;
@@ -20,8 +20,8 @@ mod tests {
     fn rods_remember_only_a_load_that_was_heavier() {
         assert_eq!((memory_shape(5.0, 5.0), memory_shape(5.0, 3.0)), (0.0, 0.0));
         // Complete after a load that was 4 N heavier or more, and half of it after one that was 2 N heavier.
-        for (load_n, heaviest_n, share) in [(1.0, 5.0, 1.0), (1.0, 18.0, 1.0), (3.0, 5.0, 0.5)] {
-            let expected = share * libm::expf(-load_n / MEMORY_FALLS_N);
+        for (load_n, heaviest_n, fraction) in [(1.0, 5.0, 1.0), (1.0, 18.0, 1.0), (3.0, 5.0, 0.5)] {
+            let expected = fraction * libm::expf(-load_n / MEMORY_FALLS_N);
             assert!(
                 (memory_shape(load_n, heaviest_n) / expected - 1.0).abs() < 1e-6,
                 "{load_n} N after {heaviest_n} N"

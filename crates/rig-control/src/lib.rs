@@ -13,7 +13,7 @@
 //! - [`load_motion`]: how the load swings on its strings, and how it will move when a command acts.
 //! - [`move_check`]: whether a move is possible.
 //! - [`limits`]: what the motor allows of a move; [`planner`]: acceleration- and jerk-limited motion, and how long it will take.
-//! - [`position_loop`]: set-point and motion of the load to twist speed, damping the swing; [`friction_takeup`]: the rail's friction
+//! - [`position_loop`]: set-point and motion of the load to twist speed, damping the oscillation; [`friction_compensation`]: the rail's friction
 //!   before a move and at rest; [`rest`]: when a load is left alone, and which error stiction leaves. All work on a [`load_state`].
 
 #![no_std]
@@ -22,7 +22,7 @@
 pub mod adaptation;
 pub mod constants;
 pub mod direction;
-pub mod friction_takeup;
+pub mod friction_compensation;
 pub mod homing;
 pub mod hysteresis;
 mod least_squares;

@@ -9,19 +9,19 @@ use crate::load_motion::STANDARD_GRAVITY_M_PER_S2;
 use rig_link::messages::{Limit, Setting};
 use tsa_table::Point;
 
-/// Greatest speed that can be asked of the load (m/s); a setting may lower it.
+/// Maximum speed that can be asked of the load (m/s); a setting may lower it.
 pub const SPEED_MAX_M_PER_S: f32 = Setting::SpeedMax.spec().range[1];
-/// Share of the motor's speed that moves are planned with; the rest is for the loop.
-pub const PLANNED_SHARE: f32 = 0.97;
+/// Fraction of the motor's speed that moves are planned with; the rest is for the loop.
+pub const PLANNED_FRACTION: f32 = 0.97;
 /// The same of its acceleration: where the acceleration of the load turns over, the strings change their speed all at once.
-const ACCELERATION_SHARE: f32 = 0.5;
-/// Least share of the motor's current that is taken to be left for accelerating.
-const LEAST_SPARE: f32 = 0.1;
+const ACCELERATION_FRACTION: f32 = 0.5;
+/// Minimum fraction of the motor's current that is taken to be left for accelerating.
+const MIN_SPARE: f32 = 0.1;
 /// Share below which it is the current that delays a move.
 const LITTLE_SPARE: f32 = 0.5;
-/// Least time (s) in which a move gets up to its speed, and the same in 1/ω of the load's swing.
+/// Minimum time (s) in which a move gets up to its speed, and the same in 1/ω of the load's swing.
 const RISE_S: f32 = 0.09;
-const RISE_SWINGS: f32 = 4.0;
+const RISE_OSCILLATIONS: f32 = 4.0;
 /// Halvings of the search for the peak speed of a move that is too short for its speed: to a millionth of that speed.
 const PEAK_STEPS: u8 = 20;
 
@@ -41,7 +41,7 @@ pub struct Limits {
 pub fn rise_s(load_n: f32, dgap_dload_m_per_n: f32) -> f32 {
     // ω² = k/m, k = 1/(∂G/∂F), m = F/g.
     let frequency = libm::sqrtf(STANDARD_GRAVITY_M_PER_S2 / (load_n * dgap_dload_m_per_n));
-    RISE_S.max(RISE_SWINGS / frequency)
+    RISE_S.max(RISE_OSCILLATIONS / frequency)
 }
 
 impl Limits {
@@ -57,9 +57,9 @@ impl Limits {
         // Torque = pull/TR; what is left of the current is for accelerating.
         let torque_per_a = rig.motor_torque_constant_nm_per_a * rig.gear_ratio;
         let holding = pull_n / (tr_rad_per_m * torque_per_a * 1e-3 * f32::from(rig.current_limit_ma));
-        let spare = (1.0 - holding).clamp(LEAST_SPARE, 1.0);
-        let fastest = PLANNED_SHARE * rig.twist_speed_max() / tr_rad_per_m;
-        let hardest = ACCELERATION_SHARE * spare * rig.twist_acceleration_max() / tr_rad_per_m;
+        let spare = (1.0 - holding).clamp(MIN_SPARE, 1.0);
+        let fastest = PLANNED_FRACTION * rig.twist_speed_max() / tr_rad_per_m;
+        let hardest = ACCELERATION_FRACTION * spare * rig.twist_acceleration_max() / tr_rad_per_m;
         let speed = asked.min(fastest);
         let rise_s = rise_s(pull_n, point.dgap_dload_m_per_n);
         let enough = 2.0 * speed / rise_s;
@@ -176,8 +176,8 @@ mod tests {
         let (steep, limit) = Limits::for_motor(0.004, &at(2000.0), 5.0, &slow);
         assert!(limit == Some(Limit::MotorAcceleration) && steep.acceleration < 0.0042, "{steep:?}");
         // A pull of 480 N takes 0.8 of the current; half of what is left of 12 000/60 rad/s² is for the move.
-        let (most, limit) = Limits::for_motor(0.02, &at(1000.0), 480.0, &rig);
-        assert!(limit == Some(Limit::MotorCurrent) && (most.acceleration / 0.02 - 1.0).abs() < 1e-3, "{most:?}");
+        let (max, limit) = Limits::for_motor(0.02, &at(1000.0), 480.0, &rig);
+        assert!(limit == Some(Limit::MotorCurrent) && (max.acceleration / 0.02 - 1.0).abs() < 1e-3, "{max:?}");
         // 0.6 N m is what half an ampere gives: 560 N at 1000 rad/m leaves less than a tenth.
         let (heavy, limit) = Limits::for_motor(0.02, &at(1000.0), 560.0, &rig);
         assert!(limit == Some(Limit::MotorCurrent) && (heavy.acceleration / 0.01 - 1.0).abs() < 1e-3, "{heavy:?}");

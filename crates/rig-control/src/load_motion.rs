@@ -20,8 +20,8 @@ pub(crate) const STANDARD_GRAVITY_M_PER_S2: f32 = 9.806_65;
 /// what bus and speed loop of the drive take (crates/rmds405/README.md 2.7, assumed). The lag of its position loop is
 /// measured while homing and made up for in the command.
 pub const AHEAD_S: f32 = 0.5 * TICK_S + 4e-3;
-/// Least weight that a load seems to have, as a share of the table's lightest load: on the way down friction carries a part of it.
-const LIGHTEST_SHARE: f32 = 0.3;
+/// Minimum weight that a load seems to have, as a fraction of the table's lightest load: on the way down friction carries a part of it.
+const LIGHTEST_FRACTION: f32 = 0.3;
 /// Longest time between two measurements that are taken together (s).
 const LONGEST_STEP_S: f32 = 0.05;
 
@@ -76,7 +76,7 @@ impl LoadMotion {
     }
 
     /// The same after a time (s), while the strings turn evenly to a twist (rad): one implicit mid-point step on the linearised
-    /// pull, which neither feeds nor damps a swing.
+    /// pull, which neither feeds nor damps an oscillation.
     #[must_use]
     pub fn after(&self, seconds: f32, twist_rad: f32) -> Self {
         let (h, k, inertia) = (0.5 * seconds, self.stiffness_n_per_m, 2.0 * self.mass_kg());
@@ -149,7 +149,7 @@ impl MotionObserver {
             self.now = self.now.after(step_s, twist_rad);
             self.now.correct(gap_m - self.now.gap_m, step_s);
             let m = &mechanism.table.metadata;
-            self.now.weight_n = self.now.weight_n.clamp(LIGHTEST_SHARE * m.load_min_n, m.load_max_n);
+            self.now.weight_n = self.now.weight_n.clamp(LIGHTEST_FRACTION * m.load_min_n, m.load_max_n);
             self.look_up(mechanism);
         }
     }

@@ -50,7 +50,7 @@ impl Mechanism<'_> {
         (m.twist_min_rad - OUTSIDE_RAD..=m.twist_max_rad + OUTSIDE_RAD).contains(&twist_rad)
     }
 
-    /// Greatest twist (rad) that both the strings and the table stand.
+    /// Maximum twist (rad) that both the strings and the table stand.
     pub fn twist_max_rad(&self) -> f32 {
         let m = &self.table.metadata;
         m.twist_max_rad / self.twist_scale.max(1.0)

@@ -4,7 +4,7 @@ use crate::mechanism::{Mechanism, OUTSIDE_RAD};
 use rig_link::messages::{LoadChoice, Parameter, Refusal, Setting, SettingValues};
 use tsa_table::Metadata;
 
-/// Least speed that can be asked of the load (m/s).
+/// Minimum speed that can be asked of the load (m/s).
 pub const SPEED_MIN_M_PER_S: f32 = 1e-5;
 /// How far (m) a load may hang lower at the pre-twist than its estimate says: 0.19 mm was the most of 128 changed loads. As
 /// many hung up to 0.17 mm higher, and moves below that end where the strings do.
@@ -22,7 +22,7 @@ pub struct MoveRequest {
 }
 
 impl MoveRequest {
-    /// The same with an infinite speed replaced by the greatest one that the settings allow.
+    /// The same with an infinite speed replaced by the maximum one that the settings allow.
     #[must_use]
     pub fn with_speed_max(self, settings: &SettingValues) -> Self {
         let fastest = self.speed_m_per_s == f32::INFINITY;

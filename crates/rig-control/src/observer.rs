@@ -19,7 +19,7 @@ use crate::mechanism::Mechanism;
 use rig_link::messages::{HomingResult, LoadChoice};
 use tsa_table::{Point, Uncertainty};
 
-/// How long the estimate takes to follow (s): longer than a swing of the load, shorter than a step of it matters.
+/// How long the estimate takes to follow (s): longer than an oscillation of the load, shorter than a step of it matters.
 const TIME_CONSTANT_S: f32 = 0.15;
 /// Travel (m) after which it follows when the load moves slowly.
 const TRAVEL_M: f32 = 0.3e-3;
@@ -27,37 +27,37 @@ const TRAVEL_M: f32 = 0.3e-3;
 const LARGEST_STEP: f32 = 0.2;
 /// Change of the gap that is motion and not noise, over the noise of the gap in one tick; and the least (m).
 const MOTION_NOISES: f32 = 4.0;
-const LEAST_MOTION_M: f32 = 15e-6;
-/// Pull beyond the friction band that is no noise, as a share of the load, besides the motion that is no noise.
-const OUTSIDE_SHARE: f32 = 0.01;
+const MIN_MOTION_M: f32 = 15e-6;
+/// Pull beyond the friction band that is no noise, as a fraction of the load, besides the motion that is no noise.
+const OUTSIDE_FRACTION: f32 = 0.01;
 /// Smoothing of the pull (s).
 const PULL_S: f32 = 0.05;
 /// Time without a pull outside the friction band (ticks) after which the estimate has settled.
 const SETTLED_TICKS: u16 = 40;
-/// How long a pull outside the band stays in the error of the estimate (s): a swing of the load.
+/// How long a pull outside the band stays in the error of the estimate (s): an oscillation of the load.
 const UNSETTLED_S: f32 = 0.3;
-/// Standard error of the friction that a moving load shows, as a share of it: play and stiction look like friction.
+/// Standard error of the friction that a moving load shows, as a fraction of it: play and stiction look like friction.
 const MOVING_BAND: f32 = 0.3;
-/// Standard deviation of a load that is anywhere within the friction band, as a share of the friction.
+/// Standard deviation of a load that is anywhere within the friction band, as a fraction of the friction.
 const RESTING_BAND: f32 = 0.6;
-/// Standard error by creep and warming up, as a share of the load, at once and in the end; and the time that it takes (s).
+/// Standard error by creep and warming up, as a fraction of the load, at once and in the end; and the time that it takes (s).
 const DRIFT: [f32; 2] = [0.003, 0.012];
 const DRIFT_S: f32 = 600.0;
-/// Share of the confirmed load that the estimate may leave it by: drift, warm-up and friction do no more.
-const CONFIRMED_SHARE: f32 = 0.1;
-/// Greatest difference (share of the load) of a move up and a move down that confirm the load.
-const SAME_SHARE: f32 = 0.05;
-/// Acceleration that a gap's speed may hide at most (share of the load for each m/s): inertia and damping of a swing.
-const SPEED_SHARE: f32 = 2.0;
+/// Fraction of the confirmed load that the estimate may leave it by: drift, warm-up and friction do no more.
+const CONFIRMED_FRACTION: f32 = 0.1;
+/// Maximum difference (fraction of the load) of a move up and a move down that confirm the load.
+const SAME_FRACTION: f32 = 0.05;
+/// Acceleration that a gap's speed may hide at most (fraction of the load for each m/s): inertia and damping of an oscillation.
+const SPEED_FRACTION: f32 = 2.0;
 /// Speed (m/s) of the gap below which a balance is static.
 const STATIC_M_PER_S: f32 = 20e-3;
 
 /// Standard errors of the load that change along a move as a drift does, without being one.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct KnownErrors {
-    /// By what the rods remember, as a share of the load.
+    /// By what the rods remember, as a fraction of the load.
     pub memory: f32,
-    /// By a load that differs from the homed one, as a share of the homed one.
+    /// By a load that differs from the homed one, as a fraction of the homed one.
     pub change: f32,
 }
 
@@ -67,20 +67,20 @@ pub struct LoadObserver {
     load_n: f32,
     /// As homing left it: load (N), covariance of scale and curve, noise of the gap (m), relative error of a change.
     homed_n: f32,
-    /// Standard error of the load that homing found, as a share of it.
-    homed_share: f32,
+    /// Standard error of the load that homing found, as a fraction of it.
+    homed_fraction: f32,
     covariance: [f32; 3],
     gap_noise_m: f32,
     shape_error: f32,
-    /// Standard error of a light load after a much heavier one, as a share of it.
+    /// Standard error of a light load after a much heavier one, as a fraction of it.
     rod_memory: f32,
-    /// Greatest load since homing (N).
+    /// Maximum load since homing (N).
     peak_n: f32,
     /// Time since homing (s).
     age_s: f32,
     /// Coulomb friction of the rail, found at homing (N).
     friction_n: f32,
-    /// Standard error of the pull at which the load moves, as a share of the friction.
+    /// Standard error of the pull at which the load moves, as a fraction of the friction.
     band: f32,
     /// +1 after the load has moved up, −1 down.
     direction: f32,
@@ -91,12 +91,12 @@ pub struct LoadObserver {
     /// Smoothed speed of the gap (m/s).
     gap_speed_m_per_s: f32,
     quiet_ticks: u16,
-    /// Greatest pull outside the friction band in the last moments (N).
+    /// Maximum pull outside the friction band in the last moments (N).
     unsettled_n: f32,
     /// The load as it was last confirmed (N), if it was.
     confirmed_n: Option<f32>,
     /// Load at the end of the last move down and of the last move up (N), where it was the same all along the move.
-    way_load_n: [Option<f32>; 2],
+    moved_load_n: [Option<f32>; 2],
     /// Where the load for TR comes from.
     pub source: LoadChoice,
 }
@@ -133,7 +133,7 @@ impl LoadObserver {
         Self {
             load_n: homed.load_n,
             homed_n: homed.load_n,
-            homed_share: homed.load_error_n / (NINETY_PERCENT * homed.load_n),
+            homed_fraction: homed.load_error_n / (NINETY_PERCENT * homed.load_n),
             covariance: homed.covariance,
             gap_noise_m: homed.gap_noise_m,
             shape_error: known.load_shape,
@@ -149,7 +149,7 @@ impl LoadObserver {
             quiet_ticks: SETTLED_TICKS,
             unsettled_n: 0.0,
             confirmed_n: Some(homed.load_n),
-            way_load_n: [None; 2],
+            moved_load_n: [None; 2],
             source: LoadChoice::Auto,
         }
     }
@@ -168,9 +168,9 @@ impl LoadObserver {
     /// load confirm it: friction that has changed makes them differ, and a shifted gap looks like another load at each twist.
     pub fn end_move(&mut self, agrees: bool) {
         let way = usize::from(self.direction > 0.0);
-        self.way_load_n[way] = agrees.then_some(self.load_n);
-        if let [Some(down_n), Some(up_n)] = self.way_load_n
-            && (up_n - down_n).abs() < SAME_SHARE * self.load_n
+        self.moved_load_n[way] = agrees.then_some(self.load_n);
+        if let [Some(down_n), Some(up_n)] = self.moved_load_n
+            && (up_n - down_n).abs() < SAME_FRACTION * self.load_n
         {
             self.confirmed_n = Some(self.load_n);
         }
@@ -179,19 +179,19 @@ impl LoadObserver {
     /// Whether the load is that of homing or has been confirmed since. Gap and twist alone cannot show whether another load,
     /// a string that slipped, or a sensor that shifted has changed it.
     fn is_confirmed(&self) -> bool {
-        self.confirmed_n.is_some_and(|known_n| (self.load_n - known_n).abs() <= CONFIRMED_SHARE * known_n)
+        self.confirmed_n.is_some_and(|known_n| (self.load_n - known_n).abs() <= CONFIRMED_FRACTION * known_n)
     }
 
     /// The strings are outside the table's twists: nothing is known of the load any more.
     pub fn lose(&mut self) {
         self.quiet_ticks = 0;
-        self.way_load_n = [None; 2];
+        self.moved_load_n = [None; 2];
         self.confirmed_n = None;
         self.noise_free_gap_m = None;
         self.band = RESTING_BAND;
     }
 
-    /// Standard error of the load by what the rods remember, as a share of the load.
+    /// Standard error of the load by what the rods remember, as a fraction of the load.
     pub fn memory_share(&self) -> f32 {
         self.rod_memory * memory_shape(self.load_n, self.peak_n)
     }
@@ -210,7 +210,7 @@ impl LoadObserver {
         let open_m2 = (by_scale_m * by_scale_m * scale + 2.0 * by_scale_m * both + constant).max(0.0);
         let gap_n = libm::sqrtf(open_m2 + self.gap_noise_m * self.gap_noise_m) / point.dgap_dload_m_per_n;
         // No later reading of the gap is better than what the homing could make of all of them.
-        let gap_n = gap_n.max(self.homed_share * self.load_n);
+        let gap_n = gap_n.max(self.homed_fraction * self.load_n);
         let band_n = self.band * self.friction_n;
         let change_n = self.shape_error * (self.load_n - self.homed_n);
         let memory_n = self.memory_share() * self.load_n;
@@ -224,7 +224,7 @@ impl LoadObserver {
     /// The same for a load that may move, or may just have changed.
     fn error_n(&self, point: &Point, twist_rad: f32) -> f32 {
         let fast = (self.gap_speed_m_per_s.abs() - STATIC_M_PER_S).max(0.0);
-        self.still_error_n(point, twist_rad) + self.unsettled_n + SPEED_SHARE * fast * self.load_n
+        self.still_error_n(point, twist_rad) + self.unsettled_n + SPEED_FRACTION * fast * self.load_n
     }
 
     /// One tick: measured gap (m) and the twist (rad) at the time of that measurement; without a gap the estimate stays.
@@ -277,7 +277,7 @@ impl LoadObserver {
 
     /// Change of the gap that is motion and not noise (m).
     fn motion_m(&self) -> f32 {
-        (MOTION_NOISES * self.gap_noise_m).max(LEAST_MOTION_M)
+        (MOTION_NOISES * self.gap_noise_m).max(MIN_MOTION_M)
     }
 
     /// How far the load has moved beyond noise (m); sets direction.
@@ -301,7 +301,7 @@ impl LoadObserver {
 
     /// Change of the estimate (N) for a pull that differs from the expected one by `innovation_n`.
     fn correction(&mut self, innovation_n: f32, moved_m: f32, point: &Point) -> f32 {
-        let outside_n = self.motion_m() / point.dgap_dload_m_per_n + OUTSIDE_SHARE * self.load_n;
+        let outside_n = self.motion_m() / point.dgap_dload_m_per_n + OUTSIDE_FRACTION * self.load_n;
         // Where the pull may be, relative to its end of the band.
         let (far, near) = (-2.0 * self.friction_n * self.direction, 0.0f32);
         let beyond = innovation_n - innovation_n.clamp(far.min(near), far.max(near));
@@ -313,7 +313,7 @@ impl LoadObserver {
             step = if moved_m == 0.0 { beyond * follow } else { innovation_n * follow };
             self.quiet_ticks = 0;
             // Earlier moves belong to another load, or to another gap.
-            self.way_load_n = [None; 2];
+            self.moved_load_n = [None; 2];
             self.band = RESTING_BAND;
             self.unsettled_n = self.unsettled_n.max(beyond.abs());
         } else {
@@ -387,7 +387,7 @@ mod tests {
         // Up and down differ by 6 %, and then by 4 %.
         for (up_n, confirmed) in [(1.06 * o.load_n(), false), (1.04 * o.load_n(), true)] {
             let down_n = o.load_n();
-            (o.direction, o.way_load_n) = (-1.0, [None; 2]);
+            (o.direction, o.moved_load_n) = (-1.0, [None; 2]);
             o.end_move(true);
             (o.direction, o.load_n) = (1.0, up_n);
             o.end_move(true);
@@ -406,7 +406,7 @@ mod tests {
         o.gap_speed_m_per_s = -(STATIC_M_PER_S + 0.01);
         let memory = 0.2 * memory_shape(3.0, 10.0);
         let parts = [0.5 / (5.0 * NINETY_PERCENT) * 3.0, MOVING_BAND * 0.4, 0.1 * 2.0, memory * 3.0, DRIFT[0] * 3.0];
-        let expected_n = NINETY_PERCENT * together(&parts) + 0.7 + SPEED_SHARE * 0.01 * 3.0;
+        let expected_n = NINETY_PERCENT * together(&parts) + 0.7 + SPEED_FRACTION * 0.01 * 3.0;
         let found_n = o.error_n(&POINT, 0.0);
         assert!(same(found_n, expected_n), "{found_n} {expected_n}");
     }

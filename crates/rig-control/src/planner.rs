@@ -8,8 +8,8 @@ use tsa_table::Point;
 
 /// Gains (1/s) by which a set-point follows a target that moves: of position, and of speed, more than twice as fast.
 const FOLLOWS_PER_S: [f32; 2] = [8.0, 25.0];
-/// Least share of the acceleration with which it catches up while the target accelerates.
-const LEAST_LEFT: f32 = 0.2;
+/// Minimum fraction of the acceleration with which it catches up while the target accelerates.
+const MIN_LEFT: f32 = 0.2;
 /// Distance (m) and speed (m/s) within which a set-point stands at a target that stands.
 const STANDS_M: f32 = 1e-6;
 const STANDS_M_PER_S: f32 = 20e-6;
@@ -53,16 +53,16 @@ impl Motion {
         let (v, a) = (way * self.speed, way * self.acceleration);
         let square = jerk * v + 0.5 * a * a;
         let free = if square > 0.0 { libm::sqrtf(square) } else { 0.0 };
-        let most = if free > limits.acceleration { limits.acceleration } else { free };
-        let (rise, fall) = ((a + most) / jerk, most / jerk);
+        let max = if free > limits.acceleration { limits.acceleration } else { free };
+        let (rise, fall) = ((a + max) / jerk, max / jerk);
         let mut distance = rise * (v + rise * (0.5 * a - jerk * rise / 6.0));
         let mut speed = v + rise * (a - 0.5 * jerk * rise);
-        if free > most {
-            let hold = (square - most * most) / (jerk * most);
-            distance += hold * (speed - 0.5 * most * hold);
-            speed -= most * hold;
+        if free > max {
+            let hold = (square - max * max) / (jerk * max);
+            distance += hold * (speed - 0.5 * max * hold);
+            speed -= max * hold;
         }
-        distance += fall * (speed - most * fall / 3.0);
+        distance += fall * (speed - max * fall / 3.0);
         self.position + way * distance
     }
 
@@ -71,7 +71,7 @@ impl Motion {
         Self { position: way * self.position, speed: way * self.speed, acceleration: way * self.acceleration }
     }
 
-    /// The greatest acceleration of `low` to `high` after which it still stops before a target ahead. By halves: where
+    /// The maximum acceleration of `low` to `high` after which it still stops before a target ahead. By halves: where
     /// the jerk turns over, how far short it stops has a kink that faster methods stumble over.
     fn still_stops(&self, target: f32, mut low: f32, mut high: f32, limits: &Limits) -> f32 {
         let stops = |a: f32| self.after(a).stop(limits) <= target;
@@ -94,11 +94,11 @@ impl Motion {
 /// faster than half of the `limit` of how fast that may change can still end it: v² = a |x|. The other half is for the time that it takes
 /// to build up.
 fn made_up(difference: f32, per_s: f32, limit: f32) -> (f32, f32) {
-    let most = libm::sqrtf(limit * difference.abs());
-    if per_s * difference.abs() <= most {
+    let max = libm::sqrtf(limit * difference.abs());
+    if per_s * difference.abs() <= max {
         (per_s * difference, per_s)
     } else {
-        (libm::copysignf(most, difference), 0.5 * most / difference.abs())
+        (libm::copysignf(max, difference), 0.5 * max / difference.abs())
     }
 }
 
@@ -198,9 +198,9 @@ impl Planner {
     /// limits the speed, the speed follows TR along the way, which no closed formula gives. So the way is divided into pieces;
     /// TR at the middle of each piece gives its speed limit and the twist at its end.
     pub fn time_to_target_s(&self, asked_m_per_s: f32, load: &LoadState<'_>, rig: &RigConstants) -> f32 {
-        let way_m = self.target_m() - self.set_point_m();
-        let direction = libm::copysignf(1.0, way_m);
-        let piece_m = way_m.abs() / f32::from(PIECES);
+        let distance_m = self.target_m() - self.set_point_m();
+        let direction = libm::copysignf(1.0, distance_m);
+        let piece_m = distance_m.abs() / f32::from(PIECES);
         // What the strings pull on the way: they carry friction upwards, and friction carries the load downwards.
         let load_n = load.observation.load_n + direction * load.observation.friction_n;
         let limits = |point: &Point| Limits::for_motor(asked_m_per_s, point, load_n, rig).0;
@@ -214,7 +214,7 @@ impl Planner {
             twist_rad += direction * piece_m * point.tr_rad_per_m();
             cruise_s += piece_m / limits(&point).speed;
         }
-        first.duration_from_s(direction * self.speed_m_per_s(), way_m.abs(), cruise_s, &limits(&point))
+        first.duration_from_s(direction * self.speed_m_per_s(), distance_m.abs(), cruise_s, &limits(&point))
     }
 
     /// Comes to rest as soon as the limits allow.
@@ -232,7 +232,7 @@ impl Planner {
         let behind_m = target.position_m - ahead.position;
         // What the target's own acceleration leaves of the limit.
         let left = limits.acceleration - target.acceleration_m_per_s2.abs();
-        let (catches_up, per_s) = made_up(behind_m, of_position, left.max(LEAST_LEFT * limits.acceleration));
+        let (catches_up, per_s) = made_up(behind_m, of_position, left.max(MIN_LEFT * limits.acceleration));
         let wanted = target.speed_m_per_s + catches_up;
         let held_back = wanted.abs() > limits.speed;
         let slower = wanted.clamp(-limits.speed, limits.speed) - ahead.speed;
@@ -269,7 +269,7 @@ impl Planner {
             return SetPoint::at(self.now.position);
         }
         let before = self.now.acceleration;
-        // Counted towards the target: both directions are alike, and the greatest acceleration is tried first.
+        // Counted towards the target: both directions are alike, and the maximum acceleration is tried first.
         let way = libm::copysignf(1.0, self.target - self.now.position);
         let now = self.now.mirrored(way);
         let unit = limits.jerk * TICK_S;

@@ -2,14 +2,14 @@
 //!
 //! In coordinates of the load the strings set where it would come to rest, q, and the load swings about that:
 //! `p'' = ω² (q − p)`, `q' = u`, with ω² = k/m at this load and twist, and u turned into twist speed by TR. Feedback of p, p'
-//! and q places the three poles of this plant ([`GAINS`], docs/explanation/control.md 3): the swing is damped, and a
+//! and q places the three poles of this plant ([`GAINS`], docs/explanation/control.md 3): the oscillation is damped, and a
 //! motor that is at its limit for most of the way still brings the load to rest without an overshoot. A wanted motion r
 //! of the load needs `q = r + r''/ω²`: the resonance is fed forward, so that following needs no feedback.
 //!
-//! What friction holds back is not left to the error either, see [`crate::friction_takeup`].
+//! What friction holds back is not left to the error either, see [`crate::friction_compensation`].
 
 use crate::TICK_S;
-use crate::friction_takeup::FrictionTakeup;
+use crate::friction_compensation::FrictionCompensation;
 use crate::load_motion::{AHEAD_S, OBSERVER_PER_S};
 use crate::load_state::LoadState;
 use crate::planner::SetPoint;
@@ -23,9 +23,9 @@ pub const GAINS: [f32; 3] = {
     let [a, b, c] = POLES;
     [a * c - (a + b), a * b + c - 1.0, a + b]
 };
-/// Share of the strings' greatest speed that damping the swing may use. With more, strings whose load has just become heavier would
-/// turn back and forth to damp its swing instead of taking it back to its place.
-const DAMPING_SHARE: f32 = 0.8;
+/// Fraction of the strings' maximum speed that damping the oscillation may use. With more, strings whose load has just become heavier would
+/// turn back and forth to damp its oscillation instead of taking it back to its place.
+const DAMPING_FRACTION: f32 = 0.8;
 /// Frequency of the load's swing (rad/s) from which the gains no longer grow with it, and from which those that damp it fall: the
 /// observer is then hardly faster than the load.
 pub const FULL_PER_S: f32 = 0.5 * OBSERVER_PER_S;
@@ -37,17 +37,17 @@ pub const BANDWIDTH_PER_S: f32 = POLES[0] * FULL_PER_S;
 const STUCK_PER_S: f32 = 5.0;
 
 /// A load that does not move while the pull of its strings changes by so much is jammed: the sum of a least change (N), since a small
-/// friction is not known well, of a share of the load, and of a multiple of the friction. Turned further, the strings would let
+/// friction is not known well, of a fraction of the load, and of a multiple of the friction. Turned further, the strings would let
 /// it spring when it comes loose, or fall slack. The load estimate goes along with the pull; so the change counts from the estimate
 /// when the load last moved, which is forgotten within so many seconds, because that may have been wrong.
-const JAMMED_LEAST_N: f32 = 0.5;
-const JAMMED_SHARE: f32 = 0.3;
+const MIN_JAMMED_N: f32 = 0.5;
+const JAMMED_FRACTION: f32 = 0.3;
 const JAMMED_FRICTIONS: f32 = 2.0;
 const FORGOTTEN_S: f32 = 1.0;
 
-/// Share of the gains that damp the swing of a load at a frequency (rad/s): the faster the swing, the more of its phase the unknown
+/// Fraction of the gains that damp the oscillation of a load at a frequency (rad/s): the faster the oscillation, the more of its phase the unknown
 /// part of the delay takes.
-pub fn damping_share(frequency: f32) -> f32 {
+pub fn damping_fraction(frequency: f32) -> f32 {
     let thin = (THIN_PER_S / frequency).min(1.0);
     (FULL_PER_S / frequency).min(1.0) * thin * thin
 }
@@ -58,7 +58,7 @@ pub struct PositionLoop {
     /// The load at its target.
     pub rest: Rest,
     /// What is turned to take up friction.
-    pub takeup: FrictionTakeup,
+    pub compensation: FrictionCompensation,
     /// What the load was taken for when it last moved (N); `None` before the first tick.
     moved_load_n: Option<f32>,
 }
@@ -94,11 +94,11 @@ impl PositionLoop {
         let rest_error_m = wanted_m + acceleration / frequency_squared - rest_m;
         let standing = self.rest.step(set_point.done, set_point.position_m - load.position_m, load);
         let [by_position, by_speed, by_rest] = GAINS;
-        // What brings the place of rest to where it is wanted, and what damps the swing about it.
+        // What brings the place of rest to where it is wanted, and what damps the oscillation about it.
         let place = frequency.min(FULL_PER_S) * (by_position + by_rest) * rest_error_m;
-        let most_m_per_s = DAMPING_SHARE * load.twist_limits.speed / hung.tr_rad_per_m();
+        let max_m_per_s = DAMPING_FRACTION * load.twist_limits.speed / hung.tr_rad_per_m();
         let damping = frequency * by_position * (error_m - rest_error_m) + by_speed * speed_error;
-        let feedback = place + (damping_share(frequency) * damping).clamp(-most_m_per_s, most_m_per_s);
+        let feedback = place + (damping_fraction(frequency) * damping).clamp(-max_m_per_s, max_m_per_s);
         // The observer knows no friction: a load that sticks is not where it would come to rest.
         let (feedback, stuck_m) = match standing {
             Standing::LeftAlone => {
@@ -109,9 +109,9 @@ impl PositionLoop {
             Standing::Moves if setting_out.is_some() => (0.0, 0.0),
             Standing::Moves => (feedback, 0.0),
         };
-        let takeup_rad_per_s = self.takeup.step(set_point, setting_out, stuck_m, load);
+        let compensation_rad_per_s = self.compensation.step(set_point, setting_out, stuck_m, load);
         let speed_m_per_s = wanted_speed + jerk / frequency_squared + feedback;
-        let twist_speed_rad_per_s = hung.tr_rad_per_m() * speed_m_per_s + takeup_rad_per_s;
+        let twist_speed_rad_per_s = hung.tr_rad_per_m() * speed_m_per_s + compensation_rad_per_s;
         let further = self.jammed(load) * twist_speed_rad_per_s > 0.0;
         LoopOutput { twist_speed_rad_per_s: if further { 0.0 } else { twist_speed_rad_per_s }, rest_error_m }
     }
@@ -124,8 +124,8 @@ impl PositionLoop {
         let moved_load_n = load_n + kept * (self.moved_load_n.unwrap_or(load_n) - load_n);
         self.moved_load_n = Some(moved_load_n);
         let beyond_n = observation.pull_n - moved_load_n;
-        let most_n = JAMMED_LEAST_N + JAMMED_SHARE * moved_load_n + JAMMED_FRICTIONS * observation.friction_n;
-        if beyond_n.abs() > most_n { beyond_n } else { 0.0 }
+        let max_n = MIN_JAMMED_N + JAMMED_FRACTION * moved_load_n + JAMMED_FRICTIONS * observation.friction_n;
+        if beyond_n.abs() > max_n { beyond_n } else { 0.0 }
     }
 }
 
@@ -146,8 +146,8 @@ mod tests {
 
     #[test]
     fn damping_falls_where_the_load_swings_faster_than_the_observer_sees() {
-        assert_eq!(damping_share(10.0), 1.0);
-        assert!((damping_share(2.0 * FULL_PER_S) - 0.5 * 0.8 * 0.8).abs() < 1e-6);
-        assert!(damping_share(150.0) < 0.02);
+        assert_eq!(damping_fraction(10.0), 1.0);
+        assert!((damping_fraction(2.0 * FULL_PER_S) - 0.5 * 0.8 * 0.8).abs() < 1e-6);
+        assert!(damping_fraction(150.0) < 0.02);
     }
 }

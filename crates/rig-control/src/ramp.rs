@@ -55,7 +55,7 @@ impl Ramp {
 mod tests {
     use super::*;
 
-    /// Ticks until it stands at a target, and its greatest speed on the way.
+    /// Ticks until it stands at a target, and its maximum speed on the way.
     fn run(ramp: &mut Ramp, target: f32, speed: f32, acceleration: f32) -> (u16, f32) {
         let mut fastest = 0f32;
         for ticks in 1..10_000 {
@@ -77,8 +77,8 @@ mod tests {
         {
             let mut ramp = Ramp::at(2.0);
             let (ticks, fastest) = run(&mut ramp, 2.0 + distance, speed, acceleration);
-            let (took_s, told_s) = (TICK_S * f32::from(ticks), Ramp::duration_s(distance, speed, acceleration));
-            assert!((took_s - told_s).abs() < 2.5 * TICK_S, "{distance}: {took_s} s, told {told_s} s");
+            let (took_s, reported_s) = (TICK_S * f32::from(ticks), Ramp::duration_s(distance, speed, acceleration));
+            assert!((took_s - reported_s).abs() < 2.5 * TICK_S, "{distance}: {took_s} s, told {reported_s} s");
             assert!(fastest <= 1.0001 * speed, "{fastest}");
         }
         assert_eq!(Ramp::duration_s(0.0, 1.0, 1.0), 0.0);

@@ -7,15 +7,15 @@
 
 use crate::load_state::LoadState;
 
-/// Least error (m) below which a load at rest is left alone, an eighth of an LVDT count, and more where the gap is noisier.
+/// Minimum error (m) below which a load at rest is left alone, an eighth of an LVDT count, and more where the gap is noisier.
 pub const AT_REST_M: f32 = 6e-6;
 /// The same, over the noise of the gap.
 pub const AT_REST_NOISES: f32 = 1.7;
-/// Share of a jump below which an error is left alone.
-pub const JUMP_SHARE: f32 = 0.55;
+/// Fraction of a jump below which an error is left alone.
+pub const JUMP_FRACTION: f32 = 0.55;
 /// The same while the move can come again instead: only a whole jump then leads to the target.
-const WHOLE_JUMP_SHARE: f32 = 0.85;
-/// Greatest jump that stiction explains, as a share of friction over stiffness: break-away at one and a half times the friction.
+const WHOLE_JUMP_FRACTION: f32 = 0.85;
+/// Maximum jump that stiction explains, as a fraction of friction over stiffness: break-away at one and a half times the friction.
 const LARGEST_JUMP: f32 = 1.0;
 /// A load that is left alone is taken care of again when its error has become so much greater than what was left.
 const AGAIN: f32 = 1.3;
@@ -33,11 +33,11 @@ const STILL_TICKS: u8 = 12;
 /// Ticks over which the error of a load that stands is averaged at most.
 const MEAN_TICKS: u8 = 30;
 /// Way between two stands that is no noise, over the noise of their means.
-const WAY_NOISES: f32 = 2.0;
+const DISTANCE_NOISES: f32 = 2.0;
 
-/// Share of an error that a way leaves at most if it leads nearer, and how many that do not are enough.
-const NEARER_SHARE: f32 = 0.8;
-const VAIN_WAYS: u8 = 2;
+/// Fraction of an error that a way leaves at most if it leads nearer, and how many that do not are enough.
+const NEARER_FRACTION: f32 = 0.8;
+const INEFFECTIVE_MOVES: u8 = 2;
 
 /// What a load at its target does.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -66,7 +66,7 @@ pub struct Rest {
     /// How far it jumps (m), as seen at rest.
     jump_m: Option<f32>,
     /// Ways past the target, one after the other, that have led no nearer.
-    vain_ways: u8,
+    ineffective_moves: u8,
     /// A load that sticks beside its target will be moved back and come again.
     pub comes_again: bool,
 }
@@ -74,8 +74,8 @@ pub struct Rest {
 impl Rest {
     /// Error (m) at rest that stiction does not let the loop reduce, where homing saw jumps of a load so long (m).
     pub fn tolerance_m(&self, jump_m: f32) -> f32 {
-        let share = if self.comes_again { WHOLE_JUMP_SHARE } else { JUMP_SHARE };
-        share * self.jump_m.unwrap_or(jump_m)
+        let fraction = if self.comes_again { WHOLE_JUMP_FRACTION } else { JUMP_FRACTION };
+        fraction * self.jump_m.unwrap_or(jump_m)
     }
 
     /// Error (m) below which a load at rest is left alone, with a noise of the gap in one tick (m, rms).
@@ -92,7 +92,7 @@ impl Rest {
         if !(done && still) {
             let largest_m = LARGEST_JUMP * load.observation.friction_n * load.observation.point.dgap_dload_m_per_n;
             if !done || error_m.abs() > largest_m {
-                (self.stood, self.vain_ways) = (None, 0);
+                (self.stood, self.ineffective_moves) = (None, 0);
             }
             (self.ticks, self.slow_ticks, self.stands, self.left_alone) = (0, 0, false, false);
             return Standing::Moves;
@@ -123,13 +123,13 @@ impl Rest {
         let rise_m = before_m - self.error_m;
         let turned_m = (load.twist_rad - before_rad) / load.observation.point.tr_rad_per_m();
         let jump_m = ((rise_m - turned_m) * libm::copysignf(1.0, rise_m)).clamp(0.0, rise_m.abs());
-        if rise_m.abs() < AT_REST_M.max(WAY_NOISES * load.gap_noise_m) {
+        if rise_m.abs() < AT_REST_M.max(DISTANCE_NOISES * load.gap_noise_m) {
             return;
         }
         let past = self.error_m * before_m < 0.0;
-        let vain = past && self.error_m.abs() > NEARER_SHARE * before_m.abs();
-        self.vain_ways = if vain { self.vain_ways.saturating_add(1) } else { 0 };
-        self.jump_m = if self.vain_ways >= VAIN_WAYS {
+        let vain = past && self.error_m.abs() > NEARER_FRACTION * before_m.abs();
+        self.ineffective_moves = if vain { self.ineffective_moves.saturating_add(1) } else { 0 };
+        self.jump_m = if self.ineffective_moves >= INEFFECTIVE_MOVES {
             Some(rise_m.abs())
         } else if past {
             Some(jump_m)

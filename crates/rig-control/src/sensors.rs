@@ -195,7 +195,7 @@ mod tests {
             let reading = lvdt.read(k * 6000, block(k * 6000, 2000.0, 0.0), &RIG);
             assert_eq!(matches!(reading, LvdtReading::Invalid(Fault::LvdtFrozen)), k >= 30, "block {k}");
         }
-        // One live block and it counts anew; asking twice about one block counts it once.
+        // One live block and it counts again; asking twice about one block counts it once.
         assert!(matches!(lvdt.read(400_000, block(400_000, 2000.0, 0.01), &RIG), LvdtReading::Valid { .. }));
         for _ in 0..100 {
             assert!(matches!(lvdt.read(406_000, block(406_000, 2000.0, 0.0), &RIG), LvdtReading::Valid { .. }));

@@ -11,9 +11,9 @@ pub const LVDT_POINTS: &str = "lvdt-points";
 pub struct Spec {
     /// SI unit; empty for a bare number.
     pub unit: &'static str,
-    /// Default; `None` where it is the scene's, which is also the greatest value.
+    /// Default; `None` where it is the scene's, which is also the maximum value.
     pub default: Option<f32>,
-    /// Least and greatest value (`unit`).
+    /// Minimum and maximum value (`unit`).
     pub range: [f32; 2],
     /// Only the two ends of the range are allowed.
     pub ends_only: bool,
@@ -41,7 +41,7 @@ impl Setting {
         }
     }
 
-    /// Least and greatest value (its unit), where `default` is this rig's.
+    /// Minimum and maximum value (its unit), where `default` is this rig's.
     pub fn range(self, default: f32) -> [f32; 2] {
         let Spec { range: [min, max], default: fixed, .. } = self.spec();
         if fixed.is_some() { [min, max] } else { [min.min(default), default] }

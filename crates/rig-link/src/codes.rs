@@ -67,7 +67,7 @@ named_codes! {
         TwistSign = 3, "twist-sign";
         /// True gear ratio over the scene's.
         GearScale = 4, "gear-scale";
-        /// Greatest speed of the load in a move (m/s).
+        /// Maximum speed of the load in a move (m/s).
         SpeedMax = 5, "speed-max";
         /// Current limit sent with every command to the drive (A).
         CurrentLimit = 6, "current-limit";
@@ -275,13 +275,13 @@ named_codes! {
 named_codes! {
     /// A limit on the motion that does not stop the rig.
     pub enum Limit {
-        /// The motor is at its greatest speed.
+        /// The motor is at its maximum speed.
         MotorSpeed = 1, "motor-speed";
-        /// The motor is at its greatest current.
+        /// The motor is at its maximum current.
         MotorCurrent = 2, "motor-current";
         /// The set-point is at the end of the travel.
         Travel = 3, "travel";
-        /// The motor is at its greatest acceleration.
+        /// The motor is at its maximum acceleration.
         MotorAcceleration = 5, "motor-acceleration";
     }
 }

@@ -4,14 +4,14 @@
 //! 0x00 | COBS( sequence number u16 LE | postcard body | CRC-32 LE of both ) | 0x00
 //! ```
 //! COBS removes 0x00 from the frame, so a delimiter is always the edge of a frame. The leading one ends any noise before
-//! the frame, so a good frame survives noise in front of it. This framing is fixed for ever ([`crate::versions`]).
+//! the frame, so a good frame survives noise in front of it. This framing is fixed indefinitely ([`crate::versions`]).
 
 use core::marker::PhantomData;
 use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 use serde::{Serialize, de::DeserializeOwned};
 
 /// Longest frame on the wire, both delimiters included (bytes). The longest message (`Identity` with all texts at their
-/// greatest length) needs 242.
+/// maximum length) needs 242.
 pub const MAX_FRAME: usize = 256;
 
 /// One frame stays under the 254 bytes after which COBS would insert a second overhead byte.
@@ -107,7 +107,7 @@ impl<T> Decoder<T> {
         Self { buffer: [0; MAX_FRAME], length: 0, skipping: false, errors: 0, message: PhantomData }
     }
 
-    /// How many damaged frames have gone by (stops at the greatest number instead of wrapping).
+    /// How many damaged frames have gone by (stops at the maximum number instead of wrapping).
     pub const fn errors(&self) -> u32 {
         self.errors
     }

@@ -36,7 +36,7 @@ pub use protocol::PROTOCOL_HASH;
 pub const BAUD: u32 = 115_200;
 
 /// The board sends one telemetry message every this many milliseconds.
-/// It has at most 108 bytes, with every counter at its greatest: 10.8 kB/s of the 11.5 kB/s that [`BAUD`] carries. As a rule
+/// It has at most 108 bytes, with every counter at its maximum: 10.8 kB/s of the 11.5 kB/s that [`BAUD`] carries. As a rule
 /// it has 80.
 pub const TELEMETRY_PERIOD_MS: u32 = 10;
 

@@ -4,13 +4,13 @@ use crate::codes::CurveFlaw;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-/// Greatest number of points.
+/// Maximum number of points.
 pub const LVDT_POINTS_MAX: usize = 11;
-/// Least distance of two neighbouring points (m): gauges are good to 20 µm, which is then 4 % of the slope between them.
+/// Minimum distance of two neighbouring points (m): gauges are good to 20 µm, which is then 4 % of the slope between them.
 pub const LVDT_APART_M: f32 = 1e-3;
-/// Least and greatest change of the gap for a change of the sensor's reading by 1, between two points.
+/// Minimum and maximum change of the gap for a change of the sensor's reading by 1, between two points.
 const SLOPE: [f32; 2] = [0.5, 2.0];
-/// Greatest correction, and greatest error of the corrected gap, that is not a mistake (m).
+/// Maximum correction, and maximum error of the corrected gap, that is not a mistake (m).
 const CORRECTION_MAX_M: f32 = 0.05;
 const ERROR_MAX_M: f32 = 0.01;
 

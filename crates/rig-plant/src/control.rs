@@ -72,13 +72,13 @@ pub struct Run {
 pub struct Stats {
     /// Mean instructions of a control tick.
     pub instructions_per_tick_mean: f64,
-    /// Most instructions of a control tick.
+    /// Maximum instructions of a control tick.
     pub instructions_per_tick_max: f64,
     /// Name of the model that the emulated mechanism runs on.
     pub plant_tier: String,
-    /// Share of the time in which the core was not asleep.
+    /// Fraction of the time in which the core was not asleep.
     pub core_busy: f64,
-    /// Most bytes on the stack.
+    /// Maximum bytes on the stack.
     pub stack_high_water_bytes: u64,
 }
 

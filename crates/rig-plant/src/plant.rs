@@ -110,7 +110,7 @@ plant_keys! {
     Load = "load", load_n: f64 = 0.5 * STANDARD_GRAVITY, Load, [0.01, 200.0], Always, Plant;
     /// Coulomb friction on the rail.
     Friction = "friction", friction_n: f64 = 0.05, Force, [0.0, 100.0], Always, Plant, Present [0.15, 0.4];
-    /// Friction on the rail that grows with the load, as a share of the load.
+    /// Friction on the rail that grows with the load, as a fraction of the load.
     FrictionLoadShare = "friction_load_share", friction_load_share: f64 = 0.0, Fraction, [0.0, 1.0], Always, Plant,
         Present [0.01, 0.03];
     /// Static friction on the rail over Coulomb friction.
@@ -129,7 +129,7 @@ plant_keys! {
     LvdtOffset = "lvdt_offset", lvdt_offset_m: f64 = 0.0, Length, [-0.2, 0.2], Always, Rig;
     /// LVDT gain error.
     LvdtGainError = "lvdt_gain_error", lvdt_gain_error: f64 = 0.0, Fraction, [-0.9, 9.0], AtStart, Rig;
-    /// Curve of the LVDT: amplitude of an error that is one sine over the stroke, as a share of the stroke.
+    /// Curve of the LVDT: amplitude of an error that is one sine over the stroke, as a fraction of the stroke.
     LvdtNonlinearity = "lvdt_nonlinearity", lvdt_nonlinearity: f64 = 0.0, Fraction, [0.0, 0.1], Always, Rig,
         Present [0.0025, 0.005];
     /// LVDT noise that averaging over a block of samples leaves, rms.
@@ -141,7 +141,7 @@ plant_keys! {
     AdcInl = "adc_inl", adc_inl: f64 = 0.0, Number, [0.0, 100.0], Always, Rig, Present [1.5, 3.0];
     /// Twist of the strings at power-up.
     TwistAtBoot = "twist_at_boot", twist_at_boot_rad: f64 = 1.0, Angle, [-75.0, 75.0], AtStart, Rig;
-    /// Scales k2 of the string's radius law.
+    /// Scales k2 of the string's radius model.
     K2Scale = "k2_scale", k2_scale: f64 = 1.0, Fraction, [0.1, 10.0], AtStart, Law;
     /// Scales k3.
     K3Scale = "k3_scale", k3_scale: f64 = 1.0, Fraction, [0.1, 10.0], AtStart, Law;
@@ -151,15 +151,15 @@ plant_keys! {
     StiffnessScale = "stiffness_scale", stiffness_scale: f64 = 1.0, Fraction, [0.1, 100.0], AtStart, Law;
     /// Scales all coefficients of the rods' stress-strain law.
     ModulusScale = "modulus_scale", modulus_scale: f64 = 1.0, Fraction, [0.1, 100.0], AtStart, Law;
-    /// Added to the exponent of the string's radius law.
+    /// Added to the exponent of the string's radius model.
     TwistExponentShift = "twist_exponent_shift", twist_exponent_shift: f64 = 0.0, Number, [-0.4, 0.4], AtStart, Law,
         Either [0.05, 0.05];
     /// Half width of the loop of the rods' stress over strain.
     RodHysteresis = "rod_hysteresis", rod_hysteresis_pa: f64 = 0.0, Stress, [0.0, 1e9], AtStart, Law,
         Present [60e6, 90e6];
-    /// What the strings stretch slowly, as a share of their elastic stretch.
+    /// What the strings stretch slowly, as a fraction of their elastic stretch.
     StringCreep = "string_creep", string_creep: f64 = 0.0, Fraction, [0.0, 10.0], AtStart, Plant, Present [0.10, 0.30];
-    /// Share of their radius that new strings lose over their first cycles.
+    /// Fraction of their radius that new strings lose over their first cycles.
     StringBedding = "string_bedding", string_bedding: f64 = 0.0, Fraction, [0.0, 0.5], AtStart, Plant,
         Present [0.02, 0.05];
     /// Width of the loop between the twist of the shaft and that of the strings.
@@ -170,7 +170,7 @@ plant_keys! {
     /// Coulomb friction at the motor's shaft (N m). By default so little that a load of 0.5 kg drives the motor back. Assumed.
     MotorFriction = "motor_friction", motor_friction_nm: f64 = 2e-5, Torque, [0.0, 0.1], Always, Rig,
         Present [0.2e-3, 0.5e-3];
-    /// Share by which that friction is greater towards more twist, and smaller towards less.
+    /// Fraction by which that friction is greater towards more twist, and smaller towards less.
     MotorFrictionAsymmetry = "motor_friction_asymmetry", motor_friction_asymmetry: f64 = 0.0, Fraction, [-0.9, 0.9], Always, Rig,
         Either [0.025, 0.10];
     /// Efficiency of the gear.
@@ -300,8 +300,8 @@ impl PlantChange {
     /// # Errors
     /// [`PlantError::OutOfRange`] if it makes no rig at all.
     pub fn check(self) -> Result<(), PlantError> {
-        let [least, most] = self.key.range();
-        if (least..=most).contains(&self.value) { Ok(()) } else { Err(PlantError::OutOfRange { change: self }) }
+        let [min, max] = self.key.range();
+        if (min..=max).contains(&self.value) { Ok(()) } else { Err(PlantError::OutOfRange { change: self }) }
     }
 
     /// Whether it can happen while the rig runs.

@@ -17,14 +17,14 @@ pub enum RigPreset {
     Hard,
 }
 
-/// Least share of a size that is never absent.
-const LEAST_SHARE: f64 = 0.3;
+/// Minimum fraction of a size that is never absent.
+const MIN_FRACTION: f64 = 0.3;
 
 impl Draw {
     /// The value for a size, from a number that is uniform in 0..1.
     fn value(self, size: f64, uniform: f64) -> f64 {
         let either = size * (2.0 * uniform - 1.0);
-        let present = size * (LEAST_SHARE + (1.0 - LEAST_SHARE) * uniform);
+        let present = size * (MIN_FRACTION + (1.0 - MIN_FRACTION) * uniform);
         match self {
             Self::Either => either,
             Self::Present => present,
@@ -36,12 +36,12 @@ impl Draw {
 
     /// Root mean square of what it draws for a size, from 0 or from 1.
     fn rms(self, size: f64) -> f64 {
-        let least = match self {
+        let min = match self {
             Self::Either | Self::ScaleEither => 0.0,
-            Self::Present | Self::ScaleAbove | Self::ScaleBelow => LEAST_SHARE,
+            Self::Present | Self::ScaleAbove | Self::ScaleBelow => MIN_FRACTION,
         };
         // The mean square of an even distribution from least to 1.
-        size * ((1.0 - least * least * least) / (3.0 * (1.0 - least))).sqrt()
+        size * ((1.0 - min * min * min) / (3.0 * (1.0 - min))).sqrt()
     }
 }
 
@@ -77,11 +77,11 @@ impl RigPreset {
             Draw::Present => factor.abs() * size,
             Draw::ScaleEither => 1.0 + factor * size,
             Draw::ScaleAbove => 1.0 + factor.abs() * size,
-            // A share of what is left, which never ends below nothing.
+            // A fraction of what is left, which never ends below nothing.
             Draw::ScaleBelow => (1.0 - size).powf(factor.abs()),
         };
-        let [least, most] = key.range();
-        Some(PlantChange { key, value: value.clamp(least, most) })
+        let [min, max] = key.range();
+        Some(PlantChange { key, value: value.clamp(min, max) })
     }
 
     /// Root mean square of what the rigs of this kind have in a key, or differ by from 1 where it scales or divides something;
@@ -172,10 +172,10 @@ mod tests {
                     Draw::ScaleBelow => (1.0 - size, 1.0 - 0.3 * size),
                 };
                 let values = column(preset, key);
-                let (least, most) = values.iter().fold((f64::MAX, f64::MIN), |(a, b), v| (a.min(*v), b.max(*v)));
+                let (min, max) = values.iter().fold((f64::MAX, f64::MIN), |(a, b), v| (a.min(*v), b.max(*v)));
                 let width = high - low;
-                assert!(least >= low - 1e-12 && most <= high + 1e-12, "{key}: {least} to {most}");
-                assert!(least < low + 0.1 * width && most > high - 0.1 * width, "{key}: {least} to {most}");
+                assert!(min >= low - 1e-12 && max <= high + 1e-12, "{key}: {min} to {max}");
+                assert!(min < low + 0.1 * width && max > high - 0.1 * width, "{key}: {min} to {max}");
                 let mean = values.iter().sum::<f64>() / 200.0;
                 assert!((mean - 0.5 * (low + high)).abs() < 0.1 * width, "{key}: mean {mean}");
             }

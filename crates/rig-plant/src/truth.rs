@@ -21,7 +21,7 @@ pub struct Truth {
     pub load_n: f64,
     /// What the mechanism carries at this moment.
     pub pull_n: f64,
-    /// Tension of one string. Its share of the pull is computed anew every 10 ms while the rig records, else only at
+    /// Tension of one string. Its fraction of the pull is computed again every 10 ms while the rig records, else only at
     /// power-up.
     pub string_tension_n: f64,
     /// Torque of the strings on the output shaft.

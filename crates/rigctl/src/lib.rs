@@ -50,7 +50,6 @@ pub mod batch;
 pub mod board_settings;
 pub mod cli;
 pub mod commands;
-pub mod course;
 pub mod csv_text;
 pub mod diagnosis;
 pub mod export;
@@ -81,6 +80,7 @@ pub mod script;
 pub mod serve;
 pub mod session;
 pub mod statistics;
+pub mod trajectory;
 
 pub use rig_plant::units;
 

@@ -14,7 +14,7 @@ pub const NAME: &str = rig_link::board_settings::LVDT_POINTS;
 /// Half width of the interval that holds 90 of 100 normally distributed errors, over their standard deviation.
 const HALF_WIDTH: f64 = 1.645;
 
-/// Least distance of two points (m): callipers read to 20 µm, which is then 0.4 % of gain.
+/// Minimum distance of two points (m): callipers read to 20 µm, which is then 0.4 % of gain.
 pub const APART_M: f64 = 5e-3;
 
 /// A true gap, and the sensor's uncalibrated reading there.
@@ -124,8 +124,8 @@ fn between(points: &[(usize, Point)]) -> f64 {
     let off = |w: &[(usize, Point)]| {
         let [low, here, high] = [w[0].1, w[1].1, w[2].1];
         let correction = |p: Point| p.gap_m - p.sensor_m;
-        let share = (here.sensor_m - low.sensor_m) / (high.sensor_m - low.sensor_m);
-        correction(here) - correction(low) - share * (correction(high) - correction(low))
+        let fraction = (here.sensor_m - low.sensor_m) / (high.sensor_m - low.sensor_m);
+        correction(here) - correction(low) - fraction * (correction(high) - correction(low))
     };
     let squares: Vec<f64> = points.windows(3).map(|w| (0.25 * off(w)).powi(2)).collect();
     if squares.is_empty() { 0.0 } else { (squares.iter().sum::<f64>() / squares.len() as f64).sqrt() }
@@ -168,9 +168,9 @@ pub fn words(curve: &LvdtCurve) -> String {
     let mm = |metres: f32| f64::from(metres) * 1e3;
     let points = curve.points();
     let (from, to) = (points.first().map_or(0.0, |p| mm(p[0])), points.last().map_or(0.0, |p| mm(p[0])));
-    let most = points.iter().map(|[_, correction_m]| mm(*correction_m).abs()).fold(0.0, f64::max);
+    let max = points.iter().map(|[_, correction_m]| mm(*correction_m).abs()).fold(0.0, f64::max);
     format!(
-        "{} of at most {LVDT_POINTS_MAX}, readings of {from:.2} to {to:.2} mm, corrected by up to {most:.3} mm, ± {:.3} mm",
+        "{} of at most {LVDT_POINTS_MAX}, readings of {from:.2} to {to:.2} mm, corrected by up to {max:.3} mm, ± {:.3} mm",
         points.len(),
         mm(curve.error_m())
     )

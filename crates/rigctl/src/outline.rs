@@ -46,8 +46,8 @@ pub fn outline(scene: &Scene, mechanism: &Mechanism, state: &Equilibrium) -> Res
     let strings = [-1.0, 1.0].map(|side: f64| {
         let mut points = vec![[start_m, side * 0.5 * state.d_m]];
         points.extend((0..=steps).map(|k| {
-            let share = k as f64 / steps as f64;
-            [start_m + lead_m + share * twisted_m, side * state.r_m * (share * state.twist_rad).cos()]
+            let fraction = k as f64 / steps as f64;
+            [start_m + lead_m + fraction * twisted_m, side * state.r_m * (fraction * state.twist_rad).cos()]
         }));
         let end_side = side * state.twist_rad.cos().signum();
         points.push([start_m + state.x_m, end_side * 0.5 * state.d_m]);

@@ -11,7 +11,7 @@ use rig_link::Request;
 use std::collections::{HashMap, VecDeque};
 use std::ops::ControlFlow;
 
-/// Most random bytes between the frames of one step.
+/// Maximum random bytes between the frames of one step.
 const NOISE_BYTES: u32 = 40;
 
 /// Plays a script to its end, or until `each` breaks off, and returns how many commands were refused. `each` is called

@@ -42,11 +42,11 @@ pub struct RecordedMove {
     pub motor_turns: f64,
     /// Largest true error while the load is held (m).
     pub true_error_at_rest_m: f64,
-    /// Share of the time that the core was not asleep.
+    /// Fraction of the time that the core was not asleep.
     pub core_busy: f64,
     /// Mean instructions of a control tick.
     pub instructions_per_tick_mean: f64,
-    /// Most instructions of a control tick.
+    /// Maximum instructions of a control tick.
     pub instructions_per_tick_max: f64,
     /// Emulated time over wall-clock time.
     pub realtime_factor: f64,

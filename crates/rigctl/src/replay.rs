@@ -56,7 +56,7 @@ impl Difference {
 
 /// Where recorded and replayed part first.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Parting {
+pub struct Divergence {
     /// Time (s).
     pub t_s: f64,
     /// What of: `load_n`, `setpoint_m`, `twist_speed_rad_per_s`, `fault`.
@@ -91,7 +91,7 @@ pub struct Stretch {
     /// Of the twist speed: commanded in the replay, turned in the log (rad/s).
     pub twist_speed_rad_per_s: Difference,
     /// Where they part.
-    pub parted: Option<Parting>,
+    pub parted: Option<Divergence>,
 }
 
 /// A tick of the log, and what is asked in it.
@@ -158,7 +158,7 @@ fn stretch(log: &Log, at: usize, mark: &Mark, board: &Board<'_>) -> Option<Stret
         position_error_m: difference(&ticks, &answers, |row| row.position_error_m),
         setpoint_m: difference(&ticks, &answers, |row| row.setpoint_m),
         twist_speed_rad_per_s: twist_speed,
-        parted: parting(&ticks, &answers, parted_speed),
+        parted: divergence(&ticks, &answers, parted_speed),
     })
 }
 
@@ -308,9 +308,9 @@ fn speeds(ticks: &[Tick<'_>], answers: &[Answer], lag: f64) -> (Difference, Opti
     (Difference::of(both.iter().map(|(_, [turned, told])| told - turned)), parted)
 }
 
-fn parting(ticks: &[Tick<'_>], answers: &[Answer], speed: Option<(usize, [f64; 2])>) -> Option<Parting> {
+fn divergence(ticks: &[Tick<'_>], answers: &[Answer], speed: Option<(usize, [f64; 2])>) -> Option<Divergence> {
     for (k, (tick, answer)) in ticks.iter().zip(answers).enumerate() {
-        let part = |what: &str, values| Some(Parting { t_s: tick.row.t_s, what: what.into(), values });
+        let part = |what: &str, values| Some(Divergence { t_s: tick.row.t_s, what: what.into(), values });
         let both = |value: fn(&Row) -> Option<f32>| {
             let (recorded, replayed) = value(tick.row).zip(value(&answer.row))?;
             Some([f64::from(recorded), f64::from(replayed)])
@@ -321,7 +321,7 @@ fn parting(ticks: &[Tick<'_>], answers: &[Answer], speed: Option<(usize, [f64; 2
         if let Some(both) = both(|row| row.load_n).filter(|[a, b]| (a - b).abs() > PARTED.0 * a.abs()) {
             return part("load_n", Some(both));
         }
-        // Rounding can end the friction take-up of a move a tick earlier or later, and the set-point follows.
+        // Rounding can end the friction compensation of a move a tick earlier or later, and the set-point follows.
         let near = &ticks[k.saturating_sub(1)..ticks.len().min(k + 2)];
         let near = near.iter().filter_map(|t| t.row.setpoint_m.map(f64::from));
         let [low, high] = near.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], m| [l.min(m), h.max(m)]);

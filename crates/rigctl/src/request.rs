@@ -2,7 +2,7 @@
 //! object of a client of `serve`, `{"do": "move", "to_m": 0.008, "speed_m_per_s": 0.002}`.
 
 use crate::board_settings;
-use crate::course::HOLDS_FOR_S;
+use crate::trajectory::HOLDS_FOR_S;
 use crate::units::{self, Quantity};
 use rig_link::{LoadChoice, Request};
 use serde_json::{Map, Value};

@@ -15,17 +15,17 @@ use std::collections::VecDeque;
 
 /// Time span of the plots (s).
 const SPAN_S: f64 = 30.0;
-/// Least time between two points of a plot (s).
+/// Minimum time between two points of a plot (s).
 const POINT_S: f64 = 0.05;
-/// Least height of a plot: position (mm), load (N).
-const LEAST_MM: f64 = 0.2;
-const LEAST_N: f64 = 0.5;
+/// Minimum height of a plot: position (mm), load (N).
+const MIN_MM: f64 = 0.2;
+const MIN_N: f64 = 0.5;
 /// Messages that are kept.
 const MESSAGES: usize = 4;
 /// Columns and lines below which there are numbers only.
-const LEAST_AREA: [u16; 2] = [60, 20];
+const MIN_AREA: [u16; 2] = [60, 20];
 /// Lines of the terminal below which the mechanism is not drawn, and lines of its drawing.
-const LEAST_DRAWN: u16 = 30;
+const MIN_DRAWN: u16 = 30;
 const DRAWN: u16 = 9;
 /// Size of the load in the drawing (m).
 const LOAD_M: f64 = 6e-3;
@@ -102,7 +102,7 @@ impl Screen {
     /// Draws all of it, with lines of help.
     pub fn draw(&self, frame: &mut Frame<'_>, help: &[String; 2]) {
         let (bold, area) = (Style::new().add_modifier(Modifier::BOLD), frame.area());
-        if area.width < LEAST_AREA[0] || area.height < LEAST_AREA[1] {
+        if area.width < MIN_AREA[0] || area.height < MIN_AREA[1] {
             // No room for plots: the most important lines go first.
             let mut rest = self.numbers();
             let mut lines = rest.split_off(rest.len().min(1));
@@ -113,7 +113,7 @@ impl Screen {
         }
         let [top, below] = Layout::vertical([Constraint::Min(8), Constraint::Length(MESSAGES as u16 + 4)]).areas(area);
         let [left, right] = Layout::horizontal([Constraint::Length(34), Constraint::Min(20)]).areas(top);
-        let drawn = if self.scene.is_some() && area.height >= LEAST_DRAWN { DRAWN } else { 0 };
+        let drawn = if self.scene.is_some() && area.height >= MIN_DRAWN { DRAWN } else { 0 };
         let [right, mechanism] = Layout::vertical([Constraint::Min(6), Constraint::Length(drawn)]).areas(right);
         let [position, load] = Layout::vertical([Constraint::Percentage(60), Constraint::Percentage(40)]).areas(right);
         self.mechanism(frame, mechanism);
@@ -122,8 +122,8 @@ impl Screen {
             ("set-point", Color::Yellow, self.series(|p| p.setpoint_mm)),
             ("position", Color::Cyan, self.series(|p| p.position_mm)),
         ];
-        self.plot(frame, position, "position and set-point (mm)", LEAST_MM, &position_series);
-        self.plot(frame, load, "load (N)", LEAST_N, &[("load", Color::Green, self.series(|p| p.load_n))]);
+        self.plot(frame, position, "position and set-point (mm)", MIN_MM, &position_series);
+        self.plot(frame, load, "load (N)", MIN_N, &[("load", Color::Green, self.series(|p| p.load_n))]);
         let mut lines: Vec<Line<'_>> = self.messages.iter().map(|m| Line::from(m.as_str())).collect();
         lines.resize(MESSAGES, Line::default());
         lines.extend(help.iter().map(|line| Line::styled(line.as_str(), bold)));
@@ -211,11 +211,11 @@ impl Screen {
         self.points.iter().filter_map(|p| Some((p.t_s - now_s, value(p)?))).collect()
     }
 
-    fn plot(&self, frame: &mut Frame<'_>, area: Rect, title: &'static str, least: f64, series: &[Series]) {
+    fn plot(&self, frame: &mut Frame<'_>, area: Rect, title: &'static str, min: f64, series: &[Series]) {
         let values = || series.iter().flat_map(|(.., points)| points.iter().map(|(_, v)| *v));
         let (low, high) = values().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
         let (low, high) = if low <= high { (low, high) } else { (0.0, 0.0) };
-        let room = 0.5 * (1.1 * (high - low)).max(least);
+        let room = 0.5 * (1.1 * (high - low)).max(min);
         let (middle, places) = (0.5 * (low + high), if room < 1.0 { 3 } else { 2 });
         let bounds = [middle - room, middle + room];
         let datasets: Vec<Dataset<'_>> = series
@@ -335,7 +335,7 @@ mod tests {
         }
         let small = drawn(&screen, 36, 5);
         assert!(small.contains("lvdt-open") && small.contains("space stop"), "{small}");
-        // Half a minute, not more; and a board that restarts begins anew.
+        // Half a minute, not more; and a board that restarts begins again.
         assert!(screen.points.len() <= 601 && screen.points[0].t_s >= 10.0);
         screen.take(row(0.1, 0.0, None));
         assert_eq!(screen.points.len(), 1);

@@ -1,8 +1,8 @@
 //! Scripts for a rig: one event a line, `<seconds since boot> <event>`, `#` starts a comment.
 
-use crate::course::Course;
 use crate::failure::Failure;
 use crate::request;
+use crate::trajectory::Trajectory;
 use crate::units::{self, Quantity};
 use rig_link::Request;
 use rig_plant::{Fault, PlantChange, PlantError};
@@ -127,10 +127,10 @@ impl Script {
                 [] => return Err(fail("has a time but no event".into())),
                 ["end"] => end_s = Some(t_s),
                 ["track", file] => {
-                    let course = Course::load(&folder.join(file));
-                    let course = course.map_err(|e| fail(e.message().unwrap_or_default()))?;
-                    let points = course.set_points().map(|(at_s, point)| (t_s + at_s, point));
-                    let stop = (t_s + course.duration_s() + STREAM_REST_S, Request::Stop);
+                    let trajectory = Trajectory::load(&folder.join(file));
+                    let trajectory = trajectory.map_err(|e| fail(e.message().unwrap_or_default()))?;
+                    let points = trajectory.set_points().map(|(at_s, point)| (t_s + at_s, point));
+                    let stop = (t_s + trajectory.duration_s() + STREAM_REST_S, Request::Stop);
                     events.extend(points.chain([stop]).map(|(t_s, request)| Event {
                         line,
                         t_s,

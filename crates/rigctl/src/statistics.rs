@@ -12,7 +12,7 @@ pub struct Errors {
     pub rms: f64,
     /// Median of the absolute values.
     pub median: f64,
-    /// Greatest absolute value.
+    /// Maximum absolute value.
     pub worst: f64,
 }
 

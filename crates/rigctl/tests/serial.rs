@@ -21,7 +21,7 @@ use std::time::{Duration, Instant};
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/default.toml");
 /// Slice of time (s) that the board runs at once.
 const SLICE_S: f64 = 0.01;
-/// Most of lost real time that the board catches up; for a tool that runs it waits all the same.
+/// Maximum of lost real time that the board catches up; for a tool that runs it waits all the same.
 const LATE: Duration = Duration::from_millis(100);
 /// Emulated time (s) without a byte of a tool that runs, after which the board waits: the tool beats every 0.1 s, so
 /// it is this machine that has kept it from running.
@@ -222,8 +222,8 @@ fn a_board_on_a_serial_line_is_greeted_homed_and_moved() {
         let (homed, took_s) = board.timed(&["--scene", SCENE, "home"]);
         assert!(homed.status.success(), "{}", said(&homed));
         // The board has run for longer than the tool, whose clock is another one.
-        let told_s = last_line(&homed)["duration_s"].as_f64().expect("a duration");
-        assert!((took_s - 5.0..took_s).contains(&told_s), "{told_s} s of {took_s} s");
+        let reported_s = last_line(&homed)["duration_s"].as_f64().expect("a duration");
+        assert!((took_s - 5.0..took_s).contains(&reported_s), "{reported_s} s of {took_s} s");
         let moved = board.rigctl(&["--scene", SCENE, "move", "--to", "3mm", "--speed", "2mm/s"]);
         assert!(moved.status.success(), "{}", said(&moved));
         let last = last_line(&moved);

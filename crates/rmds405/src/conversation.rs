@@ -1,7 +1,7 @@
 //! The whole conversation with one drive, as pure steps: start-up, a target every tick, letting go, and whether the
 //! drive's motor power may be on. The firmware and the tests on a desktop run the same code.
 //!
-//! The drive keeps its last target for ever (crates/rmds405/README.md 2.6). So the first frame after every start of the
+//! The drive keeps its last target indefinitely (crates/rmds405/README.md 2.6). So the first frame after every start of the
 //! board is a Reset, motor power is switched on only after that frame, and a target that is no longer valid is
 //! withdrawn by a Reset.
 
@@ -55,7 +55,7 @@ pub enum DriveCommand {
     /// A voltage on the motor, in 1/5000 of the supply (mode 1). 0 shorts the motor, which brakes it (assumed,
     /// docs/reference/hardware.md 1).
     Voltage {
-        /// Share of the supply, -5000 to 5000.
+        /// Fraction of the supply, -5000 to 5000.
         pwm: i16,
     },
 }

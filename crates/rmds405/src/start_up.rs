@@ -5,7 +5,7 @@
 //!     -> first motion report -> Ready
 //! ```
 //! The first Reset is for a drive that kept its power while the microcontroller restarted: it carries out its last
-//! command for ever (crates/rmds405/README.md 2.6), so the microcontroller stops it before anything else. A drive that
+//! command indefinitely (crates/rmds405/README.md 2.6), so the microcontroller stops it before anything else. A drive that
 //! is still booting ignores the Reset.
 
 use crate::address::Address;

@@ -48,7 +48,7 @@ macro_rules! ranged {
                 pub struct $name(i16);
 
         impl $name {
-            /// The greatest value.
+            /// The maximum value.
             pub const MAX: Self = Self($max);
 
             /// Checks the range.

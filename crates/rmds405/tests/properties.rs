@@ -186,10 +186,10 @@ fn own() -> Address {
     Address::new(0, 1).unwrap()
 }
 
-fn bytes(most: usize) -> impl Strategy<Value = Vec<u8>> {
+fn bytes(max: usize) -> impl Strategy<Value = Vec<u8>> {
     // Headers and functions are common, so that something looks like a frame now and then.
     let byte = prop_oneof![any::<u8>(), Just(HEADER), Just(0x0Bu8), Just(0x55u8)];
-    proptest::collection::vec(byte, 0..most)
+    proptest::collection::vec(byte, 0..max)
 }
 
 /// A line on which bytes come back to back.

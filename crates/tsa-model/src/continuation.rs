@@ -12,11 +12,11 @@ use crate::mechanism::{Found, Mechanism};
 use crate::quadrature::LEVELS;
 use crate::scalar::Scalar;
 
-/// The smallest step, as a share of the leg.
-const LEAST_STEP: f64 = 1e-9;
+/// The smallest step, as a fraction of the leg.
+const MIN_STEP: f64 = 1e-9;
 /// Residual of an intermediate state.
 const INTERMEDIATE_RESIDUAL: f64 = 1e-6;
-/// Greatest change of the helix angle in one step (rad).
+/// Maximum change of the helix angle in one step (rad).
 const LARGEST_CHANGE_RAD: f64 = 0.1;
 
 /// Counts over all steps.
@@ -81,7 +81,7 @@ impl Walk {
                 }
                 _ => {
                     step *= 0.25;
-                    if step < LEAST_STEP {
+                    if step < MIN_STEP {
                         return Err(fold(x)?);
                     }
                 }
@@ -94,7 +94,7 @@ impl Walk {
     /// fully.
     fn settle<T: Scalar>(&mut self, m: &Mechanism<T>, state: &State, guess: (T, T), last: bool) -> Option<Found<T>> {
         // A secant may overshoot zero.
-        let above = |x: T, least: f64| if x.value() > least { x } else { T::of(least) };
+        let above = |x: T, min: f64| if x.value() > min { x } else { T::of(min) };
         let guess = (above(guess.0, 0.0), above(guess.1, f64::MIN_POSITIVE));
         let rough = if last { None } else { m.settle_on(state, guess, &LEVELS[1..2], INTERMEDIATE_RESIDUAL) };
         let found = rough.or_else(|| m.settle(state, guess))?;

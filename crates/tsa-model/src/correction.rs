@@ -9,10 +9,10 @@ use core::f64::consts::LN_2;
 
 /// Terms in the load, and in the twist.
 pub const TERMS: usize = 3;
-/// Greatest sum of the coefficients' sizes (m): a law that misses more is not the law of this mechanism.
+/// Maximum sum of the coefficients' sizes (m): a law that misses more is not the law of this mechanism.
 pub const LARGEST_M: f64 = 5e-3;
-/// Least width of the fade beyond the loads of the data, in ln F: data of one load have no width of their own.
-const LEAST_FADE: f64 = LN_2;
+/// Minimum width of the fade beyond the loads of the data, in ln F: data of one load have no width of their own.
+const MIN_FADE: f64 = LN_2;
 
 /// The measured correction of the gap. It is a sum of products of Legendre polynomials in ln F and in |θ| where it was
 /// measured, and fades to zero outside, twice continuously differentiable.
@@ -20,9 +20,9 @@ const LEAST_FADE: f64 = LN_2;
 #[cfg_attr(feature = "std", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "std", serde(deny_unknown_fields))]
 pub struct Correction {
-    /// Least and greatest load of the data (N); the same twice for data of one load.
+    /// Minimum and maximum load of the data (N); the same twice for data of one load.
     pub load_n: [f64; 2],
-    /// Least and greatest motor turns of the data past the half-turn pre-twist.
+    /// Minimum and maximum motor turns of the data past the half-turn pre-twist.
     pub turns: [f64; 2],
     /// Coefficients (m): a row for each power of ln F, a column for each power of the twist.
     pub coefficients_m: [[f64; TERMS]; TERMS],
@@ -45,11 +45,11 @@ impl Correction {
     /// # Errors
     /// [`ParameterError`] naming the scene-file key.
     pub fn validate(&self) -> Result<(), ParameterError> {
-        let [least_n, most_n] = self.load_n;
+        let [min_n, max_n] = self.load_n;
         let (loads, twists, sizes) = ("correction.load_n", "correction.turns", "correction.coefficients_m");
         // NaN fails every comparison.
-        require(least_n >= MINIMUM_LOAD_N && least_n.is_finite(), loads, least_n, "must start at 0.05 N or above")?;
-        require(most_n >= least_n && most_n.is_finite(), loads, most_n, "must not end below its start")?;
+        require(min_n >= MINIMUM_LOAD_N && min_n.is_finite(), loads, min_n, "must start at 0.05 N or above")?;
+        require(max_n >= min_n && max_n.is_finite(), loads, max_n, "must not end below its start")?;
         let [first, last] = self.turns;
         let reason = "must start above -0.5, which is zero twist";
         require(first > -0.5 && first.is_finite(), twists, first, reason)?;
@@ -58,7 +58,7 @@ impl Correction {
         require((0.0..=LARGEST_M).contains(&sum), sizes, sum, "must be finite and 5 mm or less in sum")?;
         let curve = self.coefficients_m.iter().skip(1).all(|row| *row == [0.0; TERMS]);
         let reason = "must have one row that is not zero where there is one load";
-        require(least_n < most_n || curve, sizes, sum, reason)
+        require(min_n < max_n || curve, sizes, sum, reason)
     }
 
     /// The correction at a load (N) and a twist |θ| (rad).
@@ -81,7 +81,7 @@ impl Correction {
         let loads = self.load_n.map(ln);
         let twists = self.turns.map(twist_from_turns);
         // A table's polynomials in F follow no shorter fade.
-        let of_load = (loads[1] - loads[0]).max(LEAST_FADE);
+        let of_load = (loads[1] - loads[0]).max(MIN_FADE);
         let of_twist = 0.5 * (twists[1] - twists[0]);
         (
             terms(ln(load_n), loads, [of_load; 2]),
@@ -182,10 +182,10 @@ mod tests {
             assert_eq!(MEASURED.at(load_n, twist_rad), Shift::default(), "{load_n} {twist_rad}");
         }
         // On the way out it never is much more than at the edge.
-        let most = MEASURED.coefficients_m.as_flattened().iter().map(|c| c.abs()).sum::<f64>();
+        let max = MEASURED.coefficients_m.as_flattened().iter().map(|c| c.abs()).sum::<f64>();
         for k in 0..200 {
             let load_n = 15.0 * (beyond * f64::from(k) / 100.0).exp();
-            assert!(MEASURED.at(load_n, high).gap_m.abs() <= 1.3 * most, "{load_n}");
+            assert!(MEASURED.at(load_n, high).gap_m.abs() <= 1.3 * max, "{load_n}");
         }
     }
 

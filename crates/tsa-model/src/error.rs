@@ -57,7 +57,7 @@ pub enum SolveError {
     Overtwist {
         /// Distance between the attachments at the formal equilibrium (m).
         length_m: f64,
-        /// Least distance that two strings of diameter r0 allow (m).
+        /// Minimum distance that two strings of diameter r0 allow (m).
         needed_m: f64,
     },
     /// No helix angle balances strings and rods.
@@ -150,7 +150,7 @@ impl SolveError {
 pub struct Warnings(u8);
 
 impl Warnings {
-    /// Load below 0.5 N, where the fitted radius law has no support.
+    /// Load below 0.5 N, where the fitted radius model has no support.
     pub const LIGHT_LOAD: Self = Self(1);
     /// A fibre strain above 8 %, the range of the fit of eq. 12.
     pub const STRAIN_RANGE: Self = Self(2);

@@ -22,8 +22,8 @@ pub struct State {
     /// S = sin(min(|θ|, π)/2): how much of D the open strings span (docs/explanation/model.md section 5).
     pub span_factor: f64,
     span_factor_by_twist: f64,
-    /// Share of the load that bends the rods; below 1 only on the way of a continuation.
-    rod_share: f64,
+    /// Fraction of the load that bends the rods; below 1 only on the way of a continuation.
+    rod_fraction: f64,
 }
 
 impl State {
@@ -48,20 +48,20 @@ impl State {
             sign: if twist_rad < 0.0 { -1.0 } else { 1.0 },
             span_factor: sin,
             span_factor_by_twist: if twist < PI { 0.5 * cos } else { 0.0 },
-            rod_share: 1.0,
+            rod_fraction: 1.0,
         })
     }
 
-    /// The same state with the rods bent by a share of the load only.
-    pub(crate) fn sharing(&self, rod_share: f64) -> Self {
-        Self { rod_share, ..*self }
+    /// The same state with the rods bent by a fraction of the load only.
+    pub(crate) fn sharing(&self, rod_fraction: f64) -> Self {
+        Self { rod_fraction, ..*self }
     }
 
     /// Force on the tip of half a rod at the helix's tan α, eq. 11. Of the horizontal force of open strings (|θ| < π)
-    /// only the share S acts along the rod: a straight string between two circles meets the rod at |θ|/2 from its
+    /// only the fraction S acts along the rod: a straight string between two circles meets the rod at |θ|/2 from its
     /// normal. Without S the gap would have a cusp at zero twist.
     pub fn force<T: Scalar>(&self, tan: T) -> TipForce<T> {
-        let half = 0.5 * self.load_n * self.rod_share;
+        let half = 0.5 * self.load_n * self.rod_fraction;
         TipForce { inward_n: tan * (half * self.span_factor), sideways_n: T::of(half) }
     }
 }
@@ -103,7 +103,7 @@ impl<T: Scalar> Helix<T> {
             x_m,
             x_by_alpha: -(p.string_length_m * sin),
             radius: p.radius(state.load_n, state.twist_rad, x_m, start_length_m),
-            inward_by_alpha: sec2 * (0.5 * state.load_n * state.rod_share * state.span_factor),
+            inward_by_alpha: sec2 * (0.5 * state.load_n * state.rod_fraction * state.span_factor),
         }
     }
 

@@ -17,7 +17,7 @@ pub use crate::string::MINIMUM_LOAD_N;
 use crate::string::StringParameters;
 use core::f64::consts::PI;
 
-/// Below this load (N) the fitted radius law has no support; the solution carries a warning.
+/// Below this load (N) the fitted radius model has no support; the solution carries a warning.
 pub const LIGHT_LOAD_N: f64 = 0.5;
 /// Largest fibre strain that is accepted: the polynomial of eq. 12 is fitted up to two thirds of it.
 pub const STRAIN_LIMIT: f64 = 0.12;
@@ -166,7 +166,7 @@ impl<T: Scalar> Mechanism<T> {
         Helix::new(&self.parameters, self.start_length_m, state, alpha)
     }
 
-    /// Helix angle around rods that do not bend (rad): the greatest possible, because bending brings the tips together.
+    /// Helix angle around rods that do not bend (rad): the maximum possible, because bending brings the tips together.
     pub fn rigid_helix_angle(&self, state: &State) -> f64 {
         rigid_angle(&self.parameters, self.start_length_m, state)
     }
@@ -354,8 +354,8 @@ fn converged<T: Scalar>(found: Equilibrium<T>) -> Result<Equilibrium<T>, SolveEr
     Err(SolveError::NotConverged { load_n, twist_rad, residual })
 }
 
-/// x + step, the step no longer than `most`.
-fn cut<T: Scalar>(x: T, step: T, most: f64) -> T {
+/// x + step, the step no longer than `max`.
+fn cut<T: Scalar>(x: T, step: T, max: f64) -> T {
     let size = step.value().abs();
-    if size > most { x + step * (most / size) } else { x + step }
+    if size > max { x + step * (max / size) } else { x + step }
 }

@@ -2,7 +2,7 @@
 //!
 //! The positive half of a rule of 2n nodes on (−1, 1): n evaluations integrate even polynomials up to degree 4n − 2.
 
-/// Most nodes a rule can have.
+/// Maximum nodes a rule can have.
 pub const MAX_NODES: usize = 96;
 
 /// Nodes and weights on (0, 1), nodes ascending.

@@ -149,7 +149,7 @@ impl<T: Scalar> Section<T> {
         Err(singular(b.value().abs()))
     }
 
-    /// Least bending stiffness over that of the unbent section, from no bending up to y = (κR)², the axis unstretched.
+    /// Minimum bending stiffness over that of the unbent section, from no bending up to y = (κR)², the axis unstretched.
     pub fn softest(&self, bending_squared: f64) -> f64 {
         let [_, a2, a3, _, a5] = self.a.map(Scalar::value);
         let at = |y: f64| 1.0 + y * (1.5 * a3 - a2 * a2 + y * (25.0 / 16.0) * a5);

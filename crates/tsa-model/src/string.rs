@@ -2,7 +2,7 @@
 
 use crate::error::{ParameterError, positive, require};
 
-/// Least load that is solved (N): below it 1/(k1 F) alone would make the string thicker than it is long (eq. 6).
+/// Minimum load that is solved (N): below it 1/(k1 F) alone would make the string thicker than it is long (eq. 6).
 pub const MINIMUM_LOAD_N: f64 = 0.05;
 
 /// How the radius of the twisted pair grows with twist (eq. 6 and docs/explanation/model.md section 6).

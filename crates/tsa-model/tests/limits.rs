@@ -80,7 +80,7 @@ fn a_falling_stress_strain_curve() {
         matches!(error, SolveError::SectionSingular { .. } | SolveError::Fold { .. } | SolveError::Unresolved { .. }),
         "{error}"
     );
-    // The moment has its greatest value where 1 + 12·4 w4 y = 0: κR = √(−2/(3 a3/a1)) = 0.0351.
+    // The moment has its maximum value where 1 + 12·4 w4 y = 0: κR = √(−2/(3 a3/a1)) = 0.0351.
     let strain = m.solve(good, 20.0).unwrap().bending_strain;
     assert!(strain < 0.0351 && strain > 0.034, "{strain}");
 }
@@ -124,17 +124,17 @@ fn more_than_one_equilibrium() {
 
 #[test]
 fn a_plateau_too_flat_to_resolve() {
-    // The bending stiffness of the section, E I (1 + 3/2 a3 y + 25/16 a5 y²) with y = (κR)², falls to a share of itself
+    // The bending stiffness of the section, E I (1 + 3/2 a3 y + 25/16 a5 y²) with y = (κR)², falls to a fraction of itself
     // at a bending strain of 4 %.
     let mut s = scene("niti-plateau");
-    let at = |share: f64| {
+    let at = |fraction: f64| {
         let (e, y) = (2.4e10, 0.04f64.powi(2));
-        let depth = 1.0 - share;
+        let depth = 1.0 - fraction;
         [e, 0.0, -2.0 * depth / (1.5 * y) * e, 0.0, depth / (25.0 / 16.0 * y * y) * e]
     };
     let (mut solved, mut refused) = (0, Vec::new());
-    for share in [0.3, 0.1, 0.01, 1e-4] {
-        s.material = Material { stress_coefficients_pa: at(share) };
+    for fraction in [0.3, 0.1, 0.01, 1e-4] {
+        s.material = Material { stress_coefficients_pa: at(fraction) };
         let m: Mechanism = s.mechanism().unwrap();
         for load in [2.0, 5.0, 8.0, 11.0, 14.0] {
             match m.solve(load, 30.0) {
@@ -142,7 +142,7 @@ fn a_plateau_too_flat_to_resolve() {
                     assert!(e.residual <= 1e-12 && e.gap_m.is_finite());
                     solved += 1;
                 }
-                Err(e) => refused.push((share, load, e.kind())),
+                Err(e) => refused.push((fraction, load, e.kind())),
             }
         }
     }

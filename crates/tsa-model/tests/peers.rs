@@ -83,12 +83,12 @@ fn without_a_span_it_is_their_actuator() {
 fn a_span_is_so_much_more_twist() {
     let mut compared = 0;
     for row in &rows() {
-        for share in [0.1, 0.5] {
-            let twist = row.angle_rad * (1.0 - share);
+        for fraction in [0.1, 0.5] {
+            let twist = row.angle_rad * (1.0 - fraction);
             if twist < PRETWIST_RAD {
                 continue;
             }
-            let e = rigid(row, share * row.angle_rad * row.radius_m).solve(5.0, twist).unwrap();
+            let e = rigid(row, fraction * row.angle_rad * row.radius_m).solve(5.0, twist).unwrap();
             assert_close("length", e.gap_m, row.length_m - row.contraction_m, row);
             assert_close("1/TR", 1.0 / e.tr_rad_per_m(), row.jacobian_m_per_rad, row);
             assert_close("torque", e.torque_nm, 5.0 * row.torque_nm_per_n, row);

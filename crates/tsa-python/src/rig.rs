@@ -5,11 +5,11 @@ use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError, PyRuntimeWarning, Py
 use pyo3::prelude::*;
 use rig_link::{LoadChoice, Request};
 use rigctl::board_settings;
-use rigctl::course::Course;
 use rigctl::failure::Failure;
 use rigctl::session::row::Row;
 use rigctl::session::sim::SimOptions;
 use rigctl::session::{Place, Session, Target, homing, interrupt, motion, stream};
+use rigctl::trajectory::Trajectory;
 use std::ffi::CString;
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -139,9 +139,9 @@ impl Board {
         positions_m: Vec<f64>,
         speeds_m_per_s: Option<Vec<f64>>,
     ) -> PyResult<String> {
-        let course = Course::new(&times_s, &positions_m, speeds_m_per_s.as_deref());
-        let course = course.map_err(PyValueError::new_err)?;
-        json(&self.with(py, |session, each| stream::track(session, &course, each))?)
+        let trajectory = Trajectory::new(&times_s, &positions_m, speeds_m_per_s.as_deref());
+        let trajectory = trajectory.map_err(PyValueError::new_err)?;
+        json(&self.with(py, |session, each| stream::track(session, &trajectory, each))?)
     }
 
     /// Lets time pass (s).

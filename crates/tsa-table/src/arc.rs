@@ -2,7 +2,7 @@
 //!
 //! Twist changes the equilibrium only through the arc a = θ r that the strings add to the horizontal run (eq. 25), and
 //! eq. 6 says how r depends on load and twist: a = κ θ/F + ρ(θ). As a function of load and arc the gap has neither the
-//! 1/F of a light load nor the power or logarithm of the radius law, and its square is smoother still:
+//! 1/F of a light load nor the power or logarithm of the radius model, and its square is smoother still:
 //! G² ≈ L0² − (D + a)². So G² is a short polynomial in F and a on each of a few ranges of the load.
 
 /// The mechanism at a load and a twist.
@@ -86,7 +86,7 @@ fn log_of_half_turns(twist_rad: f32) -> f32 {
 /// One range of the load: G² = Σ_j (a − a₀)^j Σ_i c_ij (F − F₀)^i.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Patch {
-    /// Greatest load of the range (N).
+    /// Maximum load of the range (N).
     pub load_max_n: f32,
     /// F₀ (N) and a₀ (m).
     pub centre: [f32; 2],
@@ -97,9 +97,9 @@ impl Patch {
     pub const BYTES: usize = 12;
 }
 
-/// Most powers of the load in a patch.
+/// Maximum powers of the load in a patch.
 pub const MAX_ROWS: usize = 6;
-/// Most powers of the arc in a patch.
+/// Maximum powers of the arc in a patch.
 pub const MAX_COLUMNS: usize = 9;
 
 /// The number of powers in every patch of a table, and the evaluation that is unrolled for that number.
@@ -231,7 +231,7 @@ fn polynomial<const ROWS: usize, const COLUMNS: usize>(columns: &[[f32; ROWS]; C
 fn inverse_root(x: f32) -> f32 {
     let half = 0.5 * x;
     // Newton's method from the well-known guess by the exponent, which is 3.5 % off. A step turns a relative error e
-    // into −1.5 e²; adding half of the greatest such error makes the remaining error symmetric about zero.
+    // into −1.5 e²; adding half of the maximum such error makes the remaining error symmetric about zero.
     let guess = f32::from_bits(0x5f37_59df_u32.wrapping_sub(x.to_bits() >> 1));
     let root = guess * (1.500_876 - half * guess * guess);
     root * (1.500_000_6 - half * root * root)

@@ -18,7 +18,7 @@ pub(crate) fn arc_at(growth: &Growth, load_n: f64, twist_rad: f64) -> (f64, f64)
     (twist_rad * (per_twist + value), per_twist + value + rise)
 }
 
-/// The radius law, with the power of the twist in it fitted in whole powers over the range `twist_rad`.
+/// The radius model, with the power of the twist in it fitted in whole powers over the range `twist_rad`.
 pub(crate) fn growth(p: &Parameters, twist_rad: [f64; 2]) -> Option<Growth> {
     let per_load_m_n = (p.diameter_m / p.k1_per_n) as f32;
     if p.radius_law == RadiusLaw::LengthRatio {
@@ -85,7 +85,7 @@ mod tests {
     };
     const TWIST_RAD: [f64; 2] = [PI, 16.0 * PI];
 
-    /// ρ/θ, the radius at an infinite load (m), and its greatest deviation from eq. 6.
+    /// ρ/θ, the radius at an infinite load (m), and its maximum deviation from eq. 6.
     fn worst(p: &Parameters, radius_m: impl Fn(f64) -> f64) -> f64 {
         let growth = growth(p, TWIST_RAD).unwrap();
         assert!((f64::from(growth.per_load_m_n) - p.diameter_m / p.k1_per_n).abs() < 1e-9);

@@ -15,7 +15,7 @@ pub fn floats<'a>(values: impl IntoIterator<Item = &'a f32>) -> String {
 
 /// Source of `pub static TABLE: tsa_table::Table<'static>` with its certificate in the doc comment.
 pub fn rust_source(fit: &Fit) -> String {
-    let (table, e) = (&fit.table, &fit.certificate.errors);
+    let (table, e) = (&fit.table, &fit.error_bounds.errors);
     let doc = format!(
         "{FORM}, {}: contraction within {:.3e} m (rms {:.3e}), TR within {:.3e} (rms {:.3e}) of the full solver at {} \
          random points and the worst found by search.",
@@ -24,7 +24,7 @@ pub fn rust_source(fit: &Fit) -> String {
         e.contraction_rms_m,
         e.tr_max,
         e.tr_rms,
-        fit.certificate.points
+        fit.error_bounds.points
     );
     table_source("TABLE", &doc, table)
 }

@@ -1,8 +1,8 @@
 //! Errors of a lookup against the solver.
 
 use crate::arc::Point;
-use crate::demand::Accuracy;
 use crate::reference::Exact;
+use crate::table_spec::Accuracy;
 use tsa_model::PRETWIST_RAD;
 
 /// Errors of a table against the full solver.
@@ -19,9 +19,9 @@ pub struct Errors {
 }
 
 impl Errors {
-    /// Whether the largest errors are within this share of an accuracy.
-    pub fn meets(&self, accuracy: &Accuracy, share: f64) -> bool {
-        self.contraction_max_m <= share * accuracy.contraction_m && self.tr_max <= share * accuracy.tr_relative
+    /// Whether the largest errors are within this fraction of an accuracy.
+    pub fn meets(&self, accuracy: &Accuracy, fraction: f64) -> bool {
+        self.contraction_max_m <= fraction * accuracy.contraction_m && self.tr_max <= fraction * accuracy.tr_relative
     }
 }
 
@@ -96,7 +96,8 @@ mod tests {
     #[test]
     fn both_largest_errors_must_be_within_their_share() {
         let errors = Errors { contraction_max_m: 4e-6, tr_max: 1e-3, ..Errors::default() };
-        let meets = |contraction_m, tr_relative, share| errors.meets(&Accuracy { contraction_m, tr_relative }, share);
+        let meets =
+            |contraction_m, tr_relative, fraction| errors.meets(&Accuracy { contraction_m, tr_relative }, fraction);
         assert!(meets(4e-6, 1e-3, 1.0) && meets(8e-6, 2e-3, 0.5));
         assert!(!meets(3.9e-6, 1e-3, 1.0) && !meets(4e-6, 0.9e-3, 1.0));
         assert!(!meets(7.9e-6, 2e-3, 0.5) && !meets(8e-6, 1.9e-3, 0.5));

@@ -5,7 +5,7 @@
 
 use crate::arc::ArcSeries;
 
-/// Most instructions that a lookup should take: a table within them is preferred to a smaller one that is slower.
+/// Maximum instructions that a lookup should take: a table within them is preferred to a smaller one that is slower.
 pub const LOOKUP_INSTRUCTIONS: u32 = 260;
 
 /// Instructions of one lookup with gradient in the worst case.

@@ -19,9 +19,9 @@ pub enum InverseError {
     Gap {
         /// The gap (m).
         gap_m: f32,
-        /// Least gap under this load (m).
+        /// Minimum gap under this load (m).
         min_m: f32,
-        /// Greatest gap under this load (m).
+        /// Maximum gap under this load (m).
         max_m: f32,
     },
 }
@@ -214,16 +214,16 @@ mod tests {
     #[test]
     fn a_gap_that_does_not_occur_is_refused_with_those_that_do() {
         let t = table();
-        let [least, most] = [80.0, 3.0].map(|twist| t.look_up(5.0, twist).unwrap().gap_m);
+        let [min, max] = [80.0, 3.0].map(|twist| t.look_up(5.0, twist).unwrap().gap_m);
         let error_m = t.metadata.contraction_error_m;
-        for gap_m in [least - 3.0 * error_m, most + 3.0 * error_m, 0.0, f32::NAN] {
+        for gap_m in [min - 3.0 * error_m, max + 3.0 * error_m, 0.0, f32::NAN] {
             let Err(InverseError::Gap { min_m, max_m, .. }) = t.twist_from_gap(5.0, gap_m) else { panic!("{gap_m}") };
-            assert_eq!([min_m, max_m], [least, most]);
+            assert_eq!([min_m, max_m], [min, max]);
         }
         // As far as the table may be wrong, the end of the range is the answer.
-        for (gap_m, end) in [(least - 1.5 * error_m, 80.0), (most + 1.5 * error_m, 3.0)] {
+        for (gap_m, end) in [(min - 1.5 * error_m, 80.0), (max + 1.5 * error_m, 3.0)] {
             assert!((t.twist_from_gap(5.0, gap_m).unwrap() - end).abs() < 1e-3);
         }
-        assert!(matches!(t.twist_from_gap(0.5, least), Err(InverseError::Load(_))));
+        assert!(matches!(t.twist_from_gap(0.5, min), Err(InverseError::Load(_))));
     }
 }

@@ -9,7 +9,7 @@
 //! - [`inverse`]: the twist from load and gap, in a bounded number of steps.
 //! - [`record`]: a table as bytes, on the link and in flash.
 //! - `least_squares`, `patch_fit`, `arc_growth` (feature `std`): fitting.
-//! - [`demand`], [`mod@reference`], [`errors`], `patches`, [`certificate`], [`fit`] (feature `std`): what a table must
+//! - [`table_spec`], [`mod@reference`], [`errors`], `patches`, [`error_bounds`], [`fit`] (feature `std`): what a table must
 //!   reach, the solver it is judged by, its candidates, its certificate, and the choice.
 //! - [`instruction_model`], [`emit`] (feature `std`): the predicted cost of a lookup, and the table as Rust source.
 
@@ -20,11 +20,9 @@ pub mod arc;
 #[cfg(feature = "std")]
 mod arc_growth;
 #[cfg(feature = "std")]
-pub mod certificate;
-#[cfg(feature = "std")]
-pub mod demand;
-#[cfg(feature = "std")]
 pub mod emit;
+#[cfg(feature = "std")]
+pub mod error_bounds;
 #[cfg(feature = "std")]
 pub mod errors;
 #[cfg(feature = "std")]
@@ -44,12 +42,14 @@ pub mod record;
 #[cfg(feature = "std")]
 pub mod reference;
 pub mod table;
+#[cfg(feature = "std")]
+pub mod table_spec;
 
 pub use arc::{ArcSeries, FORM, Growth, Patch, Point, Shape};
-#[cfg(feature = "std")]
-pub use demand::{Accuracy, Demand};
 pub use inverse::InverseError;
 pub use table::{Metadata, OutOfRange, Table, Uncertainty};
+#[cfg(feature = "std")]
+pub use table_spec::{Accuracy, TableSpec};
 
 /// Version of the generator and of the format; part of every table's metadata.
 pub const GENERATOR_VERSION: u16 = 4;

@@ -196,13 +196,13 @@ mod tests {
                 };
                 states.iter().map(of).sum()
             };
-            let least = cost(&coefficients);
+            let min = cost(&coefficients);
             for k in 0..shape.terms() {
                 // A least cost rises with the square of a change: the same to both sides.
-                let changed = |share: f32| {
+                let changed = |fraction: f32| {
                     let mut c = coefficients.clone();
-                    c[k] *= 1.0 + share;
-                    cost(&c) - least
+                    c[k] *= 1.0 + fraction;
+                    cost(&c) - min
                 };
                 let [up, down] = [changed(0.01), changed(-0.01)];
                 assert!(

@@ -2,10 +2,10 @@
 
 use crate::arc::{ArcSeries, Growth, MAX_COLUMNS, MAX_ROWS, Patch, Shape};
 use crate::arc_growth::{arc_at, growth};
-use crate::demand::{Accuracy, FitError};
 use crate::owned::OwnedSeries;
 use crate::patch_fit::{PatchFit, Sample};
 use crate::reference::{Exact, Reference};
+use crate::table_spec::{Accuracy, FitError};
 use std::collections::BTreeMap;
 
 /// Cuts of the load range at which a patch may end: evenly spaced in the square root of the load.
@@ -13,10 +13,10 @@ const CUTS: usize = 36;
 /// Loads in each cut, and twists, that are fitted; as many loads and some more twists between them are checked.
 const LOADS: usize = 3;
 const TWISTS: usize = 30;
-/// Share of the accuracy that the errors of gap and TR may reach at the checked points. A contraction is a difference
+/// Fraction of the accuracy that the errors of gap and TR may reach at the checked points. A contraction is a difference
 /// of two gaps.
-const GAP_SHARE: f64 = 0.8;
-const TR_SHARE: f64 = 0.9;
+const GAP_FRACTION: f64 = 0.8;
+const TR_FRACTION: f64 = 0.9;
 
 fn sample(growth: &Growth, e: &Exact) -> Sample {
     let (arc_m, arc_by_twist) = arc_at(growth, e.load_n, e.twist_rad);
@@ -27,7 +27,7 @@ fn sample(growth: &Growth, e: &Exact) -> Sample {
 /// Solved states of each cut: Chebyshev points to fit at, evenly spaced ones with the edges to check at.
 fn grid(reference: &Reference<'_>, cut: &dyn Fn(f64) -> f64, check: bool) -> Result<Vec<Vec<Exact>>, FitError> {
     let [t0, t1] = reference.twist_rad;
-    let share = |k: usize, n: usize| {
+    let fraction = |k: usize, n: usize| {
         if check {
             k as f64 / (n - 1) as f64
         } else {
@@ -39,8 +39,8 @@ fn grid(reference: &Reference<'_>, cut: &dyn Fn(f64) -> f64, check: bool) -> Res
         .map(|c| {
             let mut states = Vec::with_capacity(LOADS * twists);
             for i in 0..LOADS {
-                let load = cut(c as f64 + share(i, LOADS));
-                let twist = |j: usize| (t0 + (t1 - t0) * share(j, twists)).clamp(t0, t1);
+                let load = cut(c as f64 + fraction(i, LOADS));
+                let twist = |j: usize| (t0 + (t1 - t0) * fraction(j, twists)).clamp(t0, t1);
                 states.extend(reference.exact_at(load, (0..twists).map(twist))?);
             }
             Ok(states)
@@ -79,7 +79,7 @@ impl Ranges {
             fits: samples(false)?,
             checks: samples(true)?,
             cuts: (0..=CUTS).map(|k| cut(k as f64)).collect(),
-            tolerance: [GAP_SHARE * accuracy.contraction_m, TR_SHARE * accuracy.tr_relative],
+            tolerance: [GAP_FRACTION * accuracy.contraction_m, TR_FRACTION * accuracy.tr_relative],
             equations: BTreeMap::new(),
         }))
     }
@@ -94,21 +94,21 @@ impl Ranges {
     /// The most accurate table that can be fitted: the largest shape on the shortest ranges.
     pub(crate) fn shortest(&mut self) -> Option<OwnedSeries> {
         let shape = Shape::of(MAX_ROWS, MAX_COLUMNS)?;
-        let least = least_cuts(shape);
-        let starts = (0..CUTS).step_by(least).map(|start| start.min(CUTS - least));
-        let fitted = starts.map(|start| self.fitted([start, start + least], shape)).collect::<Option<Vec<_>>>()?;
+        let min = min_cuts(shape);
+        let starts = (0..CUTS).step_by(min).map(|start| start.min(CUTS - min));
+        let fitted = starts.map(|start| self.fitted([start, start + min], shape)).collect::<Option<Vec<_>>>()?;
         Some(self.series(shape, fitted))
     }
 
     /// From the light end on, always the longest range on which the shape meets the accuracy.
     fn fewest(&mut self, shape: Shape) -> Option<OwnedSeries> {
-        let least = least_cuts(shape);
+        let min = min_cuts(shape);
         let mut all = Vec::new();
         let mut start = 0;
         while start < CUTS {
             // A last range that would be too short reaches back over the one before it.
-            start = start.min(CUTS - least);
-            let mut good = start + least;
+            start = start.min(CUTS - min);
+            let mut good = start + min;
             let (mut longest, mut bad) = (self.accurate([start, good], shape)?, CUTS + 1);
             while bad - good > 1 {
                 // The length is doubled until a range fails, then halved between good and bad.
@@ -161,6 +161,6 @@ impl Ranges {
 }
 
 /// The shortest range (cuts) with loads enough to determine a shape.
-fn least_cuts(shape: Shape) -> usize {
+fn min_cuts(shape: Shape) -> usize {
     (usize::from(shape.rows) + 1).div_ceil(LOADS)
 }

@@ -5,12 +5,12 @@ use crate::arc::{ArcSeries, Growth, POWERS, Patch, Shape};
 use crate::table::{Metadata, Table, Uncertainty};
 use core::ops::RangeInclusive;
 
-/// Most bytes of a table's numbers, a bound of flash and RAM on the board.
+/// Maximum bytes of a table's numbers, a bound of flash and RAM on the board.
 pub const MAX_BYTES: usize = 4096;
-/// Most ranges of the load.
+/// Maximum ranges of the load.
 pub const MAX_PATCHES: usize = 32;
 const MAX_COEFFICIENTS: usize = (MAX_BYTES - Growth::BYTES - Patch::BYTES) / 4;
-/// Most bytes of a record: what stands before the coefficients, and the numbers.
+/// Maximum bytes of a record: what stands before the coefficients, and the numbers.
 pub const RECORD_MAX: usize = 16 + 4 * (4 + 4 + 2) + MAX_BYTES;
 /// Intervals of load and twist at whose ends the gradient's signs are checked.
 const SIGNS: u8 = 60;
@@ -181,11 +181,11 @@ impl Table<'_> {
 /// denser towards the light end, and as many of twist.
 pub(crate) fn is_monotone(table: &Table<'_>, intervals: u8) -> bool {
     let m = &table.metadata;
-    let share = |k: u8| f32::from(k) / f32::from(intervals);
+    let fraction = |k: u8| f32::from(k) / f32::from(intervals);
     (0..=intervals).all(|i| {
-        let load_n = m.load_min_n + (m.load_max_n - m.load_min_n) * share(i) * share(i);
+        let load_n = m.load_min_n + (m.load_max_n - m.load_min_n) * fraction(i) * fraction(i);
         (0..=intervals).all(|j| {
-            let twist_rad = m.twist_min_rad + (m.twist_max_rad - m.twist_min_rad) * share(j);
+            let twist_rad = m.twist_min_rad + (m.twist_max_rad - m.twist_min_rad) * fraction(j);
             let p = table.point_inside(load_n, twist_rad);
             p.dgap_dtwist_m_per_rad < 0.0 && p.dgap_dload_m_per_n > 0.0
         })

@@ -1,6 +1,6 @@
 //! The solver on a table's range: the states that a table is fitted to and judged by.
 
-use crate::demand::{Demand, FitError};
+use crate::table_spec::{FitError, TableSpec};
 use tsa_model::{Equilibrium, Mechanism, PRETWIST_RAD, Tier};
 
 /// The solver, the tier of the model, and the range.
@@ -9,9 +9,9 @@ pub struct Reference<'a> {
     pub mechanism: &'a Mechanism,
     /// The tier whose answers count as exact.
     pub tier: Tier,
-    /// Least and greatest load (N).
+    /// Minimum and maximum load (N).
     pub load_n: [f64; 2],
-    /// Least and greatest twist (rad).
+    /// Minimum and maximum twist (rad).
     pub twist_rad: [f64; 2],
 }
 
@@ -32,8 +32,8 @@ pub struct Exact {
 
 impl<'a> Reference<'a> {
     /// The range that a demand covers.
-    pub fn new(mechanism: &'a Mechanism, tier: Tier, demand: &Demand) -> Self {
-        Self { mechanism, tier, load_n: demand.load_n, twist_rad: [PRETWIST_RAD, demand.twist_max_rad] }
+    pub fn new(mechanism: &'a Mechanism, tier: Tier, table_spec: &TableSpec) -> Self {
+        Self { mechanism, tier, load_n: table_spec.load_n, twist_rad: [PRETWIST_RAD, table_spec.twist_max_rad] }
     }
 
     /// The equilibrium at a load (N) and a twist (rad).

@@ -5,13 +5,13 @@ use crate::arc::{ArcSeries, Point};
 /// What a table covers and how good it is. The generator writes it with the numbers; a consumer repeats none of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Metadata {
-    /// Least load covered (N).
+    /// Minimum load covered (N).
     pub load_min_n: f32,
-    /// Greatest load covered (N).
+    /// Maximum load covered (N).
     pub load_max_n: f32,
-    /// Least twist covered (rad); the half-turn pre-twist π or above.
+    /// Minimum twist covered (rad); the half-turn pre-twist π or above.
     pub twist_min_rad: f32,
-    /// Greatest twist covered (rad).
+    /// Maximum twist covered (rad).
     pub twist_max_rad: f32,
     /// Largest error of the contraction against the full solver that the certificate found (m).
     pub contraction_error_m: f32,
@@ -73,9 +73,9 @@ pub struct OutOfRange {
     pub parameter: &'static str,
     /// The refused value.
     pub value: f32,
-    /// Least value covered.
+    /// Minimum value covered.
     pub min: f32,
-    /// Greatest value covered.
+    /// Maximum value covered.
     pub max: f32,
 }
 

@@ -32,14 +32,14 @@ fn the_default_table_meets_its_scene_in_few_bytes() {
             c.errors.tr_rms
         );
     }
-    println!("{:?}", fit.certificate);
-    let e = &fit.certificate.errors;
+    println!("{:?}", fit.error_bounds);
+    let e = &fit.error_bounds.errors;
     assert!(e.contraction_max_m <= 5e-6 && e.tr_max <= 2e-3);
-    assert!(fit.certificate.points >= 20_000 && fit.certificate.monotone);
+    assert!(fit.error_bounds.points >= 20_000 && fit.error_bounds.monotone);
     let table = fit.table.table();
     assert!(table.series.bytes() <= 512, "{} bytes", table.series.bytes());
     assert!(table.is_intact());
-    let c = &fit.certificate;
+    let c = &fit.error_bounds;
     let rounding = c.rounding;
     // Gap and gradient differ only by the jumps between ranges and by rounding.
     assert!(c.closure_m > 0.0 && c.closure_m <= c.errors.contraction_max_m, "{}", c.closure_m);
@@ -53,7 +53,7 @@ fn the_default_table_meets_its_scene_in_few_bytes() {
 fn the_plateau_rod_gets_a_table_of_the_same_accuracy() {
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/niti-plateau.toml");
     let fit = Scene::load(root).unwrap().fit_table().unwrap();
-    let (e, table) = (&fit.certificate.errors, fit.table.table());
+    let (e, table) = (&fit.error_bounds.errors, fit.table.table());
     println!(
         "{}, {} bytes, {} instructions, contraction {:.2e} m, TR {:.2e}",
         fit.table.numbers.size(),
@@ -62,7 +62,7 @@ fn the_plateau_rod_gets_a_table_of_the_same_accuracy() {
         e.contraction_max_m,
         e.tr_max
     );
-    assert!(e.contraction_max_m <= 5e-6 && e.tr_max <= 2e-3 && fit.certificate.monotone);
+    assert!(e.contraction_max_m <= 5e-6 && e.tr_max <= 2e-3 && fit.error_bounds.monotone);
     assert!(table.series.bytes() <= 1280, "{} bytes", table.series.bytes());
 }
 
@@ -84,13 +84,13 @@ fn an_envelope_past_a_limit_names_the_limit_and_the_first_point() {
     let mut s = scene();
     let mechanism = s.mechanism().unwrap();
     // Under a light load the helix angle runs away before the strings lie side by side.
-    for (least_n, most_turns, kind) in [(0.8, 10.0, "no-equilibrium"), (5.0, 12.0, "overtwist")] {
-        s.envelope = Some(rig_config::Envelope { load_n: [least_n, 18.0], turns: [0.0, most_turns] });
+    for (min_n, max_turns, kind) in [(0.8, 10.0, "no-equilibrium"), (5.0, 12.0, "overtwist")] {
+        s.envelope = Some(rig_config::Envelope { load_n: [min_n, 18.0], turns: [0.0, max_turns] });
         let TableError::Fit(FitError::Envelope { load_n, turns, source }) = s.fit_table().unwrap_err() else {
             panic!("not refused")
         };
         assert_eq!(source.kind(), kind);
-        assert!(load_n < 4.0 * least_n && turns > 8.0, "{load_n} N, {turns} turns");
+        assert!(load_n < 4.0 * min_n && turns > 8.0, "{load_n} N, {turns} turns");
         let solved = |turns| mechanism.solve(load_n, twist_from_turns(turns)).map_err(|e| e.kind());
         assert_eq!(solved(turns).unwrap_err(), kind);
         assert!(solved(0.7 * turns).is_ok());

@@ -241,7 +241,7 @@ impl<B: Board + 'static> Cpu<B> {
                 }
             }
             let core = self.uc.get_data_mut();
-            // Computed anew each time: the firmware may change the clock on the way.
+            // Computed again each time: the firmware may change the clock on the way.
             core.limit = core.soc.clock.cycle_at(t_s);
             core.deadline = core.soc.sync().min(core.limit);
             if core.soc.faults.pending() {

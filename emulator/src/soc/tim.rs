@@ -3,7 +3,7 @@
 //!
 //! A counter is never stepped: its value follows from the time since it was last touched. In encoder mode it follows
 //! from the board's quadrature count, which is read when the firmware reads the counter. TIM1, TIM8, TIM10, TIM11,
-//! TIM13 and TIM14, which share interrupt lines, are not modelled.
+//! TIM13 and TIM14, which fraction interrupt lines, are not modelled.
 
 use super::clock::{Clock, NEVER};
 use super::fault::Lint;
@@ -26,7 +26,7 @@ pub struct TimerKind {
 }
 
 impl TimerKind {
-    /// The greatest count.
+    /// The maximum count.
     fn limit(&self) -> u32 {
         if self.wide { u32::MAX } else { 0xFFFF }
     }

@@ -1,7 +1,7 @@
 //! GDB's remote protocol against programs assembled by hand: whatever the debugger does, the run stays the same.
 
-use crate::gdb_client::Gdb;
 use crate::fixture::{Recorder, machine};
+use crate::gdb_client::Gdb;
 use crate::listings::{CONDITIONS, Listing, PROCESS_STACK, SYSTICK};
 use crate::program::START;
 use rig_emulator::gdb::Server;

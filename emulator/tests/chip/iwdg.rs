@@ -97,7 +97,7 @@ fn an_update_takes_five_periods_of_an_lsi_that_runs() {
     const SR: u32 = KR + 0xC;
     let csr = RCC + 0x74;
     let mut chip = watchdog();
-    // Off: for ever, which a program that waits for it would do too.
+    // Off: indefinitely, which a program that waits for it would do too.
     pass(&mut chip, 1.0);
     assert_eq!(get(&mut chip, SR), 3);
     set(&mut chip, csr, 1);

@@ -20,8 +20,11 @@ const S0PAR: u32 = S0CR + 8;
 const ADC_DR: u32 = ADC + 0x4C;
 const IWDG: u32 = 0x4000_3000;
 
+/// An address and the word that is written there.
+type Write = (u32, u32);
+
 /// What is written, word by word, of which the last word or what follows from it is refused; and a part of the message.
-const CASES: &[(Lint, &str, &[(u32, u32)])] = &[
+const CASES: &[(Lint, &str, &[Write])] = &[
     (Lint::Unmodelled, "0x40005400", &[(0x4000_5400, 1)]),
     (Lint::PinFunction, "USARTx_TX", &[(USART2 + 8, 139), (USART2 + 0xC, 0x2008), (USART2 + 4, 1)]),
     (Lint::PinFunction, "PB9", &[(CAN, 1), (CAN + 0x1C, 0x0014_0001), (CAN, 0), (CAN + 0x180, 1)]),

@@ -20,7 +20,7 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Task {
-    /// Measure studies of docs/results.md anew, and write it
+    /// Measure studies of docs/results.md again, and write it
     Record {
         /// Which (default: all)
         names: Vec<String>,

@@ -17,7 +17,7 @@ const START_S: f64 = 30.0;
 /// firmware measures it when homing; the baselines are given it.
 const DRIVE_LAG_S: f32 = 0.05;
 /// How far from its reported position the drive may be sent (rad, and seconds of its speed), as the firmware's.
-const LEASH: [f32; 2] = [1.0, 0.3];
+const MAX_LAG: [f32; 2] = [1.0, 0.3];
 /// Age of the averaged LVDT block (s), as the firmware's.
 const MEASUREMENT_AGE_S: f32 = 0.006;
 /// Error (m) below which a load at rest is left alone, as the firmware's.
@@ -55,11 +55,11 @@ pub struct Loop {
     pub corner_rad_per_s: f32,
     /// Twist (rad) that is turned at once where a move begins against the last one, to take up friction: one for all
     /// loads and twists.
-    pub crossing_rad: f32,
+    pub breakaway_rad: f32,
 }
 
-/// Share of the motor's speed and acceleration that the crossing may take, as the firmware's.
-const CROSSING_SHARE: f32 = 0.7;
+/// Fraction of the motor's speed and acceleration that the crossing may take, as the firmware's.
+const BREAKAWAY_FRACTION: f32 = 0.7;
 
 /// How the strings' twist is chosen.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -93,7 +93,7 @@ enum Phase {
 
 /// Where a constant speed goes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Course {
+struct Trajectory {
     target_m: f32,
     /// Twist speed (rad/s); 0 once there.
     speed: f32,
@@ -126,11 +126,11 @@ pub struct Baseline {
     smoothed: [f32; 2],
     /// Twist of the crossing so far and its end (rad).
     crossing: Ramp,
-    crossing_end_rad: f32,
+    breakaway_end_rad: f32,
     /// Sign of the last move's way; 0 before the first.
     way: f32,
     reference_load_n: f32,
-    course: Option<Course>,
+    trajectory: Option<Trajectory>,
     /// The drive was told to start.
     started: bool,
 }
@@ -152,10 +152,10 @@ impl Baseline {
             reference_gap_m: 0.0,
             smoothed: [0.0; 2],
             crossing: Ramp::at(0.0),
-            crossing_end_rad: 0.0,
+            breakaway_end_rad: 0.0,
             way: 0.0,
             reference_load_n: 0.0,
-            course: None,
+            trajectory: None,
             started: false,
         }
     }
@@ -203,23 +203,23 @@ impl Baseline {
         let twist_rad = self.shaft.position - self.zero_rad;
         let by_table = || self.table.point_inside(w.load_n, twist_rad).tr_rad_per_m();
         let tr = law.tr_rad_per_m.unwrap_or_else(by_table);
-        tr * (w.speed_m_per_s + law.gain_per_s * self.smoothed[1]) + self.cross(law.crossing_rad)
+        tr * (w.speed_m_per_s + law.gain_per_s * self.smoothed[1]) + self.cross(law.breakaway_rad)
     }
 
     /// Twist speed (rad/s) of the crossing, which begins when the target changes sides: with the firmware's, before the
     /// set-point sets out.
-    fn cross(&mut self, crossing_rad: f32) -> f32 {
+    fn cross(&mut self, breakaway_rad: f32) -> f32 {
         let left_m = self.wanted.target_m - self.wanted.set_point_m;
         if left_m != 0.0 && left_m.signum() != self.way {
             // From rest at the reference the pull is in the middle of the band, not at its other end.
-            let share = if self.way == 0.0 { 0.5 } else { 1.0 };
+            let fraction = if self.way == 0.0 { 0.5 } else { 1.0 };
             self.way = left_m.signum();
-            self.crossing_end_rad += share * self.way * crossing_rad;
+            self.breakaway_end_rad += fraction * self.way * breakaway_rad;
         }
         let before_rad = self.crossing.position;
         let [speed, acceleration] =
-            [self.rig.twist_speed_max(), self.rig.twist_acceleration_max()].map(|most| CROSSING_SHARE * most);
-        self.crossing.step(self.crossing_end_rad, speed, acceleration);
+            [self.rig.twist_speed_max(), self.rig.twist_acceleration_max()].map(|max| BREAKAWAY_FRACTION * max);
+        self.crossing.step(self.breakaway_end_rad, speed, acceleration);
         (self.crossing.position - before_rad) / TICK_S
     }
 
@@ -243,19 +243,19 @@ impl Baseline {
     /// Constant speed towards each new target, until the LVDT shows it.
     fn constant_speed(&mut self, speed: Option<f32>, position_m: f32) -> f32 {
         let Wanted { target_m, asked_m_per_s, .. } = self.wanted;
-        let course = match self.course {
-            Some(course) if course.target_m == target_m => course,
+        let trajectory = match self.trajectory {
+            Some(trajectory) if trajectory.target_m == target_m => trajectory,
             _ => {
                 let seconds = (target_m - position_m).abs().max(1e-6) / asked_m_per_s.max(1e-6);
                 let turns = (self.twist_at(target_m) - self.twist_at(position_m)).abs();
                 let speed = speed.unwrap_or(turns / seconds).min(self.rig.twist_speed_max());
-                Course { target_m, speed: speed.copysign(target_m - position_m) }
+                Trajectory { target_m, speed: speed.copysign(target_m - position_m) }
             }
         };
-        let left_m = (target_m - position_m) * course.speed.signum();
-        let course = if left_m > 0.0 { course } else { Course { speed: 0.0, ..course } };
-        self.course = Some(course);
-        course.speed
+        let left_m = (target_m - position_m) * trajectory.speed.signum();
+        let trajectory = if left_m > 0.0 { trajectory } else { Trajectory { speed: 0.0, ..trajectory } };
+        self.trajectory = Some(trajectory);
+        trajectory.speed
     }
 
     /// Set-point of the shaft for this tick.
@@ -278,11 +278,11 @@ impl Baseline {
 
     fn command(&self, here: i64) -> DriveCommand {
         let ahead = self.shaft.position + DRIVE_LAG_S * self.shaft.speed;
-        let leash = ((LEASH[0] + LEASH[1] * self.shaft.speed.abs()) * self.rig.counts_per_rad) as i64;
+        let max_lag = ((MAX_LAG[0] + MAX_LAG[1] * self.shaft.speed.abs()) * self.rig.counts_per_rad) as i64;
         let counts = (f64::from(ahead) * f64::from(self.rig.counts_per_rad)) as i64 - self.drive_offset;
         let speed = (1.3 * self.shaft.speed.abs() + 1.0).min(self.rig.twist_speed_max());
         DriveCommand::Follow {
-            position_qc: counts.clamp(here - leash, here + leash) as i32,
+            position_qc: counts.clamp(here - max_lag, here + max_lag) as i32,
             speed_limit_rpm: self.rig.motor_rpm(speed),
             current_limit_ma: self.rig.current_limit_ma,
         }

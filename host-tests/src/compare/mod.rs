@@ -203,7 +203,7 @@ pub fn untuned() -> Loop {
         })
     });
     let mean = ratios.sum::<f32>() / f32::from(STEPS * STEPS);
-    Loop { tr_rad_per_m: Some(mean), gain_per_s: 3.0, corner_rad_per_s: 9.0, crossing_rad: 0.0 }
+    Loop { tr_rad_per_m: Some(mean), gain_per_s: 3.0, corner_rad_per_s: 9.0, breakaway_rad: 0.0 }
 }
 
 #[cfg(test)]

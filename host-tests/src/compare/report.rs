@@ -82,12 +82,12 @@ struct OverLoads {
 impl OverLoads {
     fn new(rows: &[&Row]) -> Self {
         let mean = |of: fn(&Row) -> f64| rows.iter().map(|row| of(row)).sum::<f64>() / rows.len() as f64;
-        let most = |of: fn(&Row) -> f64| rows.iter().map(|row| of(row)).fold(0.0, f64::max);
+        let max = |of: fn(&Row) -> f64| rows.iter().map(|row| of(row)).fold(0.0, f64::max);
         Self {
             rms_um: mean(|row| row.rms_error_um * row.rms_error_um).sqrt(),
-            largest_mm: 1e-3 * most(|row| row.max_error_um),
+            largest_mm: 1e-3 * max(|row| row.max_error_um),
             settled_percent: 100.0 * mean(|row| row.settled_share),
-            overshoot_mm: 1e-3 * most(|row| row.overshoot_um),
+            overshoot_mm: 1e-3 * max(|row| row.overshoot_um),
             energy_j: mean(|row| row.energy_j),
             moves: rows.iter().map(|row| row.moves).sum(),
             not_made: rows.iter().map(|row| row.not_made).sum(),

@@ -80,7 +80,7 @@ pub struct Summary {
     pub rms_m: f64,
     /// Settling time that nine moves of ten keep (s); infinite if fewer settled.
     pub settling_s: f64,
-    /// Share of all moves that settled.
+    /// Fraction of all moves that settled.
     pub settled: f64,
     /// Largest overshoot (m).
     pub overshoot_m: f64,
@@ -95,18 +95,18 @@ impl Summary {
         if scores.is_empty() {
             return Self::default();
         }
-        let most = |value: fn(&Score) -> f64| scores.iter().map(|s| value(s)).fold(0.0, f64::max);
+        let max = |value: fn(&Score) -> f64| scores.iter().map(|s| value(s)).fold(0.0, f64::max);
         let sum = |value: fn(&Score) -> f64| scores.iter().map(|s| value(s)).sum::<f64>();
         let settling = Sorted::new(scores.iter().map(|s| s.settling_s.unwrap_or(f64::INFINITY)));
         let made = scores.iter().filter(|s| s.made).count();
         Self {
             moves: scores.len(),
             not_made: scores.len() - made,
-            max_m: most(|s| s.max_m),
+            max_m: max(|s| s.max_m),
             rms_m: (sum(|s| s.squares_m2) / sum(|s| s.ticks as f64).max(1.0)).sqrt(),
             settling_s: settling.quantile(0.9).unwrap_or(f64::INFINITY),
             settled: scores.iter().filter(|s| s.settling_s.is_some()).count() as f64 / scores.len() as f64,
-            overshoot_m: most(|s| s.overshoot_m),
+            overshoot_m: max(|s| s.overshoot_m),
             energy_j: sum(|s| s.energy_j) / made.max(1) as f64,
         }
     }

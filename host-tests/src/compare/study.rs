@@ -51,7 +51,7 @@ fn felt(rig: Option<RigPreset>) -> (&'static [PlantKey], &'static str) {
     }
 }
 
-/// Seeds of the plants that have the least or the greatest of one of these keys: whoever manages these should manage the others.
+/// Seeds of the plants that have the least or the maximum of one of these keys: whoever manages these should manage the others.
 fn extremes(plants: &[Subject], keys: &[PlantKey]) -> Vec<u64> {
     let ends = keys.iter().flat_map(|key| {
         let by_value = |a: &&Subject, b: &&Subject| a.value(*key).total_cmp(&b.value(*key));
@@ -109,18 +109,23 @@ fn baselines(
     // Begins near what earlier searches found, which only saves time: its first steps are wide.
     let fixed = Loop { gain_per_s: 6.0, corner_rad_per_s: 24.0, ..untuned() };
     let by_table = Loop { tr_rad_per_m: None, ..fixed };
-    let crossing = Loop { crossing_rad: 1.0, ..fixed };
+    let crossing = Loop { breakaway_rad: 1.0, ..fixed };
     let mut all = Vec::new();
     for (name, start, goal, wanted) in [
         ("b  fixed ratio, most settled", fixed, Goal::Settling, "the most settled moves, then the least rms error"),
-        ("b' fixed ratio, least error", fixed, Goal::LeastError, "the least rms error without load steps"),
-        ("b\" fixed ratio and crossing", crossing, Goal::LeastError, "the same, with a fixed crossing of friction"),
-        ("e  b' by the table's ratio", by_table, Goal::LeastError, "the same (the table's ratio under the known load)"),
+        ("b' fixed ratio, least error", fixed, Goal::SmallestError, "the least rms error without load steps"),
+        ("b\" fixed ratio and crossing", crossing, Goal::SmallestError, "the same, with a fixed crossing of friction"),
+        (
+            "e  b' by the table's ratio",
+            by_table,
+            Goal::SmallestError,
+            "the same (the table's ratio under the known load)",
+        ),
     ] {
         eprintln!("{name}: tuning on {} plants …", tuned_on.len());
         let tuned = comparison.tune(start, goal, tuned_on);
         let ratio = tuned.tr_rad_per_m.map_or("by the table".into(), |tr| format!("{:.2} rad/mm", tr * 1e-3));
-        let crossing = match tuned.crossing_rad {
+        let crossing = match tuned.breakaway_rad {
             0.0 => String::new(),
             rad => format!(", crossing {rad:.2} rad"),
         };
@@ -146,8 +151,8 @@ mod tests {
         let (random, _) = plants(None, 50);
         let chosen = extremes(&random, felt(None).0);
         assert!((6..=12).contains(&chosen.len()), "{chosen:?}");
-        let most = random.iter().max_by(|a, b| a.value(PlantKey::Friction).total_cmp(&b.value(PlantKey::Friction)));
-        assert!(chosen.contains(&most.unwrap().seed));
+        let max = random.iter().max_by(|a, b| a.value(PlantKey::Friction).total_cmp(&b.value(PlantKey::Friction)));
+        assert!(chosen.contains(&max.unwrap().seed));
         let (hard, kind) = plants(Some(RigPreset::Hard), 4);
         assert_eq!((hard[0].seed, &hard[0].changes, &*kind), (1001, &RigPreset::Hard.changes(1001), "hard rigs"));
         assert_eq!(extremes(&hard, felt(Some(RigPreset::Hard)).0).len(), 2, "the least and the most friction");

@@ -12,7 +12,7 @@ const STEPS: [f32; 3] = [1.6, 1.25, 1.1];
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Goal {
     /// The least rms error where the load does not change, whatever else happens.
-    LeastError,
+    SmallestError,
     /// First as many moves as can be that settle, load steps among them, then the least rms error as above.
     Settling,
 }
@@ -39,7 +39,7 @@ impl Goal {
     pub fn cost(self, tally: &Tally, ticks: usize) -> f64 {
         let rms_m = (tally.squares_m2 / ticks.max(1) as f64).sqrt();
         match self {
-            Self::LeastError => rms_m,
+            Self::SmallestError => rms_m,
             // No rms error here comes near a metre.
             Self::Settling => tally.unsettled as f64 + rms_m,
         }
@@ -94,7 +94,7 @@ fn neighbours(at: Loop, by: f32) -> [Loop; 4] {
         Loop { corner_rad_per_s: at.corner_rad_per_s * by, ..at },
         // A faster corner lets the gain be higher.
         Loop { gain_per_s: at.gain_per_s * by, corner_rad_per_s: at.corner_rad_per_s * by, ..at },
-        Loop { crossing_rad: at.crossing_rad * by, ..at },
+        Loop { breakaway_rad: at.breakaway_rad * by, ..at },
     ]
 }
 
@@ -110,7 +110,7 @@ mod tests {
             // What is above the limit need not be right.
             candidates.iter().map(of).map(|cost| if cost > limit { f64::INFINITY } else { cost }).collect()
         };
-        let start = Loop { tr_rad_per_m: None, gain_per_s: 9.0, corner_rad_per_s: 5.0, crossing_rad: 0.0 };
+        let start = Loop { tr_rad_per_m: None, gain_per_s: 9.0, corner_rad_per_s: 5.0, breakaway_rad: 0.0 };
         let best = search(start, cost);
         assert!((best.gain_per_s / 1.7 - 1.0).abs() < 0.06, "{best:?}");
         assert!((best.corner_rad_per_s / 22.0 - 1.0).abs() < 0.06, "{best:?}");
@@ -131,7 +131,7 @@ mod tests {
         };
         let [small_but_loose, large_but_firm] = [tally(1e-5, false), tally(1e-2, true)];
         assert!(Goal::Settling.cost(&small_but_loose, 1) > Goal::Settling.cost(&large_but_firm, 1));
-        assert!(Goal::LeastError.cost(&small_but_loose, 1) < Goal::LeastError.cost(&large_but_firm, 1));
-        assert_eq!(Goal::LeastError.cost(&large_but_firm, 4), 5e-3, "a load step's error is nobody's fault");
+        assert!(Goal::SmallestError.cost(&small_but_loose, 1) < Goal::SmallestError.cost(&large_but_firm, 1));
+        assert_eq!(Goal::SmallestError.cost(&large_but_firm, 4), 5e-3, "a load step's error is nobody's fault");
     }
 }

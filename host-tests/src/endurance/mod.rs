@@ -1,7 +1,7 @@
 //! Long runs on the emulated board: random moves under random loads with incidents between them, and random bytes at both
 //! doors. What is looked for is what only time shows: drift, missed ticks, a stack that grows, a message lost.
 
-mod incident;
+mod injected_event;
 mod moves;
 mod noise;
 
@@ -18,7 +18,7 @@ pub struct Arguments {
     #[command(flatten)]
     rigs: Rigs,
     /// Moves of each rig, every third with an incident: a fault, a power failure, a step of the load, a stream, a new table; halfway
-    /// the rig is calibrated and identified anew
+    /// the rig is calibrated and identified again
     #[arg(long, default_value_t = 1000)]
     moves: u32,
     /// Random bytes on the link; about half as many go in frames on the bus

@@ -1,6 +1,6 @@
 //! Random moves under random loads with incidents between them.
 
-use super::incident::{FREQUENT, INCIDENTS, Incident, Run};
+use super::injected_event::{FREQUENT, INJECTED_EVENTS, InjectedEvent, Run};
 use crate::board::Bench;
 use crate::rigs::subject::Subject;
 use rand::seq::IndexedRandom;
@@ -14,32 +14,32 @@ use std::collections::BTreeMap;
 const ARRIVED_M: f64 = 60e-6;
 /// How far what the board says may be from what is (m), over its stated error: LVDT noise and the last swing of strings and rods
 /// come to it, and the stated error holds in nine of ten cases.
-const BELIEF_M: f64 = 40e-6;
-const BELIEF_STATED: f64 = 2.0;
+const ESTIMATE_M: f64 = 40e-6;
+const ESTIMATE_STATED: f64 = 2.0;
 
 /// The numbers of a run, with lengths in micrometres. Everything on the emulated board.
 pub type Numbers = BTreeMap<String, f64>;
 
-/// Of several runs together the greatest or the least of these, and of the means that over all moves; of all others the sum.
-const MOST: [&str; 5] = [
+/// Of several runs together the maximum or the least of these, and of the means that over all moves; of all others the sum.
+const MAX: [&str; 5] = [
     "largest_error_at_rest_um",
     "largest_error_there_um",
     "belief_and_truth_apart_um",
     "longest_tick_instructions",
     "stack_bytes",
 ];
-const LEAST: &str = "telemetry_per_s";
+const MIN: &str = "telemetry_per_s";
 const MEANS: [&str; 2] = ["mean_error_first_tenth_um", "mean_error_last_tenth_um"];
 
 /// Two runs on two rigs.
 pub fn both(mut one: Numbers, other: &Numbers) -> Numbers {
-    let share = other["moves"] / (one["moves"] + other["moves"]).max(1.0);
+    let fraction = other["moves"] / (one["moves"] + other["moves"]).max(1.0);
     for (name, a) in &mut one {
         let (before, b) = (*a, other[name]);
         *a = match name.as_str() {
-            LEAST => before.min(b),
-            name if MOST.contains(&name) => before.max(b),
-            name if MEANS.contains(&name) => before + share * (b - before),
+            MIN => before.min(b),
+            name if MAX.contains(&name) => before.max(b),
+            name if MEANS.contains(&name) => before + fraction * (b - before),
             _ => before + b,
         };
     }
@@ -56,11 +56,11 @@ struct Rests {
     /// How many were away from their target half a second later and had not said so.
     unannounced: u32,
     /// Largest difference of what the board believed and what was, of any move (m).
-    belief_max_m: f64,
+    estimate_max_m: f64,
 }
 
 /// So many moves on the rig that a kind and a seed name; every third meets an incident, and the rig goes on after it. Halfway its
-/// constants are identified anew.
+/// constants are identified again.
 ///
 /// # Panics
 /// Where something does not go on as it should: with what, and at which move.
@@ -71,7 +71,7 @@ pub fn moves(count: u32, rig: RigPreset, seed: u64) -> Numbers {
     keys.push(("load", "0.5kg"));
     let mut board = Bench::new(&keys, seed);
     let (mut made, mut without_cause, mut rests) = (0, 0, Rests::default());
-    let mut incidents = BTreeMap::<Incident, u32>::new();
+    let mut injected_events = BTreeMap::<InjectedEvent, u32>::new();
     board.home();
     let mut run = Run {
         board: &mut board,
@@ -84,29 +84,29 @@ pub fn moves(count: u32, rig: RigPreset, seed: u64) -> Numbers {
         subject: Subject::new(rig, seed),
     };
     while made < count {
-        if made == count / 2 && !incidents.contains_key(&Incident::Identify) {
-            run.take(Incident::Identify);
-            incidents.insert(Incident::Identify, 1);
+        if made == count / 2 && !injected_events.contains_key(&InjectedEvent::Identify) {
+            run.take(InjectedEvent::Identify);
+            injected_events.insert(InjectedEvent::Identify, 1);
         }
         let load_kg = run.random.random_range(0.3..1.5);
         run.lay_on(load_kg);
-        let frequent = incidents.iter().filter(|(kind, _)| **kind != Incident::Identify);
+        let frequent = injected_events.iter().filter(|(kind, _)| **kind != InjectedEvent::Identify);
         let happens = made % 3 == 2 && frequent.map(|(_, count)| count).sum::<u32>() <= made / 3;
-        let incident = happens.then(|| INCIDENTS[..FREQUENT].choose(run.random).expect("eight").0);
-        let under_way = [Incident::FaultUnderWay, Incident::PowerCycleUnderWay];
-        if let Some(incident) = incident.filter(|incident| !under_way.contains(incident)) {
-            run.take(incident);
-            *incidents.entry(incident).or_default() += 1;
+        let injected_event = happens.then(|| INJECTED_EVENTS[..FREQUENT].choose(run.random).expect("eight").0);
+        let under_way = [InjectedEvent::FaultUnderWay, InjectedEvent::PowerCycleUnderWay];
+        if let Some(injected_event) = injected_event.filter(|injected_event| !under_way.contains(injected_event)) {
+            run.take(injected_event);
+            *injected_events.entry(injected_event).or_default() += 1;
         }
         let target_m = 0.001 + 0.009 * run.random.random::<f32>();
         let fastest = run.random.random_bool(0.2);
         let speed_m_per_s = if fastest { f32::INFINITY } else { run.random.random_range(0.001..0.006) };
         let target_m = run.begin_move(target_m, speed_m_per_s);
-        if let Some(incident) = incident.filter(|incident| under_way.contains(incident)) {
+        if let Some(injected_event) = injected_event.filter(|injected_event| under_way.contains(injected_event)) {
             run.board.run(0.4);
             if run.is_turning() {
-                run.take(incident);
-                *incidents.entry(incident).or_default() += 1;
+                run.take(injected_event);
+                *injected_events.entry(injected_event).or_default() += 1;
                 continue;
             }
         }
@@ -132,11 +132,11 @@ pub fn moves(count: u32, rig: RigPreset, seed: u64) -> Numbers {
     let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len().max(1) as f64;
     let worst_m = errors_m.iter().map(|m| m.abs()).fold(0.0, f64::max);
     let seconds = board.machine.now_s();
-    let of = |kind: Incident| f64::from(incidents.get(&kind).copied().unwrap_or(0));
+    let of = |kind: InjectedEvent| f64::from(injected_events.get(&kind).copied().unwrap_or(0));
     let numbers = [
         ("moves", made.into()),
-        ("incidents", incidents.values().sum::<u32>().into()),
-        ("faults", of(Incident::FaultUnderWay) + of(Incident::DriveReset)),
+        ("incidents", injected_events.values().sum::<u32>().into()),
+        ("faults", of(InjectedEvent::FaultUnderWay) + of(InjectedEvent::DriveReset)),
         ("faults_by_the_load", load_faults.into()),
         ("faults_without_cause", without_cause.into()),
         ("homings", homings.into()),
@@ -148,7 +148,7 @@ pub fn moves(count: u32, rig: RigPreset, seed: u64) -> Numbers {
         ("ended_with_the_travel", rests.short.0.into()),
         ("largest_error_there_um", 1e6 * rests.short.1),
         ("unannounced", rests.unannounced.into()),
-        ("belief_and_truth_apart_um", 1e6 * rests.belief_max_m),
+        ("belief_and_truth_apart_um", 1e6 * rests.estimate_max_m),
         // Those of starts and of writes to flash among them.
         ("ticks_missing", seconds / 0.01 - stats.tick.count as f64),
         ("longest_tick_instructions", board.longest_tick.instructions as f64),
@@ -158,7 +158,7 @@ pub fn moves(count: u32, rig: RigPreset, seed: u64) -> Numbers {
         // 100 are sent.
         ("telemetry_per_s", board.frames as f64 / seconds),
     ];
-    let kinds = INCIDENTS.map(|(kind, name)| (name.replace(' ', "_"), of(kind)));
+    let kinds = INJECTED_EVENTS.map(|(kind, name)| (name.replace(' ', "_"), of(kind)));
     numbers.into_iter().map(|(name, value)| (name.to_owned(), value)).chain(kinds).collect()
 }
 
@@ -171,12 +171,12 @@ fn rest(b: &mut Bench, target_m: f32, what: &str, rests: &mut Rests) {
     let last = b.last.expect("telemetry");
     let said = last.position_m.expect("homed, with a gap");
     let stated_m = f64::from(last.position_error_m.expect("homed"));
-    let belief_m = (f64::from(said - target_m) - error_m).abs();
+    let estimate_m = (f64::from(said - target_m) - error_m).abs();
     assert!(
-        belief_m < BELIEF_M + BELIEF_STATED * stated_m,
-        "{what}: {error_m} m off, {belief_m} m believed, {stated_m} m stated"
+        estimate_m < ESTIMATE_M + ESTIMATE_STATED * stated_m,
+        "{what}: {error_m} m off, {estimate_m} m believed, {stated_m} m stated"
     );
-    rests.belief_max_m = rests.belief_max_m.max(belief_m);
+    rests.estimate_max_m = rests.estimate_max_m.max(estimate_m);
     if error_m.abs() < ARRIVED_M + left_m + stated_m {
         rests.errors_m.push(error_m);
         return;
@@ -186,7 +186,7 @@ fn rest(b: &mut Bench, target_m: f32, what: &str, rests: &mut Rests) {
         _ => None,
     });
     let at_end = last.limit == Some(Limit::Travel);
-    let told = announced.is_some_and(|said_m| (said_m - error_m).abs() < BELIEF_M + BELIEF_STATED * stated_m);
+    let told = announced.is_some_and(|said_m| (said_m - error_m).abs() < ESTIMATE_M + ESTIMATE_STATED * stated_m);
     if at_end && told {
         rests.short = (rests.short.0 + 1, rests.short.1.max(error_m.abs()));
     } else {

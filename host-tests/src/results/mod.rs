@@ -85,7 +85,7 @@ impl List {
     /// # Errors
     /// If a file cannot be read or written.
     pub fn keep(&self, name: &str, measured: Study) -> Result<()> {
-        // Read anew each time: others may have been measured meanwhile, and one that fails later takes nothing away.
+        // Read again each time: others may have been measured meanwhile, and one that fails later takes nothing away.
         let mut records = records().unwrap_or_default();
         let record =
             Record { date: output("date", &["-u", "+%Y-%m-%d"])?, commit: commit()?, machine: machine(), measured };
@@ -118,7 +118,7 @@ impl List {
         text
     }
 
-    /// The README with its table of specifications written anew.
+    /// The README with its table of specifications written again.
     fn readme(&self, readme: &str, records: &Records) -> Result<String> {
         let split = |text: &'_ str, at: &str| {
             let (before, after) = text.split_once(at).with_context(|| format!("README.md has no line {at:?}"))?;

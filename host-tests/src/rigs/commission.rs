@@ -98,7 +98,7 @@ pub fn calibrate(subject: &Subject) -> Result<SettingValues, String> {
     let firmware = Firmware::as_built();
     let mut gauge = Pcg64Mcg::seed_from_u64(subject.seed);
     let mut points = Vec::new();
-    for (load_kg, count, way_m) in CALIBRATION {
+    for (load_kg, count, distance_m) in CALIBRATION {
         let rig = subject.switched_on_at(load_kg * STANDARD_GRAVITY, PI).map_err(|e| e.to_string())?;
         let mut bench = ControlBench::on(rig, firmware.boot());
         if !bench.until(10.0, |bench| bench.control.state() == State::Unhomed) {
@@ -107,7 +107,7 @@ pub fn calibrate(subject: &Subject) -> Result<SettingValues, String> {
         let (from_m, _) = mean_gap(&mut bench)?;
         for k in 0..count {
             if k > 0 {
-                jog_to(&mut bench, from_m - way_m * k as f64 / (count - 1) as f64)?;
+                jog_to(&mut bench, from_m - distance_m * k as f64 / (count - 1) as f64)?;
             }
             let (shown_m, true_m) = mean_gap(&mut bench)?;
             let gap_m = true_m + gauge.random_range(-GAUGE_M..=GAUGE_M);
@@ -175,7 +175,7 @@ fn predicted(subject: &Subject, found: &Identified) -> Vec<Finding> {
         let values = p.contraction_m.zip(p.half_width_m).zip(truth);
         let load_kg = Some(p.load_n / STANDARD_GRAVITY);
         let finding = move |check, value| Finding { load_kg, check, value, note: format!("by {law}") };
-        let error = values.map(|((told_m, half_m), true_m)| ((told_m - true_m) / half_m, half_m / true_m));
+        let error = values.map(|((reported_m, half_m), true_m)| ((reported_m - true_m) / half_m, half_m / true_m));
         [
             finding(Check::PredictionCover, error.map(|(over, _)| f64::from(u8::from(over.abs() <= 1.0)))),
             finding(Check::PredictionStated, error.map(|(_, stated)| stated)),
@@ -222,9 +222,9 @@ fn held_out_error(subject: &Subject, found: &Identified) -> Option<f64> {
     let states = between.flat_map(|load_n| [0.5 * TURNS, HELD_OUT_TURNS].map(|turns| (load_n, turns)));
     let squares: Option<Vec<f64>> = states
         .map(|(load_n, turns)| {
-            let told_m = found.known.predict(load_n, turns).contraction_m?;
+            let reported_m = found.known.predict(load_n, turns).contraction_m?;
             let true_m = subject.contraction_m(load_n, twist_from_turns(turns)).ok()?;
-            Some((told_m / true_m - 1.0).powi(2))
+            Some((reported_m / true_m - 1.0).powi(2))
         })
         .collect();
     let squares = squares?;

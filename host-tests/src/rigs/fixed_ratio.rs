@@ -42,16 +42,16 @@ pub fn compare(subject: &Subject, firmware: &Firmware, along: &[(f64, Vec<Record
         tr_rad_per_m: Some(tr),
         gain_per_s,
         corner_rad_per_s,
-        crossing_rad: 0.0,
+        breakaway_rad: 0.0,
     };
-    let least = |a: &(f64, Loop), b: &(f64, Loop)| a.0.total_cmp(&b.0);
+    let min = |a: &(f64, Loop), b: &(f64, Loop)| a.0.total_cmp(&b.0);
     // First the gain, then the ratio with it.
-    let Some(gained) = GAINS.map(|gain| rms(law(RATIOS[0], gain))).into_iter().min_by(least) else {
+    let Some(gained) = GAINS.map(|gain| rms(law(RATIOS[0], gain))).into_iter().min_by(min) else {
         return finding(None, String::new());
     };
     let gain = [gained.1.gain_per_s, gained.1.corner_rad_per_s];
     let others = RATIOS[1..].iter().map(|tr| rms(law(*tr, gain)));
-    let (theirs, law) = others.chain([gained]).min_by(least).unwrap_or(gained);
+    let (theirs, law) = others.chain([gained]).min_by(min).unwrap_or(gained);
     let [tr, gain] = [law.tr_rad_per_m.unwrap_or(0.0) * 1e-3, law.gain_per_s];
     finding(Some(theirs / ours), format!("TR {tr:.2} rad/mm, gain {gain} 1/s: {:.0} um", theirs * 1e6))
 }

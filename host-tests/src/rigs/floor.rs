@@ -12,13 +12,13 @@ pub enum Check {
     Zero,
     /// Time that homing took (s).
     HomingTime,
-    /// Error of the load after homing, as a share of the load.
+    /// Error of the load after homing, as a fraction of the load.
     LoadHomed,
-    /// Error of the load 5 s after a step of the load, as a share of the load.
+    /// Error of the load 5 s after a step of the load, as a fraction of the load.
     LoadStep,
     /// Whether the stated error of the load covers the true one: 1 or 0.
     LoadCover,
-    /// The stated error of the load, as a share of the load.
+    /// The stated error of the load, as a fraction of the load.
     LoadStated,
     /// Error of the load over the stated one: much above 1 a wrong load was called certain.
     Certain,
@@ -26,23 +26,23 @@ pub enum Check {
     PositionCover,
     /// The stated error of the position (m).
     PositionStated,
-    /// Greatest deviation of the measured position from the target during 60 s of rest (m), averaged over 0.3 s: one block
+    /// Maximum deviation of the measured position from the target during 60 s of rest (m), averaged over 0.3 s: one block
     /// of the LVDT is noisier than where the load stands.
     RestMeasured,
     /// Rms deviation of the same, not averaged (m).
     RestRms,
-    /// Greatest deviation of the same, not averaged (m).
+    /// Maximum deviation of the same, not averaged (m).
     RestRaw,
     /// Reversals of the strings by more than [`super::trial::REVERSAL_RAD`] during the rest.
     Hunting,
     /// Twist that the strings were turned by during the rest, both ways together (rad).
     Travel,
-    /// Greatest deviation of the true position from the target during the rest (m).
+    /// Maximum deviation of the true position from the target during the rest (m).
     RestTrue,
     /// Rms error of the true position while the set-point travels (m).
     FollowRms,
-    /// Greatest error of the same (m).
-    FollowMost,
+    /// Maximum error of the same (m).
+    FollowMax,
     /// Faults without a cause.
     Faults,
     /// Whether a step of the load was followed by a fault: 1 or 0. It has a cause.
@@ -51,11 +51,11 @@ pub enum Check {
     Moves,
     /// How far the load sank in the 3 s after a fault (m).
     Sank,
-    /// Rms error of predicted contractions under loads between those of the sweeps, as a share of the true ones.
+    /// Rms error of predicted contractions under loads between those of the sweeps, as a fraction of the true ones.
     HeldOut,
     /// Whether the stated error of a predicted contraction covers the true one: 1 or 0.
     PredictionCover,
-    /// The stated error of a predicted contraction, as a share of the contraction.
+    /// The stated error of a predicted contraction, as a fraction of the contraction.
     PredictionStated,
     /// Error of a predicted contraction over the stated one.
     PredictionOverStated,
@@ -80,8 +80,8 @@ pub enum Floor {
         limit: f64,
         /// What the limit gains by one over the load (N).
         per_load_n: f64,
-        /// Share of the values.
-        share: f64,
+        /// Fraction of the values.
+        fraction: f64,
     },
     /// Every value is this or more.
     AtLeast(f64),
@@ -111,7 +111,7 @@ const CHECKS: [(Check, &str, &str, f64, &str); 28] = [
     (Check::Travel, "rest_travel_rad", "", 1.0, "rad"),
     (Check::RestTrue, "rest_true_m", "at rest against the truth", 1e3, "mm"),
     (Check::FollowRms, "following_rms_m", "following at 2 mm/s, rms", 1e3, "mm"),
-    (Check::FollowMost, "following_most_m", "following at 2 mm/s, most", 1e3, "mm"),
+    (Check::FollowMax, "following_most_m", "following at 2 mm/s, most", 1e3, "mm"),
     (Check::Faults, "faults", "faults without a cause", 1.0, ""),
     (Check::StepFaults, "faults_at_load_steps", "", 1.0, ""),
     (Check::Moves, "moves", "", 1.0, ""),
@@ -150,11 +150,12 @@ impl Check {
     pub fn floor(self, kind: RigPreset, as_built: bool) -> Option<Floor> {
         let hard = kind == RigPreset::Hard;
         let pick = |nominal: f64, worst: f64| if hard { worst } else { nominal };
-        let all = |nominal: f64, worst: f64| Floor::Within { limit: pick(nominal, worst), per_load_n: 0.0, share: 1.0 };
+        let all =
+            |nominal: f64, worst: f64| Floor::Within { limit: pick(nominal, worst), per_load_n: 0.0, fraction: 1.0 };
         Some(match self {
-            Self::Zero => Floor::Within { limit: 0.05, per_load_n: 0.0, share: pick(0.99, 0.95) },
+            Self::Zero => Floor::Within { limit: 0.05, per_load_n: 0.0, fraction: pick(0.99, 0.95) },
             Self::LoadHomed if !as_built => {
-                Floor::Within { limit: pick(0.05, 0.15), per_load_n: pick(0.05, 0.1), share: 1.0 }
+                Floor::Within { limit: pick(0.05, 0.15), per_load_n: pick(0.05, 0.1), fraction: 1.0 }
             }
             Self::LoadStep if !as_built => all(0.10, 0.30),
             Self::LoadCover | Self::PositionCover => Floor::Mean([0.85, 0.95]),
@@ -163,7 +164,7 @@ impl Check {
             Self::Hunting => all(HUNTING, HUNTING),
             Self::RestTrue => all(0.15e-3, 0.3e-3),
             Self::FollowRms => all(0.1e-3, 0.3e-3),
-            Self::FollowMost => all(0.3e-3, 0.8e-3),
+            Self::FollowMax => all(0.3e-3, 0.8e-3),
             Self::Faults => Floor::Per200Moves(pick(0.0, 2.0)),
             Self::Sank => all(SAFE_M, SAFE_M),
             Self::HeldOut if !as_built => all(0.02, 0.05),
@@ -189,7 +190,7 @@ impl Floor {
             Self::Within { limit, per_load_n, .. } => {
                 Some(value.is_some_and(|v| v.abs() <= limit + per_load_n / load_n))
             }
-            Self::AtLeast(least) => Some(value.is_some_and(|v| v >= least)),
+            Self::AtLeast(min) => Some(value.is_some_and(|v| v >= min)),
             Self::Mean(_) => None,
             // How many there may be is asked of all of them together.
             Self::Per200Moves(_) => Some(value.is_none_or(|faults| faults <= 0.0)),
@@ -200,14 +201,14 @@ impl Floor {
     pub fn text(self, check: Check) -> String {
         let (by, unit) = check.unit();
         match self {
-            Self::Within { limit, per_load_n, share } => {
-                let of = if share < 1.0 { format!(", {:.0} %", 100.0 * share) } else { String::new() };
+            Self::Within { limit, per_load_n, fraction } => {
+                let of = if fraction < 1.0 { format!(", {:.0} %", 100.0 * fraction) } else { String::new() };
                 let more = if per_load_n > 0.0 { format!(" + {per_load_n} N") } else { String::new() };
                 format!("{} {unit}{more}{of}", trimmed(by * limit)).trim_end().to_owned()
             }
-            Self::AtLeast(least) => format!("{} {unit}", trimmed(by * least)),
+            Self::AtLeast(min) => format!("{} {unit}", trimmed(by * min)),
             Self::Mean([low, high]) => format!("{} to {} {unit}", trimmed(by * low), trimmed(by * high)),
-            Self::Per200Moves(most) => format!("{} in 200 moves", trimmed(most)),
+            Self::Per200Moves(max) => format!("{} in 200 moves", trimmed(max)),
         }
     }
 }

@@ -30,7 +30,7 @@ pub struct Line {
     median: Option<f64>,
     p95: Option<f64>,
     worst: Option<f64>,
-    /// Share of the cases that meet the floor; the mean, or the number for every 200 moves, where the floor is one of that.
+    /// Fraction of the cases that meet the floor; the mean, or the number for every 200 moves, where the floor is one of that.
     met: Option<f64>,
     /// Whether the floor holds.
     pub holds: Option<bool>,
@@ -82,21 +82,21 @@ impl Results<'_> {
         let sign = if matches!(asked, Some(Floor::AtLeast(_))) { -1.0 } else { 1.0 };
         let values = Sorted::new(all.iter().filter_map(|f| f.value).map(|value| sign * value.abs()));
         let cases = values.count();
-        let at = |share: f64| values.quantile(share).map(|value| sign * value);
+        let at = |fraction: f64| values.quantile(fraction).map(|value| sign * value);
         let met_by = |f: &Finding| asked.and_then(|floor| floor.is_met(f.value, load_n(f))).unwrap_or(false);
-        let share = || (!all.is_empty()).then(|| all.iter().filter(|f| met_by(f)).count() as f64 / all.len() as f64);
+        let fraction = || (!all.is_empty()).then(|| all.iter().filter(|f| met_by(f)).count() as f64 / all.len() as f64);
         let (met, holds) = match asked {
             None => (None, None),
-            Some(Floor::Within { share: wanted, .. }) => (share(), share().map(|share| share >= wanted)),
-            Some(Floor::AtLeast(_)) => (share(), share().map(|share| share >= 1.0)),
+            Some(Floor::Within { fraction: wanted, .. }) => (fraction(), fraction().map(|fraction| fraction >= wanted)),
+            Some(Floor::AtLeast(_)) => (fraction(), fraction().map(|fraction| fraction >= 1.0)),
             Some(Floor::Mean([low, high])) => {
                 let mean = (cases > 0).then(|| values.sum() / cases as f64);
                 (mean, mean.map(|mean| (low..=high).contains(&mean)))
             }
-            Some(Floor::Per200Moves(most)) => {
+            Some(Floor::Per200Moves(max)) => {
                 let moves: f64 = findings(Check::Moves).filter_map(|f| f.value).sum();
                 let rate = (moves > 0.0).then(|| 200.0 * values.sum() / moves);
-                (rate, rate.map(|rate| rate <= most))
+                (rate, rate.map(|rate| rate <= max))
             }
         };
         let first = &self.scored[0].subject;

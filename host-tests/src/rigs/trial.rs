@@ -37,7 +37,7 @@ const ASKED: [Check; 8] = [
     Check::Hunting,
     Check::RestTrue,
     Check::FollowRms,
-    Check::FollowMost,
+    Check::FollowMax,
 ];
 
 /// Why all other checks of a boot have no value.
@@ -135,7 +135,7 @@ impl Trial {
     fn load(&mut self, check: Check, when: &str) {
         let true_n = self.bench.truth().load_n;
         let told = self.bench.last.as_ref().map(|last| last.telemetry);
-        let error_n = told.and_then(|t| t.load_n).map(|told_n| f64::from(told_n) - true_n);
+        let error_n = told.and_then(|t| t.load_n).map(|reported_n| f64::from(reported_n) - true_n);
         let why = if error_n.is_none() { format!("{when}: no load is told") } else { when.to_owned() };
         self.found(check, error_n.map(|error_n| error_n / true_n), &why);
         self.stated(when);
@@ -145,14 +145,14 @@ impl Trial {
     fn stated(&mut self, when: &str) {
         let Some(t) = self.bench.last.as_ref().map(|last| last.telemetry) else { return };
         let true_n = self.bench.truth().load_n;
-        if let (Some(told_n), Some(stated_n)) = (t.load_n, t.load_error_n) {
-            let (error_n, stated_n) = ((f64::from(told_n) - true_n).abs(), f64::from(stated_n));
+        if let (Some(reported_n), Some(stated_n)) = (t.load_n, t.load_error_n) {
+            let (error_n, stated_n) = ((f64::from(reported_n) - true_n).abs(), f64::from(stated_n));
             self.found(Check::LoadCover, f64::from(u8::from(error_n <= stated_n)), when);
             self.found(Check::LoadStated, stated_n / true_n, when);
             self.found(Check::Certain, error_n / stated_n, when);
         }
-        if let (Some(told_m), Some(stated_m)) = (t.position_m, t.position_error_m) {
-            let error_m = (f64::from(told_m) - self.bench.true_position_m()).abs();
+        if let (Some(reported_m), Some(stated_m)) = (t.position_m, t.position_error_m) {
+            let error_m = (f64::from(reported_m) - self.bench.true_position_m()).abs();
             self.found(Check::PositionCover, f64::from(u8::from(error_m <= f64::from(stated_m))), when);
             self.found(Check::PositionStated, f64::from(stated_m), when);
         }
@@ -259,12 +259,12 @@ impl Trial {
             Ok(records) => {
                 let summary = Summary::new(&records.iter().map(Score::new).collect::<Vec<_>>());
                 self.found(Check::FollowRms, summary.rms_m, "");
-                self.found(Check::FollowMost, summary.max_m, "");
+                self.found(Check::FollowMax, summary.max_m, "");
                 Some(records)
             }
             Err(why) => {
                 self.found(Check::FollowRms, None, &why);
-                self.found(Check::FollowMost, None, &why);
+                self.found(Check::FollowMax, None, &why);
                 None
             }
         }

@@ -45,7 +45,7 @@ fn homes_and_moves_a_load_it_was_not_given_over_bus_or_serial_line() {
 }
 
 /// Instructions that no tick may take: 5 % of its 10 ms at an instruction a cycle.
-const MOST_INSTRUCTIONS: u64 = 84_000;
+const MAX_INSTRUCTIONS: u64 = 84_000;
 
 /// What no scenario thinks of: requests of all kinds at any time, refused ones too, under loads that change; now and then
 /// several at once by a host that does not wait for its answers.
@@ -97,7 +97,7 @@ fn ticks_stay_short_whatever_is_asked() {
         wait_s -= 0.01;
     }
     println!("{refused} requests refused; longest: {:?}", b.longest_tick);
-    assert!(refused > 10 && b.longest_tick.instructions < MOST_INSTRUCTIONS, "{:?}", b.longest_tick);
+    assert!(refused > 10 && b.longest_tick.instructions < MAX_INSTRUCTIONS, "{:?}", b.longest_tick);
 }
 
 /// A core that hangs or whose stack leaves the RAM (it lies below the variables, memory.x) is reset by the watchdog; one with

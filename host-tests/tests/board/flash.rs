@@ -176,7 +176,7 @@ fn half_erased(image: &[u8], places: &[usize], rounds: u32) -> Vec<u8> {
 
 /// Cuts the power before and after changes of flash while `new` is written, at most so many, spread evenly, and looks at
 /// what is there afterwards.
-fn cut_power(image: &[u8], old: &SettingValues, new: &SettingValues, most: usize) {
+fn cut_power(image: &[u8], old: &SettingValues, new: &SettingValues, max: usize) {
     let images = changes(image, &Request::SetSettings(*new));
     let (mut olds, mut news) = (0, 0);
     let mut look = |image: &[u8], cut: usize| {
@@ -188,7 +188,7 @@ fn cut_power(image: &[u8], old: &SettingValues, new: &SettingValues, most: usize
             values => panic!("after change {cut}: {values:?}"),
         }
     };
-    let every = images.len().div_ceil(most);
+    let every = images.len().div_ceil(max);
     for (k, cut) in images.iter().enumerate() {
         if k % every == 0 || k + 1 == images.len() {
             look(cut, k);

@@ -52,7 +52,7 @@ fn with_flash(b: &mut Bench, image: &[u8]) {
     b.greet();
 }
 
-/// The board's identity, asked for anew.
+/// The board's identity, asked for again.
 fn identity(b: &mut Bench) -> rig_link::messages::Identity {
     b.identity = None;
     b.ask(&Request::Status).unwrap();

@@ -1,4 +1,4 @@
-//! A drive keeps its last target for ever, and has no time-out of its own (crates/rmds405/README.md 2.6). Here is every
+//! A drive keeps its last target indefinitely, and has no time-out of its own (crates/rmds405/README.md 2.6). Here is every
 //! way in which it may still hold one when the board no longer means it, on the emulated board: in the ten seconds
 //! after each, the drive turns the strings by nothing, whatever becomes of the load.
 

@@ -1,4 +1,4 @@
-//! The emergency stop in every state: a drive keeps its last target for ever (crates/rmds405/README.md 2.6), and must not go there
+//! The emergency stop in every state: a drive keeps its last target indefinitely (crates/rmds405/README.md 2.6), and must not go there
 //! when the stop is released. `board/old_target.rs` has the same on the emulated board, with all that restarts.
 
 use super::go;

@@ -26,12 +26,12 @@ fn homes_within_20_mrad_from_any_twist_under_any_load() {
     for seed in 0..24 {
         let load_kg = 0.1 * 15f64.powf(random.random());
         // Light strings side by side end before ten turns (docs/explanation/model.md 5).
-        let most_rad = TAU * if load_kg < 0.2 { 9.0 } else { 10.0 };
+        let max_rad = TAU * if load_kg < 0.2 { 9.0 } else { 10.0 };
         // Near zero twist a random one seldom is.
         let twist_rad = [0.0, -0.01, 0.7, -1.3, 3.1, -3.0]
             .get(seed)
             .copied()
-            .unwrap_or_else(|| random.random_range(-most_rad..most_rad));
+            .unwrap_or_else(|| random.random_range(-max_rad..max_rad));
         let keys = [
             ("load", format!("{load_kg}kg")),
             ("twist_at_boot", twist_rad.to_string()),
@@ -50,8 +50,8 @@ fn homes_from_the_farthest_twist_that_the_strings_can_have() {
     for (seed, load) in ["0.8", "0.9", "0.1kg", "2", "5", "18"].iter().enumerate() {
         let nominal = ControlBench::new(&[("load", load)], 1);
         let last_rad = nominal.rig.plant().built_in().expect("built in").surface.last_twist_rad(nominal.truth().load_n);
-        let most = (10.0 * last_rad).floor() / 10.0;
-        for (k, twist) in [most, -most, most - 2.0, 2.0 - most, 0.9 * most, -0.9 * most].iter().enumerate() {
+        let max = (10.0 * last_rad).floor() / 10.0;
+        for (k, twist) in [max, -max, max - 2.0, 2.0 - max, 0.9 * max, -0.9 * max].iter().enumerate() {
             let friction = if (k + seed) % 2 == 0 { "0.02" } else { "0.1" };
             let keys = [("load", *load), ("friction", friction), ("twist_at_boot", &twist.to_string())];
             let [_, load_off, seconds] = home(&keys, seed as u64);
@@ -77,12 +77,12 @@ fn a_jammed_load_is_not_homed() {
 #[test]
 fn homes_a_load_that_swings() {
     for k in [0, 2, 5, 7, 10] {
-        let swings_s = 0.03 * k as f64;
+        let oscillations_s = 0.03 * k as f64;
         let mut d = ControlBench::new(&[("load", "0.9kg"), ("friction", "0.05"), ("twist_at_boot", "-4.5")], k);
         assert!(d.until(5.0, |d| d.control.state() == State::Unhomed));
         d.rig.set_plant("load", "1.336kg").unwrap();
-        d.run(swings_s);
-        let seconds = d.home().unwrap_or_else(|e| panic!("{swings_s} s after the load began to swing: {e}"));
+        d.run(oscillations_s);
+        let seconds = d.home().unwrap_or_else(|e| panic!("{oscillations_s} s after the load began to swing: {e}"));
         let off = d.truth().twist_rad.abs() - PI;
         assert!(off.abs() < 0.02 && seconds < 45.0, "zero off by {off} rad, {seconds} s");
     }

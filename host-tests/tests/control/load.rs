@@ -97,12 +97,12 @@ fn nothing_swings_or_hunts_at_rest() {
         let mut d = homed(&[], load, friction, 9);
         track(&mut d, 0.008);
         d.run(3.0);
-        let (mut least, mut most) = (f64::MAX, f64::MIN);
+        let (mut min, mut max) = (f64::MAX, f64::MIN);
         d.until(20.0, |d| {
-            (least, most) = (least.min(d.true_position_m()), most.max(d.true_position_m()));
+            (min, max) = (min.min(d.true_position_m()), max.max(d.true_position_m()));
             false
         });
-        assert!(most - least < 50e-6, "{load}, {friction} N: {} m peak to peak", most - least);
+        assert!(max - min < 50e-6, "{load}, {friction} N: {} m peak to peak", max - min);
         assert_eq!(d.control.state(), State::Holding);
     }
 }

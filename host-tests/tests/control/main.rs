@@ -34,7 +34,7 @@ fn hang(d: &mut ControlBench, mut from_kg: f64, to_kg: f64) {
     }
 }
 
-/// Moves at 2 mm/s; the greatest distance from the set-point on the way (m).
+/// Moves at 2 mm/s; the maximum distance from the set-point on the way (m).
 fn track(d: &mut ControlBench, target_m: f32) -> f64 {
     d.tick(Some(go(target_m, 0.002)));
     let mut worst = 0.0f64;

@@ -5,7 +5,7 @@
 use host_tests::rigs::commission::Firmware;
 use host_tests::rigs::subject::{EFFECTS, Subject};
 use host_tests::{ControlBench, scene};
-use lab::budget::{Budget, Part, Rig, Share};
+use lab::budget::{Budget, Fraction, Part, Rig};
 use rig_config::{Accuracy, Envelope, Scene};
 use rig_link::messages::{LoadChoice, Request, State};
 use rig_plant::{PlantKey, RigPreset};
@@ -14,13 +14,13 @@ use tsa_model::twist_from_turns;
 const LOAD_N: f64 = 4.9;
 const REST_M: f32 = 0.008;
 
-/// The share of a part under one load, of a rig of its own model but for some keys as large as a kind of rig has them at most.
-fn share(scene: &Scene, part: Part, keys: &[PlantKey], kind: RigPreset) -> Share {
+/// The fraction of a part under one load, of a rig of its own model but for some keys as large as a kind of rig has them at most.
+fn fraction(scene: &Scene, part: Part, keys: &[PlantKey], kind: RigPreset) -> Fraction {
     let size = |key: PlantKey| {
-        let most = kind.extreme(key, 1.0).filter(|_| keys.contains(&key)).map_or(0.0, |change| change.value);
-        if key == PlantKey::StictionRatio { (most - 1.0).max(0.0) } else { most }
+        let max = kind.extreme(key, 1.0).filter(|_| keys.contains(&key)).map_or(0.0, |change| change.value);
+        if key == PlantKey::StictionRatio { (max - 1.0).max(0.0) } else { max }
     };
-    Budget::new(scene, &Rig { sizes: &size, gauge_m: None }).expect("a budget").share(part)
+    Budget::new(scene, &Rig { sizes: &size, gauge_m: None }).expect("a budget").fraction(part)
 }
 
 /// The default scene at one load, where it rests in these tests: the budget has only the last state.
@@ -79,7 +79,7 @@ fn the_sensor_makes_the_position_as_wrong_as_the_budget_says() {
                 bench.true_position_m() - f64::from(REST_M)
             })
             .collect();
-        let half_width = share(&at_rest(), Part::Sensor, keys("LVDT and converter"), kind).position_m.all;
+        let half_width = fraction(&at_rest(), Part::Sensor, keys("LVDT and converter"), kind).position_m.all;
         compare(&format!("sensor, {kind}, at rest"), rms(&errors), half_width, [0.5, 2.0]);
     }
 }
@@ -99,7 +99,7 @@ fn stiction_leaves_the_load_where_the_budget_says() {
                 });
             }
         }
-        let half_width = share(&at_rest(), Part::Friction, keys("rail friction"), kind).position_m.all;
+        let half_width = fraction(&at_rest(), Part::Friction, keys("rail friction"), kind).position_m.all;
         compare(&format!("friction, {kind}, in moves"), rms(&errors), half_width, [0.4, 2.5]);
     }
 }
@@ -118,8 +118,8 @@ fn a_rough_table_makes_the_load_as_wrong_as_the_budget_says() {
         let mut bench = ControlBench::on(subject.switched_on(load_n).expect("a rig"), firmware.boot());
         bench.home().expect("homes");
         bench.run(0.1);
-        let told_n = bench.last.as_ref().and_then(|last| last.telemetry.load_n).map(f64::from).expect("a load");
-        told_n / load_n
+        let reported_n = bench.last.as_ref().and_then(|last| last.telemetry.load_n).map(f64::from).expect("a load");
+        reported_n / load_n
     };
     let mut loads = Vec::new();
     for load_n in [1.5, LOAD_N, 14.7] {
@@ -128,6 +128,6 @@ fn a_rough_table_makes_the_load_as_wrong_as_the_budget_says() {
     let scene = Scene { envelope: Some(Envelope { load_n: [1.5, 14.7], turns: [0.0, 7.5] }), ..scene().clone() };
     let mut budget = Budget::new(&scene, &Rig { sizes: &|key| kind.rms(key), gauge_m: None }).expect("a budget");
     budget.set_table(&fit.table.table());
-    let half_width = budget.share(Part::Table).load.all;
+    let half_width = budget.fraction(Part::Table).load.all;
     compare("table, nominal, load after homing", rms(&loads), half_width, [0.1, 3.0]);
 }

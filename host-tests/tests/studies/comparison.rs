@@ -9,10 +9,10 @@ use host_tests::rigs::subject::Subject;
 use host_tests::scenario;
 
 /// What `cargo xtask compare` found for the fixed ratio: with the least error, and with the most settled moves.
-const LEAST_ERROR: Loop =
-    Loop { tr_rad_per_m: Some(2860.0), gain_per_s: 6.0, corner_rad_per_s: 38.4, crossing_rad: 0.0 };
-const MOST_SETTLED: Loop =
-    Loop { tr_rad_per_m: Some(2860.0), gain_per_s: 6.0, corner_rad_per_s: 30.0, crossing_rad: 0.0 };
+const MIN_ERROR: Loop =
+    Loop { tr_rad_per_m: Some(2860.0), gain_per_s: 6.0, corner_rad_per_s: 38.4, breakaway_rad: 0.0 };
+const MAX_SETTLED: Loop =
+    Loop { tr_rad_per_m: Some(2860.0), gain_per_s: 6.0, corner_rad_per_s: 30.0, breakaway_rad: 0.0 };
 
 /// Of the moves without load steps, and of those with.
 fn summaries(entries: &[Entry]) -> [Summary; 2] {
@@ -52,11 +52,11 @@ fn this_controller_beats_what_is_usual() {
         (steady, steps, theirs)
     };
     // The fixed ratios that the searches on fifty plants found; the one with the least error rings when the load changes.
-    let (steady, ..) = against("b", Law::Loop(MOST_SETTLED));
+    let (steady, ..) = against("b", Law::Loop(MAX_SETTLED));
     assert!(steady > 5.0, "{steady}");
-    let (steady, worth, [_, steps]) = against("b'", Law::Loop(LEAST_ERROR));
+    let (steady, worth, [_, steps]) = against("b'", Law::Loop(MIN_ERROR));
     assert!(steady > 5.0, "{steady}");
-    // A load that changes on the way falls by millimetres under any controller, and damping its swing must not delay its return.
+    // A load that changes on the way falls by millimetres under any controller, and damping its oscillation must not delay its return.
     assert!(worth > 1.0, "{worth}");
     assert!(steps.overshoot_m > 2.0 * ours[1].overshoot_m, "{steps:?}");
     let (steady, ..) = against("c", Law::OpenLoop);
@@ -74,8 +74,8 @@ fn a_light_load_is_crept_up_to_not_pushed() {
     let played = play::firmware(light, &Subject::random(26), &Firmware::as_built());
     assert_eq!((played.failure, played.records.len()), (None, light.moves.len()));
     let steady = played.records.iter().filter(|r| !r.changed).map(|r| Score::new(r).max_m);
-    let most_m = steady.fold(0.0, f64::max);
-    assert!(most_m < 0.2e-3, "{:.0} um", most_m * 1e6);
+    let max_m = steady.fold(0.0, f64::max);
+    assert!(max_m < 0.2e-3, "{:.0} um", max_m * 1e6);
 }
 
 #[test]
@@ -88,7 +88,7 @@ fn without_friction_the_ratio_is_worth_five_times_the_error() {
     assert!(comparison.failures.is_empty(), "{:?}", comparison.failures);
     let rms_m = |law| summaries(&comparison.play(law))[0].rms_m;
     let ours = rms_m(None);
-    for law in [untuned(), MOST_SETTLED, LEAST_ERROR] {
+    for law in [untuned(), MAX_SETTLED, MIN_ERROR] {
         let theirs = rms_m(Some(Law::Loop(law)));
         println!("{:.1} um against {:.1} um", ours * 1e6, theirs * 1e6);
         assert!(theirs > 5.0 * ours, "{ours} against {theirs} of {law:?}");

@@ -3,7 +3,7 @@
 use host_tests::ControlBench;
 use host_tests::compare::baseline::{Law, Loop};
 use host_tests::compare::{Comparison, play};
-use host_tests::margins::{Loosened, hung_at, swing_m};
+use host_tests::margins::{Loosened, hung_at, oscillation_m};
 use host_tests::rigs::subject::Subject;
 use host_tests::scenario::Scenario;
 use lab::chart::margin::{Controller, DAMPING, DRIVE_PER_S, Hung};
@@ -35,12 +35,12 @@ fn nominal() -> Subject {
 }
 
 /// How far the load still swings, 20 s after the set-point has arrived (m).
-fn fixed_swing_m(comparison: &Comparison<'_>, scenario: &Scenario, gain_per_s: f64) -> f64 {
+fn fixed_oscillation_m(comparison: &Comparison<'_>, scenario: &Scenario, gain_per_s: f64) -> f64 {
     let law = Law::Loop(Loop {
         tr_rad_per_m: Some(RATIO as f32),
         gain_per_s: gain_per_s as f32,
         corner_rad_per_s: CORNER as f32,
-        crossing_rad: 0.0,
+        breakaway_rad: 0.0,
     });
     let case = &comparison.cases[0];
     let records = play::baseline(case.ready.clone().unwrap(), law, scenario, &case.along);
@@ -60,7 +60,7 @@ fn a_fixed_ratio_swings_from_the_gain_on_at_which_it_should() {
         let scenario = [Scenario::new(load, &Script::parse(&script).unwrap()).unwrap()];
         let comparison = Comparison::new(&scenario, &[nominal()]).unwrap();
         assert!(comparison.failures.is_empty(), "{:?}", comparison.failures);
-        let [below, above] = [0.9, 1.1].map(|part| fixed_swing_m(&comparison, &scenario[0], part * limit));
+        let [below, above] = [0.9, 1.1].map(|part| fixed_oscillation_m(&comparison, &scenario[0], part * limit));
         println!("{load}: limit {limit:.2} 1/s; swing {:.0} um below it, {:.0} um above", below * 1e6, above * 1e6);
         assert!(below < 60e-6, "{load}: {below} m at 0.9 of {limit} 1/s");
         assert!(above > 150e-6, "{load}: {above} m at 1.1 of {limit} 1/s");
@@ -70,16 +70,16 @@ fn a_fixed_ratio_swings_from_the_gain_on_at_which_it_should() {
 #[test]
 fn the_scheduled_loop_has_a_margin_of_two_where_a_fixed_one_is_unstable() {
     let scene = host_tests::scene();
-    let (mechanism, [least_n, most_n]) = (scene.mechanism().unwrap(), scene.envelope.unwrap().load_n);
+    let (mechanism, [min_n, max_n]) = (scene.mechanism().unwrap(), scene.envelope.unwrap().load_n);
     let part = |k: u32| f64::from(k) / 7.0;
-    let load_n = |k: u32| least_n * (most_n / least_n).powf(part(k));
+    let load_n = |k: u32| min_n * (max_n / min_n).powf(part(k));
     let states = (0..8).flat_map(|i| (0..8).map(move |j| (load_n(i), 7.5 * part(j))));
     let margins = states.map(|(load_n, turns)| {
         let hung = Hung::at(&mechanism, load_n, twist_from_turns(turns)).unwrap();
         [Controller::scheduled(), Controller::fixed(RATIO)].map(|c| hung.gain_margin(&c))
     });
-    let least = margins.fold([f64::INFINITY; 2], |[a, b], [c, d]| [a.min(c), b.min(d)]);
-    assert!(least[0] > 2.0 && least[1] < 1.0, "{least:?}");
+    let min = margins.fold([f64::INFINITY; 2], |[a, b], [c, d]| [a.min(c), b.min(d)]);
+    assert!(min[0] > 2.0 && min[1] < 1.0, "{min:?}");
 }
 
 /// A load at 8 mm on a rig without friction.
@@ -103,11 +103,11 @@ fn the_firmwares_loop_swings_from_the_gain_and_from_the_delay_on_at_which_it_sho
         let by_gain = |part: f64| Loosened { gain: part * gain, delay_s: 0.0 };
         let by_delay = |part: f64| Loosened { gain: 1.0, delay_s: part * delay_s };
         for [below, above] in [[by_gain(0.85), by_gain(1.15)], [by_delay(0.8), by_delay(1.25)]] {
-            let swing = |loosened| 1e6 * swing_m(bench.clone(), load_kg, 0.99, loosened).unwrap();
-            let swings = [swing(below), swing(above)];
-            println!("{load_kg} kg: {swings:.0?} um with {below:.3?} and {above:.3?}");
-            assert!(swings[0] < 60.0, "{load_kg} kg: swings with {below:?}");
-            assert!(swings[1] > 300.0, "{load_kg} kg: does not swing with {above:?}");
+            let oscillation = |loosened| 1e6 * oscillation_m(bench.clone(), load_kg, 0.99, loosened).unwrap();
+            let oscillations = [oscillation(below), oscillation(above)];
+            println!("{load_kg} kg: {oscillations:.0?} um with {below:.3?} and {above:.3?}");
+            assert!(oscillations[0] < 60.0, "{load_kg} kg: swings with {below:?}");
+            assert!(oscillations[1] > 300.0, "{load_kg} kg: does not swing with {above:?}");
         }
     }
 }
@@ -117,7 +117,7 @@ fn the_firmwares_loop_swings_from_the_gain_and_from_the_delay_on_at_which_it_sho
 fn a_load_that_loses_a_fifth_of_its_weight_is_caught_with_20_ms_of_unknown_delay() {
     for load_kg in [0.3, 0.6, 1.0, 1.4] {
         let late = Loosened { gain: 1.0, delay_s: 0.02 };
-        let swing_um = 1e6 * swing_m(at_rest(load_kg), load_kg, 0.8, late).unwrap();
-        assert!(swing_um < 60.0, "{load_kg} kg: {swing_um} um");
+        let oscillation_um = 1e6 * oscillation_m(at_rest(load_kg), load_kg, 0.8, late).unwrap();
+        assert!(oscillation_um < 60.0, "{load_kg} kg: {oscillation_um} um");
     }
 }

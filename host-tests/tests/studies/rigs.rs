@@ -21,7 +21,7 @@ fn a_good_run_meets_every_floor_and_a_wrong_load_is_noticed() {
     let mut scored = scored();
     let results = groups(&scored).remove(0);
     let before = results.failed().count();
-    for check in [Check::Zero, Check::RestMeasured, Check::RestTrue, Check::FollowRms, Check::FollowMost, Check::Faults]
+    for check in [Check::Zero, Check::RestMeasured, Check::RestTrue, Check::FollowRms, Check::FollowMax, Check::Faults]
     {
         assert_eq!(results.line(check).holds, Some(true), "{check:?}");
     }

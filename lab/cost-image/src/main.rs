@@ -4,16 +4,16 @@
 #![no_std]
 #![no_main]
 
+use baseline_methods::Method;
 use core::hint::black_box;
 use defmt_rtt as _;
 use panic_probe as _;
-use rival_methods::Method;
 use tsa_model::{Mechanism, Tier};
 use tsa_table::Point;
 
 #[allow(missing_docs, clippy::approx_constant, reason = "generated")]
 mod tables {
-    use rival_forms::{Axis, Form, LoadMap, Table};
+    use table_forms::{Axis, Form, LoadMap, Table};
     include!(concat!(env!("OUT_DIR"), "/tables.rs"));
 }
 

@@ -7,7 +7,7 @@ use tsa_model::Mechanism;
 use tsa_table::emit::table_source;
 use tsa_table::fit::{Errors, Fit, FitError, preference};
 use tsa_table::owned::OwnedTable;
-use tsa_table::{Demand, FORM};
+use tsa_table::{FORM, TableSpec};
 
 /// A table that was considered.
 #[derive(Clone, Debug)]
@@ -36,8 +36,8 @@ enum AnyTable {
 }
 
 /// The other forms' best tables, then the candidates of a fit.
-fn all(mechanism: &Mechanism, demand: &Demand, fit: &Fit) -> Result<Vec<Considered>, FitError> {
-    let others = candidates(mechanism, demand)?.into_iter().map(|c| Considered {
+fn all(mechanism: &Mechanism, table_spec: &TableSpec, fit: &Fit) -> Result<Vec<Considered>, FitError> {
+    let others = candidates(mechanism, table_spec)?.into_iter().map(|c| Considered {
         form: c.table.form.name(),
         size: match c.table.form {
             Form::Series { rows, row_lengths } => {
@@ -70,8 +70,8 @@ fn all(mechanism: &Mechanism, demand: &Demand, fit: &Fit) -> Result<Vec<Consider
 ///
 /// # Errors
 /// As [`tsa_table::fit::fit_tier`].
-pub fn considered(mechanism: &Mechanism, demand: &Demand, fit: &Fit) -> Result<Vec<Considered>, FitError> {
-    let mut all = all(mechanism, demand, fit)?;
+pub fn considered(mechanism: &Mechanism, table_spec: &TableSpec, fit: &Fit) -> Result<Vec<Considered>, FitError> {
+    let mut all = all(mechanism, table_spec, fit)?;
     all.sort_by_key(|c| preference(c.passes, c.bytes, c.instructions));
     Ok(all)
 }
@@ -82,8 +82,12 @@ pub fn considered(mechanism: &Mechanism, demand: &Demand, fit: &Fit) -> Result<V
 ///
 /// # Errors
 /// As [`tsa_table::fit::fit_tier`].
-pub fn peers(mechanism: &Mechanism, demand: &Demand, fit: &Fit) -> Result<Vec<(&'static str, Considered)>, FitError> {
-    let all = all(mechanism, demand, fit)?;
+pub fn peers(
+    mechanism: &Mechanism,
+    table_spec: &TableSpec,
+    fit: &Fit,
+) -> Result<Vec<(&'static str, Considered)>, FitError> {
+    let all = all(mechanism, table_spec, fit)?;
     let ranges = |c: &&Considered| if let AnyTable::Own(own) = &c.table { own.numbers.patches.len() } else { 0 };
     let own = || all.iter().filter(|c| c.passes && c.form == FORM);
     // One that passes before one that fails, then the more accurate one.

@@ -1,9 +1,9 @@
 //! The smallest table of each form on each load map.
 
-use crate::form::{Form, MOST_ROWS};
+use crate::form::{Form, MAX_ROWS};
 use crate::table::{Axis, LoadMap, Table};
 use tsa_model::{Mechanism, Tier};
-use tsa_table::Demand;
+use tsa_table::TableSpec;
 use tsa_table::errors::errors_over;
 use tsa_table::fit::{Errors, FitError, MAX_BYTES};
 use tsa_table::reference::{Exact, Reference};
@@ -17,8 +17,8 @@ const LOAD_MAPS: [LoadMap; 5] = [
     LoadMap::InverseRoot,
 ];
 
-/// A candidate must stay within this share of the accuracy on the selection grid.
-const SELECTION_SHARE: f64 = 0.8;
+/// A candidate must stay within this fraction of the accuracy on the selection grid.
+const SELECTION_FRACTION: f64 = 0.8;
 
 /// Sizes that are tried, smallest first: load nodes, twist nodes.
 const HERMITE_SIZES: [(u16, u16); 10] =
@@ -44,12 +44,12 @@ pub struct Candidate {
 ///
 /// # Errors
 /// [`FitError::Envelope`].
-pub fn candidates(mechanism: &Mechanism, demand: &Demand) -> Result<Vec<Candidate>, FitError> {
-    let reference = Reference::new(mechanism, Tier::Full, demand);
+pub fn candidates(mechanism: &Mechanism, table_spec: &TableSpec) -> Result<Vec<Candidate>, FitError> {
+    let reference = Reference::new(mechanism, Tier::Full, table_spec);
     let points = reference.selection_grid()?;
     let mut all = Vec::new();
     for map in LOAD_MAPS {
-        all.extend(Search { reference: &reference, map, points: &points, demand }.candidates()?);
+        all.extend(Search { reference: &reference, map, points: &points, table_spec }.candidates()?);
     }
     Ok(all)
 }
@@ -62,7 +62,7 @@ struct Search<'a> {
     reference: &'a Reference<'a>,
     map: LoadMap,
     points: &'a [Exact],
-    demand: &'a Demand,
+    table_spec: &'a TableSpec,
 }
 
 impl Search<'_> {
@@ -72,7 +72,7 @@ impl Search<'_> {
         let mut series = None;
         for weight in SLOPE_WEIGHTS {
             let thresholds = (0..THRESHOLDS)
-                .map(|k| 100.0 * self.demand.accuracy.contraction_m * 10f64.powf(-f64::from(k) / 8.0))
+                .map(|k| 100.0 * self.table_spec.accuracy.contraction_m * 10f64.powf(-f64::from(k) / 8.0))
                 .map(|threshold| Ok(cut(&coefficients, threshold, weight)));
             self.smallest(thresholds, &mut series)?;
         }
@@ -94,7 +94,7 @@ impl Search<'_> {
             let [load_n, twist_rad] = [self.reference.load_n, self.reference.twist_rad].map(|r| r.map(|v| v as f32));
             let table = Table { load_n, twist_rad, load_map: self.map, load_axis, twist_axis, form, numbers };
             let errors = errors_over(|load_n, twist_rad| table.table().point_inside(load_n, twist_rad), self.points);
-            let passes = errors.meets(&self.demand.accuracy, SELECTION_SHARE) && table.bytes() <= MAX_BYTES;
+            let passes = errors.meets(&self.table_spec.accuracy, SELECTION_FRACTION) && table.bytes() <= MAX_BYTES;
             let candidate = Candidate { table, errors, passes };
             if best.as_ref().is_none_or(|b| better(&candidate, b)) {
                 *best = Some(candidate);
@@ -122,7 +122,7 @@ impl Search<'_> {
 
     /// Chebyshev coefficients of the gap on an N × N grid of Chebyshev points.
     fn chebyshev(&self) -> Result<Vec<Vec<f64>>, FitError> {
-        const N: usize = MOST_ROWS;
+        const N: usize = MAX_ROWS;
         let angle = |i: usize| std::f64::consts::PI * (i as f64 + 0.5) / N as f64;
         let mut gap = vec![vec![0.0; N]; N];
         for (i, row) in gap.iter_mut().enumerate() {
@@ -243,7 +243,7 @@ fn in_powers(rows: &[Vec<f64>]) -> Numbers {
     let written = in_x.iter().zip(rows).rev();
     let coefficients =
         written.flat_map(|(row, kept)| powers(&row[..kept.len()]).into_iter().rev()).map(|p| p as f32).collect();
-    let mut row_lengths = [0; MOST_ROWS];
+    let mut row_lengths = [0; MAX_ROWS];
     row_lengths.iter_mut().zip(rows.iter().rev()).for_each(|(length, row)| *length = row.len() as u8);
     (Form::Series { rows: rows.len() as u8, row_lengths }, coefficients)
 }

@@ -16,8 +16,8 @@ impl Value {
     const NONE: Self = Self { value: f32::NAN, by_x: f32::NAN, by_y: f32::NAN };
 }
 
-/// Most rows of a series.
-pub const MOST_ROWS: usize = 30;
+/// Maximum rows of a series.
+pub const MAX_ROWS: usize = 30;
 
 /// What a table's numbers mean.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,7 +28,7 @@ pub enum Form {
         /// How many rows.
         rows: u8,
         /// Coefficients in each row.
-        row_lengths: [u8; MOST_ROWS],
+        row_lengths: [u8; MAX_ROWS],
     },
     /// Bicubic Hermite patches on a uniform grid: at every node G, h_x ∂G/∂x, h_y ∂G/∂y, h_x h_y ∂²G/∂x∂y, load index
     /// slowest.
@@ -82,7 +82,7 @@ fn along(row: &[f32], y: f32, (mut value, mut slope): (f32, f32)) -> (f32, f32) 
     (value, slope)
 }
 
-/// Most coefficients of a row that are evaluated without a loop.
+/// Maximum coefficients of a row that are evaluated without a loop.
 const STRAIGHT: usize = 8;
 
 /// Value and slope of the row of `length` coefficients at the start of `rest`, and the coefficients after it.

@@ -86,9 +86,9 @@ impl Axis {
 /// A table of another form. It is only compared, so it has neither certificate nor checksum.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Table<N> {
-    /// Least and greatest load covered (N).
+    /// Minimum and maximum load covered (N).
     pub load_n: [f32; 2],
-    /// Least and greatest twist covered (rad).
+    /// Minimum and maximum twist covered (rad).
     pub twist_rad: [f32; 2],
     /// Map of the load.
     pub load_map: LoadMap,

@@ -1,13 +1,13 @@
 //! The other forms on real scenes.
 
 use rig_config::Scene;
-use rival_forms::fit::{Candidate, candidates};
-use rival_forms::{Form, LoadMap};
+use table_forms::fit::{Candidate, candidates};
+use table_forms::{Form, LoadMap};
 
 fn candidates_of(scene: &str) -> Vec<Candidate> {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
     let scene = Scene::load(folder.join(format!("{scene}.toml"))).unwrap();
-    candidates(&scene.mechanism().unwrap(), &scene.demand().unwrap()).unwrap()
+    candidates(&scene.mechanism().unwrap(), &scene.table_spec().unwrap()).unwrap()
 }
 
 #[test]

@@ -5,12 +5,12 @@ use tsa_model::SolveError;
 use tsa_model::rod::{Rod, RodResponse, TipForce};
 use tsa_model::scalar::{Dual, Scalar};
 
-/// Most intervals along half a rod.
+/// Maximum intervals along half a rod.
 pub const MAX_INTERVALS: usize = 256;
 
-/// Greatest rotation by which Newton may move a point at once (rad).
+/// Maximum rotation by which Newton may move a point at once (rad).
 const LARGEST_TURN: f64 = 0.3;
-/// Most Newton steps.
+/// Maximum Newton steps.
 const STEPS: u32 = 50;
 
 /// Rotation and moment at the points.
@@ -90,11 +90,11 @@ impl<T: Scalar> Curve<T> {
         let steps = |i: usize, k: usize| base[i][k] + by_moment[i][k] * change;
         let turn = (0..=n).map(|i| steps(i, 0).value().abs()).fold(0.0, f64::max);
         // A straight guess may be far off: no rotation changes by more than the limit in one step.
-        let share = (LARGEST_TURN / turn).min(1.0);
+        let fraction = (LARGEST_TURN / turn).min(1.0);
         let (mut far, mut size) = (0.0f64, 0.0f64);
         for i in 0..=n {
             for k in 0..2 {
-                let step = steps(i, k) * share;
+                let step = steps(i, k) * fraction;
                 self.at[i][k] += step;
                 // Rotation is of order one, the moment is compared with the clamp's.
                 let unit = if k == 0 { 1.0 } else { self.at[0][1].value().abs() };

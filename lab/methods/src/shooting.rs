@@ -6,9 +6,9 @@ use tsa_model::rod::{Rod, RodResponse, TipForce};
 use tsa_model::scalar::{Dual, Scalar};
 use tsa_model::{Equilibrium, Mechanism, SolveError};
 
-/// Most corrections of the clamp's moment.
+/// Maximum corrections of the clamp's moment.
 const CORRECTIONS: u32 = 60;
-/// Most relaxations of the helix angle.
+/// Maximum relaxations of the helix angle.
 const RELAXATIONS: u32 = 500;
 
 /// An integration from the clamp: initial moment in, tip and clamp strain out.

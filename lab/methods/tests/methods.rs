@@ -1,7 +1,7 @@
 //! Methods against each other: where all agree, how fast they converge, and where each fails.
 
+use baseline_methods::Method;
 use rig_config::Scene;
-use rival_methods::Method;
 use std::collections::HashMap;
 use tsa_model::{Mechanism, SolveError, twist_from_turns};
 

@@ -7,7 +7,7 @@ use tsa_model::{Material, Mechanism, PRETWIST_RAD, Parameters};
 
 /// Loads, evenly spaced in their logarithm.
 const LOADS: u32 = 7;
-/// Greatest distance of two twists (turns), so that 18 of them are weighed while homing; and the least and greatest number of
+/// Maximum distance of two twists (turns), so that 18 of them are weighed while homing; and the minimum and maximum number of
 /// steps: short ways are weighed as a whole, and no scene has hundreds of turns.
 const TURNS: f64 = 0.25;
 const STEPS: [f64; 2] = [24.0, 400.0];
@@ -24,7 +24,7 @@ pub(super) struct State {
     pub by_load: f64,
     /// ∂G/∂a of the strings' arc a = θ r.
     pub by_arc: f64,
-    /// Arc (m), and its derivative by the exponent of the radius law (m).
+    /// Arc (m), and its derivative by the exponent of the radius model (m).
     pub arc_m: f64,
     pub arc_by_exponent: f64,
     /// ∂G for each Pa that the stress in the rods is greater at the clamp, to first order (m/Pa).
@@ -53,8 +53,8 @@ impl Column {
     /// [`SceneError`]: no envelope, a constant that is wrong, or a state without an equilibrium.
     pub fn all(scene: &Scene) -> Result<Vec<Self>, SceneError> {
         let envelope = scene.covered()?;
-        let [least_n, most_n] = envelope.load_n;
-        let load = |k: u32| least_n * (most_n / least_n).powf(f64::from(k) / f64::from(LOADS - 1));
+        let [min_n, max_n] = envelope.load_n;
+        let load = |k: u32| min_n * (max_n / min_n).powf(f64::from(k) / f64::from(LOADS - 1));
         let last = envelope.turns[1];
         let steps = (last / TURNS).ceil().clamp(STEPS[0], STEPS[1]) as u32;
         let turns = |k: u32| last * f64::from(k) / f64::from(steps);
@@ -90,7 +90,7 @@ struct Solver {
     mechanism: Mechanism<Dual<1>>,
     material: Material,
     start_length_m: f64,
-    /// The radius law has an exponent; others are multiplied by (θ/π) to the power of its shift.
+    /// The radius model has an exponent; others are multiplied by (θ/π) to the power of its shift.
     has_exponent: bool,
 }
 

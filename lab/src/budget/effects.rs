@@ -9,13 +9,13 @@ use super::homing::Priors;
 use super::{Part, Rig, SESSION_S, SPEED_M_PER_S};
 use rig_config::Scene;
 use rig_control::TICK_S;
-use rig_control::homing::{SWEEP_HALF, SWEEP_SPEED, WEIGH_SPEED, WEIGH_TURNS, weigh};
+use rig_control::homing::{LOAD_SPEED, LOAD_TURNS, SWEEP_HALF, SWEEP_SPEED, load_estimate};
 use rig_control::limits::rise_s;
 use rig_control::position_loop::BANDWIDTH_PER_S;
-use rig_control::rest::{AT_REST_M, AT_REST_NOISES, JUMP_SHARE};
+use rig_control::rest::{AT_REST_M, AT_REST_NOISES, JUMP_FRACTION};
 use rig_link::messages::LVDT_POINTS_MAX;
 use rig_plant::rig::effects::{
-    BEDDING_CYCLES, CREEP_TIMES_S, LVDT_GAIN_PER_K, ROD_STRESS_PER_K, ROD_THRESHOLDS, TURNS_PER_CYCLE, rod_onset,
+    CREEP_TIMES_S, LVDT_GAIN_PER_K, ROD_STRESS_PER_K, ROD_THRESHOLDS, RUN_IN_CYCLES, TURNS_PER_CYCLE, rod_onset,
 };
 use rig_plant::units::STANDARD_GRAVITY;
 use rig_plant::{PlantKey, PlantSettings};
@@ -53,7 +53,7 @@ pub(super) struct Effects<'a> {
     pub column: &'a Column,
     /// The states under the heaviest load.
     pub heaviest: &'a Column,
-    /// Least and greatest gap of all columns (m).
+    /// Minimum and maximum gap of all columns (m).
     pub gaps_m: [f64; 2],
 }
 
@@ -77,8 +77,8 @@ impl Effects<'_> {
         let homed = |part, homed| Effect { part, homed, later: self.column.each(|_| 0.0), misread: false };
         let shift = self.size(PlantKey::TwistExponentShift);
         all.push(homed(Part::Law, self.column.each(|s| s.by_arc * s.arc_by_exponent * shift)));
-        let warmth = ROD_STRESS_PER_K * self.size(PlantKey::Temperature);
-        all.push(homed(Part::Law, self.column.each(|s| s.by_stress * warmth * rod_onset(s.strain)[0])));
+        let temperature = ROD_STRESS_PER_K * self.size(PlantKey::Temperature);
+        all.push(homed(Part::Law, self.column.each(|s| s.by_stress * temperature * rod_onset(s.strain)[0])));
         all
     }
 
@@ -109,8 +109,8 @@ impl Effects<'_> {
         all.push(misread(&|gap_m| size_m * phase(gap_m).cos()));
         // That of the converter goes once up and down over its range.
         let inl_m = self.size(PlantKey::AdcInl) * rig.lvdt_metres_per_code();
-        let share = |gap_m: f64| (gap_m - rig.lvdt_gap_at_code_zero_m()) / (4095.0 * rig.lvdt_metres_per_code());
-        all.push(misread(&|gap_m| inl_m * (TAU * share(gap_m)).sin()));
+        let fraction = |gap_m: f64| (gap_m - rig.lvdt_gap_at_code_zero_m()) / (4095.0 * rig.lvdt_metres_per_code());
+        all.push(misread(&|gap_m| inl_m * (TAU * fraction(gap_m)).sin()));
         all
     }
 
@@ -121,8 +121,8 @@ impl Effects<'_> {
         let width_pa = self.size(PlantKey::RodHysteresis);
         let at_first = column.each(|s| s.by_stress * width_pa * rod_memory(s.strain, s.strain));
         let pairs = column.0.iter().zip(&self.heaviest.0);
-        let since = pairs.map(|(s, most)| {
-            let change = rod_memory(s.strain, most.strain) - rod_memory(s.strain, s.strain);
+        let since = pairs.map(|(s, max)| {
+            let change = rod_memory(s.strain, max.strain) - rod_memory(s.strain, s.strain);
             s.by_stress * width_pa * change
         });
         let rods = of(at_first, since.collect());
@@ -136,7 +136,7 @@ impl Effects<'_> {
         let turned_rad =
             (column.0[last].twist_rad - column.0[0].twist_rad) / column.travel_m() * SPEED_M_PER_S * SESSION_S;
         let lost =
-            self.size(PlantKey::StringBedding) * -(-turned_rad / (TURNS_PER_CYCLE * TAU * BEDDING_CYCLES)).exp_m1();
+            self.size(PlantKey::StringBedding) * -(-turned_rad / (TURNS_PER_CYCLE * TAU * RUN_IN_CYCLES)).exp_m1();
         let bedding = of(none.clone(), column.each(|s| -lost * s.by_arc * s.arc_m));
         // Half the play on either way, of which homing takes for friction what is the same at every twist.
         let half_rad = 0.5 * self.size(PlantKey::TwistPlay);
@@ -155,18 +155,18 @@ impl Effects<'_> {
         let per_ampere = motor.motor_torque_constant_nm_per_a * motor.gear();
         let newton_per_ampere = per_ampere * (last.twist_rad - first.twist_rad) / (first.gap_m - last.gap_m);
         let noise = self.size(PlantKey::CurrentNoise).powi(2) + self.size(PlantKey::CurrentQuantum).powi(2) / 12.0;
-        let edges = 2.0 * weigh::END_BINS as f64 / weigh::BINS as f64;
-        let sweep_rad = TAU * f64::from(WEIGH_TURNS) * (1.0 - edges);
-        let speed = f64::from(0.5 * (WEIGH_SPEED[0] + WEIGH_SPEED[1]));
+        let edges = 2.0 * load_estimate::END_BINS as f64 / load_estimate::BINS as f64;
+        let sweep_rad = TAU * f64::from(LOAD_TURNS) * (1.0 - edges);
+        let speed = f64::from(0.5 * (LOAD_SPEED[0] + LOAD_SPEED[1]));
         let readings = [sweep_rad / speed, f64::from(2.0 * SWEEP_HALF / SWEEP_SPEED)].map(|s| s / f64::from(TICK_S));
         // Both ways of the sweep, and both ways across zero twist.
         let noise_n = (readings.map(|n| 0.5 * noise / n).iter().sum::<f64>()).sqrt() * newton_per_ampere;
         let torque_nm = column.iter().map(|s| s.torque_nm).sum::<f64>() / column.len() as f64;
         let loss = self.size(PlantKey::GearEfficiency);
         let friction_nm = self.size(PlantKey::MotorFriction) + loss / (1.0 - loss) * torque_nm / motor.gear();
-        let left_n =
-            f64::from(weigh::FRICTION_LEFT) * friction_nm / motor.motor_torque_constant_nm_per_a * newton_per_ampere;
-        let constant_n = f64::from(weigh::TORQUE_ERROR) * load_n;
+        let left_n = f64::from(load_estimate::FRICTION_LEFT) * friction_nm / motor.motor_torque_constant_nm_per_a
+            * newton_per_ampere;
+        let constant_n = f64::from(load_estimate::TORQUE_ERROR) * load_n;
         let truly_n = (noise_n.powi(2) + (self.size(PlantKey::TorqueConstantScale) * load_n).powi(2)).sqrt();
         let counted_n = (noise_n.powi(2) + left_n.powi(2) + constant_n.powi(2)).sqrt();
         [counted_n / load_n, truly_n / load_n]
@@ -190,22 +190,22 @@ impl Effects<'_> {
         vec![noise, self.friction(), self.following(noise_m)]
     }
 
-    /// Stiction lets the load rest anywhere within a share of its jump; and it makes friction greater where the load moves
+    /// Stiction lets the load rest anywhere within a fraction of its jump; and it makes friction greater where the load moves
     /// more slowly than while homing.
     fn friction(&self) -> Direct {
         let coulomb_n = |s: &State| {
-            let share = self.size(PlantKey::FrictionLoadShare);
-            self.size(PlantKey::Friction) + share * s.load_n
+            let fraction = self.size(PlantKey::FrictionLoadShare);
+            self.size(PlantKey::Friction) + fraction * s.load_n
         };
         let more = self.size(PlantKey::StictionRatio);
         let vs = self.size(PlantKey::StribeckSpeed);
         let falls = |v: f64| if vs > 0.0 { (-(v / vs).powi(2)).exp() } else { 0.0 };
-        let homing_rad_per_s = f64::from(0.5 * (WEIGH_SPEED[0] + WEIGH_SPEED[1]));
+        let homing_rad_per_s = f64::from(0.5 * (LOAD_SPEED[0] + LOAD_SPEED[1]));
         Direct {
             part: Part::Friction,
             position_m: self.column.each(|s| {
                 let jump_m = 2.0 * more * coulomb_n(s) * s.by_load;
-                f64::from(JUMP_SHARE) * jump_m / 3f64.sqrt()
+                f64::from(JUMP_FRACTION) * jump_m / 3f64.sqrt()
             }),
             load: self.column.each(|s| {
                 let homed = falls(homing_rad_per_s * s.by_twist);
@@ -227,14 +227,14 @@ impl Effects<'_> {
             let rise = bandwidth * rise_s(s);
             SPEED_M_PER_S * lag_s * -(-rise).exp_m1() / rise / (bandwidth * move_s).sqrt()
         };
-        let swing = |s: &State| {
+        let oscillation = |s: &State| {
             let rise_s = rise_s(s);
             2.0 * SPEED_M_PER_S / rise_s / STANDARD_GRAVITY * (2.0 * rise_s / move_s).min(1.0).sqrt()
         };
         Direct {
             part: Part::Loop,
             position_m: self.column.each(|s| moving_m(s).hypot(resting_m)),
-            load: self.column.each(swing),
+            load: self.column.each(oscillation),
         }
     }
 }
@@ -247,13 +247,13 @@ impl Rig<'_> {
     }
 }
 
-/// Share of the half width of their loop that rods have as additional stress at a strain, after a greater one.
-fn rod_memory(strain: f64, most: f64) -> f64 {
-    let elements = ROD_THRESHOLDS.map(|slips| (most.min(slips) - (most - strain)).max(-slips) / slips);
+/// Fraction of the half width of their loop that rods have as additional stress at a strain, after a greater one.
+fn rod_memory(strain: f64, max: f64) -> f64 {
+    let elements = ROD_THRESHOLDS.map(|slips| (max.min(slips) - (max - strain)).max(-slips) / slips);
     elements.iter().sum::<f64>() / ROD_THRESHOLDS.len() as f64
 }
 
-/// Share of the slow stretch that is there after a time (s).
+/// Fraction of the slow stretch that is there after a time (s).
 fn crept(time_s: f64) -> f64 {
     CREEP_TIMES_S.iter().map(|own_s| -(-time_s / own_s).exp_m1()).sum::<f64>() / CREEP_TIMES_S.len() as f64
 }

@@ -1,13 +1,13 @@
 //! What homing makes of a gap that is not the table's: the least-squares fit of the weighing, to first order.
 //!
 //! The firmware fits the load, a scale of the twist and the LVDT's zero to the gap over the twist, with priors
-//! (rig-control, `homing/weigh.rs`, whose constants these are), and puts a cubic through what the fit leaves. For a change
+//! (rig-control, `homing/load_estimate.rs`, whose constants these are), and puts a cubic through what the fit leaves. For a change
 //! δG of the gap the fit moves by x = N⁻¹ (Jᵀ W δG + p), with J the derivatives of the gap by the three unknowns, N = Jᵀ W J
 //! + P, and p what a prior is wrong by.
 
 use super::columns::{Column, State};
 use nalgebra::{Matrix3, Matrix4, Vector3, Vector4};
-use rig_control::homing::{WEIGH_TURNS, weigh};
+use rig_control::homing::{LOAD_TURNS, load_estimate};
 use std::f64::consts::TAU;
 use std::ops::RangeInclusive;
 use tsa_model::PRETWIST_RAD;
@@ -48,13 +48,13 @@ pub(super) struct Taken {
 }
 
 impl Homing {
-    /// Under the load of a column, with a misfit (m, rms) of the law on this rig.
-    pub fn new(column: &Column, misfit_m: f64, priors: Priors) -> Self {
+    /// Under the load of a column, with a residual (m, rms) of the law on this rig.
+    pub fn new(column: &Column, residual_m: f64, priors: Priors) -> Self {
         let states = &column.0;
         let last_rad = states[states.len() - 1].twist_rad;
-        let sweep_rad = (TAU * f64::from(WEIGH_TURNS)).min(last_rad - PRETWIST_RAD);
-        let edge = weigh::END_BINS as f64 / weigh::BINS as f64;
-        let used = [edge, 1.0 - edge].map(|share| PRETWIST_RAD + share * sweep_rad);
+        let sweep_rad = (TAU * f64::from(LOAD_TURNS)).min(last_rad - PRETWIST_RAD);
+        let edge = load_estimate::END_BINS as f64 / load_estimate::BINS as f64;
+        let used = [edge, 1.0 - edge].map(|fraction| PRETWIST_RAD + fraction * sweep_rad);
         let inside = |k: &usize| (used[0]..=used[1]).contains(&states[*k].twist_rad);
         let first = (0..states.len()).find(inside).unwrap_or(0);
         let last = (0..states.len()).rfind(inside).unwrap_or(states.len() - 1);
@@ -62,8 +62,9 @@ impl Homing {
         let by = |s: &State| Vector3::new(s.load_n * s.by_load, s.by_twist * s.twist_rad, 1.0);
         let jacobian: Vec<Vector3<f64>> = states.iter().map(by).collect();
         let place = |twist_rad: f64| (2.0 * (twist_rad - from) / (to - from) - 1.0).clamp(-1.0, 1.0);
-        let error_m = misfit_m.clamp(f64::from(weigh::LEAST_GAP_ERROR_M), f64::from(weigh::LAW_GAP_ERROR_M));
-        let weight = f64::from(weigh::INDEPENDENT_BINS) / ((last - first + 1) as f64 * error_m * error_m);
+        let error_m =
+            residual_m.clamp(f64::from(load_estimate::MIN_GAP_ERROR_M), f64::from(load_estimate::LAW_GAP_ERROR_M));
+        let weight = f64::from(load_estimate::INDEPENDENT_BINS) / ((last - first + 1) as f64 * error_m * error_m);
         let known = Vector3::new(priors.work, priors.radius, priors.zero_m).map(|sigma| 1.0 / (sigma * sigma));
         let seen: Matrix3<f64> = jacobian[first..=last].iter().map(|j| j * j.transpose() * weight).sum();
         Self {
@@ -90,14 +91,14 @@ impl Homing {
         self.taken(&vec![0.0; self.place.len()], right)
     }
 
-    /// Work that gives the load wrong by a share of it.
-    pub fn work(&self, share: f64) -> f64 {
-        self.inverse[(0, 0)] * share / (self.priors.work * self.priors.work)
+    /// Work that gives the load wrong by a fraction of it.
+    pub fn work(&self, fraction: f64) -> f64 {
+        self.inverse[(0, 0)] * fraction / (self.priors.work * self.priors.work)
     }
 
     /// Relative error of the load for gaps that are wrong by 1 m rms, in as many independent stretches as the fit counts on.
     pub fn load_of_stretches(&self) -> f64 {
-        let count = weigh::INDEPENDENT_BINS as usize;
+        let count = load_estimate::INDEPENDENT_BINS as usize;
         let (first, states) = (*self.weighed.start(), self.weighed.clone().count());
         let mut squares = 0.0;
         for stretch in 0..count {
@@ -111,7 +112,7 @@ impl Homing {
     }
 
     /// Rms over the weighed states of what the fit leaves of a change of the gap, before the cubic (m).
-    pub fn misfit_m(&self, change_m: &[f64]) -> f64 {
+    pub fn residual_m(&self, change_m: &[f64]) -> f64 {
         let rest = self.rest(change_m, self.step(change_m, Vector3::zeros()));
         let weighed = &rest[self.weighed.clone()];
         (weighed.iter().map(|r| r * r).sum::<f64>() / weighed.len() as f64).sqrt()

@@ -7,7 +7,7 @@
 //! ([`rig_control`]).
 //!
 //! The position is measured. So what changes the gap by itself is taken back by the loop, and only what makes the measurement
-//! or the transmission ratio wrong remains: a ratio that is wrong by the share ε lets a move at the speed v lag by ε v/K, where
+//! or the transmission ratio wrong remains: a ratio that is wrong by the fraction ε lets a move at the speed v lag by ε v/K, where
 //! K is the bandwidth of the loop.
 
 mod columns;
@@ -19,7 +19,7 @@ use columns::{Column, State};
 use effects::{Direct, Effect, Effects};
 use homing::{Homing, Taken};
 use rig_config::{Scene, SceneError};
-use rig_control::homing::weigh;
+use rig_control::homing::load_estimate;
 use rig_control::position_loop::BANDWIDTH_PER_S;
 use rig_plant::PlantKey;
 use tsa_model::{Mechanism, Tier};
@@ -31,12 +31,12 @@ pub const SPEED_M_PER_S: f64 = 2e-3;
 pub const SESSION_S: f64 = 600.0;
 /// Half width of the interval that holds 90 of 100 cases, over the standard error.
 const NINETY: f64 = rig_control::homing::NINETY_PERCENT as f64;
-const NINETY_SHARE: f64 = 0.9;
-/// Share by which the error of a table, or of a cheaper model, may raise the total of all others.
+const NINETY_FRACTION: f64 = 0.9;
+/// Fraction by which the error of a table, or of a cheaper model, may raise the total of all others.
 pub const WORTH: f64 = 0.05;
-/// Greatest relative error of a table's TR, however little it adds: it is an error of the position loop's gain, and with one that is
+/// Maximum relative error of a table's TR, however little it adds: it is an error of the position loop's gain, and with one that is
 /// a tenth too large every measured rig still comes to rest (docs/explanation/control.md 6).
-pub const TR_ERROR_MOST: f64 = 0.1;
+pub const MAX_TR_ERROR: f64 = 0.1;
 
 /// A part of the rig.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -95,16 +95,16 @@ pub struct Spread {
     pub all: f64,
     /// Where it is about as large as that.
     pub typical: At,
-    /// Where it is greatest.
+    /// Where it is maximum.
     pub worst: At,
 }
 
 /// What a part contributes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Share {
+pub struct Fraction {
     /// To the error of the position (m).
     pub position_m: Spread,
-    /// To that of the load, as a share of the load.
+    /// To that of the load, as a fraction of the load.
     pub load: Spread,
 }
 
@@ -164,17 +164,17 @@ impl<'a> Budget<'a> {
     }
 
     /// What a part contributes.
-    pub fn share(&self, part: Part) -> Share {
+    pub fn fraction(&self, part: Part) -> Fraction {
         self.spread(&[part])
     }
 
     /// All parts together.
-    pub fn total(&self) -> Share {
+    pub fn total(&self) -> Fraction {
         self.spread(&Part::ALL)
     }
 
     /// The accuracy of a table beyond which more bytes and instructions buy nothing: its errors raise those of all other
-    /// parts by [`WORTH`]; of TR at most [`TR_ERROR_MOST`]. The errors of a table are taken as even up to its largest. Two digits.
+    /// parts by [`WORTH`]; of TR at most [`MAX_TR_ERROR`]. The errors of a table are taken as even up to its largest. Two digits.
     pub fn worth(&self) -> Accuracy {
         let [position, load] = self.variances(&others());
         let by_gap = |error_m: f64| {
@@ -187,8 +187,8 @@ impl<'a> Budget<'a> {
         let by_ratio = |error: f64| vec![error * per_ratio_m(); position.len()];
         let largest = 3f64.sqrt();
         Accuracy {
-            contraction_m: two_digits(largest * most_added(&load, by_gap)),
-            tr_relative: two_digits(largest * most_added(&position, by_ratio)).min(TR_ERROR_MOST),
+            contraction_m: two_digits(largest * max_added(&load, by_gap)),
+            tr_relative: two_digits(largest * max_added(&position, by_ratio)).min(MAX_TR_ERROR),
         }
     }
 
@@ -220,7 +220,7 @@ impl<'a> Budget<'a> {
         })
     }
 
-    fn spread(&self, parts: &[Part]) -> Share {
+    fn spread(&self, parts: &[Part]) -> Fraction {
         let [position_m, load] = self.variances(parts).map(|variances| {
             let all = half_width(&variances);
             let at = |((under, k), variance): ((&Under, usize), &f64)| {
@@ -234,7 +234,7 @@ impl<'a> Budget<'a> {
             let none = At { error: all, load_n: 0.0, turns: 0.0 };
             Spread { all, typical: *typical.unwrap_or(&none), worst: *worst.unwrap_or(&none) }
         });
-        Share { position_m, load }
+        Fraction { position_m, load }
     }
 }
 
@@ -242,13 +242,13 @@ impl Under {
     fn new(effects: &Effects<'_>) -> Self {
         let column = effects.column.clone();
         let (gaps, priors) = (effects.gaps(), effects.priors());
-        // As in the firmware, from a misfit that is far too large: from a small one the fit would follow the gap whatever that
-        // takes, and find little misfit again.
-        let mut misfit_m = f64::INFINITY;
-        let mut homing = Homing::new(&column, misfit_m, priors);
-        for _ in 1..weigh::STEPS {
-            misfit_m = gaps.iter().map(|effect| homing.misfit_m(&effect.homed).powi(2)).sum::<f64>().sqrt();
-            homing = Homing::new(&column, misfit_m, priors);
+        // As in the firmware, from a residual that is far too large: from a small one the fit would follow the gap whatever that
+        // takes, and find little residual again.
+        let mut residual_m = f64::INFINITY;
+        let mut homing = Homing::new(&column, residual_m, priors);
+        for _ in 1..load_estimate::STEPS {
+            residual_m = gaps.iter().map(|effect| homing.residual_m(&effect.homed).powi(2)).sum::<f64>().sqrt();
+            homing = Homing::new(&column, residual_m, priors);
         }
         let none = vec![[0.0; 2]; column.0.len()];
         let mut under = Self { column, homing, parts: std::array::from_fn(|_| none.clone()) };
@@ -335,16 +335,16 @@ fn cheaper(mechanism: &Mechanism, tier: Tier, column: &Column) -> Option<Vec<f64
 
 /// Half the width about 0 that holds 90 of 100 cases, each normal with one of these variances.
 fn half_width(variances: &[f64]) -> f64 {
-    let most = variances.iter().fold(0.0f64, |most, v| most.max(*v)).sqrt();
+    let max = variances.iter().fold(0.0f64, |max, v| max.max(*v)).sqrt();
     // A state without an error always lies inside.
     let inside = |width: f64, v: &f64| if *v > 0.0 { libm::erf(width / (2.0 * v).sqrt()) } else { 1.0 };
-    let share = |width: f64| variances.iter().map(|v| inside(width, v)).sum::<f64>() / variances.len() as f64;
-    least(2.0 * most, |width| share(width) >= NINETY_SHARE)
+    let fraction = |width: f64| variances.iter().map(|v| inside(width, v)).sum::<f64>() / variances.len() as f64;
+    min(2.0 * max, |width| fraction(width) >= NINETY_FRACTION)
 }
 
 /// The size, at most 1, from which on what it adds (standard errors at each state) raises the half width of variances by
 /// [`WORTH`].
-fn most_added(variances: &[f64], adds: impl Fn(f64) -> Vec<f64>) -> f64 {
+fn max_added(variances: &[f64], adds: impl Fn(f64) -> Vec<f64>) -> f64 {
     const STEPS: i32 = 20;
     let wanted = (1.0 + WORTH) * half_width(variances);
     let with =
@@ -353,12 +353,12 @@ fn most_added(variances: &[f64], adds: impl Fn(f64) -> Vec<f64>) -> f64 {
     let sizes = (-9 * STEPS..0).map(|k| 10f64.powf(f64::from(k) / f64::from(STEPS)));
     let above = sizes.into_iter().find(|size| with(*size) >= wanted).unwrap_or(1.0);
     let below = above * 10f64.powf(-1.0 / f64::from(STEPS));
-    below + least(above - below, |more| with(below + more) >= wanted)
+    below + min(above - below, |more| with(below + more) >= wanted)
 }
 
-/// The least number up to `most` from which on something holds, to 12 digits of `most`.
-fn least(most: f64, holds: impl Fn(f64) -> bool) -> f64 {
-    let (mut low, mut high) = (0.0, most);
+/// The least number up to `max` from which on something holds, to 12 digits of `max`.
+fn min(max: f64, holds: impl Fn(f64) -> bool) -> f64 {
+    let (mut low, mut high) = (0.0, max);
     for _ in 0..40 {
         let middle = 0.5 * (low + high);
         if holds(middle) { high = middle } else { low = middle }

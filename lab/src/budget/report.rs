@@ -1,7 +1,7 @@
 //! `tsa-lab budget`: what each part of a rig contributes to the errors of position and load, and how accurate a table is worth
 //! having.
 
-use super::{At, Budget, Part, Rig, SESSION_S, SPEED_M_PER_S, Share, Spread, WORTH};
+use super::{At, Budget, Fraction, Part, Rig, SESSION_S, SPEED_M_PER_S, Spread, WORTH};
 use rig_config::{Accuracy, Scene, SceneError, TableError};
 use rig_plant::RigPreset;
 use rigctl::failure::Failure;
@@ -79,8 +79,8 @@ impl Arguments {
             budget.set_table(&fit.table.table());
         }
         let tier = budget.choose_tier().name();
-        let parts = Part::ALL.map(|part| (part.name(), budget.share(part)));
-        for (part, Share { position_m, load }) in &parts {
+        let parts = Part::ALL.map(|part| (part.name(), budget.fraction(part)));
+        for (part, Fraction { position_m, load }) in &parts {
             let [position_m, load_relative] = [position_m.all, load.all];
             let object = serde_json::json!({ "part": part, "position_m": position_m, "load_relative": load_relative });
             output.object(&object)?;
@@ -99,7 +99,10 @@ impl Arguments {
         ))?;
         let at = "worst; typical (N, turns)";
         output.line(format!("{:<9} {:>11}   {at:<34} {:>8}   {at}", "part", "position", "load"))?;
-        parts.iter().chain([&("total", budget.total())]).try_for_each(|(part, share)| output.line(row(part, share)))?;
+        parts
+            .iter()
+            .chain([&("total", budget.total())])
+            .try_for_each(|(part, fraction)| output.line(row(part, fraction)))?;
         let (enough, percent) = (TableCost::new(worth, enough), 1e2 * WORTH);
         output.line(format!(
             "more than {} buys nothing: the total of the other parts rises by {percent} % at most",
@@ -131,7 +134,7 @@ impl Arguments {
             let used = scene.accuracy.map(cost).transpose()?;
             for kind in RigPreset::ALL {
                 let mut budget = self.budget(&scene, kind)?;
-                let (Share { position_m, load }, enough) = (budget.total(), cost(budget.worth())?);
+                let (Fraction { position_m, load }, enough) = (budget.total(), cost(budget.worth())?);
                 let (tier, rig, used) = (budget.choose_tier().name(), kind.name(), used.clone());
                 let [position_m, load_relative] = [position_m.all, load.all];
                 let enough = Enough { scene: &name, rig, position_m, load_relative, tier, enough, used };
@@ -175,7 +178,7 @@ fn scenes(folder: &Path) -> Result<Vec<(String, Scene)>, Failure> {
     Ok(found)
 }
 
-fn row(part: &str, Share { position_m, load }: &Share) -> String {
+fn row(part: &str, Fraction { position_m, load }: &Fraction) -> String {
     let places = |Spread { worst, typical, .. }: &Spread, scale: f64, unit: &str| {
         let place = |at: &At| format!("{:.1}, {:.2}", at.load_n, at.turns);
         format!("{:.1} {unit} at {}; {}", scale * worst.error, place(worst), place(typical))
@@ -190,8 +193,8 @@ impl TableCost {
             bytes: fit.table.numbers.bytes(),
             instructions: lookup_instructions(&fit.table.numbers.series()),
             size: fit.table.numbers.size(),
-            contraction_error_m: fit.certificate.errors.contraction_max_m,
-            tr_relative_error: fit.certificate.errors.tr_max,
+            contraction_error_m: fit.error_bounds.errors.contraction_max_m,
+            tr_relative_error: fit.error_bounds.errors.tr_max,
         });
         Self { contraction_m, tr_relative, table }
     }

@@ -56,8 +56,8 @@ fn pieces(field: &Field<'_>, level: f64) -> Vec<[(f64, f64); 2]> {
 fn crossing(one: ((f64, f64), f64), other: ((f64, f64), f64)) -> Option<(f64, f64)> {
     // The same way round from both sides of an edge.
     let ((a, va), (b, vb)) = if one.0 <= other.0 { (one, other) } else { (other, one) };
-    let share = va / (va - vb);
-    ((va > 0.0) != (vb > 0.0)).then_some((a.0 + share * (b.0 - a.0), a.1 + share * (b.1 - a.1)))
+    let fraction = va / (va - vb);
+    ((va > 0.0) != (vb > 0.0)).then_some((a.0 + fraction * (b.0 - a.0), a.1 + fraction * (b.1 - a.1)))
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@
 
 use super::margin::Hung;
 use rig_control::load_motion::{AHEAD_S, OBSERVER_PER_S};
-use rig_control::position_loop::{FULL_PER_S, GAINS, damping_share};
+use rig_control::position_loop::{FULL_PER_S, GAINS, damping_fraction};
 
 /// Numbers that the loop keeps from one period to the next.
 pub(super) const KEPT: usize = 7;
@@ -84,7 +84,7 @@ pub(super) fn step(kept: &[f64], seen: &Seen, believed: &Hung, lead_s: f64) -> (
     let [by_position, by_speed, by_rest] = GAINS.map(f64::from);
     let place = frequency.min(f64::from(FULL_PER_S)) * (by_position + by_rest) * rest_m;
     let damping = frequency * by_position * (ahead.gap_m - rest_m) + by_speed * ahead.speed;
-    let feedback = place + f64::from(damping_share(frequency as f32)) * damping;
+    let feedback = place + f64::from(damping_fraction(frequency as f32)) * damping;
     let speed = believed.tr_rad_per_m * feedback;
     let shaft_rad = shaft_rad + speed * seen.period_s;
     let kept = [shaft_rad, speed, now.gap_m, now.speed, now.weight_n, now.pull_n, now.twist_rad];

@@ -9,9 +9,9 @@ pub struct Grid {
     pub load_n: Vec<f64>,
     /// Turns past the half-turn pre-twist, rising.
     pub turns: Vec<f64>,
-    /// Least and greatest load (N) of the whole.
+    /// Minimum and maximum load (N) of the whole.
     pub load_range_n: [f64; 2],
-    /// Least and greatest turns of the whole.
+    /// Minimum and maximum turns of the whole.
     pub turn_range: [f64; 2],
 }
 

@@ -54,8 +54,8 @@ fn at(mechanism: &Mechanism, load_n: f64, twist_rad: f64) -> [f64; 3] {
 fn plateau_strain(a: &[f64; 5]) -> Option<f64> {
     let tangent = |e: f64| a[0] + e * (2.0 * a[1] + e * (3.0 * a[2] + e * (4.0 * a[3] + e * 5.0 * a[4])));
     let strains = (0..=1000).map(|k| FIT_RANGE * f64::from(k) / 1000.0);
-    let (strain, least) = strains.map(|e| (e, tangent(e))).min_by(|x, y| x.1.total_cmp(&y.1))?;
-    (least < 0.25 * a[0] && strain < FIT_RANGE).then_some(strain)
+    let (strain, min) = strains.map(|e| (e, tangent(e))).min_by(|x, y| x.1.total_cmp(&y.1))?;
+    (min < 0.25 * a[0] && strain < FIT_RANGE).then_some(strain)
 }
 
 #[cfg(test)]

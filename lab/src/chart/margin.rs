@@ -169,34 +169,34 @@ impl Hung {
         map.complex_eigenvalues().iter().map(|value| value.norm()).fold(0.0, f64::max)
     }
 
-    /// By how much the gain may be multiplied before the loop is unstable; below 1 it already is. At most [`MOST`].
+    /// By how much the gain may be multiplied before the loop is unstable; below 1 it already is. At most [`MAX`].
     pub fn gain_margin(&self, loop_: &Controller) -> f64 {
         let grows =
             |factor: f64| self.growth(&Controller { gain_per_s: factor * loop_.gain_per_s, ..*loop_ }) > 1.0 + ROUNDING;
-        last_good(grows, LEAST, MOST)
+        last_good(grows, MIN, MAX)
     }
 
-    /// Longest additional delay (s) before the loop is unstable; at most `most_s`.
-    pub fn delay_margin(&self, loop_: &Controller, most_s: f64) -> f64 {
+    /// Longest additional delay (s) before the loop is unstable; at most `max_s`.
+    pub fn delay_margin(&self, loop_: &Controller, max_s: f64) -> f64 {
         let grows = |delay_s: f64| self.growth(&Controller { delay_s, ..*loop_ }) > 1.0 + ROUNDING;
-        if grows(0.0) { 0.0 } else { last_good(grows, 1e-3, most_s) }
+        if grows(0.0) { 0.0 } else { last_good(grows, 1e-3, max_s) }
     }
 }
 
-/// Least factor that is considered.
-pub const LEAST: f64 = 0.02;
-/// Greatest factor that is considered.
-pub const MOST: f64 = 20.0;
+/// Minimum factor that is considered.
+pub const MIN: f64 = 0.02;
+/// Maximum factor that is considered.
+pub const MAX: f64 = 20.0;
 /// An eigenvalue this far outside the circle is rounding.
 const ROUNDING: f64 = 1e-9;
 /// Steps in which the limit is looked for, each by the same factor; then halved.
 const STEPS: i32 = 24;
 const HALVINGS: usize = 12;
 
-/// The greatest value before the first that is bad, between two limits.
-fn last_good(is_bad: impl Fn(f64) -> bool, least: f64, most: f64) -> f64 {
-    let at = |k: i32| least * (most / least).powf(f64::from(k) / f64::from(STEPS));
-    let Some(first_bad) = (0..=STEPS).find(|k| is_bad(at(*k))) else { return most };
+/// The maximum value before the first that is bad, between two limits.
+fn last_good(is_bad: impl Fn(f64) -> bool, min: f64, max: f64) -> f64 {
+    let at = |k: i32| min * (max / min).powf(f64::from(k) / f64::from(STEPS));
+    let Some(first_bad) = (0..=STEPS).find(|k| is_bad(at(*k))) else { return max };
     let (mut good, mut bad) = (if first_bad == 0 { 0.0 } else { at(first_bad - 1) }, at(first_bad));
     for _ in 0..HALVINGS {
         let middle = 0.5 * (good + bad);
@@ -210,22 +210,22 @@ mod tests {
     use super::*;
 
     /// 0.6 kg that swing at 25 rad/s.
-    const SWINGS: Hung = Hung { tr_rad_per_m: 3000.0, stiffness_n_per_m: 375.0, mass_kg: 0.6 };
+    const OSCILLATIONS: Hung = Hung { tr_rad_per_m: 3000.0, stiffness_n_per_m: 375.0, mass_kg: 0.6 };
 
     #[test]
     fn the_firmwares_loop_is_as_fast_as_its_slowest_pole_and_calms_the_swing() {
         let c = Controller::damped();
-        // Poles 0.55 and 0.39 ± 0.86 i times 25 rad/s: the swing decays with 10 per second, were the drive without lag.
-        let per_s = -SWINGS.growth(&c).ln() / c.period_s;
+        // Poles 0.55 and 0.39 ± 0.86 i times 25 rad/s: the oscillation decays with 10 per second, were the drive without lag.
+        let per_s = -OSCILLATIONS.growth(&c).ln() / c.period_s;
         assert!((7.0..14.0).contains(&per_s), "{per_s} per second");
-        let swing_alone = SWINGS.growth(&Controller { gain_per_s: 0.0, ..c });
-        assert!((swing_alone - 1.0).abs() < 1e-9, "without feedback the place of the shaft stays");
-        assert!(SWINGS.gain_margin(&c) > 1.9, "{}", SWINGS.gain_margin(&c));
-        assert!(SWINGS.delay_margin(&c, 0.5) > 0.02, "{}", SWINGS.delay_margin(&c, 0.5));
+        let oscillation_alone = OSCILLATIONS.growth(&Controller { gain_per_s: 0.0, ..c });
+        assert!((oscillation_alone - 1.0).abs() < 1e-9, "without feedback the place of the shaft stays");
+        assert!(OSCILLATIONS.gain_margin(&c) > 1.9, "{}", OSCILLATIONS.gain_margin(&c));
+        assert!(OSCILLATIONS.delay_margin(&c, 0.5) > 0.02, "{}", OSCILLATIONS.delay_margin(&c, 0.5));
         // A load that the table takes for half or twice as stiff is still held.
         for factor in [0.6, 1.6] {
-            let off = Controller { stiffness_n_per_m: Some(factor * SWINGS.stiffness_n_per_m), ..c };
-            assert!(SWINGS.growth(&off) < 1.0, "{factor}");
+            let off = Controller { stiffness_n_per_m: Some(factor * OSCILLATIONS.stiffness_n_per_m), ..c };
+            assert!(OSCILLATIONS.growth(&off) < 1.0, "{factor}");
         }
     }
 

@@ -1,7 +1,7 @@
 //! Stability in time as a picture.
 
 use super::grid::Grid;
-use super::margin::{Controller, Hung, MOST};
+use super::margin::{Controller, Hung, MAX};
 use super::{Inputs, Made};
 use crate::table;
 use anyhow::{Context, Result};
@@ -19,7 +19,7 @@ const SEARCHED: (f64, f64, f64) = (2757.0, 7.5, 21.8);
 /// Longest delay and control period that are drawn (s).
 const LONGEST_S: f64 = 1.0;
 /// Range of the gain margins that are drawn.
-const DRAWN: [f64; 2] = [0.1, MOST];
+const DRAWN: [f64; 2] = [0.1, MAX];
 
 /// Bands of the gain margin: from below the first it is unstable.
 const BANDS: [(f64, &str, RGBColor); 5] = [
@@ -51,7 +51,7 @@ fn hung(mechanism: &Mechanism, grid: &Grid, progress: &Progress<'_>) -> Vec<Opti
 /// If the scene cannot be solved, or the drawing fails.
 pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
     let (scene, progress) = (inputs.scene, inputs.progress);
-    let envelope = scene.table_demand()?.0;
+    let envelope = scene.table_requirement()?.0;
     let grid = Grid::new(envelope.load_n, CELLS.0, envelope.turns, CELLS.1);
     let nominal = hung(&scene.mechanism()?, &grid, progress);
     let (ratio, gain_per_s, corner_rad_per_s) = SEARCHED;
@@ -66,16 +66,15 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
         let margins = parallel(progress, nominal.len(), |k| Some(nominal[k]?.2.gain_margin(&controller)));
         let states =
             nominal.iter().zip(&margins).filter_map(|(state, margin)| Some(((*margin)?, (*state)?, controller)));
-        let weakest = least(states).context("no state has an equilibrium")?;
+        let weakest = min(states).context("no state has an equilibrium")?;
         maps.push(grid.panel(name, |k| margins[k].map_or(NO_EQUILIBRIUM, band)));
         rows.extend(grid.states().iter().zip(&margins).map(|((load_n, turns), margin)| {
             (name.to_owned(), "map", [number(*load_n), number(*turns), None, None, margin.and_then(number)])
         }));
         let solved = || margins.iter().flatten().copied();
-        let [least, most] = extent(solved());
+        let [min, max] = extent(solved());
         let (unstable, count) = (solved().filter(|m| *m < 1.0).count(), solved().count());
-        findings
-            .push(format!("{name:<32} gain margin {least:.2} to {most:.1}; unstable at {unstable} of {count} states"));
+        findings.push(format!("{name:<32} gain margin {min:.2} to {max:.1}; unstable at {unstable} of {count} states"));
         loops.push((name.to_owned(), weakest));
     }
     let off = with_constants_off(scene, &grid, &nominal, progress)?;
@@ -155,12 +154,12 @@ fn with_constants_off(
             };
             Some((state.2.gain_margin(&c), state, c))
         });
-        worst = least(worst.into_iter().chain(found.into_iter().flatten()));
+        worst = min(worst.into_iter().chain(found.into_iter().flatten()));
     }
     worst.context("no state has an equilibrium")
 }
 
-fn least(margins: impl Iterator<Item = Weakest>) -> Option<Weakest> {
+fn min(margins: impl Iterator<Item = Weakest>) -> Option<Weakest> {
     margins.min_by(|a, b| a.0.total_cmp(&b.0))
 }
 
@@ -176,8 +175,8 @@ fn line_panel(title: &str, x: Axis, lines: &[Vec<(f64, f64)>]) -> Panel {
     let line = |(k, line): (usize, &Vec<(f64, f64)>)| {
         Item::line(line.iter().map(|(t, m)| (*t, m.clamp(DRAWN[0], DRAWN[1]))), pen(k))
     };
-    let [least, most] = extent(lines[0].iter().map(|(t, _)| *t));
-    let unstable = Item::line([(least, 1.0), (most, 1.0)], Pen::dashed(INK).wide(1));
+    let [min, max] = extent(lines[0].iter().map(|(t, _)| *t));
+    let unstable = Item::line([(min, 1.0), (max, 1.0)], Pen::dashed(INK).wide(1));
     let items = lines.iter().enumerate().map(line).chain([unstable]);
     Panel::new(title, x, Axis::log("gain margin", DRAWN), items)
 }

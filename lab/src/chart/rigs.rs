@@ -49,8 +49,8 @@ fn made_with<'a>(rows: impl Iterator<Item = &'a Row>) -> String {
     };
     let cases = |pick: fn(usize, usize) -> usize| homed.iter().map(|r| r.cases + r.missing).reduce(pick).unwrap_or(0);
     match [cases(usize::min), cases(usize::max)] {
-        [least, most] if least == most => format!("{how}, {most} cases of each"),
-        [least, most] => format!("{how}, {least} to {most} cases of each"),
+        [min, max] if min == max => format!("{how}, {max} cases of each"),
+        [min, max] => format!("{how}, {min} to {max} cases of each"),
     }
 }
 
@@ -135,7 +135,7 @@ fn kind_colour(kind: &str) -> RGBColor {
 /// A part of the chain: its name, the checks that tell whether it holds, and its colour.
 type Part = (&'static str, &'static [&'static str], RGBColor);
 
-/// From the gravest to the mildest; the first that breaks colours a cell.
+/// From the most severe to the mildest; the first that breaks colours a cell.
 const PARTS: [Part; 5] = [
     ("homing", &["zero_error_rad"], RGBColor(70, 70, 70)),
     ("faults", &["faults", "sank_after_fault_m"], RGBColor(204, 121, 167)),
@@ -193,7 +193,7 @@ pub fn effects(inputs: &Inputs<'_>) -> Result<Made> {
     Made::new(&figure, csv, Vec::new())
 }
 
-/// The parts whose floors do not hold, the gravest first.
+/// The parts whose floors do not hold, the most severe first.
 fn broken<'a>(rows: impl Iterator<Item = &'a Row> + Clone) -> Vec<Part> {
     let misses = |check: &&str| rows.clone().find(|r| r.check == **check).is_some_and(|r| r.holds == Some(false));
     PARTS.into_iter().filter(|(_, checks, _)| checks.iter().any(misses)).collect()

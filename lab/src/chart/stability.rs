@@ -10,9 +10,9 @@ use super::rods::RODS;
 use super::{Inputs, Made};
 use crate::table;
 use anyhow::Result;
+use baseline_methods::Method;
 use rigctl::parallel::{Progress, parallel};
 use rigctl::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, RGBColor};
-use rival_methods::Method;
 use tsa_model::{Equilibrium, Mechanism, SolveError, twist_from_turns};
 
 const LOAD_N: [f64; 2] = [0.3, 20.0];

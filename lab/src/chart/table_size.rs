@@ -6,9 +6,9 @@ use anyhow::Result;
 use rig_config::{Accuracy, Scene, TableError};
 use rigctl::parallel::parallel;
 use rigctl::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Shape, colour, extent};
-use rival_forms::considered::{Considered, considered};
 use serde::Serialize;
 use std::cmp::Ordering;
+use table_forms::considered::{Considered, considered};
 use tsa_table::FORM;
 use tsa_table::fit::{Errors, Fit, FitError, MAX_BYTES};
 use tsa_table::instruction_model::LOOKUP_INSTRUCTIONS;
@@ -28,13 +28,13 @@ type Asked = (f64, Result<(Fit, Vec<Considered>), TableError>);
 /// If the scene says nothing of a table, or the drawing fails.
 pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
     let scene = inputs.scene;
-    let (_, accuracy) = scene.table_demand()?;
-    let share = accuracy.tr_relative / accuracy.contraction_m;
+    let (_, accuracy) = scene.table_requirement()?;
+    let fraction = accuracy.tr_relative / accuracy.contraction_m;
     let fits = parallel(inputs.progress, ASKED_M.len(), |k| {
-        let wanted = Accuracy { contraction_m: ASKED_M[k], tr_relative: share * ASKED_M[k] };
+        let wanted = Accuracy { contraction_m: ASKED_M[k], tr_relative: fraction * ASKED_M[k] };
         let scene = Scene { accuracy: Some(wanted), ..scene.clone() };
         let found = scene.fit_table().and_then(|fit| {
-            let all = considered(&scene.mechanism()?, &scene.demand()?, &fit)?;
+            let all = considered(&scene.mechanism()?, &scene.table_spec()?, &fit)?;
             Ok((fit, all))
         });
         match found {
@@ -76,7 +76,7 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
             "{:.0} um: {FORM} in {} bytes, {:.2} um certified",
             asked_m * 1e6,
             fit.table.numbers.bytes(),
-            fit.certificate.errors.contraction_max_m * 1e6
+            fit.error_bounds.errors.contraction_max_m * 1e6
         ),
         Err(e) => e.to_string(),
     };

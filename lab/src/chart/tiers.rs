@@ -37,14 +37,14 @@ fn cheapest(m: &Mechanism, (load_n, turns): (f64, f64), wanted: TierError) -> Re
     Ok((found.tier, (found.contraction_m() - full.contraction_m()).abs()))
 }
 
-/// Which share of some states each tier has, in words.
-fn shares(tiers: &[Tier]) -> String {
+/// Which fraction of some states each tier has, in words.
+fn fractions(tiers: &[Tier]) -> String {
     let count = |tier: Tier| tiers.iter().filter(|t| **t == tier).count();
-    let shares = Tier::ALL
+    let fractions = Tier::ALL
         .into_iter()
         .filter(|tier| count(*tier) > 0)
         .map(|tier| format!("{:.0} % {}", 100.0 * count(tier) as f64 / tiers.len().max(1) as f64, tier.name()));
-    shares.collect::<Vec<_>>().join(", ")
+    fractions.collect::<Vec<_>>().join(", ")
 }
 
 /// Draws the cheapest tiers of the scene and of the one with a plateau.
@@ -61,7 +61,7 @@ pub fn maps(inputs: &Inputs<'_>) -> Result<Made> {
     }
     let (mut panels, mut rows, mut findings) = (Vec::new(), Vec::new(), Vec::new());
     for (name, scene) in &scenes {
-        let envelope = scene.table_demand()?.0;
+        let envelope = scene.table_requirement()?.0;
         let (grid, m) = (Grid::new(envelope.load_n, CELLS.0, envelope.turns, CELLS.1), scene.mechanism()?);
         let states = grid.states();
         let mut maps = Vec::new();
@@ -71,7 +71,7 @@ pub fn maps(inputs: &Inputs<'_>) -> Result<Made> {
             let title = format!("{name}, {:.0} um", wanted_m * 1e6);
             let tiers: Vec<Tier> = cells.iter().flatten().map(|(tier, _)| *tier).collect();
             let worst_m = cells.iter().flatten().map(|(_, error_m)| *error_m).fold(0.0, f64::max);
-            findings.push(format!("{title}: {}; worst {:.2} um", shares(&tiers), worst_m * 1e6));
+            findings.push(format!("{title}: {}; worst {:.2} um", fractions(&tiers), worst_m * 1e6));
             let colour = |k: usize| cells[k].as_ref().map_or(NO_EQUILIBRIUM, |(tier, _)| COLOURS[*tier as usize]);
             maps.push(grid.panel(title, colour));
             rows.extend(states.iter().zip(&cells).map(|((load_n, turns), cell)| {
@@ -143,7 +143,7 @@ pub fn scenes(inputs: &Inputs<'_>) -> Result<Made> {
 }
 
 fn needed(scene: &Scene, name: &'static str) -> Result<Needed> {
-    let (envelope, accuracy) = scene.table_demand()?;
+    let (envelope, accuracy) = scene.table_requirement()?;
     let mechanism = scene.mechanism()?;
     let wanted = TierError { contraction_m: accuracy.contraction_m, tr_relative: accuracy.tr_relative };
     let states = Grid::new(envelope.load_n, 16, envelope.turns, 16).states();
@@ -151,13 +151,13 @@ fn needed(scene: &Scene, name: &'static str) -> Result<Needed> {
         states.iter().map(|at| Ok(cheapest(&mechanism, *at, wanted)?.0)).collect::<Result<Vec<_>, SolveError>>()?;
     let dearest = tiers.iter().copied().max_by_key(|t| *t as usize).unwrap_or(Tier::Full);
     let fit = scene.fit_table().context(name)?;
-    let (series, errors) = (fit.table.numbers.series(), &fit.certificate.errors);
+    let (series, errors) = (fit.table.numbers.series(), &fit.error_bounds.errors);
     Ok(Needed {
         scene: name,
         asked_contraction_m: accuracy.contraction_m,
         asked_tr_relative: accuracy.tr_relative,
         tier: dearest.name(),
-        tier_shares: shares(&tiers),
+        tier_shares: fractions(&tiers),
         table_form: tsa_table::FORM,
         table_size: fit.table.numbers.size(),
         bytes: series.bytes(),

@@ -1,8 +1,8 @@
 //! Work against precision on the desktop: the cost of an equilibrium by every method and tier, and its error.
 
 use anyhow::Result;
+use baseline_methods::Method;
 use rigctl::parallel::Progress;
-use rival_methods::Method;
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 use tsa_model::{Equilibrium, Mechanism, SolveError, Tier, twist_from_turns};
@@ -80,7 +80,7 @@ pub struct Point {
     pub failed: usize,
     /// The first reason.
     pub reason: Option<SolveError>,
-    /// Least time for one state, of all rounds, the failed ones included (s).
+    /// Minimum time for one state, of all rounds, the failed ones included (s).
     pub seconds: f64,
 }
 
@@ -140,18 +140,18 @@ fn judged(way: Way, mechanism: &Mechanism, states: &[(f64, f64)], exact: &[f64])
     point
 }
 
-/// Least time of a state over one lap (s).
+/// Minimum time of a state over one lap (s).
 fn lap(way: Way, mechanism: &Mechanism, states: &[(f64, f64)]) -> f64 {
     let begin = Instant::now();
-    let mut least = f64::INFINITY;
+    let mut min = f64::INFINITY;
     loop {
         let before = Instant::now();
         for state in states {
             let _ = black_box(way.solve(mechanism, black_box(*state)));
         }
-        least = least.min(before.elapsed().as_secs_f64() / states.len() as f64);
+        min = min.min(before.elapsed().as_secs_f64() / states.len() as f64);
         if begin.elapsed() > LAP {
-            return least;
+            return min;
         }
     }
 }

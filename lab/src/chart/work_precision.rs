@@ -5,9 +5,9 @@ use super::work::{self, Measured, Point, Way};
 use super::{Inputs, Made, stem};
 use crate::table;
 use anyhow::Result;
+use baseline_methods::Method;
 use rig_config::Scene;
 use rigctl::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, RGBColor, Shape, colour};
-use rival_methods::Method;
 use serde::Deserialize;
 use tsa_model::Tier;
 
@@ -83,7 +83,7 @@ fn colours() -> impl Iterator<Item = (&'static str, RGBColor)> {
 }
 
 impl Case {
-    /// Least time of all (s).
+    /// Minimum time of all (s).
     fn fastest_s(&self) -> f64 {
         self.measured.points.iter().map(|p| p.seconds).fold(f64::INFINITY, f64::min)
     }

@@ -9,8 +9,8 @@ use tsa_table::Table;
 
 /// States of the map of the table's error: turns, and loads in equal ratios.
 const MAP: [usize; 2] = [61, 31];
-/// Most rows of a recorded move in a page.
-const MOST_ROWS: usize = 600;
+/// Maximum rows of a recorded move in a page.
+const MAX_ROWS: usize = 600;
 
 /// Everything, in the form of the script.
 #[derive(Debug, Serialize)]
@@ -75,11 +75,11 @@ fn constants(scene: &Scene) -> Vec<f64> {
 
 impl TableErrors {
     fn new(mechanism: &Mechanism, table: &Table<'_>, envelope: Envelope) -> Self {
-        let share = |k: usize, count: usize| k as f64 / (count - 1) as f64;
+        let fraction = |k: usize, count: usize| k as f64 / (count - 1) as f64;
         let [low, high] = envelope.turns;
-        let turns: Vec<f64> = (0..MAP[0]).map(|k| low + (high - low) * share(k, MAP[0])).collect();
+        let turns: Vec<f64> = (0..MAP[0]).map(|k| low + (high - low) * fraction(k, MAP[0])).collect();
         let [low, high] = envelope.load_n;
-        let loads_n: Vec<f64> = (0..MAP[1]).map(|k| low * (high / low).powf(share(k, MAP[1]))).collect();
+        let loads_n: Vec<f64> = (0..MAP[1]).map(|k| low * (high / low).powf(fraction(k, MAP[1]))).collect();
         let mut errors = Self { contraction_nm: Vec::new(), tr_ppm: Vec::new(), loads_n, turns };
         for load_n in &errors.loads_n {
             let start_gap_m = mechanism.solve(*load_n, PRETWIST_RAD).map(|e| e.gap_m).ok();
@@ -106,7 +106,7 @@ fn error_at(mechanism: &Mechanism, table: &Table<'_>, start_gap_m: f64, load_n: 
 impl Move {
     /// Every so many rows of telemetry, and the last; the truth of an emulated rig takes the place of what the board estimates.
     pub fn new(what: String, rows: &[Row]) -> Self {
-        let every = rows.len().div_ceil(MOST_ROWS).max(1);
+        let every = rows.len().div_ceil(MAX_ROWS).max(1);
         let mut columns = Self { what, ..Self::default() };
         let rounded = |value: Option<f64>, unit: f64| value.map(|v| (v / unit).round() * unit);
         for (_, row) in rows.iter().enumerate().filter(|(k, _)| k % every == 0 || k + 1 == rows.len()) {
@@ -133,7 +133,7 @@ mod tests {
         };
         let rows = (0..2501).map(row).collect::<Result<Vec<Row>, _>>().unwrap();
         let columns = Move::new(String::new(), &rows);
-        assert!(columns.t_s.len() <= MOST_ROWS + 1, "{}", columns.t_s.len());
+        assert!(columns.t_s.len() <= MAX_ROWS + 1, "{}", columns.t_s.len());
         assert_eq!((columns.t_s[0], columns.t_s.last().copied()), (0.0, Some(25.0)));
         let last = columns.turns.last().copied().flatten().expect("turns");
         assert!((last - 2.5).abs() < 1e-9 && columns.load_n.iter().all(Option::is_none));
@@ -147,7 +147,7 @@ mod tests {
         let errors = data.table.expect("errors");
         assert_eq!(errors.contraction_nm.len(), MAP[0] * MAP[1]);
         let largest = errors.contraction_nm.iter().map(|e| e.expect("inside the envelope").abs()).max();
-        let limit = (fit.certificate.errors.contraction_max_m * 1e9).ceil() as i64;
+        let limit = (fit.error_bounds.errors.contraction_max_m * 1e9).ceil() as i64;
         assert!(largest.is_some_and(|largest| largest > 0 && largest <= limit + 1), "{largest:?} {limit}");
         assert_eq!(data.constants.len(), 17);
         assert!(data.constants[10].is_nan(), "no exponent under this law");

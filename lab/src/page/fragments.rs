@@ -62,7 +62,7 @@ pub fn constants(scene: &Scene) -> String {
 }
 
 /// The table's certificate as sentences, and the candidates as a table.
-pub fn certificate(table: &TableReport<'_>) -> String {
+pub fn error_bounds(table: &TableReport<'_>) -> String {
     let mut text = String::from("<ul class=\"certificate\">\n");
     for sentence in table.sentences() {
         let _ = writeln!(text, "<li>{}</li>", escaped(&sentence));

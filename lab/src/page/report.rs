@@ -57,14 +57,14 @@ impl Arguments {
         };
         let lookup = fit.as_ref().ok().map(|fit| fit.table.table());
         let data = Data::new(&scene, &mechanism, lookup.as_ref(), moved);
-        let certificate = match &table {
-            Ok(table) => fragments::certificate(table),
+        let error_bounds = match &table {
+            Ok(table) => fragments::error_bounds(table),
             Err(why) => format!("<p>There is no table: {}</p>", escaped(why)),
         };
         file.write(&page::html(vec![
             ("title", escaped(&global.scene.display().to_string())),
             ("constants", fragments::constants(&scene)),
-            ("certificate", certificate),
+            ("certificate", error_bounds),
             ("figures", figures.iter().map(fragments::figure).collect()),
             ("recorded", fragments::figure(&recorded)),
             // `<` starts a tag in a script of data, too.

@@ -68,7 +68,7 @@ fn not_more(first: &(&Row, Scene), second: &(&Row, Scene)) -> Option<&'static st
 }
 
 /// The least error that any law has to the worst of some contradictions.
-fn least(found: &[Contradiction<'_>], belongs: impl Fn(&Contradiction<'_>) -> bool) -> f64 {
+fn min(found: &[Contradiction<'_>], belongs: impl Fn(&Contradiction<'_>) -> bool) -> f64 {
     found.iter().filter(|c| belongs(c)).map(|c| c.error).fold(0.0, f64::max)
 }
 
@@ -87,8 +87,8 @@ pub(super) fn text(rows: &[Row]) -> Result<Vec<String>> {
         let named = |row: &Row| format!("{} ({:.2} {} at {} N)", row.id, row.value, row.unit, row.load_n);
         lines.push(format!("{:>6.2} %  {:<35} and {:<27}  {why}", 100.0 * error, named(more), named(less)));
     }
-    let computed = least(&found, |c| c.rows.iter().all(|row| row.kind == Kind::Theory));
-    let all = least(&found, |_| true);
+    let computed = min(&found, |c| c.rows.iter().all(|row| row.kind == Kind::Theory));
+    let all = min(&found, |_| true);
     lines.push(format!(
         "the best that any law can do with these: {:.2} %, with those that the paper computes {:.2} %",
         100.0 * all,
@@ -116,7 +116,7 @@ mod tests {
         assert_eq!(error(["d0-32", "exp-0.5"]), Some(3.77));
         // Equal numbers with the same inputs, and more contraction with less span, agree.
         assert_eq!((error(["r-0.50", "r0-1.5"]), error(["d0-32", "d0-26"])), (None, None));
-        assert_eq!((1e4 * least(&found, |_| true)).round() / 1e2, 3.77);
+        assert_eq!((1e4 * min(&found, |_| true)).round() / 1e2, 3.77);
     }
 
     #[test]

@@ -18,12 +18,12 @@ const JOG_RAD_PER_S: f32 = 2.0;
 /// Smallest and largest number of cycles.
 #[derive(Clone, Copy)]
 struct Spread {
-    least: u32,
-    most: u32,
+    min: u32,
+    max: u32,
 }
 
 impl Spread {
-    const NONE: Self = Self { least: u32::MAX, most: 0 };
+    const NONE: Self = Self { min: u32::MAX, max: 0 };
 
     /// Runs a function with interrupts off and counts its cycles.
     fn count<T>(&mut self, run: impl FnOnce() -> T) -> T {
@@ -31,8 +31,8 @@ impl Spread {
             let began = DWT::cycle_count();
             let done = black_box(run());
             let took = DWT::cycle_count().wrapping_sub(began);
-            self.least = self.least.min(took);
-            self.most = self.most.max(took);
+            self.min = self.min.min(took);
+            self.max = self.max.max(took);
             done
         })
     }
@@ -51,13 +51,13 @@ pub fn rows(table: &mut Table, hclk_hz: u32) {
         let (tick, state) = tick();
         // The cycles of one control period.
         let limit = hclk_hz / 1_000_000 * TICK_US as u32;
-        let seen = format_args!("{} to {} {unit}", lookup.least, lookup.most);
-        table.row(rows[0], format_args!("less than a tick, {limit}"), seen, Verdict::of(lookup.most < limit));
+        let seen = format_args!("{} to {} {unit}", lookup.min, lookup.max);
+        table.row(rows[0], format_args!("less than a tick, {limit}"), seen, Verdict::of(lookup.max < limit));
         table.row(
             rows[1],
             format_args!("{}, less than {limit}", State::Moving),
-            format_args!("{state}, {} to {} {unit}", tick.least, tick.most),
-            Verdict::of(state == State::Moving && tick.most < limit),
+            format_args!("{state}, {} to {} {unit}", tick.min, tick.max),
+            Verdict::of(state == State::Moving && tick.max < limit),
         );
     }
     chip::speed_up_flash(true);
@@ -67,7 +67,7 @@ pub fn rows(table: &mut Table, hclk_hz: u32) {
 fn lookup() -> Spread {
     let mut lookup = Spread::NONE;
     let m = &TABLE.metadata;
-    let within = |least: f32, most: f32, place: f32| least + place * (most - least);
+    let within = |min: f32, max: f32, place: f32| min + place * (max - min);
     for load_n in LOADS.map(|place| within(m.load_min_n, m.load_max_n, place)) {
         for twist_rad in TWISTS.map(|place| within(m.twist_min_rad, m.twist_max_rad, place)) {
             let (load_n, twist_rad) = (black_box(load_n), black_box(twist_rad));

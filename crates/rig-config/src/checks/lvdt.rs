@@ -27,17 +27,17 @@ const MIDDLE: [f64; 2] = [0.05, 0.95];
 
 pub(super) fn sees_the_gaps(s: &Scene, states: &States) -> Verdict {
     let rig = &s.rig;
-    let ends_of = |shares: [f64; 2], length: f64, start: f64| {
-        let ends = shares.map(|share| start + share * length);
+    let ends_of = |fractions: [f64; 2], length: f64, start: f64| {
+        let ends = fractions.map(|fraction| start + fraction * length);
         [ends[0].min(ends[1]), ends[0].max(ends[1])]
     };
     let read = ends_of(CODES, 4095.0 * rig.lvdt_metres_per_code(), rig.lvdt_gap_at_code_zero_m());
     let stroke = ends_of([0.0, 1.0], rig.lvdt_stroke_m, rig.lvdt_gap_at_zero_m);
     let middle = ends_of(MIDDLE, rig.lvdt_stroke_m, rig.lvdt_gap_at_zero_m);
     let seen = [stroke[0].max(read[0]), stroke[1].min(read[1])];
-    let [least, most] = states.gap_m;
-    let within = |range: [f64; 2]| least.value >= range[0] && most.value <= range[1];
-    let needed = format!("the gap goes from {} ({least}) to {} ({most})", mm(least.value), mm(most.value));
+    let [min, max] = states.gap_m;
+    let within = |range: [f64; 2]| min.value >= range[0] && max.value <= range[1];
+    let needed = format!("the gap goes from {} ({min}) to {} ({max})", mm(min.value), mm(max.value));
     if !within(seen) {
         return Impossible(format!(
             "{needed}, and the LVDT with its ADC sees {} to {}; lengths are in metres",

@@ -17,18 +17,18 @@ pub(super) fn rod_is_a_rod(s: &Scene) -> Verdict {
     ))
 }
 
-/// Share of the bend that shear adds at the tip of a round cantilever of radius R and length l, which the rod's law
+/// Fraction of the bend that shear adds at the tip of a round cantilever of radius R and length l, which the rod's law
 /// leaves out: 3 E I / (κ G A l²) = 2.17 (R/l)², with E/G = 2.6 and κ = 0.9.
 const SHEAR: f64 = 2.17;
 /// Where that is no longer small.
-const SHEAR_MOST: f64 = 0.1;
+const MAX_SHEAR: f64 = 0.1;
 
 pub(super) fn rod_is_slender(s: &Scene) -> Verdict {
     let g = &s.geometry;
     let free_m = 0.5 * (g.rod_span_m - g.clamp_width_m);
     let shear = SHEAR * (g.rod_radius_m / free_m).powi(2);
     // No free length at all is a rigid rod, an exact limit of the model.
-    if free_m == 0.0 || shear < SHEAR_MOST {
+    if free_m == 0.0 || shear < MAX_SHEAR {
         return Fits;
     }
     Unusual(format!(

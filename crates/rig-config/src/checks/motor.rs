@@ -3,11 +3,11 @@
 use super::Verdict::{self, Fits, Impossible, Unusual};
 use super::{States, short};
 use crate::Scene;
-use rig_control::homing::SPEED_SHARE;
+use rig_control::homing::SPEED_FRACTION;
 use std::f64::consts::{PI, TAU};
 
-/// Share of the current above which almost nothing remains for friction and acceleration (rig-control, `limits`).
-const HOLDING_SHARE: f64 = 0.9;
+/// Fraction of the current above which almost nothing remains for friction and acceleration (rig-control, `limits`).
+const HOLDING_FRACTION: f64 = 0.9;
 /// Time (s) that homing is given, turns from which it is tried at most, and turns over which it weighs (rig-control,
 /// `homing`).
 const HOMING_S: f64 = 42.0;
@@ -42,35 +42,35 @@ const HOMING_RAD_PER_S2: f64 = 25.0;
 
 pub(super) fn current_reaches_the_acceleration(s: &Scene) -> Verdict {
     let rig = &s.rig;
-    let most_nm = rig.motor_torque_constant_nm_per_a * rig.drive_current_limit_a;
+    let max_nm = rig.motor_torque_constant_nm_per_a * rig.drive_current_limit_a;
     let why = |acceleration: f64| {
         format!(
             "the rotor alone needs {} mN m for {} rad/s², and {} A make {} mN m; the inertia is in kg m² (1 g cm² is 1e-7)",
             short(1e3 * rig.rotor_inertia_kg_m2 * acceleration),
             short(acceleration),
             short(rig.drive_current_limit_a),
-            short(1e3 * most_nm)
+            short(1e3 * max_nm)
         )
     };
-    let most = rig.motor_acceleration_max_rad_per_s2;
-    let homing = most.min(HOMING_RAD_PER_S2 * rig.gear());
-    if rig.rotor_inertia_kg_m2 * homing >= most_nm {
+    let max = rig.motor_acceleration_max_rad_per_s2;
+    let homing = max.min(HOMING_RAD_PER_S2 * rig.gear());
+    if rig.rotor_inertia_kg_m2 * homing >= max_nm {
         Impossible(why(homing))
-    } else if rig.rotor_inertia_kg_m2 * most > most_nm {
-        Unusual(why(most))
+    } else if rig.rotor_inertia_kg_m2 * max > max_nm {
+        Unusual(why(max))
     } else {
         Fits
     }
 }
 
-/// Share of the greatest speed that a step of the drive's measured speed may be: one count in its window of 1 ms, which
+/// Fraction of the maximum speed that a step of the drive's measured speed may be: one count in its window of 1 ms, which
 /// is 60000/(4 lines) rpm (crates/rmds405/README.md section 1).
-const SPEED_STEP_SHARE: f64 = 0.1;
+const SPEED_STEP_FRACTION: f64 = 0.1;
 
 pub(super) fn drive_measures_speed(s: &Scene) -> Verdict {
     let (lines, speed) = (s.rig.encoder_lines, s.rig.motor_speed_max_rad_per_s);
     let step = TAU * 1e3 / (4.0 * f64::from(lines));
-    if step <= SPEED_STEP_SHARE * speed {
+    if step <= SPEED_STEP_FRACTION * speed {
         return Fits;
     }
     Impossible(format!(
@@ -97,34 +97,34 @@ pub(super) fn board_follows_the_count(s: &Scene) -> Verdict {
 }
 
 fn planned_rad_per_s(s: &Scene) -> f64 {
-    f64::from(SPEED_SHARE) * s.rig.motor_speed_max_rad_per_s / s.rig.gear()
+    f64::from(SPEED_FRACTION) * s.rig.motor_speed_max_rad_per_s / s.rig.gear()
 }
 
 /// Time (s) that homing from the envelope's last turn takes, with 1 to 2 s more than the emulated rig took where the
 /// motor is slow. Its numbers are rig-control's, `homing`: two sweeps across zero twist, there and back the whole way,
 /// and the rests and the probe.
-fn homing_s(from_turns: f64, weighed_turns: f64, most_rad_per_s: f64) -> f64 {
+fn homing_s(from_turns: f64, weighed_turns: f64, max_rad_per_s: f64) -> f64 {
     const RESTS_S: f64 = 3.0;
     const SWEEPS_S: f64 = 12.0 / 2.5;
     const SEEK_RAD_PER_S: f64 = 8.0;
     const LIFT_RAD_PER_S: f64 = 6.2;
     // From 3.4 at the middle to 6.2 rad/s at the ends: this on average.
-    const WEIGH_RAD_PER_S: f64 = 4.66;
+    const LOAD_RAD_PER_S: f64 = 4.66;
     let seek = PI + TAU * from_turns + 6.0;
     let there_and_back = 2.0 * TAU * weighed_turns;
     RESTS_S
         + SWEEPS_S
-        + seek / most_rad_per_s.min(SEEK_RAD_PER_S)
-        + (3.0 + PI) / most_rad_per_s.min(LIFT_RAD_PER_S)
-        + there_and_back / most_rad_per_s.min(WEIGH_RAD_PER_S)
+        + seek / max_rad_per_s.min(SEEK_RAD_PER_S)
+        + (3.0 + PI) / max_rad_per_s.min(LIFT_RAD_PER_S)
+        + there_and_back / max_rad_per_s.min(LOAD_RAD_PER_S)
 }
 
 pub(super) fn speed_covers_the_turns(s: &Scene, states: &States) -> Verdict {
     let speed = planned_rad_per_s(s);
-    let turning = |what: String, seconds: f64, most: f64| {
+    let turning = |what: String, seconds: f64, max: f64| {
         Impossible(format!(
             "{} of the motor through a gear of {}:{} turn the strings at {} rad/s with a tenth to spare: {what} would \
-             take {} s, and is given {most} s",
+             take {} s, and is given {max} s",
             rpm(s.rig.motor_speed_max_rad_per_s),
             s.rig.gear_ratio[0],
             s.rig.gear_ratio[1],
@@ -165,7 +165,7 @@ pub(super) fn motor_lifts_the_load(s: &Scene, states: &States) -> Verdict {
     };
     if needed >= limit {
         Impossible(why("; the torque constant is in N m/A, the limit in A"))
-    } else if needed > HOLDING_SHARE * limit {
+    } else if needed > HOLDING_FRACTION * limit {
         Unusual(why(": hardly any is left for friction and acceleration"))
     } else {
         Fits
@@ -173,8 +173,8 @@ pub(super) fn motor_lifts_the_load(s: &Scene, states: &States) -> Verdict {
 }
 
 pub(super) fn supply_reaches_the_torque(s: &Scene, states: &States) -> Verdict {
-    let (needed, least) = (holding_a(s, states) * s.rig.motor_resistance_ohm, s.rig.supply_limits_v()[0]);
-    if needed < least {
+    let (needed, min) = (holding_a(s, states) * s.rig.motor_resistance_ohm, s.rig.supply_limits_v()[0]);
+    if needed < min {
         return Fits;
     }
     Impossible(format!(
@@ -183,7 +183,7 @@ pub(super) fn supply_reaches_the_torque(s: &Scene, states: &States) -> Verdict {
         states.torque_nm,
         short(needed),
         short(s.rig.motor_resistance_ohm),
-        short(least)
+        short(min)
     ))
 }
 

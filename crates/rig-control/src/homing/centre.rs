@@ -8,9 +8,9 @@ use rig_link::messages::HomingFailure;
 const BINS: usize = 48;
 /// Levels whose midpoints are averaged.
 const LEVELS: usize = 16;
-/// Least height of the curve over its lower end (m) that counts as a maximum: a flat curve has no middle.
-const LEAST_HEIGHT_M: f32 = 0.5e-3;
-/// Largest disagreement between the two directions, as a share of half the sweep: beyond it the load hardly follows.
+/// Minimum height of the curve over its lower end (m) that counts as a maximum: a flat curve has no middle.
+const MIN_HEIGHT_M: f32 = 0.5e-3;
+/// Largest disagreement between the two directions, as a fraction of half the sweep: beyond it the load hardly follows.
 const LARGEST_SPLIT: f32 = 0.9;
 
 /// Two sweeps, binned by shaft angle. Angles are kept relative to the rough middle.
@@ -68,7 +68,7 @@ fn middle_of_sweep(bins: &[Bin; BINS]) -> Result<(f32, f32), HomingFailure> {
         return Err(HomingFailure::NoPretwist);
     };
     let (top, floor) = (top.1, left.1.max(right.1));
-    if top - floor < LEAST_HEIGHT_M {
+    if top - floor < MIN_HEIGHT_M {
         return Err(HomingFailure::NoPretwist);
     }
     let (mut sum, mut squares, mut count) = (0.0, 0.0, 0u16);

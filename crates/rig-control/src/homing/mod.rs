@@ -1,4 +1,4 @@
-//! Homing without switches: the gap is even in the twist and greatest at zero (docs/explanation/model.md section 5).
+//! Homing without switches: the gap is even in the twist and maximum at zero (docs/explanation/model.md section 5).
 //!
 //! ```text
 //! Quiet ── the load has stopped swinging ──> Probe
@@ -13,10 +13,10 @@
 //! Sweeping both ways cancels what depends on the direction: rail friction, filter delay, gear backlash.
 
 mod centre;
+pub mod load_estimate;
 mod quiet;
 mod stick_slip;
 mod sweeps;
-pub mod weigh;
 
 use crate::constants::TwistLimits;
 use crate::mechanism::Mechanism;
@@ -24,13 +24,13 @@ use crate::ramp::Ramp;
 use crate::{RigConstants, TICK_S};
 use centre::Centre;
 use core::f32::consts::{PI, TAU};
+use load_estimate::{Current, LoadEstimate};
 use quiet::Quiet;
 use rig_link::messages::{HomingFailure, HomingResult, LoadChoice};
 use stick_slip::StickSlip;
 use tsa_table::Table;
-use weigh::{Current, Weigh};
 
-/// Share of a new reading in the smoothed gap.
+/// Fraction of a new reading in the smoothed gap.
 const SMOOTHING: f32 = 0.25;
 /// A load that still swings after this time (s) is homed all the same; the result is judged at the end.
 const QUIET_PATIENCE_S: f32 = 10.0;
@@ -43,14 +43,14 @@ const PROBE_CHANGE_M: f32 = 0.25e-3;
 const PROBE_TRAVEL: f32 = 18.0;
 const PROBE_SLOW: f32 = 7.0;
 const PROBE_FAST_SPEED: f32 = 4.0;
-/// Share of the motor's speed that is used.
-pub const SPEED_SHARE: f32 = 0.9;
+/// Fraction of the motor's speed that is used.
+pub const SPEED_FRACTION: f32 = 0.9;
 /// A shaft that is this far (rad) behind its set-point stands against fully closed strings: more than any drive lags at the
 /// probe's speed, and little enough to turn back before the drive takes it for a stall and drops the load.
 const PROBE_BEHIND: f32 = 0.5;
 /// Speed towards the maximum (rad/s).
 const SEEK_SPEED: f32 = 8.0;
-/// Fall from the greatest gap (m) that shows that the maximum has been passed.
+/// Fall from the maximum gap (m) that shows that the maximum has been passed.
 const SEEK_FALL_M: f32 = 0.6e-3;
 /// Rise from the least gap (m) before a fall counts: a light load that has just torn loose from friction goes up for a
 /// while when the motor has already turned back.
@@ -72,16 +72,16 @@ pub const SWEEP_HALF: f32 = 5.0;
 /// Speed of these sweeps (rad/s): slow enough that the load follows without swinging.
 pub const SWEEP_SPEED: f32 = 3.5;
 /// Turns past the half-turn pre-twist that the load is weighed over.
-pub const WEIGH_TURNS: f32 = 6.0;
+pub const LOAD_TURNS: f32 = 6.0;
 /// Speeds of weighing (rad/s), at the middle of the sweep and at its ends. The speed varies, in both directions alike, so
 /// that the quantization of the drive's speed and current measurement averages out: at one speed it beats with the period
 /// of the commands.
-pub const WEIGH_SPEED: [f32; 2] = [3.4, 6.2];
+pub const LOAD_SPEED: [f32; 2] = [3.4, 6.2];
 /// Acceleration of all of it (rad/s²).
 const ACCELERATION: f32 = 25.0;
 /// Rest before the sweeps across the maximum and before weighing (s), for the load to stop swinging.
 const CENTRE_REST_S: f32 = 0.3;
-const WEIGH_REST_S: f32 = 0.5;
+const LOAD_REST_S: f32 = 0.5;
 /// Rest at the pre-twist before the reference is taken, and how long it is averaged over (s).
 const SETTLE_S: f32 = 0.7;
 const REFERENCE_S: f32 = 0.4;
@@ -134,20 +134,20 @@ enum Phase {
     Seek(Seek),
     CentreRest { ticks: u16 },
     Centre,
-    WeighRest { ticks: u16 },
-    Weigh,
+    LoadRest { ticks: u16 },
+    LoadEstimate,
     Settle { ticks: u16, rest: Rest },
     Done(Homed),
 }
 
-/// The search for the greatest gap.
+/// The search for the maximum gap.
 #[derive(Clone, Copy, Debug)]
 struct Seek {
     start_rad: f32,
     goal_rad: f32,
-    /// Least gap (m); `None` once the gap has risen from it.
+    /// Minimum gap (m); `None` once the gap has risen from it.
     low_m: Option<f32>,
-    /// Greatest gap (m), and the shaft angle there (rad).
+    /// Maximum gap (m), and the shaft angle there (rad).
     top_m: f32,
     top_rad: f32,
     rises: Rises,
@@ -228,7 +228,7 @@ pub struct Homing {
     centre: Centre,
     /// Currents of the two sweeps across zero twist.
     zero_currents: [Current; 2],
-    weigh: Weigh,
+    load_estimate: LoadEstimate,
     stick_slip: StickSlip,
     zero_rad: f32,
     zero_error_rad: f32,
@@ -248,7 +248,7 @@ impl Homing {
             ticks: 0,
             centre: Centre::new(0.0, 1.0),
             zero_currents: [Current::NONE; 2],
-            weigh: Weigh::new(twist_scale, load),
+            load_estimate: LoadEstimate::new(twist_scale, load),
             stick_slip: StickSlip::NEW,
             zero_rad: 0.0,
             zero_error_rad: 0.0,
@@ -265,7 +265,7 @@ impl Homing {
         }
         self.smooth_gap_m += SMOOTHING * (inputs.gap_m - self.smooth_gap_m);
         let limits = TwistLimits {
-            speed: SPEED_SHARE * rig.twist_speed_max(),
+            speed: SPEED_FRACTION * rig.twist_speed_max(),
             acceleration: ACCELERATION.min(rig.twist_acceleration_max()),
         };
         let next = match self.phase {
@@ -274,8 +274,8 @@ impl Homing {
             Phase::Seek(seek) => self.seek(seek, inputs.shaft_rad, &limits),
             Phase::CentreRest { ticks } => Ok(self.rest_before_centre(ticks, &limits)),
             Phase::Centre => self.sweep_centre(inputs, &limits),
-            Phase::WeighRest { ticks } => Ok(self.rest_before_weigh(ticks, &limits)),
-            Phase::Weigh => Ok(self.sweep_weigh(table, rig, inputs, &limits)),
+            Phase::LoadRest { ticks } => Ok(self.rest_before_weigh(ticks, &limits)),
+            Phase::LoadEstimate => Ok(self.sweep_weigh(table, rig, inputs, &limits)),
             Phase::Settle { ticks, rest } => self.settle(table, ticks, rest, inputs.gap_m, &limits),
             Phase::Done(homed) => Ok(Phase::Done(homed)),
         };
@@ -387,15 +387,15 @@ impl Homing {
         }
         if self.ramp == Ramp::at(goal) && self.centre.sweeps.end_pass() {
             (self.zero_rad, self.zero_error_rad) = self.centre.solve()?;
-            return Ok(Phase::WeighRest { ticks: 0 });
+            return Ok(Phase::LoadRest { ticks: 0 });
         }
         Ok(Phase::Centre)
     }
 
     fn rest_before_weigh(&mut self, ticks: u16, limits: &TwistLimits) -> Phase {
-        let ticks = self.rest_at(self.zero_rad + PI, WEIGH_SPEED[1], limits, ticks);
-        let rested = f32::from(ticks) * TICK_S >= WEIGH_REST_S;
-        if rested { Phase::Weigh } else { Phase::WeighRest { ticks } }
+        let ticks = self.rest_at(self.zero_rad + PI, LOAD_SPEED[1], limits, ticks);
+        let rested = f32::from(ticks) * TICK_S >= LOAD_REST_S;
+        if rested { Phase::LoadEstimate } else { Phase::LoadRest { ticks } }
     }
 
     fn sweep_weigh(
@@ -406,10 +406,10 @@ impl Homing {
         limits: &TwistLimits,
     ) -> Phase {
         let start = self.zero_rad + PI;
-        let travel = (TAU * WEIGH_TURNS).min(table.metadata.twist_max_rad - table.metadata.twist_min_rad);
-        let goal = if self.weigh.sweeps.pass == 0 { start + travel } else { start };
+        let travel = (TAU * LOAD_TURNS).min(table.metadata.twist_max_rad - table.metadata.twist_min_rad);
+        let goal = if self.load_estimate.sweeps.pass == 0 { start + travel } else { start };
         let off_middle = ((self.ramp.position - start) / travel * 2.0 - 1.0).abs();
-        let speed = (WEIGH_SPEED[0] + (WEIGH_SPEED[1] - WEIGH_SPEED[0]) * off_middle).min(limits.speed);
+        let speed = (LOAD_SPEED[0] + (LOAD_SPEED[1] - LOAD_SPEED[0]) * off_middle).min(limits.speed);
         self.ramp.step(goal, speed, limits.acceleration);
         if self.ramp.speed.abs() > 0.8 * speed {
             self.lag_sum_s += (self.ramp.position - inputs.shaft_rad) / self.ramp.speed;
@@ -419,12 +419,17 @@ impl Homing {
             self.stick_slip.turn();
         }
         let shaft_rad = inputs.shaft_at_gap_rad;
-        self.weigh.record((shaft_rad - start) / travel, shaft_rad - self.zero_rad, inputs.gap_m, inputs.current_a);
-        if self.ramp == Ramp::at(goal) && self.weigh.sweeps.end_pass() {
-            self.weigh.begin_fit(table, rig, &self.zero_currents);
+        self.load_estimate.record(
+            (shaft_rad - start) / travel,
+            shaft_rad - self.zero_rad,
+            inputs.gap_m,
+            inputs.current_a,
+        );
+        if self.ramp == Ramp::at(goal) && self.load_estimate.sweeps.end_pass() {
+            self.load_estimate.begin_fit(table, rig, &self.zero_currents);
             return Phase::Settle { ticks: 0, rest: Rest::NONE };
         }
-        Phase::Weigh
+        Phase::LoadEstimate
     }
 
     fn settle(
@@ -436,7 +441,7 @@ impl Homing {
         limits: &TwistLimits,
     ) -> Result<Phase, HomingFailure> {
         let ticks = self.rest_at(self.zero_rad + PI, SWEEP_SPEED, limits, ticks);
-        let fitted = self.weigh.fit_step(table)?;
+        let fitted = self.load_estimate.fit_step(table)?;
         if f32::from(ticks) * TICK_S > SETTLE_S {
             rest.add(gap_m);
         }

@@ -5,7 +5,7 @@
 const QUIET_M: f32 = 0.1e-3;
 const QUIET_TICKS: u16 = 40;
 
-/// Least and greatest gap (m) since some ticks; `None` before the first one.
+/// Minimum and maximum gap (m) since some ticks; `None` before the first one.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Quiet {
     ticks: u16,
@@ -42,7 +42,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_is_no_swing() {
+    fn noise_is_no_oscillation() {
         // Three incommensurable frequencies far above any swing: 45 um rms, 190 um from peak to peak.
         let noise = |t: f32| 37e-6 * ((191.0 * t).sin() + (233.0 * t).sin() + (307.0 * t).sin());
         assert!(quiet_after_s(|t| 0.1 + noise(t)).is_some_and(|s| s < 0.5));
@@ -51,8 +51,8 @@ mod tests {
     #[test]
     fn a_swing_is_waited_for() {
         for frequency in [8.0f32, 20.0, 60.0] {
-            let swing = |t: f32| 0.1 + 0.3e-3 * (-0.5 * t).exp() * (frequency * t).cos();
-            let seconds = quiet_after_s(swing).expect("it calms down");
+            let oscillation = |t: f32| 0.1 + 0.3e-3 * (-0.5 * t).exp() * (frequency * t).cos();
+            let seconds = quiet_after_s(oscillation).expect("it calms down");
             let left_m = 0.3e-3 * (-0.5 * seconds).exp();
             assert!(left_m < 0.15e-3 && seconds > 1.0, "{frequency} rad/s: {seconds} s, {left_m} m");
         }

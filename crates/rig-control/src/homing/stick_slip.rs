@@ -25,10 +25,10 @@ impl StickSlip {
     pub(super) fn add(&mut self, gap_m: f32) {
         let place = self.seen % TICKS;
         if self.seen >= TICKS {
-            let way_m = (gap_m - self.last_m[place]).abs();
+            let distance_m = (gap_m - self.last_m[place]).abs();
             self.count += 1.0;
-            self.sum_m += way_m;
-            self.squares_m2 += way_m * way_m;
+            self.sum_m += distance_m;
+            self.squares_m2 += distance_m * distance_m;
         }
         self.last_m[place] = gap_m;
         self.seen += 1;

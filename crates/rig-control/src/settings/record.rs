@@ -38,7 +38,7 @@ pub const RECORD_MAX: usize = HEAD + 50 * ENTRY;
 /// for 11 points, the stated error.
 const CURVE: u8 = 200;
 const CURVE_ERROR: u8 = CURVE + 2 * LVDT_POINTS_MAX as u8;
-/// Most bytes of our own record.
+/// Maximum bytes of our own record.
 const RECORD: usize = HEAD + (Setting::ALL.len() + 2 * LVDT_POINTS_MAX + 1) * ENTRY;
 
 fn numbers(constants: &CorrectedConstants) -> [f32; CONSTANTS / 4] {
@@ -192,7 +192,7 @@ mod tests {
     /// Values that are allowed.
     fn values() -> impl Strategy<Value = SettingValues> {
         let curve = (2..=LVDT_POINTS_MAX, prop::array::uniform11(-1e-4..1e-4f32), 0.0..1e-3f32);
-        (prop::array::uniform8(0.0..=1f32), prop::option::of(curve)).prop_map(|(shares, curve)| {
+        (prop::array::uniform8(0.0..=1f32), prop::option::of(curve)).prop_map(|(fractions, curve)| {
             let mut defaults = defaults(&RIG);
             defaults.lvdt_curve = curve.map(|(count, corrections, error_m)| {
                 let mut points = corrections.map(|correction_m| [0.0, correction_m]);
@@ -200,9 +200,9 @@ mod tests {
                 LvdtCurve::new(&points[..count], error_m).expect("a curve")
             });
             Setting::ALL.iter().fold(defaults, |values, setting| {
-                let ([min, max], share) = (setting.range(defaults.get(*setting)), shares[*setting as usize]);
-                let between = (min + share * (max - min)).clamp(min, max);
-                let ends = if share < 0.5 { min } else { max };
+                let ([min, max], fraction) = (setting.range(defaults.get(*setting)), fractions[*setting as usize]);
+                let between = (min + fraction * (max - min)).clamp(min, max);
+                let ends = if fraction < 0.5 { min } else { max };
                 values.with(*setting, if setting.spec().ends_only { ends } else { between })
             })
         })

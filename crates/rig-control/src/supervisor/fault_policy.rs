@@ -1,7 +1,7 @@
 //! One table: what is done about each fault, and which fault outranks which. `docs/reference/faults.md` explains it to
 //! the operator.
 //!
-//! Every fault latches, and several can be latched at a time. The gravest one decides the command to the drive; a graver one
+//! Every fault latches, and several can be latched at a time. The most severe one decides the command to the drive; a graver one
 //! is latched beside it at once. No fault unwinds the strings by itself: each puts in doubt something that a controlled way down needs.
 //! No fault takes the torque away from a drive that holds: the strings would untwist and drop the load. A drive whose motor or
 //! encoder has the wrong sign, or that does not see the shaft turn, does not hold: it runs away.
@@ -31,7 +31,7 @@ pub enum After {
     Nothing,
     /// Home: the drive goes on holding, but the position is not known any more.
     Home,
-    /// `clear` starts the drive anew, with a Reset that lets go of the load; then home.
+    /// `clear` starts the drive again, with a Reset that lets go of the load; then home.
     Restart,
 }
 
@@ -161,7 +161,7 @@ impl Latched {
         self.all
     }
 
-    /// The one that decides what the drive is told: of those with the gravest response the first that was latched.
+    /// The one that decides what the drive is told: of those with the most severe response the first that was latched.
     pub fn gravest(self) -> Option<Fault> {
         self.gravest
     }

@@ -18,12 +18,12 @@ const ARRIVED_JUMP: f32 = 0.15;
 /// goes back by so many jumps, farther than its friction band.
 const STUCK_TICKS: u16 = ticks(20);
 const BACK_JUMPS: f32 = 2.0;
-/// Share of the error that the next approach aims beyond the target.
-const AIM_SHARE: f32 = 0.7;
+/// Fraction of the error that the next approach aims beyond the target.
+const AIM_FRACTION: f32 = 0.7;
 /// A set-point waits for strings that are behind it, because the load has changed while they turn as fast as they can: from the first
-/// distance (m) on it is slower, and from the second on it has the least share of the motor's speed.
+/// distance (m) on it is slower, and from the second on it has the least fraction of the motor's speed.
 const BEHIND_M: [f32; 2] = [0.5e-3, 1.5e-3];
-const LEAST_SHARE: f32 = 0.05;
+const MIN_FRACTION: f32 = 0.05;
 /// Time within that error, and time at the end of the strings' travel, after which a move is over; longest wait for either.
 const ARRIVED_TICKS: u16 = ticks(30);
 const END_TICKS: u16 = ticks(100);
@@ -50,7 +50,7 @@ impl LoadControl {
     /// Sets out to a position (m).
     fn go_to(&mut self, position_m: f32) {
         self.planner.go_to(position_m);
-        self.position_loop.takeup.set_out(self.planner.setting_out());
+        self.position_loop.compensation.set_out(self.planner.setting_out());
     }
 
     /// The same, with its set-point at a position (m) that a move has ended at.
@@ -78,7 +78,7 @@ pub(super) struct Move {
     /// Where the load is to end (m). The planner's target is another one while the load goes back to come again.
     pub(super) target_m: f32,
     /// Way of the move (m).
-    way_m: f32,
+    distance_m: f32,
     speed_m_per_s: f32,
     /// Those of the last tick.
     limits: Option<Limits>,
@@ -89,7 +89,7 @@ pub(super) struct Move {
     may_come_again: bool,
     next_aim_m: Option<f32>,
     stuck_ticks: u16,
-    /// Time until the set-point is at its target, friction take-up aside (s); `None` before the first tick and in a stop.
+    /// Time until the set-point is at its target, friction compensation aside (s); `None` before the first tick and in a stop.
     run_s: Option<f32>,
     /// Ticks that the set-point has been at its target, and of these in a row: that the load was near it, and that the
     /// strings were at the end of their travel.
@@ -98,10 +98,10 @@ pub(super) struct Move {
     end_ticks: u16,
 }
 
-/// Share of the motor's speed that a set-point may have while the load's place of rest is behind it by so much (m).
-fn speed_share(behind_m: f32) -> f32 {
-    let [slower_m, least_m] = BEHIND_M;
-    (1.0 - (behind_m - slower_m) / (least_m - slower_m)).clamp(LEAST_SHARE, 1.0)
+/// Fraction of the motor's speed that a set-point may have while the load's place of rest is behind it by so much (m).
+fn speed_fraction(behind_m: f32) -> f32 {
+    let [slower_m, min_m] = BEHIND_M;
+    (1.0 - (behind_m - slower_m) / (min_m - slower_m)).clamp(MIN_FRACTION, 1.0)
 }
 
 /// One tick of a move.
@@ -114,12 +114,12 @@ pub(super) struct MoveStep {
 impl Move {
     /// To a position (m) at a speed (m/s) at most, going on from the present set-point.
     pub(super) fn new(mut control: LoadControl, target_m: f32, speed_m_per_s: f32) -> Self {
-        let way_m = target_m - control.planner.set_point_m();
+        let distance_m = target_m - control.planner.set_point_m();
         control.go_to(target_m);
         Self {
             control,
             target_m,
-            way_m,
+            distance_m,
             speed_m_per_s,
             limits: None,
             rest_error_m: 0.0,
@@ -166,12 +166,12 @@ impl Move {
             // The loop takes it from where the second approach has led it.
             self.control.planner = Planner::at(self.target_m);
         } else {
-            let back_m = (BACK_JUMPS * load.jump_m).min(self.way_m.abs());
+            let back_m = (BACK_JUMPS * load.jump_m).min(self.distance_m.abs());
             self.may_come_again = false;
             self.stuck_ticks = 0;
             self.rest_ticks = 0;
-            self.next_aim_m = Some(self.control.planner.target_m() + AIM_SHARE * error_m);
-            self.control.go_to(self.target_m - libm::copysignf(back_m, self.way_m));
+            self.next_aim_m = Some(self.control.planner.target_m() + AIM_FRACTION * error_m);
+            self.control.go_to(self.target_m - libm::copysignf(back_m, self.distance_m));
         }
     }
 
@@ -191,11 +191,11 @@ impl Move {
         }
     }
 
-    /// Time until the set-point is at its target (s): friction take-up, then the way. `None` before a move's first tick, and
+    /// Time until the set-point is at its target (s): friction compensation, then the way. `None` before a move's first tick, and
     /// while it stops.
     pub(super) fn time_left_s(&self) -> Option<f32> {
-        let takeup = &self.control.position_loop.takeup;
-        let wait_s = if takeup.is_waiting() { takeup.left_s() } else { 0.0 };
+        let compensation = &self.control.position_loop.compensation;
+        let wait_s = if compensation.is_waiting() { compensation.left_s() } else { 0.0 };
         self.run_s.map(|run_s| wait_s + run_s)
     }
 
@@ -211,11 +211,11 @@ impl Move {
         let rest = load.mechanism.at(pull_n, load.twist_rad + stopping_rad);
         let limits = limits.braking_into(&Limits::for_motor(*speed_m_per_s, &rest, pull_n, rig).0);
         let way = libm::copysignf(1.0, control.planner.target_m() - control.planner.set_point_m());
-        let most_m_per_s = speed_share(way * self.rest_error_m) * rig.twist_speed_max() / here.tr_rad_per_m();
-        let limits = Limits { speed: limits.speed.min(most_m_per_s), ..limits };
+        let max_m_per_s = speed_fraction(way * self.rest_error_m) * rig.twist_speed_max() / here.tr_rad_per_m();
+        let limits = Limits { speed: limits.speed.min(max_m_per_s), ..limits };
         self.limits = Some(limits);
         // Until the strings have taken up friction the load cannot move: the set-point waits for it.
-        let waiting = control.position_loop.takeup.is_waiting();
+        let waiting = control.position_loop.compensation.is_waiting();
         if !self.stopping {
             let run_s = self.run_s.get_or_insert_with(|| control.planner.time_to_target_s(*speed_m_per_s, load, rig));
             if !waiting {
@@ -226,7 +226,7 @@ impl Move {
         let setting_out = waiting.then_some(*speed_m_per_s);
         let output = control.position_loop.step(&set_point, setting_out, load);
         self.rest_error_m = output.rest_error_m;
-        if waiting && !control.position_loop.takeup.is_waiting() {
+        if waiting && !control.position_loop.compensation.is_waiting() {
             // The load has broken loose, and may have jumped.
             control.planner.set_out_from(load.position_m);
         }
@@ -263,10 +263,10 @@ mod tests {
 
     #[test]
     fn a_set_point_is_slower_the_farther_the_strings_are_behind() {
-        for (behind_m, share) in
-            [(-5e-3, 1.0), (0.0, 1.0), (0.5e-3, 1.0), (1e-3, 0.5), (1.4e-3, 0.1), (3e-3, LEAST_SHARE)]
+        for (behind_m, fraction) in
+            [(-5e-3, 1.0), (0.0, 1.0), (0.5e-3, 1.0), (1e-3, 0.5), (1.4e-3, 0.1), (3e-3, MIN_FRACTION)]
         {
-            assert!((speed_share(behind_m) - share).abs() < 1e-5, "{behind_m}");
+            assert!((speed_fraction(behind_m) - fraction).abs() < 1e-5, "{behind_m}");
         }
     }
 }

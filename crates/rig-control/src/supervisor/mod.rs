@@ -28,7 +28,7 @@
 //! (position, load, TR) → `Guard::check` → `LoadControl` (error of the position) → set-point of the shaft → drive command.
 //!
 //! **A `move`**: `Rig::answer` → `Rig::start_move` → [`crate::move_check`] → `Mode::Moving` → `Rig::control_load` each
-//! tick: planner, position loop, friction take-up, set-point of the shaft → `Mode::Holding`.
+//! tick: planner, position loop, friction compensation, set-point of the shaft → `Mode::Holding`.
 //!
 //! **A stream** of set-points (`track`): `Rig::track` for each of them → `Mode::Streaming` → `Stream::step` each tick. It
 //! ends in a `Move` that brakes, and so in a hold.
@@ -86,7 +86,7 @@ pub struct Inputs {
     pub supply: Option<SupplyReading>,
     /// The limit switch at the upper end of the rail (least gap) is open, or its wire broken.
     pub upper_limit_open: bool,
-    /// The same at the lower end (greatest gap).
+    /// The same at the lower end (maximum gap).
     pub lower_limit_open: bool,
     /// The emergency-stop contact is open (or its wire broken).
     pub estop_open: bool,
@@ -151,7 +151,7 @@ const STANDING_RPM: u16 = 45;
 
 /// Longest silence of the host during a motion (µs).
 pub const HOST_SILENT_US: u64 = 400_000;
-/// Greatest jog speed (rad/s).
+/// Maximum jog speed (rad/s).
 pub const JOG_SPEED_MAX: f32 = 4.0;
 
 impl Rig {
@@ -183,7 +183,7 @@ impl Rig {
         self.mode.state(self.tracking.is_some())
     }
 
-    /// The gravest of the latched faults.
+    /// The most severe of the latched faults.
     pub fn fault(&self) -> Option<Fault> {
         self.guard.latched.gravest()
     }

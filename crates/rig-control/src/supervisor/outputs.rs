@@ -8,8 +8,8 @@ use crate::{TICK_S, whole_counts};
 use rmds405::DriveCommand;
 
 /// How far from its reported position the drive may be sent (rad, and seconds of its speed): more than a healthy one lags.
-const LEASH_RAD: f32 = 1.0;
-const LEASH_S: f32 = 0.3;
+const MAX_LAG_RAD: f32 = 1.0;
+const MAX_LAG_S: f32 = 0.3;
 
 /// Part of the current limit that is allowed before the shaft has been seen to stand: several times what the heaviest load of
 /// the default scene needs.
@@ -51,10 +51,11 @@ impl Rig {
         if !counts.is_finite() {
             return None;
         }
-        // On a leash: whatever else goes wrong, the drive is never sent far from its reported position.
-        let leash = whole_counts((LEASH_RAD + LEASH_S * self.shaft.speed.abs()) * self.constants.counts_per_rad.abs());
+        // On a maximum lag: whatever else goes wrong, the drive is never sent far from its reported position.
+        let max_lag =
+            whole_counts((MAX_LAG_RAD + MAX_LAG_S * self.shaft.speed.abs()) * self.constants.counts_per_rad.abs());
         let here = i64::from(position_qc);
-        let position = (whole_counts(counts) - offset).clamp(here - leash, here + leash);
+        let position = (whole_counts(counts) - offset).clamp(here - max_lag, here + max_lag);
         let position = position.clamp(i64::from(i32::MIN), i64::from(i32::MAX));
         // Room to catch up, not more: a wrong target must not be reached at full speed.
         let speed = (1.3 * self.shaft.speed.abs() + 1.0).min(self.constants.twist_speed_max());

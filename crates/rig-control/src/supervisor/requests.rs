@@ -163,9 +163,9 @@ impl Rig {
         self.may_move()?;
         let start = self.move_start().ok_or(Refusal::NotHomed)?;
         in_range(Parameter::HoldsFor, point.for_s, HOLDS_FOR_S[0], HOLDS_FOR_S[1])?;
-        let most_m_per_s = self.settings.get(Setting::SpeedMax);
-        in_range(Parameter::Speed, point.speed_m_per_s, -most_m_per_s, most_m_per_s)?;
-        let request = MoveRequest { target_m: point.position_m, speed_m_per_s: most_m_per_s, load: LoadChoice::Auto };
+        let max_m_per_s = self.settings.get(Setting::SpeedMax);
+        in_range(Parameter::Speed, point.speed_m_per_s, -max_m_per_s, max_m_per_s)?;
+        let request = MoveRequest { target_m: point.position_m, speed_m_per_s: max_m_per_s, load: LoadChoice::Auto };
         start.check(&request)?;
         let control = self.load_control(start.position_m);
         let tr_rad_per_m = start.mechanism.at(start.load_n, start.twist_rad).tr_rad_per_m();
@@ -218,7 +218,7 @@ impl Rig {
         if let Some(row) = rows.clone().find(|row| self.cause_remains(row.fault, inputs)) {
             return Err(Refusal::CauseRemains { fault: row.fault });
         }
-        // By its gravest fault the load is held. A shaft that turns says otherwise, and that must be reported first.
+        // By its most severe fault the load is held. A shaft that turns says otherwise, and that must be reported first.
         let should_hold = latched.response().is_some_and(|response| response < Response::LetGo);
         if should_hold && self.guard.shaft.still_ticks < STILL_TICKS {
             return Err(Refusal::ShaftTurns);

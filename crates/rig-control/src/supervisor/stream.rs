@@ -182,8 +182,8 @@ mod tests {
             let accelerates_s = f32::from(tick.min(EVERY_TICKS)) * TICK_S;
             let (position_m, speed_m_per_s, acceleration) = at(began_s + accelerates_s);
             let coasts_s = f32::from(tick.saturating_sub(EVERY_TICKS)) * TICK_S;
-            let way_m = position_m - at(began_s).0 + coasts_s * speed_m_per_s;
-            assert!((stream.target.position_m - way_m).abs() < 2e-7, "{tick}: {stream:?}");
+            let distance_m = position_m - at(began_s).0 + coasts_s * speed_m_per_s;
+            assert!((stream.target.position_m - distance_m).abs() < 2e-7, "{tick}: {stream:?}");
             assert!((stream.target.speed_m_per_s - speed_m_per_s).abs() < 1e-6, "{tick}: {stream:?}");
             let left = if tick > EVERY_TICKS { 0.0 } else { acceleration };
             assert!((stream.target.acceleration_m_per_s2 - left).abs() < 1e-4, "{tick}: {stream:?}");

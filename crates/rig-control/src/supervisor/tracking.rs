@@ -11,8 +11,8 @@ use crate::observer::{LoadObserver, Observation};
 use rig_link::messages::{Doubt, Doubts, Setting, SettingValues};
 use tsa_table::Table;
 
-/// Error of the load, as a share of it, above which the load is reported as unknown.
-const UNKNOWN_SHARE: f32 = 0.3;
+/// Error of the load, as a fraction of it, above which the load is reported as unknown.
+const UNKNOWN_FRACTION: f32 = 0.3;
 
 /// A homed rig's knowledge of its load.
 #[derive(Clone, Copy, Debug)]
@@ -103,7 +103,7 @@ impl LoadTracking {
     /// What the observation says against relying on the load.
     pub(super) fn doubts(&self) -> Doubts {
         let Some(observation) = &self.observation else { return Doubts::NONE.with(Doubt::LoadUnknown) };
-        let known = observation.confirmed && observation.load_error_n <= UNKNOWN_SHARE * self.observer.load_n();
+        let known = observation.confirmed && observation.load_error_n <= UNKNOWN_FRACTION * self.observer.load_n();
         let mut doubts = Doubts::NONE;
         if observation.at_range_end {
             doubts.insert(Doubt::LoadRange);

@@ -86,7 +86,7 @@ pub struct Bench {
     pub command: DriveCommand,
     boot_twist_rad: f32,
     pull_n: f32,
-    seen_gap_m: f32,
+    measured_gap_m: f32,
     drive: Drive,
     pub speed_rad_per_s: f32,
     heard_us: u64,
@@ -126,7 +126,7 @@ impl Bench {
             command: DriveCommand::Silence,
             boot_twist_rad: twist_rad,
             pull_n: load_n,
-            seen_gap_m: 0.0,
+            measured_gap_m: 0.0,
             drive: Drive::Off,
             speed_rad_per_s: 0.0,
             heard_us: 0,
@@ -141,7 +141,7 @@ impl Bench {
     pub fn settle(&mut self) {
         self.gap_m = self.gap_at(self.load_n, self.twist_rad)[0];
         (self.pull_n, self.gap_speed_m_per_s) = (self.load_n, 0.0);
-        self.seen_gap_m = self.gap_m;
+        self.measured_gap_m = self.gap_m;
     }
 
     /// Gap (m) of strings that pull so much (N) at a twist (rad), and what it grows by for each newton and each radian. The gap
@@ -172,7 +172,7 @@ impl Bench {
     }
 
     /// One step of the load at a twist (rad): m G'' = W − S − friction − damping.
-    fn swing(&mut self, twist_rad: f32) {
+    fn oscillation(&mut self, twist_rad: f32) {
         self.pull_n = self.pull_at(twist_rad);
         let mass_kg = self.load_n / GRAVITY_M_PER_S2;
         let push_n = self.load_n - self.pull_n - DAMPING_N_S_PER_M * self.gap_speed_m_per_s;
@@ -204,10 +204,10 @@ impl Bench {
         if let (Drive::On { origin }, DriveCommand::Follow { position_qc, speed_limit_rpm, .. }) =
             (self.drive, self.command)
         {
-            let way_rad = (origin + i64::from(position_qc) - self.counts()) as f32 / self.constants.counts_per_rad;
-            let share = if self.drive_lag_s > 0.0 { 1.0 - (-tick_s / self.drive_lag_s).exp() } else { 1.0 };
-            let most_rad = tick_s * f32::from(speed_limit_rpm) / 60.0 * TAU / self.constants.gear_ratio;
-            turned_rad = (share * way_rad).clamp(-most_rad, most_rad);
+            let distance_rad = (origin + i64::from(position_qc) - self.counts()) as f32 / self.constants.counts_per_rad;
+            let fraction = if self.drive_lag_s > 0.0 { 1.0 - (-tick_s / self.drive_lag_s).exp() } else { 1.0 };
+            let max_rad = tick_s * f32::from(speed_limit_rpm) / 60.0 * TAU / self.constants.gear_ratio;
+            turned_rad = (fraction * distance_rad).clamp(-max_rad, max_rad);
         }
         if let (Drive::On { .. }, DriveCommand::Voltage { pwm }) = (self.drive, self.command) {
             turned_rad = tick_s * f32::from(pwm) * RAD_PER_S_PER_PWM * self.constants.counts_per_rad.signum();
@@ -215,9 +215,9 @@ impl Bench {
         let before_rad = self.twist_rad;
         turned_rad = turned_rad.min(self.closed_at_rad - before_rad);
         for step in 1..=STEPS {
-            self.swing(before_rad + turned_rad * f32::from(step) / f32::from(STEPS));
+            self.oscillation(before_rad + turned_rad * f32::from(step) / f32::from(STEPS));
             if step == SEEN_STEP {
-                self.seen_gap_m = self.gap_m;
+                self.measured_gap_m = self.gap_m;
             }
         }
         self.twist_rad = before_rad + turned_rad;
@@ -256,7 +256,7 @@ impl Bench {
         if self.host_alive {
             self.heard_us = self.now_us;
         }
-        let gap_m = self.seen_gap_m + self.offset_m + self.noise_m * self.noise();
+        let gap_m = self.measured_gap_m + self.offset_m + self.noise_m * self.noise();
         let mean_code = self.constants.lvdt_mean_code(gap_m);
         let mut inputs = Inputs {
             now_us: self.now_us,
@@ -317,8 +317,8 @@ impl Bench {
     }
 
     /// Ticks until a fault; how many, if it comes within a limit.
-    pub fn ticks_until_fault(&mut self, most: u32) -> Option<(u32, Fault)> {
-        (1..=most).find_map(|tick| {
+    pub fn ticks_until_fault(&mut self, max: u32) -> Option<(u32, Fault)> {
+        (1..=max).find_map(|tick| {
             self.tick(None);
             self.rig.fault().map(|fault| (tick, fault))
         })

@@ -56,11 +56,11 @@ fn the_supply_may_be_off_for_less_than_two_reports() {
             }
         }
     };
-    let [least, most] = constants().supply_limits_v;
-    assert_eq!(fault_of(volts(least - 0.01, 0)), Some((10, Fault::Supply)));
-    assert_eq!(fault_of(volts(most + 0.01, 149_000)), Some((10, Fault::Supply)));
-    assert_eq!(fault_of(volts(most + 0.01, 150_000)), None, "it is old");
-    assert_eq!(fault_of(volts(least, 0)), None);
+    let [min, max] = constants().supply_limits_v;
+    assert_eq!(fault_of(volts(min - 0.01, 0)), Some((10, Fault::Supply)));
+    assert_eq!(fault_of(volts(max + 0.01, 149_000)), Some((10, Fault::Supply)));
+    assert_eq!(fault_of(volts(max + 0.01, 150_000)), None, "it is old");
+    assert_eq!(fault_of(volts(min, 0)), None);
     // It cannot be cleared while it lasts.
     let mut bench = holding();
     bench.tamper = tamper(volts(0.0, 0));
@@ -80,9 +80,9 @@ fn own_encoder_and_drive_are_compared() {
     assert_eq!(fault_of(apart(-1490)), None);
     assert_eq!(fault_of(apart(1510)), Some((8, Fault::EncoderJump)), "it goes on counting alike");
     assert_eq!(fault_of(apart(-4096)), Some((8, Fault::EncoderJump)));
-    // More than one and a half times the greatest speed and 500 counts.
+    // More than one and a half times the maximum speed and 500 counts.
     let constants = constants();
-    let most = (1.5 * constants.twist_speed_max() * constants.counts_per_rad * 0.01 + 500.0) as i64;
+    let max = (1.5 * constants.twist_speed_max() * constants.counts_per_rad * 0.01 + 500.0) as i64;
     let start_us = holding().now_us;
     let jump = |counts| {
         move |inputs: &mut Inputs| {
@@ -90,14 +90,14 @@ fn own_encoder_and_drive_are_compared() {
             inputs.encoder_counts += if even { counts } else { 0 };
         }
     };
-    assert_eq!(fault_of(jump(most + 20)), Some((1, Fault::EncoderJump)));
-    assert_ne!(fault_of(jump(most - 20)).map(|(ticks, _)| ticks), Some(1));
+    assert_eq!(fault_of(jump(max + 20)), Some((1, Fault::EncoderJump)));
+    assert_ne!(fault_of(jump(max - 20)).map(|(ticks, _)| ticks), Some(1));
     // An encoder that stands while the drive turns, and one that turns at half the drive's speed.
-    let slower = |share: f32| {
+    let slower = |fraction: f32| {
         let mut bench = holding();
         let from = (bench.twist_rad + bench.zero_rad()) * constants.counts_per_rad;
         bench.tamper = tamper(move |inputs| {
-            inputs.encoder_counts = (from + share * (inputs.encoder_counts as f32 - from)) as i64;
+            inputs.encoder_counts = (from + fraction * (inputs.encoder_counts as f32 - from)) as i64;
         });
         bench.begin(to(0.002, 0.004));
         let fault = bench.ticks_until_fault(300).map(|(_, fault)| fault);
@@ -159,11 +159,11 @@ fn a_load_that_falls_is_a_broken_string_and_a_gap_that_steps_is_the_sensor() {
     let constants = constants();
     let from_us = holding().now_us;
     // Falls freely, or as far in fewer steps.
-    let fall = |way_m: fn(f32) -> f32, variance: f32| {
+    let fall = |distance_m: fn(f32) -> f32, variance: f32| {
         fault_of(move |inputs| {
             let seconds = 1e-6 * (inputs.now_us - from_us) as f32;
             if let Some(block) = &mut inputs.lvdt {
-                let gap_m = constants.lvdt_gap_m(block.mean_code) + way_m(seconds);
+                let gap_m = constants.lvdt_gap_m(block.mean_code) + distance_m(seconds);
                 (block.mean_code, block.variance) = (constants.lvdt_mean_code(gap_m), variance);
             }
         })
@@ -302,11 +302,11 @@ fn a_load_that_stays_behind_its_set_point_is_a_fault_after_half_a_second() {
     assert!(fault == Fault::FollowingError && (100..250).contains(&ticks), "{fault} after {ticks}");
 }
 
-/// A rig that holds its load at 8 mm while its strings slip: a share of the twist no longer shortens them.
-fn slipped(share: f32) -> Bench {
+/// A rig that holds its load at 8 mm while its strings slip: a fraction of the twist no longer shortens them.
+fn slipped(fraction: f32) -> Bench {
     let mut bench = holding();
     for k in 1..=300u16 {
-        bench.twist_scale = 1.0 - share * f32::from(k) / 300.0;
+        bench.twist_scale = 1.0 - fraction * f32::from(k) / 300.0;
         bench.tick(None);
     }
     bench.run(100);

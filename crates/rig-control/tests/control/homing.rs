@@ -119,14 +119,14 @@ fn the_load_is_weighed_over_six_turns_at_two_speeds() {
     let up = twists_rad.iter().position(|twist_rad| *twist_rad >= top - 1e-3).expect("it is there");
     let below = twists_rad[..up].iter().rposition(|twist_rad| *twist_rad < PI + 0.02).expect("it starts there");
     assert!(twists_rad[below - 45..].iter().all(|twist_rad| *twist_rad > PI - 0.03), "rests before, and goes no lower");
-    let speed_at = |ticks: &[f32], share: f32| {
-        let place = PI + 12.0 * PI * share;
+    let speed_at = |ticks: &[f32], fraction: f32| {
+        let place = PI + 12.0 * PI * fraction;
         let pair = ticks.windows(2).find(|pair| (pair[0] - place) * (pair[1] - place) <= 0.0).expect("on its way");
         (pair[1] - pair[0]) / TICK_S
     };
     for ways in [(&twists_rad[below..=up], 1.0), (&twists_rad[up..], -1.0)] {
-        for (share, speed) in [(0.1, 3.4 + 0.8 * 2.8), (0.5, 3.4), (0.75, 3.4 + 0.5 * 2.8)] {
-            near(ways.1 * speed_at(ways.0, share), speed, 0.1);
+        for (fraction, speed) in [(0.1, 3.4 + 0.8 * 2.8), (0.5, 3.4), (0.75, 3.4 + 0.5 * 2.8)] {
+            near(ways.1 * speed_at(ways.0, fraction), speed, 0.1);
         }
     }
 }

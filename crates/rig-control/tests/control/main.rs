@@ -4,7 +4,7 @@
 mod bench;
 mod faults;
 mod fixture;
-mod friction_takeup;
+mod friction_compensation;
 mod homing;
 mod mechanism;
 mod move_check;

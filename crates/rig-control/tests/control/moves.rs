@@ -17,7 +17,7 @@ fn a_move_brings_the_load_to_its_target_in_the_time_that_is_told() {
         for (target_m, speed_m_per_s) in [(0.010, 0.002), (0.003, 0.004), (0.0035, 0.002), (0.012, f32::INFINITY)] {
             let from_m = bench.position_m();
             bench.begin(to(target_m, speed_m_per_s));
-            let told_s = bench.shown().time_left_s.expect("it is planned");
+            let reported_s = bench.shown().time_left_s.expect("it is planned");
             assert_eq!(bench.shown().target_m, Some(target_m));
             let (mut ticks, mut arrived, mut fastest) = (0u16, 0u16, 0f32);
             while bench.rig.state() == State::Moving && ticks < 3000 {
@@ -41,7 +41,7 @@ fn a_move_brings_the_load_to_its_target_in_the_time_that_is_told() {
             }
             assert_eq!(bench.rig.state(), State::Holding, "{:?}", bench.rig.fault());
             let took_s = TICK_S * f32::from(arrived);
-            near(told_s, took_s, 0.1 + 0.05 * took_s);
+            near(reported_s, took_s, 0.1 + 0.05 * took_s);
             // It has been near for 0.3 s.
             assert!((29..120).contains(&(ticks - arrived)), "{ticks} {arrived}");
             assert!(fastest < 1.35 * speed_m_per_s, "{fastest}");
@@ -195,7 +195,7 @@ fn a_jog_turns_at_its_speed_within_the_strings_range() {
     assert_eq!(bench.shown().limit, None);
 }
 
-/// Set-points of a stream that swings by 1 mm about 6 mm with 0.5 Hz, each 20 ms, for so long (s); the greatest distance.
+/// Set-points of a stream that swings by 1 mm about 6 mm with 0.5 Hz, each 20 ms, for so long (s); the maximum distance.
 fn follow(bench: &mut Bench, seconds: f32) -> f32 {
     let mut farthest_m = 0f32;
     for k in 0..(seconds / TICK_S) as u16 {

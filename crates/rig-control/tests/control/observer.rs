@@ -77,7 +77,7 @@ fn a_pull_beyond_the_band_is_another_load_that_is_followed_in_the_time_constant(
         }
         assert!(left[0] < 0.5 * (load_n - LOAD_N).abs(), "{left:?}");
         let seen = pulls(&mut observer, end_n, 170);
-        // What is left is no more than noise and a share of the load may make.
+        // What is left is no more than noise and a fraction of the load may make.
         near(seen.load_n, load_n, 0.3);
         assert!(!seen.changing && !seen.confirmed, "settled, but not what homing found");
     }
@@ -88,10 +88,10 @@ fn a_pull_beyond_the_band_is_another_load_that_is_followed_in_the_time_constant(
 fn a_pull_beyond_the_band_by_no_more_than_noise_is_no_other_load() {
     let slack_n = 15e-6 / mechanism().at(LOAD_N, TWIST_RAD).dgap_dload_m_per_n + 0.01 * LOAD_N;
     assert!(0.01 * LOAD_N < 0.9 * slack_n, "both count");
-    for (share, changing) in [(0.95, false), (1.05, true)] {
+    for (fraction, changing) in [(0.95, false), (1.05, true)] {
         let mut observer = observer();
         pulls(&mut observer, LOAD_N - FRICTION_N, 50);
-        assert_eq!(pulls(&mut observer, LOAD_N - FRICTION_N - share * slack_n, 1).changing, changing, "{share}");
+        assert_eq!(pulls(&mut observer, LOAD_N - FRICTION_N - fraction * slack_n, 1).changing, changing, "{fraction}");
     }
 }
 
@@ -102,8 +102,8 @@ fn moves_up_and_down_find_the_load_in_the_middle_of_the_band_and_confirm_it() {
     // Up and down by 6 rad in a second each; the strings pull the load and friction, or less friction.
     let sweep = |observer: &mut LoadObserver, up: bool| {
         let seen = (0..=100u8).map(|k| {
-            let share = f32::from(k) / 100.0;
-            let twist_rad = 20.0 + 6.0 * if up { share } else { 1.0 - share };
+            let fraction = f32::from(k) / 100.0;
+            let twist_rad = 20.0 + 6.0 * if up { fraction } else { 1.0 - fraction };
             let pull_n = if up { load_n + FRICTION_N } else { load_n - FRICTION_N };
             observer.step(&mechanism(), twist_rad, Some(mechanism().at(pull_n, twist_rad).gap_m))
         });
@@ -165,14 +165,14 @@ fn a_fast_load_is_known_less_well() {
     let still_n = pulls(&mut observer, LOAD_N - FRICTION_N, 50).load_error_n;
     // Up by 0.5 mm in each tick, which a filter of 50 ms has followed to 89 % after ten.
     let mut twist_rad = TWIST_RAD;
-    let mut seen_n = 0.0;
+    let mut measured_n = 0.0;
     for _ in 0..10 {
         twist_rad += 0.5e-3 * mechanism().at(LOAD_N + FRICTION_N, twist_rad).tr_rad_per_m();
         let gap_m = mechanism().at(LOAD_N + FRICTION_N, twist_rad).gap_m;
-        seen_n = observer.step(&mechanism(), twist_rad, Some(gap_m)).load_error_n;
+        measured_n = observer.step(&mechanism(), twist_rad, Some(gap_m)).load_error_n;
     }
     let expected_n = 2.0 * (0.89 * 0.05 - 0.02) * LOAD_N;
-    near(seen_n - still_n, expected_n, 0.35 * expected_n);
+    near(measured_n - still_n, expected_n, 0.35 * expected_n);
 }
 
 #[test]
@@ -215,7 +215,7 @@ fn the_error_grows_with_the_time_since_homing() {
     // Ten minutes.
     let late = pulls(&mut observer, LOAD_N - FRICTION_N, (600.0 / TICK_S) as u32).load_error_n;
     let later = pulls(&mut observer, LOAD_N - FRICTION_N, 1000).load_error_n;
-    let drift = |share: f32| (1.645 * share * LOAD_N).powi(2);
+    let drift = |fraction: f32| (1.645 * fraction * LOAD_N).powi(2);
     near(late * late - early * early, drift(0.012) - drift(0.003), 2e-4);
     near(later, late, 1e-4);
 }

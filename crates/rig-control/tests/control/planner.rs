@@ -141,7 +141,7 @@ fn braking_stops_where_it_says_and_turning_round_works() {
 fn a_stream_is_followed_within_micrometres_and_a_jump_without_overshoot() {
     let limits = Limits::new(0.008, 0.08, RISE_S);
     let (mut p, omega) = (Planner::at(0.0), core::f32::consts::TAU);
-    let mut most = 0f32;
+    let mut max = 0f32;
     for k in 1u16..400 {
         let t = f32::from(k) * TICK_S;
         // 1 mm at 1 Hz, from rest.
@@ -153,11 +153,11 @@ fn a_stream_is_followed_within_micrometres_and_a_jump_without_overshoot() {
         };
         let (s, held_back) = p.follow(&target, &limits);
         if t > 1.5 {
-            most = most.max((s.position_m - target.position_m).abs());
+            max = max.max((s.position_m - target.position_m).abs());
             assert!(!held_back);
         }
     }
-    assert!(most < 3e-6, "{most}");
+    assert!(max < 3e-6, "{max}");
     let stands = MovingTarget { position_m: 5e-3, speed_m_per_s: 0.0, acceleration_m_per_s2: 0.0 };
     let mut p = Planner::at(0.0);
     let ticks = (0..400).take_while(|_| {
@@ -197,11 +197,12 @@ fn a_sine_near_the_limits_is_not_exaggerated() {
 #[test]
 fn the_time_to_the_target_is_that_of_the_plan_step_by_step() {
     let rig = constants();
-    for (from_rad, way_m, asked) in [(4.0, 0.012, 0.002), (4.0, 0.012, 0.02), (40.0, -0.008, 0.02), (30.0, 5e-4, 0.01)]
+    for (from_rad, distance_m, asked) in
+        [(4.0, 0.012, 0.002), (4.0, 0.012, 0.02), (40.0, -0.008, 0.02), (30.0, 5e-4, 0.01)]
     {
         let load = hanging(5.0, 0.0, from_rad);
         let mut planner = Planner::at(0.0);
-        planner.go_to(way_m);
+        planner.go_to(distance_m);
         let expected_s = planner.time_to_target_s(asked, &load, &rig);
         let (mut twist_rad, mut ticks, mut last_m) = (from_rad, 0u16, 0.0);
         while !planner.is_at_rest() {
@@ -257,7 +258,7 @@ proptest! {
                 prop_assert!(s.speed_m_per_s.abs() <= speed * 1.001 + 1e-6);
                 let rise = (s.speed_m_per_s - last.speed_m_per_s) / TICK_S;
                 prop_assert!(rise.abs() <= acceleration * 1.01 + 2e-4, "{rise}");
-                // Twice what the jerk allows in a tick, half as much again where it has just arrived and sets out anew.
+                // Twice what the jerk allows in a tick, half as much again where it has just arrived and sets out again.
                 prop_assert!((rise - last_rise).abs() <= 2.5 * limits.jerk * TICK_S * 1.05 + 4e-4);
                 prop_assert!((s.position_m - last.position_m).abs() <= speed * TICK_S * 1.01 + 1e-7);
                 (last, last_rise) = (s, rise);

@@ -5,7 +5,7 @@ use rig_control::TICK_S;
 use rig_control::load_motion::AHEAD_S;
 use rig_control::load_state::LoadState;
 use rig_control::planner::SetPoint;
-use rig_control::position_loop::{FULL_PER_S, GAINS, LoopOutput, PositionLoop, damping_share};
+use rig_control::position_loop::{FULL_PER_S, GAINS, LoopOutput, PositionLoop, damping_fraction};
 use rig_control::ramp::Ramp;
 
 /// A load of 6 N without friction in the middle of its travel: it swings at some 30 rad/s.
@@ -53,7 +53,7 @@ fn a_load_on_its_path_is_led_by_feed_forward_alone() {
     let [by_position, _, by_rest] = GAINS;
     let omega = omega2.sqrt();
     let place = omega.min(FULL_PER_S) * (by_position + by_rest) * acceleration / omega2;
-    let damping = -damping_share(omega) * omega * by_position * acceleration / omega2;
+    let damping = -damping_fraction(omega) * omega * by_position * acceleration / omega2;
     let expected = AHEAD_S * acceleration + place + damping;
     let found = load_speed(&ahead, &rising);
     assert!(same(found, expected), "{found} instead of {expected}");
@@ -77,18 +77,18 @@ fn a_place_of_rest_that_is_off_is_brought_back_by_the_gains() {
 fn a_swing_is_damped_against_its_speed_and_with_the_distance_from_its_middle() {
     let omega = load().motion.frequency_squared().sqrt();
     let [by_position, by_speed, _] = GAINS;
-    let share = damping_share(omega);
+    let fraction = damping_fraction(omega);
     for speed in [2e-3f32, -2e-3] {
-        let mut swings = load();
-        swings.motion.speed_m_per_s = speed;
+        let mut oscillations = load();
+        oscillations.motion.speed_m_per_s = speed;
         // It sinks: the strings go up.
-        assert!(same(load_speed(&PASSING, &swings), share * by_speed * speed));
+        assert!(same(load_speed(&PASSING, &oscillations), fraction * by_speed * speed));
     }
     for below_m in [0.2e-3f32, -0.2e-3] {
-        let mut swings = load();
-        swings.motion.gap_m += below_m;
-        let found = load_speed(&PASSING, &swings);
-        assert!(same(found, share * omega * by_position * below_m), "{found}");
+        let mut oscillations = load();
+        oscillations.motion.gap_m += below_m;
+        let found = load_speed(&PASSING, &oscillations);
+        assert!(same(found, fraction * omega * by_position * below_m), "{found}");
     }
 }
 
@@ -112,7 +112,7 @@ fn a_load_that_waits_for_its_friction_gets_no_feedback() {
     beside.motion.gap_m -= 1e-3;
     let mut control = PositionLoop::default();
     // The friction of a load that last went up is taken up already; what is left of the way is crept along by 1 mm/s.
-    control.takeup.set_out(1.0);
+    control.compensation.set_out(1.0);
     let out = control.step(&PASSING, Some(2e-3), &beside);
     let found = out.twist_speed_rad_per_s / beside.observation.point.tr_rad_per_m();
     assert!((found - 1e-3).abs() < 1e-4, "{found}");

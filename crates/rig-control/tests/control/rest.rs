@@ -3,7 +3,7 @@
 
 use crate::fixture::hanging;
 use rig_control::load_state::LoadState;
-use rig_control::rest::{AT_REST_M, JUMP_SHARE, Rest, Standing};
+use rig_control::rest::{AT_REST_M, JUMP_FRACTION, Rest, Standing};
 
 /// 10 N with 2 N of friction: a jump as long as friction over stiffness is some millimetres.
 fn load() -> LoadState<'static> {
@@ -31,7 +31,7 @@ fn a_load_stands_once_it_is_slow_or_has_not_left_its_place() {
     let mut rest = Rest::default();
     assert_eq!(at(&mut rest, 1e-3, 11, &load), Standing::Moves);
     assert_eq!(at(&mut rest, 1e-3, 1, &load), Standing::Beside(1e-3));
-    // One that has left its place begins anew, and so does one whose set-point moves.
+    // One that has left its place begins again, and so does one whose set-point moves.
     assert_eq!(at(&mut rest, 0.9e-3, 2, &load), Standing::Moves);
     at(&mut rest, 0.9e-3, 20, &load);
     assert_eq!(rest.step(false, 0.9e-3, &load), Standing::Moves);
@@ -80,16 +80,16 @@ fn a_way_past_the_target_is_a_jump_less_what_the_strings_have_turned() {
     let mut load = load();
     let mut rest = Rest::default();
     jumps(&mut rest, &[0.3e-3, -0.1e-3], &load);
-    assert!((rest.tolerance_m(0.0) / (JUMP_SHARE * 0.4e-3) - 1.0).abs() < 1e-3, "{}", rest.tolerance_m(0.0));
+    assert!((rest.tolerance_m(0.0) / (JUMP_FRACTION * 0.4e-3) - 1.0).abs() < 1e-3, "{}", rest.tolerance_m(0.0));
     // The strings have turned for half of the way.
     let mut rest = Rest::default();
     at(&mut rest, 0.3e-3, 40, &load);
     load.twist_rad += 0.2e-3 * load.observation.point.tr_rad_per_m();
     at(&mut rest, -0.1e-3, 40, &load);
-    assert!((rest.tolerance_m(0.0) / (JUMP_SHARE * 0.2e-3) - 1.0).abs() < 1e-2, "{}", rest.tolerance_m(0.0));
+    assert!((rest.tolerance_m(0.0) / (JUMP_FRACTION * 0.2e-3) - 1.0).abs() < 1e-2, "{}", rest.tolerance_m(0.0));
     // Short of the target it tells that a jump is no longer than that.
     jumps(&mut rest, &[-0.3e-3, -0.2e-3], &load);
-    assert!((rest.tolerance_m(0.0) / (JUMP_SHARE * 0.1e-3) - 1.0).abs() < 1e-2, "{}", rest.tolerance_m(0.0));
+    assert!((rest.tolerance_m(0.0) / (JUMP_FRACTION * 0.1e-3) - 1.0).abs() < 1e-2, "{}", rest.tolerance_m(0.0));
 }
 
 #[test]
@@ -111,7 +111,7 @@ fn a_load_that_comes_no_nearer_is_soon_left_alone_whatever_its_strings_have_done
     rest.step(false, 0.0, &load);
     load.twist_rad = 25.0;
     jumps(&mut rest, &[0.25e-3, -0.1e-3], &load);
-    assert!((rest.tolerance_m(0.0) / (JUMP_SHARE * 0.35e-3) - 1.0).abs() < 1e-2, "{}", rest.tolerance_m(0.0));
+    assert!((rest.tolerance_m(0.0) / (JUMP_FRACTION * 0.35e-3) - 1.0).abs() < 1e-2, "{}", rest.tolerance_m(0.0));
 }
 
 #[test]

@@ -37,7 +37,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Schema)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Message {
-    /// The greeting, which both sides understand whatever their versions. The first variant for ever, see [`Versions`].
+    /// The greeting, which both sides understand whatever their versions. The first variant indefinitely, see [`Versions`].
     Hello(Versions),
     /// The answer to one request.
     Reply {
@@ -115,17 +115,17 @@ pub struct TableIdentity {
     pub form: String<32>,
     /// Size (bytes).
     pub bytes: u16,
-    /// Certified greatest error of the contraction (m).
+    /// Certified maximum error of the contraction (m).
     pub contraction_error_m: f32,
-    /// Certified greatest relative error of TR.
+    /// Certified maximum relative error of TR.
     pub tr_relative_error: f32,
-    /// Least load (N).
+    /// Minimum load (N).
     pub load_min_n: f32,
-    /// Greatest load (N).
+    /// Maximum load (N).
     pub load_max_n: f32,
-    /// Least motor turns past the half-turn pre-twist.
+    /// Minimum motor turns past the half-turn pre-twist.
     pub turns_min: f32,
-    /// Greatest motor turns past the half-turn pre-twist.
+    /// Maximum motor turns past the half-turn pre-twist.
     pub turns_max: f32,
     /// Checksum of the table.
     pub crc: u32,

@@ -40,9 +40,9 @@ pub enum Refusal {
     OutOfRange {
         /// Which.
         parameter: Parameter,
-        /// Least allowed value (unit of the parameter).
+        /// Minimum allowed value (unit of the parameter).
         min: f32,
-        /// Greatest allowed value (unit of the parameter).
+        /// Maximum allowed value (unit of the parameter).
         max: f32,
         /// What was asked for (unit of the parameter).
         given: f32,
@@ -58,9 +58,9 @@ pub enum Refusal {
     SettingOutOfRange {
         /// Which.
         setting: Setting,
-        /// Least allowed value (its unit).
+        /// Minimum allowed value (its unit).
         min: f32,
-        /// Greatest allowed value (its unit).
+        /// Maximum allowed value (its unit).
         max: f32,
         /// What was asked for (its unit).
         given: f32,

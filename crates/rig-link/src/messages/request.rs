@@ -10,11 +10,11 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, Schema)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Request {
-    /// The greeting, which both sides understand whatever their versions. The first variant for ever, see [`Versions`].
+    /// The greeting, which both sides understand whatever their versions. The first variant indefinitely, see [`Versions`].
     Hello(Versions),
     /// The host is running. No reply.
     Heartbeat,
-    /// Find the half-turn pre-twist and weigh the load.
+    /// Find the half-turn pre-twist and estimate the load.
     Home {
         /// Where the load's weight comes from.
         load: LoadChoice,

@@ -37,7 +37,7 @@ pub struct Telemetry {
     pub t_us: u64,
     /// What the rig is doing.
     pub state: State,
-    /// The gravest of the latched faults.
+    /// The most severe of the latched faults.
     pub fault: Option<Fault>,
     /// All latched faults.
     pub faults: Faults,

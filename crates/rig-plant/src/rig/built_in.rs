@@ -19,11 +19,11 @@ use crate::units::STANDARD_GRAVITY;
 /// Damping within string and rods in proportion to stiffness, s. Assumed.
 pub const STRUCTURAL_DAMPING_S: f64 = 2e-3;
 /// Torque by twist past the point where the strings lie side by side, N m/rad. Assumed: stalls any small motor.
-pub const WALL_NM_PER_RAD: f64 = 2.0;
-/// The wall's greatest torque, N m: several times what the default motor can hold.
-pub const WALL_MAX_NM: f64 = 5.0;
-/// Least stiffness that a step is computed with, as a share of the surface's own.
-const LEAST_STIFFNESS: f64 = 0.2;
+pub const HARD_STOP_NM_PER_RAD: f64 = 2.0;
+/// The wall's maximum torque, N m: several times what the default motor can hold.
+pub const HARD_STOP_MAX_NM: f64 = 5.0;
+/// Minimum stiffness that a step is computed with, as a fraction of the surface's own.
+const MIN_STIFFNESS: f64 = 0.2;
 /// By how much the string slips through its clamp in the fault `string-slip`, m.
 pub const SLIP_M: f64 = 3e-3;
 
@@ -39,7 +39,7 @@ pub struct BuiltIn {
     pub rods: Option<Rods>,
     /// Measured gaps that differ by the way of the twist, and what they add now, m.
     pub two_ways: Option<TwoWays>,
-    way_m: f64,
+    distance_m: f64,
     friction: Stribeck,
     /// Ends of the rail, as gaps, m. The load stops there without a bounce.
     stops_m: [f64; 2],
@@ -69,7 +69,7 @@ impl BuiltIn {
             strings,
             rods,
             two_ways: None,
-            way_m: 0.0,
+            distance_m: 0.0,
             friction: Stribeck::default(),
             stops_m,
             gap_m: 0.0,
@@ -121,9 +121,9 @@ impl BuiltIn {
             return 0.0;
         }
         let twist_rad = self.strings.twist_rad;
-        let over = twist_rad.abs() - self.surface.wall_rad(self.law.force_n.max(self.settings.load_n));
-        let wall = (WALL_NM_PER_RAD * over).clamp(0.0, WALL_MAX_NM).copysign(twist_rad);
-        self.strings.torque_nm(pull_n * self.law.by_twist_m_per_rad - wall)
+        let over = twist_rad.abs() - self.surface.hard_stop_rad(self.law.force_n.max(self.settings.load_n));
+        let hard_stop = (HARD_STOP_NM_PER_RAD * over).clamp(0.0, HARD_STOP_MAX_NM).copysign(twist_rad);
+        self.strings.torque_nm(pull_n * self.law.by_twist_m_per_rad - hard_stop)
     }
 
     /// The string breaks: no pull and no torque from now on.
@@ -143,14 +143,14 @@ impl BuiltIn {
         self.strings.turn(shaft_rad, self.pull_n());
         let pull_n = self.pull_n();
         if let Some(two_ways) = &mut self.two_ways {
-            self.way_m = two_ways.shift_m(self.strings.twist_rad, pull_n);
+            self.distance_m = two_ways.shift_m(self.strings.twist_rad, pull_n);
         }
         self.law = self.law_at(self.gap_m);
         self.look_at_rods();
         let mass = self.settings.load_n / STANDARD_GRAVITY;
         let law_stiffness = self.law.stiffness_n_per_m;
         // The law's first order in the additional stress must not turn the mechanism's stiffness around.
-        let k = (law_stiffness + self.rod_force.stiffness_n_per_m).max(LEAST_STIFFNESS * law_stiffness);
+        let k = (law_stiffness + self.rod_force.stiffness_n_per_m).max(MIN_STIFFNESS * law_stiffness);
         let inertia = 2.0 * mass / h;
         // The mean speed over the step; friction may reduce it to zero.
         let push = inertia * self.speed_m_per_s + self.settings.load_n - self.pull_n();
@@ -177,7 +177,7 @@ impl BuiltIn {
         if self.broken {
             return Pull::default();
         }
-        let gap_m = gap_m - self.slipped_m - self.strings.stretch_m() - self.way_m;
+        let gap_m = gap_m - self.slipped_m - self.strings.stretch_m() - self.distance_m;
         self.surface.pull(self.strings.twist_rad, gap_m, self.law.force_n)
     }
 }

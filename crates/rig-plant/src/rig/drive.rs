@@ -1,5 +1,5 @@
 //! An RMDS-405 as crates/rmds405/README.md describes it: strict about order and waiting times. It carries out its last
-//! command for ever, because it has no command time-out (crates/rmds405/README.md 2.6).
+//! command indefinitely, because it has no command time-out (crates/rmds405/README.md 2.6).
 //!
 //! Assumed, because no manual says it:
 //! - it boots for 500 ms after power-up and reset alike, and ignores all frames meanwhile; but after power-up it acknowledges
@@ -41,10 +41,10 @@ pub const LATENCY_S: f64 = 2e-4;
 pub const ERROR_PERIOD_S: f64 = 0.1;
 /// Current (or voltage) at its limit without motion for this long is a stall, s. Assumed.
 pub const STALL_S: f64 = 1.0;
-/// Most that its analog input measures, V (V-CAN p20: 5 V reads 5000). Assumed to be its range.
+/// Maximum that its analog input measures, V (V-CAN p20: 5 V reads 5000). Assumed to be its range.
 const ASIN_V: f64 = 5.0;
 /// Below this supply the drive is off, V (V-FAQ p1).
-pub const LEAST_SUPPLY_V: f64 = 10.0;
+pub const MIN_SUPPLY_V: f64 = 10.0;
 
 /// Crossover of the velocity loop, rad/s. Assumed.
 pub const VELOCITY_LOOP_RAD_PER_S: f64 = 150.0;
@@ -392,7 +392,7 @@ impl Drive {
         let full = f64::from(Pwm::MAX.get());
         let fraction = match bridge {
             Bridge::Voltage(volts) => volts / sensed.supply_v,
-            // Only indicative (V-CAN p21): the share of the voltage bound that a regulator asks for.
+            // Only indicative (V-CAN p21): the fraction of the voltage bound that a regulator asks for.
             Bridge::Current { amps, .. } if sensed.saturated => 1.0_f64.copysign(amps),
             _ => 0.0,
         };

@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 /// What [`Encoder::jump`] adds: one turn of the default encoder.
 const JUMP_COUNTS: i64 = 4096;
 /// While it slips, one count in this many is lost.
-const LOST_SHARE: i64 = 5;
+const LOST_FRACTION: i64 = 5;
 /// Counts by which the drive's count dithers, where it does.
 const DITHER_COUNTS: i64 = 4;
 /// Quadrature counts of a motor turn for which a drive is set when it is delivered (500 lines).
@@ -113,7 +113,7 @@ impl Encoder {
     }
 
     fn slipped(&self, counts: i64) -> i64 {
-        self.slipping_from.map_or(0, |from| (counts - from) / LOST_SHARE)
+        self.slipping_from.map_or(0, |from| (counts - from) / LOST_FRACTION)
     }
 
     /// The microcontroller's receiver loses every fifth count from here on; lost counts do not come back.

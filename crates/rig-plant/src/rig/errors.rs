@@ -20,24 +20,24 @@ pub enum RigError {
     #[error(transparent)]
     Change(#[from] ChangeError),
     /// The load would break the rods before the strings touch.
-    #[error("plant key `load`: {load_n} N is more than this mechanism can carry, at most {most_n} N")]
+    #[error("plant key `load`: {load_n} N is more than this mechanism can carry, at most {max_n} N")]
     Load {
         /// Asked for.
         load_n: f64,
         /// The surface's end.
-        most_n: f64,
+        max_n: f64,
     },
     /// The strings would lie far closer than side by side, or the rods be bent far beyond their strain.
     #[error(
-        "plant key `twist_at_boot`: {twist_rad} rad is more than the strings can have under {load_n} N, at most {most_rad} rad either way"
+        "plant key `twist_at_boot`: {twist_rad} rad is more than the strings can have under {load_n} N, at most {max_rad} rad either way"
     )]
     Twist {
         /// Asked for.
         twist_rad: f64,
         /// Load, N.
         load_n: f64,
-        /// The greatest there can be, rounded down.
-        most_rad: f64,
+        /// The maximum there can be, rounded down.
+        max_rad: f64,
     },
 }
 

@@ -78,7 +78,7 @@ named_faults! {
         LvdtShort = "lvdt-short",
         /// LVDT with 2 mm rms of noise.
         LvdtNoisy = "lvdt-noisy",
-        /// LVDT reads the same code for ever.
+        /// LVDT reads the same code indefinitely.
         LvdtFrozen = "lvdt-frozen",
         /// The string breaks, for good. An event.
         StringBreak = "string-break",
@@ -104,7 +104,7 @@ named_faults! {
         AdcStall = "adc-stall",
         /// The board's supply dips below the brown-out level. An event.
         BrownOut = "brown-out",
-        /// The CAN transceiver's RX is dominant for ever.
+        /// The CAN transceiver's RX is dominant indefinitely.
         CanDominant = "can-dominant",
         /// The CAN transceiver's RX is not connected.
         CanOpen = "can-open",

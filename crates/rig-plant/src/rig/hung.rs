@@ -10,7 +10,7 @@ use crate::PlantSettings;
 use rig_config::{Rig as Parameters, Scene};
 use tsa_model::{Equilibrium, Mechanism, RadiusLaw, Tier, TierError, twist_from_turns};
 
-/// Greatest load that the surface covers, unless the load or the scene asks for more, N.
+/// Maximum load that the surface covers, unless the load or the scene asks for more, N.
 const SURFACE_LOAD_N: f64 = 40.0;
 /// How far past the last twist with an equilibrium the strings can be left, rad: strings that lie side by side still
 /// give a little. That is ten turns under 0.1 kg. When they are released they throw the rotor to the other side.
@@ -66,12 +66,12 @@ pub(super) fn built_in(scene: &Scene, settings: &PlantSettings) -> Result<(Built
 /// law by which a radius acts as a twist.
 pub(super) fn measured(scene: &Scene, data: &Measured, settings: &PlantSettings) -> Result<BuiltIn, RigError> {
     let mechanism = Mechanism::new(&scene.geometry, &scene.string, &scene.material)?;
-    let most_n = data.max_load_n();
-    if settings.load_n > most_n {
-        return Err(RigError::Load { load_n: settings.load_n, most_n });
+    let max_n = data.max_load_n();
+    if settings.load_n > max_n {
+        return Err(RigError::Load { load_n: settings.load_n, max_n });
     }
-    let surface = Surface::new(|twist_rad, load_n| data.gap(twist_rad, load_n), most_n)?;
-    // The exponent of the radius law is that of the data.
+    let surface = Surface::new(|twist_rad, load_n| data.gap(twist_rad, load_n), max_n)?;
+    // The exponent of the radius model is that of the data.
     let own = PlantSettings { twist_exponent_shift: 0.0, ..settings.clone() };
     let strings = Strings::new(mechanism.parameters(), &own);
     let two_ways = TwoWays::new(data, strings.twist_rad);
@@ -89,9 +89,9 @@ fn hung(
     settings: &PlantSettings,
 ) -> Result<BuiltIn, RigError> {
     let (load_n, twist_rad) = (settings.load_n, settings.twist_at_boot_rad);
-    let most_rad = (10.0 * (surface.last_twist_rad(load_n) + CLOSED_GIVE_RAD)).floor() / 10.0;
-    if twist_rad.abs() > most_rad {
-        return Err(RigError::Twist { twist_rad, load_n, most_rad });
+    let max_rad = (10.0 * (surface.last_twist_rad(load_n) + CLOSED_GIVE_RAD)).floor() / 10.0;
+    if twist_rad.abs() > max_rad {
+        return Err(RigError::Twist { twist_rad, load_n, max_rad });
     }
     Ok(BuiltIn::new(surface, stops_of(&scene.rig), strings, rods, settings))
 }
@@ -100,26 +100,26 @@ fn hung(
 /// limit end it early in some scenes, and a cheaper model may not reach beyond the envelope.
 fn surface_for(mechanism: &Mechanism, scene: &Scene, load_n: f64) -> Result<(Surface, Tier), RigError> {
     let envelope_n = scene.envelope.map_or(0.0, |envelope| envelope.load_n[1]);
-    let mut most_n = SURFACE_LOAD_N.max(2.5 * load_n).max(2.5 * envelope_n);
+    let mut max_n = SURFACE_LOAD_N.max(2.5 * load_n).max(2.5 * envelope_n);
     let tier = cheapest_tier(mechanism, scene);
     let cheap = |twist_rad: f64, load_n: f64| {
         mechanism.solve_tier(tier, load_n, twist_rad).ok().map(|found| point(&found.equilibrium, twist_rad))
     };
     if tier != Tier::Full
-        && let Ok(surface) = Surface::new(cheap, most_n)
+        && let Ok(surface) = Surface::new(cheap, max_n)
     {
         return Ok((surface, tier));
     }
     let exact = |twist_rad: f64, load_n: f64| mechanism.solve(load_n, twist_rad).ok().map(|e| point(&e, twist_rad));
     let surface = loop {
-        match Surface::new(exact, most_n) {
+        match Surface::new(exact, max_n) {
             Ok(surface) => break surface,
-            Err(error) if most_n < 2.0 * SLACK_LOAD_N => return Err(error.into()),
-            Err(_) => most_n *= 0.85,
+            Err(error) if max_n < 2.0 * SLACK_LOAD_N => return Err(error.into()),
+            Err(_) => max_n *= 0.85,
         }
     };
-    if load_n > most_n {
-        return Err(RigError::Load { load_n, most_n });
+    if load_n > max_n {
+        return Err(RigError::Load { load_n, max_n });
     }
     Ok((surface, Tier::Full))
 }
@@ -135,7 +135,7 @@ fn point(solved: &Equilibrium, twist_rad: f64) -> GapPoint {
 /// The cheapest model whose own error estimate is good enough for the scene, everywhere in its envelope; the full one
 /// where the scene requires no accuracy.
 fn cheapest_tier(mechanism: &Mechanism, scene: &Scene) -> Tier {
-    let Ok((envelope, accuracy)) = scene.table_demand() else { return Tier::Full };
+    let Ok((envelope, accuracy)) = scene.table_requirement() else { return Tier::Full };
     let part = |k: u32| f64::from(k) / f64::from(ASKED - 1);
     let [f0, f1] = envelope.load_n;
     let [t0, t1] = envelope.turns;

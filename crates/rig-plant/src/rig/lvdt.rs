@@ -30,7 +30,7 @@ pub struct LvdtFaults {
     pub short: bool,
     /// Much noise.
     pub noisy: bool,
-    /// The same code for ever.
+    /// The same code indefinitely.
     pub frozen: bool,
     /// Its output is reversed: mirrored about the middle of its range.
     pub reversed: bool,
@@ -93,8 +93,8 @@ impl Lvdt {
         if settings.lvdt_nonlinearity == 0.0 {
             return 0.0;
         }
-        let share = (gap_m - self.gap_at_zero_m) / self.stroke_m;
-        settings.lvdt_nonlinearity * self.stroke_m * (TAU * share + self.curve_phase_rad).sin()
+        let fraction = (gap_m - self.gap_at_zero_m) / self.stroke_m;
+        settings.lvdt_nonlinearity * self.stroke_m * (TAU * fraction + self.curve_phase_rad).sin()
     }
 
     /// One sample at `t_s`: the gap with the sensor's curve, offset, noise, hum and drift of the gain, and the converter's error, which goes once up and down
@@ -110,8 +110,8 @@ impl Lvdt {
         let gain = self.gain * (1.0 + LVDT_GAIN_PER_K * settings.temperature_k);
         let fraction = (gap_m - self.gap_at_zero_m) / self.stroke_m * gain;
         let fraction = if self.faults.reversed { 1.0 - fraction } else { fraction };
-        let share = (self.volts[0] + fraction * (self.volts[1] - self.volts[0])) / self.reference_v;
-        let code = volts_to_code(share + settings.adc_inl / CODES * (TAU * share).sin(), 1.0);
+        let fraction = (self.volts[0] + fraction * (self.volts[1] - self.volts[0])) / self.reference_v;
+        let code = volts_to_code(fraction + settings.adc_inl / CODES * (TAU * fraction).sin(), 1.0);
         match self.faults {
             LvdtFaults { open: true, .. } => 0,
             LvdtFaults { short: true, .. } => 4095,
@@ -189,11 +189,11 @@ mod tests {
     fn the_converters_error_goes_up_and_down_over_its_range() {
         let settings = PlantSettings { lvdt_noise_m: 0.0, adc_inl: 3.0, ..PlantSettings::default() };
         let (mut lvdt, mut noise) = lvdt(&settings);
-        for (share, codes) in [(0.0, 0.0), (0.25, 3.0), (0.5, 0.0), (0.75, -3.0), (1.0 / 12.0, 1.5)] {
+        for (fraction, codes) in [(0.0, 0.0), (0.25, 3.0), (0.5, 0.0), (0.75, -3.0), (1.0 / 12.0, 1.5)] {
             // Slightly more, so that the edge of a code is passed.
-            lvdt.filtered_m = (share + 1e-5) * 3.3 / 3.0 * 0.2;
+            lvdt.filtered_m = (fraction + 1e-5) * 3.3 / 3.0 * 0.2;
             let code = f64::from(lvdt.sample(0.0, &settings, &mut noise));
-            assert_eq!(code, (share * 4096.0 + 0.05 + codes).floor(), "at {share}");
+            assert_eq!(code, (fraction * 4096.0 + 0.05 + codes).floor(), "at {fraction}");
         }
     }
 
@@ -207,8 +207,8 @@ mod tests {
         let errors = curve(1);
         assert_eq!(errors, curve(1));
         assert_ne!(errors, curve(2));
-        let most = errors.iter().fold(0.0f64, |most, e| most.max(e.abs()));
-        assert!((most / 1e-3 - 1.0).abs() < 1e-3, "{most}: half a per cent of 200 mm");
+        let max = errors.iter().fold(0.0f64, |max, e| max.max(e.abs()));
+        assert!((max / 1e-3 - 1.0).abs() < 1e-3, "{max}: half a per cent of 200 mm");
         // A sine over the stroke: half a stroke away it is the opposite, and twice it falls through zero.
         assert!((0..=100).all(|k| (errors[k] + errors[k + 100]).abs() < 1e-12));
         assert_eq!(errors.windows(2).filter(|pair| pair[0] * pair[1] < 0.0).count(), 2);

@@ -38,7 +38,7 @@ use rmds405::Address;
 use tsa_model::{Mechanism, Tier};
 
 use crate::board::Stimulus;
-use drive::{Drive, LEAST_SUPPLY_V, Sensed, read_current};
+use drive::{Drive, MIN_SUPPLY_V, Sensed, read_current};
 use encoder::{Encoder, counts_per_turn};
 pub use errors::{ChangeError, RigError};
 use hung::{built_in, measured, rods_of, stops_of};
@@ -99,7 +99,7 @@ pub struct Rig {
     boot_angle_rad: f64,
     boot_counts: i64,
     boot_pretwist_gap_m: Option<f64>,
-    tension_share: f64,
+    tension_fraction: f64,
     pins: Vec<(char, u8, bool)>,
     polled: bool,
     from_drive: VecDeque<(f64, Stimulus)>,
@@ -189,7 +189,7 @@ impl Rig {
             silent: false,
             can_shorted: false,
             steps: 0,
-            tension_share: 0.5,
+            tension_fraction: 0.5,
             pins: Vec::new(),
             polled: false,
             from_drive: VecDeque::new(),
@@ -316,7 +316,7 @@ impl Rig {
             twist_rad: self.twist_rad(),
             load_n: self.settings.load_n,
             pull_n,
-            string_tension_n: pull_n * self.tension_share,
+            string_tension_n: pull_n * self.tension_fraction,
             string_torque_nm: torque_nm,
             motor_angle_rad: self.motor.angle_rad - self.boot_angle_rad,
             motor_speed_rad_per_s: self.motor.speed_rad_per_s,
@@ -367,7 +367,7 @@ impl Rig {
     }
 
     fn look_at_power(&mut self) {
-        let on = self.rail.volts() >= LEAST_SUPPLY_V && !self.rail.has_destroyed();
+        let on = self.rail.volts() >= MIN_SUPPLY_V && !self.rail.has_destroyed();
         self.drive.set_power(on, self.now_s(), self.drive_counts());
         if !on {
             self.bridge = Bridge::Open;
@@ -379,7 +379,7 @@ impl Rig {
         // Of a plant from outside nobody knows the strings' angle: half the pull each.
         let solved = self.mechanism.as_ref().map(|mechanism| mechanism.solve(force_n, self.twist_rad()));
         if let Some(Ok(solved)) = solved {
-            self.tension_share = solved.tension_n / force_n;
+            self.tension_fraction = solved.tension_n / force_n;
         }
     }
 

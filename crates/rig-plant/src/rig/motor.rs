@@ -21,7 +21,7 @@ pub enum Bridge {
     Current {
         /// Wanted.
         amps: f64,
-        /// Size of the greatest voltage.
+        /// Size of the maximum voltage.
         max_volts: f64,
     },
     /// A brake resistor, ohm.
@@ -40,7 +40,7 @@ impl Bridge {
     }
 }
 
-/// Most friction of motor and gear (N m) at the motor's shaft under a load's torque (N m), against motion to positive and to
+/// Maximum friction of motor and gear (N m) at the motor's shaft under a load's torque (N m), against motion to positive and to
 /// negative angles. When the gear with its efficiency η lifts a load, the teeth rub with (1/η − 1) times the load's torque, in
 /// either direction: below 0.5 no load drives the motor back.
 fn friction_limits_nm(settings: &PlantSettings, load_nm: f64) -> [f64; 2] {

@@ -75,7 +75,7 @@ mod tests {
         let mut rail = Rail::at(24.0);
         let steps = (0..).take_while(|_| {
             rail.step(2.5e-4, None, 0.0);
-            rail.volts() > super::super::drive::LEAST_SUPPLY_V
+            rail.volts() > super::super::drive::MIN_SUPPLY_V
         });
         let lives_s = 2.5e-4 * steps.count() as f64;
         assert!((lives_s - 0.5 * CAPACITANCE_F * (576.0 - 100.0) / DRIVE_W).abs() < 1e-3, "{lives_s} s");

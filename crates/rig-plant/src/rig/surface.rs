@@ -1,19 +1,19 @@
 //! A fast and smooth replacement for the solver: bicubic Hermite patches over exact gaps and exact slopes.
 //!
-//! One axis is ln F, since the radius law has a term in 1/F. The other is twist, in two parts that meet at θ = π, where
-//! the strings begin to touch and the gap's second derivative jumps, with k4 in the radius law the first as well: below it θ itself, above it the fraction of the
+//! One axis is ln F, since the radius model has a term in 1/F. The other is twist, in two parts that meet at θ = π, where
+//! the strings begin to touch and the gap's second derivative jumps, with k4 in the radius model the first as well: below it θ itself, above it the fraction of the
 //! way to the last twist that has an equilibrium, so that every patch lies where the model does.
 //!
 //! Outside the range of the model the surface is a guess that keeps a simulation going:
 //! - past the last twist the gap continues in a straight line for 2 rad and then stays constant;
-//! - above the greatest load it continues in a straight line in F;
+//! - above the maximum load it continues in a straight line in F;
 //! - below the least load (0.3 N) the string goes slack: see `Surface::pull`.
 
 use std::f64::consts::PI;
 
-/// Least load of the surface, N; below it the pull falls linearly to zero with the gap.
+/// Minimum load of the surface, N; below it the pull falls linearly to zero with the gap.
 pub const SLACK_LOAD_N: f64 = 0.3;
-/// Greatest twist of the surface: eleven turns past the half-turn pre-twist.
+/// Maximum twist of the surface: eleven turns past the half-turn pre-twist.
 pub const MAX_TWIST_RAD: f64 = PI + 11.0 * 2.0 * PI;
 /// Cells along ln F.
 const LOAD_CELLS: usize = 48;
@@ -85,7 +85,7 @@ pub struct Surface {
     /// Last twist with an equilibrium and its slope by u, at each load of the grid.
     ends: Vec<(f64, f64)>,
     /// Twist at which the strings lie side by side and the motor meets a wall, at each load of the grid.
-    walls: Vec<f64>,
+    hard_stops: Vec<f64>,
     open: Grid,
     twisted: Grid,
 }
@@ -104,11 +104,11 @@ impl Surface {
         let slopes = differences(&last, u_step);
         let ends: Vec<_> = last.iter().copied().zip(slopes).collect();
         // Where a greater load ends earlier it is the rods' strain that ends it: no wall for the motor.
-        let walls = last
+        let hard_stops = last
             .iter()
-            .scan(0.0_f64, |most, &end| {
-                *most = most.max(end);
-                Some(*most)
+            .scan(0.0_f64, |max, &end| {
+                *max = max.max(end);
+                Some(*max)
             })
             .collect();
         let sample = |load: f64, twist: f64| exact(twist, load).ok_or(NoSurface { load_n: load, twist_rad: twist });
@@ -122,10 +122,10 @@ impl Surface {
             let along = loads[i] * point.by_load_m_per_n + point.by_twist_m_per_rad * x * end_by_u;
             Ok((point.gap_m, (end - PI) * point.by_twist_m_per_rad, along))
         })?;
-        Ok(Self { u_min, u_step, ends, walls, open, twisted })
+        Ok(Self { u_min, u_step, ends, hard_stops, open, twisted })
     }
 
-    /// Greatest load of the surface, N.
+    /// Maximum load of the surface, N.
     pub fn max_load_n(&self) -> f64 {
         (self.u_min + self.u_step * LOAD_CELLS as f64).exp()
     }
@@ -136,9 +136,9 @@ impl Surface {
     }
 
     /// Twist at which the motor meets the wall of fully closed strings at a load, rad.
-    pub fn wall_rad(&self, load_n: f64) -> f64 {
+    pub fn hard_stop_rad(&self, load_n: f64) -> f64 {
         let (i, t) = self.cell(self.u(load_n));
-        self.walls[i] + t * (self.walls[i + 1] - self.walls[i])
+        self.hard_stops[i] + t * (self.hard_stops[i + 1] - self.hard_stops[i])
     }
 
     /// Gap and slopes at a twist of either sign and a load within the surface (clamped to it).
@@ -164,24 +164,24 @@ impl Surface {
 
     /// The inverse: the force at a twist and a gap. `near_n` is a guess, the force a step ago.
     pub fn pull(&self, twist_rad: f64, gap_m: f64, near_n: f64) -> Pull {
-        let least = self.gap(twist_rad, SLACK_LOAD_N);
-        if gap_m <= least.gap_m {
+        let min = self.gap(twist_rad, SLACK_LOAD_N);
+        if gap_m <= min.gap_m {
             // Slack: falls to zero over as much gap as its slope at 0.3 N asks for.
-            let stiffness = 1.0 / least.by_load_m_per_n;
-            let force_n = SLACK_LOAD_N - (least.gap_m - gap_m) * stiffness;
+            let stiffness = 1.0 / min.by_load_m_per_n;
+            let force_n = SLACK_LOAD_N - (min.gap_m - gap_m) * stiffness;
             if force_n <= 0.0 {
-                return Pull { by_twist_m_per_rad: least.by_twist_m_per_rad, ..Pull::default() };
+                return Pull { by_twist_m_per_rad: min.by_twist_m_per_rad, ..Pull::default() };
             }
-            return Pull { force_n, stiffness_n_per_m: stiffness, by_twist_m_per_rad: least.by_twist_m_per_rad };
+            return Pull { force_n, stiffness_n_per_m: stiffness, by_twist_m_per_rad: min.by_twist_m_per_rad };
         }
         let max_load_n = self.max_load_n();
-        let most = self.gap(twist_rad, max_load_n);
-        if gap_m >= most.gap_m {
-            let stiffness = 1.0 / most.by_load_m_per_n;
+        let max = self.gap(twist_rad, max_load_n);
+        if gap_m >= max.gap_m {
+            let stiffness = 1.0 / max.by_load_m_per_n;
             return Pull {
-                force_n: max_load_n + (gap_m - most.gap_m) * stiffness,
+                force_n: max_load_n + (gap_m - max.gap_m) * stiffness,
                 stiffness_n_per_m: stiffness,
-                by_twist_m_per_rad: most.by_twist_m_per_rad,
+                by_twist_m_per_rad: max.by_twist_m_per_rad,
             };
         }
         // Newton in ln F inside a bracket that shrinks: the gap rises with the load.

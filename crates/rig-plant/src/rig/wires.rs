@@ -25,7 +25,7 @@ const EXCITATION_V: f64 = 3.0;
 const VREFINT_V: f64 = 1.21;
 
 impl Rig {
-    /// Drives every pin anew: after power-up the microcontroller knows none of the levels.
+    /// Drives every pin again: after power-up the microcontroller knows none of the levels.
     pub(super) fn drive_all_pins(&mut self) {
         self.pins.clear();
         self.set_pin(BUTTON, true);

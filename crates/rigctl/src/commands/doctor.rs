@@ -33,7 +33,7 @@ pub fn run(global: &Global, &Doctor { turn, home }: &Doctor, output: &mut Output
         output.line("The shaft turns by a hundredth of a turn of the strings each way.")?;
     }
     // A scene that asks for no table is the scene's fault, not the board's.
-    scene.table_demand()?;
+    scene.table_requirement()?;
     let checks = match global
         .target()
         .and_then(|target| target.connect(Wanted::Any))

@@ -25,7 +25,7 @@ use std::time::{Duration, Instant};
 const PICTURE_S: f64 = 0.05;
 /// Longest wait for a motion to end before leaving (s).
 const LEAVE_S: f64 = 10.0;
-/// Least time that a stop before leaving is given to reach the board and its telemetry (s).
+/// Minimum time that a stop before leaving is given to reach the board and its telemetry (s).
 const STOPPING_S: f64 = 0.2;
 /// The view does not end with its script.
 const FOR_EVER_S: f64 = 1e9;

@@ -1,20 +1,20 @@
 //! `home`, `move`, `track`, `jog`, `stop`, `clear`: what moves the rig, or stops it.
 
 use super::dry_run;
-use crate::course::Course;
 use crate::failure::Failure;
 use crate::options::Global;
 use crate::options::values::{seconds, speed_or_max, target, twist_speed};
 use crate::output::Output;
 use crate::request::load_choice;
 use crate::session::{Session, Wanted, homing, motion, stream};
+use crate::trajectory::Trajectory;
 use clap::Args;
 use rig_link::{LoadChoice, Request};
 use std::path::PathBuf;
 
 /// Find zero twist, estimate the load, stop at the half-turn pre-twist
 ///
-/// From any twist at power-up, in 45 s at most: looks for the greatest gap, turns across it, then six turns up and down.
+/// From any twist at power-up, in 45 s at most: looks for the maximum gap, turns across it, then six turns up and down.
 /// That lifts the load by 10 to 23 mm (default scene): leave it room. Position 0 is where it hangs at the end.
 /// Example: `rigctl home --load 0.5kg`
 #[derive(Debug, Args)]
@@ -108,7 +108,7 @@ fn connect_homed(global: &Global, load: LoadChoice, output: &mut Output) -> Resu
 /// Example: `rigctl track scenarios/sine.csv`
 #[derive(Debug, Args)]
 pub struct Track {
-    /// The course
+    /// The trajectory
     file: PathBuf,
 }
 
@@ -118,13 +118,13 @@ impl Track {
     /// # Errors
     /// What is wrong with the file, or the board's refusal, or why it ended the stream, in words.
     pub fn run(&self, global: &Global, output: &mut Output) -> Result<(), Failure> {
-        let course = Course::load(&self.file)?;
+        let trajectory = Trajectory::load(&self.file)?;
         let mut session = connect_homed(global, LoadChoice::Auto, output)?;
-        let r = stream::track(&mut session, &course, |_| {})?;
+        let r = stream::track(&mut session, &trajectory, |_| {})?;
         output.object(&r)?;
         output.line(format!("course        {:9.2} s", r.duration_s))?;
-        let [rms_um, most_um] = [r.following_rms_m, r.following_most_m].map(|m| m * 1e6);
-        output.line(format!("followed      {rms_um:9.1} um rms, {most_um:.1} um at most (measured)"))?;
+        let [rms_um, max_um] = [r.following_rms_m, r.following_most_m].map(|m| m * 1e6);
+        output.line(format!("followed      {rms_um:9.1} um rms, {max_um:.1} um at most (measured)"))?;
         if let Some(true_rms_m) = r.true_following_rms_m {
             output.line(format!("true (emulated rig)    {:9.1} um rms", true_rms_m * 1e6))?;
         }

@@ -41,7 +41,7 @@ impl Serve {
             return Err(Failure::Usage(format!("--fast is for the emulated board, not for --port {}", target.port())));
         }
         let mut session = target.connect(Wanted::OfScene)?;
-        // A board that has restarted moves nothing until it is greeted anew.
+        // A board that has restarted moves nothing until it is greeted again.
         session.greet_at_boot();
         // Orders to a board that still starts would be refused.
         session.wait_started()?;

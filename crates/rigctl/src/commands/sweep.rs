@@ -51,15 +51,15 @@ pub struct Sweep {
 /// If a parameter is out of range, the file cannot be written, or the board refuses or stops.
 pub fn run(global: &Global, options: &Sweep, output: &mut Output) -> Result<(), Failure> {
     let (load_n, turns, speed) = (options.load, options.turns, options.speed);
-    let most = f64::from(JOG_SPEED_MAX);
-    if !(speed > 0.0 && speed <= most) {
-        return Err(Failure::failed(format!("--speed {speed} rad/s: must be above 0 and at most {most} rad/s")));
+    let max = f64::from(JOG_SPEED_MAX);
+    if !(speed > 0.0 && speed <= max) {
+        return Err(Failure::failed(format!("--speed {speed} rad/s: must be above 0 and at most {max} rad/s")));
     }
     let mut target = global.target()?;
-    let least_n = load_n + f64::from(MEMORY_COMPLETE_N);
-    if let Some(after_n) = options.after.filter(|after_n| *after_n < least_n) {
+    let min_n = load_n + f64::from(MEMORY_COMPLETE_N);
+    if let Some(after_n) = options.after.filter(|after_n| *after_n < min_n) {
         let why =
-            format!("must be at least {least_n} N: what rods remember shows in full {MEMORY_COMPLETE_N} N below it");
+            format!("must be at least {min_n} N: what rods remember shows in full {MEMORY_COMPLETE_N} N below it");
         return Err(Failure::failed(format!("--after {after_n} N: {why}")));
     }
     // On an emulated rig this load is hung, unless --plant names another.
@@ -74,13 +74,13 @@ pub fn run(global: &Global, options: &Sweep, output: &mut Output) -> Result<(), 
     let out = OutFile::new(&options.out)?;
     let mut session = target.connect(Wanted::OfScene)?;
     let table = session.require_identity()?.table.clone();
-    for (name, value, unit, [least, most]) in [
+    for (name, value, unit, [min, max]) in [
         ("--load", load_n, "N", [table.load_min_n, table.load_max_n]),
         ("--after", options.after.unwrap_or(load_n), "N", [table.load_min_n, table.load_max_n]),
         ("--turns", turns, "turns", [0.5, table.turns_max]),
     ] {
-        if !(f64::from(least)..=f64::from(most)).contains(&value) {
-            let limits = format!("must be from {least} to {most} {unit}, what the board's table covers");
+        if !(f64::from(min)..=f64::from(max)).contains(&value) {
+            let limits = format!("must be from {min} to {max} {unit}, what the board's table covers");
             return Err(Failure::failed(format!("{name} {value} {unit}: {limits}")));
         }
     }

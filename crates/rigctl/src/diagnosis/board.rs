@@ -11,7 +11,7 @@ use rig_link::{Clock, Identity, PROTOCOL_HASH, ResetCause, SettingsReport};
 /// # Errors
 /// If the scene does not say what its table must cover.
 pub fn checks(id: &Identity, scene: &Scene) -> Result<Vec<Check>, Failure> {
-    let (envelope, accuracy) = scene.table_demand()?;
+    let (envelope, accuracy) = scene.table_requirement()?;
     let turns = envelope.turns;
     let t = &id.table;
     let close = |a: f64, b: f32| (a - f64::from(b)).abs() < 1e-5 * a.abs().max(1.0);

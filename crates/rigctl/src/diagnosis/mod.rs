@@ -16,8 +16,8 @@ use serde::Serialize;
 const LISTEN_S: f64 = 2.0;
 /// How long the drive's start may take (s).
 const START_S: f64 = 10.0;
-/// Share of a tick's period that the longest tick may take.
-const TICK_SHARE: f64 = 0.5;
+/// Fraction of a tick's period that the longest tick may take.
+const TICK_FRACTION: f64 = 0.5;
 
 /// One check, with its result.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -113,33 +113,33 @@ fn drive(heard: &[Telemetry], scene: &Scene) -> Check {
         Fault::NotHeld,
     ]);
     let online = last.is_some_and(|t| t.state != State::Boot && !t.faults.meets(gone));
-    let most_a = heard.iter().map(|t| f64::from(t.drive_current_a).abs()).fold(0.0, f64::max);
+    let max_a = heard.iter().map(|t| f64::from(t.drive_current_a).abs()).fold(0.0, f64::max);
     let limit_a = f64::from(scene.rig.drive_current_limit_ma()) * 1e-3;
-    let seen = format!("{}, at most {most_a:.3} A of {limit_a:.3} A", if online { "online" } else { "not online" });
+    let seen = format!("{}, at most {max_a:.3} A of {limit_a:.3} A", if online { "online" } else { "not online" });
     let advice = if online {
         "the motor is at its current limit at rest: is the load too heavy, or stuck?"
     } else {
         "power, CAN wiring and termination, group and number of the drive (docs/reference/faults.md)"
     };
-    check("drive", online && most_a < limit_a, seen, advice)
+    check("drive", online && max_a < limit_a, seen, advice)
 }
 
 /// Control ticks and link.
 fn timing(last: &Telemetry, session: &Session, messages: usize) -> [Check; 2] {
     let c = last.counters;
-    let share = f64::from(c.longest_tick_us) / TICK_US as f64;
+    let fraction = f64::from(c.longest_tick_us) / TICK_US as f64;
     let rate_hz = messages as f64 / LISTEN_S;
     let damaged = session.link.damaged_frames();
     let lost = session.link.lost_frames();
     [
         check(
             "ticks",
-            c.late_ticks == 0 && share < TICK_SHARE,
+            c.late_ticks == 0 && fraction < TICK_FRACTION,
             format!(
                 "{} late; the longest took {} us of {TICK_US} us, margin {:.0} %",
                 c.late_ticks,
                 c.longest_tick_us,
-                (1.0 - share) * 100.0
+                (1.0 - fraction) * 100.0
             ),
             "the core is held up: a debugger halting it, a build without optimisation? Then power-cycle to count anew",
         ),

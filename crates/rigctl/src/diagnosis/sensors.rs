@@ -17,8 +17,8 @@ const OUTSIDE_M: f64 = 2e-3;
 const GAP_OUTSIDE_M: f64 = 10e-3;
 /// Speed (rad/s) and time (s) of the turn that compares encoder and drive.
 const TURN: (f32, f64) = (2.0, 1.0);
-/// Share by which encoder and drive may differ over that turn: the drive's speed has a coarse resolution.
-const TURN_SHARE: f64 = 0.1;
+/// Fraction by which encoder and drive may differ over that turn: the drive's speed has a coarse resolution.
+const TURN_FRACTION: f64 = 0.1;
 
 /// Mean and rms about it.
 fn mean_rms(values: &[f64]) -> (f64, f64) {
@@ -52,8 +52,8 @@ pub fn lvdt(heard: &[Telemetry], id: &Identity, scene: &Scene, session: &mut Ses
     let noisy = "a healthy block has a few micrometres: screen, ground and supply of the LVDT; does the load swing?";
     let quiet = |rms: f64| rms > 0.0 && rms < NOISE_M;
     let mechanism = scene.mechanism()?;
-    let [low, high] = scene.table_demand()?.0.twist_rad();
-    let [least_n, most_n] = [id.table.load_min_n, id.table.load_max_n].map(f64::from);
+    let [low, high] = scene.table_requirement()?.0.twist_rad();
+    let [min_n, max_n] = [id.table.load_min_n, id.table.load_max_n].map(f64::from);
     let at_rest = |t: &&Telemetry| matches!(t.state, State::Ready | State::Holding);
     // From where the load hangs at the pre-twist, wherever `calibrate zero` has put 0.
     let zero_m = session.known_settings().map_or(0.0, |s| f64::from(s.values.get(Setting::PositionZero)));
@@ -70,13 +70,13 @@ pub fn lvdt(heard: &[Telemetry], id: &Identity, scene: &Scene, session: &mut Ses
         };
         let (mean, rms) = mean_rms(&gaps_m);
         // Untwisted strings end their rods farther apart than the pre-twist leaves them, by less than the allowance.
-        let (least, most) = (mechanism.solve(least_n, high)?.gap_m, mechanism.solve(most_n, low)?.gap_m);
-        let inside = (least - GAP_OUTSIDE_M..=most + GAP_OUTSIDE_M).contains(&mean);
+        let (min, max) = (mechanism.solve(min_n, high)?.gap_m, mechanism.solve(max_n, low)?.gap_m);
+        let inside = (min - GAP_OUTSIDE_M..=max + GAP_OUTSIDE_M).contains(&mean);
         let seen = format!(
             "gap {:.3} mm (strings make {:.1} to {:.1} mm), noise {:.1} um rms; its position is judged on a homed rig (--home)",
             mean * 1e3,
-            least * 1e3,
-            most * 1e3,
+            min * 1e3,
+            max * 1e3,
             rms * 1e6
         );
         let advice =
@@ -85,7 +85,7 @@ pub fn lvdt(heard: &[Telemetry], id: &Identity, scene: &Scene, session: &mut Ses
     }
     let (mean, rms) = mean_rms(&positions);
     // The least load is lifted farthest.
-    let travel_m = mechanism.solve(least_n, low)?.gap_m - mechanism.solve(least_n, high)?.gap_m;
+    let travel_m = mechanism.solve(min_n, low)?.gap_m - mechanism.solve(min_n, high)?.gap_m;
     let inside = (-OUTSIDE_M..=travel_m + OUTSIDE_M).contains(&mean);
     let seen = format!("at {:.3} mm of 0 to {:.1} mm, noise {:.1} um rms", mean * 1e3, travel_m * 1e3, rms * 1e6);
     let advice = if inside {
@@ -135,14 +135,14 @@ pub fn encoder(turned: Option<[f64; 2]>, last: &Telemetry, sensors: &Sensors) ->
         return check("encoder", true, seen, "");
     };
     let seen = format!("turned {own:.3} rad by the encoder, {motor:.3} rad by the drive");
-    check("encoder", own > 0.5 && (motor - own).abs() < TURN_SHARE * own, seen, advice)
+    check("encoder", own > 0.5 && (motor - own).abs() < TURN_FRACTION * own, seen, advice)
 }
 
 /// The drive's supply.
 pub fn supply(last: &Telemetry, scene: &Scene, sensors: &Sensors) -> Check {
-    let [least, most] = scene.rig.supply_limits_v();
+    let [min, max] = scene.rig.supply_limits_v();
     let seen = match (scene.rig.supply_divider, sensors.supply_v) {
-        (Some(_), Some(volts)) => format!("{volts:.1} V, allowed {least:.1} to {most:.1} V"),
+        (Some(_), Some(volts)) => format!("{volts:.1} V, allowed {min:.1} to {max:.1} V"),
         (Some(_), None) => "not reported yet".to_owned(),
         (None, _) => "not wired by this scene (no supply_divider), so not watched".to_owned(),
     };

@@ -28,7 +28,7 @@ const NOISE: f64 = 1.0;
 /// What takes part: a law, a material, and what is fitted.
 #[derive(Debug, Clone)]
 pub struct Candidate {
-    /// The radius law.
+    /// The radius model.
     pub law: Law,
     /// How the rods' curve is fitted.
     pub material: Option<Constant>,

@@ -21,8 +21,8 @@ const BESIDE: usize = 4;
 const MISSED_M: f64 = 0.3e-3;
 /// One sweep is the reason if what the law misses falls by this factor without it, or with another load.
 const CLEARER: f64 = 2.5;
-/// Least change of a load that is named, as a share: identified constants take up less.
-const LOAD_SHARE: f64 = 0.08;
+/// Minimum change of a load that is named, as a fraction: identified constants take up less.
+const LOAD_FRACTION: f64 = 0.08;
 
 /// Strings that slipped in a sweep, in words.
 pub fn slipped(data: &Data) -> Option<String> {
@@ -112,7 +112,7 @@ pub fn apart(competition: &Competition) -> Option<String> {
     };
     let best = runs.iter().filter_map(reload).min_by(|a, b| a.0.total_cmp(&b.0))?;
     let (left_m, change, row) = best;
-    if CLEARER * left_m < missed_m && change.abs() > LOAD_SHARE {
+    if CLEARER * left_m < missed_m && change.abs() > LOAD_FRACTION {
         let (file, load_n) = (data.file_of(row), data.rows[row].load_n);
         return Some(format!(
             "sweep {file}: it fits the others with about {:.2} N instead of {load_n:.2} N ({:.2} instead of {:.2} mm rms): what \

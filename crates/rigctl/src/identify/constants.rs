@@ -8,11 +8,11 @@ use rig_config::Scene;
 use tsa_model::scalar::{Dual, Scalar};
 use tsa_model::{Parameters, RadiusLaw};
 
-/// Most unknowns of a fit, the zeros of gap sensors apart.
-pub const MOST: usize = 10;
+/// Maximum unknowns of a fit, the zeros of gap sensors apart.
+pub const MAX: usize = 10;
 
 /// A number with its derivatives by the unknowns.
-pub type Number = Dual<MOST>;
+pub type Number = Dual<MAX>;
 
 /// A constant, or a curve of several.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -42,8 +42,8 @@ pub enum Constant {
 }
 
 /// The scene-file key, the paper's symbol or a word, and the standard deviation of the logarithm about the scene's value that
-/// is expected of a rig of the scene's kind: 30 % of the radius law, 15 % of the rods' curve (docs/explanation/model.md
-/// 6); of the strings' stiffness 30 % (creep adds up to that share to their stretch, crates/rig-plant/README.md), 2 mm
+/// is expected of a rig of the scene's kind: 30 % of the radius model, 15 % of the rods' curve (docs/explanation/model.md
+/// 6); of the strings' stiffness 30 % (creep adds up to that fraction to their stretch, crates/rig-plant/README.md), 2 mm
 /// of the string's length, and an odd curve whose tangent at a strain of 0.05 is between a half and twice that of a
 /// straight line. A curve has none.
 const CONSTANTS: [(Constant, &str, &str, Option<f64>); 11] = [
@@ -163,7 +163,7 @@ impl Constant {
             }
             Self::Curve => {
                 let (a1, c1, c2, d1) = (scale, raw(1), raw(2), raw(3));
-                // A share between 0 and 1.
+                // A fraction between 0 and 1.
                 let (sin, cos) = (raw(4) + std::f64::consts::FRAC_PI_4).sin_cos();
                 let (first, second) = (sin * sin, cos * cos);
                 p.stress_coefficients_pa = [

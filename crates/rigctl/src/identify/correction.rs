@@ -34,8 +34,8 @@ pub struct Surface {
     order: [usize; 2],
     /// Covariance of the coefficients of these terms (m2), by the errors of the rows.
     covariance: DMatrix<f64>,
-    /// What law and correction miss of all rows, mean square, as a share of what the law alone misses.
-    pub share: f64,
+    /// What law and correction miss of all rows, mean square, as a fraction of what the law alone misses.
+    pub fraction: f64,
 }
 
 impl Surface {
@@ -158,15 +158,15 @@ fn orders(data: &Data) -> Vec<[usize; 2]> {
     let mut loads: Vec<f64> = data.rows.iter().map(|row| row.load_n).collect();
     loads.sort_by(f64::total_cmp);
     loads.dedup();
-    let most = if loads.len() < TERMS { 1 } else { TERMS };
-    (1..=most).flat_map(|of_load| (1..=TERMS).map(move |of_twist| [of_load, of_twist])).collect()
+    let max = if loads.len() < TERMS { 1 } else { TERMS };
+    (1..=max).flat_map(|of_load| (1..=TERMS).map(move |of_twist| [of_load, of_twist])).collect()
 }
 
 fn terms([of_load, of_twist]: [usize; 2]) -> Vec<[usize; 2]> {
     (0..of_load).flat_map(|i| (0..of_twist).map(move |j| [i, j])).collect()
 }
 
-/// Least and greatest of some values.
+/// Minimum and maximum of some values.
 fn range(values: impl Iterator<Item = f64>) -> [f64; 2] {
     values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| [low.min(value), high.max(value)])
 }
@@ -207,8 +207,8 @@ fn surface(scene: &Scene, data: &Data, errors: &[f64], rows: &[usize], order: [u
     let rest = left(&correction, data, errors);
     let noise = Noise::of(&data.by_run(&data.in_deviations(&rest)), terms.len() as f64);
     let covariance = (matrix.transpose() * matrix).try_inverse()? * noise.inflation;
-    let share = (rms(&rest) / rms(errors)).powi(2);
-    Some(Surface { correction, order, covariance, share })
+    let fraction = (rms(&rest) / rms(errors)).powi(2);
+    Some(Surface { correction, order, covariance, fraction })
 }
 
 #[cfg(test)]
@@ -223,14 +223,14 @@ mod tests {
         Scene::from_toml_str(include_str!("../../../../scenes/default.toml")).expect("a scene")
     }
 
-    /// How far the gap of a rig is from the default scene's (m), as no radius law has it: what it is short of in the middle
+    /// How far the gap of a rig is from the default scene's (m), as no radius model has it: what it is short of in the middle
     /// of the way it has back at its end, and more so under a heavy load.
     fn outside_m(load_n: f64, turns: f64) -> f64 {
         -0.4e-3 * (PI * turns / 7.5).sin() * (1.0 + 0.4 * (load_n / 5.0).ln())
     }
 
     /// What sweeps at these loads give of a rig with so much of [`outside_m`] and a noise of 20 um.
-    fn found(loads_n: &[f64], share: f64) -> Result<Corrected, String> {
+    fn found(loads_n: &[f64], fraction: f64) -> Result<Corrected, String> {
         let scene = scene();
         let mechanism = scene.mechanism().expect("a mechanism");
         let mut data = Data::default();
@@ -240,7 +240,7 @@ mod tests {
                 let twist_rad = twist_from_turns(turns);
                 let noise_m = 20e-6 * (1.7 * ((k * k + 7 * k * (n + 1)) as f64)).sin();
                 let gap_m =
-                    mechanism.solve(load_n, twist_rad).expect("solved").gap_m + share * outside_m(load_n, turns);
+                    mechanism.solve(load_n, twist_rad).expect("solved").gap_m + fraction * outside_m(load_n, turns);
                 Stop { twist_rad, position_m: 0.1 - gap_m + noise_m, half_difference_m: 0.0 }
             };
             let sweep = Sweep { load_n, after_n: None, zero_gap_m: Some(0.1), stops: (0..36).map(stop).collect() };
@@ -275,7 +275,7 @@ mod tests {
         let (added_m, variance_m2, size) = found.surface.contraction(5.0, 3.75);
         assert!(added_m != 0.0 && size == 1.0 && variance_m2 > 0.0 && variance_m2.sqrt() < 100e-6, "{variance_m2}");
         assert_eq!(found.surface.contraction(150.0, 3.75), (0.0, 0.0, 0.0));
-        assert!(found.surface.share < 0.3, "{}", found.surface.share);
+        assert!(found.surface.fraction < 0.3, "{}", found.surface.fraction);
     }
 
     #[test]
@@ -290,9 +290,9 @@ mod tests {
         let sweep = |load_n| Sweep { load_n, after_n: None, zero_gap_m: Some(0.1), stops: (0..40).map(stop).collect() };
         let base = *scene().mechanism().expect("a mechanism").parameters();
         let mut data = Data::default();
-        for (load_n, most) in [(5.0, 1), (9.0, 1), (2.0, 3)] {
+        for (load_n, max) in [(5.0, 1), (9.0, 1), (2.0, 3)] {
             data.add_sweep("a sweep", &base, &sweep(load_n));
-            assert_eq!(orders(&data).iter().map(|order| order[0]).max(), Some(most), "{load_n}");
+            assert_eq!(orders(&data).iter().map(|order| order[0]).max(), Some(max), "{load_n}");
         }
         // A line along the twist of the first sweep, and nothing of how it goes on with the load.
         let errors: Vec<f64> = (0..data.rows.len()).map(|k| -1e-6 * k as f64).collect();

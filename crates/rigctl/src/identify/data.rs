@@ -132,9 +132,9 @@ impl Data {
             };
             let row = || {
                 let sigma = if table.has("sigma_m") { number("sigma_m")? } else { SIGMA_M };
-                let [least, most] = SIGMAS_M;
-                if !(least..=most).contains(&sigma) {
-                    return Err(format!("sigma_m {sigma} must be from {least} to {most} m"));
+                let [min, max] = SIGMAS_M;
+                if !(min..=max).contains(&sigma) {
+                    return Err(format!("sigma_m {sigma} must be from {min} to {max} m"));
                 }
                 let (load_n, turned) = (taut("load_n", number("load_n")?)?, number(twist)?);
                 let twist_rad = if twist == "turns" { twist_from_turns(turned) } else { turned };
@@ -165,7 +165,7 @@ impl Data {
             let value = sweep.zero_gap_m.unwrap_or(0.0) - stop.position_m;
             self.rows.push(Row {
                 half_difference_m: Some(stop.half_difference_m),
-                sigma: SIGMA_M.hypot(LOOP_SHARE * stop.half_difference_m),
+                sigma: SIGMA_M.hypot(LOOP_FRACTION * stop.half_difference_m),
                 zero,
                 ..Row::new(id, Quantity::Gap, sweep.load_n, stop.twist_rad, value, base)
             });
@@ -202,10 +202,10 @@ impl Data {
 
     /// The same with at most so many rows of each sweep, evenly over its twist: neighbouring rows tell nearly the same.
     #[must_use]
-    pub fn thinned(&self, most: usize) -> Self {
+    pub fn thinned(&self, max: usize) -> Self {
         let mut kept = vec![false; self.rows.len()];
         for run in self.runs() {
-            let step = run.len().div_ceil(most).max(1);
+            let step = run.len().div_ceil(max).max(1);
             // The middle row of each group, so that both ends count alike.
             run.chunks(step).for_each(|some| kept[some[some.len() / 2]] = true);
         }
@@ -234,12 +234,12 @@ impl Data {
     }
 }
 
-/// Standard error of the load in a sweep that friction leaves, as a share of the friction: the mean of up and down would be
+/// Standard error of the load in a sweep that friction leaves, as a fraction of the friction: the mean of up and down would be
 /// free of it if it were alike both ways and the gap went straight with the load.
-pub const LOOP_SHARE: f64 = 0.1;
+pub const LOOP_FRACTION: f64 = 0.1;
 /// Standard deviation of a sweep's rows that do not say their own (m): half a count of a 12-bit converter on 200 mm.
 pub const SIGMA_M: f64 = 25e-6;
-/// Least and greatest one that a row can say (m). No sensor of a rig is as good or as bad, and the squares of errors in
+/// Minimum and maximum one that a row can say (m). No sensor of a rig is as good or as bad, and the squares of errors in
 /// standard deviations stay far from the limits of a number.
 const SIGMAS_M: [f64; 2] = [1e-9, 1.0];
 

@@ -1,8 +1,8 @@
 //! The least squares, and what the data can tell of the unknowns.
 
-use super::constants::{MOST, Number, Unknowns};
+use super::constants::{MAX, Number, Unknowns};
 use super::data::{Data, Quantity, Row};
-use super::hysteresis::{Loop, load_share, loops, slopes};
+use super::hysteresis::{Loop, load_fraction, loops, slopes};
 use crate::statistics::{Errors, Noise, half_width};
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::{DMatrix, DVector, Dyn, Owned};
@@ -10,7 +10,7 @@ use serde::Serialize;
 use tsa_model::scalar::Scalar;
 use tsa_model::{Mechanism, PRETWIST_RAD, Parameters, SolveError};
 
-/// A constant counts as determined by the data if its standard error is below this share of it.
+/// A constant counts as determined by the data if its standard error is below this fraction of it.
 pub const WORST_STANDARD_ERROR: f64 = 0.5;
 /// Directions of the scaled problem that are this much weaker than the strongest are not determined.
 const WEAKEST: f64 = 1e-5;
@@ -267,7 +267,7 @@ impl<'a> Problem<'a> {
             let mut pull = DVector::zeros(self.x.len());
             for k in run.iter().filter(|k| slopes[**k].is_finite()) {
                 let row = &data.rows[*k];
-                let change = load_share(loops, row.load_n) * row.load_n * slopes[*k] / (row.sigma * self.wider);
+                let change = load_fraction(loops, row.load_n) * row.load_n * slopes[*k] / (row.sigma * self.wider);
                 pull += jacobian.row(*k).transpose() * (change * by);
             }
             let moved = &covariance * pull;
@@ -320,8 +320,8 @@ fn begin(unknowns: &Unknowns, start: &Parameters, data: &Data) -> Result<(Vec<f6
     for constant in &unknowns.constants {
         x.extend(constant.start(start).map_err(IdentifyError::Start)?);
     }
-    if x.len() > MOST {
-        return Err(IdentifyError::Start(format!("--fit: {} unknowns, at most {MOST}", x.len())));
+    if x.len() > MAX {
+        return Err(IdentifyError::Start(format!("--fit: {} unknowns, at most {MAX}", x.len())));
     }
     let mut labels = unknowns.labels();
     for zero in 0..data.zeros {

@@ -3,7 +3,7 @@
 //! load do, one before the rods have carried the heavier load and one after it.
 
 use super::constants::Unknowns;
-use super::data::{Data, LOOP_SHARE, Quantity, Row, SIGMA_M};
+use super::data::{Data, LOOP_FRACTION, Quantity, Row, SIGMA_M};
 use super::fit::IdentifyError;
 use super::predict::Known;
 use crate::log::sweep::{Stop, Sweep};
@@ -12,16 +12,16 @@ use rig_control::hysteresis::{MEMORY_COMPLETE_N, memory_shape};
 use serde::Serialize;
 use tsa_model::Mechanism;
 
-/// Standard error of the load in a sweep from what creeps, as a share of the load: no loop shows it. Chosen so that the stated
+/// Standard error of the load in a sweep from what creeps, as a fraction of the load: no loop shows it. Chosen so that the stated
 /// intervals hold the truth on emulated hard rigs (seeds 3001 to 3012). Rods that were not loaded more heavily before, as in
 /// sweeps from the lightest load to the heaviest, have nothing to remember.
-const CREEP_SHARE: f64 = 0.01;
+const CREEP_FRACTION: f64 = 0.01;
 /// Twists of two sweeps (rad) within which their equilibria are compared: both are means over the same bins.
 const SAME_RAD: f64 = 0.1;
-/// Loads of two sweeps, as a share, that count as the same.
+/// Loads of two sweeps, as a fraction, that count as the same.
 const SAME_LOAD: f64 = 0.005;
-/// Least and greatest share of [`rod_memory`] that a scene may state.
-const SHARES: [f64; 2] = [0.01, 0.5];
+/// Minimum and maximum share of [`rod_memory`] that a scene may state.
+const FRACTIONS: [f64; 2] = [0.01, 0.5];
 
 /// The loop of one sweep.
 #[derive(Debug, Clone, Serialize)]
@@ -65,9 +65,9 @@ pub fn slopes(unknowns: &Unknowns, data: &Data, x: &[f64]) -> Vec<f64> {
     data.rows.iter().map(slope).collect()
 }
 
-/// Standard error of the load of a sweep that it has as a whole, as a share of the load: by the friction of the loops,
+/// Standard error of the load of a sweep that it has as a whole, as a fraction of the load: by the friction of the loops,
 /// between their loads by a line. Without loops friction is not known, and nothing is said of it.
-pub fn load_share(loops: &[Loop], load_n: f64) -> f64 {
+pub fn load_fraction(loops: &[Loop], load_n: f64) -> f64 {
     let above = loops.iter().position(|l| l.load_n >= load_n);
     let friction_n = match (above, loops.last()) {
         (_, None) => return 0.0,
@@ -75,11 +75,11 @@ pub fn load_share(loops: &[Loop], load_n: f64) -> f64 {
         (Some(0), _) => loops[0].friction_n,
         (Some(k), _) => {
             let (low, high) = (&loops[k - 1], &loops[k]);
-            let share = (load_n - low.load_n) / (high.load_n - low.load_n);
-            low.friction_n + share * (high.friction_n - low.friction_n)
+            let fraction = (load_n - low.load_n) / (high.load_n - low.load_n);
+            low.friction_n + fraction * (high.friction_n - low.friction_n)
         }
     };
-    CREEP_SHARE.hypot(LOOP_SHARE * friction_n / load_n)
+    CREEP_FRACTION.hypot(LOOP_FRACTION * friction_n / load_n)
 }
 
 /// What one pair of sweeps shows of the rods' memory.
@@ -91,9 +91,9 @@ pub struct Memory {
     pub load_n: f64,
     /// The heavier load between them (N).
     pub after_n: f64,
-    /// How much heavier the load seems to be afterwards, mean over the sweep, as a share of it.
-    pub share: f64,
-    /// Half the width of the interval that holds that share in 90 of 100 cases.
+    /// How much heavier the load seems to be afterwards, mean over the sweep, as a fraction of it.
+    pub fraction: f64,
+    /// Half the width of the interval that holds that fraction in 90 of 100 cases.
     pub half_width_90: f64,
 }
 
@@ -114,10 +114,10 @@ fn memory(data: &Data, slope: impl Fn(f64, f64) -> Option<f64>, name: &str, swee
     let Sweep { load_n, after_n: Some(after_n), zero_gap_m: Some(zero_gap_m), ref stops } = *sweep else {
         return Err("its log does not hold the gap at position zero".into());
     };
-    let least_n = load_n + f64::from(MEMORY_COMPLETE_N);
-    if after_n < least_n {
+    let min_n = load_n + f64::from(MEMORY_COMPLETE_N);
+    if after_n < min_n {
         return Err(format!(
-            "{after_n:.2} N before {load_n:.2} N show too little of what the rods remember: at least {least_n:.2} N do"
+            "{after_n:.2} N before {load_n:.2} N show too little of what the rods remember: at least {min_n:.2} N do"
         ));
     }
     let same = |row: &&Row| row.zero.is_none() && (row.load_n / load_n - 1.0).abs() < SAME_LOAD;
@@ -128,26 +128,26 @@ fn memory(data: &Data, slope: impl Fn(f64, f64) -> Option<f64>, name: &str, swee
         let by_share_m = slope(load_n, stop.twist_rad)? * load_n;
         // Noise averages out over a sweep; what friction leaves in the mean of both ways does not.
         let halves_m = stop.half_difference_m.hypot(row.half_difference_m.unwrap_or(0.0));
-        let left_m = SIGMA_M.hypot(LOOP_SHARE * halves_m);
+        let left_m = SIGMA_M.hypot(LOOP_FRACTION * halves_m);
         Some(((zero_gap_m - stop.position_m - row.value) / by_share_m, left_m / by_share_m))
     };
-    let (shares, left): (Vec<f64>, Vec<f64>) = stops.iter().filter_map(pair).unzip();
-    if shares.is_empty() {
+    let (fractions, left): (Vec<f64>, Vec<f64>) = stops.iter().filter_map(pair).unzip();
+    if fractions.is_empty() {
         return Err(format!(
             "what {after_n:.2} N have left in the rods shows beside a sweep of {load_n:.2} N before it: record one without \
              --after"
         ));
     }
     let half_width_90 = f64::from(rig_control::homing::NINETY_PERCENT) * mean(&left);
-    Ok(Memory { sweep: name.to_owned(), load_n, after_n, share: mean(&shares), half_width_90 })
+    Ok(Memory { sweep: name.to_owned(), load_n, after_n, fraction: mean(&fractions), half_width_90 })
 }
 
-/// Standard error of a light load on rods that have carried a much heavier one, as the scene states it: the greatest of the
+/// Standard error of a light load on rods that have carried a much heavier one, as the scene states it: the maximum of the
 /// pairs, by the firmware's rule; none without any.
 pub fn rod_memory(memories: &[Memory]) -> Option<f64> {
-    let of_a_light_load = |m: &Memory| m.share.abs() / f64::from(memory_shape(m.load_n as f32, m.after_n as f32));
+    let of_a_light_load = |m: &Memory| m.fraction.abs() / f64::from(memory_shape(m.load_n as f32, m.after_n as f32));
     let largest = memories.iter().map(of_a_light_load).max_by(f64::total_cmp);
-    largest.map(|share| share.clamp(SHARES[0], SHARES[1]))
+    largest.map(|fraction| fraction.clamp(FRACTIONS[0], FRACTIONS[1]))
 }
 
 #[cfg(test)]
@@ -178,8 +178,8 @@ mod tests {
         assert_eq!(loops.len(), 1);
         assert!((loops[0].friction_n / friction_n - 1.0).abs() < 0.02, "{loops:?}");
         // A tenth of 0.3 N of 5 N, beside what creeps.
-        assert!((load_share(&loops, 5.0) - 0.006f64.hypot(CREEP_SHARE)).abs() < 1e-3);
-        assert!(load_share(&loops, 1.0) > load_share(&loops, 5.0));
+        assert!((load_fraction(&loops, 5.0) - 0.006f64.hypot(CREEP_FRACTION)).abs() < 1e-3);
+        assert!(load_fraction(&loops, 1.0) > load_fraction(&loops, 5.0));
     }
 
     /// 2 mm/N at 1 N: 0.4 mm lower is 20 % more load.
@@ -198,7 +198,7 @@ mod tests {
         let mut data = Data::default();
         data.add_sweep("before", &base, &sweep(None, 0.0));
         let found = memory(&data, |_, _| Some(2e-3), "after", &sweep(Some(15.0), 0.4e-3)).expect("pairs");
-        assert!((found.share - 0.2).abs() < 1e-9, "{found:?}");
+        assert!((found.fraction - 0.2).abs() < 1e-9, "{found:?}");
         assert!(found.half_width_90 > 0.0 && found.half_width_90 < 0.05, "{found:?}");
         // The firmware takes exp(−1/7) of a light load's share at 1 N.
         let light = rod_memory(&[found]).expect("a pair");

@@ -16,7 +16,7 @@ pub enum Law {
 }
 
 impl Unknowns {
-    /// What is fitted to recorded sweeps unless the operator says otherwise: the radius law, the rods' curve by `material`,
+    /// What is fitted to recorded sweeps unless the operator says otherwise: the radius model, the rods' curve by `material`,
     /// and where the gap's zero is `known` the string's length and its stiffness, which creep lowers.
     pub fn usual(law: Law, material: Constant, known: bool) -> Self {
         let radius = [Constant::K1, Constant::K2, Constant::K3].into_iter().chain(law.own());
@@ -38,8 +38,8 @@ const MIDDLE: f64 = 8.0;
 const EXPONENT: f64 = 0.4;
 /// k4 that a fit starts from when the scene has none.
 pub const K4: f64 = 0.1;
-/// Least k2 and k3 that a fit starts from, so that their logarithms have a meaning.
-const LEAST: f64 = 0.01;
+/// Minimum k2 and k3 that a fit starts from, so that their logarithms have a meaning.
+const MIN: f64 = 0.01;
 
 impl Law {
     /// By its name.
@@ -93,15 +93,15 @@ impl Law {
             Self::LengthRatioK4 => {
                 (string.radius_law, string.twist_exponent) = (RadiusLaw::LengthRatio, None);
                 // k2 and k3 stay where they are allowed to.
-                string.k4 = if slope > 0.0 { slope } else { K4 }.min((middle - 2.0 * LEAST) / MIDDLE.ln());
-                string.k3 = string.k3.min(middle - string.k4 * MIDDLE.ln() - LEAST);
+                string.k4 = if slope > 0.0 { slope } else { K4 }.min((middle - 2.0 * MIN) / MIDDLE.ln());
+                string.k3 = string.k3.min(middle - string.k4 * MIDDLE.ln() - MIN);
                 string.k2 = middle - string.k3 - string.k4 * MIDDLE.ln();
             }
             Self::TwistPower => {
                 (string.radius_law, string.twist_exponent) = (RadiusLaw::TwistPower, Some(EXPONENT));
                 let growth = MIDDLE.powf(EXPONENT);
-                string.k3 = if slope > 0.0 { slope / (EXPONENT * growth) } else { string.k3 / growth }.max(LEAST);
-                string.k2 = (middle - string.k3 * growth).max(LEAST);
+                string.k3 = if slope > 0.0 { slope / (EXPONENT * growth) } else { string.k3 / growth }.max(MIN);
+                string.k2 = (middle - string.k3 * growth).max(MIN);
             }
         }
         scene

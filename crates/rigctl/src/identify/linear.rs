@@ -4,7 +4,7 @@ use super::data::Data;
 use super::fit::{Fit, Problem};
 use nalgebra::{DMatrix, DVector};
 
-/// By the derivatives at the fit to all rows: a law that misses little changes little. Fitting anew would go to states that the model all but refuses, which takes minutes.
+/// By the derivatives at the fit to all rows: a law that misses little changes little. Fitting again would go to states that the model all but refuses, which takes minutes.
 #[derive(Debug, Clone)]
 pub struct Linear {
     /// Computed less measured of each row, in its standard deviations.

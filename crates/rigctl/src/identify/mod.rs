@@ -33,17 +33,17 @@ use rig_config::{Envelope, Scene, Uncertainty};
 use serde::Serialize;
 use tsa_table::fit::Fit as Table;
 
-/// Least standard errors of an identified scene: strings bed in, creep and warm up between the sweeps and later use
+/// Minimum standard errors of an identified scene: strings bed in, creep and warm up between the sweeps and later use
 /// (crates/rig-plant/README.md), which no sweep shows. Radius (relative), gap's zero (m), change of the load
 /// (relative).
-const LEAST_RADIUS_ERROR: f64 = 0.004;
-const LEAST_ZERO_ERROR_M: f64 = 50e-6;
+const MIN_RADIUS_ERROR: f64 = 0.004;
+const MIN_ZERO_ERROR_M: f64 = 50e-6;
 const CHANGE_ERROR: f64 = 0.01;
 
 /// Standard error of the gap's zero (m) by sweeps that law and correction miss by so much (m, rms). That is smooth over a
 /// sweep, not noise that averages out, so that it counts in full, and twice because the use is not the sweep.
 fn zero_error_m(missed_m: f64) -> f64 {
-    (2.0 * missed_m).hypot(LEAST_ZERO_ERROR_M).min(0.05)
+    (2.0 * missed_m).hypot(MIN_ZERO_ERROR_M).min(0.05)
 }
 
 /// Standard error (relative) of a load that is weighed by a mechanism which misses so much of held-out rows (m, rms), and whose
@@ -65,7 +65,7 @@ fn contraction_by_load_m(data: &Data, fit: &Fit) -> f64 {
 
 /// Whether a law describes the sweeps as well as they were measured.
 #[derive(Debug, Clone, Copy, Serialize)]
-pub struct Misfit {
+pub struct Residual {
     /// What the law misses, rms (m).
     pub rms_m: f64,
     /// What sensor noise explains, and what the loops between up and down leave in the mean of the two ways, rms (m).
@@ -76,14 +76,14 @@ pub struct Misfit {
     pub holds: bool,
 }
 
-impl Misfit {
+impl Residual {
     fn of(data: &Data, fit: &Fit) -> Self {
         let explained_m = rms(data.rows.iter().map(|row| &row.sigma));
         let rms_m = fit.fitted.rms;
         // A mean square of n independent values has a relative standard error of sqrt(2/n).
-        let most = 1.0 + half_width_factor(fit.noise.freedom) * (2.0 / fit.noise.effective).sqrt();
+        let max = 1.0 + half_width_factor(fit.noise.freedom) * (2.0 / fit.noise.effective).sqrt();
         let excess_m = (rms_m.powi(2) - explained_m.powi(2)).max(0.0).sqrt();
-        Self { rms_m, explained_m, excess_m, holds: rms_m.powi(2) <= most * explained_m.powi(2) }
+        Self { rms_m, explained_m, excess_m, holds: rms_m.powi(2) <= max * explained_m.powi(2) }
     }
 }
 
@@ -99,7 +99,7 @@ pub struct Identified {
     /// Whether the chosen law holds.
     pub law_holds: bool,
     /// How far it does.
-    pub misfit: Misfit,
+    pub misfit: Residual,
     /// What it misses, as a surface that the scene has; none if the law holds.
     pub correction: Option<Corrected>,
     /// Why the scene has none, though no law holds.
@@ -141,20 +141,20 @@ pub fn identify(scene: &Scene, data: &Data, candidates: &[Candidate]) -> Result<
     let mut identified = fit.unknowns.scene(&candidate.scene, &fit.base, &fit.x);
     let mut known = Known { fit: fit.clone(), others: competition.others().cloned().collect(), surface: None };
     let memories = memories(data, &known)?;
-    let misfit = Misfit::of(data, &fit);
+    let misfit = Residual::of(data, &fit);
     fit.held_out = competition.held_out();
     let based = data.based_on(&fit.base);
     let by_load_m = contraction_by_load_m(&based, &fit);
     if fit.unknowns.expected {
         identified.uncertainty = Uncertainty {
-            radius: LEAST_RADIUS_ERROR,
+            radius: MIN_RADIUS_ERROR,
             gap_zero_m: zero_error_m(fit.fitted.rms),
             load_shape: if misfit.holds { CHANGE_ERROR } else { shape_error(fit.held_out.rms, by_load_m) },
             rod_memory: scene.uncertainty.rod_memory,
         };
     }
-    if let Some(share) = rod_memory(&memories) {
-        identified.uncertainty.rod_memory = share;
+    if let Some(fraction) = rod_memory(&memories) {
+        identified.uncertainty.rod_memory = fraction;
     }
     identified.validate().map_err(|e| IdentifyError::NotConverged(format!("the identified scene: {e}")))?;
     let (mut table, untabled) = match tabled(&mut identified) {
@@ -192,7 +192,7 @@ pub fn identify(scene: &Scene, data: &Data, candidates: &[Candidate]) -> Result<
 /// Under light loads and many turns the strings of some rigs have no equilibrium, or a transmission ratio that no table
 /// follows. The envelope then begins at a heavier load: by how much a limit moves inwards from one attempt to the next, and at most: first the least load, then the turns.
 const STEP: f64 = 1.05;
-const MOST: f64 = 2.0;
+const MAX: f64 = 2.0;
 
 /// The table of a scene, without which it is of no use to a board; `None` if the scene does not say what a table has to cover and how well. Where there is no table
 /// over the whole envelope, its least load rises to the first at which there is one, at most to twice; if that is not
@@ -207,12 +207,12 @@ fn tabled(scene: &mut Scene) -> Result<Option<Table>, String> {
         Ok(table) => return Ok(Some(table)),
         Err(e) => e.to_string(),
     };
-    let steps = (MOST.ln() / STEP.ln()).round() as i32;
-    let ([least_n, most_n], [first, last]) = (envelope.load_n, envelope.turns);
+    let steps = (MAX.ln() / STEP.ln()).round() as i32;
+    let ([min_n, max_n], [first, last]) = (envelope.load_n, envelope.turns);
     for step in 1..=2 * steps {
         let (up, back) = (STEP.powi(step.min(steps)), STEP.powi((step - steps).max(0)));
         let narrowed =
-            Envelope { load_n: [three_digits(up * least_n), most_n], turns: [first, three_digits(last / back)] };
+            Envelope { load_n: [three_digits(up * min_n), max_n], turns: [first, three_digits(last / back)] };
         let narrowed = Scene { envelope: Some(narrowed), ..scene.clone() };
         if narrowed.validate().is_ok()
             && let Ok(table) = narrowed.fit_table()
@@ -242,9 +242,9 @@ mod tests {
         assert_eq!(shape_error(1.0, 2e-3), 0.5, "more than a scene may state");
     }
 
-    fn scene(least_n: f64) -> Scene {
+    fn scene(min_n: f64) -> Scene {
         let mut scene = Scene::from_toml_str(include_str!("../../../../scenes/default.toml")).expect("a scene");
-        scene.envelope.as_mut().expect("an envelope").load_n[0] = least_n;
+        scene.envelope.as_mut().expect("an envelope").load_n[0] = min_n;
         scene
     }
 
@@ -253,9 +253,9 @@ mod tests {
         // At 0.5 N and 7.5 turns the strings have no equilibrium.
         let mut narrowed = scene(0.5);
         assert!(tabled(&mut narrowed).expect("a table").is_some());
-        let least_n = narrowed.envelope.expect("an envelope").load_n[0];
-        assert!(narrowed.fit_table().is_ok() && least_n < 0.75, "{least_n}");
-        assert!(scene(least_n / STEP / STEP).fit_table().is_err());
+        let min_n = narrowed.envelope.expect("an envelope").load_n[0];
+        assert!(narrowed.fit_table().is_ok() && min_n < 0.75, "{min_n}");
+        assert!(scene(min_n / STEP / STEP).fit_table().is_err());
         assert_eq!(Scene { envelope: scene(0.5).envelope, ..narrowed }, scene(0.5));
     }
 

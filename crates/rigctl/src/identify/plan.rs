@@ -6,7 +6,7 @@
 //! there are.
 
 use super::fit::Fit;
-use super::hysteresis::load_share;
+use super::hysteresis::load_fraction;
 use super::predict::{Known, variance};
 use super::{Identified, data::SIGMA_M};
 use crate::statistics::half_width;
@@ -21,7 +21,7 @@ const LOADS: usize = 8;
 const STATES: usize = 5;
 /// Rows of a considered sweep: neighbours tell nearly the same.
 const ROWS: usize = 16;
-/// A sweep that takes less than this share off the largest error buys nothing.
+/// A sweep that takes less than this fraction off the largest error buys nothing.
 const WORTH: f64 = 0.05;
 /// How many are named.
 const NAMED: usize = 4;
@@ -65,11 +65,11 @@ struct State {
 }
 
 /// Loads between two, in equal ratios.
-fn loads([least, most]: [f64; 2], count: usize) -> Vec<f64> {
-    (0..count).map(|k| least * (most / least).powf(k as f64 / (count - 1) as f64)).collect()
+fn loads([min, max]: [f64; 2], count: usize) -> Vec<f64> {
+    (0..count).map(|k| min * (max / min).powf(k as f64 / (count - 1) as f64)).collect()
 }
 
-/// The largest half-width over the states (m), and where; of the constants' variance the share that the residuals told now
+/// The largest half-width over the states (m), and where; of the constants' variance the fraction that the residuals told now
 /// is taken for that of any covariance.
 fn largest(known: &Known, states: &[State], covariance: &DMatrix<f64>) -> (f64, [f64; 2]) {
     let half = |s: &State| {
@@ -89,7 +89,7 @@ fn information(fit: &Fit, per_sweep: f64, load_n: f64, turns: f64) -> Option<DMa
     for k in 0..ROWS {
         let (gap, slope) = fit.gap(load_n, twist_from_turns(turns * k as f64 / (ROWS - 1) as f64)).ok()?;
         rows.set_row(k, &fit.by_unknowns(&gap).transpose());
-        by_load[k] = slope * load_n * load_share(&fit.loops, load_n);
+        by_load[k] = slope * load_n * load_fraction(&fit.loops, load_n);
     }
     let block = DMatrix::identity(ROWS, ROWS) * variance + &by_load * by_load.transpose();
     Some(rows.transpose() * block.try_inverse()? * rows)
@@ -98,13 +98,13 @@ fn information(fit: &Fit, per_sweep: f64, load_n: f64, turns: f64) -> Option<DMa
 /// What to record next; none for a scene without an envelope, or where the law has no equilibria in it.
 pub fn plan(scene: &Scene, found: &Identified) -> Option<Plan> {
     let (envelope, known) = (scene.envelope?, &found.known);
-    let most_turns = envelope.turns[1];
+    let max_turns = envelope.turns[1];
     let state = |(load_n, turns): (f64, f64)| {
         let by = known.fit.by_unknowns(&known.fit.contraction(load_n, turns).ok()?);
         Some(State { load_n, turns, by, floor_m2: known.floor_m2(load_n, turns).ok()? })
     };
     let places = |count: usize| {
-        let turns = [0.5 * most_turns, most_turns];
+        let turns = [0.5 * max_turns, max_turns];
         loads(envelope.load_n, count).into_iter().flat_map(move |load_n| turns.map(|turns| (load_n, turns)))
     };
     let states: Vec<State> = places(STATES).filter_map(state).collect();

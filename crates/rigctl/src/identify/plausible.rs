@@ -10,13 +10,13 @@ use tsa_model::{Mechanism, PRETWIST_RAD};
 
 /// A length must change by this many standard deviations over a sweep before its direction is judged.
 const CLEAR: f64 = 20.0;
-/// Least twist (rad) over which a direction is judged.
-const LEAST_RAD: f64 = 0.5 * TAU;
+/// Minimum twist (rad) over which a direction is judged.
+const MIN_RAD: f64 = 0.5 * TAU;
 /// Another unit is suggested if the scene's numbers come nearer by this factor with it: constants that are to be fitted are
 /// off by tens of per cent, wrong units by more.
 const NEARER: f64 = 3.0;
 
-/// Most rows of a file that are examined for its units, and most loads for the direction of its lengths: some suffice.
+/// Maximum rows of a file that are examined for its units, and most loads for the direction of its lengths: some suffice.
 const LOOKED_AT: usize = 12;
 const LOADS: usize = 200;
 
@@ -100,7 +100,7 @@ fn wrong_way(rows: &[Row]) -> Option<String> {
         let span_rad = twist(high) - twist(low);
         // Ends and slope have to agree: one wild row must not suggest a wrong sign.
         let falls_m = rise(low) - rise(high);
-        if span_rad < LEAST_RAD || together >= 0.0 || falls_m < CLEAR * first.sigma {
+        if span_rad < MIN_RAD || together >= 0.0 || falls_m < CLEAR * first.sigma {
             return None;
         }
         let (name, does, other) = match first.quantity {
@@ -137,7 +137,7 @@ fn wrong_unit(hints: &[Hint], data: &Data) -> Option<String> {
 fn likely(data: &Data, scene: &Scene) -> Vec<Hint> {
     let Ok(mechanism) = scene.mechanism() else { return Vec::new() };
     let far = |rows: &Range<usize>, load: f64, length: f64| {
-        misfit_m(&mechanism, data.rows.get(rows.clone()).unwrap_or_default(), load, length)
+        residual_m(&mechanism, data.rows.get(rows.clone()).unwrap_or_default(), load, length)
     };
     let hints = data.files.iter().filter_map(|(name, rows)| {
         let as_is = far(rows, 1.0, 1.0);
@@ -157,7 +157,7 @@ fn likely(data: &Data, scene: &Scene) -> Vec<Hint> {
 
 /// Root mean square of what the scene misses (m), a gap's zero taken as it fits best. A state that has no equilibrium is
 /// missed by the strings' length.
-fn misfit_m(mechanism: &Mechanism, rows: &[Row], load_factor: f64, length_factor: f64) -> f64 {
+fn residual_m(mechanism: &Mechanism, rows: &[Row], load_factor: f64, length_factor: f64) -> f64 {
     let lost_m = mechanism.start_length_m();
     let gap = |load_n: f64, twist: f64| mechanism.solve(load_n, twist).map(|e| e.gap_m);
     let computed = |row: &Row| {

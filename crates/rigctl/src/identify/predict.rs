@@ -1,6 +1,6 @@
 //! Contractions as the identified constants predict them, with their errors.
 
-use super::LEAST_RADIUS_ERROR;
+use super::MIN_RADIUS_ERROR;
 use super::constants::Number;
 use super::correction::Surface;
 use super::fit::Fit;
@@ -56,11 +56,11 @@ impl Fit {
     }
 
     /// What a relative change of the strings' radius adds to the contraction (m).
-    fn by_radius(&self, load_n: f64, turns: f64, share: f64) -> Result<f64, SolveError> {
+    fn by_radius(&self, load_n: f64, turns: f64, fraction: f64) -> Result<f64, SolveError> {
         let mut p = self.parameters();
         // All terms of the radius by one factor, which no string's own size takes part in.
-        (p.k2, p.k3, p.k4) = (p.k2 * (1.0 + share), p.k3 * (1.0 + share), p.k4 * (1.0 + share));
-        p.k1_per_n = p.k1_per_n / (1.0 + share);
+        (p.k2, p.k3, p.k4) = (p.k2 * (1.0 + fraction), p.k3 * (1.0 + fraction), p.k4 * (1.0 + fraction));
+        p.k1_per_n = p.k1_per_n / (1.0 + fraction);
         Ok(contraction(p, load_n, turns)?.value - self.contraction(load_n, turns)?.value)
     }
 }
@@ -103,7 +103,7 @@ impl Known {
     /// If the model refuses the state.
     pub fn floor_m2(&self, load_n: f64, turns: f64) -> Result<f64, SolveError> {
         let here = self.fit.contraction(load_n, turns)?.value;
-        let aged_m = self.fit.by_radius(load_n, turns, LEAST_RADIUS_ERROR)?;
+        let aged_m = self.fit.by_radius(load_n, turns, MIN_RADIUS_ERROR)?;
         let apart = self.others.iter().filter_map(|other| other.contraction(load_n, turns).ok());
         let apart: Vec<f64> = apart.map(|other| (other.value - here).powi(2)).collect();
         let apart_m2 = apart.iter().sum::<f64>() / apart.len().max(1) as f64;
@@ -116,7 +116,7 @@ impl Known {
         let computed = self.fit.contraction(load_n, turns).ok();
         let (added_m, added_m2, left) = self.surface.as_ref().map_or((0.0, 0.0, 1.0), |surface| {
             let (added_m, added_m2, size) = surface.contraction(load_n, turns);
-            (added_m, added_m2, 1.0 - size * (1.0 - surface.share))
+            (added_m, added_m2, 1.0 - size * (1.0 - surface.fraction))
         });
         let half_width_m = computed.as_ref().and_then(|contraction| {
             let by = self.fit.by_unknowns(contraction);
@@ -130,8 +130,8 @@ impl Known {
     /// Contractions at the scene's lowest, middle and highest load; none without an envelope.
     pub fn predictions(&self, scene: &Scene) -> Vec<Prediction> {
         let Some(envelope) = scene.envelope else { return Vec::new() };
-        let [least, most] = envelope.load_n;
+        let [min, max] = envelope.load_n;
         let turns = TURNS.min(envelope.turns[1]);
-        [least, 0.5 * (least + most), most].map(|load_n| self.predict(load_n, turns)).to_vec()
+        [min, 0.5 * (min + max), max].map(|load_n| self.predict(load_n, turns)).to_vec()
     }
 }

@@ -11,8 +11,8 @@ use std::f64::consts::TAU;
 
 /// Rows within this much twist (turns) are averaged: over it the gap deviates from a line by less than a micrometre.
 const BIN_TURNS: f64 = 0.1;
-/// Least rows of a bin in either direction: fewer come from where the motor was starting or stopping.
-const LEAST_ROWS: u32 = 5;
+/// Minimum rows of a bin in either direction: fewer come from where the motor was starting or stopping.
+const MIN_ROWS: u32 = 5;
 
 /// Largest difference of the mean twists of both directions (rad): it is larger where one way began or ended within the
 /// bin, so that the two means are not at the same place.
@@ -106,7 +106,7 @@ pub fn reduce(log: &Log) -> Result<Sweep, String> {
         let count = f64::from(s.count);
         (s.twist / count, s.position / count)
     };
-    let both = bins.values().filter(|ways| ways.iter().all(|s| s.count >= LEAST_ROWS));
+    let both = bins.values().filter(|ways| ways.iter().all(|s| s.count >= MIN_ROWS));
     let stops: Vec<Stop> = both
         .map(|[up, down]| (mean(up), mean(down)))
         .filter(|((twist_up, _), (twist_down, _))| (twist_up - twist_down).abs() < SAME_RAD)

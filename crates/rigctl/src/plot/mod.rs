@@ -246,7 +246,7 @@ impl KeyRow {
     }
 }
 
-/// Least and greatest of the values, which need not be in any order; 0 and 1 where there is none.
+/// Minimum and maximum of the values, which need not be in any order; 0 and 1 where there is none.
 pub fn extent(values: impl IntoIterator<Item = f64>) -> [f64; 2] {
     let finite = values.into_iter().filter(|v| v.is_finite());
     let [low, high] = finite.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], v| [l.min(v), h.max(v)]);

@@ -63,7 +63,7 @@ impl Flights {
     pub fn reply(&mut self, number: u16, result: Result<Accepted, Refusal>, now_s: f64) {
         match result {
             Ok(Accepted::Started) => {
-                // A motion that is given anew takes the place of the one before. A set-point of a stream has no end of its own.
+                // A motion that is given again takes the place of the one before. A set-point of a stream has no end of its own.
                 let known = self.flights.iter().any(|flight| flight.number == number);
                 self.end(|flight| match &flight.request {
                     Request::Track { .. } if flight.number == number => Some(Ok(json!({}))),
@@ -97,7 +97,7 @@ impl Flights {
         });
     }
 
-    /// Time has passed: a lost reply or event does not leave an order open for ever.
+    /// Time has passed: a lost reply or event does not leave an order open indefinitely.
     pub fn pass(&mut self, state: State, now_s: f64) {
         if matches!(state, State::Moving | State::Homing) {
             self.flights.iter_mut().filter(|flight| flight.moves).for_each(|flight| flight.since_s = now_s);

@@ -69,7 +69,7 @@ fn command(fields: &mut Map<String, Value>) -> Result<Command, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::course::HOLDS_FOR_S;
+    use crate::trajectory::HOLDS_FOR_S;
     use rig_link::LoadChoice;
     use serde_json::json;
 

@@ -17,7 +17,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{self, Receiver, SyncSender};
 use std::time::{Duration, Instant};
 
-/// Most clients at a time: each has two threads.
+/// Maximum clients at a time: each has two threads.
 const CLIENTS: usize = 32;
 /// Longest wait for the last lines to go out.
 const LAST_LINES: Duration = Duration::from_millis(300);

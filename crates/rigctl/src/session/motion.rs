@@ -152,8 +152,8 @@ pub fn move_to(
         session.step()?;
         for row in session.take_rows() {
             if let Some(position) = row.position_m {
-                let share = (f64::from(position) - from_m).abs() / distance.max(1e-9);
-                bar.set_position((1000.0 * share.min(1.0)) as u64);
+                let fraction = (f64::from(position) - from_m).abs() / distance.max(1e-9);
+                bar.set_position((1000.0 * fraction.min(1.0)) as u64);
                 bar.set_message(format!("{:.3} mm", f64::from(position) * 1e3));
             }
             each(&row);

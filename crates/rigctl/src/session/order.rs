@@ -1,10 +1,10 @@
-//! The board's frames in order. The line may deliver an old frame twice, and the board numbers its frames anew when it
+//! The board's frames in order. The line may deliver an old frame twice, and the board numbers its frames again when it
 //! restarts. In both cases number and time go back, but only after a restart do later frames continue from there.
 
 use rig_link::{Frame, Message};
 
-/// Most frames that are held back until it is clear whether they are old: those before a board's second telemetry.
-const MOST_HELD: usize = 64;
+/// Maximum frames that are held back until it is clear whether they are old: those before a board's second telemetry.
+const MAX_HELD: usize = 64;
 
 /// The frames that were received so far.
 #[derive(Default)]
@@ -71,7 +71,7 @@ impl Order {
     }
 
     fn hold(&mut self, frame: Frame<Message>) {
-        if self.held.len() == MOST_HELD {
+        if self.held.len() == MAX_HELD {
             self.held.remove(0);
         }
         self.held.push(frame);

@@ -27,7 +27,7 @@ pub struct Row {
     pub t_s: f64,
     /// State of the rig.
     pub state: State,
-    /// The gravest of the faults that stopped it.
+    /// The most severe of the faults that stopped it.
     pub fault: Option<Fault>,
     /// All faults, separated by blanks; none without a fault.
     pub faults: Option<String>,

@@ -10,7 +10,7 @@ const SILENT_VARIABLE: &str = "RIGCTL_SILENT_S";
 /// The same while the board may write its flash (s): to erase all three sectors stalls it for up to 2 s.
 const STORING_S: f64 = 3.0;
 /// What one exchange adds at most (s): a longer one was delayed by this machine, and says nothing about the board.
-const MOST_S: f64 = 10.0 * STEP_S;
+const MAX_S: f64 = 10.0 * STEP_S;
 
 /// Rows of telemetry since a start of the board.
 #[derive(Clone, Copy)]
@@ -61,7 +61,7 @@ impl Default for Hearing {
 impl Hearing {
     /// An exchange has ended. Its rows follow.
     pub fn listened(&mut self, now_s: f64) {
-        self.quiet_s += (now_s - self.now_s).min(MOST_S);
+        self.quiet_s += (now_s - self.now_s).min(MAX_S);
         self.now_s = now_s;
     }
 

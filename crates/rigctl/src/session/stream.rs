@@ -1,16 +1,16 @@
-//! A course that is streamed to the board as set-points.
+//! A trajectory that is streamed to the board as set-points.
 
 use super::client::Session;
 use super::motion::{ended, move_to};
 use super::row::Row;
-use crate::course::{Course, HOLDS_FOR_S};
 use crate::failure::Failure;
 use crate::output::progress;
 use crate::statistics::Errors;
+use crate::trajectory::{HOLDS_FOR_S, Trajectory};
 use rig_link::{Limit, LoadChoice, Request, State};
 use serde::Serialize;
 
-/// Speed of the way to where a course begins (m/s).
+/// Speed of the way to where a trajectory begins (m/s).
 const APPROACH_M_PER_S: f64 = 2e-3;
 /// Time for the load to come to rest after the last set-point (s).
 const REST_S: f64 = 0.5;
@@ -20,35 +20,39 @@ const HOLDS_S: f64 = 10.0;
 /// How a stream went.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct StreamResult {
-    /// Duration of the course (s).
+    /// Duration of the trajectory (s).
     pub duration_s: f64,
-    /// Distance of the measured position from the course on the way (m): rms and greatest.
+    /// Distance of the measured position from the trajectory on the way (m): rms and maximum.
     pub following_rms_m: f64,
-    /// The greatest.
+    /// The maximum.
     pub following_most_m: f64,
     /// The same of the true position, emulated rigs only (m).
     pub true_following_rms_m: Option<f64>,
-    /// Share of the way on which the motor's speed held the load back.
+    /// Fraction of the way on which the motor's speed held the load back.
     pub held_back_share: f64,
-    /// Measured position at rest less the end of the course (m).
+    /// Measured position at rest less the end of the trajectory (m).
     pub error_m: f64,
 }
 
-/// Brings the load to where a course begins, then leads it along; `each` gets every row of telemetry. It ends at rest.
+/// Brings the load to where a trajectory begins, then leads it along; `each` gets every row of telemetry. It ends at rest.
 ///
 /// # Errors
 /// The board's refusal, or why it ended the stream, in words.
-pub fn track(session: &mut Session, course: &Course, mut each: impl FnMut(&Row)) -> Result<StreamResult, Failure> {
-    move_to(session, course.start_m(), APPROACH_M_PER_S, LoadChoice::Auto, &mut each)?;
+pub fn track(
+    session: &mut Session,
+    trajectory: &Trajectory,
+    mut each: impl FnMut(&Row),
+) -> Result<StreamResult, Failure> {
+    move_to(session, trajectory.start_m(), APPROACH_M_PER_S, LoadChoice::Auto, &mut each)?;
     session.take_replies();
     session.take_events();
     let bar = progress(1000, "tracking");
     let (mut measured_m, mut true_m, mut held_back) = (Vec::new(), Vec::new(), 0);
-    let (end_m, _) = course.at(course.duration_s());
+    let (end_m, _) = trajectory.at(trajectory.duration_s());
     let rest = Request::Track { position_m: end_m as f32, speed_m_per_s: 0.0, for_s: HOLDS_FOR_S };
-    let mut points = course.set_points().peekable();
+    let mut points = trajectory.set_points().peekable();
     let start_s = session.now_s();
-    while session.now_s() < start_s + course.duration_s() + REST_S {
+    while session.now_s() < start_s + trajectory.duration_s() + REST_S {
         let t_s = session.now_s() - start_s;
         // After a delay only the newest one counts.
         let mut due = None;
@@ -64,7 +68,7 @@ pub fn track(session: &mut Session, course: &Course, mut each: impl FnMut(&Row))
         session.step()?;
         for row in session.take_rows() {
             if row.state == State::Moving
-                && t_s < course.duration_s()
+                && t_s < trajectory.duration_s()
                 && let Some((target_m, position_m)) = row.target_m.zip(row.position_m)
             {
                 let distance_m = |position_m: f64| position_m - f64::from(target_m);
@@ -74,7 +78,7 @@ pub fn track(session: &mut Session, course: &Course, mut each: impl FnMut(&Row))
             }
             each(&row);
         }
-        bar.set_position((1000.0 * t_s / course.duration_s().max(1e-9)) as u64);
+        bar.set_position((1000.0 * t_s / trajectory.duration_s().max(1e-9)) as u64);
         for (_, reply) in session.take_replies() {
             reply.map_err(|refusal| Failure::failed(format!("refused: {refusal}")))?;
         }
@@ -88,7 +92,7 @@ pub fn track(session: &mut Session, course: &Course, mut each: impl FnMut(&Row))
     let position_m = session.telemetry().and_then(|t| t.position_m).map_or(f64::NAN, f64::from);
     let (followed, truly) = (Errors::over(measured_m), Errors::over(true_m));
     Ok(StreamResult {
-        duration_s: course.duration_s(),
+        duration_s: trajectory.duration_s(),
         following_rms_m: followed.rms,
         following_most_m: followed.worst,
         true_following_rms_m: (truly.count > 0).then_some(truly.rms),

@@ -132,9 +132,9 @@ fn noise_moves_the_constants_by_what_the_standard_errors_say() {
         assert!(error > 1e-5 && error < 0.2, "{name}: standard error {error}");
         assert!((found - truth).abs() < 3.0 * error, "{name}: {found} against {truth}, standard error {error}");
     }
-    for (part, most) in [("fitted", 28e-6), ("held_out", 60e-6)] {
+    for (part, max) in [("fitted", 28e-6), ("held_out", 60e-6)] {
         let rms = fit[part]["rms"].as_f64().unwrap();
-        assert!((14e-6..most).contains(&rms), "{part}: {rms}");
+        assert!((14e-6..max).contains(&rms), "{part}: {rms}");
     }
 }
 
@@ -379,9 +379,9 @@ fn what_rods_remember_is_measured_by_a_sweep_before_and_one_after_a_heavier_load
     let candidates = Candidate::all(&scene, Some(Law::LengthRatioK4), data.knows_its_zero());
     let found = identify(&scene, &data, &candidates[..1]).unwrap();
     let memory = &found.rod_memory[0];
-    assert!((memory.share - 0.1).abs() < 0.01, "{memory:?}");
+    assert!((memory.fraction - 0.1).abs() < 0.01, "{memory:?}");
     let stated = found.scene.uncertainty.rod_memory;
-    assert!((stated - memory.share * (HUNG[1] / 7.0).exp()).abs() < 1e-4, "{stated}");
+    assert!((stated - memory.fraction * (HUNG[1] / 7.0).exp()).abs() < 1e-4, "{stated}");
     data.after.push(("light".into(), sweep(HUNG[1], 1.1 * HUNG[1], Some(HUNG[1] + 0.5))));
     let why = identify(&scene, &data, &candidates[..1]).map(|_| ()).unwrap_err().to_string();
     assert!(why.contains("light") && why.contains("too little"), "{why}");

@@ -23,7 +23,7 @@ fn truth() -> Scene {
     truth
 }
 
-/// Greatest error of the contraction (m) over the envelope, loads between those of the sweeps included.
+/// Maximum error of the contraction (m) over the envelope, loads between those of the sweeps included.
 fn contraction_error_m(scene: &Scene) -> f64 {
     let contraction = |scene: &Scene, load: f64, turns: f64| {
         let m = scene.mechanism().expect("a mechanism");
@@ -56,7 +56,7 @@ impl Board {
         found[key].as_f64().unwrap_or_else(|| panic!("no {key} in {found}"))
     }
 
-    /// Errors after a move: of the position (m), and of the load estimate as a share.
+    /// Errors after a move: of the position (m), and of the load estimate as a fraction.
     fn moved(&self) -> [f64; 2] {
         let end = self.runs(&["move", "--to", "12mm", "--plant", &format!("load={LOAD_N}N")]);
         let number = |key: &str| end[key].as_f64().unwrap_or_else(|| panic!("no {key} in {end}"));
@@ -117,7 +117,7 @@ fn a_rig_15_percent_off_its_scene_is_calibrated_on_its_own_board() {
         is_m * 1e6,
         table_m * 1e6
     );
-    let [a, b] = [before, after].map(|[m, share]| format!("{:+.1} um, load {:+.2} %", m * 1e6, share * 100.0));
+    let [a, b] = [before, after].map(|[m, fraction]| format!("{:+.1} um, load {:+.2} %", m * 1e6, fraction * 100.0));
     println!("12 mm under {LOAD_N} N: {a} before; {b} after");
     assert!(was_m > 0.5e-3 && is_m < 60e-6, "{was_m} m before, {is_m} m after");
     assert!(table_m < 5e-6);

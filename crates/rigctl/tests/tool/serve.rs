@@ -161,7 +161,7 @@ fn one_client_commands_and_all_see_the_rig() {
         assert!((row["position_m"].as_f64().expect("known") - 0.004).abs() < 1e-4, "{row}");
         assert!((row["true_position_m"].as_f64().expect("known") - 0.004).abs() < 1e-4, "{row}");
     }
-    // A move that is given anew takes the place of the one before; anybody may stop it.
+    // A move that is given again takes the place of the one before; anybody may stop it.
     writer.send(&json!({"id": 3, "do": "move", "to_m": 0.012, "speed_m_per_s": 0.001}).to_string());
     writer.row("motion", |row| row["state"] == "moving");
     writer.send(&json!({"id": 4, "do": "move", "to_m": 0.001, "speed_m_per_s": 0.001}).to_string());
@@ -354,7 +354,7 @@ fn the_bridge_of_the_page_moves_the_rig(client: &mut Client) {
     let [stop, order] = sent[..] else { panic!("{sent:?}") };
     let gear_ratio = client.hello["hello"]["gear_ratio"].as_f64().expect("a number");
     // From where it hangs up by 4 mm, with a set-point for each row of telemetry.
-    let (mut way_m, mut before, mut target_m): (f64, Option<(f64, f64)>, f64) = (0.0, None, 0.0);
+    let (mut distance_m, mut before, mut target_m): (f64, Option<(f64, f64)>, f64) = (0.0, None, 0.0);
     let start_m =
         client.row("a position", |row| row["position_m"].is_number())["position_m"].as_f64().expect("a number");
     loop {
@@ -364,12 +364,12 @@ fn the_bridge_of_the_page_moves_the_rig(client: &mut Client) {
         // The velocity as the bridge takes it is that of the position.
         let velocity = number("drive_speed_rad_per_s") / gear_ratio / number("tr_rad_per_m");
         let dt_s = before.map_or(0.0, |(t_s, _)| number("t_s") - t_s);
-        way_m += before.map_or(0.0, |(_, last)| 0.5 * (velocity + last)) * dt_s;
+        distance_m += before.map_or(0.0, |(_, last)| 0.5 * (velocity + last)) * dt_s;
         before = Some((number("t_s"), velocity));
         let risen_m = number("position_m") - start_m;
         if risen_m > 3.9e-3 {
-            println!("{way_m} m by the velocity, {risen_m} m by the sensor");
-            assert!((way_m / risen_m - 1.0).abs() < 0.1, "{way_m} m: {row}");
+            println!("{distance_m} m by the velocity, {risen_m} m by the sensor");
+            assert!((distance_m / risen_m - 1.0).abs() < 0.1, "{distance_m} m: {row}");
             break;
         }
         let speed = if target_m < 4e-3 { 2e-3 } else { 0.0 };

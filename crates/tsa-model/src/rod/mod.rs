@@ -57,7 +57,7 @@ pub struct RodShape<T = f64> {
     pub reach: Partial<T>,
     /// Lateral tip displacement w(l) (m).
     pub deflection: Partial<T>,
-    /// Strain at the clamp, where bending is greatest.
+    /// Strain at the clamp, where bending is maximum.
     pub clamp: Strain<T>,
     /// Section evaluations spent.
     pub evaluations: u32,
@@ -90,7 +90,7 @@ pub struct RodResponse<T = f64> {
     pub deflection: Compliance<T>,
     /// Tip angle φ_l (rad).
     pub tip_angle_rad: T,
-    /// Strain at the clamp, where bending is greatest.
+    /// Strain at the clamp, where bending is maximum.
     pub clamp: Strain<T>,
 }
 
@@ -213,11 +213,11 @@ impl<T: Scalar> Rod<T> {
     /// The response of the rod whose shape has the rod's length, with the amplitude eliminated.
     pub(crate) fn response(&self, force: TipForce<T>, amplitude: T, shape: &RodShape<T>) -> RodResponse<T> {
         let condense = |partial: &Partial<T>| {
-            let share = partial.by_amplitude / shape.length.by_amplitude;
+            let fraction = partial.by_amplitude / shape.length.by_amplitude;
             Compliance {
                 value: partial.value,
-                by_inward: partial.by_inward - share * shape.length.by_inward,
-                by_sideways: partial.by_sideways - share * shape.length.by_sideways,
+                by_inward: partial.by_inward - fraction * shape.length.by_inward,
+                by_sideways: partial.by_sideways - fraction * shape.length.by_sideways,
             }
         };
         RodResponse {

@@ -223,7 +223,7 @@ impl Mechanism {
     }
 }
 
-/// Largest error of the pseudo-rigid body as a share of the deflection.
+/// Largest error of the pseudo-rigid body as a fraction of the deflection.
 const LINK: f64 = 0.03;
 
 /// Effect of what a tier neglects.

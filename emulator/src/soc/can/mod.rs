@@ -181,7 +181,7 @@ impl Can {
         self.btr & LBKM == 0 && (self.line.dominant || self.line.open || self.mistuned)
     }
 
-    /// RX is at the dominant level for ever.
+    /// RX is at the dominant level indefinitely.
     fn dominant(&self, wires: &Wires<'_>) -> bool {
         let pulled_up = || RX_PINS.iter().any(|&pin| wires.gpio.function(pin) == AF && wires.gpio.pulls_up(pin));
         self.btr & LBKM == 0 && (self.line.dominant || (self.line.open && !pulled_up()))

@@ -12,8 +12,8 @@ fn of<'a>(scene: &'a Scene, keys: &[(PlantKey, f64)]) -> Budget<'a> {
     Budget::new(scene, &Rig { sizes: &size, gauge_m: None }).unwrap()
 }
 
-fn near(found: f64, wanted: f64, share: f64, what: &str) {
-    assert!((found / wanted - 1.0).abs() < share, "{what}: {found}, not {wanted}");
+fn near(found: f64, wanted: f64, fraction: f64, what: &str) {
+    assert!((found / wanted - 1.0).abs() < fraction, "{what}: {found}, not {wanted}");
 }
 
 /// Standard errors of a part at a state: position (m) and load.
@@ -21,15 +21,15 @@ fn at(budget: &Budget<'_>, part: Part, load: usize, twist: usize) -> [f64; 2] {
     budget.under[load].parts[part as usize][twist].map(f64::sqrt)
 }
 
-/// The gain of a warm LVDT makes a way wrong by its share.
+/// The gain of a warm LVDT makes a way wrong by its fraction.
 #[test]
 fn a_wrong_gain_makes_the_way_wrong() {
     let scene = scene();
     let (warm, cold) = (of(&scene, &[(PlantKey::Temperature, 10.0)]), of(&scene, &[]));
     let column = &warm.under[3].column.0;
     let [with, without] = [&warm, &cold].map(|budget| at(budget, Part::Sensor, 3, 30)[0]);
-    let way_m = column[0].gap_m - column[30].gap_m;
-    near((with * with - without * without).sqrt(), 2e-3 * way_m, 0.02, "way");
+    let distance_m = column[0].gap_m - column[30].gap_m;
+    near((with * with - without * without).sqrt(), 2e-3 * distance_m, 0.02, "way");
 }
 
 /// 90 of 100 LVDTs without a calibration are within what the control code states for them.
@@ -39,8 +39,8 @@ fn the_sensor_is_about_as_wrong_as_the_control_code_states() {
     let size = 0.0025 * 0.68;
     let budget = of(&scene, &[(PlantKey::LvdtNonlinearity, size)]);
     let column = &budget.under[3].column.0;
-    let way_m = column[0].gap_m - column[30].gap_m;
-    let stated_m = f64::from(scene.constants().lvdt_change_error().of(way_m as f32));
+    let distance_m = column[0].gap_m - column[30].gap_m;
+    let stated_m = f64::from(scene.constants().lvdt_change_error().of(distance_m as f32));
     near(NINETY * at(&budget, Part::Sensor, 3, 30)[0], stated_m, 0.1, "stated");
 }
 
@@ -84,11 +84,11 @@ fn a_tier_is_the_difference_of_its_gap() {
     let scene = scene();
     let mut budget = of(&scene, &[]);
     assert!(budget.set_tier(Tier::Full));
-    assert!(budget.share(Part::Tier).load.worst.error < 1e-12);
+    assert!(budget.fraction(Part::Tier).load.worst.error < 1e-12);
     assert!(budget.set_tier(Tier::Rigid));
-    let rigid = budget.share(Part::Tier).load.all;
+    let rigid = budget.fraction(Part::Tier).load.all;
     assert!(budget.set_tier(Tier::Elastica));
-    assert!(rigid > 100.0 * budget.share(Part::Tier).load.all);
+    assert!(rigid > 100.0 * budget.fraction(Part::Tier).load.all);
 }
 
 /// A table whose errors are as large as is worth raises the total by no more than that; one that is the model not at all.
@@ -104,7 +104,7 @@ fn a_table_that_is_worth_having_adds_little() {
     for [before, after] in [[without.position_m, with.position_m], [without.load, with.load]] {
         assert!(after.all >= before.all && after.all <= (1.0 + WORTH) * before.all, "{before:?} {after:?}");
     }
-    assert!(budget.share(Part::Table).load.all > 0.0);
+    assert!(budget.fraction(Part::Table).load.all > 0.0);
 }
 
 /// A gap curve that is wrong by a ramp of 1 mm/rad makes the ratio wrong and the move lag by ε v/K.
@@ -132,8 +132,8 @@ fn worse_rigs_are_worth_no_better_tables() {
         assert!(large.position_m.all > small.position_m.all && large.load.all > small.load.all);
     }
     assert!(worth[1].0.contraction_m > worth[0].0.contraction_m);
-    assert!(worth[0].0.tr_relative < TR_ERROR_MOST, "an ideal rig's position tells a tenth of the ratio");
-    assert_eq!(worth[2].0.tr_relative, TR_ERROR_MOST, "the loop must stay stable on the worst rig");
+    assert!(worth[0].0.tr_relative < MAX_TR_ERROR, "an ideal rig's position tells a tenth of the ratio");
+    assert_eq!(worth[2].0.tr_relative, MAX_TR_ERROR, "the loop must stay stable on the worst rig");
 }
 
 #[test]
@@ -167,8 +167,8 @@ fn a_scene_without_an_envelope_or_beyond_a_limit_is_refused_by_name() {
 fn the_least_size_that_adds_too_much_is_found() {
     let bump = |size: f64| vec![if size < 2e-3 { 1e3 * size } else { 0.0 } + if size > 0.5 { 10.0 } else { 0.0 }];
     // 5 % more of a standard error of 1.
-    near(most_added(&[1.0], bump), 1e-3 * (1.05f64.powi(2) - 1.0).sqrt(), 1e-3, "bump");
-    near(most_added(&[100.0], bump), 0.5, 1e-3, "later");
+    near(max_added(&[1.0], bump), 1e-3 * (1.05f64.powi(2) - 1.0).sqrt(), 1e-3, "bump");
+    near(max_added(&[100.0], bump), 0.5, 1e-3, "later");
 }
 
 /// Few turns, and one load twice: there are still states enough for the fit.

@@ -9,17 +9,17 @@ use rig_link::messages::{Fault, Faults};
 
 /// Age (µs) at which the drive's reports count as missing: five of its 10 ms periods (crates/rmds405/README.md 2.6).
 const DRIVE_SILENT_US: u64 = 55_000;
-/// Most that own encoder and drive may differ (counts), at rest and for each count per second of speed, once the report
+/// Maximum that own encoder and drive may differ (counts), at rest and for each count per second of speed, once the report
 /// has been brought forward by its age (src/README.md 3): what is left is the bus, both tasks, and the drive's coarse
 /// speed. A slipped motor turn, 4096 counts, must show.
 const DISAGREE_COUNTS: i64 = 1500;
 const DISAGREE_S: f32 = 0.012;
 const DISAGREE_TICKS: u16 = ticks(8);
-/// Share of the disagreement by which the two may grow apart further and still count alike, but for one jump.
-const ALIKE_SHARE: i64 = 4;
-/// Share of the drive's way below which the own encoder has not moved.
-const STUCK_SHARE: i64 = 10;
-/// Counts in one tick that no motor makes: this many times what its greatest speed makes, and some for a tick's jitter.
+/// Fraction of the disagreement by which the two may grow apart further and still count alike, but for one jump.
+const ALIKE_FRACTION: i64 = 4;
+/// Fraction of the drive's way below which the own encoder has not moved.
+const STUCK_FRACTION: i64 = 10;
+/// Counts in one tick that no motor makes: this many times what its maximum speed makes, and some for a tick's jitter.
 const JUMP_FACTOR: f32 = 1.5;
 const JUMP_COUNTS: f32 = 500.0;
 /// A drive position this near to zero after having been this far away has been reset (counts).
@@ -48,10 +48,10 @@ pub(super) fn is_silent(now_us: u64, report_us: u64) -> bool {
 
 /// Whether the supply is known to be out of its limits now.
 pub(in crate::supervisor) fn supply_is_off(inputs: &Inputs, constants: &RigConstants) -> bool {
-    let [least, most] = constants.supply_limits_v;
+    let [min, max] = constants.supply_limits_v;
     inputs
         .supply
-        .is_some_and(|s| inputs.now_us.saturating_sub(s.t_us) < SUPPLY_OLD_US && !(least..=most).contains(&s.volts))
+        .is_some_and(|s| inputs.now_us.saturating_sub(s.t_us) < SUPPLY_OLD_US && !(min..=max).contains(&s.volts))
 }
 
 impl DriveChecks {
@@ -91,11 +91,11 @@ impl DriveChecks {
         if lasts(&mut self.supply_ticks, supply_off, SUPPLY_TICKS) {
             found.insert(Fault::Supply);
         }
-        let most = JUMP_FACTOR * constants.twist_speed_max() * constants.counts_per_rad.abs() * tick_s;
+        let max = JUMP_FACTOR * constants.twist_speed_max() * constants.counts_per_rad.abs() * tick_s;
         // Before the directions are proven the two may count as they like; the proof compares them.
         let encoder = if !closed_loop {
             None
-        } else if moved_counts.abs() > whole_counts(most + JUMP_COUNTS) {
+        } else if moved_counts.abs() > whole_counts(max + JUMP_COUNTS) {
             Some(Fault::EncoderJump)
         } else {
             let counts_per_s =
@@ -122,12 +122,12 @@ impl DriveChecks {
             return None;
         }
         let (own_way, drive_way) = (own - own_then, drive - drive_then);
-        Some(if drive_way.abs() < own_way.abs() / STUCK_SHARE && own_way.abs() > DISAGREE_COUNTS / 2 {
+        Some(if drive_way.abs() < own_way.abs() / STUCK_FRACTION && own_way.abs() > DISAGREE_COUNTS / 2 {
             // The drive does not see what it does, and turns on and on.
             Fault::DriveEncoder
-        } else if (own_way - drive_way).abs() < apart / ALIKE_SHARE {
+        } else if (own_way - drive_way).abs() < apart / ALIKE_FRACTION {
             Fault::EncoderJump
-        } else if own_way.abs() < drive_way.abs() / STUCK_SHARE {
+        } else if own_way.abs() < drive_way.abs() / STUCK_FRACTION {
             Fault::EncoderStuck
         } else {
             Fault::EncoderDisagrees

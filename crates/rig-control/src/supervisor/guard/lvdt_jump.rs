@@ -1,17 +1,17 @@
 //! A step of the LVDT that no load makes: the sensor, its core or its conditioner has shifted.
 //!
-//! A load on elastic strings swings: even the lightest on hardly twisted strings takes 25 ms for half of its swing, so a
+//! A load on elastic strings swings: even the lightest on hardly twisted strings takes 25 ms for half of its oscillation, so a
 //! millimetre within 20 ms means that it moves before or after as well. A gap that stands, steps and stands again is the
 //! sensor's doing.
 //! A smaller or slower shift looks like another load (`load-unknown`).
 
-/// Least step (m) within [`STEP_TICKS`].
+/// Minimum step (m) within [`STEP_TICKS`].
 const JUMP_M: f32 = 1.0e-3;
 /// Blocks of samples are 6 ms long: a step within one is spread over two ticks at most.
 const STEP_TICKS: usize = 2;
 /// Ticks before and after the step in which the gap must go on as a motor moves it.
 const CALM_TICKS: usize = 3;
-/// The step is at least this many times the gap's way in the calm ticks before and after together: all of it, because a swing
+/// The step is at least this many times the gap's way in the calm ticks before and after together: all of it, because an oscillation
 /// about its turning point comes back to where it was.
 const CLEAR_FACTOR: f32 = 3.0;
 
@@ -49,7 +49,8 @@ impl LvdtJump {
         self.count = (self.count + 1).min(LENGTH);
         let (before, after) = (&self.gaps_m[..=CALM_TICKS], &self.gaps_m[CALM_TICKS + STEP_TICKS..]);
         let step_m = (after[0] - before[CALM_TICKS]).abs();
-        let jumped = self.count == LENGTH && step_m > JUMP_M.max(CLEAR_FACTOR * (way_m(before) + way_m(after)));
+        let jumped =
+            self.count == LENGTH && step_m > JUMP_M.max(CLEAR_FACTOR * (distance_m(before) + distance_m(after)));
         if jumped {
             self.count = 0;
         }
@@ -58,7 +59,7 @@ impl LvdtJump {
 }
 
 /// How far a gap went (m).
-fn way_m(gaps_m: &[f32]) -> f32 {
+fn distance_m(gaps_m: &[f32]) -> f32 {
     gaps_m.windows(2).map(|pair| (pair[1] - pair[0]).abs()).sum()
 }
 
@@ -89,11 +90,11 @@ mod tests {
         // load by 5 mm at any time between two ticks.
         for frequency in 15..=125u16 {
             for begin in [100.0, 100.25, 100.5, 100.75] {
-                let swing = |k: f32| {
+                let oscillation = |k: f32| {
                     let t = ((k - begin) * 0.01).max(0.0);
                     0.08 + 5e-3 * (1.0 - (-1.5 * t).exp() * (f32::from(frequency) * t).cos())
                 };
-                assert_eq!(jumps(swing), 0, "{frequency} rad/s");
+                assert_eq!(jumps(oscillation), 0, "{frequency} rad/s");
             }
         }
         // A fall to the stop, 5 cm lower.

@@ -77,9 +77,9 @@ impl ShaftChecks {
     pub(super) fn twist_is_outside(&mut self, situation: &Situation<'_>) -> bool {
         let Some(tracking) = situation.tracking else { return false };
         let twist_rad = tracking.twist_rad(situation.readings.shaft_rad).abs();
-        let most_rad = (situation.table.twist_max_rad + PAST_TWIST_RAD).max(self.cleared_twist_rad);
+        let max_rad = (situation.table.twist_max_rad + PAST_TWIST_RAD).max(self.cleared_twist_rad);
         self.cleared_twist_rad = self.cleared_twist_rad.min(twist_rad + PAST_TWIST_RAD);
-        twist_rad > most_rad
+        twist_rad > max_rad
     }
 
     /// The shaft stays behind its set-point.

@@ -9,7 +9,7 @@ const LATE_US: u64 = TICK_US + TICK_US / 2;
 const LATE_AT_ONCE_US: u64 = 6 * TICK_US;
 /// Each late tick costs this much, each tick in time takes 1 off, and this much in all is a fault: five in a second.
 const LATE_COST: u16 = ticks(25);
-const LATE_MOST: u16 = 4 * LATE_COST;
+const MAX_LATE: u16 = 4 * LATE_COST;
 
 /// When ticks came.
 #[derive(Clone, Copy, Debug)]
@@ -45,7 +45,7 @@ impl TickTiming {
         } else {
             self.late_cost = self.late_cost.saturating_sub(1);
         }
-        self.apart_us > LATE_AT_ONCE_US || self.late_cost > LATE_MOST
+        self.apart_us > LATE_AT_ONCE_US || self.late_cost > MAX_LATE
     }
 
     /// The next tick is not late, however long it takes to come.

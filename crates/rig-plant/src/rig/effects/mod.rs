@@ -22,14 +22,14 @@ pub const ROD_ONSET: [f64; 2] = [0.027, 0.037];
 /// adds (0.7 % at most), and such that most of the loop is reached between 15 and 10 N.
 pub const ROD_THRESHOLDS: [f64; 3] = [0.005, 0.0065, 0.008];
 /// Times of the strings' slow stretch, s: half a minute of homing sees the first, an hour at work all of them. Each has the
-/// same share of the stretch.
+/// same fraction of the stretch.
 pub const CREEP_TIMES_S: [f64; 3] = [3.0, 60.0, 1800.0];
 /// Cycles of new strings after which all but 1/e of the change of their radius is done.
-pub const BEDDING_CYCLES: f64 = 20.0;
+pub const RUN_IN_CYCLES: f64 = 20.0;
 /// Turns up and back down that count as one such cycle: the paper's sweep of 7.5 turns.
 pub const TURNS_PER_CYCLE: f64 = 15.0;
 
-/// Share of the full stress by warmth that rods have at a strain, and its slope by the strain.
+/// Fraction of the full stress by warmth that rods have at a strain, and its slope by the strain.
 pub fn rod_onset(strain: f64) -> [f64; 2] {
     let width = ROD_ONSET[1] - ROD_ONSET[0];
     let x = ((strain - ROD_ONSET[0]) / width).clamp(0.0, 1.0);

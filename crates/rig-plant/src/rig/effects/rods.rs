@@ -1,8 +1,8 @@
 //! Stress in the rods beyond their law, as a force on the load: what they remember, and what warmth adds.
 //!
-//! At a gap and a twist the rods have a shape, whatever their stress. A stress that is greater by the share s everywhere
+//! At a gap and a twist the rods have a shape, whatever their stress. A stress that is greater by the fraction s everywhere
 //! bends them as an s greater modulus E would, so that the mechanism carries at that gap the additional force
-//! −(∂G/∂ln E)/(∂G/∂F) s. The share is taken at the clamp, where the strain is greatest: s = Δσ/σ(ε). A force that
+//! −(∂G/∂ln E)/(∂G/∂F) s. The fraction is taken at the clamp, where the strain is maximum: s = Δσ/σ(ε). A force that
 //! depends on the gap alone, or lags behind it as [`RodMemory`] does, creates no energy. All of it is first order in s.
 
 use super::{ROD_STRESS_PER_K, ROD_THRESHOLDS, rod_onset};
@@ -10,11 +10,11 @@ use crate::rig::surface::{SLACK_LOAD_N, Surface};
 use tsa_model::scalar::{Dual, Scalar};
 use tsa_model::{Material, Mechanism, Parameters};
 
-/// The strings cannot push: the load never loses more than this share of the force that the law gives.
-const MOST_LOST: f64 = 0.9;
+/// The strings cannot push: the load never loses more than this fraction of the force that the law gives.
+const MAX_LOST: f64 = 0.9;
 /// Cells of the table along ln F and along the twist.
 const CELLS: usize = 24;
-/// Share of the last twist up to which the table reaches: nearer to it the slopes grow without a bound.
+/// Fraction of the last twist up to which the table reaches: nearer to it the slopes grow without a bound.
 const REACH: f64 = 0.98;
 
 /// The rods at a load and a twist.
@@ -28,7 +28,7 @@ struct RodPoint {
     force_by_stress: f64,
 }
 
-/// [`RodPoint`]s over ln F and the share of the last twist.
+/// [`RodPoint`]s over ln F and the fraction of the last twist.
 #[derive(Clone, Debug)]
 struct RodTable {
     u_min: f64,
@@ -59,8 +59,8 @@ impl RodTable {
                 let solved = by_modulus.solve(*load, reach * k as f64 / CELLS as f64).ok();
                 let node = solved.map(|e| {
                     let strain = e.bending_strain.value();
-                    let share = -e.gap_m.by[0] / (e.dgap_dload_m_per_n.value() * material.stress_pa(strain));
-                    [strain.ln(), share]
+                    let fraction = -e.gap_m.by[0] / (e.dgap_dload_m_per_n.value() * material.stress_pa(strain));
+                    [strain.ln(), fraction]
                 });
                 // A twist that is not reached is as the one before it.
                 nodes.push(node.filter(|n| n.iter().all(|x| x.is_finite())).or(nodes.last().copied())?);
@@ -70,20 +70,20 @@ impl RodTable {
     }
 
     fn at(&self, load_n: f64, twist_rad: f64) -> RodPoint {
-        let least = self.u_min.exp();
+        let min = self.u_min.exp();
         let place = |x: f64| {
             let x = x.clamp(0.0, CELLS as f64);
             let i = (x as usize).min(CELLS - 1);
             (i, x - i as f64)
         };
-        let (i, t) = place((load_n.max(least).ln() - self.u_min) / self.u_step);
+        let (i, t) = place((load_n.max(min).ln() - self.u_min) / self.u_step);
         let reach = self.reach_rad[i] + t * (self.reach_rad[i + 1] - self.reach_rad[i]);
         let (k, s) = place(twist_rad.abs() / reach * CELLS as f64);
         let node = |di: usize, dk: usize| self.nodes[(i + di) * (CELLS + 1) + k + dk];
         let along = |di: usize, which: usize| node(di, 0)[which] * (1.0 - s) + node(di, 1)[which] * s;
         let [low, high] = [along(0, 0), along(1, 0)];
         // Slack strings bend nothing: below the table both fall to zero with the load.
-        let slack = (load_n / least).clamp(0.0, 1.0);
+        let slack = (load_n / min).clamp(0.0, 1.0);
         let strain = slack * (low + t * (high - low)).exp();
         let by_log = if slack < 1.0 { 1.0 } else { (high - low) / self.u_step };
         RodPoint {
@@ -122,7 +122,7 @@ impl Rods {
     pub fn step(&mut self, law_n: f64, stiffness_n_per_m: f64, twist_rad: f64, temperature_k: f64) -> RodForce {
         let point = self.table.at(law_n, twist_rad);
         let force_n = force(&point, &mut self.memory, law_n, temperature_k);
-        let slope = self.memory.stiffness_pa() + warmth(point.strain, temperature_k).1;
+        let slope = self.memory.stiffness_pa() + thermal_stress(point.strain, temperature_k).1;
         RodForce {
             force_n,
             stiffness_n_per_m: point.force_by_stress * slope * point.strain_by_load * stiffness_n_per_m,
@@ -132,7 +132,7 @@ impl Rods {
     /// What their law carries at a twist (rad) when they carry a weight (N) in all, if they went there from where they
     /// are; N.
     pub fn law_under(&self, weight_n: f64, twist_rad: f64, temperature_k: f64) -> f64 {
-        let (mut low, mut high) = (0.0, weight_n / (1.0 - MOST_LOST));
+        let (mut low, mut high) = (0.0, weight_n / (1.0 - MAX_LOST));
         for _ in 0..50 {
             let middle = 0.5 * (low + high);
             let mut memory = self.memory;
@@ -149,16 +149,16 @@ impl Rods {
 
 /// Force of the additional stress where the law carries a load (N).
 fn force(point: &RodPoint, memory: &mut RodMemory, law_n: f64, temperature_k: f64) -> f64 {
-    let stress_pa = memory.step(point.strain) + warmth(point.strain, temperature_k).0;
-    (point.force_by_stress * stress_pa).max(-MOST_LOST * law_n)
+    let stress_pa = memory.step(point.strain) + thermal_stress(point.strain, temperature_k).0;
+    (point.force_by_stress * stress_pa).max(-MAX_LOST * law_n)
 }
 
 /// Stress that a temperature adds at a strain, Pa, and its slope by the strain, Pa: none before the transformation
 /// begins.
-fn warmth(strain: f64, temperature_k: f64) -> (f64, f64) {
+fn thermal_stress(strain: f64, temperature_k: f64) -> (f64, f64) {
     let full = ROD_STRESS_PER_K * temperature_k;
-    let [share, slope] = rod_onset(strain);
-    (full * share, full * slope)
+    let [fraction, slope] = rod_onset(strain);
+    (full * fraction, full * slope)
 }
 
 /// Extra stress of rods that remember: it is not the same on the way up and down. It follows the strain at the clamp by
@@ -200,8 +200,8 @@ impl RodMemory {
 
     /// The extra stress now, Pa.
     pub fn stress_pa(&self) -> f64 {
-        let shares = self.elastic.iter().zip(ROD_THRESHOLDS).map(|(elastic, threshold)| elastic / threshold);
-        self.half_width_pa * shares.sum::<f64>() / ROD_THRESHOLDS.len() as f64
+        let fractions = self.elastic.iter().zip(ROD_THRESHOLDS).map(|(elastic, threshold)| elastic / threshold);
+        self.half_width_pa * fractions.sum::<f64>() / ROD_THRESHOLDS.len() as f64
     }
 }
 
@@ -229,8 +229,8 @@ mod tests {
             // Energy per volume over one closed cycle, J/m³.
             let (mut energy, mut last) = (0.0, 0.05);
             for k in 0..=2000 {
-                let share = f64::from(if k <= 1000 { k } else { 2000 - k }) * 1e-3;
-                let strain = 0.05 - turn * share;
+                let fraction = f64::from(if k <= 1000 { k } else { 2000 - k }) * 1e-3;
+                let strain = 0.05 - turn * fraction;
                 let before = memory.stress_pa();
                 let after = memory.step(strain);
                 energy += 0.5 * (before + after) * (strain - last);

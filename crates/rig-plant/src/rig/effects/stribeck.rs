@@ -60,8 +60,8 @@ impl Stribeck {
             self.give_m = limit_n.copysign(force_n) / stiffness;
             slipping
         };
-        let most_m = limit_n / stiffness;
-        self.give_m = self.give_m.clamp(-most_m, most_m);
+        let max_m = limit_n / stiffness;
+        self.give_m = self.give_m.clamp(-max_m, max_m);
         mean
     }
 }
@@ -96,7 +96,7 @@ mod tests {
         let (mass, mut element, mut position, mut speed) = (0.5, Stribeck::default(), 0.0, 0.0);
         for _ in 0..4000 {
             let inertia = 2.0 * mass / H;
-            // With enough damping to end the swing on the give.
+            // With enough damping to end the oscillation on the give.
             let mean = element.mean_speed(H, inertia * speed + push_n, inertia + 20.0, speed, friction);
             position += H * mean;
             speed = 2.0 * mean - speed;

@@ -4,28 +4,28 @@
 //! Twist and radius enter the mechanism as the arc θ r alone, so strings of another radius are those of the model at the
 //! twist where these have the same arc.
 
-use super::{BEDDING_CYCLES, CREEP_TIMES_S, TURNS_PER_CYCLE};
+use super::{CREEP_TIMES_S, RUN_IN_CYCLES, TURNS_PER_CYCLE};
 use crate::PlantSettings;
 use crate::rig::surface::SLACK_LOAD_N;
 use std::f64::consts::{PI, TAU};
 use tsa_model::{Parameters, RadiusLaw};
 
-/// Share of half the play over which the contact gives. Assumed.
+/// Fraction of half the play over which the contact gives. Assumed.
 const CONTACT: f64 = 0.02;
-/// Share of their torque that strings with play give back when they untwist. A contact that gives is closed under a small
+/// Fraction of their torque that strings with play give back when they untwist. A contact that gives is closed under a small
 /// torque and opened under a greater one, which returns a little more than it took; this is less than that. Assumed.
 const RETURNED: f64 = 0.98;
 
 /// Strings that differ from those of the model.
 #[derive(Clone, Debug)]
 pub struct Strings {
-    /// Constants of the model, whose radius law is asked.
+    /// Constants of the model, whose radius model is asked.
     model: Parameters,
     play: Play,
     bedding: Bedding,
     creep: Creep,
-    /// Share of the new strings' radius that is left.
-    radius_share: f64,
+    /// Fraction of the new strings' radius that is left.
+    radius_fraction: f64,
     /// Exponent p of a factor (|θ|/π)^p on the radius beyond the half-turn pre-twist.
     exponent_shift: f64,
     /// Twist of the model that these strings have now, rad.
@@ -46,7 +46,7 @@ impl Strings {
             play: Play::new(settings.twist_play_rad, twist_rad),
             bedding: Bedding::new(settings.string_bedding, twist_rad),
             creep: Creep::new(settings.string_creep, 0.5 / model.stiffness_n_per_m),
-            radius_share: 1.0,
+            radius_fraction: 1.0,
             exponent_shift: if by_length { settings.twist_exponent_shift } else { 0.0 },
             twist_rad: 0.0,
             slope: 1.0,
@@ -59,7 +59,7 @@ impl Strings {
     /// Takes the shaft to a twist (rad), with a pull (N) on the strings.
     pub fn turn(&mut self, shaft_rad: f64, pull_n: f64) {
         let own_rad = self.play.step(shaft_rad);
-        self.radius_share = self.bedding.step(own_rad);
+        self.radius_fraction = self.bedding.step(own_rad);
         self.contact = self.play.contact(shaft_rad);
         if (shaft_rad - own_rad) * own_rad < 0.0 {
             self.contact *= RETURNED;
@@ -72,7 +72,7 @@ impl Strings {
     pub fn model_twist(&self, own_rad: f64, pull_n: f64) -> (f64, f64) {
         let twist = own_rad.abs();
         let shift = if twist > PI { self.exponent_shift } else { 0.0 };
-        let factor = self.radius_share * (twist / PI).max(1.0).powf(shift);
+        let factor = self.radius_fraction * (twist / PI).max(1.0).powf(shift);
         if factor == 1.0 || twist == 0.0 {
             return (own_rad, 1.0);
         }
@@ -126,7 +126,7 @@ impl Play {
         self.output
     }
 
-    /// Share of a pull at the output that reaches the input: 1 at the ends of the play, 0 between them. It rises over a
+    /// Fraction of a pull at the output that reaches the input: 1 at the ends of the play, 0 between them. It rises over a
     /// share of half the play, as a contact that gives: its rise at one end takes what its rise at the other gives.
     pub fn contact(&self, input: f64) -> f64 {
         if self.half_width <= 0.0 {
@@ -137,32 +137,32 @@ impl Play {
     }
 }
 
-/// Run-in of new strings: the share of their radius that is left falls over the first cycles of twisting.
+/// Run-in of new strings: the fraction of their radius that is left falls over the first cycles of twisting.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bedding {
-    /// Share of the radius that is lost in the end.
-    share: f64,
+    /// Fraction of the radius that is lost in the end.
+    fraction: f64,
     turned_rad: f64,
     last_rad: f64,
 }
 
 impl Bedding {
-    /// New strings, twisted to an angle (rad), that lose a share of their radius in the end.
-    pub fn new(share: f64, twist_rad: f64) -> Self {
-        Self { share, turned_rad: 0.0, last_rad: twist_rad }
+    /// New strings, twisted to an angle (rad), that lose a fraction of their radius in the end.
+    pub fn new(fraction: f64, twist_rad: f64) -> Self {
+        Self { fraction, turned_rad: 0.0, last_rad: twist_rad }
     }
 
-    /// Takes the twist (rad) to a new value and returns the radius as a share of the new one.
+    /// Takes the twist (rad) to a new value and returns the radius as a fraction of the new one.
     pub fn step(&mut self, twist_rad: f64) -> f64 {
         self.turned_rad += (twist_rad - self.last_rad).abs();
         self.last_rad = twist_rad;
         let cycles = self.turned_rad / (TURNS_PER_CYCLE * TAU);
-        1.0 + self.share * (-cycles / BEDDING_CYCLES).exp_m1()
+        1.0 + self.fraction * (-cycles / RUN_IN_CYCLES).exp_m1()
     }
 }
 
 /// Stretch of the strings beyond the elastic one: Kelvin elements in series with it. A string under the load F is longer by
-/// F/2K at once. Each element adds its share of that with its own time: τ dx/dt = c F − x. A spring and a dashpot beside each
+/// F/2K at once. Each element adds its fraction of that with its own time: τ dx/dt = c F − x. A spring and a dashpot beside each
 /// other store or lose what the load does to them and create nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Creep {
@@ -172,9 +172,12 @@ pub struct Creep {
 }
 
 impl Creep {
-    /// Elements that in the end add `share` of the elastic compliance 1/2K (m/N), and have added nothing yet.
-    pub fn new(share: f64, elastic_m_per_n: f64) -> Self {
-        Self { compliance: share * elastic_m_per_n / CREEP_TIMES_S.len() as f64, stretch_m: [0.0; CREEP_TIMES_S.len()] }
+    /// Elements that in the end add `fraction` of the elastic compliance 1/2K (m/N), and have added nothing yet.
+    pub fn new(fraction: f64, elastic_m_per_n: f64) -> Self {
+        Self {
+            compliance: fraction * elastic_m_per_n / CREEP_TIMES_S.len() as f64,
+            stretch_m: [0.0; CREEP_TIMES_S.len()],
+        }
     }
 
     /// One step of `h` seconds under a load (N); exact for a load that stays. Returns the stretch, m.

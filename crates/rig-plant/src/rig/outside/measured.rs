@@ -3,15 +3,15 @@
 //!
 //! Between the grid's points a natural cubic spline runs along the twist and another along ln F. Outside the grid the
 //! surface is a guess that keeps a simulation sane: below the least twist a parabola that is level at zero twist, above the
-//! greatest one nothing (the strings meet their wall there), and outside the loads a straight line in ln F.
+//! maximum one nothing (the strings meet their wall there), and outside the loads a straight line in ln F.
 
 use crate::rig::surface::GapPoint;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Least number of loads and of twists.
-const LEAST: usize = 3;
-/// Least of the greatest twist, rad: a turn and a little past the half-turn pre-twist, where homing looks.
-const LEAST_TWIST_RAD: f64 = 10.0;
+/// Minimum number of loads and of twists.
+const MIN: usize = 3;
+/// Minimum of the maximum twist, rad: a turn and a little past the half-turn pre-twist, where homing looks.
+const MIN_TWIST_RAD: f64 = 10.0;
 /// The gap goes from one way to the other while the twist turns back by this, rad. Assumed.
 const TURN_BACK_RAD: f64 = 0.2;
 
@@ -46,7 +46,7 @@ pub enum SurfaceError {
         reason: &'static str,
     },
     /// Too few loads or twists for a smooth surface.
-    #[error("{found} values of {what}; a smooth surface needs at least {LEAST}")]
+    #[error("{found} values of {what}; a smooth surface needs at least {MIN}")]
     Few {
         /// `load_n` or `twist_rad`.
         what: &'static str,
@@ -54,7 +54,7 @@ pub enum SurfaceError {
         found: usize,
     },
     /// The data end before a rig could be homed.
-    #[error("the greatest twist is {0} rad; a rig needs at least {LEAST_TWIST_RAD} rad")]
+    #[error("the greatest twist is {0} rad; a rig needs at least {MIN_TWIST_RAD} rad")]
     Short(f64),
     /// A file for one way of the twist has a column for it.
     #[error("a file for one way only has no column `direction`")]
@@ -117,13 +117,13 @@ impl Measured {
         let loads: Vec<u64> = keys().map(|key| key.0).collect::<BTreeSet<_>>().into_iter().collect();
         let twists: Vec<u64> = keys().map(|key| key.1).collect::<BTreeSet<_>>().into_iter().collect();
         for (what, found) in [("load_n", loads.len()), ("twist_rad", twists.len())] {
-            if found < LEAST {
+            if found < MIN {
                 return Err(SurfaceError::Few { what, found });
             }
         }
         let twists_rad: Vec<f64> = twists.iter().map(|bits| f64::from_bits(*bits)).collect();
         let last_rad = twists_rad[twists.len() - 1];
-        if last_rad < LEAST_TWIST_RAD {
+        if last_rad < MIN_TWIST_RAD {
             return Err(SurfaceError::Short(last_rad));
         }
         for (way, grid) in [up, down].into_iter().enumerate() {
@@ -133,9 +133,9 @@ impl Measured {
                 }
             }
         }
-        let spline = |down_share: f64| {
+        let spline = |down_fraction: f64| {
             let row = |load: &u64| {
-                let gap = |twist: &u64| 0.5 * (up[&(*load, *twist)] + down_share * down[&(*load, *twist)]);
+                let gap = |twist: &u64| 0.5 * (up[&(*load, *twist)] + down_fraction * down[&(*load, *twist)]);
                 let gaps: Vec<f64> = twists.iter().map(gap).collect();
                 let bends = second_derivatives(&twists_rad, &gaps);
                 (gaps, bends)
@@ -153,7 +153,7 @@ impl Measured {
         Ok(Self { mean, half_difference: directed.then(|| spline(-1.0)) })
     }
 
-    /// Greatest load of the data, N.
+    /// Maximum load of the data, N.
     pub fn max_load_n(&self) -> f64 {
         self.mean.log_loads.last().map_or(0.0, |log| log.exp())
     }

@@ -23,10 +23,10 @@ pub const PATIENCE: Duration = Duration::from_secs(10);
 const LONGEST: u64 = 4096;
 /// Lines that a program may be ahead of the questions; then it has to wait.
 const AHEAD: usize = 16;
-/// Greatest gap (m), torque (N m) and pull (N) that are taken for a rig's.
-const MOST_M: f64 = 10.0;
-const MOST_NM: f64 = 100.0;
-const MOST_N: f64 = 1e5;
+/// Maximum gap (m), torque (N m) and pull (N) that are taken for a rig's.
+const MAX_M: f64 = 10.0;
+const MAX_NM: f64 = 100.0;
+const MAX_N: f64 = 1e5;
 /// What a step's answer is.
 const WANTED: &str = "three numbers: gap (at most 10 m), torque (100 N m), pull (100000 N)";
 /// How long a program that was told to quit may take before it is killed.
@@ -184,7 +184,7 @@ impl PlantProgram {
         let numbers: Option<Vec<f64>> = answer.split_whitespace().map(|word| word.parse().ok()).collect();
         match numbers.as_deref() {
             Some(&[gap_m, torque_nm, pull_n])
-                if gap_m.abs() <= MOST_M && torque_nm.abs() <= MOST_NM && pull_n.abs() <= MOST_N =>
+                if gap_m.abs() <= MAX_M && torque_nm.abs() <= MAX_NM && pull_n.abs() <= MAX_N =>
             {
                 Ok(Answer { gap_m, torque_nm, pull_n })
             }

@@ -146,18 +146,18 @@ fn a_load_that_is_let_go_swings_and_comes_to_rest() {
     r.poll(3.0);
     let rest = r.truth().gap_m;
     r.set_plant("load", "1.2kg").unwrap_or_else(|e| panic!("{e}"));
-    let mut swings = Vec::new();
+    let mut oscillations = Vec::new();
     let mut last_speed = 0.0;
     for k in 1..=4000 {
         r.poll(3.0 + 1e-3 * f64::from(k));
         let truth = r.truth();
         if last_speed > 0.0 && truth.gap_speed_m_per_s <= 0.0 {
-            swings.push(truth.gap_m);
+            oscillations.push(truth.gap_m);
         }
         last_speed = truth.gap_speed_m_per_s;
     }
-    assert!(swings.len() >= 3, "{} swings", swings.len());
-    assert!(swings.windows(2).all(|pair| pair[1] < pair[0]), "a swing grew: {swings:?}");
+    assert!(oscillations.len() >= 3, "{} swings", oscillations.len());
+    assert!(oscillations.windows(2).all(|pair| pair[1] < pair[0]), "a swing grew: {oscillations:?}");
     let exact = r
         .mechanism
         .as_ref()
@@ -170,7 +170,7 @@ fn a_load_that_is_let_go_swings_and_comes_to_rest() {
 
 #[test]
 fn backlash_is_turned_through_before_the_strings_follow_on_the_other_side() {
-    let swing = |backlash: &str| {
+    let oscillation = |backlash: &str| {
         let mut r = rig(&[("load", "0.1kg"), ("twist_at_boot", "2"), ("gear_backlash", backlash)]);
         let t = start(&mut r);
         let here = r.drive_counts() - r.boot_counts;
@@ -181,10 +181,10 @@ fn backlash_is_turned_through_before_the_strings_follow_on_the_other_side() {
         r.poll(t + 5.0);
         (from.0 - r.motor.angle_rad, from.1, r.truth().twist_rad)
     };
-    let (turned, from, to) = swing("0.1");
+    let (turned, from, to) = oscillation("0.1");
     assert!(from > 0.1 && to < -1.0, "{from} to {to} rad");
     assert!((turned / 62.0 - (from - to) - 0.1).abs() < 1e-9, "the shaft turned by the play more than the strings");
-    let (turned, from, to) = swing("0");
+    let (turned, from, to) = oscillation("0");
     assert!((turned / 62.0 - (from - to)).abs() < 1e-9);
 }
 
@@ -343,16 +343,16 @@ fn a_twist_that_the_strings_cannot_have_is_refused_with_its_limit() {
     for (load_n, sign) in [(0.05, 1.0), (1.0, -1.0), (18.0, -1.0), (40.0, 1.0)] {
         let error = new(load_n, sign * 75.0).err().expect("past eleven turns").to_string();
         assert!(error.contains("`twist_at_boot`"), "{error}");
-        let most: f64 =
+        let max: f64 =
             error.split("at most ").nth(1).and_then(|end| end.split(' ').next()?.parse().ok()).expect("the limit");
-        assert!(new(load_n, sign * (most + 0.1)).is_err(), "{error}");
-        assert!(new(load_n, sign * most).is_ok(), "{error}");
-        let most = most - CLOSED_GIVE_RAD;
-        let mut r = new(load_n, sign * most).unwrap_or_else(|e| panic!("{e}"));
+        assert!(new(load_n, sign * (max + 0.1)).is_err(), "{error}");
+        assert!(new(load_n, sign * max).is_ok(), "{error}");
+        let max = max - CLOSED_GIVE_RAD;
+        let mut r = new(load_n, sign * max).unwrap_or_else(|e| panic!("{e}"));
         // Without power they unwind at most: nothing flings the rotor to the other side.
         r.poll(2.0);
         let twist = sign * r.truth().twist_rad;
-        assert!(twist > -0.1 && twist < most + 0.01, "{error}: {twist}");
+        assert!(twist > -0.1 && twist < max + 0.01, "{error}: {twist}");
     }
 }
 
@@ -377,7 +377,7 @@ fn the_plant_runs_on_the_cheapest_model_that_its_scene_needs() {
         let scene = Scene::load(file).unwrap_or_else(|e| panic!("{e}"));
         let rig = Rig::new(&scene, PlantSettings::default(), 1).unwrap_or_else(|e| panic!("{e}"));
         assert_eq!(rig.tier(), tier, "{name}");
-        let (envelope, accuracy) = scene.table_demand().unwrap_or_else(|e| panic!("{e}"));
+        let (envelope, accuracy) = scene.table_requirement().unwrap_or_else(|e| panic!("{e}"));
         let exact = scene.mechanism().unwrap_or_else(|e| panic!("{e}"));
         let gap = |load: f64, turns: f64| {
             let twist = tsa_model::twist_from_turns(turns);

@@ -21,8 +21,8 @@ const MM: f64 = 1e3;
 /// If the scene has no mechanism, or the drawing library fails.
 pub fn figure(before: &Scene, data: &Data, found: &Identified) -> Result<String, Failure> {
     let (before, runs) = (before.mechanism()?, data.runs());
-    let most = |run: &[usize]| run.iter().map(|k| turns(&data.rows[*k])).fold(0.0, f64::max);
-    let ends = [0.0, runs.iter().map(|run| most(run)).fold(0.0, f64::max)];
+    let max = |run: &[usize]| run.iter().map(|k| turns(&data.rows[*k])).fold(0.0, f64::max);
+    let ends = [0.0, runs.iter().map(|run| max(run)).fold(0.0, f64::max)];
     let (mut contraction, mut loads) = (Vec::new(), Vec::new());
     let mut error = vec![Item::line(ends.map(|turns| (turns, 0.0)), Pen::solid(INK).wide(1))];
     for (n, run) in runs.iter().enumerate() {
@@ -30,7 +30,7 @@ pub fn figure(before: &Scene, data: &Data, found: &Identified) -> Result<String,
         let (load_n, colour) = (rows.first().map_or(0.0, |row| row.load_n), colour(n, runs.len()));
         let gap_m = |twist_rad| before.solve(load_n, twist_rad).map(|e| e.gap_m).ok();
         let before_m = |turns| Some(gap_m(PRETWIST_RAD)? - gap_m(twist_from_turns(turns))?);
-        let step = most(run) / (POINTS - 1) as f64;
+        let step = max(run) / (POINTS - 1) as f64;
         let after: Vec<Prediction> = (0..POINTS).map(|k| found.known.predict(load_n, step * k as f64)).collect();
         let line = |of: &dyn Fn(&Prediction) -> Option<f64>, pen| {
             Item::line(after.iter().filter_map(|p| Some((p.turns, MM * of(p)?))), pen)

@@ -47,10 +47,10 @@ pub struct Identify {
     #[arg(long, value_name = "FILE.svg", conflicts_with = "published")]
     pub figure: Option<PathBuf>,
     /// Constants to fit, by symbol or key: k1, k2, k3, p, k4, K, R, L0, modulus, odd-curve (a1, a3, a5), curve (a1 to
-    /// a5) [default: those of each radius law, with modulus and with odd-curve in turn; k1,k2,k3,modulus for --published]
+    /// a5) [default: those of each radius model, with modulus and with odd-curve in turn; k1,k2,k3,modulus for --published]
     #[arg(long, value_name = "KEYS", value_delimiter = ',')]
     pub fit: Vec<String>,
-    /// The one radius law to fit with, instead of letting all of them compete on held-out sweeps
+    /// The one radius model to fit with, instead of letting all of them compete on held-out sweeps
     #[arg(long, value_parser = radius_law, value_name = "length-ratio|length-ratio-k4|twist-power")]
     pub law: Option<Law>,
     /// Also logs of sweeps that were cut short or broken off

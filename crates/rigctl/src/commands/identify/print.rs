@@ -163,7 +163,7 @@ pub fn judged(found: &Identified, output: &mut Output) -> Result<(), Failure> {
             "after {:.2} N, {:.2} N seem {:+.1} +- {:.1} % heavier ({}): the rods remember",
             m.after_n,
             m.load_n,
-            m.share * 1e2,
+            m.fraction * 1e2,
             m.half_width_90 * 1e2,
             m.sweep
         ))?;

@@ -85,7 +85,7 @@ fn rods_remember_a_heavy_load_and_a_sweep_of_the_twist_does_not_show_it() {
     wrong(&mut hung, 15.0);
     let mut after = [10.0, 5.0, 1.0].map(|load_n| wrong(&mut hung, load_n));
     after.reverse();
-    // 60 MPa either way, as a share of the stress, on the share of the compliance that is the rods'.
+    // 60 MPa either way, as a fraction of the stress, on the fraction of the compliance that is the rods'.
     for (k, expected) in [0.6, 1.1, 1.0].into_iter().enumerate() {
         let loop_n = after[k] - before[k];
         assert!((loop_n / expected - 1.0).abs() < 0.25, "{loop_n} N wider by the visit, about {expected} expected");
@@ -120,18 +120,18 @@ fn warm_rods_are_stiffer_under_a_heavy_load_only() {
     };
     let light_m = gap("8N", "0") - gap("8N", "10");
     assert!(light_m.abs() < 1e-9, "{light_m}");
-    // As much as a modulus that is greater by the share of the stress: 6.5 MPa/K of the law's at the clamp.
+    // As much as a modulus that is greater by the fraction of the stress: 6.5 MPa/K of the law's at the clamp.
     let stress_pa = {
         let scene = scene(SCENE);
         let mechanism = Mechanism::new(&scene.geometry, &scene.string, &scene.material).unwrap();
         scene.material.stress_pa(mechanism.solve(15.0, 3.2).unwrap().bending_strain)
     };
-    let share = 6.5e6 * 5.0 / stress_pa;
+    let fraction = 6.5e6 * 5.0 / stress_pa;
     let stiffer =
-        |share: f64| Hung::new(&[("load", "15N"), ("modulus_scale", &format!("{}", 1.0 + share))]).plant.gap_m;
+        |fraction: f64| Hung::new(&[("load", "15N"), ("modulus_scale", &format!("{}", 1.0 + fraction))]).plant.gap_m;
     let warm_m = gap("15N", "5");
-    let (by_warmth, by_modulus) = (gap("15N", "-5") - warm_m, stiffer(-share) - stiffer(share));
-    assert!((by_warmth / by_modulus - 1.0).abs() < 0.05, "{by_warmth} and {by_modulus} m");
+    let (by_temperature, by_modulus) = (gap("15N", "-5") - warm_m, stiffer(-fraction) - stiffer(fraction));
+    assert!((by_temperature / by_modulus - 1.0).abs() < 0.05, "{by_temperature} and {by_modulus} m");
     // A change in the run does the same.
     let mut r = rig(&[("load", "15N"), ("friction", "0"), ("twist_at_boot", "3.2")]);
     r.set_plant("temperature", "5").unwrap_or_else(|e| panic!("{e}"));
@@ -302,7 +302,7 @@ fn cycles(keys: &[(&str, &str)]) -> [f64; 2] {
 
 #[test]
 fn no_effect_creates_energy_alone_or_with_the_others() {
-    // A stroke lifts 5 N by some 20 mm, 100 mJ. Without an effect the damping takes its share; no effect gives back more
+    // A stroke lifts 5 N by some 20 mm, 100 mJ. Without an effect the damping takes its fraction; no effect gives back more
     // than the step rule is wrong by.
     const OFF_J: f64 = 50e-6;
     let [damped_twist_j, damped_load_j] = cycles(&[]);

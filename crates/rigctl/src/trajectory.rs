@@ -1,4 +1,4 @@
-//! A course of the load over time, which is streamed to the board as set-points.
+//! A trajectory of the load over time, which is streamed to the board as set-points.
 
 use crate::csv_text::columns;
 use crate::failure::Failure;
@@ -11,15 +11,15 @@ pub const EVERY_S: f64 = 0.02;
 /// beside the rig does not wait long.
 pub const HOLDS_FOR_S: f32 = 0.2;
 
-/// Longest course (s), greatest position (m) and speed (m/s) that are taken for a rig's: beyond them a unit is wrong, and
+/// Longest course (s), maximum position (m) and speed (m/s) that are taken for a rig's: beyond them a unit is wrong, and
 /// set-points between two points could be more than a number of the link can hold.
 const LONGEST_S: f64 = 1e6;
-const MOST_M: f64 = 10.0;
-const MOST_M_PER_S: f64 = 100.0;
+const MAX_M: f64 = 10.0;
+const MAX_M_PER_S: f64 = 100.0;
 
-/// One point of a course.
+/// One point of a trajectory.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct CoursePoint {
+pub struct TrajectoryPoint {
     /// Time since the beginning (s).
     pub t_s: f64,
     /// Position (m).
@@ -28,11 +28,11 @@ pub struct CoursePoint {
     pub speed_m_per_s: f64,
 }
 
-/// A course: at least two points in order of time. Between them the position is the cubic that has both their speeds.
+/// A trajectory: at least two points in order of time. Between them the position is the cubic that has both their speeds.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Course(Vec<CoursePoint>);
+pub struct Trajectory(Vec<TrajectoryPoint>);
 
-impl Course {
+impl Trajectory {
     /// Reads a file with the columns `t_s`, `position_m` and, if it likes, `speed_m_per_s`.
     ///
     /// # Errors
@@ -88,8 +88,12 @@ impl Course {
             None if k == 0 || k + 1 == count => 0.0,
             None => (positions_m[k + 1] - positions_m[k - 1]) / (times_s[k + 1] - times_s[k - 1]),
         };
-        let points: Vec<CoursePoint> = (0..count)
-            .map(|k| CoursePoint { t_s: times_s[k] - times_s[0], position_m: positions_m[k], speed_m_per_s: slope(k) })
+        let points: Vec<TrajectoryPoint> = (0..count)
+            .map(|k| TrajectoryPoint {
+                t_s: times_s[k] - times_s[0],
+                position_m: positions_m[k],
+                speed_m_per_s: slope(k),
+            })
             .collect();
         for (k, p) in points.iter().enumerate() {
             let later = k == 0 || p.t_s > points[k - 1].t_s;
@@ -99,13 +103,13 @@ impl Course {
             if !later {
                 return Err(format!("point {k}: its time, {} s, is not later than the one before", times_s[k]));
             }
-            for (name, value, most, unit) in [
+            for (name, value, max, unit) in [
                 ("time", p.t_s, LONGEST_S, "s"),
-                ("position", p.position_m, MOST_M, "m"),
-                ("speed", p.speed_m_per_s, MOST_M_PER_S, "m/s"),
+                ("position", p.position_m, MAX_M, "m"),
+                ("speed", p.speed_m_per_s, MAX_M_PER_S, "m/s"),
             ] {
-                if value.abs() > most {
-                    return Err(format!("point {k}: its {name} is {value} {unit}, more than {most} {unit}"));
+                if value.abs() > max {
+                    return Err(format!("point {k}: its {name} is {value} {unit}, more than {max} {unit}"));
                 }
             }
         }
@@ -165,19 +169,19 @@ mod tests {
 
     #[test]
     fn a_course_goes_through_its_points_with_its_speeds() {
-        let course = Course::parse("t_s,position_m,speed_m_per_s\n1,0.001,0\n1.5,0.002,0.004\n3,0.002,0\n")
+        let trajectory = Trajectory::parse("t_s,position_m,speed_m_per_s\n1,0.001,0\n1.5,0.002,0.004\n3,0.002,0\n")
             .unwrap_or_else(|e| panic!("{e}"));
-        assert_eq!((course.duration_s(), course.start_m()), (2.0, 0.001));
-        assert_eq!((course.at(-1.0), course.at(9.0)), ((0.001, 0.0), (0.002, 0.0)));
-        let (position_m, speed_m_per_s) = course.at(0.5);
+        assert_eq!((trajectory.duration_s(), trajectory.start_m()), (2.0, 0.001));
+        assert_eq!((trajectory.at(-1.0), trajectory.at(9.0)), ((0.001, 0.0), (0.002, 0.0)));
+        let (position_m, speed_m_per_s) = trajectory.at(0.5);
         assert!((position_m - 0.002).abs() < 1e-12 && (speed_m_per_s - 0.004).abs() < 1e-12);
         // The speed is the slope of the position.
         for k in 1..39 {
             let t_s = 0.05 * f64::from(k) + 0.01;
-            let slope = (course.at(t_s + 1e-6).0 - course.at(t_s - 1e-6).0) / 2e-6;
-            assert!((slope - course.at(t_s).1).abs() < 1e-7, "{t_s}");
+            let slope = (trajectory.at(t_s + 1e-6).0 - trajectory.at(t_s - 1e-6).0) / 2e-6;
+            assert!((slope - trajectory.at(t_s).1).abs() < 1e-7, "{t_s}");
         }
-        let points: Vec<_> = course.set_points().collect();
+        let points: Vec<_> = trajectory.set_points().collect();
         assert_eq!(points.len(), 101);
         let last = Request::Track { position_m: 0.002, speed_m_per_s: 0.0, for_s: HOLDS_FOR_S };
         assert_eq!(points[100], (2.0, last));
@@ -185,8 +189,9 @@ mod tests {
 
     #[test]
     fn without_speeds_it_begins_and_ends_at_rest() {
-        let course = Course::new(&[0.0, 1.0, 2.0], &[0.0, 0.002, 0.002], None).unwrap_or_else(|e| panic!("{e}"));
-        let speeds = [0.0, 1.0, 2.0].map(|t_s| course.at(t_s).1);
+        let trajectory =
+            Trajectory::new(&[0.0, 1.0, 2.0], &[0.0, 0.002, 0.002], None).unwrap_or_else(|e| panic!("{e}"));
+        let speeds = [0.0, 1.0, 2.0].map(|t_s| trajectory.at(t_s).1);
         assert_eq!(speeds, [0.0, 0.001, 0.0]);
     }
 
@@ -199,18 +204,18 @@ mod tests {
             ("t_s,position_m\n0,0.001\n1,nan\n", "finite"),
             ("t_s,height\n0,0.001\n1,0\n", "position_m"),
         ] {
-            let error = Course::parse(text).expect_err(text);
+            let error = Trajectory::parse(text).expect_err(text);
             assert!(error.contains(named), "{text:?}: {error}");
         }
-        assert!(Course::new(&[0.0, 1.0], &[0.0], None).is_err_and(|e| e.contains("2 times, 1 positions")));
-        assert!(Course::new(&[0.0, 1.0], &[0.0, f64::INFINITY], None).is_err_and(|e| e.contains("point 1")));
+        assert!(Trajectory::new(&[0.0, 1.0], &[0.0], None).is_err_and(|e| e.contains("2 times, 1 positions")));
+        assert!(Trajectory::new(&[0.0, 1.0], &[0.0, f64::INFINITY], None).is_err_and(|e| e.contains("point 1")));
         // Finite numbers that no single-precision set-point can have.
         for (times_s, positions_m, speeds_m_per_s, named) in [
             ([0.0, 1.0], [0.0, 1e300], [0.0; 2], "point 1: its position"),
             ([0.0, 1.0], [0.0, 0.01], [0.0, -1e39], "point 1: its speed"),
             ([0.0, 1e39], [0.0, 0.01], [0.0, 0.01], "point 1: its time"),
         ] {
-            let error = Course::new(&times_s, &positions_m, Some(&speeds_m_per_s)).expect_err(named);
+            let error = Trajectory::new(&times_s, &positions_m, Some(&speeds_m_per_s)).expect_err(named);
             assert!(error.contains(named), "{error}");
         }
     }

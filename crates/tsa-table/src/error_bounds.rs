@@ -1,11 +1,11 @@
 //! The certificate of a table: its errors at random points off any grid, and at the worst point that a search finds.
 
 use crate::arc_growth;
-use crate::demand::FitError;
 use crate::errors::{Errors, error_at, errors_over};
 use crate::record::is_monotone;
 use crate::reference::{Exact, Reference};
 use crate::table::Table;
+use crate::table_spec::FitError;
 use rand::{RngExt, SeedableRng};
 
 /// Random points of a certificate.
@@ -16,7 +16,7 @@ const SIGNS: u8 = 240;
 
 /// Errors of a table against the full solver, measured with the f32 code that the board runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Certificate {
+pub struct ErrorBounds {
     /// Errors over all points, including the worst one found by the search.
     pub errors: Errors,
     /// Points sampled.
@@ -61,7 +61,7 @@ fn rounding(table: &Table<'_>, at: &[Exact]) -> Rounding {
     worst
 }
 
-/// [`Certificate::closure_m`], by Simpson's rule over the whole twist at loads from light to heavy.
+/// [`ErrorBounds::closure_m`], by Simpson's rule over the whole twist at loads from light to heavy.
 fn closure(table: &Table<'_>) -> f64 {
     const LOADS: u32 = 60;
     const TWISTS: u32 = 400;
@@ -83,7 +83,7 @@ fn closure(table: &Table<'_>) -> f64 {
 }
 
 /// Measures a table at `points` random points and searches for the largest error from the worst of them.
-pub(crate) fn certify(table: &Table<'_>, reference: &Reference<'_>, points: usize) -> Result<Certificate, FitError> {
+pub(crate) fn certify(table: &Table<'_>, reference: &Reference<'_>, points: usize) -> Result<ErrorBounds, FitError> {
     let [f0, f1] = reference.load_n;
     let [t0, t1] = reference.twist_rad;
     // Half of the points are spread evenly over the load, half over its logarithm: the gap bends most at the light end.
@@ -120,7 +120,7 @@ pub(crate) fn certify(table: &Table<'_>, reference: &Reference<'_>, points: usiz
         let field = if which == 0 { &mut errors.contraction_max_m } else { &mut errors.tr_max };
         *field = field.max(best.0);
     }
-    Ok(Certificate {
+    Ok(ErrorBounds {
         errors,
         points,
         worst_contraction_at: worst[0],

@@ -2,7 +2,7 @@
 //! that takes.
 //!
 //! The gap's curve over the twist alone cannot tell a heavier load from a thinner string or from another zero of the
-//! LVDT. So the fit has four sources, each weighted by its own error: the curve, by the misfit that it leaves on this very
+//! LVDT. So the fit has four sources, each weighted by its own error: the curve, by the residual that it leaves on this very
 //! rig; what the scene says of string radius and LVDT zero, by the scene's uncertainty; the motor's work, by the noise of the current as it
 //! was measured; and the operator's weight, if one was given. Friction is half of what the ways up and down differ by. One
 //! Gauss–Newton step is taken in each tick. The inverse of the last step's matrix is the covariance of the result.
@@ -26,21 +26,21 @@ const USED: usize = BINS - 2 * END_BINS;
 pub const STEPS: u8 = 10;
 /// What the curve misses is smooth, so that neighbouring bins miss alike: the number of bins that count as independent.
 pub const INDEPENDENT_BINS: f32 = 4.0;
-/// Least error of a bin's gap (m): a tenth of the converter's code, which averaging over a moving load resolves.
-pub const LEAST_GAP_ERROR_M: f32 = 5e-6;
-/// Greatest error of a bin's gap (m) that the fit takes for the law's own: the radius laws of docs/explanation/model.md
+/// Minimum error of a bin's gap (m): a tenth of the converter's code, which averaging over a moving load resolves.
+pub const MIN_GAP_ERROR_M: f32 = 5e-6;
+/// Maximum error of a bin's gap (m) that the fit takes for the law's own: the radius laws of docs/explanation/model.md
 /// 6 differ by less.
 pub const LAW_GAP_ERROR_M: f32 = 0.2e-3;
 /// Standard error of motor constant and gear together: data sheets allow 5 to 10 %.
 pub const TORQUE_ERROR: f32 = 0.05;
-/// Share of the motor's friction that may not cancel between the two ways, since it varies with speed and torque.
+/// Fraction of the motor's friction that may not cancel between the two ways, since it varies with speed and torque.
 pub const FRICTION_LEFT: f32 = 0.02;
 /// Rms gap (m) left by the fit beyond which neither strings nor LVDT are of the scene's kind: ten times what the laws that
 /// fit the paper's numbers differ by.
-const LARGEST_MISFIT_M: f32 = 2e-3;
-/// Standard error of a weight that the operator gives, as a share of it.
+const MAX_RESIDUAL_M: f32 = 2e-3;
+/// Standard error of a weight that the operator gives, as a fraction of it.
 const GIVEN_ERROR: f32 = 0.005;
-/// Greatest change in a step of the logarithm of the load, and of that of the scale.
+/// Maximum change in a step of the logarithm of the load, and of that of the scale.
 const LARGEST_STEP: [f32; 2] = [0.7, 0.05];
 /// Millimetres in a metre: the fit counts gaps in millimetres, so that its matrix is well scaled in f32.
 const MM: f32 = 1e3;
@@ -120,7 +120,7 @@ struct Weight {
 
 /// The weighing.
 #[derive(Clone, Debug)]
-pub(super) struct Weigh {
+pub(super) struct LoadEstimate {
     pub(super) sweeps: Sweeps<BINS>,
     unknowns: Unknowns,
     friction_n: f32,
@@ -135,7 +135,7 @@ pub(super) struct Weigh {
     steps: u8,
 }
 
-impl Weigh {
+impl LoadEstimate {
     /// Before the first sweep, expecting a scale of the twist, and the weight that the operator gives.
     pub(super) const fn new(expected_scale: f32, given: LoadChoice) -> Self {
         Self {
@@ -151,10 +151,10 @@ impl Weigh {
         }
     }
 
-    /// `share` of the sweep travelled, 0 to 1; the current is positive towards more twist.
-    pub(super) fn record(&mut self, share: f32, twist_rad: f32, gap_m: f32, current_a: f32) {
-        let place = share * BINS as f32;
-        if share <= 1.0 {
+    /// `fraction` of the sweep travelled, 0 to 1; the current is positive towards more twist.
+    pub(super) fn record(&mut self, fraction: f32, twist_rad: f32, gap_m: f32, current_a: f32) {
+        let place = fraction * BINS as f32;
+        if fraction <= 1.0 {
             self.sweeps.record(place, twist_rad, gap_m);
         }
         if let (true, Some(current)) =
@@ -262,8 +262,8 @@ impl Weigh {
         if n < 0.5 * USED as f32 {
             return Err(HomingFailure::PoorFit);
         }
-        let misfit_mm = libm::sqrtf(squares / n);
-        let gap_error_mm = misfit_mm.clamp(MM * LEAST_GAP_ERROR_M, MM * LAW_GAP_ERROR_M);
+        let residual_mm = libm::sqrtf(squares / n);
+        let gap_error_mm = residual_mm.clamp(MM * MIN_GAP_ERROR_M, MM * LAW_GAP_ERROR_M);
         let weight = INDEPENDENT_BINS / (n * gap_error_mm * gap_error_mm);
         right.iter_mut().chain(matrix.iter_mut().flatten()).for_each(|x| *x *= weight);
         let mut add = |unknown: usize, by: f32, missing: f32, sigma: f32| {
@@ -285,10 +285,10 @@ impl Weigh {
         if !step.iter().all(|x| x.is_finite()) {
             return Err(HomingFailure::PoorFit);
         }
-        // The table ends at its least and greatest load; the step tells how far beyond them the load is.
+        // The table ends at its minimum and maximum load; the step tells how far beyond them the load is.
         let wanted_n = load_n * libm::expf(step[0].clamp(-LARGEST_STEP[0], LARGEST_STEP[0]));
         if last {
-            return self.result(table, wanted_n, &decomposed.inverse(), &rest, 1e-3 * misfit_mm).map(Some);
+            return self.result(table, wanted_n, &decomposed.inverse(), &rest, 1e-3 * residual_mm).map(Some);
         }
         let scale_step = step[1].clamp(-LARGEST_STEP[1], LARGEST_STEP[1]);
         self.unknowns = Unknowns {
@@ -307,20 +307,20 @@ impl Weigh {
         wanted_n: f32,
         covariance: &[[f32; 3]; 3],
         rest: &[(f32, f32)],
-        misfit_m: f32,
+        residual_m: f32,
     ) -> Result<Weighed, HomingFailure> {
         let m = &table.metadata;
         let uncertainty = &m.uncertainty;
         let Unknowns { load_n, twist_scale, offset_m } = self.unknowns;
-        if misfit_m > LARGEST_MISFIT_M {
+        if residual_m > MAX_RESIDUAL_M {
             return Err(HomingFailure::PoorFit);
         }
-        // Where radius, zero and the misfit are farther from what the scene says than its uncertainty allows, the scene is
+        // Where radius, zero and the residual are farther from what the scene says than its uncertainty allows, the scene is
         // as much less certain, and so is everything that the fit took from it.
         let surprise = [
             (twist_scale - self.expected_scale) / (uncertainty.radius * self.expected_scale),
             offset_m / uncertainty.gap_zero_m,
-            misfit_m / LAW_GAP_ERROR_M,
+            residual_m / LAW_GAP_ERROR_M,
         ];
         let inflation = surprise.iter().map(|x| 0.5 * x * x).sum::<f32>().max(1.0);
         // The scale takes up an error of the radius, but not an error of how the radius depends on the load.
@@ -371,12 +371,12 @@ fn curve(rest: &[(f32, f32)], offset_m: f32) -> Option<GapCurve> {
 /// As [`Mechanism::at`], continued below the table's least load in 1/F, as the strings' radius goes
 /// (docs/explanation/model.md 2): the lightest load less friction is there.
 fn below(mechanism: &Mechanism<'_>, load_n: f32, twist_rad: f32) -> Point {
-    let least_n = mechanism.table.metadata.load_min_n;
+    let min_n = mechanism.table.metadata.load_min_n;
     let mut point = mechanism.at(load_n, twist_rad);
-    if load_n < least_n {
-        let share = least_n / load_n.max(0.1 * least_n);
-        point.gap_m += point.dgap_dload_m_per_n * least_n * (1.0 - share);
-        point.dgap_dload_m_per_n *= share * share;
+    if load_n < min_n {
+        let fraction = min_n / load_n.max(0.1 * min_n);
+        point.gap_m += point.dgap_dload_m_per_n * min_n * (1.0 - fraction);
+        point.dgap_dload_m_per_n *= fraction * fraction;
     }
     point
 }

@@ -18,10 +18,10 @@ pub struct Accuracy {
 
 /// What a table must cover, and how well.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Demand {
-    /// Least and greatest load (N).
+pub struct TableSpec {
+    /// Minimum and maximum load (N).
     pub load_n: [f64; 2],
-    /// Greatest twist (rad); the least is the half-turn pre-twist, from which contraction is counted.
+    /// Maximum twist (rad); the least is the half-turn pre-twist, from which contraction is counted.
     pub twist_max_rad: f64,
     /// How well.
     pub accuracy: Accuracy,

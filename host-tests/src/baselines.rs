@@ -23,15 +23,15 @@ const ARRIVED_M: f32 = 100e-6;
 const TUNED_S: f64 = 5.0;
 const TUNED_ON: usize = 3;
 /// What a step that does not settle costs (s): with the most settled steps wanted, and with the least time.
-const MOST_SETTLED_S: f64 = 1000.0;
-const LEAST_TIME_S: f64 = TUNED_S;
+const MAX_SETTLED_S: f64 = 1000.0;
+const MIN_TIME_S: f64 = TUNED_S;
 /// Crossing of friction (rad) where a move begins. No move begins at a load step, so that its size does not matter.
-const CROSSING_RAD: f32 = 0.3;
+const BREAKAWAY_RAD: f32 = 0.3;
 
 /// A rig, and the baseline at its reference under each load (kg), or why it did not come there.
 type Ready = Vec<(f64, Result<ControlBench<Baseline>, String>)>;
 
-/// A kind of rig for the rivals, and what the firmware did on each.
+/// A kind of rig for the baseline, and what the firmware did on each.
 pub struct Field {
     rigs: Vec<(Ready, Vec<Outcome>)>,
     threads: usize,
@@ -52,16 +52,16 @@ impl Field {
     }
 
     /// All seven by name, tuned on the first so many of the rigs for loads that are back within a distance (m).
-    pub fn rivals(&self, tuned_on: usize, within_m: f64) -> Vec<(&'static str, Law)> {
+    pub fn baselines(&self, tuned_on: usize, within_m: f64) -> Vec<(&'static str, Law)> {
         // Begins near what earlier searches found, which only saves time: its first steps are wide.
         let fixed = Loop { gain_per_s: 6.0, corner_rad_per_s: 30.0, ..untuned() };
         let tune = |start: Loop, unsettled_s: f64| self.tuned(start, unsettled_s, tuned_on, within_m);
-        let (settled, least) = (tune(fixed, MOST_SETTLED_S), tune(fixed, LEAST_TIME_S));
-        let by_table = tune(Loop { tr_rad_per_m: None, ..fixed }, LEAST_TIME_S);
+        let (settled, min) = (tune(fixed, MAX_SETTLED_S), tune(fixed, MIN_TIME_S));
+        let by_table = tune(Loop { tr_rad_per_m: None, ..fixed }, MIN_TIME_S);
         let tuned = [
             ("b  fixed ratio, most settled", Law::Loop(settled)),
-            ("b' fixed ratio, least time", Law::Loop(least)),
-            ("b\" fixed ratio and crossing", Law::Loop(Loop { crossing_rad: CROSSING_RAD, ..least })),
+            ("b' fixed ratio, least time", Law::Loop(min)),
+            ("b\" fixed ratio and crossing", Law::Loop(Loop { breakaway_rad: BREAKAWAY_RAD, ..min })),
             ("e  b' by the table's ratio", Law::Loop(by_table)),
         ];
         tuned.into_iter().chain(OTHERS).collect()
@@ -182,7 +182,7 @@ mod tests {
     fn a_tuned_loop_is_at_least_as_fast_as_the_one_that_the_search_began_with() {
         let field = field(|step| step.change_kg == [0.6, 1.2]);
         let start = Loop { gain_per_s: 1.5, corner_rad_per_s: 9.0, ..untuned() };
-        let tuned = field.tuned(start, LEAST_TIME_S, 1, 50e-6);
+        let tuned = field.tuned(start, MIN_TIME_S, 1, 50e-6);
         let total_s = |law: Loop| {
             let played = field.play(Law::Loop(law));
             played.iter().map(|o| o.settled_s(50e-6).unwrap_or(WATCHED_S)).sum::<f64>()

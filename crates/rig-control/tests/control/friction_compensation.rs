@@ -2,7 +2,7 @@
 
 use crate::fixture::hanging;
 use rig_control::TICK_S;
-use rig_control::friction_takeup::FrictionTakeup;
+use rig_control::friction_compensation::FrictionCompensation;
 use rig_control::load_state::LoadState;
 use rig_control::planner::SetPoint;
 
@@ -30,59 +30,65 @@ fn band_rad(load: &LoadState<'_>) -> f32 {
 }
 
 /// Turns in so many ticks (rad).
-fn turned(takeup: &mut FrictionTakeup, ticks: u32, set_point: &SetPoint, waits: bool, load: &LoadState<'_>) -> f32 {
+fn turned(
+    compensation: &mut FrictionCompensation,
+    ticks: u32,
+    set_point: &SetPoint,
+    waits: bool,
+    load: &LoadState<'_>,
+) -> f32 {
     let setting_out = waits.then_some(SPEED_M_PER_S);
-    (0..ticks).map(|_| TICK_S * takeup.step(set_point, setting_out, 0.0, load)).sum()
+    (0..ticks).map(|_| TICK_S * compensation.step(set_point, setting_out, 0.0, load)).sum()
 }
 
 #[test]
 fn a_move_the_other_way_turns_most_of_the_band_at_once_and_creeps_along_the_rest() {
     let load = came_down();
-    let mut takeup = FrictionTakeup::default();
-    takeup.set_out(1.0);
-    let first_rad = turned(&mut takeup, 1, &WAITING, true, &load);
-    assert!(first_rad > 0.0 && takeup.is_waiting());
-    let ticks = (takeup.left_s() / TICK_S).ceil() as u32;
-    let planned_rad = first_rad + turned(&mut takeup, ticks, &WAITING, true, &load);
+    let mut compensation = FrictionCompensation::default();
+    compensation.set_out(1.0);
+    let first_rad = turned(&mut compensation, 1, &WAITING, true, &load);
+    assert!(first_rad > 0.0 && compensation.is_waiting());
+    let ticks = (compensation.left_s() / TICK_S).ceil() as u32;
+    let planned_rad = first_rad + turned(&mut compensation, ticks, &WAITING, true, &load);
     let creep_rad = 1e-3 * TICK_S * load.observation.point.tr_rad_per_m();
     assert!((planned_rad - 0.95 * band_rad(&load)).abs() < 3.0 * creep_rad, "{planned_rad} of {}", band_rad(&load));
-    assert!(takeup.left_s() < TICK_S && takeup.is_waiting());
-    let crept_rad = turned(&mut takeup, 10, &WAITING, true, &load);
+    assert!(compensation.left_s() < TICK_S && compensation.is_waiting());
+    let crept_rad = turned(&mut compensation, 10, &WAITING, true, &load);
     assert!((crept_rad / (10.0 * creep_rad) - 1.0).abs() < 0.05, "{crept_rad}");
-    // It does not creep for ever: 0.1 mm and half of the band.
-    let rest_rad = turned(&mut takeup, 2000, &WAITING, true, &load);
+    // It does not creep indefinitely: 0.1 mm and half of the band.
+    let rest_rad = turned(&mut compensation, 2000, &WAITING, true, &load);
     let farthest_rad = 0.1e-3 * load.mechanism.at(6.3, 25.0).tr_rad_per_m() + 0.5 * band_rad(&load);
-    assert!(!takeup.is_waiting() && (crept_rad + rest_rad) < 1.1 * farthest_rad, "{rest_rad} of {farthest_rad}");
+    assert!(!compensation.is_waiting() && (crept_rad + rest_rad) < 1.1 * farthest_rad, "{rest_rad} of {farthest_rad}");
 }
 
 /// What is turned before the strings creep (rad).
 fn planned_rad(load: &LoadState<'_>) -> f32 {
-    let mut takeup = FrictionTakeup::default();
-    takeup.set_out(1.0);
-    let first_rad = turned(&mut takeup, 1, &WAITING, true, load);
-    let ticks = (takeup.left_s() / TICK_S).ceil() as u32;
-    first_rad + turned(&mut takeup, ticks, &WAITING, true, load)
+    let mut compensation = FrictionCompensation::default();
+    compensation.set_out(1.0);
+    let first_rad = turned(&mut compensation, 1, &WAITING, true, load);
+    let ticks = (compensation.left_s() / TICK_S).ceil() as u32;
+    first_rad + turned(&mut compensation, ticks, &WAITING, true, load)
 }
 
 #[test]
 fn less_of_a_light_loads_band_is_turned_at_once_and_no_more_than_the_band_of_a_gap_that_is_off() {
-    let share = |friction_n: f32| {
+    let fraction = |friction_n: f32| {
         let load = came_down_with(friction_n);
         planned_rad(&load) / band_rad(&load)
     };
     // 15 % of 6 N are 0.9 N. The creep of a tick or two counts as well.
-    let (most, light) = (share(0.88), share(0.92));
-    assert!((most - 0.95).abs() < 0.05 && (light / most - 0.92).abs() < 0.01, "{most} {light}");
+    let (max, light) = (fraction(0.88), fraction(0.92));
+    assert!((max - 0.95).abs() < 0.05 && (light / max - 0.92).abs() < 0.01, "{max} {light}");
     let mut off = came_down();
     off.observation.modelled_gap_m -= 10e-3;
     let (low, high) = (off.observation.point, off.mechanism.at(6.3, 25.0));
     let band_m = 0.6 * low.dgap_dload_m_per_n.max(high.dgap_dload_m_per_n);
-    let most_rad = 0.95 * 1.25 * band_m * high.tr_rad_per_m();
-    assert!((planned_rad(&off) / most_rad - 1.0).abs() < 0.05, "{} of {most_rad}", planned_rad(&off));
+    let max_rad = 0.95 * 1.25 * band_m * high.tr_rad_per_m();
+    assert!((planned_rad(&off) / max_rad - 1.0).abs() < 0.05, "{} of {max_rad}", planned_rad(&off));
     // One that has not set out does not wait.
-    let mut takeup = FrictionTakeup::default();
-    turned(&mut takeup, 1, &WAITING, true, &came_down());
-    assert!(!takeup.is_waiting());
+    let mut compensation = FrictionCompensation::default();
+    turned(&mut compensation, 1, &WAITING, true, &came_down());
+    assert!(!compensation.is_waiting());
 }
 
 #[test]
@@ -90,15 +96,15 @@ fn a_load_that_moves_ends_the_wait() {
     // Up along with its strings, and down because it has become heavier.
     for moved_m in [0.1e-3, -0.1e-3] {
         let mut load = came_down();
-        let mut takeup = FrictionTakeup::default();
-        takeup.set_out(1.0);
-        turned(&mut takeup, 10, &WAITING, true, &load);
-        assert!(takeup.is_waiting());
+        let mut compensation = FrictionCompensation::default();
+        compensation.set_out(1.0);
+        turned(&mut compensation, 10, &WAITING, true, &load);
+        assert!(compensation.is_waiting());
         load.position_m = moved_m;
-        turned(&mut takeup, 2, &WAITING, true, &load);
-        assert!(!takeup.is_waiting(), "{moved_m}");
+        turned(&mut compensation, 2, &WAITING, true, &load);
+        assert!(!compensation.is_waiting(), "{moved_m}");
         // What was still to be turned is not: it only stops.
-        let after_rad = turned(&mut takeup, 500, &WAITING, false, &load);
+        let after_rad = turned(&mut compensation, 500, &WAITING, false, &load);
         assert!(after_rad >= 0.0 && after_rad < 0.5 * band_rad(&load), "{after_rad}");
     }
 }
@@ -108,50 +114,50 @@ fn motion_is_told_from_the_places_before_wherever_these_are() {
     for position_m in [5e-3, -3e-3] {
         let mut load = came_down();
         load.position_m = position_m;
-        let mut takeup = FrictionTakeup::default();
-        takeup.set_out(1.0);
-        turned(&mut takeup, 10, &WAITING, true, &load);
+        let mut compensation = FrictionCompensation::default();
+        compensation.set_out(1.0);
+        turned(&mut compensation, 10, &WAITING, true, &load);
         // One reading is half of what counts.
         load.position_m = position_m + 30e-6;
-        turned(&mut takeup, 1, &WAITING, true, &load);
-        assert!(takeup.is_waiting());
-        turned(&mut takeup, 1, &WAITING, true, &load);
-        assert!(!takeup.is_waiting());
+        turned(&mut compensation, 1, &WAITING, true, &load);
+        assert!(compensation.is_waiting());
+        turned(&mut compensation, 1, &WAITING, true, &load);
+        assert!(!compensation.is_waiting());
     }
 }
 
 #[test]
 fn a_move_that_goes_on_the_same_way_has_nothing_to_take_up() {
     let load = hanging(6.0, 0.3, 25.0);
-    let mut takeup = FrictionTakeup::default();
-    takeup.set_out(1.0);
-    turned(&mut takeup, 1, &WAITING, true, &load);
-    assert_eq!(takeup.left_s(), 0.0);
-    let mut takeup = FrictionTakeup::default();
-    takeup.set_out(0.0);
-    assert!(!takeup.is_waiting());
+    let mut compensation = FrictionCompensation::default();
+    compensation.set_out(1.0);
+    turned(&mut compensation, 1, &WAITING, true, &load);
+    assert_eq!(compensation.left_s(), 0.0);
+    let mut compensation = FrictionCompensation::default();
+    compensation.set_out(0.0);
+    assert!(!compensation.is_waiting());
 }
 
 #[test]
 fn a_set_point_that_turns_round_under_way_takes_it_up_the_other_way() {
     let load = hanging(6.0, 0.3, 25.0);
     let passing = |speed_m_per_s| SetPoint { speed_m_per_s, ..WAITING };
-    let mut takeup = FrictionTakeup::default();
-    assert_eq!(turned(&mut takeup, 200, &passing(1e-3), false, &load), 0.0);
-    let down_rad = turned(&mut takeup, 200, &passing(-1e-3), false, &load);
+    let mut compensation = FrictionCompensation::default();
+    assert_eq!(turned(&mut compensation, 200, &passing(1e-3), false, &load), 0.0);
+    let down_rad = turned(&mut compensation, 200, &passing(-1e-3), false, &load);
     let low = load.mechanism.at(5.7, load.twist_rad);
     let expected_rad = 0.95 * (low.gap_m - load.observation.modelled_gap_m) * low.tr_rad_per_m();
     assert!(down_rad < 0.0 && (down_rad / expected_rad - 1.0).abs() < 0.02, "{down_rad} of {expected_rad}");
-    assert_eq!(turned(&mut takeup, 50, &passing(-1e-3), false, &load), 0.0, "once");
+    assert_eq!(turned(&mut compensation, 50, &passing(-1e-3), false, &load), 0.0, "once");
 }
 
 #[test]
 fn at_rest_a_load_that_sticks_beside_its_place_gets_a_smaller_share() {
     let load = came_down();
-    let mut takeup = FrictionTakeup::default();
+    let mut compensation = FrictionCompensation::default();
     let rest = SetPoint::at(0.0);
-    let small: f32 = (0..200).map(|_| TICK_S * takeup.step(&rest, None, 19e-6, &load)).sum();
+    let small: f32 = (0..200).map(|_| TICK_S * compensation.step(&rest, None, 19e-6, &load)).sum();
     assert_eq!(small, 0.0, "within noise");
-    let turned: f32 = (0..200).map(|_| TICK_S * takeup.step(&rest, None, 50e-6, &load)).sum();
+    let turned: f32 = (0..200).map(|_| TICK_S * compensation.step(&rest, None, 50e-6, &load)).sum();
     assert!((turned / (0.8 * band_rad(&load)) - 1.0).abs() < 0.02, "{turned} of {}", band_rad(&load));
 }

@@ -48,24 +48,24 @@ impl Swept {
         table().point_inside(pull_n, self.twist_scale * twist_rad).gap_m + (self.beside_m)(twist_rad)
     }
 
-    /// Both sweeps, as far as a share of them is recorded.
-    fn recorded(&self, given: LoadChoice, until: f32) -> Weigh {
-        let mut weigh = Weigh::new(1.0, given);
+    /// Both sweeps, as far as a fraction of them is recorded.
+    fn recorded(&self, given: LoadChoice, until: f32) -> LoadEstimate {
+        let mut load_estimate = LoadEstimate::new(1.0, given);
         for (pass, direction) in [1.0, -1.0].into_iter().enumerate() {
             for k in 0..READINGS {
-                let share = (f32::from(k) + 0.5) / f32::from(READINGS);
+                let fraction = (f32::from(k) + 0.5) / f32::from(READINGS);
                 let twist_rad =
-                    ENDS_RAD[0] + share * (ENDS_RAD[1] - ENDS_RAD[0]) + if pass == 1 { DOWN_RAD } else { 0.0 };
+                    ENDS_RAD[0] + fraction * (ENDS_RAD[1] - ENDS_RAD[0]) + if pass == 1 { DOWN_RAD } else { 0.0 };
                 let gap_m = self.gap_m(self.load_n + direction * self.friction_n, twist_rad);
                 // A noise of one milliampere.
                 let current_a = self.currents_a[pass] + if k % 2 == 0 { 1e-3 } else { -1e-3 };
-                if share < until {
-                    weigh.record(share, twist_rad, gap_m, current_a);
+                if fraction < until {
+                    load_estimate.record(fraction, twist_rad, gap_m, current_a);
                 }
             }
-            assert_eq!((weigh.sweeps.pass, weigh.sweeps.end_pass()), (pass, pass == 1));
+            assert_eq!((load_estimate.sweeps.pass, load_estimate.sweeps.end_pass()), (pass, pass == 1));
         }
-        weigh
+        load_estimate
     }
 }
 
@@ -78,17 +78,17 @@ fn zero_currents(mean_a: f32) -> [Current; 2] {
     })
 }
 
-fn fitted(weigh: &mut Weigh) -> Result<Weighed, HomingFailure> {
-    weigh.begin_fit(table(), &RIG, &zero_currents(2e-3));
+fn fitted(load_estimate: &mut LoadEstimate) -> Result<Weighed, HomingFailure> {
+    load_estimate.begin_fit(table(), &RIG, &zero_currents(2e-3));
     for _ in 1..STEPS {
-        assert!(weigh.fit_step(table())?.is_none());
+        assert!(load_estimate.fit_step(table())?.is_none());
     }
-    weigh.fit_step(table()).map(|found| found.expect("the last step"))
+    load_estimate.fit_step(table()).map(|found| found.expect("the last step"))
 }
 
 #[track_caller]
-fn near(found: f32, expected: f32, share: f32) {
-    assert!((found - expected).abs() <= share * expected.abs(), "{found} instead of {expected}");
+fn near(found: f32, expected: f32, fraction: f32) {
+    assert!((found - expected).abs() <= fraction * expected.abs(), "{found} instead of {expected}");
 }
 
 #[test]
@@ -126,34 +126,34 @@ fn the_curve_goes_through_a_cubic_rest_and_carries_the_offset() {
 
 #[test]
 fn readings_go_where_their_share_of_the_sweep_says_and_currents_only_where_the_speed_is_even() {
-    let mut weigh = Weigh::new(1.0, LoadChoice::Auto);
-    for share in [-0.01, 1.01, f32::NAN] {
-        weigh.record(share, 1.0, 1.0, 1.0);
+    let mut load_estimate = LoadEstimate::new(1.0, LoadChoice::Auto);
+    for fraction in [-0.01, 1.01, f32::NAN] {
+        load_estimate.record(fraction, 1.0, 1.0, 1.0);
     }
-    for (share, place) in [(0.0, 0), (0.99 / 32.0, 0), (1.0 / 32.0, 1), (0.5, 16), (0.999, 31), (1.0, 31)] {
-        let before = weigh.sweeps.bins[0][place].count;
-        weigh.record(share, 2.0, 0.1, 0.5);
-        assert_eq!(weigh.sweeps.bins[0][place].count, before + 1, "{share}");
+    for (fraction, place) in [(0.0, 0), (0.99 / 32.0, 0), (1.0 / 32.0, 1), (0.5, 16), (0.999, 31), (1.0, 31)] {
+        let before = load_estimate.sweeps.bins[0][place].count;
+        load_estimate.record(fraction, 2.0, 0.1, 0.5);
+        assert_eq!(load_estimate.sweeps.bins[0][place].count, before + 1, "{fraction}");
     }
-    assert_eq!(weigh.sweeps.bins[0].iter().map(|bin| bin.count).sum::<u16>(), 6);
-    assert_eq!((weigh.sweeps.bins[0][31].angle_sum, weigh.sweeps.bins[0][31].gap_sum), (4.0, 0.2));
-    assert_eq!(weigh.currents.map(|current| current.count), [1.0, 0.0]);
-    for (share, counted) in [(3.9 / 32.0, false), (4.1 / 32.0, true), (27.9 / 32.0, true), (28.1 / 32.0, false)] {
-        let before = weigh.currents[0].count;
-        weigh.record(share, 2.0, 0.1, 0.5);
-        assert_eq!(weigh.currents[0].count > before, counted, "{share}");
+    assert_eq!(load_estimate.sweeps.bins[0].iter().map(|bin| bin.count).sum::<u16>(), 6);
+    assert_eq!((load_estimate.sweeps.bins[0][31].angle_sum, load_estimate.sweeps.bins[0][31].gap_sum), (4.0, 0.2));
+    assert_eq!(load_estimate.currents.map(|current| current.count), [1.0, 0.0]);
+    for (fraction, counted) in [(3.9 / 32.0, false), (4.1 / 32.0, true), (27.9 / 32.0, true), (28.1 / 32.0, false)] {
+        let before = load_estimate.currents[0].count;
+        load_estimate.record(fraction, 2.0, 0.1, 0.5);
+        assert_eq!(load_estimate.currents[0].count > before, counted, "{fraction}");
     }
     // A way without readings makes no pair.
-    assert!(weigh.pair(16).is_none());
+    assert!(load_estimate.pair(16).is_none());
 }
 
 #[test]
 fn both_ways_of_a_bin_count_the_same_however_many_readings_they_have() {
-    let mut weigh = Weigh::new(1.0, LoadChoice::Auto);
-    (0..3).for_each(|_| weigh.record(0.5, 10.0, 0.09, 0.0));
-    weigh.sweeps.end_pass();
-    weigh.record(0.5, 12.0, 0.08, 0.0);
-    let pair = weigh.pair(16).expect("both ways");
+    let mut load_estimate = LoadEstimate::new(1.0, LoadChoice::Auto);
+    (0..3).for_each(|_| load_estimate.record(0.5, 10.0, 0.09, 0.0));
+    load_estimate.sweeps.end_pass();
+    load_estimate.record(0.5, 12.0, 0.08, 0.0);
+    let pair = load_estimate.pair(16).expect("both ways");
     near(pair.twist_rad, 11.0, 1e-6);
     near(pair.gap_m, 0.085, 1e-6);
     near(pair.half_twist_rad, -1.0, 1e-6);
@@ -163,16 +163,16 @@ fn both_ways_of_a_bin_count_the_same_however_many_readings_they_have() {
 /// F = I k gear Δθ/ΔG, of the current less that of the sweeps across zero twist.
 #[test]
 fn the_motors_work_weighs_the_load_with_the_error_of_currents_and_data_sheet() {
-    let mut weigh = SWEPT.recorded(LoadChoice::Auto, 1.0);
+    let mut load_estimate = SWEPT.recorded(LoadChoice::Auto, 1.0);
     // A straight line of 1.25 mm/rad.
-    for bin in weigh.sweeps.bins.iter_mut().flatten() {
+    for bin in load_estimate.sweeps.bins.iter_mut().flatten() {
         bin.gap_sum = f32::from(bin.count) * 0.12 - 1.25e-3 * bin.angle_sum;
     }
     let newton_per_ampere = RIG.motor_torque_constant_nm_per_a * RIG.gear_ratio / 1.25e-3;
-    weigh.begin_fit(table(), &RIG, &[Current::NONE; 2]);
-    assert!(weigh.by_work.is_none(), "what the strings' own current is, is not known");
-    weigh.begin_fit(table(), &RIG, &zero_currents(2e-3));
-    let found = weigh.by_work.expect("a load");
+    load_estimate.begin_fit(table(), &RIG, &[Current::NONE; 2]);
+    assert!(load_estimate.by_work.is_none(), "what the strings' own current is, is not known");
+    load_estimate.begin_fit(table(), &RIG, &zero_currents(2e-3));
+    let found = load_estimate.by_work.expect("a load");
     // Up 30 and down -10 mA: 10 mA in the mean, 20 mA of friction, of which a fiftieth may not cancel.
     near(found.load_n, (10e-3 - 2e-3) * newton_per_ampere, 1e-3);
     // Each mean of two ways: 240 readings of each sweep are used, 100 of each across zero.
@@ -182,20 +182,20 @@ fn the_motors_work_weighs_the_load_with_the_error_of_currents_and_data_sheet() {
     let variance_n2 = noise_a2 * newton_per_ampere * newton_per_ampere + by_data_sheet_n * by_data_sheet_n;
     near(found.sigma_n, libm::sqrtf(variance_n2), 2e-3);
     // A gap that grows with the twist says nothing of the load.
-    for bin in weigh.sweeps.bins.iter_mut().flatten() {
+    for bin in load_estimate.sweeps.bins.iter_mut().flatten() {
         bin.gap_sum = f32::from(bin.count) * 0.05 + 1e-3 * bin.angle_sum;
     }
-    weigh.begin_fit(table(), &RIG, &zero_currents(2e-3));
-    assert!(weigh.by_work.is_none());
+    load_estimate.begin_fit(table(), &RIG, &zero_currents(2e-3));
+    assert!(load_estimate.by_work.is_none());
 }
 
 #[test]
 fn the_fit_begins_with_a_given_weight_or_in_the_middle_of_the_table() {
     let m = &table().metadata;
     let begins = |given: LoadChoice| {
-        let mut weigh = SWEPT.recorded(given, 1.0);
-        weigh.begin_fit(table(), &RIG, &zero_currents(2e-3));
-        weigh.unknowns.load_n
+        let mut load_estimate = SWEPT.recorded(given, 1.0);
+        load_estimate.begin_fit(table(), &RIG, &zero_currents(2e-3));
+        load_estimate.unknowns.load_n
     };
     near(begins(LoadChoice::Auto), libm::sqrtf(m.load_min_n * m.load_max_n), 1e-6);
     assert_eq!(begins(LoadChoice::Known(3.0)), 3.0);
@@ -222,7 +222,7 @@ const BESIDE: Swept =
     Swept { twist_scale: 1.004, beside_m: |twist_rad| 0.1e-3 + 0.08e-3 * libm::sinf(0.7 * twist_rad), ..SWEPT };
 
 /// Residuals (mm) of the fit at its unknowns: logarithm of the load, logarithm of the scale, offset (mm).
-fn residuals(weigh: &Weigh, unknowns: [f32; 3]) -> std::vec::Vec<f64> {
+fn residuals(load_estimate: &LoadEstimate, unknowns: [f32; 3]) -> std::vec::Vec<f64> {
     let mechanism = Mechanism {
         table: *table(),
         twist_scale: libm::expf(unknowns[1]),
@@ -230,32 +230,32 @@ fn residuals(weigh: &Weigh, unknowns: [f32; 3]) -> std::vec::Vec<f64> {
     };
     let load_n = libm::expf(unknowns[0]);
     let left = |pair: Pair| {
-        let up = mechanism.at(load_n + weigh.friction_n, pair.twist_rad + pair.half_twist_rad);
-        let down = mechanism.at(load_n - weigh.friction_n, pair.twist_rad - pair.half_twist_rad);
+        let up = mechanism.at(load_n + load_estimate.friction_n, pair.twist_rad + pair.half_twist_rad);
+        let down = mechanism.at(load_n - load_estimate.friction_n, pair.twist_rad - pair.half_twist_rad);
         1e3 * (f64::from(pair.gap_m) - 0.5 * (f64::from(up.gap_m) + f64::from(down.gap_m)))
     };
-    weigh.pairs().map(left).collect()
+    load_estimate.pairs().map(left).collect()
 }
 
 /// What is fitted ends where the sum of squares has its minimum, and its covariance is the inverse of half the sum's curvature.
 #[test]
 fn the_fit_ends_at_the_minimum_and_states_the_inverse_of_its_curvature() {
     for given in [LoadChoice::Auto, LoadChoice::Known(5.1)] {
-        let mut weigh = BESIDE.at_work().recorded(given, 1.0);
-        let found = fitted(&mut weigh).expect("a load");
+        let mut load_estimate = BESIDE.at_work().recorded(given, 1.0);
+        let found = fitted(&mut load_estimate).expect("a load");
         let uncertainty = &table().metadata.uncertainty;
-        let Unknowns { load_n, twist_scale, offset_m } = weigh.unknowns;
+        let Unknowns { load_n, twist_scale, offset_m } = load_estimate.unknowns;
         let at = [libm::logf(load_n), libm::logf(twist_scale), 1e3 * offset_m];
-        let left = residuals(&weigh, at);
-        let misfit_mm = (left.iter().map(|r| r * r).sum::<f64>() / left.len() as f64).sqrt();
-        assert!((5e-3..0.2).contains(&misfit_mm), "neither bound of the misfit is met: {misfit_mm}");
-        let weight = f64::from(INDEPENDENT_BINS) / (left.len() as f64 * misfit_mm * misfit_mm);
+        let left = residuals(&load_estimate, at);
+        let residual_mm = (left.iter().map(|r| r * r).sum::<f64>() / left.len() as f64).sqrt();
+        assert!((5e-3..0.2).contains(&residual_mm), "neither bound of the misfit is met: {residual_mm}");
+        let weight = f64::from(INDEPENDENT_BINS) / (left.len() as f64 * residual_mm * residual_mm);
         // Derivatives of the residuals by differences.
         const STEP: f32 = 4e-3;
         let derivatives: [std::vec::Vec<f64>; 3] = core::array::from_fn(|unknown| {
             let mut sides = [at; 2];
             (sides[0][unknown], sides[1][unknown]) = (at[unknown] - STEP, at[unknown] + STEP);
-            let [low, high] = sides.map(|side| residuals(&weigh, side));
+            let [low, high] = sides.map(|side| residuals(&load_estimate, side));
             low.iter().zip(high).map(|(low, high)| (high - low) / f64::from(2.0 * STEP)).collect()
         });
         // What is known besides: the scene's radius and zero, the motor's work, a given weight.
@@ -263,7 +263,7 @@ fn the_fit_ends_at_the_minimum_and_states_the_inverse_of_its_curvature() {
             (1, f64::from(uncertainty.radius), f64::from(at[1])),
             (2, f64::from(1e3 * uncertainty.gap_zero_m), f64::from(at[2])),
         ];
-        let by_work = weigh.by_work.expect("there is a current");
+        let by_work = load_estimate.by_work.expect("there is a current");
         known.push((0, f64::from(by_work.sigma_n / load_n), f64::from((load_n - by_work.load_n) / load_n)));
         if let LoadChoice::Known(given_n) = given {
             known.push((0, f64::from(GIVEN_ERROR * given_n / load_n), f64::from((load_n - given_n) / load_n)));
@@ -282,8 +282,8 @@ fn the_fit_ends_at_the_minimum_and_states_the_inverse_of_its_curvature() {
             slope[unknown] += away / (sigma * sigma);
         }
         for unknown in 0..3 {
-            let share = slope[unknown] / information[unknown][unknown].sqrt();
-            assert!(share.abs() < 0.05, "{unknown}: the sum still falls by {share} standard errors");
+            let fraction = slope[unknown] / information[unknown][unknown].sqrt();
+            assert!(fraction.abs() < 0.05, "{unknown}: the sum still falls by {fraction} standard errors");
         }
         let inverse = Cholesky::new(information.map(|row| row.map(|x| x as f32))).expect("positive").inverse();
         let [scale, both, constant] = found.covariance;
@@ -299,8 +299,8 @@ fn the_fit_ends_at_the_minimum_and_states_the_inverse_of_its_curvature() {
 #[test]
 fn friction_is_what_the_ways_differ_by_whatever_their_twists() {
     for friction_n in [0.0, 0.1, 0.6] {
-        let mut weigh = Swept { friction_n, ..SWEPT }.recorded(LoadChoice::Known(5.0), 1.0);
-        let found = fitted(&mut weigh).expect("a load");
+        let mut load_estimate = Swept { friction_n, ..SWEPT }.recorded(LoadChoice::Known(5.0), 1.0);
+        let found = fitted(&mut load_estimate).expect("a load");
         assert!((found.friction_n - friction_n).abs() < 2e-3 + 0.01 * friction_n, "{} {friction_n}", found.friction_n);
     }
     // No more than 0.4 of the load is friction, and never less than none.
@@ -319,12 +319,12 @@ fn half_of_the_bins_are_enough() {
 }
 
 /// The result of unknowns and a covariance, with a rest that is straight.
-fn result(unknowns: Unknowns, given: LoadChoice, wanted_n: f32, misfit_m: f32) -> Result<Weighed, HomingFailure> {
-    let mut weigh = Weigh::new(1.0, given);
-    (weigh.unknowns, weigh.friction_n) = (unknowns, 0.1);
+fn result(unknowns: Unknowns, given: LoadChoice, wanted_n: f32, residual_m: f32) -> Result<Weighed, HomingFailure> {
+    let mut load_estimate = LoadEstimate::new(1.0, given);
+    (load_estimate.unknowns, load_estimate.friction_n) = (unknowns, 0.1);
     let covariance = [[1e-4, 0.0, 0.0], [2e-5, 4e-6, 0.0], [3e-3, 5e-4, 9e-2]];
     let rest: [(f32, f32); 8] = core::array::from_fn(|k| (4.0 + k as f32, 0.0));
-    weigh.result(table(), wanted_n, &covariance, &rest, misfit_m)
+    load_estimate.result(table(), wanted_n, &covariance, &rest, residual_m)
 }
 
 const EXPECTED: Unknowns = Unknowns { load_n: 5.0, twist_scale: 1.0, offset_m: 0.0 };
@@ -341,8 +341,8 @@ fn a_surprise_makes_everything_less_certain() {
         (EXPECTED, 3.0 * LAW_GAP_ERROR_M, 4.5),
         (Unknowns { offset_m: 2.0 * uncertainty.gap_zero_m, ..EXPECTED }, 2.0 * LAW_GAP_ERROR_M, 4.0),
     ];
-    for (unknowns, misfit_m, inflation) in cases {
-        let found = result(unknowns, LoadChoice::Auto, 5.0, misfit_m).expect("a load");
+    for (unknowns, residual_m, inflation) in cases {
+        let found = result(unknowns, LoadChoice::Auto, 5.0, residual_m).expect("a load");
         near(found.load_sigma_n, 5.0 * libm::sqrtf(inflation * 1e-4 + shape * shape), 1e-3);
         let [scale, both, constant] = found.covariance.map(|x| x / inflation);
         near(scale, 4e-6, 1e-3);
@@ -351,11 +351,11 @@ fn a_surprise_makes_everything_less_certain() {
         assert_eq!((found.load_n, found.friction_n, found.twist_scale), (5.0, 0.1, unknowns.twist_scale));
         near(1.0 + found.curve.at(7.0).0, 1.0 + unknowns.offset_m, 1e-6);
         // A weight that was given has no error of how the radius depends on the load.
-        let given = result(unknowns, LoadChoice::Known(5.0), 5.0, misfit_m).expect("a load");
+        let given = result(unknowns, LoadChoice::Known(5.0), 5.0, residual_m).expect("a load");
         near(given.load_sigma_n, 5.0 * libm::sqrtf(inflation * 1e-4), 1e-3);
     }
-    assert!(result(EXPECTED, LoadChoice::Auto, 5.0, 0.99 * LARGEST_MISFIT_M).is_ok());
-    assert_eq!(result(EXPECTED, LoadChoice::Auto, 5.0, 1.01 * LARGEST_MISFIT_M), Err(HomingFailure::PoorFit));
+    assert!(result(EXPECTED, LoadChoice::Auto, 5.0, 0.99 * MAX_RESIDUAL_M).is_ok());
+    assert_eq!(result(EXPECTED, LoadChoice::Auto, 5.0, 1.01 * MAX_RESIDUAL_M), Err(HomingFailure::PoorFit));
 }
 
 #[test]
@@ -384,19 +384,19 @@ fn a_curve_needs_a_way_along_the_twist() {
 #[test]
 fn lighter_loads_than_the_tables_are_continued_in_one_over_the_load() {
     let mechanism = Mechanism { table: *table(), twist_scale: 1.0, curve: GapCurve::constant(0.0) };
-    let least_n = table().metadata.load_min_n;
-    let inside = mechanism.at(1.5 * least_n, 20.0);
-    assert_eq!(below(&mechanism, 1.5 * least_n, 20.0), inside);
-    let edge = mechanism.at(least_n, 20.0);
+    let min_n = table().metadata.load_min_n;
+    let inside = mechanism.at(1.5 * min_n, 20.0);
+    assert_eq!(below(&mechanism, 1.5 * min_n, 20.0), inside);
+    let edge = mechanism.at(min_n, 20.0);
     let at = |load_n: f32| below(&mechanism, load_n, 20.0);
-    let half = at(0.5 * least_n);
+    let half = at(0.5 * min_n);
     near(half.dgap_dload_m_per_n, 4.0 * edge.dgap_dload_m_per_n, 1e-5);
-    near(half.gap_m - edge.gap_m, -edge.dgap_dload_m_per_n * least_n, 1e-4);
+    near(half.gap_m - edge.gap_m, -edge.dgap_dload_m_per_n * min_n, 1e-4);
     // Its slope is that of its gap.
-    let by_difference = (at(0.505 * least_n).gap_m - at(0.495 * least_n).gap_m) / (0.01 * least_n);
+    let by_difference = (at(0.505 * min_n).gap_m - at(0.495 * min_n).gap_m) / (0.01 * min_n);
     near(by_difference, half.dgap_dload_m_per_n, 1e-3);
     // A load of nothing, or less, is taken for a tenth of the least.
-    near(at(0.0).gap_m - edge.gap_m, -9.0 * edge.dgap_dload_m_per_n * least_n, 1e-4);
-    assert_eq!(at(0.0), at(0.1 * least_n));
-    assert_eq!(at(-1.0), at(0.1 * least_n));
+    near(at(0.0).gap_m - edge.gap_m, -9.0 * edge.dgap_dload_m_per_n * min_n, 1e-4);
+    assert_eq!(at(0.0), at(0.1 * min_n));
+    assert_eq!(at(-1.0), at(0.1 * min_n));
 }

@@ -13,7 +13,7 @@ use rig_plant::units::STANDARD_GRAVITY;
 
 /// Something that happens to a rig.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Incident {
+pub enum InjectedEvent {
     /// A fault while the load moves, which is cleared.
     FaultUnderWay,
     /// The drive restarts while the load hangs still.
@@ -28,7 +28,7 @@ pub enum Incident {
     LoadStep,
     /// Set-points are streamed, and then no longer.
     Stream,
-    /// The board makes its table anew, for strings a little thicker.
+    /// The board makes its table again, for strings a little thicker.
     Rebuild,
     /// The LVDT is calibrated, three sweeps are recorded, the constants identified, and the board is sent the table of them, with
     /// which the run goes on. Half an hour's work, so not at random.
@@ -36,16 +36,16 @@ pub enum Incident {
 }
 
 /// Each in words; those that come at random first.
-pub const INCIDENTS: [(Incident, &str); 9] = [
-    (Incident::FaultUnderWay, "faults under way"),
-    (Incident::DriveReset, "restarts of the drive"),
-    (Incident::PowerCycle, "power failures at rest"),
-    (Incident::PowerCycleUnderWay, "power failures under way"),
-    (Incident::PowerCutInWrite, "power failures in a write to flash"),
-    (Incident::LoadStep, "steps of the load"),
-    (Incident::Stream, "streams"),
-    (Incident::Rebuild, "tables sent to the board"),
-    (Incident::Identify, "identifications"),
+pub const INJECTED_EVENTS: [(InjectedEvent, &str); 9] = [
+    (InjectedEvent::FaultUnderWay, "faults under way"),
+    (InjectedEvent::DriveReset, "restarts of the drive"),
+    (InjectedEvent::PowerCycle, "power failures at rest"),
+    (InjectedEvent::PowerCycleUnderWay, "power failures under way"),
+    (InjectedEvent::PowerCutInWrite, "power failures in a write to flash"),
+    (InjectedEvent::LoadStep, "steps of the load"),
+    (InjectedEvent::Stream, "streams"),
+    (InjectedEvent::Rebuild, "tables sent to the board"),
+    (InjectedEvent::Identify, "identifications"),
 ];
 /// How many come at random.
 pub const FREQUENT: usize = 8;
@@ -65,7 +65,7 @@ const FAULTS: [Fault; 7] = [
 const STANDS_RAD: f64 = 0.05;
 /// Tenths of a second within which a shaft that was stopped stands.
 const STANDS_WITHIN: u32 = 30;
-/// Share by which a load changes at most, all at once.
+/// Fraction by which a load changes at most, all at once.
 const LOAD_STEP: f64 = 0.25;
 /// Amplitude (m) and frequency (rad/s) of a stream, how often its set-points come and how long each holds (s).
 const STREAM_M: f32 = 0.5e-3;
@@ -100,19 +100,19 @@ impl<R: Rng> Run<'_, R> {
     ///
     /// # Panics
     /// Where the rig does not take it as it should.
-    pub(super) fn take(&mut self, incident: Incident) {
-        match incident {
-            Incident::FaultUnderWay => {
+    pub(super) fn take(&mut self, injected_event: InjectedEvent) {
+        match injected_event {
+            InjectedEvent::FaultUnderWay => {
                 let fault = *FAULTS.choose(self.random).expect("seven");
                 self.fault(fault);
             }
-            Incident::DriveReset => self.fault(Fault::DriveReset),
-            Incident::PowerCycle | Incident::PowerCycleUnderWay => self.restart(),
-            Incident::PowerCutInWrite => self.cut_in_a_write(),
-            Incident::LoadStep => self.step_load(),
-            Incident::Stream => self.stream(),
-            Incident::Rebuild => self.rebuild(),
-            Incident::Identify => self.identify(),
+            InjectedEvent::DriveReset => self.fault(Fault::DriveReset),
+            InjectedEvent::PowerCycle | InjectedEvent::PowerCycleUnderWay => self.restart(),
+            InjectedEvent::PowerCutInWrite => self.cut_in_a_write(),
+            InjectedEvent::LoadStep => self.step_load(),
+            InjectedEvent::Stream => self.stream(),
+            InjectedEvent::Rebuild => self.rebuild(),
+            InjectedEvent::Identify => self.identify(),
         }
     }
 
@@ -196,8 +196,8 @@ impl<R: Rng> Run<'_, R> {
 
     /// The load is back at its place, or a fault holds it.
     fn step_load(&mut self) {
-        let share = self.random.random_range(-LOAD_STEP..LOAD_STEP);
-        self.load_kg = (self.load_kg * (1.0 + share)).clamp(0.3, 1.5);
+        let fraction = self.random.random_range(-LOAD_STEP..LOAD_STEP);
+        self.load_kg = (self.load_kg * (1.0 + fraction)).clamp(0.3, 1.5);
         let load = format!("{}kg", self.load_kg);
         self.board.machine.board_mut().set_plant("load", &load).expect("a plant key");
         self.board.run(4.0);

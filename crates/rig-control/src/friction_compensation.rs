@@ -11,33 +11,33 @@ use crate::load_state::LoadState;
 use crate::planner::SetPoint;
 use crate::ramp::Ramp;
 
-/// Share of the way that is turned ahead, as a move begins and at rest: a friction that is known badly must not push the
+/// Fraction of the way that is turned ahead, as a move begins and at rest: a friction that is known badly must not push the
 /// load, least of all back and forth about its target.
-const SHARE_MOVING: f32 = 0.95;
-const SHARE_AT_REST: f32 = 0.8;
-/// Share of that under a light load, whose band is known to a sixth only: the rest is crept.
-const LIGHT_SHARE: f32 = 0.92;
+const MOVING_FRACTION: f32 = 0.95;
+const REST_FRACTION: f32 = 0.8;
+/// Fraction of that under a light load, whose band is known to a sixth only: the rest is crept.
+const LIGHT_FRACTION: f32 = 0.92;
 /// Set-point speed (m/s) that is a move and not the last rounding of one.
 const MOVING_M_PER_S: f32 = 8e-6;
 /// Smoothed error at rest for which friction must be taken up: least (m), and over the noise of the gap in one tick.
 const STUCK_M: f32 = 20e-6;
 const STUCK_NOISES: f32 = 3.0;
-/// Share of the motor's speed and acceleration for that; the rest is the move's.
-const LIMITS_SHARE: f32 = 0.7;
+/// Fraction of the motor's speed and acceleration for that; the rest is the move's.
+const LIMITS_FRACTION: f32 = 0.7;
 /// Speed of the load (m/s) that the strings creep by in the end, unless the move is slower.
 const CREEP_M_PER_S: f32 = 1e-3;
-/// Farthest that they creep: in gap (m) and as a share of the friction band.
+/// Farthest that they creep: in gap (m) and as a fraction of the friction band.
 const CREEP_M: f32 = 0.1e-3;
 const CREEP_BAND: f32 = 0.5;
 /// Friction band (m) from which they creep at all, unless the load is light: less of it is known well enough.
-const CREEP_LEAST_BAND_M: f32 = 0.18e-3;
-/// Friction as a share of the load above which a load is light.
+const MIN_CREEP_BAND_M: f32 = 0.18e-3;
+/// Friction as a fraction of the load above which a load is light.
 const LIGHT_FRICTION: f32 = 0.15;
 /// Motion that is no noise: least (m), and over the noise of the gap in one tick.
 const MOVED_M: f32 = 20e-6;
 const MOVED_NOISES: f32 = 4.0;
 /// Readings before motion can be told from noise.
-const LEAST_READINGS: f32 = 4.0;
+const MIN_READINGS: f32 = 4.0;
 
 /// Positions of a load that is still stuck.
 #[derive(Clone, Copy, Debug)]
@@ -55,7 +55,7 @@ impl StuckLoad {
     fn moved(&mut self, position_m: f32, noise_m: f32) -> bool {
         let moved_m = MOVED_M.max(MOVED_NOISES * noise_m);
         let recent_m = 0.5 * (self.last_m + position_m);
-        let moved = self.count >= LEAST_READINGS && (recent_m - self.sum_m / self.count).abs() > moved_m;
+        let moved = self.count >= MIN_READINGS && (recent_m - self.sum_m / self.count).abs() > moved_m;
         self.sum_m += position_m;
         self.count += 1.0;
         self.last_m = position_m;
@@ -63,9 +63,9 @@ impl StuckLoad {
     }
 }
 
-/// State of the take-up.
+/// State of the compensation.
 #[derive(Clone, Copy, Debug)]
-pub struct FrictionTakeup {
+pub struct FrictionCompensation {
     /// Twist ahead of the set-point (rad).
     ramp: Ramp,
     end_rad: f32,
@@ -74,13 +74,13 @@ pub struct FrictionTakeup {
     /// The twist for that motion has been worked out.
     planned: bool,
     stuck: StuckLoad,
-    /// The set-point waits for the take-up.
+    /// The set-point waits for the compensation.
     waiting: bool,
     /// What is left of the planned part (s).
     left_s: f32,
 }
 
-impl Default for FrictionTakeup {
+impl Default for FrictionCompensation {
     fn default() -> Self {
         Self {
             ramp: Ramp::at(0.0),
@@ -94,7 +94,7 @@ impl Default for FrictionTakeup {
     }
 }
 
-impl FrictionTakeup {
+impl FrictionCompensation {
     /// A move sets out from rest in a direction (±1), and has to wait; 0 for one that is under way or has nowhere to go.
     pub fn set_out(&mut self, direction: f32) {
         self.turn(direction);
@@ -119,25 +119,25 @@ impl FrictionTakeup {
         self.left_s = 0.0;
     }
 
-    /// Twist speed (rad/s) that the take-up adds in this tick, at a smoothed error of the position (m). `setting_out` is the
+    /// Twist speed (rad/s) that the compensation adds in this tick, at a smoothed error of the position (m). `setting_out` is the
     /// speed (m/s) of a move whose set-point waits.
     pub fn step(&mut self, set_point: &SetPoint, setting_out: Option<f32>, error_m: f32, load: &LoadState<'_>) -> f32 {
         self.waiting &= setting_out.is_some();
         let stuck_m = STUCK_M.max(STUCK_NOISES * load.gap_noise_m);
-        let (wanted, share) = match (set_point.speed_m_per_s, error_m) {
-            (v, _) if v.abs() > MOVING_M_PER_S => (v, SHARE_MOVING),
+        let (wanted, fraction) = match (set_point.speed_m_per_s, error_m) {
+            (v, _) if v.abs() > MOVING_M_PER_S => (v, MOVING_FRACTION),
             // About to begin or to end.
-            _ if !set_point.done => (self.direction, SHARE_MOVING),
-            (_, e) if e.abs() > stuck_m => (e, SHARE_AT_REST),
+            _ if !set_point.done => (self.direction, MOVING_FRACTION),
+            (_, e) if e.abs() > stuck_m => (e, REST_FRACTION),
             _ => (0.0, 0.0),
         };
         let direction = if wanted == 0.0 { 0.0 } else { libm::copysignf(1.0, wanted) };
-        let limits = load.twist_limits.share(LIMITS_SHARE);
+        let limits = load.twist_limits.fraction(LIMITS_FRACTION);
         if direction != self.direction {
             self.turn(direction);
         }
         if !core::mem::replace(&mut self.planned, true) {
-            self.plan(share, load);
+            self.plan(fraction, load);
             self.left_s = Ramp::duration_s(self.end_rad - self.ramp.position, limits.speed, limits.acceleration);
         }
         self.left_s = (self.left_s - TICK_S).max(0.0);
@@ -166,7 +166,7 @@ impl FrictionTakeup {
     }
 
     /// Works out how far it is.
-    fn plan(&mut self, share: f32, load: &LoadState<'_>) {
+    fn plan(&mut self, fraction: f32, load: &LoadState<'_>) {
         let (direction, observation) = (self.direction, &load.observation);
         let friction_n = observation.friction_n;
         let end_n = observation.load_n + direction * friction_n;
@@ -175,13 +175,13 @@ impl FrictionTakeup {
         let band_m = 2.0 * friction_n * end.dgap_dload_m_per_n.max(observation.point.dgap_dload_m_per_n);
         let tr_rad_per_m = end.tr_rad_per_m();
         let light = friction_n > LIGHT_FRICTION * observation.load_n;
-        let share = if light { share * LIGHT_SHARE } else { share };
-        let creeps = light || band_m > CREEP_LEAST_BAND_M;
+        let fraction = if light { fraction * LIGHT_FRACTION } else { fraction };
+        let creeps = light || band_m > MIN_CREEP_BAND_M;
         self.stuck.creep_left_rad = if creeps { tr_rad_per_m * (CREEP_M + CREEP_BAND * band_m) } else { 0.0 };
         // A pull that is already past the end of the band needs nothing.
         if direction * (end_n - observation.pull_n) > 0.0 {
             let missing_m = (end.gap_m - observation.modelled_gap_m) * direction;
-            self.end_rad += share * direction * tr_rad_per_m * missing_m.clamp(0.0, 1.25 * band_m);
+            self.end_rad += fraction * direction * tr_rad_per_m * missing_m.clamp(0.0, 1.25 * band_m);
         }
     }
 }
