@@ -117,7 +117,7 @@ pub fn require_all(dropped: &Dropped, file: &Path) -> Result<(), Failure> {
         return Ok(());
     }
     Err(Failure::failed(format!(
-        "NOT taken from {}, which has them for another gear or LVDT than this rig's: {}. Calibrate anew, or `config set` each \
+        "NOT taken from {}, which has them for another gear or LVDT than this rig's: {}. Calibrate again, or `config set` each \
          that this rig needs; `config restore --force` takes them all the same",
         file.display(),
         board_settings::dropped(dropped)

@@ -123,8 +123,8 @@ pub fn origin(report: &SettingsReport) -> String {
 pub fn remedy(kept: Kept) -> Option<&'static str> {
     match kept {
         Kept::These | Kept::Nothing | Kept::Others => None,
-        Kept::Damaged => Some("`config restore` or `config set` makes them anew"),
-        Kept::Partly => Some("calibrate anew, or `config set` each that this rig needs, then `clear`"),
+        Kept::Damaged => Some("`config restore` or `config set` writes them again"),
+        Kept::Partly => Some("calibrate again, or `config set` each that this rig needs, then `clear`"),
     }
 }
 

@@ -11,7 +11,7 @@ pub const EVERY_S: f64 = 0.02;
 /// beside the rig does not wait long.
 pub const HOLDS_FOR_S: f32 = 0.2;
 
-/// Longest course (s), maximum position (m) and speed (m/s) that are taken for a rig's: beyond them a unit is wrong, and
+/// Longest trajectory (s), maximum position (m) and speed (m/s) that are taken for a rig's: beyond them a unit is wrong, and
 /// set-points between two points could be more than a number of the link can hold.
 const LONGEST_S: f64 = 1e6;
 const MAX_M: f64 = 10.0;
@@ -40,7 +40,7 @@ impl Trajectory {
     pub fn load(path: &Path) -> Result<Self, Failure> {
         let text = rig_config::files::read_to_string(path).map_err(|e| e.to_string());
         text.and_then(|text| Self::parse(&text))
-            .map_err(|e| Failure::failed(format!("course file {}: {e}", path.display())))
+            .map_err(|e| Failure::failed(format!("trajectory file {}: {e}", path.display())))
     }
 
     /// The same of a text.
@@ -77,7 +77,7 @@ impl Trajectory {
     pub fn new(times_s: &[f64], positions_m: &[f64], speeds_m_per_s: Option<&[f64]>) -> Result<Self, String> {
         let count = times_s.len();
         if count < 2 {
-            return Err(format!("a course has at least 2 points, this one has {count}"));
+            return Err(format!("a trajectory has at least 2 points, this one has {count}"));
         }
         if positions_m.len() != count || speeds_m_per_s.is_some_and(|speeds| speeds.len() != count) {
             let speeds = speeds_m_per_s.map_or(String::new(), |speeds| format!(" and {} speeds", speeds.len()));
@@ -146,7 +146,7 @@ impl Trajectory {
         (position_m, (va + x * (2.0 * three + 3.0 * x * two)) / width_s)
     }
 
-    /// The set-points of the whole course, each with its time (s).
+    /// The set-points of the whole trajectory, each with its time (s).
     pub fn set_points(&self) -> impl Iterator<Item = (f64, Request)> + '_ {
         let count = (self.duration_s() / EVERY_S).ceil() as u32;
         (0..=count).map(move |k| {

@@ -18,7 +18,7 @@ fn every_fault_is_documented_and_the_table_is_what_the_code_does() {
         let after = match policy(fault).after {
             After::Nothing => "go on",
             After::Home => "`home`",
-            After::Restart => "the drive starts anew; `home`",
+            After::Restart => "the drive restarts; `home`",
         };
         let row = format!("| `{fault}` | {} | {told} | {after} |", fault.code());
         assert!(page.contains(&row), "docs/reference/faults.md lacks the row {row}");

@@ -69,7 +69,7 @@ impl Stream {
     }
 
     /// The next set-point. The speeds of the last ones tell the mean acceleration of the way to it, and how fast that changes. A
-    /// smooth course goes on changing so; a change faster than the jerk that the load may have is a step of the speed.
+    /// smooth trajectory goes on changing so; a change faster than the jerk that the load may have is a step of the speed.
     pub(super) fn take(&mut self, next: &StreamPoint) {
         let since_s = self.age_s.max(TICK_S);
         let acceleration = (next.speed_m_per_s - self.given_m_per_s) / since_s;

@@ -122,7 +122,7 @@ impl Track {
         let mut session = connect_homed(global, LoadChoice::Auto, output)?;
         let r = stream::track(&mut session, &trajectory, |_| {})?;
         output.object(&r)?;
-        output.line(format!("course        {:9.2} s", r.duration_s))?;
+        output.line(format!("trajectory    {:9.2} s", r.duration_s))?;
         let [rms_um, max_um] = [r.following_rms_m, r.following_most_m].map(|m| m * 1e6);
         output.line(format!("followed      {rms_um:9.1} um rms, {max_um:.1} um at most (measured)"))?;
         if let Some(true_rms_m) = r.true_following_rms_m {

@@ -141,7 +141,7 @@ fn timing(last: &Telemetry, session: &Session, messages: usize) -> [Check; 2] {
                 c.longest_tick_us,
                 (1.0 - fraction) * 100.0
             ),
-            "the core is held up: a debugger halting it, a build without optimisation? Then power-cycle to count anew",
+            "the core is held up: a debugger halting it, a build without optimisation? Then power-cycle to count from zero",
         ),
         check(
             "link",

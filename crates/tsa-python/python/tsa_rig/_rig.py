@@ -80,9 +80,9 @@ class Rig:
     ) -> dict[str, Any]:
         """Leads the load through positions (m) at times (s), with these speeds (m/s). Keys as `rigctl track --json`.
 
-        The load first moves to the first position. Times count from then; between them the course is a cubic. Without
+        The load first moves to the first position. Times count from then; between them the trajectory is a cubic. Without
         speeds it begins and ends at rest. The three lists have one shape, (n,), with at least two numbers.
-        Raises ValueError for lists that are no course, and RuntimeError with the board's refusal or why it ended the
+        Raises ValueError for lists that are no trajectory, and RuntimeError with the board's refusal or why it ended the
         stream; the load is then held.
         """
         lists = [np.asarray(values, dtype=float) for values in (times, positions)]
