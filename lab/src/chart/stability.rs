@@ -31,7 +31,7 @@ const SLOW: f64 = 5.0;
 pub enum Outcome {
     /// The right equilibrium.
     Right,
-    /// The right one, for more than [`SLOW`] times the method's usual effort.
+    /// The right one, for more than `SLOW` times the method's usual effort.
     Slow,
     /// The method reports a limit of the model where there is one.
     Limit(SolveError),
