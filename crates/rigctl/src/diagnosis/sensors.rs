@@ -49,7 +49,8 @@ pub fn lvdt(heard: &[Telemetry], id: &Identity, scene: &Scene, session: &mut Ses
         ));
     }
     // Exactly no noise is as wrong as too much.
-    let noisy = "a healthy block has a few micrometres: screen, ground and supply of the LVDT; does the load oscillate?";
+    let noisy =
+        "a healthy block has a few micrometres: screen, ground and supply of the LVDT; does the load oscillate?";
     let quiet = |rms: f64| rms > 0.0 && rms < NOISE_M;
     let mechanism = scene.mechanism()?;
     let [low, high] = scene.table_requirement()?.0.twist_rad();

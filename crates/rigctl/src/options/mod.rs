@@ -24,7 +24,7 @@ pub struct Global {
     /// Print JSON: one object, or one a line where there are many
     #[arg(long, global = true, help_heading = EVERYWHERE)]
     pub json: bool,
-    /// Scene: the constants that tool and table believe in, load range, travel, accuracy
+    /// Configuration: constants of the mechanism and the actuator, load range, accuracy
     #[arg(long, global = true, help_heading = EVERYWHERE, value_name = "FILE", default_value = "scenes/default.toml")]
     pub scene: PathBuf,
     /// Where the firmware is: `sim` (an emulated board that starts by itself), `auto` (the one ST-LINK that is plugged in) or a
