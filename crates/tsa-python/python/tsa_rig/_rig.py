@@ -78,12 +78,12 @@ class Rig:
     def track(
         self, times: ArrayLike, positions: ArrayLike, speeds: ArrayLike | None = None
     ) -> dict[str, Any]:
-        """Leads the load through positions (m) at times (s), with these speeds (m/s). Keys as `rigctl track --json`.
+        """Follows positions (m) at times (s), with these speeds (m/s). Keys as `rigctl track --json`.
 
-        The load first moves to the first position. Times count from then; between them the trajectory is a cubic. Without
-        speeds it begins and ends at rest. The three lists have one shape, (n,), with at least two numbers.
-        Raises ValueError for lists that are no trajectory, and RuntimeError with the board's refusal or why it ended the
-        stream; the load is then held.
+        The load first moves to the first position. Times count from then; between them the trajectory is a cubic.
+        Without speeds it begins and ends at rest. The three lists have one shape, (n,), with at least two numbers.
+        Raises ValueError for lists that are no trajectory, and RuntimeError with the board's refusal or why it ended
+        the stream; the load is then held.
         """
         lists = [np.asarray(values, dtype=float) for values in (times, positions)]
         lists += [] if speeds is None else [np.asarray(speeds, dtype=float)]
