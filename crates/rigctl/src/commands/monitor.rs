@@ -15,7 +15,7 @@ use clap::Args;
 use ratatui::DefaultTerminal;
 use ratatui::crossterm::event::{DisableBracketedPaste, EnableBracketedPaste};
 use ratatui::crossterm::execute;
-use rig_link::{Request, State};
+use rig_link::{EventKind, Request, State};
 use std::io::IsTerminal;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -139,7 +139,11 @@ impl View {
             self.screen.take(row);
         }
         for (t_s, kind) in session.take_events() {
-            self.screen.say(format!("{t_s:8.2} s  {}", event(&kind)));
+            let what = match kind {
+                EventKind::Homed(found) => format!("homed: load {:.2} ± {:.2} N", found.load_n, found.load_error_n),
+                _ => event(&kind),
+            };
+            self.screen.say(format!("{t_s:8.2} s  {what}"));
         }
         session.take_log();
         self.screen.silent_s = session.silent_s();
