@@ -193,7 +193,7 @@ impl States {
         let Some(envelope) = scene.envelope else { return Ok(None) };
         let mechanism = scene.mechanism()?;
         let solve = |load_n: f64, turns: f64| {
-            // Zero twist, where the gap is maximum and which homing passes, is half a turn before the first.
+            // Zero twist, where the gap has its maximum and which homing passes, is half a turn before the first.
             let twist = if turns < 0.0 { 0.0 } else { tsa_model::twist_from_turns(turns) };
             let failed = |limit: SolveError| SceneError::Unsolvable { load_n, turns, limit };
             mechanism.solve(load_n, twist).map_err(failed)
@@ -201,7 +201,7 @@ impl States {
         let along =
             |[from, to]: [f64; 2]| (0..=STEPS).map(move |k| from + (to - from) * f64::from(k) / f64::from(STEPS));
         let [min_n, max_n] = envelope.load_n;
-        // The gap falls with the twist and rises with the load; torque and slope are maximum at the last twist or
+        // The gap falls with the twist and rises with the load; torque and slope are largest at the last twist or
         // load.
         let edges = along(envelope.load_n)
             .map(|load_n| (load_n, envelope.turns[1]))

@@ -4,7 +4,7 @@
 //! 0x00 | COBS( sequence number u16 LE | postcard body | CRC-32 LE of both ) | 0x00
 //! ```
 //! COBS removes 0x00 from the frame, so a delimiter is always the edge of a frame. The leading one ends any noise before
-//! the frame, so a good frame survives noise in front of it. This framing is fixed indefinitely ([`crate::versions`]).
+//! the frame, so a good frame survives noise in front of it. This framing never changes ([`crate::versions`]).
 
 use core::marker::PhantomData;
 use crc::{CRC_32_ISO_HDLC, Crc, NoTable};

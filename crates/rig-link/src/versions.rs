@@ -1,6 +1,6 @@
 //! The greeting, which a tool and a board of any two versions understand, so that each can name the other.
 //!
-//! Its layout is fixed indefinitely. A greeting is a frame as [`crate::frame`] describes it, with this body:
+//! Its layout never changes. A greeting is a frame as [`crate::frame`] describes it, with this body:
 //!
 //! | byte | content                                                     |
 //! |------|-------------------------------------------------------------|

@@ -1,4 +1,4 @@
-//! The greeting between builds of different versions. Its layout is fixed indefinitely: these bytes must never change.
+//! The greeting between builds of different versions. These bytes must never change.
 
 use rig_link::{Decoder, MAX_FRAME, Message, PROTOCOL_HASH, Request, Versions, encode};
 use serde::de::DeserializeOwned;

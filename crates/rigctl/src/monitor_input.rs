@@ -2,7 +2,7 @@
 //!
 //! The whole of what has come is looked at, however long it is: crossterm reads 1024 bytes at a time and does not look
 //! for more until the next key. A space or Ctrl-C is found in all of it, also in pasted text, and nothing else of it then counts.
-//! Other pasted text is no keys. A terminal that marks it does so between `ESC [ 200 ~` and `ESC [ 201 ~`.
+//! Other pasted text is ignored. A terminal that marks it does so between `ESC [ 200 ~` and `ESC [ 201 ~`.
 
 use ratatui::crossterm::event::KeyCode;
 

@@ -168,7 +168,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_course_goes_through_its_points_with_its_speeds() {
+    fn a_trajectory_goes_through_its_points_with_its_speeds() {
         let trajectory = Trajectory::parse("t_s,position_m,speed_m_per_s\n1,0.001,0\n1.5,0.002,0.004\n3,0.002,0\n")
             .unwrap_or_else(|e| panic!("{e}"));
         assert_eq!((trajectory.duration_s(), trajectory.start_m()), (2.0, 0.001));

@@ -51,7 +51,7 @@ fn felt(rig: Option<RigPreset>) -> (&'static [PlantKey], &'static str) {
     }
 }
 
-/// Seeds of the plants that have the least or the maximum of one of these keys: whoever manages these should manage the others.
+/// Seeds of the plants that have the minimum or the maximum of one of these keys: whoever manages these should manage the others.
 fn extremes(plants: &[Subject], keys: &[PlantKey]) -> Vec<u64> {
     let ends = keys.iter().flat_map(|key| {
         let by_value = |a: &&Subject, b: &&Subject| a.value(*key).total_cmp(&b.value(*key));

@@ -95,7 +95,7 @@ pub struct Spread {
     pub all: f64,
     /// Where it is about as large as that.
     pub typical: At,
-    /// Where it is maximum.
+    /// Where it is largest.
     pub worst: At,
 }
 

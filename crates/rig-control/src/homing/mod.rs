@@ -1,4 +1,4 @@
-//! Homing without switches: the gap is even in the twist and maximum at zero (docs/explanation/model.md section 5).
+//! Homing without switches: the gap is even in the twist and has its maximum at zero (docs/explanation/model.md section 5).
 //!
 //! ```text
 //! Quiet ── the load has stopped swinging ──> Probe

@@ -21,7 +21,7 @@ const BACK_JUMPS: f32 = 2.0;
 /// Fraction of the error that the next approach aims beyond the target.
 const AIM_FRACTION: f32 = 0.7;
 /// A set-point waits for strings that are behind it, because the load has changed while they turn as fast as they can: from the first
-/// distance (m) on it is slower, and from the second on it has the least fraction of the motor's speed.
+/// distance (m) on it is slower, and from the second on it has the smallest fraction of the motor's speed.
 const BEHIND_M: [f32; 2] = [0.5e-3, 1.5e-3];
 const MIN_FRACTION: f32 = 0.05;
 /// Time within that error, and time at the end of the strings' travel, after which a move is over; longest wait for either.

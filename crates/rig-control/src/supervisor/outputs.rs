@@ -51,7 +51,7 @@ impl Rig {
         if !counts.is_finite() {
             return None;
         }
-        // On a maximum lag: whatever else goes wrong, the drive is never sent far from its reported position.
+        // Whatever else goes wrong, the drive is never sent far from its reported position.
         let max_lag =
             whole_counts((MAX_LAG_RAD + MAX_LAG_S * self.shaft.speed.abs()) * self.constants.counts_per_rad.abs());
         let here = i64::from(position_qc);

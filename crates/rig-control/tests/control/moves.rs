@@ -195,7 +195,7 @@ fn a_jog_turns_at_its_speed_within_the_strings_range() {
     assert_eq!(bench.shown().limit, None);
 }
 
-/// Set-points of a stream that swings by 1 mm about 6 mm with 0.5 Hz, each 20 ms, for so long (s); the maximum distance.
+/// Set-points of a stream that oscillates by 1 mm about 6 mm with 0.5 Hz, each 20 ms, for so long (s); the maximum distance.
 fn follow(bench: &mut Bench, seconds: f32) -> f32 {
     let mut farthest_m = 0f32;
     for k in 0..(seconds / TICK_S) as u16 {

@@ -37,7 +37,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Schema)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Message {
-    /// The greeting, which both sides understand whatever their versions. The first variant indefinitely, see [`Versions`].
+    /// The greeting, which both sides understand whatever their versions. It stays the first variant, see [`Versions`].
     Hello(Versions),
     /// The answer to one request.
     Reply {

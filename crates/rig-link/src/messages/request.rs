@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, Schema)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Request {
-    /// The greeting, which both sides understand whatever their versions. The first variant indefinitely, see [`Versions`].
+    /// The greeting, which both sides understand whatever their versions. It stays the first variant, see [`Versions`].
     Hello(Versions),
     /// The host is running. No reply.
     Heartbeat,

@@ -1,5 +1,5 @@
 //! An RMDS-405 as crates/rmds405/README.md describes it: strict about order and waiting times. It carries out its last
-//! command indefinitely, because it has no command time-out (crates/rmds405/README.md 2.6).
+//! command until the next one, because it has no command time-out (crates/rmds405/README.md 2.6).
 //!
 //! Assumed, because no manual says it:
 //! - it boots for 500 ms after power-up and reset alike, and ignores all frames meanwhile; but after power-up it acknowledges

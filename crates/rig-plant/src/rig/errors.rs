@@ -36,7 +36,7 @@ pub enum RigError {
         twist_rad: f64,
         /// Load, N.
         load_n: f64,
-        /// The maximum there can be, rounded down.
+        /// The maximum possible value, rounded down.
         max_rad: f64,
     },
 }

@@ -239,7 +239,7 @@ impl Data {
 pub const LOOP_FRACTION: f64 = 0.1;
 /// Standard deviation of a sweep's rows that do not say their own (m): half a count of a 12-bit converter on 200 mm.
 pub const SIGMA_M: f64 = 25e-6;
-/// Minimum and maximum one that a row can say (m). No sensor of a rig is as good or as bad, and the squares of errors in
+/// Minimum and maximum standard error that a row can state (m). No sensor of a rig is as good or as bad, and the squares of errors in
 /// standard deviations stay far from the limits of a number.
 const SIGMAS_M: [f64; 2] = [1e-9, 1.0];
 

@@ -20,7 +20,7 @@ const CREEP_FRACTION: f64 = 0.01;
 const SAME_RAD: f64 = 0.1;
 /// Loads of two sweeps, as a fraction, that count as the same.
 const SAME_LOAD: f64 = 0.005;
-/// Minimum and maximum share of [`rod_memory`] that a scene may state.
+/// Minimum and maximum value of [`rod_memory`] that a scene may state.
 const FRACTIONS: [f64; 2] = [0.01, 0.5];
 
 /// The loop of one sweep.

@@ -57,7 +57,7 @@ pub struct RodShape<T = f64> {
     pub reach: Partial<T>,
     /// Lateral tip displacement w(l) (m).
     pub deflection: Partial<T>,
-    /// Strain at the clamp, where bending is maximum.
+    /// Strain at the clamp, where bending is largest.
     pub clamp: Strain<T>,
     /// Section evaluations spent.
     pub evaluations: u32,
@@ -90,7 +90,7 @@ pub struct RodResponse<T = f64> {
     pub deflection: Compliance<T>,
     /// Tip angle φ_l (rad).
     pub tip_angle_rad: T,
-    /// Strain at the clamp, where bending is maximum.
+    /// Strain at the clamp, where bending is largest.
     pub clamp: Strain<T>,
 }
 

@@ -2,7 +2,7 @@
 //!
 //! At a gap and a twist the rods have a shape, whatever their stress. A stress that is greater by the fraction s everywhere
 //! bends them as an s greater modulus E would, so that the mechanism carries at that gap the additional force
-//! −(∂G/∂ln E)/(∂G/∂F) s. The fraction is taken at the clamp, where the strain is maximum: s = Δσ/σ(ε). A force that
+//! −(∂G/∂ln E)/(∂G/∂F) s. The fraction is taken at the clamp, where the strain is largest: s = Δσ/σ(ε). A force that
 //! depends on the gap alone, or lags behind it as [`RodMemory`] does, creates no energy. All of it is first order in s.
 
 use super::{ROD_STRESS_PER_K, ROD_THRESHOLDS, rod_onset};

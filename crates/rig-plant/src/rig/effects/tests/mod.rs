@@ -302,7 +302,7 @@ fn cycles(keys: &[(&str, &str)]) -> [f64; 2] {
 
 #[test]
 fn no_effect_creates_energy_alone_or_with_the_others() {
-    // A stroke lifts 5 N by some 20 mm, 100 mJ. Without an effect the damping takes its fraction; no effect gives back more
+    // A stroke lifts 5 N by some 20 mm, 100 mJ. Without an effect the damping takes its part; no effect gives back more
     // than the step rule is wrong by.
     const OFF_J: f64 = 50e-6;
     let [damped_twist_j, damped_load_j] = cycles(&[]);
