@@ -9,6 +9,7 @@ use std::io::Write;
 use std::path::PathBuf;
 use std::process::{Command, Output, Stdio};
 use std::sync::{Mutex, PoisonError};
+use std::time::Instant;
 
 /// One executable of tests.
 pub struct Program {
@@ -53,7 +54,9 @@ pub fn run(programs: Vec<Program>) -> Result<()> {
             eprintln!("     Running {}", program.name);
             let mut command = Command::new(&program.executable);
             command.current_dir(&program.folder).env("CARGO_MANIFEST_DIR", &program.folder).stdin(Stdio::null());
+            let began = Instant::now();
             let output = command.output().with_context(|| format!("could not start {}", program.name))?;
+            eprintln!("         Ran {} in {:.0?}", program.name, began.elapsed());
             if output.status.success() {
                 print(&program, &output)?;
             } else {

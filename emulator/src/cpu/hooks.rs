@@ -1,7 +1,7 @@
 //! Hooks in unicorn: time at block starts, peripheral accesses, exceptions, SEV, writes to flash, stray accesses.
 
 use super::core::{Core, Halt, takeable};
-use crate::soc::memory::{BELOW_RAM, FLASH_BASE, FLASH_SIZE, RAM_SIZE};
+use crate::soc::memory::{BELOW_RAM, FLASH_BASE, FLASH_SIZE, RAM_BASE, RAM_SIZE};
 use crate::soc::nvic::exception;
 use rig_plant::board::Board;
 use std::collections::HashSet;
@@ -61,7 +61,11 @@ pub fn install<B: Board + 'static>(uc: &mut Unicorn<'static, Core<B>>) -> Result
         u64::from(FLASH_BASE) + FLASH_SIZE as u64 - 1,
         program,
     )?;
-    uc.add_mem_hook(HookType::MEM_UNMAPPED, 1, 0, stray)?;
+    // Not over RAM: unicorn would take every store into it the long way.
+    let ram_end = u64::from(RAM_BASE) + RAM_SIZE as u64;
+    for (first, last) in [(0, u64::from(RAM_BASE) - 1), (ram_end, u32::MAX.into())] {
+        uc.add_mem_hook(HookType::MEM_UNMAPPED, first, last, stray)?;
+    }
     Ok(())
 }
 

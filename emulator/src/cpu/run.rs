@@ -3,7 +3,7 @@
 use super::core::{Core, Halt, takeable};
 use super::hooks;
 use super::stops::Breakpoints;
-use crate::soc::memory::{FLASH_BASE, RAM_BASE};
+use crate::soc::memory::{FLASH_BASE, RAM_BASE, RAM_SIZE};
 use crate::soc::nvic::exception;
 use crate::soc::{Config, ResetCause, Soc};
 use rig_plant::board::Board;
@@ -91,7 +91,8 @@ impl<B: Board + 'static> Cpu<B> {
         // closed, and they never move: `Region` owns a heap allocation of a fixed size.
         unsafe {
             uc.mem_map_ptr(FLASH_BASE.into(), flash_size, Prot::READ | Prot::EXEC, flash.cast())?;
-            uc.mem_map_ptr(RAM_BASE.into(), ram_size, Prot::ALL, ram.cast())?;
+            // Not executable until some code in it runs: unicorn checks each store into a region with code.
+            uc.mem_map_ptr(RAM_BASE.into(), ram_size, Prot::READ | Prot::WRITE, ram.cast())?;
         }
         uc.mem_map(SYSTEM_MEMORY, 0x1000, Prot::READ)?;
         uc.mem_write(UNIQUE_ID, &config.unique_id)?;
@@ -345,6 +346,7 @@ impl<B: Board + 'static> Cpu<B> {
                 Ok(())
             }
             Err(uc_error::INSN_INVALID) if hint == Some(YIELD) => Ok(()),
+            Err(uc_error::FETCH_PROT) => Ok(self.uc.mem_protect(RAM_BASE.into(), RAM_SIZE as u64, Prot::ALL)?),
             Err(uc_error::INSN_INVALID) => Err(Halt::Undefined(after)),
             Err(error) => Err(error.into()),
         };

@@ -240,18 +240,24 @@ impl<B: Board> Soc<B> {
 
     /// That cycle, and the peripheral; `Unit::None` is the board.
     fn next_source(&self) -> (u64, Unit) {
-        let timers = self.timers.iter().enumerate().map(|(i, timer)| (timer.next_event(&self.clock), Unit::Timer(i)));
-        let usarts = self.usarts.iter().enumerate().map(|(i, usart)| (usart.next_event(), Unit::Usart(i)));
-        let others = [
-            (self.can.next_event(), Unit::Can),
-            (self.adc.next_event(&self.dma[1], &self.clock), Unit::Adc),
-            (self.scb.next_event(), Unit::Core),
-            (self.iwdg.next_event(&self.clock), Unit::Iwdg),
-        ];
-        let board = (self.clock.cycle_at(self.board.next_event_s()).max(self.board_asked), Unit::None);
-        // Of several at the same cycle the first.
-        let earlier = |first: (u64, Unit), other: (u64, Unit)| if other.0 < first.0 { other } else { first };
-        timers.chain(usarts).chain(others).fold(board, earlier)
+        // Of several at the same cycle the first. Every access to a register asks this, so it is a loop and no iterator.
+        let mut first = (self.clock.cycle_at(self.board.next_event_s()).max(self.board_asked), Unit::None);
+        let mut or = |at: u64, unit: Unit| {
+            if at < first.0 {
+                first = (at, unit);
+            }
+        };
+        for (i, timer) in self.timers.iter().enumerate() {
+            or(timer.next_event(&self.clock), Unit::Timer(i));
+        }
+        for (i, usart) in self.usarts.iter().enumerate() {
+            or(usart.next_event(), Unit::Usart(i));
+        }
+        or(self.can.next_event(), Unit::Can);
+        or(self.adc.next_event(&self.dma[1], &self.clock), Unit::Adc);
+        or(self.scb.next_event(), Unit::Core);
+        or(self.iwdg.next_event(&self.clock), Unit::Iwdg);
+        first
     }
 
     /// Process everything that is due, in order of time. Gives the next event.

@@ -112,6 +112,28 @@ fn a_breakpoint_ends_the_run_and_semihosting_says_how() {
     breakpoint(exit(1), 0xAB, Some(false));
 }
 
+/// A function in RAM that counts in r4, called twice with a store into it between the calls.
+#[test]
+fn code_in_ram_runs_and_can_be_changed() {
+    const FUNCTION: u32 = 0x2000_0400;
+    let two = |first: u16, second: u16| u32::from(first) | u32::from(second) << 16;
+    let call = [load(5, FUNCTION | 1), vec![0x47A8]].concat();
+    let program = main_only(&[
+        load(4, 0),
+        poke(FUNCTION, two(add(4, 1), BX_LR)),
+        call.clone(),
+        poke(FUNCTION, two(add(4, 16), BX_LR)),
+        call.clone(),
+        poke(RESULT - 4, 7),
+        call,
+        load(2, RESULT),
+        vec![store(4, 2), PARK],
+    ]);
+    let mut machine = machine(&program);
+    machine.run_until(1e-3).expect("runs");
+    assert_eq!((ram(&mut machine, RESULT), ram(&mut machine, RESULT - 4)), (33, 7));
+}
+
 #[test]
 fn systick_wakes_from_wfi() {
     let mut machine = boot(&SYSTICK.elf());
