@@ -23,6 +23,9 @@ pub(crate) enum Draw {
 /// What is fixed about a key.
 struct Spec {
     name: &'static str,
+    /// What it is, in Markdown.
+    about: &'static str,
+    default: Option<f64>,
     quantity: Quantity,
     /// Minimum and maximum, SI. Wide: it excludes what makes no rig at all, and not what makes a bad one.
     range: [f64; 2],
@@ -52,18 +55,18 @@ enum Part {
 
 /// Declares keys and settings from the table of what is fixed about each key.
 macro_rules! plant_keys {
-    ($($(#[$doc:meta])* $key:ident = $name:literal, $field:ident: $type:ty = $default:expr,
+    ($($(#[doc = $doc:literal])+ $key:ident = $name:literal, $field:ident: $type:ty = $default:expr,
        $quantity:ident, $range:expr, $when:ident, $part:ident $(, $draw:ident [$nominal:expr, $hard:expr])?;)+) => {
         /// What can be changed about the emulated rig.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub enum PlantKey {
-            $($(#[$doc])* $key,)+
+            $($(#[doc = $doc])+ $key,)+
         }
 
         /// The value of every plant key, in SI units.
         #[derive(Clone, Debug, PartialEq)]
         pub struct PlantSettings {
-            $($(#[$doc])* pub $field: $type,)+
+            $($(#[doc = $doc])+ pub $field: $type,)+
         }
 
         impl Default for PlantSettings {
@@ -84,10 +87,12 @@ macro_rules! plant_keys {
             /// Every key.
             pub const ALL: &'static [Self] = &[$(Self::$key),+];
 
-            const fn spec(self) -> Spec {
+            fn spec(self) -> Spec {
                 match self {
                     $(Self::$key => Spec {
                         name: $name,
+                        about: concat!($($doc),+),
+                        default: Option::<f64>::from($default),
                         quantity: Quantity::$quantity,
                         range: $range,
                         when: When::$when,
@@ -202,17 +207,17 @@ plant_keys! {
 
 impl PlantKey {
     /// The name as an operator types it.
-    pub const fn name(self) -> &'static str {
+    pub fn name(self) -> &'static str {
         self.spec().name
     }
 
     /// What its value measures.
-    pub const fn quantity(self) -> Quantity {
+    pub fn quantity(self) -> Quantity {
         self.spec().quantity
     }
 
     /// Minimum and maximum (SI units).
-    pub const fn range(self) -> [f64; 2] {
+    pub fn range(self) -> [f64; 2] {
         self.spec().range
     }
 
@@ -234,6 +239,20 @@ impl PlantKey {
 
     fn names() -> String {
         Self::ALL.iter().map(|key| key.name()).collect::<Vec<_>>().join(", ")
+    }
+
+    /// Every key in a table in Markdown, for docs/reference/simulator.md.
+    #[must_use]
+    pub fn table() -> String {
+        let row = |key: &Self| {
+            let Spec { name, about, default, quantity, range: [min, max], when, .. } = key.spec();
+            let (about, [min, max]) = (about.trim().trim_end_matches('.'), [min, max].map(|value| quantity.show(value)));
+            let default = default.map_or("the scene's".into(), |value| quantity.show(value));
+            let when = if when == When::AtStart { "at the start" } else { "always" };
+            format!("| `{name}` | {about} | {default} | {min} to {max} | {when} |\n")
+        };
+        let head = "| key | what it is | default | allowed | changes |\n|---|---|---|---|---|\n";
+        head.to_owned() + &Self::ALL.iter().map(row).collect::<String>()
     }
 
     /// Every key with its units, a line each, for help texts.
@@ -387,6 +406,12 @@ mod tests {
             assert_eq!(change, PlantChange { key, value });
             assert_eq!(change.to_string().parse(), Ok(change));
         }
+    }
+
+    #[test]
+    fn the_page_about_the_simulator_has_every_key() {
+        let (page, table) = (include_str!("../../../docs/reference/simulator.md"), PlantKey::table());
+        assert!(page.contains(&table), "docs/reference/simulator.md lacks:\n{table}");
     }
 
     #[test]

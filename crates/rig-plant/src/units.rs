@@ -11,7 +11,7 @@ pub struct Unit(&'static str, f64);
 
 macro_rules! units {
     ($($name:ident = $text:literal, $size:expr;)+) => {
-        $(#[doc = $text] pub const $name: Unit = Unit($text, $size);)+
+        $(#[doc = concat!("The unit \"", $text, "\".")] pub const $name: Unit = Unit($text, $size);)+
     };
 }
 
@@ -70,28 +70,34 @@ impl<T: Value> Value for Option<T> {
 impl Unit {
     /// A measured or computed value (SI) for people: with four digits, and the unit.
     pub fn show(self, value: impl Value) -> String {
-        self.within(value, f64::NAN)
+        self.rounded(value, f64::NAN)
     }
 
     /// A value and its error (SI) for people: the error with two digits, the value to the same decimal place. A value
     /// of unknown error has four digits.
     pub fn within(self, value: impl Value, error: impl Value) -> String {
-        let number = self.number(value, error);
-        match (value.or_nan().is_finite(), is_known(error.or_nan())) {
-            (false, _) => number,
-            (true, false) => self.named(number),
-            (true, true) => self.named(format!("{number} ± {}", self.number(error, error))),
+        match value.or_nan().is_finite() && is_known(error.or_nan()) {
+            true => format!("{} ± {}", self.number(value, error), self.rounded(error, error)),
+            false => self.show(value),
         }
     }
 
-    /// The same value without its unit, for a column that names it. An error that is not stated, as a sensor's
-    /// resolution, also gives the decimal place.
+    /// A value (SI) to the decimal place of an error that is not stated, as a sensor's resolution.
+    pub fn rounded(self, value: impl Value, error: impl Value) -> String {
+        let number = self.number(value, error);
+        if value.or_nan().is_finite() { self.named(number) } else { number }
+    }
+
+    /// The same without the unit, for a column that names it.
     pub fn number(self, value: impl Value, error: impl Value) -> String {
         let (value, error) = (value.or_nan() / self.1, error.or_nan().abs() / self.1);
         match value {
             _ if value.is_nan() => "unknown".to_owned(),
             _ if value.is_infinite() => "infinite".to_owned(),
-            _ if is_known(error) => decimals(value, places(error, 2)),
+            _ if is_known(error) => match (1e-4..1e7).contains(&value.abs().max(error)) {
+                true => decimals(value, places(error, 2)),
+                false => format!("{value:.*e}", (places(error, 2) - places(value, 1)).max(0) as usize),
+            },
             0.0 => "0".to_owned(),
             _ if !(1e-4..1e7).contains(&value.abs()) => format!("{value:.2e}"),
             _ => decimals(value, places(value, 4).max(0)),
@@ -225,11 +231,14 @@ impl Quantity {
         }
     }
 
-    /// An exact value for people: lengths in mm, stiffnesses from 1 kN/m in kN/m, all else in SI.
+    /// An exact value for people: lengths in mm, stiffnesses from 1 kN/m in kN/m, stresses in MPa, torques in mNm, all
+    /// else in SI.
     pub fn show(self, value: f64) -> String {
         let unit = match self {
             Self::Length => MM,
             Self::Stiffness if value.abs() >= 1e3 => KN_PER_M,
+            Self::Stress => Unit("MPa", 1e6),
+            Self::Torque => Unit("mNm", 1e-3),
             Self::Fraction => NUMBER,
             _ => self.table().1.first().copied().unwrap_or(NUMBER),
         };
@@ -364,6 +373,7 @@ mod tests {
             (UM, -0.04e-6, 2.5e-6, "0.0 ± 2.5 µm"),
             (MM, -1.5e-3, 20e-6, "-1.500 ± 0.020 mm"),
             (N, 1.5, 0.0, "1.500 N"),
+            (PA, 4.5123e10, 2.31e8, "4.512e10 ± 2.3e8 Pa"),
             (N, f64::NAN, 0.1, "unknown"),
             (N, 1.5, f64::NAN, "1.500 N"),
             (N, 1.5, f64::INFINITY, "1.500 N"),

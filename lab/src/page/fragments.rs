@@ -12,8 +12,8 @@ pub struct Figure {
     pub name: &'static str,
     /// What it shows.
     pub title: &'static str,
-    /// SVG, if there is a picture, and what it shows in a few lines; or in words why it is missing.
-    pub content: Result<(Option<String>, Vec<String>), String>,
+    /// SVG, if there is a picture, and what it shows in a few lines; none if it could not be made.
+    pub content: Option<(Option<String>, Vec<String>)>,
 }
 
 /// Text that HTML shows as it is.
@@ -25,7 +25,7 @@ pub fn escaped(text: &str) -> String {
 pub fn figure(figure: &Figure) -> String {
     let title = escaped(figure.title);
     match &figure.content {
-        Ok((svg, findings)) => {
+        Some((svg, findings)) => {
             let mut text = format!("<details class=\"figure\"><summary>{title}</summary>\n");
             if let Some(svg) = svg {
                 // The declaration of an XML file has no place inside a page.
@@ -37,7 +37,7 @@ pub fn figure(figure: &Figure) -> String {
             }
             text + "</details>\n"
         }
-        Err(why) => format!("<p class=\"missing\">{title}: left out, because {}</p>\n", escaped(why)),
+        None => format!("<p class=\"missing\">{title}: not part of this page.</p>\n"),
     }
 }
 
@@ -82,13 +82,13 @@ mod tests {
     #[test]
     fn nothing_from_outside_becomes_markup() {
         let picture = (Some("<?xml?><svg></svg>".into()), vec!["1 & <script>".into()]);
-        let text = figure(&Figure { name: "margin", title: "Margin", content: Ok(picture) });
+        let text = figure(&Figure { name: "margin", title: "Margin", content: Some(picture) });
         assert!(
             text.contains("<div class=\"paper\"><svg></svg></div>") && text.contains("1 &amp; &lt;script&gt;"),
             "{text}"
         );
-        let text = figure(&Figure { name: "margin", title: "Margin", content: Err("<b> is not there".into()) });
-        assert!(text.contains("left out") && text.contains("&lt;b&gt;"), "{text}");
+        let text = figure(&Figure { name: "margin", title: "<Margin>", content: None });
+        assert!(text.contains("&lt;Margin&gt;: not part of this page"), "{text}");
     }
 
     #[test]
