@@ -140,9 +140,9 @@ plant_keys! {
     /// LVDT noise that averaging over a block of samples leaves, rms.
     LvdtNoiseInband = "lvdt_noise_inband", lvdt_noise_inband_m: f64 = 0.0, Length, [0.0, 0.1], Always, Rig,
         Present [10e-6, 30e-6];
-    /// Hum of the mains in the LVDT's signal, peak.
+    /// Mains pickup in the LVDT's signal, peak.
     Hum = "hum", hum_m: f64 = 0.0, Length, [0.0, 0.1], Always, Rig, Present [10e-6, 50e-6];
-    /// Integral non-linearity of the converter, codes, peak.
+    /// Integral non-linearity of the ADC, codes, peak.
     AdcInl = "adc_inl", adc_inl: f64 = 0.0, Number, [0.0, 100.0], Always, Rig, Present [1.5, 3.0];
     /// Twist of the strings at power-up.
     TwistAtBoot = "twist_at_boot", twist_at_boot_rad: f64 = 1.0, Angle, [-75.0, 75.0], AtStart, Rig;
@@ -162,7 +162,7 @@ plant_keys! {
     /// Half width of the loop of the rods' stress over strain.
     RodHysteresis = "rod_hysteresis", rod_hysteresis_pa: f64 = 0.0, Stress, [0.0, 1e9], AtStart, Law,
         Present [60e6, 90e6];
-    /// What the strings stretch slowly, as a fraction of their elastic stretch.
+    /// Slow stretch (creep) of the strings, as a fraction of their elastic stretch.
     StringCreep = "string_creep", string_creep: f64 = 0.0, Fraction, [0.0, 10.0], AtStart, Plant, Present [0.10, 0.30];
     /// Fraction of their radius that new strings lose over their first cycles.
     StringBedding = "string_bedding", string_bedding: f64 = 0.0, Fraction, [0.0, 0.5], AtStart, Plant,
@@ -193,10 +193,10 @@ plant_keys! {
     /// Quantum of the current reading; 0 is none.
     CurrentQuantum = "current_quantum", current_quantum_a: f64 = 0.0, Current, [0.0, 1.0], Always, Rig,
         Present [10e-3, 50e-3];
-    /// Play of the gear at its output.
+    /// Backlash of the gear at its output.
     GearBacklash = "gear_backlash", gear_backlash_rad: f64 = 0.0, Angle, [0.0, 1.0], AtStart, Rig,
         Present [0.9 * DEGREE, 2.0 * DEGREE];
-    /// Supply of the drive (V); `None` is the scene's.
+    /// Supply of the drive (V).
     SupplyVoltage = "supply_voltage", supply_voltage_v: Option<f64> = None, Voltage, [0.0, 58.0], Always, Rig;
     /// Whether a motor-power relay is fitted: 1 is yes, 0 is no, and then the drive has power whatever the board does.
     RelayFitted = "relay_fitted", relay_fitted: f64 = 1.0, Number, [0.0, 1.0], AtStart, Rig;
@@ -246,7 +246,8 @@ impl PlantKey {
     pub fn table() -> String {
         let row = |key: &Self| {
             let Spec { name, about, default, quantity, range: [min, max], when, .. } = key.spec();
-            let (about, [min, max]) = (about.trim().trim_end_matches('.'), [min, max].map(|value| quantity.show(value)));
+            let (about, [min, max]) =
+                (about.trim().trim_end_matches('.'), [min, max].map(|value| quantity.show(value)));
             let default = default.map_or("the scene's".into(), |value| quantity.show(value));
             let when = if when == When::AtStart { "at the start" } else { "always" };
             format!("| `{name}` | {about} | {default} | {min} to {max} | {when} |\n")

@@ -77,9 +77,14 @@ impl Unit {
     /// of unknown error has four digits.
     pub fn within(self, value: impl Value, error: impl Value) -> String {
         match value.or_nan().is_finite() && is_known(error.or_nan()) {
-            true => format!("{} ± {}", self.number(value, error), self.rounded(error, error)),
+            true => format!("{} ± {}", self.number(value, error), self.error(error)),
             false => self.show(value),
         }
+    }
+
+    /// An error, or a bound of one (SI), for people: with two digits.
+    pub fn error(self, error: impl Value) -> String {
+        self.rounded(error, error)
     }
 
     /// A value (SI) to the decimal place of an error that is not stated, as a sensor's resolution.

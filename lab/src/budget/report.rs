@@ -187,10 +187,10 @@ fn scenes(folder: &Path) -> Result<Vec<(String, Scene)>, Failure> {
 fn row(part: &str, Fraction { position_m, load }: &Fraction) -> String {
     let places = |Spread { worst, typical, .. }: &Spread, unit: Unit| {
         let place = |at: &At| format!("{}, {}", N.number(at.load_n, 1.0), TURNS.number(at.turns, 0.1));
-        format!("{} at {}; {}", unit.show(worst.error), place(worst), place(typical))
+        format!("{} at {}; {}", unit.error(worst.error), place(worst), place(typical))
     };
     let [positions, loads] = [places(position_m, UM), places(load, PERCENT)];
-    format!("{part:<9} {:>11}   {positions:<34} {:>8}   {loads}", UM.show(position_m.all), PERCENT.show(load.all))
+    format!("{part:<9} {:>11}   {positions:<34} {:>8}   {loads}", UM.error(position_m.all), PERCENT.error(load.all))
 }
 
 impl TableCost {
@@ -215,8 +215,8 @@ impl TableCost {
         format!(
             "{bytes} bytes, {instructions} instructions a lookup (predicted), {} ({size}); its errors: {}, {}",
             tsa_table::FORM,
-            UM.show(*contraction_error_m),
-            PERCENT.show(*tr_relative_error)
+            UM.error(*contraction_error_m),
+            PERCENT.error(*tr_relative_error)
         )
     }
 
@@ -233,7 +233,8 @@ impl Enough<'_> {
         };
         let used = self.used.as_ref().map_or("none".into(), cost);
         let Self { scene, rig, tier, .. } = self;
-        let (position, load, enough) = (UM.show(self.position_m), PERCENT.show(self.load_relative), cost(&self.enough));
+        let (position, load, enough) =
+            (UM.error(self.position_m), PERCENT.error(self.load_relative), cost(&self.enough));
         format!("{scene:<14} {rig:<8} {position:>9} {load:>8}  {tier:<13} {enough:<35}   {used}")
     }
 }

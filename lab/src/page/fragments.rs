@@ -49,11 +49,15 @@ pub fn constants(scene: &Scene) -> String {
         for (key, value) in scene[group].as_object().into_iter().flatten() {
             let key = format!("{group}.{key}");
             let symbol = Some(scene_key::symbol(&key)).filter(|symbol| *symbol != key).unwrap_or_default();
+            let shown = |value: &Value| match (value, value.as_f64()) {
+                (_, Some(x)) => with_unit(&key, x),
+                (Value::String(word), _) => word.clone(),
+                (other, _) => other.to_string(),
+            };
             let shown = match value {
                 Value::Null => continue,
-                Value::Number(number) => number.as_f64().map_or(number.to_string(), |x| scene_key::shown(&key, x)),
-                Value::String(word) => word.clone(),
-                other => other.to_string(),
+                Value::Array(values) => values.iter().map(shown).collect::<Vec<_>>().join(", "),
+                value => shown(value),
             };
             let _ = writeln!(text, "<tr><td>{key}</td><td>{symbol}</td><td>{}</td></tr>", escaped(&shown));
         }
@@ -61,7 +65,25 @@ pub fn constants(scene: &Scene) -> String {
     text + "</tbody></table>\n"
 }
 
-/// The table's certificate as sentences, and the candidates as a table.
+/// A number of the scene with the unit that its key names.
+fn with_unit(key: &str, value: f64) -> String {
+    let endings = [
+        ("_rad_per_s2", " rad/s²"),
+        ("_nm_per_a", " N m/A"),
+        ("_kg_m2", " kg m²"),
+        ("_ohm", " Ω"),
+        ("_a", " A"),
+        ("_pa", " Pa"),
+        (".load_n", " N"),
+        (".turns", " turns"),
+        ("lvdt_volts_at_stroke", " V"),
+        ("lvdt_volts_at_zero", " V"),
+    ];
+    let unit = endings.into_iter().find(|(ending, _)| key.ends_with(ending)).map_or("", |(_, unit)| unit);
+    scene_key::shown(key, value) + unit
+}
+
+/// The table's error bounds as sentences, and the candidates as a table.
 pub fn error_bounds(table: &TableReport<'_>) -> String {
     let mut text = String::from("<ul class=\"certificate\">\n");
     for sentence in table.sentences() {
@@ -95,7 +117,13 @@ mod tests {
     fn every_constant_of_the_scene_has_its_unit() {
         let scene = Scene::from_toml_str(include_str!("../../../scenes/default.toml")).expect("the scene");
         let text = constants(&scene);
-        for part in ["<td>geometry.string_length_m</td><td>L0</td><td>97 mm</td>", "1.37 kN/m", "rig.encoder_lines"] {
+        for part in [
+            "<td>geometry.string_length_m</td><td>L0</td><td>97 mm</td>",
+            "1.37 kN/m",
+            "0.75 N, 18 N",
+            "0.5 A",
+            "rig.encoder_lines",
+        ] {
             assert!(text.contains(part), "{part} in {text}");
         }
     }

@@ -127,7 +127,7 @@ const drawing = {
     const [start, now] = [start_m, state.gap_m].map((x) => at([x, 0, 0])[1]);
     g.setLineDash([4, 4]);
     g.strokeStyle = ink("accent");
-    line(g, [[at([0, -0.5 * drawing.span_m, 0])[0], start], [rail, start]]);
+    line(g, [[at([0, 0.1 * drawing.span_m, 0])[0], start], [rail, start]]);
     g.setLineDash([]);
     if (Math.abs(start - now) > 3) {
       const x = rail - 14;

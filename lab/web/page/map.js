@@ -30,6 +30,8 @@ const map = {
   ratios: [],
   next: 0,
   generation: 0,
+  // Of TR (rad/mm), see `ratioRange`.
+  range: [1, 10],
 
   wanted() {
     return data.accuracy ?? { contraction_m: 5e-6, tr_relative: 2e-3 };
@@ -48,6 +50,7 @@ const map = {
     map.generation += 1;
     map.range = map.ratioRange();
     const generation = map.generation;
+    map.explain();
     requestAnimationFrame(() => map.slice(generation, 1));
   },
 
@@ -170,7 +173,8 @@ const map = {
 
   // Lines of equal TR: between two cells of a column TR grows with the load.
   contours(g) {
-    const { sx, sy } = map.frame;
+    const { box, sx, sy } = map.frame;
+    const framed = { x: (data.envelope?.turns ?? []).map(sx.at), y: (data.envelope?.load_n ?? []).map(sy.at) };
     const [columns, rows] = CELLS;
     const log = (column, row) => Math.log(map.ratios[row * columns + column]);
     g.lineWidth = 1.4;
@@ -189,10 +193,15 @@ const map = {
         }
       }
       if (points.length < 4) continue;
-      const middle = Math.floor(points.length / 2);
       const text = `${short(level)} rad/mm`;
       const half = g.measureText(text).width / 2 + 4;
-      const [x, y] = points[middle];
+      // Near the middle, but not on the dashed frame nor past the edge.
+      const clear = ([px, py]) => px - half > box.left && px + half < box.right && py - 12 > box.top && py + 12 < box.bottom
+        && !framed.y.some((at) => Math.abs(at - py) < 14) && !framed.x.some((at) => Math.abs(at - px) < half + 4);
+      const from_middle = (k) => Math.abs(k - points.length / 2);
+      const best = [...points.keys()].sort((a, b) => from_middle(a) - from_middle(b)).find((k) => clear(points[k]));
+      if (best === undefined) continue;
+      const [x, y] = points[best];
       g.strokeStyle = "#fff";
       // The line leaves room for its label.
       line(g, points.filter(([px]) => px < x - half));

@@ -61,7 +61,7 @@ pub fn run(global: &Global, Demo { out }: &Demo, output: &mut Output) -> Result<
         row("homing", &|o| S.show(o.home.duration_s)),
         row("move", &|o| S.show(o.travel.duration_s)),
         row("error at rest, measured", &|o| UM.within(o.travel.error_m, o.travel.position_error_m)),
-        row("error at rest, true", &|o| UM.show(o.true_error_at_rest_m)),
+        row("error at rest, true", &|o| UM.rounded(o.true_error_at_rest_m, o.travel.position_error_m)),
         row("core busy", &|o| PERCENT.show(o.core_busy)),
         row("instructions a tick, mean", &|o| NUMBER.number(o.instructions_per_tick_mean, 10.0)),
         row("instructions a tick, max", &|o| NUMBER.number(o.instructions_per_tick_max, 10.0)),

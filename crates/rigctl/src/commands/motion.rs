@@ -78,7 +78,7 @@ impl Move {
             ("target", MM.exact(r.target_m)),
             ("measured", MM.within(r.position_m, r.position_error_m)),
             ("error", UM.within(r.error_m, r.position_error_m)),
-            ("true error", r.true_error_m.map_or(String::new(), |m| UM.show(m) + " (emulated)")),
+            ("true error", r.true_error_m.map_or(String::new(), |m| UM.rounded(m, r.position_error_m) + " (emulated)")),
             ("load", N.within(r.load_n, r.load_error_n)),
             (
                 "TR",

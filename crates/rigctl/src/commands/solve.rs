@@ -260,7 +260,7 @@ fn why(way: Way<'_>, s: &Solution) -> String {
     let Effort { iterations, evaluations, residual } = s.effort;
     let spent = format!("{iterations} iterations, {evaluations} evaluations, residual {}", NUMBER.show(residual));
     let TierError { contraction_m, tr_relative } = s.tier_error;
-    let own = format!("its own estimate: {}, TR {}", UM.show(contraction_m), PERCENT.show(tr_relative));
+    let own = format!("its own estimate: {}, TR {}", UM.error(contraction_m), PERCENT.error(tr_relative));
     match way {
         Way::By(..) => format!("full model by {}: {spent}", s.method),
         Way::At(_) => format!("tier {} ({own}): {spent}", s.tier),

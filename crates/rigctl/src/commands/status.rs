@@ -86,8 +86,8 @@ pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
         id.table.form,
         id.table.bytes,
         if id.table.sent { "sent by the host" } else { "built in" },
-        UM.show(id.table.contraction_error_m),
-        PERCENT.show(id.table.tr_relative_error),
+        UM.error(id.table.contraction_error_m),
+        PERCENT.error(id.table.tr_relative_error),
         NUMBER.exact(id.table.load_min_n),
         N.exact(id.table.load_max_n),
         NUMBER.exact(id.table.turns_min),
@@ -105,7 +105,7 @@ pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
     output.line(format!("tick     {} late, the longest took {} µs", counters.late_ticks, counters.longest_tick_us))?;
     output.line(format!("sensors  {}", words(&sensors)))?;
     if let Some(tolerance_m) = sensors.rest_tolerance_m {
-        output.line(format!("at rest  an error below {} is within the dead band", UM.show(tolerance_m)))?;
+        output.line(format!("at rest  an error below {} is within the dead band", UM.error(tolerance_m)))?;
     }
     board_settings::summary(&settings).iter().try_for_each(|line| output.line(line))?;
     if let Some(text) = &id.last_panic {

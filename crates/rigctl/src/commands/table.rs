@@ -43,8 +43,8 @@ pub fn send(global: &Global, output: &mut Output) -> Result<(), Failure> {
     let lasts = if kept { "kept in flash" } else { "NOT kept: it is lost with the next reset" };
     output.line(format!(
         "table of {bytes} bytes sent: contraction within {}, TR within {}; {lasts}. Home again before the next move",
-        UM.show(contraction_error_m),
-        PERCENT.show(tr_relative_error)
+        UM.error(contraction_error_m),
+        PERCENT.error(tr_relative_error)
     ))?;
     Ok(())
 }

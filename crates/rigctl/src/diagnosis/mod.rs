@@ -116,8 +116,12 @@ fn drive(heard: &[Telemetry], scene: &Scene) -> Check {
     let online = last.is_some_and(|t| t.state != State::Boot && !t.faults.meets(gone));
     let max_a = heard.iter().map(|t| f64::from(t.drive_current_a).abs()).fold(0.0, f64::max);
     let limit_a = f64::from(scene.rig.drive_current_limit_ma()) * 1e-3;
-    let seen =
-        format!("{}, at most {} of {}", if online { "online" } else { "not online" }, A.show(max_a), A.exact(limit_a));
+    let seen = format!(
+        "{}, at most {} of {}",
+        if online { "online" } else { "not online" },
+        A.rounded(max_a, 10e-3),
+        A.exact(limit_a)
+    );
     let advice = if online {
         "the motor is at its current limit at rest: is the load too heavy, or stuck?"
     } else {

@@ -2,6 +2,7 @@
 
 use super::{Check, check};
 use crate::failure::Failure;
+use crate::lvdt_points::GAP_M;
 use crate::session::Session;
 use crate::session::row::Row;
 use crate::statistics::{Errors, mean};
@@ -76,10 +77,10 @@ pub fn lvdt(heard: &[Telemetry], id: &Identity, scene: &Scene, session: &mut Ses
         let inside = (min - GAP_OUTSIDE_M..=max + GAP_OUTSIDE_M).contains(&mean);
         let seen = format!(
             "gap {} (strings make {} to {}), noise {} rms; its position is judged on a homed actuator (--home)",
-            MM.rounded(mean, rms),
+            MM.rounded(mean, GAP_M),
             MM.show(min),
             MM.show(max),
-            UM.show(rms)
+            UM.error(rms)
         );
         let advice =
             if inside { noisy } else { "measure the gap with callipers, then `calibrate lvdt`; is it the scene's?" };
@@ -89,7 +90,7 @@ pub fn lvdt(heard: &[Telemetry], id: &Identity, scene: &Scene, session: &mut Ses
     // The least load is lifted farthest.
     let travel_m = mechanism.solve(min_n, low)?.gap_m - mechanism.solve(min_n, high)?.gap_m;
     let inside = (-OUTSIDE_M..=travel_m + OUTSIDE_M).contains(&mean);
-    let seen = format!("at {} of 0 to {}, noise {} rms", MM.rounded(mean, rms), MM.show(travel_m), UM.show(rms));
+    let seen = format!("at {} of 0 to {}, noise {} rms", MM.rounded(mean, GAP_M), MM.show(travel_m), UM.error(rms));
     let advice = if inside {
         noisy
     } else {

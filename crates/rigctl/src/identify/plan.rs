@@ -126,10 +126,10 @@ pub fn plan(scene: &Scene, found: &Identified) -> Option<Plan> {
     let (enough, why) = if now_m <= wanted_m {
         (true, format!("the scene asks for {}", UM.exact(wanted_m)))
     } else if best_m > (1.0 - WORTH) * now_m {
-        let floor = format!("{} is what the model's residual and ageing leave", MM.show(floor_m));
-        (true, format!("the best further sweep leaves {}; {floor}", MM.show(best_m)))
+        let floor = format!("{} is what the model's residual and ageing leave", MM.error(floor_m));
+        (true, format!("the best further sweep leaves {}; {floor}", MM.error(best_m)))
     } else {
-        (false, format!("the best further sweep leaves {}", MM.show(best_m)))
+        (false, format!("the best further sweep leaves {}", MM.error(best_m)))
     };
     // The middle load of those that were swept, and the heaviest.
     let mut swept_n: Vec<f64> =

@@ -38,7 +38,7 @@ impl HomeResult {
             S.show(self.duration_s),
             N.within(self.load_n, self.load_error_n),
             N.rounded(self.friction_n, self.load_error_n),
-            RAD.rounded(self.zero_error_rad, self.zero_error_rad)
+            RAD.error(self.zero_error_rad)
         )
     }
 }

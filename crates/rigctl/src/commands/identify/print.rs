@@ -83,7 +83,7 @@ pub fn file(fit: &Fit, fitted: &Scene, source: &str, unit: Unit) -> Result<Strin
         text += &format!("# {line}\n");
     }
     for e in &fit.estimates {
-        text += &format!("# {}: ± {} (90 % uncertainty)\n", e.name, PERCENT.rounded(e.half_width_90, e.half_width_90));
+        text += &format!("# {}: ± {} (90 % uncertainty)\n", e.name, PERCENT.error(e.half_width_90));
     }
     Ok(text + "\n" + &toml::to_string(fitted).map_err(|e| Failure::failed(format!("scene: {e}")))?)
 }
@@ -185,7 +185,7 @@ pub fn next(plan: &Plan, output: &mut Output) -> Result<(), Failure> {
     let [load_n, turns] = plan.at;
     output.line(format!(
         "largest 90 % uncertainty of a predicted contraction: {} at {} and {}",
-        MM.show(plan.largest_half_width_m),
+        MM.error(plan.largest_half_width_m),
         N.show(load_n),
         TURNS.exact(turns)
     ))?;
@@ -199,7 +199,7 @@ pub fn next(plan: &Plan, output: &mut Output) -> Result<(), Failure> {
             "  sweep --load {}N --turns {}: leaves {}",
             NUMBER.show(next.load_n),
             NUMBER.exact(next.turns),
-            MM.show(next.largest_half_width_m)
+            MM.error(next.largest_half_width_m)
         ))?;
     }
     if let Some([load_n, after_n]) = plan.memory {
